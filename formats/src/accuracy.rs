@@ -28,12 +28,12 @@ impl Accuracy {
     pub const ALL: [Accuracy; 4] = [Accuracy::Draft, Accuracy::Standard, Accuracy::Fine, Accuracy::Reference];
 
     /// Its cost and error as measured on the scenes of examples/trade.
-    pub fn measured(self) -> &'static str {
+    pub fn measured_cost_and_error(self) -> &'static str {
         [DRAFT, STANDARD, FINE, REFERENCE][self as usize]
     }
 
     /// Time step over that of `Standard` that suits it: errors of impacts are of first order in the step.
-    pub fn step(self) -> f64 {
+    pub fn step_factor(self) -> f64 {
         [4.0, 1.0, 0.25, 0.0625][self as usize]
     }
 }
@@ -63,7 +63,7 @@ impl Default for Adaptive {
 }
 
 impl Adaptive {
-    pub const MOST: u64 = 1_000_000;
+    pub const MAX_STEP_MULTIPLE: u64 = 1_000_000;
 
     /// Whether steps can differ.
     pub fn is_on(&self) -> bool {
@@ -73,7 +73,7 @@ impl Adaptive {
     /// Whether a run can use it.
     pub(crate) fn is_sound(&self) -> bool {
         let positive = |x: f64| x.is_finite() && x > 0.0;
-        (1..=Self::MOST).contains(&self.most) && positive(self.travel) && positive(self.penetration)
+        (1..=Self::MAX_STEP_MULTIPLE).contains(&self.most) && positive(self.travel) && positive(self.penetration)
     }
 }
 
@@ -97,7 +97,7 @@ macro_rules! knobs {
             )+
 
             /// Name and value in force of every option that `accuracy` decides, and whether it is set alone.
-            pub fn knobs(&self) -> Vec<(&'static str, String, bool)> {
+            pub fn accuracy_options(&self) -> Vec<(&'static str, String, bool)> {
                 let text = |value: Result<String, ron::Error>| value.unwrap_or_default();
                 vec![$((stringify!($name), text(ron::to_string(&self.$name())), self.$name.is_some()),)+]
             }
@@ -110,11 +110,11 @@ const fn up_to(most: u64, travel: f64, penetration: f64) -> Adaptive {
     Adaptive { most, travel, penetration }
 }
 
-const FIXED: Adaptive = up_to(1, 0.1, 1e-3);
+const FIXED_STEP: Adaptive = up_to(1, 0.1, 1e-3);
 
 knobs! {
     // none, draft, standard, fine, reference
-    adaptive: Adaptive = [FIXED, up_to(16, 0.17, 3e-3), up_to(4, 0.1, 1e-3), FIXED, FIXED];
+    adaptive: Adaptive = [FIXED_STEP, up_to(16, 0.17, 3e-3), up_to(4, 0.1, 1e-3), FIXED_STEP, FIXED_STEP];
     tol: f64 = [1e-2, 2e-2, 5e-3, 1e-3, 1e-4];
     penetration_tol: f64 = [5e-4, 1e-2, 5e-4, 2e-4, 1e-4];
     max_sweeps: u64 = [20_000, 500, 20_000, 20_000, 20_000];

@@ -12,39 +12,40 @@ use crate::error::{Fault, Faults};
 /// The bytes go to `.NAME.part` in the same folder first; a part left behind by a killed program
 /// is overwritten by the next writing.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Faults> {
-    Part::write(path, bytes)?.put()
+    PendingFile::write(path, bytes)?.move_into_place()
 }
 
 /// The same of what `put` writes, piece by piece: of files too large for memory.
 pub fn write_with(path: &Path, put: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), Faults> {
-    Part::write_with(path, |file| {
+    PendingFile::write_with(path, |file| {
         let mut file = BufWriter::new(file);
         put(&mut file)?;
         file.flush()
     })?
-    .put()
+    .move_into_place()
 }
 
 /// The same of files that belong together: none is put in its place before all are written.
 pub fn write_all<'a>(files: impl IntoIterator<Item = (PathBuf, &'a [u8])>) -> Result<(), Faults> {
-    let parts: Result<Vec<Part>, Faults> = files.into_iter().map(|(path, bytes)| Part::write(&path, bytes)).collect();
-    parts?.into_iter().try_for_each(Part::put)
+    let parts: Result<Vec<PendingFile>, Faults> =
+        files.into_iter().map(|(path, bytes)| PendingFile::write(&path, bytes)).collect();
+    parts?.into_iter().try_for_each(PendingFile::move_into_place)
 }
 
 /// A file that is written and not in its place yet; removed if it never gets there.
-struct Part {
+struct PendingFile {
     path: PathBuf,
     folder: PathBuf,
-    part: PathBuf,
+    temporary_path: PathBuf,
 }
 
-impl Part {
-    fn write(path: &Path, bytes: &[u8]) -> Result<Part, Faults> {
-        Part::write_with(path, |file| file.write_all(bytes))
+impl PendingFile {
+    fn write(path: &Path, bytes: &[u8]) -> Result<PendingFile, Faults> {
+        PendingFile::write_with(path, |file| file.write_all(bytes))
     }
 
-    fn write_with(path: &Path, put: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<Part, Faults> {
-        let fault = |error: std::io::Error| Faults::from(Fault::io(path, "written", &error));
+    fn write_with(path: &Path, put: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<PendingFile, Faults> {
+        let fault = |error: std::io::Error| Faults::from(Fault::from_io(path, "written", &error));
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder.to_path_buf(),
             _ => PathBuf::from("."),
@@ -54,25 +55,26 @@ impl Part {
             return Err(fault(std::io::ErrorKind::IsADirectory.into()));
         }
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let part = Part { path: path.to_path_buf(), part: folder.join(format!(".{name}.part")), folder };
-        let written = File::create(&part.part).and_then(|mut file| {
+        let part =
+            PendingFile { path: path.to_path_buf(), temporary_path: folder.join(format!(".{name}.part")), folder };
+        let written = File::create(&part.temporary_path).and_then(|mut file| {
             put(&mut file)?;
             file.sync_all()
         });
         written.map_err(fault).map(|()| part)
     }
 
-    fn put(self) -> Result<(), Faults> {
-        fs::rename(&self.part, &self.path).map_err(|error| Fault::io(&self.path, "written", &error))?;
+    fn move_into_place(self) -> Result<(), Faults> {
+        fs::rename(&self.temporary_path, &self.path).map_err(|error| Fault::from_io(&self.path, "written", &error))?;
         // The rename itself must reach the disk; not every system lets a folder be synced.
         let _ = File::open(&self.folder).and_then(|folder| folder.sync_all());
         Ok(())
     }
 }
 
-impl Drop for Part {
+impl Drop for PendingFile {
     fn drop(&mut self) {
-        let _ = fs::remove_file(&self.part);
+        let _ = fs::remove_file(&self.temporary_path);
     }
 }
 
@@ -85,23 +87,23 @@ pub fn outlive_size_limit() {
 }
 
 /// Whether a name stands in its folder: what then cannot be read is a fault, such as a link that leads nowhere.
-pub fn is_there(path: &Path) -> bool {
+pub fn path_exists(path: &Path) -> bool {
     !path.symlink_metadata().is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound)
 }
 
 /// Paths of what a folder holds, in any order; nothing where it is absent. One that cannot be read is a fault.
-pub fn entries(folder: &Path) -> Result<Vec<PathBuf>, Faults> {
-    if !is_there(folder) {
+pub fn folder_entries(folder: &Path) -> Result<Vec<PathBuf>, Faults> {
+    if !path_exists(folder) {
         return Ok(Vec::new());
     }
     let paths = fs::read_dir(folder).and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect());
-    paths.map_err(|error| Fault::io(folder, "read", &error).into())
+    paths.map_err(|error| Fault::from_io(folder, "read", &error).into())
 }
 
 /// The whole of a text file, without the mark that some editors put at its start; a file that is missing or not UTF-8
 /// is a fault.
 pub fn read_text(path: &Path) -> Result<String, Faults> {
-    let bytes = fs::read(path).map_err(|error| Fault::io(path, "read", &error))?;
+    let bytes = fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
     let text = String::from_utf8(bytes).map_err(|error| {
         let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let line = 1 + before.iter().filter(|&&byte| byte == b'\n').count();
@@ -119,10 +121,10 @@ mod tests {
     fn a_link_that_leads_nowhere_is_there() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
-        assert!(!is_there(&path) && entries(&path) == Ok(Vec::new()));
+        assert!(!path_exists(&path) && folder_entries(&path) == Ok(Vec::new()));
         std::os::unix::fs::symlink("nowhere", &path).unwrap();
-        assert!(is_there(&path) && entries(&path).is_err());
-        assert_eq!(entries(folder.path()), Ok(vec![path]));
+        assert!(path_exists(&path) && folder_entries(&path).is_err());
+        assert_eq!(folder_entries(folder.path()), Ok(vec![path]));
     }
 
     #[test]

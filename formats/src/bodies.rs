@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::error::Faults;
 use crate::ron_text::known_names;
-use crate::scan::{GRID, Line, Scan, Text, e14, long14, put, put_grid};
+use crate::scan::{AsciiText, GRID_COLUMNS, LineScanner, TextLine, format_e14, format_long14, put_grid, put_text};
 
 /// The bodies in the order of the file, which is their number.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -29,7 +29,7 @@ pub struct Body {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contactor {
     pub colour: String,
-    pub shape: Shape,
+    pub shape: ShapeRecord,
     /// First, second, third axis and offset of the contactor in the body's frame, where given.
     pub local_frame: Option<LocalFrame>,
 }
@@ -42,7 +42,7 @@ pub struct LocalFrame {
 
 /// Shapes in the body's principal frame; lengths in m.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Shape {
+pub enum ShapeRecord {
     /// SPHER
     Sphere { radius: f64 },
     /// SPHEb: a sphere off the body's centre.
@@ -57,17 +57,17 @@ pub enum Shape {
     Point { offset: [f64; 3] },
 }
 
-impl Shape {
+impl ShapeRecord {
     /// The five-character name in the files.
-    pub fn name(&self) -> &'static str {
+    pub fn type_name(&self) -> &'static str {
         match self {
-            Shape::Sphere { .. } => "SPHER",
-            Shape::OffsetSphere { .. } => "SPHEb",
-            Shape::Plane { .. } => "PLANx",
-            Shape::Cylinder { hollow: false, .. } => "CYLND",
-            Shape::Cylinder { hollow: true, .. } => "DNLYC",
-            Shape::Polyhedron { .. } => "POLYR",
-            Shape::Point { .. } => "PT3Dx",
+            ShapeRecord::Sphere { .. } => "SPHER",
+            ShapeRecord::OffsetSphere { .. } => "SPHEb",
+            ShapeRecord::Plane { .. } => "PLANx",
+            ShapeRecord::Cylinder { hollow: false, .. } => "CYLND",
+            ShapeRecord::Cylinder { hollow: true, .. } => "DNLYC",
+            ShapeRecord::Polyhedron { .. } => "POLYR",
+            ShapeRecord::Point { .. } => "PT3Dx",
         }
     }
 
@@ -80,14 +80,14 @@ impl Shape {
     /// assert_eq!([[0.0, 0.4, -0.9], [0.4, 0.4, 0.0], [0.0, 0.0, 1.1]].map(|point| drum.leaves_out(point)), [false, true, true]);
     /// ```
     pub fn leaves_out(&self, [x, y, z]: [f64; 3]) -> bool {
-        let Shape::Cylinder { half_height, radius, hollow: true } = self else { return false };
+        let ShapeRecord::Cylinder { half_height, radius, hollow: true } = self else { return false };
         z.abs() > *half_height || x.hypot(y) > *radius
     }
 }
 
 /// The contactors that can be read.
-pub(crate) const CONTACTORS: [&str; 7] = ["SPHER", "SPHEb", "PLANx", "CYLND", "DNLYC", "POLYR", "PT3Dx"];
-const COORDINATES: [&str; 3] = ["coo1", "coo2", "coo3"];
+pub(crate) const CONTACTOR_TYPES: [&str; 7] = ["SPHER", "SPHEb", "PLANx", "CYLND", "DNLYC", "POLYR", "PT3Dx"];
+const COORDINATE_LABELS: [&str; 3] = ["coo1", "coo2", "coo3"];
 /// Relative difference of a sphere's `avrd` and `byrd` that is still rounding of the file.
 const RADIUS_ROUNDING: f64 = 1e-5;
 
@@ -97,52 +97,52 @@ impl Bodies {
     /// Beyond what LMGC90 checks: bodies must be numbered in their order (LMGC90 ignores the number),
     /// lengths positive, a lone sphere's `avrd` its radius, a polyhedron's lines as many as announced.
     pub fn read(path: &Path) -> Result<Self, Faults> {
-        Self::parse(path, &Text::load(path)?)
+        Self::parse(path, &AsciiText::read_file(path)?)
     }
 
     /// Reads the text of a file; `path` is for messages.
-    pub fn parse(path: &Path, text: &Text) -> Result<Self, Faults> {
-        let scan = &mut Scan::new(path, text);
-        let is_empty = scan.peek().is_none();
+    pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
+        let scan = &mut LineScanner::new(path, text);
+        let is_empty = scan.peek_line().is_none();
         let mut bodies = Bodies::default();
         let mut number = 0; // as written, so that one gap is one fault
         let mut position = 0;
-        while let Some(begin) = scan.peek() {
+        while let Some(begin) = scan.peek_line() {
             position += u64::from(begin.keyword() == "bdyty");
-            scan.about(if position == 0 { "file".into() } else { format!("body {position}") });
+            scan.set_object(if position == 0 { "file".into() } else { format!("body {position}") });
             let body = scan.expect_keyword("bdyty").and_then(|_| read_body(scan, begin.number, position, &mut number));
             if body.is_none() {
-                scan.leave_record();
+                scan.skip_record();
             }
             bodies.0.extend(body);
         }
         if is_empty {
-            scan.fault_of_file("no body", "expected a $bdyty for each");
+            scan.add_file_fault("no body", "expected a $bdyty for each");
         }
         scan.finish(bodies)
     }
 
     /// Line of the material of a body of the file `path`; that of the body if it cannot be found.
     pub fn line_of_material(path: &Path, body: &Body) -> usize {
-        let Ok(text) = Text::load(path) else { return body.line };
+        let Ok(text) = AsciiText::read_file(path) else { return body.line };
         let line = text.lines().skip(body.line).find(|line| line.keyword() == "PLAIN").map(|line| line.number);
         line.unwrap_or(body.line)
     }
 
     /// The text of the file, numbers with eight digits; of bodies with a polyhedron up to twelve, see
-    /// [`long14`]: neighbours in a broken solid share faces.
+    /// [`format_long14`]: neighbours in a broken solid share faces.
     ///
     /// Names must have at most five characters, numbers be finite and below 1e100.
     pub fn to_text(&self) -> String {
-        self.text(e14)
+        self.text_with(format_e14)
     }
 
-    /// The same with as many digits as the columns hold, see [`long14`].
+    /// The same with as many digits as the columns hold, see [`format_long14`].
     pub fn to_long_text(&self) -> String {
-        self.text(long14)
+        self.text_with(format_long14)
     }
 
-    fn text(&self, real: fn(f64) -> String) -> String {
+    fn text_with(&self, real: fn(f64) -> String) -> String {
         let mut out = String::new();
         for (k, body) in self.0.iter().enumerate() {
             write_body(&mut out, k + 1, body, real);
@@ -152,64 +152,64 @@ impl Bodies {
 }
 
 /// The record after `$bdyty`; `None` after a fault that leaves the scan inside the record.
-fn read_body(scan: &mut Scan, begin: usize, position: u64, number: &mut u64) -> Option<Body> {
-    let line = scan.expect("expected RBDY3 and the number of the body", Line::is_data)?;
-    if !scan.rigid(line, 2) {
+fn read_body(scan: &mut LineScanner, begin: usize, position: u64, number: &mut u64) -> Option<Body> {
+    let line = scan.expect_line("expected RBDY3 and the number of the body", TextLine::is_data)?;
+    if !scan.expect_rigid_body(line, 2) {
         return None;
     }
-    let written = scan.integer(line, (7, 15), "number");
+    let written = scan.read_integer(line, (7, 15), "number");
     if let Some(written) = written.filter(|&written| written != *number + 1 && written != position) {
         let expected = format!("expected {}: bodies are counted by their place, whatever their number", *number + 1);
-        scan.fault(line.number, format!("the number is {written}"), expected);
+        scan.add_fault(line.number, format!("the number is {written}"), expected);
     }
     *number = written.unwrap_or(*number + 1);
 
     scan.expect_keyword("blmty")?;
-    let plain = scan.expect("expected PLAIN", |line| line.keyword() == "PLAIN")?;
-    let material = scan.name5(plain, 23, "material");
-    let equivalent_radius = scan.length(plain, 35, "avrd");
-    let inertia = scan.line_if(|line| line.continues() && line.columns(30, 31) == "I1").map(|line| {
+    let plain = scan.expect_line("expected PLAIN", |line| line.keyword() == "PLAIN")?;
+    let material = scan.read_name5(plain, 23, "material");
+    let equivalent_radius = scan.read_length(plain, 35, "avrd");
+    let inertia = scan.next_line_if(|line| line.is_continuation() && line.columns(30, 31) == "I1").map(|line| {
         let names = ["I1", "I2", "I3"];
-        [0, 1, 2].map(|k| scan.length(line, GRID[k], names[k]))
+        [0, 1, 2].map(|k| scan.read_length(line, GRID_COLUMNS[k], names[k]))
     });
 
     scan.expect_keyword("nodty")?;
-    let node = scan.expect("expected NO6xx", |line| line.keyword() == "NO6xx")?;
-    let position = scan.grid(node, COORDINATES);
+    let node = scan.expect_line("expected NO6xx", |line| line.keyword() == "NO6xx")?;
+    let position = scan.read_grid(node, COORDINATE_LABELS);
     // Numbers, but LMGC90 sets them to zero.
     let angles = scan.expect_continuation("coo4 coo5 coo6")?;
-    scan.grid(angles, ["coo4", "coo5", "coo6"]);
+    scan.read_grid(angles, ["coo4", "coo5", "coo6"]);
 
     let tacty = scan.expect_keyword("tacty")?;
-    let body = scan.object().to_string();
+    let body = scan.current_object().to_string();
     let mut contactors = Vec::new();
     let mut all_read = true;
     for rank in 1.. {
-        scan.about(body.as_str());
-        if scan.line_if(|line| line.keyword() == "$$$$$").is_some() {
+        scan.set_object(body.as_str());
+        if scan.next_line_if(|line| line.keyword() == "$$$$$").is_some() {
             break;
         }
-        let line = scan.expect("expected a contactor or $$$$$$", Line::is_data)?;
-        scan.about(format!("{body}, contactor {} {rank}", line.keyword().trim()));
+        let line = scan.expect_line("expected a contactor or $$$$$$", TextLine::is_data)?;
+        scan.set_object(format!("{body}, contactor {} {rank}", line.keyword().trim()));
         let contactor = read_contactor(scan, line);
         all_read &= contactor.is_some();
         contactors.extend(contactor);
         // Lines that belong to no contactor are passed over by LMGC90; those of a broken one were named already.
-        if all_read && scan.peek().is_some_and(Line::continues) {
-            scan.unexpected("expected a contactor or $$$$$$");
+        if all_read && scan.peek_line().is_some_and(TextLine::is_continuation) {
+            scan.unexpected_line("expected a contactor or $$$$$$");
         }
-        while scan.line_if(Line::continues).is_some() {}
+        while scan.next_line_if(TextLine::is_continuation).is_some() {}
     }
     match contactors.as_slice() {
-        [] if all_read => scan.fault(tacty.number, "no contactor", "expected one or more"),
+        [] if all_read => scan.add_fault(tacty.number, "no contactor", "expected one or more"),
         // LMGC90 takes the mass from avrd but the inertia from the contactor.
-        [Contactor { shape: Shape::Sphere { radius }, .. }]
+        [Contactor { shape: ShapeRecord::Sphere { radius }, .. }]
             if *radius > 0.0
                 && equivalent_radius > 0.0
                 && (equivalent_radius - radius).abs() > RADIUS_ROUNDING * radius =>
         {
             let found = format!("avrd {equivalent_radius:?} is not the radius {radius:?} of the body's one sphere");
-            scan.fault(plain.number, found, "expected the radius, or 0");
+            scan.add_fault(plain.number, found, "expected the radius, or 0");
         }
         _ => {}
     }
@@ -217,97 +217,106 @@ fn read_body(scan: &mut Scan, begin: usize, position: u64, number: &mut u64) -> 
 }
 
 /// The contactor that begins on `line`; `None` after a fault in its structure.
-fn read_contactor(scan: &mut Scan, line: Line) -> Option<Contactor> {
-    let colour = scan.name5(line, 23, "colour");
+fn read_contactor(scan: &mut LineScanner, line: TextLine) -> Option<Contactor> {
+    let colour = scan.read_name5(line, 23, "colour");
     let half_lengths = ["axe1", "axe2", "axe3"];
     let shape = match line.keyword() {
-        "SPHER" => Shape::Sphere { radius: scan.positive(line, 35, "radius") },
+        "SPHER" => ShapeRecord::Sphere { radius: scan.read_positive(line, 35, "radius") },
         "SPHEb" => {
-            let radius = scan.positive(line, 35, "radius");
+            let radius = scan.read_positive(line, 35, "radius");
             let offset = scan.expect_continuation("coo1 coo2 coo3")?;
-            Shape::OffsetSphere { radius, offset: scan.grid(offset, COORDINATES) }
+            ShapeRecord::OffsetSphere { radius, offset: scan.read_grid(offset, COORDINATE_LABELS) }
         }
-        "PLANx" => Shape::Plane { half_lengths: [0, 1, 2].map(|k| scan.positive(line, GRID[k], half_lengths[k])) },
-        "CYLND" | "DNLYC" => Shape::Cylinder {
-            half_height: scan.positive(line, 35, "half height"),
-            radius: scan.positive(line, 56, "radius"),
+        "PLANx" => ShapeRecord::Plane {
+            half_lengths: [0, 1, 2].map(|k| scan.read_positive(line, GRID_COLUMNS[k], half_lengths[k])),
+        },
+        "CYLND" | "DNLYC" => ShapeRecord::Cylinder {
+            half_height: scan.read_positive(line, 35, "half height"),
+            radius: scan.read_positive(line, 56, "radius"),
             hollow: line.keyword() == "DNLYC",
         },
         "POLYR" => read_polyhedron(scan, line)?,
-        "PT3Dx" => Shape::Point { offset: scan.grid(line, COORDINATES) },
+        "PT3Dx" => ShapeRecord::Point { offset: scan.read_grid(line, COORDINATE_LABELS) },
         _ => {
             let found = format!("a contactor of type '{}'", line.keyword().trim());
-            scan.fault(line.number, found, known_names(line.keyword().trim(), &CONTACTORS));
+            scan.add_fault(line.number, found, known_names(line.keyword().trim(), &CONTACTOR_TYPES));
             return None;
         }
     };
     let local_frame = match shape {
-        Shape::Plane { .. } | Shape::Cylinder { hollow: false, .. } => read_local_frame(scan)?,
+        ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { hollow: false, .. } => read_local_frame(scan)?,
         _ => None,
     };
     Some(Contactor { colour, shape, local_frame })
 }
 
 /// The optional `localframe` block: `Some(None)` if there is none, `None` after a fault.
-fn read_local_frame(scan: &mut Scan) -> Option<Option<LocalFrame>> {
-    let Some(begin) = scan.line_if(|line| line.continues() && line.columns(30, 39) == "localframe") else {
+fn read_local_frame(scan: &mut LineScanner) -> Option<Option<LocalFrame>> {
+    let Some(begin) = scan.next_line_if(|line| line.is_continuation() && line.columns(30, 39) == "localframe") else {
         return Some(None);
     };
     let mut rows = [[0.0; 3]; 4];
     for (row, names) in rows.iter_mut().zip(LOCAL_FRAME_LABELS) {
         let line = scan.expect_continuation(&names.join(" "))?;
-        *row = scan.grid(line, names);
+        *row = scan.read_grid(line, names);
     }
     let [a, b, c, offset] = rows;
     let axes = [a, b, c];
-    scan.orthonormal(begin.number, "the axes of the localframe", &axes);
+    scan.check_orthonormal(begin.number, "the axes of the localframe", &axes);
     Some(Some(LocalFrame { axes, offset }))
 }
 
 const LOCAL_FRAME_LABELS: [[&str; 3]; 4] =
-    [["alp1", "alp2", "alp3"], ["bet1", "bet2", "bet3"], ["gam1", "gam2", "gam3"], COORDINATES];
+    [["alp1", "alp2", "alp3"], ["bet1", "bet2", "bet3"], ["gam1", "gam2", "gam3"], COORDINATE_LABELS];
 
-fn read_polyhedron(scan: &mut Scan, line: Line) -> Option<Shape> {
-    let vertex_count = scan.integer(line, (40, 47), "number of vertices")?;
-    let triangle_count = scan.integer(line, (60, 67), "number of triangles")?;
+fn read_polyhedron(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord> {
+    let vertex_count = scan.read_integer(line, (40, 47), "number of vertices")?;
+    let triangle_count = scan.read_integer(line, (60, 67), "number of triangles")?;
     // Taken together first, so that a line too few does not make every later line look wrong.
-    let lines: Vec<_> = std::iter::from_fn(|| scan.line_if(Line::continues)).collect();
+    let lines: Vec<_> = std::iter::from_fn(|| scan.next_line_if(TextLine::is_continuation)).collect();
     if vertex_count.checked_add(triangle_count) != Some(lines.len() as u64) {
         let seen = lines.iter().take_while(|line| line.columns(35, 90).contains('.')).count();
         let found = format!("vertices {seen}, triangles {} follow", lines.len() - seen);
         let expected = format!("expected vertices {vertex_count}, triangles {triangle_count}, as announced");
-        scan.fault(line.number, found, expected);
+        scan.add_fault(line.number, found, expected);
         return None;
     }
     if vertex_count < 4 || triangle_count < 4 {
         let found = format!("vertices {vertex_count}, triangles {triangle_count}");
-        scan.fault(line.number, found, "expected at least 4 of each: a closed surface");
+        scan.add_fault(line.number, found, "expected at least 4 of each: a closed surface");
         return None;
     }
     let (vertex_lines, triangle_lines) = lines.split_at(vertex_count as usize);
     let vertices = (1..).zip(vertex_lines);
     let vertices = vertices
-        .map(|(k, &line)| [0, 1, 2].map(|c| scan.real(line, GRID[c], format_args!("vertex {k}, coo{}", c + 1))))
+        .map(|(k, &line)| {
+            [0, 1, 2].map(|c| scan.read_real(line, GRID_COLUMNS[c], format_args!("vertex {k}, coo{}", c + 1)))
+        })
         .collect();
     let mut triangles = Vec::with_capacity(triangle_lines.len());
     for (k, &line) in (1..).zip(triangle_lines) {
-        let numbers = GRID.map(|first| scan.integer(line, (first, first + 12), format_args!("face {k}, vertex")));
+        let numbers =
+            GRID_COLUMNS.map(|first| scan.read_integer(line, (first, first + 12), format_args!("face {k}, vertex")));
         let [Some(a), Some(b), Some(c)] = numbers else { continue };
         if let Some(wrong) = [a, b, c].into_iter().find(|n| !(1..=vertex_count).contains(n)) {
             let found = format!("face {k} names vertex {wrong}");
-            scan.fault(line.number, found, format!("expected 1 to {vertex_count}"));
+            scan.add_fault(line.number, found, format!("expected 1 to {vertex_count}"));
         } else if a == b || b == c || c == a {
-            scan.fault(line.number, format!("face {k} names vertices {a}, {b}, {c}"), "expected three different ones");
+            scan.add_fault(
+                line.number,
+                format!("face {k} names vertices {a}, {b}, {c}"),
+                "expected three different ones",
+            );
         }
         triangles.push([a, b, c].map(|n| (n as u32).wrapping_sub(1)));
     }
-    Some(Shape::Polyhedron { vertices, triangles })
+    Some(ShapeRecord::Polyhedron { vertices, triangles })
 }
 
 fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> String) {
     let coordinates = ["coo1=", "coo2=", "coo3="];
-    let polyhedral = body.contactors.iter().any(|contactor| matches!(contactor.shape, Shape::Polyhedron { .. }));
-    let real = if polyhedral { long14 } else { real };
+    let polyhedral = body.contactors.iter().any(|contactor| matches!(contactor.shape, ShapeRecord::Polyhedron { .. }));
+    let real = if polyhedral { format_long14 } else { real };
     let _ = write!(out, "$bdyty\n RBDY3  {number:5}\n$blmty\n");
     let head = format!(" PLAIN      1  behav  {:<5}", body.material);
     put_grid(out, &head, &["avrd="], &[body.equivalent_radius], real);
@@ -319,34 +328,36 @@ fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> Str
     put_grid(out, "", &["coo4=", "coo5=", "coo6="], &[0.0; 3], real);
     out.push_str("$tacty\n");
     for (rank, Contactor { colour, shape, local_frame }) in (1..).zip(&body.contactors) {
-        let head = format!(" {}  {rank:5}  color  {colour:<5}", shape.name());
+        let head = format!(" {}  {rank:5}  color  {colour:<5}", shape.type_name());
         match shape {
-            Shape::Sphere { radius } => put_grid(out, &head, &["byrd="], &[*radius], real),
-            Shape::OffsetSphere { radius, offset } => {
+            ShapeRecord::Sphere { radius } => put_grid(out, &head, &["byrd="], &[*radius], real),
+            ShapeRecord::OffsetSphere { radius, offset } => {
                 put_grid(out, &head, &["byrd="], &[*radius], real);
                 put_grid(out, "", &coordinates, offset, real);
             }
-            Shape::Plane { half_lengths } => put_grid(out, &head, &["axe1=", "axe2=", "axe3="], half_lengths, real),
-            Shape::Cylinder { half_height, radius, .. } => {
+            ShapeRecord::Plane { half_lengths } => {
+                put_grid(out, &head, &["axe1=", "axe2=", "axe3="], half_lengths, real)
+            }
+            ShapeRecord::Cylinder { half_height, radius, .. } => {
                 put_grid(out, &head, &["High=", "byrd="], &[*half_height, *radius], real);
             }
-            Shape::Polyhedron { vertices, triangles } => {
+            ShapeRecord::Polyhedron { vertices, triangles } => {
                 let (vertex_count, triangle_count) = (vertices.len(), triangles.len());
                 let _ = writeln!(out, "{head}  nb_vertex={vertex_count:7}    nb_faces={triangle_count:7}");
                 for vertex in vertices {
                     put_grid(out, "", &coordinates, vertex, real);
                 }
                 for triangle in triangles {
-                    for (k, column) in GRID.iter().enumerate() {
-                        put(out, column - 5, format_args!("ver{}={:7}", k + 1, triangle[k] + 1));
+                    for (k, column) in GRID_COLUMNS.iter().enumerate() {
+                        put_text(out, column - 5, format_args!("ver{}={:7}", k + 1, triangle[k] + 1));
                     }
                     out.push('\n');
                 }
             }
-            Shape::Point { offset } => put_grid(out, &head, &coordinates, offset, real),
+            ShapeRecord::Point { offset } => put_grid(out, &head, &coordinates, offset, real),
         }
         if let Some(LocalFrame { axes: [a, b, c], offset }) = local_frame {
-            put(out, 30, "localframe\n");
+            put_text(out, 30, "localframe\n");
             for (names, row) in LOCAL_FRAME_LABELS.iter().zip([a, b, c, offset]) {
                 put_grid(out, "", &names.map(|name| format!("{name}=")).each_ref().map(String::as_str), row, real);
             }

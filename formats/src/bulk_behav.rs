@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::scan::{Line, Scan, Text, e14, long14, put};
+use crate::scan::{AsciiText, LineScanner, TextLine, format_e14, format_long14, put_text};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct BulkBehav {
@@ -25,37 +25,38 @@ impl BulkBehav {
     /// Reads the file; all its faults at once. Lines that are neither gravity nor a material are passed
     /// over, as LMGC90 does; of materials that are not `RIGID` the density alone is kept.
     pub fn read(path: &Path) -> Result<Self, Faults> {
-        Self::parse(path, &Text::load(path)?)
+        Self::parse(path, &AsciiText::read_file(path)?)
     }
 
     /// Reads the text of a file; `path` is for messages.
-    pub fn parse(path: &Path, text: &Text) -> Result<Self, Faults> {
-        let scan = &mut Scan::new(path, text);
+    pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
+        let scan = &mut LineScanner::new(path, text);
         let mut gravity = None;
         let mut materials: Vec<Material> = Vec::new();
-        while let Some(begin) = scan.line() {
+        while let Some(begin) = scan.next_line() {
             match begin.keyword() {
                 "gravy" => {
-                    scan.about("gravity");
+                    scan.set_object("gravity");
                     if gravity.is_some() {
-                        scan.fault(begin.number, "a second $gravy", "expected one");
+                        scan.add_fault(begin.number, "a second $gravy", "expected one");
                     }
                     let gravity = gravity.insert([0.0; 3]);
                     if let Some(line) = scan.expect_continuation("grv1 grv2 grv3") {
-                        *gravity = [0, 1, 2].map(|k| scan.real(line, GRAVITY[k], format_args!("grv{}", k + 1)));
+                        *gravity =
+                            [0, 1, 2].map(|k| scan.read_real(line, GRAVITY_COLUMNS[k], format_args!("grv{}", k + 1)));
                     }
                 }
                 "behav" => {
-                    scan.about(format!("material {}", materials.len() + 1));
-                    let Some(line) = scan.expect("expected a material", Line::is_data) else {
+                    scan.set_object(format!("material {}", materials.len() + 1));
+                    let Some(line) = scan.expect_line("expected a material", TextLine::is_data) else {
                         continue;
                     };
-                    let name = scan.name5(line, 2, "name");
-                    scan.about(format!("material {name}"));
-                    scan.name(line, (9, 38), "law");
-                    let density = scan.positive(line, 46, "density Umas");
+                    let name = scan.read_name5(line, 2, "name");
+                    scan.set_object(format!("material {name}"));
+                    scan.read_name(line, (9, 38), "law");
+                    let density = scan.read_positive(line, 46, "density Umas");
                     if !name.is_empty() && materials.iter().any(|known| known.name == name) {
-                        scan.fault(line.number, format!("'{name}' is defined twice"), "expected each name once");
+                        scan.add_fault(line.number, format!("'{name}' is defined twice"), "expected each name once");
                     }
                     materials.push(Material { name, density });
                 }
@@ -63,25 +64,25 @@ impl BulkBehav {
             }
         }
         if gravity.is_none() {
-            scan.fault_of_file("no $gravy", "expected it with grv1 grv2 grv3 on the next line");
+            scan.add_file_fault("no $gravy", "expected it with grv1 grv2 grv3 on the next line");
         }
         scan.finish(BulkBehav { gravity: gravity.unwrap_or_default(), materials })
     }
 
     /// The text of the file, numbers with eight digits.
     pub fn to_text(&self) -> String {
-        self.text(e14)
+        self.text_with(format_e14)
     }
 
-    /// The same with as many digits as the columns hold, see [`long14`].
+    /// The same with as many digits as the columns hold, see [`format_long14`].
     pub fn to_long_text(&self) -> String {
-        self.text(long14)
+        self.text_with(format_long14)
     }
 
-    fn text(&self, real: fn(f64) -> String) -> String {
+    fn text_with(&self, real: fn(f64) -> String) -> String {
         let mut out = String::from("$gravy\n");
-        for (k, column) in GRAVITY.iter().enumerate() {
-            put(&mut out, column - 5, format_args!("grv{}={}", k + 1, real(self.gravity[k])));
+        for (k, column) in GRAVITY_COLUMNS.iter().enumerate() {
+            put_text(&mut out, column - 5, format_args!("grv{}={}", k + 1, real(self.gravity[k])));
         }
         out.push('\n');
         for Material { name, density } in &self.materials {
@@ -92,4 +93,4 @@ impl BulkBehav {
 }
 
 /// First columns of the components of gravity.
-const GRAVITY: [usize; 3] = [25, 46, 67];
+const GRAVITY_COLUMNS: [usize; 3] = [25, 46, 67];

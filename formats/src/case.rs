@@ -7,7 +7,7 @@ use clap::Command;
 
 use crate::atomic;
 use crate::error::Fault;
-use crate::ron_text::nearest;
+use crate::ron_text::nearest_name;
 
 /// Folder of a case that a program reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,7 +96,7 @@ pub fn no_case(path: &Path, part: CaseFolder, program: &str) -> Option<Fault> {
 /// The part of a case that a folder itself is.
 fn inner(path: &Path) -> Option<&'static str> {
     let holds_snapshots = || {
-        let entries = atomic::entries(path).unwrap_or_default();
+        let entries = atomic::folder_entries(path).unwrap_or_default();
         let names = entries.iter().filter_map(|entry| entry.file_name()?.to_str());
         names.into_iter().any(|name| name.starts_with("snapshot-") && name.ends_with(".npz"))
     };
@@ -129,7 +129,7 @@ pub fn misplaced(program: &Command, args: &[OsString]) -> Option<String> {
     let options: Vec<&str> = options.collect();
     let dashless = |word: &&str| {
         let bare = word.strip_prefix('-').unwrap_or(word);
-        let known = nearest(bare, &options).filter(|_| bare.len() > 2 && !bare.starts_with('-'))?;
+        let known = nearest_name(bare, &options).filter(|_| bare.len() > 2 && !bare.starts_with('-'))?;
         (word.starts_with('-') || !Path::new(word).exists()).then_some(known)
     };
     let behind = words.iter().skip(if command.is_some() { 2 } else { 1 });

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::accuracy::{Accuracy, Adaptive};
 use crate::error::Faults;
-use crate::report::Report;
+use crate::report::FaultReport;
 use crate::ron_text;
 pub use crate::ron_text::from_ron;
 
@@ -19,7 +19,7 @@ pub use crate::ron_text::from_ron;
 pub const GRAVITATIONAL_CONSTANT: f64 = 6.67430e-11;
 
 /// More threads than this are a slip: a machine would spend its time starting them.
-const MOST_THREADS: usize = 1024;
+const MAX_THREADS: usize = 1024;
 
 /// Something that happens at the start of the first step whose time is not before `time`, once or again and again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -33,55 +33,57 @@ pub struct Event {
     /// When the last may be, s; without it, it goes on to the end of the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub until: Option<f64>,
-    pub action: Action,
+    pub action: EventAction,
 }
 
 impl Event {
-    pub fn once(time: f64, action: Action) -> Event {
+    pub fn at_time(time: f64, action: EventAction) -> Event {
         Event { time, every: None, until: None, action }
     }
 
     /// How often it happens up to `end` (s) after the first time.
-    fn repeats(&self, end: f64) -> f64 {
+    fn repeat_count(&self, end: f64) -> f64 {
         let every = self.every.unwrap_or(f64::INFINITY);
         let until = self.until.unwrap_or(f64::INFINITY).min(end);
         // Far from time 0 the digits of times are coarser.
-        let rounding = ROUNDING.max(SAME * until.abs() / every);
+        let rounding = RELATIVE_ROUNDING.max(SAME_TIME_TOLERANCE * until.abs() / every);
         ((until - self.time) / every + rounding).floor().max(0.0)
     }
 }
 
 /// Error of decimal numbers and their products, over an interval.
-const ROUNDING: f64 = 1e-9;
+const RELATIVE_ROUNDING: f64 = 1e-9;
 
 /// Times are the same if they differ by no more than this part of them: what rounding makes of a sum and a product.
-const SAME: f64 = 4.0 * f64::EPSILON;
+const SAME_TIME_TOLERANCE: f64 = 4.0 * f64::EPSILON;
 
 /// More happenings than this are a slip: each is kept.
-pub const MOST_EVENTS: f64 = 1e6;
+pub const MAX_EVENTS: f64 = 1e6;
 
 /// The events that would happen more often than can be kept up to `end` (s), with how often.
 pub fn too_frequent(events: &[Event], end: f64) -> impl Iterator<Item = (usize, f64)> {
-    events.iter().map(move |event| event.repeats(end)).enumerate().filter(|(_, repeats)| *repeats > MOST_EVENTS)
+    events.iter().map(move |event| event.repeat_count(end)).enumerate().filter(|(_, repeats)| *repeats > MAX_EVENTS)
 }
 
 /// Each happening an event of its own, in the order of their times and, at one time to rounding, of the list; those that are
 /// repeated up to `end`, s. A later end adds only what is later.
-pub fn schedule(events: &[Event], end: f64) -> Vec<Event> {
+pub fn event_schedule(events: &[Event], end: f64) -> Vec<Event> {
     let mut all = Vec::new();
     for (place, event) in events.iter().enumerate() {
         let time = |k: u64| event.time + event.every.map_or(0.0, |every| every * k as f64);
-        all.extend((0..=event.repeats(end) as u64).map(|k| (place, Event::once(time(k), event.action.clone()))));
+        all.extend(
+            (0..=event.repeat_count(end) as u64).map(|k| (place, Event::at_time(time(k), event.action.clone()))),
+        );
     }
     all.sort_by(|(_, a), (_, b)| a.time.total_cmp(&b.time));
-    let same = |(_, a): &(usize, Event), (_, b): &(usize, Event)| b.time - a.time <= SAME * b.time.abs();
+    let same = |(_, a): &(usize, Event), (_, b): &(usize, Event)| b.time - a.time <= SAME_TIME_TOLERANCE * b.time.abs();
     all.chunk_by_mut(same).for_each(|at_one_time| at_one_time.sort_by_key(|(k, _)| *k));
     all.into_iter().map(|(_, event)| event).collect()
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum Action {
+pub enum EventAction {
     /// Adds a rigid rotation of all free bodies about their common centre of mass, rad/s.
     AddSpin([f64; 3]),
     /// From now on a constant torque on all free bodies as one rigid body, about their centre of mass, N m.
@@ -110,7 +112,7 @@ pub enum Action {
 /// Field that acts on all free bodies from outside, besides uniform gravity.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum Field {
+pub enum ExternalField {
     /// Attraction by a mass (kg) that rests at a place (m).
     PointMass { mass: f64, position: [f64; 3] },
     /// The same by one that is oblate about an axis: radius (m) and zonal harmonic J2 as its equator has them.
@@ -119,18 +121,18 @@ pub enum Field {
     RotatingFrame { rate: [f64; 3], centre: [f64; 3] },
 }
 
-impl Field {
+impl ExternalField {
     /// Fault of the values of a field, if there is one.
-    fn fault(&self) -> Option<&'static str> {
+    fn invalid_value(&self) -> Option<&'static str> {
         let finite = |vectors: &[&[f64; 3]]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
         let positive = |x: f64| x.is_finite() && x > 0.0;
         let sound = match self {
-            Field::PointMass { mass, position } => positive(*mass) && finite(&[position]),
-            Field::Oblate { mass, position, radius, j2, axis } => {
+            ExternalField::PointMass { mass, position } => positive(*mass) && finite(&[position]),
+            ExternalField::Oblate { mass, position, radius, j2, axis } => {
                 let length = axis.iter().map(|x| x * x).sum::<f64>();
                 positive(*mass) && positive(*radius) && j2.is_finite() && finite(&[position]) && positive(length)
             }
-            Field::RotatingFrame { rate, centre } => finite(&[rate, centre]),
+            ExternalField::RotatingFrame { rate, centre } => finite(&[rate, centre]),
         };
         (!sound).then_some("finite values, mass and radius > 0, an axis other than 0")
     }
@@ -208,7 +210,7 @@ impl std::fmt::Display for ContactSolver {
 }
 
 /// Smallest RMS relative error that the fast multipole method can be asked for.
-pub const LEAST_FMM_ERROR: f64 = 1e-6;
+pub const MIN_FMM_ERROR: f64 = 1e-6;
 
 macro_rules! options {
     ($($(#[doc = $help:literal])+ $name:ident : $type:ty = $default:expr, $flag:ty, [$($arg:tt)*];)+) => {
@@ -224,11 +226,11 @@ macro_rules! options {
         /// The same options as flags; one that is given wins over the file.
         #[derive(Debug, Clone, Default, clap::Args)]
         #[command(next_help_heading = "Options of COMPUTE.RON")]
-        pub struct Flags { $($(#[doc = $help])+ #[arg(long, allow_hyphen_values = true, $($arg)*)] pub $name: Option<$flag>,)+ }
+        pub struct ComputeFlags { $($(#[doc = $help])+ #[arg(long, allow_hyphen_values = true, $($arg)*)] pub $name: Option<$flag>,)+ }
 
-        impl Flags {
+        impl ComputeFlags {
             /// Names of the options that are given.
-            pub fn given(&self) -> Vec<&'static str> {
+            pub fn given_names(&self) -> Vec<&'static str> {
                 let mut given = Vec::new();
                 $(if self.$name.is_some() { given.push(stringify!($name)); })+
                 given
@@ -237,7 +239,7 @@ macro_rules! options {
 
         impl Compute {
             /// The options with those flags put in their place.
-            pub fn with(mut self, flags: &Flags) -> Self {
+            pub fn with_flags(mut self, flags: &ComputeFlags) -> Self {
                 // The end that the command line gives wins.
                 if flags.end_time.is_some() {
                     self.steps = None;
@@ -247,12 +249,12 @@ macro_rules! options {
             }
 
             /// Name and value of every option, as the file has them.
-            pub fn values(&self) -> Vec<(&'static str, String)> {
-                vec![$((stringify!($name), as_written(&self.$name)),)+]
+            pub fn option_values(&self) -> Vec<(&'static str, String)> {
+                vec![$((stringify!($name), to_ron(&self.$name)),)+]
             }
 
             /// Name, default and help text of every option, in the order of the file.
-            pub fn table() -> Vec<(&'static str, String, String)> {
+            pub fn option_table() -> Vec<(&'static str, String, String)> {
                 let default = Compute::default();
                 vec![$((
                     stringify!($name),
@@ -322,7 +324,7 @@ options! {
     /// Spheres keep an orientation, too, which no contact depends on: for pictures of how they roll.
     sphere_orientation: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// What acts from outside: [PointMass(mass: 6e24, position: (1e7, 0.0, 0.0))].
-    fields: Vec<Field> = Vec::new(), Fields, [value_name = "RON"];
+    fields: Vec<ExternalField> = Vec::new(), Fields, [value_name = "RON"];
     /// Share of every free body's velocity that is taken away at the start of each step, which brings an aggregate to true rest: 0 none; --quench alone asks for 0.01.
     quench: f64 = 0.0, f64, [num_args = 0..=1, require_equals = true, default_missing_value = "0.01", value_name = "X"];
     /// Steps between two snapshots.
@@ -339,19 +341,19 @@ options! {
 
 /// A list given on the command line.
 #[derive(Debug, Clone)]
-pub struct List<T>(Vec<T>);
-pub type Events = List<Event>;
-pub type Fields = List<Field>;
+pub struct FlagList<T>(Vec<T>);
+pub type Events = FlagList<Event>;
+pub type Fields = FlagList<ExternalField>;
 
-impl<T: serde::de::DeserializeOwned> std::str::FromStr for List<T> {
+impl<T: serde::de::DeserializeOwned> std::str::FromStr for FlagList<T> {
     type Err = String;
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        ron_text::from_flag(text).map(List)
+        ron_text::from_flag(text).map(FlagList)
     }
 }
 
-impl<T> From<List<T>> for Vec<T> {
-    fn from(list: List<T>) -> Self {
+impl<T> From<FlagList<T>> for Vec<T> {
+    fn from(list: FlagList<T>) -> Self {
         list.0
     }
 }
@@ -361,16 +363,16 @@ impl Compute {
     pub fn read(path: &Path) -> Result<Self, Faults> {
         let text = crate::atomic::read_text(path)?;
         let compute: Compute = from_ron(path, &text, "options")?;
-        let mut report = Report::new(path, &text);
+        let mut report = FaultReport::new(path, &text);
         compute.check_in(&mut report, "");
         report.faults.into_result(compute)
     }
 
     /// Name and value of every option that results depend on: all but how long the run is, on how many threads it runs, and what
     /// it writes besides.
-    pub fn of_results(&self) -> BTreeMap<String, String> {
-        const OTHERS: [&str; 4] = ["steps", "end_time", "threads", "text"];
-        let values = self.values().into_iter().filter(|(name, _)| !OTHERS.contains(name));
+    pub fn result_options(&self) -> BTreeMap<String, String> {
+        const OPTIONS_WITHOUT_EFFECT: [&str; 4] = ["steps", "end_time", "threads", "text"];
+        let values = self.option_values().into_iter().filter(|(name, _)| !OPTIONS_WITHOUT_EFFECT.contains(name));
         values.map(|(name, value)| (name.to_string(), value)).collect()
     }
 
@@ -385,27 +387,27 @@ impl Compute {
 
     /// All values that no run could use, in a text that is not at hand.
     pub fn check(&self, source: &Path) -> Result<(), Faults> {
-        let mut report = Report::new(source, "");
+        let mut report = FaultReport::new(source, "");
         self.check_in(&mut report, "");
         report.faults.into_result(())
     }
 
     /// Reports all values that no run could use; `at` stands before their paths.
-    pub fn check_in(&self, report: &mut Report, at: &str) {
+    pub fn check_in(&self, report: &mut FaultReport, at: &str) {
         let mut expect = |holds: bool, name: &str, found: String, expected: &str| {
-            report.expect(holds, &format!("{at}{name}"), found, expected);
+            report.require(holds, &format!("{at}{name}"), found, expected);
         };
         let positive = |x: f64| x.is_finite() && x > 0.0;
         expect(positive(self.dt), "dt", format!("{}", self.dt), "a finite time step > 0 s");
         expect(
             self.end_time.is_none_or(|t| t.is_finite() && t >= 0.0),
             "end_time",
-            as_written(&self.end_time),
+            to_ron(&self.end_time),
             "a finite time >= 0 s",
         );
         expect((0.5..=1.0).contains(&self.theta), "theta", format!("{}", self.theta), "0.5 to 1");
         let sound = self.adaptive().is_sound();
-        expect(sound, "adaptive", as_written(&self.adaptive()), "most from 1 to 1000000, travel and penetration > 0");
+        expect(sound, "adaptive", to_ron(&self.adaptive()), "most from 1 to 1000000, travel and penetration > 0");
         expect(
             positive(self.tol()) && self.tol() < 1.0,
             "tol",
@@ -419,15 +421,15 @@ impl Compute {
             "a finite number > 0",
         );
         expect(self.max_sweeps() > 0, "max_sweeps", format!("{}", self.max_sweeps()), "at least 1");
-        expect(self.check_every != Some(0), "check_every", as_written(&self.check_every), "at least 1");
+        expect(self.check_every != Some(0), "check_every", to_ron(&self.check_every), "at least 1");
         expect(
             self.alert.is_none_or(|a| a.is_finite() && a >= 0.0),
             "alert",
-            as_written(&self.alert),
+            to_ron(&self.alert),
             "a finite distance >= 0 m",
         );
         for (name, period) in [("xperiode", self.xperiode), ("yperiode", self.yperiode)] {
-            let found = as_written(&period);
+            let found = to_ron(&period);
             expect(period.is_none_or(positive), name, found.clone(), "a finite length > 0 m");
             let alone = !self.self_gravity && self.fields.is_empty();
             let expected = "neither self-gravity nor fields beside it: they do not repeat";
@@ -446,76 +448,79 @@ impl Compute {
             "at least 1e-14",
         );
         expect(
-            self.gravity != GravityMethod::Fmm || self.gravity_error() >= LEAST_FMM_ERROR,
+            self.gravity != GravityMethod::Fmm || self.gravity_error() >= MIN_FMM_ERROR,
             "gravity_error",
             format!("{} with gravity: fmm", self.gravity_error()),
             "at least 1e-6, or gravity: direct",
         );
         let order = self.gravity_order;
-        expect(order.is_none_or(|p| (2..=8).contains(&p)), "gravity_order", as_written(&order), "2 to 8");
+        expect(order.is_none_or(|p| (2..=8).contains(&p)), "gravity_order", to_ron(&order), "2 to 8");
         let opening = self.gravity_opening;
         expect(
             opening.is_none_or(|x| x > 0.0 && x < 1.0),
             "gravity_opening",
-            as_written(&opening),
+            to_ron(&opening),
             "more than 0 and less than 1",
         );
         expect(self.gravity_refresh() > 0, "gravity_refresh", format!("{}", self.gravity_refresh()), "at least 1");
         expect(positive(self.gravity_moved), "gravity_moved", format!("{}", self.gravity_moved), "a finite number > 0");
         for (k, field) in self.fields.iter().enumerate() {
-            let fault = field.fault();
-            expect(fault.is_none(), &format!("fields.{k}"), as_written(field), fault.unwrap_or_default());
+            let fault = field.invalid_value();
+            expect(fault.is_none(), &format!("fields.{k}"), to_ron(field), fault.unwrap_or_default());
         }
-        let turning = (0..).zip(&self.fields).filter(|(_, field)| matches!(field, Field::RotatingFrame { .. }));
+        let turning = (0..).zip(&self.fields).filter(|(_, field)| matches!(field, ExternalField::RotatingFrame { .. }));
         for (k, field) in turning.skip(1) {
-            expect(false, &format!("fields.{k}"), as_written(field), "one RotatingFrame");
+            expect(false, &format!("fields.{k}"), to_ron(field), "one RotatingFrame");
         }
         expect((0.0..=1.0).contains(&self.quench), "quench", format!("{}", self.quench), "0 to 1");
         expect(self.output_every > 0, "output_every", format!("{}", self.output_every), "at least 1");
         expect(self.log_every > 0, "log_every", format!("{}", self.log_every), "at least 1");
-        expect(self.threads <= MOST_THREADS, "threads", format!("{}", self.threads), "0 to 1024");
+        expect(self.threads <= MAX_THREADS, "threads", format!("{}", self.threads), "0 to 1024");
         for (k, event) in self.events.iter().enumerate() {
             // Time begins at 0.
             let found = format!("{:?} s is before the start of the run", event.time);
             expect(event.time.is_nan() || event.time >= 0.0, &format!("events.{k}.time"), found, "at least 0.0 s");
             let values = match &event.action {
-                Action::AddSpin(v) | Action::SetTorque(v) | Action::AddVelocity(v) | Action::SetGravity(v) => {
-                    v.to_vec()
-                }
-                Action::SetQuench(x)
-                | Action::SetFriction(_, x)
-                | Action::SetCohesion(_, x)
-                | Action::Shake { speed: x, .. } => vec![*x],
-                Action::Bond => vec![],
+                EventAction::AddSpin(v)
+                | EventAction::SetTorque(v)
+                | EventAction::AddVelocity(v)
+                | EventAction::SetGravity(v) => v.to_vec(),
+                EventAction::SetQuench(x)
+                | EventAction::SetFriction(_, x)
+                | EventAction::SetCohesion(_, x)
+                | EventAction::Shake { speed: x, .. } => vec![*x],
+                EventAction::Bond => vec![],
             };
             let in_range = match event.action {
-                Action::SetQuench(q) => (0.0..=1.0).contains(&q),
-                Action::SetFriction(_, x) | Action::SetCohesion(_, x) | Action::Shake { speed: x, .. } => x >= 0.0,
+                EventAction::SetQuench(q) => (0.0..=1.0).contains(&q),
+                EventAction::SetFriction(_, x)
+                | EventAction::SetCohesion(_, x)
+                | EventAction::Shake { speed: x, .. } => x >= 0.0,
                 _ => true,
             };
             let (time, action) = (format!("events.{k}.time"), format!("events.{k}.action"));
-            expect(event.time.is_finite(), &time, as_written(&event.time), "a finite time (s)");
+            expect(event.time.is_finite(), &time, to_ron(&event.time), "a finite time (s)");
             expect(
                 values.iter().all(|v| v.is_finite()) && in_range,
                 &action,
-                as_written(&event.action),
+                to_ron(&event.action),
                 "finite values, quench from 0 to 1, friction, cohesion and speed >= 0",
             );
-            if let Action::AddSpin(turn) | Action::SetTorque(turn) = &event.action {
-                expect(self.may_turn(turn), &action, as_written(&event.action), ABOUT_A_PERIOD);
+            if let EventAction::AddSpin(turn) | EventAction::SetTorque(turn) = &event.action {
+                expect(self.allows_rotation_about(turn), &action, to_ron(&event.action), ROTATION_ABOUT_PERIOD);
             }
             let every = event.every.is_none_or(|every| every.is_finite() && every >= self.dt);
-            expect(every, &format!("events.{k}.every"), as_written(&event.every), "a finite time of at least dt");
+            expect(every, &format!("events.{k}.every"), to_ron(&event.every), "a finite time of at least dt");
             let until =
                 event.until.is_none_or(|until| until.is_finite() && until >= event.time && event.every.is_some());
             let expected = "a finite time not before `time`, and only with `every`";
-            expect(until, &format!("events.{k}.until"), as_written(&event.until), expected);
+            expect(until, &format!("events.{k}.until"), to_ron(&event.until), expected);
         }
     }
 
     /// Whether a rotation about `axis` leaves a scene that repeats as it is: where it repeats along this axis alone, or not
     /// at all.
-    pub fn may_turn(&self, axis: &[f64; 3]) -> bool {
+    pub fn allows_rotation_about(&self, axis: &[f64; 3]) -> bool {
         let [x, y, z] = axis.map(|component| component == 0.0);
         (self.xperiode.is_none() || y && z) && (self.yperiode.is_none() || x && z)
     }
@@ -530,12 +535,12 @@ impl Compute {
 }
 
 /// Requirement on a rotation where a scene repeats, as neighbours across its border would be torn apart.
-pub const ABOUT_A_PERIOD: &str =
+pub const ROTATION_ABOUT_PERIOD: &str =
     "a rotation about the only axis along which the scene repeats, or a scene that does not repeat";
 
 /// A value as a file or flag has it.
-fn as_written<T: Serialize>(value: &T) -> String {
-    ron_text::options().to_string(value).unwrap_or_default()
+fn to_ron<T: Serialize>(value: &T) -> String {
+    ron_text::ron_options().to_string(value).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -545,7 +550,7 @@ mod tests {
     #[test]
     fn scenes_that_repeat_turn_about_their_period_alone() {
         let faults = |xperiode, yperiode, axis| {
-            let events = vec![Event::once(0.0, Action::AddSpin(axis))];
+            let events = vec![Event::at_time(0.0, EventAction::AddSpin(axis))];
             Compute { xperiode, yperiode, events, ..Compute::default() }.check(Path::new("options")).is_err()
         };
         let (x, z, period) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0], Some(4.0));
@@ -559,29 +564,30 @@ mod tests {
         let compute = Compute {
             dt: 0.1 + 0.2,
             steps: Some(7),
-            events: vec![Event::once(3.0, Action::AddSpin([0.0, 0.0, 1e-5]))],
+            events: vec![Event::at_time(3.0, EventAction::AddSpin([0.0, 0.0, 1e-5]))],
             ..Compute::default()
         };
         let path = Path::new("COMPUTE.RON");
         let read: Compute = from_ron(path, &compute.to_text(), "options").unwrap();
         assert_eq!(read, compute);
-        let flags = Flags { theta: Some(1.0), ..Flags::default() };
-        assert_eq!(read.with(&flags), Compute { theta: 1.0, ..compute });
+        let flags = ComputeFlags { theta: Some(1.0), ..ComputeFlags::default() };
+        assert_eq!(read.with_flags(&flags), Compute { theta: 1.0, ..compute });
     }
 
     #[test]
     fn an_option_set_alone_wins_over_the_preset() {
         let path = Path::new("COMPUTE.RON");
         let file: Compute = from_ron(path, "(accuracy: draft, tol: 0.5, adaptive: (most: 3))", "options").unwrap();
-        let flags = Flags { accuracy: Some(Accuracy::Fine), gravity_refresh: Some(7), ..Flags::default() };
-        let [read, flagged] = [file.clone(), file.with(&flags)];
+        let flags =
+            ComputeFlags { accuracy: Some(Accuracy::Fine), gravity_refresh: Some(7), ..ComputeFlags::default() };
+        let [read, flagged] = [file.clone(), file.with_flags(&flags)];
         assert_eq!((read.tol(), read.max_sweeps(), read.gravity_refresh()), (0.5, 500, 16));
         assert_eq!((flagged.tol(), flagged.max_sweeps(), flagged.gravity_refresh()), (0.5, 20_000, 7));
         assert_eq!(flagged.adaptive(), Adaptive { most: 3, ..Adaptive::default() });
         let again: Compute = from_ron(path, &flagged.to_text(), "options").unwrap();
         assert_eq!(again, flagged);
         let alone = |knob: &&(&str, String, bool)| knob.2;
-        let alone: Vec<&str> = flagged.knobs().iter().filter(alone).map(|knob| knob.0).collect();
+        let alone: Vec<&str> = flagged.accuracy_options().iter().filter(alone).map(|knob| knob.0).collect();
         assert_eq!(alone, ["adaptive", "tol", "gravity_refresh"]);
         for most in [0, u64::MAX] {
             let adaptive = Some(Adaptive { most, ..Adaptive::default() });
@@ -600,16 +606,17 @@ mod tests {
 
     #[test]
     fn repeated_events_are_laid_out_in_time() {
-        let spin = |every, until| Event { time: 10.0, every, until, action: Action::AddSpin([0.0, 0.0, 1e-5]) };
-        let once = Event::once(15.0, Action::SetQuench(0.1));
-        let times = |events: &[Event], end| schedule(events, end).iter().map(|event| event.time).collect::<Vec<_>>();
+        let spin = |every, until| Event { time: 10.0, every, until, action: EventAction::AddSpin([0.0, 0.0, 1e-5]) };
+        let once = Event::at_time(15.0, EventAction::SetQuench(0.1));
+        let times =
+            |events: &[Event], end| event_schedule(events, end).iter().map(|event| event.time).collect::<Vec<_>>();
         assert_eq!(times(&[spin(Some(5.0), None), once.clone()], 25.0), [10.0, 15.0, 15.0, 20.0, 25.0]);
         assert_eq!(times(&[spin(Some(5.0), Some(19.0)), once.clone()], 25.0), [10.0, 15.0, 15.0]);
         assert_eq!(times(&[spin(Some(0.1), Some(10.3)), once], 25.0).len(), 5); // 0.3 / 0.1 is 2.9999999999999996
         let late = Event { every: Some(100.0), until: Some(209.91), ..spin(None, None) };
         assert_eq!(times(&[late], 250.0), [10.0, 110.0]);
         assert_eq!(times(&[spin(None, None)], 0.0), [10.0]); // a later end of the run may reach it
-        assert_eq!(schedule(&[spin(Some(5.0), None)], 25.0)[2], Event::once(20.0, spin(None, None).action));
+        assert_eq!(event_schedule(&[spin(Some(5.0), None)], 25.0)[2], Event::at_time(20.0, spin(None, None).action));
         for wrong in [spin(Some(0.0), None), spin(None, Some(20.0)), spin(Some(5.0), Some(9.0)), spin(Some(1e-4), None)]
         {
             let compute = Compute { events: vec![wrong.clone()], ..Compute::default() };
@@ -619,11 +626,11 @@ mod tests {
 
     #[test]
     fn events_at_one_time_are_in_the_order_of_the_list() {
-        let often = Event { every: Some(0.1), ..Event::once(0.0, Action::SetQuench(0.1)) };
+        let often = Event { every: Some(0.1), ..Event::at_time(0.0, EventAction::SetQuench(0.1)) };
         for tenths in 1..=20 {
-            let once = Event::once(f64::from(tenths) / 10.0, Action::SetQuench(0.2)); // 0.3 is less than 3 times 0.1
+            let once = Event::at_time(f64::from(tenths) / 10.0, EventAction::SetQuench(0.2)); // 0.3 is less than 3 times 0.1
             for events in [[often.clone(), once.clone()], [once, often.clone()]] {
-                let times = schedule(&events, 2.0);
+                let times = event_schedule(&events, 2.0);
                 let place = tenths as usize;
                 assert_eq!(
                     times[place..place + 2].iter().map(|e| &e.action).collect::<Vec<_>>(),

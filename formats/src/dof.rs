@@ -5,7 +5,10 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::scan::{DASHES, Line, Scan, Text, d14, fortran_real, integer, long14, put_grid, put_steps};
+use crate::scan::{
+    AsciiText, DASHED_LINE, LineScanner, TextLine, format_d14, format_integer, format_long14, fortran_real, put_grid,
+    put_steps,
+};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Dof {
@@ -29,7 +32,7 @@ pub struct BodyDof {
 }
 
 /// Labels of the seven lines of a body, in their order.
-const LABELS: [[&str; 3]; 7] = [
+const LINE_LABELS: [[&str; 3]; 7] = [
     ["X(1)=", "X(2)=", "X(3)="],
     ["X(4)=", "X(5)=", "X(6)="],
     ["V(1)=", "V(2)=", "V(3)="],
@@ -42,81 +45,81 @@ const LABELS: [[&str; 3]; 7] = [
 impl Dof {
     /// Reads the file; all its faults at once. It may list any of the bodies, in any order, none twice.
     pub fn read(path: &Path) -> Result<Self, Faults> {
-        Self::parse(path, &Text::load(path)?)
+        Self::parse(path, &AsciiText::read_file(path)?)
     }
 
     /// Reads the text of a file; `path` is for messages.
-    pub fn parse(path: &Path, text: &Text) -> Result<Self, Faults> {
-        let scan = &mut Scan::new(path, text);
-        let (step, time) = scan.steps();
+    pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
+        let scan = &mut LineScanner::new(path, text);
+        let (step, time) = scan.read_steps();
         let mut bodies = Vec::new();
         let mut lines = HashMap::new();
         for record in 1.. {
-            scan.about(format!("record {record}"));
-            if scan.peek().is_none() {
+            scan.set_object(format!("record {record}"));
+            if scan.peek_line().is_none() {
                 break;
             }
             let Some(body) = read_record(scan) else {
-                scan.leave_record();
+                scan.skip_record();
                 continue;
             };
             if let Some(earlier) = lines.insert(body.body, body.line) {
-                scan.fault(body.line, format!("the body stands on line {earlier} too"), "expected each body once");
+                scan.add_fault(body.line, format!("the body stands on line {earlier} too"), "expected each body once");
             }
             bodies.push(body);
         }
         scan.finish(Dof { step, time, bodies })
     }
 
-    /// The text of the file as LMGC90 writes it, numbers with seven digits; of axes that need more, see [`long14`].
+    /// The text of the file as LMGC90 writes it, numbers with seven digits; of axes that need more, see [`format_long14`].
     ///
     /// Numbers must be finite and below 1e100; step and bodies have seven columns.
     pub fn to_text(&self) -> String {
         let mut out = String::new();
         put_steps(&mut out, "DOF", self.step, self.time);
         for BodyDof { body, displacement, velocity, axes, .. } in &self.bodies {
-            let number = integer(body + 1, 7);
+            let number = format_integer(body + 1, 7);
             let _ = write!(out, "$bdyty\n RBDY3  {number}\n$nodty\n");
             let [x, v] = [displacement, velocity].map(|six| six.split_at(3));
             let [a, b, g] = axes.each_ref().map(|axis| axis.as_slice());
             for (k, values) in [x.0, x.1, v.0, v.1, a, b, g].into_iter().enumerate() {
-                let real = if k < 4 { d14 } else { axis14 };
-                put_grid(&mut out, if k == 0 { " NO6xx      1" } else { "" }, &LABELS[k], values, real);
+                let real = if k < 4 { format_d14 } else { format_axis };
+                put_grid(&mut out, if k == 0 { " NO6xx      1" } else { "" }, &LINE_LABELS[k], values, real);
             }
             out.push_str("$$$$$$\n      \n");
         }
-        out + DASHES + DASHES
+        out + DASHED_LINE + DASHED_LINE
     }
 }
 
-/// [`d14`] where that is the number itself.
-fn axis14(x: f64) -> String {
-    let short = d14(x);
-    if fortran_real(&short) == Ok(x) { short } else { long14(x) }
+/// [`format_d14`] where that is the number itself.
+fn format_axis(x: f64) -> String {
+    let short = format_d14(x);
+    if fortran_real(&short) == Ok(x) { short } else { format_long14(x) }
 }
 
 /// One body; `None` after a fault that leaves the scan inside the record.
-fn read_record(scan: &mut Scan) -> Option<BodyDof> {
+fn read_record(scan: &mut LineScanner) -> Option<BodyDof> {
     scan.expect_keyword("bdyty")?;
-    let line = scan.expect("expected RBDY3 and the number of the body", Line::is_data)?;
-    if !scan.rigid(line, 2) {
+    let line = scan.expect_line("expected RBDY3 and the number of the body", TextLine::is_data)?;
+    if !scan.expect_rigid_body(line, 2) {
         return None;
     }
-    let body = scan.index(line, (9, 15), "number")?;
-    scan.about(format!("body {}", body + 1));
+    let body = scan.read_index(line, (9, 15), "number")?;
+    scan.set_object(format!("body {}", body + 1));
     scan.expect_keyword("nodty")?;
     let mut rows = [[0.0; 3]; 7];
-    for (k, (row, labels)) in rows.iter_mut().zip(LABELS).enumerate() {
+    for (k, (row, labels)) in rows.iter_mut().zip(LINE_LABELS).enumerate() {
         let line = match k {
-            0 => scan.expect("expected NO6xx", |line| line.keyword() == "NO6xx")?,
+            0 => scan.expect_line("expected NO6xx", |line| line.keyword() == "NO6xx")?,
             _ => scan.expect_continuation(&labels.join(" "))?,
         };
-        *row = scan.grid(line, labels.map(|label| label.trim_end_matches('=')));
+        *row = scan.read_grid(line, labels.map(|label| label.trim_end_matches('=')));
     }
     scan.expect_keyword("$$$$$")?;
     let [[x1, x2, x3], [x4, x5, x6], [v1, v2, v3], [v4, v5, v6], a, b, g] = rows;
     let axes = [a, b, g];
-    scan.orthonormal(line.number, "the axes a, b, g", &axes);
+    scan.check_orthonormal(line.number, "the axes a, b, g", &axes);
     let (displacement, velocity) = ([x1, x2, x3, x4, x5, x6], [v1, v2, v3, v4, v5, v6]);
     Some(BodyDof { line: line.number, body, displacement, velocity, axes })
 }

@@ -1,7 +1,7 @@
 //! Values that are allowed, and probably mistakes of units: cd-pre asks about those of a scene, cd-solve about those of DATBOX.
 
-use crate::compute::{Action, Event};
-use crate::report::Report;
+use crate::compute::{Event, EventAction};
+use crate::report::FaultReport;
 
 /// Bulk densities of solids, kg/m^3, with a margin: snow and foams have 100, osmium 22 600.
 const DENSITIES: std::ops::RangeInclusive<f64> = 100.0..=30_000.0;
@@ -44,11 +44,11 @@ pub fn friction(value: f64) -> Option<String> {
 }
 
 /// Asks about the friction that events set; `at` stands before their paths.
-pub fn events(events: &[Event], at: &str, report: &mut Report) {
+pub fn events(events: &[Event], at: &str, report: &mut FaultReport) {
     for (k, event) in events.iter().enumerate() {
-        let Action::SetFriction(_, value) = event.action else { continue };
+        let EventAction::SetFriction(_, value) = event.action else { continue };
         if let Some(question) = friction(value) {
-            report.ask(&format!("{at}events.{k}"), format!("SetFriction {value:?}"), &question);
+            report.add_warning(&format!("{at}events.{k}"), format!("SetFriction {value:?}"), &question);
         }
     }
 }

@@ -4,16 +4,16 @@ use std::collections::HashMap;
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::atomic::is_there;
+use crate::atomic::path_exists;
 use crate::error::Faults;
-use crate::scan::{Line, Scan, Text, e14, free_real, integer, long14, put};
+use crate::scan::{AsciiText, LineScanner, TextLine, format_e14, format_integer, format_long14, free_real, put_text};
 
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct DrvDof(pub Vec<Driven>);
+pub struct DrvDof(pub Vec<DrivenComponent>);
 
 /// One driven component of one body.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Driven {
+pub struct DrivenComponent {
     pub line: usize,
     /// 0-based body number (1-based in the file).
     pub body: usize,
@@ -88,7 +88,7 @@ impl Evolution {
             Evolution::Harmonic { constant, amplitude, .. } => (constant - value).abs() + amplitude.abs(),
             Evolution::Table { points, .. } => {
                 let between = points.iter().filter(|[t, _]| from < *t && *t < to).map(|point| point[1]);
-                between.chain([self.at(from), self.at(to)]).map(|x| (x - value).abs()).fold(0.0, f64::max)
+                between.chain([self.value_at(from), self.value_at(to)]).map(|x| (x - value).abs()).fold(0.0, f64::max)
             }
         }
     }
@@ -101,10 +101,10 @@ impl Evolution {
     /// ```
     /// use cd_formats::drv_dof::Evolution;
     /// let table = Evolution::Table { name: "v.dat".into(), points: vec![[0.0, 1.0], [2.0, 5.0]] };
-    /// assert_eq!(table.at(1.0), 3.0);
-    /// assert_eq!(table.at(3.0), 7.0); // beyond the last point
+    /// assert_eq!(table.value_at(1.0), 3.0);
+    /// assert_eq!(table.value_at(3.0), 7.0); // beyond the last point
     /// ```
-    pub fn at(&self, t: f64) -> f64 {
+    pub fn value_at(&self, t: f64) -> f64 {
         match self {
             &Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
                 (constant + amplitude * (omega * t + phase).cos()) * (ramp_start + ramp_rate * t).min(1.0)
@@ -123,33 +123,33 @@ impl Evolution {
 }
 
 /// First columns of the six reals: constant, amplitude, omega, phase, start and rate of the ramp.
-const HARMONIC: [usize; 6] = [15, 30, 45, 60, 75, 90];
+const HARMONIC_COLUMNS: [usize; 6] = [15, 30, 45, 60, 75, 90];
 const HARMONIC_NAMES: [&str; 6] = ["CT", "AMP", "OMEGA", "PHI", "RAMPI", "RAMP"];
 /// Columns of the name of a table.
-const TABLE_NAME: (usize, usize) = (25, 64);
-const DOFTY: &str =
+const TABLE_NAME_COLUMNS: (usize, usize) = (25, 64);
+const TABLE_HEADER: &str =
     "$dofty  numbr [CT......+......AMP..*..cos.(..OMEGA.*.time.+.PHI..)]...*...[RAMPI.....+.....RAMP.*.time]\n";
 
 impl DrvDof {
     /// Reads the file and the tables that it names in the same folder; all faults at once. A file that is
     /// absent drives nothing.
     pub fn read(path: &Path) -> Result<Self, Faults> {
-        if is_there(path) { Self::parse(path, &Text::load(path)?) } else { Ok(DrvDof::default()) }
+        if path_exists(path) { Self::parse(path, &AsciiText::read_file(path)?) } else { Ok(DrvDof::default()) }
     }
 
     /// Reads the text of a file; `path` is for messages and to find tables.
-    pub fn parse(path: &Path, text: &Text) -> Result<Self, Faults> {
-        let scan = &mut Scan::new(path, text);
+    pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
+        let scan = &mut LineScanner::new(path, text);
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut all = Vec::new();
         let mut lines = HashMap::new();
         for record in 1.. {
-            scan.about(format!("record {record}"));
-            if scan.peek().is_none() {
+            scan.set_object(format!("record {record}"));
+            if scan.peek_line().is_none() {
                 break;
             }
             if read_record(scan, folder, &mut all, &mut lines).is_none() {
-                scan.leave_record();
+                scan.skip_record();
             }
         }
         scan.finish(DrvDof(all))
@@ -157,22 +157,22 @@ impl DrvDof {
 
     /// The text of the file, numbers with eight digits; tables are files of their own, see [`table_text`].
     pub fn to_text(&self) -> String {
-        self.text(e14)
+        self.text_with(format_e14)
     }
 
-    /// The same with as many digits as the columns hold, see [`long14`].
+    /// The same with as many digits as the columns hold, see [`format_long14`].
     pub fn to_long_text(&self) -> String {
-        self.text(long14)
+        self.text_with(format_long14)
     }
 
-    fn text(&self, real: fn(f64) -> String) -> String {
+    fn text_with(&self, real: fn(f64) -> String) -> String {
         let mut out = String::new();
         for driven in self.0.chunk_by(|a, b| a.body == b.body) {
             // Columns 7-15 are read; up to 13 are written, as pre does, while that is enough.
             let number = driven[0].body + 1;
-            let number = if number > 99_999 { integer(number, 9) } else { integer(number, 7) };
-            let _ = write!(out, "$bdyty\n RBDY3{number}\n$nodty\n NO6xx      1\n{DOFTY}");
-            for Driven { component, kind, evolution, .. } in driven {
+            let number = if number > 99_999 { format_integer(number, 9) } else { format_integer(number, 7) };
+            let _ = write!(out, "$bdyty\n RBDY3{number}\n$nodty\n NO6xx      1\n{TABLE_HEADER}");
+            for DrivenComponent { component, kind, evolution, .. } in driven {
                 let word = match kind {
                     DrivenKind::Velocity => "vlocy",
                     DrivenKind::Force => "force",
@@ -181,13 +181,13 @@ impl DrvDof {
                 match evolution {
                     &Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
                         let values = [constant, amplitude, omega, phase, ramp_start, ramp_rate];
-                        for (value, column) in values.into_iter().zip(HARMONIC) {
-                            put(&mut out, column, real(value));
+                        for (value, column) in values.into_iter().zip(HARMONIC_COLUMNS) {
+                            put_text(&mut out, column, real(value));
                         }
                     }
                     Evolution::Table { name, .. } => {
-                        put(&mut out, HARMONIC[0], "evolution");
-                        put(&mut out, TABLE_NAME.0, name);
+                        put_text(&mut out, HARMONIC_COLUMNS[0], "evolution");
+                        put_text(&mut out, TABLE_NAME_COLUMNS.0, name);
                     }
                 }
                 out.push('\n');
@@ -200,83 +200,83 @@ impl DrvDof {
 
 /// One body with all that drives it; `None` after a fault that leaves the scan inside the record.
 fn read_record(
-    scan: &mut Scan,
+    scan: &mut LineScanner,
     folder: &Path,
-    all: &mut Vec<Driven>,
+    all: &mut Vec<DrivenComponent>,
     lines: &mut HashMap<(usize, u64), usize>,
 ) -> Option<()> {
     scan.expect_keyword("bdyty")?;
-    let line = scan.expect("expected RBDY3 and the number of the body", Line::is_data)?;
-    if !scan.rigid(line, 2) {
+    let line = scan.expect_line("expected RBDY3 and the number of the body", TextLine::is_data)?;
+    if !scan.expect_rigid_body(line, 2) {
         return None;
     }
-    let body = scan.index(line, (7, 15), "number")?;
-    scan.about(format!("body {}", body + 1));
+    let body = scan.read_index(line, (7, 15), "number")?;
+    scan.set_object(format!("body {}", body + 1));
     scan.expect_keyword("nodty")?;
-    let node = scan.expect("expected NO6xx", |line| line.keyword() == "NO6xx")?;
-    if let Some(number) = scan.integer(node, (9, 13), "number of the node").filter(|&number| number != 1) {
-        scan.fault(node.number, format!("the number of the node is {number}"), "expected 1");
+    let node = scan.expect_line("expected NO6xx", |line| line.keyword() == "NO6xx")?;
+    if let Some(number) = scan.read_integer(node, (9, 13), "number of the node").filter(|&number| number != 1) {
+        scan.add_fault(node.number, format!("the number of the node is {number}"), "expected 1");
     }
     scan.expect_keyword("dofty")?;
-    while scan.line_if(|line| line.keyword() == "$$$$$").is_none() {
-        let line = scan.expect("expected vlocy, force or $$$$$$", Line::is_data)?;
+    while scan.next_line_if(|line| line.keyword() == "$$$$$").is_none() {
+        let line = scan.expect_line("expected vlocy, force or $$$$$$", TextLine::is_data)?;
         let kind = match line.keyword() {
             "vlocy" => DrivenKind::Velocity,
             "force" => DrivenKind::Force,
             word => {
                 let found = format!("'{}' is driven", word.trim());
-                scan.fault(line.number, found, "expected vlocy or force in columns 2 to 6");
+                scan.add_fault(line.number, found, "expected vlocy or force in columns 2 to 6");
                 continue;
             }
         };
-        let component = scan.integer(line, (9, 13), "component");
+        let component = scan.read_integer(line, (9, 13), "component");
         let evolution = read_evolution(scan, line, folder);
         let (Some(component), Some(evolution)) = (component, evolution) else { continue };
         if !(1..=6).contains(&component) {
-            scan.fault(line.number, format!("component is {component}"), "expected 1 to 6");
+            scan.add_fault(line.number, format!("component is {component}"), "expected 1 to 6");
             continue;
         }
         if let Some(earlier) = lines.insert((body, component), line.number) {
             let found = format!("component {component} is driven already by line {earlier}");
-            scan.fault(line.number, found, "expected each component once");
+            scan.add_fault(line.number, found, "expected each component once");
         }
         let component = component as usize - 1;
-        all.push(Driven { line: line.number, body, component, kind, evolution });
+        all.push(DrivenComponent { line: line.number, body, component, kind, evolution });
     }
     Some(())
 }
 
-fn read_evolution(scan: &mut Scan, line: Line, folder: &Path) -> Option<Evolution> {
+fn read_evolution(scan: &mut LineScanner, line: TextLine, folder: &Path) -> Option<Evolution> {
     if line.columns(15, 23) != "evolution" {
-        let values: [f64; 6] = std::array::from_fn(|k| scan.real(line, HARMONIC[k], HARMONIC_NAMES[k]));
+        let values: [f64; 6] = std::array::from_fn(|k| scan.read_real(line, HARMONIC_COLUMNS[k], HARMONIC_NAMES[k]));
         let [constant, amplitude, omega, phase, ramp_start, ramp_rate] = values;
         return Some(Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate });
     }
-    let name = scan.name(line, TABLE_NAME, "name of the table");
+    let name = scan.read_name(line, TABLE_NAME_COLUMNS, "name of the table");
     if name.is_empty() {
         return None;
     }
     if name.contains(['/', '\\']) {
-        scan.fault(line.number, format!("the table is '{name}'"), "expected a file in the folder of this one");
+        scan.add_fault(line.number, format!("the table is '{name}'"), "expected a file in the folder of this one");
         return None;
     }
-    let points = scan.gather(read_table(&folder.join(&name)))?;
+    let points = scan.gather_result(read_table(&folder.join(&name)))?;
     Some(Evolution::Table { name, points })
 }
 
 /// Points (time, value) of a table, sorted by time: two numbers a line, in any columns.
 fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
-    let text = Text::load(path)?;
-    let scan = &mut Scan::new(path, &text);
-    scan.about("table");
+    let text = AsciiText::read_file(path)?;
+    let scan = &mut LineScanner::new(path, &text);
+    scan.set_object("table");
     let mut points = Vec::new();
-    while let Some(line) = scan.line() {
+    while let Some(line) = scan.next_line() {
         let words: Vec<_> = line.text().split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect();
         // Free format: an integer is as good as a real here.
         let numbers: Vec<_> = words.iter().map_while(|word| free_real(word).ok()).collect();
         match numbers.as_slice() {
             &[time, value] if words.len() == 2 => points.push((line.number, [time, value])),
-            _ => scan.fault(
+            _ => scan.add_fault(
                 line.number,
                 format!("'{}'", line.text().trim().escape_default()),
                 "expected a time and a value",
@@ -287,11 +287,11 @@ fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
     for pair in points.windows(2) {
         if pair[0].1[0] == pair[1].1[0] {
             let found = format!("time {} stands on line {} too", pair[1].1[0], pair[0].0);
-            scan.fault(pair[1].0, found, "expected each time once");
+            scan.add_fault(pair[1].0, found, "expected each time once");
         }
     }
     if points.len() < 2 {
-        scan.fault_of_file(format!("the number of points is {}", points.len()), "expected at least 2");
+        scan.add_file_fault(format!("the number of points is {}", points.len()), "expected at least 2");
     }
     scan.finish(points.into_iter().map(|(_, point)| point).collect())
 }
@@ -315,11 +315,11 @@ mod tests {
             ramp_start: 0.0,
             ramp_rate: 0.5,
         };
-        assert_eq!(e.at(0.0), 0.0);
-        assert!((e.at(1.0) + 0.5).abs() < 1e-15); // (1 - 2) / 2
-        assert!((e.at(2.0) - 3.0).abs() < 1e-15); // the ramp has reached 1
-        assert!((e.at(4.0) - 3.0).abs() < 1e-14); // and stays there
-        assert_eq!(Evolution::constant(0.7).at(12.0), 0.7);
+        assert_eq!(e.value_at(0.0), 0.0);
+        assert!((e.value_at(1.0) + 0.5).abs() < 1e-15); // (1 - 2) / 2
+        assert!((e.value_at(2.0) - 3.0).abs() < 1e-15); // the ramp has reached 1
+        assert!((e.value_at(4.0) - 3.0).abs() < 1e-14); // and stays there
+        assert_eq!(Evolution::constant(0.7).value_at(12.0), 0.7);
         assert_eq!((e.farthest_from(0.0, [0.0, 1.0]), e.farthest_from(4.0, [0.0, 1.0])), (3.0, 5.0));
     }
 
@@ -327,9 +327,9 @@ mod tests {
     fn tables_are_lines_beyond_both_ends() {
         let e = Evolution::Table { name: "f".into(), points: vec![[1.0, 10.0], [2.0, 20.0], [4.0, 0.0]] };
         for (t, value) in [(0.0, 0.0), (1.0, 10.0), (1.5, 15.0), (2.0, 20.0), (3.0, 10.0), (4.0, 0.0), (5.0, -10.0)] {
-            assert_eq!(e.at(t), value, "t = {t}");
+            assert_eq!(e.value_at(t), value, "t = {t}");
         }
-        assert!(e.at(f64::NAN).is_nan());
+        assert!(e.value_at(f64::NAN).is_nan());
         let farthest = [[1.0, 4.0], [0.0, 1.5], [3.0, 7.0]].map(|times| e.farthest_from(0.0, times));
         assert_eq!(farthest, [20.0, 15.0, 30.0]);
     }

@@ -42,7 +42,7 @@ impl Fault {
     }
 
     /// A file that cannot be read or written; nothing is said of what is expected.
-    pub fn io(file: &Path, doing: &str, error: &std::io::Error) -> Self {
+    pub fn from_io(file: &Path, doing: &str, error: &std::io::Error) -> Self {
         let why = match error.kind() {
             ErrorKind::NotFound => "there is no such file".into(),
             ErrorKind::PermissionDenied => "permission denied".into(),
@@ -65,17 +65,17 @@ impl fmt::Display for Fault {
                 write!(f, ":{column}")?;
             }
         }
-        write!(f, ": {}: {}", readable(&self.object), readable(&self.found))?;
-        if self.expected.is_empty() { Ok(()) } else { write!(f, "; {}", readable(&self.expected)) }
+        write!(f, ": {}: {}", printable_line(&self.object), printable_line(&self.found))?;
+        if self.expected.is_empty() { Ok(()) } else { write!(f, "; {}", printable_line(&self.expected)) }
     }
 }
 
 /// Text of a file on one line, without control characters, and not longer than a reader cares for.
-fn readable(text: &str) -> String {
-    const LONGEST: usize = 1000;
+fn printable_line(text: &str) -> String {
+    const MAX_LINE_CHARS: usize = 1000;
     let mut line = String::new();
     for (k, letter) in text.chars().enumerate() {
-        if k == LONGEST {
+        if k == MAX_LINE_CHARS {
             line += "...";
             break;
         }
@@ -99,13 +99,13 @@ impl Faults {
     }
 
     /// Takes the faults of `result` into this collection, and its value if there is one.
-    pub fn gather<T>(&mut self, result: Result<T, Faults>) -> Option<T> {
+    pub fn gather_result<T>(&mut self, result: Result<T, Faults>) -> Option<T> {
         result.map_err(|faults| self.0.extend(faults.0)).ok()
     }
 
     /// The message that a program prints: each fault on its own line behind the program's name, once, however often the file was
     /// read. One and the same fault of more than five lines of a file is printed once, with the next lines and their number.
-    pub fn report(&self, program: &str) -> String {
+    pub fn format_report(&self, program: &str) -> String {
         let mut seen = HashSet::new();
         let faults: Vec<&Fault> = self.0.iter().filter(|fault| seen.insert(fault.to_string())).collect();
         // Faults of a file as a whole have no line and are not grouped.
@@ -123,11 +123,11 @@ impl Faults {
             let group = alike(fault).map(|(sentence, _)| sentence);
             let lines = group.as_ref().map_or(&[][..], |sentence| &lines[sentence]);
             let mut more = String::new();
-            if lines.len() > ALIKE {
+            if lines.len() > MAX_ALIKE_FAULTS {
                 if !printed.insert(group) {
                     continue;
                 }
-                let next: Vec<String> = lines[1..=LISTED].iter().map(usize::to_string).collect();
+                let next: Vec<String> = lines[1..=MAX_LISTED_LINES].iter().map(usize::to_string).collect();
                 more = format!("; the same in {} more lines: {}, ...", lines.len() - 1, next.join(", "));
             }
             text += &format!("{program}: {fault}{more}\n");
@@ -137,10 +137,10 @@ impl Faults {
 }
 
 /// Faults of one kind that are still printed line by line.
-const ALIKE: usize = 5;
+const MAX_ALIKE_FAULTS: usize = 5;
 
 /// Lines that are named of those with the same fault.
-const LISTED: usize = 3;
+const MAX_LISTED_LINES: usize = 3;
 
 /// A sentence with each number in it as `#`.
 fn without_numbers(text: &str) -> String {
@@ -194,23 +194,26 @@ mod tests {
         let mut faults = Faults(many(50));
         faults.0.insert(20, fault(7, "no radius"));
         let other = "cd-solve: BODIES.DAT:7: body 1, contactor SPHER 1: no radius; expected more than 0\n";
-        assert_eq!(faults.report("cd-solve"), format!("{first}; the same in 49 more lines: 10, 15, 20, ...\n{other}"));
+        assert_eq!(
+            faults.format_report("cd-solve"),
+            format!("{first}; the same in 49 more lines: 10, 15, 20, ...\n{other}")
+        );
         // A few are printed each; so are those of a file as a whole.
-        assert_eq!(Faults(many(ALIKE)).report("cd-solve").lines().count(), ALIKE);
-        assert_eq!(Faults(many(ALIKE)).report("cd-solve").lines().next(), Some(first));
+        assert_eq!(Faults(many(MAX_ALIKE_FAULTS)).format_report("cd-solve").lines().count(), MAX_ALIKE_FAULTS);
+        assert_eq!(Faults(many(MAX_ALIKE_FAULTS)).format_report("cd-solve").lines().next(), Some(first));
         let whole = many(9).into_iter().map(|fault| Fault { line: None, ..fault }).collect();
-        assert_eq!(Faults(whole).report("cd-solve").lines().count(), 9);
+        assert_eq!(Faults(whole).format_report("cd-solve").lines().count(), 9);
     }
 
     #[test]
     fn a_file_that_cannot_be_read_says_why() {
         let error = std::fs::read("no/such/file").unwrap_err();
         assert_eq!(
-            Fault::io(Path::new("a.obj"), "read", &error).to_string(),
+            Fault::from_io(Path::new("a.obj"), "read", &error).to_string(),
             "a.obj: file: cannot be read: there is no such file"
         );
         let other = std::io::Error::from_raw_os_error(5); // EIO
-        let said = Fault::io(Path::new("a.obj"), "read", &other).to_string();
+        let said = Fault::from_io(Path::new("a.obj"), "read", &other).to_string();
         assert!(said.starts_with("a.obj: file: cannot be read: ") && !said.contains("os error"), "{said}");
     }
 
@@ -219,6 +222,6 @@ mod tests {
         let fault = |found: &str| Fault::new(Path::new("z.dat"), Some(2), "point 2", found, "later than point 1");
         let faults = Faults(vec![fault("time 0"), fault("time 1"), fault("time 0")]);
         let expected = "cd-solve: z.dat:2: point 2: time 0; later than point 1\ncd-solve: z.dat:2: point 2: time 1; later than point 1\n";
-        assert_eq!(faults.report("cd-solve"), expected);
+        assert_eq!(faults.format_report("cd-solve"), expected);
     }
 }

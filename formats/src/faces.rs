@@ -11,11 +11,11 @@ use crate::surface::{MassProperties, Surface};
 type Vec3 = Vector3<f64>;
 
 /// Which vertex, edge or face.
-pub type Number = u16;
+pub type FeatureIndex = u16;
 
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Plane {
+pub struct PolyhedronPlane {
     /// Unit, outward.
     pub normal: Vector3<f64>,
     /// Largest n·x over the body, m.
@@ -24,52 +24,55 @@ pub struct Plane {
 
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Edge {
+pub struct PolyhedronEdge {
     /// Ends, so that the first face has them in this order: e points along n0 × n1.
-    pub ends: [Number; 2],
-    pub faces: [Number; 2],
+    pub ends: [FeatureIndex; 2],
+    pub faces: [FeatureIndex; 2],
 }
 
 /// Distance from a face's plane, over the size, up to which triangles belong to it: of vertices rounded to seven digits.
 pub const FLATNESS_OF_FILES: f64 = 1e-6;
 /// The same, tried one after the other, for bodies of which that makes no polyhedron: needles, whose sides it takes for one.
-const FINER: [f64; 2] = [1e-8, 1e-10];
+const FINER_FLATNESS: [f64; 2] = [1e-8, 1e-10];
 
 /// Vertices, faces and edges of a convex polyhedron.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Faces {
+pub struct ConvexMesh {
     pub vertices: Vec<Vec3>,
-    pub planes: Vec<Plane>,
-    pub edges: Vec<Edge>,
+    pub planes: Vec<PolyhedronPlane>,
+    pub edges: Vec<PolyhedronEdge>,
     /// Vertices round each face, counter-clockwise seen from outside, then the edge from each to the next; face f has
     /// `starts[f]..starts[f + 1]`.
-    pub loops: Vec<Number>,
+    pub loops: Vec<FeatureIndex>,
     pub starts: Vec<u32>,
     pub circumradius: f64,
 }
 
-impl Faces {
+impl ConvexMesh {
     /// The faces of a POLYR of BODIES.DAT about its own centre of mass, and its mass properties in the frame of the file.
     ///
     /// Errors: what is wrong with the surface, or why it is no convex polyhedron.
     ///
     /// ```
-    /// # use cd_formats::faces::Faces;
+    /// # use cd_formats::faces::ConvexMesh;
     /// let vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    /// let (faces, mass) = Faces::of_contactor(&vertices, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).unwrap();
+    /// let (faces, mass) = ConvexMesh::from_contactor(&vertices, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).unwrap();
     /// assert_eq!((faces.planes.len(), faces.edges.len(), mass.centre), (4, 6, [0.25; 3]));
     /// ```
-    pub fn of_contactor(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<(Faces, MassProperties), String> {
+    pub fn from_contactor(
+        vertices: &[[f64; 3]],
+        triangles: &[[u32; 3]],
+    ) -> Result<(ConvexMesh, MassProperties), String> {
         let surface = Surface::new(vertices, triangles).map_err(|faults| faults.join("; "))?;
         let mass = surface.mass_properties();
         let centre = Vec3::from(mass.centre);
         let local: Vec<Vec3> = surface.vertices().iter().map(|v| Vec3::from(*v) - centre).collect();
-        let attempt = |flatness: f64| Faces::new(&local, surface.triangles(), flatness);
-        let finer = |found| FINER.iter().find_map(|flatness| attempt(*flatness).ok()).ok_or(found);
+        let attempt = |flatness: f64| ConvexMesh::new(&local, surface.triangles(), flatness);
+        let finer = |found| FINER_FLATNESS.iter().find_map(|flatness| attempt(*flatness).ok()).ok_or(found);
         Ok((attempt(FLATNESS_OF_FILES).or_else(finer)?, mass))
     }
 
-    /// Faces of a closed, outward triangulated surface about the body's centre of mass, m. Triangles whose vertices lie within
+    /// ConvexMesh of a closed, outward triangulated surface about the body's centre of mass, m. Triangles whose vertices lie within
     /// `flatness` times the size of a plane become one face, and vertices that are then no corners are left out.
     ///
     /// Errors: what makes it no convex polyhedron.
@@ -78,21 +81,21 @@ impl Faces {
         if !circumradius.is_finite() || triangles.iter().flatten().any(|&v| v as usize >= vertices.len()) {
             return Err("vertices are missing or not finite".into());
         }
-        let regions = Regions::grow(vertices, triangles, flatness * circumradius)?;
-        let loops = regions.loops(vertices.len(), triangles)?;
+        let regions = CoplanarRegions::grow_regions(vertices, triangles, flatness * circumradius)?;
+        let loops = regions.boundary_loops(vertices.len(), triangles)?;
         let edges = loops.iter().map(Vec::len).sum::<usize>() / 2;
-        if edges > usize::from(Number::MAX) {
-            return Err(format!("it has {edges} edges; {} are the most", Number::MAX));
+        if edges > usize::from(FeatureIndex::MAX) {
+            return Err(format!("it has {edges} edges; {} are the most", FeatureIndex::MAX));
         }
         // Vertices that are left, renumbered.
-        let mut number = vec![Number::MAX; vertices.len()];
+        let mut number = vec![FeatureIndex::MAX; vertices.len()];
         loops.iter().flatten().for_each(|&v| number[v as usize] = 0);
         let mut kept = Vec::new();
         for (v, number) in number.iter_mut().enumerate().filter(|(_, number)| **number == 0) {
-            *number = kept.len() as Number;
+            *number = kept.len() as FeatureIndex;
             kept.push(vertices[v]);
         }
-        let mut faces = Faces::bare(kept, circumradius);
+        let mut faces = ConvexMesh::from_vertices(kept, circumradius);
         for corners in &loops {
             faces.add_loop(corners.iter().map(|&v| number[v as usize]));
             faces.add_plane(flatness)?;
@@ -101,22 +104,22 @@ impl Faces {
         Ok(faces)
     }
 
-    pub fn bare(vertices: Vec<Vec3>, circumradius: f64) -> Self {
-        Faces { vertices, planes: Vec::new(), edges: Vec::new(), loops: Vec::new(), starts: vec![0], circumradius }
+    pub fn from_vertices(vertices: Vec<Vec3>, circumradius: f64) -> Self {
+        ConvexMesh { vertices, planes: Vec::new(), edges: Vec::new(), loops: Vec::new(), starts: vec![0], circumradius }
     }
 
     /// A face with these corners; its edges come later.
-    pub fn add_loop(&mut self, corners: impl ExactSizeIterator<Item = Number>) {
+    pub fn add_loop(&mut self, corners: impl ExactSizeIterator<Item = FeatureIndex>) {
         let end = self.loops.len() + 2 * corners.len();
         self.loops.extend(corners);
-        self.loops.resize(end, Number::MAX);
+        self.loops.resize(end, FeatureIndex::MAX);
         self.starts.push(end as u32);
     }
 
     /// The plane of the last face.
     fn add_plane(&mut self, flatness: f64) -> Result<(), String> {
         let face = self.starts.len() - 2;
-        let corners = self.corners(face);
+        let corners = self.face_corners(face);
         let at = |k: usize| self.vertices[corners[k] as usize];
         let base = at(0);
         let (mut area, mut longest) = (Vec3::zeros(), 0.0f64);
@@ -137,56 +140,56 @@ impl Faces {
             let about: Vec<String> = base.iter().map(|x| format!("{x:.4}")).collect();
             return Err(format!("not convex: {outside:.3e} m stand out of the face at ({})", about.join(", ")));
         }
-        self.planes.push(Plane { normal, offset });
+        self.planes.push(PolyhedronPlane { normal, offset });
         Ok(())
     }
 
     /// The edges, when all faces are there.
     pub fn add_edges(&mut self) -> Result<(), String> {
-        let mut known: BTreeMap<[Number; 2], usize> = BTreeMap::new();
+        let mut known: BTreeMap<[FeatureIndex; 2], usize> = BTreeMap::new();
         for face in 0..self.starts.len() - 1 {
-            let corners = self.corners(face).to_vec();
+            let corners = self.face_corners(face).to_vec();
             for (k, &a) in corners.iter().enumerate() {
                 let b = corners[(k + 1) % corners.len()];
                 let edge = *known.entry([a.min(b), a.max(b)]).or_insert_with(|| {
-                    self.edges.push(Edge { ends: [a, b], faces: [face as Number, Number::MAX] });
+                    self.edges.push(PolyhedronEdge { ends: [a, b], faces: [face as FeatureIndex, FeatureIndex::MAX] });
                     self.edges.len() - 1
                 });
-                if self.edges[edge].faces[0] != face as Number {
-                    if self.edges[edge].faces[1] != Number::MAX || self.edges[edge].ends != [b, a] {
+                if self.edges[edge].faces[0] != face as FeatureIndex {
+                    if self.edges[edge].faces[1] != FeatureIndex::MAX || self.edges[edge].ends != [b, a] {
                         return Err("its faces do not close".into());
                     }
-                    self.edges[edge].faces[1] = face as Number;
+                    self.edges[edge].faces[1] = face as FeatureIndex;
                 }
                 let side = self.starts[face] as usize + corners.len() + k;
-                self.loops[side] = edge as Number;
+                self.loops[side] = edge as FeatureIndex;
             }
         }
         let euler = self.vertices.len() + self.planes.len() == self.edges.len() + 2;
-        if !euler || self.edges.iter().any(|edge| edge.faces[1] == Number::MAX) {
+        if !euler || self.edges.iter().any(|edge| edge.faces[1] == FeatureIndex::MAX) {
             return Err("its faces do not close".into());
         }
         Ok(())
     }
 
-    fn corners(&self, face: usize) -> &[Number] {
+    fn face_corners(&self, face: usize) -> &[FeatureIndex] {
         let [start, end] = [self.starts[face], self.starts[face + 1]].map(|k| k as usize);
         &self.loops[start..start + (end - start) / 2]
     }
 }
 
 /// Triangles by the plane in which they lie.
-struct Regions {
-    of: Vec<u32>,
+struct CoplanarRegions {
+    region_of_triangle: Vec<u32>,
     /// The triangle with each directed edge.
     with_edge: BTreeMap<[u32; 2], usize>,
     count: usize,
 }
 
-impl Regions {
+impl CoplanarRegions {
     /// From the largest triangle on, each takes its neighbours that lie within `tolerance` (m) of its plane, and those
     /// of these.
-    fn grow(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> Result<Self, String> {
+    fn grow_regions(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> Result<Self, String> {
         let mut with_edge = BTreeMap::new();
         for (k, t) in triangles.iter().enumerate() {
             for edge in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
@@ -230,19 +233,19 @@ impl Regions {
             }
             count += 1;
         }
-        Ok(Regions { of, with_edge, count: count as usize })
+        Ok(CoplanarRegions { region_of_triangle: of, with_edge, count: count as usize })
     }
 
     /// The corners round each region, without vertices where only two regions meet.
-    fn loops(&self, vertices: usize, triangles: &[[u32; 3]]) -> Result<Vec<Vec<u32>>, String> {
+    fn boundary_loops(&self, vertices: usize, triangles: &[[u32; 3]]) -> Result<Vec<Vec<u32>>, String> {
         let mut meeting = vec![Vec::new(); vertices];
         let mut next: Vec<BTreeMap<u32, u32>> = vec![BTreeMap::new(); self.count];
-        for (t, &region) in triangles.iter().zip(&self.of) {
+        for (t, &region) in triangles.iter().zip(&self.region_of_triangle) {
             for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
                 if !meeting[a as usize].contains(&region) {
                     meeting[a as usize].push(region);
                 }
-                let border = self.of[self.with_edge[&[b, a]]] != region;
+                let border = self.region_of_triangle[self.with_edge[&[b, a]]] != region;
                 if border && next[region as usize].insert(a, b).is_some() {
                     return Err("not convex: a face touches itself".into());
                 }
@@ -303,7 +306,7 @@ mod tests {
                 triangles.push([0, 2 + j, 2 + next]);
                 triangles.push([1, 2 + south + next, 2 + south + j]);
             }
-            Faces::new(&vertices, &triangles, 1e-10)
+            ConvexMesh::new(&vertices, &triangles, 1e-10)
         };
         assert_eq!(globe(9, 12).unwrap().edges.len(), 12 * (9 + 10));
         assert_eq!(globe(180, 182).err(), Some(format!("it has {} edges; 65535 are the most", 182 * (180 + 181))));

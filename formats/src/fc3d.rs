@@ -38,14 +38,14 @@ pub struct Fc3d {
     /// Friction of each contact.
     pub mu: Vec<f64>,
     /// Relative velocity of each contact without impulses, along n, t1, t2; < 0 along n when closing.
-    pub q: Vec<[f64; 3]>,
+    pub free_velocities: Vec<[f64; 3]>,
     /// By row, then by column.
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<Fc3dBlock>,
 }
 
 /// The 3x3 block of W that maps the impulse of contact `column` to the velocity of contact `row`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Block {
+pub struct Fc3dBlock {
     pub row: usize,
     pub column: usize,
     pub w: [[f64; 3]; 3],
@@ -59,8 +59,8 @@ impl Fc3d {
 
     /// Reads the text of a file; `path` is for messages.
     pub fn parse(path: &Path, text: &str) -> Result<Self, Faults> {
-        let mut words = Words::new(path, text);
-        let problem = words.problem();
+        let mut words = WordReader::new(path, text);
+        let problem = words.read_problem();
         match problem {
             Ok(problem) => words.faults.into_result(problem),
             Err(last) => {
@@ -81,11 +81,11 @@ impl Fc3d {
             let _ = writeln!(out, "{mu:?}");
         }
         out.push_str("q\n");
-        for [n, t1, t2] in &self.q {
+        for [n, t1, t2] in &self.free_velocities {
             let _ = writeln!(out, "{n:?} {t1:?} {t2:?}");
         }
         out.push_str("W\n");
-        for Block { row, column, w } in &self.blocks {
+        for Fc3dBlock { row, column, w } in &self.blocks {
             let _ = write!(out, "{row} {column}");
             for value in w.as_flattened() {
                 let _ = write!(out, " {value:?}");
@@ -97,7 +97,7 @@ impl Fc3d {
 }
 
 /// The words of a file with their lines.
-struct Words<'a> {
+struct WordReader<'a> {
     path: &'a Path,
     words: Vec<(usize, &'a str)>,
     comments: Vec<String>,
@@ -105,7 +105,7 @@ struct Words<'a> {
     faults: Faults,
 }
 
-impl<'a> Words<'a> {
+impl<'a> WordReader<'a> {
     fn new(path: &'a Path, text: &'a str) -> Self {
         let (mut words, mut comments) = (Vec::new(), Vec::new());
         for (k, line) in text.lines().enumerate() {
@@ -114,59 +114,63 @@ impl<'a> Words<'a> {
                 None => words.extend(line.split_whitespace().map(|word| (k + 1, word))),
             }
         }
-        Words { path, words, comments, next: 0, faults: Faults::default() }
+        WordReader { path, words, comments, next: 0, faults: Faults::default() }
     }
 
-    fn problem(&mut self) -> Result<Fc3d, Faults> {
+    fn read_problem(&mut self) -> Result<Fc3d, Faults> {
         for word in ["fc3d", "1", "name"] {
-            self.keyword(word)?;
+            self.expect_keyword(word)?;
         }
-        let name = self.word("name", "a name")?.to_string();
-        self.keyword("contacts")?;
-        let contacts: usize = self.count("contacts")?;
-        self.keyword("blocks")?;
-        let count = self.count("blocks")?;
+        let name = self.next_word("name", "a name")?.to_string();
+        self.expect_keyword("contacts")?;
+        let contacts: usize = self.read_count("contacts")?;
+        self.expect_keyword("blocks")?;
+        let count = self.read_count("blocks")?;
 
         // Each number needs two bytes: a count that the file cannot hold is found before memory is asked for.
-        self.keyword("mu")?;
+        self.expect_keyword("mu")?;
         let mut mu = Vec::new();
         for k in 0..contacts {
             let object = format!("mu of contact {k}");
-            let value = self.real(&object)?;
+            let value = self.read_real(&object)?;
             if value < 0.0 {
-                self.fault(&object, format!("{value:?}"), "expected 0 or more");
+                self.add_fault(&object, format!("{value:?}"), "expected 0 or more");
             }
             mu.push(value);
         }
-        self.keyword("q")?;
+        self.expect_keyword("q")?;
         let mut q = Vec::new();
         for k in 0..contacts {
-            q.push(self.reals(&format!("q of contact {k}"))?);
+            q.push(self.read_vector(&format!("q of contact {k}"))?);
         }
-        self.keyword("W")?;
-        let mut blocks: Vec<Block> = Vec::new();
+        self.expect_keyword("W")?;
+        let mut blocks: Vec<Fc3dBlock> = Vec::new();
         for k in 0..count {
             let object = format!("block {k} of W");
-            let [row, column] = [self.index(&object, contacts)?, self.index(&object, contacts)?];
-            let [a, b, c] = [self.reals(&object)?, self.reals(&object)?, self.reals(&object)?];
+            let [row, column] = [self.read_index(&object, contacts)?, self.read_index(&object, contacts)?];
+            let [a, b, c] = [self.read_vector(&object)?, self.read_vector(&object)?, self.read_vector(&object)?];
             if blocks.last().is_some_and(|last| (last.row, last.column) >= (row, column)) {
-                self.fault(&object, format!("({row}, {column})"), "expected blocks by row, then by column, each once");
+                self.add_fault(
+                    &object,
+                    format!("({row}, {column})"),
+                    "expected blocks by row, then by column, each once",
+                );
             }
-            blocks.push(Block { row, column, w: [a, b, c] });
+            blocks.push(Fc3dBlock { row, column, w: [a, b, c] });
         }
-        self.keyword("end")?;
+        self.expect_keyword("end")?;
         if let Some(&(line, word)) = self.words.get(self.next) {
-            return Err(Fault::new(self.path, Some(line), "end", quoted(word), "expected nothing more").into());
+            return Err(Fault::new(self.path, Some(line), "end", quoted_word(word), "expected nothing more").into());
         }
         let mut diagonal = vec![false; contacts];
         blocks.iter().filter(|block| block.row == block.column).for_each(|block| diagonal[block.row] = true);
         for k in (0..contacts).filter(|&k| !diagonal[k]) {
-            self.fault(&format!("W of contact {k}"), "no diagonal block".into(), "expected every diagonal block");
+            self.add_fault(&format!("W of contact {k}"), "no diagonal block".into(), "expected every diagonal block");
         }
-        Ok(Fc3d { comments: std::mem::take(&mut self.comments), name, mu, q, blocks })
+        Ok(Fc3d { comments: std::mem::take(&mut self.comments), name, mu, free_velocities: q, blocks })
     }
 
-    fn word(&mut self, object: &str, expected: &str) -> Result<&'a str, Faults> {
+    fn next_word(&mut self, object: &str, expected: &str) -> Result<&'a str, Faults> {
         let Some(&(_, word)) = self.words.get(self.next) else {
             let line = self.words.last().map(|(line, _)| *line);
             return Err(Fault::new(self.path, line, object, "the file ends", format!("expected {expected}")).into());
@@ -175,54 +179,54 @@ impl<'a> Words<'a> {
         Ok(word)
     }
 
-    fn keyword(&mut self, keyword: &str) -> Result<(), Faults> {
-        match self.word(keyword, keyword)? {
+    fn expect_keyword(&mut self, keyword: &str) -> Result<(), Faults> {
+        match self.next_word(keyword, keyword)? {
             word if word == keyword => Ok(()),
-            word => Err(self.fault_here(keyword, quoted(word), &format!("expected {keyword}")).into()),
+            word => Err(self.fault_at_word(keyword, quoted_word(word), &format!("expected {keyword}")).into()),
         }
     }
 
-    fn parsed<T: FromStr>(&mut self, object: &str, expected: &str) -> Result<T, Faults> {
-        let word = self.word(object, expected)?;
-        word.parse().map_err(|_| self.fault_here(object, quoted(word), &format!("expected {expected}")).into())
+    fn parse_next<T: FromStr>(&mut self, object: &str, expected: &str) -> Result<T, Faults> {
+        let word = self.next_word(object, expected)?;
+        word.parse().map_err(|_| self.fault_at_word(object, quoted_word(word), &format!("expected {expected}")).into())
     }
 
-    fn count(&mut self, object: &str) -> Result<usize, Faults> {
-        self.parsed(object, "a count")
+    fn read_count(&mut self, object: &str) -> Result<usize, Faults> {
+        self.parse_next(object, "a count")
     }
 
-    fn index(&mut self, object: &str, below: usize) -> Result<usize, Faults> {
-        match self.parsed(object, "the number of a contact")? {
+    fn read_index(&mut self, object: &str, below: usize) -> Result<usize, Faults> {
+        match self.parse_next(object, "the number of a contact")? {
             index if index < below => Ok(index),
-            index => {
-                Err(self.fault_here(object, format!("contact {index}"), &format!("expected less than {below}")).into())
-            }
+            index => Err(self
+                .fault_at_word(object, format!("contact {index}"), &format!("expected less than {below}"))
+                .into()),
         }
     }
 
-    fn real(&mut self, object: &str) -> Result<f64, Faults> {
-        let value: f64 = self.parsed(object, "a number")?;
+    fn read_real(&mut self, object: &str) -> Result<f64, Faults> {
+        let value: f64 = self.parse_next(object, "a number")?;
         if !value.is_finite() {
-            self.fault(object, format!("{value:?}"), "expected a finite number");
+            self.add_fault(object, format!("{value:?}"), "expected a finite number");
         }
         Ok(value)
     }
 
-    fn reals(&mut self, object: &str) -> Result<[f64; 3], Faults> {
-        Ok([self.real(object)?, self.real(object)?, self.real(object)?])
+    fn read_vector(&mut self, object: &str) -> Result<[f64; 3], Faults> {
+        Ok([self.read_real(object)?, self.read_real(object)?, self.read_real(object)?])
     }
 
     /// A fault of the word read last.
-    fn fault_here(&self, object: &str, found: String, expected: &str) -> Fault {
+    fn fault_at_word(&self, object: &str, found: String, expected: &str) -> Fault {
         Fault::new(self.path, self.words.get(self.next.wrapping_sub(1)).map(|(line, _)| *line), object, found, expected)
     }
 
-    fn fault(&mut self, object: &str, found: String, expected: &str) {
-        self.faults.push(self.fault_here(object, found, expected));
+    fn add_fault(&mut self, object: &str, found: String, expected: &str) {
+        self.faults.push(self.fault_at_word(object, found, expected));
     }
 }
 
-fn quoted(word: &str) -> String {
+fn quoted_word(word: &str) -> String {
     format!("'{}'", word.chars().take(40).collect::<String>().escape_default())
 }
 
@@ -243,7 +247,10 @@ mod tests {
     fn what_is_read_is_written() {
         let problem = Fc3d::parse(Path::new("a.fc3d"), GOOD).unwrap();
         assert_eq!(problem.blocks[1].w[1], [4.0, 5.0, 6.0]);
-        assert_eq!((problem.comments.as_slice(), problem.q[1][2]), ([" source".to_string()].as_slice(), -2e-7));
+        assert_eq!(
+            (problem.comments.as_slice(), problem.free_velocities[1][2]),
+            ([" source".to_string()].as_slice(), -2e-7)
+        );
         assert_eq!(problem.to_text(), GOOD);
     }
 
@@ -280,7 +287,7 @@ mod tests {
         #[test]
         fn numbers_come_back_the_same(value in prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL) {
             let mut problem = Fc3d::parse(Path::new("a"), GOOD).unwrap();
-            problem.q[0][1] = value;
+            problem.free_velocities[0][1] = value;
             problem.blocks[0].w[2][1] = -value;
             prop_assert_eq!(Fc3d::parse(Path::new("a"), &problem.to_text()).unwrap(), problem);
         }

@@ -2,12 +2,12 @@
 
 use nalgebra::Vector3;
 
-use crate::compute::Field;
+use crate::compute::ExternalField;
 
 type Vec3 = Vector3<f64>;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Outside {
+pub enum FieldModel {
     /// Attraction by a body at rest.
     Primary {
         /// G M, m^3/s^2
@@ -28,7 +28,7 @@ pub enum Outside {
     },
 }
 
-impl Outside {
+impl FieldModel {
     /// What a body at rest in these axes feels, m/s^2, and its potential, J/kg. With r from the centre, s = r.axis/|r|
     /// and e = J2 R^2/|r|^2:
     ///
@@ -38,9 +38,9 @@ impl Outside {
     /// ```
     ///
     /// At a primary's centre there is no force.
-    pub fn at(&self, x: &Vec3) -> (Vec3, f64) {
+    pub fn acceleration_and_potential(&self, x: &Vec3) -> (Vec3, f64) {
         match *self {
-            Outside::Primary { strength, centre, oblateness, axis } => {
+            FieldModel::Primary { strength, centre, oblateness, axis } => {
                 let r = x - centre;
                 let distance = r.norm();
                 if distance == 0.0 {
@@ -51,7 +51,7 @@ impl Outside {
                 let potential = -strength / distance * (1.0 - 0.5 * e * (3.0 * s * s - 1.0));
                 (along * (-strength / (distance * distance * distance)), potential)
             }
-            Outside::Turning { rate, centre } => {
+            FieldModel::Turning { rate, centre } => {
                 let moving = rate.cross(&(x - centre));
                 (-rate.cross(&moving), -0.5 * moving.norm_squared())
             }
@@ -60,35 +60,39 @@ impl Outside {
 
     /// What the potential energy of a body has beyond its mass times the potential at its centre, J: in axes that turn
     /// the share of its extent, -W.(J W)/2, where `turns` gives J W (kg m^2/s) in fixed axes; of a primary nothing counts.
-    pub fn of_extent(&self, turns: impl Fn(&Vec3) -> Vec3) -> f64 {
+    pub fn tidal_energy(&self, turns: impl Fn(&Vec3) -> Vec3) -> f64 {
         match self {
-            Outside::Turning { rate, .. } => -0.5 * turns(rate).dot(rate),
-            Outside::Primary { .. } => 0.0,
+            FieldModel::Turning { rate, .. } => -0.5 * turns(rate).dot(rate),
+            FieldModel::Primary { .. } => 0.0,
         }
     }
 
     /// How fast the axes turn, rad/s.
-    pub fn rate(&self) -> Vec3 {
+    pub fn rotation_rate(&self) -> Vec3 {
         match *self {
-            Outside::Turning { rate, .. } => rate,
-            Outside::Primary { .. } => Vec3::zeros(),
+            FieldModel::Turning { rate, .. } => rate,
+            FieldModel::Primary { .. } => Vec3::zeros(),
         }
     }
 }
 
-impl Field {
+impl ExternalField {
     /// What it does where the Newtonian constant is `constant`, m^3 kg^-1 s^-2.
-    pub fn outside(&self, constant: f64) -> Outside {
-        let primary = |mass: f64, position: [f64; 3], oblateness: f64, axis: [f64; 3]| Outside::Primary {
+    pub fn to_model(&self, constant: f64) -> FieldModel {
+        let primary = |mass: f64, position: [f64; 3], oblateness: f64, axis: [f64; 3]| FieldModel::Primary {
             strength: constant * mass,
             centre: position.into(),
             oblateness,
             axis: Vec3::from(axis).normalize(),
         };
         match *self {
-            Field::PointMass { mass, position } => primary(mass, position, 0.0, [0.0, 0.0, 1.0]),
-            Field::Oblate { mass, position, radius, j2, axis } => primary(mass, position, j2 * radius * radius, axis),
-            Field::RotatingFrame { rate, centre } => Outside::Turning { rate: rate.into(), centre: centre.into() },
+            ExternalField::PointMass { mass, position } => primary(mass, position, 0.0, [0.0, 0.0, 1.0]),
+            ExternalField::Oblate { mass, position, radius, j2, axis } => {
+                primary(mass, position, j2 * radius * radius, axis)
+            }
+            ExternalField::RotatingFrame { rate, centre } => {
+                FieldModel::Turning { rate: rate.into(), centre: centre.into() }
+            }
         }
     }
 }
@@ -102,19 +106,20 @@ mod tests {
         let centre = Vec3::new(1.0, -2.0, 0.5);
         let axis = Vec3::new(1.0, 2.0, 2.0) / 3.0;
         let fields = [
-            Outside::Primary { strength: 7.0, centre, oblateness: 0.0, axis },
-            Outside::Primary { strength: 7.0, centre, oblateness: 0.3, axis },
-            Outside::Turning { rate: Vec3::new(0.3, -0.1, 0.7), centre },
+            FieldModel::Primary { strength: 7.0, centre, oblateness: 0.0, axis },
+            FieldModel::Primary { strength: 7.0, centre, oblateness: 0.3, axis },
+            FieldModel::Turning { rate: Vec3::new(0.3, -0.1, 0.7), centre },
         ];
         let x = Vec3::new(3.0, 1.0, -1.0);
         for field in fields {
             let h = 1e-5;
             let slope = Vec3::from_fn(|k, _| {
                 let step = Vec3::ith(k, h);
-                (field.at(&(x + step)).1 - field.at(&(x - step)).1) / (2.0 * h)
+                (field.acceleration_and_potential(&(x + step)).1 - field.acceleration_and_potential(&(x - step)).1)
+                    / (2.0 * h)
             });
             // Central differences of numbers near 1: h^2 and 1e-16 / h.
-            assert!((field.at(&x).0 + slope).norm() < 1e-9, "{field:?}");
+            assert!((field.acceleration_and_potential(&x).0 + slope).norm() < 1e-9, "{field:?}");
         }
     }
 }

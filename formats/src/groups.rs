@@ -3,22 +3,22 @@
 /// Disjoint sets of the numbers 0, 1, ... with halving of paths.
 ///
 /// ```
-/// let mut groups = cd_formats::groups::Groups::new(4);
-/// groups.join(3, 1);
-/// groups.join(0, 3);
-/// assert_eq!([0, 1, 2, 3].map(|i| groups.root(i)), [0, 0, 2, 0]);
+/// let mut groups = cd_formats::groups::DisjointSets::new(4);
+/// groups.union(3, 1);
+/// groups.union(0, 3);
+/// assert_eq!([0, 1, 2, 3].map(|i| groups.find(i)), [0, 0, 2, 0]);
 /// ```
 #[derive(Debug, Clone)]
-pub struct Groups(Vec<usize>);
+pub struct DisjointSets(Vec<usize>);
 
-impl Groups {
+impl DisjointSets {
     /// Each by itself.
     pub fn new(count: usize) -> Self {
-        Groups((0..count).collect())
+        DisjointSets((0..count).collect())
     }
 
     /// The least of the group of `i`.
-    pub fn root(&mut self, mut i: usize) -> usize {
+    pub fn find(&mut self, mut i: usize) -> usize {
         while self.0[i] != i {
             self.0[i] = self.0[self.0[i]];
             i = self.0[i];
@@ -27,8 +27,8 @@ impl Groups {
     }
 
     /// Makes one group of those of `i` and `j`.
-    pub fn join(&mut self, i: usize, j: usize) {
-        let (i, j) = (self.root(i), self.root(j));
+    pub fn union(&mut self, i: usize, j: usize) {
+        let (i, j) = (self.find(i), self.find(j));
         self.0[i.max(j)] = i.min(j);
     }
 }

@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use crate::bodies::{Body, Contactor, Shape};
-use crate::faces::Faces;
+use crate::bodies::{Body, Contactor, ShapeRecord};
+use crate::faces::ConvexMesh;
 use crate::surface::{MassProperties, Surface};
 
 impl Contactor {
@@ -27,19 +27,19 @@ impl Contactor {
             MassProperties { volume, centre: offset, inertia: inertia.into() }
         };
         Ok(match &self.shape {
-            Shape::Sphere { radius } => ball(*radius, offset),
-            Shape::OffsetSphere { radius, offset } => ball(*radius, *offset),
-            Shape::Plane { half_lengths: [a, b, c] } => {
+            ShapeRecord::Sphere { radius } => ball(*radius, offset),
+            ShapeRecord::OffsetSphere { radius, offset } => ball(*radius, *offset),
+            ShapeRecord::Plane { half_lengths: [a, b, c] } => {
                 let volume = 8.0 * a * b * c;
                 turned(volume, [b * b + c * c, a * a + c * c, a * a + b * b].map(|square| volume / 3.0 * square))
             }
-            Shape::Cylinder { half_height, radius, .. } => {
+            ShapeRecord::Cylinder { half_height, radius, .. } => {
                 let volume = 2.0 * PI * radius * radius * half_height;
                 let across = volume * (radius * radius / 4.0 + half_height * half_height / 3.0);
                 turned(volume, [across, across, volume * radius * radius / 2.0])
             }
-            Shape::Polyhedron { vertices, triangles } => Surface::new(vertices, triangles)?.mass_properties(),
-            Shape::Point { offset } => MassProperties { volume: 0.0, centre: *offset, inertia: [[0.0; 3]; 3] },
+            ShapeRecord::Polyhedron { vertices, triangles } => Surface::new(vertices, triangles)?.mass_properties(),
+            ShapeRecord::Point { offset } => MassProperties { volume: 0.0, centre: *offset, inertia: [[0.0; 3]; 3] },
         })
     }
 
@@ -54,7 +54,7 @@ impl Contactor {
 
 /// Mass properties of a body in a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Inert {
+pub struct InertialProperties {
     /// kg
     pub mass: f64,
     /// Principal moments, kg m^2.
@@ -65,29 +65,29 @@ pub struct Inert {
 
 /// A body that can be computed.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Checked {
+pub struct CheckedBody {
     /// Faces of each polyhedron among the contactors, about its own centre of mass.
-    pub faces: Vec<Option<Faces>>,
+    pub faces: Vec<Option<ConvexMesh>>,
     /// Mass properties of each contactor, in the frame of the file, at density 1.
     pub parts: Vec<MassProperties>,
     /// Of all contactors together.
     pub whole: MassProperties,
-    pub inert: Inert,
+    pub inertial: InertialProperties,
 }
 
-impl Checked {
+impl CheckedBody {
     /// Distance up to which the contactors of `body`, of which it was made, reach from the centre of mass, m: each by the
     /// ball around it.
-    pub fn reach(&self, body: &Body) -> f64 {
-        let shift = Vector3::from(body.shift(&self.whole));
+    pub fn bounding_radius(&self, body: &Body) -> f64 {
+        let shift = Vector3::from(body.centre_of_mass_offset(&self.whole));
         let parts = body.contactors.iter().zip(&self.faces).zip(&self.parts);
         let reach = parts.map(|((contactor, faces), part)| {
             let radius = match (&contactor.shape, faces) {
                 (_, Some(faces)) => faces.circumradius,
-                (Shape::Sphere { radius } | Shape::OffsetSphere { radius, .. }, _) => *radius,
-                (Shape::Plane { half_lengths }, _) => Vector3::from(*half_lengths).norm(),
-                (Shape::Cylinder { half_height, radius, .. }, _) => radius.hypot(*half_height),
-                (Shape::Polyhedron { .. } | Shape::Point { .. }, _) => 0.0,
+                (ShapeRecord::Sphere { radius } | ShapeRecord::OffsetSphere { radius, .. }, _) => *radius,
+                (ShapeRecord::Plane { half_lengths }, _) => Vector3::from(*half_lengths).norm(),
+                (ShapeRecord::Cylinder { half_height, radius, .. }, _) => radius.hypot(*half_height),
+                (ShapeRecord::Polyhedron { .. } | ShapeRecord::Point { .. }, _) => 0.0,
             };
             (Vector3::from(part.centre) - shift).norm() + radius
         });
@@ -99,22 +99,22 @@ impl Checked {
 const EQUAL_MOMENTS: f64 = 1e-7;
 
 /// By so much the volume of a radius may differ, relatively, that has been rounded to 7 digits.
-const DIGITS: f64 = 1e-6;
+const VOLUME_ROUNDING: f64 = 1e-6;
 
 impl Body {
     /// The body at a density (kg/m^3), if cd-solve can compute it; cd-pre asks before it writes one.
     ///
     /// Errors: what was found and what was expected.
-    pub fn checked(&self, density: f64) -> Result<Checked, (String, String)> {
+    pub fn check_at_density(&self, density: f64) -> Result<CheckedBody, (String, String)> {
         let refuse = |fault: String| (format!("contactor POLYR: {fault}"), "expected a closed convex surface".into());
         let (mut faces, mut parts) = (Vec::new(), Vec::new());
         for contactor in &self.contactors {
             let (of_contactor, part) = match &contactor.shape {
-                Shape::Polyhedron { vertices, triangles } => {
-                    let (faces, part) = Faces::of_contactor(vertices, triangles).map_err(refuse)?;
+                ShapeRecord::Polyhedron { vertices, triangles } => {
+                    let (faces, part) = ConvexMesh::from_contactor(vertices, triangles).map_err(refuse)?;
                     (Some(faces), part)
                 }
-                Shape::Point { .. } => {
+                ShapeRecord::Point { .. } => {
                     let expected = "computed are SPHER, SPHEb, PLANx, POLYR, CYLND and DNLYC";
                     return Err(("contactor PT3Dx".into(), expected.into()));
                 }
@@ -123,7 +123,7 @@ impl Body {
             faces.push(of_contactor);
             parts.push(part);
         }
-        if let [Contactor { shape: Shape::Sphere { radius }, .. }] = self.contactors.as_slice() {
+        if let [Contactor { shape: ShapeRecord::Sphere { radius }, .. }] = self.contactors.as_slice() {
             let avrd = self.equivalent_radius;
             // The files hold 7 or 8 digits.
             if avrd != 0.0 && (avrd - radius).abs() > 1e-6 * radius {
@@ -132,9 +132,9 @@ impl Body {
                 return Err((format!("avrd {avrd}"), expected));
             }
         }
-        let whole = MassProperties::together(&parts);
-        let inert = self.inert(&whole, density);
-        let Inert { mass, inertia, .. } = inert;
+        let whole = MassProperties::composite(&parts);
+        let inert = self.inertial_properties(&whole, density);
+        let InertialProperties { mass, inertia, .. } = inert;
         let sound = |x: f64| x.is_finite() && x > 0.0;
         if !sound(mass) || !inertia.into_iter().all(sound) {
             let found =
@@ -146,20 +146,20 @@ impl Body {
             let found = format!("principal inertia {i:e}, {j:e}, {k:e} kg m²");
             return Err((found, "expected each to be at most the sum of the others, as every body has them".into()));
         }
-        Ok(Checked { faces, parts, whole, inert })
+        Ok(CheckedBody { faces, parts, whole, inertial: inert })
     }
 
     /// Of all contactors together. Errors: as of one of them.
     pub fn mass_properties(&self) -> Result<MassProperties, Vec<String>> {
         let of_each = self.contactors.iter().map(Contactor::mass_properties);
-        Ok(MassProperties::together(&of_each.collect::<Result<Vec<_>, _>>()?))
+        Ok(MassProperties::composite(&of_each.collect::<Result<Vec<_>, _>>()?))
     }
 
     /// From `position` to the centre of mass, m, `own` being the mass properties of all contactors together: to their
     /// centre, but for a lone SPHEb, and for several contactors that are given with inertia and so about the centre.
-    pub fn shift(&self, own: &MassProperties) -> [f64; 3] {
+    pub fn centre_of_mass_offset(&self, own: &MassProperties) -> [f64; 3] {
         let about_centre = match self.contactors.as_slice() {
-            [lone] => matches!(lone.shape, Shape::OffsetSphere { .. }),
+            [lone] => matches!(lone.shape, ShapeRecord::OffsetSphere { .. }),
             _ => self.inertia.is_some_and(|inertia| inertia != [0.0; 3]),
         };
         if about_centre { [0.0; 3] } else { own.centre }
@@ -167,33 +167,35 @@ impl Body {
 
     /// At a density (kg/m^3), `own` being the mass properties of all contactors together. `avrd` and `I1 I2 I3` count where
     /// they are given, but for the moments of a lone sphere, plate or cylinder, about its own axes, and the mass of a sphere.
-    pub fn inert(&self, own: &MassProperties, density: f64) -> Inert {
+    pub fn inertial_properties(&self, own: &MassProperties, density: f64) -> InertialProperties {
         let lone = if let [lone] = self.contactors.as_slice() { Some(lone) } else { None };
-        let simple = lone.filter(|contactor| !matches!(contactor.shape, Shape::Polyhedron { .. }));
+        let simple = lone.filter(|contactor| !matches!(contactor.shape, ShapeRecord::Polyhedron { .. }));
         let given = self.inertia.filter(|inertia| simple.is_none() && *inertia != [0.0; 3]);
-        let own_moments = || simple.map_or_else(|| own.principal().0, |contactor| contactor.own_moments(own));
+        let own_moments = || simple.map_or_else(|| own.principal_axes().0, |contactor| contactor.own_moments(own));
         let inertia = given.unwrap_or_else(own_moments);
         let told = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
         let counts = match simple.map(|contactor| &contactor.shape) {
             // The volume itself has more digits.
-            Some(Shape::Plane { .. } | Shape::Cylinder { .. }) => (told / own.volume - 1.0).abs() > DIGITS,
+            Some(ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. }) => {
+                (told / own.volume - 1.0).abs() > VOLUME_ROUNDING
+            }
             Some(_) => false,
             None => lone.is_some() || given.is_some(),
         };
         let volume = if counts && told != 0.0 { told } else { own.volume };
         let radius = match lone.map(|contactor| &contactor.shape) {
-            Some(Shape::Sphere { radius }) => *radius,
+            Some(ShapeRecord::Sphere { radius }) => *radius,
             _ => (volume * 0.75 / PI).cbrt(),
         };
         let inertia = inertia.map(|moment| density * moment);
         let alike = inertia.iter().all(|moment| (moment - inertia[0]).abs() <= EQUAL_MOMENTS * inertia[0]);
-        Inert { mass: density * volume, inertia: if alike { [inertia[0]; 3] } else { inertia }, radius }
+        InertialProperties { mass: density * volume, inertia: if alike { [inertia[0]; 3] } else { inertia }, radius }
     }
 }
 
 impl MassProperties {
     /// Mass properties of several parts as one body, by Huygens' theorem; what parts share counts twice.
-    pub fn together(parts: &[MassProperties]) -> MassProperties {
+    pub fn composite(parts: &[MassProperties]) -> MassProperties {
         let volume: f64 = parts.iter().map(|part| part.volume).sum();
         let centre = parts.iter().map(|part| Vector3::from(part.centre) * part.volume).sum::<Vector3<f64>>() / volume;
         let about = |part: &MassProperties| {
@@ -211,15 +213,16 @@ mod tests {
     use super::*;
     use crate::bodies::LocalFrame;
 
-    fn contactor(shape: Shape, local_frame: Option<LocalFrame>) -> Contactor {
+    fn contactor(shape: ShapeRecord, local_frame: Option<LocalFrame>) -> Contactor {
         Contactor { colour: "BLUEx".into(), shape, local_frame }
     }
 
     #[test]
     fn a_dumbbell_of_balls() {
-        let balls = [1.0, -1.0].map(|side| Shape::OffsetSphere { radius: 0.5, offset: [3.0 * side + 1.0, 0.0, 2.0] });
+        let balls =
+            [1.0, -1.0].map(|side| ShapeRecord::OffsetSphere { radius: 0.5, offset: [3.0 * side + 1.0, 0.0, 2.0] });
         let parts = balls.map(|ball| contactor(ball, None).mass_properties().unwrap());
-        let whole = MassProperties::together(&parts);
+        let whole = MassProperties::composite(&parts);
         let volume = 4.0 / 3.0 * PI * 0.125;
         let along = 2.0 * 0.4 * volume * 0.25;
         let across = along + 2.0 * volume * 9.0;
@@ -232,15 +235,15 @@ mod tests {
 
     #[test]
     fn a_body_weighs_what_the_file_says_where_its_shape_does_not() {
-        let ball = |x: f64| contactor(Shape::OffsetSphere { radius: 0.5, offset: [x, 0.0, 0.0] }, None);
+        let ball = |x: f64| contactor(ShapeRecord::OffsetSphere { radius: 0.5, offset: [x, 0.0, 0.0] }, None);
         let weighed = |contactors: Vec<Contactor>, equivalent_radius, inertia| {
             let material = "ROCKx".into();
             let body = Body { line: 0, material, equivalent_radius, inertia, position: [0.0; 3], contactors };
-            body.inert(&body.mass_properties().unwrap(), 3.0)
+            body.inertial_properties(&body.mass_properties().unwrap(), 3.0)
         };
-        let sphere = contactor(Shape::Sphere { radius: 2.0 }, None);
+        let sphere = contactor(ShapeRecord::Sphere { radius: 2.0 }, None);
         let mass = 3.0 * 4.0 / 3.0 * PI * 8.0;
-        let expected = Inert { mass, inertia: [0.4 * mass * 4.0; 3], radius: 2.0 };
+        let expected = InertialProperties { mass, inertia: [0.4 * mass * 4.0; 3], radius: 2.0 };
         let close = |a: f64, b: f64| (a - b).abs() <= 1e-14 * b;
         for alone in [weighed(vec![sphere.clone()], 0.0, None), weighed(vec![sphere], 7.0, Some([9.0; 3]))] {
             assert!(close(alone.mass, mass) && close(alone.inertia[2], expected.inertia[2]) && alone.radius == 2.0);
@@ -257,14 +260,14 @@ mod tests {
     fn a_plate_and_a_cylinder_lie_as_their_frames_say() {
         // Third axis along x.
         let frame = LocalFrame { axes: [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], offset: [0.0, 5.0, 0.0] };
-        let plate = contactor(Shape::Plane { half_lengths: [1.0, 2.0, 0.5] }, Some(frame.clone()));
+        let plate = contactor(ShapeRecord::Plane { half_lengths: [1.0, 2.0, 0.5] }, Some(frame.clone()));
         let plate = plate.mass_properties().unwrap();
         assert_eq!((plate.volume, plate.centre), (8.0, [0.0, 5.0, 0.0]));
         let of = |a: f64, b: f64| 8.0 / 3.0 * (a * a + b * b);
         // Half lengths 0.5 along x, 1 along y, 2 along z.
         let expected = Matrix3::from_diagonal(&Vector3::new(of(1.0, 2.0), of(0.5, 2.0), of(0.5, 1.0)));
         assert!((Matrix3::from(plate.inertia) - expected).norm() < 1e-14);
-        let cylinder = Shape::Cylinder { half_height: 3.0, radius: 2.0, hollow: false };
+        let cylinder = ShapeRecord::Cylinder { half_height: 3.0, radius: 2.0, hollow: false };
         let cylinder = contactor(cylinder, Some(frame)).mass_properties().unwrap();
         let volume = 24.0 * PI;
         let across = volume * (1.0 + 3.0);

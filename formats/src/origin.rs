@@ -5,7 +5,7 @@ use std::path::Path;
 
 /// Origin of a DATBOX.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Origin {
+pub struct SceneOrigin {
     pub command: Command,
     /// The scene first, then the models that it names; the file of changes, then the snapshots.
     pub inputs: Vec<Input>,
@@ -33,16 +33,16 @@ pub enum Command {
 
 /// Folders above that of DATBOX in which a scene is followed, and below which other files are; what lies elsewhere may be
 /// moved apart.
-const ABOVE: [&str; 3] = ["", "..", "../.."];
+const SCENE_FOLDERS: [&str; 3] = ["", "..", "../.."];
 
-const BEGIN: &str = "// Made from ";
+const HEADER_PREFIX: &str = "// Made from ";
 const WITH: &str = "// Made with ";
 const BY: &str = "// Made by from-outbox ";
-const CHECKSUM: &str = ", checksum ";
+const CHECKSUM_PREFIX: &str = ", checksum ";
 const CHANGES: &str = ", --changes ";
-const SET: &str = ", --set ";
+const SETTING_PREFIX: &str = ", --set ";
 
-/// Path of a file or folder seen from the folder `case`; none if it lies elsewhere, see [`ABOVE`].
+/// Path of a file or folder seen from the folder `case`; none if it lies elsewhere, see [`SCENE_FOLDERS`].
 fn near(path: &Path, case: &Path) -> Option<String> {
     let whole = |path: &Path| fs::canonicalize(if path == Path::new("") { Path::new(".") } else { path }).ok();
     let there = match path.file_name() {
@@ -53,30 +53,30 @@ fn near(path: &Path, case: &Path) -> Option<String> {
         let base = whole(&case.join(above)).filter(|base| base.parent().is_some())?;
         Some(Path::new(above).join(there.strip_prefix(base).ok()?).to_str()?.to_string())
     };
-    ABOVE.into_iter().find_map(of_above).filter(|path| !path.contains(['\n', '\r']))
+    SCENE_FOLDERS.into_iter().find_map(of_above).filter(|path| !path.contains(['\n', '\r']))
 }
 
 fn plain(settings: &[String]) -> Vec<String> {
     settings.iter().map(|setting| setting.replace(['\n', '\r'], " ")).collect()
 }
 
-impl Origin {
+impl SceneOrigin {
     /// Origin of a DATBOX in the folder `case` made from a scene; none if the scene lies elsewhere.
-    pub fn of(scene: &Path, text: &[u8], settings: &[String], case: &Path) -> Option<Origin> {
+    pub fn from_scene(scene: &Path, text: &[u8], settings: &[String], case: &Path) -> Option<SceneOrigin> {
         let path = near(scene, case)?;
         let folder = Path::new(&path).parent()?.to_str()?;
-        let input = Input { path: ABOVE.contains(&folder).then_some(path)?, checksum: checksum(text) };
-        Some(Origin { command: Command::Scene, inputs: vec![input], settings: plain(settings) })
+        let input = Input { path: SCENE_FOLDERS.contains(&folder).then_some(path)?, checksum: checksum(text) };
+        Some(SceneOrigin { command: Command::Scene, inputs: vec![input], settings: plain(settings) })
     }
 
     /// Origin of a DATBOX in the folder `case` made from the results of the case `source`.
-    pub fn from_outbox(source: &Path, changes: Option<&Path>, settings: &[String], case: &Path) -> Origin {
+    pub fn from_outbox(source: &Path, changes: Option<&Path>, settings: &[String], case: &Path) -> SceneOrigin {
         let changes = changes.and_then(|changes| near(changes, case));
         let command = Command::FromOutbox { case: near(source, case).unwrap_or_default(), changes };
-        Origin { command, inputs: Vec::new(), settings: plain(settings) }
+        SceneOrigin { command, inputs: Vec::new(), settings: plain(settings) }
     }
 
-    /// Adds a file, unless it is there, lies elsewhere or cannot be read; `case` as in [`Origin::of`].
+    /// Adds a file, unless it is there, lies elsewhere or cannot be read; `case` as in [`SceneOrigin::from_scene`].
     pub fn add(&mut self, file: &Path, case: &Path) {
         if let (Some(path), Ok(bytes)) = (near(file, case), fs::read(file))
             && self.inputs.iter().all(|known| known.path != path)
@@ -87,7 +87,7 @@ impl Origin {
 
     /// The lines of COMPUTE.RON, with their ends.
     pub fn lines(&self) -> String {
-        let settings: String = self.settings.iter().map(|setting| format!("{SET}{setting}")).collect();
+        let settings: String = self.settings.iter().map(|setting| format!("{SETTING_PREFIX}{setting}")).collect();
         let mut lines = String::new();
         if let Command::FromOutbox { case, changes } = &self.command {
             let changes = changes.as_ref().map_or(String::new(), |changes| format!("{CHANGES}{changes}"));
@@ -95,40 +95,44 @@ impl Origin {
         }
         for (k, Input { path, checksum }) in self.inputs.iter().enumerate() {
             let scene = k == 0 && self.command == Command::Scene;
-            let (begin, settings) = if scene { (BEGIN, settings.as_str()) } else { (WITH, "") };
-            lines += &format!("{begin}{path}{CHECKSUM}{checksum:016x}{settings}\n");
+            let (begin, settings) = if scene { (HEADER_PREFIX, settings.as_str()) } else { (WITH, "") };
+            lines += &format!("{begin}{path}{CHECKSUM_PREFIX}{checksum:016x}{settings}\n");
         }
         lines
     }
 
     /// The origin that a COMPUTE.RON names, if it does.
-    pub fn find(text: &str) -> Option<Origin> {
+    pub fn from_compute_text(text: &str) -> Option<SceneOrigin> {
         let input = |line: &str| -> Option<(Input, Vec<String>)> {
-            let (path, rest) = line.split_once(CHECKSUM)?;
-            let mut rest = rest.split(SET);
+            let (path, rest) = line.split_once(CHECKSUM_PREFIX)?;
+            let mut rest = rest.split(SETTING_PREFIX);
             let checksum = u64::from_str_radix(rest.next()?.trim(), 16).ok()?;
             Some((Input { path: path.to_string(), checksum }, rest.map(str::to_string).collect()))
         };
         let mut lines = text.lines();
         let mut origin = lines.find_map(|line| {
             if let Some(line) = line.strip_prefix(BY) {
-                let mut parts = line.split(SET);
+                let mut parts = line.split(SETTING_PREFIX);
                 let (case, changes) = parts.next()?.split_once(CHANGES).map_or_else(
-                    || (line.split(SET).next().unwrap_or_default(), None),
+                    || (line.split(SETTING_PREFIX).next().unwrap_or_default(), None),
                     |(case, changes)| (case, Some(changes.to_string())),
                 );
                 let command = Command::FromOutbox { case: case.to_string(), changes };
-                return Some(Origin { command, inputs: Vec::new(), settings: parts.map(str::to_string).collect() });
+                return Some(SceneOrigin {
+                    command,
+                    inputs: Vec::new(),
+                    settings: parts.map(str::to_string).collect(),
+                });
             }
-            let (scene, settings) = input(line.strip_prefix(BEGIN)?)?;
-            Some(Origin { command: Command::Scene, inputs: vec![scene], settings })
+            let (scene, settings) = input(line.strip_prefix(HEADER_PREFIX)?)?;
+            Some(SceneOrigin { command: Command::Scene, inputs: vec![scene], settings })
         })?;
         origin.inputs.extend(lines.map_while(|line| Some(input(line.strip_prefix(WITH)?)?.0)));
         Some(origin)
     }
 
     /// Warning if files that a DATBOX in the folder `case` is made from exist and have changed.
-    pub fn changed(&self, case: &Path) -> Option<String> {
+    pub fn change_warning(&self, case: &Path) -> Option<String> {
         let has_changed =
             |input: &&Input| fs::read(case.join(&input.path)).is_ok_and(|bytes| checksum(&bytes) != input.checksum);
         let changed = self.inputs.iter().filter(has_changed).map(|input| case.join(&input.path).display().to_string());
@@ -177,20 +181,20 @@ mod tests {
         let (scene, case) = (folder.path().join("scene.ron"), folder.path().join("run"));
         fs::create_dir(&case).unwrap();
         fs::write(&scene, "(a: 1)").unwrap();
-        let origin = Origin::of(&scene, b"(a: 1)", &["b=2".into(), "c=(1, 2)".into()], &case).unwrap();
+        let origin = SceneOrigin::from_scene(&scene, b"(a: 1)", &["b=2".into(), "c=(1, 2)".into()], &case).unwrap();
         assert_eq!(origin.inputs[0].path, "../scene.ron");
         let text = format!("// Options of cd-solve\n{}(\n)\n", origin.lines());
-        assert_eq!(Origin::find(&text).as_ref(), Some(&origin));
-        assert_eq!(Origin::find("(\n)\n"), None);
-        assert_eq!(origin.changed(&case), None);
+        assert_eq!(SceneOrigin::from_compute_text(&text).as_ref(), Some(&origin));
+        assert_eq!(SceneOrigin::from_compute_text("(\n)\n"), None);
+        assert_eq!(origin.change_warning(&case), None);
         fs::write(&scene, "(a: 2)").unwrap();
-        let said = origin.changed(&case).unwrap();
+        let said = origin.change_warning(&case).unwrap();
         assert!(said.ends_with(&format!("-o {} --set 'b=2' --set 'c=(1, 2)'", case.display())), "{said}");
         fs::remove_file(&scene).unwrap();
-        assert_eq!(origin.changed(&case), None);
+        assert_eq!(origin.change_warning(&case), None);
         let far = folder.path().join("a/b/c");
         fs::create_dir_all(&far).unwrap();
-        assert_eq!(Origin::of(&scene, b"", &[], &far), None);
+        assert_eq!(SceneOrigin::from_scene(&scene, b"", &[], &far), None);
     }
     #[test]
     fn every_file_that_has_changed_is_named() {
@@ -203,23 +207,24 @@ mod tests {
         for name in ["changes.ron", "models/stone.stl", "run/OUTBOX/a.npz"] {
             fs::write(at(name), name).unwrap();
         }
-        let mut origin = Origin::from_outbox(&at("run"), Some(&at("changes.ron")), &["compute.dt=1".into()], &case);
+        let mut origin =
+            SceneOrigin::from_outbox(&at("run"), Some(&at("changes.ron")), &["compute.dt=1".into()], &case);
         for name in ["changes.ron", "models/stone.stl", "models/stone.stl", "run/OUTBOX/a.npz", "absent"] {
             origin.add(&at(name), &case);
         }
         assert_eq!(origin.inputs.len(), 3);
-        assert_eq!(Origin::find(&(origin.lines() + "(\n)\n")), Some(origin.clone()));
-        assert_eq!(origin.changed(&case), None);
+        assert_eq!(SceneOrigin::from_compute_text(&(origin.lines() + "(\n)\n")), Some(origin.clone()));
+        assert_eq!(origin.change_warning(&case), None);
         fs::write(at("models/stone.stl"), "other").unwrap();
-        let said = origin.changed(&case).unwrap();
+        let said = origin.change_warning(&case).unwrap();
         assert!(said.contains("new/../models/stone.stl has changed since DATBOX was made from it; "), "{said}");
         assert!(
             said.contains("run cd-pre from-outbox ") && said.ends_with("changes.ron --set 'compute.dt=1'"),
             "{said}"
         );
         fs::write(at("run/OUTBOX/a.npz"), "other").unwrap();
-        assert!(origin.changed(&case).unwrap().contains("a.npz have changed since DATBOX was made from them; "));
-        let alone = Origin::from_outbox(&at("run"), None, &[], &case);
-        assert_eq!(Origin::find(&alone.lines()), Some(alone));
+        assert!(origin.change_warning(&case).unwrap().contains("a.npz have changed since DATBOX was made from them; "));
+        let alone = SceneOrigin::from_outbox(&at("run"), None, &[], &case);
+        assert_eq!(SceneOrigin::from_compute_text(&alone.lines()), Some(alone));
     }
 }

@@ -1,6 +1,6 @@
 //! Where the values of a RON text stand, and other values in their place.
 //!
-//! serde keeps no positions, so [`Places`] walks the text once more: a text that RON has accepted needs no more than its
+//! serde keeps no positions, so [`ValueLocations`] walks the text once more: a text that RON has accepted needs no more than its
 //! brackets, field names, strings and comments to be found again.
 
 use std::collections::HashMap;
@@ -12,27 +12,27 @@ use crate::ron_text;
 
 /// The values of a RON text by their paths: field names and 0-based places in lists and tuples, joined by points; the
 /// path of the whole is empty.
-pub struct Places<'a> {
+pub struct ValueLocations<'a> {
     text: &'a str,
-    places: HashMap<String, Place>,
+    places: HashMap<String, ValueLocation>,
 }
 
 /// Position of a value.
-struct Place {
+struct ValueLocation {
     /// Byte at which its name or, without one, the value begins.
     start: usize,
     /// Bytes of the value.
     span: Range<usize>,
     /// Behind its opening bracket, if it has fields or items.
-    inside: Option<usize>,
+    content_start: Option<usize>,
 }
 
-impl<'a> Places<'a> {
-    pub fn of(text: &'a str) -> Self {
-        let mut walk = Walk::of(text);
+impl<'a> ValueLocations<'a> {
+    pub fn from_text(text: &'a str) -> Self {
+        let mut walk = LocationWalker::new(text);
         walk.skip_extensions();
-        walk.value("", 0);
-        Places { text, places: walk.places }
+        walk.skip_value("", 0);
+        ValueLocations { text, places: walk.places }
     }
 
     /// Line and column of the value at `path`, or of the innermost value around it if it was left out, 1-based; none
@@ -41,7 +41,7 @@ impl<'a> Places<'a> {
         let mut path = path;
         loop {
             match (self.places.get(path), path.rfind('.')) {
-                (Some(place), _) => return Some(ron_text::position(self.text, place.span.start)),
+                (Some(place), _) => return Some(ron_text::line_and_column(self.text, place.span.start)),
                 (None, Some(end)) => path = &path[..end],
                 (None, None) => return None,
             }
@@ -54,8 +54,8 @@ impl<'a> Places<'a> {
     }
 
     /// The path of the innermost value at a byte of the text, on its name too.
-    fn at(&self, byte: usize) -> Option<&str> {
-        let holds = |place: &Place| place.start <= byte && byte <= place.span.end;
+    fn path_at(&self, byte: usize) -> Option<&str> {
+        let holds = |place: &ValueLocation| place.start <= byte && byte <= place.span.end;
         let holders = self.places.iter().filter(|(_, place)| holds(place));
         holders.max_by_key(|(path, place)| (place.start, path.len())).map(|(path, _)| path.as_str())
     }
@@ -65,27 +65,27 @@ impl<'a> Places<'a> {
 /// counted from 1, as in `grains.1.number=2000`; a field that was left out is put in. Lines keep their numbers.
 ///
 /// Errors: settings that are no such pairs, and paths that lead nowhere.
-pub fn set(text: &str, settings: &[String]) -> Result<String, Faults> {
+pub fn apply_settings(text: &str, settings: &[String]) -> Result<String, Faults> {
     let mut text = text.to_string();
     let mut faults = Faults::default();
     for setting in settings {
-        match changed(&text, setting) {
+        match apply_setting(&text, setting) {
             Ok(changed) => text = changed,
-            Err((found, expected)) => faults.push(fault(setting, found, expected)),
+            Err((found, expected)) => faults.push(setting_fault(setting, found, expected)),
         }
     }
     faults.into_result(text)
 }
 
 /// A fault of a value that was set.
-pub fn fault(setting: &str, found: impl Into<String>, expected: impl Into<String>) -> Fault {
+pub fn setting_fault(setting: &str, found: impl Into<String>, expected: impl Into<String>) -> Fault {
     Fault::new(Path::new("options"), None, format!("set {setting}"), found, expected)
 }
 
 /// The last of `settings` that the value at `path` is from, if one is.
-pub fn setting<'a>(settings: &'a [String], path: &str) -> Option<&'a str> {
+pub fn setting_of_path<'a>(settings: &'a [String], path: &str) -> Option<&'a str> {
     let is_part = |setting: &&String| {
-        let rest = setting.split_once('=').and_then(|(of, _)| path.strip_prefix(&keys(of.trim())?.join(".")));
+        let rest = setting.split_once('=').and_then(|(of, _)| path.strip_prefix(&path_keys(of.trim())?.join(".")));
         rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
     };
     settings.iter().rfind(is_part).map(String::as_str)
@@ -97,11 +97,11 @@ pub fn setting_at<'a>(settings: &'a [String], text: &str, line: usize, column: u
     let within: usize = text[before..].chars().take(column - 1).map(char::len_utf8).sum();
     // RON misses some values where the blank before them begins.
     let byte = text.len() - text[before + within..].trim_start().len();
-    setting(settings, Places::of(text).at(byte)?)
+    setting_of_path(settings, ValueLocations::from_text(text).path_at(byte)?)
 }
 
 /// The names and 0-based places of a path as people write it, who count places in lists from 1; none of place 0.
-fn keys(path: &str) -> Option<Vec<String>> {
+fn path_keys(path: &str) -> Option<Vec<String>> {
     let key = |key: &str| match key.parse::<usize>() {
         Ok(place) => place.checked_sub(1).map(|place| place.to_string()),
         Err(_) => Some(key.to_string()),
@@ -109,24 +109,24 @@ fn keys(path: &str) -> Option<Vec<String>> {
     path.split('.').map(key).collect()
 }
 
-fn changed(text: &str, setting: &str) -> Result<String, (String, String)> {
+fn apply_setting(text: &str, setting: &str) -> Result<String, (String, String)> {
     let refuse = |found: &str, expected: &str| (found.to_string(), format!("expected {expected}"));
     let pair = setting.split_once('=').map(|(path, value)| (path.trim(), value.trim().replace('\n', " ")));
     let Some((path, value)) = pair.filter(|(path, _)| !path.is_empty()) else {
         return Err(refuse("is no pair", "PATH=VALUE, such as grains.1.number=2000"));
     };
-    if let Some(mistake) = ron_text::syntax(&value).into_iter().next().filter(|_| !value.is_empty()) {
+    if let Some(mistake) = ron_text::syntax_faults(&value).into_iter().next().filter(|_| !value.is_empty()) {
         return Err((format!("value: {}", mistake.found), mistake.expected));
     }
-    let mut walk = Walk::of(&value);
-    walk.value("", 0);
+    let mut walk = LocationWalker::new(&value);
+    walk.skip_value("", 0);
     if walk.at < value.len() || walk.places[""].span.end < value.len() || value.is_empty() {
         return Err(refuse(&format!("'{value}'"), "one value in RON"));
     }
-    let Some(keys) = keys(path) else {
+    let Some(keys) = path_keys(path) else {
         return Err(refuse("0", "places in lists counted from 1"));
     };
-    let places = Places::of(text).places;
+    let places = ValueLocations::from_text(text).places;
     if let Some(place) = places.get(&keys.join(".")) {
         return Ok(format!("{}{value}{}", &text[..place.span.start], &text[place.span.end..]));
     }
@@ -135,12 +135,12 @@ fn changed(text: &str, setting: &str) -> Result<String, (String, String)> {
     let new = &keys[known..];
     let named = |key: &String| key.starts_with(|c: char| c.is_alphabetic() || c == '_');
     let holder = places.get(&keys[..known].join("."));
-    let has_names = |place: &Place| {
+    let has_names = |place: &ValueLocation| {
         let first = format!("{}0", keys[..known].iter().map(|key| format!("{key}.")).collect::<String>());
-        text.as_bytes()[place.inside.unwrap_or(1) - 1] == b'(' && !places.contains_key(&first)
+        text.as_bytes()[place.content_start.unwrap_or(1) - 1] == b'(' && !places.contains_key(&first)
     };
     let Some(inside) =
-        holder.filter(|place| has_names(place)).and_then(|place| place.inside).filter(|_| new.iter().all(named))
+        holder.filter(|place| has_names(place)).and_then(|place| place.content_start).filter(|_| new.iter().all(named))
     else {
         let shown: Vec<&str> = path.split('.').take(known + 1).collect();
         let found = format!("no '{}' in the file", shown.join("."));
@@ -155,33 +155,33 @@ fn changed(text: &str, setting: &str) -> Result<String, (String, String)> {
 }
 
 /// The field of what stands at `holder` whose name is nearest to `name`.
-fn nearest_field<'a>(places: &'a HashMap<String, Place>, holder: &[String], name: &str) -> Option<&'a str> {
+fn nearest_field<'a>(places: &'a HashMap<String, ValueLocation>, holder: &[String], name: &str) -> Option<&'a str> {
     let within = |path: &'a String| {
         let (parent, field) = path.rsplit_once('.').unwrap_or(("", path));
         (parent == holder.join(".") && field.parse::<usize>().is_err() && !field.is_empty()).then_some(field)
     };
     let mut fields: Vec<&str> = places.keys().filter_map(within).collect();
     fields.sort_unstable();
-    ron_text::nearest(name, &fields)
+    ron_text::nearest_name(name, &fields)
 }
 
-struct Walk<'a> {
+struct LocationWalker<'a> {
     text: &'a [u8],
     at: usize,
     /// Brackets that are open.
     depth: usize,
-    places: HashMap<String, Place>,
+    places: HashMap<String, ValueLocation>,
 }
 
 /// Deepest nesting that is walked; RON refuses more.
-const DEEPEST: usize = 256;
+const MAX_DEPTH: usize = 256;
 
-impl<'a> Walk<'a> {
-    fn of(text: &'a str) -> Self {
-        Walk { text: text.as_bytes(), at: 0, depth: 0, places: HashMap::new() }
+impl<'a> LocationWalker<'a> {
+    fn new(text: &'a str) -> Self {
+        LocationWalker { text: text.as_bytes(), at: 0, depth: 0, places: HashMap::new() }
     }
 
-    fn here(&self) -> u8 {
+    fn current_byte(&self) -> u8 {
         self.text.get(self.at).copied().unwrap_or(0)
     }
 
@@ -191,7 +191,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Goes behind the next `mark`, or to the end.
-    fn behind(&mut self, mark: &[u8]) {
+    fn skip_past(&mut self, mark: &[u8]) {
         let rest = &self.text[self.at..];
         let found = rest.windows(mark.len()).position(|window| window == mark);
         self.advance(found.map_or(rest.len(), |start| start + mark.len()));
@@ -199,9 +199,9 @@ impl<'a> Walk<'a> {
 
     fn skip_blank(&mut self) {
         loop {
-            match (self.here(), self.text.get(self.at + 1)) {
+            match (self.current_byte(), self.text.get(self.at + 1)) {
                 (byte, _) if byte.is_ascii_whitespace() => self.advance(1),
-                (b'/', Some(b'/')) => self.behind(b"\n"),
+                (b'/', Some(b'/')) => self.skip_past(b"\n"),
                 (b'/', Some(b'*')) => self.skip_comment(),
                 _ => return,
             }
@@ -229,20 +229,20 @@ impl<'a> Walk<'a> {
     /// Goes behind what a text may begin with, such as `#![enable(implicit_some)]`.
     fn skip_extensions(&mut self) {
         self.skip_blank();
-        while self.here() == b'#' {
-            self.behind(b"]");
+        while self.current_byte() == b'#' {
+            self.skip_past(b"]");
             self.skip_blank();
         }
     }
 
     /// A field's name, if one stands here with its colon; goes behind the colon.
-    fn field(&mut self) -> Option<String> {
+    fn read_field_name(&mut self) -> Option<String> {
         let length = self.text[self.at..].iter().take_while(|b| b.is_ascii_alphanumeric() || **b == b'_').count();
         let name = String::from_utf8_lossy(&self.text[self.at..self.at + length]).into_owned();
         let start = self.at;
         self.advance(length);
         self.skip_blank();
-        if length > 0 && self.here() == b':' {
+        if length > 0 && self.current_byte() == b':' {
             self.advance(1);
             return Some(name);
         }
@@ -251,18 +251,18 @@ impl<'a> Walk<'a> {
     }
 
     /// Goes behind the value at `path`, which or whose name begins at a byte.
-    fn value(&mut self, path: &str, start: usize) {
+    fn skip_value(&mut self, path: &str, start: usize) {
         self.skip_blank();
-        let mut place = Place { start, span: self.at..self.at, inside: None };
+        let mut place = ValueLocation { start, span: self.at..self.at, content_start: None };
         loop {
             self.skip_blank();
-            match self.here() {
+            match self.current_byte() {
                 b'(' | b'[' | b'{' => {
-                    place.inside = Some(self.at + 1);
-                    self.items(path);
+                    place.content_start = Some(self.at + 1);
+                    self.skip_items(path);
                 }
-                b'"' => self.string(),
-                b'r' => self.raw_string(),
+                b'"' => self.skip_string(),
+                b'r' => self.skip_raw_string(),
                 b',' | b')' | b']' | b'}' => break,
                 _ if self.at >= self.text.len() => break,
                 _ => self.advance(1),
@@ -272,27 +272,27 @@ impl<'a> Walk<'a> {
         self.places.insert(path.to_string(), place);
     }
 
-    fn string(&mut self) {
+    fn skip_string(&mut self) {
         self.advance(1);
-        while self.at < self.text.len() && self.here() != b'"' {
-            self.advance(if self.here() == b'\\' { 2 } else { 1 });
+        while self.at < self.text.len() && self.current_byte() != b'"' {
+            self.advance(if self.current_byte() == b'\\' { 2 } else { 1 });
         }
         self.advance(1);
     }
 
     /// Goes behind `r"..."` or `r#"..."#`, in which nothing is escaped; or behind the letter alone.
-    fn raw_string(&mut self) {
+    fn skip_raw_string(&mut self) {
         self.advance(1);
         let marks = self.text[self.at..].iter().take_while(|byte| **byte == b'#').count();
         if self.text.get(self.at + marks) == Some(&b'"') {
             self.advance(marks + 1);
-            self.behind(&[b"\"", &b"#".repeat(marks)[..]].concat());
+            self.skip_past(&[b"\"", &b"#".repeat(marks)[..]].concat());
         }
     }
 
     /// From an opening bracket to behind its closing one.
-    fn items(&mut self, path: &str) {
-        if self.depth == DEEPEST {
+    fn skip_items(&mut self, path: &str) {
+        if self.depth == MAX_DEPTH {
             self.advance(self.text.len());
             return;
         }
@@ -300,14 +300,14 @@ impl<'a> Walk<'a> {
         self.advance(1);
         for index in 0.. {
             self.skip_blank();
-            if self.at >= self.text.len() || matches!(self.here(), b')' | b']' | b'}') {
+            if self.at >= self.text.len() || matches!(self.current_byte(), b')' | b']' | b'}') {
                 break;
             }
             let start = self.at;
-            let key = self.field().unwrap_or_else(|| index.to_string());
+            let key = self.read_field_name().unwrap_or_else(|| index.to_string());
             let path = if path.is_empty() { key } else { format!("{path}.{key}") };
-            self.value(&path, start);
-            if self.here() == b',' {
+            self.skip_value(&path, start);
+            if self.current_byte() == b',' {
                 self.advance(1);
             }
         }
@@ -324,7 +324,7 @@ mod tests {
     fn finds_values_behind_comments_strings_and_brackets() {
         let text = "Scene( // grains: [\n seed: 1, /* \n */\n name: \"a\\\")\",\n grains: [\n  (sizes: Uniform(\n   \
                     min: 1)),\n  (x: (1,\n 2)),\n ],\n)";
-        let places = Places::of(text);
+        let places = ValueLocations::from_text(text);
         let at = |path| places.position(path);
         assert_eq!(at("seed"), Some((2, 8)));
         assert_eq!(at("name"), Some((4, 8)));
@@ -334,7 +334,7 @@ mod tests {
         assert_eq!(at("grains.1.x.1"), Some((9, 2)));
         assert_eq!(at("walls"), None);
         // Columns are characters.
-        assert_eq!(Places::of("(ä: \"é\", b: 1)").position("b"), Some((1, 13)));
+        assert_eq!(ValueLocations::from_text("(ä: \"é\", b: 1)").position("b"), Some((1, 13)));
     }
 
     #[test]
@@ -346,31 +346,31 @@ mod tests {
             ("(b: [r, ri], ", "a: 1) /* ( /* */ /*/ */ */"),
         ] {
             let text = format!("{before}{after}");
-            let line = Places::of(&text).position("a").map(|(line, _)| line);
+            let line = ValueLocations::from_text(&text).position("a").map(|(line, _)| line);
             assert_eq!(line, Some(before.lines().count()), "{text}");
             assert_eq!(set_to(&text, "a=7"), Ok(text.replacen(after, &after.replacen("a: 1", "a: 7", 1), 1)));
             assert_eq!(set_to(&text, "new=7").map(|text| text.matches("(new: 7, ").count()), Ok(1), "{text}");
         }
         // What is nested so deeply that it ends the walk, as a setting too; RON refuses it.
         let deep = format!("(b: {}{}, a: 1)", "(".repeat(100_000), ")".repeat(100_000));
-        assert_eq!(Places::of(&deep).position("b").map(|(line, _)| line), Some(1));
+        assert_eq!(ValueLocations::from_text(&deep).position("b").map(|(line, _)| line), Some(1));
         assert!(set_to("(a: 1)", &format!("a={}", &deep[4..deep.len() - 7])).is_ok_and(|text| text.len() > 200_000));
         // What has no end, which RON refuses.
         for text in ["(a: 1, /* /* */", "(a: 1, r#\"\"", "#![enable("] {
-            Places::of(text);
+            ValueLocations::from_text(text);
         }
     }
 
     #[test]
     fn values_know_where_they_are_from() {
         let text = "(a: 1, list: [(b: x, c: (2, 3))])";
-        let places = Places::of(text);
-        let at = |what: &str| places.at(text.find(what).unwrap());
+        let places = ValueLocations::from_text(text);
+        let at = |what: &str| places.path_at(text.find(what).unwrap());
         let found = ["a:", "1", "x", "c:", "(2", "3"].map(at);
         assert_eq!(found, ["a", "a", "list.0.b", "list.0.c", "list.0.c", "list.0.c.1"].map(Some));
-        assert_eq!(places.at(text.len() + 1), None);
+        assert_eq!(places.path_at(text.len() + 1), None);
         let settings = ["list.1.b=x", "list.1=(b: 1)", "a=2", "no pair"].map(String::from);
-        let of = |path| setting(&settings, path);
+        let of = |path| setting_of_path(&settings, path);
         assert_eq!(["list.0.b", "list.0", "a"].map(of), ["list.1=(b: 1)", "list.1=(b: 1)", "a=2"].map(Some));
         assert_eq!([of("list"), of("list.1.b"), of("ab"), of("")], [None; 4]);
         let text = "(\n  ä: 1,\n  a: x)";
@@ -379,7 +379,7 @@ mod tests {
     }
 
     fn set_to(text: &str, setting: &str) -> Result<String, String> {
-        set(text, &[setting.to_string()]).map_err(|faults| faults.to_string())
+        apply_settings(text, &[setting.to_string()]).map_err(|faults| faults.to_string())
     }
 
     #[test]
@@ -397,7 +397,7 @@ mod tests {
         ] {
             assert_eq!(set_to(text, setting).as_deref(), Ok(text.replacen(from, to, 1).as_str()), "{setting}");
         }
-        let both = set(text, &["new.x=1".into(), "new.y=2".into()]).unwrap();
+        let both = apply_settings(text, &["new.x=1".into(), "new.y=2".into()]).unwrap();
         assert!(both.contains("new: (y: 2, x: 1)"), "{both}");
     }
 

@@ -3,37 +3,43 @@
 use std::path::Path;
 
 use crate::error::{Fault, Faults};
-use crate::places::{self, Places};
+use crate::places::{self, ValueLocations};
 use crate::ron_text::known_names;
 
 /// Faults of one file, each by the path of its value, e.g. `grains.0.sizes`.
-pub struct Report<'a> {
+pub struct FaultReport<'a> {
     file: &'a Path,
-    places: Places<'a>,
+    places: ValueLocations<'a>,
     settings: &'a [String],
     pub faults: Faults,
     /// Values that are allowed but probably a mistake.
     pub warnings: Faults,
 }
 
-impl<'a> Report<'a> {
+impl<'a> FaultReport<'a> {
     pub fn new(file: &'a Path, text: &'a str) -> Self {
-        Report::with(file, text, &[])
+        FaultReport::with_settings(file, text, &[])
     }
 
-    /// Report on a text in which [`places::set`] has put other values: faults of these name the setting.
-    pub fn with(file: &'a Path, text: &'a str, settings: &'a [String]) -> Self {
-        Report { file, places: Places::of(text), settings, faults: Faults::default(), warnings: Faults::default() }
+    /// Report on a text in which [`places::apply_settings`] has put other values: faults of these name the setting.
+    pub fn with_settings(file: &'a Path, text: &'a str, settings: &'a [String]) -> Self {
+        FaultReport {
+            file,
+            places: ValueLocations::from_text(text),
+            settings,
+            faults: Faults::default(),
+            warnings: Faults::default(),
+        }
     }
 
     /// Takes down a fault of the value at `path`: `found` says what stands there, `expected` what should.
-    pub fn fault(&mut self, path: &str, found: impl Into<String>, expected: impl Into<String>) {
-        self.faults.push(self.at(path, found.into(), format!("expected {}", expected.into())));
+    pub fn add_fault(&mut self, path: &str, found: impl Into<String>, expected: impl Into<String>) {
+        self.faults.push(self.fault_at(path, found.into(), format!("expected {}", expected.into())));
     }
 
-    /// As [`Report::fault`], with the whole phrase about what is expected, such as a question.
+    /// As [`FaultReport::add_fault`], with the whole phrase about what is expected, such as a question.
     pub fn fault_as(&mut self, path: &str, found: impl Into<String>, expected: impl Into<String>) {
-        self.faults.push(self.at(path, found.into(), expected.into()));
+        self.faults.push(self.fault_at(path, found.into(), expected.into()));
     }
 
     /// Text of the value at `path`; empty where there is none.
@@ -42,35 +48,35 @@ impl<'a> Report<'a> {
     }
 
     /// Takes down a warning about the value at `path`, with a question or an advice.
-    pub fn ask(&mut self, path: &str, found: impl Into<String>, question: &str) {
-        self.warnings.push(self.at(path, found.into(), question.to_string()));
+    pub fn add_warning(&mut self, path: &str, found: impl Into<String>, question: &str) {
+        self.warnings.push(self.fault_at(path, found.into(), question.to_string()));
     }
 
-    fn at(&self, path: &str, found: String, expected: String) -> Fault {
-        match places::setting(self.settings, path) {
-            Some(setting) => places::fault(setting, found, expected),
+    fn fault_at(&self, path: &str, found: String, expected: String) -> Fault {
+        match places::setting_of_path(self.settings, path) {
+            Some(setting) => places::setting_fault(setting, found, expected),
             None => {
                 let (line, column) = self.places.position(path).unzip();
-                Fault { column, ..Fault::new(self.file, line, object(path), found, expected) }
+                Fault { column, ..Fault::new(self.file, line, path_in_words(path), found, expected) }
             }
         }
     }
 
     /// Takes down a name that is none of `known` at `path`, with the nearest of them.
     pub fn unknown(&mut self, path: &str, found: impl Into<String>, name: &str, known: &[&str]) {
-        self.faults.push(self.at(path, found.into(), known_names(name, known)));
+        self.faults.push(self.fault_at(path, found.into(), known_names(name, known)));
     }
 
-    /// As [`Report::fault`], unless `holds`.
-    pub fn expect(&mut self, holds: bool, path: &str, found: impl Into<String>, expected: &str) {
+    /// As [`FaultReport::add_fault`], unless `holds`.
+    pub fn require(&mut self, holds: bool, path: &str, found: impl Into<String>, expected: &str) {
         if !holds {
-            self.fault(path, found, expected);
+            self.add_fault(path, found, expected);
         }
     }
 }
 
 /// A path in words: `grains.0.sizes` is `grains 1, sizes`; `materials.2` is `material 3`.
-pub(crate) fn object(path: &str) -> String {
+pub(crate) fn path_in_words(path: &str) -> String {
     let mut words: Vec<String> = Vec::new();
     for key in path.split('.') {
         match (key.parse::<usize>(), words.last_mut()) {
@@ -99,11 +105,11 @@ mod tests {
 
     #[test]
     fn paths_read_as_words() {
-        assert_eq!(object("grains.0.sizes"), "grains 1, sizes");
-        assert_eq!(object("materials.2.name"), "material 3, name");
-        assert_eq!(object("compute.dt"), "compute, dt");
-        assert_eq!(object("bodies.1.spin"), "body 2, spin");
-        assert_eq!(object("0.action"), "item 1, action");
-        assert_eq!(object("grains.0.place.positions.1.2"), "grains 1, place, position 2.3");
+        assert_eq!(path_in_words("grains.0.sizes"), "grains 1, sizes");
+        assert_eq!(path_in_words("materials.2.name"), "material 3, name");
+        assert_eq!(path_in_words("compute.dt"), "compute, dt");
+        assert_eq!(path_in_words("bodies.1.spin"), "body 2, spin");
+        assert_eq!(path_in_words("0.action"), "item 1, action");
+        assert_eq!(path_in_words("grains.0.place.positions.1.2"), "grains 1, place, position 2.3");
     }
 }

@@ -1,6 +1,6 @@
 //! Reading of RON texts: faults that point to the mistake, in words of our own.
 //!
-//! [`syntax`] finds faults of the text itself (brackets, commas, quotes, comments), all at once. What has none of these is
+//! [`syntax_faults`] finds faults of the text itself (brackets, commas, quotes, comments), all at once. What has none of these is
 //! parsed by the RON library, whose error is put into words with the value that stands at its position. No text of that
 //! library reaches the user.
 
@@ -15,7 +15,7 @@ use crate::report;
 
 /// A fault at a byte of a text.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Mistake {
+pub struct TextFault {
     pub at: usize,
     /// Path of the value that it belongs to, as `grains.0.number`; empty for the whole text.
     pub path: String,
@@ -25,7 +25,7 @@ pub struct Mistake {
 }
 
 /// The RON of our files: `field: x` stands for `field: Some(x)`.
-pub(crate) fn options() -> ron::Options {
+pub(crate) fn ron_options() -> ron::Options {
     ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME)
 }
 
@@ -34,10 +34,11 @@ pub(crate) fn options() -> ron::Options {
 /// Errors: all faults of the syntax, or else the first value that cannot be what it should be, with line and column. `object` is
 /// named where the fault belongs to the text as a whole.
 pub fn from_ron<T: DeserializeOwned>(path: &Path, text: &str, object: &str) -> Result<T, Faults> {
-    read(text).map_err(|mistakes| {
-        let fault = |mistake: Mistake| {
-            let (line, column) = position(text, mistake.at);
-            let object = if mistake.path.is_empty() { object.to_string() } else { report::object(&mistake.path) };
+    parse_ron(text).map_err(|mistakes| {
+        let fault = |mistake: TextFault| {
+            let (line, column) = line_and_column(text, mistake.at);
+            let object =
+                if mistake.path.is_empty() { object.to_string() } else { report::path_in_words(&mistake.path) };
             Fault { column: Some(column), ..Fault::new(path, Some(line), object, mistake.found, mistake.expected) }
         };
         Faults(mistakes.into_iter().map(fault).collect())
@@ -46,37 +47,37 @@ pub fn from_ron<T: DeserializeOwned>(path: &Path, text: &str, object: &str) -> R
 
 /// Reads the value of a flag; the error is one line without a position in a file.
 pub fn from_flag<T: DeserializeOwned>(text: &str) -> Result<T, String> {
-    read(text).map_err(|mistakes| {
-        let one = |Mistake { at, path, found, expected }: &Mistake| {
-            let of = if path.is_empty() { String::new() } else { format!("{}: ", report::object(path)) };
-            format!("column {}: {of}{found}; {expected}", position(text, *at).1)
+    parse_ron(text).map_err(|mistakes| {
+        let one = |TextFault { at, path, found, expected }: &TextFault| {
+            let of = if path.is_empty() { String::new() } else { format!("{}: ", report::path_in_words(path)) };
+            format!("column {}: {of}{found}; {expected}", line_and_column(text, *at).1)
         };
         mistakes.iter().map(one).collect::<Vec<_>>().join("; ")
     })
 }
 
-fn read<T: DeserializeOwned>(text: &str) -> Result<T, Vec<Mistake>> {
+fn parse_ron<T: DeserializeOwned>(text: &str) -> Result<T, Vec<TextFault>> {
     // The library alone decides what is accepted.
-    options().from_str(text).map_err(|error| {
-        let (nodes, mistakes) = Parser::parse(text);
-        if mistakes.is_empty() { vec![in_words::<T>(text, &nodes, &error)] } else { mistakes }
+    ron_options().from_str(text).map_err(|error| {
+        let (nodes, mistakes) = RonParser::parse(text);
+        if mistakes.is_empty() { vec![describe_error::<T>(text, &nodes, &error)] } else { mistakes }
     })
 }
 
 /// Line and column of a byte, 1-based, columns in characters.
-pub fn position(text: &str, at: usize) -> (usize, usize) {
+pub fn line_and_column(text: &str, at: usize) -> (usize, usize) {
     let before = &text[..at.min(text.len())];
     let begin = before.rfind('\n').map_or(0, |end| end + 1);
     (1 + before.matches('\n').count(), 1 + before[begin..].chars().count())
 }
 
 /// All faults of the syntax of a text.
-pub fn syntax(text: &str) -> Vec<Mistake> {
-    Parser::parse(text).1
+pub fn syntax_faults(text: &str) -> Vec<TextFault> {
+    RonParser::parse(text).1
 }
 
 /// The known name nearest to one that is not known, if it is near: `did you mean output_every?`.
-pub fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
+pub fn nearest_name<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     let plain = |name: &str| name.to_lowercase().replace(['-', '_'], "");
     let wanted = plain(name);
     let distance = |other: &str| strsim::damerau_levenshtein(&wanted, &plain(other));
@@ -88,7 +89,7 @@ pub fn nearest<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
 
 /// Suggestion in place of an unknown name: the nearest known name, or all.
 pub fn known_names(name: &str, known: &[&str]) -> String {
-    match (nearest(name, known), known) {
+    match (nearest_name(name, known), known) {
         (Some(near), _) => format!("did you mean {near}?"),
         (None, []) => "expected none".into(),
         (None, [one]) => format!("expected {one}"),
@@ -100,7 +101,7 @@ pub fn known_names(name: &str, known: &[&str]) -> String {
 
 /// A value of a text.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Node {
+struct ValueNode {
     path: String,
     /// Its field's name, if it has one.
     name: Option<Range<usize>>,
@@ -108,44 +109,48 @@ struct Node {
 }
 
 /// Longest part of a value that a message shows.
-const SHOWN: usize = 40;
+const MAX_SHOWN_CHARS: usize = 40;
 
-fn shown(text: &str) -> String {
+fn display_text(text: &str) -> String {
     let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    if line.chars().count() <= SHOWN { line } else { format!("{}...", line.chars().take(SHOWN).collect::<String>()) }
+    if line.chars().count() <= MAX_SHOWN_CHARS {
+        line
+    } else {
+        format!("{}...", line.chars().take(MAX_SHOWN_CHARS).collect::<String>())
+    }
 }
 
 /// The byte of a position of the library, and the first behind it that is neither blank nor comment.
-fn bytes_of(text: &str, line: usize, column: usize) -> (usize, usize) {
+fn byte_offsets(text: &str, line: usize, column: usize) -> (usize, usize) {
     let before: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
     let within: usize = text[before..].chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();
     let raw = before + within;
-    let mut parser = Parser { at: raw, ..Parser::new(text) };
+    let mut parser = RonParser { at: raw, ..RonParser::new(text) };
     parser.skip_blank();
     (raw, if parser.at < text.len() { parser.at } else { raw })
 }
 
 /// The library's error in words.
-fn in_words<T: DeserializeOwned>(text: &str, nodes: &[Node], error: &ron::error::SpannedError) -> Mistake {
-    let (raw, at) = bytes_of(text, error.span.start.line, error.span.start.col);
-    let inner = |holds: &dyn Fn(&Node) -> bool| {
+fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &ron::error::SpannedError) -> TextFault {
+    let (raw, at) = byte_offsets(text, error.span.start.line, error.span.start.col);
+    let inner = |holds: &dyn Fn(&ValueNode) -> bool| {
         nodes.iter().filter(|node| holds(node)).min_by_key(|node| node.span.end - node.span.start)
     };
     let value = inner(&|node| node.span.start <= at && at < node.span.end.max(node.span.start + 1));
     let named = inner(&|node| node.name.as_ref().is_some_and(|name| name.start <= at && at < name.end));
-    let text_of = |node: &Node| shown(&text[node.span.clone()]);
-    let of = |node: Option<&Node>, found: String, expected: String| {
+    let text_of = |node: &ValueNode| display_text(&text[node.span.clone()]);
+    let of = |node: Option<&ValueNode>, found: String, expected: String| {
         let (at, path) = node.map_or((at, String::new()), |node| (node.span.start, node.path.clone()));
-        Mistake { at, path, found, expected }
+        TextFault { at, path, found, expected }
     };
     let wrong = |expected: &str| of(value, value.map_or("no value".into(), text_of), format!("expected {expected}"));
-    let holder = |node: Option<&Node>| {
+    let holder = |node: Option<&ValueNode>| {
         node.and_then(|node| node.path.rsplit_once('.')).map_or(String::new(), |(holder, _)| holder.to_string())
     };
     match &error.code {
         Error::NoSuchStructField { expected, found, .. } => {
             let path = holder(named.or(value));
-            return Mistake {
+            return TextFault {
                 at,
                 path,
                 found: format!("unknown field '{found}'"),
@@ -154,7 +159,7 @@ fn in_words<T: DeserializeOwned>(text: &str, nodes: &[Node], error: &ron::error:
         }
         Error::DuplicateStructField { field, .. } => {
             let found = format!("'{field}' is there twice");
-            return Mistake { at, path: holder(named), found, expected: "expected it once".into() };
+            return TextFault { at, path: holder(named), found, expected: "expected it once".into() };
         }
         Error::MissingStructField { field, outer } => {
             let kind =
@@ -168,7 +173,7 @@ fn in_words<T: DeserializeOwned>(text: &str, nodes: &[Node], error: &ron::error:
         Error::ExpectedBoolean => return wrong("true or false"),
         Error::ExpectedArray | Error::ExpectedArrayEnd => return wrong("a list in [ ]"),
         Error::ExceededRecursionLimit => {
-            return of(value, "brackets nested too deeply".into(), format!("expected at most {DEEPEST} levels"));
+            return of(value, "brackets nested too deeply".into(), format!("expected at most {MAX_DEPTH} levels"));
         }
         Error::ExpectedString | Error::ExpectedStringEnd => {
             let word = value.map(text_of).filter(|word| word.starts_with(char::is_alphabetic));
@@ -177,7 +182,7 @@ fn in_words<T: DeserializeOwned>(text: &str, nodes: &[Node], error: &ron::error:
         Error::ExpectedDifferentLength { expected, found } => {
             let count = if *found == 1 { "one value".to_string() } else { format!("{found} values") };
             let found = format!("{count} in {}", value.map_or(String::new(), text_of));
-            return of(value, found, format!("expected {}", amount(expected)));
+            return of(value, found, format!("expected {}", expectation_in_words(expected)));
         }
         Error::IntegerOutOfBounds => {
             let negative = value.is_some_and(|node| text_of(node).starts_with('-'));
@@ -188,7 +193,7 @@ fn in_words<T: DeserializeOwned>(text: &str, nodes: &[Node], error: &ron::error:
     // A name where values have none.
     if let Some(node) = named.filter(|node| value.is_none_or(|value| value.span.start < node.span.start)) {
         let name = &text[node.name.clone().unwrap_or_default()];
-        return Mistake {
+        return TextFault {
             at,
             path: holder(Some(node)),
             found: format!("'{name}:'"),
@@ -222,15 +227,15 @@ fn in_words<T: DeserializeOwned>(text: &str, nodes: &[Node], error: &ron::error:
     let bare = inner(&|node| node.span.end == raw && text[node.span.clone()].starts_with(char::is_alphabetic));
     if let Some(node) = bare.filter(|node| !text[node.span.clone()].contains('(')) {
         let kind = text_of(node);
-        let fields = match probed::<T>(text, node, &format!("{kind}({UNKNOWN}: 0)")) {
-            Some(Error::NoSuchStructField { expected, .. }) => format!("{kind}(...) with {}", listed(expected)),
+        let fields = match probe_error::<T>(text, node, &format!("{kind}({UNKNOWN_NAME}: 0)")) {
+            Some(Error::NoSuchStructField { expected, .. }) => format!("{kind}(...) with {}", field_list(expected)),
             _ => format!("{kind}(...) with its values"),
         };
         return of(bare, kind, format!("expected {fields}"));
     }
     let Some(node) = value else { return wrong("another value") };
     // The library lists the expected names only for an unknown name.
-    match probed::<T>(text, node, UNKNOWN) {
+    match probe_error::<T>(text, node, UNKNOWN_NAME) {
         Some(Error::NoSuchEnumVariant { expected, .. }) if expected.contains(&"Constant") => {
             let found = text_of(node);
             let example = found.parse::<f64>().map_or(String::new(), |_| format!(", such as Constant({found})"));
@@ -239,11 +244,14 @@ fn in_words<T: DeserializeOwned>(text: &str, nodes: &[Node], error: &ron::error:
         Some(Error::NoSuchEnumVariant { expected, .. }) => return wrong(&format!("one of {}", expected.join(", "))),
         _ => {}
     }
-    if let Some(Error::NoSuchStructField { expected, .. }) = probed::<T>(text, node, &format!("{UNKNOWN}: 0")) {
-        return wrong(&format!("name: value, with {}", listed(expected)));
+    if let Some(Error::NoSuchStructField { expected, .. }) = probe_error::<T>(text, node, &format!("{UNKNOWN_NAME}: 0"))
+    {
+        return wrong(&format!("name: value, with {}", field_list(expected)));
     }
-    if let Some(Error::NoSuchStructField { expected, .. }) = probed::<T>(text, node, &format!("({UNKNOWN}: 0)")) {
-        return wrong(&format!("( ) around {}", listed(expected)));
+    if let Some(Error::NoSuchStructField { expected, .. }) =
+        probe_error::<T>(text, node, &format!("({UNKNOWN_NAME}: 0)"))
+    {
+        return wrong(&format!("( ) around {}", field_list(expected)));
     }
     // Too many values: those of the bracket around.
     let around = inner(&|node| node.span.start < raw && raw < node.span.end && Some(node) != value);
@@ -251,8 +259,8 @@ fn in_words<T: DeserializeOwned>(text: &str, nodes: &[Node], error: &ron::error:
         [(value, value.map(text_of)), (around, around.map(|list| format!("too many values in {}", text_of(list))))]
     {
         let (Some(node), Some(found)) = (node, found) else { continue };
-        if let Some(Error::ExpectedDifferentLength { expected, .. }) = probed::<T>(text, node, "()") {
-            return of(Some(node), found, format!("expected {}", amount(&expected)));
+        if let Some(Error::ExpectedDifferentLength { expected, .. }) = probe_error::<T>(text, node, "()") {
+            return of(Some(node), found, format!("expected {}", expectation_in_words(&expected)));
         }
     }
     match &error.code {
@@ -260,7 +268,7 @@ fn in_words<T: DeserializeOwned>(text: &str, nodes: &[Node], error: &ron::error:
             let found = around.map_or(String::new(), |list| format!("too many values in {}", text_of(list)));
             of(around, found, "expected one value".into())
         }
-        Error::InvalidValueForType { expected, .. } => wrong(&amount(expected)),
+        Error::InvalidValueForType { expected, .. } => wrong(&expectation_in_words(expected)),
         Error::ExpectedStructLike | Error::ExpectedNamedStructLike(_) | Error::ExpectedDifferentStructName { .. } => {
             wrong("values in ( )")
         }
@@ -269,23 +277,25 @@ fn in_words<T: DeserializeOwned>(text: &str, nodes: &[Node], error: &ron::error:
 }
 
 /// A name that no type has.
-const UNKNOWN: &str = "Unknown_name";
+const UNKNOWN_NAME: &str = "Unknown_name";
 
 /// The library's error with another text in a value's place, where it is about that.
-fn probed<T: DeserializeOwned>(text: &str, node: &Node, other: &str) -> Option<Error> {
+fn probe_error<T: DeserializeOwned>(text: &str, node: &ValueNode, other: &str) -> Option<Error> {
     let text = format!("{}{other}{}", &text[..node.span.start], &text[node.span.end..]);
-    match options().from_str::<T>(&text).err()?.code {
-        Error::NoSuchEnumVariant { found, .. } | Error::NoSuchStructField { found, .. } if found != UNKNOWN => None,
+    match ron_options().from_str::<T>(&text).err()?.code {
+        Error::NoSuchEnumVariant { found, .. } | Error::NoSuchStructField { found, .. } if found != UNKNOWN_NAME => {
+            None
+        }
         code => Some(code),
     }
 }
 
-fn listed(fields: &[&str]) -> String {
+fn field_list(fields: &[&str]) -> String {
     if let [one] = fields { format!("the field {one}") } else { format!("fields of {}", fields.join(", ")) }
 }
 
 /// Expectation of serde in plain words.
-fn amount(expected: &str) -> String {
+fn expectation_in_words(expected: &str) -> String {
     let number = expected.split_whitespace().rev().find_map(|word| word.parse::<usize>().ok());
     match number {
         Some(1) => "one value".into(),
@@ -299,66 +309,75 @@ fn amount(expected: &str) -> String {
 // ------------------------------------------------------------------------------------------------------------- syntax
 
 /// Nesting depth beyond which the library refuses a text.
-const DEEPEST: usize = 128;
+const MAX_DEPTH: usize = 128;
 
 /// A walk through a text that goes on behind mistakes.
-struct Parser<'a> {
+struct RonParser<'a> {
     text: &'a str,
     at: usize,
     /// Behind the last token.
-    behind: usize,
+    last_end: usize,
     /// Brackets that are open, with the byte where they are.
     open: Vec<(char, usize)>,
     /// Brackets with the bytes where they are and where they are closed.
     brackets: Vec<(char, usize, usize)>,
-    nodes: Vec<Node>,
-    mistakes: Vec<Mistake>,
+    nodes: Vec<ValueNode>,
+    mistakes: Vec<TextFault>,
     /// After a mistake behind which nothing can be made out.
-    lost: bool,
+    aborted: bool,
 }
 
-impl<'a> Parser<'a> {
+impl<'a> RonParser<'a> {
     fn new(text: &'a str) -> Self {
-        Parser { text, at: 0, behind: 0, open: vec![], brackets: vec![], nodes: vec![], mistakes: vec![], lost: false }
+        RonParser {
+            text,
+            at: 0,
+            last_end: 0,
+            open: vec![],
+            brackets: vec![],
+            nodes: vec![],
+            mistakes: vec![],
+            aborted: false,
+        }
     }
 
     /// The values of a text and all mistakes in it.
-    fn parse(text: &'a str) -> (Vec<Node>, Vec<Mistake>) {
-        let mut parser = Parser::new(text);
+    fn parse(text: &'a str) -> (Vec<ValueNode>, Vec<TextFault>) {
+        let mut parser = RonParser::new(text);
         parser.skip_blank();
-        while parser.rest().starts_with("#!") {
-            let end = parser.rest().find(']').map_or(parser.rest().len(), |end| end + 1);
+        while parser.remaining_text().starts_with("#!") {
+            let end = parser.remaining_text().find(']').map_or(parser.remaining_text().len(), |end| end + 1);
             parser.advance(end);
             parser.skip_blank();
         }
-        if parser.at_end() && !parser.lost && parser.mistakes.is_empty() {
-            parser.mistake(0, "", "no value", "expected one");
+        if parser.at_end() && !parser.aborted && parser.mistakes.is_empty() {
+            parser.add_fault(0, "", "no value", "expected one");
         } else {
             let start = parser.at;
-            parser.value("", None);
+            parser.skip_value("", None);
             parser.skip_blank();
-            if !parser.lost && !parser.at_end() && parser.mistakes.is_empty() {
-                let rest = shown(parser.rest().lines().next().unwrap_or(""));
-                match parser.here() {
+            if !parser.aborted && !parser.at_end() && parser.mistakes.is_empty() {
+                let rest = display_text(parser.remaining_text().lines().next().unwrap_or(""));
+                match parser.current_char() {
                     Some(':' | '=') => {
-                        let word = &text[start..parser.behind];
-                        parser.mistake(start, "", &format!("'{word}' outside of ( )"), "expected '(' before it");
+                        let word = &text[start..parser.last_end];
+                        parser.add_fault(start, "", &format!("'{word}' outside of ( )"), "expected '(' before it");
                     }
                     Some(close @ (')' | ']' | '}')) => {
-                        parser.mistake(parser.at, "", &format!("'{close}' closes nothing"), "expected nothing more");
+                        parser.add_fault(parser.at, "", &format!("'{close}' closes nothing"), "expected nothing more");
                     }
-                    _ => parser.mistake(parser.at, "", &format!("'{rest}' behind the end"), "expected nothing more"),
+                    _ => parser.add_fault(parser.at, "", &format!("'{rest}' behind the end"), "expected nothing more"),
                 }
             }
         }
-        if let Some((bracket, at)) = parser.suspect() {
-            let close = closing(bracket);
+        if let Some((bracket, at)) = parser.suspect_bracket() {
+            let close = closing_bracket(bracket);
             parser.mistakes.retain(|mistake| mistake.at < at);
             let (found, expected) =
                 (format!("'{bracket}' without '{close}'"), format!("expected '{close}' in this line"));
-            parser.mistakes.push(Mistake { at, path: String::new(), found, expected });
+            parser.mistakes.push(TextFault { at, path: String::new(), found, expected });
         }
-        let Parser { nodes, mut mistakes, .. } = parser;
+        let RonParser { nodes, mut mistakes, .. } = parser;
         mistakes.sort_by_key(|mistake| mistake.at);
         mistakes.dedup();
         (nodes, mistakes)
@@ -366,8 +385,8 @@ impl<'a> Parser<'a> {
 
     /// After a mistake in brackets, the first bracket that seems to lack its end: one that its line leaves open, while the next
     /// line is not indented more.
-    fn suspect(&self) -> Option<(char, usize)> {
-        if !self.lost || !self.mistakes.iter().any(|mistake| mistake.found.contains("is open")) {
+    fn suspect_bracket(&self) -> Option<(char, usize)> {
+        if !self.aborted || !self.mistakes.iter().any(|mistake| mistake.found.contains("is open")) {
             return None;
         }
         let open = self.open.iter().map(|&(bracket, at)| (bracket, at, self.text.len()));
@@ -387,12 +406,12 @@ impl<'a> Parser<'a> {
         brackets.into_iter().find(seems_open).map(|(bracket, at, _)| (bracket, at))
     }
 
-    fn rest(&self) -> &'a str {
+    fn remaining_text(&self) -> &'a str {
         &self.text[self.at..]
     }
 
-    fn here(&self) -> Option<char> {
-        self.rest().chars().next()
+    fn current_char(&self) -> Option<char> {
+        self.remaining_text().chars().next()
     }
 
     fn at_end(&self) -> bool {
@@ -402,25 +421,25 @@ impl<'a> Parser<'a> {
     /// Passes by bytes of a token.
     fn advance(&mut self, bytes: usize) {
         self.at = (self.at + bytes).min(self.text.len());
-        self.behind = self.at;
+        self.last_end = self.at;
     }
 
-    fn mistake(&mut self, at: usize, path: &str, found: &str, expected: &str) {
-        if !self.lost {
+    fn add_fault(&mut self, at: usize, path: &str, found: &str, expected: &str) {
+        if !self.aborted {
             let [found, expected] = [found, expected].map(str::to_string);
-            self.mistakes.push(Mistake { at, path: path.into(), found, expected });
+            self.mistakes.push(TextFault { at, path: path.into(), found, expected });
         }
     }
 
     /// Ends the walk.
     fn give_up(&mut self) {
-        self.lost = true;
+        self.aborted = true;
         self.at = self.text.len();
     }
 
     fn skip_blank(&mut self) {
         loop {
-            let rest = self.rest();
+            let rest = self.remaining_text();
             let blank = |c: char| c.is_ascii_whitespace() || "\u{b}\u{85}\u{200e}\u{200f}\u{2028}\u{2029}".contains(c);
             if let Some(blank) = rest.chars().next().filter(|c| blank(*c)) {
                 self.at += blank.len_utf8();
@@ -429,7 +448,7 @@ impl<'a> Parser<'a> {
             } else if rest.starts_with("/*") {
                 self.skip_comment();
             } else if rest.starts_with('#') && !rest.starts_with("#!") {
-                self.mistake(self.at, "", "'#' begins no comment", "expected // before it, or /* */ around it");
+                self.add_fault(self.at, "", "'#' begins no comment", "expected // before it, or /* */ around it");
                 self.at += rest.find('\n').unwrap_or(rest.len());
             } else {
                 return;
@@ -442,15 +461,15 @@ impl<'a> Parser<'a> {
         let start = self.at;
         let mut depth = 0;
         loop {
-            let rest = self.rest();
+            let rest = self.remaining_text();
             if rest.starts_with("/*") {
                 (depth, self.at) = (depth + 1, self.at + 2);
             } else if rest.starts_with("*/") {
                 (depth, self.at) = (depth - 1, self.at + 2);
-            } else if let Some(next) = self.here() {
+            } else if let Some(next) = self.current_char() {
                 self.at += next.len_utf8();
             } else {
-                self.mistake(start, "", "a comment without end", "expected */ behind it");
+                self.add_fault(start, "", "a comment without end", "expected */ behind it");
                 return self.give_up();
             }
             if depth == 0 {
@@ -460,24 +479,24 @@ impl<'a> Parser<'a> {
     }
 
     /// The length of a word: a name or a number.
-    fn word(&self) -> usize {
-        let rest = self.rest();
+    fn word_length(&self) -> usize {
+        let rest = self.remaining_text();
         let raw = if rest.starts_with("r#") && !rest.starts_with("r#\"") { 2 } else { 0 };
         let part = |c: char| c.is_alphanumeric() || "_.+-".contains(c);
         raw + rest[raw..].find(|c| !part(c)).unwrap_or(rest.len() - raw)
     }
 
     /// A field's name in front of a colon (or of what stands in its place), passed by.
-    fn name(&mut self, path: &str) -> Option<Range<usize>> {
+    fn read_field_name(&mut self, path: &str) -> Option<Range<usize>> {
         let start = self.at;
-        let (behind, mistakes, lost) = (self.behind, self.mistakes.len(), self.lost);
-        let quoted = self.here() == Some('"');
+        let (behind, mistakes, lost) = (self.last_end, self.mistakes.len(), self.aborted);
+        let quoted = self.current_char() == Some('"');
         let name = if quoted {
-            self.string(path);
+            self.skip_string(path);
             start + 1..(self.at - 1).max(start + 1)
         } else {
-            let length = self.word();
-            if length == 0 || !self.rest().starts_with(|c: char| c.is_alphabetic() || c == '_') {
+            let length = self.word_length();
+            if length == 0 || !self.remaining_text().starts_with(|c: char| c.is_alphabetic() || c == '_') {
                 return None;
             }
             self.advance(length);
@@ -486,55 +505,55 @@ impl<'a> Parser<'a> {
         let end = self.at;
         self.skip_blank();
         let word = &self.text[name.clone()];
-        match self.here() {
-            Some(':') if !self.rest().starts_with("::") => {
+        match self.current_char() {
+            Some(':') if !self.remaining_text().starts_with("::") => {
                 if !quoted && word.contains(['-', '.', '+']) && !word.starts_with("r#") {
                     let plain = word.replace(['-', '.', '+'], "_");
-                    self.mistake(start, path, &format!("the name '{word}'"), &format!("did you mean {plain}?"));
+                    self.add_fault(start, path, &format!("the name '{word}'"), &format!("did you mean {plain}?"));
                 }
                 if quoted {
                     let found = format!("the name \"{word}\" in quotes");
-                    self.mistake(start, path, &found, &format!("expected {word}: without quotes"));
+                    self.add_fault(start, path, &found, &format!("expected {word}: without quotes"));
                 }
                 self.advance(1);
                 return Some(name);
             }
             Some('=') if !quoted => {
-                self.mistake(self.at, path, &format!("'=' behind {word}"), &format!("expected {word}: value"));
+                self.add_fault(self.at, path, &format!("'=' behind {word}"), &format!("expected {word}: value"));
                 self.advance(1);
                 return Some(name);
             }
             // A name and a value on one line, as `number 50`.
-            Some(next) if !quoted && !self.lost => {
+            Some(next) if !quoted && !self.aborted => {
                 let same_line = !self.text[end..self.at].contains('\n') && self.at > end;
                 let value = next.is_alphanumeric() || "\"[-+.".contains(next);
                 if same_line && value {
-                    self.mistake(end, path, &format!("no ':' behind '{word}'"), &format!("expected {word}: value"));
+                    self.add_fault(end, path, &format!("no ':' behind '{word}'"), &format!("expected {word}: value"));
                     return Some(name);
                 }
             }
             _ => {}
         }
-        (self.at, self.behind, self.lost) = (start, behind, lost);
+        (self.at, self.last_end, self.aborted) = (start, behind, lost);
         self.mistakes.truncate(mistakes);
         None
     }
 
     /// Passes by a text in quotes.
-    fn string(&mut self, path: &str) {
+    fn skip_string(&mut self, path: &str) {
         let start = self.at;
         self.advance(1);
         loop {
-            match self.here() {
+            match self.current_char() {
                 Some('"') => return self.advance(1),
                 Some('\\') => {
-                    let next = self.rest().chars().nth(1).map_or(0, char::len_utf8);
+                    let next = self.remaining_text().chars().nth(1).map_or(0, char::len_utf8);
                     self.advance(1 + next);
                 }
                 // No text of our files has two lines: its quote was forgotten.
                 None | Some('\n') => {
-                    let found = format!("no '\"' behind {}", shown(&self.text[start..self.at]));
-                    self.mistake(start, path, &found, "expected '\"' at the end of the text");
+                    let found = format!("no '\"' behind {}", display_text(&self.text[start..self.at]));
+                    self.add_fault(start, path, &found, "expected '\"' at the end of the text");
                     return self.give_up();
                 }
                 Some(other) => self.advance(other.len_utf8()),
@@ -543,8 +562,8 @@ impl<'a> Parser<'a> {
     }
 
     /// Passes by `r"..."` or `r#"..."#`, if one is here.
-    fn raw_string(&mut self) -> bool {
-        let rest = self.rest();
+    fn skip_raw_string(&mut self) -> bool {
+        let rest = self.remaining_text();
         let marks = rest.strip_prefix('r').map_or(0, |rest| rest.bytes().take_while(|&b| b == b'#').count());
         if !rest.starts_with('r') || !rest[1 + marks..].starts_with('"') {
             return false;
@@ -554,7 +573,7 @@ impl<'a> Parser<'a> {
         match body.find(&end) {
             Some(length) => self.advance(marks + 2 + length + end.len()),
             None => {
-                self.mistake(self.at, "", "no end of the text in quotes", &format!("expected {end}"));
+                self.add_fault(self.at, "", "no end of the text in quotes", &format!("expected {end}"));
                 self.give_up();
             }
         }
@@ -562,38 +581,38 @@ impl<'a> Parser<'a> {
     }
 
     /// Passes by the value at `path`.
-    fn value(&mut self, path: &str, name: Option<Range<usize>>) {
+    fn skip_value(&mut self, path: &str, name: Option<Range<usize>>) {
         self.skip_blank();
         let start = self.at;
-        match self.here() {
-            Some('"') => self.string(path),
-            Some('r') if self.raw_string() => {}
-            Some('\'') => self.character(path),
-            Some(bracket @ ('(' | '[' | '{')) => self.items(path, bracket),
+        match self.current_char() {
+            Some('"') => self.skip_string(path),
+            Some('r') if self.skip_raw_string() => {}
+            Some('\'') => self.skip_character(path),
+            Some(bracket @ ('(' | '[' | '{')) => self.skip_items(path, bracket),
             _ => {
-                let length = self.word();
+                let length = self.word_length();
                 if length == 0 {
-                    return self.no_value(path);
+                    return self.report_missing_value(path);
                 }
                 self.advance(length);
                 let head = self.at;
                 self.skip_blank();
-                match self.here() {
-                    Some('(') => self.items(path, '('),
-                    _ => self.behind = head,
+                match self.current_char() {
+                    Some('(') => self.skip_items(path, '('),
+                    _ => self.last_end = head,
                 }
             }
         }
-        self.nodes.push(Node { path: path.into(), name, span: start..self.behind });
+        self.nodes.push(ValueNode { path: path.into(), name, span: start..self.last_end });
     }
 
     /// Reports what stands in a value's place.
-    fn no_value(&mut self, path: &str) {
-        match self.here() {
-            None if self.open.is_empty() => self.mistake(self.behind, path, "the text ends", "expected a value"),
+    fn report_missing_value(&mut self, path: &str) {
+        match self.current_char() {
+            None if self.open.is_empty() => self.add_fault(self.last_end, path, "the text ends", "expected a value"),
             None => {}
             Some(mark @ (',' | ')' | ']' | '}' | ';' | ':' | '=')) => {
-                self.mistake(self.at, path, &format!("'{mark}'"), "expected a value before it");
+                self.add_fault(self.at, path, &format!("'{mark}'"), "expected a value before it");
                 if mark == ':' || mark == '=' {
                     self.advance(1);
                 }
@@ -609,7 +628,7 @@ impl<'a> Parser<'a> {
                     )
                 };
                 let quotes = "\u{201c}\u{201d}\u{201e}\u{ab}\u{bb}`".contains(mark);
-                self.mistake(
+                self.add_fault(
                     self.at,
                     path,
                     &found,
@@ -621,35 +640,35 @@ impl<'a> Parser<'a> {
     }
 
     /// Passes by `'x'`; a longer text in such quotes is a mistake.
-    fn character(&mut self, path: &str) {
+    fn skip_character(&mut self, path: &str) {
         let start = self.at;
-        let line = self.rest()[1..].split('\n').next().unwrap_or("");
+        let line = self.remaining_text()[1..].split('\n').next().unwrap_or("");
         match line.find('\'') {
             Some(end) => {
                 let inside = &line[..end];
                 if inside.chars().count() != 1 && !inside.starts_with('\\') {
-                    self.mistake(start, path, &format!("'{inside}'"), &format!("expected \"{inside}\""));
+                    self.add_fault(start, path, &format!("'{inside}'"), &format!("expected \"{inside}\""));
                 }
                 self.advance(end + 2);
             }
             None => {
-                self.mistake(start, path, "'", "expected a value; texts are in \" \"");
+                self.add_fault(start, path, "'", "expected a value; texts are in \" \"");
                 self.give_up();
             }
         }
     }
 
     /// Passes by a bracket, what is in it, and its closing one.
-    fn items(&mut self, path: &str, bracket: char) {
+    fn skip_items(&mut self, path: &str, bracket: char) {
         let start = self.at;
-        let (line, column) = position(self.text, start);
-        let right = closing(bracket);
+        let (line, column) = line_and_column(self.text, start);
+        let right = closing_bracket(bracket);
         if bracket == '{' {
-            self.mistake(start, path, "'{'", "expected '(' around fields, '[' around lists");
+            self.add_fault(start, path, "'{'", "expected '(' around fields, '[' around lists");
         }
         self.open.push((bracket, start));
         self.advance(1);
-        if self.open.len() > DEEPEST {
+        if self.open.len() > MAX_DEPTH {
             // The library says so.
             self.mistakes.clear();
             self.give_up();
@@ -658,15 +677,15 @@ impl<'a> Parser<'a> {
         let (mut count, mut names) = (0, 0);
         loop {
             self.skip_blank();
-            match self.here() {
+            match self.current_char() {
                 None => {
-                    self.mistake(
+                    self.add_fault(
                         start,
                         path,
                         &format!("'{bracket}' without '{right}'"),
                         &format!("expected '{right}' before the end of the text"),
                     );
-                    self.lost = true;
+                    self.aborted = true;
                     return;
                 }
                 Some(close @ (')' | ']' | '}')) if close == right || bracket == '{' => {
@@ -676,22 +695,22 @@ impl<'a> Parser<'a> {
                 }
                 Some(close @ (')' | ']' | '}')) => {
                     let found = format!("'{close}', while '{bracket}' of {line}:{column} is open");
-                    self.mistake(self.at, path, &found, &format!("expected '{right}' before it"));
+                    self.add_fault(self.at, path, &found, &format!("expected '{right}' before it"));
                     return self.give_up();
                 }
                 Some(',') => {
-                    self.mistake(self.at, path, "','", "expected a value before it");
+                    self.add_fault(self.at, path, "','", "expected a value before it");
                     self.advance(1);
                     continue;
                 }
                 Some(_) => {}
             }
             let item = self.at;
-            let name = self.name(path);
+            let name = self.read_field_name(path);
             let word = name.as_ref().map_or("", |name| &self.text[name.clone()]);
             if name.is_some() && bracket == '[' {
                 let found = format!("'{word}:' in a list, while '[' of {line}:{column} is open");
-                self.mistake(
+                self.add_fault(
                     item,
                     path,
                     &found,
@@ -701,7 +720,7 @@ impl<'a> Parser<'a> {
             }
             if name.is_some() && count > names && names == 0 {
                 let found = format!("'{word}:', while '(' of {line}:{column} is open");
-                self.mistake(item, path, &found, "expected ')' before it");
+                self.add_fault(item, path, &found, "expected ')' before it");
                 return self.give_up();
             }
             let key = if name.is_some() { word.to_string() } else { (count - names).to_string() };
@@ -712,57 +731,62 @@ impl<'a> Parser<'a> {
             let known = self.mistakes.len();
             self.skip_blank();
             let begin = self.at;
-            self.value(&path_of_item, name);
-            let value = &self.text[begin..self.behind.max(begin)];
-            if unnamed && self.mistakes.len() == known && !self.lost {
-                self.without_name(item, path, value);
+            self.skip_value(&path_of_item, name);
+            let value = &self.text[begin..self.last_end.max(begin)];
+            if unnamed && self.mistakes.len() == known && !self.aborted {
+                self.report_missing_name(item, path, value);
             }
             self.skip_blank();
-            match self.here() {
+            match self.current_char() {
                 Some(',') => self.advance(1),
                 Some(';') => {
-                    self.mistake(self.at, &path_of_item, "';'", "expected ','");
+                    self.add_fault(self.at, &path_of_item, "';'", "expected ','");
                     self.advance(1);
                 }
                 Some(')' | ']' | '}') | None => {}
                 Some(':' | '=') if named => {
-                    self.mistake(begin, &path_of_item, &format!("a second name, '{value}'"), "expected '(' before it");
+                    self.add_fault(
+                        begin,
+                        &path_of_item,
+                        &format!("a second name, '{value}'"),
+                        "expected '(' before it",
+                    );
                     return self.give_up();
                 }
-                Some(mark) => self.no_comma(&path_of_item, value, mark),
+                Some(mark) => self.report_missing_comma(&path_of_item, value, mark),
             }
         }
     }
 
     /// Reports a value without a name among such with names, once of a bracket.
-    fn without_name(&mut self, item: usize, path: &str, value: &str) {
+    fn report_missing_name(&mut self, item: usize, path: &str, value: &str) {
         let before = &self.text[..item];
         let digit = |c: char| c.is_ascii_digit();
         if before.ends_with(',') && before[..item - 1].ends_with(digit) && value.starts_with(digit) {
             let number = before.rfind(|c: char| !(digit(c) || c == ',' || c == '-')).map_or(0, |at| at + 1);
             let found = self.text[number..item + value.len()].to_string();
-            self.mistake(number, path, &found, &format!("expected a decimal point, {}", found.replace(',', ".")));
+            self.add_fault(number, path, &found, &format!("expected a decimal point, {}", found.replace(',', ".")));
         } else if !self.mistakes.iter().any(|mistake| mistake.path == path && mistake.found.ends_with("without a name"))
         {
-            self.mistake(item, path, &format!("{} without a name", shown(value)), "expected name: value");
+            self.add_fault(item, path, &format!("{} without a name", display_text(value)), "expected name: value");
         }
     }
 
     /// Reports what stands behind a value in the place of a comma.
-    fn no_comma(&mut self, path: &str, value: &str, mark: char) {
-        let next = shown(&self.rest()[..self.word().max(mark.len_utf8())]);
-        let same_line = !self.text[self.behind..self.at].contains('\n');
+    fn report_missing_comma(&mut self, path: &str, value: &str, mark: char) {
+        let next = display_text(&self.remaining_text()[..self.word_length().max(mark.len_utf8())]);
+        let same_line = !self.text[self.last_end..self.at].contains('\n');
         let number = begins_with_number(value);
         // Up to the end of the item, as in `2700.0 kg/m3` and `2.7*1000`.
-        let rest = self.rest();
+        let rest = self.remaining_text();
         let end = rest.find([',', ')', ']', '}', '(', '[', '"', ':', '\n', '\r']).unwrap_or(rest.len());
         let end = rest[..end].find("//").unwrap_or(end);
         let ends_item = !rest[end..].starts_with([':', '(', '[', '"']);
         if number && same_line && ends_item && (mark.is_alphabetic() || "*/^%\u{b0}\u{b7}".contains(mark)) {
-            let at = self.behind - value.len();
+            let at = self.last_end - value.len();
             let begin = self.at;
             self.advance(rest[..end].trim_end().len());
-            let found = shown(&self.text[at..self.at]);
+            let found = display_text(&self.text[at..self.at]);
             let term = |part: &str| part.trim().parse::<f64>().is_ok();
             let computed = self.text[begin..self.at].split(['*', '/', '^', '%']).skip(1).any(term);
             let expected = if computed && !mark.is_alphabetic() {
@@ -770,18 +794,18 @@ impl<'a> Parser<'a> {
             } else {
                 "expected a number without unit"
             };
-            self.mistake(at, path, &found, expected);
+            self.add_fault(at, path, &found, expected);
             self.skip_blank();
-            if self.here() == Some(',') {
+            if self.current_char() == Some(',') {
                 self.advance(1);
             }
         } else if mark.is_alphanumeric() || "\"'([{-+._".contains(mark) {
-            self.mistake(self.behind, path, &format!("no ',' before '{next}'"), "expected ',' here");
+            self.add_fault(self.last_end, path, &format!("no ',' before '{next}'"), "expected ',' here");
             if number && same_line && rest[next.len()..].trim_start().starts_with(':') {
                 self.give_up();
             }
         } else {
-            self.mistake(self.at, path, &format!("'{next}'"), "expected ','");
+            self.add_fault(self.at, path, &format!("'{next}'"), "expected ','");
             self.give_up();
         }
     }
@@ -792,7 +816,7 @@ fn begins_with_number(word: &str) -> bool {
     word.trim_start_matches(['+', '-', '.']).starts_with(|c: char| c.is_ascii_digit())
 }
 
-fn closing(bracket: char) -> char {
+fn closing_bracket(bracket: char) -> char {
     match bracket {
         '(' => ')',
         '[' => ']',

@@ -1,6 +1,6 @@
 //! Lines, fixed columns and numbers of LMGC90's text files, with file and line attached.
 //!
-//! Columns are 1-based and inclusive, as in `docs/files.md`. A reader asks [`Scan`] for a field by its first
+//! Columns are 1-based and inclusive, as in `docs/files.md`. A reader asks [`LineScanner`] for a field by its first
 //! column and goes on whatever stands there: a field at fault is noted, and its value is one that
 //! fails no later comparison (NaN, `None`, an empty name), so that one mistake gives one message.
 //!
@@ -22,7 +22,7 @@ use std::path::Path;
 use crate::error::{Fault, Faults};
 
 /// First columns of the three reals of a grid line.
-pub const GRID: [usize; 3] = [35, 56, 77];
+pub const GRID_COLUMNS: [usize; 3] = [35, 56, 77];
 /// Columns of a real.
 const REAL_WIDTH: usize = 14;
 /// Where an axis or frame of the files may be off from orthonormal; they carry seven digits.
@@ -32,40 +32,40 @@ pub const FRAME_TOLERANCE: f64 = 1e-4;
 
 /// A file's text made ASCII, so that bytes are columns: any other byte becomes a control character,
 /// which comments may hold and fields may not.
-pub struct Text(String);
+pub struct AsciiText(String);
 
-impl Text {
+impl AsciiText {
     /// The file's text; a file that cannot be read, or is no text of one byte a letter, is a fault.
-    pub fn load(path: &Path) -> Result<Self, Faults> {
-        let bytes = fs::read(path).map_err(|error| Fault::io(path, "read", &error))?;
+    pub fn read_file(path: &Path) -> Result<Self, Faults> {
+        let bytes = fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
         if bytes.contains(&0) {
             let found = "no text, or with two bytes a letter (UTF-16)";
             return Err(Fault::new(path, None, "file", found, "expected text in ASCII or UTF-8").into());
         }
-        Ok(Text::new(&bytes))
+        Ok(AsciiText::new(&bytes))
     }
 
     /// The text that a file of these bytes has, without the mark that some editors put at its start.
     pub fn new(bytes: &[u8]) -> Self {
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-        Text(bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '\x1a' }).collect())
+        AsciiText(bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '\x1a' }).collect())
     }
 
     /// All lines with their numbers.
-    pub fn lines(&self) -> impl Iterator<Item = Line<'_>> {
-        self.0.lines().enumerate().map(|(k, text)| Line { number: k + 1, text })
+    pub fn lines(&self) -> impl Iterator<Item = TextLine<'_>> {
+        self.0.lines().enumerate().map(|(k, text)| TextLine { number: k + 1, text })
     }
 }
 
-/// One line of a [`Text`].
+/// One line of a [`AsciiText`].
 #[derive(Debug, Clone, Copy)]
-pub struct Line<'a> {
+pub struct TextLine<'a> {
     /// 1-based
     pub number: usize,
     text: &'a str,
 }
 
-impl<'a> Line<'a> {
+impl<'a> TextLine<'a> {
     /// What stands in columns `first` to `last`; shorter where the line is.
     pub fn columns(self, first: usize, last: usize) -> &'a str {
         let end = last.min(self.text.len());
@@ -83,12 +83,12 @@ impl<'a> Line<'a> {
     }
 
     /// Columns 2 to 6 are blank: the line goes on with what an earlier one began.
-    pub fn continues(self) -> bool {
+    pub fn is_continuation(self) -> bool {
         self.keyword().trim().is_empty()
     }
 
     /// Number of columns up to the last that is not blank.
-    pub fn width(self) -> usize {
+    pub fn used_width(self) -> usize {
         self.text.trim_end().len()
     }
 
@@ -98,13 +98,13 @@ impl<'a> Line<'a> {
     }
 
     /// Neither of two columns is blank: one word stands across them.
-    fn abuts(self, left: usize, right: usize) -> bool {
+    fn is_joined_across(self, left: usize, right: usize) -> bool {
         // Column 1 belongs to the keyword's sign.
         left > 1 && [left, right].iter().all(|&column| !self.columns(column, column).trim().is_empty())
     }
 
     /// `value`, unless the number in the columns begins before them or goes on behind: LMGC90 would read a part.
-    fn alone<T>(self, (first, last): (usize, usize), value: T) -> Result<T, &'static str> {
+    fn expect_isolated<T>(self, (first, last): (usize, usize), value: T) -> Result<T, &'static str> {
         let before = self.columns(first - 1, first - 1);
         let digits_across = before.starts_with(|c: char| c.is_ascii_digit())
             && self.columns(first, first).starts_with(|c: char| c.is_ascii_digit() || c == '.');
@@ -123,9 +123,9 @@ impl<'a> Line<'a> {
 }
 
 /// Reads a file line by line, without comments and blank lines, and collects its faults.
-pub struct Scan<'a> {
+pub struct LineScanner<'a> {
     path: &'a Path,
-    lines: Vec<Line<'a>>,
+    lines: Vec<TextLine<'a>>,
     next: usize,
     /// Line to blame when the file ends too early.
     last: usize,
@@ -133,12 +133,12 @@ pub struct Scan<'a> {
     faults: Faults,
 }
 
-impl<'a> Scan<'a> {
+impl<'a> LineScanner<'a> {
     /// At the first line of `text`; `path` is for messages.
-    pub fn new(path: &'a Path, text: &'a Text) -> Self {
+    pub fn new(path: &'a Path, text: &'a AsciiText) -> Self {
         let lines: Vec<_> = text.lines().filter(|line| !line.is_skipped()).collect();
         let last = lines.last().map_or(1, |line| line.number);
-        Scan { path, lines, next: 0, last, object: "file".into(), faults: Faults::default() }
+        LineScanner { path, lines, next: 0, last, object: "file".into(), faults: Faults::default() }
     }
 
     /// The value that was read, or all faults.
@@ -147,80 +147,80 @@ impl<'a> Scan<'a> {
     }
 
     /// Faults of another file, read on behalf of this one.
-    pub fn gather<T>(&mut self, result: Result<T, Faults>) -> Option<T> {
-        self.faults.gather(result)
+    pub fn gather_result<T>(&mut self, result: Result<T, Faults>) -> Option<T> {
+        self.faults.gather_result(result)
     }
 
     /// Names the object that the next faults are in.
-    pub fn about(&mut self, object: impl Into<String>) {
+    pub fn set_object(&mut self, object: impl Into<String>) {
         self.object = object.into();
     }
 
-    /// What [`Scan::about`] was told last.
-    pub fn object(&self) -> &str {
+    /// What [`LineScanner::set_object`] was told last.
+    pub fn current_object(&self) -> &str {
         &self.object
     }
 
     /// Notes a fault in the present object.
-    pub fn fault(&mut self, line: usize, found: impl Into<String>, expected: impl Into<String>) {
+    pub fn add_fault(&mut self, line: usize, found: impl Into<String>, expected: impl Into<String>) {
         self.faults.push(Fault::new(self.path, Some(line), self.object.as_str(), found, expected));
     }
 
     /// Notes a fault of the file as a whole.
-    pub fn fault_of_file(&mut self, found: impl Into<String>, expected: impl Into<String>) {
+    pub fn add_file_fault(&mut self, found: impl Into<String>, expected: impl Into<String>) {
         self.faults.push(Fault::new(self.path, None, "file", found, expected));
     }
 
     /// The next line, left where it is.
-    pub fn peek(&self) -> Option<Line<'a>> {
+    pub fn peek_line(&self) -> Option<TextLine<'a>> {
         self.lines.get(self.next).copied()
     }
 
     /// The next line, passed by.
-    pub fn line(&mut self) -> Option<Line<'a>> {
-        let line = self.peek();
+    pub fn next_line(&mut self) -> Option<TextLine<'a>> {
+        let line = self.peek_line();
         self.next += usize::from(line.is_some());
         line
     }
 
     /// The next line if it fits, passed by.
-    pub fn line_if(&mut self, fits: impl Fn(Line<'a>) -> bool) -> Option<Line<'a>> {
-        if self.peek().is_some_and(fits) { self.line() } else { None }
+    pub fn next_line_if(&mut self, fits: impl Fn(TextLine<'a>) -> bool) -> Option<TextLine<'a>> {
+        if self.peek_line().is_some_and(fits) { self.next_line() } else { None }
     }
 
     /// The next line, which must fit: otherwise a fault, and the line stays.
-    pub fn expect(&mut self, expected: &str, fits: impl Fn(Line<'a>) -> bool) -> Option<Line<'a>> {
-        self.line_if(fits).or_else(|| self.unexpected(expected))
+    pub fn expect_line(&mut self, expected: &str, fits: impl Fn(TextLine<'a>) -> bool) -> Option<TextLine<'a>> {
+        self.next_line_if(fits).or_else(|| self.unexpected_line(expected))
     }
 
     /// The next line, which must be a keyword line such as `$nodty`.
-    pub fn expect_keyword(&mut self, keyword: &str) -> Option<Line<'a>> {
-        let line = self.line_if(|line| line.keyword() == keyword);
-        line.or_else(|| self.unexpected(&format!("expected ${keyword}")))
+    pub fn expect_keyword(&mut self, keyword: &str) -> Option<TextLine<'a>> {
+        let line = self.next_line_if(|line| line.keyword() == keyword);
+        line.or_else(|| self.unexpected_line(&format!("expected ${keyword}")))
     }
 
     /// The next line, which must go on with the present object, its columns 2 to 6 blank.
-    pub fn expect_continuation(&mut self, what: &str) -> Option<Line<'a>> {
-        let line = self.line_if(Line::continues);
-        line.or_else(|| self.unexpected(&format!("expected a line with {what}")))
+    pub fn expect_continuation(&mut self, what: &str) -> Option<TextLine<'a>> {
+        let line = self.next_line_if(TextLine::is_continuation);
+        line.or_else(|| self.unexpected_line(&format!("expected a line with {what}")))
     }
 
     /// Notes that the next line, or the end of the file, has no place here. Returns `None`, for use at the
     /// end of a search.
-    pub fn unexpected(&mut self, expected: &str) -> Option<Line<'a>> {
-        match self.peek() {
+    pub fn unexpected_line(&mut self, expected: &str) -> Option<TextLine<'a>> {
+        match self.peek_line() {
             Some(line) => {
                 let text: String = line.text.trim_end().chars().take(40).collect();
-                self.fault(line.number, format!("the line is '{}'", shown(&text)), expected);
+                self.add_fault(line.number, format!("the line is '{}'", display_text(&text)), expected);
             }
-            None => self.fault(self.last, "the file ends", expected),
+            None => self.add_fault(self.last, "the file ends", expected),
         }
         None
     }
 
     /// Leaves the present record: past its `$$$$$$`, or to the `$bdyty` that begins another.
-    pub fn leave_record(&mut self) {
-        while let Some(line) = self.line_if(|line| line.keyword() != "bdyty") {
+    pub fn skip_record(&mut self) {
+        while let Some(line) = self.next_line_if(|line| line.keyword() != "bdyty") {
             if line.keyword() == "$$$$$" {
                 break;
             }
@@ -228,23 +228,23 @@ impl<'a> Scan<'a> {
     }
 
     /// The real in the 14 columns from `first`; NaN and a fault if there is none.
-    pub fn real(&mut self, line: Line, first: usize, what: impl Display) -> f64 {
+    pub fn read_real(&mut self, line: TextLine, first: usize, what: impl Display) -> f64 {
         let columns = (first, first + REAL_WIDTH - 1);
-        match fortran_real(line.columns(columns.0, columns.1)).and_then(|value| line.alone(columns, value)) {
+        match fortran_real(line.columns(columns.0, columns.1)).and_then(|value| line.expect_isolated(columns, value)) {
             Ok(value) => value,
             Err(fault) => {
-                self.no_number(line, columns, what, fault, "expected a real such as 1.0000000E+00");
+                self.report_no_number(line, columns, what, fault, "expected a real such as 1.0000000E+00");
                 f64::NAN
             }
         }
     }
 
     /// The three reals of a grid line.
-    pub fn grid(&mut self, line: Line, names: [&str; 3]) -> [f64; 3] {
+    pub fn read_grid(&mut self, line: TextLine, names: [&str; 3]) -> [f64; 3] {
         let mut values = [f64::NAN; 3];
-        for (k, first) in GRID.into_iter().enumerate() {
-            values[k] = self.real(line, first, names[k]);
-            if line.abuts(first + REAL_WIDTH - 1, first + REAL_WIDTH) {
+        for (k, first) in GRID_COLUMNS.into_iter().enumerate() {
+            values[k] = self.read_real(line, first, names[k]);
+            if line.is_joined_across(first + REAL_WIDTH - 1, first + REAL_WIDTH) {
                 break; // too wide a number shifts all behind it
             }
         }
@@ -252,40 +252,40 @@ impl<'a> Scan<'a> {
     }
 
     /// A real that must not be negative.
-    pub fn length(&mut self, line: Line, first: usize, what: &str) -> f64 {
-        let value = self.real(line, first, what);
+    pub fn read_length(&mut self, line: TextLine, first: usize, what: &str) -> f64 {
+        let value = self.read_real(line, first, what);
         if value < 0.0 {
-            self.fault(line.number, format!("{what} is {value:?}"), "expected 0 or more");
+            self.add_fault(line.number, format!("{what} is {value:?}"), "expected 0 or more");
         }
         value
     }
 
     /// A real that must be more than zero.
-    pub fn positive(&mut self, line: Line, first: usize, what: &str) -> f64 {
-        let value = self.real(line, first, what);
+    pub fn read_positive(&mut self, line: TextLine, first: usize, what: &str) -> f64 {
+        let value = self.read_real(line, first, what);
         if value <= 0.0 {
-            self.fault(line.number, format!("{what} is {value:?}"), "expected more than 0");
+            self.add_fault(line.number, format!("{what} is {value:?}"), "expected more than 0");
         }
         value
     }
 
     /// The integer in columns `first` to `last`, blanks ignored; `None` and a fault if there is none.
-    pub fn integer(&mut self, line: Line, columns: (usize, usize), what: impl Display) -> Option<u64> {
+    pub fn read_integer(&mut self, line: TextLine, columns: (usize, usize), what: impl Display) -> Option<u64> {
         let digits = line.columns(columns.0, columns.1).replace(' ', "");
         let number = digits.parse().map_err(|_| number_fault(&digits).unwrap_or("not an integer of 0 or more"));
-        match number.and_then(|value| line.alone(columns, value)) {
+        match number.and_then(|value| line.expect_isolated(columns, value)) {
             Ok(value) => Some(value),
             Err(fault) => {
-                self.no_number(line, columns, what, fault, "expected an integer such as 12");
+                self.report_no_number(line, columns, what, fault, "expected an integer such as 12");
                 None
             }
         }
     }
 
     /// Notes that columns hold no number: `avrd is '100', without ...`.
-    fn no_number(
+    fn report_no_number(
         &mut self,
-        line: Line,
+        line: TextLine,
         (first, last): (usize, usize),
         what: impl Display,
         fault: &str,
@@ -293,76 +293,76 @@ impl<'a> Scan<'a> {
     ) {
         let found = match line.columns(first, last).trim_matches(' ') {
             "" => format!("{what} is blank"),
-            field => format!("{what} is '{}', {fault}", shown(field)),
+            field => format!("{what} is '{}', {fault}", display_text(field)),
         };
-        self.fault(line.number, found, expected);
+        self.add_fault(line.number, found, expected);
     }
 
     /// A number that counts from 1 in the file, made to count from 0.
-    pub fn index(&mut self, line: Line, columns: (usize, usize), what: &str) -> Option<usize> {
-        let number = self.integer(line, columns, what)?;
+    pub fn read_index(&mut self, line: TextLine, columns: (usize, usize), what: &str) -> Option<usize> {
+        let number = self.read_integer(line, columns, what)?;
         if number == 0 {
-            self.fault(line.number, format!("{what} is 0"), "expected 1 or more");
+            self.add_fault(line.number, format!("{what} is 0"), "expected 1 or more");
             return None;
         }
         usize::try_from(number - 1).ok()
     }
 
     /// The name in columns `first` to `last`, trimmed; empty and a fault if there is none.
-    pub fn name(&mut self, line: Line, (first, last): (usize, usize), what: &str) -> String {
+    pub fn read_name(&mut self, line: TextLine, (first, last): (usize, usize), what: &str) -> String {
         let field = line.columns(first, last);
-        let shown = shown(field.trim_matches(' '));
+        let shown = display_text(field.trim_matches(' '));
         let (found, expected) = if field.trim_matches(' ').is_empty() {
             (format!("{what} is blank"), format!("expected a name in columns {first} to {last}"))
         } else if field.bytes().any(|byte| !(b' '..=b'~').contains(&byte)) {
             (format!("{what} is '{shown}'"), "expected a name of printable ASCII characters".into())
-        } else if line.abuts(first - 1, first) || line.abuts(last, last + 1) {
+        } else if line.is_joined_across(first - 1, first) || line.is_joined_across(last, last + 1) {
             let found = format!("{what} is '{shown}', part of a longer word");
             (found, format!("expected a name in columns {first} to {last} and blanks around it"))
         } else {
             return field.trim_matches(' ').to_string();
         };
-        self.fault(line.number, found, expected);
+        self.add_fault(line.number, found, expected);
         String::new()
     }
 
     /// The five-column name from `first`.
-    pub fn name5(&mut self, line: Line, first: usize, what: &str) -> String {
-        self.name(line, (first, first + 4), what)
+    pub fn read_name5(&mut self, line: TextLine, first: usize, what: &str) -> String {
+        self.read_name(line, (first, first + 4), what)
     }
 
     /// `RBDY3` in columns `first` to `first + 4`, the one kind of body that is read.
-    pub fn rigid(&mut self, line: Line, first: usize) -> bool {
+    pub fn expect_rigid_body(&mut self, line: TextLine, first: usize) -> bool {
         let word = line.columns(first, first + 4);
         if word != "RBDY3" {
             let found = format!("a body of type '{}'", word.trim());
-            self.fault(line.number, found, "expected RBDY3, a rigid body in 3D: no other can be read");
+            self.add_fault(line.number, found, "expected RBDY3, a rigid body in 3D: no other can be read");
         }
         word == "RBDY3"
     }
 
     /// Notes a fault if the rows are not an orthonormal, right-handed triad.
-    pub fn orthonormal(&mut self, line: usize, what: &str, rows: &[[f64; 3]; 3]) {
+    pub fn check_orthonormal(&mut self, line: usize, what: &str, rows: &[[f64; 3]; 3]) {
         let defect = frame_defect(rows);
         if defect > FRAME_TOLERANCE {
             let found = format!("{what} are off by {defect:.1e} from an orthonormal right-handed triad");
-            self.fault(line, found, format!("expected at most {FRAME_TOLERANCE:e}"));
+            self.add_fault(line, found, format!("expected at most {FRAME_TOLERANCE:e}"));
         }
     }
 
     /// The `$steps` line of a state file: number of the step, time in s.
-    pub fn steps(&mut self) -> (u64, f64) {
-        let Some(line) = self.line_if(|line| line.keyword() == "steps") else {
-            self.unexpected("expected $steps with the number of the step and the time");
+    pub fn read_steps(&mut self) -> (u64, f64) {
+        let Some(line) = self.next_line_if(|line| line.keyword() == "steps") else {
+            self.unexpected_line("expected $steps with the number of the step and the time");
             return (0, f64::NAN);
         };
-        (self.integer(line, (9, 15), "step number").unwrap_or(0), self.real(line, 35, "time"))
+        (self.read_integer(line, (9, 15), "step number").unwrap_or(0), self.read_real(line, 35, "time"))
     }
 }
 
 /// What is wrong with a field in which no number could be read, if it is one of the usual things.
 /// For messages, without control characters.
-fn shown(text: &str) -> String {
+fn display_text(text: &str) -> String {
     text.replace('\x1a', "?").escape_default().to_string()
 }
 
@@ -428,35 +428,35 @@ pub fn frame_defect([a, b, c]: &[[f64; 3]; 3]) -> f64 {
 /// Below 1e-99 in size it is written as zero, since a third digit of the exponent would not fit.
 /// What cannot be written (1e100 and more, NaN, infinities) becomes 14 stars, as in Fortran: no reader
 /// takes them for a number. Callers check their values beforehand.
-pub fn e14(x: f64) -> String {
-    let Some((minus, digits, exponent)) = decimal(x, 7) else { return "*".repeat(REAL_WIDTH) };
+pub fn format_e14(x: f64) -> String {
+    let Some((minus, digits, exponent)) = decimal_digits(x, 7) else { return "*".repeat(REAL_WIDTH) };
     let (first, rest) = digits.split_at(1);
     format!("{minus}{first}.{rest}E{exponent:+03}")
 }
 
 /// A real in 14 columns as Fortran's `D14.7` gives it, seven digits: ` 0.1234568D+01`. For state files;
-/// same bounds as [`e14`].
-pub fn d14(x: f64) -> String {
-    let Some((minus, digits, exponent)) = decimal(x, 6) else { return "*".repeat(REAL_WIDTH) };
-    match exponent + i32::from(x.abs() >= SMALLEST) {
+/// same bounds as [`format_e14`].
+pub fn format_d14(x: f64) -> String {
+    let Some((minus, digits, exponent)) = decimal_digits(x, 6) else { return "*".repeat(REAL_WIDTH) };
+    match exponent + i32::from(x.abs() >= SMALLEST_REAL) {
         100 => format!("{minus}0.{digits}+100"), // Fortran drops the letter
         exponent => format!("{minus}0.{digits}D{exponent:+03}"),
     }
 }
 
-/// A real in 14 columns with as many digits as these hold: as [`e14`] where that is the number itself or has the
+/// A real in 14 columns with as many digits as these hold: as [`format_e14`] where that is the number itself or has the
 /// most, else without exponent, ` 1.23456789012`. Fortran reads both alike.
 ///
 /// Nine digits from 1e-3 on, twelve from 1 to 1e11. Numbers that were read from such a field come out the same.
 ///
 /// ```
-/// use cd_formats::scan::long14;
-/// assert_eq!(long14(2.0 / 3.0), " 0.66666666667");
-/// assert_eq!(long14(-1234.56789012345), "-1234.56789012");
-/// assert_eq!(long14(0.25), " 2.5000000E-01");
+/// use cd_formats::scan::format_long14;
+/// assert_eq!(format_long14(2.0 / 3.0), " 0.66666666667");
+/// assert_eq!(format_long14(-1234.56789012345), "-1234.56789012");
+/// assert_eq!(format_long14(0.25), " 2.5000000E-01");
 /// ```
-pub fn long14(x: f64) -> String {
-    let short = e14(x);
+pub fn format_long14(x: f64) -> String {
+    let short = format_e14(x);
     let size = x.abs();
     if !(1e-3..1e11).contains(&size) || fortran_real(&short) == Ok(x) {
         return short;
@@ -468,11 +468,11 @@ pub fn long14(x: f64) -> String {
     if long.len() == REAL_WIDTH { long } else { format!("{minus}{size:.*}", REAL_WIDTH - 3 - before) }
 }
 
-const SMALLEST: f64 = 1e-99;
+const SMALLEST_REAL: f64 = 1e-99;
 
 /// Sign (or blank), digits without point (one before it, `after` behind it), exponent of ten of the first digit.
-fn decimal(x: f64, after: usize) -> Option<(char, String, i32)> {
-    let size = if x.abs() < SMALLEST { 0.0 } else { x.abs() };
+fn decimal_digits(x: f64, after: usize) -> Option<(char, String, i32)> {
+    let size = if x.abs() < SMALLEST_REAL { 0.0 } else { x.abs() };
     let text = format!("{size:.after$e}");
     let (mantissa, exponent) = text.split_once('e')?; // NaN and infinities have none
     let exponent: i32 = exponent.parse().ok()?;
@@ -481,13 +481,13 @@ fn decimal(x: f64, after: usize) -> Option<(char, String, i32)> {
 }
 
 /// An integer right-aligned in `width` columns; stars, as in Fortran, if it does not fit.
-pub fn integer(value: impl Display, width: usize) -> String {
+pub fn format_integer(value: impl Display, width: usize) -> String {
     let text = format!("{value:>width$}");
     if text.len() > width { "*".repeat(width) } else { text }
 }
 
 /// Writes `text` from a column of the line that `out` ends with, blanks before it.
-pub fn put(out: &mut String, column: usize, text: impl Display) {
+pub fn put_text(out: &mut String, column: usize, text: impl Display) {
     let begun = out.rfind('\n').map_or(0, |end| end + 1);
     let blanks = (column - 1).saturating_sub(out.len() - begun);
     write!(out, "{:blanks$}{text}", "").expect("a String takes all");
@@ -496,20 +496,20 @@ pub fn put(out: &mut String, column: usize, text: impl Display) {
 /// Writes a grid line: `head` in columns 1-29, then up to three reals behind their labels.
 pub fn put_grid(out: &mut String, head: &str, labels: &[&str], values: &[f64], real: fn(f64) -> String) {
     out.push_str(head);
-    for ((&value, label), column) in values.iter().zip(labels).zip(GRID) {
-        put(out, column - 5, format_args!("{label:<5}{}", real(value)));
+    for ((&value, label), column) in values.iter().zip(labels).zip(GRID_COLUMNS) {
+        put_text(out, column - 5, format_args!("{label:<5}{}", real(value)));
     }
     out.push('\n');
 }
 
 /// The dashed comment line of state files.
-pub const DASHES: &str = "!-----------------------------------------------------------------------\n";
+pub const DASHED_LINE: &str = "!-----------------------------------------------------------------------\n";
 
 /// The head of a state file, in the form that LMGC90 reads again.
 pub fn put_steps(out: &mut String, title: &str, step: u64, time: f64) {
-    let step = integer(step, 7);
-    let time = d14(time);
-    let _ = write!(out, "     \n! {title}\n     \n$steps  {step}{:14}time={time}\n \n{DASHES}", "");
+    let step = format_integer(step, 7);
+    let time = format_d14(time);
+    let _ = write!(out, "     \n! {title}\n     \n$steps  {step}{:14}time={time}\n \n{DASHED_LINE}", "");
 }
 
 #[cfg(test)]
@@ -536,17 +536,17 @@ mod tests {
 
     #[test]
     fn marks_of_editors_are_no_text_and_tabs_are_named() {
-        let text = Text::new(b"\xef\xbb\xbf$bdyty\n RBDY3\t1\n");
-        let mut scan = Scan::new(Path::new("a"), &text);
+        let text = AsciiText::new(b"\xef\xbb\xbf$bdyty\n RBDY3\t1\n");
+        let mut scan = LineScanner::new(Path::new("a"), &text);
         assert!(scan.expect_keyword("bdyty").is_some());
-        let line = scan.line().unwrap();
-        assert_eq!(scan.integer(line, (7, 15), "number"), None);
+        let line = scan.next_line().unwrap();
+        assert_eq!(scan.read_integer(line, (7, 15), "number"), None);
         let refused = scan.finish(()).unwrap_err().to_string();
         assert!(refused.contains("number is '\\t1', with a tab, which is one column wide"), "{refused}");
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         fs::write(&path, b"$\0b\0").unwrap();
-        assert!(Text::load(&path).is_err());
+        assert!(AsciiText::read_file(&path).is_err());
     }
 
     #[test]
@@ -586,16 +586,16 @@ mod tests {
             [1.0 / 3.0, 9.999_999_999_999_9, 99_999.999_999_99, 1.0 / 998.0, 99_999_999_999.9, 1e99 / 7.0, 1e-9 / 3.0]
         {
             for x in [x, -x] {
-                let text = long14(x);
+                let text = format_long14(x);
                 assert_eq!(text.len(), 14, "{text}");
                 let read = fortran_real(&text).unwrap();
                 // Nine digits at least where there is no exponent, eight else.
                 let error = (read / x - 1.0).abs();
                 assert!(error < if (1e-3..1e11).contains(&x.abs()) { 5e-9 } else { 5e-8 }, "{text} {x:e}");
-                assert_eq!(fortran_real(&long14(read)), Ok(read));
+                assert_eq!(fortran_real(&format_long14(read)), Ok(read));
             }
         }
-        assert_eq!([0.0, -2.5, 1e100].map(long14), [" 0.0000000E+00", "-2.5000000E+00", "**************"]);
+        assert_eq!([0.0, -2.5, 1e100].map(format_long14), [" 0.0000000E+00", "-2.5000000E+00", "**************"]);
     }
 
     #[test]
@@ -618,7 +618,7 @@ mod tests {
             (f64::NAN, "**************"),
             (f64::NEG_INFINITY, "**************"),
         ] {
-            assert_eq!(e14(x), text, "{x:e}");
+            assert_eq!(format_e14(x), text, "{x:e}");
         }
     }
 
@@ -638,7 +638,7 @@ mod tests {
             (1e100, "**************"),
             (f64::INFINITY, "**************"),
         ] {
-            assert_eq!(d14(x), text, "{x:e}");
+            assert_eq!(format_d14(x), text, "{x:e}");
         }
     }
 
@@ -647,7 +647,7 @@ mod tests {
         let mut x = 1.2345678912345e-98;
         while x < 1e99 {
             for y in [x, -x] {
-                let (e, d) = (e14(y), d14(y));
+                let (e, d) = (format_e14(y), format_d14(y));
                 assert_eq!((e.len(), d.len()), (14, 14), "{e} {d}");
                 assert!((fortran_real(&e).unwrap() / y - 1.0).abs() < 5.1e-8);
                 assert!((fortran_real(&d).unwrap() / y - 1.0).abs() < 5.1e-7);
@@ -658,8 +658,8 @@ mod tests {
 
     #[test]
     fn integers_that_do_not_fit_become_stars() {
-        assert_eq!(integer(42, 5), "   42");
-        assert_eq!(integer(100_000, 5), "*****");
+        assert_eq!(format_integer(42, 5), "   42");
+        assert_eq!(format_integer(100_000, 5), "*****");
     }
 
     #[test]
@@ -673,14 +673,14 @@ mod tests {
     #[test]
     fn a_number_across_the_edge_of_its_columns_is_refused() {
         let path = Path::new("f");
-        let text = Text::new(b"x-1.0000000E+00 -1.0000000E-100  12");
-        let scan = &mut Scan::new(path, &text);
-        let line = scan.line().unwrap();
-        assert_eq!(scan.real(line, 2, "a"), -1.0);
-        assert!(scan.real(line, 3, "b").is_nan());
-        assert!(scan.real(line, 17, "c").is_nan());
-        assert_eq!(scan.integer(line, (34, 34), "d"), None);
-        assert_eq!(scan.integer(line, (34, 35), "e"), Some(12));
+        let text = AsciiText::new(b"x-1.0000000E+00 -1.0000000E-100  12");
+        let scan = &mut LineScanner::new(path, &text);
+        let line = scan.next_line().unwrap();
+        assert_eq!(scan.read_real(line, 2, "a"), -1.0);
+        assert!(scan.read_real(line, 3, "b").is_nan());
+        assert!(scan.read_real(line, 17, "c").is_nan());
+        assert_eq!(scan.read_integer(line, (34, 34), "d"), None);
+        assert_eq!(scan.read_integer(line, (34, 35), "e"), Some(12));
         let faults = scan.finish(()).unwrap_err().to_string();
         assert_eq!(
             faults,

@@ -21,7 +21,7 @@ use crate::error::{Fault, Faults};
 compile_error!("snapshots are written from memory as little-endian arrays");
 
 /// Version of the file's form; a reader refuses a later one.
-pub const FORMAT: u32 = 1;
+pub const FORMAT_VERSION: u32 = 1;
 
 /// Values of [`BodyArrays::body_shape`].
 pub const SHAPE_SPHERE: u8 = 0;
@@ -39,7 +39,7 @@ pub const STATUS_SLIDE: u8 = 2;
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Snapshot {
-    pub meta: Meta,
+    pub meta: SnapshotMeta,
     pub bodies: BodyArrays,
     pub contacts: ContactArrays,
     /// Only where a law remembers.
@@ -47,14 +47,14 @@ pub struct Snapshot {
     /// Only where self-gravity is not evaluated at every step.
     pub gravity: Option<GravityArrays>,
     /// Only in scenes with other bodies than spheres and plates.
-    pub shapes: Option<Shapes>,
+    pub shapes: Option<ShapeArrays>,
     /// What contacts have done since the snapshot before.
     pub interval: Option<IntervalArrays>,
 }
 
 /// What bodies of any shape need besides.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Shapes {
+pub struct ShapeArrays {
     pub turning: TurningArrays,
     pub contacts: ContactPartArrays,
     pub pairs: PairArrays,
@@ -62,8 +62,8 @@ pub struct Shapes {
 
 /// The JSON text `meta`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Meta {
-    /// [`FORMAT`]
+pub struct SnapshotMeta {
+    /// [`FORMAT_VERSION`]
     pub format: u32,
     /// Program and version that wrote the file.
     pub program: String,
@@ -78,7 +78,7 @@ pub struct Meta {
     /// Time of the snapshot before or of the start, from which the arrays of the interval count, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interval_start: Option<f64>,
-    pub parameters: Parameters,
+    pub parameters: RunParameters,
     /// Names that `body_colour`, `body_material`, `contact_law` are indices of.
     pub colours: Vec<String>,
     pub materials: Vec<MaterialName>,
@@ -90,11 +90,11 @@ pub struct Meta {
     pub ledger: Ledger,
     /// Where self-gravity is not evaluated at every step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub attraction: Option<Attraction>,
+    pub attraction: Option<GravityEvaluations>,
     /// If any step has failed.
-    #[serde(default, skip_serializing_if = "Fallback::is_new")]
-    pub fallback: Fallback,
-    /// The options of the run as COMPUTE.RON has them, flags included; see [`crate::compute::Compute::of_results`]. Empty in
+    #[serde(default, skip_serializing_if = "FallbackState::is_new")]
+    pub fallback: FallbackState,
+    /// The options of the run as COMPUTE.RON has them, flags included; see [`crate::compute::Compute::result_options`]. Empty in
     /// snapshots that were written before there were these.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub options: BTreeMap<String, String>,
@@ -102,7 +102,7 @@ pub struct Meta {
 
 /// The last two evaluations of self-gravity, from which it is extrapolated; the accelerations are arrays.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Attraction {
+pub struct GravityEvaluations {
     /// Steps since the last evaluation.
     pub age: u64,
     /// Times of the last evaluation and of the one before, s; equal if there was none.
@@ -119,16 +119,16 @@ pub struct Attraction {
 
 /// When the solver `auto` next does all that it can in a step that stalls.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct Fallback {
+pub struct FallbackState {
     /// Steps in a row in which that was in vain.
     pub failures: u32,
     /// The step from which on it is tried again.
     pub due: u64,
 }
 
-impl Fallback {
+impl FallbackState {
     fn is_new(&self) -> bool {
-        *self == Fallback::default()
+        *self == FallbackState::default()
     }
 }
 
@@ -148,7 +148,7 @@ pub struct LawName {
 
 /// The options that decide the result.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Parameters {
+pub struct RunParameters {
     pub theta: f64,
     /// If it is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -198,7 +198,7 @@ pub struct Parameters {
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub gravity_quadrupole: bool,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub fields: Vec<crate::compute::Field>,
+    pub fields: Vec<crate::compute::ExternalField>,
     /// Uniform gravity now in force, m/s^2.
     pub uniform_gravity: [f64; 3],
     pub quench: f64,
@@ -235,45 +235,45 @@ pub struct Ledger {
     pub sweeps: u64,
 }
 
-impl Meta {
+impl SnapshotMeta {
     /// The laws of TACT_BEHAV.DAT.
     pub fn laws_of_file(&self) -> &[LawName] {
         if self.laws_at_start.is_empty() { &self.laws } else { &self.laws_at_start }
     }
 }
 
-impl Default for Meta {
+impl Default for SnapshotMeta {
     fn default() -> Self {
-        Meta {
-            format: FORMAT,
+        SnapshotMeta {
+            format: FORMAT_VERSION,
             program: String::new(),
             step: 0,
             time: 0.0,
             h: 0.0,
             counted_from: None,
             interval_start: None,
-            parameters: Parameters::default(),
+            parameters: RunParameters::default(),
             colours: Vec::new(),
             materials: Vec::new(),
             laws: Vec::new(),
             laws_at_start: Vec::new(),
             ledger: Ledger::default(),
             attraction: None,
-            fallback: Fallback::default(),
+            fallback: FallbackState::default(),
             options: BTreeMap::new(),
         }
     }
 }
 
 /// An element of an array: its npy type and the shape of one row.
-trait Element: Pod {
+trait ArrayElement: Pod {
     const DESCR: &'static str;
     const ROW: &'static [usize];
 }
 
 macro_rules! elements {
     ($($type:ty = $descr:literal, $row:expr;)+) => {
-        $(impl Element for $type { const DESCR: &'static str = $descr; const ROW: &'static [usize] = &$row; })+
+        $(impl ArrayElement for $type { const DESCR: &'static str = $descr; const ROW: &'static [usize] = &$row; })+
     };
 }
 
@@ -298,12 +298,12 @@ macro_rules! arrays {
 
         impl $group {
             /// Name, element type, shape of a row and meaning of every array.
-            pub fn table() -> Vec<(&'static str, &'static str, &'static [usize], &'static str)> {
-                vec![$((stringify!($name), <$type as Element>::DESCR, <$type as Element>::ROW, concat!($($help),+)),)+]
+            pub fn array_table() -> Vec<(&'static str, &'static str, &'static [usize], &'static str)> {
+                vec![$((stringify!($name), <$type as ArrayElement>::DESCR, <$type as ArrayElement>::ROW, concat!($($help),+)),)+]
             }
 
             /// The rows of these numbers, in their order.
-            pub fn rows(&self, numbers: &[usize]) -> Self {
+            pub fn select_rows(&self, numbers: &[usize]) -> Self {
                 $group { $($name: numbers.iter().map(|&row| self.$name[row]).collect(),)+ }
             }
 
@@ -312,14 +312,14 @@ macro_rules! arrays {
                 $(self.$name.append(&mut other.$name);)+
             }
 
-            fn write(&self, archive: &mut Archive) -> zip::result::ZipResult<()> {
-                $(archive.put(stringify!($name), &self.$name)?;)+
+            fn write(&self, archive: &mut NpzWriter) -> zip::result::ZipResult<()> {
+                $(archive.add_array(stringify!($name), &self.$name)?;)+
                 Ok(())
             }
 
-            fn read(entries: &mut Entries) -> Self {
+            fn read(entries: &mut NpzReader) -> Self {
                 let rows = None;
-                $(let $name = entries.take(stringify!($name), rows); let rows = rows.or($name.as_ref().map(Vec::len));)+
+                $(let $name = entries.read_array(stringify!($name), rows); let rows = rows.or($name.as_ref().map(Vec::len));)+
                 let _ = rows;
                 $group { $($name: $name.unwrap_or_default(),)+ }
             }
@@ -451,7 +451,7 @@ arrays! {
     }
 }
 
-impl Shapes {
+impl ShapeArrays {
     /// Puts the rows of another behind these.
     pub fn append(&mut self, other: Self) {
         self.turning.append(other.turning);
@@ -459,14 +459,14 @@ impl Shapes {
         self.pairs.append(other.pairs);
     }
 
-    fn write(&self, archive: &mut Archive) -> zip::result::ZipResult<()> {
+    fn write(&self, archive: &mut NpzWriter) -> zip::result::ZipResult<()> {
         self.turning.write(archive)?;
         self.contacts.write(archive)?;
         self.pairs.write(archive)
     }
 
-    fn read(entries: &mut Entries) -> Self {
-        Shapes {
+    fn read(entries: &mut NpzReader) -> Self {
+        ShapeArrays {
             turning: TurningArrays::read(entries),
             contacts: ContactPartArrays::read(entries),
             pairs: PairArrays::read(entries),
@@ -480,10 +480,10 @@ impl Shapes {
     }
 }
 
-struct Archive(ZipWriter<Cursor<Vec<u8>>>);
+struct NpzWriter(ZipWriter<Cursor<Vec<u8>>>);
 
-impl Archive {
-    fn put<T: Element>(&mut self, name: &str, rows: &[T]) -> zip::result::ZipResult<()> {
+impl NpzWriter {
+    fn add_array<T: ArrayElement>(&mut self, name: &str, rows: &[T]) -> zip::result::ZipResult<()> {
         let shape: String =
             std::iter::once(rows.len()).chain(T::ROW.iter().copied()).map(|n| format!("{n}, ")).collect();
         let mut header = format!("{{'descr': '{}', 'fortran_order': False, 'shape': ({shape}), }}", T::DESCR);
@@ -502,17 +502,17 @@ impl Archive {
     }
 }
 
-struct Entries<'a> {
+struct NpzReader<'a> {
     path: &'a Path,
     archive: ZipArchive<Cursor<Vec<u8>>>,
     faults: Faults,
 }
 
-impl Entries<'_> {
+impl NpzReader<'_> {
     /// The array `name`, of `rows` rows if that is known; a fault, and nothing, if it is not there as it should be.
     /// Rows with a number that is not finite are faults too.
-    fn take<T: Element>(&mut self, name: &str, rows: Option<usize>) -> Option<Vec<T>> {
-        let taken = self.entry(name).and_then(|bytes| npy_rows::<T>(&bytes)).and_then(|array| match rows {
+    fn read_array<T: ArrayElement>(&mut self, name: &str, rows: Option<usize>) -> Option<Vec<T>> {
+        let taken = self.read_entry(name).and_then(|bytes| npy_rows::<T>(&bytes)).and_then(|array| match rows {
             Some(rows) if rows != array.len() => Err(format!("has {} rows, others have {rows}", array.len())),
             _ => Ok(array),
         });
@@ -525,8 +525,8 @@ impl Entries<'_> {
             .inspect(|array| self.expect_finite(name, array))
     }
 
-    fn expect_finite<T: Element>(&mut self, name: &str, array: &[T]) {
-        if T::DESCR != <f64 as Element>::DESCR {
+    fn expect_finite<T: ArrayElement>(&mut self, name: &str, array: &[T]) {
+        if T::DESCR != <f64 as ArrayElement>::DESCR {
             return;
         }
         for (number, row) in (1..).zip(array) {
@@ -538,7 +538,7 @@ impl Entries<'_> {
         }
     }
 
-    fn entry(&mut self, name: &str) -> Result<Vec<u8>, String> {
+    fn read_entry(&mut self, name: &str) -> Result<Vec<u8>, String> {
         use zip::result::ZipError;
         let mut entry = self.archive.by_name(&format!("{name}.npy")).map_err(|error| match error {
             ZipError::FileNotFound => "is not there",
@@ -553,7 +553,7 @@ impl Entries<'_> {
 }
 
 /// The rows of an npy file of format version 1, C order.
-fn npy_rows<T: Element>(bytes: &[u8]) -> Result<Vec<T>, String> {
+fn npy_rows<T: ArrayElement>(bytes: &[u8]) -> Result<Vec<T>, String> {
     let short = || "is cut short".to_string();
     if bytes.get(..8) != Some(b"\x93NUMPY\x01\x00") {
         return Err("is no npy array of version 1.0".into());
@@ -581,10 +581,10 @@ fn npy_rows<T: Element>(bytes: &[u8]) -> Result<Vec<T>, String> {
 impl Snapshot {
     /// The bytes of the file.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut archive = Archive(ZipWriter::new(Cursor::new(Vec::new())));
+        let mut archive = NpzWriter(ZipWriter::new(Cursor::new(Vec::new())));
         let meta = serde_json::to_vec(&self.meta).expect("meta holds nothing that JSON lacks");
         (|| {
-            archive.put("meta", &meta)?;
+            archive.add_array("meta", &meta)?;
             self.bodies.write(&mut archive)?;
             self.contacts.write(&mut archive)?;
             self.memory.as_ref().map_or(Ok(()), |memory| memory.write(&mut archive))?;
@@ -603,7 +603,7 @@ impl Snapshot {
     /// Reads and checks a file: checksums, shapes, equal numbers of rows, finite numbers, indices in range, the step of its
     /// name.
     pub fn read(path: &Path) -> Result<Self, Faults> {
-        let bytes = fs::read(path).map_err(|error| Fault::io(path, "read", &error))?;
+        let bytes = fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
         let refuse = |found: String| {
             Faults::from(Fault::new(path, None, "snapshot", found, "expected an .npz file of cd-solve"))
         };
@@ -612,13 +612,15 @@ impl Snapshot {
         let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|_| {
             refuse(if starts { "the file is truncated" } else { "the file is no .npz file" }.to_string())
         })?;
-        let mut entries = Entries { path, archive, faults: Faults::default() };
-        let Some(meta_text): Option<Vec<u8>> = entries.take("meta", None) else { return Err(entries.faults) };
-        let version: serde_json::Value = serde_json::from_slice(&meta_text).map_err(|error| refuse(in_json(&error)))?;
-        if version["format"].as_u64() != Some(FORMAT.into()) {
-            return Err(refuse(format!("meta: format {}; this program reads {FORMAT}", version["format"])));
+        let mut entries = NpzReader { path, archive, faults: Faults::default() };
+        let Some(meta_text): Option<Vec<u8>> = entries.read_array("meta", None) else { return Err(entries.faults) };
+        let version: serde_json::Value =
+            serde_json::from_slice(&meta_text).map_err(|error| refuse(describe_json_error(&error)))?;
+        if version["format"].as_u64() != Some(FORMAT_VERSION.into()) {
+            return Err(refuse(format!("meta: format {}; this program reads {FORMAT_VERSION}", version["format"])));
         }
-        let meta: Meta = serde_json::from_slice(&meta_text).map_err(|error| refuse(in_json(&error)))?;
+        let meta: SnapshotMeta =
+            serde_json::from_slice(&meta_text).map_err(|error| refuse(describe_json_error(&error)))?;
         if let Some(step) = step_of(path).filter(|step| *step != meta.step) {
             let (found, expected) = (format!("of step {}", meta.step), format!("expected {step}, as its name says"));
             return Err(Fault::new(path, None, "snapshot", found, expected).into());
@@ -630,7 +632,7 @@ impl Snapshot {
         let extrapolates = entries.archive.index_for_name("gravity_last.npy").is_some();
         let gravity = extrapolates.then(|| GravityArrays::read(&mut entries));
         let has_shapes = entries.archive.index_for_name("turning_body.npy").is_some();
-        let shapes = has_shapes.then(|| Shapes::read(&mut entries));
+        let shapes = has_shapes.then(|| ShapeArrays::read(&mut entries));
         let has_interval = entries.archive.index_for_name("interval_body.npy").is_some();
         let interval = has_interval.then(|| IntervalArrays::read(&mut entries));
         entries.faults.into_result(())?;
@@ -659,7 +661,7 @@ impl Snapshot {
         if memory.as_ref().is_some_and(|memory| memory.contact_bonded.len() != contacts.contact_body.len()) {
             return Err("the arrays of contacts have different numbers of rows".into());
         }
-        let in_shapes = |shapes: &Shapes| shapes.are_in_range(bodies_count, contacts.contact_body.len());
+        let in_shapes = |shapes: &ShapeArrays| shapes.are_in_range(bodies_count, contacts.contact_body.len());
         let exchanged = interval.iter().flat_map(|interval| &interval.interval_body);
         let in_range = shapes.as_ref().is_none_or(in_shapes)
             && contacts.contact_body.iter().chain(exchanged).flatten().all(|&b| (b as usize) < bodies_count)
@@ -672,7 +674,7 @@ impl Snapshot {
 }
 
 /// Fault of the JSON of `meta`.
-fn in_json(error: &serde_json::Error) -> String {
+fn describe_json_error(error: &serde_json::Error) -> String {
     let quoted = error.to_string().split('`').nth(1).map(str::to_string);
     match (error.classify(), quoted) {
         (serde_json::error::Category::Data, Some(field)) => {
@@ -686,10 +688,10 @@ fn in_json(error: &serde_json::Error) -> String {
 }
 
 /// `DATBOX/START.npz`: the state to start from to the last bit, where there is one. See `docs/files.md`.
-pub const START: &str = "START.npz";
+pub const START_FILE: &str = "START.npz";
 
 /// `OUTBOX/snapshot-NNNNNN.npz` for a step.
-pub fn path(outbox: &Path, step: u64) -> PathBuf {
+pub fn snapshot_path(outbox: &Path, step: u64) -> PathBuf {
     outbox.join(format!("snapshot-{step:06}.npz"))
 }
 
@@ -699,8 +701,8 @@ fn step_of(path: &Path) -> Option<u64> {
 }
 
 /// The snapshots of a folder by step; a folder that is absent has none, one that cannot be read is a fault.
-pub fn list(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
-    let paths = atomic::entries(outbox)?.into_iter();
+pub fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
+    let paths = atomic::folder_entries(outbox)?.into_iter();
     let mut found: Vec<(u64, PathBuf)> = paths.filter_map(|path| Some((step_of(&path)?, path))).collect();
     found.sort();
     Ok(found)
@@ -735,7 +737,7 @@ mod tests {
     #[test]
     fn round_trips_every_bit_with_and_without_contacts() {
         let folder = tempfile::tempdir().unwrap();
-        let path = path(folder.path(), 12);
+        let path = snapshot_path(folder.path(), 12);
         let sample = || {
             let mut sample = sample();
             sample.meta.step = 12;
@@ -746,7 +748,7 @@ mod tests {
         let read = Snapshot::read(&path).unwrap();
         assert_eq!(read, snapshot);
         assert_eq!(read.to_bytes(), snapshot.to_bytes()); // -0.0 == 0.0, so compare bytes too
-        assert_eq!(list(folder.path()), Ok(vec![(12, path.clone())]));
+        assert_eq!(list_snapshots(folder.path()), Ok(vec![(12, path.clone())]));
         let mut timed = sample();
         timed.meta.interval_start = Some(-0.5);
         timed.interval = Some(IntervalArrays { interval_body: vec![[0, 1]], interval_virial: vec![0.1] });
@@ -768,11 +770,11 @@ mod tests {
     #[test]
     fn refuses_what_is_renamed_and_folders_that_cannot_be_read() {
         let folder = tempfile::tempdir().unwrap();
-        sample().write(&path(folder.path(), 3)).unwrap();
-        let refused = Snapshot::read(&path(folder.path(), 3)).unwrap_err().to_string();
+        sample().write(&snapshot_path(folder.path(), 3)).unwrap();
+        let refused = Snapshot::read(&snapshot_path(folder.path(), 3)).unwrap_err().to_string();
         assert!(refused.ends_with("snapshot: of step 0; expected 3, as its name says"), "{refused}");
-        assert_eq!(list(&folder.path().join("absent")), Ok(Vec::new()));
-        list(&path(folder.path(), 3)).unwrap_err();
+        assert_eq!(list_snapshots(&folder.path().join("absent")), Ok(Vec::new()));
+        list_snapshots(&snapshot_path(folder.path(), 3)).unwrap_err();
     }
 
     #[test]

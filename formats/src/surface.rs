@@ -45,19 +45,19 @@ impl Surface {
     /// assert_eq!(open.len(), 3);
     /// ```
     pub fn new(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Self, Vec<String>> {
-        let faults = faults_of_parts(vertices, triangles);
+        let faults = element_faults(vertices, triangles);
         if !faults.is_empty() {
             return Err(faults);
         }
-        let mut surface = Surface { vertices: vertices.to_vec(), triangles: orient(triangles)? };
-        let about = mean(vertices);
+        let mut surface = Surface { vertices: vertices.to_vec(), triangles: orient_triangles(triangles)? };
+        let about = mean_vertex(vertices);
         let (mut volume, mut area) = (0.0, 0.0);
-        for [a, b, c] in surface.corners(&about) {
+        for [a, b, c] in surface.triangle_corners(&about) {
             volume += a.dot(&b.cross(&c)) / 6.0;
             area += (b - a).cross(&(c - a)).norm() / 2.0;
         }
         // A volume that is no number, by overflow, is refused too.
-        if volume.is_nan() || volume.abs() <= FLAT_BODY * area * surface.extent() {
+        if volume.is_nan() || volume.abs() <= FLAT_BODY * area * surface.longest_side() {
             return Err(vec![format!("the surface encloses a volume of {volume:e}; expected a body")]);
         }
         if volume < 0.0 {
@@ -77,7 +77,7 @@ impl Surface {
 
     /// m^3, > 0.
     pub fn volume(&self) -> f64 {
-        self.moments(&mean(&self.vertices)).0
+        self.moments_about(&mean_vertex(&self.vertices)).0
     }
 
     /// Exact integrals over signed tetrahedra with their tips at the centre of mass.
@@ -88,9 +88,9 @@ impl Surface {
     /// Source: J. Blow, A. J. Binstock, How to find the inertia tensor (or other mass properties) of a 3D solid body
     /// represented by a triangle mesh (2004).
     pub fn mass_properties(&self) -> MassProperties {
-        let near = mean(&self.vertices);
-        let centre = near + self.moments(&near).1;
-        let (volume, rest, second) = self.moments(&centre);
+        let near = mean_vertex(&self.vertices);
+        let centre = near + self.moments_about(&near).1;
+        let (volume, rest, second) = self.moments_about(&centre);
         let second = second - rest * rest.transpose() * volume;
         let inertia = Matrix3::identity() * second.trace() - second;
         MassProperties { volume, centre: (centre + rest).into(), inertia: inertia.into() }
@@ -100,10 +100,10 @@ impl Surface {
     ///
     /// Files with seven digits need 1e-6: the plane of a sliver is known only as far as its corners are.
     pub fn is_convex(&self, tolerance: f64) -> bool {
-        let extent = self.extent();
-        let about = mean(&self.vertices);
+        let extent = self.longest_side();
+        let about = mean_vertex(&self.vertices);
         let vertices: Vec<Vec3> = self.vertices.iter().map(|&v| Vec3::from(v) - about).collect();
-        self.corners(&about).all(|[a, b, c]| {
+        self.triangle_corners(&about).all(|[a, b, c]| {
             let cross = (b - a).cross(&(c - a));
             let longest = (b - a).norm().max((c - b).norm()).max((a - c).norm());
             let height = cross.norm() / longest;
@@ -113,9 +113,9 @@ impl Surface {
     }
 
     /// Volume, centre relative to `about`, and ∫ x x' about it.
-    fn moments(&self, about: &Vec3) -> (f64, Vec3, Matrix3<f64>) {
+    fn moments_about(&self, about: &Vec3) -> (f64, Vec3, Matrix3<f64>) {
         let (mut six, mut first, mut second) = (0.0, Vec3::zeros(), Matrix3::zeros());
-        for [a, b, c] in self.corners(about) {
+        for [a, b, c] in self.triangle_corners(about) {
             let (d, t) = (a.dot(&b.cross(&c)), a + b + c);
             six += d;
             first += t * d;
@@ -125,12 +125,12 @@ impl Surface {
     }
 
     /// Corners of the triangles, relative to `about`.
-    fn corners(&self, about: &Vec3) -> impl Iterator<Item = [Vec3; 3]> {
+    fn triangle_corners(&self, about: &Vec3) -> impl Iterator<Item = [Vec3; 3]> {
         self.triangles.iter().map(move |triangle| triangle.map(|k| Vec3::from(self.vertices[k as usize]) - about))
     }
 
     /// Longest side of the box along the axes, m.
-    fn extent(&self) -> f64 {
+    fn longest_side(&self) -> f64 {
         let side = |k: usize| {
             let (least, most) = (self.vertices.iter())
                 .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), v| (v[k].min(least), v[k].max(most)));
@@ -145,7 +145,7 @@ impl MassProperties {
     ///
     /// The largest component of the first and of the second axis is positive. Axes of equal moments are any of those
     /// that there are.
-    pub fn principal(&self) -> ([f64; 3], [[f64; 3]; 3]) {
+    pub fn principal_axes(&self) -> ([f64; 3], [[f64; 3]; 3]) {
         let eigen = SymmetricEigen::new(Matrix3::from(self.inertia));
         let mut order = [0, 1, 2];
         order.sort_by(|&i, &j| eigen.eigenvalues[i].total_cmp(&eigen.eigenvalues[j]));
@@ -158,14 +158,14 @@ impl MassProperties {
     }
 }
 
-fn mean(vertices: &[[f64; 3]]) -> Vec3 {
+fn mean_vertex(vertices: &[[f64; 3]]) -> Vec3 {
     // From the first, so that nothing is lost far from the origin.
     let first = Vec3::from(vertices[0]);
     first + vertices.iter().map(|&v| Vec3::from(v) - first).sum::<Vec3>() / vertices.len() as f64
 }
 
 /// Numbers that are not finite, vertices missing or unused, triangles without area.
-fn faults_of_parts(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<String> {
+fn element_faults(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<String> {
     let mut faults = Vec::new();
     for (k, vertex) in vertices.iter().enumerate().filter(|(_, v)| v.iter().any(|x| !x.is_finite())) {
         faults.push(format!("vertex {} is {vertex:?}; expected finite numbers", k + 1));
@@ -203,7 +203,7 @@ fn faults_of_parts(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<String>
 }
 
 /// The triangles, turned to go with the first; an error where they are not one closed surface.
-fn orient(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, Vec<String>> {
+fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, Vec<String>> {
     // Of each edge, the triangles and whether they run along it from the lower number to the higher.
     let mut edges: BTreeMap<[u32; 2], Vec<(usize, bool)>> = BTreeMap::new();
     for (k, t) in triangles.iter().enumerate() {
@@ -317,7 +317,7 @@ mod tests {
                 let properties = got.mass_properties();
                 let e = error(&properties, volume, Vec3::zeros(), inertia, size);
                 assert!(e.iter().all(|e| *e < allowed), "{shape:?} {size}: {e:?}");
-                let (principal, axes) = properties.principal();
+                let (principal, axes) = properties.principal_axes();
                 let mut sorted: Vec<f64> = moments.iter().copied().collect();
                 sorted.sort_by(f64::total_cmp);
                 let axes = Matrix3::from_rows(&axes.map(|a| Vec3::from(a).transpose()));
@@ -341,7 +341,7 @@ mod tests {
         let inertia = Matrix3::from_fn(|i, j| if i == j { v * 0.075 } else { v * 0.0125 });
         let e = error(&got, v, Vec3::repeat(0.25), inertia, 1.0);
         assert!(e.iter().all(|e| *e < 1e-15), "{e:?}");
-        let (moments, axes) = got.principal();
+        let (moments, axes) = got.principal_axes();
         // The double moment is the smaller one; the single axis is the diagonal.
         assert!(
             (moments[1] - moments[0]).abs() < 1e-16 && (Vec3::from(axes[2]).sum().abs() - 3f64.sqrt()).abs() < 1e-15

@@ -3,20 +3,20 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::bodies::CONTACTORS;
+use crate::bodies::CONTACTOR_TYPES;
 use crate::error::Faults;
 use crate::ron_text::known_names;
-use crate::scan::{Line, Scan, Text, e14, fortran_real, long14, put};
+use crate::scan::{AsciiText, LineScanner, TextLine, format_e14, format_long14, fortran_real, put_text};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TactBehav {
-    pub laws: Vec<Law>,
-    pub visibility: Vec<See>,
+    pub laws: Vec<LawRecord>,
+    pub visibility: Vec<VisibilityRow>,
 }
 
 /// A contact law with its parameters in the order of the file, e.g. RST_CLB: e_n, e_t, mu.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Law {
+pub struct LawRecord {
     /// Line of the law, 1-based; 0 when no file holds it yet.
     pub line: usize,
     /// Five characters, trimmed.
@@ -28,19 +28,19 @@ pub struct Law {
 
 /// One row of the visibility table.
 #[derive(Debug, Clone, PartialEq)]
-pub struct See {
+pub struct VisibilityRow {
     pub line: usize,
-    pub candidate: Side,
+    pub candidate: VisibilitySide,
     /// Nickname of the law.
     pub law: String,
-    pub antagonist: Side,
+    pub antagonist: VisibilitySide,
     /// Alert distance, m, surface to surface.
     pub alert: f64,
 }
 
 /// One side of a row; the names are five characters, trimmed.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Side {
+pub struct VisibilitySide {
     /// `RBDY3`
     pub body: String,
     /// `SPHER`, `PLANx` ...
@@ -50,14 +50,14 @@ pub struct Side {
 
 /// The laws that can be read, with the labels of their parameters, one slice a line of the file.
 /// Which of them are computed is the solver's concern.
-pub const LAWS: [(&str, &[&[&str]]); 24] = [
+pub const LAW_LABELS: [(&str, &[&[&str]]); 24] = [
     ("IQS_CLB", &[&["fric"]]),
     ("IQS_CLB_g0", &[&["fric"]]),
     ("IQS_DS_CLB", &[&["dyfr", "stfr"]]),
     ("RST_CLB", &[&["rstn", "rstt"], &["fric"]]),
     ("RST_DS_CLB", &[&["rstn", "rstt"], &["dyfr", "stfr"]]),
-    ("IQS_WET_DS_CLB", WET),
-    ("xQS_WET_DS_CLB", WET),
+    ("IQS_WET_DS_CLB", WET_LABELS),
+    ("xQS_WET_DS_CLB", WET_LABELS),
     ("RST_WET_CLB", &[&["cohn", "coht"], &["rstn", "rstt"], &["Wthk"], &["dyfr", "stfr"]]),
     ("IQS_MOHR_DS_CLB", &[&["cohn", "coht"], &["dyfr", "stfr"]]),
     ("IQS_CAP_MOHR_DS_CLB", &[&["cohn", "coht"], &["dyfr", "stfr"], &["sten", "scom"]]),
@@ -78,37 +78,37 @@ pub const LAWS: [(&str, &[&[&str]]); 24] = [
     ("IQS_WET_DS_ROLL_CLB", &[&["cohn", "coht"], &["Wthk"], &["dyfr", "stfr"], &["roll", "spin"]]),
 ];
 
-const WET: &[&[&str]] = &[&["cohn", "coht"], &["Wthk"], &["dyfr", "stfr"]];
+const WET_LABELS: &[&[&str]] = &[&["cohn", "coht"], &["Wthk"], &["dyfr", "stfr"]];
 
 /// Parameters that a law makes no sense with when negative.
-const NOT_NEGATIVE: [&str; 9] = ["fric", "dyfr", "stfr", "cohn", "Wthk", "rstn", "F/gp", "roll", "spin"];
+const NON_NEGATIVE_PARAMETERS: [&str; 9] = ["fric", "dyfr", "stfr", "cohn", "Wthk", "rstn", "F/gp", "roll", "spin"];
 
 /// First columns of the parameters of a line.
-const PARAMETERS: [usize; 2] = [46, 67];
+const PARAMETER_COLUMNS: [usize; 2] = [46, 67];
 
 /// Columns of a row of the visibility table: body, contactor, colour of both sides, between them the law.
-const CANDIDATE: [usize; 3] = [2, 9, 16];
-const LAW: usize = 23;
-const ANTAGONIST: [usize; 3] = [30, 37, 44];
-const ALERT: usize = 55;
+const CANDIDATE_COLUMNS: [usize; 3] = [2, 9, 16];
+const LAW_COLUMN: usize = 23;
+const ANTAGONIST_COLUMNS: [usize; 3] = [30, 37, 44];
+const ALERT_COLUMN: usize = 55;
 
-const TITLES: &str = " cdbdy  cdtac  cdcol  behav  anbdy  antac  ancol       alert";
+const TABLE_TITLES: &str = " cdbdy  cdtac  cdcol  behav  anbdy  antac  ancol       alert";
 
-/// Labels of the parameters of a kind of law, in their order; none of a kind that [`LAWS`] does not hold.
-pub fn labels(kind: &str) -> impl Iterator<Item = &'static str> {
-    parameters(kind).unwrap_or_default().iter().flat_map(|line| line.iter().copied())
+/// Labels of the parameters of a kind of law, in their order; none of a kind that [`LAW_LABELS`] does not hold.
+pub fn parameter_labels(kind: &str) -> impl Iterator<Item = &'static str> {
+    parameter_lines(kind).unwrap_or_default().iter().flat_map(|line| line.iter().copied())
 }
 
 /// The same line by line.
-fn parameters(kind: &str) -> Option<&'static [&'static [&'static str]]> {
-    LAWS.iter().find(|(name, _)| *name == kind).map(|(_, lines)| *lines)
+fn parameter_lines(kind: &str) -> Option<&'static [&'static [&'static str]]> {
+    LAW_LABELS.iter().find(|(name, _)| *name == kind).map(|(_, lines)| *lines)
 }
 
 /// Comment of a file without laws: one that is empty by mistake would let all bodies pass through each other.
 const NO_LAWS: &str = "! no contact laws";
 
-/// Begin of the comments of [`TactBehav::no_law`].
-const NO_LAW: &str = "! no law: ";
+/// Begin of the comments of [`TactBehav::no_law_comment`].
+const NO_LAW_PREFIX: &str = "! no law: ";
 
 impl TactBehav {
     /// Reads the file; all its faults at once.
@@ -117,31 +117,35 @@ impl TactBehav {
     /// would be lost. A row that says again what an earlier one said is dropped. The halo line (`+`)
     /// is not kept.
     pub fn read(path: &Path) -> Result<Self, Faults> {
-        Self::parse(path, &Text::load(path)?)
+        Self::parse(path, &AsciiText::read_file(path)?)
     }
 
     /// Reads the text of a file; `path` is for messages.
-    pub fn parse(path: &Path, text: &Text) -> Result<Self, Faults> {
-        let scan = &mut Scan::new(path, text);
-        let mut laws: Vec<Law> = Vec::new();
+    pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
+        let scan = &mut LineScanner::new(path, text);
+        let mut laws: Vec<LawRecord> = Vec::new();
         let mut rows = Vec::new();
-        while let Some(begin) = scan.line() {
+        while let Some(begin) = scan.next_line() {
             match begin.keyword() {
                 "behav" => {
-                    scan.about(format!("law {}", laws.len() + 1));
+                    scan.set_object(format!("law {}", laws.len() + 1));
                     let Some(law) = read_law(scan) else { continue };
                     if !law.nickname.is_empty() && laws.iter().any(|known| known.nickname == law.nickname) {
-                        scan.fault(law.line, format!("'{}' is defined twice", law.nickname), "expected each name once");
+                        scan.add_fault(
+                            law.line,
+                            format!("'{}' is defined twice", law.nickname),
+                            "expected each name once",
+                        );
                     }
                     laws.push(law);
                 }
                 "seety" => {
-                    scan.about(format!("see row {}", rows.len() + 1));
+                    scan.set_object(format!("see row {}", rows.len() + 1));
                     rows.push(read_row(scan));
                 }
                 "RBDY3" => {
-                    scan.about(format!("see row {}", rows.len() + 1));
-                    scan.fault(
+                    scan.set_object(format!("see row {}", rows.len() + 1));
+                    scan.add_fault(
                         begin.number,
                         "a row that LMGC90 would skip",
                         "expected $seety and a line of titles before",
@@ -153,7 +157,7 @@ impl TactBehav {
         }
         if laws.is_empty() && rows.is_empty() && !text.lines().any(|line| line.text().starts_with(NO_LAWS)) {
             let expected = format!("expected a $behav for each law; a file without laws says so by a line '{NO_LAWS}'");
-            scan.fault_of_file("no contact laws", expected);
+            scan.add_file_fault("no contact laws", expected);
         }
         let visibility = check_rows(scan, &laws, rows);
         scan.finish(TactBehav { laws, visibility })
@@ -161,67 +165,67 @@ impl TactBehav {
 
     /// The text of the file, numbers with eight digits.
     ///
-    /// Names must have at most five characters. A law of a kind that [`LAWS`] does not hold is
+    /// Names must have at most five characters. A law of a kind that [`LAW_LABELS`] does not hold is
     /// written with its parameters one a line.
     pub fn to_text(&self) -> String {
-        self.text(e14)
+        self.text_with(format_e14)
     }
 
     /// A comment of the file: two colours are meant to have no law.
-    pub fn no_law(a: &str, b: &str) -> String {
-        format!("{NO_LAW}{a} {b}\n")
+    pub fn no_law_comment(a: &str, b: &str) -> String {
+        format!("{NO_LAW_PREFIX}{a} {b}\n")
     }
 
     /// The pairs of colours of such comments.
     ///
     /// ```
     /// use cd_formats::tact_behav::TactBehav;
-    /// let text = format!("$behav\n{}", TactBehav::no_law("BLUEx", "BOULD"));
-    /// assert_eq!(TactBehav::without_law(&text), [["BLUEx", "BOULD"]]);
+    /// let text = format!("$behav\n{}", TactBehav::no_law_comment("BLUEx", "BOULD"));
+    /// assert_eq!(TactBehav::colour_pairs_without_law(&text), [["BLUEx", "BOULD"]]);
     /// ```
-    pub fn without_law(text: &str) -> Vec<[String; 2]> {
+    pub fn colour_pairs_without_law(text: &str) -> Vec<[String; 2]> {
         let pair = |line: &str| {
-            let (a, b) = line.strip_prefix(NO_LAW)?.trim_end().split_once(' ')?;
+            let (a, b) = line.strip_prefix(NO_LAW_PREFIX)?.trim_end().split_once(' ')?;
             Some([a, b].map(str::to_string))
         };
         text.lines().filter_map(pair).collect()
     }
 
-    /// The same with as many digits as the columns hold, see [`long14`].
+    /// The same with as many digits as the columns hold, see [`format_long14`].
     pub fn to_long_text(&self) -> String {
-        self.text(long14)
+        self.text_with(format_long14)
     }
 
-    fn text(&self, real: fn(f64) -> String) -> String {
+    fn text_with(&self, real: fn(f64) -> String) -> String {
         let mut out = String::new();
         if self.laws.is_empty() && self.visibility.is_empty() {
             out += &format!("{NO_LAWS}\n");
         }
-        for Law { nickname, kind, parameters: values, .. } in &self.laws {
+        for LawRecord { nickname, kind, parameters: values, .. } in &self.laws {
             let _ = write!(out, "$behav\n {nickname:<5}  {kind}");
-            let lines = parameters(kind).map_or_else(|| vec![&["parm"][..]; values.len()], <[_]>::to_vec);
+            let lines = parameter_lines(kind).map_or_else(|| vec![&["parm"][..]; values.len()], <[_]>::to_vec);
             let mut values = values.iter();
             for (k, labels) in lines.iter().enumerate() {
                 if k > 0 {
                     out.push('\n');
                 }
-                for ((label, value), column) in labels.iter().zip(&mut values).zip(PARAMETERS) {
-                    put(&mut out, column - 5, format_args!("{label:<4}={}", real(*value)));
+                for ((label, value), column) in labels.iter().zip(&mut values).zip(PARAMETER_COLUMNS) {
+                    put_text(&mut out, column - 5, format_args!("{label:<4}={}", real(*value)));
                 }
             }
             out.push('\n');
         }
-        for See { candidate, law, antagonist, alert, .. } in &self.visibility {
-            let _ = write!(out, "$seety\n{TITLES}\n");
-            for (side, columns) in [(candidate, CANDIDATE), (antagonist, ANTAGONIST)] {
-                if columns == ANTAGONIST {
-                    put(&mut out, LAW, law);
+        for VisibilityRow { candidate, law, antagonist, alert, .. } in &self.visibility {
+            let _ = write!(out, "$seety\n{TABLE_TITLES}\n");
+            for (side, columns) in [(candidate, CANDIDATE_COLUMNS), (antagonist, ANTAGONIST_COLUMNS)] {
+                if columns == ANTAGONIST_COLUMNS {
+                    put_text(&mut out, LAW_COLUMN, law);
                 }
                 for (name, column) in [&side.body, &side.contactor, &side.colour].into_iter().zip(columns) {
-                    put(&mut out, column, name);
+                    put_text(&mut out, column, name);
                 }
             }
-            put(&mut out, ALERT, real(*alert));
+            put_text(&mut out, ALERT_COLUMN, real(*alert));
             out.push('\n');
         }
         out
@@ -229,17 +233,17 @@ impl TactBehav {
 }
 
 /// The law after `$behav`; its parameters are left empty after a fault in its kind.
-fn read_law(scan: &mut Scan) -> Option<Law> {
-    let first = scan.expect("expected a law", Line::is_data)?;
-    let nickname = scan.name5(first, 2, "nickname");
-    let kind = scan.name(first, (9, 38), "kind");
-    scan.about(format!("law '{nickname}'"));
-    let mut law = Law { line: first.number, nickname, kind, parameters: Vec::new() };
-    let Some(lines) = parameters(&law.kind) else {
+fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
+    let first = scan.expect_line("expected a law", TextLine::is_data)?;
+    let nickname = scan.read_name5(first, 2, "nickname");
+    let kind = scan.read_name(first, (9, 38), "kind");
+    scan.set_object(format!("law '{nickname}'"));
+    let mut law = LawRecord { line: first.number, nickname, kind, parameters: Vec::new() };
+    let Some(lines) = parameter_lines(&law.kind) else {
         if !law.kind.is_empty() {
-            let known: Vec<_> = LAWS.iter().map(|(name, _)| *name).collect();
+            let known: Vec<_> = LAW_LABELS.iter().map(|(name, _)| *name).collect();
             let expected = known_names(&law.kind, &known);
-            scan.fault(first.number, format!("its kind '{}' is not known", law.kind), expected);
+            scan.add_fault(first.number, format!("its kind '{}' is not known", law.kind), expected);
         }
         return Some(law);
     };
@@ -250,65 +254,69 @@ fn read_law(scan: &mut Scan) -> Option<Law> {
             let Some(next) = scan.expect_continuation(&what) else { break };
             line = next;
         }
-        for (label, column) in labels.iter().zip(PARAMETERS) {
-            let value = if NOT_NEGATIVE.contains(label) {
-                scan.length(line, column, label)
+        for (label, column) in labels.iter().zip(PARAMETER_COLUMNS) {
+            let value = if NON_NEGATIVE_PARAMETERS.contains(label) {
+                scan.read_length(line, column, label)
             } else {
-                scan.real(line, column, label)
+                scan.read_real(line, column, label)
             };
             law.parameters.push(value);
         }
         // LMGC90 would not look at them.
-        if let Some(&beyond) = PARAMETERS.get(labels.len()).filter(|&&first| has_real(line, first)) {
+        if let Some(&beyond) = PARAMETER_COLUMNS.get(labels.len()).filter(|&&first| has_real(line, first)) {
             let found = format!("a parameter in columns {beyond} to {}", beyond + 13);
-            scan.fault(line.number, found, format!("expected {} alone on this line of {}", labels.join(" "), law.kind));
+            scan.add_fault(
+                line.number,
+                found,
+                format!("expected {} alone on this line of {}", labels.join(" "), law.kind),
+            );
         }
     }
-    if let Some(more) = scan.line_if(|line| line.continues() && has_real(line, PARAMETERS[0])) {
+    if let Some(more) = scan.next_line_if(|line| line.is_continuation() && has_real(line, PARAMETER_COLUMNS[0])) {
         let found = format!("one more line of parameters than {} has", law.kind);
-        scan.fault(more.number, found, format!("expected {}", lines.len()));
+        scan.add_fault(more.number, found, format!("expected {}", lines.len()));
     }
     Some(law)
 }
 
-fn has_real(line: Line, first: usize) -> bool {
+fn has_real(line: TextLine, first: usize) -> bool {
     fortran_real(line.columns(first, first + 13)).is_ok()
 }
 
 /// The row after `$seety`.
-fn read_row(scan: &mut Scan) -> Option<See> {
-    let title = scan.expect("expected a line of titles, then a row", Line::is_data)?;
+fn read_row(scan: &mut LineScanner) -> Option<VisibilityRow> {
+    let title = scan.expect_line("expected a line of titles, then a row", TextLine::is_data)?;
     let line = if title.keyword() == "RBDY3" {
-        scan.fault(title.number, "a row that LMGC90 would skip", "expected a line of titles between $seety and it");
+        scan.add_fault(title.number, "a row that LMGC90 would skip", "expected a line of titles between $seety and it");
         title
     } else {
-        scan.expect("expected a row of the visibility table", Line::is_data)?
+        scan.expect_line("expected a row of the visibility table", TextLine::is_data)?
     };
-    if !(scan.rigid(line, CANDIDATE[0]) && scan.rigid(line, ANTAGONIST[0])) {
+    if !(scan.expect_rigid_body(line, CANDIDATE_COLUMNS[0]) && scan.expect_rigid_body(line, ANTAGONIST_COLUMNS[0])) {
         return None;
     }
-    let mut side = |[body, contactor, colour]: [usize; 3], what: &str| Side {
-        body: scan.name5(line, body, &format!("{what}'s body")),
-        contactor: scan.name5(line, contactor, &format!("{what}'s contactor")),
-        colour: scan.name5(line, colour, &format!("{what}'s colour")),
+    let mut side = |[body, contactor, colour]: [usize; 3], what: &str| VisibilitySide {
+        body: scan.read_name5(line, body, &format!("{what}'s body")),
+        contactor: scan.read_name5(line, contactor, &format!("{what}'s contactor")),
+        colour: scan.read_name5(line, colour, &format!("{what}'s colour")),
     };
-    let candidate = side(CANDIDATE, "candidate");
-    let antagonist = side(ANTAGONIST, "antagonist");
-    let law = scan.name5(line, LAW, "law");
-    let alert = scan.length(line, ALERT, "alert");
-    Some(See { line: line.number, candidate, law, antagonist, alert })
+    let candidate = side(CANDIDATE_COLUMNS, "candidate");
+    let antagonist = side(ANTAGONIST_COLUMNS, "antagonist");
+    let law = scan.read_name5(line, LAW_COLUMN, "law");
+    let alert = scan.read_length(line, ALERT_COLUMN, "alert");
+    Some(VisibilityRow { line: line.number, candidate, law, antagonist, alert })
 }
 
 /// Rows that name a law that there is and do not contradict an earlier row, without repetitions.
-fn check_rows(scan: &mut Scan, laws: &[Law], rows: Vec<Option<See>>) -> Vec<See> {
-    let mut kept: Vec<(usize, See)> = Vec::new();
+fn check_rows(scan: &mut LineScanner, laws: &[LawRecord], rows: Vec<Option<VisibilityRow>>) -> Vec<VisibilityRow> {
+    let mut kept: Vec<(usize, VisibilityRow)> = Vec::new();
     for (number, row) in (1..).zip(rows) {
         let Some(row) = row else { continue };
-        scan.about(format!("see row {number}"));
+        scan.set_object(format!("see row {number}"));
         for contactor in [&row.candidate.contactor, &row.antagonist.contactor] {
-            if !contactor.is_empty() && !CONTACTORS.contains(&contactor.as_str()) {
-                let expected = known_names(contactor, &CONTACTORS);
-                scan.fault(row.line, format!("a contactor of type '{contactor}'"), expected);
+            if !contactor.is_empty() && !CONTACTOR_TYPES.contains(&contactor.as_str()) {
+                let expected = known_names(contactor, &CONTACTOR_TYPES);
+                scan.add_fault(row.line, format!("a contactor of type '{contactor}'"), expected);
             }
         }
         if !row.law.is_empty() && laws.iter().all(|law| law.nickname != row.law) {
@@ -317,19 +325,19 @@ fn check_rows(scan: &mut Scan, laws: &[Law], rows: Vec<Option<See>>) -> Vec<See>
                 [] => "expected a law before it: none is defined".to_string(),
                 names => known_names(&row.law, names),
             };
-            scan.fault(row.line, format!("law '{}' is not defined", row.law), expected);
+            scan.add_fault(row.line, format!("law '{}' is not defined", row.law), expected);
         }
-        let sides = |row: &See| [row.candidate.clone(), row.antagonist.clone()];
+        let sides = |row: &VisibilityRow| [row.candidate.clone(), row.antagonist.clone()];
         let [a, b] = sides(&row);
         let earlier = kept.iter().find(|(_, known)| [[&a, &b], [&b, &a]].contains(&sides(known).each_ref()));
         match earlier {
             Some((first, known)) if known.law != row.law => {
                 let found = format!("law '{}' for the pair of see row {first}, which has '{}'", row.law, known.law);
-                scan.fault(row.line, found, "expected one law for a pair");
+                scan.add_fault(row.line, found, "expected one law for a pair");
             }
             Some((first, known)) if known.alert != row.alert => {
                 let found = format!("alert {} for the pair of see row {first}, which has {}", row.alert, known.alert);
-                scan.fault(row.line, found, "expected one alert distance for a pair");
+                scan.add_fault(row.line, found, "expected one alert distance for a pair");
             }
             Some(_) => {}
             None => kept.push((number, row)),

@@ -9,19 +9,19 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 /// Prints a message and a line's end on stdout. That nobody listens any more, as behind `| head`, is no fault: the work
 /// goes on.
-pub fn tell(message: impl Display) {
+pub fn print_line(message: impl Display) {
     let _ = writeln!(std::io::stdout(), "{message}");
 }
 
 /// The same on stderr, for what went wrong: a message that nobody can receive ends no run.
-pub fn complain(message: impl Display) {
+pub fn print_error(message: impl Display) {
     let _ = writeln!(std::io::stderr(), "{message}");
 }
 
 /// Prints what is wrong with the arguments of a program, or its help or version, and returns the exit code.
 pub fn usage(program: &str, error: &clap::Error) -> i32 {
     match wrong_number(error) {
-        Some(message) => complain(format_args!("{program}: {message}")),
+        Some(message) => print_error(format_args!("{program}: {message}")),
         // Help and version come this way too; they go to stdout.
         None => drop(error.print()),
     }
@@ -61,13 +61,13 @@ fn wrong_number(error: &clap::Error) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compute::Flags;
+    use crate::compute::ComputeFlags;
     use clap::{Args, Command};
 
     #[test]
     fn values_that_are_no_numbers() {
         let said = |flag: &str| {
-            let command = Flags::augment_args(Command::new("program"));
+            let command = ComputeFlags::augment_args(Command::new("program"));
             let error = command.try_get_matches_from(["program", flag]).unwrap_err();
             wrong_number(&error).unwrap_or_else(|| error.to_string())
         };

@@ -7,26 +7,26 @@ use crate::bodies::Bodies;
 use crate::bulk_behav::BulkBehav;
 use crate::drv_dof::{DrivenKind, DrvDof};
 use crate::error::{Fault, Faults};
-use crate::mass::Inert;
+use crate::mass::InertialProperties;
 use crate::snapshot::Snapshot;
 use crate::surface::MassProperties;
 use crate::tact_behav::TactBehav;
 
 /// As many bodies of a file are told one by one.
-const TOLD: usize = 5;
+const MAX_REPORTED_BODIES: usize = 5;
 
 /// Relative difference that rounding makes at most; the files hold eight digits and more.
-const ROUNDING: f64 = 1e-9;
+const RELATIVE_ROUNDING: f64 = 1e-9;
 
 /// A snapshot with its file, for messages.
 #[derive(Debug, Clone, Copy)]
-pub struct Computed<'a> {
+pub struct ComputedSnapshot<'a> {
     pub path: &'a Path,
     pub snapshot: &'a Snapshot,
 }
 
-impl Computed<'_> {
-    fn expected(&self, what: &str) -> String {
+impl ComputedSnapshot<'_> {
+    fn expected_text(&self, what: &str) -> String {
         format!("expected {what} as in {}", self.path.display())
     }
 
@@ -38,7 +38,7 @@ impl Computed<'_> {
         let there = &self.snapshot.bodies;
         let count = there.body_id.len();
         if bodies.0.len() != count {
-            let (found, expected) = (format!("{} bodies", bodies.0.len()), self.expected(&format!("{count}")));
+            let (found, expected) = (format!("{} bodies", bodies.0.len()), self.expected_text(&format!("{count}")));
             return Err(Fault::new(file, None, "file", found, expected).into());
         }
         let (mut broken, mut edited, mut all) = (Faults::default(), Vec::new(), Vec::new());
@@ -52,17 +52,20 @@ impl Computed<'_> {
                 }
             };
             let material = &self.snapshot.meta.materials[there.body_material[k] as usize];
-            let here = body.inert(&own, material.density);
-            let known =
-                Inert { mass: there.body_mass[k], inertia: there.body_inertia[k], radius: there.body_radius[k] };
+            let here = body.inertial_properties(&own, material.density);
+            let known = InertialProperties {
+                mass: there.body_mass[k],
+                inertia: there.body_inertia[k],
+                radius: there.body_radius[k],
+            };
             all.push(own);
             let same = [
                 body.material == material.name,
-                close(&[here.radius], &[known.radius]),
-                close(&[here.mass], &[known.mass]),
-                close(&here.inertia, &known.inertia),
+                nearly_equal(&[here.radius], &[known.radius]),
+                nearly_equal(&[here.mass], &[known.mass]),
+                nearly_equal(&here.inertia, &known.inertia),
             ];
-            let text = |material: &str, Inert { mass, inertia, radius }: &Inert| {
+            let text = |material: &str, InertialProperties { mass, inertia, radius }: &InertialProperties| {
                 let all = [
                     format!("material '{material}'"),
                     format!("radius {radius} m"),
@@ -73,19 +76,25 @@ impl Computed<'_> {
                 differ.collect::<Vec<_>>().join(", ")
             };
             if same.contains(&false) {
-                edited.push(fault(text(&body.material, &here), self.expected(&text(&material.name, &known))));
+                edited.push(fault(text(&body.material, &here), self.expected_text(&text(&material.name, &known))));
             }
         }
-        broken.0.extend(self.first(file, edited));
+        broken.0.extend(self.first_faults(file, edited));
         broken.into_result(all)
     }
 
     /// The first few faults of a file, and how many more there are.
-    fn first(&self, file: &Path, mut faults: Vec<Fault>) -> Vec<Fault> {
-        let more = faults.len().saturating_sub(TOLD);
-        faults.truncate(TOLD);
+    fn first_faults(&self, file: &Path, mut faults: Vec<Fault>) -> Vec<Fault> {
+        let more = faults.len().saturating_sub(MAX_REPORTED_BODIES);
+        faults.truncate(MAX_REPORTED_BODIES);
         if more > 0 {
-            faults.push(Fault::new(file, None, "file", format!("{more} more bodies differ"), self.expected("all")));
+            faults.push(Fault::new(
+                file,
+                None,
+                "file",
+                format!("{more} more bodies differ"),
+                self.expected_text("all"),
+            ));
         }
         faults
     }
@@ -97,7 +106,7 @@ impl Computed<'_> {
             let here = bulk.materials.iter().find(|material| material.name == known.name).map(|m| m.density);
             if here != Some(known.density) && self.snapshot.bodies.body_material.contains(&number) {
                 let found = here.map_or("is not there".into(), |density| format!("density {density} kg/m^3"));
-                let expected = self.expected(&format!("{} kg/m^3", known.density));
+                let expected = self.expected_text(&format!("{} kg/m^3", known.density));
                 faults.push(Fault::new(file, None, format!("material {}", known.name), found, expected));
             }
         }
@@ -115,12 +124,12 @@ impl Computed<'_> {
             let there = there.map(|there| text(&there.kind, &there.parameters));
             let here = text(&law.kind, &law.parameters);
             if there.as_ref() != Some(&here) {
-                let expected = self.expected(there.as_deref().unwrap_or("no such law in use"));
+                let expected = self.expected_text(there.as_deref().unwrap_or("no such law in use"));
                 faults.push(Fault::new(file, Some(law.line), format!("law '{}'", law.nickname), here, expected));
             }
         }
         for law in known.iter().filter(|law| !used(&law.nickname)) {
-            let expected = self.expected(&text(&law.kind, &law.parameters));
+            let expected = self.expected_text(&text(&law.kind, &law.parameters));
             faults.push(Fault::new(file, None, format!("law '{}'", law.nickname), "is not in use", expected));
         }
         faults.into_result(())
@@ -138,33 +147,33 @@ impl Computed<'_> {
         }
         let differ = (0..here.len()).filter(|&k| here[k] != there[k]).map(|k| {
             let line = driven.0.iter().find(|row| row.body == k).map(|row| row.line);
-            let (found, expected) = (imposed(here[k]), self.expected(&imposed(there[k])));
+            let (found, expected) = (imposed_components(here[k]), self.expected_text(&imposed_components(there[k])));
             Fault::new(file, line, format!("body {}", k + 1), found, expected)
         });
-        Faults(self.first(file, differ.collect())).into_result(())
+        Faults(self.first_faults(file, differ.collect())).into_result(())
     }
 }
 
 /// Components of the velocity in words, bit k for component k + 1.
-fn imposed(bits: u8) -> String {
+fn imposed_components(bits: u8) -> String {
     let components: Vec<String> = (0..6).filter(|k| bits & (1 << k) != 0).map(|k| (k + 1).to_string()).collect();
     if components.is_empty() { "no velocity imposed".into() } else { format!("vlocy {}", components.join(" ")) }
 }
 
 /// Whether numbers differ by rounding at most, against the largest.
-fn close(a: &[f64], b: &[f64]) -> bool {
+fn nearly_equal(a: &[f64], b: &[f64]) -> bool {
     let largest = b.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
-    a.iter().zip(b).all(|(a, b)| (a - b).abs() <= ROUNDING * largest)
+    a.iter().zip(b).all(|(a, b)| (a - b).abs() <= RELATIVE_ROUNDING * largest)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bodies::{Body, Contactor, Shape};
+    use crate::bodies::{Body, Contactor, ShapeRecord};
     use crate::bulk_behav::Material;
-    use crate::drv_dof::{Driven, Evolution};
+    use crate::drv_dof::{DrivenComponent, Evolution};
     use crate::snapshot::{LawName, MaterialName};
-    use crate::tact_behav::{Law, See, Side};
+    use crate::tact_behav::{LawRecord, VisibilityRow, VisibilitySide};
 
     /// Spheres of these radii in m, of 3000 kg/m^3.
     fn spheres(radii: &[f64]) -> Bodies {
@@ -174,7 +183,11 @@ mod tests {
             equivalent_radius: radius,
             inertia: None,
             position: [0.0; 3],
-            contactors: vec![Contactor { colour: "BLUEx".into(), shape: Shape::Sphere { radius }, local_frame: None }],
+            contactors: vec![Contactor {
+                colour: "BLUEx".into(),
+                shape: ShapeRecord::Sphere { radius },
+                local_frame: None,
+            }],
         };
         Bodies(radii.iter().enumerate().map(sphere).collect())
     }
@@ -185,7 +198,7 @@ mod tests {
         snapshot.meta.laws = vec![LawName { nickname: "iqsc0".into(), kind: "IQS_CLB".into(), parameters: vec![0.5] }];
         let rows = &mut snapshot.bodies;
         for (k, body) in bodies.0.iter().enumerate() {
-            let inert = body.inert(&body.mass_properties().unwrap(), 3000.0);
+            let inert = body.inertial_properties(&body.mass_properties().unwrap(), 3000.0);
             rows.body_id.push(k as u64 + 1);
             rows.body_mass.push(inert.mass);
             rows.body_inertia.push(inert.inertia);
@@ -205,7 +218,7 @@ mod tests {
         let (file, path) = (Path::new("BODIES.DAT"), Path::new("snapshot-000005.npz"));
         let bodies = spheres(&[1.0; 8]);
         let snapshot = computed(&bodies);
-        let computed = Computed { path, snapshot: &snapshot };
+        let computed = ComputedSnapshot { path, snapshot: &snapshot };
         assert_eq!(computed.expect_bodies(file, &bodies).unwrap().len(), 8);
         // The last of the file's eight digits.
         let nearly = spheres(&[1.0, 1.0, 1.0000001, 1.0, 1.0, 1.0, 1.0, 1.0]);
@@ -214,8 +227,11 @@ mod tests {
         assert!(faults[0].contains("; expected radius 1 m, mass 12566."), "{faults:?}");
         assert!(faults[0].ends_with("kg m² as in snapshot-000005.npz"), "{faults:?}");
         let faults = told(computed.expect_bodies(file, &spheres(&[2.0; 8])));
-        assert_eq!(faults.len(), TOLD + 1);
-        assert!(faults[TOLD].starts_with("BODIES.DAT: file: 3 more bodies differ; expected all"), "{faults:?}");
+        assert_eq!(faults.len(), MAX_REPORTED_BODIES + 1);
+        assert!(
+            faults[MAX_REPORTED_BODIES].starts_with("BODIES.DAT: file: 3 more bodies differ; expected all"),
+            "{faults:?}"
+        );
         let faults = told(computed.expect_bodies(file, &spheres(&[1.0; 7])));
         assert_eq!(faults, ["BODIES.DAT: file: 7 bodies; expected 8 as in snapshot-000005.npz"]);
         let mut other = bodies.clone();
@@ -228,7 +244,7 @@ mod tests {
     fn densities_laws_and_imposed_motion_that_were_edited_are_told() {
         let (file, path) = (Path::new("FILE.DAT"), Path::new("snapshot-000005.npz"));
         let snapshot = computed(&spheres(&[1.0; 2]));
-        let computed = Computed { path, snapshot: &snapshot };
+        let computed = ComputedSnapshot { path, snapshot: &snapshot };
         let bulk = |density| BulkBehav {
             gravity: [0.0; 3],
             materials: vec![
@@ -240,17 +256,23 @@ mod tests {
         let expected = "FILE.DAT: material ROCKx: density 2600 kg/m^3; expected 3000 kg/m^3 as in snapshot-000005.npz";
         assert_eq!(told(computed.expect_materials(file, &bulk(2600.0))), [expected]);
 
-        let side = Side { body: "RBDY3".into(), contactor: "SPHER".into(), colour: "BLUEx".into() };
-        let law = |line, nickname: &str, friction| Law {
+        let side = VisibilitySide { body: "RBDY3".into(), contactor: "SPHER".into(), colour: "BLUEx".into() };
+        let law = |line, nickname: &str, friction| LawRecord {
             line,
             nickname: nickname.into(),
             kind: "IQS_CLB".into(),
             parameters: vec![friction],
         };
-        let see =
-            |law: &str| See { line: 9, candidate: side.clone(), law: law.into(), antagonist: side.clone(), alert: 0.1 };
+        let see = |law: &str| VisibilityRow {
+            line: 9,
+            candidate: side.clone(),
+            law: law.into(),
+            antagonist: side.clone(),
+            alert: 0.1,
+        };
         let unused = law(5, "other", 0.1);
-        let tact = |used: Law| TactBehav { visibility: vec![see(&used.nickname)], laws: vec![used, unused.clone()] };
+        let tact =
+            |used: LawRecord| TactBehav { visibility: vec![see(&used.nickname)], laws: vec![used, unused.clone()] };
         computed.expect_laws(file, &tact(law(2, "iqsc0", 0.5))).unwrap();
         let expected = "FILE.DAT:2: law 'iqsc0': IQS_CLB [0.4]; expected IQS_CLB [0.5] as in snapshot-000005.npz";
         assert_eq!(told(computed.expect_laws(file, &tact(law(2, "iqsc0", 0.4)))), [expected]);
@@ -268,7 +290,7 @@ mod tests {
             ramp_start: 1.0,
             ramp_rate: 0.0,
         };
-        let row = |kind, component| Driven { line: 3, body: 1, component, kind, evolution: rest.clone() };
+        let row = |kind, component| DrivenComponent { line: 3, body: 1, component, kind, evolution: rest.clone() };
         computed.expect_driven(file, &DrvDof(vec![row(DrivenKind::Force, 0)])).unwrap();
         let driven = DrvDof((2..6).map(|component| row(DrivenKind::Velocity, component)).collect());
         let expected = "FILE.DAT:3: body 2: vlocy 3 4 5 6; expected no velocity imposed as in snapshot-000005.npz";

@@ -8,7 +8,9 @@ use std::path::Path;
 
 use crate::error::Faults;
 use crate::ron_text::known_names;
-use crate::scan::{GRID, Line, Scan, Text, d14, integer, put, put_grid, put_steps};
+use crate::scan::{
+    AsciiText, GRID_COLUMNS, LineScanner, TextLine, format_d14, format_integer, put_grid, put_steps, put_text,
+};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct VlocRloc {
@@ -54,7 +56,7 @@ pub struct ContactSide {
 }
 
 /// How LMGC90 writes a kind of contact.
-struct Kind {
+struct ContactKind {
     name: &'static str,
     pair: &'static PairColumns,
     /// Order of the components of force and velocity.
@@ -64,21 +66,91 @@ struct Kind {
     /// SPDCx but reads `stnp`; ours are to be read. Our reader goes by labels.
     rows: &'static str,
     /// s in the file is t x n.
-    turned: bool,
+    reversed_s: bool,
 }
 
 /// The kinds that can be read, in their order in a file.
-const KINDS: [Kind; 10] = [
-    Kind { name: "CDCDx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "stnp", turned: true },
-    Kind { name: "CDPLx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "stnp", turned: true },
-    Kind { name: "PRPLx", pair: &LONG, components: "stn", gap_label: "gapTT", rows: "ptns", turned: true },
-    Kind { name: "PRPRx", pair: &LONG, components: "tns", gap_label: "gapTT", rows: "ptns", turned: true },
-    Kind { name: "PTPT3", pair: &SHORT, components: "tns", gap_label: "gapTT", rows: "np", turned: true },
-    Kind { name: "SPCDx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "stnp", turned: false },
-    Kind { name: "SPDCx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "stnp", turned: false },
-    Kind { name: "SPPLx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "stnp", turned: true },
-    Kind { name: "SPPRx", pair: &SHORT, components: "tns", gap_label: "gapTT", rows: "ptns", turned: true },
-    Kind { name: "SPSPx", pair: &LONG, components: "stn", gap_label: "gTT =", rows: "stnp", turned: true },
+const CONTACT_KINDS: [ContactKind; 10] = [
+    ContactKind {
+        name: "CDCDx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gTT =",
+        rows: "stnp",
+        reversed_s: true,
+    },
+    ContactKind {
+        name: "CDPLx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gTT =",
+        rows: "stnp",
+        reversed_s: true,
+    },
+    ContactKind {
+        name: "PRPLx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gapTT",
+        rows: "ptns",
+        reversed_s: true,
+    },
+    ContactKind {
+        name: "PRPRx",
+        pair: &LONG_COLUMNS,
+        components: "tns",
+        gap_label: "gapTT",
+        rows: "ptns",
+        reversed_s: true,
+    },
+    ContactKind {
+        name: "PTPT3",
+        pair: &SHORT_COLUMNS,
+        components: "tns",
+        gap_label: "gapTT",
+        rows: "np",
+        reversed_s: true,
+    },
+    ContactKind {
+        name: "SPCDx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gTT =",
+        rows: "stnp",
+        reversed_s: false,
+    },
+    ContactKind {
+        name: "SPDCx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gTT =",
+        rows: "stnp",
+        reversed_s: false,
+    },
+    ContactKind {
+        name: "SPPLx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gTT =",
+        rows: "stnp",
+        reversed_s: true,
+    },
+    ContactKind {
+        name: "SPPRx",
+        pair: &SHORT_COLUMNS,
+        components: "tns",
+        gap_label: "gapTT",
+        rows: "ptns",
+        reversed_s: true,
+    },
+    ContactKind {
+        name: "SPSPx",
+        pair: &LONG_COLUMNS,
+        components: "stn",
+        gap_label: "gTT =",
+        rows: "stnp",
+        reversed_s: true,
+    },
 ];
 
 /// Columns of the line that names the pair: word at its first column, number from first to last.
@@ -98,7 +170,7 @@ struct SideColumns {
     rank: (usize, usize),
 }
 
-const LONG: PairColumns = PairColumns {
+const LONG_COLUMNS: PairColumns = PairColumns {
     candidate: SideColumns { body: 2, number: (9, 13), contactor: 16, rank: (23, 27) },
     vertex: Some(30),
     law: 37,
@@ -106,7 +178,7 @@ const LONG: PairColumns = PairColumns {
     status: 72,
 };
 
-const SHORT: PairColumns = PairColumns {
+const SHORT_COLUMNS: PairColumns = PairColumns {
     candidate: SideColumns { body: 2, number: (9, 13), contactor: 16, rank: (23, 27) },
     vertex: None,
     law: 30,
@@ -115,7 +187,7 @@ const SHORT: PairColumns = PairColumns {
 };
 
 /// SPSPx in a file with more than 99 999 of them.
-const WIDE: PairColumns = PairColumns {
+const WIDE_COLUMNS: PairColumns = PairColumns {
     candidate: SideColumns { body: 2, number: (9, 15), contactor: 18, rank: (25, 31) },
     vertex: None,
     law: 41,
@@ -124,10 +196,10 @@ const WIDE: PairColumns = PairColumns {
 };
 
 /// The most that five columns hold.
-const FIVE_DIGITS: usize = 99_999;
+const MAX_FIVE_DIGITS: usize = 99_999;
 
 /// Place of an axis, n t s, in the arrays of a record.
-fn axis(letter: char) -> usize {
+fn axis_index(letter: char) -> usize {
     match letter {
         'n' => 0,
         't' => 1,
@@ -145,14 +217,14 @@ fn row_labels(letter: char) -> [&'static str; 3] {
     }
 }
 
-impl Kind {
-    fn of(name: &str) -> Option<&'static Kind> {
-        KINDS.iter().find(|kind| kind.name == name)
+impl ContactKind {
+    fn from_name(name: &str) -> Option<&'static ContactKind> {
+        CONTACT_KINDS.iter().find(|kind| kind.name == name)
     }
 
     /// Turns s and its components from the file's convention to ours, or back.
-    fn turn(&self, contact: &mut ContactRecord) {
-        if self.turned {
+    fn convert_s_axis(&self, contact: &mut ContactRecord) {
+        if self.reversed_s {
             for x in contact.frame[2].iter_mut().chain([&mut contact.force[2], &mut contact.velocity[2]]) {
                 *x = -*x;
             }
@@ -163,22 +235,22 @@ impl Kind {
 impl VlocRloc {
     /// Reads the file; all its faults at once. PTPT3 contacts have n alone: their t and s are zero.
     pub fn read(path: &Path) -> Result<Self, Faults> {
-        Self::parse(path, &Text::load(path)?)
+        Self::parse(path, &AsciiText::read_file(path)?)
     }
 
     /// Reads the text of a file; `path` is for messages.
-    pub fn parse(path: &Path, text: &Text) -> Result<Self, Faults> {
-        let scan = &mut Scan::new(path, text);
-        let (step, time) = scan.steps();
+    pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
+        let scan = &mut LineScanner::new(path, text);
+        let (step, time) = scan.read_steps();
         let mut contacts = Vec::new();
         for record in 1.. {
-            scan.about(format!("contact {record}"));
-            if scan.peek().is_none() {
+            scan.set_object(format!("contact {record}"));
+            if scan.peek_line().is_none() {
                 break;
             }
             let contact = read_contact(scan);
             if contact.is_none() {
-                while scan.line_if(|line| line.keyword() != "icdan").is_some() {}
+                while scan.next_line_if(|line| line.keyword() != "icdan").is_some() {}
             }
             contacts.extend(contact);
         }
@@ -196,15 +268,19 @@ impl VlocRloc {
     /// If a contact is of a kind that readers do not know.
     pub fn to_text(&self) -> String {
         for contact in &self.contacts {
-            assert!(Kind::of(&contact.kind).is_some(), "contacts of kind '{}' cannot be written", contact.kind);
+            assert!(
+                ContactKind::from_name(&contact.kind).is_some(),
+                "contacts of kind '{}' cannot be written",
+                contact.kind
+            );
         }
         let mut out = String::new();
         put_steps(&mut out, "Vloc_Rloc", self.step, self.time);
-        for kind in &KINDS {
+        for kind in &CONTACT_KINDS {
             let contacts: Vec<_> = self.contacts.iter().filter(|contact| contact.kind == kind.name).collect();
             let most = contacts.iter().map(|c| c.candidate.body.max(c.antagonist.body) + 1).max().unwrap_or(0);
-            let wide = kind.name == "SPSPx" && contacts.len().max(most) > FIVE_DIGITS;
-            let pair = if wide { &WIDE } else { kind.pair };
+            let wide = kind.name == "SPSPx" && contacts.len().max(most) > MAX_FIVE_DIGITS;
+            let pair = if wide { &WIDE_COLUMNS } else { kind.pair };
             for (rank, &contact) in (1..).zip(&contacts) {
                 write_contact(&mut out, kind, pair, rank, contact.clone());
             }
@@ -214,32 +290,36 @@ impl VlocRloc {
 }
 
 /// The block that begins on the next line; `None` after a fault that leaves the scan inside it.
-fn read_contact(scan: &mut Scan) -> Option<ContactRecord> {
+fn read_contact(scan: &mut LineScanner) -> Option<ContactRecord> {
     let begin = scan.expect_keyword("icdan")?;
     let name = begin.columns(9, 13).trim();
-    scan.about(format!("contact {name} {}", begin.columns(16, 22).trim()));
-    let Some(kind) = Kind::of(name) else {
-        let known = KINDS.map(|kind| kind.name);
-        scan.fault(begin.number, format!("a contact of type '{name}'"), known_names(name, &known));
+    scan.set_object(format!("contact {name} {}", begin.columns(16, 22).trim()));
+    let Some(kind) = ContactKind::from_name(name) else {
+        let known = CONTACT_KINDS.map(|kind| kind.name);
+        scan.add_fault(begin.number, format!("a contact of type '{name}'"), known_names(name, &known));
         return None;
     };
-    let title = scan.expect("expected a line of titles", Line::is_data)?;
+    let title = scan.expect_line("expected a line of titles", TextLine::is_data)?;
     if title.keyword() == "RBDY3" {
-        scan.fault(title.number, "a pair that LMGC90 would skip", "expected a line of titles between $icdan and it");
+        scan.add_fault(
+            title.number,
+            "a pair that LMGC90 would skip",
+            "expected a line of titles between $icdan and it",
+        );
         return None;
     }
-    let line = scan.expect("expected the pair in contact", Line::is_data)?;
-    let pair = if kind.name == "SPSPx" && title.width() > 80 { &WIDE } else { kind.pair };
+    let line = scan.expect_line("expected the pair in contact", TextLine::is_data)?;
+    let pair = if kind.name == "SPSPx" && title.used_width() > 80 { &WIDE_COLUMNS } else { kind.pair };
     let candidate = read_side(scan, line, &pair.candidate, "candidate");
     let antagonist = read_side(scan, line, &pair.antagonist, "antagonist");
-    let law = scan.name5(line, pair.law, "law");
-    let status = scan.name5(line, pair.status, "status");
+    let law = scan.read_name5(line, pair.law, "law");
+    let status = scan.read_name5(line, pair.status, "status");
 
     let force = read_components(scan, kind, 'r')?;
     let velocity = read_components(scan, kind, 'v')?;
-    let gap = scan.expect_continuation("the gap").map(|line| scan.real(line, GRID[0], "gap"))?;
+    let gap = scan.expect_continuation("the gap").map(|line| scan.read_real(line, GRID_COLUMNS[0], "gap"))?;
     let (frame, point) = read_rows(scan, kind)?;
-    let internals = match scan.line_if(|line| line.is_data() && !line.columns(2, 15).trim().is_empty()) {
+    let internals = match scan.next_line_if(|line| line.is_data() && !line.columns(2, 15).trim().is_empty()) {
         Some(line) => read_internals(scan, line),
         None => Vec::new(),
     };
@@ -259,53 +339,53 @@ fn read_contact(scan: &mut Scan) -> Option<ContactRecord> {
         point,
         internals,
     };
-    kind.turn(&mut contact);
+    kind.convert_s_axis(&mut contact);
     if kind.rows.contains('t') {
-        scan.orthonormal(line, "n, t, s", &contact.frame);
+        scan.check_orthonormal(line, "n, t, s", &contact.frame);
     }
     Some(contact)
 }
 
-fn read_side(scan: &mut Scan, line: Line, columns: &SideColumns, what: &str) -> Option<ContactSide> {
-    let rigid = scan.rigid(line, columns.body);
-    let body = scan.index(line, columns.number, &format!("{what}'s body"));
-    let contactor = scan.name5(line, columns.contactor, &format!("{what}'s contactor"));
-    let rank = scan.index(line, columns.rank, &format!("{what}'s contactor number"));
+fn read_side(scan: &mut LineScanner, line: TextLine, columns: &SideColumns, what: &str) -> Option<ContactSide> {
+    let rigid = scan.expect_rigid_body(line, columns.body);
+    let body = scan.read_index(line, columns.number, &format!("{what}'s body"));
+    let contactor = scan.read_name5(line, columns.contactor, &format!("{what}'s contactor"));
+    let rank = scan.read_index(line, columns.rank, &format!("{what}'s contactor number"));
     Some(ContactSide { body: body.filter(|_| rigid)?, contactor, rank: rank? })
 }
 
 /// The line of forces (`r`) or velocities (`v`), by place; a label that says otherwise is a fault.
-fn read_components(scan: &mut Scan, kind: &Kind, letter: char) -> Option<[f64; 3]> {
+fn read_components(scan: &mut LineScanner, kind: &ContactKind, letter: char) -> Option<[f64; 3]> {
     let labels: Vec<_> = kind.components.chars().map(|component| format!("{letter}l{component}")).collect();
     let line = scan.expect_continuation(&labels.join(" "))?;
     let mut values = [0.0; 3];
-    for ((component, label), first) in kind.components.chars().zip(&labels).zip(GRID) {
+    for ((component, label), first) in kind.components.chars().zip(&labels).zip(GRID_COLUMNS) {
         let shown = line.columns(first - 5, first - 3);
         if shown.starts_with(&label[..2]) && shown != label {
             let found = format!("'{shown}' stands in columns {} to {}", first - 5, first - 3);
-            scan.fault(line.number, found, format!("expected {label}, which LMGC90 reads there"));
+            scan.add_fault(line.number, found, format!("expected {label}, which LMGC90 reads there"));
         }
-        values[axis(component)] = scan.real(line, first, label);
+        values[axis_index(component)] = scan.read_real(line, first, label);
     }
     Some(values)
 }
 
 /// Frame, as in the file, and point; each line known by its label.
-fn read_rows(scan: &mut Scan, kind: &Kind) -> Option<([[f64; 3]; 3], [f64; 3])> {
+fn read_rows(scan: &mut LineScanner, kind: &ContactKind) -> Option<([[f64; 3]; 3], [f64; 3])> {
     let (mut frame, mut point) = ([[0.0; 3]; 3], [0.0; 3]);
     let mut missing = kind.rows.to_string();
     while !missing.is_empty() {
-        let named = |line: Line| missing.chars().find(|&letter| line.columns(30, 34) == row_labels(letter)[0]);
-        let line = scan.line_if(|line| line.continues() && named(line).is_some()).or_else(|| {
+        let named = |line: TextLine| missing.chars().find(|&letter| line.columns(30, 34) == row_labels(letter)[0]);
+        let line = scan.next_line_if(|line| line.is_continuation() && named(line).is_some()).or_else(|| {
             let expected: Vec<_> = missing.chars().map(|letter| row_labels(letter)[0]).collect();
-            scan.unexpected(&format!("expected a line with {} in columns 30 to 34", expected.join(" or ")))
+            scan.unexpected_line(&format!("expected a line with {} in columns 30 to 34", expected.join(" or ")))
         })?;
         let letter = named(line)?;
         let labels = row_labels(letter);
-        let row = scan.grid(line, labels.map(|label| label.trim_end_matches('=')));
+        let row = scan.read_grid(line, labels.map(|label| label.trim_end_matches('=')));
         match letter {
             'p' => point = row,
-            _ => frame[axis(letter)] = row,
+            _ => frame[axis_index(letter)] = row,
         }
         missing.retain(|other| other != letter);
     }
@@ -313,14 +393,14 @@ fn read_rows(scan: &mut Scan, kind: &Kind) -> Option<([[f64; 3]; 3], [f64; 3])> 
 }
 
 /// Reals in columns 2-15, 17-30, ... up to the end of the line.
-fn read_internals(scan: &mut Scan, line: Line) -> Vec<f64> {
-    let firsts = (2..=line.width()).step_by(15);
-    (1..).zip(firsts).map(|(k, first)| scan.real(line, first, format_args!("internal {k}"))).collect()
+fn read_internals(scan: &mut LineScanner, line: TextLine) -> Vec<f64> {
+    let firsts = (2..=line.used_width()).step_by(15);
+    (1..).zip(firsts).map(|(k, first)| scan.read_real(line, first, format_args!("internal {k}"))).collect()
 }
 
-fn write_contact(out: &mut String, kind: &Kind, pair: &PairColumns, rank: usize, mut contact: ContactRecord) {
-    kind.turn(&mut contact);
-    let _ = writeln!(out, "$icdan  {:<5}  {}", kind.name, integer(rank, 7));
+fn write_contact(out: &mut String, kind: &ContactKind, pair: &PairColumns, rank: usize, mut contact: ContactRecord) {
+    kind.convert_s_axis(&mut contact);
+    let _ = writeln!(out, "$icdan  {:<5}  {}", kind.name, format_integer(rank, 7));
 
     let titles = [["cdbdy", "numbr", "cdtac", "numbr"], ["anbdy", "numbr", "antac", "numbr"]];
     put_pair(out, pair, titles.map(|side| side.map(String::from)), "CDVER", "behav", "sttus");
@@ -333,18 +413,18 @@ fn write_contact(out: &mut String, kind: &Kind, pair: &PairColumns, rank: usize,
     for (letter, unit, values) in [('r', "/H", &contact.force), ('v', " =", &contact.velocity)] {
         let labels: Vec<_> = kind.components.chars().map(|component| format!("{letter}l{component}{unit}")).collect();
         let labels: Vec<_> = labels.iter().map(String::as_str).collect();
-        let values: Vec<_> = kind.components.chars().map(|component| values[axis(component)]).collect();
-        put_grid(out, "", &labels, &values, d14);
+        let values: Vec<_> = kind.components.chars().map(|component| values[axis_index(component)]).collect();
+        put_grid(out, "", &labels, &values, format_d14);
     }
-    put_grid(out, "", &[kind.gap_label], &[contact.gap], d14);
+    put_grid(out, "", &[kind.gap_label], &[contact.gap], format_d14);
     for letter in kind.rows.chars() {
-        let row = if letter == 'p' { &contact.point } else { &contact.frame[axis(letter)] };
-        put_grid(out, "", &row_labels(letter), row, d14);
+        let row = if letter == 'p' { &contact.point } else { &contact.frame[axis_index(letter)] };
+        put_grid(out, "", &row_labels(letter), row, format_d14);
     }
     if !contact.internals.is_empty() {
         out.push_str("#internals\n");
         for &value in &contact.internals {
-            let _ = write!(out, " {}", d14(value));
+            let _ = write!(out, " {}", format_d14(value));
         }
         out.push('\n');
     }
@@ -354,18 +434,18 @@ fn write_contact(out: &mut String, kind: &Kind, pair: &PairColumns, rank: usize,
 /// A line about a pair: type of body, its number, type of contactor, its rank, for candidate and antagonist.
 fn put_pair(out: &mut String, pair: &PairColumns, sides: [[String; 4]; 2], vertex: &str, law: &str, status: &str) {
     let put_side = |out: &mut String, columns: &SideColumns, [body, number, contactor, rank]: [String; 4]| {
-        put(out, columns.body, body);
-        put(out, columns.number.0, integer(number, columns.number.1 - columns.number.0 + 1));
-        put(out, columns.contactor, contactor);
-        put(out, columns.rank.0, integer(rank, columns.rank.1 - columns.rank.0 + 1));
+        put_text(out, columns.body, body);
+        put_text(out, columns.number.0, format_integer(number, columns.number.1 - columns.number.0 + 1));
+        put_text(out, columns.contactor, contactor);
+        put_text(out, columns.rank.0, format_integer(rank, columns.rank.1 - columns.rank.0 + 1));
     };
     let [candidate, antagonist] = sides;
     put_side(out, &pair.candidate, candidate);
     if let Some(column) = pair.vertex {
-        put(out, column, vertex);
+        put_text(out, column, vertex);
     }
-    put(out, pair.law, law);
+    put_text(out, pair.law, law);
     put_side(out, &pair.antagonist, antagonist);
-    put(out, pair.status, status);
+    put_text(out, pair.status, status);
     out.push('\n');
 }

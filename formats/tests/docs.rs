@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use cd_formats::compute::{Accuracy, Compute, Event, from_ron};
 use cd_formats::snapshot::{
     BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, IntervalArrays, LawName, MaterialName, MemoryArrays,
-    Meta, PairArrays, TurningArrays,
+    PairArrays, SnapshotMeta, TurningArrays,
 };
 
 fn page() -> (PathBuf, String) {
@@ -40,7 +40,7 @@ fn options_are_those_of_compute_ron() {
         })
         .collect();
     let options: Vec<[String; 3]> =
-        Compute::table().into_iter().map(|(name, default, help)| [format!("`{name}`"), default, help]).collect();
+        Compute::option_table().into_iter().map(|(name, default, help)| [format!("`{name}`"), default, help]).collect();
     assert_eq!(documented, options);
 }
 
@@ -49,7 +49,7 @@ fn presets_are_those_of_accuracy() {
     let (_, text) = page();
     let (_, rest) = text.split_once("\n### Accuracy\n").unwrap();
     let documented = rows(rest.split("\n### ").next().unwrap(), 6);
-    let of = |accuracy| Compute { accuracy, ..Compute::default() }.knobs();
+    let of = |accuracy| Compute { accuracy, ..Compute::default() }.accuracy_options();
     let [draft, standard, fine, reference] = Accuracy::ALL.map(|accuracy| of(Some(accuracy)));
     let presets = [of(None), draft, standard, fine, reference];
     for (k, row) in documented.iter().enumerate() {
@@ -64,16 +64,16 @@ fn presets_are_those_of_accuracy() {
 fn arrays_are_those_of_snapshots() {
     let (_, text) = page();
     let documented = rows(section(&text, "snapshot-NNNNNN.npz"), 5);
-    let arrays: Vec<_> = BodyArrays::table()
+    let arrays: Vec<_> = BodyArrays::array_table()
         .into_iter()
         .map(|array| ("N", array))
-        .chain(ContactArrays::table().into_iter().map(|array| ("C", array)))
-        .chain(MemoryArrays::table().into_iter().map(|array| ("C", array)))
-        .chain(GravityArrays::table().into_iter().map(|array| ("N", array)))
-        .chain(TurningArrays::table().into_iter().map(|array| ("U", array)))
-        .chain(ContactPartArrays::table().into_iter().map(|array| ("C", array)))
-        .chain(PairArrays::table().into_iter().map(|array| ("K", array)))
-        .chain(IntervalArrays::table().into_iter().map(|array| ("P", array)))
+        .chain(ContactArrays::array_table().into_iter().map(|array| ("C", array)))
+        .chain(MemoryArrays::array_table().into_iter().map(|array| ("C", array)))
+        .chain(GravityArrays::array_table().into_iter().map(|array| ("N", array)))
+        .chain(TurningArrays::array_table().into_iter().map(|array| ("U", array)))
+        .chain(ContactPartArrays::array_table().into_iter().map(|array| ("C", array)))
+        .chain(PairArrays::array_table().into_iter().map(|array| ("K", array)))
+        .chain(IntervalArrays::array_table().into_iter().map(|array| ("P", array)))
         .collect();
     assert_eq!(documented.len(), arrays.len());
     for (row, (count, (name, descr, shape, help))) in documented.iter().zip(arrays) {
@@ -100,7 +100,7 @@ fn meta_is_described_field_by_field() {
     }
     let (_, text) = page();
     let section = section(&text, "snapshot-NNNNNN.npz");
-    let mut meta = Meta::default();
+    let mut meta = SnapshotMeta::default();
     meta.materials.push(MaterialName { name: String::new(), density: 1.0 });
     meta.laws.push(LawName { nickname: String::new(), kind: String::new(), parameters: vec![] });
     meta.laws_at_start = meta.laws.clone();

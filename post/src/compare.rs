@@ -7,35 +7,35 @@ use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 
 use crate::derive::Row;
-use crate::snapshots;
+use crate::list_snapshots;
 use crate::state;
 use crate::track;
-use crate::write::figure::{Axis, Curve, Figure};
+use crate::write::figure::{Curve, Figure, FigureAxis};
 use crate::write::plots::PLOTS;
-use crate::write::series::{Column, csv, named};
+use crate::write::series::{Column, csv_text, name_field};
 
 /// The columns of a table of numbers by their names.
 pub type Columns = BTreeMap<String, Vec<f64>>;
 
 /// A run by its name in the legend: the columns of its series.
-struct Run {
+struct SeriesRun {
     name: String,
     columns: Columns,
 }
 
 /// A kind of table whose columns can be compared. `time`, or without it the first, is the horizontal axis where no
 /// other is asked for.
-struct Kind {
+struct TableKind {
     columns: &'static [Column],
     /// Those drawn where none are asked for.
     drawn: Vec<String>,
 }
 
-impl Kind {
+impl TableKind {
     /// By the name of the table's file.
-    fn of(table: &Path) -> Option<Kind> {
+    fn from_path(table: &Path) -> Option<TableKind> {
         let some = |columns, names: &[&str]| {
-            Some(Kind { columns, drawn: names.iter().map(|name| name.to_string()).collect() })
+            Some(TableKind { columns, drawn: names.iter().map(|name| name.to_string()).collect() })
         };
         match table.file_name()?.to_str()? {
             "series.csv" => {
@@ -44,26 +44,29 @@ impl Kind {
                 some(Row::COLUMNS, &plotted)
             }
             "track.csv" => some(&track::COLUMNS, &["depth", "force"]),
-            "crater.csv" => some(&track::CRATER, &["before", "after"]),
-            "profile.csv" => some(&state::PROFILE, &["nu", "Z", "pressure", "radial_stress", "tangential_stress"]),
-            "layers.csv" => {
-                some(&state::LAYERS, &["nu", "Z", "vertical_stress", "horizontal_stress", "shear_stress", "weight"])
+            "crater.csv" => some(&track::CRATER_COLUMNS, &["before", "after"]),
+            "profile.csv" => {
+                some(&state::PROFILE_COLUMNS, &["nu", "Z", "pressure", "radial_stress", "tangential_stress"])
             }
-            "forces.csv" => some(&state::FORCES, &["P_normal", "P_tangential"]),
-            "mobilisation.csv" => some(&state::MOBILISATION, &["P"]),
-            "ejecta.csv" => some(&state::EJECTA, &["mass_share_faster"]),
-            "slopes.csv" => some(&state::SLOPES, &["slope"]),
+            "layers.csv" => some(
+                &state::LAYER_COLUMNS,
+                &["nu", "Z", "vertical_stress", "horizontal_stress", "shear_stress", "weight"],
+            ),
+            "forces.csv" => some(&state::FORCE_COLUMNS, &["P_normal", "P_tangential"]),
+            "mobilisation.csv" => some(&state::MOBILISATION_COLUMNS, &["P"]),
+            "ejecta.csv" => some(&state::EJECTA_COLUMNS, &["mass_share_faster"]),
+            "slopes.csv" => some(&state::SLOPE_COLUMNS, &["slope"]),
             _ => None,
         }
     }
 
-    fn column(&self, name: &str) -> Option<&'static Column> {
+    fn find_column(&self, name: &str) -> Option<&'static Column> {
         self.columns.iter().find(|(known, _, _)| *known == name)
     }
 }
 
 /// Which columns of which table are compared.
-pub struct Compared<'a> {
+pub struct ComparisonOptions<'a> {
     /// Below the POSTPRO of each case: series.csv, one of `cd-post state` (in a folder `state-NNNNNN`, or `state` for
     /// the last of each) or one of `cd-post track`.
     pub table: &'a Path,
@@ -81,10 +84,10 @@ pub struct Compared<'a> {
 pub fn write(
     cases: &[PathBuf],
     labels: &[String],
-    compared: &Compared,
+    compared: &ComparisonOptions,
     output: &Path,
 ) -> Result<(usize, Vec<String>), Faults> {
-    let Compared { table, columns, against } = *compared;
+    let ComparisonOptions { table, columns, against } = *compared;
     let mut faults = Faults::default();
     let option =
         |name: &str, found: String, expected: String| Fault::new(Path::new("options"), None, name, found, expected);
@@ -95,7 +98,7 @@ pub fn write(
             format!("expected {}, one a case", cases.len()),
         ));
     }
-    let Some(kind) = Kind::of(table) else {
+    let Some(kind) = TableKind::from_path(table) else {
         let expected = "expected series.csv, a table of cd-post state, such as state/profile.csv, or of cd-post track, \
                         such as track-1/track.csv";
         faults.push(option("table", table.display().to_string(), expected.into()));
@@ -105,23 +108,23 @@ pub fn write(
     let columns = if unasked { &kind.drawn } else { columns };
     // Plots of columns that no run has, such as the bed of aggregates, are left out.
     let sparse = unasked && table == Path::new("series.csv");
-    let against = against.unwrap_or(kind.column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
+    let against = against.unwrap_or(kind.find_column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
     let asked = columns.iter().map(|name| ("columns", name.as_str())).chain([("against", against)]);
-    for (asking, name) in asked.clone().filter(|(_, name)| kind.column(name).is_none()) {
+    for (asking, name) in asked.clone().filter(|(_, name)| kind.find_column(name).is_none()) {
         let expected = format!("expected a column of {}, see docs/observables.md", table.display());
         faults.push(option(asking, format!("'{name}'"), expected));
     }
-    let known: Vec<&str> = asked.map(|(_, name)| name).filter(|name| kind.column(name).is_some()).collect();
-    let mut names = names_of(cases);
+    let known: Vec<&str> = asked.map(|(_, name)| name).filter(|name| kind.find_column(name).is_some()).collect();
+    let mut names = case_names(cases);
     names.iter_mut().zip(labels).for_each(|(name, label)| name.clone_from(label));
-    faults.0.extend(alike(if labels.is_empty() { "runs" } else { "labels" }, &names, Some(against)));
+    faults.0.extend(name_faults(if labels.is_empty() { "runs" } else { "labels" }, &names, Some(against)));
     // A state may lack some tables, such as forces of grains that do not touch; a run has snapshots.
-    let by_snapshot = kind.column("time").is_some();
+    let by_snapshot = kind.find_column("time").is_some();
     let measured = |case: &PathBuf| {
-        let path = place(case, table);
-        let columns = read(&path, &known).map_err(|mut faults| {
-            if !atomic::is_there(&path) {
-                faults.0.iter_mut().for_each(|fault| fault.expected = origin(case, table));
+        let path = table_path(case, table);
+        let columns = read_columns(&path, &known).map_err(|mut faults| {
+            if !atomic::path_exists(&path) {
+                faults.0.iter_mut().for_each(|fault| fault.expected = writing_command(case, table));
             }
             faults
         })?;
@@ -130,16 +133,16 @@ pub fn write(
         }
         Ok(columns)
     };
-    let with_name = |(case, name)| Some(Run { name, columns: faults.gather(measured(case))? });
-    let runs: Vec<Run> = cases.iter().zip(names).filter_map(with_name).collect();
+    let with_name = |(case, name)| Some(SeriesRun { name, columns: faults.gather_result(measured(case))? });
+    let runs: Vec<SeriesRun> = cases.iter().zip(names).filter_map(with_name).collect();
     faults.into_result(())?;
     let mut notes = Vec::new();
     let has = |name: &&String| runs.iter().any(|run| run.columns[*name].iter().any(|value| value.is_finite()));
     let columns: Vec<&String> = columns.iter().filter(|name| !sparse || has(name)).collect();
     for name in &columns {
-        let (figure, table) = draw(&runs, &kind, name, against);
-        notes.extend(figure.alike());
-        atomic::write(&output.join(format!("{name}.svg")), figure.svg().as_bytes())?;
+        let (figure, table) = comparison_figure(&runs, &kind, name, against);
+        notes.extend(figure.repeated_style_warning());
+        atomic::write(&output.join(format!("{name}.svg")), figure.to_svg().as_bytes())?;
         atomic::write(&output.join(format!("{name}.csv")), table.as_bytes())?;
     }
     // All figures have the same runs.
@@ -148,21 +151,21 @@ pub fn write(
 }
 
 /// Where a table of a case is; the folder `state` stands for the last one of `cd-post state`.
-fn place(case: &Path, table: &Path) -> PathBuf {
+fn table_path(case: &Path, table: &Path) -> PathBuf {
     let folder = case.join("POSTPRO");
     let Ok(rest) = table.strip_prefix("state") else { return folder.join(table) };
     let number = |name: &str| name.strip_prefix("state-")?.parse::<u64>().ok();
-    let entries = atomic::entries(&folder).unwrap_or_default().into_iter();
+    let entries = atomic::folder_entries(&folder).unwrap_or_default().into_iter();
     let states = entries.filter_map(|path| Some((number(path.file_name()?.to_str()?)?, path)));
     // What an earlier, longer run has left is none of this one; without its snapshots nothing tells which that is.
     let steps: Option<Vec<u64>> =
-        snapshots(&case.join("OUTBOX")).ok().map(|all| all.into_iter().map(|(step, _)| step).collect());
+        list_snapshots(&case.join("OUTBOX")).ok().map(|all| all.into_iter().map(|(step, _)| step).collect());
     let of_this_run = |step: &u64| steps.as_ref().is_none_or(|steps| steps.contains(step));
     states.filter(|(step, _)| of_this_run(step)).max().map_or(folder.join("state"), |(_, path)| path).join(rest)
 }
 
 /// Advice for a case that has no such table: the command that writes it.
-fn origin(case: &Path, table: &Path) -> String {
+fn writing_command(case: &Path, table: &Path) -> String {
     let case = case.display();
     let command = match table.file_name().and_then(|name| name.to_str()) {
         Some("series.csv") => format!("cd-post {case}"),
@@ -173,7 +176,7 @@ fn origin(case: &Path, table: &Path) -> String {
 }
 
 /// The names of the cases' folders, each with as many of those above as tell it from the others.
-pub fn names_of(cases: &[PathBuf]) -> Vec<String> {
+pub fn case_names(cases: &[PathBuf]) -> Vec<String> {
     let whole: Vec<PathBuf> =
         cases.iter().map(|case| std::fs::canonicalize(case).unwrap_or(case.to_path_buf())).collect();
     let tail = |path: &Path, count: usize| -> PathBuf {
@@ -188,25 +191,25 @@ pub fn names_of(cases: &[PathBuf]) -> Vec<String> {
 }
 
 /// Whether a time is another or later; times are sums of steps.
-pub fn reached(time: f64, from: f64) -> bool {
+pub fn is_at_or_after(time: f64, from: f64) -> bool {
     time >= from - 1e-6 * from.abs()
 }
 
 /// Whether two times (s) are one but for the rounding of sums of steps.
 pub fn same_time(a: f64, b: f64) -> bool {
-    reached(a, b) && reached(b, a)
+    is_at_or_after(a, b) && is_at_or_after(b, a)
 }
 
 /// Of some times (s) the one that is another but for rounding; the nearest, as late in a run snapshots are closer to each other
 /// than [`same_time`] tells.
-pub fn nearest(times: impl IntoIterator<Item = f64>, time: f64) -> Option<f64> {
+pub fn nearest_time(times: impl IntoIterator<Item = f64>, time: f64) -> Option<f64> {
     let same = times.into_iter().filter(|other| same_time(*other, time));
     same.min_by(|a, b| (a - time).abs().total_cmp(&(b - time).abs()))
 }
 
 /// Fault of names that `option` gives: as fields of a table they are blank, that of the axis, or one stands there twice.
-pub fn alike(option: &str, names: &[String], axis: Option<&str>) -> Vec<Fault> {
-    let names: Vec<String> = names.iter().map(|name| named(name)).collect();
+pub fn name_faults(option: &str, names: &[String], axis: Option<&str>) -> Vec<Fault> {
+    let names: Vec<String> = names.iter().map(|name| name_field(name)).collect();
     let fault = |(k, name): (usize, &String)| {
         let (again, expected) = match name.as_str() {
             blank if blank.trim().is_empty() => ("", "expected a name"),
@@ -221,24 +224,24 @@ pub fn alike(option: &str, names: &[String], axis: Option<&str>) -> Vec<Fault> {
 }
 
 /// Fault of the names of groups: blank ones.
-pub fn blank(groups: &[String]) -> Vec<Fault> {
+pub fn blank_group_faults(groups: &[String]) -> Vec<Fault> {
     let blank = groups.iter().enumerate().filter(|(_, name)| name.trim().is_empty());
-    let found = |k: usize| format!("'{}' stands there as number {}", named(&groups[k]), k + 1);
+    let found = |k: usize| format!("'{}' stands there as number {}", name_field(&groups[k]), k + 1);
     blank.map(|(k, _)| Fault::new(Path::new("options"), None, "groups", found(k), "expected a name")).collect()
 }
 
 /// The columns of a table of numbers, those `needed` among them; empty fields are NaN.
-pub fn read(path: &Path, needed: &[&str]) -> Result<Columns, Faults> {
-    parsed(path, &text_of(path)?, needed)
+pub fn read_columns(path: &Path, needed: &[&str]) -> Result<Columns, Faults> {
+    parse_columns(path, &table_file_text(path)?, needed)
 }
 
 /// The same of a table that a run writes row by row: a last one without its end, where the run was cut off, is left out.
 pub fn read_log(path: &Path, needed: &[&str]) -> Result<Columns, Faults> {
-    let text = text_of(path)?;
-    parsed(path, &text[..text.rfind('\n').map_or(0, |end| end + 1)], needed)
+    let text = table_file_text(path)?;
+    parse_columns(path, &text[..text.rfind('\n').map_or(0, |end| end + 1)], needed)
 }
 
-fn text_of(path: &Path) -> Result<String, Faults> {
+fn table_file_text(path: &Path) -> Result<String, Faults> {
     atomic::read_text(path).map_err(|mut faults| {
         let expected = "expected a table of cd-solve or, series.csv, of cd-post";
         faults.0.iter_mut().for_each(|fault| fault.expected = expected.into());
@@ -246,7 +249,7 @@ fn text_of(path: &Path) -> Result<String, Faults> {
     })
 }
 
-fn parsed(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Faults> {
+fn parse_columns(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Faults> {
     let mut lines = text.lines();
     let names: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
     let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
@@ -262,7 +265,7 @@ fn parsed(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Faults> {
     }
     // A series without regions is of a version whose means were over the ball around all grains.
     let renamed = |name: &str| {
-        let (_, old) = FORMER.iter().find(|(new, _)| *new == name)?;
+        let (_, old) = FORMER_NAMES.iter().find(|(new, _)| *new == name)?;
         names.iter().position(|known| known == old).filter(|_| !names.contains(&"region"))
     };
     for name in needed.iter().filter(|name| !names.contains(name) && renamed(name).is_none()) {
@@ -288,30 +291,30 @@ fn parsed(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Faults> {
 }
 
 /// Columns and what they were called before means were over a region.
-const FORMER: [(&str, &str); 3] = [("nu_sphere", "nu"), ("pressure_sphere", "pressure"), ("Z_all", "Z")];
+const FORMER_NAMES: [(&str, &str); 3] = [("nu_sphere", "nu"), ("pressure_sphere", "pressure"), ("Z_all", "Z")];
 
 /// The figure of a column, and its table: a row for each value of the horizontal axis that some run has, an
 /// empty field where another has none; where a run has several at one, their mean.
-fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String) {
+fn comparison_figure(runs: &[SeriesRun], kind: &TableKind, name: &str, against: &str) -> (Figure, String) {
     let points: Vec<Vec<(f64, f64)>> = runs
         .iter()
         .map(|run| run.columns[against].iter().copied().zip(run.columns[name].iter().copied()).collect())
         .collect();
     let axis = |name: &str| {
-        let unit = kind.column(name).map_or("1", |(_, unit, _)| unit);
+        let unit = kind.find_column(name).map_or("1", |(_, unit, _)| unit);
         let logarithmic =
             PLOTS.iter().any(|plot| plot.logarithmic && plot.curves.iter().any(|(curve, _)| *curve == name));
-        Axis { quantity: name.into(), unit: unit.into(), logarithmic }
+        FigureAxis { quantity: name.into(), unit: unit.into(), logarithmic }
     };
     // Label of a column: its words where it has some, else its name.
     let words = |name: &str| {
-        let help = kind.column(name).map_or("", |(_, _, help)| help);
+        let help = kind.find_column(name).map_or("", |(_, _, help)| help);
         help.split(", ").next().filter(|short| !short.is_empty()).unwrap_or(name).to_string()
     };
     let mut letters = words(name).chars().collect::<Vec<_>>().into_iter();
     let title = letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect());
     let curves = runs.iter().zip(&points).map(|(run, points)| Curve::line(&run.name, points.clone())).collect();
-    let x = Axis { quantity: words(against), logarithmic: false, ..axis(against) };
+    let x = FigureAxis { quantity: words(against), logarithmic: false, ..axis(against) };
     let figure = Figure { title, x, y: axis(name), curves };
     let same = |a: f64, b: f64| a == b || against == "time" && same_time(a, b);
     let mut places: Vec<f64> = Vec::new();
@@ -322,11 +325,11 @@ fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String
     }
     places.sort_by(f64::total_cmp);
     places.dedup();
-    let heads: Vec<String> = runs.iter().map(|run| named(&run.name)).collect();
+    let heads: Vec<String> = runs.iter().map(|run| name_field(&run.name)).collect();
     let header: Vec<&str> = std::iter::once(against).chain(heads.iter().map(String::as_str)).collect();
     let rows = places.into_iter().map(|x| {
         let at = |points: &Vec<(f64, f64)>| {
-            let place = if against == "time" { nearest(points.iter().map(|p| p.0), x) } else { Some(x) };
+            let place = if against == "time" { nearest_time(points.iter().map(|p| p.0), x) } else { Some(x) };
             // A table may come by one place several times: of its values there the mean.
             let there = points.iter().filter(|p| Some(p.0) == place && p.1.is_finite());
             let (count, sum) = there.fold((0.0, 0.0), |(count, sum), p| (count + 1.0, sum + p.1));
@@ -334,7 +337,7 @@ fn draw(runs: &[Run], kind: &Kind, name: &str, against: &str) -> (Figure, String
         };
         std::iter::once(x).chain(points.iter().map(at)).collect::<Vec<_>>()
     });
-    (figure, csv(&header, rows))
+    (figure, csv_text(&header, rows))
 }
 
 #[cfg(test)]
@@ -345,9 +348,9 @@ mod tests {
     fn a_series_from_before_regions_has_the_means_of_the_ball() {
         let path = Path::new("series.csv");
         let needed = ["nu_sphere", "pressure_sphere"];
-        let old = parsed(path, "time,nu,pressure\n1.0,0.5,3.0\n", &needed).unwrap();
+        let old = parse_columns(path, "time,nu,pressure\n1.0,0.5,3.0\n", &needed).unwrap();
         assert_eq!((old["nu_sphere"][0], old["pressure_sphere"][0], old["nu"][0]), (0.5, 3.0, 0.5));
-        let faults = parsed(path, "time,region,nu,pressure\n1.0,1,0.5,3.0\n", &needed).unwrap_err().to_string();
+        let faults = parse_columns(path, "time,region,nu,pressure\n1.0,1,0.5,3.0\n", &needed).unwrap_err().to_string();
         assert!(faults.contains("column 'nu_sphere': is not there"), "{faults}");
     }
 
@@ -355,23 +358,23 @@ mod tests {
     fn times_that_differ_by_rounding_are_one_and_names_tell_folders_apart() {
         let run = |name: &str, steps: u32, dt: f64| {
             let times: Vec<f64> = (0..=2).map(|k| (0..k * steps).fold(0.0, |time, _| time + dt)).collect();
-            Run { name: name.into(), columns: [("time".into(), times.clone()), ("Z".into(), times)].into() }
+            SeriesRun { name: name.into(), columns: [("time".into(), times.clone()), ("Z".into(), times)].into() }
         };
-        let kind = Kind::of(Path::new("series.csv")).unwrap();
-        let (_, table) = draw(&[run("a", 10, 0.1), run("b", 1000, 0.001)], &kind, "Z", "time");
+        let kind = TableKind::from_path(Path::new("series.csv")).unwrap();
+        let (_, table) = comparison_figure(&[run("a", 10, 0.1), run("b", 1000, 0.001)], &kind, "Z", "time");
         assert_eq!(table.lines().count(), 4, "{table}");
         assert!(table.lines().skip(1).all(|line| !line.ends_with(',')), "{table}");
         // At 1e7 s a second is less than a millionth.
-        assert_eq!(nearest([1e7, 1e7 + 1.0, 1e7 + 2.0], 1e7 + 1.0 + 1e-8), Some(1e7 + 1.0));
-        assert_eq!((nearest([0.3, 0.5], 0.1 + 0.2), nearest([0.3, 0.5], 0.4)), (Some(0.3), None));
-        let names = |cases: &[&str]| names_of(&cases.iter().map(PathBuf::from).collect::<Vec<_>>());
+        assert_eq!(nearest_time([1e7, 1e7 + 1.0, 1e7 + 2.0], 1e7 + 1.0 + 1e-8), Some(1e7 + 1.0));
+        assert_eq!((nearest_time([0.3, 0.5], 0.1 + 0.2), nearest_time([0.3, 0.5], 0.4)), (Some(0.3), None));
+        let names = |cases: &[&str]| case_names(&cases.iter().map(PathBuf::from).collect::<Vec<_>>());
         assert_eq!(names(&["/no/a/x/run", "/no/b/x/run", "/no/b/other"]), ["a/x/run", "b/x/run", "other"]);
         assert_eq!(names(&["/no/run", "/no/run"]), ["run"; 2]);
     }
 
     #[test]
     fn of_several_rows_at_one_place_the_mean_is_told() {
-        let run = |name: &str, spin: &[f64], z: &[f64]| Run {
+        let run = |name: &str, spin: &[f64], z: &[f64]| SeriesRun {
             name: name.into(),
             columns: [("largest_spin".into(), spin.to_vec()), ("Z".into(), z.to_vec())].into(),
         };
@@ -379,14 +382,14 @@ mod tests {
             run("up and down", &[0.0, 1.0, 0.0, 2.0], &[6.0, 4.0, 5.0, f64::NAN]),
             run("up", &[0.0, 2.0], &[3.0, 1.0]),
         ];
-        let kind = Kind::of(Path::new("series.csv")).unwrap();
-        let (_, table) = draw(&runs, &kind, "Z", "largest_spin");
+        let kind = TableKind::from_path(Path::new("series.csv")).unwrap();
+        let (_, table) = comparison_figure(&runs, &kind, "Z", "largest_spin");
         assert_eq!(table, "largest_spin,up and down,up\n0.0,5.5,3.0\n1.0,4.0,\n2.0,,1.0\n");
     }
 
     #[test]
     fn series_of_several_runs_are_aligned_by_their_times() {
-        let run = |name: &str, rows: &[(f64, f64)]| Run {
+        let run = |name: &str, rows: &[(f64, f64)]| SeriesRun {
             name: name.into(),
             columns: [
                 ("time".to_string(), rows.iter().map(|r| r.0).collect()),
@@ -396,11 +399,11 @@ mod tests {
         };
         let runs =
             [run("one", &[(0.0, 1.0), (2.0, 3.0)]), run("two, more", &[(0.0, 5.0), (1.0, f64::NAN), (2.0, 7.0)])];
-        let kind = Kind::of(Path::new("series.csv")).unwrap();
-        let (figure, table) = draw(&runs, &kind, "Z", "time");
+        let kind = TableKind::from_path(Path::new("series.csv")).unwrap();
+        let (figure, table) = comparison_figure(&runs, &kind, "Z", "time");
         assert_eq!(table, "time,one,two; more\n0.0,1.0,5.0\n1.0,,\n2.0,3.0,7.0\n");
-        assert_eq!((figure.curves.len(), figure.alike()), (2, None));
-        let svg = figure.svg();
+        assert_eq!((figure.curves.len(), figure.repeated_style_warning()), (2, None));
+        let svg = figure.to_svg();
         assert!(svg.contains("two, more") && svg.contains("time (s)"), "{svg}");
     }
 }

@@ -4,10 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, Meta, SHAPE_PLANE, Snapshot};
+use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, SHAPE_PLANE, Snapshot, SnapshotMeta};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-use crate::shapes::{Shapes, Solid};
+use crate::shapes::{ShapeCache, SolidShape};
 
 pub type Vec3 = Vector3<f64>;
 pub type Mat3 = Matrix3<f64>;
@@ -15,30 +15,30 @@ pub type Mat3 = Matrix3<f64>;
 /// The state at one instant.
 #[derive(Debug, Clone)]
 pub struct Frame {
-    pub meta: Meta,
+    pub meta: SnapshotMeta,
     /// In the order of the snapshot's bodies.
     pub grains: Vec<Grain>,
     /// In the order of the snapshot's bodies.
     pub walls: Vec<Wall>,
     /// In the order of the snapshot's contacts; those between two walls are left out.
     pub contacts: Vec<Contact>,
-    pub interval: Interval,
+    pub interval: SnapshotInterval,
 }
 
 /// Sums of the contacts since the snapshot before.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Interval {
+pub struct SnapshotInterval {
     /// Since the snapshot before, s; NaN where the snapshot does not have it.
     pub length: f64,
     /// The pairs of which a contact has carried force in one of its steps, those of two walls left out.
-    pub exchanges: Vec<Exchange>,
+    pub exchanges: Vec<ImpulseExchange>,
 }
 
 /// Sum over the contacts of two bodies.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Exchange {
+pub struct ImpulseExchange {
     /// The candidate first.
-    pub sides: [Side; 2],
+    pub sides: [BodyIndex; 2],
     /// Sum of impulses times branches, J s; of a grain at a wall the branch ends at the point of contact.
     pub virial: f64,
 }
@@ -64,14 +64,14 @@ pub struct Grain {
     pub inertia: Mat3,
     /// Radius of the sphere of equal volume, m: the sphere's own.
     pub radius: f64,
-    /// Index into [`Meta::colours`].
+    /// Index into [`SnapshotMeta::colours`].
     pub colour: u16,
-    /// Index into [`Meta::materials`].
+    /// Index into [`SnapshotMeta::materials`].
     pub material: u16,
     /// From the body's frame to the world's.
     pub rotation: UnitQuaternion<f64>,
     /// None for a sphere about its centre.
-    pub solid: Option<Arc<Solid>>,
+    pub solid: Option<Arc<SolidShape>>,
 }
 
 impl Grain {
@@ -86,8 +86,8 @@ impl Grain {
     }
 
     /// Radius of the ball about the centre of mass that holds the grain, m.
-    pub fn reach(&self) -> f64 {
-        self.solid.as_ref().map_or(self.radius, |solid| solid.reach())
+    pub fn bounding_radius(&self) -> f64 {
+        self.solid.as_ref().map_or(self.radius, |solid| solid.bounding_radius())
     }
 
     /// Centre where it is and radius of the sphere, or of each that the grain is made of, m.
@@ -125,21 +125,21 @@ pub enum WallShape {
     Plate(Vec3),
     /// Radius, m.
     Ball(f64),
-    Polyhedron(Arc<Solid>),
+    Polyhedron(Arc<SolidShape>),
 }
 
 /// One side of a contact: index into [`Frame::grains`] or [`Frame::walls`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Side {
+pub enum BodyIndex {
     Grain(usize),
     Wall(usize),
 }
 
-impl Side {
-    pub fn grain(self) -> Option<usize> {
+impl BodyIndex {
+    pub fn grain_index(self) -> Option<usize> {
         match self {
-            Side::Grain(grain) => Some(grain),
-            Side::Wall(_) => None,
+            BodyIndex::Grain(grain) => Some(grain),
+            BodyIndex::Wall(_) => None,
         }
     }
 }
@@ -147,8 +147,8 @@ impl Side {
 /// A contact that was listed in the last step; at least one side is a grain.
 #[derive(Debug, Clone)]
 pub struct Contact {
-    pub candidate: Side,
-    pub antagonist: Side,
+    pub candidate: BodyIndex,
+    pub antagonist: BodyIndex,
     /// At the candidate, m.
     pub point: Vec3,
     /// Vector from the antagonist's position to the image that the candidate meets, m.
@@ -165,7 +165,7 @@ pub struct Contact {
     pub gap: f64,
     /// 0 no contact, 1 stick, 2 slide.
     pub status: u8,
-    /// Index into [`Meta::laws`].
+    /// Index into [`SnapshotMeta::laws`].
     pub law: u8,
     /// Carries force: the impulse is not zero.
     pub active: bool,
@@ -177,12 +177,12 @@ pub struct Contact {
 
 impl Contact {
     /// The grains of a contact of grain and grain, candidate first.
-    pub fn pair(&self) -> Option<(usize, usize)> {
-        Some((self.candidate.grain()?, self.antagonist.grain()?))
+    pub fn grain_pair(&self) -> Option<(usize, usize)> {
+        Some((self.candidate.grain_index()?, self.antagonist.grain_index()?))
     }
 
     /// Candidate and antagonist.
-    pub fn sides(&self) -> impl Iterator<Item = Side> {
+    pub fn sides(&self) -> impl Iterator<Item = BodyIndex> {
         [self.candidate, self.antagonist].into_iter()
     }
 
@@ -190,7 +190,7 @@ impl Contact {
     pub fn on_grains(&self) -> impl Iterator<Item = (usize, Vec3, Vec3)> {
         [(self.candidate, self.force, Vec3::zeros()), (self.antagonist, -self.force, self.image)]
             .into_iter()
-            .filter_map(|(side, force, image)| Some((side.grain()?, force, image)))
+            .filter_map(|(side, force, image)| Some((side.grain_index()?, force, image)))
     }
 }
 
@@ -198,40 +198,40 @@ impl Frame {
     /// Reads a snapshot and takes it apart.
     ///
     /// Errors: those of [`Snapshot::read`], each body with a mass, moment of inertia or length that is not positive, and
-    /// with polyhedra those of [`Shapes::of`].
-    pub fn read(path: &Path, shapes: &Shapes) -> Result<Frame, Faults> {
+    /// with polyhedra those of `ShapeCache::from_snapshot`.
+    pub fn read(path: &Path, shapes: &ShapeCache) -> Result<Frame, Faults> {
         let snapshot = Snapshot::read(path)?;
         let mut faults = Faults::default();
         for (object, found) in out_of_range(&snapshot.bodies) {
             faults.push(Fault::new(path, None, object, found, "expected numbers > 0"));
         }
         faults.into_result(())?;
-        let solids = shapes.of(path, &snapshot)?;
-        Ok(Frame::with(snapshot, solids))
+        let solids = shapes.solids_of(path, &snapshot)?;
+        Ok(Frame::with_solids(snapshot, solids))
     }
 
     /// Takes a sound snapshot without polyhedra apart.
-    pub fn of(snapshot: Snapshot) -> Frame {
-        Frame::with(snapshot, Vec::new())
+    pub fn from_snapshot(snapshot: Snapshot) -> Frame {
+        Frame::with_solids(snapshot, Vec::new())
     }
 
     /// Takes a sound snapshot apart; `solids` has the polyhedron of each body, the rest are none.
-    pub fn with(snapshot: Snapshot, mut solids: Vec<Option<Arc<Solid>>>) -> Frame {
+    pub fn with_solids(snapshot: Snapshot, mut solids: Vec<Option<Arc<SolidShape>>>) -> Frame {
         solids.resize(snapshot.bodies.body_id.len(), None);
         let Snapshot { meta, bodies, contacts, memory, shapes, interval, .. } = snapshot;
         let to_contact = -meta.parameters.theta * meta.h;
-        let cell = Cell([meta.parameters.xperiode, meta.parameters.yperiode]);
+        let cell = PeriodicCell([meta.parameters.xperiode, meta.parameters.yperiode]);
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
-        let sides: Vec<Side> = solids
+        let sides: Vec<BodyIndex> = solids
             .into_iter()
             .enumerate()
             .map(|(row, solid)| {
                 if is_wall(&bodies, row) {
-                    walls.push(wall(&bodies, row, solid));
-                    Side::Wall(walls.len() - 1)
+                    walls.push(wall_of_row(&bodies, row, solid));
+                    BodyIndex::Wall(walls.len() - 1)
                 } else {
-                    grains.push(grain(&bodies, row, to_contact, solid, &cell));
-                    Side::Grain(grains.len() - 1)
+                    grains.push(grain_of_row(&bodies, row, to_contact, solid, &cell));
+                    BodyIndex::Grain(grains.len() - 1)
                 }
             })
             .collect();
@@ -242,12 +242,12 @@ impl Frame {
         let contacts = (0..contacts.contact_body.len())
             .filter_map(|row| {
                 let [candidate, antagonist] = contacts.contact_body[row].map(|body| sides[body as usize]);
-                candidate.grain().or(antagonist.grain())?;
+                candidate.grain_index().or(antagonist.grain_index())?;
                 let [n, t, s] = contacts.contact_frame[row].map(Vec3::from);
                 let [f_n, f_t, f_s] = contacts.contact_force[row];
-                let place = |side: Side| match side {
-                    Side::Grain(k) => (grains[k].x_contact, grains[k].moved),
-                    Side::Wall(k) => (walls[k].x, Vec3::zeros()),
+                let place = |side: BodyIndex| match side {
+                    BodyIndex::Grain(k) => (grains[k].x_contact, grains[k].moved),
+                    BodyIndex::Wall(k) => (walls[k].x, Vec3::zeros()),
                 };
                 let ((x, moved), (other, _)) = (place(candidate), place(antagonist));
                 let shared = shapes.as_ref().map_or(0.0, |shapes| shapes.contacts.contact_area[row]);
@@ -256,7 +256,7 @@ impl Frame {
                     candidate,
                     antagonist,
                     point: Vec3::from(contacts.contact_point[row]) + moved,
-                    image: cell.nearest(x - other),
+                    image: cell.nearest_period(x - other),
                     normal: n,
                     force: n * f_n + t * f_t + s * f_s,
                     normal_force: f_n,
@@ -274,9 +274,9 @@ impl Frame {
         let exchanges = interval.interval_body.iter().zip(&interval.interval_virial);
         let exchanges = exchanges.filter_map(|(pair, &virial)| {
             let sides = pair.map(|body| sides[body as usize]);
-            sides.into_iter().any(|side| side.grain().is_some()).then_some(Exchange { sides, virial })
+            sides.into_iter().any(|side| side.grain_index().is_some()).then_some(ImpulseExchange { sides, virial })
         });
-        let interval = Interval {
+        let interval = SnapshotInterval {
             length: meta.interval_start.map_or(f64::NAN, |start| meta.time - start),
             exchanges: exchanges.collect(),
         };
@@ -284,33 +284,33 @@ impl Frame {
     }
 
     /// The part of space that the scene repeats, if it does.
-    pub fn cell(&self) -> Cell {
-        Cell([self.meta.parameters.xperiode, self.meta.parameters.yperiode])
+    pub fn cell(&self) -> PeriodicCell {
+        PeriodicCell([self.meta.parameters.xperiode, self.meta.parameters.yperiode])
     }
 
     /// The contacts that carry force.
-    pub fn active(&self) -> impl Iterator<Item = &Contact> {
+    pub fn active_contacts(&self) -> impl Iterator<Item = &Contact> {
         self.contacts.iter().filter(|contact| contact.active)
     }
 
     /// Total mass of the grains, kg.
-    pub fn mass(&self) -> f64 {
+    pub fn total_mass(&self) -> f64 {
         self.grains.iter().map(|grain| grain.mass).sum()
     }
 }
 
 /// Lengths after which a scene comes again along x and y, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cell(pub [Option<f64>; 2]);
+pub struct PeriodicCell(pub [Option<f64>; 2]);
 
-impl Cell {
+impl PeriodicCell {
     /// Whether it repeats at all.
-    pub fn repeats(&self) -> bool {
+    pub fn is_periodic(&self) -> bool {
         self.0 != [None; 2]
     }
 
     /// The images of a place in the cell that are in it or up to `room` (m) beside it.
-    pub fn images(&self, x: Vec3, room: f64) -> Vec<Vec3> {
+    pub fn images_near(&self, x: Vec3, room: f64) -> Vec<Vec3> {
         let along = |axis: usize| {
             let Some(period) = self.0[axis] else { return vec![0.0] };
             let mut shifts = vec![0.0];
@@ -322,7 +322,7 @@ impl Cell {
     }
 
     /// The sum of whole periods that is nearest to a vector, m.
-    pub fn nearest(&self, d: Vec3) -> Vec3 {
+    pub fn nearest_period(&self, d: Vec3) -> Vec3 {
         let along = |period: Option<f64>, d: f64| period.map_or(0.0, |period| period * (d / period).round());
         Vec3::new(along(self.0[0], d.x), along(self.0[1], d.y), 0.0)
     }
@@ -332,21 +332,27 @@ fn is_wall(bodies: &BodyArrays, row: usize) -> bool {
     bodies.body_driven[row] != 0 || bodies.body_shape[row] == SHAPE_PLANE
 }
 
-fn rotation(bodies: &BodyArrays, row: usize) -> UnitQuaternion<f64> {
+fn body_rotation(bodies: &BodyArrays, row: usize) -> UnitQuaternion<f64> {
     let [w, x, y, z] = bodies.body_q[row];
     UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
 }
 
-fn grain(bodies: &BodyArrays, row: usize, to_contact: f64, solid: Option<Arc<Solid>>, cell: &Cell) -> Grain {
+fn grain_of_row(
+    bodies: &BodyArrays,
+    row: usize,
+    to_contact: f64,
+    solid: Option<Arc<SolidShape>>,
+    cell: &PeriodicCell,
+) -> Grain {
     let (x, v) = (Vec3::from(bodies.body_x[row]), Vec3::from(bodies.body_v[row]));
-    let moved = -cell.nearest(x);
+    let moved = -cell.nearest_period(x);
     let x = x + moved;
     let [j1, j2, j3] = bodies.body_inertia[row];
     // Equal moments need no rotation, and keep their digits without one.
     let inertia = if j1 == j2 && j2 == j3 {
         Mat3::from_diagonal_element(j1)
     } else {
-        let axes = rotation(bodies, row).to_rotation_matrix();
+        let axes = body_rotation(bodies, row).to_rotation_matrix();
         axes.matrix() * Mat3::from_diagonal(&Vec3::new(j1, j2, j3)) * axes.matrix().transpose()
     };
     Grain {
@@ -361,19 +367,19 @@ fn grain(bodies: &BodyArrays, row: usize, to_contact: f64, solid: Option<Arc<Sol
         radius: bodies.body_radius[row],
         colour: bodies.body_colour[row],
         material: bodies.body_material[row],
-        rotation: rotation(bodies, row),
+        rotation: body_rotation(bodies, row),
         solid,
     }
 }
 
-fn wall(bodies: &BodyArrays, row: usize, solid: Option<Arc<Solid>>) -> Wall {
+fn wall_of_row(bodies: &BodyArrays, row: usize, solid: Option<Arc<SolidShape>>) -> Wall {
     let shape = match (solid, bodies.body_shape[row]) {
         (Some(solid), _) => WallShape::Polyhedron(solid),
         (None, SHAPE_PLANE) => WallShape::Plate(bodies.body_half_lengths[row].into()),
         (None, _) => WallShape::Ball(bodies.body_radius[row]),
     };
     let v = (bodies.body_driven[row] != DRIVEN_ALL).then(|| bodies.body_v[row].into());
-    Wall { id: bodies.body_id[row], x: bodies.body_x[row].into(), v, rotation: rotation(bodies, row), shape }
+    Wall { id: bodies.body_id[row], x: bodies.body_x[row].into(), v, rotation: body_rotation(bodies, row), shape }
 }
 
 /// Reason for which a sound snapshot cannot be measured: object, found.
@@ -420,8 +426,8 @@ mod tests {
         assert_eq!(frame.walls.iter().map(|w| w.id).collect::<Vec<_>>(), [1, 3, 4]);
         assert_eq!(frame.walls[1].shape, WallShape::Ball(0.5));
         // The one between two walls is left out.
-        let sides: Vec<(Side, Side)> = frame.contacts.iter().map(|c| (c.candidate, c.antagonist)).collect();
-        assert_eq!(sides, [(Side::Grain(0), Side::Wall(0)), (Side::Wall(1), Side::Grain(0))]);
+        let sides: Vec<(BodyIndex, BodyIndex)> = frame.contacts.iter().map(|c| (c.candidate, c.antagonist)).collect();
+        assert_eq!(sides, [(BodyIndex::Grain(0), BodyIndex::Wall(0)), (BodyIndex::Wall(1), BodyIndex::Grain(0))]);
         // Force on the candidate is against the grain's own when that is the antagonist.
         assert_eq!(frame.contacts[1].on_grains().collect::<Vec<_>>(), [(0, -Vec3::x(), Vec3::zeros())]);
     }

@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::case::{CaseFolder, misplaced, no_case};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::ron_text::nearest;
-use cd_formats::tell::{complain, tell, usage};
+use cd_formats::ron_text::nearest_name;
+use cd_formats::tell::{print_error, print_line, usage};
 use cd_formats::{atomic, snapshot};
 use clap::builder::RangedU64ValueParser;
 use clap::{CommandFactory, Parser};
@@ -33,14 +33,14 @@ pub mod track;
 pub mod trade;
 pub mod write;
 
-use derive::energy::Summation;
+use derive::energy::PairSummation;
 use derive::free_surface::REACH;
 use derive::probe::Probe;
-use derive::{Choices, Row};
+use derive::{MeasurementOptions, Row};
 use frame::Frame;
-use shapes::Shapes;
+use shapes::ShapeCache;
 use write::display;
-use write::picture::Shade;
+use write::picture::PictureColouring;
 
 /// Measures the snapshots of a case and draws them.
 ///
@@ -113,10 +113,10 @@ enum Command {
         #[arg(long, value_delimiter = ',')]
         groups: Vec<String>,
         /// Time from which snapshots count for the means, s; without it the last alone
-        #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = finite)]
+        #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_finite)]
         from: Option<f64>,
         /// Time up to which they count, s; without it the end
-        #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = finite)]
+        #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_finite)]
         until: Option<f64>,
     },
     /// Runs of one scene against the finest: errors of what is observed, and the time that they took.
@@ -137,10 +137,10 @@ enum Command {
         #[arg(long, value_delimiter = ',')]
         values: Vec<f64>,
         /// Time from which snapshots count, s; without it the last alone
-        #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = finite)]
+        #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_finite)]
         from: Option<f64>,
         /// Time from which on positions are compared at the first snapshot, s; without it, at the first after the start
-        #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = finite)]
+        #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_finite)]
         early: Option<f64>,
         /// Title of the figure
         #[arg(long, value_name = "TEXT", default_value = "Error against time")]
@@ -174,7 +174,7 @@ enum Command {
 
 impl Arguments {
     /// The case that is written to.
-    fn case(&self) -> Option<&Path> {
+    fn case_dir(&self) -> Option<&Path> {
         match &self.command {
             None => Some(&self.options.dir),
             Some(Command::State { dir, .. } | Command::Track { dir, .. } | Command::Report { dir, .. }) => Some(dir),
@@ -188,45 +188,45 @@ impl Arguments {
             Some(Command::Compare { dirs, .. } | Command::Study { dirs, .. } | Command::Trade { dirs, .. }) => {
                 (dirs.iter().map(PathBuf::as_path).collect(), CaseFolder::Any)
             }
-            _ => (Vec::from_iter(self.case()), CaseFolder::Outbox),
+            _ => (Vec::from_iter(self.case_dir()), CaseFolder::Outbox),
         };
         Faults(dirs.into_iter().filter_map(|dir| no_case(dir, part, "cd-post")).collect()).into_result(())
     }
 }
 
 /// Message about a first argument that is neither a folder nor a command, but nearly one.
-fn misspelt(args: &[OsString]) -> Option<String> {
+fn misspelt_command(args: &[OsString]) -> Option<String> {
     let first = args.get(1)?.to_str().filter(|first| !first.starts_with('-') && !Path::new(first).exists())?;
     let command = Arguments::command();
     let names: Vec<&str> = command.get_subcommands().map(|command| command.get_name()).chain(["help"]).collect();
     if names.contains(&first) {
         return None;
     }
-    Some(format!("{first}: is no folder and no command; did you mean {}?", nearest(first, &names)?))
+    Some(format!("{first}: is no folder and no command; did you mean {}?", nearest_name(first, &names)?))
 }
 
 /// Takes a case for this run alone, until the file is dropped; waits for another that is at work in it. Two would write
 /// the same files, and each take away those that the other makes and it does not.
 ///
 /// Where files cannot be locked, every run gets it.
-fn take(case: &Path) -> Option<File> {
+fn lock_case(case: &Path) -> Option<File> {
     let folder = File::open(case).ok()?;
     if matches!(folder.try_lock(), Err(TryLockError::WouldBlock)) {
-        complain(format_args!("cd-post: {}: another cd-post is at work in it; waiting for its end", case.display()));
+        print_error(format_args!("cd-post: {}: another cd-post is at work in it; waiting for its end", case.display()));
         folder.lock().ok()?;
     }
     Some(folder)
 }
 
 /// A number of the command line.
-fn finite(text: &str) -> Result<f64, String> {
+fn parse_finite(text: &str) -> Result<f64, String> {
     let number: f64 = text.parse().map_err(|_| "expected a number".to_string())?;
     if number.is_finite() { Ok(number) } else { Err("expected a finite number".into()) }
 }
 
 /// A number of the command line that is positive.
-fn positive(text: &str) -> Result<f64, String> {
-    finite(text).ok().filter(|number| *number > 0.0).ok_or_else(|| "expected a number > 0".to_string())
+fn parse_positive(text: &str) -> Result<f64, String> {
+    parse_finite(text).ok().filter(|number| *number > 0.0).ok_or_else(|| "expected a number > 0".to_string())
 }
 
 /// Reach of the planes whose angle is the slope of a surface.
@@ -234,7 +234,7 @@ fn positive(text: &str) -> Result<f64, String> {
 pub struct SlopeReach {
     /// Mean radii over which planes are fitted to a surface for its slope: fewer show more of its shape, and of its grains
     /// [default: 12 of a heap or bed, 10 of an aggregate]
-    #[arg(long, value_name = "RADII", value_parser = positive)]
+    #[arg(long, value_name = "RADII", value_parser = parse_positive)]
     pub slope_reach: Option<f64>,
 }
 
@@ -291,10 +291,10 @@ impl Default for Options {
 }
 
 impl Options {
-    fn choices(&self) -> Choices {
-        let summation = if self.direct_gravity { Summation::Direct } else { Summation::Fast };
+    fn to_choices(&self) -> MeasurementOptions {
+        let summation = if self.direct_gravity { PairSummation::Direct } else { PairSummation::Fast };
         let Measures { region, slope } = self.measures.clone();
-        Choices { summation, region, slope_reach: slope.slope_reach.unwrap_or(REACH) }
+        MeasurementOptions { summation, region, slope_reach: slope.slope_reach.unwrap_or(REACH) }
     }
 }
 
@@ -304,8 +304,8 @@ impl Options {
 /// a line of stderr as `cd-post: file: object: found; expected`.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let args: Vec<OsString> = args.into_iter().collect();
-    if let Some(message) = misspelt(&args) {
-        complain(format_args!("cd-post: {message}"));
+    if let Some(message) = misspelt_command(&args) {
+        print_error(format_args!("cd-post: {message}"));
         return 2;
     }
     let arguments = match Arguments::try_parse_from(&args) {
@@ -313,68 +313,68 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Err(error) => {
             let mistake = misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr());
             let Some(mistake) = mistake else { return usage("cd-post", &error) };
-            complain(format_args!("cd-post: {mistake}"));
+            print_error(format_args!("cd-post: {mistake}"));
             return error.exit_code();
         }
     };
     if let Err(faults) = arguments.folders() {
-        complain(faults.report("cd-post").trim_end());
+        print_error(faults.format_report("cd-post").trim_end());
         return 2;
     }
     let Arguments { command, options } = &arguments;
     let pool = match rayon::ThreadPoolBuilder::new().num_threads(options.threads).build() {
         Ok(pool) => pool,
         Err(_) => {
-            complain(format_args!(
+            print_error(format_args!(
                 "cd-post: options: threads: {} cannot be started; expected a number that the system allows",
                 options.threads
             ));
             return 2;
         }
     };
-    let _alone = arguments.case().and_then(take);
+    let _alone = arguments.case_dir().and_then(lock_case);
     let done = pool.install(|| match command {
-        None => process(options),
+        None => process_case(options),
         Some(Command::State { dir, snapshot, mean, slope }) => state::write(dir, *snapshot, *mean, slope.slope_reach)
             .map(|(folder, notes)| {
-                tell(format_args!("cd-post: {}", folder.display()));
+                print_line(format_args!("cd-post: {}", folder.display()));
                 notes
             }),
         Some(Command::Compare { dirs, output, labels, table, columns, against }) => {
-            let compared = compare::Compared { table, columns, against: against.as_deref() };
+            let compared = compare::ComparisonOptions { table, columns, against: against.as_deref() };
             compare::write(dirs, labels, &compared, output).map(|(count, notes)| {
-                tell(format_args!("cd-post: {count} figures in {}", output.display()));
+                print_line(format_args!("cd-post: {count} figures in {}", output.display()));
                 notes
             })
         }
         Some(Command::Study { dirs, output, groups, from, until }) => study::write(dirs, groups, *from, *until, output)
             .map(|(count, notes)| {
-                tell(format_args!("cd-post: {} runs, {count} figures in {}", dirs.len(), output.display()));
+                print_line(format_args!("cd-post: {} runs, {count} figures in {}", dirs.len(), output.display()));
                 notes
             }),
         Some(Command::Trade { dirs, output, groups, values, from, early, title }) => {
-            let asked = trade::Asked { groups, values, from: *from, early: *early };
+            let asked = trade::TradeOptions { groups, values, from: *from, early: *early };
             trade::write(dirs, &asked, title, output).map(|(table, notes)| {
-                tell(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
+                print_line(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
                 notes
             })
         }
         Some(Command::Track { dir, body }) => track::write(dir, *body).map(|(folder, notes)| {
-            tell(format_args!("cd-post: {}", folder.display()));
+            print_line(format_args!("cd-post: {}", folder.display()));
             notes
         }),
         Some(Command::Report { dir, every, measures }) => report::write(dir, *every, measures).map(|(page, notes)| {
-            tell(format_args!("cd-post: {}", page.display()));
+            print_line(format_args!("cd-post: {}", page.display()));
             notes
         }),
     });
     match done {
         Ok(notes) => {
-            notes.iter().for_each(|note| complain(format_args!("cd-post: {note}")));
+            notes.iter().for_each(|note| print_error(format_args!("cd-post: {note}")));
             i32::from(!notes.is_empty())
         }
         Err(faults) => {
-            complain(faults.report("cd-post").trim_end());
+            print_error(faults.format_report("cd-post").trim_end());
             2
         }
     }
@@ -384,34 +384,35 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
 ///
 /// The files that name others (`series.csv`, `*.pvd`) are written last: if a snapshot is
 /// refused, they are those of before.
-pub fn process(options: &Options) -> Result<Vec<String>, Faults> {
-    let (rows, frames) = series(options, |k, count, frame| evenly(k, count, PICTURED).then_some(frame))?;
+pub fn process_case(options: &Options) -> Result<Vec<String>, Faults> {
+    let (rows, frames) =
+        measure_series(options, |k, count, frame| is_evenly_chosen(k, count, PICTURE_COUNT).then_some(frame))?;
     let last = frames.last().expect("the last snapshot is taken");
     let postpro = options.dir.join("POSTPRO");
-    atomic::write(&postpro.join("series.csv"), write::series::text(&rows).as_bytes())?;
-    tell(format_args!("cd-post: {} snapshots of {}", rows.len(), options.dir.join("OUTBOX").display()));
-    tell(format_args!("  series   {}", postpro.join("series.csv").display()));
-    let regions = write::plots::regions(&rows);
+    atomic::write(&postpro.join("series.csv"), write::series::series_text(&rows).as_bytes())?;
+    print_line(format_args!("cd-post: {} snapshots of {}", rows.len(), options.dir.join("OUTBOX").display()));
+    print_line(format_args!("  series   {}", postpro.join("series.csv").display()));
+    let regions = write::plots::region_names(&rows);
     if !regions.is_empty() {
-        tell(format_args!("  region   {regions}: Z, ν, pressure, stress"));
+        print_line(format_args!("  region   {regions}: Z, ν, pressure, stress"));
     }
     if !options.no_plots {
         for plot in &write::plots::PLOTS {
-            atomic::write(&postpro.join(plot.file), plot.figure(&rows).svg().as_bytes())?;
+            atomic::write(&postpro.join(plot.file), plot.to_figure(&rows).to_svg().as_bytes())?;
         }
         let picture = |shade| write::picture::svg(last, shade);
-        atomic::write(&postpro.join("aggregate.svg"), picture(Shade::Neighbours).as_bytes())?;
-        atomic::write(&postpro.join("aggregate_energy.svg"), picture(Shade::KineticEnergy).as_bytes())?;
+        atomic::write(&postpro.join("aggregate.svg"), picture(PictureColouring::Neighbours).as_bytes())?;
+        atomic::write(&postpro.join("aggregate_energy.svg"), picture(PictureColouring::KineticEnergy).as_bytes())?;
         let frames: Vec<&Frame> = frames.iter().collect();
-        atomic::write(&postpro.join("snapshots.svg"), write::picture::snapshots(&frames).as_bytes())?;
-        tell(format_args!("  plots    {}", postpro.join("*.svg").display()));
+        atomic::write(&postpro.join("snapshots.svg"), write::picture::snapshots_svg(&frames).as_bytes())?;
+        print_line(format_args!("  plots    {}", postpro.join("*.svg").display()));
     }
-    let mut notes = notes(&rows);
+    let mut notes = result_notes(&rows);
     notes.extend(outside_of_layers(&rows));
     notes.extend(empty_region(options, &rows, last));
     if !options.no_vtk {
         notes.extend(finish_display(&options.dir, &rows, last)?);
-        tell(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
+        print_line(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
     }
     Ok(notes)
 }
@@ -430,18 +431,18 @@ fn outside_of_layers(rows: &[Row]) -> Option<String> {
 /// A row for each snapshot that is taken, and what `keep` makes of the k-th of so many; writes the ParaView files by the way.
 ///
 /// Snapshots go through in batches of as many as there are threads, so memory holds no more than these and what is kept.
-fn series<T: Send>(
+fn measure_series<T: Send>(
     options: &Options,
     keep: impl Fn(usize, usize, Frame) -> Option<T> + Sync,
 ) -> Result<(Vec<Row>, Vec<T>), Faults> {
     let outbox = options.dir.join("OUTBOX");
-    let selected = select(&outbox, options.every)?;
-    let bar = progress(selected.len());
-    let choices = options.choices();
+    let selected = select_snapshots(&outbox, options.every)?;
+    let bar = progress_bar(selected.len());
+    let choices = options.to_choices();
     let mut rows = Vec::with_capacity(selected.len());
     let mut kept = Vec::new();
     let mut masses: Option<Vec<f64>> = None;
-    let shapes = Shapes::default();
+    let shapes = ShapeCache::default();
     for batch in selected.chunks(rayon::current_num_threads()) {
         let first = rows.len();
         let measured: Vec<Result<_, Faults>> = batch
@@ -449,9 +450,9 @@ fn series<T: Send>(
             .enumerate()
             .map(|(k, (_, path))| {
                 let frame = Frame::read(path, &shapes)?;
-                let row = Row::with(&frame, &choices);
+                let row = Row::with_options(&frame, &choices);
                 if !options.no_vtk {
-                    draw(&options.dir, &frame)?;
+                    write_display(&options.dir, &frame)?;
                 }
                 let own: Vec<f64> = frame.grains.iter().map(|grain| grain.mass).collect();
                 Ok((row, own, keep(first + k, selected.len(), frame)))
@@ -483,35 +484,35 @@ fn series<T: Send>(
 }
 
 /// Snapshots in one picture: the first, the last and two between.
-const PICTURED: usize = 4;
+const PICTURE_COUNT: usize = 4;
 
 /// Whether snapshot `k` of `count` is one of `some` from the first to the last; of one it is the first.
-fn evenly(k: usize, count: usize, some: usize) -> bool {
+fn is_evenly_chosen(k: usize, count: usize, some: usize) -> bool {
     let parts = some.max(2) - 1;
     (0..some).any(|part| (count - 1) * part / parts == k)
 }
 
 /// The snapshots of a folder by step, one at least.
-fn snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
+fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let expected = "expected snapshot-*.npz, the results of cd-solve";
     let refuse = |found: &str| Err(Fault::new(outbox, None, "folder", found, expected).into());
-    match snapshot::list(outbox)? {
-        _ if !atomic::is_there(outbox) => refuse("is not there"),
+    match snapshot::list_snapshots(outbox)? {
+        _ if !atomic::path_exists(outbox) => refuse("is not there"),
         all if all.is_empty() => refuse("holds no snapshot"),
         all => Ok(all),
     }
 }
 
 /// The snapshots to take: every `every`th, and the last.
-fn select(outbox: &Path, every: u32) -> Result<Vec<(u64, PathBuf)>, Faults> {
-    let all = snapshots(outbox)?;
+fn select_snapshots(outbox: &Path, every: u32) -> Result<Vec<(u64, PathBuf)>, Faults> {
+    let all = list_snapshots(outbox)?;
     let last = all.len() - 1;
     let taken = |k: usize| k == last || k.is_multiple_of(every as usize);
     Ok(all.into_iter().enumerate().filter(|(k, _)| taken(*k)).map(|(_, found)| found).collect())
 }
 
 /// A bar on a terminal, nothing otherwise.
-fn progress(count: usize) -> ProgressBar {
+fn progress_bar(count: usize) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
@@ -520,7 +521,7 @@ fn progress(count: usize) -> ProgressBar {
 }
 
 /// Whether there is anything of this kind to draw.
-fn has(frame: &Frame, kind: &str) -> bool {
+fn has_kind(frame: &Frame, kind: &str) -> bool {
     match kind {
         "walls" => !frame.walls.is_empty(),
         "polyhedra" => frame.grains.iter().any(|grain| grain.solid.is_some()),
@@ -529,15 +530,15 @@ fn has(frame: &Frame, kind: &str) -> bool {
 }
 
 /// Writes the ParaView files of one frame.
-fn draw(dir: &Path, frame: &Frame) -> Result<(), Faults> {
+fn write_display(dir: &Path, frame: &Frame) -> Result<(), Faults> {
     let path = |kind| dir.join("DISPLAY").join(display::file_name(kind, frame.meta.step));
-    atomic::write(&path("grains"), &display::grains(frame))?;
-    atomic::write(&path("contacts"), &display::contacts(frame))?;
-    if has(frame, "polyhedra") {
-        atomic::write(&path("polyhedra"), &display::polyhedra(frame))?;
+    atomic::write(&path("grains"), &display::grains_vtp(frame))?;
+    atomic::write(&path("contacts"), &display::contacts_vtp(frame))?;
+    if has_kind(frame, "polyhedra") {
+        atomic::write(&path("polyhedra"), &display::polyhedra_vtp(frame))?;
     }
-    if has(frame, "walls") {
-        atomic::write(&path("walls"), &display::walls(frame))?;
+    if has_kind(frame, "walls") {
+        atomic::write(&path("walls"), &display::walls_vtp(frame))?;
     }
     Ok(())
 }
@@ -547,18 +548,18 @@ fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<Option<Strin
     let display = dir.join("DISPLAY");
     let times: Vec<(u64, f64)> = rows.iter().map(|row| (row.step, row.time)).collect();
     let mut current = HashSet::new();
-    let folder = fs::canonicalize(&display).map_err(|error| Fault::io(&display, "read", &error))?;
-    atomic::write(&display.join("view.py"), display::view(&folder).as_bytes())?;
-    for kind in display::KINDS.into_iter().filter(|kind| has(last, kind)) {
+    let folder = fs::canonicalize(&display).map_err(|error| Fault::from_io(&display, "read", &error))?;
+    atomic::write(&display.join("view.py"), display::view_script(&folder).as_bytes())?;
+    for kind in display::FILE_KINDS.into_iter().filter(|kind| has_kind(last, kind)) {
         let name = format!("{kind}.pvd");
-        atomic::write(&display.join(&name), display::collection(kind, &times).as_bytes())?;
+        atomic::write(&display.join(&name), display::pvd_collection(kind, &times).as_bytes())?;
         current.insert(name);
         current.extend(times.iter().map(|(step, _)| display::file_name(kind, *step)));
     }
-    for path in atomic::entries(&display)? {
+    for path in atomic::folder_entries(&display)? {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if display::is_ours(&name) && !current.contains(&name) {
-            fs::remove_file(&path).map_err(|error| Fault::io(&path, "removed", &error))?;
+        if display::is_display_file(&name) && !current.contains(&name) {
+            fs::remove_file(&path).map_err(|error| Fault::from_io(&path, "removed", &error))?;
         }
     }
     let nameless = folder.to_str().is_none();
@@ -593,7 +594,7 @@ fn empty_region(options: &Options, rows: &[Row], last: &Frame) -> Option<String>
 }
 
 /// Notes for the user about work that is done.
-fn notes(rows: &[Row]) -> Vec<String> {
+fn result_notes(rows: &[Row]) -> Vec<String> {
     let empty = rows.iter().filter(|row| row.n_grains == 0).count();
     if empty == 0 {
         vec![]
@@ -609,7 +610,7 @@ mod samples;
 #[cfg(test)]
 impl samples::Scene {
     fn frame(&self) -> Frame {
-        let solid = |body| shapes::solid(body).expect("a cube").map(std::sync::Arc::new);
-        Frame::with(self.snapshot.clone(), self.records().0.iter().map(solid).collect())
+        let solid = |body| shapes::body_solid(body).expect("a cube").map(std::sync::Arc::new);
+        Frame::with_solids(self.snapshot.clone(), self.records().0.iter().map(solid).collect())
     }
 }

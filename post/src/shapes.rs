@@ -4,22 +4,22 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use cd_formats::bodies::{Bodies, Body, Shape};
+use cd_formats::bodies::{Bodies, Body, ShapeRecord};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::groups::Groups;
+use cd_formats::groups::DisjointSets;
 use cd_formats::snapshot::{BodyArrays, SHAPE_PARTS, Snapshot};
 use cd_formats::surface::Surface;
-use cd_formats::unchanged::Computed;
+use cd_formats::unchanged::ComputedSnapshot;
 use nalgebra::Matrix3;
 
 use crate::frame::Vec3;
 
 /// Normals of triangles of one face differ by less than this; files with eight digits leave about 1e-7.
-const FLAT: f64 = 1e-5;
+const NORMAL_TOLERANCE: f64 = 1e-5;
 
 /// A polyhedron, a cylinder, spheres off the centre, or a cluster of these, in the body's frame.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Solid {
+pub struct SolidShape {
     /// Of all pieces, about the centre of mass, m.
     pub vertices: Vec<Vec3>,
     /// Polygons of vertex numbers, counter-clockwise seen from outside.
@@ -40,49 +40,49 @@ pub struct Hollow {
 }
 
 /// Sides of the prism as which a cylinder is drawn.
-const SIDES: u32 = 64;
+const CYLINDER_SIDES: u32 = 64;
 /// Rings of faces, from pole to pole, as which a sphere of a cluster is drawn, and faces in each.
-const RINGS: u32 = 10;
-const SECTORS: u32 = 20;
+const SPHERE_RINGS: u32 = 10;
+const SPHERE_SECTORS: u32 = 20;
 
-impl Solid {
+impl SolidShape {
     /// A cylinder about the third axis, as a prism whose edges lie on it; `place` puts its points where they are.
     fn add_cylinder(&mut self, half_height: f64, radius: f64, place: impl Fn(Vec3) -> Vec3) {
         let first = self.vertices.len() as u32;
-        for k in 0..SIDES {
-            let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(SIDES)).sin_cos();
+        for k in 0..CYLINDER_SIDES {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(CYLINDER_SIDES)).sin_cos();
             self.vertices.extend([-half_height, half_height].map(|z| place(Vec3::new(radius * cos, radius * sin, z))));
         }
-        let lower = |k: u32| first + 2 * (k % SIDES);
-        self.faces.extend((0..SIDES).map(|k| vec![lower(k), lower(k + 1), lower(k + 1) + 1, lower(k) + 1]));
-        self.faces.push((0..SIDES).rev().map(lower).collect());
-        self.faces.push((0..SIDES).map(|k| lower(k) + 1).collect());
+        let lower = |k: u32| first + 2 * (k % CYLINDER_SIDES);
+        self.faces.extend((0..CYLINDER_SIDES).map(|k| vec![lower(k), lower(k + 1), lower(k + 1) + 1, lower(k) + 1]));
+        self.faces.push((0..CYLINDER_SIDES).rev().map(lower).collect());
+        self.faces.push((0..CYLINDER_SIDES).map(|k| lower(k) + 1).collect());
     }
 
     /// Distance of the farthest point from the centre of mass, m.
-    pub fn reach(&self) -> f64 {
+    pub fn bounding_radius(&self) -> f64 {
         let balls = self.balls.iter().map(|(centre, radius)| centre.norm() + radius);
         self.vertices.iter().map(|v| v.norm()).chain(balls).fold(0.0, f64::max)
     }
 
     /// Vertices and faces with those of its spheres, whose corners lie on them.
-    pub fn drawn(&self) -> (Vec<Vec3>, Vec<Vec<u32>>) {
+    pub fn drawn_mesh(&self) -> (Vec<Vec3>, Vec<Vec<u32>>) {
         let (mut vertices, mut faces) = (self.vertices.clone(), self.faces.clone());
         let pi = std::f64::consts::PI;
         for (centre, radius) in &self.balls {
             let first = vertices.len() as u32;
-            for (ring, k) in (0..=RINGS).flat_map(|ring| (0..SECTORS).map(move |k| (ring, k))) {
-                let (sin, cos) = (pi * f64::from(ring) / f64::from(RINGS)).sin_cos();
-                let (y, x) = (2.0 * pi * f64::from(k) / f64::from(SECTORS)).sin_cos();
+            for (ring, k) in (0..=SPHERE_RINGS).flat_map(|ring| (0..SPHERE_SECTORS).map(move |k| (ring, k))) {
+                let (sin, cos) = (pi * f64::from(ring) / f64::from(SPHERE_RINGS)).sin_cos();
+                let (y, x) = (2.0 * pi * f64::from(k) / f64::from(SPHERE_SECTORS)).sin_cos();
                 vertices.push(centre + Vec3::new(sin * x, sin * y, -cos) * *radius);
             }
-            let corner = |ring: u32, k: u32| first + ring * SECTORS + k % SECTORS;
-            for (ring, k) in (0..RINGS).flat_map(|ring| (0..SECTORS).map(move |k| (ring, k))) {
+            let corner = |ring: u32, k: u32| first + ring * SPHERE_SECTORS + k % SPHERE_SECTORS;
+            for (ring, k) in (0..SPHERE_RINGS).flat_map(|ring| (0..SPHERE_SECTORS).map(move |k| (ring, k))) {
                 let mut face = vec![corner(ring, k), corner(ring, k + 1), corner(ring + 1, k + 1), corner(ring + 1, k)];
                 // At a pole two corners are one.
                 if ring == 0 {
                     face.remove(1);
-                } else if ring == RINGS - 1 {
+                } else if ring == SPHERE_RINGS - 1 {
                     face.remove(2);
                 }
                 faces.push(face);
@@ -94,23 +94,23 @@ impl Solid {
 
 /// The polyhedra of a case, and a snapshot whose bodies they are.
 #[derive(Debug)]
-struct Known {
+struct CaseShapes {
     /// Of each body of BODIES.DAT.
-    solids: Vec<Option<Arc<Solid>>>,
+    solids: Vec<Option<Arc<SolidShape>>>,
     mass: Vec<f64>,
     inertia: Vec<[f64; 3]>,
     radius: Vec<f64>,
 }
 
-impl Known {
+impl CaseShapes {
     /// Reads BODIES.DAT, whose bodies must be those of the snapshot.
-    fn read(file: &Path, computed: Computed) -> Result<Known, Faults> {
+    fn read(file: &Path, computed: ComputedSnapshot) -> Result<CaseShapes, Faults> {
         let records = Bodies::read(file)?;
         computed.expect_bodies(file, &records)?;
         let mut solids = Vec::new();
         let mut faults = Faults::default();
         for (number, body) in (1..).zip(&records.0) {
-            match solid(body) {
+            match body_solid(body) {
                 Ok(solid) => solids.push(solid.map(Arc::new)),
                 Err(found) => {
                     let object = format!("body {number}");
@@ -120,24 +120,24 @@ impl Known {
         }
         let bodies = &computed.snapshot.bodies;
         let (mass, inertia) = (bodies.body_mass.clone(), bodies.body_inertia.clone());
-        faults.into_result(Known { solids, mass, inertia, radius: bodies.body_radius.clone() })
+        faults.into_result(CaseShapes { solids, mass, inertia, radius: bodies.body_radius.clone() })
     }
 
     /// Whether these are the bodies of another snapshot too.
-    fn fit(&self, bodies: &BodyArrays) -> bool {
+    fn matches_bodies(&self, bodies: &BodyArrays) -> bool {
         self.mass == bodies.body_mass && self.inertia == bodies.body_inertia && self.radius == bodies.body_radius
     }
 }
 
 /// The polyhedra of cases; the BODIES.DAT of each is read once.
 #[derive(Debug, Default)]
-pub struct Shapes(Mutex<HashMap<PathBuf, Known>>);
+pub struct ShapeCache(Mutex<HashMap<PathBuf, CaseShapes>>);
 
-impl Shapes {
+impl ShapeCache {
     /// The polyhedra of each body of the snapshot `path`, none for other bodies: from DATBOX beside its OUTBOX.
     ///
     /// Errors: a BODIES.DAT that cannot be read, or whose bodies are not those that the snapshot was computed with.
-    pub fn of(&self, path: &Path, snapshot: &Snapshot) -> Result<Vec<Option<Arc<Solid>>>, Faults> {
+    pub fn solids_of(&self, path: &Path, snapshot: &Snapshot) -> Result<Vec<Option<Arc<SolidShape>>>, Faults> {
         let bodies = &snapshot.bodies;
         if !bodies.body_shape.contains(&SHAPE_PARTS) {
             return Ok(Vec::new());
@@ -145,8 +145,8 @@ impl Shapes {
         let case = path.parent().and_then(Path::parent).unwrap_or(Path::new(""));
         let file = case.join("DATBOX").join("BODIES.DAT");
         let mut cases = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if !cases.get(&file).is_some_and(|known| known.fit(bodies)) {
-            cases.insert(file.clone(), Known::read(&file, Computed { path, snapshot })?);
+        if !cases.get(&file).is_some_and(|known| known.matches_bodies(bodies)) {
+            cases.insert(file.clone(), CaseShapes::read(&file, ComputedSnapshot { path, snapshot })?);
         }
         let rows = cases[&file].solids.iter().zip(&bodies.body_shape);
         Ok(rows.map(|(solid, &shape)| solid.clone().filter(|_| shape == SHAPE_PARTS)).collect())
@@ -155,30 +155,30 @@ impl Shapes {
 
 /// The polyhedra of a body as cd-solve has them: a lone one about its centre of mass; without I1 I2 I3 all about the
 /// centre of mass of all contactors and in their principal axes; else as they stand.
-pub fn solid(body: &Body) -> Result<Option<Solid>, String> {
+pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, String> {
     let lone = body.contactors.len() == 1;
-    let is_solid = |shape: &Shape| match shape {
-        Shape::Cylinder { .. } | Shape::Polyhedron { .. } | Shape::OffsetSphere { .. } => true,
-        Shape::Sphere { .. } => !lone,
-        Shape::Plane { .. } | Shape::Point { .. } => false,
+    let is_solid = |shape: &ShapeRecord| match shape {
+        ShapeRecord::Cylinder { .. } | ShapeRecord::Polyhedron { .. } | ShapeRecord::OffsetSphere { .. } => true,
+        ShapeRecord::Sphere { .. } => !lone,
+        ShapeRecord::Plane { .. } | ShapeRecord::Point { .. } => false,
     };
     if !body.contactors.iter().any(|contactor| is_solid(&contactor.shape)) {
         return Ok(None);
     }
     let given = body.inertia.is_some_and(|moments| moments != [0.0; 3]);
-    let simple = lone && !matches!(body.contactors[0].shape, Shape::Polyhedron { .. });
+    let simple = lone && !matches!(body.contactors[0].shape, ShapeRecord::Polyhedron { .. });
     let (mut centre, mut axes) = (Vec3::zeros(), Matrix3::identity());
     if !simple {
         let properties = body.mass_properties().map_err(|faults| faults.join("; "))?;
-        centre = body.shift(&properties).into();
+        centre = body.centre_of_mass_offset(&properties).into();
         if !given {
-            axes = Matrix3::from_rows(&properties.principal().1.map(|axis| Vec3::from(axis).transpose()));
+            axes = Matrix3::from_rows(&properties.principal_axes().1.map(|axis| Vec3::from(axis).transpose()));
         }
     }
-    let mut solid = Solid::default();
+    let mut solid = SolidShape::default();
     for contactor in &body.contactors {
         match &contactor.shape {
-            Shape::Cylinder { half_height, radius, hollow } => {
+            ShapeRecord::Cylinder { half_height, radius, hollow } => {
                 solid.hollow = hollow.then_some(Hollow { radius: *radius, half_height: *half_height });
                 // A lone one's frame is the body's.
                 let frame = contactor.local_frame.as_ref().filter(|_| !lone);
@@ -186,28 +186,28 @@ pub fn solid(body: &Body) -> Result<Option<Solid>, String> {
                 let offset = frame.map_or(Vec3::zeros(), |frame| frame.offset.into());
                 solid.add_cylinder(*half_height, *radius, |v| axes * (turn * v + offset - centre));
             }
-            Shape::Polyhedron { vertices, triangles } => {
+            ShapeRecord::Polyhedron { vertices, triangles } => {
                 let surface = Surface::new(vertices, triangles).map_err(|faults| faults.join("; "))?;
                 let first = solid.vertices.len() as u32;
                 solid.vertices.extend(surface.vertices().iter().map(|&v| axes * (Vec3::from(v) - centre)));
                 let moved = |face: Vec<u32>| face.into_iter().map(|k| first + k).collect();
-                solid.faces.extend(faces(&surface).into_iter().map(moved));
+                solid.faces.extend(merged_faces(&surface).into_iter().map(moved));
             }
-            Shape::Sphere { radius } => {
+            ShapeRecord::Sphere { radius } => {
                 let offset = contactor.local_frame.as_ref().map_or(Vec3::zeros(), |frame| frame.offset.into());
                 solid.balls.push((axes * (offset - centre), *radius));
             }
-            Shape::OffsetSphere { radius, offset } => {
+            ShapeRecord::OffsetSphere { radius, offset } => {
                 solid.balls.push((axes * (Vec3::from(*offset) - centre), *radius));
             }
-            Shape::Plane { .. } | Shape::Point { .. } => {}
+            ShapeRecord::Plane { .. } | ShapeRecord::Point { .. } => {}
         }
     }
     Ok(Some(solid))
 }
 
 /// Triangles that lie in one plane side by side make one polygon, where that has a single rim.
-fn faces(surface: &Surface) -> Vec<Vec<u32>> {
+fn merged_faces(surface: &Surface) -> Vec<Vec<u32>> {
     let triangles = surface.triangles();
     let normal = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|k| Vec3::from(surface.vertices()[k as usize]));
@@ -218,17 +218,17 @@ fn faces(surface: &Surface) -> Vec<Vec<u32>> {
     for (k, t) in triangles.iter().enumerate() {
         beside.extend([[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]].map(|side| (side, k)));
     }
-    let mut groups = Groups::new(triangles.len());
+    let mut groups = DisjointSets::new(triangles.len());
     for ([a, b], &k) in &beside {
         if let Some(&other) = beside.get(&[*b, *a])
-            && (normals[k] - normals[other]).norm() < FLAT
+            && (normals[k] - normals[other]).norm() < NORMAL_TOLERANCE
         {
-            groups.join(k, other);
+            groups.union(k, other);
         }
     }
     let mut faces: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for k in 0..triangles.len() {
-        faces.entry(groups.root(k)).or_default().push(k);
+        faces.entry(groups.find(k)).or_default().push(k);
     }
     let mut polygons = Vec::new();
     for face in faces.values() {
@@ -237,7 +237,7 @@ fn faces(surface: &Surface) -> Vec<Vec<u32>> {
             let [a, b, c] = triangles[k];
             [[a, b], [b, c], [c, a]]
         });
-        let mut on_rim = |side: &[u32; 2]| groups.root(beside[&[side[1], side[0]]]) != groups.root(face[0]);
+        let mut on_rim = |side: &[u32; 2]| groups.find(beside[&[side[1], side[0]]]) != groups.find(face[0]);
         let rim: BTreeMap<u32, u32> = sides.filter(|side| on_rim(side)).map(|[a, b]| (a, b)).collect();
         let first = rim.keys().next().copied().unwrap_or_default();
         let round = std::iter::successors(Some(first), |k| rim.get(k).copied().filter(|next| *next != first));
@@ -264,7 +264,7 @@ mod tests {
             |k: usize| [0, 1, 2].map(|axis| to + [1.0, 2.0, 3.0][axis] * if k >> axis & 1 == 0 { -1.0 } else { 1.0 });
         let sides = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
         let triangles = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-        let shape = Shape::Polyhedron { vertices: (0..8).map(corner).collect(), triangles };
+        let shape = ShapeRecord::Polyhedron { vertices: (0..8).map(corner).collect(), triangles };
         let contactor = Contactor { colour: "BLUEx".into(), shape, local_frame: None };
         let material = "ROCKx".to_string();
         Body { line: 0, material, equivalent_radius: 1.0, inertia, position: [0.0; 3], contactors: vec![contactor] }
@@ -272,9 +272,9 @@ mod tests {
 
     #[test]
     fn a_box_has_six_faces_about_its_centre() {
-        let solid = solid(&body(7.0, Some([1.0; 3]))).unwrap().unwrap();
+        let solid = body_solid(&body(7.0, Some([1.0; 3]))).unwrap().unwrap();
         assert_eq!((solid.vertices.len(), solid.faces.len()), (8, 6));
-        assert!((solid.reach() - 14f64.sqrt()).abs() < 1e-14);
+        assert!((solid.bounding_radius() - 14f64.sqrt()).abs() < 1e-14);
         for face in &solid.faces {
             let corner: Vec<Vec3> = face.iter().map(|&k| solid.vertices[k as usize]).collect();
             assert_eq!(corner.len(), 4);
@@ -285,7 +285,7 @@ mod tests {
 
     #[test]
     fn without_inertia_the_longest_axis_comes_first() {
-        let solid = solid(&body(0.0, None)).unwrap().unwrap();
+        let solid = body_solid(&body(0.0, None)).unwrap().unwrap();
         assert!(solid.vertices.iter().all(|v| (v.abs() - Vec3::new(3.0, 2.0, 1.0)).norm() < 1e-14));
     }
 
@@ -293,11 +293,11 @@ mod tests {
     fn a_cluster_without_inertia_is_about_its_centre_in_its_principal_axes() {
         let mut pair = body(0.0, None);
         let mut other = pair.contactors[0].clone();
-        let Shape::Polyhedron { vertices, .. } = &mut other.shape else { unreachable!() };
+        let ShapeRecord::Polyhedron { vertices, .. } = &mut other.shape else { unreachable!() };
         vertices.iter_mut().for_each(|v| v[2] += 10.0);
         pair.contactors.push(other);
         // The longest axis first, then that of the middle moment.
-        let found = solid(&pair).unwrap().unwrap();
+        let found = body_solid(&pair).unwrap().unwrap();
         let mut along: Vec<f64> = found.vertices.iter().map(|v| v.x).collect();
         along.sort_by(f64::total_cmp);
         assert!(
@@ -306,7 +306,7 @@ mod tests {
         assert!(found.vertices.iter().all(|v| (v.y.abs() - 2.0).abs() < 1e-13 && (v.z.abs() - 1.0).abs() < 1e-13));
         // With it, as it stands.
         pair.inertia = Some([1.0; 3]);
-        assert!(solid(&pair).unwrap().unwrap().vertices.iter().any(|v| v.z == 13.0));
+        assert!(body_solid(&pair).unwrap().unwrap().vertices.iter().any(|v| v.z == 13.0));
     }
 
     #[test]
@@ -314,7 +314,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("OUTBOX").join("snapshot-000000.npz");
         let mut ball = body(0.0, None);
-        ball.contactors[0].shape = Shape::Sphere { radius: 1.0 };
+        ball.contactors[0].shape = ShapeRecord::Sphere { radius: 1.0 };
         let datbox = folder.path().join("DATBOX").join("BODIES.DAT");
         let text = Bodies(vec![ball, body(0.0, Some([1.0; 3]))]).to_text();
         cd_formats::atomic::write(&datbox, text.as_bytes()).unwrap();
@@ -333,16 +333,16 @@ mod tests {
             };
             snapshot
         };
-        let shapes = Shapes::default();
+        let shapes = ShapeCache::default();
         let counts = |snapshot: &Snapshot| -> Vec<usize> {
-            let found = shapes.of(&path, snapshot).unwrap();
+            let found = shapes.solids_of(&path, snapshot).unwrap();
             found.iter().map(|solid| solid.as_ref().map_or(0, |solid| solid.faces.len())).collect()
         };
         // A body of other contactors has none, whatever the snapshot calls its shape.
         assert_eq!(counts(&snapshot(1.0, SHAPE_PARTS)), [0, 6]);
         assert!(counts(&snapshot(1.0, 0)).is_empty());
         // Of a run before BODIES.DAT was made anew, and though that of another snapshot is known.
-        let told = shapes.of(&path, &snapshot(1.5, SHAPE_PARTS)).unwrap_err().to_string();
+        let told = shapes.solids_of(&path, &snapshot(1.5, SHAPE_PARTS)).unwrap_err().to_string();
         assert!(told.contains("BODIES.DAT:11: body 2: radius 1 m, mass 4.18") && !told.contains("body 1"), "{told}");
         assert!(told.contains("; expected radius 1.5 m, mass 14.13"), "{told}");
     }
@@ -350,11 +350,11 @@ mod tests {
     #[test]
     fn a_cylinder_is_a_prism_that_looks_outward() {
         let mut drum = body(0.0, None);
-        drum.contactors[0].shape = Shape::Cylinder { half_height: 1.5, radius: 2.0, hollow: true };
-        let solid = solid(&drum).unwrap().unwrap();
+        drum.contactors[0].shape = ShapeRecord::Cylinder { half_height: 1.5, radius: 2.0, hollow: true };
+        let solid = body_solid(&drum).unwrap().unwrap();
         let inside = Some(Hollow { radius: 2.0, half_height: 1.5 });
         assert_eq!((solid.vertices.len(), solid.faces.len(), solid.hollow), (128, 66, inside));
-        assert!((solid.reach() - 2.5).abs() < 1e-14);
+        assert!((solid.bounding_radius() - 2.5).abs() < 1e-14);
         // Of the 64-gon: 32 sin(2π/64) r² over the height.
         let cone = |face: &Vec<u32>| -> f64 {
             let at = |k: u32| solid.vertices[k as usize];
@@ -371,15 +371,15 @@ mod tests {
         let mut pair = body(0.0, None);
         let ball = |y: f64| Contactor {
             colour: "BLUEx".into(),
-            shape: Shape::OffsetSphere { radius: 0.5, offset: [1.0, y, 0.0] },
+            shape: ShapeRecord::OffsetSphere { radius: 0.5, offset: [1.0, y, 0.0] },
             local_frame: None,
         };
         pair.contactors = vec![ball(-2.0), ball(4.0)];
-        let found = solid(&pair).unwrap().unwrap();
+        let found = body_solid(&pair).unwrap().unwrap();
         // Its long axis comes first.
         assert!(found.balls.iter().all(|(centre, _)| (centre.map(f64::abs) - Vec3::x() * 3.0).norm() < 1e-14));
-        assert!((found.reach() - 3.5).abs() < 1e-14);
-        let (vertices, faces) = found.drawn();
+        assert!((found.bounding_radius() - 3.5).abs() < 1e-14);
+        let (vertices, faces) = found.drawn_mesh();
         let cone = |face: &Vec<u32>| -> f64 {
             let at = |k: u32| vertices[k as usize];
             face[1..].windows(2).map(|pair| at(face[0]).dot(&at(pair[0]).cross(&at(pair[1]))) / 6.0).sum()
@@ -389,7 +389,7 @@ mod tests {
         assert!((0.93..1.0).contains(&share), "{share}");
         pair.contactors.pop();
         assert_eq!(
-            solid(&pair).unwrap().unwrap().balls,
+            body_solid(&pair).unwrap().unwrap().balls,
             [(Vec3::new(1.0, -2.0, 0.0), 0.5)],
             "a lone one off the centre"
         );
@@ -398,8 +398,8 @@ mod tests {
     #[test]
     fn a_broken_surface_is_told() {
         let mut broken = body(0.0, None);
-        let Shape::Polyhedron { triangles, .. } = &mut broken.contactors[0].shape else { unreachable!() };
+        let ShapeRecord::Polyhedron { triangles, .. } = &mut broken.contactors[0].shape else { unreachable!() };
         triangles.pop();
-        assert!(solid(&broken).unwrap_err().contains("belongs to 1 triangle"));
+        assert!(body_solid(&broken).unwrap_err().contains("belongs to 1 triangle"));
     }
 }

@@ -11,27 +11,27 @@ use vtkio::model::{Attributes, PolyDataPiece};
 use crate::derive::bed::{Bed, Layer};
 use crate::derive::coordination::touches_with_force;
 use crate::derive::energy::self_gravity_constant;
-use crate::derive::fabric::{anisotropy, distribution, eigenvalues, fabric, mobilisation};
-use crate::derive::fragments::{Fragment, fragments};
+use crate::derive::fabric::{anisotropy, eigenvalues, fabric_tensor, mobilised_share, probability_density};
+use crate::derive::fragments::{Fragment, find_fragments};
 use crate::derive::free_surface::{self, FreeSurface};
-use crate::derive::motion::Axes;
-use crate::derive::orbits::orbits;
+use crate::derive::motion::RotatingAxes;
+use crate::derive::orbits::fragment_orbits;
 use crate::derive::plane_fit;
-use crate::derive::profile::shells;
-use crate::derive::surface::{Facet, Grid, noise, slopes_below, surface};
+use crate::derive::profile::radial_shells;
+use crate::derive::surface::{DirectionGrid, SurfaceFacet, aggregate_surface, rms_noise, slopes_below};
 use crate::frame::{Contact, Frame, Grain, Vec3};
-use crate::shapes::Shapes;
-use crate::snapshots;
-use crate::write::display::{cells, file, flat, scalars, vectors};
-use crate::write::figure::{Axis, Curve, Figure, Marks};
-use crate::write::map::{self, Sheet};
-use crate::write::series::{Column, counted, csv, table};
+use crate::list_snapshots;
+use crate::shapes::ShapeCache;
+use crate::write::display::{flat_components, scalar_attribute, vector_attribute, vertex_numbers, vtp_bytes};
+use crate::write::figure::{Curve, CurveMarks, Figure, FigureAxis};
+use crate::write::map::{self, MapSheet};
+use crate::write::series::{Column, csv_table, csv_text, csv_with_counts};
 
 /// Name and bytes of a file.
 pub type File = (&'static str, Vec<u8>);
 
 /// Columns of profile.csv.
-pub const PROFILE: [Column; 8] = [
+pub const PROFILE_COLUMNS: [Column; 8] = [
     ("inner", "m", "distance from the centre of mass"),
     ("outer", "m", ""),
     ("nu", "1", "solid fraction by radius"),
@@ -42,7 +42,7 @@ pub const PROFILE: [Column; 8] = [
     ("tangential_stress", "Pa", "tangential stress by radius"),
 ];
 /// Columns of layers.csv.
-pub const LAYERS: [Column; 17] = [
+pub const LAYER_COLUMNS: [Column; 17] = [
     ("lower", "m", "height above the floor"),
     ("upper", "m", ""),
     ("nu", "1", "solid fraction by height"),
@@ -62,25 +62,25 @@ pub const LAYERS: [Column; 17] = [
     ("shear_kinetic", "Pa", "shear stress of the motion about the mean by height"),
 ];
 /// Columns of forces.csv.
-pub const FORCES: [Column; 4] = [
+pub const FORCE_COLUMNS: [Column; 4] = [
     ("force_over_mean", "1", ""),
     ("P_normal", "1", "probability density of normal forces between grains that push"),
     ("P_tangential", "1", "probability density of tangential forces between grains"),
     ("P_tension", "1", "probability density of normal forces between grains that pull"),
 ];
 /// Columns of mobilisation.csv.
-pub const MOBILISATION: [Column; 2] = [
+pub const MOBILISATION_COLUMNS: [Column; 2] = [
     ("share", "1", "tangential force over the largest possible"),
     ("P", "1", "probability density of mobilised friction"),
 ];
 /// Columns of ejecta.csv.
-pub const EJECTA: [Column; 3] = [
+pub const EJECTA_COLUMNS: [Column; 3] = [
     ("speed", "m/s", "speed relative to the largest remnant"),
     ("speed_over_escape", "1", ""),
     ("mass_share_faster", "1", "share of the mass that is as fast or faster"),
 ];
 /// Columns of surface.csv of a heap or bed.
-pub const COLUMNS: [Column; 6] = [
+pub const SURFACE_COLUMNS: [Column; 6] = [
     ("x", "m", ""),
     ("y", "m", ""),
     ("z", "m", ""),
@@ -89,11 +89,11 @@ pub const COLUMNS: [Column; 6] = [
     ("slope_error", "°", "standard error of the slope that single grains leave"),
 ];
 /// Columns of slopes.csv.
-pub const SLOPES: [Column; 2] =
+pub const SLOPE_COLUMNS: [Column; 2] =
     [("share_below", "1", "share of the surface"), ("slope", "°", "slope that a share of the surface is below")];
 
 /// Every file that a state may have.
-const NAMES: [&str; 22] = [
+const STATE_FILES: [&str; 22] = [
     "ejecta.csv",
     "ejecta.svg",
     "fabric.csv",
@@ -119,11 +119,11 @@ const NAMES: [&str; 22] = [
 ];
 
 /// Shares of the surface whose slopes are listed: every twentieth.
-const SHARES: usize = 20;
+const SLOPE_SHARE_COUNT: usize = 20;
 /// Shells of the radial profiles, layers of a bed.
-const SHELLS: usize = 20;
+const SHELL_COUNT: usize = 20;
 /// Width of a bin of the distributions of forces, over the mean.
-const BIN: f64 = 0.25;
+const FORCE_BIN_WIDTH: f64 = 0.25;
 
 /// Reads a snapshot, the last without `step`; writes `POSTPRO/state-NNNNNN/` and returns its path and
 /// what is worth a report. Layers of a bed are means over `mean` snapshots up to that one.
@@ -134,7 +134,7 @@ pub fn write(
     slope_reach: Option<f64>,
 ) -> Result<(PathBuf, Vec<String>), Faults> {
     let outbox = dir.join("OUTBOX");
-    let all = snapshots(&outbox)?;
+    let all = list_snapshots(&outbox)?;
     let (last, _) = all[all.len() - 1];
     let wanted = step.unwrap_or(last);
     let place = all.iter().position(|(step, _)| *step == wanted).ok_or_else(|| {
@@ -150,14 +150,14 @@ pub fn write(
         let found = format!("a mean over {mean} snapshots, of which {} are not later than step {step}", place + 1);
         Fault::new(&outbox, None, "--mean", found, format!("expected at most {}", place + 1))
     })?;
-    let shapes = Shapes::default();
+    let shapes = ShapeCache::default();
     let frame = Frame::read(path, &shapes)?;
     let folder = dir.join("POSTPRO").join(format!("state-{step:06}"));
     if frame.grains.is_empty() {
-        clear(&folder, &[])?;
+        remove_stale_files(&folder, &[])?;
         return Ok((folder, vec![format!("the snapshot of step {step} holds no grain: nothing is written")]));
     }
-    let mut files = files(&frame, &newcomers(dir)?, slope_reach);
+    let mut files = state_files(&frame, &added_bodies(dir)?, slope_reach);
     let mut notes = Vec::new();
     if mean > 1 {
         let mut frames = Vec::new();
@@ -177,19 +177,19 @@ pub fn write(
     for (name, bytes) in &files {
         atomic::write(&folder.join(name), bytes)?;
     }
-    clear(&folder, &files)?;
-    if frame.cell().repeats() {
+    remove_stale_files(&folder, &files)?;
+    if frame.cell().is_periodic() {
         notes.push("the scene repeats and has no centre: no profile by radius".into());
     }
     Ok((folder, notes))
 }
 
 /// Takes away what a state before has left in its folder and this one does not have, such as the layers of a bed.
-fn clear(folder: &Path, files: &[File]) -> Result<(), Faults> {
-    for name in NAMES.into_iter().filter(|name| files.iter().all(|(made, _)| made != name)) {
+fn remove_stale_files(folder: &Path, files: &[File]) -> Result<(), Faults> {
+    for name in STATE_FILES.into_iter().filter(|name| files.iter().all(|(made, _)| made != name)) {
         let path = folder.join(name);
-        if atomic::is_there(&path) {
-            fs::remove_file(&path).map_err(|error| Fault::io(&path, "removed", &error))?;
+        if atomic::path_exists(&path) {
+            fs::remove_file(&path).map_err(|error| Fault::from_io(&path, "removed", &error))?;
         }
     }
     Ok(())
@@ -197,9 +197,9 @@ fn clear(folder: &Path, files: &[File]) -> Result<(), Faults> {
 
 /// The numbers of the bodies that `cd-pre from-outbox` put to those of another run, such as a lander: in DATBOX/ORIGIN.csv
 /// those without a case; none where there is no such file.
-pub fn newcomers(dir: &Path) -> Result<HashSet<u64>, Faults> {
+pub fn added_bodies(dir: &Path) -> Result<HashSet<u64>, Faults> {
     let path = dir.join("DATBOX/ORIGIN.csv");
-    if !atomic::is_there(&path) {
+    if !atomic::path_exists(&path) {
         return Ok(HashSet::new());
     }
     let text = atomic::read_text(&path)?;
@@ -217,46 +217,48 @@ pub fn newcomers(dir: &Path) -> Result<HashSet<u64>, Faults> {
 
 /// All files of a frame that holds grains; `newcomers`: bodies that are no ejecta wherever they are; `slope_reach`: mean radii over
 /// which planes are fitted to a surface.
-pub fn files(frame: &Frame, newcomers: &HashSet<u64>, slope_reach: Option<f64>) -> Vec<File> {
-    let fragments = fragments(frame);
-    let mut files = forces(frame);
+pub fn state_files(frame: &Frame, newcomers: &HashSet<u64>, slope_reach: Option<f64>) -> Vec<File> {
+    let fragments = find_fragments(frame);
+    let mut files = force_files(frame);
     files.push(("fabric.csv", fabric_table(frame).into_bytes()));
-    files.extend(ejecta(frame, &fragments, newcomers));
-    if let Some(bed) = Bed::of(frame, &fragments) {
-        files.extend(layers(&bed.layers(frame, SHELLS, bed.top(frame))));
+    files.extend(ejecta_files(frame, &fragments, newcomers));
+    if let Some(bed) = Bed::from_frame(frame, &fragments) {
+        files.extend(layer_files(&bed.layers(frame, SHELL_COUNT, bed.top_height(frame))));
     }
-    if !frame.cell().repeats() {
-        files.extend(profiles(frame, &fragments[0]));
+    if !frame.cell().is_periodic() {
+        files.extend(profile_files(frame, &fragments[0]));
     }
-    match FreeSurface::of(frame, &fragments, slope_reach.unwrap_or(free_surface::REACH)) {
+    match FreeSurface::from_frame(frame, &fragments, slope_reach.unwrap_or(free_surface::REACH)) {
         // Their own gravity has no one direction.
         Some(surface) if self_gravity_constant(frame).is_none() => files.extend(free_surface_files(&surface)),
-        _ if !frame.cell().repeats() => {
-            files.extend(surface_files(frame, &fragments[0], slope_reach.unwrap_or(plane_fit::REACH)));
+        _ if !frame.cell().is_periodic() => {
+            files.extend(surface_files(frame, &fragments[0], slope_reach.unwrap_or(plane_fit::DEFAULT_FIT_REACH)));
         }
         _ => {}
     }
     files
 }
 
-fn text(name: &'static str, text: String) -> File {
+fn text_file(name: &'static str, text: String) -> File {
     (name, text.into_bytes())
 }
 
 /// A figure of curves against a length.
-fn by(length: &str, title: &str, quantity: &str, unit: &str, curves: Vec<Curve>) -> String {
-    Figure { title: title.into(), x: Axis::linear(length, "m"), y: Axis::linear(quantity, unit), curves }.svg()
+fn curve_figure(length: &str, title: &str, quantity: &str, unit: &str, curves: Vec<Curve>) -> String {
+    Figure { title: title.into(), x: FigureAxis::linear(length, "m"), y: FigureAxis::linear(quantity, unit), curves }
+        .to_svg()
 }
 
 /// Radial profiles of the largest remnant.
-fn profiles(frame: &Frame, largest: &Fragment) -> Vec<File> {
-    let shells = shells(frame, &largest.grains, largest.whole.x, SHELLS);
+fn profile_files(frame: &Frame, largest: &Fragment) -> Vec<File> {
+    let shells = radial_shells(frame, &largest.grains, largest.whole.x, SHELL_COUNT);
     let rows =
         shells.iter().map(|s| [s.inner, s.outer, s.nu, s.grains as f64, s.z, s.pressure, s.radial, s.tangential]);
     let points = |of: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
         (0..shells.len()).map(|k| (0.5 * (shells[k].inner + shells[k].outer), of(k))).collect()
     };
-    let figure = |title, quantity, unit, curves| by("distance from the centre of mass", title, quantity, unit, curves);
+    let figure =
+        |title, quantity, unit, curves| curve_figure("distance from the centre of mass", title, quantity, unit, curves);
     let nu = vec![Curve::line("ν", points(&|k| shells[k].nu))];
     let z = vec![Curve::line("Z", points(&|k| shells[k].z))];
     let stress = vec![
@@ -265,35 +267,35 @@ fn profiles(frame: &Frame, largest: &Fragment) -> Vec<File> {
         Curve::line("tangential", points(&|k| shells[k].tangential)),
     ];
     vec![
-        text("profile.csv", table(&PROFILE, rows)),
-        text("profile_nu.svg", figure("Solid fraction by radius", "ν", "1", nu)),
-        text("profile_Z.svg", figure("Neighbours per grain by radius", "Z", "1", z)),
-        text("profile_stress.svg", figure("Stress by radius", "stress", "Pa", stress)),
+        text_file("profile.csv", csv_table(&PROFILE_COLUMNS, rows)),
+        text_file("profile_nu.svg", figure("Solid fraction by radius", "ν", "1", nu)),
+        text_file("profile_Z.svg", figure("Neighbours per grain by radius", "Z", "1", z)),
+        text_file("profile_stress.svg", figure("Stress by radius", "stress", "Pa", stress)),
     ]
 }
 
 /// The mean layers of a bed in those frames that have one, from the floor to its highest point in any of them; and how many
 /// these are.
 fn mean_layers(frames: &[Frame]) -> (Vec<File>, usize) {
-    let of = |frame| Bed::of(frame, &fragments(frame)).map(|bed| (bed, frame));
+    let of = |frame| Bed::from_frame(frame, &find_fragments(frame)).map(|bed| (bed, frame));
     let beds: Vec<(Bed, &Frame)> = frames.iter().filter_map(of).collect();
-    let top = beds.iter().map(|(bed, frame)| bed.top(frame)).fold(0.0, f64::max);
-    let of_frames: Vec<Vec<Layer>> = beds.iter().map(|(bed, frame)| bed.layers(frame, SHELLS, top)).collect();
-    let layer = |k: usize| Layer::mean(of_frames.iter().map(|layers| &layers[k]));
-    let mean: Vec<Layer> = (0..SHELLS).map(layer).collect();
-    (if beds.is_empty() { Vec::new() } else { layers(&mean) }, beds.len())
+    let top = beds.iter().map(|(bed, frame)| bed.top_height(frame)).fold(0.0, f64::max);
+    let of_frames: Vec<Vec<Layer>> = beds.iter().map(|(bed, frame)| bed.layers(frame, SHELL_COUNT, top)).collect();
+    let layer = |k: usize| Layer::mean_over_times(of_frames.iter().map(|layers| &layers[k]));
+    let mean: Vec<Layer> = (0..SHELL_COUNT).map(layer).collect();
+    (if beds.is_empty() { Vec::new() } else { layer_files(&mean) }, beds.len())
 }
 
 /// The layers of a bed.
-fn layers(layers: &[Layer]) -> Vec<File> {
+fn layer_files(layers: &[Layer]) -> Vec<File> {
     let row = |l: &Layer| {
-        let (stress, motion, v) = (l.contacts(), l.motion(), l.velocity());
+        let (stress, motion, v) = (l.contact_stress(), l.kinetic_stress(), l.velocity());
         [
             l.lower,
             l.upper,
             l.nu,
             l.grains,
-            l.z(),
+            l.mean_coordination(),
             stress.pressure,
             stress.vertical,
             stress.horizontal,
@@ -311,29 +313,32 @@ fn layers(layers: &[Layer]) -> Vec<File> {
     let curve = |name: &str, of: fn(&Layer) -> f64| {
         Curve::line(name, layers.iter().map(|l| (0.5 * (l.lower + l.upper), of(l))).collect())
     };
-    let figure = |title, quantity, unit, curves| by("height above the floor", title, quantity, unit, curves);
+    let figure = |title, quantity, unit, curves| curve_figure("height above the floor", title, quantity, unit, curves);
     let stress = vec![
-        curve("vertical", |l| l.contacts().vertical),
-        curve("horizontal", |l| l.contacts().horizontal),
-        curve("shear", |l| l.contacts().shear.norm()),
+        curve("vertical", |l| l.contact_stress().vertical),
+        curve("horizontal", |l| l.contact_stress().horizontal),
+        curve("shear", |l| l.contact_stress().shear.norm()),
         curve("weight above", |l| l.weight),
     ];
     vec![
-        text("layers.csv", table(&LAYERS, layers.iter().map(row))),
-        text("layers_nu.svg", figure("Solid fraction by height", "ν", "1", vec![curve("ν", |l| l.nu)])),
-        text("layers_Z.svg", figure("Neighbours per grain by height", "Z", "1", vec![curve("Z", Layer::z)])),
-        text("layers_stress.svg", figure("Stress by height", "stress", "Pa", stress)),
+        text_file("layers.csv", csv_table(&LAYER_COLUMNS, layers.iter().map(row))),
+        text_file("layers_nu.svg", figure("Solid fraction by height", "ν", "1", vec![curve("ν", |l| l.nu)])),
+        text_file(
+            "layers_Z.svg",
+            figure("Neighbours per grain by height", "Z", "1", vec![curve("Z", Layer::mean_coordination)]),
+        ),
+        text_file("layers_stress.svg", figure("Stress by height", "stress", "Pa", stress)),
     ]
 }
 
 /// Distributions of the forces between grains, and of the mobilised friction.
-fn forces(frame: &Frame) -> Vec<File> {
-    let between = || frame.active().filter(|c| c.pair().is_some());
-    let over_mean = |of: fn(&Contact) -> f64| distribution(between().map(of), BIN);
+fn force_files(frame: &Frame) -> Vec<File> {
+    let between = || frame.active_contacts().filter(|c| c.grain_pair().is_some());
+    let over_mean = |of: fn(&Contact) -> f64| probability_density(between().map(of), FORCE_BIN_WIDTH);
     let densities = [over_mean(|c| c.normal_force), over_mean(|c| c.tangential_force), over_mean(|c| -c.normal_force)];
     // What only pulls at a distance presses on nothing.
     let touching = between().filter(|contact| touches_with_force(contact));
-    let shares: Vec<f64> = touching.filter_map(|c| mobilisation(c, &frame.meta.laws)).collect();
+    let shares: Vec<f64> = touching.filter_map(|c| mobilised_share(c, &frame.meta.laws)).collect();
     // Twenty bins from 0 to 1; what round-off puts beyond is all of it.
     let mut bins = [0.0; 20];
     shares.iter().for_each(|share| bins[((share * 20.0) as usize).min(19)] += 20.0 / shares.len() as f64);
@@ -341,45 +346,45 @@ fn forces(frame: &Frame) -> Vec<File> {
     let longest = densities.iter().map(Vec::len).max().unwrap_or(0);
     let rows = (0..longest).map(|k| {
         let [normal, tangential, tension] = [0, 1, 2].map(|of: usize| densities[of].get(k).map_or(0.0, |bin| bin.1));
-        [(k as f64 + 0.5) * BIN, normal, tangential, tension]
+        [(k as f64 + 0.5) * FORCE_BIN_WIDTH, normal, tangential, tension]
     });
     let carried = ["normal", "tangential", "tension"].into_iter().zip(&densities).filter(|(_, bins)| !bins.is_empty());
     let forces = Figure {
         title: "Forces between grains".into(),
-        x: Axis::linear("force / mean", "1"),
-        y: Axis::logarithmic("probability density", "1"),
+        x: FigureAxis::linear("force / mean", "1"),
+        y: FigureAxis::logarithmic("probability density", "1"),
         curves: carried.map(|(name, bins)| Curve::line(name, bins.clone())).collect(),
     };
     let friction = Figure {
         title: "Mobilised friction".into(),
-        x: Axis::linear("tangential force / largest possible", "1"),
-        y: Axis::linear("probability density", "1"),
+        x: FigureAxis::linear("tangential force / largest possible", "1"),
+        y: FigureAxis::linear("probability density", "1"),
         curves: vec![Curve::line("contacts", if shares.is_empty() { Vec::new() } else { mobilised.clone() })],
     };
     let of_friction = mobilised.iter().filter(|_| !shares.is_empty()).map(|(x, p)| [*x, *p]);
     vec![
-        text("forces.csv", table(&FORCES, rows)),
-        text("forces.svg", forces.svg()),
-        text("mobilisation.csv", table(&MOBILISATION, of_friction)),
-        text("mobilisation.svg", friction.svg()),
+        text_file("forces.csv", csv_table(&FORCE_COLUMNS, rows)),
+        text_file("forces.svg", forces.to_svg()),
+        text_file("mobilisation.csv", csv_table(&MOBILISATION_COLUMNS, of_friction)),
+        text_file("mobilisation.svg", friction.to_svg()),
     ]
 }
 
 fn fabric_table(frame: &Frame) -> String {
-    let f = fabric(frame);
+    let f = fabric_tensor(frame);
     let [first, second, third] = eigenvalues(&f);
     let header = ["F_xx", "F_yy", "F_zz", "F_xy", "F_xz", "F_yz", "F_1", "F_2", "F_3", "anisotropy"];
     let row = [f[(0, 0)], f[(1, 1)], f[(2, 2)], f[(0, 1)], f[(0, 2)], f[(1, 2)], first, second, third, anisotropy(&f)];
-    csv(&header, [row.to_vec()])
+    csv_text(&header, [row.to_vec()])
 }
 
 /// The fragments with their orbits about the largest, and how fast grains leave it.
-fn ejecta(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u64>) -> Vec<File> {
+fn ejecta_files(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u64>) -> Vec<File> {
     let constant = self_gravity_constant(frame).unwrap_or(0.0);
     let cell = frame.cell();
     let periods = [cell.0[0], cell.0[1], None];
     let largest = &fragments[0].whole;
-    let mut orbits = orbits(fragments, constant).into_iter().map(Some).collect::<Vec<_>>();
+    let mut orbits = fragment_orbits(fragments, constant).into_iter().map(Some).collect::<Vec<_>>();
     orbits.insert(0, None);
     let header = [
         "fragment",
@@ -417,23 +422,24 @@ fn ejecta(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u64>) -> Ve
         );
         // In a scene that repeats arms would tell where the border is.
         let arms = [a, b, c, w.x, w.y, w.z, std::f64::consts::TAU / w.norm(), orbit.map_or(f64::NAN, |o| o.distance)];
-        row.extend(arms.map(|value| if cell.repeats() { f64::NAN } else { value }));
+        row.extend(arms.map(|value| if cell.is_periodic() { f64::NAN } else { value }));
         row.push(orbit.map_or(f64::NAN, |o| o.speed));
         match orbit.filter(|_| constant > 0.0) {
             Some(o) => {
-                row.extend([f64::from(u8::from(o.bound())), o.a, o.e]);
+                row.extend([f64::from(u8::from(o.is_bound())), o.a, o.e]);
                 row.extend([o.inclination, o.pericentre, o.period, o.speed_at_infinity]);
             }
             None => row.extend([f64::NAN; 7]),
         }
         row
     };
-    let groups = counted(&header, &["fragment", "grains", "bound"], fragments.iter().zip(orbits).enumerate().map(row));
+    let groups =
+        csv_with_counts(&header, &["fragment", "grains", "bound"], fragments.iter().zip(orbits).enumerate().map(row));
 
     let native = |grain: &&Grain| !newcomers.contains(&grain.id);
     let mass: f64 = frame.grains.iter().filter(native).map(|grain| grain.mass).sum();
     let others = fragments.iter().skip(1).flat_map(|fragment| fragment.grains.iter().map(|&i| &frame.grains[i]));
-    let axes = Axes::of(frame);
+    let axes = RotatingAxes::from_frame(frame);
     let speed = |grain: &Grain| (grain.v + axes.velocity(grain.x) - largest.velocity()).norm();
     let mut speeds: Vec<(f64, f64)> = others.filter(native).map(|grain| (speed(grain), grain.mass / mass)).collect();
     speeds.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -452,21 +458,25 @@ fn ejecta(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u64>) -> Ve
         .map(|&(speed, share)| [speed, if escape > 0.0 { speed / escape } else { f64::NAN }, share]);
     let figure = Figure {
         title: "Grains that have left the largest remnant".into(),
-        x: Axis::linear("speed relative to it", "m/s"),
-        y: Axis::linear("share of the mass that is as fast or faster", "1"),
-        curves: vec![Curve { name: "grains".into(), points: cumulated.clone(), marks: Marks::Dots }],
+        x: FigureAxis::linear("speed relative to it", "m/s"),
+        y: FigureAxis::linear("share of the mass that is as fast or faster", "1"),
+        curves: vec![Curve { name: "grains".into(), points: cumulated.clone(), marks: CurveMarks::Dots }],
     };
-    vec![text("fragments.csv", groups), text("ejecta.csv", table(&EJECTA, rows)), text("ejecta.svg", figure.svg())]
+    vec![
+        text_file("fragments.csv", groups),
+        text_file("ejecta.csv", csv_table(&EJECTA_COLUMNS, rows)),
+        text_file("ejecta.svg", figure.to_svg()),
+    ]
 }
 
 /// Height, gravity and slope of the largest remnant by direction.
 fn surface_files(frame: &Frame, largest: &Fragment, slope_reach: f64) -> Vec<File> {
-    let grid = Grid::STANDARD;
+    let grid = DirectionGrid::STANDARD;
     let constant = self_gravity_constant(frame).unwrap_or(0.0);
-    let facets = surface(frame, &largest.grains, &largest.whole, constant, grid, slope_reach);
+    let facets = aggregate_surface(frame, &largest.grains, &largest.whole, constant, grid, slope_reach);
     let header =
         ["latitude", "longitude", "x", "y", "z", "height", "g_x", "g_y", "g_z", "slope", "area", "slope_error"];
-    let row = |f: &Facet| {
+    let row = |f: &SurfaceFacet| {
         let mut row = vec![f.latitude.to_degrees(), f.longitude.to_degrees()];
         row.extend(f.x.iter());
         row.push(f.height);
@@ -476,19 +486,19 @@ fn surface_files(frame: &Frame, largest: &Fragment, slope_reach: f64) -> Vec<Fil
     };
     let heights: Vec<f64> = facets.iter().map(|f| f.height).collect();
     let slopes: Vec<f64> = facets.iter().map(|f| f.slope.to_degrees()).collect();
-    let sheet = Sheet::of_directions(grid);
+    let sheet = MapSheet::of_directions(grid);
     let x: Vec<Vec3> = facets.iter().map(|f| f.x).collect();
     let gravity: Vec<Vec3> = facets.iter().map(|f| f.gravity).collect();
     let counts = [grid.longitudes, grid.latitudes];
-    let noise = noise_of(noise(&facets));
+    let noise = noise_text(rms_noise(&facets));
     let mut files =
-        slope_files(&format!("Slopes against gravity and rotation{noise}"), &slopes_below(&facets, &shares()));
+        slope_files(&format!("Slopes against gravity and rotation{noise}"), &slopes_below(&facets, &slope_shares()));
     files.extend([
-        text("surface.csv", csv(&header, facets.iter().map(row))),
+        text_file("surface.csv", csv_text(&header, facets.iter().map(row))),
         // From east to west the sphere closes; at the poles it is left open.
         ("surface.vtp", surface_vtp(counts, [true, false], &x, &heights, &slopes, Some(&gravity))),
-        text("surface_height.svg", map::svg("Height above the centre of mass", "height", "m", &heights, &sheet)),
-        text(
+        text_file("surface_height.svg", map::svg("Height above the centre of mass", "height", "m", &heights, &sheet)),
+        text_file(
             "surface_slope.svg",
             map::svg(&format!("Slope against gravity and rotation{noise}"), "slope", "°", &slopes, &sheet),
         ),
@@ -503,17 +513,20 @@ fn free_surface_files(surface: &FreeSurface) -> Vec<File> {
     let slopes: Vec<f64> = columns.iter().map(|c| c.slope.to_degrees()).collect();
     let x: Vec<Vec3> = columns.iter().map(|c| c.x).collect();
     let known = columns.iter().filter(|c| c.height.is_finite());
-    let sheet = Sheet::from_above(surface);
-    let noise = noise_of(surface.noise);
-    let mut files = slope_files(&format!("Slopes against gravity{noise}"), &surface.slopes_below(&shares()));
+    let sheet = MapSheet::from_above(surface);
+    let noise = noise_text(surface.noise);
+    let mut files = slope_files(&format!("Slopes against gravity{noise}"), &surface.slopes_below(&slope_shares()));
     files.extend([
-        text(
+        text_file(
             "surface.csv",
-            table(&COLUMNS, known.map(|c| [c.x.x, c.x.y, c.x.z, c.height, c.slope.to_degrees(), c.error.to_degrees()])),
+            csv_table(
+                &SURFACE_COLUMNS,
+                known.map(|c| [c.x.x, c.x.y, c.x.z, c.height, c.slope.to_degrees(), c.error.to_degrees()]),
+            ),
         ),
         ("surface.vtp", surface_vtp(surface.counts, [false; 2], &x, &heights, &slopes, None)),
-        text("surface_height.svg", map::svg("Height of the free surface", "height", "m", &heights, &sheet)),
-        text(
+        text_file("surface_height.svg", map::svg("Height of the free surface", "height", "m", &heights, &sheet)),
+        text_file(
             "surface_slope.svg",
             map::svg(&format!("Slope of the free surface{noise}"), "slope", "°", &slopes, &sheet),
         ),
@@ -522,27 +535,27 @@ fn free_surface_files(surface: &FreeSurface) -> Vec<File> {
 }
 
 /// Part of a title on the noise of slopes, rad.
-fn noise_of(noise: f64) -> String {
+fn noise_text(noise: f64) -> String {
     if noise.is_finite() { format!("; standard error {:.2}°", noise.to_degrees()) } else { String::new() }
 }
 
 /// Shares of a surface: every twentieth.
-fn shares() -> Vec<f64> {
-    (1..=SHARES).map(|k| k as f64 / SHARES as f64).collect()
+fn slope_shares() -> Vec<f64> {
+    (1..=SLOPE_SHARE_COUNT).map(|k| k as f64 / SLOPE_SHARE_COUNT as f64).collect()
 }
 
-/// The slopes (rad) that [`shares`] of a surface are below.
+/// The slopes (rad) that [`slope_shares`] of a surface are below.
 fn slope_files(title: &str, below: &[f64]) -> Vec<File> {
-    let below: Vec<(f64, f64)> = shares().into_iter().zip(below.iter().map(|slope| slope.to_degrees())).collect();
+    let below: Vec<(f64, f64)> = slope_shares().into_iter().zip(below.iter().map(|slope| slope.to_degrees())).collect();
     let figure = Figure {
         title: title.into(),
-        x: Axis::linear("share of the surface that is below", "1"),
-        y: Axis::linear("slope", "°"),
+        x: FigureAxis::linear("share of the surface that is below", "1"),
+        y: FigureAxis::linear("slope", "°"),
         curves: vec![Curve::line("surface", below.clone())],
     };
     vec![
-        text("slopes.csv", table(&SLOPES, below.into_iter().map(|(share, slope)| [share, slope]))),
-        text("slopes.svg", figure.svg()),
+        text_file("slopes.csv", csv_table(&SLOPE_COLUMNS, below.into_iter().map(|(share, slope)| [share, slope]))),
+        text_file("slopes.svg", figure.to_svg()),
     ]
 }
 
@@ -572,14 +585,14 @@ fn surface_vtp(
     });
     let of = |values: &[f64]| kept.iter().map(|&k| values[k]).collect::<Vec<f64>>();
     let vectors_of = |values: &[Vec3]| kept.iter().map(|&k| values[k]).collect::<Vec<Vec3>>();
-    let mut point = vec![scalars("height", of(heights))];
+    let mut point = vec![scalar_attribute("height", of(heights))];
     if level {
-        point.push(scalars("slope", of(slopes)));
+        point.push(scalar_attribute("slope", of(slopes)));
     }
-    point.extend(gravity.map(|gravity| vectors("gravity", vectors_of(gravity).into_iter())));
-    file(PolyDataPiece {
-        points: flat(vectors_of(x).into_iter()).into(),
-        polys: cells(quads),
+    point.extend(gravity.map(|gravity| vector_attribute("gravity", vectors_of(gravity).into_iter())));
+    vtp_bytes(PolyDataPiece {
+        points: flat_components(vectors_of(x).into_iter()).into(),
+        polys: vertex_numbers(quads),
         data: Attributes { point, cell: vec![] },
         ..Default::default()
     })
@@ -597,7 +610,8 @@ mod tests {
         let other = scene.grain([0.0, 0.0, 5.0], 0.5);
         scene.snapshot.bodies.body_v[other] = [0.0, 2.0, 0.0];
         let file = |scene: &Scene, name: &str| -> Option<String> {
-            let found = files(&scene.frame(), &HashSet::new(), Some(3.0)).into_iter().find(|file| file.0 == name)?;
+            let found =
+                state_files(&scene.frame(), &HashSet::new(), Some(3.0)).into_iter().find(|file| file.0 == name)?;
             Some(String::from_utf8(found.1).unwrap())
         };
         let surface = file(&scene, "surface.vtp").unwrap();
@@ -619,20 +633,20 @@ mod tests {
     fn a_lander_is_no_ejecta() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("DATBOX/ORIGIN.csv");
-        assert!(newcomers(folder.path()).unwrap().is_empty());
+        assert!(added_bodies(folder.path()).unwrap().is_empty());
         atomic::write(&path, b"body,case,step,number\n1,a, b,7,1\n2,a, b,7,3\n3,,,\n").unwrap();
-        let lander = newcomers(folder.path()).unwrap();
+        let lander = added_bodies(folder.path()).unwrap();
         assert_eq!(lander, HashSet::from([3]));
         let mut scene = Scene::default();
         for (k, radius) in [2.0, 1.0, 1.5].into_iter().enumerate() {
             scene.grain([10.0 * k as f64, 0.0, 0.0], radius);
         }
-        let found = files(&scene.frame(), &lander, Some(3.0));
+        let found = state_files(&scene.frame(), &lander, Some(3.0));
         let table = String::from_utf8(found.iter().find(|file| file.0 == "ejecta.csv").unwrap().1.clone()).unwrap();
         let share: f64 = table.lines().nth(1).unwrap().split(',').nth(2).unwrap().parse().unwrap();
         assert!(table.lines().count() == 2 && (share - 1.0 / 9.0).abs() < 1e-15, "{table}"); // of 8 + 1
         atomic::write(&path, b"body,case,step,number\nfirst,,,\n\n").unwrap();
-        let faults = newcomers(folder.path()).unwrap_err().to_string();
+        let faults = added_bodies(folder.path()).unwrap_err().to_string();
         assert!(faults.lines().count() == 2 && faults.contains("ORIGIN.csv:2: row: first,,,; expected"), "{faults}");
     }
 
@@ -640,9 +654,9 @@ mod tests {
     fn every_file_of_a_state_is_known_by_its_name() {
         let mut scene = Scene::default();
         scene.grain([0.0; 3], 1.0);
-        let made = files(&scene.frame(), &HashSet::new(), Some(3.0)).into_iter().chain(layers(&[]));
+        let made = state_files(&scene.frame(), &HashSet::new(), Some(3.0)).into_iter().chain(layer_files(&[]));
         let made: HashSet<&str> = made.map(|(name, _)| name).collect();
-        assert_eq!(made, NAMES.into_iter().collect());
+        assert_eq!(made, STATE_FILES.into_iter().collect());
     }
 
     #[test]
@@ -653,7 +667,7 @@ mod tests {
             let grain = scene.grain([10.0 * (k + 1) as f64, 0.0, 0.0], 1.0);
             scene.snapshot.bodies.body_v[grain] = [speed, 0.0, 0.0];
         }
-        let found = files(&scene.frame(), &HashSet::new(), Some(3.0));
+        let found = state_files(&scene.frame(), &HashSet::new(), Some(3.0));
         let table = String::from_utf8(found.iter().find(|file| file.0 == "ejecta.csv").unwrap().1.clone()).unwrap();
         let share = |line: &str| line.split(',').nth(2).unwrap().parse::<f64>().unwrap();
         let shares: Vec<f64> = table.lines().skip(1).map(share).collect();
@@ -671,7 +685,7 @@ mod tests {
         for (k, force) in [3.0, 5.0, -1.0, -3.0].into_iter().enumerate() {
             scene.push(k + 1, k, force);
         }
-        let files = forces(&scene.frame());
+        let files = force_files(&scene.frame());
         let file = |name: &str| String::from_utf8(files.iter().find(|file| file.0 == name).unwrap().1.clone()).unwrap();
         let table = file("forces.csv");
         // Over their means, 4 and 2: pushes of 3/4 and 5/4, pulls of 1/2 and 3/2, in bins of 1/4.
@@ -686,7 +700,7 @@ mod tests {
         let lines: Vec<&str> = forces_svg.lines().filter(|line| line.contains("<polyline fill")).collect();
         let joins = |line: &&&str| line.contains("stroke-width=\"4\"") && line.matches(',').count() > 1;
         assert!(!lines.is_empty() && lines.iter().filter(joins).count() == 0, "{lines:?}");
-        let nothing = forces(&Scene::default().frame());
+        let nothing = force_files(&Scene::default().frame());
         assert_eq!(nothing[0].1, b"force_over_mean,P_normal,P_tangential,P_tension\n");
     }
 }

@@ -4,20 +4,20 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::{Meta, Snapshot};
+use cd_formats::snapshot::{Snapshot, SnapshotMeta};
 
 use crate::compare::{self, Columns};
-use crate::derive::{Field, Row};
-use crate::snapshots;
-use crate::write::figure::{Axis, Curve, Figure, Marks};
-use crate::write::series::{csv, named};
+use crate::derive::{Row, SeriesValue};
+use crate::list_snapshots;
+use crate::write::figure::{Curve, CurveMarks, Figure, FigureAxis};
+use crate::write::series::{csv_text, name_field};
 
 /// Rooms of a step in TIMER.csv, as the figure of the cost has them.
-const ROOMS: [(&str, &[&str]); 3] =
+const STEP_STAGES: [(&str, &[&str]); 3] =
     [("gravity", &["gravity"]), ("detection", &["detection"]), ("contacts", &["assembly", "solve"])];
 
 /// Columns of TIMER.csv, s, without the writing.
-pub const TIMED: [&str; 5] = ["gravity", "detection", "assembly", "solve", "integration"];
+pub const TIMED_STAGES: [&str; 5] = ["gravity", "detection", "assembly", "solve", "integration"];
 
 /// Columns of runs.csv beside those of series.csv: name, unit, meaning.
 pub const COLUMNS: [(&str, &str, &str); 10] = [
@@ -46,15 +46,15 @@ pub const COLUMNS: [(&str, &str, &str); 10] = [
 ];
 
 /// A run by its means.
-struct Run {
+struct StudyRun {
     name: String,
     group: String,
     /// In the order of [`Row::COLUMNS`], then of [`COLUMNS`].
     values: Vec<f64>,
 }
 
-impl Run {
-    fn of(&self, name: &str) -> f64 {
+impl StudyRun {
+    fn value_of(&self, name: &str) -> f64 {
         let names = Row::COLUMNS.iter().chain(&COLUMNS).map(|(name, _, _)| *name);
         names.zip(&self.values).find(|(known, _)| *known == name).map_or(f64::NAN, |(_, value)| *value)
     }
@@ -62,16 +62,16 @@ impl Run {
 
 /// A straight line by least squares.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Line {
+pub struct FittedLine {
     pub slope: f64,
     pub intercept: f64,
     /// Square of the correlation.
     pub r2: f64,
 }
 
-impl Line {
+impl FittedLine {
     /// Through points of which at least two have different x.
-    pub fn through(points: &[(f64, f64)]) -> Option<Line> {
+    pub fn least_squares(points: &[(f64, f64)]) -> Option<FittedLine> {
         let points: Vec<(f64, f64)> = points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
         let n = points.len() as f64;
         let (x, y) = points.iter().fold((0.0, 0.0), |(x, y), p| (x + p.0 / n, y + p.1 / n));
@@ -80,7 +80,7 @@ impl Line {
         });
         let slope = xy / xx;
         let r2 = if yy > 0.0 { xy * xy / (xx * yy) } else { 1.0 };
-        (xx > 0.0).then_some(Line { slope, intercept: y - slope * x, r2 })
+        (xx > 0.0).then_some(FittedLine { slope, intercept: y - slope * x, r2 })
     }
 }
 
@@ -103,14 +103,18 @@ pub fn write(
         let expected = format!("expected {}, one a case", cases.len());
         faults.push(Fault::new(Path::new("options"), None, "groups", format!("{} names", groups.len()), expected));
     }
-    let names = compare::names_of(cases);
-    faults.0.extend(compare::alike("runs", &names, None));
-    faults.0.extend(compare::blank(groups));
+    let names = compare::case_names(cases);
+    faults.0.extend(compare::name_faults("runs", &names, None));
+    faults.0.extend(compare::blank_group_faults(groups));
     let mut runs = Vec::new();
     for (k, case) in cases.iter().enumerate() {
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
         let name = names[k].clone();
-        runs.extend(faults.gather(measured(case, from, until)).map(|values| Run { name, group, values }));
+        runs.extend(faults.gather_result(measure_run(case, from, until)).map(|values| StudyRun {
+            name,
+            group,
+            values,
+        }));
     }
     faults.into_result(())?;
     let mut order: Vec<&str> = Vec::new();
@@ -119,26 +123,26 @@ pub fn write(
             order.push(&run.group);
         }
     }
-    let (figures, fits) = figures(&runs, &order);
-    atomic::write(&output.join("runs.csv"), table(&runs).as_bytes())?;
+    let (figures, fits) = study_figures(&runs, &order);
+    atomic::write(&output.join("runs.csv"), table_text(&runs).as_bytes())?;
     atomic::write(&output.join("fits.csv"), fits.as_bytes())?;
     for (name, figure) in &figures {
-        atomic::write(&output.join(format!("{name}.svg")), figure.svg().as_bytes())?;
+        atomic::write(&output.join(format!("{name}.svg")), figure.to_svg().as_bytes())?;
     }
     // Most figures have the same groups.
-    let mut notes: Vec<String> = figures.iter().filter_map(|(_, figure)| figure.alike()).collect();
+    let mut notes: Vec<String> = figures.iter().filter_map(|(_, figure)| figure.repeated_style_warning()).collect();
     notes.sort();
     notes.dedup();
     Ok((figures.len(), notes))
 }
 
 /// The values of a run.
-fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f64>, Faults> {
+fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f64>, Faults> {
     let path = case.join("POSTPRO/series.csv");
     let needed = ["step", "time", "n_grains", "mass", "R_enclosing", "a", "b", "c", "pressure_sphere"];
-    let series = compare::read(&path, &needed)?;
+    let series = compare::read_columns(&path, &needed)?;
     let times = &series["time"];
-    let as_there = |time: f64| compare::nearest(times.iter().copied(), time).unwrap_or(time);
+    let as_there = |time: f64| compare::nearest_time(times.iter().copied(), time).unwrap_or(time);
     let until = until.map_or(f64::INFINITY, as_there);
     let last = times.iter().copied().filter(|time| *time <= until).fold(f64::NAN, f64::max);
     let counts = from.map_or(last, as_there)..=until;
@@ -159,7 +163,7 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
 
     let outbox = case.join("OUTBOX");
     let steps = compare::read_log(&outbox.join("steps.csv"), &["sweeps", "contacts_active", "converged"])?;
-    let timed = [&TIMED[..], &["writing"]].concat();
+    let timed = [&TIMED_STAGES[..], &["writing"]].concat();
     let timer = compare::read_log(&case.join("TIMER.csv"), &timed)?;
     // A row is a step, or as many as it says: sums over these, but for the contacts of the last of them.
     let steps_of = |table: &Columns, k: usize| table.get("steps").map_or(1.0, |steps| steps[k]).max(1.0);
@@ -169,9 +173,9 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
         let column = table[name].iter().enumerate().map(|(k, x)| x * steps_of(table, k));
         column.sum::<f64>() / number(table, table[name].len())
     };
-    let all = snapshots(&outbox)?;
+    let all = list_snapshots(&outbox)?;
     let end = Snapshot::read(&all[all.len() - 1].1)?.meta;
-    of_this_run(case, &series, &end)?;
+    check_series_of_run(case, &series, &end)?;
     let parameters = end.parameters;
     let constant = if parameters.self_gravity { parameters.gravity_constant } else { f64::NAN };
     let homogeneous: f64 = taken
@@ -195,17 +199,17 @@ fn measured(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f6
     let room = |names: &[&str]| names.iter().map(|name| per_step(&timer, name)).sum::<f64>();
     values.push(homogeneous);
     values.push(by_inertia);
-    values.push(isostatic(mean("n_grains")));
+    values.push(isostatic_number(mean("n_grains")));
     values.push(per_step(&steps, "sweeps"));
     values.push(weighted(&steps, "contacts_active"));
     values.push(1.0 - per_step(&steps, "converged"));
-    values.extend(ROOMS.iter().map(|(_, names)| room(names)));
+    values.extend(STEP_STAGES.iter().map(|(_, names)| room(names)));
     values.push(room(&timed));
     Ok(values)
 }
 
 /// Whether the series of a case is that of its snapshots, and not of those of a run before; `end`: that of the last.
-pub fn of_this_run(case: &Path, series: &Columns, end: &Meta) -> Result<(), Faults> {
+pub fn check_series_of_run(case: &Path, series: &Columns, end: &SnapshotMeta) -> Result<(), Faults> {
     let last = |name: &str| series[name].last().copied().unwrap_or(f64::NAN);
     let (step, time) = (last("step"), last("time"));
     if step == end.step as f64 && compare::same_time(time, end.time) {
@@ -222,41 +226,41 @@ pub fn of_this_run(case: &Path, series: &Columns, end: &Meta) -> Result<(), Faul
 }
 
 /// Neighbours per grain where 3 N - 6 contacts hold N spheres; NaN of two, which one holds, and of one.
-fn isostatic(grains: f64) -> f64 {
+fn isostatic_number(grains: f64) -> f64 {
     if grains >= 3.0 { 6.0 - 12.0 / grains } else { f64::NAN }
 }
 
 /// A row a run: its name, its group, then all values; an empty field where one is not defined.
-fn table(runs: &[Run]) -> String {
+fn table_text(runs: &[StudyRun]) -> String {
     let names: Vec<&str> = Row::COLUMNS.iter().chain(&COLUMNS).map(|(name, _, _)| *name).collect();
     let mut text = format!("run,group,{}\n", names.join(","));
     for run in runs {
-        let values: Vec<String> = run.values.iter().map(Field::text).collect();
-        text += &format!("{},{},{}\n", named(&run.name), named(&run.group), values.join(","));
+        let values: Vec<String> = run.values.iter().map(SeriesValue::text).collect();
+        text += &format!("{},{},{}\n", name_field(&run.name), name_field(&run.group), values.join(","));
     }
     text
 }
 
 /// The figures by name, and the table of the lines in them.
-fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
+fn study_figures(runs: &[StudyRun], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
     let mut fits = String::from("figure,group,law,slope,intercept,r2\n");
-    let mut note = |figure: &str, group: &str, law: &str, line: Line| {
-        let numbers = csv(&[], [vec![line.slope, line.intercept, line.r2]]);
-        fits += &format!("{figure},{},{law},{}", named(group), numbers.trim_start());
+    let mut note = |figure: &str, group: &str, law: &str, line: FittedLine| {
+        let numbers = csv_text(&[], [vec![line.slope, line.intercept, line.r2]]);
+        fits += &format!("{figure},{},{law},{}", name_field(group), numbers.trim_start());
     };
     let mut figures = Vec::new();
-    let of = |group: &str, x: &dyn Fn(&Run) -> f64, y: &dyn Fn(&Run) -> f64| -> Vec<(f64, f64)> {
+    let of = |group: &str, x: &dyn Fn(&StudyRun) -> f64, y: &dyn Fn(&StudyRun) -> f64| -> Vec<(f64, f64)> {
         runs.iter().filter(|run| run.group == group).map(|run| (x(run), y(run))).collect()
     };
-    let dots = |name: &str, points: Vec<(f64, f64)>| Curve { name: name.into(), points, marks: Marks::Dots };
-    let fit = |name: &str, points: Vec<(f64, f64)>| Curve { name: name.into(), points, marks: Marks::Fit };
-    let ends = |line: Line, points: &[(f64, f64)], from: f64| -> Vec<(f64, f64)> {
+    let dots = |name: &str, points: Vec<(f64, f64)>| Curve { name: name.into(), points, marks: CurveMarks::Dots };
+    let fit = |name: &str, points: Vec<(f64, f64)>| Curve { name: name.into(), points, marks: CurveMarks::Fit };
+    let ends = |line: FittedLine, points: &[(f64, f64)], from: f64| -> Vec<(f64, f64)> {
         let most = points.iter().map(|p| p.0).fold(from, f64::max);
         [from, most].map(|x| (x, line.intercept + line.slope * x)).to_vec()
     };
 
     // What a surface takes from the whole goes with the number of grains to the power -1/3.
-    let surface = |run: &Run| run.of("n_grains").powf(-1.0 / 3.0);
+    let surface = |run: &StudyRun| run.value_of("n_grains").powf(-1.0 / 3.0);
     for (name, title, quantity) in [
         ("Z", "Neighbours per grain, at the end", "Z"),
         ("nu", "Solid fraction, at the end", "ν"),
@@ -264,16 +268,16 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
     ] {
         let mut curves = Vec::new();
         for group in groups {
-            let points = of(group, &surface, &|run| run.of(name));
+            let points = of(group, &surface, &|run| run.value_of(name));
             curves.push(dots(group, points.clone()));
-            if let Some(line) = Line::through(&points) {
+            if let Some(line) = FittedLine::least_squares(&points) {
                 note(name, group, &format!("{name} = intercept + slope N^(-1/3)"), line);
                 curves.push(fit(
                     &format!(
                         "{} {} {} N^(-1/3)",
-                        short(line.intercept),
+                        three_digits(line.intercept),
                         if line.slope < 0.0 { "−" } else { "+" },
-                        short(line.slope.abs())
+                        three_digits(line.slope.abs())
                     ),
                     ends(line, &points, 0.0),
                 ));
@@ -281,45 +285,53 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
         }
         figures.push((
             name.into(),
-            Figure { title: title.into(), x: Axis::linear("N^(-1/3)", "1"), y: Axis::linear(quantity, "1"), curves },
+            Figure {
+                title: title.into(),
+                x: FigureAxis::linear("N^(-1/3)", "1"),
+                y: FigureAxis::linear(quantity, "1"),
+                curves,
+            },
         ));
     }
 
-    let ideal = |run: &Run| run.of("pressure_homogeneous");
+    let ideal = |run: &StudyRun| run.value_of("pressure_homogeneous");
     let mut curves: Vec<Curve> =
-        groups.iter().map(|group| dots(group, of(group, &ideal, &|run| run.of("pressure_sphere")))).collect();
-    let all: Vec<(f64, f64)> =
-        runs.iter().map(|run| (ideal(run), run.of("pressure_sphere"))).filter(|p| p.0 > 0.0 && p.1 > 0.0).collect();
+        groups.iter().map(|group| dots(group, of(group, &ideal, &|run| run.value_of("pressure_sphere")))).collect();
+    let all: Vec<(f64, f64)> = runs
+        .iter()
+        .map(|run| (ideal(run), run.value_of("pressure_sphere")))
+        .filter(|p| p.0 > 0.0 && p.1 > 0.0)
+        .collect();
     let logarithms: Vec<(f64, f64)> = all.iter().map(|p| (p.0.ln(), p.1.ln())).collect();
-    if let Some(line) = Line::through(&logarithms) {
+    if let Some(line) = FittedLine::least_squares(&logarithms) {
         note("pressure", "all", "ln(pressure_sphere) = intercept + slope ln(pressure_homogeneous)", line);
     }
     let (low, high) = all.iter().fold((f64::INFINITY, 0f64), |(low, high), p| (low.min(p.0), high.max(p.0)));
     if low < high {
         let points = vec![(low, low), (high, high)];
-        curves.push(Curve { name: "equal".into(), points, marks: Marks::Expected });
+        curves.push(Curve { name: "equal".into(), points, marks: CurveMarks::Expected });
     }
     figures.push((
         "pressure".into(),
         Figure {
             title: "Mean pressure in the ball around all grains, at the end".into(),
-            x: Axis::logarithmic("3 G M² / (20 π R⁴)", "Pa"),
-            y: Axis::logarithmic("pressure", "Pa"),
+            x: FigureAxis::logarithmic("3 G M² / (20 π R⁴)", "Pa"),
+            y: FigureAxis::logarithmic("pressure", "Pa"),
             curves,
         },
     ));
 
-    let number = |run: &Run| run.of("n_grains");
+    let number = |run: &StudyRun| run.value_of("n_grains");
     for (k, group) in groups.iter().enumerate() {
         let name = if groups.len() == 1 { "cost".to_string() } else { format!("cost-{}", k + 1) };
         let mut curves = Vec::new();
-        for (room, _) in ROOMS {
-            let points = of(group, &number, &|run| run.of(&format!("seconds_{room}")));
+        for (room, _) in STEP_STAGES {
+            let points = of(group, &number, &|run| run.value_of(&format!("seconds_{room}")));
             let points: Vec<(f64, f64)> = points.into_iter().filter(|p| p.0 > 0.0 && p.1 > 0.0).collect();
             let logarithms: Vec<(f64, f64)> = points.iter().map(|p| (p.0.ln(), p.1.ln())).collect();
             curves.push(dots(room, points.clone()));
-            let line = Line::through(&logarithms);
-            let power = line.map_or(String::new(), |line| format!(", N^{}", short(line.slope)));
+            let line = FittedLine::least_squares(&logarithms);
+            let power = line.map_or(String::new(), |line| format!(", N^{}", three_digits(line.slope)));
             if let Some(line) = line {
                 note(&name, group, &format!("ln(seconds_{room}) = intercept + slope ln(N)"), line);
                 let ends = points.iter().map(|p| p.0).map(|n| (n, (line.intercept + line.slope * n.ln()).exp()));
@@ -329,22 +341,27 @@ fn figures(runs: &[Run], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
         let title = format!("Seconds per step by room: {group}");
         figures.push((
             name,
-            Figure { title, x: Axis::logarithmic("N", "1"), y: Axis::logarithmic("time per step", "s"), curves },
+            Figure {
+                title,
+                x: FigureAxis::logarithmic("N", "1"),
+                y: FigureAxis::logarithmic("time per step", "s"),
+                curves,
+            },
         ));
     }
     let sweeps = |group: &&str| {
-        let mut points = of(group, &number, &|run| run.of("sweeps"));
+        let mut points = of(group, &number, &|run| run.value_of("sweeps"));
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         Curve::line(group, points)
     };
     let curves = groups.iter().map(sweeps).collect();
-    let (x, y) = (Axis::logarithmic("N", "1"), Axis::logarithmic("sweeps per step", "1"));
+    let (x, y) = (FigureAxis::logarithmic("N", "1"), FigureAxis::logarithmic("sweeps per step", "1"));
     figures.push(("sweeps".into(), Figure { title: "Sweeps of the contact solver per step".into(), x, y, curves }));
     (figures, fits)
 }
 
 /// Three significant digits.
-fn short(value: f64) -> String {
+fn three_digits(value: f64) -> String {
     let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
     format!("{rounded}").replace('-', "−")
 }
@@ -353,7 +370,7 @@ fn short(value: f64) -> String {
 mod tests {
     use super::*;
 
-    fn run(group: &str, n: f64) -> Run {
+    fn run(group: &str, n: f64) -> StudyRun {
         let mut values = vec![f64::NAN; Row::COLUMNS.len() + COLUMNS.len()];
         let names: Vec<&str> = Row::COLUMNS.iter().chain(&COLUMNS).map(|(name, _, _)| *name).collect();
         let mut set = |name: &str, value: f64| values[names.iter().position(|known| *known == name).unwrap()] = value;
@@ -367,20 +384,20 @@ mod tests {
         set("seconds_gravity", 1e-6 * n.powi(2));
         set("seconds_detection", 1e-5 * n);
         set("seconds_contacts", 1e-5 * n.powf(1.5));
-        Run { name: format!("{group}-{n}"), group: group.into(), values }
+        StudyRun { name: format!("{group}-{n}"), group: group.into(), values }
     }
 
     #[test]
     fn fewer_than_three_spheres_are_not_isostatic() {
-        assert_eq!((isostatic(3.0), isostatic(12.0)), (2.0, 5.0)); // a triangle has two neighbours each
-        assert!([0.0, 1.0, 2.0, f64::NAN].iter().all(|&grains| isostatic(grains).is_nan()));
+        assert_eq!((isostatic_number(3.0), isostatic_number(12.0)), (2.0, 5.0)); // a triangle has two neighbours each
+        assert!([0.0, 1.0, 2.0, f64::NAN].iter().all(|&grains| isostatic_number(grains).is_nan()));
     }
 
     #[test]
     fn the_laws_that_runs_follow_are_found() {
-        let runs: Vec<Run> =
+        let runs: Vec<StudyRun> =
             ["a", "b, c"].into_iter().flat_map(|g| [250.0, 1000.0, 4000.0].map(|n| run(g, n))).collect();
-        let (figures, fits) = figures(&runs, &["a", "b, c"]);
+        let (figures, fits) = study_figures(&runs, &["a", "b, c"]);
         let names: Vec<&str> = figures.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(names, ["Z", "nu", "nu_sphere", "pressure", "cost-1", "cost-2", "sweeps"]);
         let slope = |start: &str| -> f64 {
@@ -399,21 +416,21 @@ mod tests {
             assert!((slope(start) / exact - 1.0).abs() < 1e-10, "{start}: {fits}");
         }
         // A line goes from the fewest grains to the most, whatever the order of the runs.
-        let backwards: Vec<Run> = [4000.0, 250.0, 1000.0].map(|n| run("a", n)).into();
-        let (sorted, _) = self::figures(&backwards, &["a"]);
+        let backwards: Vec<StudyRun> = [4000.0, 250.0, 1000.0].map(|n| run("a", n)).into();
+        let (sorted, _) = self::study_figures(&backwards, &["a"]);
         let line = &sorted.last().unwrap().1.curves[0];
         assert!(line.points.is_sorted_by(|a, b| a.0 < b.0), "{line:?}");
-        let svg = figures[0].1.svg();
+        let svg = figures[0].1.to_svg();
         assert!(svg.contains("6 − 9 N^(-1/3)") && !svg.contains("NaN"), "{svg}");
-        let table = table(&runs);
+        let table = table_text(&runs);
         assert!(table.contains("\nb; c-250,b; c,") && !table.contains("NaN"), "{table}");
     }
 
     #[test]
     fn a_line_needs_two_places() {
-        assert_eq!(Line::through(&[(1.0, 2.0), (1.0, 3.0)]), None);
-        assert_eq!(Line::through(&[(1.0, 2.0), (f64::NAN, 3.0)]), None);
-        let line = Line::through(&[(0.0, 1.0), (2.0, 5.0), (1.0, f64::NAN)]);
-        assert_eq!(line, Some(Line { slope: 2.0, intercept: 1.0, r2: 1.0 }));
+        assert_eq!(FittedLine::least_squares(&[(1.0, 2.0), (1.0, 3.0)]), None);
+        assert_eq!(FittedLine::least_squares(&[(1.0, 2.0), (f64::NAN, 3.0)]), None);
+        let line = FittedLine::least_squares(&[(0.0, 1.0), (2.0, 5.0), (1.0, f64::NAN)]);
+        assert_eq!(line, Some(FittedLine { slope: 2.0, intercept: 1.0, r2: 1.0 }));
     }
 }

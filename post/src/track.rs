@@ -5,18 +5,18 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::field::Outside;
+use cd_formats::field::FieldModel;
 
-use crate::compare::reached;
-use crate::derive::bed::borne;
-use crate::derive::energy::{outside, self_gravity_constant};
-use crate::derive::fragments::{Fragment, fragments};
-use crate::derive::surface::attraction;
-use crate::frame::{Cell, Frame, Grain, Side, Vec3, Wall, WallShape};
-use crate::select;
-use crate::shapes::Shapes;
-use crate::write::figure::{Axis, Curve, Figure};
-use crate::write::series::{Column, counted, table};
+use crate::compare::is_at_or_after;
+use crate::derive::bed::supported_grains;
+use crate::derive::energy::{external_fields, self_gravity_constant};
+use crate::derive::fragments::{Fragment, find_fragments};
+use crate::derive::surface::ball_attraction;
+use crate::frame::{BodyIndex, Frame, Grain, PeriodicCell, Vec3, Wall, WallShape};
+use crate::select_snapshots;
+use crate::shapes::ShapeCache;
+use crate::write::figure::{Curve, Figure, FigureAxis};
+use crate::write::series::{Column, csv_table, csv_with_counts};
 
 /// Columns of track.csv: name, unit, meaning.
 pub const COLUMNS: [Column; 13] = [
@@ -36,14 +36,14 @@ pub const COLUMNS: [Column; 13] = [
 ];
 
 /// Columns of crater.csv.
-pub const CRATER: [Column; 3] = [
+pub const CRATER_COLUMNS: [Column; 3] = [
     ("radius", "m", "distance from the axis"),
     ("before", "m", "height of the surface before"),
     ("after", "m", "height of the surface after"),
 ];
 
 /// Columns of impact.csv.
-pub const IMPACT: [Column; 6] = [
+pub const IMPACT_COLUMNS: [Column; 6] = [
     ("contact_time", "s", "of the first snapshot in which it is touched, or has been since the one before"),
     ("impact_speed", "m/s", "along gravity, in the snapshot before"),
     ("restitution", "1", "its largest speed against gravity afterwards, 0 at least, over that"),
@@ -53,15 +53,15 @@ pub const IMPACT: [Column; 6] = [
 ];
 
 /// Place of the depth in [`COLUMNS`].
-const DEPTH: usize = 7;
+const DEPTH_COLUMN: usize = 7;
 /// Unit vectors that are no farther apart have one direction: rounding of a length.
 const SAME_DIRECTION: f64 = 1e-9;
 /// Rings of the crater's profile, and places in each.
-const RINGS: usize = 20;
-const PLACES: usize = 48;
+const CRATER_RINGS: usize = 20;
+const POINTS_PER_RING: usize = 48;
 
 /// The body in one frame.
-struct Seen {
+struct TrackedBody {
     time: f64,
     x: Vec3,
     /// None where all of it is imposed.
@@ -72,7 +72,7 @@ struct Seen {
     contacts: usize,
     /// From when on its snapshot tells what contacts have done, s, NaN where it does not; and whether one has pushed or pulled
     /// the body since then.
-    told: (f64, bool),
+    contact_since: (f64, bool),
     /// Its acceleration where nothing touches it, m/s^2; none in axes that turn, where it is not of the place alone.
     fall: Option<Vec3>,
 }
@@ -82,15 +82,15 @@ struct Seen {
 ///
 /// `body`: the number of the body in BODIES.DAT, free or with imposed motion.
 pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
-    let mut seen: Vec<Seen> = Vec::new();
+    let mut seen: Vec<TrackedBody> = Vec::new();
     let (mut first, mut last) = (None, None);
     let mut up = Vec3::z();
     // Step and direction of the first uniform gravity, by which all is measured, and the first step of another.
     let (mut gravity, mut turned) = (None, None);
-    let shapes = Shapes::default();
-    let paths = select(&dir.join("OUTBOX"), 1)?;
-    let found = |frame: &Frame, path: &Path, up: &Vec3| -> Result<Seen, Faults> {
-        find(frame, body, up).ok_or_else(|| {
+    let shapes = ShapeCache::default();
+    let paths = select_snapshots(&dir.join("OUTBOX"), 1)?;
+    let found = |frame: &Frame, path: &Path, up: &Vec3| -> Result<TrackedBody, Faults> {
+        find_body(frame, body, up).ok_or_else(|| {
             let expected = "expected the number of a sphere or polyhedron in BODIES.DAT";
             Fault::new(path, None, format!("body {body}"), "is not there", expected).into()
         })
@@ -113,7 +113,7 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
         }
         if first.is_none() {
             // What attracts it from all sides has one direction where it starts.
-            up = gravity.map(|(_, direction)| direction).or(away(&frame, body)).unwrap_or(up);
+            up = gravity.map(|(_, direction)| direction).or(upward_direction(&frame, body)).unwrap_or(up);
             first = Some(frame.clone());
         }
         seen.push(found(&frame, path, &up)?);
@@ -126,35 +126,35 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
             "gravity has another direction at step {turned}: up is against that of step {step} throughout"
         ));
     }
-    let level = level(&first, body, &up, &seen[0]);
-    let rows: Vec<[f64; 13]> = seen.iter().map(|s| row(s, &up, level)).collect();
+    let level = ground_level(&first, body, &up, &seen[0]);
+    let rows: Vec<[f64; 13]> = seen.iter().map(|s| track_row(s, &up, level)).collect();
     let folder = dir.join(format!("POSTPRO/track-{body}"));
     let put = |name: &str, text: String| atomic::write(&folder.join(name), text.as_bytes());
     // A plate stands at the side of a bed as well as on it.
     let plate = |wall: &Wall| wall.id == body && matches!(wall.shape, WallShape::Plate(_));
-    if rows.iter().all(|row| row[DEPTH].is_nan()) && !first.walls.iter().any(plate) {
+    if rows.iter().all(|row| row[DEPTH_COLUMN].is_nan()) && !first.walls.iter().any(plate) {
         notes.push(format!("no surface is under body {body} in the first snapshot: its depth is empty"));
     }
-    put("track.csv", counted(&COLUMNS.map(|column| column.0), &["contacts"], rows.clone()))?;
-    put("impact.csv", table(&IMPACT, [bounce(&seen, &rows, &up)]))?;
-    let crater = crater(&first, &last, body, &up, &seen[0].x, level);
-    put("crater.csv", table(&CRATER, crater.clone()))?;
+    put("track.csv", csv_with_counts(&COLUMNS.map(|column| column.0), &["contacts"], rows.clone()))?;
+    put("impact.csv", csv_table(&IMPACT_COLUMNS, [impact_row(&seen, &rows, &up)]))?;
+    let crater = crater_profile(&first, &last, body, &up, &seen[0].x, level);
+    put("crater.csv", csv_table(&CRATER_COLUMNS, crater.clone()))?;
     let against_time = |title: &str, column: &str, unit: &str| {
         let k = COLUMNS.iter().position(|(name, _, _)| *name == column).unwrap_or(0);
         let points = rows.iter().map(|row| (row[0], row[k])).collect();
-        let (x, y) = (Axis::linear("time", "s"), Axis::linear(column, unit));
+        let (x, y) = (FigureAxis::linear("time", "s"), FigureAxis::linear(column, unit));
         Figure { title: title.into(), x, y, curves: vec![Curve::line(column, points)] }
     };
-    put("depth.svg", against_time(&format!("Depth of body {body} below the surface"), "depth", "m").svg())?;
-    put("force.svg", against_time(&format!("Force of the contacts on body {body}, upward"), "force", "N").svg())?;
+    put("depth.svg", against_time(&format!("Depth of body {body} below the surface"), "depth", "m").to_svg())?;
+    put("force.svg", against_time(&format!("Force of the contacts on body {body}, upward"), "force", "N").to_svg())?;
     let profile = |name: &str, k: usize| Curve::line(name, crater.iter().map(|row| (row[0], row[k])).collect());
     let figure = Figure {
         title: format!("Surface around the axis of body {body}"),
-        x: Axis::linear("distance", "m"),
-        y: Axis::linear("height", "m"),
+        x: FigureAxis::linear("distance", "m"),
+        y: FigureAxis::linear("height", "m"),
         curves: vec![profile("before", 1), profile("after", 2)],
     };
-    put("crater.svg", figure.svg())?;
+    put("crater.svg", figure.to_svg())?;
     Ok((folder, notes))
 }
 
@@ -164,23 +164,23 @@ fn against_gravity(frame: &Frame) -> Option<Vec3> {
 }
 
 /// Against what accelerates a grain, length 1.
-fn away(frame: &Frame, body: u64) -> Option<Vec3> {
+fn upward_direction(frame: &Frame, body: u64) -> Option<Vec3> {
     let grain = frame.grains.iter().position(|grain| grain.id == body)?;
     (-free_fall(frame, grain)?).try_normalize(0.0)
 }
 
 /// The acceleration of a grain that nothing touches, m/s^2; none in axes that turn.
 fn free_fall(frame: &Frame, grain: usize) -> Option<Vec3> {
-    let (x, fields) = (frame.grains[grain].x, outside(frame));
-    let turns = fields.iter().any(|field| matches!(field, Outside::Turning { .. }));
+    let (x, fields) = (frame.grains[grain].x, external_fields(frame));
+    let turns = fields.iter().any(|field| matches!(field, FieldModel::Turning { .. }));
     let others = frame.grains.iter().enumerate().filter(|(k, _)| *k != grain);
     let pull = self_gravity_constant(frame)
-        .map_or(Vec3::zeros(), |constant| others.map(|(_, other)| attraction(other, x)).sum::<Vec3>() * constant);
-    let from_outside: Vec3 = fields.iter().map(|field| field.at(&x).0).sum();
+        .map_or(Vec3::zeros(), |constant| others.map(|(_, other)| ball_attraction(other, x)).sum::<Vec3>() * constant);
+    let from_outside: Vec3 = fields.iter().map(|field| field.acceleration_and_potential(&x).0).sum();
     (!turns).then(|| Vec3::from(frame.meta.parameters.uniform_gravity) + pull + from_outside)
 }
 
-fn find(frame: &Frame, body: u64, up: &Vec3) -> Option<Seen> {
+fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
     // Of balls about the points.
     let lowest = |points: &mut dyn Iterator<Item = (Vec3, f64)>| {
         points.map(|(point, radius)| radius - point.dot(up)).fold(0.0, f64::max)
@@ -190,7 +190,7 @@ fn find(frame: &Frame, body: u64, up: &Vec3) -> Option<Seen> {
         let points = grain.vertices().map(|corner| (corner, 0.0)).chain(grain.balls());
         let reach = lowest(&mut points.map(|(point, radius)| (point - grain.x, radius)));
         // Its way goes on where that of its image begins anew.
-        (Side::Grain(k), grain.x - grain.moved, Some(grain.v), reach)
+        (BodyIndex::Grain(k), grain.x - grain.moved, Some(grain.v), reach)
     } else {
         let k = frame.walls.iter().position(|wall| wall.id == body)?;
         let wall = &frame.walls[k];
@@ -203,7 +203,7 @@ fn find(frame: &Frame, body: u64, up: &Vec3) -> Option<Seen> {
             }
             WallShape::Plate(half) => (0..3).map(|k| half[k] * (wall.rotation.inverse() * up)[k].abs()).sum(),
         };
-        (Side::Wall(k), wall.x, wall.v, reach)
+        (BodyIndex::Wall(k), wall.x, wall.v, reach)
     };
     let (mut force, mut contacts) = (Vec3::zeros(), 0);
     for contact in frame.contacts.iter().filter(|contact| contact.active) {
@@ -216,38 +216,38 @@ fn find(frame: &Frame, body: u64, up: &Vec3) -> Option<Seen> {
         }
     }
     // A wall that is driven in part falls with what pushes it.
-    let fall = side.grain().and_then(|grain| free_fall(frame, grain));
+    let fall = side.grain_index().and_then(|grain| free_fall(frame, grain));
     let exchanged = frame.interval.exchanges.iter().any(|exchange| exchange.sides.contains(&side));
     let told = (frame.meta.time - frame.interval.length, exchanged);
-    Some(Seen { time: frame.meta.time, x, v, reach, force, contacts, told, fall })
+    Some(TrackedBody { time: frame.meta.time, x, v, reach, force, contacts, contact_since: told, fall })
 }
 
-fn row(seen: &Seen, up: &Vec3, level: f64) -> [f64; 13] {
+fn track_row(seen: &TrackedBody, up: &Vec3, level: f64) -> [f64; 13] {
     let v = seen.v.unwrap_or(Vec3::repeat(f64::NAN));
     let depth = level - (seen.x.dot(up) - seen.reach);
-    let Seen { time, x, force, contacts, .. } = seen;
+    let TrackedBody { time, x, force, contacts, .. } = seen;
     [*time, x.x, x.y, x.z, v.x, v.y, v.z, depth, force.x, force.y, force.z, force.dot(up), *contacts as f64]
 }
 
 /// Change of velocity beside that of free fall, over the larger speed, that tells of a shock between two snapshots.
-const SHOCK: f64 = 0.01;
+const SHOCK_THRESHOLD: f64 = 0.01;
 
 /// The row of impact.csv; empty where nothing touched it. What contacts have done between two snapshots the second tells; where
 /// it does not, or not of all that time, a velocity tells that is not of free fall. Where the acceleration of this is not known,
 /// contacts alone tell; between two snapshots it is the mean of both, give or take half of their difference.
-fn bounce(seen: &[Seen], rows: &[[f64; 13]], up: &Vec3) -> [f64; 6] {
-    let speed = |s: &Seen| s.v.map_or(f64::NAN, |v| v.dot(up));
+fn impact_row(seen: &[TrackedBody], rows: &[[f64; 13]], up: &Vec3) -> [f64; 6] {
+    let speed = |s: &TrackedBody| s.v.map_or(f64::NAN, |v| v.dot(up));
     let largest = |k: usize| rows.iter().map(|row| row[k]).fold(f64::NAN, f64::max);
     let final_depth = rows.last().map_or(f64::NAN, |row| row[7]);
-    let between = |before: &Seen, now: &Seen| {
+    let between = |before: &TrackedBody, now: &TrackedBody| {
         let [v, w, a, b] = [before.v?, now.v?, before.fall?, now.fall?];
         let half = 0.5 * (now.time - before.time);
-        Some((w - v - (a + b) * half).norm() > SHOCK * v.norm().max(w.norm()) + (b - a).norm() * half)
+        Some((w - v - (a + b) * half).norm() > SHOCK_THRESHOLD * v.norm().max(w.norm()) + (b - a).norm() * half)
     };
     let struck = |k: usize| {
         let (before, now) = (&seen[k - 1], &seen[k]);
-        match now.told {
-            (since, exchanged) if reached(before.time, since) => exchanged,
+        match now.contact_since {
+            (since, exchanged) if is_at_or_after(before.time, since) => exchanged,
             _ => between(before, now) == Some(true),
         }
     };
@@ -263,26 +263,26 @@ fn bounce(seen: &[Seen], rows: &[[f64; 13]], up: &Vec3) -> [f64; 6] {
 
 /// Mean height of the bed's surface under the body: on its vertical and on circles of a quarter to three quarters of its
 /// reach.
-fn level(frame: &Frame, body: u64, up: &Vec3, seen: &Seen) -> f64 {
-    let places =
-        std::iter::once(seen.x).chain([0.25, 0.5, 0.75].into_iter().flat_map(|k| circle(&seen.x, up, k * seen.reach)));
-    let (ground, cell) = (ground(frame, body), frame.cell());
-    let heights: Vec<f64> = places.filter_map(|place| surface(&ground, &cell, up, &place)).collect();
+fn ground_level(frame: &Frame, body: u64, up: &Vec3, seen: &TrackedBody) -> f64 {
+    let places = std::iter::once(seen.x)
+        .chain([0.25, 0.5, 0.75].into_iter().flat_map(|k| circle_points(&seen.x, up, k * seen.reach)));
+    let (ground, cell) = (ground_grains(frame, body), frame.cell());
+    let heights: Vec<f64> = places.filter_map(|place| ground_height(&ground, &cell, up, &place)).collect();
     heights.iter().sum::<f64>() / heights.len() as f64
 }
 
 /// Places on a circle about a vertical.
-fn circle(centre: &Vec3, up: &Vec3, radius: f64) -> Vec<Vec3> {
+fn circle_points(centre: &Vec3, up: &Vec3, radius: f64) -> Vec<Vec3> {
     let across = up.cross(&if up.x.abs() < 0.9 { Vec3::x() } else { Vec3::y() }).normalize();
     let along = up.cross(&across);
-    let angles = (0..PLACES).map(|k| TAU * k as f64 / PLACES as f64);
+    let angles = (0..POINTS_PER_RING).map(|k| TAU * k as f64 / POINTS_PER_RING as f64);
     angles.map(|angle| centre + (across * angle.cos() + along * angle.sin()) * radius).collect()
 }
 
 /// What the surface is made of beside the body: the groups of touching grains that a wall touches with force, and the heaviest; all where
 /// nothing touches, or where no wall bears any and the heaviest has less than half of the mass, as while they fall.
-fn ground(frame: &Frame, body: u64) -> Vec<&Grain> {
-    let fragments = fragments(frame);
+fn ground_grains(frame: &Frame, body: u64) -> Vec<&Grain> {
+    let fragments = find_fragments(frame);
     let others = |fragment: &Fragment| -> Vec<usize> {
         fragment.grains.iter().copied().filter(|&i| frame.grains[i].id != body).collect()
     };
@@ -290,7 +290,7 @@ fn ground(frame: &Frame, body: u64) -> Vec<&Grain> {
     let groups = fragments.iter().map(others).filter(|grains| grains.len() > 1);
     let heaviest = groups.max_by(|a, b| mass(a).total_cmp(&mass(b))).unwrap_or_default();
     let mut held = vec![false; frame.grains.len()];
-    let borne = borne(frame, &fragments);
+    let borne = supported_grains(frame, &fragments);
     let most: Vec<usize> = (0..frame.grains.len()).filter(|&i| frame.grains[i].id != body).collect();
     let falling = borne.is_empty() && 2.0 * mass(&heaviest) < mass(&most);
     borne.into_iter().chain(heaviest).for_each(|i| held[i] = true);
@@ -301,9 +301,9 @@ fn ground(frame: &Frame, body: u64) -> Vec<&Grain> {
 
 /// Height along `up` of the ground on the vertical through `place`: of the highest sphere there, of polyhedra the sphere of
 /// equal volume, in a scene that repeats of the nearest image. None where there is nothing.
-fn surface(ground: &[&Grain], cell: &Cell, up: &Vec3, place: &Vec3) -> Option<f64> {
+fn ground_height(ground: &[&Grain], cell: &PeriodicCell, up: &Vec3, place: &Vec3) -> Option<f64> {
     let top = ground.iter().filter_map(|grain| {
-        let x = grain.x - cell.nearest(grain.x - place);
+        let x = grain.x - cell.nearest_period(grain.x - place);
         let arm = x - place;
         let aside = (arm - up * arm.dot(up)).norm_squared();
         (aside < grain.radius.powi(2)).then(|| x.dot(up) + (grain.radius.powi(2) - aside).sqrt())
@@ -312,10 +312,10 @@ fn surface(ground: &[&Grain], cell: &Cell, up: &Vec3, place: &Vec3) -> Option<f6
 }
 
 /// Rings about the vertical through `axis`: radius, mean height above `level` before and after.
-fn crater(first: &Frame, last: &Frame, body: u64, up: &Vec3, axis: &Vec3, level: f64) -> Vec<[f64; 3]> {
+fn crater_profile(first: &Frame, last: &Frame, body: u64, up: &Vec3, axis: &Vec3, level: f64) -> Vec<[f64; 3]> {
     let cell = first.cell();
     let aside = |x: &Vec3| {
-        let arm = x - axis - cell.nearest(x - axis);
+        let arm = x - axis - cell.nearest_period(x - axis);
         (arm - up * arm.dot(up)).norm()
     };
     let farthest =
@@ -324,15 +324,21 @@ fn crater(first: &Frame, last: &Frame, body: u64, up: &Vec3, axis: &Vec3, level:
     // period a ring would meet itself.
     let widest = cell.0.iter().flatten().map(|period| 0.5 * period).fold(farthest * FRAC_1_SQRT_2, f64::min);
     let mean = |ground: &[&Grain], radius: f64| {
-        let heights: Vec<f64> =
-            circle(axis, up, radius).iter().filter_map(|place| surface(ground, &cell, up, place)).collect();
+        let heights: Vec<f64> = circle_points(axis, up, radius)
+            .iter()
+            .filter_map(|place| ground_height(ground, &cell, up, place))
+            .collect();
         // Beyond a wall or where the floor is bare there is no surface.
-        if heights.len() < PLACES / 2 { f64::NAN } else { heights.iter().sum::<f64>() / heights.len() as f64 - level }
+        if heights.len() < POINTS_PER_RING / 2 {
+            f64::NAN
+        } else {
+            heights.iter().sum::<f64>() / heights.len() as f64 - level
+        }
     };
-    let [before, after] = [first, last].map(|frame| ground(frame, body));
+    let [before, after] = [first, last].map(|frame| ground_grains(frame, body));
     // All rings of a bed that is nowhere beside the axis would be one point.
-    (0..if widest > 0.0 { RINGS } else { 0 })
-        .map(|k| widest * (k as f64 + 0.5) / RINGS as f64)
+    (0..if widest > 0.0 { CRATER_RINGS } else { 0 })
+        .map(|k| widest * (k as f64 + 0.5) / CRATER_RINGS as f64)
         .map(|radius| [radius, mean(&before, radius), mean(&after, radius)])
         .collect()
 }
@@ -360,7 +366,7 @@ mod tests {
     }
 
     fn height_of(frame: &Frame, body: u64, place: &Vec3) -> Option<f64> {
-        surface(&ground(frame, body), &frame.cell(), &Vec3::z(), place)
+        ground_height(&ground_grains(frame, body), &frame.cell(), &Vec3::z(), place)
     }
 
     #[test]
@@ -370,16 +376,16 @@ mod tests {
         assert_eq!(up, Vec3::z());
         let level = height_of(&frames[0], 5, &Vec3::new(0.0, 0.0, 3.0)).unwrap();
         assert_eq!(level, 1.0);
-        let seen: Vec<Seen> = frames.iter().map(|frame| find(frame, 5, &up).unwrap()).collect();
-        let rows: Vec<[f64; 13]> = seen.iter().map(|s| row(s, &up, level)).collect();
+        let seen: Vec<TrackedBody> = frames.iter().map(|frame| find_body(frame, 5, &up).unwrap()).collect();
+        let rows: Vec<[f64; 13]> = seen.iter().map(|s| track_row(s, &up, level)).collect();
         let near = |found: &[f64], expected: &[f64]| {
             // Round-off of sums of a few numbers of order 1.
             assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-14), "{found:?} {expected:?}");
         };
         near(&rows.iter().map(|row| row[7]).collect::<Vec<_>>(), &[-1.5, 0.1, -0.5]);
         near(&rows.iter().map(|row| row[11]).collect::<Vec<_>>(), &[0.0, 3.0, 0.0]);
-        near(&bounce(&seen, &rows, &up), &[8.6, 2.0, 0.25, 0.1, 3.0, -0.5]);
-        assert!(find(&frames[0], 99, &up).is_none());
+        near(&impact_row(&seen, &rows, &up), &[8.6, 2.0, 0.25, 0.1, 3.0, -0.5]);
+        assert!(find_body(&frames[0], 99, &up).is_none());
     }
 
     #[test]
@@ -394,10 +400,10 @@ mod tests {
             }
             let lander = scene.grain([4.0 + shift, 4.0 + shift, 3.0], 0.5);
             let frame = scene.frame();
-            let seen = find(&frame, lander as u64 + 1, &up).unwrap();
+            let seen = find_body(&frame, lander as u64 + 1, &up).unwrap();
             assert_eq!(seen.x, Vec3::new(4.0 + shift, 4.0 + shift, 3.0), "the way goes on");
-            let level = level(&frame, lander as u64 + 1, &up, &seen);
-            (level, crater(&frame, &frame, lander as u64 + 1, &up, &seen.x, level))
+            let level = ground_level(&frame, lander as u64 + 1, &up, &seen);
+            (level, crater_profile(&frame, &frame, lander as u64 + 1, &up, &seen.x, level))
         };
         let (level, crater) = measured(-4.0);
         assert!(level > 0.5 && crater.iter().all(|ring| ring[0] < 4.0 && ring[1].is_finite()), "{crater:?}");
@@ -413,13 +419,13 @@ mod tests {
         let up = Vec3::z();
         let touched = |fall: Option<[f64; 3]>, speeds: [f64; 3]| {
             let frames: Vec<Frame> = speeds.iter().zip([3.0, 2.0, 1.0]).map(|(v, z)| frame(z, *v, false)).collect();
-            let mut seen: Vec<Seen> = frames.iter().map(|frame| find(frame, 5, &up).unwrap()).collect();
+            let mut seen: Vec<TrackedBody> = frames.iter().map(|frame| find_body(frame, 5, &up).unwrap()).collect();
             assert!(seen.iter().all(|seen| seen.fall == Some(-up)));
             for (k, seen) in seen.iter_mut().enumerate() {
                 seen.fall = fall.map(|fall| up * fall[k]);
             }
-            let rows: Vec<[f64; 13]> = seen.iter().map(|s| row(s, &up, 1.0)).collect();
-            bounce(&seen, &rows, &up)[0]
+            let rows: Vec<[f64; 13]> = seen.iter().map(|s| track_row(s, &up, 1.0)).collect();
+            impact_row(&seen, &rows, &up)[0]
         };
         let same = Some([-0.1; 3]);
         // From rest, a second apart.
@@ -439,11 +445,11 @@ mod tests {
         // Slower at once: by an event, or by a contact between the snapshots.
         let touched = |since: Option<f64>, exchanged: bool| {
             let frames = [(3.0, -2.0), (2.0, -0.5)].map(|(z, v)| frame(z, v, false));
-            let mut seen: Vec<Seen> = frames.iter().map(|frame| find(frame, 5, &up).unwrap()).collect();
-            assert!(seen[1].told.0.is_nan() && !seen[1].told.1);
-            seen[1].told = (since.unwrap_or(f64::NAN), exchanged);
-            let rows: Vec<[f64; 13]> = seen.iter().map(|s| row(s, &up, 1.0)).collect();
-            bounce(&seen, &rows, &up)[0]
+            let mut seen: Vec<TrackedBody> = frames.iter().map(|frame| find_body(frame, 5, &up).unwrap()).collect();
+            assert!(seen[1].contact_since.0.is_nan() && !seen[1].contact_since.1);
+            seen[1].contact_since = (since.unwrap_or(f64::NAN), exchanged);
+            let rows: Vec<[f64; 13]> = seen.iter().map(|s| track_row(s, &up, 1.0)).collect();
+            impact_row(&seen, &rows, &up)[0]
         };
         assert!(touched(Some(7.0), false).is_nan());
         assert_eq!(touched(Some(7.0), true), 8.0);
@@ -454,7 +460,7 @@ mod tests {
         scene.grain([0.0, 0.0, 2.0], 1.0);
         scene.snapshot.meta.time = 1.0;
         scene.since(0.25, &[([1, 0], 0.1)]);
-        assert_eq!(find(&scene.frame(), 1, &up).unwrap().told, (0.25, true));
+        assert_eq!(find_body(&scene.frame(), 1, &up).unwrap().contact_since, (0.25, true));
     }
 
     #[test]
@@ -463,7 +469,7 @@ mod tests {
         scene.grain([1.0, 0.0, 0.0], 1.0);
         let lander = scene.grain([1.0, 5.0, 0.0], 0.5);
         let frame = scene.frame();
-        assert_eq!(away(&frame, lander as u64 + 1), Some(Vec3::y()));
+        assert_eq!(upward_direction(&frame, lander as u64 + 1), Some(Vec3::y()));
         let expected = -2.0 * frame.grains[0].mass / 25.0;
         assert!((free_fall(&frame, lander).unwrap() - Vec3::y() * expected).norm() < 1e-15);
     }
@@ -472,12 +478,13 @@ mod tests {
     fn a_bed_of_nothing_or_of_one_column_has_no_rings() {
         let mut scene = Scene::default();
         scene.grain([0.0, 0.0, 9.0], 0.5);
-        let rings = |scene: &Scene| crater(&scene.frame(), &scene.frame(), 1, &Vec3::z(), &Vec3::zeros(), 0.0).len();
+        let rings =
+            |scene: &Scene| crater_profile(&scene.frame(), &scene.frame(), 1, &Vec3::z(), &Vec3::zeros(), 0.0).len();
         assert_eq!(rings(&scene), 0);
         scene.grain([0.0; 3], 1.0);
         assert_eq!(rings(&scene), 0);
         scene.grain([2.0, 0.0, 0.0], 1.0);
-        assert_eq!(rings(&scene), RINGS);
+        assert_eq!(rings(&scene), CRATER_RINGS);
     }
 
     #[test]

@@ -7,12 +7,12 @@ use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::Snapshot;
 
-use crate::compare::{self, nearest, reached, same_time};
-use crate::derive::Field;
-use crate::snapshots;
-use crate::study::{self, Line, TIMED};
-use crate::write::figure::{Axis, Curve, Figure, Marks};
-use crate::write::series::named;
+use crate::compare::{self, is_at_or_after, nearest_time, same_time};
+use crate::derive::SeriesValue;
+use crate::list_snapshots;
+use crate::study::{self, FittedLine, TIMED_STAGES};
+use crate::write::figure::{Curve, CurveMarks, Figure, FigureAxis};
+use crate::write::series::name_field;
 
 /// Columns of trade.csv behind the names: name, unit, meaning.
 pub const COLUMNS: [(&str, &str, &str); 15] = [
@@ -46,7 +46,7 @@ type Positions = (f64, Vec<[f64; 3]>);
 
 /// A snapshot by what is compared of it.
 #[derive(Debug, Clone, Copy)]
-struct Observed {
+struct SnapshotMeans {
     /// s
     time: f64,
     /// Since the snapshot before, s; NaN where the snapshot does not tell.
@@ -55,20 +55,20 @@ struct Observed {
     values: [f64; 9],
 }
 
-impl Observed {
+impl SnapshotMeans {
     /// Whether means over the interval may be compared: those of a longer one are larger where contacts come and go. What
     /// is not known has no such means.
-    fn as_long_as(&self, other: &Observed) -> bool {
+    fn has_same_interval(&self, other: &SnapshotMeans) -> bool {
         [self, other].iter().any(|of| of.interval.is_nan()) || same_time(self.interval, other.interval)
     }
 }
 
-/// Places of the pressure and of that of the bed in [`Observed::values`].
-const PRESSURE: usize = 2;
-const BED_PRESSURE: usize = 8;
+/// Places of the pressure and of that of the bed in [`SnapshotMeans::values`].
+const PRESSURE_INDEX: usize = 2;
+const BED_PRESSURE_INDEX: usize = 8;
 
 /// A run as it is measured, before it is compared.
-struct Run {
+struct MeasuredRun {
     case: PathBuf,
     name: String,
     group: String,
@@ -76,7 +76,7 @@ struct Run {
     accuracy: Option<Accuracy>,
     seconds: f64,
     /// In the order of the series.
-    observed: Vec<Observed>,
+    observed: Vec<SnapshotMeans>,
     estimated: f64,
     end: Positions,
     mean_radius: f64,
@@ -84,22 +84,22 @@ struct Run {
 
 /// A run against the finest.
 #[derive(Debug, Clone, PartialEq)]
-struct Compared {
+struct RunErrors {
     name: String,
     group: String,
     /// In the order of [`COLUMNS`].
     values: [f64; 15],
 }
 
-impl Compared {
-    fn of(&self, name: &str) -> f64 {
+impl RunErrors {
+    fn value_of(&self, name: &str) -> f64 {
         COLUMNS.iter().position(|column| column.0 == name).map_or(f64::NAN, |k| self.values[k])
     }
 }
 
 /// What is asked of the runs of a scene.
 #[derive(Debug, Default)]
-pub struct Asked<'a> {
+pub struct TradeOptions<'a> {
     /// One name a case, of the option that it is about; in the order of the cases, or empty.
     pub groups: &'a [String],
     /// What that option is there, likewise.
@@ -112,27 +112,33 @@ pub struct Asked<'a> {
 
 /// Compares cases, or what this has written of several realisations of a scene, and writes trade.csv, orders.csv and trade.svg with
 /// this title. Returns the table as text, and what is worth a report.
-pub fn write(folders: &[PathBuf], asked: &Asked, title: &str, output: &Path) -> Result<(String, Vec<String>), Faults> {
-    let realisations = folders.iter().any(|folder| table_of(folder).exists());
-    let (compared, errors) = if realisations { of_realisations(folders, asked)? } else { of_runs(folders, asked)? };
+pub fn write(
+    folders: &[PathBuf],
+    asked: &TradeOptions,
+    title: &str,
+    output: &Path,
+) -> Result<(String, Vec<String>), Faults> {
+    let realisations = folders.iter().any(|folder| table_path(folder).exists());
+    let (compared, errors) =
+        if realisations { compare_realisations(folders, asked)? } else { compare_runs(folders, asked)? };
     // The finest has no error.
-    let errs = |run: &&Compared| run.of("positions") != 0.0 || run.of("worst") != 0.0;
-    let others: Vec<Compared> = compared.iter().filter(errs).cloned().collect();
-    atomic::write(&table_of(output), table(&compared).as_bytes())?;
-    atomic::write(&output.join("orders.csv"), orders(&others).as_bytes())?;
-    let figure = figure(&others, title);
-    atomic::write(&output.join("trade.svg"), figure.svg().as_bytes())?;
-    Ok((text(&compared, &errors), figure.alike().into_iter().collect()))
+    let errs = |run: &&RunErrors| run.value_of("positions") != 0.0 || run.value_of("worst") != 0.0;
+    let others: Vec<RunErrors> = compared.iter().filter(errs).cloned().collect();
+    atomic::write(&table_path(output), table_text(&compared).as_bytes())?;
+    atomic::write(&output.join("orders.csv"), order_table(&others).as_bytes())?;
+    let figure = error_figure(&others, title);
+    atomic::write(&output.join("trade.svg"), figure.to_svg().as_bytes())?;
+    Ok((summary_text(&compared, &errors), figure.repeated_style_warning().into_iter().collect()))
 }
 
-fn table_of(folder: &Path) -> PathBuf {
+fn table_path(folder: &Path) -> PathBuf {
     folder.join("trade.csv")
 }
 
 /// Each case as measured from its series.csv, TIMER.csv, ERRORS.csv and snapshots, against the finest - that of `accuracy:
 /// reference`, else the last; and what the errors are.
-fn of_runs(cases: &[PathBuf], asked: &Asked) -> Result<(Vec<Compared>, String), Faults> {
-    let &Asked { groups, values, from, early } = asked;
+fn compare_runs(cases: &[PathBuf], asked: &TradeOptions) -> Result<(Vec<RunErrors>, String), Faults> {
+    let &TradeOptions { groups, values, from, early } = asked;
     let mut faults = Faults::default();
     for (name, count) in [("groups", groups.len()), ("values", values.len())] {
         if count != 0 && count != cases.len() {
@@ -140,42 +146,43 @@ fn of_runs(cases: &[PathBuf], asked: &Asked) -> Result<(Vec<Compared>, String), 
             faults.push(Fault::new(Path::new("options"), None, name, format!("{count} of them"), expected));
         }
     }
-    let names = compare::names_of(cases);
-    faults.0.extend(compare::alike("runs", &names, None));
-    faults.0.extend(compare::blank(groups));
-    let measured = |(k, case): (usize, &PathBuf)| -> Option<Run> {
+    let names = compare::case_names(cases);
+    faults.0.extend(compare::name_faults("runs", &names, None));
+    faults.0.extend(compare::blank_group_faults(groups));
+    let measured = |(k, case): (usize, &PathBuf)| -> Option<MeasuredRun> {
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
-        faults.gather(measured(case, names[k].clone(), group, values.get(k).copied().unwrap_or(f64::NAN)))
+        faults.gather_result(measure_run(case, names[k].clone(), group, values.get(k).copied().unwrap_or(f64::NAN)))
     };
-    let runs: Vec<Run> = cases.iter().enumerate().filter_map(measured).collect();
+    let runs: Vec<MeasuredRun> = cases.iter().enumerate().filter_map(measured).collect();
     faults.into_result(())?;
     let finest = runs.iter().position(|run| run.accuracy == Some(Accuracy::Reference)).unwrap_or(runs.len() - 1);
-    let exact = Exact::of(&runs[finest], from, early)?;
+    let exact = ReferenceRun::new(&runs[finest], from, early)?;
     let mut faults = Faults::default();
-    let compared: Vec<Compared> = runs.iter().filter_map(|run| faults.gather(exact.compared(run))).collect();
+    let compared: Vec<RunErrors> = runs.iter().filter_map(|run| faults.gather_result(exact.compare_run(run))).collect();
     faults.into_result(())?;
     Ok((compared, format!("errors against {}", runs[finest].name)))
 }
 
 /// The same of realisations, with the same runs in each: errors become root mean squares, seconds means.
-fn of_realisations(folders: &[PathBuf], asked: &Asked) -> Result<(Vec<Compared>, String), Faults> {
+fn compare_realisations(folders: &[PathBuf], asked: &TradeOptions) -> Result<(Vec<RunErrors>, String), Faults> {
     let mut faults = Faults::default();
-    let Asked { groups, values, from, early } = asked;
+    let TradeOptions { groups, values, from, early } = asked;
     if !groups.is_empty() || !values.is_empty() || from.is_some() || early.is_some() {
         let found = "--groups, --values, --from or --early with folders that this command has written";
         faults.push(Fault::new(Path::new("options"), None, "trade", found, "expected --title and -o alone"));
     }
-    let all: Vec<Vec<Compared>> = folders.iter().filter_map(|folder| faults.gather(read(&table_of(folder)))).collect();
+    let all: Vec<Vec<RunErrors>> =
+        folders.iter().filter_map(|folder| faults.gather_result(read_table(&table_path(folder)))).collect();
     faults.into_result(())?;
-    let compared = realised(folders, &all)?;
+    let compared = over_realisations(folders, &all)?;
     Ok((compared, format!("root mean squares of the errors of {} realisations", all.len())))
 }
 
-/// The runs of a table that [`table`] has made.
-fn read(path: &Path) -> Result<Vec<Compared>, Faults> {
+/// The runs of a table that [`table_text`] has made.
+fn read_table(path: &Path) -> Result<Vec<RunErrors>, Faults> {
     let text = atomic::read_text(path)?;
     let mut lines = text.lines();
-    if lines.next() != Some(header().trim_end()) {
+    if lines.next() != Some(table_header().trim_end()) {
         return Err(Fault::new(path, Some(1), "table", "has other columns", "expected those of cd-post trade").into());
     }
     let mut faults = Faults::default();
@@ -185,7 +192,7 @@ fn read(path: &Path) -> Result<Vec<Compared>, Faults> {
         let [name, group] = [(); 2].map(|()| fields.next().unwrap_or_default().to_string());
         let value = |field: &str| if field.is_empty() { Some(f64::NAN) } else { field.parse().ok() };
         match fields.map(value).collect::<Option<Vec<f64>>>().and_then(|values| values.try_into().ok()) {
-            Some(values) => runs.push(Compared { name, group, values }),
+            Some(values) => runs.push(RunErrors { name, group, values }),
             None => faults.push(Fault::new(path, Some(number), "row", line, "expected a name, a group and numbers")),
         }
     }
@@ -193,13 +200,13 @@ fn read(path: &Path) -> Result<Vec<Compared>, Faults> {
 }
 
 /// The runs of the first realisation with the errors of all.
-fn realised(folders: &[PathBuf], all: &[Vec<Compared>]) -> Result<Vec<Compared>, Faults> {
+fn over_realisations(folders: &[PathBuf], all: &[Vec<RunErrors>]) -> Result<Vec<RunErrors>, Faults> {
     let mut faults = Faults::default();
     let other = |folder: &Path, found: String| {
         let expected = format!("expected the runs of {}", folders[0].display());
-        Fault::new(&table_of(folder), None, "run", found, expected)
+        Fault::new(&table_path(folder), None, "run", found, expected)
     };
-    let named = |runs: &[Compared], name: &str| runs.iter().find(|run| run.name == name).map(|run| run.values);
+    let named = |runs: &[RunErrors], name: &str| runs.iter().find(|run| run.name == name).map(|run| run.values);
     for (folder, runs) in folders.iter().zip(all) {
         for run in runs.iter().filter(|run| named(&all[0], &run.name).is_none()) {
             faults.push(other(folder, format!("{} as well", run.name)));
@@ -207,10 +214,11 @@ fn realised(folders: &[PathBuf], all: &[Vec<Compared>]) -> Result<Vec<Compared>,
     }
     let mut realised = Vec::new();
     for run in &all[0] {
-        let of_each = |(folder, runs): (&PathBuf, &Vec<Compared>)| {
+        let of_each = |(folder, runs): (&PathBuf, &Vec<RunErrors>)| {
             named(runs, &run.name).ok_or_else(|| Faults::from(other(folder, format!("no {}", run.name))))
         };
-        let values: Vec<[f64; 15]> = folders.iter().zip(all).filter_map(|each| faults.gather(of_each(each))).collect();
+        let values: Vec<[f64; 15]> =
+            folders.iter().zip(all).filter_map(|each| faults.gather_result(of_each(each))).collect();
         let mean = |k: usize| values.iter().map(|of| of[k]).sum::<f64>() / values.len() as f64;
         let root = |k: usize| (values.iter().map(|of| of[k] * of[k]).sum::<f64>() / values.len() as f64).sqrt();
         let mut one = run.clone();
@@ -218,8 +226,8 @@ fn realised(folders: &[PathBuf], all: &[Vec<Compared>]) -> Result<Vec<Compared>,
             one.values[k] = match *name {
                 "value" => run.values[k],
                 "seconds" => mean(k),
-                "worst" => ["Z", "nu", "pressure"].map(|name| one.of(name)).into_iter().fold(f64::NAN, f64::max),
-                "over_estimated" => one.of("pressure_single") / one.of("estimated"),
+                "worst" => ["Z", "nu", "pressure"].map(|name| one.value_of(name)).into_iter().fold(f64::NAN, f64::max),
+                "over_estimated" => one.value_of("pressure_single") / one.value_of("estimated"),
                 _ => root(k),
             };
         }
@@ -229,29 +237,32 @@ fn realised(folders: &[PathBuf], all: &[Vec<Compared>]) -> Result<Vec<Compared>,
 }
 
 /// The place of the series of a case.
-fn series_of(case: &Path) -> PathBuf {
+fn series_path(case: &Path) -> PathBuf {
     case.join("POSTPRO/series.csv")
 }
 
-fn measured(case: &Path, name: String, group: String, value: f64) -> Result<Run, Faults> {
+fn measure_run(case: &Path, name: String, group: String, value: f64) -> Result<MeasuredRun, Faults> {
     let energies = ["n_grains", "Ec_mean", "E_grav", "E_uniform", "E_fields"];
     let shown = ["Z_interval", "nu", "pressure_interval", "a", "b", "c", "bed_nu", "bed_pressure_interval"];
-    let series = compare::read(&series_of(case), &[&["step", "time", "interval"], &shown[..], &energies[..]].concat())?;
+    let series = compare::read_columns(
+        &series_path(case),
+        &[&["step", "time", "interval"], &shown[..], &energies[..]].concat(),
+    )?;
     let observed = |k: usize| {
         let [z, nu, pressure, a, b, c, bed_nu, bed_pressure] = shown.map(|name| series[name][k]);
         let [count, kinetic, gravity, uniform, fields] = energies.map(|name| series[name][k]);
         let energy = count * kinetic + (gravity + uniform + fields);
         let values = [z, nu, pressure, a, b, c, energy, bed_nu, bed_pressure];
-        Observed { time: series["time"][k], interval: series["interval"][k], values }
+        SnapshotMeans { time: series["time"][k], interval: series["interval"][k], values }
     };
-    let timer = compare::read_log(&case.join("TIMER.csv"), &TIMED)?;
-    let seconds = TIMED.iter().flat_map(|room| &timer[*room]).sum();
-    let all = snapshots(&case.join("OUTBOX"))?;
+    let timer = compare::read_log(&case.join("TIMER.csv"), &TIMED_STAGES)?;
+    let seconds = TIMED_STAGES.iter().flat_map(|room| &timer[*room]).sum();
+    let all = list_snapshots(&case.join("OUTBOX"))?;
     let last = Snapshot::read(&all[all.len() - 1].1)?;
-    study::of_this_run(case, &series, &last.meta)?;
+    study::check_series_of_run(case, &series, &last.meta)?;
     let free: Vec<usize> = (0..last.bodies.body_x.len()).filter(|&i| last.bodies.body_driven[i] == 0).collect();
     let mean_radius = free.iter().map(|&i| last.bodies.body_radius[i]).sum::<f64>() / free.len().max(1) as f64;
-    Ok(Run {
+    Ok(MeasuredRun {
         case: case.to_path_buf(),
         name,
         group,
@@ -259,14 +270,14 @@ fn measured(case: &Path, name: String, group: String, value: f64) -> Result<Run,
         accuracy: last.meta.parameters.accuracy,
         seconds,
         observed: (0..series["time"].len()).map(observed).collect(),
-        estimated: estimated(&case.join("ERRORS.csv"))?,
+        estimated: estimated_error(&case.join("ERRORS.csv"))?,
         end: free_positions(&last),
         mean_radius,
     })
 }
 
 /// The sum of the sources of error in ERRORS.csv.
-fn estimated(path: &Path) -> Result<f64, Faults> {
+fn estimated_error(path: &Path) -> Result<f64, Faults> {
     let text = atomic::read_text(path)?;
     let mut faults = Faults::default();
     let mut sum = 0.0;
@@ -286,14 +297,14 @@ fn free_positions(snapshot: &Snapshot) -> Positions {
 }
 
 /// Where the free bodies are in the first snapshot after the start from a time (s) on, if there is one; of those at that time
-/// the nearest, as in [`nearest`].
+/// the nearest, as in [`nearest_time`].
 fn early_positions(case: &Path, from: f64) -> Result<Option<Positions>, Faults> {
     let away = |(time, _): &Positions| (time - from).abs();
     let mut best: Option<Positions> = None;
-    for (_, path) in &snapshots(&case.join("OUTBOX"))?[1..] {
+    for (_, path) in &list_snapshots(&case.join("OUTBOX"))?[1..] {
         let found = free_positions(&Snapshot::read(path)?);
         let last = found.0 >= from;
-        if reached(found.0, from) && best.as_ref().is_none_or(|best| away(&found) < away(best)) {
+        if is_at_or_after(found.0, from) && best.as_ref().is_none_or(|best| away(&found) < away(best)) {
             best = Some(found);
         }
         if last {
@@ -304,7 +315,7 @@ fn early_positions(case: &Path, from: f64) -> Result<Option<Positions>, Faults> 
 }
 
 /// RMS distance over the mean radius; NaN at different times.
-fn away((time, a): &Positions, (other, b): &Positions, radius: f64) -> f64 {
+fn rms_distance((time, a): &Positions, (other, b): &Positions, radius: f64) -> f64 {
     if !same_time(*time, *other) {
         return f64::NAN;
     }
@@ -325,7 +336,7 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// What is to be said of a series whose times (s) are not those that were asked for.
-fn span(times: &[f64]) -> String {
+fn times_text(times: &[f64]) -> String {
     match times {
         [] => "no snapshot".into(),
         [one] => format!("one at {one} s"),
@@ -334,30 +345,30 @@ fn span(times: &[f64]) -> String {
 }
 
 /// What runs are compared with.
-struct Exact<'a> {
-    finest: &'a Run,
-    /// Of the snapshots that count: what [`Run::observed`] has.
-    observed: Vec<Observed>,
+struct ReferenceRun<'a> {
+    finest: &'a MeasuredRun,
+    /// Of the snapshots that count: what [`MeasuredRun::observed`] has.
+    observed: Vec<SnapshotMeans>,
     early: Option<Positions>,
 }
 
-impl Exact<'_> {
+impl ReferenceRun<'_> {
     /// The snapshots from `from` (s) on, or the last, and the early positions from `early` (s) on, or the first.
-    fn of(finest: &Run, from: Option<f64>, early: Option<f64>) -> Result<Exact<'_>, Faults> {
+    fn new(finest: &MeasuredRun, from: Option<f64>, early: Option<f64>) -> Result<ReferenceRun<'_>, Faults> {
         let times: Vec<f64> = finest.observed.iter().map(|seen| seen.time).collect();
-        let as_there = |time: f64| nearest(times.iter().copied(), time).unwrap_or(time);
+        let as_there = |time: f64| nearest_time(times.iter().copied(), time).unwrap_or(time);
         let from = from.map(as_there).or(times.last().copied()).unwrap_or(f64::NAN);
         let observed: Vec<_> = finest.observed.iter().copied().filter(|seen| seen.time >= from).collect();
         if observed.is_empty() {
             let expected = "expected one at the time of --from or later";
-            return Err(Fault::new(&series_of(&finest.case), None, "time", span(&times), expected).into());
+            return Err(Fault::new(&series_path(&finest.case), None, "time", times_text(&times), expected).into());
         }
-        Ok(Exact { finest, observed, early: early_positions(&finest.case, early.unwrap_or(0.0))? })
+        Ok(ReferenceRun { finest, observed, early: early_positions(&finest.case, early.unwrap_or(0.0))? })
     }
 
     /// Faults of a run that cannot be compared: other bodies, or no snapshot at a time that counts or none after an equal
     /// interval.
-    fn compared(&self, run: &Run) -> Result<Compared, Faults> {
+    fn compare_run(&self, run: &MeasuredRun) -> Result<RunErrors, Faults> {
         let finest = self.finest;
         let mut faults = Faults::default();
         let [count, expected] = [run, finest].map(|run| run.end.1.len());
@@ -367,25 +378,25 @@ impl Exact<'_> {
             faults.push(Fault::new(&run.case.join("OUTBOX"), None, "bodies", found, expected));
         }
         let at = |time: f64| {
-            let own = nearest(run.observed.iter().map(|seen| seen.time), time)?;
+            let own = nearest_time(run.observed.iter().map(|seen| seen.time), time)?;
             run.observed.iter().find(|seen| seen.time == own)
         };
-        let at_once: Vec<(&Observed, &Observed)> =
+        let at_once: Vec<(&SnapshotMeans, &SnapshotMeans)> =
             self.observed.iter().filter_map(|exact| Some((at(exact.time)?, exact))).collect();
         let shared: Vec<([f64; 9], [f64; 9])> = at_once
             .iter()
-            .filter(|(found, exact)| found.as_long_as(exact))
+            .filter(|(found, exact)| found.has_same_interval(exact))
             .map(|(found, exact)| (found.values, exact.values))
             .collect();
         if let ([(found, exact), ..], []) = (&at_once[..], &shared[..]) {
             let found = format!("of {} s at {} s", found.interval, found.time);
             let expected =
                 format!("expected {} s, as in {}: the same output_every in time", exact.interval, finest.name);
-            faults.push(Fault::new(&series_of(&run.case), None, "interval", found, expected));
+            faults.push(Fault::new(&series_path(&run.case), None, "interval", found, expected));
         } else if shared.is_empty() {
-            let times = |rows: &[Observed]| span(&rows.iter().map(|seen| seen.time).collect::<Vec<_>>());
+            let times = |rows: &[SnapshotMeans]| times_text(&rows.iter().map(|seen| seen.time).collect::<Vec<_>>());
             let expected = format!("expected a time of those that count of {}, {}", finest.name, times(&self.observed));
-            faults.push(Fault::new(&series_of(&run.case), None, "time", times(&run.observed), expected));
+            faults.push(Fault::new(&series_path(&run.case), None, "time", times(&run.observed), expected));
         }
         faults.into_result(())?;
         // Of those in which both have a value.
@@ -407,39 +418,39 @@ impl Exact<'_> {
         // The ball around a bed is as large as its highest grain is high.
         let bed = bed_nu.is_finite() && bed_pressure.is_finite();
         let [nu, pressure] = if bed { [bed_nu, bed_pressure] } else { [nu, pressure] };
-        let single = of_singles(if bed { BED_PRESSURE } else { PRESSURE });
+        let single = of_singles(if bed { BED_PRESSURE_INDEX } else { PRESSURE_INDEX });
         let early = match &self.early {
             Some(exact) => {
-                early_positions(&run.case, exact.0)?.map_or(f64::NAN, |own| away(&own, exact, run.mean_radius))
+                early_positions(&run.case, exact.0)?.map_or(f64::NAN, |own| rms_distance(&own, exact, run.mean_radius))
             }
             None => f64::NAN,
         };
-        let end = away(&run.end, &finest.end, run.mean_radius);
+        let end = rms_distance(&run.end, &finest.end, run.mean_radius);
         let worst = [z, nu, pressure].into_iter().filter(|error| error.is_finite()).fold(f64::NAN, f64::max);
         let (estimated, over) = (run.estimated, single / run.estimated);
         let values =
             [run.value, run.seconds, z, nu, pressure, a, b, c, energy, early, end, worst, single, estimated, over];
-        Ok(Compared { name: run.name.clone(), group: run.group.clone(), values })
+        Ok(RunErrors { name: run.name.clone(), group: run.group.clone(), values })
     }
 }
 
-fn header() -> String {
+fn table_header() -> String {
     format!("run,group,{}\n", COLUMNS.map(|column| column.0).join(","))
 }
 
 /// A row a run; an empty field where a value is not defined.
-fn table(runs: &[Compared]) -> String {
-    let mut text = header();
+fn table_text(runs: &[RunErrors]) -> String {
+    let mut text = table_header();
     for run in runs {
-        let values: Vec<String> = run.values.iter().map(Field::text).collect();
-        text += &format!("{},{},{}\n", named(&run.name), named(&run.group), values.join(","));
+        let values: Vec<String> = run.values.iter().map(SeriesValue::text).collect();
+        text += &format!("{},{},{}\n", name_field(&run.name), name_field(&run.group), values.join(","));
     }
     text
 }
 
 /// The groups in the order in which they come, each with its runs.
-fn grouped(runs: &[Compared]) -> Vec<(&str, Vec<&Compared>)> {
-    let mut groups: Vec<(&str, Vec<&Compared>)> = Vec::new();
+fn grouped_runs(runs: &[RunErrors]) -> Vec<(&str, Vec<&RunErrors>)> {
+    let mut groups: Vec<(&str, Vec<&RunErrors>)> = Vec::new();
     for run in runs {
         match groups.iter_mut().find(|(name, _)| *name == run.group) {
             Some((_, members)) => members.push(run),
@@ -451,17 +462,18 @@ fn grouped(runs: &[Compared]) -> Vec<(&str, Vec<&Compared>)> {
 
 /// Of each group of three values and more, for the worst error and that of the early positions: with what power of the
 /// value it goes, and by how much the time grows when it becomes a tenth.
-fn orders(runs: &[Compared]) -> String {
+fn order_table(runs: &[RunErrors]) -> String {
     let mut text = String::from("group,runs,order,r2,digit,order_early,r2_early,digit_early\n");
-    for (name, members) in grouped(runs) {
+    for (name, members) in grouped_runs(runs) {
         if members.len() < 3 {
             continue;
         }
         let line = |x: &str, y: &str| {
-            let points: Vec<(f64, f64)> = members.iter().map(|run| (run.of(x).ln(), run.of(y).ln())).collect();
-            Line::through(&points)
+            let points: Vec<(f64, f64)> =
+                members.iter().map(|run| (run.value_of(x).ln(), run.value_of(y).ln())).collect();
+            FittedLine::least_squares(&points)
         };
-        text += &format!("{},{}", named(name), members.len());
+        text += &format!("{},{}", name_field(name), members.len());
         for error in ["worst", "positions_early"] {
             let order = line("value", error);
             let digit = line(error, "seconds").map(|price| 10f64.powf(-price.slope));
@@ -475,8 +487,8 @@ fn orders(runs: &[Compared]) -> String {
 }
 
 /// Error against time; a curve a group, dots with their names for single runs such as presets, and the runs that none beats in both.
-fn figure(runs: &[Compared], title: &str) -> Figure {
-    let point = |run: &Compared| (run.of("seconds"), run.of("worst"));
+fn error_figure(runs: &[RunErrors], title: &str) -> Figure {
+    let point = |run: &RunErrors| (run.value_of("seconds"), run.value_of("worst"));
     let mut curves: Vec<Curve> = Vec::new();
     let mut front: Vec<(f64, f64)> = runs.iter().map(point).collect();
     front.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -487,37 +499,38 @@ fn figure(runs: &[Compared], title: &str) -> Figure {
             true
         }
     });
-    curves.push(Curve { name: "best of all".into(), points: front, marks: Marks::Expected });
-    for (name, members) in grouped(runs) {
+    curves.push(Curve { name: "best of all".into(), points: front, marks: CurveMarks::Expected });
+    for (name, members) in grouped_runs(runs) {
         let mut points: Vec<(f64, f64)> = members.into_iter().map(point).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let marks = if points.len() == 1 { Marks::Named } else { Marks::Line };
+        let marks = if points.len() == 1 { CurveMarks::Named } else { CurveMarks::Line };
         curves.push(Curve { name: name.into(), points, marks });
     }
     // What has a name stands on top.
-    curves.sort_by_key(|curve| curve.marks == Marks::Named);
+    curves.sort_by_key(|curve| curve.marks == CurveMarks::Named);
     Figure {
         title: title.into(),
-        x: Axis::logarithmic("time", "s"),
-        y: Axis::logarithmic("largest error of Z, ν, pressure", "1"),
+        x: FigureAxis::logarithmic("time", "s"),
+        y: FigureAxis::logarithmic("largest error of Z, ν, pressure", "1"),
         curves,
     }
 }
 
 /// What is seen at once; `errors`: what these are.
-fn text(runs: &[Compared], errors: &str) -> String {
+fn summary_text(runs: &[RunErrors], errors: &str) -> String {
     let shown = ["seconds", "Z", "nu", "pressure", "energy", "positions", "estimated"];
     let width = runs.iter().map(|run| run.name.chars().count()).max().unwrap_or(0).max(4);
     let mut text = format!("  {:width$}", "run");
     text.extend(shown.iter().map(|name| format!("  {name:>9}")));
     for run in runs {
         text += &format!("\n  {:width$}", run.name);
-        text.extend(shown.iter().map(|name| match run.of(name) {
+        text.extend(shown.iter().map(|name| match run.value_of(name) {
             value if value.is_finite() => format!("  {value:>9.2e}"),
             _ => format!("  {:>9}", "-"),
         }));
     }
-    let judged = runs.iter().map(|run| run.of("over_estimated")).filter(|ratio| ratio.is_finite() && *ratio > 0.0);
+    let judged =
+        runs.iter().map(|run| run.value_of("over_estimated")).filter(|ratio| ratio.is_finite() && *ratio > 0.0);
     let (judged, honest) =
         judged.fold((0, 0), |(all, honest), ratio| (all + 1, honest + i32::from((1.0 / 3.0..=3.0).contains(&ratio))));
     text += &format!("\n  {errors}");
@@ -531,8 +544,8 @@ fn text(runs: &[Compared], errors: &str) -> String {
 mod tests {
     use super::*;
 
-    fn run(group: &str, value: f64, seconds: f64, error: f64) -> Compared {
-        let mut run = Compared { name: format!("{group}{value}"), group: group.into(), values: [f64::NAN; 15] };
+    fn run(group: &str, value: f64, seconds: f64, error: f64) -> RunErrors {
+        let mut run = RunErrors { name: format!("{group}{value}"), group: group.into(), values: [f64::NAN; 15] };
         for (name, value) in
             [("value", value), ("seconds", seconds), ("worst", error), ("positions_early", error * error)]
         {
@@ -544,9 +557,9 @@ mod tests {
     #[test]
     fn orders_and_prices_are_found() {
         // Of second order, half the step twice the time: a digit costs the square root of ten; of fourth, the fourth root.
-        let mut runs: Vec<Compared> = [1.0, 0.5, 0.25].map(|h| run("dt", h, 3.0 / h, h * h)).to_vec();
+        let mut runs: Vec<RunErrors> = [1.0, 0.5, 0.25].map(|h| run("dt", h, 3.0 / h, h * h)).to_vec();
         runs.push(run("draft", f64::NAN, 1.0, 0.1));
-        let text = orders(&runs);
+        let text = order_table(&runs);
         let row: Vec<&str> = text.lines().nth(1).unwrap().split(',').collect();
         assert_eq!((text.lines().count(), row[0], row[1]), (2, "dt", "3"));
         let number = |k: usize| -> f64 { row[k].parse().unwrap() };
@@ -558,7 +571,7 @@ mod tests {
     #[test]
     fn estimates_are_judged_where_there_are_some() {
         let mut runs = [run("dt", 1.0, 1.0, 0.1)];
-        let told = |runs: &[Compared]| text(runs, "errors against fine").lines().last().unwrap().to_string();
+        let told = |runs: &[RunErrors]| summary_text(runs, "errors against fine").lines().last().unwrap().to_string();
         assert_eq!(told(&runs), "  errors against fine");
         runs[0].values[COLUMNS.iter().position(|column| column.0 == "over_estimated").unwrap()] = 2.0;
         assert_eq!(told(&runs), "  errors against fine; 1 of 1 estimates within a factor of 3");
@@ -567,10 +580,13 @@ mod tests {
     #[test]
     fn what_another_beats_is_not_on_the_front() {
         let runs = [run("a", 1.0, 1.0, 0.1), run("a", 2.0, 2.0, 0.2), run("b", 1.0, 3.0, 0.01)];
-        let figure = figure(&runs, "Error against time");
+        let figure = error_figure(&runs, "Error against time");
         assert_eq!(figure.curves[0].points, [(1.0, 0.1), (3.0, 0.01)]);
-        assert_eq!(figure.curves.iter().map(|curve| curve.marks).collect::<Vec<_>>()[1..], [Marks::Line, Marks::Named]);
-        assert!(figure.svg().contains("time (s)"));
+        assert_eq!(
+            figure.curves.iter().map(|curve| curve.marks).collect::<Vec<_>>()[1..],
+            [CurveMarks::Line, CurveMarks::Named]
+        );
+        assert!(figure.to_svg().contains("time (s)"));
     }
 
     #[test]
@@ -584,38 +600,40 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let folders = ["a", "b"].map(|name| folder.path().join(name));
         for (folder, run) in folders.iter().zip([&one, &other]) {
-            atomic::write(&table_of(folder), table(std::slice::from_ref(run)).as_bytes()).unwrap();
+            atomic::write(&table_path(folder), table_text(std::slice::from_ref(run)).as_bytes()).unwrap();
         }
-        let all: Vec<Vec<Compared>> = folders.iter().map(|folder| read(&table_of(folder)).unwrap()).collect();
-        let found = &realised(&folders, &all).unwrap()[0];
+        let all: Vec<Vec<RunErrors>> = folders.iter().map(|folder| read_table(&table_path(folder)).unwrap()).collect();
+        let found = &over_realisations(&folders, &all).unwrap()[0];
         // (0.3² + 0.4²)/2 = 0.125, (0.01² + 0.07²)/2 = 0.05²; rounding of a few operations.
         for (name, expected) in
             [("value", 2.0), ("seconds", 2.0), ("Z", 0.125f64.sqrt()), ("nu", 0.05), ("pressure", 0.02)]
         {
-            assert!((found.of(name) - expected).abs() < 1e-15, "{name} {}", found.of(name));
+            assert!((found.value_of(name) - expected).abs() < 1e-15, "{name} {}", found.value_of(name));
         }
-        assert_eq!(found.of("worst"), found.of("Z"));
+        assert_eq!(found.value_of("worst"), found.value_of("Z"));
         // Others than the runs of the first, and what is no table of them.
-        let told = realised(&folders, &[vec![one], vec![run("tol", 1.0, 1.0, 1.0)]]).unwrap_err().to_string();
+        let told = over_realisations(&folders, &[vec![one], vec![run("tol", 1.0, 1.0, 1.0)]]).unwrap_err().to_string();
         let told: Vec<&str> = told.lines().collect();
         let says = |line: &str, found: &str| {
             line.ends_with(&format!("b/trade.csv: run: {found}; expected the runs of {}", folders[0].display()))
         };
         assert!(told.len() == 2 && says(told[0], "tol1 as well") && says(told[1], "no dt2"), "{told:?}");
-        atomic::write(&table_of(&folders[1]), format!("{}x,y,1\n", header()).as_bytes()).unwrap();
-        assert!(read(&table_of(&folders[1])).unwrap_err().to_string().contains("trade.csv:2: row: x,y,1; expected"));
+        atomic::write(&table_path(&folders[1]), format!("{}x,y,1\n", table_header()).as_bytes()).unwrap();
+        assert!(
+            read_table(&table_path(&folders[1])).unwrap_err().to_string().contains("trade.csv:2: row: x,y,1; expected")
+        );
     }
 
     /// A run of two bodies with one row in its series, at the time at which it ends, s.
-    fn measured(time: f64, pressure: f64, x: f64) -> Run {
-        Run {
+    fn measured(time: f64, pressure: f64, x: f64) -> MeasuredRun {
+        MeasuredRun {
             case: "run".into(),
             name: "run".into(),
             group: String::new(),
             value: f64::NAN,
             accuracy: None,
             seconds: 1.0,
-            observed: vec![Observed {
+            observed: vec![SnapshotMeans {
                 time,
                 interval: 0.5,
                 values: [4.0, 0.5, pressure, 3.0, 2.0, 1.0, -1.0, f64::NAN, f64::NAN],
@@ -629,13 +647,13 @@ mod tests {
     #[test]
     fn errors_are_relative_to_the_finest() {
         let finest = measured(1.0, 1.0, 0.0);
-        let exact = Exact { finest: &finest, observed: finest.observed.clone(), early: None };
-        let found = exact.compared(&measured(1.0, 1.02, 0.2)).unwrap();
+        let exact = ReferenceRun { finest: &finest, observed: finest.observed.clone(), early: None };
+        let found = exact.compare_run(&measured(1.0, 1.02, 0.2)).unwrap();
         // Rounding of a few operations.
         for (name, expected) in
             [("pressure", 0.02), ("worst", 0.02), ("Z", 0.0), ("positions", 0.1 / 2f64.sqrt()), ("over_estimated", 2.0)]
         {
-            assert!((found.of(name) - expected).abs() < 1e-12, "{name} {}", found.of(name));
+            assert!((found.value_of(name) - expected).abs() < 1e-12, "{name} {}", found.value_of(name));
         }
         // Of a bed its own solid fraction and pressure count.
         let bed = |nu: f64, pressure: f64| {
@@ -644,32 +662,35 @@ mod tests {
             run
         };
         let finest = bed(0.5, 8.0);
-        let exact = Exact { finest: &finest, observed: finest.observed.clone(), early: None };
-        let found = exact.compared(&bed(0.75, 9.0)).unwrap();
-        assert_eq!(["nu", "pressure", "worst"].map(|name| found.of(name)), [0.5, 0.125, 0.5]);
+        let exact = ReferenceRun { finest: &finest, observed: finest.observed.clone(), early: None };
+        let found = exact.compare_run(&bed(0.75, 9.0)).unwrap();
+        assert_eq!(["nu", "pressure", "worst"].map(|name| found.value_of(name)), [0.5, 0.125, 0.5]);
     }
 
     #[test]
     fn means_count_where_intervals_are_equal_and_both_have_a_value() {
-        let at = |time: f64, interval: f64, z: f64, pressure: f64| Observed {
+        let at = |time: f64, interval: f64, z: f64, pressure: f64| SnapshotMeans {
             time,
             interval,
             values: [z, 0.5, pressure, 3.0, 2.0, 1.0, -1.0, f64::NAN, f64::NAN],
         };
-        let of = |rows: &[Observed]| Run { observed: rows.to_vec(), ..measured(3.0, 1.0, 0.0) };
+        let of = |rows: &[SnapshotMeans]| MeasuredRun { observed: rows.to_vec(), ..measured(3.0, 1.0, 0.0) };
         // The first has no pressure, the second follows another interval; of the rest pressures of 3 against 2.
         let finest = of(&[at(1.0, 1.0, 4.0, f64::NAN), at(2.0, 1.0, 4.0, 9.0), at(3.0, 1.0, 4.0, 2.0)]);
-        let exact = Exact { finest: &finest, observed: finest.observed.clone(), early: None };
-        let found = exact.compared(&of(&[at(1.0, 1.0, 5.0, 9.0), at(2.0, 0.5, 9.0, 1.0), at(3.0, 1.0, 5.0, 3.0)]));
+        let exact = ReferenceRun { finest: &finest, observed: finest.observed.clone(), early: None };
+        let found = exact.compare_run(&of(&[at(1.0, 1.0, 5.0, 9.0), at(2.0, 0.5, 9.0, 1.0), at(3.0, 1.0, 5.0, 3.0)]));
         let found = found.unwrap();
-        assert_eq!(["Z", "pressure", "worst", "pressure_single"].map(|name| found.of(name)), [0.25, 0.5, 0.5, 0.5]);
-        let faults = exact.compared(&of(&[at(3.0, 0.5, 4.0, 2.0)])).unwrap_err().to_string();
+        assert_eq!(
+            ["Z", "pressure", "worst", "pressure_single"].map(|name| found.value_of(name)),
+            [0.25, 0.5, 0.5, 0.5]
+        );
+        let faults = exact.compare_run(&of(&[at(3.0, 0.5, 4.0, 2.0)])).unwrap_err().to_string();
         let expected = "run/POSTPRO/series.csv: interval: of 0.5 s at 3 s; \
                         expected 1 s, as in run: the same output_every in time";
         assert_eq!(faults, expected);
         // What does not tell its interval has no means of it; the rest is compared.
-        let found = exact.compared(&of(&[at(3.0, f64::NAN, f64::NAN, f64::NAN)])).unwrap();
-        assert!(found.of("Z").is_nan() && found.of("nu") == 0.0);
+        let found = exact.compare_run(&of(&[at(3.0, f64::NAN, f64::NAN, f64::NAN)])).unwrap();
+        assert!(found.value_of("Z").is_nan() && found.value_of("nu") == 0.0);
     }
 
     #[test]
@@ -679,12 +700,12 @@ mod tests {
         run.observed.extend((1..4).map(|k| {
             let mut row = row;
             row.time += f64::from(k);
-            row.values[PRESSURE] += f64::from(k);
+            row.values[PRESSURE_INDEX] += f64::from(k);
             row
         }));
-        let exact = Exact { finest: &run, observed: run.observed.clone(), early: None };
-        let found = exact.compared(&run).unwrap();
-        assert_eq!((found.of("worst"), found.of("pressure_single")), (0.0, 0.0));
+        let exact = ReferenceRun { finest: &run, observed: run.observed.clone(), early: None };
+        let found = exact.compare_run(&run).unwrap();
+        assert_eq!((found.value_of("worst"), found.value_of("pressure_single")), (0.0, 0.0));
     }
 
     #[test]
@@ -697,18 +718,19 @@ mod tests {
     #[test]
     fn what_is_not_shared_is_no_agreement() {
         let finest = measured(2.0, 1.0, 0.0);
-        let exact = Exact { finest: &finest, observed: finest.observed.clone(), early: None };
+        let exact = ReferenceRun { finest: &finest, observed: finest.observed.clone(), early: None };
         // It ends before, but has the time that counts; nothing of it can be told but that.
         let mut short = measured(1.0, 1.0, 0.0);
-        short.observed.push(Observed { time: 2.0, interval: 0.5, values: [f64::NAN; 9] });
-        let found = exact.compared(&short).unwrap();
-        assert!(found.of("positions").is_nan() && found.of("worst").is_nan());
-        let front = figure(&[found], "").curves.into_iter().find(|curve| curve.marks == Marks::Expected).unwrap();
+        short.observed.push(SnapshotMeans { time: 2.0, interval: 0.5, values: [f64::NAN; 9] });
+        let found = exact.compare_run(&short).unwrap();
+        assert!(found.value_of("positions").is_nan() && found.value_of("worst").is_nan());
+        let front =
+            error_figure(&[found], "").curves.into_iter().find(|curve| curve.marks == CurveMarks::Expected).unwrap();
         assert!(front.points.is_empty());
         // Another time and another number of bodies.
         let mut other = measured(1.0, 1.0, 0.0);
         other.end.1.pop();
-        let faults = exact.compared(&other).unwrap_err().to_string();
+        let faults = exact.compare_run(&other).unwrap_err().to_string();
         let expected = "run/OUTBOX: bodies: 1 are free; expected 2, as in run\n\
                         run/POSTPRO/series.csv: time: one at 1 s; expected a time of those that count of run, one at 2 s";
         assert_eq!(faults, expected);

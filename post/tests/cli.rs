@@ -8,7 +8,7 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-use cd_formats::compute::Field;
+use cd_formats::compute::ExternalField;
 use cd_formats::snapshot;
 use nalgebra::Vector3;
 use samples::Scene;
@@ -45,7 +45,7 @@ fn scene(step: u64) -> Scene {
 fn case(steps: &[u64]) -> tempfile::TempDir {
     let case = tempfile::tempdir().unwrap();
     for &step in steps {
-        scene(step).snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), step)).unwrap();
+        scene(step).snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), step)).unwrap();
     }
     case
 }
@@ -197,7 +197,7 @@ fn a_damaged_snapshot_is_refused_and_the_series_stays_as_it_was() {
     let case = case(&[0, 1, 2]);
     assert!(cd_post(&[], case.path()).status.success());
     let series = fs::read(case.path().join("POSTPRO/series.csv")).unwrap();
-    let damaged = snapshot::path(&case.path().join("OUTBOX"), 1);
+    let damaged = snapshot::snapshot_path(&case.path().join("OUTBOX"), 1);
     let bytes = fs::read(&damaged).unwrap();
     fs::write(&damaged, &bytes[..bytes.len() / 2]).unwrap();
     let (code, message) = refused(case.path());
@@ -211,7 +211,7 @@ fn a_snapshot_of_another_run_is_refused() {
     let case = case(&[0, 1]);
     let mut other = scene(2);
     other.snapshot.bodies.body_mass[1] *= 2.0;
-    let path = snapshot::path(&case.path().join("OUTBOX"), 2);
+    let path = snapshot::snapshot_path(&case.path().join("OUTBOX"), 2);
     other.snapshot.write(&path).unwrap();
     let (code, message) = refused(case.path());
     assert_eq!(code, 2);
@@ -225,7 +225,7 @@ fn what_all_snapshots_lack_is_told_once() {
     for step in 0..3 {
         let mut scene = scene(step);
         scene.cube([0.0, 0.0, 9.0], 1.0);
-        scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), step)).unwrap();
+        scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), step)).unwrap();
     }
     let output = cd_post(&["--threads", "3"], case.path());
     let told = String::from_utf8(output.stderr).unwrap();
@@ -245,7 +245,7 @@ fn shapes_of_another_datbox_are_refused_once() {
     for step in 0..4 {
         let mut scene = cubes(1.0, 8);
         scene.snapshot.meta.step = step;
-        scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), step)).unwrap();
+        scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), step)).unwrap();
     }
     let datbox = case.path().join("DATBOX");
     fs::create_dir(&datbox).unwrap();
@@ -294,7 +294,7 @@ fn a_broken_state_is_refused_row_by_row() {
     let case = case(&[0]);
     let mut broken = scene(0).snapshot;
     broken.bodies.body_mass[3] = -1.0;
-    let path = snapshot::path(&case.path().join("OUTBOX"), 0);
+    let path = snapshot::snapshot_path(&case.path().join("OUTBOX"), 0);
     broken.write(&path).unwrap();
     let file = path.display();
     let expected = format!("cd-post: {file}: body 4, body_mass: [-1.0]; expected numbers > 0\n");
@@ -315,7 +315,7 @@ fn a_case_without_grains_is_done_with_a_report() {
     let case = tempfile::tempdir().unwrap();
     let mut scene = Scene::default();
     scene.plate([0.0; 3], [1.0; 3]);
-    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 0)).unwrap();
+    scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 0)).unwrap();
     let (code, message) = refused(case.path());
     assert_eq!((code, message.as_str()), (1, "cd-post: 1 of 1 snapshots hold no grain: their fields are empty\n"));
     let series = fs::read_to_string(case.path().join("POSTPRO/series.csv")).unwrap();
@@ -354,7 +354,7 @@ fn a_bed_in_a_cell_has_layers_and_columns_of_its_own() {
         }
     }
     let case = tempfile::tempdir().unwrap();
-    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 0)).unwrap();
+    scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 0)).unwrap();
     assert_eq!(cd_post(&[], case.path()).status.code(), Some(0));
     let series = case.path().join("POSTPRO/series.csv");
     let found = |name: &str| column(&series, name)[0];
@@ -381,7 +381,7 @@ fn a_bed_in_a_cell_has_layers_and_columns_of_its_own() {
     // The mean of two of which the second moves by 1 m/s along x.
     scene.snapshot.bodies.body_v.iter_mut().for_each(|v| v[0] = 1.0);
     scene.snapshot.meta.step = 1;
-    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 1)).unwrap();
+    scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 1)).unwrap();
     let state = case.path().join("POSTPRO/state-000001/layers.csv");
     for (count, v_x) in [("1", 1.0), ("2", 0.5)] {
         assert_eq!(cd_post(&["state", "--mean", count], case.path()).status.code(), Some(1));
@@ -397,7 +397,7 @@ fn a_bed_in_a_cell_has_layers_and_columns_of_its_own() {
     // One in which all have left the floor counts for nothing.
     scene.snapshot.meta.step = 2;
     scene.snapshot.contacts = Default::default();
-    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 2)).unwrap();
+    scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 2)).unwrap();
     let output = cd_post(&["state", "--mean", "3"], case.path());
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(said.contains("a bed is in 2 of 3 snapshots: the mean layers are those of these"), "{said}");
@@ -407,7 +407,7 @@ fn a_bed_in_a_cell_has_layers_and_columns_of_its_own() {
     let output = cd_post(&["state"], case.path());
     assert_eq!((output.status.code(), layers.exists()), (Some(1), false));
     scene.snapshot.meta.step = 3;
-    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 3)).unwrap();
+    scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 3)).unwrap();
     let output = cd_post(&["state", "--mean", "2"], case.path());
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(said.contains("a bed is in none of 2 snapshots: there are no layers\n"), "{said}");
@@ -468,8 +468,8 @@ fn turning_axes_hide_no_motion() {
     let mass = scene.snapshot.bodies.body_mass[rows[0]];
     let rate = k * (2.0 * constant * mass / f64::powi(distance, 3)).sqrt();
     scene.snapshot.meta.parameters.fields =
-        vec![Field::RotatingFrame { rate: [0.0, 0.0, rate], centre: [1.0, 2.0, 0.0] }];
-    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 0)).unwrap();
+        vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, rate], centre: [1.0, 2.0, 0.0] }];
+    scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 0)).unwrap();
     for command in [&["--no-vtk"][..], &["state"]] {
         assert_eq!(cd_post(command, case.path()).status.code(), Some(0));
     }
@@ -659,7 +659,7 @@ fn runs_are_measured_by_the_finest() {
     fs::write(cases[0].path().join("TIMER.csv"), format!("{timer}3,1,2")).unwrap();
     assert_eq!(trade(&["--groups", "dt,dt,finest", "--values", "2,1,0.5"]).status.code(), Some(0));
     assert_eq!(fs::read_to_string(output.path().join("trade.csv")).unwrap(), table);
-    let newer = snapshot::path(&cases[0].path().join("OUTBOX"), 8);
+    let newer = snapshot::snapshot_path(&cases[0].path().join("OUTBOX"), 8);
     scene(8).snapshot.write(&newer).unwrap();
     let told = trade(&[]);
     assert_eq!(told.status.code(), Some(2));
@@ -689,7 +689,7 @@ fn runs_are_measured_at_the_times_that_they_share() {
     for x in &mut moved.bodies.body_x {
         x[1] += 1.0;
     }
-    moved.write(&snapshot::path(&cases[1].path().join("OUTBOX"), 1)).unwrap();
+    moved.write(&snapshot::snapshot_path(&cases[1].path().join("OUTBOX"), 1)).unwrap();
     for case in &cases {
         fs::write(case.path().join("TIMER.csv"), "step,gravity,detection,assembly,solve,integration\n1,1,2,3,4,5\n")
             .unwrap();
@@ -800,7 +800,7 @@ fn many_runs_are_points_of_one_study() {
     assert_eq!(study(&[]), (0, String::new()));
     assert_eq!(column(&folder.path().join("runs.csv"), "sweeps"), [15.0; 2]);
     // A series of the run before.
-    let newer = snapshot::path(&cases[0].path().join("OUTBOX"), 8);
+    let newer = snapshot::snapshot_path(&cases[0].path().join("OUTBOX"), 8);
     scene(8).snapshot.write(&newer).unwrap();
     let (status, told) = study(&[]);
     let expected = format!(
@@ -859,7 +859,7 @@ fn a_report_is_one_page_that_needs_nothing_else() {
         for step in [12_345_600, 12_345_678] {
             let mut scene = scene(step).snapshot;
             scene.meta.ledger.sweeps = 156 * (step - 12_345_600) / 78;
-            scene.write(&snapshot::path(&kept.path().join("OUTBOX"), step)).unwrap();
+            scene.write(&snapshot::snapshot_path(&kept.path().join("OUTBOX"), step)).unwrap();
         }
         let of_sweeps = |sweeps: &str| format!("<td>sweeps of the contact solver per step</td><td>{sweeps}</td>");
         let page = || {
@@ -874,7 +874,7 @@ fn a_report_is_one_page_that_needs_nothing_else() {
         assert!(page().contains(&of_sweeps("3")), "of 52");
     }
     // Steps of their own length are counted by steps.csv, where there is one.
-    let path = snapshot::path(&case.path().join("OUTBOX"), 10);
+    let path = snapshot::snapshot_path(&case.path().join("OUTBOX"), 10);
     let mut last = scene(10).snapshot;
     (last.meta.parameters.adaptive, last.meta.ledger.sweeps) = (Some(Default::default()), 6);
     last.write(&path).unwrap();
@@ -907,7 +907,7 @@ fn a_report_has_the_figures_of_the_series_and_of_the_state() {
             }
         }
     }
-    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 0)).unwrap();
+    scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 0)).unwrap();
     let page = |flags: &[&str]| {
         let output = cd_post(&[&["report"], flags].concat(), case.path());
         assert_eq!(output.status.code(), Some(0), "{output:?}");
@@ -956,7 +956,7 @@ fn a_body_is_tracked_along_the_first_gravity() {
             let gravity = [[0.0; 3], [0.0, 0.0, -2.0], [0.0; 3], [if turns { -2.0 } else { 0.0 }, 0.0, -2.0]];
             scene.snapshot.meta.parameters.uniform_gravity = gravity[step as usize];
             scene.grain([0.0, 0.0, 5.0], 0.5);
-            scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), step)).unwrap();
+            scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), step)).unwrap();
         }
         let output = cd_post(&["track", "--body", "5"], case.path());
         let depth = column(&case.path().join("POSTPRO/track-5/track.csv"), "depth");
@@ -979,7 +979,7 @@ fn a_depth_below_nothing_is_told() {
     let mut scene = scene(0);
     scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -2.0];
     scene.grain([30.0, 0.0, 5.0], 0.5);
-    scene.snapshot.write(&snapshot::path(&case.path().join("OUTBOX"), 0)).unwrap();
+    scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 0)).unwrap();
     let output = cd_post(&["track", "--body", "5"], case.path());
     let told = String::from_utf8(output.stderr).unwrap();
     let expected = "cd-post: no surface is under body 5 in the first snapshot: its depth is empty\n";
@@ -992,7 +992,7 @@ fn a_folder_that_no_text_names_is_told() {
     use std::os::unix::ffi::OsStrExt;
     let folder = tempfile::tempdir().unwrap();
     let case = folder.path().join(std::ffi::OsStr::from_bytes(b"bad\xff"));
-    scene(0).snapshot.write(&snapshot::path(&case.join("OUTBOX"), 0)).unwrap();
+    scene(0).snapshot.write(&snapshot::snapshot_path(&case.join("OUTBOX"), 0)).unwrap();
     let (status, told) = refused(&case);
     assert!(status == 1 && told.contains("DISPLAY: the folder has a name that is not UTF-8"), "{told}");
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use cd_formats::{atomic, snapshot};
 use cd_post::derive::Row;
 use cd_post::frame::Frame;
-use cd_post::shapes::Shapes;
+use cd_post::shapes::ShapeCache;
 use cd_post::write::{display, plots};
 use samples::Scene;
 
@@ -65,18 +65,18 @@ fn arrays_of_the_paraview_files() {
     scene.plate([0.0, 0.0, -1.1], [1.0, 1.0, 0.1]);
     let cube = scene.cube([0.0, 0.0, 3.0], 1.0);
     let case = tempfile::tempdir().unwrap();
-    let path = snapshot::path(&case.path().join("OUTBOX"), 0);
+    let path = snapshot::snapshot_path(&case.path().join("OUTBOX"), 0);
     scene.snapshot.write(&path).unwrap();
     let bodies = scene.records().to_text();
     atomic::write(&case.path().join("DATBOX").join("BODIES.DAT"), bodies.as_bytes()).unwrap();
-    let frame = Frame::read(&path, &Shapes::default()).unwrap();
+    let frame = Frame::read(&path, &ShapeCache::default()).unwrap();
     assert!(frame.grains[1].solid.is_some() && frame.grains[1].id == cube as u64 + 1);
     let types = [("Float64", "f64"), ("UInt64", "u64"), ("UInt32", "u32"), ("UInt16", "u16"), ("UInt8", "u8")];
     for (kind, bytes) in [
-        ("grains", display::grains(&frame)),
-        ("polyhedra", display::polyhedra(&frame)),
-        ("contacts", display::contacts(&frame)),
-        ("walls", display::walls(&frame)),
+        ("grains", display::grains_vtp(&frame)),
+        ("polyhedra", display::polyhedra_vtp(&frame)),
+        ("contacts", display::contacts_vtp(&frame)),
+        ("walls", display::walls_vtp(&frame)),
     ] {
         let text = String::from_utf8(bytes).unwrap();
         let attribute = |tag: &str, name: &str| -> Option<String> {

@@ -1,16 +1,16 @@
 //! A warning where an attraction per contact point depends on how faces are described.
 
-use cd_formats::report::Report;
+use cd_formats::report::FaultReport;
 
 use crate::population::Population;
 use crate::scene::{LawKind, Scene};
 
 /// Colours named in a warning; the others are counted.
-const MOST_NAMED: usize = 3;
+const MAX_NAMED_COLOURS: usize = 3;
 
 /// Reports, once for each law, between which colours an attraction acts at several contact points of two bodies: polyhedra
 /// meet each other and walls in up to one point for each corner, bodies of pieces in those of each piece.
-pub fn warnings(scene: &Scene, population: &Population, report: &mut Report) {
+pub fn warn_of_attractions(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let of_colour = |colour: &str, counts: &dyn Fn(usize) -> bool| {
         let mut polyhedra =
             population.grains.iter().filter_map(|grain| Some((grain.group, grain.polyhedron.as_ref()?)));
@@ -36,17 +36,17 @@ pub fn warnings(scene: &Scene, population: &Population, report: &mut Report) {
         if pairs.is_empty() {
             continue;
         }
-        let mut named = pairs[..pairs.len().min(MOST_NAMED)].join(", ");
-        if pairs.len() > MOST_NAMED {
-            named += &format!(" and {} other pairs", pairs.len() - MOST_NAMED);
+        let mut named = pairs[..pairs.len().min(MAX_NAMED_COLOURS)].join(", ");
+        if pairs.len() > MAX_NAMED_COLOURS {
+            named += &format!(" and {} other pairs", pairs.len() - MAX_NAMED_COLOURS);
         }
         let found = format!(
             "{} attracts at each contact point, so a face of four corners holds four times its cohesion, and polyhedra or \
              bodies of pieces meet under it: {named}",
-            law.kind.row().0
+            law.kind.law_row().0
         );
         let advice = "for a cohesion in proportion to the area of faces, use IQS_MOHR_DS_CLB";
-        report.ask(&format!("laws.{k}"), found, advice);
+        report.add_warning(&format!("laws.{k}"), found, advice);
     }
 }
 

@@ -1,111 +1,114 @@
 //! Faults of the values of a scene, all at once, before anything is placed.
 
-use cd_formats::compute::{ABOUT_A_PERIOD, Action, Compute, ContactSolver, Event, Field};
-use cd_formats::report::Report;
-use cd_formats::tact_behav::labels;
+use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, ExternalField, ROTATION_ABOUT_PERIOD};
+use cd_formats::report::FaultReport;
+use cd_formats::tact_behav::parameter_labels;
 use nalgebra::Vector3;
 
 use crate::scene::{
-    ContactSurface, Envelope, Evolution, Grains, Law, LawKind, Place, Radius, Rotation, Scaled, Scene, Shape, Sizes,
-    Standing, Wall,
+    ContactSurface, Envelope, GrainOrientations, GrainPlacement, GrainShape, Grains, Law, LawKind, ModelScale,
+    RadiusKind, Rotation, Scene, SceneWall, SizeDistribution, TimeFunction,
 };
-use crate::sizes::{MOST_BODIES, normal_share};
+use crate::sizes::{MAX_BODIES, normal_share};
 
 /// Numbers in the files of DATBOX have exponents of two digits: there is none from this on, and what is smaller than
 /// its inverse becomes 0.
-const LARGEST: f64 = 1e99;
+const LARGEST_NUMBER: f64 = 1e99;
 
-pub(crate) fn finite(x: f64) -> bool {
-    x.abs() < LARGEST
+pub(crate) fn fits_files(x: f64) -> bool {
+    x.abs() < LARGEST_NUMBER
 }
 
-pub(crate) fn positive(x: f64) -> bool {
-    x >= 1.0 / LARGEST && finite(x)
+pub(crate) fn is_positive(x: f64) -> bool {
+    x >= 1.0 / LARGEST_NUMBER && fits_files(x)
 }
 
 /// Takes every fault of `scene` into `report`.
-pub fn check(scene: &Scene, report: &mut Report) {
-    three(report, "gravity", &scene.gravity, "m/s^2");
-    names(report, "materials", scene.materials.iter().map(|material| &material.name));
-    report.expect(!scene.materials.is_empty(), "materials", "an empty list", "at least one");
+pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
+    check_vector(report, "gravity", &scene.gravity, "m/s^2");
+    check_names(report, "materials", scene.materials.iter().map(|material| &material.name));
+    report.require(!scene.materials.is_empty(), "materials", "an empty list", "at least one");
     for (k, material) in scene.materials.iter().enumerate() {
         let path = format!("materials.{k}.density");
-        report.expect(positive(material.density), &path, format!("{:?}", material.density), "a density > 0 kg/m^3");
+        report.require(is_positive(material.density), &path, format!("{:?}", material.density), "a density > 0 kg/m^3");
     }
-    names(report, "laws", scene.laws.iter().map(|law| &law.name));
-    report.expect(!scene.laws.is_empty(), "laws", "an empty list", "at least one");
+    check_names(report, "laws", scene.laws.iter().map(|law| &law.name));
+    report.require(!scene.laws.is_empty(), "laws", "an empty list", "at least one");
     for (k, law) in scene.laws.iter().enumerate() {
         check_law(report, &format!("laws.{k}.kind"), &law.kind);
     }
-    report.expect(!scene.grains.is_empty(), "grains", "an empty list", "at least one body of grains");
+    report.require(!scene.grains.is_empty(), "grains", "an empty list", "at least one body of grains");
     for (k, grains) in scene.grains.iter().enumerate() {
         let path = format!("grains.{k}");
-        worn(scene, report, &path, &grains.material, &grains.colour);
+        check_material_and_colour(scene, report, &path, &grains.material, &grains.colour);
         check_grains(report, &path, grains);
-        let turns = grains.is_one() || scene.compute.may_turn(&grains.spin);
-        report.expect(turns, &format!("{path}.spin"), format!("{:?}", grains.spin), ABOUT_A_PERIOD);
+        let turns = grains.is_single_body() || scene.compute.allows_rotation_about(&grains.spin);
+        report.require(turns, &format!("{path}.spin"), format!("{:?}", grains.spin), ROTATION_ABOUT_PERIOD);
     }
     for (k, wall) in scene.walls.iter().enumerate() {
         let path = format!("walls.{k}");
-        worn(scene, report, &path, wall.material(), wall.colour());
+        check_material_and_colour(scene, report, &path, wall.material(), wall.colour());
         check_wall(report, &path, wall);
     }
     check_contacts(scene, report);
     let free = scene.grains.is_empty() || scene.grains.iter().any(|grains| grains.driven.is_none());
-    report.expect(free, "grains", "none is free to move", "at least one body of grains whose motion is not imposed");
+    report.require(free, "grains", "none is free to move", "at least one body of grains whose motion is not imposed");
     scene.compute.check_in(report, "compute.");
     check_turning(report, &scene.compute, driven_in_part(&scene.grains, &scene.walls));
     let used = |law: &&Law| scene.contacts.iter().any(|contact| contact.law.as_ref() == Some(&law.name));
     let cohesive = |law: &Law| {
-        let (kind, parameters) = law.kind.row();
+        let (kind, parameters) = law.kind.law_row();
         is_cohesive(kind, &parameters.iter().map(|(_, value)| *value).collect::<Vec<_>>())
     };
     let laws: Vec<(&str, bool)> =
         scene.laws.iter().filter(used).map(|law| (law.name.as_str(), cohesive(law))).collect();
     check_laws_of_events(report, &scene.compute.events, &laws);
-    let kinds = scene.laws.iter().filter(used).map(|law| (law.name.as_str(), law.kind.row().0));
+    let kinds = scene.laws.iter().filter(used).map(|law| (law.name.as_str(), law.kind.law_row().0));
     check_moments(report, scene.compute.solver, kinds);
 }
 
 /// Laws in use, by name and kind, whose moments `solver` does not know.
 pub(crate) fn check_moments<'a>(
-    report: &mut Report,
+    report: &mut FaultReport,
     solver: ContactSolver,
     laws: impl IntoIterator<Item = (&'a str, &'a str)>,
 ) {
     let knows = matches!(solver, ContactSolver::Auto | ContactSolver::Nlgs);
-    for (name, kind) in laws.into_iter().filter(|(_, kind)| labels(kind).any(|label| label == "roll")) {
-        report.expect(knows, "compute.solver", format!("{solver} with law '{name}', {kind}"), "auto or nlgs");
+    for (name, kind) in laws.into_iter().filter(|(_, kind)| parameter_labels(kind).any(|label| label == "roll")) {
+        report.require(knows, "compute.solver", format!("{solver} with law '{name}', {kind}"), "auto or nlgs");
     }
 }
 
 /// Paths of the motion of grains and walls that is imposed along some axes and not along others.
-pub(crate) fn driven_in_part<'a>(grains: &'a [Grains], walls: &'a [Wall]) -> impl Iterator<Item = String> + use<'a> {
-    let some = |driven: &[Option<Evolution>; 3]| driven.iter().any(Option::is_none);
+pub(crate) fn driven_in_part<'a>(
+    grains: &'a [Grains],
+    walls: &'a [SceneWall],
+) -> impl Iterator<Item = String> + use<'a> {
+    let some = |driven: &[Option<TimeFunction>; 3]| driven.iter().any(Option::is_none);
     let of_grains = (0..).zip(grains).filter(move |(_, grains)| grains.driven.as_ref().is_some_and(some));
     let of_walls = (0..).zip(walls).filter(move |(_, wall)| wall.is_pushed());
     of_grains.map(|(k, _)| format!("grains.{k}.driven")).chain(of_walls.map(|(k, _)| format!("walls.{k}.force")))
 }
 
 /// Refuses bodies driven in part, given by their paths, in axes that turn.
-pub(crate) fn check_turning(report: &mut Report, options: &Compute, paths: impl IntoIterator<Item = String>) {
-    let turns = |field: &Field| matches!(field, Field::RotatingFrame { rate, .. } if *rate != [0.0; 3]);
+pub(crate) fn check_turning(report: &mut FaultReport, options: &Compute, paths: impl IntoIterator<Item = String>) {
+    let turns = |field: &ExternalField| matches!(field, ExternalField::RotatingFrame { rate, .. } if *rate != [0.0; 3]);
     if options.fields.iter().any(turns) {
         let expected = "motion imposed along all axes or none: Coriolis' force on such a body is not computed";
-        paths.into_iter().for_each(|path| report.fault(&path, "driven in part in axes that turn", expected));
+        paths.into_iter().for_each(|path| report.add_fault(&path, "driven in part in axes that turn", expected));
     }
 }
 
 /// Whether an event can change the cohesion of a law: of a liquid, or of bonds that there are.
 pub(crate) fn is_cohesive(kind: &str, parameters: &[f64]) -> bool {
-    let cohesion = labels(kind).zip(parameters).find(|(label, _)| *label == "cohn").map(|(_, value)| *value);
-    cohesion.is_some_and(|value| value > 0.0 || labels(kind).any(|label| label == "Wthk"))
+    let cohesion = parameter_labels(kind).zip(parameters).find(|(label, _)| *label == "cohn").map(|(_, value)| *value);
+    cohesion.is_some_and(|value| value > 0.0 || parameter_labels(kind).any(|label| label == "Wthk"))
 }
 
 /// Events that change a law which is none of `laws`, those of contacts, or a cohesion where it has none (false).
-pub(crate) fn check_laws_of_events(report: &mut Report, events: &[Event], laws: &[(&str, bool)]) {
+pub(crate) fn check_laws_of_events(report: &mut FaultReport, events: &[Event], laws: &[(&str, bool)]) {
     for (k, event) in events.iter().enumerate() {
-        let (Action::SetFriction(name, _) | Action::SetCohesion(name, _)) = &event.action else { continue };
+        let (EventAction::SetFriction(name, _) | EventAction::SetCohesion(name, _)) = &event.action else { continue };
         let path = format!("compute.events.{k}.action.0");
         match laws.iter().find(|(known, _)| known == name) {
             None => {
@@ -113,69 +116,69 @@ pub(crate) fn check_laws_of_events(report: &mut Report, events: &[Event], laws: 
                 unknown(report, &path, format!("law '{name}' is not in use"), name, &names, "a law of contacts");
             }
             Some((_, cohesive)) => {
-                let holds = *cohesive || matches!(event.action, Action::SetFriction(..));
-                report.expect(holds, &path, format!("law '{name}' has no cohesion"), "a law with cohesion");
+                let holds = *cohesive || matches!(event.action, EventAction::SetFriction(..));
+                report.require(holds, &path, format!("law '{name}' has no cohesion"), "a law with cohesion");
             }
         }
     }
 }
 
 /// Names of one list: one to five printable ASCII characters, each once.
-pub(crate) fn names<'a>(report: &mut Report, list: &str, names: impl Iterator<Item = &'a String>) {
+pub(crate) fn check_names<'a>(report: &mut FaultReport, list: &str, names: impl Iterator<Item = &'a String>) {
     let mut known: Vec<&str> = Vec::new();
     for (k, name) in names.enumerate() {
         let path = format!("{list}.{k}.name");
-        five_characters(report, &path, name);
+        check_name_length(report, &path, name);
         if known.contains(&name.as_str()) {
-            report.fault(&path, format!("'{name}' is there twice"), "a name of its own");
+            report.add_fault(&path, format!("'{name}' is there twice"), "a name of its own");
         }
         known.push(name);
     }
 }
 
-pub(crate) fn five_characters(report: &mut Report, path: &str, name: &str) {
+pub(crate) fn check_name_length(report: &mut FaultReport, path: &str, name: &str) {
     let fits = (1..=5).contains(&name.len()) && name.bytes().all(|byte| byte.is_ascii_graphic());
-    report.expect(fits, path, format!("'{name}'"), "1 to 5 printable ASCII characters without blanks");
+    report.require(fits, path, format!("'{name}'"), "1 to 5 printable ASCII characters without blanks");
 }
 
 /// A name that is none of `names`; `one` says what it should be, where there are none to choose from.
-pub(crate) fn unknown(report: &mut Report, path: &str, found: String, name: &str, names: &[&str], one: &str) {
+pub(crate) fn unknown(report: &mut FaultReport, path: &str, found: String, name: &str, names: &[&str], one: &str) {
     if names.is_empty() {
-        report.fault(path, found, format!("{one}: none is defined"));
+        report.add_fault(path, found, format!("{one}: none is defined"));
     } else {
         report.unknown(path, found, name, names);
     }
 }
 
 /// Material and colour of something.
-fn worn(scene: &Scene, report: &mut Report, path: &str, material: &str, colour: &str) {
+fn check_material_and_colour(scene: &Scene, report: &mut FaultReport, path: &str, material: &str, colour: &str) {
     let names: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
     if !names.contains(&material) {
         let path = format!("{path}.material");
         unknown(report, &path, format!("'{material}' is not defined"), material, &names, "a material");
     }
-    five_characters(report, &format!("{path}.colour"), colour);
+    check_name_length(report, &format!("{path}.colour"), colour);
 }
 
 /// The value of the field `name` of the value at `path`.
-fn value(report: &mut Report, path: &str, name: &str, x: f64, holds: bool, expected: &str) {
-    report.expect(holds && finite(x), &format!("{path}.{name}"), format!("{x:?}"), expected);
+fn check_value(report: &mut FaultReport, path: &str, name: &str, x: f64, holds: bool, expected: &str) {
+    report.require(holds && fits_files(x), &format!("{path}.{name}"), format!("{x:?}"), expected);
 }
 
 /// Numbers of a list or tuple at `path`, each of which must hold a condition.
-fn each(report: &mut Report, path: &str, numbers: &[f64], holds: impl Fn(f64) -> bool, expected: &str) {
+fn each(report: &mut FaultReport, path: &str, numbers: &[f64], holds: impl Fn(f64) -> bool, expected: &str) {
     for (k, x) in numbers.iter().enumerate() {
-        report.expect(holds(*x), &format!("{path}.{k}"), format!("{x:?}"), expected);
+        report.require(holds(*x), &format!("{path}.{k}"), format!("{x:?}"), expected);
     }
 }
 
 /// Finite components.
-pub(crate) fn three(report: &mut Report, path: &str, vector: &[f64; 3], unit: &str) {
-    each(report, path, vector, finite, &format!("a finite number ({unit})"));
+pub(crate) fn check_vector(report: &mut FaultReport, path: &str, vector: &[f64; 3], unit: &str) {
+    each(report, path, vector, fits_files, &format!("a finite number ({unit})"));
 }
 
-pub(crate) fn check_law(report: &mut Report, path: &str, kind: &LawKind) {
-    let (_, parameters) = kind.row();
+pub(crate) fn check_law(report: &mut FaultReport, path: &str, kind: &LawKind) {
+    let (_, parameters) = kind.law_row();
     for &(name, x) in &parameters {
         let (holds, expected) = match name {
             "normal_restitution" | "tangential_restitution" => ((0.0..=1.0).contains(&x), "0 to 1"),
@@ -184,13 +187,13 @@ pub(crate) fn check_law(report: &mut Report, path: &str, kind: &LawKind) {
             "normal_cohesion" | "tangential_cohesion" => (x >= 0.0, "a stress >= 0 Pa"),
             _ => (x >= 0.0, "a finite number >= 0"),
         };
-        value(report, path, name, x, holds, expected);
+        check_value(report, path, name, x, holds, expected);
     }
     let of = |wanted| parameters.iter().find(|(name, _)| *name == wanted).map(|(_, x)| *x);
     if let (Some(dynamic), Some(fixed)) = (of("dynamic_friction"), of("static_friction"))
         && dynamic > fixed
     {
-        report.fault(
+        report.add_fault(
             &format!("{path}.dynamic_friction"),
             format!("{dynamic:?} is larger than static_friction {fixed:?}"),
             "dynamic_friction <= static_friction",
@@ -200,19 +203,20 @@ pub(crate) fn check_law(report: &mut Report, path: &str, kind: &LawKind) {
         && shear > 0.0
     {
         let path = format!("{path}.tangential_cohesion");
-        report.fault(&path, format!("{shear:?} without normal_cohesion"), "both, or none");
+        report.add_fault(&path, format!("{shear:?} without normal_cohesion"), "both, or none");
     }
 }
 
-pub(crate) fn check_grains(report: &mut Report, path: &str, grains: &Grains) {
+pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains) {
     check_shape(report, path, grains);
     match &grains.sizes {
         Some(sizes) => check_sizes(report, &format!("{path}.sizes"), sizes),
         None => {
-            let own = matches!(grains.shape, Shape::Box { .. } | Shape::Vertices(_) | Shape::Model { .. });
-            let fragments = matches!(grains.place, Place::Fragments { .. });
+            let own =
+                matches!(grains.shape, GrainShape::Box { .. } | GrainShape::Vertices(_) | GrainShape::Model { .. });
+            let fragments = matches!(grains.place, GrainPlacement::Fragments { .. });
             let expected = "sizes, or a shape with a size of its own (Box, Vertices, Model)";
-            report.expect(own || fragments, path, "no sizes", expected);
+            report.require(own || fragments, path, "no sizes", expected);
         }
     }
     check_place(report, &format!("{path}.place"), &grains.place);
@@ -220,16 +224,16 @@ pub(crate) fn check_grains(report: &mut Report, path: &str, grains: &Grains) {
     for (name, vector, unit) in
         [("centre", &grains.centre, "m"), ("velocity", &grains.velocity, "m/s"), ("spin", &grains.spin, "rad/s")]
     {
-        three(report, &format!("{path}.{name}"), vector, unit);
+        check_vector(report, &format!("{path}.{name}"), vector, unit);
     }
     check_rotation(report, &format!("{path}.orientation"), &grains.orientation);
     let thermal = grains.thermal_velocity;
     let thermal_path = format!("{path}.thermal_velocity");
-    report.expect(thermal >= 0.0 && finite(thermal), &thermal_path, format!("{thermal:?}"), "a speed >= 0 m/s");
+    report.require(thermal >= 0.0 && fits_files(thermal), &thermal_path, format!("{thermal:?}"), "a speed >= 0 m/s");
     if let Some(driven) = &grains.driven {
         check_evolutions(report, &format!("{path}.driven"), driven.iter().map(Option::as_ref), "m/s");
         let at_rest = grains.velocity == [0.0; 3] && grains.spin == [0.0; 3] && thermal == 0.0;
-        report.expect(
+        report.require(
             at_rest,
             &format!("{path}.driven"),
             "the grains have a velocity, spin or thermal_velocity as well",
@@ -239,137 +243,145 @@ pub(crate) fn check_grains(report: &mut Report, path: &str, grains: &Grains) {
 }
 
 /// Fewest and most vertices or sides of a shape: a plane needs three, and a pair of polyhedra costs as the square.
-const CORNERS: std::ops::RangeInclusive<usize> = 3..=1000;
+const CORNER_RANGE: std::ops::RangeInclusive<usize> = 3..=1000;
 
 /// Whether nothing is said of how polyhedra stand and are measured.
-fn plain(grains: &Grains) -> bool {
-    grains.standing == Standing::default() && grains.radius == Radius::default()
+fn is_plain(grains: &Grains) -> bool {
+    grains.standing == GrainOrientations::default() && grains.radius == RadiusKind::default()
 }
 
 /// Shape, and how polyhedra of it stand and are measured.
-fn check_shape(report: &mut Report, path: &str, grains: &Grains) {
+fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
     let shape = format!("{path}.shape");
     match &grains.shape {
-        &Shape::Random { vertices: (fewest, most), ratios, angularity } => {
-            let fits = 4 <= fewest && fewest <= most && most <= *CORNERS.end();
-            let expected = format!("4 to {}, the fewest first", CORNERS.end());
-            report.expect(fits, &format!("{shape}.vertices"), format!("{fewest} to {most}"), &expected);
-            each(report, &format!("{shape}.ratios"), &ratios, positive, "a number > 0");
-            value(report, &shape, "angularity", angularity, (0.0..=1.0).contains(&angularity), "0 to 1");
+        &GrainShape::Random { vertices: (fewest, most), ratios, angularity } => {
+            let fits = 4 <= fewest && fewest <= most && most <= *CORNER_RANGE.end();
+            let expected = format!("4 to {}, the fewest first", CORNER_RANGE.end());
+            report.require(fits, &format!("{shape}.vertices"), format!("{fewest} to {most}"), &expected);
+            each(report, &format!("{shape}.ratios"), &ratios, is_positive, "a number > 0");
+            check_value(report, &shape, "angularity", angularity, (0.0..=1.0).contains(&angularity), "0 to 1");
         }
-        Shape::Box { lengths } => {
-            each(report, &format!("{shape}.lengths"), lengths, positive, "a length > 0 m");
+        GrainShape::Box { lengths } => {
+            each(report, &format!("{shape}.lengths"), lengths, is_positive, "a length > 0 m");
         }
-        &Shape::Prism { sides, slenderness } => {
-            let expected = format!("{} to {}", CORNERS.start(), CORNERS.end() / 2);
-            let fits = (*CORNERS.start()..=CORNERS.end() / 2).contains(&sides);
-            report.expect(fits, &format!("{shape}.sides"), format!("{sides}"), &expected);
-            value(report, &shape, "slenderness", slenderness, positive(slenderness), "a number > 0");
+        &GrainShape::Prism { sides, slenderness } => {
+            let expected = format!("{} to {}", CORNER_RANGE.start(), CORNER_RANGE.end() / 2);
+            let fits = (*CORNER_RANGE.start()..=CORNER_RANGE.end() / 2).contains(&sides);
+            report.require(fits, &format!("{shape}.sides"), format!("{sides}"), &expected);
+            check_value(report, &shape, "slenderness", slenderness, is_positive(slenderness), "a number > 0");
         }
-        Shape::Vertices(vertices) => {
+        GrainShape::Vertices(vertices) => {
             for (k, vertex) in vertices.iter().enumerate() {
-                three(report, &format!("{shape}.0.{k}"), vertex, "m");
+                check_vector(report, &format!("{shape}.0.{k}"), vertex, "m");
             }
-            let fits = (4..=*CORNERS.end()).contains(&vertices.len());
-            let expected = format!("4 to {}", CORNERS.end());
-            report.expect(fits, &shape, format!("{} vertices", vertices.len()), &expected);
+            let fits = (4..=*CORNER_RANGE.end()).contains(&vertices.len());
+            let expected = format!("4 to {}", CORNER_RANGE.end());
+            report.require(fits, &shape, format!("{} vertices", vertices.len()), &expected);
         }
-        Shape::Model { file: _, scaled, contact } => {
+        GrainShape::Model { file: _, scaled, contact } => {
             check_scaled(report, &shape, scaled);
             if let &ContactSurface::Pieces { most, concavity, vertices } = contact {
                 let pieces = format!("{shape}.contact");
-                value(report, &pieces, "concavity", concavity, (0.0..=1.0).contains(&concavity), "0 to 1");
-                let expected = format!("1 to {MOST_PIECES}");
-                report.expect(
-                    (1..=MOST_PIECES).contains(&most),
+                check_value(report, &pieces, "concavity", concavity, (0.0..=1.0).contains(&concavity), "0 to 1");
+                let expected = format!("1 to {MAX_PIECES}");
+                report.require(
+                    (1..=MAX_PIECES).contains(&most),
                     &format!("{pieces}.most"),
                     format!("{most}"),
                     &expected,
                 );
-                let expected = format!("8 to {}", CORNERS.end());
-                let fits = (8..=*CORNERS.end()).contains(&vertices);
-                report.expect(fits, &format!("{pieces}.vertices"), format!("{vertices}"), &expected);
+                let expected = format!("8 to {}", CORNER_RANGE.end());
+                let fits = (8..=*CORNER_RANGE.end()).contains(&vertices);
+                report.require(fits, &format!("{pieces}.vertices"), format!("{vertices}"), &expected);
             }
             if let ContactSurface::Files(files) = contact {
-                report.expect(!files.is_empty(), &format!("{shape}.contact"), "no files of pieces", "at least one");
+                report.require(!files.is_empty(), &format!("{shape}.contact"), "no files of pieces", "at least one");
             }
         }
-        Shape::Sphere if !matches!(grains.place, Place::Fragments { .. }) => {
-            report.expect(
-                plain(grains),
+        GrainShape::Sphere if !matches!(grains.place, GrainPlacement::Fragments { .. }) => {
+            report.require(
+                is_plain(grains),
                 path,
                 "standing or radius given for spheres",
                 "neither: they are for polyhedra",
             );
         }
-        Shape::Sphere
-        | Shape::Tetrahedron
-        | Shape::Cube
-        | Shape::Octahedron
-        | Shape::Dodecahedron
-        | Shape::Icosahedron => {}
+        GrainShape::Sphere
+        | GrainShape::Tetrahedron
+        | GrainShape::Cube
+        | GrainShape::Octahedron
+        | GrainShape::Dodecahedron
+        | GrainShape::Icosahedron => {}
     }
-    let measured = grains.shape == Shape::Sphere || grains.sizes.is_some() || grains.radius == Radius::default();
-    report.expect(measured, path, "radius given without sizes", "sizes, whose meaning it says");
+    let measured =
+        grains.shape == GrainShape::Sphere || grains.sizes.is_some() || grains.radius == RadiusKind::default();
+    report.require(measured, path, "radius given without sizes", "sizes, whose meaning it says");
     let standing = format!("{path}.standing");
     match &grains.standing {
-        Standing::Random => {}
-        Standing::Same(turn) => check_rotation(report, &standing, turn),
-        Standing::List(turns) => {
+        GrainOrientations::Random => {}
+        GrainOrientations::Same(turn) => check_rotation(report, &standing, turn),
+        GrainOrientations::List(turns) => {
             for (k, turn) in turns.iter().enumerate() {
                 check_rotation(report, &format!("{standing}.{k}"), turn);
             }
-            let positions = if let Place::List { positions, .. } = &grains.place { positions.len() } else { 0 };
+            let positions =
+                if let GrainPlacement::List { positions, .. } = &grains.place { positions.len() } else { 0 };
             let found = format!("{} turns for {positions} listed positions", turns.len());
-            report.expect(turns.len() == positions, &standing, found, "one for each listed position");
+            report.require(turns.len() == positions, &standing, found, "one for each listed position");
         }
     }
 }
 
 /// Voxels along a side are 64: more pieces would be dust.
-const MOST_PIECES: u32 = 1024;
+const MAX_PIECES: u32 = 1024;
 
-fn check_scaled(report: &mut Report, path: &str, scaled: &Scaled) {
+fn check_scaled(report: &mut FaultReport, path: &str, scaled: &ModelScale) {
     let (name, x, expected) = match *scaled {
-        Scaled::Factor(x) => ("Factor", x, "a number > 0"),
-        Scaled::Volume(x) => ("Volume", x, "a volume > 0 m^3"),
-        Scaled::Radius(x) => ("Radius", x, "a radius > 0 m"),
-        Scaled::Length(x) => ("Length", x, "a length > 0 m"),
+        ModelScale::Factor(x) => ("Factor", x, "a number > 0"),
+        ModelScale::Volume(x) => ("Volume", x, "a volume > 0 m^3"),
+        ModelScale::Radius(x) => ("Radius", x, "a radius > 0 m"),
+        ModelScale::Length(x) => ("Length", x, "a length > 0 m"),
     };
-    report.expect(positive(x), &format!("{path}.scaled"), format!("{name} {x:?}"), expected);
+    report.require(is_positive(x), &format!("{path}.scaled"), format!("{name} {x:?}"), expected);
 }
 
-fn check_sizes(report: &mut Report, path: &str, sizes: &Sizes) {
-    if matches!(sizes, Sizes::List(radii) if radii.is_empty()) {
-        return report.fault(path, "an empty list", "at least one radius (m)");
+fn check_sizes(report: &mut FaultReport, path: &str, sizes: &SizeDistribution) {
+    if matches!(sizes, SizeDistribution::List(radii) if radii.is_empty()) {
+        return report.add_fault(path, "an empty list", "at least one radius (m)");
     }
     let radii = match sizes {
-        Sizes::List(radii) => (0..).zip(radii).map(|(k, &radius): (usize, _)| (format!("0.{k}"), radius)).collect(),
-        Sizes::Single(radius) => vec![("0".into(), *radius)],
-        Sizes::Uniform { min, max } => vec![("min".into(), *min), ("max".into(), *max)],
-        Sizes::PowerLaw { min, max, .. } => vec![("min".into(), *min), ("max".into(), *max)],
-        Sizes::LogNormal { median, min, max, .. } => {
+        SizeDistribution::List(radii) => {
+            (0..).zip(radii).map(|(k, &radius): (usize, _)| (format!("0.{k}"), radius)).collect()
+        }
+        SizeDistribution::Single(radius) => vec![("0".into(), *radius)],
+        SizeDistribution::Uniform { min, max } => vec![("min".into(), *min), ("max".into(), *max)],
+        SizeDistribution::PowerLaw { min, max, .. } => vec![("min".into(), *min), ("max".into(), *max)],
+        SizeDistribution::LogNormal { median, min, max, .. } => {
             vec![("median".into(), *median), ("min".into(), *min), ("max".into(), *max)]
         }
     };
     for (name, radius) in &radii {
-        value(report, path, name, *radius, positive(*radius), "a radius > 0 m");
+        check_value(report, path, name, *radius, is_positive(*radius), "a radius > 0 m");
     }
-    let (min, max) = sizes.range();
+    let (min, max) = sizes.radius_range();
     if min > max {
-        return report.fault(&format!("{path}.min"), format!("{min:?} is larger than max {max:?}"), "min <= max (m)");
+        return report.add_fault(
+            &format!("{path}.min"),
+            format!("{min:?} is larger than max {max:?}"),
+            "min <= max (m)",
+        );
     }
     match *sizes {
-        Sizes::PowerLaw { exponent, .. } => {
-            value(report, path, "exponent", exponent, exponent > 0.0, "a number > 0");
+        SizeDistribution::PowerLaw { exponent, .. } => {
+            check_value(report, path, "exponent", exponent, exponent > 0.0, "a number > 0");
         }
-        Sizes::LogNormal { median, sigma, .. } => {
-            value(report, path, "sigma", sigma, sigma > 0.0, "a number > 0");
+        SizeDistribution::LogNormal { median, sigma, .. } => {
+            check_value(report, path, "sigma", sigma, sigma > 0.0, "a number > 0");
             let share = |r: f64| normal_share(libm::log(r / median) / sigma);
             // The difference of two shares near 1 then still has ten digits.
-            if positive(sigma) && min < max && share(max) - share(min) < 1e-6 {
+            if is_positive(sigma) && min < max && share(max) - share(min) < 1e-6 {
                 let found = format!("min {min:?} and max {max:?} leave less than a millionth of the distribution");
-                report.fault(path, found, "cut-offs about the median (m)");
+                report.add_fault(path, found, "cut-offs about the median (m)");
             }
         }
         _ => {}
@@ -377,27 +389,27 @@ fn check_sizes(report: &mut Report, path: &str, sizes: &Sizes) {
 }
 
 /// Cells hardly change after so many moves of their seeds.
-const MOST_MOVES: usize = 100;
+const MAX_RELAXATIONS: usize = 100;
 
-fn check_place(report: &mut Report, path: &str, place: &Place) {
+fn check_place(report: &mut FaultReport, path: &str, place: &GrainPlacement) {
     let (envelope, jitter) = match place {
-        Place::List { positions, .. } => {
-            report.expect(!positions.is_empty(), path, "an empty list", "at least one position (m)");
+        GrainPlacement::List { positions, .. } => {
+            report.require(!positions.is_empty(), path, "an empty list", "at least one position (m)");
             for (k, position) in positions.iter().enumerate() {
-                three(report, &format!("{path}.positions.{k}"), position, "m");
+                check_vector(report, &format!("{path}.positions.{k}"), position, "m");
             }
             return;
         }
-        Place::JitteredLattice { envelope, jitter } => (envelope, *jitter),
-        Place::RandomSequential { envelope } => (envelope, 0.0),
-        Place::Fragments { envelope, relaxation } => {
-            let expected = format!("0 to {MOST_MOVES}");
+        GrainPlacement::JitteredLattice { envelope, jitter } => (envelope, *jitter),
+        GrainPlacement::RandomSequential { envelope } => (envelope, 0.0),
+        GrainPlacement::Fragments { envelope, relaxation } => {
+            let expected = format!("0 to {MAX_RELAXATIONS}");
             let path = format!("{path}.relaxation");
-            report.expect(*relaxation <= MOST_MOVES, &path, format!("{relaxation}"), &expected);
+            report.require(*relaxation <= MAX_RELAXATIONS, &path, format!("{relaxation}"), &expected);
             (envelope, 0.0)
         }
     };
-    value(report, path, "jitter", jitter, (0.0..=1.0).contains(&jitter), "0 to 1");
+    check_value(report, path, "jitter", jitter, (0.0..=1.0).contains(&jitter), "0 to 1");
     let path = format!("{path}.envelope");
     let of_three = [
         match *envelope {
@@ -415,7 +427,7 @@ fn check_place(report: &mut Report, path: &str, place: &Place) {
             report,
             &format!("{path}.{name}"),
             lengths.as_ref().map_or(&[], |three| &three[..]),
-            positive,
+            is_positive,
             "a length > 0 m",
         );
     }
@@ -425,7 +437,9 @@ fn check_place(report: &mut Report, path: &str, place: &Place) {
         _ => [("", None); 2],
     };
     for (name, length) in of_one {
-        length.into_iter().for_each(|length| value(report, &path, name, length, positive(length), "a length > 0 m"));
+        length
+            .into_iter()
+            .for_each(|length| check_value(report, &path, name, length, is_positive(length), "a length > 0 m"));
     }
     if let Envelope::Model { scaled: Some(scaled), .. } = envelope {
         check_scaled(report, &path, scaled);
@@ -433,63 +447,67 @@ fn check_place(report: &mut Report, path: &str, place: &Place) {
     if let Envelope::Ellipsoid { semi_axes: Some(_), ratios: Some(_) }
     | Envelope::Box { lengths: Some(_), ratios: Some(_) } = envelope
     {
-        report.fault(&path, "both its size and ratios", "one of them");
+        report.add_fault(&path, "both its size and ratios", "one of them");
     }
 }
 
 /// Each fragment looks at the seeds of all others.
-const MOST_FRAGMENTS: usize = 20_000;
+const MAX_FRAGMENTS: usize = 20_000;
 
 /// Number, solid fraction and size of the envelope: two determine the third.
-fn check_amount(report: &mut Report, path: &str, grains: &Grains) {
+fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
     if let Some(number) = grains.number {
-        let fits = (1..=MOST_BODIES).contains(&number);
-        let expected = format!("1 to {MOST_BODIES} grains");
-        report.expect(fits, &format!("{path}.number"), format!("{number}"), &expected);
+        let fits = (1..=MAX_BODIES).contains(&number);
+        let expected = format!("1 to {MAX_BODIES} grains");
+        report.require(fits, &format!("{path}.number"), format!("{number}"), &expected);
     }
     if let Some(share) = grains.solid_fraction {
         let path = format!("{path}.solid_fraction");
-        report.expect(share > 0.0 && share < 1.0, &path, format!("{share:?}"), "more than 0 and less than 1");
+        report.require(share > 0.0 && share < 1.0, &path, format!("{share:?}"), "more than 0 and less than 1");
     }
     let listed = match &grains.sizes {
-        Some(Sizes::List(radii)) => Some(radii.len()),
+        Some(SizeDistribution::List(radii)) => Some(radii.len()),
         _ => None,
     };
-    if let Place::List { positions, .. } = &grains.place {
+    if let GrainPlacement::List { positions, .. } = &grains.place {
         let count = positions.len();
         let agree = |other: Option<usize>| other.is_none_or(|number| number == count);
         if !agree(listed) {
-            report.fault(
+            report.add_fault(
                 &format!("{path}.sizes"),
                 format!("{} radii", listed.unwrap_or(0)),
                 format!("one for each of {count} positions"),
             );
         }
         if !agree(grains.number) {
-            report.fault(
+            report.add_fault(
                 &format!("{path}.number"),
                 format!("{} for {count} positions", grains.number.unwrap_or(0)),
                 "their number, or none",
             );
         }
         let no_share = grains.solid_fraction.is_none();
-        report.expect(no_share, &format!("{path}.solid_fraction"), "given for listed positions", "none");
+        report.require(no_share, &format!("{path}.solid_fraction"), "given for listed positions", "none");
         return;
     }
     if let (Some(count), Some(number)) = (listed, grains.number)
         && count != number
     {
-        report.fault(&format!("{path}.number"), format!("{number} for {count} listed radii"), "their number, or none");
+        report.add_fault(
+            &format!("{path}.number"),
+            format!("{number} for {count} listed radii"),
+            "their number, or none",
+        );
     }
-    let sized = grains.place.envelope().is_none_or(Envelope::sized);
-    if let Place::Fragments { .. } = grains.place {
-        let shape = grains.shape == Shape::Sphere && plain(grains);
+    let sized = grains.place.envelope().is_none_or(Envelope::has_size);
+    if let GrainPlacement::Fragments { .. } = grains.place {
+        let shape = grains.shape == GrainShape::Sphere && is_plain(grains);
         let plain = shape && grains.sizes.is_none() && grains.solid_fraction.is_none();
         let others = "shape, standing, radius, sizes or solid_fraction given for fragments";
-        report.expect(plain, path, others, "none of them: fragments fill the envelope");
-        let both = grains.number.is_some_and(|number| number <= MOST_FRAGMENTS) && sized;
-        let expected = format!("both, and at most {MOST_FRAGMENTS} fragments");
-        report.expect(both, path, "fragments without number or size of the envelope, or too many", &expected);
+        report.require(plain, path, others, "none of them: fragments fill the envelope");
+        let both = grains.number.is_some_and(|number| number <= MAX_FRAGMENTS) && sized;
+        let expected = format!("both, and at most {MAX_FRAGMENTS} fragments");
+        report.require(both, path, "fragments without number or size of the envelope, or too many", &expected);
         return;
     }
     let given = [
@@ -500,102 +518,126 @@ fn check_amount(report: &mut Report, path: &str, grains: &Grains) {
     let names: Vec<&str> = given.iter().filter(|(given, _)| *given).map(|(_, name)| *name).collect();
     if names.len() != 2 {
         let found = if names.is_empty() { "nothing".to_string() } else { names.join(", ") };
-        report.fault(path, format!("{found} given"), "exactly two of number, solid_fraction and size of the envelope");
+        report.add_fault(
+            path,
+            format!("{found} given"),
+            "exactly two of number, solid_fraction and size of the envelope",
+        );
     }
 }
 
-pub(crate) fn check_rotation(report: &mut Report, path: &str, rotation: &Rotation) {
-    direction(report, path, "axis", &rotation.axis);
-    value(report, path, "angle", rotation.angle, true, "a finite angle (rad)");
+pub(crate) fn check_rotation(report: &mut FaultReport, path: &str, rotation: &Rotation) {
+    check_direction(report, path, "axis", &rotation.axis);
+    check_value(report, path, "angle", rotation.angle, true, "a finite angle (rad)");
 }
 
-fn direction(report: &mut Report, path: &str, name: &str, vector: &[f64; 3]) {
+fn check_direction(report: &mut FaultReport, path: &str, name: &str, vector: &[f64; 3]) {
     let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
-    report.expect(positive(length), &format!("{path}.{name}"), format!("{vector:?}"), "a finite vector that is not 0");
+    report.require(
+        is_positive(length),
+        &format!("{path}.{name}"),
+        format!("{vector:?}"),
+        "a finite vector that is not 0",
+    );
 }
 
-pub(crate) fn check_wall(report: &mut Report, path: &str, wall: &Wall) {
+pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall) {
     match wall {
-        Wall::Cylinder { centre, axis, half_height, radius, velocity, force, rotation, .. } => {
-            three(report, &format!("{path}.centre"), centre, "m");
-            direction(report, path, "axis", axis);
+        SceneWall::Cylinder { centre, axis, half_height, radius, velocity, force, rotation, .. } => {
+            check_vector(report, &format!("{path}.centre"), centre, "m");
+            check_direction(report, path, "axis", axis);
             for (name, length) in [("half_height", half_height), ("radius", radius)] {
-                report.expect(positive(*length), &format!("{path}.{name}"), format!("{length:?}"), "a length > 0 m");
+                report.require(
+                    is_positive(*length),
+                    &format!("{path}.{name}"),
+                    format!("{length:?}"),
+                    "a length > 0 m",
+                );
             }
-            check_pushed(report, path, velocity, force);
+            check_velocity_or_force(report, path, velocity, force);
             check_evolutions(report, &format!("{path}.rotation"), [rotation], "rad/s");
         }
-        Wall::Plate { centre, normal, first_axis, half_lengths, velocity, force, rotation, .. } => {
-            three(report, &format!("{path}.centre"), centre, "m");
-            direction(report, path, "normal", normal);
+        SceneWall::Plate { centre, normal, first_axis, half_lengths, velocity, force, rotation, .. } => {
+            check_vector(report, &format!("{path}.centre"), centre, "m");
+            check_direction(report, path, "normal", normal);
             if let Some(first) = first_axis {
-                direction(report, path, "first_axis", first);
+                check_direction(report, path, "first_axis", first);
                 let (first, normal) = (Vector3::from(*first), Vector3::from(*normal));
                 let parallel = first.cross(&normal).norm() <= 1e-6 * first.norm() * normal.norm();
                 // Nearer to parallel than that, round-off decides which way it points.
                 let path = format!("{path}.first_axis");
-                report.expect(!parallel, &path, "parallel to normal", "two different directions");
+                report.require(!parallel, &path, "parallel to normal", "two different directions");
             }
-            each(report, &format!("{path}.half_lengths"), half_lengths, positive, "a length > 0 m");
-            check_pushed(report, path, velocity, force);
+            each(report, &format!("{path}.half_lengths"), half_lengths, is_positive, "a length > 0 m");
+            check_velocity_or_force(report, path, velocity, force);
             check_evolutions(report, &format!("{path}.rotation"), rotation, "rad/s");
         }
-        Wall::Box { centre, lengths, orientation, half_thickness, velocity, .. } => {
-            three(report, &format!("{path}.centre"), centre, "m");
-            each(report, &format!("{path}.lengths"), lengths, positive, "a length > 0 m");
+        SceneWall::Box { centre, lengths, orientation, half_thickness, velocity, .. } => {
+            check_vector(report, &format!("{path}.centre"), centre, "m");
+            each(report, &format!("{path}.lengths"), lengths, is_positive, "a length > 0 m");
             check_rotation(report, &format!("{path}.orientation"), orientation);
             let thickness = format!("{half_thickness:?}");
-            report.expect(positive(*half_thickness), &format!("{path}.half_thickness"), thickness, "a length > 0 m");
+            report.require(
+                is_positive(*half_thickness),
+                &format!("{path}.half_thickness"),
+                thickness,
+                "a length > 0 m",
+            );
             check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
         }
     }
 }
 
 /// Along each axis a velocity or a force.
-fn check_pushed(report: &mut Report, path: &str, velocity: &[Evolution; 3], force: &[Option<Evolution>; 3]) {
+fn check_velocity_or_force(
+    report: &mut FaultReport,
+    path: &str,
+    velocity: &[TimeFunction; 3],
+    force: &[Option<TimeFunction>; 3],
+) {
     check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
     check_evolutions(report, &format!("{path}.force"), force.iter().map(Option::as_ref), "N");
     for (k, velocity) in velocity.iter().enumerate().filter(|(k, _)| force[*k].is_some()) {
         let found = format!("{velocity:?}, and a force along the same axis");
-        let still = *velocity == Evolution::default();
-        report.expect(still, &format!("{path}.velocity.{k}"), found, "one of the two");
+        let still = *velocity == TimeFunction::default();
+        report.require(still, &format!("{path}.velocity.{k}"), found, "one of the two");
     }
 }
 
 pub(crate) fn check_evolutions<'a>(
-    report: &mut Report,
+    report: &mut FaultReport,
     path: &str,
-    evolutions: impl IntoIterator<Item = impl Into<Option<&'a Evolution>>>,
+    evolutions: impl IntoIterator<Item = impl Into<Option<&'a TimeFunction>>>,
     unit: &str,
 ) {
     for (k, evolution) in evolutions.into_iter().enumerate() {
         let Some(evolution) = evolution.into() else { continue };
         let path = format!("{path}.{k}");
         let values = match evolution {
-            Evolution::Constant(value) => vec![*value],
-            &Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
+            TimeFunction::Constant(value) => vec![*value],
+            &TimeFunction::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
                 let start = ramp_start.unwrap_or(0.0);
                 let rises = ramp_rate > 0.0 && start >= 1.0;
                 let found = format!("ramp_start {start:?} and ramp_rate {ramp_rate:?}, a factor of 1 at all times");
-                report.expect(!rises, &path, found, "a start below 1, or no ramp");
+                report.require(!rises, &path, found, "a start below 1, or no ramp");
                 vec![constant, amplitude, omega, phase, start, ramp_rate]
             }
-            Evolution::Table(points) => {
+            TimeFunction::Table(points) => {
                 let rising = points.len() >= 2 && points.windows(2).all(|pair| pair[0].0 < pair[1].0);
                 let found = format!("{} points", points.len());
-                report.expect(rising, &path, found, "at least two points, their times rising (s)");
+                report.require(rising, &path, found, "at least two points, their times rising (s)");
                 points.iter().flat_map(|&(t, v)| [t, v]).collect()
             }
         };
         let found = format!("{evolution:?}");
-        report.expect(values.iter().all(|v| finite(*v)), &path, found, &format!("finite numbers ({unit})"));
+        report.require(values.iter().all(|v| fits_files(*v)), &path, found, &format!("finite numbers ({unit})"));
     }
 }
 
 /// Colours of the grains and of the walls, each once.
-fn colours(scene: &Scene) -> (Vec<&str>, Vec<&str>) {
+fn scene_colours(scene: &Scene) -> (Vec<&str>, Vec<&str>) {
     let mut spheres: Vec<&str> = scene.grains.iter().map(|grains| grains.colour.as_str()).collect();
-    let mut plates: Vec<&str> = scene.walls.iter().map(Wall::colour).collect();
+    let mut plates: Vec<&str> = scene.walls.iter().map(SceneWall::colour).collect();
     for list in [&mut spheres, &mut plates] {
         list.sort_unstable();
         list.dedup();
@@ -604,10 +646,10 @@ fn colours(scene: &Scene) -> (Vec<&str>, Vec<&str>) {
 }
 
 /// Expected value in place of a law between walls.
-pub(crate) const WALLS: &str = "no law: walls do not touch each other";
+pub(crate) const NO_WALL_LAW: &str = "no law: walls do not touch each other";
 
-fn check_contacts(scene: &Scene, report: &mut Report) {
-    let (spheres, plates) = colours(scene);
+fn check_contacts(scene: &Scene, report: &mut FaultReport) {
+    let (spheres, plates) = scene_colours(scene);
     let mut all = [spheres.clone(), plates.clone()].concat();
     all.sort_unstable();
     all.dedup();
@@ -626,7 +668,7 @@ fn check_contacts(scene: &Scene, report: &mut Report) {
         }
         let pair = sorted(a, b);
         let between = format!("{path}.between");
-        report.expect(!known.contains(&pair), &between, format!("'{a}' and '{b}' are there twice"), "each pair once");
+        report.require(!known.contains(&pair), &between, format!("'{a}' and '{b}' are there twice"), "each pair once");
         known.push(pair);
         let law = contact.law.as_ref().map(|name| (name, scene.laws.iter().find(|law| law.name == *name)));
         if let Some((name, None)) = law {
@@ -636,30 +678,31 @@ fn check_contacts(scene: &Scene, report: &mut Report) {
         }
         let of_walls = |colour: &String| plates.contains(&&colour[..]) && !spheres.contains(&&colour[..]);
         let walls = contact.law.is_some() && of_walls(a) && of_walls(b);
-        report.expect(!walls, &path, format!("a law between the walls '{a}' and '{b}'"), WALLS);
+        report.require(!walls, &path, format!("a law between the walls '{a}' and '{b}'"), NO_WALL_LAW);
         if let Some(alert) = contact.alert {
             let path = format!("{path}.alert");
-            report.expect(contact.law.is_some(), &path, "given without a law", "none, or a law");
-            report.expect(positive(alert), &path, format!("{alert:?}"), "a distance > 0 m");
+            report.require(contact.law.is_some(), &path, "given without a law", "none, or a law");
+            report.require(is_positive(alert), &path, format!("{alert:?}"), "a distance > 0 m");
             if let Some((name, Some(law))) = law
-                && alert < law.kind.range()
+                && alert < law.kind.attraction_range()
             {
-                let found = format!("{alert:?} is less than the range {:?} of law '{name}'", law.kind.range());
-                report.fault(&path, found, "at least the range (m), for beyond alert no law acts");
+                let found =
+                    format!("{alert:?} is less than the range {:?} of law '{name}'", law.kind.attraction_range());
+                report.add_fault(&path, found, "at least the range (m), for beyond alert no law acts");
             }
         }
     }
     // Bodies whose motion is all imposed do not meet.
     let imposed = |colour: &str| {
-        let all = |driven: &[Option<Evolution>; 3]| driven.iter().all(Option::is_some);
+        let all = |driven: &[Option<TimeFunction>; 3]| driven.iter().all(Option::is_some);
         let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
         let mut walls = scene.walls.iter().filter(|wall| wall.colour() == colour);
-        worn.all(|grains| grains.driven.as_ref().is_some_and(all)) && !walls.any(Wall::is_pushed)
+        worn.all(|grains| grains.driven.as_ref().is_some_and(all)) && !walls.any(SceneWall::is_pushed)
     };
     // One body does not meet itself, whatever pieces it has.
     let alone = |colour: &str| {
         let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
-        let one = worn.next().is_some_and(Grains::is_one);
+        let one = worn.next().is_some_and(Grains::is_single_body);
         one && worn.next().is_none()
     };
     for (k, a) in spheres.iter().enumerate() {
@@ -668,7 +711,7 @@ fn check_contacts(scene: &Scene, report: &mut Report) {
             let alone = a == b && alone(a) && !plates.contains(a);
             if !(known.contains(&sorted(a, b)) || alone || imposed(a) && imposed(b)) {
                 known.push(sorted(a, b));
-                report.fault(
+                report.add_fault(
                     "contacts",
                     format!("no law between '{a}' and '{b}'"),
                     "one for each pair that can meet (law: None for none)",
@@ -680,7 +723,7 @@ fn check_contacts(scene: &Scene, report: &mut Report) {
 
 impl LawKind {
     /// Largest gap at which the law acts, m; 0 without cohesion.
-    pub fn range(&self) -> f64 {
+    pub fn attraction_range(&self) -> f64 {
         match *self {
             LawKind::IqsWetDsClb { range, .. }
             | LawKind::XqsWetDsClb { range, .. }
@@ -690,33 +733,37 @@ impl LawKind {
     }
 }
 
-impl Wall {
+impl SceneWall {
     pub fn material(&self) -> &str {
         match self {
-            Wall::Plate { material, .. } | Wall::Box { material, .. } | Wall::Cylinder { material, .. } => material,
+            SceneWall::Plate { material, .. }
+            | SceneWall::Box { material, .. }
+            | SceneWall::Cylinder { material, .. } => material,
         }
     }
 
     pub fn colour(&self) -> &str {
         match self {
-            Wall::Plate { colour, .. } | Wall::Box { colour, .. } | Wall::Cylinder { colour, .. } => colour,
+            SceneWall::Plate { colour, .. } | SceneWall::Box { colour, .. } | SceneWall::Cylinder { colour, .. } => {
+                colour
+            }
         }
     }
 
     /// Whether a force moves it along some axis.
     pub fn is_pushed(&self) -> bool {
         match self {
-            Wall::Plate { force, .. } | Wall::Cylinder { force, .. } => force.iter().any(Option::is_some),
-            Wall::Box { .. } => false,
+            SceneWall::Plate { force, .. } | SceneWall::Cylinder { force, .. } => force.iter().any(Option::is_some),
+            SceneWall::Box { .. } => false,
         }
     }
 
     /// Name in the files of its contactors.
     pub fn contactor(&self) -> &'static str {
         match self {
-            Wall::Plate { .. } | Wall::Box { .. } => "PLANx",
-            Wall::Cylinder { hollow: false, .. } => "CYLND",
-            Wall::Cylinder { hollow: true, .. } => "DNLYC",
+            SceneWall::Plate { .. } | SceneWall::Box { .. } => "PLANx",
+            SceneWall::Cylinder { hollow: false, .. } => "CYLND",
+            SceneWall::Cylinder { hollow: true, .. } => "DNLYC",
         }
     }
 }

@@ -1,39 +1,47 @@
 //! Values of a scene that are allowed, and probably mistakes: units, functions that are 0 at all times.
 
 use cd_formats::doubts::{density, friction};
-use cd_formats::report::Report;
+use cd_formats::report::FaultReport;
 
-use crate::scene::{Evolution, Grains, Law, Material, Wall};
+use crate::scene::{Grains, Law, Material, SceneWall, TimeFunction};
 
 /// Reports the doubtful values of the parts of a scene.
-pub fn doubts(materials: &[Material], laws: &[Law], grains: &[Grains], walls: &[Wall], report: &mut Report) {
+pub fn report_doubts(
+    materials: &[Material],
+    laws: &[Law],
+    grains: &[Grains],
+    walls: &[SceneWall],
+    report: &mut FaultReport,
+) {
     for (k, material) in materials.iter().enumerate() {
         if let Some(question) = density(material.density) {
-            report.ask(&format!("materials.{k}.density"), format!("{:?}", material.density), &question);
+            report.add_warning(&format!("materials.{k}.density"), format!("{:?}", material.density), &question);
         }
     }
     for (k, law) in laws.iter().enumerate() {
-        for (name, value) in law.kind.row().1 {
+        for (name, value) in law.kind.law_row().1 {
             if let Some(question) = friction(value)
                 && ["friction", "dynamic_friction", "static_friction"].contains(&name)
             {
-                report.ask(&format!("laws.{k}.kind.{name}"), format!("{value:?}"), &question);
+                report.add_warning(&format!("laws.{k}.kind.{name}"), format!("{value:?}"), &question);
             }
         }
     }
     for (k, grains) in grains.iter().enumerate() {
         for (axis, value) in grains.driven.iter().flatten().enumerate() {
-            value.iter().for_each(|value| function(report, &format!("grains.{k}.driven.{axis}"), value));
+            value.iter().for_each(|value| check_function(report, &format!("grains.{k}.driven.{axis}"), value));
         }
     }
     for (k, wall) in walls.iter().enumerate() {
-        let (velocity, force, rotation): (&[Evolution], &[Option<Evolution>], &[Evolution]) = match wall {
-            Wall::Plate { velocity, force, rotation, .. } => (velocity, &**force, rotation),
-            Wall::Cylinder { velocity, force, rotation, .. } => (velocity, &**force, std::slice::from_ref(rotation)),
-            Wall::Box { velocity, .. } => (velocity, &[], &[]),
+        let (velocity, force, rotation): (&[TimeFunction], &[Option<TimeFunction>], &[TimeFunction]) = match wall {
+            SceneWall::Plate { velocity, force, rotation, .. } => (velocity, &**force, rotation),
+            SceneWall::Cylinder { velocity, force, rotation, .. } => {
+                (velocity, &**force, std::slice::from_ref(rotation))
+            }
+            SceneWall::Box { velocity, .. } => (velocity, &[], &[]),
         };
-        let mut check = |name: &str, axis: usize, value: &Evolution| {
-            function(report, &format!("walls.{k}.{name}.{axis}"), value);
+        let mut check = |name: &str, axis: usize, value: &TimeFunction| {
+            check_function(report, &format!("walls.{k}.{name}.{axis}"), value);
         };
         velocity.iter().enumerate().for_each(|(axis, value)| check("velocity", axis, value));
         rotation.iter().enumerate().for_each(|(axis, value)| check("rotation", axis, value));
@@ -43,22 +51,22 @@ pub fn doubts(materials: &[Material], laws: &[Law], grains: &[Grains], walls: &[
 }
 
 /// A function that is 0 at all times, unless it is written as a constant.
-fn function(report: &mut Report, path: &str, function: &Evolution) {
+fn check_function(report: &mut FaultReport, path: &str, function: &TimeFunction) {
     match function {
-        &Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
+        &TimeFunction::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
             if ramp_start == Some(0.0) && ramp_rate == 0.0 {
                 let found = "ramp_start 0 without ramp_rate: the function is 0 at all times";
-                report.ask(path, found, "leave ramp_start out, or give a ramp_rate in 1/s");
+                report.add_warning(path, found, "leave ramp_start out, or give a ramp_rate in 1/s");
             } else if constant == 0.0 && amplitude == 0.0 {
-                report.ask(path, "the function is 0 at all times", "give an amplitude or a constant");
+                report.add_warning(path, "the function is 0 at all times", "give an amplitude or a constant");
             } else if omega == 0.0 && (constant + amplitude * libm::cos(phase)).abs() <= f64::EPSILON * amplitude.abs()
             {
-                report.ask(path, "omega 0: the function is 0 at all times", "give an omega in rad/s");
+                report.add_warning(path, "omega 0: the function is 0 at all times", "give an omega in rad/s");
             }
         }
-        Evolution::Table(points) if points.iter().all(|point| point.1 == 0.0) => {
-            report.ask(path, "the function is 0 at all times", "give values, or Constant(0.0)");
+        TimeFunction::Table(points) if points.iter().all(|point| point.1 == 0.0) => {
+            report.add_warning(path, "the function is 0 at all times", "give values, or Constant(0.0)");
         }
-        Evolution::Constant(_) | Evolution::Table(_) => {}
+        TimeFunction::Constant(_) | TimeFunction::Table(_) => {}
     }
 }

@@ -42,12 +42,12 @@ use cd_formats::atomic;
 use cd_formats::case::misplaced;
 use cd_formats::compute::from_ron;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::origin::Origin;
+use cd_formats::origin::SceneOrigin;
 use cd_formats::places;
-use cd_formats::report::Report;
-use cd_formats::ron_text::nearest;
-use cd_formats::scan::{fortran_real, long14};
-use cd_formats::tell::{complain, tell, usage};
+use cd_formats::report::FaultReport;
+use cd_formats::ron_text::nearest_name;
+use cd_formats::scan::{format_long14, fortran_real};
+use cd_formats::tell::{print_error, print_line, usage};
 use clap::{CommandFactory, Parser};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -120,8 +120,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let commands = Arguments::command();
     let commands: Vec<&str> = commands.get_subcommands().map(|command| command.get_name()).collect();
     let unknown = !commands.contains(&first) && !first.starts_with('-') && !Path::new(first).exists();
-    if let Some(near) = nearest(first, &commands).filter(|_| unknown) {
-        complain(format_args!("cd-pre: {first}: is no file and no command; did you mean {near}?"));
+    if let Some(near) = nearest_name(first, &commands).filter(|_| unknown) {
+        print_error(format_args!("cd-pre: {first}: is no file and no command; did you mean {near}?"));
         return 2;
     }
     let arguments = match Arguments::try_parse_from(&args) {
@@ -129,7 +129,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         Err(error) => {
             let mistake = misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr());
             let Some(mistake) = mistake else { return usage("cd-pre", &error) };
-            complain(format_args!("cd-pre: {mistake}"));
+            print_error(format_args!("cd-pre: {mistake}"));
             return error.exit_code();
         }
     };
@@ -146,62 +146,62 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     };
     match written {
         Ok(summary) => {
-            tell(summary.trim_end());
+            print_line(summary.trim_end());
             0
         }
         Err(faults) => {
-            complain(faults.report("cd-pre").trim_end());
+            print_error(faults.format_report("cd-pre").trim_end());
             2
         }
     }
 }
 
 /// Reads the scene of the file `source`, with other values as `settings` say, and writes the files of the folder
-/// `datbox`; see [`places::set`].
+/// `datbox`; see [`places::apply_settings`].
 ///
 /// Returns a summary for people. Errors: all faults of the scene (nothing is written then), or a file
 /// that cannot be written.
 pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result<String, Faults> {
     let original = atomic::read_text(source)?;
-    let text = places::set(&original, settings)?;
-    let (scene, population) = read(source, &text, settings)?;
-    let mut report = Report::with(source, &text, settings);
-    doubts::doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
+    let text = places::apply_settings(&original, settings)?;
+    let (scene, population) = read_scene(source, &text, settings)?;
+    let mut report = FaultReport::with_settings(source, &text, settings);
+    doubts::report_doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
     cd_formats::doubts::events(&scene.compute.events, "compute.", &mut report);
-    attraction::warnings(&scene, &population, &mut report);
-    let mut files = write::files(&scene, &population);
+    attraction::warn_of_attractions(&scene, &population, &mut report);
+    let mut files = write::datbox_files(&scene, &population);
     let (driven, _) = write::drv_dof(&scene, &population);
     let bytes = files.iter().map(|(name, text)| (name.as_str(), text.as_bytes()));
-    reread::check(datbox, bytes, &driven, &scene.compute, |body| population.path(body), &mut report);
+    reread::check_files(datbox, bytes, &driven, &scene.compute, |body| population.scene_path(body), &mut report);
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }
     // Whether the scene lies near DATBOX is known when there is one.
-    std::fs::create_dir_all(datbox).map_err(|error| Fault::io(datbox, "written", &error))?;
+    std::fs::create_dir_all(datbox).map_err(|error| Fault::from_io(datbox, "written", &error))?;
     let case = datbox.parent().unwrap_or(Path::new(""));
-    let mut origin = Origin::of(source, original.as_bytes(), settings, case);
+    let mut origin = SceneOrigin::from_scene(source, original.as_bytes(), settings, case);
     if let Some(origin) = &mut origin {
         let folder = source.parent().unwrap_or(Path::new(""));
         models(&scene.grains).for_each(|file| origin.add(&folder.join(file), case));
     }
-    for (_, text) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE) {
-        text.insert_str(0, &origin.as_ref().map_or(String::new(), Origin::lines));
+    for (_, text) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE_FILE) {
+        text.insert_str(0, &origin.as_ref().map_or(String::new(), SceneOrigin::lines));
     }
     atomic::write_all(files.iter().map(|(name, text)| (datbox.join(name), text.as_bytes())))?;
-    from_outbox::clear(datbox)?;
-    warn(&report.warnings);
+    from_outbox::remove_outbox_files(datbox)?;
+    print_warnings(&report.warnings);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
-    Ok(format!("{}wrote {}: {}\n", summary(&scene, &population), datbox.display(), names.join(" ")))
+    Ok(format!("{}wrote {}: {}\n", scene_summary(&scene, &population), datbox.display(), names.join(" ")))
 }
 
 /// Files of the surfaces that grains are made from or placed in, as the scene names them.
 pub(crate) fn models(grains: &[scene::Grains]) -> impl Iterator<Item = &str> {
     grains.iter().flat_map(|grains| {
         let (shape, pieces) = match &grains.shape {
-            scene::Shape::Model { file, contact: scene::ContactSurface::Files(pieces), .. } => {
+            scene::GrainShape::Model { file, contact: scene::ContactSurface::Files(pieces), .. } => {
                 (Some(file), pieces.as_slice())
             }
-            scene::Shape::Model { file, .. } => (Some(file), &[][..]),
+            scene::GrainShape::Model { file, .. } => (Some(file), &[][..]),
             _ => (None, &[][..]),
         };
         let envelope = match grains.place.envelope() {
@@ -213,17 +213,17 @@ pub(crate) fn models(grains: &[scene::Grains]) -> impl Iterator<Item = &str> {
 }
 
 /// Prints warnings on stderr.
-fn warn(warnings: &Faults) {
+fn print_warnings(warnings: &Faults) {
     if !warnings.0.is_empty() {
-        complain(warnings.report("cd-pre: warning").trim_end());
+        print_error(warnings.format_report("cd-pre: warning").trim_end());
     }
 }
 
 /// The scene in `text`, and its bodies; the faults name the file `source`, and those of `settings` in the text these.
-pub fn read(source: &Path, text: &str, settings: &[String]) -> Result<(Scene, Population), Faults> {
-    let scene: Scene = parsed(source, text, settings, "scene")?;
-    let mut report = Report::with(source, text, settings);
-    check::check(&scene, &mut report);
+pub fn read_scene(source: &Path, text: &str, settings: &[String]) -> Result<(Scene, Population), Faults> {
+    let scene: Scene = parse_with_settings(source, text, settings, "scene")?;
+    let mut report = FaultReport::with_settings(source, text, settings);
+    check::check_scene(&scene, &mut report);
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }
@@ -231,13 +231,18 @@ pub fn read(source: &Path, text: &str, settings: &[String]) -> Result<(Scene, Po
     report.faults.into_result((scene, population))
 }
 
-/// Reads RON in which [`places::set`] has put other values.
-fn parsed<T: DeserializeOwned>(file: &Path, text: &str, settings: &[String], object: &str) -> Result<T, Faults> {
+/// Reads RON in which [`places::apply_settings`] has put other values.
+fn parse_with_settings<T: DeserializeOwned>(
+    file: &Path,
+    text: &str,
+    settings: &[String],
+    object: &str,
+) -> Result<T, Faults> {
     from_ron(file, text, object).map_err(|mut faults| {
         for fault in &mut faults.0 {
             let (line, column) = (fault.line.unwrap_or(1), fault.column.unwrap_or(1));
             if let Some(setting) = places::setting_at(settings, text, line, column) {
-                *fault = places::fault(setting, fault.found.as_str(), fault.expected.as_str());
+                *fault = places::setting_fault(setting, fault.found.as_str(), fault.expected.as_str());
             }
         }
         faults
@@ -245,13 +250,13 @@ fn parsed<T: DeserializeOwned>(file: &Path, text: &str, settings: &[String], obj
 }
 
 /// Counts, sizes and masses, a line for each body of grains and one for all.
-fn summary(scene: &Scene, population: &Population) -> String {
+fn scene_summary(scene: &Scene, population: &Population) -> String {
     let (all, walls) = (population.grains.iter().collect::<Vec<_>>(), population.walls.len());
-    let total = line(format!("{} bodies, {walls} of them walls", all.len() + walls), &all);
-    groups(scene, population) + &total + "\n"
+    let total = group_line(format!("{} bodies, {walls} of them walls", all.len() + walls), &all);
+    group_lines(scene, population) + &total + "\n"
 }
 
-fn line(name: String, grains: &[&population::Grain]) -> String {
+fn group_line(name: String, grains: &[&population::Grain]) -> String {
     let radii = || grains.iter().map(|grain| grain.radius);
     let (count, min, max) = (grains.len(), radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
     let mean = radii().sum::<f64>() / count as f64;
@@ -259,7 +264,7 @@ fn line(name: String, grains: &[&population::Grain]) -> String {
     let polyhedra = grains.iter().filter(|grain| grain.polyhedron.is_some()).count();
     let kind = match polyhedra {
         0 => format!("{count} spheres"),
-        _ if polyhedra == count => format!("{count} polyhedra ({})", vertices(grains)),
+        _ if polyhedra == count => format!("{count} polyhedra ({})", vertex_count_text(grains)),
         _ => format!("{} spheres and {polyhedra} polyhedra", count - polyhedra),
     };
     // Five digits of what is small.
@@ -269,18 +274,18 @@ fn line(name: String, grains: &[&population::Grain]) -> String {
 }
 
 /// A line for each body of grains.
-fn groups(scene: &Scene, population: &Population) -> String {
+fn group_lines(scene: &Scene, population: &Population) -> String {
     let mut text = String::new();
-    for (group, room) in population.rooms.iter().enumerate() {
+    for (group, room) in population.regions.iter().enumerate() {
         let grains: Vec<_> = population.grains.iter().filter(|grain| grain.group == group).collect();
-        text += &line(format!("grains {}", group + 1), &grains);
-        if !population.told[group].is_empty() {
-            text += &format!(", {}", population.told[group]);
+        text += &group_line(format!("grains {}", group + 1), &grains);
+        if !population.file_summaries[group].is_empty() {
+            text += &format!(", {}", population.file_summaries[group]);
         }
         if let Some(polyhedron) = grains.first().and_then(|grain| grain.polyhedron.as_ref())
             && scene.grains[group].shape.has_axes()
         {
-            text += &moved(&polyhedron.solid);
+            text += &frame_change_text(&polyhedron.solid);
         }
         if let Some(room) = room {
             let filled: f64 = grains.iter().map(|grain| grain.volume()).sum();
@@ -292,7 +297,7 @@ fn groups(scene: &Scene, population: &Population) -> String {
 }
 
 /// How a shape was moved and turned to its centre of mass and principal axes.
-fn moved(solid: &shapes::Solid) -> String {
+fn frame_change_text(solid: &shapes::PrincipalSolid) -> String {
     let mut text = String::new();
     if solid.shift != Vector3::zeros() {
         let [x, y, z] = solid.shift.into();
@@ -307,7 +312,7 @@ fn moved(solid: &shapes::Solid) -> String {
 }
 
 /// How many vertices grains have, all pieces of a grain together.
-fn vertices(grains: &[&population::Grain]) -> String {
+fn vertex_count_text(grains: &[&population::Grain]) -> String {
     let solids = grains.iter().filter_map(|grain| grain.polyhedron.as_ref()).map(|polyhedron| &polyhedron.solid.pieces);
     let counts = solids.map(|pieces| pieces.iter().map(|piece| piece.vertices().len()).sum::<usize>());
     let (min, max) = counts.fold((usize::MAX, 0), |(min, max), count| (min.min(count), max.max(count)));
@@ -317,24 +322,24 @@ fn vertices(grains: &[&population::Grain]) -> String {
 /// The nearest number that the files can hold: 8 digits, and no negative zero.
 ///
 /// ```
-/// assert_eq!(cd_pre::round8(2.0 / 3.0), 0.66666667);
-/// assert_eq!(cd_pre::round8(-123456789.0), -123456790.0);
+/// assert_eq!(cd_pre::round_8_digits(2.0 / 3.0), 0.66666667);
+/// assert_eq!(cd_pre::round_8_digits(-123456789.0), -123456790.0);
 /// ```
-pub fn round8(x: f64) -> f64 {
+pub fn round_8_digits(x: f64) -> f64 {
     format!("{x:.7e}").parse().unwrap_or(x) + 0.0
 }
 
-/// [`round8`] of each component.
+/// [`round_8_digits`] of each component.
 pub fn round_point(point: &Vector3<f64>) -> Vector3<f64> {
-    point.map(round8)
+    point.map(round_8_digits)
 }
 
 /// The nearest number that the files can hold for a polyhedron: up to 12 digits, and no negative zero.
-pub fn round14(x: f64) -> f64 {
-    fortran_real(&long14(x)).unwrap_or(x) + 0.0
+pub fn round_14_columns(x: f64) -> f64 {
+    fortran_real(&format_long14(x)).unwrap_or(x) + 0.0
 }
 
-/// [`round14`] of each component of axes.
+/// [`round_14_columns`] of each component of axes.
 pub fn round_axes(axes: &Matrix3<f64>) -> Matrix3<f64> {
-    axes.map(round14)
+    axes.map(round_14_columns)
 }

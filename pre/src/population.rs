@@ -3,29 +3,29 @@
 use std::cell::OnceCell;
 use std::path::Path;
 
-use cd_formats::bodies::Shape;
+use cd_formats::bodies::ShapeRecord;
 use cd_formats::compute::Compute;
 use cd_formats::error::Faults;
-use cd_formats::report::Report;
+use cd_formats::report::FaultReport;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::place::cells::Cells;
-use crate::place::room::Room;
-use crate::place::{self, Placed};
-use crate::random::{Purpose, Random};
-use crate::scene::{Evolution, Grains, Place, Scene};
-use crate::shapes::overlap::{Convex, deepest};
-use crate::shapes::{Drawn, Polyhedron, Shapes, Wrong};
-use crate::sizes::MOST_BODIES;
+use crate::place::cells::SphereGrid;
+use crate::place::room::GrainRegion;
+use crate::place::{self, PlacedGrains};
+use crate::random::{RandomStream, StreamPurpose};
+use crate::scene::{GrainPlacement, Grains, Scene, TimeFunction};
+use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
+use crate::shapes::{GrainSampler, OrientedPolyhedron, SampledGrain, ShapeError};
+use crate::sizes::MAX_BODIES;
 use crate::walls::{self, WallBody};
 use crate::{check, motion, sizes, write};
 
 /// Overlaps up to this share of the smaller radius are touching: what 8 digits leave of a contact that
 /// the user has computed by hand.
-const TOUCHING: f64 = 1e-6;
+const TOUCHING_TOLERANCE: f64 = 1e-6;
 
 /// Overlaps that are reported one by one.
-const TOLD: usize = 5;
+const MAX_REPORTED_OVERLAPS: usize = 5;
 
 /// Bodies in the order of their numbers: grains, then walls.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,14 +33,14 @@ pub struct Population {
     pub grains: Vec<Grain>,
     pub walls: Vec<WallBody>,
     /// The envelope of each body of grains.
-    pub rooms: Vec<Option<Room>>,
+    pub regions: Vec<Option<GrainRegion>>,
     /// Notes on the file of each body of grains, empty without one.
-    pub told: Vec<String>,
+    pub file_summaries: Vec<String>,
 }
 
 impl Population {
     /// The path in the scene of the value that makes body `body`, from 0.
-    pub fn path(&self, body: usize) -> String {
+    pub fn scene_path(&self, body: usize) -> String {
         match self.grains.get(body) {
             Some(grain) => format!("grains.{}", grain.group),
             None => format!("walls.{}", self.walls[body - self.grains.len()].wall),
@@ -58,7 +58,7 @@ pub struct Grain {
     /// Radius of the ball about the centre of mass that holds the grain, m.
     pub reach: f64,
     /// None for a sphere.
-    pub polyhedron: Option<Polyhedron>,
+    pub polyhedron: Option<OrientedPolyhedron>,
     /// kg
     pub mass: f64,
     /// m
@@ -72,7 +72,7 @@ pub struct Grain {
 impl Grain {
     /// m^3
     pub fn volume(&self) -> f64 {
-        self.polyhedron.as_ref().map_or_else(|| sizes::volume(self.radius), Polyhedron::volume)
+        self.polyhedron.as_ref().map_or_else(|| sizes::sphere_volume(self.radius), OrientedPolyhedron::volume)
     }
 
     /// Its own axes along the fixed ones, one a row; those of a sphere are the fixed ones at the start.
@@ -81,25 +81,25 @@ impl Grain {
     }
 
     /// The convex pieces of a polyhedron as they stand.
-    pub(crate) fn pieces(&self) -> Vec<Convex> {
+    pub(crate) fn convex_pieces(&self) -> Vec<ConvexPiece> {
         let Some(polyhedron) = &self.polyhedron else { return Vec::new() };
         let turn = polyhedron.axes.transpose();
         let pieces = polyhedron.vertices().into_iter().zip(&polyhedron.solid.pieces);
         pieces
             .map(|(vertices, piece)| {
                 let vertices = vertices.into_iter().map(|v| turn * Vector3::from(v)).collect();
-                Convex::new(self.position, vertices, piece.triangles())
+                ConvexPiece::new(self.position, vertices, piece.triangles())
             })
             .collect()
     }
 }
 
 /// Takes the faults of a file that the value at `path` names into the report: of one that cannot be read, the value is at fault.
-fn of_file(faults: Faults, path: &str, report: &mut Report) {
+fn report_file_faults(faults: Faults, path: &str, report: &mut FaultReport) {
     for fault in faults.0 {
         if fault.line.is_none() && fault.object == "file" && fault.found.starts_with("cannot be read") {
             let found = format!("{} {}", fault.file.display(), fault.found);
-            report.fault(path, found, "a file next to the scene, or an absolute path");
+            report.add_fault(path, found, "a file next to the scene, or an absolute path");
         } else {
             report.faults.push(fault);
         }
@@ -109,36 +109,36 @@ fn of_file(faults: Faults, path: &str, report: &mut Report) {
 /// The bodies of a (checked) scene; what does not fit or overlaps goes into the report.
 ///
 /// Paths of files begin at `folder`.
-pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population {
-    let walls = walls::bodies(&scene.walls);
-    let mut population = Population { grains: Vec::new(), walls, rooms: Vec::new(), told: Vec::new() };
+pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Population {
+    let walls = walls::wall_bodies(&scene.walls);
+    let mut population = Population { grains: Vec::new(), walls, regions: Vec::new(), file_summaries: Vec::new() };
     for (group, grains) in scene.grains.iter().enumerate() {
-        let shapes = Shapes::of(grains, folder, scene.seed, group);
+        let shapes = GrainSampler::from_grains(grains, folder, scene.seed, group);
         let shapes = shapes.map_err(|wrong| match wrong {
-            Wrong::File(faults) => of_file(faults, &format!("grains.{group}.shape"), report),
-            Wrong::Shape(misfit) => {
-                report.fault(&format!("grains.{group}.shape"), misfit.to_string(), "a shape that can be made");
+            ShapeError::File(faults) => report_file_faults(faults, &format!("grains.{group}.shape"), report),
+            ShapeError::Shape(misfit) => {
+                report.add_fault(&format!("grains.{group}.shape"), misfit.to_string(), "a shape that can be made");
             }
         });
-        let room = grains.place.envelope().map(|envelope| envelope.room(folder)).transpose();
-        let room = room.map_err(|faults| of_file(faults, &format!("grains.{group}.place"), report));
+        let room = grains.place.envelope().map(|envelope| envelope.to_region(folder)).transpose();
+        let room = room.map_err(|faults| report_file_faults(faults, &format!("grains.{group}.place"), report));
         let (Ok(mut shapes), Ok(room)) = (shapes, room) else { continue };
         let (room, of_room) = room.map_or((None, String::new()), |(room, told)| (Some(room), told));
-        match place::place(grains, &mut shapes, room, scene.seed, group) {
+        match place::place_grains(grains, &mut shapes, room, scene.seed, group) {
             Ok(placed) => {
                 let alone = placed.grains.len() == 1 && grains.thermal_velocity > 0.0;
                 let expected = "several grains, or 0: one alone has no motion about the mean";
-                report.expect(!alone, &format!("grains.{group}.thermal_velocity"), "given for one grain", expected);
-                let told = [shapes.told(), &of_room].into_iter().filter(|told| !told.is_empty());
-                population.told.push(told.collect::<Vec<_>>().join(", "));
-                population.rooms.push(placed.room.clone());
-                population.grains.extend(in_motion(scene, group, grains, placed));
+                report.require(!alone, &format!("grains.{group}.thermal_velocity"), "given for one grain", expected);
+                let told = [shapes.file_summary(), &of_room].into_iter().filter(|told| !told.is_empty());
+                population.file_summaries.push(told.collect::<Vec<_>>().join(", "));
+                population.regions.push(placed.region.clone());
+                population.grains.extend(grains_in_motion(scene, group, grains, placed));
             }
-            Err(misfit) => report.fault(&format!("grains.{group}.place"), misfit.found, misfit.expected),
+            Err(misfit) => report.add_fault(&format!("grains.{group}.place"), misfit.found, misfit.expected),
         }
     }
     let bodies = population.grains.len() + population.walls.len();
-    report.expect(bodies <= MOST_BODIES, "grains", format!("{bodies} bodies"), &format!("at most {MOST_BODIES}"));
+    report.require(bodies <= MAX_BODIES, "grains", format!("{bodies} bodies"), &format!("at most {MAX_BODIES}"));
     let balls = population.grains.iter().map(|grain| (grain.position, grain.reach));
     check_extent(&scene.compute, balls, report);
     check_numbers(scene, &population, report);
@@ -153,9 +153,9 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut Report) -> Population
 }
 
 /// A hollow cylinder pushes inwards alone: what meets it must be within.
-fn check_drums(scene: &Scene, population: &Population, report: &mut Report) {
+fn check_drums(scene: &Scene, population: &Population, report: &mut FaultReport) {
     for drum in &population.walls {
-        if !matches!(drum.shape, Shape::Cylinder { hollow: true, .. }) {
+        if !matches!(drum.shape, ShapeRecord::Cylinder { hollow: true, .. }) {
             continue;
         }
         let meets = |colour: &str| {
@@ -172,16 +172,16 @@ fn check_drums(scene: &Scene, population: &Population, report: &mut Report) {
         if let Some((k, grain)) = outside {
             let found = format!("body {} is outside of wall {}, a hollow cylinder", k + 1, drum.wall + 1);
             let expected = "grains that meet it within: it is closed, and pushes inwards alone";
-            report.fault(&format!("grains.{}.place", grain.group), found, expected);
+            report.add_fault(&format!("grains.{}.place", grain.group), found, expected);
         }
     }
 }
 
 /// Plates that span a period must not lean along it: their images would be stairs.
-fn check_level(scene: &Scene, population: &Population, report: &mut Report) {
+fn check_level(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let periods = [("xperiode", scene.compute.xperiode), ("yperiode", scene.compute.yperiode)];
     for plate in &population.walls {
-        let Shape::Plane { half_lengths } = plate.shape else { continue };
+        let ShapeRecord::Plane { half_lengths } = plate.shape else { continue };
         for (axis, (name, period)) in periods.into_iter().enumerate() {
             let width = 2.0 * plate.axes.column(axis).abs().dot(&Vector3::from(half_lengths));
             let normal = plate.axes[(2, axis)];
@@ -189,25 +189,25 @@ fn check_level(scene: &Scene, population: &Population, report: &mut Report) {
             if period.is_some_and(|period| width >= period * (1.0 - 1e-6)) && normal.abs() > 1e-6 {
                 let found = format!("a plate as wide as {name} whose normal leans along it by {normal:.4}");
                 let expected = format!("{} 0 of the normal, as images make stairs; gravity may lean", ["x", "y"][axis]);
-                report.fault(&format!("walls.{}", plate.wall), found, expected);
+                report.add_fault(&format!("walls.{}", plate.wall), found, expected);
             }
         }
     }
 }
 
-fn in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed) -> Vec<Grain> {
+fn grains_in_motion(scene: &Scene, group: usize, grains: &Grains, placed: PlacedGrains) -> Vec<Grain> {
     let density = scene.materials.iter().find(|m| m.name == grains.material).map_or(1.0, |m| m.density);
     let masses: Vec<f64> = placed.grains.iter().map(|grain| density * grain.volume()).collect();
     let (velocity, spin) = match &grains.driven {
         Some(driven) => {
-            (Vector3::from_fn(|k, _| driven[k].as_ref().map_or(0.0, Evolution::at_start)), Vector3::zeros())
+            (Vector3::from_fn(|k, _| driven[k].as_ref().map_or(0.0, TimeFunction::initial_value)), Vector3::zeros())
         }
         None => (grains.velocity.into(), grains.spin.into()),
     };
-    let rigid = motion::rigid(&velocity, &spin, &placed.positions, &masses);
-    let mut random = Random::new(scene.seed, group, Purpose::Velocity);
-    let thermal = motion::thermal(grains.thermal_velocity, &masses, &mut random);
-    let grain = |(k, drawn): (usize, Drawn)| Grain {
+    let rigid = motion::rigid_velocities(&velocity, &spin, &placed.positions, &masses);
+    let mut random = RandomStream::new(scene.seed, group, StreamPurpose::Velocity);
+    let thermal = motion::thermal_velocities(grains.thermal_velocity, &masses, &mut random);
+    let grain = |(k, drawn): (usize, SampledGrain)| Grain {
         group,
         radius: drawn.radius,
         reach: drawn.reach,
@@ -225,21 +225,21 @@ fn in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed) -> Ve
 pub(crate) fn check_extent(
     options: &Compute,
     balls: impl Iterator<Item = (Vector3<f64>, f64)> + Clone,
-    report: &mut Report,
+    report: &mut FaultReport,
 ) {
     let periods = [("xperiode", options.xperiode), ("yperiode", options.yperiode)];
     for (axis, (name, period)) in periods.into_iter().enumerate() {
         let ends = balls.clone().flat_map(|(centre, radius)| [centre[axis] - radius, centre[axis] + radius]);
         let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
-        if let Some(period) = period.filter(|period| high - low > period * (1.0 + TOUCHING)) {
+        if let Some(period) = period.filter(|period| high - low > period * (1.0 + TOUCHING_TOLERANCE)) {
             let found = format!("{period} with grains over {:.6} m", high - low);
-            report.fault(&format!("compute.{name}"), found, "at least as much");
+            report.add_fault(&format!("compute.{name}"), found, "at least as much");
         }
     }
 }
 
 /// By how much to move what stands at the foot of `way`, m, to its images nearest to the tip in a scene that repeats.
-pub(crate) fn images(options: &Compute, way: &Vector3<f64>) -> Vec<Vector3<f64>> {
+pub(crate) fn nearest_images(options: &Compute, way: &Vector3<f64>) -> Vec<Vector3<f64>> {
     let mut shifts = vec![Vector3::zeros()];
     for (axis, period) in [options.xperiode, options.yperiode].into_iter().enumerate() {
         let Some(period) = period else { continue };
@@ -254,50 +254,56 @@ pub(crate) fn images(options: &Compute, way: &Vector3<f64>) -> Vec<Vector3<f64>>
 }
 
 /// Refuses products of numbers of a scene that do not fit the files, whose exponents have two digits.
-fn check_numbers(scene: &Scene, population: &Population, report: &mut Report) {
+fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
     let mut told = Vec::new();
     let mut fault = |path: String, name: &str, x: f64| {
         if !told.contains(&path) {
-            report.fault(&path, format!("{name} {x:e}"), "numbers below 1e99, and sizes and masses of at least 1e-99");
+            report.add_fault(
+                &path,
+                format!("{name} {x:e}"),
+                "numbers below 1e99, and sizes and masses of at least 1e-99",
+            );
             told.push(path);
         }
     };
-    for (k, (body, state)) in write::bodies(scene, population).0.iter().zip(write::dof(population).bodies).enumerate() {
-        let path = population.path(k);
+    for (k, (body, state)) in
+        write::bodies_file(scene, population).0.iter().zip(write::dof_file(population).bodies).enumerate()
+    {
+        let path = population.scene_path(k);
         let density = scene.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
-        let mass = density * sizes::volume(body.equivalent_radius);
+        let mass = density * sizes::sphere_volume(body.equivalent_radius);
         let sizes = [("radius", body.equivalent_radius), ("mass", mass)];
         let inertia = body.inertia.into_iter().flatten().map(|moment| ("inertia", moment));
-        for (name, x) in sizes.into_iter().chain(inertia).filter(|(_, x)| !check::positive(*x)) {
+        for (name, x) in sizes.into_iter().chain(inertia).filter(|(_, x)| !check::is_positive(*x)) {
             fault(path.clone(), name, x);
         }
         let position = body.position.map(|x| ("position", x));
         let velocity = state.velocity.map(|x| ("velocity", x));
-        for (name, x) in position.into_iter().chain(velocity).filter(|(_, x)| !check::finite(*x)) {
+        for (name, x) in position.into_iter().chain(velocity).filter(|(_, x)| !check::fits_files(*x)) {
             fault(path.clone(), name, x);
         }
     }
     let alert = write::default_alert(population);
     let used =
         !grains.is_empty() && scene.contacts.iter().any(|contact| contact.law.is_some() && contact.alert.is_none());
-    if used && !check::positive(alert) {
+    if used && !check::is_positive(alert) {
         fault("contacts".to_string(), "alert", alert);
     }
 }
 
 /// No two grains, and no grain and wall, may overlap, unless a List allows it.
-fn check_overlaps(scene: &Scene, population: &Population, report: &mut Report) {
+fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
     let allowed: Vec<bool> =
-        scene.grains.iter().map(|g| matches!(g.place, Place::List { allow_overlap: true, .. })).collect();
+        scene.grains.iter().map(|g| matches!(g.place, GrainPlacement::List { allow_overlap: true, .. })).collect();
     let firsts: Vec<usize> =
         (0..scene.grains.len()).map(|group| grains.partition_point(|grain| grain.group < group)).collect();
     let name = |k: usize| format!("grain {} of grains {}", k + 1 - firsts[grains[k].group], grains[k].group + 1);
     let mut overlaps: Vec<(usize, String)> = Vec::new();
     // Made of those alone that come near another, and once.
-    let made: Vec<OnceCell<Vec<Convex>>> = vec![OnceCell::new(); grains.len()];
-    let pieces = |k: usize| made[k].get_or_init(|| grains[k].pieces()).as_slice();
+    let made: Vec<OnceCell<Vec<ConvexPiece>>> = vec![OnceCell::new(); grains.len()];
+    let pieces = |k: usize| made[k].get_or_init(|| grains[k].convex_pieces()).as_slice();
     let with_ball = |k: usize, ball: &Grain| {
         pieces(k).iter().map(|piece| piece.overlap_of_ball(&ball.position, ball.radius)).fold(0.0, f64::max)
     };
@@ -306,46 +312,48 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut Report) {
         [false, false] => overlap,
         [true, false] => with_ball(a, &grains[b]),
         [false, true] => with_ball(b, &grains[a]),
-        [true, true] => deepest(pieces(a), pieces(b), TOUCHING * grains[a].radius.min(grains[b].radius)),
+        [true, true] => {
+            deepest_overlap(pieces(a), pieces(b), TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius))
+        }
     };
 
     let mut order: Vec<usize> = (0..grains.len()).collect();
     order.sort_by(|&a, &b| grains[b].reach.total_cmp(&grains[a].reach).then(a.cmp(&b)));
-    let mut cells = Cells::new(order.first().map_or(1.0, |&k| grains[k].reach));
+    let mut cells = SphereGrid::new(order.first().map_or(1.0, |&k| grains[k].reach));
     for &k in &order {
         let grain = &grains[k];
-        cells.overlaps(&grain.position, grain.reach, |number, overlap| {
+        cells.for_each_overlap(&grain.position, grain.reach, |number, overlap| {
             let (a, b) = (k.min(order[number]), k.max(order[number]));
-            if allowed[grains[a].group] || allowed[grains[b].group] || overlap <= TOUCHING * grain.radius {
+            if allowed[grains[a].group] || allowed[grains[b].group] || overlap <= TOUCHING_TOLERANCE * grain.radius {
                 return;
             }
             let overlap = deep(k, order[number], overlap);
-            if overlap > TOUCHING * grains[a].radius.min(grains[b].radius) {
+            if overlap > TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius) {
                 overlaps.push((a, format!("{} and {} overlap by {overlap:.3e} m", name(a), name(b))));
             }
         });
         cells.add(grain.position, grain.reach);
         for wall in population.walls.iter().filter(|_| !allowed[grain.group]) {
             let of_image = |shift: Vector3<f64>| {
-                let overlap = wall.overlap(&(grain.position - shift), grain.reach);
-                if overlap <= TOUCHING * grain.radius || grain.polyhedron.is_none() {
+                let overlap = wall.ball_overlap(&(grain.position - shift), grain.reach);
+                if overlap <= TOUCHING_TOLERANCE * grain.radius || grain.polyhedron.is_none() {
                     return overlap;
                 }
-                wall.overlap_of(pieces(k), &shift, TOUCHING * grain.radius)
+                wall.pieces_overlap(pieces(k), &shift, TOUCHING_TOLERANCE * grain.radius)
             };
-            let shifts = images(&scene.compute, &(grain.position - wall.centre));
+            let shifts = nearest_images(&scene.compute, &(grain.position - wall.centre));
             let overlap = shifts.into_iter().map(of_image).fold(f64::NEG_INFINITY, f64::max);
-            if overlap > TOUCHING * grain.radius {
+            if overlap > TOUCHING_TOLERANCE * grain.radius {
                 overlaps.push((k, format!("{} and wall {} overlap by {overlap:.3e} m", name(k), wall.wall + 1)));
             }
         }
     }
     overlaps.sort();
     let expected = "grains that touch at most (a List may have allow_overlap: true)";
-    for (k, found) in overlaps.iter().take(TOLD) {
-        report.fault(&format!("grains.{}.place", grains[*k].group), found, expected);
+    for (k, found) in overlaps.iter().take(MAX_REPORTED_OVERLAPS) {
+        report.add_fault(&format!("grains.{}.place", grains[*k].group), found, expected);
     }
-    if overlaps.len() > TOLD {
-        report.fault("grains", format!("{} more overlaps", overlaps.len() - TOLD), expected);
+    if overlaps.len() > MAX_REPORTED_OVERLAPS {
+        report.add_fault("grains", format!("{} more overlaps", overlaps.len() - MAX_REPORTED_OVERLAPS), expected);
     }
 }

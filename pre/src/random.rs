@@ -10,21 +10,21 @@ use rand_chacha::rand_core::{RngCore, SeedableRng};
 
 /// What random numbers are drawn for; the streams of one body of grains.
 #[derive(Debug, Clone, Copy)]
-pub enum Purpose {
+pub enum StreamPurpose {
     Sizes = 0,
     Place = 1,
     Velocity = 2,
     Shape = 3,
 }
 
-pub struct Random(ChaCha8Rng);
+pub struct RandomStream(ChaCha8Rng);
 
-impl Random {
+impl RandomStream {
     /// The stream of `group` (0-based) for `purpose`.
-    pub fn new(seed: u64, group: usize, purpose: Purpose) -> Self {
+    pub fn new(seed: u64, group: usize, purpose: StreamPurpose) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(4 * group as u64 + purpose as u64);
-        Random(generator)
+        RandomStream(generator)
     }
 
     /// Uniform in [0, 1), a multiple of 2^-53.
@@ -33,7 +33,7 @@ impl Random {
     }
 
     /// Uniform in 0..n.
-    pub fn below(&mut self, n: usize) -> usize {
+    pub fn uniform_index(&mut self, n: usize) -> usize {
         // The bias of the product is n / 2^53: nothing for any n that fits into memory.
         (self.uniform() * n as f64) as usize
     }
@@ -56,7 +56,7 @@ impl Random {
     }
 
     /// Uniform on the sphere of radius 1.
-    pub fn direction(&mut self) -> Vector3<f64> {
+    pub fn uniform_direction(&mut self) -> Vector3<f64> {
         loop {
             let point = self.in_ball();
             let length = point.norm();
@@ -67,14 +67,14 @@ impl Random {
     }
 
     /// A rotation, all equally likely: a quaternion with four normal components (Marsaglia 1972).
-    pub fn turn(&mut self) -> Matrix3<f64> {
-        let mut draw = || self.normal();
+    pub fn uniform_rotation(&mut self) -> Matrix3<f64> {
+        let mut draw = || self.standard_normal();
         let (w, x, y, z) = (draw(), draw(), draw(), draw());
         UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix().into_inner()
     }
 
     /// Normal, mean 0, variance 1 (Box and Muller 1958, one of the pair).
-    pub fn normal(&mut self) -> f64 {
+    pub fn standard_normal(&mut self) -> f64 {
         let radius = (-2.0 * libm::log(1.0 - self.uniform())).sqrt(); // 1 - u is never 0
         radius * libm::cos(std::f64::consts::TAU * self.uniform())
     }
@@ -82,7 +82,7 @@ impl Random {
     /// Every order equally likely (Fisher and Yates).
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for last in (1..items.len()).rev() {
-            items.swap(last, self.below(last + 1));
+            items.swap(last, self.uniform_index(last + 1));
         }
     }
 }
@@ -94,17 +94,20 @@ mod tests {
     #[test]
     fn the_stream_is_pinned() {
         // A change of these changes every DATBOX ever made from a seed.
-        let mut random = Random::new(1, 0, Purpose::Sizes);
+        let mut random = RandomStream::new(1, 0, StreamPurpose::Sizes);
         let drawn: Vec<u64> = (0..3).map(|_| (random.uniform() * 1e6) as u64).collect();
         assert_eq!(drawn, [402485, 80383, 596560]);
-        assert_ne!(Random::new(1, 0, Purpose::Place).uniform(), Random::new(1, 1, Purpose::Place).uniform());
+        assert_ne!(
+            RandomStream::new(1, 0, StreamPurpose::Place).uniform(),
+            RandomStream::new(1, 1, StreamPurpose::Place).uniform()
+        );
     }
 
     #[test]
     fn turns_favour_no_direction() {
-        let mut random = Random::new(6, 0, Purpose::Shape);
+        let mut random = RandomStream::new(6, 0, StreamPurpose::Shape);
         let n = 20_000;
-        let turns: Vec<Matrix3<f64>> = (0..n).map(|_| random.turn()).collect();
+        let turns: Vec<Matrix3<f64>> = (0..n).map(|_| random.uniform_rotation()).collect();
         assert!(
             turns.iter().all(|t| (t * t.transpose() - Matrix3::identity()).amax() < 1e-14 && t.determinant() > 0.0)
         );
@@ -121,9 +124,9 @@ mod tests {
 
     #[test]
     fn normal_has_mean_0_and_variance_1() {
-        let mut random = Random::new(5, 0, Purpose::Velocity);
+        let mut random = RandomStream::new(5, 0, StreamPurpose::Velocity);
         let n = 100_000;
-        let drawn: Vec<f64> = (0..n).map(|_| random.normal()).collect();
+        let drawn: Vec<f64> = (0..n).map(|_| random.standard_normal()).collect();
         let mean = drawn.iter().sum::<f64>() / n as f64;
         let variance = drawn.iter().map(|x| x * x).sum::<f64>() / n as f64;
         // Five standard errors: 1/sqrt(n) of the mean, sqrt(2/n) of the variance.

@@ -8,8 +8,8 @@ use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::{DrivenKind, DrvDof};
 use cd_formats::error::Faults;
-use cd_formats::report::Report;
-use cd_formats::scan::Text;
+use cd_formats::report::FaultReport;
+use cd_formats::scan::AsciiText;
 use cd_formats::tact_behav::TactBehav;
 
 /// Reads the files (name and bytes) of the folder `datbox` and checks each body by the functions by which cd-solve does;
@@ -17,23 +17,23 @@ use cd_formats::tact_behav::TactBehav;
 ///
 /// A fault of body k (from 0) is that of the value at the path `name(k)` of the scene, the first of each value with a
 /// count of the others; faults of the files themselves name these.
-pub fn check<'a>(
+pub fn check_files<'a>(
     datbox: &Path,
     files: impl Iterator<Item = (&'a str, &'a [u8])>,
     driven: &DrvDof,
     options: &Compute,
     name: impl Fn(usize) -> String,
-    report: &mut Report,
+    report: &mut FaultReport,
 ) {
     let (mut bodies, mut bulk) = (None, None);
     let faults: &mut Faults = &mut report.faults;
     for (file, bytes) in files {
-        let (path, text) = (datbox.join(file), Text::new(bytes));
+        let (path, text) = (datbox.join(file), AsciiText::new(bytes));
         match file {
-            "BODIES.DAT" => bodies = faults.gather(Bodies::parse(&path, &text)),
-            "BULK_BEHAV.DAT" => bulk = faults.gather(BulkBehav::parse(&path, &text)),
-            "TACT_BEHAV.DAT" => drop(faults.gather(TactBehav::parse(&path, &text))),
-            "DOF.INI" => drop(faults.gather(Dof::parse(&path, &text))),
+            "BODIES.DAT" => bodies = faults.gather_result(Bodies::parse(&path, &text)),
+            "BULK_BEHAV.DAT" => bulk = faults.gather_result(BulkBehav::parse(&path, &text)),
+            "TACT_BEHAV.DAT" => drop(faults.gather_result(TactBehav::parse(&path, &text))),
+            "DOF.INI" => drop(faults.gather_result(Dof::parse(&path, &text))),
             _ => {}
         }
     }
@@ -47,11 +47,11 @@ pub fn check<'a>(
     let mut found: Vec<(String, usize, String, String, usize)> = Vec::new();
     for (k, body) in bodies.0.iter().enumerate() {
         let density = bulk.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
-        let fault = match body.checked(density) {
+        let fault = match body.check_at_density(density) {
             Err(fault) => fault,
             Ok(checked) => {
                 // A larger body would meet more than the nearest image.
-                let extent = 2.0 * checked.reach(body);
+                let extent = 2.0 * checked.bounding_radius(body);
                 let short = periods.into_iter().flatten().find(|period| !imposed[k] && 2.0 * extent >= *period);
                 let Some(period) = short else { continue };
                 let found = format!("up to {extent} m long in a scene that repeats after {period} m");
@@ -67,6 +67,6 @@ pub fn check<'a>(
     for (path, k, fault, expected, more) in found {
         let more = if more > 0 { format!(" (and {more} more like it)") } else { String::new() };
         let found = format!("body {} as written in BODIES.DAT{more}: {fault}", k + 1);
-        report.fault(&path, found, expected.trim_start_matches("expected "));
+        report.add_fault(&path, found, expected.trim_start_matches("expected "));
     }
 }

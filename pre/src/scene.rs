@@ -22,7 +22,7 @@ pub struct Scene {
     pub grains: Vec<Grains>,
     /// Walls; their bodies come behind the grains.
     #[serde(default)]
-    pub walls: Vec<Wall>,
+    pub walls: Vec<SceneWall>,
     /// Options of the run, written to COMPUTE.RON.
     #[serde(default)]
     pub compute: Compute,
@@ -99,7 +99,7 @@ pub struct Contact {
     /// The two colours, in any order; may be the same.
     pub between: (String, String),
     /// Name of the law; `None` lets the two pass through each other. Must be given.
-    #[serde(deserialize_with = "given")]
+    #[serde(deserialize_with = "required_option")]
     pub law: Option<String>,
     /// Distance surface to surface within which contacts are listed, m.
     #[serde(default)]
@@ -107,7 +107,7 @@ pub struct Contact {
 }
 
 /// A field that serde may not leave out although it is an `Option`.
-fn given<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+fn required_option<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
     Option::deserialize(deserializer)
 }
 
@@ -126,17 +126,17 @@ pub struct Grains {
     #[serde(default)]
     pub solid_fraction: Option<f64>,
     #[serde(default)]
-    pub shape: Shape,
+    pub shape: GrainShape,
     /// Left out for grains with a size of their own: `Box`, `Vertices`, `Model`, and `Fragments`.
     #[serde(default)]
-    pub sizes: Option<Sizes>,
+    pub sizes: Option<SizeDistribution>,
     /// Which radius of a polyhedron the sizes are.
     #[serde(default)]
-    pub radius: Radius,
+    pub radius: RadiusKind,
     /// How polyhedra stand.
     #[serde(default)]
-    pub standing: Standing,
-    pub place: Place,
+    pub standing: GrainOrientations,
+    pub place: GrainPlacement,
     /// Centre of the envelope, or origin of the listed positions, m.
     #[serde(default)]
     pub centre: [f64; 3],
@@ -154,13 +154,13 @@ pub struct Grains {
     pub thermal_velocity: f64,
     /// Imposes the velocity of every grain, m/s, along the fixed axes but those without a function; the grains do not turn.
     #[serde(default)]
-    pub driven: Option<[Option<Evolution>; 3]>,
+    pub driven: Option<[Option<TimeFunction>; 3]>,
 }
 
 /// Shape of the grains.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum Shape {
+pub enum GrainShape {
     #[default]
     Sphere,
     /// Each grain another convex polyhedron, its vertices on an ellipsoid.
@@ -168,10 +168,10 @@ pub enum Shape {
         /// The number of vertices, from the first to the second, each equally likely.
         vertices: (usize, usize),
         /// Semi-axes of the ellipsoid to each other.
-        #[serde(default = "equal")]
+        #[serde(default = "default_ratios")]
         ratios: [f64; 3],
         /// 0: vertices evenly spread; 1: anywhere on the ellipsoid.
-        #[serde(default = "half")]
+        #[serde(default = "default_angularity")]
         angularity: f64,
     },
     Tetrahedron,
@@ -196,24 +196,24 @@ pub enum Shape {
         /// .obj, .stl, .vtk or .vtp; beside the scene if the path is not absolute.
         file: String,
         #[serde(default)]
-        scaled: Scaled,
+        scaled: ModelScale,
         #[serde(default)]
         contact: ContactSurface,
     },
 }
 
-fn equal() -> [f64; 3] {
+fn default_ratios() -> [f64; 3] {
     [1.0; 3]
 }
 
-fn half() -> f64 {
+fn default_angularity() -> f64 {
     0.5
 }
 
 /// The size of a model.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum Scaled {
+pub enum ModelScale {
     /// So many times as large as in the file; 1000 for a file in km.
     Factor(f64),
     /// m^3
@@ -224,9 +224,9 @@ pub enum Scaled {
     Length(f64),
 }
 
-impl Default for Scaled {
+impl Default for ModelScale {
     fn default() -> Self {
-        Scaled::Factor(1.0)
+        ModelScale::Factor(1.0)
     }
 }
 
@@ -243,28 +243,28 @@ pub enum ContactSurface {
     Pieces {
         most: u32,
         /// How far pieces may be from convex, 0 to 1.
-        #[serde(default = "hundredth")]
+        #[serde(default = "default_concavity")]
         concavity: f64,
         /// Of each piece, at most.
-        #[serde(default = "sixty_four")]
+        #[serde(default = "default_hull_vertices")]
         vertices: usize,
     },
     /// Convex pieces in files of their own, in the axes of the model; mass and inertia as for `Pieces`.
     Files(Vec<String>),
 }
 
-fn hundredth() -> f64 {
+fn default_concavity() -> f64 {
     0.01
 }
 
-fn sixty_four() -> usize {
+fn default_hull_vertices() -> usize {
     64
 }
 
 /// Which radius of a polyhedron a size is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum Radius {
+pub enum RadiusKind {
     /// Of the sphere of equal volume.
     #[default]
     EqualVolume,
@@ -275,7 +275,7 @@ pub enum Radius {
 /// The turn of each polyhedron from the axes in which its shape is given.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum Standing {
+pub enum GrainOrientations {
     /// All turns equally likely.
     #[default]
     Random,
@@ -288,7 +288,7 @@ pub enum Standing {
 /// Sizes of the grains: radii, m.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum Sizes {
+pub enum SizeDistribution {
     /// All the same.
     Single(f64),
     /// Every radius from `min` to `max` equally likely.
@@ -304,12 +304,12 @@ pub enum Sizes {
 /// Where grains are put.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum Place {
+pub enum GrainPlacement {
     /// Sites of a face-centred cubic lattice, each grain moved at random within its site's ball.
     JitteredLattice {
         envelope: Envelope,
         /// Share of a grain's free room that the random move may use, 0 to 1.
-        #[serde(default = "all")]
+        #[serde(default = "default_jitter")]
         jitter: f64,
     },
     /// One after the other, largest first, anywhere in the envelope where there is room.
@@ -329,7 +329,7 @@ pub enum Place {
     },
 }
 
-fn all() -> f64 {
+fn default_jitter() -> f64 {
     1.0
 }
 
@@ -371,7 +371,7 @@ pub enum Envelope {
         /// As in `Shape::Model`.
         file: String,
         #[serde(default)]
-        scaled: Option<Scaled>,
+        scaled: Option<ModelScale>,
     },
 }
 
@@ -392,7 +392,7 @@ impl Default for Rotation {
 /// Walls are plates and cylinders; their motion is imposed, but for the components along which a force is.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum Wall {
+pub enum SceneWall {
     /// One plate with two contact faces, at `centre` +- its half thickness along `normal`.
     Plate {
         material: String,
@@ -400,7 +400,7 @@ pub enum Wall {
         /// m
         centre: [f64; 3],
         /// Of any length.
-        #[serde(default = "upwards")]
+        #[serde(default = "default_axis")]
         normal: [f64; 3],
         /// Direction of the first half length, need not be quite at right angles to `normal`.
         #[serde(default)]
@@ -409,13 +409,13 @@ pub enum Wall {
         half_lengths: [f64; 3],
         /// Velocity, m/s, along the fixed axes.
         #[serde(default)]
-        velocity: [Evolution; 3],
+        velocity: [TimeFunction; 3],
         /// Force, N, along the fixed axes: where there is one the plate moves as this, its weight and contacts push it.
         #[serde(default)]
-        force: Box<[Option<Evolution>; 3]>,
+        force: Box<[Option<TimeFunction>; 3]>,
         /// Angular velocity, rad/s, about the plate's first axis, second axis and normal.
         #[serde(default)]
-        rotation: [Evolution; 3],
+        rotation: [TimeFunction; 3],
     },
     /// Five or six plates around a room; their faces are flush with the room.
     Box {
@@ -436,7 +436,7 @@ pub enum Wall {
         lid: bool,
         /// Velocity of all plates, m/s, along the fixed axes.
         #[serde(default)]
-        velocity: [Evolution; 3],
+        velocity: [TimeFunction; 3],
     },
     /// A solid cylinder, or the inside of a closed drum.
     Cylinder {
@@ -445,7 +445,7 @@ pub enum Wall {
         /// m
         centre: [f64; 3],
         /// Of any length.
-        #[serde(default = "upwards")]
+        #[serde(default = "default_axis")]
         axis: [f64; 3],
         /// m
         half_height: f64,
@@ -456,24 +456,24 @@ pub enum Wall {
         hollow: bool,
         /// As of a plate.
         #[serde(default)]
-        velocity: [Evolution; 3],
+        velocity: [TimeFunction; 3],
         /// As of a plate.
         #[serde(default)]
-        force: Box<[Option<Evolution>; 3]>,
+        force: Box<[Option<TimeFunction>; 3]>,
         /// Angular velocity, rad/s, about the axis.
         #[serde(default)]
-        rotation: Evolution,
+        rotation: TimeFunction,
     },
 }
 
-fn upwards() -> [f64; 3] {
+fn default_axis() -> [f64; 3] {
     [0.0, 0.0, 1.0]
 }
 
 /// A velocity as a function of time t, s.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub enum Evolution {
+pub enum TimeFunction {
     Constant(f64),
     /// (constant + amplitude cos(omega t + phase)) min(1, ramp_start + ramp_rate t)
     Harmonic {
@@ -496,15 +496,15 @@ pub enum Evolution {
     Table(Vec<(f64, f64)>),
 }
 
-impl Default for Evolution {
+impl Default for TimeFunction {
     fn default() -> Self {
-        Evolution::Constant(0.0)
+        TimeFunction::Constant(0.0)
     }
 }
 
 impl LawKind {
     /// LMGC90's name, and the parameters by name in the order of TACT_BEHAV.DAT.
-    pub fn row(&self) -> (&'static str, Vec<(&'static str, f64)>) {
+    pub fn law_row(&self) -> (&'static str, Vec<(&'static str, f64)>) {
         const FRICTION: &str = "friction";
         const DYNAMIC: &str = "dynamic_friction";
         const STATIC: &str = "static_friction";
@@ -583,32 +583,32 @@ impl LawKind {
     }
 }
 
-impl Shape {
+impl GrainShape {
     /// Whether it is given in axes of its own, which need not be the principal ones.
     pub fn has_axes(&self) -> bool {
-        matches!(self, Shape::Vertices(_) | Shape::Model { .. })
+        matches!(self, GrainShape::Vertices(_) | GrainShape::Model { .. })
     }
 }
 
-impl Place {
+impl GrainPlacement {
     pub fn envelope(&self) -> Option<&Envelope> {
         match self {
-            Place::JitteredLattice { envelope, .. }
-            | Place::RandomSequential { envelope }
-            | Place::Fragments { envelope, .. } => Some(envelope),
-            Place::List { .. } => None,
+            GrainPlacement::JitteredLattice { envelope, .. }
+            | GrainPlacement::RandomSequential { envelope }
+            | GrainPlacement::Fragments { envelope, .. } => Some(envelope),
+            GrainPlacement::List { .. } => None,
         }
     }
 }
 
 impl Grains {
     /// Whether it is a single body.
-    pub fn is_one(&self) -> bool {
-        self.number == Some(1) || matches!(&self.place, Place::List { positions, .. } if positions.len() == 1)
+    pub fn is_single_body(&self) -> bool {
+        self.number == Some(1) || matches!(&self.place, GrainPlacement::List { positions, .. } if positions.len() == 1)
     }
 
     /// Whether they are polyhedra and no spheres.
-    pub fn polyhedral(&self) -> bool {
-        self.shape != Shape::Sphere || matches!(self.place, Place::Fragments { .. })
+    pub fn is_polyhedral(&self) -> bool {
+        self.shape != GrainShape::Sphere || matches!(self.place, GrainPlacement::Fragments { .. })
     }
 }

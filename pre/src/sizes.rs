@@ -6,92 +6,92 @@
 //! | PowerLaw | (1 - (r/min)^-exponent) / (1 - (max/min)^-exponent) |
 //! | LogNormal | (P(z(r)) - P(z(min))) / (P(z(max)) - P(z(min))), z(r) = ln(r/median) / sigma, P the standard normal |
 
-use crate::random::Random;
-use crate::round8;
-use crate::scene::Sizes;
+use crate::random::RandomStream;
+use crate::round_8_digits;
+use crate::scene::SizeDistribution;
 
 /// Body numbers have seven digits in the files.
-pub const MOST_BODIES: usize = 9_999_999;
+pub const MAX_BODIES: usize = 9_999_999;
 
 /// When to stop drawing.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Until {
+pub enum SampleTarget {
     /// So many grains.
     Number(usize),
     /// The sum of the volumes is as near to this, m^3, as whole grains allow; or there is one grain more
-    /// than [`MOST_BODIES`].
+    /// than [`MAX_BODIES`].
     Volume(f64),
 }
 
 /// Volume of a sphere, m^3.
-pub fn volume(radius: f64) -> f64 {
+pub fn sphere_volume(radius: f64) -> f64 {
     4.0 / 3.0 * std::f64::consts::PI * radius * radius * radius
 }
 
-impl Sizes {
+impl SizeDistribution {
     /// Smallest and largest radius, m.
-    pub fn range(&self) -> (f64, f64) {
+    pub fn radius_range(&self) -> (f64, f64) {
         match self {
-            Sizes::Single(radius) => (*radius, *radius),
-            Sizes::Uniform { min, max } | Sizes::PowerLaw { min, max, .. } | Sizes::LogNormal { min, max, .. } => {
-                (*min, *max)
-            }
-            Sizes::List(radii) => radii.iter().fold((f64::INFINITY, 0.0), |(a, b), &r| (r.min(a), r.max(b))),
+            SizeDistribution::Single(radius) => (*radius, *radius),
+            SizeDistribution::Uniform { min, max }
+            | SizeDistribution::PowerLaw { min, max, .. }
+            | SizeDistribution::LogNormal { min, max, .. } => (*min, *max),
+            SizeDistribution::List(radii) => radii.iter().fold((f64::INFINITY, 0.0), |(a, b), &r| (r.min(a), r.max(b))),
         }
     }
 
     /// Share of all grains that are smaller than `radius`, m, in the distribution: 0 to 1.
     ///
     /// ```
-    /// use cd_pre::scene::Sizes;
+    /// use cd_pre::scene::SizeDistribution;
     /// // The number larger than r falls as 1/r: (1 - 1/1.5) / (1 - 1/2) of it is gone at 1.5.
-    /// let sizes = Sizes::PowerLaw { min: 1.0, max: 2.0, exponent: 1.0 };
+    /// let sizes = SizeDistribution::PowerLaw { min: 1.0, max: 2.0, exponent: 1.0 };
     /// assert!((sizes.share_below(1.5) - 2.0 / 3.0).abs() < 1e-15);
     /// ```
     pub fn share_below(&self, radius: f64) -> f64 {
-        let (min, max) = self.range();
+        let (min, max) = self.radius_range();
         if radius <= min || radius > max {
             return if radius <= min { 0.0 } else { 1.0 };
         }
         match self {
-            Sizes::Single(_) => 1.0,
-            Sizes::Uniform { .. } => (radius - min) / (max - min),
-            Sizes::PowerLaw { exponent, .. } => {
+            SizeDistribution::Single(_) => 1.0,
+            SizeDistribution::Uniform { .. } => (radius - min) / (max - min),
+            SizeDistribution::PowerLaw { exponent, .. } => {
                 let fall = |r: f64| -exponent * libm::log(r / min);
                 if nearly_even(*exponent, min, max) {
                     return libm::expm1(fall(radius)) / libm::expm1(fall(max));
                 }
                 (1.0 - libm::pow(radius / min, -exponent)) / (1.0 - libm::pow(max / min, -exponent))
             }
-            Sizes::LogNormal { median, sigma, .. } => {
+            SizeDistribution::LogNormal { median, sigma, .. } => {
                 let normal = |r: f64| normal_share(libm::log(r / median) / sigma);
                 (normal(radius) - normal(min)) / (normal(max) - normal(min))
             }
-            Sizes::List(radii) => radii.iter().filter(|&&r| r < radius).count() as f64 / radii.len() as f64,
+            SizeDistribution::List(radii) => radii.iter().filter(|&&r| r < radius).count() as f64 / radii.len() as f64,
         }
     }
 
-    /// The radius, m, that a share `u` in [0, 1) of the grains is smaller than: inverse of [`Sizes::share_below`].
+    /// The radius, m, that a share `u` in [0, 1) of the grains is smaller than: inverse of [`SizeDistribution::share_below`].
     fn quantile(&self, u: f64) -> f64 {
-        let (min, max) = self.range();
+        let (min, max) = self.radius_range();
         match self {
-            Sizes::Single(radius) => *radius,
-            Sizes::Uniform { .. } => min + u * (max - min),
-            Sizes::PowerLaw { exponent, .. } if nearly_even(*exponent, min, max) => {
+            SizeDistribution::Single(radius) => *radius,
+            SizeDistribution::Uniform { .. } => min + u * (max - min),
+            SizeDistribution::PowerLaw { exponent, .. } if nearly_even(*exponent, min, max) => {
                 let fall = libm::expm1(-exponent * libm::log(max / min));
                 min * libm::exp(-libm::log1p(u * fall) / exponent)
             }
-            Sizes::PowerLaw { exponent, .. } => {
+            SizeDistribution::PowerLaw { exponent, .. } => {
                 min * libm::pow(1.0 - u * (1.0 - libm::pow(max / min, -exponent)), -1.0 / exponent)
             }
-            Sizes::LogNormal { .. } => self.bisect(u),
-            Sizes::List(radii) => radii[((u * radii.len() as f64) as usize).min(radii.len() - 1)],
+            SizeDistribution::LogNormal { .. } => self.quantile_by_bisection(u),
+            SizeDistribution::List(radii) => radii[((u * radii.len() as f64) as usize).min(radii.len() - 1)],
         }
     }
 
     /// Bisection of the distribution function to the last bits: as exact as the function itself.
-    fn bisect(&self, u: f64) -> f64 {
-        let (mut low, mut high) = self.range();
+    fn quantile_by_bisection(&self, u: f64) -> f64 {
+        let (mut low, mut high) = self.radius_range();
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
             if self.share_below(middle) <= u { low = middle } else { high = middle }
@@ -103,31 +103,31 @@ impl Sizes {
     ///
     /// A `List` gives its radii in a random order, or in its own with `in_order`; any other draws one
     /// random number a grain. `volume`, m^3, is that of a grain.
-    pub fn draw<T, E>(
+    pub fn sample_radii<T, E>(
         &self,
-        until: Until,
+        until: SampleTarget,
         in_order: bool,
-        random: &mut Random,
+        random: &mut RandomStream,
         mut next: impl FnMut(Option<f64>) -> Result<T, E>,
         volume: fn(&T) -> f64,
     ) -> Result<Vec<T>, E> {
-        if let Sizes::List(radii) = self {
-            let mut radii: Vec<f64> = radii.iter().copied().map(round8).collect();
+        if let SizeDistribution::List(radii) = self {
+            let mut radii: Vec<f64> = radii.iter().copied().map(round_8_digits).collect();
             if !in_order {
                 random.shuffle(&mut radii);
             }
             return radii.into_iter().map(|radius| next(Some(radius))).collect();
         }
-        let (min, max) = self.range();
-        let mut next = || next(Some(round8(self.quantile(random.uniform()).clamp(min, max))));
+        let (min, max) = self.radius_range();
+        let mut next = || next(Some(round_8_digits(self.quantile(random.uniform()).clamp(min, max))));
         match until {
-            Until::Number(number) => (0..number).map(|_| next()).collect(),
-            Until::Volume(wanted) => {
+            SampleTarget::Number(number) => (0..number).map(|_| next()).collect(),
+            SampleTarget::Volume(wanted) => {
                 let (mut grains, mut filled) = (Vec::new(), 0.0);
                 loop {
                     let grain = next()?;
                     // Half a grain too much is as far from what is wanted as half a grain too little.
-                    if filled + 0.5 * volume(&grain) > wanted || grains.len() > MOST_BODIES {
+                    if filled + 0.5 * volume(&grain) > wanted || grains.len() > MAX_BODIES {
                         return Ok(grains);
                     }
                     filled += volume(&grain);
@@ -152,21 +152,21 @@ pub fn normal_share(z: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Purpose;
+    use crate::random::StreamPurpose;
     use proptest::prelude::*;
 
-    fn draw(sizes: &Sizes, number: usize, seed: u64) -> Vec<f64> {
-        radii(sizes, Until::Number(number), false, seed)
+    fn draw(sizes: &SizeDistribution, number: usize, seed: u64) -> Vec<f64> {
+        radii(sizes, SampleTarget::Number(number), false, seed)
     }
 
-    fn radii(sizes: &Sizes, until: Until, in_order: bool, seed: u64) -> Vec<f64> {
-        let mut random = Random::new(seed, 0, Purpose::Sizes);
+    fn radii(sizes: &SizeDistribution, until: SampleTarget, in_order: bool, seed: u64) -> Vec<f64> {
+        let mut random = RandomStream::new(seed, 0, StreamPurpose::Sizes);
         let next = |radius: Option<f64>| radius.ok_or(());
-        sizes.draw(until, in_order, &mut random, next, |radius| volume(*radius)).unwrap()
+        sizes.sample_radii(until, in_order, &mut random, next, |radius| sphere_volume(*radius)).unwrap()
     }
 
     /// Largest distance between the drawn and the stated distribution (Kolmogorov and Smirnov).
-    fn distance(sizes: &Sizes, mut radii: Vec<f64>) -> f64 {
+    fn distance(sizes: &SizeDistribution, mut radii: Vec<f64>) -> f64 {
         radii.sort_by(f64::total_cmp);
         let n = radii.len() as f64;
         let gap = |(k, &r): (usize, &f64)| {
@@ -176,14 +176,14 @@ mod tests {
         radii.iter().enumerate().map(gap).fold(0.0, f64::max)
     }
 
-    fn continuous() -> Vec<Sizes> {
+    fn continuous() -> Vec<SizeDistribution> {
         vec![
-            Sizes::Uniform { min: 8.0, max: 12.0 },
-            Sizes::PowerLaw { min: 1.0, max: 10.0, exponent: 2.5 },
-            Sizes::PowerLaw { min: 1e-3, max: 2e-3, exponent: 0.1 },
-            Sizes::PowerLaw { min: 1.0, max: 10.0, exponent: 1e-17 },
-            Sizes::LogNormal { median: 1.0, sigma: 0.5, min: 0.4, max: 3.0 },
-            Sizes::LogNormal { median: 1.0, sigma: 0.2, min: 1.5, max: 2.5 },
+            SizeDistribution::Uniform { min: 8.0, max: 12.0 },
+            SizeDistribution::PowerLaw { min: 1.0, max: 10.0, exponent: 2.5 },
+            SizeDistribution::PowerLaw { min: 1e-3, max: 2e-3, exponent: 0.1 },
+            SizeDistribution::PowerLaw { min: 1.0, max: 10.0, exponent: 1e-17 },
+            SizeDistribution::LogNormal { median: 1.0, sigma: 0.5, min: 0.4, max: 3.0 },
+            SizeDistribution::LogNormal { median: 1.0, sigma: 0.2, min: 1.5, max: 2.5 },
         ]
     }
 
@@ -200,10 +200,10 @@ mod tests {
 
     #[test]
     fn distribution_functions_at_points_known_by_hand() {
-        let power = Sizes::PowerLaw { min: 1.0, max: 2.0, exponent: 1.0 };
+        let power = SizeDistribution::PowerLaw { min: 1.0, max: 2.0, exponent: 1.0 };
         // N(>r) ~ 1/r: (1 - 1/1.5) / (1 - 1/2) = 2/3; exact but for the rounding of pow.
         assert!((power.share_below(1.5) - 2.0 / 3.0).abs() < 1e-15);
-        let log_normal = Sizes::LogNormal { median: 3.0, sigma: 0.7, min: 1.0, max: 9.0 };
+        let log_normal = SizeDistribution::LogNormal { median: 3.0, sigma: 0.7, min: 1.0, max: 9.0 };
         // The cut-offs lie at equal distance of the median in ln r, so half of the grains are smaller.
         assert!((log_normal.share_below(3.0) - 0.5).abs() < 1e-15);
         assert!((normal_share(1.0) - 0.841_344_746_068_542_9).abs() < 1e-15);
@@ -211,27 +211,27 @@ mod tests {
 
     #[test]
     fn volume_is_reached_to_half_a_grain() {
-        let sizes = Sizes::Uniform { min: 0.5, max: 1.5 };
-        let radii = radii(&sizes, Until::Volume(1000.0), false, 3);
-        let sum: f64 = radii.iter().copied().map(volume).sum();
-        assert!((sum - 1000.0).abs() <= 0.5 * volume(1.5), "{sum}");
+        let sizes = SizeDistribution::Uniform { min: 0.5, max: 1.5 };
+        let radii = radii(&sizes, SampleTarget::Volume(1000.0), false, 3);
+        let sum: f64 = radii.iter().copied().map(sphere_volume).sum();
+        assert!((sum - 1000.0).abs() <= 0.5 * sphere_volume(1.5), "{sum}");
     }
 
     #[test]
     fn lists_keep_all_their_radii() {
-        let list = Sizes::List((1..=50).map(f64::from).collect());
+        let list = SizeDistribution::List((1..=50).map(f64::from).collect());
         let mut shuffled = draw(&list, 0, 1);
-        assert_ne!(Sizes::List(shuffled.clone()), list);
+        assert_ne!(SizeDistribution::List(shuffled.clone()), list);
         shuffled.sort_by(f64::total_cmp);
-        assert_eq!(Sizes::List(shuffled), list);
-        assert_eq!(Sizes::List(radii(&list, Until::Number(0), true, 1)), list);
+        assert_eq!(SizeDistribution::List(shuffled), list);
+        assert_eq!(SizeDistribution::List(radii(&list, SampleTarget::Number(0), true, 1)), list);
     }
 
     proptest! {
         #[test]
         fn quantile_inverts_the_distribution(u in 0.0..1.0f64, which in 0..6usize) {
             let sizes = &continuous()[which];
-            let (min, max) = sizes.range();
+            let (min, max) = sizes.radius_range();
             let radius = sizes.quantile(u);
             prop_assert!(radius >= min * (1.0 - 1e-15) && radius <= max * (1.0 + 1e-15));
             // Round-off of two evaluations, times the steepest slope of these distributions (about 10).

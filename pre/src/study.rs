@@ -8,8 +8,8 @@ use std::path::{Component, Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::places::{self, Places};
-use cd_formats::report::Report;
+use cd_formats::places::{self, ValueLocations};
+use cd_formats::report::FaultReport;
 use cd_formats::ron_text::known_names;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -87,9 +87,9 @@ const FILES: [&str; 3] = ["grains.N.shape.file", "grains.N.place.envelope.file",
 /// Files that already hold what they should are left alone, but for the rules. Errors: all faults of the study and of its cases; nothing
 /// is written then.
 pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<String, Faults> {
-    let text = places::set(&atomic::read_text(file)?, settings)?;
-    let study: Study = crate::parsed(file, &text, settings, "study")?;
-    let mut report = Report::with(file, &text, settings);
+    let text = places::apply_settings(&atomic::read_text(file)?, settings)?;
+    let study: Study = crate::parse_with_settings(file, &text, settings, "study")?;
+    let mut report = FaultReport::with_settings(file, &text, settings);
     let cases = cases(&study, &mut report);
     let home = file.parent().unwrap_or(Path::new(""));
     let output = output.unwrap_or(home);
@@ -100,7 +100,7 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
         let (base, original) = match &group.base {
             Some(base) => {
                 let path = home.join(base);
-                let read = || report.faults.gather(atomic::read_text(&path));
+                let read = || report.faults.gather_result(atomic::read_text(&path));
                 (path.clone(), bases.entry(base).or_insert_with(read).clone())
             }
             None => (file.to_path_buf(), Some("()".into())),
@@ -146,12 +146,12 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
 }
 
 /// All cases, in the order of the groups; faults of the study itself go to `report`.
-fn cases(study: &Study, report: &mut Report) -> Vec<Case> {
+fn cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
     let mut cases: Vec<Case> = Vec::new();
-    report.expect(!study.groups.is_empty(), "groups", "none", "at least one group");
+    report.require(!study.groups.is_empty(), "groups", "none", "at least one group");
     for (k, group) in study.groups.iter().enumerate() {
         let (at, before) = (format!("groups.{k}"), report.faults.0.len());
-        report.expect(group.base.is_some() || group.from.is_some(), &at, "no base", "the file of a scene");
+        report.require(group.base.is_some() || group.from.is_some(), &at, "no base", "the file of a scene");
         let set = group.set.iter().enumerate().map(|(n, (path, _))| {
             let of = format!("{at}.set.{n}.1");
             (format!("{path}={}", report.text(&of)), of)
@@ -171,7 +171,7 @@ fn cases(study: &Study, report: &mut Report) -> Vec<Case> {
         let mut names: Vec<&str> = Vec::new();
         for column in axes.iter().flatten() {
             let found = format!("two parameters are {}", column.name);
-            report.expect(!names.contains(&column.name), &at, found, "another name for each");
+            report.require(!names.contains(&column.name), &at, found, "another name for each");
             names.extend(Some(column.name).filter(|name| !name.is_empty()));
         }
         let patterns = [("name", Some(&group.name)), ("from", group.from.as_ref())];
@@ -208,7 +208,7 @@ fn cases(study: &Study, report: &mut Report) -> Vec<Case> {
             for (field, name) in [("name", Some(&case.name)), ("from", case.from.as_ref())] {
                 let found = format!("'{}'", name.map_or("", String::as_str));
                 let holds = name.is_none_or(|name| is_folder(name));
-                report.expect(
+                report.require(
                     holds,
                     &format!("{at}.{field}"),
                     found,
@@ -217,7 +217,7 @@ fn cases(study: &Study, report: &mut Report) -> Vec<Case> {
             }
             let again = cases.iter().any(|other| other.name == case.name);
             let found = format!("two cases are {}", case.name);
-            report.expect(!again, &format!("{at}.name"), found, "a name that has all parameters, as {NAME}");
+            report.require(!again, &format!("{at}.name"), found, "a name that has all parameters, as {NAME}");
             cases.push(case);
         }
     }
@@ -232,12 +232,12 @@ struct Column<'a> {
 }
 
 /// Adds the column of a parameter, whose path in the study is `at`, and those that vary together with it.
-fn columns<'a>(parameter: &'a Parameter, at: String, axis: &mut Vec<Column<'a>>, report: &mut Report) {
+fn columns<'a>(parameter: &'a Parameter, at: String, axis: &mut Vec<Column<'a>>, report: &mut FaultReport) {
     let count = parameter.values.len();
     let expected = axis.first().map_or(count.max(1), |first: &Column| first.values.len());
     let values = format!("{at}.values");
     let those = if axis.is_empty() { "at least one".into() } else { format!("{expected}, as of the first parameter") };
-    report.expect(count == expected, &values, format!("{count} values"), &those);
+    report.require(count == expected, &values, format!("{count} values"), &those);
     let value = |k: usize| {
         let of = format!("{values}.{k}");
         (report.text(&of).to_string(), of)
@@ -276,7 +276,7 @@ impl Case {
     }
 
     /// Takes a fault of the case; that of a setting becomes one of its value in the study.
-    fn place(&self, fault: Fault, report: &mut Report) {
+    fn place(&self, fault: Fault, report: &mut FaultReport) {
         let of = |(setting, _): &&(String, String)| fault.object == format!("set {setting}");
         match self.settings.iter().rfind(of).filter(|_| fault.file == Path::new("options")) {
             Some((setting, path)) => {
@@ -292,14 +292,18 @@ impl Case {
 fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<String, Faults> {
     let settings: Vec<String> = case.settings.iter().map(|(setting, _)| setting.clone()).collect();
     let mut faults = Faults::default();
-    if case.from.is_some() && Places::of(original).text("compute").is_none() {
+    if case.from.is_some() && ValueLocations::from_text(original).text("compute").is_none() {
         // The options would be all new ones, where `from-outbox --set` changes those of the run that goes on.
         for setting in settings.iter().filter(|setting| setting.trim_start().starts_with("compute.")) {
-            faults.push(places::fault(setting, "the base has no options of the run", "expected 'compute' as a whole"));
+            faults.push(places::setting_fault(
+                setting,
+                "the base has no options of the run",
+                "expected 'compute' as a whole",
+            ));
         }
     }
     faults.into_result(())?;
-    let changed = places::set(original, &settings)?;
+    let changed = places::apply_settings(original, &settings)?;
     let values = case.values.iter().map(|(name, value)| format!("; {name}: {}", value.replace('\n', " ")));
     let head = format!("// Case {} of a study{}.{WRITTEN}\n", case.name, values.collect::<String>());
     let text = with_files(&changed, base, path.parent().unwrap_or(Path::new(""))).map(|text| head + &text);
@@ -307,7 +311,7 @@ fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<St
         return text;
     }
     match case.from {
-        None => drop(crate::read(base, &changed, &settings)?),
+        None => drop(crate::read_scene(base, &changed, &settings)?),
         Some(_) => drop(crate::from_outbox::read(base, &changed, &settings)?),
     }
     text
@@ -329,7 +333,7 @@ fn with_files(text: &str, base: &Path, folder: &Path) -> Result<String, Faults> 
     let mut settings = Vec::new();
     for pattern in FILES {
         let (list, rest) = pattern.split_once(".N.").unwrap_or_default();
-        let places = Places::of(text);
+        let places = ValueLocations::from_text(text);
         let items = (0..).take_while(|n| places.text(&format!("{list}.{n}")).is_some());
         for n in items {
             let Some(value) = places.text(&format!("{list}.{n}.{rest}")) else { continue };
@@ -343,7 +347,7 @@ fn with_files(text: &str, base: &Path, folder: &Path) -> Result<String, Faults> 
             settings.push(format!("{list}.{}.{rest}={:?}", n + 1, path));
         }
     }
-    places::set(text, &settings)
+    places::apply_settings(text, &settings)
 }
 
 /// A row a case: its folder, the case that it continues, and each parameter, empty where its group has none of that name.

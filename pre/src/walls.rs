@@ -1,14 +1,14 @@
 //! Walls as bodies: plates and cylinders.
 
-use cd_formats::bodies::{Contactor, Shape};
+use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::drv_dof::{Evolution as Written, table_text};
 use cd_formats::surface::MassProperties;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use crate::place::rotation;
-use crate::scene::{Evolution, Wall};
-use crate::shapes::overlap::{Convex, deepest};
-use crate::{round_point, round8};
+use crate::place::rotation_matrix;
+use crate::scene::{SceneWall, TimeFunction};
+use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
+use crate::{round_8_digits, round_point};
 
 /// A plate or a cylinder; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,12 +21,12 @@ pub struct WallBody {
     pub centre: Vector3<f64>,
     /// First and second axis and normal, or axis of the cylinder, as rows: orthonormal, right-handed.
     pub axes: Matrix3<f64>,
-    /// [`Shape::Plane`] or [`Shape::Cylinder`].
-    pub shape: Shape,
+    /// [`ShapeRecord::Plane`] or [`ShapeRecord::Cylinder`].
+    pub shape: ShapeRecord,
     /// Along the fixed axes, m/s; about its own axes, rad/s.
-    pub motion: [Evolution; 6],
+    pub motion: [TimeFunction; 6],
     /// Along the fixed axes, N; in place of a velocity.
-    pub force: [Option<Evolution>; 3],
+    pub force: [Option<TimeFunction>; 3],
 }
 
 impl WallBody {
@@ -40,30 +40,36 @@ impl WallBody {
         self.contactor().mass_properties().unwrap_or_default()
     }
 
-    /// How deep a sphere reaches into it, m, see [`overlap`].
-    pub fn overlap(&self, centre: &Vector3<f64>, radius: f64) -> f64 {
-        overlap(&self.shape, &(self.axes * (centre - self.centre)), radius)
+    /// How deep a sphere reaches into it, m, see [`ball_overlap`].
+    pub fn ball_overlap(&self, centre: &Vector3<f64>, radius: f64) -> f64 {
+        ball_overlap(&self.shape, &(self.axes * (centre - self.centre)), radius)
     }
 
-    /// How deep convex pieces reach into it, m, see [`overlap_of`], it being moved by `shift`, m.
-    pub fn overlap_of(&self, pieces: &[Convex], shift: &Vector3<f64>, allowed: f64) -> f64 {
-        overlap_of(&self.shape, &(self.centre + shift), &self.axes, pieces, allowed)
+    /// How deep convex pieces reach into it, m, see [`pieces_overlap`], it being moved by `shift`, m.
+    pub fn pieces_overlap(&self, pieces: &[ConvexPiece], shift: &Vector3<f64>, allowed: f64) -> f64 {
+        pieces_overlap(&self.shape, &(self.centre + shift), &self.axes, pieces, allowed)
     }
 }
 
 /// How deep convex pieces reach into a plate or cylinder with the axes `axes` (rows), m; at most `allowed` as soon as that
 /// is certain.
-pub fn overlap_of(wall: &Shape, centre: &Vector3<f64>, axes: &Matrix3<f64>, pieces: &[Convex], allowed: f64) -> f64 {
+pub fn pieces_overlap(
+    wall: &ShapeRecord,
+    centre: &Vector3<f64>,
+    axes: &Matrix3<f64>,
+    pieces: &[ConvexPiece],
+    allowed: f64,
+) -> f64 {
     match *wall {
-        Shape::Plane { half_lengths } => {
-            deepest(pieces, &[Convex::cuboid(*centre, axes, &half_lengths.into())], allowed)
+        ShapeRecord::Plane { half_lengths } => {
+            deepest_overlap(pieces, &[ConvexPiece::cuboid(*centre, axes, &half_lengths.into())], allowed)
         }
-        Shape::Cylinder { half_height, radius, hollow } => {
-            let into = |piece: &Convex| {
+        ShapeRecord::Cylinder { half_height, radius, hollow } => {
+            let into = |piece: &ConvexPiece| {
                 if hollow {
                     // The inside is convex: no point is farther out than some vertex.
                     let vertices = piece.vertices().map(|v| axes * (v - centre));
-                    vertices.map(|v| beyond(&v, half_height, radius)).fold(f64::NEG_INFINITY, f64::max)
+                    vertices.map(|v| distance_beyond(&v, half_height, radius)).fold(f64::NEG_INFINITY, f64::max)
                 } else {
                     piece.overlap_of_cylinder(centre, axes, [half_height, radius], allowed)
                 }
@@ -76,38 +82,38 @@ pub fn overlap_of(wall: &Shape, centre: &Vector3<f64>, axes: &Matrix3<f64>, piec
 
 /// How deep a ball reaches into a plate or cylinder, m, its centre in the wall's own axes, m; negative when apart. A centre
 /// within a solid one counts by the nearest face; what is not near the inside of a hollow one is apart from it.
-pub fn overlap(wall: &Shape, centre: &Vector3<f64>, radius: f64) -> f64 {
+pub fn ball_overlap(wall: &ShapeRecord, centre: &Vector3<f64>, radius: f64) -> f64 {
     match *wall {
-        Shape::Plane { half_lengths } => {
+        ShapeRecord::Plane { half_lengths } => {
             let beyond = centre.abs() - Vector3::from(half_lengths);
             radius - beyond.sup(&Vector3::zeros()).norm() - beyond.max().min(0.0)
         }
-        Shape::Cylinder { half_height, radius: wide, hollow: false } => {
+        ShapeRecord::Cylinder { half_height, radius: wide, hollow: false } => {
             let outside = Vector2::new(centre.xy().norm() - wide, centre.z.abs() - half_height);
             radius - outside.sup(&Vector2::zeros()).norm() - outside.max().min(0.0)
         }
-        Shape::Cylinder { half_height, radius: wide, hollow: true }
+        ShapeRecord::Cylinder { half_height, radius: wide, hollow: true }
             if centre.norm() - radius < wide.hypot(half_height) =>
         {
-            radius + beyond(centre, half_height, wide)
+            radius + distance_beyond(centre, half_height, wide)
         }
         _ => f64::NEG_INFINITY,
     }
 }
 
 /// How far a point is beyond the side or the ends of a cylinder about the third axis, m; negative inside.
-fn beyond(point: &Vector3<f64>, half_height: f64, radius: f64) -> f64 {
+fn distance_beyond(point: &Vector3<f64>, half_height: f64, radius: f64) -> f64 {
     (point.xy().norm() - radius).max(point.z.abs() - half_height)
 }
 
 /// The bodies of the scene's (checked) walls, in order.
-pub fn bodies(walls: &[Wall]) -> Vec<WallBody> {
-    walls.iter().enumerate().flat_map(|(k, wall)| of_wall(k, wall)).collect()
+pub fn wall_bodies(walls: &[SceneWall]) -> Vec<WallBody> {
+    walls.iter().enumerate().flat_map(|(k, wall)| bodies_of_wall(k, wall)).collect()
 }
 
-fn of_wall(number: usize, wall: &Wall) -> Vec<WallBody> {
+fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
     match wall {
-        Wall::Plate { material, colour, centre, normal, first_axis, half_lengths, velocity, force, rotation } => {
+        SceneWall::Plate { material, colour, centre, normal, first_axis, half_lengths, velocity, force, rotation } => {
             let [a, b, c] = velocity.clone();
             let [d, e, f] = rotation.clone();
             vec![WallBody {
@@ -116,12 +122,23 @@ fn of_wall(number: usize, wall: &Wall) -> Vec<WallBody> {
                 colour: colour.clone(),
                 centre: round_point(&(*centre).into()),
                 axes: axes_about(&(*normal).into(), first_axis.map(Vector3::from)),
-                shape: Shape::Plane { half_lengths: round_point(&(*half_lengths).into()).into() },
+                shape: ShapeRecord::Plane { half_lengths: round_point(&(*half_lengths).into()).into() },
                 motion: [a, b, c, d, e, f],
                 force: *force.clone(),
             }]
         }
-        Wall::Cylinder { material, colour, centre, axis, half_height, radius, hollow, velocity, force, rotation } => {
+        SceneWall::Cylinder {
+            material,
+            colour,
+            centre,
+            axis,
+            half_height,
+            radius,
+            hollow,
+            velocity,
+            force,
+            rotation,
+        } => {
             let [a, b, c] = velocity.clone();
             vec![WallBody {
                 wall: number,
@@ -129,13 +146,17 @@ fn of_wall(number: usize, wall: &Wall) -> Vec<WallBody> {
                 colour: colour.clone(),
                 centre: round_point(&(*centre).into()),
                 axes: axes_about(&(*axis).into(), None),
-                shape: Shape::Cylinder { half_height: round8(*half_height), radius: round8(*radius), hollow: *hollow },
-                motion: [a, b, c, Evolution::default(), Evolution::default(), rotation.clone()],
+                shape: ShapeRecord::Cylinder {
+                    half_height: round_8_digits(*half_height),
+                    radius: round_8_digits(*radius),
+                    hollow: *hollow,
+                },
+                motion: [a, b, c, TimeFunction::default(), TimeFunction::default(), rotation.clone()],
                 force: *force.clone(),
             }]
         }
-        Wall::Box { material, colour, centre, lengths, orientation, half_thickness, lid, velocity } => {
-            let turn = rotation(orientation);
+        SceneWall::Box { material, colour, centre, lengths, orientation, half_thickness, lid, velocity } => {
+            let turn = rotation_matrix(orientation);
             let halves = 0.5 * Vector3::from(*lengths);
             // Floor, four sides, lid: the direction in which each lies from the room.
             let mut sides = vec![(2, -1.0), (0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)];
@@ -156,10 +177,10 @@ fn of_wall(number: usize, wall: &Wall) -> Vec<WallBody> {
                     colour: colour.clone(),
                     centre: round_point(&(Vector3::from(*centre) + turn * offset)),
                     axes: Matrix3::from_rows(&rows),
-                    shape: Shape::Plane {
+                    shape: ShapeRecord::Plane {
                         half_lengths: round_point(&Vector3::new(reach(first), reach(second), *half_thickness)).into(),
                     },
-                    motion: [a, b, c, Evolution::default(), Evolution::default(), Evolution::default()],
+                    motion: [a, b, c, TimeFunction::default(), TimeFunction::default(), TimeFunction::default()],
                     force: [None, None, None],
                 }
             };
@@ -179,17 +200,17 @@ fn axes_about(normal: &Vector3<f64>, first: Option<Vector3<f64>>) -> Matrix3<f64
 
 /// The functions of time of a scene in the form of DRV_DOF.DAT, and the tables among them.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Tables(Vec<Vec<[f64; 2]>>);
+pub struct FunctionTables(Vec<Vec<[f64; 2]>>);
 
-impl Tables {
-    pub fn written(&mut self, evolution: &Evolution) -> Written {
+impl FunctionTables {
+    pub fn add_function(&mut self, evolution: &TimeFunction) -> Written {
         match evolution {
-            Evolution::Constant(value) => Written::constant(*value),
-            &Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
+            TimeFunction::Constant(value) => Written::constant(*value),
+            &TimeFunction::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
                 let ramp_start = ramp_start.unwrap_or(if ramp_rate > 0.0 { 0.0 } else { 1.0 });
                 Written::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate }
             }
-            Evolution::Table(points) => {
+            TimeFunction::Table(points) => {
                 let points: Vec<[f64; 2]> = points.iter().map(|&(t, v)| [t, v]).collect();
                 let place = self.0.iter().position(|known| *known == points).unwrap_or_else(|| {
                     self.0.push(points.clone());
@@ -201,7 +222,7 @@ impl Tables {
     }
 
     /// Name and text of each table's file.
-    pub fn files(&self) -> Vec<(String, String)> {
+    pub fn table_files(&self) -> Vec<(String, String)> {
         self.0.iter().enumerate().map(|(k, points)| (table_name(k), table_text(points))).collect()
     }
 }
@@ -210,12 +231,12 @@ fn table_name(place: usize) -> String {
     format!("evolution-{}.dat", place + 1)
 }
 
-impl Evolution {
+impl TimeFunction {
     /// The value at time 0.
-    pub fn at_start(&self) -> f64 {
+    pub fn initial_value(&self) -> f64 {
         match self {
-            Evolution::Constant(value) => round8(*value),
-            _ => Tables::default().written(self).at(0.0),
+            TimeFunction::Constant(value) => round_8_digits(*value),
+            _ => FunctionTables::default().add_function(self).value_at(0.0),
         }
     }
 }
@@ -226,7 +247,7 @@ mod tests {
     use crate::scene::Rotation;
 
     fn room(lid: bool, orientation: Rotation) -> Vec<WallBody> {
-        bodies(&[Wall::Box {
+        wall_bodies(&[SceneWall::Box {
             material: "STEEL".into(),
             colour: "WALLx".into(),
             centre: [1.0, 2.0, 3.0],
@@ -245,7 +266,7 @@ mod tests {
             let plates = room(true, Rotation { axis: [1.0, 1.0, 0.0], angle });
             assert_eq!(plates.len(), 6);
             let centre = Vector3::new(1.0, 2.0, 3.0);
-            let mut gaps: Vec<f64> = plates.iter().map(|plate| -plate.overlap(&centre, 2.0)).collect();
+            let mut gaps: Vec<f64> = plates.iter().map(|plate| -plate.ball_overlap(&centre, 2.0)).collect();
             gaps.sort_by(f64::total_cmp);
             for (gap, expected) in gaps.iter().zip([0.0, 0.0, 1.0, 1.0, 2.0, 2.0]) {
                 assert!((gap - expected).abs() < 1e-6, "{gap} {expected}"); // 8 digits
@@ -260,7 +281,7 @@ mod tests {
     }
 
     fn cylinder(hollow: bool) -> WallBody {
-        let [wall] = bodies(&[Wall::Cylinder {
+        let [wall] = wall_bodies(&[SceneWall::Cylinder {
             material: "STEEL".into(),
             colour: "WALLx".into(),
             centre: [1.0, 2.0, 3.0],
@@ -270,7 +291,7 @@ mod tests {
             hollow,
             velocity: Default::default(),
             force: Default::default(),
-            rotation: Evolution::Constant(0.5),
+            rotation: TimeFunction::Constant(0.5),
         }])
         .try_into()
         .unwrap();
@@ -280,7 +301,7 @@ mod tests {
     #[test]
     fn a_cylinder_stands_along_its_axis_and_turns_about_it() {
         let drum = cylinder(true);
-        assert_eq!(drum.motion[5], Evolution::Constant(0.5));
+        assert_eq!(drum.motion[5], TimeFunction::Constant(0.5));
         // How deep in the solid one and in the hollow one; the last is at neither, past the rim.
         for (x, r, solid, hollow) in [
             ([1.0, 2.0, 3.0], 1.0, 3.0, -1.0),
@@ -288,7 +309,7 @@ mod tests {
             ([1.0, 3.5, 3.0], 0.75, 1.25, 0.25),
             ([5.0, 5.0, 3.0], 0.5, 0.5 - 2f64.sqrt(), f64::NEG_INFINITY),
         ] {
-            let found = [cylinder(false), drum.clone()].map(|wall| wall.overlap(&x.into(), r));
+            let found = [cylinder(false), drum.clone()].map(|wall| wall.ball_overlap(&x.into(), r));
             assert!((found[0] - solid).abs() < 1e-14, "{x:?} {found:?}");
             assert!(found[1] == hollow || (found[1] - hollow).abs() < 1e-14, "{x:?} {found:?}");
         }
@@ -302,8 +323,9 @@ mod tests {
     fn cubes_in_a_drum() {
         let drum = cylinder(true);
         let deep = |x: f64, y: f64| {
-            let cube = Convex::cuboid(Vector3::new(1.0 + x, 2.0 + y, 3.0), &Matrix3::identity(), &Vector3::repeat(0.5));
-            drum.overlap_of(&[cube], &Vector3::zeros(), 0.0)
+            let cube =
+                ConvexPiece::cuboid(Vector3::new(1.0 + x, 2.0 + y, 3.0), &Matrix3::identity(), &Vector3::repeat(0.5));
+            drum.pieces_overlap(&[cube], &Vector3::zeros(), 0.0)
         };
         assert_eq!(deep(0.0, 1.5), 0.0);
         assert!((deep(2.5, 0.0) - (3f64.hypot(0.5) - 3.0)).abs() < 1e-14);
@@ -323,18 +345,18 @@ mod tests {
 
     #[test]
     fn equal_tables_share_a_file() {
-        let mut tables = Tables::default();
-        let table = |end| Evolution::Table(vec![(0.0, 0.0), (1.0, end)]);
+        let mut tables = FunctionTables::default();
+        let table = |end| TimeFunction::Table(vec![(0.0, 0.0), (1.0, end)]);
         let names: Vec<String> = [1.0, 2.0, 1.0]
             .iter()
-            .map(|&end| match tables.written(&table(end)) {
+            .map(|&end| match tables.add_function(&table(end)) {
                 Written::Table { name, .. } => name,
                 Written::Harmonic { .. } => unreachable!(),
             })
             .collect();
         assert_eq!(names, ["evolution-1.dat", "evolution-2.dat", "evolution-1.dat"]);
         assert_eq!(
-            tables.files()[1].1,
+            tables.table_files()[1].1,
             "0.0000000000000000E0 0.0000000000000000E0\n1.0000000000000000E0 2.0000000000000000E0\n"
         );
     }

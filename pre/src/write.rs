@@ -1,50 +1,50 @@
 //! The bodies of a scene in the types of DATBOX, and the text of every file.
 
-use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
+use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::dof::{BodyDof, Dof};
-use cd_formats::drv_dof::{Driven, DrivenKind, DrvDof};
+use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof};
 use cd_formats::surface::MassProperties;
-use cd_formats::tact_behav::{Law, See, Side, TactBehav};
+use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
 use cd_formats::vloc_rloc::VlocRloc;
 use nalgebra::Matrix3;
 
 use crate::population::{Grain, Population};
-use crate::scene::{Evolution, Scene};
-use crate::shapes::Polyhedron;
-use crate::sizes::volume;
-use crate::walls::{Tables, WallBody};
+use crate::scene::{Scene, TimeFunction};
+use crate::shapes::OrientedPolyhedron;
+use crate::sizes::sphere_volume;
+use crate::walls::{FunctionTables, WallBody};
 
 /// Name of the options' file in DATBOX.
-pub const COMPUTE: &str = "COMPUTE.RON";
+pub const COMPUTE_FILE: &str = "COMPUTE.RON";
 
 /// Name within DATBOX and text of every file, for a (checked) scene.
-pub fn files(scene: &Scene, population: &Population) -> Vec<(String, String)> {
+pub fn datbox_files(scene: &Scene, population: &Population) -> Vec<(String, String)> {
     let (drv_dof, tables) = drv_dof(scene, population);
     let mut files: Vec<(String, String)> = [
-        ("BODIES.DAT", bodies(scene, population).to_text()),
+        ("BODIES.DAT", bodies_file(scene, population).to_text()),
         ("BULK_BEHAV.DAT", bulk_behav(scene).to_text()),
-        ("TACT_BEHAV.DAT", tact_behav(scene, population).to_text() + &without_law(scene)),
+        ("TACT_BEHAV.DAT", tact_behav(scene, population).to_text() + &no_law_comments(scene)),
         ("DRV_DOF.DAT", drv_dof.to_text()),
-        ("DOF.INI", dof(population).to_text()),
+        ("DOF.INI", dof_file(population).to_text()),
         ("Vloc_Rloc.INI", VlocRloc::default().to_text()),
-        (COMPUTE, scene.compute.to_text()),
+        (COMPUTE_FILE, scene.compute.to_text()),
     ]
     .map(|(name, text)| (name.to_string(), text))
     .into();
-    files.extend(tables.files());
+    files.extend(tables.table_files());
     files
 }
 
 /// Bodies by their principal axes (the fixed ones for spheres, else those in DOF.INI), inertia at density 1,
 /// position = centre of mass.
-pub fn bodies(scene: &Scene, population: &Population) -> Bodies {
+pub fn bodies_file(scene: &Scene, population: &Population) -> Bodies {
     let of_grain = |grain: &Grain| {
         let group = &scene.grains[grain.group];
         let radius = grain.radius;
         let (inertia, shapes) = match &grain.polyhedron {
-            None => ([0.4 * volume(radius) * radius * radius; 3], vec![Shape::Sphere { radius }]),
-            Some(polyhedron) => (polyhedron.moments(), polyhedra(polyhedron)),
+            None => ([0.4 * sphere_volume(radius) * radius * radius; 3], vec![ShapeRecord::Sphere { radius }]),
+            Some(polyhedron) => (polyhedron.moments(), polyhedron_shapes(polyhedron)),
         };
         Body {
             line: 0,
@@ -52,7 +52,7 @@ pub fn bodies(scene: &Scene, population: &Population) -> Bodies {
             equivalent_radius: radius,
             inertia: Some(inertia),
             position: grain.position.into(),
-            contactors: shapes.into_iter().map(|shape| contactor(&group.colour, shape)).collect(),
+            contactors: shapes.into_iter().map(|shape| new_contactor(&group.colour, shape)).collect(),
         }
     };
     let wall = |wall: &WallBody| {
@@ -70,13 +70,13 @@ pub fn bodies(scene: &Scene, population: &Population) -> Bodies {
 }
 
 /// A contactor for each convex piece.
-fn polyhedra(polyhedron: &Polyhedron) -> Vec<Shape> {
+fn polyhedron_shapes(polyhedron: &OrientedPolyhedron) -> Vec<ShapeRecord> {
     let triangles = polyhedron.solid.pieces.iter().map(|piece| piece.triangles().to_vec());
-    let shape = |(vertices, triangles)| Shape::Polyhedron { vertices, triangles };
+    let shape = |(vertices, triangles)| ShapeRecord::Polyhedron { vertices, triangles };
     polyhedron.vertices().into_iter().zip(triangles).map(shape).collect()
 }
 
-fn contactor(colour: &str, shape: Shape) -> Contactor {
+fn new_contactor(colour: &str, shape: ShapeRecord) -> Contactor {
     Contactor { colour: colour.to_string(), shape, local_frame: None }
 }
 
@@ -87,29 +87,29 @@ pub fn bulk_behav(scene: &Scene) -> BulkBehav {
 
 /// A row for every pair of colours and of shapes that bear them.
 /// Comments of TACT_BEHAV.DAT for the colours that are to have no law.
-fn without_law(scene: &Scene) -> String {
+fn no_law_comments(scene: &Scene) -> String {
     let meant = scene.contacts.iter().filter(|contact| contact.law.is_none());
-    meant.map(|contact| TactBehav::no_law(&contact.between.0, &contact.between.1)).collect()
+    meant.map(|contact| TactBehav::no_law_comment(&contact.between.0, &contact.between.1)).collect()
 }
 
 pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
     let law = |law: &crate::scene::Law| {
-        let (kind, parameters) = law.kind.row();
+        let (kind, parameters) = law.kind.law_row();
         let parameters = parameters.into_iter().map(|(_, value)| value).collect();
-        Law { line: 0, nickname: law.name.clone(), kind: kind.to_string(), parameters }
+        LawRecord { line: 0, nickname: law.name.clone(), kind: kind.to_string(), parameters }
     };
     // LMGC90 has spheres before polyhedra and walls last, whoever comes first in the scene.
-    const WALLS: [&str; 3] = ["PLANx", "CYLND", "DNLYC"];
+    const WALL_CONTACTORS: [&str; 3] = ["PLANx", "CYLND", "DNLYC"];
     let wearers = |colour: &str| -> Vec<&str> {
         let worn = |polyhedra: bool| {
-            scene.grains.iter().any(|grains| grains.colour == colour && grains.polyhedral() == polyhedra)
+            scene.grains.iter().any(|grains| grains.colour == colour && grains.is_polyhedral() == polyhedra)
         };
         let wall = |kind: &str| scene.walls.iter().any(|wall| wall.colour() == colour && wall.contactor() == kind);
-        let walls = WALLS.map(|kind| (kind, wall(kind)));
+        let walls = WALL_CONTACTORS.map(|kind| (kind, wall(kind)));
         let all = [("SPHER", worn(false)), ("POLYR", worn(true))].into_iter().chain(walls);
         all.filter_map(|(contactor, worn)| worn.then_some(contactor)).collect()
     };
-    let side = |contactor: &str, colour: &str| Side {
+    let side = |contactor: &str, colour: &str| VisibilitySide {
         body: "RBDY3".to_string(),
         contactor: contactor.to_string(),
         colour: colour.to_string(),
@@ -117,16 +117,17 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
     let mut visibility = Vec::new();
     for contact in &scene.contacts {
         let Some(law) = &contact.law else { continue };
-        let range = scene.laws.iter().find(|known| known.name == *law).map_or(0.0, |known| known.kind.range());
+        let range =
+            scene.laws.iter().find(|known| known.name == *law).map_or(0.0, |known| known.kind.attraction_range());
         let alert = contact.alert.unwrap_or_else(|| default_alert(population).max(range));
-        let mut row = |candidate: Side, antagonist: Side| {
-            visibility.push(See { line: 0, candidate, law: law.clone(), antagonist, alert });
+        let mut row = |candidate: VisibilitySide, antagonist: VisibilitySide| {
+            visibility.push(VisibilityRow { line: 0, candidate, law: law.clone(), antagonist, alert });
         };
         let (a, b) = (contact.between.0.as_str(), contact.between.1.as_str());
         let rank = |contactor: &str| ["SPHER", "POLYR"].iter().position(|known| *known == contactor).unwrap_or(2);
         for first in wearers(a) {
             for second in wearers(b) {
-                let walls = WALLS.contains(&first) && WALLS.contains(&second);
+                let walls = WALL_CONTACTORS.contains(&first) && WALL_CONTACTORS.contains(&second);
                 // Within one colour every pair of shapes comes once.
                 if !walls && rank(first) <= rank(second) {
                     row(side(first, a), side(second, b));
@@ -146,16 +147,16 @@ pub fn default_alert(population: &Population) -> f64 {
 }
 
 /// The components of every wall and of every driven grain that are imposed; and the tables of their files.
-pub fn drv_dof(scene: &Scene, population: &Population) -> (DrvDof, Tables) {
-    let mut tables = Tables::default();
+pub fn drv_dof(scene: &Scene, population: &Population) -> (DrvDof, FunctionTables) {
+    let mut tables = FunctionTables::default();
     let mut driven = Vec::new();
-    let mut drive = |body: usize, component: usize, kind: DrivenKind, evolution: &Evolution| {
-        let evolution = tables.written(evolution);
-        driven.push(Driven { line: 0, body, component, kind, evolution });
+    let mut drive = |body: usize, component: usize, kind: DrivenKind, evolution: &TimeFunction| {
+        let evolution = tables.add_function(evolution);
+        driven.push(DrivenComponent { line: 0, body, component, kind, evolution });
     };
     for (body, grain) in population.grains.iter().enumerate() {
         if let Some(motion) = &scene.grains[grain.group].driven {
-            let still = Some(Evolution::default());
+            let still = Some(TimeFunction::default());
             for (component, velocity) in motion.iter().chain([&still; 3]).enumerate() {
                 velocity.iter().for_each(|velocity| drive(body, component, DrivenKind::Velocity, velocity));
             }
@@ -174,21 +175,21 @@ pub fn drv_dof(scene: &Scene, population: &Population) -> (DrvDof, Tables) {
 }
 
 /// Initial velocities and axes; displacements are 0.
-pub fn dof(population: &Population) -> Dof {
+pub fn dof_file(population: &Population) -> Dof {
     let grain = |grain: &Grain| {
         let axes = grain.axes();
         let (v, w) = (grain.velocity, axes * grain.spin);
-        ([v.x, v.y, v.z, w.x, w.y, w.z], rows(&axes))
+        ([v.x, v.y, v.z, w.x, w.y, w.z], matrix_rows(&axes))
     };
     let wall = |wall: &WallBody| {
-        let velocity = [0, 1, 2, 3, 4, 5].map(|k| wall.motion[k].at_start());
-        (velocity, rows(&wall.axes))
+        let velocity = [0, 1, 2, 3, 4, 5].map(|k| wall.motion[k].initial_value());
+        (velocity, matrix_rows(&wall.axes))
     };
     let states = population.grains.iter().map(grain).chain(population.walls.iter().map(wall));
     let body = |(body, (velocity, axes))| BodyDof { line: 0, body, displacement: [0.0; 6], velocity, axes };
     Dof { step: 0, time: 0.0, bodies: states.enumerate().map(body).collect() }
 }
 
-fn rows(axes: &Matrix3<f64>) -> [[f64; 3]; 3] {
+fn matrix_rows(axes: &Matrix3<f64>) -> [[f64; 3]; 3] {
     [0, 1, 2].map(|k| axes.row(k).transpose().into())
 }

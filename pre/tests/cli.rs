@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use cd_formats::bodies::{Bodies, Shape};
+use cd_formats::bodies::{Bodies, ShapeRecord};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
@@ -36,7 +36,7 @@ fn text(bytes: &[u8]) -> String {
 /// All spheres: centre and radius.
 fn spheres(bodies: &Bodies) -> Vec<(Vector3<f64>, f64)> {
     let sphere = |body: &cd_formats::bodies::Body| match body.contactors[0].shape {
-        Shape::Sphere { radius } => Some((Vector3::from(body.position), radius)),
+        ShapeRecord::Sphere { radius } => Some((Vector3::from(body.position), radius)),
         _ => None,
     };
     bodies.0.iter().filter_map(sphere).collect()
@@ -150,8 +150,8 @@ fn moving_walls_driven_grains_and_tables() {
     );
     let driven = DrvDof::read(&datbox.join("DRV_DOF.DAT")).unwrap().0;
     assert_eq!(driven.len(), 18);
-    assert_eq!(driven[1].evolution.at(0.0), 2.0);
-    assert_eq!((driven[2].evolution.at(3.0), driven[14].evolution.at(3.0)), (4.0, 4.0)); // beyond the end: linear
+    assert_eq!(driven[1].evolution.value_at(0.0), 2.0);
+    assert_eq!((driven[2].evolution.value_at(3.0), driven[14].evolution.value_at(3.0)), (4.0, 4.0)); // beyond the end: linear
     let velocity = |body: usize| Dof::read(&datbox.join("DOF.INI")).unwrap().bodies[body].velocity;
     assert_eq!(velocity(0), [0.0, 2.0, 1.0, 0.0, 0.0, 0.0]);
     assert_eq!(velocity(3), [0.25, 0.0, 1.0, 0.0, 0.0, 1.0]);
@@ -183,7 +183,7 @@ fn presses_and_guided_grains_are_driven_in_part() {
     let driven = DrvDof::read(&datbox.join("DRV_DOF.DAT")).unwrap().0;
     let of = |body: usize, kind: DrivenKind| -> Vec<(usize, f64)> {
         let rows = driven.iter().filter(|row| row.body == body && row.kind == kind);
-        rows.map(|row| (row.component, row.evolution.at(1.0))).collect()
+        rows.map(|row| (row.component, row.evolution.value_at(1.0))).collect()
     };
     assert_eq!(of(0, DrivenKind::Velocity), [(0, 2.0), (2, 0.0), (3, 0.0), (4, 0.0), (5, 0.0)]);
     assert_eq!(of(2, DrivenKind::Velocity), [(0, 0.25), (1, 0.0), (3, 0.0), (4, 0.0), (5, 0.0)]);

@@ -69,7 +69,7 @@ fn options_of_the_run_are_those_of_the_solver() {
     let row = |(name, default, help): (&str, String, String)| {
         format!("| `{name}` | {default} | {} |\n", help.replace('|', "\\|"))
     };
-    let table: String = Compute::table().into_iter().map(row).collect();
+    let table: String = Compute::option_table().into_iter().map(row).collect();
     assert!(text.contains(&table), "docs/scene.md should hold the rows\n{table}");
 }
 
@@ -81,14 +81,14 @@ fn what_it_shows_is_accepted() {
         let (kind, rest) = block.split_once('\n').unwrap();
         let ron = rest.split("```").next().unwrap();
         let read = match kind {
-            "Scene" => cd_pre::read(&path, ron, &[]).map(drop),
+            "Scene" => cd_pre::read_scene(&path, ron, &[]).map(drop),
             "LawKind" => from_ron::<scene::LawKind>(&path, ron, kind).map(drop),
             "Contact" => from_ron::<scene::Contact>(&path, ron, kind).map(drop),
-            "Sizes" => from_ron::<scene::Sizes>(&path, ron, kind).map(drop),
-            "Place" => from_ron::<scene::Place>(&path, ron, kind).map(drop),
-            "Shape" => from_ron::<scene::Shape>(&path, ron, kind).map(drop),
-            "Wall" => from_ron::<scene::Wall>(&path, ron, kind).map(drop),
-            "Evolution" => from_ron::<scene::Evolution>(&path, ron, kind).map(drop),
+            "Sizes" => from_ron::<scene::SizeDistribution>(&path, ron, kind).map(drop),
+            "Place" => from_ron::<scene::GrainPlacement>(&path, ron, kind).map(drop),
+            "Shape" => from_ron::<scene::GrainShape>(&path, ron, kind).map(drop),
+            "Wall" => from_ron::<scene::SceneWall>(&path, ron, kind).map(drop),
+            "Evolution" => from_ron::<scene::TimeFunction>(&path, ron, kind).map(drop),
             _ => panic!("no type for {kind}"),
         };
         read.unwrap_or_else(|faults| panic!("{ron}\n{faults}"));
@@ -105,7 +105,9 @@ fn changes_of_from_outbox_are_described_and_what_is_shown_is_accepted() {
         let (_, rest) = source.split_once(&format!("pub {name} {{")).unwrap();
         names_in(rest.split("\n}").next().unwrap())
     };
-    let names = ["struct Changes", "struct Taken", "enum Which", "enum Keep", "enum Stop"].map(of).concat();
+    let names = ["struct Changes", "struct Selection", "enum WallSelector", "enum BodyFilter", "enum MotionRemoval"]
+        .map(of)
+        .concat();
     assert!(["keep_time", "Largest", "RigidMotion"].iter().all(|known| names.iter().any(|name| name == known)));
     expect_described(names, "docs/from-outbox.md", &text);
     let (_, rest) = text.split_once("```ron Changes\n").unwrap();

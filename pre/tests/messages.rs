@@ -397,8 +397,8 @@ fn datbox_names_the_models_that_it_is_from() {
     let line =
         format!("// Made with models/stone.obj, checksum {:016x}", cd_formats::origin::checksum(stone.as_bytes()));
     assert_eq!(text.lines().nth(1), Some(line.as_str()));
-    let origin = cd_formats::origin::Origin::find(&text).unwrap();
-    assert_eq!(origin.changed(folder.path()), None);
+    let origin = cd_formats::origin::SceneOrigin::from_compute_text(&text).unwrap();
+    assert_eq!(origin.change_warning(folder.path()), None);
     std::fs::write(folder.path().join("models/stone.obj"), "v").unwrap();
-    assert!(origin.changed(folder.path()).unwrap().contains("models/stone.obj has changed since"));
+    assert!(origin.change_warning(folder.path()).unwrap().contains("models/stone.obj has changed since"));
 }

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use cd_formats::bodies::{Bodies, Body, Shape};
+use cd_formats::bodies::{Bodies, Body, ShapeRecord};
 use cd_formats::dof::Dof;
-use cd_formats::scan::Text;
+use cd_formats::scan::AsciiText;
 use cd_formats::surface::Surface;
 use cd_pre::shapes::read;
 use cd_pre::write;
@@ -130,8 +130,8 @@ fn cube_files() -> tempfile::TempDir {
 fn all_kinds_of_files_hold_the_same_cube() {
     let folder = cube_files();
     for name in ["cube.obj", "text.stl", "binary.stl", "cube.vtk", "cube.vtp"] {
-        let read = read::surface(&folder.path().join(name)).unwrap_or_else(|faults| panic!("{faults}"));
-        assert_eq!((read.surface.vertices().len(), read.surface.triangles().len(), read.turned), (8, 12, 0), "{name}");
+        let read = read::read_surface(&folder.path().join(name)).unwrap_or_else(|faults| panic!("{faults}"));
+        assert_eq!((read.surface.vertices().len(), read.surface.triangles().len(), read.flipped), (8, 12, 0), "{name}");
         let properties = read.surface.mass_properties();
         assert!((properties.volume - 8.0).abs() < 1e-14 && (properties.centre[0] - 10.0).abs() < 1e-14, "{name}");
     }
@@ -180,8 +180,8 @@ fn every_fault_of_a_file_is_told() {
         ),
         ("body.ply", scribble("ply\n")),
     ]);
-    let said = |name: &str| match read::surface(&folder.path().join(name)) {
-        Ok(read) => format!("{} turned", read.turned),
+    let said = |name: &str| match read::read_surface(&folder.path().join(name)) {
+        Ok(read) => format!("{} turned", read.flipped),
         Err(faults) => faults.to_string().replace(&format!("{}/", folder.path().display()), ""),
     };
     assert_eq!(
@@ -247,8 +247,8 @@ fn comments_continued_lines_and_capital_letters_are_read() {
         ("nameless.stl", text.replace("solid body", "solid").into_bytes()),
     ]);
     for name in ["bent.obj", "windows.obj", "capital.stl", "windows.stl", "nameless.stl"] {
-        let read = read::surface(&folder.path().join(name)).unwrap_or_else(|faults| panic!("{faults}"));
-        assert_eq!((read.surface.vertices().len(), read.surface.triangles().len(), read.turned), (8, 12, 0), "{name}");
+        let read = read::read_surface(&folder.path().join(name)).unwrap_or_else(|faults| panic!("{faults}"));
+        assert_eq!((read.surface.vertices().len(), read.surface.triangles().len(), read.flipped), (8, 12, 0), "{name}");
         assert!((read.surface.volume() - 8.0).abs() < 1e-14, "{name}");
     }
 }
@@ -267,10 +267,10 @@ fn scene(fields: &str) -> String {
 
 fn datbox(folder: &Path, fields: &str) -> Result<(Bodies, Dof), String> {
     let path: PathBuf = folder.join("scene.ron");
-    let (scene, population) = cd_pre::read(&path, &scene(fields), &[])
+    let (scene, population) = cd_pre::read_scene(&path, &scene(fields), &[])
         .map_err(|faults| faults.to_string().replace(&format!("{}/", folder.display()), ""))?;
-    let files = write::files(&scene, &population);
-    let text = |name: &str| Text::new(files.iter().find(|(known, _)| known == name).unwrap().1.as_bytes());
+    let files = write::datbox_files(&scene, &population);
+    let text = |name: &str| AsciiText::new(files.iter().find(|(known, _)| known == name).unwrap().1.as_bytes());
     let bodies = Bodies::parse(Path::new("BODIES.DAT"), &text("BODIES.DAT")).unwrap();
     Ok((bodies, Dof::parse(Path::new("DOF.INI"), &text("DOF.INI")).unwrap()))
 }
@@ -278,8 +278,8 @@ fn datbox(folder: &Path, fields: &str) -> Result<(Bodies, Dof), String> {
 /// The pieces as they stand, m.
 fn pieces(body: &Body, axes: &[[f64; 3]; 3]) -> Vec<Surface> {
     let turn = Matrix3::from_columns(&axes.map(Vector3::from));
-    let piece = |shape: &Shape| {
-        let Shape::Polyhedron { vertices, triangles } = shape else { panic!("no polyhedron") };
+    let piece = |shape: &ShapeRecord| {
+        let ShapeRecord::Polyhedron { vertices, triangles } = shape else { panic!("no polyhedron") };
         let standing: Vec<[f64; 3]> =
             vertices.iter().map(|&v| (Vector3::from(body.position) + turn * Vector3::from(v)).into()).collect();
         Surface::new(&standing, triangles).unwrap()
@@ -301,7 +301,7 @@ fn a_model_takes_the_size_it_is_told() {
     ] {
         let (bodies, dof) =
             datbox(folder.path(), &format!("shape: Model(file: \"cube.vtp\"{scaled}), {STANDING}")).unwrap();
-        let Shape::Polyhedron { vertices, .. } = &bodies.0[0].contactors[0].shape else { panic!() };
+        let ShapeRecord::Polyhedron { vertices, .. } = &bodies.0[0].contactors[0].shape else { panic!() };
         // Eleven digits.
         assert!(vertices.iter().flatten().all(|x| (x.abs() / half - 1.0).abs() < 1e-10), "{scaled}: {vertices:?}");
         assert_eq!(dof.bodies[0].axes, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
@@ -313,7 +313,7 @@ fn a_model_takes_the_size_it_is_told() {
          place: List(positions: [(0, 0, 0)])",
     )
     .unwrap();
-    let Shape::Polyhedron { vertices, .. } = &bodies.0[0].contactors[0].shape else { panic!() };
+    let ShapeRecord::Polyhedron { vertices, .. } = &bodies.0[0].contactors[0].shape else { panic!() };
     assert!(vertices.iter().all(|&v| (Vector3::from(v).norm() - 2.0).abs() < 1e-10));
 }
 

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use cd_formats::bodies::{Bodies, Body, Shape};
+use cd_formats::bodies::{Bodies, Body, ShapeRecord};
 use cd_formats::dof::Dof;
-use cd_formats::scan::Text;
+use cd_formats::scan::AsciiText;
 use cd_formats::surface::Surface;
 use cd_pre::write;
 use nalgebra::{Matrix3, Vector3};
@@ -24,17 +24,17 @@ fn scene(fields: &str) -> String {
 
 fn files(text: &str) -> (Bodies, Dof, String) {
     let (scene, population) =
-        cd_pre::read(Path::new("scene.ron"), text, &[]).unwrap_or_else(|faults| panic!("{faults}"));
-    let files = write::files(&scene, &population);
+        cd_pre::read_scene(Path::new("scene.ron"), text, &[]).unwrap_or_else(|faults| panic!("{faults}"));
+    let files = write::datbox_files(&scene, &population);
     let of = |name: &str| files.iter().find(|(known, _)| known == name).unwrap().1.clone();
-    let text = |name: &str| Text::new(of(name).as_bytes());
+    let text = |name: &str| AsciiText::new(of(name).as_bytes());
     let bodies = Bodies::parse(Path::new("BODIES.DAT"), &text("BODIES.DAT")).unwrap();
     (bodies, Dof::parse(Path::new("DOF.INI"), &text("DOF.INI")).unwrap(), of("TACT_BEHAV.DAT"))
 }
 
 fn surface(body: &Body) -> Surface {
     let [contactor] = body.contactors.as_slice() else { panic!("{} contactors", body.contactors.len()) };
-    let Shape::Polyhedron { vertices, triangles } = &contactor.shape else { panic!("no polyhedron") };
+    let ShapeRecord::Polyhedron { vertices, triangles } = &contactor.shape else { panic!("no polyhedron") };
     Surface::new(vertices, triangles).unwrap()
 }
 
@@ -162,7 +162,7 @@ fn listed_polyhedra_stand_as_told_and_may_touch_but_not_overlap() {
         (beside, 1.99, "grain 1 of grains 1 and grain 2 of grains 1 overlap by 1.000e-2 m"),
         (beside - 0.01, 2.0, "grain 1 of grains 1 and grain 3 of grains 1 overlap by 1.000e-2 m"),
     ] {
-        let said = cd_pre::read(Path::new("scene.ron"), &stack(x, z), &[]).unwrap_err().to_string();
+        let said = cd_pre::read_scene(Path::new("scene.ron"), &stack(x, z), &[]).unwrap_err().to_string();
         assert!(said.contains(found), "{said}");
     }
 }
@@ -203,7 +203,7 @@ fn spheres_polyhedra_and_walls_see_each_other_in_the_order_of_lmgc90() {
         (half + 0.4, -half - 0.5, "grain 1 of grains 1 and grain 1 of grains 2 overlap by 1.000e-1 m"),
         (half + 0.5, -half - 0.4, "grain 1 of grains 1 and wall 1 overlap by 1.000e-1 m"),
     ] {
-        let said = cd_pre::read(Path::new("scene.ron"), &with(ball, floor), &[]).unwrap_err().to_string();
+        let said = cd_pre::read_scene(Path::new("scene.ron"), &with(ball, floor), &[]).unwrap_err().to_string();
         assert!(said.contains(found), "{said}");
     }
 }

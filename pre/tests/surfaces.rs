@@ -2,17 +2,17 @@
 
 use std::path::Path;
 
-use cd_pre::shapes::read::{self, Read};
+use cd_pre::shapes::read::{self, RepairedSurface};
 
 fn file(name: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/surfaces").join(name)
 }
 
-fn read_bytes(name: &str, bytes: &[u8]) -> Result<Read, String> {
+fn read_bytes(name: &str, bytes: &[u8]) -> Result<RepairedSurface, String> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     std::fs::write(&path, bytes).unwrap();
-    read::surface(&path).map_err(|faults| faults.to_string().replace(&format!("{}/", folder.path().display()), ""))
+    read::read_surface(&path).map_err(|faults| faults.to_string().replace(&format!("{}/", folder.path().display()), ""))
 }
 
 /// The text of a file with something replaced, which must be there.
@@ -49,7 +49,7 @@ fn files_of_many_programs_hold_a_cube() {
         ("little-endian.vtk", 1.0, "read as little-endian, which legacy files should not be"),
         ("version-5.vtk", 1.0, ""),
     ] {
-        let read = read::surface(&file(name)).unwrap_or_else(|faults| panic!("{faults}"));
+        let read = read::read_surface(&file(name)).unwrap_or_else(|faults| panic!("{faults}"));
         assert_eq!((read.surface.vertices().len(), read.surface.triangles().len()), (8, 12), "{name}");
         // Corners of last-digit-gaps.stl are off by up to 6e-8 of 0.35 m, in single precision.
         assert!((read.surface.volume() / volume - 1.0).abs() < 1e-6, "{name}: {}", read.surface.volume());
@@ -232,7 +232,7 @@ fn torn_and_damaged_files_end_in_words() {
                 bytes[at] ^= (state >> 20) as u8 | 1
             }
             std::fs::write(&copy, bytes).unwrap();
-            if let Err(faults) = read::surface(&copy) {
+            if let Err(faults) = read::read_surface(&copy) {
                 assert!(!faults.0.is_empty() && faults.0.iter().all(|fault| !fault.found.is_empty()), "{name}");
             }
         }
@@ -361,7 +361,7 @@ fn the_cause_is_named_in_its_line() {
 /// A turned cube of 5 cm whose coordinates have six decimals: convex but for 1e-5 of its size.
 #[test]
 fn a_cube_of_few_digits_is_taken_as_its_hull() {
-    use cd_pre::scene::{ContactSurface, Scaled};
+    use cd_pre::scene::{ContactSurface, ModelScale};
     let folder = tempfile::tempdir().unwrap();
     let turn = nalgebra::Rotation3::from_euler_angles(0.3, -0.7, 1.1);
     let made = |side: f64, dent: f64| {
@@ -373,7 +373,7 @@ fn a_cube_of_few_digits_is_taken_as_its_hull() {
         }
         text += "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
         std::fs::write(folder.path().join("cube.obj"), text).unwrap();
-        cd_pre::shapes::model::solid(folder.path(), "cube.obj", Scaled::Factor(1.0), &ContactSurface::Whole)
+        cd_pre::shapes::model::model_solid(folder.path(), "cube.obj", ModelScale::Factor(1.0), &ContactSurface::Whole)
     };
     let mut hulls = 0;
     for k in 1..=10 {

@@ -1,16 +1,17 @@
 //! Synthetic contact problems for benches and tests.
 
-use cd_solve::assemble::{Full, Record, Roll, Row, System};
+use cd_solve::assemble::{BlockData, ContactConstraint, ContactProblem, RollingConstraint, SolverBody};
 use cd_solve::math::{Mat3, Vec3};
-use cd_solve::solve::full::local::{block_of, matrix};
+use cd_solve::solve::full::local::{delassus_block_of_row, full_matrix};
 
 /// The same with cuboids in place of the spheres, four points on each face that touches.
-pub fn blocks(side: usize, friction: f64) -> System {
+pub fn blocks(side: usize, friction: f64) -> ContactProblem {
     let mut system = packing(side, friction);
     let turned = |k: usize| 0.2 * ((k as f64 + 0.5) * 9.7).sin();
     let inverse_inertia = |k: usize| Mat3::from_diagonal(&Vec3::new(1.5, 1.2 + turned(k), 1.8));
-    let inverse_inertia = (0..system.records.len()).map(inverse_inertia).collect();
-    let mut full = Full { arms: Vec::new(), friction_offsets: Vec::new(), held: Vec::new(), inverse_inertia };
+    let inverse_inertia = (0..system.bodies.len()).map(inverse_inertia).collect();
+    let mut full =
+        BlockData { arms: Vec::new(), friction_offsets: Vec::new(), locked_axes: Vec::new(), inverse_inertia };
     let mut rows = Vec::new();
     for row in &system.rows {
         let (u, v) = (row.normal.cross(&Vec3::new(0.6, 0.8, 0.1)), row.normal.yzx());
@@ -23,37 +24,37 @@ pub fn blocks(side: usize, friction: f64) -> System {
     }
     system.rows = rows;
     for k in 0..system.rows.len() {
-        let block = matrix(block_of(&system, &full, k));
+        let block = full_matrix(delassus_block_of_row(&system, &full, k));
         let row = &mut system.rows[k];
         row.w_n = row.normal.dot(&(block * row.normal));
         row.w_t = 0.5 * (block.trace() - row.w_n);
     }
-    system.full = Some(full);
+    system.block_data = Some(full);
     system
 }
 
 /// The same with resistance to rolling and spinning at every contact.
-pub fn resisting(mut system: System) -> System {
-    let roll = |row| Roll {
+pub fn resisting(mut system: ContactProblem) -> ContactProblem {
+    let roll = |row| RollingConstraint {
         row,
         radius: 0.5,
         rolling: 0.1,
         spinning: 0.05,
         inverse_w: 0.2, // two spheres of 2.5/(kg m^2)
         shift: Vec3::zeros(),
-        start: Vec3::zeros(),
+        warm_start: Vec3::zeros(),
     };
-    system.rolls = (0..system.rows.len() as u32).map(roll).collect();
+    system.rolling_constraints = (0..system.rows.len() as u32).map(roll).collect();
     system
 }
 
 /// side^3 spheres on a cubic lattice, each touching its neighbours, with random velocities; ordered along Morton's curve.
-pub fn packing(side: usize, friction: f64) -> System {
+pub fn packing(side: usize, friction: f64) -> ContactProblem {
     let random = |k: usize, f: f64| ((k as f64 + 0.5) * f).sin();
     let count = side.pow(3);
     let place = |k: usize| [k / side / side, k / side % side, k % side];
     let records = (0..count)
-        .map(|k| Record {
+        .map(|k| SolverBody {
             v: Vec3::new(random(k, 12.9898), random(k, 78.233), random(k, 37.719)) * 0.1,
             inverse_mass: 1.0,
             w: Vec3::zeros(),
@@ -69,7 +70,7 @@ pub fn packing(side: usize, friction: f64) -> System {
             }
             let mut normal = Vec3::new(random(k, 3.1), random(k, 5.7), random(k, 7.3)) * 0.2;
             normal[axis] -= 1.0;
-            rows.push(Row {
+            rows.push(ContactConstraint {
                 bodies: [k as u32, (k + stride) as u32],
                 normal: normal.normalize(),
                 arm: 1.0,
@@ -78,7 +79,7 @@ pub fn packing(side: usize, friction: f64) -> System {
                 friction,
                 acts: true,
                 can_close: true,
-                ..Row::default()
+                ..ContactConstraint::default()
             });
         }
     }
@@ -88,5 +89,5 @@ pub fn packing(side: usize, friction: f64) -> System {
     };
     let mut order: Vec<u32> = (0..count as u32).collect();
     order.sort_by_cached_key(key);
-    System { rows, rolls: Vec::new(), full: None, records, order }
+    ContactProblem { rows, rolling_constraints: Vec::new(), block_data: None, bodies: records, order }
 }

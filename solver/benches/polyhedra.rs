@@ -4,8 +4,10 @@
 //!
 //! `items` are pairs: 2 Mitem/s are 500 ns per pair. Warm pairs have moved by 1e-3 of their size since the last time.
 
-use cd_solve::geometry::{Memory, Narrow, Polyhedron, Posed, Sight, Together, polyhedron_polyhedron};
-use cd_solve::math::lanes::Width;
+use cd_solve::geometry::{
+    CachedFeature, NarrowPhaseMode, PairBatch, PairResult, Polyhedron, PosedPolyhedron, polyhedron_polyhedron,
+};
+use cd_solve::math::lanes::SimdWidth;
 use cd_solve::math::{Quat, Vec3};
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
@@ -23,7 +25,7 @@ struct Pair {
     shapes: [Polyhedron; 2],
     turned: [Quat; 2],
     c: Vec3,
-    memory: Memory,
+    memory: CachedFeature,
 }
 
 /// Numbers in -1..1 that look random, and are the same on every run.
@@ -73,16 +75,16 @@ fn pairs(vertices: usize, gap: f64, moved: f64) -> Vec<Pair> {
             let shapes = [rock(&mut numbers, vertices), rock(&mut numbers, vertices)];
             let q = [numbers.turn(3.0), numbers.turn(3.0)];
             let mut c = numbers.direction() * 2.5;
-            let mut memory = Memory::default();
+            let mut memory = CachedFeature::default();
             for _ in 0..6 {
-                let [a, b] = [shapes[0].posed(&q[0]), shapes[1].posed(&q[1])];
-                let found = polyhedron_polyhedron(&a, &b, &c, 10.0, Narrow::Accurate, &mut memory)
+                let [a, b] = [shapes[0].posed_by(&q[0]), shapes[1].posed_by(&q[1])];
+                let found = polyhedron_polyhedron(&a, &b, &c, 10.0, NarrowPhaseMode::Accurate, &mut memory)
                     .expect("all is within ten radii");
                 c -= found.normal * (gap - found.gap());
             }
-            let mut memory = Memory::default();
-            let [a, b] = [shapes[0].posed(&q[0]), shapes[1].posed(&q[1])];
-            polyhedron_polyhedron(&a, &b, &c, ALERT, Narrow::Accurate, &mut memory);
+            let mut memory = CachedFeature::default();
+            let [a, b] = [shapes[0].posed_by(&q[0]), shapes[1].posed_by(&q[1])];
+            polyhedron_polyhedron(&a, &b, &c, ALERT, NarrowPhaseMode::Accurate, &mut memory);
             let turned = [numbers.turn(moved) * q[0], numbers.turn(moved) * q[1]];
             let c = c + numbers.direction() * moved;
             Pair { shapes, turned, c, memory }
@@ -90,31 +92,31 @@ fn pairs(vertices: usize, gap: f64, moved: f64) -> Vec<Pair> {
         .collect()
 }
 
-fn run(bencher: Bencher, pairs: Vec<Pair>, narrow: Narrow, warm: bool) {
+fn run(bencher: Bencher, pairs: Vec<Pair>, narrow: NarrowPhaseMode, warm: bool) {
     bencher.counter(ItemsCount::new(PAIRS)).bench_local(|| {
-        let posed: Vec<[Posed; 2]> =
-            pairs.iter().map(|pair| [0, 1].map(|k| pair.shapes[k].posed(&pair.turned[k]))).collect();
-        let mut together = Together::new(Width::detect());
-        let mut take = |(), sight: Sight| _ = black_box(sight.is_ok());
+        let posed: Vec<[PosedPolyhedron; 2]> =
+            pairs.iter().map(|pair| [0, 1].map(|k| pair.shapes[k].posed_by(&pair.turned[k]))).collect();
+        let mut together = PairBatch::new(SimdWidth::detect());
+        let mut take = |(), sight: PairResult| _ = black_box(sight.is_ok());
         for (pair, [a, b]) in pairs.iter().zip(&posed) {
-            let memory = if warm { pair.memory } else { Memory::default() };
-            together.pair((), [a, b], &pair.c, ALERT.into(), narrow, black_box(&memory), None, &mut take);
+            let memory = if warm { pair.memory } else { CachedFeature::default() };
+            together.push_pair((), [a, b], &pair.c, ALERT.into(), narrow, black_box(&memory), None, &mut take);
         }
-        together.finish(&mut take);
+        together.flush(&mut take);
     });
 }
 
 #[divan::bench(args = GAPS, consts = [12, 20, 40])]
 fn cold<const VERTICES: usize>(bencher: Bencher, gap: f64) {
-    run(bencher, pairs(VERTICES, gap, 1e-3), Narrow::Accurate, false);
+    run(bencher, pairs(VERTICES, gap, 1e-3), NarrowPhaseMode::Accurate, false);
 }
 
 #[divan::bench(args = GAPS, consts = [12, 20, 40])]
 fn warm<const VERTICES: usize>(bencher: Bencher, gap: f64) {
-    run(bencher, pairs(VERTICES, gap, 1e-3), Narrow::Accurate, true);
+    run(bencher, pairs(VERTICES, gap, 1e-3), NarrowPhaseMode::Accurate, true);
 }
 
 #[divan::bench(args = GAPS, consts = [12, 20, 40])]
 fn fast<const VERTICES: usize>(bencher: Bencher, gap: f64) {
-    run(bencher, pairs(VERTICES, gap, 1e-3), Narrow::Fast, true);
+    run(bencher, pairs(VERTICES, gap, 1e-3), NarrowPhaseMode::Fast, true);
 }

@@ -6,11 +6,11 @@
 
 mod packing;
 
-use cd_solve::assemble::System;
-use cd_solve::math::lanes::Width;
-use cd_solve::solve::Reactions;
-use cd_solve::solve::laid::Laid;
-use cd_solve::solve::residual::Judge;
+use cd_solve::assemble::ContactProblem;
+use cd_solve::math::lanes::SimdWidth;
+use cd_solve::solve::ContactReactions;
+use cd_solve::solve::laid::PackedProblem;
+use cd_solve::solve::residual::ResidualEvaluator;
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use packing::{blocks, packing, resisting};
@@ -26,130 +26,130 @@ fn main() {
 }
 
 /// All rows of a packing, and impulses of 0.
-fn start(system: &System) -> (Vec<u32>, Reactions) {
-    ((0..system.rows.len() as u32).collect(), Reactions::zeros(system))
+fn start(system: &ContactProblem) -> (Vec<u32>, ContactReactions) {
+    ((0..system.rows.len() as u32).collect(), ContactReactions::zeros(system))
 }
 
-fn sweeps(bencher: Bencher, system: System, width: Width, threads: usize) {
+fn sweeps(bencher: Bencher, system: ContactProblem, width: SimdWidth, threads: usize) {
     swept(bencher, system, width, threads, false);
 }
 
-fn swept(bencher: Bencher, system: System, width: Width, threads: usize, single: bool) {
+fn swept(bencher: Bencher, system: ContactProblem, width: SimdWidth, threads: usize, single: bool) {
     let (active, reactions) = start(&system);
-    let mut problem = Laid::new(&system, &active, &reactions, &system.records, single, width);
+    let mut problem = PackedProblem::new(&system, &active, &reactions, &system.bodies, single, width);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     // As in a step: entering the pool once for many sweeps, with momentum.
     bencher
         .counter(ItemsCount::new(active.len() * SWEEPS))
-        .bench_local(|| pool.install(|| (0..SWEEPS).map(|_| problem.sweep(width, 0.8).change).sum::<f64>()));
+        .bench_local(|| pool.install(|| (0..SWEEPS).map(|_| problem.sweep_contacts(width, 0.8).change).sum::<f64>()));
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn frictional(bencher: Bencher, side: usize) {
-    sweeps(bencher, packing(side, 0.4), Width::detect(), 1);
+    sweeps(bencher, packing(side, 0.4), SimdWidth::detect(), 1);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn frictional_two_threads(bencher: Bencher, side: usize) {
-    sweeps(bencher, packing(side, 0.4), Width::detect(), 2);
+    sweeps(bencher, packing(side, 0.4), SimdWidth::detect(), 2);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn frictional_four_wide(bencher: Bencher, side: usize) {
-    if let Some(width) = Width::all().get(1) {
+    if let Some(width) = SimdWidth::all_widths().get(1) {
         sweeps(bencher, packing(side, 0.4), *width, 1);
     }
 }
 
 #[divan::bench(args = SIDES, sample_count = 5)]
 fn frictional_one_wide(bencher: Bencher, side: usize) {
-    sweeps(bencher, packing(side, 0.4), Width::all()[0], 1);
+    sweeps(bencher, packing(side, 0.4), SimdWidth::all_widths()[0], 1);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn single(bencher: Bencher, side: usize) {
-    swept(bencher, packing(side, 0.4), Width::detect(), 1, true);
+    swept(bencher, packing(side, 0.4), SimdWidth::detect(), 1, true);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn single_two_threads(bencher: Bencher, side: usize) {
-    swept(bencher, packing(side, 0.4), Width::detect(), 2, true);
+    swept(bencher, packing(side, 0.4), SimdWidth::detect(), 2, true);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn single_eight_wide(bencher: Bencher, side: usize) {
-    if let Some(width) = Width::all().get(1) {
+    if let Some(width) = SimdWidth::all_widths().get(1) {
         swept(bencher, packing(side, 0.4), *width, 1, true);
     }
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn single_frictionless(bencher: Bencher, side: usize) {
-    swept(bencher, packing(side, 0.0), Width::detect(), 1, true);
+    swept(bencher, packing(side, 0.0), SimdWidth::detect(), 1, true);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn rolling(bencher: Bencher, side: usize) {
-    sweeps(bencher, resisting(packing(side, 0.4)), Width::detect(), 1);
+    sweeps(bencher, resisting(packing(side, 0.4)), SimdWidth::detect(), 1);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn rolling_two_threads(bencher: Bencher, side: usize) {
-    sweeps(bencher, resisting(packing(side, 0.4)), Width::detect(), 2);
+    sweeps(bencher, resisting(packing(side, 0.4)), SimdWidth::detect(), 2);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn frictionless(bencher: Bencher, side: usize) {
-    sweeps(bencher, packing(side, 0.0), Width::detect(), 1);
+    sweeps(bencher, packing(side, 0.0), SimdWidth::detect(), 1);
 }
 
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn frictionless_two_threads(bencher: Bencher, side: usize) {
-    sweeps(bencher, packing(side, 0.0), Width::detect(), 2);
+    sweeps(bencher, packing(side, 0.0), SimdWidth::detect(), 2);
 }
 
 #[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
 fn polyhedra(bencher: Bencher, side: usize) {
-    sweeps(bencher, blocks(side, 0.4), Width::detect(), 1);
+    sweeps(bencher, blocks(side, 0.4), SimdWidth::detect(), 1);
 }
 
 #[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
 fn polyhedra_two_threads(bencher: Bencher, side: usize) {
-    sweeps(bencher, blocks(side, 0.4), Width::detect(), 2);
+    sweeps(bencher, blocks(side, 0.4), SimdWidth::detect(), 2);
 }
 
 #[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
 fn polyhedra_four_wide(bencher: Bencher, side: usize) {
-    if let Some(width) = Width::all().get(1) {
+    if let Some(width) = SimdWidth::all_widths().get(1) {
         sweeps(bencher, blocks(side, 0.4), *width, 1);
     }
 }
 
 #[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
 fn single_polyhedra(bencher: Bencher, side: usize) {
-    swept(bencher, blocks(side, 0.4), Width::detect(), 1, true);
+    swept(bencher, blocks(side, 0.4), SimdWidth::detect(), 1, true);
 }
 
 #[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
 fn single_polyhedra_two_threads(bencher: Bencher, side: usize) {
-    swept(bencher, blocks(side, 0.4), Width::detect(), 2, true);
+    swept(bencher, blocks(side, 0.4), SimdWidth::detect(), 2, true);
 }
 
 #[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
 fn single_polyhedra_eight_wide(bencher: Bencher, side: usize) {
-    if let Some(width) = Width::all().get(1) {
+    if let Some(width) = SimdWidth::all_widths().get(1) {
         swept(bencher, blocks(side, 0.4), *width, 1, true);
     }
 }
 
 #[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
 fn polyhedra_frictionless(bencher: Bencher, side: usize) {
-    sweeps(bencher, blocks(side, 0.0), Width::detect(), 1);
+    sweeps(bencher, blocks(side, 0.0), SimdWidth::detect(), 1);
 }
 
 #[divan::bench(args = SIDES_OF_BLOCKS, sample_count = 10)]
 fn single_polyhedra_frictionless(bencher: Bencher, side: usize) {
-    swept(bencher, blocks(side, 0.0), Width::detect(), 1, true);
+    swept(bencher, blocks(side, 0.0), SimdWidth::detect(), 1, true);
 }
 
 /// Colouring and batching, once a step, on one thread.
@@ -159,7 +159,7 @@ fn layout(bencher: Bencher, side: usize) {
     let (active, reactions) = start(&system);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     bencher.counter(ItemsCount::new(active.len())).bench_local(|| {
-        pool.install(|| Laid::new(&system, &active, &reactions, &system.records, false, Width::detect()))
+        pool.install(|| PackedProblem::new(&system, &active, &reactions, &system.bodies, false, SimdWidth::detect()))
     });
 }
 
@@ -169,6 +169,6 @@ fn judge(bencher: Bencher, side: usize) {
     let system = packing(side, 0.4);
     let (active, reactions) = start(&system);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    let judge = Judge::new(&system, &active, Width::detect());
+    let judge = ResidualEvaluator::new(&system, &active, SimdWidth::detect());
     bencher.counter(ItemsCount::new(active.len())).bench_local(|| pool.install(|| judge.residual(&reactions.impulses)));
 }

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use cd_formats::error::{Fault, Faults};
 use cd_formats::{atomic, fc3d::Fc3d};
-use cd_solve::solve::stored::{Limits, Problem, Solver, solve};
+use cd_solve::solve::stored::{MatrixProblem, MatrixSolver, SolverLimits, solve};
 use clap::Parser;
 
 #[derive(Parser)]
@@ -23,7 +23,7 @@ struct Arguments {
     tol: f64,
     /// auto, nlgs, nlgs-anderson, prox-newton, admm or interior-point
     #[arg(long, default_value = "auto", value_parser = by_name)]
-    solver: Solver,
+    solver: MatrixSolver,
     /// Seconds after which the best so far is written; inf for no limit
     #[arg(long, default_value_t = 60.0, value_parser = limit, allow_negative_numbers = true)]
     max_time: f64,
@@ -35,9 +35,9 @@ struct Arguments {
     output: PathBuf,
 }
 
-fn by_name(name: &str) -> Result<Solver, String> {
-    let names = || Solver::ALL.map(|(name, _)| name).join(", ");
-    Solver::ALL.iter().find(|s| s.0 == name).map(|s| s.1).ok_or_else(|| format!("expected one of {}", names()))
+fn by_name(name: &str) -> Result<MatrixSolver, String> {
+    let names = || MatrixSolver::ALL.map(|(name, _)| name).join(", ");
+    MatrixSolver::ALL.iter().find(|s| s.0 == name).map(|s| s.1).ok_or_else(|| format!("expected one of {}", names()))
 }
 
 fn limit(text: &str) -> Result<f64, String> {
@@ -47,11 +47,11 @@ fn limit(text: &str) -> Result<f64, String> {
 
 fn run(arguments: &Arguments) -> Result<bool, Faults> {
     let path = &arguments.file;
-    let Fc3d { mu, q, blocks, .. } = Fc3d::read(path)?;
-    let problem = Problem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w))).map_err(|found| {
+    let Fc3d { mu, free_velocities: q, blocks, .. } = Fc3d::read(path)?;
+    let problem = MatrixProblem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w))).map_err(|found| {
         Fault::new(path, None, "problem", found, "expected finite numbers below 1e100, and frictions of 0 or more")
     })?;
-    let limits = Limits {
+    let limits = SolverLimits {
         tol: arguments.tol,
         max_sweeps: arguments.max_sweeps,
         max_cost: f64::INFINITY,
@@ -73,7 +73,7 @@ fn main() -> ExitCode {
     match run(&Arguments::parse()) {
         Ok(converged) => ExitCode::from(u8::from(!converged)),
         Err(faults) => {
-            eprint!("{}", faults.report("fc3d"));
+            eprint!("{}", faults.format_report("fc3d"));
             ExitCode::from(2)
         }
     }

@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use cd_formats::fc3d::Fc3d;
-use cd_solve::solve::stored::{Block, Limits, Problem, Solver, Triple, solve};
+use cd_solve::solve::stored::{LocalVector, MatrixBlock, MatrixProblem, MatrixSolver, SolverLimits, solve};
 use clap::Parser;
 
 #[derive(Parser)]
@@ -22,7 +22,7 @@ struct Arguments {
     #[arg(long, default_value_t = 1e-8)]
     tol: f64,
     #[arg(long, default_value = "auto", value_parser = by_name)]
-    solver: Solver,
+    solver: MatrixSolver,
     /// Seconds for each
     #[arg(long, default_value_t = 4.0)]
     max_time: f64,
@@ -40,17 +40,17 @@ struct Arguments {
     keep: Option<PathBuf>,
 }
 
-fn by_name(name: &str) -> Result<Solver, String> {
-    let names = || Solver::ALL.map(|(name, _)| name).join(", ");
-    Solver::ALL.iter().find(|s| s.0 == name).map(|s| s.1).ok_or_else(|| format!("expected one of {}", names()))
+fn by_name(name: &str) -> Result<MatrixSolver, String> {
+    let names = || MatrixSolver::ALL.map(|(name, _)| name).join(", ");
+    MatrixSolver::ALL.iter().find(|s| s.0 == name).map(|s| s.1).ok_or_else(|| format!("expected one of {}", names()))
 }
 
 /// A problem that can be changed: dense in its list of blocks.
 #[derive(Clone)]
 struct Stored {
     mu: Vec<f64>,
-    q: Vec<Triple>,
-    blocks: Vec<(usize, usize, Block)>,
+    q: Vec<LocalVector>,
+    blocks: Vec<(usize, usize, MatrixBlock)>,
 }
 
 /// A linear congruential generator (Knuth's MMIX), its upper bits: 0 to 1.
@@ -80,13 +80,13 @@ impl Stored {
     /// Tangents turned by a random angle at each contact.
     fn turned(mut self, random: &mut Random) -> Self {
         let turns: Vec<(f64, f64)> = self.q.iter().map(|_| (random.next() * std::f64::consts::TAU).sin_cos()).collect();
-        let left = |(sin, cos): (f64, f64), v: Triple| [v[0], cos * v[1] + sin * v[2], cos * v[2] - sin * v[1]];
+        let left = |(sin, cos): (f64, f64), v: LocalVector| [v[0], cos * v[1] + sin * v[2], cos * v[2] - sin * v[1]];
         for (q, turn) in self.q.iter_mut().zip(&turns) {
             *q = left(*turn, *q);
         }
         for (i, j, w) in &mut self.blocks {
             // L W R' by columns, then by rows.
-            let columns: [Triple; 3] = std::array::from_fn(|k| left(turns[*i], [w[0][k], w[1][k], w[2][k]]));
+            let columns: [LocalVector; 3] = std::array::from_fn(|k| left(turns[*i], [w[0][k], w[1][k], w[2][k]]));
             *w = std::array::from_fn(|a| left(turns[*j], [columns[0][a], columns[1][a], columns[2][a]]));
         }
         self
@@ -100,7 +100,7 @@ impl Stored {
 
     /// q + W x, x within the cones, of `size` times what changes q by itself.
     fn moved(mut self, random: &mut Random, size: f64) -> Self {
-        let x: Vec<Triple> = self.q.iter().map(|_| std::array::from_fn(|_| random.next() - 0.5)).collect();
+        let x: Vec<LocalVector> = self.q.iter().map(|_| std::array::from_fn(|_| random.next() - 0.5)).collect();
         let mut change = vec![[0.0; 3]; self.len()];
         for (i, j, w) in &self.blocks {
             for k in 0..3 {
@@ -130,7 +130,7 @@ impl Stored {
     fn of(&self, keep: &[usize]) -> Self {
         let mut places = vec![Vec::new(); self.len()];
         keep.iter().enumerate().for_each(|(new, &old)| places[old].push(new));
-        let copies = |(i, j, w): &(usize, usize, Block)| {
+        let copies = |(i, j, w): &(usize, usize, MatrixBlock)| {
             let w = *w;
             let columns = places[*j].clone();
             places[*i].clone().into_iter().flat_map(move |i| columns.clone().into_iter().map(move |j| (i, j, w)))
@@ -204,10 +204,10 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let (mut count, mut unsolved, mut seconds, mut slowest) = (0, 0, 0.0, 0.0f64);
     for path in &arguments.files {
-        let Fc3d { name, mu, q, blocks, .. } = match Fc3d::read(path) {
+        let Fc3d { name, mu, free_velocities: q, blocks, .. } = match Fc3d::read(path) {
             Ok(document) => document,
             Err(faults) => {
-                eprint!("{}", faults.report("fc3d_variants"));
+                eprint!("{}", faults.format_report("fc3d_variants"));
                 return ExitCode::from(2);
             }
         };
@@ -217,14 +217,14 @@ fn main() -> ExitCode {
             if !full.contains(&arguments.only) {
                 continue;
             }
-            let problem = match Problem::new(mu.clone(), q.clone(), blocks.clone()) {
+            let problem = match MatrixProblem::new(mu.clone(), q.clone(), blocks.clone()) {
                 Ok(problem) => problem,
                 Err(found) => {
                     eprintln!("fc3d_variants: {}: {found}; expected finite numbers", path.display());
                     return ExitCode::from(2);
                 }
             };
-            let limits = Limits {
+            let limits = SolverLimits {
                 tol: arguments.tol,
                 max_sweeps: u64::MAX,
                 max_cost: f64::INFINITY,
@@ -241,12 +241,17 @@ fn main() -> ExitCode {
                 println!("{full}: {} {} {time:.4} {:.3e}", problem.len(), solution.sweeps, solution.residual);
             }
             if let (Some(folder), false) = (&arguments.keep, solution.converged) {
-                let blocks = blocks.into_iter().map(|(row, column, w)| cd_formats::fc3d::Block { row, column, w });
-                let document =
-                    Fc3d { name: name.clone(), mu, q, blocks: blocks.collect(), comments: vec![full.clone()] };
+                let blocks = blocks.into_iter().map(|(row, column, w)| cd_formats::fc3d::Fc3dBlock { row, column, w });
+                let document = Fc3d {
+                    name: name.clone(),
+                    mu,
+                    free_velocities: q,
+                    blocks: blocks.collect(),
+                    comments: vec![full.clone()],
+                };
                 let file = folder.join(format!("{}.fc3d", full.replace([',', ' ', ':'], "_")));
                 if let Err(faults) = cd_formats::atomic::write(&file, document.to_text().as_bytes()) {
-                    eprint!("{}", faults.report("fc3d_variants"));
+                    eprint!("{}", faults.format_report("fc3d_variants"));
                 }
             }
         }

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use cd_solve::gravity::{Gravity, HIGHEST_ORDER, LEAST_ERROR, LOWEST_ORDER, Method};
+use cd_solve::gravity::{GravitySolver, HIGHEST_ORDER, LOWEST_ORDER, MIN_FMM_ERROR, SummationMethod};
 use cd_solve::math::{Vec3, morton};
 use clap::Parser;
 
@@ -24,7 +24,7 @@ struct Arguments {
     error: f64,
     /// fmm, direct, or auto: the cheaper of these, which may be far more exact than is asked for.
     #[arg(long, default_value = "fmm")]
-    method: Method,
+    method: SummationMethod,
     /// Order of the expansions, instead of that of the error.
     #[arg(long)]
     order: Option<usize>,
@@ -61,8 +61,8 @@ const MOST_THREADS: usize = 1024;
 fn run(arguments: &Arguments) -> Result<(), String> {
     let named = |e: &dyn std::fmt::Display| format!("{}: {e}", arguments.input.display());
     let text = std::fs::read_to_string(&arguments.input).map_err(|e| named(&e))?;
-    if arguments.method != Method::Direct && (arguments.error.is_nan() || arguments.error < LEAST_ERROR) {
-        return Err(format!("--error {}; expected {LEAST_ERROR:e} or more, or --method direct", arguments.error));
+    if arguments.method != SummationMethod::Direct && (arguments.error.is_nan() || arguments.error < MIN_FMM_ERROR) {
+        return Err(format!("--error {}; expected {MIN_FMM_ERROR:e} or more, or --method direct", arguments.error));
     }
     let range = |holds: bool, what: String, expected: &str| {
         if holds { Ok(()) } else { Err(format!("{what}; expected {expected}")) }
@@ -92,7 +92,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     if positions.is_empty() {
         return Err(format!("{}: no bodies; expected rows of x,y,z,m", arguments.input.display()));
     }
-    let mut gravity = Gravity::new(arguments.method, arguments.error);
+    let mut gravity = GravitySolver::new(arguments.method, arguments.error);
     gravity.order = arguments.order;
     gravity.opening = arguments.opening;
     gravity.leaf = arguments.leaf;
@@ -102,11 +102,11 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     let mut order = Vec::new();
     for _ in 0..arguments.repeat {
         let start = Instant::now();
-        field = pool.install(|| gravity.attraction(&positions, &masses, 1.0, &order));
+        field = pool.install(|| gravity.acceleration_field(&positions, &masses, 1.0, &order));
         seconds.push(start.elapsed().as_secs_f64());
         // As in a run: the next time bodies are sorted from the order of this.
         if order.is_empty() {
-            order = morton::order(&positions, &[]);
+            order = morton::morton_order(&positions, &[]);
         }
     }
     if let Some(k) = field.acceleration.iter().position(|a| !a.iter().all(|x| x.is_finite())) {

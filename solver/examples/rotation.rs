@@ -11,9 +11,9 @@ use std::error::Error;
 use std::fmt::Write;
 use std::path::Path;
 
-use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
+use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::bulk_behav::{BulkBehav, Material};
-use cd_formats::compute::Flags;
+use cd_formats::compute::ComputeFlags;
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::tact_behav::TactBehav;
 use cd_solve::math::Vec3;
@@ -73,7 +73,7 @@ fn body(folder: &Path) -> Result<(Scene, State), Box<dyn Error>> {
     std::fs::create_dir_all(&datbox)?;
     let third = 1.0 / 3.0;
     let vertices = vec![[-third, -third, -third], [1.0, -third, -third], [-third, 1.0, -third], [-third, -third, 1.0]];
-    let shape = Shape::Polyhedron { vertices, triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] };
+    let shape = ShapeRecord::Polyhedron { vertices, triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] };
     let body = Body {
         line: 0,
         material: "ROCKx".into(),
@@ -95,7 +95,7 @@ fn body(folder: &Path) -> Result<(Scene, State), Box<dyn Error>> {
     std::fs::write(datbox.join("TACT_BEHAV.DAT"), TactBehav::default().to_text())?;
     std::fs::write(datbox.join("DRV_DOF.DAT"), "")?;
     std::fs::write(datbox.join("DOF.INI"), Dof { step: 0, time: 0.0, bodies: vec![dof] }.to_text())?;
-    read::case(folder, &Flags::default()).map_err(|faults| faults.report("rotation").into())
+    read::read_case(folder, &ComputeFlags::default()).map_err(|faults| faults.format_report("rotation").into())
 }
 
 fn run(scene: &Scene, start: &State, direction: [f64; 3], spin: f64, h: f64) -> Errors {
@@ -105,7 +105,7 @@ fn run(scene: &Scene, start: &State, direction: [f64; 3], spin: f64, h: f64) -> 
     let body = &scene.bodies[0];
     let own = Vec3::from(direction).normalize() * spin;
     state.w[0] = state.q[0] * own;
-    state.spin[0] = body.angular_momentum(&state.q[0], &state.w[0]);
+    state.angular_momentum[0] = body.angular_momentum(&state.q[0], &state.w[0]);
     let figures = |state: &State| {
         let momentum = body.angular_momentum(&state.q[0], &state.w[0]);
         (momentum.dot(&state.w[0]), momentum)
@@ -113,9 +113,9 @@ fn run(scene: &Scene, start: &State, direction: [f64; 3], spin: f64, h: f64) -> 
     let (energy, momentum) = figures(&state);
     let mut errors = Errors { energy: 0.0, momentum: 0.0, phase: 0.0 };
     for _ in 0..(TIME / h).round() as u64 {
-        let q_c = integrate::predict(&scene, &state, 1);
+        let q_c = integrate::predict_configuration(&scene, &state, 1);
         let (v, w) = (state.v.clone(), q_c.w.clone());
-        integrate::advance(&scene, &mut state, &q_c, v, w);
+        integrate::advance_state(&scene, &mut state, &q_c, v, w);
         let (e, l) = figures(&state);
         errors.energy = errors.energy.max((e / energy - 1.0).abs());
         errors.momentum = errors.momentum.max((l - momentum).norm() / momentum.norm());

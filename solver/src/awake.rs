@@ -7,13 +7,13 @@ use std::thread::{available_parallelism, yield_now};
 use rayon::Yield;
 
 /// Bodies from which on more is won so than other programs lose: a tenth of the time of a step or more.
-pub const LARGE: usize = 1024;
+pub const MIN_BODIES_TO_BUSY_WAIT: usize = 1024;
 
 /// `work`, while the other threads of the pool look for what it leaves to them without rest, if each has a processor of its own.
 ///
 /// A thread that finds nothing to do falls asleep, and to wake it takes longer than many a room of a step does. What these threads
 /// do not use they offer to other programs first.
-pub fn awake<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+pub fn with_busy_waiting_workers<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     let processors = available_parallelism().map_or(1, NonZero::get);
     if rayon::current_num_threads() > processors {
         return work();
@@ -28,15 +28,15 @@ pub fn awake<T: Send>(work: impl FnOnce() -> T + Send) -> T {
                 }
             }
         });
-        let _end = End(over);
+        let _end = BusyWaitGuard(over);
         work()
     })
 }
 
 /// Ends the wait of the others, also where the work panics.
-struct End<'a>(&'a AtomicBool);
+struct BusyWaitGuard<'a>(&'a AtomicBool);
 
-impl Drop for End<'_> {
+impl Drop for BusyWaitGuard<'_> {
     fn drop(&mut self) {
         self.0.store(true, Ordering::Relaxed);
     }
@@ -46,14 +46,15 @@ impl Drop for End<'_> {
 mod tests {
     use std::panic::{AssertUnwindSafe, catch_unwind};
 
-    use super::awake;
+    use super::with_busy_waiting_workers;
 
     #[test]
     fn the_wait_ends_with_the_work_also_where_it_panics() {
         for threads in 1..=3 {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            assert_eq!(pool.install(|| awake(|| rayon::join(|| 1, || 2))), (1, 2));
-            let panicked = catch_unwind(AssertUnwindSafe(|| pool.install(|| awake(|| panic!("as meant")))));
+            assert_eq!(pool.install(|| with_busy_waiting_workers(|| rayon::join(|| 1, || 2))), (1, 2));
+            let panicked =
+                catch_unwind(AssertUnwindSafe(|| pool.install(|| with_busy_waiting_workers(|| panic!("as meant")))));
             assert!(panicked.is_err());
         }
     }

@@ -4,12 +4,12 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use cd_formats::case::{CaseFolder, misplaced, no_case};
-use cd_formats::compute::Flags;
+use cd_formats::compute::ComputeFlags;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::{complain, tell, usage};
+use cd_formats::tell::{print_error, print_line, usage};
 use clap::{CommandFactory, Parser};
 
-use crate::run::{Failure, check, run as run_case, take_on_forces};
+use crate::run::{RunFailure, account_changed_forces, check_run, run_case};
 use crate::{awake, plan, read, write};
 
 const PROGRAM: &str = "cd-solve";
@@ -19,7 +19,7 @@ const PROGRAM: &str = "cd-solve";
 /// The method is Non-Smooth Contact Dynamics. Files and units are described in docs/files.md.
 #[derive(Debug, Parser)]
 #[command(name = PROGRAM, version)]
-struct Arguments {
+struct CommandLine {
     /// Case directory; all it needs is DIR/DATBOX.
     dir: PathBuf,
     /// Go on from the last snapshot in DIR/OUTBOX.
@@ -35,82 +35,83 @@ struct Arguments {
     #[arg(long, value_name = "STEP")]
     dump_problem: Option<u64>,
     #[command(flatten)]
-    flags: Flags,
+    flags: ComputeFlags,
 }
 
 /// Runs the program; returns its exit code: 0 done, 2 input refused, 3 our fault, 4 stopped on the way.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     let args: Vec<OsString> = arguments.into_iter().collect();
-    let arguments = match Arguments::try_parse_from(&args) {
+    let arguments = match CommandLine::try_parse_from(&args) {
         Ok(arguments) => arguments,
         Err(error) => {
-            let mistake = misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr());
+            let mistake = misplaced(&CommandLine::command(), &args).filter(|_| error.use_stderr());
             let Some(mistake) = mistake else { return usage(PROGRAM, &error) };
-            complain(format_args!("{PROGRAM}: {mistake}"));
+            print_error(format_args!("{PROGRAM}: {mistake}"));
             return error.exit_code();
         }
     };
-    match solve(&arguments) {
+    match solve_case(&arguments) {
         Ok(summary) => {
             let title = if arguments.plan { "plan" } else { "done" };
-            tell(format_args!("{PROGRAM}: {title}\n{}", summary.trim_end()));
+            print_line(format_args!("{PROGRAM}: {title}\n{}", summary.trim_end()));
             0
         }
-        Err(Failure::Files(faults)) => {
-            complain(faults.report(PROGRAM).trim_end());
+        Err(RunFailure::Files(faults)) => {
+            print_error(faults.format_report(PROGRAM).trim_end());
             2
         }
-        Err(Failure::Unwritten(faults)) => {
-            complain(faults.report(PROGRAM).trim_end());
+        Err(RunFailure::Unwritten(faults)) => {
+            print_error(faults.format_report(PROGRAM).trim_end());
             4
         }
-        Err(Failure::Stopped(message)) => {
-            complain(format_args!("{PROGRAM}: {message}"));
+        Err(RunFailure::Stopped(message)) => {
+            print_error(format_args!("{PROGRAM}: {message}"));
             4
         }
-        Err(Failure::Broken(message)) => {
-            complain(format_args!("{PROGRAM}: internal: {message}"));
+        Err(RunFailure::Broken(message)) => {
+            print_error(format_args!("{PROGRAM}: internal: {message}"));
             3
         }
     }
 }
 
-fn solve(arguments: &Arguments) -> Result<String, Failure> {
+fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     let case = &arguments.dir;
     if let Some(fault) = no_case(case, CaseFolder::Datbox, PROGRAM) {
-        return Err(Failure::Files(fault.into()));
+        return Err(RunFailure::Files(fault.into()));
     }
-    let (mut scene, mut state) = read::case(case, &arguments.flags)?;
-    let _lock = if arguments.plan { None } else { Some(write::lock(case)?) };
-    scene.notes.iter().for_each(|note| tell(format_args!("{PROGRAM}: {note}")));
-    let warn = |warning: &String| complain(format_args!("{PROGRAM}: warning: {warning}"));
+    let (mut scene, mut state) = read::read_case(case, &arguments.flags)?;
+    let _lock = if arguments.plan { None } else { Some(write::lock_outbox(case)?) };
+    scene.notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
+    let warn = |warning: &String| print_error(format_args!("{PROGRAM}: warning: {warning}"));
     scene.warnings.iter().for_each(warn);
     let mut resumed = false;
     if arguments.resume {
-        let before = read::resume::last(&write::outbox(case), &mut scene, &mut state)?;
+        let before = read::resume::restore_last(&write::outbox_path(case), &mut scene, &mut state)?;
         resumed = before.is_some();
         if let Some(before) = before {
-            take_on_forces(&scene, &before.parameters, &mut state);
+            account_changed_forces(&scene, &before.parameters, &mut state);
             // The start stands in DATBOX.
-            let text = (state.step > 0).then(|| write::text::is_written(&write::outbox(case), &state)).transpose()?;
-            let (warnings, notes) = before.changes(&scene, text, &arguments.flags.given());
+            let text =
+                (state.step > 0).then(|| write::text::is_written(&write::outbox_path(case), &state)).transpose()?;
+            let (warnings, notes) = before.option_changes(&scene, text, &arguments.flags.given_names());
             warnings.iter().for_each(warn);
-            notes.iter().for_each(|note| tell(format_args!("{PROGRAM}: {note}")));
+            notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
         } else {
-            write::expect_none(case, scene.options.text)?;
-            tell(format_args!("{PROGRAM}: no snapshot to go on from: starting from DATBOX"));
+            write::check_no_results(case, scene.options.text)?;
+            print_line(format_args!("{PROGRAM}: no snapshot to go on from: starting from DATBOX"));
         }
     } else if !arguments.force && !arguments.plan {
-        write::expect_none(case, scene.options.text)?;
+        write::check_no_results(case, scene.options.text)?;
     }
-    check(case, &scene, &state)?;
+    check_run(case, &scene, &state)?;
     if let Some(step) = arguments.dump_problem {
         write::expect_problem(&scene, &state, step)?;
     }
     let threads = scene.options.threads;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|_| {
         let found = format!("{threads} cannot be started");
-        Failure::Files(Faults::from(Fault::new(
+        RunFailure::Files(Faults::from(Fault::new(
             "options".as_ref(),
             None,
             "threads",
@@ -119,13 +120,13 @@ fn solve(arguments: &Arguments) -> Result<String, Failure> {
         )))
     })?;
     if arguments.plan {
-        return Ok(pool.install(|| plan::text(&scene, &state)));
+        return Ok(pool.install(|| plan::plan_text(&scene, &state)));
     }
     // Nothing is refused from here on.
     if arguments.force {
-        write::remove(case)?;
+        write::remove_results(case)?;
     }
     let advance = || run_case(case, &scene, state, resumed, arguments.dump_problem);
-    let large = scene.bodies.len() >= awake::LARGE;
-    pool.install(|| if large { awake::awake(advance) } else { advance() })
+    let large = scene.bodies.len() >= awake::MIN_BODIES_TO_BUSY_WAIT;
+    pool.install(|| if large { awake::with_busy_waiting_workers(advance) } else { advance() })
 }

@@ -8,101 +8,111 @@ use cd_formats::compute::Accuracy;
 
 use crate::integrate::{fastest_turn, shortest_orbit};
 use crate::math::Vec3;
-use crate::scene::{Body, Drive, Geometry, Part, Scene, Shape};
-use crate::solve::batches::Batch;
-use crate::state::{Contact, Exchange, SolvedContact, State};
-use crate::step::{Clock, StepReport, step};
+use crate::scene::{BodyPart, BodyShape, ContactorShape, ImposedVelocity, RigidBody, Scene};
+use crate::solve::batches::ContactBatch;
+use crate::state::{Contact, ContactExchange, SolvedContact, State};
+use crate::step::{StageTimes, StepReport, step};
 use crate::write;
 
 /// A trial ends after so many steps or so much time, whichever is first; the first step, from a cold start, is not timed.
-const TRIAL: u64 = 20;
+const MAX_TRIAL_STEPS: u64 = 20;
 /// Times the sharpest bound on h beyond which no step is tried.
-const INSANE: f64 = 100.0;
-const TRIAL_TIME: Duration = Duration::from_secs(2);
+const MAX_TRIAL_DT_FACTOR: f64 = 100.0;
+const MAX_TRIAL_TIME: Duration = Duration::from_secs(2);
 
 /// Radii that a body may move in a step, and of free fall in a step: what penetrations and missed bounces are measured by.
-const TRAVEL: f64 = 0.1;
-const FALL: f64 = 1e-3;
+const MAX_TRAVEL_RADII: f64 = 0.1;
+const MAX_FALL_RADII: f64 = 1e-3;
 /// Steps in the shortest orbit, and in a radian of the fastest spin: errors of phase of 2e-4 an orbit and 1e-3 a radian.
-const OF_ORBIT: f64 = 100.0;
-const OF_SPIN: f64 = 10.0;
+const STEPS_PER_ORBIT: f64 = 100.0;
+const STEPS_PER_RADIAN: f64 = 10.0;
 
 /// Share of its radius by which rounding may lead a body astray in a run, from which on that is told.
-const ASTRAY: f64 = 1e-2;
+const ROUNDOFF_WARNING_SHARE: f64 = 1e-2;
 
 /// The largest h that a process allows, s.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Bound {
+pub struct StepBound {
     pub h: f64,
     pub reason: String,
 }
 
 /// Bounds on h, the sharpest first.
-pub fn bounds(scene: &Scene, state: &State) -> Vec<Bound> {
-    let free: Vec<(usize, &Body)> = scene.free.iter().map(|&i| (i as usize, &scene.bodies[i as usize])).collect();
+pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
+    let free: Vec<(usize, &RigidBody)> = scene.free.iter().map(|&i| (i as usize, &scene.bodies[i as usize])).collect();
     let mass: f64 = free.iter().map(|(_, body)| body.mass).sum();
     let smallest = free.iter().map(|(_, body)| body.radius).fold(f64::INFINITY, f64::min);
     let mean_velocity = free.iter().map(|(i, body)| state.v[*i] * body.mass).sum::<Vec3>() / mass;
     let of_free = free.iter().map(|(i, _)| (state.v[*i] - mean_velocity).norm());
     let times = [state.time, scene.end_time().max(state.time)];
-    let of_driven = scene.drives.iter().map(|drive| speed(scene, drive, &mean_velocity, times));
+    let of_driven = scene.drives.iter().map(|drive| max_drive_speed(scene, drive, &mean_velocity, times));
     let fastest = of_free.chain(of_driven).fold(0.0, f64::max);
     let mut bounds = Vec::new();
     let mut bound = |h: f64, reason: String| {
         if h.is_finite() && h > 0.0 {
-            bounds.push(Bound { h, reason });
+            bounds.push(StepBound { h, reason });
         }
     };
-    let travel = TRAVEL * smallest;
-    bound(travel / fastest, format!("bodies move at {fastest:.3e} m/s: {TRAVEL} of the smallest radius a step"));
+    let travel = MAX_TRAVEL_RADII * smallest;
+    bound(
+        travel / fastest,
+        format!("bodies move at {fastest:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"),
+    );
     if let Some((radius, surface)) = scene.surface_gravity() {
         let fall = (2.0 * surface * radius).sqrt();
         bound(
             travel / fall,
-            format!("fallen together they meet at up to {fall:.3e} m/s: {TRAVEL} of the smallest radius a step"),
+            format!(
+                "fallen together they meet at up to {fall:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"
+            ),
         );
         bound(
-            (FALL * scene.mean_radius / surface).sqrt(),
-            format!("at {surface:.3e} m/s² the fall of a step is {FALL} of the mean radius"),
+            (MAX_FALL_RADII * scene.mean_radius / surface).sqrt(),
+            format!("at {surface:.3e} m/s² the fall of a step is {MAX_FALL_RADII} of the mean radius"),
         );
     }
     let period = shortest_orbit(scene, state);
-    bound(period / OF_ORBIT, format!("the shortest orbit takes {period:.3e} s: {OF_ORBIT} steps in it"));
+    bound(period / STEPS_PER_ORBIT, format!("the shortest orbit takes {period:.3e} s: {STEPS_PER_ORBIT} steps in it"));
     let g = state.gravity.norm();
     if g > 0.0 {
         let heights = || free.iter().map(|(i, _)| -state.x[*i].dot(&state.gravity) / g);
-        let lowest = heights().fold(floor(scene, state) + smallest, f64::min);
+        let lowest = heights().fold(floor_height(scene, state) + smallest, f64::min);
         let height = heights().fold(f64::NEG_INFINITY, f64::max) - lowest;
         let fall = (2.0 * g * height).sqrt();
         bound(
             travel / fall,
-            format!("through {height:.3e} m they fall to {fall:.3e} m/s: {TRAVEL} of the smallest radius a step"),
+            format!(
+                "through {height:.3e} m they fall to {fall:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"
+            ),
         );
         bound(
-            (FALL * scene.mean_radius / g).sqrt(),
-            format!("at {g:.3e} m/s² the fall of a step is {FALL} of the mean radius"),
+            (MAX_FALL_RADII * scene.mean_radius / g).sqrt(),
+            format!("at {g:.3e} m/s² the fall of a step is {MAX_FALL_RADII} of the mean radius"),
         );
     }
     let turn = fastest_turn(scene, state);
-    bound(1.0 / (OF_SPIN * turn), format!("bodies turn at {turn:.3e} rad/s: {OF_SPIN} steps a radian"));
+    bound(
+        1.0 / (STEPS_PER_RADIAN * turn),
+        format!("bodies turn at {turn:.3e} rad/s: {STEPS_PER_RADIAN} steps a radian"),
+    );
     bounds.sort_by(|a, b| a.h.total_cmp(&b.h));
     bounds
 }
 
 /// Height against gravity of the lowest wall, m: at its upper side, of polyhedra and full cylinders in the middle; infinite without walls.
-fn floor(scene: &Scene, state: &State) -> f64 {
+fn floor_height(scene: &Scene, state: &State) -> f64 {
     let up = -state.gravity.normalize();
     let top = |i: usize| {
         let along = state.q[i].inverse_transform_vector(&up);
         let reach = match scene.bodies[i].shape {
-            Shape::Sphere { .. } => scene.bodies[i].radius,
-            Shape::Plane { half_lengths } => half_lengths.dot(&along.abs()),
-            Shape::Parts => {
+            BodyShape::Sphere { .. } => scene.bodies[i].radius,
+            BodyShape::Plane { half_lengths } => half_lengths.dot(&along.abs()),
+            BodyShape::Parts => {
                 let parts = scene.parts_of(i as u32).iter();
                 // Grains lie in a hollow cylinder, down to its lower side.
-                let side = |part: &Part| match part.geometry {
-                    Geometry::Sphere { radius } => radius,
-                    Geometry::Cylinder { hollow: true, radius, .. } => -radius,
+                let side = |part: &BodyPart| match part.geometry {
+                    ContactorShape::Sphere { radius } => radius,
+                    ContactorShape::Cylinder { hollow: true, radius, .. } => -radius,
                     _ => 0.0,
                 };
                 parts.map(|part| part.offset.dot(&along) + side(part)).fold(f64::INFINITY, f64::min)
@@ -115,11 +125,11 @@ fn floor(scene: &Scene, state: &State) -> f64 {
 }
 
 /// Largest speed of a point of a driven body past what moves at `v` between two times, m/s; a sphere's turn moves nothing past.
-fn speed(scene: &Scene, drive: &Drive, v: &Vec3, times: [f64; 2]) -> f64 {
+fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, v: &Vec3, times: [f64; 2]) -> f64 {
     let reach = match scene.bodies[drive.body].shape {
-        Shape::Sphere { .. } => 0.0,
-        Shape::Plane { half_lengths } => half_lengths.norm(),
-        Shape::Parts => {
+        BodyShape::Sphere { .. } => 0.0,
+        BodyShape::Plane { half_lengths } => half_lengths.norm(),
+        BodyShape::Parts => {
             let parts = scene.parts_of(drive.body as u32).iter();
             parts.map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max)
         }
@@ -134,12 +144,12 @@ fn speed(scene: &Scene, drive: &Drive, v: &Vec3, times: [f64; 2]) -> f64 {
 ///
 /// Told, not refused: digits that bodies have in common do no harm, as where all lie far out along an axis that none moves
 /// along.
-pub fn astray(scene: &Scene, state: &State) -> Option<String> {
+pub fn roundoff_warning(scene: &Scene, state: &State) -> Option<String> {
     let steps = scene.last_step().saturating_sub(state.step).max(1);
     let digit = |i: u32| f64::EPSILON * state.x[i as usize].amax();
     let share = |i: u32| steps as f64 * digit(i) / scene.bodies[i as usize].radius;
     let worst = scene.free.iter().copied().max_by(|a, b| share(*a).total_cmp(&share(*b)))?;
-    (share(worst) > ASTRAY).then(|| {
+    (share(worst) > ROUNDOFF_WARNING_SHARE).then(|| {
         format!(
             "body {} is {:.3e} m from the origin, where positions have digits of {:.1e} m: in {steps} steps rounding may lead it astray by {:.1e} of its radius",
             worst + 1,
@@ -151,11 +161,11 @@ pub fn astray(scene: &Scene, state: &State) -> Option<String> {
 }
 
 /// Models that the scene does without, and what that saves.
-pub fn not_needed(scene: &Scene) -> Vec<&'static str> {
+pub fn unused_models(scene: &Scene) -> Vec<&'static str> {
     let laws = &scene.laws;
     let rolling = laws.iter().any(|law| law.rolling.is_some());
     let absent = [
-        (scene.bodies.iter().all(Body::is_sphere), "walls"),
+        (scene.bodies.iter().all(RigidBody::is_sphere), "walls"),
         (!scene.needs_blocks(), "polyhedra: blocks of contacts are diagonal"),
         (!scene.options.sphere_orientation, "orientation of spheres"),
         (scene.turning.is_empty(), "free rotation: moments of inertia are equal"),
@@ -168,7 +178,7 @@ pub fn not_needed(scene: &Scene) -> Vec<&'static str> {
         (!rolling, "rolling friction: no moments"),
         (!scene.options.self_gravity, "self-gravity: no tree"),
         (scene.options.fields.is_empty(), "fields from outside"),
-        (!scene.drives.iter().any(Drive::moves), "motion of walls"),
+        (!scene.drives.iter().any(ImposedVelocity::ever_moves), "motion of walls"),
         (scene.events.is_empty(), "events"),
     ];
     absent.into_iter().filter(|(absent, _)| *absent).map(|(_, what)| what).collect()
@@ -186,7 +196,7 @@ fn share_of_constant_motion(scene: &Scene, start: f64) -> f64 {
 }
 
 /// Most bytes of memory that this program has held so far; known on Linux.
-fn held() -> Option<u64> {
+fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let most = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     Some(1024 * most.trim().strip_suffix(" kB")?.parse::<u64>().ok()?)
@@ -194,41 +204,43 @@ fn held() -> Option<u64> {
 
 /// Bytes that a contact takes, about: what is kept of it, and what a step makes of it.
 fn contact_size() -> usize {
-    let row = size_of::<crate::assemble::Row>() + size_of::<Batch<f64>>() / crate::solve::batches::BATCH;
+    let row = size_of::<crate::assemble::ContactConstraint>()
+        + size_of::<ContactBatch<f64>>() / crate::solve::batches::BATCH_LANES;
     size_of::<Contact>() + 2 * size_of::<SolvedContact>() + row + 8 * size_of::<Vec3>()
 }
 
 /// The plan as text.
-pub fn text(scene: &Scene, state: &State) -> String {
-    let (h, bounds) = (scene.options.dt, bounds(scene, state));
-    let mut lines: Vec<(&str, String)> = vec![("models", scene.models().join("; "))];
-    lines.push(("not needed", not_needed(scene).join("; ")));
+pub fn plan_text(scene: &Scene, state: &State) -> String {
+    let (h, bounds) = (scene.options.dt, step_bounds(scene, state));
+    let mut lines: Vec<(&str, String)> = vec![("models", scene.model_names().join("; "))];
+    lines.push(("not needed", unused_models(scene).join("; ")));
     // Steps that are far too long may take hours.
-    let sane = bounds.first().is_none_or(|sharpest| h <= INSANE * sharpest.h);
-    let tried = if sane { trial(scene, state) } else { None };
-    if let Some(Trial { report, .. }) = &tried {
+    let sane = bounds.first().is_none_or(|sharpest| h <= MAX_TRIAL_DT_FACTOR * sharpest.h);
+    let tried = if sane { trial_run(scene, state) } else { None };
+    if let Some(TrialRun { report, .. }) = &tried {
         let (listed, active) = (report.contacts_listed, report.contacts_active);
         lines.push(("contacts", format!("{listed} listed, {active} carry force, now")));
     }
-    let until_now = held().map_or(String::new(), |held| format!("{:.1} MB at most until now; ", held as f64 / 1e6));
+    let until_now =
+        peak_memory().map_or(String::new(), |held| format!("{:.1} MB at most until now; ", held as f64 / 1e6));
     lines.push((
         "memory",
         format!(
             "{until_now}{:.1} kB more for each further contact, about, and {} bytes for each pair that touches between two snapshots",
             contact_size() as f64 / 1e3,
-            size_of::<Exchange>()
+            size_of::<ContactExchange>()
         ),
     ));
-    lines.push(("time", tried.as_ref().map_or("no step tried, h is far too long".into(), Trial::times)));
+    lines.push(("time", tried.as_ref().map_or("no step tried, h is far too long".into(), TrialRun::timing_text)));
     let knob = |(name, value, alone): (&str, String, bool)| {
         let value = if name == "gravity_refresh" { scene.gravity_refresh().to_string() } else { value };
         format!("{name} {value}{}", if alone { " (set)" } else { "" })
     };
-    let knobs: Vec<String> = scene.options.knobs().into_iter().map(knob).collect();
+    let knobs: Vec<String> = scene.options.accuracy_options().into_iter().map(knob).collect();
     let preset = scene.options.accuracy.map_or("none".into(), |accuracy| accuracy.to_string());
     lines.push(("accuracy", format!("{preset}: {}", knobs.join(", "))));
     let left = scene.last_step().saturating_sub(state.step);
-    let at_once = |Trial { steps, units, .. }: &Trial| (*units).max(1) as f64 / (*steps).max(1) as f64;
+    let at_once = |TrialRun { steps, dt_count: units, .. }: &TrialRun| (*units).max(1) as f64 / (*steps).max(1) as f64;
     let constant = share_of_constant_motion(scene, state.time);
     let most = if constant > 0.0 { scene.options.adaptive().most } else { 1 };
     let longer = match (most, &tried) {
@@ -243,10 +255,11 @@ pub fn text(scene: &Scene, state: &State) -> String {
             format!(" of dt, up to {most} of them at once{when}, now {:.1}", at_once(tried))
         }
     };
-    let seconds = |tried: &Trial| format!(" {:.3e} s as now;", left as f64 * tried.each() / at_once(tried));
+    let seconds =
+        |tried: &TrialRun| format!(" {:.3e} s as now;", left as f64 * tried.seconds_per_step() / at_once(tried));
     let seconds = tried.as_ref().map_or(String::new(), seconds);
     if let Some(tried) = &tried {
-        lines.push(("disk", disk(scene, left, at_once(tried), tried.sizes)));
+        lines.push(("disk", disk_estimate(scene, left, at_once(tried), tried.sizes)));
     }
     lines.push(("run", format!("{left} steps{longer};{seconds} t = {:.6e} s", scene.end_time())));
     let place = match bounds.first() {
@@ -256,12 +269,12 @@ pub fn text(scene: &Scene, state: &State) -> String {
     };
     lines.push(("h", place));
     if let Some(sharpest) = bounds.first() {
-        let of = |accuracy: Accuracy| format!("{accuracy} up to {:.3e} s", accuracy.step() * sharpest.h);
+        let of = |accuracy: Accuracy| format!("{accuracy} up to {:.3e} s", accuracy.step_factor() * sharpest.h);
         lines.push(("", Accuracy::ALL.map(of).join(", ")));
     }
-    lines.extend(Accuracy::ALL.map(|accuracy| ("", format!("{accuracy}: {}", accuracy.measured()))));
+    lines.extend(Accuracy::ALL.map(|accuracy| ("", format!("{accuracy}: {}", accuracy.measured_cost_and_error()))));
     lines.extend(bounds.iter().map(|bound| ("", format!("up to {:.3e} s: {}", bound.h, bound.reason))));
-    lines.extend(astray(scene, state).map(|message| ("digits", message)));
+    lines.extend(roundoff_warning(scene, state).map(|message| ("digits", message)));
     lines
         .into_iter()
         .filter(|(_, value)| !value.is_empty())
@@ -270,7 +283,7 @@ pub fn text(scene: &Scene, state: &State) -> String {
 }
 
 /// Bytes that the files of `left` units of `dt` take, of which a step takes so many.
-fn disk(scene: &Scene, left: u64, at_once: f64, [row, snapshot]: [usize; 2]) -> String {
+fn disk_estimate(scene: &Scene, left: u64, at_once: f64, [row, snapshot]: [usize; 2]) -> String {
     let options = &scene.options;
     let snapshots = left.div_ceil(options.output_every) + 1;
     let rows = (left as f64 / at_once.max(options.log_every as f64)).max(snapshots.min(left) as f64).ceil();
@@ -284,31 +297,31 @@ fn disk(scene: &Scene, left: u64, at_once: f64, [row, snapshot]: [usize; 2]) -> 
 }
 
 /// Some steps made with a copy of the state.
-struct Trial {
-    clock: Clock,
+struct TrialRun {
+    clock: StageTimes,
     steps: u64,
     /// How many dt long they were together.
-    units: u64,
+    dt_count: u64,
     /// What the last of them did.
     report: StepReport,
     /// Bytes of a row of the logs and of a snapshot.
     sizes: [usize; 2],
 }
 
-impl Trial {
+impl TrialRun {
     /// Seconds of a step.
-    fn each(&self) -> f64 {
-        let Clock { gravity, detection, assembly, solve, integration, .. } = self.clock;
+    fn seconds_per_step(&self) -> f64 {
+        let StageTimes { gravity, detection, assembly, solve, integration, .. } = self.clock;
         (gravity + detection + assembly + solve + integration).as_secs_f64() / self.steps.max(1) as f64
     }
 
-    fn times(&self) -> String {
-        let Clock { gravity, detection, assembly, solve, integration, .. } = self.clock;
+    fn timing_text(&self) -> String {
+        let StageTimes { gravity, detection, assembly, solve, integration, .. } = self.clock;
         let steps = self.steps;
         let ms = |time: Duration| 1e3 * time.as_secs_f64() / steps.max(1) as f64;
         format!(
             "{:.3} ms a step now ({steps} tried): gravity {:.3}, detection {:.3}, assembly {:.3}, solve {:.3}, integration {:.3}",
-            1e3 * self.each(),
+            1e3 * self.seconds_per_step(),
             ms(gravity),
             ms(detection),
             ms(assembly),
@@ -319,15 +332,15 @@ impl Trial {
 }
 
 /// None if the program was requested to stop.
-fn trial(scene: &Scene, state: &State) -> Option<Trial> {
+fn trial_run(scene: &Scene, state: &State) -> Option<TrialRun> {
     let mut state = state.clone();
-    let mut report = step(scene, &mut state, &mut Clock::default())?;
+    let mut report = step(scene, &mut state, &mut StageTimes::default())?;
     let (start, first) = (Instant::now(), state.step);
-    let (mut clock, mut steps) = (Clock::default(), 0);
-    while steps < TRIAL && start.elapsed() < TRIAL_TIME && state.is_finite() {
+    let (mut clock, mut steps) = (StageTimes::default(), 0);
+    while steps < MAX_TRIAL_STEPS && start.elapsed() < MAX_TRIAL_TIME && state.is_finite() {
         report = step(scene, &mut state, &mut clock)?;
         steps += 1;
     }
-    let sizes = write::sizes(scene, &state, &report);
-    Some(Trial { clock, steps, units: state.step - first, report, sizes })
+    let sizes = write::output_sizes(scene, &state, &report);
+    Some(TrialRun { clock, steps, dt_count: state.step - first, report, sizes })
 }

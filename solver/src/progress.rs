@@ -7,7 +7,7 @@ use std::thread::{JoinHandle, spawn};
 use std::time::{Duration, Instant};
 
 use cd_formats::compute::{Compute, ContactSolver};
-use cd_formats::tell::{complain, tell};
+use cd_formats::tell::{print_error, print_line};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::activity;
@@ -15,11 +15,11 @@ use crate::state::State;
 use crate::step::{StepReport, WorstContact};
 
 /// Without a terminal, a line after so long at most, in a step that takes longer, too.
-const SILENCE: Duration = Duration::from_secs(30);
+const MAX_SILENCE: Duration = Duration::from_secs(30);
 /// After so long the end of a step is reported, which says more.
-const REPORT: Duration = Duration::from_secs(29);
+const REPORT_INTERVAL: Duration = Duration::from_secs(29);
 
-pub struct Progress {
+pub struct ProgressDisplay {
     bar: ProgressBar,
     first: u64,
     last: u64,
@@ -28,10 +28,10 @@ pub struct Progress {
     heard: Arc<Mutex<(Instant, u64)>>,
     watch: Option<(Sender<()>, JoinHandle<()>)>,
     /// Whether it was told that sweeps take another solver's place.
-    told: Cell<bool>,
+    replacement_reported: Cell<bool>,
 }
 
-impl Progress {
+impl ProgressDisplay {
     pub fn new(first: u64, last: u64) -> Self {
         // Hides itself when standard error is no terminal.
         let bar = ProgressBar::new(last).with_position(first);
@@ -40,38 +40,48 @@ impl Progress {
         }
         bar.reset_eta();
         let heard = Arc::new(Mutex::new((Instant::now(), first)));
-        let watch = bar.is_hidden().then(|| watch(Arc::clone(&heard), last));
-        Progress { bar, first, last, start: Instant::now(), heard, watch, told: Cell::new(false) }
+        let watch = bar.is_hidden().then(|| spawn_watcher(Arc::clone(&heard), last));
+        ProgressDisplay {
+            bar,
+            first,
+            last,
+            start: Instant::now(),
+            heard,
+            watch,
+            replacement_reported: Cell::new(false),
+        }
     }
 
     /// Reports that the step after `step` begins.
-    pub fn begins(&self, step: u64) {
+    pub fn begin_step(&self, step: u64) {
         if let Ok(mut heard) = self.heard.lock() {
             heard.1 = step;
         }
     }
 
-    pub fn step(&self, state: &State, report: &StepReport) {
+    pub fn show_step(&self, state: &State, report: &StepReport) {
         self.bar.set_position(state.step);
         if state.step.is_multiple_of(10) {
             self.bar.set_message(format!("{} contacts, {} sweeps", report.contacts_active, report.sweeps));
         }
-        self.first_replaced(state.step, report.replaced).into_iter().for_each(|message| self.tell(&message));
+        self.first_replacement_message(state.step, report.replacement_reason)
+            .into_iter()
+            .for_each(|message| self.print_message(&message));
     }
 
     /// What to tell the first time that sweeps take another solver's place.
-    fn first_replaced(&self, step: u64, reason: Option<&str>) -> Option<String> {
-        let reason = reason.filter(|_| !self.told.replace(true))?;
+    fn first_replacement_message(&self, step: u64, reason: Option<&str>) -> Option<String> {
+        let reason = reason.filter(|_| !self.replacement_reported.replace(true))?;
         Some(format!("cd-solve: step {step}: sweeps take the place of the solver asked for, as {reason}"))
     }
 
     /// Whether nothing has been told for long.
-    pub fn silent(&self) -> bool {
-        self.heard.lock().is_ok_and(|heard| heard.0.elapsed() > REPORT)
+    pub fn is_silent(&self) -> bool {
+        self.heard.lock().is_ok_and(|heard| heard.0.elapsed() > REPORT_INTERVAL)
     }
 
     /// Tells where the run is.
-    pub fn line(&self, state: &State, report: &StepReport) {
+    pub fn print_status(&self, state: &State, report: &StepReport) {
         if let Ok(mut heard) = self.heard.lock() {
             heard.0 = Instant::now();
         }
@@ -80,7 +90,7 @@ impl Progress {
         }
         let rate = (state.step - self.first) as f64 / self.start.elapsed().as_secs_f64().max(1e-9);
         let left = (self.last - state.step) as f64 / rate.max(1e-9);
-        tell(format_args!(
+        print_line(format_args!(
             "step {}/{}  t = {:.6} s  {} contacts carry force  {} sweeps, residual {:.1e}  kinetic {:.3e} J  {} steps/s, {:.0} s left",
             state.step,
             self.last,
@@ -89,35 +99,35 @@ impl Progress {
             report.sweeps,
             report.residual,
             report.kinetic + report.rotational,
-            digits(rate),
+            rate_text(rate),
             left
         ));
     }
 
     /// Tells of a step that did not converge.
-    pub fn unconverged(&self, state: &State, report: &StepReport, options: &Compute) {
+    pub fn report_unconverged(&self, state: &State, report: &StepReport, options: &Compute) {
         let place = |WorstContact { bodies: [a, b], point }: WorstContact| {
             let [x, y, z] = [point.x, point.y, point.z];
             format!(", worst contact bodies {}-{} at ({x:.6e}, {y:.6e}, {z:.6e}) m", a + 1, b + 1)
         };
         let worst = report.worst.map_or(String::new(), place);
-        let solver = by(options.solver, report.replaced.is_some());
-        let why = why_unconverged(report.residual, options.tol(), report.left_out);
+        let solver = solver_text(options.solver, report.replacement_reason.is_some());
+        let why = unconverged_reason(report.residual, options.tol(), report.left_out);
         let message = format!(
             "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, {why}{worst}; continuing",
             state.step, state.time, report.sweeps
         );
-        self.bar.suspend(|| complain(&message));
+        self.bar.suspend(|| print_error(&message));
     }
 
     /// A warning on stderr, next to the bar.
     pub fn warn(&self, message: &str) {
-        self.bar.suspend(|| complain(format_args!("cd-solve: warning: {message}")));
+        self.bar.suspend(|| print_error(format_args!("cd-solve: warning: {message}")));
     }
 
     /// Any line, beside the bar.
-    pub fn tell(&self, message: &str) {
-        self.bar.suspend(|| tell(format_args!("{message}")));
+    pub fn print_message(&self, message: &str) {
+        self.bar.suspend(|| print_line(format_args!("{message}")));
     }
 
     pub fn finish(&self) {
@@ -126,7 +136,7 @@ impl Progress {
 }
 
 /// Why a step has not converged: by its residual, by the contacts that its problem leaves out, or both.
-fn why_unconverged(residual: f64, tol: f64, left_out: usize) -> String {
+fn unconverged_reason(residual: f64, tol: f64, left_out: usize) -> String {
     let contacts = if left_out == 1 { "1 contact".to_string() } else { format!("{left_out} contacts") };
     match (residual <= tol, left_out) {
         (true, 0) => format!("residual {residual:.1e}"),
@@ -138,7 +148,7 @@ fn why_unconverged(residual: f64, tol: f64, left_out: usize) -> String {
     }
 }
 
-impl Drop for Progress {
+impl Drop for ProgressDisplay {
     fn drop(&mut self) {
         if let Some((end, watch)) = self.watch.take() {
             drop(end);
@@ -148,31 +158,35 @@ impl Drop for Progress {
 }
 
 /// A thread that prints a line where a step takes longer than lines may be apart.
-fn watch(heard: Arc<Mutex<(Instant, u64)>>, last: u64) -> (Sender<()>, JoinHandle<()>) {
+fn spawn_watcher(heard: Arc<Mutex<(Instant, u64)>>, last: u64) -> (Sender<()>, JoinHandle<()>) {
     let (end, ends) = channel();
     let look = move || {
-        let mut wait = SILENCE;
+        let mut wait = MAX_SILENCE;
         while ends.recv_timeout(wait) == Err(RecvTimeoutError::Timeout) {
             let Ok(mut heard) = heard.lock() else { return };
             let silent = heard.0.elapsed();
-            if silent >= SILENCE {
-                tell(format_args!("after step {}/{last}: next step in progress, {}", heard.1, activity::describe()));
+            if silent >= MAX_SILENCE {
+                print_line(format_args!(
+                    "after step {}/{last}: next step in progress, {}",
+                    heard.1,
+                    activity::current_activity()
+                ));
                 heard.0 = Instant::now();
             }
-            wait = SILENCE.saturating_sub(heard.0.elapsed()).max(Duration::from_millis(100));
+            wait = MAX_SILENCE.saturating_sub(heard.0.elapsed()).max(Duration::from_millis(100));
         }
     };
     (end, spawn(look))
 }
 
 /// Three digits at least.
-fn digits(rate: f64) -> String {
+fn rate_text(rate: f64) -> String {
     let places = if rate < 100.0 { (2.0 - rate.max(1e-9).log10().floor()) as usize } else { 0 };
     format!("{rate:.places$}")
 }
 
 /// Who solved a step, where sweeps may have taken the place of the solver asked for.
-fn by(solver: ContactSolver, replaced: bool) -> String {
+fn solver_text(solver: ContactSolver, replaced: bool) -> String {
     if replaced { format!("sweeps in place of {solver}") } else { solver.to_string() }
 }
 
@@ -183,32 +197,32 @@ mod tests {
     #[test]
     fn slow_runs_have_a_rate() {
         assert_eq!(
-            [0.01234, 1.0, 9.876, 56.78, 123.4, 56789.1].map(digits),
+            [0.01234, 1.0, 9.876, 56.78, 123.4, 56789.1].map(rate_text),
             ["0.0123", "1.00", "9.88", "56.8", "123", "56789"]
         );
     }
 
     #[test]
     fn a_step_that_has_not_converged_says_why() {
-        assert_eq!(why_unconverged(3e-2, 2e-2, 0), "residual 3.0e-2 > tol 2.0e-2");
+        assert_eq!(unconverged_reason(3e-2, 2e-2, 0), "residual 3.0e-2 > tol 2.0e-2");
         let late = "as 2 contacts began to close late and are not solved (residual 3.5e-3 <= tol 2.0e-2)";
-        assert_eq!(why_unconverged(3.5e-3, 2e-2, 2), late);
+        assert_eq!(unconverged_reason(3.5e-3, 2e-2, 2), late);
         let both = "residual 3.0e-2 > tol 2.0e-2, without 1 contact that began to close late";
-        assert_eq!(why_unconverged(3e-2, 2e-2, 1), both);
+        assert_eq!(unconverged_reason(3e-2, 2e-2, 1), both);
     }
 
     #[test]
     fn a_solver_is_named_that_solved() {
-        assert_eq!(by(ContactSolver::Admm, true), "sweeps in place of admm");
-        assert_eq!(by(ContactSolver::Admm, false), "admm");
+        assert_eq!(solver_text(ContactSolver::Admm, true), "sweeps in place of admm");
+        assert_eq!(solver_text(ContactSolver::Admm, false), "admm");
     }
 
     #[test]
     fn that_sweeps_take_its_place_is_told_once() {
-        let progress = Progress::new(0, 5);
-        assert_eq!(progress.first_replaced(1, None), None);
-        let message = progress.first_replaced(2, Some("it is large")).unwrap();
+        let progress = ProgressDisplay::new(0, 5);
+        assert_eq!(progress.first_replacement_message(1, None), None);
+        let message = progress.first_replacement_message(2, Some("it is large")).unwrap();
         assert_eq!(message, "cd-solve: step 2: sweeps take the place of the solver asked for, as it is large");
-        assert_eq!(progress.first_replaced(3, Some("it is large")), None);
+        assert_eq!(progress.first_replacement_message(3, Some("it is large")), None);
     }
 }

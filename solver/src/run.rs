@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::Parameters;
-use cd_formats::tell::{complain, tell};
+use cd_formats::snapshot::RunParameters;
+use cd_formats::tell::{print_error, print_line};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
@@ -16,21 +16,21 @@ use crate::activity;
 
 use crate::assemble::potential_energy;
 use crate::detect;
-use crate::integrate::{Configuration, predict};
+use crate::integrate::{ContactConfiguration, predict_configuration};
 use crate::math::Vec3;
-use crate::plan::{Bound, astray, bounds};
-use crate::progress::Progress;
+use crate::plan::{StepBound, roundoff_warning, step_bounds};
+use crate::progress::ProgressDisplay;
 use crate::scene::Scene;
-use crate::state::{Contact, Known, State};
-use crate::step::{Clock, DEEP, Motion, Overlap, deeper, next_problem, step};
-use crate::write::summary::{Course, text};
-use crate::write::{Results, errors};
+use crate::state::{Contact, DetectionCache, State};
+use crate::step::{MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes, deeper_overlap, next_problem, step};
+use crate::write::summary::{RunStatistics, summary_text};
+use crate::write::{ResultFiles, errors};
 
 /// Unconverged steps that are told one by one; the summary counts them all.
-const TOLD: u64 = 5;
+const MAX_REPORTED_STEPS: u64 = 5;
 
 /// Why a run ended early.
-pub enum Failure {
+pub enum RunFailure {
     /// Nothing was computed, as input is refused or OUTBOX cannot be written.
     Files(Faults),
     /// Files could not be written any more.
@@ -41,42 +41,55 @@ pub enum Failure {
     Broken(String),
 }
 
-impl From<Faults> for Failure {
+impl From<Faults> for RunFailure {
     fn from(faults: Faults) -> Self {
-        Failure::Files(faults)
+        RunFailure::Files(faults)
     }
 }
 
 /// Advances the state to the last step and writes the results; returns the summary.
 ///
 /// `dump`: the step whose contact problem is written out, too.
-pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Option<u64>) -> Result<String, Failure> {
+pub fn run_case(
+    case: &Path,
+    scene: &Scene,
+    mut state: State,
+    resumed: bool,
+    dump: Option<u64>,
+) -> Result<String, RunFailure> {
     let start = Instant::now();
     let last = scene.last_step();
-    let (mut results, tally) = Results::open(case, scene, &state)?;
-    let mut course = Course { threads: rayon::current_num_threads(), bonds: state.bonds(), tally, ..Course::default() };
-    let stop = &*STOP;
+    let (mut results, tally) = ResultFiles::open(case, scene, &state)?;
+    let mut course = RunStatistics {
+        threads: rayon::current_num_threads(),
+        bonds: state.bond_count(),
+        tally,
+        ..RunStatistics::default()
+    };
+    let stop = &*STOP_FLAG;
     // The time that an output takes is entered with the step after it.
     let mut writing = Duration::ZERO;
     if !resumed {
         open_ledger(scene, &mut state);
         expect_finite(&state)?;
-        writing = output(&mut results, scene, &state)?;
+        writing = write_output(&mut results, scene, &state)?;
     }
 
-    let progress = Progress::new(state.step, last.max(state.step));
-    course.warnings.extend(too_long(scene, &state));
-    course.warnings.extend(astray(scene, &state));
+    let progress = ProgressDisplay::new(state.step, last.max(state.step));
+    course.warnings.extend(long_step_warning(scene, &state));
+    course.warnings.extend(roundoff_warning(scene, &state));
     course.warnings.iter().for_each(|message| progress.warn(message));
-    let mut known = Known::default();
-    let (at_start, message) = overlaps(scene, &state, &mut known).unzip();
+    let mut known = DetectionCache::default();
+    let (at_start, message) = initial_overlap_warning(scene, &state, &mut known).unzip();
     message.filter(|_| !resumed).into_iter().for_each(|message| progress.warn(&message));
     // Overlaps beyond this share of the smaller radius are those that steps have made.
-    let deep = at_start.map_or(DEEP, |overlap: Overlap| DEEP.max(DEEPER * overlap.share));
+    let deep = at_start.map_or(OVERLAP_WARNING_SHARE, |overlap: Overlap| {
+        OVERLAP_WARNING_SHARE.max(DEEPER_OVERLAP_FACTOR * overlap.share)
+    });
     course.overlap = at_start;
     // What a run goes on with it has from before, and that decides between equals; at its own start it has nothing.
-    if state.step == scene.start.0 && state.known == Known::default() {
-        state.known = known;
+    if state.step == scene.start.0 && state.detection_cache == DetectionCache::default() {
+        state.detection_cache = known;
     }
     while state.step < last {
         if let Some(number) =
@@ -85,94 +98,95 @@ pub fn run(case: &Path, scene: &Scene, mut state: State, resumed: bool, dump: Op
             let (units, problem) = next_problem(scene, &state);
             if number <= state.step + units {
                 let number = state.step + units;
-                let path = crate::write::problem(case, number, problem).map_err(Failure::Unwritten)?;
-                tell(format_args!("cd-solve: contact problem of step {number} in {}", path.display()));
+                let path = crate::write::problem(case, number, problem).map_err(RunFailure::Unwritten)?;
+                print_line(format_args!("cd-solve: contact problem of step {number} in {}", path.display()));
             }
         }
-        let mut lap = Clock { writing: std::mem::take(&mut writing), ..Clock::default() };
+        let mut lap = StageTimes { writing: std::mem::take(&mut writing), ..StageTimes::default() };
         let first = state.step;
-        progress.begins(state.step);
+        progress.begin_step(state.step);
         let Some(report) = step(scene, &mut state, &mut lap) else {
-            results.finish(&mut course.tally).map_err(Failure::Unwritten)?;
-            output(&mut results, scene, &state).map_err(written_before)?;
-            return Err(stopped_at(&state, last, &progress));
+            results.finish_rows(&mut course.tally).map_err(RunFailure::Unwritten)?;
+            write_output(&mut results, scene, &state).map_err(as_unwritten)?;
+            return Err(stopped_failure(&state, last, &progress));
         };
         expect_finite(&state).inspect_err(|_| progress.finish())?;
         if let Some(overlap) = report.overlap {
             if overlap.share > deep && course.overlap.is_none_or(|before| before.share <= deep) {
-                progress.warn(&deepened(&state, overlap));
+                progress.warn(&deeper_overlap_warning(&state, overlap));
             }
-            course.overlap = deeper(course.overlap, overlap);
+            course.overlap = deeper_overlap(course.overlap, overlap);
         }
         course.steps += 1;
-        course.units += state.step - first;
+        course.dt_count += state.step - first;
         course.longest = course.longest.max(report.h);
         course.sweeps += report.sweeps;
         course.gravity = report.gravity.sampled.or(course.gravity);
-        course.missed = report.missed.or(course.missed);
-        if scene.bonds() {
-            course.bonds = course.bonds.max(state.bonds());
+        course.narrow_phase_error = report.narrow_phase_error.or(course.narrow_phase_error);
+        if scene.has_bonds() {
+            course.bonds = course.bonds.max(state.bond_count());
         }
-        course.single += u64::from(report.single);
-        course.taken_over += u64::from(report.taken_over && report.converged);
-        course.given_up += u64::from(report.given_up);
+        course.single += u64::from(report.single_precision);
+        course.taken_over += u64::from(report.fallback_used && report.converged);
+        course.given_up += u64::from(report.fallback_suppressed);
         if !report.converged {
             course.unconverged += 1;
-            if course.unconverged <= TOLD {
-                progress.unconverged(&state, &report, &scene.options);
+            if course.unconverged <= MAX_REPORTED_STEPS {
+                progress.report_unconverged(&state, &report, &scene.options);
             }
         }
-        progress.step(&state, &report);
-        results.step(scene, &state, &report, &lap, &mut course.tally).map_err(Failure::Unwritten)?;
-        course.clock.add(&lap);
+        progress.show_step(&state, &report);
+        results.add_step(scene, &state, &report, &lap, &mut course.tally).map_err(RunFailure::Unwritten)?;
+        course.clock.accumulate(&lap);
         let stopped = stop.load(Ordering::Relaxed) && state.step < last;
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last || stopped {
             if state.step == last || stopped {
-                results.finish(&mut course.tally).map_err(Failure::Unwritten)?;
+                results.finish_rows(&mut course.tally).map_err(RunFailure::Unwritten)?;
             }
-            writing = output(&mut results, scene, &state).map_err(written_before)?;
-            progress.line(&state, &report);
-        } else if progress.silent() {
-            results.show().map_err(Failure::Unwritten)?;
-            progress.line(&state, &report);
+            writing = write_output(&mut results, scene, &state).map_err(as_unwritten)?;
+            progress.print_status(&state, &report);
+        } else if progress.is_silent() {
+            results.flush_to_file().map_err(RunFailure::Unwritten)?;
+            progress.print_status(&state, &report);
         }
         if stopped {
-            return Err(stopped_at(&state, last, &progress));
+            return Err(stopped_failure(&state, last, &progress));
         }
     }
-    let last_output = Clock { writing, ..Clock::default() };
-    course.tally.wrote(&last_output);
-    course.clock.add(&last_output);
+    let last_output = StageTimes { writing, ..StageTimes::default() };
+    course.tally.add_writing_time(&last_output);
+    course.clock.accumulate(&last_output);
     progress.finish();
     // What the last step has made no step has measured.
     if course.steps > 0
-        && let Some(overlap) = deepest(&detected(scene, &state, &mut state.known.clone()), scene)
+        && let Some(overlap) =
+            deepest_overlap(&current_contacts(scene, &state, &mut state.detection_cache.clone()), scene)
     {
         course.penetration_end = overlap.depth;
         if overlap.share > deep && course.overlap.is_none_or(|before| before.share <= deep) {
-            complain(format_args!("cd-solve: warning: {}", deepened(&state, overlap)));
+            print_error(format_args!("cd-solve: warning: {}", deeper_overlap_warning(&state, overlap)));
         }
-        course.overlap = deeper(course.overlap, overlap);
+        course.overlap = deeper_overlap(course.overlap, overlap);
     }
-    course.overlap = course.overlap.filter(|overlap| overlap.share > DEEP);
+    course.overlap = course.overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE);
     course.wall = start.elapsed();
-    let sources = course.tally.sources(scene, &state);
+    let sources = course.tally.error_sources(scene, &state);
     // Also where a run was killed before it came to that.
     if course.steps > 0 || state.step > scene.start.0 && !errors::is_there(case) {
-        errors::write(case, &sources).map_err(Failure::Unwritten)?;
+        errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;
     }
-    Ok(text(scene, &state, &course, &sources))
+    Ok(summary_text(scene, &state, &course, &sources))
 }
 
-fn stopped_at(state: &State, last: u64, progress: &Progress) -> Failure {
+fn stopped_failure(state: &State, last: u64, progress: &ProgressDisplay) -> RunFailure {
     progress.finish();
     let State { step, time, .. } = state;
-    Failure::Stopped(format!("stopped after step {step}, t = {time} s, of {last}; --resume goes on"))
+    RunFailure::Stopped(format!("stopped after step {step}, t = {time} s, of {last}; --resume goes on"))
 }
 
 /// The flag that is set when the user or the system requests the program to stop. At a second request it ends at once.
-static STOP: LazyLock<&Arc<AtomicBool>> = LazyLock::new(|| {
-    let stop = activity::stop();
+static STOP_FLAG: LazyLock<&Arc<AtomicBool>> = LazyLock::new(|| {
+    let stop = activity::stop_flag();
     for signal in [SIGINT, SIGTERM] {
         // What cannot be caught ends the program as it would without.
         let _ = flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(stop));
@@ -182,12 +196,12 @@ static STOP: LazyLock<&Arc<AtomicBool>> = LazyLock::new(|| {
 });
 
 /// Of steps that have been made, what was written stays.
-fn written_before(failure: Failure) -> Failure {
-    if let Failure::Files(faults) = failure { Failure::Unwritten(faults) } else { failure }
+fn as_unwritten(failure: RunFailure) -> RunFailure {
+    if let RunFailure::Files(faults) = failure { RunFailure::Unwritten(faults) } else { failure }
 }
 
 /// Enters in the ledger what forces other than those before a resume make of the potential energy, and tells it.
-pub fn take_on_forces(scene: &Scene, before: &Parameters, state: &mut State) {
+pub fn account_changed_forces(scene: &Scene, before: &RunParameters, state: &mut State) {
     let options = &scene.options;
     let same = [
         ("gravity", state.gravity == Vec3::from(before.uniform_gravity)),
@@ -209,19 +223,19 @@ pub fn take_on_forces(scene: &Scene, before: &Parameters, state: &mut State) {
     let work = potential_energy(scene, state, &state.x) - potential_energy(&old_scene, &old, &old.x);
     state.ledger.outside_work += work;
     let changed = changed.join(", ");
-    tell(format_args!(
+    print_line(format_args!(
         "cd-solve: other than before: {changed}; the change of potential energy, {work:.3e} J, is work from outside"
     ));
 }
 
 /// A run warns, once, of overlaps that its steps make this many times as deep as those that it begins with.
-const DEEPER: f64 = 1.1;
+const DEEPER_OVERLAP_FACTOR: f64 = 1.1;
 
 /// What to tell of a step that is longer than suits even a draft.
-fn too_long(scene: &Scene, state: &State) -> Option<String> {
-    let sharpest = bounds(scene, state).into_iter().next()?;
-    let (h, suits) = (scene.options.dt, Accuracy::Draft.step() * sharpest.h);
-    let Bound { reason, .. } = sharpest;
+fn long_step_warning(scene: &Scene, state: &State) -> Option<String> {
+    let sharpest = step_bounds(scene, state).into_iter().next()?;
+    let (h, suits) = (scene.options.dt, Accuracy::Draft.step_factor() * sharpest.h);
+    let StepBound { reason, .. } = sharpest;
     (h > suits).then(|| {
         format!(
             "dt = {h} s is {:.1} times the longest that suits a draft, {suits:.3e} s: {reason}; see --plan",
@@ -231,23 +245,26 @@ fn too_long(scene: &Scene, state: &State) -> Option<String> {
 }
 
 /// The contacts of the state as it is; `known` is what detection learns.
-fn detected(scene: &Scene, state: &State, known: &mut Known) -> Vec<Contact> {
+fn current_contacts(scene: &Scene, state: &State, known: &mut DetectionCache) -> Vec<Contact> {
     // As far ahead as the first step looks, so that what is found serves it.
-    let now = Configuration { ahead: scene.options.dt, ..predict(scene, state, 0) };
-    detect::contacts(scene, &now, [&state.v, &state.w], known)
+    let now = ContactConfiguration { lookahead: scene.options.dt, ..predict_configuration(scene, state, 0) };
+    detect::listed_contacts(scene, &now, [&state.v, &state.w], known)
 }
 
 /// The deepest overlap by its share of the smaller radius.
-fn deepest(contacts: &[Contact], scene: &Scene) -> Option<Overlap> {
-    let overlaps = contacts.iter().filter(|contact| contact.gap < 0.0).map(|contact| Overlap::of(scene, contact));
-    overlaps.fold(None, deeper)
+fn deepest_overlap(contacts: &[Contact], scene: &Scene) -> Option<Overlap> {
+    let overlaps =
+        contacts.iter().filter(|contact| contact.gap < 0.0).map(|contact| Overlap::from_contact(scene, contact));
+    overlaps.fold(None, deeper_overlap)
 }
 
 /// The deepest overlap at the start, which no step has made, and a warning about all.
-fn overlaps(scene: &Scene, state: &State, known: &mut Known) -> Option<(Overlap, String)> {
-    let contacts = detected(scene, state, known);
-    let deepest = deepest(&contacts, scene).filter(|overlap| overlap.share > DEEP)?;
-    let deep = contacts.iter().filter(|contact| contact.gap < 0.0 && Overlap::of(scene, contact).share > DEEP);
+fn initial_overlap_warning(scene: &Scene, state: &State, known: &mut DetectionCache) -> Option<(Overlap, String)> {
+    let contacts = current_contacts(scene, state, known);
+    let deepest = deepest_overlap(&contacts, scene).filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE)?;
+    let deep = contacts
+        .iter()
+        .filter(|contact| contact.gap < 0.0 && Overlap::from_contact(scene, contact).share > OVERLAP_WARNING_SHARE);
     let mut pairs: Vec<[u32; 2]> = deep.map(|contact| [contact.candidate, contact.antagonist]).collect();
     pairs.dedup();
     let count = match pairs.len() {
@@ -256,30 +273,30 @@ fn overlaps(scene: &Scene, state: &State, known: &mut Known) -> Option<(Overlap,
     };
     let message = format!(
         "{count} by more than {} % of the smaller radius from the start, at most {}; laws other than GAP_SGR_CLB keep these overlaps",
-        100.0 * DEEP,
-        deepest.text(),
+        100.0 * OVERLAP_WARNING_SHARE,
+        deepest.message_text(),
     );
     Some((deepest, message))
 }
 
 /// A warning about deep overlaps that steps have made.
-fn deepened(state: &State, overlap: Overlap) -> String {
+fn deeper_overlap_warning(state: &State, overlap: Overlap) -> String {
     let State { step, time, .. } = state;
-    format!("step {step}, t = {time} s: {}; use a smaller dt or tol", overlap.text())
+    format!("step {step}, t = {time} s: {}; use a smaller dt or tol", overlap.message_text())
 }
 
 /// Writes the state; returns the time that it took.
-fn output(results: &mut Results, scene: &Scene, state: &State) -> Result<Duration, Failure> {
+fn write_output(results: &mut ResultFiles, scene: &Scene, state: &State) -> Result<Duration, RunFailure> {
     let start = Instant::now();
-    expect(state.contacts_are_finite(), state, "a number of a contact")?;
-    results.state(scene, state)?;
+    check_finite(state.contacts_are_finite(), state, "a number of a contact")?;
+    results.write_state(scene, state)?;
     Ok(start.elapsed())
 }
 
 /// Energy and momentum that the run's drift is measured against.
 fn open_ledger(scene: &Scene, state: &mut State) {
-    let motion = Motion::of(scene, &state.q, &state.v, &state.w);
-    let angular = Motion::angular(scene, state);
+    let motion = MotionTotals::from_bodies(scene, &state.q, &state.v, &state.w);
+    let angular = MotionTotals::total_angular_momentum(scene, state);
     let potential = potential_energy(scene, state, &state.x);
     state.ledger.energy_start = motion.kinetic + motion.rotational + potential;
     state.ledger.momentum_expected = motion.momentum.into();
@@ -288,18 +305,18 @@ fn open_ledger(scene: &Scene, state: &mut State) {
 }
 
 /// What is not finite is never written.
-fn expect_finite(state: &State) -> Result<(), Failure> {
-    expect(state.is_finite(), state, "a position, velocity, momentum or energy")
+fn expect_finite(state: &State) -> Result<(), RunFailure> {
+    check_finite(state.is_finite(), state, "a position, velocity, momentum or energy")
 }
 
-fn expect(finite: bool, state: &State, what: &str) -> Result<(), Failure> {
+fn check_finite(finite: bool, state: &State, what: &str) -> Result<(), RunFailure> {
     let State { step, time, .. } = state;
     let broken = || format!("step {step}, t = {time:e} s: {what} is not finite; snapshots written before are sound");
-    if finite { Ok(()) } else { Err(Failure::Broken(broken())) }
+    if finite { Ok(()) } else { Err(RunFailure::Broken(broken())) }
 }
 
 /// Refuses options that cannot lead to a run from this state.
-pub fn check(case: &Path, scene: &Scene, state: &State) -> Result<(), Faults> {
+pub fn check_run(case: &Path, scene: &Scene, state: &State) -> Result<(), Faults> {
     let mut faults = Faults::default();
     if scene.free.is_empty() {
         let expected = "expected at least one whose motion is not imposed";

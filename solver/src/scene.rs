@@ -2,19 +2,19 @@
 
 use cd_formats::compute::{Compute, Event, GravityMethod, NarrowPhase};
 use cd_formats::drv_dof::Evolution;
-use cd_formats::field::Outside;
+use cd_formats::field::FieldModel;
 use cd_formats::snapshot::{LawName, MaterialName};
 
 use crate::BARE;
 use crate::geometry::Polyhedron;
-use crate::gravity::{Gravity, Method};
-use crate::laws::Law;
+use crate::gravity::{GravitySolver, SummationMethod};
+use crate::laws::ContactLaw;
 use crate::math::rotation;
 use crate::math::{Quat, Vec3};
 
 /// Shape of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Shape {
+pub enum BodyShape {
     /// One sphere about the centre of mass; m.
     Sphere { radius: f64 },
     /// A rectangular plate; half lengths along its axes, m.
@@ -25,7 +25,7 @@ pub enum Shape {
 
 /// Shape of a contactor, in its own frame; m.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Geometry {
+pub enum ContactorShape {
     Sphere {
         radius: f64,
     },
@@ -44,27 +44,27 @@ pub enum Geometry {
     },
 }
 
-impl Geometry {
+impl ContactorShape {
     /// Radius of the largest ball about the centre that is within the shape, m; unbounded for a hollow cylinder, outside of which all
     /// is wall.
     pub fn inner_radius(&self) -> f64 {
         match self {
-            Geometry::Sphere { radius } => *radius,
-            Geometry::Polyhedron(shape) => shape.inradius(),
-            Geometry::Cylinder { hollow: true, .. } => f64::INFINITY,
-            Geometry::Cylinder { half_height, radius, .. } => half_height.min(*radius),
-            Geometry::Plane { half_lengths, .. } => half_lengths.min(),
+            ContactorShape::Sphere { radius } => *radius,
+            ContactorShape::Polyhedron(shape) => shape.inradius(),
+            ContactorShape::Cylinder { hollow: true, .. } => f64::INFINITY,
+            ContactorShape::Cylinder { half_height, radius, .. } => half_height.min(*radius),
+            ContactorShape::Plane { half_lengths, .. } => half_lengths.min(),
         }
     }
 }
 
 /// A contactor of a body, in scenes with other bodies than spheres and plates.
 #[derive(Debug, Clone)]
-pub struct Part {
+pub struct BodyPart {
     pub body: u32,
     /// Place among the contactors of its body, from 0.
     pub rank: u16,
-    pub geometry: Geometry,
+    pub geometry: ContactorShape,
     /// Its centre and axes in the body's frame, m.
     pub offset: Vec3,
     pub axes: Quat,
@@ -77,8 +77,8 @@ pub struct Part {
 }
 
 #[derive(Debug, Clone)]
-pub struct Body {
-    pub shape: Shape,
+pub struct RigidBody {
+    pub shape: BodyShape,
     /// Of the sphere of equal volume, m.
     pub radius: f64,
     /// kg
@@ -89,7 +89,7 @@ pub struct Body {
     /// imposed.
     pub driven: bool,
     /// Of a driven body the fixed axes along which it is pushed; where there are none it has no inverse mass.
-    pub pushed: [bool; 3],
+    pub free_axes: [bool; 3],
     /// Index into `Scene::materials`.
     pub material: u16,
     /// Index into `Scene::colours`.
@@ -98,7 +98,7 @@ pub struct Body {
     pub class: u16,
 }
 
-impl Body {
+impl RigidBody {
     /// 1/kg; 0 for a body whose motion is all imposed.
     pub fn inverse_mass(&self) -> f64 {
         if self.is_imposed() { 0.0 } else { 1.0 / self.mass }
@@ -111,17 +111,17 @@ impl Body {
 
     /// Whether some components of the velocity are imposed, and others are not.
     pub fn is_driven_in_part(&self) -> bool {
-        self.driven && self.pushed.contains(&true)
+        self.driven && self.free_axes.contains(&true)
     }
 
     /// 1 for each fixed axis along which the velocity of a body driven in part is imposed, else 0.
-    pub fn held(&self) -> Vec3 {
-        Vec3::from(self.pushed.map(|pushed| if self.is_driven_in_part() && !pushed { 1.0 } else { 0.0 }))
+    pub fn locked_axes(&self) -> Vec3 {
+        Vec3::from(self.free_axes.map(|pushed| if self.is_driven_in_part() && !pushed { 1.0 } else { 0.0 }))
     }
 
     /// Which components of the velocity are imposed, as the snapshots have it: bit k of component k.
-    pub fn imposed(&self) -> u8 {
-        let along = |k: usize| if self.pushed[k] { 0 } else { 1 << k };
+    pub fn imposed_components(&self) -> u8 {
+        let along = |k: usize| if self.free_axes[k] { 0 } else { 1 << k };
         if self.driven { (0..3).map(along).sum::<u8>() | 0b11_1000 } else { 0 }
     }
 
@@ -151,34 +151,34 @@ impl Body {
     }
 
     pub fn is_sphere(&self) -> bool {
-        matches!(self.shape, Shape::Sphere { .. })
+        matches!(self.shape, BodyShape::Sphere { .. })
     }
 }
 
 /// The imposed velocity of a body: components along the fixed axes, then about the body's axes; none where it is pushed.
 #[derive(Debug, Clone)]
-pub struct Drive {
+pub struct ImposedVelocity {
     pub body: usize,
     pub velocity: [Option<Evolution>; 6],
 }
 
-impl Drive {
+impl ImposedVelocity {
     /// Whether some component is ever other than 0.
-    pub fn moves(&self) -> bool {
+    pub fn ever_moves(&self) -> bool {
         self.velocity.iter().any(|component| *component != Some(Evolution::constant(0.0)))
     }
 
     /// Velocity (m/s) and angular velocity (rad/s, world frame) at a time (s) of the body with the orientation `q` and, where it is
     /// pushed, the velocity `v`.
-    pub fn at(&self, time: f64, q: &Quat, v: &Vec3) -> (Vec3, Vec3) {
-        let imposed = |k: usize, pushed: f64| self.velocity[k].as_ref().map_or(pushed, |value| value.at(time));
+    pub fn velocity_at(&self, time: f64, q: &Quat, v: &Vec3) -> (Vec3, Vec3) {
+        let imposed = |k: usize, pushed: f64| self.velocity[k].as_ref().map_or(pushed, |value| value.value_at(time));
         (Vec3::from_fn(|k, _| imposed(k, v[k])), q * Vec3::from_fn(|k, _| imposed(3 + k, 0.0)))
     }
 }
 
 /// An imposed force component (0 to 2, N) or moment (3 to 5, about the body's axes, N m).
 #[derive(Debug, Clone)]
-pub struct Load {
+pub struct ImposedLoad {
     pub body: usize,
     pub component: usize,
     pub value: Evolution,
@@ -186,21 +186,21 @@ pub struct Load {
 
 /// Law and alert distance (m) of a pair of classes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct See {
+pub struct InteractionRule {
     pub law: u8,
     pub alert: f64,
 }
 
 /// Which class sees which, by what law.
 #[derive(Debug, Clone, Default)]
-pub struct Visibility {
+pub struct VisibilityTable {
     pub classes: usize,
-    pub table: Vec<Option<See>>,
+    pub table: Vec<Option<InteractionRule>>,
 }
 
-impl Visibility {
+impl VisibilityTable {
     /// Of two classes.
-    pub fn see(&self, a: u16, b: u16) -> Option<See> {
+    pub fn interaction_rule(&self, a: u16, b: u16) -> Option<InteractionRule> {
         self.table[a as usize * self.classes + b as usize]
     }
 }
@@ -213,18 +213,18 @@ pub const EVENT_SLACK: f64 = 1e-3;
 
 /// Gap, over the smaller radius and for each step looked ahead, up to which a pair is listed and solved whichever way its bodies
 /// move, if their speeds are enough: what contacts push may close it. In a step suited to the motion bodies go as far.
-pub const NEARBY: f64 = 0.1;
+pub const NEARBY_GAP: f64 = 0.1;
 
 /// Fewer bodies than these attract each other anew at every step.
-const FEW_BODIES: usize = 100;
+const MIN_BODIES_TO_EXTRAPOLATE: usize = 100;
 
 #[derive(Debug, Clone)]
 pub struct Scene {
-    pub bodies: Vec<Body>,
-    pub drives: Vec<Drive>,
-    pub loads: Vec<Load>,
-    pub laws: Vec<Law>,
-    pub visibility: Visibility,
+    pub bodies: Vec<RigidBody>,
+    pub drives: Vec<ImposedVelocity>,
+    pub loads: Vec<ImposedLoad>,
+    pub laws: Vec<ContactLaw>,
+    pub visibility: VisibilityTable,
     pub options: Compute,
     /// Step and time (s) of the state in DATBOX.
     pub start: (u64, f64),
@@ -248,7 +248,7 @@ pub struct Scene {
     pub planes: Vec<u32>,
     /// The contactors of all bodies, body by body, if some body is neither a sphere nor a plate, or driven in part; else
     /// none.
-    pub parts: Vec<Part>,
+    pub parts: Vec<BodyPart>,
     /// Where in `parts` those of each body begin, and those of the last end; none where there are no parts.
     pub part_starts: Vec<u32>,
     /// What users should know about the files' bodies.
@@ -310,61 +310,61 @@ impl Scene {
 
     /// R of 1/R = 1/R_a + 1/R_b of two contactors, each a body and a rank, m.
     pub fn effective_radius(&self, a: (u32, u16), b: (u32, u16)) -> f64 {
-        1.0 / (self.curvature(a) + self.curvature(b))
+        1.0 / (self.contactor_curvature(a) + self.contactor_curvature(b))
     }
 
     /// Size of a pair of contactors, each a body and a rank, m: the radius of the smaller free body, but no more than the
     /// inner radii together, for a pair that overlaps by twice these may part on the wrong side.
-    pub fn size(&self, a: (u32, u16), b: (u32, u16)) -> f64 {
+    pub fn pair_size(&self, a: (u32, u16), b: (u32, u16)) -> f64 {
         let free = [a, b].map(|(body, _)| &self.bodies[body as usize]).into_iter().filter(|body| !body.driven);
         free.map(|body| body.radius).fold(self.inner_radius(a) + self.inner_radius(b), f64::min)
     }
 
     fn inner_radius(&self, (body, rank): (u32, u16)) -> f64 {
         match self.bodies[body as usize].shape {
-            Shape::Sphere { radius } => radius,
-            Shape::Plane { half_lengths } => half_lengths.min(),
-            Shape::Parts => self.part(body, rank).map_or(f64::INFINITY, |part| part.geometry.inner_radius()),
+            BodyShape::Sphere { radius } => radius,
+            BodyShape::Plane { half_lengths } => half_lengths.min(),
+            BodyShape::Parts => self.find_part(body, rank).map_or(f64::INFINITY, |part| part.geometry.inner_radius()),
         }
     }
 
-    fn curvature(&self, (body, rank): (u32, u16)) -> f64 {
+    fn contactor_curvature(&self, (body, rank): (u32, u16)) -> f64 {
         match self.bodies[body as usize].shape {
-            Shape::Sphere { radius } => 1.0 / radius,
-            Shape::Plane { .. } => 0.0,
-            Shape::Parts => self.part(body, rank).map_or(0.0, |part| self.curvature_of(part)),
+            BodyShape::Sphere { radius } => 1.0 / radius,
+            BodyShape::Plane { .. } => 0.0,
+            BodyShape::Parts => self.find_part(body, rank).map_or(0.0, |part| self.part_curvature(part)),
         }
     }
 
     /// 1/R of a contactor: a polyhedron is as round as the sphere of its body's volume, plates and cylinders are flat, 1/m.
-    pub fn curvature_of(&self, part: &Part) -> f64 {
+    pub fn part_curvature(&self, part: &BodyPart) -> f64 {
         match part.geometry {
-            Geometry::Sphere { radius } => 1.0 / radius,
-            Geometry::Polyhedron(_) => 1.0 / self.bodies[part.body as usize].radius,
-            Geometry::Cylinder { .. } | Geometry::Plane { .. } => 0.0,
+            ContactorShape::Sphere { radius } => 1.0 / radius,
+            ContactorShape::Polyhedron(_) => 1.0 / self.bodies[part.body as usize].radius,
+            ContactorShape::Cylinder { .. } | ContactorShape::Plane { .. } => 0.0,
         }
     }
 
     /// The contactors of a body of a scene that [`Self::is_general`].
-    pub fn parts_of(&self, body: u32) -> &[Part] {
+    pub fn parts_of(&self, body: u32) -> &[BodyPart] {
         let at = |k: usize| self.part_starts[k] as usize;
         &self.parts[at(body as usize)..at(body as usize + 1)]
     }
 
     /// Where in `parts` the contactor `rank` of a body is, if it has that many.
-    pub fn part_place(&self, body: u32, rank: u16) -> Option<usize> {
+    pub fn part_index(&self, body: u32, rank: u16) -> Option<usize> {
         let starts = self.part_starts.get(body as usize..body as usize + 2)?;
         let place = starts[0] + u32::from(rank);
         (place < starts[1]).then_some(place as usize)
     }
 
     /// The contactor `rank` of a body, in scenes with other bodies than spheres and plates.
-    pub fn part(&self, body: u32, rank: u16) -> Option<&Part> {
-        self.part_place(body, rank).map(|place| &self.parts[place])
+    pub fn find_part(&self, body: u32, rank: u16) -> Option<&BodyPart> {
+        self.part_index(body, rank).map(|place| &self.parts[place])
     }
 
     /// What to add to the position `of` for its image nearest to `from`, m; 0 where the scene does not repeat.
-    pub fn image(&self, from: &Vec3, of: &Vec3) -> Vec3 {
+    pub fn nearest_image_shift(&self, from: &Vec3, of: &Vec3) -> Vec3 {
         let [x, y] = self.periods();
         let along = |period: Option<f64>, d: f64| period.map_or(0.0, |period| period * (d / period).round());
         Vec3::new(along(x, from.x - of.x), along(y, from.y - of.y), 0.0)
@@ -383,7 +383,7 @@ impl Scene {
     /// Whether there are bodies whose contacts need full blocks: that of a sphere with a sphere, or with any body whose
     /// motion is all imposed, is diagonal.
     pub fn needs_blocks(&self) -> bool {
-        let not_diagonal = |body: &Body| body.is_driven_in_part() || (!body.is_sphere() && !body.driven);
+        let not_diagonal = |body: &RigidBody| body.is_driven_in_part() || (!body.is_sphere() && !body.driven);
         !BARE && self.bodies.iter().any(not_diagonal)
     }
 
@@ -398,38 +398,38 @@ impl Scene {
     }
 
     /// Whether contacts may be bonded.
-    pub fn bonds(&self) -> bool {
-        self.laws.iter().any(Law::bonds)
+    pub fn has_bonds(&self) -> bool {
+        self.laws.iter().any(ContactLaw::can_bond)
     }
 
     /// What makes a contactor the candidate of a contact, as in LMGC90: the lower of the two. Spheres come before polyhedra before cylinders
     /// before plates, then in general what is not driven, then the lower number.
-    pub fn candidacy(&self, body: u32, rank: u16) -> (u8, bool, u32, u16) {
-        let kind = match (self.part(body, rank).map(|part| &part.geometry), &self.bodies[body as usize].shape) {
-            (Some(Geometry::Sphere { .. }), _) | (None, Shape::Sphere { .. }) => 0,
-            (Some(Geometry::Polyhedron(_)), _) => 1,
-            (Some(Geometry::Cylinder { .. }), _) => 2,
-            (Some(Geometry::Plane { .. }) | None, _) => 3,
+    pub fn candidate_order(&self, body: u32, rank: u16) -> (u8, bool, u32, u16) {
+        let kind = match (self.find_part(body, rank).map(|part| &part.geometry), &self.bodies[body as usize].shape) {
+            (Some(ContactorShape::Sphere { .. }), _) | (None, BodyShape::Sphere { .. }) => 0,
+            (Some(ContactorShape::Polyhedron(_)), _) => 1,
+            (Some(ContactorShape::Cylinder { .. }), _) => 2,
+            (Some(ContactorShape::Plane { .. }) | None, _) => 3,
         };
         (kind, self.is_general() && self.bodies[body as usize].driven, body, rank)
     }
 
     /// Class of the contactor `rank` of a body, if it has that many.
-    pub fn class_of(&self, body: u32, rank: u16) -> Option<u16> {
+    pub fn contactor_class(&self, body: u32, rank: u16) -> Option<u16> {
         match self.bodies[body as usize].shape {
-            Shape::Parts => Some(self.part(body, rank)?.class),
+            BodyShape::Parts => Some(self.find_part(body, rank)?.class),
             _ => (rank == 0).then_some(self.bodies[body as usize].class),
         }
     }
 
     /// How self-gravity is summed.
-    pub fn gravity(&self) -> Gravity {
+    pub fn gravity_solver(&self) -> GravitySolver {
         let method = match self.options.gravity {
-            GravityMethod::Direct => Method::Direct,
-            GravityMethod::Fmm => Method::Fmm,
-            GravityMethod::Auto => Method::Auto,
+            GravityMethod::Direct => SummationMethod::Direct,
+            GravityMethod::Fmm => SummationMethod::Fmm,
+            GravityMethod::Auto => SummationMethod::Auto,
         };
-        let mut gravity = Gravity::new(method, self.options.gravity_error());
+        let mut gravity = GravitySolver::new(method, self.options.gravity_error());
         gravity.order = self.options.gravity_order;
         gravity.opening = self.options.gravity_opening;
         gravity
@@ -438,32 +438,33 @@ impl Scene {
     /// Most steps from one evaluation of self-gravity to the next. Few bodies may be on orbits, and cost little: where
     /// nothing else is asked for, they are evaluated at every step, and so are direct sums that were asked for by name.
     pub fn gravity_refresh(&self) -> u64 {
-        let exact = self.free.len() < FEW_BODIES || self.gravity().method == Method::Direct;
+        let exact =
+            self.free.len() < MIN_BODIES_TO_EXTRAPOLATE || self.gravity_solver().method == SummationMethod::Direct;
         let set = self.options.gravity_refresh.is_some();
         if !self.has_self_gravity() || (exact && !set) { 1 } else { self.options.gravity_refresh() }
     }
 
     /// The fields that act from outside.
-    pub fn outside(&self) -> Vec<Outside> {
-        self.options.fields.iter().map(|field| field.outside(self.options.gravity_constant)).collect()
+    pub fn external_fields(&self) -> Vec<FieldModel> {
+        self.options.fields.iter().map(|field| field.to_model(self.options.gravity_constant)).collect()
     }
 
     /// How fast the axes turn from which all is seen, rad/s.
-    pub fn rate(&self) -> Vec3 {
-        self.outside().iter().map(Outside::rate).sum()
+    pub fn frame_angular_velocity(&self) -> Vec3 {
+        self.external_fields().iter().map(FieldModel::rotation_rate).sum()
     }
 
     /// The models that this scene uses, for the summary.
-    pub fn models(&self) -> Vec<String> {
+    pub fn model_names(&self) -> Vec<String> {
         let driven_spheres = self.spheres.iter().filter(|&&i| self.bodies[i as usize].driven).count();
-        let parts = |driven: bool, chosen: fn(&Geometry) -> bool| {
-            let of_shape = |part: &&Part| self.bodies[part.body as usize].shape == Shape::Parts;
+        let parts = |driven: bool, chosen: fn(&ContactorShape) -> bool| {
+            let of_shape = |part: &&BodyPart| self.bodies[part.body as usize].shape == BodyShape::Parts;
             let parts = self.parts.iter().filter(of_shape);
             parts.filter(|part| self.bodies[part.body as usize].driven == driven && chosen(&part.geometry)).count()
         };
-        let ball = |geometry: &Geometry| matches!(geometry, Geometry::Sphere { .. });
-        let polyhedron = |geometry: &Geometry| matches!(geometry, Geometry::Polyhedron(_));
-        let cylinder = |geometry: &Geometry| matches!(geometry, Geometry::Cylinder { .. });
+        let ball = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Sphere { .. });
+        let polyhedron = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Polyhedron(_));
+        let cylinder = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Cylinder { .. });
         let counts = [
             (self.spheres.len() - driven_spheres, "sphere"),
             (driven_spheres, "driven sphere"),
@@ -495,13 +496,13 @@ impl Scene {
             models.extend(period.map(|period| format!("period {period} m along {axis}")));
         }
         if self.has_self_gravity() {
-            let gravity = self.gravity();
+            let gravity = self.gravity_solver();
             models.push(match gravity.method_for(self.free.len()) {
-                Method::Direct => "self-gravity by direct sum".into(),
+                SummationMethod::Direct => "self-gravity by direct sum".into(),
                 _ => format!("self-gravity by fast multipoles, error {}", gravity.error),
             });
             if self.options.gravity_quadrupole {
-                let all = gravity.method_for(self.free.len()) == Method::Direct;
+                let all = gravity.method_for(self.free.len()) == SummationMethod::Direct;
                 models.push(if all { "quadrupoles" } else { "quadrupoles of near bodies" }.into());
             }
         }

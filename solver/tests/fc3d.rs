@@ -3,33 +3,35 @@
 use std::path::{Path, PathBuf};
 
 use cd_formats::fc3d::Fc3d;
-use cd_solve::solve::stored::{Block, Limits, Problem, Solution, Solver, Triple, residual, solve};
+use cd_solve::solve::stored::{
+    LocalVector, MatrixBlock, MatrixProblem, MatrixSolution, MatrixSolver, SolverLimits, residual, solve,
+};
 use proptest::prelude::*;
 
 const TOL: f64 = 1e-8;
-const ONE: Block = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+const ONE: MatrixBlock = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 fn file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fc3d").join(name).with_extension("fc3d")
 }
 
-fn load(name: &str) -> Problem {
-    let Fc3d { mu, q, blocks, .. } = Fc3d::read(&file(name)).unwrap();
-    Problem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w))).unwrap()
+fn load(name: &str) -> MatrixProblem {
+    let Fc3d { mu, free_velocities: q, blocks, .. } = Fc3d::read(&file(name)).unwrap();
+    MatrixProblem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w))).unwrap()
 }
 
-fn limits(max_sweeps: u64) -> Limits {
-    Limits { tol: TOL, max_sweeps, max_time: None, max_cost: f64::INFINITY }
+fn limits(max_sweeps: u64) -> SolverLimits {
+    SolverLimits { tol: TOL, max_sweeps, max_time: None, max_cost: f64::INFINITY }
 }
 
-fn solved(problem: &Problem, solver: Solver, max_sweeps: u64) -> Solution {
+fn solved(problem: &MatrixProblem, solver: MatrixSolver, max_sweeps: u64) -> MatrixSolution {
     solve(problem, solver, &[], limits(max_sweeps))
 }
 
 /// Sweeps that each solver may take: twice what it took when this was written. Plain sweeps never solve oneobject-499.
 #[test]
 fn real_problems_reach_the_tolerance() {
-    use Solver::{Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
+    use MatrixSolver::{Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
     for (name, limits) in [
         ("onecontact-rr", [(Auto, 2), (Nlgs, 2), (NlgsAnderson, 2), (ProxNewton, 10), (Admm, 32), (InteriorPoint, 36)]),
         (
@@ -60,31 +62,32 @@ fn real_problems_reach_the_tolerance() {
 #[test]
 fn what_is_not_reached_is_told_with_the_best_found() {
     let problem = load("oneobject-499");
-    let few = solved(&problem, Solver::Nlgs, 300);
+    let few = solved(&problem, MatrixSolver::Nlgs, 300);
     assert!(!few.converged && few.sweeps == 300 && few.residual < 0.1, "{}", few.residual);
-    let none = solve(&problem, Solver::Auto, &[], Limits { tol: 0.0, ..limits(3000) });
+    let none = solve(&problem, MatrixSolver::Auto, &[], SolverLimits { tol: 0.0, ..limits(3000) });
     assert!(!none.converged && none.residual < TOL, "{}", none.residual);
-    let at_once = solve(&problem, Solver::Auto, &[], Limits { max_time: Some(Default::default()), ..limits(9) });
+    let at_once =
+        solve(&problem, MatrixSolver::Auto, &[], SolverLimits { max_time: Some(Default::default()), ..limits(9) });
     assert!(!at_once.converged && at_once.sweeps == 0);
 }
 
 /// A block on a slope: closed forms of parting, sticking and sliding, at any friction.
 #[test]
 fn one_contact_of_every_kind() {
-    for (_, solver) in Solver::ALL {
-        let one = |mu: f64, q: Triple| {
-            let problem = Problem::new(vec![mu], vec![q], [(0, 0, ONE)]).unwrap();
+    for (_, solver) in MatrixSolver::ALL {
+        let one = |mu: f64, q: LocalVector| {
+            let problem = MatrixProblem::new(vec![mu], vec![q], [(0, 0, ONE)]).unwrap();
             let solution = solved(&problem, solver, 2000);
             assert!(solution.converged, "{solver:?} {mu} {q:?}: {solution:?}");
             solution.r[0]
         };
-        let near = |a: Triple, b: Triple| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-7);
+        let near = |a: LocalVector, b: LocalVector| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-7);
         assert!(near(one(0.5, [1.0, 2.0, 0.0]), [0.0, 0.0, 0.0]), "{solver:?}");
         assert!(near(one(0.5, [-2.0, 0.5, 0.0]), [2.0, -0.5, 0.0]), "{solver:?}");
         assert!(near(one(0.5, [-2.0, 0.0, 3.0]), [2.0, 0.0, -1.0]), "{solver:?}");
         assert!(near(one(0.0, [-2.0, 3.0, 3.0]), [2.0, 0.0, 0.0]), "{solver:?}");
         // Alternating directions creep where mu |u_T| is large.
-        let large = if solver == Solver::Admm { 2.5 } else { 1e6 };
+        let large = if solver == MatrixSolver::Admm { 2.5 } else { 1e6 };
         assert!(near(one(large, [-2.0, 3.0, 3.0]), [2.0, -3.0, -3.0]), "{solver:?}");
         assert!(near(one(0.5, [0.0, 0.0, 0.0]), [0.0, 0.0, 0.0]), "{solver:?}");
     }
@@ -93,19 +96,19 @@ fn one_contact_of_every_kind() {
 #[test]
 fn degenerate_problems_stay_finite() {
     let zero = [[0.0; 3]; 3];
-    let dependent = |q: Triple| {
+    let dependent = |q: LocalVector| {
         // Twice the same contact: W is singular, any share of the impulse will do.
-        Problem::new(vec![0.5; 2], vec![q; 2], [(0, 0, ONE), (0, 1, ONE), (1, 0, ONE), (1, 1, ONE)]).unwrap()
+        MatrixProblem::new(vec![0.5; 2], vec![q; 2], [(0, 0, ONE), (0, 1, ONE), (1, 0, ONE), (1, 1, ONE)]).unwrap()
     };
-    for (_, solver) in Solver::ALL {
-        let empty = solved(&Problem::new(vec![], vec![], []).unwrap(), solver, 10);
+    for (_, solver) in MatrixSolver::ALL {
+        let empty = solved(&MatrixProblem::new(vec![], vec![], []).unwrap(), solver, 10);
         assert!(empty.converged && empty.r.is_empty());
         for q in [[-1.0, 0.2, 0.0], [-1.0, 3.0, 0.0], [1.0, 1.0, 1.0]] {
             let solution = solved(&dependent(q), solver, 2000);
             assert!(solution.converged, "{solver:?} {q:?}: {solution:?}");
         }
         // No impulse can stop what has no W: refused by the residual, not by a NaN.
-        let fixed = Problem::new(vec![0.5; 2], vec![[-1.0, 0.1, 0.0]; 2], [(0, 0, ONE), (1, 1, zero)]).unwrap();
+        let fixed = MatrixProblem::new(vec![0.5; 2], vec![[-1.0, 0.1, 0.0]; 2], [(0, 0, ONE), (1, 1, zero)]).unwrap();
         let solution = solved(&fixed, solver, 500);
         assert!(!solution.converged && solution.residual.is_finite(), "{solver:?}: {solution:?}");
         assert!(solution.r.as_flattened().iter().all(|x| x.is_finite()));
@@ -115,25 +118,26 @@ fn degenerate_problems_stay_finite() {
 #[test]
 fn what_is_no_problem_is_refused() {
     let refused = |mu: f64, q: f64, at: usize, w: f64| {
-        Problem::new(vec![mu], vec![[q, 0.0, 0.0]], [(0, at, ONE.map(|row| row.map(|x| x * w)))]).is_err()
+        MatrixProblem::new(vec![mu], vec![[q, 0.0, 0.0]], [(0, at, ONE.map(|row| row.map(|x| x * w)))]).is_err()
     };
     assert!(!refused(0.5, 1.0, 0, 1.0));
     for bad in [f64::NAN, f64::INFINITY] {
         assert!(refused(bad, 1.0, 0, 1.0) && refused(0.5, bad, 0, 1.0) && refused(0.5, 1.0, 0, bad));
     }
     assert!(refused(-0.1, 1.0, 0, 1.0) && refused(0.5, 1.0, 1, 1.0));
-    assert!(Problem::new(vec![], vec![[0.0; 3]], []).is_err());
+    assert!(MatrixProblem::new(vec![], vec![[0.0; 3]], []).is_err());
 }
 
 #[test]
 fn the_residual_is_that_of_the_definition() {
     // r = 0: F = -P_K(-rho u^) = -rho P_K((1, 0, 0)), and rho |q| = rho.
-    let problem = Problem::new(vec![0.5], vec![[-1.0, 0.0, 0.0]], [(0, 0, ONE)]).unwrap();
+    let problem = MatrixProblem::new(vec![0.5], vec![[-1.0, 0.0, 0.0]], [(0, 0, ONE)]).unwrap();
     assert_eq!(residual(&problem, &[[0.0; 3]]), 1.0);
     assert_eq!(residual(&problem, &[[1.0, 0.0, 0.0]]), 0.0);
     assert_eq!(residual(&problem, &[[3.0, 0.0, 0.0]]), 2.0);
     // The same in other units.
-    let scaled = Problem::new(vec![0.5], vec![[-6.0, 0.0, 0.0]], [(0, 0, ONE.map(|w| w.map(|x| 2.0 * x)))]).unwrap();
+    let scaled =
+        MatrixProblem::new(vec![0.5], vec![[-6.0, 0.0, 0.0]], [(0, 0, ONE.map(|w| w.map(|x| 2.0 * x)))]).unwrap();
     assert_eq!(residual(&scaled, &[[9.0, 0.0, 0.0]]), 2.0);
 }
 
@@ -156,8 +160,8 @@ proptest! {
             (i, j, w)
         });
         let q = (0..contacts).map(|i| std::array::from_fn(|a| (0..6).map(|k| row(i, a, k) * v[k]).sum())).collect();
-        let problem = Problem::new(vec![mu; contacts], q, blocks).unwrap();
-        let solution = solved(&problem, Solver::Auto, 20_000);
+        let problem = MatrixProblem::new(vec![mu; contacts], q, blocks).unwrap();
+        let solution = solved(&problem, MatrixSolver::Auto, 20_000);
         prop_assert!(solution.converged, "{:?}", solution);
     }
 
@@ -167,11 +171,11 @@ proptest! {
         w in prop::collection::vec(prop::array::uniform9(-1e3..1e3f64), 9),
         q in prop::collection::vec(prop::array::uniform3(-1e3..1e3f64), 3),
         mu in prop::collection::vec(0.0..2.0f64, 3),
-        solver in 0..Solver::ALL.len(),
+        solver in 0..MatrixSolver::ALL.len(),
     ) {
         let blocks = w.iter().enumerate().map(|(p, w)| (p / 3, p % 3, [0, 1, 2].map(|a| [0, 1, 2].map(|b| w[3 * a + b]))));
-        let problem = Problem::new(mu, q, blocks).unwrap();
-        let solution = solved(&problem, Solver::ALL[solver].1, 1500);
+        let problem = MatrixProblem::new(mu, q, blocks).unwrap();
+        let solution = solved(&problem, MatrixSolver::ALL[solver].1, 1500);
         prop_assert!(solution.r.as_flattened().iter().all(|x| x.is_finite()));
         prop_assert_eq!(solution.residual, residual(&problem, &solution.r));
     }

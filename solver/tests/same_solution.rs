@@ -4,10 +4,10 @@
 mod packing;
 
 use cd_formats::compute::SweepPrecision;
-use cd_solve::assemble::{Record, System};
+use cd_solve::assemble::{ContactProblem, SolverBody};
 use cd_solve::math::Vec3;
-use cd_solve::math::lanes::Width;
-use cd_solve::solve::{Solution, Until, nlgs};
+use cd_solve::math::lanes::SimdWidth;
+use cd_solve::solve::{ContactSolution, StoppingCriteria, solve_nlgs};
 
 /// Enough bodies for four ranges, and sweeps for momentum to grow and, without friction, to start again.
 #[test]
@@ -26,13 +26,13 @@ fn neither_threads_nor_vectors_change_a_solution() {
     for (system, sweeps, precision) in problems {
         let solve = |width, threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let until = Until { precision, ..Until::new(1e-12, sweeps) };
-            let solution = pool.install(|| nlgs(system, until, width));
+            let until = StoppingCriteria { precision, ..StoppingCriteria::new(1e-12, sweeps) };
+            let solution = pool.install(|| solve_nlgs(system, until, width));
             (solution.impulses, solution.moments, solution.records, solution.residual, solution.sweeps, solution.worst)
         };
-        let plain = solve(Width::all()[0], 1);
+        let plain = solve(SimdWidth::all_widths()[0], 1);
         assert!(plain.3 < 0.5, "{}", plain.3); // of 1 where nothing is solved
-        for width in Width::all() {
+        for width in SimdWidth::all_widths() {
             for threads in [1, 2, 3, 8] {
                 assert!(solve(width, threads) == plain, "{width:?} on {threads} threads");
             }
@@ -41,12 +41,12 @@ fn neither_threads_nor_vectors_change_a_solution() {
 }
 
 /// Velocities of all bodies, m/s.
-fn velocities(solution: &Solution) -> Vec<f64> {
+fn velocities(solution: &ContactSolution) -> Vec<f64> {
     solution.records.iter().flat_map(|record| [record.v, record.w]).flat_map(|v| [v.x, v.y, v.z]).collect()
 }
 
-fn in_precision(system: &System, precision: SweepPrecision, tol: f64) -> Solution {
-    nlgs(system, Until { precision, ..Until::new(tol, 20_000) }, Width::detect())
+fn in_precision(system: &ContactProblem, precision: SweepPrecision, tol: f64) -> ContactSolution {
+    solve_nlgs(system, StoppingCriteria { precision, ..StoppingCriteria::new(tol, 20_000) }, SimdWidth::detect())
 }
 
 #[test]
@@ -55,7 +55,7 @@ fn single_precision_finds_the_solution_of_double_precision() {
         let system = packing::packing(17, friction);
         let exact = velocities(&in_precision(&system, SweepPrecision::Double, 1e-12));
         let norm = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>().sqrt();
-        let error = |found: &Solution| norm(&mut velocities(found).iter().zip(&exact).map(|(a, b)| a - b));
+        let error = |found: &ContactSolution| norm(&mut velocities(found).iter().zip(&exact).map(|(a, b)| a - b));
         // 1e-10 takes the step from single to double precision where rounding stops the sweeps.
         for tol in [1e-2, 1e-4, 1e-10] {
             let [found, in_double] =
@@ -72,8 +72,8 @@ fn single_precision_finds_the_solution_of_double_precision() {
                 assert!(tangential >= bound * (1.0 - 1e-12) || tangential <= bound * (1.0 - 1e-6));
             }
             // Impulses are equal and opposite to the last bit, so only their sums are rounded.
-            let momentum = |records: &[Record]| records.iter().map(|record| record.v).sum::<Vec3>();
-            let drift = (momentum(&found.records) - momentum(&system.records)).norm();
+            let momentum = |records: &[SolverBody]| records.iter().map(|record| record.v).sum::<Vec3>();
+            let drift = (momentum(&found.records) - momentum(&system.bodies)).norm();
             assert!(drift <= 1e-12, "{drift}"); // of 5000 velocities of 0.1 m/s
         }
     }
@@ -85,7 +85,7 @@ fn single_precision_knows_no_units() {
     let (mass, speed) = (2f64.powi(200), 2f64.powi(-150));
     let system = packing::packing(10, 0.4);
     let mut scaled = system.clone();
-    for record in &mut scaled.records {
+    for record in &mut scaled.bodies {
         (record.v, record.w) = (record.v * speed, record.w * speed);
         (record.inverse_mass, record.inverse_inertia) = (record.inverse_mass / mass, record.inverse_inertia / mass);
     }

@@ -108,11 +108,11 @@ impl Case {
     }
 
     pub fn snapshot(&self, step: u64) -> Snapshot {
-        Snapshot::read(&snapshot::path(&self.outbox(), step)).unwrap()
+        Snapshot::read(&snapshot::snapshot_path(&self.outbox(), step)).unwrap()
     }
 
     pub fn last_snapshot(&self) -> Snapshot {
-        Snapshot::read(&snapshot::list(&self.outbox()).unwrap().pop().expect("a snapshot").1).unwrap()
+        Snapshot::read(&snapshot::list_snapshots(&self.outbox()).unwrap().pop().expect("a snapshot").1).unwrap()
     }
 
     /// Name and bytes of every file in OUTBOX.

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use cd_formats::bodies::{Bodies, Shape};
+use cd_formats::bodies::{Bodies, ShapeRecord};
 use cd_formats::compute::Compute;
 use cd_formats::snapshot::Snapshot;
 use cd_formats::tact_behav::TactBehav;
@@ -76,7 +76,7 @@ fn put_off_centre(case: &Case) {
     let mut bodies = Bodies::read(&file).unwrap();
     for body in &mut bodies.0 {
         if let [lone] = &mut body.contactors[..]
-            && let Shape::Polyhedron { vertices, .. } = &mut lone.shape
+            && let ShapeRecord::Polyhedron { vertices, .. } = &mut lone.shape
         {
             vertices.iter_mut().for_each(|vertex| vertex[0] += 3.0);
             body.position[0] -= 3.0;
@@ -503,7 +503,7 @@ fn a_drum_holds_new_grains() {
     let from = Case::of(&scene);
     let mut bodies = Bodies::read(&from.datbox("BODIES.DAT")).unwrap();
     let drum = &mut bodies.0[1];
-    drum.contactors[0].shape = Shape::Cylinder { half_height: 4.0, radius: 3.0, hollow: true };
+    drum.contactors[0].shape = ShapeRecord::Cylinder { half_height: 4.0, radius: 3.0, hollow: true };
     (drum.position, drum.equivalent_radius, drum.inertia) = ([0.0; 3], 0.0, None);
     fs::write(from.datbox("BODIES.DAT"), bodies.to_text()).unwrap();
     let tact = fs::read_to_string(from.datbox("TACT_BEHAV.DAT")).unwrap();

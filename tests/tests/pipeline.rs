@@ -4,9 +4,9 @@ use std::fs;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use cd_formats::compute::{Action, Compute};
+use cd_formats::compute::{Compute, EventAction};
 use cd_formats::dof::Dof;
-use cd_formats::snapshot::list;
+use cd_formats::snapshot::list_snapshots;
 use cd_formats::vloc_rloc::VlocRloc;
 use cd_tests::case::{Case, assert_same_results, cloud, files, post, pre, surfaces_of_an_l};
 use cd_tests::columns::vtp;
@@ -72,7 +72,7 @@ fn a_run_that_stops_and_goes_on_equals_the_unbroken_one() {
     for case in [collapse(), Case::of(BUSY)] {
         let broken = case.twin();
         let unbroken = case.solved(&[]);
-        let last = list(&unbroken.outbox()).unwrap().pop().unwrap().0;
+        let last = list_snapshots(&unbroken.outbox()).unwrap().pop().unwrap().0;
         for steps in ["40", "80", "100", "160", "200"] {
             // Only at the moments of snapshots: a run writes its last step too.
             if !unbroken.outbox().join(format!("snapshot-{:06}.npz", steps.parse::<u64>().unwrap())).exists() {
@@ -121,12 +121,12 @@ fn a_killed_run_goes_on_to_the_same_bytes() {
     let unbroken = case.solved(&[]);
     let mut process = process(&killed, "--force").stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     // If the process is too fast for this, it ends by itself, and the rest holds all the more.
-    while list(&killed.outbox()).unwrap().len() < 20 && process.try_wait().unwrap().is_none() {
+    while list_snapshots(&killed.outbox()).unwrap().len() < 20 && process.try_wait().unwrap().is_none() {
         std::thread::sleep(Duration::from_millis(1));
     }
     let _ = process.kill();
     process.wait().unwrap();
-    assert!(list(&killed.outbox()).unwrap().len() >= 20);
+    assert!(list_snapshots(&killed.outbox()).unwrap().len() >= 20);
     assert_eq!(killed.solve(&["--resume"]), 0);
     // A kill in the middle of writing may leave a part, which nobody reads.
     for name in files(&killed.outbox()).iter().filter(|name| name.ends_with(".part")) {
@@ -299,7 +299,7 @@ fn a_flag_wins_over_its_option() {
     let p = meta.parameters;
     assert_eq!((p.tol, p.theta, p.max_sweeps, p.alert), (1e-6, 1.0, 77, Some(3.5)));
     assert_eq!((p.self_gravity, p.gravity_error, p.quench), (false, 1e-5, 0.01));
-    assert_eq!(list(&case.outbox()).unwrap().iter().map(|(step, _)| *step).collect::<Vec<_>>(), [0, 2, 4, 6]);
+    assert_eq!(list_snapshots(&case.outbox()).unwrap().iter().map(|(step, _)| *step).collect::<Vec<_>>(), [0, 2, 4, 6]);
     assert!(case.outbox().join("DOF.OUT.3").exists() && case.outbox().join("Vloc_Rloc.OUT.3").exists());
 }
 
@@ -328,7 +328,7 @@ fn what_cannot_be_read_is_refused() {
         assert!(!case.outbox().exists(), "{name}");
     }
     let case = Case::of(&cloud(12, 0.4, 1, "dt: 8.0, steps: 5")).solved(&[]);
-    let (_, last) = list(&case.outbox()).unwrap().pop().unwrap();
+    let (_, last) = list_snapshots(&case.outbox()).unwrap().pop().unwrap();
     let bytes = fs::read(&last).unwrap();
     fs::write(&last, &bytes[..bytes.len() / 2]).unwrap();
     assert_eq!(case.solve(&["--resume", "--steps", "10"]), 2);
@@ -389,7 +389,7 @@ fn events_happen_once_and_at_their_time() {
     assert_eq!(parameters(160).uniform_gravity, [0.0, 0.0, -2e-5]);
     assert_eq!(parameters(240).uniform_gravity, [1e-5, 0.0, 0.0]);
     let compute = Compute::read(&case.datbox("COMPUTE.RON")).unwrap();
-    assert_eq!(compute.events[0].action, Action::AddSpin([0.0, 0.0, 1e-4]));
+    assert_eq!(compute.events[0].action, EventAction::AddSpin([0.0, 0.0, 1e-4]));
 }
 
 /// What cd-post writes, read back without VTK; `vtk_readback.py` does it with VTK.

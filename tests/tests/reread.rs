@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use cd_formats::compute::Flags;
+use cd_formats::compute::ComputeFlags;
 use cd_tests::case::{Case, pre};
 
 /// A scene of one body of grains with this shape; `more` are further fields of it.
@@ -27,7 +27,7 @@ fn accepted(scene: &str) -> bool {
     let code = pre(&file, case.path());
     assert!(code == 0 || code == 2, "{code}\n{scene}");
     if code == 0 {
-        let read = cd_solve::read::case(case.path(), &Flags::default());
+        let read = cd_solve::read::read_case(case.path(), &ComputeFlags::default());
         read.map(drop).unwrap_or_else(|faults| panic!("{scene}\n{faults}"));
     }
     code == 0

@@ -41,8 +41,8 @@ fn is_shared_type(path: &str) -> bool {
     [
         "cd_formats::compute::",
         "cd_formats::drv_dof::Evolution",
-        "cd_formats::field::Outside",
-        "cd_formats::groups::Groups",
+        "cd_formats::field::FieldModel",
+        "cd_formats::groups::DisjointSets",
         "cd_formats::snapshot::",
     ]
     .iter()

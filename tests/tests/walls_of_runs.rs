@@ -45,7 +45,7 @@ fn refused(from: &Case, changes: &str) -> String {
 /// A plate of the box as the scene made it: floor, -x, x, -y, y, lid.
 fn plate(from: &Case, wall: usize, shift: f64) -> String {
     let body = &Bodies::read(&from.datbox("BODIES.DAT")).unwrap().0[29 + wall];
-    let cd_formats::bodies::Shape::Plane { half_lengths: [a, b, c] } = body.contactors[0].shape else { panic!() };
+    let cd_formats::bodies::ShapeRecord::Plane { half_lengths: [a, b, c] } = body.contactors[0].shape else { panic!() };
     let [x, y, z] = body.position;
     let (normal, first) = [
         ("(0, 0, 1)", "(1, 0, 0)"),
@@ -168,7 +168,7 @@ fn grains_outside_of_a_hollow_cylinder_are_refused() {
 
 #[test]
 fn datbox_names_the_changes_and_the_snapshot_that_it_is_from() {
-    use cd_formats::origin::Origin;
+    use cd_formats::origin::SceneOrigin;
     let folder = tempfile::tempdir().unwrap();
     let run = filled("Sphere", "1e-2");
     let (from, to) = (folder.path().join("run"), folder.path().join("new"));
@@ -180,14 +180,14 @@ fn datbox_names_the_changes_and_the_snapshot_that_it_is_from() {
         text.starts_with("// Made by from-outbox ../run, --changes changes.ron\n// Made with changes.ron, "),
         "{text}"
     );
-    let origin = Origin::find(&text).unwrap();
-    assert_eq!(origin.changed(&to), None);
+    let origin = SceneOrigin::from_compute_text(&text).unwrap();
+    assert_eq!(origin.change_warning(&to), None);
     fs::write(to.join("changes.ron"), "(seed: 2)").unwrap();
-    let said = origin.changed(&to).unwrap();
+    let said = origin.change_warning(&to).unwrap();
     assert!(
         said.contains("changes.ron has changed since DATBOX was made from it; ") && said.contains("from-outbox"),
         "{said}"
     );
     fs::write(from.join("OUTBOX/snapshot-000400.npz"), "other").unwrap();
-    assert!(origin.changed(&to).unwrap().contains("snapshot-000400.npz have changed since"));
+    assert!(origin.change_warning(&to).unwrap().contains("snapshot-000400.npz have changed since"));
 }

@@ -2,11 +2,11 @@
 
 use std::fs;
 
-use cd_formats::bodies::{Bodies, Shape};
+use cd_formats::bodies::{Bodies, ShapeRecord};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::{DrivenKind, DrvDof, Evolution};
-use cd_formats::tact_behav::{LAWS, TactBehav};
+use cd_formats::tact_behav::{LAW_LABELS, TactBehav};
 use cd_formats::vloc_rloc::VlocRloc;
 
 use crate::{files, folder, kind, rewrite};
@@ -57,8 +57,10 @@ fn a_state_of_lmgc90_is_written_byte_by_byte() {
 #[test]
 fn bodies_in_all_shapes() {
     let Bodies(bodies) = Bodies::read(&folder("good/by-hand/DATBOX/BODIES.DAT")).unwrap();
-    let shapes: Vec<Vec<_>> =
-        bodies.iter().map(|body| body.contactors.iter().map(|contactor| contactor.shape.name()).collect()).collect();
+    let shapes: Vec<Vec<_>> = bodies
+        .iter()
+        .map(|body| body.contactors.iter().map(|contactor| contactor.shape.type_name()).collect())
+        .collect();
     let expected: [&[&str]; 5] =
         [&["SPHEb", "SPHEb", "PT3Dx"], &["CYLND"], &["DNLYC"], &["PLANx"], &["POLYR", "SPHER"]];
     assert_eq!(shapes, expected);
@@ -69,15 +71,17 @@ fn bodies_in_all_shapes() {
     assert_eq!(bodies[3].equivalent_radius, 1.5);
     assert_eq!(bodies[4].position, [0.0, 0.0, 5.0]);
     assert_eq!(bodies[0].contactors[1].colour, "REDxx");
-    assert_eq!(bodies[0].contactors[1].shape, Shape::OffsetSphere { radius: 0.2, offset: [-0.1, 0.0, 0.1] });
-    assert_eq!(bodies[0].contactors[2].shape, Shape::Point { offset: [0.0, 0.5, 0.0] });
-    assert_eq!(bodies[1].contactors[0].shape, Shape::Cylinder { half_height: 0.5, radius: 0.25, hollow: false });
-    assert_eq!(bodies[2].contactors[0].shape, Shape::Cylinder { half_height: 1.0, radius: 4.0, hollow: true });
-    assert_eq!(bodies[3].contactors[0].shape, Shape::Plane { half_lengths: [3.0, 2.0, 0.1] });
+    assert_eq!(bodies[0].contactors[1].shape, ShapeRecord::OffsetSphere { radius: 0.2, offset: [-0.1, 0.0, 0.1] });
+    assert_eq!(bodies[0].contactors[2].shape, ShapeRecord::Point { offset: [0.0, 0.5, 0.0] });
+    assert_eq!(bodies[1].contactors[0].shape, ShapeRecord::Cylinder { half_height: 0.5, radius: 0.25, hollow: false });
+    assert_eq!(bodies[2].contactors[0].shape, ShapeRecord::Cylinder { half_height: 1.0, radius: 4.0, hollow: true });
+    assert_eq!(bodies[3].contactors[0].shape, ShapeRecord::Plane { half_lengths: [3.0, 2.0, 0.1] });
     let frame = bodies[3].contactors[0].local_frame.as_ref().unwrap();
     assert_eq!(frame.axes, [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]);
     assert_eq!(frame.offset, [0.1, 0.2, 0.3]);
-    let Shape::Polyhedron { vertices, triangles } = &bodies[4].contactors[0].shape else { panic!("no polyhedron") };
+    let ShapeRecord::Polyhedron { vertices, triangles } = &bodies[4].contactors[0].shape else {
+        panic!("no polyhedron")
+    };
     assert_eq!(vertices[3], [0.0, 0.0, 1.0]);
     assert_eq!(triangles[1], [0, 1, 3]);
 }
@@ -98,7 +102,7 @@ fn laws_and_rows() {
     let expected: Vec<f64> = (1..=all.len()).map(|k| k as f64 / 8.0).collect();
     assert_eq!(all, expected);
     for law in &tact.laws {
-        let (_, lines) = LAWS.iter().find(|(name, _)| *name == law.kind).unwrap();
+        let (_, lines) = LAW_LABELS.iter().find(|(name, _)| *name == law.kind).unwrap();
         assert_eq!(law.parameters.len(), lines.iter().map(|line| line.len()).sum::<usize>(), "{}", law.kind);
     }
     assert_eq!(tact.laws[3].kind, "RST_CLB");

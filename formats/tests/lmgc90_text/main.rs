@@ -9,7 +9,7 @@ use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::Faults;
-use cd_formats::scan::Text;
+use cd_formats::scan::AsciiText;
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::vloc_rloc::VlocRloc;
 
@@ -22,7 +22,7 @@ const KINDS: [&str; 6] = ["BODIES", "BULK_BEHAV", "TACT_BEHAV", "DRV_DOF", "DOF"
 
 /// Reads a file of one of [`KINDS`] and writes it again.
 fn rewrite(path: &Path, bytes: &[u8]) -> Result<String, Faults> {
-    let text = &Text::new(bytes);
+    let text = &AsciiText::new(bytes);
     Ok(match kind(path) {
         "BODIES" => Bodies::parse(path, text)?.to_text(),
         "BULK_BEHAV" => BulkBehav::parse(path, text)?.to_text(),

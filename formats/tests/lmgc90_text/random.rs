@@ -3,12 +3,12 @@
 use std::fs;
 use std::path::Path;
 
-use cd_formats::bodies::{Bodies, Body, Contactor, LocalFrame, Shape};
+use cd_formats::bodies::{Bodies, Body, Contactor, LocalFrame, ShapeRecord};
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::dof::{BodyDof, Dof};
-use cd_formats::drv_dof::{Driven, DrivenKind, DrvDof, Evolution, table_text};
-use cd_formats::scan::{Text, d14, fortran_real};
-use cd_formats::tact_behav::{LAWS, Law, See, Side, TactBehav};
+use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof, Evolution, table_text};
+use cd_formats::scan::{AsciiText, format_d14, fortran_real};
+use cd_formats::tact_behav::{LAW_LABELS, LawRecord, TactBehav, VisibilityRow, VisibilitySide};
 use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 use proptest::collection::vec;
 use proptest::option;
@@ -22,7 +22,7 @@ macro_rules! round_trip {
     ($value:expr, $kind:ty, $forget:expr) => {{
         let value: $kind = $value;
         let once = value.to_text();
-        let mut read = <$kind>::parse(Path::new("f"), &Text::new(once.as_bytes()))
+        let mut read = <$kind>::parse(Path::new("f"), &AsciiText::new(once.as_bytes()))
             .map_err(|faults| TestCaseError::fail(format!("{faults}\n{once}")))?;
         prop_assert_eq!(&read.to_text(), &once, "the second writing differs");
         let forget: fn(&mut $kind) = $forget;
@@ -71,7 +71,7 @@ fn frame() -> impl Strategy<Value = [[f64; 3]; 3]> {
             [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
             [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
         ];
-        rows.map(|row| row.map(|x| fortran_real(&d14(x)).unwrap()))
+        rows.map(|row| row.map(|x| fortran_real(&format_d14(x)).unwrap()))
     })
 }
 
@@ -81,7 +81,7 @@ fn name() -> impl Strategy<Value = String> {
 
 // --- files ----------------------------------------------------------------------------------------------------------
 
-fn shape() -> impl Strategy<Value = Shape> {
+fn shape() -> impl Strategy<Value = ShapeRecord> {
     let polyhedron = (vec(three(real), 4..9), vec([any::<Index>(), any::<Index>(), any::<Index>()], 4..9)).prop_map(
         |(vertices, triangles)| {
             let count = vertices.len();
@@ -92,27 +92,27 @@ fn shape() -> impl Strategy<Value = Shape> {
                 let c = (0..count).filter(|v| ![a, b].contains(v)).nth(c).unwrap();
                 [a, b, c].map(|v| v as u32)
             });
-            Shape::Polyhedron { triangles: triangles.collect(), vertices }
+            ShapeRecord::Polyhedron { triangles: triangles.collect(), vertices }
         },
     );
     prop_oneof![
-        size().prop_map(|radius| Shape::Sphere { radius }),
-        (size(), three(real)).prop_map(|(radius, offset)| Shape::OffsetSphere { radius, offset }),
-        [size(), size(), size()].prop_map(|half_lengths| Shape::Plane { half_lengths }),
-        (size(), size(), any::<bool>()).prop_map(|(half_height, radius, hollow)| Shape::Cylinder {
+        size().prop_map(|radius| ShapeRecord::Sphere { radius }),
+        (size(), three(real)).prop_map(|(radius, offset)| ShapeRecord::OffsetSphere { radius, offset }),
+        [size(), size(), size()].prop_map(|half_lengths| ShapeRecord::Plane { half_lengths }),
+        (size(), size(), any::<bool>()).prop_map(|(half_height, radius, hollow)| ShapeRecord::Cylinder {
             half_height,
             radius,
             hollow
         }),
         polyhedron,
-        three(real).prop_map(|offset| Shape::Point { offset }),
+        three(real).prop_map(|offset| ShapeRecord::Point { offset }),
     ]
 }
 
 fn contactor() -> impl Strategy<Value = Contactor> {
     let local_frame = option::of((frame(), three(real)).prop_map(|(axes, offset)| LocalFrame { axes, offset }));
     (name(), shape(), local_frame).prop_map(|(colour, shape, local_frame)| {
-        let framed = matches!(shape, Shape::Plane { .. } | Shape::Cylinder { hollow: false, .. });
+        let framed = matches!(shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { hollow: false, .. });
         Contactor { colour, local_frame: local_frame.filter(|_| framed), shape }
     })
 }
@@ -122,7 +122,7 @@ fn body() -> impl Strategy<Value = Body> {
     (name(), size(), inertia, three(real), vec(contactor(), 1..4)).prop_map(
         |(material, equivalent_radius, inertia, position, contactors)| {
             let equivalent_radius = match contactors.as_slice() {
-                [Contactor { shape: Shape::Sphere { radius }, .. }] => *radius,
+                [Contactor { shape: ShapeRecord::Sphere { radius }, .. }] => *radius,
                 _ => equivalent_radius,
             };
             Body { line: 0, material, equivalent_radius, inertia, position, contactors }
@@ -136,13 +136,14 @@ fn distinct<T>(values: Vec<T>, key: impl Fn(&T) -> String) -> Vec<T> {
 }
 
 fn tact_behav() -> impl Strategy<Value = TactBehav> {
-    let law = (name(), select(&LAWS[..]), vec(size(), 8)).prop_map(|(nickname, (kind, lines), mut parameters)| {
-        parameters.truncate(lines.iter().map(|line| line.len()).sum());
-        Law { line: 0, nickname, kind: kind.to_string(), parameters }
-    });
+    let law =
+        (name(), select(&LAW_LABELS[..]), vec(size(), 8)).prop_map(|(nickname, (kind, lines), mut parameters)| {
+            parameters.truncate(lines.iter().map(|line| line.len()).sum());
+            LawRecord { line: 0, nickname, kind: kind.to_string(), parameters }
+        });
     let side = || {
         const CONTACTORS: [&str; 7] = ["SPHER", "SPHEb", "PLANx", "CYLND", "DNLYC", "POLYR", "PT3Dx"];
-        (select(&CONTACTORS[..]), name()).prop_map(|(contactor, colour)| Side {
+        (select(&CONTACTORS[..]), name()).prop_map(|(contactor, colour)| VisibilitySide {
             body: "RBDY3".into(),
             contactor: contactor.into(),
             colour,
@@ -153,7 +154,7 @@ fn tact_behav() -> impl Strategy<Value = TactBehav> {
         let laws = distinct(laws, |law| law.nickname.clone());
         let rows = rows.into_iter().map(|(candidate, law, antagonist, alert)| {
             let law = law.get(&laws).nickname.clone();
-            See { line: 0, candidate, law, antagonist, alert }
+            VisibilityRow { line: 0, candidate, law, antagonist, alert }
         });
         let visibility = distinct(rows.collect(), |row| {
             let mut sides = [format!("{:?}", row.candidate), format!("{:?}", row.antagonist)];
@@ -164,9 +165,9 @@ fn tact_behav() -> impl Strategy<Value = TactBehav> {
     })
 }
 
-fn driven(evolution: impl Strategy<Value = Evolution>) -> impl Strategy<Value = Driven> {
+fn driven(evolution: impl Strategy<Value = Evolution>) -> impl Strategy<Value = DrivenComponent> {
     let kind = select(&[DrivenKind::Velocity, DrivenKind::Force][..]);
-    (0..99_999_999_usize, 0..6_usize, kind, evolution).prop_map(|(body, component, kind, evolution)| Driven {
+    (0..99_999_999_usize, 0..6_usize, kind, evolution).prop_map(|(body, component, kind, evolution)| DrivenComponent {
         line: 0,
         body,
         component,
@@ -338,8 +339,14 @@ fn tables_survive() {
     let points = vec![[-1.5, 1.0 / 3.0], [0.0, -1.2345678e-30], [200000.001, 0.1], [200000.002, f64::MIN_POSITIVE]];
     let table = Evolution::Table { name: "push-north.dat".into(), points: points.clone() };
     let drv = DrvDof(vec![
-        Driven { line: 6, body: 4, component: 2, kind: DrivenKind::Force, evolution: table },
-        Driven { line: 7, body: 4, component: 0, kind: DrivenKind::Velocity, evolution: Evolution::constant(1.0) },
+        DrivenComponent { line: 6, body: 4, component: 2, kind: DrivenKind::Force, evolution: table },
+        DrivenComponent {
+            line: 7,
+            body: 4,
+            component: 0,
+            kind: DrivenKind::Velocity,
+            evolution: Evolution::constant(1.0),
+        },
     ]);
     fs::write(folder.path().join("push-north.dat"), table_text(&points)).unwrap();
     fs::write(folder.path().join("DRV_DOF.DAT"), drv.to_text()).unwrap();
@@ -356,21 +363,31 @@ fn long_texts_hold_what_their_columns_hold() {
         equivalent_radius: x,
         inertia: Some([x; 3]),
         position: [x; 3],
-        contactors: vec![Contactor { colour: "BLUEx".into(), shape: Shape::Sphere { radius: x }, local_frame: None }],
+        contactors: vec![Contactor {
+            colour: "BLUEx".into(),
+            shape: ShapeRecord::Sphere { radius: x },
+            local_frame: None,
+        }],
     };
     let bodies = |x| Bodies(vec![body(x)]);
     let bulk = |x: f64| BulkBehav { gravity: [-x; 3], materials: vec![Material { name: "ROCKx".into(), density: x }] };
-    let side = || Side { body: "RBDY3".into(), contactor: "SPHER".into(), colour: "BLUEx".into() };
+    let side = || VisibilitySide { body: "RBDY3".into(), contactor: "SPHER".into(), colour: "BLUEx".into() };
     let tact = |x| TactBehav {
-        laws: vec![Law { line: 2, nickname: "iqsc0".into(), kind: "IQS_CLB".into(), parameters: vec![x] }],
-        visibility: vec![See { line: 5, candidate: side(), law: "iqsc0".into(), antagonist: side(), alert: x }],
+        laws: vec![LawRecord { line: 2, nickname: "iqsc0".into(), kind: "IQS_CLB".into(), parameters: vec![x] }],
+        visibility: vec![VisibilityRow {
+            line: 5,
+            candidate: side(),
+            law: "iqsc0".into(),
+            antagonist: side(),
+            alert: x,
+        }],
     };
     let driven = |x: f64| {
         let evolution =
             Evolution::Harmonic { constant: x, amplitude: -x, omega: x, phase: -x, ramp_start: x, ramp_rate: -x };
-        DrvDof(vec![Driven { line: 6, body: 0, component: 0, kind: DrivenKind::Force, evolution }])
+        DrvDof(vec![DrivenComponent { line: 6, body: 0, component: 0, kind: DrivenKind::Force, evolution }])
     };
-    let (path, text) = (Path::new("f"), |text: String| Text::new(text.as_bytes()));
+    let (path, text) = (Path::new("f"), |text: String| AsciiText::new(text.as_bytes()));
     assert_eq!(Bodies::parse(path, &text(bodies(long).to_long_text())), Ok(bodies(long)));
     assert_eq!(BulkBehav::parse(path, &text(bulk(long).to_long_text())), Ok(bulk(long)));
     assert_eq!(TactBehav::parse(path, &text(tact(long).to_long_text())), Ok(tact(long)));

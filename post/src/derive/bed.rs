@@ -3,10 +3,10 @@
 use crate::derive::coordination::neighbour_counts;
 use crate::derive::fragments::Fragment;
 use crate::derive::stress::{grain_stresses, pressure};
-use crate::frame::{Cell, Frame, Grain, Interval, Mat3, Side, Vec3, Wall, WallShape};
+use crate::frame::{BodyIndex, Frame, Grain, Mat3, PeriodicCell, SnapshotInterval, Vec3, Wall, WallShape};
 
 /// Cosines nearer to 0 or 1 than this are of walls upright or level: some roundings of an orientation from a file.
-const UPRIGHT: f64 = 1e-6;
+const UPRIGHT_TOLERANCE: f64 = 1e-6;
 
 /// The grains that rest on walls under uniform gravity, between upright walls or in a cell that repeats.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,34 +38,35 @@ impl Bed {
     /// hollow cylinder if it has nearly all of them within; the rest have left it. What nothing holds at that instant but is
     /// between these walls, with its centre no higher than the highest point of the others, is of the bed: where a bed flows that
     /// is a part of it.
-    pub fn of(frame: &Frame, fragments: &[Fragment]) -> Option<Bed> {
+    pub fn from_frame(frame: &Frame, fragments: &[Fragment]) -> Option<Bed> {
         let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
-        let mut grains = borne(frame, fragments);
+        let mut grains = supported_grains(frame, fragments);
         if grains.is_empty() {
             return None;
         }
         let members = || grains.iter().map(|&i| &frame.grains[i]);
-        let faces: Vec<Face> = (0..frame.walls.len()).flat_map(|k| bounding_faces(frame, k, &grains)).collect();
+        let faces: Vec<WallFace> = (0..frame.walls.len()).flat_map(|k| bounding_faces(frame, k, &grains)).collect();
         let mut bears = vec![0.0; frame.walls.len()];
-        for contact in frame.active() {
+        for contact in frame.active_contacts() {
             for side in [contact.candidate, contact.antagonist] {
-                if let Side::Wall(k) = side {
+                if let BodyIndex::Wall(k) = side {
                     bears[k] += contact.on_grains().map(|(_, force, _)| force.dot(&against)).sum::<f64>();
                 }
             }
         }
-        let share = |face: &&Face| bears[face.wall] * face.normal.dot(&against);
+        let share = |face: &&WallFace| bears[face.wall] * face.normal.dot(&against);
         // A lid may bear more than the floor, for an instant, but from above.
-        let below = |face: &&Face| face.normal.dot(&against) > 0.0 && share(face) > 0.0;
+        let below = |face: &&WallFace| face.normal.dot(&against) > 0.0 && share(face) > 0.0;
         let floor = faces.iter().filter(below).max_by(|a, b| share(a).total_cmp(&share(b)));
-        let up = floor.map_or(if frame.cell().repeats() { Vec3::z() } else { against }, |floor| floor.normal);
-        let lowest = || members().map(|g| extent(g, &up)[0]).fold(f64::INFINITY, f64::min);
+        let up = floor.map_or(if frame.cell().is_periodic() { Vec3::z() } else { against }, |floor| floor.normal);
+        let lowest = || members().map(|g| height_range(g, &up)[0]).fold(f64::INFINITY, f64::min);
         let floor = floor.map_or_else(lowest, |floor| floor.place);
-        let bores: Vec<Bore> = (0..frame.walls.len()).filter_map(|k| bounding_bore(frame, k, &grains)).collect();
-        let area = section(&faces, &bores, &frame.cell(), &up, &centre_of_mass(members()), members())?;
-        let inside = |x: &Vec3| faces.iter().all(|f| f.before(x)) && bores.iter().all(|bore| bore.around(x));
+        let bores: Vec<CylinderBore> =
+            (0..frame.walls.len()).filter_map(|k| bounding_bore(frame, k, &grains)).collect();
+        let area = section_area(&faces, &bores, &frame.cell(), &up, &centre_of_mass(members()), members())?;
+        let inside = |x: &Vec3| faces.iter().all(|f| f.is_before(x)) && bores.iter().all(|bore| bore.contains_point(x));
         grains.retain(|&i| inside(&frame.grains[i].x));
-        let top = floor + above(frame, &grains, &up, floor);
+        let top = floor + highest_point(frame, &grains, &up, floor);
         let among = |g: &Grain| (floor..=top).contains(&g.x.dot(&up)) && inside(&g.x);
         let others: Vec<usize> =
             (0..frame.grains.len()).filter(|i| grains.binary_search(i).is_err() && among(&frame.grains[*i])).collect();
@@ -87,7 +88,7 @@ impl Bed {
     }
 
     /// Share of the room up to [`Bed::height`] that grains would fill.
-    pub fn nu(&self) -> f64 {
+    pub fn solid_fraction(&self) -> f64 {
         self.filled / (self.area * self.height)
     }
 
@@ -103,12 +104,12 @@ impl Bed {
 
     /// Mean of the two horizontal stresses over the vertical one; NaN without.
     pub fn stress_ratio(&self) -> f64 {
-        horizontal(&self.moment, &self.up) / vertical(&self.moment, &self.up)
+        horizontal_stress(&self.moment, &self.up) / vertical_stress(&self.moment, &self.up)
     }
 
     /// The highest point of the bed's grains above the floor, m.
-    pub fn top(&self, frame: &Frame) -> f64 {
-        above(frame, &self.grains, &self.up, self.floor)
+    pub fn top_height(&self, frame: &Frame) -> f64 {
+        highest_point(frame, &self.grains, &self.up, self.floor)
     }
 
     /// `count` layers of equal thickness from the floor to `top` (m) above it, its highest point or beyond.
@@ -123,14 +124,14 @@ impl Bed {
             |k: usize| Layer { lower: k as f64 * width, upper: (k + 1) as f64 * width, up: *up, ..Layer::default() };
         let mut layers: Vec<Layer> = (0..count).map(layer).collect();
         for (i, grain) in members() {
-            let [low, high] = extent(grain, up).map(|h| h - self.floor);
+            let [low, high] = height_range(grain, up).map(|h| h - self.floor);
             let home = (((grain.x.dot(up) - self.floor) / width).max(0.0) as usize).min(count - 1);
             layers[home].grains += 1.0;
             layers[home].neighbours += f64::from(neighbours[i]);
-            let (whole, volume) = (raw_below(grain, up, f64::INFINITY), grain.volume());
+            let (whole, volume) = (volume_below(grain, up, f64::INFINITY), grain.volume());
             let density = grain.mass / volume;
             // Its share below a height above the floor; what sinks below the floor is in the first layer.
-            let below = |height: f64| raw_below(grain, up, height + self.floor) / whole;
+            let below = |height: f64| volume_below(grain, up, height + self.floor) / whole;
             let over = 1.0 / (self.area * width);
             let first = ((low / width).max(0.0) as usize).min(count - 1);
             let mut up_to = 0.0;
@@ -158,8 +159,8 @@ impl Bed {
 
 /// (1/3) sum r.l / T of the contacts of some grains in the time T since the snapshot before, J; NaN without one.
 fn interval_moment(frame: &Frame, grains: &[usize]) -> f64 {
-    let Interval { length, exchanges } = &frame.interval;
-    let member = |side: &Side| side.grain().is_some_and(|grain| grains.binary_search(&grain).is_ok());
+    let SnapshotInterval { length, exchanges } = &frame.interval;
+    let member = |side: &BodyIndex| side.grain_index().is_some_and(|grain| grains.binary_search(&grain).is_ok());
     let virial: f64 = exchanges.iter().filter(|e| e.sides.iter().any(member)).map(|e| e.virial).sum();
     if *length > 0.0 { virial / length / 3.0 } else { f64::NAN }
 }
@@ -193,7 +194,7 @@ pub struct Layer {
 
 impl Layer {
     /// The mean of the same layer at several times.
-    pub fn mean<'a>(times: impl ExactSizeIterator<Item = &'a Layer>) -> Layer {
+    pub fn mean_over_times<'a>(times: impl ExactSizeIterator<Item = &'a Layer>) -> Layer {
         let share = 1.0 / times.len() as f64;
         times.fold(Layer::default(), |sum, layer| Layer {
             lower: layer.lower,
@@ -211,7 +212,7 @@ impl Layer {
     }
 
     /// Neighbours that a grain touches with force; NaN without grains.
-    pub fn z(&self) -> f64 {
+    pub fn mean_coordination(&self) -> f64 {
         self.neighbours / self.grains
     }
 
@@ -221,21 +222,21 @@ impl Layer {
     }
 
     /// Stress of the grains, Pa: what they exert on each other.
-    pub fn contacts(&self) -> Across {
-        Across::of(&self.stress, &self.up)
+    pub fn contact_stress(&self) -> LayerStress {
+        LayerStress::new(&self.stress, &self.up)
     }
 
     /// Stress of the motion about [`Layer::velocity`], Pa; NaN without grains.
     ///
-    /// sum m v' (x) v' over the volume, v' = v - v_mean, of translations: no part of [`Layer::contacts`].
-    pub fn motion(&self) -> Across {
-        Across::of(&(self.flux - self.momentum * self.velocity().transpose()), &self.up)
+    /// sum m v' (x) v' over the volume, v' = v - v_mean, of translations: no part of [`Layer::contact_stress`].
+    pub fn kinetic_stress(&self) -> LayerStress {
+        LayerStress::new(&(self.flux - self.momentum * self.velocity().transpose()), &self.up)
     }
 }
 
 /// A stress by the planes of a layer, Pa.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Across {
+pub struct LayerStress {
     /// A third of the trace.
     pub pressure: f64,
     /// The component along the normal of the floor.
@@ -246,30 +247,30 @@ pub struct Across {
     pub shear: Vec3,
 }
 
-impl Across {
-    fn of(stress: &Mat3, up: &Vec3) -> Across {
-        let vertical = vertical(stress, up);
-        Across {
+impl LayerStress {
+    fn new(stress: &Mat3, up: &Vec3) -> LayerStress {
+        let vertical = vertical_stress(stress, up);
+        LayerStress {
             pressure: pressure(stress),
             vertical,
-            horizontal: horizontal(stress, up),
+            horizontal: horizontal_stress(stress, up),
             shear: up * vertical - stress * up,
         }
     }
 }
 
-fn vertical(stress: &Mat3, up: &Vec3) -> f64 {
+fn vertical_stress(stress: &Mat3, up: &Vec3) -> f64 {
     up.dot(&(stress * up))
 }
 
-fn horizontal(stress: &Mat3, up: &Vec3) -> f64 {
-    0.5 * (stress.trace() - vertical(stress, up))
+fn horizontal_stress(stress: &Mat3, up: &Vec3) -> f64 {
+    0.5 * (stress.trace() - vertical_stress(stress, up))
 }
 
 /// The grains of all groups that a wall touches with force.
-pub fn borne(frame: &Frame, fragments: &[Fragment]) -> Vec<usize> {
+pub fn supported_grains(frame: &Frame, fragments: &[Fragment]) -> Vec<usize> {
     let mut touched = vec![false; frame.grains.len()];
-    let walls = frame.active().filter(|contact| contact.pair().is_none());
+    let walls = frame.active_contacts().filter(|contact| contact.grain_pair().is_none());
     walls.flat_map(|contact| contact.on_grains()).for_each(|(i, _, _)| touched[i] = true);
     let borne = fragments.iter().filter(|fragment| fragment.grains.iter().any(|&i| touched[i]));
     let mut grains: Vec<usize> = borne.flat_map(|fragment| fragment.grains.iter().copied()).collect();
@@ -278,22 +279,22 @@ pub fn borne(frame: &Frame, fragments: &[Fragment]) -> Vec<usize> {
 }
 
 /// A face of a wall: n.x >= place for the centres of nearly all grains.
-pub struct Face {
+pub struct WallFace {
     /// Index into [`Frame::walls`].
     pub wall: usize,
     pub normal: Vec3,
     pub place: f64,
 }
 
-impl Face {
-    pub fn before(&self, x: &Vec3) -> bool {
+impl WallFace {
+    pub fn is_before(&self, x: &Vec3) -> bool {
         x.dot(&self.normal) >= self.place
     }
 }
 
 /// The highest point of some grains above a floor, m.
-fn above(frame: &Frame, grains: &[usize], up: &Vec3, floor: f64) -> f64 {
-    grains.iter().map(|&i| extent(&frame.grains[i], up)[1] - floor).fold(0.0, f64::max)
+fn highest_point(frame: &Frame, grains: &[usize], up: &Vec3, floor: f64) -> f64 {
+    grains.iter().map(|&i| height_range(&frame.grains[i], up)[1] - floor).fold(0.0, f64::max)
 }
 
 pub fn centre_of_mass<'a>(grains: impl Iterator<Item = &'a Grain>) -> Vec3 {
@@ -302,29 +303,29 @@ pub fn centre_of_mass<'a>(grains: impl Iterator<Item = &'a Grain>) -> Vec3 {
 }
 
 /// Share of the grains that may be beyond a wall that bounds the others: few that have left a box do not open it.
-const ESCAPED: f64 = 0.02;
+const MAX_ESCAPED_SHARE: f64 = 0.02;
 
 fn nearly_all(frame: &Frame, grains: &[usize], inside: impl Fn(&Vec3) -> bool) -> bool {
     let beyond = grains.iter().filter(|&&i| !inside(&frame.grains[i].x)).count();
-    beyond as f64 <= ESCAPED * grains.len() as f64
+    beyond as f64 <= MAX_ESCAPED_SHARE * grains.len() as f64
 }
 
 /// Faces of a wall that have the centres of nearly all `grains` before them: of a plate any, of a convex polyhedron, of those
 /// that cover half of the grains' section or more, the one that is farthest from the nearest of these centres; of a hollow
 /// cylinder around these centres both ends.
-pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<Face> {
+pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<WallFace> {
     let (x, rotation) = (frame.walls[wall].x, frame.walls[wall].rotation);
-    let before = |face: &Face| nearly_all(frame, grains, |x| face.before(x));
+    let before = |face: &WallFace| nearly_all(frame, grains, |x| face.is_before(x));
     match &frame.walls[wall].shape {
         WallShape::Plate(half) => {
             let face = |(axis, sign): (usize, f64)| {
                 let normal = rotation * Vec3::ith(axis, sign);
-                Face { wall, normal, place: normal.dot(&x) + half[axis] }
+                WallFace { wall, normal, place: normal.dot(&x) + half[axis] }
             };
             (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]).map(face).filter(before).collect()
         }
         WallShape::Polyhedron(solid) if solid.hollow.is_none() => {
-            let reach = solid.reach();
+            let reach = solid.bounding_radius();
             let centre = grains.iter().map(|&i| frame.grains[i].x).sum::<Vec3>() / grains.len() as f64;
             let offset = |i: &usize| frame.grains[*i].x - centre;
             let spread = grains.iter().map(|i| offset(i) * offset(i).transpose()).sum::<Mat3>() / grains.len() as f64;
@@ -342,9 +343,9 @@ pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<Face>
                 // Faces of a body that is not convex bound nothing.
                 let supports = solid.vertices.iter().all(|v| (v - a).dot(&normal) <= 1e-9 * reach);
                 let normal = supports.then(|| rotation * normal).filter(|normal| covers(corners, normal))?;
-                Some(Face { wall, normal, place: normal.dot(&(x + rotation * a)) })
+                Some(WallFace { wall, normal, place: normal.dot(&(x + rotation * a)) })
             };
-            let clearance = |face: &Face| {
+            let clearance = |face: &WallFace| {
                 let distances = grains.iter().map(|&i| frame.grains[i].x.dot(&face.normal) - face.place);
                 distances.filter(|d| *d >= 0.0).fold(f64::INFINITY, f64::min)
             };
@@ -356,7 +357,7 @@ pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<Face>
 }
 
 /// A hollow cylinder around nearly all centres; its ends are faces.
-pub struct Bore {
+pub struct CylinderBore {
     pub x: Vec3,
     pub axis: Vec3,
     pub radius: f64,
@@ -364,61 +365,61 @@ pub struct Bore {
     half_height: f64,
 }
 
-impl Bore {
-    pub fn around(&self, x: &Vec3) -> bool {
+impl CylinderBore {
+    pub fn contains_point(&self, x: &Vec3) -> bool {
         (x - self.x).cross(&self.axis).norm() <= self.radius
     }
 
     /// Flat ends, seen from inside.
-    fn ends(&self, wall: usize) -> [Face; 2] {
-        [self.axis, -self.axis].map(|normal| Face { wall, normal, place: normal.dot(&self.x) - self.half_height })
+    fn ends(&self, wall: usize) -> [WallFace; 2] {
+        [self.axis, -self.axis].map(|normal| WallFace { wall, normal, place: normal.dot(&self.x) - self.half_height })
     }
 }
 
 /// The inside of a hollow cylinder that has nearly all centres between its ends and within its radius.
-pub fn bounding_bore(frame: &Frame, wall: usize, grains: &[usize]) -> Option<Bore> {
+pub fn bounding_bore(frame: &Frame, wall: usize, grains: &[usize]) -> Option<CylinderBore> {
     let WallShape::Polyhedron(solid) = &frame.walls[wall].shape else { return None };
     let hollow = solid.hollow?;
     let Wall { x, rotation, .. } = frame.walls[wall];
-    let bore = Bore { x, axis: rotation * Vec3::z(), radius: hollow.radius, half_height: hollow.half_height };
+    let bore = CylinderBore { x, axis: rotation * Vec3::z(), radius: hollow.radius, half_height: hollow.half_height };
     let ends = bore.ends(wall);
-    nearly_all(frame, grains, |x| bore.around(x) && ends.iter().all(|end| end.before(x))).then_some(bore)
+    nearly_all(frame, grains, |x| bore.contains_point(x) && ends.iter().all(|end| end.is_before(x))).then_some(bore)
 }
 
 /// Sides of the polygon for which the section of a hollow cylinder is taken: of the same area, and of the same shape where a plate cuts it.
-const SIDES: usize = 720;
+const POLYGON_SIDES: usize = 720;
 
 /// Area of the room across `up`, m^2: what the cell and the upright walls leave; None if it is open, or a wall is oblique.
-fn section<'a>(
-    faces: &[Face],
-    bores: &[Bore],
-    cell: &Cell,
+fn section_area<'a>(
+    faces: &[WallFace],
+    bores: &[CylinderBore],
+    cell: &PeriodicCell,
     up: &Vec3,
     centre: &Vec3,
     grains: impl Iterator<Item = &'a Grain>,
 ) -> Option<f64> {
-    let level = |face: &&Face| face.normal.dot(up).abs() > 1.0 - UPRIGHT;
+    let level = |face: &&WallFace| face.normal.dot(up).abs() > 1.0 - UPRIGHT_TOLERANCE;
     let sides: Vec<(Vec3, f64)> =
         faces.iter().filter(|f| !level(f)).map(|f| (f.normal, f.place - f.normal.dot(centre))).collect();
-    let along_z = up.z.abs() > 1.0 - UPRIGHT;
-    let leans = |bore: &Bore| bore.axis.cross(up).norm() > UPRIGHT;
-    let oblique = sides.iter().any(|(normal, _)| normal.dot(up).abs() > UPRIGHT) || bores.iter().any(leans);
-    if cell.repeats() && !along_z || oblique {
+    let along_z = up.z.abs() > 1.0 - UPRIGHT_TOLERANCE;
+    let leans = |bore: &CylinderBore| bore.axis.cross(up).norm() > UPRIGHT_TOLERANCE;
+    let oblique = sides.iter().any(|(normal, _)| normal.dot(up).abs() > UPRIGHT_TOLERANCE) || bores.iter().any(leans);
+    if cell.is_periodic() && !along_z || oblique {
         return None;
     }
     let first = if along_z { Vec3::x() } else { up.cross(&Vec3::z()).normalize() };
     let axes = [first, if along_z { Vec3::y() } else { up.cross(&first) }];
     // A room that grains nearly fill ends within a few times their extent.
-    let far = grains.map(|g| (g.x - centre).norm() + g.reach()).fold(0.0, f64::max);
+    let far = grains.map(|g| (g.x - centre).norm() + g.bounding_radius()).fold(0.0, f64::max);
     let walls = sides.iter().map(|(_, place)| place.abs()).chain(bores.iter().map(|bore| bore.radius));
     let open = 16.0 * walls.fold(far, f64::max);
     let mut polygon = match bores.iter().min_by(|a, b| a.radius.total_cmp(&b.radius)) {
         Some(bore) => {
-            let turn = std::f64::consts::TAU / SIDES as f64;
+            let turn = std::f64::consts::TAU / POLYGON_SIDES as f64;
             let radius = bore.radius * (turn / turn.sin()).sqrt();
             let middle = axes.map(|axis| axis.dot(&(bore.x - centre)));
             let corner = |k: usize| [turn * k as f64, turn * k as f64 - 0.25 * std::f64::consts::TAU].map(f64::cos);
-            (0..SIDES).map(corner).map(|c| [0, 1].map(|k| middle[k] + radius * c[k])).collect()
+            (0..POLYGON_SIDES).map(corner).map(|c| [0, 1].map(|k| middle[k] + radius * c[k])).collect()
         }
         None => {
             let half = cell.0.map(|period| period.map_or(open, |period| 0.5 * period));
@@ -427,7 +428,7 @@ fn section<'a>(
     };
     for (normal, place) in sides {
         let before = |p: &[f64; 2]| (axes[0] * p[0] + axes[1] * p[1]).dot(&normal) - place;
-        polygon = cut(&polygon, before, |p, q, share| [0, 1].map(|k| p[k] + share * (q[k] - p[k])));
+        polygon = cut_polygon(&polygon, before, |p, q, share| [0, 1].map(|k| p[k] + share * (q[k] - p[k])));
     }
     let closed = |p: &[f64; 2]| (0..2).all(|k| cell.0[k].is_some() || p[k].abs() < open);
     let twice = |k: usize| {
@@ -438,7 +439,7 @@ fn section<'a>(
 }
 
 /// The part of a convex polygon where `value` is not negative; `between` gives the point that a share of an edge is along.
-pub fn cut<P: Copy>(polygon: &[P], value: impl Fn(&P) -> f64, between: impl Fn(&P, &P, f64) -> P) -> Vec<P> {
+pub fn cut_polygon<P: Copy>(polygon: &[P], value: impl Fn(&P) -> f64, between: impl Fn(&P, &P, f64) -> P) -> Vec<P> {
     let mut left = Vec::with_capacity(polygon.len() + 1);
     for (k, p) in polygon.iter().enumerate() {
         let q = &polygon[(k + 1) % polygon.len()];
@@ -454,7 +455,7 @@ pub fn cut<P: Copy>(polygon: &[P], value: impl Fn(&P) -> f64, between: impl Fn(&
 }
 
 /// Lowest and highest point of a grain along `up`, m.
-pub fn extent(grain: &Grain, up: &Vec3) -> [f64; 2] {
+pub fn height_range(grain: &Grain, up: &Vec3) -> [f64; 2] {
     let balls = grain.balls().flat_map(|(x, radius)| [x.dot(up) - radius, x.dot(up) + radius]);
     let points = grain.vertices().map(|v| v.dot(up));
     balls.chain(points).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| [low.min(h), high.max(h)])
@@ -464,17 +465,17 @@ pub fn extent(grain: &Grain, up: &Vec3) -> [f64; 2] {
 ///
 /// Of a ball the cap pi (r + s)^2 (2 r - s) / 3, s the plane above its centre; of a polyhedron the cones over what its faces
 /// have below, from a point of the plane: the cut itself is seen edge-on from there.
-pub fn raw_below(grain: &Grain, up: &Vec3, height: f64) -> f64 {
+pub fn volume_below(grain: &Grain, up: &Vec3, height: f64) -> f64 {
     let ball = |(x, r): (Vec3, f64)| {
         let s = (height - x.dot(up)).clamp(-r, r);
         std::f64::consts::PI * (r + s).powi(2) * (2.0 * r - s) / 3.0
     };
-    let [_, highest] = extent(grain, up);
+    let [_, highest] = height_range(grain, up);
     let origin = grain.x + up * (height.min(highest) - grain.x.dot(up));
     let vertices: Vec<Vec3> = grain.vertices().map(|v| v - origin).collect();
     let cone = |face: &Vec<u32>| {
         let corners: Vec<Vec3> = face.iter().map(|&v| vertices[v as usize]).collect();
-        let below = cut(&corners, |p| -p.dot(up), |p, q, share| p + (q - p) * share);
+        let below = cut_polygon(&corners, |p| -p.dot(up), |p, q, share| p + (q - p) * share);
         (2..below.len()).map(|k| below[0].dot(&below[k - 1].cross(&below[k])) / 6.0).sum::<f64>()
     };
     let faces = grain.solid.iter().flat_map(|solid| &solid.faces);
@@ -484,14 +485,14 @@ pub fn raw_below(grain: &Grain, up: &Vec3, height: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::derive::fragments::fragments;
+    use crate::derive::fragments::find_fragments;
     use crate::samples::Scene;
-    use crate::shapes::{Hollow, Solid};
+    use crate::shapes::{Hollow, SolidShape};
     use nalgebra::UnitQuaternion;
 
     fn bed(scene: &Scene) -> Option<Bed> {
         let frame = scene.frame();
-        Bed::of(&frame, &fragments(&frame))
+        Bed::from_frame(&frame, &find_fragments(&frame))
     }
 
     fn assert_close(found: f64, expected: f64) {
@@ -539,11 +540,11 @@ mod tests {
             for (cubes, nu) in [(false, std::f64::consts::PI / 6.0), (true, 1.0)] {
                 let found = bed(&columns(5, cubes, [true; 4], turn)).unwrap();
                 assert!((found.up - turn * Vec3::z()).norm() < 1e-14 && found.floor.abs() < 1e-14);
-                for (value, expected) in [(found.area, 6.0), (found.height, 5.0), (found.nu(), nu)] {
+                for (value, expected) in [(found.area, 6.0), (found.height, 5.0), (found.solid_fraction(), nu)] {
                     assert_close(value, expected);
                 }
                 // The weight of five, nu times 1 each, over an area of 1.
-                assert_close(vertical(&found.stress(), &found.up), 0.5 * 5.0 * nu * 2.0);
+                assert_close(vertical_stress(&found.stress(), &found.up), 0.5 * 5.0 * nu * 2.0);
                 assert!(found.stress_ratio().abs() < 1e-14);
             }
         }
@@ -578,14 +579,18 @@ mod tests {
             ..Layer::default()
         };
         let empty = Layer { upper: 2.0, up: Vec3::z(), ..Layer::default() };
-        let mean = Layer::mean([at(0.75, 2.0), at(0.25, 6.0), empty, empty].iter());
+        let mean = Layer::mean_over_times([at(0.75, 2.0), at(0.25, 6.0), empty, empty].iter());
         assert_eq!((mean.upper, mean.nu, mean.grains, mean.density), (2.0, 0.25, 0.5, 0.25));
         // Neighbours are a mean over grains, velocities over mass: that of 3 kg at 2 m/s and 1 kg at 6 m/s is 3 m/s.
-        assert_eq!((mean.z(), mean.velocity()), (4.0, Vec3::z() * 3.0));
+        assert_eq!((mean.mean_coordination(), mean.velocity()), (4.0, Vec3::z() * 3.0));
         // What moves with the mean has no stress: 0.25 kg/m^3 of variance (3 1^2 + 1 3^2) / 4 = 3.
-        assert_eq!((mean.motion().vertical, mean.motion().pressure), (0.75, 0.25));
-        assert_eq!(at(0.75, 2.0).motion().vertical, 0.0);
-        assert!(empty.z().is_nan() && empty.velocity().x.is_nan() && empty.motion().pressure.is_nan());
+        assert_eq!((mean.kinetic_stress().vertical, mean.kinetic_stress().pressure), (0.75, 0.25));
+        assert_eq!(at(0.75, 2.0).kinetic_stress().vertical, 0.0);
+        assert!(
+            empty.mean_coordination().is_nan()
+                && empty.velocity().x.is_nan()
+                && empty.kinetic_stress().pressure.is_nan()
+        );
     }
 
     #[test]
@@ -615,30 +620,33 @@ mod tests {
     fn layers_hold_what_lies_in_them() {
         for turn in turns() {
             let frame = columns(5, true, [true; 4], turn).frame();
-            let found = Bed::of(&frame, &fragments(&frame)).unwrap();
+            let found = Bed::from_frame(&frame, &find_fragments(&frame)).unwrap();
             // Layers cut the cubes; stress is that of each cube: half of what it bears and what bears it.
             for count in [1, 5, 7, 20] {
-                for layer in found.layers(&frame, count, found.top(&frame)) {
+                for layer in found.layers(&frame, count, found.top_height(&frame)) {
                     let middle = 0.5 * (layer.lower + layer.upper);
                     assert_close(layer.nu, 1.0);
                     assert_close(layer.weight, 2.0 * (5.0 - middle));
                     let cube = middle.floor();
                     if count == 5 {
-                        let stress = layer.contacts();
+                        let stress = layer.contact_stress();
                         assert_close(stress.vertical, 2.0 * (4.5 - cube));
                         assert_close(stress.pressure, stress.vertical / 3.0);
-                        assert_eq!((layer.grains, layer.z()), (6.0, if cube == 4.0 { 1.0 } else { 2.0 }));
+                        assert_eq!(
+                            (layer.grains, layer.mean_coordination()),
+                            (6.0, if cube == 4.0 { 1.0 } else { 2.0 })
+                        );
                     }
                 }
             }
         }
         // Of spheres each layer of half a diameter has half.
         let frame = columns(4, false, [true; 4], UnitQuaternion::identity()).frame();
-        let found = Bed::of(&frame, &fragments(&frame)).unwrap();
-        for layer in found.layers(&frame, 8, found.top(&frame)) {
+        let found = Bed::from_frame(&frame, &find_fragments(&frame)).unwrap();
+        for layer in found.layers(&frame, 8, found.top_height(&frame)) {
             assert_close(layer.nu, std::f64::consts::PI / 6.0);
         }
-        let thin: f64 = found.layers(&frame, 13, found.top(&frame)).iter().map(|layer| layer.nu).sum();
+        let thin: f64 = found.layers(&frame, 13, found.top_height(&frame)).iter().map(|layer| layer.nu).sum();
         assert_close(thin / 13.0, std::f64::consts::PI / 6.0);
     }
 
@@ -656,14 +664,16 @@ mod tests {
             below = cube;
         }
         let frame = scene.frame();
-        let layers = Bed::of(&frame, &fragments(&frame)).map(|bed| bed.layers(&frame, 5, bed.top(&frame))).unwrap();
+        let layers = Bed::from_frame(&frame, &find_fragments(&frame))
+            .map(|bed| bed.layers(&frame, 5, bed.top_height(&frame)))
+            .unwrap();
         for (k, layer) in layers.iter().enumerate() {
             // Half of what it bears and half of what bears it.
             let borne = 4.5 - k as f64;
-            let stress = layer.contacts();
+            let stress = layer.contact_stress();
             assert!((stress.shear - Vec3::x() * borne).norm() < 1e-14 && (stress.vertical - 2.0 * borne).abs() < 1e-14);
             assert!((layer.velocity() - Vec3::x() * k as f64).norm() < 1e-14, "{layer:?}");
-            assert!(layer.motion().pressure.abs() < 1e-14, "a layer of one cube: {layer:?}");
+            assert!(layer.kinetic_stress().pressure.abs() < 1e-14, "a layer of one cube: {layer:?}");
         }
     }
 
@@ -714,11 +724,11 @@ mod tests {
         let hollow = |radius: f64, axis: Vec3| {
             let mut frame = columns(3, false, [false; 4], UnitQuaternion::identity()).frame();
             let hollow = Some(Hollow { radius, half_height: 50.0 });
-            let shape = WallShape::Polyhedron(Solid { hollow, ..Default::default() }.into());
+            let shape = WallShape::Polyhedron(SolidShape { hollow, ..Default::default() }.into());
             let rotation = UnitQuaternion::rotation_between(&Vec3::z(), &axis).unwrap();
             let x = Vec3::new(1.5, 1.0, 0.0);
             frame.walls.push(Wall { id: 99, x, v: None, rotation, shape });
-            Bed::of(&frame, &fragments(&frame)).map(|bed| bed.area)
+            Bed::from_frame(&frame, &find_fragments(&frame)).map(|bed| bed.area)
         };
         assert_close(hollow(2.0, Vec3::z()).unwrap(), 4.0 * std::f64::consts::PI);
         // Grains are outside of one, and another lies on its side.
@@ -726,9 +736,9 @@ mod tests {
         // A plate cuts off a half, on which no centre is.
         let mut frame = columns(3, false, [true, false, false, false], UnitQuaternion::identity()).frame();
         let hollow = Some(Hollow { radius: 4.0, half_height: 50.0 });
-        let shape = WallShape::Polyhedron(Solid { hollow, ..Default::default() }.into());
+        let shape = WallShape::Polyhedron(SolidShape { hollow, ..Default::default() }.into());
         frame.walls.push(Wall { id: 99, x: Vec3::x() * 3.0, v: None, rotation: UnitQuaternion::identity(), shape });
-        assert_close(Bed::of(&frame, &fragments(&frame)).unwrap().area, 8.0 * std::f64::consts::PI);
+        assert_close(Bed::from_frame(&frame, &find_fragments(&frame)).unwrap().area, 8.0 * std::f64::consts::PI);
     }
 
     #[test]
@@ -736,11 +746,11 @@ mod tests {
         let scene = columns(3, false, [false; 4], UnitQuaternion::identity());
         let mut frame = scene.frame();
         let hollow = Some(Hollow { radius: 4.0, half_height: 5.0 });
-        let shape = WallShape::Polyhedron(Solid { hollow, ..Default::default() }.into());
+        let shape = WallShape::Polyhedron(SolidShape { hollow, ..Default::default() }.into());
         let x = Vec3::new(1.5, 1.0, 5.0);
         // In place of the plate.
         frame.walls[0] = Wall { x, rotation: UnitQuaternion::identity(), shape, ..frame.walls[0].clone() };
-        let found = Bed::of(&frame, &fragments(&frame)).unwrap();
+        let found = Bed::from_frame(&frame, &find_fragments(&frame)).unwrap();
         assert_eq!((found.up, found.floor), (Vec3::z(), 0.0));
         assert_close(found.area, 16.0 * std::f64::consts::PI);
         assert_close(found.height, 3.0);

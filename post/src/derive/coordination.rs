@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use cd_formats::snapshot::STATUS_NO_CONTACT;
 
 use crate::derive::fragments::TOUCHING_GAP;
-use crate::frame::{Contact, Exchange, Frame, Side};
+use crate::frame::{BodyIndex, Contact, Frame, ImpulseExchange};
 
 /// Means over some grains.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,7 +14,7 @@ pub struct Coordination {
     pub z: f64,
     /// The same among the grains that are no rattlers, their contacts with rattlers left out.
     pub z_no_rattlers: f64,
-    /// Mean number of constraints per grain, see [`Touch::constraints`].
+    /// Mean number of constraints per grain, see [`TouchingPair::constraint_count`].
     pub z_constraints: f64,
     /// Rattlers over grains.
     pub rattler_fraction: f64,
@@ -32,50 +32,55 @@ pub fn touches_with_force(contact: &Contact) -> bool {
 }
 
 /// The contacts whose bodies touch with force.
-pub fn touching(frame: &Frame) -> impl Iterator<Item = &Contact> {
+pub fn touching_contacts(frame: &Frame) -> impl Iterator<Item = &Contact> {
     frame.contacts.iter().filter(|contact| touches_with_force(contact))
 }
 
 /// The gap up to which the bodies of a contact touch, m.
-fn near(frame: &Frame, contact: &Contact) -> f64 {
-    TOUCHING_GAP * contact.sides().filter_map(Side::grain).map(|i| frame.grains[i].radius).fold(f64::INFINITY, f64::min)
+fn touching_distance(frame: &Frame, contact: &Contact) -> f64 {
+    TOUCHING_GAP
+        * contact
+            .sides()
+            .filter_map(BodyIndex::grain_index)
+            .map(|i| frame.grains[i].radius)
+            .fold(f64::INFINITY, f64::min)
 }
 
 /// Two bodies that touch with force, in one or more points; at least one is a grain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Touch {
-    pub sides: [Side; 2],
+pub struct TouchingPair {
+    pub sides: [BodyIndex; 2],
     /// Points of contact that touch with force or whose gap is at most [`TOUCHING_GAP`] of the smaller radius.
     pub points: u32,
 }
 
-impl Touch {
+impl TouchingPair {
     /// Directions in which the two are held together: a point holds 1, an edge 2, a face 3.
     ///
     /// Source: Azema, Radjai & Dubois (2013), "Packings of irregular polyhedral particles".
-    pub fn constraints(&self) -> u32 {
+    pub fn constraint_count(&self) -> u32 {
         self.points.min(3)
     }
 
     fn grains(&self) -> impl Iterator<Item = usize> {
-        self.sides.into_iter().filter_map(Side::grain)
+        self.sides.into_iter().filter_map(BodyIndex::grain_index)
     }
 }
 
 /// The pairs of bodies that touch with force, each once, in the order of their first contact.
-pub fn touches(frame: &Frame) -> Vec<Touch> {
-    let mut places: HashMap<[Side; 2], usize> = HashMap::new();
-    let mut touches: Vec<Touch> = Vec::new();
-    for contact in touching(frame) {
-        let sides = pair(contact);
+pub fn touching_pairs(frame: &Frame) -> Vec<TouchingPair> {
+    let mut places: HashMap<[BodyIndex; 2], usize> = HashMap::new();
+    let mut touches: Vec<TouchingPair> = Vec::new();
+    for contact in touching_contacts(frame) {
+        let sides = sorted_sides(contact);
         places.entry(sides).or_insert_with(|| {
-            touches.push(Touch { sides, points: 0 });
+            touches.push(TouchingPair { sides, points: 0 });
             touches.len() - 1
         });
     }
     for contact in &frame.contacts {
-        if let Some(&place) = places.get(&pair(contact))
-            && (touches_with_force(contact) || contact.gap <= near(frame, contact))
+        if let Some(&place) = places.get(&sorted_sides(contact))
+            && (touches_with_force(contact) || contact.gap <= touching_distance(frame, contact))
         {
             touches[place].points += 1;
         }
@@ -84,28 +89,28 @@ pub fn touches(frame: &Frame) -> Vec<Touch> {
 }
 
 /// The bodies of a contact in rising order.
-fn pair(contact: &Contact) -> [Side; 2] {
+fn sorted_sides(contact: &Contact) -> [BodyIndex; 2] {
     let [a, b] = [contact.candidate, contact.antagonist];
     [a.min(b), a.max(b)]
 }
 
 /// Number of pairs of bodies whose contacts carry force, but only pull at a distance ([`touches_with_force`]).
 pub fn distant_pulls(frame: &Frame) -> usize {
-    let touching: HashSet<[Side; 2]> = touching(frame).map(pair).collect();
-    frame.active().map(pair).filter(|sides| !touching.contains(sides)).collect::<HashSet<_>>().len()
+    let touching: HashSet<[BodyIndex; 2]> = touching_contacts(frame).map(sorted_sides).collect();
+    frame.active_contacts().map(sorted_sides).filter(|sides| !touching.contains(sides)).collect::<HashSet<_>>().len()
 }
 
 /// Number of neighbours that each grain touches with force; walls count too.
 pub fn neighbour_counts(frame: &Frame) -> Vec<u32> {
     let mut counts = vec![0; frame.grains.len()];
-    touches(frame).iter().flat_map(Touch::grains).for_each(|grain| counts[grain] += 1);
+    touching_pairs(frame).iter().flat_map(TouchingPair::grains).for_each(|grain| counts[grain] += 1);
     counts
 }
 
 /// Number of points of contact that touch with force of each grain; those with walls count too.
 pub fn contact_counts(frame: &Frame) -> Vec<u32> {
     let mut counts = vec![0; frame.grains.len()];
-    for contact in touching(frame) {
+    for contact in touching_contacts(frame) {
         for (grain, ..) in contact.on_grains() {
             counts[grain] += 1;
         }
@@ -115,19 +120,19 @@ pub fn contact_counts(frame: &Frame) -> Vec<u32> {
 
 /// Mean number of neighbours that the grains `members` (rising) have touched with force in a step since the snapshot before.
 ///
-/// As [`coordination`] has it. Where grains move, contacts carry force in some steps and none in others, so that the neighbours of
+/// As [`mean_coordination`] has it. Where grains move, contacts carry force in some steps and none in others, so that the neighbours of
 /// a single step become fewer with its length; those of an interval do not. A pair that pulled in the sum of these steps counts
 /// only if it touches in the snapshot. NaN without an interval.
 pub fn interval_coordination(frame: &Frame, members: &[usize]) -> f64 {
-    let touching: HashSet<[Side; 2]> = touching(frame).map(pair).collect();
-    let sorted = |exchange: &Exchange| {
+    let touching: HashSet<[BodyIndex; 2]> = touching_contacts(frame).map(sorted_sides).collect();
+    let sorted = |exchange: &ImpulseExchange| {
         let [a, b] = exchange.sides;
         [a.min(b), a.max(b)]
     };
     let exchanges = frame.interval.exchanges.iter();
     let touched = exchanges.filter(|exchange| exchange.virial > 0.0 || touching.contains(&sorted(exchange)));
-    let pairs: HashSet<[Side; 2]> = touched.map(sorted).collect();
-    let member = |side: &&Side| side.grain().is_some_and(|grain| members.binary_search(&grain).is_ok());
+    let pairs: HashSet<[BodyIndex; 2]> = touched.map(sorted).collect();
+    let member = |side: &&BodyIndex| side.grain_index().is_some_and(|grain| members.binary_search(&grain).is_ok());
     let ends = pairs.iter().flatten().filter(member).count() as f64;
     if frame.interval.length > 0.0 { ends / members.len() as f64 } else { f64::NAN }
 }
@@ -147,7 +152,7 @@ pub fn interval_coordination(frame: &Frame, members: &[usize]) -> f64 {
 pub fn stable_number(frame: &Frame) -> u32 {
     let parameters = &frame.meta.parameters;
     let loaded = parameters.self_gravity || parameters.uniform_gravity != [0.0; 3];
-    let friction = frame.active().any(|contact| contact.tangential_force > 1e-12 * contact.normal_force.abs());
+    let friction = frame.active_contacts().any(|contact| contact.tangential_force > 1e-12 * contact.normal_force.abs());
     match (friction, loaded) {
         (true, _) => 2,
         (false, true) => 3,
@@ -157,14 +162,14 @@ pub fn stable_number(frame: &Frame) -> u32 {
 
 /// Which grains are rattlers: those with fewer than `stable` constraints of `touches`, then those
 /// that have fewer once these are taken away, and so on.
-pub fn rattlers(frame: &Frame, touches: &[Touch], stable: u32) -> Vec<bool> {
+pub fn find_rattlers(frame: &Frame, touches: &[TouchingPair], stable: u32) -> Vec<bool> {
     let mut counts = vec![0; frame.grains.len()];
     let mut neighbours = vec![Vec::new(); frame.grains.len()];
     for touch in touches {
-        touch.grains().for_each(|i| counts[i] += touch.constraints());
-        if let [Side::Grain(i), Side::Grain(j)] = touch.sides {
-            neighbours[i].push((j, touch.constraints()));
-            neighbours[j].push((i, touch.constraints()));
+        touch.grains().for_each(|i| counts[i] += touch.constraint_count());
+        if let [BodyIndex::Grain(i), BodyIndex::Grain(j)] = touch.sides {
+            neighbours[i].push((j, touch.constraint_count()));
+            neighbours[j].push((i, touch.constraint_count()));
         }
     }
     let mut rattler: Vec<bool> = counts.iter().map(|&count| count < stable).collect();
@@ -188,11 +193,11 @@ pub fn rattlers(frame: &Frame, touches: &[Touch], stable: u32) -> Vec<bool> {
 /// of the pairs whose grains all remain; NaN if none remains. With constraints: each pair counts as often as it has constraints.
 ///
 /// Three equal spheres that push each other: Z = 2.
-pub fn coordination(frame: &Frame, members: &[usize]) -> Coordination {
+pub fn mean_coordination(frame: &Frame, members: &[usize]) -> Coordination {
     let member = |grain: &usize| members.binary_search(grain).is_ok();
     let total = members.len() as f64;
-    let touches = touches(frame);
-    let rattler = rattlers(frame, &touches, stable_number(frame));
+    let touches = touching_pairs(frame);
+    let rattler = find_rattlers(frame, &touches, stable_number(frame));
     let held = members.iter().filter(|&&grain| !rattler[grain]).count() as f64;
     let (mut ends, mut ends_held, mut constraints) = (0.0, 0.0, 0.0);
     let (mut kinds, mut pairs) = ([0.0; 3], 0.0);
@@ -203,8 +208,8 @@ pub fn coordination(frame: &Frame, members: &[usize]) -> Coordination {
         }
         pairs += 1.0;
         ends += grains;
-        constraints += grains * f64::from(touch.constraints());
-        kinds[3 - touch.constraints() as usize] += 1.0;
+        constraints += grains * f64::from(touch.constraint_count());
+        kinds[3 - touch.constraint_count() as usize] += 1.0;
         if touch.grains().all(|grain| !rattler[grain]) {
             ends_held += grains;
         }
@@ -226,7 +231,7 @@ mod tests {
 
     /// Mean over all grains.
     fn coordination(frame: &Frame) -> Coordination {
-        super::coordination(frame, &(0..frame.grains.len()).collect::<Vec<_>>())
+        super::mean_coordination(frame, &(0..frame.grains.len()).collect::<Vec<_>>())
     }
 
     fn interval_coordination(frame: &Frame) -> f64 {
@@ -289,8 +294,8 @@ mod tests {
         assert_eq!(neighbour_counts(&frame), [1, 1, 0]);
         assert_eq!((coordination(&frame).z, distant_pulls(&frame)), (2.0 / 3.0, 1));
         // The mobilised share is that of the first: 1/4 over 1/2 (4 - 3).
-        assert_eq!(crate::derive::fabric::mobilised(&frame), (0.5, 1.0));
-        let row = crate::derive::Row::of(&frame);
+        assert_eq!(crate::derive::fabric::mean_mobilisation(&frame), (0.5, 1.0));
+        let row = crate::derive::Row::from_frame(&frame);
         assert_eq!((row.n_contacts, row.n_pulling, row.Z_all), (1, 1, 2.0 / 3.0));
         // Of an interval, a pair that pulled in the sum counts only where it touches now.
         scene.snapshot.meta.time = 2.0;
@@ -344,7 +349,7 @@ mod tests {
         }
         scene.contact_at(side, low, [1.0, 0.0, 0.0], Vec3::x());
         let frame = scene.frame();
-        assert_eq!(touches(&frame).iter().map(|touch| touch.points).collect::<Vec<_>>(), [4, 2, 1]);
+        assert_eq!(touching_pairs(&frame).iter().map(|touch| touch.points).collect::<Vec<_>>(), [4, 2, 1]);
         assert_eq!(neighbour_counts(&frame), [3, 1, 1]);
         assert_eq!(contact_counts(&frame), [5, 2, 1]);
         let found = coordination(&frame);

@@ -5,35 +5,35 @@ use nalgebra::DMatrix;
 use crate::frame::{Grain, Vec3};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ball {
+pub struct EnclosingBall {
     /// m
     pub centre: Vec3,
     /// m
     pub radius: f64,
 }
 
-impl Ball {
+impl EnclosingBall {
     /// m^3
     pub fn volume(&self) -> f64 {
         4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3)
     }
 
     /// How far `other` sticks out, m: < 0 inside.
-    fn excess(&self, other: &Ball) -> f64 {
+    fn excess(&self, other: &EnclosingBall) -> f64 {
         (other.centre - self.centre).norm() + other.radius - self.radius
     }
 }
 
 /// The smallest ball that contains all grains: spheres ([`Grain::balls`]) and the vertices of polyhedra; NaN
 /// without grains.
-pub fn enclosing_ball(grains: &[Grain]) -> Ball {
-    let spheres = grains.iter().flat_map(Grain::balls).map(|(centre, radius)| Ball { centre, radius });
-    let vertices = grains.iter().flat_map(Grain::vertices).map(|centre| Ball { centre, radius: 0.0 });
-    smallest_enclosing(&spheres.chain(vertices).collect::<Vec<Ball>>())
+pub fn enclosing_ball(grains: &[Grain]) -> EnclosingBall {
+    let spheres = grains.iter().flat_map(Grain::balls).map(|(centre, radius)| EnclosingBall { centre, radius });
+    let vertices = grains.iter().flat_map(Grain::vertices).map(|centre| EnclosingBall { centre, radius: 0.0 });
+    smallest_enclosing(&spheres.chain(vertices).collect::<Vec<EnclosingBall>>())
 }
 
 /// Share of the radius by which a point may stick out and count as inside: some hundred roundings.
-const ROUNDING: f64 = 1e-13;
+const RELATIVE_ROUNDING: f64 = 1e-13;
 
 /// The smallest ball that contains `balls`, to round-off, wherever they are.
 ///
@@ -44,46 +44,47 @@ const ROUNDING: f64 = 1e-13;
 ///
 /// Source: Fischer & Gaertner (2003), "The smallest enclosing ball of balls: combinatorial
 /// structure and algorithms" (an LP-type problem of dimension 4; Welzl's recursion fails on balls).
-pub fn smallest_enclosing(balls: &[Ball]) -> Ball {
+pub fn smallest_enclosing(balls: &[EnclosingBall]) -> EnclosingBall {
     // Far from the origin the rounding of places would be more than that of distances.
     let Some(origin) = balls.first().map(|ball| ball.centre) else {
-        return Ball { centre: Vec3::repeat(f64::NAN), radius: f64::NAN };
+        return EnclosingBall { centre: Vec3::repeat(f64::NAN), radius: f64::NAN };
     };
-    let near: Vec<Ball> = balls.iter().map(|ball| Ball { centre: ball.centre - origin, ..*ball }).collect();
+    let near: Vec<EnclosingBall> =
+        balls.iter().map(|ball| EnclosingBall { centre: ball.centre - origin, ..*ball }).collect();
     let ball = smallest_of_near(&near);
-    Ball { centre: ball.centre + origin, ..ball }
+    EnclosingBall { centre: ball.centre + origin, ..ball }
 }
 
-fn smallest_of_near(balls: &[Ball]) -> Ball {
+fn smallest_of_near(balls: &[EnclosingBall]) -> EnclosingBall {
     let Some(first) = balls.iter().max_by(|a, b| a.radius.total_cmp(&b.radius)) else {
-        return Ball { centre: Vec3::repeat(f64::NAN), radius: f64::NAN };
+        return EnclosingBall { centre: Vec3::repeat(f64::NAN), radius: f64::NAN };
     };
     let (mut basis, mut best) = (vec![*first], *first);
     loop {
-        let excess = |ball: &&Ball| best.excess(ball);
+        let excess = |ball: &&EnclosingBall| best.excess(ball);
         let Some(worst) = balls.iter().max_by(|a, b| excess(a).total_cmp(&excess(b))) else { return best };
         let sticks_out = best.excess(worst);
-        if sticks_out <= ROUNDING * best.radius {
+        if sticks_out <= RELATIVE_ROUNDING * best.radius {
             return best;
         }
         basis.push(*worst);
         match smallest_of_few(&basis) {
             Some((subset, ball)) if ball.radius > best.radius => (basis, best) = (subset, ball),
             // Round-off stands in the way of a better one: what is missing is of its order.
-            _ => return Ball { centre: best.centre, radius: best.radius + sticks_out },
+            _ => return EnclosingBall { centre: best.centre, radius: best.radius + sticks_out },
         }
     }
 }
 
 /// The smallest ball around at most five balls and the subset that decides it, by trying all subsets.
-fn smallest_of_few(balls: &[Ball]) -> Option<(Vec<Ball>, Ball)> {
+fn smallest_of_few(balls: &[EnclosingBall]) -> Option<(Vec<EnclosingBall>, EnclosingBall)> {
     (1..1u32 << balls.len())
         .filter(|subset| subset.count_ones() <= 4)
         .filter_map(|subset| {
-            let chosen: Vec<Ball> =
+            let chosen: Vec<EnclosingBall> =
                 balls.iter().enumerate().filter(|(k, _)| subset >> k & 1 == 1).map(|(_, b)| *b).collect();
-            let ball = tangent(&chosen)?;
-            let encloses = balls.iter().all(|b| ball.excess(b) <= ROUNDING * ball.radius);
+            let ball = tangent_ball(&chosen)?;
+            let encloses = balls.iter().all(|b| ball.excess(b) <= RELATIVE_ROUNDING * ball.radius);
             encloses.then_some((chosen, ball))
         })
         .min_by(|(_, a), (_, b)| a.radius.total_cmp(&b.radius))
@@ -95,7 +96,7 @@ fn smallest_of_few(balls: &[Ball]) -> Option<(Vec<Ball>, Ball)> {
 /// With y = c - c_0 = sum l_j d_j, d_j = c_j - c_0, the differences of the squares are linear:
 /// 2 d_j.y = d_j^2 + R_0^2 - R_j^2 + 2 R (R_j - R_0), so l = p + q R, and |y|^2 = (R - R_0)^2
 /// is a quadratic equation for R.
-fn tangent(balls: &[Ball]) -> Option<Ball> {
+fn tangent_ball(balls: &[EnclosingBall]) -> Option<EnclosingBall> {
     let (first, others) = balls.split_first()?;
     if others.is_empty() {
         return Some(*first);
@@ -119,9 +120,9 @@ fn tangent(balls: &[Ball]) -> Option<Ball> {
     let far = -half_b - root.copysign(half_b);
     [far / a, c / far]
         .into_iter()
-        .filter(|s| s.is_finite() && *s >= smallest * (1.0 - ROUNDING))
+        .filter(|s| s.is_finite() && *s >= smallest * (1.0 - RELATIVE_ROUNDING))
         .min_by(f64::total_cmp)
-        .map(|s| Ball { centre: first.centre + p + q * s, radius: first.radius + s })
+        .map(|s| EnclosingBall { centre: first.centre + p + q * s, radius: first.radius + s })
 }
 
 #[cfg(test)]
@@ -129,12 +130,12 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn ball(x: f64, y: f64, z: f64, radius: f64) -> Ball {
-        Ball { centre: Vec3::new(x, y, z), radius }
+    fn ball(x: f64, y: f64, z: f64, radius: f64) -> EnclosingBall {
+        EnclosingBall { centre: Vec3::new(x, y, z), radius }
     }
 
     #[track_caller]
-    fn assert_ball(found: Ball, expected: Ball) {
+    fn assert_ball(found: EnclosingBall, expected: EnclosingBall) {
         let error = (found.centre - expected.centre).norm().max((found.radius - expected.radius).abs());
         assert!(error <= 1e-13 * expected.radius, "{found:?} {expected:?}");
     }
@@ -185,7 +186,7 @@ mod tests {
     }
 
     /// The least of max_k |c - c_k| + R_k over c, by a pattern search: a convex function.
-    fn by_search(balls: &[Ball]) -> f64 {
+    fn by_search(balls: &[EnclosingBall]) -> f64 {
         let radius = |c: Vec3| balls.iter().map(|b| (c - b.centre).norm() + b.radius).fold(0.0, f64::max);
         let (mut c, mut step) = (balls[0].centre, 20.0);
         let directions: Vec<Vec3> =
@@ -200,7 +201,7 @@ mod tests {
         radius(c)
     }
 
-    fn balls(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<Ball>> {
+    fn balls(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<EnclosingBall>> {
         let one = (-10.0..10.0, -10.0..10.0, -10.0..10.0, 0.0..3.0).prop_map(|(x, y, z, r)| ball(x, y, z, r));
         prop::collection::vec(one, count)
     }
@@ -225,20 +226,20 @@ mod tests {
         let mut grains = scene.frame().grains;
         let cube = grains[0].solid.as_deref().unwrap().clone();
         let balls = vec![(Vec3::new(0.0, 0.0, 4.0), 2.0), (Vec3::new(0.0, 0.0, -4.0), 2.0)];
-        grains[0].solid = Some(crate::shapes::Solid { balls, ..cube }.into());
+        grains[0].solid = Some(crate::shapes::SolidShape { balls, ..cube }.into());
         assert_ball(enclosing_ball(&grains), ball(1.0, 2.0, 3.0, 6.0));
     }
 
     proptest! {
         #[test]
         fn equals_the_best_of_all_subsets(balls in balls(1..9)) {
-            // Every subset of at most four of all the balls, without the walk from basis to basis.
+            // Every subset from_frame at most four from_frame all the balls, without the walk from basis to basis.
             let found = smallest_enclosing(&balls);
             let mut best = f64::INFINITY;
             for subset in (1..1u32 << balls.len()).filter(|s| s.count_ones() <= 4) {
-                let chosen: Vec<Ball> =
+                let chosen: Vec<EnclosingBall> =
                     (0..balls.len()).filter(|k| subset >> k & 1 == 1).map(|k| balls[k]).collect();
-                if let Some(b) = tangent(&chosen)
+                if let Some(b) = tangent_ball(&chosen)
                     && balls.iter().all(|other| b.excess(other) <= 1e-11 * b.radius)
                 {
                     best = best.min(b.radius);
@@ -253,7 +254,7 @@ mod tests {
             for b in &balls {
                 prop_assert!(found.excess(b) <= 1e-12 * found.radius);
             }
-            // A pattern search can stall in the creases of the maximum, so it is only a bound.
+            // A pattern search can stall in the creases from_frame the maximum, so it is only a bound.
             prop_assert!(found.radius <= by_search(&balls) * (1.0 + 1e-12));
         }
     }

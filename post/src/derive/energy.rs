@@ -1,21 +1,24 @@
 //! Kinetic and potential energies.
 
-use cd_formats::field::Outside;
+use cd_formats::field::FieldModel;
 use rayon::prelude::*;
 
-use crate::derive::gravity::Tree;
+use crate::derive::gravity::GravityTree;
 use crate::frame::{Frame, Grain, Vec3};
 
 /// Kinetic energy of a grain, J: of translation, m v^2 / 2, and of rotation, w.(I w) / 2.
 ///
 /// A ball of 2 kg at 3 m/s has 9 J; with radius 1 m and 5 rad/s about any axis, 10 J of rotation.
-pub fn kinetic(grain: &Grain) -> (f64, f64) {
+pub fn kinetic_energies(grain: &Grain) -> (f64, f64) {
     (0.5 * grain.mass * grain.v.norm_squared(), 0.5 * grain.w.dot(&(grain.inertia * grain.w)))
 }
 
-/// The sums of [`kinetic`] over all grains, J.
+/// The sums of [`kinetic_energies`] over all grains, J.
 pub fn kinetic_sums(grains: &[Grain]) -> (f64, f64) {
-    grains.iter().map(kinetic).fold((0.0, 0.0), |(t, r), (translation, rotation)| (t + translation, r + rotation))
+    grains
+        .iter()
+        .map(kinetic_energies)
+        .fold((0.0, 0.0), |(t, r), (translation, rotation)| (t + translation, r + rotation))
 }
 
 /// G of the snapshot, m^3 kg^-1 s^-2, if the grains attract each other.
@@ -25,23 +28,25 @@ pub fn self_gravity_constant(frame: &Frame) -> Option<f64> {
 }
 
 /// The fields that act from outside, besides uniform gravity.
-pub fn outside(frame: &Frame) -> Vec<Outside> {
+pub fn external_fields(frame: &Frame) -> Vec<FieldModel> {
     let parameters = &frame.meta.parameters;
-    parameters.fields.iter().map(|field| field.outside(parameters.gravity_constant)).collect()
+    parameters.fields.iter().map(|field| field.to_model(parameters.gravity_constant)).collect()
 }
 
-/// Potential energy in such fields, J: sum m_i phi(x_i), [`Outside::at`], and what the grains' extent adds,
-/// [`Outside::of_extent`].
-pub fn in_fields(grains: &[Grain], fields: &[Outside]) -> f64 {
-    let of = |g: &Grain, field: &Outside| g.mass * field.at(&g.x).1 + field.of_extent(|rate| g.inertia * rate);
+/// Potential energy in such fields, J: sum m_i phi(x_i), [`FieldModel::acceleration_and_potential`], and what the grains' extent adds,
+/// [`FieldModel::tidal_energy`].
+pub fn field_energy(grains: &[Grain], fields: &[FieldModel]) -> f64 {
+    let of = |g: &Grain, field: &FieldModel| {
+        g.mass * field.acceleration_and_potential(&g.x).1 + field.tidal_energy(|rate| g.inertia * rate)
+    };
     // 0 without fields, not the -0 of an empty sum.
     grains.iter().flat_map(|g| fields.iter().map(move |field| of(g, field))).fold(0.0, |sum, energy| sum + energy)
 }
 
 /// How potential energies are summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Summation {
-    /// Every pair up to [`MOST_PAIRS`] points, a [`Tree`] beyond, to a part in 10^4.
+pub enum PairSummation {
+    /// Every pair up to [`MAX_DIRECT_POINTS`] points, a [`GravityTree`] beyond, to a part in 10^4.
     #[default]
     Fast,
     /// Every pair.
@@ -49,22 +54,22 @@ pub enum Summation {
 }
 
 /// Points up to which every pair is summed in a tenth of a second.
-pub const MOST_PAIRS: usize = 10_000;
+pub const MAX_DIRECT_POINTS: usize = 10_000;
 
 /// Potential energy of points that attract each other, J: W = - sum_{i<j} G m_i m_j / |x_i - x_j|.
 ///
 /// `points`: position in m and mass in kg of each; `constant`: G, m^3 kg^-1 s^-2.
 /// A uniform ball of mass M and radius R cut into many points tends to -3 G M^2 / 5 R.
-pub fn gravitational(points: impl Iterator<Item = (Vec3, f64)>, constant: f64, summation: Summation) -> f64 {
+pub fn gravitational_energy(points: impl Iterator<Item = (Vec3, f64)>, constant: f64, summation: PairSummation) -> f64 {
     let points: Vec<(Vec3, f64)> = points.collect();
     match summation {
-        Summation::Fast if points.len() > MOST_PAIRS => Tree::new(&points).energy(constant),
-        _ => direct(&points, constant),
+        PairSummation::Fast if points.len() > MAX_DIRECT_POINTS => GravityTree::new(&points).potential_energy(constant),
+        _ => direct_energy(&points, constant),
     }
 }
 
-/// [`gravitational`] over every pair, in an order that does not depend on the number of threads.
-pub fn direct(points: &[(Vec3, f64)], constant: f64) -> f64 {
+/// [`gravitational_energy`] over every pair, in an order that does not depend on the number of threads.
+pub fn direct_energy(points: &[(Vec3, f64)], constant: f64) -> f64 {
     let points: Vec<[f64; 4]> = points.iter().map(|(x, m)| [x.x, x.y, x.z, *m]).collect();
     let sums: Vec<f64> =
         (0..points.len()).into_par_iter().map(|i| points[i][3] * inverse_distances(&points[..i], points[i])).collect();
@@ -92,7 +97,7 @@ fn inverse_distances(sources: &[[f64; 4]], [x, y, z, _]: [f64; 4]) -> f64 {
 
 /// Potential energy in a uniform gravity g, J: - sum m_i g.x_i, zero for a grain at the origin; of the grains themselves,
 /// wherever their images are.
-pub fn uniform(grains: &[Grain], gravity: Vec3) -> f64 {
+pub fn uniform_gravity_energy(grains: &[Grain], gravity: Vec3) -> f64 {
     // Without gravity 0, not the -0 that the sum would give.
     if gravity == Vec3::zeros() {
         0.0
@@ -122,13 +127,19 @@ mod tests {
     fn gravitational_energy_of_few_points() {
         let point = |x: f64, m: f64| (Vec3::new(x, 0.0, 0.0), m);
         // 2*3/1 + 2*5/3 + 3*5/2
-        let found =
-            gravitational([point(0.0, 2.0), point(1.0, 3.0), point(3.0, 5.0)].into_iter(), 10.0, Summation::Direct);
+        let found = gravitational_energy(
+            [point(0.0, 2.0), point(1.0, 3.0), point(3.0, 5.0)].into_iter(),
+            10.0,
+            PairSummation::Direct,
+        );
         assert!((found + 10.0 * (6.0 + 10.0 / 3.0 + 7.5)).abs() < 1e-12);
-        assert_eq!(gravitational([point(0.0, 2.0)].into_iter(), 10.0, Summation::Direct), 0.0);
+        assert_eq!(gravitational_energy([point(0.0, 2.0)].into_iter(), 10.0, PairSummation::Direct), 0.0);
         // Two in one place do not attract each other.
-        let found =
-            gravitational([point(0.0, 2.0), point(0.0, 3.0), point(4.0, 8.0)].into_iter(), 1.0, Summation::Direct);
+        let found = gravitational_energy(
+            [point(0.0, 2.0), point(0.0, 3.0), point(4.0, 8.0)].into_iter(),
+            1.0,
+            PairSummation::Direct,
+        );
         assert_eq!(found, -10.0);
     }
 
@@ -146,7 +157,7 @@ mod tests {
         let mass = points.len() as f64;
         let radius = (mass * 3.0 / (4.0 * std::f64::consts::PI)).cbrt();
         let expected = -0.6 * mass * mass / radius;
-        let found = gravitational(points.into_iter(), 1.0, Summation::Direct);
+        let found = gravitational_energy(points.into_iter(), 1.0, PairSummation::Direct);
         assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
     }
 
@@ -155,6 +166,6 @@ mod tests {
         let mut scene = Scene::default();
         let ball = scene.grain([0.0, 0.0, 3.0], 1.0);
         scene.snapshot.bodies.body_mass[ball] = 2.0;
-        assert_eq!(uniform(&scene.frame().grains, Vec3::new(0.0, 0.0, -10.0)), 60.0);
+        assert_eq!(uniform_gravity_energy(&scene.frame().grains, Vec3::new(0.0, 0.0, -10.0)), 60.0);
     }
 }

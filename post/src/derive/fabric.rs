@@ -1,17 +1,17 @@
 //! How contacts are directed and what they carry.
 
 use cd_formats::snapshot::{LawName, STATUS_SLIDE};
-use cd_formats::tact_behav::LAWS;
+use cd_formats::tact_behav::LAW_LABELS;
 use nalgebra::SymmetricEigen;
 
-use crate::derive::coordination::touching;
+use crate::derive::coordination::touching_contacts;
 use crate::frame::{Contact, Frame, Mat3};
 
 /// Fabric tensor of the normals: F = (1/N) sum n (x) n over the N contacts that touch with force, walls too; trace 1.
 ///
 /// Directions without preference give 1/3 of the unit tensor. NaN without contacts. Source: Satake (1982).
-pub fn fabric(frame: &Frame) -> Mat3 {
-    let (count, sum) = touching(frame)
+pub fn fabric_tensor(frame: &Frame) -> Mat3 {
+    let (count, sum) = touching_contacts(frame)
         .fold((0.0, Mat3::zeros()), |(count, sum), c| (count + 1.0, sum + c.normal * c.normal.transpose()));
     sum / count
 }
@@ -39,7 +39,7 @@ pub fn anisotropy(fabric: &Mat3) -> f64 {
 /// mu is the coefficient of (static) friction, f_c the attraction of a liquid within its range and, of a law that remembers,
 /// where its bridge holds. Of a bond over the area S, f_c = c_n S, and c_t / c_n stands for mu. Source: the laws of cd-solve.
 pub fn tangential_limit(contact: &Contact, law: &LawName) -> f64 {
-    let labels = LAWS.iter().find(|(kind, _)| *kind == law.kind).map_or(&[][..], |(_, lines)| *lines);
+    let labels = LAW_LABELS.iter().find(|(kind, _)| *kind == law.kind).map_or(&[][..], |(_, lines)| *lines);
     let labels: Vec<&str> = labels.iter().flat_map(|line| line.iter().copied()).collect();
     let of = |name: &str| labels.iter().position(|label| *label == name).and_then(|k| law.parameters.get(k)).copied();
     let friction = of("fric").or(of("stfr")).unwrap_or(0.0);
@@ -59,16 +59,17 @@ pub fn tangential_limit(contact: &Contact, law: &LawName) -> f64 {
 
 /// Share of the friction that a contact could give: f_t over its [`tangential_limit`], 0 to 1; none where nothing can be
 /// given.
-pub fn mobilisation(contact: &Contact, laws: &[LawName]) -> Option<f64> {
+pub fn mobilised_share(contact: &Contact, laws: &[LawName]) -> Option<f64> {
     let most = tangential_limit(contact, laws.get(contact.law as usize)?);
     (most > 0.0).then(|| contact.tangential_force / most)
 }
 
-/// Mean of [`mobilisation`] over the contacts that touch with force and where friction can give some, and the share of these that
+/// Mean of [`mobilised_share`] over the contacts that touch with force and where friction can give some, and the share of these that
 /// slide (status 2); NaN without. Contacts that only pull at a distance press on nothing and are left out.
-pub fn mobilised(frame: &Frame) -> (f64, f64) {
-    let all: Vec<(f64, bool)> =
-        touching(frame).filter_map(|c| Some((mobilisation(c, &frame.meta.laws)?, c.status == STATUS_SLIDE))).collect();
+pub fn mean_mobilisation(frame: &Frame) -> (f64, f64) {
+    let all: Vec<(f64, bool)> = touching_contacts(frame)
+        .filter_map(|c| Some((mobilised_share(c, &frame.meta.laws)?, c.status == STATUS_SLIDE)))
+        .collect();
     let count = all.len() as f64;
     let sliding = all.iter().filter(|(_, slides)| *slides).count() as f64;
     (all.iter().map(|(share, _)| share).sum::<f64>() / count, sliding / count)
@@ -78,7 +79,7 @@ pub fn mobilised(frame: &Frame) -> (f64, f64) {
 ///
 /// Returns the middle of each bin and the density P, with sum P x width = 1; values that are not > 0 are
 /// left out. None without values.
-pub fn distribution(values: impl Iterator<Item = f64>, width: f64) -> Vec<(f64, f64)> {
+pub fn probability_density(values: impl Iterator<Item = f64>, width: f64) -> Vec<(f64, f64)> {
     let values: Vec<f64> = values.filter(|v| *v > 0.0 && v.is_finite()).collect();
     let (count, mean) = (values.len() as f64, values.iter().sum::<f64>() / values.len() as f64);
     let bin = |value: &f64| (value / mean / width) as usize;
@@ -90,7 +91,7 @@ pub fn distribution(values: impl Iterator<Item = f64>, width: f64) -> Vec<(f64, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cd_formats::snapshot::{STATUS_STICK, Shapes};
+    use cd_formats::snapshot::{STATUS_STICK, ShapeArrays};
 
     use crate::frame::Vec3;
     use crate::samples::Scene;
@@ -106,14 +107,14 @@ mod tests {
         }
         scene.push(1, 0, 1.0);
         let single = scene.frame();
-        assert_eq!(fabric(&single), Mat3::from_diagonal(&Vec3::new(1.0, 0.0, 0.0)));
-        assert_eq!(anisotropy(&fabric(&single)), 2.5);
+        assert_eq!(fabric_tensor(&single), Mat3::from_diagonal(&Vec3::new(1.0, 0.0, 0.0)));
+        assert_eq!(anisotropy(&fabric_tensor(&single)), 2.5);
         scene.push(2, 0, 5.0);
         scene.push(3, 0, 0.1);
-        let all = fabric(&scene.frame());
+        let all = fabric_tensor(&scene.frame());
         assert!((all - Mat3::from_diagonal_element(1.0 / 3.0)).norm() < 1e-15);
         assert!(anisotropy(&all) < 1e-14);
-        assert!(anisotropy(&fabric(&Scene::default().frame())).is_nan());
+        assert!(anisotropy(&fabric_tensor(&Scene::default().frame())).is_nan());
     }
 
     #[test]
@@ -141,22 +142,22 @@ mod tests {
         }
         scene.contact(1, 0, Vec3::new(4.0, 0.0, 2.0)); // all of it
         scene.contact(2, 1, Vec3::new(4.0, 1.0, 0.0)); // half of it
-        let (mean, _) = mobilised(&scene.frame());
+        let (mean, _) = mean_mobilisation(&scene.frame());
         assert!((mean - 0.75).abs() < 1e-15);
         // A cohesive law adds to what friction can give: 1 / (0.5 (4 + 4)).
         let law = &mut scene.snapshot.meta.laws[0];
         (law.kind, law.parameters) = ("IQS_WET_DS_CLB".into(), vec![4.0, 0.0, 0.1, 0.4, 0.5]);
-        let (mean, _) = mobilised(&scene.frame());
+        let (mean, _) = mean_mobilisation(&scene.frame());
         assert!((mean - 0.375).abs() < 1e-15, "{mean}");
         // But not beyond its range, nor, where it remembers, once the bridge is gone: 1 / (0.5 4) and again half of that.
         scene.snapshot.contacts.contact_gap[1] = 0.2;
-        let (mean, _) = mobilised(&scene.frame());
+        let (mean, _) = mean_mobilisation(&scene.frame());
         assert!((mean - 0.5 * (0.5 + 0.5)).abs() < 1e-15, "{mean}");
         scene.snapshot.meta.laws[0].kind = "xQS_WET_DS_CLB".into();
         scene.snapshot.contacts.contact_gap[1] = 0.0;
         for (bonded, expected) in [([1, 1], 0.375), ([0, 0], 0.75), ([0, 1], 0.5 * (1.0 + 0.25))] {
             scene.remember(&bonded);
-            let (mean, _) = mobilised(&scene.frame());
+            let (mean, _) = mean_mobilisation(&scene.frame());
             assert!((mean - expected).abs() < 1e-15, "{bonded:?} {mean}");
         }
     }
@@ -170,12 +171,12 @@ mod tests {
         let law = &mut scene.snapshot.meta.laws[0];
         (law.kind, law.parameters) = ("IQS_MOHR_DS_CLB".into(), vec![4.0, 2.0, 0.3, 0.4]);
         let area = std::f64::consts::FRAC_PI_4;
-        let share = |scene: &Scene| mobilised(&scene.frame()).0;
+        let share = |scene: &Scene| mean_mobilisation(&scene.frame()).0;
         scene.contact(1, 0, Vec3::new(-1.0, 0.0, area)); // pulled by 1
         scene.remember(&[1]);
         assert!((share(&scene) - area / (2.0 * area - 0.5)).abs() < 1e-15, "{}", share(&scene));
         // Where faces meet the area is theirs.
-        let mut shapes = Shapes::default();
+        let mut shapes = ShapeArrays::default();
         shapes.contacts.contact_area = vec![2.0 * area];
         scene.snapshot.shapes = Some(shapes);
         assert!((share(&scene) - area / (4.0 * area - 0.5)).abs() < 1e-15, "{}", share(&scene));
@@ -198,12 +199,12 @@ mod tests {
         // Quantiles of the exponential distribution: P = exp(-x).
         let count = 20_000;
         let values = (0..count).map(|k| -3.0 * (1.0 - (k as f64 + 0.5) / count as f64).ln());
-        let bins = distribution(values, 0.1);
+        let bins = probability_density(values, 0.1);
         let area: f64 = bins.iter().map(|(_, p)| p * 0.1).sum();
         assert!((area - 1.0).abs() < 1e-12);
         for (x, p) in bins.iter().filter(|(x, _)| *x < 3.0) {
             assert!((p / (-x).exp() - 1.0).abs() < 0.02, "{x} {p}"); // 0.1^2 / 24 of a bin, and one value more or less
         }
-        assert!(distribution([0.0, -1.0].into_iter(), 0.1).is_empty());
+        assert!(probability_density([0.0, -1.0].into_iter(), 0.1).is_empty());
     }
 }

@@ -1,8 +1,8 @@
 //! Groups of grains that touch.
 
-use cd_formats::groups::Groups;
+use cd_formats::groups::DisjointSets;
 
-use crate::derive::motion::{Axes, Whole};
+use crate::derive::motion::{AggregateSums, RotatingAxes};
 use crate::frame::{Frame, Grain, Vec3};
 
 /// Grains touch if their contact carries force, or if the gap between them is at most this share
@@ -19,7 +19,7 @@ pub struct Fragment {
     /// Indices into [`Frame::grains`], rising.
     pub grains: Vec<usize>,
     /// Its motion in fixed axes.
-    pub whole: Whole,
+    pub whole: AggregateSums,
 }
 
 /// The groups of touching grains: the largest remnant, then the others, heaviest first; of equals the one with the first grain.
@@ -29,25 +29,25 @@ pub struct Fragment {
 /// Two grains are in one group if a chain of touching grains links them ([`TOUCHING_GAP`]). The gap of spheres is
 /// |x_i - x_j| - R_i - R_j at the snapshot's time, x_j of the image that is nearest, that of other grains the smallest of
 /// their contacts where these were looked for. Walls link nothing.
-pub fn fragments(frame: &Frame) -> Vec<Fragment> {
+pub fn find_fragments(frame: &Frame) -> Vec<Fragment> {
     let grains = &frame.grains;
-    let mut groups = Groups::new(grains.len());
+    let mut groups = DisjointSets::new(grains.len());
     for contact in &frame.contacts {
-        if let Some((i, j)) = contact.pair()
+        if let Some((i, j)) = contact.grain_pair()
             && (contact.active || !both_spheres(frame, i, j) && contact.gap <= touching_gap(frame, i, j))
         {
-            groups.join(i, j);
+            groups.union(i, j);
         }
     }
     join_spheres(frame, &mut groups);
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); grains.len()];
     for i in 0..grains.len() {
-        members[groups.root(i)].push(i);
+        members[groups.find(i)].push(i);
     }
     members.retain(|group| !group.is_empty());
-    let axes = Axes::of(frame);
+    let axes = RotatingAxes::from_frame(frame);
     let fragment = |group: Vec<usize>| {
-        let whole = Whole::of(&group.iter().map(|&i| grains[i].clone()).collect::<Vec<Grain>>());
+        let whole = AggregateSums::from_grains(&group.iter().map(|&i| grains[i].clone()).collect::<Vec<Grain>>());
         Fragment { grains: group, whole: whole.in_fixed_axes(&axes) }
     };
     let mut found: Vec<Fragment> = members.into_iter().map(fragment).collect();
@@ -64,14 +64,14 @@ pub fn fragments(frame: &Frame) -> Vec<Fragment> {
 ///
 /// They are swept along x in columns as wide as the largest of them, each in up to four columns, as what touches shares one;
 /// images beside the cell too.
-fn join_spheres(frame: &Frame, groups: &mut Groups) {
+fn join_spheres(frame: &Frame, groups: &mut DisjointSets) {
     let grains = &frame.grains;
     let reach = |i: usize| grains[i].radius * (1.0 + TOUCHING_GAP);
     let spheres = || (0..grains.len()).filter(|&i| grains[i].solid.is_none());
     let (cell, width) = (frame.cell(), 2.0 * spheres().map(reach).fold(0.0, f64::max));
     let mut places: Vec<([i64; 2], f64, usize, Vec3)> = Vec::new();
     for i in spheres() {
-        for x in cell.images(grains[i].x, width) {
+        for x in cell.images_near(grains[i].x, width) {
             let columns = |c: f64| ((c - reach(i)) / width).floor() as i64..=((c + reach(i)) / width).floor() as i64;
             let both = columns(x.y).flat_map(|y| columns(x.z).map(move |z| [y, z]));
             places.extend(both.map(|column| (column, x.x - reach(i), i, x)));
@@ -83,14 +83,14 @@ fn join_spheres(frame: &Frame, groups: &mut Groups) {
         for (_, _, j, y) in places[k + 1..].iter().take_while(|other| other.0 == *column && other.1 <= end) {
             let touching = grains[*i].radius + grains[*j].radius + touching_gap(frame, *i, *j);
             if (x - y).norm_squared() <= touching * touching {
-                groups.join(*i, *j);
+                groups.union(*i, *j);
             }
         }
     }
 }
 
 /// The number of the fragment of each grain, 0 the largest remnant.
-pub fn membership(fragments: &[Fragment], grains: usize) -> Vec<u32> {
+pub fn fragment_numbers(fragments: &[Fragment], grains: usize) -> Vec<u32> {
     let mut number = vec![0; grains];
     for (k, fragment) in fragments.iter().enumerate() {
         fragment.grains.iter().for_each(|&grain| number[grain] = k as u32);
@@ -115,7 +115,7 @@ mod tests {
     /// The share of the mass in each group.
     fn shares(scene: &Scene) -> Vec<f64> {
         let frame = scene.frame();
-        fragments(&frame).iter().map(|fragment| fragment.whole.mass / frame.mass()).collect()
+        find_fragments(&frame).iter().map(|fragment| fragment.whole.mass / frame.total_mass()).collect()
     }
 
     #[test]
@@ -149,14 +149,14 @@ mod tests {
         scene.grain([3.5 + step, 2.5 + step, 0.0], 1.0);
         scene.grain([0.0; 3], 1.0);
         assert_eq!(shares(&scene), [2.0 / 3.0, 1.0 / 3.0]);
-        let row = crate::derive::Row::of(&scene.frame());
+        let row = crate::derive::Row::from_frame(&scene.frame());
         assert_eq!((row.n_fragments, row.largest_mass), (2, 2.0 * scene.snapshot.bodies.body_mass[0]));
         // What the place of the border would decide has no value.
         let [a, spin, arm, largest] = [row.a, row.spin_z, row.L_z, row.largest_period];
         assert!([a, spin, arm, largest, row.com_x, row.com_y, row.Ec_rigid_mean].iter().all(|value| value.is_nan()));
         assert_eq!(row.com_z, 0.0);
         scene.snapshot.meta.parameters.yperiode = None;
-        assert!(crate::derive::Row::of(&scene.frame()).com_y.is_finite());
+        assert!(crate::derive::Row::from_frame(&scene.frame()).com_y.is_finite());
     }
 
     #[test]
@@ -174,9 +174,9 @@ mod tests {
         scene.grain([9.0, 0.0, 0.0], 1.0);
         scene.grain([0.0; 3], 1.0);
         scene.grain([2.0, 0.0, 0.0], 1.0);
-        let fragments = fragments(&scene.frame());
+        let fragments = find_fragments(&scene.frame());
         assert_eq!(fragments[0].grains, [1, 2]);
-        assert_eq!(membership(&fragments, 3), [1, 0, 0]);
+        assert_eq!(fragment_numbers(&fragments, 3), [1, 0, 0]);
     }
 
     #[test]
@@ -191,7 +191,7 @@ mod tests {
             scene.cube([x, 0.0, 0.0], 1.0);
         }
         scene.grain([4.5, 0.0, 0.0], 1.0);
-        let numbers = |scene: &Scene| membership(&fragments(&scene.frame()), 5);
+        let numbers = |scene: &Scene| fragment_numbers(&find_fragments(&scene.frame()), 5);
         assert_eq!(numbers(&scene), [0, 1, 2, 3, 4]);
         // Near enough, and half a metre too far.
         scene.contact_at(1, 0, [1.0, 0.0, 0.0], crate::frame::Vec3::x() * 1e-300);

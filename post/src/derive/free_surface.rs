@@ -3,13 +3,13 @@
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
-use crate::derive::bed::borne;
+use crate::derive::bed::supported_grains;
 use crate::derive::fragments::Fragment;
-use crate::derive::plane_fit::{NoiseDensity, Plane, PlaneFit, without_noise};
-use crate::frame::{Cell, Frame, Grain, Vec3};
+use crate::derive::plane_fit::{FittedPlane, NoiseDensity, PlaneFit, without_noise};
+use crate::frame::{Frame, Grain, PeriodicCell, Vec3};
 
 /// Columns along one direction at most: what lies far off makes them wider.
-const MOST: f64 = 500.0;
+const MAX_COLUMNS: f64 = 500.0;
 
 /// Mean radii over which planes are fitted where nothing else is chosen.
 ///
@@ -23,7 +23,7 @@ const PATCH: [f64; 2] = [1.0, 2.0];
 const PATCH_SHARE: f64 = 1.0 / 3.0;
 
 /// Ratio of the root mean square of the gradients' deviations from their mean to noise, above which a surface may be no plane.
-const SIGNIFICANT: f64 = 1.5;
+const SIGNIFICANCE_FACTOR: f64 = 1.5;
 
 /// The same deviations times the reach over the mean radius, above which a surface may be no plane: at 12 radii tan 6°, 1.7 times
 /// the largest that undulations of eight level beds of 1000 and 3000 grains make.
@@ -41,7 +41,7 @@ pub struct FreeSurface {
     /// Their widths along the axes, m.
     pub widths: [f64; 2],
     /// NaN where no grain is, or too few are around.
-    pub columns: Vec<Column>,
+    pub columns: Vec<SurfaceColumn>,
     /// Slope of the surface, rad, and the standard error of its gradient, as an angle.
     pub slope: f64,
     pub slope_error: f64,
@@ -51,7 +51,7 @@ pub struct FreeSurface {
 
 /// The surface at one vertical.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Column {
+pub struct SurfaceColumn {
     /// m
     pub x: Vec3,
     /// Above the lowest point of the grains, m.
@@ -62,9 +62,13 @@ pub struct Column {
     pub error: f64,
 }
 
-impl Column {
-    const NONE: Column =
-        Column { x: Vec3::new(f64::NAN, f64::NAN, f64::NAN), height: f64::NAN, slope: f64::NAN, error: f64::NAN };
+impl SurfaceColumn {
+    const NONE: SurfaceColumn = SurfaceColumn {
+        x: Vec3::new(f64::NAN, f64::NAN, f64::NAN),
+        height: f64::NAN,
+        slope: f64::NAN,
+        error: f64::NAN,
+    };
 }
 
 impl FreeSurface {
@@ -77,26 +81,27 @@ impl FreeSurface {
     ///
     /// The slope of the surface is that of one plane through all heights, unless the gradients of the columns differ by more than
     /// 1.5 times noise and more than undulations of a level bed: then, as of a heap, it is the median of the columns' slopes. Both are without what noise adds to the square of a gradient.
-    pub fn of(frame: &Frame, fragments: &[Fragment], reach: f64) -> Option<FreeSurface> {
+    pub fn from_frame(frame: &Frame, fragments: &[Fragment], reach: f64) -> Option<FreeSurface> {
         let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
-        let grains: Vec<&Grain> = borne(frame, fragments).into_iter().map(|i| &frame.grains[i]).collect();
+        let grains: Vec<&Grain> = supported_grains(frame, fragments).into_iter().map(|i| &frame.grains[i]).collect();
         if grains.is_empty() {
             return None;
         }
-        let up = if frame.cell().repeats() { Vec3::z() } else { against };
-        let grid = Grid::over(&grains, &frame.cell(), up);
-        let heights = grid.heights(&grains);
+        let up = if frame.cell().is_periodic() { Vec3::z() } else { against };
+        let grid = ColumnGrid::covering(&grains, &frame.cell(), up);
+        let heights = grid.column_heights(&grains);
         let lowest = grains.iter().map(|g| g.x.dot(&up) - g.radius).fold(f64::INFINITY, f64::min);
-        let whole = grid.whole(&heights)?;
-        let fits: Vec<Option<Plane>> =
-            (0..heights.len()).into_par_iter().map(|k| grid.plane(&heights, k, reach * grid.width)).collect();
-        let planes: Vec<&Plane> = fits.iter().flatten().collect();
+        let whole = grid.whole_plane(&heights)?;
+        let fits: Vec<Option<FittedPlane>> =
+            (0..heights.len()).into_par_iter().map(|k| grid.plane_at(&heights, k, reach * grid.width)).collect();
+        let planes: Vec<&FittedPlane> = fits.iter().flatten().collect();
         let count = planes.len() as f64;
-        let mean = |of: &dyn Fn(&Plane) -> f64| planes.iter().map(|plane| of(plane)).sum::<f64>() / count;
+        let mean = |of: &dyn Fn(&FittedPlane) -> f64| planes.iter().map(|plane| of(plane)).sum::<f64>() / count;
         let (first, second) = (mean(&|p| p.gradient[0]), mean(&|p| p.gradient[1]));
         let spread = mean(&|p| (p.gradient[0] - first).powi(2) + (p.gradient[1] - second).powi(2));
         let of_grains = grid.noise_density(&heights, &fits, &whole, PATCH[0]);
-        let least = (SIGNIFICANT * SIGNIFICANT * of_grains * mean(&|p| p.variance)).max((UNDULATION / reach).powi(2));
+        let least = (SIGNIFICANCE_FACTOR * SIGNIFICANCE_FACTOR * of_grains * mean(&|p| p.variance))
+            .max((UNDULATION / reach).powi(2));
         let is_plane = planes.is_empty() || spread <= least;
         let density = if is_plane {
             grid.noise_density(&heights, &fits, &whole, (0.5 * PATCH_SHARE * reach).clamp(PATCH[0], PATCH[1]))
@@ -107,16 +112,16 @@ impl FreeSurface {
             let normal = up - gradient[0] * grid.axes[0] - gradient[1] * grid.axes[1];
             (normal.dot(&against) / normal.norm()).clamp(-1.0, 1.0).acos()
         };
-        let noise_of = |plane: &Plane| (density * plane.variance).sqrt();
-        let column = |(k, fit): (usize, &Option<Plane>)| {
-            let Some(plane) = fit else { return Column::NONE };
-            let [a, b] = grid.middle(k);
+        let noise_of = |plane: &FittedPlane| (density * plane.variance).sqrt();
+        let column = |(k, fit): (usize, &Option<FittedPlane>)| {
+            let Some(plane) = fit else { return SurfaceColumn::NONE };
+            let [a, b] = grid.column_middle(k);
             let x = a * grid.axes[0] + b * grid.axes[1] + plane.height * up;
             let noise = noise_of(plane);
             let slope = without_noise(angle(plane.gradient), noise);
-            Column { x, height: plane.height - lowest, slope, error: noise.atan() }
+            SurfaceColumn { x, height: plane.height - lowest, slope, error: noise.atan() }
         };
-        let columns: Vec<Column> = fits.iter().enumerate().map(column).collect();
+        let columns: Vec<SurfaceColumn> = fits.iter().enumerate().map(column).collect();
         let noise = noise_of(&whole.plane);
         let mut surface = FreeSurface {
             axes: grid.axes,
@@ -141,7 +146,7 @@ impl FreeSurface {
     }
 
     /// Names of the axes.
-    pub fn names(&self) -> [String; 2] {
+    pub fn axis_names(&self) -> [String; 2] {
         let name = |axis: &Vec3| {
             let along = ["x", "y", "z"].into_iter().zip(axis.iter()).find(|(_, part)| **part == 1.0);
             along
@@ -160,12 +165,12 @@ impl FreeSurface {
 }
 
 /// One plane through all heights: its mean point along the axes, where it has its height.
-struct Whole {
+struct MeanPlane {
     middle: [f64; 2],
-    plane: Plane,
+    plane: FittedPlane,
 }
 
-impl Whole {
+impl MeanPlane {
     fn height(&self, [x, y]: [f64; 2]) -> f64 {
         let [a, b] = self.plane.gradient;
         self.plane.height + a * (x - self.middle[0]) + b * (y - self.middle[1])
@@ -174,19 +179,19 @@ impl Whole {
 
 /// The plane of least squares through the heights of the columns over some grains: a point, and the normal of length 1; None
 /// without grains. Along a period it does not rise.
-pub fn mean_plane(grains: &[&Grain], cell: &Cell, up: &Vec3) -> Option<(Vec3, Vec3)> {
+pub fn mean_plane(grains: &[&Grain], cell: &PeriodicCell, up: &Vec3) -> Option<(Vec3, Vec3)> {
     if grains.is_empty() {
         return None;
     }
-    let grid = Grid::over(grains, cell, *up);
-    let whole = grid.whole(&grid.heights(grains))?;
+    let grid = ColumnGrid::covering(grains, cell, *up);
+    let whole = grid.whole_plane(&grid.column_heights(grains))?;
     let ([first, second], [x, y], [along, across]) = (grid.axes, whole.middle, whole.plane.gradient);
     let point = first * x + second * y + up * whole.plane.height;
     Some((point, (up - first * along - second * across).normalize()))
 }
 
 /// Where the columns stand.
-struct Grid {
+struct ColumnGrid {
     up: Vec3,
     axes: [Vec3; 2],
     counts: [usize; 2],
@@ -198,8 +203,8 @@ struct Grid {
     repeats: [bool; 2],
 }
 
-impl Grid {
-    fn over(grains: &[&Grain], cell: &Cell, up: Vec3) -> Grid {
+impl ColumnGrid {
+    fn covering(grains: &[&Grain], cell: &PeriodicCell, up: Vec3) -> ColumnGrid {
         let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / grains.len() as f64;
         let first = if up.x.abs() < 0.9 { Vec3::x() } else { Vec3::y() };
         let first = (first - up * first.dot(&up)).normalize();
@@ -213,10 +218,10 @@ impl Grid {
         };
         let spans = [span(0), span(1)];
         let lengths = spans.map(|[low, high]| high - low);
-        let width = mean_radius.max(lengths[0].max(lengths[1]) / MOST);
+        let width = mean_radius.max(lengths[0].max(lengths[1]) / MAX_COLUMNS);
         let counts = lengths.map(|length| (length / width).ceil().max(1.0) as usize);
         let widths = [0, 1].map(|k| if cell.0[k].is_some() { lengths[k] / counts[k] as f64 } else { width });
-        Grid {
+        ColumnGrid {
             width,
             up,
             axes,
@@ -227,19 +232,19 @@ impl Grid {
         }
     }
 
-    fn number(&self, [i, j]: [usize; 2]) -> usize {
+    fn column_index(&self, [i, j]: [usize; 2]) -> usize {
         j * self.counts[0] + i
     }
 
     /// Along the axes.
-    fn middle(&self, k: usize) -> [f64; 2] {
+    fn column_middle(&self, k: usize) -> [f64; 2] {
         let place = [k % self.counts[0], k / self.counts[0]];
         [0, 1].map(|axis| self.from[axis] + (place[axis] as f64 + 0.5) * self.widths[axis])
     }
 
     /// Columns with their middles within `reach` of a place along the axes, each with the way from there; those beyond the grid
     /// are none.
-    fn around(&self, place: [f64; 2], reach: f64) -> impl Iterator<Item = (Option<usize>, [f64; 2])> {
+    fn columns_around(&self, place: [f64; 2], reach: f64) -> impl Iterator<Item = (Option<usize>, [f64; 2])> {
         let ends = move |axis: usize| {
             let at = |x: f64| (x - self.from[axis]) / self.widths[axis] - 0.5;
             let (first, last) = (at(place[axis] - reach).ceil() as isize, at(place[axis] + reach).floor() as isize);
@@ -259,18 +264,18 @@ impl Grid {
         let way = move |axis: usize, i: isize| self.from[axis] + (i as f64 + 0.5) * self.widths[axis] - place[axis];
         let pairs = ends(1).flat_map(move |j| ends(0).map(move |i| [i, j]));
         let with_ways = pairs.map(move |[i, j]| {
-            let number = index(0, i).zip(index(1, j)).map(|(i, j)| self.number([i, j]));
+            let number = index(0, i).zip(index(1, j)).map(|(i, j)| self.column_index([i, j]));
             (number, [way(0, i), way(1, j)])
         });
         with_ways.filter(move |(_, [x, y])| x * x + y * y < reach * reach)
     }
 
     /// Height, by column, of the highest sphere on its vertical, m; NaN without.
-    fn heights(&self, grains: &[&Grain]) -> Vec<f64> {
+    fn column_heights(&self, grains: &[&Grain]) -> Vec<f64> {
         let mut heights = vec![f64::NAN; self.counts[0] * self.counts[1]];
         for grain in grains {
             let place = self.axes.map(|axis| grain.x.dot(&axis));
-            for (k, [x, y]) in self.around(place, grain.radius) {
+            for (k, [x, y]) in self.columns_around(place, grain.radius) {
                 let height = grain.x.dot(&self.up) + (grain.radius.powi(2) - x * x - y * y).sqrt();
                 if let Some(k) = k {
                     heights[k] = height.max(heights[k]);
@@ -281,21 +286,21 @@ impl Grid {
     }
 
     /// The plane about the middle of column k through the heights within `reach`.
-    fn plane(&self, heights: &[f64], k: usize, reach: f64) -> Option<Plane> {
+    fn plane_at(&self, heights: &[f64], k: usize, reach: f64) -> Option<FittedPlane> {
         let (mut all, mut fit) = (0.0, PlaneFit::new(reach));
-        for (k, at) in self.around(self.middle(k), reach) {
+        for (k, at) in self.columns_around(self.column_middle(k), reach) {
             all += fit.weight_at(at);
             if let Some(height) = k.map(|k| heights[k]).filter(|height| height.is_finite()) {
                 fit.add(at, height, 1.0);
             }
         }
-        (fit.weight >= 0.5 * all).then(|| fit.plane())?
+        (fit.weight >= 0.5 * all).then(|| fit.fitted_plane())?
     }
 
     /// The plane through all heights, which does not rise along a period; level where these lie on a line. None without heights.
-    fn whole(&self, heights: &[f64]) -> Option<Whole> {
+    fn whole_plane(&self, heights: &[f64]) -> Option<MeanPlane> {
         let at = |k: usize| {
-            let [x, y] = self.middle(k);
+            let [x, y] = self.column_middle(k);
             Vec3::new(x, y, heights[k])
         };
         let known: Vec<Vec3> = (0..heights.len()).filter(|&k| heights[k].is_finite()).map(at).collect();
@@ -317,32 +322,32 @@ impl Grid {
         } else {
             ([over(xz, xx), over(yz, yy)], over(1.0, xx) + over(1.0, yy))
         };
-        let plane = Plane::through_all(height, gradient, variance / count, count);
-        (!known.is_empty()).then_some(Whole { middle, plane })
+        let plane = FittedPlane::through_all(height, gradient, variance / count, count);
+        (!known.is_empty()).then_some(MeanPlane { middle, plane })
     }
 
     /// What single grains are on the surface, m^2 times a column: of residuals from the columns' planes, where there is none from
     /// the plane of the whole, with those within `patch` mean diameters.
-    fn noise_density(&self, heights: &[f64], fits: &[Option<Plane>], whole: &Whole, patch: f64) -> f64 {
+    fn noise_density(&self, heights: &[f64], fits: &[Option<FittedPlane>], whole: &MeanPlane, patch: f64) -> f64 {
         let patch = 2.0 * self.width * patch * (1.0 + 1e-9);
         let residual =
-            |k: usize| heights[k] - fits[k].map_or_else(|| whole.height(self.middle(k)), |plane| plane.height);
+            |k: usize| heights[k] - fits[k].map_or_else(|| whole.height(self.column_middle(k)), |plane| plane.height);
         let mut density = NoiseDensity::default();
         for k in (0..heights.len()).filter(|&k| heights[k].is_finite()) {
-            let near = self.around(self.middle(k), patch).filter_map(|(j, _)| j);
+            let near = self.columns_around(self.column_middle(k), patch).filter_map(|(j, _)| j);
             let near: Vec<f64> = near.map(residual).filter(|e| e.is_finite()).collect();
             let plane = fits[k].as_ref().unwrap_or(&whole.plane);
             let own = residual(k);
             density.add(1.0, own, own * near.iter().sum::<f64>(), near.len() as f64, plane);
         }
-        density.value()
+        density.mean_density()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::derive::fragments::fragments;
+    use crate::derive::fragments::find_fragments;
     use crate::samples::Scene;
 
     /// Grains of a plate that all carry force, with their surface at these heights over a square lattice.
@@ -359,7 +364,7 @@ mod tests {
 
     fn of(scene: &Scene) -> Option<FreeSurface> {
         let frame = scene.frame();
-        FreeSurface::of(&frame, &fragments(&frame), 6.0)
+        FreeSurface::from_frame(&frame, &find_fragments(&frame), 6.0)
     }
 
     fn median(scene: &Scene) -> f64 {
@@ -390,7 +395,7 @@ mod tests {
         let reach = REACH;
         let surface = |scene: &Scene| {
             let frame = scene.frame();
-            FreeSurface::of(&frame, &fragments(&frame), reach).unwrap()
+            FreeSurface::from_frame(&frame, &find_fragments(&frame), reach).unwrap()
         };
         let slope = |tilt: f64| surface(&lattice(15, |x, y| tilt * x + rough(x, y)));
         let level = slope(0.0);
@@ -416,7 +421,7 @@ mod tests {
             };
             let surface = |half: i32, shape: &dyn Fn(f64, f64) -> f64| {
                 let frame = lattice(half, |x, y| shape(x, y) + swell(x, y)).frame();
-                FreeSurface::of(&frame, &fragments(&frame), REACH).unwrap()
+                FreeSurface::from_frame(&frame, &find_fragments(&frame), REACH).unwrap()
             };
             let level = surface(16, &|_, _| 0.0);
             let slope = level.slope.to_degrees();

@@ -8,17 +8,17 @@ use rayon::prelude::*;
 
 use crate::frame::{Mat3, Vec3};
 
-/// Groups act as such from distances of more than the sum of their reaches over this. With it and [`STRETCH`] the energy of
+/// Groups act as such from distances of more than the sum of their reaches over this. With it and [`REACH_STRETCH`] the energy of
 /// 12000 to 20000 points in a ball, a disc, a stream and on a line is off by 4e-5 to 8e-5.
-const OPENING: f64 = 0.6;
+const OPENING_ANGLE: f64 = 0.6;
 /// How much farther than its radius a group reaches, a part of that, for the square of |Q| / m r^2, which is 2/3 of a line, 3/8
 /// of a disc and 0 of a ball. Beyond the quadrupole a ball has nothing and a line the more: without it, at an opening of 0.5,
 /// they were off by 4e-5 and 2.3e-3.
-const STRETCH: f64 = 2.5;
+const REACH_STRETCH: f64 = 2.5;
 /// Points that are not divided further.
-const LEAF: usize = 16;
+const LEAF_SIZE: usize = 16;
 /// Points from which on the parts of a sum are tasks of their own.
-const APART: usize = 4096;
+const PARALLEL_POINTS: usize = 4096;
 
 /// sum_i m_i d_i . sum_j m_j (x_j - x_i) / |x_j - x_i|^3, kg^2/m: the virial of the attraction that `members` feel of `others`,
 /// over G.
@@ -37,7 +37,7 @@ pub fn attraction_between(members: &[(Vec3, f64)], centre: &Vec3, others: &[(Vec
     sums.iter().sum()
 }
 
-struct Node {
+struct TreeNode {
     /// First and one past the last of the sorted points.
     points: (usize, usize),
     /// Indices of the two halves; none of a leaf.
@@ -51,26 +51,26 @@ struct Node {
 }
 
 /// Attracting points in a tree.
-pub struct Tree {
+pub struct GravityTree {
     /// Position, m, and mass, kg, in the order of the tree.
     points: Vec<(Vec3, f64)>,
-    nodes: Vec<Node>,
+    nodes: Vec<TreeNode>,
 }
 
-impl Tree {
+impl GravityTree {
     /// `points`: position in m and mass in kg of each.
-    pub fn new(points: &[(Vec3, f64)]) -> Tree {
-        let mut tree = Tree { points: Vec::new(), nodes: Vec::new() };
+    pub fn new(points: &[(Vec3, f64)]) -> GravityTree {
+        let mut tree = GravityTree { points: Vec::new(), nodes: Vec::new() };
         if !points.is_empty() {
             let mut order: Vec<usize> = (0..points.len()).collect();
-            tree.divide(points, &mut order, 0);
+            tree.divide_node(points, &mut order, 0);
             tree.points = order.iter().map(|&i| points[i]).collect();
         }
         tree
     }
 
     /// Makes the node of `order`, which begins at `first`, and those below it; returns its index.
-    fn divide(&mut self, points: &[(Vec3, f64)], order: &mut [usize], first: usize) -> usize {
+    fn divide_node(&mut self, points: &[(Vec3, f64)], order: &mut [usize], first: usize) -> usize {
         let own = || order.iter().map(|&i| points[i]);
         let mass: f64 = own().map(|(_, m)| m).sum();
         let centre = own().map(|(x, m)| m * x).sum::<Vec3>() / mass;
@@ -82,13 +82,13 @@ impl Tree {
             })
             .sum::<Mat3>();
         let spread = mass * radius * radius;
-        let stretch = if spread > 0.0 { STRETCH * (quadrupole / spread).norm_squared() } else { 0.0 };
+        let stretch = if spread > 0.0 { REACH_STRETCH * (quadrupole / spread).norm_squared() } else { 0.0 };
         let reach = radius * (1.0 + stretch);
         let (low, high) = own().fold((centre, centre), |(low, high), (x, _)| (low.inf(&x), high.sup(&x)));
         let index = self.nodes.len();
         let points_of = (first, first + order.len());
-        self.nodes.push(Node { points: points_of, halves: None, mass, centre, reach, quadrupole });
-        if order.len() > LEAF {
+        self.nodes.push(TreeNode { points: points_of, halves: None, mass, centre, reach, quadrupole });
+        if order.len() > LEAF_SIZE {
             let axis = (high - low).imax();
             let middle = order.len() / 2;
             // Equal coordinates keep their order, whatever the sorting does.
@@ -96,34 +96,37 @@ impl Tree {
                 points[i].0[axis].total_cmp(&points[j].0[axis]).then(i.cmp(&j))
             });
             let (left, right) = order.split_at_mut(middle);
-            let halves = [self.divide(points, left, first), self.divide(points, right, first + middle)];
+            let halves = [self.divide_node(points, left, first), self.divide_node(points, right, first + middle)];
             self.nodes[index].halves = Some(halves);
         }
         index
     }
 
     /// Potential energy, J: W = - sum_{i<j} G m_i m_j / |x_i - x_j|, the same on any number of threads.
-    pub fn energy(&self, constant: f64) -> f64 {
-        if self.nodes.is_empty() { 0.0 } else { -constant * self.within(0) }
+    pub fn potential_energy(&self, constant: f64) -> f64 {
+        if self.nodes.is_empty() { 0.0 } else { -constant * self.pairs_within(0) }
     }
 
     /// sum m_i m_j / |x_i - x_j| over the pairs of a node's points, kg^2/m.
-    fn within(&self, node: usize) -> f64 {
+    fn pairs_within(&self, node: usize) -> f64 {
         let Some([a, b]) = self.nodes[node].halves else {
-            let own = self.own(node);
-            return (0..own.len()).map(|i| pull(&own[..i], &own[i])).sum();
+            let own = self.node_points(node);
+            return (0..own.len()).map(|i| point_attraction(&own[..i], &own[i])).sum();
         };
-        let (halves, between) =
-            self.both(node, || self.both(node, || self.within(a), || self.within(b)), || self.between(a, b));
+        let (halves, between) = self.sum_both(
+            node,
+            || self.sum_both(node, || self.pairs_within(a), || self.pairs_within(b)),
+            || self.pairs_between(a, b),
+        );
         halves.0 + halves.1 + between
     }
 
     /// The same over the pairs of a point of one node and one of another.
-    fn between(&self, a: usize, b: usize) -> f64 {
+    fn pairs_between(&self, a: usize, b: usize) -> f64 {
         let [first, second] = [a, b].map(|node| &self.nodes[node]);
         let to = second.centre - first.centre;
         let distance = to.norm();
-        if first.reach + second.reach < OPENING * distance {
+        if first.reach + second.reach < OPENING_ANGLE * distance {
             let quadrupole = first.quadrupole * second.mass + second.quadrupole * first.mass;
             return first.mass * second.mass / distance + 0.5 * to.dot(&(quadrupole * to)) / distance.powi(5);
         }
@@ -131,37 +134,40 @@ impl Tree {
         let (node, halves, other) = match [larger, smaller].map(|node| self.nodes[node].halves) {
             [Some(halves), _] => (larger, halves, smaller),
             [None, Some(halves)] => (smaller, halves, larger),
-            [None, None] => return self.own(a).iter().map(|point| pull(self.own(b), point)).sum(),
+            [None, None] => {
+                return self.node_points(a).iter().map(|point| point_attraction(self.node_points(b), point)).sum();
+            }
         };
-        let (left, right) = self.both(node, || self.between(halves[0], other), || self.between(halves[1], other));
+        let (left, right) =
+            self.sum_both(node, || self.pairs_between(halves[0], other), || self.pairs_between(halves[1], other));
         left + right
     }
 
-    fn own(&self, node: usize) -> &[(Vec3, f64)] {
+    fn node_points(&self, node: usize) -> &[(Vec3, f64)] {
         &self.points[self.nodes[node].points.0..self.nodes[node].points.1]
     }
 
     /// Two sums, at the same time where a node has many points.
-    fn both<A: Send, B: Send>(
+    fn sum_both<A: Send, B: Send>(
         &self,
         node: usize,
         a: impl FnOnce() -> A + Send,
         b: impl FnOnce() -> B + Send,
     ) -> (A, B) {
         let (first, last) = self.nodes[node].points;
-        if last - first > APART { rayon::join(a, b) } else { (a(), b()) }
+        if last - first > PARALLEL_POINTS { rayon::join(a, b) } else { (a(), b()) }
     }
 }
 
 /// sum_j m m_j / |x_j - x| of a point; what is in its place does not attract it.
-fn pull(points: &[(Vec3, f64)], (x, m): &(Vec3, f64)) -> f64 {
+fn point_attraction(points: &[(Vec3, f64)], (x, m): &(Vec3, f64)) -> f64 {
     m * points.iter().filter(|(y, _)| y != x).map(|(y, m)| m / (y - x).norm()).sum::<f64>()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::derive::energy::direct;
+    use crate::derive::energy::direct_energy;
 
     /// Points in a ball by a sequence of low discrepancy, unequal masses.
     fn ball(count: usize) -> Vec<(Vec3, f64)> {
@@ -182,7 +188,7 @@ mod tests {
     fn energy_of_many_points_is_that_of_all_pairs() {
         for count in [0, 1, 2, 17, 3000] {
             let points = ball(count);
-            let (tree, pairs) = (Tree::new(&points).energy(2.0), direct(&points, 2.0));
+            let (tree, pairs) = (GravityTree::new(&points).potential_energy(2.0), direct_energy(&points, 2.0));
             assert!((tree - pairs).abs() <= 1e-4 * pairs.abs(), "{count}: {tree} {pairs}");
         }
     }
@@ -199,7 +205,7 @@ mod tests {
             ("line", (0..12_000).map(|k| (Vec3::new(f64::from(k), 0.0, 0.0), 1.0)).collect()),
         ];
         for (name, points) in clouds {
-            let (tree, pairs) = (Tree::new(&points).energy(2.0), direct(&points, 2.0));
+            let (tree, pairs) = (GravityTree::new(&points).potential_energy(2.0), direct_energy(&points, 2.0));
             assert!((tree / pairs - 1.0).abs() <= 1e-4, "{name}: {}", tree / pairs - 1.0);
         }
     }
@@ -208,9 +214,9 @@ mod tests {
     fn two_clumps_far_apart_attract_as_points() {
         let mut points = ball(100);
         let mass: f64 = points.iter().map(|(_, m)| m).sum();
-        let alone = Tree::new(&points).energy(1.0);
+        let alone = GravityTree::new(&points).potential_energy(1.0);
         points.extend(ball(100).into_iter().map(|(x, m)| (x + Vec3::new(1e3, 0.0, 0.0), m)));
-        let mutual = Tree::new(&points).energy(1.0) - 2.0 * alone;
+        let mutual = GravityTree::new(&points).potential_energy(1.0) - 2.0 * alone;
         // Their quadrupoles give (1 / 1e3)^2; the tree is off by less than 1e-4 of the energy of the clumps, 1e3 times as much.
         assert!((mutual / (-mass * mass / 1e3) - 1.0).abs() < 0.1, "{mutual}");
     }

@@ -5,13 +5,13 @@ use std::collections::{HashMap, HashSet};
 use crate::frame::Vec3;
 
 /// Directions in which the hull of unequal balls is sampled: of a ball 1.2 10^-3 of the volume is missed, of many balls less.
-const DIRECTIONS: usize = 4000;
+const DIRECTION_COUNT: usize = 4000;
 
 /// Coordinates are integers of this many bits, so that a determinant of three differences fits 128 bits exactly.
-const BITS: i32 = 38;
+const COORDINATE_BITS: i32 = 38;
 
 /// Points are displaced by up to this many units, 10^-8 of the extent, so that no four lie in one plane.
-const JOGGLE: i64 = 1 << 11;
+const MAX_JOGGLE: i64 = 1 << 11;
 
 /// Volume (m^3) of the convex hull of balls of given centres and radii (m); NaN without balls.
 ///
@@ -19,7 +19,7 @@ const JOGGLE: i64 = 1 << 11;
 /// the volume, the surface and the integral of the mean curvature of the former. Of equal balls this is exact to 10^-7; of unequal
 /// ones the former is the hull of the outermost points in `DIRECTIONS` directions. A single ball has its own volume, and two
 /// equal ones at the distance d have pi r^2 d more. Source: J. Steiner (1840), the volume of parallel bodies.
-pub fn volume(balls: &[(Vec3, f64)]) -> f64 {
+pub fn hull_volume(balls: &[(Vec3, f64)]) -> f64 {
     if balls.is_empty() {
         return f64::NAN;
     }
@@ -40,14 +40,14 @@ pub fn volume(balls: &[(Vec3, f64)]) -> f64 {
             }
             point
         };
-        points.extend(directions(DIRECTIONS).map(farthest));
+        points.extend(spiral_directions(DIRECTION_COUNT).map(farthest));
     }
-    let Measures { volume, surface, curvature } = measures(&points);
+    let ConvexMeasures { volume, surface, curvature } = hull_measures(&points);
     volume + r * (surface + r * (curvature + r * 4.0 / 3.0 * std::f64::consts::PI))
 }
 
 /// Unit vectors spread evenly over the sphere, on a golden spiral.
-pub fn directions(count: usize) -> impl Iterator<Item = Vec3> {
+pub fn spiral_directions(count: usize) -> impl Iterator<Item = Vec3> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count).map(move |k| {
         let z = 1.0 - (2 * k + 1) as f64 / count as f64;
@@ -59,28 +59,30 @@ pub fn directions(count: usize) -> impl Iterator<Item = Vec3> {
 
 /// Volume (m^3), surface (m^2) and integral of the mean curvature (m) of a convex body.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Measures {
+struct ConvexMeasures {
     volume: f64,
     surface: f64,
     curvature: f64,
 }
 
 /// Measures of the convex hull of points; of points in a plane or on a line the limits of thin bodies.
-fn measures(points: &[Vec3]) -> Measures {
-    let Some(first) = points.first() else { return Measures::default() };
+fn hull_measures(points: &[Vec3]) -> ConvexMeasures {
+    let Some(first) = points.first() else { return ConvexMeasures::default() };
     let size = points.iter().map(|p| (p - first).amax()).fold(0.0, f64::max);
     if size == 0.0 {
-        return Measures::default();
+        return ConvexMeasures::default();
     }
-    let unit = size / 2f64.powi(BITS);
+    let unit = size / 2f64.powi(COORDINATE_BITS);
     // At least four, of which copies are displaced otherwise.
     let copies = points.iter().cycle().take(points.len().max(4));
     let grid: Vec<[i64; 3]> = copies
         .enumerate()
-        .map(|(k, p)| [0, 1, 2].map(|axis| ((p[axis] - first[axis]) / unit).round() as i64 + joggle(3 * k + axis)))
+        .map(|(k, p)| {
+            [0, 1, 2].map(|axis| ((p[axis] - first[axis]) / unit).round() as i64 + joggle_offset(3 * k + axis))
+        })
         .collect();
-    let hull = Hull::of(&grid);
-    let mut measures = Measures::default();
+    let hull = ExactHull::new(&grid);
+    let mut measures = ConvexMeasures::default();
     let float = |k: usize| Vec3::from(grid[k].map(|x| x as f64)) * unit;
     let normal = |face: &[usize; 3]| {
         let [a, b, c] = face.map(float);
@@ -91,7 +93,7 @@ fn measures(points: &[Vec3]) -> Measures {
         let (n, a) = (normal(&face.corners), float(face.corners[0]));
         measures.volume += a.dot(&n) / 6.0;
         measures.surface += 0.5 * n.norm();
-        sides.extend(edges(&face.corners).map(|edge| (edge, number)));
+        sides.extend(triangle_edges(&face.corners).map(|edge| (edge, number)));
     }
     let mut rising: Vec<_> = sides.iter().filter(|([a, b], _)| a < b).collect();
     rising.sort_unstable(); // sums in one order
@@ -102,20 +104,20 @@ fn measures(points: &[Vec3]) -> Measures {
     measures
 }
 
-/// A number from -[`JOGGLE`] to [`JOGGLE`] that looks random: Steele, Lea & Flood (2014), SplitMix64.
-fn joggle(k: usize) -> i64 {
+/// A number from -[`MAX_JOGGLE`] to [`MAX_JOGGLE`] that looks random: Steele, Lea & Flood (2014), SplitMix64.
+fn joggle_offset(k: usize) -> i64 {
     let mut z = (k as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) % (2 * JOGGLE as u64 + 1)) as i64 - JOGGLE
+    ((z ^ (z >> 31)) % (2 * MAX_JOGGLE as u64 + 1)) as i64 - MAX_JOGGLE
 }
 
-fn edges([a, b, c]: &[usize; 3]) -> [[usize; 2]; 3] {
+fn triangle_edges([a, b, c]: &[usize; 3]) -> [[usize; 2]; 3] {
     [[*a, *b], [*b, *c], [*c, *a]]
 }
 
 /// A triangle, counter-clockwise seen from outside.
-struct Face {
+struct HullFace {
     corners: [usize; 3],
     /// Its plane, in numbers that may be off by rounding.
     normal: Vec3,
@@ -123,18 +125,18 @@ struct Face {
 }
 
 /// Values of a plane beyond this are of the right sign: coordinates of 2^40 make products of 2^122, 2^72 of it rounding.
-const CERTAIN: f64 = 4.7e21;
+const SIGN_CERTAINTY: f64 = 4.7e21;
 
 /// The convex hull of points with integer coordinates, exact.
-struct Hull<'a> {
+struct ExactHull<'a> {
     points: &'a [[i64; 3]],
-    faces: Vec<Face>,
+    faces: Vec<HullFace>,
 }
 
-impl Hull<'_> {
+impl ExactHull<'_> {
     /// Four points or more, not all in one plane; points in the plane of a face are taken for inside.
-    fn of(points: &[[i64; 3]]) -> Hull<'_> {
-        let mut hull = Hull { points, faces: Vec::new() };
+    fn new(points: &[[i64; 3]]) -> ExactHull<'_> {
+        let mut hull = ExactHull { points, faces: Vec::new() };
         let float = |k: usize| Vec3::from(points[k].map(|x| x as f64));
         let farthest =
             |of: &dyn Fn(usize) -> f64| (0..points.len()).max_by(|a, b| of(*a).total_cmp(&of(*b))).unwrap_or_default();
@@ -145,10 +147,10 @@ impl Hull<'_> {
         let start = if hull.determinant(&[a, b, c], d) > 0 { [a, c, b, d] } else { [a, b, c, d] };
         let [a, b, c, d] = start;
         for corners in [[a, b, c], [a, d, b], [b, d, c], [c, d, a]] {
-            hull.add(corners);
+            hull.add_face(corners);
         }
         for k in (0..points.len()).filter(|k| !start.contains(k)) {
-            hull.take_in(k);
+            hull.add_point(k);
         }
         hull
     }
@@ -161,28 +163,28 @@ impl Hull<'_> {
         p[0] * (b[1] * c[2] - b[2] * c[1]) + p[1] * (b[2] * c[0] - b[0] * c[2]) + p[2] * (b[0] * c[1] - b[1] * c[0])
     }
 
-    fn add(&mut self, corners: [usize; 3]) {
+    fn add_face(&mut self, corners: [usize; 3]) {
         let [a, b, c] = corners.map(|k| Vec3::from(self.points[k].map(|x| x as f64)));
         let normal = (b - a).cross(&(c - a));
-        self.faces.push(Face { corners, normal, offset: normal.dot(&a) });
+        self.faces.push(HullFace { corners, normal, offset: normal.dot(&a) });
     }
 
-    fn sees(&self, k: usize, face: &Face) -> bool {
+    fn is_visible_from(&self, k: usize, face: &HullFace) -> bool {
         let value = face.normal.dot(&Vec3::from(self.points[k].map(|x| x as f64))) - face.offset;
-        if value.abs() > CERTAIN { value > 0.0 } else { self.determinant(&face.corners, k) > 0 }
+        if value.abs() > SIGN_CERTAINTY { value > 0.0 } else { self.determinant(&face.corners, k) > 0 }
     }
 
     /// Replaces the faces that a point sees by those from their rim to it.
-    fn take_in(&mut self, k: usize) {
-        let seen: Vec<usize> = (0..self.faces.len()).filter(|&f| self.sees(k, &self.faces[f])).collect();
-        let sides: HashSet<[usize; 2]> = seen.iter().flat_map(|&f| edges(&self.faces[f].corners)).collect();
+    fn add_point(&mut self, k: usize) {
+        let seen: Vec<usize> = (0..self.faces.len()).filter(|&f| self.is_visible_from(k, &self.faces[f])).collect();
+        let sides: HashSet<[usize; 2]> = seen.iter().flat_map(|&f| triangle_edges(&self.faces[f].corners)).collect();
         let inner = |[a, b]: &[usize; 2]| sides.contains(&[*b, *a]);
         let rim: Vec<[usize; 2]> =
-            seen.iter().flat_map(|&f| edges(&self.faces[f].corners)).filter(|side| !inner(side)).collect();
+            seen.iter().flat_map(|&f| triangle_edges(&self.faces[f].corners)).filter(|side| !inner(side)).collect();
         for &face in seen.iter().rev() {
             self.faces.swap_remove(face);
         }
-        rim.into_iter().for_each(|[a, b]| self.add([a, b, k]));
+        rim.into_iter().for_each(|[a, b]| self.add_face([a, b, k]));
     }
 }
 
@@ -204,19 +206,19 @@ mod tests {
     fn degenerate_hulls_of_equal_balls_are_exact() {
         let ball = 4.0 / 3.0 * PI * 8.0;
         let tiny = 1e-7; // the displacement of points over the radius, some times
-        assert!(volume(&[]).is_nan());
-        assert_close(volume(&at(&[[1e3, -2.0, 0.5]], 2.0)), ball, tiny);
+        assert!(hull_volume(&[]).is_nan());
+        assert_close(hull_volume(&at(&[[1e3, -2.0, 0.5]], 2.0)), ball, tiny);
         // A capsule; the same of a row with others between.
-        assert_close(volume(&at(&[[0.0; 3], [4.0, 0.0, 0.0]], 2.0)), ball + 4.0 * PI * 4.0, tiny);
+        assert_close(hull_volume(&at(&[[0.0; 3], [4.0, 0.0, 0.0]], 2.0)), ball + 4.0 * PI * 4.0, tiny);
         let row: Vec<[f64; 3]> = (0..9).map(|k| [k as f64, 2.0 * k as f64, -2.0 * k as f64]).collect();
-        assert_close(volume(&at(&row, 2.0)), ball + 4.0 * PI * 24.0, tiny);
+        assert_close(hull_volume(&at(&row, 2.0)), ball + 4.0 * PI * 24.0, tiny);
         // A plane: two faces 2 r apart, half a cylinder along the rim.
         let square: Vec<[f64; 3]> = (0..25).map(|k| [f64::from(k % 5), f64::from(k / 5), 0.0]).collect();
-        assert_close(volume(&at(&square, 2.0)), ball + 16.0 * 4.0 + 0.5 * PI * 4.0 * 16.0, tiny);
+        assert_close(hull_volume(&at(&square, 2.0)), ball + 16.0 * 4.0 + 0.5 * PI * 4.0 * 16.0, tiny);
         let triangle = [[0.0; 3], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0]];
-        assert_close(volume(&at(&triangle, 2.0)), ball + 6.0 * 4.0 + 0.5 * PI * 4.0 * 12.0, tiny);
+        assert_close(hull_volume(&at(&triangle, 2.0)), ball + 6.0 * 4.0 + 0.5 * PI * 4.0 * 12.0, tiny);
         // All in one place.
-        assert_close(volume(&at(&[[1.0; 3]; 5], 2.0)), ball, tiny);
+        assert_close(hull_volume(&at(&[[1.0; 3]; 5], 2.0)), ball, tiny);
     }
 
     #[test]
@@ -226,10 +228,10 @@ mod tests {
                 (0..216).map(|k| [k % 6, k / 6 % 6, k / 36].map(|x| scale * f64::from(x))).collect();
             let (a, r) = (5.0 * scale, 0.5 * scale);
             let expected = a.powi(3) + 6.0 * a * a * r + 3.0 * PI * a * r * r + 4.0 / 3.0 * PI * r.powi(3);
-            assert_close(volume(&at(&lattice, r)), expected, 1e-7);
+            assert_close(hull_volume(&at(&lattice, r)), expected, 1e-7);
         }
         // Points alone, as vertices of polyhedra are.
-        assert_close(volume(&at(&[[0.0; 3], [3.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 5.0]], 0.0)), 5.0, 1e-7);
+        assert_close(hull_volume(&at(&[[0.0; 3], [3.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 5.0]], 0.0)), 5.0, 1e-7);
     }
 
     #[test]
@@ -242,19 +244,19 @@ mod tests {
         let frustum = PI * long / 3.0 * (wide * wide + wide * narrow + narrow * narrow);
         let cap = |r: f64, h: f64| PI * h * h * (3.0 * r - h) / 3.0;
         let expected = frustum + cap(big, big * (1.0 + sine)) + cap(small, small * (1.0 - sine));
-        let found = volume(&[(Vec3::zeros(), big), (Vec3::new(0.0, d, 0.0), small)]);
+        let found = hull_volume(&[(Vec3::zeros(), big), (Vec3::new(0.0, d, 0.0), small)]);
         assert!(found <= expected * (1.0 + 1e-9));
         assert_close(found, expected, 1.2e-3);
         // One within another.
-        assert_close(volume(&[(Vec3::zeros(), 3.0), (Vec3::x(), 0.5)]), 4.0 / 3.0 * PI * 27.0, 1.2e-3);
+        assert_close(hull_volume(&[(Vec3::zeros(), 3.0), (Vec3::x(), 0.5)]), 4.0 / 3.0 * PI * 27.0, 1.2e-3);
     }
 
     #[test]
     fn many_points_on_a_sphere_and_within() {
-        let sphere: Vec<Vec3> = directions(1000).collect();
+        let sphere: Vec<Vec3> = spiral_directions(1000).collect();
         let balls: Vec<(Vec3, f64)> =
             sphere.iter().flat_map(|u| [(*u, 0.1), (0.5 * u, 0.1), (-0.3 * u, 0.1)]).collect();
         // Inscribed in the ball of radius 1: less by some 4 pi / (1000 sqrt(3)), grown by 0.1.
-        assert_close(volume(&balls), 4.0 / 3.0 * PI * 1.1f64.powi(3), 0.01);
+        assert_close(hull_volume(&balls), 4.0 / 3.0 * PI * 1.1f64.powi(3), 0.01);
     }
 }

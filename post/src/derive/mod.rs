@@ -38,19 +38,19 @@ pub mod region;
 pub mod stress;
 pub mod surface;
 
-use crate::frame::{Cell, Frame, Vec3};
-use energy::Summation;
+use crate::frame::{Frame, PeriodicCell, Vec3};
+use energy::PairSummation;
 use free_surface::FreeSurface;
 use probe::Probe;
 use region::Region;
 
 /// A value as it stands in `series.csv`.
-pub trait Field {
+pub trait SeriesValue {
     fn text(&self) -> String;
     fn number(&self) -> f64;
 }
 
-impl Field for u64 {
+impl SeriesValue for u64 {
     fn text(&self) -> String {
         self.to_string()
     }
@@ -59,7 +59,7 @@ impl Field for u64 {
     }
 }
 
-impl Field for f64 {
+impl SeriesValue for f64 {
     /// The shortest decimal that reads back as the same number, 0 for -0; blank if there is none.
     fn text(&self) -> String {
         if self.is_finite() { format!("{:?}", self + 0.0) } else { String::new() }
@@ -189,78 +189,79 @@ columns! {
 
 /// Choices of a user about the observables.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Choices {
-    pub summation: Summation,
+pub struct MeasurementOptions {
+    pub summation: PairSummation,
     /// Region of means; None for that which fits the scene.
     pub region: Option<Probe>,
     /// Mean radii over which planes are fitted to the surface of a heap or bed.
     pub slope_reach: f64,
 }
 
-impl Default for Choices {
-    fn default() -> Choices {
-        Choices { summation: Summation::default(), region: None, slope_reach: free_surface::REACH }
+impl Default for MeasurementOptions {
+    fn default() -> MeasurementOptions {
+        MeasurementOptions { summation: PairSummation::default(), region: None, slope_reach: free_surface::REACH }
     }
 }
 
-impl Choices {
+impl MeasurementOptions {
     /// The region of a frame with these groups of touching grains.
     pub fn region(&self, frame: &Frame, fragments: &[fragments::Fragment]) -> Region {
         match &self.region {
-            Some(probe) => Region::of_probe(frame, fragments, probe),
-            None => Region::of(frame, fragments),
+            Some(probe) => Region::from_probe(frame, fragments, probe),
+            None => Region::from_frame(frame, fragments),
         }
     }
 }
 
 impl Row {
     /// Measures everything on a frame.
-    pub fn of(frame: &Frame) -> Row {
-        Row::with(frame, &Choices::default())
+    pub fn from_frame(frame: &Frame) -> Row {
+        Row::with_options(frame, &MeasurementOptions::default())
     }
 
     /// Measures everything on a frame.
-    pub fn with(frame: &Frame, choices: &Choices) -> Row {
+    pub fn with_options(frame: &Frame, choices: &MeasurementOptions) -> Row {
         let (grains, summation) = (&frame.grains, choices.summation);
         let count = grains.len() as f64;
         let cell = frame.cell();
         let everyone: Vec<usize> = (0..grains.len()).collect();
         // A scene that repeats has no ball around it.
-        let ball = enclosing::enclosing_ball(if cell.repeats() { &[] } else { grains });
+        let ball = enclosing::enclosing_ball(if cell.is_periodic() { &[] } else { grains });
         let gravity = energy::self_gravity_constant(frame);
-        let whole = motion::Whole::of(grains);
+        let whole = motion::AggregateSums::from_grains(grains);
         let [a, b, c] = whole.semi_axes();
-        let fixed = whole.clone().in_fixed_axes(&motion::Axes::of(frame));
+        let fixed = whole.clone().in_fixed_axes(&motion::RotatingAxes::from_frame(frame));
         let spin = fixed.spin();
         let (e_translation, e_rotation) = energy::kinetic_sums(grains);
-        let fragments = fragments::fragments(frame);
+        let fragments = fragments::find_fragments(frame);
         let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / count;
         let region = choices.region(frame, &fragments);
-        let coordination = coordination::coordination(frame, &region.members);
+        let coordination = coordination::mean_coordination(frame, &region.members);
         let stress = region.stress(frame);
         let kinetic_stress = region.kinetic_stress(frame);
         let [sigma, motion_stress] = [stress, kinetic_stress].map(|s| 0.5 * (s + s.transpose()));
-        let invariants = stress::Invariants::of(&stress);
-        let (mobilised, sliding_fraction) = fabric::mobilised(frame);
-        let largest = Largest::of(&fragments, gravity, whole.mass);
-        let bed = bed::Bed::of(frame, &fragments);
-        let free = FreeSurface::of(frame, &fragments, choices.slope_reach);
+        let invariants = stress::StressInvariants::new(&stress);
+        let (mobilised, sliding_fraction) = fabric::mean_mobilisation(frame);
+        let largest = LargestFragment::new(&fragments, gravity, whole.mass);
+        let bed = bed::Bed::from_frame(frame, &fragments);
+        let free = FreeSurface::from_frame(frame, &fragments, choices.slope_reach);
         let of_bed = |value: &dyn Fn(&bed::Bed) -> f64| bed.as_ref().map_or(f64::NAN, value);
-        let e_grav = gravity.map_or(0.0, |g| energy::gravitational(grains.iter().map(|k| (k.x, k.mass)), g, summation));
-        let e_uniform = energy::uniform(grains, Vec3::from(frame.meta.parameters.uniform_gravity));
-        let e_fields = energy::in_fields(grains, &energy::outside(frame));
+        let e_grav =
+            gravity.map_or(0.0, |g| energy::gravitational_energy(grains.iter().map(|k| (k.x, k.mass)), g, summation));
+        let e_uniform = energy::uniform_gravity_energy(grains, Vec3::from(frame.meta.parameters.uniform_gravity));
+        let e_fields = energy::field_energy(grains, &energy::external_fields(frame));
         let ledger = &frame.meta.ledger;
         let mut row = Row {
             step: frame.meta.step,
             time: frame.meta.time,
-            n_contacts: coordination::touching(frame).count() as u64,
+            n_contacts: coordination::touching_contacts(frame).count() as u64,
             n_pulling: coordination::distant_pulls(frame) as u64,
-            region: region.kind.number(),
+            region: region.kind.column_value(),
             region_volume: region.volume,
             Z: coordination.z,
             Z_no_rattlers: coordination.z_no_rattlers,
             rattler_fraction: coordination.rattler_fraction,
-            Z_all: coordination::coordination(frame, &everyone).z,
+            Z_all: coordination::mean_coordination(frame, &everyone).z,
             nu: region.solid_fraction(frame),
             nu_sphere: grains.iter().map(|g| g.volume()).sum::<f64>() / ball.volume(),
             R_enclosing: ball.radius,
@@ -314,7 +315,7 @@ impl Row {
             drucker_prager: invariants.drucker_prager,
             friction_angle: invariants.friction_angle,
             tensile_fraction: stress::tensile_fraction(frame),
-            anisotropy: fabric::anisotropy(&fabric::fabric(frame)),
+            anisotropy: fabric::anisotropy(&fabric::fabric_tensor(frame)),
             mobilised,
             sliding_fraction,
             largest_mass: largest.whole.mass,
@@ -331,7 +332,7 @@ impl Row {
             E_shocks: ledger.contact_work - ledger.friction_work,
             E_outside: ledger.outside_work,
             bed_height: of_bed(&|bed| bed.height),
-            bed_nu: of_bed(&|bed| bed.nu()),
+            bed_nu: of_bed(&|bed| bed.solid_fraction()),
             bed_pressure: of_bed(&|bed| stress::pressure(&bed.stress())),
             bed_stress_ratio: of_bed(&|bed| bed.stress_ratio()),
             n_bonds: frame.contacts.iter().filter(|contact| contact.bonded).count() as u64,
@@ -342,13 +343,13 @@ impl Row {
             pressure_interval: region.interval_pressure(frame),
             bed_pressure_interval: of_bed(&bed::Bed::interval_pressure),
         };
-        row.forget_arms(&cell);
+        row.clear_origin_dependent(&cell);
         row
     }
 
     /// Leaves out what arms from a centre would make depend on where the border of the cell is.
-    fn forget_arms(&mut self, cell: &Cell) {
-        if cell.repeats() {
+    fn clear_origin_dependent(&mut self, cell: &PeriodicCell) {
+        if cell.is_periodic() {
             let axes = [&mut self.a, &mut self.b, &mut self.c, &mut self.Ec_rigid_mean];
             let motion = [&mut self.spin_x, &mut self.spin_y, &mut self.spin_z];
             let momentum = [&mut self.L_x, &mut self.L_y, &mut self.L_z];
@@ -365,8 +366,8 @@ impl Row {
 }
 
 /// The heaviest fragment, and the shares of the mass in others that are bound to it and that are not.
-struct Largest {
-    whole: motion::Whole,
+struct LargestFragment {
+    whole: motion::AggregateSums,
     axes: [f64; 3],
     /// rad/s
     spin: f64,
@@ -374,17 +375,18 @@ struct Largest {
     escaping: f64,
 }
 
-impl Largest {
-    fn of(fragments: &[fragments::Fragment], constant: Option<f64>, mass: f64) -> Largest {
-        let whole = fragments.first().map_or_else(|| motion::Whole::of(&[]), |first| first.whole.clone());
+impl LargestFragment {
+    fn new(fragments: &[fragments::Fragment], constant: Option<f64>, mass: f64) -> LargestFragment {
+        let whole =
+            fragments.first().map_or_else(|| motion::AggregateSums::from_grains(&[]), |first| first.whole.clone());
         let mut bound = 0.0;
         if let Some(constant) = constant {
-            let others = fragments.iter().skip(1).zip(orbits::orbits(fragments, constant));
-            bound = others.filter(|(_, orbit)| orbit.bound()).map(|(other, _)| other.whole.mass).sum::<f64>() / mass;
+            let others = fragments.iter().skip(1).zip(orbits::fragment_orbits(fragments, constant));
+            bound = others.filter(|(_, orbit)| orbit.is_bound()).map(|(other, _)| other.whole.mass).sum::<f64>() / mass;
         }
         let escaping = fragments.iter().skip(1).map(|other| other.whole.mass).sum::<f64>() / mass - bound;
         // What is left of a difference of sums is no mass.
         let escaping = if escaping < 1e-12 { 0.0 } else { escaping };
-        Largest { axes: whole.semi_axes(), spin: whole.spin().norm(), whole, bound, escaping }
+        LargestFragment { axes: whole.semi_axes(), spin: whole.spin().norm(), whole, bound, escaping }
     }
 }

@@ -1,25 +1,25 @@
 //! The grains as one body: centre of mass, momenta, inertia, spin.
 
-use cd_formats::compute::Field;
+use cd_formats::compute::ExternalField;
 use nalgebra::SymmetricEigen;
 
 use crate::frame::{Frame, Grain, Mat3, Vec3};
 
 /// The axes from which a snapshot's motion is seen: rate W (rad/s) and centre c (m) of each field that turns them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Axes(Vec<(Vec3, Vec3)>);
+pub struct RotatingAxes(Vec<(Vec3, Vec3)>);
 
-impl Axes {
-    pub fn of(frame: &Frame) -> Axes {
-        let turning = |field: &Field| match *field {
-            Field::RotatingFrame { rate, centre } => Some((rate.into(), centre.into())),
+impl RotatingAxes {
+    pub fn from_frame(frame: &Frame) -> RotatingAxes {
+        let turning = |field: &ExternalField| match *field {
+            ExternalField::RotatingFrame { rate, centre } => Some((rate.into(), centre.into())),
             _ => None,
         };
-        Axes(frame.meta.parameters.fields.iter().filter_map(turning).collect())
+        RotatingAxes(frame.meta.parameters.fields.iter().filter_map(turning).collect())
     }
 
     /// How fast they turn, rad/s: what to add to an angular velocity for that in fixed axes.
-    pub fn rate(&self) -> Vec3 {
+    pub fn rotation_rate(&self) -> Vec3 {
         self.0.iter().map(|(rate, _)| rate).sum()
     }
 
@@ -31,7 +31,7 @@ impl Axes {
 
 /// Sums over all grains.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Whole {
+pub struct AggregateSums {
     /// kg
     pub mass: f64,
     /// Centre of mass, m.
@@ -45,10 +45,10 @@ pub struct Whole {
 }
 
 /// Angular momentum below this share of its terms is none: some units in the last place of each.
-const ROUNDING: f64 = 4.0 * f64::EPSILON;
+const RELATIVE_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-impl Whole {
-    pub fn of(grains: &[Grain]) -> Whole {
+impl AggregateSums {
+    pub fn from_grains(grains: &[Grain]) -> AggregateSums {
         let mass: f64 = grains.iter().map(|g| g.mass).sum();
         let x = grains.iter().map(|g| g.mass * g.x).sum::<Vec3>() / mass;
         let momentum: Vec3 = grains.iter().map(|g| g.mass * g.v).sum();
@@ -60,17 +60,17 @@ impl Whole {
             let (arm, speed) = ((g.x - x).norm(), (g.v - velocity).norm());
             g.mass * (arm * (g.v.norm() + velocity.norm()) + speed * (g.x.norm() + x.norm()))
         };
-        let turns = angular_momentum.norm() > ROUNDING * grains.iter().map(rounding).sum::<f64>();
+        let turns = angular_momentum.norm() > RELATIVE_ROUNDING * grains.iter().map(rounding).sum::<f64>();
         let angular_momentum = if turns { angular_momentum } else { Vec3::zeros() };
         let inertia = grains.iter().map(|g| g.inertia + point_inertia(g.mass, g.x - x)).sum();
-        Whole { mass, x, momentum, angular_momentum, inertia }
+        AggregateSums { mass, x, momentum, angular_momentum, inertia }
     }
 
     /// The same motion in fixed axes, seen from `axes` before: P + M W x (x_com - c) and L + I W.
-    pub fn in_fixed_axes(self, axes: &Axes) -> Whole {
+    pub fn in_fixed_axes(self, axes: &RotatingAxes) -> AggregateSums {
         let momentum = self.momentum + self.mass * axes.velocity(self.x);
-        let angular_momentum = self.angular_momentum + self.inertia * axes.rate();
-        Whole { momentum, angular_momentum, ..self }
+        let angular_momentum = self.angular_momentum + self.inertia * axes.rotation_rate();
+        AggregateSums { momentum, angular_momentum, ..self }
     }
 
     /// Velocity of the centre of mass, m/s.
@@ -130,7 +130,7 @@ mod tests {
     fn a_single_sphere_is_its_own_ellipsoid() {
         let mut scene = Scene::default();
         scene.grain([7.0, 8.0, 9.0], 0.3);
-        for axis in Whole::of(&scene.frame().grains).semi_axes() {
+        for axis in AggregateSums::from_grains(&scene.frame().grains).semi_axes() {
             assert!((axis - 0.3).abs() < 1e-16 * 4.0);
         }
     }
@@ -141,7 +141,7 @@ mod tests {
         let mut scene = Scene::default();
         scene.grain([0.0, -2.0, 0.0], 2.0);
         scene.grain([0.0, 2.0, 0.0], 2.0);
-        let [a, b, c] = Whole::of(&scene.frame().grains).semi_axes();
+        let [a, b, c] = AggregateSums::from_grains(&scene.frame().grains).semi_axes();
         assert!((a - 2.0 * 6f64.sqrt()).abs() < 1e-14 && (b - 2.0).abs() < 1e-14 && (c - 2.0).abs() < 1e-14);
     }
 
@@ -157,7 +157,7 @@ mod tests {
                 scene.grain(x, 0.5);
             }
         }
-        let found = Whole::of(&scene.frame().grains).semi_axes();
+        let found = AggregateSums::from_grains(&scene.frame().grains).semi_axes();
         for (found, expected) in found.iter().zip(axes) {
             assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
         }
@@ -171,14 +171,14 @@ mod tests {
             let k = k as f64;
             scene.grain([k, 0.3 * k * k, (5.0 * k).sin()], r);
         }
-        let x = Whole::of(&scene.frame().grains).x;
+        let x = AggregateSums::from_grains(&scene.frame().grains).x;
         for row in 0..4 {
             let arm = Vec3::from(scene.snapshot.bodies.body_x[row]) - x;
             scene.snapshot.bodies.body_v[row] = (velocity + spin.cross(&arm)).into();
             scene.snapshot.bodies.body_w_world[row] = spin.into();
         }
         let grains = scene.frame().grains;
-        let whole = Whole::of(&grains);
+        let whole = AggregateSums::from_grains(&grains);
         assert!((whole.spin() - spin).norm() < 1e-14);
         assert!((whole.velocity() - velocity).norm() < 1e-14);
         let (translation, rotation) = crate::derive::energy::kinetic_sums(&grains);
@@ -203,16 +203,17 @@ mod tests {
             bodies.body_v[row] = (Vec3::from(bodies.body_v[row]) - rate.cross(&(x - centre))).into();
             bodies.body_w_world[row] = (Vec3::from(bodies.body_w_world[row]) - rate).into();
         }
-        scene.snapshot.meta.parameters.fields = vec![Field::RotatingFrame { rate: rate.into(), centre: centre.into() }];
+        scene.snapshot.meta.parameters.fields =
+            vec![ExternalField::RotatingFrame { rate: rate.into(), centre: centre.into() }];
         let seen = scene.frame();
-        let (expected, found) = (Whole::of(&fixed.grains), Whole::of(&seen.grains));
+        let (expected, found) = (AggregateSums::from_grains(&fixed.grains), AggregateSums::from_grains(&seen.grains));
         assert!((found.spin() - expected.spin()).norm() > 0.5);
-        let found = found.in_fixed_axes(&Axes::of(&seen));
+        let found = found.in_fixed_axes(&RotatingAxes::from_frame(&seen));
         // Rounding of sums of a few numbers near 10.
         assert!((found.momentum - expected.momentum).norm() < 1e-13);
         assert!((found.angular_momentum - expected.angular_momentum).norm() < 1e-13);
         assert!((found.spin() - expected.spin()).norm() < 1e-13);
-        assert_eq!(expected.clone().in_fixed_axes(&Axes::of(&fixed)), expected);
+        assert_eq!(expected.clone().in_fixed_axes(&RotatingAxes::from_frame(&fixed)), expected);
     }
 
     #[test]

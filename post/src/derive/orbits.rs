@@ -1,7 +1,7 @@
 //! Where what has left the largest remnant goes: orbits of two bodies.
 
 use crate::derive::fragments::Fragment;
-use crate::derive::motion::Whole;
+use crate::derive::motion::AggregateSums;
 use crate::frame::Vec3;
 
 /// The orbit of a fragment about the largest remnant, both as points.
@@ -31,7 +31,7 @@ impl Orbit {
     ///
     /// 1/a = 2/r - v^2/mu; e = |v x h / mu - r/|r||, h = r x v; period 2 pi sqrt(a^3/mu).
     /// Source: Murray & Dermott (1999), chapter 2.
-    pub fn of(r: Vec3, v: Vec3, mu: f64, axis: Vec3) -> Orbit {
+    pub fn new(r: Vec3, v: Vec3, mu: f64, axis: Vec3) -> Orbit {
         let (distance, speed) = (r.norm(), v.norm());
         let h = r.cross(&v);
         let a = 1.0 / (2.0 / distance - speed * speed / mu);
@@ -51,7 +51,7 @@ impl Orbit {
         }
     }
 
-    pub fn bound(&self) -> bool {
+    pub fn is_bound(&self) -> bool {
         self.a > 0.0
     }
 }
@@ -59,18 +59,18 @@ impl Orbit {
 /// The orbits of all fragments but the first about the first; `constant`: G, m^3 kg^-1 s^-2.
 ///
 /// Inclinations are counted from the spin of the largest, from z if it does not turn.
-pub fn orbits(fragments: &[Fragment], constant: f64) -> Vec<Orbit> {
+pub fn fragment_orbits(fragments: &[Fragment], constant: f64) -> Vec<Orbit> {
     let Some((largest, others)) = fragments.split_first() else { return Vec::new() };
-    let axis = axis_of(&largest.whole);
+    let axis = spin_axis(&largest.whole);
     let of = |other: &Fragment| {
         let (r, v) = (other.whole.x - largest.whole.x, other.whole.velocity() - largest.whole.velocity());
-        Orbit::of(r, v, constant * (largest.whole.mass + other.whole.mass), axis)
+        Orbit::new(r, v, constant * (largest.whole.mass + other.whole.mass), axis)
     };
     others.iter().map(of).collect()
 }
 
 /// The direction of a body's spin; z without one.
-pub fn axis_of(whole: &Whole) -> Vec3 {
+pub fn spin_axis(whole: &AggregateSums) -> Vec3 {
     let spin = whole.spin();
     if spin.norm() > 0.0 && spin.iter().all(|x| x.is_finite()) { spin.normalize() } else { Vec3::z() }
 }
@@ -78,9 +78,9 @@ pub fn axis_of(whole: &Whole) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cd_formats::compute::Field;
+    use cd_formats::compute::ExternalField;
 
-    use crate::derive::fragments::fragments;
+    use crate::derive::fragments::find_fragments;
     use crate::samples::Scene;
 
     #[track_caller]
@@ -98,13 +98,13 @@ mod tests {
             let tilted = |x: f64, y: f64| Vec3::new(x, y * i.cos(), y * i.sin());
             let position = tilted(r * f64::cos(f), r * f64::sin(f));
             let velocity = tilted(-f64::sin(f), e + f64::cos(f)) * (mu / p).sqrt();
-            let orbit = Orbit::of(position, velocity, mu, Vec3::z());
+            let orbit = Orbit::new(position, velocity, mu, Vec3::z());
             assert_close(orbit.a, a);
             assert_close(orbit.e, e);
             assert_close(orbit.inclination, i);
             assert_close(orbit.pericentre, a * (1.0 - e));
             assert_close(orbit.period, std::f64::consts::TAU * (a.powi(3) / mu).sqrt());
-            assert!(orbit.bound() && orbit.speed_at_infinity.is_nan());
+            assert!(orbit.is_bound() && orbit.speed_at_infinity.is_nan());
         }
     }
 
@@ -112,8 +112,8 @@ mod tests {
     fn twice_the_energy_of_escape_leaves_the_speed_of_escape() {
         let mu = 3.0;
         let v = Vec3::new(0.0, 2.0 * (2.0f64 * mu / 10.0).sqrt() / 2f64.sqrt(), 0.0);
-        let orbit = Orbit::of(Vec3::new(10.0, 0.0, 0.0), v, mu, Vec3::z());
-        assert!(!orbit.bound() && orbit.e > 1.0 && orbit.a < 0.0 && orbit.period.is_nan());
+        let orbit = Orbit::new(Vec3::new(10.0, 0.0, 0.0), v, mu, Vec3::z());
+        assert!(!orbit.is_bound() && orbit.e > 1.0 && orbit.a < 0.0 && orbit.period.is_nan());
         assert_close(orbit.speed_at_infinity, (2.0f64 * mu / 10.0).sqrt());
     }
 
@@ -126,7 +126,7 @@ mod tests {
         let b = &mut scene.snapshot.bodies;
         let speed = (constant * (b.body_mass[0] + b.body_mass[1]) / 10.0).sqrt();
         (b.body_v[0], b.body_v[1]) = ([0.0, 0.0, 7.0], [0.0, speed, 7.0]);
-        let found = orbits(&fragments(&scene.frame()), constant);
+        let found = fragment_orbits(&find_fragments(&scene.frame()), constant);
         assert_eq!(found.len(), 1);
         assert!(found[0].e < 1e-14);
         assert_close(found[0].a, 10.0);
@@ -143,11 +143,11 @@ mod tests {
         let mu = 2.0 * constant * scene.snapshot.bodies.body_mass[0];
         let rate = k * (mu / distance.powi(3)).sqrt();
         scene.snapshot.meta.parameters.fields =
-            vec![Field::RotatingFrame { rate: [0.0, 0.0, rate], centre: [-3.0, 4.0, 0.0] }];
-        let found = orbits(&fragments(&scene.frame()), constant)[0];
+            vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, rate], centre: [-3.0, 4.0, 0.0] }];
+        let found = fragment_orbits(&find_fragments(&scene.frame()), constant)[0];
         assert_close(found.speed, rate * distance);
         assert_close(found.e, k * k - 1.0);
         assert_close(found.speed_at_infinity, ((k * k - 2.0) * mu / distance).sqrt());
-        assert!(!found.bound());
+        assert!(!found.is_bound());
     }
 }

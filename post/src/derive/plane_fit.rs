@@ -4,7 +4,7 @@ use crate::frame::{Mat3, Vec3};
 
 /// Mean radii over which planes are fitted to the heights of an aggregate where nothing else is chosen: the standard error that
 /// single grains leave is 1.8 degrees, at 6 radii 5 and at 12 radii 1.3.
-pub const REACH: f64 = 10.0;
+pub const DEFAULT_FIT_REACH: f64 = 10.0;
 
 /// Sums of weighted heights about a point.
 ///
@@ -24,7 +24,7 @@ pub struct PlaneFit {
 
 /// A plane through the heights about a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Plane {
+pub struct FittedPlane {
     /// Over the point, m.
     pub height: f64,
     /// How it rises along both axes.
@@ -37,10 +37,10 @@ pub struct Plane {
     pub effective: f64,
 }
 
-impl Plane {
+impl FittedPlane {
     /// The plane through `count` heights of equal weight.
-    pub fn through_all(height: f64, gradient: [f64; 2], variance: f64, count: f64) -> Plane {
-        Plane { height, gradient, variance, taken: 1.0 / count, effective: count }
+    pub fn through_all(height: f64, gradient: [f64; 2], variance: f64, count: f64) -> FittedPlane {
+        FittedPlane { height, gradient, variance, taken: 1.0 / count, effective: count }
     }
 }
 
@@ -67,12 +67,12 @@ impl PlaneFit {
     }
 
     /// The plane; None where the heights lie on a line.
-    pub fn plane(&self) -> Option<Plane> {
+    pub fn fitted_plane(&self) -> Option<FittedPlane> {
         // Coordinates are of order 1: what is thinner than a thousandth of the reach is a line.
         let inverse = (self.matrix / self.weight).try_inverse().filter(|inverse| inverse.amax() < 1e6)? / self.weight;
         let fit = inverse * self.sums;
         let spread = inverse * self.noise * inverse;
-        Some(Plane {
+        Some(FittedPlane {
             height: fit.x,
             gradient: [fit.y / self.reach, fit.z / self.reach],
             variance: (spread[(1, 1)] + spread[(2, 2)]) / (self.reach * self.reach),
@@ -97,7 +97,7 @@ pub struct NoiseDensity {
 impl NoiseDensity {
     /// Adds a height that stands for `part` of the surface: `residual` from the fit `plane`, and `products`, the sum of it times
     /// those within a diameter times their parts; `patch`, the sum of the latter.
-    pub fn add(&mut self, part: f64, residual: f64, products: f64, patch: f64, plane: &Plane) {
+    pub fn add(&mut self, part: f64, residual: f64, products: f64, patch: f64, plane: &FittedPlane) {
         self.sum += products;
         self.own += part * residual * residual;
         self.taken += patch * plane.taken;
@@ -105,7 +105,7 @@ impl NoiseDensity {
     }
 
     /// The mean, with what the fits have taken given back, at least that of independent heights; 0 without heights.
-    pub fn value(&self) -> f64 {
+    pub fn mean_density(&self) -> f64 {
         if self.count == 0.0 {
             return 0.0;
         }
@@ -132,16 +132,16 @@ mod tests {
     #[test]
     fn a_plane_is_found_whatever_its_samples() {
         let mut fit = PlaneFit::new(3.0);
-        assert!(fit.plane().is_none());
+        assert!(fit.fitted_plane().is_none());
         for (x, y) in (-3..=3).flat_map(|i| (-2..=3).map(move |j| (f64::from(i) * 0.7, f64::from(j) * 0.9))) {
             fit.add([x, y], 5.0 + 0.25 * x - 0.5 * y, 1.0);
         }
-        let plane = fit.plane().unwrap();
+        let plane = fit.fitted_plane().unwrap();
         assert!((plane.height - 5.0).abs() < 1e-13 && (plane.gradient[0] - 0.25).abs() < 1e-13);
         assert!((plane.gradient[1] + 0.5).abs() < 1e-13);
         let mut line = PlaneFit::new(3.0);
         (0..9).for_each(|k| line.add([0.3 * f64::from(k) - 1.0, 0.0], 1.0, 1.0));
-        assert!(line.plane().is_none());
+        assert!(line.fitted_plane().is_none());
     }
 
     #[test]
@@ -154,7 +154,7 @@ mod tests {
         // int (1 - s)^n s^k: pi L^4 (1/12 - ...) by the beta function: w x^2 gives pi L^4 / 24, w^2 x^2 pi L^4 / 60.
         let (pi, l) = (std::f64::consts::PI, 20f64.powi(4));
         let expected = 2.0 * (pi * l / 60.0) / (pi * l / 24.0).powi(2);
-        let found = fit.plane().unwrap();
+        let found = fit.fitted_plane().unwrap();
         assert!((found.variance / expected - 1.0).abs() < 1e-2, "{} {expected}", found.variance);
         assert!((found.effective / (5.0 / 9.0 * pi * 400.0) - 1.0).abs() < 1e-2, "{}", found.effective);
     }

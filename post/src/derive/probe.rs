@@ -2,21 +2,21 @@
 
 use std::str::FromStr;
 
-use crate::derive::bed::raw_below;
+use crate::derive::bed::volume_below;
 use crate::derive::fragments::Fragment;
-use crate::derive::region::Kind;
+use crate::derive::region::RegionKind;
 use crate::frame::{Frame, Grain, Vec3};
 
 /// A region as the command line gives it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Probe {
-    shape: Shape,
-    about: About,
+    shape: ProbeShape,
+    about: ProbeCentre,
 }
 
 /// Where the centre of a probe is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum About {
+enum ProbeCentre {
     /// m
     Fixed(Vec3),
     /// Centre of mass of all grains.
@@ -27,7 +27,7 @@ enum About {
 
 /// A convex part of space.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Shape {
+pub enum ProbeShape {
     /// m
     Ball { centre: Vec3, radius: f64 },
     /// Half lengths along x, y and z, m.
@@ -39,14 +39,14 @@ pub enum Shape {
 }
 
 /// Forms of a probe, as messages list them.
-const EXPECTED: &str = "expected ball:RADIUS, box:X,Y,Z, cylinder:RADIUS,LENGTH or cylinder:RADIUS,LENGTH,AXIS_X,AXIS_Y,AXIS_Z, \
+const EXPECTED_PROBE: &str = "expected ball:RADIUS, box:X,Y,Z, cylinder:RADIUS,LENGTH or cylinder:RADIUS,LENGTH,AXIS_X,AXIS_Y,AXIS_Z, \
                         each with @X,Y,Z, @com or @largest for its centre, or layer:FROM,TO above the floor; lengths in m, > 0";
 
 impl FromStr for Probe {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Probe, String> {
-        let fault = || EXPECTED.to_string();
+        let fault = || EXPECTED_PROBE.to_string();
         let (shape, about) = text.split_once('@').map_or((text, None), |(shape, about)| (shape, Some(about)));
         let (name, numbers) = shape.split_once(':').ok_or_else(fault)?;
         let list = |text: &str| -> Option<Vec<f64>> {
@@ -56,23 +56,23 @@ impl FromStr for Probe {
         let centre = Vec3::zeros();
         let positive = |lengths: &[f64]| lengths.iter().all(|x| *x > 0.0);
         let shape = match (name.trim(), &numbers[..]) {
-            ("ball", &[radius]) if radius > 0.0 => Shape::Ball { centre, radius },
-            ("box", &[x, y, z]) if positive(&numbers) => Shape::Box { centre, half: 0.5 * Vec3::new(x, y, z) },
+            ("ball", &[radius]) if radius > 0.0 => ProbeShape::Ball { centre, radius },
+            ("box", &[x, y, z]) if positive(&numbers) => ProbeShape::Box { centre, half: 0.5 * Vec3::new(x, y, z) },
             ("cylinder", &[radius, length]) if positive(&numbers) => {
-                Shape::Cylinder { centre, axis: Vec3::z(), radius, half: 0.5 * length }
+                ProbeShape::Cylinder { centre, axis: Vec3::z(), radius, half: 0.5 * length }
             }
             ("cylinder", &[radius, length, x, y, z]) if positive(&numbers[..2]) => {
                 let axis = Vec3::new(x, y, z).try_normalize(0.0).ok_or_else(fault)?;
-                Shape::Cylinder { centre, axis, radius, half: 0.5 * length }
+                ProbeShape::Cylinder { centre, axis, radius, half: 0.5 * length }
             }
-            ("layer", &[from, to]) if from < to && about.is_none() => Shape::Layer { up: Vec3::z(), from, to },
+            ("layer", &[from, to]) if from < to && about.is_none() => ProbeShape::Layer { up: Vec3::z(), from, to },
             _ => return Err(fault()),
         };
         let about = match about.map(str::trim) {
-            None | Some("com") => About::CentreOfMass,
-            Some("largest") => About::Largest,
+            None | Some("com") => ProbeCentre::CentreOfMass,
+            Some("largest") => ProbeCentre::Largest,
             Some(position) => match list(position).as_deref() {
-                Some(&[x, y, z]) => About::Fixed(Vec3::new(x, y, z)),
+                Some(&[x, y, z]) => ProbeCentre::Fixed(Vec3::new(x, y, z)),
                 _ => return Err(fault()),
             },
         };
@@ -82,20 +82,22 @@ impl FromStr for Probe {
 
 impl Probe {
     /// The shape with its centre where it is in a frame; of a layer the heights above the floor. None without grains.
-    pub fn placed(&self, frame: &Frame, fragments: &[Fragment]) -> Option<Shape> {
-        if let Shape::Layer { .. } = self.shape {
+    pub fn placed_shape(&self, frame: &Frame, fragments: &[Fragment]) -> Option<ProbeShape> {
+        if let ProbeShape::Layer { .. } = self.shape {
             return Some(self.shape);
         }
         let to = match self.about {
-            About::Fixed(x) => x,
-            About::CentreOfMass if frame.grains.is_empty() => return None,
-            About::CentreOfMass => frame.grains.iter().map(|g| g.mass * g.x).sum::<Vec3>() / frame.mass(),
-            About::Largest => fragments.first()?.whole.x,
+            ProbeCentre::Fixed(x) => x,
+            ProbeCentre::CentreOfMass if frame.grains.is_empty() => return None,
+            ProbeCentre::CentreOfMass => frame.grains.iter().map(|g| g.mass * g.x).sum::<Vec3>() / frame.total_mass(),
+            ProbeCentre::Largest => fragments.first()?.whole.x,
         };
         let mut shape = self.shape;
         match &mut shape {
-            Shape::Ball { centre, .. } | Shape::Box { centre, .. } | Shape::Cylinder { centre, .. } => *centre = to,
-            Shape::Layer { .. } => {}
+            ProbeShape::Ball { centre, .. } | ProbeShape::Box { centre, .. } | ProbeShape::Cylinder { centre, .. } => {
+                *centre = to
+            }
+            ProbeShape::Layer { .. } => {}
         }
         Some(shape)
     }
@@ -103,8 +105,8 @@ impl Probe {
 
 /// Points of equal weight by which a sphere is cut where no closed form serves, and a tetrahedron of a polyhedron: shares are off by
 /// some 10^-3 of a grain.
-const IN_SPHERE: usize = 4096;
-const IN_TETRAHEDRON: usize = 512;
+const POINTS_IN_SPHERE: usize = 4096;
+const POINTS_IN_TETRAHEDRON: usize = 512;
 
 /// Points spread evenly in the unit cube: M. Roberts (2018), the additive recurrence R_3.
 fn even_points(count: usize) -> impl Iterator<Item = [f64; 3]> {
@@ -113,13 +115,13 @@ fn even_points(count: usize) -> impl Iterator<Item = [f64; 3]> {
     (1..=count).map(move |k| [1, 2, 3].map(|power| (0.5 + k as f64 * f64::powi(step, power)).fract()))
 }
 
-impl Shape {
-    pub fn kind(&self) -> Kind {
+impl ProbeShape {
+    pub fn region_kind(&self) -> RegionKind {
         match self {
-            Shape::Ball { .. } => Kind::Ball,
-            Shape::Box { .. } => Kind::Box,
-            Shape::Cylinder { .. } => Kind::Cylinder,
-            Shape::Layer { .. } => Kind::Layer,
+            ProbeShape::Ball { .. } => RegionKind::Ball,
+            ProbeShape::Box { .. } => RegionKind::Box,
+            ProbeShape::Cylinder { .. } => RegionKind::Cylinder,
+            ProbeShape::Layer { .. } => RegionKind::Layer,
         }
     }
 
@@ -127,40 +129,40 @@ impl Shape {
     pub fn volume(&self) -> f64 {
         let pi = std::f64::consts::PI;
         match self {
-            Shape::Ball { radius, .. } => 4.0 / 3.0 * pi * radius.powi(3),
-            Shape::Box { half, .. } => 8.0 * half.product(),
-            Shape::Cylinder { radius, half, .. } => pi * radius * radius * 2.0 * half,
-            Shape::Layer { .. } => f64::INFINITY,
+            ProbeShape::Ball { radius, .. } => 4.0 / 3.0 * pi * radius.powi(3),
+            ProbeShape::Box { half, .. } => 8.0 * half.product(),
+            ProbeShape::Cylinder { radius, half, .. } => pi * radius * radius * 2.0 * half,
+            ProbeShape::Layer { .. } => f64::INFINITY,
         }
     }
 
     /// Centre, and half lengths along x, y and z of a box around it, m; None of a layer.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         match self {
-            Shape::Ball { centre, radius } => Some((*centre, Vec3::repeat(*radius))),
-            Shape::Box { centre, half } => Some((*centre, *half)),
-            Shape::Cylinder { centre, axis, radius, half } => {
+            ProbeShape::Ball { centre, radius } => Some((*centre, Vec3::repeat(*radius))),
+            ProbeShape::Box { centre, half } => Some((*centre, *half)),
+            ProbeShape::Cylinder { centre, axis, radius, half } => {
                 let across = axis.map(|part| (1.0 - part * part).max(0.0).sqrt());
                 Some((*centre, axis.abs() * *half + across * *radius))
             }
-            Shape::Layer { .. } => None,
+            ProbeShape::Layer { .. } => None,
         }
     }
 
-    pub fn holds(&self, x: &Vec3) -> bool {
-        self.depth(x) >= 0.0
+    pub fn contains(&self, x: &Vec3) -> bool {
+        self.inner_distance(x) >= 0.0
     }
 
     /// Distance to the border from inside, m; from outside no more than that, negative.
-    fn depth(&self, x: &Vec3) -> f64 {
+    fn inner_distance(&self, x: &Vec3) -> f64 {
         match self {
-            Shape::Ball { centre, radius } => radius - (x - centre).norm(),
-            Shape::Box { centre, half } => (half - (x - centre).abs()).min(),
-            Shape::Cylinder { centre, axis, radius, half } => {
+            ProbeShape::Ball { centre, radius } => radius - (x - centre).norm(),
+            ProbeShape::Box { centre, half } => (half - (x - centre).abs()).min(),
+            ProbeShape::Cylinder { centre, axis, radius, half } => {
                 let (along, across) = ((x - centre).dot(axis), (x - centre).cross(axis).norm());
                 (radius - across).min(half - along.abs())
             }
-            Shape::Layer { up, from, to } => (x.dot(up) - from).min(to - x.dot(up)),
+            ProbeShape::Layer { up, from, to } => (x.dot(up) - from).min(to - x.dot(up)),
         }
     }
 
@@ -184,16 +186,16 @@ impl Shape {
             [(-half - root.sqrt()) / square, (-half + root.sqrt()) / square]
         };
         let intervals: Vec<[f64; 2]> = match self {
-            Shape::Ball { centre, radius } => vec![round(from - centre, d, *radius)],
-            Shape::Box { centre, half } => {
+            ProbeShape::Ball { centre, radius } => vec![round(from - centre, d, *radius)],
+            ProbeShape::Box { centre, half } => {
                 (0..3).map(|k| between(from[k] - centre[k], d[k], -half[k], half[k])).collect()
             }
-            Shape::Cylinder { centre, axis, radius, half } => {
+            ProbeShape::Cylinder { centre, axis, radius, half } => {
                 let a = from - centre;
                 let across = |v: Vec3| v - axis * v.dot(axis);
                 vec![round(across(a), across(d), *radius), between(a.dot(axis), d.dot(axis), -half, *half)]
             }
-            Shape::Layer { up, from: low, to: high } => vec![between(from.dot(up), d.dot(up), *low, *high)],
+            ProbeShape::Layer { up, from: low, to: high } => vec![between(from.dot(up), d.dot(up), *low, *high)],
         };
         let [first, last] = intervals.iter().fold([0f64, 1f64], |[a, b], [from, to]| [a.max(*from), b.min(*to)]);
         (last - first).max(0.0)
@@ -204,25 +206,25 @@ impl Shape {
     /// Exact of spheres that a ball, a layer or parallel faces of a box cut, and of all that a layer cuts; else by points of equal weight:
     /// `IN_SPHERE` and `IN_TETRAHEDRON`.
     pub fn share_of_grain(&self, grain: &Grain) -> f64 {
-        let (depth, reach) = (self.depth(&grain.x), grain.reach());
+        let (depth, reach) = (self.inner_distance(&grain.x), grain.bounding_radius());
         if depth >= reach || depth <= -reach {
             return f64::from(u8::from(depth > 0.0));
         }
-        if let Shape::Layer { up, from, to } = self {
-            let below = |height: f64| raw_below(grain, up, height);
+        if let ProbeShape::Layer { up, from, to } = self {
+            let below = |height: f64| volume_below(grain, up, height);
             return (below(*to) - below(*from)) / below(f64::INFINITY);
         }
         let ball = |(x, r): (Vec3, f64)| {
             let volume = 4.0 / 3.0 * std::f64::consts::PI * r.powi(3);
             (volume * self.share_of_ball(&x, r), volume)
         };
-        let parts = grain.balls().map(ball).chain([self.polyhedron(grain)]);
+        let parts = grain.balls().map(ball).chain([self.polyhedron_volumes(grain)]);
         let (inside, all) = parts.fold((0.0, 0.0), |(a, b), (inside, all)| (a + inside, b + all));
         inside / all
     }
 
     fn share_of_ball(&self, x: &Vec3, r: f64) -> f64 {
-        let depth = self.depth(x);
+        let depth = self.inner_distance(x);
         if depth >= r || depth <= -r {
             return f64::from(u8::from(depth > 0.0));
         }
@@ -232,7 +234,7 @@ impl Shape {
             0.25 * (1.0 + s).powi(2) * (2.0 - s)
         };
         match self {
-            Shape::Ball { centre, radius } => {
+            ProbeShape::Ball { centre, radius } => {
                 let d = (x - centre).norm();
                 if d + radius <= r {
                     return (radius / r).powi(3); // the probe within the ball
@@ -244,7 +246,7 @@ impl Shape {
                     / (12.0 * d);
                 lens / (4.0 / 3.0 * std::f64::consts::PI * r.powi(3))
             }
-            Shape::Box { centre, half } => {
+            ProbeShape::Box { centre, half } => {
                 let d = x - centre;
                 let crossed: Vec<usize> = (0..3).filter(|&k| half[k] - d[k].abs() < r).collect();
                 match crossed[..] {
@@ -262,19 +264,20 @@ impl Shape {
             let across = (1.0 - z * z).sqrt();
             x + Vec3::new(across * cos, across * sin, z) * (r * s.cbrt())
         };
-        even_points(IN_SPHERE).map(place).filter(|point| self.holds(point)).count() as f64 / IN_SPHERE as f64
+        even_points(POINTS_IN_SPHERE).map(place).filter(|point| self.contains(point)).count() as f64
+            / POINTS_IN_SPHERE as f64
     }
 
     /// Volume inside and all of a grain's polyhedra, m^3, by tetrahedra from its centre to triangles of its faces.
-    fn polyhedron(&self, grain: &Grain) -> (f64, f64) {
+    fn polyhedron_volumes(&self, grain: &Grain) -> (f64, f64) {
         let vertices: Vec<Vec3> = grain.vertices().collect();
-        let points: Vec<[f64; 3]> = even_points(IN_TETRAHEDRON).map(folded).collect();
+        let points: Vec<[f64; 3]> = even_points(POINTS_IN_TETRAHEDRON).map(fold_to_tetrahedron).collect();
         let faces = grain.solid.iter().flat_map(|solid| &solid.faces);
         let triangles = faces.flat_map(|face| (2..face.len()).map(|k| [face[0], face[k - 1], face[k]]));
         triangles.fold((0.0, 0.0), |(inside, all), triangle| {
             let [a, b, c] = triangle.map(|k| vertices[k as usize] - grain.x);
             let volume = a.dot(&b.cross(&c)) / 6.0;
-            let held = points.iter().filter(|[s, t, u]| self.holds(&(grain.x + a * *s + b * *t + c * *u))).count();
+            let held = points.iter().filter(|[s, t, u]| self.contains(&(grain.x + a * *s + b * *t + c * *u))).count();
             (inside + volume * held as f64 / points.len() as f64, all + volume)
         })
     }
@@ -283,7 +286,7 @@ impl Shape {
 /// A point of the unit cube folded to the tetrahedron s + t + u <= 1, evenly.
 ///
 /// Source: Rocchini & Cignoni (2000), "Generating random points in a tetrahedron".
-fn folded([mut s, mut t, mut u]: [f64; 3]) -> [f64; 3] {
+fn fold_to_tetrahedron([mut s, mut t, mut u]: [f64; 3]) -> [f64; 3] {
     if s + t > 1.0 {
         (s, t) = (1.0 - s, 1.0 - t);
     }
@@ -300,8 +303,8 @@ mod tests {
     use super::*;
     use crate::samples::Scene;
 
-    fn shape(text: &str) -> Shape {
-        text.parse::<Probe>().unwrap().placed(&Scene::default().frame(), &[]).unwrap()
+    fn shape(text: &str) -> ProbeShape {
+        text.parse::<Probe>().unwrap().placed_shape(&Scene::default().frame(), &[]).unwrap()
     }
 
     fn ball(x: [f64; 3], radius: f64) -> Grain {
@@ -337,8 +340,8 @@ mod tests {
             assert!(text.parse::<Probe>().unwrap_err().contains("expected ball:RADIUS"), "{text}");
         }
         let parsed: Probe = "cylinder: 1, 2, 0, 3, 0 @ largest".parse().unwrap();
-        assert_eq!(parsed.about, About::Largest);
-        assert!(matches!(parsed.shape, Shape::Cylinder { axis, half: 1.0, .. } if axis == Vec3::y()));
+        assert_eq!(parsed.about, ProbeCentre::Largest);
+        assert!(matches!(parsed.shape, ProbeShape::Cylinder { axis, half: 1.0, .. } if axis == Vec3::y()));
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::frame::{Frame, Grain, Vec3};
 
 /// The mean state in one spherical shell.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shell {
+pub struct RadialShell {
     /// m
     pub inner: f64,
     /// m
@@ -30,7 +30,7 @@ pub struct Shell {
 ///
 /// Stresses are those of each grain ([`grain_stresses`]): the shells' stresses add up to V times the stress of the
 /// whole. Of a polyhedron the sphere of equal volume counts.
-pub fn shells(frame: &Frame, members: &[usize], centre: Vec3, count: usize) -> Vec<Shell> {
+pub fn radial_shells(frame: &Frame, members: &[usize], centre: Vec3, count: usize) -> Vec<RadialShell> {
     let (stresses, neighbours) = (grain_stresses(frame), neighbour_counts(frame));
     let far = |g: &Grain| (g.x - centre).norm() + g.radius;
     let radius = members.iter().map(|&i| far(&frame.grains[i])).fold(0.0, f64::max);
@@ -63,8 +63,8 @@ pub fn shells(frame: &Frame, members: &[usize], centre: Vec3, count: usize) -> V
     }
     let shell = |(k, sum): (usize, &[f64; 6])| {
         let [filled, grains, neighbours, p, radial, tangential] = *sum;
-        let volume = ball(edges[k + 1]) - ball(edges[k]);
-        Shell {
+        let volume = ball_volume(edges[k + 1]) - ball_volume(edges[k]);
+        RadialShell {
             inner: edges[k],
             outer: edges[k + 1],
             nu: filled / volume,
@@ -78,7 +78,7 @@ pub fn shells(frame: &Frame, members: &[usize], centre: Vec3, count: usize) -> V
     sums.iter().enumerate().map(shell).collect()
 }
 
-fn ball(radius: f64) -> f64 {
+fn ball_volume(radius: f64) -> f64 {
     4.0 / 3.0 * std::f64::consts::PI * radius.powi(3)
 }
 
@@ -96,7 +96,7 @@ pub fn shared_volume(a: f64, b: f64, d: f64) -> f64 {
     if d >= a + b {
         0.0
     } else if d <= (a - b).abs() {
-        ball(a.min(b))
+        ball_volume(a.min(b))
     } else {
         std::f64::consts::PI * (a + b - d).powi(2) * (d * d + 2.0 * d * (a + b) - 3.0 * (a - b).powi(2)) / (12.0 * d)
     }
@@ -117,8 +117,8 @@ mod tests {
         let frame = scene.frame();
         let members: Vec<usize> = (0..40).collect();
         for count in [1, 3, 50] {
-            let shells = shells(&frame, &members, Vec3::new(0.1, 0.2, -0.3), count);
-            let filled: f64 = shells.iter().map(|s| s.nu * (ball(s.outer) - ball(s.inner))).sum();
+            let shells = radial_shells(&frame, &members, Vec3::new(0.1, 0.2, -0.3), count);
+            let filled: f64 = shells.iter().map(|s| s.nu * (ball_volume(s.outer) - ball_volume(s.inner))).sum();
             let volume: f64 = frame.grains.iter().map(|g| g.volume()).sum();
             assert!((filled / volume - 1.0).abs() < 1e-12, "{filled} {volume}"); // rounding of differences
             assert_eq!(shells.iter().map(|s| s.grains).sum::<u64>(), 40);
@@ -133,7 +133,7 @@ mod tests {
             scene.contact_at(high, low, [0.0, y, 1.0], Vec3::z());
         }
         let frame = scene.frame();
-        assert_eq!(shells(&frame, &[low, high], Vec3::new(0.0, 0.0, 1.2), 1)[0].z, 1.0);
+        assert_eq!(radial_shells(&frame, &[low, high], Vec3::new(0.0, 0.0, 1.2), 1)[0].z, 1.0);
     }
 
     #[test]
@@ -156,7 +156,7 @@ mod tests {
         }
         let frame = scene.frame();
         let members: Vec<usize> = (0..frame.grains.len()).collect();
-        let shells = shells(&frame, &members, Vec3::repeat(6.0), 5);
+        let shells = radial_shells(&frame, &members, Vec3::repeat(6.0), 5);
         let inner = shells[1]; // 2.2 to 4.4 of 6 to the faces
         assert_eq!(inner.z, 6.0);
         // A shell of two lattice constants holds whole cells but for its surfaces.

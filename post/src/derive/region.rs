@@ -9,20 +9,22 @@
 //!
 //! or a [`Probe`] that the user gives.
 
-use crate::derive::bed::{Bore, Face, borne, bounding_bore, bounding_faces, centre_of_mass, cut, extent};
-use crate::derive::energy::{Summation, gravitational, outside, self_gravity_constant};
+use crate::derive::bed::{
+    CylinderBore, WallFace, bounding_bore, bounding_faces, centre_of_mass, cut_polygon, height_range, supported_grains,
+};
+use crate::derive::energy::{PairSummation, external_fields, gravitational_energy, self_gravity_constant};
 use crate::derive::fragments::Fragment;
 use crate::derive::free_surface::mean_plane;
 use crate::derive::gravity::attraction_between;
 use crate::derive::hull;
-use crate::derive::motion::Axes;
-use crate::derive::probe::{Probe, Shape};
-use crate::frame::{Exchange, Frame, Grain, Interval, Mat3, Side, Vec3};
+use crate::derive::motion::RotatingAxes;
+use crate::derive::probe::{Probe, ProbeShape};
+use crate::frame::{BodyIndex, Frame, Grain, ImpulseExchange, Mat3, SnapshotInterval, Vec3};
 
 /// Kind of a region; the number is that of the column `region`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Kind {
+pub enum RegionKind {
     None = 0,
     LargestGroup = 1,
     AllGrains = 2,
@@ -35,50 +37,50 @@ pub enum Kind {
     Layer = 9,
 }
 
-impl Kind {
-    pub const ALL: [Kind; 10] = [
-        Kind::None,
-        Kind::LargestGroup,
-        Kind::AllGrains,
-        Kind::Walls,
-        Kind::Bed,
-        Kind::Cell,
-        Kind::Ball,
-        Kind::Box,
-        Kind::Cylinder,
-        Kind::Layer,
+impl RegionKind {
+    pub const ALL: [RegionKind; 10] = [
+        RegionKind::None,
+        RegionKind::LargestGroup,
+        RegionKind::AllGrains,
+        RegionKind::Walls,
+        RegionKind::Bed,
+        RegionKind::Cell,
+        RegionKind::Ball,
+        RegionKind::Box,
+        RegionKind::Cylinder,
+        RegionKind::Layer,
     ];
 
     /// Number of the column `region`.
-    pub fn number(self) -> u64 {
+    pub fn column_value(self) -> u64 {
         self as u64
     }
 
     /// Name in titles of plots and in reports.
     pub fn name(self) -> &'static str {
         match self {
-            Kind::None => "no region",
-            Kind::LargestGroup => "hull of the largest group",
-            Kind::AllGrains => "hull of all grains",
-            Kind::Walls => "between the walls",
-            Kind::Bed => "between the walls, up to the surface",
-            Kind::Cell => "periodic cell",
-            Kind::Ball => "ball",
-            Kind::Box => "box",
-            Kind::Cylinder => "cylinder",
-            Kind::Layer => "layer",
+            RegionKind::None => "no region",
+            RegionKind::LargestGroup => "hull of the largest group",
+            RegionKind::AllGrains => "hull of all grains",
+            RegionKind::Walls => "between the walls",
+            RegionKind::Bed => "between the walls, up to the surface",
+            RegionKind::Cell => "periodic cell",
+            RegionKind::Ball => "ball",
+            RegionKind::Box => "box",
+            RegionKind::Cylinder => "cylinder",
+            RegionKind::Layer => "layer",
         }
     }
 }
 
 /// A group of touching grains with less than this share of the mass and of the grains is a clump of a cloud and no remnant: then
 /// all grains count.
-const REMNANT: f64 = 0.1;
+const MIN_REMNANT_SHARE: f64 = 0.1;
 
 /// Grains, walls and volume of a region of a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
-    pub kind: Kind,
+    pub kind: RegionKind,
     /// m^3
     pub volume: f64,
     /// Indices of the grains with their centre inside, rising.
@@ -90,7 +92,7 @@ pub struct Region {
 /// A region that a user gives, in one frame.
 #[derive(Debug, Clone, PartialEq)]
 struct Probed {
-    shape: Shape,
+    shape: ProbeShape,
     /// Sums of whole periods that bring grains of the cell into it, m.
     shifts: Vec<Vec3>,
 }
@@ -104,42 +106,44 @@ impl Region {
     /// above; without a plate below, at their lowest point. Where walls and periods leave a side open, or where nothing touches
     /// them in a scene with self-gravity, it is the hull of the largest group (of those that a wall touches, if any), or of
     /// all grains if that group has a single grain among others or less than a tenth of the mass and of the grains.
-    pub fn of(frame: &Frame, fragments: &[Fragment]) -> Region {
+    pub fn from_frame(frame: &Frame, fragments: &[Fragment]) -> Region {
         if frame.grains.is_empty() {
-            return Region { kind: Kind::None, volume: f64::NAN, members: Vec::new(), probe: None };
+            return Region { kind: RegionKind::None, volume: f64::NAN, members: Vec::new(), probe: None };
         }
-        let enclosed = Enclosure::of(frame, fragments).and_then(Enclosure::region);
-        enclosed.unwrap_or_else(|| aggregate(frame, fragments))
+        let enclosed = GrainEnclosure::from_frame(frame, fragments).and_then(GrainEnclosure::into_region);
+        enclosed.unwrap_or_else(|| aggregate_region(frame, fragments))
     }
 
     /// The region that a user gives; of a layer without walls or periods around it, and of a shape over more than
-    /// `MOST_IMAGES` cells, [`Kind::None`].
-    pub fn of_probe(frame: &Frame, fragments: &[Fragment], probe: &Probe) -> Region {
-        let placed = match probe.placed(frame, fragments) {
-            Some(Shape::Layer { from, to, .. }) => Enclosure::of(frame, fragments).and_then(|e| e.layer(from, to)),
+    /// `MOST_IMAGES` cells, [`RegionKind::None`].
+    pub fn from_probe(frame: &Frame, fragments: &[Fragment], probe: &Probe) -> Region {
+        let placed = match probe.placed_shape(frame, fragments) {
+            Some(ProbeShape::Layer { from, to, .. }) => {
+                GrainEnclosure::from_frame(frame, fragments).and_then(|e| e.into_layer(from, to))
+            }
             shape => shape.map(|shape| (shape, shape.volume())),
         };
         let Some((shape, volume)) = placed else {
-            return Region { kind: Kind::None, volume: f64::NAN, members: Vec::new(), probe: None };
+            return Region { kind: RegionKind::None, volume: f64::NAN, members: Vec::new(), probe: None };
         };
         let Some(shifts) = shifts(frame, &shape) else {
-            return Region { kind: Kind::None, volume: f64::NAN, members: Vec::new(), probe: None };
+            return Region { kind: RegionKind::None, volume: f64::NAN, members: Vec::new(), probe: None };
         };
-        let inside = |x: &Vec3| shifts.iter().any(|shift| shape.holds(&(x + shift)));
+        let inside = |x: &Vec3| shifts.iter().any(|shift| shape.contains(&(x + shift)));
         let members = (0..frame.grains.len()).filter(|&i| inside(&frame.grains[i].x)).collect();
-        Region { kind: shape.kind(), volume, members, probe: Some(Probed { shape, shifts }) }
+        Region { kind: shape.region_kind(), volume, members, probe: Some(Probed { shape, shifts }) }
     }
 
     fn is_member(&self, grain: usize) -> bool {
         self.members.binary_search(&grain).is_ok()
     }
 
-    fn grains<'a>(&'a self, frame: &'a Frame) -> impl Iterator<Item = &'a Grain> {
+    fn member_grains<'a>(&'a self, frame: &'a Frame) -> impl Iterator<Item = &'a Grain> {
         self.members.iter().map(|&i| &frame.grains[i])
     }
 
     /// Grains with the share of their volume that counts: that within a probe, else all of the members'.
-    fn shares(&self, frame: &Frame) -> Vec<(usize, f64)> {
+    fn volume_shares(&self, frame: &Frame) -> Vec<(usize, f64)> {
         let Some(probe) = &self.probe else { return self.members.iter().map(|&i| (i, 1.0)).collect() };
         let share = |grain: &Grain| -> f64 {
             probe.shifts.iter().map(|shift| probe.shape.share_of_grain(&grain.moved_by(*shift))).sum()
@@ -150,7 +154,8 @@ impl Region {
 
     /// Share of the volume that grains fill.
     pub fn solid_fraction(&self, frame: &Frame) -> f64 {
-        self.shares(frame).into_iter().map(|(i, share)| share * frame.grains[i].volume()).sum::<f64>() / self.volume
+        self.volume_shares(frame).into_iter().map(|(i, share)| share * frame.grains[i].volume()).sum::<f64>()
+            / self.volume
     }
 
     /// Mean stress, Pa: (1/V) sum f (x) l over the contacts of its grains, walls too; > 0 in compression.
@@ -159,9 +164,9 @@ impl Region {
     /// contact: over grains between plates at rest, the force on a plate over its area. Of a probe each contact counts by the
     /// share of its branch inside. Source: Love (1892), Weber (1966); shares: Babic (1997), a box weight along the branch.
     pub fn stress(&self, frame: &Frame) -> Mat3 {
-        let end = |side: Side, image: Vec3, point: Vec3| match side {
-            Side::Grain(i) => frame.grains[i].x_contact + image,
-            Side::Wall(_) => point,
+        let end = |side: BodyIndex, image: Vec3, point: Vec3| match side {
+            BodyIndex::Grain(i) => frame.grains[i].x_contact + image,
+            BodyIndex::Wall(_) => point,
         };
         let of = |contact: &crate::frame::Contact| -> Mat3 {
             match &self.probe {
@@ -179,19 +184,19 @@ impl Region {
                 }
             }
         };
-        frame.active().map(of).sum::<Mat3>() / self.volume
+        frame.active_contacts().map(of).sum::<Mat3>() / self.volume
     }
 
     /// A third of the trace of [`Region::stress`], Pa, mean over the steps since the snapshot before; NaN without one and of a
     /// probe, as snapshots do not hold where in an interval forces acted.
     pub fn interval_pressure(&self, frame: &Frame) -> f64 {
-        let Interval { length, exchanges } = &frame.interval;
+        let SnapshotInterval { length, exchanges } = &frame.interval;
         if self.probe.is_some() || *length <= 0.0 {
             return f64::NAN;
         }
         // Of a pair of which one grain is inside, half.
-        let of = |exchange: &Exchange| {
-            let grains = || exchange.sides.iter().filter_map(|side| side.grain());
+        let of = |exchange: &ImpulseExchange| {
+            let grains = || exchange.sides.iter().filter_map(|side| side.grain_index());
             let inside = grains().filter(|&i| self.is_member(i)).count();
             exchange.virial * inside as f64 / grains().count() as f64
         };
@@ -199,7 +204,7 @@ impl Region {
     }
 
     /// Velocity of the centre of mass of what is inside, m/s.
-    fn velocity(&self, frame: &Frame, shares: &[(usize, f64)]) -> Vec3 {
+    fn mean_velocity(&self, frame: &Frame, shares: &[(usize, f64)]) -> Vec3 {
         let moment = |(i, share): &(usize, f64)| share * frame.grains[*i].mass * frame.grains[*i].v;
         let mass = |(i, share): &(usize, f64)| share * frame.grains[*i].mass;
         shares.iter().map(moment).sum::<Vec3>() / shares.iter().map(mass).sum::<f64>()
@@ -209,8 +214,8 @@ impl Region {
     ///
     /// It is no part of [`Region::stress`]; a third of its trace is the pressure of the motion.
     pub fn kinetic_stress(&self, frame: &Frame) -> Mat3 {
-        let shares = self.shares(frame);
-        let mean = self.velocity(frame, &shares);
+        let shares = self.volume_shares(frame);
+        let mean = self.mean_velocity(frame, &shares);
         let of = |&(i, share): &(usize, f64)| {
             let grain = &frame.grains[i];
             share * grain.mass * (grain.v - mean) * (grain.v - mean).transpose()
@@ -231,33 +236,34 @@ impl Region {
     /// snapshot and are not counted.
     ///
     /// Source: the virial theorem of Clausius (1870).
-    pub fn virial_pressure(&self, frame: &Frame, summation: Summation) -> f64 {
-        if frame.cell().repeats() || self.probe.is_some() {
+    pub fn virial_pressure(&self, frame: &Frame, summation: PairSummation) -> f64 {
+        if frame.cell().is_periodic() || self.probe.is_some() {
             return f64::NAN;
         }
-        let mass: f64 = self.grains(frame).map(|g| g.mass).sum();
-        let com = self.grains(frame).map(|g| g.mass * g.x_contact).sum::<Vec3>() / mass;
+        let mass: f64 = self.member_grains(frame).map(|g| g.mass).sum();
+        let com = self.member_grains(frame).map(|g| g.mass * g.x_contact).sum::<Vec3>() / mass;
         let self_gravity = self_gravity_constant(frame).map_or(0.0, |constant| {
-            let own = gravitational(self.grains(frame).map(|g| (g.x_contact, g.mass)), constant, summation);
+            let own =
+                gravitational_energy(self.member_grains(frame).map(|g| (g.x_contact, g.mass)), constant, summation);
             let others: Vec<(Vec3, f64)> = (0..frame.grains.len())
                 .filter(|&i| !self.is_member(i))
                 .map(|i| (frame.grains[i].x_contact, frame.grains[i].mass))
                 .collect();
-            let members: Vec<(Vec3, f64)> = self.grains(frame).map(|g| (g.x_contact - com, g.mass)).collect();
+            let members: Vec<(Vec3, f64)> = self.member_grains(frame).map(|g| (g.x_contact - com, g.mass)).collect();
             own + constant * attraction_between(&members, &com, &others)
         });
         let on_members = |contact: &crate::frame::Contact| -> f64 {
             let own = contact.on_grains().filter(|(i, ..)| self.is_member(*i));
             own.map(|(_, force, image)| (contact.point - image - com).dot(&force)).sum()
         };
-        let walls: f64 = frame.active().filter(|contact| contact.pair().is_none()).map(on_members).sum();
-        let fields = outside(frame);
-        let rate = Axes::of(frame).rate();
+        let walls: f64 = frame.active_contacts().filter(|contact| contact.grain_pair().is_none()).map(on_members).sum();
+        let fields = external_fields(frame);
+        let rate = RotatingAxes::from_frame(frame).rotation_rate();
         let pull = |g: &Grain| -> Vec3 {
-            let at_rest: Vec3 = fields.iter().map(|field| field.at(&g.x_contact).0).sum();
+            let at_rest: Vec3 = fields.iter().map(|field| field.acceleration_and_potential(&g.x_contact).0).sum();
             at_rest - 2.0 * rate.cross(&g.v)
         };
-        let fields: f64 = self.grains(frame).map(|g| g.mass * (g.x_contact - com).dot(&pull(g))).sum();
+        let fields: f64 = self.member_grains(frame).map(|g| g.mass * (g.x_contact - com).dot(&pull(g))).sum();
         -(self_gravity + fields + walls) / (3.0 * self.volume)
     }
 }
@@ -267,10 +273,10 @@ const MOST_IMAGES: f64 = 1e4;
 
 /// Sums of whole periods that bring grains of the cell, or contacts of these, into a shape: none but zero without periods, and of
 /// a layer, which has all of the cell. None for more than `MOST_IMAGES`.
-fn shifts(frame: &Frame, shape: &Shape) -> Option<Vec<Vec3>> {
+fn shifts(frame: &Frame, shape: &ProbeShape) -> Option<Vec<Vec3>> {
     let Some((centre, half)) = shape.bounds() else { return Some(vec![Vec3::zeros()]) };
     // Branches reach from a grain of the cell to the centre of a neighbour.
-    let reach = 2.0 * frame.grains.iter().map(Grain::reach).fold(0.0, f64::max);
+    let reach = 2.0 * frame.grains.iter().map(Grain::bounding_radius).fold(0.0, f64::max);
     let counts = [0, 1].map(|axis| {
         let Some(period) = frame.cell().0[axis] else { return [0.0, 0.0] };
         let over = half[axis] + reach + 0.5 * period;
@@ -289,36 +295,36 @@ fn shifts(frame: &Frame, shape: &Shape) -> Option<Vec<Vec3>> {
 }
 
 /// The hull of the largest group, or of all grains where that is no remnant.
-fn aggregate(frame: &Frame, fragments: &[Fragment]) -> Region {
+fn aggregate_region(frame: &Frame, fragments: &[Fragment]) -> Region {
     let mut touched = vec![false; frame.grains.len()];
-    let walls = frame.active().filter(|contact| contact.pair().is_none());
+    let walls = frame.active_contacts().filter(|contact| contact.grain_pair().is_none());
     walls.flat_map(|contact| contact.on_grains()).for_each(|(i, ..)| touched[i] = true);
     let borne = fragments.iter().find(|fragment| fragment.grains.iter().any(|&i| touched[i]));
     let largest = borne.or(fragments.first());
     let remnant = |fragment: &&Fragment| {
         let alone = fragment.grains.len() == 1 && frame.grains.len() > 1;
         let share = fragment.grains.len() as f64 / frame.grains.len() as f64;
-        !alone && (fragment.whole.mass >= REMNANT * frame.mass() || share >= REMNANT)
+        !alone && (fragment.whole.mass >= MIN_REMNANT_SHARE * frame.total_mass() || share >= MIN_REMNANT_SHARE)
     };
     let (kind, members) = match largest.filter(remnant) {
-        Some(fragment) => (Kind::LargestGroup, fragment.grains.clone()),
-        None => (Kind::AllGrains, (0..frame.grains.len()).collect()),
+        Some(fragment) => (RegionKind::LargestGroup, fragment.grains.clone()),
+        None => (RegionKind::AllGrains, (0..frame.grains.len()).collect()),
     };
     let grains = || members.iter().map(|&i| &frame.grains[i]);
     let balls = grains().flat_map(Grain::balls).chain(grains().flat_map(Grain::vertices).map(|v| (v, 0.0)));
-    Region { kind, volume: hull::volume(&balls.collect::<Vec<_>>()), members, probe: None }
+    Region { kind, volume: hull::hull_volume(&balls.collect::<Vec<_>>()), members, probe: None }
 }
 
 /// Sides of the polygon that stands for a hollow cylinder, of the same area.
-const SIDES: usize = 360;
+const POLYGON_SIDES: usize = 360;
 
 /// Walls and periods around grains.
-struct Enclosure<'a> {
+struct GrainEnclosure<'a> {
     frame: &'a Frame,
-    faces: Vec<Face>,
-    bores: Vec<Bore>,
+    faces: Vec<WallFace>,
+    bores: Vec<CylinderBore>,
     /// Space between them.
-    space: Polytope,
+    space: ConvexPolytope,
     /// The grains by which they were chosen.
     core: Vec<usize>,
     /// Against uniform gravity, of a scene that repeats along z; None without.
@@ -326,105 +332,106 @@ struct Enclosure<'a> {
     mean_diameter: f64,
 }
 
-impl<'a> Enclosure<'a> {
+impl<'a> GrainEnclosure<'a> {
     /// None without walls and periods, and where nothing touches walls while grains hold together by their own gravity.
-    fn of(frame: &'a Frame, fragments: &[Fragment]) -> Option<Enclosure<'a>> {
+    fn from_frame(frame: &'a Frame, fragments: &[Fragment]) -> Option<GrainEnclosure<'a>> {
         let cell = frame.cell();
-        if frame.grains.is_empty() || frame.walls.is_empty() && !cell.repeats() {
+        if frame.grains.is_empty() || frame.walls.is_empty() && !cell.is_periodic() {
             return None;
         }
-        let held = borne(frame, fragments);
-        if held.is_empty() && self_gravity_constant(frame).is_some() && !cell.repeats() {
+        let held = supported_grains(frame, fragments);
+        if held.is_empty() && self_gravity_constant(frame).is_some() && !cell.is_periodic() {
             return None;
         }
         let mass = |grains: &[usize]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
         // Half of the grains are enough, too: a heavy lander above a bed.
-        let half = |grains: &[usize]| 2.0 * mass(grains) >= frame.mass() || 2 * grains.len() >= frame.grains.len();
+        let half =
+            |grains: &[usize]| 2.0 * mass(grains) >= frame.total_mass() || 2 * grains.len() >= frame.grains.len();
         // Without walls that touch, what has not been thrown off.
         let largest = fragments.first().map_or(&[][..], |first| &first.grains);
         let core = [&held[..], if held.is_empty() { largest } else { &[] }].into_iter().find(|grains| half(grains));
         let core = core.map_or_else(|| (0..frame.grains.len()).collect(), <[usize]>::to_vec);
         let grains = || core.iter().map(|&i| &frame.grains[i]);
-        let faces: Vec<Face> = (0..frame.walls.len()).flat_map(|k| bounding_faces(frame, k, &core)).collect();
-        let bores: Vec<Bore> = (0..frame.walls.len()).filter_map(|k| bounding_bore(frame, k, &core)).collect();
+        let faces: Vec<WallFace> = (0..frame.walls.len()).flat_map(|k| bounding_faces(frame, k, &core)).collect();
+        let bores: Vec<CylinderBore> = (0..frame.walls.len()).filter_map(|k| bounding_bore(frame, k, &core)).collect();
         let centre = centre_of_mass(grains());
         // A space that grains nearly fill ends within a few times their extent.
-        let far = grains().map(|g| (g.x - centre).norm() + g.reach()).fold(0.0, f64::max);
+        let far = grains().map(|g| (g.x - centre).norm() + g.bounding_radius()).fold(0.0, f64::max);
         let walls = faces.iter().map(|f| (f.place - f.normal.dot(&centre)).abs()).chain(bores.iter().map(|b| b.radius));
         let open = 64.0 * walls.fold(far, f64::max);
-        let mut space = Polytope::cuboid(centre, open);
+        let mut space = ConvexPolytope::cuboid(centre, open);
         for (axis, period) in cell.0.iter().enumerate().filter_map(|(axis, period)| Some((axis, (*period)?))) {
-            space.close(&Vec3::ith(axis, 1.0), -0.5 * period);
-            space.close(&Vec3::ith(axis, -1.0), -0.5 * period);
+            space.cut_below(&Vec3::ith(axis, 1.0), -0.5 * period);
+            space.cut_below(&Vec3::ith(axis, -1.0), -0.5 * period);
         }
         for face in &faces {
-            space.close(&face.normal, face.place);
+            space.cut_below(&face.normal, face.place);
         }
         for bore in &bores {
             let first = bore.axis.cross(&Vec3::ith(bore.axis.iamin(), 1.0)).normalize();
             let second = bore.axis.cross(&first);
-            let turn = std::f64::consts::TAU / SIDES as f64;
+            let turn = std::f64::consts::TAU / POLYGON_SIDES as f64;
             let apothem = bore.radius * (0.5 * turn / (0.5 * turn).tan()).sqrt();
-            for k in 0..SIDES {
+            for k in 0..POLYGON_SIDES {
                 let (sin, cos) = (turn * k as f64).sin_cos();
                 let inward = -(first * cos + second * sin);
-                space.close(&inward, inward.dot(&bore.x) - apothem);
+                space.cut_below(&inward, inward.dot(&bore.x) - apothem);
             }
         }
         let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0);
-        let up = against.map(|against| if cell.repeats() { Vec3::z() } else { against });
+        let up = against.map(|against| if cell.is_periodic() { Vec3::z() } else { against });
         let mean_diameter = 2.0 * grains().map(|g| g.radius).sum::<f64>() / core.len() as f64;
-        Some(Enclosure { frame, faces, bores, space, core, up, mean_diameter })
+        Some(GrainEnclosure { frame, faces, bores, space, core, up, mean_diameter })
     }
 
-    fn inside(&self, x: &Vec3) -> bool {
-        self.faces.iter().all(|face| face.before(x)) && self.bores.iter().all(|bore| bore.around(x))
+    fn is_inside(&self, x: &Vec3) -> bool {
+        self.faces.iter().all(|face| face.is_before(x)) && self.bores.iter().all(|bore| bore.contains_point(x))
     }
 
     /// Lowest and highest point of the grains along a direction, m.
-    fn extent(&self, axis: &Vec3) -> [f64; 2] {
-        let inside = self.core.iter().map(|&i| &self.frame.grains[i]).filter(|grain| self.inside(&grain.x));
-        let ends = inside.map(|grain| extent(grain, axis));
+    fn height_range(&self, axis: &Vec3) -> [f64; 2] {
+        let inside = self.core.iter().map(|&i| &self.frame.grains[i]).filter(|grain| self.is_inside(&grain.x));
+        let ends = inside.map(|grain| height_range(grain, axis));
         ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], [l, h]| [low.min(l), high.max(h)])
     }
 
-    fn region(self) -> Option<Region> {
+    fn into_region(self) -> Option<Region> {
         match self.up {
-            Some(up) => self.under_gravity(&up),
-            None => self.weightless(),
+            Some(up) => self.into_region_under_gravity(&up),
+            None => self.into_weightless_region(),
         }
     }
 
-    fn weightless(mut self) -> Option<Region> {
-        let repeats = self.frame.cell().repeats();
-        let mut kind = Kind::Walls;
+    fn into_weightless_region(mut self) -> Option<Region> {
+        let repeats = self.frame.cell().is_periodic();
+        let mut kind = RegionKind::Walls;
         let mut limits = [f64::NEG_INFINITY, f64::INFINITY];
         if repeats && !self.space.is_closed() {
-            (kind, limits) = (Kind::Cell, self.extent(&Vec3::z()));
+            (kind, limits) = (RegionKind::Cell, self.height_range(&Vec3::z()));
             let periods = self.frame.cell().0;
             let open: Vec<usize> = (0..3).filter(|&axis| axis == 2 || periods[axis].is_none()).collect();
             for axis in open {
                 let axis = Vec3::ith(axis, 1.0);
-                let [low, high] = self.extent(&axis);
-                self.space.close(&axis, low);
-                self.space.close(&-axis, -high);
+                let [low, high] = self.height_range(&axis);
+                self.space.cut_below(&axis, low);
+                self.space.cut_below(&-axis, -high);
             }
         }
         let [low, high] = limits;
-        let within = |x: &Vec3| self.inside(x) && (low..=high).contains(&x.z);
-        let members = self.members(within);
+        let within = |x: &Vec3| self.is_inside(x) && (low..=high).contains(&x.z);
+        let members = self.members_inside(within);
         self.space.is_closed().then(|| Region { kind, volume: self.space.volume(), members, probe: None })
     }
 
-    fn under_gravity(mut self, up: &Vec3) -> Option<Region> {
-        let grains = self.core.iter().map(|&i| &self.frame.grains[i]).filter(|grain| self.inside(&grain.x));
+    fn into_region_under_gravity(mut self, up: &Vec3) -> Option<Region> {
+        let grains = self.core.iter().map(|&i| &self.frame.grains[i]).filter(|grain| self.is_inside(&grain.x));
         let grains: Vec<&Grain> = grains.collect();
         let (point, normal) = mean_plane(&grains, &self.frame.cell(), up)?;
         let whole = self.space.is_closed().then(|| self.space.volume());
-        let section = self.space.close(&-normal, -normal.dot(&point));
+        let section = self.space.cut_below(&-normal, -normal.dot(&point));
         if !self.space.is_closed() {
-            let [lowest, _] = self.extent(up);
-            self.space.close(up, lowest);
+            let [lowest, _] = self.height_range(up);
+            self.space.cut_below(up, lowest);
         }
         if !self.space.is_closed() {
             return None;
@@ -433,46 +440,46 @@ impl<'a> Enclosure<'a> {
         if let Some(whole) = whole
             && whole - volume <= section * self.mean_diameter
         {
-            let members = self.members(|x| self.inside(x));
-            return Some(Region { kind: Kind::Walls, volume: whole, members, probe: None });
+            let members = self.members_inside(|x| self.is_inside(x));
+            return Some(Region { kind: RegionKind::Walls, volume: whole, members, probe: None });
         }
         let below = |x: &Vec3| (x - point).dot(&normal) <= 0.0;
         let core = |i: &usize| self.core.binary_search(i).is_ok();
         let member = |i: &usize| {
             let x = &self.frame.grains[*i].x;
-            self.inside(x) && (core(i) || below(x))
+            self.is_inside(x) && (core(i) || below(x))
         };
         let members = (0..self.frame.grains.len()).filter(member).collect();
-        Some(Region { kind: Kind::Bed, volume, members, probe: None })
+        Some(Region { kind: RegionKind::Bed, volume, members, probe: None })
     }
 
-    fn members(&self, inside: impl Fn(&Vec3) -> bool) -> Vec<usize> {
+    fn members_inside(&self, inside: impl Fn(&Vec3) -> bool) -> Vec<usize> {
         (0..self.frame.grains.len()).filter(|&i| inside(&self.frame.grains[i].x)).collect()
     }
 
     /// The layer between two heights (m) above the lowest point of the space, or of the grains where that is open, and its volume;
     /// None where a side is open.
-    fn layer(mut self, from: f64, to: f64) -> Option<(Shape, f64)> {
+    fn into_layer(mut self, from: f64, to: f64) -> Option<(ProbeShape, f64)> {
         let up = self.up.unwrap_or(Vec3::z());
-        let [lowest, _] = self.extent(&up);
-        let floor = self.space.lowest(&up).unwrap_or(lowest);
-        self.space.close(&up, floor + from);
-        self.space.close(&-up, -(floor + to));
-        let layer = Shape::Layer { up, from: floor + from, to: floor + to };
+        let [lowest, _] = self.height_range(&up);
+        let floor = self.space.lowest_point(&up).unwrap_or(lowest);
+        self.space.cut_below(&up, floor + from);
+        self.space.cut_below(&-up, -(floor + to));
+        let layer = ProbeShape::Layer { up, from: floor + from, to: floor + to };
         self.space.is_closed().then(|| (layer, self.space.volume()))
     }
 }
 
 /// A convex polyhedron by its faces, within a cube that stands for what is open.
-struct Polytope {
+struct ConvexPolytope {
     faces: Vec<Vec<Vec3>>,
     centre: Vec3,
     /// Half a side of the cube, m.
     open: f64,
 }
 
-impl Polytope {
-    fn cuboid(centre: Vec3, open: f64) -> Polytope {
+impl ConvexPolytope {
+    fn cuboid(centre: Vec3, open: f64) -> ConvexPolytope {
         let face = |axis: usize, sign: f64| {
             let at = |u: f64, v: f64| {
                 let mut x = Vec3::zeros();
@@ -486,17 +493,17 @@ impl Polytope {
             face
         };
         let faces = (0..3).flat_map(|axis| [face(axis, 1.0), face(axis, -1.0)]).collect();
-        Polytope { faces, centre, open }
+        ConvexPolytope { faces, centre, open }
     }
 
     /// Cuts off what is not at normal.x >= place; returns the area of the cut, m^2.
-    fn close(&mut self, normal: &Vec3, place: f64) -> f64 {
+    fn cut_below(&mut self, normal: &Vec3, place: f64) -> f64 {
         let value = |p: &Vec3| p.dot(normal) - place;
         let near = 1e-12 * self.open;
         let mut rim: Vec<Vec3> = Vec::new();
         let mut faces = Vec::with_capacity(self.faces.len() + 1);
         for face in &self.faces {
-            let left = cut(face, value, |p, q, share| p + (q - p) * share);
+            let left = cut_polygon(face, value, |p, q, share| p + (q - p) * share);
             if face.iter().any(|p| value(p) < 0.0) {
                 rim.extend(left.iter().filter(|p| value(p).abs() <= near));
             }
@@ -531,7 +538,7 @@ impl Polytope {
     }
 
     /// Its lowest point along a direction, m; None where that is open.
-    fn lowest(&self, up: &Vec3) -> Option<f64> {
+    fn lowest_point(&self, up: &Vec3) -> Option<f64> {
         let lowest = self.faces.iter().flatten().min_by(|a, b| a.dot(up).total_cmp(&b.dot(up)))?;
         ((lowest - self.centre).amax() < self.open * (1.0 - 1e-9)).then(|| lowest.dot(up))
     }
@@ -548,11 +555,11 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    use crate::derive::fragments::fragments;
-    use crate::derive::{Choices, Row};
+    use crate::derive::fragments::find_fragments;
+    use crate::derive::{MeasurementOptions, Row};
     use crate::frame::{Wall, WallShape};
     use crate::samples::Scene;
-    use crate::shapes::{Hollow, Solid};
+    use crate::shapes::{Hollow, SolidShape};
     use nalgebra::UnitQuaternion;
 
     #[track_caller]
@@ -561,16 +568,16 @@ mod tests {
     }
 
     fn region(frame: &Frame) -> Region {
-        Region::of(frame, &fragments(frame))
+        Region::from_frame(frame, &find_fragments(frame))
     }
 
     fn row(scene: &Scene) -> Row {
-        Row::of(&scene.frame())
+        Row::from_frame(&scene.frame())
     }
 
     fn probed(scene: &Scene, probe: &str) -> Row {
-        let choices = Choices { region: Some(probe.parse().unwrap()), ..Choices::default() };
-        Row::with(&scene.frame(), &choices)
+        let choices = MeasurementOptions { region: Some(probe.parse().unwrap()), ..MeasurementOptions::default() };
+        Row::with_options(&scene.frame(), &choices)
     }
 
     /// A simple cubic lattice of touching spheres of radius `r` from the origin, whose contacts carry the forces of the pressures `p` on
@@ -631,7 +638,7 @@ mod tests {
             scene.contact_at(gone, COUNTS.iter().product(), [-2.0 * r, r, r], -Vec3::x());
             scene.grain([0.0, 0.0, 900.0 * r], r);
             let found = row(&scene);
-            assert_eq!(found.region, Kind::Walls.number());
+            assert_eq!(found.region, RegionKind::Walls.column_value());
             for (value, expected) in [
                 (found.region_volume, 120.0 * 8.0 * r.powi(3)),
                 (found.nu, PI / 6.0),
@@ -657,12 +664,12 @@ mod tests {
         plates(&mut scene, COUNTS, r, [7.0, 5.0, 11.0], &[0, 1, 2, 3, 4, 5]);
         let frame = scene.frame();
         let of_walls: f64 = frame
-            .active()
-            .filter(|contact| contact.pair().is_none())
+            .active_contacts()
+            .filter(|contact| contact.grain_pair().is_none())
             .map(|contact| -contact.point.dot(&contact.force))
             .sum();
         let region = region(&frame);
-        assert_close(region.virial_pressure(&frame, Summation::Direct), of_walls / 3.0 / region.volume, 1e-12);
+        assert_close(region.virial_pressure(&frame, PairSummation::Direct), of_walls / 3.0 / region.volume, 1e-12);
     }
 
     #[test]
@@ -691,7 +698,7 @@ mod tests {
                 }
             }
             let found = row(&scene);
-            assert_eq!((found.region, found.n_pulling), (Kind::Walls.number(), 0));
+            assert_eq!((found.region, found.n_pulling), (RegionKind::Walls.column_value(), 0));
             assert_close(found.sigma_zz, load + 0.5 * 6.0 * weight, 1e-12);
             assert_close(found.nu, PI / 6.0, 1e-12);
         }
@@ -705,7 +712,7 @@ mod tests {
         lattice(&mut scene, COUNTS, r, p);
         plates(&mut scene, COUNTS, r, p, &[0, 1, 2, 3, 4]);
         let bed = row(&scene);
-        assert_eq!(bed.region, Kind::Bed.number());
+        assert_eq!(bed.region, RegionKind::Bed.column_value());
         // Columns over the middles and half-way between spheres: at most a radius below the highest points.
         assert!((20.0 * 5.5..=20.0 * 6.0).contains(&bed.region_volume), "{}", bed.region_volume);
         assert_close(bed.nu * bed.region_volume, 120.0 * PI / 6.0, 1e-12);
@@ -719,7 +726,7 @@ mod tests {
         assert_close(row(&scene).nu, bed.nu, 1e-12);
         scene.plate([2.5, 2.0, 6.5], [50.0, 50.0, 0.5]);
         let closed = row(&scene);
-        assert_eq!(closed.region, Kind::Walls.number());
+        assert_eq!(closed.region, RegionKind::Walls.column_value());
         assert_close(closed.region_volume, 120.0, 1e-12);
     }
 
@@ -730,7 +737,7 @@ mod tests {
         lattice(&mut scene, COUNTS, r, p);
         (scene.snapshot.meta.parameters.xperiode, scene.snapshot.meta.parameters.yperiode) = (Some(5.0), Some(4.0));
         let found = row(&scene);
-        assert_eq!(found.region, Kind::Cell.number());
+        assert_eq!(found.region, RegionKind::Cell.column_value());
         assert_close(found.region_volume, 120.0, 1e-12);
         assert!(found.nu_sphere.is_nan() && found.pressure_virial.is_nan());
         // A silo about an upright axis and a drum on its side, between plates at its ends.
@@ -743,7 +750,7 @@ mod tests {
             let rotation = UnitQuaternion::rotation_between(&Vec3::z(), &Vec3::ith(axis, 1.0)).unwrap();
             frame.walls.push(Wall { id: 99, x: Vec3::new(2.5, 2.0, 4.0), v: None, rotation, shape });
             let found = region(&frame);
-            assert_eq!(found.kind, Kind::Walls);
+            assert_eq!(found.kind, RegionKind::Walls);
             assert_close(found.volume, volume, 1e-12);
             // With gravity across it, the drum holds a bed.
             if axis == 0 {
@@ -751,14 +758,14 @@ mod tests {
                 let bed = region(&frame);
                 // The grains reach up to 2 about the axis; of the disc of radius 8 what is below, or up to half a radius less.
                 let below = |s: f64| 64.0 * (s / 8.0).asin() + s * (64.0 - s * s).sqrt() + 32.0 * PI;
-                assert_eq!(bed.kind, Kind::Bed);
+                assert_eq!(bed.kind, RegionKind::Bed);
                 assert!((5.0 * below(1.5)..=5.0 * below(2.0) * 1.0001).contains(&bed.volume), "{}", bed.volume);
             }
         }
     }
 
     fn hollow(radius: f64, half_height: f64) -> WallShape {
-        WallShape::Polyhedron(Solid { hollow: Some(Hollow { radius, half_height }), ..Default::default() }.into())
+        WallShape::Polyhedron(SolidShape { hollow: Some(Hollow { radius, half_height }), ..Default::default() }.into())
     }
 
     #[test]
@@ -773,14 +780,14 @@ mod tests {
             let x = Vec3::new(2.5, 2.0, 3.0);
             frame.walls.push(Wall { id: 99, x, v: None, rotation, shape: hollow(8.0, 5.0) });
             let found = region(&frame);
-            assert_eq!((found.kind, found.members.len()), (Kind::Walls, 120));
+            assert_eq!((found.kind, found.members.len()), (RegionKind::Walls, 120));
             assert_close(found.volume, PI * 64.0 * 10.0, 1e-12);
             // Two of 121 grains may have left through an end.
             frame.grains[0].x[axis] -= 30.0;
             assert_close(region(&frame).volume, PI * 64.0 * 10.0, 1e-12);
             // One that stands empty elsewhere bounds nothing, with its ends neither.
             frame.walls[0].x += Vec3::ith(axis, 40.0);
-            assert_eq!(region(&frame).kind, Kind::LargestGroup);
+            assert_eq!(region(&frame).kind, RegionKind::LargestGroup);
         }
         // A piston in it is where the space ends, and a bed within ends at its surface, for a lying one too.
         for axis in 0..3 {
@@ -797,17 +804,17 @@ mod tests {
             gravity(&mut frame);
             let found = region(&frame);
             if axis == 2 {
-                assert_eq!(found.kind, Kind::Walls);
+                assert_eq!(found.kind, RegionKind::Walls);
                 assert_close(found.volume, PI * 64.0 * 6.0, 1e-12);
             } else {
-                assert_eq!(found.kind, Kind::Bed);
+                assert_eq!(found.kind, RegionKind::Bed);
                 // Up to half a radius below the highest points.
                 let below = |s: f64| 64.0 * (s / 8.0).asin() + s * (64.0 - s * s).sqrt();
                 let between = |top: f64| 10.0 * (below(top) - below(-3.0));
                 assert!((between(2.5)..=between(3.0) * 1.0001).contains(&found.volume), "{}", found.volume);
             }
             let layer: Probe = "layer:0,1".parse().unwrap();
-            assert_eq!(Region::of_probe(&frame, &fragments(&frame), &layer).kind, Kind::Layer);
+            assert_eq!(Region::from_probe(&frame, &find_fragments(&frame), &layer).kind, RegionKind::Layer);
         }
     }
 
@@ -819,7 +826,7 @@ mod tests {
         let alone = row(&scene);
         let (a, edge) = (5.0f64, 3.0 * PI * 5.0 * r * r);
         let hull = a.powi(3) + 6.0 * a * a * r + edge + PI / 6.0;
-        assert_eq!(alone.region, Kind::LargestGroup.number());
+        assert_eq!(alone.region, RegionKind::LargestGroup.column_value());
         assert_close(alone.region_volume, hull, 1e-7);
         assert_close(alone.nu, 216.0 * PI / 6.0 / hull, 1e-7);
         // Contacts between neighbours over their distance of 1: 180 an axis.
@@ -844,7 +851,7 @@ mod tests {
         let alone = row(&scene);
         let planet = scene.grain([4000.0, 0.0, 0.0], 900.0);
         let with = row(&scene);
-        assert_eq!(with.region, Kind::LargestGroup.number());
+        assert_eq!(with.region, RegionKind::LargestGroup.column_value());
         let found = [with.nu, with.Z, with.pressure, with.largest_mass, with.largest_a];
         assert_eq!(found, [alone.nu, alone.Z, alone.pressure, alone.largest_mass, alone.largest_a]);
         // Pebbles on the planet: a heavy group of few.
@@ -875,7 +882,7 @@ mod tests {
         let closed = row(&scene);
         scene.grain([2.5, 2.0, 60.0], 20.0);
         let with = row(&scene);
-        assert_eq!((with.region, with.nu), (Kind::Walls.number(), closed.nu));
+        assert_eq!((with.region, with.nu), (RegionKind::Walls.column_value(), closed.nu));
     }
 
     #[test]
@@ -897,7 +904,7 @@ mod tests {
                 (0..k).for_each(|j| scene.push(k, j, 1.0));
             }
             let found = row(&scene);
-            assert_eq!(found.region, Kind::LargestGroup.number());
+            assert_eq!(found.region, RegionKind::LargestGroup.column_value());
             assert_close(found.nu, count as f64 * ball / hulls[count - 1], 1e-6);
         }
         // Grains that fly, each by itself.
@@ -905,7 +912,7 @@ mod tests {
         for x in corners {
             scene.grain(x.map(|x| 10.0 * x), 1.0);
         }
-        assert_eq!((row(&scene).region, row(&scene).Z), (Kind::AllGrains.number(), 0.0));
+        assert_eq!((row(&scene).region, row(&scene).Z), (RegionKind::AllGrains.column_value(), 0.0));
         let none = row(&Scene::default());
         assert!(none.region == 0 && none.nu.is_nan() && none.Z.is_nan() && none.pressure.is_nan());
     }
@@ -935,7 +942,7 @@ mod tests {
         // Whole cells of the lattice are exact but for what points of cut spheres leave; of others the border is a chance.
         let cell = 2.0 * 2f64.sqrt();
         let found = probed(&scene, &format!("box:{cell},{cell},{cell}@0.1,0.2,0.3"));
-        assert_eq!(found.region, Kind::Box.number());
+        assert_eq!(found.region, RegionKind::Box.column_value());
         assert_close(found.nu, nu, 1e-3);
         assert_close(found.pressure, pressure, 1e-12);
         assert_eq!(found.Z, 12.0);
@@ -970,7 +977,7 @@ mod tests {
         }
         // One over 12 cells and a half.
         assert_close(at("box:62.5,4,4", 7.0, 0.0).nu, PI / 6.0, 5e-3); // cut grains are sums over points
-        assert_eq!(at("box:1e6,1e6,4", 0.0, 0.0).region, Kind::None.number());
+        assert_eq!(at("box:1e6,1e6,4", 0.0, 0.0).region, RegionKind::None.column_value());
     }
 
     #[test]
@@ -986,7 +993,7 @@ mod tests {
             }
             for (from, to) in [(0.0, 1.0), (0.5, 3.0), (1.25, 1.5)] {
                 let found = probed(&scene, &format!("layer:{from},{to}"));
-                assert_eq!(found.region, Kind::Layer.number());
+                assert_eq!(found.region, RegionKind::Layer.column_value());
                 assert_close(found.region_volume, 20.0 * (to - from), 1e-12);
                 assert_close(found.sigma_zz, 2.0, 1e-12);
             }
@@ -1009,7 +1016,7 @@ mod tests {
         }
         scene.contact_at(0, floor, [0.5, 0.5, 0.0], Vec3::z());
         let found = row(&scene);
-        assert_eq!(found.region, Kind::Bed.number());
+        assert_eq!(found.region, RegionKind::Bed.column_value());
         assert!((20.0 * 5.5..=20.0 * 6.0).contains(&found.region_volume), "{}", found.region_volume);
     }
 }

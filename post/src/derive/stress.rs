@@ -16,9 +16,9 @@ use crate::frame::{Frame, Grain, Mat3, Vec3};
 /// Source: Love (1892); Weber (1966).
 pub fn mean_stress(frame: &Frame, volume: f64) -> Mat3 {
     let sum: Mat3 = frame
-        .active()
+        .active_contacts()
         .filter_map(|contact| {
-            let (candidate, antagonist) = contact.pair()?;
+            let (candidate, antagonist) = contact.grain_pair()?;
             let branch = frame.grains[candidate].x_contact - (frame.grains[antagonist].x_contact + contact.image);
             Some(contact.force * branch.transpose())
         })
@@ -41,7 +41,7 @@ pub fn kinetic_stress(grains: &[Grain], velocity: Vec3, volume: f64) -> Mat3 {
 
 /// Invariants of a stress, of its symmetric part.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Invariants {
+pub struct StressInvariants {
     /// Principal stresses, largest first, Pa, > 0 in compression.
     pub principal: [f64; 3],
     /// sqrt(J_2), Pa: J_2 = s:s / 2 of the deviator s.
@@ -53,10 +53,10 @@ pub struct Invariants {
     pub friction_angle: f64,
 }
 
-impl Invariants {
+impl StressInvariants {
     /// In triaxial compression (sigma_1 > sigma_2 = sigma_3) the friction angle is that of Mohr and Coulomb:
     /// sin(phi) = (sigma_1 - sigma_3) / (sigma_1 + sigma_3). Source: Drucker & Prager (1952).
-    pub fn of(stress: &Mat3) -> Invariants {
+    pub fn new(stress: &Mat3) -> StressInvariants {
         let symmetric = 0.5 * (stress + stress.transpose());
         let trace = symmetric.trace();
         let deviator = symmetric - Mat3::from_diagonal_element(trace / 3.0);
@@ -66,7 +66,7 @@ impl Invariants {
         // More than 1 where no friction alone can hold it, and where the mean stress is tension: not defined.
         let sine = 3.0 * root * share / (2.0 + root * share);
         let friction_angle = if (0.0..=1.0).contains(&sine) { sine.asin() } else { f64::NAN };
-        Invariants { principal: eigenvalues(&symmetric), sqrt_j2, drucker_prager: share, friction_angle }
+        StressInvariants { principal: eigenvalues(&symmetric), sqrt_j2, drucker_prager: share, friction_angle }
     }
 }
 
@@ -78,7 +78,7 @@ impl Invariants {
 /// Source: Weber (1966); Moreau (1997), "Numerical investigation of shear zones in granular materials".
 pub fn grain_stresses(frame: &Frame) -> Vec<Mat3> {
     let mut stresses = vec![Mat3::zeros(); frame.grains.len()];
-    for contact in frame.active() {
+    for contact in frame.active_contacts() {
         for (i, force, image) in contact.on_grains() {
             stresses[i] += force * (frame.grains[i].x_contact + image - contact.point).transpose();
         }
@@ -99,18 +99,18 @@ pub fn tensile_fraction(frame: &Frame) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::derive::energy::Summation;
-    use crate::derive::fragments::fragments;
+    use crate::derive::energy::PairSummation;
+    use crate::derive::fragments::find_fragments;
     use crate::derive::region::Region;
     use crate::samples::Scene;
 
     fn region(frame: &Frame) -> Region {
-        Region::of(frame, &fragments(frame))
+        Region::from_frame(frame, &find_fragments(frame))
     }
 
     fn pressures(frame: &Frame) -> (f64, f64) {
         let region = region(frame);
-        (pressure(&region.stress(frame)), region.virial_pressure(frame, Summation::Direct))
+        (pressure(&region.stress(frame)), region.virial_pressure(frame, PairSummation::Direct))
     }
 
     #[track_caller]
@@ -221,13 +221,13 @@ mod tests {
 
     #[test]
     fn triaxial_compression_has_the_angle_of_mohr_and_coulomb() {
-        let invariants = Invariants::of(&Mat3::from_diagonal(&Vec3::new(3.0, 1.0, 1.0)));
+        let invariants = StressInvariants::new(&Mat3::from_diagonal(&Vec3::new(3.0, 1.0, 1.0)));
         assert_eq!(invariants.principal, [3.0, 1.0, 1.0]);
         assert_close(invariants.sqrt_j2, 2.0 / 3f64.sqrt());
         assert_close(invariants.friction_angle, (2.0f64 / 4.0).asin());
         // A uniform stress has no deviator; without stress nothing is defined.
-        assert_eq!(Invariants::of(&Mat3::from_diagonal_element(5.0)).drucker_prager, 0.0);
-        assert!(Invariants::of(&Mat3::zeros()).friction_angle.is_nan());
+        assert_eq!(StressInvariants::new(&Mat3::from_diagonal_element(5.0)).drucker_prager, 0.0);
+        assert!(StressInvariants::new(&Mat3::zeros()).friction_angle.is_nan());
     }
 
     #[test]
@@ -256,7 +256,7 @@ mod tests {
         let whole = mean_stress(&frame, 48.0);
         assert!((whole - Mat3::from_diagonal(&p.into())).norm() < 1e-14);
         let moving = kinetic_stress(&frame.grains, Vec3::new(1.0, 0.0, 0.0), 2.0);
-        assert_close(moving[(0, 0)], 0.5 * frame.mass());
+        assert_close(moving[(0, 0)], 0.5 * frame.total_mass());
     }
 
     #[test]

@@ -1,25 +1,25 @@
 //! The surface of an aggregate by direction: height, effective gravity, slope.
 
-use cd_formats::field::Outside;
+use cd_formats::field::FieldModel;
 use rayon::prelude::*;
 
-use crate::derive::energy::outside;
-use crate::derive::motion::Whole;
-use crate::derive::plane_fit::{NoiseDensity, Plane, PlaneFit, without_noise};
+use crate::derive::energy::external_fields;
+use crate::derive::motion::AggregateSums;
+use crate::derive::plane_fit::{FittedPlane, NoiseDensity, PlaneFit, without_noise};
 use crate::frame::{Contact, Frame, Grain, Vec3};
 
 /// Directions about the centre of mass: the middles of cells of equal steps of latitude and longitude.
 /// z of the world points to the north pole, x to longitude 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Grid {
+pub struct DirectionGrid {
     pub latitudes: usize,
     /// Even, so that a meridian goes on beyond the pole.
     pub longitudes: usize,
 }
 
-impl Grid {
+impl DirectionGrid {
     /// Cells of 5 degrees.
-    pub const STANDARD: Grid = Grid { latitudes: 36, longitudes: 72 };
+    pub const STANDARD: DirectionGrid = DirectionGrid { latitudes: 36, longitudes: 72 };
 
     pub fn len(&self) -> usize {
         self.latitudes * self.longitudes
@@ -30,7 +30,7 @@ impl Grid {
     }
 
     /// Latitude and longitude of cell k, rad: the rows from south to north, each from -pi eastwards.
-    pub fn angles(&self, k: usize) -> (f64, f64) {
+    pub fn cell_angles(&self, k: usize) -> (f64, f64) {
         let (row, column) = (k / self.longitudes, k % self.longitudes);
         let share = |index: usize, count: usize| (index as f64 + 0.5) / count as f64;
         let pi = std::f64::consts::PI;
@@ -38,8 +38,8 @@ impl Grid {
     }
 
     /// Unit vectors of cell k outward, eastward and northward.
-    pub fn axes(&self, k: usize) -> [Vec3; 3] {
-        let (latitude, longitude) = self.angles(k);
+    pub fn cell_axes(&self, k: usize) -> [Vec3; 3] {
+        let (latitude, longitude) = self.cell_angles(k);
         let ((sin_a, cos_a), (sin_o, cos_o)) = (latitude.sin_cos(), longitude.sin_cos());
         [
             Vec3::new(cos_a * cos_o, cos_a * sin_o, sin_a),
@@ -52,11 +52,11 @@ impl Grid {
     fn solid_angles(&self) -> Vec<f64> {
         let (up, across) =
             (std::f64::consts::PI / self.latitudes as f64, std::f64::consts::TAU / self.longitudes as f64);
-        (0..self.len()).map(|k| across * 2.0 * self.angles(k).0.cos() * (0.5 * up).sin()).collect()
+        (0..self.len()).map(|k| across * 2.0 * self.cell_angles(k).0.cos() * (0.5 * up).sin()).collect()
     }
 
     /// The cell `north` rows and `east` columns on; beyond a pole the meridian goes on half around.
-    fn neighbour(&self, k: usize, north: isize, east: isize) -> usize {
+    fn neighbour_cell(&self, k: usize, north: isize, east: isize) -> usize {
         let (mut row, mut column) = ((k / self.longitudes) as isize + north, (k % self.longitudes) as isize + east);
         let last = self.latitudes as isize - 1;
         if row < 0 || row > last {
@@ -69,7 +69,7 @@ impl Grid {
 
 /// The surface in one direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Facet {
+pub struct SurfaceFacet {
     /// rad
     pub latitude: f64,
     pub longitude: f64,
@@ -95,16 +95,23 @@ pub struct Facet {
 /// within `reach` mean radii ([`PlaneFit`]), a quarter of the way round at most. Gravity is that of all
 /// grains of the frame, each a solid ball, and of the primaries, and what `in_own_axes` adds; `constant`: G. The spin is that of
 /// `whole`, in fixed axes.
-pub fn surface(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, grid: Grid, reach: f64) -> Vec<Facet> {
+pub fn aggregate_surface(
+    frame: &Frame,
+    members: &[usize],
+    whole: &AggregateSums,
+    constant: f64,
+    grid: DirectionGrid,
+    reach: f64,
+) -> Vec<SurfaceFacet> {
     let grains: Vec<&Grain> = members.iter().map(|&i| &frame.grains[i]).collect();
-    let raw = heights(&grains, whole.x, grid);
+    let raw = surface_heights(&grains, whole.x, grid);
     let mean_radius = grains.iter().map(|g| g.radius).sum::<f64>() / grains.len() as f64;
-    let (heights, fits, density) = fitted(&raw, reach * mean_radius, 2.0 * mean_radius, grid);
-    let fields = outside(frame);
-    let added = in_own_axes(frame, members, whole, constant, &fields);
+    let (heights, fits, density) = fit_planes(&raw, reach * mean_radius, 2.0 * mean_radius, grid);
+    let fields = external_fields(frame);
+    let added = acceleration_in_own_axes(frame, members, whole, constant, &fields);
     let gravity = |x: Vec3| {
-        let grains = frame.grains.iter().map(|g| attraction(g, x)).sum::<Vec3>() * constant;
-        grains + primaries(&fields, x) + added
+        let grains = frame.grains.iter().map(|g| ball_attraction(g, x)).sum::<Vec3>() * constant;
+        grains + primary_attraction(&fields, x) + added
     };
     let gradient = |k: usize| fits[k].map_or([f64::NAN; 2], |plane| plane.gradient);
     let mut facets = facets_of(&heights, gradient, whole.x, whole.spin(), gravity, grid);
@@ -118,7 +125,7 @@ pub fn surface(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, g
 }
 
 /// Root mean square of the errors of a surface, as an angle, rad, by area; NaN without.
-pub fn noise(facets: &[Facet]) -> f64 {
+pub fn rms_noise(facets: &[SurfaceFacet]) -> f64 {
     let known = || facets.iter().filter(|facet| facet.error.is_finite() && facet.area.is_finite());
     let sum: f64 = known().map(|facet| facet.area * facet.error.tan().powi(2)).sum();
     (sum / known().map(|facet| facet.area).sum::<f64>()).sqrt().atan()
@@ -129,19 +136,26 @@ pub fn noise(facets: &[Facet]) -> f64 {
 /// Where a wall touches one of them with force they rest in the axes of the scene: uniform gravity, and of axes that turn
 /// the centrifugal acceleration of their centre of mass. Else they fall freely: against the mean pull of primaries and other
 /// grains, so that tides are left of these, and uniform gravity is not felt.
-fn in_own_axes(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, fields: &[Outside]) -> Vec3 {
+fn acceleration_in_own_axes(
+    frame: &Frame,
+    members: &[usize],
+    whole: &AggregateSums,
+    constant: f64,
+    fields: &[FieldModel],
+) -> Vec3 {
     let mut own = vec![false; frame.grains.len()];
     members.iter().for_each(|&i| own[i] = true);
-    let borne = |contact: &Contact| contact.pair().is_none() && contact.on_grains().any(|(i, _, _)| own[i]);
-    if frame.active().any(borne) {
-        let turning = fields.iter().filter(|field| matches!(field, Outside::Turning { .. }));
-        return Vec3::from(frame.meta.parameters.uniform_gravity) + turning.map(|f| f.at(&whole.x).0).sum::<Vec3>();
+    let borne = |contact: &Contact| contact.grain_pair().is_none() && contact.on_grains().any(|(i, _, _)| own[i]);
+    if frame.active_contacts().any(borne) {
+        let turning = fields.iter().filter(|field| matches!(field, FieldModel::Turning { .. }));
+        return Vec3::from(frame.meta.parameters.uniform_gravity)
+            + turning.map(|f| f.acceleration_and_potential(&whole.x).0).sum::<Vec3>();
     }
     let others: Vec<&Grain> = (0..own.len()).filter(|&i| !own[i]).map(|i| &frame.grains[i]).collect();
     let pull = |&i: &usize| {
         let grain = &frame.grains[i];
-        let of_others = others.iter().map(|other| attraction(other, grain.x)).sum::<Vec3>() * constant;
-        (of_others + primaries(fields, grain.x)) * grain.mass
+        let of_others = others.iter().map(|other| ball_attraction(other, grain.x)).sum::<Vec3>() * constant;
+        (of_others + primary_attraction(fields, grain.x)) * grain.mass
     };
     // Summed in one order, whatever the number of threads.
     let pulls: Vec<Vec3> = members.par_iter().map(pull).collect();
@@ -149,14 +163,18 @@ fn in_own_axes(frame: &Frame, members: &[usize], whole: &Whole, constant: f64, f
 }
 
 /// Attraction by the primaries among the fields, m/s^2.
-fn primaries(fields: &[Outside], x: Vec3) -> Vec3 {
-    fields.iter().filter(|field| matches!(field, Outside::Primary { .. })).map(|field| field.at(&x).0).sum()
+fn primary_attraction(fields: &[FieldModel], x: Vec3) -> Vec3 {
+    fields
+        .iter()
+        .filter(|field| matches!(field, FieldModel::Primary { .. }))
+        .map(|field| field.acceleration_and_potential(&x).0)
+        .sum()
 }
 
 /// Distance along each direction from `centre` to the last surface of a grain, m; NaN without.
-pub fn heights(grains: &[&Grain], centre: Vec3, grid: Grid) -> Vec<f64> {
+pub fn surface_heights(grains: &[&Grain], centre: Vec3, grid: DirectionGrid) -> Vec<f64> {
     let height = |k: usize| {
-        let [out, ..] = grid.axes(k);
+        let [out, ..] = grid.cell_axes(k);
         let far = grains.iter().filter_map(|g| {
             let d = g.x - centre;
             let along = d.dot(&out);
@@ -170,15 +188,20 @@ pub fn heights(grains: &[&Grain], centre: Vec3, grid: Grid) -> Vec<f64> {
 
 /// Planes through the raw heights over the arcs to the east and north (rad), within `length` (m) on the surface: their heights,
 /// the planes, and the density of the noise that grains are on it, by patches of the radius `diameter` (m).
-fn fitted(raw: &[f64], length: f64, diameter: f64, grid: Grid) -> (Vec<f64>, Vec<Option<Plane>>, f64) {
+fn fit_planes(
+    raw: &[f64],
+    length: f64,
+    diameter: f64,
+    grid: DirectionGrid,
+) -> (Vec<f64>, Vec<Option<FittedPlane>>, f64) {
     let solid = grid.solid_angles();
     let known: Vec<(usize, Vec3)> =
-        (0..grid.len()).filter(|&k| raw[k].is_finite()).map(|k| (k, grid.axes(k)[0])).collect();
+        (0..grid.len()).filter(|&k| raw[k].is_finite()).map(|k| (k, grid.cell_axes(k)[0])).collect();
     let mean = known.iter().map(|(k, _)| raw[*k]).sum::<f64>() / known.len() as f64;
     // One reach for all: with one for each direction its own change would be a slope.
     let reach = (length / mean).min(std::f64::consts::FRAC_PI_2);
     let arcs = |k: usize, most: f64| {
-        let [out, east, north] = grid.axes(k);
+        let [out, east, north] = grid.cell_axes(k);
         let least = most.cos();
         known.iter().filter_map(move |(j, other)| {
             let cos = out.dot(other);
@@ -191,9 +214,9 @@ fn fitted(raw: &[f64], length: f64, diameter: f64, grid: Grid) -> (Vec<f64>, Vec
     let plane = |k: usize| {
         let mut fit = PlaneFit::new(reach);
         arcs(k, reach).for_each(|(j, at)| fit.add(at, raw[j], solid[j]));
-        fit.plane()
+        fit.fitted_plane()
     };
-    let fits: Vec<Option<Plane>> = (0..grid.len()).into_par_iter().map(plane).collect();
+    let fits: Vec<Option<FittedPlane>> = (0..grid.len()).into_par_iter().map(plane).collect();
     let heights: Vec<f64> = fits.iter().map(|fit| fit.map_or(f64::NAN, |plane| plane.height)).collect();
     let patch = (diameter / mean).min(reach);
     let near = |k: usize| {
@@ -212,11 +235,11 @@ fn fitted(raw: &[f64], length: f64, diameter: f64, grid: Grid) -> (Vec<f64>, Vec
             density.add(solid[k], raw[k] - heights[k], products, parts, plane);
         }
     }
-    (heights, fits, density.value())
+    (heights, fits, density.mean_density())
 }
 
 /// Acceleration by a solid ball over G, kg/m^2: m r / r^3, within it m r / R^3.
-pub fn attraction(grain: &Grain, x: Vec3) -> Vec3 {
+pub fn ball_attraction(grain: &Grain, x: Vec3) -> Vec3 {
     let d = grain.x - x;
     let distance = d.norm().max(grain.radius);
     d * (grain.mass / distance.powi(3))
@@ -227,17 +250,17 @@ pub fn attraction(grain: &Grain, x: Vec3) -> Vec3 {
 ///
 /// Of r = h u the normal is along n = h u - (dh/dlatitude) north - (dh/dlongitude / cos latitude) east, and the area is
 /// h |n| for each unit of solid angle.
-pub fn facets(
+pub fn surface_facets(
     heights: &[f64],
     centre: Vec3,
     spin: Vec3,
     gravity: impl Fn(Vec3) -> Vec3 + Sync,
-    grid: Grid,
-) -> Vec<Facet> {
+    grid: DirectionGrid,
+) -> Vec<SurfaceFacet> {
     let (up, across) = (std::f64::consts::PI / grid.latitudes as f64, std::f64::consts::TAU / grid.longitudes as f64);
     let gradient = |k: usize| {
-        let at = |n: isize, e: isize| heights[grid.neighbour(k, n, e)];
-        [(at(0, 1) - at(0, -1)) / (2.0 * across * grid.angles(k).0.cos()), (at(1, 0) - at(-1, 0)) / (2.0 * up)]
+        let at = |n: isize, e: isize| heights[grid.neighbour_cell(k, n, e)];
+        [(at(0, 1) - at(0, -1)) / (2.0 * across * grid.cell_angles(k).0.cos()), (at(1, 0) - at(-1, 0)) / (2.0 * up)]
     };
     facets_of(heights, gradient, centre, spin, gravity, grid)
 }
@@ -249,19 +272,19 @@ fn facets_of(
     centre: Vec3,
     spin: Vec3,
     gravity: impl Fn(Vec3) -> Vec3 + Sync,
-    grid: Grid,
-) -> Vec<Facet> {
+    grid: DirectionGrid,
+) -> Vec<SurfaceFacet> {
     let solid = grid.solid_angles();
     let facet = |k: usize| {
-        let (latitude, longitude) = grid.angles(k);
-        let [out, east, north] = grid.axes(k);
+        let (latitude, longitude) = grid.cell_angles(k);
+        let [out, east, north] = grid.cell_axes(k);
         let height = heights[k];
         let [to_east, to_north] = gradient(k);
         let normal = height * out - to_north * north - to_east * east;
         let x = centre + height * out;
         let effective = gravity(x) - spin.cross(&spin.cross(&(x - centre)));
         let slope = (-effective.dot(&normal) / (effective.norm() * normal.norm())).clamp(-1.0, 1.0).acos();
-        Facet {
+        SurfaceFacet {
             latitude,
             longitude,
             x,
@@ -276,7 +299,7 @@ fn facets_of(
 }
 
 /// The slopes (rad) that these shares of the surface are below, by area; none where no slope is known.
-pub fn slopes_below(facets: &[Facet], shares: &[f64]) -> Vec<f64> {
+pub fn slopes_below(facets: &[SurfaceFacet], shares: &[f64]) -> Vec<f64> {
     let mut known: Vec<(f64, f64)> = facets.iter().map(|f| (f.slope, f.area)).filter(|(s, _)| s.is_finite()).collect();
     known.sort_by(|a, b| a.0.total_cmp(&b.0));
     let all: f64 = known.iter().map(|(_, area)| area).sum();
@@ -294,30 +317,30 @@ pub fn slopes_below(facets: &[Facet], shares: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cd_formats::compute::Field;
+    use cd_formats::compute::ExternalField;
 
-    use crate::derive::fragments::fragments;
+    use crate::derive::fragments::find_fragments;
     use crate::samples::Scene;
 
     /// Heights of the ellipsoid with these semi-axes.
-    fn ellipsoid(axes: [f64; 3], grid: Grid) -> Vec<f64> {
+    fn ellipsoid(axes: [f64; 3], grid: DirectionGrid) -> Vec<f64> {
         let height = |k: usize| {
-            let [out, ..] = grid.axes(k);
+            let [out, ..] = grid.cell_axes(k);
             1.0 / (0..3).map(|i| (out[i] / axes[i]).powi(2)).sum::<f64>().sqrt()
         };
         (0..grid.len()).map(height).collect()
     }
 
-    const FINE: Grid = Grid { latitudes: 90, longitudes: 180 };
+    const FINE: DirectionGrid = DirectionGrid { latitudes: 90, longitudes: 180 };
 
     #[test]
     fn a_ball_at_rest_is_level_and_one_that_turns_slopes_to_its_equator() {
         let level = |x: Vec3| -x;
         let radius = ellipsoid([2.0; 3], FINE);
-        assert!(facets(&radius, Vec3::zeros(), Vec3::zeros(), level, FINE).iter().all(|f| f.slope < 1e-7));
+        assert!(surface_facets(&radius, Vec3::zeros(), Vec3::zeros(), level, FINE).iter().all(|f| f.slope < 1e-7));
         // g = x, w^2 = 1/2: at latitude b, along the radius 1 - cos^2 / 2, across sin cos / 2.
         let spin = Vec3::new(0.0, 0.0, 0.5f64.sqrt());
-        for facet in facets(&radius, Vec3::zeros(), spin, level, FINE) {
+        for facet in surface_facets(&radius, Vec3::zeros(), spin, level, FINE) {
             let (sin, cos) = facet.latitude.abs().sin_cos();
             let expected = (0.5 * sin * cos).atan2(1.0 - 0.5 * cos * cos);
             assert!((facet.slope - expected).abs() < 1e-7, "{facet:?} {expected}");
@@ -328,7 +351,7 @@ mod tests {
     fn slopes_of_an_ellipsoid_are_those_of_its_normal() {
         let axes = [3.0, 2.0, 1.5];
         let central = |x: Vec3| -x / x.norm().powi(3);
-        for facet in facets(&ellipsoid(axes, FINE), Vec3::zeros(), Vec3::zeros(), central, FINE) {
+        for facet in surface_facets(&ellipsoid(axes, FINE), Vec3::zeros(), Vec3::zeros(), central, FINE) {
             let normal = Vec3::from_fn(|i, _| facet.x[i] / (axes[i] * axes[i]));
             let expected = (normal.dot(&facet.x) / (normal.norm() * facet.x.norm())).clamp(-1.0, 1.0).acos();
             // Central differences over 2 degrees: the third derivative of the height times 0.035^2 / 6.
@@ -345,10 +368,10 @@ mod tests {
         let gravity = |x: Vec3| -Vec3::new(a1 * x.x, a1 * x.y, a3 * x.z);
         let spin = Vec3::new(0.0, 0.0, (a1 - a3 * (1.0 - e * e)).sqrt());
         let heights = ellipsoid([5.0, 5.0, 5.0 * root], FINE);
-        for facet in facets(&heights, Vec3::zeros(), spin, gravity, FINE) {
+        for facet in surface_facets(&heights, Vec3::zeros(), spin, gravity, FINE) {
             assert!(facet.slope < 2e-3, "{facet:?}"); // as above
         }
-        let still = facets(&heights, Vec3::zeros(), Vec3::zeros(), gravity, FINE);
+        let still = surface_facets(&heights, Vec3::zeros(), Vec3::zeros(), gravity, FINE);
         assert!(still.iter().any(|facet| facet.slope > 0.1));
     }
 
@@ -357,18 +380,19 @@ mod tests {
         // An oblate spheroid: 2 pi a^2 (1 + (1 - e^2) / e artanh e).
         let (a, e) = (5.0, 0.8f64);
         let heights = ellipsoid([a, a, a * (1.0 - e * e).sqrt()], FINE);
-        let found = facets(&heights, Vec3::zeros(), Vec3::zeros(), |x| -x, FINE);
+        let found = surface_facets(&heights, Vec3::zeros(), Vec3::zeros(), |x| -x, FINE);
         let area: f64 = found.iter().map(|f| f.area).sum();
         let expected = std::f64::consts::TAU * a * a * (1.0 + (1.0 - e * e) / e * e.atanh());
         // Middles of cells of 2 degrees and central differences over two of them: 0.035^2, times a number of order 1.
         assert!((area / expected - 1.0).abs() < 1e-3, "{area} {expected}");
         // g = z: on a ball the slope is the angle from the pole, (1 - cos) / 2 of the area is nearer to it.
-        let found = facets(&ellipsoid([2.0; 3], FINE), Vec3::zeros(), Vec3::zeros(), |_| -Vec3::z(), FINE);
+        let found = surface_facets(&ellipsoid([2.0; 3], FINE), Vec3::zeros(), Vec3::zeros(), |_| -Vec3::z(), FINE);
         for (share, slope) in [0.1, 0.5, 0.9, 1.0].into_iter().zip(slopes_below(&found, &[0.1, 0.5, 0.9, 1.0])) {
             let expected = (1.0f64 - 2.0 * share).acos();
             assert!((slope - expected).abs() < 2f64.to_radians(), "{share}: {slope} {expected}"); // a cell
         }
-        let weightless = facets(&ellipsoid([2.0; 3], FINE), Vec3::zeros(), Vec3::zeros(), |_| Vec3::zeros(), FINE);
+        let weightless =
+            surface_facets(&ellipsoid([2.0; 3], FINE), Vec3::zeros(), Vec3::zeros(), |_| Vec3::zeros(), FINE);
         assert!(weightless.iter().all(|f| f.slope.is_nan()) && slopes_below(&weightless, &[0.5]).is_empty());
     }
 
@@ -380,10 +404,11 @@ mod tests {
         scene.grain([1.0, -2.0, 0.5], radius);
         let attraction = constant * scene.snapshot.bodies.body_mass[0] / (radius * radius);
         let rate = [0.0, 0.0, (0.5 * attraction / radius).sqrt()];
-        scene.snapshot.meta.parameters.fields = vec![Field::RotatingFrame { rate, centre: [5.0, 0.0, 0.0] }];
+        scene.snapshot.meta.parameters.fields = vec![ExternalField::RotatingFrame { rate, centre: [5.0, 0.0, 0.0] }];
         let frame = scene.frame();
-        let largest = &fragments(&frame)[0];
-        for facet in surface(&frame, &largest.grains, &largest.whole, constant, Grid::STANDARD, 3.0) {
+        let largest = &find_fragments(&frame)[0];
+        for facet in aggregate_surface(&frame, &largest.grains, &largest.whole, constant, DirectionGrid::STANDARD, 3.0)
+        {
             let (sin, cos) = facet.latitude.abs().sin_cos();
             let expected = (0.5 * sin * cos).atan2(1.0 - 0.5 * cos * cos);
             assert!((facet.slope - expected).abs() < 1e-7, "{facet:?} {expected}"); // the cosine of 1e-7 is 1 to rounding
@@ -391,10 +416,10 @@ mod tests {
     }
 
     /// The surface of the heaviest group of a scene.
-    fn of(scene: &Scene, constant: f64) -> Vec<Facet> {
+    fn of(scene: &Scene, constant: f64) -> Vec<SurfaceFacet> {
         let frame = scene.frame();
-        let largest = &fragments(&frame)[0];
-        surface(&frame, &largest.grains, &largest.whole, constant, Grid::STANDARD, 3.0)
+        let largest = &find_fragments(&frame)[0];
+        aggregate_surface(&frame, &largest.grains, &largest.whole, constant, DirectionGrid::STANDARD, 3.0)
     }
 
     #[test]
@@ -412,7 +437,7 @@ mod tests {
         }
         // At rest in axes that turn about the middle of a turntable 10 m away: w^2 r.
         let rate = [0.0, 0.0, 0.3];
-        scene.snapshot.meta.parameters.fields = vec![Field::RotatingFrame { rate, centre: [-10.0, 0.0, 0.0] }];
+        scene.snapshot.meta.parameters.fields = vec![ExternalField::RotatingFrame { rate, centre: [-10.0, 0.0, 0.0] }];
         for facet in of(&scene, 0.0) {
             let expected = Vec3::new(0.09 * (facet.x.x + 10.0), 0.09 * facet.x.y, -2.0);
             assert!((facet.gravity - expected).norm() < 1e-14, "{facet:?}");
@@ -424,7 +449,7 @@ mod tests {
         let (constant, distance, mass) = (1.0, 100.0, 3e4);
         let primary = |scene: &mut Scene| {
             let position = [distance, 0.0, 0.0];
-            scene.snapshot.meta.parameters.fields = vec![Field::PointMass { mass, position }];
+            scene.snapshot.meta.parameters.fields = vec![ExternalField::PointMass { mass, position }];
         };
         let moon = |scene: &mut Scene| {
             let moon = scene.grain([distance, 0.0, 0.0], 0.9);
@@ -452,13 +477,13 @@ mod tests {
         scene.grain([0.0, 0.0, 3.0], 0.5);
         let frame = scene.frame();
         let grains: Vec<&Grain> = frame.grains.iter().collect();
-        let found = heights(&grains, Vec3::zeros(), FINE);
+        let found = surface_heights(&grains, Vec3::zeros(), FINE);
         assert!((found[0] - 1.0).abs() < 1e-12);
         let north = FINE.len() - 1; // a degree off the pole: 3 cos + sqrt(1/4 - 9 sin^2)
         let (sin, cos) = (std::f64::consts::PI / 180.0).sin_cos();
         assert!((found[north] - 3.0 * cos - (0.25 - 9.0 * sin * sin).sqrt()).abs() < 1e-12);
         // From outside of all, a ray that looks away meets nothing.
-        let aside = heights(&grains, Vec3::new(10.0, 0.0, 0.0), FINE);
+        let aside = surface_heights(&grains, Vec3::new(10.0, 0.0, 0.0), FINE);
         assert!(aside.iter().any(|h| h.is_nan()) && aside.iter().any(|h| (*h - 11.0).abs() < 0.1));
     }
 
@@ -472,9 +497,9 @@ mod tests {
         }
         let frame = scene.frame();
         let members: Vec<usize> = (0..frame.grains.len()).collect();
-        let whole = Whole::of(&frame.grains);
-        let found = surface(&frame, &members, &whole, 1.0, Grid::STANDARD, 4.0);
-        let mean = |of: &dyn Fn(&Facet) -> f64| found.iter().map(of).sum::<f64>() / found.len() as f64;
+        let whole = AggregateSums::from_grains(&frame.grains);
+        let found = aggregate_surface(&frame, &members, &whole, 1.0, DirectionGrid::STANDARD, 4.0);
+        let mean = |of: &dyn Fn(&SurfaceFacet) -> f64| found.iter().map(of).sum::<f64>() / found.len() as f64;
         // Rays slip between the outermost spheres, so that the height is up to a unit below the lattice's 12.
         let height = mean(&|f| f.height);
         assert!((11.0..12.5).contains(&height), "{height}");
@@ -484,8 +509,8 @@ mod tests {
         // normal vector in a plane is sqrt(pi) / 2 of its root mean square. It is less here, by about two fifths:
         // a gap between two grains is narrower than a grain.
         let grains: Vec<&Grain> = frame.grains.iter().collect();
-        let raw = heights(&grains, whole.x, Grid::STANDARD);
-        let solid = |k: usize| Grid::STANDARD.angles(k).0.cos();
+        let raw = surface_heights(&grains, whole.x, DirectionGrid::STANDARD);
+        let solid = |k: usize| DirectionGrid::STANDARD.cell_angles(k).0.cos();
         let weighted = |of: &dyn Fn(usize) -> f64| {
             let (sum, weight) = (0..raw.len()).fold((0.0, 0.0), |(s, w), k| (s + solid(k) * of(k), w + solid(k)));
             sum / weight

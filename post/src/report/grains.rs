@@ -6,18 +6,18 @@ use serde_json::{Value, json};
 
 use crate::derive::coordination::contact_counts;
 use crate::derive::enclosing::enclosing_ball;
-use crate::derive::fragments::{fragments, membership};
-use crate::derive::motion::Whole;
+use crate::derive::fragments::{find_fragments, fragment_numbers};
+use crate::derive::motion::AggregateSums;
 use crate::derive::stress::{grain_stresses, pressure};
-use crate::evenly;
 use crate::frame::{Frame, Grain, Vec3};
+use crate::is_evenly_chosen;
 
 /// States on a page at most, and bytes of their numbers: what a browser opens at once.
-const STATES: usize = 60;
-const BYTES: usize = 20_000_000;
+const MAX_STATES: usize = 60;
+const MAX_PAGE_BYTES: usize = 20_000_000;
 
 /// What the page keeps of a snapshot.
-pub struct State {
+pub struct PageState {
     step: u64,
     /// s
     time: f64,
@@ -25,46 +25,46 @@ pub struct State {
     /// borders to see them pass.
     centre: Vec3,
     /// Of the grains, m.
-    places: Vec<Vec3>,
+    positions: Vec<Vec3>,
     /// Quaternions, scalar part last, where a grain is no sphere about its centre; empty otherwise.
-    turns: Vec<f32>,
-    /// Values of the grains, in the order of [`CHANGING`].
-    values: [Vec<f64>; CHANGING.len()],
+    rotations: Vec<f32>,
+    /// Values of the grains, in the order of [`TIME_DEPENDENT`].
+    values: [Vec<f64>; TIME_DEPENDENT.len()],
 }
 
 /// Quantities that change in time, with units.
-const CHANGING: [(&str, &str); 4] = [("contacts", "1"), ("pressure", "Pa"), ("speed", "m/s"), ("fragment", "1")];
+const TIME_DEPENDENT: [(&str, &str); 4] = [("contacts", "1"), ("pressure", "Pa"), ("speed", "m/s"), ("fragment", "1")];
 
-impl State {
+impl PageState {
     /// That of snapshot `k` of `count`, if it is one of those that a page has room for; the last always is.
-    pub fn of(k: usize, count: usize, frame: &Frame) -> Option<State> {
+    pub fn from_frame(k: usize, count: usize, frame: &Frame) -> Option<PageState> {
         let grains = &frame.grains;
         let turning = grains.iter().any(|grain| grain.solid.is_some());
         // A text in base 64 is a third longer.
-        let floats = 3 + CHANGING.len() + if turning { 4 } else { 0 };
-        let room = BYTES / (grains.len() * floats * 16 / 3).max(1);
-        if k + 1 < count && !evenly(k, count, room.min(STATES)) {
+        let floats = 3 + TIME_DEPENDENT.len() + if turning { 4 } else { 0 };
+        let room = MAX_PAGE_BYTES / (grains.len() * floats * 16 / 3).max(1);
+        if k + 1 < count && !is_evenly_chosen(k, count, room.min(MAX_STATES)) {
             return None;
         }
         let options = &frame.meta.parameters;
         let apart = frame.walls.is_empty() && options.xperiode.is_none() && options.yperiode.is_none();
-        Some(State {
+        Some(PageState {
             step: frame.meta.step,
             time: frame.meta.time,
-            centre: if apart && !grains.is_empty() { Whole::of(grains).x } else { Vec3::zeros() },
-            places: grains.iter().map(|grain| grain.x).collect(),
-            turns: grains.iter().filter(|_| turning).flat_map(turn).collect(),
+            centre: if apart && !grains.is_empty() { AggregateSums::from_grains(grains).x } else { Vec3::zeros() },
+            positions: grains.iter().map(|grain| grain.x).collect(),
+            rotations: grains.iter().filter(|_| turning).flat_map(grain_rotation).collect(),
             values: [
                 contact_counts(frame).iter().map(|n| f64::from(*n)).collect(),
                 grain_stresses(frame).iter().map(pressure).collect(),
                 grains.iter().map(|grain| grain.v.norm()).collect(),
-                membership(&fragments(frame), grains.len()).iter().map(|n| f64::from(*n)).collect(),
+                fragment_numbers(&find_fragments(frame), grains.len()).iter().map(|n| f64::from(*n)).collect(),
             ],
         })
     }
 }
 
-fn turn(grain: &Grain) -> [f32; 4] {
+fn grain_rotation(grain: &Grain) -> [f32; 4] {
     grain.rotation.coords.map(|component| component as f32).into()
 }
 
@@ -73,7 +73,7 @@ fn turn(grain: &Grain) -> [f32; 4] {
 ///
 /// `radius` frames the picture: the largest fragment of `last`, with its middle at the origin; `reach` holds all grains in
 /// all states.
-pub fn json(states: &[State], last: &Frame) -> String {
+pub fn page_json(states: &[PageState], last: &Frame) -> String {
     let grains = &last.grains;
     let (mut balls, mut ball_owners) = (Vec::new(), Vec::new());
     let (mut corners, mut corner_owners) = (Vec::new(), Vec::new());
@@ -95,7 +95,7 @@ pub fn json(states: &[State], last: &Frame) -> String {
         }
     }
 
-    let largest = fragments(last);
+    let largest = find_fragments(last);
     let members = largest.first().map_or(Vec::new(), |largest| largest.grains.clone());
     let mut chosen: Vec<_> = members.iter().map(|&i| grains[i].clone()).collect();
     // A fragment that is but a part is seen with the rest.
@@ -106,19 +106,19 @@ pub fn json(states: &[State], last: &Frame) -> String {
     let (middle, radius) = if chosen.is_empty() { (Vec3::zeros(), 1.0) } else { (ball.centre, ball.radius) };
     // From the middle of the last state, and of the others where that would be if it moved as the centre does.
     let end = states.last().map_or(Vec3::zeros(), |state| state.centre);
-    let seen = |state: &State| -> Vec<Vec3> {
+    let seen = |state: &PageState| -> Vec<Vec3> {
         let origin = middle - end + state.centre;
-        state.places.iter().map(|x| x - origin).collect()
+        state.positions.iter().map(|x| x - origin).collect()
     };
     let seen: Vec<Vec<Vec3>> = states.iter().map(seen).collect();
     let farthest = |places: &Vec<Vec3>| {
-        places.iter().zip(grains).map(|(x, grain)| x.norm() + 2.0 * grain.reach()).fold(radius, f64::max)
+        places.iter().zip(grains).map(|(x, grain)| x.norm() + 2.0 * grain.bounding_radius()).fold(radius, f64::max)
     };
     let reach = seen.iter().map(farthest).fold(radius, f64::max);
 
-    let changing = (0..CHANGING.len()).map(|k| {
+    let changing = (0..TIME_DEPENDENT.len()).map(|k| {
         let values: Vec<&[f64]> = states.iter().map(|state| &state.values[k][..]).collect();
-        quantity(CHANGING[k], &values)
+        quantity_json(TIME_DEPENDENT[k], &values)
     });
     let of_grains = |value: &dyn Fn(&Grain) -> f64| -> Vec<f64> { grains.iter().map(value).collect() };
     let lasting = [
@@ -126,23 +126,23 @@ pub fn json(states: &[State], last: &Frame) -> String {
         (("colour", "1"), of_grains(&|grain| f64::from(grain.colour))),
         (("number", "1"), of_grains(&|grain| grain.id as f64)),
     ];
-    let lasting = lasting.iter().map(|(name, values)| quantity(*name, &[values]));
+    let lasting = lasting.iter().map(|(name, values)| quantity_json(*name, &[values]));
     let distances: Vec<Vec<f64>> = seen.iter().map(|places| places.iter().map(|x| x.norm()).collect()).collect();
     let distances: Vec<&[f64]> = distances.iter().map(|values| &values[..]).collect();
-    let from_the_middle = quantity(("distance from the middle", "m"), &distances);
+    let from_the_middle = quantity_json(("distance from the middle", "m"), &distances);
     let quantities: Vec<Value> = changing.chain([from_the_middle]).chain(lasting).collect();
     let in_time: Vec<Value> = states
         .iter()
         .zip(&seen)
         .map(|(state, places)| {
             let places = places.iter().flat_map(|x| [x.x, x.y, x.z]);
-            json!({ "step": state.step, "time": state.time, "places": base64(places), "turns": of_floats(&state.turns) })
+            json!({ "step": state.step, "time": state.time, "places": base64_of_f64(places), "turns": base64_of_f32(&state.rotations) })
         })
         .collect();
     json!({
-        "balls": base64(balls),
+        "balls": base64_of_f64(balls),
         "ball_owners": ball_owners,
-        "corners": base64(corners),
+        "corners": base64_of_f64(corners),
         "corner_owners": corner_owners,
         "radius": radius,
         "reach": reach,
@@ -152,27 +152,27 @@ pub fn json(states: &[State], last: &Frame) -> String {
     .to_string()
 }
 
-fn base64(values: impl IntoIterator<Item = f64>) -> String {
-    of_floats(&values.into_iter().map(|value| value as f32).collect::<Vec<f32>>())
+fn base64_of_f64(values: impl IntoIterator<Item = f64>) -> String {
+    base64_of_f32(&values.into_iter().map(|value| value as f32).collect::<Vec<f32>>())
 }
 
-fn of_floats(values: &[f32]) -> String {
+fn base64_of_f32(values: &[f32]) -> String {
     STANDARD.encode(values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())
 }
 
 /// Values of the grains in each state, or in all alike.
-fn quantity((name, unit): (&str, &str), states: &[&[f64]]) -> Value {
-    let (low, high) = span(states.concat());
+fn quantity_json((name, unit): (&str, &str), states: &[&[f64]]) -> Value {
+    let (low, high) = central_range(states.concat());
     let in_time = |values: &&[f64]| {
-        let (low, high) = span(values.to_vec());
-        json!({ "low": low, "high": high, "values": base64(values.iter().copied()) })
+        let (low, high) = central_range(values.to_vec());
+        json!({ "low": low, "high": high, "values": base64_of_f64(values.iter().copied()) })
     };
     let in_time: Vec<Value> = states.iter().map(in_time).collect();
     json!({ "name": name, "unit": unit, "low": low, "high": high, "states": in_time })
 }
 
 /// What 98 of 100 values lie in, so that one grain does not set the colours.
-fn span(mut values: Vec<f64>) -> (f64, f64) {
+fn central_range(mut values: Vec<f64>) -> (f64, f64) {
     values.sort_by(f64::total_cmp);
     let at = |share: f64| values.get(((values.len() - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);
     if values.is_empty() { (0.0, 1.0) } else { (at(0.01), at(0.99)) }

@@ -10,13 +10,13 @@ use cd_formats::atomic;
 use cd_formats::error::Faults;
 
 use crate::derive::energy::self_gravity_constant;
-use crate::derive::region::Kind;
+use crate::derive::region::RegionKind;
 use crate::derive::{Row, free_surface, plane_fit};
 use crate::frame::Frame;
-use crate::study::TIMED;
+use crate::study::TIMED_STAGES;
 use crate::write::plots::PLOTS;
-use crate::write::scale::significant;
-use crate::{Measures, Options, compare, outside_of_layers, series, state, write};
+use crate::write::scale::format_six_digits;
+use crate::{Measures, Options, compare, measure_series, outside_of_layers, state, write};
 
 /// Figures of the last state, with their captions, in which REACH is that of slopes.
 const STATE_FIGURES: [(&str, &str); 12] = [
@@ -50,7 +50,7 @@ const STATE_FIGURES: [(&str, &str); 12] = [
 ];
 
 /// Captions of the plots against time, by file.
-const CAPTIONS: [(&str, &str); 6] = [
+const PLOT_CAPTIONS: [(&str, &str); 6] = [
     (
         "energy.svg",
         "Mean kinetic energy of a grain: all of it, its rotation, and the share of the whole's rigid motion.",
@@ -77,39 +77,39 @@ pub fn write(dir: &Path, every: u32, measures: &Measures) -> Result<(PathBuf, Ve
     let measures = measures.clone();
     let options =
         Options { dir: dir.to_path_buf(), every, no_plots: true, no_vtk: true, measures, ..Options::default() };
-    let (rows, kept) = series(&options, |k, count, frame| {
-        grains::State::of(k, count, &frame).map(|state| (state, (k + 1 == count).then_some(frame)))
+    let (rows, kept) = measure_series(&options, |k, count, frame| {
+        grains::PageState::from_frame(k, count, &frame).map(|state| (state, (k + 1 == count).then_some(frame)))
     })?;
     let (states, mut frames): (Vec<_>, Vec<_>) = kept.into_iter().unzip();
     let last = frames.pop().flatten().expect("the last snapshot is taken");
-    let seconds = seconds(&dir.join("TIMER.csv"))?;
+    let seconds = stage_seconds(&dir.join("TIMER.csv"))?;
     let reach = options.measures.slope.slope_reach;
     let depth = match last.grains.is_empty() {
         true => Vec::new(),
-        false => state::files(&last, &state::newcomers(dir)?, reach),
+        false => state::state_files(&last, &state::added_bodies(dir)?, reach),
     };
     let path = dir.join("POSTPRO/report.html");
-    atomic::write(&path, page(dir, &rows, &states, &last, depth, reach, &seconds).as_bytes())?;
+    atomic::write(&path, page_html(dir, &rows, &states, &last, depth, reach, &seconds).as_bytes())?;
     Ok((path, outside_of_layers(&rows).into_iter().collect()))
 }
 
-fn escaped(text: &str) -> String {
+fn escape_html(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 /// The text of the page; `rows` and `states` hold at least that of `last`, whose tables and figures, with
 /// slopes over `reach` mean radii or the default, are `depth`.
-fn page(
+fn page_html(
     dir: &Path,
     rows: &[Row],
-    states: &[grains::State],
+    states: &[grains::PageState],
     last: &Frame,
     depth: Vec<state::File>,
     reach: Option<f64>,
     seconds: &[(&str, f64)],
 ) -> String {
     let whole = std::fs::canonicalize(dir).unwrap_or(dir.to_path_buf());
-    let name = escaped(&whole.file_name().map_or("case".into(), |name| name.to_string_lossy().into_owned()));
+    let name = escape_html(&whole.file_name().map_or("case".into(), |name| name.to_string_lossy().into_owned()));
     let meta = &last.meta;
     let mut page = format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{name}</title>\n<style>\n{}</style></head><body>\n\
@@ -118,9 +118,9 @@ fn page(
         last.grains.len(),
         last.walls.len(),
         rows.len(),
-        significant(meta.time),
+        format_six_digits(meta.time),
         meta.step,
-        escaped(&meta.program)
+        escape_html(&meta.program)
     );
     let mut put = |text: &str| page.push_str(text);
     put("<h2>The grains</h2>\n");
@@ -135,111 +135,113 @@ fn page(
     put(
         "<p>Drag to turn, wheel or + and - to zoom, shift and drag to move, double click for the start; space bar to play. z points up.</p>\n",
     );
-    put(&format!("<script type=\"application/json\" id=\"grains\">{}</script>\n", grains::json(states, last)));
+    put(&format!("<script type=\"application/json\" id=\"grains\">{}</script>\n", grains::page_json(states, last)));
     put(&format!("<script>\n{}</script>\n", include_str!("viewer.js")));
     put("<h2>In numbers</h2>\n");
-    put(&numbers(rows.last().expect("a row of the last state")));
+    put(&numbers_html(rows.last().expect("a row of the last state")));
     put("<h2>In time</h2>\n<div class=\"figures\">\n");
     for plot in &PLOTS {
-        let caption = CAPTIONS.iter().find(|(file, _)| *file == plot.file).map_or(plot.title, |(_, caption)| caption);
-        put(&figure(&plot.figure(rows).svg(), caption));
+        let caption =
+            PLOT_CAPTIONS.iter().find(|(file, _)| *file == plot.file).map_or(plot.title, |(_, caption)| caption);
+        put(&figure_html(&plot.to_figure(rows).to_svg(), caption));
     }
     put("</div>\n");
     if !last.grains.is_empty() {
         put("<h2>In depth, at the end</h2>\n<div class=\"figures\">\n");
-        let default = if self_gravity_constant(last).is_none() { free_surface::REACH } else { plane_fit::REACH };
-        let reach_text = significant(reach.unwrap_or(default));
+        let default =
+            if self_gravity_constant(last).is_none() { free_surface::REACH } else { plane_fit::DEFAULT_FIT_REACH };
+        let reach_text = format_six_digits(reach.unwrap_or(default));
         let files: BTreeMap<&str, Vec<u8>> = depth.into_iter().collect();
         for (file, caption) in STATE_FIGURES {
             // Where nothing has left, there is nothing to draw.
             let table = files.get(file.replace(".svg", ".csv").as_str());
             let empty = table.is_some_and(|csv| csv.iter().filter(|byte| **byte == b'\n').count() < 2);
             if let Some(svg) = files.get(file).filter(|_| !empty) {
-                put(&figure(&String::from_utf8_lossy(svg), &caption.replace("REACH", &reach_text)));
+                put(&figure_html(&String::from_utf8_lossy(svg), &caption.replace("REACH", &reach_text)));
             }
         }
         // Its gradients have names that only one picture of a page may use.
-        put(&figure(
-            &write::picture::svg(last, write::picture::Shade::Neighbours),
+        put(&figure_html(
+            &write::picture::svg(last, write::picture::PictureColouring::Neighbours),
             "Grains by their neighbours, from the front, a little from the right and above.",
         ));
         put("</div>\n");
     }
     put("<h2>The run</h2>\n");
-    put(&run(dir, rows[0].step, last, seconds));
+    put(&run_html(dir, rows[0].step, last, seconds));
     put("</body></html>\n");
     page
 }
 
-fn figure(svg: &str, caption: &str) -> String {
+fn figure_html(svg: &str, caption: &str) -> String {
     format!("<figure>{svg}<figcaption>{caption}</figcaption></figure>\n")
 }
 
 /// The columns of the series at the end, with unit and meaning.
-fn numbers(row: &Row) -> String {
+fn numbers_html(row: &Row) -> String {
     let mut text = String::from("<table><tr><th>quantity</th><th>value</th><th>unit</th><th></th></tr>\n");
     for ((name, unit, help), (value, exact)) in Row::COLUMNS.iter().zip(row.numbers().into_iter().zip(row.texts())) {
         // Counts have all their digits.
         let value = match value.is_finite() {
-            true if *name == "region" => format!("{exact}: {}", Kind::ALL[row.region as usize].name()),
+            true if *name == "region" => format!("{exact}: {}", RegionKind::ALL[row.region as usize].name()),
             true if exact.parse::<u64>().is_ok() => exact,
-            true => significant(value),
+            true => format_six_digits(value),
             false => "not defined".into(),
         };
         let unit = if *unit == "1" { "" } else { unit };
         let _ = writeln!(
             text,
             "<tr><td>{name}</td><td class=\"number\">{value}</td><td>{unit}</td><td>{}</td></tr>",
-            escaped(help)
+            escape_html(help)
         );
     }
     text + "</table>\n"
 }
 
 /// Parameters, laws, cost and errors of the run; `first`: step of its first snapshot, above 0 where it keeps the time of another.
-fn run(dir: &Path, first: u64, last: &Frame, seconds: &[(&str, f64)]) -> String {
+fn run_html(dir: &Path, first: u64, last: &Frame, seconds: &[(&str, f64)]) -> String {
     let (meta, ledger) = (&last.meta, &last.meta.ledger);
     let mut rows: Vec<(String, String)> = Vec::new();
     let mut row = |name: &str, value: String| rows.push((name.to_string(), value));
     // With steps of their own length the number of a step counts units of dt; a row of steps.csv is a step, or as many as it
     // says. A run that was cut off has rows after its last snapshot, which the ledger does not know.
     let adaptive = meta.parameters.adaptive.is_some();
-    let steps = steps_of_log(&dir.join("OUTBOX/steps.csv"), meta.step);
+    let steps = logged_steps(&dir.join("OUTBOX/steps.csv"), meta.step);
     let steps = steps.or((!adaptive).then_some(meta.step.saturating_sub(first)));
-    row(if adaptive { "last time step" } else { "time step" }, format!("{} s", significant(meta.h)));
+    row(if adaptive { "last time step" } else { "time step" }, format!("{} s", format_six_digits(meta.h)));
     let units = steps.filter(|_| !adaptive).unwrap_or(meta.step.saturating_sub(first));
     row(if adaptive { "units of dt" } else { "steps" }, units.to_string());
     if let Some(steps) = steps {
-        row("sweeps of the contact solver per step", significant(ledger.sweeps as f64 / steps.max(1) as f64));
+        row("sweeps of the contact solver per step", format_six_digits(ledger.sweeps as f64 / steps.max(1) as f64));
     }
     let unconverged = ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at {step}"));
     row("steps that were not converged", format!("{}{unconverged}", ledger.steps_unconverged));
-    row("largest penetration", format!("{} of the mean radius", significant(ledger.penetration_largest)));
+    row("largest penetration", format!("{} of the mean radius", format_six_digits(ledger.penetration_largest)));
     for law in &meta.laws {
-        let parameters: Vec<String> = law.parameters.iter().map(|p| significant(*p)).collect();
+        let parameters: Vec<String> = law.parameters.iter().map(|p| format_six_digits(*p)).collect();
         row(&format!("law {}", law.nickname), format!("{} ({})", law.kind, parameters.join(", ")));
     }
     for material in &meta.materials {
-        row(&format!("material {}", material.name), format!("{} kg/m³", significant(material.density)));
+        row(&format!("material {}", material.name), format!("{} kg/m³", format_six_digits(material.density)));
     }
     for (room, time) in seconds {
-        row(&format!("seconds, {room}"), significant(*time));
+        row(&format!("seconds, {room}"), format_six_digits(*time));
     }
     let mut text = String::from("<table>\n");
     for (name, value) in rows {
-        let _ = writeln!(text, "<tr><td>{}</td><td>{}</td></tr>", escaped(&name), escaped(&value));
+        let _ = writeln!(text, "<tr><td>{}</td><td>{}</td></tr>", escape_html(&name), escape_html(&value));
     }
     text += "</table>\n";
     let parameters = serde_json::to_string_pretty(&meta.parameters).unwrap_or_default();
-    text += &format!("<h3>Options in force</h3>\n<pre>{}</pre>\n", escaped(&parameters));
+    text += &format!("<h3>Options in force</h3>\n<pre>{}</pre>\n", escape_html(&parameters));
     if let Ok(options) = atomic::read_text(&dir.join("DATBOX/COMPUTE.RON")) {
-        text += &format!("<h3>COMPUTE.RON</h3>\n<pre>{}</pre>\n", escaped(&options));
+        text += &format!("<h3>COMPUTE.RON</h3>\n<pre>{}</pre>\n", escape_html(&options));
     }
     text
 }
 
 /// Steps in the rows of a log up to step `last`: one each, unless a column says how many; none without the log.
-fn steps_of_log(path: &Path, last: u64) -> Option<u64> {
+fn logged_steps(path: &Path, last: u64) -> Option<u64> {
     let text = atomic::read_text(path).ok()?;
     let mut lines = text[..text.rfind('\n').unwrap_or(0)].lines();
     let place = lines.next()?.split(',').position(|name| name == "steps");
@@ -252,11 +254,11 @@ fn steps_of_log(path: &Path, last: u64) -> Option<u64> {
 }
 
 /// Seconds spent in each room, the sums of the columns of TIMER.csv; none where there is no such file.
-fn seconds(path: &Path) -> Result<Vec<(&'static str, f64)>, Faults> {
-    if !atomic::is_there(path) {
+fn stage_seconds(path: &Path) -> Result<Vec<(&'static str, f64)>, Faults> {
+    if !atomic::path_exists(path) {
         return Ok(Vec::new());
     }
-    let rooms = [&TIMED[..], &["writing"]].concat();
-    let table = compare::read(path, &rooms)?;
+    let rooms = [&TIMED_STAGES[..], &["writing"]].concat();
+    let table = compare::read_columns(path, &rooms)?;
     Ok(rooms.iter().map(|room| (*room, table[*room].iter().sum())).collect())
 }

@@ -20,15 +20,15 @@ use vtkio::model::{
 };
 
 use crate::derive::coordination::{contact_counts, neighbour_counts};
-use crate::derive::energy::kinetic;
-use crate::derive::fabric::mobilisation;
-use crate::derive::fragments::{fragments, membership};
-use crate::derive::motion::Whole;
+use crate::derive::energy::kinetic_energies;
+use crate::derive::fabric::mobilised_share;
+use crate::derive::fragments::{find_fragments, fragment_numbers};
+use crate::derive::motion::AggregateSums;
 use crate::derive::stress::{grain_stresses, kinetic_stress, pressure};
-use crate::frame::{Cell, Frame, Grain, Mat3, Side, Vec3, Wall, WallShape};
+use crate::frame::{BodyIndex, Frame, Grain, Mat3, PeriodicCell, Vec3, Wall, WallShape};
 
 /// The kinds of files, each with its collection.
-pub const KINDS: [&str; 4] = ["grains", "polyhedra", "contacts", "walls"];
+pub const FILE_KINDS: [&str; 4] = ["grains", "polyhedra", "contacts", "walls"];
 
 /// `grains-000012.vtp`
 pub fn file_name(kind: &str, step: u64) -> String {
@@ -36,8 +36,8 @@ pub fn file_name(kind: &str, step: u64) -> String {
 }
 
 /// Whether a file of this name in `DISPLAY` is one that this program writes.
-pub fn is_ours(name: &str) -> bool {
-    KINDS.iter().any(|kind| {
+pub fn is_display_file(name: &str) -> bool {
+    FILE_KINDS.iter().any(|kind| {
         let rest = name.strip_prefix(kind).unwrap_or_default();
         let step = rest.strip_prefix('-').and_then(|rest| rest.strip_suffix(".vtp"));
         rest == ".pvd" || step.is_some_and(|step| step.len() >= 6 && step.bytes().all(|b| b.is_ascii_digit()))
@@ -45,47 +45,48 @@ pub fn is_ours(name: &str) -> bool {
 }
 
 /// The grains as points with their state, contact count and stress.
-pub fn grains(frame: &Frame) -> Vec<u8> {
+pub fn grains_vtp(frame: &Frame) -> Vec<u8> {
     let rows: Vec<usize> = (0..frame.grains.len()).collect();
-    file(PolyDataPiece {
-        points: flat(frame.grains.iter().map(|g| g.x)).into(),
-        verts: cells(rows.iter().map(|&k| [k as u64])),
-        data: Attributes { point: arrays(frame, &rows), cell: vec![] },
+    vtp_bytes(PolyDataPiece {
+        points: flat_components(frame.grains.iter().map(|g| g.x)).into(),
+        verts: vertex_numbers(rows.iter().map(|&k| [k as u64])),
+        data: Attributes { point: grain_arrays(frame, &rows), cell: vec![] },
         ..Default::default()
     })
 }
 
-/// The faces of the grains that are polyhedra; each carries what its grain does in [`grains`].
-pub fn polyhedra(frame: &Frame) -> Vec<u8> {
+/// The faces of the grains that are polyhedra; each carries what its grain does in [`grains_vtp`].
+pub fn polyhedra_vtp(frame: &Frame) -> Vec<u8> {
     let (mut points, mut faces, mut rows) = (vec![], vec![], vec![]);
     for (row, grain) in frame.grains.iter().enumerate() {
         let Some(solid) = &grain.solid else { continue };
         let first = points.len() as u64;
-        let (vertices, polygons) = solid.drawn();
+        let (vertices, polygons) = solid.drawn_mesh();
         points.extend(vertices.iter().map(|v| grain.x + grain.rotation * v));
         faces.extend(polygons.iter().map(|face| face.iter().map(|&k| first + u64::from(k)).collect::<Vec<u64>>()));
         rows.resize(faces.len(), row);
     }
-    file(PolyDataPiece {
-        points: flat(points.into_iter()).into(),
-        polys: cells(faces.into_iter()),
-        data: Attributes { point: vec![], cell: arrays(frame, &rows) },
+    vtp_bytes(PolyDataPiece {
+        points: flat_components(points.into_iter()).into(),
+        polys: vertex_numbers(faces.into_iter()),
+        data: Attributes { point: vec![], cell: grain_arrays(frame, &rows) },
         ..Default::default()
     })
 }
 
 /// What is known of grains: the arrays of the grains in `rows`.
-fn arrays(frame: &Frame, rows: &[usize]) -> Vec<Attribute> {
+fn grain_arrays(frame: &Frame, rows: &[usize]) -> Vec<Attribute> {
     let grains: Vec<&Grain> = rows.iter().map(|&row| &frame.grains[row]).collect();
     let (stresses, contacts) = (grain_stresses(frame), contact_counts(frame));
-    let (neighbours, fragments) = (neighbour_counts(frame), membership(&fragments(frame), frame.grains.len()));
-    let velocity = Whole::of(&frame.grains).velocity();
+    let (neighbours, fragments) =
+        (neighbour_counts(frame), fragment_numbers(&find_fragments(frame), frame.grains.len()));
+    let velocity = AggregateSums::from_grains(&frame.grains).velocity();
     let motion: Vec<Mat3> =
         grains.iter().map(|g| kinetic_stress(std::slice::from_ref(*g), velocity, g.volume())).collect();
     let stresses: Vec<Mat3> = rows.iter().map(|&row| stresses[row]).collect();
     let of = |counts: &[u32]| rows.iter().map(|&row| counts[row]).collect::<Vec<u32>>();
     let energy = |grain: &&Grain| {
-        let (translation, rotation) = kinetic(grain);
+        let (translation, rotation) = kinetic_energies(grain);
         translation + rotation
     };
     let orientation = |grain: &&Grain| {
@@ -94,28 +95,28 @@ fn arrays(frame: &Frame, rows: &[usize]) -> Vec<Attribute> {
     };
     let each = |value: &dyn Fn(&&Grain) -> f64| grains.iter().map(value).collect::<Vec<f64>>();
     vec![
-        scalars("radius", each(&|g| g.radius)),
-        scalars("id", grains.iter().map(|g| g.id).collect::<Vec<u64>>()),
-        vectors("velocity", grains.iter().map(|g| g.v)),
-        vectors("spin", grains.iter().map(|g| g.w)),
-        scalars("contacts", of(&contacts)),
-        tensors("stress", &stresses),
-        scalars("pressure", stresses.iter().map(pressure).collect::<Vec<f64>>()),
-        scalars("material", grains.iter().map(|g| g.material).collect::<Vec<u16>>()),
-        scalars("colour", grains.iter().map(|g| g.colour).collect::<Vec<u16>>()),
-        scalars("mass", each(&|g| g.mass)),
-        scalars("kinetic_energy", each(&|g| energy(g))),
-        scalars("neighbours", of(&neighbours)),
-        scalars("fragment", of(&fragments)),
-        tensors("kinetic_stress", &motion),
-        components("orientation", 4, grains.iter().flat_map(orientation).collect::<Vec<f64>>()),
-        scalars("polyhedron", grains.iter().map(|g| u8::from(g.solid.is_some())).collect::<Vec<u8>>()),
+        scalar_attribute("radius", each(&|g| g.radius)),
+        scalar_attribute("id", grains.iter().map(|g| g.id).collect::<Vec<u64>>()),
+        vector_attribute("velocity", grains.iter().map(|g| g.v)),
+        vector_attribute("spin", grains.iter().map(|g| g.w)),
+        scalar_attribute("contacts", of(&contacts)),
+        tensor_attribute("stress", &stresses),
+        scalar_attribute("pressure", stresses.iter().map(pressure).collect::<Vec<f64>>()),
+        scalar_attribute("material", grains.iter().map(|g| g.material).collect::<Vec<u16>>()),
+        scalar_attribute("colour", grains.iter().map(|g| g.colour).collect::<Vec<u16>>()),
+        scalar_attribute("mass", each(&|g| g.mass)),
+        scalar_attribute("kinetic_energy", each(&|g| energy(g))),
+        scalar_attribute("neighbours", of(&neighbours)),
+        scalar_attribute("fragment", of(&fragments)),
+        tensor_attribute("kinetic_stress", &motion),
+        component_attribute("orientation", 4, grains.iter().flat_map(orientation).collect::<Vec<f64>>()),
+        scalar_attribute("polyhedron", grains.iter().map(|g| u8::from(g.solid.is_some())).collect::<Vec<u8>>()),
     ]
 }
 
 /// Points and lines of the contacts: the grains in their order, then points on walls and the centres of images, so that lines
 /// meet the grains of `grains-NNNNNN.vtp` exactly; the candidate first.
-fn lines(frame: &Frame) -> (Vec<Vec3>, Vec<[u64; 2]>) {
+fn contact_lines(frame: &Frame) -> (Vec<Vec3>, Vec<[u64; 2]>) {
     let mut points: Vec<Vec3> = frame.grains.iter().map(|g| g.x).collect();
     let lines = frame
         .contacts
@@ -123,16 +124,16 @@ fn lines(frame: &Frame) -> (Vec<Vec3>, Vec<[u64; 2]>) {
         .map(|contact| {
             // The grain is where it is drawn, also of a wall that meets an image of it elsewhere.
             let (image, back) = match contact.candidate {
-                Side::Grain(_) => (contact.image, Vec3::zeros()),
-                Side::Wall(_) => (Vec3::zeros(), contact.image),
+                BodyIndex::Grain(_) => (contact.image, Vec3::zeros()),
+                BodyIndex::Wall(_) => (Vec3::zeros(), contact.image),
             };
-            let mut end = |side: Side, image: Vec3| match side {
-                Side::Grain(grain) if image == Vec3::zeros() => grain as u64,
-                Side::Grain(grain) => {
+            let mut end = |side: BodyIndex, image: Vec3| match side {
+                BodyIndex::Grain(grain) if image == Vec3::zeros() => grain as u64,
+                BodyIndex::Grain(grain) => {
                     points.push(frame.grains[grain].x + image);
                     points.len() as u64 - 1
                 }
-                Side::Wall(_) => {
+                BodyIndex::Wall(_) => {
                     points.push(contact.point - back);
                     points.len() as u64 - 1
                 }
@@ -144,41 +145,44 @@ fn lines(frame: &Frame) -> (Vec<Vec3>, Vec<[u64; 2]>) {
 }
 
 /// The contacts as lines between the centres of two grains, or from a grain to the point on a wall.
-pub fn contacts(frame: &Frame) -> Vec<u8> {
-    let (points, lines) = lines(frame);
-    let id = |side: Side| match side {
-        Side::Grain(grain) => frame.grains[grain].id,
-        Side::Wall(wall) => frame.walls[wall].id,
+pub fn contacts_vtp(frame: &Frame) -> Vec<u8> {
+    let (points, lines) = contact_lines(frame);
+    let id = |side: BodyIndex| match side {
+        BodyIndex::Grain(grain) => frame.grains[grain].id,
+        BodyIndex::Wall(wall) => frame.walls[wall].id,
     };
     let (all, laws) = (&frame.contacts, &frame.meta.laws);
     let cell = vec![
-        scalars("normal_force", all.iter().map(|c| c.normal_force).collect::<Vec<f64>>()),
-        scalars("tangential_force", all.iter().map(|c| c.tangential_force).collect::<Vec<f64>>()),
-        vectors("force", all.iter().map(|c| c.force)),
-        scalars("mobilised", all.iter().map(|c| mobilisation(c, laws).unwrap_or(0.0)).collect::<Vec<f64>>()),
-        scalars("gap", all.iter().map(|c| c.gap).collect::<Vec<f64>>()),
-        scalars("status", all.iter().map(|c| c.status).collect::<Vec<u8>>()),
-        scalars("active", all.iter().map(|c| u8::from(c.active)).collect::<Vec<u8>>()),
-        scalars("bonded", all.iter().map(|c| u8::from(c.bonded)).collect::<Vec<u8>>()),
-        scalars("law", all.iter().map(|c| c.law).collect::<Vec<u8>>()),
-        scalars("candidate", all.iter().map(|c| id(c.candidate)).collect::<Vec<u64>>()),
-        scalars("antagonist", all.iter().map(|c| id(c.antagonist)).collect::<Vec<u64>>()),
+        scalar_attribute("normal_force", all.iter().map(|c| c.normal_force).collect::<Vec<f64>>()),
+        scalar_attribute("tangential_force", all.iter().map(|c| c.tangential_force).collect::<Vec<f64>>()),
+        vector_attribute("force", all.iter().map(|c| c.force)),
+        scalar_attribute(
+            "mobilised",
+            all.iter().map(|c| mobilised_share(c, laws).unwrap_or(0.0)).collect::<Vec<f64>>(),
+        ),
+        scalar_attribute("gap", all.iter().map(|c| c.gap).collect::<Vec<f64>>()),
+        scalar_attribute("status", all.iter().map(|c| c.status).collect::<Vec<u8>>()),
+        scalar_attribute("active", all.iter().map(|c| u8::from(c.active)).collect::<Vec<u8>>()),
+        scalar_attribute("bonded", all.iter().map(|c| u8::from(c.bonded)).collect::<Vec<u8>>()),
+        scalar_attribute("law", all.iter().map(|c| c.law).collect::<Vec<u8>>()),
+        scalar_attribute("candidate", all.iter().map(|c| id(c.candidate)).collect::<Vec<u64>>()),
+        scalar_attribute("antagonist", all.iter().map(|c| id(c.antagonist)).collect::<Vec<u64>>()),
     ];
-    file(PolyDataPiece {
-        points: flat(points.into_iter()).into(),
-        lines: cells(lines.into_iter()),
+    vtp_bytes(PolyDataPiece {
+        points: flat_components(points.into_iter()).into(),
+        lines: vertex_numbers(lines.into_iter()),
         data: Attributes { point: vec![], cell },
         ..Default::default()
     })
 }
 
 /// The corners of a box by the bits of their number (x, y, z), and its faces, outward, by corners.
-const FACES: [[u64; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+const BOX_FACES: [[u64; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
 /// Where a wall is drawn: in a scene that repeats, that of its images with the centre in the cell, along axes in which a plate
 /// is shorter than a period.
-fn drawn_at(wall: &Wall, cell: &Cell) -> Vec3 {
-    let moved = cell.nearest(wall.x);
+fn drawn_position(wall: &Wall, cell: &PeriodicCell) -> Vec3 {
+    let moved = cell.nearest_period(wall.x);
     let fits = |axis: usize| match (&wall.shape, cell.0.get(axis)) {
         (WallShape::Plate(half), Some(Some(period))) => {
             2.0 * (0..3).map(|k| (wall.rotation * Vec3::ith(k, half[k]))[axis].abs()).sum::<f64>() < *period
@@ -189,13 +193,13 @@ fn drawn_at(wall: &Wall, cell: &Cell) -> Vec3 {
 }
 
 /// The walls: plates as boxes, driven polyhedra by their faces, driven balls as points with a radius.
-pub fn walls(frame: &Frame) -> Vec<u8> {
+pub fn walls_vtp(frame: &Frame) -> Vec<u8> {
     let cell = frame.cell();
     let (mut points, mut radii, mut balls, mut faces) = (vec![], vec![], vec![], vec![]);
     let (mut ball_ids, mut face_ids) = (vec![], vec![]);
     for wall in &frame.walls {
         let first = points.len() as u64;
-        let x = drawn_at(wall, &cell);
+        let x = drawn_position(wall, &cell);
         match &wall.shape {
             WallShape::Ball(radius) => {
                 points.push(x);
@@ -210,11 +214,11 @@ pub fn walls(frame: &Frame) -> Vec<u8> {
                     points.push(x + wall.rotation * local);
                     radii.push(0.0);
                 }
-                faces.extend(FACES.map(|face| face.map(|corner| first + corner).to_vec()));
+                faces.extend(BOX_FACES.map(|face| face.map(|corner| first + corner).to_vec()));
                 face_ids.extend([wall.id; 6]);
             }
             WallShape::Polyhedron(solid) => {
-                let (vertices, polygons) = solid.drawn();
+                let (vertices, polygons) = solid.drawn_mesh();
                 points.extend(vertices.iter().map(|v| x + wall.rotation * v));
                 radii.resize(points.len(), 0.0);
                 faces.extend(polygons.iter().map(|face| face.iter().map(|&k| first + u64::from(k)).collect()));
@@ -224,25 +228,28 @@ pub fn walls(frame: &Frame) -> Vec<u8> {
     }
     // Cell data go in the order of VTK's cells: vertices, then polygons.
     ball_ids.extend(face_ids);
-    file(PolyDataPiece {
-        points: flat(points.into_iter()).into(),
-        verts: cells(balls.into_iter()),
-        polys: cells(faces.into_iter()),
-        data: Attributes { point: vec![scalars("radius", radii)], cell: vec![scalars("id", ball_ids)] },
+    vtp_bytes(PolyDataPiece {
+        points: flat_components(points.into_iter()).into(),
+        verts: vertex_numbers(balls.into_iter()),
+        polys: vertex_numbers(faces.into_iter()),
+        data: Attributes {
+            point: vec![scalar_attribute("radius", radii)],
+            cell: vec![scalar_attribute("id", ball_ids)],
+        },
         ..Default::default()
     })
 }
 
 /// `view.py`: what shows the files of this folder in ParaView without a step by hand. A folder whose name is not UTF-8 no text
 /// can name: it is that in which ParaView is started.
-pub fn view(folder: &Path) -> String {
+pub fn view_script(folder: &Path) -> String {
     // What JSON writes as a text, Python reads as the same.
     let path = serde_json::to_string(folder.to_str().unwrap_or(".")).expect("a text");
     include_str!("view.py").replace("\"@FOLDER@\"", &path)
 }
 
 /// A ParaView collection: the files of one kind with their times, s.
-pub fn collection(kind: &str, snapshots: &[(u64, f64)]) -> String {
+pub fn pvd_collection(kind: &str, snapshots: &[(u64, f64)]) -> String {
     let mut text = String::from(
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n<Collection>\n",
     );
@@ -253,36 +260,36 @@ pub fn collection(kind: &str, snapshots: &[(u64, f64)]) -> String {
     text + "</Collection>\n</VTKFile>\n"
 }
 
-pub(crate) fn scalars<T>(name: &str, values: Vec<T>) -> Attribute
+pub(crate) fn scalar_attribute<T>(name: &str, values: Vec<T>) -> Attribute
 where
     IOBuffer: From<Vec<T>>,
 {
-    components(name, 1, values)
+    component_attribute(name, 1, values)
 }
 
 /// So many numbers for each.
-fn components<T>(name: &str, count: u32, values: Vec<T>) -> Attribute
+fn component_attribute<T>(name: &str, count: u32, values: Vec<T>) -> Attribute
 where
     IOBuffer: From<Vec<T>>,
 {
     Attribute::DataArray(DataArray::scalars(name, count).with_data(IOBuffer::from(values)))
 }
 
-pub(crate) fn vectors(name: &str, values: impl Iterator<Item = Vec3>) -> Attribute {
-    Attribute::DataArray(DataArray::vectors(name).with_data(IOBuffer::from(flat(values))))
+pub(crate) fn vector_attribute(name: &str, values: impl Iterator<Item = Vec3>) -> Attribute {
+    Attribute::DataArray(DataArray::vectors(name).with_data(IOBuffer::from(flat_components(values))))
 }
 
 /// Row by row.
-fn tensors(name: &str, values: &[Mat3]) -> Attribute {
+fn tensor_attribute(name: &str, values: &[Mat3]) -> Attribute {
     let rows: Vec<f64> = values.iter().flat_map(|m| m.transpose().as_slice().to_vec()).collect();
     Attribute::DataArray(DataArray::tensors(name).with_data(IOBuffer::from(rows)))
 }
 
-pub(crate) fn flat(vectors: impl Iterator<Item = Vec3>) -> Vec<f64> {
+pub(crate) fn flat_components(vectors: impl Iterator<Item = Vec3>) -> Vec<f64> {
     vectors.flat_map(|v| [v.x, v.y, v.z]).collect()
 }
 
-pub(crate) fn cells<C: AsRef<[u64]>>(cells: impl Iterator<Item = C>) -> Option<VertexNumbers> {
+pub(crate) fn vertex_numbers<C: AsRef<[u64]>>(cells: impl Iterator<Item = C>) -> Option<VertexNumbers> {
     let (mut connectivity, mut offsets) = (Vec::new(), Vec::new());
     for cell in cells {
         connectivity.extend_from_slice(cell.as_ref());
@@ -291,7 +298,7 @@ pub(crate) fn cells<C: AsRef<[u64]>>(cells: impl Iterator<Item = C>) -> Option<V
     Some(VertexNumbers::XML { connectivity, offsets })
 }
 
-pub(crate) fn file(piece: PolyDataPiece) -> Vec<u8> {
+pub(crate) fn vtp_bytes(piece: PolyDataPiece) -> Vec<u8> {
     let no_points = piece.points.is_empty();
     let vtk = Vtk {
         version: Version::Auto,
@@ -323,7 +330,7 @@ mod tests {
     #[test]
     fn an_empty_file_still_says_that_it_has_no_points() {
         let frame = Scene::default().frame();
-        for bytes in [grains(&frame), polyhedra(&frame), contacts(&frame), walls(&frame)] {
+        for bytes in [grains_vtp(&frame), polyhedra_vtp(&frame), contacts_vtp(&frame), walls_vtp(&frame)] {
             let text = String::from_utf8(bytes).unwrap();
             assert_eq!(text.matches("NumberOfPoints=\"0\"").count(), 1, "{text}");
         }
@@ -333,7 +340,7 @@ mod tests {
     fn only_files_of_this_program_are_its_own() {
         let ours = ["grains-000012.vtp", "walls-1234567.vtp", "contacts.pvd"];
         let others = ["grains.vtp", "grains-12.vtp", "grains-a00012.vtp", "view.pvsm", "grains-000012.vtu", "my.pvd"];
-        assert!(ours.into_iter().all(is_ours) && !others.into_iter().any(is_ours));
+        assert!(ours.into_iter().all(is_display_file) && !others.into_iter().any(is_display_file));
     }
 
     #[test]
@@ -353,14 +360,16 @@ mod tests {
         // Rounding of a sum of periods.
         let near = |a: &Vec3, b: &Vec3| (a - b).norm() < 1e-14;
         for (wall, other) in inside.walls.iter().zip(&beyond.walls) {
-            assert!(near(&drawn_at(other, &beyond.cell()), &wall.x) && drawn_at(wall, &inside.cell()) == wall.x);
+            assert!(
+                near(&drawn_position(other, &beyond.cell()), &wall.x) && drawn_position(wall, &inside.cell()) == wall.x
+            );
         }
         let mut long = beyond.walls[1].clone();
         long.shape = WallShape::Plate(Vec3::new(1.0, 5.0, 0.1));
-        assert_eq!(drawn_at(&long, &beyond.cell()), long.x);
+        assert_eq!(drawn_position(&long, &beyond.cell()), long.x);
         // The line of the contact goes from the grain to the ball beside it, which is an image of the one that is drawn.
         for frame in [inside, beyond] {
-            let (points, lines) = lines(&frame);
+            let (points, lines) = contact_lines(&frame);
             let [ball, grain] = lines[0].map(|k| points[k as usize]);
             assert!(near(&ball, &Vec3::new(1.15, 0.0, 0.0)) && grain == frame.grains[0].x, "{ball} {grain}");
         }
@@ -371,12 +380,12 @@ mod tests {
         for (folder, text) in
             [("/a/cafe\u{301}\u{ad}", "\"/a/cafe\u{301}\u{ad}\""), ("/a\"b\\c\n", "\"/a\\\"b\\\\c\\n\"")]
         {
-            assert!(view(Path::new(folder)).contains(&format!(" else {text}\n")), "{folder}");
+            assert!(view_script(Path::new(folder)).contains(&format!(" else {text}\n")), "{folder}");
         }
         #[cfg(unix)]
         {
             let nameless = std::ffi::OsStr::from_bytes(b"/a/bad\xff");
-            assert!(view(Path::new(nameless)).contains(" else \".\"\n"));
+            assert!(view_script(Path::new(nameless)).contains(" else \".\"\n"));
         }
     }
 
@@ -384,7 +393,7 @@ mod tests {
     fn faces_of_a_plate_point_outward_and_share_its_corners() {
         let corner = |k: u64| Vec3::from_fn(|axis, _| if k >> axis & 1 == 0 { -1.0 } else { 1.0 });
         let mut uses = [0; 8];
-        for face in FACES {
+        for face in BOX_FACES {
             let [a, b, c, d] = face.map(corner);
             assert!((b - a).cross(&(c - b)).dot(&(a + b + c + d)) > 0.0);
             assert_eq!(a + c, b + d); // a parallelogram, its corners in turn

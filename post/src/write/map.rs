@@ -4,24 +4,24 @@
 use std::fmt::Write;
 
 use crate::derive::free_surface::FreeSurface;
-use crate::derive::surface::Grid;
-use crate::write::picture::COLOURS;
-use crate::write::scale::{digits, prefixed, round_below, rounded};
+use crate::derive::surface::DirectionGrid;
+use crate::write::picture::VIRIDIS_COLOURS;
+use crate::write::scale::{digits_needed, format_digits, round_below, unit_prefix};
 
 /// Of the longer side of a map seen from above.
-const SIDE: f64 = 640.0;
-const LEFT: f64 = 70.0;
-const TOP: f64 = 50.0;
-const RIGHT: f64 = 120.0;
-const BOTTOM: f64 = 60.0;
+const MAP_SIDE: f64 = 640.0;
+const LEFT_MARGIN: f64 = 70.0;
+const TOP_MARGIN: f64 = 50.0;
+const RIGHT_MARGIN: f64 = 120.0;
+const BOTTOM_MARGIN: f64 = 60.0;
 /// Steps of the colour bar, and how high it is at least: five numbers stand beside it.
-const STEPS: usize = 60;
-const LEAST_BAR: f64 = 120.0;
+const COLOUR_STEPS: usize = 60;
+const MIN_BAR_HEIGHT: f64 = 120.0;
 /// Width of a letter of the title, about.
 const TITLE_LETTER: f64 = 10.0;
 
 /// What a map shows its values on: cells row by row, from below.
-pub struct Sheet {
+pub struct MapSheet {
     /// To the right and up.
     counts: [usize; 2],
     /// Width and height of a cell.
@@ -31,13 +31,13 @@ pub struct Sheet {
     ticks: [Vec<(f64, String)>; 2],
 }
 
-impl Sheet {
-    pub fn of_directions(grid: Grid) -> Sheet {
+impl MapSheet {
+    pub fn of_directions(grid: DirectionGrid) -> MapSheet {
         let every = |step: usize, half: i32| {
             let degrees = (-half..=half).step_by(step);
             degrees.map(|d| (f64::from(d + half) / f64::from(2 * half), d.to_string())).collect()
         };
-        Sheet {
+        MapSheet {
             counts: [grid.longitudes, grid.latitudes],
             cell: [10.0; 2],
             labels: ["longitude (°)".into(), "latitude (°)".into()],
@@ -45,30 +45,31 @@ impl Sheet {
         }
     }
 
-    pub fn from_above(surface: &FreeSurface) -> Sheet {
+    pub fn from_above(surface: &FreeSurface) -> MapSheet {
         let FreeSurface { counts, from, widths, .. } = surface;
         let spans = [0, 1].map(|k| widths[k] * counts[k] as f64);
         let longest = spans[0].max(spans[1]);
         let largest = [0, 1].map(|k| from[k].abs().max((from[k] + spans[k]).abs()));
-        let (factor, unit) = prefixed(largest[0].max(largest[1]), "m");
+        let (factor, unit) = unit_prefix(largest[0].max(largest[1]), "m");
         let step = round_below(longest / 5.0);
         let ticks = |k: usize| {
             let ends = [from[k], from[k] + spans[k]].map(|end| end / step);
             // Not -0.
-            let at = |i: i64| ((i as f64 * step - from[k]) / spans[k], rounded(i as f64 * step / factor + 0.0, 6));
+            let at =
+                |i: i64| ((i as f64 * step - from[k]) / spans[k], format_digits(i as f64 * step / factor + 0.0, 6));
             (ends[0].ceil() as i64..=ends[1].floor() as i64).map(at).collect()
         };
-        Sheet {
+        MapSheet {
             counts: *counts,
-            cell: [0, 1].map(|k| SIDE * widths[k] / longest),
-            labels: surface.names().map(|name| format!("{name} ({unit})")),
+            cell: [0, 1].map(|k| MAP_SIDE * widths[k] / longest),
+            labels: surface.axis_names().map(|name| format!("{name} ({unit})")),
             ticks: [ticks(0), ticks(1)],
         }
     }
 }
 
 /// The text of the SVG file; `values` by cell of the sheet in `unit`, white where not finite.
-pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &Sheet) -> String {
+pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &MapSheet) -> String {
     let [wide, high] = [0, 1].map(|k| sheet.cell[k] * sheet.counts[k] as f64);
     let [cell_x, cell_y] = sheet.cell;
     let known = || values.iter().copied().filter(|v| v.is_finite());
@@ -77,67 +78,67 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &Shee
     let equal = low.abs().max(top.abs());
     let room = if equal > 0.0 { 0.1 * equal } else { 0.5 };
     let (low, top) = if top - low > 1e-9 * equal { (low, top) } else { (low - room, low + room) };
-    let (factor, unit) = if low.is_finite() { prefixed(low.abs().max(top.abs()), unit) } else { (1.0, unit.into()) };
+    let (factor, unit) = if low.is_finite() { unit_prefix(low.abs().max(top.abs()), unit) } else { (1.0, unit.into()) };
     // Of a narrow strip the title and the bar ask for more room than the map.
     let titled = TITLE_LETTER * title.chars().count() as f64 + 40.0;
-    let (width, bar_high) = ((LEFT + wide + RIGHT).max(titled), high.max(LEAST_BAR));
-    let height = (TOP + high + BOTTOM).max(TOP + bar_high + 20.0);
+    let (width, bar_high) = ((LEFT_MARGIN + wide + RIGHT_MARGIN).max(titled), high.max(MIN_BAR_HEIGHT));
+    let height = (TOP_MARGIN + high + BOTTOM_MARGIN).max(TOP_MARGIN + bar_high + 20.0);
     let mut text = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
          font-family=\"sans-serif\" font-size=\"14\" fill=\"#3c3c3c\">\n<rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
     );
     let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
-    let middle = (LEFT + wide / 2.0).clamp(titled / 2.0, width - titled / 2.0);
+    let middle = (LEFT_MARGIN + wide / 2.0).clamp(titled / 2.0, width - titled / 2.0);
     put(format!("<text x=\"{middle}\" y=\"20\" font-size=\"20\" text-anchor=\"middle\">{title}</text>"));
     put("<g shape-rendering=\"crispEdges\">".into());
     for (k, value) in values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
         let (row, column) = (k / sheet.counts[0], k % sheet.counts[0]);
-        let (x, y) = (LEFT + cell_x * column as f64, TOP + high - cell_y * (row + 1) as f64);
-        let fill = ramp((value - low) / (top - low));
+        let (x, y) = (LEFT_MARGIN + cell_x * column as f64, TOP_MARGIN + high - cell_y * (row + 1) as f64);
+        let fill = colour_ramp((value - low) / (top - low));
         put(format!("<rect x=\"{x}\" y=\"{y}\" width=\"{cell_x}\" height=\"{cell_y}\" fill=\"{fill}\"/>"));
     }
-    let bar = LEFT + wide + 20.0;
-    for step in 0..STEPS {
-        let y = TOP + bar_high * (1.0 - (step + 1) as f64 / STEPS as f64);
-        let fill = ramp((step as f64 + 0.5) / STEPS as f64);
+    let bar = LEFT_MARGIN + wide + 20.0;
+    for step in 0..COLOUR_STEPS {
+        let y = TOP_MARGIN + bar_high * (1.0 - (step + 1) as f64 / COLOUR_STEPS as f64);
+        let fill = colour_ramp((step as f64 + 0.5) / COLOUR_STEPS as f64);
         put(format!(
             "<rect x=\"{bar}\" y=\"{y:.2}\" width=\"18\" height=\"{:.2}\" fill=\"{fill}\"/>",
-            bar_high / STEPS as f64 + 0.5
+            bar_high / COLOUR_STEPS as f64 + 0.5
         ));
     }
     put("</g>".into());
     put(format!(
-        "<rect x=\"{LEFT}\" y=\"{TOP}\" width=\"{wide}\" height=\"{high}\" fill=\"none\" stroke=\"#3c3c3c\"/>"
+        "<rect x=\"{LEFT_MARGIN}\" y=\"{TOP_MARGIN}\" width=\"{wide}\" height=\"{high}\" fill=\"none\" stroke=\"#3c3c3c\"/>"
     ));
     for (share, label) in &sheet.ticks[0] {
-        let x = LEFT + wide * share;
-        put(format!("<path d=\"M{x} {}v6\" stroke=\"#3c3c3c\"/>", TOP + high));
+        let x = LEFT_MARGIN + wide * share;
+        put(format!("<path d=\"M{x} {}v6\" stroke=\"#3c3c3c\"/>", TOP_MARGIN + high));
         put(format!(
             "<text x=\"{x}\" y=\"{}\" text-anchor=\"middle\" font-size=\"13\">{label}</text>",
-            TOP + high + 21.0
+            TOP_MARGIN + high + 21.0
         ));
     }
     for (share, label) in &sheet.ticks[1] {
-        let y = TOP + high * (1.0 - share);
-        put(format!("<path d=\"M{LEFT} {y}h-6\" stroke=\"#3c3c3c\"/>"));
-        let (x, below) = (LEFT - 10.0, y + 5.0);
+        let y = TOP_MARGIN + high * (1.0 - share);
+        put(format!("<path d=\"M{LEFT_MARGIN} {y}h-6\" stroke=\"#3c3c3c\"/>"));
+        let (x, below) = (LEFT_MARGIN - 10.0, y + 5.0);
         put(format!("<text x=\"{x}\" y=\"{below}\" text-anchor=\"end\" font-size=\"13\">{label}</text>"));
     }
     // Without a known value the bar has no numbers.
     for share in [0.0, 0.25, 0.5, 0.75, 1.0].into_iter().filter(|_| low.is_finite()) {
-        let (y, value) = (TOP + bar_high * (1.0 - share), (low + share * (top - low)) / factor);
-        let label = rounded(value, digits(low.abs().max(top.abs()), 0.25 * (top - low)).max(3));
+        let (y, value) = (TOP_MARGIN + bar_high * (1.0 - share), (low + share * (top - low)) / factor);
+        let label = format_digits(value, digits_needed(low.abs().max(top.abs()), 0.25 * (top - low)).max(3));
         put(format!("<text x=\"{}\" y=\"{}\" font-size=\"13\">{label}</text>", bar + 24.0, y + 5.0));
     }
     let label = if unit == "1" { quantity.to_string() } else { format!("{quantity} ({unit})") };
-    put(format!("<text x=\"{bar}\" y=\"{}\">{label}</text>", TOP - 12.0));
+    put(format!("<text x=\"{bar}\" y=\"{}\">{label}</text>", TOP_MARGIN - 12.0));
     put(format!(
         "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
-        LEFT + wide / 2.0,
-        TOP + high + 46.0,
+        LEFT_MARGIN + wide / 2.0,
+        TOP_MARGIN + high + 46.0,
         sheet.labels[0]
     ));
-    let middle = TOP + high / 2.0;
+    let middle = TOP_MARGIN + high / 2.0;
     put(format!(
         "<text x=\"20\" y=\"{middle}\" text-anchor=\"middle\" transform=\"rotate(-90 20 {middle})\">{}</text>",
         sheet.labels[1]
@@ -147,11 +148,12 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &Shee
 }
 
 /// The colour of a share from 0 to 1.
-fn ramp(share: f64) -> String {
-    let place = share.clamp(0.0, 1.0) * (COLOURS.len() - 1) as f64;
-    let low = (place as usize).min(COLOURS.len() - 2);
+fn colour_ramp(share: f64) -> String {
+    let place = share.clamp(0.0, 1.0) * (VIRIDIS_COLOURS.len() - 1) as f64;
+    let low = (place as usize).min(VIRIDIS_COLOURS.len() - 2);
     let part = place - low as f64;
-    let [r, g, b]: [f64; 3] = std::array::from_fn(|k| (1.0 - part) * COLOURS[low][k] + part * COLOURS[low + 1][k]);
+    let [r, g, b]: [f64; 3] =
+        std::array::from_fn(|k| (1.0 - part) * VIRIDIS_COLOURS[low][k] + part * VIRIDIS_COLOURS[low + 1][k]);
     format!("rgb({r:.0},{g:.0},{b:.0})")
 }
 
@@ -162,7 +164,7 @@ mod tests {
     #[test]
     fn a_narrow_strip_has_room_for_title_and_numbers() {
         for counts in [[160, 2], [2, 160]] {
-            let sheet = Sheet {
+            let sheet = MapSheet {
                 counts,
                 cell: [4.0; 2],
                 labels: ["x (m)".into(), "y (m)".into()],
@@ -177,7 +179,7 @@ mod tests {
             let title = number(text.lines().find(|line| line.contains("Slope of")).unwrap(), "x");
             let half = 0.5 * TITLE_LETTER * 25.0;
             assert!(title - half >= 0.0 && title + half <= width, "{width} {title}");
-            let bar = format!("<text x=\"{}\"", LEFT + 4.0 * counts[0] as f64 + 44.0);
+            let bar = format!("<text x=\"{}\"", LEFT_MARGIN + 4.0 * counts[0] as f64 + 44.0);
             let places: Vec<f64> =
                 text.lines().filter(|line| line.starts_with(&bar)).map(|line| number(line, "y")).collect();
             // From above 0 to 319, a letter of 13 pixels and more apart.
@@ -188,19 +190,22 @@ mod tests {
 
     #[test]
     fn every_known_cell_is_drawn_in_its_place() {
-        let grid = &Sheet::of_directions(Grid { latitudes: 2, longitudes: 4 });
+        let grid = &MapSheet::of_directions(DirectionGrid { latitudes: 2, longitudes: 4 });
         let text = svg("Slope", "slope", "1", &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, f64::NAN], grid);
         assert_eq!(text.matches("width=\"10\" height=\"10\"").count(), 7);
         // The first cell is in the south-west, in the colour of the least value.
-        let first =
-            format!("<rect x=\"{LEFT}\" y=\"{}\" width=\"10\" height=\"10\" fill=\"{}\"/>", TOP + 10.0, ramp(0.0));
+        let first = format!(
+            "<rect x=\"{LEFT_MARGIN}\" y=\"{}\" width=\"10\" height=\"10\" fill=\"{}\"/>",
+            TOP_MARGIN + 10.0,
+            colour_ramp(0.0)
+        );
         assert!(text.contains(&first), "{text}");
         assert!(text.contains("longitude") && !text.contains("NaN"));
         // A ball, but for rounding, has one colour.
         let mut ball = [10.0; 8];
         ball[3] += 2e-15;
         let text = svg("Height", "height", "m", &ball, grid);
-        let middle = format!("height=\"10\" fill=\"{}\"", ramp(0.5));
+        let middle = format!("height=\"10\" fill=\"{}\"", colour_ramp(0.5));
         assert_eq!(text.matches(&middle).count(), 8, "{text}");
         assert!(text.contains(">9<") && text.contains(">11<"), "{text}");
         ball[3] = 10.004;

@@ -10,37 +10,37 @@ use std::fmt::Write;
 use nalgebra::Rotation3;
 
 use crate::derive::coordination::neighbour_counts;
-use crate::derive::energy::kinetic;
+use crate::derive::energy::kinetic_energies;
 use crate::frame::{Frame, Grain, Vec3};
-use crate::write::scale::{prefixed, round_below, significant};
+use crate::write::scale::{format_six_digits, round_below, unit_prefix};
 
 /// Side of the square for the grains and width of the strip beside it, pixels.
-const SIDE: f64 = 800.0;
-const STRIP: f64 = 170.0;
-const MARGIN: f64 = 30.0;
+const PICTURE_SIDE: f64 = 800.0;
+const STRIP_WIDTH: f64 = 170.0;
+const PICTURE_MARGIN: f64 = 30.0;
 /// Letters, and the height of a colour beside a picture, pixels.
-const LETTERS: f64 = 20.0;
-const COLOUR: f64 = 30.0;
+const FONT_SIZE: f64 = 20.0;
+const COLOUR_HEIGHT: f64 = 30.0;
 /// Room between the grains and the picture's border, pixels.
-const ROOM: f64 = 50.0;
+const BORDER_MARGIN: f64 = 50.0;
 
 /// Width of the edges of faces, pixels: what is behind them does not shine through where two meet.
-const EDGE: f64 = 0.7;
+const EDGE_WIDTH: f64 = 0.7;
 
 /// Shapes of a smaller radius have no edges, pixels, which would be all that is seen of them; up to the other edges get wider.
-const EDGELESS: f64 = 3.0;
-const EDGED: f64 = 8.0;
+const MIN_EDGED_RADIUS: f64 = 3.0;
+const FULL_EDGE_RADIUS: f64 = 8.0;
 /// Radius of a grain at least, pixels of the file.
-const LEAST: f64 = 1.0;
+const MIN_GRAIN_RADIUS: f64 = 1.0;
 
 /// Counts from here on share a colour.
-const MOST: u32 = 10;
+const MAX_COUNT_CLASS: u32 = 10;
 /// Colours of a picture by energy, each for half a power of ten, down from the largest.
-const STEPS_OF_ENERGY: u32 = 10;
+const ENERGY_CLASSES: u32 = 10;
 
 /// What colours the grains.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Shade {
+pub enum PictureColouring {
     /// Neighbours that they touch with force.
     Neighbours,
     /// Of translation and rotation.
@@ -48,57 +48,59 @@ pub enum Shade {
 }
 
 /// Classes of colours, from 0, with a label each.
-struct Scale {
-    shade: Shade,
+struct ColourScale {
+    shade: PictureColouring,
     /// J
     largest: f64,
     labels: Vec<String>,
 }
 
-impl Scale {
+impl ColourScale {
     /// For these states together.
-    fn of(shade: Shade, frames: &[&Frame]) -> Self {
+    fn new(shade: PictureColouring, frames: &[&Frame]) -> Self {
         let grains = || frames.iter().flat_map(|frame| &frame.grains);
         match shade {
-            Shade::Neighbours => {
-                let most = frames.iter().flat_map(|frame| neighbour_counts(frame)).max().unwrap_or(0).min(MOST);
-                let label = |count: u32| format!("{count}{}", if count == MOST { "+" } else { "" });
-                Scale { shade, largest: 0.0, labels: (0..=most).map(label).collect() }
+            PictureColouring::Neighbours => {
+                let most =
+                    frames.iter().flat_map(|frame| neighbour_counts(frame)).max().unwrap_or(0).min(MAX_COUNT_CLASS);
+                let label = |count: u32| format!("{count}{}", if count == MAX_COUNT_CLASS { "+" } else { "" });
+                ColourScale { shade, largest: 0.0, labels: (0..=most).map(label).collect() }
             }
-            Shade::KineticEnergy => {
-                let largest = grains().map(energy).fold(0.0, f64::max);
+            PictureColouring::KineticEnergy => {
+                let largest = grains().map(kinetic_energy).fold(0.0, f64::max);
                 let label = |class: u32| match class {
                     0 => "less".to_string(),
                     _ => {
-                        let from = largest * 10f64.powf(-0.5 * f64::from(STEPS_OF_ENERGY + 1 - class));
-                        let (factor, unit) = prefixed(from, "J");
+                        let from = largest * 10f64.powf(-0.5 * f64::from(ENERGY_CLASSES + 1 - class));
+                        let (factor, unit) = unit_prefix(from, "J");
                         // Three digits of 1 to 1000.
                         let value = from / factor;
                         let digits = if value < 10.0 { 2 } else { usize::from(value < 100.0) };
                         format!("{value:.digits$} {unit}")
                     }
                 };
-                let labels =
-                    if largest > 0.0 { (0..=STEPS_OF_ENERGY).map(label).collect() } else { vec!["0 J".into()] };
-                Scale { shade, largest, labels }
+                let labels = if largest > 0.0 { (0..=ENERGY_CLASSES).map(label).collect() } else { vec!["0 J".into()] };
+                ColourScale { shade, largest, labels }
             }
         }
     }
 
-    fn most(&self) -> u32 {
+    fn max_class(&self) -> u32 {
         self.labels.len() as u32 - 1
     }
 
     /// The class of each grain.
-    fn classes(&self, frame: &Frame) -> Vec<u32> {
+    fn grain_classes(&self, frame: &Frame) -> Vec<u32> {
         match self.shade {
-            Shade::Neighbours => neighbour_counts(frame).into_iter().map(|count| count.min(self.most())).collect(),
-            Shade::KineticEnergy => {
+            PictureColouring::Neighbours => {
+                neighbour_counts(frame).into_iter().map(|count| count.min(self.max_class())).collect()
+            }
+            PictureColouring::KineticEnergy => {
                 let class = |grain: &Grain| {
-                    let share = energy(grain) / self.largest;
+                    let share = kinetic_energy(grain) / self.largest;
                     let down = (-2.0 * share.log10()).floor();
                     // NaN without any energy, infinite without this one's.
-                    if down < f64::from(self.most()) { self.most() - down.max(0.0) as u32 } else { 0 }
+                    if down < f64::from(self.max_class()) { self.max_class() - down.max(0.0) as u32 } else { 0 }
                 };
                 frame.grains.iter().map(class).collect()
             }
@@ -106,61 +108,65 @@ impl Scale {
     }
 
     /// The colours beside a picture, with their labels.
-    fn draw(&self, left: f64, put: &mut impl FnMut(String)) {
-        let most = self.most();
+    fn draw_legend(&self, left: f64, put: &mut impl FnMut(String)) {
+        let most = self.max_class();
         let title = match self.shade {
-            Shade::Neighbours => "neighbours",
-            Shade::KineticEnergy => "kinetic energy",
+            PictureColouring::Neighbours => "neighbours",
+            PictureColouring::KineticEnergy => "kinetic energy",
         };
-        put(format!("<text x=\"{left}\" y=\"{MARGIN}\">{title}</text>"));
-        if self.shade == Shade::KineticEnergy {
-            put(format!("<text x=\"{left}\" y=\"{MARGIN}\" dy=\"1.2em\">from</text>"));
+        put(format!("<text x=\"{left}\" y=\"{PICTURE_MARGIN}\">{title}</text>"));
+        if self.shade == PictureColouring::KineticEnergy {
+            put(format!("<text x=\"{left}\" y=\"{PICTURE_MARGIN}\" dy=\"1.2em\">from</text>"));
         }
         for (class, label) in (0..).zip(&self.labels) {
-            let y = 2.2 * MARGIN + COLOUR * f64::from(most - class);
-            let [r, g, b] = colour(class, most);
+            let y = 2.2 * PICTURE_MARGIN + COLOUR_HEIGHT * f64::from(most - class);
+            let [r, g, b] = class_colour(class, most);
             put(format!(
-                "<rect x=\"{left}\" y=\"{y}\" width=\"{COLOUR}\" height=\"{COLOUR}\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"/>"
+                "<rect x=\"{left}\" y=\"{y}\" width=\"{COLOUR_HEIGHT}\" height=\"{COLOUR_HEIGHT}\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"/>"
             ));
-            put(format!("<text x=\"{}\" y=\"{}\">{label}</text>", left + 1.3 * COLOUR, y + 0.75 * COLOUR));
+            put(format!(
+                "<text x=\"{}\" y=\"{}\">{label}</text>",
+                left + 1.3 * COLOUR_HEIGHT,
+                y + 0.75 * COLOUR_HEIGHT
+            ));
         }
     }
 }
 
 /// Of translation and rotation, J.
-fn energy(grain: &Grain) -> f64 {
-    let (translation, rotation) = kinetic(grain);
+fn kinetic_energy(grain: &Grain) -> f64 {
+    let (translation, rotation) = kinetic_energies(grain);
     translation + rotation
 }
 
 /// Viridis at 0, 1/4, 1/2, 3/4, 1 (Smith & van der Walt 2015), a little lighter at its dark end.
-pub(crate) const COLOURS: [[f64; 3]; 5] =
+pub(crate) const VIRIDIS_COLOURS: [[f64; 3]; 5] =
     [[90.0, 40.0, 120.0], [70.0, 92.0, 150.0], [40.0, 145.0, 140.0], [100.0, 200.0, 95.0], [250.0, 225.0, 50.0]];
 
 /// Where the light comes from: left, above and before the picture (x right, y away, z up); length 1.
-const LIGHT: [f64; 3] = [-0.48, -0.64, 0.6];
+const LIGHT_DIRECTION: [f64; 3] = [-0.48, -0.64, 0.6];
 
 /// A grain on the picture: the circle that holds it, pixels, and what is painted of it.
 #[derive(Debug, Clone, PartialEq)]
-struct Disc {
+struct GrainDisc {
     x: f64,
     y: f64,
     radius: f64,
-    shapes: Vec<Shape>,
+    shapes: Vec<PaintedShape>,
 }
 
 /// A sphere as a whole, or a face that is turned to the front: those of touching polyhedra of any size then come in their order.
 #[derive(Debug, Clone, PartialEq)]
-struct Shape {
+struct PaintedShape {
     /// Of the farthest corner of a face; larger is farther.
     depth: f64,
     class: u32,
-    outline: Outline,
+    outline: ShapeOutline,
 }
 
 /// Pixels.
 #[derive(Debug, Clone, PartialEq)]
-enum Outline {
+enum ShapeOutline {
     Circle {
         x: f64,
         y: f64,
@@ -174,47 +180,47 @@ enum Outline {
     },
 }
 
-impl Outline {
+impl ShapeOutline {
     /// From where to where it reaches down the picture.
-    fn height(&self) -> [f64; 2] {
+    fn vertical_range(&self) -> [f64; 2] {
         match self {
-            Outline::Circle { y, radius, .. } => [y - radius, y + radius],
-            Outline::Face { corners, .. } => bounds(corners.iter().map(|[_, y]| *y)),
+            ShapeOutline::Circle { y, radius, .. } => [y - radius, y + radius],
+            ShapeOutline::Face { corners, .. } => value_range(corners.iter().map(|[_, y]| *y)),
         }
     }
 
     /// Pixels; of a face half of its longer side.
     fn radius(&self) -> f64 {
         match self {
-            Outline::Circle { radius, .. } => *radius,
-            Outline::Face { corners, .. } => {
-                let [x, y] = [0, 1].map(|axis| bounds(corners.iter().map(|corner| corner[axis])));
+            ShapeOutline::Circle { radius, .. } => *radius,
+            ShapeOutline::Face { corners, .. } => {
+                let [x, y] = [0, 1].map(|axis| value_range(corners.iter().map(|corner| corner[axis])));
                 0.5 * (x[1] - x[0]).max(y[1] - y[0])
             }
         }
     }
 
     /// From where to where it reaches across at a height.
-    fn width(&self, height: f64) -> [f64; 2] {
+    fn horizontal_range(&self, height: f64) -> [f64; 2] {
         match self {
-            Outline::Circle { x, y, radius } => {
+            ShapeOutline::Circle { x, y, radius } => {
                 let half = (radius * radius - (height - y).powi(2)).max(0.0).sqrt();
                 [x - half, x + half]
             }
-            Outline::Face { corners, .. } => {
+            ShapeOutline::Face { corners, .. } => {
                 let next = corners.iter().cycle().skip(1);
                 let crossing = |([ax, ay], [bx, by]): (&[f64; 2], &[f64; 2])| {
                     let share = ((height - ay) / (by - ay)).clamp(0.0, 1.0);
                     ((ay - height) * (by - height) <= 0.0).then(|| if ay == by { *ax } else { ax + share * (bx - ax) })
                 };
-                bounds(corners.iter().zip(next).filter_map(crossing))
+                value_range(corners.iter().zip(next).filter_map(crossing))
             }
         }
     }
 }
 
 /// The least and the largest.
-fn bounds(values: impl Iterator<Item = f64>) -> [f64; 2] {
+fn value_range(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)])
 }
 
@@ -223,84 +229,87 @@ fn bounds(values: impl Iterator<Item = f64>) -> [f64; 2] {
 /// Seen from the front, a little from the right and from above; z points up. The scale is set by
 /// most of the grains: one in twenty, or more if they have less than a third of the mass, that are far off the others are
 /// left out, and a line says so. No grain is smaller than a pixel.
-pub fn svg(frame: &Frame, shade: Shade) -> String {
-    let mut text = head(SIDE + STRIP, SIDE);
+pub fn svg(frame: &Frame, shade: PictureColouring) -> String {
+    let mut text = svg_head(PICTURE_SIDE + STRIP_WIDTH, PICTURE_SIDE);
     let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
-    let scale = Scale::of(shade, &[frame]);
-    draw(frame, &scale, 0, 1.0, &mut put);
-    scale.draw(SIDE + 20.0, &mut put);
+    let scale = ColourScale::new(shade, &[frame]);
+    draw_state(frame, &scale, 0, 1.0, &mut put);
+    scale.draw_legend(PICTURE_SIDE + 20.0, &mut put);
     put("</svg>".into());
     text
 }
 
 /// The text of the SVG file of several states side by side: above by kinetic energy, below by neighbours, each row on
 /// one scale of colours.
-pub fn snapshots(frames: &[&Frame]) -> String {
-    const SMALL: f64 = 0.5 * SIDE;
+pub fn snapshots_svg(frames: &[&Frame]) -> String {
+    const SMALL: f64 = 0.5 * PICTURE_SIDE;
     let wide = SMALL * frames.len() as f64;
-    let mut text = head(wide + STRIP, 2.0 * SMALL);
+    let mut text = svg_head(wide + STRIP_WIDTH, 2.0 * SMALL);
     let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
-    for (row, shade) in [Shade::KineticEnergy, Shade::Neighbours].into_iter().enumerate() {
-        let scale = Scale::of(shade, frames);
+    for (row, shade) in [PictureColouring::KineticEnergy, PictureColouring::Neighbours].into_iter().enumerate() {
+        let scale = ColourScale::new(shade, frames);
         let top = SMALL * row as f64;
         for (column, frame) in frames.iter().enumerate() {
             put(format!(
-                "<svg x=\"{}\" y=\"{top}\" width=\"{SMALL}\" height=\"{SMALL}\" viewBox=\"0 0 {SIDE} {SIDE}\" font-size=\"{}\">",
+                "<svg x=\"{}\" y=\"{top}\" width=\"{SMALL}\" height=\"{SMALL}\" viewBox=\"0 0 {PICTURE_SIDE} {PICTURE_SIDE}\" font-size=\"{}\">",
                 SMALL * column as f64,
-                0.9 * LETTERS * SIDE / SMALL
+                0.9 * FONT_SIZE * PICTURE_SIDE / SMALL
             ));
-            draw(frame, &scale, row * frames.len() + column, SIDE / SMALL, &mut put);
+            draw_state(frame, &scale, row * frames.len() + column, PICTURE_SIDE / SMALL, &mut put);
             put("</svg>".into());
         }
         put(format!("<g transform=\"translate(0 {top})\">"));
-        scale.draw(wide + 10.0, &mut put);
+        scale.draw_legend(wide + 10.0, &mut put);
         put("</g>".into());
     }
     put("</svg>".into());
     text
 }
 
-fn head(width: f64, height: f64) -> String {
+fn svg_head(width: f64, height: f64) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-         viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" font-size=\"{LETTERS}\" fill=\"#3c3c3c\">\n\
+         viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" font-size=\"{FONT_SIZE}\" fill=\"#3c3c3c\">\n\
          <rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n"
     )
 }
 
 /// One state on a square; `number` tells it from others of the same file. A pixel of this has so many of its own.
-fn draw(frame: &Frame, scale: &Scale, number: usize, pixel: f64, put: &mut impl FnMut(String)) {
-    let most = scale.most();
-    let (discs, pixels) = project(frame, &scale.classes(frame), LEAST * pixel);
-    let edge = EDGE * pixel;
-    let (inside, outside): (Vec<Disc>, Vec<Disc>) = discs.into_iter().partition(|disc| {
-        let within = |c: f64| c > -disc.radius && c < SIDE + disc.radius;
+fn draw_state(frame: &Frame, scale: &ColourScale, number: usize, pixel: f64, put: &mut impl FnMut(String)) {
+    let most = scale.max_class();
+    let (discs, pixels) = project_grains(frame, &scale.grain_classes(frame), MIN_GRAIN_RADIUS * pixel);
+    let edge = EDGE_WIDTH * pixel;
+    let (inside, outside): (Vec<GrainDisc>, Vec<GrainDisc>) = discs.into_iter().partition(|disc| {
+        let within = |c: f64| c > -disc.radius && c < PICTURE_SIDE + disc.radius;
         within(disc.x) && within(disc.y)
     });
     put("<defs>".into());
     for class in 0..=most {
-        put(gradient(number, class, most));
+        put(gradient_svg(number, class, most));
     }
-    put(format!("<clipPath id=\"frame{number}\"><rect width=\"{SIDE}\" height=\"{SIDE}\"/></clipPath>\n</defs>"));
+    put(format!(
+        "<clipPath id=\"frame{number}\"><rect width=\"{PICTURE_SIDE}\" height=\"{PICTURE_SIDE}\"/></clipPath>\n</defs>"
+    ));
     put(format!(
         "<g clip-path=\"url(#frame{number})\" stroke=\"black\" stroke-opacity=\"0.35\" stroke-width=\"{edge}\" \
          stroke-linejoin=\"round\">"
     ));
-    for Shape { class, outline, .. } in visible(inside.into_iter().flat_map(|disc| disc.shapes).collect()) {
-        let share = (outline.radius() / pixel - EDGELESS) / (EDGED - EDGELESS);
+    for PaintedShape { class, outline, .. } in visible_shapes(inside.into_iter().flat_map(|disc| disc.shapes).collect())
+    {
+        let share = (outline.radius() / pixel - MIN_EDGED_RADIUS) / (FULL_EDGE_RADIUS - MIN_EDGED_RADIUS);
         let thin = match share {
             share if share >= 1.0 => String::new(),
             share if share > 0.0 => format!(" stroke-width=\"{:.2}\"", share * edge),
             _ => " stroke=\"none\"".into(),
         };
         put(match outline {
-            Outline::Circle { x, y, radius } => {
+            ShapeOutline::Circle { x, y, radius } => {
                 format!(
                     "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius:.2}\" fill=\"url(#c{number}-{class})\"{thin}/>"
                 )
             }
-            Outline::Face { corners, light } => {
-                let [r, g, b] = lit(colour(class, most), light);
+            ShapeOutline::Face { corners, light } => {
+                let [r, g, b] = shaded_colour(class_colour(class, most), light);
                 let corners: Vec<String> = corners.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
                 format!("<polygon points=\"{}\" fill=\"rgb({r:.0},{g:.0},{b:.0})\"{thin}/>", corners.join(" "))
             }
@@ -309,28 +318,28 @@ fn draw(frame: &Frame, scale: &Scale, number: usize, pixel: f64, put: &mut impl 
     put("</g>".into());
     // Scale bar.
     if pixels.is_finite() {
-        let length = round_below(SIDE / 5.0 / pixels);
-        let (factor, unit) = prefixed(length, "m");
-        let (left, bottom) = (MARGIN, SIDE - MARGIN);
+        let length = round_below(PICTURE_SIDE / 5.0 / pixels);
+        let (factor, unit) = unit_prefix(length, "m");
+        let (left, bottom) = (PICTURE_MARGIN, PICTURE_SIDE - PICTURE_MARGIN);
         put(format!("<path d=\"M{left} {bottom}h{:.2}\" stroke=\"black\" stroke-width=\"4\"/>", length * pixels));
         put(format!("<text x=\"{left}\" y=\"{}\">{:.0} {unit}</text>", bottom - 10.0, length / factor));
     }
-    let top = 1.2 * MARGIN;
+    let top = 1.2 * PICTURE_MARGIN;
     put(format!(
-        "<text x=\"{MARGIN}\" y=\"{top}\">t = {} s, grains: {}</text>",
-        significant(frame.meta.time),
+        "<text x=\"{PICTURE_MARGIN}\" y=\"{top}\">t = {} s, grains: {}</text>",
+        format_six_digits(frame.meta.time),
         frame.grains.len()
     ));
     if !outside.is_empty() {
         put(format!(
-            "<text x=\"{MARGIN}\" y=\"{top}\" dy=\"1.2em\">{} of them outside the picture</text>",
+            "<text x=\"{PICTURE_MARGIN}\" y=\"{top}\" dy=\"1.2em\">{} of them outside the picture</text>",
             outside.len()
         ));
     }
 }
 
 /// The value up to which the grains have a share of all mass, the least such.
-fn quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
+fn weighted_quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
     let wanted = share * values.iter().map(|(_, mass)| mass).sum::<f64>();
     let mut below = 0.0;
@@ -342,7 +351,7 @@ fn quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
 }
 
 /// The grains on the picture's plane, none of a radius of fewer pixels than `least`, and pixels per metre (NaN without grains).
-fn project(frame: &Frame, classes: &[u32], least: f64) -> (Vec<Disc>, f64) {
+fn project_grains(frame: &Frame, classes: &[u32], least: f64) -> (Vec<GrainDisc>, f64) {
     let view = Rotation3::from_axis_angle(&Vec3::x_axis(), 0.35) * Rotation3::from_axis_angle(&Vec3::z_axis(), -0.5);
     let seen: Vec<Vec3> = frame.grains.iter().map(|g| view * g.x).collect();
     if seen.is_empty() {
@@ -353,69 +362,69 @@ fn project(frame: &Frame, classes: &[u32], least: f64) -> (Vec<Disc>, f64) {
         values[((values.len() - 1) as f64 * share).round() as usize]
     };
     let with_mass = |values: &mut dyn Iterator<Item = f64>| values.zip(frame.grains.iter().map(|g| g.mass)).collect();
-    let middle = |axis: usize| quantile(with_mass(&mut seen.iter().map(|x| x[axis])), 0.5);
+    let middle = |axis: usize| weighted_quantile(with_mass(&mut seen.iter().map(|x| x[axis])), 0.5);
     let (x, z) = (middle(0), middle(2));
     // How far each grain reaches from the middle; all of them if the farthest is no outlier. Two thirds of a line are within two
     // thirds of its half length, of a ball within more of its radius: three times as far is beyond what hangs together.
     let mut reach: Vec<f64> = seen
         .iter()
         .zip(&frame.grains)
-        .map(|(seen, g)| (seen.x - x).abs().max((seen.z - z).abs()) + g.reach())
+        .map(|(seen, g)| (seen.x - x).abs().max((seen.z - z).abs()) + g.bounding_radius())
         .collect();
-    let most = 3.0 * quantile(with_mass(&mut reach.iter().copied()), 2.0 / 3.0);
+    let most = 3.0 * weighted_quantile(with_mass(&mut reach.iter().copied()), 2.0 / 3.0);
     let most = share(&mut reach, 1.0).min(1.5 * share(&mut reach, 0.95)).min(most);
     let half = reach.iter().copied().filter(|reach| *reach <= most).fold(0.0, f64::max);
-    let scale = (SIDE / 2.0 - ROOM) / half;
-    let at = |seen: &Vec3| [SIDE / 2.0 + scale * (seen.x - x), SIDE / 2.0 - scale * (seen.z - z)];
+    let scale = (PICTURE_SIDE / 2.0 - BORDER_MARGIN) / half;
+    let at = |seen: &Vec3| [PICTURE_SIDE / 2.0 + scale * (seen.x - x), PICTURE_SIDE / 2.0 - scale * (seen.z - z)];
     let disc = |((seen, grain), &class): ((&Vec3, &Grain), &u32)| {
         let [x, y] = at(seen);
-        let radius = (scale * grain.reach()).max(least);
+        let radius = (scale * grain.bounding_radius()).max(least);
         let mut shapes = Vec::new();
-        if scale * grain.reach() <= least {
-            shapes.push(Shape { depth: seen.y, class, outline: Outline::Circle { x, y, radius } });
-            return Disc { x, y, radius, shapes };
+        if scale * grain.bounding_radius() <= least {
+            shapes.push(PaintedShape { depth: seen.y, class, outline: ShapeOutline::Circle { x, y, radius } });
+            return GrainDisc { x, y, radius, shapes };
         }
         if let Some(solid) = &grain.solid {
             let turn = |v: &Vec3| view * (grain.rotation * v);
             for face in &solid.faces {
                 let corners: Vec<Vec3> = face.iter().map(|&k| turn(&solid.vertices[k as usize])).collect();
-                let normal = outward(&corners);
+                let normal = face_normal(&corners);
                 if normal.y < 0.0 {
                     let depth = seen.y + corners.iter().map(|c| c.y).fold(f64::NEG_INFINITY, f64::max);
-                    let light = normal.dot(&Vec3::from(LIGHT)).max(0.0);
+                    let light = normal.dot(&Vec3::from(LIGHT_DIRECTION)).max(0.0);
                     let corners = corners.iter().map(|c| at(&(seen + c))).collect();
-                    shapes.push(Shape { depth, class, outline: Outline::Face { corners, light } });
+                    shapes.push(PaintedShape { depth, class, outline: ShapeOutline::Face { corners, light } });
                 }
             }
         }
         for (centre, radius) in grain.balls() {
             let centre = seen + view * (centre - grain.x);
             let ([x, y], radius) = (at(&centre), scale * radius);
-            shapes.push(Shape { depth: centre.y, class, outline: Outline::Circle { x, y, radius } });
+            shapes.push(PaintedShape { depth: centre.y, class, outline: ShapeOutline::Circle { x, y, radius } });
         }
-        Disc { x, y, radius, shapes }
+        GrainDisc { x, y, radius, shapes }
     };
     (seen.iter().zip(&frame.grains).zip(classes).map(disc).collect(), scale)
 }
 
 /// Unit normal of a polygon whose corners are counter-clockwise seen from outside.
-fn outward(corners: &[Vec3]) -> Vec3 {
+fn face_normal(corners: &[Vec3]) -> Vec3 {
     let first = corners[0];
     let fan = corners[1..].windows(2).map(|pair| (pair[0] - first).cross(&(pair[1] - first)));
     fan.sum::<Vec3>().normalize()
 }
 
 /// A face's colour in the light: half of it in the shade, a little white in full light.
-fn lit(colour: [f64; 3], light: f64) -> [f64; 3] {
+fn shaded_colour(colour: [f64; 3], light: f64) -> [f64; 3] {
     let bright = 0.45 + 0.65 * light;
     colour.map(|c| if bright <= 1.0 { bright * c } else { c + (bright - 1.0) * 3.0 * (255.0 - c) })
 }
 
 /// The shapes of which something is seen, far ones first: painted one over the other on a grid of half a pixel, those are
 /// kept to which a place of it is left. A file then holds the surface, however many grains there are.
-fn visible(mut shapes: Vec<Shape>) -> Vec<Shape> {
-    const CELLS: usize = 2 * SIDE as usize;
-    let place = |c: f64| c / SIDE * CELLS as f64 - 0.5; // of the middle of a cell
+fn visible_shapes(mut shapes: Vec<PaintedShape>) -> Vec<PaintedShape> {
+    const CELLS: usize = 2 * PICTURE_SIDE as usize;
+    let place = |c: f64| c / PICTURE_SIDE * CELLS as f64 - 0.5; // of the middle of a cell
     // The cells whose middles lie between, or the one that is nearest.
     let cells = |[from, to]: [f64; 2]| {
         let cell = |c: f64| c.clamp(0.0, CELLS as f64 - 1.0) as usize;
@@ -426,10 +435,10 @@ fn visible(mut shapes: Vec<Shape>) -> Vec<Shape> {
     shapes.sort_by(|a, b| b.depth.total_cmp(&a.depth));
     let mut owners = vec![u32::MAX; CELLS * CELLS];
     for (owner, shape) in (0..).zip(&shapes) {
-        let height = shape.outline.height();
+        let height = shape.outline.vertical_range();
         for row in cells(height) {
-            let middle = (row as f64 + 0.5) * SIDE / CELLS as f64;
-            let span = cells(shape.outline.width(middle.clamp(height[0], height[1])));
+            let middle = (row as f64 + 0.5) * PICTURE_SIDE / CELLS as f64;
+            let span = cells(shape.outline.horizontal_range(middle.clamp(height[0], height[1])));
             owners[row * CELLS..][span].fill(owner);
         }
     }
@@ -441,16 +450,16 @@ fn visible(mut shapes: Vec<Shape>) -> Vec<Shape> {
 }
 
 /// Red, green, blue of a class among 0 to `most`.
-fn colour(class: u32, most: u32) -> [f64; 3] {
-    let place = f64::from(class) / f64::from(most.max(1)) * (COLOURS.len() - 1) as f64;
-    let low = (place as usize).min(COLOURS.len() - 2);
+fn class_colour(class: u32, most: u32) -> [f64; 3] {
+    let place = f64::from(class) / f64::from(most.max(1)) * (VIRIDIS_COLOURS.len() - 1) as f64;
+    let low = (place as usize).min(VIRIDIS_COLOURS.len() - 2);
     let share = place - low as f64;
-    std::array::from_fn(|k| (1.0 - share) * COLOURS[low][k] + share * COLOURS[low + 1][k])
+    std::array::from_fn(|k| (1.0 - share) * VIRIDIS_COLOURS[low][k] + share * VIRIDIS_COLOURS[low + 1][k])
 }
 
 /// Light from the upper left: the colour, lighter there and darker at the far rim.
-fn gradient(number: usize, class: u32, most: u32) -> String {
-    let base = colour(class, most);
+fn gradient_svg(number: usize, class: u32, most: u32) -> String {
+    let base = class_colour(class, most);
     let mix = |towards: f64, share: f64| {
         let [r, g, b] = base.map(|c| (1.0 - share) * c + share * towards);
         format!("rgb({r:.0},{g:.0},{b:.0})")
@@ -471,34 +480,34 @@ mod tests {
 
     #[test]
     fn what_is_hidden_is_left_out_and_what_peeps_out_is_not() {
-        let circle = |x: f64, radius: f64, depth: f64| Shape {
+        let circle = |x: f64, radius: f64, depth: f64| PaintedShape {
             depth,
             class: 0,
-            outline: Outline::Circle { x, y: 400.0, radius },
+            outline: ShapeOutline::Circle { x, y: 400.0, radius },
         };
         let (front, hidden, peeping) = (circle(400.0, 100.0, 0.0), circle(410.0, 50.0, 1.0), circle(480.0, 40.0, 2.0));
-        assert_eq!(visible(vec![hidden.clone(), front.clone(), peeping.clone()]), [peeping.clone(), front]);
+        assert_eq!(visible_shapes(vec![hidden.clone(), front.clone(), peeping.clone()]), [peeping.clone(), front]);
         // A square that reaches as far hides them as well; a dot before it is seen, however small.
         let corners = vec![[300.0, 300.0], [530.0, 300.0], [530.0, 500.0], [300.0, 500.0]];
-        let square = Shape { depth: 0.5, class: 0, outline: Outline::Face { corners, light: 1.0 } };
+        let square = PaintedShape { depth: 0.5, class: 0, outline: ShapeOutline::Face { corners, light: 1.0 } };
         let dot = circle(310.0, 0.01, 0.1);
-        assert_eq!(visible(vec![dot.clone(), peeping, square.clone(), hidden]), [square, dot]);
+        assert_eq!(visible_shapes(vec![dot.clone(), peeping, square.clone(), hidden]), [square, dot]);
     }
 
     #[test]
     fn of_a_cube_three_faces_are_seen_and_the_upper_is_the_brightest() {
         let mut scene = Scene::default();
         scene.cube([0.0; 3], 1.0);
-        let (discs, scale) = project(&scene.frame(), &[0], LEAST);
+        let (discs, scale) = project_grains(&scene.frame(), &[0], MIN_GRAIN_RADIUS);
         assert!((discs[0].radius / scale - 3f64.sqrt()).abs() < 1e-14);
-        let height_and_light = |shape: &Shape| match &shape.outline {
-            Outline::Face { corners, light } => (corners.iter().map(|[_, y]| y).sum::<f64>() / 4.0, *light),
-            Outline::Circle { .. } => panic!("of a cube: {shape:?}"),
+        let height_and_light = |shape: &PaintedShape| match &shape.outline {
+            ShapeOutline::Face { corners, light } => (corners.iter().map(|[_, y]| y).sum::<f64>() / 4.0, *light),
+            ShapeOutline::Circle { .. } => panic!("of a cube: {shape:?}"),
         };
         let faces: Vec<(f64, f64)> = discs[0].shapes.iter().map(height_and_light).collect();
         let brightest = faces.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
         assert!(faces.len() == 3 && faces.iter().all(|face| face.0 >= brightest.0), "{faces:?}");
-        assert_eq!(svg(&scene.frame(), Shade::Neighbours).matches("<polygon").count(), 3);
+        assert_eq!(svg(&scene.frame(), PictureColouring::Neighbours).matches("<polygon").count(), 3);
     }
 
     #[test]
@@ -510,21 +519,21 @@ mod tests {
             scene.snapshot.bodies.body_v[grain] = [v, 0.0, 0.0];
         }
         let frame = scene.frame();
-        let scale = Scale::of(Shade::KineticEnergy, &[&frame]);
+        let scale = ColourScale::new(PictureColouring::KineticEnergy, &[&frame]);
         // A quarter is in the second class from above, 1/8100 in the eighth.
-        assert_eq!(scale.classes(&frame), [10, 9, 3, 0]);
+        assert_eq!(scale.grain_classes(&frame), [10, 9, 3, 0]);
         assert_eq!(scale.labels.last().unwrap(), "20.2 J");
-        let text = svg(&frame, Shade::KineticEnergy);
+        let text = svg(&frame, PictureColouring::KineticEnergy);
         assert!(text.contains("kinetic energy") && text.contains("20.2 J"));
         // Of several states the fastest sets the scale, and ids are told apart.
         let mut slower = scene.frame();
         slower.grains.iter_mut().for_each(|grain| grain.v *= 0.11);
-        let scale = Scale::of(Shade::KineticEnergy, &[&frame, &slower]);
-        assert_eq!(scale.classes(&slower), [7, 5, 0, 0]);
-        let text = snapshots(&[&frame, &slower]);
+        let scale = ColourScale::new(PictureColouring::KineticEnergy, &[&frame, &slower]);
+        assert_eq!(scale.grain_classes(&slower), [7, 5, 0, 0]);
+        let text = snapshots_svg(&[&frame, &slower]);
         assert_eq!((text.matches("id=\"c3-0\"").count(), text.matches("</svg>").count()), (1, 5));
-        let at_rest = Scale::of(Shade::KineticEnergy, &[&Scene::default().frame()]);
-        assert_eq!((at_rest.most(), at_rest.labels.len()), (0, 1));
+        let at_rest = ColourScale::new(PictureColouring::KineticEnergy, &[&Scene::default().frame()]);
+        assert_eq!((at_rest.max_class(), at_rest.labels.len()), (0, 1));
     }
 
     #[test]
@@ -532,9 +541,9 @@ mod tests {
         // A sphere of 1 m fills the picture but for the room around.
         let mut scene = Scene::default();
         scene.grain([0.0, 0.0, 0.0], 1.0);
-        let (discs, scale) = project(&scene.frame(), &[0], LEAST);
-        assert!((discs[0].radius - (SIDE / 2.0 - ROOM)).abs() < 1e-9);
-        let text = svg(&scene.frame(), Shade::Neighbours);
+        let (discs, scale) = project_grains(&scene.frame(), &[0], MIN_GRAIN_RADIUS);
+        assert!((discs[0].radius - (PICTURE_SIDE / 2.0 - BORDER_MARGIN)).abs() < 1e-9);
+        let text = svg(&scene.frame(), PictureColouring::Neighbours);
         let bar = text.split("<path d=\"M30 770h").nth(1).and_then(|rest| rest.split('"').next()).unwrap();
         assert_eq!(bar, format!("{:.2}", 0.2 * scale)); // 160 pixels are 0.46 m
         assert!(text.contains(">200 mm<"));
@@ -547,8 +556,8 @@ mod tests {
             scene.grain([(k % 10) as f64, (k / 10) as f64, 0.0], 0.5);
         }
         scene.grain([1e9, 0.0, 0.0], 0.5);
-        assert!(svg(&scene.frame(), Shade::KineticEnergy).contains("1 of them outside the picture"));
-        assert!(project(&scene.frame(), &[0; 101], LEAST).1 > 20.0);
+        assert!(svg(&scene.frame(), PictureColouring::KineticEnergy).contains("1 of them outside the picture"));
+        assert!(project_grains(&scene.frame(), &[0; 101], MIN_GRAIN_RADIUS).1 > 20.0);
     }
 
     #[test]
@@ -561,8 +570,8 @@ mod tests {
         for k in 0..20 {
             scene.grain([1e5 * (k as f64 - 9.5), 0.0, 2e5], 0.5);
         }
-        assert!(svg(&scene.frame(), Shade::Neighbours).contains("20 of them outside the picture"));
-        assert!(project(&scene.frame(), &[0; 100], LEAST).1 > 20.0);
+        assert!(svg(&scene.frame(), PictureColouring::Neighbours).contains("20 of them outside the picture"));
+        assert!(project_grains(&scene.frame(), &[0; 100], MIN_GRAIN_RADIUS).1 > 20.0);
     }
 
     #[test]
@@ -574,15 +583,15 @@ mod tests {
         scene.cube([1000.0, 0.0, 0.0], 0.9);
         let frame = scene.frame();
         let dots = |text: &str, size: &str| text.matches(&format!("r=\"{size}\"")).count();
-        let text = svg(&frame, Shade::Neighbours);
+        let text = svg(&frame, PictureColouring::Neighbours);
         assert_eq!((dots(&text, "1.00"), text.matches("stroke=\"none\"").count()), (2, 2), "{text}");
-        assert_eq!(dots(&snapshots(&[&frame]), "2.00"), 4);
+        assert_eq!(dots(&snapshots_svg(&[&frame]), "2.00"), 4);
         // Edges of what is larger get wider with it.
         let edge = |distance: f64| {
             let mut scene = Scene::default();
             scene.grain([0.0; 3], 1.0);
             scene.grain([0.0, 0.0, distance], 1.0);
-            let text = svg(&scene.frame(), Shade::Neighbours);
+            let text = svg(&scene.frame(), PictureColouring::Neighbours);
             let circle = text.lines().find(|line| line.starts_with("<circle")).unwrap().to_string();
             circle.split("stroke-width=\"").nth(1).map(|rest| rest.split('"').next().unwrap().parse::<f64>().unwrap())
         };
@@ -592,7 +601,7 @@ mod tests {
 
     #[test]
     fn nothing_is_drawn_of_nothing() {
-        let text = svg(&Scene::default().frame(), Shade::KineticEnergy);
+        let text = svg(&Scene::default().frame(), PictureColouring::KineticEnergy);
         assert!(text.contains("grains: 0") && !text.contains("NaN"));
     }
 }

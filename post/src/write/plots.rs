@@ -1,11 +1,11 @@
 //! `POSTPRO/*.svg`: the main columns of the series against time.
 
 use crate::derive::Row;
-use crate::derive::region::Kind;
-use crate::write::figure::{Axis, Curve, Figure};
+use crate::derive::region::RegionKind;
+use crate::write::figure::{Curve, Figure, FigureAxis};
 
 /// One plot: columns of [`Row`] that share a unit.
-pub struct Plot {
+pub struct SeriesPlot {
     /// Name of the file in `POSTPRO/`.
     pub file: &'static str,
     pub title: &'static str,
@@ -19,8 +19,8 @@ pub struct Plot {
     pub curves: &'static [(&'static str, &'static str)],
 }
 
-pub const PLOTS: [Plot; 6] = [
-    Plot {
+pub const PLOTS: [SeriesPlot; 6] = [
+    SeriesPlot {
         file: "energy.svg",
         title: "Kinetic energy per grain",
         quantity: "energy",
@@ -28,7 +28,7 @@ pub const PLOTS: [Plot; 6] = [
         logarithmic: true,
         curves: &[("Ec_mean", "all"), ("Ec_rot_mean", "rotation"), ("Ec_rigid_mean", "rigid motion")],
     },
-    Plot {
+    SeriesPlot {
         file: "coordination.svg",
         title: "Neighbours per grain",
         quantity: "Z",
@@ -36,7 +36,7 @@ pub const PLOTS: [Plot; 6] = [
         logarithmic: false,
         curves: &[("Z", "all grains"), ("Z_no_rattlers", "no rattlers")],
     },
-    Plot {
+    SeriesPlot {
         file: "solid_fraction.svg",
         title: "Solid fraction",
         quantity: "ν",
@@ -44,7 +44,7 @@ pub const PLOTS: [Plot; 6] = [
         logarithmic: false,
         curves: &[("nu", "ν"), ("bed_nu", "of the bed, to its mean height")],
     },
-    Plot {
+    SeriesPlot {
         file: "pressure.svg",
         title: "Mean pressure",
         quantity: "pressure",
@@ -56,7 +56,7 @@ pub const PLOTS: [Plot; 6] = [
             ("bed_pressure", "of the bed, to its mean height"),
         ],
     },
-    Plot {
+    SeriesPlot {
         file: "semi_axes.svg",
         title: "Semi-axes of the ellipsoid of equal inertia",
         quantity: "length",
@@ -64,7 +64,7 @@ pub const PLOTS: [Plot; 6] = [
         logarithmic: false,
         curves: &[("a", "a"), ("b", "b"), ("c", "c")],
     },
-    Plot {
+    SeriesPlot {
         file: "dissipation.svg",
         title: "Work of the contacts",
         quantity: "energy",
@@ -75,21 +75,23 @@ pub const PLOTS: [Plot; 6] = [
 ];
 
 /// Number and unit of a column.
-fn column(name: &str) -> (usize, &'static str) {
+fn find_column(name: &str) -> (usize, &'static str) {
     let index = Row::COLUMNS.iter().position(|(known, _, _)| *known == name).expect("a column");
     (index, Row::COLUMNS[index].1)
 }
 
 /// Values of a column against time.
-pub fn points(rows: &[Row], name: &str) -> Vec<(f64, f64)> {
-    let (index, _) = column(name);
+pub fn column_points(rows: &[Row], name: &str) -> Vec<(f64, f64)> {
+    let (index, _) = find_column(name);
     rows.iter().map(|row| (row.time, row.numbers()[index])).collect()
 }
 
 /// The regions over which the means of a series are, in the order in which they occur.
-pub fn regions(rows: &[Row]) -> String {
+pub fn region_names(rows: &[Row]) -> String {
     let mut names: Vec<&str> = Vec::new();
-    for kind in rows.iter().filter_map(|row| Kind::ALL.get(row.region as usize)).filter(|kind| **kind != Kind::None) {
+    for kind in
+        rows.iter().filter_map(|row| RegionKind::ALL.get(row.region as usize)).filter(|kind| **kind != RegionKind::None)
+    {
         if !names.contains(&kind.name()) {
             names.push(kind.name());
         }
@@ -97,22 +99,22 @@ pub fn regions(rows: &[Row]) -> String {
     names.join("; ")
 }
 
-impl Plot {
-    pub fn y(&self) -> Axis {
-        let (_, unit) = column(self.curves[0].0);
-        Axis { quantity: self.quantity.into(), unit: unit.into(), logarithmic: self.logarithmic }
+impl SeriesPlot {
+    pub fn y_axis(&self) -> FigureAxis {
+        let (_, unit) = find_column(self.curves[0].0);
+        FigureAxis { quantity: self.quantity.into(), unit: unit.into(), logarithmic: self.logarithmic }
     }
 
-    pub fn figure(&self, rows: &[Row]) -> Figure {
+    pub fn to_figure(&self, rows: &[Row]) -> Figure {
         // What a scene has not, such as a bed, is not in the legend.
         let has = |curve: &Curve| curve.name == self.curves[0].1 || curve.points.iter().any(|(_, y)| y.is_finite());
-        let curves = self.curves.iter().map(|(name, label)| Curve::line(label, points(rows, name)));
+        let curves = self.curves.iter().map(|(name, label)| Curve::line(label, column_points(rows, name)));
         let curves = curves.filter(has).collect();
-        let title = match self.of_region.then(|| regions(rows)) {
+        let title = match self.of_region.then(|| region_names(rows)) {
             Some(regions) if !regions.is_empty() => format!("{}, {regions}", self.title),
             _ => self.title.into(),
         };
-        Figure { title, x: Axis::linear("time", "s"), y: self.y(), curves }
+        Figure { title, x: FigureAxis::linear("time", "s"), y: self.y_axis(), curves }
     }
 }
 
@@ -128,26 +130,38 @@ mod tests {
     #[test]
     fn axes_carry_units_and_gaps_part_the_line() {
         let rows = |z: &dyn Fn(usize) -> f64| rows(&[0.0, 10.0, 20.0, 30.0, 40.0], z);
-        let text = PLOTS[1].figure(&rows(&|k| if k == 2 { f64::NAN } else { k as f64 })).svg();
+        let text = PLOTS[1].to_figure(&rows(&|k| if k == 2 { f64::NAN } else { k as f64 })).to_svg();
         assert!(text.contains("time (s)") && text.contains("no rattlers"));
         // The title names where the means are.
-        let row = |kind: Kind| Row { region: kind.number(), ..Row::default() };
-        let rows_of = [row(Kind::None), row(Kind::AllGrains), row(Kind::LargestGroup), row(Kind::AllGrains)];
-        assert_eq!(regions(&rows_of), "hull of all grains; hull of the largest group");
+        let row = |kind: RegionKind| Row { region: kind.column_value(), ..Row::default() };
+        let rows_of = [
+            row(RegionKind::None),
+            row(RegionKind::AllGrains),
+            row(RegionKind::LargestGroup),
+            row(RegionKind::AllGrains),
+        ];
+        assert_eq!(region_names(&rows_of), "hull of all grains; hull of the largest group");
         assert!(
-            PLOTS[2].figure(&rows_of).svg().contains("Solid fraction, hull of all grains; hull of the largest group")
+            PLOTS[2]
+                .to_figure(&rows_of)
+                .to_svg()
+                .contains("Solid fraction, hull of all grains; hull of the largest group")
         );
-        assert!(!PLOTS[0].figure(&rows_of).svg().contains("hull"));
+        assert!(!PLOTS[0].to_figure(&rows_of).to_svg().contains("hull"));
         let lines = text.matches("stroke-width=\"4\"").count();
         assert_eq!(lines, 2, "{text}"); // of Z, before and after the gap
-        let energy = PLOTS[0].figure(&rows(&|k| [1e-3, 10.0, 1.0, 1.0, 1.0][k])).svg();
+        let energy = PLOTS[0].to_figure(&rows(&|k| [1e-3, 10.0, 1.0, 1.0, 1.0][k])).to_svg();
         assert!(energy.contains("energy (J)") && energy.contains("10⁻²"), "{energy}");
     }
 
     #[test]
     fn what_is_plotted_is_a_column() {
         for plot in &PLOTS {
-            assert!(plot.curves.iter().all(|(name, _)| column(name).1 == column(plot.curves[0].0).1), "{}", plot.file);
+            assert!(
+                plot.curves.iter().all(|(name, _)| find_column(name).1 == find_column(plot.curves[0].0).1),
+                "{}",
+                plot.file
+            );
         }
     }
 }

@@ -1,9 +1,9 @@
 //! Numbers for human eyes: prefixes and round lengths.
 
 /// Superscript digits, and the minus sign as the eleventh.
-const POWERS: [char; 11] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹', '⁻'];
+const SUPERSCRIPT_DIGITS: [char; 11] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹', '⁻'];
 
-const PREFIXES: [&str; 9] = ["p", "n", "µ", "m", "", "k", "M", "G", "T"];
+const UNIT_PREFIXES: [&str; 9] = ["p", "n", "µ", "m", "", "k", "M", "G", "T"];
 
 /// The factor and the unit with prefix that bring numbers up to `largest` to between 1 and 1000.
 ///
@@ -11,29 +11,29 @@ const PREFIXES: [&str; 9] = ["p", "n", "µ", "m", "", "k", "M", "G", "T"];
 /// gets a power of ten before the unit, and so does a kilogram, which has its prefix.
 ///
 /// ```
-/// # use cd_post::write::scale::prefixed;
-/// assert_eq!(prefixed(2.5e4, "Pa"), (1e3, "kPa".to_string()));
-/// assert_eq!(prefixed(0.0, "m"), (1.0, "m".to_string()));
-/// assert_eq!(prefixed(3e-20, "J"), (1e-21, "10⁻²¹ J".to_string()));
-/// assert_eq!(prefixed(2e7, "kg m/s"), (1e6, "10⁶ kg m/s".to_string()));
+/// # use cd_post::write::scale::unit_prefix;
+/// assert_eq!(unit_prefix(2.5e4, "Pa"), (1e3, "kPa".to_string()));
+/// assert_eq!(unit_prefix(0.0, "m"), (1.0, "m".to_string()));
+/// assert_eq!(unit_prefix(3e-20, "J"), (1e-21, "10⁻²¹ J".to_string()));
+/// assert_eq!(unit_prefix(2e7, "kg m/s"), (1e6, "10⁶ kg m/s".to_string()));
 /// ```
-pub fn prefixed(largest: f64, unit: &str) -> (f64, String) {
+pub fn unit_prefix(largest: f64, unit: &str) -> (f64, String) {
     if !(largest > 0.0 && largest.is_finite()) || ["1", "°"].contains(&unit) || unit == "s" && largest >= 1.0 {
         return (1.0, unit.to_string());
     }
     let triple = (largest.log10() / 3.0).floor() as i32;
     let factor = 10f64.powi(3 * triple);
     let takes = |prefix: &&&str| prefix.is_empty() || !unit.starts_with("kg");
-    let label = match PREFIXES.get((triple + 4).max(-1) as usize).filter(takes) {
+    let label = match UNIT_PREFIXES.get((triple + 4).max(-1) as usize).filter(takes) {
         Some(prefix) => format!("{prefix}{unit}"),
-        None => format!("10{} {unit}", superscript(3 * triple)),
+        None => format!("10{} {unit}", to_superscript(3 * triple)),
     };
     (factor, label)
 }
 
 /// An integer in superscript digits.
-pub fn superscript(number: i32) -> String {
-    number.to_string().chars().map(|c| POWERS[c.to_digit(10).map_or(10, |d| d as usize)]).collect()
+pub fn to_superscript(number: i32) -> String {
+    number.to_string().chars().map(|c| SUPERSCRIPT_DIGITS[c.to_digit(10).map_or(10, |d| d as usize)]).collect()
 }
 
 /// The largest of 1, 2, 5 times a power of ten that is not above `limit`, which is > 0.
@@ -50,26 +50,26 @@ pub fn round_below(limit: f64) -> f64 {
 /// where `step` is 0.
 ///
 /// ```
-/// assert_eq!(cd_post::write::scale::digits(200.0, 0.05), 5);
+/// assert_eq!(cd_post::write::scale::digits_needed(200.0, 0.05), 5);
 /// ```
-pub fn digits(largest: f64, step: f64) -> usize {
+pub fn digits_needed(largest: f64, step: f64) -> usize {
     (largest.log10().floor() - step.log10().floor() + 1.0).max(1.0) as usize
 }
 
 /// Six significant digits, without trailing zeros.
 ///
 /// ```
-/// # use cd_post::write::scale::significant;
-/// assert_eq!(significant(863.8000000000001), "863.8");
-/// assert_eq!(significant(-0.0), "0");
-/// assert_eq!(significant(1.0 / 3e7), "3.33333e-8");
+/// # use cd_post::write::scale::format_six_digits;
+/// assert_eq!(format_six_digits(863.8000000000001), "863.8");
+/// assert_eq!(format_six_digits(-0.0), "0");
+/// assert_eq!(format_six_digits(1.0 / 3e7), "3.33333e-8");
 /// ```
-pub fn significant(value: f64) -> String {
-    rounded(value, 6)
+pub fn format_six_digits(value: f64) -> String {
+    format_digits(value, 6)
 }
 
 /// So many significant digits (at least 1), without trailing zeros.
-pub fn rounded(value: f64, digits: usize) -> String {
+pub fn format_digits(value: f64, digits: usize) -> String {
     let behind = digits.clamp(1, 17) - 1;
     let rounded: f64 = format!("{value:.behind$e}").parse().unwrap_or(value);
     if rounded == 0.0 {

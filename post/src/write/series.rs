@@ -1,12 +1,12 @@
 //! Tables: `POSTPRO/series.csv`, a header, then a line a snapshot; and tables of any numbers.
 
-use crate::derive::{Field, Row};
+use crate::derive::{Row, SeriesValue};
 
 /// The text of the file: names of [`Row::COLUMNS`], then the fields of each row.
 ///
 /// Numbers are the shortest decimals that read back as the same f64; an undefined value is an
 /// empty field, never `NaN`.
-pub fn text(rows: &[Row]) -> String {
+pub fn series_text(rows: &[Row]) -> String {
     let header: Vec<&str> = Row::COLUMNS.iter().map(|(name, _, _)| *name).collect();
     let mut text = header.join(",");
     text.push('\n');
@@ -21,17 +21,17 @@ pub fn text(rows: &[Row]) -> String {
 pub type Column = (&'static str, &'static str, &'static str);
 
 /// A table of these columns.
-pub fn table<const N: usize>(columns: &[Column; N], rows: impl IntoIterator<Item = [f64; N]>) -> String {
-    csv(&columns.map(|(name, _, _)| name), rows)
+pub fn csv_table<const N: usize>(columns: &[Column; N], rows: impl IntoIterator<Item = [f64; N]>) -> String {
+    csv_text(&columns.map(|(name, _, _)| name), rows)
 }
 
 /// Lines of a CSV file: names, then numbers; what is not defined is an empty field.
-pub fn csv(header: &[&str], rows: impl IntoIterator<Item = impl AsRef<[f64]>>) -> String {
-    counted(header, &[], rows)
+pub fn csv_text(header: &[&str], rows: impl IntoIterator<Item = impl AsRef<[f64]>>) -> String {
+    csv_with_counts(header, &[], rows)
 }
 
 /// The same where the columns of `counts` hold whole numbers and are written so, `38` and not `38.0`.
-pub fn counted(header: &[&str], counts: &[&str], rows: impl IntoIterator<Item = impl AsRef<[f64]>>) -> String {
+pub fn csv_with_counts(header: &[&str], counts: &[&str], rows: impl IntoIterator<Item = impl AsRef<[f64]>>) -> String {
     let whole: Vec<bool> = header.iter().map(|name| counts.contains(name)).collect();
     let field = |(k, value): (usize, &f64)| {
         if whole.get(k) == Some(&true) && value.is_finite() { format!("{value:.0}") } else { value.text() }
@@ -46,7 +46,7 @@ pub fn counted(header: &[&str], counts: &[&str], rows: impl IntoIterator<Item = 
 }
 
 /// The name of a run or group as a field: what would part it, quote it or end the line is replaced.
-pub fn named(name: &str) -> String {
+pub fn name_field(name: &str) -> String {
     let letter = |letter: char| match letter {
         ',' => ';',
         '"' => '\'',
@@ -64,8 +64,8 @@ mod tests {
 
     #[test]
     fn a_name_is_one_field_and_a_count_has_no_point() {
-        assert_eq!(named("a,b \"c\"\nd\te\u{85}f\u{2028}é"), "a;b 'c' d e f é");
-        let table = counted(&["grains", "mass"], &["grains"], [[38.0, 2.0], [f64::NAN, f64::NAN]]);
+        assert_eq!(name_field("a,b \"c\"\nd\te\u{85}f\u{2028}é"), "a;b 'c' d e f é");
+        let table = csv_with_counts(&["grains", "mass"], &["grains"], [[38.0, 2.0], [f64::NAN, f64::NAN]]);
         assert_eq!(table, "grains,mass\n38,2.0\n,\n");
     }
 
@@ -74,8 +74,8 @@ mod tests {
         let mut scene = Scene::default();
         scene.grain([1e-300, 0.1 + 0.2, -1.0 / 3.0], 1e-3);
         scene.snapshot.meta.time = 5e-324;
-        let (full, empty) = (Row::of(&scene.frame()), Row::of(&Scene::default().frame()));
-        let text = text(&[full.clone(), empty.clone()]);
+        let (full, empty) = (Row::from_frame(&scene.frame()), Row::from_frame(&Scene::default().frame()));
+        let text = series_text(&[full.clone(), empty.clone()]);
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 3);
         for (line, row) in lines[1..].iter().zip([full, empty]) {

@@ -4,7 +4,7 @@
 
 use std::f64::consts::PI;
 
-use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
+use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::snapshot::{
     DRIVEN_ALL, IntervalArrays, LawName, MaterialName, MemoryArrays, SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE,
     STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Snapshot,
@@ -97,12 +97,12 @@ impl Scene {
                     let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -half } else { half });
                     let sides = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
                     let triangles = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-                    Shape::Polyhedron { vertices: (0..8).map(corner).collect(), triangles }
+                    ShapeRecord::Polyhedron { vertices: (0..8).map(corner).collect(), triangles }
                 }
                 None if bodies.body_shape[row] == SHAPE_PLANE => {
-                    Shape::Plane { half_lengths: bodies.body_half_lengths[row] }
+                    ShapeRecord::Plane { half_lengths: bodies.body_half_lengths[row] }
                 }
-                None => Shape::Sphere { radius },
+                None => ShapeRecord::Sphere { radius },
             };
             Body {
                 line: 0,

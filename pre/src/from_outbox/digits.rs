@@ -2,34 +2,41 @@
 
 use std::fmt::Display;
 
-use cd_formats::bodies::{Body, Contactor, LocalFrame, Shape};
-use cd_formats::drv_dof::{Driven, DrvDof, Evolution};
-use cd_formats::scan::{fortran_real, long14};
-use cd_formats::tact_behav::labels;
+use cd_formats::bodies::{Body, Contactor, LocalFrame, ShapeRecord};
+use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution};
+use cd_formats::scan::{format_long14, fortran_real};
+use cd_formats::tact_behav::parameter_labels;
 
-use super::tables::Tables;
+use super::tables::BehaviourTables;
 
 /// As many numbers of a file are told one by one.
-const TOLD: usize = 5;
+const MAX_REPORTED_NUMBERS: usize = 5;
 
 /// A line for each number that is not written with all its digits, of a file the first five, then how many more.
 ///
 /// `bodies` are those of other runs; their places, which START.npz has, do not count.
-pub fn lost(bodies: &[Body], tables: &Tables, driven: &DrvDof) -> String {
-    let of_bodies = (1..).zip(bodies).flat_map(|(k, body)| of(format_args!("body {k}"), numbers(body)));
-    let gravity = of("gravity", ["grv1", "grv2", "grv3"].into_iter().zip(tables.bulk.gravity));
+pub fn lost_digits(bodies: &[Body], tables: &BehaviourTables, driven: &DrvDof) -> String {
+    let of_bodies =
+        (1..).zip(bodies).flat_map(|(k, body)| inexact_numbers(format_args!("body {k}"), body_numbers(body)));
+    let gravity = inexact_numbers("gravity", ["grv1", "grv2", "grv3"].into_iter().zip(tables.bulk.gravity));
     let materials = tables.bulk.materials.iter();
-    let materials = materials.flat_map(|m| of(format_args!("material {}", m.name), [("Umas", m.density)]));
+    let materials = materials.flat_map(|m| inexact_numbers(format_args!("material {}", m.name), [("Umas", m.density)]));
     let laws = tables.tact.laws.iter().flat_map(|law| {
-        of(format_args!("law '{}'", law.nickname), labels(&law.kind).zip(law.parameters.iter().copied()))
+        inexact_numbers(
+            format_args!("law '{}'", law.nickname),
+            parameter_labels(&law.kind).zip(law.parameters.iter().copied()),
+        )
     });
     let rows = (1..).zip(&tables.tact.visibility);
-    let rows = rows.flat_map(|(k, row)| of(format_args!("see row {k}"), [("alert", row.alert)]));
-    let functions = driven.0.iter().flat_map(|Driven { body, component, evolution, .. }| match *evolution {
+    let rows = rows.flat_map(|(k, row)| inexact_numbers(format_args!("see row {k}"), [("alert", row.alert)]));
+    let functions = driven.0.iter().flat_map(|DrivenComponent { body, component, evolution, .. }| match *evolution {
         Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
             let names = ["CT", "AMP", "OMEGA", "PHI", "RAMPI", "RAMP"];
             let values = [constant, amplitude, omega, phase, ramp_start, ramp_rate];
-            of(format_args!("body {}, component {}", body + 1, component + 1), names.into_iter().zip(values))
+            inexact_numbers(
+                format_args!("body {}, component {}", body + 1, component + 1),
+                names.into_iter().zip(values),
+            )
         }
         Evolution::Table { .. } => Vec::new(),
     });
@@ -41,40 +48,44 @@ pub fn lost(bodies: &[Body], tables: &Tables, driven: &DrvDof) -> String {
     ];
     let mut text = String::new();
     for (file, lost) in files {
-        lost.iter().take(TOLD).for_each(|lost| text += &format!("{file}: {lost}, all that its columns hold\n"));
-        if lost.len() > TOLD {
-            text +=
-                &format!("{file}: {} more numbers are written with fewer digits than they have\n", lost.len() - TOLD);
+        lost.iter()
+            .take(MAX_REPORTED_NUMBERS)
+            .for_each(|lost| text += &format!("{file}: {lost}, all that its columns hold\n"));
+        if lost.len() > MAX_REPORTED_NUMBERS {
+            text += &format!(
+                "{file}: {} more numbers are written with fewer digits than they have\n",
+                lost.len() - MAX_REPORTED_NUMBERS
+            );
         }
     }
     text
 }
 
 /// Of the numbers of an object by their labels, those that are not written with all their digits, in words.
-fn of(object: impl Display, numbers: impl IntoIterator<Item = (&'static str, f64)>) -> Vec<String> {
-    let lost = numbers.into_iter().filter(|(_, x)| fortran_real(&long14(*x)) != Ok(*x));
-    lost.map(|(label, x)| format!("{object}: {label} {x:?} is written as {}", long14(x).trim())).collect()
+fn inexact_numbers(object: impl Display, numbers: impl IntoIterator<Item = (&'static str, f64)>) -> Vec<String> {
+    let lost = numbers.into_iter().filter(|(_, x)| fortran_real(&format_long14(*x)) != Ok(*x));
+    lost.map(|(label, x)| format!("{object}: {label} {x:?} is written as {}", format_long14(x).trim())).collect()
 }
 
 /// What makes the mass and the shape of a body.
-fn numbers(body: &Body) -> Vec<(&'static str, f64)> {
+fn body_numbers(body: &Body) -> Vec<(&'static str, f64)> {
     let mut all = vec![("avrd", body.equivalent_radius)];
     let mut add = |label, values: &[f64]| all.extend(values.iter().map(|x| (label, *x)));
     body.inertia.iter().for_each(|moments| add("I", moments));
     for Contactor { shape, local_frame, .. } in &body.contactors {
         match shape {
-            Shape::Sphere { radius } => add("byrd", &[*radius]),
-            Shape::OffsetSphere { radius, offset } => {
+            ShapeRecord::Sphere { radius } => add("byrd", &[*radius]),
+            ShapeRecord::OffsetSphere { radius, offset } => {
                 add("byrd", &[*radius]);
                 add("coo", offset);
             }
-            Shape::Plane { half_lengths } => add("axe", half_lengths),
-            Shape::Cylinder { half_height, radius, .. } => {
+            ShapeRecord::Plane { half_lengths } => add("axe", half_lengths),
+            ShapeRecord::Cylinder { half_height, radius, .. } => {
                 add("High", &[*half_height]);
                 add("byrd", &[*radius]);
             }
-            Shape::Polyhedron { vertices, .. } => add("coo", vertices.as_flattened()),
-            Shape::Point { offset } => add("coo", offset),
+            ShapeRecord::Polyhedron { vertices, .. } => add("coo", vertices.as_flattened()),
+            ShapeRecord::Point { offset } => add("coo", offset),
         }
         if let Some(LocalFrame { axes, offset }) = local_frame {
             add("localframe", axes.as_flattened());
@@ -90,9 +101,9 @@ mod tests {
 
     #[test]
     fn what_fourteen_columns_hold_is_not_told() {
-        let told = of("gravity", [("grv1", -9.80665), ("grv2", 1.23456789012), ("grv3", 1.2345678e-30)]);
+        let told = inexact_numbers("gravity", [("grv1", -9.80665), ("grv2", 1.23456789012), ("grv3", 1.2345678e-30)]);
         assert!(told.is_empty(), "{told:?}");
-        let told = of("gravity", [("grv1", 1.0 / 3.0), ("grv2", -1.23456789e-4), ("grv3", 0.0)]);
+        let told = inexact_numbers("gravity", [("grv1", 1.0 / 3.0), ("grv2", -1.23456789e-4), ("grv3", 0.0)]);
         let expected = [
             "gravity: grv1 0.3333333333333333 is written as 0.33333333333",
             "gravity: grv2 -0.000123456789 is written as -1.2345679E-04",
@@ -105,12 +116,12 @@ mod tests {
         let third = 1.0 / 3.0;
         let contactor = |shape| Contactor { colour: "BLUEx".into(), shape, local_frame: None };
         let shapes = [
-            (Shape::Sphere { radius: third }, 1),
-            (Shape::OffsetSphere { radius: third, offset: [third; 3] }, 4),
-            (Shape::Plane { half_lengths: [third; 3] }, 3),
-            (Shape::Cylinder { half_height: third, radius: third, hollow: true }, 2),
-            (Shape::Polyhedron { vertices: vec![[third; 3]; 4], triangles: Vec::new() }, 12),
-            (Shape::Point { offset: [third; 3] }, 3),
+            (ShapeRecord::Sphere { radius: third }, 1),
+            (ShapeRecord::OffsetSphere { radius: third, offset: [third; 3] }, 4),
+            (ShapeRecord::Plane { half_lengths: [third; 3] }, 3),
+            (ShapeRecord::Cylinder { half_height: third, radius: third, hollow: true }, 2),
+            (ShapeRecord::Polyhedron { vertices: vec![[third; 3]; 4], triangles: Vec::new() }, 12),
+            (ShapeRecord::Point { offset: [third; 3] }, 3),
         ];
         for (shape, count) in shapes {
             let mut body = Body {
@@ -121,9 +132,9 @@ mod tests {
                 position: [third; 3],
                 contactors: vec![contactor(shape)],
             };
-            assert_eq!(of("body 1", numbers(&body)).len(), 4 + count, "{body:?}");
+            assert_eq!(inexact_numbers("body 1", body_numbers(&body)).len(), 4 + count, "{body:?}");
             body.contactors[0].local_frame = Some(LocalFrame { axes: [[third; 3]; 3], offset: [third; 3] });
-            assert_eq!(of("body 1", numbers(&body)).len(), 16 + count);
+            assert_eq!(inexact_numbers("body 1", body_numbers(&body)).len(), 16 + count);
         }
     }
 }

@@ -19,40 +19,40 @@ pub mod tables;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use cd_formats::atomic::{self, is_there};
+use cd_formats::atomic::{self, path_exists};
 use cd_formats::bodies::Bodies;
-use cd_formats::compute::{ABOUT_A_PERIOD, Compute};
+use cd_formats::compute::{Compute, ROTATION_ABOUT_PERIOD};
 use cd_formats::dof::{BodyDof, Dof};
-use cd_formats::drv_dof::{Driven, DrvDof, Evolution, table_text};
+use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::origin::Origin;
+use cd_formats::origin::SceneOrigin;
 use cd_formats::places;
-use cd_formats::report::Report;
-use cd_formats::snapshot::{self, Ledger, START, Snapshot};
+use cd_formats::report::FaultReport;
+use cd_formats::snapshot::{self, Ledger, START_FILE, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
 use serde::Deserialize;
 
-use crate::check::three;
+use crate::check::check_vector;
 use crate::population::{Population, populate};
 use crate::reread;
 use crate::scene::{self, Contact, Grains, Law, Material, Rotation, Scene};
 use crate::write;
-use source::{Part, Source};
-use tables::Tables;
+use source::{SourceCase, SourcePart};
+use tables::BehaviourTables;
 
 /// Where each body comes from, beside the files of DATBOX.
-pub const ORIGIN: &str = "ORIGIN.csv";
+pub const ORIGIN_FILE: &str = "ORIGIN.csv";
 
 /// Changes against the run that is continued; by default none.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Changes {
     /// Parts taken from each run; left out, all of the case.
-    pub bodies: Vec<Taken>,
+    pub bodies: Vec<Selection>,
     /// Further bodies, as in a scene.
     pub grains: Vec<Grains>,
     /// Further walls, as in a scene.
-    pub walls: Vec<scene::Wall>,
+    pub walls: Vec<scene::SceneWall>,
     /// Seed of what is drawn at random for these.
     pub seed: u64,
     /// New ones, and new densities of those that there are.
@@ -70,20 +70,20 @@ pub struct Changes {
 /// Part taken from one run, and how it is moved.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Taken {
+pub struct Selection {
     /// Folder of the case, seen from the file of changes; left out, the case of the command line.
     pub case: Option<PathBuf>,
     /// Step of the snapshot; left out, the last.
     pub snapshot: Option<u64>,
-    pub keep: Keep,
+    pub keep: BodyFilter,
     /// Whether bodies with imposed motion are taken too.
     pub walls: bool,
     /// Bodies with imposed motion for which the opposite of `walls` holds.
-    pub walls_except: Vec<Which>,
+    pub walls_except: Vec<WallSelector>,
     /// New colour of the free bodies.
     pub colour: Option<String>,
     /// Motion that is taken away first.
-    pub stop: Stop,
+    pub stop: MotionRemoval,
     /// Turns the free bodies and their motion about their centre of mass.
     pub turn: Rotation,
     /// New centre of mass of the free bodies, m.
@@ -94,16 +94,16 @@ pub struct Taken {
     pub spin: [f64; 3],
 }
 
-impl Default for Taken {
+impl Default for Selection {
     fn default() -> Self {
-        Taken {
+        Selection {
             case: None,
             snapshot: None,
-            keep: Keep::All,
+            keep: BodyFilter::All,
             walls: true,
             walls_except: Vec::new(),
             colour: None,
-            stop: Stop::Nothing,
+            stop: MotionRemoval::Nothing,
             turn: Rotation::default(),
             centre: None,
             velocity: [0.0; 3],
@@ -114,7 +114,7 @@ impl Default for Taken {
 
 /// Bodies with imposed motion, of one run.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-pub enum Which {
+pub enum WallSelector {
     /// The n-th of them, from 1: of a scene's walls, plates and cylinders in order.
     Wall(usize),
     /// The body of this number, from 1, among all.
@@ -125,7 +125,7 @@ pub enum Which {
 
 /// Which free bodies are kept.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-pub enum Keep {
+pub enum BodyFilter {
     All,
     /// Those whose sphere of equal volume lies below this height along z, m.
     Below(f64),
@@ -135,7 +135,7 @@ pub enum Keep {
 
 /// Motion of the free bodies that is taken away.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-pub enum Stop {
+pub enum MotionRemoval {
     Nothing,
     /// The velocity of their centre of mass.
     Drift,
@@ -149,7 +149,7 @@ pub enum Stop {
 type File = (String, Vec<u8>);
 
 /// Makes `dir/DATBOX` from a snapshot of `case`, with the changes of a file, and other values in these as `settings`
-/// say, see [`places::set`]; returns a summary for people.
+/// say, see [`places::apply_settings`]; returns a summary for people.
 ///
 /// Errors: all faults of the file and of the cases that it names; nothing is written then.
 pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], dir: &Path) -> Result<String, Faults> {
@@ -159,8 +159,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         None => (Path::new("changes"), "()".to_string()),
     };
     let parsed = |text: &str, settings: &[String]| -> Result<(Changes, String), Faults> {
-        let text = places::set(text, settings)?;
-        Ok((crate::parsed(file, &text, settings, "changes")?, text))
+        let text = places::apply_settings(text, settings)?;
+        Ok((crate::parse_with_settings(file, &text, settings, "changes")?, text))
     };
     // Options that are set where the file has none are for those of the first case.
     let (of_run, others): (Vec<String>, Vec<String>) =
@@ -170,10 +170,10 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         (changes, text) = parsed(&text, &of_run)?;
     }
     if changes.bodies.is_empty() {
-        changes.bodies.push(Taken::default());
+        changes.bodies.push(Selection::default());
     }
-    let mut report = Report::with(file, &text, settings);
-    check(&changes, &mut report);
+    let mut report = FaultReport::with_settings(file, &text, settings);
+    check_changes(&changes, &mut report);
     let folder = file.parent().unwrap_or(Path::new(""));
     let cases: Vec<PathBuf> =
         changes.bodies.iter().map(|t| t.case.as_ref().map_or(case.to_path_buf(), |c| folder.join(c))).collect();
@@ -184,10 +184,10 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
             let expected = "expected another folder than that of a case that is read";
             report.faults.push(Fault::new(dir, None, "folder", "is the case itself", expected));
         }
-        sources.extend(report.faults.gather(Source::read(case, taken.snapshot)));
+        sources.extend(report.faults.gather_result(SourceCase::read(case, taken.snapshot)));
     }
     if !events_go_on {
-        sources.iter_mut().for_each(Source::end_events);
+        sources.iter_mut().for_each(SourceCase::end_events);
     }
     sources.iter_mut().for_each(|source| source.set_densities(&changes.materials));
     if !report.faults.0.is_empty() {
@@ -195,9 +195,9 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     }
     let mut parts = Vec::new();
     for (k, (source, taken)) in sources.iter().zip(&changes.bodies).enumerate() {
-        match source.take(taken) {
+        match source.select_bodies(taken) {
             Ok(part) => parts.push(part),
-            Err((found, expected)) => report.fault(&format!("bodies.{k}"), found, expected),
+            Err((found, expected)) => report.add_fault(&format!("bodies.{k}"), found, expected),
         }
     }
     if !report.faults.0.is_empty() {
@@ -216,29 +216,29 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         }
     }
     for (k, taken) in changes.bodies.iter().enumerate() {
-        let turns = taken.stop != Stop::RigidMotion || options.may_turn(&[1.0; 3]);
-        report.expect(turns, &format!("bodies.{k}.stop"), "RigidMotion", ABOUT_A_PERIOD);
-        report.expect(
-            options.may_turn(&taken.spin),
+        let turns = taken.stop != MotionRemoval::RigidMotion || options.allows_rotation_about(&[1.0; 3]);
+        report.require(turns, &format!("bodies.{k}.stop"), "RigidMotion", ROTATION_ABOUT_PERIOD);
+        report.require(
+            options.allows_rotation_about(&taken.spin),
             &format!("bodies.{k}.spin"),
             format!("{:?}", taken.spin),
-            ABOUT_A_PERIOD,
+            ROTATION_ABOUT_PERIOD,
         );
     }
-    let new = New::of(&changes, &parts, &options, folder, &mut report);
-    let records = records(&parts, &new);
-    overlaps::check(&changes, &parts, &new.population, &records, &options, &mut report);
+    let new = NewBodies::from_changes(&changes, &parts, &options, folder, &mut report);
+    let records = body_records(&parts, &new);
+    overlaps::check_overlaps(&changes, &parts, &new.population, &records, &options, &mut report);
     if changes.compute.is_some() || !of_run.is_empty() {
         cd_formats::doubts::events(&options.events, "compute.", &mut report);
     }
-    crate::doubts::doubts(&changes.materials, &changes.laws, &changes.grains, &changes.walls, &mut report);
-    let tables = Tables::merged(&changes, &parts, &new.population.grains, &records, &mut report);
+    crate::doubts::report_doubts(&changes.materials, &changes.laws, &changes.grains, &changes.walls, &mut report);
+    let tables = BehaviourTables::from_parts(&changes, &parts, &new.population.grains, &records, &mut report);
     if changes.compute.is_some() || !of_run.is_empty() {
         tables.check_events(&options.events, &mut report);
     }
     tables.check_solver(options.solver, &mut report);
     // Bits of what is imposed; 63 is all.
-    let in_part = |part: &Part| part.state.bodies.body_driven.iter().any(|imposed| (1..63).contains(imposed));
+    let in_part = |part: &SourcePart| part.state.bodies.body_driven.iter().any(|imposed| (1..63).contains(imposed));
     let of_parts = (0..).zip(&parts).filter(|(_, part)| in_part(part)).map(|(k, _)| format!("bodies.{k}"));
     let of_new = crate::check::driven_in_part(&changes.grains, &changes.walls);
     crate::check::check_turning(&mut report, &options, of_parts.chain(of_new));
@@ -247,32 +247,32 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     }
 
     let datbox = dir.join("DATBOX");
-    let driven = driven(&parts, &new);
+    let driven = driven_components(&parts, &new);
     overlaps::check_drums(&parts, &new.population, &records, &tables.tact, &driven, &mut report);
-    let mut files = files(&changes, &parts, &new, &records, &tables, &driven, &options);
+    let mut files = datbox_files(&changes, &parts, &new, &records, &tables, &driven, &options);
     let mut owner: Vec<usize> = Vec::new();
     parts.iter().enumerate().for_each(|(k, part)| owner.extend(std::iter::repeat_n(k, part.rows.len())));
     let name = |body: usize| match owner.get(body) {
         Some(part) => format!("bodies.{part}"),
-        None => new.population.path(body - owner.len()),
+        None => new.population.scene_path(body - owner.len()),
     };
     let bytes = files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
-    reread::check(&datbox, bytes, &driven, &options, name, &mut report);
+    reread::check_files(&datbox, bytes, &driven, &options, name, &mut report);
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }
-    fs::create_dir_all(&datbox).map_err(|error| Fault::io(&datbox, "written", &error))?;
-    let mut origin = Origin::from_outbox(case, changes_file, settings, dir);
+    fs::create_dir_all(&datbox).map_err(|error| Fault::from_io(&datbox, "written", &error))?;
+    let mut origin = SceneOrigin::from_outbox(case, changes_file, settings, dir);
     changes_file.into_iter().for_each(|file| origin.add(file, dir));
     crate::models(&changes.grains).for_each(|model| origin.add(&folder.join(model), dir));
     for part in &parts {
-        origin.add(&snapshot::path(&part.source.case.join("OUTBOX"), part.source.snapshot.meta.step), dir);
+        origin.add(&snapshot::snapshot_path(&part.source.case.join("OUTBOX"), part.source.snapshot.meta.step), dir);
     }
-    for (_, bytes) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE) {
+    for (_, bytes) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE_FILE) {
         bytes.splice(..0, origin.lines().into_bytes());
     }
     atomic::write_all(files.iter().map(|(name, bytes)| (datbox.join(name), bytes.as_slice())))?;
-    crate::warn(&report.warnings);
+    crate::print_warnings(&report.warnings);
     let mut summary = String::new();
     for part in &parts {
         let (step, time) = (part.source.snapshot.meta.step, part.source.snapshot.meta.time);
@@ -284,10 +284,10 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
             part.state.contacts.contact_body.len()
         );
     }
-    summary += &sources[0].notes(Some(&options).filter(|_| changes.compute.is_none()));
+    summary += &sources[0].run_notes(Some(&options).filter(|_| changes.compute.is_none()));
     let taken: usize = parts.iter().map(|part| part.rows.len()).sum();
-    summary += &digits::lost(&records.0[..taken], &tables, &driven);
-    summary += &crate::groups(&new.scene, &new.population);
+    summary += &digits::lost_digits(&records.0[..taken], &tables, &driven);
+    summary += &crate::group_lines(&new.scene, &new.population);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     summary += &format!("{} bodies; wrote {}: {}\n", records.0.len(), datbox.display(), names.join(" "));
     Ok(summary)
@@ -296,48 +296,48 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
 /// Reads the changes in `text` and checks all that needs no run; the faults name the file `source`, and those of `settings` in the text
 /// these.
 pub fn read(source: &Path, text: &str, settings: &[String]) -> Result<Changes, Faults> {
-    let changes: Changes = crate::parsed(source, text, settings, "changes")?;
-    let mut report = Report::with(source, text, settings);
-    check(&changes, &mut report);
+    let changes: Changes = crate::parse_with_settings(source, text, settings, "changes")?;
+    let mut report = FaultReport::with_settings(source, text, settings);
+    check_changes(&changes, &mut report);
     report.faults.into_result(changes)
 }
 
 /// Takes away what only `from-outbox` writes, and what another scene would misread.
-pub fn clear(datbox: &Path) -> Result<(), Faults> {
-    for path in [datbox.join(START), datbox.join(ORIGIN)].iter().filter(|path| is_there(path)) {
-        fs::remove_file(path).map_err(|error| Fault::io(path, "removed", &error))?;
+pub fn remove_outbox_files(datbox: &Path) -> Result<(), Faults> {
+    for path in [datbox.join(START_FILE), datbox.join(ORIGIN_FILE)].iter().filter(|path| path_exists(path)) {
+        fs::remove_file(path).map_err(|error| Fault::from_io(path, "removed", &error))?;
     }
     Ok(())
 }
 
-fn check(changes: &Changes, report: &mut Report) {
+fn check_changes(changes: &Changes, report: &mut FaultReport) {
     for (k, taken) in changes.bodies.iter().enumerate() {
         let path = format!("bodies.{k}");
-        three(report, &format!("{path}.velocity"), &taken.velocity, "m/s");
-        three(report, &format!("{path}.spin"), &taken.spin, "rad/s");
-        three(report, &format!("{path}.centre"), &taken.centre.unwrap_or_default(), "m");
+        check_vector(report, &format!("{path}.velocity"), &taken.velocity, "m/s");
+        check_vector(report, &format!("{path}.spin"), &taken.spin, "rad/s");
+        check_vector(report, &format!("{path}.centre"), &taken.centre.unwrap_or_default(), "m");
         crate::check::check_rotation(report, &format!("{path}.turn"), &taken.turn);
         if let Some(colour) = &taken.colour {
-            crate::check::five_characters(report, &format!("{path}.colour"), colour);
+            crate::check::check_name_length(report, &format!("{path}.colour"), colour);
         }
     }
     for (k, grains) in changes.grains.iter().enumerate() {
         let path = format!("grains.{k}");
-        crate::check::five_characters(report, &format!("{path}.colour"), &grains.colour);
+        crate::check::check_name_length(report, &format!("{path}.colour"), &grains.colour);
         crate::check::check_grains(report, &path, grains);
     }
     for (k, wall) in changes.walls.iter().enumerate() {
         let path = format!("walls.{k}");
-        crate::check::five_characters(report, &format!("{path}.colour"), wall.colour());
+        crate::check::check_name_length(report, &format!("{path}.colour"), wall.colour());
         crate::check::check_wall(report, &path, wall);
     }
-    crate::check::names(report, "materials", changes.materials.iter().map(|material| &material.name));
+    crate::check::check_names(report, "materials", changes.materials.iter().map(|material| &material.name));
     for (k, material) in changes.materials.iter().enumerate() {
         let found = format!("{:?}", material.density);
         let path = format!("materials.{k}.density");
-        report.expect(crate::check::positive(material.density), &path, found, "a density > 0 kg/m^3");
+        report.require(crate::check::is_positive(material.density), &path, found, "a density > 0 kg/m^3");
     }
-    crate::check::names(report, "laws", changes.laws.iter().map(|law| &law.name));
+    crate::check::check_names(report, "laws", changes.laws.iter().map(|law| &law.name));
     for (k, law) in changes.laws.iter().enumerate() {
         crate::check::check_law(report, &format!("laws.{k}.kind"), &law.kind);
     }
@@ -347,14 +347,20 @@ fn check(changes: &Changes, report: &mut Report) {
 }
 
 /// Bodies that no run had, such as an impactor: a scene of their own.
-struct New {
+struct NewBodies {
     scene: Scene,
     population: Population,
 }
 
-impl New {
+impl NewBodies {
     /// Reports bodies that cannot be placed.
-    fn of(changes: &Changes, parts: &[Part], options: &Compute, folder: &Path, report: &mut Report) -> New {
+    fn from_changes(
+        changes: &Changes,
+        parts: &[SourcePart],
+        options: &Compute,
+        folder: &Path,
+        report: &mut FaultReport,
+    ) -> NewBodies {
         let known = parts.iter().flat_map(|part| &part.source.bulk.materials);
         let known = known.map(|known| Material { name: known.name.clone(), density: known.density });
         let scene = Scene {
@@ -369,22 +375,22 @@ impl New {
             compute: options.clone(),
         };
         let population = populate(&scene, folder, report);
-        New { scene, population }
+        NewBodies { scene, population }
     }
 }
 
 /// The bodies in the order of their new numbers: part by part, then the new ones.
-fn records(parts: &[Part], new: &New) -> Bodies {
-    let new = write::bodies(&new.scene, &new.population).0;
+fn body_records(parts: &[SourcePart], new: &NewBodies) -> Bodies {
+    let new = write::bodies_file(&new.scene, &new.population).0;
     Bodies(parts.iter().flat_map(|part| part.records.iter().cloned()).chain(new).collect())
 }
 
-fn files(
+fn datbox_files(
     changes: &Changes,
-    parts: &[Part],
-    new: &New,
+    parts: &[SourcePart],
+    new: &NewBodies,
     records: &Bodies,
-    tables: &Tables,
+    tables: &BehaviourTables,
     driven: &DrvDof,
     options: &Compute,
 ) -> Vec<File> {
@@ -406,11 +412,11 @@ fn files(
         part.append_to(&mut start, first);
         for (k, row) in part.rows.iter().enumerate() {
             let (body, step) = (first + k, part.source.snapshot.meta.step);
-            origin += &format!("{},{},{step},{}\n", body + 1, quoted(&part.source.case), row + 1);
-            bodies.push(part.dof(k, body));
+            origin += &format!("{},{},{step},{}\n", body + 1, csv_quoted(&part.source.case), row + 1);
+            bodies.push(part.dof_record(k, body));
         }
     }
-    for state in write::dof(&new.population).bodies {
+    for state in write::dof_file(&new.population).bodies {
         let body = bodies.len();
         origin += &format!("{},,,\n", body + 1);
         bodies.push(BodyDof { body, ..state });
@@ -424,7 +430,7 @@ fn files(
         ("DOF.INI", dof.to_text()),
         ("Vloc_Rloc.INI", VlocRloc { step: dof.step, time: dof.time, contacts: Vec::new() }.to_text()),
         ("COMPUTE.RON", options.to_text()),
-        (ORIGIN, origin),
+        (ORIGIN_FILE, origin),
     ]
     .map(|(name, text)| (name.to_string(), text.into_bytes()))
     .into();
@@ -437,28 +443,28 @@ fn files(
             files.push((name.clone(), table_text(points).into_bytes()));
         }
     }
-    files.push((START.to_string(), start.to_bytes()));
+    files.push((START_FILE.to_string(), start.to_bytes()));
     files
 }
 
 /// A path as a field of a CSV file.
-fn quoted(path: &Path) -> String {
+fn csv_quoted(path: &Path) -> String {
     let text = path.display().to_string();
     if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
 }
 
 /// Imposed motion of the bodies, under their new numbers; equal tables share a file.
-fn driven(parts: &[Part], new: &New) -> DrvDof {
+fn driven_components(parts: &[SourcePart], new: &NewBodies) -> DrvDof {
     let (mut all, mut first) = (Vec::new(), 0);
     for part in parts {
         for row in &part.source.driven.0 {
             let Ok(k) = part.rows.binary_search(&row.body) else { continue };
-            all.push(Driven { body: first + k, ..row.clone() });
+            all.push(DrivenComponent { body: first + k, ..row.clone() });
         }
         first += part.rows.len();
     }
     let (rows, _) = write::drv_dof(&new.scene, &new.population);
-    all.extend(rows.0.into_iter().map(|row| Driven { body: first + row.body, ..row }));
+    all.extend(rows.0.into_iter().map(|row| DrivenComponent { body: first + row.body, ..row }));
     let mut tables = Vec::<Vec<[f64; 2]>>::new();
     for row in &mut all {
         if let Evolution::Table { name, points } = &mut row.evolution {

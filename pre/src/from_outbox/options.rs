@@ -1,11 +1,11 @@
 //! The options of a run: flags of cd-solve win over COMPUTE.RON, and only the snapshot knows of them.
 
-use cd_formats::compute::{Action, Compute, Event, GravityMethod, schedule};
-use cd_formats::snapshot::{Meta, Parameters};
+use cd_formats::compute::{Compute, Event, EventAction, GravityMethod, event_schedule};
+use cd_formats::snapshot::{RunParameters, SnapshotMeta};
 
 /// The events of COMPUTE.RON that had happened by the time of a snapshot.
-pub fn done(events: &[Event], meta: &Meta) -> Vec<Event> {
-    let mut all = schedule(events, meta.time);
+pub fn past_events(events: &[Event], meta: &SnapshotMeta) -> Vec<Event> {
+    let mut all = event_schedule(events, meta.time);
     all.truncate(meta.parameters.events_done as usize);
     all
 }
@@ -15,8 +15,13 @@ pub fn done(events: &[Event], meta: &Meta) -> Vec<Event> {
 ///
 /// Where the snapshot has what is in force, by an option or by `accuracy`, that is an option only where the file would
 /// make another of it.
-pub fn of_run(file: &Compute, meta: &Meta, is_first: bool, has_start: bool) -> (Compute, Vec<(&'static str, String)>) {
-    let Parameters {
+pub fn run_options(
+    file: &Compute,
+    meta: &SnapshotMeta,
+    is_first: bool,
+    has_start: bool,
+) -> (Compute, Vec<(&'static str, String)>) {
+    let RunParameters {
         theta,
         accuracy,
         adaptive,
@@ -90,7 +95,7 @@ pub fn of_run(file: &Compute, meta: &Meta, is_first: bool, has_start: bool) -> (
     if refresh.is_some_and(|refresh| gravity == GravityMethod::Direct || refresh != options.gravity_refresh()) {
         options.gravity_refresh = refresh;
     }
-    if !done(&file.events, meta).iter().any(|event| matches!(event.action, Action::SetQuench(_))) {
+    if !past_events(&file.events, meta).iter().any(|event| matches!(event.action, EventAction::SetQuench(_))) {
         options.quench = quench;
     }
     let mut open = Vec::new();
@@ -105,7 +110,7 @@ pub fn of_run(file: &Compute, meta: &Meta, is_first: bool, has_start: bool) -> (
         options.dt = meta.h;
     }
     let last = meta.time - meta.h + 1e-3 * options.dt.min(meta.h);
-    let known = schedule(&file.events, last).iter().filter(|event| event.time <= last).count() as u64;
+    let known = event_schedule(&file.events, last).iter().filter(|event| event.time <= last).count() as u64;
     if !is_first && known != events_done {
         let text = format!("{events_done} had happened in the run, {known} of DATBOX; others than these are not known");
         open.push(("events", text));

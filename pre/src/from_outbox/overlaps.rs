@@ -2,46 +2,46 @@
 
 use std::cell::OnceCell;
 
-use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
+use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::compute::Compute;
 use cd_formats::drv_dof::{DrivenKind, DrvDof};
-use cd_formats::report::Report;
-use cd_formats::tact_behav::{Side, TactBehav};
+use cd_formats::report::FaultReport;
+use cd_formats::tact_behav::{TactBehav, VisibilitySide};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::Changes;
-use super::source::{Part, Source, quaternion};
-use crate::place::cells::Cells;
-use crate::population::{Population, check_extent, images};
-use crate::shapes::overlap::{Convex, deepest};
+use super::source::{SourceCase, SourcePart, unit_quaternion};
+use crate::place::cells::SphereGrid;
+use crate::population::{Population, check_extent, nearest_images};
+use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
 use crate::walls::{self, WallBody};
 
 type Vec3 = Vector3<f64>;
 
 /// Overlap over the smaller radius that counts as touching: what 8 digits leave of a contact computed by hand.
-const TOUCHING: f64 = 1e-6;
+const TOUCHING_TOLERANCE: f64 = 1e-6;
 /// Share by which an overlap may exceed what the runs had left: a wall that is put back has 8 digits.
-const ROUNDING: f64 = 1e-3;
+const ALLOWED_EXCESS: f64 = 1e-3;
 
 /// A plate or cylinder where it is; rows of `axes` are its own axes.
-struct Wall {
-    shape: Shape,
+struct PosedWall {
+    shape: ShapeRecord,
     centre: Vec3,
     axes: Matrix3<f64>,
 }
 
 /// The contactors of a body where they are.
 #[derive(Default)]
-struct Solid {
+struct PosedBody {
     balls: Vec<(Vec3, f64)>,
-    pieces: Vec<Convex>,
-    walls: Vec<Wall>,
+    pieces: Vec<ConvexPiece>,
+    walls: Vec<PosedWall>,
 }
 
-impl Solid {
+impl PosedBody {
     /// Shape of a body of BODIES.DAT with its centre of mass at `x`, `shift` from its position in the file, turned by `q`.
-    fn of(body: &Body, shift: &Vec3, x: &Vec3, q: &UnitQuaternion<f64>) -> Solid {
-        let mut solid = Solid::default();
+    fn from_body(body: &Body, shift: &Vec3, x: &Vec3, q: &UnitQuaternion<f64>) -> PosedBody {
+        let mut solid = PosedBody::default();
         let lone = body.contactors.len() == 1;
         let own = own_axes(body);
         // From the frame of the file to the fixed one.
@@ -50,63 +50,65 @@ impl Solid {
             let frame = local_frame.as_ref();
             let offset = frame.map_or(Vec3::zeros(), |frame| frame.offset.into());
             match shape {
-                Shape::Sphere { radius } => solid.balls.push((if lone { *x } else { at(offset) }, *radius)),
-                Shape::OffsetSphere { radius, offset } => solid.balls.push((at(Vec3::from(*offset)), *radius)),
-                Shape::Polyhedron { vertices, triangles } => {
+                ShapeRecord::Sphere { radius } => solid.balls.push((if lone { *x } else { at(offset) }, *radius)),
+                ShapeRecord::OffsetSphere { radius, offset } => solid.balls.push((at(Vec3::from(*offset)), *radius)),
+                ShapeRecord::Polyhedron { vertices, triangles } => {
                     let vertices = vertices.iter().map(|v| at(Vec3::from(*v)) - x).collect();
-                    solid.pieces.push(Convex::new(*x, vertices, triangles));
+                    solid.pieces.push(ConvexPiece::new(*x, vertices, triangles));
                 }
-                Shape::Plane { .. } | Shape::Cylinder { .. } => {
+                ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } => {
                     let columns = frame.map_or(Matrix3::identity(), |f| Matrix3::from_columns(&f.axes.map(Vec3::from)));
                     let turn = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
                     let turn = turn.into_inner();
                     let q = q.to_rotation_matrix().into_inner();
                     // The centre and the axes of a lone one are those of its body.
                     let (centre, axes) = if lone { (*x, q) } else { (at(offset), q * own.transpose() * turn) };
-                    solid.walls.push(Wall { shape: shape.clone(), centre, axes: axes.transpose() });
+                    solid.walls.push(PosedWall { shape: shape.clone(), centre, axes: axes.transpose() });
                 }
-                Shape::Point { .. } => {}
+                ShapeRecord::Point { .. } => {}
             }
         }
         solid
     }
 
-    fn of_wall(wall: &WallBody) -> Solid {
-        let wall = Wall { shape: wall.shape.clone(), centre: wall.centre, axes: wall.axes };
-        Solid { walls: vec![wall], ..Solid::default() }
+    fn from_wall(wall: &WallBody) -> PosedBody {
+        let wall = PosedWall { shape: wall.shape.clone(), centre: wall.centre, axes: wall.axes };
+        PosedBody { walls: vec![wall], ..PosedBody::default() }
     }
 
     /// How deep another solid, moved by -`shift`, reaches into this one, m; negative or 0 when apart, and at most `allowed`
     /// as soon as that is certain. Walls do not meet walls.
-    fn overlap(&self, other: &Solid, shift: &Vec3, allowed: f64) -> f64 {
-        let moved = |pieces: &[Convex]| -> Vec<Convex> {
+    fn overlap_with(&self, other: &PosedBody, shift: &Vec3, allowed: f64) -> f64 {
+        let moved = |pieces: &[ConvexPiece]| -> Vec<ConvexPiece> {
             let mut pieces = pieces.to_vec();
             pieces.iter_mut().for_each(|piece| piece.centre -= shift);
             pieces
         };
         let others = moved(&other.pieces);
-        let mut most = deepest(&self.pieces, &others, allowed);
+        let mut most = deepest_overlap(&self.pieces, &others, allowed);
         for (centre, radius) in &self.balls {
             for (of_other, radius_of_other) in &other.balls {
                 most = most.max(radius + radius_of_other - (centre - of_other + shift).norm());
             }
             most = others.iter().map(|piece| piece.overlap_of_ball(centre, *radius)).fold(most, f64::max);
-            let into =
-                |wall: &Wall| walls::overlap(&wall.shape, &(wall.axes * (centre + shift - wall.centre)), *radius);
+            let into = |wall: &PosedWall| {
+                walls::ball_overlap(&wall.shape, &(wall.axes * (centre + shift - wall.centre)), *radius)
+            };
             most = other.walls.iter().map(into).fold(most, f64::max);
         }
         for (centre, radius) in &other.balls {
             let centre = centre - shift;
             most = self.pieces.iter().map(|piece| piece.overlap_of_ball(&centre, *radius)).fold(most, f64::max);
-            let into = |wall: &Wall| walls::overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), *radius);
+            let into =
+                |wall: &PosedWall| walls::ball_overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), *radius);
             most = self.walls.iter().map(into).fold(most, f64::max);
         }
         for wall in &self.walls {
-            most = most.max(walls::overlap_of(&wall.shape, &wall.centre, &wall.axes, &others, allowed));
+            most = most.max(walls::pieces_overlap(&wall.shape, &wall.centre, &wall.axes, &others, allowed));
         }
         for wall in &other.walls {
             let centre = wall.centre - shift;
-            most = most.max(walls::overlap_of(&wall.shape, &centre, &wall.axes, &self.pieces, allowed));
+            most = most.max(walls::pieces_overlap(&wall.shape, &centre, &wall.axes, &self.pieces, allowed));
         }
         most
     }
@@ -115,30 +117,33 @@ impl Solid {
 /// The axes of a body in the frame of its file, as columns: the fixed ones where its inertia is given, and of a lone wall or
 /// sphere; else its principal ones, as cd-solve has it.
 fn own_axes(body: &Body) -> Matrix3<f64> {
-    let simple = matches!(body.contactors.as_slice(), [lone] if !matches!(lone.shape, Shape::Polyhedron { .. }));
+    let simple = matches!(body.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::Polyhedron { .. }));
     if simple || body.inertia.is_some_and(|inertia| inertia != [0.0; 3]) {
         return Matrix3::identity();
     }
-    let axes =
-        body.mass_properties().map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], |own| own.principal().1);
+    let axes = body
+        .mass_properties()
+        .map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], |own| own.principal_axes().1);
     Matrix3::from_fn(|i, j| axes[j][i])
 }
 
 /// Deepest overlap of two bodies in contact that a run has left, m, whichever of them are taken.
-fn left(source: &Source, options: &Compute) -> f64 {
+fn remaining_overlap(source: &SourceCase, options: &Compute) -> f64 {
     let bodies = &source.snapshot.bodies;
-    let made: Vec<OnceCell<Solid>> = (0..source.bodies.0.len()).map(|_| OnceCell::new()).collect();
+    let made: Vec<OnceCell<PosedBody>> = (0..source.bodies.0.len()).map(|_| OnceCell::new()).collect();
     let x = |k: usize| Vec3::from(bodies.body_x[k]);
     let solid = |k: usize| {
-        made[k].get_or_init(|| Solid::of(&source.bodies.0[k], &source.shifts[k], &x(k), &quaternion(bodies.body_q[k])))
+        made[k].get_or_init(|| {
+            PosedBody::from_body(&source.bodies.0[k], &source.shifts[k], &x(k), &unit_quaternion(bodies.body_q[k]))
+        })
     };
     let mut pairs: Vec<[usize; 2]> =
         source.snapshot.contacts.contact_body.iter().map(|pair| pair.map(|body| body as usize)).collect();
     pairs.dedup();
     let mut most = 0.0;
     for [a, b] in pairs {
-        for shift in images(options, &(x(b) - x(a))) {
-            most = f64::max(most, solid(a).overlap(solid(b), &shift, most));
+        for shift in nearest_images(options, &(x(b) - x(a))) {
+            most = f64::max(most, solid(a).overlap_with(solid(b), &shift, most));
         }
     }
     most
@@ -146,25 +151,25 @@ fn left(source: &Source, options: &Compute) -> f64 {
 
 /// Bodies of different parts, and their images in a scene that repeats, may touch, and overlap no deeper than the runs had
 /// left bodies in each other. The new ones among themselves have been checked.
-pub fn check(
+pub fn check_overlaps(
     changes: &Changes,
-    parts: &[Part],
+    parts: &[SourcePart],
     new: &Population,
     records: &Bodies,
     options: &Compute,
-    report: &mut Report,
+    report: &mut FaultReport,
 ) {
     let mut owner = Vec::new();
-    let mut solids: Vec<Box<dyn Fn() -> Solid + '_>> = Vec::new();
+    let mut solids: Vec<Box<dyn Fn() -> PosedBody + '_>> = Vec::new();
     let mut centres = Vec::new();
     for (k, part) in parts.iter().enumerate() {
         owner.extend(std::iter::repeat_n(k, part.rows.len()));
         for (row, body) in part.records.iter().enumerate() {
             let bodies = &part.state.bodies;
-            let (x, q) = (Vec3::from(bodies.body_x[row]), quaternion(bodies.body_q[row]));
+            let (x, q) = (Vec3::from(bodies.body_x[row]), unit_quaternion(bodies.body_q[row]));
             let shift = part.source.shifts[part.rows[row]];
             centres.push(x);
-            solids.push(Box::new(move || Solid::of(body, &shift, &x, &q)));
+            solids.push(Box::new(move || PosedBody::from_body(body, &shift, &x, &q)));
         }
     }
     let old = owner.len();
@@ -172,27 +177,27 @@ pub fn check(
     for grain in &new.grains {
         centres.push(grain.position);
         solids.push(Box::new(|| match grain.polyhedron {
-            Some(_) => Solid { pieces: grain.pieces(), ..Solid::default() },
-            None => Solid { balls: vec![(grain.position, grain.radius)], ..Solid::default() },
+            Some(_) => PosedBody { pieces: grain.convex_pieces(), ..PosedBody::default() },
+            None => PosedBody { balls: vec![(grain.position, grain.radius)], ..PosedBody::default() },
         }));
     }
     for wall in &new.walls {
         centres.push(wall.centre);
-        solids.push(Box::new(|| Solid::of_wall(wall)));
+        solids.push(Box::new(|| PosedBody::from_wall(wall)));
     }
-    let made: Vec<OnceCell<Solid>> = (0..records.0.len()).map(|_| OnceCell::new()).collect();
+    let made: Vec<OnceCell<PosedBody>> = (0..records.0.len()).map(|_| OnceCell::new()).collect();
     let solid = |k: usize| made[k].get_or_init(|| solids[k]());
 
     let reach = |(body, centre): (&Body, &Vec3)| {
         let shift = centre - Vec3::from(body.position);
         let from_centre = |point: &[f64; 3]| (Vec3::from(*point) - shift).norm();
         let reach = |contactor: &Contactor| match &contactor.shape {
-            Shape::Sphere { radius } => *radius,
-            Shape::OffsetSphere { radius, offset } => from_centre(offset) + radius,
-            Shape::Polyhedron { vertices, .. } => vertices.iter().map(from_centre).fold(0.0, f64::max),
+            ShapeRecord::Sphere { radius } => *radius,
+            ShapeRecord::OffsetSphere { radius, offset } => from_centre(offset) + radius,
+            ShapeRecord::Polyhedron { vertices, .. } => vertices.iter().map(from_centre).fold(0.0, f64::max),
             _ => body.equivalent_radius,
         };
-        let is_wall = |shape: &Shape| matches!(shape, Shape::Plane { .. } | Shape::Cylinder { .. });
+        let is_wall = |shape: &ShapeRecord| matches!(shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. });
         body.contactors.iter().filter(|contactor| !is_wall(&contactor.shape)).map(reach).reduce(f64::max)
     };
     let of_each = records.0.iter().zip(&centres).map(reach).enumerate();
@@ -210,36 +215,40 @@ pub fn check(
     let mut found: Vec<(f64, usize, usize)> = Vec::new();
     let mut meet = |a: usize, b: usize, shift: &Vec3, radius: f64| {
         if owner[a] != owner[b] {
-            let overlap = solid(a).overlap(solid(b), shift, TOUCHING * radius);
-            if overlap > TOUCHING * radius {
+            let overlap = solid(a).overlap_with(solid(b), shift, TOUCHING_TOLERANCE * radius);
+            if overlap > TOUCHING_TOLERANCE * radius {
                 found.push((overlap, a.min(b), a.max(b)));
             }
         }
     };
     let with_walls = (0..records.0.len()).filter(|&k| {
-        records.0[k].contactors.iter().any(|c| matches!(c.shape, Shape::Plane { .. } | Shape::Cylinder { .. }))
+        records.0[k]
+            .contactors
+            .iter()
+            .any(|c| matches!(c.shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. }))
     });
     for wall in with_walls {
         for &(k, radius) in balls.iter().filter(|(k, _)| owner[*k] != owner[wall]) {
-            for shift in images(options, &(centres[k] - centres[wall])) {
+            for shift in nearest_images(options, &(centres[k] - centres[wall])) {
                 let centre = centres[k] - shift;
-                let near =
-                    |wall: &Wall| walls::overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), radius) > 0.0;
+                let near = |wall: &PosedWall| {
+                    walls::ball_overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), radius) > 0.0
+                };
                 if solid(wall).walls.iter().any(near) {
                     meet(wall, k, &shift, radius);
                 }
             }
         }
     }
-    let mut cells = Cells::new(balls.first().map_or(1.0, |ball| ball.1));
+    let mut cells = SphereGrid::new(balls.first().map_or(1.0, |ball| ball.1));
     for &(k, radius) in &balls {
         // In the one cell about the origin: what is near lies there or in one next to it.
-        let own = images(options, &centres[k])[0];
+        let own = nearest_images(options, &centres[k])[0];
         let here = centres[k] - own;
-        for shift in images(options, &Vec3::zeros()) {
-            cells.overlaps(&(here + shift), radius, |number, _| {
+        for shift in nearest_images(options, &Vec3::zeros()) {
+            cells.for_each_overlap(&(here + shift), radius, |number, _| {
                 let other = balls[number].0;
-                let between = images(options, &centres[other])[0] - own + shift;
+                let between = nearest_images(options, &centres[other])[0] - own + shift;
                 meet(k, other, &between, radius);
             });
         }
@@ -249,15 +258,16 @@ pub fn check(
         return;
     }
     // Of a part alone, the deepest of its run counts; of two, the deeper.
-    let left: Vec<f64> = parts.iter().map(|part| left(part.source, &part.source.options)).chain([0.0]).collect();
+    let left: Vec<f64> =
+        parts.iter().map(|part| remaining_overlap(part.source, &part.source.options)).chain([0.0]).collect();
     let of_pair = |a: usize, b: usize| left[owner[a]].max(left[owner[b]]);
-    found.retain(|&(overlap, a, b)| overlap > (1.0 + ROUNDING) * of_pair(a, b));
+    found.retain(|&(overlap, a, b)| overlap > (1.0 + ALLOWED_EXCESS) * of_pair(a, b));
     found.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
     found.dedup_by_key(|(_, a, b)| (*a, *b));
     if let Some(&(overlap, a, b)) = found.first() {
         let name = match b.checked_sub(old) {
             None => format!("bodies.{}", owner[b]),
-            Some(body) => new.path(body),
+            Some(body) => new.scene_path(body),
         };
         let origin = |k: usize| match k.checked_sub(old) {
             None => {
@@ -278,20 +288,20 @@ pub fn check(
                 "bodies of different origin that touch, or overlap by at most the {left:.3e} m that the run had left"
             ),
         };
-        report.fault(&name, found, expected);
+        report.add_fault(&name, found, expected);
     }
 }
 
 /// Hollow cylinders push inwards alone: the first body that meets each and is outside of it goes into the report.
 pub fn check_drums(
-    parts: &[Part],
+    parts: &[SourcePart],
     new: &Population,
     records: &Bodies,
     tact: &TactBehav,
     driven: &DrvDof,
-    report: &mut Report,
+    report: &mut FaultReport,
 ) {
-    let is_drum = |contactor: &Contactor| matches!(contactor.shape, Shape::Cylinder { hollow: true, .. });
+    let is_drum = |contactor: &Contactor| matches!(contactor.shape, ShapeRecord::Cylinder { hollow: true, .. });
     if !records.0.iter().any(|body| body.contactors.iter().any(is_drum)) {
         return;
     }
@@ -301,7 +311,7 @@ pub fn check_drums(
         let bodies = &part.state.bodies;
         let of_row = |row: usize| {
             let shift = part.source.shifts[part.rows[row]];
-            (format!("bodies.{k}"), shift, Vec3::from(bodies.body_x[row]), quaternion(bodies.body_q[row]))
+            (format!("bodies.{k}"), shift, Vec3::from(bodies.body_x[row]), unit_quaternion(bodies.body_q[row]))
         };
         placed.extend((0..part.records.len()).map(of_row));
     }
@@ -310,22 +320,23 @@ pub fn check_drums(
     let old = placed.len();
     let grains = new.grains.iter().map(|grain| (grain.position, turn(&grain.axes())));
     let all = grains.chain(new.walls.iter().map(|wall| (wall.centre, turn(&wall.axes))));
-    placed.extend((0..).zip(all).map(|(k, (x, q))| (new.path(k), Vec3::zeros(), x, q)));
+    placed.extend((0..).zip(all).map(|(k, (x, q))| (new.scene_path(k), Vec3::zeros(), x, q)));
     let mut is_driven = vec![false; records.0.len()];
     for row in driven.0.iter().filter(|row| row.kind == DrivenKind::Velocity) {
         is_driven[row.body] = true;
     }
     let meets = |a: &Contactor, b: &Contactor| {
-        let of = |side: &Side, c: &Contactor| side.colour == c.colour && side.contactor == c.shape.name();
+        let of =
+            |side: &VisibilitySide, c: &Contactor| side.colour == c.colour && side.contactor == c.shape.type_name();
         let rows = &mut tact.visibility.iter();
         rows.any(|row| {
             of(&row.candidate, a) && of(&row.antagonist, b) || of(&row.candidate, b) && of(&row.antagonist, a)
         })
     };
     for (j, body) in records.0.iter().enumerate() {
-        let solid = Solid::of(body, &placed[j].1, &placed[j].2, &placed[j].3);
+        let solid = PosedBody::from_body(body, &placed[j].1, &placed[j].2, &placed[j].3);
         let drums = body.contactors.iter().filter(|contactor| is_drum(contactor));
-        let walls = solid.walls.iter().filter(|wall| matches!(wall.shape, Shape::Cylinder { hollow: true, .. }));
+        let walls = solid.walls.iter().filter(|wall| matches!(wall.shape, ShapeRecord::Cylinder { hollow: true, .. }));
         for (drum, wall) in drums.zip(walls) {
             let outside = (0..records.0.len()).filter(|&k| k != j && !is_driven[k]).find(|&k| {
                 let (_, shift, x, q) = &placed[k];
@@ -342,15 +353,15 @@ pub fn check_drums(
                     None => format!("body {}", j + 1),
                 };
                 let found = format!("body {} is outside of {of_drum}, a hollow cylinder", k + 1);
-                report.fault(path, found, "bodies that meet it within: it is closed, and pushes inwards alone");
+                report.add_fault(path, found, "bodies that meet it within: it is closed, and pushes inwards alone");
             }
         }
     }
 }
 
-/// Centre of a contactor of a body as in [`Solid::of`].
+/// Centre of a contactor of a body as in [`PosedBody::from_body`].
 fn centre(body: &Body, contactor: &Contactor, shift: &Vec3, x: &Vec3, q: &UnitQuaternion<f64>) -> Vec3 {
-    let lone = matches!(body.contactors.as_slice(), [lone] if !matches!(lone.shape, Shape::OffsetSphere { .. }));
+    let lone = matches!(body.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::OffsetSphere { .. }));
     match contactor.mass_properties() {
         Ok(own) if !lone => x + q * (own_axes(body).transpose() * (Vec3::from(own.centre) - shift)),
         _ => *x,
@@ -366,13 +377,14 @@ mod tests {
         let turn = UnitQuaternion::from_scaled_axis(Vec3::new(0.3, -1.1, 0.7));
         let centre = Vec3::new(5.0, -2.0, 1.0);
         let overlap = |hollow: bool, local: [f64; 3]| {
-            let shape = Shape::Cylinder { half_height: 4.0, radius: 3.0, hollow };
-            let wall = Wall { shape, centre, axes: turn.to_rotation_matrix().into_inner().transpose() };
-            let wall = Solid { walls: vec![wall], ..Solid::default() };
+            let shape = ShapeRecord::Cylinder { half_height: 4.0, radius: 3.0, hollow };
+            let wall = PosedWall { shape, centre, axes: turn.to_rotation_matrix().into_inner().transpose() };
+            let wall = PosedBody { walls: vec![wall], ..PosedBody::default() };
             let shift = Vec3::new(10.0, 0.0, 0.0);
-            let ball = Solid { balls: vec![(centre + turn * Vec3::from(local) + shift, 0.5)], ..Solid::default() };
-            let found = wall.overlap(&ball, &shift, 0.0);
-            assert!((found - ball.overlap(&wall, &-shift, 0.0)).abs() < 1e-13, "{local:?}");
+            let ball =
+                PosedBody { balls: vec![(centre + turn * Vec3::from(local) + shift, 0.5)], ..PosedBody::default() };
+            let found = wall.overlap_with(&ball, &shift, 0.0);
+            assert!((found - ball.overlap_with(&wall, &-shift, 0.0)).abs() < 1e-13, "{local:?}");
             found
         };
         for (hollow, local, expected) in [

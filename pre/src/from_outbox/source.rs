@@ -2,25 +2,26 @@
 
 use std::path::{Path, PathBuf};
 
-use cd_formats::atomic::is_there;
+use cd_formats::atomic::path_exists;
 use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::case::{CaseFolder, no_case};
-use cd_formats::compute::{Action, Compute, Event};
+use cd_formats::compute::{Compute, Event, EventAction};
 use cd_formats::dof::BodyDof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::groups::Groups;
+use cd_formats::groups::DisjointSets;
 use cd_formats::snapshot::{
-    self, BodyArrays, ContactPartArrays, LawName, MemoryArrays, PairArrays, START, Shapes, Snapshot, TurningArrays,
+    self, BodyArrays, ContactPartArrays, LawName, MemoryArrays, PairArrays, START_FILE, ShapeArrays, Snapshot,
+    TurningArrays,
 };
 use cd_formats::tact_behav::TactBehav;
-use cd_formats::unchanged::Computed;
+use cd_formats::unchanged::ComputedSnapshot;
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
-use super::options::{done, of_run};
-use super::{Keep, Stop, Taken, Which};
-use crate::place::rotation;
+use super::options::{past_events, run_options};
+use super::{BodyFilter, MotionRemoval, Selection, WallSelector};
+use crate::place::rotation_matrix;
 use crate::scene::Material;
 
 type Vec3 = Vector3<f64>;
@@ -29,7 +30,7 @@ type Vec3 = Vector3<f64>;
 const TOUCHING_GAP: f64 = 1e-3;
 
 #[derive(Debug, Clone)]
-pub struct Source {
+pub struct SourceCase {
     pub case: PathBuf,
     pub bodies: Bodies,
     /// Vector, by body, from its position in BODIES.DAT to its centre of mass, m.
@@ -37,7 +38,7 @@ pub struct Source {
     pub bulk: BulkBehav,
     pub tact: TactBehav,
     pub driven: DrvDof,
-    /// Those of the run, see [`of_run`].
+    /// Those of the run, see [`run_options`].
     pub options: Compute,
     pub snapshot: Snapshot,
     /// Facts of the run that are not in the files: name, and in words.
@@ -45,8 +46,8 @@ pub struct Source {
 }
 
 /// Bodies taken of a source, where it is to be; row k is body `rows[k]` of the source, from 0.
-pub struct Part<'a> {
-    pub source: &'a Source,
+pub struct SourcePart<'a> {
+    pub source: &'a SourceCase,
     pub rows: Vec<usize>,
     pub records: Vec<Body>,
     /// Contacts hold rows of this part.
@@ -54,13 +55,13 @@ pub struct Part<'a> {
 }
 
 /// The turn of a snapshot's row.
-pub fn quaternion([w, i, j, k]: [f64; 4]) -> UnitQuaternion<f64> {
+pub fn unit_quaternion([w, i, j, k]: [f64; 4]) -> UnitQuaternion<f64> {
     UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k))
 }
 
-impl Source {
+impl SourceCase {
     /// Reads DATBOX and the snapshot of step `step`, or the last, of a case.
-    pub fn read(case: &Path, step: Option<u64>) -> Result<Source, Faults> {
+    pub fn read(case: &Path, step: Option<u64>) -> Result<SourceCase, Faults> {
         let missing = [CaseFolder::Outbox, CaseFolder::Datbox]
             .into_iter()
             .find_map(|part| no_case(case, part, "cd-pre from-outbox"));
@@ -69,7 +70,7 @@ impl Source {
         }
         let (datbox, outbox) = (case.join("DATBOX"), case.join("OUTBOX"));
         let mut faults = Faults::default();
-        let all = snapshot::list(&outbox)?;
+        let all = snapshot::list_snapshots(&outbox)?;
         let found = match step {
             Some(step) => all.iter().find(|(number, _)| *number == step),
             None => all.last(),
@@ -83,47 +84,52 @@ impl Source {
             };
             faults.push(Fault::new(&outbox, None, "folder", found, expected));
         }
-        let snapshot = found.and_then(|(_, path)| Some((path, faults.gather(Snapshot::read(path))?)));
+        let snapshot = found.and_then(|(_, path)| Some((path, faults.gather_result(Snapshot::read(path))?)));
         let [of_bodies, of_bulk, of_tact, of_driven] =
             ["BODIES.DAT", "BULK_BEHAV.DAT", "TACT_BEHAV.DAT", "DRV_DOF.DAT"].map(|name| datbox.join(name));
-        let bodies = faults.gather(Bodies::read(&of_bodies));
-        let bulk = faults.gather(BulkBehav::read(&of_bulk));
-        let tact = faults.gather(TactBehav::read(&of_tact));
-        let driven = faults.gather(DrvDof::read(&of_driven));
+        let bodies = faults.gather_result(Bodies::read(&of_bodies));
+        let bulk = faults.gather_result(BulkBehav::read(&of_bulk));
+        let tact = faults.gather_result(TactBehav::read(&of_tact));
+        let driven = faults.gather_result(DrvDof::read(&of_driven));
         let compute = datbox.join("COMPUTE.RON");
-        let written =
-            if is_there(&compute) { faults.gather(Compute::read(&compute)) } else { Some(Compute::default()) };
+        let written = if path_exists(&compute) {
+            faults.gather_result(Compute::read(&compute))
+        } else {
+            Some(Compute::default())
+        };
         let (Some((path, snapshot)), Some(bodies), Some(bulk), Some(tact), Some(driven), Some(written)) =
             (snapshot, bodies, bulk, tact, driven, written)
         else {
             return Err(faults);
         };
-        let computed = Computed { path, snapshot: &snapshot };
-        let own = faults.gather(computed.expect_bodies(&of_bodies, &bodies)).unwrap_or_default();
-        faults.gather(computed.expect_materials(&of_bulk, &bulk));
-        faults.gather(computed.expect_laws(&of_tact, &tact));
-        faults.gather(computed.expect_driven(&of_driven, &driven));
+        let computed = ComputedSnapshot { path, snapshot: &snapshot };
+        let own = faults.gather_result(computed.expect_bodies(&of_bodies, &bodies)).unwrap_or_default();
+        faults.gather_result(computed.expect_materials(&of_bulk, &bulk));
+        faults.gather_result(computed.expect_laws(&of_tact, &tact));
+        faults.gather_result(computed.expect_driven(&of_driven, &driven));
         faults.into_result(())?;
-        let shifts = bodies.0.iter().zip(&own).map(|(body, own)| body.shift(own).into()).collect();
+        let shifts = bodies.0.iter().zip(&own).map(|(body, own)| body.centre_of_mass_offset(own).into()).collect();
         let is_first = all.first().is_some_and(|first| first.1 == *path);
-        let (options, mut notes) = of_run(&written, &snapshot.meta, is_first, is_there(&datbox.join(START)));
-        let there = if is_there(&compute) { "COMPUTE.RON has" } else { "the default is" };
-        let changed = options.values().into_iter().zip(written.values()).filter(|(run, file)| run != file);
+        let (options, mut notes) =
+            run_options(&written, &snapshot.meta, is_first, path_exists(&datbox.join(START_FILE)));
+        let there = if path_exists(&compute) { "COMPUTE.RON has" } else { "the default is" };
+        let changed =
+            options.option_values().into_iter().zip(written.option_values()).filter(|(run, file)| run != file);
         notes.extend(changed.map(|((name, run), (_, file))| (name, format!("{run} as in the run; {there} {file}"))));
         let mut bulk = bulk;
         let gravity = snapshot.meta.parameters.uniform_gravity;
-        let by_event = |event: &Event| matches!(event.action, Action::SetGravity(_));
-        if bulk.gravity != gravity && !done(&written.events, &snapshot.meta).iter().any(by_event) {
+        let by_event = |event: &Event| matches!(event.action, EventAction::SetGravity(_));
+        if bulk.gravity != gravity && !past_events(&written.events, &snapshot.meta).iter().any(by_event) {
             let text = format!("{gravity:?} m/s^2 as in the run; BULK_BEHAV.DAT has {:?}", bulk.gravity);
             notes.push(("uniform gravity", text));
             bulk.gravity = gravity;
         }
-        Ok(Source { case: case.to_path_buf(), bodies, shifts, bulk, tact, driven, options, snapshot, notes })
+        Ok(SourceCase { case: case.to_path_buf(), bodies, shifts, bulk, tact, driven, options, snapshot, notes })
     }
 
     /// Differences of the run from the files of its DATBOX, a line each; of options those that are the same `now`.
-    pub fn notes(&self, now: Option<&Compute>) -> String {
-        let (own, now) = (self.options.values(), now.map(Compute::values).unwrap_or_default());
+    pub fn run_notes(&self, now: Option<&Compute>) -> String {
+        let (own, now) = (self.options.option_values(), now.map(Compute::option_values).unwrap_or_default());
         let holds = |name| own.iter().find(|(known, _)| *known == name).is_none_or(|value| now.contains(value));
         let notes = self.notes.iter().filter(|(name, _)| holds(*name));
         notes.map(|(name, text)| format!("{}: {name}: {text}\n", self.case.display())).collect()
@@ -138,10 +144,10 @@ impl Source {
             }
         }
         self.bulk.gravity = meta.parameters.uniform_gravity;
-        for event in done(&std::mem::take(&mut self.options.events), meta) {
+        for event in past_events(&std::mem::take(&mut self.options.events), meta) {
             match event.action {
-                Action::SetQuench(quench) => self.options.quench = quench,
-                Action::SetTorque(_) => self.options.events = vec![Event::once(0.0, event.action)],
+                EventAction::SetQuench(quench) => self.options.quench = quench,
+                EventAction::SetTorque(_) => self.options.events = vec![Event::at_time(0.0, event.action)],
                 _ => {}
             }
         }
@@ -163,21 +169,21 @@ impl Source {
         // Their angular velocity goes on, not their angular momentum.
         if let Some(shapes) = &mut self.snapshot.shapes {
             let as_before = |body: u32| Some(body).filter(|&body| factors[body as usize] == 1.0);
-            let (kept, turning_body) = renumbered(&shapes.turning.turning_body, as_before);
-            shapes.turning = TurningArrays { turning_body, ..shapes.turning.rows(&kept) };
+            let (kept, turning_body) = renumbered_rows(&shapes.turning.turning_body, as_before);
+            shapes.turning = TurningArrays { turning_body, ..shapes.turning.select_rows(&kept) };
         }
     }
 
     /// Takes bodies out and moves them. Errors: what was found and what was expected.
-    pub fn take(&self, taken: &Taken) -> Result<Part<'_>, (String, String)> {
+    pub fn select_bodies(&self, taken: &Selection) -> Result<SourcePart<'_>, (String, String)> {
         let bodies = &self.snapshot.bodies;
         let is_driven = |row: usize| bodies.body_driven[row] != 0;
         let largest = match taken.keep {
-            Keep::All => None,
-            Keep::Largest => Some(self.largest()),
-            Keep::Below(height) => Some(self.below(height)),
+            BodyFilter::All => None,
+            BodyFilter::Largest => Some(self.largest_group()),
+            BodyFilter::Below(height) => Some(self.rows_below(height)),
         };
-        let excepted = self.excepted(&taken.walls_except)?;
+        let excepted = self.excepted_rows(&taken.walls_except)?;
         let rows: Vec<usize> = (0..bodies.body_id.len())
             .filter(|&row| {
                 if is_driven(row) {
@@ -197,27 +203,28 @@ impl Source {
             return Err((found, "walls: false, or neither turn nor centre".into()));
         }
         let mut state = Snapshot { meta: self.snapshot.meta.clone(), ..Snapshot::default() };
-        state.bodies = bodies.rows(&rows);
+        state.bodies = bodies.select_rows(&rows);
         let row_of = |body: u32| rows.binary_search(&(body as usize)).ok().map(|k| k as u32);
         let both = |[a, b]: [u32; 2]| Some([row_of(a)?, row_of(b)?]);
-        let (kept, pairs) = renumbered(&self.snapshot.contacts.contact_body, both);
-        state.contacts = self.snapshot.contacts.rows(&kept);
+        let (kept, pairs) = renumbered_rows(&self.snapshot.contacts.contact_body, both);
+        state.contacts = self.snapshot.contacts.select_rows(&kept);
         state.contacts.contact_body = pairs;
-        state.memory = self.snapshot.memory.as_ref().map(|memory| memory.rows(&kept));
-        relocate(&mut state, &free, taken);
+        state.memory = self.snapshot.memory.as_ref().map(|memory| memory.select_rows(&kept));
+        move_rows(&mut state, &free, taken);
         state.shapes = self.snapshot.shapes.as_ref().map(|shapes| {
             // Of a body that turns otherwise than before the momentum follows from its angular velocity.
             let as_before = |&k: &u32| {
                 let turning = |of: &BodyArrays, row: usize| (of.body_q[row], of.body_w_world[row]);
                 turning(&state.bodies, k as usize) == turning(bodies, rows[k as usize])
             };
-            let (turning, turning_body) = renumbered(&shapes.turning.turning_body, |b| row_of(b).filter(as_before));
-            let (near, pair_body) = renumbered(&shapes.pairs.pair_body, both);
-            Shapes {
-                turning: TurningArrays { turning_body, ..shapes.turning.rows(&turning) },
-                contacts: shapes.contacts.rows(&kept),
+            let (turning, turning_body) =
+                renumbered_rows(&shapes.turning.turning_body, |b| row_of(b).filter(as_before));
+            let (near, pair_body) = renumbered_rows(&shapes.pairs.pair_body, both);
+            ShapeArrays {
+                turning: TurningArrays { turning_body, ..shapes.turning.select_rows(&turning) },
+                contacts: shapes.contacts.select_rows(&kept),
                 // A direction in fixed axes among them is but where a search begins.
-                pairs: PairArrays { pair_body, ..shapes.pairs.rows(&near) },
+                pairs: PairArrays { pair_body, ..shapes.pairs.select_rows(&near) },
             }
         });
         let record = |(&row, x): (&usize, &[f64; 3])| {
@@ -230,22 +237,24 @@ impl Source {
             record
         };
         let records = rows.iter().zip(&state.bodies.body_x).map(record).collect();
-        Ok(Part { source: self, rows, records, state })
+        Ok(SourcePart { source: self, rows, records, state })
     }
 
     /// Whether each row is one of these bodies with imposed motion. Errors: a choice that finds none.
-    fn excepted(&self, which: &[Which]) -> Result<Vec<bool>, (String, String)> {
+    fn excepted_rows(&self, which: &[WallSelector]) -> Result<Vec<bool>, (String, String)> {
         let driven = &self.snapshot.bodies.body_driven;
         let walls: Vec<usize> = (0..driven.len()).filter(|&row| driven[row] != 0).collect();
         let colours = |row: usize| self.bodies.0[row].contactors.iter().map(|contactor| contactor.colour.as_str());
         let mut excepted = vec![false; driven.len()];
         for which in which {
             let (found, chosen): (String, Vec<usize>) = match which {
-                Which::Wall(n) => {
+                WallSelector::Wall(n) => {
                     (format!("Wall({n})"), n.checked_sub(1).and_then(|n| walls.get(n)).copied().into_iter().collect())
                 }
-                Which::Body(n) => (format!("Body({n})"), walls.iter().copied().filter(|row| row + 1 == *n).collect()),
-                Which::Colour(name) => {
+                WallSelector::Body(n) => {
+                    (format!("Body({n})"), walls.iter().copied().filter(|row| row + 1 == *n).collect())
+                }
+                WallSelector::Colour(name) => {
                     let wears = |row: &usize| colours(*row).any(|colour| colour == name);
                     (format!("Colour(\"{name}\")"), walls.iter().copied().filter(wears).collect())
                 }
@@ -272,67 +281,67 @@ impl Source {
     }
 
     /// The rows of bodies whose sphere of equal volume lies below a height along z.
-    fn below(&self, height: f64) -> Vec<bool> {
+    fn rows_below(&self, height: f64) -> Vec<bool> {
         let bodies = &self.snapshot.bodies;
         bodies.body_x.iter().zip(&bodies.body_radius).map(|(x, radius)| x[2] + radius <= height).collect()
     }
 
     /// The rows of the heaviest group of free bodies that touch, first of equals.
-    fn largest(&self) -> Vec<bool> {
+    fn largest_group(&self) -> Vec<bool> {
         let Snapshot { bodies, contacts, .. } = &self.snapshot;
         let count = bodies.body_id.len();
-        let mut groups = Groups::new(count);
+        let mut groups = DisjointSets::new(count);
         for (row, pair) in contacts.contact_body.iter().enumerate() {
             let [a, b] = pair.map(|body| body as usize);
             let close = TOUCHING_GAP * bodies.body_radius[a].min(bodies.body_radius[b]);
             let touch = contacts.contact_impulse[row] != [0.0; 3] || contacts.contact_gap[row] <= close;
             if touch && bodies.body_driven[a] == 0 && bodies.body_driven[b] == 0 {
-                groups.join(a, b);
+                groups.union(a, b);
             }
         }
         let mut mass = vec![0.0; count];
         for row in (0..count).filter(|&row| bodies.body_driven[row] == 0) {
-            mass[groups.root(row)] += bodies.body_mass[row];
+            mass[groups.find(row)] += bodies.body_mass[row];
         }
         let heaviest = (0..count).fold(0, |best, root| if mass[root] > mass[best] { root } else { best });
-        (0..count).map(|row| groups.root(row) == heaviest).collect()
+        (0..count).map(|row| groups.find(row) == heaviest).collect()
     }
 }
 
 /// The numbers of the rows that stay, and what stands there with the new numbers of bodies.
-fn renumbered<T: Copy>(of: &[T], new: impl Fn(T) -> Option<T>) -> (Vec<usize>, Vec<T>) {
+fn renumbered_rows<T: Copy>(of: &[T], new: impl Fn(T) -> Option<T>) -> (Vec<usize>, Vec<T>) {
     of.iter().enumerate().filter_map(|(row, &old)| Some((row, new(old)?))).unzip()
 }
 
 /// Changes place and motion of the `free` rows; what does not change keeps every bit.
-fn relocate(state: &mut Snapshot, free: &[usize], taken: &Taken) {
+fn move_rows(state: &mut Snapshot, free: &[usize], taken: &Selection) {
     let bodies = &mut state.bodies;
     let mass: f64 = free.iter().map(|&k| bodies.body_mass[k]).sum();
     let mean = |of: &[[f64; 3]]| free.iter().map(|&k| bodies.body_mass[k] * Vec3::from(of[k])).sum::<Vec3>() / mass;
     let (com, drift) = (mean(&bodies.body_x), mean(&bodies.body_v));
     let still = |k: usize| (Vec3::from(bodies.body_v[k]), Vec3::from(bodies.body_w_world[k]));
     let mut motion: Vec<(Vec3, Vec3)> = free.iter().map(|&k| still(k)).collect();
-    if taken.stop == Stop::Drift || taken.stop == Stop::RigidMotion {
+    if taken.stop == MotionRemoval::Drift || taken.stop == MotionRemoval::RigidMotion {
         motion.iter_mut().for_each(|(v, _)| *v -= drift);
     }
-    if taken.stop == Stop::RigidMotion {
+    if taken.stop == MotionRemoval::RigidMotion {
         let spin = rigid_spin(state, free, &com, &motion);
         for (&k, (v, w)) in free.iter().zip(&mut motion) {
             *v -= spin.cross(&(Vec3::from(state.bodies.body_x[k]) - com));
             *w -= spin;
         }
     }
-    if taken.stop == Stop::Motion {
+    if taken.stop == MotionRemoval::Motion {
         motion.fill((Vec3::zeros(), Vec3::zeros()));
     }
     let bodies = &mut state.bodies;
     if taken.turn.angle != 0.0 {
-        let turn = rotation(&taken.turn);
+        let turn = rotation_matrix(&taken.turn);
         let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(turn));
         let about = |x: [f64; 3]| (com + turn * (Vec3::from(x) - com)).into();
         for (&k, (v, w)) in free.iter().zip(&mut motion) {
             bodies.body_x[k] = about(bodies.body_x[k]);
-            let turned = q * quaternion(bodies.body_q[k]);
+            let turned = q * unit_quaternion(bodies.body_q[k]);
             bodies.body_q[k] = [turned.w, turned.i, turned.j, turned.k];
             (*v, *w) = (turn * *v, turn * *w);
         }
@@ -362,7 +371,7 @@ fn relocate(state: &mut Snapshot, free: &[usize], taken: &Taken) {
         bodies.body_v[k] = (*v).into();
         if Vec3::from(bodies.body_w_world[k]) != *w {
             bodies.body_w_world[k] = (*w).into();
-            bodies.body_w[k] = quaternion(bodies.body_q[k]).inverse_transform_vector(w).into();
+            bodies.body_w[k] = unit_quaternion(bodies.body_q[k]).inverse_transform_vector(w).into();
         }
     }
 }
@@ -372,7 +381,7 @@ fn rigid_spin(state: &Snapshot, free: &[usize], com: &Vec3, motion: &[(Vec3, Vec
     let (mut inertia, mut momentum) = (Matrix3::zeros(), Vec3::zeros());
     for (&k, (v, w)) in free.iter().zip(motion) {
         let (mass, arm) = (state.bodies.body_mass[k], Vec3::from(state.bodies.body_x[k]) - com);
-        let axes = quaternion(state.bodies.body_q[k]).to_rotation_matrix();
+        let axes = unit_quaternion(state.bodies.body_q[k]).to_rotation_matrix();
         let own = axes * Matrix3::from_diagonal(&state.bodies.body_inertia[k].into()) * axes.inverse();
         inertia += own + mass * (Matrix3::from_diagonal_element(arm.norm_squared()) - arm * arm.transpose());
         momentum += own * w + mass * arm.cross(v);
@@ -381,7 +390,7 @@ fn rigid_spin(state: &Snapshot, free: &[usize], com: &Vec3, motion: &[(Vec3, Vec
 }
 
 /// The number of a law of this name and kind in a list, which it joins if it is new.
-fn known_as(law: &LawName, laws: &mut Vec<LawName>) -> u8 {
+fn law_index(law: &LawName, laws: &mut Vec<LawName>) -> u8 {
     let same = |known: &LawName| (&known.nickname, &known.kind) == (&law.nickname, &law.kind);
     let number = laws.iter().position(same).unwrap_or_else(|| {
         laws.push(law.clone());
@@ -390,7 +399,7 @@ fn known_as(law: &LawName, laws: &mut Vec<LawName>) -> u8 {
     number as u8
 }
 
-impl Part<'_> {
+impl SourcePart<'_> {
     /// Puts the state behind that of other parts: bodies numbered from `first` (from 0) on, impulses for
     /// the step length of the whole.
     pub fn append_to(&self, start: &mut Snapshot, first: usize) {
@@ -402,7 +411,7 @@ impl Part<'_> {
         let mut contacts = self.state.contacts.clone();
         contacts.contact_body.iter_mut().flatten().for_each(|body| *body += first as u32);
         let own = &self.state.meta.laws;
-        let number: Vec<u8> = own.iter().map(|law| known_as(law, &mut start.meta.laws)).collect();
+        let number: Vec<u8> = own.iter().map(|law| law_index(law, &mut start.meta.laws)).collect();
         contacts.contact_law.iter_mut().for_each(|law| *law = number[*law as usize]);
         let scale = start.meta.h / self.state.meta.h;
         if scale != 1.0 && scale.is_finite() {
@@ -425,9 +434,9 @@ impl Part<'_> {
             start.memory.get_or_insert_with(|| unbonded(before)).append(memory);
         }
         // Of spheres and plates alone the contacts are those of first contactors, in points.
-        let plain = |count| Shapes {
+        let plain = |count| ShapeArrays {
             contacts: ContactPartArrays { contact_rank: vec![[0; 2]; count], contact_area: vec![0.0; count] },
-            ..Shapes::default()
+            ..ShapeArrays::default()
         };
         if start.shapes.is_some() || self.state.shapes.is_some() {
             let mut shapes = self.state.shapes.clone().unwrap_or_else(|| plain(count));
@@ -438,10 +447,10 @@ impl Part<'_> {
     }
 
     /// The motion of row `k` for DOF.INI, as body `body` (from 0); its place stands in BODIES.DAT.
-    pub fn dof(&self, k: usize, body: usize) -> BodyDof {
+    pub fn dof_record(&self, k: usize, body: usize) -> BodyDof {
         let bodies = &self.state.bodies;
         let ([a, b, c], [d, e, f]) = (bodies.body_v[k], bodies.body_w[k]);
-        let q = quaternion(bodies.body_q[k]);
+        let q = unit_quaternion(bodies.body_q[k]);
         let axes = [Vec3::x(), Vec3::y(), Vec3::z()].map(|axis| (q * axis).into());
         BodyDof { line: 0, body, displacement: [0.0; 6], velocity: [a, b, c, d, e, f], axes }
     }

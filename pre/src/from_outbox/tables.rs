@@ -5,61 +5,61 @@ use std::collections::BTreeSet;
 use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::compute::{ContactSolver, Event};
-use cd_formats::report::Report;
-use cd_formats::tact_behav::{Law, See, Side, TactBehav, labels};
+use cd_formats::report::FaultReport;
+use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide, parameter_labels};
 
 use super::Changes;
-use super::source::Part;
+use super::source::SourcePart;
 use crate::check;
 use crate::population::Grain;
-use crate::round8;
+use crate::round_8_digits;
 
-pub struct Tables {
+pub struct BehaviourTables {
     pub bulk: BulkBehav,
     pub tact: TactBehav,
 }
 
-impl Tables {
+impl BehaviourTables {
     /// The laws that some row names.
-    fn used(&self) -> impl Iterator<Item = &Law> {
+    fn used_laws(&self) -> impl Iterator<Item = &LawRecord> {
         self.tact.laws.iter().filter(|law| self.tact.visibility.iter().any(|row| row.law == law.nickname))
     }
 
     /// Events of laws that no contact has, or of a cohesion that a law has not.
-    pub fn check_events(&self, events: &[Event], report: &mut Report) {
-        let of = |law: &Law| check::is_cohesive(&law.kind, &law.parameters);
-        let laws: Vec<(&str, bool)> = self.used().map(|law| (law.nickname.as_str(), of(law))).collect();
+    pub fn check_events(&self, events: &[Event], report: &mut FaultReport) {
+        let of = |law: &LawRecord| check::is_cohesive(&law.kind, &law.parameters);
+        let laws: Vec<(&str, bool)> = self.used_laws().map(|law| (law.nickname.as_str(), of(law))).collect();
         check::check_laws_of_events(report, events, &laws);
     }
 
     /// Laws whose moments the solver does not know.
-    pub fn check_solver(&self, solver: ContactSolver, report: &mut Report) {
-        check::check_moments(report, solver, self.used().map(|law| (law.nickname.as_str(), law.kind.as_str())));
+    pub fn check_solver(&self, solver: ContactSolver, report: &mut FaultReport) {
+        check::check_moments(report, solver, self.used_laws().map(|law| (law.nickname.as_str(), law.kind.as_str())));
     }
 
     /// The tables of all parts with the changes; what contradicts or lacks goes into the report.
-    pub fn merged(
+    pub fn from_parts(
         changes: &Changes,
-        parts: &[Part],
+        parts: &[SourcePart],
         grains: &[Grain],
         records: &Bodies,
-        report: &mut Report,
-    ) -> Tables {
-        let bulk = materials(changes, parts, records, report);
-        let laws = laws(changes, parts, report);
-        let visibility = visibility(changes, parts, grains, records, &laws, report);
-        Tables { bulk, tact: TactBehav { laws, visibility } }
+        report: &mut FaultReport,
+    ) -> BehaviourTables {
+        let bulk = merge_materials(changes, parts, records, report);
+        let laws = merge_laws(changes, parts, report);
+        let visibility = merge_visibility(changes, parts, grains, records, &laws, report);
+        BehaviourTables { bulk, tact: TactBehav { laws, visibility } }
     }
 }
 
-fn materials(changes: &Changes, parts: &[Part], records: &Bodies, report: &mut Report) -> BulkBehav {
+fn merge_materials(changes: &Changes, parts: &[SourcePart], records: &Bodies, report: &mut FaultReport) -> BulkBehav {
     let changed = |name: &str| changes.materials.iter().any(|material| material.name == name);
     let mut all: Vec<Material> = Vec::new();
     for (k, part) in parts.iter().enumerate() {
         for material in &part.source.bulk.materials {
             match all.iter().find(|known| known.name == material.name) {
                 None => all.push(material.clone()),
-                Some(known) if known.density != material.density && !changed(&known.name) => report.fault(
+                Some(known) if known.density != material.density && !changed(&known.name) => report.add_fault(
                     &format!("bodies.{k}"),
                     format!("material '{}' has the density {}, before {}", known.name, material.density, known.density),
                     "one density of a name (kg/m^3), or one under materials",
@@ -86,26 +86,27 @@ fn materials(changes: &Changes, parts: &[Part], records: &Bodies, report: &mut R
     BulkBehav { gravity: parts[0].source.bulk.gravity, materials: all }
 }
 
-fn laws(changes: &Changes, parts: &[Part], report: &mut Report) -> Vec<Law> {
-    let mut all: Vec<Law> = Vec::new();
+fn merge_laws(changes: &Changes, parts: &[SourcePart], report: &mut FaultReport) -> Vec<LawRecord> {
+    let mut all: Vec<LawRecord> = Vec::new();
     for (k, part) in parts.iter().enumerate() {
         for law in &part.source.tact.laws {
-            let same = |known: &Law| (&known.kind, &known.parameters) == (&law.kind, &law.parameters);
+            let same = |known: &LawRecord| (&known.kind, &known.parameters) == (&law.kind, &law.parameters);
             match all.iter().find(|known| known.nickname == law.nickname) {
                 None => all.push(law.clone()),
-                Some(known) if !same(known) && changes.laws.iter().all(|new| new.name != law.nickname) => report.fault(
-                    &format!("bodies.{k}"),
-                    format!("law '{}' is another than before", law.nickname),
-                    "the same law under one name, or one under laws",
-                ),
+                Some(known) if !same(known) && changes.laws.iter().all(|new| new.name != law.nickname) => report
+                    .add_fault(
+                        &format!("bodies.{k}"),
+                        format!("law '{}' is another than before", law.nickname),
+                        "the same law under one name, or one under laws",
+                    ),
                 Some(_) => {}
             }
         }
     }
     for law in &changes.laws {
-        let (kind, parameters) = law.kind.row();
+        let (kind, parameters) = law.kind.law_row();
         let parameters = parameters.into_iter().map(|(_, value)| value).collect();
-        let new = Law { line: 0, nickname: law.name.clone(), kind: kind.to_string(), parameters };
+        let new = LawRecord { line: 0, nickname: law.name.clone(), kind: kind.to_string(), parameters };
         match all.iter_mut().find(|known| known.nickname == new.nickname) {
             Some(known) => *known = new,
             None => all.push(new),
@@ -115,33 +116,36 @@ fn laws(changes: &Changes, parts: &[Part], report: &mut Report) -> Vec<Law> {
 }
 
 /// The distance over which a law attracts, m.
-fn range(law: &Law) -> f64 {
-    labels(&law.kind).zip(&law.parameters).find(|(label, _)| *label == "Wthk").map_or(0.0, |(_, range)| *range)
+fn attraction_range(law: &LawRecord) -> f64 {
+    parameter_labels(&law.kind)
+        .zip(&law.parameters)
+        .find(|(label, _)| *label == "Wthk")
+        .map_or(0.0, |(_, range)| *range)
 }
 
 /// Candidate and antagonist are distinguished by the shapes, as in LMGC90: spheres before polyhedra before walls.
-fn rank(contactor: &str) -> usize {
+fn shape_rank(contactor: &str) -> usize {
     match contactor {
         "SPHER" | "SPHEb" => 0,
         "POLYR" => 1,
-        _ => WALL,
+        _ => WALL_RANK,
     }
 }
 
 /// The rank of what no other wall touches.
-const WALL: usize = 2;
+const WALL_RANK: usize = 2;
 
 /// Colour and contactor.
-type Worn<'a> = BTreeSet<(&'a str, &'a str)>;
+type ColouredContactors<'a> = BTreeSet<(&'a str, &'a str)>;
 
-fn worn(records: &[Body]) -> Worn<'_> {
-    records.iter().flat_map(|body| body.contactors.iter().map(|c| (c.colour.as_str(), c.shape.name()))).collect()
+fn coloured_contactors(records: &[Body]) -> ColouredContactors<'_> {
+    records.iter().flat_map(|body| body.contactors.iter().map(|c| (c.colour.as_str(), c.shape.type_name()))).collect()
 }
 
 /// Candidate and antagonist of each pair of contactors that can meet, the one of colour `a`, the other of `b`.
-fn meetings(worn: &Worn, (a, b): (&str, &str)) -> Vec<[Side; 2]> {
-    let of = |colour: &str| -> Vec<Side> {
-        let side = |&(colour, contactor): &(&str, &str)| Side {
+fn contact_pairs(worn: &ColouredContactors, (a, b): (&str, &str)) -> Vec<[VisibilitySide; 2]> {
+    let of = |colour: &str| -> Vec<VisibilitySide> {
+        let side = |&(colour, contactor): &(&str, &str)| VisibilitySide {
             body: "RBDY3".into(),
             contactor: contactor.into(),
             colour: colour.into(),
@@ -153,8 +157,8 @@ fn meetings(worn: &Worn, (a, b): (&str, &str)) -> Vec<[Side; 2]> {
         for y in of(b) {
             let twice = a == b && x.contactor > y.contactor;
             let mut sides = [x.clone(), y];
-            sides.sort_by_key(|side| rank(&side.contactor));
-            if !twice && rank(&sides[0].contactor) < WALL {
+            sides.sort_by_key(|side| shape_rank(&side.contactor));
+            if !twice && shape_rank(&sides[0].contactor) < WALL_RANK {
                 all.push(sides);
             }
         }
@@ -162,35 +166,35 @@ fn meetings(worn: &Worn, (a, b): (&str, &str)) -> Vec<[Side; 2]> {
     all
 }
 
-fn row([candidate, antagonist]: [Side; 2], law: &str, alert: f64) -> See {
-    See { line: 0, candidate, law: law.into(), antagonist, alert }
+fn visibility_row([candidate, antagonist]: [VisibilitySide; 2], law: &str, alert: f64) -> VisibilityRow {
+    VisibilityRow { line: 0, candidate, law: law.into(), antagonist, alert }
 }
 
-fn pair<'a>(a: &'a str, b: &'a str) -> (&'a str, &'a str) {
+fn ordered_pair<'a>(a: &'a str, b: &'a str) -> (&'a str, &'a str) {
     (a.min(b), a.max(b))
 }
 
-fn colours(row: &See) -> (&str, &str) {
-    pair(&row.candidate.colour, &row.antagonist.colour)
+fn row_colours(row: &VisibilityRow) -> (&str, &str) {
+    ordered_pair(&row.candidate.colour, &row.antagonist.colour)
 }
 
-fn visibility(
+fn merge_visibility(
     changes: &Changes,
-    parts: &[Part],
+    parts: &[SourcePart],
     grains: &[Grain],
     records: &Bodies,
-    laws: &[Law],
-    report: &mut Report,
-) -> Vec<See> {
-    let all = worn(&records.0);
-    let named: Vec<(&str, &str)> = changes.contacts.iter().map(|c| pair(&c.between.0, &c.between.1)).collect();
+    laws: &[LawRecord],
+    report: &mut FaultReport,
+) -> Vec<VisibilityRow> {
+    let all = coloured_contactors(&records.0);
+    let named: Vec<(&str, &str)> = changes.contacts.iter().map(|c| ordered_pair(&c.between.0, &c.between.1)).collect();
     let newcomers = &records.0[parts.iter().map(|part| part.records.len()).sum()..];
-    let newcomers: BTreeSet<&str> = worn(newcomers).into_iter().map(|(colour, _)| colour).collect();
-    let mut rows: Vec<See> = Vec::new();
+    let newcomers: BTreeSet<&str> = coloured_contactors(newcomers).into_iter().map(|(colour, _)| colour).collect();
+    let mut rows: Vec<VisibilityRow> = Vec::new();
     for (k, part) in parts.iter().enumerate() {
         for mut row in part.rows_of_table(&newcomers) {
-            row.alert = row.alert.max(laws.iter().find(|law| law.nickname == row.law).map_or(0.0, range));
-            let sides = |row: &See| (row.candidate.clone(), row.antagonist.clone());
+            row.alert = row.alert.max(laws.iter().find(|law| law.nickname == row.law).map_or(0.0, attraction_range));
+            let sides = |row: &VisibilityRow| (row.candidate.clone(), row.antagonist.clone());
             let known = rows.iter_mut().find(|known| {
                 let (a, b) = sides(known);
                 sides(&row) == (a.clone(), b.clone()) || sides(&row) == (b, a)
@@ -198,18 +202,18 @@ fn visibility(
             match known {
                 None => rows.push(row),
                 Some(known) if known.law == row.law => known.alert = known.alert.max(row.alert),
-                Some(known) if !named.contains(&colours(known)) => {
-                    let (a, b) = colours(known);
+                Some(known) if !named.contains(&row_colours(known)) => {
+                    let (a, b) = row_colours(known);
                     let found = format!("law '{}' between '{a}' and '{b}', before '{}'", row.law, known.law);
-                    report.fault(&format!("bodies.{k}"), found, "one law for a pair, or one under contacts");
+                    report.add_fault(&format!("bodies.{k}"), found, "one law for a pair, or one under contacts");
                 }
                 Some(_) => {}
             }
         }
     }
-    rows.retain(|row| !named.contains(&colours(row)));
+    rows.retain(|row| !named.contains(&row_colours(row)));
     rows.extend(rows_of_new_shapes(parts, &all, &rows, report));
-    let is_worn = |side: &Side| all.contains(&(&side.colour[..], &side.contactor[..]));
+    let is_worn = |side: &VisibilitySide| all.contains(&(&side.colour[..], &side.contactor[..]));
     rows.retain(|row| is_worn(&row.candidate) && is_worn(&row.antagonist));
     for (k, contact) in changes.contacts.iter().enumerate() {
         let path = format!("contacts.{k}");
@@ -223,11 +227,11 @@ fn visibility(
             }
         }
         if named[..k].contains(&named[k]) {
-            report.fault(&format!("{path}.between"), format!("'{a}' and '{b}' are there twice"), "each pair once");
+            report.add_fault(&format!("{path}.between"), format!("'{a}' and '{b}' are there twice"), "each pair once");
         }
         let Some(name) = &contact.law else {
             let found = "given without a law";
-            report.expect(contact.alert.is_none(), &format!("{path}.alert"), found, "none, or a law");
+            report.require(contact.alert.is_none(), &format!("{path}.alert"), found, "none, or a law");
             continue;
         };
         let Some(law) = laws.iter().find(|law| law.nickname == *name) else {
@@ -236,43 +240,57 @@ fn visibility(
             check::unknown(report, &format!("{path}.law"), found, name, &names, "a law");
             continue;
         };
-        let alert = contact.alert.unwrap_or_else(|| default_alert(parts, grains).max(range(law)));
-        let holds = check::positive(alert) && alert >= range(law);
+        let alert = contact.alert.unwrap_or_else(|| default_alert(parts, grains).max(attraction_range(law)));
+        let holds = check::is_positive(alert) && alert >= attraction_range(law);
         let expected = "a distance > 0 m, at least the range of the law";
-        report.expect(holds, &format!("{path}.alert"), format!("{alert:?}"), expected);
-        let met = meetings(&all, named[k]);
+        report.require(holds, &format!("{path}.alert"), format!("{alert:?}"), expected);
+        let met = contact_pairs(&all, named[k]);
         let walls = met.is_empty() && [a, b].iter().all(|colour| all.iter().any(|(known, _)| known == colour));
-        report.expect(!walls, &path, format!("a law between the walls '{a}' and '{b}'"), check::WALLS);
-        rows.extend(met.into_iter().map(|sides| row(sides, name, alert)));
+        report.require(!walls, &path, format!("a law between the walls '{a}' and '{b}'"), check::NO_WALL_LAW);
+        rows.extend(met.into_iter().map(|sides| visibility_row(sides, name, alert)));
     }
     expect_all_pairs(changes, parts, &rows, &named, report);
     rows
 }
 
 /// Of colours that have a law, the rows of contactors that have not been together in one case: the same law.
-fn rows_of_new_shapes(parts: &[Part], all: &Worn, rows: &[See], report: &mut Report) -> Vec<See> {
-    let known: Vec<Worn> = parts.iter().map(|part| worn(&part.records)).collect();
-    let have_met = |sides: &[Side; 2]| {
-        let is_in = |known: &Worn| sides.iter().all(|side| known.contains(&(&side.colour[..], &side.contactor[..])));
+fn rows_of_new_shapes(
+    parts: &[SourcePart],
+    all: &ColouredContactors,
+    rows: &[VisibilityRow],
+    report: &mut FaultReport,
+) -> Vec<VisibilityRow> {
+    let known: Vec<ColouredContactors> = parts.iter().map(|part| coloured_contactors(&part.records)).collect();
+    let have_met = |sides: &[VisibilitySide; 2]| {
+        let is_in = |known: &ColouredContactors| {
+            sides.iter().all(|side| known.contains(&(&side.colour[..], &side.contactor[..])))
+        };
         known.iter().any(is_in)
     };
     let mut new = Vec::new();
-    for pair in rows.iter().map(colours).collect::<BTreeSet<_>>() {
-        let mut theirs = rows.iter().filter(|row| colours(row) == pair);
+    for pair in rows.iter().map(row_colours).collect::<BTreeSet<_>>() {
+        let mut theirs = rows.iter().filter(|row| row_colours(row) == pair);
         let Some(first) = theirs.next() else { continue };
-        let sides: Vec<[Side; 2]> = meetings(all, pair).into_iter().filter(|sides| !have_met(sides)).collect();
+        let sides: Vec<[VisibilitySide; 2]> =
+            contact_pairs(all, pair).into_iter().filter(|sides| !have_met(sides)).collect();
         if let (false, Some(other)) = (sides.is_empty(), theirs.clone().find(|row| row.law != first.law)) {
             let found = format!("laws '{}' and '{}' between '{}' and '{}'", first.law, other.law, pair.0, pair.1);
-            report.fault("contacts", found, "one, for they have new shapes");
+            report.add_fault("contacts", found, "one, for they have new shapes");
         }
         let alert = theirs.map(|row| row.alert).fold(first.alert, f64::max);
-        new.extend(sides.into_iter().map(|sides| row(sides, &first.law, alert)));
+        new.extend(sides.into_iter().map(|sides| visibility_row(sides, &first.law, alert)));
     }
     new
 }
 
 /// Colours that have not met in one case before must be named: nothing passes through anything by oversight.
-fn expect_all_pairs(changes: &Changes, parts: &[Part], rows: &[See], named: &[(&str, &str)], report: &mut Report) {
+fn expect_all_pairs(
+    changes: &Changes,
+    parts: &[SourcePart],
+    rows: &[VisibilityRow],
+    named: &[(&str, &str)],
+    report: &mut FaultReport,
+) {
     let mut free: Vec<BTreeSet<&str>> = Vec::new();
     let mut driven: Vec<BTreeSet<&str>> = Vec::new();
     for part in parts {
@@ -297,13 +315,13 @@ fn expect_all_pairs(changes: &Changes, parts: &[Part], rows: &[See], named: &[(&
         for a in mine {
             for (j, theirs) in free.iter().zip(&driven).enumerate() {
                 for b in theirs.0.iter().chain(theirs.1) {
-                    let both = pair(a, b);
+                    let both = ordered_pair(a, b);
                     let seen = i == j && i < parts.len()
                         || named.contains(&both)
-                        || rows.iter().any(|row| colours(row) == both);
+                        || rows.iter().any(|row| row_colours(row) == both);
                     if !seen && told.insert(both) {
                         let found = format!("no law between '{}' and '{}'", both.0, both.1);
-                        report.fault("contacts", found, "one for each pair that can meet (law: None for none)");
+                        report.add_fault("contacts", found, "one for each pair that can meet (law: None for none)");
                     }
                 }
             }
@@ -312,7 +330,7 @@ fn expect_all_pairs(changes: &Changes, parts: &[Part], rows: &[See], named: &[(&
 }
 
 /// As for a scene: a tenth of the mean radius, m; eight digits.
-fn default_alert(parts: &[Part], grains: &[Grain]) -> f64 {
+fn default_alert(parts: &[SourcePart], grains: &[Grain]) -> f64 {
     let radii: Vec<f64> = parts
         .iter()
         .flat_map(|part| {
@@ -321,22 +339,22 @@ fn default_alert(parts: &[Part], grains: &[Grain]) -> f64 {
         })
         .collect();
     let new = grains.iter().map(|grain| &grain.radius);
-    round8(0.1 * radii.iter().chain(new).sum::<f64>() / (radii.len() + grains.len()) as f64)
+    round_8_digits(0.1 * radii.iter().chain(new).sum::<f64>() / (radii.len() + grains.len()) as f64)
 }
 
-impl Part<'_> {
+impl SourcePart<'_> {
     /// The rows of the source's table between colours that this part has, under their new names, or that new bodies wear.
-    fn rows_of_table(&self, newcomers: &BTreeSet<&str>) -> Vec<See> {
+    fn rows_of_table(&self, newcomers: &BTreeSet<&str>) -> Vec<VisibilityRow> {
         let old = |k: usize| &self.source.bodies.0[self.rows[k]].contactors;
         let renamed: BTreeSet<(&str, &str, &str)> = (0..self.rows.len())
             .flat_map(|k| {
                 let pairs = old(k).iter().zip(&self.records[k].contactors);
-                pairs.map(|(old, new)| (old.colour.as_str(), new.colour.as_str(), old.shape.name()))
+                pairs.map(|(old, new)| (old.colour.as_str(), new.colour.as_str(), old.shape.type_name()))
             })
             .collect();
         let mut rows = Vec::new();
         for row in &self.source.tact.visibility {
-            let news = |side: &Side| -> BTreeSet<String> {
+            let news = |side: &VisibilitySide| -> BTreeSet<String> {
                 let mine = renamed.iter().filter(|(old, _, shape)| *old == side.colour && *shape == side.contactor);
                 let own = newcomers.get(side.colour.as_str());
                 mine.map(|(_, new, _)| new).chain(own).map(|colour| colour.to_string()).collect()

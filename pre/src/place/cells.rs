@@ -8,29 +8,29 @@ use rustc_hash::FxHashMap;
 ///
 /// Spheres must come in by falling radius: then whatever a new one can touch lies in the 27 cells
 /// about it of every grid.
-pub struct Cells {
+pub struct SphereGrid {
     largest: f64,
     octaves: u32,
     cells: FxHashMap<(u32, [i64; 3]), Vec<u32>>,
     spheres: Vec<(Vector3<f64>, f64)>,
 }
 
-impl Cells {
+impl SphereGrid {
     /// No spheres yet; none will be larger than `largest`, m.
     pub fn new(largest: f64) -> Self {
-        Cells { largest, octaves: 0, cells: FxHashMap::default(), spheres: Vec::new() }
+        SphereGrid { largest, octaves: 0, cells: FxHashMap::default(), spheres: Vec::new() }
     }
 
-    fn cell(&self, octave: u32, centre: &Vector3<f64>) -> [i64; 3] {
+    fn cell_index(&self, octave: u32, centre: &Vector3<f64>) -> [i64; 3] {
         let edge = 2.0 * self.largest * 0.5f64.powi(octave as i32);
         [0, 1, 2].map(|k| (centre[k] / edge).floor() as i64)
     }
 
     /// Calls `meet` with the number (by order of coming in) and overlap, m, > 0, of every sphere that
     /// overlaps the ball.
-    pub fn overlaps(&self, centre: &Vector3<f64>, radius: f64, mut meet: impl FnMut(usize, f64)) {
+    pub fn for_each_overlap(&self, centre: &Vector3<f64>, radius: f64, mut meet: impl FnMut(usize, f64)) {
         for octave in 0..self.octaves {
-            let cell = self.cell(octave, centre);
+            let cell = self.cell_index(octave, centre);
             for beside in (0..27).map(|k| [k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1]) {
                 let cell = [0, 1, 2].map(|k| cell[k].saturating_add(beside[k]));
                 for &number in self.cells.get(&(octave, cell)).into_iter().flatten() {
@@ -45,9 +45,9 @@ impl Cells {
     }
 
     /// Whether the ball overlaps no sphere.
-    pub fn free(&self, centre: &Vector3<f64>, radius: f64) -> bool {
+    pub fn is_free(&self, centre: &Vector3<f64>, radius: f64) -> bool {
         let mut free = true;
-        self.overlaps(centre, radius, |_, _| free = false);
+        self.for_each_overlap(centre, radius, |_, _| free = false);
         free
     }
 
@@ -56,7 +56,7 @@ impl Cells {
         debug_assert!(self.spheres.last().is_none_or(|(_, last)| radius <= *last), "spheres must fall in radius");
         let octave = libm::floor(libm::log2(self.largest / radius).max(0.0)) as u32;
         self.octaves = self.octaves.max(octave + 1);
-        let cell = self.cell(octave, &centre);
+        let cell = self.cell_index(octave, &centre);
         self.cells.entry((octave, cell)).or_default().push(self.spheres.len() as u32);
         self.spheres.push((centre, radius));
     }
@@ -72,11 +72,11 @@ mod tests {
         #[test]
         fn finds_every_overlap(mut spheres in prop::collection::vec((prop::array::uniform3(-3.0..3.0f64), 0.01..1.0f64), 1..60)) {
             spheres.sort_by(|a, b| b.1.total_cmp(&a.1));
-            let mut cells = Cells::new(spheres[0].1);
+            let mut cells = SphereGrid::new(spheres[0].1);
             for (k, (centre, radius)) in spheres.iter().enumerate() {
                 let centre = Vector3::from(*centre);
                 let mut found = Vec::new();
-                cells.overlaps(&centre, *radius, |number, overlap| found.push((number, overlap)));
+                cells.for_each_overlap(&centre, *radius, |number, overlap| found.push((number, overlap)));
                 found.sort_by_key(|pair| pair.0);
                 let expected: Vec<_> = (0..k)
                     .map(|j| (j, radius + spheres[j].1 - (centre - Vector3::from(spheres[j].0)).norm()))

@@ -4,53 +4,53 @@ use cd_formats::surface::Surface;
 use nalgebra::Vector3;
 use rustc_hash::FxHashMap;
 
-use super::room::Room;
-use crate::random::Random;
-use crate::shapes::hull::{self, Misfit};
+use super::room::GrainRegion;
+use crate::random::RandomStream;
+use crate::shapes::hull::{self, HullError};
 
 /// Vertices nearer to each other than this share of the solid's extent are one.
-const SAME: f64 = 1e-12;
+const SAME_VERTEX_TOLERANCE: f64 = 1e-12;
 
 /// Seeds about another that nearly always suffice to cut its cell out.
-const NEAREST: usize = 64;
+const NEAREST_SEEDS: usize = 64;
 
 /// Points that are tried for one that lies in the solid.
-const ATTEMPTS: usize = 100_000;
+const MAX_ATTEMPTS: usize = 100_000;
 
 /// The solid that is to be broken, about its centre of mass in the axes of the room; what is round as a polyhedron of equal volume
 /// with faces enough for `number` fragments, a surface as its convex hull.
-pub fn solid(room: &Room, number: usize) -> Result<Surface, Misfit> {
+pub fn region_polyhedron(room: &GrainRegion, number: usize) -> Result<Surface, HullError> {
     let solid = match room {
-        Room::Ball(radius) => round([*radius; 3], number)?,
-        Room::Ellipsoid(axes) => round(*axes, number)?,
-        Room::Box(halves) => {
+        GrainRegion::Ball(radius) => ellipsoid_surface([*radius; 3], number)?,
+        GrainRegion::Ellipsoid(axes) => ellipsoid_surface(*axes, number)?,
+        GrainRegion::Box(halves) => {
             let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -halves[axis] } else { halves[axis] });
-            hull::convex(&(0..8).map(corner).collect::<Vec<_>>())?
+            hull::convex_hull(&(0..8).map(corner).collect::<Vec<_>>())?
         }
-        Room::Cylinder { half_height, radius } => drum(*half_height, *radius, number)?,
-        Room::Inside(inside) => hull::convex(&inside.vertices())?,
+        GrainRegion::Cylinder { half_height, radius } => prism_surface(*half_height, *radius, number)?,
+        GrainRegion::Inside(inside) => hull::convex_hull(&inside.vertices())?,
     };
     let centre = Vector3::from(solid.mass_properties().centre);
     let centred: Vec<[f64; 3]> = solid.vertices().iter().map(|&v| (Vector3::from(v) - centre).into()).collect();
-    surface(&centred, solid.triangles())
+    to_surface(&centred, solid.triangles())
 }
 
-fn surface(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Surface, Misfit> {
-    Surface::new(vertices, triangles).map_err(|faults| Misfit::Unsound(faults.join("; ")))
+fn to_surface(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Surface, HullError> {
+    Surface::new(vertices, triangles).map_err(|faults| HullError::Unsound(faults.join("; ")))
 }
 
 /// An ellipsoid: the points of a spiral on the sphere, about two for each fragment at the surface and at least 100.
-fn round(axes: [f64; 3], number: usize) -> Result<Surface, Misfit> {
+fn ellipsoid_surface(axes: [f64; 3], number: usize) -> Result<Surface, HullError> {
     // Of n cells in a ball about 4.8 n^(2/3) lie at the surface.
     let count = (2.0 * 4.8 * libm::pow(number as f64, 2.0 / 3.0)).clamp(100.0, 20_000.0) as usize;
-    let unit = hull::convex(&spiral(count))?;
+    let unit = hull::convex_hull(&sphere_spiral(count))?;
     let factor = libm::cbrt(4.0 / 3.0 * std::f64::consts::PI / unit.volume());
     let stretched: Vec<[f64; 3]> = unit.vertices().iter().map(|v| [0, 1, 2].map(|k| factor * axes[k] * v[k])).collect();
-    surface(&stretched, unit.triangles())
+    to_surface(&stretched, unit.triangles())
 }
 
 /// A prism about the third axis, of about two sides for each fragment along a rim and at least 32.
-fn drum(half_height: f64, radius: f64, number: usize) -> Result<Surface, Misfit> {
+fn prism_surface(half_height: f64, radius: f64, number: usize) -> Result<Surface, HullError> {
     let turn = std::f64::consts::TAU;
     let fragment = libm::cbrt(std::f64::consts::PI * radius * radius * 2.0 * half_height / number as f64);
     let sides = (2.0 * turn * radius / fragment).clamp(32.0, 2000.0) as usize;
@@ -60,12 +60,12 @@ fn drum(half_height: f64, radius: f64, number: usize) -> Result<Surface, Misfit>
         let (sin, cos) = libm::sincos(angle * (k / 2) as f64);
         [outer * cos, outer * sin, if k.is_multiple_of(2) { -half_height } else { half_height }]
     };
-    hull::convex(&(0..2 * sides).map(corner).collect::<Vec<_>>())
+    hull::convex_hull(&(0..2 * sides).map(corner).collect::<Vec<_>>())
 }
 
 /// Points evenly spread on the sphere of radius 1: a spiral from pole to pole, turned by the golden angle
 /// (A. Gonzalez, Math. Geosci. 42, 2010).
-pub fn spiral(count: usize) -> Vec<[f64; 3]> {
+pub fn sphere_spiral(count: usize) -> Vec<[f64; 3]> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let point = |k: usize| {
         let z = 1.0 - (2.0 * k as f64 + 1.0) / count as f64;
@@ -81,103 +81,103 @@ pub fn spiral(count: usize) -> Vec<[f64; 3]> {
 /// Seeds are drawn anywhere in the solid and then moved `relaxation` times to the centres of their cells (Lloyd 1982).
 ///
 /// Errors: a cell that is no body.
-pub fn fragments(
+pub fn voronoi_fragments(
     solid: &Surface,
     number: usize,
     relaxation: usize,
-    random: &mut Random,
+    random: &mut RandomStream,
 ) -> Result<Vec<Surface>, String> {
     let extent = solid.vertices().iter().map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
     let halves = solid.vertices().iter().fold(Vector3::zeros(), |halves, &v| Vector3::from(v).abs().sup(&halves));
-    let planes: Vec<Plane> = solid
+    let planes: Vec<CutPlane> = solid
         .triangles()
         .iter()
         .map(|t| {
             let [a, b, c] = t.map(|k| Vector3::from(solid.vertices()[k as usize]));
             let normal = (b - a).cross(&(c - a)).normalize();
-            Plane { normal, offset: normal.dot(&a) }
+            CutPlane { normal, offset: normal.dot(&a) }
         })
         .collect();
-    let inside = |p: &Vector3<f64>| planes.iter().all(|plane| plane.above(p) < 0.0);
+    let inside = |p: &Vector3<f64>| planes.iter().all(|plane| plane.signed_distance(p) < 0.0);
     let mut seeds = Vec::with_capacity(number);
     for _ in 0..number {
         // Of thin bodies hardly a point of the cube lies inside.
-        let seed = (0..ATTEMPTS).map(|_| extent * random.in_cube()).find(inside);
-        let seed = seed.or_else(|| (0..ATTEMPTS).map(|_| halves.component_mul(&random.in_cube())).find(inside));
-        seeds.push(seed.ok_or_else(|| format!("a body in which {ATTEMPTS} points at random find no place"))?);
+        let seed = (0..MAX_ATTEMPTS).map(|_| extent * random.in_cube()).find(inside);
+        let seed = seed.or_else(|| (0..MAX_ATTEMPTS).map(|_| halves.component_mul(&random.in_cube())).find(inside));
+        seeds.push(seed.ok_or_else(|| format!("a body in which {MAX_ATTEMPTS} points at random find no place"))?);
     }
     for _ in 0..relaxation {
-        let cells = cells(&planes, extent, &seeds)?;
+        let cells = voronoi_cells(&planes, extent, &seeds)?;
         seeds = cells.iter().map(|cell| cell.mass_properties().centre.into()).collect();
     }
-    cells(&planes, extent, &seeds)
+    voronoi_cells(&planes, extent, &seeds)
 }
 
-fn cells(planes: &[Plane], extent: f64, seeds: &[Vector3<f64>]) -> Result<Vec<Surface>, String> {
-    (0..seeds.len()).map(|k| cell(planes, extent, seeds, k)).collect()
+fn voronoi_cells(planes: &[CutPlane], extent: f64, seeds: &[Vector3<f64>]) -> Result<Vec<Surface>, String> {
+    (0..seeds.len()).map(|k| voronoi_cell(planes, extent, seeds, k)).collect()
 }
 
 /// What of the solid is nearer to seed `k` than to all others.
-fn cell(planes: &[Plane], extent: f64, seeds: &[Vector3<f64>], k: usize) -> Result<Surface, String> {
+fn voronoi_cell(planes: &[CutPlane], extent: f64, seeds: &[Vector3<f64>], k: usize) -> Result<Surface, String> {
     let seed = seeds[k];
     let mut others: Vec<(f64, usize)> =
         (0..seeds.len()).filter(|&j| j != k).map(|j| ((seeds[j] - seed).norm_squared(), j)).collect();
     let nearer = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
     // Of many only the nearest matter: the others are hardly ever put in order.
-    let nearest = NEAREST.min(others.len());
+    let nearest = NEAREST_SEEDS.min(others.len());
     if nearest < others.len() {
         others.select_nth_unstable_by(nearest, nearer);
     }
     let (near, far) = others.split_at_mut(nearest);
     near.sort_by(nearer);
     // Relative to the seed, so that small cells keep their digits.
-    let mut cell = Cell::cube(2.0 * extent);
-    let closed = cell.cut_between(&seed, seeds, near, SAME * extent);
+    let mut cell = VoronoiCell::cube(2.0 * extent);
+    let closed = cell.cut_between(&seed, seeds, near, SAME_VERTEX_TOLERANCE * extent);
     // Cells at the surface are open to it until it cuts them.
-    let reach = cell.reach();
+    let reach = cell.bounding_radius();
     for plane in planes {
-        let offset = -plane.above(&seed);
+        let offset = -plane.signed_distance(&seed);
         if offset <= reach {
-            cell.cut(&Plane { normal: plane.normal, offset }, SAME * extent);
+            cell.cut_above(&CutPlane { normal: plane.normal, offset }, SAME_VERTEX_TOLERANCE * extent);
         }
     }
     if !closed {
-        let reach = cell.reach();
+        let reach = cell.bounding_radius();
         let mut far: Vec<(f64, usize)> = far.iter().copied().filter(|other| 0.5 * other.0.sqrt() <= reach).collect();
         far.sort_by(nearer);
-        cell.cut_between(&seed, seeds, &far, SAME * extent);
+        cell.cut_between(&seed, seeds, &far, SAME_VERTEX_TOLERANCE * extent);
     }
-    cell.surface(&seed)
+    cell.to_surface(&seed)
 }
 
 /// Points x with normal.x < offset lie behind it.
-struct Plane {
+struct CutPlane {
     normal: Vector3<f64>,
     offset: f64,
 }
 
-impl Plane {
-    fn above(&self, point: &Vector3<f64>) -> f64 {
+impl CutPlane {
+    fn signed_distance(&self, point: &Vector3<f64>) -> f64 {
         self.normal.dot(point) - self.offset
     }
 }
 
 /// A convex polyhedron that is cut smaller and smaller.
-struct Cell {
+struct VoronoiCell {
     vertices: Vec<Vector3<f64>>,
     /// Vertices of each face, counter-clockwise seen from outside.
     faces: Vec<Vec<usize>>,
 }
 
-impl Cell {
+impl VoronoiCell {
     /// Half sides `half`, about the origin.
-    fn cube(half: f64) -> Cell {
+    fn cube(half: f64) -> VoronoiCell {
         let corner = |k: usize| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half } else { half });
         let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-        Cell { vertices: (0..8).map(corner).collect(), faces: faces.map(|face| face.to_vec()).into() }
+        VoronoiCell { vertices: (0..8).map(corner).collect(), faces: faces.map(|face| face.to_vec()).into() }
     }
 
-    fn reach(&self) -> f64 {
+    fn bounding_radius(&self) -> f64 {
         self.faces.iter().flatten().map(|&k| self.vertices[k].norm()).fold(0.0, f64::max)
     }
 
@@ -186,18 +186,18 @@ impl Cell {
     fn cut_between(&mut self, seed: &Vector3<f64>, seeds: &[Vector3<f64>], others: &[(f64, usize)], same: f64) -> bool {
         for &(square, other) in others {
             let distance = square.sqrt();
-            if 0.5 * distance > self.reach() {
+            if 0.5 * distance > self.bounding_radius() {
                 return true;
             }
             let normal = (seeds[other] - seed) / distance;
-            self.cut(&Plane { normal, offset: 0.5 * distance }, same);
+            self.cut_above(&CutPlane { normal, offset: 0.5 * distance }, same);
         }
         false
     }
 
     /// Takes away what is above the plane; vertices within `same` of it stay.
-    fn cut(&mut self, plane: &Plane, same: f64) {
-        let heights: Vec<f64> = self.vertices.iter().map(|v| plane.above(v)).collect();
+    fn cut_above(&mut self, plane: &CutPlane, same: f64) {
+        let heights: Vec<f64> = self.vertices.iter().map(|v| plane.signed_distance(v)).collect();
         if self.faces.iter().flatten().all(|&k| heights[k] <= same) {
             return;
         }
@@ -267,7 +267,7 @@ impl Cell {
     }
 
     /// Its surface, moved by `seed`.
-    fn surface(&self, seed: &Vector3<f64>) -> Result<Surface, String> {
+    fn to_surface(&self, seed: &Vector3<f64>) -> Result<Surface, String> {
         let mut numbers: FxHashMap<usize, u32> = FxHashMap::default();
         let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
         for face in &self.faces {
@@ -290,21 +290,23 @@ impl Cell {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Purpose;
+    use crate::random::StreamPurpose;
 
-    fn broken(room: &Room, number: usize, relaxation: usize, seed: u64) -> (Surface, Vec<Surface>) {
-        let solid = solid(room, number).unwrap();
-        let fragments = fragments(&solid, number, relaxation, &mut Random::new(seed, 0, Purpose::Place)).unwrap();
+    fn broken(room: &GrainRegion, number: usize, relaxation: usize, seed: u64) -> (Surface, Vec<Surface>) {
+        let solid = region_polyhedron(room, number).unwrap();
+        let fragments =
+            voronoi_fragments(&solid, number, relaxation, &mut RandomStream::new(seed, 0, StreamPurpose::Place))
+                .unwrap();
         (solid, fragments)
     }
 
     #[test]
     fn fragments_fill_the_solid_and_are_convex() {
         let rooms = [
-            Room::Ball(100.0),
-            Room::Ellipsoid([3.0, 2.0, 1.0]),
-            Room::Box([0.5, 1.0, 0.01]),
-            Room::Cylinder { half_height: 2.0, radius: 1.0 },
+            GrainRegion::Ball(100.0),
+            GrainRegion::Ellipsoid([3.0, 2.0, 1.0]),
+            GrainRegion::Box([0.5, 1.0, 0.01]),
+            GrainRegion::Cylinder { half_height: 2.0, radius: 1.0 },
         ];
         for (k, room) in rooms.iter().enumerate() {
             for (number, relaxation) in [(1, 0), (2, 0), (50, 0), (300, 0), (60, 5)] {
@@ -322,9 +324,9 @@ mod tests {
     #[test]
     fn every_point_lies_in_the_fragment_of_its_nearest_seed() {
         // Two seeds: a box cut in two by the plane half-way between them.
-        let solid = solid(&Room::Box([1.0, 1.0, 1.0]), 2).unwrap();
-        let planes: Vec<Plane> = (0..6)
-            .map(|k| Plane {
+        let solid = region_polyhedron(&GrainRegion::Box([1.0, 1.0, 1.0]), 2).unwrap();
+        let planes: Vec<CutPlane> = (0..6)
+            .map(|k| CutPlane {
                 normal: Vector3::from_fn(
                     |axis, _| if axis == k / 2 { if k % 2 == 0 { 1.0 } else { -1.0 } } else { 0.0 },
                 ),
@@ -332,7 +334,7 @@ mod tests {
             })
             .collect();
         let seeds = [Vector3::new(-0.5, 0.0, 0.0), Vector3::new(0.9, 0.0, 0.0)];
-        let cells = cells(&planes, 3f64.sqrt(), &seeds).unwrap();
+        let cells = voronoi_cells(&planes, 3f64.sqrt(), &seeds).unwrap();
         // The plane x = 0.2.
         assert!((cells[0].volume() - 4.8).abs() < 1e-14 && (cells[1].volume() - 3.2).abs() < 1e-14);
         assert!((cells[0].mass_properties().centre[0] + 0.4).abs() < 1e-15);
@@ -341,7 +343,7 @@ mod tests {
 
     #[test]
     fn a_needle_breaks_too() {
-        let (solid, fragments) = broken(&Room::Ellipsoid([1000.0, 1.0, 1.0]), 5, 0, 1);
+        let (solid, fragments) = broken(&GrainRegion::Ellipsoid([1000.0, 1.0, 1.0]), 5, 0, 1);
         let sum: f64 = fragments.iter().map(Surface::volume).sum();
         assert!((sum / solid.volume() - 1.0).abs() < 1e-9, "{sum} {}", solid.volume());
     }
@@ -349,7 +351,7 @@ mod tests {
     #[test]
     fn relaxed_fragments_are_more_alike() {
         let spread = |relaxation| {
-            let (solid, fragments) = broken(&Room::Ball(1.0), 100, relaxation, 4);
+            let (solid, fragments) = broken(&GrainRegion::Ball(1.0), 100, relaxation, 4);
             let mean = solid.volume() / 100.0;
             (fragments.iter().map(|f| (f.volume() / mean - 1.0).powi(2)).sum::<f64>() / 100.0).sqrt()
         };

@@ -10,7 +10,7 @@ use parry3d_f64::shape::{TriMesh, TriMeshFlags};
 
 /// A closed surface about its centre of mass.
 #[derive(Clone)]
-pub struct Inside {
+pub struct SurfaceRegion {
     /// Solid of volume 1, about its centre of mass.
     surface: Rc<Surface>,
     /// The same, for distances.
@@ -19,21 +19,21 @@ pub struct Inside {
     scale: f64,
 }
 
-impl PartialEq for Inside {
-    fn eq(&self, other: &Inside) -> bool {
+impl PartialEq for SurfaceRegion {
+    fn eq(&self, other: &SurfaceRegion) -> bool {
         self.surface == other.surface && self.scale == other.scale
     }
 }
 
-impl std::fmt::Debug for Inside {
+impl std::fmt::Debug for SurfaceRegion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Inside({} vertices, scale {})", self.surface.vertices().len(), self.scale)
     }
 }
 
-impl Inside {
+impl SurfaceRegion {
     /// Errors: a surface of which no mesh can be made.
-    pub fn new(surface: &Surface) -> Result<Inside, String> {
+    pub fn new(surface: &Surface) -> Result<SurfaceRegion, String> {
         let properties = surface.mass_properties();
         let centre = Vector3::from(properties.centre);
         let scale = libm::cbrt(properties.volume);
@@ -42,7 +42,7 @@ impl Inside {
         let points = vertices.iter().map(|&[x, y, z]| Point::new(x, y, z)).collect();
         let unit = Surface::new(&vertices, surface.triangles()).map_err(|faults| faults.join("; "))?;
         let mesh = TriMesh::with_flags(points, unit.triangles().to_vec(), TriMeshFlags::ORIENTED);
-        Ok(Inside {
+        Ok(SurfaceRegion {
             surface: Rc::new(unit),
             mesh: Rc::new(mesh.map_err(|_| "its triangles make no surface with an inside")?),
             scale,
@@ -54,8 +54,8 @@ impl Inside {
         self.scale.powi(3)
     }
 
-    pub fn times(&self, factor: f64) -> Inside {
-        Inside { scale: factor * self.scale, ..self.clone() }
+    pub fn scaled_by(&self, factor: f64) -> SurfaceRegion {
+        SurfaceRegion { scale: factor * self.scale, ..self.clone() }
     }
 
     /// m, about the centre of mass.
@@ -64,7 +64,7 @@ impl Inside {
     }
 
     /// Half the lengths of the smallest box about the centre of mass, m.
-    pub fn halves(&self) -> Vector3<f64> {
+    pub fn half_extents(&self) -> Vector3<f64> {
         let farthest = |k: usize| self.surface.vertices().iter().map(|v| v[k].abs()).fold(0.0, f64::max);
         self.scale * Vector3::new(farthest(0), farthest(1), farthest(2))
     }
@@ -74,7 +74,7 @@ impl Inside {
     /// The nearest point of the surface tells the distance, and by the mean of the normals about it, weighted with
     /// their angles, on which side the centre lies: that is exact for closed surfaces (Baerentzen & Aanaes, IEEE Trans.
     /// Vis. Comput. Graph. 11, 2005).
-    pub fn holds(&self, centre: &Vector3<f64>, radius: f64) -> bool {
+    pub fn contains_ball(&self, centre: &Vector3<f64>, radius: f64) -> bool {
         let local = centre / self.scale;
         let point = Point::new(local.x, local.y, local.z);
         let nearest = self.mesh.project_local_point(point, false);
@@ -85,13 +85,13 @@ impl Inside {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::place::fragments::spiral;
-    use crate::random::{Purpose, Random};
+    use crate::place::fragments::sphere_spiral;
+    use crate::random::{RandomStream, StreamPurpose};
     use crate::shapes::hull;
 
     /// A sphere with deep dents and sharp ridges.
     fn dented() -> Surface {
-        let ball = hull::convex(&spiral(500)).unwrap();
+        let ball = hull::convex_hull(&sphere_spiral(500)).unwrap();
         let dent = |&v: &[f64; 3]| {
             let [x, y, z] = v;
             let r = 1.0 + 0.5 * libm::sin(5.0 * x) * libm::sin(4.0 * y) + 0.3 * libm::fabs(z - 0.3);
@@ -116,27 +116,27 @@ mod tests {
     #[test]
     fn inside_is_where_the_surface_goes_round_a_point() {
         let surface = dented();
-        let inside = Inside::new(&surface).unwrap();
+        let inside = SurfaceRegion::new(&surface).unwrap();
         assert!((inside.volume() / surface.volume() - 1.0).abs() < 1e-14);
         let vertices = inside.vertices();
-        let mut random = Random::new(8, 0, Purpose::Place);
+        let mut random = RandomStream::new(8, 0, StreamPurpose::Place);
         let mut counts = [0, 0];
         for k in 0..4000 {
             // Anywhere, and a hair off vertices, edges and faces.
             let point = if k % 2 == 0 {
                 150.0 * random.in_cube()
             } else {
-                let [a, b, c] = surface.triangles()[random.below(surface.triangles().len())]
+                let [a, b, c] = surface.triangles()[random.uniform_index(surface.triangles().len())]
                     .map(|v| Vector3::from(vertices[v as usize]));
                 let (u, v) = (
-                    [0.0, 0.0, 1.0, 0.5, random.uniform()][random.below(5)],
-                    [0.0, 0.5, random.uniform()][random.below(3)],
+                    [0.0, 0.0, 1.0, 0.5, random.uniform()][random.uniform_index(5)],
+                    [0.0, 0.5, random.uniform()][random.uniform_index(3)],
                 );
                 a + (b - a) * u + (c - a) * (1.0 - u) * v + 1e-6 * random.in_cube()
             };
             let number = winding(&vertices, surface.triangles(), &point);
             assert!((number - number.round()).abs() < 1e-6, "{number}");
-            assert_eq!(inside.holds(&point, 0.0), number > 0.5, "{point} {number}");
+            assert_eq!(inside.contains_ball(&point, 0.0), number > 0.5, "{point} {number}");
             counts[usize::from(number > 0.5)] += 1;
         }
         assert!(counts.iter().all(|count| *count > 500), "{counts:?}");
@@ -145,14 +145,15 @@ mod tests {
     #[test]
     fn balls_keep_within_a_cube() {
         let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { 4.0 } else { 6.0 });
-        let cube = hull::convex(&(0..8).map(corner).collect::<Vec<_>>()).unwrap();
-        let inside = Inside::new(&cube).unwrap();
-        let holds = |x: f64, y: f64, radius: f64| inside.holds(&Vector3::new(x, y, 0.0), radius);
+        let cube = hull::convex_hull(&(0..8).map(corner).collect::<Vec<_>>()).unwrap();
+        let inside = SurfaceRegion::new(&cube).unwrap();
+        let holds = |x: f64, y: f64, radius: f64| inside.contains_ball(&Vector3::new(x, y, 0.0), radius);
         assert!(holds(0.0, 0.0, 0.999999) && !holds(0.0, 0.0, 1.000001));
         assert!(holds(0.5, -0.5, 0.499999) && !holds(0.5, -0.5, 0.500001) && !holds(1.1, 0.0, 0.0));
-        let larger = inside.times(3.0);
+        let larger = inside.scaled_by(3.0);
         assert!(
-            (larger.volume() / 216.0 - 1.0).abs() < 1e-14 && (larger.halves() - Vector3::repeat(3.0)).norm() < 1e-14
+            (larger.volume() / 216.0 - 1.0).abs() < 1e-14
+                && (larger.half_extents() - Vector3::repeat(3.0)).norm() < 1e-14
         );
     }
 }

@@ -2,15 +2,15 @@
 
 use nalgebra::Vector3;
 
-use super::room::Room;
-use crate::random::Random;
+use super::room::GrainRegion;
+use crate::random::RandomStream;
 
-/// Offsets of the lattice that are tried in a curved room, besides [`SYMMETRIC`].
+/// Offsets of the lattice that are tried in a curved room, besides [`SYMMETRIC_OFFSETS`].
 const RANDOM_OFFSETS: usize = 12;
 
 /// Offsets of the room's centre from a site, in half edges of the cubic cell, that suit few grains:
 /// on a site, between two, and in the holes between four and between six.
-const SYMMETRIC: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5, 0.5, 0.5], [1.0, 0.0, 0.0]];
+const SYMMETRIC_OFFSETS: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5, 0.5, 0.5], [1.0, 0.0, 0.0]];
 
 /// Exactly `number` sites as far apart as the room allows, at least `closest`, m; with that distance d.
 ///
@@ -18,24 +18,29 @@ const SYMMETRIC: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5, 0.5, 0
 /// within its site's ball meets no other. Where more than `number` sites fit, some are left out at random.
 ///
 /// `Err` holds the number of sites at the distance `closest`, if they are too few.
-pub fn sites(room: &Room, number: usize, closest: f64, random: &mut Random) -> Result<(Vec<Vector3<f64>>, f64), usize> {
-    let mut offsets: Vec<[f64; 3]> = SYMMETRIC.to_vec();
+pub fn lattice_sites(
+    room: &GrainRegion,
+    number: usize,
+    closest: f64,
+    random: &mut RandomStream,
+) -> Result<(Vec<Vector3<f64>>, f64), usize> {
+    let mut offsets: Vec<[f64; 3]> = SYMMETRIC_OFFSETS.to_vec();
     match room {
-        Room::Box(_) => offsets.truncate(1), // lies against the box's corner
+        GrainRegion::Box(_) => offsets.truncate(1), // lies against the box's corner
         _ => offsets.extend((0..RANDOM_OFFSETS).map(|_| <[f64; 3]>::from(random.in_cube()))),
     }
     let (mut best, mut most) = (None, 0);
     let mut distance = closest;
     for offset in offsets {
-        let lattice = |d| Lattice { room, d, offset };
-        let fit = |d| lattice(d).sites(number).len();
+        let lattice = |d| FccLattice { room, d, offset };
+        let fit = |d| lattice(d).lattice_sites(number).len();
         let count = fit(distance);
         most = most.max(count);
         if count < number {
             continue;
         }
         // Bisection between a distance at which enough sites fit and one at which none does.
-        let (mut low, mut high) = (distance, 2.001 * room.halves().min());
+        let (mut low, mut high) = (distance, 2.001 * room.half_extents().min());
         while high - low > 1e-6 * low {
             let middle = 0.5 * (low + high);
             if fit(middle) >= number { low = middle } else { high = middle }
@@ -44,38 +49,38 @@ pub fn sites(room: &Room, number: usize, closest: f64, random: &mut Random) -> R
         best = Some(offset);
     }
     let offset = best.ok_or(most)?;
-    let mut sites = Lattice { room, d: distance, offset }.sites(usize::MAX);
+    let mut sites = FccLattice { room, d: distance, offset }.lattice_sites(usize::MAX);
     random.shuffle(&mut sites);
     sites.truncate(number);
     Ok((sites, distance))
 }
 
-struct Lattice<'a> {
-    room: &'a Room,
+struct FccLattice<'a> {
+    room: &'a GrainRegion,
     /// Distance of neighbours, m.
     d: f64,
     /// In half edges of the cubic cell.
     offset: [f64; 3],
 }
 
-impl Lattice<'_> {
+impl FccLattice<'_> {
     /// The first `at_most` sites whose balls of radius d/2 lie in the room.
-    fn sites(&self, at_most: usize) -> Vec<Vector3<f64>> {
+    fn lattice_sites(&self, at_most: usize) -> Vec<Vector3<f64>> {
         // The sites are the points of a cubic lattice of this edge whose indices have an even sum.
         let edge = self.d * std::f64::consts::FRAC_1_SQRT_2;
-        let reach = self.room.halves().map(|half| (half - 0.5 * self.d) / edge);
+        let reach = self.room.half_extents().map(|half| (half - 0.5 * self.d) / edge);
         let mut sites = Vec::new();
         if reach.min() < 0.0 {
             return sites;
         }
         let offset = match self.room {
-            Room::Box(_) => reach.map(|reach| 0.5 * (2.0 * reach).floor()), // layers 0, 1 ... fill the box evenly
+            GrainRegion::Box(_) => reach.map(|reach| 0.5 * (2.0 * reach).floor()), // layers 0, 1 ... fill the box evenly
             _ => self.offset.into(),
         };
         // Of a row through an ellipsoid only what lies in it: `taken`, the squares of the other places over the semi-axes.
-        let outer = self.room.halves().map(|half| half / edge);
+        let outer = self.room.half_extents().map(|half| half / edge);
         let share = |k: usize, index: i64| match self.room {
-            Room::Ball(_) | Room::Ellipsoid(_) => ((index as f64 - offset[k]) / outer[k]).powi(2),
+            GrainRegion::Ball(_) | GrainRegion::Ellipsoid(_) => ((index as f64 - offset[k]) / outer[k]).powi(2),
             _ => 0.0,
         };
         // A little more than the reach, so that round-off loses no layer; `holds` has the last word.
@@ -87,7 +92,7 @@ impl Lattice<'_> {
             for j in indices(1, share(0, i)) {
                 for k in indices(2, share(0, i) + share(1, j)).filter(|k| (i + j + k) % 2 == 0) {
                     let site = (Vector3::new(i as f64, j as f64, k as f64) - offset) * edge;
-                    if self.room.holds(&site, 0.5 * self.d) {
+                    if self.room.contains_ball(&site, 0.5 * self.d) {
                         sites.push(site);
                         if sites.len() >= at_most {
                             return sites;
@@ -103,10 +108,10 @@ impl Lattice<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Purpose;
+    use crate::random::StreamPurpose;
 
-    fn random() -> Random {
-        Random::new(1, 0, Purpose::Place)
+    fn random() -> RandomStream {
+        RandomStream::new(1, 0, StreamPurpose::Place)
     }
 
     /// Smallest distance of two points, by all pairs.
@@ -117,13 +122,15 @@ mod tests {
 
     #[test]
     fn exact_numbers_apart_and_inside() {
-        for room in [Room::Ball(10.0), Room::Ellipsoid([20.0, 10.0, 5.0]), Room::Box([10.0, 8.0, 12.0])] {
+        for room in
+            [GrainRegion::Ball(10.0), GrainRegion::Ellipsoid([20.0, 10.0, 5.0]), GrainRegion::Box([10.0, 8.0, 12.0])]
+        {
             for number in [1, 2, 13, 100, 1000] {
-                let (sites, d) = sites(&room, number, 0.1, &mut random()).unwrap();
+                let (sites, d) = lattice_sites(&room, number, 0.1, &mut random()).unwrap();
                 assert_eq!(sites.len(), number);
                 // Round-off of coordinates of about 10.
                 assert!(nearest(&sites) >= d * (1.0 - 1e-13), "{room} {number}");
-                assert!(sites.iter().all(|site| room.holds(site, 0.5 * d)), "{room} {number}");
+                assert!(sites.iter().all(|site| room.contains_ball(site, 0.5 * d)), "{room} {number}");
             }
         }
     }
@@ -131,8 +138,8 @@ mod tests {
     #[test]
     fn a_few_grains_in_a_large_room_take_no_time() {
         // A box around it would have 10^15 sites.
-        for room in [Room::Ball(1e4), Room::Ellipsoid([1e4, 2e4, 5e3])] {
-            assert_eq!(sites(&room, 4, 0.1, &mut random()).unwrap().0.len(), 4);
+        for room in [GrainRegion::Ball(1e4), GrainRegion::Ellipsoid([1e4, 2e4, 5e3])] {
+            assert_eq!(lattice_sites(&room, 4, 0.1, &mut random()).unwrap().0.len(), 4);
         }
     }
 
@@ -140,8 +147,8 @@ mod tests {
     fn large_rooms_are_filled_as_the_lattice_allows() {
         // The sites fill the ball that is smaller by d/2, a volume of d^3 / sqrt(2) each; the offsets
         // that were tried gain less than 2 % of d over the mean.
-        let (_, d) = sites(&Room::Ball(10.0), 5000, 0.1, &mut random()).unwrap();
-        let mean = (2f64.sqrt() * Room::Ball(10.0 - 0.5 * d).volume() / 5000.0).cbrt();
+        let (_, d) = lattice_sites(&GrainRegion::Ball(10.0), 5000, 0.1, &mut random()).unwrap();
+        let mean = (2f64.sqrt() * GrainRegion::Ball(10.0 - 0.5 * d).volume() / 5000.0).cbrt();
         assert!((1.0..1.02).contains(&(d / mean)), "{d} {mean}");
     }
 
@@ -149,16 +156,16 @@ mod tests {
     fn small_numbers_fit_as_tightly_as_can_be() {
         // One ball fills its room; two, four and six of radius 1 have the known smallest spheres about them.
         for (number, radius) in [(1, 1.0), (2, 2.0), (4, 1.0 + 1.5f64.sqrt()), (6, 1.0 + 2f64.sqrt())] {
-            let (_, d) = sites(&Room::Ball(radius * 1.0001), number, 2.0, &mut random()).unwrap();
+            let (_, d) = lattice_sites(&GrainRegion::Ball(radius * 1.0001), number, 2.0, &mut random()).unwrap();
             assert!((2.0..2.001).contains(&d), "{number}: {d}");
         }
-        let (_, d) = sites(&Room::Box([5.0, 5.0, 1.0]), 9, 2.0, &mut random()).unwrap();
+        let (_, d) = lattice_sites(&GrainRegion::Box([5.0, 5.0, 1.0]), 9, 2.0, &mut random()).unwrap();
         assert_eq!(d, 2.0); // one layer
     }
 
     #[test]
     fn tells_how_many_sites_there_are() {
-        assert_eq!(sites(&Room::Ball(0.9), 1, 2.0, &mut random()), Err(0));
-        assert_eq!(sites(&Room::Ball(1.5), 5, 2.0, &mut random()), Err(1));
+        assert_eq!(lattice_sites(&GrainRegion::Ball(0.9), 1, 2.0, &mut random()), Err(0));
+        assert_eq!(lattice_sites(&GrainRegion::Ball(1.5), 5, 2.0, &mut random()), Err(1));
     }
 }

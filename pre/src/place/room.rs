@@ -5,12 +5,12 @@ use std::path::Path;
 use cd_formats::error::{Fault, Faults};
 use nalgebra::Vector3;
 
-use super::inside::Inside;
-use crate::scene::{Envelope, Scaled};
+use super::inside::SurfaceRegion;
+use crate::scene::{Envelope, ModelScale};
 use crate::shapes::model;
 
 #[derive(Debug, Clone, PartialEq)]
-pub enum Room {
+pub enum GrainRegion {
     /// Radius, m.
     Ball(f64),
     /// Semi-axes, m.
@@ -22,12 +22,12 @@ pub enum Room {
         half_height: f64,
         radius: f64,
     },
-    Inside(Inside),
+    Inside(SurfaceRegion),
 }
 
 impl Envelope {
     /// Whether the size is given.
-    pub fn sized(&self) -> bool {
+    pub fn has_size(&self) -> bool {
         match self {
             Envelope::Ball { radius } => radius.is_some(),
             Envelope::Ellipsoid { semi_axes: lengths, .. } | Envelope::Box { lengths, .. } => lengths.is_some(),
@@ -40,100 +40,102 @@ impl Envelope {
     /// paths of models begin.
     ///
     /// Errors: those of a model's file.
-    pub fn room(&self, folder: &Path) -> Result<(Room, String), Faults> {
+    pub fn to_region(&self, folder: &Path) -> Result<(GrainRegion, String), Faults> {
         let half = |lengths: [f64; 3]| lengths.map(|length| 0.5 * length);
         let mut told = String::new();
         let room = match self {
-            Envelope::Ball { radius } => Room::Ball(radius.unwrap_or(1.0)),
-            Envelope::Ellipsoid { semi_axes, ratios } => Room::Ellipsoid(semi_axes.or(*ratios).unwrap_or([1.0; 3])),
-            Envelope::Box { lengths, ratios } => Room::Box(half(lengths.or(*ratios).unwrap_or([2.0; 3]))),
-            &Envelope::Cylinder { half_height, radius } => Room::Cylinder { half_height, radius },
+            Envelope::Ball { radius } => GrainRegion::Ball(radius.unwrap_or(1.0)),
+            Envelope::Ellipsoid { semi_axes, ratios } => {
+                GrainRegion::Ellipsoid(semi_axes.or(*ratios).unwrap_or([1.0; 3]))
+            }
+            Envelope::Box { lengths, ratios } => GrainRegion::Box(half(lengths.or(*ratios).unwrap_or([2.0; 3]))),
+            &Envelope::Cylinder { half_height, radius } => GrainRegion::Cylinder { half_height, radius },
             Envelope::Model { file, scaled } => {
-                let read = model::surface(folder, file, scaled.unwrap_or(Scaled::Factor(1.0)))?;
-                let turned = (read.turned > 0).then(|| format!("{} triangles turned to point outward", read.turned));
+                let read = model::read_surface(folder, file, scaled.unwrap_or(ModelScale::Factor(1.0)))?;
+                let turned = (read.flipped > 0).then(|| format!("{} triangles turned to point outward", read.flipped));
                 let changes: Vec<String> = turned.into_iter().chain(read.repairs).collect();
                 if !changes.is_empty() {
                     told = format!("{file}: {}", changes.join(", "));
                 }
-                let inside = Inside::new(&read.surface).map_err(|found| {
+                let inside = SurfaceRegion::new(&read.surface).map_err(|found| {
                     Fault::new(&folder.join(file), None, "surface", found, "expected one with an inside")
                 })?;
-                Room::Inside(inside)
+                GrainRegion::Inside(inside)
             }
         };
         Ok((room, told))
     }
 }
 
-impl Room {
+impl GrainRegion {
     /// m^3
     pub fn volume(&self) -> f64 {
         let product = |[a, b, c]: [f64; 3]| a * b * c;
         match self {
-            Room::Ball(radius) => crate::sizes::volume(*radius),
-            Room::Ellipsoid(axes) => 4.0 / 3.0 * std::f64::consts::PI * product(*axes),
-            Room::Box(halves) => 8.0 * product(*halves),
-            Room::Cylinder { half_height, radius } => 2.0 * std::f64::consts::PI * radius * radius * half_height,
-            Room::Inside(inside) => inside.volume(),
+            GrainRegion::Ball(radius) => crate::sizes::sphere_volume(*radius),
+            GrainRegion::Ellipsoid(axes) => 4.0 / 3.0 * std::f64::consts::PI * product(*axes),
+            GrainRegion::Box(halves) => 8.0 * product(*halves),
+            GrainRegion::Cylinder { half_height, radius } => 2.0 * std::f64::consts::PI * radius * radius * half_height,
+            GrainRegion::Inside(inside) => inside.volume(),
         }
     }
 
     /// The room of the same proportions with `volume`, m^3.
-    pub fn scaled_to(&self, volume: f64) -> Room {
+    pub fn scaled_to(&self, volume: f64) -> GrainRegion {
         let factor = libm::cbrt(volume / self.volume());
         let scaled = |lengths: [f64; 3]| lengths.map(|length| factor * length);
         match self {
-            Room::Ball(radius) => Room::Ball(factor * radius),
-            Room::Ellipsoid(axes) => Room::Ellipsoid(scaled(*axes)),
-            Room::Box(halves) => Room::Box(scaled(*halves)),
-            Room::Cylinder { half_height, radius } => {
-                Room::Cylinder { half_height: factor * half_height, radius: factor * radius }
+            GrainRegion::Ball(radius) => GrainRegion::Ball(factor * radius),
+            GrainRegion::Ellipsoid(axes) => GrainRegion::Ellipsoid(scaled(*axes)),
+            GrainRegion::Box(halves) => GrainRegion::Box(scaled(*halves)),
+            GrainRegion::Cylinder { half_height, radius } => {
+                GrainRegion::Cylinder { half_height: factor * half_height, radius: factor * radius }
             }
-            Room::Inside(inside) => Room::Inside(inside.times(factor)),
+            GrainRegion::Inside(inside) => GrainRegion::Inside(inside.scaled_by(factor)),
         }
     }
 
     /// Half the lengths of the smallest box around the room, m.
-    pub fn halves(&self) -> Vector3<f64> {
+    pub fn half_extents(&self) -> Vector3<f64> {
         match self {
-            Room::Ball(radius) => Vector3::repeat(*radius),
-            Room::Ellipsoid(lengths) | Room::Box(lengths) => (*lengths).into(),
-            Room::Cylinder { half_height, radius } => Vector3::new(*radius, *radius, *half_height),
-            Room::Inside(inside) => inside.halves(),
+            GrainRegion::Ball(radius) => Vector3::repeat(*radius),
+            GrainRegion::Ellipsoid(lengths) | GrainRegion::Box(lengths) => (*lengths).into(),
+            GrainRegion::Cylinder { half_height, radius } => Vector3::new(*radius, *radius, *half_height),
+            GrainRegion::Inside(inside) => inside.half_extents(),
         }
     }
 
     /// Whether the whole ball of `radius`, m, about `centre` lies in the room.
-    pub fn holds(&self, centre: &Vector3<f64>, radius: f64) -> bool {
+    pub fn contains_ball(&self, centre: &Vector3<f64>, radius: f64) -> bool {
         match self {
-            Room::Ball(room) => centre.norm() + radius <= *room,
-            Room::Ellipsoid(axes) => ellipsoid_holds(axes, centre, radius),
-            Room::Box(halves) => (0..3).all(|k| centre[k].abs() + radius <= halves[k]),
-            Room::Cylinder { half_height, radius: room } => {
+            GrainRegion::Ball(room) => centre.norm() + radius <= *room,
+            GrainRegion::Ellipsoid(axes) => ellipsoid_contains_ball(axes, centre, radius),
+            GrainRegion::Box(halves) => (0..3).all(|k| centre[k].abs() + radius <= halves[k]),
+            GrainRegion::Cylinder { half_height, radius: room } => {
                 centre.xy().norm() + radius <= *room && centre.z.abs() + radius <= *half_height
             }
-            Room::Inside(inside) => inside.holds(centre, radius),
+            GrainRegion::Inside(inside) => inside.contains_ball(centre, radius),
         }
     }
 }
 
-impl std::fmt::Display for Room {
+impl std::fmt::Display for GrainRegion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let three = |[a, b, c]: [f64; 3]| format!("({a:.5}, {b:.5}, {c:.5})");
         match self {
-            Room::Ball(radius) => write!(f, "a ball of radius {radius:.5} m"),
-            Room::Ellipsoid(axes) => write!(f, "an ellipsoid of semi-axes {} m", three(*axes)),
-            Room::Box(halves) => write!(f, "a box of lengths {} m", three(halves.map(|half| 2.0 * half))),
-            Room::Cylinder { half_height, radius } => {
+            GrainRegion::Ball(radius) => write!(f, "a ball of radius {radius:.5} m"),
+            GrainRegion::Ellipsoid(axes) => write!(f, "an ellipsoid of semi-axes {} m", three(*axes)),
+            GrainRegion::Box(halves) => write!(f, "a box of lengths {} m", three(halves.map(|half| 2.0 * half))),
+            GrainRegion::Cylinder { half_height, radius } => {
                 write!(f, "a cylinder of radius {radius:.5} m and length {:.5} m", 2.0 * half_height)
             }
-            Room::Inside(inside) => write!(f, "a surface around {:.6e} m^3", inside.volume()),
+            GrainRegion::Inside(inside) => write!(f, "a surface around {:.6e} m^3", inside.volume()),
         }
     }
 }
 
 /// Whether the ball lies in the ellipsoid: its centre inside, and no nearer to the surface than `radius`.
-fn ellipsoid_holds(axes: &[f64; 3], centre: &Vector3<f64>, radius: f64) -> bool {
+fn ellipsoid_contains_ball(axes: &[f64; 3], centre: &Vector3<f64>, radius: f64) -> bool {
     let level = (0..3).map(|k| (centre[k] / axes[k]).powi(2)).sum::<f64>().sqrt();
     if level > 1.0 {
         return false;
@@ -186,7 +188,8 @@ mod tests {
 
     #[test]
     fn scaling_gives_the_volume() {
-        for room in [Room::Ball(2.0), Room::Ellipsoid([1.0, 2.0, 3.0]), Room::Box([1.0, 2.0, 3.0])] {
+        for room in [GrainRegion::Ball(2.0), GrainRegion::Ellipsoid([1.0, 2.0, 3.0]), GrainRegion::Box([1.0, 2.0, 3.0])]
+        {
             assert!((room.scaled_to(7.0).volume() - 7.0).abs() < 1e-14 * 7.0); // a cube root and its cube
         }
     }

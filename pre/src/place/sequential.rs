@@ -2,27 +2,27 @@
 
 use nalgebra::Vector3;
 
-use super::cells::Cells;
-use super::room::Room;
-use crate::random::Random;
+use super::cells::SphereGrid;
+use super::room::GrainRegion;
+use crate::random::RandomStream;
 
 /// Places that are tried for one grain before the room counts as full. Ten times as many would
 /// bring equal spheres from a solid fraction of about 0.36 to 0.37 only: the last steps to the jamming
 /// limit 0.385 cost a factor of ten each.
-pub const ATTEMPTS: usize = 10_000;
+pub const MAX_ATTEMPTS: usize = 10_000;
 
 /// Centres of balls of `radii`, m, by falling radius, without overlap and wholly in the room.
 ///
-/// `Err` holds how many were placed before one found no place in [`ATTEMPTS`] tries.
-pub fn centres(room: &Room, radii: &[f64], random: &mut Random) -> Result<Vec<Vector3<f64>>, usize> {
-    let mut cells = Cells::new(radii.first().copied().unwrap_or(1.0));
+/// `Err` holds how many were placed before one found no place in [`MAX_ATTEMPTS`] tries.
+pub fn place_spheres(room: &GrainRegion, radii: &[f64], random: &mut RandomStream) -> Result<Vec<Vector3<f64>>, usize> {
+    let mut cells = SphereGrid::new(radii.first().copied().unwrap_or(1.0));
     let mut centres = Vec::with_capacity(radii.len());
-    let halves = room.halves();
+    let halves = room.half_extents();
     for &radius in radii {
         let range = halves.map(|half| (half - radius).max(0.0));
-        let place = (0..ATTEMPTS)
+        let place = (0..MAX_ATTEMPTS)
             .map(|_| random.in_cube().component_mul(&range))
-            .find(|place| room.holds(place, radius) && cells.free(place, radius));
+            .find(|place| room.contains_ball(place, radius) && cells.is_free(place, radius));
         let Some(place) = place else { return Err(centres.len()) };
         cells.add(place, radius);
         centres.push(place);
@@ -33,12 +33,14 @@ pub fn centres(room: &Room, radii: &[f64], random: &mut Random) -> Result<Vec<Ve
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Purpose;
+    use crate::random::StreamPurpose;
 
     #[test]
     fn equal_spheres_reach_a_solid_fraction_of_030_but_not_040() {
         let radii = |share: f64| vec![1.0; (share * 1000.0) as usize]; // in a ball of radius 10
-        let place = |share| centres(&Room::Ball(10.0), &radii(share), &mut Random::new(2, 0, Purpose::Place));
+        let place = |share| {
+            place_spheres(&GrainRegion::Ball(10.0), &radii(share), &mut RandomStream::new(2, 0, StreamPurpose::Place))
+        };
         assert!(place(0.28).is_ok());
         // The jamming limit of random sequential placement is 0.385; the wall takes some more.
         assert!(place(0.40).unwrap_err() < 385);

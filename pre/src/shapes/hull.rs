@@ -7,21 +7,21 @@ use parry3d_f64::transformation::try_convex_hull;
 use rustc_hash::FxHashMap;
 
 /// Points may lie outside a face by this share of the extent: roundings, and what the hull leaves of points in a plane.
-const OUTSIDE: f64 = 1e-9;
+const OUTSIDE_TOLERANCE: f64 = 1e-9;
 
 /// Volume over that of the cube around the points, or thickness over length, below which they lie in a plane.
-const FLAT: f64 = 1e-9;
+const FLATNESS_LIMIT: f64 = 1e-9;
 
 /// How often the points are turned anew where no sound hull is found.
-const TURNS: usize = 20;
+const MAX_TURNS: usize = 20;
 
 /// Points of size 1 are moved outward by this times the square of their distance: what lies in faces and edges falls
 /// behind the corners.
-const BULGE: f64 = 1e-10;
+const BULGE_FACTOR: f64 = 1e-10;
 
 /// Why points have no hull, or a hull or surface makes no body.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Misfit {
+pub enum HullError {
     /// They lie in a plane, or are too few.
     Flat,
     /// None was found that holds them all.
@@ -30,12 +30,12 @@ pub enum Misfit {
     Moved(String),
 }
 
-impl std::fmt::Display for Misfit {
+impl std::fmt::Display for HullError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Misfit::Flat => write!(f, "the points lie in a plane"),
-            Misfit::Unsound(why) => write!(f, "no convex hull was found that holds all points: {why}"),
-            Misfit::Moved(why) => write!(f, "about its centre of mass, in the digits of a number, {why}"),
+            HullError::Flat => write!(f, "the points lie in a plane"),
+            HullError::Unsound(why) => write!(f, "no convex hull was found that holds all points: {why}"),
+            HullError::Moved(why) => write!(f, "about its centre of mass, in the digits of a number, {why}"),
         }
     }
 }
@@ -47,7 +47,7 @@ impl std::fmt::Display for Misfit {
 /// the corners. Points inside faces and edges may become vertices or not.
 ///
 /// Errors: too few points, points in a plane, or no hull that holds them all.
-pub fn convex(points: &[[f64; 3]]) -> Result<Surface, Misfit> {
+pub fn convex_hull(points: &[[f64; 3]]) -> Result<Surface, HullError> {
     let bounds = |k: usize| {
         let of = |start: f64, choose: fn(f64, f64) -> f64| points.iter().map(|p| p[k]).fold(start, choose);
         (of(f64::INFINITY, f64::min), of(f64::NEG_INFINITY, f64::max))
@@ -56,17 +56,17 @@ pub fn convex(points: &[[f64; 3]]) -> Result<Surface, Misfit> {
     let middle = Vector3::from([0, 1, 2].map(|k| 0.5 * (bounds(k).0 + bounds(k).1)));
     let size = sides.iter().copied().fold(0.0, f64::max);
     if points.len() < 4 || !(size > 0.0 && size.is_finite()) {
-        return Err(Misfit::Flat);
+        return Err(HullError::Flat);
     }
     let unit: Vec<Vector3<f64>> = points.iter().map(|&p| (Vector3::from(p) - middle) / size).collect();
-    search(points, &unit, 0.0).or_else(|_| search(points, &even(&unit)?, BULGE))
+    find_sound_hull(points, &unit, 0.0).or_else(|_| find_sound_hull(points, &isotropic_points(&unit)?, BULGE_FACTOR))
 }
 
 /// The hull in the first turn in which it is sound; `unit` are the points in a frame in which they have size 1.
-fn search(points: &[[f64; 3]], unit: &[Vector3<f64>], bulge: f64) -> Result<Surface, Misfit> {
-    let mut reason = Misfit::Flat;
-    for turn in 0..TURNS {
-        match attempt(unit, bulge, turn).and_then(|triangles| compact(points, &triangles)) {
+fn find_sound_hull(points: &[[f64; 3]], unit: &[Vector3<f64>], bulge: f64) -> Result<Surface, HullError> {
+    let mut reason = HullError::Flat;
+    for turn in 0..MAX_TURNS {
+        match try_hull(unit, bulge, turn).and_then(|triangles| compact_surface(points, &triangles)) {
             Ok(surface) => return Ok(surface),
             Err(found) => reason = found,
         }
@@ -77,25 +77,25 @@ fn search(points: &[[f64; 3]], unit: &[Vector3<f64>], bulge: f64) -> Result<Surf
 /// The points along their principal axes, stretched so that they reach equally far along each.
 ///
 /// Errors: they lie in a plane.
-fn even(points: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, Misfit> {
+fn isotropic_points(points: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, HullError> {
     let mean = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
     let spread: Matrix3<f64> = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
     let axes = SymmetricEigen::new(spread).eigenvectors.transpose();
     let along: Vec<Vector3<f64>> = points.iter().map(|p| axes * (p - mean)).collect();
     let reach = along.iter().fold(Vector3::zeros(), |reach, p| p.abs().sup(&reach));
-    if reach.min() < FLAT * reach.max() {
-        return Err(Misfit::Flat);
+    if reach.min() < FLATNESS_LIMIT * reach.max() {
+        return Err(HullError::Flat);
     }
     Ok(along.iter().map(|p| p.component_div(&reach)).collect())
 }
 
-/// Triangles of the hull by numbers of `points`, which have size 1 and are moved outward by `bulge`, see [`BULGE`].
-fn attempt(points: &[Vector3<f64>], bulge: f64, turn: usize) -> Result<Vec<[u32; 3]>, Misfit> {
+/// Triangles of the hull by numbers of `points`, which have size 1 and are moved outward by `bulge`, see [`BULGE_FACTOR`].
+fn try_hull(points: &[Vector3<f64>], bulge: f64, turn: usize) -> Result<Vec<[u32; 3]>, HullError> {
     // Any directions that are not round.
     let rotation = Rotation3::from_scaled_axis(Vector3::new(0.31, -0.72, 0.53) * turn as f64);
     let turned: Vec<Vector3<f64>> = points.iter().map(|p| rotation * (p * (1.0 + bulge * p.norm_squared()))).collect();
     let given: Vec<Point> = turned.iter().map(|p| Point::new(p.x, p.y, p.z)).collect();
-    let (vertices, triangles) = try_convex_hull(&given).map_err(|error| Misfit::Unsound(error.to_string()))?;
+    let (vertices, triangles) = try_convex_hull(&given).map_err(|error| HullError::Unsound(error.to_string()))?;
     let place: FxHashMap<[u64; 3], u32> =
         given.iter().enumerate().rev().map(|(k, p)| ([p.x, p.y, p.z].map(f64::to_bits), k as u32)).collect();
     let number = |k: u32| {
@@ -109,16 +109,16 @@ fn attempt(points: &[Vector3<f64>], bulge: f64, turn: usize) -> Result<Vec<[u32;
     let mut numbered = Vec::with_capacity(triangles.len());
     for triangle in triangles {
         let [Some(a), Some(b), Some(c)] = triangle.map(number) else {
-            return Err(Misfit::Unsound("it has other points".into()));
+            return Err(HullError::Unsound("it has other points".into()));
         };
         numbered.push([a, b, c]);
     }
-    sound(points, &numbered)?;
+    validate_hull(points, &numbered)?;
     Ok(numbered)
 }
 
 /// Whether the triangles are a closed convex surface around all points.
-fn sound(points: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Result<(), Misfit> {
+fn validate_hull(points: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Result<(), HullError> {
     let mut volume = 0.0;
     for triangle in triangles {
         let [a, b, c] = triangle.map(|k| points[k as usize]);
@@ -127,31 +127,31 @@ fn sound(points: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Result<(), Misfit> 
         // Of a sliver the direction is not known: its neighbours speak for it.
         let doubt = 1.0 + 1e-6 / cross.norm().max(1e-30);
         let outside = points.iter().map(|p| cross.dot(&(p - a))).fold(0.0, f64::max);
-        if outside > OUTSIDE * doubt * cross.norm() {
-            return Err(Misfit::Unsound(format!("one is outside by {:e} of the extent", outside / cross.norm())));
+        if outside > OUTSIDE_TOLERANCE * doubt * cross.norm() {
+            return Err(HullError::Unsound(format!("one is outside by {:e} of the extent", outside / cross.norm())));
         }
     }
-    if volume.abs() < FLAT {
-        return Err(Misfit::Flat);
+    if volume.abs() < FLATNESS_LIMIT {
+        return Err(HullError::Flat);
     }
     Ok(())
 }
 
 /// The surface of those points that are corners of triangles.
-fn compact(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Surface, Misfit> {
+fn compact_surface(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Surface, HullError> {
     let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
     used.sort_unstable();
     used.dedup();
     let number = |k: u32| used.partition_point(|&u| u < k) as u32;
     let triangles: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(number)).collect();
     let vertices: Vec<[f64; 3]> = used.iter().map(|&k| points[k as usize]).collect();
-    Surface::new(&vertices, &triangles).map_err(|faults| Misfit::Unsound(faults.join("; ")))
+    Surface::new(&vertices, &triangles).map_err(|faults| HullError::Unsound(faults.join("; ")))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Shape;
+    use crate::scene::GrainShape;
     use crate::shapes::regular;
 
     /// The hull in several turns has the volume, m^3.
@@ -159,7 +159,7 @@ mod tests {
         for k in 0..10 {
             let turn = Rotation3::from_scaled_axis(Vector3::new(0.4, 0.9, -0.2) * k as f64);
             let turned: Vec<[f64; 3]> = points.iter().map(|&p| (turn * Vector3::from(p)).into()).collect();
-            let found = convex(&turned).unwrap_or_else(|misfit| panic!("{misfit}")).volume();
+            let found = convex_hull(&turned).unwrap_or_else(|misfit| panic!("{misfit}")).volume();
             // Rounding of the turned points, which moves a face of a body by eps over its thinness.
             assert!((found / volume - 1.0).abs() < 1e-9, "{found} {volume}");
         }
@@ -181,12 +181,12 @@ mod tests {
     #[test]
     fn plates_and_needles_have_hulls() {
         for lengths in [[1.0, 2.0, 1e-3], [5e-4, 5e-4, 1.0], [1.0, 1.0, 1e-6]] {
-            expect(&regular::vertices(&Shape::Box { lengths }), lengths.iter().product());
+            expect(&regular::shape_vertices(&GrainShape::Box { lengths }), lengths.iter().product());
         }
         let slenderness = 2e4;
-        let prism = regular::vertices(&Shape::Prism { sides: 6, slenderness });
+        let prism = regular::shape_vertices(&GrainShape::Prism { sides: 6, slenderness });
         expect(&prism, 1.5 * 3f64.sqrt() * 2.0 * slenderness);
         let flat: Vec<[f64; 3]> = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 0.7]].map(|[x, y]| [x, y, 0.3 * x]).into();
-        assert_eq!(convex(&flat), Err(Misfit::Flat));
+        assert_eq!(convex_hull(&flat), Err(HullError::Flat));
     }
 }

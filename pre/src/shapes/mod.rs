@@ -22,18 +22,18 @@ use cd_formats::error::Faults;
 use cd_formats::surface::Surface;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::place::rotation;
-use crate::random::{Purpose, Random};
-use crate::scene::{Grains, Radius, Shape, Standing};
-use crate::{round_axes, round14, sizes};
+use crate::place::rotation_matrix;
+use crate::random::{RandomStream, StreamPurpose};
+use crate::scene::{GrainOrientations, GrainShape, Grains, RadiusKind};
+use crate::{round_14_columns, round_axes, sizes};
 
 /// Off-centre by less than this share of the extent, or off the principal axes by as much: vertices that stand so
 /// stay as they are. A file with twelve digits leaves about 1e-12.
-const ALREADY_SO: f64 = 1e-10;
+const ALIGNMENT_TOLERANCE: f64 = 1e-10;
 
 /// A body of density 1 in its principal axes about its centre of mass.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Solid {
+pub struct PrincipalSolid {
     /// With what it touches others: convex surfaces, one if the solid is convex itself.
     pub pieces: Vec<Surface>,
     /// m^3
@@ -48,25 +48,25 @@ pub struct Solid {
     pub axes: Matrix3<f64>,
 }
 
-impl Solid {
+impl PrincipalSolid {
     /// Volume, centre and inertia of `whole`, with the `pieces` (in the same axes) moved and turned to match.
     ///
     /// Errors: a piece with triangles so small beside the rest that moved they have no area.
-    pub fn new(whole: &Surface, pieces: &[Surface]) -> Result<Solid, hull::Misfit> {
+    pub fn new(whole: &Surface, pieces: &[Surface]) -> Result<PrincipalSolid, hull::HullError> {
         let properties = whole.mass_properties();
         let extent = whole.vertices().iter().map(|&v| (Vector3::from(v) - Vector3::from(properties.centre)).norm());
         let extent = extent.fold(0.0, f64::max);
         let mut shift = Vector3::from(properties.centre);
-        if shift.norm() <= ALREADY_SO * extent {
+        if shift.norm() <= ALIGNMENT_TOLERANCE * extent {
             shift = Vector3::zeros();
         }
         let inertia = Matrix3::from(properties.inertia);
         let beside = inertia - Matrix3::from_diagonal(&inertia.diagonal());
-        let (moments, axes) = if beside.amax() <= ALREADY_SO * inertia.trace() {
+        let (moments, axes) = if beside.amax() <= ALIGNMENT_TOLERANCE * inertia.trace() {
             (inertia.diagonal().into(), Matrix3::identity())
         } else {
-            let (moments, axes) = properties.principal();
-            nearest(moments, axes.map(Vector3::from))
+            let (moments, axes) = properties.principal_axes();
+            nearest_axes(moments, axes.map(Vector3::from))
         };
         let moved = |surface: &Surface| {
             let vertices: Vec<[f64; 3]> = surface
@@ -81,30 +81,30 @@ impl Solid {
                 })
                 .collect();
             Surface::new(&vertices, surface.triangles())
-                .map_err(|faults| hull::Misfit::Moved(faults.first().cloned().unwrap_or_default()))
+                .map_err(|faults| hull::HullError::Moved(faults.first().cloned().unwrap_or_default()))
         };
         let pieces: Vec<Surface> = pieces.iter().map(moved).collect::<Result<_, _>>()?;
         let vertices = pieces.iter().flat_map(|piece| piece.vertices());
         let reach = vertices.map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
-        Ok(Solid { pieces, volume: properties.volume, moments, reach, shift, axes })
+        Ok(PrincipalSolid { pieces, volume: properties.volume, moments, reach, shift, axes })
     }
 
-    /// A convex solid; errors as of [`Solid::new`].
-    pub fn convex(surface: &Surface) -> Result<Solid, hull::Misfit> {
-        Solid::new(surface, std::slice::from_ref(surface))
+    /// A convex solid; errors as of [`PrincipalSolid::new`].
+    pub fn from_convex(surface: &Surface) -> Result<PrincipalSolid, hull::HullError> {
+        PrincipalSolid::new(surface, std::slice::from_ref(surface))
     }
 
     /// Radius of the sphere of equal volume, m.
-    pub fn radius(&self) -> f64 {
+    pub fn equivalent_radius(&self) -> f64 {
         libm::cbrt(0.75 * self.volume / std::f64::consts::PI)
     }
 }
 
 /// The axes (rows, right-handed) in the order and with the signs that turn the least from the given ones.
-fn nearest(moments: [f64; 3], axes: [Vector3<f64>; 3]) -> ([f64; 3], Matrix3<f64>) {
-    const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]];
+fn nearest_axes(moments: [f64; 3], axes: [Vector3<f64>; 3]) -> ([f64; 3], Matrix3<f64>) {
+    const AXIS_ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]];
     let along = |order: &[usize; 3]| (0..3).map(|k| axes[order[k]][k].abs()).sum::<f64>();
-    let order = ORDERS.into_iter().rev().max_by(|a, b| along(a).total_cmp(&along(b))).unwrap_or([0, 1, 2]);
+    let order = AXIS_ORDERS.into_iter().rev().max_by(|a, b| along(a).total_cmp(&along(b))).unwrap_or([0, 1, 2]);
     let signed = |k: usize| axes[order[k]] * axes[order[k]][k].signum();
     let mut rows = [0, 1, 2].map(signed);
     let matrix = |rows: &[Vector3<f64>; 3]| Matrix3::from_rows(&rows.map(|row| row.transpose()));
@@ -118,19 +118,19 @@ fn nearest(moments: [f64; 3], axes: [Vector3<f64>; 3]) -> ([f64; 3], Matrix3<f64
 
 /// A solid of some size, as it stands: numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Polyhedron {
-    pub solid: Rc<Solid>,
+pub struct OrientedPolyhedron {
+    pub solid: Rc<PrincipalSolid>,
     /// Lengths of the solid are to be taken so many times.
     pub scale: f64,
     /// Its principal axes along the fixed axes, one a row.
     pub axes: Matrix3<f64>,
 }
 
-impl Polyhedron {
+impl OrientedPolyhedron {
     /// `turn`: from the axes in which the shape was given to the fixed ones.
-    pub fn new(solid: Rc<Solid>, scale: f64, turn: &Matrix3<f64>) -> Self {
+    pub fn new(solid: Rc<PrincipalSolid>, scale: f64, turn: &Matrix3<f64>) -> Self {
         let axes = round_axes(&(solid.axes * turn.transpose()));
-        Polyhedron { solid, scale, axes }
+        OrientedPolyhedron { solid, scale, axes }
     }
 
     /// m^3
@@ -145,111 +145,114 @@ impl Polyhedron {
 
     /// Of each piece, along the principal axes, m.
     pub fn vertices(&self) -> Vec<Vec<[f64; 3]>> {
-        let scaled = |v: &[f64; 3]| v.map(|x| round14(self.scale * x));
+        let scaled = |v: &[f64; 3]| v.map(|x| round_14_columns(self.scale * x));
         self.solid.pieces.iter().map(|piece| piece.vertices().iter().map(scaled).collect()).collect()
     }
 }
 
 /// A grain before it has a place.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Drawn {
+pub struct SampledGrain {
     /// Of the sphere of equal volume, m.
     pub radius: f64,
     /// Of the smallest ball about the centre of mass that holds the grain, m.
     pub reach: f64,
     /// None for a sphere.
-    pub polyhedron: Option<Polyhedron>,
+    pub polyhedron: Option<OrientedPolyhedron>,
 }
 
-impl Drawn {
+impl SampledGrain {
     /// m^3
     pub fn volume(&self) -> f64 {
-        self.polyhedron.as_ref().map_or_else(|| sizes::volume(self.radius), Polyhedron::volume)
+        self.polyhedron.as_ref().map_or_else(|| sizes::sphere_volume(self.radius), OrientedPolyhedron::volume)
     }
 
-    pub fn of(polyhedron: Polyhedron) -> Drawn {
+    pub fn from_polyhedron(polyhedron: OrientedPolyhedron) -> SampledGrain {
         let vertices = polyhedron.vertices();
         let reach = vertices.iter().flatten().map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
-        let radius = round14(polyhedron.scale * polyhedron.solid.radius());
-        Drawn { radius, reach, polyhedron: Some(polyhedron) }
+        let radius = round_14_columns(polyhedron.scale * polyhedron.solid.equivalent_radius());
+        SampledGrain { radius, reach, polyhedron: Some(polyhedron) }
     }
 }
 
 /// Grains of one body of grains, one after the other.
-pub struct Shapes {
-    source: Source,
-    radius: Radius,
-    standing: Standing,
-    random: Random,
+pub struct GrainSampler {
+    source: ShapeSource,
+    radius: RadiusKind,
+    standing: GrainOrientations,
+    random: RandomStream,
     drawn: usize,
 }
 
 /// What is wrong with a shape: its points, or its file.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Wrong {
-    Shape(hull::Misfit),
+pub enum ShapeError {
+    Shape(hull::HullError),
     File(Faults),
 }
 
-enum Source {
+enum ShapeSource {
     Sphere,
     /// The solid, and what is to be told about it.
-    Same(Rc<Solid>, String),
-    Rocks(rocks::Rocks),
+    Same(Rc<PrincipalSolid>, String),
+    Rocks(rocks::RockGenerator),
 }
 
-impl Shapes {
+impl GrainSampler {
     /// Of a (checked) body of grains, the `group`-th of the scene; paths of files begin at `folder`.
     ///
     /// Errors: what is wrong with the shape or its file.
-    pub fn of(grains: &Grains, folder: &Path, seed: u64, group: usize) -> Result<Shapes, Wrong> {
+    pub fn from_grains(grains: &Grains, folder: &Path, seed: u64, group: usize) -> Result<GrainSampler, ShapeError> {
         let source = match &grains.shape {
-            Shape::Sphere => Source::Sphere,
-            &Shape::Random { vertices, ratios, angularity } => {
-                Source::Rocks(rocks::Rocks { vertices, ratios: ratios.into(), angularity })
+            GrainShape::Sphere => ShapeSource::Sphere,
+            &GrainShape::Random { vertices, ratios, angularity } => {
+                ShapeSource::Rocks(rocks::RockGenerator { vertices, ratios: ratios.into(), angularity })
             }
-            Shape::Model { file, scaled, contact } => {
-                let (solid, told) = model::solid(folder, file, *scaled, contact).map_err(Wrong::File)?;
-                Source::Same(Rc::new(solid), told)
+            GrainShape::Model { file, scaled, contact } => {
+                let (solid, told) = model::model_solid(folder, file, *scaled, contact).map_err(ShapeError::File)?;
+                ShapeSource::Same(Rc::new(solid), told)
             }
             other => {
-                let hull = hull::convex(&regular::vertices(other)).map_err(Wrong::Shape)?;
-                Source::Same(Rc::new(Solid::convex(&hull).map_err(Wrong::Shape)?), String::new())
+                let hull = hull::convex_hull(&regular::shape_vertices(other)).map_err(ShapeError::Shape)?;
+                ShapeSource::Same(
+                    Rc::new(PrincipalSolid::from_convex(&hull).map_err(ShapeError::Shape)?),
+                    String::new(),
+                )
             }
         };
-        let random = Random::new(seed, group, Purpose::Shape);
-        Ok(Shapes { source, radius: grains.radius, standing: grains.standing.clone(), random, drawn: 0 })
+        let random = RandomStream::new(seed, group, StreamPurpose::Shape);
+        Ok(GrainSampler { source, radius: grains.radius, standing: grains.standing.clone(), random, drawn: 0 })
     }
 
     /// What is to be told about the shape's file.
-    pub fn told(&self) -> &str {
-        if let Source::Same(_, told) = &self.source { told } else { "" }
+    pub fn file_summary(&self) -> &str {
+        if let ShapeSource::Same(_, told) = &self.source { told } else { "" }
     }
 
     /// The next grain, of the radius `size`, m, or of the shape's own size.
     ///
     /// Errors: no sound shape was found.
-    pub fn next(&mut self, size: Option<f64>) -> Result<Drawn, String> {
+    pub fn next_grain(&mut self, size: Option<f64>) -> Result<SampledGrain, String> {
         let solid = match &self.source {
-            Source::Sphere => {
+            ShapeSource::Sphere => {
                 let radius = size.unwrap_or(1.0);
-                return Ok(Drawn { radius, reach: radius, polyhedron: None });
+                return Ok(SampledGrain { radius, reach: radius, polyhedron: None });
             }
-            Source::Same(solid, _) => solid.clone(),
-            Source::Rocks(rocks) => Rc::new(rocks.draw(&mut self.random)?),
+            ShapeSource::Same(solid, _) => solid.clone(),
+            ShapeSource::Rocks(rocks) => Rc::new(rocks.draw_rock(&mut self.random)?),
         };
         let turn = match &self.standing {
-            Standing::Random => self.random.turn(),
-            Standing::Same(turn) => rotation(turn),
-            Standing::List(turns) => turns.get(self.drawn).map_or(Matrix3::identity(), rotation),
+            GrainOrientations::Random => self.random.uniform_rotation(),
+            GrainOrientations::Same(turn) => rotation_matrix(turn),
+            GrainOrientations::List(turns) => turns.get(self.drawn).map_or(Matrix3::identity(), rotation_matrix),
         };
         self.drawn += 1;
         let own = match self.radius {
-            Radius::EqualVolume => solid.radius(),
-            Radius::Circumscribed => solid.reach,
+            RadiusKind::EqualVolume => solid.equivalent_radius(),
+            RadiusKind::Circumscribed => solid.reach,
         };
         let scale = size.map_or(1.0, |size| size / own);
-        Ok(Drawn::of(Polyhedron::new(solid, scale, &turn)))
+        Ok(SampledGrain::from_polyhedron(OrientedPolyhedron::new(solid, scale, &turn)))
     }
 }
 
@@ -267,7 +270,7 @@ mod tests {
         let others = [[1, 2, 6], [1, 6, 5], [2, 3, 7], [2, 7, 6], [3, 0, 4], [3, 4, 7], [4, 5, 6], [4, 6, 7]];
         let faces = [&below[..], &before, &others].concat();
         let surface = Surface::new(&corners, &faces).unwrap();
-        let told = Solid::convex(&surface).unwrap_err().to_string();
+        let told = PrincipalSolid::from_convex(&surface).unwrap_err().to_string();
         assert!(told.starts_with("about its centre of mass,") && told.contains("has no area"), "{told}");
     }
 }

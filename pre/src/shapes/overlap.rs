@@ -7,7 +7,7 @@ use parry3d_f64::shape::{ConvexPolyhedron, Cylinder};
 
 /// A convex solid as it stands.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Convex {
+pub struct ConvexPiece {
     /// Vertices relative to `centre`, along the fixed axes, m.
     vertices: Vec<Vector3<f64>>,
     /// Unit normals of the faces, outward.
@@ -17,9 +17,9 @@ pub struct Convex {
     pub centre: Vector3<f64>,
 }
 
-impl Convex {
+impl ConvexPiece {
     /// Triangles are counter-clockwise seen from outside; vertices relative to `centre`, m.
-    pub fn new(centre: Vector3<f64>, vertices: Vec<Vector3<f64>>, triangles: &[[u32; 3]]) -> Convex {
+    pub fn new(centre: Vector3<f64>, vertices: Vec<Vector3<f64>>, triangles: &[[u32; 3]]) -> ConvexPiece {
         let corners = |t: &[u32; 3]| t.map(|k| vertices[k as usize]);
         let normals = triangles.iter().map(|t| {
             let [a, b, c] = corners(t);
@@ -31,23 +31,28 @@ impl Convex {
             let [a, b] = side.map(|k| vertices[k as usize]);
             (b - a).normalize()
         });
-        Convex { normals: distinct(normals), edges: distinct(edges), vertices, centre }
+        ConvexPiece { normals: distinct_directions(normals), edges: distinct_directions(edges), vertices, centre }
     }
 
     /// A box about `centre` with half lengths along `axes` (rows).
-    pub fn cuboid(centre: Vector3<f64>, axes: &nalgebra::Matrix3<f64>, half: &Vector3<f64>) -> Convex {
+    pub fn cuboid(centre: Vector3<f64>, axes: &nalgebra::Matrix3<f64>, half: &Vector3<f64>) -> ConvexPiece {
         let corner = |k: usize| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half[axis] } else { half[axis] });
         let directions: Vec<Vector3<f64>> = (0..3).map(|k| axes.row(k).transpose()).collect();
         let normals = directions.iter().flat_map(|axis| [*axis, -axis]).collect();
-        Convex { centre, vertices: (0..8).map(|k| axes.transpose() * corner(k)).collect(), normals, edges: directions }
+        ConvexPiece {
+            centre,
+            vertices: (0..8).map(|k| axes.transpose() * corner(k)).collect(),
+            normals,
+            edges: directions,
+        }
     }
 
     /// How far a ball reaches into the solid, m; negative when apart. A centre within counts by the nearest face.
     pub fn overlap_of_ball(&self, centre: &Vector3<f64>, radius: f64) -> f64 {
         let local = centre - self.centre;
-        let height = |n: &Vector3<f64>| local.dot(n) - self.support(n);
+        let height = |n: &Vector3<f64>| local.dot(n) - self.support_distance(n);
         let highest = self.normals.iter().map(height).fold(f64::NEG_INFINITY, f64::max);
-        if highest <= 0.0 { radius - highest } else { radius - self.distance(&local) }
+        if highest <= 0.0 { radius - highest } else { radius - self.distance_to_point(&local) }
     }
 
     /// How far a cylinder at `centre`, its axis the last row of `axes`, of `[half height, radius]`, m, reaches into the
@@ -93,7 +98,7 @@ impl Convex {
     }
 
     /// Distance of a point outside, m, by parry's GJK in a frame in which the solid has size 1.
-    fn distance(&self, local: &Vector3<f64>) -> f64 {
+    fn distance_to_point(&self, local: &Vector3<f64>) -> f64 {
         let size = self.vertices.iter().map(|v| v.norm()).fold(local.norm(), f64::max);
         let point = |v: &Vector3<f64>| Point::new(v.x / size, v.y / size, v.z / size);
         let vertices: Vec<Point> = self.vertices.iter().map(point).collect();
@@ -102,13 +107,13 @@ impl Convex {
     }
 
     /// Farthest reach along the unit direction `n`, from the centre, m.
-    fn support(&self, n: &Vector3<f64>) -> f64 {
+    fn support_distance(&self, n: &Vector3<f64>) -> f64 {
         self.vertices.iter().map(|v| v.dot(n)).fold(f64::NEG_INFINITY, f64::max)
     }
 }
 
 /// Each direction once: triangles of one face have the same normal but for rounding.
-fn distinct(directions: impl Iterator<Item = Vector3<f64>>) -> Vec<Vector3<f64>> {
+fn distinct_directions(directions: impl Iterator<Item = Vector3<f64>>) -> Vec<Vector3<f64>> {
     let mut kept: Vec<Vector3<f64>> = Vec::new();
     for direction in directions {
         if !kept.iter().any(|other| (other - direction).norm_squared() < 1e-24) {
@@ -119,9 +124,9 @@ fn distinct(directions: impl Iterator<Item = Vector3<f64>>) -> Vec<Vector3<f64>>
 }
 
 /// How deep two bodies are in each other, m, by their convex pieces.
-pub fn deepest(a: &[Convex], b: &[Convex], allowed: f64) -> f64 {
+pub fn deepest_overlap(a: &[ConvexPiece], b: &[ConvexPiece], allowed: f64) -> f64 {
     let pairs = a.iter().flat_map(|a| b.iter().map(move |b| (a, b)));
-    pairs.map(|(a, b)| depth(a, b, allowed)).fold(0.0, f64::max)
+    pairs.map(|(a, b)| overlap_depth(a, b, allowed)).fold(0.0, f64::max)
 }
 
 /// How far two solids reach into each other, m: the shortest way that parts them; at most `allowed` as soon as that
@@ -129,10 +134,10 @@ pub fn deepest(a: &[Convex], b: &[Convex], allowed: f64) -> f64 {
 ///
 /// The axes along which two convex solids can be parted best are the normals of the faces of either and the products
 /// of an edge of each (S. Gottschalk, OBBTree, 1996).
-pub fn depth(a: &Convex, b: &Convex, allowed: f64) -> f64 {
+pub fn overlap_depth(a: &ConvexPiece, b: &ConvexPiece, allowed: f64) -> f64 {
     let way = b.centre - a.centre;
     // a lies on the side against n, b on the side along it.
-    let along = |n: &Vector3<f64>| a.support(n) + b.support(&-n) - way.dot(n);
+    let along = |n: &Vector3<f64>| a.support_distance(n) + b.support_distance(&-n) - way.dot(n);
     let mut least = f64::INFINITY;
     let faces = a.normals.iter().copied().chain(b.normals.iter().map(|n| -n));
     for n in faces {
@@ -160,8 +165,8 @@ pub fn depth(a: &Convex, b: &Convex, allowed: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::{Purpose, Random};
-    use crate::scene::Shape;
+    use crate::random::{RandomStream, StreamPurpose};
+    use crate::scene::GrainShape;
     use crate::shapes::{hull, regular};
     use nalgebra::Matrix3;
 
@@ -174,7 +179,7 @@ mod tests {
             let axes = turn(angle);
             let overlap = |at: [f64; 3], own: Matrix3<f64>, allowed: f64| {
                 let at = centre + axes.transpose() * Vector3::from(at);
-                let cube = Convex::cuboid(at, &(own * axes), &Vector3::repeat(0.5));
+                let cube = ConvexPiece::cuboid(at, &(own * axes), &Vector3::repeat(0.5));
                 cube.overlap_of_cylinder(&centre, &axes, size, allowed)
             };
             let (straight, half) = (Matrix3::identity(), 0.5f64.sqrt());
@@ -202,52 +207,52 @@ mod tests {
         }
     }
 
-    fn cube(centre: [f64; 3], turn: Matrix3<f64>) -> Convex {
-        let surface = hull::convex(&regular::vertices(&Shape::Cube)).unwrap();
+    fn cube(centre: [f64; 3], turn: Matrix3<f64>) -> ConvexPiece {
+        let surface = hull::convex_hull(&regular::shape_vertices(&GrainShape::Cube)).unwrap();
         let vertices = surface.vertices().iter().map(|&v| turn * Vector3::from(v)).collect();
-        Convex::new(centre.into(), vertices, surface.triangles())
+        ConvexPiece::new(centre.into(), vertices, surface.triangles())
     }
 
     #[test]
     fn cubes_of_half_side_1() {
         let identity = Matrix3::identity();
         assert_eq!(cube([0.0; 3], identity).normals.len(), 6);
-        let depth = |centre, turn| super::depth(&cube([0.0; 3], identity), &cube(centre, turn), -1e9);
+        let depth = |centre, turn| super::overlap_depth(&cube([0.0; 3], identity), &cube(centre, turn), -1e9);
         assert!((depth([1.9, 0.3, 0.1], identity) - 0.1).abs() < 1e-15);
         assert!((depth([2.0, 2.0, 2.0], identity)).abs() < 1e-15);
         assert!((depth([0.0; 3], identity) - 2.0).abs() < 1e-15);
         // An edge down on a face: half the diagonal of a side reaches below the centre.
-        let eighth = crate::place::rotation(&crate::scene::Rotation {
+        let eighth = crate::place::rotation_matrix(&crate::scene::Rotation {
             axis: [1.0, 0.0, 0.0],
             angle: std::f64::consts::FRAC_PI_4,
         });
         assert!((depth([0.0, 0.0, 2.3], eighth) - (1.0 + 2f64.sqrt() - 2.3)).abs() < 1e-14);
         // Crossed edges touch where no face parts the two: along x, at half diagonals from both centres.
-        let z = crate::place::rotation(&crate::scene::Rotation {
+        let z = crate::place::rotation_matrix(&crate::scene::Rotation {
             axis: [0.0, 0.0, 1.0],
             angle: std::f64::consts::FRAC_PI_4,
         });
-        let y = crate::place::rotation(&crate::scene::Rotation {
+        let y = crate::place::rotation_matrix(&crate::scene::Rotation {
             axis: [0.0, 1.0, 0.0],
             angle: std::f64::consts::FRAC_PI_4,
         });
-        let crossed = super::depth(&cube([0.0; 3], z), &cube([2.0 * 2f64.sqrt() - 0.01, 0.0, 0.0], y), -1e9);
+        let crossed = super::overlap_depth(&cube([0.0; 3], z), &cube([2.0 * 2f64.sqrt() - 0.01, 0.0, 0.0], y), -1e9);
         assert!((crossed - 0.01).abs() < 1e-14, "{crossed}");
     }
 
     #[test]
     fn turned_boxes_are_as_deep_as_their_hulls_and_either_may_come_first() {
-        let mut random = Random::new(9, 0, Purpose::Shape);
+        let mut random = RandomStream::new(9, 0, StreamPurpose::Shape);
         for _ in 0..100 {
-            let (turn, other) = (random.turn(), random.turn());
+            let (turn, other) = (random.uniform_rotation(), random.uniform_rotation());
             let centre: [f64; 3] = (2.0 * random.in_cube()).into();
             let (a, b) = (cube([0.0; 3], turn), cube(centre, other));
-            let box_b = Convex::cuboid(centre.into(), &other.transpose(), &Vector3::repeat(1.0));
-            let found = depth(&a, &b, -1e9);
-            assert!((found - depth(&b, &a, -1e9)).abs() < 1e-13);
-            assert!((found - depth(&a, &box_b, -1e9)).abs() < 1e-13);
+            let box_b = ConvexPiece::cuboid(centre.into(), &other.transpose(), &Vector3::repeat(1.0));
+            let found = overlap_depth(&a, &b, -1e9);
+            assert!((found - overlap_depth(&b, &a, -1e9)).abs() < 1e-13);
+            assert!((found - overlap_depth(&a, &box_b, -1e9)).abs() < 1e-13);
             // Moved along the way out by as much, they touch; a point of both lies within otherwise.
-            assert!(depth(&a, &b, 0.0) <= 0.0 || found > 0.0);
+            assert!(overlap_depth(&a, &b, 0.0) <= 0.0 || found > 0.0);
         }
     }
 }

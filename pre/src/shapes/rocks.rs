@@ -2,12 +2,12 @@
 
 use nalgebra::Vector3;
 
-use crate::random::Random;
-use crate::shapes::{Solid, hull};
+use crate::random::RandomStream;
+use crate::shapes::{PrincipalSolid, hull};
 
 /// What the polyhedra of one body of grains have in common.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rocks {
+pub struct RockGenerator {
     /// Fewest and most vertices.
     pub vertices: (usize, usize),
     /// Semi-axes of the ellipsoid.
@@ -18,41 +18,43 @@ pub struct Rocks {
 
 /// Share of the widest possible spacing that vertices keep at angularity 0: about where vertices that come one
 /// after the other find no more room.
-const EVEN: f64 = 0.75;
+const EVEN_SPACING: f64 = 0.75;
 /// The same at angularity 1: nearer vertices would make edges that are next to nothing.
-const ANYWHERE: f64 = 0.1;
+const MIN_SPACING: f64 = 0.1;
 /// Distance of each face from the centre of mass over the circumscribed radius, before the ratios: flatter
 /// polyhedra are drawn anew.
-const FLATTEST: f64 = 0.1;
+const MIN_INRADIUS: f64 = 0.1;
 /// Draws of one polyhedron.
-const ATTEMPTS: usize = 1000;
+const MAX_ATTEMPTS: usize = 1000;
 
-impl Rocks {
+impl RockGenerator {
     /// The next polyhedron. It has the number of vertices that was drawn for it, all on the ellipsoid.
     ///
     /// Errors: nothing sound in `ATTEMPTS` draws.
-    pub fn draw(&self, random: &mut Random) -> Result<Solid, String> {
+    pub fn draw_rock(&self, random: &mut RandomStream) -> Result<PrincipalSolid, String> {
         let (fewest, most) = self.vertices;
-        let count = fewest + random.below(most - fewest + 1);
-        let spacing = (EVEN + self.angularity * (ANYWHERE - EVEN)) * widest_spacing(count);
-        for attempt in 0..ATTEMPTS {
+        let count = fewest + random.uniform_index(most - fewest + 1);
+        let spacing = (EVEN_SPACING + self.angularity * (MIN_SPACING - EVEN_SPACING)) * widest_spacing(count);
+        for attempt in 0..MAX_ATTEMPTS {
             // Somewhat less is asked for where chance has left no room.
-            let Some(points) = spread(count, spacing * 0.995f64.powi(attempt as i32), random) else { continue };
-            let Ok(ball) = hull::convex(&points) else { continue };
-            let Ok(round) = Solid::convex(&ball) else { continue };
-            if ball.vertices().len() != count || inradius(&round) < FLATTEST * round.reach {
+            let Some(points) = spread_directions(count, spacing * 0.995f64.powi(attempt as i32), random) else {
+                continue;
+            };
+            let Ok(ball) = hull::convex_hull(&points) else { continue };
+            let Ok(round) = PrincipalSolid::from_convex(&ball) else { continue };
+            if ball.vertices().len() != count || inradius(&round) < MIN_INRADIUS * round.reach {
                 continue;
             }
             let stretched: Vec<[f64; 3]> =
                 ball.vertices().iter().map(|&v| Vector3::from(v).component_mul(&self.ratios).into()).collect();
-            if let Ok(surface) = hull::convex(&stretched)
+            if let Ok(surface) = hull::convex_hull(&stretched)
                 && surface.vertices().len() == count
-                && let Ok(solid) = Solid::convex(&surface)
+                && let Ok(solid) = PrincipalSolid::from_convex(&surface)
             {
                 return Ok(solid);
             }
         }
-        Err(format!("no polyhedron of {count} vertices in {ATTEMPTS} draws"))
+        Err(format!("no polyhedron of {count} vertices in {MAX_ATTEMPTS} draws"))
     }
 }
 
@@ -66,11 +68,11 @@ fn widest_spacing(count: usize) -> f64 {
 }
 
 /// Directions one after the other, each at least `spacing`, rad, from those before; none if chance leaves no room.
-fn spread(count: usize, spacing: f64, random: &mut Random) -> Option<Vec<[f64; 3]>> {
+fn spread_directions(count: usize, spacing: f64, random: &mut RandomStream) -> Option<Vec<[f64; 3]>> {
     let nearest = libm::cos(spacing);
     let mut points: Vec<Vector3<f64>> = Vec::with_capacity(count);
     for _ in 0..100 * count {
-        let point = random.direction();
+        let point = random.uniform_direction();
         if points.iter().all(|other| point.dot(other) <= nearest) {
             points.push(point);
         }
@@ -82,7 +84,7 @@ fn spread(count: usize, spacing: f64, random: &mut Random) -> Option<Vec<[f64; 3
 }
 
 /// Distance of the nearest face plane from the centre of mass.
-fn inradius(solid: &Solid) -> f64 {
+fn inradius(solid: &PrincipalSolid) -> f64 {
     let piece = &solid.pieces[0];
     let distance = |triangle: &[u32; 3]| {
         let [a, b, c] = triangle.map(|k| Vector3::from(piece.vertices()[k as usize]));
@@ -94,12 +96,12 @@ fn inradius(solid: &Solid) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Purpose;
+    use crate::random::StreamPurpose;
 
-    fn draw(vertices: (usize, usize), ratios: [f64; 3], angularity: f64, number: usize) -> Vec<Solid> {
-        let rocks = Rocks { vertices, ratios: ratios.into(), angularity };
-        let mut random = Random::new(3, 0, Purpose::Shape);
-        (0..number).map(|_| rocks.draw(&mut random).unwrap()).collect()
+    fn draw(vertices: (usize, usize), ratios: [f64; 3], angularity: f64, number: usize) -> Vec<PrincipalSolid> {
+        let rocks = RockGenerator { vertices, ratios: ratios.into(), angularity };
+        let mut random = RandomStream::new(3, 0, StreamPurpose::Shape);
+        (0..number).map(|_| rocks.draw_rock(&mut random).unwrap()).collect()
     }
 
     #[test]

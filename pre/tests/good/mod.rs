@@ -22,7 +22,7 @@ pub const GOOD: &str = r#"(
 
 /// Faults of a scene, a line each; "nothing" without any.
 pub fn faults(scene: &str) -> String {
-    match cd_pre::read(Path::new("scene.ron"), scene, &[]) {
+    match cd_pre::read_scene(Path::new("scene.ron"), scene, &[]) {
         Ok(_) => String::from("nothing"),
         Err(faults) => faults.to_string(),
     }

@@ -31,26 +31,26 @@ use cd_formats::compute::FaceFriction;
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-use super::rows::{Full, Record, Row};
+use super::rows::{BlockData, ContactConstraint, SolverBody};
 use crate::math::{Vec3, to_world};
-use crate::scene::{Geometry, Part, Scene};
+use crate::scene::{BodyPart, ContactorShape, Scene};
 use crate::state::Contact;
 
 /// Gap over the size of a face up to which corners that carried nothing belong to what is pressed: vertices read from text
 /// have 7 digits.
-const FLUSH: f64 = 1e-6;
+const FLUSH_GAP: f64 = 1e-6;
 /// Area over the square of the size of a face below which it is an edge: its corners are rounded to about 1e-9 of the size.
-const SLIVER: f64 = 1e-6;
+const MIN_FACE_AREA: f64 = 1e-6;
 /// Largest λ: corners near the centroid that carry all the load alone would put the friction far outside of the face.
-const LARGEST_SCALE: f64 = 2.0;
+const MAX_OFFSET_SCALE: f64 = 2.0;
 /// Distance of all load from p̄ over the size below which it is that of one corner.
-const ONE_CORNER: f64 = 1e-9;
+const SINGLE_CORNER_DISTANCE: f64 = 1e-9;
 /// Largest area of a common part over that of the polygon of its acting points with which the part is round: a disc has π/2
 /// times that of its inscribed square. A part of which some corners are apart has more.
 const LARGEST_AREA_RATIO: f64 = 1.6;
 /// Iterations for the centre of a bonded face: the sum of distances of a triangle whose best centre is a corner is then
 /// within 1 %.
-const WEISZFELD: usize = 30;
+const WEISZFELD_ITERATIONS: usize = 30;
 /// 1 - cos of the angle between the normals of faces that are one: 1e-4 rad.
 const PARALLEL: f64 = 5e-9;
 /// Height over distance up to which points are in one plane: more than the overlaps that solutions leave.
@@ -70,15 +70,15 @@ const MIN_PAIRS_PER_TASK: usize = 64;
 /// * `sticks`: whether a row stuck in the last step.
 pub(super) fn friction_offsets(
     contacts: &[Contact],
-    rows: &[Row],
-    full: &Full,
+    rows: &[ContactConstraint],
+    full: &BlockData,
     load: impl Fn(usize) -> f64 + Sync,
     sticks: impl Fn(usize) -> bool + Sync,
 ) -> Vec<Vec3> {
-    let faces = faces(contacts, rows);
+    let faces = face_ranges(contacts, rows);
     let of_face = |range: &Range<usize>| {
         let of: SmallVec<[usize; 8]> = range.clone().collect();
-        of_face(&of, false, contacts, rows, full, &load, &sticks).unwrap_or_default()
+        face_offsets(&of, false, contacts, rows, full, &load, &sticks).unwrap_or_default()
     };
     let found: Vec<SmallVec<[Vec3; 4]>> = faces.par_iter().with_min_len(MIN_PAIRS_PER_TASK).map(of_face).collect();
     if found.iter().all(SmallVec::is_empty) {
@@ -92,7 +92,7 @@ pub(super) fn friction_offsets(
 }
 
 /// Ranges of two or more rows of the same two contactors along one normal, of which two or more act with friction.
-fn faces(contacts: &[Contact], rows: &[Row]) -> Vec<Range<usize>> {
+fn face_ranges(contacts: &[Contact], rows: &[ContactConstraint]) -> Vec<Range<usize>> {
     let (mut ranges, mut from) = (Vec::new(), 0);
     for of_one in contacts.chunk_by(is_same_face) {
         let range = from..from + of_one.len();
@@ -107,8 +107,8 @@ fn faces(contacts: &[Contact], rows: &[Row]) -> Vec<Range<usize>> {
 
 /// Whether a scene may have faces that lie on several contactors of one body or of what is fixed.
 pub(super) fn has_joints(scene: &Scene) -> bool {
-    let is_fixed = |part: &&Part| scene.bodies[part.body as usize].is_imposed();
-    let is_piece = |part: &Part| part.rank > 0 && matches!(part.geometry, Geometry::Polyhedron(_));
+    let is_fixed = |part: &&BodyPart| scene.bodies[part.body as usize].is_imposed();
+    let is_piece = |part: &BodyPart| part.rank > 0 && matches!(part.geometry, ContactorShape::Polyhedron(_));
     scene.options.face_friction == FaceFriction::Uniform
         && (scene.parts.iter().any(is_piece) || scene.parts.iter().filter(is_fixed).nth(1).is_some())
 }
@@ -118,9 +118,9 @@ pub(super) fn has_joints(scene: &Scene) -> bool {
 /// separate bodies that move freely each has the friction of its own part.
 pub(super) struct Joints<'a> {
     pub contacts: &'a [Contact],
-    pub rows: &'a [Row],
-    pub records: &'a [Record],
-    pub full: &'a Full,
+    pub rows: &'a [ContactConstraint],
+    pub records: &'a [SolverBody],
+    pub full: &'a BlockData,
     pub scene: &'a Scene,
 }
 
@@ -136,7 +136,7 @@ struct Side {
 const FIXED: u32 = u32::MAX;
 
 impl Joints<'_> {
-    /// The friction offsets of [`Full`], with those of the faces that lie over joints.
+    /// The friction offsets of [`BlockData`], with those of the faces that lie over joints.
     pub fn with_joined_faces(
         &self,
         load: impl Fn(usize) -> f64 + Sync,
@@ -144,8 +144,8 @@ impl Joints<'_> {
     ) -> Vec<Vec3> {
         let Joints { contacts, rows, full, .. } = self;
         let mut offsets = full.friction_offsets.clone();
-        for face in self.faces() {
-            let Some(found) = of_face(&face, true, contacts, rows, full, &load, &sticks) else { continue };
+        for face in self.face_ranges() {
+            let Some(found) = face_offsets(&face, true, contacts, rows, full, &load, &sticks) else { continue };
             if offsets.is_empty() && !found.is_empty() {
                 offsets = vec![Vec3::zeros(); rows.len()];
             }
@@ -158,8 +158,8 @@ impl Joints<'_> {
     }
 
     /// Rows of each face that lies on several contactors in one plane.
-    fn faces(&self) -> Vec<Vec<usize>> {
-        let mut sides = self.sides();
+    fn face_ranges(&self) -> Vec<Vec<usize>> {
+        let mut sides = self.polygon_sides();
         sides.sort_by_key(|side| (side.bodies, side.rows.start));
         let mut faces = Vec::new();
         for of_two in sides.chunk_by(|a, b| a.bodies == b.bodies).filter(|of_two| of_two.len() > 1) {
@@ -179,7 +179,7 @@ impl Joints<'_> {
     }
 
     /// The contacts of two contactors that may have others beside them in one plane.
-    fn sides(&self) -> Vec<Side> {
+    fn polygon_sides(&self) -> Vec<Side> {
         let Joints { contacts, rows, scene, .. } = self;
         let is_fixed = |body: u32| scene.bodies[body as usize].is_imposed();
         let has_several = |body: u32| scene.part_starts[body as usize + 1] - scene.part_starts[body as usize] > 1;
@@ -235,12 +235,12 @@ fn is_same_face(a: &Contact, b: &Contact) -> bool {
 
 /// Friction offsets of the rows of a face; empty where all are 0. `joined`: whether they may be of several contactors side by
 /// side; none where these leave gaps.
-fn of_face(
+fn face_offsets(
     of: &[usize],
     joined: bool,
     contacts: &[Contact],
-    rows: &[Row],
-    full: &Full,
+    rows: &[ContactConstraint],
+    full: &BlockData,
     load: &impl Fn(usize) -> f64,
     sticks: &impl Fn(usize) -> bool,
 ) -> Option<SmallVec<[Vec3; 4]>> {
@@ -250,23 +250,24 @@ fn of_face(
     let frame = contacts[first].frame();
     let [_, t, s] = frame;
     let origin = contacts[first].point;
-    let place = |k: usize| place_of(&(contacts[k].point - origin), &frame);
+    let place = |k: usize| tangent_components(&(contacts[k].point - origin), &frame);
     let points: SmallVec<[[f64; 2]; 8]> = acting.iter().map(|&k| place(k)).collect();
-    let size = points.iter().map(|p| length(less(*p, points[0]))).fold(0.0, f64::max);
+    let size = points.iter().map(|p| vector_length(difference_of(*p, points[0]))).fold(0.0, f64::max);
     let mut loads: SmallVec<[f64; 8]> = acting.iter().map(|&k| load(k).max(0.0)).collect();
     let gap = |k: &usize| contacts[*k].gap;
     let area = of.iter().map(|&k| contacts[k].area).sum();
-    let outline = if joined { Outline::of_hull(&points, size, area)? } else { Outline::new(&points, size, area) };
+    let outline =
+        if joined { FaceOutline::of_hull(&points, size, area)? } else { FaceOutline::new(&points, size, area) };
     let deepest = acting.iter().map(gap).fold(f64::INFINITY, f64::min);
-    let mut pressed_to = deepest + FLUSH * size;
+    let mut pressed_to = deepest + FLUSH_GAP * size;
     if loads.iter().all(|load| *load == 0.0) {
         // Nothing is known of what a face that is not flush will carry.
         if !acting.iter().all(|k| gap(k) <= pressed_to) {
             return Some(SmallVec::new());
         }
-        let from_origin = full.arms[first].map(|arm| place_of(&-arm, &frame));
+        let from_origin = full.arms[first].map(|arm| tangent_components(&-arm, &frame));
         let rest = steady_centre(&rows[first], full, from_origin, &frame);
-        loads = outline.shares(rest.filter(|p| outline.reach(*p).0 < 1.0).unwrap_or(outline.centroid));
+        loads = outline.load_shares(rest.filter(|p| outline.ray_intersection(*p).0 < 1.0).unwrap_or(outline.centroid));
     } else {
         let loaded = acting.iter().zip(&loads).filter(|(_, load)| **load > 0.0).map(|(k, _)| gap(k));
         pressed_to = loaded.fold(pressed_to, f64::max);
@@ -274,15 +275,16 @@ fn of_face(
     let total: f64 = loads.iter().sum();
     let centre =
         points.iter().zip(&loads).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w / total, c[1] + p[1] * w / total]);
-    let distance = points.iter().zip(&loads).map(|(p, w)| length(less(*p, centre)) * w / total).sum::<f64>();
-    if distance.is_nan() || distance <= ONE_CORNER * size {
+    let distance =
+        points.iter().zip(&loads).map(|(p, w)| vector_length(difference_of(*p, centre)) * w / total).sum::<f64>();
+    if distance.is_nan() || distance <= SINGLE_CORNER_DISTANCE * size {
         return Some(SmallVec::new());
     }
     // A bond yields about the point from which its parts are nearest, what slides turns about any.
     let is_bonded = acting.iter().all(|k| rows[*k].bond.is_some());
     let distance = if is_bonded { least_distance(&points, &loads, centre) / total } else { distance };
     let pressed = outline.mean_distance(centre);
-    let scale = (pressed / distance).min(LARGEST_SCALE);
+    let scale = (pressed / distance).min(MAX_OFFSET_SCALE);
     let across = match acting.iter().all(|k| sticks(*k)) {
         true => [0.0; 2],
         false => {
@@ -293,18 +295,18 @@ fn of_face(
                 }
                 // Of the other body against this one where they have changed sides.
                 let side = 1f64.copysign(n.dot(&contacts[first].normal));
-                place_of(&(to_world(&contacts[*k].frame(), u) * side), &frame)
+                tangent_components(&(to_world(&contacts[*k].frame(), u) * side), &frame)
             };
-            let velocities: SmallVec<[Flat; 8]> = acting.iter().map(velocity).collect();
+            let velocities: SmallVec<[TangentVector; 8]> = acting.iter().map(velocity).collect();
             across_sliding(&points, &velocities, centre, pressed)
         }
     };
     let mut offsets = SmallVec::from_elem(Vec3::zeros(), of.len());
     let pressed = of.iter().enumerate().filter(|(_, k)| rows[**k].can_close).zip(&points);
     for ((at, _), p) in pressed.filter(|((_, k), _)| gap(k) <= pressed_to) {
-        let arm = less(*p, centre);
+        let arm = difference_of(*p, centre);
         let across_arm = arm[0] * across[0] + arm[1] * across[1];
-        let [x, y] = less(arm, across.map(|e| e * across_arm));
+        let [x, y] = difference_of(arm, across.map(|e| e * across_arm));
         offsets[at] = (t * x + s * y) * (scale - 1.0);
     }
     Some(offsets)
@@ -314,22 +316,27 @@ fn of_face(
 /// |u|²/(|u|² + (ω τ)²).
 ///
 /// * `velocities`: of the points, m/s; `centre`: where u is taken; `pressed`: τ, m.
-fn across_sliding(points: &[Flat], velocities: &[Flat], centre: Flat, pressed: f64) -> Flat {
-    let mean = |values: &[Flat]| {
+fn across_sliding(
+    points: &[TangentVector],
+    velocities: &[TangentVector],
+    centre: TangentVector,
+    pressed: f64,
+) -> TangentVector {
+    let mean = |values: &[TangentVector]| {
         let sum = values.iter().fold([0.0; 2], |sum, v| [sum[0] + v[0], sum[1] + v[1]]);
         sum.map(|sum| sum / values.len() as f64)
     };
     let (middle, u) = (mean(points), mean(velocities));
     let (mut turning, mut inertia) = (0.0, 0.0);
     for (p, v) in points.iter().zip(velocities) {
-        let arm = less(*p, middle);
-        turning += cross(arm, *v);
+        let arm = difference_of(*p, middle);
+        turning += cross_product(arm, *v);
         inertia += arm[0] * arm[0] + arm[1] * arm[1];
     }
     let spin = turning / inertia;
-    let arm = less(centre, middle);
+    let arm = difference_of(centre, middle);
     let u = [u[0] - spin * arm[1], u[1] + spin * arm[0]];
-    let all = length([length(u), spin * pressed]);
+    let all = vector_length([vector_length(u), spin * pressed]);
     // What does not move has no direction.
     if all > 0.0 { [-u[1] / all, u[0] / all] } else { [0.0; 2] }
 }
@@ -338,7 +345,12 @@ fn across_sliding(points: &[Flat], velocities: &[Flat], centre: Flat, pressed: f
 /// bodies least, of a body on a wall the foot of its centre of mass; none where nothing turns.
 ///
 /// * `centres`: of candidate and antagonist.
-fn steady_centre(row: &Row, full: &Full, centres: [Flat; 2], [_, t, s]: &[Vec3; 3]) -> Option<Flat> {
+fn steady_centre(
+    row: &ContactConstraint,
+    full: &BlockData,
+    centres: [TangentVector; 2],
+    [_, t, s]: &[Vec3; 3],
+) -> Option<TangentVector> {
     // Of both bodies, the moment x×n of a unit impulse along n at x turns the point back by -m (x - centre).
     let (mut m, mut right) = ([0.0; 3], [0.0; 2]);
     for (body, [x, y]) in row.bodies.into_iter().zip(centres) {
@@ -352,33 +364,35 @@ fn steady_centre(row: &Row, full: &Full, centres: [Flat; 2], [_, t, s]: &[Vec3; 
     centre.iter().all(|x| x.is_finite()).then_some(centre)
 }
 
-type Flat = [f64; 2];
+type TangentVector = [f64; 2];
 
 /// Components along t and s.
-fn place_of(v: &Vec3, [_, t, s]: &[Vec3; 3]) -> Flat {
+fn tangent_components(v: &Vec3, [_, t, s]: &[Vec3; 3]) -> TangentVector {
     [v.dot(t), v.dot(s)]
 }
 
-fn less(a: Flat, b: Flat) -> Flat {
+fn difference_of(a: TangentVector, b: TangentVector) -> TangentVector {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-fn cross(a: Flat, b: Flat) -> f64 {
+fn cross_product(a: TangentVector, b: TangentVector) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
-fn length(a: Flat) -> f64 {
+fn vector_length(a: TangentVector) -> f64 {
     (a[0] * a[0] + a[1] * a[1]).sqrt()
 }
 
 /// Least sum of the weighted distances of points from one point, by Weiszfeld's iteration from `start`.
-fn least_distance(points: &[Flat], weights: &[f64], start: Flat) -> f64 {
-    let sum = |c: Flat| points.iter().zip(weights).map(|(p, w)| length(less(*p, c)) * w).sum::<f64>();
+fn least_distance(points: &[TangentVector], weights: &[f64], start: TangentVector) -> f64 {
+    let sum = |c: TangentVector| {
+        points.iter().zip(weights).map(|(p, w)| vector_length(difference_of(*p, c)) * w).sum::<f64>()
+    };
     let (mut centre, mut least) = (start, sum(start));
-    for _ in 0..WEISZFELD {
+    for _ in 0..WEISZFELD_ITERATIONS {
         let (mut pull, mut all) = ([0.0; 2], 0.0);
         for (p, w) in points.iter().zip(weights) {
-            let near = w / length(less(*p, centre));
+            let near = w / vector_length(difference_of(*p, centre));
             pull = [pull[0] + p[0] * near, pull[1] + p[1] * near];
             all += near;
         }
@@ -394,38 +408,40 @@ fn least_distance(points: &[Flat], weights: &[f64], start: Flat) -> f64 {
 }
 
 /// The convex polygon of a face, or the segment of an edge.
-struct Outline {
+struct FaceOutline {
     /// Corners one after the other, counter-clockwise; of an edge its ends.
-    corners: SmallVec<[Flat; 8]>,
+    corners: SmallVec<[TangentVector; 8]>,
     /// Which of the points they are.
     order: SmallVec<[usize; 8]>,
     /// Of the points in their order: shares of a uniform pressure, which has its centre at the centroid.
     weights: SmallVec<[f64; 8]>,
-    centroid: Flat,
+    centroid: TangentVector,
     /// Mean distance of the area from its centroid, m; of an edge it is not used.
     mean_distance: f64,
 }
 
-impl Outline {
+impl FaceOutline {
     /// `size`: largest distance from the first point, m; `area`: of the common part, m², where it is known, else 0.
-    fn new(points: &[Flat], size: f64, area: f64) -> Self {
+    fn new(points: &[TangentVector], size: f64, area: f64) -> Self {
         let mut order: SmallVec<[usize; 8]> = (0..points.len()).collect();
         let count = points.len() as f64;
         let mean = points.iter().fold([0.0; 2], |m, p| [m[0] + p[0] / count, m[1] + p[1] / count]);
-        let around: SmallVec<[f64; 8]> = points.iter().map(|p| turn(less(*p, mean))).collect();
+        let around: SmallVec<[f64; 8]> = points.iter().map(|p| pseudo_angle(difference_of(*p, mean))).collect();
         order.sort_by(|&a, &b| around[a].total_cmp(&around[b]));
-        let corners: SmallVec<[Flat; 8]> = order.iter().map(|&k| points[k]).collect();
+        let corners: SmallVec<[TangentVector; 8]> = order.iter().map(|&k| points[k]).collect();
         // Twice the areas of the triangles between a point and the sides.
-        let triangles = |tip: Flat| -> SmallVec<[f64; 8]> {
-            sides(&corners).map(|[a, b]| cross(less(a, tip), less(b, tip)).max(0.0)).collect()
+        let triangles = |tip: TangentVector| -> SmallVec<[f64; 8]> {
+            polygon_sides(&corners)
+                .map(|[a, b]| cross_product(difference_of(a, tip), difference_of(b, tip)).max(0.0))
+                .collect()
         };
         let doubled = triangles(mean);
         let whole: f64 = doubled.iter().sum();
-        if points.len() < 3 || whole < SLIVER * size * size {
-            return Outline::edge(points, corners[0]);
+        if points.len() < 3 || whole < MIN_FACE_AREA * size * size {
+            return FaceOutline::from_edge(points, corners[0]);
         }
         let mut centroid = [0.0; 2];
-        for ([a, b], doubled) in sides(&corners).zip(&doubled) {
+        for ([a, b], doubled) in polygon_sides(&corners).zip(&doubled) {
             (0..2).for_each(|i| centroid[i] += (mean[i] + a[i] + b[i]) / 3.0 * doubled / whole);
         }
         let doubled = triangles(centroid);
@@ -435,23 +451,25 @@ impl Outline {
             let before = if at == 0 { order.len() - 1 } else { at - 1 };
             weights[k] = 0.5 * (doubled[before] + doubled[at]) / whole;
         }
-        let sum: f64 = sides(&corners).zip(&doubled).map(|([a, b], d)| d * from_side(a, b, centroid)).sum();
+        let sum: f64 =
+            polygon_sides(&corners).zip(&doubled).map(|([a, b], d)| d * mean_side_distance(a, b, centroid)).sum();
         // Corners that hardly stand out are left out, and round outlines have corners of what they enclose.
         // Shares of the area are rounded: single precision is the same for any number of them.
         let ratio = f64::from((2.0 * area / whole) as f32);
         let larger = if (1.0..=LARGEST_AREA_RATIO).contains(&ratio) { ratio.sqrt() } else { 1.0 };
-        Outline { corners, order, weights, centroid, mean_distance: larger * 2.0 / 3.0 * sum / whole }
+        FaceOutline { corners, order, weights, centroid, mean_distance: larger * 2.0 / 3.0 * sum / whole }
     }
 
     /// That of the convex hull of the points, if the contacts fill its area.
-    fn of_hull(points: &[Flat], size: f64, area: f64) -> Option<Self> {
+    fn of_hull(points: &[TangentVector], size: f64, area: f64) -> Option<Self> {
         let mut order: SmallVec<[usize; 16]> = (0..points.len()).collect();
         order.sort_by(|&a, &b| points[a][0].total_cmp(&points[b][0]).then(points[a][1].total_cmp(&points[b][1])));
         let half = |order: &mut dyn Iterator<Item = usize>| {
             let mut chain: SmallVec<[usize; 16]> = SmallVec::new();
             for k in order {
                 while let [.., a, b] = chain[..]
-                    && cross(less(points[b], points[a]), less(points[k], points[a])) <= ON_LINE * size * size
+                    && cross_product(difference_of(points[b], points[a]), difference_of(points[k], points[a]))
+                        <= ON_LINE * size * size
                 {
                     chain.pop();
                 }
@@ -462,22 +480,27 @@ impl Outline {
         };
         let mut hull = half(&mut order.iter().copied());
         hull.extend(half(&mut order.iter().rev().copied()));
-        let corners: SmallVec<[Flat; 16]> = hull.iter().map(|&k| points[k]).collect();
-        let enclosed = 0.5 * sides(&corners).map(|[a, b]| cross(less(a, corners[0]), less(b, corners[0]))).sum::<f64>();
+        let corners: SmallVec<[TangentVector; 16]> = hull.iter().map(|&k| points[k]).collect();
+        let enclosed = 0.5
+            * polygon_sides(&corners)
+                .map(|[a, b]| cross_product(difference_of(a, corners[0]), difference_of(b, corners[0])))
+                .sum::<f64>();
         if corners.len() < 3 || area < WHOLE * enclosed {
             return None;
         }
-        let outline = Outline::new(&corners, size, area);
+        let outline = FaceOutline::new(&corners, size, area);
         let mut weights = SmallVec::from_elem(0.0, points.len());
         hull.iter().zip(&outline.weights).for_each(|(&k, weight)| weights[k] = *weight);
         let order = outline.order.iter().map(|&k| hull[k]).collect();
-        Some(Outline { order, weights, ..outline })
+        Some(FaceOutline { order, weights, ..outline })
     }
 
     /// The edge between the two points that are farthest apart.
-    fn edge(points: &[Flat], first: Flat) -> Self {
-        let farthest = |from: Flat| {
-            let far = |a: &Flat, b: &Flat| if length(less(*b, from)) > length(less(*a, from)) { *b } else { *a };
+    fn from_edge(points: &[TangentVector], first: TangentVector) -> Self {
+        let farthest = |from: TangentVector| {
+            let far = |a: &TangentVector, b: &TangentVector| {
+                if vector_length(difference_of(*b, from)) > vector_length(difference_of(*a, from)) { *b } else { *a }
+            };
             points.iter().fold(from, |a, b| far(&a, b))
         };
         let one = farthest(first);
@@ -485,49 +508,50 @@ impl Outline {
         let weights = SmallVec::from_elem(1.0 / points.len() as f64, points.len());
         let centroid = [0, 1].map(|i| 0.5 * (one[i] + other[i]));
         let order = SmallVec::new(); // not used of an edge
-        Outline { corners: SmallVec::from_slice(&[one, other]), order, weights, centroid, mean_distance: 0.0 }
+        FaceOutline { corners: SmallVec::from_slice(&[one, other]), order, weights, centroid, mean_distance: 0.0 }
     }
 
     /// How far a point is on its way from the centroid to the side that its ray meets, 1 on this side, and the side by the
     /// number of its first corner, with the share of its second one where the ray meets it.
-    fn reach(&self, p: Flat) -> (f64, usize, f64) {
-        let ray = less(p, self.centroid);
+    fn ray_intersection(&self, p: TangentVector) -> (f64, usize, f64) {
+        let ray = difference_of(p, self.centroid);
         let (mut reach, mut side) = (0.0, 0);
-        for (k, [a, b]) in sides(&self.corners).enumerate() {
-            let along = less(b, a);
-            let far = cross(ray, along) / cross(less(a, self.centroid), along);
+        for (k, [a, b]) in polygon_sides(&self.corners).enumerate() {
+            let along = difference_of(b, a);
+            let far = cross_product(ray, along) / cross_product(difference_of(a, self.centroid), along);
             if far.is_finite() && far > reach {
                 (reach, side) = (far, k);
             }
         }
         let [a, b] = [side, (side + 1) % self.corners.len()].map(|k| self.corners[k]);
-        let along = less(b, a);
+        let along = difference_of(b, a);
         let end = [0, 1].map(|i| self.centroid[i] + if reach > 0.0 { ray[i] / reach } else { 0.0 });
-        let from = less(end, a);
+        let from = difference_of(end, a);
         let share = (from[0] * along[0] + from[1] * along[1]) / (along[0] * along[0] + along[1] * along[1]);
         (reach.min(1.0), side, share.clamp(0.0, 1.0))
     }
 
     /// τ of a pressure with its centre at `p`, m.
-    fn mean_distance(&self, p: Flat) -> f64 {
+    fn mean_distance(&self, p: TangentVector) -> f64 {
         // Of an edge of length L, at the distances x and L - x from its ends: uniform on both sides of the point.
-        let of_edge = |[a, b]: [Flat; 2], share: f64| share * (1.0 - share) * length(less(b, a));
+        let of_edge =
+            |[a, b]: [TangentVector; 2], share: f64| share * (1.0 - share) * vector_length(difference_of(b, a));
         if let &[a, b] = self.corners.as_slice() {
-            let (along, from) = (less(b, a), less(p, a));
+            let (along, from) = (difference_of(b, a), difference_of(p, a));
             let share = (from[0] * along[0] + from[1] * along[1]) / (along[0] * along[0] + along[1] * along[1]);
             return of_edge([a, b], share.clamp(0.0, 1.0));
         }
-        let (reach, side, share) = self.reach(p);
+        let (reach, side, share) = self.ray_intersection(p);
         let ends = [side, (side + 1) % self.corners.len()].map(|k| self.corners[k]);
         (1.0 - reach) * self.mean_distance + reach * of_edge(ends, share)
     }
 
     /// Shares of the points in a pressure of which `p` is the centre: those of a uniform one and those of an edge, as τ has them.
-    fn shares(&self, p: Flat) -> SmallVec<[f64; 8]> {
+    fn load_shares(&self, p: TangentVector) -> SmallVec<[f64; 8]> {
         if self.corners.len() == 2 {
             return self.weights.clone();
         }
-        let (reach, side, share) = self.reach(p);
+        let (reach, side, share) = self.ray_intersection(p);
         let mut shares: SmallVec<[f64; 8]> = self.weights.iter().map(|w| w * (1.0 - reach)).collect();
         shares[self.order[side]] += reach * (1.0 - share);
         shares[self.order[(side + 1) % self.order.len()]] += reach * share;
@@ -536,30 +560,30 @@ impl Outline {
 }
 
 /// The sides of a polygon.
-fn sides(corners: &[Flat]) -> impl Iterator<Item = [Flat; 2]> + '_ {
+fn polygon_sides(corners: &[TangentVector]) -> impl Iterator<Item = [TangentVector; 2]> + '_ {
     (0..corners.len()).map(|k| [corners[k], corners[if k + 1 == corners.len() { 0 } else { k + 1 }]])
 }
 
 /// Grows with the angle of a direction, from -2 to 2.
-fn turn([x, y]: Flat) -> f64 {
+fn pseudo_angle([x, y]: TangentVector) -> f64 {
     let reach = x.abs() + y.abs();
     if reach == 0.0 { 0.0 } else { (1.0 - x / reach).copysign(y) }
 }
 
 /// Mean distance of the points of the side from `a` to `b` from a point `c`, m:
 /// ∫ √(u² + h²) du / (u_b - u_a) = [u r + h² asinh(u/h)]/2 / (u_b - u_a).
-fn from_side(a: Flat, b: Flat, c: Flat) -> f64 {
-    let side = less(b, a);
-    let l = length(side);
+fn mean_side_distance(a: TangentVector, b: TangentVector, c: TangentVector) -> f64 {
+    let side = difference_of(b, a);
+    let l = vector_length(side);
     if l == 0.0 {
-        return length(less(a, c));
+        return vector_length(difference_of(a, c));
     }
-    let (from_a, from_b) = (less(a, c), less(b, c));
-    let h = cross(from_a, side).abs() / l;
-    let sum = |p: Flat| {
+    let (from_a, from_b) = (difference_of(a, c), difference_of(b, c));
+    let h = cross_product(from_a, side).abs() / l;
+    let sum = |p: TangentVector| {
         let u = (p[0] * side[0] + p[1] * side[1]) / l;
         let bent = if h > 0.0 { h * h * (u / h).asinh() } else { 0.0 };
-        0.5 * (u * length(p) + bent)
+        0.5 * (u * vector_length(p) + bent)
     };
     (sum(from_b) - sum(from_a)) / l
 }
@@ -568,24 +592,24 @@ fn from_side(a: Flat, b: Flat, c: Flat) -> f64 {
 mod tests {
     use super::*;
 
-    fn outline(points: &[Flat]) -> Outline {
-        let size = points.iter().map(|p| length(less(*p, points[0]))).fold(0.0, f64::max);
-        Outline::new(points, size, 0.0)
+    fn outline(points: &[TangentVector]) -> FaceOutline {
+        let size = points.iter().map(|p| vector_length(difference_of(*p, points[0]))).fold(0.0, f64::max);
+        FaceOutline::new(points, size, 0.0)
     }
 
-    fn ring(count: usize) -> Vec<Flat> {
+    fn ring(count: usize) -> Vec<TangentVector> {
         let angle = |k: usize| k as f64 * std::f64::consts::TAU / count as f64;
         (0..count).map(|k| [3.0 + angle(k).cos(), angle(k).sin() - 1.0]).collect()
     }
 
     /// Mean distance from the centroid of a fine grid of points in the polygon.
-    fn by_grid(corners: &[Flat]) -> f64 {
+    fn by_grid(corners: &[TangentVector]) -> f64 {
         let (mut sum, mut count, mut places) = ([0.0; 2], 0.0, Vec::new());
         let n = 400;
         for i in 0..n {
             for j in 0..n {
                 let p = [i, j].map(|k| -5.0 + 10.0 * (k as f64 + 0.5) / n as f64);
-                if sides(corners).all(|[a, b]| cross(less(b, a), less(p, a)) > 0.0) {
+                if polygon_sides(corners).all(|[a, b]| cross_product(difference_of(b, a), difference_of(p, a)) > 0.0) {
                     (0..2).for_each(|i| sum[i] += p[i]);
                     count += 1.0;
                     places.push(p);
@@ -593,7 +617,7 @@ mod tests {
             }
         }
         let centroid = sum.map(|x| x / count);
-        places.iter().map(|p| length(less(*p, centroid))).sum::<f64>() / count
+        places.iter().map(|p| vector_length(difference_of(*p, centroid))).sum::<f64>() / count
     }
 
     #[test]
@@ -604,7 +628,7 @@ mod tests {
         // A 400-gon is 8e-5 smaller than its disc.
         let disc = outline(&ring(400));
         assert!((disc.mean_distance([3.0, -1.0]) - 2.0 / 3.0).abs() < 1e-4);
-        let polygons: [&[Flat]; 4] = [
+        let polygons: [&[TangentVector]; 4] = [
             &[[-4.0, 0.0], [3.0, -1.0], [0.0, 4.0]],
             &[[-4.0, -1.0], [4.0, -1.0], [4.0, 1.0], [-4.0, 1.0]],
             &[[-4.0, -1.0], [4.0, -1.0], [1.0, 1.0], [0.0, 1.0]],
@@ -621,11 +645,16 @@ mod tests {
             );
             let centre =
                 corners.iter().zip(&found.weights).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w, c[1] + p[1] * w]);
-            assert!(length(less(centre, found.centroid)) < 1e-14 && found.weights.iter().all(|w| *w > 0.0));
+            assert!(
+                vector_length(difference_of(centre, found.centroid)) < 1e-14 && found.weights.iter().all(|w| *w > 0.0)
+            );
             for p in [[0.0, 0.3], [-1.0, 0.1], [0.5, -0.2]] {
-                let shares = found.shares(p);
+                let shares = found.load_shares(p);
                 let centre = corners.iter().zip(&shares).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w, c[1] + p[1] * w]);
-                assert!(length(less(centre, p)) < 1e-14 && shares.iter().all(|w| *w > 0.0), "{centre:?}");
+                assert!(
+                    vector_length(difference_of(centre, p)) < 1e-14 && shares.iter().all(|w| *w > 0.0),
+                    "{centre:?}"
+                );
             }
         }
     }
@@ -639,7 +668,7 @@ mod tests {
         // Of an angle of more than 120 degrees it is the sum of the sides next to it.
         let flat = [[0.0, 0.0], [3.0, 0.0], [0.3, 0.1]];
         let least = least_distance(&flat, &weights, [1.1, 0.1 / 3.0]);
-        let expected = length(flat[2]) + length(less(flat[2], flat[1]));
+        let expected = vector_length(flat[2]) + vector_length(difference_of(flat[2], flat[1]));
         assert!(least >= expected && least < 1.01 * expected, "{least} {expected}");
     }
 

@@ -2,22 +2,22 @@
 
 use std::sync::Arc;
 
-use cd_formats::compute::Action;
-use cd_formats::field::Outside;
-use cd_formats::snapshot::Attraction as Record;
+use cd_formats::compute::EventAction;
+use cd_formats::field::FieldModel;
+use cd_formats::snapshot::GravityEvaluations as Record;
 
-use crate::detect::broad::pairs;
-use crate::gravity::quadrupole::{Rigid, correction};
-use crate::gravity::sample::{self, Sampled};
-use crate::gravity::{Field, Gravity, Method, balance};
-use crate::integrate::Configuration;
-use crate::math::random::{in_ball, scrambled};
+use crate::detect::broad::near_pairs;
+use crate::gravity::quadrupole::{BodyInertia, quadrupole_correction};
+use crate::gravity::sample::{self, SampledError};
+use crate::gravity::{GravityField, GravitySolver, SummationMethod, balance_accelerations};
+use crate::integrate::ContactConfiguration;
+use crate::math::random::{point_in_ball, splitmix64};
 use crate::math::{Mat3, Quat, Vec3, to_world};
 use crate::scene::{EVENT_SLACK, Scene};
-use crate::state::{Attraction, Bonding, State};
+use crate::state::{BondingMode, GravityHistory, State};
 
 /// Velocities at the step's end if nothing touched, and what the forces bring into the ledger.
-pub struct Free {
+pub struct FreeMotion {
     /// m/s
     pub v: Vec<Vec3>,
     /// rad/s, world frame.
@@ -25,8 +25,8 @@ pub struct Free {
     /// Potential energy in self-gravity, uniform gravity and outer fields, in the contact configuration, J.
     pub potential: f64,
     pub gravity: GravityReport,
-    /// Self-gravity for the steps that follow, see [`Attraction`].
-    pub attraction: Option<Attraction>,
+    /// Self-gravity for the steps that follow, see [`GravityHistory`].
+    pub attraction: Option<GravityHistory>,
     /// Impulse of uniform gravity, outer fields and imposed forces on the free bodies, N s.
     pub impulse: Vec3,
     /// Their angular impulse about the origin, N m s.
@@ -41,63 +41,63 @@ pub struct GravityReport {
     /// RMS of what was taken away for forces and torques to sum to zero, over that of the accelerations.
     pub removed: f64,
     /// Against the direct sum, in steps that look.
-    pub sampled: Option<Sampled>,
+    pub sampled: Option<SampledError>,
     /// RMS relative error of the extrapolation to the last evaluation.
     pub extrapolation: f64,
 }
 
 /// What the events of a step's start leave to the step.
 #[derive(Default)]
-pub struct Happened {
+pub struct AppliedEvents {
     /// Whether there were any.
-    pub any: bool,
+    pub any_event: bool,
     /// Whether they have changed velocities at the step's start.
-    pub moved: bool,
-    pub shakes: Vec<Shake>,
+    pub velocities_changed: bool,
+    pub shakes: Vec<ShakeEvent>,
 }
 
 /// Random velocities to be added within a step.
-pub struct Shake {
+pub struct ShakeEvent {
     /// Root mean square, m/s.
     speed: f64,
     seed: u64,
 }
 
 /// Events whose time has come, at a step's start.
-pub fn events(scene: &Scene, state: &mut State) -> Happened {
+pub fn apply_events(scene: &Scene, state: &mut State) -> AppliedEvents {
     let now = state.time + EVENT_SLACK * scene.options.dt;
-    let mut happened = Happened::default();
+    let mut happened = AppliedEvents::default();
     while let Some(event) = scene.events.get(state.events_done).filter(|event| event.time <= now) {
         let gravity = state.gravity;
-        state.set_by(&event.action, scene);
-        book_potential(scene, state, state.gravity - gravity);
-        happened.moved |= matches!(event.action, Action::AddVelocity(_) | Action::AddSpin(_));
+        state.apply_setting(&event.action, scene);
+        account_potential(scene, state, state.gravity - gravity);
+        happened.velocities_changed |= matches!(event.action, EventAction::AddVelocity(_) | EventAction::AddSpin(_));
         match event.action {
-            Action::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
-            Action::AddSpin(spin) => {
+            EventAction::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
+            EventAction::AddSpin(spin) => {
                 add_spin(scene, state, Vec3::from(spin));
                 state.attraction = None; // what bodies were on their way to says nothing any more
             }
-            Action::Shake { speed, seed } => {
+            EventAction::Shake { speed, seed } => {
                 state.attraction = None;
-                let seed = scrambled(scrambled(seed) ^ state.events_done as u64);
-                happened.shakes.push(Shake { speed, seed });
+                let seed = splitmix64(splitmix64(seed) ^ state.events_done as u64);
+                happened.shakes.push(ShakeEvent { speed, seed });
             }
-            Action::Bond => state.bonding = Bonding::All,
-            Action::SetTorque(_)
-            | Action::SetGravity(_)
-            | Action::SetQuench(_)
-            | Action::SetFriction(..)
-            | Action::SetCohesion(..) => {}
+            EventAction::Bond => state.bonding = BondingMode::All,
+            EventAction::SetTorque(_)
+            | EventAction::SetGravity(_)
+            | EventAction::SetQuench(_)
+            | EventAction::SetFriction(..)
+            | EventAction::SetCohesion(..) => {}
         }
-        happened.any = true;
+        happened.any_event = true;
         state.events_done += 1;
     }
     happened
 }
 
 /// The torque that events have set, and the option `quench`, at the start of a step of so many units of `dt`.
-pub fn interventions(scene: &Scene, state: &mut State, units: u64) {
+pub fn apply_torque_and_damping(scene: &Scene, state: &mut State, units: u64) {
     if state.torque != Vec3::zeros() {
         let impulse = state.torque * (units as f64 * scene.options.dt);
         add_spin(scene, state, rigid_spin(scene, &state.x, &state.q, impulse));
@@ -120,10 +120,15 @@ fn add_spin(scene: &Scene, state: &mut State, spin: Vec3) {
 ///
 /// They act in the contact configuration, as all forces do: velocities that changed before it would carry grains into
 /// their neighbours.
-fn shaking(scene: &Scene, q_c: &Configuration, &Shake { speed, seed }: &Shake) -> Vec<(usize, Vec3, Vec3)> {
+fn shake_loads(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    &ShakeEvent { speed, seed }: &ShakeEvent,
+) -> Vec<(usize, Vec3, Vec3)> {
     // The mean square of the distance from the middle of a ball is 3/5 of its radius'.
     let radius = speed * (5.0f64 / 3.0).sqrt();
-    let added: Vec<Vec3> = (0..scene.bodies.len() as u64).map(|i| in_ball(scrambled(seed ^ i)) * radius).collect();
+    let added: Vec<Vec3> =
+        (0..scene.bodies.len() as u64).map(|i| point_in_ball(splitmix64(seed ^ i)) * radius).collect();
     let shared = centre_of_mass(scene, &added);
     let (x, centre) = (&q_c.x, centre_of_mass(scene, &q_c.x));
     let turn = if scene.options.xperiode.is_some() || scene.options.yperiode.is_some() {
@@ -168,23 +173,23 @@ fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Vec3, Vec
         let momentum = (v - state.v[i]) * body.mass;
         let spin = body.angular_momentum(&state.q[i], &(w - state.w[i]));
         state.ledger.outside_work += 0.5 * (momentum.dot(&(v + state.v[i])) + spin.dot(&(w + state.w[i])));
-        add(&mut state.ledger.momentum_expected, &momentum);
-        add(&mut state.ledger.angular_momentum_expected, &(state.x[i].cross(&momentum) + spin));
+        add_vector(&mut state.ledger.momentum_expected, &momentum);
+        add_vector(&mut state.ledger.angular_momentum_expected, &(state.x[i].cross(&momentum) + spin));
         (state.v[i], state.w[i]) = (v, w);
     }
-    for (&i, spin) in scene.turning.iter().zip(&mut state.spin) {
+    for (&i, spin) in scene.turning.iter().zip(&mut state.angular_momentum) {
         let i = i as usize;
         *spin = scene.bodies[i].angular_momentum(&state.q[i], &state.w[i]);
     }
 }
 
 /// Books the potential energy that a change of uniform gravity gives as coming from outside.
-fn book_potential(scene: &Scene, state: &mut State, change: Vec3) {
+fn account_potential(scene: &Scene, state: &mut State, change: Vec3) {
     let height = |&i: &u32| scene.bodies[i as usize].mass * change.dot(&state.x[i as usize]);
     state.ledger.outside_work -= scene.free.iter().map(height).sum::<f64>();
 }
 
-fn add(sum: &mut [f64; 3], term: &Vec3) {
+fn add_vector(sum: &mut [f64; 3], term: &Vec3) {
     sum.iter_mut().zip(term.iter()).for_each(|(s, t)| *s += t);
 }
 
@@ -198,13 +203,13 @@ fn centre_of_mass(scene: &Scene, x: &[Vec3]) -> Vec3 {
 }
 
 /// Free velocities: V + h F/m with all forces in the contact configuration; imposed velocities at the step's end.
-pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration, shakes: &[Shake]) -> Free {
+pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, shakes: &[ShakeEvent]) -> FreeMotion {
     let h = q_c.h;
-    let mut pull = attraction(scene, state, q_c);
+    let mut pull = self_gravity(scene, state, q_c);
     let near = near_field(scene, &q_c.x, &q_c.q);
     pull.energy += near.energy;
-    let outside = scene.outside();
-    let mut free = Free {
+    let outside = scene.external_fields();
+    let mut free = FreeMotion {
         v: state.v.clone(),
         w: q_c.w.clone(),
         potential: pull.energy,
@@ -217,19 +222,19 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration, shakes: 
     for (k, &i) in scene.free.iter().enumerate() {
         let i = i as usize;
         let (mass, x) = (scene.bodies[i].mass, q_c.x[i]);
-        let (push, potential) = pushed(&outside, state.gravity, &x);
+        let (push, potential) = external_field(&outside, state.gravity, &x);
         free.v[i] += (push + pull.acceleration[k]) * h;
         free.potential += mass * potential;
         let weight = push * (mass * h);
         free.impulse += weight;
         free.angular_impulse += x.cross(&weight);
     }
-    free.potential += of_extent(scene, &outside, &q_c.q);
+    free.potential += tidal_energy(scene, &outside, &q_c.q);
     for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i].is_driven_in_part()) {
-        free.v[body] += pushed(&outside, state.gravity, &q_c.x[body]).0 * h;
+        free.v[body] += external_field(&outside, state.gravity, &q_c.x[body]).0 * h;
     }
-    let shaking = shakes.iter().flat_map(|shake| shaking(scene, q_c, shake));
-    for (i, force, moment) in loads(scene, state, q_c).into_iter().chain(shaking) {
+    let shaking = shakes.iter().flat_map(|shake| shake_loads(scene, q_c, shake));
+    for (i, force, moment) in imposed_loads(scene, state, q_c).into_iter().chain(shaking) {
         let body = &scene.bodies[i];
         free.v[i] += force * (h * body.inverse_mass());
         free.w[i] += body.angular_velocity(&q_c.q[i], &(moment * h));
@@ -244,30 +249,36 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &Configuration, shakes: 
         free.v[i] += force * (h * body.inverse_mass());
         free.w[i] += body.angular_velocity(&q_c.q[i], &(torque * h));
     }
-    coriolis(scene, state, q_c, &mut free);
-    let end = scene.time_at(state.step + q_c.units);
+    apply_coriolis(scene, state, q_c, &mut free);
+    let end = scene.time_at(state.step + q_c.step_multiple);
     for drive in &scene.drives {
         let i = drive.body;
-        (free.v[i], free.w[i]) = drive.at(end, &q_c.q[i], &free.v[i]);
+        (free.v[i], free.w[i]) = drive.velocity_at(end, &q_c.q[i], &free.v[i]);
     }
     free
 }
 
 /// Acceleration and potential by uniform gravity and what else acts from outside on a body at rest.
-fn pushed(outside: &[Outside], gravity: Vec3, x: &Vec3) -> (Vec3, f64) {
+fn external_field(outside: &[FieldModel], gravity: Vec3, x: &Vec3) -> (Vec3, f64) {
     let uniform = (gravity, -gravity.dot(x));
-    outside.iter().map(|field| field.at(x)).fold(uniform, |sum, term| (sum.0 + term.0, sum.1 + term.1))
+    outside
+        .iter()
+        .map(|field| field.acceleration_and_potential(x))
+        .fold(uniform, |sum, term| (sum.0 + term.0, sum.1 + term.1))
 }
 
 /// The vector u with u + k x u = b.
-fn turned(b: &Vec3, k: &Vec3) -> Vec3 {
+fn solve_rotation_equation(b: &Vec3, k: &Vec3) -> Vec3 {
     (b + k * k.dot(b) - k.cross(b)) / (1.0 + k.norm_squared())
 }
 
 /// What the free bodies' extent adds to their potential energy in outer fields, J.
-fn of_extent(scene: &Scene, outside: &[Outside], q: &[Quat]) -> f64 {
+fn tidal_energy(scene: &Scene, outside: &[FieldModel], q: &[Quat]) -> f64 {
     let of = |i: usize| {
-        outside.iter().map(|field| field.of_extent(|rate| scene.bodies[i].angular_momentum(&q[i], rate))).sum::<f64>()
+        outside
+            .iter()
+            .map(|field| field.tidal_energy(|rate| scene.bodies[i].angular_momentum(&q[i], rate)))
+            .sum::<f64>()
     };
     scene.free.iter().map(|&i| of(i as usize)).sum()
 }
@@ -276,20 +287,23 @@ fn of_extent(scene: &Scene, outside: &[Outside], q: &[Quat]) -> f64 {
 /// contacts count as in the last step: what lies is not pushed aside by a fall that does not happen, and what is missing
 /// after an impact is made up for in the next step. And what turns spins against the axes, where bodies do not
 /// [turn freely](crate::integrate) as it is. Without contacts and for theta = 1/2 it does no work, exactly.
-fn coriolis(scene: &Scene, state: &State, q_c: &Configuration, free: &mut Free) {
-    let rate = scene.rate();
+fn apply_coriolis(scene: &Scene, state: &State, q_c: &ContactConfiguration, free: &mut FreeMotion) {
+    let rate = scene.frame_angular_velocity();
     if rate == Vec3::zeros() {
         return;
     }
     let (h, theta) = (q_c.h, scene.options.theta);
-    let pushed = pushed_by_contacts(scene, state, h);
+    let pushed = contact_velocity_changes(scene, state, h);
     for &i in &scene.free {
         let i = i as usize;
         let body = &scene.bodies[i];
         let known = state.v[i] * (1.0 - theta) + pushed[i] * theta;
-        let v = turned(&(free.v[i] - rate.cross(&known) * (2.0 * h)), &(rate * (2.0 * theta * h)));
+        let v = solve_rotation_equation(&(free.v[i] - rate.cross(&known) * (2.0 * h)), &(rate * (2.0 * theta * h)));
         let w = match body.is_isotropic() {
-            true => turned(&(free.w[i] - rate.cross(&state.w[i]) * ((1.0 - theta) * h)), &(rate * (theta * h))),
+            true => solve_rotation_equation(
+                &(free.w[i] - rate.cross(&state.w[i]) * ((1.0 - theta) * h)),
+                &(rate * (theta * h)),
+            ),
             false => free.w[i],
         };
         let (impulse, turn) = ((v - free.v[i]) * body.mass, (w - free.w[i]) * body.inertia[0]);
@@ -301,7 +315,7 @@ fn coriolis(scene: &Scene, state: &State, q_c: &Configuration, free: &mut Free) 
 }
 
 /// Change of each body's velocity in `h` by the contact forces of the last step, m/s.
-fn pushed_by_contacts(scene: &Scene, state: &State, h: f64) -> Vec<Vec3> {
+fn contact_velocity_changes(scene: &Scene, state: &State, h: f64) -> Vec<Vec3> {
     let mut change = vec![Vec3::zeros(); scene.bodies.len()];
     for solved in &state.contacts {
         let contact = &solved.contact;
@@ -318,42 +332,44 @@ fn pushed_by_contacts(scene: &Scene, state: &State, h: f64) -> Vec<Vec3> {
 const ENERGY_ERROR: f64 = 1e-6;
 
 /// Of the error asked of self-gravity, the part that its extrapolation may reach.
-const STALE: f64 = 0.25;
+const EXTRAPOLATION_ERROR_SHARE: f64 = 0.25;
 
 /// How much farther self-gravity is extrapolated than its last two evaluations are apart.
-const FARTHER: f64 = 2.0;
+const MAX_EXTRAPOLATION_RATIO: f64 = 2.0;
 
 /// Where attraction is not summed pair by pair, bodies feel each other's quadrupoles nearer than this times the sum of their radii.
-const NEAR: f64 = 3.0;
+const QUADRUPOLE_RANGE: f64 = 3.0;
 
 /// Self-gravity in a step.
-struct Pull {
+struct SelfGravity {
     /// By free body, m/s^2.
     acceleration: Vec<Vec3>,
     /// J
     energy: f64,
     report: GravityReport,
-    next: Option<Attraction>,
+    next: Option<GravityHistory>,
 }
 
 /// Self-gravity at each free body; zeros when the scene has none.
-fn attraction(scene: &Scene, state: &State, q_c: &Configuration) -> Pull {
+fn self_gravity(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> SelfGravity {
     if !scene.has_self_gravity() {
         let acceleration = vec![Vec3::zeros(); scene.free.len()];
-        return Pull { acceleration, energy: 0.0, report: GravityReport::default(), next: None };
+        return SelfGravity { acceleration, energy: 0.0, report: GravityReport::default(), next: None };
     }
-    let (positions, masses) = points(scene, &q_c.x);
+    let (positions, masses) = point_masses(scene, &q_c.x);
     let mut pull = if scene.gravity_refresh() == 1 {
-        let (acceleration, energy, removed) = evaluated(scene, &q_c.order, &positions, &masses);
+        let (acceleration, energy, removed) = evaluate_self_gravity(scene, &q_c.order, &positions, &masses);
         let report = GravityReport { removed, ..GravityReport::default() };
-        Pull { acceleration, energy, report, next: None }
+        SelfGravity { acceleration, energy, report, next: None }
     } else {
-        extrapolated(scene, state, q_c, &positions, &masses)
+        extrapolate_self_gravity(scene, state, q_c, &positions, &masses)
     };
-    let approximate = scene.gravity_refresh() > 1 || scene.gravity().method_for(masses.len()) == Method::Fmm;
-    if approximate && state.looks(q_c.units) {
+    let approximate =
+        scene.gravity_refresh() > 1 || scene.gravity_solver().method_for(masses.len()) == SummationMethod::Fmm;
+    if approximate && state.is_diagnostic_step(q_c.step_multiple) {
         let constant = scene.options.gravity_constant;
-        pull.report.sampled = Some(sample::error(&positions, &masses, constant, &pull.acceleration, state.step));
+        pull.report.sampled =
+            Some(sample::sampled_error(&positions, &masses, constant, &pull.acceleration, state.step));
     }
     pull
 }
@@ -376,11 +392,11 @@ fn near_field(scene: &Scene, x: &[Vec3], q: &[Quat]) -> NearField {
     let rigid = |&i: &u32| {
         let (body, turn) = (&scene.bodies[i as usize], q[i as usize].to_rotation_matrix());
         let inertia = turn * Mat3::from_diagonal(&body.inertia.into()) * turn.transpose();
-        Rigid { mass: body.mass, inertia }
+        BodyInertia { mass: body.mass, inertia }
     };
-    let rigids: Vec<Rigid> = scene.free.iter().map(rigid).collect();
+    let rigids: Vec<BodyInertia> = scene.free.iter().map(rigid).collect();
     let (places, reaches): (Vec<Vec3>, Vec<f64>) =
-        scene.free.iter().map(|&i| (x[i as usize], NEAR * scene.bodies[i as usize].radius)).unzip();
+        scene.free.iter().map(|&i| (x[i as usize], QUADRUPOLE_RANGE * scene.bodies[i as usize].radius)).unzip();
     let none = |&i: &u32| (i as usize, Vec3::zeros(), Vec3::zeros());
     let mut field = NearField { loads: scene.free.iter().map(none).collect(), energy: 0.0 };
     let round: Vec<bool> = scene.free.iter().map(|&i| scene.bodies[i as usize].is_isotropic()).collect();
@@ -389,17 +405,17 @@ fn near_field(scene: &Scene, x: &[Vec3], q: &[Quat]) -> NearField {
         if (round[i] && round[j]) || r == Vec3::zeros() {
             return;
         }
-        let found = correction(&r, [&rigids[i], &rigids[j]], reach, options.gravity_constant);
+        let found = quadrupole_correction(&r, [&rigids[i], &rigids[j]], reach, options.gravity_constant);
         field.energy += found.energy;
         for (k, force, torque) in [(i, -found.force, found.torques[0]), (j, found.force, found.torques[1])] {
             field.loads[k].1 += force;
             field.loads[k].2 += torque;
         }
     };
-    if scene.gravity().method_for(places.len()) == Method::Direct {
+    if scene.gravity_solver().method_for(places.len()) == SummationMethod::Direct {
         (1..places.len()).for_each(|j| (0..j).for_each(|i| add([i, j], f64::INFINITY)));
     } else {
-        for pair in pairs(&places, &reaches) {
+        for pair in near_pairs(&places, &reaches) {
             let [i, j] = pair.map(|k| k as usize);
             add([i, j], reaches[i] + reaches[j]);
         }
@@ -407,23 +423,29 @@ fn near_field(scene: &Scene, x: &[Vec3], q: &[Quat]) -> NearField {
     field
 }
 
-fn points(scene: &Scene, x: &[Vec3]) -> (Vec<Vec3>, Vec<f64>) {
+fn point_masses(scene: &Scene, x: &[Vec3]) -> (Vec<Vec3>, Vec<f64>) {
     scene.free.iter().map(|&i| (x[i as usize], scene.bodies[i as usize].mass)).unzip()
 }
 
-/// Accelerations, energy and what was removed, see [`Field`]; `order` is that of all bodies.
-fn evaluated(scene: &Scene, order: &[u32], positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f64, f64) {
+/// Accelerations, energy and what was removed, see [`GravityField`]; `order` is that of all bodies.
+fn evaluate_self_gravity(scene: &Scene, order: &[u32], positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f64, f64) {
     let place = |body| scene.free.binary_search(body).ok().map(|k| k as u32);
     let of_free: Vec<u32> = order.iter().filter_map(place).collect();
-    let Field { acceleration, potential, removed } =
-        scene.gravity().field(positions, masses, scene.options.gravity_constant, &of_free);
+    let GravityField { acceleration, potential, removed } =
+        scene.gravity_solver().full_field(positions, masses, scene.options.gravity_constant, &of_free);
     (acceleration, 0.5 * potential.iter().zip(masses).map(|(p, m)| p * m).sum::<f64>(), removed)
 }
 
 /// Self-gravity from its last two evaluations, or evaluated again. In between the error goes as the square of the time
 /// since: that is at most twice the time between the two, and less where their error says so. Forces and torques sum to zero
 /// all the same.
-fn extrapolated(scene: &Scene, state: &State, q_c: &Configuration, positions: &[Vec3], masses: &[f64]) -> Pull {
+fn extrapolate_self_gravity(
+    scene: &Scene,
+    state: &State,
+    q_c: &ContactConfiguration,
+    positions: &[Vec3],
+    masses: &[f64],
+) -> SelfGravity {
     let options = &scene.options;
     let now = state.time + (1.0 - options.theta) * q_c.h;
     let mass: f64 = masses.iter().sum();
@@ -431,32 +453,32 @@ fn extrapolated(scene: &Scene, state: &State, q_c: &Configuration, positions: &[
     let mean = velocities().zip(masses).map(|(v, m)| v * *m).sum::<Vec3>() / mass;
     let fastest = velocities().map(|v| (v - mean).norm_squared()).fold(0.0, f64::max).sqrt();
     let Some(old) = &state.attraction else {
-        let (acceleration, energy, removed) = evaluated(scene, &q_c.order, positions, masses);
+        let (acceleration, energy, removed) = evaluate_self_gravity(scene, &q_c.order, positions, masses);
         let record = Record { times: [now; 2], potentials: [energy; 2], removed, ..Record::default() };
         let rows: Arc<[Vec3]> = acceleration.as_slice().into();
-        let next = Attraction { record, last: rows.clone(), before: rows };
+        let next = GravityHistory { record, last: rows.clone(), before: rows };
         let report = GravityReport { removed, ..GravityReport::default() };
-        return Pull { acceleration, energy, report, next: Some(next) };
+        return SelfGravity { acceleration, energy, report, next: Some(next) };
     };
     let record = &old.record;
     let [last, before] = record.times;
     let part = if last > before { (now - last) / (last - before) } else { 0.0 };
     let mut acceleration: Vec<Vec3> = old.last.iter().zip(&*old.before).map(|(a, b)| a + (a - b) * part).collect();
-    let (age, moved) = (record.age + q_c.units, record.moved + fastest * q_c.h);
+    let (age, moved) = (record.age + q_c.step_multiple, record.moved + fastest * q_c.h);
     // The error of a stretch s after one of t goes as s (s + t).
-    let allowed = STALE * options.gravity_error() / record.extrapolation_error;
-    let stretch = 0.5 * ((1.0 + 8.0 * allowed).sqrt() - 1.0).min(2.0 * FARTHER);
+    let allowed = EXTRAPOLATION_ERROR_SHARE * options.gravity_error() / record.extrapolation_error;
+    let stretch = 0.5 * ((1.0 + 8.0 * allowed).sqrt() - 1.0).min(2.0 * MAX_EXTRAPOLATION_RATIO);
     // A thousandth of a step of slack, as times are sums.
     let reached = last > before && now - last <= (last - before) * stretch + 1e-3 * options.dt;
     let report = |removed, extrapolation| GravityReport { removed, sampled: None, extrapolation };
     if reached && age < scene.gravity_refresh() && moved < options.gravity_moved * scene.mean_radius {
-        let removed = balance(positions, masses, &mut acceleration);
+        let removed = balance_accelerations(positions, masses, &mut acceleration);
         let energy = record.potentials[0] + (record.potentials[0] - record.potentials[1]) * part;
         let report = report(record.removed.max(removed), record.extrapolation_error);
         let record = Record { age, moved, ..record.clone() };
-        return Pull { acceleration, energy, report, next: Some(Attraction { record, ..old.clone() }) };
+        return SelfGravity { acceleration, energy, report, next: Some(GravityHistory { record, ..old.clone() }) };
     }
-    let (fresh, energy, removed) = evaluated(scene, &q_c.order, positions, masses);
+    let (fresh, energy, removed) = evaluate_self_gravity(scene, &q_c.order, positions, masses);
     let square = |v: &mut dyn Iterator<Item = Vec3>| v.map(|v| v.norm_squared()).sum::<f64>();
     let away = square(&mut acceleration.iter().zip(&fresh).map(|(a, b)| a - b));
     let scale = square(&mut fresh.iter().copied());
@@ -464,37 +486,37 @@ fn extrapolated(scene: &Scene, state: &State, q_c: &Configuration, positions: &[
     let times = [now, last];
     let potentials = [energy, record.potentials[0]];
     let record = Record { age: 0, times, potentials, moved: 0.0, removed, extrapolation_error };
-    let next = Attraction { record, last: fresh.as_slice().into(), before: old.last.clone() };
-    Pull { acceleration: fresh, energy, report: report(removed, extrapolation_error), next: Some(next) }
+    let next = GravityHistory { record, last: fresh.as_slice().into(), before: old.last.clone() };
+    SelfGravity { acceleration: fresh, energy, report: report(removed, extrapolation_error), next: Some(next) }
 }
 
 /// Potential energy of the free bodies at `x` in self-gravity, uniform gravity (zero at the origin) and outer fields, J.
 pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
-    let (positions, masses) = points(scene, x);
-    let outside = scene.outside();
-    let outer: f64 = positions.iter().zip(&masses).map(|(x, m)| m * pushed(&outside, state.gravity, x).1).sum();
-    let outer = outer + of_extent(scene, &outside, &state.q);
+    let (positions, masses) = point_masses(scene, x);
+    let outside = scene.external_fields();
+    let outer: f64 = positions.iter().zip(&masses).map(|(x, m)| m * external_field(&outside, state.gravity, x).1).sum();
+    let outer = outer + tidal_energy(scene, &outside, &state.q);
     if !scene.has_self_gravity() {
         return outer;
     }
-    let gravity = match scene.gravity() {
-        asked if asked.method_for(positions.len()) == Method::Direct => asked,
-        _ => Gravity::new(Method::Auto, ENERGY_ERROR),
+    let gravity = match scene.gravity_solver() {
+        asked if asked.method_for(positions.len()) == SummationMethod::Direct => asked,
+        _ => GravitySolver::new(SummationMethod::Auto, ENERGY_ERROR),
     };
-    let potential = gravity.field(&positions, &masses, scene.options.gravity_constant, &[]).potential;
+    let potential = gravity.full_field(&positions, &masses, scene.options.gravity_constant, &[]).potential;
     let points = 0.5 * potential.iter().zip(&masses).map(|(p, m)| p * m).sum::<f64>();
     outer + points + near_field(scene, x, &state.q).energy
 }
 
 /// Imposed forces and moments, weighted over the step as (1-theta) f(t) + theta f(t+h), world frame.
-fn loads(scene: &Scene, state: &State, q_c: &Configuration) -> Vec<(usize, Vec3, Vec3)> {
+fn imposed_loads(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Vec<(usize, Vec3, Vec3)> {
     let theta = scene.options.theta;
     scene
         .loads
         .iter()
         .map(|load| {
-            let value = (1.0 - theta) * load.value.at(state.time)
-                + theta * load.value.at(scene.time_at(state.step + q_c.units));
+            let value = (1.0 - theta) * load.value.value_at(state.time)
+                + theta * load.value.value_at(scene.time_at(state.step + q_c.step_multiple));
             let mut vector = Vec3::zeros();
             vector[load.component % 3] = value;
             match load.component {
@@ -512,7 +534,7 @@ mod tests {
     #[test]
     fn turned_solves_its_equation() {
         let (b, k) = (Vec3::new(1.0, -2.0, 3.0), Vec3::new(0.4, 0.1, -2.0));
-        let u = turned(&b, &k);
+        let u = solve_rotation_equation(&b, &k);
         assert!((u + k.cross(&u) - b).norm() < 1e-14);
     }
 }

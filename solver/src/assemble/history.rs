@@ -2,21 +2,21 @@
 
 use std::ops::Range;
 
-use cd_formats::groups::Groups;
+use cd_formats::groups::DisjointSets;
 use rayon::prelude::*;
 
-use super::rows::{Setting, relative_velocity};
-use crate::laws::{Law, Shift, TOUCHING};
-use crate::math::{Quat, Vec3, rotate};
+use super::rows::{AssemblyContext, relative_velocity};
+use crate::laws::{ContactLaw, LawShift, MAX_TOUCHING_GAP};
+use crate::math::{Quat, Vec3, rotate_by_vector};
 use crate::scene::Scene;
-use crate::state::{Bonding, Contact, SolvedContact, UNKNOWN};
+use crate::state::{BondingMode, Contact, SolvedContact, UNKNOWN_FEATURE};
 
 /// Contacts that one task looks at.
-const CHUNK: usize = 1024;
+const CONTACTS_PER_TASK: usize = 1024;
 
 /// For each contact the index of the one with its key in the list of the last step; both lists are in the order of their
 /// keys.
-fn by_key(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<u32>> {
+fn previous_by_key(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<u32>> {
     let of_some = |contacts: &[Contact]| {
         let first = contacts[0].key();
         let mut k = before.partition_point(|old| old.contact.key() < first);
@@ -31,119 +31,121 @@ fn by_key(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<u32>> {
             })
             .collect::<Vec<_>>()
     };
-    contacts.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat()
+    contacts.par_chunks(CONTACTS_PER_TASK).map(of_some).collect::<Vec<_>>().concat()
 }
 
 /// Two contactors by their bodies and ranks.
-type Contactors = (u32, u32, (u16, u16));
+type ContactorPair = (u32, u32, (u16, u16));
 
-fn contactors(contact: &Contact) -> Contactors {
+fn contactor_pair(contact: &Contact) -> ContactorPair {
     (contact.candidate, contact.antagonist, contact.ranks)
 }
 
 /// Where the contacts of two contactors are in a list in the order of the keys.
-fn of_pair<T>(list: &[T], pair: Contactors, contact: impl Fn(&T) -> &Contact) -> Range<usize> {
-    let from = list.partition_point(|item| contactors(contact(item)) < pair);
-    from..from + list[from..].iter().take_while(|item| contactors(contact(item)) == pair).count()
+fn pair_range<T>(list: &[T], pair: ContactorPair, contact: impl Fn(&T) -> &Contact) -> Range<usize> {
+    let from = list.partition_point(|item| contactor_pair(contact(item)) < pair);
+    from..from + list[from..].iter().take_while(|item| contactor_pair(contact(item)) == pair).count()
 }
 
-fn carried(old: &SolvedContact) -> bool {
+fn was_loaded(old: &SolvedContact) -> bool {
     old.bond.is_some() || old.impulse != Vec3::zeros()
 }
 
 /// What holds the bodies of a contact together.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Hold {
+pub(super) struct BondState {
     /// Gap at which the contact is bonded, m.
     pub bond: Option<f64>,
     /// Whether bonds join its bodies, over others or not.
-    pub within: bool,
+    pub in_aggregate: bool,
 }
 
 /// For each body whether it is one of the contacts `chosen`, or can meet one of these over others: `contacts` are all that can
 /// close. What rests for good is not counted.
-pub fn meeting(scene: &Scene, contacts: &[Contact], chosen: &[&Contact]) -> Vec<bool> {
+pub fn connected_bodies(scene: &Scene, contacts: &[Contact], chosen: &[&Contact]) -> Vec<bool> {
     let mut rests: Vec<bool> = scene.bodies.iter().map(|body| body.driven && !body.is_driven_in_part()).collect();
-    scene.drives.iter().filter(|drive| drive.moves()).for_each(|drive| rests[drive.body] = false);
+    scene.drives.iter().filter(|drive| drive.ever_moves()).for_each(|drive| rests[drive.body] = false);
     let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|i| i as usize);
-    let mut groups = Groups::new(scene.bodies.len());
+    let mut groups = DisjointSets::new(scene.bodies.len());
     for [a, b] in contacts.iter().map(bodies).filter(|pair| pair.iter().all(|&i| !rests[i])) {
-        groups.join(a, b);
+        groups.union(a, b);
     }
     let mut meets = vec![false; scene.bodies.len()];
     for i in chosen.iter().flat_map(|contact| bodies(contact)).filter(|&i| !rests[i]) {
-        meets[groups.root(i)] = true;
+        meets[groups.find(i)] = true;
     }
-    (0..scene.bodies.len()).map(|i| meets[groups.root(i)]).collect()
+    (0..scene.bodies.len()).map(|i| meets[groups.find(i)]).collect()
 }
 
-impl Setting<'_> {
+impl AssemblyContext<'_> {
     /// For each contact the index of the one of the last step whose history goes on in it: the one of its key, or one of
     /// the same contactors whose key is gone. Where corners coincide, rounding decides what meets there, and of more than
     /// four others may be chosen.
     ///
     /// Only what can act, now or before, counts: what else is listed depends on the alert distance.
-    pub(super) fn history(&self, contacts: &[Contact]) -> Vec<Option<u32>> {
-        let mut found = by_key(&self.state.contacts, contacts);
-        let gone = self.gone(contacts, &found);
-        let new = self.unknown(contacts, &found, &gone);
-        for new in new.chunk_by(|&i, &k| contactors(&contacts[i]) == contactors(&contacts[k])) {
-            self.hand_on(new, &gone, contacts, &mut found);
+    pub(super) fn previous_contacts(&self, contacts: &[Contact]) -> Vec<Option<u32>> {
+        let mut found = previous_by_key(&self.state.contacts, contacts);
+        let gone = self.lost_contacts(contacts, &found);
+        let new = self.new_contacts(contacts, &found, &gone);
+        for new in new.chunk_by(|&i, &k| contactor_pair(&contacts[i]) == contactor_pair(&contacts[k])) {
+            self.transfer_history(new, &gone, contacts, &mut found);
         }
         found
     }
 
     /// Whether a contact can change its key: two spheres have one contact, always of the same.
-    fn has_names(&self, contact: &Contact) -> bool {
+    fn has_features(&self, contact: &Contact) -> bool {
         !self.is_sphere[contact.antagonist as usize]
     }
 
     /// Of each contact of the last step, whether it carried something and acts no more under its key. Nearly always none.
-    fn gone(&self, contacts: &[Contact], found: &[Option<u32>]) -> Vec<bool> {
+    fn lost_contacts(&self, contacts: &[Contact], found: &[Option<u32>]) -> Vec<bool> {
         let before = &self.state.contacts;
-        let may_go = |old: &SolvedContact| self.has_names(&old.contact) && carried(old);
-        let mut gone: Vec<bool> = before.par_iter().with_min_len(CHUNK).map(may_go).collect();
+        let may_go = |old: &SolvedContact| self.has_features(&old.contact) && was_loaded(old);
+        let mut gone: Vec<bool> = before.par_iter().with_min_len(CONTACTS_PER_TASK).map(may_go).collect();
         if !gone.contains(&true) {
             return gone;
         }
         let stays =
-            |(k, contact): (usize, &Contact)| found[k].filter(|&old| gone[old as usize] && self.in_reach(contact));
+            |(k, contact): (usize, &Contact)| found[k].filter(|&old| gone[old as usize] && self.can_act(contact));
         let stay: Vec<u32> = contacts.par_iter().enumerate().with_min_len(256).filter_map(stays).collect();
         stay.into_iter().for_each(|old| gone[old as usize] = false);
         gone
     }
 
     /// The contacts that act and have no history, of contactors of which a contact is gone or bonded, in their order.
-    fn unknown(&self, contacts: &[Contact], found: &[Option<u32>], gone: &[bool]) -> Vec<usize> {
+    fn new_contacts(&self, contacts: &[Contact], found: &[Option<u32>], gone: &[bool]) -> Vec<usize> {
         let before = &self.state.contacts;
-        let shares = |old: &SolvedContact| old.bond.is_some() && self.has_names(&old.contact);
+        let shares = |old: &SolvedContact| old.bond.is_some() && self.has_features(&old.contact);
         let concerned = before.iter().zip(gone).filter(|(old, gone)| **gone || shares(old));
-        let concerned: Vec<Contactors> = concerned.map(|(old, _)| contactors(&old.contact)).collect();
+        let concerned: Vec<ContactorPair> = concerned.map(|(old, _)| contactor_pair(&old.contact)).collect();
         if concerned.is_empty() {
             return Vec::new();
         }
         let acted = |old: &SolvedContact| {
             let law = &self.state.laws[old.contact.law as usize];
-            carried(old) || old.contact.gap <= law.range(self.effective_radius(&old.contact))
+            was_loaded(old) || old.contact.gap <= law.interaction_range(self.effective_radius(&old.contact))
         };
         let is_new = |&k: &usize| {
-            self.has_names(&contacts[k])
-                && concerned.binary_search(&contactors(&contacts[k])).is_ok()
+            self.has_features(&contacts[k])
+                && concerned.binary_search(&contactor_pair(&contacts[k])).is_ok()
                 && !found[k].is_some_and(|old| acted(&before[old as usize]))
-                && self.in_reach(&contacts[k])
+                && self.can_act(&contacts[k])
         };
         (0..contacts.len()).into_par_iter().with_min_len(256).filter(is_new).collect()
     }
 
     /// Gives `new` contacts of the same two contactors the histories that are gone, the nearest first and each once. Of a
     /// bonded face that is no larger than before, those that are left share the history of the nearest.
-    fn hand_on(&self, new: &[usize], gone: &[bool], contacts: &[Contact], found: &mut [Option<u32>]) {
+    fn transfer_history(&self, new: &[usize], gone: &[bool], contacts: &[Contact], found: &mut [Option<u32>]) {
         let before = &self.state.contacts;
-        let pair = contactors(&contacts[new[0]]);
-        let now = &contacts[of_pair(contacts, pair, |contact| contact)];
-        let old = of_pair(before, pair, |old| &old.contact);
-        let ways = |old: usize| new.iter().map(move |&k| (self.moved(&before[old].contact, &contacts[k]), old, k));
-        let mut ways: Vec<(f64, usize, usize)> = old.clone().filter(|&k| carried(&before[k])).flat_map(ways).collect();
+        let pair = contactor_pair(&contacts[new[0]]);
+        let now = &contacts[pair_range(contacts, pair, |contact| contact)];
+        let old = pair_range(before, pair, |old| &old.contact);
+        let ways =
+            |old: usize| new.iter().map(move |&k| (self.displacement_from(&before[old].contact, &contacts[k]), old, k));
+        let mut ways: Vec<(f64, usize, usize)> =
+            old.clone().filter(|&k| was_loaded(&before[k])).flat_map(ways).collect();
         ways.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut free: Vec<usize> = old.clone().filter(|&k| gone[k]).collect();
         let mut left = new.to_vec();
@@ -155,7 +157,8 @@ impl Setting<'_> {
             }
         }
         let area = before[old].iter().map(|old| old.contact.area).sum::<f64>();
-        let is_same = area > 0.0 && now.iter().map(|contact| contact.area).sum::<f64>() <= area * (1.0 + TOUCHING);
+        let is_same =
+            area > 0.0 && now.iter().map(|contact| contact.area).sum::<f64>() <= area * (1.0 + MAX_TOUCHING_GAP);
         for (_, old, k) in ways.into_iter().filter(|way| is_same && before[way.1].bond.is_some()) {
             if left.contains(&k) {
                 found[k] = Some(old as u32);
@@ -165,77 +168,77 @@ impl Setting<'_> {
     }
 
     /// From where the candidate has carried a contact of the last step to this one of the same contactors, m.
-    fn moved(&self, old: &Contact, contact: &Contact) -> f64 {
+    fn displacement_from(&self, old: &Contact, contact: &Contact) -> f64 {
         let (state, a) = (self.state, contact.candidate as usize);
         let centre = state.x[a] - state.v[a] * (self.scene.options.theta * state.h); // of the last contact configuration
-        let turn = rotate(&Quat::identity(), &(state.w[a] * self.since()));
+        let turn = rotate_by_vector(&Quat::identity(), &(state.w[a] * self.configuration_interval()));
         (contact.point - self.q_c.x[a] - turn * (old.point - centre)).norm()
     }
 
     /// Time from the last contact configuration to this, s.
-    fn since(&self) -> f64 {
+    fn configuration_interval(&self) -> f64 {
         let theta = self.scene.options.theta;
         theta * self.state.h + (1.0 - theta) * self.q_c.h
     }
 
     /// What holds the bodies of each contact together, from what the last step had of it.
-    pub(super) fn holds(&self, contacts: &[Contact], history: &[Option<u32>]) -> Vec<Hold> {
-        if !self.state.laws.iter().any(Law::bonds) {
-            return vec![Hold::default(); contacts.len()];
+    pub(super) fn bond_states(&self, contacts: &[Contact], history: &[Option<u32>]) -> Vec<BondState> {
+        if !self.state.laws.iter().any(ContactLaw::can_bond) {
+            return vec![BondState::default(); contacts.len()];
         }
         let bond = |(contact, old): (&Contact, &Option<u32>)| {
             let law = &self.state.laws[contact.law as usize];
-            let kept = old.and_then(|k| self.bond(&self.state.contacts[k as usize], contact, law));
+            let kept = old.and_then(|k| self.inherited_bond(&self.state.contacts[k as usize], contact, law));
             let now = match self.state.bonding {
-                Bonding::All => true,
-                Bonding::New => old.is_none(),
-                Bonding::No => false,
+                BondingMode::All => true,
+                BondingMode::New => old.is_none(),
+                BondingMode::No => false,
             };
-            let bond = kept.or_else(|| (now && self.touches(contact, law)).then(|| law.bonded_at(contact.gap)));
+            let bond = kept.or_else(|| (now && self.can_bond(contact, law)).then(|| law.bonded_at(contact.gap)));
             bond.filter(|_| self.carries_stress(contact))
         };
         let bonds: Vec<Option<f64>> = contacts.par_iter().zip(history).with_min_len(256).map(bond).collect();
-        let mut aggregates = Groups::new(self.scene.bodies.len());
+        let mut aggregates = DisjointSets::new(self.scene.bodies.len());
         let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|body| body as usize);
         let is_rigid = |contact: &Contact| self.state.laws[contact.law as usize].bonds_are_rigid();
         let rigid = contacts.iter().zip(&bonds).filter(|(contact, bond)| bond.is_some() && is_rigid(contact));
         for (contact, _) in rigid {
             let [a, b] = bodies(contact);
-            aggregates.join(a, b);
+            aggregates.union(a, b);
         }
         let mut joined = |contact: &Contact| {
-            let [a, b] = bodies(contact).map(|body| aggregates.root(body));
+            let [a, b] = bodies(contact).map(|body| aggregates.find(body));
             a == b
         };
-        contacts.iter().zip(bonds).map(|(contact, bond)| Hold { bond, within: joined(contact) }).collect()
+        contacts.iter().zip(bonds).map(|(contact, bond)| BondState { bond, in_aggregate: joined(contact) }).collect()
     }
 
     /// Whether a contact may be bonded, now or where the step began: of what turns the gap opens on the way here.
-    fn touches(&self, contact: &Contact, law: &Law) -> bool {
-        let Setting { scene, state, q_c, .. } = self;
-        let u = relative_velocity(contact, &q_c.x, &state.v, &q_c.w) - self.turning(contact, false) * 0.5;
+    fn can_bond(&self, contact: &Contact, law: &ContactLaw) -> bool {
+        let AssemblyContext { scene, state, q_c, .. } = self;
+        let u = relative_velocity(contact, &q_c.x, &state.v, &q_c.w) - self.arm_turning_velocity(contact, false) * 0.5;
         let at_start = contact.gap - (1.0 - scene.options.theta) * q_c.h * contact.normal.dot(&u);
-        law.bond(contact.gap.min(at_start), self.effective_radius(contact)).is_some()
+        law.bond_gap(contact.gap.min(at_start), self.effective_radius(contact)).is_some()
     }
 
     /// Gap of the bond that a contact of the last step hands on, m: its own to what is in its place; elsewhere the gap there,
     /// if that touches and if the old one would still be in reach.
-    pub(super) fn bond(&self, old: &SolvedContact, contact: &Contact, law: &Law) -> Option<f64> {
+    pub(super) fn inherited_bond(&self, old: &SolvedContact, contact: &Contact, law: &ContactLaw) -> Option<f64> {
         let (bond, radius) = (old.bond?, self.effective_radius(contact));
-        let known = old.contact.key() == contact.key() || old.contact.features.0 == UNKNOWN;
+        let known = old.contact.key() == contact.key() || old.contact.features.0 == UNKNOWN_FEATURE;
         // What counts as touching tells no more apart.
-        let place = || TOUCHING * radius;
-        if known || self.moved(&old.contact, contact) <= place() {
+        let place = || MAX_TOUCHING_GAP * radius;
+        if known || self.displacement_from(&old.contact, contact) <= place() {
             return Some(bond);
         }
-        let foreseen = old.contact.gap + old.velocity.x * self.since();
-        law.bond(contact.gap, radius).filter(|_| foreseen <= law.range(radius))
+        let foreseen = old.contact.gap + old.velocity.x * self.configuration_interval();
+        law.bond_gap(contact.gap, radius).filter(|_| foreseen <= law.interaction_range(radius))
     }
 }
 
 /// r̂ of the last step for the same contact, scaled to the new step length, its tangential part
 /// laid into the new tangent plane, if there is friction.
-pub(super) fn warm_start(old: &SolvedContact, contact: &Contact, shift: &Shift, scale: f64) -> Vec3 {
+pub(super) fn warm_start(old: &SolvedContact, contact: &Contact, shift: &LawShift, scale: f64) -> Vec3 {
     let [n_old, t_old, s_old] = old.contact.frame();
     let n = contact.normal;
     debug_assert!((n_old.norm() - 1.0).abs() < 1e-3);

@@ -7,7 +7,12 @@ mod rows;
 mod stored;
 mod turning;
 
-pub use forces::{Free, GravityReport, Happened, events, free_velocity, interventions, potential_energy};
-pub use history::meeting;
-pub use rows::{Full, Record, Roll, Row, System, arms, contact_problem, relative_velocity};
+pub use forces::{
+    AppliedEvents, FreeMotion, GravityReport, apply_events, apply_torque_and_damping, free_velocity, potential_energy,
+};
+pub use history::connected_bodies;
+pub use rows::{
+    BlockData, ContactConstraint, ContactProblem, RollingConstraint, SolverBody, contact_arms, contact_problem,
+    relative_velocity,
+};
 pub use stored::{StoredProblem, stored_problem};

@@ -9,21 +9,21 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::faces::{Joints, friction_offsets, has_joints};
-use super::history::{Hold, warm_start};
-use crate::integrate::Configuration;
-use crate::laws::{Approach, Course, DEPTH, Law, Rolling, Shift};
-use crate::math::lanes::Width;
-use crate::math::{MANY, Quat, Vec3, to_local, to_world};
-use crate::scene::{Body, Geometry, NEARBY, Scene, Shape};
-use crate::state::{Contact, SolvedContact, State, Status};
+use super::history::{BondState, warm_start};
+use crate::integrate::ContactConfiguration;
+use crate::laws::{ContactLaw, GapForecast, LawInput, LawShift, MAX_STEP_OVERLAP, RollingFriction};
+use crate::math::lanes::SimdWidth;
+use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
+use crate::scene::{BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
+use crate::state::{Contact, ContactStatus, SolvedContact, State};
 
 /// Sliding of a contact that begins counts from this multiple of `tol` times the change of velocity that loads it: an unfinished
 /// solution of what sticks leaves less.
-const SLIDING: f64 = 3.0;
+const SLIDING_VELOCITY_FACTOR: f64 = 3.0;
 
 /// What a sweep reads and writes of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Record {
+pub struct SolverBody {
     /// m/s
     pub v: Vec3,
     /// 1/kg, 0 for a body whose motion is all imposed.
@@ -39,7 +39,7 @@ pub struct Record {
 /// One contact of spheres or of a sphere and a plate, as the sweeps see it. Their W is diagonal:
 /// w_n along n, w_t in the tangent plane.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Row {
+pub struct ContactConstraint {
     /// Records of candidate and antagonist.
     pub bodies: [u32; 2],
     pub normal: Vec3,
@@ -58,16 +58,16 @@ pub struct Row {
     /// Whether it acts, and the two bodies' free velocities can close the gap within the step, or the row pulls.
     pub can_close: bool,
     /// r̂ to start from, world frame, N s: that of the last step, else what the attraction alone makes.
-    pub start: Vec3,
+    pub warm_start: Vec3,
     /// u at the step's start along n, t, s, m/s.
     pub u_before: Vec3,
     /// Gap at which the contact is bonded, m.
     pub bond: Option<f64>,
 }
 
-/// Resistance of a row's contact to rolling and spinning, see [`crate::laws::Rolling`].
+/// Resistance of a row's contact to rolling and spinning, see [`crate::laws::RollingFriction`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Roll {
+pub struct RollingConstraint {
     /// Index into the rows.
     pub row: u32,
     /// 1/(1/R_a + 1/R_b), m.
@@ -79,39 +79,39 @@ pub struct Roll {
     /// Relative angular velocity that a plate adds, rad/s.
     pub shift: Vec3,
     /// Moment to start from, world frame, N m s.
-    pub start: Vec3,
+    pub warm_start: Vec3,
 }
 
 #[derive(Debug, Clone)]
-pub struct System {
-    pub rows: Vec<Row>,
+pub struct ContactProblem {
+    pub rows: Vec<ContactConstraint>,
     /// What the rows and records do not hold where bodies are not all spheres and plates.
-    pub full: Option<Full>,
+    pub block_data: Option<BlockData>,
     /// In the order of the rows; empty in most scenes.
-    pub rolls: Vec<Roll>,
+    pub rolling_constraints: Vec<RollingConstraint>,
     /// All bodies in the order of space, neighbours near each other.
     pub order: Vec<u32>,
     /// Velocities if every r̂ were 0.
-    pub records: Vec<Record>,
+    pub bodies: Vec<SolverBody>,
 }
 
 /// Rows whose W is a full block: lever arms of any direction, inertia that is not isotropic. `arm` of the rows and
 /// `inverse_inertia` and `radius` of the records are not used then; `w_n` is W_nn and `w_t` the mean of W_tt and W_ss.
 #[derive(Debug, Clone)]
-pub struct Full {
+pub struct BlockData {
     /// By row: from the centres of candidate and antagonist to the contact point, m.
     pub arms: Vec<[Vec3; 2]>,
     /// By row: from the contact point to where its friction acts about the normal, m, in the tangent plane; see
     /// `assemble/faces.rs`. Empty where friction acts at every contact point.
     pub friction_offsets: Vec<Vec3>,
     /// By body: 1 for each fixed axis along which the velocity of a body driven in part is imposed, else 0. Empty where none is.
-    pub held: Vec<Vec3>,
+    pub locked_axes: Vec<Vec3>,
     /// By body: inverse inertia about the centre of mass in the contact configuration, world frame, 1/(kg m²); 0 for a
     /// body whose motion is imposed.
     pub inverse_inertia: Vec<Matrix3<f64>>,
 }
 
-impl Full {
+impl BlockData {
     /// n×d of row `k` with the friction offset d, m: tangential velocity at the point of friction less that at the contact
     /// point, per unit of relative angular velocity about n.
     #[inline]
@@ -120,23 +120,23 @@ impl Full {
     }
 
     /// Whether a body that moves does not along some fixed axis.
-    pub fn holds(&self, body: usize) -> bool {
-        self.held.get(body).is_some_and(|held| *held != Vec3::zeros())
+    pub fn has_locked_axes(&self, body: usize) -> bool {
+        self.locked_axes.get(body).is_some_and(|held| *held != Vec3::zeros())
     }
 
     /// 1 for each fixed axis along which a body that moves is pushed, else 0.
-    pub fn pushed(&self, body: usize) -> Vec3 {
-        self.held.get(body).map_or(Vec3::repeat(1.0), |held| Vec3::repeat(1.0) - held)
+    pub fn free_axes(&self, body: usize) -> Vec3 {
+        self.locked_axes.get(body).map_or(Vec3::repeat(1.0), |held| Vec3::repeat(1.0) - held)
     }
 
     /// W_nn and the mean of W_tt and W_ss of row `k`, 1/kg.
-    pub(crate) fn diagonal(&self, k: usize, row: &Row, records: &[Record]) -> (f64, f64) {
+    pub(crate) fn delassus_diagonal(&self, k: usize, row: &ContactConstraint, records: &[SolverBody]) -> (f64, f64) {
         let (mut w_n, mut trace) = (0.0, 0.0);
         let lever = self.friction_lever(k, &row.normal);
         for (body, arm) in row.bodies.into_iter().zip(&self.arms[k]) {
             let (inverse_mass, j) = (records[body as usize].inverse_mass, &self.inverse_inertia[body as usize]);
             let turn = arm.cross(&row.normal);
-            let held = self.held.get(body as usize);
+            let held = self.locked_axes.get(body as usize);
             let along = held.map_or(1.0, |held| 1.0 - held.dot(&row.normal.component_mul(&row.normal)));
             w_n += inverse_mass * along + turn.dot(&(j * turn));
             let all = held.map_or(3.0, |held| 3.0 - held.sum());
@@ -150,12 +150,12 @@ impl Full {
     }
 
     /// Whether an impulse along the normal of a row can move one of its bodies. It turns all that are not driven.
-    fn can_act(&self, row: &Row, bodies: &[Body]) -> bool {
-        self.held.is_empty()
+    fn can_move_a_body(&self, row: &ContactConstraint, bodies: &[RigidBody]) -> bool {
+        self.locked_axes.is_empty()
             || row.bodies.iter().any(|&i| {
                 let body = &bodies[i as usize];
-                let along = self.pushed(i as usize).dot(&row.normal.component_mul(&row.normal));
-                !body.driven || (!body.is_imposed() && along > MOVABLE)
+                let along = self.free_axes(i as usize).dot(&row.normal.component_mul(&row.normal));
+                !body.driven || (!body.is_imposed() && along > MIN_FREE_COSINE_SQUARED)
             })
     }
 }
@@ -163,17 +163,17 @@ impl Full {
 /// Two bodies that are both driven in part have a contact that acts where one of them moves freely along a direction whose square of
 /// the cosine with the normal is more than this: within 1e-3 rad of the plane of the imposed components the normal
 /// is one of these but for rounding, and an impulse along it would throw the body along the free axis.
-const MOVABLE: f64 = 1e-6;
+const MIN_FREE_COSINE_SQUARED: f64 = 1e-6;
 
 /// Velocity of the candidate against the antagonist at the contact point, world frame, m/s.
 pub fn relative_velocity(contact: &Contact, x: &[Vec3], v: &[Vec3], w: &[Vec3]) -> Vec3 {
     let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
-    let [at_a, at_b] = arms(contact, x);
+    let [at_a, at_b] = contact_arms(contact, x);
     v[a] + w[a].cross(&at_a) - (v[b] + w[b].cross(&at_b))
 }
 
 /// From the centres of the candidate and of the antagonist's image to the contact point, m.
-pub fn arms(contact: &Contact, x: &[Vec3]) -> [Vec3; 2] {
+pub fn contact_arms(contact: &Contact, x: &[Vec3]) -> [Vec3; 2] {
     [contact.point - x[contact.candidate as usize], contact.point - (x[contact.antagonist as usize] + contact.image)]
 }
 
@@ -181,19 +181,19 @@ pub fn arms(contact: &Contact, x: &[Vec3]) -> [Vec3; 2] {
 pub fn contact_problem(
     scene: &Scene,
     state: &State,
-    q_c: &Configuration,
+    q_c: &ContactConfiguration,
     contacts: &[Contact],
     v_free: &[Vec3],
     w_free: &[Vec3],
-) -> System {
-    let mut full = full(scene, q_c);
-    let records: Vec<Record> = scene
+) -> ContactProblem {
+    let mut full = block_data(scene, q_c);
+    let records: Vec<SolverBody> = scene
         .bodies
         .par_iter()
         .zip(v_free.par_iter().zip(w_free))
-        .with_min_len(MANY)
+        .with_min_len(PAR_MIN_LEN)
         .map(|(body, (v, w))| match body.shape {
-            Shape::Sphere { radius } => Record {
+            BodyShape::Sphere { radius } => SolverBody {
                 v: *v,
                 inverse_mass: body.inverse_mass(),
                 w: *w,
@@ -202,18 +202,18 @@ pub fn contact_problem(
             },
             // A plate's motion at the contact point is in the row's shift.
             _ if full.is_some() => {
-                Record { v: *v, inverse_mass: body.inverse_mass(), w: *w, inverse_inertia: 0.0, radius: 0.0 }
+                SolverBody { v: *v, inverse_mass: body.inverse_mass(), w: *w, inverse_inertia: 0.0, radius: 0.0 }
             }
-            Shape::Plane { .. } | Shape::Parts => {
-                Record { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 }
+            BodyShape::Plane { .. } | BodyShape::Parts => {
+                SolverBody { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 }
             }
         })
         .collect();
 
-    let speeds = v_free.par_iter().zip(w_free).with_min_len(MANY);
-    let speeds = speeds.map(|(v, w)| [(v - q_c.drift).norm(), w.norm()]).collect();
-    let is_sphere = scene.bodies.iter().map(Body::is_sphere).collect();
-    let setting = Setting {
+    let speeds = v_free.par_iter().zip(w_free).with_min_len(PAR_MIN_LEN);
+    let speeds = speeds.map(|(v, w)| [(v - q_c.mean_velocity).norm(), w.norm()]).collect();
+    let is_sphere = scene.bodies.iter().map(RigidBody::is_sphere).collect();
+    let setting = AssemblyContext {
         scene,
         state,
         q_c,
@@ -224,35 +224,39 @@ pub fn contact_problem(
         records: &records,
         changed: q_c.changed,
         full: full.is_some(),
-        width: Width::detect(),
+        width: SimdWidth::detect(),
     };
-    let history = setting.history(contacts);
+    let history = setting.previous_contacts(contacts);
     let before = |old: &Option<u32>| old.map(|k| &state.contacts[k as usize]);
-    let holds = setting.holds(contacts, &history);
-    let of_contact = |(k, (old, hold)): (usize, (&Option<u32>, &Hold))| {
-        setting.fetch(contacts.get(k + AHEAD));
-        setting.row(&contacts[k], before(old), *hold)
+    let holds = setting.bond_states(contacts, &history);
+    let of_contact = |(k, (old, hold)): (usize, (&Option<u32>, &BondState))| {
+        setting.prefetch(contacts.get(k + PREFETCH_CONTACTS));
+        setting.contact_constraint(&contacts[k], before(old), *hold)
     };
-    let mut rows: Vec<Row> = history.par_iter().zip(&holds).enumerate().with_min_len(256).map(of_contact).collect();
-    let mut rolls: Vec<Roll> = if state.laws.iter().any(|law| law.rolling().is_some()) {
+    let mut rows: Vec<ContactConstraint> =
+        history.par_iter().zip(&holds).enumerate().with_min_len(256).map(of_contact).collect();
+    let mut rolls: Vec<RollingConstraint> = if state.laws.iter().any(|law| law.rolling_friction().is_some()) {
         let listed = (0..).zip(contacts).zip(&history).filter(|((k, _), _): &((usize, _), _)| rows[*k].acts);
         listed
-            .filter_map(|((k, contact), old)| setting.roll(k, contact, old.map(|k| &state.contacts[k as usize])))
+            .filter_map(|((k, contact), old)| {
+                setting.rolling_constraint(k, contact, old.map(|k| &state.contacts[k as usize]))
+            })
             .collect()
     } else {
         Vec::new()
     };
     if let Some(full) = &mut full {
-        full.arms = contacts.par_iter().with_min_len(256).map(|contact| arms(contact, &q_c.x)).collect();
+        full.arms = contacts.par_iter().with_min_len(256).map(|contact| contact_arms(contact, &q_c.x)).collect();
     }
     if let Some(full) = &mut full
         && scene.options.face_friction == FaceFriction::Uniform
     {
         let load = |k: usize| match history[k] {
-            Some(_) => rows[k].normal.dot(&rows[k].start),
+            Some(_) => rows[k].normal.dot(&rows[k].warm_start),
             None => -rows[k].impulse_shift,
         };
-        let sticks = |k: usize| history[k].is_some_and(|old| state.contacts[old as usize].status == Status::Stick);
+        let sticks =
+            |k: usize| history[k].is_some_and(|old| state.contacts[old as usize].status == ContactStatus::Stick);
         full.friction_offsets = friction_offsets(contacts, &rows, full, load, sticks);
         if has_joints(scene) {
             let joints = Joints { contacts, rows: &rows, records: &records, full, scene };
@@ -264,10 +268,16 @@ pub fn contact_problem(
     }
     if let Some(full) = &full {
         rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
-            (row.w_n, row.w_t) = full.diagonal(k, row, &records);
-            if !full.can_act(row, &scene.bodies) {
-                *row =
-                    Row { acts: false, can_close: false, impulse_shift: 0.0, start: Vec3::zeros(), bond: None, ..*row };
+            (row.w_n, row.w_t) = full.delassus_diagonal(k, row, &records);
+            if !full.can_move_a_body(row, &scene.bodies) {
+                *row = ContactConstraint {
+                    acts: false,
+                    can_close: false,
+                    impulse_shift: 0.0,
+                    warm_start: Vec3::zeros(),
+                    bond: None,
+                    ..*row
+                };
             }
         });
         for roll in &mut rolls {
@@ -275,161 +285,181 @@ pub fn contact_problem(
             roll.inverse_w = 1.0 / (a + b).symmetric_eigenvalues().max();
         }
     }
-    let mut system = System { rows, rolls, full, records, order: q_c.order.clone() };
+    let mut system = ContactProblem {
+        rows,
+        rolling_constraints: rolls,
+        block_data: full,
+        bodies: records,
+        order: q_c.order.clone(),
+    };
     if state.laws.iter().any(|law| law.cohesion().is_some()) {
-        attract(&mut system, &history);
+        apply_cohesion(&mut system, &history);
     }
     system
 }
 
 /// Lets the attraction of the contacts act, and those without a history start from what takes it up.
-fn attract(system: &mut System, history: &[Option<u32>]) {
+fn apply_cohesion(system: &mut ContactProblem, history: &[Option<u32>]) {
     for (k, old) in history.iter().enumerate() {
-        let Row { impulse_shift, normal, .. } = system.rows[k];
+        let ContactConstraint { impulse_shift, normal, .. } = system.rows[k];
         if impulse_shift != 0.0 {
-            system.apply(k, &(normal * impulse_shift));
+            system.apply_impulse(k, &(normal * impulse_shift));
             if old.is_none() {
-                system.rows[k].start = normal * system.rows[k].balance();
+                system.rows[k].warm_start = normal * system.rows[k].balancing_impulse();
             }
         }
     }
 }
 
 /// So many contacts ahead what is read of their bodies is asked for: they lie anywhere in memory.
-const AHEAD: usize = 8;
+const PREFETCH_CONTACTS: usize = 8;
 
 /// Normal velocity over that which the impulse of the last step alone would make, up to which a contact rests: more than what
 /// solutions leave, less than what a restitution of 0.06 throws back.
 const RESTING: f64 = 0.05;
 
 /// What the rows are made from.
-pub(super) struct Setting<'a> {
+pub(super) struct AssemblyContext<'a> {
     pub scene: &'a Scene,
     pub state: &'a State,
-    pub q_c: &'a Configuration,
+    pub q_c: &'a ContactConfiguration,
     v_free: &'a [Vec3],
     w_free: &'a [Vec3],
     /// |v_free| past what all have in common, m/s, and |w_free|, rad/s.
     speeds: Vec<[f64; 2]>,
     /// Of each body; together, as contacts ask for it in any order.
     pub(super) is_sphere: Vec<bool>,
-    records: &'a [Record],
+    records: &'a [SolverBody],
     /// Whether the bodies have other velocities than the last step left them.
     changed: bool,
     full: bool,
-    width: Width,
+    width: SimdWidth,
 }
 
-impl Setting<'_> {
+impl AssemblyContext<'_> {
     /// Whether a contact can close within the step or is within the range of its law.
-    pub(super) fn in_reach(&self, contact: &Contact) -> bool {
-        let range = || self.state.laws[contact.law as usize].range(self.effective_radius(contact));
-        self.closes(contact) || contact.gap <= range()
+    pub(super) fn can_act(&self, contact: &Contact) -> bool {
+        let range = || self.state.laws[contact.law as usize].interaction_range(self.effective_radius(contact));
+        self.can_close_gap(contact) || contact.gap <= range()
     }
 
-    /// Asks for what [`Self::row`] reads of a contact's antagonist; candidates come one after the other.
-    fn fetch(&self, contact: Option<&Contact>) {
-        let Setting { state, q_c, speeds, records, width, .. } = self;
+    /// Asks for what [`Self::contact_constraint`] reads of a contact's antagonist; candidates come one after the other.
+    fn prefetch(&self, contact: Option<&Contact>) {
+        let AssemblyContext { state, q_c, speeds, records, width, .. } = self;
         let Some(b) = contact.map(|contact| contact.antagonist as usize) else { return };
-        [&q_c.x[b], &q_c.w[b], &state.v[b], &state.w[b]].into_iter().for_each(|x| width.fetch(x));
-        width.fetch(&speeds[b]);
-        width.fetch(&records[b]);
+        [&q_c.x[b], &q_c.w[b], &state.v[b], &state.w[b]].into_iter().for_each(|x| width.prefetch(x));
+        width.prefetch(&speeds[b]);
+        width.prefetch(&records[b]);
     }
 
     /// Whether the two bodies may close the gap in the step: by their free velocities against each other, or, where they are
     /// near, by their speeds past what all have in common, as contacts may turn them.
     #[inline]
-    fn closes(&self, contact: &Contact) -> bool {
+    fn can_close_gap(&self, contact: &Contact) -> bool {
         if contact.gap <= 0.0 {
             return true;
         }
-        if contact.gap > self.travel(contact) {
+        if contact.gap > self.max_approach(contact) {
             return false;
         }
-        let Setting { q_c, v_free, w_free, .. } = self;
+        let AssemblyContext { q_c, v_free, w_free, .. } = self;
         let sides = [contact.candidate, contact.antagonist].map(|i| &self.scene.bodies[i as usize]);
         let free = sides.into_iter().filter(|body| !body.driven).map(|body| body.radius);
-        let is_near = contact.gap <= NEARBY * free.fold(f64::INFINITY, f64::min);
+        let is_near = contact.gap <= NEARBY_GAP * free.fold(f64::INFINITY, f64::min);
         let u = || relative_velocity(contact, &q_c.x, v_free, w_free);
-        is_near || contact.gap <= q_c.longest_reach(self.scene) * -contact.normal.dot(&u())
+        is_near || contact.gap <= q_c.longest_reach_time(self.scene) * -contact.normal.dot(&u())
     }
 
     /// How far the two bodies may come nearer in the step at the contact, m, past what all have in common, whichever way they go.
-    fn travel(&self, contact: &Contact) -> f64 {
-        let Setting { q_c, speeds, .. } = self;
+    fn max_approach(&self, contact: &Contact) -> f64 {
+        let AssemblyContext { q_c, speeds, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| speeds[i as usize]);
-        let plate = if self.on_plate(contact) { (self.plate(contact) - q_c.drift).norm() } else { 0.0 };
-        let reach = q_c.longest_reach(self.scene);
+        let plate =
+            if self.on_plate(contact) { (self.plate_velocity(contact) - q_c.mean_velocity).norm() } else { 0.0 };
+        let reach = q_c.longest_reach_time(self.scene);
         let mut travel = reach * (a[0] + plate.max(b[0]));
         if self.full {
-            let [at_a, at_b] = arms(contact, &q_c.x);
+            let [at_a, at_b] = contact_arms(contact, &q_c.x);
             travel += reach * (a[1] * at_a.norm() + b[1] * at_b.norm());
         }
         travel
     }
 
     /// Velocity of a plate at the contact point, m/s.
-    fn plate(&self, contact: &Contact) -> Vec3 {
+    fn plate_velocity(&self, contact: &Contact) -> Vec3 {
         let b = contact.antagonist as usize;
-        self.v_free[b] + self.w_free[b].cross(&arms(contact, &self.q_c.x)[1])
+        self.v_free[b] + self.w_free[b].cross(&contact_arms(contact, &self.q_c.x)[1])
     }
 
     /// The row of a contact, with what the last step had of it and what holds its bodies together.
-    fn row(&self, contact: &Contact, previous: Option<&SolvedContact>, hold: Hold) -> Row {
-        let &Setting { scene, state, q_c, records, full, .. } = self;
+    fn contact_constraint(
+        &self,
+        contact: &Contact,
+        previous: Option<&SolvedContact>,
+        hold: BondState,
+    ) -> ContactConstraint {
+        let &AssemblyContext { scene, state, q_c, records, full, .. } = self;
         let h = q_c.h;
         let frame = contact.frame();
         let n = frame[0];
         let u_before = relative_velocity(contact, &q_c.x, &state.v, &q_c.w);
         let law = &state.laws[contact.law as usize];
-        let radius = self.radius(contact);
+        let radius = self.contact_radius(contact);
         let bodies = [contact.candidate, contact.antagonist];
         let [a, b] = bodies.map(|i| i as usize);
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
-        let reach = self.reach(contact);
-        let course = self.course(contact, law, reach, previous.map_or(0.0, |old| w_n * old.impulse.x));
+        let reach = self.closing_time(contact);
+        let course = self.gap_forecast(contact, law, reach, previous.map_or(0.0, |old| w_n * old.impulse.x));
         // Of a contact that begins it is not known what it will carry, and what is thrown back does not stay.
-        let carried = previous.is_some_and(|old| old.impulse != Vec3::zeros()) && course != Course::Due;
-        let stays = hold.bond.is_some() || hold.within || carried;
+        let carried = previous.is_some_and(|old| old.impulse != Vec3::zeros()) && course != GapForecast::Due;
+        let stays = hold.bond.is_some() || hold.in_aggregate || carried;
         let as_one = hold.bond.is_some() && law.bonds_are_rigid();
-        let turning = if stays { self.turning(contact, as_one) } else { Vec3::zeros() };
+        let turning = if stays { self.arm_turning_velocity(contact, as_one) } else { Vec3::zeros() };
         // What keeps to a surface that curves does not approach it, nor does what bonds carry round part from it.
         let curve = match hold {
-            Hold { bond: Some(_), .. } if law.bonds_are_rigid() => -turning.dot(&n),
-            Hold { within: true, .. } => (contact.gap.max(0.0) / h - turning.dot(&n)).min(0.0),
-            Hold { .. } => self.curve(contact),
+            BondState { bond: Some(_), .. } if law.bonds_are_rigid() => -turning.dot(&n),
+            BondState { in_aggregate: true, .. } => (contact.gap.max(0.0) / h - turning.dot(&n)).min(0.0),
+            BondState { .. } => self.curvature_velocity(contact),
         };
         let u_n = n.dot(&u_before) + curve;
         let bonded = hold.bond.is_some();
-        let slid_before = previous.is_some_and(|old| old.status == Status::Slide);
-        let at = Approach { gap: contact.gap, h, reach, course, u_n, radius, slid_before, bonded };
-        let shift = law.shift(&at);
-        let slides = |shift: &Shift| {
-            law.has_two_frictions() && !slid_before && self.slides(contact, previous, &u_before, shift, w_n)
+        let slid_before = previous.is_some_and(|old| old.status == ContactStatus::Slide);
+        let at = LawInput {
+            gap: contact.gap,
+            h,
+            closing_time: reach,
+            gap_forecast: course,
+            u_n,
+            radius,
+            slid_before,
+            bonded,
         };
-        let shift =
-            shift.map(
-                |shift| if slides(&shift) { law.shift(&Approach { slid_before: true, ..at }).unwrap() } else { shift },
-            );
+        let shift = law.contact_shift(&at);
+        let slides = |shift: &LawShift| {
+            law.has_two_frictions() && !slid_before && self.is_sliding(contact, previous, &u_before, shift, w_n)
+        };
+        let shift = shift.map(|shift| {
+            if slides(&shift) { law.contact_shift(&LawInput { slid_before: true, ..at }).unwrap() } else { shift }
+        });
         let acts = shift.is_some();
         let shift = shift.unwrap_or_default();
-        let shift = Shift { normal: shift.normal - curve, ..shift };
+        let shift = LawShift { normal: shift.normal - curve, ..shift };
 
         let on_plate = self.on_plate(contact);
         // Arms that end in one point: where the radii divide the distance, on what is flat in the middle of the gap.
         let radii = [records[a].radius, records[b].radius];
-        let beyond = match scene.part(contact.antagonist, contact.ranks.1).map(|part| &part.geometry) {
-            Some(Geometry::Sphere { radius }) => *radius,
+        let beyond = match scene.find_part(contact.antagonist, contact.ranks.1).map(|part| &part.geometry) {
+            Some(ContactorShape::Sphere { radius }) => *radius,
             _ if on_plate => radii[0],
             _ => radii[1],
         };
         let arm = if full { 1.0 } else { 1.0 + contact.gap / (radii[0] + beyond) };
-        let plate = if on_plate { self.plate(contact) } else { Vec3::zeros() };
+        let plate = if on_plate { self.plate_velocity(contact) } else { Vec3::zeros() };
         let w_t = w_n
             + (arm * radii[0]).powi(2) * records[a].inverse_inertia
             + (arm * radii[1]).powi(2) * records[b].inverse_inertia;
         let u_tangent = u_before - n * n.dot(&u_before);
-        Row {
+        ContactConstraint {
             bodies,
             normal: n,
             arm,
@@ -439,32 +469,32 @@ impl Setting<'_> {
             friction: shift.friction,
             impulse_shift: shift.impulse,
             acts,
-            can_close: shift.solved && (shift.impulse != 0.0 || self.closes(contact)),
-            start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, &shift, h / state.h)),
+            can_close: shift.solved && (shift.impulse != 0.0 || self.can_close_gap(contact)),
+            warm_start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, &shift, h / state.h)),
             u_before: to_local(&frame, &u_before),
             bond: hold.bond.filter(|_| acts),
         }
     }
 
     /// Takes the velocities before the step, and what restitution makes of them, where friction acts.
-    fn shift_friction(&self, full: &Full, contacts: &[Contact], rows: &mut [Row]) {
-        let of_row = |(k, row): (usize, &mut Row)| {
+    fn shift_friction(&self, full: &BlockData, contacts: &[Contact], rows: &mut [ContactConstraint]) {
+        let of_row = |(k, row): (usize, &mut ContactConstraint)| {
             let (contact, lever) = (&contacts[k], full.friction_lever(k, &row.normal));
             let [a, b] = row.bodies.map(|body| self.q_c.w[body as usize]);
             let change = lever * row.normal.dot(&(a - b));
             let law = &self.state.laws[contact.law as usize];
-            let reach = self.reach(contact);
-            let at = Approach {
+            let reach = self.closing_time(contact);
+            let at = LawInput {
                 gap: contact.gap,
                 h: self.q_c.h,
-                reach,
-                course: self.course(contact, law, reach, 0.0),
+                closing_time: reach,
+                gap_forecast: self.gap_forecast(contact, law, reach, 0.0),
                 u_n: row.u_before.x,
-                radius: self.radius(contact),
+                radius: self.contact_radius(contact),
                 slid_before: false,
                 bonded: row.bond.is_some(),
             };
-            row.shift += change * law.shift(&at).unwrap_or_default().tangential;
+            row.shift += change * law.contact_shift(&at).unwrap_or_default().tangential;
             row.u_before += to_local(&contact.frame(), &change);
         };
         let rows = rows.par_iter_mut().enumerate().with_min_len(256);
@@ -472,22 +502,22 @@ impl Setting<'_> {
     }
 
     /// Time in which the step's end velocities take the two bodies of a contact to the next contact configuration, s.
-    fn reach(&self, contact: &Contact) -> f64 {
+    fn closing_time(&self, contact: &Contact) -> f64 {
         if self.q_c.from_start.is_empty() {
             return self.q_c.h;
         }
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| self.q_c.reach(self.scene, i as usize));
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| self.q_c.reach_time(self.scene, i as usize));
         a.max(b)
     }
 
     /// Whether a contact slides at the step's start that carried nothing in the last step, or whose bodies have other velocities
     /// than the last step left them: faster than an unfinished solution leaves what sticks, at `u` (world frame, m/s).
-    fn slides(&self, contact: &Contact, old: Option<&SolvedContact>, u: &Vec3, shift: &Shift, w_n: f64) -> bool {
+    fn is_sliding(&self, contact: &Contact, old: Option<&SolvedContact>, u: &Vec3, shift: &LawShift, w_n: f64) -> bool {
         let carried = old.filter(|old| old.impulse != Vec3::zeros());
         if carried.is_some() && !self.changed {
             return false;
         }
-        let Setting { scene, q_c, v_free, w_free, .. } = self;
+        let AssemblyContext { scene, q_c, v_free, w_free, .. } = self;
         let n = contact.normal;
         let tangential = |u: Vec3| (u - n * n.dot(&u)).norm();
         // What its impulse would change of the velocity along the normal: all that closes it, and what its attraction makes.
@@ -499,8 +529,8 @@ impl Setting<'_> {
         let loaded = bodies.map(gain).into_iter().fold(alone, f64::max);
         // Without forces, an unfinished solution leaves a share of the speeds at most.
         let scale = if loaded > 0.0 { loaded } else { bodies.map(|i| self.speeds[i][0]).into_iter().sum() };
-        let moves = |u: Vec3| tangential(u) > SLIDING * scene.options.tol() * scale;
-        let now = u - self.turning(contact, false) * 0.5;
+        let moves = |u: Vec3| tangential(u) > SLIDING_VELOCITY_FACTOR * scene.options.tol() * scale;
+        let now = u - self.arm_turning_velocity(contact, false) * 0.5;
         let differs = |old: &SolvedContact| moves(u - to_world(&old.contact.frame(), &old.velocity));
         moves(now) && carried.is_none_or(differs)
     }
@@ -509,21 +539,22 @@ impl Setting<'_> {
     ///
     /// `pushed`: what its impulse in the last step has changed of its normal velocity alone, m/s.
     #[inline]
-    fn course(&self, contact: &Contact, law: &Law, reach: f64, pushed: f64) -> Course {
+    fn gap_forecast(&self, contact: &Contact, law: &ContactLaw, reach: f64, pushed: f64) -> GapForecast {
         if !law.acts_on_touch() || contact.gap <= 0.0 {
-            return Course::Apart { depth: 0.0 };
+            return GapForecast::Apart { depth: 0.0 };
         }
-        let Setting { scene, state, q_c, v_free, w_free, is_sphere, .. } = self;
+        let AssemblyContext { scene, state, q_c, v_free, w_free, is_sphere, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
         let u_n = contact.normal.dot(&relative_velocity(contact, &q_c.x, &state.v, &q_c.w)).abs();
         let pull = |i: usize| contact.normal.dot(&(v_free[i] - state.v[i])).abs();
         if u_n < RESTING * pushed || u_n.max(contact.gap / reach) < pull(a).max(pull(b)) {
-            return Course::Resting;
+            return GapForecast::Resting;
         }
         let u = relative_velocity(contact, &q_c.x, v_free, w_free);
         if contact.gap + reach * contact.normal.dot(&u) >= 0.0 {
-            let depth = DEPTH * scene.size((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
-            return Course::Apart { depth };
+            let depth = MAX_STEP_OVERLAP
+                * scene.pair_size((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
+            return GapForecast::Apart { depth };
         }
         if is_sphere[a] && is_sphere[b] {
             // The least distance on the straight course of the centres.
@@ -531,34 +562,39 @@ impl Setting<'_> {
             let (from, along) = (contact.normal * (radii + contact.gap), v_free[a] - v_free[b]);
             let time = (-from.dot(&along) / along.norm_squared()).min(reach);
             if (from + along * time).norm() >= radii {
-                return Course::Passing;
+                return GapForecast::Passing;
             }
         }
-        Course::Due
+        GapForecast::Due
     }
 
     /// Resistance to rolling and spinning at row `k`, if its law has one.
-    fn roll(&self, k: usize, contact: &Contact, previous: Option<&SolvedContact>) -> Option<Roll> {
-        let Rolling { rolling, spinning } = self.state.laws[contact.law as usize].rolling()?;
+    fn rolling_constraint(
+        &self,
+        k: usize,
+        contact: &Contact,
+        previous: Option<&SolvedContact>,
+    ) -> Option<RollingConstraint> {
+        let RollingFriction { rolling, spinning } = self.state.laws[contact.law as usize].rolling_friction()?;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
         if self.scene.bodies[a].driven && self.scene.bodies[b].driven {
             return None; // both turn as imposed
         }
         let scale = self.q_c.h / self.state.h;
-        Some(Roll {
+        Some(RollingConstraint {
             row: k as u32,
             radius: self.effective_radius(contact),
             rolling,
             spinning,
             inverse_w: 1.0 / (self.records[a].inverse_inertia + self.records[b].inverse_inertia),
             shift: if self.on_plate(contact) { -self.w_free[b] } else { Vec3::zeros() },
-            start: previous.map_or(Vec3::zeros(), |old| to_world(&old.contact.frame(), &old.moment) * scale),
+            warm_start: previous.map_or(Vec3::zeros(), |old| to_world(&old.contact.frame(), &old.moment) * scale),
         })
     }
 
     /// Radius of the contact, m: a stress acts on the area in which faces meet; spheres have one of their own, edges and
     /// vertices none.
-    fn radius(&self, contact: &Contact) -> f64 {
+    fn contact_radius(&self, contact: &Contact) -> f64 {
         if contact.area > 0.0 {
             (contact.area / std::f64::consts::PI).sqrt()
         } else if self.carries_stress(contact) {
@@ -579,8 +615,9 @@ impl Setting<'_> {
 
     /// Whether a contactor is a sphere.
     fn is_round(&self, body: u32, rank: u16) -> bool {
-        let part = || self.scene.part(body, rank);
-        self.is_sphere[body as usize] || part().is_some_and(|part| matches!(part.geometry, Geometry::Sphere { .. }))
+        let part = || self.scene.find_part(body, rank);
+        self.is_sphere[body as usize]
+            || part().is_some_and(|part| matches!(part.geometry, ContactorShape::Sphere { .. }))
     }
 
     /// R of the two bodies, m, of which distances are parts.
@@ -595,9 +632,9 @@ impl Setting<'_> {
     }
 }
 
-/// The bodies' part of [`Full`], where a scene needs it.
-fn full(scene: &Scene, q_c: &Configuration) -> Option<Full> {
-    let of = |(body, q): (&Body, &Quat)| {
+/// The bodies' part of [`BlockData`], where a scene needs it.
+fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
+    let of = |(body, q): (&RigidBody, &Quat)| {
         if body.driven {
             return Matrix3::zeros();
         }
@@ -607,66 +644,66 @@ fn full(scene: &Scene, q_c: &Configuration) -> Option<Full> {
         let axes = q.to_rotation_matrix();
         axes * Matrix3::from_diagonal(&Vec3::from(body.inertia.map(|j| 1.0 / j))) * axes.transpose()
     };
-    let held = || scene.bodies.iter().map(Body::held).collect();
-    let full = || Full {
+    let held = || scene.bodies.iter().map(RigidBody::locked_axes).collect();
+    let full = || BlockData {
         arms: Vec::new(),
         friction_offsets: Vec::new(),
-        held: if scene.bodies.iter().any(Body::is_driven_in_part) { held() } else { Vec::new() },
+        locked_axes: if scene.bodies.iter().any(RigidBody::is_driven_in_part) { held() } else { Vec::new() },
         inverse_inertia: scene.bodies.iter().zip(&q_c.q).map(of).collect(),
     };
     scene.needs_blocks().then(full)
 }
 
-impl System {
+impl ContactProblem {
     /// Whether one of the rows `active` has friction, or any row moments.
-    pub fn resists(&self, active: &[u32]) -> bool {
-        !self.rolls.is_empty() || active.iter().any(|&k| self.rows[k as usize].friction > 0.0)
+    pub fn has_friction(&self, active: &[u32]) -> bool {
+        !self.rolling_constraints.is_empty() || active.iter().any(|&k| self.rows[k as usize].friction > 0.0)
     }
 
     /// From the centre of the candidate (side 0) or antagonist (1) of row `k` to the contact point, m; 0 for a plate
     /// whose motion is in the row's shift.
     #[inline(always)]
-    pub fn arm(&self, k: usize, side: usize) -> Vec3 {
-        match &self.full {
+    pub fn contact_arm(&self, k: usize, side: usize) -> Vec3 {
+        match &self.block_data {
             Some(full) => full.arms[k][side],
             None => {
                 let row = &self.rows[k];
-                row.normal * ([-row.arm, row.arm][side] * self.records[row.bodies[side] as usize].radius)
+                row.normal * ([-row.arm, row.arm][side] * self.bodies[row.bodies[side] as usize].radius)
             }
         }
     }
 
     /// Change of the velocity of `body` by an impulse.
-    pub fn push(&self, body: u32, impulse: &Vec3) -> Vec3 {
-        let change = impulse * self.records[body as usize].inverse_mass;
-        self.full.as_ref().map_or(change, |full| change.component_mul(&full.pushed(body as usize)))
+    pub fn velocity_change(&self, body: u32, impulse: &Vec3) -> Vec3 {
+        let change = impulse * self.bodies[body as usize].inverse_mass;
+        self.block_data.as_ref().map_or(change, |full| change.component_mul(&full.free_axes(body as usize)))
     }
 
     /// Change of the angular velocity of `body` by an angular impulse, world frame.
-    pub fn spin(&self, body: u32, angular_impulse: &Vec3) -> Vec3 {
-        match &self.full {
+    pub fn angular_velocity_change(&self, body: u32, angular_impulse: &Vec3) -> Vec3 {
+        match &self.block_data {
             Some(full) => full.inverse_inertia[body as usize] * angular_impulse,
-            None => angular_impulse * self.records[body as usize].inverse_inertia,
+            None => angular_impulse * self.bodies[body as usize].inverse_inertia,
         }
     }
 
     /// Whether the friction of some row acts elsewhere than at its contact point.
     pub fn has_friction_offsets(&self) -> bool {
-        self.full.as_ref().is_some_and(|full| !full.friction_offsets.is_empty())
+        self.block_data.as_ref().is_some_and(|full| !full.friction_offsets.is_empty())
     }
 
     /// n×d of row `k` with the friction offset d, m; 0 where friction acts at the contact point.
     #[inline]
     pub fn friction_lever(&self, k: usize) -> Vec3 {
-        self.full.as_ref().map_or(Vec3::zeros(), |full| full.friction_lever(k, &self.rows[k].normal))
+        self.block_data.as_ref().map_or(Vec3::zeros(), |full| full.friction_lever(k, &self.rows[k].normal))
     }
 
     /// Velocity at row `k` of a body on `side` that turns with `w`, world frame, m/s: along n at the contact point, in the
     /// tangent plane where friction acts.
     #[inline(always)]
     pub fn turning_velocity(&self, k: usize, side: usize, w: &Vec3) -> Vec3 {
-        let turning = w.cross(&self.arm(k, side));
-        match &self.full {
+        let turning = w.cross(&self.contact_arm(k, side));
+        match &self.block_data {
             Some(full) if full.friction_offsets.get(k).is_some_and(|offset| *offset != Vec3::zeros()) => {
                 let normal = &self.rows[k].normal;
                 turning + full.friction_lever(k, normal) * normal.dot(w)
@@ -678,7 +715,7 @@ impl System {
     /// Angular impulse about the centre of the body on `side` by an impulse `r` on it at row `k`, N m s; the transpose of
     /// [`Self::turning_velocity`].
     pub fn angular_impulse(&self, k: usize, side: usize, r: &Vec3) -> Vec3 {
-        self.arm(k, side).cross(r) + self.friction_couple(k, r)
+        self.contact_arm(k, side).cross(r) + self.friction_couple(k, r)
     }
 
     /// n (n×d)·r: what the friction of an impulse `r` at row `k` turns less about n than at the contact point, N m s.
@@ -687,10 +724,10 @@ impl System {
     }
 
     /// û of row `k` at the records' velocities, world frame, m/s.
-    pub fn velocity(&self, k: usize, records: &[Record]) -> Vec3 {
+    pub fn shifted_velocity(&self, k: usize, records: &[SolverBody]) -> Vec3 {
         let row = &self.rows[k];
-        if self.full.is_none() {
-            return row.velocity(records);
+        if self.block_data.is_none() {
+            return row.shifted_velocity(records);
         }
         let at = |side: usize| {
             let record = &records[row.bodies[side] as usize];
@@ -700,36 +737,39 @@ impl System {
     }
 
     /// Gives the two bodies of row `k` the impulse `r` on the candidate and -r on the antagonist, N s.
-    pub fn apply(&mut self, k: usize, r: &Vec3) {
-        if self.full.is_none() {
-            return self.rows[k].apply(&mut self.records, r);
+    pub fn apply_impulse(&mut self, k: usize, r: &Vec3) {
+        if self.block_data.is_none() {
+            return self.rows[k].apply_impulse(&mut self.bodies, r);
         }
         for (side, r) in [(0, *r), (1, -r)] {
             let body = self.rows[k].bodies[side];
-            let (push, turn) = (self.push(body, &r), self.spin(body, &self.angular_impulse(k, side, &r)));
-            let record = &mut self.records[body as usize];
+            let (push, turn) = (
+                self.velocity_change(body, &r),
+                self.angular_velocity_change(body, &self.angular_impulse(k, side, &r)),
+            );
+            let record = &mut self.bodies[body as usize];
             record.v += push;
             record.w += turn;
         }
     }
 }
 
-impl Row {
+impl ContactConstraint {
     /// r̂_n that keeps the row's own attraction from moving anything, as far as its shift leaves the contact closed, N s; 0
     /// without an attraction. It is the solution of a contact that nothing else loads.
-    pub fn balance(&self) -> f64 {
+    pub fn balancing_impulse(&self) -> f64 {
         let attraction = -self.impulse_shift;
         (attraction - self.shift.dot(&self.normal) / self.w_n).clamp(0.0, attraction)
     }
 
     /// û at the records' velocities, world frame, m/s.
-    pub fn velocity(&self, records: &[Record]) -> Vec3 {
+    pub fn shifted_velocity(&self, records: &[SolverBody]) -> Vec3 {
         let [a, b] = self.bodies.map(|i| &records[i as usize]);
         a.v - b.v + self.normal.cross(&(a.w * a.radius + b.w * b.radius)) * self.arm + self.shift
     }
 
     /// Gives the two bodies the impulse `r` on the candidate and -r on the antagonist, N s.
-    pub fn apply(&self, records: &mut [Record], r: &Vec3) {
+    pub fn apply_impulse(&self, records: &mut [SolverBody], r: &Vec3) {
         let turn = r.cross(&self.normal) * self.arm; // moment over the radius, the same for both sides
         let a = &mut records[self.bodies[0] as usize];
         a.v += r * a.inverse_mass;

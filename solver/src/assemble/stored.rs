@@ -1,6 +1,6 @@
 //! The contact problem of one step written out with its Delassus matrix, to be looked at or solved elsewhere.
 
-use crate::assemble::System;
+use crate::assemble::ContactProblem;
 use crate::math::{Vec3, to_local};
 use crate::state::Contact;
 
@@ -17,11 +17,11 @@ pub struct StoredProblem {
 }
 
 /// The problem of the rows that can close, in the order of the contacts.
-pub fn stored_problem(system: &System, contacts: &[Contact]) -> StoredProblem {
+pub fn stored_problem(system: &ContactProblem, contacts: &[Contact]) -> StoredProblem {
     let rows: Vec<usize> = (0..system.rows.len()).filter(|&k| system.rows[k].can_close).collect();
     // Through a body that does not move no contact feels another: a floor's are not paired.
-    let moves = |body: &&u32| system.records[**body as usize].inverse_mass > 0.0;
-    let mut on_body = vec![Vec::new(); system.records.len()];
+    let moves = |body: &&u32| system.bodies[**body as usize].inverse_mass > 0.0;
+    let mut on_body = vec![Vec::new(); system.bodies.len()];
     for (i, &k) in rows.iter().enumerate() {
         system.rows[k].bodies.iter().filter(moves).for_each(|&body| on_body[body as usize].push(i));
     }
@@ -31,14 +31,14 @@ pub fn stored_problem(system: &System, contacts: &[Contact]) -> StoredProblem {
         let frame = &contacts[here].frame();
         problem.rows.push((here as u32, *frame));
         problem.mu.push(row.friction);
-        problem.q.push(to_local(frame, &system.velocity(here, &system.records)).into());
+        problem.q.push(to_local(frame, &system.shifted_velocity(here, &system.bodies)).into());
         let mut neighbours: Vec<usize> = row.bodies.iter().flat_map(|&body| &on_body[body as usize]).copied().collect();
         neighbours.sort_unstable();
         neighbours.dedup();
         for j in neighbours {
             let other = &contacts[rows[j]].frame();
             // Column k: what a unit impulse along axis k of contact j does at contact i.
-            let columns = [0, 1, 2].map(|k| to_local(frame, &answer(system, here, rows[j], &other[k])));
+            let columns = [0, 1, 2].map(|k| to_local(frame, &velocity_response(system, here, rows[j], &other[k])));
             if columns.iter().any(|column| column.norm_squared() > 0.0) {
                 problem.blocks.push((i, j, [0, 1, 2].map(|a| [0, 1, 2].map(|k| columns[k][a]))));
             }
@@ -48,15 +48,16 @@ pub fn stored_problem(system: &System, contacts: &[Contact]) -> StoredProblem {
 }
 
 /// Change of velocity at row `here` by the impulse `r` at row `there`, world frame, m/s.
-fn answer(system: &System, here: usize, there: usize, r: &Vec3) -> Vec3 {
+fn velocity_response(system: &ContactProblem, here: usize, there: usize, r: &Vec3) -> Vec3 {
     let sides = [(0, 1.0), (1, -1.0)];
     let body = |row: usize, side: usize| system.rows[row].bodies[side];
     let mut change = Vec3::zeros();
     for at in sides {
         for by in sides.into_iter().filter(|by| body(there, by.0) == body(here, at.0)) {
             let impulse = r * by.1;
-            let spin = system.spin(body(here, at.0), &system.angular_impulse(there, by.0, &impulse));
-            change += (system.push(body(here, at.0), &impulse) + system.turning_velocity(here, at.0, &spin)) * at.1;
+            let spin = system.angular_velocity_change(body(here, at.0), &system.angular_impulse(there, by.0, &impulse));
+            change += (system.velocity_change(body(here, at.0), &impulse) + system.turning_velocity(here, at.0, &spin))
+                * at.1;
         }
     }
     change
@@ -65,13 +66,13 @@ fn answer(system: &System, here: usize, there: usize, r: &Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assemble::{Record, Row};
+    use crate::assemble::{ContactConstraint, SolverBody};
     use crate::math::local_frame;
 
     /// W r + q is what the bodies' velocities say, for a chain of three spheres on the ground.
     #[test]
     fn matrix_and_bodies_agree() {
-        let record = |k: f64, fixed: f64| Record {
+        let record = |k: f64, fixed: f64| SolverBody {
             v: Vec3::new(k.sin(), k.cos(), 0.3 * k),
             inverse_mass: fixed / (1.0 + k),
             w: Vec3::new(0.1, k, -0.2),
@@ -94,7 +95,7 @@ mod tests {
             area: 0.0,
             law: 0,
         };
-        let row = |k: usize| Row {
+        let row = |k: usize| ContactConstraint {
             bodies: pairs[k],
             normal: frames[k][0],
             arm: 1.01,
@@ -105,26 +106,31 @@ mod tests {
             impulse_shift: 0.0,
             acts: true,
             can_close: true,
-            start: Vec3::zeros(),
+            warm_start: Vec3::zeros(),
             u_before: Vec3::zeros(),
             bond: None,
         };
         let contacts: Vec<Contact> = (0..4).map(contact).collect();
-        let system =
-            System { rows: (0..4).map(row).collect(), rolls: vec![], full: None, records, order: vec![0, 1, 2, 3] };
+        let system = ContactProblem {
+            rows: (0..4).map(row).collect(),
+            rolling_constraints: vec![],
+            block_data: None,
+            bodies: records,
+            order: vec![0, 1, 2, 3],
+        };
         let problem = stored_problem(&system, &contacts);
 
         let local = |k: usize| Vec3::new(1.0 + k as f64, -0.5, 0.3 * k as f64);
-        let mut moved = system.records.clone();
+        let mut moved = system.bodies.clone();
         for (k, row) in system.rows.iter().enumerate() {
-            row.apply(&mut moved, &crate::math::to_world(&frames[k], &local(k)));
+            row.apply_impulse(&mut moved, &crate::math::to_world(&frames[k], &local(k)));
         }
         for (i, row) in system.rows.iter().enumerate() {
             let mut u = Vec3::from(problem.q[i]);
             for (_, j, w) in problem.blocks.iter().filter(|(row, _, _)| *row == i) {
                 u += Vec3::from_fn(|a, _| Vec3::from(w[a]).dot(&local(*j)));
             }
-            let expected = to_local(&frames[i], &row.velocity(&moved));
+            let expected = to_local(&frames[i], &row.shifted_velocity(&moved));
             assert!((u - expected).norm() < 1e-14, "contact {i}: {u} {expected}"); // a few roundings of numbers up to 10
         }
         assert_eq!(problem.mu, [0.0, 0.1, 0.2, 0.30000000000000004]);

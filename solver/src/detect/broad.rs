@@ -10,13 +10,13 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::math::{Vec3, group};
+use crate::math::{Vec3, group_by_key};
 
 /// Half of a cell's neighbours, in columns of three along the last axis: with the cell itself and the next, every pair of neighbouring cells once.
-const FORWARD: [[i64; 2]; 4] = [[1, -1], [1, 0], [1, 1], [0, 1]];
+const FORWARD_COLUMNS: [[i64; 2]; 4] = [[1, -1], [1, 0], [1, 1], [0, 1]];
 
 /// Spheres of like size in cells.
-struct Level {
+struct GridLevel {
     /// Inverse width of a cell, 1/m; the width is twice the greatest reach on this level.
     inverse_width: f64,
     /// Cells along each axis before the pattern repeats: 2^bits, at least 4 so that neighbours differ.
@@ -28,23 +28,26 @@ struct Level {
     spheres: Vec<[f64; 4]>,
 }
 
-impl Level {
+impl GridLevel {
     fn new(x: &[Vec3], reach: &[f64], members: &[u32]) -> Self {
         let width = 2.0 * members.iter().map(|&i| reach[i as usize]).fold(0.0, f64::max);
         // About eight cells a sphere: most are empty, and few hold what is far apart.
         let bits = ((8 * members.len()).ilog2() / 3).clamp(2, 8);
         let mut level =
-            Level { inverse_width: 1.0 / width, bits, order: Vec::new(), starts: Vec::new(), spheres: Vec::new() };
-        let cells: Vec<u32> =
-            members.par_iter().with_min_len(CHUNK).map(|&i| level.slot(level.cell(&x[i as usize]))).collect();
-        (level.order, level.starts) = group(&cells, 1 << (3 * bits));
+            GridLevel { inverse_width: 1.0 / width, bits, order: Vec::new(), starts: Vec::new(), spheres: Vec::new() };
+        let cells: Vec<u32> = members
+            .par_iter()
+            .with_min_len(SPHERES_PER_TASK)
+            .map(|&i| level.cell_slot(level.cell_coordinates(&x[i as usize])))
+            .collect();
+        (level.order, level.starts) = group_by_key(&cells, 1 << (3 * bits));
         level.order.iter_mut().for_each(|place| *place = members[*place as usize]);
         let sphere = |i: &u32| [x[*i as usize].x, x[*i as usize].y, x[*i as usize].z, reach[*i as usize]];
-        level.spheres = level.order.par_iter().with_min_len(CHUNK).map(sphere).collect();
+        level.spheres = level.order.par_iter().with_min_len(SPHERES_PER_TASK).map(sphere).collect();
         level
     }
 
-    fn cell(&self, x: &Vec3) -> [i64; 3] {
+    fn cell_coordinates(&self, x: &Vec3) -> [i64; 3] {
         // Far out the conversion saturates, and spheres share a cell: slow, but right.
         [x.x, x.y, x.z].map(|c| {
             let (scaled, whole) = (c * self.inverse_width, (c * self.inverse_width) as i64);
@@ -52,16 +55,16 @@ impl Level {
         })
     }
 
-    fn slot(&self, cell: [i64; 3]) -> u32 {
+    fn cell_slot(&self, cell: [i64; 3]) -> u32 {
         let mask = (1 << self.bits) - 1;
         cell.iter().fold(0, |slot, c| slot << self.bits | (c & mask) as u32)
     }
 
     /// Calls `take` with the places of the spheres in three cells along the last axis, the middle one `step` from `cell`.
-    fn column(&self, cell: &[i64; 3], step: [i64; 2], take: &mut impl FnMut(Range<usize>)) {
+    fn visit_column(&self, cell: &[i64; 3], step: [i64; 2], take: &mut impl FnMut(Range<usize>)) {
         let middle = [cell[0].wrapping_add(step[0]), cell[1].wrapping_add(step[1]), cell[2]];
         let last = (1 << self.bits) - 1;
-        let slot = self.slot(middle) as usize;
+        let slot = self.cell_slot(middle) as usize;
         let at = |from: usize, to: usize| self.starts[from] as usize..self.starts[to] as usize;
         // Where the pattern repeats, the three are not neighbours in memory.
         match middle[2] & last {
@@ -81,54 +84,56 @@ impl Level {
 /// All pairs i < j with |x_i - x_j| <= reach_i + reach_j, in an order that does not depend on threads.
 ///
 /// Reaches are > 0, m.
-pub fn pairs(x: &[Vec3], reach: &[f64]) -> Vec<[u32; 2]> {
-    let levels = levels(x, reach);
+pub fn near_pairs(x: &[Vec3], reach: &[f64]) -> Vec<[u32; 2]> {
+    let levels = grid_levels(x, reach);
     let mut found = Vec::new();
     for (l, level) in levels.iter().enumerate() {
         let of_chunk = |chunk: usize| {
-            let places = chunk * CHUNK..level.order.len().min((chunk + 1) * CHUNK);
+            let places = chunk * SPHERES_PER_TASK..level.order.len().min((chunk + 1) * SPHERES_PER_TASK);
             let mut pairs = Vec::with_capacity(8 * places.len());
             for place in places {
                 let (i, sphere) = (level.order[place], level.spheres[place]);
                 let centre = Vec3::new(sphere[0], sphere[1], sphere[2]);
-                let mut among = |level: &Level, places: Range<usize>| {
+                let mut among = |level: &GridLevel, places: Range<usize>| {
                     for (j, other) in level.order[places.clone()].iter().zip(&level.spheres[places]) {
-                        if near(&sphere, other) {
+                        if are_near(&sphere, other) {
                             pairs.push([i.min(*j), i.max(*j)]);
                         }
                     }
                 };
-                let home = level.cell(&centre);
-                let slot = level.slot(home) as usize;
+                let home = level.cell_coordinates(&centre);
+                let slot = level.cell_slot(home) as usize;
                 among(level, place + 1..level.starts[slot + 1] as usize);
-                let next = level.slot([home[0], home[1], home[2].wrapping_add(1)]) as usize;
+                let next = level.cell_slot([home[0], home[1], home[2].wrapping_add(1)]) as usize;
                 among(level, level.starts[next] as usize..level.starts[next + 1] as usize);
-                FORWARD.iter().for_each(|step| level.column(&home, *step, &mut |places| among(level, places)));
+                FORWARD_COLUMNS
+                    .iter()
+                    .for_each(|step| level.visit_column(&home, *step, &mut |places| among(level, places)));
                 for coarser in &levels[l + 1..] {
-                    let home = coarser.cell(&centre);
+                    let home = coarser.cell_coordinates(&centre);
                     (0..9).for_each(|k| {
-                        coarser.column(&home, [k / 3 - 1, k % 3 - 1], &mut |places| among(coarser, places));
+                        coarser.visit_column(&home, [k / 3 - 1, k % 3 - 1], &mut |places| among(coarser, places));
                     });
                 }
             }
             pairs
         };
-        let chunks = level.order.len().div_ceil(CHUNK);
+        let chunks = level.order.len().div_ceil(SPHERES_PER_TASK);
         found.extend((0..chunks).into_par_iter().map(of_chunk).collect::<Vec<_>>());
     }
     found.concat()
 }
 
 /// Whether the reaches of two spheres meet.
-fn near(a: &[f64; 4], b: &[f64; 4]) -> bool {
+fn are_near(a: &[f64; 4], b: &[f64; 4]) -> bool {
     let limit = a[3] + b[3];
     (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum::<f64>() <= limit * limit
 }
 
 /// Spheres that one task looks at.
-const CHUNK: usize = 512;
+const SPHERES_PER_TASK: usize = 512;
 
-fn levels(x: &[Vec3], reach: &[f64]) -> Vec<Level> {
+fn grid_levels(x: &[Vec3], reach: &[f64]) -> Vec<GridLevel> {
     let Some(least) = reach.iter().copied().reduce(f64::min) else { return Vec::new() };
     // Cells grow by a factor of two; spheres of up to twice the least reach share the first level.
     let mut by_rank: std::collections::BTreeMap<u32, Vec<u32>> = Default::default();
@@ -136,7 +141,7 @@ fn levels(x: &[Vec3], reach: &[f64]) -> Vec<Level> {
         let rank = if r < 2.0 * least { 0 } else { (r / least).log2() as u32 };
         by_rank.entry(rank).or_default().push(i as u32);
     }
-    by_rank.into_values().map(|members| Level::new(x, reach, &members)).collect()
+    by_rank.into_values().map(|members| GridLevel::new(x, reach, &members)).collect()
 }
 
 #[cfg(test)]
@@ -170,14 +175,14 @@ mod tests {
         ) {
             let x: Vec<Vec3> = points.iter().map(|p| Vec3::new(p.0 + origin, p.1, p.2)).collect();
             let reach: Vec<f64> = points.iter().map(|p| p.3.exp2()).collect();
-            prop_assert_eq!(sorted(pairs(&x, &reach)), brute(&x, &reach));
+            prop_assert_eq!(sorted(near_pairs(&x, &reach)), brute(&x, &reach));
         }
     }
 
     #[test]
     fn touching_across_cell_borders_and_far_out() {
         let x = [Vec3::zeros(), Vec3::new(-2.0, 0.0, 0.0), Vec3::new(1e300, 0.0, 0.0), Vec3::new(-1e300, 1.0, 0.0)];
-        assert_eq!(pairs(&x, &[1.0; 4]), vec![[0, 1]]);
-        assert_eq!(pairs(&[], &[]), Vec::<[u32; 2]>::new());
+        assert_eq!(near_pairs(&x, &[1.0; 4]), vec![[0, 1]]);
+        assert_eq!(near_pairs(&[], &[]), Vec::<[u32; 2]>::new());
     }
 }

@@ -15,36 +15,36 @@
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-use crate::detect::parts::{Meeting, Place, Shape};
-use crate::detect::{Listed, Ways, found};
-use crate::geometry::{Posed, polyhedra_along};
-use crate::integrate::Configuration;
-use crate::math::{Quat, Vec3, group};
-use crate::scene::{Scene, Shape as BodyShape};
+use crate::detect::parts::{CandidatePair, PosedContactor, PosedShape};
+use crate::detect::{ListedPair, TravelBounds, contact_geometry};
+use crate::geometry::{PosedPolyhedron, polyhedra_along};
+use crate::integrate::ContactConfiguration;
+use crate::math::{Quat, Vec3, group_by_key};
+use crate::scene::{BodyShape, Scene};
 use crate::state::Contact;
 
 /// Height over the radius of A's ball up to which surfaces are flush: above the overlaps that a sound solution leaves, and
 /// less than a third of the smallest step that must stop a body, 1e-4 of its size.
-const FLUSH: f64 = 3e-5;
+const FLUSH_TOLERANCE: f64 = 3e-5;
 /// Relative error of numbers in files, which have eight digits.
-const DIGITS: f64 = 5e-8;
+const FILE_ROUNDING: f64 = 5e-8;
 /// 1 - cos of the angle to a face's normal up to which a contact keeps A above that face: 1e-3 rad, more than what lies on a
 /// face is tilted by its overlaps.
-const ON_FACE: f64 = 5e-7;
+const ON_FACE_TOLERANCE: f64 = 5e-7;
 /// 1 - cos of the angle up to which two contacts have one direction, 1e-4 rad: the side of a joint cannot slow A by more than
 /// 1e-8 of its speed.
-const PARALLEL: f64 = 5e-9;
+const SAME_DIRECTION_TOLERANCE: f64 = 5e-9;
 /// Sine of the angle between two faces beyond which they form no common surface.
-const BENT: f64 = 1e-2;
+const MAX_FACE_BEND: f64 = 1e-2;
 /// Displacement over the radius of the ball about A by which B may rise against C in the step, by free velocities.
-const RISE: f64 = 1e-2;
+const MAX_RELATIVE_RISE: f64 = 1e-2;
 /// Contacts of one contactor of which all pairs are tried; of more only those near each other.
-const FEW: usize = 64;
+const MAX_CONTACTS_ALL_PAIRS: usize = 64;
 /// Contactors per task.
-const PARTS: usize = 256;
+const CONTACTORS_PER_TASK: usize = 256;
 
 /// A convex shape as the test needs it.
-enum Solid<'a> {
+enum ConvexSolid<'a> {
     Sphere {
         radius: f64,
     },
@@ -52,7 +52,7 @@ enum Solid<'a> {
         axes: &'a Quat,
         half_lengths: &'a Vec3,
     },
-    Polyhedron(&'a Posed<'a>),
+    Polyhedron(&'a PosedPolyhedron<'a>),
     /// Its axis is the third.
     Cylinder {
         axes: &'a Quat,
@@ -61,14 +61,14 @@ enum Solid<'a> {
     },
 }
 
-impl Solid<'_> {
+impl ConvexSolid<'_> {
     /// Largest n·x, x from the centre, m.
-    fn height(&self, n: &Vec3) -> f64 {
+    fn support_height(&self, n: &Vec3) -> f64 {
         match self {
-            Solid::Sphere { radius } => *radius,
-            Solid::Cuboid { axes, half_lengths } => axes.inverse_transform_vector(n).abs().dot(half_lengths),
-            Solid::Polyhedron(posed) => posed.height(n),
-            Solid::Cylinder { axes, half_height, radius } => {
+            ConvexSolid::Sphere { radius } => *radius,
+            ConvexSolid::Cuboid { axes, half_lengths } => axes.inverse_transform_vector(n).abs().dot(half_lengths),
+            ConvexSolid::Polyhedron(posed) => posed.support_height(n),
+            ConvexSolid::Cylinder { axes, half_height, radius } => {
                 let local = axes.inverse_transform_vector(n);
                 half_height * local.z.abs() + radius * local.xy().norm()
             }
@@ -79,16 +79,16 @@ impl Solid<'_> {
     /// a sphere.
     fn face_along(&self, n: &Vec3) -> Option<(Vec3, f64)> {
         match self {
-            Solid::Sphere { .. } => None,
-            Solid::Cuboid { axes, half_lengths } => {
+            ConvexSolid::Sphere { .. } => None,
+            ConvexSolid::Cuboid { axes, half_lengths } => {
                 let local = axes.inverse_transform_vector(n);
                 let axis = local.iamax();
                 let mut normal = Vec3::zeros();
                 normal[axis] = 1f64.copysign(local[axis]);
                 Some((*axes * normal, half_lengths[axis]))
             }
-            Solid::Polyhedron(posed) => Some(posed.face_along(n)),
-            Solid::Cylinder { axes, half_height, .. } => {
+            ConvexSolid::Polyhedron(posed) => Some(posed.face_along(n)),
+            ConvexSolid::Cylinder { axes, half_height, .. } => {
                 let axis = *axes * Vec3::z();
                 Some((axis * 1f64.copysign(axis.dot(n)), *half_height))
             }
@@ -97,8 +97,8 @@ impl Solid<'_> {
 }
 
 /// A contactor near A.
-struct Near<'a> {
-    solid: Solid<'a>,
+struct NearbyContactor<'a> {
+    solid: ConvexSolid<'a>,
     /// Relative to A's, m.
     centre: Vec3,
     /// Velocity and angular velocity of its body at the step's end if nothing touched; the body's centre relative to A's.
@@ -107,26 +107,26 @@ struct Near<'a> {
     body: Vec3,
 }
 
-impl Near<'_> {
-    fn velocity(&self, at: &Vec3) -> Vec3 {
+impl NearbyContactor<'_> {
+    fn velocity_at(&self, at: &Vec3) -> Vec3 {
         self.v + self.w.cross(&(at - self.body))
     }
 }
 
 /// Contactor A, m.
-struct Over<'a> {
-    solid: Solid<'a>,
+struct UpperContactor<'a> {
+    solid: ConvexSolid<'a>,
     centre: Vec3,
     radius: f64,
     /// Largest displacement in the step, m.
     travel: f64,
     /// s
-    ahead: f64,
+    lookahead: f64,
 }
 
 /// A contact of A with one contactor; lengths from A's centre.
 #[derive(Clone, Copy)]
-struct Touch {
+struct SurfaceContact {
     /// Which of the contacts, or pairs.
     of: u32,
     /// Whether A is the antagonist.
@@ -143,7 +143,7 @@ struct Touch {
 
 /// The plane of a face of C, below A.
 #[derive(Clone, Copy)]
-struct Plane {
+struct FacePlane {
     n: Vec3,
     /// n·x on it, x from A's centre, m.
     height: f64,
@@ -151,65 +151,76 @@ struct Plane {
     digits: f64,
 }
 
-impl Over<'_> {
+impl UpperContactor<'_> {
     /// The plane of the face of C above which a contact with C keeps A; `gap` is the least of that contact, m.
-    fn plane(&self, touch: &Touch, c: &Near, gap: f64) -> Option<Plane> {
+    fn supporting_plane(&self, touch: &SurfaceContact, c: &NearbyContactor, gap: f64) -> Option<FacePlane> {
         let (n, face) = c.solid.face_along(&touch.normal)?;
-        if n.dot(&touch.normal) < 1.0 - ON_FACE {
+        if n.dot(&touch.normal) < 1.0 - ON_FACE_TOLERANCE {
             return None;
         }
         let height = n.dot(&c.centre) + face;
-        let digits = self.digits(&n, c, face);
-        let below = height + self.solid.height(&-n);
-        (below <= (-gap).max(0.0) + 2.0 * (FLUSH * self.radius + digits)).then_some(Plane { n, height, digits })
+        let digits = self.height_uncertainty(&n, c, face);
+        let below = height + self.solid.support_height(&-n);
+        (below <= (-gap).max(0.0) + 2.0 * (FLUSH_TOLERANCE * self.radius + digits)).then_some(FacePlane {
+            n,
+            height,
+            digits,
+        })
     }
 
     /// Whether a contact with B in direction `normal`, at points `at`, is an inner one below the plane of C.
-    fn is_inner(&self, plane: &Plane, c: &Near, b: &Near, normal: &Vec3, at: impl Iterator<Item = Vec3>) -> bool {
-        let Plane { n, height, digits } = plane;
-        if normal.dot(n) >= 1.0 - PARALLEL {
+    fn is_inner(
+        &self,
+        plane: &FacePlane,
+        c: &NearbyContactor,
+        b: &NearbyContactor,
+        normal: &Vec3,
+        at: impl Iterator<Item = Vec3>,
+    ) -> bool {
+        let FacePlane { n, height, digits } = plane;
+        if normal.dot(n) >= 1.0 - SAME_DIRECTION_TOLERANCE {
             return false;
         }
         // Bounds of B's height where A can meet it: its whole, and the plane of its face, which it is nowhere above.
-        let whole = b.solid.height(n);
+        let whole = b.solid.support_height(n);
         let mut top = n.dot(&b.centre) + whole;
-        let tolerance = FLUSH * self.radius + digits + self.digits(n, b, whole);
+        let tolerance = FLUSH_TOLERANCE * self.radius + digits + self.height_uncertainty(n, b, whole);
         let at: SmallVec<[Vec3; 6]> = at.collect();
         if top > height + tolerance
             && let Some((face, offset)) = b.solid.face_along(n)
         {
             let bent = face.cross(n).norm();
-            if bent > BENT {
+            if bent > MAX_FACE_BEND {
                 return false;
             }
             let above = |at: &Vec3| n.dot(at) + (offset - face.dot(&(at - b.centre))) / face.dot(n);
             top = at.iter().map(above).fold(f64::NEG_INFINITY, f64::max) + bent * self.travel;
         }
-        let rise = |at: &Vec3| self.ahead * (b.velocity(at) - c.velocity(at)).dot(n);
-        top <= height + tolerance && at.iter().all(|at| rise(at) <= RISE * self.radius)
+        let rise = |at: &Vec3| self.lookahead * (b.velocity_at(at) - c.velocity_at(at)).dot(n);
+        top <= height + tolerance && at.iter().all(|at| rise(at) <= MAX_RELATIVE_RISE * self.radius)
     }
 
     /// What the digits of files leave unknown of the height of a face at `distance` from a contactor's centre, m.
-    fn digits(&self, n: &Vec3, near: &Near, distance: f64) -> f64 {
-        DIGITS * (n.dot(&(self.centre + near.centre)).abs() + distance.abs())
+    fn height_uncertainty(&self, n: &Vec3, near: &NearbyContactor, distance: f64) -> f64 {
+        FILE_ROUNDING * (n.dot(&(self.centre + near.centre)).abs() + distance.abs())
     }
 }
 
 /// Whether the point of a contact, and the centre of the other contactor, are so low, seen from the surface that another
 /// contact touches, that it may be an inner one.
 #[inline(always)]
-fn may_be_inner(of: &Touch, by: &Touch) -> bool {
+fn may_be_inner(of: &SurfaceContact, by: &SurfaceContact) -> bool {
     // As far as the direction of the contact may be from the normal of the face, and the surfaces from flush.
     let is_low = |point: &Vec3| {
         let between = point - by.at;
-        let above = by.normal.dot(&between) - FLUSH * (of.reach + by.reach);
-        above <= 0.0 || above * above <= 4.0 * ON_FACE * between.norm_squared()
+        let above = by.normal.dot(&between) - FLUSH_TOLERANCE * (of.reach + by.reach);
+        above <= 0.0 || above * above <= 4.0 * ON_FACE_TOLERANCE * between.norm_squared()
     };
-    is_low(&of.at) && is_low(&of.centre) && of.normal.dot(&by.normal) < 1.0 - PARALLEL
+    is_low(&of.at) && is_low(&of.centre) && of.normal.dot(&by.normal) < 1.0 - SAME_DIRECTION_TOLERANCE
 }
 
 /// A bound of [`may_be_inner`] that takes three products a pair: nearly all contacts of rough bodies fail it.
-struct Heights {
+struct ContactHeights {
     /// Directions of the contacts, and where each touches, m.
     normals: Vec<Vec3>,
     points: Vec<Vec3>,
@@ -219,24 +230,24 @@ struct Heights {
     tolerances: Vec<f64>,
 }
 
-impl Heights {
+impl ContactHeights {
     const fn new() -> Self {
-        Heights { normals: Vec::new(), points: Vec::new(), heights: Vec::new(), tolerances: Vec::new() }
+        ContactHeights { normals: Vec::new(), points: Vec::new(), heights: Vec::new(), tolerances: Vec::new() }
     }
 
-    fn set(&mut self, touches: impl Iterator<Item = Touch>) {
-        let Heights { normals, points, heights, tolerances } = self;
+    fn set_contacts(&mut self, touches: impl Iterator<Item = SurfaceContact>) {
+        let ContactHeights { normals, points, heights, tolerances } = self;
         normals.clear();
         points.clear();
         heights.clear();
         tolerances.clear();
         // Two points are no farther from each other than both are from A's centre.
-        let angle = 2.0 * ON_FACE.sqrt() * (1.0 + 1e-9);
-        for Touch { normal, at, reach, .. } in touches {
+        let angle = 2.0 * ON_FACE_TOLERANCE.sqrt() * (1.0 + 1e-9);
+        for SurfaceContact { normal, at, reach, .. } in touches {
             normals.push(normal);
             points.push(at);
             heights.push(normal.dot(&at));
-            tolerances.push(angle * at.norm() + FLUSH * reach);
+            tolerances.push(angle * at.norm() + FLUSH_TOLERANCE * reach);
         }
     }
 
@@ -256,35 +267,35 @@ impl Heights {
 }
 
 /// Memory for the contacts of one contactor after the other.
-struct Scratch {
+struct JointScratch {
     /// Contacts that may act in the step.
     near: Vec<u32>,
-    heights: Heights,
+    heights: ContactHeights,
     /// Of each contact once it is needed.
-    planes: Vec<Option<Option<Plane>>>,
+    planes: Vec<Option<Option<FacePlane>>>,
     /// Inner contacts, those that hide them, and the normals of the planes that do.
     found: Vec<(usize, usize, Vec3)>,
 }
 
-impl Scratch {
+impl JointScratch {
     const fn new() -> Self {
-        Scratch { near: Vec::new(), heights: Heights::new(), planes: Vec::new(), found: Vec::new() }
+        JointScratch { near: Vec::new(), heights: ContactHeights::new(), planes: Vec::new(), found: Vec::new() }
     }
 
     /// Appends to `inner` the inner contacts among `count` contacts of A, each with the normal of a plane that hides it.
     ///
     /// `touch`: a contact by its number; `plane`: that of the face that keeps A up in a contact; `test`: whether one contact is an inner one below the plane of
     /// another.
-    fn inner(
+    fn find_inner_contacts(
         &mut self,
         count: usize,
-        touch: impl Fn(usize) -> Touch,
-        plane: impl Fn(&Touch) -> Option<Plane>,
-        test: impl Fn(&Touch, &Touch, &Plane) -> bool,
-        inner: &mut Vec<(Touch, Vec3)>,
+        touch: impl Fn(usize) -> SurfaceContact,
+        plane: impl Fn(&SurfaceContact) -> Option<FacePlane>,
+        test: impl Fn(&SurfaceContact, &SurfaceContact, &FacePlane) -> bool,
+        inner: &mut Vec<(SurfaceContact, Vec3)>,
     ) {
-        let Scratch { heights, planes, found, .. } = self;
-        heights.set((0..count).map(&touch));
+        let JointScratch { heights, planes, found, .. } = self;
+        heights.set_contacts((0..count).map(&touch));
         planes.clear();
         planes.resize(count, None);
         found.clear();
@@ -300,7 +311,7 @@ impl Scratch {
                 found.push((of, by, plane.n));
             }
         };
-        if count <= FEW {
+        if count <= MAX_CONTACTS_ALL_PAIRS {
             let others = |by: &usize| heights.count_low(*by) > 1;
             for by in (0..count).filter(others) {
                 (0..count).filter(|of| *of != by).for_each(|of| try_pair(of, by));
@@ -330,22 +341,32 @@ impl Scratch {
 }
 
 /// Contacts of spheres with plates, without those with rims between flush plates.
-pub(super) fn without_inner_rims(scene: &Scene, q_c: &Configuration, ways: &Ways, listed: Vec<Listed>) -> Vec<Listed> {
+pub(super) fn without_inner_rims(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    ways: &TravelBounds,
+    listed: Vec<ListedPair>,
+) -> Vec<ListedPair> {
     if scene.planes.len() < 2 {
         return listed;
     }
     let mut counts = vec![0u32; scene.bodies.len()];
     listed.iter().for_each(|([sphere, _], _)| counts[*sphere as usize] += 1);
-    let is_alone = |([sphere, _], _): &Listed| counts[*sphere as usize] == 1;
-    let (mut left, mut listed): (Vec<Listed>, Vec<Listed>) = listed.into_iter().partition(is_alone);
+    let is_alone = |([sphere, _], _): &ListedPair| counts[*sphere as usize] == 1;
+    let (mut left, mut listed): (Vec<ListedPair>, Vec<ListedPair>) = listed.into_iter().partition(is_alone);
     listed.sort_unstable_by_key(|(pair, _)| *pair);
-    let (mut scratch, mut inner) = (Scratch::new(), Vec::new());
+    let (mut scratch, mut inner) = (JointScratch::new(), Vec::new());
     for of_one in listed.chunk_by(|(a, _), (b, _)| a[0] == b[0]) {
         let sphere = of_one[0].0[0] as usize;
         let (x, radius) = (q_c.x[sphere], scene.bodies[sphere].radius);
-        let over =
-            Over { solid: Solid::Sphere { radius }, centre: x, radius, travel: ways.travel[sphere], ahead: ways.ahead };
-        let seen: SmallVec<[_; 8]> = of_one.iter().map(|(pair, _)| found(scene, q_c, *pair)).collect();
+        let over = UpperContactor {
+            solid: ConvexSolid::Sphere { radius },
+            centre: x,
+            radius,
+            travel: ways.travel[sphere],
+            lookahead: ways.lookahead,
+        };
+        let seen: SmallVec<[_; 8]> = of_one.iter().map(|(pair, _)| contact_geometry(scene, q_c, *pair)).collect();
         let touch = |k: usize| {
             let found = &seen[k];
             let BodyShape::Plane { half_lengths } = &scene.bodies[of_one[k].0[1] as usize].shape else {
@@ -353,24 +374,31 @@ pub(super) fn without_inner_rims(scene: &Scene, q_c: &Configuration, ways: &Ways
             };
             let at = found.point - x - found.normal * (0.5 * found.gap);
             let plate = of_one[k].0[1] as usize;
-            let centre = q_c.x[plate] + scene.image(&x, &q_c.x[plate]) - x;
-            Touch { of: k as u32, turned: false, normal: found.normal, at, centre, reach: 2.0 * half_lengths.norm() }
+            let centre = q_c.x[plate] + scene.nearest_image_shift(&x, &q_c.x[plate]) - x;
+            SurfaceContact {
+                of: k as u32,
+                turned: false,
+                normal: found.normal,
+                at,
+                centre,
+                reach: 2.0 * half_lengths.norm(),
+            }
         };
-        let near = |touch: &Touch| {
+        let near = |touch: &SurfaceContact| {
             let plate = of_one[touch.of as usize].0[1] as usize;
             let BodyShape::Plane { half_lengths } = &scene.bodies[plate].shape else {
                 unreachable!("these are plates")
             };
-            let solid = Solid::Cuboid { axes: &q_c.q[plate], half_lengths };
+            let solid = ConvexSolid::Cuboid { axes: &q_c.q[plate], half_lengths };
             let (v, w) = (ways.v_free[plate], ways.w_free[plate]);
-            Near { solid, centre: touch.centre, v, w, body: touch.centre }
+            NearbyContactor { solid, centre: touch.centre, v, w, body: touch.centre }
         };
-        let plane = |by: &Touch| over.plane(by, &near(by), seen[by.of as usize].gap);
-        let test = |of: &Touch, by: &Touch, plane: &Plane| {
+        let plane = |by: &SurfaceContact| over.supporting_plane(by, &near(by), seen[by.of as usize].gap);
+        let test = |of: &SurfaceContact, by: &SurfaceContact, plane: &FacePlane| {
             over.is_inner(plane, &near(by), &near(of), &of.normal, std::iter::once(of.at))
         };
         inner.clear();
-        scratch.inner(seen.len(), touch, plane, test, &mut inner);
+        scratch.find_inner_contacts(seen.len(), touch, plane, test, &mut inner);
         let is_inner = |k: usize| inner.iter().any(|(touch, _)| touch.of as usize == k);
         left.extend((0..of_one.len()).filter(|&k| !is_inner(k)).map(|k| of_one[k]));
     }
@@ -378,7 +406,7 @@ pub(super) fn without_inner_rims(scene: &Scene, q_c: &Configuration, ways: &Ways
 }
 
 /// Contacts of two contactors that follow each other.
-struct Run {
+struct ContactRun {
     start: u32,
     end: u32,
     /// Candidate and antagonist.
@@ -390,44 +418,46 @@ struct Run {
 /// Removes the inner ones of the contacts, in the order of their keys; returns their candidates and antagonists.
 pub(super) fn remove_inner_edges(
     scene: &Scene,
-    q_c: &Configuration,
-    ways: &Ways,
-    places: &[Place],
+    q_c: &ContactConfiguration,
+    ways: &TravelBounds,
+    places: &[PosedContactor],
     contacts: &mut Vec<Contact>,
 ) -> Vec<[u32; 2]> {
     let posed = |part: u32| match &places[part as usize].shape {
-        Shape::Polyhedron(posed) | Shape::Plane { cuboid: posed, .. } => Some(posed),
-        Shape::Sphere { .. } | Shape::Cylinder { .. } => None,
+        PosedShape::Polyhedron(posed) | PosedShape::Plane { cuboid: posed, .. } => Some(posed),
+        PosedShape::Sphere { .. } | PosedShape::Cylinder { .. } => None,
     };
     let solid = |part: u32| match &places[part as usize].shape {
-        Shape::Cylinder { half_height, radius, hollow: false } => {
-            Some(Solid::Cylinder { axes: &places[part as usize].axes, half_height: *half_height, radius: *radius })
-        }
-        _ => posed(part).map(Solid::Polyhedron),
+        PosedShape::Cylinder { half_height, radius, hollow: false } => Some(ConvexSolid::Cylinder {
+            axes: &places[part as usize].axes,
+            half_height: *half_height,
+            radius: *radius,
+        }),
+        _ => posed(part).map(ConvexSolid::Polyhedron),
     };
     let all = 0..places.len() as u32;
     // Ends of cylinders alone form no common surface.
     if all.clone().all(|k| posed(k).is_none()) || all.filter(|&k| solid(k).is_some()).nth(1).is_none() {
         return Vec::new();
     }
-    let runs = runs(scene, contacts);
+    let runs = contact_runs(scene, contacts);
     let nobody = places.len() as u32;
     // Contact k from its candidate is 2k, from its antagonist 2k + 1; only those with polyhedra and solid cylinders count.
     let keys: Vec<u32> = runs
         .iter()
-        .flat_map(|Run { parts: [a, b], .. }| [(a, b), (b, a)])
+        .flat_map(|ContactRun { parts: [a, b], .. }| [(a, b), (b, a)])
         .map(|(own, other)| if solid(*other).is_some() { *own } else { nobody })
         .collect();
-    let (order, starts) = group(&keys, places.len() + 1);
+    let (order, starts) = group_by_key(&keys, places.len() + 1);
     let attracts = scene.laws.iter().any(|law| law.cohesion().is_some());
-    let of_part = |part: usize, scratch: &mut Scratch, inner: &mut Vec<(Touch, Vec3)>| {
+    let of_part = |part: usize, scratch: &mut JointScratch, inner: &mut Vec<(SurfaceContact, Vec3)>| {
         let a = &places[part];
         let keys = &order[starts[part] as usize..starts[part + 1] as usize];
         let run = |key: u32| &runs[key as usize / 2];
         let other = |key: u32| run(key).parts[usize::from(key % 2 == 0)];
         // B cannot be nearer than C is: what the two cannot reach in this step is no inner contact, nor hides one.
         let others = keys.iter().map(|&key| places[other(key) as usize].travel);
-        let reach = a.travel + others.fold(0.0, f64::max) + 2.0 * FLUSH * a.radius;
+        let reach = a.travel + others.fold(0.0, f64::max) + 2.0 * FLUSH_TOLERANCE * a.radius;
         let mut near = std::mem::take(&mut scratch.near);
         near.clear();
         near.extend(keys.iter().filter(|&&key| attracts || run(key).gap <= reach));
@@ -443,27 +473,46 @@ pub(super) fn remove_inner_edges(
             };
             let normal = contact.normal * sign;
             let at = point - a.centre - normal * (0.5 * contact.gap);
-            Touch { of, turned, normal, at, centre: other.centre + image - a.centre, reach: 2.0 * other.radius }
+            SurfaceContact {
+                of,
+                turned,
+                normal,
+                at,
+                centre: other.centre + image - a.centre,
+                reach: 2.0 * other.radius,
+            }
         };
         let own = match &a.shape {
-            Shape::Sphere { radius } => Solid::Sphere { radius: *radius },
-            Shape::Polyhedron(posed) | Shape::Plane { cuboid: posed, .. } => Solid::Polyhedron(posed),
-            Shape::Cylinder { .. } => return scratch.near = near,
+            PosedShape::Sphere { radius } => ConvexSolid::Sphere { radius: *radius },
+            PosedShape::Polyhedron(posed) | PosedShape::Plane { cuboid: posed, .. } => ConvexSolid::Polyhedron(posed),
+            PosedShape::Cylinder { .. } => return scratch.near = near,
         };
-        let over = Over { solid: own, centre: a.centre, radius: a.radius, travel: a.travel, ahead: ways.ahead };
-        let contactor = |touch: &Touch| {
+        let over = UpperContactor {
+            solid: own,
+            centre: a.centre,
+            radius: a.radius,
+            travel: a.travel,
+            lookahead: ways.lookahead,
+        };
+        let contactor = |touch: &SurfaceContact| {
             let other = runs[touch.of as usize].parts[usize::from(!touch.turned)];
             let (b, centre) = (&places[other as usize], touch.centre);
             let i = b.body as usize;
             let solid = solid(other)?;
-            Some(Near { solid, centre, v: ways.v_free[i], w: ways.w_free[i], body: centre + q_c.x[i] - b.centre })
+            Some(NearbyContactor {
+                solid,
+                centre,
+                v: ways.v_free[i],
+                w: ways.w_free[i],
+                body: centre + q_c.x[i] - b.centre,
+            })
         };
-        let points = |touch: &Touch| {
+        let points = |touch: &SurfaceContact| {
             let run = &runs[touch.of as usize];
             &contacts[run.start as usize..run.end as usize]
         };
-        let plane = |by: &Touch| over.plane(by, &contactor(by)?, runs[by.of as usize].gap);
-        let test = |of: &Touch, by: &Touch, plane: &Plane| {
+        let plane = |by: &SurfaceContact| over.supporting_plane(by, &contactor(by)?, runs[by.of as usize].gap);
+        let test = |of: &SurfaceContact, by: &SurfaceContact, plane: &FacePlane| {
             let first = points(of)[0];
             let at = |contact: &Contact| {
                 of.at + (contact.point - first.point) - of.normal * (0.5 * (contact.gap - first.gap))
@@ -472,19 +521,19 @@ pub(super) fn remove_inner_edges(
             over.is_inner(plane, &c, &b, &of.normal, points(of).iter().map(at))
         };
         if near.len() > 1 {
-            scratch.inner(near.len(), touch, plane, test, inner);
+            scratch.find_inner_contacts(near.len(), touch, plane, test, inner);
         }
         scratch.near = near;
     };
     let several = |part: &usize| starts[part + 1] - starts[*part] > 1;
-    let of_some = |scratch: &mut Scratch, chunk: usize| {
+    let of_some = |scratch: &mut JointScratch, chunk: usize| {
         let mut inner = Vec::new();
-        let parts = chunk * PARTS..places.len().min((chunk + 1) * PARTS);
+        let parts = chunk * CONTACTORS_PER_TASK..places.len().min((chunk + 1) * CONTACTORS_PER_TASK);
         parts.filter(several).for_each(|part| of_part(part, scratch, &mut inner));
         inner
     };
-    let chunks = (0..places.len().div_ceil(PARTS)).into_par_iter();
-    let mut inner = chunks.map_init(Scratch::new, of_some).collect::<Vec<_>>().concat();
+    let chunks = (0..places.len().div_ceil(CONTACTORS_PER_TASK)).into_par_iter();
+    let mut inner = chunks.map_init(JointScratch::new, of_some).collect::<Vec<_>>().concat();
     if inner.is_empty() {
         return Vec::new();
     }
@@ -495,7 +544,7 @@ pub(super) fn remove_inner_edges(
     // Contacts up to `to` are done; those from `from` on move up to where the inner ones leave room.
     let (mut to, mut from, mut shift) = (0, 0, 0);
     for (touch, n) in inner {
-        let Run { start, end, parts, .. } = runs[touch.of as usize];
+        let ContactRun { start, end, parts, .. } = runs[touch.of as usize];
         let (start, end) = (start as usize + shift, end as usize + shift);
         contacts.copy_within(from..start, to);
         to += start - from;
@@ -503,18 +552,18 @@ pub(super) fn remove_inner_edges(
         pairs.push(parts);
         let [Some(p), Some(q)] = parts.map(posed) else { continue };
         let [a, b] = parts.map(|k| places[k as usize].class);
-        let Some(see) = scene.visibility.see(a, b) else { continue };
-        let meeting = Meeting::new(scene, places, ways.nearby, 0, &(parts, see));
+        let Some(see) = scene.visibility.interaction_rule(a, b) else { continue };
+        let meeting = CandidatePair::new(scene, places, ways.nearby, 0, &(parts, see));
         let n = if touch.turned { -n } else { n };
         if let Some(manifold) = polyhedra_along(p, q, &meeting.c, &n, meeting.range) {
-            let count = meeting.contacts(&manifold).count();
+            let count = meeting.listed_contacts(&manifold).count();
             let room = from - to;
             if count > room {
                 contacts.splice(from..from, std::iter::repeat_n(contacts[start], count - room));
                 shift += count - room;
                 from += count - room;
             }
-            contacts[to..to + count].iter_mut().zip(meeting.contacts(&manifold)).for_each(|(to, of)| *to = of);
+            contacts[to..to + count].iter_mut().zip(meeting.listed_contacts(&manifold)).for_each(|(to, of)| *to = of);
             to += count;
         }
     }
@@ -524,7 +573,7 @@ pub(super) fn remove_inner_edges(
     pairs
 }
 
-fn runs(scene: &Scene, contacts: &[Contact]) -> Vec<Run> {
+fn contact_runs(scene: &Scene, contacts: &[Contact]) -> Vec<ContactRun> {
     let mut runs = Vec::with_capacity(contacts.len() / 2);
     let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
     let mut start = 0;
@@ -534,7 +583,7 @@ fn runs(scene: &Scene, contacts: &[Contact]) -> Vec<Run> {
         let part = |body: u32, rank: u16| scene.part_starts[body as usize] + u32::from(rank);
         let parts = [part(first.candidate, first.ranks.0), part(first.antagonist, first.ranks.1)];
         let gap = of_one.iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);
-        runs.push(Run { start, end, parts, gap });
+        runs.push(ContactRun { start, end, parts, gap });
         start = end;
     }
     runs

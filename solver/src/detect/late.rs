@@ -4,12 +4,12 @@ use std::collections::HashSet;
 
 use rayon::prelude::*;
 
-use super::swept::{Moving, least_distance};
-use super::{MARGIN, Ways, found, joints, meet, parts, periodic};
-use crate::geometry::Narrow;
-use crate::integrate::Configuration;
-use crate::math::{MANY, Vec3};
-use crate::scene::{Scene, Shape};
+use super::swept::{SweptBall, least_distance};
+use super::{LISTING_MARGIN, TravelBounds, contact_geometry, joints, parts, periodic, visible_pair};
+use crate::geometry::NarrowPhaseMode;
+use crate::integrate::ContactConfiguration;
+use crate::math::{PAR_MIN_LEN, Vec3};
+use crate::scene::{BodyShape, Scene};
 use crate::state::Contact;
 
 /// Contacts of pairs that are not among `listed` and that the `solved` velocities close in the step, in the order of their keys.
@@ -17,9 +17,9 @@ use crate::state::Contact;
 /// `free`, `solved`: velocities (m/s) and angular velocities (rad/s) in the contact configuration without and with contacts. A pair
 /// whose bodies have changed their ways by less than the margin with which pairs are listed cannot be one: most
 /// steps end with that.
-pub fn late(
+pub fn late_contacts(
     scene: &Scene,
-    q_c: &Configuration,
+    q_c: &ContactConfiguration,
     free: [&[Vec3]; 2],
     solved: [&[Vec3]; 2],
     listed: &[Contact],
@@ -27,25 +27,27 @@ pub fn late(
     let alerts = scene.visibility.table.iter().flatten().map(|see| see.alert);
     let Some(alert) = alerts.reduce(f64::min).filter(|_| !listed.is_empty()) else { return Vec::new() };
     // Half of it for each of the two.
-    let margin = 0.5 * MARGIN * alert;
-    let extents = extents(scene);
+    let margin = 0.5 * LISTING_MARGIN * alert;
+    let extents = rotating_extents(scene);
     let turned = |i: usize| {
         let extent = extents.get(i).copied().unwrap_or(0.0);
         if extent > 0.0 { extent * (solved[1][i] - free[1][i]).norm() } else { 0.0 }
     };
-    let span = q_c.longest_reach(scene);
+    let span = q_c.longest_reach_time(scene);
     let changed = |i: usize| span * ((solved[0][i] - free[0][i]).norm() + turned(i)) > margin;
-    let searched: Vec<bool> = (0..scene.bodies.len()).into_par_iter().with_min_len(MANY).map(changed).collect();
+    let searched: Vec<bool> = (0..scene.bodies.len()).into_par_iter().with_min_len(PAR_MIN_LEN).map(changed).collect();
     if !searched.contains(&true) {
         return Vec::new();
     }
-    let known: HashSet<_> = listed.iter().map(pair).collect();
-    let ways = Ways { nearby: 0.0, ..Ways::new(scene, q_c, solved, span) };
+    let known: HashSet<_> = listed.iter().map(contactor_pair).collect();
+    let ways = TravelBounds { nearby: 0.0, ..TravelBounds::new(scene, q_c, solved, span) };
     if scene.is_general() {
-        let mut found = parts::near_paths(scene, q_c, &ways, Narrow::Accurate, |body| searched[body as usize]);
+        let mut found =
+            parts::swept_contacts(scene, q_c, &ways, NarrowPhaseMode::Accurate, |body| searched[body as usize]);
         // All points of a pair of which one closes.
-        let closing: HashSet<_> = found.iter().filter(|contact| closes(contact, q_c, solved, span)).map(pair).collect();
-        found.retain(|contact| closing.contains(&pair(contact)) && !known.contains(&pair(contact)));
+        let closing: HashSet<_> =
+            found.iter().filter(|contact| gap_closes(contact, q_c, solved, span)).map(contactor_pair).collect();
+        found.retain(|contact| closing.contains(&contactor_pair(contact)) && !known.contains(&contactor_pair(contact)));
         if found.is_empty() {
             return found;
         }
@@ -53,19 +55,19 @@ pub fn late(
         let mut all = [listed, &found].concat();
         all.sort_unstable_by_key(Contact::key);
         let mut left = parts::without_inner_edges(scene, q_c, &ways, all);
-        left.retain(|contact| !known.contains(&pair(contact)));
+        left.retain(|contact| !known.contains(&contactor_pair(contact)));
         return left;
     }
     let ball = |&i: &u32| {
         let (i, reach) = (i as usize, scene.bodies[i as usize].radius);
-        Moving { centre: q_c.x[i], path: ways.path(i), reach, searched: searched[i] }
+        SweptBall { centre: q_c.x[i], path: ways.centre_path(i), reach, searched: searched[i] }
     };
-    let balls: Vec<Moving> = scene.spheres.iter().map(ball).collect();
+    let balls: Vec<SweptBall> = scene.spheres.iter().map(ball).collect();
     let reach: Vec<f64> = balls.iter().map(|ball| ball.reach + ball.path.norm()).collect();
-    let near = periodic::pairs_swept(&balls, &reach, scene.periods());
-    let spheres = near.into_iter().filter_map(|near| meet(scene, near)).filter_map(|([i, j], see)| {
+    let near = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
+    let spheres = near.into_iter().filter_map(|near| visible_pair(scene, near)).filter_map(|([i, j], see)| {
         let [a, b] = [i, j].map(|k| &balls[k as usize]);
-        let between = a.centre - b.centre - scene.image(&a.centre, &b.centre);
+        let between = a.centre - b.centre - scene.nearest_image_shift(&a.centre, &b.centre);
         let closes = least_distance(&between, &(a.path - b.path)) < a.reach + b.reach;
         closes.then_some(([i, j].map(|k| scene.spheres[k as usize]), see.law))
     });
@@ -73,19 +75,19 @@ pub fn late(
     for &plane in &scene.planes {
         let with = |&sphere: &u32| {
             let [s, p] = [sphere, plane].map(|i| &scene.bodies[i as usize]);
-            let see = scene.visibility.see(s.class, p.class).filter(|_| !(s.driven && p.driven))?;
+            let see = scene.visibility.interaction_rule(s.class, p.class).filter(|_| !(s.driven && p.driven))?;
             Some(([sphere, plane], see.law))
         };
         let moved = scene.spheres.iter().filter(|&&sphere| searched[sphere as usize] || searched[plane as usize]);
         pairs.extend(moved.filter_map(with).filter(|(pair, _)| {
-            let Shape::Plane { half_lengths } = scene.bodies[plane as usize].shape else { return false };
-            let near = found(scene, q_c, *pair).gap
-                <= ways.travel[pair[0] as usize] + ways.of_rim(pair[1] as usize, half_lengths.norm());
-            near && closes(&super::contact(scene, q_c, *pair, 0), q_c, solved, span)
+            let BodyShape::Plane { half_lengths } = scene.bodies[plane as usize].shape else { return false };
+            let near = contact_geometry(scene, q_c, *pair).gap
+                <= ways.travel[pair[0] as usize] + ways.surface_travel(pair[1] as usize, half_lengths.norm());
+            near && gap_closes(&super::sphere_contact(scene, q_c, *pair, 0), q_c, solved, span)
         }));
     }
     // What is inside a flush joint only shows with the contacts that keep its sphere up.
-    let is_plane = |body: u32| matches!(scene.bodies[body as usize].shape, Shape::Plane { .. });
+    let is_plane = |body: u32| matches!(scene.bodies[body as usize].shape, BodyShape::Plane { .. });
     let (mut of_planes, others): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|(pair, _)| is_plane(pair[1]));
     if !of_planes.is_empty() {
         let before = listed.iter().filter(|contact| is_plane(contact.antagonist));
@@ -94,17 +96,17 @@ pub fn late(
     let mut pairs = joints::without_inner_rims(scene, q_c, &ways, of_planes);
     pairs.extend(others);
     pairs.sort_unstable();
-    let found = pairs.into_iter().map(|(pair, law)| super::contact(scene, q_c, pair, law));
-    found.filter(|contact| !known.contains(&pair(contact))).collect()
+    let found = pairs.into_iter().map(|(pair, law)| super::sphere_contact(scene, q_c, pair, law));
+    found.filter(|contact| !known.contains(&contactor_pair(contact))).collect()
 }
 
 /// What tells the pairs of contactors apart.
-fn pair(contact: &Contact) -> (u32, u32, (u16, u16)) {
+fn contactor_pair(contact: &Contact) -> (u32, u32, (u16, u16)) {
     (contact.candidate, contact.antagonist, contact.ranks)
 }
 
 /// Whether a contact's gap closes at these velocities within `span`, s.
-fn closes(contact: &Contact, q_c: &Configuration, [v, w]: [&[Vec3]; 2], span: f64) -> bool {
+fn gap_closes(contact: &Contact, q_c: &ContactConfiguration, [v, w]: [&[Vec3]; 2], span: f64) -> bool {
     let [a, b] = [contact.candidate as usize, contact.antagonist as usize];
     let at = |i: usize, centre: Vec3| v[i] + w[i].cross(&(contact.point - centre));
     let u = at(a, q_c.x[a]) - at(b, q_c.x[b] + contact.image);
@@ -112,7 +114,7 @@ fn closes(contact: &Contact, q_c: &Configuration, [v, w]: [&[Vec3]; 2], span: f6
 }
 
 /// Of each body the largest distance from its centre of what a rotation moves, m; empty in a scene of spheres and plates.
-fn extents(scene: &Scene) -> Vec<f64> {
+fn rotating_extents(scene: &Scene) -> Vec<f64> {
     if !scene.is_general() {
         return Vec::new();
     }

@@ -4,7 +4,7 @@
 //! the range of its cohesion, or when the free velocities of its two bodies against each other close it in the
 //! step: so no contact that can close in the step is missed, however short the alert distance, and no motion that
 //! bodies have in common, or that parts them, lists a pair. Contact impulses may turn bodies towards others:
-//! [`late`] finds the pairs that the solved velocities close.
+//! `late` finds the pairs that the solved velocities close.
 
 pub mod broad;
 mod joints;
@@ -15,91 +15,107 @@ mod parts;
 mod periodic;
 pub mod swept;
 
-pub use late::late;
+pub use late::late_contacts;
 
 use std::collections::BTreeMap;
 
 use cd_formats::compute::NarrowPhase;
 use rayon::prelude::*;
 
-use crate::math::{MANY, Vec3};
-use crate::scene::{NEARBY, Scene, See, Shape};
-use crate::state::{Contact, Known};
+use crate::math::{PAR_MIN_LEN, Vec3};
+use crate::scene::{BodyShape, InteractionRule, NEARBY_GAP, Scene};
+use crate::state::{Contact, DetectionCache};
 
-use self::neighbours::Things;
+use self::neighbours::BoundingBalls;
 
-use crate::integrate::Configuration;
+use crate::integrate::ContactConfiguration;
 
 /// All listed contacts, in the order of [`Contact::key`].
 ///
 /// `free`: velocities (m/s) and angular velocities (rad/s) after the step if nothing touched.
 /// `known`: of the last step, then of this one.
-pub fn contacts(scene: &Scene, q_c: &Configuration, free: [&[Vec3]; 2], known: &mut Known) -> Vec<Contact> {
-    let ways = Ways::new(scene, q_c, free, q_c.ahead);
+pub fn listed_contacts(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    free: [&[Vec3]; 2],
+    known: &mut DetectionCache,
+) -> Vec<Contact> {
+    let ways = TravelBounds::new(scene, q_c, free, q_c.lookahead);
     if scene.is_general() {
-        return parts::contacts(scene, q_c, &ways, scene.options.narrow_phase(), known);
+        return parts::listed_contacts(scene, q_c, &ways, scene.options.narrow_phase(), known);
     }
-    let mut pairs = among_spheres(scene, q_c, &ways, known);
-    let mut of_planes = joints::without_inner_rims(scene, q_c, &ways, with_planes(scene, q_c, &ways));
+    let mut pairs = sphere_sphere_pairs(scene, q_c, &ways, known);
+    let mut of_planes = joints::without_inner_rims(scene, q_c, &ways, sphere_plate_pairs(scene, q_c, &ways));
     if !of_planes.is_empty() {
         pairs.append(&mut of_planes);
         pairs.sort(); // runs in order, which it finds
     }
-    pairs.par_iter().with_min_len(256).map(|&(pair, law)| contact(scene, q_c, pair, law)).collect()
+    pairs.par_iter().with_min_len(256).map(|&(pair, law)| sphere_contact(scene, q_c, pair, law)).collect()
 }
 
 /// Displacements of bodies in the step.
-struct Ways<'a> {
+struct TravelBounds<'a> {
     /// Length of each past what all have in common, m.
     travel: Vec<f64>,
     /// Mean free velocity of the free bodies, m/s: what they share moves no two past each other.
-    drift: Vec3,
+    mean_velocity: Vec3,
     v_free: &'a [Vec3],
     w_free: &'a [Vec3],
     /// s
-    ahead: f64,
-    /// [`NEARBY`] for the time looked ahead.
+    lookahead: f64,
+    /// [`NEARBY_GAP`] for the time looked ahead.
     nearby: f64,
 }
 
-impl<'a> Ways<'a> {
-    fn new(scene: &Scene, q_c: &Configuration, [v_free, w_free]: [&'a [Vec3]; 2], ahead: f64) -> Self {
+impl<'a> TravelBounds<'a> {
+    fn new(scene: &Scene, q_c: &ContactConfiguration, [v_free, w_free]: [&'a [Vec3]; 2], ahead: f64) -> Self {
         let sum: Vec3 = scene.free.iter().map(|&i| v_free[i as usize]).sum();
         let drift = sum / scene.free.len().max(1) as f64;
-        let travel = v_free.par_iter().with_min_len(MANY).map(|v| ahead * (v - drift).norm()).collect();
+        let travel = v_free.par_iter().with_min_len(PAR_MIN_LEN).map(|v| ahead * (v - drift).norm()).collect();
         let steps = if q_c.h > 0.0 { ahead / q_c.h } else { 1.0 };
-        Ways { travel, drift, v_free, w_free, ahead, nearby: NEARBY * steps }
+        TravelBounds { travel, mean_velocity: drift, v_free, w_free, lookahead: ahead, nearby: NEARBY_GAP * steps }
     }
 
     /// Displacement of the centre of body `i` past what all have in common, m.
-    fn path(&self, i: usize) -> Vec3 {
-        (self.v_free[i] - self.drift) * self.ahead
+    fn centre_path(&self, i: usize) -> Vec3 {
+        (self.v_free[i] - self.mean_velocity) * self.lookahead
     }
 
     /// Rotation of body `i`, rad.
-    fn turn(&self, i: usize) -> Vec3 {
-        self.w_free[i] * self.ahead
+    fn rotation_vector(&self, i: usize) -> Vec3 {
+        self.w_free[i] * self.lookahead
     }
 
     /// The way of what turns with body `i`, at most `arm` (m) from its centre, m.
-    fn of_rim(&self, i: usize, arm: f64) -> f64 {
-        self.travel[i] + self.ahead * self.w_free[i].norm() * arm
+    fn surface_travel(&self, i: usize, arm: f64) -> f64 {
+        self.travel[i] + self.lookahead * self.w_free[i].norm() * arm
     }
 }
 
 /// What the fast narrow phase misses, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Missed {
+pub struct NarrowPhaseError {
     /// Difference of a pair's least gap from what the accurate narrow phase finds, mean of the pairs that touch for one of them.
     pub mean: f64,
     pub largest: f64,
 }
 
-/// Compares `contacts` with what the accurate narrow phase finds; the other arguments are those of [`contacts`] that made
+/// Compares `contacts` with what the accurate narrow phase finds; the other arguments are those of [`listed_contacts`] that made
 /// them. A pair that only one of them lists counts with its overlap.
-pub fn missed(scene: &Scene, q_c: &Configuration, free: [&[Vec3]; 2], known: &Known, contacts: &[Contact]) -> Missed {
-    let exact =
-        parts::contacts(scene, q_c, &Ways::new(scene, q_c, free, q_c.ahead), NarrowPhase::Accurate, &mut known.clone());
+pub fn narrow_phase_error(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    free: [&[Vec3]; 2],
+    known: &DetectionCache,
+    contacts: &[Contact],
+) -> NarrowPhaseError {
+    let exact = parts::listed_contacts(
+        scene,
+        q_c,
+        &TravelBounds::new(scene, q_c, free, q_c.lookahead),
+        NarrowPhase::Accurate,
+        &mut known.clone(),
+    );
     let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
     let gaps = |contacts: &[Contact]| {
         let mut gaps = BTreeMap::new();
@@ -116,33 +132,38 @@ pub fn missed(scene: &Scene, q_c: &Configuration, free: [&[Vec3]; 2], known: &Kn
         (gap, other) => gap.or(other).filter(|gap| **gap <= 0.0).map(|gap| -gap),
     });
     let (count, sum, largest) = away.fold((0, 0.0, 0.0f64), |(n, sum, most), x| (n + 1, sum + x, most.max(x)));
-    Missed { mean: sum / count.max(1) as f64, largest }
+    NarrowPhaseError { mean: sum / count.max(1) as f64, largest }
 }
 
 /// Candidate and antagonist within range of each other, and their law.
-type Listed = ([u32; 2], u8);
+type ListedPair = ([u32; 2], u8);
 
 /// In the order of candidates, then of antagonists.
-fn among_spheres(scene: &Scene, q_c: &Configuration, ways: &Ways, known: &mut Known) -> Vec<Listed> {
-    let bodies = scene.spheres.par_iter().with_min_len(MANY);
+fn sphere_sphere_pairs(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    ways: &TravelBounds,
+    known: &mut DetectionCache,
+) -> Vec<ListedPair> {
+    let bodies = scene.spheres.par_iter().with_min_len(PAR_MIN_LEN);
     let centres: Vec<Vec3> = bodies.clone().map(|&i| q_c.x[i as usize]).collect();
     let travel: Vec<f64> = bodies.clone().map(|&i| ways.travel[i as usize]).collect();
     let radii: Vec<f64> = bodies.map(|&i| scene.bodies[i as usize].radius).collect();
     let reach = |(radius, travel): (&f64, &f64)| radius + travel + 0.5 * scene.listing_range;
     let reach: Vec<f64> = radii.iter().zip(&travel).map(reach).collect();
-    let path = |k: usize| ways.path(scene.spheres[k] as usize);
-    let things = Things { centres: &centres, reach: &reach, path, travel: &travel };
-    if known.neighbours.renew(&things, scene.periods(), scene.mean_radius) {
+    let path = |k: usize| ways.centre_path(scene.spheres[k] as usize);
+    let things = BoundingBalls { centres: &centres, reach: &reach, path, travel: &travel };
+    if known.neighbours.rebuild_if_stale(&things, scene.periods(), scene.mean_radius) {
         let near = std::mem::take(&mut known.neighbours.pairs);
-        known.pairs = near.into_par_iter().with_min_len(1024).filter_map(|pair| meet(scene, pair)).collect();
+        known.pairs = near.into_par_iter().with_min_len(1024).filter_map(|pair| visible_pair(scene, pair)).collect();
         known.pairs.par_sort_unstable_by_key(|(pair, _)| *pair);
     }
-    let listed = |&([i, j], see): &([u32; 2], See)| {
+    let listed = |&([i, j], see): &([u32; 2], InteractionRule)| {
         let pair = [i, j].map(|k| scene.spheres[k as usize]);
         let [i, j] = [i as usize, j as usize];
-        let (a, b) = (centres[i], centres[j] + scene.image(&centres[i], &centres[j]));
+        let (a, b) = (centres[i], centres[j] + scene.nearest_image_shift(&centres[i], &centres[j]));
         let gap = narrow::sphere_sphere(&a, radii[i], &b, radii[j]).gap;
-        let approach = Approach { travel: travel[i] + travel[j], nearby: ways.nearby * radii[i].min(radii[j]) };
+        let approach = ApproachBounds { travel: travel[i] + travel[j], nearby: ways.nearby * radii[i].min(radii[j]) };
         let closing = || swept::least_distance(&(a - b), &(path(i) - path(j))) - (radii[i] + radii[j]);
         is_listed(scene, pair, see, gap, approach, closing).then_some((pair, see.law))
     };
@@ -150,33 +171,33 @@ fn among_spheres(scene: &Scene, q_c: &Configuration, ways: &Ways, known: &mut Kn
 }
 
 /// Two of the spheres and how they see each other; none if they do not, or cannot push.
-fn meet(scene: &Scene, pair: [u32; 2]) -> Option<([u32; 2], See)> {
+fn visible_pair(scene: &Scene, pair: [u32; 2]) -> Option<([u32; 2], InteractionRule)> {
     let [a, b] = pair.map(|k| &scene.bodies[scene.spheres[k as usize] as usize]);
-    Some((pair, scene.visibility.see(a.class, b.class)?)).filter(|_| !(a.is_imposed() && b.is_imposed()))
+    Some((pair, scene.visibility.interaction_rule(a.class, b.class)?)).filter(|_| !(a.is_imposed() && b.is_imposed()))
 }
 
-fn with_planes(scene: &Scene, q_c: &Configuration, ways: &Ways) -> Vec<Listed> {
+fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, ways: &TravelBounds) -> Vec<ListedPair> {
     let with = |&plane: &u32| {
         let p = plane as usize;
-        let Shape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
+        let BodyShape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
         // A wall's travel is that of its farthest corner.
-        let swept = ways.of_rim(p, half_lengths.norm());
-        let (path, turn) = (ways.path(p), ways.turn(p));
+        let swept = ways.surface_travel(p, half_lengths.norm());
+        let (path, turn) = (ways.centre_path(p), ways.rotation_vector(p));
         let into_axes = q_c.q[p].inverse().to_rotation_matrix();
         let near = move |&sphere: &u32| {
             let (s, pair) = (sphere as usize, [sphere, plane]);
             let travel = ways.travel[s] + swept;
             // Most are far off: that takes no law and no geometry.
-            let from = q_c.x[s] - q_c.x[p] - scene.image(&q_c.x[s], &q_c.x[p]);
+            let from = q_c.x[s] - q_c.x[p] - scene.nearest_image_shift(&q_c.x[s], &q_c.x[p]);
             let gap = ((into_axes * from).abs() - half_lengths).max() - scene.bodies[s].radius;
             let [sphere, plane] = [s, p].map(|i| &scene.bodies[i]);
             let near = gap <= scene.listing_range + travel && !(sphere.driven && plane.driven);
-            let see = scene.visibility.see(sphere.class, plane.class).filter(|_| near)?;
-            let found = found(scene, q_c, pair);
-            let approach = Approach { travel, nearby: ways.nearby * sphere.radius };
+            let see = scene.visibility.interaction_rule(sphere.class, plane.class).filter(|_| near)?;
+            let found = contact_geometry(scene, q_c, pair);
+            let approach = ApproachBounds { travel, nearby: ways.nearby * sphere.radius };
             // A plate is convex: what passes it stays beyond the plane through its nearest point. As it turns its surface bends.
             let closing = || {
-                let against = ways.path(s) - path - turn.cross(&from);
+                let against = ways.centre_path(s) - path - turn.cross(&from);
                 let bend = 0.5 * turn.norm_squared() * from.norm();
                 found.gap - ((-found.normal.dot(&against)).max(0.0) + bend).min(travel)
             };
@@ -189,11 +210,15 @@ fn with_planes(scene: &Scene, q_c: &Configuration, ways: &Ways) -> Vec<Listed> {
 
 /// Geometry of a sphere against a sphere or plate.
 #[inline]
-fn found(scene: &Scene, q_c: &Configuration, [candidate, antagonist]: [u32; 2]) -> narrow::Found {
+fn contact_geometry(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    [candidate, antagonist]: [u32; 2],
+) -> narrow::ContactGeometry {
     let [a, b] = [candidate, antagonist].map(|i| (&scene.bodies[i as usize], q_c.x[i as usize]));
-    let (a, b) = ((a.0, &a.1), (b.0, &(b.1 + scene.image(&a.1, &b.1))));
+    let (a, b) = ((a.0, &a.1), (b.0, &(b.1 + scene.nearest_image_shift(&a.1, &b.1))));
     match &b.0.shape {
-        Shape::Plane { half_lengths } => {
+        BodyShape::Plane { half_lengths } => {
             narrow::sphere_plane(a.1, a.0.radius, b.1, &q_c.q[antagonist as usize], half_lengths)
         }
         _ => narrow::sphere_sphere(a.1, a.0.radius, b.1, b.0.radius),
@@ -202,7 +227,7 @@ fn found(scene: &Scene, q_c: &Configuration, [candidate, antagonist]: [u32; 2]) 
 
 /// How near two bodies may come in the step.
 #[derive(Clone, Copy)]
-struct Approach {
+struct ApproachBounds {
     /// At most, by their speeds past what all have in common, m.
     travel: f64,
     /// Gap up to which they are listed whichever way they move, m.
@@ -213,26 +238,26 @@ struct Approach {
 fn is_listed(
     scene: &Scene,
     [candidate, antagonist]: [u32; 2],
-    see: See,
+    see: InteractionRule,
     gap: f64,
-    Approach { travel, nearby }: Approach,
+    ApproachBounds { travel, nearby }: ApproachBounds,
     closing: impl Fn() -> f64,
 ) -> bool {
     // The range of a bond needs the radii, which a near pair is not asked for.
     let law = &scene.laws[see.law as usize];
-    let range = || law.range(scene.effective_radius((candidate, 0), (antagonist, 0)));
+    let range = || law.interaction_range(scene.effective_radius((candidate, 0), (antagonist, 0)));
     gap <= see.alert.max(travel.min(nearby))
-        || (gap <= MARGIN * see.alert + travel && closing() <= MARGIN * see.alert)
+        || (gap <= LISTING_MARGIN * see.alert + travel && closing() <= LISTING_MARGIN * see.alert)
         || (law.cohesion().is_some() && gap <= range())
 }
 
 /// Part of the alert distance by which ways may pass each other and still be listed, so that small changes of velocities by contacts
 /// close no pair that is not listed.
-const MARGIN: f64 = 0.5;
+const LISTING_MARGIN: f64 = 0.5;
 
 #[inline]
-fn contact(scene: &Scene, q_c: &Configuration, pair: [u32; 2], law: u8) -> Contact {
-    let found = found(scene, q_c, pair);
+fn sphere_contact(scene: &Scene, q_c: &ContactConfiguration, pair: [u32; 2], law: u8) -> Contact {
+    let found = contact_geometry(scene, q_c, pair);
     let [candidate, antagonist] = pair;
     Contact {
         candidate,
@@ -240,7 +265,7 @@ fn contact(scene: &Scene, q_c: &Configuration, pair: [u32; 2], law: u8) -> Conta
         ranks: (0, 0),
         features: (0, found.feature),
         point: found.point,
-        image: scene.image(&q_c.x[candidate as usize], &q_c.x[antagonist as usize]),
+        image: scene.nearest_image_shift(&q_c.x[candidate as usize], &q_c.x[antagonist as usize]),
         normal: found.normal,
         gap: found.gap,
         area: 0.0,

@@ -3,12 +3,12 @@
 use crate::math::{Quat, Vec3};
 
 /// Faces of a plate, as features.
-pub const UPPER: u32 = 0;
-pub const LOWER: u32 = 1;
-pub const RIM: u32 = 2;
+pub const PLATE_UPPER_FACE: u32 = 0;
+pub const PLATE_LOWER_FACE: u32 = 1;
+pub const PLATE_RIM: u32 = 2;
 
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Found {
+pub struct ContactGeometry {
     /// m, < 0 interpenetrating.
     pub gap: f64,
     /// Unit, from the antagonist to the candidate.
@@ -27,38 +27,44 @@ pub struct Found {
 /// let found = sphere_sphere(&(Vec3::x() * 4.5), 3.0, &Vec3::zeros(), 1.0);
 /// assert_eq!((found.gap, found.normal, found.point), (0.5, Vec3::x(), Vec3::x() * 1.125));
 /// ```
-pub fn sphere_sphere(a: &Vec3, radius_a: f64, b: &Vec3, radius_b: f64) -> Found {
+pub fn sphere_sphere(a: &Vec3, radius_a: f64, b: &Vec3, radius_b: f64) -> ContactGeometry {
     let between = a - b;
     let distance = between.norm();
     let normal = if distance > 0.0 { between / distance } else { Vec3::x() };
     let gap = distance - (radius_a + radius_b);
-    Found { gap, normal, point: b + normal * (distance * (radius_b / (radius_a + radius_b))), feature: 0 }
+    ContactGeometry { gap, normal, point: b + normal * (distance * (radius_b / (radius_a + radius_b))), feature: 0 }
 }
 
 /// A sphere against a plate: the nearest point of the plate; from within, the nearer contact face.
-pub fn sphere_plane(centre: &Vec3, radius: f64, plate: &Vec3, orientation: &Quat, half_lengths: &Vec3) -> Found {
+pub fn sphere_plane(
+    centre: &Vec3,
+    radius: f64,
+    plate: &Vec3,
+    orientation: &Quat,
+    half_lengths: &Vec3,
+) -> ContactGeometry {
     let local = orientation.inverse_transform_vector(&(centre - plate));
     let nearest = Vec3::from_fn(|k, _| local[k].clamp(-half_lengths[k], half_lengths[k]));
     let away = local - nearest;
     let (distance, normal, feature) = if away.z != 0.0 && away.x == 0.0 && away.y == 0.0 {
-        (away.z.abs(), Vec3::z() * away.z.signum(), if away.z > 0.0 { UPPER } else { LOWER })
+        (away.z.abs(), Vec3::z() * away.z.signum(), if away.z > 0.0 { PLATE_UPPER_FACE } else { PLATE_LOWER_FACE })
     } else if away.norm() > 0.0 {
-        (away.norm(), away.normalize(), RIM)
+        (away.norm(), away.normalize(), PLATE_RIM)
     } else if local.z >= 0.0 {
-        (local.z - half_lengths.z, Vec3::z(), UPPER)
+        (local.z - half_lengths.z, Vec3::z(), PLATE_UPPER_FACE)
     } else {
-        (-local.z - half_lengths.z, -Vec3::z(), LOWER)
+        (-local.z - half_lengths.z, -Vec3::z(), PLATE_LOWER_FACE)
     };
     let normal = orientation * normal;
     let gap = distance - radius;
-    Found { gap, normal, point: centre - normal * (radius + 0.5 * gap), feature }
+    ContactGeometry { gap, normal, point: centre - normal * (radius + 0.5 * gap), feature }
 }
 
 /// Features of a cylinder: its round side, the end along its axis, the other end, the rims.
-pub const SIDE: u32 = 0;
-pub const END: u32 = 1;
-pub const OTHER_END: u32 = 2;
-pub const RIMS: u32 = 3;
+pub const CYLINDER_SIDE: u32 = 0;
+pub const CYLINDER_END: u32 = 1;
+pub const CYLINDER_OTHER_END: u32 = 2;
+pub const CYLINDER_RIM: u32 = 3;
 
 /// A sphere against a cylinder of `[half height, radius]` along its third axis: the nearest point of a solid one, from
 /// within through the nearest face; of a hollow one, which is closed, the side and the nearer end as seen from within.
@@ -69,25 +75,25 @@ pub fn sphere_cylinder(
     orientation: &Quat,
     [half_height, wide]: [f64; 2],
     hollow: bool,
-) -> [Option<Found>; 2] {
+) -> [Option<ContactGeometry>; 2] {
     let local = orientation.inverse_transform_vector(&(centre - cylinder));
     let rho = local.x.hypot(local.y);
     let outward = if rho > 0.0 { Vec3::new(local.x / rho, local.y / rho, 0.0) } else { Vec3::x() };
     let up = Vec3::z() * 1f64.copysign(local.z);
-    let end = if local.z >= 0.0 { END } else { OTHER_END };
+    let end = if local.z >= 0.0 { CYLINDER_END } else { CYLINDER_OTHER_END };
     let (beside, beyond) = (rho - wide, local.z.abs() - half_height);
     let found = |normal: Vec3, distance: f64, feature: u32| {
         let (normal, gap) = (orientation * normal, distance - radius);
-        Some(Found { gap, normal, point: centre - normal * (radius + 0.5 * gap), feature })
+        Some(ContactGeometry { gap, normal, point: centre - normal * (radius + 0.5 * gap), feature })
     };
     if hollow {
-        return [found(-outward, -beside, SIDE), found(-up, -beyond, end)];
+        return [found(-outward, -beside, CYLINDER_SIDE), found(-up, -beyond, end)];
     }
     let solid = if beside > 0.0 && beyond > 0.0 {
         let distance = beside.hypot(beyond);
-        found((outward * beside + up * beyond) / distance, distance, RIMS)
+        found((outward * beside + up * beyond) / distance, distance, CYLINDER_RIM)
     } else if beside >= beyond {
-        found(outward, beside, SIDE)
+        found(outward, beside, CYLINDER_SIDE)
     } else {
         found(up, beyond, end)
     };
@@ -109,16 +115,16 @@ mod tests {
         let half = Vec3::new(2.0, 1.0, 0.5);
         let at = |x, y, z| sphere_plane(&Vec3::new(x, y, z), 0.25, &Vec3::zeros(), &Quat::identity(), &half);
         let above = at(0.3, 0.2, 1.0);
-        assert_eq!((above.gap, above.normal, above.feature), (0.25, Vec3::z(), UPPER));
+        assert_eq!((above.gap, above.normal, above.feature), (0.25, Vec3::z(), PLATE_UPPER_FACE));
         assert_eq!(above.point, Vec3::new(0.3, 0.2, 0.625));
         let below = at(0.3, 0.2, -1.0);
-        assert_eq!((below.gap, below.normal, below.feature), (0.25, -Vec3::z(), LOWER));
+        assert_eq!((below.gap, below.normal, below.feature), (0.25, -Vec3::z(), PLATE_LOWER_FACE));
         let beside = at(2.3, 0.0, 0.9);
-        assert_eq!(beside.feature, RIM);
+        assert_eq!(beside.feature, PLATE_RIM);
         // 3-4-5: the rim is 0.5 m away.
         assert!((beside.gap - 0.25).abs() < 1e-15 && (beside.normal - Vec3::new(0.6, 0.0, 0.8)).norm() < 1e-15);
         let inside = at(0.0, 0.0, 0.4);
-        assert_eq!((inside.normal, inside.feature), (Vec3::z(), UPPER));
+        assert_eq!((inside.normal, inside.feature), (Vec3::z(), PLATE_UPPER_FACE));
         assert!((inside.gap + 0.35).abs() < 1e-16);
     }
 
@@ -130,18 +136,18 @@ mod tests {
             sphere_cylinder(&Vec3::new(x, y, z), 0.25, &Vec3::zeros(), &turn, [1.0, 2.0], hollow)
                 .map(Option::unwrap_or_default)
         };
-        let check = |found: Found, gap: f64, normal: [f64; 3], feature: u32| {
+        let check = |found: ContactGeometry, gap: f64, normal: [f64; 3], feature: u32| {
             // A few roundings of numbers up to 3, of which the distance is a difference.
             assert!((found.gap - gap).abs() < 1e-14 && (found.normal - Vec3::from(normal)).norm() < 1e-14, "{found:?}");
             assert_eq!(found.feature, feature);
         };
-        check(at(0.5, 2.5, 0.0, false)[0], 0.25, [0.0, 1.0, 0.0], SIDE);
-        check(at(1.5, 0.5, 0.0, false)[0], 0.25, [1.0, 0.0, 0.0], END);
-        check(at(-1.3, 0.0, 2.4, false)[0], 0.25, [-0.6, 0.0, 0.8], RIMS);
-        check(at(-0.9, 0.0, 0.0, false)[0], -0.35, [-1.0, 0.0, 0.0], OTHER_END);
+        check(at(0.5, 2.5, 0.0, false)[0], 0.25, [0.0, 1.0, 0.0], CYLINDER_SIDE);
+        check(at(1.5, 0.5, 0.0, false)[0], 0.25, [1.0, 0.0, 0.0], CYLINDER_END);
+        check(at(-1.3, 0.0, 2.4, false)[0], 0.25, [-0.6, 0.0, 0.8], CYLINDER_RIM);
+        check(at(-0.9, 0.0, 0.0, false)[0], -0.35, [-1.0, 0.0, 0.0], CYLINDER_OTHER_END);
         let [side, end] = at(0.5, 0.0, -1.5, true);
-        check(side, 0.25, [0.0, 0.0, 1.0], SIDE);
-        check(end, 0.25, [-1.0, 0.0, 0.0], END);
+        check(side, 0.25, [0.0, 0.0, 1.0], CYLINDER_SIDE);
+        check(end, 0.25, [-1.0, 0.0, 0.0], CYLINDER_END);
     }
 
     #[test]

@@ -6,24 +6,24 @@
 use rayon::prelude::*;
 
 use crate::detect::periodic;
-use crate::detect::swept::Moving;
-use crate::math::{MANY, Vec3};
-use crate::state::Neighbours;
+use crate::detect::swept::SweptBall;
+use crate::math::{PAR_MIN_LEN, Vec3};
+use crate::state::NeighbourList;
 
 /// Room of what does not move, over the mean radius.
-const ROOM: f64 = 0.01;
+const MIN_SKIN: f64 = 0.01;
 /// What moves has room for so many steps besides.
-const STEPS: f64 = 6.0;
+const SKIN_STEPS: f64 = 6.0;
 /// Mean room over the mean radius, beyond which pairs that are not near cost more than they save.
-const MOST: f64 = 0.2;
+const MAX_MEAN_SKIN: f64 = 0.2;
 /// Room where nothing is to be saved: what rounding may make of a distance.
-const NONE: f64 = 1e-9;
+const ROUNDING_SKIN: f64 = 1e-9;
 /// Pairs that cells would find per thing, over those of things that rest, from which on paths are searched instead: cells
 /// know speeds against a common velocity alone.
-const CROWDED: f64 = 3.0;
+const CROWDING_LIMIT: f64 = 3.0;
 
 /// Things that move, in whose order pairs are numbered.
-pub struct Things<'a, P> {
+pub struct BoundingBalls<'a, P> {
     /// m
     pub centres: &'a [Vec3],
     /// Radius with `travel` and half of the distance at which pairs are listed, m.
@@ -34,52 +34,53 @@ pub struct Things<'a, P> {
     pub travel: &'a [f64],
 }
 
-impl<P: Fn(usize) -> Vec3 + Sync> Things<'_, P> {
+impl<P: Fn(usize) -> Vec3 + Sync> BoundingBalls<'_, P> {
     /// Whether reaches that hold the travel meet those of many more things than come near.
     fn are_crowded(&self) -> bool {
         let mut both = self.reach.iter().zip(self.travel);
         // The sum below is more only if one of its terms is.
-        let least = 1.0 - CROWDED.cbrt().recip();
+        let least = 1.0 - CROWDING_LIMIT.cbrt().recip();
         if both.all(|(reach, travel)| *travel <= least * reach) {
             return false;
         }
         let count = self.centres.len() as f64;
         let more = |(reach, travel): (&f64, &f64)| (reach / (reach - travel)).powi(3).min(count);
-        self.reach.iter().zip(self.travel).map(more).sum::<f64>() > CROWDED * count
+        self.reach.iter().zip(self.travel).map(more).sum::<f64>() > CROWDING_LIMIT * count
     }
 
-    fn swept(&self, periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
+    fn swept_pairs(&self, periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
         let ball = |k: usize| {
             let reach = self.reach[k] - self.travel[k];
-            Moving { centre: self.centres[k], path: (self.path)(k), reach, searched: true }
+            SweptBall { centre: self.centres[k], path: (self.path)(k), reach, searched: true }
         };
-        let balls: Vec<Moving> = (0..self.centres.len()).into_par_iter().with_min_len(MANY).map(ball).collect();
-        periodic::pairs_swept(&balls, self.reach, periods)
+        let balls: Vec<SweptBall> =
+            (0..self.centres.len()).into_par_iter().with_min_len(PAR_MIN_LEN).map(ball).collect();
+        periodic::periodic_swept_pairs(&balls, self.reach, periods)
     }
 }
 
-impl Neighbours {
+impl NeighbourList {
     /// Updates the pairs to those of `things`; returns whether they had to be searched for.
     ///
     /// `size`: the mean radius, m.
-    pub fn renew<P: Fn(usize) -> Vec3 + Sync>(
+    pub fn rebuild_if_stale<P: Fn(usize) -> Vec3 + Sync>(
         &mut self,
-        things: &Things<P>,
+        things: &BoundingBalls<P>,
         periods: [Option<f64>; 2],
         size: f64,
     ) -> bool {
-        let &Things { centres, reach, travel, .. } = things;
+        let &BoundingBalls { centres, reach, travel, .. } = things;
         if things.are_crowded() {
-            *self = Neighbours { pairs: things.swept(periods), ..Neighbours::default() };
+            *self = NeighbourList { pairs: things.swept_pairs(periods), ..NeighbourList::default() };
             return true;
         }
         let known = self.centres.len() == centres.len();
         let stay = |shift: Vec3| {
             let stays = |k: usize| {
                 let moved = centres[k] - self.centres[k] - shift;
-                moved.norm() + (reach[k] - self.reach[k]).max(0.0) <= self.room[k]
+                moved.norm() + (reach[k] - self.reach[k]).max(0.0) <= self.skin[k]
             };
-            (0..centres.len()).into_par_iter().with_min_len(MANY).all(stays)
+            (0..centres.len()).into_par_iter().with_min_len(PAR_MIN_LEN).all(stays)
         };
         // What all have in common changes no distance.
         let shift = |from: &[Vec3]| {
@@ -95,13 +96,13 @@ impl Neighbours {
             let way = if known { centres[k] - self.last[k] } else { return travel[k] };
             way.norm().min((way - common).norm())
         };
-        self.room = (0..centres.len()).map(|k| ROOM * size + STEPS * way(k)).collect();
-        if self.room.iter().sum::<f64>() > MOST * size * reach.len() as f64 {
-            self.room.fill(NONE * size);
+        self.skin = (0..centres.len()).map(|k| MIN_SKIN * size + SKIN_STEPS * way(k)).collect();
+        if self.skin.iter().sum::<f64>() > MAX_MEAN_SKIN * size * reach.len() as f64 {
+            self.skin.fill(ROUNDING_SKIN * size);
         }
         (self.centres, self.reach, self.last) = (centres.to_vec(), reach.to_vec(), centres.to_vec());
-        let wide: Vec<f64> = reach.iter().zip(&self.room).map(|(reach, room)| reach + room).collect();
-        self.pairs = periodic::pairs(centres, &wide, periods);
+        let wide: Vec<f64> = reach.iter().zip(&self.skin).map(|(reach, room)| reach + room).collect();
+        self.pairs = periodic::periodic_pairs(centres, &wide, periods);
         true
     }
 }
@@ -109,31 +110,31 @@ impl Neighbours {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::random::in_ball;
+    use crate::math::random::point_in_ball;
 
     /// A crowd that moves by up to `speed` a step, with reaches that come and go.
     fn crowd(step: f64, speed: f64) -> (Vec<Vec3>, Vec<f64>) {
         let x = (0..300).map(|k| {
             let way = Vec3::new((1.7 * k as f64).sin(), (2.3 * k as f64).cos(), (0.9 * k as f64).sin()).normalize();
-            in_ball(k) * 8.0 + way * (speed * step)
+            point_in_ball(k) * 8.0 + way * (speed * step)
         });
         let reach = (0..300).map(|k| 1.0 + 0.5 * speed * (k as f64 + step).sin());
         (x.collect(), reach.collect())
     }
 
     /// Things whose motion within a step is in their reaches.
-    fn at_rest<'a>(centres: &'a [Vec3], reach: &'a [f64]) -> Things<'a, impl Fn(usize) -> Vec3 + Sync> {
-        Things { centres, reach, path: |_| Vec3::zeros(), travel: &[0.0; 300] }
+    fn at_rest<'a>(centres: &'a [Vec3], reach: &'a [f64]) -> BoundingBalls<'a, impl Fn(usize) -> Vec3 + Sync> {
+        BoundingBalls { centres, reach, path: |_| Vec3::zeros(), travel: &[0.0; 300] }
     }
 
     #[test]
     fn what_all_have_in_common_leaves_no_room() {
-        let (mut neighbours, mut looked) = (Neighbours::default(), 0);
+        let (mut neighbours, mut looked) = (NeighbourList::default(), 0);
         for step in 0..60 {
             let (mut x, reach) = crowd(f64::from(step), 0.001);
             x.iter_mut().for_each(|x| *x += Vec3::new(7.0, -3.0, 0.1) * f64::from(step * step));
-            looked += usize::from(neighbours.renew(&at_rest(&x, &reach), [None; 2], 1.0));
-            for pair in &periodic::pairs(&x, &reach, [None; 2]) {
+            looked += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), [None; 2], 1.0));
+            for pair in &periodic::periodic_pairs(&x, &reach, [None; 2]) {
                 assert!(neighbours.pairs.contains(pair), "{step}: {pair:?}");
             }
         }
@@ -148,11 +149,12 @@ mod tests {
         let travel = vec![500.0; 600];
         let reach: Vec<f64> = reach.iter().map(|reach| reach + 500.0).collect();
         let path = |k: usize| Vec3::x() * if k < 300 { -500.0 } else { 500.0 };
-        let mut neighbours = Neighbours::default();
-        let things = Things { centres: &x, reach: &reach, path, travel: &travel };
-        assert!(neighbours.renew(&things, [None; 2], 1.0));
+        let mut neighbours = NeighbourList::default();
+        let things = BoundingBalls { centres: &x, reach: &reach, path, travel: &travel };
+        assert!(neighbours.rebuild_if_stale(&things, [None; 2], 1.0));
         let rest: Vec<f64> = reach.iter().map(|reach| reach - 500.0).collect();
-        let apart = |range: std::ops::Range<usize>| periodic::pairs(&x[range.clone()], &rest[range], [None; 2]).len();
+        let apart =
+            |range: std::ops::Range<usize>| periodic::periodic_pairs(&x[range.clone()], &rest[range], [None; 2]).len();
         assert_eq!(neighbours.pairs.len(), apart(0..300) + apart(300..600));
     }
 
@@ -162,11 +164,11 @@ mod tests {
         for (speed, looks, periods) in
             [(0.001, 2..9, free), (0.01, 5..20, free), (1.0, 60..61, free), (0.002, 2..9, [Some(13.0), None])]
         {
-            let (mut neighbours, mut looked) = (Neighbours::default(), 0);
+            let (mut neighbours, mut looked) = (NeighbourList::default(), 0);
             for step in 0..60 {
                 let (x, reach) = crowd(f64::from(step), speed);
-                looked += usize::from(neighbours.renew(&at_rest(&x, &reach), periods, 1.0));
-                let pairs = periodic::pairs(&x, &reach, periods);
+                looked += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), periods, 1.0));
+                let pairs = periodic::periodic_pairs(&x, &reach, periods);
                 assert!(!pairs.is_empty());
                 for pair in &pairs {
                     assert!(neighbours.pairs.contains(pair), "{speed} {step}: {pair:?}");
@@ -179,11 +181,11 @@ mod tests {
 
     #[test]
     fn one_that_flies_off_is_not_looked_for_in_each_step() {
-        let (mut neighbours, mut looked) = (Neighbours::default(), 0);
+        let (mut neighbours, mut looked) = (NeighbourList::default(), 0);
         for step in 0..60 {
             let (mut x, reach) = crowd(0.0, 0.0);
             x[7] += Vec3::new(10.0, 0.5 * f64::from(step), 0.01 * f64::from(step * step));
-            looked += usize::from(neighbours.renew(&at_rest(&x, &reach), [None; 2], 1.0));
+            looked += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), [None; 2], 1.0));
         }
         assert!((8..20).contains(&looked), "{looked}");
     }

@@ -1,39 +1,39 @@
 //! Near pairs in a space that comes again along x, y or both.
 
 use crate::detect::broad;
-use crate::detect::swept::{self, Moving};
+use crate::detect::swept::{self, SweptBall};
 use crate::math::Vec3;
 
 /// Steps to images of which each pair of neighbouring cells is one.
-const HALF: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
+const IMAGE_STEPS: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
 
-/// All pairs i < j of which some images are as near as [`broad::pairs`] asks, each once, in an order that does not depend
+/// All pairs i < j of which some images are as near as [`broad::near_pairs`] asks, each once, in an order that does not depend
 /// on threads.
 ///
 /// Positions may be anywhere; images of what is near a cell's border are put beyond the opposite one.
-pub fn pairs(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
+pub fn periodic_pairs(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
     if periods == [None; 2] {
-        return broad::pairs(x, reach);
+        return broad::near_pairs(x, reach);
     }
-    let (centres, of) = images(x, reach, periods);
+    let (centres, of) = periodic_images(x, reach, periods);
     let reaches: Vec<f64> = of.iter().map(|&i| reach[i as usize]).collect();
-    own(broad::pairs(&centres, &reaches), x.len(), &of)
+    pairs_of_originals(broad::near_pairs(&centres, &reaches), x.len(), &of)
 }
 
-/// The same of [`swept::pairs`]; `reach`: radii with the whole length of the paths, m.
-pub fn pairs_swept(balls: &[Moving], reach: &[f64], periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
+/// The same of [`swept::swept_pairs`]; `reach`: radii with the whole length of the paths, m.
+pub fn periodic_swept_pairs(balls: &[SweptBall], reach: &[f64], periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
     if periods == [None; 2] {
-        return swept::pairs(balls);
+        return swept::swept_pairs(balls);
     }
     let x: Vec<Vec3> = balls.iter().map(|ball| ball.centre).collect();
-    let (centres, of) = images(&x, reach, periods);
-    let moved = |(centre, &i): (&Vec3, &u32)| Moving { centre: *centre, ..balls[i as usize] };
-    let moving: Vec<Moving> = centres.iter().zip(&of).map(moved).collect();
-    own(swept::pairs(&moving), x.len(), &of)
+    let (centres, of) = periodic_images(&x, reach, periods);
+    let moved = |(centre, &i): (&Vec3, &u32)| SweptBall { centre: *centre, ..balls[i as usize] };
+    let moving: Vec<SweptBall> = centres.iter().zip(&of).map(moved).collect();
+    pairs_of_originals(swept::swept_pairs(&moving), x.len(), &of)
 }
 
 /// Pairs of things from pairs of their images, of which the first `count` are the things themselves.
-fn own(found: Vec<[u32; 2]>, count: usize, of: &[u32]) -> Vec<[u32; 2]> {
+fn pairs_of_originals(found: Vec<[u32; 2]>, count: usize, of: &[u32]) -> Vec<[u32; 2]> {
     // Of two images the pair is another's.
     let own = found.into_iter().filter(|[i, _]| (*i as usize) < count);
     let mut pairs: Vec<[u32; 2]> = own.map(|pair| pair.map(|k| of[k as usize])).filter(|[i, j]| i != j).collect();
@@ -44,7 +44,7 @@ fn own(found: Vec<[u32; 2]>, count: usize, of: &[u32]) -> Vec<[u32; 2]> {
 }
 
 /// Centres within the cell, then those of the images that may be near, and what each is an image of.
-fn images(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> (Vec<Vec3>, Vec<u32>) {
+fn periodic_images(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> (Vec<Vec3>, Vec<u32>) {
     let within = |x: f64, period: Option<f64>| period.map_or(x, |period| x - period * (x / period).round());
     let mut centres: Vec<Vec3> =
         x.iter().map(|x| Vec3::new(within(x.x, periods[0]), within(x.y, periods[1]), x.z)).collect();
@@ -54,7 +54,7 @@ fn images(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> (Vec<Vec3>, V
     let steps = |wide: bool| {
         let signs: &[f64] = if wide { &[1.0, -1.0] } else { &[1.0] };
         let allowed = |step: &[f64; 2]| (0..2).all(|k| step[k] == 0.0 || periods[k].is_some());
-        let all = HALF.iter().flat_map(|step| signs.iter().map(|sign| [sign * step[0], sign * step[1]]));
+        let all = IMAGE_STEPS.iter().flat_map(|step| signs.iter().map(|sign| [sign * step[0], sign * step[1]]));
         all.filter(allowed).collect::<Vec<_>>()
     };
     let steps = [steps(false), steps(true)];
@@ -105,7 +105,7 @@ mod tests {
                 }
             }
             expected.sort_unstable();
-            prop_assert_eq!(pairs(&x, &reach, periods), expected);
+            prop_assert_eq!(periodic_pairs(&x, &reach, periods), expected);
         }
     }
 }

@@ -10,13 +10,13 @@ use rayon::prelude::*;
 use crate::math::Vec3;
 
 /// Balls in a leaf of the tree.
-const LEAF: usize = 8;
+const MAX_LEAF_BALLS: usize = 8;
 /// Part of a reach, and of the length of the step, that rounding may take away.
-const ROUNDING: f64 = 1e-9;
+const ROUNDING_MARGIN: f64 = 1e-9;
 
 /// A ball on its straight way through a step.
 #[derive(Debug, Clone, Copy)]
-pub struct Moving {
+pub struct SweptBall {
     /// At the step's contact configuration, m.
     pub centre: Vec3,
     /// Displacement in the time looked ahead, m.
@@ -42,7 +42,7 @@ pub fn least_distance(between: &Vec3, path: &Vec3) -> f64 {
     (between + path * (along / path.norm_squared()).min(1.0)).norm()
 }
 
-struct Node {
+struct BoxNode {
     /// Least and greatest coordinates of the balls, their reach included, and displacements, m.
     balls: [[f64; 2]; 3],
     paths: [[f64; 2]; 3],
@@ -54,35 +54,35 @@ struct Node {
     searched: bool,
 }
 
-struct Tree<'a> {
-    balls: &'a [Moving],
+struct BoxTree<'a> {
+    balls: &'a [SweptBall],
     order: Vec<u32>,
-    nodes: Vec<Node>,
+    nodes: Vec<BoxNode>,
 }
 
-impl<'a> Tree<'a> {
-    fn new(balls: &'a [Moving]) -> Self {
-        let mut tree = Tree { balls, order: (0..balls.len() as u32).collect(), nodes: Vec::new() };
-        tree.build(0, balls.len());
+impl<'a> BoxTree<'a> {
+    fn new(balls: &'a [SweptBall]) -> Self {
+        let mut tree = BoxTree { balls, order: (0..balls.len() as u32).collect(), nodes: Vec::new() };
+        tree.build_subtree(0, balls.len());
         tree
     }
 
-    fn build(&mut self, first: usize, end: usize) {
-        const NONE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
-        let mut node = Node {
-            balls: [NONE; 3],
-            paths: [NONE; 3],
+    fn build_subtree(&mut self, first: usize, end: usize) {
+        const EMPTY_RANGE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut node = BoxNode {
+            balls: [EMPTY_RANGE; 3],
+            paths: [EMPTY_RANGE; 3],
             first: first as u32,
             end: end as u32,
             second: 0,
             searched: false,
         };
         // Of the centres and displacements alone.
-        let mut extent = [NONE; 6];
+        let mut extent = [EMPTY_RANGE; 6];
         let widen = |range: &mut [f64; 2], low: f64, high: f64| *range = [range[0].min(low), range[1].max(high)];
         for &i in &self.order[first..end] {
             let ball = &self.balls[i as usize];
-            let reach = ball.reach * (1.0 + ROUNDING);
+            let reach = ball.reach * (1.0 + ROUNDING_MARGIN);
             for (k, extent) in extent[..3].iter_mut().enumerate() {
                 widen(&mut node.balls[k], ball.centre[k] - reach, ball.centre[k] + reach);
                 widen(&mut node.paths[k], ball.path[k], ball.path[k]);
@@ -93,7 +93,7 @@ impl<'a> Tree<'a> {
         extent[3..].copy_from_slice(&node.paths);
         let place = self.nodes.len();
         self.nodes.push(node);
-        if end - first <= LEAF {
+        if end - first <= MAX_LEAF_BALLS {
             return;
         }
         let axis = (0..6).max_by(|a, b| (extent[*a][1] - extent[*a][0]).total_cmp(&(extent[*b][1] - extent[*b][0])));
@@ -106,17 +106,17 @@ impl<'a> Tree<'a> {
         let half = (end - first) / 2;
         let order = |a: &u32, b: &u32| coordinate(a).total_cmp(&coordinate(b)).then(a.cmp(b));
         self.order[first..end].select_nth_unstable_by(half, order);
-        self.build(first, first + half);
+        self.build_subtree(first, first + half);
         self.nodes[place].second = self.nodes.len() as u32;
-        self.build(first + half, end);
+        self.build_subtree(first + half, end);
     }
 
     /// Adds the pairs of the leaf `a` with itself and with leaves behind it.
-    fn pairs_of(&self, a: &Node, pairs: &mut Vec<[u32; 2]>) {
+    fn add_leaf_pairs(&self, a: &BoxNode, pairs: &mut Vec<[u32; 2]>) {
         let mut stack = vec![0u32];
         while let Some(k) = stack.pop() {
             let b = &self.nodes[k as usize];
-            if b.end <= a.first || !(a.searched || b.searched) || !meet(a, b) {
+            if b.end <= a.first || !(a.searched || b.searched) || !can_meet(a, b) {
                 continue;
             }
             if b.second != 0 {
@@ -144,7 +144,7 @@ impl<'a> Tree<'a> {
 }
 
 /// Whether a ball of each can reach the other's at some time of the step.
-fn meet(a: &Node, b: &Node) -> bool {
+fn can_meet(a: &BoxNode, b: &BoxNode) -> bool {
     // The part of the step in which the boxes, which grow as their balls part, overlap along all axes.
     let mut part = [0.0, 1.0f64];
     for k in 0..3 {
@@ -160,16 +160,16 @@ fn meet(a: &Node, b: &Node) -> bool {
             }
         }
     }
-    part[0] <= part[1] + ROUNDING
+    part[0] <= part[1] + ROUNDING_MARGIN
 }
 
 /// All pairs i < j of balls that touch or overlap within the step, in an order that does not depend on threads.
-pub fn pairs(balls: &[Moving]) -> Vec<[u32; 2]> {
-    let tree = Tree::new(balls);
-    let leaves: Vec<&Node> = tree.nodes.iter().filter(|node| node.second == 0).collect();
+pub fn swept_pairs(balls: &[SweptBall]) -> Vec<[u32; 2]> {
+    let tree = BoxTree::new(balls);
+    let leaves: Vec<&BoxNode> = tree.nodes.iter().filter(|node| node.second == 0).collect();
     let found = leaves.par_chunks(16).map(|leaves| {
         let mut pairs = Vec::new();
-        leaves.iter().for_each(|leaf| tree.pairs_of(leaf, &mut pairs));
+        leaves.iter().for_each(|leaf| tree.add_leaf_pairs(leaf, &mut pairs));
         pairs
     });
     found.collect::<Vec<_>>().concat()
@@ -196,14 +196,14 @@ mod tests {
             let ball = |(x, u, size, searched, group): ([f64; 3], [f64; 3], f64, bool, u32)| {
                 // Groups that move past each other, one of them far away.
                 let (away, common) = [(0.0, 0.0), (5.0, -20.0), (1e6, 1e3)][group as usize];
-                Moving {
+                SweptBall {
                     centre: Vec3::from(x) + Vec3::x() * away,
                     path: Vec3::from(u) * 0.3 + Vec3::x() * common,
                     reach: size.exp2(),
                     searched,
                 }
             };
-            let balls: Vec<Moving> = points.into_iter().map(ball).collect();
+            let balls: Vec<SweptBall> = points.into_iter().map(ball).collect();
             let mut expected = Vec::new();
             for j in 0..balls.len() {
                 for i in 0..j {
@@ -214,24 +214,24 @@ mod tests {
                     }
                 }
             }
-            prop_assert_eq!(sorted(pairs(&balls)), sorted(expected));
+            prop_assert_eq!(sorted(swept_pairs(&balls)), sorted(expected));
         }
     }
 
     #[test]
     fn work_goes_with_pairs_where_two_groups_move_apart() {
         // Two cubes of 10 x 10 x 10 balls, in each of which neighbours touch.
-        let balls: Vec<Moving> = (0..2000u32)
+        let balls: Vec<SweptBall> = (0..2000u32)
             .map(|k| {
                 let (side, k) = (f64::from(k / 1000), k % 1000);
                 let centre = Vec3::new(f64::from(k % 10) + side * 11.0, f64::from(k / 10 % 10), f64::from(k / 100));
-                Moving { centre, path: Vec3::x() * (1e4 * side), reach: 0.5, searched: true }
+                SweptBall { centre, path: Vec3::x() * (1e4 * side), reach: 0.5, searched: true }
             })
             .collect();
-        assert_eq!(pairs(&balls).len(), 2 * 3 * 900);
-        let tree = Tree::new(&balls);
+        assert_eq!(swept_pairs(&balls).len(), 2 * 3 * 900);
+        let tree = BoxTree::new(&balls);
         let leaves = tree.nodes.iter().filter(|node| node.second == 0).count();
-        let met: usize = tree.nodes.iter().map(|a| tree.nodes.iter().filter(|b| meet(a, b)).count()).sum();
+        let met: usize = tree.nodes.iter().map(|a| tree.nodes.iter().filter(|b| can_meet(a, b)).count()).sum();
         // Each node meets a few neighbours at each of its eight levels.
         assert!(met < 200 * leaves, "{met}");
     }

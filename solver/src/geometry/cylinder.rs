@@ -7,17 +7,19 @@
 
 use smallvec::SmallVec;
 
-use super::patch::{Corner, EDGE_ON, ON_SIDE, Patch, Polygon, nearer_than, share_at_tilt};
-use super::search::{aligned, ends, seen};
-use super::{Manifold, Point, Posed, Range, edge, face, vertex};
+use super::patch::{
+    ContactPatch, MIN_FACE_COSINE, ON_SIDE_DISTANCE, PatchCorner, Polygon, clipped_to_gap, share_at_tilt,
+};
+use super::search::{aligned_face, edge_ends, support_face};
+use super::{ContactPoint, ListingRange, Manifold, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::lanes::Scalar;
 use crate::math::{Quat, Vec3};
 
 /// What of a cylinder is touched: its round side, the end along its axis, the other, or from this number on a rim.
-pub const SIDE: u32 = 0;
-pub const END: u32 = 1;
-pub const OTHER_END: u32 = 2;
-pub const RIM: u32 = 3;
+pub const CYLINDER_SIDE: u32 = 0;
+pub const CYLINDER_END: u32 = 1;
+pub const CYLINDER_OTHER_END: u32 = 2;
+pub const CYLINDER_RIM: u32 = 3;
 
 /// Polyhedron A against a solid cylinder at `c` = x_B - x_A (m) with the orientation `q`, its axis the third, of
 /// `[half height, radius]` (m); `None` where they are farther apart than `range` lists.
@@ -31,18 +33,18 @@ pub const RIM: u32 = 3;
 /// # use cd_solve::geometry::{Polyhedron, polyhedron_cylinder};
 /// # use cd_solve::math::{Quat, Vec3};
 /// let cube = Polyhedron::cuboid(&Vec3::repeat(1.0));
-/// let posed = cube.posed(&Quat::identity());
+/// let posed = cube.posed_by(&Quat::identity());
 /// // The cube stands on the end of a pillar.
 /// let c = Vec3::new(0.0, 0.0, -3.5);
 /// let found = polyhedron_cylinder(&posed, &c, &Quat::identity(), [2.25, 4.0], 0.5).unwrap();
 /// assert_eq!((found.normal, found.gap(), found.points.len(), found.area), (Vec3::z(), 0.25, 4, 4.0));
 /// ```
 pub fn polyhedron_cylinder(
-    a: &Posed,
+    a: &PosedPolyhedron,
     c: &Vec3,
     q: &Quat,
     [half_height, radius]: [f64; 2],
-    range: impl Into<Range>,
+    range: impl Into<ListingRange>,
 ) -> Option<Manifold> {
     let range = range.into();
     let centre = q.inverse_transform_vector(&-c);
@@ -55,33 +57,33 @@ pub fn polyhedron_cylinder(
     let local = |v: Vec3| q.inverse_transform_vector(&(v - c));
     let vertices = (0..a.shape.vertices().len() as u32).map(|k| local(a.vertex(k))).collect();
     let tie = 4e-12 * small + 32.0 * f64::EPSILON * sum;
-    let pair = Pair { a, c, q, half_height, radius, vertices, small, tie };
-    let axis = pair.axis();
+    let pair = CylinderPair { a, c, q, half_height, radius, vertices, small, tie };
+    let axis = pair.best_axis();
     if axis.s > range.alert {
         return None;
     }
-    let mut patch = Patch { normal: -(q * axis.m), ..Patch::default() };
-    let f = pair.face(&axis);
+    let mut patch = ContactPatch { normal: -(q * axis.m), ..ContactPatch::default() };
+    let f = pair.contact_face(&axis);
     if axis.m.z.abs() >= axis.m.xy().norm() {
-        pair.see_end(&axis.m, f, range.area, &mut patch);
+        pair.collect_end_corners(&axis.m, f, range.area, &mut patch);
     } else {
-        pair.see_side(&axis.m, f, &mut patch);
+        pair.collect_side_corners(&axis.m, f, &mut patch);
     }
     for corner in &mut patch.corners {
         // The gap of the direction itself, where rounding is all that is between them.
         corner.gap = if corner.gap <= axis.s + tie { axis.s } else { corner.gap };
     }
-    if patch.holds(axis.s, tie) {
+    if patch.has_axis_gap(axis.s, tie) {
         let mut manifold = Manifold::default();
-        patch.manifold(range, tie, &mut manifold);
+        patch.write_manifold(range, tie, &mut manifold);
         return (!manifold.points.is_empty()).then_some(manifold);
     }
-    let point = pair.own_point(&axis);
+    let point = pair.axis_point(&axis);
     Some(Manifold { normal: -patch.normal, points: [point].into_iter().collect(), area: 0.0 })
 }
 
-struct Pair<'a> {
-    a: &'a Posed<'a>,
+struct CylinderPair<'a> {
+    a: &'a PosedPolyhedron<'a>,
     c: &'a Vec3,
     q: &'a Quat,
     half_height: f64,
@@ -96,77 +98,77 @@ struct Pair<'a> {
 
 /// What of A decides a direction.
 #[derive(Debug, Clone, Copy)]
-enum Feature {
+enum CylinderFeature {
     Face(u32),
     Edge(u32),
     Vertex,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Axis {
+struct CylinderSearchAxis {
     /// Unit, from the cylinder to A.
     m: Vec3,
     s: f64,
-    feature: Feature,
+    feature: CylinderFeature,
 }
 
-impl Pair<'_> {
+impl CylinderPair<'_> {
     /// The best direction.
-    fn axis(&self) -> Axis {
+    fn best_axis(&self) -> CylinderSearchAxis {
         let (shape, posed) = (self.a.shape, self.a);
-        let mut best = Axis { m: Vec3::z(), s: f64::NEG_INFINITY, feature: Feature::Vertex };
-        for f in 0..shape.planes().len() as u32 {
-            let m = -self.q.inverse_transform_vector(&posed.normal(f));
-            self.attempt(&mut best, m, Feature::Face(f));
+        let mut best = CylinderSearchAxis { m: Vec3::z(), s: f64::NEG_INFINITY, feature: CylinderFeature::Vertex };
+        for f in 0..shape.face_planes().len() as u32 {
+            let m = -self.q.inverse_transform_vector(&posed.face_normal(f));
+            self.try_axis(&mut best, m, CylinderFeature::Face(f));
         }
-        self.attempt(&mut best, Vec3::z(), Feature::Vertex);
-        self.attempt(&mut best, -Vec3::z(), Feature::Vertex);
+        self.try_axis(&mut best, Vec3::z(), CylinderFeature::Vertex);
+        self.try_axis(&mut best, -Vec3::z(), CylinderFeature::Vertex);
         for (e, one) in shape.edges().iter().enumerate() {
-            let feature = Feature::Edge(e as u32);
+            let feature = CylinderFeature::Edge(e as u32);
             // Square to the axis, between the normals on its two sides: exact where the edge is nearly parallel to it.
-            let [n0, n1] = one.faces.map(|f| self.q.inverse_transform_vector(&posed.normal(f)));
+            let [n0, n1] = one.faces.map(|f| self.q.inverse_transform_vector(&posed.face_normal(f)));
             if n0.z * n1.z < 0.0 {
                 let across = n0 * n1.z.abs() + n1 * n0.z.abs();
-                self.attempt(&mut best, -Vec3::new(across.x, across.y, 0.0).normalize(), feature);
+                self.try_axis(&mut best, -Vec3::new(across.x, across.y, 0.0).normalize(), feature);
             }
             for m in self.rim_to_edge(one.ends.map(u32::from), best.s + self.tie).into_iter().flatten() {
-                self.attempt(&mut best, m, feature);
+                self.try_axis(&mut best, m, feature);
             }
         }
         for v in &self.vertices {
             let wide = v.xy().norm();
             if wide > 0.0 {
-                self.attempt(&mut best, Vec3::new(v.x, v.y, 0.0) / wide, Feature::Vertex);
+                self.try_axis(&mut best, Vec3::new(v.x, v.y, 0.0) / wide, CylinderFeature::Vertex);
             }
             let (beside, beyond) = (wide - self.radius, v.z.abs() - self.half_height);
             if beside > 0.0 && beyond > 0.0 {
                 let out = Vec3::new(v.x * beside / wide, v.y * beside / wide, beyond.copysign(v.z));
-                self.attempt(&mut best, out.normalize(), Feature::Vertex);
+                self.try_axis(&mut best, out.normalize(), CylinderFeature::Vertex);
             }
         }
         best
     }
 
     /// Takes a direction that is clearly better.
-    fn attempt(&self, best: &mut Axis, m: Vec3, feature: Feature) {
+    fn try_axis(&self, best: &mut CylinderSearchAxis, m: Vec3, feature: CylinderFeature) {
         let reach = self.radius * m.xy().norm() + self.half_height * m.z.abs();
-        let least = m.dot(&self.vertices[self.lowest(&m)]);
+        let least = m.dot(&self.vertices[self.lowest_vertex(&m)]);
         let s = least - reach;
         if s > best.s + self.tie {
             // An edge on the far side has the direction too.
             let is_lowest = |end: u16| m.dot(&self.vertices[usize::from(end)]) <= least + self.tie;
             let feature = match feature {
-                Feature::Edge(e) if !self.a.shape.edges()[e as usize].ends.into_iter().any(is_lowest) => {
-                    Feature::Vertex
+                CylinderFeature::Edge(e) if !self.a.shape.edges()[e as usize].ends.into_iter().any(is_lowest) => {
+                    CylinderFeature::Vertex
                 }
                 feature => feature,
             };
-            *best = Axis { m, s, feature };
+            *best = CylinderSearchAxis { m, s, feature };
         }
     }
 
     /// The first vertex that is least along `m`.
-    fn lowest(&self, m: &Vec3) -> usize {
+    fn lowest_vertex(&self, m: &Vec3) -> usize {
         let (mut lowest, mut least) = (0, f64::INFINITY);
         for (k, v) in self.vertices.iter().enumerate() {
             let height = m.dot(v);
@@ -197,18 +199,18 @@ impl Pair<'_> {
             if a.hypot(b.max(0.0)) - self.radius * k <= known {
                 return None;
             }
-            let (x, y) = steepest(a.abs(), b, self.radius, k)?;
+            let (x, y) = rim_maximum(a.abs(), b, self.radius, k)?;
             Some((u * x.copysign(a) + w * (side * y)).normalize())
         })
     }
 
     /// The face of A that looks at the cylinder.
-    fn face(&self, axis: &Axis) -> u32 {
+    fn contact_face(&self, axis: &CylinderSearchAxis) -> u32 {
         let towards = -(self.q * axis.m);
         match axis.feature {
-            Feature::Face(f) => f,
-            Feature::Edge(e) => aligned(self.a, e, &towards),
-            Feature::Vertex => seen(Scalar, self.a, &towards, None),
+            CylinderFeature::Face(f) => f,
+            CylinderFeature::Edge(e) => aligned_face(self.a, e, &towards),
+            CylinderFeature::Vertex => support_face(Scalar, self.a, &towards, None),
         }
     }
 
@@ -218,17 +220,17 @@ impl Pair<'_> {
     }
 
     /// A corner over a point of the cylinder.
-    fn corner(&self, on_b: Vec3, m: &Vec3, gap: f64, flat: [f64; 2], features: (u32, u32)) -> Corner {
-        Corner { point: self.to_world(&(on_b + m * (0.5 * gap))).into(), flat, gap, features }
+    fn corner_at(&self, on_b: Vec3, m: &Vec3, gap: f64, flat: [f64; 2], features: (u32, u32)) -> PatchCorner {
+        PatchCorner { point: self.to_world(&(on_b + m * (0.5 * gap))).into(), flat, gap, features }
     }
 
     /// What a face of A and the end of the cylinder along `m` share, seen along `m` in the plane of the end.
-    fn see_end(&self, m: &Vec3, f: u32, area_within: f64, patch: &mut Patch) {
+    fn collect_end_corners(&self, m: &Vec3, f: u32, area_within: f64, patch: &mut ContactPatch) {
         let (shape, posed) = (self.a.shape, self.a);
         let height = self.half_height.copysign(m.z);
-        let end = if m.z > 0.0 { END } else { OTHER_END };
-        let tiny = ON_SIDE * self.small;
-        let (corners, sides) = (shape.corners(f as usize), shape.sides(f as usize));
+        let end = if m.z > 0.0 { CYLINDER_END } else { CYLINDER_OTHER_END };
+        let tiny = ON_SIDE_DISTANCE * self.small;
+        let (corners, sides) = (shape.face_corners(f as usize), shape.face_edges(f as usize));
         let over = |&v: &u16| {
             let v = self.vertices[v as usize];
             let gap = (v.z - height) / m.z;
@@ -240,7 +242,13 @@ impl Pair<'_> {
         let on_end = |x: f64, y: f64| Vec3::new(x, y, height);
         for (k, [x, y, gap]) in outline.iter().enumerate() {
             if x.hypot(*y) <= self.radius + tiny {
-                patch.corners.push(self.corner(on_end(*x, *y), m, *gap, [*x, *y], (vertex(corners[k].into()), end)));
+                patch.corners.push(self.corner_at(
+                    on_end(*x, *y),
+                    m,
+                    *gap,
+                    [*x, *y],
+                    (vertex_feature(corners[k].into()), end),
+                ));
             }
         }
         let of_vertices = patch.corners.len();
@@ -259,21 +267,21 @@ impl Pair<'_> {
                 }
                 let [x, y, gap] = [0, 1, 2].map(|i| p[i] + along[i] * share);
                 if !patch.corners[..of_vertices].iter().any(|corner| corner.is_near([x, y], self.small)) {
-                    patch.corners.push(self.corner(
+                    patch.corners.push(self.corner_at(
                         on_end(x, y),
                         m,
                         gap,
                         [x, y],
-                        (edge(sides[k].into()), RIM + enters),
+                        (edge_feature(sides[k].into()), CYLINDER_RIM + enters),
                     ));
                 }
             }
         }
         let doubled: f64 =
             (0..outline.len()).map(|k| outline[k][0] * outline[next(k)][1] - outline[k][1] * outline[next(k)][0]).sum();
-        let normal = self.q.inverse_transform_vector(&posed.normal(f));
+        let normal = self.q.inverse_transform_vector(&posed.face_normal(f));
         let rise = normal.dot(m);
-        if rise.abs() < EDGE_ON || doubled.abs() <= tiny * self.small {
+        if rise.abs() < MIN_FACE_COSINE || doubled.abs() <= tiny * self.small {
             return; // seen as a line
         }
         // Where the rim goes farthest: four places of its own, and the one over which the face is lowest.
@@ -292,7 +300,7 @@ impl Pair<'_> {
             };
             (0..outline.len()).all(inside).then(|| {
                 let gap = (offset - normal.dot(&on_end(x, y))) / rise;
-                self.corner(on_end(x, y), m, gap, [x, y], (face(f), RIM + 2 + k as u32))
+                self.corner_at(on_end(x, y), m, gap, [x, y], (face_feature(f), CYLINDER_RIM + 2 + k as u32))
             })
         };
         patch.corners.extend(rim.iter().enumerate().filter_map(|(k, at)| place(k, *at)));
@@ -305,19 +313,19 @@ impl Pair<'_> {
             // Its own number, whether the face tilts or not.
             patch.corners.extend(place(5, [x * towards, y * towards]));
         }
-        patch.area = area_in_disc(&nearer_than(&outline, area_within), self.radius) * m.z.abs();
+        patch.area = area_in_disc(&clipped_to_gap(&outline, area_within), self.radius) * m.z.abs();
         if area_within != f64::INFINITY {
             patch.area *= share_at_tilt(&outline);
         }
     }
 
     /// What a face of A and the line of the round side along `m` share, seen along `m` in the plane that touches there.
-    fn see_side(&self, m: &Vec3, f: u32, patch: &mut Patch) {
+    fn collect_side_corners(&self, m: &Vec3, f: u32, patch: &mut ContactPatch) {
         let shape = self.a.shape;
         let out = Vec3::new(m.x, m.y, 0.0) / m.xy().norm();
         let across = Vec3::z().cross(&out);
-        let tiny = ON_SIDE * self.small;
-        let (corners, sides) = (shape.corners(f as usize), shape.sides(f as usize));
+        let tiny = ON_SIDE_DISTANCE * self.small;
+        let (corners, sides) = (shape.face_corners(f as usize), shape.face_edges(f as usize));
         let over = |v: u16| {
             let v = self.vertices[v as usize];
             let gap = (v.dot(&out) - self.radius) / m.dot(&out);
@@ -330,50 +338,54 @@ impl Pair<'_> {
             let p = over(v);
             let q = over(corners[if k + 1 == corners.len() { 0 } else { k + 1 }]);
             if p[0].abs() <= tiny {
-                met.push((p[1], p[2], vertex(v.into())));
+                met.push((p[1], p[2], vertex_feature(v.into())));
             } else if (p[0] > tiny && q[0] < -tiny) || (p[0] < -tiny && q[0] > tiny) {
                 let share = p[0] / (p[0] - q[0]);
-                met.push((p[1] + (q[1] - p[1]) * share, p[2] + (q[2] - p[2]) * share, edge(sides[k].into())));
+                met.push((p[1] + (q[1] - p[1]) * share, p[2] + (q[2] - p[2]) * share, edge_feature(sides[k].into())));
             }
         }
         let mut list = |z: f64, gap: f64, features: (u32, u32)| {
             let on_side = out * self.radius + Vec3::z() * z;
-            patch.corners.push(self.corner(on_side, m, gap, [0.0, z], features));
+            patch.corners.push(self.corner_at(on_side, m, gap, [0.0, z], features));
         };
         let mut between = [(f64::INFINITY, 0.0), (f64::NEG_INFINITY, 0.0)];
         for &(z, gap, of_a) in &met {
             if z.abs() <= self.half_height + tiny {
-                list(z, gap, (of_a, SIDE));
+                list(z, gap, (of_a, CYLINDER_SIDE));
             }
             between[0] = if z < between[0].0 { (z, gap) } else { between[0] };
             between[1] = if z > between[1].0 { (z, gap) } else { between[1] };
         }
         let [(low, gap_low), (high, gap_high)] = between;
-        for (end, z) in [(END, self.half_height), (OTHER_END, -self.half_height)] {
+        for (end, z) in [(CYLINDER_END, self.half_height), (CYLINDER_OTHER_END, -self.half_height)] {
             if low < z - tiny && z + tiny < high {
-                list(z, gap_low + (gap_high - gap_low) * ((z - low) / (high - low)), (face(f), end));
+                list(z, gap_low + (gap_high - gap_low) * ((z - low) / (high - low)), (face_feature(f), end));
             }
         }
     }
 
     /// The point of the direction itself.
-    fn own_point(&self, axis: &Axis) -> Point {
+    fn axis_point(&self, axis: &CylinderSearchAxis) -> ContactPoint {
         let m = &axis.m;
-        let lowest = self.lowest(m);
+        let lowest = self.lowest_vertex(m);
         let mut on_b = Vec3::z() * self.half_height.copysign(m.z);
         if m.xy().norm() > 0.0 {
             on_b += Vec3::new(m.x, m.y, 0.0) * (self.radius / m.xy().norm());
         }
         let (on_a, feature) = match axis.feature {
-            Feature::Edge(e) => {
-                let [from, to] = ends(self.a, e).map(|v| self.q.inverse_transform_vector(&(v - self.c)));
+            CylinderFeature::Edge(e) => {
+                let [from, to] = edge_ends(self.a, e).map(|v| self.q.inverse_transform_vector(&(v - self.c)));
                 let share = (on_b - from).dot(&(to - from)) / (to - from).norm_squared();
-                (from + (to - from) * share.clamp(0.0, 1.0), edge(e))
+                (from + (to - from) * share.clamp(0.0, 1.0), edge_feature(e))
             }
-            Feature::Face(f) => (self.vertices[lowest], face(f)),
-            Feature::Vertex => (self.vertices[lowest], vertex(lowest as u32)),
+            CylinderFeature::Face(f) => (self.vertices[lowest], face_feature(f)),
+            CylinderFeature::Vertex => (self.vertices[lowest], vertex_feature(lowest as u32)),
         };
-        Point { position: self.to_world(&(on_a - m * (0.5 * axis.s))), gap: axis.s, features: (feature, RIM) }
+        ContactPoint {
+            position: self.to_world(&(on_a - m * (0.5 * axis.s))),
+            gap: axis.s,
+            features: (feature, CYLINDER_RIM),
+        }
     }
 }
 
@@ -381,7 +393,7 @@ impl Pair<'_> {
 /// k <= 1. None where f is greatest at an end of the quarter.
 ///
 /// By Newton's method in a bracket, on t = tan(angle / 2).
-fn steepest(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> {
+fn rim_maximum(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> {
     let flat = 1.0 - k * k;
     let at = |t: f64| ((1.0 - t * t) / (1.0 + t * t), 2.0 * t / (1.0 + t * t));
     // First and second derivative by the angle.
@@ -395,10 +407,10 @@ fn steepest(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> {
     let (mut low, mut high) = (0.0, 1.0);
     if b <= 0.0 {
         // Past the middle of the ellipse f falls first: from where it rises to where it falls again, if it rises.
-        let rises = |i: &usize| derivatives(*i as f64 / SAMPLES as f64).0 > 0.0;
-        let rising = (1..SAMPLES).find(rises)?;
-        low = rising as f64 / SAMPLES as f64;
-        high = (rising + 1..SAMPLES).find(|i| !rises(i)).map_or(1.0, |i| i as f64 / SAMPLES as f64);
+        let rises = |i: &usize| derivatives(*i as f64 / BRACKET_SAMPLES as f64).0 > 0.0;
+        let rising = (1..BRACKET_SAMPLES).find(rises)?;
+        low = rising as f64 / BRACKET_SAMPLES as f64;
+        high = (rising + 1..BRACKET_SAMPLES).find(|i| !rises(i)).map_or(1.0, |i| i as f64 / BRACKET_SAMPLES as f64);
     }
     let mut t = if b > 0.0 { b / (a + a.hypot(b)) } else { low };
     for _ in 0..100 {
@@ -419,7 +431,7 @@ fn steepest(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> {
 }
 
 /// Places at which a maximum past the middle is looked for.
-const SAMPLES: usize = 32;
+const BRACKET_SAMPLES: usize = 32;
 
 /// Of what a convex polygon and a disc about the origin share, m^2.
 fn area_in_disc(polygon: &[[f64; 3]], radius: f64) -> f64 {
@@ -461,7 +473,7 @@ mod tests {
         for k in 0..4 {
             let turn = Quat::from_axis_angle(&Vec3::z_axis(), std::f64::consts::FRAC_PI_4 * f64::from(2 * k + 1));
             let axes = tilt * turn;
-            let posed = cube.posed(&axes);
+            let posed = cube.posed_by(&axes);
             let away = 0.5f64.sqrt() + 1.0 + 0.01;
             let c = tilt * Vec3::new(-away, 0.0, 0.0);
             let found = polyhedron_cylinder(&posed, &c, &tilt, [2.0, 1.0], 0.1).unwrap();

@@ -1,27 +1,27 @@
 //! What the test for flush joints needs of polyhedra: heights along a direction, and contact along a given direction.
 
-use super::patch::Patch;
-use super::search::{Axis, Feature, Pair, seen, support};
-use super::{Manifold, Posed, Range};
+use super::patch::ContactPatch;
+use super::search::{PolyhedronPair, SearchAxis, SearchFeature, support_face, support_vertex};
+use super::{ListingRange, Manifold, PosedPolyhedron};
 use crate::math::Vec3;
-use crate::math::lanes::{Scalar, Width};
+use crate::math::lanes::{Scalar, SimdWidth};
 
-impl Posed<'_> {
+impl PosedPolyhedron<'_> {
     /// Largest n·x over the polyhedron, x from its centre, m.
     ///
     /// ```
     /// # use cd_solve::{geometry::Polyhedron, math::{Quat, Vec3}};
     /// let brick = Polyhedron::cuboid(&Vec3::new(3.0, 2.0, 0.5));
-    /// assert_eq!(brick.posed(&Quat::identity()).height(&Vec3::new(0.0, 0.6, -0.8)), 1.6);
+    /// assert_eq!(brick.posed_by(&Quat::identity()).support_height(&Vec3::new(0.0, 0.6, -0.8)), 1.6);
     /// ```
-    pub fn height(&self, n: &Vec3) -> f64 {
-        support(self, n).1
+    pub fn support_height(&self, n: &Vec3) -> f64 {
+        support_vertex(self, n).1
     }
 
     /// The face whose outward normal is closest to `n`: that normal, unit, and the distance of its plane from the centre, m.
     pub fn face_along(&self, n: &Vec3) -> (Vec3, f64) {
-        let n = self.local(n);
-        let planes = self.shape.planes();
+        let n = self.to_local(n);
+        let planes = self.shape.face_planes();
         let (mut best, mut most) = (&planes[0], f64::NEG_INFINITY);
         for plane in planes {
             let along = plane.normal.dot(&n);
@@ -29,7 +29,7 @@ impl Posed<'_> {
                 (best, most) = (plane, along);
             }
         }
-        (self.turned(&best.normal), best.offset)
+        (self.to_world(&best.normal), best.offset)
     }
 }
 
@@ -37,13 +37,19 @@ impl Posed<'_> {
 /// the faces that look at each other share; `None` where these share nothing within the range.
 ///
 /// No search: the caller knows that a plane across `n` parts the two.
-pub fn polyhedra_along(a: &Posed, b: &Posed, c: &Vec3, n: &Vec3, range: Range) -> Option<Manifold> {
-    let pair = Pair::new(a, b, *c, Width::detect());
+pub fn polyhedra_along(
+    a: &PosedPolyhedron,
+    b: &PosedPolyhedron,
+    c: &Vec3,
+    n: &Vec3,
+    range: ListingRange,
+) -> Option<Manifold> {
+    let pair = PolyhedronPair::new(a, b, *c, SimdWidth::detect());
     let from_a = -n;
-    let axis = Axis { n: from_a, s: pair.separation(&from_a).0, feature: Feature::None };
-    let faces = (seen(Scalar, a, &from_a, None), seen(Scalar, b, n, None));
-    let (mut patch, mut manifold) = (Patch::default(), Manifold::default());
-    patch.see(&pair, &axis, faces, range.area);
-    patch.manifold(range, pair.tie(), &mut manifold);
+    let axis = SearchAxis { n: from_a, s: pair.separation_along(&from_a).0, feature: SearchFeature::None };
+    let faces = (support_face(Scalar, a, &from_a, None), support_face(Scalar, b, n, None));
+    let (mut patch, mut manifold) = (ContactPatch::default(), Manifold::default());
+    patch.clip_faces(&pair, &axis, faces, range.area);
+    patch.write_manifold(range, pair.tie_tolerance(), &mut manifold);
     (!manifold.points.is_empty()).then_some(manifold)
 }

@@ -6,27 +6,27 @@
 use pulp::NullaryFnOnce;
 use smallvec::SmallVec;
 
-use super::patch::SAME;
-use super::polyhedron::{Number, Spoke};
-use super::search::{NEARLY_PARALLEL, Pair, lowest, support};
-use super::{Manifold, Point, Polyhedron, Posed, edge, face, vertex};
-use crate::math::lanes::{Arithmetic, Lanes, Width};
-use crate::math::{Vec3, length};
+use super::patch::SAME_CORNER_DISTANCE;
+use super::polyhedron::{FeatureIndex, HalfEdge};
+use super::search::{PolyhedronPair, RIDGE_ANGLE, lowest_vertex, support_vertex};
+use super::{ContactPoint, Manifold, Polyhedron, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
+use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
+use crate::math::{Vec3, vector_length};
 
 /// Gap between the bounds, over the distance, at which the search ends.
-const ENOUGH: f64 = 1e-15;
+const RELATIVE_TOLERANCE: f64 = 1e-15;
 /// More than any pair has needed; every step but the last brings the simplex nearer.
-const MOST_STEPS: usize = 64;
+const MAX_STEPS: usize = 64;
 
 /// A point of the difference B - A.
 #[derive(Clone, Copy)]
-struct Apex {
+struct MinkowskiPoint {
     w: Vec3,
     a: u32,
     b: u32,
 }
 
-pub(super) struct Nearest {
+pub(super) struct NearestPoints {
     /// Unit, from A to B.
     pub n: Vec3,
     /// Whether a face, or two edges that cross, is nearest: then there may be more points than this one.
@@ -36,86 +36,86 @@ pub(super) struct Nearest {
 }
 
 /// The nearest points of two polyhedra that do not overlap, beginning with the direction `n` from A to B.
-pub(super) fn nearest(pair: &Pair, n: Vec3, alert: f64) -> Nearest {
+pub(super) fn nearest_points(pair: &PolyhedronPair, n: Vec3, alert: f64) -> NearestPoints {
     match pair.width {
-        Width::One(l) => l.run(Gjk { l, pair, n, alert }),
+        SimdWidth::One(l) => l.run(GjkSearch { l, pair, n, alert }),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(l) => l.run(Gjk { l, pair, n, alert }),
+        SimdWidth::Four(l) => l.run(GjkSearch { l, pair, n, alert }),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(l) => l.run(Gjk { l, pair, n, alert }),
+        SimdWidth::Eight(l) => l.run(GjkSearch { l, pair, n, alert }),
     }
 }
 
-struct Gjk<'a, L> {
+struct GjkSearch<'a, L> {
     l: L,
-    pair: &'a Pair<'a>,
+    pair: &'a PolyhedronPair<'a>,
     n: Vec3,
     alert: f64,
 }
 
-impl<L: Lanes> NullaryFnOnce for Gjk<'_, L> {
-    type Output = Nearest;
+impl<L: F64Arithmetic> NullaryFnOnce for GjkSearch<'_, L> {
+    type Output = NearestPoints;
 
     #[inline(always)]
-    fn call(self) -> Nearest {
-        let Gjk { l, pair, n, alert } = self;
-        let mut near = Simplex::of(apex(l, pair, &n));
+    fn call(self) -> NearestPoints {
+        let GjkSearch { l, pair, n, alert } = self;
+        let mut near = GjkSimplex::new(minkowski_support(l, pair, &n));
         let touching = 1e-15 * pair.sum;
         let mut step = 0;
-        while step < MOST_STEPS {
+        while step < MAX_STEPS {
             step += 1;
-            let distance = length(&near.point);
+            let distance = vector_length(&near.point);
             if distance <= touching {
                 break; // to rounding: n of the axis is as good as any
             }
-            let next = apex(l, pair, &(near.point / distance));
+            let next = minkowski_support(l, pair, &(near.point / distance));
             let bound = next.w.dot(&near.point) / distance;
             if bound > alert {
-                return Nearest { n: near.point / distance, on_faces: false, manifold: None };
+                return NearestPoints { n: near.point / distance, on_faces: false, manifold: None };
             }
-            if distance - bound <= ENOUGH * distance || near.has(&next) {
+            if distance - bound <= RELATIVE_TOLERANCE * distance || near.has_point(&next) {
                 break;
             }
-            let nearer = near.with(next);
+            let nearer = near.nearest_with(next);
             if nearer.point.norm_squared() >= near.point.norm_squared() {
                 break;
             }
             near = nearer;
         }
-        let distance = length(&near.point);
+        let distance = vector_length(&near.point);
         let n = if distance > touching { near.point / distance } else { n };
         if distance > alert {
-            return Nearest { n, on_faces: false, manifold: None };
+            return NearestPoints { n, on_faces: false, manifold: None };
         }
-        near.contact(pair, n, distance)
+        near.nearest_contact(pair, n, distance)
     }
 }
 
 /// The point of the difference that is least along `n`.
 #[inline(always)]
-fn apex<L: Lanes>(l: L, pair: &Pair, n: &Vec3) -> Apex {
-    let a = lowest(l, pair.pa, &-n).0;
-    let b = lowest(l, pair.pb, n).0;
-    Apex { w: pair.pb.vertex(b) + pair.c - pair.pa.vertex(a), a, b }
+fn minkowski_support<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, n: &Vec3) -> MinkowskiPoint {
+    let a = lowest_vertex(l, pair.pa, &-n).0;
+    let b = lowest_vertex(l, pair.pb, n).0;
+    MinkowskiPoint { w: pair.pb.vertex(b) + pair.c - pair.pa.vertex(a), a, b }
 }
 
 /// Up to three points, and the one between them that is nearest to the origin.
 #[derive(Clone, Copy)]
-struct Simplex {
-    corners: [Apex; 3],
+struct GjkSimplex {
+    corners: [MinkowskiPoint; 3],
     weights: [f64; 3],
     count: usize,
     point: Vec3,
 }
 
-impl Simplex {
+impl GjkSimplex {
     #[inline(always)]
-    fn of(apex: Apex) -> Self {
-        Simplex { corners: [apex; 3], weights: [1.0, 0.0, 0.0], count: 1, point: apex.w }
+    fn new(apex: MinkowskiPoint) -> Self {
+        GjkSimplex { corners: [apex; 3], weights: [1.0, 0.0, 0.0], count: 1, point: apex.w }
     }
 
     #[inline(always)]
-    fn has(&self, apex: &Apex) -> bool {
+    fn has_point(&self, apex: &MinkowskiPoint) -> bool {
         self.corners[..self.count].iter().any(|p| p.a == apex.a && p.b == apex.b)
     }
 
@@ -123,8 +123,8 @@ impl Simplex {
     ///
     /// Every corner, edge and triangle with `next` is looked at; so flat simplices do no harm.
     #[inline(always)]
-    fn with(&self, next: Apex) -> Self {
-        let mut best = Simplex::of(next);
+    fn nearest_with(&self, next: MinkowskiPoint) -> Self {
+        let mut best = GjkSimplex::new(next);
         let mut least = best.point.norm_squared();
         let p = next.w;
         for i in 0..self.count {
@@ -135,8 +135,12 @@ impl Simplex {
                 let point = p * (1.0 - share) + first.w * share;
                 if point.norm_squared() < least {
                     least = point.norm_squared();
-                    best =
-                        Simplex { corners: [next, first, first], weights: [1.0 - share, share, 0.0], count: 2, point };
+                    best = GjkSimplex {
+                        corners: [next, first, first],
+                        weights: [1.0 - share, share, 0.0],
+                        count: 2,
+                        point,
+                    };
                 }
             }
             for k in i + 1..self.count {
@@ -150,7 +154,7 @@ impl Simplex {
                     let point = p * rest + first.w * x + second.w * y;
                     if point.norm_squared() < least {
                         least = point.norm_squared();
-                        best = Simplex { corners: [next, first, second], weights: [rest, x, y], count: 3, point };
+                        best = GjkSimplex { corners: [next, first, second], weights: [rest, x, y], count: 3, point };
                     }
                 }
             }
@@ -158,9 +162,9 @@ impl Simplex {
         best
     }
 
-    fn contact(&self, pair: &Pair, n: Vec3, distance: f64) -> Nearest {
-        if let Some(ridges) = ridges(pair, &n, distance) {
-            return Nearest { n: -ridges.normal, on_faces: false, manifold: Some(ridges) };
+    fn nearest_contact(&self, pair: &PolyhedronPair, n: Vec3, distance: f64) -> NearestPoints {
+        if let Some(ridges) = ridge_manifold(pair, &n, distance) {
+            return NearestPoints { n: -ridges.normal, on_faces: false, manifold: Some(ridges) };
         }
         let (mut on_a, mut on_b) = (Vec3::zeros(), Vec3::zeros());
         let corners = &self.corners[..self.count];
@@ -168,43 +172,46 @@ impl Simplex {
             on_a += pair.pa.vertex(p.a) * *weight;
             on_b += (pair.pb.vertex(p.b) + pair.c) * *weight;
         }
-        let features = (spanned(pair.a, corners.iter().map(|p| p.a)), spanned(pair.b, corners.iter().map(|p| p.b)));
+        let features = (
+            spanned_feature(pair.a, corners.iter().map(|p| p.a)),
+            spanned_feature(pair.b, corners.iter().map(|p| p.b)),
+        );
         let kind = |feature: u32| feature >> 30;
         let on_faces =
             kind(features.0) == 2 || kind(features.1) == 2 || (kind(features.0) == 1 && kind(features.1) == 1);
-        let point = Point { position: (on_a + on_b) * 0.5, gap: distance, features };
+        let point = ContactPoint { position: (on_a + on_b) * 0.5, gap: distance, features };
         let points = [point].into_iter().collect();
-        Nearest { n, on_faces, manifold: Some(Manifold { normal: -n, points, area: 0.0 }) }
+        NearestPoints { n, on_faces, manifold: Some(Manifold { normal: -n, points, area: 0.0 }) }
     }
 }
 
 /// The vertex, edge or face that has these vertices.
-fn spanned(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u32 {
-    let mut all: SmallVec<[Number; 4]> = vertices.map(|v| v as Number).collect();
+fn spanned_feature(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u32 {
+    let mut all: SmallVec<[FeatureIndex; 4]> = vertices.map(|v| v as FeatureIndex).collect();
     all.sort_unstable();
     all.dedup();
     match all[..] {
-        [v] => vertex(v.into()),
-        [v, w] if shape.spokes(v as usize).iter().any(|spoke| spoke.to == w) => {
-            let between = shape.spokes(v as usize).iter().find(|spoke| spoke.to == w);
-            edge(between.map_or(0, |spoke| spoke.edge.into()))
+        [v] => vertex_feature(v.into()),
+        [v, w] if shape.half_edges(v as usize).iter().any(|spoke| spoke.to == w) => {
+            let between = shape.half_edges(v as usize).iter().find(|spoke| spoke.to == w);
+            edge_feature(between.map_or(0, |spoke| spoke.edge.into()))
         }
         _ => {
-            let has_all = |corners: &[Number]| all.iter().all(|v| corners.contains(v));
-            face(shape.faces().position(has_all).unwrap_or(0) as u32)
+            let has_all = |corners: &[FeatureIndex]| all.iter().all(|v| corners.contains(v));
+            face_feature(shape.faces().position(has_all).unwrap_or(0) as u32)
         }
     }
 }
 
 /// The ends of the common part of two parallel edges across `n`, and the normal between them.
-pub(super) fn ridges(pair: &Pair, n: &Vec3, distance: f64) -> Option<Manifold> {
+pub(super) fn ridge_manifold(pair: &PolyhedronPair, n: &Vec3, distance: f64) -> Option<Manifold> {
     // As far as the direction between points that are `distance` apart is known.
-    let steep = NEARLY_PARALLEL + 1e-11 * pair.small / distance;
-    let level = |posed: &Posed, n: &Vec3| -> SmallVec<[(u32, [u32; 2], Vec3); 4]> {
+    let steep = RIDGE_ANGLE + 1e-11 * pair.small / distance;
+    let level = |posed: &PosedPolyhedron, n: &Vec3| -> SmallVec<[(u32, [u32; 2], Vec3); 4]> {
         let shape = posed.shape;
-        let top = support(posed, n).0;
+        let top = support_vertex(posed, n).0;
         let mut level = SmallVec::new();
-        for &Spoke { edge: e, .. } in shape.spokes(top as usize) {
+        for &HalfEdge { edge: e, .. } in shape.half_edges(top as usize) {
             let ends = shape.edges()[e as usize].ends.map(u32::from);
             let along = posed.vertex(ends[1]) - posed.vertex(ends[0]);
             let slope = along.dot(n);
@@ -220,26 +227,30 @@ pub(super) fn ridges(pair: &Pair, n: &Vec3, distance: f64) -> Option<Manifold> {
             let between = pair.pb.vertex(ends_b[0]) + pair.c - base;
             let across = between - along * between.dot(&along);
             let gap = across.norm();
-            if along.cross(&other).norm() > NEARLY_PARALLEL || gap <= 1e-15 * pair.sum || gap > distance + pair.tie() {
+            if along.cross(&other).norm() > RIDGE_ANGLE
+                || gap <= 1e-15 * pair.sum
+                || gap > distance + pair.tie_tolerance()
+            {
                 continue;
             }
             // Places along the edge, each with the feature that ends there.
-            let of_a = ends_a.map(|v| (pair.pa.vertex(v).dot(&along), (vertex(v), edge(eb))));
-            let mut of_b = ends_b.map(|v| ((pair.pb.vertex(v) + pair.c).dot(&along), (edge(ea), vertex(v))));
+            let of_a = ends_a.map(|v| (pair.pa.vertex(v).dot(&along), (vertex_feature(v), edge_feature(eb))));
+            let mut of_b =
+                ends_b.map(|v| ((pair.pb.vertex(v) + pair.c).dot(&along), (edge_feature(ea), vertex_feature(v))));
             of_b.sort_by(|p, q| p.0.total_cmp(&q.0));
             let inner = |k: usize, of_a_is_inner: bool| {
-                if (of_a[k].0 - of_b[k].0).abs() <= SAME * pair.small {
+                if (of_a[k].0 - of_b[k].0).abs() <= SAME_CORNER_DISTANCE * pair.small {
                     (of_a[k].0, (of_a[k].1.0, of_b[k].1.1))
                 } else {
                     if of_a_is_inner { of_a[k] } else { of_b[k] }
                 }
             };
             let (low, high) = (inner(0, of_a[0].0 > of_b[0].0), inner(1, of_a[1].0 < of_b[1].0));
-            if high.0 - low.0 <= NEARLY_PARALLEL * pair.small {
+            if high.0 - low.0 <= RIDGE_ANGLE * pair.small {
                 continue;
             }
             let at = |place: f64| base + along * (place - base.dot(&along)) + across * 0.5;
-            let point = |(place, features)| Point { position: at(place), gap, features };
+            let point = |(place, features)| ContactPoint { position: at(place), gap, features };
             let mut ends = [point(low), point(high)];
             ends.sort_by_key(|point| point.features);
             return Some(Manifold { normal: -across / gap, points: ends.into_iter().collect(), area: 0.0 });

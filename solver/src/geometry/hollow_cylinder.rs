@@ -1,6 +1,6 @@
 //! A polyhedron inside a hollow cylinder, as in a drum.
 
-use super::{Manifold, Point, Posed, vertex};
+use super::{ContactPoint, Manifold, PosedPolyhedron, vertex_feature};
 use crate::math::{Quat, Vec3};
 
 /// Polyhedron A in a hollow cylinder at `c` = x_B - x_A (m) with the orientation `q`, its axis the third, of
@@ -14,7 +14,7 @@ use crate::math::{Quat, Vec3};
 /// # use cd_solve::geometry::{Polyhedron, polyhedron_hollow_cylinder};
 /// # use cd_solve::math::{Quat, Vec3};
 /// let cube = Polyhedron::cuboid(&Vec3::repeat(3.0));
-/// let posed = cube.posed(&Quat::identity());
+/// let posed = cube.posed_by(&Quat::identity());
 /// // The corners at x = 3 are at 5 from the axis.
 /// let c = Vec3::new(-1.0, 0.0, 0.0);
 /// let found = polyhedron_hollow_cylinder(&posed, &c, &Quat::identity(), [9.0, 5.5], 1.0);
@@ -22,7 +22,7 @@ use crate::math::{Quat, Vec3};
 /// assert!(found.iter().all(|manifold| (manifold.gap() - 0.5).abs() < 1e-15));
 /// ```
 pub fn polyhedron_hollow_cylinder(
-    a: &Posed,
+    a: &PosedPolyhedron,
     c: &Vec3,
     q: &Quat,
     [half_height, radius]: [f64; 2],
@@ -32,7 +32,7 @@ pub fn polyhedron_hollow_cylinder(
     let mut touch = |v: Vec3, outward: Vec3, gap: f64, features: (u32, u32)| {
         if gap <= alert {
             let outward = q * outward;
-            let points = [Point { position: v + outward * (0.5 * gap), gap, features }].into_iter().collect();
+            let points = [ContactPoint { position: v + outward * (0.5 * gap), gap, features }].into_iter().collect();
             found.push(Manifold { normal: -outward, points, area: 0.0 });
         }
     };
@@ -41,10 +41,10 @@ pub fn polyhedron_hollow_cylinder(
         let at = q.inverse_transform_vector(&(v - c));
         let distance = at.xy().norm();
         if distance > 0.0 {
-            touch(v, Vec3::new(at.x, at.y, 0.0) / distance, radius - distance, (vertex(k), 0));
+            touch(v, Vec3::new(at.x, at.y, 0.0) / distance, radius - distance, (vertex_feature(k), 0));
         }
         let end = if at.z >= 0.0 { 1 } else { 2 };
-        touch(v, Vec3::z() * 1f64.copysign(at.z), half_height - at.z.abs(), (vertex(k), end));
+        touch(v, Vec3::z() * 1f64.copysign(at.z), half_height - at.z.abs(), (vertex_feature(k), end));
     }
     found
 }

@@ -30,45 +30,45 @@ pub use cylinder::polyhedron_cylinder;
 pub use flush::polyhedra_along;
 pub use hollow_cylinder::polyhedron_hollow_cylinder;
 pub use plate::polyhedron_plane;
-pub use polyhedron::{Polyhedron, Posed};
+pub use polyhedron::{Polyhedron, PosedPolyhedron};
 pub use sphere::polyhedron_sphere;
 
 use smallvec::SmallVec;
 
 use crate::math::Vec3;
-use crate::math::lanes::Width;
-use patch::Patch;
-use search::{Axis, Feature, Found, Pair, Start};
-use triangles::{AT_ONCE, Triangles};
+use crate::math::lanes::SimdWidth;
+use patch::ContactPatch;
+use search::{PolyhedronPair, SearchAxis, SearchFeature, SearchResult, SearchStart};
+use triangles::{BATCH_PAIRS, TriangleBatch};
 
 /// A point of contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
+pub struct ContactPoint {
     /// Middle of the gap, relative to the centre of body A, m.
     pub position: Vec3,
     /// Along the normal, m, < 0 overlapping.
     pub gap: f64,
-    /// What of A and of B is there, see [`vertex`], [`edge`], [`face`]; unique within a pair.
+    /// What of A and of B is there, see [`vertex_feature`], [`edge_feature`], [`face_feature`]; unique within a pair.
     pub features: (u32, u32),
 }
 
 /// Kind and number of a vertex as one number.
-pub const fn vertex(k: u32) -> u32 {
+pub const fn vertex_feature(k: u32) -> u32 {
     k
 }
 
 /// Kind and number of an edge as one number.
-pub const fn edge(k: u32) -> u32 {
+pub const fn edge_feature(k: u32) -> u32 {
     1 << 30 | k
 }
 
 /// Kind and number of a face as one number.
-pub const fn face(k: u32) -> u32 {
+pub const fn face_feature(k: u32) -> u32 {
     2 << 30 | k
 }
 
 /// At least one.
-pub type Points = SmallVec<[Point; 6]>;
+pub type ContactPoints = SmallVec<[ContactPoint; 6]>;
 
 /// The contact of two bodies: one normal, and points.
 ///
@@ -79,8 +79,8 @@ pub struct Manifold {
     /// Unit, from B (antagonist) to A (candidate).
     pub normal: Vec3,
     /// With gaps up to the alert distance, in the order of their features.
-    pub points: Points,
-    /// Of the two faces' overlap seen along the normal, where its gap is within [`Range::area`], m^2; 0 where vertices
+    pub points: ContactPoints,
+    /// Of the two faces' overlap seen along the normal, where its gap is within [`ListingRange::area`], m^2; 0 where vertices
     /// or edges are nearest.
     pub area: f64,
 }
@@ -94,7 +94,7 @@ impl Manifold {
 
 /// Up to which gaps something is listed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Range {
+pub struct ListingRange {
     /// Points of contact, m.
     pub alert: f64,
     /// All points of a pair: of one that is farther apart the nearest is enough, m.
@@ -103,63 +103,63 @@ pub struct Range {
     pub area: f64,
 }
 
-impl From<f64> for Range {
+impl From<f64> for ListingRange {
     /// All points up to this, the area of the whole patch.
     fn from(alert: f64) -> Self {
-        Range { alert, patch: f64::INFINITY, area: f64::INFINITY }
+        ListingRange { alert, patch: f64::INFINITY, area: f64::INFINITY }
     }
 }
 
 /// What is kept of a pair from one step to the next.
 ///
-/// In [`Narrow::Accurate`] it saves time, and decides between directions that are equal to 1e-11 of the size; in
-/// [`Narrow::Fast`] the search begins and mostly ends there. A restart that is to go on bit for bit needs it.
+/// In [`NarrowPhaseMode::Accurate`] it saves time, and decides between directions that are equal to 1e-11 of the size; in
+/// [`NarrowPhaseMode::Fast`] the search begins and mostly ends there. A restart that is to go on bit for bit needs it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Memory {
+pub struct CachedFeature {
     kind: u32,
     data: [u32; 3],
 }
 
-impl Memory {
-    fn of(axis: &Axis) -> Self {
+impl CachedFeature {
+    fn from_axis(axis: &SearchAxis) -> Self {
         let (kind, data) = match axis.feature {
-            Feature::FaceOfA(f) => (1, [f, 0, 0]),
-            Feature::FaceOfB(f) => (2, [f, 0, 0]),
-            Feature::Edges(ea, eb) => (3, [ea, eb, 0]),
-            Feature::None => (4, [axis.n.x, axis.n.y, axis.n.z].map(|x| (x as f32).to_bits())),
+            SearchFeature::FaceOfA(f) => (1, [f, 0, 0]),
+            SearchFeature::FaceOfB(f) => (2, [f, 0, 0]),
+            SearchFeature::Edges(ea, eb) => (3, [ea, eb, 0]),
+            SearchFeature::None => (4, [axis.n.x, axis.n.y, axis.n.z].map(|x| (x as f32).to_bits())),
         };
-        Memory { kind, data }
+        CachedFeature { kind, data }
     }
 
-    fn start(&self, pair: &Pair) -> Start {
+    fn search_start(&self, pair: &PolyhedronPair) -> SearchStart {
         let (a, b) = (pair.a, pair.b);
         let [first, second, _] = self.data.map(|k| k as usize);
         match self.kind {
-            1 if first < a.planes().len() => Start::Feature(Feature::FaceOfA(self.data[0])),
-            2 if first < b.planes().len() => Start::Feature(Feature::FaceOfB(self.data[0])),
+            1 if first < a.face_planes().len() => SearchStart::Feature(SearchFeature::FaceOfA(self.data[0])),
+            2 if first < b.face_planes().len() => SearchStart::Feature(SearchFeature::FaceOfB(self.data[0])),
             3 if first < a.edges().len() && second < b.edges().len() => {
-                Start::Feature(Feature::Edges(self.data[0], self.data[1]))
+                SearchStart::Feature(SearchFeature::Edges(self.data[0], self.data[1]))
             }
-            4 => Start::Direction(Vec3::from(self.data.map(|bits| f64::from(f32::from_bits(bits))))),
-            _ => Start::Nothing,
+            4 => SearchStart::Direction(Vec3::from(self.data.map(|bits| f64::from(f32::from_bits(bits))))),
+            _ => SearchStart::Nothing,
         }
     }
 
     /// For a snapshot.
-    pub fn words(&self) -> [u64; 2] {
+    pub fn to_words(&self) -> [u64; 2] {
         let [a, b, c] = self.data.map(u64::from);
         [u64::from(self.kind) << 32 | a, b << 32 | c]
     }
 
     /// From a snapshot; any words are safe.
     pub fn from_words([first, second]: [u64; 2]) -> Self {
-        Memory { kind: (first >> 32) as u32, data: [first as u32, (second >> 32) as u32, second as u32] }
+        CachedFeature { kind: (first >> 32) as u32, data: [first as u32, (second >> 32) as u32, second as u32] }
     }
 }
 
 /// How the direction of a contact is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Narrow {
+pub enum NarrowPhaseMode {
     /// The remembered feature, followed to its best neighbour: no proof that there is no better one elsewhere.
     Fast,
     /// With a proof that it is the best of all, or a search of all.
@@ -172,37 +172,39 @@ pub enum Narrow {
 /// or edges meet in a point and overlap by nothing, or where several directions are equal to 1e-11 of the size, it is a
 /// definite one of those. Source: see the section on polyhedra in docs/method.md.
 pub fn polyhedron_polyhedron(
-    a: &Posed,
-    b: &Posed,
+    a: &PosedPolyhedron,
+    b: &PosedPolyhedron,
     c: &Vec3,
-    range: impl Into<Range>,
-    narrow: Narrow,
-    memory: &mut Memory,
+    range: impl Into<ListingRange>,
+    narrow: NarrowPhaseMode,
+    memory: &mut CachedFeature,
 ) -> Option<Manifold> {
-    let pair = Pair::new(a, b, *c, Width::detect());
-    let start = memory.start(&pair);
-    let (kept, manifold) = contact(Asked { pair, start, hint: None, narrow, range: range.into() });
+    let pair = PolyhedronPair::new(a, b, *c, SimdWidth::detect());
+    let start = memory.search_start(&pair);
+    let (kept, manifold) = pair_manifold(PairQuery { pair, start, hint: None, narrow, range: range.into() });
     *memory = kept;
     manifold
 }
 
-fn contact(asked: Asked) -> (Memory, Option<Manifold>) {
-    let mut found = (Memory::default(), None);
-    let mut take = |(), sight: Sight| {
+fn pair_manifold(asked: PairQuery) -> (CachedFeature, Option<Manifold>) {
+    let mut found = (CachedFeature::default(), None);
+    let mut take = |(), sight: PairResult| {
         found = match sight {
             Ok((memory, manifold)) => (memory, Some(manifold.clone())),
-            Err(Apart { n, s }) => (Memory::of(&Axis { n, s, feature: Feature::None }), None),
+            Err(Separated { n, s }) => {
+                (CachedFeature::from_axis(&SearchAxis { n, s, feature: SearchFeature::None }), None)
+            }
         };
     };
-    let mut together = Together::new(asked.pair.width);
-    together.ask((), asked, &mut take);
-    together.finish(&mut take);
+    let mut together = PairBatch::new(asked.pair.width);
+    together.push_query((), asked, &mut take);
+    together.flush(&mut take);
     found
 }
 
 /// A direction along which two bodies are beyond the range that was asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Apart {
+pub struct Separated {
     /// Unit, from A to B.
     pub n: Vec3,
     /// They are at least so far apart, m.
@@ -210,52 +212,52 @@ pub struct Apart {
 }
 
 /// What is seen of a pair: its contact and what is to be kept for the next step, or that there is none.
-pub type Sight<'m> = Result<(Memory, &'m Manifold), Apart>;
+pub type PairResult<'m> = Result<(CachedFeature, &'m Manifold), Separated>;
 
 /// Pairs of polyhedra that are looked at together: the same as one by one, to the bit, and faster.
 ///
 /// Each has a `T` by which it is known again. Contacts come in the order in which they are asked for.
-pub struct Together<'a, T> {
-    width: Width,
+pub struct PairBatch<'a, T> {
+    width: SimdWidth,
     /// Those whose points are yet to be found.
-    waiting: [Option<Waiting<'a, T>>; WAITING],
+    waiting: [Option<PendingPair<'a, T>>; MAX_PENDING_PAIRS],
     count: usize,
-    triangles: Triangles,
+    triangles: TriangleBatch,
     /// Of the pair at hand.
-    patch: Patch,
+    patch: ContactPatch,
     manifold: Manifold,
 }
 
-struct Waiting<'a, T> {
+struct PendingPair<'a, T> {
     of: T,
-    asked: Asked<'a>,
-    found: Found,
+    asked: PairQuery<'a>,
+    found: SearchResult,
     /// Which of the triangles its faces are, if they are any.
     triangles: Option<usize>,
 }
 
 /// So many wait at the most: some are no triangles.
-const WAITING: usize = 2 * AT_ONCE;
+const MAX_PENDING_PAIRS: usize = 2 * BATCH_PAIRS;
 
 /// What is asked of a pair.
 #[derive(Clone, Copy)]
-struct Asked<'a> {
-    pair: Pair<'a>,
-    start: Start,
+struct PairQuery<'a> {
+    pair: PolyhedronPair<'a>,
+    start: SearchStart,
     /// A direction that may show at once that they are apart; if it does not, it is forgotten.
     hint: Option<Vec3>,
-    narrow: Narrow,
-    range: Range,
+    narrow: NarrowPhaseMode,
+    range: ListingRange,
 }
 
-impl<'a, T: Copy> Together<'a, T> {
-    pub fn new(width: Width) -> Self {
-        Together {
+impl<'a, T: Copy> PairBatch<'a, T> {
+    pub fn new(width: SimdWidth) -> Self {
+        PairBatch {
             width,
-            waiting: [const { None }; WAITING],
+            waiting: [const { None }; MAX_PENDING_PAIRS],
             count: 0,
-            triangles: Triangles::new(),
-            patch: Patch::default(),
+            triangles: TriangleBatch::new(),
+            patch: ContactPatch::default(),
             manifold: Manifold::default(),
         }
     }
@@ -264,49 +266,49 @@ impl<'a, T: Copy> Together<'a, T> {
     ///
     /// `hint`: a direction along which they may be apart.
     #[expect(clippy::too_many_arguments, reason = "those of one pair, and who takes what is found")]
-    pub fn pair(
+    pub fn push_pair(
         &mut self,
         of: T,
-        [a, b]: [&'a Posed; 2],
+        [a, b]: [&'a PosedPolyhedron; 2],
         c: &Vec3,
-        range: Range,
-        narrow: Narrow,
-        memory: &Memory,
+        range: ListingRange,
+        narrow: NarrowPhaseMode,
+        memory: &CachedFeature,
         hint: Option<Vec3>,
-        take: &mut impl FnMut(T, Sight),
+        take: &mut impl FnMut(T, PairResult),
     ) {
-        let pair = Pair::new(a, b, *c, self.width);
-        let start = memory.start(&pair);
-        self.ask(of, Asked { pair, start, hint, narrow, range }, take);
+        let pair = PolyhedronPair::new(a, b, *c, self.width);
+        let start = memory.search_start(&pair);
+        self.push_query(of, PairQuery { pair, start, hint, narrow, range }, take);
     }
 
-    fn ask(&mut self, of: T, asked: Asked<'a>, take: &mut impl FnMut(T, Sight)) {
-        let Asked { pair, start, hint, narrow, range } = &asked;
-        let found = search::search(pair, *start, *hint, *narrow, *range);
-        let Found { axis, faces, .. } = &found;
+    fn push_query(&mut self, of: T, asked: PairQuery<'a>, take: &mut impl FnMut(T, PairResult)) {
+        let PairQuery { pair, start, hint, narrow, range } = &asked;
+        let found = search::separating_axis(pair, *start, *hint, *narrow, *range);
+        let SearchResult { axis, faces, .. } = &found;
         if axis.s > range.alert {
-            return take(of, Err(axis.apart()));
+            return take(of, Err(axis.as_separated()));
         }
-        let patch = axis.feature != Feature::None && !found.is_far(range) && !search::ridges(pair, axis);
-        let triangles = if patch { self.triangles.add(pair, axis, *faces) } else { None };
-        self.waiting[self.count] = Some(Waiting { of, asked, found, triangles });
+        let patch = axis.feature != SearchFeature::None && !found.is_far(range) && !search::is_ridge_pair(pair, axis);
+        let triangles = if patch { self.triangles.push_faces(pair, axis, *faces) } else { None };
+        self.waiting[self.count] = Some(PendingPair { of, asked, found, triangles });
         self.count += 1;
-        if self.triangles.are_many() || self.count == WAITING {
-            self.finish(take);
+        if self.triangles.is_full() || self.count == MAX_PENDING_PAIRS {
+            self.flush(take);
         }
     }
 
     /// Finds what has not been found yet.
-    pub fn finish(&mut self, take: &mut impl FnMut(T, Sight)) {
-        let Together { width, waiting, count, triangles, patch, manifold } = self;
-        triangles.see(*width);
-        for Waiting { of, asked, found, triangles: place } in waiting[..*count].iter().flatten() {
+    pub fn flush(&mut self, take: &mut impl FnMut(T, PairResult)) {
+        let PairBatch { width, waiting, count, triangles, patch, manifold } = self;
+        triangles.clip_faces(*width);
+        for PendingPair { of, asked, found, triangles: place } in waiting[..*count].iter().flatten() {
             let axis = &found.axis;
-            let seen = place.is_some_and(|k| triangles.patch(k, axis, asked.range.area, patch));
-            if seen && patch.holds(axis.s, asked.pair.tie()) {
-                take(*of, sight(asked, axis, patch, manifold));
+            let seen = place.is_some_and(|k| triangles.write_patch(k, axis, asked.range.area, patch));
+            if seen && patch.has_axis_gap(axis.s, asked.pair.tie_tolerance()) {
+                take(*of, patch_result(asked, axis, patch, manifold));
             } else {
-                alone(asked, found, patch, manifold, &mut |sight: Sight| take(*of, sight));
+                manifold_scalar(asked, found, patch, manifold, &mut |sight: PairResult| take(*of, sight));
             }
         }
         *count = 0;
@@ -315,19 +317,30 @@ impl<'a, T: Copy> Together<'a, T> {
 }
 
 /// The points of a patch that are within the range.
-fn sight<'m>(asked: &Asked, axis: &Axis, patch: &mut Patch, manifold: &'m mut Manifold) -> Sight<'m> {
-    patch.manifold(asked.range, asked.pair.tie(), manifold);
+fn patch_result<'m>(
+    asked: &PairQuery,
+    axis: &SearchAxis,
+    patch: &mut ContactPatch,
+    manifold: &'m mut Manifold,
+) -> PairResult<'m> {
+    patch.write_manifold(asked.range, asked.pair.tie_tolerance(), manifold);
     // Within rounding there may be none.
-    if manifold.points.is_empty() { Err(axis.apart()) } else { Ok((Memory::of(axis), manifold)) }
+    if manifold.points.is_empty() { Err(axis.as_separated()) } else { Ok((CachedFeature::from_axis(axis), manifold)) }
 }
 
 /// A pair whose direction is known, by itself.
-fn alone(asked: &Asked, found: &Found, patch: &mut Patch, manifold: &mut Manifold, take: &mut impl FnMut(Sight)) {
-    let Asked { pair, start, narrow, range, .. } = asked;
-    let Found { axis, faces, met, .. } = found;
-    let kept = Memory::of(axis);
+fn manifold_scalar(
+    asked: &PairQuery,
+    found: &SearchResult,
+    patch: &mut ContactPatch,
+    manifold: &mut Manifold,
+    take: &mut impl FnMut(PairResult),
+) {
+    let PairQuery { pair, start, narrow, range, .. } = asked;
+    let SearchResult { axis, faces, met, .. } = found;
+    let kept = CachedFeature::from_axis(axis);
     let own_point = |area| {
-        let points = search::own_point(pair, axis, *met).into_iter().collect();
+        let points = search::axis_point(pair, axis, *met).into_iter().collect();
         Manifold { normal: -axis.n, points, area }
     };
     if found.is_far(range) {
@@ -336,34 +349,34 @@ fn alone(asked: &Asked, found: &Found, patch: &mut Patch, manifold: &mut Manifol
             return take(Ok((kept, &nearest)));
         }
     }
-    if search::ridges(pair, axis)
-        && let Some(ridges) = gjk::ridges(pair, &axis.n, axis.s)
+    if search::is_ridge_pair(pair, axis)
+        && let Some(ridges) = gjk::ridge_manifold(pair, &axis.n, axis.s)
     {
         return take(Ok((kept, &ridges)));
     }
-    if axis.feature != Feature::None && !found.is_far(range) {
-        patch.see(pair, axis, *faces, range.area);
-        if patch.holds(axis.s, pair.tie()) {
-            return take(sight(asked, axis, patch, manifold));
+    if axis.feature != SearchFeature::None && !found.is_far(range) {
+        patch.clip_faces(pair, axis, *faces, range.area);
+        if patch.has_axis_gap(axis.s, pair.tie_tolerance()) {
+            return take(patch_result(asked, axis, patch, manifold));
         }
         if axis.s <= 0.0 {
             // Not at a proven least overlap: the axis's own features are one point of it.
             return take(Ok((kept, &own_point(patch.area))));
         }
     }
-    let nearest = gjk::nearest(pair, axis.n, range.alert);
-    if nearest.on_faces && matches!(start, Start::Direction(_)) {
-        let found = search::search(pair, Start::Nothing, None, *narrow, *range);
+    let nearest = gjk::nearest_points(pair, axis.n, range.alert);
+    if nearest.on_faces && matches!(start, SearchStart::Direction(_)) {
+        let found = search::separating_axis(pair, SearchStart::Nothing, None, *narrow, *range);
         if found.axis.s > range.alert {
-            return take(Err(found.axis.apart()));
+            return take(Err(found.axis.as_separated()));
         }
-        let asked = Asked { start: Start::Nothing, ..*asked };
-        return alone(&asked, &found, patch, manifold, take);
+        let asked = PairQuery { start: SearchStart::Nothing, ..*asked };
+        return manifold_scalar(&asked, &found, patch, manifold, take);
     }
-    let along = Axis { n: nearest.n, s: axis.s, feature: Feature::None };
+    let along = SearchAxis { n: nearest.n, s: axis.s, feature: SearchFeature::None };
     match &nearest.manifold {
-        Some(manifold) => take(Ok((Memory::of(&along), manifold))),
-        None => take(Err(along.apart())),
+        Some(manifold) => take(Ok((CachedFeature::from_axis(&along), manifold))),
+        None => take(Err(along.as_separated())),
     }
 }
 
@@ -387,16 +400,21 @@ pub(super) mod tests {
 
     /// Calls `take` with pairs of rocks that have a feature for their direction and are within `range` (m) of each other or
     /// overlap, and with the number of each.
-    pub(in crate::geometry) fn each_pair(count: u32, range: f64, mut take: impl FnMut(u32, &Pair, &Found)) {
+    pub(in crate::geometry) fn each_pair(
+        count: u32,
+        range: f64,
+        mut take: impl FnMut(u32, &PolyhedronPair, &SearchResult),
+    ) {
         let (a, b) = (rock(0.0), rock(1.0));
         for number in 0..count {
             let k = f64::from(number);
-            let pa = a.posed(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
-            let pb = b.posed(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
+            let pa = a.posed_by(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
+            let pb = b.posed_by(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
             let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * 1.6;
-            let pair = Pair::new(&pa, &pb, c, Width::detect());
-            let found = search::search(&pair, Start::Nothing, None, Narrow::Accurate, range.into());
-            if found.axis.feature != Feature::None && found.axis.s <= range {
+            let pair = PolyhedronPair::new(&pa, &pb, c, SimdWidth::detect());
+            let found =
+                search::separating_axis(&pair, SearchStart::Nothing, None, NarrowPhaseMode::Accurate, range.into());
+            if found.axis.feature != SearchFeature::None && found.axis.s <= range {
                 take(number, &pair, &found);
             }
         }
@@ -408,15 +426,25 @@ pub(super) mod tests {
         let mut contacts = 0;
         for k in 0..500 {
             let k = f64::from(k);
-            let pa = a.posed(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
-            let pb = b.posed(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
+            let pa = a.posed_by(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
+            let pb = b.posed_by(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
             let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * (1.2 + 0.002 * k);
-            for start in [Start::Nothing, Start::Feature(Feature::FaceOfA(3)), Start::Direction(Vec3::x())] {
+            for start in [
+                SearchStart::Nothing,
+                SearchStart::Feature(SearchFeature::FaceOfA(3)),
+                SearchStart::Direction(Vec3::x()),
+            ] {
                 let of = |width| {
-                    let pair = Pair::new(&pa, &pb, c, width);
-                    contact(Asked { pair, start, hint: None, narrow: Narrow::Accurate, range: 0.05.into() })
+                    let pair = PolyhedronPair::new(&pa, &pb, c, width);
+                    pair_manifold(PairQuery {
+                        pair,
+                        start,
+                        hint: None,
+                        narrow: NarrowPhaseMode::Accurate,
+                        range: 0.05.into(),
+                    })
                 };
-                let found: Vec<_> = Width::all().into_iter().map(of).collect();
+                let found: Vec<_> = SimdWidth::all_widths().into_iter().map(of).collect();
                 assert!(found.iter().all(|one| *one == found[0]), "{k}: {found:?}");
                 contacts += usize::from(found[0].1.is_some());
             }
@@ -430,13 +458,15 @@ pub(super) mod tests {
         let (mut far, mut near) = (0, 0);
         for k in 0..1000 {
             let k = f64::from(k);
-            let pa = a.posed(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
-            let pb = b.posed(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
+            let pa = a.posed_by(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
+            let pb = b.posed_by(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
             let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * 1.8;
-            let mut memory = Memory::default();
-            let mut run = |range: Range| polyhedron_polyhedron(&pa, &pb, &c, range, Narrow::Accurate, &mut memory);
+            let mut memory = CachedFeature::default();
+            let mut run = |range: ListingRange| {
+                polyhedron_polyhedron(&pa, &pb, &c, range, NarrowPhaseMode::Accurate, &mut memory)
+            };
             let Some(all) = run(0.5.into()) else { continue };
-            let found = run(Range { patch: 0.1, ..0.5.into() }).unwrap();
+            let found = run(ListingRange { patch: 0.1, ..0.5.into() }).unwrap();
             let is_far = all.gap() > 0.1;
             if !is_far || found.points.len() > 1 {
                 assert!(found.points.len() == all.points.len() && found.area == all.area, "{k}");
@@ -455,18 +485,20 @@ pub(super) mod tests {
     #[test]
     fn memory_goes_through_a_snapshot_and_foreign_words_do_no_harm() {
         let (a, b) = (rock(0.0), Polyhedron::cuboid(&Vec3::new(1.0, 0.6, 0.4)));
-        let (pa, pb) = (a.posed(&Quat::identity()), b.posed(&Quat::from_euler_angles(0.1, 0.2, 0.3)));
-        let run = |c: Vec3, memory: &mut Memory| polyhedron_polyhedron(&pa, &pb, &c, 0.5, Narrow::Accurate, memory);
+        let (pa, pb) = (a.posed_by(&Quat::identity()), b.posed_by(&Quat::from_euler_angles(0.1, 0.2, 0.3)));
+        let run = |c: Vec3, memory: &mut CachedFeature| {
+            polyhedron_polyhedron(&pa, &pb, &c, 0.5, NarrowPhaseMode::Accurate, memory)
+        };
         for far in [1.2, 1.6, 2.0, 4.0] {
-            let mut memory = Memory::default();
+            let mut memory = CachedFeature::default();
             let first = run(Vec3::new(far, 0.1, 0.2), &mut memory);
-            let mut other = Memory::from_words(memory.words());
+            let mut other = CachedFeature::from_words(memory.to_words());
             assert_eq!(memory, other);
             assert_eq!(run(Vec3::new(far, 0.1, 0.2), &mut other).is_some(), first.is_some());
             for words in
                 [[u64::MAX; 2], [1 << 32 | 999, 0], [3 << 32 | 2, 999 << 32], [4 << 32, 0], [4 << 32 | 0x7fc0_0000, 0]]
             {
-                let again = run(Vec3::new(far, 0.1, 0.2), &mut Memory::from_words(words));
+                let again = run(Vec3::new(far, 0.1, 0.2), &mut CachedFeature::from_words(words));
                 let gaps = (first.as_ref().map(Manifold::gap), again.as_ref().map(Manifold::gap));
                 assert!(gaps.0 == gaps.1 || (gaps.0.unwrap() - gaps.1.unwrap()).abs() < 1e-14, "{words:?}: {gaps:?}");
             }

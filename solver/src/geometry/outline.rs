@@ -5,26 +5,32 @@
 
 use pulp::NullaryFnOnce;
 
-use super::patch::{Corner, EDGE_ON};
-use super::polyhedron::{Number, PAD};
-use super::search::Pair;
-use super::{Posed, edge, face, vertex};
-use crate::math::lanes::{Arithmetic, Lanes, Width};
+use super::patch::{MIN_FACE_COSINE, PatchCorner};
+use super::polyhedron::{COLUMN_PAD, FeatureIndex};
+use super::search::PolyhedronPair;
+use super::{PosedPolyhedron, edge_feature, face_feature, vertex_feature};
+use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
 use crate::math::{Vec3, local_frame};
 
 /// Columns of an outline: x, y and height of the corners, and the unit direction of the side from each to the next.
-const COLUMNS: usize = 5;
+const OUTLINE_COLUMNS: usize = 5;
 
 /// Adds the corners of the common part of two faces, those of `faces`, seen along `n` from A to B.
 ///
 /// `tiny`: distance up to which a corner is on a side, m.
-pub(super) fn common(pair: &Pair, n: &Vec3, faces: (u32, u32), tiny: f64, take: &mut Corners) {
-    let counts = [pair.a.corners(faces.0 as usize).len(), pair.b.corners(faces.1 as usize).len()];
+pub(super) fn collect_common_corners(
+    pair: &PolyhedronPair,
+    n: &Vec3,
+    faces: (u32, u32),
+    tiny: f64,
+    take: &mut PatchCorners,
+) {
+    let counts = [pair.a.face_corners(faces.0 as usize).len(), pair.b.face_corners(faces.1 as usize).len()];
     // The first corner comes again after the last; vectors begun at the last may read beyond.
-    let strides = counts.map(|count| count.next_multiple_of(PAD) + PAD);
+    let strides = counts.map(|count| count.next_multiple_of(COLUMN_PAD) + COLUMN_PAD);
     // On the stack for all but faces of many corners.
-    let (mut few, mut many) = ([0.0; 4 * COLUMNS * PAD], Vec::new());
-    let all = COLUMNS * (strides[0] + strides[1]);
+    let (mut few, mut many) = ([0.0; 4 * OUTLINE_COLUMNS * COLUMN_PAD], Vec::new());
+    let all = OUTLINE_COLUMNS * (strides[0] + strides[1]);
     let storage = if all <= few.len() {
         &mut few[..]
     } else {
@@ -32,22 +38,22 @@ pub(super) fn common(pair: &Pair, n: &Vec3, faces: (u32, u32), tiny: f64, take: 
         &mut many[..]
     };
     match pair.width {
-        Width::One(l) => l.run(Common { l, pair, n, faces, counts, strides, tiny, storage, take }),
+        SimdWidth::One(l) => l.run(CommonCorners { l, pair, n, faces, counts, strides, tiny, storage, take }),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(l) => l.run(Common { l, pair, n, faces, counts, strides, tiny, storage, take }),
+        SimdWidth::Four(l) => l.run(CommonCorners { l, pair, n, faces, counts, strides, tiny, storage, take }),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(l) => l.run(Common { l, pair, n, faces, counts, strides, tiny, storage, take }),
+        SimdWidth::Eight(l) => l.run(CommonCorners { l, pair, n, faces, counts, strides, tiny, storage, take }),
     }
 }
 
 /// Corners that have been found.
-pub(super) type Corners = smallvec::SmallVec<[Corner; 12]>;
+pub(super) type PatchCorners = smallvec::SmallVec<[PatchCorner; 12]>;
 
 /// A face seen along the normal, counter-clockwise.
-struct Outline<'a> {
-    posed: &'a Posed<'a>,
-    corners: &'a [Number],
-    sides: &'a [Number],
+struct FaceOutline<'a> {
+    posed: &'a PosedPolyhedron<'a>,
+    corners: &'a [FeatureIndex],
+    sides: &'a [FeatureIndex],
     /// Where the body is, m.
     moved: Vec3,
     /// Whether the face looks against the normal: then corners and sides go the other way round.
@@ -63,15 +69,22 @@ struct Outline<'a> {
     slope: [f64; 2],
 }
 
-impl<'a> Outline<'a> {
+impl<'a> FaceOutline<'a> {
     #[inline(always)]
-    fn new(posed: &'a Posed, of: u32, moved: Vec3, turned: bool, stride: usize, storage: &'a mut [f64]) -> Self {
-        let (corners, sides) = (posed.shape.corners(of as usize), posed.shape.sides(of as usize));
+    fn new(
+        posed: &'a PosedPolyhedron,
+        of: u32,
+        moved: Vec3,
+        turned: bool,
+        stride: usize,
+        storage: &'a mut [f64],
+    ) -> Self {
+        let (corners, sides) = (posed.shape.face_corners(of as usize), posed.shape.face_edges(of as usize));
         let (x, rest) = storage.split_at_mut(stride);
         let (y, rest) = rest.split_at_mut(stride);
         let (z, rest) = rest.split_at_mut(stride);
         let (dx, dy) = rest.split_at_mut(stride);
-        Outline { posed, corners, sides, moved, turned, x, y, z, dx, dy, height: 0.0, slope: [0.0; 2] }
+        FaceOutline { posed, corners, sides, moved, turned, x, y, z, dx, dy, height: 0.0, slope: [0.0; 2] }
     }
 
     #[inline(always)]
@@ -91,29 +104,29 @@ impl<'a> Outline<'a> {
     }
 
     #[inline(always)]
-    fn next(&self, k: usize) -> usize {
+    fn next_corner(&self, k: usize) -> usize {
         if k + 1 == self.corners.len() { 0 } else { k + 1 }
     }
 
     #[inline(always)]
-    fn at(&self, k: usize) -> Vec3 {
+    fn corner_position(&self, k: usize) -> Vec3 {
         self.posed.vertex(self.vertex(k)) + self.moved
     }
 
     /// The corners, and the plane through them.
     #[inline(always)]
-    fn project(&mut self, of: u32, [n, t, s]: &[Vec3; 3]) {
+    fn project_corners(&mut self, of: u32, [n, t, s]: &[Vec3; 3]) {
         let count = self.corners.len();
         let mut k = 0;
         while k < count {
-            let at = self.at(k);
+            let at = self.corner_position(k);
             (self.x[k], self.y[k], self.z[k]) = (at.dot(t), at.dot(s), at.dot(n));
             k += 1;
         }
         (self.x[count], self.y[count], self.z[count]) = (self.x[0], self.y[0], self.z[0]);
-        let normal = self.posed.normal(of);
+        let normal = self.posed.face_normal(of);
         let rise = normal.dot(n);
-        if rise.abs() < EDGE_ON {
+        if rise.abs() < MIN_FACE_COSINE {
             // A line: level, at the height that comes nearest to the other body.
             let mut height = self.z[0];
             for &z in &self.z[1..count] {
@@ -123,12 +136,12 @@ impl<'a> Outline<'a> {
             return;
         }
         self.slope = [normal.dot(t) / rise, normal.dot(s) / rise];
-        self.height = (self.posed.shape.planes()[of as usize].offset + normal.dot(&self.moved)) / rise;
+        self.height = (self.posed.shape.face_planes()[of as usize].offset + normal.dot(&self.moved)) / rise;
     }
 
-    /// Directions of the sides. Not right behind [`Self::project`]: vectors wait for the numbers that were written one by one.
+    /// Directions of the sides. Not right behind [`Self::project_corners`]: vectors wait for the numbers that were written one by one.
     #[inline(always)]
-    fn direct<L: Lanes>(&mut self, l: L, tiny: f64) {
+    fn compute_side_directions<L: F64Arithmetic>(&mut self, l: L, tiny: f64) {
         let count = self.corners.len();
         let mut k = 0;
         while k < count {
@@ -144,27 +157,27 @@ impl<'a> Outline<'a> {
 
     /// Height of the plane at a place.
     #[inline(always)]
-    fn height(&self, x: f64, y: f64) -> f64 {
+    fn plane_height(&self, x: f64, y: f64) -> f64 {
         self.height - (self.slope[0] * x + self.slope[1] * y)
     }
 
     /// Distance of places from the inside of side `k`.
     #[inline(always)]
-    fn distance<L: Lanes>(&self, l: L, k: usize, x: L::V, y: L::V) -> L::V {
+    fn side_distance<L: F64Arithmetic>(&self, l: L, k: usize, x: L::V, y: L::V) -> L::V {
         let along = l.mul(l.splat(self.dx[k]), l.sub(y, l.splat(self.y[k])));
         l.sub(along, l.mul(l.splat(self.dy[k]), l.sub(x, l.splat(self.x[k]))))
     }
 
     /// Of the corners of `other` from `k` on, which lie in this, and which of these on a side of it.
     #[inline(always)]
-    fn has<L: Lanes>(&self, l: L, other: &Outline, k: usize, tiny: f64) -> (u32, u32) {
+    fn corners_inside<L: F64Arithmetic>(&self, l: L, other: &FaceOutline, k: usize, tiny: f64) -> (u32, u32) {
         let (x, y) = (l.load(&other.x[k..]), l.load(&other.y[k..]));
-        let (mut inside, mut on_side) = (filled::<L>(k, other.corners.len()), 0);
+        let (mut inside, mut on_side) = (lane_mask::<L>(k, other.corners.len()), 0);
         let mut side = 0;
         while side < self.sides.len() {
             // A side seen end on bounds nothing.
             if self.dx[side] != 0.0 || self.dy[side] != 0.0 {
-                let distance = self.distance(l, side, x, y);
+                let distance = self.side_distance(l, side, x, y);
                 inside &= l.mask_greater(distance, l.splat(-tiny));
                 on_side |= !l.mask_greater(distance, l.splat(tiny));
             }
@@ -196,60 +209,61 @@ impl<'a> Outline<'a> {
 
 /// The lanes from `k` on that are below `count`.
 #[inline(always)]
-fn filled<L: Lanes>(k: usize, count: usize) -> u32 {
+fn lane_mask<L: F64Arithmetic>(k: usize, count: usize) -> u32 {
     (1 << L::WIDTH.min(count - k)) - 1
 }
 
-struct Common<'a, L> {
+struct CommonCorners<'a, L> {
     l: L,
-    pair: &'a Pair<'a>,
+    pair: &'a PolyhedronPair<'a>,
     n: &'a Vec3,
     faces: (u32, u32),
     counts: [usize; 2],
     strides: [usize; 2],
     tiny: f64,
     storage: &'a mut [f64],
-    take: &'a mut Corners,
+    take: &'a mut PatchCorners,
 }
 
-impl<L: Lanes> NullaryFnOnce for Common<'_, L> {
+impl<L: F64Arithmetic> NullaryFnOnce for CommonCorners<'_, L> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Common { l, pair, n, faces, counts: [na, nb], strides, tiny, storage, take } = self;
+        let CommonCorners { l, pair, n, faces, counts: [na, nb], strides, tiny, storage, take } = self;
         let frame = local_frame(*n);
-        let (of_a, of_b) = storage.split_at_mut(COLUMNS * strides[0]);
-        let mut a = Outline::new(pair.pa, faces.0, Vec3::zeros(), false, strides[0], of_a);
-        let mut b = Outline::new(pair.pb, faces.1, pair.c, true, strides[1], &mut of_b[..COLUMNS * strides[1]]);
-        a.project(faces.0, &frame);
-        b.project(faces.1, &frame);
-        a.direct(l, tiny);
-        b.direct(l, tiny);
+        let (of_a, of_b) = storage.split_at_mut(OUTLINE_COLUMNS * strides[0]);
+        let mut a = FaceOutline::new(pair.pa, faces.0, Vec3::zeros(), false, strides[0], of_a);
+        let mut b =
+            FaceOutline::new(pair.pb, faces.1, pair.c, true, strides[1], &mut of_b[..OUTLINE_COLUMNS * strides[1]]);
+        a.project_corners(faces.0, &frame);
+        b.project_corners(faces.1, &frame);
+        a.compute_side_directions(l, tiny);
+        b.compute_side_directions(l, tiny);
         let first = take.len();
         let mut from = 0;
         while from < na {
-            let (mut inside, on_side) = b.has(l, &a, from, tiny);
+            let (mut inside, on_side) = b.corners_inside(l, &a, from, tiny);
             while inside != 0 {
                 let lane = inside.trailing_zeros() as usize;
                 inside &= inside - 1;
                 let k = from + lane;
                 let (x, y, z) = (a.x[k], a.y[k], a.z[k]);
-                let mut height = b.height(x, y);
+                let mut height = b.plane_height(x, y);
                 if on_side >> lane & 1 != 0 {
                     height = b.side_height(x, y, 1.0, height, tiny);
                 }
                 let gap = height - z;
-                let point = a.at(k) + n * (0.5 * gap);
-                let features = (vertex(a.vertex(k)), face(faces.1));
-                take.push(Corner { point: point.into(), flat: [x, y], gap, features });
+                let point = a.corner_position(k) + n * (0.5 * gap);
+                let features = (vertex_feature(a.vertex(k)), face_feature(faces.1));
+                take.push(PatchCorner { point: point.into(), flat: [x, y], gap, features });
             }
             from += L::WIDTH;
         }
         let of_vertices_of_a = take.len();
         let mut from = 0;
         while from < nb {
-            let (mut inside, on_side) = a.has(l, &b, from, tiny);
+            let (mut inside, on_side) = a.corners_inside(l, &b, from, tiny);
             while inside != 0 {
                 let lane = inside.trailing_zeros() as usize;
                 inside &= inside - 1;
@@ -264,17 +278,17 @@ impl<L: Lanes> NullaryFnOnce for Common<'_, L> {
                     let same = &mut take[same];
                     let gap = z - (Vec3::from(same.point).dot(n) - 0.5 * same.gap);
                     same.point = (Vec3::from(same.point) + n * (0.5 * (gap - same.gap))).into();
-                    (same.gap, same.features.1) = (gap, vertex(b.vertex(k)));
+                    (same.gap, same.features.1) = (gap, vertex_feature(b.vertex(k)));
                     continue;
                 }
-                let mut height = a.height(x, y);
+                let mut height = a.plane_height(x, y);
                 if on_side >> lane & 1 != 0 {
                     height = a.side_height(x, y, -1.0, height, tiny);
                 }
                 let gap = z - height;
-                let point = b.at(k) - n * (0.5 * gap);
-                let features = (face(faces.0), vertex(b.vertex(k)));
-                take.push(Corner { point: point.into(), flat: [x, y], gap, features });
+                let point = b.corner_position(k) - n * (0.5 * gap);
+                let features = (face_feature(faces.0), vertex_feature(b.vertex(k)));
+                take.push(PatchCorner { point: point.into(), flat: [x, y], gap, features });
             }
             from += L::WIDTH;
         }
@@ -286,7 +300,7 @@ impl<L: Lanes> NullaryFnOnce for Common<'_, L> {
                 // Corners of B from this side of A, and the ends of this side from those of B.
                 let (x, y) = (l.load(&b.x[from..]), l.load(&b.y[from..]));
                 let (next_x, next_y) = (l.load(&b.x[from + 1..]), l.load(&b.y[from + 1..]));
-                let (w0, w1) = (a.distance(l, i, x, y), a.distance(l, i, next_x, next_y));
+                let (w0, w1) = (a.side_distance(l, i, x, y), a.side_distance(l, i, next_x, next_y));
                 let (dx, dy) = (l.load(&b.dx[from..]), l.load(&b.dy[from..]));
                 macro_rules! from_sides {
                     ($k:expr) => {
@@ -300,7 +314,7 @@ impl<L: Lanes> NullaryFnOnce for Common<'_, L> {
                             | (l.mask_greater(l.splat(-tiny), $p) & l.mask_greater($q, l.splat(tiny)))
                     };
                 }
-                let mut crossing = apart!(w0, w1) & apart!(v0, v1) & filled::<L>(from, nb);
+                let mut crossing = apart!(w0, w1) & apart!(v0, v1) & lane_mask::<L>(from, nb);
                 if crossing != 0 {
                     let mut distances = [[0.0; 8]; 4];
                     l.store(&mut distances[0], v0);
@@ -314,8 +328,8 @@ impl<L: Lanes> NullaryFnOnce for Common<'_, L> {
                         let [v0, v1, w0, w1] =
                             [distances[0][lane], distances[1][lane], distances[2][lane], distances[3][lane]];
                         let (p, q) = (v0 / (v0 - v1), w0 / (w0 - w1));
-                        let on_a = a.at(i) * (1.0 - p) + a.at(a.next(i)) * p;
-                        let on_b = b.at(j) * (1.0 - q) + b.at(b.next(j)) * q;
+                        let on_a = a.corner_position(i) * (1.0 - p) + a.corner_position(a.next_corner(i)) * p;
+                        let on_b = b.corner_position(j) * (1.0 - q) + b.corner_position(b.next_corner(j)) * q;
                         let point = (on_a + on_b) * 0.5;
                         let flat = [point.dot(&frame[1]), point.dot(&frame[2])];
                         let gap = n.dot(&(on_b - on_a));
@@ -327,8 +341,8 @@ impl<L: Lanes> NullaryFnOnce for Common<'_, L> {
                             take[same].gap = take[same].gap.min(gap);
                             continue;
                         }
-                        let features = (edge(a.edge(i)), edge(b.edge(j)));
-                        take.push(Corner { point: point.into(), flat, gap, features });
+                        let features = (edge_feature(a.edge(i)), edge_feature(b.edge(j)));
+                        take.push(PatchCorner { point: point.into(), flat, gap, features });
                     }
                 }
                 from += L::WIDTH;

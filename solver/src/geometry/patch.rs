@@ -4,30 +4,30 @@
 
 use smallvec::SmallVec;
 
-use super::outline::{Corners, common};
-use super::search::{Axis, Pair};
-use super::{Manifold, Point, Range};
+use super::outline::{PatchCorners, collect_common_corners};
+use super::search::{PolyhedronPair, SearchAxis};
+use super::{ContactPoint, ListingRange, Manifold};
 use crate::math::Vec3;
 
 /// Distance from a side, over the smaller circumradius, up to which a vertex is on it: so that aligned faces keep
 /// their vertices and have no crossings beside them.
-pub(super) const ON_SIDE: f64 = 1e-11;
+pub(super) const ON_SIDE_DISTANCE: f64 = 1e-11;
 /// Distance up to which two corners are one.
-pub(super) const SAME: f64 = 1e-9;
+pub(super) const SAME_CORNER_DISTANCE: f64 = 1e-9;
 /// Cosine between a face's normal and the direction of view below which it is seen as a line.
-pub(super) const EDGE_ON: f64 = 1e-9;
+pub(super) const MIN_FACE_COSINE: f64 = 1e-9;
 /// Distance from the line between its neighbours, over the size of the patch, up to which one of many corners is left out.
-const FLAT: f64 = 1e-2;
+const FLAT_CORNER_HEIGHT: f64 = 1e-2;
 /// A corner that is deeper than its neighbours by so many ties always stays.
-const TIES: f64 = 4.0;
+const DEEPER_TIES: f64 = 4.0;
 /// So many corners all count.
-const FEW: usize = 4;
+const MAX_CORNERS_UNREDUCED: usize = 4;
 /// So many are put in order by comparing each with each.
-const MANY: usize = 16;
+const MAX_COUNTING_SORT: usize = 16;
 
 #[derive(Default)]
-pub(super) struct Patch {
-    pub corners: Corners,
+pub(super) struct ContactPatch {
+    pub corners: PatchCorners,
     /// From A to B.
     pub normal: Vec3,
     /// Of the common part as far as area counts, m^2.
@@ -35,7 +35,7 @@ pub(super) struct Patch {
 }
 
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Corner {
+pub(super) struct PatchCorner {
     pub point: [f64; 3],
     /// Seen along the normal.
     pub flat: [f64; 2],
@@ -43,13 +43,13 @@ pub(super) struct Corner {
     pub features: (u32, u32),
 }
 
-impl Patch {
+impl ContactPatch {
     /// Faces of A and of B seen along an axis; area counts up to the gap `area_within`, m.
-    pub fn see(&mut self, pair: &Pair, axis: &Axis, faces: (u32, u32), area_within: f64) {
+    pub fn clip_faces(&mut self, pair: &PolyhedronPair, axis: &SearchAxis, faces: (u32, u32), area_within: f64) {
         self.normal = axis.n;
         self.corners.clear();
-        common(pair, &axis.n, faces, ON_SIDE * pair.small, &mut self.corners);
-        self.area = area(&self.corners, area_within);
+        collect_common_corners(pair, &axis.n, faces, ON_SIDE_DISTANCE * pair.small, &mut self.corners);
+        self.area = polygon_area(&self.corners, area_within);
         for corner in &mut self.corners {
             // Steep planes reach too far where a vertex on a side is outside by rounding.
             corner.gap = corner.gap.max(axis.s);
@@ -57,51 +57,54 @@ impl Patch {
     }
 
     /// The same where the corners are known already, and the area of the whole.
-    pub fn is_seen(&mut self, normal: Vec3, area_of_all: f64, area_within: f64) {
+    pub fn set_normal_and_area(&mut self, normal: Vec3, area_of_all: f64, area_within: f64) {
         // Where a range counts, so does the tilt of the faces.
         let all = area_within == f64::INFINITY;
-        (self.normal, self.area) = (normal, if all { area_of_all } else { area(&self.corners, area_within) });
+        (self.normal, self.area) = (normal, if all { area_of_all } else { polygon_area(&self.corners, area_within) });
     }
 
     /// Whether a corner has the gap of the axis: then two points of A and B are as near as the axis allows.
-    pub fn holds(&self, s: f64, tie: f64) -> bool {
+    pub fn has_axis_gap(&self, s: f64, tie: f64) -> bool {
         self.corners.iter().any(|corner| corner.gap <= s + tie)
     }
 
     /// Puts the corners that are listed into `to`; gaps are equal up to `tie`, m.
-    pub fn manifold(&mut self, range: Range, tie: f64, to: &mut Manifold) {
+    pub fn write_manifold(&mut self, range: ListingRange, tie: f64, to: &mut Manifold) {
         if self.corners.iter().any(|corner| corner.gap > range.alert) {
             self.corners.retain(|corner| corner.gap <= range.alert);
         }
-        let key = |corner: &Corner| u64::from(corner.features.0) << 32 | u64::from(corner.features.1);
-        let point =
-            |corner: &Corner| Point { position: corner.point.into(), gap: corner.gap, features: corner.features };
+        let key = |corner: &PatchCorner| u64::from(corner.features.0) << 32 | u64::from(corner.features.1);
+        let point = |corner: &PatchCorner| ContactPoint {
+            position: corner.point.into(),
+            gap: corner.gap,
+            features: corner.features,
+        };
         (to.normal, to.area) = (-self.normal, self.area);
         to.points.clear();
         let count = self.corners.len();
-        if count <= FEW {
+        if count <= MAX_CORNERS_UNREDUCED {
             // Most: without detours.
-            let mut keys = [0; FEW];
+            let mut keys = [0; MAX_CORNERS_UNREDUCED];
             keys.iter_mut().zip(&self.corners).for_each(|(k, corner)| *k = key(corner));
-            let order: [usize; FEW] = places(&keys[..count]);
+            let order: [usize; MAX_CORNERS_UNREDUCED] = counting_sort_order(&keys[..count]);
             to.points.extend(order[..count].iter().map(|&k| point(&self.corners[k])));
             return;
         }
         let keys: SmallVec<[u64; 12]> = self.corners.iter().map(key).collect();
-        let mut order = order(&keys);
-        self.leave_out_flat(&mut order, tie);
+        let mut order = sorted_order(&keys);
+        self.drop_flat_corners(&mut order, tie);
         to.points.extend(order.iter().map(|&k| point(&self.corners[k as usize])));
     }
 
     /// Leaves out corners, the first of the order first, without which what is left spans the same: sides that nearly
     /// coincide cross in the middle, and a corner that is hardly cut off is two. The deepest stays.
-    fn leave_out_flat(&self, order: &mut SmallVec<[u32; 12]>, tie: f64) {
+    fn drop_flat_corners(&self, order: &mut SmallVec<[u32; 12]>, tie: f64) {
         let flat = |k: u32| self.corners[k as usize].flat;
         let between = |a: u32, b: u32| [flat(b)[0] - flat(a)[0], flat(b)[1] - flat(a)[1]];
         let length = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
         let size = order.iter().map(|&k| length(between(order[0], k))).fold(0.0, f64::max);
         let gap = |k: u32| self.corners[k as usize].gap;
-        let round = round(&self.corners);
+        let round = convex_order(&self.corners);
         let (all, mut count) = (round.len(), round.len());
         let mut place = SmallVec::<[usize; 12]>::from_elem(0, all);
         (0..all).for_each(|at| place[round[at] as usize] = at);
@@ -115,10 +118,10 @@ impl Patch {
             let side = between(before, after);
             let stands_out = |k: u32| {
                 let to = between(before, k);
-                (side[0] * to[1] - side[1] * to[0]).abs() > FLAT * size * length(side)
+                (side[0] * to[1] - side[1] * to[0]).abs() > FLAT_CORNER_HEIGHT * size * length(side)
             };
             let mut within = (1..all).map(|step| (from + step) % all).take_while(|&at| at != to);
-            let deeper = gap(*k) < gap(before).min(gap(after)) - TIES * tie;
+            let deeper = gap(*k) < gap(before).min(gap(after)) - DEEPER_TIES * tie;
             let stays = count <= 3 || deeper || within.any(|at| stands_out(round[at]));
             is_left[at] = stays;
             count -= usize::from(!stays);
@@ -127,15 +130,15 @@ impl Patch {
     }
 }
 
-impl Corner {
+impl PatchCorner {
     #[inline(always)]
     pub fn is_near(&self, [x, y]: [f64; 2], small: f64) -> bool {
-        let same = SAME * small;
+        let same = SAME_CORNER_DISTANCE * small;
         (self.flat[0] - x).abs() <= same && (self.flat[1] - y).abs() <= same
     }
 
     /// Middle of the shortest way between two lines that are not parallel.
-    pub fn crossing([a0, a1]: [Vec3; 2], [b0, b1]: [Vec3; 2]) -> Vec3 {
+    pub fn line_crossing([a0, a1]: [Vec3; 2], [b0, b1]: [Vec3; 2]) -> Vec3 {
         let (u, v, w) = (a1 - a0, b1 - b0, a0 - b0);
         let (uu, uv, vv, uw, vw) = (u.dot(&u), u.dot(&v), v.dot(&v), u.dot(&w), v.dot(&w));
         let d = uu * vv - uv * uv;
@@ -145,18 +148,18 @@ impl Corner {
 }
 
 /// The places of keys in increasing order; of equals the first comes first.
-fn order(keys: &[u64]) -> SmallVec<[u32; 12]> {
-    if keys.len() > MANY {
+fn sorted_order(keys: &[u64]) -> SmallVec<[u32; 12]> {
+    if keys.len() > MAX_COUNTING_SORT {
         let mut order: SmallVec<[u32; 12]> = (0..keys.len() as u32).collect();
         order.sort_by_key(|&k| keys[k as usize]);
         return order;
     }
-    places::<MANY>(keys)[..keys.len()].iter().map(|&k| k as u32).collect()
+    counting_sort_order::<MAX_COUNTING_SORT>(keys)[..keys.len()].iter().map(|&k| k as u32).collect()
 }
 
 /// The same of up to `N` keys, by counting for each the keys before it: without branches, which noise would make
 /// unpredictable.
-fn places<const N: usize>(keys: &[u64]) -> [usize; N] {
+fn counting_sort_order<const N: usize>(keys: &[u64]) -> [usize; N] {
     let (mut before, mut order) = ([0; N], [0; N]);
     for k in 1..keys.len() {
         for earlier in 0..k {
@@ -172,16 +175,16 @@ fn places<const N: usize>(keys: &[u64]) -> [usize; N] {
 }
 
 /// Middle of the corners, m.
-fn mean(corners: &[Corner]) -> [f64; 2] {
+fn corner_centre(corners: &[PatchCorner]) -> [f64; 2] {
     let count = corners.len() as f64;
     corners.iter().fold([0.0; 2], |m, c| [m[0] + c.flat[0] / count, m[1] + c.flat[1] / count])
 }
 
 /// Corners of a convex polygon one after the other, counter-clockwise.
-fn round(corners: &[Corner]) -> SmallVec<[u32; 12]> {
-    let mean = mean(corners);
+fn convex_order(corners: &[PatchCorner]) -> SmallVec<[u32; 12]> {
+    let mean = corner_centre(corners);
     // By a number that grows with the angle.
-    let turn = |corner: &Corner| {
+    let turn = |corner: &PatchCorner| {
         let (x, y) = (corner.flat[0] - mean[0], corner.flat[1] - mean[1]);
         let reach = x.abs() + y.abs();
         let turn = if reach == 0.0 { 0.0 } else { (1.0 - x / reach).copysign(y) };
@@ -190,12 +193,12 @@ fn round(corners: &[Corner]) -> SmallVec<[u32; 12]> {
         (bits ^ (bits >> 63 | i64::MIN)) as u64
     };
     let turns: SmallVec<[u64; 12]> = corners.iter().map(turn).collect();
-    order(&turns)
+    sorted_order(&turns)
 }
 
 /// Tilt of two faces, rad, from which on they have no area in common where a range counts: an edge on a face. What of a tilted
 /// face is within the range of a bond, a thousandth of the size over the tilt, is 1 % of it there.
-const TILTED: f64 = 0.1;
+const MAX_AREA_TILT: f64 = 0.1;
 
 /// Share of the area of a convex polygon of corners x, y and gap that counts at the tilt θ of its gap: 1 - (θ/0.1)², at least 0.
 pub(super) fn share_at_tilt(polygon: &[[f64; 3]]) -> f64 {
@@ -210,23 +213,23 @@ pub(super) fn share_at_tilt(polygon: &[[f64; 3]]) -> f64 {
     let [x, y, z] = normal;
     let tilt2 = (x * x + y * y) / (z * z);
     // What has no area is no number.
-    (1.0 - tilt2 / (TILTED * TILTED)).max(0.0)
+    (1.0 - tilt2 / (MAX_AREA_TILT * MAX_AREA_TILT)).max(0.0)
 }
 
 /// Of the convex polygon of the corners as far as its gap, which is linear on it, is at most `within` (m), m^2; where that
 /// is finite, less what [`share_at_tilt`] takes.
-fn area(corners: &[Corner], within: f64) -> f64 {
+fn polygon_area(corners: &[PatchCorner], within: f64) -> f64 {
     if corners.len() < 3 {
         return 0.0;
     }
-    let mean = mean(corners);
+    let mean = corner_centre(corners);
     let corner = |&k: &u32| {
-        let Corner { flat, gap, .. } = corners[k as usize];
+        let PatchCorner { flat, gap, .. } = corners[k as usize];
         [flat[0] - mean[0], flat[1] - mean[1], gap]
     };
-    let mut polygon: Polygon = round(corners).iter().map(corner).collect();
+    let mut polygon: Polygon = convex_order(corners).iter().map(corner).collect();
     if polygon.iter().any(|corner| corner[2] > within) {
-        polygon = nearer_than(&polygon, within);
+        polygon = clipped_to_gap(&polygon, within);
     }
     let mut doubled = 0.0;
     for (k, &[x, y, _]) in polygon.iter().enumerate() {
@@ -241,7 +244,7 @@ fn area(corners: &[Corner], within: f64) -> f64 {
 pub(super) type Polygon = SmallVec<[[f64; 3]; 12]>;
 
 /// What of a convex polygon has gaps up to `within`, m: one side of a straight line.
-pub(super) fn nearer_than(polygon: &[[f64; 3]], within: f64) -> Polygon {
+pub(super) fn clipped_to_gap(polygon: &[[f64; 3]], within: f64) -> Polygon {
     let mut nearer = Polygon::new();
     for (k, p) in polygon.iter().enumerate() {
         let q = &polygon[if k + 1 == polygon.len() { 0 } else { k + 1 }];
@@ -259,7 +262,7 @@ pub(super) fn nearer_than(polygon: &[[f64; 3]], within: f64) -> Polygon {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{Posed, tests::each_pair};
+    use crate::geometry::{PosedPolyhedron, tests::each_pair};
     use crate::math::local_frame;
 
     /// Sutherland and Hodgman's: each side of `by` cuts what is left.
@@ -284,7 +287,7 @@ mod tests {
         of
     }
 
-    /// Corners of regular polygons, whose order is that of going round or any: what is left spans all of them to [`FLAT`].
+    /// Corners of regular polygons, whose order is that of going round or any: what is left spans all of them to [`FLAT_CORNER_HEIGHT`].
     #[test]
     fn many_corners_that_are_hardly_bent_are_not_left_out_one_after_the_other() {
         for (count, stride) in [(5, 1), (12, 1), (64, 1), (400, 1), (400, 37), (1000, 1)] {
@@ -294,17 +297,21 @@ mod tests {
             };
             let corner = |k: usize| {
                 let [x, y] = at(k);
-                Corner { point: [x, y, 0.0], flat: [x, y], gap: 0.0, features: ((k * stride % count) as u32, 0) }
+                PatchCorner { point: [x, y, 0.0], flat: [x, y], gap: 0.0, features: ((k * stride % count) as u32, 0) }
             };
-            let mut patch = Patch { corners: (0..count).map(corner).collect(), normal: Vec3::z(), area: 0.0 };
+            let mut patch = ContactPatch { corners: (0..count).map(corner).collect(), normal: Vec3::z(), area: 0.0 };
             let mut manifold = Manifold::default();
-            patch.manifold(Range::from(1.0), 1e-12, &mut manifold);
+            patch.write_manifold(ListingRange::from(1.0), 1e-12, &mut manifold);
             let mut left: Vec<f64> = manifold.points.iter().map(|p| p.position.y.atan2(p.position.x)).collect();
             left.sort_by(f64::total_cmp);
             let gap = |k: usize| (left[(k + 1) % left.len()] - left[k]).rem_euclid(std::f64::consts::TAU);
             let widest = (0..left.len()).map(gap).fold(0.0, f64::max);
             // A chord under an angle α is 1 - cos α/2 from its arc; the size of the patch is 2.
-            assert!(1.0 - (widest / 2.0).cos() <= 2.0 * FLAT || left.len() == count, "{count}: {}", left.len());
+            assert!(
+                1.0 - (widest / 2.0).cos() <= 2.0 * FLAT_CORNER_HEIGHT || left.len() == count,
+                "{count}: {}",
+                left.len()
+            );
             assert!(left.len() <= 24, "{count}: {}", left.len());
         }
     }
@@ -313,13 +320,13 @@ mod tests {
     fn patches_are_those_of_clipping() {
         let mut many = [0; 12];
         each_pair(3000, 0.5, |k, pair, found| {
-            let mut patch = Patch::default();
-            patch.see(pair, &found.axis, found.faces, f64::INFINITY);
+            let mut patch = ContactPatch::default();
+            patch.clip_faces(pair, &found.axis, found.faces, f64::INFINITY);
             let frame = local_frame(found.axis.n);
-            let outline = |posed: &Posed, f: u32, moved: Vec3, turned: bool| -> Vec<[f64; 2]> {
+            let outline = |posed: &PosedPolyhedron, f: u32, moved: Vec3, turned: bool| -> Vec<[f64; 2]> {
                 let at = |&v: &u16| posed.vertex(v) + moved;
                 let corners =
-                    posed.shape.corners(f as usize).iter().map(at).map(|p| [p.dot(&frame[1]), p.dot(&frame[2])]);
+                    posed.shape.face_corners(f as usize).iter().map(at).map(|p| [p.dot(&frame[1]), p.dot(&frame[2])]);
                 if turned { corners.rev().collect() } else { corners.collect() }
             };
             let expected = clipped(

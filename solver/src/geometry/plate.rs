@@ -1,7 +1,7 @@
 //! A polyhedron against a rectangular plate, which is a cuboid.
 
-use super::search::support;
-use super::{Manifold, Memory, Narrow, Polyhedron, Posed, polyhedron_polyhedron};
+use super::search::support_vertex;
+use super::{CachedFeature, Manifold, NarrowPhaseMode, Polyhedron, PosedPolyhedron, polyhedron_polyhedron};
 use crate::math::{Quat, Vec3};
 
 /// Polyhedron A against a plate at `c` = x_B - x_A (m) with the orientation `q`; `None` where they are more than
@@ -9,15 +9,15 @@ use crate::math::{Quat, Vec3};
 ///
 /// The contact faces are at ± half_lengths.z along the plate's third axis; the rim can be touched too. For many
 /// contacts of one plate keep its [`Polyhedron::cuboid`] and use [`polyhedron_polyhedron`], which this calls.
-pub fn polyhedron_plane(a: &Posed, c: &Vec3, q: &Quat, half_lengths: &Vec3, alert: f64) -> Option<Manifold> {
+pub fn polyhedron_plane(a: &PosedPolyhedron, c: &Vec3, q: &Quat, half_lengths: &Vec3, alert: f64) -> Option<Manifold> {
     // Most bodies are farther than that from one of the faces' planes.
     let n = q * Vec3::z();
     let centre = -n.dot(c);
-    let below = support(a, &-n).1;
-    let above = support(a, &n).1;
+    let below = support_vertex(a, &-n).1;
+    let above = support_vertex(a, &n).1;
     if (centre - below).max(-centre - above) - half_lengths.z > alert {
         return None;
     }
     let plate = Polyhedron::cuboid(half_lengths);
-    polyhedron_polyhedron(a, &plate.posed(q), c, alert, Narrow::Accurate, &mut Memory::default())
+    polyhedron_polyhedron(a, &plate.posed_by(q), c, alert, NarrowPhaseMode::Accurate, &mut CachedFeature::default())
 }

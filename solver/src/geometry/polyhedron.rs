@@ -1,19 +1,19 @@
 //! A convex polyhedron in its body's frame, and the same turned as its body is.
 
 use bytemuck::{Pod, Zeroable};
-pub(super) use cd_formats::faces::{Edge, Faces, Number, Plane};
+pub(super) use cd_formats::faces::{ConvexMesh, FeatureIndex, PolyhedronEdge, PolyhedronPlane};
 use nalgebra::Matrix3;
 
-use crate::math::lanes::Width;
+use crate::math::lanes::SimdWidth;
 use crate::math::{Quat, Vec3};
 
 /// Columns are as long as the next multiple of this, so that all widths of vectors fit.
-pub(super) const PAD: usize = 8;
+pub(super) const COLUMN_PAD: usize = 8;
 
 /// A convex polyhedron; its faces are polygons, not triangles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Polyhedron {
-    hot: Hot,
+    topology: PackedTopology,
     vertices: Vec<Vec3>,
     /// Columns x, y, z of the normals, padded by zeros.
     pub(super) normals: Vec<f64>,
@@ -28,16 +28,16 @@ pub struct Polyhedron {
 ///
 /// Each section is a range of the lines read as numbers of its kind.
 #[derive(Debug, Clone, PartialEq)]
-struct Hot {
-    lines: Vec<Line>,
+struct PackedTopology {
+    lines: Vec<CacheLine>,
     /// Columns x, y, z of the vertices, each so long, padded by the first; they come first.
     column: usize,
     planes: Section,
     edges: Section,
     /// Where in `spokes` each vertex begins, and the last ends.
-    spoke_starts: Section,
-    spokes: Section,
-    /// As in [`Faces`].
+    half_edge_starts: Section,
+    half_edges: Section,
+    /// As in [`ConvexMesh`].
     loops: Section,
     starts: Section,
 }
@@ -45,47 +45,56 @@ struct Hot {
 /// A line of the caches.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
-struct Line([u64; 8]);
+struct CacheLine([u64; 8]);
 
 /// Start and end.
 type Section = [u32; 2];
 
-impl Hot {
-    fn new(faces: &Faces) -> Self {
-        let column = faces.vertices.len().next_multiple_of(PAD);
+impl PackedTopology {
+    fn new(faces: &ConvexMesh) -> Self {
+        let column = faces.vertices.len().next_multiple_of(COLUMN_PAD);
         let mut bytes = Vec::new();
         for axis in 0..3 {
             let padded = faces.vertices.iter().chain(std::iter::repeat(&faces.vertices[0]));
             padded.take(column).for_each(|v| bytes.extend(v[axis].to_ne_bytes()));
         }
         // Kinds from large to small, so that each begins at a multiple of its size.
-        let planes = append(&mut bytes, &faces.planes);
-        let edges = append(&mut bytes, &faces.edges);
-        let starts = append(&mut bytes, &faces.starts);
+        let planes = append_rows(&mut bytes, &faces.planes);
+        let edges = append_rows(&mut bytes, &faces.edges);
+        let starts = append_rows(&mut bytes, &faces.starts);
         let mut spokes = vec![Vec::new(); faces.vertices.len()];
-        for (edge, Edge { ends: [from, to], .. }) in (0..).zip(&faces.edges) {
-            spokes[usize::from(*from)].push(Spoke { edge, to: *to });
-            spokes[usize::from(*to)].push(Spoke { edge, to: *from });
+        for (edge, PolyhedronEdge { ends: [from, to], .. }) in (0..).zip(&faces.edges) {
+            spokes[usize::from(*from)].push(HalfEdge { edge, to: *to });
+            spokes[usize::from(*to)].push(HalfEdge { edge, to: *from });
         }
         let mut spoke_starts = vec![0];
         for of_one in &spokes {
             spoke_starts.push(spoke_starts[spoke_starts.len() - 1] + of_one.len() as u32);
         }
-        let spoke_starts = append(&mut bytes, &spoke_starts);
-        let spokes = append(&mut bytes, &spokes.concat());
-        let loops = append(&mut bytes, &faces.loops);
-        let mut lines = vec![Line::zeroed(); bytes.len().div_ceil(size_of::<Line>())];
+        let spoke_starts = append_rows(&mut bytes, &spoke_starts);
+        let spokes = append_rows(&mut bytes, &spokes.concat());
+        let loops = append_rows(&mut bytes, &faces.loops);
+        let mut lines = vec![CacheLine::zeroed(); bytes.len().div_ceil(size_of::<CacheLine>())];
         bytemuck::cast_slice_mut(&mut lines)[..bytes.len()].copy_from_slice(&bytes);
-        Hot { lines, column, planes, edges, starts, spoke_starts, spokes, loops }
+        PackedTopology {
+            lines,
+            column,
+            planes,
+            edges,
+            starts,
+            half_edge_starts: spoke_starts,
+            half_edges: spokes,
+            loops,
+        }
     }
 
     #[inline(always)]
-    fn section<T: Pod>(&self, [start, end]: Section) -> &[T] {
+    fn section_rows<T: Pod>(&self, [start, end]: Section) -> &[T] {
         &bytemuck::cast_slice(&self.lines)[start as usize..end as usize]
     }
 }
 
-fn append<T: Pod>(bytes: &mut Vec<u8>, rows: &[T]) -> Section {
+fn append_rows<T: Pod>(bytes: &mut Vec<u8>, rows: &[T]) -> Section {
     let start = bytes.len() / size_of::<T>();
     bytes.extend_from_slice(bytemuck::cast_slice(rows));
     [start, start + rows.len()].map(|k| k as u32)
@@ -94,22 +103,22 @@ fn append<T: Pod>(bytes: &mut Vec<u8>, rows: &[T]) -> Section {
 /// An edge seen from one of its ends.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Spoke {
-    pub edge: Number,
+pub(super) struct HalfEdge {
+    pub edge: FeatureIndex,
     /// The vertex at its other end.
-    pub to: Number,
+    pub to: FeatureIndex,
 }
 
-impl From<Faces> for Polyhedron {
-    fn from(faces: Faces) -> Self {
-        let hot = Hot::new(&faces);
-        let Faces { vertices, planes, edges, circumradius, .. } = faces;
+impl From<ConvexMesh> for Polyhedron {
+    fn from(faces: ConvexMesh) -> Self {
+        let hot = PackedTopology::new(&faces);
+        let ConvexMesh { vertices, planes, edges, circumradius, .. } = faces;
         let mut normals = Vec::new();
         for axis in 0..3 {
             let padded = planes.iter().map(|plane| plane.normal[axis]).chain(std::iter::repeat(0.0));
-            normals.extend(padded.take(planes.len().next_multiple_of(PAD)));
+            normals.extend(padded.take(planes.len().next_multiple_of(COLUMN_PAD)));
         }
-        let arc_pad = edges.len().next_multiple_of(PAD);
+        let arc_pad = edges.len().next_multiple_of(COLUMN_PAD);
         let mut arcs = vec![0.0; 7 * arc_pad];
         for (e, edge) in edges.iter().enumerate() {
             let [n0, n1] = edge.faces.map(|f| planes[f as usize].normal);
@@ -118,7 +127,7 @@ impl From<Faces> for Polyhedron {
             row.iter().enumerate().for_each(|(column, x)| arcs[column * arc_pad + e] = *x);
         }
         let inradius = planes.iter().map(|plane| plane.offset).fold(f64::INFINITY, f64::min);
-        Polyhedron { hot, vertices, normals, arcs, arc_pad, inradius, circumradius }
+        Polyhedron { topology: hot, vertices, normals, arcs, arc_pad, inradius, circumradius }
     }
 }
 
@@ -131,7 +140,7 @@ impl Polyhedron {
     /// Triangles in one plane become one face, and vertices that are then no corners are left out. Errors: what makes
     /// it no convex polyhedron.
     pub fn new(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Result<Self, String> {
-        Ok(Self::from(Faces::new(vertices, triangles, Self::FLATNESS)?))
+        Ok(Self::from(ConvexMesh::new(vertices, triangles, Self::FLATNESS)?))
     }
 
     /// A cuboid of these half lengths, m, along the body's axes.
@@ -154,16 +163,16 @@ impl Polyhedron {
             n
         };
         let vertices = (0..8).map(corner).collect();
-        let mut faces = Faces::bare(vertices, half_lengths.norm());
+        let mut faces = ConvexMesh::from_vertices(vertices, half_lengths.norm());
         corners.chunks(4).for_each(|corners| faces.add_loop(corners.iter().copied()));
-        faces.planes = (0..6).map(|f| Plane { normal: normal(f), offset: half_lengths[f / 2] }).collect();
+        faces.planes = (0..6).map(|f| PolyhedronPlane { normal: normal(f), offset: half_lengths[f / 2] }).collect();
         faces.add_edges().expect("a cuboid closes");
         Self::from(faces)
     }
 
     /// The same turned by `q`, body to world.
-    pub fn posed(&self, q: &Quat) -> Posed<'_> {
-        Posed { shape: self, lines: &self.hot.lines, turn: q.to_rotation_matrix().into_inner() }
+    pub fn posed_by(&self, q: &Quat) -> PosedPolyhedron<'_> {
+        PosedPolyhedron { shape: self, lines: &self.topology.lines, turn: q.to_rotation_matrix().into_inner() }
     }
 
     /// Corners in the body's frame, m.
@@ -173,7 +182,7 @@ impl Polyhedron {
 
     /// The corners of each face, counter-clockwise seen from outside.
     pub fn faces(&self) -> impl Iterator<Item = &[u16]> {
-        (0..self.planes().len()).map(|face| self.corners(face))
+        (0..self.face_planes().len()).map(|face| self.face_corners(face))
     }
 
     /// Distance from the body's centre to the nearest face's plane, m.
@@ -186,54 +195,54 @@ impl Polyhedron {
         self.circumradius
     }
 
-    /// x, y and z of the vertices, each as long as a multiple of [`PAD`]: the first comes again.
+    /// x, y and z of the vertices, each as long as a multiple of [`COLUMN_PAD`]: the first comes again.
     #[inline(always)]
-    pub(super) fn columns(&self) -> [&[f64]; 3] {
-        let (all, column) = (bytemuck::cast_slice(&self.hot.lines), self.hot.column);
+    pub(super) fn vertex_columns(&self) -> [&[f64]; 3] {
+        let (all, column) = (bytemuck::cast_slice(&self.topology.lines), self.topology.column);
         [&all[..column], &all[column..2 * column], &all[2 * column..3 * column]]
     }
 
     #[inline(always)]
-    pub(super) fn planes(&self) -> &[Plane] {
-        self.hot.section(self.hot.planes)
+    pub(super) fn face_planes(&self) -> &[PolyhedronPlane] {
+        self.topology.section_rows(self.topology.planes)
     }
 
     #[inline(always)]
-    pub(super) fn edges(&self) -> &[Edge] {
-        self.hot.section(self.hot.edges)
+    pub(super) fn edges(&self) -> &[PolyhedronEdge] {
+        self.topology.section_rows(self.topology.edges)
     }
 
     #[inline(always)]
-    pub(super) fn corners(&self, face: usize) -> &[Number] {
-        let of_face = self.of_face(face);
+    pub(super) fn face_corners(&self, face: usize) -> &[FeatureIndex] {
+        let of_face = self.face_loop(face);
         &of_face[..of_face.len() / 2]
     }
 
     /// The edges round a face; edge k goes from corner k to the next.
     #[inline(always)]
-    pub(super) fn sides(&self, face: usize) -> &[Number] {
-        let of_face = self.of_face(face);
+    pub(super) fn face_edges(&self, face: usize) -> &[FeatureIndex] {
+        let of_face = self.face_loop(face);
         &of_face[of_face.len() / 2..]
     }
 
     #[inline(always)]
-    fn of_face(&self, face: usize) -> &[Number] {
-        let starts: &[u32] = self.hot.section(self.hot.starts);
-        &self.hot.section(self.hot.loops)[starts[face] as usize..starts[face + 1] as usize]
+    fn face_loop(&self, face: usize) -> &[FeatureIndex] {
+        let starts: &[u32] = self.topology.section_rows(self.topology.starts);
+        &self.topology.section_rows(self.topology.loops)[starts[face] as usize..starts[face + 1] as usize]
     }
 
     /// A corner, m.
     #[inline(always)]
     pub(super) fn vertex(&self, k: usize) -> Vec3 {
-        let [x, y, z] = self.columns();
+        let [x, y, z] = self.vertex_columns();
         Vec3::new(x[k], y[k], z[k])
     }
 
     /// The edges at a vertex.
     #[inline(always)]
-    pub(super) fn spokes(&self, vertex: usize) -> &[Spoke] {
-        let starts: &[u32] = self.hot.section(self.hot.spoke_starts);
-        &self.hot.section(self.hot.spokes)[starts[vertex] as usize..starts[vertex + 1] as usize]
+    pub(super) fn half_edges(&self, vertex: usize) -> &[HalfEdge] {
+        let starts: &[u32] = self.topology.section_rows(self.topology.half_edge_starts);
+        &self.topology.section_rows(self.topology.half_edges)[starts[vertex] as usize..starts[vertex + 1] as usize]
     }
 }
 
@@ -242,35 +251,35 @@ impl Polyhedron {
 /// Of a shape only what a contact asks for is turned, then and there: most of the work of a pair is reading memory, and
 /// directions are turned into the shape's frame for less than vertices out of it.
 #[derive(Debug, Clone, Copy)]
-pub struct Posed<'a> {
+pub struct PosedPolyhedron<'a> {
     pub(super) shape: &'a Polyhedron,
-    /// The shape's [`Hot`], to be asked for without reading the shape.
-    lines: &'a [Line],
+    /// The shape's [`PackedTopology`], to be asked for without reading the shape.
+    lines: &'a [CacheLine],
     /// Body to world.
     pub(super) turn: Matrix3<f64>,
 }
 
-impl Posed<'_> {
+impl PosedPolyhedron<'_> {
     #[inline(always)]
     pub(super) fn vertex(&self, k: impl Into<u32>) -> Vec3 {
-        self.turned(&self.shape.vertex(k.into() as usize))
+        self.to_world(&self.shape.vertex(k.into() as usize))
     }
 
     #[inline(always)]
-    pub(super) fn normal(&self, face: impl Into<u32>) -> Vec3 {
-        self.turned(&self.shape.planes()[face.into() as usize].normal)
+    pub(super) fn face_normal(&self, face: impl Into<u32>) -> Vec3 {
+        self.to_world(&self.shape.face_planes()[face.into() as usize].normal)
     }
 
     /// Asks for what [`super::polyhedron_polyhedron`] will read.
     #[inline(always)]
-    pub fn fetch(&self, width: Width) {
-        width.fetch(self.shape);
-        width.fetch(self.lines);
+    pub fn prefetch(&self, width: SimdWidth) {
+        width.prefetch(self.shape);
+        width.prefetch(self.lines);
     }
 
     /// A vector of the shape's frame in the world's. Written out, so that it is the same to the bit wherever it is inlined.
     #[inline(always)]
-    pub(super) fn turned(&self, v: &Vec3) -> Vec3 {
+    pub(super) fn to_world(&self, v: &Vec3) -> Vec3 {
         let m = &self.turn;
         Vec3::new(
             m.m11 * v.x + m.m12 * v.y + m.m13 * v.z,
@@ -281,7 +290,7 @@ impl Posed<'_> {
 
     /// The reverse.
     #[inline(always)]
-    pub(super) fn local(&self, v: &Vec3) -> Vec3 {
+    pub(super) fn to_local(&self, v: &Vec3) -> Vec3 {
         let m = &self.turn;
         Vec3::new(
             m.m11 * v.x + m.m21 * v.y + m.m31 * v.z,

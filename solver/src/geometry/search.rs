@@ -11,30 +11,33 @@
 use pulp::NullaryFnOnce;
 use smallvec::{Array, SmallVec};
 
-use super::patch::Corner;
-use super::polyhedron::Number;
-use super::{Narrow, Point, Polyhedron, Posed, Range, edge, face, vertex};
-use crate::math::lanes::{Arithmetic, Lanes, Scalar, Width};
-use crate::math::{Vec3, length};
+use super::patch::PatchCorner;
+use super::polyhedron::FeatureIndex;
+use super::{
+    ContactPoint, ListingRange, NarrowPhaseMode, Polyhedron, PosedPolyhedron, edge_feature, face_feature,
+    vertex_feature,
+};
+use crate::math::lanes::{Arithmetic, F64Arithmetic, Scalar, SimdWidth};
+use crate::math::{Vec3, vector_length};
 
 /// Two posed polyhedra.
 #[derive(Clone, Copy)]
-pub(super) struct Pair<'a> {
+pub(super) struct PolyhedronPair<'a> {
     pub a: &'a Polyhedron,
-    pub pa: &'a Posed<'a>,
+    pub pa: &'a PosedPolyhedron<'a>,
     pub b: &'a Polyhedron,
-    pub pb: &'a Posed<'a>,
+    pub pb: &'a PosedPolyhedron<'a>,
     /// x_B - x_A, m.
     pub c: Vec3,
     /// Sum of the circumradii, m.
     pub sum: f64,
     /// The smaller circumradius, m.
     pub small: f64,
-    pub width: Width,
+    pub width: SimdWidth,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Feature {
+pub(super) enum SearchFeature {
     FaceOfA(u32),
     FaceOfB(u32),
     Edges(u32, u32),
@@ -44,100 +47,106 @@ pub(super) enum Feature {
 
 /// A direction with the separation along it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Axis {
+pub(super) struct SearchAxis {
     /// Unit, from A to B.
     pub n: Vec3,
     /// m
     pub s: f64,
-    pub feature: Feature,
+    pub feature: SearchFeature,
 }
 
-impl Axis {
-    pub fn apart(&self) -> super::Apart {
-        super::Apart { n: self.n, s: self.s }
+impl SearchAxis {
+    pub fn as_separated(&self) -> super::Separated {
+        super::Separated { n: self.n, s: self.s }
     }
 }
 
 /// Where a search begins.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Start {
+pub(super) enum SearchStart {
     Nothing,
-    Feature(Feature),
+    Feature(SearchFeature),
     Direction(Vec3),
 }
 
 /// Products of the two dots of a Gauss-map test above which edges count as parallel, over the squared length of the
-/// edge: 4e-12 rad. To leave them out changes s by no more than [`Pair::tie`].
-const PARALLEL: f64 = 1.6e-23;
+/// edge: 4e-12 rad. To leave them out changes s by no more than [`PolyhedronPair::tie_tolerance`].
+const PARALLEL_EDGE_PRODUCT: f64 = 1.6e-23;
 /// Angle up to which edges count as parallel ridges, rad.
-pub(super) const NEARLY_PARALLEL: f64 = 1e-11;
+pub(super) const RIDGE_ANGLE: f64 = 1e-11;
 /// A face must be better aligned by this to be preferred to its neighbour.
-const ALIGNED: f64 = 1e-9;
-const LANES: [f64; 8] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+const ALIGNMENT_MARGIN: f64 = 1e-9;
+const LANE_INDICES: [f64; 8] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 /// Points of the difference that are kept: of the start, four about a face on a face, of the best of either body's faces.
-const WITNESSES: usize = 7;
+const MAX_WITNESSES: usize = 7;
 /// Faces are taken to lie on each other up to this angle, rad.
-const ON_EACH_OTHER: f64 = 1e-3;
+const FACE_ON_FACE_ANGLE: f64 = 1e-3;
 /// Edges of B that are held in columns at a time; the same for all widths, so that the order is.
-const BLOCK: usize = 8;
+const COLUMN_BLOCK: usize = 8;
 
-impl<'a> Pair<'a> {
-    pub fn new(pa: &'a Posed, pb: &'a Posed, c: Vec3, width: Width) -> Self {
+impl<'a> PolyhedronPair<'a> {
+    pub fn new(pa: &'a PosedPolyhedron, pb: &'a PosedPolyhedron, c: Vec3, width: SimdWidth) -> Self {
         let (a, b) = (pa.shape, pb.shape);
         let (ra, rb) = (a.circumradius(), b.circumradius());
-        Pair { a, pa, b, pb, c, sum: ra + rb, small: ra.min(rb), width }
+        PolyhedronPair { a, pa, b, pb, c, sum: ra + rb, small: ra.min(rb), width }
     }
 
     /// A direction must be better by this (m) to be preferred to an earlier one: so rounding, and noise of 1e-12 of the
     /// smaller body, do not decide between equals.
-    pub fn tie(&self) -> f64 {
-        4e-12 * self.small + self.rounding()
+    pub fn tie_tolerance(&self) -> f64 {
+        4e-12 * self.small + self.rounding_bound()
     }
 
     /// Rounding of an s, m, with room.
-    fn rounding(&self) -> f64 {
+    fn rounding_bound(&self) -> f64 {
         32.0 * f64::EPSILON * self.sum
     }
 
     /// What s cannot be less than by this much for a direction of the cone to be worth a try.
-    fn inner(&self) -> f64 {
+    fn inradius_sum(&self) -> f64 {
         self.a.inradius() + self.b.inradius()
     }
 
     /// s(n) with the vertices that give it.
-    pub fn separation(&self, n: &Vec3) -> (f64, u32, u32) {
-        let (a, high) = support(self.pa, n);
-        let (b, low) = support(self.pb, &-n);
+    pub fn separation_along(&self, n: &Vec3) -> (f64, u32, u32) {
+        let (a, high) = support_vertex(self.pa, n);
+        let (b, low) = support_vertex(self.pb, &-n);
         (n.dot(&self.c) - low - high, a, b)
     }
 }
 
 /// The first vertex farthest along `n`, and how far.
-pub(super) fn support(posed: &Posed, n: &Vec3) -> (u32, f64) {
-    let (k, low) = lowest(Scalar, posed, &-n);
+pub(super) fn support_vertex(posed: &PosedPolyhedron, n: &Vec3) -> (u32, f64) {
+    let (k, low) = lowest_vertex(Scalar, posed, &-n);
     (k, -low)
 }
 
 /// The best direction, or the first found along which A and B are farther apart than `range`; `hint` may be one.
-pub(super) fn search(pair: &Pair, start: Start, hint: Option<Vec3>, narrow: Narrow, range: Range) -> Found {
+pub(super) fn separating_axis(
+    pair: &PolyhedronPair,
+    start: SearchStart,
+    hint: Option<Vec3>,
+    narrow: NarrowPhaseMode,
+    range: ListingRange,
+) -> SearchResult {
     let found = match pair.width {
-        Width::One(l) => l.run(Search { l, pair, start, hint, narrow, range }),
+        SimdWidth::One(l) => l.run(AxisSearch { l, pair, start, hint, narrow, range }),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(l) => l.run(Search { l, pair, start, hint, narrow, range }),
+        SimdWidth::Four(l) => l.run(AxisSearch { l, pair, start, hint, narrow, range }),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(l) => l.run(Search { l, pair, start, hint, narrow, range }),
+        SimdWidth::Eight(l) => l.run(AxisSearch { l, pair, start, hint, narrow, range }),
     };
-    if found.axis.feature == Feature::None && found.axis.s <= 0.0 {
+    if found.axis.feature == SearchFeature::None && found.axis.s <= 0.0 {
         // Gone astray by rounding.
-        let axis = all(pair, range.alert);
-        return Found { axis, met: None, nearest: false, faces: support_faces(Scalar, pair, &axis, None) };
+        let axis = exhaustive_search(pair, range.alert);
+        return SearchResult { axis, met: None, nearest: false, faces: support_faces(Scalar, pair, &axis, None) };
     }
     found
 }
 
 /// A direction, and what is seen along it.
-pub(super) struct Found {
-    pub axis: Axis,
+pub(super) struct SearchResult {
+    pub axis: SearchAxis,
     /// The vertex that a face meets, where it is known.
     pub met: Option<u32>,
     /// Whether the bodies are apart, and the features of the axis have their nearest points.
@@ -146,50 +155,50 @@ pub(super) struct Found {
     pub faces: (u32, u32),
 }
 
-impl Found {
+impl SearchResult {
     /// Whether the nearest point is all that is asked for.
-    pub fn is_far(&self, range: &Range) -> bool {
+    pub fn is_far(&self, range: &ListingRange) -> bool {
         self.nearest && self.axis.s > range.patch
     }
 }
 
-struct Search<'a, L> {
+struct AxisSearch<'a, L> {
     l: L,
-    pair: &'a Pair<'a>,
-    start: Start,
+    pair: &'a PolyhedronPair<'a>,
+    start: SearchStart,
     hint: Option<Vec3>,
-    narrow: Narrow,
-    range: Range,
+    narrow: NarrowPhaseMode,
+    range: ListingRange,
 }
 
-impl<L: Lanes> NullaryFnOnce for Search<'_, L> {
-    type Output = Found;
+impl<L: F64Arithmetic> NullaryFnOnce for AxisSearch<'_, L> {
+    type Output = SearchResult;
 
     #[inline(always)]
-    fn call(self) -> Found {
-        let (axis, met, proven) = self.axis();
-        let Range { alert, patch, .. } = self.range;
+    fn call(self) -> SearchResult {
+        let (axis, met, proven) = self.best_axis();
+        let ListingRange { alert, patch, .. } = self.range;
         let nearest = proven && axis.s > 0.0;
         let asked = axis.s <= if nearest { patch } else { alert };
         let faces = if asked { support_faces(self.l, self.pair, &axis, met) } else { (0, 0) };
-        Found { axis, met, nearest, faces }
+        SearchResult { axis, met, nearest, faces }
     }
 }
 
-impl<L: Lanes> Search<'_, L> {
+impl<L: F64Arithmetic> AxisSearch<'_, L> {
     /// With the vertex that a face meets, where it is known, and whether it was proven to be the best.
     #[inline(always)]
-    fn axis(&self) -> (Axis, Option<u32>, bool) {
-        let &Search { l, pair, start, hint, narrow, range: Range { alert: enough, .. } } = self;
+    fn best_axis(&self) -> (SearchAxis, Option<u32>, bool) {
+        let &AxisSearch { l, pair, start, hint, narrow, range: ListingRange { alert: enough, .. } } = self;
         if let Some(n) = hint {
-            let s = separation(l, pair, &n);
+            let s = separation_along(l, pair, &n);
             if s > enough {
-                return (Axis { n, s, feature: Feature::None }, None, false);
+                return (SearchAxis { n, s, feature: SearchFeature::None }, None, false);
             }
         }
-        let mut witnesses = Witnesses { points: [Vec3::zeros(); WITNESSES], count: 0 };
-        let (mut best, met) = begin(l, pair, start, &mut witnesses);
-        let from_direction = matches!(start, Start::Direction(_)) && best.s > 0.0;
+        let mut witnesses = WitnessPoints { points: [Vec3::zeros(); MAX_WITNESSES], count: 0 };
+        let (mut best, met) = starting_axis(l, pair, start, &mut witnesses);
+        let from_direction = matches!(start, SearchStart::Direction(_)) && best.s > 0.0;
         if best.s > enough || from_direction {
             return (best, met, false);
         }
@@ -198,30 +207,30 @@ impl<L: Lanes> Search<'_, L> {
         }
         let (a, b) = (pair.pa, pair.pb);
         match (best.feature, met) {
-            (Feature::FaceOfA(f), Some(v)) => around(l, pair, [a, b], f, v, 1.0, &mut witnesses),
-            (Feature::FaceOfB(f), Some(v)) => around(l, pair, [b, a], f, v, -1.0, &mut witnesses),
+            (SearchFeature::FaceOfA(f), Some(v)) => add_face_witnesses(l, pair, [a, b], f, v, 1.0, &mut witnesses),
+            (SearchFeature::FaceOfB(f), Some(v)) => add_face_witnesses(l, pair, [b, a], f, v, -1.0, &mut witnesses),
             _ => {}
         }
-        if faces(l, pair, a, b, 1.0, &mut best, &mut witnesses, enough)
-            || faces(l, pair, b, a, -1.0, &mut best, &mut witnesses, enough)
+        if search_faces(l, pair, a, b, 1.0, &mut best, &mut witnesses, enough)
+            || search_faces(l, pair, b, a, -1.0, &mut best, &mut witnesses, enough)
         {
             return (best, None, false);
         }
-        edges(l, pair, &mut best, &witnesses, enough);
+        search_edges(l, pair, &mut best, &witnesses, enough);
         (best, None, false)
     }
 }
 
 /// Points of the difference B - A, m.
-struct Witnesses {
-    points: [Vec3; WITNESSES],
+struct WitnessPoints {
+    points: [Vec3; MAX_WITNESSES],
     count: usize,
 }
 
-impl Witnesses {
+impl WitnessPoints {
     #[inline(always)]
     fn add(&mut self, x: Vec3) {
-        if self.count < WITNESSES {
+        if self.count < MAX_WITNESSES {
             self.points[self.count] = x;
             self.count += 1;
         }
@@ -229,11 +238,11 @@ impl Witnesses {
 
     /// In the frame of a body, as seen from it; `sign` is -1 for B.
     #[inline(always)]
-    fn local(&self, posed: &Posed, sign: f64) -> [Vec3; WITNESSES] {
-        let mut points = [Vec3::zeros(); WITNESSES];
+    fn to_local(&self, posed: &PosedPolyhedron, sign: f64) -> [Vec3; MAX_WITNESSES] {
+        let mut points = [Vec3::zeros(); MAX_WITNESSES];
         let mut i = 0;
         while i < self.count {
-            points[i] = posed.local(&self.points[i]) * sign;
+            points[i] = posed.to_local(&self.points[i]) * sign;
             i += 1;
         }
         points
@@ -243,33 +252,36 @@ impl Witnesses {
 /// Adds corners of the facet that the face `f` of `own` makes with the face of `other` that lies on it at the vertex `v`: the
 /// least one in each of four directions. About the foot of the origin, they leave no direction but those near the normal.
 #[inline(always)]
-fn around<L: Lanes>(
+fn add_face_witnesses<L: F64Arithmetic>(
     l: L,
-    pair: &Pair,
-    [own, other]: [&Posed; 2],
+    pair: &PolyhedronPair,
+    [own, other]: [&PosedPolyhedron; 2],
     f: u32,
     v: u32,
     sign: f64,
-    witnesses: &mut Witnesses,
+    witnesses: &mut WitnessPoints,
 ) {
-    let n = own.normal(f);
-    let g = seen(l, other, &-n, Some(v));
-    if n.cross(&other.normal(g)).norm_squared() > ON_EACH_OTHER * ON_EACH_OTHER {
+    let n = own.face_normal(f);
+    let g = support_face(l, other, &-n, Some(v));
+    if n.cross(&other.face_normal(g)).norm_squared() > FACE_ON_FACE_ANGLE * FACE_ON_FACE_ANGLE {
         return;
     }
-    let corners = own.shape.corners(f as usize);
+    let corners = own.shape.face_corners(f as usize);
     let along = own.vertex(corners[1]) - own.vertex(corners[0]);
     for direction in [along, n.cross(&along), -along, -n.cross(&along)] {
-        let (on_own, on_other) = (own.vertex(utmost(own, f, &direction)), other.vertex(utmost(other, g, &-direction)));
+        let (on_own, on_other) = (
+            own.vertex(face_support_vertex(own, f, &direction)),
+            other.vertex(face_support_vertex(other, g, &-direction)),
+        );
         witnesses.add((on_other - on_own) * sign + pair.c);
     }
 }
 
 /// The first corner of a face that is farthest along `n`.
 #[inline(always)]
-fn utmost(posed: &Posed, f: u32, n: &Vec3) -> Number {
-    let (shape, n) = (posed.shape, posed.local(n));
-    let corners = shape.corners(f as usize);
+fn face_support_vertex(posed: &PosedPolyhedron, f: u32, n: &Vec3) -> FeatureIndex {
+    let (shape, n) = (posed.shape, posed.to_local(n));
+    let corners = shape.face_corners(f as usize);
     let (mut best, mut most) = (corners[0], f64::NEG_INFINITY);
     for &corner in corners {
         let height = shape.vertex(corner.into()).dot(&n);
@@ -282,7 +294,7 @@ fn utmost(posed: &Posed, f: u32, n: &Vec3) -> Number {
 
 /// Adds the lanes of a mask, places from `k` on, as far as they are below `count`.
 #[inline(always)]
-fn keep(kept: &mut SmallVec<impl Array<Item = u32>>, mut mask: u32, k: usize, count: usize) {
+fn push_mask_lanes(kept: &mut SmallVec<impl Array<Item = u32>>, mut mask: u32, k: usize, count: usize) {
     while mask != 0 {
         let place = k + mask.trailing_zeros() as usize;
         mask &= mask - 1;
@@ -294,47 +306,52 @@ fn keep(kept: &mut SmallVec<impl Array<Item = u32>>, mut mask: u32, k: usize, co
 
 /// What is remembered, at the new poses, with the vertex that a face meets; or the direction between the centres.
 #[inline(always)]
-fn begin<L: Lanes>(l: L, pair: &Pair, start: Start, witnesses: &mut Witnesses) -> (Axis, Option<u32>) {
+fn starting_axis<L: F64Arithmetic>(
+    l: L,
+    pair: &PolyhedronPair,
+    start: SearchStart,
+    witnesses: &mut WitnessPoints,
+) -> (SearchAxis, Option<u32>) {
     let n = match start {
-        Start::Feature(Feature::FaceOfA(f)) => {
-            let n = pair.pa.normal(f);
-            let (v, low) = lowest(l, pair.pb, &n);
-            witnesses.add(pair.pb.vertex(v) + pair.c - pair.pa.vertex(pair.a.corners(f as usize)[0]));
-            let s = n.dot(&pair.c) - pair.a.planes()[f as usize].offset + low;
-            return (Axis { n, s, feature: Feature::FaceOfA(f) }, Some(v));
+        SearchStart::Feature(SearchFeature::FaceOfA(f)) => {
+            let n = pair.pa.face_normal(f);
+            let (v, low) = lowest_vertex(l, pair.pb, &n);
+            witnesses.add(pair.pb.vertex(v) + pair.c - pair.pa.vertex(pair.a.face_corners(f as usize)[0]));
+            let s = n.dot(&pair.c) - pair.a.face_planes()[f as usize].offset + low;
+            return (SearchAxis { n, s, feature: SearchFeature::FaceOfA(f) }, Some(v));
         }
-        Start::Feature(Feature::FaceOfB(f)) => {
-            let n = pair.pb.normal(f);
-            let (v, low) = lowest(l, pair.pa, &n);
-            witnesses.add(pair.pb.vertex(pair.b.corners(f as usize)[0]) + pair.c - pair.pa.vertex(v));
-            let s = -n.dot(&pair.c) - pair.b.planes()[f as usize].offset + low;
-            return (Axis { n: -n, s, feature: Feature::FaceOfB(f) }, Some(v));
+        SearchStart::Feature(SearchFeature::FaceOfB(f)) => {
+            let n = pair.pb.face_normal(f);
+            let (v, low) = lowest_vertex(l, pair.pa, &n);
+            witnesses.add(pair.pb.vertex(pair.b.face_corners(f as usize)[0]) + pair.c - pair.pa.vertex(v));
+            let s = -n.dot(&pair.c) - pair.b.face_planes()[f as usize].offset + low;
+            return (SearchAxis { n: -n, s, feature: SearchFeature::FaceOfB(f) }, Some(v));
         }
-        Start::Feature(Feature::Edges(ea, eb)) => {
+        SearchStart::Feature(SearchFeature::Edges(ea, eb)) => {
             let (n, s, crossed) = edge_axis(pair, ea, eb);
             if crossed && true_separation(l, pair, &n, s) == s {
                 let [a, b] = [pair.a.edges()[ea as usize].ends[0], pair.b.edges()[eb as usize].ends[0]];
                 witnesses.add(pair.pb.vertex(b) + pair.c - pair.pa.vertex(a));
-                return (Axis { n, s, feature: Feature::Edges(ea, eb) }, None);
+                return (SearchAxis { n, s, feature: SearchFeature::Edges(ea, eb) }, None);
             }
             n
         }
-        Start::Direction(n) => n,
+        SearchStart::Direction(n) => n,
         _ => pair.c,
     };
-    let length = length(&n);
+    let length = vector_length(&n);
     let n = if length > 0.0 && length.is_finite() { n / length } else { Vec3::x() };
-    let (b, low) = lowest(l, pair.pb, &n);
-    let (a, high) = lowest(l, pair.pa, &-n);
+    let (b, low) = lowest_vertex(l, pair.pb, &n);
+    let (a, high) = lowest_vertex(l, pair.pa, &-n);
     witnesses.add(pair.pb.vertex(b) + pair.c - pair.pa.vertex(a));
-    (Axis { n, s: n.dot(&pair.c) + low + high, feature: Feature::None }, None)
+    (SearchAxis { n, s: n.dot(&pair.c) + low + high, feature: SearchFeature::None }, None)
 }
 
 /// The first vertex least along `n`, and its height.
 #[inline(always)]
-pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, n: &Vec3) -> (u32, f64) {
-    let n = posed.local(n);
-    let [x, y, z] = posed.shape.columns();
+pub(super) fn lowest_vertex<L: F64Arithmetic>(l: L, posed: &PosedPolyhedron, n: &Vec3) -> (u32, f64) {
+    let n = posed.to_local(n);
+    let [x, y, z] = posed.shape.vertex_columns();
     let (nx, ny, nz) = (l.splat(n.x), l.splat(n.y), l.splat(n.z));
     let mut least = l.splat(f64::INFINITY);
     let mut at = l.splat(0.0);
@@ -346,8 +363,8 @@ pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, n: &Vec3) -> (u32, f64) {
         k += L::WIDTH;
     }
     let mut places = [0.0; 8];
-    l.store(&mut places, l.add(at, l.load(&LANES)));
-    let height = l.least(least);
+    l.store(&mut places, l.add(at, l.load(&LANE_INDICES)));
+    let height = l.min_lane(least);
     // Of equals the first vertex.
     let mut equal = !l.mask_greater(least, l.splat(height)) & ((1 << L::WIDTH) - 1);
     let mut place = places[equal.trailing_zeros() as usize & 7];
@@ -362,17 +379,17 @@ pub(super) fn lowest<L: Lanes>(l: L, posed: &Posed, n: &Vec3) -> (u32, f64) {
 
 /// s(n).
 #[inline(always)]
-fn separation<L: Lanes>(l: L, pair: &Pair, n: &Vec3) -> f64 {
-    let low = lowest(l, pair.pb, n).1;
-    n.dot(&pair.c) + low + lowest(l, pair.pa, &-n).1
+fn separation_along<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, n: &Vec3) -> f64 {
+    let low = lowest_vertex(l, pair.pb, n).1;
+    n.dot(&pair.c) + low + lowest_vertex(l, pair.pa, &-n).1
 }
 
 /// What is true of the separation `s` that the crossed arcs of two edges promise: shapes rounded in files are convex to their
 /// digits alone, and of short edges nearly parallel to long ones the ends are rounded by more than they are apart.
 #[inline(always)]
-fn true_separation<L: Lanes>(l: L, pair: &Pair, n: &Vec3, s: f64) -> f64 {
-    let found = separation(l, pair, n);
-    if found < s - pair.tie() { found } else { s }
+fn true_separation<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, n: &Vec3, s: f64) -> f64 {
+    let found = separation_along(l, pair, n);
+    if found < s - pair.tie_tolerance() { found } else { s }
 }
 
 /// Whether no direction is better than a feature's, told from the facet of the Minkowski difference that it makes.
@@ -381,21 +398,27 @@ fn true_separation<L: Lanes>(l: L, pair: &Pair, n: &Vec3, s: f64) -> f64 {
 /// worse; when that reaches beyond the cone of directions that the inner balls leave, n is the best of all. Apart, a
 /// foot within the facet is enough: there are points at that distance.
 #[inline(always)]
-fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -> bool {
+fn is_best<L: F64Arithmetic>(
+    l: L,
+    pair: &PolyhedronPair,
+    axis: &SearchAxis,
+    x: &Vec3,
+    narrow: NarrowPhaseMode,
+) -> bool {
     let rho = match axis.feature {
-        Feature::FaceOfA(f) => inside(pair.a, f, &pair.pa.local(x)),
-        Feature::FaceOfB(f) => inside(pair.b, f, &pair.pb.local(&-x)),
-        Feature::Edges(ea, eb) => {
-            let ([a0, a1], [b0, b1]) = (ends(pair.pa, ea), ends(pair.pb, eb));
+        SearchFeature::FaceOfA(f) => inside_distance(pair.a, f, &pair.pa.to_local(x)),
+        SearchFeature::FaceOfB(f) => inside_distance(pair.b, f, &pair.pb.to_local(&-x)),
+        SearchFeature::Edges(ea, eb) => {
+            let ([a0, a1], [b0, b1]) = (edge_ends(pair.pa, ea), edge_ends(pair.pb, eb));
             let (u, v, w) = (a1 - a0, b1 - b0, b0 + pair.c - a0);
             let across = u.cross(&v);
             let square = across.norm_squared();
             let (p, q) = (w.cross(&v).dot(&across) / square, w.cross(&u).dot(&across) / square);
             // Distances from the sides of the parallelogram.
-            let (along_u, along_v) = (p.min(1.0 - p) / length(&v), q.min(1.0 - q) / length(&u));
+            let (along_u, along_v) = (p.min(1.0 - p) / vector_length(&v), q.min(1.0 - q) / vector_length(&u));
             along_u.min(along_v) * square.sqrt()
         }
-        Feature::None => return false,
+        SearchFeature::None => return false,
     };
     if rho.is_nan() || rho < 0.0 {
         return false;
@@ -403,15 +426,15 @@ fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -
     if axis.s >= 0.0 {
         return true;
     }
-    if narrow == Narrow::Fast {
+    if narrow == NarrowPhaseMode::Fast {
         // Unless the way between the centres tells that the bodies have left this side of each other.
-        let n = pair.c / length(&pair.c);
-        return separation(l, pair, &n) <= axis.s;
+        let n = pair.c / vector_length(&pair.c);
+        return separation_along(l, pair, &n) <= axis.s;
     }
     let r = rho / -axis.s * (1.0 - 1e-9);
     let cos_disc = (1.0 - r * r) / (1.0 + r * r);
-    let distance = length(&pair.c);
-    let (cos_cone, cos_n) = ((axis.s + pair.inner()) / distance, axis.n.dot(&pair.c) / distance);
+    let distance = vector_length(&pair.c);
+    let (cos_cone, cos_n) = ((axis.s + pair.inradius_sum()) / distance, axis.n.dot(&pair.c) / distance);
     if cos_cone.is_nan() || cos_cone.abs() >= 1.0 {
         return cos_cone >= 1.0;
     }
@@ -423,15 +446,15 @@ fn is_best<L: Lanes>(l: L, pair: &Pair, axis: &Axis, x: &Vec3, narrow: Narrow) -
 /// Distance of a point, seen along the normal, from the nearest side of a face; < 0 outside, m. In the shape's frame, from
 /// the face's first corner.
 #[inline(always)]
-fn inside(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
-    let (n, corners) = (shape.planes()[f as usize].normal, shape.corners(f as usize));
+fn inside_distance(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
+    let (n, corners) = (shape.face_planes()[f as usize].normal, shape.face_corners(f as usize));
     let point = shape.vertex(corners[0].into()) + point;
     let mut least = f64::INFINITY;
     let mut from = shape.vertex(corners[corners.len() - 1].into());
     for &corner in corners {
         let to = shape.vertex(corner.into());
         let along = to - from;
-        least = least.min(n.cross(&along).dot(&(point - from)) / length(&along));
+        least = least.min(n.cross(&along).dot(&(point - from)) / vector_length(&along));
         from = to;
     }
     least
@@ -440,20 +463,20 @@ fn inside(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
 /// The faces of `own` against the vertices of `other`; `sign` is -1 where `own` is B. Whether `enough` is reached.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
-fn faces<L: Lanes>(
+fn search_faces<L: F64Arithmetic>(
     l: L,
-    pair: &Pair,
-    own: &Posed,
-    other: &Posed,
+    pair: &PolyhedronPair,
+    own: &PosedPolyhedron,
+    other: &PosedPolyhedron,
     sign: f64,
-    best: &mut Axis,
-    witnesses: &mut Witnesses,
+    best: &mut SearchAxis,
+    witnesses: &mut WitnessPoints,
     enough: f64,
 ) -> bool {
     let mut kept: SmallVec<[u32; 32]> = SmallVec::new();
-    cone(l, pair, own, sign, best, witnesses, &mut kept);
-    let tie = pair.tie();
-    let [vx, vy, vz] = other.shape.columns();
+    collect_faces_in_cone(l, pair, own, sign, best, witnesses, &mut kept);
+    let tie = pair.tie_tolerance();
+    let [vx, vy, vz] = other.shape.vertex_columns();
     let count = other.shape.vertices().len();
     let c = pair.c * sign;
     let mut changed = false;
@@ -461,14 +484,14 @@ fn faces<L: Lanes>(
     while from < kept.len() {
         // Columns: the normals in the frame of the other body, offsets and n·c of up to eight faces; the rest is no better
         // than anything.
-        let mut block = [[0.0; BLOCK]; 5];
-        block[3] = [f64::INFINITY; BLOCK];
+        let mut block = [[0.0; COLUMN_BLOCK]; 5];
+        block[3] = [f64::INFINITY; COLUMN_BLOCK];
         let mut k = 0;
-        while k < BLOCK && from + k < kept.len() {
+        while k < COLUMN_BLOCK && from + k < kept.len() {
             let f = kept[from + k];
-            let n = own.normal(f);
-            (block[3][k], block[4][k]) = (own.shape.planes()[f as usize].offset, n.dot(&c));
-            let n = other.local(&n);
+            let n = own.face_normal(f);
+            (block[3][k], block[4][k]) = (own.shape.face_planes()[f as usize].offset, n.dot(&c));
+            let n = other.to_local(&n);
             (block[0][k], block[1][k], block[2][k]) = (n.x, n.y, n.z);
             k += 1;
         }
@@ -488,17 +511,17 @@ fn faces<L: Lanes>(
                 v += 2;
             }
             let s = l.add(l.sub(along, l.load(&block[3][k..])), l.min(even, odd));
-            let mut mask = l.mask_greater(s, l.splat(better_than(best, tie)));
+            let mut mask = l.mask_greater(s, l.splat(separation_to_beat(best, tie)));
             if mask != 0 {
                 let mut values = [0.0; 8];
                 l.store(&mut values, s);
                 while mask != 0 {
                     let lane = mask.trailing_zeros() as usize;
                     mask &= mask - 1;
-                    if values[lane] > better_than(best, tie) {
+                    if values[lane] > separation_to_beat(best, tie) {
                         let f = kept[from + k + lane];
-                        let feature = if sign > 0.0 { Feature::FaceOfA(f) } else { Feature::FaceOfB(f) };
-                        *best = Axis { n: own.normal(f) * sign, s: values[lane], feature };
+                        let feature = if sign > 0.0 { SearchFeature::FaceOfA(f) } else { SearchFeature::FaceOfB(f) };
+                        *best = SearchAxis { n: own.face_normal(f) * sign, s: values[lane], feature };
                         changed = true;
                         // At once, so that where it ends does not depend on the width.
                         if best.s > enough {
@@ -509,12 +532,12 @@ fn faces<L: Lanes>(
             }
             k += L::WIDTH;
         }
-        from += BLOCK;
+        from += COLUMN_BLOCK;
     }
     if changed {
-        let (Feature::FaceOfA(f) | Feature::FaceOfB(f)) = best.feature else { return false };
-        let (v, _) = lowest(l, other, &(best.n * sign));
-        let corner = own.vertex(own.shape.corners(f as usize)[0]);
+        let (SearchFeature::FaceOfA(f) | SearchFeature::FaceOfB(f)) = best.feature else { return false };
+        let (v, _) = lowest_vertex(l, other, &(best.n * sign));
+        let corner = own.vertex(own.shape.face_corners(f as usize)[0]);
         witnesses.add((other.vertex(v) - corner) * sign + pair.c);
     }
     false
@@ -522,23 +545,23 @@ fn faces<L: Lanes>(
 
 /// The faces that the bounds leave.
 #[inline(always)]
-fn cone<L: Lanes>(
+fn collect_faces_in_cone<L: F64Arithmetic>(
     l: L,
-    pair: &Pair,
-    own: &Posed,
+    pair: &PolyhedronPair,
+    own: &PosedPolyhedron,
     sign: f64,
-    best: &Axis,
-    witnesses: &Witnesses,
+    best: &SearchAxis,
+    witnesses: &WitnessPoints,
     kept: &mut SmallVec<[u32; 32]>,
 ) {
     // In the frame of the body whose faces they are.
     let shape = own.shape;
-    let c = own.local(&pair.c) * sign;
-    let witness = witnesses.local(own, sign);
+    let c = own.to_local(&pair.c) * sign;
+    let witness = witnesses.to_local(own, sign);
     let pad = shape.normals.len() / 3;
     let (x, y, z) = (&shape.normals[..pad], &shape.normals[pad..2 * pad], &shape.normals[2 * pad..]);
-    let least = best.s - slack(pair, best);
-    let count = shape.planes().len();
+    let least = best.s - bound_slack(pair, best);
+    let count = shape.face_planes().len();
     let mut k = 0;
     while k < count {
         let (nx, ny, nz) = (l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]));
@@ -547,49 +570,59 @@ fn cone<L: Lanes>(
                 l.mul_add(nz, l.splat($v.z), l.mul_add(ny, l.splat($v.y), l.mul(nx, l.splat($v.x))))
             };
         }
-        let mut mask = l.mask_greater(along!(c), l.splat(least + pair.inner()));
+        let mut mask = l.mask_greater(along!(c), l.splat(least + pair.inradius_sum()));
         let mut i = 0;
         while i < witnesses.count {
             mask &= l.mask_greater(along!(witness[i]), l.splat(least));
             i += 1;
         }
-        keep(kept, mask, k, count);
+        push_mask_lanes(kept, mask, k, count);
         k += L::WIDTH;
     }
 }
 
 /// What an s must exceed to be taken for the best: a direction that is no feature gives way to a feature as good.
 #[inline(always)]
-fn better_than(best: &Axis, tie: f64) -> f64 {
-    if best.feature == Feature::None { best.s - tie } else { best.s + tie }
+fn separation_to_beat(best: &SearchAxis, tie: f64) -> f64 {
+    if best.feature == SearchFeature::None { best.s - tie } else { best.s + tie }
 }
 
 /// How far below the best s the bounds must still let directions through, m.
 #[inline(always)]
-fn slack(pair: &Pair, best: &Axis) -> f64 {
-    if best.feature == Feature::None { pair.tie() + pair.rounding() } else { pair.rounding() }
+fn bound_slack(pair: &PolyhedronPair, best: &SearchAxis) -> f64 {
+    if best.feature == SearchFeature::None {
+        pair.tie_tolerance() + pair.rounding_bound()
+    } else {
+        pair.rounding_bound()
+    }
 }
 
 /// Pairs of edges whose arcs on the Gauss map cross.
 #[inline(always)]
-fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, enough: f64) {
-    let tie = pair.tie();
+fn search_edges<L: F64Arithmetic>(
+    l: L,
+    pair: &PolyhedronPair,
+    best: &mut SearchAxis,
+    witnesses: &WitnessPoints,
+    enough: f64,
+) {
+    let tie = pair.tie_tolerance();
     let (mut of_a, mut of_b): (SmallVec<[u32; 64]>, SmallVec<[u32; 64]>) = (SmallVec::new(), SmallVec::new());
-    arcs(l, pair, pair.pa, 1.0, best, witnesses, &mut of_a);
+    collect_arcs(l, pair, pair.pa, 1.0, best, witnesses, &mut of_a);
     if of_a.is_empty() {
         return;
     }
-    arcs(l, pair, pair.pb, -1.0, best, witnesses, &mut of_b);
+    collect_arcs(l, pair, pair.pb, -1.0, best, witnesses, &mut of_b);
     let mut from = 0;
     while from < of_b.len() {
         // Columns: a point, the direction, the two normals, of up to eight edges of B; the rest can cross nothing.
-        let mut block = [[0.0; BLOCK]; 13];
+        let mut block = [[0.0; COLUMN_BLOCK]; 13];
         let mut count = 0;
-        while count < BLOCK && from + count < of_b.len() {
+        while count < COLUMN_BLOCK && from + count < of_b.len() {
             let e = of_b[from + count];
             let edge = &pair.b.edges()[e as usize];
-            let [b0, b1] = ends(pair.pb, e);
-            let (along, n0, n1) = (b1 - b0, pair.pb.normal(edge.faces[0]), pair.pb.normal(edge.faces[1]));
+            let [b0, b1] = edge_ends(pair.pb, e);
+            let (along, n0, n1) = (b1 - b0, pair.pb.face_normal(edge.faces[0]), pair.pb.face_normal(edge.faces[1]));
             let b0 = b0 + pair.c;
             let row = [b0.x, b0.y, b0.z, along.x, along.y, along.z, n0.x, n0.y, n0.z, n1.x, n1.y, n1.z];
             let mut column = 0;
@@ -597,31 +630,32 @@ fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, en
                 block[column][count] = row[column];
                 column += 1;
             }
-            block[12][count] = PARALLEL * along.norm_squared();
+            block[12][count] = PARALLEL_EDGE_PRODUCT * along.norm_squared();
             count += 1;
         }
         let mut i = 0;
         while i < of_a.len() {
             let ea = of_a[i];
             let edge = &pair.a.edges()[ea as usize];
-            let [a0, a1] = ends(pair.pa, ea);
-            let (along, n0, n1) = (a1 - a0, pair.pa.normal(edge.faces[0]), pair.pa.normal(edge.faces[1]));
+            let [a0, a1] = edge_ends(pair.pa, ea);
+            let (along, n0, n1) = (a1 - a0, pair.pa.face_normal(edge.faces[0]), pair.pa.face_normal(edge.faces[1]));
             let mut k = 0;
             while k < count {
-                let (mask, s) = cross(l, &block, k, &a0, &along, &n0, &n1, PARALLEL * along.norm_squared());
-                let mut mask = mask & l.mask_greater(s, l.splat(better_than(best, tie)));
+                let (mask, s) =
+                    crossing_arcs(l, &block, k, &a0, &along, &n0, &n1, PARALLEL_EDGE_PRODUCT * along.norm_squared());
+                let mut mask = mask & l.mask_greater(s, l.splat(separation_to_beat(best, tie)));
                 if mask != 0 {
                     let mut values = [0.0; 8];
                     l.store(&mut values, s);
                     while mask != 0 {
                         let lane = mask.trailing_zeros() as usize;
                         mask &= mask - 1;
-                        if values[lane] > better_than(best, tie) {
+                        if values[lane] > separation_to_beat(best, tie) {
                             let eb = of_b[from + k + lane];
                             let (n, s, _) = edge_axis(pair, ea, eb);
                             let s = true_separation(l, pair, &n, s);
-                            if s > better_than(best, tie) {
-                                *best = Axis { n, s, feature: Feature::Edges(ea, eb) };
+                            if s > separation_to_beat(best, tie) {
+                                *best = SearchAxis { n, s, feature: SearchFeature::Edges(ea, eb) };
                             }
                             if best.s > enough {
                                 return;
@@ -633,16 +667,16 @@ fn edges<L: Lanes>(l: L, pair: &Pair, best: &mut Axis, witnesses: &Witnesses, en
             }
             i += 1;
         }
-        from += BLOCK;
+        from += COLUMN_BLOCK;
     }
 }
 
 /// An edge of A against edges of B from column `k` on: which arcs cross, and the separations.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
-fn cross<L: Lanes>(
+fn crossing_arcs<L: F64Arithmetic>(
     l: L,
-    block: &[[f64; BLOCK]; 13],
+    block: &[[f64; COLUMN_BLOCK]; 13],
     k: usize,
     a0: &Vec3,
     along: &Vec3,
@@ -689,20 +723,20 @@ fn cross<L: Lanes>(
 
 /// The edges with a direction that the bounds leave on their arc of the Gauss map, and few others; `sign` is -1 for those of B.
 #[inline(always)]
-fn arcs<L: Lanes>(
+fn collect_arcs<L: F64Arithmetic>(
     l: L,
-    pair: &Pair,
-    posed: &Posed,
+    pair: &PolyhedronPair,
+    posed: &PosedPolyhedron,
     sign: f64,
-    best: &Axis,
-    witnesses: &Witnesses,
+    best: &SearchAxis,
+    witnesses: &WitnessPoints,
     kept: &mut SmallVec<[u32; 64]>,
 ) {
-    let slack = slack(pair, best);
+    let slack = bound_slack(pair, best);
     let shape = posed.shape;
-    let c = posed.local(&pair.c) * sign;
-    let witness = witnesses.local(posed, sign);
-    let cone = l.splat(best.s + pair.inner() - slack);
+    let c = posed.to_local(&pair.c) * sign;
+    let witness = witnesses.to_local(posed, sign);
+    let cone = l.splat(best.s + pair.inradius_sum() - slack);
     let limit = l.splat(best.s.min(0.0) - slack);
     let count = shape.edges().len();
     let pad = shape.arc_pad;
@@ -735,36 +769,36 @@ fn arcs<L: Lanes>(
             mask &= l.mask_greater(l.select_greater(e0, e1, e0, e1), limit);
             i += 1;
         }
-        keep(kept, mask, k, count);
+        push_mask_lanes(kept, mask, k, count);
         k += L::WIDTH;
     }
 }
 
 /// Every face of A, every face of B, every pair of edges, each by full support; stops above `enough`.
-fn all(pair: &Pair, enough: f64) -> Axis {
-    let gain = pair.tie();
-    let mut best = Axis { n: Vec3::x(), s: f64::NEG_INFINITY, feature: Feature::None };
-    let mut take = |n: Vec3, feature: Feature| {
-        let s = pair.separation(&n).0;
-        if s > best.s + gain || best.feature == Feature::None {
-            best = Axis { n, s, feature };
+fn exhaustive_search(pair: &PolyhedronPair, enough: f64) -> SearchAxis {
+    let gain = pair.tie_tolerance();
+    let mut best = SearchAxis { n: Vec3::x(), s: f64::NEG_INFINITY, feature: SearchFeature::None };
+    let mut take = |n: Vec3, feature: SearchFeature| {
+        let s = pair.separation_along(&n).0;
+        if s > best.s + gain || best.feature == SearchFeature::None {
+            best = SearchAxis { n, s, feature };
         }
         best.s > enough
     };
-    for f in 0..pair.a.planes().len() as u32 {
-        if take(pair.pa.normal(f), Feature::FaceOfA(f)) {
+    for f in 0..pair.a.face_planes().len() as u32 {
+        if take(pair.pa.face_normal(f), SearchFeature::FaceOfA(f)) {
             return best;
         }
     }
-    for f in 0..pair.b.planes().len() as u32 {
-        if take(-pair.pb.normal(f), Feature::FaceOfB(f)) {
+    for f in 0..pair.b.face_planes().len() as u32 {
+        if take(-pair.pb.face_normal(f), SearchFeature::FaceOfB(f)) {
             return best;
         }
     }
     for ea in 0..pair.a.edges().len() as u32 {
         for eb in 0..pair.b.edges().len() as u32 {
             if let (n, _, true) = edge_axis(pair, ea, eb)
-                && take(n, Feature::Edges(ea, eb))
+                && take(n, SearchFeature::Edges(ea, eb))
             {
                 return best;
             }
@@ -778,37 +812,38 @@ fn all(pair: &Pair, enough: f64) -> Axis {
 /// From the normals beside the edges, not from the edges' cross product, which is lost where they are nearly parallel.
 /// Source of the test: D. Gregorius, The separating axis test between convex polyhedra, GDC (2013).
 #[inline(always)]
-fn edge_axis(pair: &Pair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
+fn edge_axis(pair: &PolyhedronPair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     let (a, b) = (&pair.a.edges()[ea as usize], &pair.b.edges()[eb as usize]);
-    let ([a0, a1], [b0, b1]) = (ends(pair.pa, ea), ends(pair.pb, eb));
+    let ([a0, a1], [b0, b1]) = (edge_ends(pair.pa, ea), edge_ends(pair.pb, eb));
     let (along_a, along_b) = (a1 - a0, b1 - b0);
-    let (na0, na1) = (pair.pa.normal(a.faces[0]), pair.pa.normal(a.faces[1]));
-    let (nb0, nb1) = (pair.pb.normal(b.faces[0]), pair.pb.normal(b.faces[1]));
+    let (na0, na1) = (pair.pa.face_normal(a.faces[0]), pair.pa.face_normal(a.faces[1]));
+    let (nb0, nb1) = (pair.pb.face_normal(b.faces[0]), pair.pb.face_normal(b.faces[1]));
     let (p0, p1) = (nb0.dot(&along_a), nb1.dot(&along_a));
     let (q0, q1) = (na0.dot(&along_b), na1.dot(&along_b));
-    let crossed =
-        p0 * p1 < -PARALLEL * along_a.norm_squared() && q0 * q1 < -PARALLEL * along_b.norm_squared() && p0 * q0 > 0.0;
+    let crossed = p0 * p1 < -PARALLEL_EDGE_PRODUCT * along_a.norm_squared()
+        && q0 * q1 < -PARALLEL_EDGE_PRODUCT * along_b.norm_squared()
+        && p0 * q0 > 0.0;
     let n = na0 * q1.abs() + na1 * q0.abs();
-    let length = length(&n);
+    let length = vector_length(&n);
     let n = if length > 0.0 { n / length } else { na0 };
     (n, n.dot(&(b0 + pair.c - a0)), crossed)
 }
 
 /// Whether the nearest of two bodies apart are edges that are parallel.
-pub(super) fn ridges(pair: &Pair, axis: &Axis) -> bool {
-    matches!(axis.feature, Feature::Edges(ea, eb) if axis.s > 0.0 && parallel(pair, ea, eb))
+pub(super) fn is_ridge_pair(pair: &PolyhedronPair, axis: &SearchAxis) -> bool {
+    matches!(axis.feature, SearchFeature::Edges(ea, eb) if axis.s > 0.0 && are_parallel(pair, ea, eb))
 }
 
 /// Whether two edges are parallel but for noise.
-pub(super) fn parallel(pair: &Pair, ea: u32, eb: u32) -> bool {
-    let ([a0, a1], [b0, b1]) = (ends(pair.pa, ea), ends(pair.pb, eb));
+pub(super) fn are_parallel(pair: &PolyhedronPair, ea: u32, eb: u32) -> bool {
+    let ([a0, a1], [b0, b1]) = (edge_ends(pair.pa, ea), edge_ends(pair.pb, eb));
     let (along_a, along_b) = (a1 - a0, b1 - b0);
     let squares = along_a.norm_squared() * along_b.norm_squared();
-    along_a.cross(&along_b).norm_squared() <= NEARLY_PARALLEL * NEARLY_PARALLEL * squares
+    along_a.cross(&along_b).norm_squared() <= RIDGE_ANGLE * RIDGE_ANGLE * squares
 }
 
 #[inline(always)]
-pub(super) fn ends(posed: &Posed, e: u32) -> [Vec3; 2] {
+pub(super) fn edge_ends(posed: &PosedPolyhedron, e: u32) -> [Vec3; 2] {
     // No closure: it would be left outside the instruction set.
     let [from, to] = posed.shape.edges()[e as usize].ends;
     [posed.vertex(from), posed.vertex(to)]
@@ -816,28 +851,28 @@ pub(super) fn ends(posed: &Posed, e: u32) -> [Vec3; 2] {
 
 /// The faces whose common part is looked at; `met`: the vertex that a face meets, where it is known.
 #[inline(always)]
-fn support_faces<L: Lanes>(l: L, pair: &Pair, axis: &Axis, met: Option<u32>) -> (u32, u32) {
+fn support_faces<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, axis: &SearchAxis, met: Option<u32>) -> (u32, u32) {
     let (a, b) = (pair.pa, pair.pb);
     match axis.feature {
-        Feature::FaceOfA(f) => (f, seen(l, b, &-axis.n, met)),
-        Feature::FaceOfB(f) => (seen(l, a, &axis.n, met), f),
-        Feature::Edges(ea, eb) => (aligned(a, ea, &axis.n), aligned(b, eb, &-axis.n)),
-        Feature::None => (0, 0),
+        SearchFeature::FaceOfA(f) => (f, support_face(l, b, &-axis.n, met)),
+        SearchFeature::FaceOfB(f) => (support_face(l, a, &axis.n, met), f),
+        SearchFeature::Edges(ea, eb) => (aligned_face(a, ea, &axis.n), aligned_face(b, eb, &-axis.n)),
+        SearchFeature::None => (0, 0),
     }
 }
 
 /// The face that looks along `n` where the body reaches farthest that way, which is at the vertex `top` if that is known.
 #[inline(always)]
-pub(super) fn seen<L: Lanes>(l: L, posed: &Posed, n: &Vec3, top: Option<u32>) -> u32 {
+pub(super) fn support_face<L: F64Arithmetic>(l: L, posed: &PosedPolyhedron, n: &Vec3, top: Option<u32>) -> u32 {
     let top = match top {
         Some(top) => top,
-        None => lowest(l, posed, &-n).0,
+        None => lowest_vertex(l, posed, &-n).0,
     };
-    let (shape, n) = (posed.shape, posed.local(n));
+    let (shape, n) = (posed.shape, posed.to_local(n));
     let from = shape.vertex(top as usize);
     // The edge that falls least from there; a face along it has the next vertex.
     let (mut best, mut least) = (0, f64::INFINITY);
-    for spoke in shape.spokes(top as usize) {
+    for spoke in shape.half_edges(top as usize) {
         let along = shape.vertex(spoke.to.into()) - from;
         let fall = along.dot(&n);
         let square = fall * fall / along.norm_squared();
@@ -845,41 +880,41 @@ pub(super) fn seen<L: Lanes>(l: L, posed: &Posed, n: &Vec3, top: Option<u32>) ->
             (best, least) = (spoke.edge, square);
         }
     }
-    facing(shape, best.into(), &n)
+    aligned_face_local(shape, best.into(), &n)
 }
 
 /// The face of an edge that looks more along `n`; of two alike the first.
 #[inline(always)]
-pub(super) fn aligned(posed: &Posed, e: u32, n: &Vec3) -> u32 {
-    facing(posed.shape, e, &posed.local(n))
+pub(super) fn aligned_face(posed: &PosedPolyhedron, e: u32, n: &Vec3) -> u32 {
+    aligned_face_local(posed.shape, e, &posed.to_local(n))
 }
 
 /// The same with `n` in the shape's frame.
 #[inline(always)]
-fn facing(shape: &Polyhedron, e: u32, n: &Vec3) -> u32 {
+fn aligned_face_local(shape: &Polyhedron, e: u32, n: &Vec3) -> u32 {
     let [f, g] = shape.edges()[e as usize].faces;
     let (first, second) = (f.min(g), f.max(g));
-    let toward = |f: Number| shape.planes()[f as usize].normal.dot(n);
-    u32::from(if toward(second) > toward(first) + ALIGNED { second } else { first })
+    let toward = |f: FeatureIndex| shape.face_planes()[f as usize].normal.dot(n);
+    u32::from(if toward(second) > toward(first) + ALIGNMENT_MARGIN { second } else { first })
 }
 
 /// The point of an axis's own features, of which `met` is the vertex that a face meets, if that is known.
-pub(super) fn own_point(pair: &Pair, axis: &Axis, met: Option<u32>) -> Option<Point> {
-    let vertex_of = |posed: &Posed, n: &Vec3| met.unwrap_or_else(|| support(posed, n).0);
+pub(super) fn axis_point(pair: &PolyhedronPair, axis: &SearchAxis, met: Option<u32>) -> Option<ContactPoint> {
+    let vertex_of = |posed: &PosedPolyhedron, n: &Vec3| met.unwrap_or_else(|| support_vertex(posed, n).0);
     let of_a = || pair.pa.vertex(vertex_of(pair.pa, &axis.n));
     let of_b = || pair.pb.vertex(vertex_of(pair.pb, &-axis.n)) + pair.c;
     let half = axis.n * (0.5 * axis.s);
     let (position, features) = match axis.feature {
-        Feature::FaceOfA(f) => (of_b() - half, (face(f), vertex(vertex_of(pair.pb, &-axis.n)))),
-        Feature::FaceOfB(f) => (of_a() + half, (vertex(vertex_of(pair.pa, &axis.n)), face(f))),
-        Feature::Edges(ea, eb) => {
-            let ([a0, a1], [b0, b1]) = (ends(pair.pa, ea), ends(pair.pb, eb));
-            (Corner::crossing([a0, a1], [b0 + pair.c, b1 + pair.c]), (edge(ea), edge(eb)))
+        SearchFeature::FaceOfA(f) => (of_b() - half, (face_feature(f), vertex_feature(vertex_of(pair.pb, &-axis.n)))),
+        SearchFeature::FaceOfB(f) => (of_a() + half, (vertex_feature(vertex_of(pair.pa, &axis.n)), face_feature(f))),
+        SearchFeature::Edges(ea, eb) => {
+            let ([a0, a1], [b0, b1]) = (edge_ends(pair.pa, ea), edge_ends(pair.pb, eb));
+            (PatchCorner::line_crossing([a0, a1], [b0 + pair.c, b1 + pair.c]), (edge_feature(ea), edge_feature(eb)))
         }
-        Feature::None => {
-            let (_, a, b) = pair.separation(&axis.n);
-            ((pair.pa.vertex(a) + pair.pb.vertex(b) + pair.c) * 0.5, (vertex(a), vertex(b)))
+        SearchFeature::None => {
+            let (_, a, b) = pair.separation_along(&axis.n);
+            ((pair.pa.vertex(a) + pair.pb.vertex(b) + pair.c) * 0.5, (vertex_feature(a), vertex_feature(b)))
         }
     };
-    position.iter().all(|x| x.is_finite()).then_some(Point { position, gap: axis.s, features })
+    position.iter().all(|x| x.is_finite()).then_some(ContactPoint { position, gap: axis.s, features })
 }

@@ -1,6 +1,6 @@
 //! A polyhedron against a sphere: the point of the polyhedron that is nearest to the centre.
 
-use super::{Manifold, Point, Posed, edge, face, vertex};
+use super::{ContactPoint, Manifold, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::Vec3;
 
 /// Polyhedron A against a sphere of `radius` (m) at `c` = x_B - x_A, m; `None` where they are more than `alert` apart.
@@ -8,18 +8,18 @@ use crate::math::Vec3;
 /// From a centre inside, through the nearest face. The sphere's feature is 0.
 ///
 /// ```
-/// # use cd_solve::geometry::{Polyhedron, polyhedron_sphere, face};
+/// # use cd_solve::geometry::{Polyhedron, polyhedron_sphere, face_feature};
 /// # use cd_solve::math::{Quat, Vec3};
 /// let cube = Polyhedron::cuboid(&Vec3::repeat(1.0));
-/// let posed = cube.posed(&Quat::identity());
+/// let posed = cube.posed_by(&Quat::identity());
 /// let found = polyhedron_sphere(&posed, &Vec3::new(0.2, 0.1, 1.75), 0.5, 1.0).unwrap();
 /// assert_eq!((found.normal, found.gap()), (-Vec3::z(), 0.25));
 /// assert_eq!(found.points[0].position, Vec3::new(0.2, 0.1, 1.125));
 /// ```
-pub fn polyhedron_sphere(a: &Posed, c: &Vec3, radius: f64, alert: f64) -> Option<Manifold> {
-    let in_frame = a.local(c);
+pub fn polyhedron_sphere(a: &PosedPolyhedron, c: &Vec3, radius: f64, alert: f64) -> Option<Manifold> {
+    let in_frame = a.to_local(c);
     let (mut nearest, mut height) = (0, f64::NEG_INFINITY);
-    for (f, plane) in a.shape.planes().iter().enumerate() {
+    for (f, plane) in a.shape.face_planes().iter().enumerate() {
         let above = plane.normal.dot(&in_frame) - plane.offset;
         if above > height {
             (nearest, height) = (f as u32, above);
@@ -28,30 +28,30 @@ pub fn polyhedron_sphere(a: &Posed, c: &Vec3, radius: f64, alert: f64) -> Option
     if height - radius > alert {
         return None;
     }
-    let n = a.normal(nearest);
+    let n = a.face_normal(nearest);
     let (n, distance, on_a, feature) = match nearest_beside_faces(a, c) {
         Some((point, feature)) if height > 0.0 => {
             let between = c - point;
             let distance = between.norm();
             (between / distance, distance, point, feature)
         }
-        _ => (n, height, c - n * height, face(nearest)),
+        _ => (n, height, c - n * height, face_feature(nearest)),
     };
     let gap = distance - radius;
-    let point = Point { position: on_a + n * (0.5 * gap), gap, features: (feature, 0) };
+    let point = ContactPoint { position: on_a + n * (0.5 * gap), gap, features: (feature, 0) };
     (gap <= alert).then(|| Manifold { normal: -n, points: [point].into_iter().collect(), area: 0.0 })
 }
 
 /// The nearest point on an edge or vertex, unless the centre is right above or below a face that it is in front of.
-fn nearest_beside_faces(posed: &Posed, c: &Vec3) -> Option<(Vec3, u32)> {
+fn nearest_beside_faces(posed: &PosedPolyhedron, c: &Vec3) -> Option<(Vec3, u32)> {
     let shape = posed.shape;
     let mut best: Option<(f64, Vec3, u32)> = None;
-    for (f, plane) in shape.planes().iter().enumerate() {
-        let n = posed.normal(f as u32);
+    for (f, plane) in shape.face_planes().iter().enumerate() {
+        let n = posed.face_normal(f as u32);
         if n.dot(c) - plane.offset <= 0.0 {
             continue;
         }
-        let (corners, sides) = (shape.corners(f), shape.sides(f));
+        let (corners, sides) = (shape.face_corners(f), shape.face_edges(f));
         let mut above = true;
         for (k, &side) in sides.iter().enumerate() {
             let from = posed.vertex(corners[k]);
@@ -63,11 +63,11 @@ fn nearest_beside_faces(posed: &Posed, c: &Vec3) -> Option<(Vec3, u32)> {
             above = false;
             let share = (c - from).dot(&along) / along.norm_squared();
             let (point, feature) = if share <= 0.0 {
-                (from, vertex(corners[k].into()))
+                (from, vertex_feature(corners[k].into()))
             } else if share >= 1.0 {
-                (from + along, vertex(corners[if k + 1 == corners.len() { 0 } else { k + 1 }].into()))
+                (from + along, vertex_feature(corners[if k + 1 == corners.len() { 0 } else { k + 1 }].into()))
             } else {
-                (from + along * share, edge(side.into()))
+                (from + along * share, edge_feature(side.into()))
             };
             let far = (c - point).norm_squared();
             if best.is_none_or(|(least, ..)| far < least) {

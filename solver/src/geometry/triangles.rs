@@ -6,41 +6,41 @@
 
 use pulp::NullaryFnOnce;
 
-use super::patch::{Corner, EDGE_ON, Patch, SAME};
-use super::search::{Axis, Pair};
-use super::{Posed, edge, face, vertex};
+use super::patch::{ContactPatch, MIN_FACE_COSINE, PatchCorner, SAME_CORNER_DISTANCE};
+use super::search::{PolyhedronPair, SearchAxis};
+use super::{PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::Vec3;
-use crate::math::lanes::{Arithmetic, Lanes, Width};
+use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
 
 /// Nearer to a side than so many times the distance up to which two corners are one, a corner may be one with another.
-const CLEAR: f64 = 4.0;
+const MIN_SIDE_CLEARANCE: f64 = 4.0;
 /// Corners of the common part at the most, and the places where they may be: vertices of A, of B, crossings of side i of A with
 /// side j of B at 6 + 3 i + j.
-const PLACES: usize = 15;
+const CORNER_SLOTS: usize = 15;
 
 /// Where the numbers of a pair begin: turns by columns; c; the normal; of each face the corners, counter-clockwise seen along
 /// the normal, and the plane; s; the square of the distance within which `outline` decides.
-const TURN: [usize; 2] = [0, 9];
-const CENTRE: usize = 18;
-const NORMAL: usize = 21;
-const CORNERS: [usize; 2] = [24, 33];
-const PLANE: [usize; 2] = [42, 46];
-const SEPARATION: usize = 50;
-const NEAR: usize = 51;
-const GIVEN: usize = 52;
+const TURN_ROWS: [usize; 2] = [0, 9];
+const CENTRE_ROW: usize = 18;
+const NORMAL_ROW: usize = 21;
+const CORNER_ROWS: [usize; 2] = [24, 33];
+const PLANE_ROWS: [usize; 2] = [42, 46];
+const SEPARATION_ROW: usize = 50;
+const NEAR_ROW: usize = 51;
+const INPUT_ROWS: usize = 52;
 
 /// So many pairs at once.
-pub(super) const AT_ONCE: usize = 8;
+pub(super) const BATCH_PAIRS: usize = 8;
 
 /// Pairs whose faces are triangles.
-pub(super) struct Triangles {
-    given: [[f64; AT_ONCE]; GIVEN],
-    names: [Names; AT_ONCE],
+pub(super) struct TriangleBatch {
+    given: [[f64; BATCH_PAIRS]; INPUT_ROWS],
+    names: [FaceFeatures; BATCH_PAIRS],
     /// Of each place the point in the middle of the gap, the gap, and x and y seen along the normal.
-    places: [[[f64; AT_ONCE]; 6]; PLACES],
+    places: [[[f64; BATCH_PAIRS]; 6]; CORNER_SLOTS],
     /// In bit k whether the common part of pair k has this corner.
-    has: [u32; PLACES],
-    area: [f64; AT_ONCE],
+    has: [u32; CORNER_SLOTS],
+    area: [f64; BATCH_PAIRS],
     /// In bit k whether no corner of pair k is so near a side that rounding decides.
     clear: u32,
     count: usize,
@@ -48,84 +48,85 @@ pub(super) struct Triangles {
 
 /// Numbers of the vertices and sides of a face of A, and of one of B, as features, and of the faces.
 #[derive(Debug, Clone, Copy, Default)]
-struct Names {
+struct FaceFeatures {
     vertices: [[u32; 3]; 2],
     edges: [[u32; 3]; 2],
     faces: [u32; 2],
 }
 
-impl Triangles {
+impl TriangleBatch {
     pub fn new() -> Self {
-        Triangles {
-            given: [[0.0; AT_ONCE]; GIVEN],
-            names: [Names::default(); AT_ONCE],
-            places: [[[0.0; AT_ONCE]; 6]; PLACES],
-            has: [0; PLACES],
-            area: [0.0; AT_ONCE],
+        TriangleBatch {
+            given: [[0.0; BATCH_PAIRS]; INPUT_ROWS],
+            names: [FaceFeatures::default(); BATCH_PAIRS],
+            places: [[[0.0; BATCH_PAIRS]; 6]; CORNER_SLOTS],
+            has: [0; CORNER_SLOTS],
+            area: [0.0; BATCH_PAIRS],
             clear: 0,
             count: 0,
         }
     }
 
     /// Whether there is no room for more pairs.
-    pub fn are_many(&self) -> bool {
-        self.count == AT_ONCE
+    pub fn is_full(&self) -> bool {
+        self.count == BATCH_PAIRS
     }
 
     /// Adds the faces of a pair, if they are triangles; its number.
     #[inline(always)]
-    pub fn add(&mut self, pair: &Pair, axis: &Axis, faces: (u32, u32)) -> Option<usize> {
-        let (of_a, of_b) = (pair.a.corners(faces.0 as usize), pair.b.corners(faces.1 as usize));
+    pub fn push_faces(&mut self, pair: &PolyhedronPair, axis: &SearchAxis, faces: (u32, u32)) -> Option<usize> {
+        let (of_a, of_b) = (pair.a.face_corners(faces.0 as usize), pair.b.face_corners(faces.1 as usize));
         let (&[a0, a1, a2], &[b0, b1, b2]) = (of_a, of_b) else { return None };
-        let (&[u0, u1, u2], &[v0, v1, v2]) = (pair.a.sides(faces.0 as usize), pair.b.sides(faces.1 as usize)) else {
+        let (&[u0, u1, u2], &[v0, v1, v2]) = (pair.a.face_edges(faces.0 as usize), pair.b.face_edges(faces.1 as usize))
+        else {
             return None;
         };
         let k = self.count;
         self.count += 1;
         // The face of B looks against the normal: the other way round.
-        self.names[k] = Names {
-            vertices: [[a0, a1, a2], [b2, b1, b0]].map(|of| of.map(|v| vertex(v.into()))),
-            edges: [[u0, u1, u2], [v1, v0, v2]].map(|of| of.map(|e| edge(e.into()))),
-            faces: [face(faces.0), face(faces.1)],
+        self.names[k] = FaceFeatures {
+            vertices: [[a0, a1, a2], [b2, b1, b0]].map(|of| of.map(|v| vertex_feature(v.into()))),
+            edges: [[u0, u1, u2], [v1, v0, v2]].map(|of| of.map(|e| edge_feature(e.into()))),
+            faces: [face_feature(faces.0), face_feature(faces.1)],
         };
-        let small = CLEAR * SAME * pair.small;
-        self.give(k, CENTRE, &pair.c);
-        self.give(k, NORMAL, &axis.n);
-        self.given[SEPARATION][k] = axis.s;
-        self.given[NEAR][k] = small * small;
-        self.give_face(k, 0, pair.pa, [a0, a1, a2].map(usize::from), faces.0);
-        self.give_face(k, 1, pair.pb, [b2, b1, b0].map(usize::from), faces.1);
+        let small = MIN_SIDE_CLEARANCE * SAME_CORNER_DISTANCE * pair.small;
+        self.set_vector(k, CENTRE_ROW, &pair.c);
+        self.set_vector(k, NORMAL_ROW, &axis.n);
+        self.given[SEPARATION_ROW][k] = axis.s;
+        self.given[NEAR_ROW][k] = small * small;
+        self.set_face(k, 0, pair.pa, [a0, a1, a2].map(usize::from), faces.0);
+        self.set_face(k, 1, pair.pb, [b2, b1, b0].map(usize::from), faces.1);
         Some(k)
     }
 
     #[inline(always)]
-    fn give(&mut self, k: usize, at: usize, v: &Vec3) {
+    fn set_vector(&mut self, k: usize, at: usize, v: &Vec3) {
         self.given[at][k] = v.x;
         self.given[at + 1][k] = v.y;
         self.given[at + 2][k] = v.z;
     }
 
     #[inline(always)]
-    fn give_face(&mut self, k: usize, side: usize, posed: &Posed, corners: [usize; 3], of: u32) {
+    fn set_face(&mut self, k: usize, side: usize, posed: &PosedPolyhedron, corners: [usize; 3], of: u32) {
         for (column, turn) in posed.turn.as_slice().iter().enumerate() {
-            self.given[TURN[side] + column][k] = *turn;
+            self.given[TURN_ROWS[side] + column][k] = *turn;
         }
         for (corner, &v) in corners.iter().enumerate() {
-            self.give(k, CORNERS[side] + 3 * corner, &posed.shape.vertex(v));
+            self.set_vector(k, CORNER_ROWS[side] + 3 * corner, &posed.shape.vertex(v));
         }
-        let plane = &posed.shape.planes()[of as usize];
-        self.give(k, PLANE[side], &plane.normal);
-        self.given[PLANE[side] + 3][k] = plane.offset;
+        let plane = &posed.shape.face_planes()[of as usize];
+        self.set_vector(k, PLANE_ROWS[side], &plane.normal);
+        self.given[PLANE_ROWS[side] + 3][k] = plane.offset;
     }
 
     /// Looks at the pairs that have been added.
-    pub fn see(&mut self, width: Width) {
+    pub fn clip_faces(&mut self, width: SimdWidth) {
         match width {
-            Width::One(l) => l.run(See { l, of: self }),
+            SimdWidth::One(l) => l.run(ClipKernel { l, of: self }),
             #[cfg(target_arch = "x86_64")]
-            Width::Four(l) => l.run(See { l, of: self }),
+            SimdWidth::Four(l) => l.run(ClipKernel { l, of: self }),
             #[cfg(target_arch = "x86_64")]
-            Width::Eight(l) => l.run(See { l, of: self }),
+            SimdWidth::Eight(l) => l.run(ClipKernel { l, of: self }),
         }
     }
 
@@ -134,15 +135,15 @@ impl Triangles {
         self.count = 0;
     }
 
-    /// The patch of pair `k` along `axis`, as [`Patch::see`]; false where rounding decides what is a corner of it.
+    /// The patch of pair `k` along `axis`, as [`ContactPatch::clip_faces`]; false where rounding decides what is a corner of it.
     #[inline(always)]
-    pub fn patch(&self, k: usize, axis: &Axis, area_within: f64, patch: &mut Patch) -> bool {
+    pub fn write_patch(&self, k: usize, axis: &SearchAxis, area_within: f64, patch: &mut ContactPatch) -> bool {
         if self.clear >> k & 1 == 0 {
             return false;
         }
         patch.corners.clear();
         let mut has = 0;
-        for place in 0..PLACES {
+        for place in 0..CORNER_SLOTS {
             has |= (self.has[place] >> k & 1) << place;
         }
         let names = &self.names[k];
@@ -156,55 +157,60 @@ impl Triangles {
                 3..6 => (names.faces[0], names.vertices[1][place - 3]),
                 _ => (names.edges[0][(place - 6) / 3], names.edges[1][(place - 6) % 3]),
             };
-            patch.corners.push(Corner { point, flat, gap, features });
+            patch.corners.push(PatchCorner { point, flat, gap, features });
         }
-        patch.is_seen(axis.n, self.area[k], area_within);
+        patch.set_normal_and_area(axis.n, self.area[k], area_within);
         true
     }
 }
 
-struct See<'a, L> {
+struct ClipKernel<'a, L> {
     l: L,
-    of: &'a mut Triangles,
+    of: &'a mut TriangleBatch,
 }
 
-impl<L: Lanes> NullaryFnOnce for See<'_, L> {
+impl<L: F64Arithmetic> NullaryFnOnce for ClipKernel<'_, L> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let See { l, of } = self;
-        (of.has, of.clear) = ([0; PLACES], 0);
+        let ClipKernel { l, of } = self;
+        (of.has, of.clear) = ([0; CORNER_SLOTS], 0);
         let mut from = 0;
         while from < of.count {
-            see(l, of, from);
+            clip_faces(l, of, from);
             from += L::WIDTH;
         }
     }
 }
 
 /// A vector in each lane.
-type Three<L> = [<L as Arithmetic>::V; 3];
+type Vec3Lanes<L> = [<L as Arithmetic>::V; 3];
 
 #[inline(always)]
-fn read<L: Lanes>(l: L, given: &[[f64; AT_ONCE]; GIVEN], at: usize, from: usize) -> Three<L> {
+fn load_vector<L: F64Arithmetic>(
+    l: L,
+    given: &[[f64; BATCH_PAIRS]; INPUT_ROWS],
+    at: usize,
+    from: usize,
+) -> Vec3Lanes<L> {
     [l.load(&given[at][from..]), l.load(&given[at + 1][from..]), l.load(&given[at + 2][from..])]
 }
 
 #[inline(always)]
-fn dot<L: Lanes>(l: L, a: Three<L>, b: Three<L>) -> L::V {
+fn dot_lanes<L: F64Arithmetic>(l: L, a: Vec3Lanes<L>, b: Vec3Lanes<L>) -> L::V {
     l.mul_add(a[2], b[2], l.mul_add(a[1], b[1], l.mul(a[0], b[0])))
 }
 
 /// Components along three axes.
 #[inline(always)]
-fn along<L: Lanes>(l: L, axes: &[Three<L>; 3], v: Three<L>) -> Three<L> {
-    [dot(l, axes[0], v), dot(l, axes[1], v), dot(l, axes[2], v)]
+fn components_along<L: F64Arithmetic>(l: L, axes: &[Vec3Lanes<L>; 3], v: Vec3Lanes<L>) -> Vec3Lanes<L> {
+    [dot_lanes(l, axes[0], v), dot_lanes(l, axes[1], v), dot_lanes(l, axes[2], v)]
 }
 
 /// A face in the frame t, s, n: three corners, and its plane as height at 0 and slope.
-struct Seen<L: Lanes> {
-    corners: [Three<L>; 3],
+struct ProjectedFace<L: F64Arithmetic> {
+    corners: [Vec3Lanes<L>; 3],
     height: L::V,
     slope: [L::V; 2],
     /// Cosine between its normal and the direction of view.
@@ -212,39 +218,48 @@ struct Seen<L: Lanes> {
 }
 
 #[inline(always)]
-fn seen<L: Lanes>(
+fn projected_face<L: F64Arithmetic>(
     l: L,
-    given: &[[f64; AT_ONCE]; GIVEN],
+    given: &[[f64; BATCH_PAIRS]; INPUT_ROWS],
     side: usize,
-    frame: &[Three<L>; 3],
-    moved: Three<L>,
+    frame: &[Vec3Lanes<L>; 3],
+    moved: Vec3Lanes<L>,
     from: usize,
-) -> Seen<L> {
+) -> ProjectedFace<L> {
     let turn = [0, 3, 6];
     let columns = [
-        read(l, given, TURN[side] + turn[0], from),
-        read(l, given, TURN[side] + turn[1], from),
-        read(l, given, TURN[side] + turn[2], from),
+        load_vector(l, given, TURN_ROWS[side] + turn[0], from),
+        load_vector(l, given, TURN_ROWS[side] + turn[1], from),
+        load_vector(l, given, TURN_ROWS[side] + turn[2], from),
     ];
     // The frame seen from the shape.
-    let axes = [along(l, &columns, frame[0]), along(l, &columns, frame[1]), along(l, &columns, frame[2])];
+    let axes = [
+        components_along(l, &columns, frame[0]),
+        components_along(l, &columns, frame[1]),
+        components_along(l, &columns, frame[2]),
+    ];
     let mut corners = [moved; 3];
     let mut k = 0;
     while k < 3 {
-        let corner = along(l, &axes, read(l, given, CORNERS[side] + 3 * k, from));
+        let corner = components_along(l, &axes, load_vector(l, given, CORNER_ROWS[side] + 3 * k, from));
         corners[k] = [l.add(corner[0], moved[0]), l.add(corner[1], moved[1]), l.add(corner[2], moved[2])];
         k += 1;
     }
-    let normal = along(l, &axes, read(l, given, PLANE[side], from));
-    let offset = l.add(l.load(&given[PLANE[side] + 3][from..]), dot(l, normal, moved));
+    let normal = components_along(l, &axes, load_vector(l, given, PLANE_ROWS[side], from));
+    let offset = l.add(l.load(&given[PLANE_ROWS[side] + 3][from..]), dot_lanes(l, normal, moved));
     let inverse = l.div(l.splat(1.0), normal[2]);
     let slope = [l.mul(normal[0], inverse), l.mul(normal[1], inverse)];
-    Seen { corners, height: l.mul(offset, inverse), slope, rise: normal[2] }
+    ProjectedFace { corners, height: l.mul(offset, inverse), slope, rise: normal[2] }
 }
 
 /// Distances of the corners of `of` from the sides of `by`, > 0 inside, times the lengths of the sides: [corner][side].
 #[inline(always)]
-fn distances<L: Lanes>(l: L, by: &[Three<L>; 3], of: &[Three<L>; 3], near: L::V) -> ([[L::V; 3]; 3], L::V) {
+fn side_distances<L: F64Arithmetic>(
+    l: L,
+    by: &[Vec3Lanes<L>; 3],
+    of: &[Vec3Lanes<L>; 3],
+    near: L::V,
+) -> ([[L::V; 3]; 3], L::V) {
     let zero = l.splat(0.0);
     let mut found = [[zero; 3]; 3];
     // The least square of a distance over `near`, as a difference; a side no longer than that counts too.
@@ -272,7 +287,7 @@ fn distances<L: Lanes>(l: L, by: &[Three<L>; 3], of: &[Three<L>; 3], near: L::V)
 /// What part of the side from corner `from` to corner `to` lies inside, < 0 for none: its distances there from three sides, and
 /// where it crosses these.
 #[inline(always)]
-fn part<L: Lanes>(l: L, from: &[L::V; 3], to: &[L::V; 3], crossings: &[L::V; 3]) -> L::V {
+fn part_inside<L: F64Arithmetic>(l: L, from: &[L::V; 3], to: &[L::V; 3], crossings: &[L::V; 3]) -> L::V {
     let (mut start, mut end) = (l.splat(0.0), l.splat(1.0));
     let mut side = 0;
     while side < 3 {
@@ -288,23 +303,24 @@ fn part<L: Lanes>(l: L, from: &[L::V; 3], to: &[L::V; 3], crossings: &[L::V; 3])
 }
 
 #[inline(always)]
-fn see<L: Lanes>(l: L, of: &mut Triangles, from: usize) {
+fn clip_faces<L: F64Arithmetic>(l: L, of: &mut TriangleBatch, from: usize) {
     let given = &of.given;
     let (zero, one, half) = (l.splat(0.0), l.splat(1.0), l.splat(0.5));
     // As `local_frame`.
-    let n = read(l, given, NORMAL, from);
+    let n = load_vector(l, given, NORMAL_ROW, from);
     let sign = l.select_greater(zero, n[2], l.splat(-1.0), one);
     let p = l.div(l.splat(-1.0), l.add(sign, n[2]));
     let (px, q) = (l.mul(n[0], p), l.mul(l.mul(n[0], n[1]), p));
     let t = [l.mul_add(l.mul(sign, px), n[0], one), l.mul(sign, q), l.sub(zero, l.mul(sign, n[0]))];
     let s = [q, l.mul_add(l.mul(n[1], n[1]), p, sign), l.sub(zero, n[1])];
     let frame = [t, s, n];
-    let a = seen(l, given, 0, &frame, [zero; 3], from);
-    let b = seen(l, given, 1, &frame, along(l, &frame, read(l, given, CENTRE, from)), from);
-    let (separation, near) = (l.load(&given[SEPARATION][from..]), l.load(&given[NEAR][from..]));
-    let (of_a, least_a) = distances(l, &b.corners, &a.corners, near);
-    let (of_b, least_b) = distances(l, &a.corners, &b.corners, near);
-    let edge_on = l.splat(EDGE_ON);
+    let a = projected_face(l, given, 0, &frame, [zero; 3], from);
+    let b =
+        projected_face(l, given, 1, &frame, components_along(l, &frame, load_vector(l, given, CENTRE_ROW, from)), from);
+    let (separation, near) = (l.load(&given[SEPARATION_ROW][from..]), l.load(&given[NEAR_ROW][from..]));
+    let (of_a, least_a) = side_distances(l, &b.corners, &a.corners, near);
+    let (of_b, least_b) = side_distances(l, &a.corners, &b.corners, near);
+    let edge_on = l.splat(MIN_FACE_COSINE);
     let clear = l.mask_greater(l.min(least_a, least_b), zero)
         & l.mask_greater(l.abs(a.rise), edge_on)
         & l.mask_greater(l.abs(b.rise), edge_on);
@@ -379,11 +395,11 @@ fn see<L: Lanes>(l: L, of: &mut Triangles, from: usize) {
     let [a0, a1, a2] = a.corners;
     let (x1, y1, x2, y2) = (l.sub(a1[0], a0[0]), l.sub(a1[1], a0[1]), l.sub(a2[0], a0[0]), l.sub(a2[1], a0[1]));
     let moment = l.neg_mul_add(y1, x2, l.mul(x1, y2));
-    let inside = part(l, &of_a[1], &of_a[2], &on_a[1]);
+    let inside = part_inside(l, &of_a[1], &of_a[2], &on_a[1]);
     let mut doubled = l.select_greater(inside, zero, l.mul(inside, moment), zero);
     let mut j = 0;
     while j < 3 {
-        let inside = part(l, &of_b[j], &of_b[(j + 1) % 3], &on_b[j]);
+        let inside = part_inside(l, &of_b[j], &of_b[(j + 1) % 3], &on_b[j]);
         let more = l.mul_add(inside, of_a[0][j], doubled);
         doubled = l.select_greater(inside, zero, more, doubled);
         j += 1;
@@ -394,30 +410,30 @@ fn see<L: Lanes>(l: L, of: &mut Triangles, from: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::search::{Found, Start, search};
-    use crate::geometry::{Narrow, Point, Range, tests::each_pair};
+    use crate::geometry::search::{SearchResult, SearchStart, separating_axis};
+    use crate::geometry::{ContactPoint, ListingRange, NarrowPhaseMode, tests::each_pair};
     use crate::math::Quat;
 
-    fn points(patch: &mut Patch, tie: f64) -> (Vec<Point>, f64) {
+    fn points(patch: &mut ContactPatch, tie: f64) -> (Vec<ContactPoint>, f64) {
         let mut manifold = crate::geometry::Manifold::default();
-        patch.manifold(Range::from(f64::INFINITY), tie, &mut manifold);
+        patch.write_manifold(ListingRange::from(f64::INFINITY), tie, &mut manifold);
         (manifold.points.to_vec(), manifold.area)
     }
 
     #[test]
     fn patches_are_those_of_outlines() {
-        let (mut compared, mut many, mut triangles) = (0, [0; 7], Triangles::new());
-        each_pair(1500, 0.3, |_, pair, &Found { ref axis, faces, .. }| {
-            if triangles.add(pair, axis, faces).is_none() {
+        let (mut compared, mut many, mut triangles) = (0, [0; 7], TriangleBatch::new());
+        each_pair(1500, 0.3, |_, pair, &SearchResult { ref axis, faces, .. }| {
+            if triangles.push_faces(pair, axis, faces).is_none() {
                 return;
             }
-            triangles.see(pair.width);
-            let (mut found, mut expected) = (Patch::default(), Patch::default());
+            triangles.clip_faces(pair.width);
+            let (mut found, mut expected) = (ContactPatch::default(), ContactPatch::default());
             for within in [f64::INFINITY, axis.s + 0.05] {
-                assert!(triangles.patch(0, axis, within, &mut found), "no corner is near a side");
-                expected.see(pair, axis, faces, within);
+                assert!(triangles.write_patch(0, axis, within, &mut found), "no corner is near a side");
+                expected.clip_faces(pair, axis, faces, within);
                 let ((found, area), (expected, area_expected)) =
-                    (points(&mut found, pair.tie()), points(&mut expected, pair.tie()));
+                    (points(&mut found, pair.tie_tolerance()), points(&mut expected, pair.tie_tolerance()));
                 assert!((area - area_expected).abs() < 1e-14, "{area} {area_expected}");
                 assert_eq!(found.len(), expected.len());
                 for (found, expected) in found.iter().zip(&expected) {
@@ -437,27 +453,27 @@ mod tests {
     #[test]
     fn pairs_do_not_depend_on_their_places_or_the_width() {
         let mut alone = Vec::new();
-        each_pair(1500, 0.3, |_, pair, &Found { ref axis, faces, .. }| {
-            let mut triangles = Triangles::new();
-            if triangles.add(pair, axis, faces).is_some() {
-                triangles.see(Width::One(crate::math::lanes::Scalar));
-                let mut patch = Patch::default();
-                assert!(triangles.patch(0, axis, f64::INFINITY, &mut patch));
-                alone.push(points(&mut patch, pair.tie()));
+        each_pair(1500, 0.3, |_, pair, &SearchResult { ref axis, faces, .. }| {
+            let mut triangles = TriangleBatch::new();
+            if triangles.push_faces(pair, axis, faces).is_some() {
+                triangles.clip_faces(SimdWidth::One(crate::math::lanes::Scalar));
+                let mut patch = ContactPatch::default();
+                assert!(triangles.write_patch(0, axis, f64::INFINITY, &mut patch));
+                alone.push(points(&mut patch, pair.tie_tolerance()));
             }
         });
-        for width in Width::all() {
-            let (mut triangles, mut axes, mut next) = (Triangles::new(), Vec::new(), 0);
-            each_pair(1500, 0.3, |_, pair, &Found { ref axis, faces, .. }| {
-                if triangles.add(pair, axis, faces).is_none() {
+        for width in SimdWidth::all_widths() {
+            let (mut triangles, mut axes, mut next) = (TriangleBatch::new(), Vec::new(), 0);
+            each_pair(1500, 0.3, |_, pair, &SearchResult { ref axis, faces, .. }| {
+                if triangles.push_faces(pair, axis, faces).is_none() {
                     return;
                 }
-                axes.push((*axis, pair.tie()));
-                if triangles.are_many() {
-                    triangles.see(width);
+                axes.push((*axis, pair.tie_tolerance()));
+                if triangles.is_full() {
+                    triangles.clip_faces(width);
                     for (k, (axis, tie)) in axes.drain(..).enumerate() {
-                        let mut patch = Patch::default();
-                        triangles.patch(k, &axis, f64::INFINITY, &mut patch);
+                        let mut patch = ContactPatch::default();
+                        triangles.write_patch(k, &axis, f64::INFINITY, &mut patch);
                         assert_eq!(points(&mut patch, tie), alone[next], "{next}");
                         next += 1;
                     }
@@ -477,18 +493,18 @@ mod tests {
             &[[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
         )
         .unwrap();
-        let below = tetrahedron.posed(&Quat::from_scaled_axis(Vec3::x() * std::f64::consts::PI));
-        let above = tetrahedron.posed(&Quat::identity());
+        let below = tetrahedron.posed_by(&Quat::from_scaled_axis(Vec3::x() * std::f64::consts::PI));
+        let above = tetrahedron.posed_by(&Quat::identity());
         // Base on base: corner on corner, then moved along a side, then clear of all.
         for (shift, clear) in [([0.0, 0.0], false), ([0.3, 0.0], false), ([0.3, 0.2], true)] {
-            let turned = below.turned(&vertices[2]) - below.turned(&middle);
+            let turned = below.to_world(&vertices[2]) - below.to_world(&middle);
             let c = Vec3::new(shift[0], shift[1] + turned.y - (vertices[0] - middle).y, 2.0 * middle.z - 0.01);
-            let pair = Pair::new(&below, &above, c, Width::detect());
-            let axis = search(&pair, Start::Nothing, None, Narrow::Accurate, 0.3.into());
-            let (mut triangles, mut patch) = (Triangles::new(), Patch::default());
-            assert_eq!(triangles.add(&pair, &axis.axis, axis.faces), Some(0));
-            triangles.see(pair.width);
-            assert_eq!(triangles.patch(0, &axis.axis, f64::INFINITY, &mut patch), clear, "{shift:?}");
+            let pair = PolyhedronPair::new(&below, &above, c, SimdWidth::detect());
+            let axis = separating_axis(&pair, SearchStart::Nothing, None, NarrowPhaseMode::Accurate, 0.3.into());
+            let (mut triangles, mut patch) = (TriangleBatch::new(), ContactPatch::default());
+            assert_eq!(triangles.push_faces(&pair, &axis.axis, axis.faces), Some(0));
+            triangles.clip_faces(pair.width);
+            assert_eq!(triangles.write_patch(0, &axis.axis, f64::INFINITY, &mut patch), clear, "{shift:?}");
         }
     }
 }

@@ -6,15 +6,19 @@ use rayon::prelude::*;
 use crate::math::Vec3;
 
 /// Bodies summed one after the other; the sums of such parts are added in their order, whatever thread they are from.
-const PART: usize = 4096;
+const BODIES_PER_SUM: usize = 4096;
 
 /// Takes the rigid motion out of accelerations that their own errors give: a_i -= F/M + (I^-1 T) x x_i about the centre
 /// of mass, with F = sum m a, T = sum x x m a. Returns the RMS of what was removed over that of `a`, by mass.
-pub fn balance(positions: &[Vec3], masses: &[f64], acceleration: &mut [Vec3]) -> f64 {
+pub fn balance_accelerations(positions: &[Vec3], masses: &[f64], acceleration: &mut [Vec3]) -> f64 {
     let Some(origin) = positions.first() else { return 0.0 };
-    let parts = positions.par_chunks(PART).zip(masses.par_chunks(PART)).zip(acceleration.par_chunks(PART));
-    let parts: Vec<Sums> = parts.map(|((x, m), a)| Sums::of(origin, x, m, a)).collect();
-    let Sums { second, mass, force, torque, square } = parts.into_iter().fold(Sums::default(), Sums::add);
+    let parts = positions
+        .par_chunks(BODIES_PER_SUM)
+        .zip(masses.par_chunks(BODIES_PER_SUM))
+        .zip(acceleration.par_chunks(BODIES_PER_SUM));
+    let parts: Vec<ForceSums> = parts.map(|((x, m), a)| ForceSums::new(origin, x, m, a)).collect();
+    let ForceSums { second, mass, force, torque, square } =
+        parts.into_iter().fold(ForceSums::default(), ForceSums::add);
     if mass <= 0.0 {
         return 0.0;
     }
@@ -27,15 +31,15 @@ pub fn balance(positions: &[Vec3], masses: &[f64], acceleration: &mut [Vec3]) ->
     let motion = |force: Vec3, torque: Vec3| (force / mass, inverse * torque);
     let share = |(push, spin): (Vec3, Vec3)| mass * push.norm_squared() + spin.dot(&(inertia * spin)).max(0.0);
     let first = motion(force, torque - offset.cross(&force));
-    let [force, torque] = taken(&centre, first, positions, masses, acceleration);
+    let [force, torque] = subtract_motion(&centre, first, positions, masses, acceleration);
     let second = motion(force, torque);
-    taken(&centre, second, positions, masses, acceleration);
+    subtract_motion(&centre, second, positions, masses, acceleration);
     if square > 0.0 { ((share(first) + share(second)) / square).sqrt() } else { 0.0 }
 }
 
 /// Sums over bodies at r from an origin.
 #[derive(Default)]
-struct Sums {
+struct ForceSums {
     /// m (r r^T | r)
     second: Matrix3x4<f64>,
     mass: f64,
@@ -45,9 +49,9 @@ struct Sums {
     square: f64,
 }
 
-impl Sums {
-    fn of(origin: &Vec3, positions: &[Vec3], masses: &[f64], acceleration: &[Vec3]) -> Self {
-        let mut sums = Sums::default();
+impl ForceSums {
+    fn new(origin: &Vec3, positions: &[Vec3], masses: &[f64], acceleration: &[Vec3]) -> Self {
+        let mut sums = ForceSums::default();
         for ((x, m), a) in positions.iter().zip(masses).zip(acceleration) {
             let (r, force) = (x - origin, a * *m);
             sums.second += r * r.push(1.0).transpose() * *m;
@@ -59,8 +63,8 @@ impl Sums {
         sums
     }
 
-    fn add(self, other: Sums) -> Self {
-        Sums {
+    fn add(self, other: ForceSums) -> Self {
+        ForceSums {
             second: self.second + other.second,
             mass: self.mass + other.mass,
             force: self.force + other.force,
@@ -72,15 +76,15 @@ impl Sums {
 
 /// Takes the acceleration `push` of the centre and `spin` about it away; returns the force and the torque about the
 /// centre of what is left.
-fn taken(
+fn subtract_motion(
     centre: &Vec3,
     (push, spin): (Vec3, Vec3),
     positions: &[Vec3],
     masses: &[f64],
     acceleration: &mut [Vec3],
 ) -> [Vec3; 2] {
-    let parts = positions.par_chunks(PART).zip(masses.par_chunks(PART));
-    let parts = parts.zip(acceleration.par_chunks_mut(PART)).map(|((x, m), a)| {
+    let parts = positions.par_chunks(BODIES_PER_SUM).zip(masses.par_chunks(BODIES_PER_SUM));
+    let parts = parts.zip(acceleration.par_chunks_mut(BODIES_PER_SUM)).map(|((x, m), a)| {
         let mut sums = [Vec3::zeros(); 2];
         for ((x, m), a) in x.iter().zip(m).zip(a) {
             let r = x - centre;

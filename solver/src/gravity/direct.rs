@@ -4,27 +4,27 @@ use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
 use crate::math::Vec3;
-use crate::math::lanes::{Lanes, Width};
+use crate::math::lanes::{F64Arithmetic, SimdWidth};
 
 /// Independent sums, added up in a fixed order: the result is the same for any width of arithmetic.
-const SUMS: usize = 8;
+const PARTIAL_SUMS: usize = 8;
 
 /// Positions and masses laid out for the inner loop, padded with masses of zero.
-struct Sources {
-    x: Vec<[f64; SUMS]>,
-    y: Vec<[f64; SUMS]>,
-    z: Vec<[f64; SUMS]>,
-    m: Vec<[f64; SUMS]>,
+struct SourceColumns {
+    x: Vec<[f64; PARTIAL_SUMS]>,
+    y: Vec<[f64; PARTIAL_SUMS]>,
+    z: Vec<[f64; PARTIAL_SUMS]>,
+    m: Vec<[f64; PARTIAL_SUMS]>,
 }
 
-impl Sources {
+impl SourceColumns {
     fn new(positions: &[Vec3], masses: &[f64]) -> Self {
-        let column = |value: &dyn Fn(usize) -> f64| -> Vec<[f64; SUMS]> {
-            let block = |k: usize| std::array::from_fn(|lane| value(k * SUMS + lane));
-            (0..positions.len().div_ceil(SUMS)).map(block).collect()
+        let column = |value: &dyn Fn(usize) -> f64| -> Vec<[f64; PARTIAL_SUMS]> {
+            let block = |k: usize| std::array::from_fn(|lane| value(k * PARTIAL_SUMS + lane));
+            (0..positions.len().div_ceil(PARTIAL_SUMS)).map(block).collect()
         };
         let at = |i: usize, k: usize| positions.get(i).map_or(0.0, |p| p[k]);
-        Sources {
+        SourceColumns {
             x: column(&|i| at(i, 0)),
             y: column(&|i| at(i, 1)),
             z: column(&|i| at(i, 2)),
@@ -48,61 +48,66 @@ impl Sources {
 /// assert_eq!((phi[0], phi[1]), (-5.0 / 2.0, -3.0 / 2.0));
 /// ```
 pub fn accelerations(positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
-    of_bodies(positions, masses, constant, Width::detect())
+    accelerations_at_width(positions, masses, constant, SimdWidth::detect())
 }
 
 /// The same at any places.
-pub fn at(places: &[Vec3], positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
-    let sources = Sources::new(positions, masses);
-    let pull = |p: &Vec3| pull(Width::detect(), &sources, p, 1.0);
+pub fn field_at(places: &[Vec3], positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
+    let sources = SourceColumns::new(positions, masses);
+    let pull = |p: &Vec3| source_pull(SimdWidth::detect(), &sources, p, 1.0);
     places.par_iter().with_min_len(16).map(pull).map(|(a, phi)| (a * constant, phi * constant)).unzip()
 }
 
-fn of_bodies(positions: &[Vec3], masses: &[f64], constant: f64, width: Width) -> (Vec<Vec3>, Vec<f64>) {
+fn accelerations_at_width(
+    positions: &[Vec3],
+    masses: &[f64],
+    constant: f64,
+    width: SimdWidth,
+) -> (Vec<Vec3>, Vec<f64>) {
     // In units of about the largest, so that no product of two is too large or too small; a power of two rounds nothing.
     let largest = masses.iter().fold(0.0, |a: f64, m| a.max(*m));
     let unit = if largest > 0.0 { 2f64.powi(largest.log2().clamp(-1000.0, 1000.0) as i32) } else { 1.0 };
     let masses: Vec<f64> = masses.iter().map(|m| m / unit).collect();
-    let sources = Sources::new(positions, &masses);
+    let sources = SourceColumns::new(positions, &masses);
     let constant = constant * unit;
     let bodies = positions.par_iter().zip(&masses).with_min_len(16);
     let of_body = |(x, &m): (&Vec3, &f64)| {
         let m = if m > 0.0 { m } else { 1.0 };
-        let (force, energy) = pull(width, &sources, x, m);
+        let (force, energy) = source_pull(width, &sources, x, m);
         (force / m * constant, energy / m * constant)
     };
     bodies.map(of_body).unzip()
 }
 
 /// Force on a mass at `p` and its potential energy, without the constant.
-fn pull(width: Width, sources: &Sources, p: &Vec3, mass: f64) -> (Vec3, f64) {
+fn source_pull(width: SimdWidth, sources: &SourceColumns, p: &Vec3, mass: f64) -> (Vec3, f64) {
     let [x, y, z, potential] = match width {
-        Width::One(lanes) => sums(lanes, sources, p, mass),
+        SimdWidth::One(lanes) => source_sums(lanes, sources, p, mass),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(lanes) => sums(lanes, sources, p, mass),
+        SimdWidth::Four(lanes) => source_sums(lanes, sources, p, mass),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(lanes) => sums(lanes, sources, p, mass),
+        SimdWidth::Eight(lanes) => source_sums(lanes, sources, p, mass),
     };
     (Vec3::new(x, y, z), -potential)
 }
 
 /// Sums of m_p m d/|d|^3 (three components) and m_p m/|d| over all sources.
-fn sums<L: Lanes>(lanes: L, sources: &Sources, p: &Vec3, mass: f64) -> [f64; 4] {
-    struct Op<'a, L> {
+fn source_sums<L: F64Arithmetic>(lanes: L, sources: &SourceColumns, p: &Vec3, mass: f64) -> [f64; 4] {
+    struct SumKernel<'a, L> {
         l: L,
-        sources: &'a Sources,
+        sources: &'a SourceColumns,
         p: &'a Vec3,
         mass: f64,
     }
-    impl<L: Lanes> NullaryFnOnce for Op<'_, L> {
+    impl<L: F64Arithmetic> NullaryFnOnce for SumKernel<'_, L> {
         type Output = [f64; 4];
         #[inline(always)]
         fn call(self) -> [f64; 4] {
-            let Op { l, sources, p, mass } = self;
-            let mut parts = [[0.0; SUMS]; 4];
+            let SumKernel { l, sources, p, mass } = self;
+            let mut parts = [[0.0; PARTIAL_SUMS]; 4];
             let (zero, one, mass) = (l.splat(0.0), l.splat(1.0), l.splat(mass));
             let (px, py, pz) = (l.splat(p.x), l.splat(p.y), l.splat(p.z));
-            for from in (0..SUMS).step_by(L::WIDTH) {
+            for from in (0..PARTIAL_SUMS).step_by(L::WIDTH) {
                 let [mut ax, mut ay, mut az, mut sum] = [zero; 4];
                 for k in 0..sources.x.len() {
                     let dx = l.sub(l.load(&sources.x[k][from..]), px);
@@ -128,7 +133,7 @@ fn sums<L: Lanes>(lanes: L, sources: &Sources, p: &Vec3, mass: f64) -> [f64; 4] 
             parts.map(|part| part.iter().sum())
         }
     }
-    lanes.run(Op { l: lanes, sources, p, mass })
+    lanes.run(SumKernel { l: lanes, sources, p, mass })
 }
 
 #[cfg(test)]
@@ -164,9 +169,9 @@ mod tests {
     #[test]
     fn all_widths_give_the_same_bits() {
         let (x, m) = cloud(61);
-        let expected = of_bodies(&x, &m, 1.5, Width::all()[0]);
-        for width in Width::all() {
-            assert_eq!(of_bodies(&x, &m, 1.5, width), expected);
+        let expected = accelerations_at_width(&x, &m, 1.5, SimdWidth::all_widths()[0]);
+        for width in SimdWidth::all_widths() {
+            assert_eq!(accelerations_at_width(&x, &m, 1.5, width), expected);
         }
     }
 
@@ -174,7 +179,9 @@ mod tests {
     fn two_bodies_pull_each_other_alike_to_the_last_bit() {
         let (x, m) = cloud(61);
         for (i, j) in (0..61).flat_map(|i| (0..i).map(move |j| (i, j))) {
-            let on = |i: usize, j: usize| pull(Width::detect(), &Sources::new(&x[j..=j], &m[j..=j]), &x[i], m[i]);
+            let on = |i: usize, j: usize| {
+                source_pull(SimdWidth::detect(), &SourceColumns::new(&x[j..=j], &m[j..=j]), &x[i], m[i])
+            };
             let ((force, energy), (reaction, same)) = (on(i, j), on(j, i));
             assert_eq!((force, energy), (-reaction, same));
         }

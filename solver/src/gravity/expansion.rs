@@ -14,13 +14,13 @@
 //! | row of numbers | coefficients (q, c, j), q = i + j + c the degree | length |
 //! |---|---|---|
 //! | narrow | c = 0, 1 of every degree: what is stored | (p+1)^2 |
-//! | wide | c = 0, 1, 2: derivatives of a harmonic function as [`contract`] reads them | 1 + 3 p (p+1)/2 |
+//! | wide | c = 0, 1, 2: derivatives of a harmonic function as [`contract_moments`] reads them | 1 + 3 p (p+1)/2 |
 //!
 //! Sources: J. Applequist, J. Phys. A 22 (1989) 4303; W. Dehnen, J. Comput. Phys. 179 (2002) 27; P.B. Visscher and
 //! D.M. Apalkov, J. Magn. Magn. Mater. 322 (2010) 275.
 
 use super::HIGHEST_ORDER;
-use crate::math::lanes::Lanes;
+use crate::math::lanes::F64Arithmetic;
 
 /// Numbers in a narrow row.
 pub const fn narrow_len(p: usize) -> usize {
@@ -33,20 +33,20 @@ pub const fn wide_len(p: usize) -> usize {
 }
 
 /// Rows with room for the highest order, narrow and in whole lines, and wide.
-pub type Narrow<V> = [V; NARROW];
-pub type Wide<V> = [V; WIDE];
-pub const NARROW: usize = narrow_len(HIGHEST_ORDER).next_multiple_of(8);
-pub const WIDE: usize = wide_len(HIGHEST_ORDER);
+pub type NarrowRow<V> = [V; NARROW_LEN];
+pub type WideRow<V> = [V; WIDE_LEN];
+pub const NARROW_LEN: usize = narrow_len(HIGHEST_ORDER).next_multiple_of(8);
+pub const WIDE_LEN: usize = wide_len(HIGHEST_ORDER);
 
 /// Where the coefficients with c derivatives along z of degree q start in a narrow row, by j.
 #[inline(always)]
-pub const fn narrow(q: usize, c: usize) -> usize {
+pub const fn narrow_index(q: usize, c: usize) -> usize {
     q * q + c * (q + 1)
 }
 
 /// The same in a wide row.
 #[inline(always)]
-pub const fn wide(q: usize, c: usize) -> usize {
+pub const fn wide_index(q: usize, c: usize) -> usize {
     let degree = if q == 0 { 0 } else { 1 + 3 * q * (q - 1) / 2 };
     degree + [0, q + 1, 2 * q + 1][c]
 }
@@ -81,7 +81,7 @@ pub(super) use for_lines;
 
 /// E(v) to order P, narrow: degree q is (v . derivative) E_{q-1} / q, reduced.
 #[inline(always)]
-pub fn exponential<L: Lanes, const P: usize>(l: L, v: [L::V; 3], out: &mut Narrow<L::V>) {
+pub fn exponential_terms<L: F64Arithmetic, const P: usize>(l: L, v: [L::V; 3], out: &mut NarrowRow<L::V>) {
     out[0] = l.splat(1.0);
     for_degrees!(Q <= P, {
         if Q != 0 {
@@ -91,10 +91,10 @@ pub fn exponential<L: Lanes, const P: usize>(l: L, v: [L::V; 3], out: &mut Narro
 }
 
 #[inline(always)]
-fn exponential_degree<L: Lanes, const Q: usize>(l: L, [x, y, z]: [L::V; 3], out: &mut Narrow<L::V>) {
+fn exponential_degree<L: F64Arithmetic, const Q: usize>(l: L, [x, y, z]: [L::V; 3], out: &mut NarrowRow<L::V>) {
     let share = l.splat(1.0 / Q as f64);
     let (x, y, z) = (l.mul(x, share), l.mul(y, share), l.mul(z, share));
-    let (flat, up) = (narrow(Q - 1, 0), narrow(Q - 1, 1));
+    let (flat, up) = (narrow_index(Q - 1, 0), narrow_index(Q - 1, 1));
     let mut j = 0;
     while j <= Q {
         let mut e = if j < Q { l.mul(x, out[flat + j]) } else { l.mul(y, out[flat + j - 1]) };
@@ -107,7 +107,7 @@ fn exponential_degree<L: Lanes, const Q: usize>(l: L, [x, y, z]: [L::V; 3], out:
         if j >= 2 {
             e = l.neg_mul_add(z, out[up + j - 2], e);
         }
-        out[narrow(Q, 0) + j] = e;
+        out[narrow_index(Q, 0) + j] = e;
         j += 1;
     }
     let mut j = 0;
@@ -119,7 +119,7 @@ fn exponential_degree<L: Lanes, const Q: usize>(l: L, [x, y, z]: [L::V; 3], out:
         if j >= 1 {
             e = l.mul_add(y, out[up + j - 1], e);
         }
-        out[narrow(Q, 1) + j] = e;
+        out[narrow_index(Q, 1) + j] = e;
         j += 1;
     }
 }
@@ -127,7 +127,7 @@ fn exponential_degree<L: Lanes, const Q: usize>(l: L, [x, y, z]: [L::V; 3], out:
 /// D(d) to order P, wide, for d other than 0:
 /// q d^2 D_n + (2q-1) sum_k n_k d_k D_{n-k} + (q-1) sum_k n_k (n_k - 1) D_{n-2k} = 0.
 #[inline(always)]
-pub fn derivatives<L: Lanes, const P: usize>(l: L, [x, y, z]: [L::V; 3], out: &mut Wide<L::V>) {
+pub fn kernel_derivatives<L: F64Arithmetic, const P: usize>(l: L, [x, y, z]: [L::V; 3], out: &mut WideRow<L::V>) {
     let d2 = l.mul_add(x, x, l.mul_add(y, y, l.mul(z, z)));
     let inverse = l.div(l.splat(1.0), d2);
     out[0] = l.sqrt(inverse);
@@ -138,25 +138,25 @@ pub fn derivatives<L: Lanes, const P: usize>(l: L, [x, y, z]: [L::V; 3], out: &m
             let scaled = [l.mul(x, first), l.mul(y, first), l.mul(z, first)];
             derivatives_degree::<L, Q, 0>(l, scaled, second, out);
             derivatives_degree::<L, Q, 1>(l, scaled, second, out);
-            close::<L, Q>(l, out);
+            close_degree::<L, Q>(l, out);
         }
     });
 }
 
 #[inline(always)]
-fn derivatives_degree<L: Lanes, const Q: usize, const C: usize>(
+fn derivatives_degree<L: F64Arithmetic, const Q: usize, const C: usize>(
     l: L,
     [x, y, z]: [L::V; 3],
     second: L::V,
-    out: &mut Wide<L::V>,
+    out: &mut WideRow<L::V>,
 ) {
-    let one = wide(Q - 1, C);
+    let one = wide_index(Q - 1, C);
     let mut j = 0;
     while j <= Q - C {
         let i = Q - C - j;
         let mut d = l.splat(0.0);
         if C == 1 {
-            d = l.mul(z, out[wide(Q - 1, 0) + j]);
+            d = l.mul(z, out[wide_index(Q - 1, 0) + j]);
         }
         if i >= 1 {
             d = l.mul_add(l.mul(x, l.splat(i as f64)), out[one + j], d);
@@ -165,47 +165,48 @@ fn derivatives_degree<L: Lanes, const Q: usize, const C: usize>(
             d = l.mul_add(l.mul(y, l.splat(j as f64)), out[one + j - 1], d);
         }
         if i >= 2 {
-            d = l.mul_add(l.mul(second, l.splat((i * (i - 1)) as f64)), out[wide(Q - 2, C) + j], d);
+            d = l.mul_add(l.mul(second, l.splat((i * (i - 1)) as f64)), out[wide_index(Q - 2, C) + j], d);
         }
         if j >= 2 {
-            d = l.mul_add(l.mul(second, l.splat((j * (j - 1)) as f64)), out[wide(Q - 2, C) + j - 2], d);
+            d = l.mul_add(l.mul(second, l.splat((j * (j - 1)) as f64)), out[wide_index(Q - 2, C) + j - 2], d);
         }
-        out[wide(Q, C) + j] = d;
+        out[wide_index(Q, C) + j] = d;
         j += 1;
     }
 }
 
 /// Derivatives of degree Q with c = 2 from those with c = 0.
 #[inline(always)]
-fn close<L: Lanes, const Q: usize>(l: L, out: &mut Wide<L::V>) {
+fn close_degree<L: F64Arithmetic, const Q: usize>(l: L, out: &mut WideRow<L::V>) {
     let mut j = 0;
     while j + 2 <= Q {
-        out[wide(Q, 2) + j] = l.sub(l.splat(0.0), l.add(out[wide(Q, 0) + j], out[wide(Q, 0) + j + 2]));
+        out[wide_index(Q, 2) + j] =
+            l.sub(l.splat(0.0), l.add(out[wide_index(Q, 0) + j], out[wide_index(Q, 0) + j + 2]));
         j += 1;
     }
 }
 
 /// A narrow row of derivatives, L, made wide.
 #[inline(always)]
-pub fn widen<L: Lanes, const P: usize>(l: L, row: &Narrow<L::V>, out: &mut Wide<L::V>) {
+pub fn widen_row<L: F64Arithmetic, const P: usize>(l: L, row: &NarrowRow<L::V>, out: &mut WideRow<L::V>) {
     for_degrees!(Q <= P, {
         let mut k = 0;
         while k < 2 * Q + 1 {
-            out[wide(Q, 0) + k] = row[narrow(Q, 0) + k];
+            out[wide_index(Q, 0) + k] = row[narrow_index(Q, 0) + k];
             k += 1;
         }
-        close::<L, Q>(l, out);
+        close_degree::<L, Q>(l, out);
     });
 }
 
 /// Adds sum_m F_{n+m} M_m, |n| + |m| <= P, to each n of `out`; F wide, the others narrow.
 /// Without `dipole` the three M of degree 1 count as zero, as about a centre of mass.
 #[inline(always)]
-pub fn contract<L: Lanes, const P: usize, const DIPOLE: bool>(
+pub fn contract_moments<L: F64Arithmetic, const P: usize, const DIPOLE: bool>(
     l: L,
-    moments: &Narrow<L::V>,
-    field: &Wide<L::V>,
-    out: &mut Narrow<L::V>,
+    moments: &NarrowRow<L::V>,
+    field: &WideRow<L::V>,
+    out: &mut NarrowRow<L::V>,
 ) {
     for_degrees!(N <= P, {
         for_degrees!(Q <= P, {
@@ -218,26 +219,26 @@ pub fn contract<L: Lanes, const P: usize, const DIPOLE: bool>(
 }
 
 #[inline(always)]
-fn contract_degrees<L: Lanes, const N: usize, const C: usize, const Q: usize>(
+fn contract_degrees<L: F64Arithmetic, const N: usize, const C: usize, const Q: usize>(
     l: L,
-    moments: &Narrow<L::V>,
-    field: &Wide<L::V>,
-    out: &mut Narrow<L::V>,
+    moments: &NarrowRow<L::V>,
+    field: &WideRow<L::V>,
+    out: &mut NarrowRow<L::V>,
 ) {
     let mut j = 0;
     while j + C <= N {
-        let mut sum = out[narrow(N, C) + j];
+        let mut sum = out[narrow_index(N, C) + j];
         let mut k = 0;
         while k <= Q {
-            sum = l.mul_add(moments[narrow(Q, 0) + k], field[wide(N + Q, C) + j + k], sum);
+            sum = l.mul_add(moments[narrow_index(Q, 0) + k], field[wide_index(N + Q, C) + j + k], sum);
             k += 1;
         }
         let mut k = 0;
         while k < Q {
-            sum = l.mul_add(moments[narrow(Q, 1) + k], field[wide(N + Q, C + 1) + j + k], sum);
+            sum = l.mul_add(moments[narrow_index(Q, 1) + k], field[wide_index(N + Q, C + 1) + j + k], sum);
             k += 1;
         }
-        out[narrow(N, C) + j] = sum;
+        out[narrow_index(N, C) + j] = sum;
         j += 1;
     }
 }
@@ -245,11 +246,11 @@ fn contract_degrees<L: Lanes, const N: usize, const C: usize, const Q: usize>(
 /// Adds the product M E to `out`, all narrow: moments about another centre, M E(old centre - new centre) with the sign
 /// of a in E(-a) reversed once more. M of degree 1 counts as zero.
 #[inline(always)]
-pub fn shift_moments<L: Lanes, const P: usize>(
+pub fn shift_moments<L: F64Arithmetic, const P: usize>(
     l: L,
-    moments: &Narrow<L::V>,
-    shift: &Narrow<L::V>,
-    out: &mut Narrow<L::V>,
+    moments: &NarrowRow<L::V>,
+    shift: &NarrowRow<L::V>,
+    out: &mut NarrowRow<L::V>,
 ) {
     for_degrees!(Q <= P, {
         for_degrees!(N <= P, {
@@ -261,42 +262,42 @@ pub fn shift_moments<L: Lanes, const P: usize>(
 }
 
 #[inline(always)]
-fn shift_degrees<L: Lanes, const Q: usize, const N: usize>(
+fn shift_degrees<L: F64Arithmetic, const Q: usize, const N: usize>(
     l: L,
-    moments: &Narrow<L::V>,
-    shift: &Narrow<L::V>,
-    out: &mut Narrow<L::V>,
+    moments: &NarrowRow<L::V>,
+    shift: &NarrowRow<L::V>,
+    out: &mut NarrowRow<L::V>,
 ) {
     let mut j = 0;
     while j <= Q {
-        let m = moments[narrow(Q, 0) + j];
+        let m = moments[narrow_index(Q, 0) + j];
         let mut k = 0;
         while k <= N {
-            let to = narrow(Q + N, 0) + j + k;
-            out[to] = l.mul_add(m, shift[narrow(N, 0) + k], out[to]);
+            let to = narrow_index(Q + N, 0) + j + k;
+            out[to] = l.mul_add(m, shift[narrow_index(N, 0) + k], out[to]);
             k += 1;
         }
         let mut k = 0;
         while k < N {
-            let to = narrow(Q + N, 1) + j + k;
-            out[to] = l.mul_add(m, shift[narrow(N, 1) + k], out[to]);
+            let to = narrow_index(Q + N, 1) + j + k;
+            out[to] = l.mul_add(m, shift[narrow_index(N, 1) + k], out[to]);
             k += 1;
         }
         j += 1;
     }
     let mut j = 0;
     while j < Q {
-        let m = moments[narrow(Q, 1) + j];
+        let m = moments[narrow_index(Q, 1) + j];
         let mut k = 0;
         while k <= N {
-            let to = narrow(Q + N, 1) + j + k;
-            out[to] = l.mul_add(m, shift[narrow(N, 0) + k], out[to]);
+            let to = narrow_index(Q + N, 1) + j + k;
+            out[to] = l.mul_add(m, shift[narrow_index(N, 0) + k], out[to]);
             k += 1;
         }
         let mut k = 0;
         while k < N {
-            let s = shift[narrow(N, 1) + k];
-            let to = narrow(Q + N, 0) + j + k;
+            let s = shift[narrow_index(N, 1) + k];
+            let to = narrow_index(Q + N, 0) + j + k;
             out[to] = l.neg_mul_add(m, s, out[to]);
             out[to + 2] = l.neg_mul_add(m, s, out[to + 2]);
             k += 1;
@@ -307,7 +308,11 @@ fn shift_degrees<L: Lanes, const Q: usize, const N: usize>(
 
 /// Potential and its gradient, with the sign of attraction's pull, of the wide row L at b: E = E(b).
 #[inline(always)]
-pub fn evaluate<L: Lanes, const P: usize>(l: L, e: &Narrow<L::V>, field: &Wide<L::V>) -> [L::V; 4] {
+pub fn evaluate_expansion<L: F64Arithmetic, const P: usize>(
+    l: L,
+    e: &NarrowRow<L::V>,
+    field: &WideRow<L::V>,
+) -> [L::V; 4] {
     let mut sums = [l.splat(0.0); 4];
     for_degrees!(Q <= P, {
         evaluate_degree::<L, P, Q, 0>(l, e, field, &mut sums);
@@ -317,20 +322,20 @@ pub fn evaluate<L: Lanes, const P: usize>(l: L, e: &Narrow<L::V>, field: &Wide<L
 }
 
 #[inline(always)]
-fn evaluate_degree<L: Lanes, const P: usize, const Q: usize, const C: usize>(
+fn evaluate_degree<L: F64Arithmetic, const P: usize, const Q: usize, const C: usize>(
     l: L,
-    e: &Narrow<L::V>,
-    field: &Wide<L::V>,
+    e: &NarrowRow<L::V>,
+    field: &WideRow<L::V>,
     sums: &mut [L::V; 4],
 ) {
     let mut j = 0;
     while j + C <= Q {
-        let value = e[narrow(Q, C) + j];
-        sums[3] = l.mul_add(value, field[wide(Q, C) + j], sums[3]);
+        let value = e[narrow_index(Q, C) + j];
+        sums[3] = l.mul_add(value, field[wide_index(Q, C) + j], sums[3]);
         if Q < P {
-            sums[0] = l.mul_add(value, field[wide(Q + 1, C) + j], sums[0]);
-            sums[1] = l.mul_add(value, field[wide(Q + 1, C) + j + 1], sums[1]);
-            sums[2] = l.mul_add(value, field[wide(Q + 1, C + 1) + j], sums[2]);
+            sums[0] = l.mul_add(value, field[wide_index(Q + 1, C) + j], sums[0]);
+            sums[1] = l.mul_add(value, field[wide_index(Q + 1, C) + j + 1], sums[1]);
+            sums[2] = l.mul_add(value, field[wide_index(Q + 1, C + 1) + j], sums[2]);
         }
         j += 1;
     }
@@ -342,23 +347,23 @@ mod tests {
     use crate::math::Vec3;
     use crate::math::lanes::Scalar;
 
-    fn narrow_row() -> Narrow<f64> {
+    fn narrow_row() -> NarrowRow<f64> {
         [0.0; _]
     }
 
-    fn wide_row() -> Wide<f64> {
+    fn wide_row() -> WideRow<f64> {
         [0.0; _]
     }
 
-    fn e<const P: usize>(v: Vec3) -> Narrow<f64> {
+    fn e<const P: usize>(v: Vec3) -> NarrowRow<f64> {
         let mut out = narrow_row();
-        exponential::<_, P>(Scalar, [v.x, v.y, v.z], &mut out);
+        exponential_terms::<_, P>(Scalar, [v.x, v.y, v.z], &mut out);
         out
     }
 
-    fn d<const P: usize>(v: Vec3) -> Wide<f64> {
+    fn d<const P: usize>(v: Vec3) -> WideRow<f64> {
         let mut out = wide_row();
-        derivatives::<_, P>(Scalar, [v.x, v.y, v.z], &mut out);
+        kernel_derivatives::<_, P>(Scalar, [v.x, v.y, v.z], &mut out);
         out
     }
 
@@ -368,10 +373,10 @@ mod tests {
         let d = d::<2>(v);
         let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a} {b}");
         close(d[0], 1.0 / 3.0);
-        close(d[wide(1, 1)], -2.0 / 27.0);
-        close(d[wide(2, 0)], 3.0 / 243.0 - 1.0 / 27.0);
-        close(d[wide(2, 1)], 3.0 * 2.0 / 243.0);
-        close(d[wide(2, 2)], 3.0 * 4.0 / 243.0 - 1.0 / 27.0);
+        close(d[wide_index(1, 1)], -2.0 / 27.0);
+        close(d[wide_index(2, 0)], 3.0 / 243.0 - 1.0 / 27.0);
+        close(d[wide_index(2, 1)], 3.0 * 2.0 / 243.0);
+        close(d[wide_index(2, 2)], 3.0 * 4.0 / 243.0 - 1.0 / 27.0);
     }
 
     /// 1/|d + b - a| and its gradient through all operators, with a shift of either centre in the way.
@@ -393,13 +398,13 @@ mod tests {
         let mut moments = narrow_row();
         shift_moments::<_, P>(Scalar, &source, &e::<P>(-da), &mut moments);
         let mut local = narrow_row();
-        contract::<_, P, true>(Scalar, &moments, &d::<P>(far + da - db), &mut local);
+        contract_moments::<_, P, true>(Scalar, &moments, &d::<P>(far + da - db), &mut local);
         let mut field = wide_row();
-        widen::<_, P>(Scalar, &local, &mut field);
+        widen_row::<_, P>(Scalar, &local, &mut field);
         let mut shifted = narrow_row();
-        contract::<_, P, true>(Scalar, &e::<P>(db), &field, &mut shifted);
-        widen::<_, P>(Scalar, &shifted, &mut field);
-        let [x, y, z, value] = evaluate::<_, P>(Scalar, &e::<P>(b), &field);
+        contract_moments::<_, P, true>(Scalar, &e::<P>(db), &field, &mut shifted);
+        widen_row::<_, P>(Scalar, &shifted, &mut field);
+        let [x, y, z, value] = evaluate_expansion::<_, P>(Scalar, &e::<P>(b), &field);
         let ends = [far + b - a, far + b + a];
         let expected: f64 = ends.iter().map(|d| 0.5 / d.norm()).sum();
         let slope: Vec3 = ends.iter().map(|d| d * (-0.5 / d.norm().powi(3))).sum();

@@ -12,34 +12,37 @@
 use pulp::NullaryFnOnce;
 
 use super::expansion::{
-    NARROW, Narrow, Wide, contract, derivatives, evaluate, exponential, for_degrees, for_lines, narrow, narrow_len,
-    widen,
+    NARROW_LEN, NarrowRow, WideRow, contract_moments, evaluate_expansion, exponential_terms, for_degrees, for_lines,
+    kernel_derivatives, narrow_index, narrow_len, widen_row,
 };
-use super::pairs::{Coarse, Fine, Of, PackF32, PackF64, Packed, Pull, PullF32, PullF64, Rough, Source, TARGETS};
-use super::settings::{Expansion, Precision};
-use super::tree::{Cell, GRAIN, Outline, Tree};
+use super::pairs::{
+    BodyPull, CoarseKernel, FineKernel, PackF32, PackF64, PackedBodies, PullF32, PullF64, RoughKernel, SourceLeaf,
+    TARGETS_AT_ONCE, WithKernel,
+};
+use super::settings::{ExpansionSettings, PairPrecision};
+use super::tree::{CellSummary, MAX_BODIES_PER_TASK, MassTree, TreeCell};
 use super::upward::load_part;
-use crate::math::lanes::{Scalar, Singles};
+use crate::math::lanes::{F32Arithmetic, Scalar};
 
 /// Sources of an expansion, or cells looked at, taken at once.
-const BATCH: usize = 8;
+const BATCH_CELLS: usize = 8;
 
-pub struct Walk<'a, L, const P: usize> {
+pub struct TreeWalk<'a, L, const P: usize> {
     pub lanes: L,
-    pub tree: &'a Tree,
-    pub settings: Expansion,
+    pub tree: &'a MassTree,
+    pub settings: ExpansionSettings,
     /// Whether the potential is asked for too.
     pub potential: bool,
 }
 
 /// A list that grows without branching on what is asked, which no processor could foresee here.
 #[derive(Default)]
-struct List {
+struct IndexList {
     items: Vec<u32>,
     count: usize,
 }
 
-impl List {
+impl IndexList {
     /// Makes room for `more`.
     #[inline(always)]
     fn reserve(&mut self, more: usize) {
@@ -55,7 +58,7 @@ impl List {
     }
 }
 
-impl std::ops::Deref for List {
+impl std::ops::Deref for IndexList {
     type Target = [u32];
     fn deref(&self) -> &[u32] {
         &self.items[..self.count]
@@ -64,25 +67,25 @@ impl std::ops::Deref for List {
 
 /// Scratch memory of a thread's walk.
 #[derive(Default)]
-struct Work {
+struct WalkScratch {
     /// Open sources by level, each level's behind its parent's.
-    open: List,
-    todo: List,
-    far: List,
-    near: List,
+    open: IndexList,
+    todo: IndexList,
+    far: IndexList,
+    near: IndexList,
     sums: Vec<[f64; 8]>,
-    sources: Vec<Source>,
-    singles: Packed<f32>,
-    doubles: Packed<f64>,
+    sources: Vec<SourceLeaf>,
+    singles: PackedBodies<f32>,
+    doubles: PackedBodies<f64>,
     targets: Vec<[f64; 3]>,
     targets_f32: Vec<[f32; 3]>,
     nearest: Vec<f32>,
-    pulls: Vec<Pull>,
+    pulls: Vec<BodyPull>,
 }
 
 /// What a cell takes over from the cells that it is in, besides their local expansion.
 #[derive(Clone, Copy)]
-struct Above {
+struct AncestorPull {
     /// Sum of M/d^2 over the far cells so far.
     far: f64,
     /// The same with the open sources, as if they were as far as they are large: about the least pull that is here.
@@ -91,69 +94,77 @@ struct Above {
     from: usize,
 }
 
-impl<L: Singles, const P: usize> Walk<'_, L, P> {
+impl<L: F32Arithmetic, const P: usize> TreeWalk<'_, L, P> {
     /// Pull on every body, in the tree's order and units; its potential is wrong where that is not asked for.
-    pub fn pulls(&self) -> Vec<Pull> {
+    pub fn body_pulls(&self) -> Vec<BodyPull> {
         let mut out = vec![[0.0; 4]; self.tree.index.len()];
-        let mut work = Work::default();
+        let mut work = WalkScratch::default();
         work.open.extend(&[0]);
-        let Outline { mass, radius, .. } = Outline::of(&self.tree.outlines[0]);
+        let CellSummary { mass, radius, .. } = CellSummary::from_line(&self.tree.outlines[0]);
         let strength = if radius > 0.0 { mass / (2.0 * radius * radius) } else { 0.0 };
-        self.visit(0, &mut [0.0; _], Above { far: 0.0, strength, from: 0 }, &mut work, &mut out);
+        self.visit_subtree(0, &mut [0.0; _], AncestorPull { far: 0.0, strength, from: 0 }, &mut work, &mut out);
         out
     }
 
     /// Evaluates the subtree of cell `a`, with the local expansion about its centre from the cells that it is in.
-    fn visit(&self, a: usize, local: &mut Narrow<f64>, above: Above, work: &mut Work, out: &mut [Pull]) {
+    fn visit_subtree(
+        &self,
+        a: usize,
+        local: &mut NarrowRow<f64>,
+        above: AncestorPull,
+        work: &mut WalkScratch,
+        out: &mut [BodyPull],
+    ) {
         let cell = &self.tree.cells[a];
-        let outline = &Outline::of(&self.tree.outlines[a]);
+        let outline = &CellSummary::from_line(&self.tree.outlines[a]);
         let below = work.open.len();
-        let above = self.lanes.run(Settle { walk: self, a, outline, above, work });
+        let above = self.lanes.run(ClassifySources { walk: self, a, outline, above, work });
         if !work.far.is_empty() {
-            self.lanes.run(Far { walk: self, outline, far: &work.far, sums: &mut work.sums, local });
+            self.lanes.run(AddFarField { walk: self, outline, far: &work.far, sums: &mut work.sums, local });
         }
         if cell.is_leaf() {
-            self.lanes.run(Expand { walk: self, cell, outline, local, out });
-            self.near(cell, outline, work, out);
+            self.lanes.run(EvaluateLeaf { walk: self, cell, outline, local, out });
+            self.add_near_pulls(cell, outline, work, out);
             return;
         }
         let halves = [a + 1, a + cell.second as usize];
-        let [mut one, mut two]: [Narrow<f64>; 2] = [[0.0; _]; 2];
-        let [to_one, to_two] = halves.map(|half| between(&Outline::of(&self.tree.outlines[half]), outline));
-        self.lanes.run(Shift::<P> { shift: to_one, local, out: &mut one });
-        self.lanes.run(Shift::<P> { shift: to_two, local, out: &mut two });
+        let [mut one, mut two]: [NarrowRow<f64>; 2] = [[0.0; _]; 2];
+        let [to_one, to_two] =
+            halves.map(|half| centre_offset(&CellSummary::from_line(&self.tree.outlines[half]), outline));
+        self.lanes.run(ShiftExpansion::<P> { shift: to_one, local, out: &mut one });
+        self.lanes.run(ShiftExpansion::<P> { shift: to_two, local, out: &mut two });
         let (out_one, out_two) = out.split_at_mut(self.tree.cells[halves[0]].count as usize);
-        if cell.count as usize > GRAIN {
-            let mut other = Work::default();
+        if cell.count as usize > MAX_BODIES_PER_TASK {
+            let mut other = WalkScratch::default();
             other.open.extend(&work.open[below..]);
             rayon::join(
-                || self.visit(halves[0], &mut one, above, work, out_one),
-                || self.visit(halves[1], &mut two, Above { from: 0, ..above }, &mut other, out_two),
+                || self.visit_subtree(halves[0], &mut one, above, work, out_one),
+                || self.visit_subtree(halves[1], &mut two, AncestorPull { from: 0, ..above }, &mut other, out_two),
             );
         } else {
-            self.visit(halves[0], &mut one, above, work, out_one);
-            self.visit(halves[1], &mut two, above, work, out_two);
+            self.visit_subtree(halves[0], &mut one, above, work, out_one);
+            self.visit_subtree(halves[1], &mut two, above, work, out_two);
         }
         work.open.count = below;
     }
 
     /// Adds the pull of the near leaves on the bodies of a leaf.
-    fn near(&self, cell: &Cell, outline: &Outline, work: &mut Work, out: &mut [Pull]) {
-        let Work { near, sources, singles, doubles, targets, targets_f32, nearest, pulls, .. } = work;
+    fn add_near_pulls(&self, cell: &TreeCell, outline: &CellSummary, work: &mut WalkScratch, out: &mut [BodyPull]) {
+        let WalkScratch { near, sources, singles, doubles, targets, targets_f32, nearest, pulls, .. } = work;
         let (l, bodies, offsets) = (self.lanes, &self.tree.bodies, &self.tree.offsets);
         targets.clear();
-        targets.extend(cell.bodies().map(|i| [bodies[0][i], bodies[1][i], bodies[2][i]]));
+        targets.extend(cell.body_range().map(|i| [bodies[0][i], bodies[1][i], bodies[2][i]]));
         sources.clear();
         let Some(close) = self.settings.single else {
-            sources.extend(near.iter().map(|&b| (self.tree.cells[b as usize].bodies(), [0.0; 3])));
+            sources.extend(near.iter().map(|&b| (self.tree.cells[b as usize].body_range(), [0.0; 3])));
             l.run(PackF64 { to: doubles, bodies, sources });
             l.run(PullF64 { l, packed: doubles, targets, out });
             return;
         };
         let (mut length, mut largest) = (0.0, 0.0);
         for &b in near.iter() {
-            let source = Outline::of(&self.tree.outlines[b as usize]);
-            let [x, y, z] = between(&source, outline);
+            let source = CellSummary::from_line(&self.tree.outlines[b as usize]);
+            let [x, y, z] = centre_offset(&source, outline);
             let reach = (x * x + y * y + z * z).sqrt() + source.radius;
             length = if reach > length { reach } else { length };
             largest = if source.radius > largest { source.radius } else { largest };
@@ -164,35 +175,38 @@ impl<L: Singles, const P: usize> Walk<'_, L, P> {
         }
         let scale = 1.0 / length;
         // The leaf itself first, so that a body's place among the sources is its place among the targets.
-        sources.push((cell.bodies(), [0.0; 3]));
+        sources.push((cell.body_range(), [0.0; 3]));
         for &b in near.iter() {
-            let (source, other) = (&self.tree.cells[b as usize], Outline::of(&self.tree.outlines[b as usize]));
+            let (source, other) =
+                (&self.tree.cells[b as usize], CellSummary::from_line(&self.tree.outlines[b as usize]));
             if source.first != cell.first {
-                let [x, y, z] = between(&other, outline);
-                sources.push((source.bodies(), [(x * scale) as f32, (y * scale) as f32, (z * scale) as f32]));
+                let [x, y, z] = centre_offset(&other, outline);
+                sources.push((source.body_range(), [(x * scale) as f32, (y * scale) as f32, (z * scale) as f32]));
             }
         }
         let scale = scale as f32;
         l.run(PackF32 { l, to: singles, offsets, sources, scale });
         targets_f32.clear();
         targets_f32
-            .extend(cell.bodies().map(|i| [offsets[0][i] * scale, offsets[1][i] * scale, offsets[2][i] * scale]));
+            .extend(cell.body_range().map(|i| [offsets[0][i] * scale, offsets[1][i] * scale, offsets[2][i] * scale]));
         nearest.resize(targets.len(), 0.0);
         pulls.clear();
         pulls.resize(targets.len(), [0.0; 4]);
         let pull = PullF32 { l, packed: singles, length, targets: targets_f32, out: pulls, nearest };
         match (self.settings.pair, self.potential) {
-            (Precision::Coarse, false) => l.run(Of(Coarse, pull)),
-            (Precision::Rough, false) => l.run(Of(Rough::<false>, pull)),
-            (Precision::Coarse | Precision::Rough, true) => l.run(Of(Rough::<true>, pull)),
-            (Precision::Fine, false) => l.run(Of(Fine::<false>, pull)),
-            (Precision::Fine, true) => l.run(Of(Fine::<true>, pull)),
+            (PairPrecision::Coarse, false) => l.run(WithKernel(CoarseKernel, pull)),
+            (PairPrecision::Rough, false) => l.run(WithKernel(RoughKernel::<false>, pull)),
+            (PairPrecision::Coarse | PairPrecision::Rough, true) => l.run(WithKernel(RoughKernel::<true>, pull)),
+            (PairPrecision::Fine, false) => l.run(WithKernel(FineKernel::<false>, pull)),
+            (PairPrecision::Fine, true) => l.run(WithKernel(FineKernel::<true>, pull)),
         }
         // What the rounding of positions spoils is done again.
         let limit = ((close * (outline.radius + largest) / length).max(1e-6) as f32).powi(2);
         let mut packed = false;
-        let groups = targets.chunks(TARGETS).zip(nearest.chunks(TARGETS));
-        for ((targets, nearest), (out, pulls)) in groups.zip(out.chunks_mut(TARGETS).zip(pulls.chunks(TARGETS))) {
+        let groups = targets.chunks(TARGETS_AT_ONCE).zip(nearest.chunks(TARGETS_AT_ONCE));
+        for ((targets, nearest), (out, pulls)) in
+            groups.zip(out.chunks_mut(TARGETS_AT_ONCE).zip(pulls.chunks(TARGETS_AT_ONCE)))
+        {
             if nearest[0] < limit {
                 if !packed {
                     l.run(PackF64 { to: doubles, bodies, sources });
@@ -208,69 +222,69 @@ impl<L: Singles, const P: usize> Walk<'_, L, P> {
 
 /// From the centre of `b` to that of `a`.
 #[inline(always)]
-fn between(a: &Outline, b: &Outline) -> [f64; 3] {
+fn centre_offset(a: &CellSummary, b: &CellSummary) -> [f64; 3] {
     [a.centre[0] - b.centre[0], a.centre[1] - b.centre[1], a.centre[2] - b.centre[2]]
 }
 
 /// The first numbers of `BATCH` lines, and how many are asked for.
 #[inline(always)]
-fn batch(items: &[u32], first: usize, filler: u32) -> ([u32; BATCH], usize) {
-    if let Some(full) = items[first..].first_chunk::<BATCH>() {
-        return (*full, BATCH);
+fn index_batch(items: &[u32], first: usize, filler: u32) -> ([u32; BATCH_CELLS], usize) {
+    if let Some(full) = items[first..].first_chunk::<BATCH_CELLS>() {
+        return (*full, BATCH_CELLS);
     }
-    let mut index = [filler; BATCH];
+    let mut index = [filler; BATCH_CELLS];
     let here = items.len() - first;
     index[..here].copy_from_slice(&items[first..]);
     (index, here)
 }
 
 #[inline(always)]
-fn total(parts: &[f64; BATCH]) -> f64 {
+fn pairwise_sum(parts: &[f64; BATCH_CELLS]) -> f64 {
     let [a, b, c, d, e, f, g, h] = *parts;
     ((a + b) + (c + d)) + ((e + f) + (g + h))
 }
 
 /// Sorts the open sources of cell `a` into far, near, and open still, for its halves, for which it returns what is
 /// known above them.
-struct Settle<'a, L, const P: usize> {
-    walk: &'a Walk<'a, L, P>,
+struct ClassifySources<'a, L, const P: usize> {
+    walk: &'a TreeWalk<'a, L, P>,
     a: usize,
-    outline: &'a Outline,
-    above: Above,
-    work: &'a mut Work,
+    outline: &'a CellSummary,
+    above: AncestorPull,
+    work: &'a mut WalkScratch,
 }
 
-const FAR: f64 = 2.0;
-const LARGER: f64 = 1.0;
+const FAR_CODE: f64 = 2.0;
+const SPLIT_CODE: f64 = 1.0;
 
-impl<L: Singles, const P: usize> NullaryFnOnce for Settle<'_, L, P> {
-    type Output = Above;
+impl<L: F32Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, P> {
+    type Output = AncestorPull;
     #[inline(always)]
-    fn call(self) -> Above {
-        let Settle { walk, a, outline, above, work } = self;
+    fn call(self) -> AncestorPull {
+        let ClassifySources { walk, a, outline, above, work } = self;
         let (l, tree) = (walk.lanes, walk.tree);
         let (cells, outlines) = (&tree.cells[..], &tree.outlines[..]);
         let is_leaf = cells[a].is_leaf();
-        let Work { open, todo, far, near, .. } = work;
+        let WalkScratch { open, todo, far, near, .. } = work;
         let below = open.count;
         (todo.count, far.count, near.count) = (0, 0, 0);
         todo.extend(&open.items[above.from..open.count]);
 
         let centre = [l.splat(outline.centre[0]), l.splat(outline.centre[1]), l.splat(outline.centre[2])];
-        let (zero, one, two) = (l.splat(0.0), l.splat(LARGER), l.splat(FAR));
+        let (zero, one, two) = (l.splat(0.0), l.splat(SPLIT_CODE), l.splat(FAR_CODE));
         let least = walk.settings.share * above.strength;
         let limit = l.splat(least * least);
         let theta2 = l.splat(walk.settings.opening * walk.settings.opening);
         let (own, own2) = (l.splat(outline.radius), l.splat(outline.radius * outline.radius));
         let size = l.splat(if is_leaf { -1.0 } else { outline.radius });
-        let (mut far_parts, mut open_parts) = ([0.0; BATCH], [0.0; BATCH]);
+        let (mut far_parts, mut open_parts) = ([0.0; BATCH_CELLS], [0.0; BATCH_CELLS]);
         let mut k = 0;
         while k < todo.count {
-            let (index, here) = batch(todo, k, cells.len() as u32);
-            let mut codes = [0.0; BATCH];
+            let (index, here) = index_batch(todo, k, cells.len() as u32);
+            let mut codes = [0.0; BATCH_CELLS];
             let mut from = 0;
-            while from < BATCH {
-                let [x, y, z, r, m, uneven, ..] = l.gather(outlines, &index[from..]);
+            while from < BATCH_CELLS {
+                let [x, y, z, r, m, uneven, ..] = l.gather_lines(outlines, &index[from..]);
                 let d = [l.sub(x, centre[0]), l.sub(y, centre[1]), l.sub(z, centre[2])];
                 let d2 = l.mul_add(d[0], d[0], l.mul_add(d[1], d[1], l.mul(d[2], d[2])));
                 let reach = l.add(r, own);
@@ -303,27 +317,29 @@ impl<L: Singles, const P: usize> NullaryFnOnce for Settle<'_, L, P> {
                 l.store(&mut open_parts[from..], left);
                 from += L::WIDTH;
             }
-            todo.reserve(2 * BATCH);
-            far.reserve(BATCH);
-            near.reserve(BATCH);
-            open.reserve(BATCH);
-            let (to_do, to_far) = (&mut todo.items[todo.count..][..2 * BATCH], &mut far.items[far.count..][..BATCH]);
-            let (to_near, to_open) = (&mut near.items[near.count..][..BATCH], &mut open.items[open.count..][..BATCH]);
+            todo.reserve(2 * BATCH_CELLS);
+            far.reserve(BATCH_CELLS);
+            near.reserve(BATCH_CELLS);
+            open.reserve(BATCH_CELLS);
+            let (to_do, to_far) =
+                (&mut todo.items[todo.count..][..2 * BATCH_CELLS], &mut far.items[far.count..][..BATCH_CELLS]);
+            let (to_near, to_open) =
+                (&mut near.items[near.count..][..BATCH_CELLS], &mut open.items[open.count..][..BATCH_CELLS]);
             let [mut n_do, mut n_far, mut n_near, mut n_open] = [0; 4];
             for lane in 0..here {
                 let b = index[lane];
                 let second = cells[b as usize].second;
                 let code = codes[lane].to_bits();
-                let is_far = code == FAR.to_bits();
-                let split = (code == LARGER.to_bits()) & (second != 0);
-                to_far[n_far & (BATCH - 1)] = b;
+                let is_far = code == FAR_CODE.to_bits();
+                let split = (code == SPLIT_CODE.to_bits()) & (second != 0);
+                to_far[n_far & (BATCH_CELLS - 1)] = b;
                 n_far += is_far as usize;
-                to_near[n_near & (BATCH - 1)] = b;
+                to_near[n_near & (BATCH_CELLS - 1)] = b;
                 n_near += (!is_far & is_leaf & (second == 0)) as usize;
-                to_do[n_do & (2 * BATCH - 1)] = b + 1;
-                to_do[(n_do + 1) & (2 * BATCH - 1)] = b + second;
+                to_do[n_do & (2 * BATCH_CELLS - 1)] = b + 1;
+                to_do[(n_do + 1) & (2 * BATCH_CELLS - 1)] = b + second;
                 n_do += 2 * split as usize;
-                to_open[n_open & (BATCH - 1)] = b;
+                to_open[n_open & (BATCH_CELLS - 1)] = b;
                 n_open += (!is_far & !split & !is_leaf) as usize;
             }
             todo.count += n_do;
@@ -332,44 +348,44 @@ impl<L: Singles, const P: usize> NullaryFnOnce for Settle<'_, L, P> {
             open.count += n_open;
             k += here;
         }
-        let far = above.far + total(&far_parts);
-        Above { far, strength: far + total(&open_parts), from: below }
+        let far = above.far + pairwise_sum(&far_parts);
+        AncestorPull { far, strength: far + pairwise_sum(&open_parts), from: below }
     }
 }
 
 /// Adds the field of the far cells to a cell's local expansion.
-struct Far<'a, L, const P: usize> {
-    walk: &'a Walk<'a, L, P>,
-    outline: &'a Outline,
+struct AddFarField<'a, L, const P: usize> {
+    walk: &'a TreeWalk<'a, L, P>,
+    outline: &'a CellSummary,
     far: &'a [u32],
     sums: &'a mut Vec<[f64; 8]>,
-    local: &'a mut Narrow<f64>,
+    local: &'a mut NarrowRow<f64>,
 }
 
-impl<L: Singles, const P: usize> NullaryFnOnce for Far<'_, L, P> {
+impl<L: F32Arithmetic, const P: usize> NullaryFnOnce for AddFarField<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Far { walk, outline, far, sums: parts, local } = self;
+        let AddFarField { walk, outline, far, sums: parts, local } = self;
         let (l, tree) = (walk.lanes, walk.tree);
         let lines = narrow_len(P).div_ceil(8);
         let centre = [l.splat(outline.centre[0]), l.splat(outline.centre[1]), l.splat(outline.centre[2])];
-        parts.resize(NARROW, [0.0; 8]);
+        parts.resize(NARROW_LEN, [0.0; 8]);
         let mut from = 0;
-        while from < BATCH {
-            let mut sums: Narrow<L::V> = [l.splat(0.0); _];
+        while from < BATCH_CELLS {
+            let mut sums: NarrowRow<L::V> = [l.splat(0.0); _];
             let mut first = 0;
             while first < far.len() {
-                let (cells, _) = batch(far, first, tree.cells.len() as u32);
-                let mut moments: Narrow<L::V> = [l.splat(0.0); _];
+                let (cells, _) = index_batch(far, first, tree.cells.len() as u32);
+                let mut moments: NarrowRow<L::V> = [l.splat(0.0); _];
                 for_lines!(LINE < narrow_len(P).div_ceil(8), {
-                    let mut index = [0; BATCH];
+                    let mut index = [0; BATCH_CELLS];
                     let mut k = 0;
                     while k < L::WIDTH {
                         index[k] = cells[from + k] * lines as u32 + LINE as u32;
                         k += 1;
                     }
-                    let columns = l.gather(&tree.moments, &index);
+                    let columns = l.gather_lines(&tree.moments, &index);
                     let mut k = 0;
                     while k < 8 {
                         moments[LINE * 8 + k] = columns[k];
@@ -377,14 +393,14 @@ impl<L: Singles, const P: usize> NullaryFnOnce for Far<'_, L, P> {
                     }
                 });
                 let d = [l.sub(centre[0], moments[1]), l.sub(centre[1], moments[2]), l.sub(centre[2], moments[3])];
-                let mut field: Wide<L::V> = [l.splat(0.0); _];
-                derivatives::<L, P>(l, d, &mut field);
-                contract::<L, P, false>(l, &moments, &field, &mut sums);
-                first += BATCH;
+                let mut field: WideRow<L::V> = [l.splat(0.0); _];
+                kernel_derivatives::<L, P>(l, d, &mut field);
+                contract_moments::<L, P, false>(l, &moments, &field, &mut sums);
+                first += BATCH_CELLS;
             }
             for_degrees!(Q <= P, {
-                let mut k = narrow(Q, 0);
-                while k < narrow(Q + 1, 0) {
+                let mut k = narrow_index(Q, 0);
+                while k < narrow_index(Q + 1, 0) {
                     l.store(&mut parts[k][from..], sums[k]);
                     k += 1;
                 }
@@ -393,11 +409,11 @@ impl<L: Singles, const P: usize> NullaryFnOnce for Far<'_, L, P> {
         }
         let mut k = 0;
         while k < 8 * lines {
-            let mut index = [0; BATCH];
+            let mut index = [0; BATCH_CELLS];
             for lane in 0..L::WIDTH {
                 index[lane] = (k + lane) as u32;
             }
-            let [a, b, c, d, e, f, g, h] = l.gather(parts, &index);
+            let [a, b, c, d, e, f, g, h] = l.gather_lines(parts, &index);
             let sum = l.add(l.add(l.add(a, b), l.add(c, d)), l.add(l.add(e, f), l.add(g, h)));
             let sum = l.add(l.load(&local[k..]), sum);
             l.store(&mut local[k..], sum);
@@ -407,47 +423,47 @@ impl<L: Singles, const P: usize> NullaryFnOnce for Far<'_, L, P> {
 }
 
 /// The local expansion about a centre that lies `shift` further.
-struct Shift<'a, const P: usize> {
+struct ShiftExpansion<'a, const P: usize> {
     shift: [f64; 3],
-    local: &'a Narrow<f64>,
+    local: &'a NarrowRow<f64>,
     /// Zeros.
-    out: &'a mut Narrow<f64>,
+    out: &'a mut NarrowRow<f64>,
 }
 
-impl<const P: usize> NullaryFnOnce for Shift<'_, P> {
+impl<const P: usize> NullaryFnOnce for ShiftExpansion<'_, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Shift { shift, local, out } = self;
-        let (mut e, mut field): (Narrow<f64>, Wide<f64>) = ([0.0; _], [0.0; _]);
-        exponential::<_, P>(Scalar, shift, &mut e);
-        widen::<_, P>(Scalar, local, &mut field);
-        contract::<_, P, true>(Scalar, &e, &field, out);
+        let ShiftExpansion { shift, local, out } = self;
+        let (mut e, mut field): (NarrowRow<f64>, WideRow<f64>) = ([0.0; _], [0.0; _]);
+        exponential_terms::<_, P>(Scalar, shift, &mut e);
+        widen_row::<_, P>(Scalar, local, &mut field);
+        contract_moments::<_, P, true>(Scalar, &e, &field, out);
     }
 }
 
 /// Adds a leaf's local expansion to the pull on its bodies.
-struct Expand<'a, L, const P: usize> {
-    walk: &'a Walk<'a, L, P>,
-    cell: &'a Cell,
-    outline: &'a Outline,
-    local: &'a Narrow<f64>,
-    out: &'a mut [Pull],
+struct EvaluateLeaf<'a, L, const P: usize> {
+    walk: &'a TreeWalk<'a, L, P>,
+    cell: &'a TreeCell,
+    outline: &'a CellSummary,
+    local: &'a NarrowRow<f64>,
+    out: &'a mut [BodyPull],
 }
 
-impl<L: Singles, const P: usize> NullaryFnOnce for Expand<'_, L, P> {
+impl<L: F32Arithmetic, const P: usize> NullaryFnOnce for EvaluateLeaf<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Expand { walk, cell, outline, local, out } = self;
+        let EvaluateLeaf { walk, cell, outline, local, out } = self;
         let l = walk.lanes;
-        let (mut field, mut wide): (Wide<f64>, Wide<L::V>) = ([0.0; _], [l.splat(0.0); _]);
-        widen::<_, P>(Scalar, local, &mut field);
+        let (mut field, mut wide): (WideRow<f64>, WideRow<L::V>) = ([0.0; _], [l.splat(0.0); _]);
+        widen_row::<_, P>(Scalar, local, &mut field);
         for k in 0..field.len() {
             wide[k] = l.splat(field[k]);
         }
         let [x, y, z, _] = &walk.tree.bodies;
-        let bodies = [&x[cell.bodies()], &y[cell.bodies()], &z[cell.bodies()]];
+        let bodies = [&x[cell.body_range()], &y[cell.body_range()], &z[cell.body_range()]];
         let centre = outline.centre;
         let mut first = 0;
         while first < out.len() {
@@ -455,10 +471,10 @@ impl<L: Singles, const P: usize> NullaryFnOnce for Expand<'_, L, P> {
             for k in 0..3 {
                 b[k] = l.sub(load_part(l, bodies[k], first, centre[k]), l.splat(centre[k]));
             }
-            let mut e: Narrow<L::V> = [l.splat(0.0); _];
-            exponential::<L, P>(l, b, &mut e);
-            let sums = evaluate::<L, P>(l, &e, &wide);
-            let mut result = [[0.0; BATCH]; 4];
+            let mut e: NarrowRow<L::V> = [l.splat(0.0); _];
+            exponential_terms::<L, P>(l, b, &mut e);
+            let sums = evaluate_expansion::<L, P>(l, &e, &wide);
+            let mut result = [[0.0; BATCH_CELLS]; 4];
             for k in 0..4 {
                 l.store(&mut result[k], sums[k]);
             }

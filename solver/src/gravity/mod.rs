@@ -18,18 +18,18 @@ mod tree;
 #[allow(clippy::needless_range_loop)]
 mod upward;
 
-pub use balance::balance;
+pub use balance::balance_accelerations;
 
 use crate::math::Vec3;
-use crate::math::lanes::{Singles, Width};
-use fmm::Walk;
-use settings::{Expansion, crossover};
-pub use settings::{HIGHEST_ORDER, LEAST_ERROR, LOWEST_ORDER};
-use tree::Tree;
+use crate::math::lanes::{F32Arithmetic, SimdWidth};
+use fmm::TreeWalk;
+use settings::{ExpansionSettings, crossover_bodies};
+pub use settings::{HIGHEST_ORDER, LOWEST_ORDER, MIN_FMM_ERROR};
+use tree::MassTree;
 
 /// How attraction is summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Method {
+pub enum SummationMethod {
     /// Every pair.
     Direct,
     /// The fast multipole method.
@@ -39,13 +39,13 @@ pub enum Method {
     Auto,
 }
 
-impl std::str::FromStr for Method {
+impl std::str::FromStr for SummationMethod {
     type Err = String;
     fn from_str(text: &str) -> Result<Self, String> {
         match text {
-            "direct" => Ok(Method::Direct),
-            "fmm" => Ok(Method::Fmm),
-            "auto" => Ok(Method::Auto),
+            "direct" => Ok(SummationMethod::Direct),
+            "fmm" => Ok(SummationMethod::Fmm),
+            "auto" => Ok(SummationMethod::Auto),
             _ => Err("expected direct, fmm or auto".into()),
         }
     }
@@ -53,7 +53,7 @@ impl std::str::FromStr for Method {
 
 /// Attraction at each body.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Field {
+pub struct GravityField {
     /// m/s^2
     pub acceleration: Vec<Vec3>,
     /// J/kg, negative; empty where only the attraction was asked for.
@@ -64,15 +64,15 @@ pub struct Field {
 
 /// What is asked of a sum, and from where sorting may start.
 #[derive(Clone, Copy)]
-struct Asked<'a> {
+struct FieldRequest<'a> {
     potential: bool,
     about: &'a [u32],
 }
 
 /// A way to sum attraction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Gravity {
-    pub method: Method,
+pub struct GravitySolver {
+    pub method: SummationMethod,
     /// RMS relative error asked of the fast multipole method; order and opening follow from it.
     pub error: f64,
     /// Total order of the expansions, [`LOWEST_ORDER`] to [`HIGHEST_ORDER`], set by hand.
@@ -84,14 +84,14 @@ pub struct Gravity {
     pub leaf: Option<usize>,
 }
 
-impl Gravity {
-    pub fn new(method: Method, error: f64) -> Self {
-        Gravity { method, error, order: None, opening: None, leaf: None }
+impl GravitySolver {
+    pub fn new(method: SummationMethod, error: f64) -> Self {
+        GravitySolver { method, error, order: None, opening: None, leaf: None }
     }
 
-    fn expansion(&self, bodies: usize) -> Expansion {
-        let measured = Expansion::for_error(self.error, bodies);
-        Expansion {
+    fn expansion_settings(&self, bodies: usize) -> ExpansionSettings {
+        let measured = ExpansionSettings::for_error(self.error, bodies);
+        ExpansionSettings {
             order: self.order.unwrap_or(measured.order).clamp(LOWEST_ORDER, HIGHEST_ORDER),
             opening: self.opening.unwrap_or(measured.opening).clamp(0.0, 0.99),
             share: if self.opening.is_some() { f64::MAX } else { measured.share },
@@ -101,10 +101,10 @@ impl Gravity {
     }
 
     /// The method taken for this many bodies: never `Auto`.
-    pub fn method_for(&self, bodies: usize) -> Method {
+    pub fn method_for(&self, bodies: usize) -> SummationMethod {
         match self.method {
-            Method::Auto if bodies < crossover(self.error) => Method::Direct,
-            Method::Auto => Method::Fmm,
+            SummationMethod::Auto if bodies < crossover_bodies(self.error) => SummationMethod::Direct,
+            SummationMethod::Auto => SummationMethod::Fmm,
             method => method,
         }
     }
@@ -112,60 +112,74 @@ impl Gravity {
     /// a_i = G sum_j m_j (x_j - x_i)/|x_j - x_i|^3 and phi_i = -G sum_j m_j/|x_j - x_i|.
     ///
     /// Bodies are sorted along Morton's curve from the order `about`: faster where that is about theirs, as
-    /// [`morton::order`](crate::math::morton::order) of a step before is. It changes no result, and may be empty.
-    pub fn field(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> Field {
-        self.at_width(positions, masses, constant, Asked { potential: true, about }, Width::detect())
+    /// [`morton::morton_order`](crate::math::morton::morton_order) of a step before is. It changes no result, and may be empty.
+    pub fn full_field(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> GravityField {
+        self.field_at_width(positions, masses, constant, FieldRequest { potential: true, about }, SimdWidth::detect())
     }
 
     /// The same without the potential, which is faster.
-    pub fn attraction(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> Field {
-        self.at_width(positions, masses, constant, Asked { potential: false, about }, Width::detect())
+    pub fn acceleration_field(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> GravityField {
+        self.field_at_width(positions, masses, constant, FieldRequest { potential: false, about }, SimdWidth::detect())
     }
 
-    fn at_width(&self, positions: &[Vec3], masses: &[f64], constant: f64, asked: Asked, width: Width) -> Field {
-        if positions.len() < 2 || self.method_for(positions.len()) == Method::Direct {
+    fn field_at_width(
+        &self,
+        positions: &[Vec3],
+        masses: &[f64],
+        constant: f64,
+        asked: FieldRequest,
+        width: SimdWidth,
+    ) -> GravityField {
+        if positions.len() < 2 || self.method_for(positions.len()) == SummationMethod::Direct {
             let (acceleration, mut potential) = direct::accelerations(positions, masses, constant);
             if !asked.potential {
                 potential = Vec::new();
             }
-            return Field { acceleration, potential, removed: 0.0 };
+            return GravityField { acceleration, potential, removed: 0.0 };
         }
         let mut field = match width {
-            Width::One(lanes) => self.expand(lanes, positions, masses, constant, asked),
+            SimdWidth::One(lanes) => self.multipole_field(lanes, positions, masses, constant, asked),
             #[cfg(target_arch = "x86_64")]
-            Width::Four(lanes) => self.expand(lanes, positions, masses, constant, asked),
+            SimdWidth::Four(lanes) => self.multipole_field(lanes, positions, masses, constant, asked),
             #[cfg(target_arch = "x86_64")]
-            Width::Eight(lanes) => self.expand(lanes, positions, masses, constant, asked),
+            SimdWidth::Eight(lanes) => self.multipole_field(lanes, positions, masses, constant, asked),
         };
-        field.removed = balance(positions, masses, &mut field.acceleration);
+        field.removed = balance_accelerations(positions, masses, &mut field.acceleration);
         field
     }
 
-    fn expand<L: Singles>(&self, lanes: L, positions: &[Vec3], masses: &[f64], constant: f64, asked: Asked) -> Field {
-        let settings = self.expansion(positions.len());
+    fn multipole_field<L: F32Arithmetic>(
+        &self,
+        lanes: L,
+        positions: &[Vec3],
+        masses: &[f64],
+        constant: f64,
+        asked: FieldRequest,
+    ) -> GravityField {
+        let settings = self.expansion_settings(positions.len());
         match settings.order {
-            2 => self.expand_to::<L, 2>(lanes, settings, positions, masses, constant, asked),
-            3 => self.expand_to::<L, 3>(lanes, settings, positions, masses, constant, asked),
-            4 => self.expand_to::<L, 4>(lanes, settings, positions, masses, constant, asked),
-            5 => self.expand_to::<L, 5>(lanes, settings, positions, masses, constant, asked),
-            6 => self.expand_to::<L, 6>(lanes, settings, positions, masses, constant, asked),
-            7 => self.expand_to::<L, 7>(lanes, settings, positions, masses, constant, asked),
-            8 => self.expand_to::<L, 8>(lanes, settings, positions, masses, constant, asked),
+            2 => self.multipole_field_of_order::<L, 2>(lanes, settings, positions, masses, constant, asked),
+            3 => self.multipole_field_of_order::<L, 3>(lanes, settings, positions, masses, constant, asked),
+            4 => self.multipole_field_of_order::<L, 4>(lanes, settings, positions, masses, constant, asked),
+            5 => self.multipole_field_of_order::<L, 5>(lanes, settings, positions, masses, constant, asked),
+            6 => self.multipole_field_of_order::<L, 6>(lanes, settings, positions, masses, constant, asked),
+            7 => self.multipole_field_of_order::<L, 7>(lanes, settings, positions, masses, constant, asked),
+            8 => self.multipole_field_of_order::<L, 8>(lanes, settings, positions, masses, constant, asked),
             _ => unreachable!("the order is clamped"),
         }
     }
 
-    fn expand_to<L: Singles, const P: usize>(
+    fn multipole_field_of_order<L: F32Arithmetic, const P: usize>(
         &self,
         lanes: L,
-        settings: Expansion,
+        settings: ExpansionSettings,
         positions: &[Vec3],
         masses: &[f64],
         constant: f64,
-        asked: Asked,
-    ) -> Field {
-        let tree = Tree::new::<L, P>(lanes, positions, masses, settings.leaf, asked.about);
-        let pulls = Walk::<L, P> { lanes, tree: &tree, settings, potential: asked.potential }.pulls();
+        asked: FieldRequest,
+    ) -> GravityField {
+        let tree = MassTree::new::<L, P>(lanes, positions, masses, settings.leaf, asked.about);
+        let pulls = TreeWalk::<L, P> { lanes, tree: &tree, settings, potential: asked.potential }.body_pulls();
         let potential_unit = constant * tree.mass / tree.length;
         let unit = potential_unit / tree.length;
         let mut acceleration = vec![Vec3::zeros(); positions.len()];
@@ -178,7 +192,7 @@ impl Gravity {
                 potential[i as usize] = -sum * potential_unit;
             }
         }
-        Field { acceleration, potential, removed: 0.0 }
+        GravityField { acceleration, potential, removed: 0.0 }
     }
 }
 
@@ -247,8 +261,8 @@ mod tests {
         (x, m)
     }
 
-    fn fmm(error: f64) -> Gravity {
-        Gravity::new(Method::Fmm, error)
+    fn fmm(error: f64) -> GravitySolver {
+        GravitySolver::new(SummationMethod::Fmm, error)
     }
 
     /// sqrt(sum |a - b|^2 / sum |b|^2)
@@ -276,7 +290,7 @@ mod tests {
         for (name, (x, m)) in clouds(1000).into_iter().chain(clouds(6000)) {
             let (exact, potential) = direct::accelerations(&x, &m, 1.0);
             for error in [1e-2, 1e-3, 1e-4, 1e-5, 1e-6] {
-                let field = fmm(error).field(&x, &m, 1.0, &[]);
+                let field = fmm(error).full_field(&x, &m, 1.0, &[]);
                 let got = difference(&field.acceleration, &exact);
                 assert!(got < error && got > 0.1 * error, "{name}: {got:e} for {error:e}");
                 let (force, torque) = imbalance(&x, &m, &field.acceleration);
@@ -294,11 +308,11 @@ mod tests {
         for (name, (x, m)) in [("ball", ball(5000)), ("rubble", rubble(5000)), ("binary", binary(5000))] {
             let (exact, _) = direct::accelerations(&x, &m, 1.0);
             for error in [1e-2, 1e-3, 1e-4, 1e-5, 1e-6] {
-                let field = fmm(error).attraction(&x, &m, 1.0, &[]);
+                let field = fmm(error).acceleration_field(&x, &m, 1.0, &[]);
                 let got = difference(&field.acceleration, &exact);
                 assert!(got < error && got > 0.1 * error, "{name}: {got:e} for {error:e}");
                 assert!(field.potential.is_empty());
-                assert_eq!(field, fmm(error).attraction(&x, &m, 1.0, &morton::order(&x, &[])));
+                assert_eq!(field, fmm(error).acceleration_field(&x, &m, 1.0, &morton::morton_order(&x, &[])));
             }
         }
     }
@@ -309,8 +323,8 @@ mod tests {
         let (exact, _) = direct::accelerations(&x, &m, 1.0);
         // f64 pairs, which the smallest error brings.
         let error = |order, opening| {
-            let gravity = Gravity { order: Some(order), opening: Some(opening), leaf: Some(16), ..fmm(1e-6) };
-            difference(&gravity.field(&x, &m, 1.0, &[]).acceleration, &exact)
+            let gravity = GravitySolver { order: Some(order), opening: Some(opening), leaf: Some(16), ..fmm(1e-6) };
+            difference(&gravity.full_field(&x, &m, 1.0, &[]).acceleration, &exact)
         };
         for order in 2..HIGHEST_ORDER {
             assert!(error(order + 1, 0.7) < error(order, 0.7), "order {order}");
@@ -322,14 +336,17 @@ mod tests {
     fn same_bits_for_all_widths_and_threads() {
         let (x, m) = clumps(5000);
         for (error, potential) in [1e-2, 1e-4, 1e-6].into_iter().flat_map(|error| [(error, false), (error, true)]) {
-            let asked = Asked { potential, about: &[] };
-            let expected = fmm(error).at_width(&x, &m, 1.5, asked, Width::all()[0]);
-            for width in Width::all() {
-                assert_eq!(fmm(error).at_width(&x, &m, 1.5, asked, width), expected);
+            let asked = FieldRequest { potential, about: &[] };
+            let expected = fmm(error).field_at_width(&x, &m, 1.5, asked, SimdWidth::all_widths()[0]);
+            for width in SimdWidth::all_widths() {
+                assert_eq!(fmm(error).field_at_width(&x, &m, 1.5, asked, width), expected);
             }
             for threads in 1..4 {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                assert_eq!(pool.install(|| fmm(error).at_width(&x, &m, 1.5, asked, Width::detect())), expected);
+                assert_eq!(
+                    pool.install(|| fmm(error).field_at_width(&x, &m, 1.5, asked, SimdWidth::detect())),
+                    expected
+                );
             }
         }
     }
@@ -337,7 +354,7 @@ mod tests {
     #[test]
     fn virial_of_the_force_is_the_potential_energy() {
         let (x, m) = ball(4000);
-        let field = fmm(1e-5).field(&x, &m, 2.0, &[]);
+        let field = fmm(1e-5).full_field(&x, &m, 2.0, &[]);
         let virial: f64 = x.iter().zip(field.acceleration.iter().zip(&m)).map(|(x, (a, m))| x.dot(a) * m).sum();
         let energy: f64 = 0.5 * field.potential.iter().zip(&m).map(|(p, m)| p * m).sum::<f64>();
         assert!((virial / energy - 1.0).abs() < 1e-6);
@@ -347,7 +364,7 @@ mod tests {
     fn agrees(name: &str, (x, m): &Cloud) {
         let (exact, _) = direct::accelerations(x, m, 1.0);
         for error in [1e-3, 1e-6] {
-            let field = fmm(error).field(x, m, 1.0, &[]);
+            let field = fmm(error).full_field(x, m, 1.0, &[]);
             assert!(field.acceleration.iter().all(|a| a.iter().all(|a| a.is_finite())), "{name}");
             assert!(field.potential.iter().all(|p| p.is_finite()), "{name}");
             if exact.iter().any(|a| *a != Vec3::zeros()) {

@@ -4,56 +4,56 @@ use std::ops::Range;
 
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{Lanes, Singles};
+use crate::math::lanes::{F32Arithmetic, F64Arithmetic};
 
 /// Targets side by side, so that a source is loaded once for all of them.
-pub const TARGETS: usize = 4;
+pub const TARGETS_AT_ONCE: usize = 4;
 /// Partial sums in single precision, added up in a fixed order.
-const SUMS_F32: usize = 16;
+const PARTIAL_SUMS_F32: usize = 16;
 /// The same in double precision.
-const SUMS: usize = 8;
+const PARTIAL_SUMS: usize = 8;
 
 /// Bodies nearer than the root of this, in the tree's units, are in the same place and do not attract each other; the
 /// inverse cube of the distance is finite above.
-const SAME: f64 = 1e-200;
+const SAME_PLACE_DISTANCE2: f64 = 1e-200;
 
 /// How the pull of a mass m at the squared distance x is found in single precision.
-pub trait Pair {
+pub trait PullKernel {
     /// Whether the potential is summed too.
     const POTENTIAL: bool;
     /// Of x^(-1/2) over the number found for it.
     const ROOT: f64;
 
     /// m x^(-3/2) / ROOT^3, and x^(-1/2) / ROOT where the potential is asked for.
-    fn pull<L: Singles>(l: L, m: L::S, x: L::S) -> (L::S, L::S);
+    fn pull_strength<L: F32Arithmetic>(l: L, m: L::S, x: L::S) -> (L::S, L::S);
 }
 
 /// To 1.7e-4: x^(-3/2) = y^3 P(x y^2), without the root.
 ///
 /// Here and below y is the first estimate of x^(-1/2) that a magic number gives, and P the quadratic whose largest relative
 /// error over all y is least.
-pub struct Coarse;
+pub struct CoarseKernel;
 
 /// To 2.5e-5: x^(-1/2) = y P(x y^2).
-pub struct Rough<const POTENTIAL: bool>;
+pub struct RoughKernel<const POTENTIAL: bool>;
 
 /// To 3e-7: a step u = y (STEP - x y^2), right to 6.5e-4 but for a factor SCALE, and one of Newton,
 /// v = u (NEWTON - x u^2), with x^(-1/2) = ROOT v: it errs to one side by 0 to 6e-7, and the factor takes away the mean.
 ///
 /// Source: J. Kadlec, "Improving the fast inverse square root" (2010).
-pub struct Fine<const POTENTIAL: bool>;
+pub struct FineKernel<const POTENTIAL: bool>;
 
-/// Of the first estimate of [`Coarse`] and [`Rough`].
-const MAGIC: u32 = 0x5f37_59df;
+/// Of the first estimate of [`CoarseKernel`] and [`RoughKernel`].
+const RSQRT_SEED: u32 = 0x5f37_59df;
 
-impl Pair for Coarse {
+impl PullKernel for CoarseKernel {
     const POTENTIAL: bool = false;
     const ROOT: f64 = 1.0;
 
     #[inline(always)]
-    fn pull<L: Singles>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
+    fn pull_strength<L: F32Arithmetic>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
         const P: [f32; 3] = [4.384_447, -5.261_206, 1.876_769_3];
-        let y = l.magic_f32(MAGIC, x);
+        let y = l.rsqrt_seed_f32(RSQRT_SEED, x);
         let y2 = l.mul_f32(y, y);
         let z = l.mul_f32(x, y2);
         let p = l.mul_add_f32(l.mul_add_f32(l.splat_f32(P[2]), z, l.splat_f32(P[1])), z, l.splat_f32(P[0]));
@@ -62,14 +62,14 @@ impl Pair for Coarse {
     }
 }
 
-impl<const POTENTIAL: bool> Pair for Rough<POTENTIAL> {
+impl<const POTENTIAL: bool> PullKernel for RoughKernel<POTENTIAL> {
     const POTENTIAL: bool = POTENTIAL;
     const ROOT: f64 = 1.0;
 
     #[inline(always)]
-    fn pull<L: Singles>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
+    fn pull_strength<L: F32Arithmetic>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
         const P: [f32; 3] = [1.876_622_9, -1.252_149_6, 0.375_526_89];
-        let y = l.magic_f32(MAGIC, x);
+        let y = l.rsqrt_seed_f32(RSQRT_SEED, x);
         let z = l.mul_f32(x, l.mul_f32(y, y));
         let p = l.mul_add_f32(l.mul_add_f32(l.splat_f32(P[2]), z, l.splat_f32(P[1])), z, l.splat_f32(P[0]));
         let v = l.mul_f32(y, p);
@@ -77,29 +77,29 @@ impl<const POTENTIAL: bool> Pair for Rough<POTENTIAL> {
     }
 }
 
-const STEP: f32 = 2.389_244_6;
-const SCALE: f64 = 0.703_952_253;
-const NEWTON: f32 = (3.0 / (SCALE * SCALE)) as f32;
+const FIRST_STEP_COEFFICIENT: f32 = 2.389_244_6;
+const FIRST_STEP_SCALE: f64 = 0.703_952_253;
+const NEWTON_COEFFICIENT: f32 = (3.0 / (FIRST_STEP_SCALE * FIRST_STEP_SCALE)) as f32;
 
-impl<const POTENTIAL: bool> Pair for Fine<POTENTIAL> {
+impl<const POTENTIAL: bool> PullKernel for FineKernel<POTENTIAL> {
     const POTENTIAL: bool = POTENTIAL;
-    const ROOT: f64 = 0.5 * SCALE * SCALE * SCALE * (1.0 + 3.2e-7);
+    const ROOT: f64 = 0.5 * FIRST_STEP_SCALE * FIRST_STEP_SCALE * FIRST_STEP_SCALE * (1.0 + 3.2e-7);
 
     #[inline(always)]
-    fn pull<L: Singles>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
-        let y = l.magic_f32(0x5f1f_fff9, x);
-        let u = l.mul_f32(y, l.neg_mul_add_f32(x, l.mul_f32(y, y), l.splat_f32(STEP)));
-        let v = l.mul_f32(u, l.neg_mul_add_f32(x, l.mul_f32(u, u), l.splat_f32(NEWTON)));
+    fn pull_strength<L: F32Arithmetic>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
+        let y = l.rsqrt_seed_f32(0x5f1f_fff9, x);
+        let u = l.mul_f32(y, l.neg_mul_add_f32(x, l.mul_f32(y, y), l.splat_f32(FIRST_STEP_COEFFICIENT)));
+        let v = l.mul_f32(u, l.neg_mul_add_f32(x, l.mul_f32(u, u), l.splat_f32(NEWTON_COEFFICIENT)));
         (l.mul_f32(l.mul_f32(m, v), l.mul_f32(v, v)), v)
     }
 }
 
 /// Squared distances from itself that a body is given, by its place among those treated at once: its potential there
 /// is below all digits, and its force zero.
-const APART: [[f32; SUMS_F32]; SUMS_F32] = {
-    let mut apart = [[0.0; SUMS_F32]; SUMS_F32];
+const SELF_DISTANCE2: [[f32; PARTIAL_SUMS_F32]; PARTIAL_SUMS_F32] = {
+    let mut apart = [[0.0; PARTIAL_SUMS_F32]; PARTIAL_SUMS_F32];
     let mut k = 0;
-    while k < SUMS_F32 {
+    while k < PARTIAL_SUMS_F32 {
         apart[k][k] = 1e30;
         k += 1;
     }
@@ -107,16 +107,16 @@ const APART: [[f32; SUMS_F32]; SUMS_F32] = {
 };
 
 /// Sums over m d/|d|^3 (three components) and m/|d|.
-pub type Pull = [f64; 4];
+pub type BodyPull = [f64; 4];
 
 /// Columns x, y, z, m, filled up with far bodies of no mass to a multiple of the partial sums.
 #[derive(Default)]
-pub struct Packed<T> {
+pub struct PackedBodies<T> {
     columns: [Vec<T>; 4],
     count: usize,
 }
 
-impl<T: Copy + Default> Packed<T> {
+impl<T: Copy + Default> PackedBodies<T> {
     /// Makes room for `count` bodies and a vector more.
     #[inline(always)]
     fn resize(&mut self, count: usize, sums: usize, far: T) {
@@ -128,26 +128,26 @@ impl<T: Copy + Default> Packed<T> {
     }
 
     #[inline(always)]
-    fn columns(&self) -> [&[T]; 4] {
+    fn source_columns(&self) -> [&[T]; 4] {
         let [x, y, z, m] = &self.columns;
         [&x[..self.count], &y[..self.count], &z[..self.count], &m[..self.count]]
     }
 }
 
 /// A leaf's places, and its centre in the targets' frame, in packed units.
-pub type Source = (Range<usize>, [f32; 3]);
+pub type SourceLeaf = (Range<usize>, [f32; 3]);
 
 /// Packs leaves about another's centre: centre + scale times the bodies' offsets from their own.
 pub struct PackF32<'a, L> {
     pub l: L,
-    pub to: &'a mut Packed<f32>,
+    pub to: &'a mut PackedBodies<f32>,
     /// Offsets and masses by place, with a vector more than there are bodies.
     pub offsets: &'a [Vec<f32>; 4],
-    pub sources: &'a [Source],
+    pub sources: &'a [SourceLeaf],
     pub scale: f32,
 }
 
-impl<L: Singles> NullaryFnOnce for PackF32<'_, L> {
+impl<L: F32Arithmetic> NullaryFnOnce for PackF32<'_, L> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
@@ -156,7 +156,7 @@ impl<L: Singles> NullaryFnOnce for PackF32<'_, L> {
         for (range, _) in sources {
             count += range.len();
         }
-        to.resize(count, SUMS_F32, 4.0);
+        to.resize(count, PARTIAL_SUMS_F32, 4.0);
         let [to_x, to_y, to_z, to_m] = &mut to.columns;
         let [x, y, z, m] = offsets;
         let factor = l.splat_f32(scale);
@@ -183,9 +183,9 @@ impl<L: Singles> NullaryFnOnce for PackF32<'_, L> {
 
 /// Packs ranges of bodies as they are.
 pub struct PackF64<'a> {
-    pub to: &'a mut Packed<f64>,
+    pub to: &'a mut PackedBodies<f64>,
     pub bodies: &'a [Vec<f64>; 4],
-    pub sources: &'a [Source],
+    pub sources: &'a [SourceLeaf],
 }
 
 impl NullaryFnOnce for PackF64<'_> {
@@ -194,7 +194,7 @@ impl NullaryFnOnce for PackF64<'_> {
     fn call(self) {
         let PackF64 { to, bodies, sources } = self;
         let count = sources.iter().map(|(range, _)| range.len()).sum();
-        to.resize(count, SUMS, 64.0);
+        to.resize(count, PARTIAL_SUMS, 64.0);
         for (column, from) in to.columns.iter_mut().zip(bodies) {
             let mut at = 0;
             for (range, _) in sources {
@@ -209,59 +209,60 @@ impl NullaryFnOnce for PackF64<'_> {
 /// `nearest` gets the least squared distance, in packed units, that a target or one of those treated with it has met.
 pub struct PullF32<'a, L> {
     pub l: L,
-    pub packed: &'a Packed<f32>,
+    pub packed: &'a PackedBodies<f32>,
     /// Tree's units in a packed unit of length.
     pub length: f64,
     pub targets: &'a [[f32; 3]],
-    pub out: &'a mut [Pull],
+    pub out: &'a mut [BodyPull],
     pub nearest: &'a mut [f32],
 }
 
 /// Pulls of this kind.
-pub struct Of<K, P>(pub K, pub P);
+pub struct WithKernel<K, P>(pub K, pub P);
 
-impl<L: Singles, K: Pair> NullaryFnOnce for Of<K, PullF32<'_, L>> {
+impl<L: F32Arithmetic, K: PullKernel> NullaryFnOnce for WithKernel<K, PullF32<'_, L>> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
         let PullF32 { l, packed, length, targets, out, nearest } = self.1;
-        let ([x, y, z, m], count) = (packed.columns(), packed.count);
+        let ([x, y, z, m], count) = (packed.source_columns(), packed.count);
         let (per_length, per_area) = (K::ROOT / length, (K::ROOT / length) * (K::ROOT / length) * K::ROOT);
         let mut first = 0;
         while first < targets.len() {
-            let here = (targets.len() - first).min(TARGETS);
+            let here = (targets.len() - first).min(TARGETS_AT_ONCE);
             // A target that is missing is the last once more.
-            let mut p = [[l.splat_f32(0.0); 3]; TARGETS];
-            for t in 0..TARGETS {
+            let mut p = [[l.splat_f32(0.0); 3]; TARGETS_AT_ONCE];
+            for t in 0..TARGETS_AT_ONCE {
                 for k in 0..3 {
                     p[t][k] = l.splat_f32(targets[first + t.min(here - 1)][k]);
                 }
             }
-            let own = first / SUMS_F32 * SUMS_F32;
-            let mut parts = [[[0.0f32; SUMS_F32]; 4]; TARGETS];
-            let mut least = [0.0f32; SUMS_F32];
+            let own = first / PARTIAL_SUMS_F32 * PARTIAL_SUMS_F32;
+            let mut parts = [[[0.0f32; PARTIAL_SUMS_F32]; 4]; TARGETS_AT_ONCE];
+            let mut least = [0.0f32; PARTIAL_SUMS_F32];
             let mut from = 0;
-            while from < SUMS_F32 {
-                let mut sums = Sums { pulls: [[l.splat_f32(0.0); 4]; TARGETS], near: l.splat_f32(f32::MAX) };
+            while from < PARTIAL_SUMS_F32 {
+                let mut sums =
+                    PullSums { pulls: [[l.splat_f32(0.0); 4]; TARGETS_AT_ONCE], near: l.splat_f32(f32::MAX) };
                 let mut k = from;
                 while k < own {
                     let source = [l.load_f32(&x[k..]), l.load_f32(&y[k..]), l.load_f32(&z[k..]), l.load_f32(&m[k..])];
-                    meet::<L, K, false>(l, source, &p, [l.splat_f32(0.0); TARGETS], &mut sums);
-                    k += SUMS_F32;
+                    add_source_vector::<L, K, false>(l, source, &p, [l.splat_f32(0.0); TARGETS_AT_ONCE], &mut sums);
+                    k += PARTIAL_SUMS_F32;
                 }
-                let mut apart = [l.splat_f32(0.0); TARGETS];
-                for t in 0..TARGETS {
-                    apart[t] = l.load_f32(&APART[first % SUMS_F32 + t.min(here - 1)][from..]);
+                let mut apart = [l.splat_f32(0.0); TARGETS_AT_ONCE];
+                for t in 0..TARGETS_AT_ONCE {
+                    apart[t] = l.load_f32(&SELF_DISTANCE2[first % PARTIAL_SUMS_F32 + t.min(here - 1)][from..]);
                 }
                 let source = [l.load_f32(&x[k..]), l.load_f32(&y[k..]), l.load_f32(&z[k..]), l.load_f32(&m[k..])];
-                meet::<L, K, true>(l, source, &p, apart, &mut sums);
-                k += SUMS_F32;
+                add_source_vector::<L, K, true>(l, source, &p, apart, &mut sums);
+                k += PARTIAL_SUMS_F32;
                 while k < count {
                     let source = [l.load_f32(&x[k..]), l.load_f32(&y[k..]), l.load_f32(&z[k..]), l.load_f32(&m[k..])];
-                    meet::<L, K, false>(l, source, &p, apart, &mut sums);
-                    k += SUMS_F32;
+                    add_source_vector::<L, K, false>(l, source, &p, apart, &mut sums);
+                    k += PARTIAL_SUMS_F32;
                 }
-                for t in 0..TARGETS {
+                for t in 0..TARGETS_AT_ONCE {
                     for k in 0..4 {
                         l.store_f32(&mut parts[t][k][from..], sums.pulls[t][k]);
                     }
@@ -276,42 +277,42 @@ impl<L: Singles, K: Pair> NullaryFnOnce for Of<K, PullF32<'_, L>> {
             for t in 0..here {
                 let [ax, ay, az, potential] = &parts[t];
                 let to = &mut out[first + t];
-                to[0] += per_area * total(ax) as f64;
-                to[1] += per_area * total(ay) as f64;
-                to[2] += per_area * total(az) as f64;
+                to[0] += per_area * pairwise_sum(ax) as f64;
+                to[1] += per_area * pairwise_sum(ay) as f64;
+                to[2] += per_area * pairwise_sum(az) as f64;
                 if K::POTENTIAL {
-                    to[3] += per_length * total(potential) as f64;
+                    to[3] += per_length * pairwise_sum(potential) as f64;
                 }
                 nearest[first + t] = closest;
             }
-            first += TARGETS;
+            first += TARGETS_AT_ONCE;
         }
     }
 }
 
 /// Running sums over sources, by target.
-struct Sums<S> {
-    pulls: [[S; 4]; TARGETS],
+struct PullSums<S> {
+    pulls: [[S; 4]; TARGETS_AT_ONCE],
     near: S,
 }
 
 /// Adds a vector of sources; those that are among the targets are set `apart` from themselves.
 #[inline(always)]
-fn meet<L: Singles, K: Pair, const OWN: bool>(
+fn add_source_vector<L: F32Arithmetic, K: PullKernel, const OWN: bool>(
     l: L,
     [x, y, z, m]: [L::S; 4],
-    targets: &[[L::S; 3]; TARGETS],
-    apart: [L::S; TARGETS],
-    sums: &mut Sums<L::S>,
+    targets: &[[L::S; 3]; TARGETS_AT_ONCE],
+    apart: [L::S; TARGETS_AT_ONCE],
+    sums: &mut PullSums<L::S>,
 ) {
-    for t in 0..TARGETS {
+    for t in 0..TARGETS_AT_ONCE {
         let [dx, dy, dz] = [l.sub_f32(x, targets[t][0]), l.sub_f32(y, targets[t][1]), l.sub_f32(z, targets[t][2])];
         let mut d2 = l.mul_add_f32(dx, dx, l.mul_add_f32(dy, dy, l.mul_f32(dz, dz)));
         if OWN {
             d2 = l.add_f32(d2, apart[t]);
         }
         sums.near = l.min_f32(d2, sums.near);
-        let (strength, root) = K::pull(l, m, d2);
+        let (strength, root) = K::pull_strength(l, m, d2);
         let to = &mut sums.pulls[t];
         to[0] = l.mul_add_f32(dx, strength, to[0]);
         to[1] = l.mul_add_f32(dy, strength, to[1]);
@@ -324,9 +325,9 @@ fn meet<L: Singles, K: Pair, const OWN: bool>(
 
 /// The sum in one order, by halves.
 #[inline(always)]
-fn total(parts: &[f32; SUMS_F32]) -> f32 {
+fn pairwise_sum(parts: &[f32; PARTIAL_SUMS_F32]) -> f32 {
     let mut sums = *parts;
-    let mut half = SUMS_F32 / 2;
+    let mut half = PARTIAL_SUMS_F32 / 2;
     while half > 0 {
         for k in 0..half {
             sums[k] += sums[k + half];
@@ -339,35 +340,35 @@ fn total(parts: &[f32; SUMS_F32]) -> f32 {
 /// Adds the pull of `packed` to that of `targets`, in double precision.
 pub struct PullF64<'a, L> {
     pub l: L,
-    pub packed: &'a Packed<f64>,
+    pub packed: &'a PackedBodies<f64>,
     pub targets: &'a [[f64; 3]],
-    pub out: &'a mut [Pull],
+    pub out: &'a mut [BodyPull],
 }
 
-impl<L: Lanes> NullaryFnOnce for PullF64<'_, L> {
+impl<L: F64Arithmetic> NullaryFnOnce for PullF64<'_, L> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
         let PullF64 { l, packed, targets, out } = self;
-        let ([x, y, z, m], count) = (packed.columns(), packed.count);
-        let (zero, one, same) = (l.splat(0.0), l.splat(1.0), l.splat(SAME));
+        let ([x, y, z, m], count) = (packed.source_columns(), packed.count);
+        let (zero, one, same) = (l.splat(0.0), l.splat(1.0), l.splat(SAME_PLACE_DISTANCE2));
         let mut first = 0;
         while first < targets.len() {
-            let here = (targets.len() - first).min(TARGETS);
-            let mut p = [[zero; 3]; TARGETS];
+            let here = (targets.len() - first).min(TARGETS_AT_ONCE);
+            let mut p = [[zero; 3]; TARGETS_AT_ONCE];
             for t in 0..here {
                 for k in 0..3 {
                     p[t][k] = l.splat(targets[first + t][k]);
                 }
             }
-            let mut parts = [[[0.0; SUMS]; 4]; TARGETS];
+            let mut parts = [[[0.0; PARTIAL_SUMS]; 4]; TARGETS_AT_ONCE];
             let mut from = 0;
-            while from < SUMS {
-                let mut sums = [[zero; 4]; TARGETS];
+            while from < PARTIAL_SUMS {
+                let mut sums = [[zero; 4]; TARGETS_AT_ONCE];
                 let mut k = from;
                 while k < count {
                     let (sx, sy, sz, sm) = (l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]), l.load(&m[k..]));
-                    for t in 0..TARGETS {
+                    for t in 0..TARGETS_AT_ONCE {
                         let [dx, dy, dz] = [l.sub(sx, p[t][0]), l.sub(sy, p[t][1]), l.sub(sz, p[t][2])];
                         let d2 = l.mul_add(dx, dx, l.mul_add(dy, dy, l.mul(dz, dz)));
                         let inverse = l.select_greater(d2, same, l.div(one, l.sqrt(d2)), zero);
@@ -378,9 +379,9 @@ impl<L: Lanes> NullaryFnOnce for PullF64<'_, L> {
                         sums[t][2] = l.mul_add(dz, strength, sums[t][2]);
                         sums[t][3] = l.add(potential, sums[t][3]);
                     }
-                    k += SUMS;
+                    k += PARTIAL_SUMS;
                 }
-                for t in 0..TARGETS {
+                for t in 0..TARGETS_AT_ONCE {
                     for k in 0..4 {
                         l.store(&mut parts[t][k][from..], sums[t][k]);
                     }
@@ -394,7 +395,7 @@ impl<L: Lanes> NullaryFnOnce for PullF64<'_, L> {
                     }
                 }
             }
-            first += TARGETS;
+            first += TARGETS_AT_ONCE;
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::math::Vec3;
 
 /// A body as its neighbours feel it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rigid {
+pub struct BodyInertia {
     /// kg
     pub mass: f64,
     /// About the centre of mass, along the axes of the world, kg m^2.
@@ -15,7 +15,7 @@ pub struct Rigid {
 
 /// What two bodies do to each other beyond two points of their masses.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Correction {
+pub struct QuadrupoleCorrection {
     /// On the second body, N; on the first the opposite.
     pub force: Vec3,
     /// On the first and the second body about their centres, N m.
@@ -26,7 +26,7 @@ pub struct Correction {
 
 /// From this part of the reach on it fades, so that nothing jumps where a pair comes within reach. The way is long, as on a short
 /// one the force that keeps the energy would be several times that of the quadrupoles.
-const FADES: f64 = 0.5;
+const FADE_START: f64 = 0.5;
 
 /// The second body stands at `r` from the first, |r| > 0. With d = |r| and S = m_2 I_1 + m_1 I_2,
 ///
@@ -37,7 +37,12 @@ const FADES: f64 = 0.5;
 /// times a factor of d that falls from 1 at half of `reach` to 0 at `reach`, 1 everywhere if that is infinite. F stems from U with that factor, and
 /// T_1 + T_2 + r x F = 0: energy, momentum and angular momentum are kept.
 /// Source: J. MacCullagh (1844), see C.D. Murray and S.F. Dermott, Solar System Dynamics (1999), ch. 5.
-pub fn correction(r: &Vec3, [one, two]: [&Rigid; 2], reach: f64, constant: f64) -> Correction {
+pub fn quadrupole_correction(
+    r: &Vec3,
+    [one, two]: [&BodyInertia; 2],
+    reach: f64,
+    constant: f64,
+) -> QuadrupoleCorrection {
     let d2 = r.norm_squared();
     let d = d2.sqrt();
     let [of_one, of_two] = [one.inertia * r * two.mass, two.inertia * r * one.mass];
@@ -45,12 +50,12 @@ pub fn correction(r: &Vec3, [one, two]: [&Rigid; 2], reach: f64, constant: f64) 
     let (along, of_both) = (r.dot(&(of_one + of_two)) / d2, of_one + of_two);
     let strength = constant / (d2 * d);
     let energy = -0.5 * strength * (trace - 3.0 * along);
-    let part = ((1.0 - d / reach) / (1.0 - FADES)).clamp(0.0, 1.0);
+    let part = ((1.0 - d / reach) / (1.0 - FADE_START)).clamp(0.0, 1.0);
     let factor = part * part * (3.0 - 2.0 * part);
-    let slope = -6.0 * part * (1.0 - part) / (reach * (1.0 - FADES));
+    let slope = -6.0 * part * (1.0 - part) / (reach * (1.0 - FADE_START));
     let force = (r * (2.5 * along - 0.5 * trace) - of_both) * (3.0 * strength / d2);
     let torque = 3.0 * strength / d2 * factor;
-    Correction {
+    QuadrupoleCorrection {
         force: force * factor - r * (energy * slope / d),
         torques: [r.cross(&of_one) * torque, r.cross(&of_two) * torque],
         energy: energy * factor,

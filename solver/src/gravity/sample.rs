@@ -2,14 +2,14 @@
 
 use super::direct;
 use crate::math::Vec3;
-use crate::math::random::scrambled;
+use crate::math::random::splitmix64;
 
 /// Bodies looked at.
-const BODIES: u64 = 64;
+const SAMPLED_BODIES: u64 = 64;
 
 /// Errors against the direct sum.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sampled {
+pub struct SampledError {
     /// sqrt(sum |da|^2 / sum |a|^2)
     pub rms: f64,
     /// Largest |da|/|a|.
@@ -19,15 +19,21 @@ pub struct Sampled {
 }
 
 /// Compares accelerations with the direct sum on bodies that `seed` picks, the same ones on every machine.
-pub fn error(positions: &[Vec3], masses: &[f64], constant: f64, acceleration: &[Vec3], seed: u64) -> Sampled {
+pub fn sampled_error(
+    positions: &[Vec3],
+    masses: &[f64],
+    constant: f64,
+    acceleration: &[Vec3],
+    seed: u64,
+) -> SampledError {
     if positions.is_empty() {
-        return Sampled { rms: 0.0, largest: 0.0, virial: 0.0 };
+        return SampledError { rms: 0.0, largest: 0.0, virial: 0.0 };
     }
-    let picked: Vec<usize> = (0..BODIES.min(positions.len() as u64))
-        .map(|k| (scrambled(seed.wrapping_mul(BODIES).wrapping_add(k)) % positions.len() as u64) as usize)
+    let picked: Vec<usize> = (0..SAMPLED_BODIES.min(positions.len() as u64))
+        .map(|k| (splitmix64(seed.wrapping_mul(SAMPLED_BODIES).wrapping_add(k)) % positions.len() as u64) as usize)
         .collect();
     let places: Vec<Vec3> = picked.iter().map(|&i| positions[i]).collect();
-    let (exact, _) = direct::at(&places, positions, masses, constant);
+    let (exact, _) = direct::field_at(&places, positions, masses, constant);
     let mass: f64 = masses.iter().sum();
     let centre: Vec3 = positions.iter().zip(masses).map(|(x, m)| x * (m / mass)).sum();
     let (mut error, mut scale, mut largest) = (0.0, 0.0, 0.0f64);
@@ -44,7 +50,7 @@ pub fn error(positions: &[Vec3], masses: &[f64], constant: f64, acceleration: &[
         }
     }
     let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
-    Sampled { rms: over(error, scale).sqrt(), largest, virial: over(virial_error, virial.abs()) }
+    SampledError { rms: over(error, scale).sqrt(), largest, virial: over(virial_error, virial.abs()) }
 }
 
 #[cfg(test)]
@@ -59,10 +65,13 @@ mod tests {
         let (exact, _) = direct::accelerations(&positions, &masses, 2.0);
         let wrong: Vec<Vec3> = exact.iter().map(|a| a * 1.001).collect();
         for seed in 0..3 {
-            let found = error(&positions, &masses, 2.0, &wrong, seed);
+            let found = sampled_error(&positions, &masses, 2.0, &wrong, seed);
             assert!((found.virial + 1e-3).abs() < 1e-12, "{found:?}"); // pulls inwards
             assert!((found.rms - 1e-3).abs() < 1e-12 && (found.largest - 1e-3).abs() < 1e-12, "{found:?}");
-            assert_eq!(error(&positions, &masses, 2.0, &exact, seed), Sampled { rms: 0.0, largest: 0.0, virial: 0.0 });
+            assert_eq!(
+                sampled_error(&positions, &masses, 2.0, &exact, seed),
+                SampledError { rms: 0.0, largest: 0.0, virial: 0.0 }
+            );
         }
     }
 }

@@ -3,21 +3,21 @@
 use rayon::prelude::*;
 
 use super::expansion::narrow_len;
-use super::upward::{Out, Upward, axes};
+use super::upward::{SubtreeOutput, UpwardPass, axis_derivatives};
 use crate::math::Vec3;
-use crate::math::lanes::Lanes;
-use crate::math::morton::{self, CHUNK, Key};
+use crate::math::lanes::F64Arithmetic;
+use crate::math::morton::{self, MortonKey, POINTS_PER_TASK};
 
-pub type Line = [f64; 8];
+pub type CellLine = [f64; 8];
 
 /// Below this many bodies a subtree is one task: large against the cost of a task, small against a thread's share.
-pub const GRAIN: usize = 2048;
+pub const MAX_BODIES_PER_TASK: usize = 2048;
 
 /// Deeper cells are leaves: below, places differ by less than the last digit of the cloud's size.
-const DEEPEST: usize = 192;
+const MAX_DEPTH: usize = 192;
 
 #[derive(Debug, Clone, Copy)]
-pub struct Cell {
+pub struct TreeCell {
     /// The cell's bodies, in the tree's order.
     pub first: u32,
     pub count: u32,
@@ -25,8 +25,8 @@ pub struct Cell {
     pub second: u32,
 }
 
-impl Cell {
-    pub fn bodies(&self) -> std::ops::Range<usize> {
+impl TreeCell {
+    pub fn body_range(&self) -> std::ops::Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
 
@@ -37,7 +37,7 @@ impl Cell {
 
 /// What is asked of a cell at each meeting, in one line.
 #[derive(Debug, Clone, Copy)]
-pub struct Outline {
+pub struct CellSummary {
     /// Centre of mass, and the distance of the farthest body from it, in the tree's units.
     pub centre: [f64; 3],
     pub radius: f64,
@@ -47,30 +47,30 @@ pub struct Outline {
     pub uneven: f64,
 }
 
-impl Outline {
-    pub fn of(line: &Line) -> Self {
+impl CellSummary {
+    pub fn from_line(line: &CellLine) -> Self {
         let [x, y, z, radius, mass, uneven, ..] = *line;
-        Outline { centre: [x, y, z], radius, mass, uneven }
+        CellSummary { centre: [x, y, z], radius, mass, uneven }
     }
 
-    pub fn line(&self) -> Line {
+    pub fn to_line(&self) -> CellLine {
         let [x, y, z] = self.centre;
         [x, y, z, self.radius, self.mass, self.uneven, 0.0, 0.0]
     }
 }
 
 /// Of a cell of no mass and no size, far from all others.
-const FAR_AWAY: Outline = Outline { centre: [64.0; 3], radius: 0.0, mass: 0.0, uneven: 0.0 };
+const FAR_AWAY: CellSummary = CellSummary { centre: [64.0; 3], radius: 0.0, mass: 0.0, uneven: 0.0 };
 
 /// Cells in the order in which a walk from the root, first half before second, meets them. Lengths are over `length`
 /// and from `origin`, masses over `mass`: numbers of order 1, whatever the units.
-pub struct Tree {
-    pub cells: Vec<Cell>,
-    /// [`Outline`] of each cell; one more, far away, fills up batches.
-    pub outlines: Vec<Line>,
+pub struct MassTree {
+    pub cells: Vec<TreeCell>,
+    /// [`CellSummary`] of each cell; one more, far away, fills up batches.
+    pub outlines: Vec<CellLine>,
     /// For each cell, its narrow moments in whole lines, with its centre in the place of the dipole; one cell more, as
     /// above.
-    pub moments: Vec<Line>,
+    pub moments: Vec<CellLine>,
     /// Number of the body in the input, by place in the tree.
     pub index: Vec<u32>,
     /// x, y, z, m by place in the tree.
@@ -89,36 +89,43 @@ fn power_of_two(x: f64) -> f64 {
 }
 
 /// Divides `keys` by the first bit in which they differ, down to leaves.
-fn divide(cells: &mut Vec<Cell>, keys: &mut [Key], positions: &[Vec3], leaf: usize, first: usize, depth: usize) {
+fn divide_cell(
+    cells: &mut Vec<TreeCell>,
+    keys: &mut [MortonKey],
+    positions: &[Vec3],
+    leaf: usize,
+    first: usize,
+    depth: usize,
+) {
     let me = cells.len();
-    cells.push(Cell { first: first as u32, count: keys.len() as u32, second: 0 });
-    let ends = |keys: &[Key]| (keys[0].key, keys[keys.len() - 1].key);
-    let small = keys.len() <= leaf || depth == DEEPEST;
-    if small || (keys[0].key == ends(keys).1 && !morton::sort(keys, positions)) {
+    cells.push(TreeCell { first: first as u32, count: keys.len() as u32, second: 0 });
+    let ends = |keys: &[MortonKey]| (keys[0].key, keys[keys.len() - 1].key);
+    let small = keys.len() <= leaf || depth == MAX_DEPTH;
+    if small || (keys[0].key == ends(keys).1 && !morton::sort_keys(keys, positions)) {
         return;
     }
     let (low, high) = ends(keys);
     let bit = (low ^ high).ilog2();
     let middle = keys.partition_point(|k| k.key >> bit == low >> bit);
     let (one, two) = keys.split_at_mut(middle);
-    divide(cells, one, positions, leaf, first, depth + 1);
+    divide_cell(cells, one, positions, leaf, first, depth + 1);
     cells[me].second = (cells.len() - me) as u32;
-    divide(cells, two, positions, leaf, first + middle, depth + 1);
+    divide_cell(cells, two, positions, leaf, first + middle, depth + 1);
 }
 
-impl Tree {
+impl MassTree {
     /// The tree over at least one body, of leaves of at most `leaf` bodies (more where they coincide), with moments to
-    /// order P. Bodies are sorted from the order `about`, see [`morton::unsorted`].
-    pub fn new<L: Lanes, const P: usize>(
+    /// order P. Bodies are sorted from the order `about`, see [`morton::unsorted_keys`].
+    pub fn new<L: F64Arithmetic, const P: usize>(
         lanes: L,
         positions: &[Vec3],
         masses: &[f64],
         leaf: usize,
         about: &[u32],
     ) -> Self {
-        let mut keys = morton::unsorted(positions.len(), about);
+        let mut keys = morton::unsorted_keys(positions.len(), about);
         let mut cells = Vec::new();
-        divide(&mut cells, &mut keys, positions, leaf, 0, 0);
+        divide_cell(&mut cells, &mut keys, positions, leaf, 0, 0);
 
         let (mut low, mut high) = (positions[0], positions[0]);
         for x in positions {
@@ -131,9 +138,9 @@ impl Tree {
         let (per_length, per_mass) = (1.0 / length, 1.0 / mass);
         let mut bodies = [0, 1, 2, 3].map(|_: usize| vec![0.0; positions.len()]);
         let [x, y, z, m] = &mut bodies;
-        let columns = x.par_chunks_mut(CHUNK).zip(y.par_chunks_mut(CHUNK));
-        let columns = columns.zip(z.par_chunks_mut(CHUNK).zip(m.par_chunks_mut(CHUNK)));
-        keys.par_chunks(CHUNK).zip(columns).for_each(|(keys, ((x, y), (z, m)))| {
+        let columns = x.par_chunks_mut(POINTS_PER_TASK).zip(y.par_chunks_mut(POINTS_PER_TASK));
+        let columns = columns.zip(z.par_chunks_mut(POINTS_PER_TASK).zip(m.par_chunks_mut(POINTS_PER_TASK)));
+        keys.par_chunks(POINTS_PER_TASK).zip(columns).for_each(|(keys, ((x, y), (z, m)))| {
             for (k, key) in keys.iter().enumerate() {
                 let at = (positions[key.index as usize] - origin) * per_length;
                 (x[k], y[k], z[k], m[k]) = (at.x, at.y, at.z, masses[key.index as usize] * per_mass);
@@ -147,14 +154,14 @@ impl Tree {
         let mut offsets = [0, 1, 2, 3].map(|_: usize| vec![0.0; positions.len() + 16]);
         let filler = cells.len() * lines;
         moments[filler][1..4].copy_from_slice(&FAR_AWAY.centre);
-        outlines[cells.len()] = FAR_AWAY.line();
+        outlines[cells.len()] = FAR_AWAY.to_line();
         let [x, y, z, m] = &mut offsets;
-        let out = Out {
+        let out = SubtreeOutput {
             outlines: &mut outlines[..cells.len()],
             moments: &mut moments[..filler],
             offsets: [x, y, z, m].map(|column: &mut Vec<f32>| &mut column[..positions.len()]),
         };
-        Upward::<_, P> { lanes, lines, bodies: &bodies, axes: &axes::<P>() }.visit(&cells, out);
-        Tree { cells, outlines, moments, index, bodies, offsets, length, mass }
+        UpwardPass::<_, P> { lanes, lines, bodies: &bodies, axes: &axis_derivatives::<P>() }.visit_subtree(&cells, out);
+        MassTree { cells, outlines, moments, index, bodies, offsets, length, mass }
     }
 }

@@ -3,11 +3,12 @@
 use pulp::NullaryFnOnce;
 
 use super::expansion::{
-    NARROW, Narrow, Wide, derivatives, exponential, for_degrees, narrow, narrow_len, shift_moments, wide,
+    NARROW_LEN, NarrowRow, WideRow, exponential_terms, for_degrees, kernel_derivatives, narrow_index, narrow_len,
+    shift_moments, wide_index,
 };
-use super::tree::{Cell, GRAIN, Line, Outline};
-use crate::math::lanes::{Lanes, Scalar};
-use crate::math::{Vec3, length};
+use super::tree::{CellLine, CellSummary, MAX_BODIES_PER_TASK, TreeCell};
+use crate::math::lanes::{F64Arithmetic, Scalar};
+use crate::math::{Vec3, vector_length};
 
 /// Cells of at most this many bodies get the exact radius; larger ones the bound that their halves give, which is
 /// nearly as good and needs no walk over the bodies.
@@ -15,50 +16,50 @@ const EXACT_RADIUS: usize = 4096;
 
 /// Centres, radii and moments from the leaves to the root.
 #[derive(Clone, Copy)]
-pub struct Upward<'a, L, const P: usize> {
+pub struct UpwardPass<'a, L, const P: usize> {
     pub lanes: L,
     pub lines: usize,
     pub bodies: &'a [Vec<f64>; 4],
-    /// [`axes`]
-    pub axes: &'a [Line; NARROW],
+    /// [`axis_derivatives`]
+    pub axes: &'a [CellLine; NARROW_LEN],
 }
 
 /// What a subtree gets.
-pub struct Out<'a> {
-    pub outlines: &'a mut [Line],
-    pub moments: &'a mut [Line],
+pub struct SubtreeOutput<'a> {
+    pub outlines: &'a mut [CellLine],
+    pub moments: &'a mut [CellLine],
     pub offsets: [&'a mut [f32]; 4],
 }
 
-impl<L: Lanes, const P: usize> Upward<'_, L, P> {
+impl<L: F64Arithmetic, const P: usize> UpwardPass<'_, L, P> {
     /// The subtree of these cells.
-    pub fn visit(self, cells: &[Cell], out: Out) {
+    pub fn visit_subtree(self, cells: &[TreeCell], out: SubtreeOutput) {
         let (cell, below) = cells.split_first().expect("a subtree has a root");
         let (outline, outlines) = out.outlines.split_first_mut().expect("as many as cells");
         let (mine, moments) = out.moments.split_at_mut(self.lines);
         if cell.is_leaf() {
-            self.lanes.run(Leaf { up: self, cell, outline, moments: mine, offsets: out.offsets });
+            self.lanes.run(LeafMoments { up: self, cell, outline, moments: mine, offsets: out.offsets });
             return;
         }
         let (one, two) = below.split_at(cell.second as usize - 1);
         let (o_one, o_two) = outlines.split_at_mut(one.len());
         let (m_one, m_two) = moments.split_at_mut(one.len() * self.lines);
         let [x, y, z, m] = out.offsets.map(|column| column.split_at_mut(one[0].count as usize));
-        let first = Out { outlines: &mut *o_one, moments: &mut *m_one, offsets: [x.0, y.0, z.0, m.0] };
-        let second = Out { outlines: &mut *o_two, moments: &mut *m_two, offsets: [x.1, y.1, z.1, m.1] };
-        if cell.count as usize > GRAIN {
-            rayon::join(|| self.visit(one, first), || self.visit(two, second));
+        let first = SubtreeOutput { outlines: &mut *o_one, moments: &mut *m_one, offsets: [x.0, y.0, z.0, m.0] };
+        let second = SubtreeOutput { outlines: &mut *o_two, moments: &mut *m_two, offsets: [x.1, y.1, z.1, m.1] };
+        if cell.count as usize > MAX_BODIES_PER_TASK {
+            rayon::join(|| self.visit_subtree(one, first), || self.visit_subtree(two, second));
         } else {
-            self.visit(one, first);
-            self.visit(two, second);
+            self.visit_subtree(one, first);
+            self.visit_subtree(two, second);
         }
-        let halves = [(Outline::of(&o_one[0]), &*m_one), (Outline::of(&o_two[0]), &*m_two)];
-        self.lanes.run(Parent { up: self, cell, outline, moments: mine, halves });
+        let halves = [(CellSummary::from_line(&o_one[0]), &*m_one), (CellSummary::from_line(&o_two[0]), &*m_two)];
+        self.lanes.run(ParentMoments { up: self, cell, outline, moments: mine, halves });
     }
 
-    /// [`Outline::uneven`] of moments about the centre of mass: of each multipole, the mean square over eight axes.
+    /// [`CellSummary::multipole_unevenness`] of moments about the centre of mass: of each multipole, the mean square over eight axes.
     #[inline(always)]
-    fn uneven(&self, row: &Narrow<f64>, radius: f64, mass: f64) -> f64 {
+    fn multipole_unevenness(&self, row: &NarrowRow<f64>, radius: f64, mass: f64) -> f64 {
         let (l, area) = (self.lanes, radius * radius);
         let (mut largest, mut unit) = (0.0, mass * mass * area);
         for_degrees!(Q <= P, {
@@ -67,8 +68,8 @@ impl<L: Lanes, const P: usize> Upward<'_, L, P> {
                 let mut from = 0;
                 while from < 8 {
                     let mut sum = l.splat(0.0);
-                    let mut k = narrow(Q, 0);
-                    while k < narrow(Q + 1, 0) {
+                    let mut k = narrow_index(Q, 0);
+                    while k < narrow_index(Q + 1, 0) {
                         sum = l.mul_add(l.splat(row[k]), l.load(&self.axes[k][from..]), sum);
                         k += 1;
                     }
@@ -90,9 +91,13 @@ impl<L: Lanes, const P: usize> Upward<'_, L, P> {
 
     /// Distance of the farthest of the bodies from `centre`.
     #[inline(always)]
-    fn radius(&self, cell: &Cell, centre: [f64; 3]) -> f64 {
+    fn cell_radius(&self, cell: &TreeCell, centre: [f64; 3]) -> f64 {
         let l = self.lanes;
-        let columns = [&self.bodies[0][cell.bodies()], &self.bodies[1][cell.bodies()], &self.bodies[2][cell.bodies()]];
+        let columns = [
+            &self.bodies[0][cell.body_range()],
+            &self.bodies[1][cell.body_range()],
+            &self.bodies[2][cell.body_range()],
+        ];
         let centre = [l.splat(centre[0]), l.splat(centre[1]), l.splat(centre[2])];
         let mut largest = l.splat(0.0);
         let mut first = 0;
@@ -117,8 +122,8 @@ impl<L: Lanes, const P: usize> Upward<'_, L, P> {
 }
 
 /// Derivatives of 1/r along eight axes, by coefficient of a narrow row.
-pub fn axes<const P: usize>() -> [Line; NARROW] {
-    const AXES: [[f64; 3]; 8] = [
+pub fn axis_derivatives<const P: usize>() -> [CellLine; NARROW_LEN] {
+    const SAMPLE_AXES: [[f64; 3]; 8] = [
         [1.0, 0.0, 0.0],
         [0.0, 1.0, 0.0],
         [0.0, 0.0, 1.0],
@@ -128,14 +133,14 @@ pub fn axes<const P: usize>() -> [Line; NARROW] {
         [-1.0, 1.0, 1.0],
         [1.0, 2.0, -3.0],
     ];
-    let mut columns = [[0.0; 8]; NARROW];
-    for (lane, axis) in AXES.iter().enumerate() {
+    let mut columns = [[0.0; 8]; NARROW_LEN];
+    for (lane, axis) in SAMPLE_AXES.iter().enumerate() {
         let axis = Vec3::from(*axis).normalize();
-        let mut field: Wide<f64> = [0.0; _];
-        derivatives::<_, P>(Scalar, [axis.x, axis.y, axis.z], &mut field);
+        let mut field: WideRow<f64> = [0.0; _];
+        kernel_derivatives::<_, P>(Scalar, [axis.x, axis.y, axis.z], &mut field);
         for_degrees!(Q <= P, {
             for k in 0..2 * Q + 1 {
-                columns[narrow(Q, 0) + k][lane] = field[wide(Q, 0) + k];
+                columns[narrow_index(Q, 0) + k][lane] = field[wide_index(Q, 0) + k];
             }
         });
     }
@@ -144,7 +149,7 @@ pub fn axes<const P: usize>() -> [Line; NARROW] {
 
 /// `WIDTH` numbers of a column, filled up at its end.
 #[inline(always)]
-pub fn load_part<L: Lanes>(l: L, column: &[f64], first: usize, filler: f64) -> L::V {
+pub fn load_part<L: F64Arithmetic>(l: L, column: &[f64], first: usize, filler: f64) -> L::V {
     if first + L::WIDTH <= column.len() {
         return l.load(&column[first..]);
     }
@@ -170,7 +175,7 @@ fn centre_of_mass(points: impl Iterator<Item = ([f64; 3], f64)>) -> ([f64; 3], f
 
 /// Writes a cell's moments and centre in its lines.
 #[inline(always)]
-fn write_moments(moments: &mut [Line], row: &Narrow<f64>, centre: [f64; 3]) {
+fn write_moments(moments: &mut [CellLine], row: &NarrowRow<f64>, centre: [f64; 3]) {
     for (line, part) in moments.iter_mut().zip(row.chunks_exact(8)) {
         line.copy_from_slice(part);
     }
@@ -179,7 +184,7 @@ fn write_moments(moments: &mut [Line], row: &Narrow<f64>, centre: [f64; 3]) {
 
 /// A row from its lines.
 #[inline(always)]
-fn read_moments(moments: &[Line]) -> Narrow<f64> {
+fn read_moments(moments: &[CellLine]) -> NarrowRow<f64> {
     let mut row = [0.0; _];
     for (line, part) in moments.iter().zip(row.chunks_exact_mut(8)) {
         part.copy_from_slice(line);
@@ -187,24 +192,24 @@ fn read_moments(moments: &[Line]) -> Narrow<f64> {
     row
 }
 
-struct Leaf<'a, L, const P: usize> {
-    up: Upward<'a, L, P>,
-    cell: &'a Cell,
-    outline: &'a mut Line,
-    moments: &'a mut [Line],
+struct LeafMoments<'a, L, const P: usize> {
+    up: UpwardPass<'a, L, P>,
+    cell: &'a TreeCell,
+    outline: &'a mut CellLine,
+    moments: &'a mut [CellLine],
     offsets: [&'a mut [f32]; 4],
 }
 
-impl<L: Lanes, const P: usize> NullaryFnOnce for Leaf<'_, L, P> {
+impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for LeafMoments<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Leaf { up, cell, outline, moments, offsets } = self;
+        let LeafMoments { up, cell, outline, moments, offsets } = self;
         let l = up.lanes;
         let [x, y, z, m] = up.bodies;
-        let [x, y, z, m] = [&x[cell.bodies()], &y[cell.bodies()], &z[cell.bodies()], &m[cell.bodies()]];
+        let [x, y, z, m] = [&x[cell.body_range()], &y[cell.body_range()], &z[cell.body_range()], &m[cell.body_range()]];
         let (centre, mass) = centre_of_mass((0..x.len()).map(|i| ([x[i], y[i], z[i]], m[i])));
-        let radius = up.radius(cell, centre);
+        let radius = up.cell_radius(cell, centre);
         let [to_x, to_y, to_z, to_m] = offsets;
         for i in 0..x.len() {
             to_x[i] = (x[i] - centre[0]) as f32;
@@ -212,11 +217,11 @@ impl<L: Lanes, const P: usize> NullaryFnOnce for Leaf<'_, L, P> {
             to_z[i] = (z[i] - centre[2]) as f32;
             to_m[i] = m[i] as f32;
         }
-        let mut parts = [[0.0; 8]; NARROW];
+        let mut parts = [[0.0; 8]; NARROW_LEN];
         let at = [l.splat(centre[0]), l.splat(centre[1]), l.splat(centre[2])];
         let mut from = 0;
         while from < 8 {
-            let mut sums: Narrow<L::V> = [l.splat(0.0); _];
+            let mut sums: NarrowRow<L::V> = [l.splat(0.0); _];
             let mut first = from;
             while first < x.len() {
                 let to_centre = [
@@ -225,11 +230,11 @@ impl<L: Lanes, const P: usize> NullaryFnOnce for Leaf<'_, L, P> {
                     l.sub(at[2], load_part(l, z, first, centre[2])),
                 ];
                 let m = load_part(l, m, first, 0.0);
-                let mut e: Narrow<L::V> = [l.splat(0.0); _];
-                exponential::<L, P>(l, to_centre, &mut e);
+                let mut e: NarrowRow<L::V> = [l.splat(0.0); _];
+                exponential_terms::<L, P>(l, to_centre, &mut e);
                 for_degrees!(Q <= P, {
-                    let mut k = narrow(Q, 0);
-                    while k < narrow(Q + 1, 0) {
+                    let mut k = narrow_index(Q, 0);
+                    while k < narrow_index(Q + 1, 0) {
                         sums[k] = l.mul_add(m, e[k], sums[k]);
                         k += 1;
                     }
@@ -237,52 +242,52 @@ impl<L: Lanes, const P: usize> NullaryFnOnce for Leaf<'_, L, P> {
                 first += 8;
             }
             for_degrees!(Q <= P, {
-                let mut k = narrow(Q, 0);
-                while k < narrow(Q + 1, 0) {
+                let mut k = narrow_index(Q, 0);
+                while k < narrow_index(Q + 1, 0) {
                     l.store(&mut parts[k][from..], sums[k]);
                     k += 1;
                 }
             });
             from += L::WIDTH;
         }
-        let mut row: Narrow<f64> = [0.0; _];
+        let mut row: NarrowRow<f64> = [0.0; _];
         let mut k = 0;
         while k < narrow_len(P) {
             let [a, b, c, d, e, f, g, h] = parts[k];
             row[k] = ((a + b) + (c + d)) + ((e + f) + (g + h));
             k += 1;
         }
-        *outline = Outline { centre, radius, mass, uneven: up.uneven(&row, radius, mass) }.line();
+        *outline = CellSummary { centre, radius, mass, uneven: up.multipole_unevenness(&row, radius, mass) }.to_line();
         write_moments(moments, &row, centre);
     }
 }
 
-struct Parent<'a, L, const P: usize> {
-    up: Upward<'a, L, P>,
-    cell: &'a Cell,
-    outline: &'a mut Line,
-    moments: &'a mut [Line],
-    halves: [(Outline, &'a [Line]); 2],
+struct ParentMoments<'a, L, const P: usize> {
+    up: UpwardPass<'a, L, P>,
+    cell: &'a TreeCell,
+    outline: &'a mut CellLine,
+    moments: &'a mut [CellLine],
+    halves: [(CellSummary, &'a [CellLine]); 2],
 }
 
-impl<L: Lanes, const P: usize> NullaryFnOnce for Parent<'_, L, P> {
+impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ParentMoments<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Parent { up, cell, outline, moments, halves } = self;
+        let ParentMoments { up, cell, outline, moments, halves } = self;
         let (centre, mass) = centre_of_mass(halves.iter().map(|(half, _)| (half.centre, half.mass)));
-        let mut row: Narrow<f64> = [0.0; _];
+        let mut row: NarrowRow<f64> = [0.0; _];
         let mut bound = 0.0f64;
         for (half, moments) in halves {
             let shift = [0, 1, 2].map(|k: usize| centre[k] - half.centre[k]);
-            let mut e: Narrow<f64> = [0.0; _];
-            exponential::<_, P>(Scalar, shift, &mut e);
+            let mut e: NarrowRow<f64> = [0.0; _];
+            exponential_terms::<_, P>(Scalar, shift, &mut e);
             shift_moments::<_, P>(Scalar, &read_moments(&moments[..up.lines]), &e, &mut row);
-            bound = bound.max(length(&Vec3::from(shift)) + half.radius);
+            bound = bound.max(vector_length(&Vec3::from(shift)) + half.radius);
         }
         let exact = cell.count as usize <= EXACT_RADIUS;
-        let radius = if exact { up.radius(cell, centre) } else { bound };
-        *outline = Outline { centre, radius, mass, uneven: up.uneven(&row, radius, mass) }.line();
+        let radius = if exact { up.cell_radius(cell, centre) } else { bound };
+        *outline = CellSummary { centre, radius, mass, uneven: up.multipole_unevenness(&row, radius, mass) }.to_line();
         write_moments(moments, &row, centre);
     }
 }

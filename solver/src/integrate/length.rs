@@ -9,26 +9,26 @@
 //! - fifty steps make the shortest orbit;
 //! - a step is at most twice as long as the one before, and ends at snapshots, events and the end of the run.
 //!
-//! Detection looks twice as far as a step goes ([`GROWTH`]): so a pair that the next step could bring into contact is
+//! Detection looks twice as far as a step goes ([`MAX_STEP_GROWTH`]): so a pair that the next step could bring into contact is
 //! known when its length is chosen; at the start of a run none is, and the first step is `dt`. While an imposed velocity or force changes, steps are `dt`, and none
 //! reaches into such a time.
 
 use std::f64::consts::TAU;
 
-use cd_formats::field::Outside;
+use cd_formats::field::FieldModel;
 use rayon::prelude::*;
 
 use crate::scene::Scene;
 use crate::state::{SolvedContact, State};
 
 /// Steps in the shortest orbit: an error of phase of 1e-3 an orbit.
-const OF_ORBIT: f64 = 50.0;
+const STEPS_PER_ORBIT: f64 = 50.0;
 
 /// How much longer a step may be than the one before; so much farther than the step goes detection looks.
-pub const GROWTH: u64 = 2;
+pub const MAX_STEP_GROWTH: u64 = 2;
 
 /// Units of `dt` in the next step. `disturbed`: something has changed velocities since the last one.
-pub fn units(scene: &Scene, state: &State, disturbed: bool) -> u64 {
+pub fn choose_step_multiple(scene: &Scene, state: &State, disturbed: bool) -> u64 {
     let adaptive = scene.options.adaptive();
     let knows_neighbours = state.step > scene.start.0 && !disturbed;
     if !adaptive.is_on() || !knows_neighbours {
@@ -40,20 +40,20 @@ pub fn units(scene: &Scene, state: &State, disturbed: bool) -> u64 {
     }
     let dt = scene.options.dt;
     let before = (state.h / dt).round().max(1.0);
-    let most = (GROWTH as f64 * before).min(adaptive.most as f64);
-    let of_contact = |contact: &SolvedContact| longest(scene, state, contact);
+    let most = (MAX_STEP_GROWTH as f64 * before).min(adaptive.most as f64);
+    let of_contact = |contact: &SolvedContact| contact_time_limit(scene, state, contact);
     let contacts = state.contacts.par_iter().with_min_len(1024).map(of_contact).reduce(|| f64::INFINITY, f64::min);
     let turn = adaptive.travel / fastest_turn(scene, state);
-    let orbit = shortest_orbit(scene, state) / OF_ORBIT;
+    let orbit = shortest_orbit(scene, state) / STEPS_PER_ORBIT;
     let wanted = contacts.min(turn).min(orbit).min(constant) / dt;
     let wanted = (wanted.min(most) * (1.0 + 1e-12)).floor().max(1.0) as u64;
     // The way to the next stop in equal parts.
-    let left = to_stop(scene, state).max(1);
+    let left = steps_to_next_stop(scene, state).max(1);
     left.div_ceil(left.div_ceil(wanted))
 }
 
 /// s that a pair near each other allows.
-fn longest(scene: &Scene, state: &State, solved: &SolvedContact) -> f64 {
+fn contact_time_limit(scene: &Scene, state: &State, solved: &SolvedContact) -> f64 {
     let SolvedContact { contact, velocity, .. } = solved;
     let adaptive = scene.options.adaptive();
     let theta = scene.options.theta;
@@ -73,20 +73,20 @@ pub fn fastest_turn(scene: &Scene, state: &State) -> f64 {
 
 /// Period of the fastest orbit there can be outside of bodies, s: in self-gravity, about primaries, of turning axes.
 pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
-    let about = |field: Outside| match field {
-        Outside::Turning { rate, .. } => TAU / rate.norm(),
-        Outside::Primary { strength, centre, .. } => {
+    let about = |field: FieldModel| match field {
+        FieldModel::Turning { rate, .. } => TAU / rate.norm(),
+        FieldModel::Primary { strength, centre, .. } => {
             let nearest =
                 scene.free.iter().map(|&i| (state.x[i as usize] - centre).norm()).fold(f64::INFINITY, f64::min);
             TAU * (nearest.powi(3) / strength).sqrt()
         }
     };
     let own = scene.surface_gravity().map_or(f64::INFINITY, |(radius, surface)| TAU * (radius / surface).sqrt());
-    scene.outside().into_iter().map(about).fold(own, f64::min)
+    scene.external_fields().into_iter().map(about).fold(own, f64::min)
 }
 
 /// Units up to the next snapshot, event or the end.
-fn to_stop(scene: &Scene, state: &State) -> u64 {
+fn steps_to_next_stop(scene: &Scene, state: &State) -> u64 {
     let every = scene.options.output_every;
     let snapshot = every - state.step % every;
     let end = scene.last_step().saturating_sub(state.step);

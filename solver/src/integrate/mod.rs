@@ -9,131 +9,145 @@
 
 mod length;
 
-pub use length::{GROWTH, fastest_turn, shortest_orbit, units};
+pub use length::{MAX_STEP_GROWTH, choose_step_multiple, fastest_turn, shortest_orbit};
 
 use rayon::prelude::*;
 
-use crate::math::rotation::{angular_momentum, angular_velocity, turn_freely};
-use crate::math::{MANY, Quat, Vec3, morton, rotate};
+use crate::math::rotation::{angular_momentum, angular_velocity, free_rotation};
+use crate::math::{PAR_MIN_LEN, Quat, Vec3, morton, rotate_by_vector};
 use crate::scene::Scene;
 use crate::state::State;
 
 /// Where contacts are looked for and forces evaluated.
-pub struct Configuration {
+pub struct ContactConfiguration {
     pub x: Vec<Vec3>,
     /// Orientations, those of [`Scene::oriented`] carried here.
     pub q: Vec<Quat>,
     /// Angular velocities of the step's start, carried here by free rotation, rad/s, world frame.
     pub w: Vec<Vec3>,
-    /// Angular momenta of [`State::spin`], carried here likewise.
-    pub spin: Vec<Vec3>,
+    /// Angular momenta of [`State::angular_momentum`], carried here likewise.
+    pub angular_momentum: Vec<Vec3>,
     /// Mean velocity of the free bodies at the step's start, m/s: what they share moves no two past each other.
-    pub drift: Vec3,
+    pub mean_velocity: Vec3,
     /// Bodies along Morton's curve.
     pub order: Vec<u32>,
     /// Length of the step in units of `dt`, and in s.
-    pub units: u64,
+    pub step_multiple: u64,
     pub h: f64,
     /// How far ahead contacts are looked for, s.
-    pub ahead: f64,
+    pub lookahead: f64,
     /// Whether the bodies have other velocities than the last step left them.
     pub changed: bool,
     /// Whether each body takes the step with θ = 1, x_c = x and x⁺ = x + h V⁺; empty where all have the scene's θ.
     pub from_start: Vec<bool>,
 }
 
-impl Configuration {
+impl ContactConfiguration {
     /// Whether body `i` takes the step with θ = 1.
     pub fn is_from_start(&self, i: usize) -> bool {
         self.from_start.get(i).is_some_and(|from_start| *from_start)
     }
 
-    /// The longest of [`Self::reach`], s.
-    pub fn longest_reach(&self, scene: &Scene) -> f64 {
+    /// The longest of [`Self::reach_time`], s.
+    pub fn longest_reach_time(&self, scene: &Scene) -> f64 {
         if self.from_start.is_empty() { self.h } else { self.h * (2.0 - scene.options.theta) }
     }
 
     /// Time in which the step's end velocity takes body `i` from this contact configuration to the next, if the next step is as
     /// long, s: h, and (2-θ) h of those that take this step with θ = 1.
-    pub fn reach(&self, scene: &Scene, i: usize) -> f64 {
+    pub fn reach_time(&self, scene: &Scene, i: usize) -> f64 {
         if self.is_from_start(i) { self.h * (2.0 - scene.options.theta) } else { self.h }
     }
 }
 
 /// Bodies that turn freely, of which a task takes at least so many: each is half a microsecond.
-const FEW: usize = 64;
+const MIN_TURNING_PER_TASK: usize = 64;
 
 /// The contact configuration of a step of so many units of `dt`, from the velocities at the step's start.
-pub fn predict(scene: &Scene, state: &State, units: u64) -> Configuration {
+pub fn predict_configuration(scene: &Scene, state: &State, units: u64) -> ContactConfiguration {
     let h = units as f64 * scene.options.dt;
     let before = h * (1.0 - scene.options.theta);
-    let x: Vec<Vec3> = state.x.par_iter().zip(&state.v).with_min_len(MANY).map(|(x, v)| x + v * before).collect();
+    let x: Vec<Vec3> =
+        state.x.par_iter().zip(&state.v).with_min_len(PAR_MIN_LEN).map(|(x, v)| x + v * before).collect();
     let (mut q, mut w) = (state.q.clone(), state.w.clone());
     for (i, _) in scene.oriented.iter().enumerate().filter(|(_, oriented)| **oriented) {
-        q[i] = rotate(&q[i], &(state.w[i] * before));
+        q[i] = rotate_by_vector(&q[i], &(state.w[i] * before));
     }
-    let (rate, mut spin) = (scene.rate(), state.spin.clone());
+    let (rate, mut spin) = (scene.frame_angular_velocity(), state.angular_momentum.clone());
     let carry = |(&i, momentum): (&u32, &mut Vec3)| {
         let (i, inertia) = (i as usize, &scene.bodies[i as usize].inertia);
         let q = turn_in_axes(&state.q[i], momentum, inertia, &rate, before);
         (q, angular_velocity(&q, inertia, momentum))
     };
-    let carried: Vec<_> = scene.turning.par_iter().zip(&mut spin).with_min_len(FEW).map(carry).collect();
+    let carried: Vec<_> =
+        scene.turning.par_iter().zip(&mut spin).with_min_len(MIN_TURNING_PER_TASK).map(carry).collect();
     for (&i, carried) in scene.turning.iter().zip(carried) {
         (q[i as usize], w[i as usize]) = carried;
     }
-    let ahead = if scene.options.adaptive().is_on() { GROWTH as f64 * h } else { h };
-    let order = morton::order(&x, &state.order);
+    let ahead = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 * h } else { h };
+    let order = morton::morton_order(&x, &state.order);
     let sum: Vec3 = scene.free.iter().map(|&i| state.v[i as usize]).sum();
     let drift = sum / scene.free.len().max(1) as f64;
-    Configuration { x, q, w, spin, drift, order, units, h, ahead, changed: false, from_start: Vec::new() }
+    ContactConfiguration {
+        x,
+        q,
+        w,
+        angular_momentum: spin,
+        mean_velocity: drift,
+        order,
+        step_multiple: units,
+        h,
+        lookahead: ahead,
+        changed: false,
+        from_start: Vec::new(),
+    }
 }
 
 /// The same, with the bodies of `from_start` where they are at the step's start.
-pub fn predict_from_start(scene: &Scene, state: &State, units: u64, from_start: Vec<bool>) -> Configuration {
-    let mut q_c = predict(scene, state, units);
+pub fn predict_from_start(scene: &Scene, state: &State, units: u64, from_start: Vec<bool>) -> ContactConfiguration {
+    let mut q_c = predict_configuration(scene, state, units);
     for i in (0..from_start.len()).filter(|&i| from_start[i]) {
         (q_c.x[i], q_c.q[i], q_c.w[i]) = (state.x[i], state.q[i], state.w[i]);
     }
     for (k, _) in scene.turning.iter().enumerate().filter(|(_, i)| from_start[**i as usize]) {
-        q_c.spin[k] = state.spin[k];
+        q_c.angular_momentum[k] = state.angular_momentum[k];
     }
     if !from_start.is_empty() {
-        q_c.order = morton::order(&q_c.x, &state.order);
-        q_c.ahead *= 2.0 - scene.options.theta;
+        q_c.order = morton::morton_order(&q_c.x, &state.order);
+        q_c.lookahead *= 2.0 - scene.options.theta;
     }
-    Configuration { from_start, ..q_c }
+    ContactConfiguration { from_start, ..q_c }
 }
 
-/// [`turn_freely`] in axes that turn at `rate` (rad/s), from which orientation and `momentum` are seen before and after:
+/// [`free_rotation`] in axes that turn at `rate` (rad/s), from which orientation and `momentum` are seen before and after:
 /// with axes at rest that agree with these at first, the body turns with J W more momentum, and then against the axes.
 fn turn_in_axes(q: &Quat, momentum: &mut Vec3, inertia: &[f64; 3], rate: &Vec3, h: f64) -> Quat {
     if *rate == Vec3::zeros() {
-        return turn_freely(q, momentum, inertia, h);
+        return free_rotation(q, momentum, inertia, h);
     }
     let at_rest = *momentum + angular_momentum(q, inertia, rate);
     let back = rate * -h;
-    let q = rotate(&turn_freely(q, &at_rest, inertia, h), &back);
+    let q = rotate_by_vector(&free_rotation(q, &at_rest, inertia, h), &back);
     *momentum = Quat::from_scaled_axis(back) * at_rest - angular_momentum(&q, inertia, rate);
     q
 }
 
 /// Takes the state to the step's end with the velocities `v`, `w` that the bodies have in the contact configuration
 /// after all impulses.
-pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec3>, mut w: Vec<Vec3>) {
+pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguration, v: Vec<Vec3>, mut w: Vec<Vec3>) {
     let h = q_c.h;
     let after = h * scene.options.theta;
     let starts = StartsOfDriven::new(scene, state, q_c);
     let moved = |((x, x_c), v): ((&mut Vec3, &Vec3), &Vec3)| *x = x_c + v * after;
-    state.x.par_iter_mut().zip(&q_c.x).zip(&v).with_min_len(MANY).for_each(moved);
+    state.x.par_iter_mut().zip(&q_c.x).zip(&v).with_min_len(PAR_MIN_LEN).for_each(moved);
     let turned = |(i, (q, oriented)): (usize, (&mut Quat, &bool))| {
         if *oriented {
             let after = if q_c.is_from_start(i) { h } else { after };
-            *q = rotate(&q_c.q[i], &(w[i] * after));
+            *q = rotate_by_vector(&q_c.q[i], &(w[i] * after));
         }
     };
-    state.q.par_iter_mut().zip(&scene.oriented).with_min_len(MANY).enumerate().for_each(turned);
-    let rate = scene.rate();
+    state.q.par_iter_mut().zip(&scene.oriented).with_min_len(PAR_MIN_LEN).enumerate().for_each(turned);
+    let rate = scene.frame_angular_velocity();
     let turn = |((&i, momentum), carried): ((&u32, &mut Vec3), &Vec3)| {
         let (i, inertia) = (i as usize, &scene.bodies[i as usize].inertia);
         // What nothing has pushed keeps its momentum to the last bit.
@@ -145,8 +159,8 @@ pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec
         *momentum = turned;
         (q, angular_velocity(&q, inertia, &turned), by_axes)
     };
-    let turning = scene.turning.par_iter().zip(&mut state.spin).zip(&q_c.spin);
-    let turned: Vec<_> = turning.with_min_len(FEW).map(turn).collect();
+    let turning = scene.turning.par_iter().zip(&mut state.angular_momentum).zip(&q_c.angular_momentum);
+    let turned: Vec<_> = turning.with_min_len(MIN_TURNING_PER_TASK).map(turn).collect();
     let mut by_axes = Vec3::zeros();
     for (&i, (q, spin, term)) in scene.turning.iter().zip(turned) {
         (state.q[i as usize], w[i as usize]) = (q, spin);
@@ -158,11 +172,11 @@ pub fn advance(scene: &Scene, state: &mut State, q_c: &Configuration, v: Vec<Vec
     for i in (0..q_c.from_start.len()).filter(|&i| q_c.from_start[i] && !scene.bodies[i].driven) {
         state.x[i] = q_c.x[i] + v[i] * h;
     }
-    starts.advance(scene, state, q_c, [&v, &w]);
+    starts.advance_state(scene, state, q_c, [&v, &w]);
     state.v = v;
     state.w = w;
     state.h = h;
-    state.step += q_c.units;
+    state.step += q_c.step_multiple;
     state.time = scene.time_at(state.step);
 }
 
@@ -171,23 +185,24 @@ struct StartsOfDriven(Vec<(usize, Vec3, Quat)>);
 
 impl StartsOfDriven {
     /// Where they would be in the contact configuration with the scene's θ.
-    fn new(scene: &Scene, state: &State, q_c: &Configuration) -> Self {
+    fn new(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Self {
         let before = q_c.h * (1.0 - scene.options.theta);
         let driven = (0..q_c.from_start.len()).filter(|&i| q_c.from_start[i] && scene.bodies[i].driven);
-        let start = |i: usize| (i, state.x[i] + state.v[i] * before, rotate(&state.q[i], &(state.w[i] * before)));
+        let start =
+            |i: usize| (i, state.x[i] + state.v[i] * before, rotate_by_vector(&state.q[i], &(state.w[i] * before)));
         StartsOfDriven(driven.map(start).collect())
     }
 
     /// Takes them from there to the step's end; along axes along which they are pushed, from the start by h V⁺.
-    fn advance(self, scene: &Scene, state: &mut State, q_c: &Configuration, [v, w]: [&[Vec3]; 2]) {
+    fn advance_state(self, scene: &Scene, state: &mut State, q_c: &ContactConfiguration, [v, w]: [&[Vec3]; 2]) {
         let after = q_c.h * scene.options.theta;
         for (i, x, q) in self.0 {
             let imposed = x + v[i] * after;
             let pushed = q_c.x[i] + v[i] * q_c.h;
-            let along = scene.bodies[i].pushed;
+            let along = scene.bodies[i].free_axes;
             state.x[i] = Vec3::from_fn(|k, _| if along[k] { pushed[k] } else { imposed[k] });
             if scene.oriented[i] {
-                state.q[i] = rotate(&q, &(w[i] * after));
+                state.q[i] = rotate_by_vector(&q, &(w[i] * after));
             }
         }
     }

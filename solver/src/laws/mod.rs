@@ -17,7 +17,7 @@
 //! | IQS_MOHR_DS_CLB while bonded over the area S | 0 | 0 | -h c_n S | c_t/c_n |
 //! | the same without a bond | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
 //!
-//! T is the time to the next contact configuration, h but in steps that begin with unforeseen velocities ([`Approach::reach`]).
+//! T is the time to the next contact configuration, h but in steps that begin with unforeseen velocities ([`LawInput::closing_time`]).
 //! VEL_SGR_CLB and RST_CLB act on what touches. A pair that the free velocities would close within the step is thrown back at
 //! once, or brought to touch where the law does not throw back or u_n⁻ does not close it; a pair at rest is kept in touch. So
 //! nothing at rest sinks into what carries it. Where other contacts push a pair together that throws back, it overlaps by the
@@ -48,7 +48,7 @@ use crate::BARE;
 
 /// When a contact resists, along its normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Unilateral {
+pub enum UnilateralLaw {
     /// An open gap may close within the step; an interpenetration is kept.
     InelasticShock,
     /// The gap at the step's end is not negative: an interpenetration is pushed out within the step.
@@ -71,41 +71,41 @@ pub enum Cohesion {
 }
 
 /// Two bodies touch, for a bond, when their gap is at most this share of 1/(1/R_a + 1/R_b).
-pub const TOUCHING: f64 = 1e-3;
+pub const MAX_TOUCHING_GAP: f64 = 1e-3;
 
 /// The same of laws on the velocity: the corners of a face that lies flat are this near, to rounding.
-const CLOSED: f64 = 1e-9;
+const CLOSED_GAP: f64 = 1e-9;
 
 /// Moments of a contact: at most `rolling` R r̂_n in the tangent plane, opposite to the rolling, and
 /// `spinning` R r̂_n along the normal, opposite to the spinning; 1/R = 1/R_a + 1/R_b.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rolling {
+pub struct RollingFriction {
     pub rolling: f64,
     pub spinning: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Law {
-    pub unilateral: Unilateral,
+pub struct ContactLaw {
+    pub unilateral: UnilateralLaw,
     pub cohesion: Option<Cohesion>,
     /// Coefficient of friction of a contact that does not slide yet.
     pub friction_static: f64,
     /// Coefficient of friction of a contact that slid in the last step.
     pub friction_dynamic: f64,
-    pub rolling: Option<Rolling>,
+    pub rolling: Option<RollingFriction>,
 }
 
 /// What a law looks at in one contact and step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Approach {
+pub struct LawInput {
     /// m
     pub gap: f64,
     /// Length of the step, s.
     pub h: f64,
     /// Time to the next contact configuration, s.
-    pub reach: f64,
+    pub closing_time: f64,
     /// What is known of an open gap, for laws that act on what touches.
-    pub course: Course,
+    pub gap_forecast: GapForecast,
     /// Normal relative velocity at the step's start, m/s, > 0 parting.
     pub u_n: f64,
     /// 1/(1/R_a + 1/R_b) of the two surfaces; where faces share an area S, √(S/π), and where edges or vertices meet under a
@@ -117,7 +117,7 @@ pub struct Approach {
 
 /// What is known of the open gap of a pair until the next contact configuration.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Course {
+pub enum GapForecast {
     /// The free velocities leave it open; others may push it together, to an overlap of at most `depth` (m).
     Apart { depth: f64 },
     /// The pair rests: it has pushed in the last step and hardly moves, or what forces change in this step closes its gap and
@@ -130,11 +130,11 @@ pub enum Course {
 }
 
 /// Overlap that other contacts may bring in a step to a pair that throws back, over the size of the pair.
-pub const DEPTH: f64 = 0.1;
+pub const MAX_STEP_OVERLAP: f64 = 0.1;
 
 /// What a law adds to the standard problem of one contact in one step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Shift {
+pub struct LawShift {
     /// Added to u_n, m/s.
     pub normal: f64,
     /// û_T = u_T + tangential u_T⁻.
@@ -148,7 +148,7 @@ pub struct Shift {
 }
 
 /// The parameters that a law is read from, in the order of TACT_BEHAV.DAT.
-pub const KINDS: [&str; 11] = [
+pub const LAW_KINDS: [&str; 11] = [
     "IQS_CLB",
     "IQS_DS_CLB",
     "GAP_SGR_CLB",
@@ -162,11 +162,11 @@ pub const KINDS: [&str; 11] = [
     "IQS_WET_DS_ROLL_CLB",
 ];
 
-impl Law {
-    /// The law named `kind` in TACT_BEHAV.DAT; none when it is not one of [`KINDS`] with that number of parameters.
-    pub fn new(kind: &str, parameters: &[f64]) -> Option<Law> {
-        use Unilateral::*;
-        let law = |unilateral, cohesion, dynamic, fixed| Law {
+impl ContactLaw {
+    /// The law named `kind` in TACT_BEHAV.DAT; none when it is not one of [`LAW_KINDS`] with that number of parameters.
+    pub fn new(kind: &str, parameters: &[f64]) -> Option<ContactLaw> {
+        use UnilateralLaw::*;
+        let law = |unilateral, cohesion, dynamic, fixed| ContactLaw {
             unilateral,
             cohesion,
             friction_static: fixed,
@@ -190,17 +190,17 @@ impl Law {
                 law(InelasticShock, Some(Cohesion::Bond { normal, tangential, now: normal }), dynamic, fixed)
             }
             ("IQS_DS_ROLL_CLB" | "IQS_WET_DS_ROLL_CLB", &[ref plain @ .., rolling, spinning]) => {
-                let rolling = Some(Rolling { rolling, spinning });
-                return Law::new(&kind.replace("_ROLL", ""), plain).map(|law| Law { rolling, ..law });
+                let rolling = Some(RollingFriction { rolling, spinning });
+                return ContactLaw::new(&kind.replace("_ROLL", ""), plain).map(|law| ContactLaw { rolling, ..law });
             }
             _ => return None,
         })
     }
 
     /// What is wrong with the parameters, if anything.
-    pub fn fault(&self) -> Option<(&'static str, f64)> {
+    pub fn invalid_parameter(&self) -> Option<(&'static str, f64)> {
         let restitution = match self.unilateral {
-            Unilateral::Restitution { normal, tangential } => {
+            UnilateralLaw::Restitution { normal, tangential } => {
                 [("normal restitution", normal), ("tangential restitution", tangential)]
             }
             _ => [("", 0.0); 2],
@@ -217,7 +217,8 @@ impl Law {
             None => [("", 0.0); 2],
         };
         let friction = [("static friction", self.friction_static), ("dynamic friction", self.friction_dynamic)];
-        let Rolling { rolling, spinning } = self.rolling.unwrap_or(Rolling { rolling: 0.0, spinning: 0.0 });
+        let RollingFriction { rolling, spinning } =
+            self.rolling.unwrap_or(RollingFriction { rolling: 0.0, spinning: 0.0 });
         let moments = [("rolling friction", rolling), ("spinning friction", spinning)];
         let mut least_zero = friction.into_iter().chain(cohesion).chain(moments);
         let outside = restitution.into_iter().find(|(_, e)| !(0.0..=1.0).contains(e));
@@ -229,26 +230,26 @@ impl Law {
 
     /// The law's shifts for a contact; none when it cannot act in this step.
     #[inline]
-    pub fn shift(&self, at: &Approach) -> Option<Shift> {
-        let Approach { gap, h, reach, u_n, .. } = *at;
+    pub fn contact_shift(&self, at: &LawInput) -> Option<LawShift> {
+        let LawInput { gap, h, closing_time: reach, u_n, .. } = *at;
         let mut solved = true;
         let (normal, tangential) = match self.unilateral {
             // What bonds hold is rigid: where they are more than it takes, they cannot close what errors have opened.
-            Unilateral::InelasticShock if at.bonded && matches!(self.cohesion, Some(Cohesion::Bond { .. })) => {
+            UnilateralLaw::InelasticShock if at.bonded && matches!(self.cohesion, Some(Cohesion::Bond { .. })) => {
                 (0.0, 0.0)
             }
-            Unilateral::InelasticShock => ((gap / reach).max(0.0), 0.0),
-            Unilateral::Gap => (gap / reach, 0.0),
-            Unilateral::Velocity if self.is_closed(at) => (0.0, 0.0),
-            Unilateral::Restitution { normal, tangential } if self.is_closed(at) => {
+            UnilateralLaw::InelasticShock => ((gap / reach).max(0.0), 0.0),
+            UnilateralLaw::Gap => (gap / reach, 0.0),
+            UnilateralLaw::Velocity if self.is_closed(at) => (0.0, 0.0),
+            UnilateralLaw::Restitution { normal, tangential } if self.is_closed(at) => {
                 (normal * u_n, if u_n < 0.0 { tangential } else { 0.0 })
             }
-            Unilateral::Velocity | Unilateral::Restitution { .. } => match (self.unilateral, at.course) {
-                (_, Course::Passing) => return None,
-                (Unilateral::Restitution { normal, tangential }, Course::Due) if self.throws_back(at) => {
+            UnilateralLaw::Velocity | UnilateralLaw::Restitution { .. } => match (self.unilateral, at.gap_forecast) {
+                (_, GapForecast::Passing) => return None,
+                (UnilateralLaw::Restitution { normal, tangential }, GapForecast::Due) if self.throws_back(at) => {
                     (normal * u_n, tangential)
                 }
-                (_, Course::Apart { depth }) if self.rebounds() => {
+                (_, GapForecast::Apart { depth }) if self.has_restitution() => {
                     solved = false;
                     ((gap + depth) / reach, 0.0)
                 }
@@ -266,17 +267,17 @@ impl Law {
             _ => (0.0, friction),
         };
         // Not -h f, which would be -0 without an attraction.
-        Some(Shift { normal, tangential, impulse: 0.0 - h * attraction, friction, solved })
+        Some(LawShift { normal, tangential, impulse: 0.0 - h * attraction, friction, solved })
     }
 
     /// Whether a contact of a law that acts on what touches does so, to rounding.
-    fn is_closed(&self, at: &Approach) -> bool {
-        at.gap <= CLOSED * at.radius
+    fn is_closed(&self, at: &LawInput) -> bool {
+        at.gap <= CLOSED_GAP * at.radius
     }
 
     /// Whether a pair that is due is thrown back: the velocity of the start alone closes it.
-    pub fn throws_back(&self, at: &Approach) -> bool {
-        self.rebounds() && at.course == Course::Due && at.gap < -at.reach * at.u_n
+    pub fn throws_back(&self, at: &LawInput) -> bool {
+        self.has_restitution() && at.gap_forecast == GapForecast::Due && at.gap < -at.closing_time * at.u_n
     }
 
     /// Whether friction is less for what slides.
@@ -286,7 +287,7 @@ impl Law {
 
     /// Whether the law acts on what touches.
     pub fn acts_on_touch(&self) -> bool {
-        matches!(self.unilateral, Unilateral::Velocity | Unilateral::Restitution { .. })
+        matches!(self.unilateral, UnilateralLaw::Velocity | UnilateralLaw::Restitution { .. })
     }
 
     /// The cohesion that steps see.
@@ -295,12 +296,12 @@ impl Law {
     }
 
     /// The resistance to rolling that steps see.
-    pub fn rolling(&self) -> Option<Rolling> {
+    pub fn rolling_friction(&self) -> Option<RollingFriction> {
         if BARE { None } else { self.rolling }
     }
 
     /// Whether a contact may be bonded.
-    pub fn bonds(&self) -> bool {
+    pub fn can_bond(&self) -> bool {
         matches!(self.cohesion(), Some(Cohesion::Bond { .. } | Cohesion::Wet { remembers: true, .. }))
     }
 
@@ -310,15 +311,17 @@ impl Law {
     }
 
     /// Whether a contact's history decides more than its friction, or holds more than its impulse.
-    pub fn remembers(&self) -> bool {
-        self.bonds() || self.rolling().is_some()
+    pub fn has_memory(&self) -> bool {
+        self.can_bond() || self.rolling_friction().is_some()
     }
 
     /// The gap that a bond made now has (m); none where the law makes no bonds or the two do not touch.
-    pub fn bond(&self, gap: f64, radius: f64) -> Option<f64> {
+    pub fn bond_gap(&self, gap: f64, radius: f64) -> Option<f64> {
         match self.cohesion() {
             Some(Cohesion::Wet { range, remembers: true, .. }) if gap <= range => Some(self.bonded_at(gap)),
-            Some(Cohesion::Bond { now, .. }) if now > 0.0 && gap <= TOUCHING * radius => Some(self.bonded_at(gap)),
+            Some(Cohesion::Bond { now, .. }) if now > 0.0 && gap <= MAX_TOUCHING_GAP * radius => {
+                Some(self.bonded_at(gap))
+            }
             _ => None,
         }
     }
@@ -339,36 +342,36 @@ impl Law {
     }
 
     /// Whether a contact throws back.
-    pub fn rebounds(&self) -> bool {
-        matches!(self.unilateral, Unilateral::Restitution { normal, .. } if normal > 0.0)
+    pub fn has_restitution(&self) -> bool {
+        matches!(self.unilateral, UnilateralLaw::Restitution { normal, .. } if normal > 0.0)
     }
 
     /// Whether contacts lose bonds that hold, or static friction, once they move.
-    pub fn loses(&self) -> bool {
+    pub fn has_irreversible_loss(&self) -> bool {
         self.has_two_frictions() || matches!(self.cohesion(), Some(Cohesion::Bond { .. }))
     }
 
     /// Greatest speed at which a contact with force may close at the step's end, having parted with `u_n` at its start, m/s.
-    pub fn closing(&self, u_n: f64) -> f64 {
+    pub fn max_closing_speed(&self, u_n: f64) -> f64 {
         match self.unilateral {
-            Unilateral::Restitution { normal, .. } => normal * u_n.max(0.0),
+            UnilateralLaw::Restitution { normal, .. } => normal * u_n.max(0.0),
             _ => 0.0,
         }
     }
 
     /// Greatest gap at which a contact that is not closing can still act, m.
-    pub fn range(&self, radius: f64) -> f64 {
+    pub fn interaction_range(&self, radius: f64) -> f64 {
         match self.cohesion() {
             Some(Cohesion::Wet { range, .. }) => range,
             // Twice, for what an unfinished solution lets a bond part.
-            Some(Cohesion::Bond { .. }) => 2.0 * TOUCHING * radius,
+            Some(Cohesion::Bond { .. }) => 2.0 * MAX_TOUCHING_GAP * radius,
             None => 0.0,
         }
     }
 
     /// Greatest gap at which an area of contact counts, m: beyond it nothing carries a cohesion that is a stress.
     pub fn range_of_stress(&self, radius: f64) -> f64 {
-        if self.has_stress() { self.range(radius) } else { f64::INFINITY }
+        if self.has_stress() { self.interaction_range(radius) } else { f64::INFINITY }
     }
 
     /// Whether the cohesion is a stress, which acts on the area of a contact.
@@ -400,13 +403,22 @@ mod tests {
     #[test]
     fn shifts_follow_the_table() {
         let h = 0.5;
-        let course = Course::Apart { depth: 0.25 };
-        let at =
-            |gap, u_n, slid_before| Approach { gap, h, reach: h, course, u_n, radius: 2.0, slid_before, bonded: false };
-        let shift =
-            |kind, parameters: &[f64], gap, u_n, slid| Law::new(kind, parameters).unwrap().shift(&at(gap, u_n, slid));
-        let plain = |normal, friction| Some(Shift { normal, tangential: 0.0, impulse: 0.0, friction, solved: true });
-        let waiting = |normal| Some(Shift { normal, tangential: 0.0, impulse: 0.0, friction: 0.4, solved: false });
+        let course = GapForecast::Apart { depth: 0.25 };
+        let at = |gap, u_n, slid_before| LawInput {
+            gap,
+            h,
+            closing_time: h,
+            gap_forecast: course,
+            u_n,
+            radius: 2.0,
+            slid_before,
+            bonded: false,
+        };
+        let shift = |kind, parameters: &[f64], gap, u_n, slid| {
+            ContactLaw::new(kind, parameters).unwrap().contact_shift(&at(gap, u_n, slid))
+        };
+        let plain = |normal, friction| Some(LawShift { normal, tangential: 0.0, impulse: 0.0, friction, solved: true });
+        let waiting = |normal| Some(LawShift { normal, tangential: 0.0, impulse: 0.0, friction: 0.4, solved: false });
         assert_eq!(shift("IQS_CLB", &[0.4], 0.1, -1.0, false), plain(0.2, 0.4));
         assert_eq!(shift("IQS_CLB", &[0.4], -0.1, -1.0, false), plain(0.0, 0.4));
         assert_eq!(shift("IQS_DS_CLB", &[0.1, 0.4], 0.1, -1.0, true), plain(0.2, 0.1));
@@ -415,95 +427,109 @@ mod tests {
         assert_eq!(shift("VEL_SGR_CLB", &[0.4], 0.125, 0.0, false), plain(0.25, 0.4));
         assert_eq!(shift("RST_CLB", &[0.0, 0.25, 0.4], 0.125, 0.0, false), plain(0.25, 0.4));
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.125, -1.0, false), waiting(0.75));
-        let shock = Shift { normal: -0.5, tangential: 0.25, impulse: 0.0, friction: 0.4, solved: true };
+        let shock = LawShift { normal: -0.5, tangential: 0.25, impulse: 0.0, friction: 0.4, solved: true };
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.0, -1.0, false), Some(shock));
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.0, 1.0, false), plain(0.5, 0.4));
         // A face that lies flat has all its corners closed, whatever their last digits: R = 2 here.
         assert_eq!(shift("VEL_SGR_CLB", &[0.4], 1.9e-9, 0.0, false), plain(0.0, 0.4));
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 2.1e-9, -0.25, false), waiting((2.1e-9 + 0.25) / h));
-        let wet = Shift { normal: 0.02, tangential: 0.0, impulse: -5.0, friction: 0.3, solved: true };
+        let wet = LawShift { normal: 0.02, tangential: 0.0, impulse: -5.0, friction: 0.3, solved: true };
         assert_eq!(shift("IQS_WET_DS_CLB", &[10.0, 0.0, 0.01, 0.2, 0.3], 0.01, 0.0, false), Some(wet));
         assert_eq!(shift("IQS_WET_DS_CLB", &[10.0, 0.0, 0.01, 0.2, 0.3], 0.02, 0.0, false), plain(0.04, 0.3));
         assert_eq!(shift("xQS_WET_DS_CLB", &[10.0, 0.0, 0.01, 0.2, 0.3], 0.01, 0.0, false), plain(0.02, 0.3));
         assert_eq!(shift("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3], 0.01, 0.0, true), plain(0.02, 0.2));
     }
 
-    fn touching() -> Approach {
-        let course = Course::Apart { depth: 0.0 };
-        Approach { gap: 0.0, h: 0.5, reach: 0.5, course, u_n: 0.0, radius: 2.0, slid_before: false, bonded: false }
+    fn touching() -> LawInput {
+        let course = GapForecast::Apart { depth: 0.0 };
+        LawInput {
+            gap: 0.0,
+            h: 0.5,
+            closing_time: 0.5,
+            gap_forecast: course,
+            u_n: 0.0,
+            radius: 2.0,
+            slid_before: false,
+            bonded: false,
+        }
     }
 
-    fn acting() -> Shift {
-        Shift { solved: true, ..Shift::default() }
+    fn acting() -> LawShift {
+        LawShift { solved: true, ..LawShift::default() }
     }
 
     #[test]
     fn laws_on_what_touches_act_before_a_step_would_close_a_pair() {
-        let law = |kind, parameters: &[f64]| Law::new(kind, parameters).unwrap();
-        let due = |u_n| Approach { gap: 1.0, u_n, course: Course::Due, ..touching() };
-        let thrown = Shift { normal: -2.0, tangential: 0.25, ..acting() };
-        assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).shift(&due(-4.0)), Some(thrown));
+        let law = |kind, parameters: &[f64]| ContactLaw::new(kind, parameters).unwrap();
+        let due = |u_n| LawInput { gap: 1.0, u_n, gap_forecast: GapForecast::Due, ..touching() };
+        let thrown = LawShift { normal: -2.0, tangential: 0.25, ..acting() };
+        assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).contact_shift(&due(-4.0)), Some(thrown));
         // 1 m in 0.5 s: to touch, where nothing is thrown back or the velocity of the start does not close it.
-        let touches = Some(Shift { normal: 2.0, ..acting() });
-        assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).shift(&due(-1.9)), touches);
-        assert_eq!(law("RST_CLB", &[0.0, 0.25, 0.0]).shift(&due(-4.0)), touches);
-        assert_eq!(law("VEL_SGR_CLB", &[0.0]).shift(&due(-4.0)), touches);
-        let resting = Approach { course: Course::Resting, ..due(-4.0) };
-        assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).shift(&resting), touches);
-        let passing = Approach { course: Course::Passing, ..due(-4.0) };
-        assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).shift(&passing), None);
+        let touches = Some(LawShift { normal: 2.0, ..acting() });
+        assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).contact_shift(&due(-1.9)), touches);
+        assert_eq!(law("RST_CLB", &[0.0, 0.25, 0.0]).contact_shift(&due(-4.0)), touches);
+        assert_eq!(law("VEL_SGR_CLB", &[0.0]).contact_shift(&due(-4.0)), touches);
+        let resting = LawInput { gap_forecast: GapForecast::Resting, ..due(-4.0) };
+        assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).contact_shift(&resting), touches);
+        let passing = LawInput { gap_forecast: GapForecast::Passing, ..due(-4.0) };
+        assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).contact_shift(&passing), None);
     }
 
     #[test]
     fn bonds_are_made_of_what_touches_and_lost_as_the_law_says() {
-        let bonded = Approach { gap: 0.015625, u_n: 0.0, slid_before: true, bonded: true, ..touching() };
-        let mohr = Law::new("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3]).unwrap();
+        let bonded = LawInput { gap: 0.015625, u_n: 0.0, slid_before: true, bonded: true, ..touching() };
+        let mohr = ContactLaw::new("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3]).unwrap();
         let impulse = -0.5 * (10.0 * std::f64::consts::PI * 2.0 * 2.0);
-        let held = Shift { impulse, friction: 0.5, ..acting() };
-        assert_eq!(mohr.shift(&bonded), Some(held));
+        let held = LawShift { impulse, friction: 0.5, ..acting() };
+        assert_eq!(mohr.contact_shift(&bonded), Some(held));
         assert_eq!(
-            (mohr.bond(0.002, 2.0), mohr.bond(-0.1, 2.0), mohr.bond(0.0021, 2.0)),
+            (mohr.bond_gap(0.002, 2.0), mohr.bond_gap(-0.1, 2.0), mohr.bond_gap(0.0021, 2.0)),
             (Some(0.002), Some(-0.1), None)
         );
         assert!(mohr.keeps_bond(1.0, false, false));
         assert!(!mohr.keeps_bond(0.0, true, false) && !mohr.keeps_bond(0.0, false, true));
-        assert!(Law::new("IQS_MOHR_DS_CLB", &[10.0, 0.0, 0.2, 0.3]).unwrap().keeps_bond(0.0, false, true));
-        assert_eq!(Law::new("IQS_MOHR_DS_CLB", &[0.0, 0.0, 0.2, 0.3]).unwrap().bond(0.0, 2.0), None);
+        assert!(ContactLaw::new("IQS_MOHR_DS_CLB", &[10.0, 0.0, 0.2, 0.3]).unwrap().keeps_bond(0.0, false, true));
+        assert_eq!(ContactLaw::new("IQS_MOHR_DS_CLB", &[0.0, 0.0, 0.2, 0.3]).unwrap().bond_gap(0.0, 2.0), None);
 
-        let wet = Law::new("xQS_WET_DS_CLB", &[10.0, 0.0, 0.02, 0.2, 0.3]).unwrap();
-        let bridged = Shift { normal: 0.03125, impulse: -5.0, friction: 0.2, ..acting() };
-        assert_eq!(wet.shift(&bonded), Some(bridged));
-        assert_eq!((wet.bond(0.02, 2.0), wet.bond(0.03, 2.0)), (Some(0.0), None));
+        let wet = ContactLaw::new("xQS_WET_DS_CLB", &[10.0, 0.0, 0.02, 0.2, 0.3]).unwrap();
+        let bridged = LawShift { normal: 0.03125, impulse: -5.0, friction: 0.2, ..acting() };
+        assert_eq!(wet.contact_shift(&bonded), Some(bridged));
+        assert_eq!((wet.bond_gap(0.02, 2.0), wet.bond_gap(0.03, 2.0)), (Some(0.0), None));
         assert!(wet.keeps_bond(0.02, true, true) && !wet.keeps_bond(0.03, false, false));
     }
 
     #[test]
     fn events_change_friction_and_cohesion() {
-        let mut mohr = Law::new("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3]).unwrap();
+        let mut mohr = ContactLaw::new("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3]).unwrap();
         mohr.set_friction(0.4);
         assert!(mohr.set_cohesion(20.0));
-        let at = Approach { bonded: true, ..touching() };
-        let twice = Law::new("IQS_MOHR_DS_CLB", &[20.0, 10.0, 0.4, 0.4]).unwrap();
-        assert_eq!(mohr.shift(&at), twice.shift(&at));
+        let at = LawInput { bonded: true, ..touching() };
+        let twice = ContactLaw::new("IQS_MOHR_DS_CLB", &[20.0, 10.0, 0.4, 0.4]).unwrap();
+        assert_eq!(mohr.contact_shift(&at), twice.contact_shift(&at));
         // Nothing holds any longer, and what is stronger again holds what is bonded anew.
         assert!(mohr.set_cohesion(0.0));
-        assert_eq!(mohr.shift(&at), Some(Shift { friction: 0.4, ..acting() }));
-        assert_eq!((mohr.bond(0.0, 2.0), mohr.keeps_bond(0.0, false, false)), (None, false));
+        assert_eq!(mohr.contact_shift(&at), Some(LawShift { friction: 0.4, ..acting() }));
+        assert_eq!((mohr.bond_gap(0.0, 2.0), mohr.keeps_bond(0.0, false, false)), (None, false));
         assert!(mohr.set_cohesion(20.0));
-        assert_eq!((mohr.shift(&at), mohr.bond(0.0, 2.0)), (twice.shift(&at), Some(0.0)));
-        assert!(!Law::new("IQS_CLB", &[0.3]).unwrap().set_cohesion(1.0));
+        assert_eq!((mohr.contact_shift(&at), mohr.bond_gap(0.0, 2.0)), (twice.contact_shift(&at), Some(0.0)));
+        assert!(!ContactLaw::new("IQS_CLB", &[0.3]).unwrap().set_cohesion(1.0));
     }
 
     #[test]
     fn unknown_names_and_values_out_of_range_are_told() {
-        assert_eq!(Law::new("IQS_MAP", &[0.1]), None);
-        assert_eq!(Law::new("IQS_CLB", &[]), None);
-        assert_eq!(Law::new("RST_CLB", &[1.5, 0.0, 0.3]).unwrap().fault(), Some(("normal restitution", 1.5)));
-        assert_eq!(Law::new("IQS_CLB", &[-0.1]).unwrap().fault(), Some(("static friction", -0.1)));
-        assert_eq!(Law::new("IQS_CLB", &[0.0]).unwrap().fault(), None);
-        let sliding = Law::new("IQS_DS_CLB", &[0.5, 0.3]).unwrap().fault();
+        assert_eq!(ContactLaw::new("IQS_MAP", &[0.1]), None);
+        assert_eq!(ContactLaw::new("IQS_CLB", &[]), None);
+        assert_eq!(
+            ContactLaw::new("RST_CLB", &[1.5, 0.0, 0.3]).unwrap().invalid_parameter(),
+            Some(("normal restitution", 1.5))
+        );
+        assert_eq!(ContactLaw::new("IQS_CLB", &[-0.1]).unwrap().invalid_parameter(), Some(("static friction", -0.1)));
+        assert_eq!(ContactLaw::new("IQS_CLB", &[0.0]).unwrap().invalid_parameter(), None);
+        let sliding = ContactLaw::new("IQS_DS_CLB", &[0.5, 0.3]).unwrap().invalid_parameter();
         assert_eq!(sliding, Some(("dynamic friction", 0.5)));
-        let bond = |normal, tangential| Law::new("IQS_MOHR_DS_CLB", &[normal, tangential, 0.2, 0.3]).unwrap().fault();
+        let bond = |normal, tangential| {
+            ContactLaw::new("IQS_MOHR_DS_CLB", &[normal, tangential, 0.2, 0.3]).unwrap().invalid_parameter()
+        };
         assert!(bond(0.0, 1.0).is_some() && bond(1.0, -1.0).is_some());
         assert_eq!((bond(0.0, 0.0), bond(1.0, 0.0)), (None, None));
     }

@@ -9,88 +9,88 @@ use pulp::NullaryFnOnce;
 /// Eight numbers on one cache line: what a sweep keeps of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
-pub struct Line(pub [f64; 8]);
+pub struct BodyLine(pub [f64; 8]);
 
 /// Four numbers, half a cache line: what a sweep without friction keeps of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(32))]
-pub struct Half(pub [f64; 4]);
+pub struct BodyHalfLine(pub [f64; 4]);
 
-/// What a sweep in single precision keeps of a body, as [`Line`].
+/// What a sweep in single precision keeps of a body, as [`BodyLine`].
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(32))]
-pub struct ShortLine(pub [f32; 8]);
+pub struct BodyLineF32(pub [f32; 8]);
 
-/// The same as [`Half`].
+/// The same as [`BodyHalfLine`].
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(16))]
-pub struct ShortHalf(pub [f32; 4]);
+pub struct BodyHalfLineF32(pub [f32; 4]);
 
 /// Numbers of double or of single precision.
-pub trait Number: Pod + Default + Send + Sync + Add<Output = Self> + Sub<Output = Self> {
+pub trait LaneFloat: Pod + Default + Send + Sync + Add<Output = Self> + Sub<Output = Self> {
     /// Eight and four of them that lie together.
     type Line: Pod;
     type Half: Pod;
 
     const ZERO: Self;
-    const SINGLE: bool;
+    const IS_SINGLE: bool;
     /// About the root of what numbers near 1 are apart.
-    const ROOT_OF_ROUNDING: f64;
+    const SQRT_EPSILON: f64;
 
     /// The nearest to `x`.
-    fn of(x: f64) -> Self;
-    fn wide(self) -> f64;
+    fn from_f64(x: f64) -> Self;
+    fn to_f64(self) -> f64;
     /// a self + b, rounded once.
-    fn fused(self, a: Self, b: Self) -> Self;
+    fn fused_mul_add(self, a: Self, b: Self) -> Self;
 }
 
-impl Number for f64 {
-    type Line = Line;
-    type Half = Half;
+impl LaneFloat for f64 {
+    type Line = BodyLine;
+    type Half = BodyHalfLine;
 
     const ZERO: f64 = 0.0;
-    const SINGLE: bool = false;
-    const ROOT_OF_ROUNDING: f64 = 1e-8;
+    const IS_SINGLE: bool = false;
+    const SQRT_EPSILON: f64 = 1e-8;
 
     #[inline(always)]
-    fn of(x: f64) -> f64 {
+    fn from_f64(x: f64) -> f64 {
         x
     }
     #[inline(always)]
-    fn wide(self) -> f64 {
+    fn to_f64(self) -> f64 {
         self
     }
     #[inline(always)]
-    fn fused(self, a: f64, b: f64) -> f64 {
+    fn fused_mul_add(self, a: f64, b: f64) -> f64 {
         self.mul_add(a, b)
     }
 }
 
-impl Number for f32 {
-    type Line = ShortLine;
-    type Half = ShortHalf;
+impl LaneFloat for f32 {
+    type Line = BodyLineF32;
+    type Half = BodyHalfLineF32;
 
     const ZERO: f32 = 0.0;
-    const SINGLE: bool = true;
-    const ROOT_OF_ROUNDING: f64 = 3e-4;
+    const IS_SINGLE: bool = true;
+    const SQRT_EPSILON: f64 = 3e-4;
 
     #[inline(always)]
-    fn of(x: f64) -> f32 {
+    fn from_f64(x: f64) -> f32 {
         x as f32
     }
     #[inline(always)]
-    fn wide(self) -> f64 {
+    fn to_f64(self) -> f64 {
         f64::from(self)
     }
     #[inline(always)]
-    fn fused(self, a: f32, b: f32) -> f32 {
+    fn fused_mul_add(self, a: f32, b: f32) -> f32 {
         self.mul_add(a, b)
     }
 }
 
 /// Arithmetic on `WIDTH` numbers at once.
 pub trait Arithmetic: Copy + Send + Sync {
-    type T: Number;
+    type T: LaneFloat;
     const WIDTH: usize;
     type V: Copy + Send;
 
@@ -100,7 +100,7 @@ pub trait Arithmetic: Copy + Send + Sync {
     /// Asks for what `x` occupies, so that it is in the second cache when it is read: the wait for far memory passes with
     /// other work. A little at a time is best, as no more than some tens of lines can be on their way. Into the first cache
     /// it would drive out what is being worked on.
-    fn fetch<X: ?Sized>(self, x: &X);
+    fn prefetch<X: ?Sized>(self, x: &X);
 
     /// The number nearest to `x`.
     fn splat(self, x: f64) -> Self::V;
@@ -128,27 +128,34 @@ pub trait Arithmetic: Copy + Send + Sync {
     /// The smaller; `b` where they are equal.
     fn min(self, a: Self::V, b: Self::V) -> Self::V;
     /// Component k of the `WIDTH` lines named by `index`, for each k.
-    fn gather(self, lines: &[[Self::T; 8]], index: &[u32]) -> [Self::V; 8];
+    fn gather_lines(self, lines: &[[Self::T; 8]], index: &[u32]) -> [Self::V; 8];
     /// The reverse; two equal indices must bring equal lines.
-    fn scatter(self, lines: &mut [[Self::T; 8]], index: &[u32], columns: [Self::V; 8]);
+    fn scatter_lines(self, lines: &mut [[Self::T; 8]], index: &[u32], columns: [Self::V; 8]);
     /// Of pairs of lines, the difference a - b of the first three components and the sums of the others.
-    fn relative(self, lines: &[<Self::T as Number>::Line], a: &[u32], b: &[u32]) -> [Self::V; 8];
+    fn relative_velocity(self, lines: &[<Self::T as LaneFloat>::Line], a: &[u32], b: &[u32]) -> [Self::V; 8];
     /// With lines (v, p, w, q): adds p f to v of a and takes it from v of b; adds q g to w of both.
-    fn push(self, lines: &mut [<Self::T as Number>::Line], a: &[u32], b: &[u32], f: [Self::V; 3], g: [Self::V; 3]);
+    fn apply_impulse(
+        self,
+        lines: &mut [<Self::T as LaneFloat>::Line],
+        a: &[u32],
+        b: &[u32],
+        f: [Self::V; 3],
+        g: [Self::V; 3],
+    );
     /// `relative` of halves: the first four components.
-    fn relative_half(self, halves: &[<Self::T as Number>::Half], a: &[u32], b: &[u32]) -> [Self::V; 4];
+    fn relative_half_velocity(self, halves: &[<Self::T as LaneFloat>::Half], a: &[u32], b: &[u32]) -> [Self::V; 4];
     /// `push` on halves (v, p).
-    fn push_half(self, halves: &mut [<Self::T as Number>::Half], a: &[u32], b: &[u32], f: [Self::V; 3]);
+    fn apply_half_impulse(self, halves: &mut [<Self::T as LaneFloat>::Half], a: &[u32], b: &[u32], f: [Self::V; 3]);
 }
 
 /// Arithmetic in double precision.
-pub trait Lanes: Arithmetic<T = f64> {
+pub trait F64Arithmetic: Arithmetic<T = f64> {
     /// The smallest of all lanes.
-    fn least(self, a: Self::V) -> f64;
+    fn min_lane(self, a: Self::V) -> f64;
 }
 
 /// The same for numbers of single precision.
-pub trait Singles: Lanes {
+pub trait F32Arithmetic: F64Arithmetic {
     const WIDTH_F32: usize;
     type S: Copy + Send;
 
@@ -172,21 +179,21 @@ pub trait Singles: Lanes {
     fn min_f32(self, a: Self::S, b: Self::S) -> Self::S;
     /// The number whose bits are those of `magic` less half those of `a`, as whole numbers: near a^(-1/2) but for a
     /// factor, and the same on every machine, as instructions that estimate a root are not.
-    fn magic_f32(self, magic: u32, a: Self::S) -> Self::S;
-    /// As [`Arithmetic::gather`] and what follows it.
+    fn rsqrt_seed_f32(self, magic: u32, a: Self::S) -> Self::S;
+    /// As [`Arithmetic::gather_lines`] and what follows it.
     fn gather_f32(self, lines: &[[f32; 8]], index: &[u32]) -> [Self::S; 8];
     fn scatter_f32(self, lines: &mut [[f32; 8]], index: &[u32], columns: [Self::S; 8]);
-    fn relative_f32(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [Self::S; 8];
-    fn push_f32(self, lines: &mut [ShortLine], a: &[u32], b: &[u32], f: [Self::S; 3], g: [Self::S; 3]);
-    fn relative_half_f32(self, halves: &[ShortHalf], a: &[u32], b: &[u32]) -> [Self::S; 4];
-    fn push_half_f32(self, halves: &mut [ShortHalf], a: &[u32], b: &[u32], f: [Self::S; 3]);
+    fn relative_velocity_f32(self, lines: &[BodyLineF32], a: &[u32], b: &[u32]) -> [Self::S; 8];
+    fn apply_impulse_f32(self, lines: &mut [BodyLineF32], a: &[u32], b: &[u32], f: [Self::S; 3], g: [Self::S; 3]);
+    fn relative_half_velocity_f32(self, halves: &[BodyHalfLineF32], a: &[u32], b: &[u32]) -> [Self::S; 4];
+    fn apply_half_impulse_f32(self, halves: &mut [BodyHalfLineF32], a: &[u32], b: &[u32], f: [Self::S; 3]);
 }
 
 /// The single precision of these lanes by itself.
 #[derive(Debug, Clone, Copy)]
-pub struct Single<L>(pub L);
+pub struct F32Lanes<L>(pub L);
 
-impl<L: Singles> Arithmetic for Single<L> {
+impl<L: F32Arithmetic> Arithmetic for F32Lanes<L> {
     type T = f32;
     const WIDTH: usize = L::WIDTH_F32;
     type V = L::S;
@@ -196,8 +203,8 @@ impl<L: Singles> Arithmetic for Single<L> {
     }
 
     #[inline(always)]
-    fn fetch<X: ?Sized>(self, x: &X) {
-        self.0.fetch(x);
+    fn prefetch<X: ?Sized>(self, x: &X) {
+        self.0.prefetch(x);
     }
 
     #[inline(always)]
@@ -253,36 +260,36 @@ impl<L: Singles> Arithmetic for Single<L> {
         self.0.min_f32(a, b)
     }
     #[inline(always)]
-    fn gather(self, lines: &[[f32; 8]], index: &[u32]) -> [L::S; 8] {
+    fn gather_lines(self, lines: &[[f32; 8]], index: &[u32]) -> [L::S; 8] {
         self.0.gather_f32(lines, index)
     }
     #[inline(always)]
-    fn scatter(self, lines: &mut [[f32; 8]], index: &[u32], columns: [L::S; 8]) {
+    fn scatter_lines(self, lines: &mut [[f32; 8]], index: &[u32], columns: [L::S; 8]) {
         self.0.scatter_f32(lines, index, columns);
     }
     #[inline(always)]
-    fn relative(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [L::S; 8] {
-        self.0.relative_f32(lines, a, b)
+    fn relative_velocity(self, lines: &[BodyLineF32], a: &[u32], b: &[u32]) -> [L::S; 8] {
+        self.0.relative_velocity_f32(lines, a, b)
     }
     #[inline(always)]
-    fn push(self, lines: &mut [ShortLine], a: &[u32], b: &[u32], f: [L::S; 3], g: [L::S; 3]) {
-        self.0.push_f32(lines, a, b, f, g);
+    fn apply_impulse(self, lines: &mut [BodyLineF32], a: &[u32], b: &[u32], f: [L::S; 3], g: [L::S; 3]) {
+        self.0.apply_impulse_f32(lines, a, b, f, g);
     }
     #[inline(always)]
-    fn relative_half(self, halves: &[ShortHalf], a: &[u32], b: &[u32]) -> [L::S; 4] {
-        self.0.relative_half_f32(halves, a, b)
+    fn relative_half_velocity(self, halves: &[BodyHalfLineF32], a: &[u32], b: &[u32]) -> [L::S; 4] {
+        self.0.relative_half_velocity_f32(halves, a, b)
     }
     #[inline(always)]
-    fn push_half(self, halves: &mut [ShortHalf], a: &[u32], b: &[u32], f: [L::S; 3]) {
-        self.0.push_half_f32(halves, a, b, f);
+    fn apply_half_impulse(self, halves: &mut [BodyHalfLineF32], a: &[u32], b: &[u32], f: [L::S; 3]) {
+        self.0.apply_half_impulse_f32(halves, a, b, f);
     }
 }
 
 /// Two vectors side by side: while one waits for a quotient or a root, the other goes on.
 #[derive(Debug, Clone, Copy)]
-pub struct Twice<L>(pub L);
+pub struct DoubleWidth<L>(pub L);
 
-impl<L: Arithmetic> Arithmetic for Twice<L> {
+impl<L: Arithmetic> Arithmetic for DoubleWidth<L> {
     type T = L::T;
     const WIDTH: usize = 2 * L::WIDTH;
     type V = [L::V; 2];
@@ -292,8 +299,8 @@ impl<L: Arithmetic> Arithmetic for Twice<L> {
     }
 
     #[inline(always)]
-    fn fetch<X: ?Sized>(self, x: &X) {
-        self.0.fetch(x);
+    fn prefetch<X: ?Sized>(self, x: &X) {
+        self.0.prefetch(x);
     }
 
     #[inline(always)]
@@ -350,48 +357,55 @@ impl<L: Arithmetic> Arithmetic for Twice<L> {
         [self.0.min(a[0], b[0]), self.0.min(a[1], b[1])]
     }
     #[inline(always)]
-    fn gather(self, lines: &[[L::T; 8]], index: &[u32]) -> [Self::V; 8] {
-        side_by_side(self.0.gather(lines, index), self.0.gather(lines, &index[L::WIDTH..]))
+    fn gather_lines(self, lines: &[[L::T; 8]], index: &[u32]) -> [Self::V; 8] {
+        zip_halves(self.0.gather_lines(lines, index), self.0.gather_lines(lines, &index[L::WIDTH..]))
     }
     #[inline(always)]
-    fn scatter(self, lines: &mut [[L::T; 8]], index: &[u32], columns: [Self::V; 8]) {
-        let [left, right] = apart(columns);
-        self.0.scatter(lines, index, left);
-        self.0.scatter(lines, &index[L::WIDTH..], right);
+    fn scatter_lines(self, lines: &mut [[L::T; 8]], index: &[u32], columns: [Self::V; 8]) {
+        let [left, right] = unzip_halves(columns);
+        self.0.scatter_lines(lines, index, left);
+        self.0.scatter_lines(lines, &index[L::WIDTH..], right);
     }
     #[inline(always)]
-    fn relative(self, lines: &[<L::T as Number>::Line], a: &[u32], b: &[u32]) -> [Self::V; 8] {
+    fn relative_velocity(self, lines: &[<L::T as LaneFloat>::Line], a: &[u32], b: &[u32]) -> [Self::V; 8] {
         let w = L::WIDTH;
-        side_by_side(self.0.relative(lines, a, b), self.0.relative(lines, &a[w..], &b[w..]))
+        zip_halves(self.0.relative_velocity(lines, a, b), self.0.relative_velocity(lines, &a[w..], &b[w..]))
     }
     #[inline(always)]
-    fn push(self, lines: &mut [<L::T as Number>::Line], a: &[u32], b: &[u32], f: [Self::V; 3], g: [Self::V; 3]) {
-        let (w, [f0, f1], [g0, g1]) = (L::WIDTH, apart(f), apart(g));
-        self.0.push(lines, a, b, f0, g0);
-        self.0.push(lines, &a[w..], &b[w..], f1, g1);
+    fn apply_impulse(
+        self,
+        lines: &mut [<L::T as LaneFloat>::Line],
+        a: &[u32],
+        b: &[u32],
+        f: [Self::V; 3],
+        g: [Self::V; 3],
+    ) {
+        let (w, [f0, f1], [g0, g1]) = (L::WIDTH, unzip_halves(f), unzip_halves(g));
+        self.0.apply_impulse(lines, a, b, f0, g0);
+        self.0.apply_impulse(lines, &a[w..], &b[w..], f1, g1);
     }
     #[inline(always)]
-    fn relative_half(self, halves: &[<L::T as Number>::Half], a: &[u32], b: &[u32]) -> [Self::V; 4] {
+    fn relative_half_velocity(self, halves: &[<L::T as LaneFloat>::Half], a: &[u32], b: &[u32]) -> [Self::V; 4] {
         let w = L::WIDTH;
-        side_by_side(self.0.relative_half(halves, a, b), self.0.relative_half(halves, &a[w..], &b[w..]))
+        zip_halves(self.0.relative_half_velocity(halves, a, b), self.0.relative_half_velocity(halves, &a[w..], &b[w..]))
     }
     #[inline(always)]
-    fn push_half(self, halves: &mut [<L::T as Number>::Half], a: &[u32], b: &[u32], f: [Self::V; 3]) {
-        let (w, [f0, f1]) = (L::WIDTH, apart(f));
-        self.0.push_half(halves, a, b, f0);
-        self.0.push_half(halves, &a[w..], &b[w..], f1);
+    fn apply_half_impulse(self, halves: &mut [<L::T as LaneFloat>::Half], a: &[u32], b: &[u32], f: [Self::V; 3]) {
+        let (w, [f0, f1]) = (L::WIDTH, unzip_halves(f));
+        self.0.apply_half_impulse(halves, a, b, f0);
+        self.0.apply_half_impulse(halves, &a[w..], &b[w..], f1);
     }
 }
 
-impl<L: Lanes> Lanes for Twice<L> {
+impl<L: F64Arithmetic> F64Arithmetic for DoubleWidth<L> {
     #[inline(always)]
-    fn least(self, a: Self::V) -> f64 {
-        self.0.least(self.0.min(a[0], a[1]))
+    fn min_lane(self, a: Self::V) -> f64 {
+        self.0.min_lane(self.0.min(a[0], a[1]))
     }
 }
 
 #[inline(always)]
-fn side_by_side<V: Copy, const N: usize>(left: [V; N], right: [V; N]) -> [[V; 2]; N] {
+fn zip_halves<V: Copy, const N: usize>(left: [V; N], right: [V; N]) -> [[V; 2]; N] {
     let mut both = [[left[0], right[0]]; N];
     let mut k = 1;
     while k < N {
@@ -402,7 +416,7 @@ fn side_by_side<V: Copy, const N: usize>(left: [V; N], right: [V; N]) -> [[V; 2]
 }
 
 #[inline(always)]
-fn apart<V: Copy, const N: usize>(both: [[V; 2]; N]) -> [[V; N]; 2] {
+fn unzip_halves<V: Copy, const N: usize>(both: [[V; 2]; N]) -> [[V; N]; 2] {
     let mut sides = [[both[0][0]; N], [both[0][1]; N]];
     let mut k = 1;
     while k < N {
@@ -414,7 +428,7 @@ fn apart<V: Copy, const N: usize>(both: [[V; 2]; N]) -> [[V; N]; 2] {
 
 /// How many numbers are worked on at once; never changes a result.
 #[derive(Debug, Clone, Copy)]
-pub enum Width {
+pub enum SimdWidth {
     One(Scalar),
     #[cfg(target_arch = "x86_64")]
     Four(pulp::x86::V3),
@@ -422,36 +436,38 @@ pub enum Width {
     Eight(pulp::x86::V4),
 }
 
-impl Width {
+impl SimdWidth {
     /// The widest that this machine has.
     pub fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
-        if let Some(wide) = pulp::x86::V4::try_new().map(Width::Eight).or(pulp::x86::V3::try_new().map(Width::Four)) {
+        if let Some(wide) =
+            pulp::x86::V4::try_new().map(SimdWidth::Eight).or(pulp::x86::V3::try_new().map(SimdWidth::Four))
+        {
             return wide;
         }
-        Width::One(Scalar)
+        SimdWidth::One(Scalar)
     }
 
     /// Every width that this machine has, narrowest first.
-    pub fn all() -> Vec<Self> {
-        let mut all = vec![Width::One(Scalar)];
+    pub fn all_widths() -> Vec<Self> {
+        let mut all = vec![SimdWidth::One(Scalar)];
         #[cfg(target_arch = "x86_64")]
         {
-            all.extend(pulp::x86::V3::try_new().map(Width::Four));
-            all.extend(pulp::x86::V4::try_new().map(Width::Eight));
+            all.extend(pulp::x86::V3::try_new().map(SimdWidth::Four));
+            all.extend(pulp::x86::V4::try_new().map(SimdWidth::Eight));
         }
         all
     }
 
-    /// See [`Arithmetic::fetch`].
+    /// See [`Arithmetic::prefetch`].
     #[inline(always)]
-    pub fn fetch<X: ?Sized>(self, x: &X) {
+    pub fn prefetch<X: ?Sized>(self, x: &X) {
         match self {
-            Width::One(l) => l.fetch(x),
+            SimdWidth::One(l) => l.prefetch(x),
             #[cfg(target_arch = "x86_64")]
-            Width::Four(l) => l.fetch(x),
+            SimdWidth::Four(l) => l.prefetch(x),
             #[cfg(target_arch = "x86_64")]
-            Width::Eight(l) => l.fetch(x),
+            SimdWidth::Eight(l) => l.prefetch(x),
         }
     }
 }
@@ -505,7 +521,7 @@ impl Arithmetic for Scalar {
     }
 
     #[inline(always)]
-    fn fetch<X: ?Sized>(self, _: &X) {}
+    fn prefetch<X: ?Sized>(self, _: &X) {}
 
     #[inline(always)]
     fn splat(self, x: f64) -> f64 {
@@ -560,24 +576,32 @@ impl Arithmetic for Scalar {
         if a < b { a } else { b }
     }
     #[inline(always)]
-    fn gather(self, lines: &[[f64; 8]], index: &[u32]) -> [f64; 8] {
+    fn gather_lines(self, lines: &[[f64; 8]], index: &[u32]) -> [f64; 8] {
         lines[index[0] as usize]
     }
     #[inline(always)]
-    fn scatter(self, lines: &mut [[f64; 8]], index: &[u32], columns: [f64; 8]) {
+    fn scatter_lines(self, lines: &mut [[f64; 8]], index: &[u32], columns: [f64; 8]) {
         lines[index[0] as usize] = columns;
     }
-    one_pair!(f64, Line, Half, relative, push, relative_half, push_half);
+    one_pair!(
+        f64,
+        BodyLine,
+        BodyHalfLine,
+        relative_velocity,
+        apply_impulse,
+        relative_half_velocity,
+        apply_half_impulse
+    );
 }
 
-impl Lanes for Scalar {
+impl F64Arithmetic for Scalar {
     #[inline(always)]
-    fn least(self, a: f64) -> f64 {
+    fn min_lane(self, a: f64) -> f64 {
         a
     }
 }
 
-impl Singles for Scalar {
+impl F32Arithmetic for Scalar {
     const WIDTH_F32: usize = 1;
     type S = f32;
 
@@ -634,7 +658,7 @@ impl Singles for Scalar {
         if a < b { a } else { b }
     }
     #[inline(always)]
-    fn magic_f32(self, magic: u32, a: f32) -> f32 {
+    fn rsqrt_seed_f32(self, magic: u32, a: f32) -> f32 {
         f32::from_bits(magic.wrapping_sub(a.to_bits() >> 1))
     }
     #[inline(always)]
@@ -645,7 +669,15 @@ impl Singles for Scalar {
     fn scatter_f32(self, lines: &mut [[f32; 8]], index: &[u32], columns: [f32; 8]) {
         lines[index[0] as usize] = columns;
     }
-    one_pair!(f32, ShortLine, ShortHalf, relative_f32, push_f32, relative_half_f32, push_half_f32);
+    one_pair!(
+        f32,
+        BodyLineF32,
+        BodyHalfLineF32,
+        relative_velocity_f32,
+        apply_impulse_f32,
+        relative_half_velocity_f32,
+        apply_half_impulse_f32
+    );
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -656,12 +688,12 @@ mod x86 {
     use pulp::x86::{V3, V4};
     use pulp::{NullaryFnOnce, cast};
 
-    use super::{Arithmetic, Half, Lanes, Line, ShortHalf, ShortLine, Singles};
+    use super::{Arithmetic, BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, F32Arithmetic, F64Arithmetic};
 
     /// Predicate of a comparison: greater than, ordered, quiet.
     const GREATER: i32 = 30;
 
-    /// Factors of line b in [`Lanes::relative`].
+    /// Factors of line b in [`LaneFloat::relative_velocity`].
     const SIGNS: [f64; 8] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
 
     const SIGNS_F32: [f32; 8] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
@@ -674,28 +706,28 @@ mod x86 {
     // outside the instruction set that their caller is compiled for.
 
     #[inline(always)]
-    fn eight(x: &[f64]) -> [f64; 8] {
+    fn first_eight(x: &[f64]) -> [f64; 8] {
         // One check of the length, so that it is one load.
         let x: &[f64; 8] = x[..8].try_into().unwrap_or(&[f64::NAN; 8]);
         *x
     }
 
     #[inline(always)]
-    fn four(x: &[f64]) -> [f64; 4] {
+    fn first_four(x: &[f64]) -> [f64; 4] {
         let x: &[f64; 4] = x[..4].try_into().unwrap_or(&[f64::NAN; 4]);
         *x
     }
 
     #[inline(always)]
-    fn ask_for<X: ?Sized>(sse: Sse, x: &X) {
+    fn prefetch_lines<X: ?Sized>(sse: Sse, x: &X) {
         let (start, size) = (std::ptr::from_ref(x).cast::<i8>(), size_of_val(x));
         let mut byte = 0;
         while byte < size {
             sse._mm_prefetch::<_MM_HINT_T1>(start.wrapping_add(byte));
-            byte += size_of::<Line>();
+            byte += size_of::<BodyLine>();
         }
         // What does not begin with a line may end in one more.
-        if align_of_val(x) < align_of::<Line>() {
+        if align_of_val(x) < align_of::<BodyLine>() {
             sse._mm_prefetch::<_MM_HINT_T1>(start.wrapping_add(size.saturating_sub(1)));
         }
     }
@@ -712,8 +744,8 @@ mod x86 {
         }
 
         #[inline(always)]
-        fn fetch<X: ?Sized>(self, x: &X) {
-            ask_for(self.sse, x);
+        fn prefetch<X: ?Sized>(self, x: &X) {
+            prefetch_lines(self.sse, x);
         }
 
         #[inline(always)]
@@ -722,7 +754,7 @@ mod x86 {
         }
         #[inline(always)]
         fn load(self, x: &[f64]) -> __m512d {
-            cast(eight(x))
+            cast(first_eight(x))
         }
         #[inline(always)]
         fn store(self, x: &mut [f64], v: __m512d) {
@@ -770,7 +802,7 @@ mod x86 {
             self.avx512f._mm512_min_pd(a, b)
         }
         #[inline(always)]
-        fn gather(self, lines: &[[f64; 8]], index: &[u32]) -> [__m512d; 8] {
+        fn gather_lines(self, lines: &[[f64; 8]], index: &[u32]) -> [__m512d; 8] {
             let mut rows = [self.splat(0.0); 8];
             for k in 0..8 {
                 rows[k] = cast(lines[index[k] as usize]);
@@ -778,14 +810,14 @@ mod x86 {
             transpose8(self, rows)
         }
         #[inline(always)]
-        fn scatter(self, lines: &mut [[f64; 8]], index: &[u32], columns: [__m512d; 8]) {
+        fn scatter_lines(self, lines: &mut [[f64; 8]], index: &[u32], columns: [__m512d; 8]) {
             let rows = transpose8(self, columns);
             for k in 0..8 {
                 lines[index[k] as usize] = cast(rows[k]);
             }
         }
         #[inline(always)]
-        fn relative(self, lines: &[Line], a: &[u32], b: &[u32]) -> [__m512d; 8] {
+        fn relative_velocity(self, lines: &[BodyLine], a: &[u32], b: &[u32]) -> [__m512d; 8] {
             let signs: __m512d = cast(SIGNS);
             let mut rows = [self.splat(0.0); 8];
             for k in 0..8 {
@@ -794,7 +826,7 @@ mod x86 {
             transpose8(self, rows)
         }
         #[inline(always)]
-        fn push(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [__m512d; 3], g: [__m512d; 3]) {
+        fn apply_impulse(self, lines: &mut [BodyLine], a: &[u32], b: &[u32], f: [__m512d; 3], g: [__m512d; 3]) {
             let (signs, zero): (__m512d, _) = (cast(SIGNS), self.splat(0.0));
             let rows = transpose8(self, [f[0], f[1], f[2], zero, g[0], g[1], g[2], zero]);
             for k in 0..8 {
@@ -808,7 +840,7 @@ mod x86 {
             }
         }
         #[inline(always)]
-        fn relative_half(self, halves: &[Half], a: &[u32], b: &[u32]) -> [__m512d; 4] {
+        fn relative_half_velocity(self, halves: &[BodyHalfLine], a: &[u32], b: &[u32]) -> [__m512d; 4] {
             let avx = self.avx512f;
             let signs: __m512d = cast([-1.0, -1.0, -1.0, 1.0, -1.0, -1.0, -1.0, 1.0]);
             // Rows 0 and 2, 1 and 3 ... so that the unpacked pairs come out in order.
@@ -830,7 +862,7 @@ mod x86 {
             ]
         }
         #[inline(always)]
-        fn push_half(self, halves: &mut [Half], a: &[u32], b: &[u32], f: [__m512d; 3]) {
+        fn apply_half_impulse(self, halves: &mut [BodyHalfLine], a: &[u32], b: &[u32], f: [__m512d; 3]) {
             let avx = self.avx512f;
             let zero = self.splat(0.0);
             // Halves of the even rows and of the odd ones; two rows side by side; rows.
@@ -843,8 +875,8 @@ mod x86 {
                 let rows: [__m256d; 2] = cast(avx._mm512_shuffle_f64x2::<0xd8>(pair, pair));
                 let first = k % 2 + 4 * (k / 2);
                 for (row, k) in [(rows[0], first), (rows[1], first + 2)] {
-                    add(*self, &mut halves[a[k] as usize].0, row);
-                    take(*self, &mut halves[b[k] as usize].0, row);
+                    add_to_slice(*self, &mut halves[a[k] as usize].0, row);
+                    subtract_from_slice(*self, &mut halves[b[k] as usize].0, row);
                 }
             }
         }
@@ -857,15 +889,15 @@ mod x86 {
         smaller(smaller(a, c), smaller(b, d))
     }
 
-    impl Lanes for V4 {
+    impl F64Arithmetic for V4 {
         #[inline(always)]
-        fn least(self, a: __m512d) -> f64 {
+        fn min_lane(self, a: __m512d) -> f64 {
             let [low, high]: [__m256d; 2] = cast(a);
             least_of_four(self.avx._mm256_min_pd(high, low))
         }
     }
 
-    impl Singles for V4 {
+    impl F32Arithmetic for V4 {
         const WIDTH_F32: usize = 16;
         type S = __m512;
 
@@ -924,7 +956,7 @@ mod x86 {
             self.avx512f._mm512_min_ps(a, b)
         }
         #[inline(always)]
-        fn magic_f32(self, magic: u32, a: __m512) -> __m512 {
+        fn rsqrt_seed_f32(self, magic: u32, a: __m512) -> __m512 {
             let half: __m512i = self.avx512f._mm512_srli_epi32::<1>(cast(a));
             cast(self.avx512f._mm512_sub_epi32(self.avx512f._mm512_set1_epi32(magic as i32), half))
         }
@@ -958,7 +990,7 @@ mod x86 {
             }
         }
         #[inline(always)]
-        fn relative_f32(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [__m512; 8] {
+        fn relative_velocity_f32(self, lines: &[BodyLineF32], a: &[u32], b: &[u32]) -> [__m512; 8] {
             let signs: __m512 = cast([SIGNS_F32, SIGNS_F32]);
             // Rows k and k + 4 side by side, so that quarters come out in order.
             let mut r = [self.splat_f32(0.0); 8];
@@ -971,7 +1003,7 @@ mod x86 {
             columns_of_sixteen(self, r)
         }
         #[inline(always)]
-        fn push_f32(self, lines: &mut [ShortLine], a: &[u32], b: &[u32], f: [__m512; 3], g: [__m512; 3]) {
+        fn apply_impulse_f32(self, lines: &mut [BodyLineF32], a: &[u32], b: &[u32], f: [__m512; 3], g: [__m512; 3]) {
             let avx = self.avx512f;
             // Quarters of f and of g in turn: the first and second of both, the third and fourth.
             let (first, last): (__m512i, __m512i) = (cast(FIRST_QUARTERS), cast(LAST_QUARTERS));
@@ -992,7 +1024,7 @@ mod x86 {
             }
         }
         #[inline(always)]
-        fn relative_half_f32(self, halves: &[ShortHalf], a: &[u32], b: &[u32]) -> [__m512; 4] {
+        fn relative_half_velocity_f32(self, halves: &[BodyHalfLineF32], a: &[u32], b: &[u32]) -> [__m512; 4] {
             let signs: __m512 = cast([SIGNS_F32, SIGNS_F32]);
             let signs = self.avx512f._mm512_shuffle_f32x4::<0>(signs, signs);
             let mut r = [self.splat_f32(0.0); 4];
@@ -1007,7 +1039,7 @@ mod x86 {
             transpose_quarters(self, r)
         }
         #[inline(always)]
-        fn push_half_f32(self, halves: &mut [ShortHalf], a: &[u32], b: &[u32], f: [__m512; 3]) {
+        fn apply_half_impulse_f32(self, halves: &mut [BodyHalfLineF32], a: &[u32], b: &[u32], f: [__m512; 3]) {
             let rows = transpose_quarters(self, [f[0], f[1], f[2], self.splat_f32(0.0)]);
             for k in 0..4 {
                 let quarters: [__m128; 4] = cast(rows[k]);
@@ -1089,8 +1121,8 @@ mod x86 {
         }
 
         #[inline(always)]
-        fn fetch<X: ?Sized>(self, x: &X) {
-            ask_for(self.sse, x);
+        fn prefetch<X: ?Sized>(self, x: &X) {
+            prefetch_lines(self.sse, x);
         }
 
         #[inline(always)]
@@ -1099,7 +1131,7 @@ mod x86 {
         }
         #[inline(always)]
         fn load(self, x: &[f64]) -> __m256d {
-            cast(four(x))
+            cast(first_four(x))
         }
         #[inline(always)]
         fn store(self, x: &mut [f64], v: __m256d) {
@@ -1148,18 +1180,18 @@ mod x86 {
             self.avx._mm256_min_pd(a, b)
         }
         #[inline(always)]
-        fn gather(self, lines: &[[f64; 8]], index: &[u32]) -> [__m256d; 8] {
+        fn gather_lines(self, lines: &[[f64; 8]], index: &[u32]) -> [__m256d; 8] {
             let (mut low, mut high) = ([self.splat(0.0); 4], [self.splat(0.0); 4]);
             for k in 0..4 {
                 let line = &lines[index[k] as usize];
-                low[k] = cast(four(&line[..4]));
-                high[k] = cast(four(&line[4..]));
+                low[k] = cast(first_four(&line[..4]));
+                high[k] = cast(first_four(&line[4..]));
             }
             let ([c0, c1, c2, c3], [c4, c5, c6, c7]) = (transpose4(self, low), transpose4(self, high));
             [c0, c1, c2, c3, c4, c5, c6, c7]
         }
         #[inline(always)]
-        fn scatter(self, lines: &mut [[f64; 8]], index: &[u32], c: [__m256d; 8]) {
+        fn scatter_lines(self, lines: &mut [[f64; 8]], index: &[u32], c: [__m256d; 8]) {
             let low = transpose4(self, [c[0], c[1], c[2], c[3]]);
             let high = transpose4(self, [c[4], c[5], c[6], c[7]]);
             for k in 0..4 {
@@ -1169,33 +1201,33 @@ mod x86 {
             }
         }
         #[inline(always)]
-        fn relative(self, lines: &[Line], a: &[u32], b: &[u32]) -> [__m256d; 8] {
-            let signs: __m256d = cast(four(&SIGNS));
+        fn relative_velocity(self, lines: &[BodyLine], a: &[u32], b: &[u32]) -> [__m256d; 8] {
+            let signs: __m256d = cast(first_four(&SIGNS));
             let (mut low, mut high) = ([self.splat(0.0); 4], [self.splat(0.0); 4]);
             for k in 0..4 {
                 let (a, b) = (&lines[a[k] as usize].0, &lines[b[k] as usize].0);
-                low[k] = self.mul_add(cast(four(b)), signs, cast(four(a)));
-                high[k] = self.add(cast(four(&a[4..])), cast(four(&b[4..])));
+                low[k] = self.mul_add(cast(first_four(b)), signs, cast(first_four(a)));
+                high[k] = self.add(cast(first_four(&a[4..])), cast(first_four(&b[4..])));
             }
             let ([d0, d1, d2, d3], [s0, s1, s2, s3]) = (transpose4(self, low), transpose4(self, high));
             [d0, d1, d2, d3, s0, s1, s2, s3]
         }
         #[inline(always)]
-        fn push(self, lines: &mut [Line], a: &[u32], b: &[u32], f: [__m256d; 3], g: [__m256d; 3]) {
+        fn apply_impulse(self, lines: &mut [BodyLine], a: &[u32], b: &[u32], f: [__m256d; 3], g: [__m256d; 3]) {
             let zero = self.splat(0.0);
             let f = transpose4(self, [f[0], f[1], f[2], zero]);
             let g = transpose4(self, [g[0], g[1], g[2], zero]);
             for k in 0..4 {
                 let (a, b) = (a[k] as usize, b[k] as usize);
-                add(self, &mut lines[a].0[..4], f[k]);
-                take(self, &mut lines[b].0[..4], f[k]);
-                add(self, &mut lines[a].0[4..], g[k]);
-                add(self, &mut lines[b].0[4..], g[k]);
+                add_to_slice(self, &mut lines[a].0[..4], f[k]);
+                subtract_from_slice(self, &mut lines[b].0[..4], f[k]);
+                add_to_slice(self, &mut lines[a].0[4..], g[k]);
+                add_to_slice(self, &mut lines[b].0[4..], g[k]);
             }
         }
         #[inline(always)]
-        fn relative_half(self, halves: &[Half], a: &[u32], b: &[u32]) -> [__m256d; 4] {
-            let signs: __m256d = cast(four(&SIGNS));
+        fn relative_half_velocity(self, halves: &[BodyHalfLine], a: &[u32], b: &[u32]) -> [__m256d; 4] {
+            let signs: __m256d = cast(first_four(&SIGNS));
             let mut rows = [self.splat(0.0); 4];
             for k in 0..4 {
                 rows[k] = self.mul_add(cast(halves[b[k] as usize].0), signs, cast(halves[a[k] as usize].0));
@@ -1203,35 +1235,35 @@ mod x86 {
             transpose4(self, rows)
         }
         #[inline(always)]
-        fn push_half(self, halves: &mut [Half], a: &[u32], b: &[u32], f: [__m256d; 3]) {
+        fn apply_half_impulse(self, halves: &mut [BodyHalfLine], a: &[u32], b: &[u32], f: [__m256d; 3]) {
             let rows = transpose4(self, [f[0], f[1], f[2], self.splat(0.0)]);
             for k in 0..4 {
-                add(self, &mut halves[a[k] as usize].0, rows[k]);
-                take(self, &mut halves[b[k] as usize].0, rows[k]);
+                add_to_slice(self, &mut halves[a[k] as usize].0, rows[k]);
+                subtract_from_slice(self, &mut halves[b[k] as usize].0, rows[k]);
             }
         }
     }
 
-    impl Lanes for V3 {
+    impl F64Arithmetic for V3 {
         #[inline(always)]
-        fn least(self, a: __m256d) -> f64 {
+        fn min_lane(self, a: __m256d) -> f64 {
             least_of_four(a)
         }
     }
 
     /// Adds p f to v of (v, p).
     #[inline(always)]
-    fn add(simd: V3, half: &mut [f64], f: __m256d) {
-        simd.store(half, simd.mul_add(simd.splat(half[3]), f, cast(four(half))));
+    fn add_to_slice(simd: V3, half: &mut [f64], f: __m256d) {
+        simd.store(half, simd.mul_add(simd.splat(half[3]), f, cast(first_four(half))));
     }
 
     /// Takes p f from v of (v, p).
     #[inline(always)]
-    fn take(simd: V3, half: &mut [f64], f: __m256d) {
-        simd.store(half, simd.neg_mul_add(simd.splat(half[3]), f, cast(four(half))));
+    fn subtract_from_slice(simd: V3, half: &mut [f64], f: __m256d) {
+        simd.store(half, simd.neg_mul_add(simd.splat(half[3]), f, cast(first_four(half))));
     }
 
-    impl Singles for V3 {
+    impl F32Arithmetic for V3 {
         const WIDTH_F32: usize = 8;
         type S = __m256;
 
@@ -1291,7 +1323,7 @@ mod x86 {
             self.avx._mm256_min_ps(a, b)
         }
         #[inline(always)]
-        fn magic_f32(self, magic: u32, a: __m256) -> __m256 {
+        fn rsqrt_seed_f32(self, magic: u32, a: __m256) -> __m256 {
             let half: __m256i = self.avx2._mm256_srli_epi32::<1>(cast(a));
             cast(self.avx2._mm256_sub_epi32(self.avx._mm256_set1_epi32(magic as i32), half))
         }
@@ -1311,7 +1343,7 @@ mod x86 {
             }
         }
         #[inline(always)]
-        fn relative_f32(self, lines: &[ShortLine], a: &[u32], b: &[u32]) -> [__m256; 8] {
+        fn relative_velocity_f32(self, lines: &[BodyLineF32], a: &[u32], b: &[u32]) -> [__m256; 8] {
             let signs: __m256 = cast(SIGNS_F32);
             let mut r = [self.splat_f32(0.0); 8];
             for k in 0..8 {
@@ -1321,7 +1353,7 @@ mod x86 {
             transpose_short8(self, r)
         }
         #[inline(always)]
-        fn push_f32(self, lines: &mut [ShortLine], a: &[u32], b: &[u32], f: [__m256; 3], g: [__m256; 3]) {
+        fn apply_impulse_f32(self, lines: &mut [BodyLineF32], a: &[u32], b: &[u32], f: [__m256; 3], g: [__m256; 3]) {
             let (avx, zero) = (self.avx, self.splat_f32(0.0));
             let (mut low, mut high) = ([zero; 4], [zero; 4]);
             for k in 0..3 {
@@ -1337,7 +1369,7 @@ mod x86 {
             }
         }
         #[inline(always)]
-        fn relative_half_f32(self, halves: &[ShortHalf], a: &[u32], b: &[u32]) -> [__m256; 4] {
+        fn relative_half_velocity_f32(self, halves: &[BodyHalfLineF32], a: &[u32], b: &[u32]) -> [__m256; 4] {
             let signs: __m256 = cast(SIGNS_F32);
             let signs = self.avx._mm256_permute2f128_ps::<0>(signs, signs);
             let mut r = [self.splat_f32(0.0); 4];
@@ -1349,7 +1381,7 @@ mod x86 {
             transpose_halves(self, r)
         }
         #[inline(always)]
-        fn push_half_f32(self, halves: &mut [ShortHalf], a: &[u32], b: &[u32], f: [__m256; 3]) {
+        fn apply_half_impulse_f32(self, halves: &mut [BodyHalfLineF32], a: &[u32], b: &[u32], f: [__m256; 3]) {
             let rows = transpose_halves(self, [f[0], f[1], f[2], self.splat_f32(0.0)]);
             for k in 0..4 {
                 let pair: [__m128; 2] = cast(rows[k]);
@@ -1390,9 +1422,9 @@ mod x86 {
         ]
     }
 
-    /// [`Arithmetic::push`] of one pair, f and g side by side.
+    /// [`Arithmetic::apply_impulse`] of one pair, f and g side by side.
     #[inline(always)]
-    fn push_row(simd: V3, lines: &mut [ShortLine], a: usize, b: usize, row: __m256) {
+    fn push_row(simd: V3, lines: &mut [BodyLineF32], a: usize, b: usize, row: __m256) {
         let line: __m256 = cast(lines[a].0);
         lines[a].0 = cast(simd.mul_add_f32(simd.avx._mm256_permute_ps::<0xff>(line), row, line));
         let line: __m256 = cast(lines[b].0);
@@ -1400,9 +1432,9 @@ mod x86 {
         lines[b].0 = cast(simd.mul_add_f32(simd.avx._mm256_permute_ps::<0xff>(line), row, line));
     }
 
-    /// [`Arithmetic::push_half`] of one pair.
+    /// [`Arithmetic::apply_half_impulse`] of one pair.
     #[inline(always)]
-    fn push_quarter(simd: V3, halves: &mut [ShortHalf], a: usize, b: usize, f: __m128) {
+    fn push_quarter(simd: V3, halves: &mut [BodyHalfLineF32], a: usize, b: usize, f: __m128) {
         let half: __m128 = cast(halves[a].0);
         halves[a].0 = cast(simd.fma._mm_fmadd_ps(simd.avx._mm_permute_ps::<0xff>(half), f, half));
         let half: __m128 = cast(halves[b].0);
@@ -1428,13 +1460,13 @@ mod tests {
     use super::*;
 
     /// Transposed reading, arithmetic and writing agree with the scalar to the last bit.
-    fn agrees<L: Lanes>(lanes: L) {
+    fn agrees<L: F64Arithmetic>(lanes: L) {
         struct Op<'a, L> {
             lanes: L,
-            lines: &'a mut [Line],
-            halves: &'a mut [Half],
+            lines: &'a mut [BodyLine],
+            halves: &'a mut [BodyHalfLine],
         }
-        impl<L: Lanes> NullaryFnOnce for Op<'_, L> {
+        impl<L: F64Arithmetic> NullaryFnOnce for Op<'_, L> {
             type Output = ();
             #[inline(always)]
             fn call(self) {
@@ -1442,28 +1474,30 @@ mod tests {
                 let (index, other) = ([3, 0, 5, 7, 1, 8, 2, 6], [18, 4, 9, 10, 12, 11, 17, 13]);
                 for from in (0..8).step_by(L::WIDTH) {
                     let (index, other) = (&index[from..from + L::WIDTH], &other[from..from + L::WIDTH]);
-                    let c = l.relative(lines, index, other);
+                    let c = l.relative_velocity(lines, index, other);
                     let q = l.div(l.mul_add(c[0], c[1], c[2]), l.sqrt(l.mul(c[3], c[3])));
                     let q = l.sub(l.add(q, c[4]), l.neg_mul_add(c[5], c[6], c[7]));
                     let q = l.select_greater(q, l.splat(0.3), q, l.sub(l.splat(0.0), q));
                     let mut mask = [0.0; 8];
                     (0..L::WIDTH).for_each(|k| mask[k] = f64::from(l.mask_greater(q, c[1]) >> k & 1));
                     let q = l.add(l.min(q, c[2]), l.load(&mask));
-                    l.push(lines, index, other, [q, c[1], c[2]], [c[4], q, c[6]]);
-                    let [x, y, z, p] = l.relative_half(halves, index, other);
-                    l.push_half(halves, other, index, [z, l.mul(x, p), y]);
+                    l.apply_impulse(lines, index, other, [q, c[1], c[2]], [c[4], q, c[6]]);
+                    let [x, y, z, p] = l.relative_half_velocity(halves, index, other);
+                    l.apply_half_impulse(halves, other, index, [z, l.mul(x, p), y]);
                     let mut rows: Vec<[f64; 8]> = lines.iter().map(|line| line.0).collect();
-                    let moved = l.gather(&rows, index);
-                    l.scatter(&mut rows, other, moved);
-                    let c = l.gather(&rows, other);
-                    l.push(lines, other, index, [c[0], c[1], c[2]], [c[3], c[4], c[7]]);
+                    let moved = l.gather_lines(&rows, index);
+                    l.scatter_lines(&mut rows, other, moved);
+                    let c = l.gather_lines(&rows, other);
+                    l.apply_impulse(lines, other, index, [c[0], c[1], c[2]], [c[3], c[4], c[7]]);
                 }
             }
         }
-        let sample = || -> Vec<Line> {
-            (0..19).map(|i| Line(std::array::from_fn(|k| ((i * 8 + k) as f64 * 0.7).sin() + 0.01))).collect()
+        let sample = || -> Vec<BodyLine> {
+            (0..19).map(|i| BodyLine(std::array::from_fn(|k| ((i * 8 + k) as f64 * 0.7).sin() + 0.01))).collect()
         };
-        let halves = || -> Vec<Half> { sample().iter().map(|line| Half([0, 6, 2, 5].map(|k| line.0[k]))).collect() };
+        let halves = || -> Vec<BodyHalfLine> {
+            sample().iter().map(|line| BodyHalfLine([0, 6, 2, 5].map(|k| line.0[k]))).collect()
+        };
         let (mut expected, mut got) = ((sample(), halves()), (sample(), halves()));
         Scalar.run(Op { lanes: Scalar, lines: &mut expected.0, halves: &mut expected.1 });
         lanes.run(Op { lanes, lines: &mut got.0, halves: &mut got.1 });
@@ -1473,27 +1507,28 @@ mod tests {
     /// What is read of a pair of lines, and what is written, in numbers.
     #[test]
     fn pairs_of_lines() {
-        let mut lines = [[1.0, 2.0, 3.0, 0.5, 4.0, 5.0, 6.0, 2.0], [7.0, 9.0, 2.0, 1.0, 1.0, 2.0, 3.0, 4.0]].map(Line);
-        assert_eq!(Scalar.relative(&lines, &[0], &[1]), [-6.0, -7.0, 1.0, 1.5, 5.0, 7.0, 9.0, 6.0]);
-        Scalar.push(&mut lines, &[0], &[1], [2.0, 4.0, 6.0], [1.0, 0.0, -1.0]);
+        let mut lines =
+            [[1.0, 2.0, 3.0, 0.5, 4.0, 5.0, 6.0, 2.0], [7.0, 9.0, 2.0, 1.0, 1.0, 2.0, 3.0, 4.0]].map(BodyLine);
+        assert_eq!(Scalar.relative_velocity(&lines, &[0], &[1]), [-6.0, -7.0, 1.0, 1.5, 5.0, 7.0, 9.0, 6.0]);
+        Scalar.apply_impulse(&mut lines, &[0], &[1], [2.0, 4.0, 6.0], [1.0, 0.0, -1.0]);
         assert_eq!(lines[0].0, [2.0, 4.0, 6.0, 0.5, 6.0, 5.0, 4.0, 2.0]);
         assert_eq!(lines[1].0, [5.0, 5.0, -4.0, 1.0, 5.0, 2.0, -1.0, 4.0]);
     }
 
     /// The same for single precision.
-    fn agrees_f32<L: Singles>(lanes: L) {
+    fn agrees_f32<L: F32Arithmetic>(lanes: L) {
         struct Op<'a, L> {
             l: L,
             x: &'a mut [f32; 32],
         }
-        impl<L: Singles> NullaryFnOnce for Op<'_, L> {
+        impl<L: F32Arithmetic> NullaryFnOnce for Op<'_, L> {
             type Output = ();
             #[inline(always)]
             fn call(self) {
                 let Op { l, x } = self;
                 for from in (0..16).step_by(L::WIDTH_F32) {
                     let (a, b) = (l.load_f32(&x[from..]), l.load_f32(&x[16 + from..]));
-                    let y = l.magic_f32(0x5f1ffff9, l.mul_add_f32(a, a, l.splat_f32(0.1)));
+                    let y = l.rsqrt_seed_f32(0x5f1ffff9, l.mul_add_f32(a, a, l.splat_f32(0.1)));
                     let y = l.sub_f32(l.neg_mul_add_f32(y, b, a), l.mul_f32(y, b));
                     l.store_f32(&mut x[from..], l.min_f32(y, l.splat_f32(0.8)));
                 }
@@ -1507,11 +1542,11 @@ mod tests {
     }
 
     /// The same for bodies in single precision.
-    fn agrees_on_short_bodies<L: Singles>(lanes: L) {
+    fn agrees_on_short_bodies<L: F32Arithmetic>(lanes: L) {
         struct Op<'a, L> {
             l: L,
-            lines: &'a mut [ShortLine],
-            halves: &'a mut [ShortHalf],
+            lines: &'a mut [BodyLineF32],
+            halves: &'a mut [BodyHalfLineF32],
         }
         impl<L: Arithmetic<T = f32>> NullaryFnOnce for Op<'_, L> {
             type Output = ();
@@ -1522,28 +1557,28 @@ mod tests {
                 let other = [18, 4, 9, 10, 12, 11, 17, 13, 19, 34, 23, 28, 24, 26, 32, 27];
                 for from in (0..16).step_by(L::WIDTH) {
                     let (a, b) = (&index[from..from + L::WIDTH], &other[from..from + L::WIDTH]);
-                    let c = l.relative(lines, a, b);
+                    let c = l.relative_velocity(lines, a, b);
                     let q = l.div(l.mul_add(c[0], c[1], c[2]), l.sqrt(l.mul(c[3], c[3])));
                     let q = l.select_greater(q, l.splat(0.3), q, l.sub(c[5], l.min(q, c[4])));
-                    l.push(lines, a, b, [q, c[1], c[2]], [c[4], q, c[6]]);
-                    let [x, y, z, p] = l.relative_half(halves, a, b);
-                    l.push_half(halves, b, a, [z, l.mul(x, p), y]);
+                    l.apply_impulse(lines, a, b, [q, c[1], c[2]], [c[4], q, c[6]]);
+                    let [x, y, z, p] = l.relative_half_velocity(halves, a, b);
+                    l.apply_half_impulse(halves, b, a, [z, l.mul(x, p), y]);
                     let mut rows: Vec<[f32; 8]> = lines.iter().map(|line| line.0).collect();
-                    let moved = l.gather(&rows, a);
-                    l.scatter(&mut rows, b, moved);
-                    let c = l.gather(&rows, b);
-                    l.push(lines, b, a, [c[0], c[1], c[2]], [c[3], c[4], c[7]]);
+                    let moved = l.gather_lines(&rows, a);
+                    l.scatter_lines(&mut rows, b, moved);
+                    let c = l.gather_lines(&rows, b);
+                    l.apply_impulse(lines, b, a, [c[0], c[1], c[2]], [c[3], c[4], c[7]]);
                 }
             }
         }
         let number = |i: usize| ((i as f64 * 0.7).sin() + 0.01) as f32;
-        let line = |i: usize| ShortLine(std::array::from_fn(|k| number(8 * i + k)));
-        let half = |i: usize| ShortHalf(std::array::from_fn(|k| number(4 * i + k)));
+        let line = |i: usize| BodyLineF32(std::array::from_fn(|k| number(8 * i + k)));
+        let half = |i: usize| BodyHalfLineF32(std::array::from_fn(|k| number(4 * i + k)));
         let sample = || ((0..35).map(line).collect::<Vec<_>>(), (0..35).map(half).collect::<Vec<_>>());
         let (mut expected, mut got) = (sample(), sample());
-        let scalar = Single(Scalar);
+        let scalar = F32Lanes(Scalar);
         scalar.run(Op { l: scalar, lines: &mut expected.0, halves: &mut expected.1 });
-        let wide = Single(lanes);
+        let wide = F32Lanes(lanes);
         wide.run(Op { l: wide, lines: &mut got.0, halves: &mut got.1 });
         assert_eq!(got, expected);
         assert_ne!(got, sample());
@@ -1559,11 +1594,11 @@ mod tests {
             pulp::x86::V4::try_new().into_iter().for_each(agrees_f32);
         }
         agrees(Scalar);
-        agrees(Twice(Scalar));
+        agrees(DoubleWidth(Scalar));
         #[cfg(target_arch = "x86_64")]
         {
             pulp::x86::V3::try_new().into_iter().for_each(agrees);
-            pulp::x86::V3::try_new().map(Twice).into_iter().for_each(agrees);
+            pulp::x86::V3::try_new().map(DoubleWidth).into_iter().for_each(agrees);
             pulp::x86::V4::try_new().into_iter().for_each(agrees);
         }
     }

@@ -14,7 +14,7 @@ pub type Quat = UnitQuaternion<f64>;
 /// The length of `v`: that of nalgebra, to the bit, which takes its root by an instruction that makes code of wide vectors
 /// around it wait for 150 cycles.
 #[inline(always)]
-pub fn length(v: &Vec3) -> f64 {
+pub fn vector_length(v: &Vec3) -> f64 {
     v.norm_squared().sqrt()
 }
 
@@ -48,13 +48,13 @@ pub fn to_world(frame: &[Vec3; 3], components: &Vec3) -> Vec3 {
 }
 
 /// Squares of angles up to which four terms of cosine and sine are exact to round-off: (0.01/4)^4/8! < 1e-15.
-const SMALL: f64 = 0.01;
+const MAX_SERIES_ANGLE_SQUARED: f64 = 0.01;
 
 /// The orientation `q` after a rotation by the vector `angle` (rad, world frame), of unit norm to round-off.
-pub fn rotate(q: &Quat, angle: &Vec3) -> Quat {
+pub fn rotate_by_vector(q: &Quat, angle: &Vec3) -> Quat {
     // cos(a/2) and sin(a/2)/a.
     let a2 = angle.norm_squared();
-    let (cos, sinc) = if a2 < SMALL {
+    let (cos, sinc) = if a2 < MAX_SERIES_ANGLE_SQUARED {
         (
             1.0 - a2 / 8.0 * (1.0 - a2 / 48.0 * (1.0 - a2 / 120.0 * (1.0 - a2 / 224.0))),
             0.5 - a2 / 48.0 * (1.0 - a2 / 80.0 * (1.0 - a2 / 168.0)),
@@ -71,16 +71,16 @@ pub fn rotate(q: &Quat, angle: &Vec3) -> Quat {
 }
 
 /// Items of a loop of little work each, of which a task takes at least so many.
-pub const MANY: usize = 2048;
+pub const PAR_MIN_LEN: usize = 2048;
 
 /// Places 0.. of `keys` grouped by key (each below `groups`) and in order within a group, and where
 /// each group starts, with the end of the last: a sort by counting.
 ///
 /// ```
-/// # use cd_solve::math::group;
-/// assert_eq!(group(&[2, 0, 2, 1], 3), (vec![1, 3, 0, 2], vec![0, 1, 2, 4]));
+/// # use cd_solve::math::group_by_key;
+/// assert_eq!(group_by_key(&[2, 0, 2, 1], 3), (vec![1, 3, 0, 2], vec![0, 1, 2, 4]));
 /// ```
-pub fn group(keys: &[u32], groups: usize) -> (Vec<u32>, Vec<u32>) {
+pub fn group_by_key(keys: &[u32], groups: usize) -> (Vec<u32>, Vec<u32>) {
     let mut starts = vec![0; groups + 1];
     keys.iter().for_each(|&key| starts[key as usize + 1] += 1);
     for g in 0..groups {
@@ -121,7 +121,7 @@ mod tests {
             let angle = Vec3::new(2.0, -1.0, 0.5).normalize() * size;
             let exact = Quat::from_scaled_axis(angle) * q;
             // A few roundings of numbers up to 1.
-            assert!((rotate(&q, &angle).coords - exact.coords).norm() < 5e-16, "{size}");
+            assert!((rotate_by_vector(&q, &angle).coords - exact.coords).norm() < 5e-16, "{size}");
         }
     }
 
@@ -129,7 +129,7 @@ mod tests {
     fn rotations_keep_the_norm_over_many_steps() {
         let mut q = Quat::identity();
         for _ in 0..100_000 {
-            q = rotate(&q, &Vec3::new(0.01, -0.02, 0.003));
+            q = rotate_by_vector(&q, &Vec3::new(0.01, -0.02, 0.003));
         }
         assert!((q.into_inner().norm() - 1.0).abs() < 1e-15);
     }

@@ -5,7 +5,7 @@ use super::Vec3;
 /// A number that looks like chance, one to each seed.
 ///
 /// Source: S. Vigna, splitmix64 (2015), public domain.
-pub fn scrambled(seed: u64) -> u64 {
+pub fn splitmix64(seed: u64) -> u64 {
     let z = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -13,10 +13,10 @@ pub fn scrambled(seed: u64) -> u64 {
 }
 
 /// The point that belongs to `seed`, all of the ball of radius 1 equally likely.
-pub fn in_ball(seed: u64) -> Vec3 {
+pub fn point_in_ball(seed: u64) -> Vec3 {
     let mut bits = seed;
     let mut draw = || {
-        bits = scrambled(bits);
+        bits = splitmix64(bits);
         (bits >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     };
     loop {
@@ -35,7 +35,7 @@ mod tests {
     #[test]
     fn points_fill_the_ball_evenly() {
         let n = 100_000;
-        let points: Vec<Vec3> = (0..n).map(|seed| in_ball(scrambled(seed))).collect();
+        let points: Vec<Vec3> = (0..n).map(|seed| point_in_ball(splitmix64(seed))).collect();
         let mean = points.iter().sum::<Vec3>() / n as f64;
         let second: Mat3 = points.iter().map(|p| p * p.transpose()).sum::<Mat3>() / n as f64;
         // Each component has mean 0 and variance 1/5, its square a variance below 1/20: five standard errors.

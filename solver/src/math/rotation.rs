@@ -13,15 +13,15 @@
 
 use nalgebra::{Matrix3, Quaternion};
 
-use super::{Quat, Vec3, rotate};
+use super::{Quat, Vec3, rotate_by_vector};
 
 /// Largest angle that one application of the rule turns a body by, rad; longer steps are divided.
-const LARGEST_TURN: f64 = 1.0;
+const MAX_TURN_ANGLE: f64 = 1.0;
 /// Divisions at most: a body that turns a hundred times in a step is not resolved anyway, and keeps its angular
 /// momentum, but not its energy.
-const DIVISIONS: f64 = 1000.0;
-/// Newton's method doubles the number of right digits; it needs about five steps at [`LARGEST_TURN`].
-const ITERATIONS: usize = 20;
+const MAX_DIVISIONS: f64 = 1000.0;
+/// Newton's method doubles the number of right digits; it needs about five steps at [`MAX_TURN_ANGLE`].
+const MAX_ITERATIONS: usize = 20;
 
 /// Orientation after the time `h` (s, of either sign) of a body that turns freely.
 ///
@@ -31,18 +31,18 @@ const ITERATIONS: usize = 20;
 ///
 /// The phase is of second order in h; energy and angular momentum are kept to rounding. With three equal moments the
 /// motion is a rotation about a fixed axis, and exact.
-pub fn turn_freely(q: &Quat, momentum: &Vec3, inertia: &[f64; 3], h: f64) -> Quat {
+pub fn free_rotation(q: &Quat, momentum: &Vec3, inertia: &[f64; 3], h: f64) -> Quat {
     let [a, b, c] = *inertia;
     if a == b && b == c {
-        return rotate(q, &(momentum * (h / a)));
+        return rotate_by_vector(q, &(momentum * (h / a)));
     }
     let fastest = momentum.norm() / a.min(b).min(c) * h.abs();
-    let divisions = (fastest / LARGEST_TURN).ceil().clamp(1.0, DIVISIONS);
+    let divisions = (fastest / MAX_TURN_ANGLE).ceil().clamp(1.0, MAX_DIVISIONS);
     let part = h / divisions;
-    (0..divisions as usize).fold(*q, |q, _| turn_once(&q, momentum, inertia, part))
+    (0..divisions as usize).fold(*q, |q, _| free_rotation_step(&q, momentum, inertia, part))
 }
 
-fn turn_once(q: &Quat, momentum: &Vec3, inertia: &[f64; 3], h: f64) -> Quat {
+fn free_rotation_step(q: &Quat, momentum: &Vec3, inertia: &[f64; 3], h: f64) -> Quat {
     let j = Vec3::from(*inertia);
     let l = q.inverse_transform_vector(momentum);
     let half = midpoint_velocity(&l, &j, h) * (0.5 * h);
@@ -56,7 +56,7 @@ fn turn_once(q: &Quat, momentum: &Vec3, inertia: &[f64; 3], h: f64) -> Quat {
 fn midpoint_velocity(l: &Vec3, j: &Vec3, h: f64) -> Vec3 {
     let start = l.component_div(j);
     let mut w = start;
-    for _ in 0..ITERATIONS {
+    for _ in 0..MAX_ITERATIONS {
         let jw = j.component_mul(&w);
         let defect = jw + w.cross(&jw) * (0.5 * h) - l;
         if defect.norm_squared() <= 1e-32 * l.norm_squared() {
@@ -106,10 +106,10 @@ mod tests {
             let (q, l) = (Quat::from_scaled_axis(Vec3::from(turned)), Vec3::from(momentum) * unit);
             prop_assume!(l.norm() > 1e-3 * unit);
             let energy = |q: &Quat| l.dot(&angular_velocity(q, &inertia, &l));
-            let after = turn_freely(&q, &l, &inertia, h);
+            let after = free_rotation(&q, &l, &inertia, h);
             // A few roundings in each of up to a hundred divisions.
             prop_assert!((energy(&after) / energy(&q) - 1.0).abs() < 1e-13);
-            let back = turn_freely(&after, &l, &inertia, -h);
+            let back = free_rotation(&after, &l, &inertia, -h);
             prop_assert!(back.angle_to(&q) < 1e-11, "{}", back.angle_to(&q));
         }
 
@@ -120,7 +120,7 @@ mod tests {
             momentum in prop::array::uniform3(size()),
             h in size(),
         ) {
-            let q = turn_freely(&Quat::identity(), &Vec3::from(momentum), &inertia, h);
+            let q = free_rotation(&Quat::identity(), &Vec3::from(momentum), &inertia, h);
             prop_assert!((q.into_inner().norm() - 1.0).abs() < 1e-14);
         }
     }

@@ -3,62 +3,64 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use cd_formats::compute::{Action, Compute, ContactSolver, Event, MOST_EVENTS, too_frequent};
+use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, MAX_EVENTS, too_frequent};
 use cd_formats::doubts::{self, density, friction};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::report::Report;
-use cd_formats::scan::{Line, Text};
+use cd_formats::report::FaultReport;
+use cd_formats::scan::{AsciiText, TextLine};
 use cd_formats::snapshot::LawName;
-use cd_formats::tact_behav::{Side, TactBehav, labels};
+use cd_formats::tact_behav::{TactBehav, VisibilitySide, parameter_labels};
 use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
 
-use crate::gravity::Method;
-use crate::laws::{Cohesion, KINDS, Law};
+use crate::gravity::SummationMethod;
+use crate::laws::{Cohesion, ContactLaw, LAW_KINDS};
 use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
-use crate::scene::{Body, EVENT_SLACK, Geometry, Part, Scene, See, Shape, Visibility};
-use crate::state::{Contact, SolvedContact, Status, UNKNOWN};
+use crate::scene::{
+    BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, RigidBody, Scene, VisibilityTable,
+};
+use crate::state::{Contact, ContactStatus, SolvedContact, UNKNOWN_FEATURE};
 
 /// Names of the contactors that are told apart by the visibility table.
-const CONTACTORS: [[&str; 2]; 5] = [["SPHER", "SPHEb"], ["PLANx"; 2], ["POLYR"; 2], ["CYLND"; 2], ["DNLYC"; 2]];
+const CONTACTOR_NAMES: [[&str; 2]; 5] = [["SPHER", "SPHEb"], ["PLANx"; 2], ["POLYR"; 2], ["CYLND"; 2], ["DNLYC"; 2]];
 
-fn kind_of(geometry: &Geometry) -> usize {
+fn contactor_kind(geometry: &ContactorShape) -> usize {
     match geometry {
-        Geometry::Sphere { .. } => 0,
-        Geometry::Plane { .. } => 1,
-        Geometry::Polyhedron(_) => 2,
-        Geometry::Cylinder { hollow: false, .. } => 3,
-        Geometry::Cylinder { hollow: true, .. } => 4,
+        ContactorShape::Sphere { .. } => 0,
+        ContactorShape::Plane { .. } => 1,
+        ContactorShape::Polyhedron(_) => 2,
+        ContactorShape::Cylinder { hollow: false, .. } => 3,
+        ContactorShape::Cylinder { hollow: true, .. } => 4,
     }
 }
 
 /// Kind and class of the contactor that a side of a contact names, if the body has it.
-fn contactor(scene: &Scene, side: &ContactSide) -> Option<(usize, u16)> {
+fn kind_and_class(scene: &Scene, side: &ContactSide) -> Option<(usize, u16)> {
     let body = &scene.bodies[side.body];
     let (kind, class) = match body.shape {
-        Shape::Sphere { .. } if side.rank == 0 => (0, body.class),
-        Shape::Plane { .. } if side.rank == 0 => (1, body.class),
-        Shape::Sphere { .. } | Shape::Plane { .. } => return None,
-        Shape::Parts => {
+        BodyShape::Sphere { .. } if side.rank == 0 => (0, body.class),
+        BodyShape::Plane { .. } if side.rank == 0 => (1, body.class),
+        BodyShape::Sphere { .. } | BodyShape::Plane { .. } => return None,
+        BodyShape::Parts => {
             let part = scene.parts_of(side.body as u32).get(side.rank)?;
-            (kind_of(&part.geometry), part.class)
+            (contactor_kind(&part.geometry), part.class)
         }
     };
-    CONTACTORS[kind].contains(&side.contactor.as_str()).then_some((kind, class))
+    CONTACTOR_NAMES[kind].contains(&side.contactor.as_str()).then_some((kind, class))
 }
 
 /// What a status of LMGC90's says: of laws that remember it is one of four letters after the law's own; None of no such word.
-fn status(word: &str) -> Option<Status> {
+fn parse_status(word: &str) -> Option<ContactStatus> {
     match word.strip_prefix(['C', 'W', 'M', 'E']).unwrap_or(word) {
-        "stick" | "stck" => Some(Status::Stick),
-        "slide" | "slid" | "slifw" | "slibw" | "slfw" | "slbw" => Some(Status::Slide),
-        "noctc" | "nknow" | "nctc" | "nnow" | "vnish" => Some(Status::NoContact),
-        "_RGR_" => Some(Status::Stick),
+        "stick" | "stck" => Some(ContactStatus::Stick),
+        "slide" | "slid" | "slifw" | "slibw" | "slfw" | "slbw" => Some(ContactStatus::Slide),
+        "noctc" | "nknow" | "nctc" | "nnow" | "vnish" => Some(ContactStatus::NoContact),
+        "_RGR_" => Some(ContactStatus::Stick),
         _ => None,
     }
 }
 
 /// Puts laws and visibility into the scene.
-pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Faults) {
+pub fn set_laws_and_visibility(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Faults) {
     let file = datbox.join("TACT_BEHAV.DAT");
     // Only laws that some row of the table uses are needed.
     let mut number = vec![None; tact.laws.len()];
@@ -72,12 +74,12 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
         let mut refuse = |found: String, expected: String| {
             faults.push(Fault::new(&file, Some(record.line), format!("law '{}'", record.nickname), found, expected));
         };
-        match Law::new(&record.kind, &record.parameters) {
+        match ContactLaw::new(&record.kind, &record.parameters) {
             None => refuse(
                 format!("{} with {} parameters", record.kind, record.parameters.len()),
-                format!("computed are {}", KINDS.join(", ")),
+                format!("computed are {}", LAW_KINDS.join(", ")),
             ),
-            Some(law) => match law.fault() {
+            Some(law) => match law.invalid_parameter() {
                 Some((name, value)) => refuse(
                     format!("{name} {value}"),
                     "expected restitutions from 0 to 1, others >= 0, dynamic friction <= static".into(),
@@ -110,13 +112,13 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
         body.class = class(usize::from(!body.is_sphere()), body.colour);
     }
     for part in &mut scene.parts {
-        part.class = class(kind_of(&part.geometry), part.colour);
+        part.class = class(contactor_kind(&part.geometry), part.colour);
     }
-    let classes = CONTACTORS.len() * colours;
-    let mut table: Vec<Option<See>> = vec![None; classes * classes];
-    let class_of = |side: &Side| {
+    let classes = CONTACTOR_NAMES.len() * colours;
+    let mut table: Vec<Option<InteractionRule>> = vec![None; classes * classes];
+    let class_of = |side: &VisibilitySide| {
         let colour = scene.colours.iter().position(|colour| *colour == side.colour)?;
-        let kind = CONTACTORS.iter().position(|names| names.contains(&side.contactor.as_str()))?;
+        let kind = CONTACTOR_NAMES.iter().position(|names| names.contains(&side.contactor.as_str()))?;
         Some(class(kind, colour as u16) as usize)
     };
     for row in &tact.visibility {
@@ -125,7 +127,7 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
         let (Some(a), Some(b), Some(law)) = (class_of(&row.candidate), class_of(&row.antagonist), law) else {
             continue;
         };
-        let see = See { law, alert: scene.options.alert.unwrap_or(row.alert) };
+        let see = InteractionRule { law, alert: scene.options.alert.unwrap_or(row.alert) };
         if let Some(known) = table[a * classes + b].filter(|known| *known != see) {
             let found = format!("law '{}', alert {}", row.law, row.alert);
             let object = format!(
@@ -139,7 +141,7 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
             faults.push(Fault::new(&file, Some(row.line), object, found, expected));
         }
         let is_wall = |class: usize| ![0, 2].contains(&(class / colours));
-        if let Some([pushed, other]) = pushed_walls(scene, [a, b]).filter(|_| is_wall(a) && is_wall(b)) {
+        if let Some([pushed, other]) = partly_driven_walls(scene, [a, b]).filter(|_| is_wall(a) && is_wall(b)) {
             let found = format!("body {}, which moves freely along some axis, and body {}", pushed + 1, other + 1);
             let object = format!(
                 "{} {} and {} {}",
@@ -152,22 +154,22 @@ pub fn laws(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Fau
         table[a * classes + b] = Some(see);
         table[b * classes + a] = Some(see);
     }
-    let radius = |body: &Body| if let Shape::Plane { .. } = body.shape { 0.0 } else { body.radius };
-    let of_parts = scene.parts.iter().map(|part| scene.curvature_of(part)).filter(|curvature| *curvature > 0.0);
+    let radius = |body: &RigidBody| if let BodyShape::Plane { .. } = body.shape { 0.0 } else { body.radius };
+    let of_parts = scene.parts.iter().map(|part| scene.part_curvature(part)).filter(|curvature| *curvature > 0.0);
     let radii = scene.bodies.iter().map(radius).chain(of_parts.map(f64::recip));
     let largest = radii.fold(0.0, f64::max);
-    let range = |see: &See| see.alert.max(scene.laws[see.law as usize].range(largest));
+    let range = |see: &InteractionRule| see.alert.max(scene.laws[see.law as usize].interaction_range(largest));
     scene.listing_range = table.iter().flatten().map(range).fold(0.0, f64::max);
-    scene.visibility = Visibility { classes, table };
+    scene.visibility = VisibilityTable { classes, table };
     check_periods(&file, tact, scene, faults);
     let text = std::fs::read_to_string(&file).unwrap_or_default();
-    scene.notes.extend(unseen(scene, &TactBehav::without_law(&text)));
+    scene.notes.extend(unseen_contactors_note(scene, &TactBehav::colour_pairs_without_law(&text)));
 }
 
 /// Two bodies with contactors of these classes of which the first is driven in part, if there are such.
-fn pushed_walls(scene: &Scene, [a, b]: [usize; 2]) -> Option<[u32; 2]> {
+fn partly_driven_walls(scene: &Scene, [a, b]: [usize; 2]) -> Option<[u32; 2]> {
     let of_class = |class: usize| scene.parts.iter().filter(move |part| usize::from(part.class) == class);
-    let is_pushed = |part: &&Part| scene.bodies[part.body as usize].is_driven_in_part();
+    let is_pushed = |part: &&BodyPart| scene.bodies[part.body as usize].is_driven_in_part();
     [[a, b], [b, a]].into_iter().find_map(|[first, second]| {
         let pushed = of_class(first).find(is_pushed)?.body;
         let other = of_class(second).find(|part| part.body != pushed)?.body;
@@ -182,7 +184,7 @@ fn check_periods(file: &Path, tact: &TactBehav, scene: &Scene, faults: &mut Faul
     };
     let largest = scene.free.iter().map(|&i| scene.bodies[i as usize].radius).fold(0.0, f64::max);
     for (law, name) in scene.laws.iter().zip(&scene.law_names) {
-        let range = law.range(largest);
+        let range = law.interaction_range(largest);
         if range > 0.0 && 2.0 * (2.0 * largest + range) >= period {
             let line = tact.laws.iter().find(|law| law.nickname == name.nickname).map(|law| law.line);
             let found =
@@ -195,7 +197,7 @@ fn check_periods(file: &Path, tact: &TactBehav, scene: &Scene, faults: &mut Faul
 
 /// The contactors of a class.
 #[derive(Default)]
-struct Members {
+struct ClassMembers {
     /// Bodies that have one.
     count: usize,
     /// The last of them.
@@ -207,9 +209,9 @@ struct Members {
 /// What to tell of contactors of free bodies that no row lets meet others.
 ///
 /// `meant`: pairs of colours that the file says are to have none.
-fn unseen(scene: &Scene, meant: &[[String; 2]]) -> Option<String> {
-    let mut members: BTreeMap<u16, Members> = BTreeMap::new();
-    let mut count = |class: u16, number: u32, body: &Body| {
+fn unseen_contactors_note(scene: &Scene, meant: &[[String; 2]]) -> Option<String> {
+    let mut members: BTreeMap<u16, ClassMembers> = BTreeMap::new();
+    let mut count = |class: u16, number: u32, body: &RigidBody| {
         let members = members.entry(class).or_default();
         // Pieces of one body do not meet.
         members.count += usize::from(members.last != Some(number));
@@ -224,7 +226,7 @@ fn unseen(scene: &Scene, meant: &[[String; 2]]) -> Option<String> {
     let colours = scene.colours.len().max(1);
     let name = |class: u16| {
         let colour = scene.colours.get(class as usize % colours).map_or("", String::as_str);
-        format!("{} {colour}", CONTACTORS[class as usize / colours][0])
+        format!("{} {colour}", CONTACTOR_NAMES[class as usize / colours][0])
     };
     let mut missed = Vec::new();
     for (&a, of_a) in &members {
@@ -232,7 +234,7 @@ fn unseen(scene: &Scene, meant: &[[String; 2]]) -> Option<String> {
             let could = (of_a.free || of_b.free) && (a != b || of_a.count > 1);
             let colours = [a, b].map(|class| scene.colours.get(class as usize % colours).map_or("", String::as_str));
             let meant = meant.iter().any(|[a, b]| colours == [a, b] || colours == [b, a]);
-            if could && !meant && scene.visibility.see(a, b).is_none() {
+            if could && !meant && scene.visibility.interaction_rule(a, b).is_none() {
                 missed.push(format!("{} and {}", name(a), name(b)));
             }
         }
@@ -243,10 +245,12 @@ fn unseen(scene: &Scene, meant: &[[String; 2]]) -> Option<String> {
 
 /// Tells, where the state is also written as text, of contacts for which LMGC90 has no kind.
 pub fn check_text(scene: &mut Scene) {
-    let polyhedra = scene.parts.iter().filter(|part| matches!(part.geometry, Geometry::Polyhedron(_)));
+    let polyhedra = scene.parts.iter().filter(|part| matches!(part.geometry, ContactorShape::Polyhedron(_)));
     let of_polyhedra: Vec<u16> = polyhedra.map(|part| part.class).collect();
-    let cylinders = scene.parts.iter().filter(|part| matches!(part.geometry, Geometry::Cylinder { .. }));
-    let sees = |part: &Part| of_polyhedra.iter().any(|&class| scene.visibility.see(class, part.class).is_some());
+    let cylinders = scene.parts.iter().filter(|part| matches!(part.geometry, ContactorShape::Cylinder { .. }));
+    let sees = |part: &BodyPart| {
+        of_polyhedra.iter().any(|&class| scene.visibility.interaction_rule(class, part.class).is_some())
+    };
     if scene.options.text && cylinders.into_iter().any(sees) {
         let note = "Vloc_Rloc.OUT.k: contacts of polyhedra with cylinders are written as PRPRx: LMGC90 has none such";
         scene.notes.push(note.into());
@@ -254,9 +258,9 @@ pub fn check_text(scene: &mut Scene) {
 }
 
 /// Refuses events about laws that no contact has, or about a cohesion that a law does not have.
-pub fn check_events(scene: &Scene, report: &mut Report) {
+pub fn check_events(scene: &Scene, report: &mut FaultReport) {
     for (k, event) in scene.options.events.iter().enumerate() {
-        let (Action::SetFriction(name, _) | Action::SetCohesion(name, _)) = &event.action else { continue };
+        let (EventAction::SetFriction(name, _) | EventAction::SetCohesion(name, _)) = &event.action else { continue };
         let path = format!("events.{k}.action.0");
         match scene.law_names.iter().position(|law| law.nickname == *name) {
             None => {
@@ -264,9 +268,10 @@ pub fn check_events(scene: &Scene, report: &mut Report) {
                 report.unknown(&path, format!("law '{name}' is not in use"), name, &known);
             }
             Some(law)
-                if matches!(event.action, Action::SetCohesion(..)) && !scene.laws[law].clone().set_cohesion(0.0) =>
+                if matches!(event.action, EventAction::SetCohesion(..))
+                    && !scene.laws[law].clone().set_cohesion(0.0) =>
             {
-                report.fault(&path, format!("law '{name}' has no cohesion"), "a law with cohesion");
+                report.add_fault(&path, format!("law '{name}' has no cohesion"), "a law with cohesion");
             }
             Some(_) => {}
         }
@@ -276,15 +281,15 @@ pub fn check_events(scene: &Scene, report: &mut Report) {
 /// Asks about densities of bodies, friction of laws in use and friction that events set which are probably mistakes of units.
 ///
 /// The density 1 is that of scenes without units.
-pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mut Report) {
+pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mut FaultReport) {
     let mut questions = Faults::default();
     let file = datbox.join("BULK_BEHAV.DAT");
-    let text = Text::load(&file).ok();
+    let text = AsciiText::read_file(&file).ok();
     for (k, material) in scene.materials.iter().enumerate() {
         let question = density(material.density).filter(|_| material.density != 1.0);
         if let Some(question) = question.filter(|_| scene.bodies.iter().any(|body| usize::from(body.material) == k)) {
             let is_record =
-                |line: &Line| line.columns(2, 6).trim() == material.name && !line.columns(46, 59).is_empty();
+                |line: &TextLine| line.columns(2, 6).trim() == material.name && !line.columns(46, 59).is_empty();
             let line = text.as_ref().and_then(|text| text.lines().find(is_record)).map(|line| line.number);
             let (object, found) = (format!("material {}, density", material.name), format!("{:?}", material.density));
             questions.push(Fault::new(&file, line, object, found, question));
@@ -294,7 +299,7 @@ pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mu
     for law in &scene.law_names {
         let line = tact.laws.iter().find(|known| known.nickname == law.nickname).map(|known| known.line);
         let mut asked = Vec::new();
-        for (label, value) in labels(&law.kind).zip(&law.parameters) {
+        for (label, value) in parameter_labels(&law.kind).zip(&law.parameters) {
             let Some(question) = friction(*value).filter(|_| ["fric", "dyfr", "stfr"].contains(&label)) else {
                 continue;
             };
@@ -311,18 +316,18 @@ pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mu
 }
 
 /// Refuses events that happen too often up to the end of the run.
-pub fn check_happenings(scene: &Scene, report: &mut Report) {
+pub fn check_event_counts(scene: &Scene, report: &mut FaultReport) {
     for (k, repeats) in too_frequent(&scene.options.events, scene.end_time()) {
         let found = format!("happens {repeats:.0} times up to the end of the run");
-        report.fault(&format!("events.{k}"), found, format!("at most {MOST_EVENTS:.0}"));
+        report.add_fault(&format!("events.{k}"), found, format!("at most {MAX_EVENTS:.0}"));
     }
 }
 
 /// What to tell of options and events that change nothing in this scene.
-pub fn without_effect(scene: &Scene) -> Vec<String> {
+pub fn ineffective_options(scene: &Scene) -> Vec<String> {
     let Compute { self_gravity, gravity, gravity_constant, gravity_moved, gravity_quadrupole, .. } = scene.options;
     let of_gravity = !self_gravity;
-    let of_fmm = of_gravity || scene.gravity().method_for(scene.free.len()) == Method::Direct;
+    let of_fmm = of_gravity || scene.gravity_solver().method_for(scene.free.len()) == SummationMethod::Direct;
     let sweeps = matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs);
     let default = Compute::default();
     let set = [
@@ -358,7 +363,7 @@ pub fn without_effect(scene: &Scene) -> Vec<String> {
             _ if event.time > begin + EVENT_SLACK * dt && end > start => {
                 format!("at {} s no step begins any more, the last at {begin} s", event.time)
             }
-            Action::Bond if !scene.bonds() => "Bond needs a law whose bonds or bridges can break".into(),
+            EventAction::Bond if !scene.has_bonds() => "Bond needs a law whose bonds or bridges can break".into(),
             _ => return None,
         };
         Some(format!("event {}: without effect; {why}", k + 1))
@@ -368,7 +373,7 @@ pub fn without_effect(scene: &Scene) -> Vec<String> {
 }
 
 /// The contacts of Vloc_Rloc.INI that this scene can have, to start the first step from; what it cannot have is told.
-pub fn history(
+pub fn initial_contacts(
     datbox: &Path,
     history: &VlocRloc,
     scene: &mut Scene,
@@ -400,17 +405,17 @@ pub fn history(
             ));
             continue;
         }
-        let [Some((kind_a, class_a)), Some((kind_b, class_b))] = sides.map(|side| contactor(scene, side)) else {
+        let [Some((kind_a, class_a)), Some((kind_b, class_b))] = sides.map(|side| kind_and_class(scene, side)) else {
             let found = format!("{} of bodies {} and {}", record.kind, sides[0].body + 1, sides[1].body + 1);
             let expected = "expected a kind of the bodies' own contactors";
             faults.push(Fault::new(&file, Some(record.line), "contact", found, expected));
             continue;
         };
-        let Some(see) = scene.visibility.see(class_a, class_b) else {
+        let Some(see) = scene.visibility.interaction_rule(class_a, class_b) else {
             unseen += 1;
             continue;
         };
-        let Some(status) = status(&record.status) else {
+        let Some(status) = parse_status(&record.status) else {
             let expected = "expected one of LMGC90's, such as stick, slide, noctc, Mstck or Wslid";
             faults.push(Fault::new(&file, Some(record.line), "status", record.status.as_str(), expected));
             continue;
@@ -425,19 +430,19 @@ pub fn history(
             faults.push(Fault::new(&file, Some(record.line), "contact", "a normal of length 0", "expected length 1"));
             continue;
         };
-        let candidacy = sides.map(|side| scene.candidacy(side.body as u32, side.rank as u16));
+        let candidacy = sides.map(|side| scene.candidate_order(side.body as u32, side.rank as u16));
         let turned = candidacy[0] > candidacy[1];
         let (sign, [candidate, antagonist], kinds) =
             if turned { (-1.0, [sides[1], sides[0]], [kind_b, kind_a]) } else { (1.0, sides, [kind_a, kind_b]) };
         let normal = normal * sign;
         // Of a plate's faces the normal tells which; of all else the place.
-        let features = match kinds.map(|kind| CONTACTORS[kind][0]) {
+        let features = match kinds.map(|kind| CONTACTOR_NAMES[kind][0]) {
             ["SPHER", "SPHER"] => (0, 0),
             ["SPHER", "PLANx"] => {
                 let third_axis = orientations[antagonist.body] * Vec3::z();
                 (0, if normal.dot(&third_axis) >= 0.0 { 0 } else { 1 })
             }
-            _ => (UNKNOWN, number),
+            _ => (UNKNOWN_FEATURE, number),
         };
         // Their tangents are not ours.
         let ours = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use cd_formats::bodies::{Bodies, Shape as FileShape};
+use cd_formats::bodies::{Bodies, ShapeRecord as FileShape};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
@@ -12,11 +12,13 @@ use cd_formats::snapshot::MaterialName;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use crate::math::{Quat, Vec3};
-use crate::read::parts::{Made, make};
-use crate::scene::{Body, Drive, Geometry, Load, Part, Scene, Shape, Visibility};
+use crate::read::parts::{PreparedBody, body_from_record};
+use crate::scene::{
+    BodyPart, BodyShape, ContactorShape, ImposedLoad, ImposedVelocity, RigidBody, Scene, VisibilityTable,
+};
 
 /// The scene without its laws.
-pub fn scene(
+pub fn scene_without_laws(
     datbox: &Path,
     records: &Bodies,
     bulk: &BulkBehav,
@@ -31,24 +33,24 @@ pub fn scene(
     let mut part_starts = vec![0];
     let mut frames = Vec::new();
     for (index, record) in records.0.iter().enumerate() {
-        let made = make(record, bulk, &mut colours).unwrap_or_else(|(found, expected)| {
+        let made = body_from_record(record, bulk, &mut colours).unwrap_or_else(|(found, expected)| {
             let of_material = found.starts_with("material ");
             let line = if of_material { Bodies::line_of_material(&file, record) } else { record.line };
             faults.push(Fault::new(&file, Some(line), format!("body {}", index + 1), found, expected));
-            placeholder()
+            placeholder_body()
         });
         bodies.push(made.body);
-        parts.extend(made.parts.into_iter().map(|part| Part { body: index as u32, ..part }));
+        parts.extend(made.parts.into_iter().map(|part| BodyPart { body: index as u32, ..part }));
         part_starts.push(parts.len() as u32);
         frames.push((made.shift, made.axes));
     }
-    let (drives, loads) = motion_imposed(datbox, driven, &mut bodies, faults);
-    for part in parts.iter().filter(|part: &&Part| !bodies[part.body as usize].driven) {
+    let (drives, loads) = imposed_motion(datbox, driven, &mut bodies, faults);
+    for part in parts.iter().filter(|part: &&BodyPart| !bodies[part.body as usize].driven) {
         let (name, kind) = match part.geometry {
-            Geometry::Plane { .. } => ("PLANx", "plates"),
-            Geometry::Cylinder { hollow: false, .. } => ("CYLND", "cylinders"),
-            Geometry::Cylinder { hollow: true, .. } => ("DNLYC", "hollow cylinders"),
-            Geometry::Sphere { .. } | Geometry::Polyhedron(_) => continue,
+            ContactorShape::Plane { .. } => ("PLANx", "plates"),
+            ContactorShape::Cylinder { hollow: false, .. } => ("CYLND", "cylinders"),
+            ContactorShape::Cylinder { hollow: true, .. } => ("DNLYC", "hollow cylinders"),
+            ContactorShape::Sphere { .. } | ContactorShape::Polyhedron(_) => continue,
         };
         let expected =
             format!("expected vlocy lines in DRV_DOF.DAT: {kind} are walls, some or all of their motion is imposed");
@@ -72,17 +74,17 @@ pub fn scene(
             ));
         }
     }
-    if !bodies.iter().any(|body| body.shape == Shape::Parts || body.is_driven_in_part()) {
+    if !bodies.iter().any(|body| body.shape == BodyShape::Parts || body.is_driven_in_part()) {
         parts.clear();
         part_starts.clear();
     }
 
-    let indices = |chosen: &dyn Fn(&Body) -> bool| -> Vec<u32> {
+    let indices = |chosen: &dyn Fn(&RigidBody) -> bool| -> Vec<u32> {
         bodies.iter().enumerate().filter(|(_, body)| chosen(body)).map(|(i, _)| i as u32).collect()
     };
     let free = indices(&|body| !body.driven);
-    let spheres = indices(&Body::is_sphere);
-    let planes = indices(&|body| matches!(body.shape, Shape::Plane { .. }));
+    let spheres = indices(&RigidBody::is_sphere);
+    let planes = indices(&|body| matches!(body.shape, BodyShape::Plane { .. }));
     let mut oriented: Vec<bool> = bodies.iter().map(|body| !body.is_sphere() || options.sphere_orientation).collect();
     let with_moment = loads.iter().filter(|load| load.component >= 3).map(|load| load.body);
     with_moment.chain(drives.iter().map(|drive| drive.body)).for_each(|body| oriented[body] = true);
@@ -92,7 +94,7 @@ pub fn scene(
         drives,
         loads,
         laws: Vec::new(),
-        visibility: Visibility::default(),
+        visibility: VisibilityTable::default(),
         events: Vec::new(),
         options,
         start: (0, 0.0),
@@ -107,7 +109,7 @@ pub fn scene(
         planes,
         parts,
         part_starts,
-        notes: moved(&bodies, &frames).into_iter().collect(),
+        notes: shifted_centres_note(&bodies, &frames).into_iter().collect(),
         turning,
         oriented,
         mean_radius: radii.iter().sum::<f64>() / radii.len().max(1) as f64,
@@ -116,7 +118,7 @@ pub fn scene(
         listing_range: 0.0,
         bodies,
     };
-    if scene.rate() != Vec3::zeros() {
+    if scene.frame_angular_velocity() != Vec3::zeros() {
         for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i].is_driven_in_part()) {
             let (object, found) = (format!("body {}", body + 1), "driven in part in axes that turn");
             let expected = "expected all six components driven or none: Coriolis' force on such a body is not computed";
@@ -127,25 +129,25 @@ pub fn scene(
 }
 
 /// Stands in for a body that was refused, so that the rest can be checked.
-fn placeholder() -> Made {
-    let shape = Shape::Sphere { radius: 1.0 };
-    let body = Body {
+fn placeholder_body() -> PreparedBody {
+    let shape = BodyShape::Sphere { radius: 1.0 };
+    let body = RigidBody {
         shape,
         radius: 1.0,
         mass: 1.0,
         inertia: [1.0; 3],
         driven: false,
-        pushed: [true; 3],
+        free_axes: [true; 3],
         material: 0,
         colour: 0,
         class: 0,
     };
-    Made { body, parts: Vec::new(), shift: Vec3::zeros(), axes: Quat::identity() }
+    PreparedBody { body, parts: Vec::new(), shift: Vec3::zeros(), axes: Quat::identity() }
 }
 
 /// Centres of mass that are not where the file says, beyond its digits.
-fn moved(bodies: &[Body], frames: &[(Vec3, Quat)]) -> Option<String> {
-    let moved = |(_, (body, (shift, _))): &(usize, (&Body, &(Vec3, Quat)))| shift.norm() > 1e-6 * body.radius;
+fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)]) -> Option<String> {
+    let moved = |(_, (body, (shift, _))): &(usize, (&RigidBody, &(Vec3, Quat)))| shift.norm() > 1e-6 * body.radius;
     let moved: Vec<(usize, f64)> =
         bodies.iter().zip(frames).enumerate().filter(moved).map(|(i, (_, (shift, _)))| (i + 1, shift.norm())).collect();
     let (body, most) = moved.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
@@ -157,10 +159,10 @@ fn moved(bodies: &[Body], frames: &[(Vec3, Quat)]) -> Option<String> {
 }
 
 /// Periods that the widest plate does not span, in words: what falls beside it falls on. `q`: orientations.
-pub fn gaps(scene: &Scene, q: &[Quat]) -> Vec<String> {
+pub fn period_gap_notes(scene: &Scene, q: &[Quat]) -> Vec<String> {
     let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
     let missed = periods.into_iter().enumerate().filter_map(|(axis, (name, period))| {
-        let widest = scene.planes.iter().map(|&plate| width(scene, q, plate as usize, axis)).reduce(f64::max)?;
+        let widest = scene.planes.iter().map(|&plate| plate_extent(scene, q, plate as usize, axis)).reduce(f64::max)?;
         let period = period.filter(|period| widest < period * (1.0 - 1e-6))?; // as the files round
         Some(format!("{name}: the widest plate spans {widest} of {period} m; what falls beside it falls on"))
     });
@@ -174,7 +176,7 @@ pub fn check_level(datbox: &Path, records: &Bodies, scene: &Scene, q: &[Quat], f
         let plate = plate as usize;
         let slope = q[plate] * Vec3::z();
         for (axis, (name, _)) in periods.iter().enumerate().filter(|(axis, (_, period))| {
-            let spans = |period: f64| width(scene, q, plate, *axis) >= period * (1.0 - 1e-6); // as the files round
+            let spans = |period: f64| plate_extent(scene, q, plate, *axis) >= period * (1.0 - 1e-6); // as the files round
             period.is_some_and(spans) && slope[*axis].abs() > 1e-6
         }) {
             let found = format!("a plate as wide as {name} whose normal {:.4?} leans along it", slope.as_slice());
@@ -186,24 +188,24 @@ pub fn check_level(datbox: &Path, records: &Bodies, scene: &Scene, q: &[Quat], f
 }
 
 /// How far a plate reaches along a fixed axis, m.
-fn width(scene: &Scene, q: &[Quat], plate: usize, axis: usize) -> f64 {
-    let Shape::Plane { half_lengths } = scene.bodies[plate].shape else { return 0.0 };
+fn plate_extent(scene: &Scene, q: &[Quat], plate: usize, axis: usize) -> f64 {
+    let BodyShape::Plane { half_lengths } = scene.bodies[plate].shape else { return 0.0 };
     2.0 * q[plate].to_rotation_matrix().matrix().row(axis).abs().transpose().dot(&half_lengths)
 }
 
 /// Refuses what stands outside a hollow cylinder that it meets: only the inside of one pushes.
 pub fn check_within(datbox: &Path, records: &Bodies, scene: &Scene, x: &[Vec3], q: &[Quat], faults: &mut Faults) {
     for drum in &scene.parts {
-        let Geometry::Cylinder { half_height, radius, hollow: true } = drum.geometry else { continue };
+        let ContactorShape::Cylinder { half_height, radius, hollow: true } = drum.geometry else { continue };
         let shape = FileShape::Cylinder { half_height, radius, hollow: true };
-        let place = |part: &Part| {
+        let place = |part: &BodyPart| {
             let i = part.body as usize;
             (x[i] + q[i] * part.offset, q[i] * part.axes)
         };
         let (centre, axes) = place(drum);
-        let stands_outside = |part: &&Part| {
+        let stands_outside = |part: &&BodyPart| {
             let local = axes.inverse_transform_vector(&(place(part).0 - centre));
-            let meets = part.body != drum.body && scene.visibility.see(part.class, drum.class).is_some();
+            let meets = part.body != drum.body && scene.visibility.interaction_rule(part.class, drum.class).is_some();
             meets && !scene.bodies[part.body as usize].driven && shape.leaves_out(local.into())
         };
         let mut outside: Vec<u32> = scene.parts.iter().filter(stands_outside).map(|part| part.body).collect();
@@ -217,7 +219,12 @@ pub fn check_within(datbox: &Path, records: &Bodies, scene: &Scene, x: &[Vec3], 
     }
 }
 
-fn motion_imposed(datbox: &Path, driven: &DrvDof, bodies: &mut [Body], faults: &mut Faults) -> (Vec<Drive>, Vec<Load>) {
+fn imposed_motion(
+    datbox: &Path,
+    driven: &DrvDof,
+    bodies: &mut [RigidBody],
+    faults: &mut Faults,
+) -> (Vec<ImposedVelocity>, Vec<ImposedLoad>) {
     let file = datbox.join("DRV_DOF.DAT");
     let mut velocities: Vec<(usize, usize, [Option<Evolution>; 6])> = Vec::new();
     let mut loads = Vec::new();
@@ -231,7 +238,7 @@ fn motion_imposed(datbox: &Path, driven: &DrvDof, bodies: &mut [Body], faults: &
         }
         match row.kind {
             DrivenKind::Force => {
-                loads.push(Load { body: row.body, component: row.component, value: row.evolution.clone() });
+                loads.push(ImposedLoad { body: row.body, component: row.component, value: row.evolution.clone() });
             }
             DrivenKind::Velocity => {
                 let slot = match velocities.iter().position(|(body, _, _)| *body == row.body) {
@@ -257,15 +264,15 @@ fn motion_imposed(datbox: &Path, driven: &DrvDof, bodies: &mut [Body], faults: &
             continue;
         }
         bodies[body].driven = true;
-        bodies[body].pushed = [0, 1, 2].map(|k| velocity[k].is_none());
-        drives.push(Drive { body, velocity });
+        bodies[body].free_axes = [0, 1, 2].map(|k| velocity[k].is_none());
+        drives.push(ImposedVelocity { body, velocity });
     }
     drives.sort_by_key(|drive| drive.body);
     (drives, loads)
 }
 
 /// Positions, orientations, velocities and angular velocities (world frame); what is imposed is as DRV_DOF.DAT has it.
-pub fn motion(
+pub fn initial_motion(
     datbox: &Path,
     records: &Bodies,
     dof: &Dof,
@@ -305,7 +312,7 @@ pub fn motion(
     }
     for drive in &scene.drives {
         let i = drive.body;
-        (v[i], w[i]) = drive.at(dof.time, &q[i], &v[i]);
+        (v[i], w[i]) = drive.velocity_at(dof.time, &q[i], &v[i]);
     }
     debug_assert_eq!(scene.bodies.len(), count);
     (x, q, v, w)

@@ -8,57 +8,58 @@ pub mod resume;
 
 use std::path::{Path, PathBuf};
 
-use cd_formats::atomic::{is_there, read_text};
+use cd_formats::atomic::{path_exists, read_text};
 use cd_formats::bodies::Bodies;
 use cd_formats::bulk_behav::BulkBehav;
-use cd_formats::compute::{Action, Compute, Event, Flags, schedule};
+use cd_formats::compute::{Compute, ComputeFlags, Event, EventAction, event_schedule};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::origin::Origin;
-use cd_formats::report::Report;
-use cd_formats::snapshot::{Fallback, Ledger, START};
+use cd_formats::origin::SceneOrigin;
+use cd_formats::report::FaultReport;
+use cd_formats::snapshot::{FallbackState, Ledger, START_FILE};
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::vloc_rloc::VlocRloc;
 
 use crate::BARE;
 use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::state::{Bonding, Interval, Known, State};
+use crate::state::{BondingMode, DetectionCache, OutputInterval, State};
 
 /// Name of the options' file in DATBOX.
-pub const COMPUTE: &str = "COMPUTE.RON";
+pub const COMPUTE_FILE: &str = "COMPUTE.RON";
 
 /// Reads `case/DATBOX` with `flags` winning over COMPUTE.RON. All faults of all files at once.
-pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
+pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Faults> {
     let datbox = case.join("DATBOX");
     let mut faults = Faults::default();
-    let options = faults.gather(options(&datbox, flags));
-    let bulk = faults.gather(BulkBehav::read(&datbox.join("BULK_BEHAV.DAT")));
-    let tact = faults.gather(TactBehav::read(&datbox.join("TACT_BEHAV.DAT")));
-    let bodies = faults.gather(Bodies::read(&datbox.join("BODIES.DAT")));
-    let driven = faults.gather(DrvDof::read(&datbox.join("DRV_DOF.DAT")));
-    let dof = faults.gather(Dof::read(&datbox.join("DOF.INI")));
+    let options = faults.gather_result(read_options(&datbox, flags));
+    let bulk = faults.gather_result(BulkBehav::read(&datbox.join("BULK_BEHAV.DAT")));
+    let tact = faults.gather_result(TactBehav::read(&datbox.join("TACT_BEHAV.DAT")));
+    let bodies = faults.gather_result(Bodies::read(&datbox.join("BODIES.DAT")));
+    let driven = faults.gather_result(DrvDof::read(&datbox.join("DRV_DOF.DAT")));
+    let dof = faults.gather_result(Dof::read(&datbox.join("DOF.INI")));
     let history = datbox.join("Vloc_Rloc.INI");
-    let history = if is_there(&history) { faults.gather(VlocRloc::read(&history)) } else { Some(VlocRloc::default()) };
+    let history =
+        if path_exists(&history) { faults.gather_result(VlocRloc::read(&history)) } else { Some(VlocRloc::default()) };
     let (Some(options), Some(bulk), Some(tact), Some(bodies), Some(driven), Some(dof), Some(history)) =
         (options, bulk, tact, bodies, driven, dof, history)
     else {
         return Err(faults);
     };
 
-    let mut scene = bodies::scene(&datbox, &bodies, &bulk, &driven, options, &mut faults);
+    let mut scene = bodies::scene_without_laws(&datbox, &bodies, &bulk, &driven, options, &mut faults);
     (scene.start, scene.from) = ((dof.step, dof.time), (dof.step, dof.time));
-    behaviour::laws(&datbox, &tact, &mut scene, &mut faults);
-    let (source, text) = faults.gather(events_text(&datbox, flags)).unwrap_or_default();
-    let mut of_events = Report::new(&source, &text);
+    behaviour::set_laws_and_visibility(&datbox, &tact, &mut scene, &mut faults);
+    let (source, text) = faults.gather_result(events_text(&datbox, flags)).unwrap_or_default();
+    let mut of_events = FaultReport::new(&source, &text);
     behaviour::check_events(&scene, &mut of_events);
     behaviour::check_text(&mut scene);
-    let (x, q, v, w) = bodies::motion(&datbox, &bodies, &dof, &scene, &mut faults);
-    scene.notes.extend(bodies::gaps(&scene, &q));
+    let (x, q, v, w) = bodies::initial_motion(&datbox, &bodies, &dof, &scene, &mut faults);
+    scene.notes.extend(bodies::period_gap_notes(&scene, &q));
     bodies::check_level(&datbox, &bodies, &scene, &q, &mut faults);
     bodies::check_within(&datbox, &bodies, &scene, &x, &q, &mut faults);
-    let contacts = behaviour::history(&datbox, &history, &mut scene, &q, &mut faults);
+    let contacts = behaviour::initial_contacts(&datbox, &history, &mut scene, &q, &mut faults);
     let spin =
         (scene.turning.iter().map(|&i| i as usize)).map(|i| scene.bodies[i].angular_momentum(&q[i], &w[i])).collect();
     let mut state = State {
@@ -69,28 +70,28 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
         q,
         v,
         w,
-        spin,
+        angular_momentum: spin,
         order: Vec::new(),
-        known: Known::default(),
+        detection_cache: DetectionCache::default(),
         contacts,
-        interval: Interval { start: dof.time, ..Interval::default() },
+        interval: OutputInterval { start: dof.time, ..OutputInterval::default() },
         gravity: Vec3::from(bulk.gravity),
         quench: scene.options.quench,
         torque: Vec3::zeros(),
         laws: scene.laws.clone(),
-        bonding: Bonding::New,
+        bonding: BondingMode::New,
         events_done: 0,
         attraction: None,
-        fallback: Fallback::default(),
+        fallback: FallbackState::default(),
         ledger: Ledger::default(),
     };
-    let start = datbox.join(START);
-    let started = is_there(&start) && faults.0.is_empty();
+    let start = datbox.join(START_FILE);
+    let started = path_exists(&start) && faults.0.is_empty();
     if started {
-        faults.gather(resume::start(&start, &scene, &mut state));
+        faults.gather_result(resume::restore_start(&start, &scene, &mut state));
         (scene.start, scene.from) = ((state.step, state.time), (state.step, state.time));
     }
-    behaviour::check_happenings(&scene, &mut of_events);
+    behaviour::check_event_counts(&scene, &mut of_events);
     if BARE {
         check_bare(&scene, &mut faults);
     }
@@ -98,28 +99,31 @@ pub fn case(case: &Path, flags: &Flags) -> Result<(Scene, State), Faults> {
     if !faults.0.is_empty() {
         return Err(faults);
     }
-    scene.notes.extend(behaviour::without_effect(&scene));
+    scene.notes.extend(behaviour::ineffective_options(&scene));
     behaviour::doubts(&datbox, &tact, &mut scene, &mut of_events);
-    scene.warnings.extend(origin_changed(case));
-    scene.events = schedule(&scene.options.events, scene.end_time());
+    scene.warnings.extend(origin_change_warning(case));
+    scene.events = event_schedule(&scene.options.events, scene.end_time());
     let dt = scene.options.dt.min(state.h);
     resume::pass_events(&scene, &mut state, dt);
     if !started || flags.events.is_some() {
-        scene.notes.extend(events_passed(&scene, &state));
+        scene.notes.extend(passed_events_note(&scene, &state));
     }
     faults.into_result((scene, state))
 }
 
 /// Warns if a file that DATBOX was made from has changed since.
-fn origin_changed(case: &Path) -> Option<String> {
-    let text = std::fs::read_to_string(case.join("DATBOX").join(COMPUTE)).ok()?;
-    Origin::find(&text)?.changed(case)
+fn origin_change_warning(case: &Path) -> Option<String> {
+    let text = std::fs::read_to_string(case.join("DATBOX").join(COMPUTE_FILE)).ok()?;
+    SceneOrigin::from_compute_text(&text)?.change_warning(case)
 }
 
 /// Reports events before the start that would have added something.
-fn events_passed(scene: &Scene, state: &State) -> Option<String> {
+fn passed_events_note(scene: &Scene, state: &State) -> Option<String> {
     let adds = |event: &&Event| {
-        matches!(event.action, Action::AddSpin(_) | Action::AddVelocity(_) | Action::Shake { .. } | Action::Bond)
+        matches!(
+            event.action,
+            EventAction::AddSpin(_) | EventAction::AddVelocity(_) | EventAction::Shake { .. } | EventAction::Bond
+        )
     };
     let count = scene.events[..state.events_done].iter().filter(adds).count();
     let events = if count == 1 { "1 event".to_string() } else { format!("{count} events") };
@@ -148,19 +152,19 @@ fn check_bare(scene: &Scene, faults: &mut Faults) {
 }
 
 /// What events are written in: their file and its text, unless they come from the command line.
-fn events_text(datbox: &Path, flags: &Flags) -> Result<(PathBuf, String), Faults> {
-    let path = datbox.join(COMPUTE);
-    if flags.events.is_some() || !is_there(&path) {
+fn events_text(datbox: &Path, flags: &ComputeFlags) -> Result<(PathBuf, String), Faults> {
+    let path = datbox.join(COMPUTE_FILE);
+    if flags.events.is_some() || !path_exists(&path) {
         return Ok(("options".into(), String::new()));
     }
     let text = read_text(&path)?;
     Ok((path, text))
 }
 
-fn options(datbox: &Path, flags: &Flags) -> Result<Compute, Faults> {
-    let path = datbox.join(COMPUTE);
-    let options = if is_there(&path) { Compute::read(&path)? } else { Compute::default() };
-    let options = options.with(flags);
+fn read_options(datbox: &Path, flags: &ComputeFlags) -> Result<Compute, Faults> {
+    let path = datbox.join(COMPUTE_FILE);
+    let options = if path_exists(&path) { Compute::read(&path)? } else { Compute::default() };
+    let options = options.with_flags(flags);
     options.check(Path::new("options"))?;
     Ok(options)
 }

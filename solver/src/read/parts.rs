@@ -2,21 +2,21 @@
 
 use cd_formats::bodies::{self, Contactor, LocalFrame};
 use cd_formats::bulk_behav::BulkBehav;
-use cd_formats::faces::Faces;
-use cd_formats::mass::{Checked, Inert};
+use cd_formats::faces::ConvexMesh;
+use cd_formats::mass::{CheckedBody, InertialProperties};
 use cd_formats::ron_text::known_names;
 use cd_formats::surface::MassProperties;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use crate::geometry::Polyhedron;
 use crate::math::{Quat, Vec3};
-use crate::scene::{Body, Geometry, Part, Shape};
+use crate::scene::{BodyPart, BodyShape, ContactorShape, RigidBody};
 
 /// A body as it is computed, and where it stands in the frame of the file.
-pub struct Made {
-    pub body: Body,
+pub struct PreparedBody {
+    pub body: RigidBody,
     /// Its contactors; `body` and `class` are not set yet.
-    pub parts: Vec<Part>,
+    pub parts: Vec<BodyPart>,
     /// From the position in the file to the centre of mass, m.
     pub shift: Vec3,
     /// Body to world where DOF.INI does not say it.
@@ -24,11 +24,11 @@ pub struct Made {
 }
 
 /// What stands there and what was expected.
-pub type Refusal = (String, String);
+pub type RecordFault = (String, String);
 
 /// A contactor in the frame of its body.
-struct Piece {
-    geometry: Geometry,
+struct ContactorPiece {
+    geometry: ContactorShape,
     /// In the frame of the file.
     centre: Vec3,
     axes: Quat,
@@ -36,7 +36,11 @@ struct Piece {
     colour: u16,
 }
 
-pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) -> Result<Made, Refusal> {
+pub fn body_from_record(
+    record: &bodies::Body,
+    bulk: &BulkBehav,
+    colours: &mut Vec<String>,
+) -> Result<PreparedBody, RecordFault> {
     let Some(material) = bulk.materials.iter().position(|m| m.name == record.material) else {
         let names: Vec<&str> = bulk.materials.iter().map(|m| m.name.as_str()).collect();
         return Err((
@@ -55,42 +59,42 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
             "expected more than 0".into(),
         ));
     }
-    let Checked { faces, parts, whole: own, inert } = record.checked(density)?;
+    let CheckedBody { faces, parts, whole: own, inertial: inert } = record.check_at_density(density)?;
     let lone = record.contactors.len() == 1;
     let solids = record.contactors.iter().zip(faces).zip(parts);
-    let mut pieces: Vec<Piece> =
-        solids.map(|((contactor, faces), mass)| piece(contactor, faces, mass, colours)).collect();
-    let simple = lone && !matches!(pieces[0].geometry, Geometry::Polyhedron(_));
+    let mut pieces: Vec<ContactorPiece> =
+        solids.map(|((contactor, faces), mass)| contactor_piece(contactor, faces, mass, colours)).collect();
+    let simple = lone && !matches!(pieces[0].geometry, ContactorShape::Polyhedron(_));
 
     // Where the centre of mass is, in the frame of the file.
-    let off_centre = matches!(record.contactors[0].shape, bodies::Shape::OffsetSphere { .. });
-    let shift = Vec3::from(record.shift(&own));
+    let off_centre = matches!(record.contactors[0].shape, bodies::ShapeRecord::OffsetSphere { .. });
+    let shift = Vec3::from(record.centre_of_mass_offset(&own));
     pieces.iter_mut().for_each(|piece| piece.centre -= shift);
     let axes = match record.inertia {
         // Of a lone sphere, plate or cylinder the axes are its own, so that its orientation keeps its meaning.
         _ if simple => pieces[0].axes,
         Some(inertia) if inertia != [0.0; 3] => Quat::identity(),
-        _ => principal(&own),
+        _ => principal_axes(&own),
     };
-    let Inert { mass, inertia, radius } = inert;
+    let InertialProperties { mass, inertia, radius } = inert;
 
     let shape = match &pieces[0].geometry {
-        Geometry::Sphere { radius } if lone && !off_centre => Shape::Sphere { radius: *radius },
-        Geometry::Plane { half_lengths, .. } if lone => Shape::Plane { half_lengths: *half_lengths },
-        _ => Shape::Parts,
+        ContactorShape::Sphere { radius } if lone && !off_centre => BodyShape::Sphere { radius: *radius },
+        ContactorShape::Plane { half_lengths, .. } if lone => BodyShape::Plane { half_lengths: *half_lengths },
+        _ => BodyShape::Parts,
     };
-    let body = Body {
+    let body = RigidBody {
         shape,
         radius,
         mass,
         inertia,
         driven: false,
-        pushed: [true; 3],
+        free_axes: [true; 3],
         material: material as u16,
         colour: pieces[0].colour,
         class: 0,
     };
-    let part = |(rank, piece): (usize, Piece)| Part {
+    let part = |(rank, piece): (usize, ContactorPiece)| BodyPart {
         body: 0,
         rank: rank as u16,
         geometry: piece.geometry,
@@ -100,11 +104,16 @@ pub fn make(record: &bodies::Body, bulk: &BulkBehav, colours: &mut Vec<String>) 
         colour: piece.colour,
         class: 0,
     };
-    Ok(Made { body, parts: pieces.into_iter().enumerate().map(part).collect(), shift, axes })
+    Ok(PreparedBody { body, parts: pieces.into_iter().enumerate().map(part).collect(), shift, axes })
 }
 
 /// `faces` are those of a polyhedron, `mass` that at density 1 in the frame of the file.
-fn piece(contactor: &Contactor, faces: Option<Faces>, mass: MassProperties, colours: &mut Vec<String>) -> Piece {
+fn contactor_piece(
+    contactor: &Contactor,
+    faces: Option<ConvexMesh>,
+    mass: MassProperties,
+    colours: &mut Vec<String>,
+) -> ContactorPiece {
     let colour = colours.iter().position(|c| *c == contactor.colour).unwrap_or_else(|| {
         colours.push(contactor.colour.clone());
         colours.len() - 1
@@ -121,30 +130,32 @@ fn piece(contactor: &Contactor, faces: Option<Faces>, mass: MassProperties, colo
     if let Some(faces) = faces {
         let shape = Polyhedron::from(faces);
         let (centre, radius) = (Vec3::from(mass.centre), shape.circumradius());
-        return Piece { geometry: Geometry::Polyhedron(shape), centre, axes, radius, colour };
+        return ContactorPiece { geometry: ContactorShape::Polyhedron(shape), centre, axes, radius, colour };
     }
     let (geometry, centre, radius) = match &contactor.shape {
-        bodies::Shape::Sphere { radius } => (Geometry::Sphere { radius: *radius }, centre, *radius),
-        bodies::Shape::OffsetSphere { radius, offset } => {
-            (Geometry::Sphere { radius: *radius }, Vec3::from(*offset), *radius)
+        bodies::ShapeRecord::Sphere { radius } => (ContactorShape::Sphere { radius: *radius }, centre, *radius),
+        bodies::ShapeRecord::OffsetSphere { radius, offset } => {
+            (ContactorShape::Sphere { radius: *radius }, Vec3::from(*offset), *radius)
         }
-        bodies::Shape::Plane { half_lengths } => {
+        bodies::ShapeRecord::Plane { half_lengths } => {
             let half_lengths = Vec3::from(*half_lengths);
-            let geometry = Geometry::Plane { half_lengths, cuboid: Polyhedron::cuboid(&half_lengths) };
+            let geometry = ContactorShape::Plane { half_lengths, cuboid: Polyhedron::cuboid(&half_lengths) };
             (geometry, centre, half_lengths.norm())
         }
-        bodies::Shape::Cylinder { half_height, radius, hollow } => {
+        bodies::ShapeRecord::Cylinder { half_height, radius, hollow } => {
             let (half_height, radius, hollow) = (*half_height, *radius, *hollow);
-            (Geometry::Cylinder { half_height, radius, hollow }, centre, radius.hypot(half_height))
+            (ContactorShape::Cylinder { half_height, radius, hollow }, centre, radius.hypot(half_height))
         }
-        bodies::Shape::Polyhedron { .. } | bodies::Shape::Point { .. } => unreachable!("checked has faces or an error"),
+        bodies::ShapeRecord::Polyhedron { .. } | bodies::ShapeRecord::Point { .. } => {
+            unreachable!("checked has faces or an error")
+        }
     };
-    Piece { geometry, centre, axes, radius, colour }
+    ContactorPiece { geometry, centre, axes, radius, colour }
 }
 
 /// Principal axes, of ascending moments.
-fn principal(mass: &MassProperties) -> Quat {
-    let (_, axes) = mass.principal();
+fn principal_axes(mass: &MassProperties) -> Quat {
+    let (_, axes) = mass.principal_axes();
     let columns = Matrix3::from_fn(|i, j| axes[j][i]);
     let turn = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
     UnitQuaternion::from_rotation_matrix(&turn)

@@ -3,33 +3,34 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use cd_formats::compute::schedule;
+use cd_formats::compute::event_schedule;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::{self, LawName, Parameters, STATUS_NO_CONTACT, STATUS_SLIDE, Shapes, Snapshot};
+use cd_formats::snapshot::{self, LawName, RunParameters, STATUS_NO_CONTACT, STATUS_SLIDE, ShapeArrays, Snapshot};
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use crate::geometry::Memory;
+use crate::geometry::CachedFeature;
 use crate::math::{Vec3, to_local, to_world};
 use crate::scene::{EVENT_SLACK, Scene};
 use crate::state::{
-    Attraction, Bonding, Contact, Exchange, Interval, Known, PairMemory, SolvedContact, State, Status, UNKNOWN,
+    BondingMode, CachedPair, Contact, ContactExchange, ContactStatus, DetectionCache, GravityHistory, OutputInterval,
+    SolvedContact, State, UNKNOWN_FEATURE,
 };
 
 /// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
 /// A snapshot of other bodies or laws than the scene's is refused. Returns what the run has made its last step with.
-pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Option<Before>, Faults> {
-    let snapshots = snapshot::list(outbox)?;
+pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Option<PreviousRun>, Faults> {
+    let snapshots = snapshot::list_snapshots(outbox)?;
     let Some((_, path)) = snapshots.last() else { return Ok(None) };
     if let Some((step, first)) = snapshots.first().filter(|(step, _)| *step < scene.start.0) {
         let expected = format!("expected none before step {}, with which DATBOX begins", scene.start.0);
         return Err(Fault::new(first, None, "snapshot", format!("step {step}"), expected).into());
     }
-    let snapshot = Snapshot::read(path).map_err(|faults| unreadable(faults, &snapshots))?;
-    check(path, scene, &snapshot)?;
+    let snapshot = Snapshot::read(path).map_err(|faults| unreadable_snapshot_faults(faults, &snapshots))?;
+    check_snapshot(path, scene, &snapshot)?;
     let options = snapshot.meta.options.clone();
-    state.attraction = attraction(scene, &snapshot);
+    state.attraction = restored_attraction(scene, &snapshot);
     let parameters = snapshot.meta.parameters.clone();
-    let kept = snapshot.shapes.as_ref().map_or(Vec::new(), |shapes| pairs(scene, shapes, |row| row));
+    let kept = snapshot.shapes.as_ref().map_or(Vec::new(), |shapes| restored_pairs(scene, shapes, |row| row));
     let complete = snapshot.shapes.as_ref().is_none_or(|shapes| {
         kept.len() == shapes.pairs.pair_memory.len() && shapes.turning.turning_body == scene.turning
     });
@@ -38,32 +39,32 @@ pub fn last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Optio
         return Err(Fault::new(path, None, "snapshot", found, "expected those of DATBOX").into());
     }
     let from = snapshot.meta.counted_from;
-    restore(snapshot, state);
-    state.known = Known { read: kept, ..Known::default() };
+    restore_state(snapshot, state);
+    state.detection_cache = DetectionCache { restored_pairs: kept, ..DetectionCache::default() };
     scene.from = counted_from(scene, state, from);
-    scene.events = schedule(&scene.options.events, scene.end_time());
+    scene.events = event_schedule(&scene.options.events, scene.end_time());
     if state.step > scene.start.0 {
-        state.bonding = Bonding::No;
+        state.bonding = BondingMode::No;
         let dt = if parameters.adaptive.is_none() { state.h } else { scene.options.dt.min(state.h) };
         pass_events(scene, state, dt);
     }
-    Ok(Some(Before { parameters, options }))
+    Ok(Some(PreviousRun { parameters, options }))
 }
 
 /// What a run has made its last step with.
-pub struct Before {
-    pub parameters: Parameters,
-    /// As [`cd_formats::compute::Compute::of_results`].
+pub struct PreviousRun {
+    pub parameters: RunParameters,
+    /// As [`cd_formats::compute::Compute::result_options`].
     pub options: BTreeMap<String, String>,
 }
 
-impl Before {
+impl PreviousRun {
     /// A sentence for each option that is another one now: warnings, and those of the options that flags have `given`.
     ///
     /// `text`: the option of this name in the run so far, if its files tell.
-    pub fn changes(&self, scene: &Scene, text: Option<bool>, given: &[&str]) -> (Vec<String>, Vec<String>) {
-        const LONGEST: usize = 100;
-        let (mut now, mut before) = (scene.options.of_results(), self.options.clone());
+    pub fn option_changes(&self, scene: &Scene, text: Option<bool>, given: &[&str]) -> (Vec<String>, Vec<String>) {
+        const MAX_SHOWN_CHARS: usize = 100;
+        let (mut now, mut before) = (scene.options.result_options(), self.options.clone());
         if let Some(text) = text {
             now.insert("text".into(), scene.options.text.to_string());
             before.insert("text".into(), text.to_string());
@@ -72,8 +73,8 @@ impl Before {
         for (name, now) in now.iter().filter(|(name, now)| before.get(*name).is_some_and(|then| then != *now)) {
             let then = &before[name];
             let short = |value: &str| {
-                let cut = value.chars().count() > LONGEST;
-                value.chars().take(LONGEST).collect::<String>() + if cut { "..." } else { "" }
+                let cut = value.chars().count() > MAX_SHOWN_CHARS;
+                value.chars().take(MAX_SHOWN_CHARS).collect::<String>() + if cut { "..." } else { "" }
             };
             let change = format!("{name} was {} in the run so far and is {} from here on", short(then), short(now));
             if given.contains(&name.as_str()) {
@@ -95,7 +96,7 @@ impl Before {
 }
 
 /// The faults of the last snapshot, with what can be done about them.
-fn unreadable(faults: Faults, snapshots: &[(u64, PathBuf)]) -> Faults {
+fn unreadable_snapshot_faults(faults: Faults, snapshots: &[(u64, PathBuf)]) -> Faults {
     let before = snapshots.len().checked_sub(2).map(|last| &snapshots[last].1);
     let from = before.map_or("DATBOX".into(), |path| path.file_name().unwrap_or_default().display().to_string());
     let advice = format!("if it is deleted, --resume continues from {from}");
@@ -118,10 +119,10 @@ fn counted_from(scene: &Scene, state: &State, before: Option<(u64, f64)>) -> (u6
 }
 
 /// What events have set follows from the events, so that flags may change the rest.
-fn set_by_events(scene: &Scene, state: &mut State) {
+fn apply_event_settings(scene: &Scene, state: &mut State) {
     state.laws.clone_from(&scene.laws);
     for event in scene.events.iter().take(state.events_done) {
-        state.set_by(&event.action, scene);
+        state.apply_setting(&event.action, scene);
     }
 }
 
@@ -131,10 +132,10 @@ pub fn pass_events(scene: &Scene, state: &mut State, dt: f64) {
     // As slack as events themselves; at time 0 none has happened.
     let last = state.time - state.h + EVENT_SLACK * dt;
     state.events_done = scene.events.partition_point(|event| event.time <= last);
-    set_by_events(scene, state);
+    apply_event_settings(scene, state);
 }
 
-fn check(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> {
+fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> {
     let bodies = &snapshot.bodies;
     let mut faults = Faults::default();
     let mut refuse = |object: String, found: String, expected: String| {
@@ -148,7 +149,7 @@ fn check(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> 
             |i: usize| (bodies.body_mass[i], bodies.body_radius[i], bodies.body_inertia[i], bodies.body_driven[i]);
         let here = |i: usize| {
             let body = &scene.bodies[i];
-            (body.mass, body.radius, body.inertia, body.imposed())
+            (body.mass, body.radius, body.inertia, body.imposed_components())
         };
         let text = |(mass, radius, inertia, imposed): (f64, f64, [f64; 3], u8)| {
             format!("mass {mass} kg, radius {radius} m, moments {inertia:?} kg m², imposed components {imposed:06b}")
@@ -169,9 +170,9 @@ fn check(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(), Faults> 
 }
 
 /// Relative to the farthest and the fastest body, by how much START.npz may differ from DOF.INI: digits of that file.
-const DIGITS: f64 = 1e-6;
+const FILE_ROUNDING: f64 = 1e-6;
 /// By how much axes may, rad: they drift by less than this between writings.
-const TURN: f64 = 1e-5;
+const MAX_AXES_ROTATION: f64 = 1e-5;
 
 /// Puts time, motion and contacts of `DATBOX/START.npz` into `state`, which stands as the text files
 /// have it; its row of body k is that of `body_id` k, and a body without a row stays as it is.
@@ -179,7 +180,7 @@ const TURN: f64 = 1e-5;
 /// The law of a contact is that of TACT_BEHAV.DAT for its two bodies; without one it is dropped.
 /// Refused are bodies that DATBOX has not, and positions, axes and velocities other than those of the text files,
 /// which somebody has changed then. Velocities that DRV_DOF.DAT imposes are no part of that.
-pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults> {
+pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults> {
     let snapshot = Snapshot::read(path)?;
     let mut faults = Faults::default();
     let mut refuse = |object: String, found: String, expected: String| {
@@ -201,7 +202,7 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
         }
         let (i, bodies) = (id as usize - 1, &snapshot.bodies);
         let mut agree = |what: &str, here: [f64; 3], there: Vec3, unit: &str, most: f64| {
-            let agrees = (Vec3::from(here) - there).norm() <= DIGITS * most;
+            let agrees = (Vec3::from(here) - there).norm() <= FILE_ROUNDING * most;
             if !agrees {
                 let expected = format!("expected {:?} as in BODIES.DAT and DOF.INI, or no START.npz", there.as_slice());
                 refuse(object.clone(), format!("{what} {here:?} {unit}"), expected);
@@ -216,7 +217,7 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
         if stands && scene.oriented[i] {
             let [w, x, y, z] = bodies.body_q[row];
             let turned = state.q[i].angle_to(&UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z)));
-            if turned > TURN {
+            if turned > MAX_AXES_ROTATION {
                 let expected = "expected axes a, b, g as in DOF.INI, or no START.npz".into();
                 refuse(object, format!("turned by {turned:.1e} rad"), expected);
             }
@@ -227,11 +228,11 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
     let mut started = state.clone();
     let inertia = snapshot.bodies.body_inertia.clone();
     let (kept, turning) = match &snapshot.shapes {
-        Some(shapes) => (pairs(scene, shapes, |row| body[row as usize]), shapes.turning.turning_body.clone()),
+        Some(shapes) => (restored_pairs(scene, shapes, |row| body[row as usize]), shapes.turning.turning_body.clone()),
         None => (Vec::new(), Vec::new()),
     };
     let names = snapshot.meta.laws.clone();
-    restore(snapshot, &mut started);
+    restore_state(snapshot, &mut started);
     (state.step, state.time, state.h) = (started.step, started.time, started.h);
     state.interval.start = started.time;
     state.ledger.penetration_left = started.ledger.penetration_left;
@@ -240,26 +241,26 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
         (state.x[i], state.q[i]) = (started.x[row], started.q[row]);
         (state.v[i], state.w[i]) = (started.v[row], started.w[row]);
     }
-    for (&i, spin) in scene.turning.iter().zip(&mut state.spin) {
+    for (&i, spin) in scene.turning.iter().zip(&mut state.angular_momentum) {
         *spin = scene.bodies[i as usize].angular_momentum(&state.q[i as usize], &state.w[i as usize]);
     }
     // Of a body of another density the angular velocity goes on.
-    for (momentum, row) in started.spin.into_iter().zip(turning) {
+    for (momentum, row) in started.angular_momentum.into_iter().zip(turning) {
         let (i, there) = (body[row as usize], inertia[row as usize]);
         if let (Ok(place), true) = (scene.turning.binary_search(&i), scene.bodies[i as usize].inertia == there) {
-            state.spin[place] = momentum;
+            state.angular_momentum[place] = momentum;
         }
     }
-    state.known = Known { read: kept, ..Known::default() };
+    state.detection_cache = DetectionCache { restored_pairs: kept, ..DetectionCache::default() };
     state.contacts = started.contacts;
     for solved in &mut state.contacts {
         let contact = &mut solved.contact;
         (contact.candidate, contact.antagonist) = (body[contact.candidate as usize], body[contact.antagonist as usize]);
     }
     let see = |contact: &Contact| {
-        let a = scene.class_of(contact.candidate, contact.ranks.0)?;
-        let b = scene.class_of(contact.antagonist, contact.ranks.1)?;
-        scene.visibility.see(a, b)
+        let a = scene.contactor_class(contact.candidate, contact.ranks.0)?;
+        let b = scene.contactor_class(contact.antagonist, contact.ranks.1)?;
+        scene.visibility.interaction_rule(a, b)
     };
     state.contacts.retain_mut(|solved| {
         let Some(see) = see(&solved.contact) else { return false };
@@ -272,12 +273,12 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
     // Bodies have other numbers, or other shapes beside them.
     for (number, solved) in (0..).zip(&mut state.contacts) {
         let Contact { candidate, antagonist, ranks, .. } = solved.contact;
-        let sides = [scene.candidacy(candidate, ranks.0), scene.candidacy(antagonist, ranks.1)];
+        let sides = [scene.candidate_order(candidate, ranks.0), scene.candidate_order(antagonist, ranks.1)];
         if sides[0] > sides[1] {
-            turn_round(solved);
+            swap_sides(solved);
             // Spheres touch in one place, of others the place tells which it is.
             let spheres = sides.iter().all(|side| side.0 == 0);
-            solved.contact.features = if spheres { (0, 0) } else { (UNKNOWN, number) };
+            solved.contact.features = if spheres { (0, 0) } else { (UNKNOWN_FEATURE, number) };
         }
     }
     for solved in &mut state.contacts {
@@ -285,12 +286,12 @@ pub fn start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults
         solved.moment = if law.rolling.is_some() { solved.moment } else { Vec3::zeros() };
     }
     state.contacts.sort_by_key(|solved| solved.contact.key());
-    state.bonding = Bonding::No;
+    state.bonding = BondingMode::No;
     Ok(())
 }
 
 /// Makes the antagonist the candidate.
-fn turn_round(solved: &mut SolvedContact) {
+fn swap_sides(solved: &mut SolvedContact) {
     let old = solved.contact.frame();
     let contact = &mut solved.contact;
     (contact.candidate, contact.antagonist) = (contact.antagonist, contact.candidate);
@@ -303,29 +304,29 @@ fn turn_round(solved: &mut SolvedContact) {
 }
 
 /// Self-gravity as it was last evaluated.
-fn attraction(scene: &Scene, snapshot: &Snapshot) -> Option<Attraction> {
+fn restored_attraction(scene: &Scene, snapshot: &Snapshot) -> Option<GravityHistory> {
     if snapshot.meta.parameters.gravity_constant != scene.options.gravity_constant {
         return None; // What is extrapolated would be of the other.
     }
     let (record, gravity) = (snapshot.meta.attraction.clone()?, snapshot.gravity.as_ref()?);
     let of_free = |rows: &[[f64; 3]]| scene.free.iter().map(|&i| Vec3::from(rows[i as usize])).collect();
-    Some(Attraction { record, last: of_free(&gravity.gravity_last), before: of_free(&gravity.gravity_before) })
+    Some(GravityHistory { record, last: of_free(&gravity.gravity_last), before: of_free(&gravity.gravity_before) })
 }
 
 /// What a snapshot keeps of pairs of contactors that this scene has, `body` giving the body of each of its rows.
-fn pairs(scene: &Scene, shapes: &Shapes, body: impl Fn(u32) -> u32) -> Vec<PairMemory> {
-    let part = |row: u32, rank: u32| scene.part_place(body(row), rank.try_into().ok()?).map(|k| k as u32);
+fn restored_pairs(scene: &Scene, shapes: &ShapeArrays, body: impl Fn(u32) -> u32) -> Vec<CachedPair> {
+    let part = |row: u32, rank: u32| scene.part_index(body(row), rank.try_into().ok()?).map(|k| k as u32);
     let rows = shapes.pairs.pair_body.iter().zip(&shapes.pairs.pair_rank).zip(&shapes.pairs.pair_memory);
-    let mut pairs: Vec<PairMemory> = rows
+    let mut pairs: Vec<CachedPair> = rows
         .filter_map(|((&[a, b], &[r, s]), &words)| {
-            Some(PairMemory { parts: [part(a, r)?, part(b, s)?], memory: Memory::from_words(words) })
+            Some(CachedPair { parts: [part(a, r)?, part(b, s)?], memory: CachedFeature::from_words(words) })
         })
         .collect();
     pairs.sort_by_key(|pair| pair.parts);
     pairs
 }
 
-fn restore(snapshot: Snapshot, state: &mut State) {
+fn restore_state(snapshot: Snapshot, state: &mut State) {
     let Snapshot { meta, bodies, contacts, memory, shapes, interval, .. } = snapshot;
     let shapes = shapes.unwrap_or_default();
     let interval = interval.unwrap_or_default();
@@ -343,14 +344,14 @@ fn restore(snapshot: Snapshot, state: &mut State) {
         bodies.body_q.iter().map(|&[w, x, y, z]| UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z))).collect();
     state.v = vectors(bodies.body_v);
     state.w = vectors(bodies.body_w_world);
-    state.spin = vectors(shapes.turning.turning_momentum);
+    state.angular_momentum = vectors(shapes.turning.turning_momentum);
     state.events_done = meta.parameters.events_done as usize;
     state.ledger = meta.ledger;
     state.fallback = meta.fallback;
     let exchanges = interval.interval_body.into_iter().zip(interval.interval_virial);
-    state.interval = Interval {
+    state.interval = OutputInterval {
         start: meta.interval_start.unwrap_or(meta.time),
-        exchanges: exchanges.map(|(bodies, virial)| Exchange { bodies, virial }).collect(),
+        exchanges: exchanges.map(|(bodies, virial)| ContactExchange { bodies, virial }).collect(),
     };
     state.contacts = (0..contacts.contact_body.len())
         .map(|k| SolvedContact {
@@ -370,9 +371,9 @@ fn restore(snapshot: Snapshot, state: &mut State) {
             moment: memory.as_ref().map_or(Vec3::zeros(), |m| m.contact_moment[k].into()),
             velocity: Vec3::from(contacts.contact_velocity[k]),
             status: match contacts.contact_status[k] {
-                STATUS_NO_CONTACT => Status::NoContact,
-                STATUS_SLIDE => Status::Slide,
-                _ => Status::Stick,
+                STATUS_NO_CONTACT => ContactStatus::NoContact,
+                STATUS_SLIDE => ContactStatus::Slide,
+                _ => ContactStatus::Stick,
             },
             bond: memory.as_ref().filter(|m| m.contact_bonded[k] != 0).map(|m| m.contact_bond_gap[k]),
         })

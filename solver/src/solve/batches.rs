@@ -10,37 +10,39 @@ use bytemuck::Pod;
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
-use crate::assemble::{Record, Row, System};
-use crate::math::lanes::{Arithmetic, Half, Lanes, Line, Number, ShortHalf, ShortLine, Width};
-use crate::math::{MANY, Vec3, group};
-use crate::solve::local::{dot, triple};
-use crate::solve::nlgs::Reactions;
-use crate::solve::rolling::Rolls;
+use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
+use crate::math::lanes::{
+    Arithmetic, BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, F64Arithmetic, LaneFloat, SimdWidth,
+};
+use crate::math::{PAR_MIN_LEN, Vec3, group_by_key};
+use crate::solve::local::{dot_product, triple};
+use crate::solve::nlgs::ContactReactions;
+use crate::solve::rolling::RollingConstraintWide;
 
 /// Contacts in a batch.
-pub const BATCH: usize = 16;
+pub const BATCH_LANES: usize = 16;
 
 /// Bytes that stay in the second cache from one sweep to the next, about; what is of more contacts is asked for ahead.
-pub const NEAR: usize = 1 << 20;
+pub const L2_BYTES: usize = 1 << 20;
 
 /// A range holds at least this many bodies: fewer would wait for each other more than they work.
-const RANGE: usize = 1024;
+const MIN_BODIES_PER_RANGE: usize = 1024;
 
 /// Colours kept apart; what finds none of them free is swept one contact at a time.
-const COLOURS: usize = 64;
+const MAX_COLOURS: usize = 64;
 
 /// What is constant of sixteen contacts. Unused places have no normal and no friction, and stay at rest.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
-pub struct Batch<T> {
-    pub n: [[T; BATCH]; 3],
+pub struct ContactBatch<T> {
+    pub n: [[T; BATCH_LANES]; 3],
     /// Along n, m/s.
-    pub shift: [T; BATCH],
-    /// See [`crate::assemble::Row`].
-    pub arm: [T; BATCH],
-    pub friction: [T; BATCH],
+    pub shift: [T; BATCH_LANES],
+    /// See [`crate::assemble::ContactConstraint`].
+    pub arm: [T; BATCH_LANES],
+    pub friction: [T; BATCH_LANES],
     /// Lines of candidate and antagonist, counted from the first of the block.
-    pub bodies: [[u32; BATCH]; 2],
+    pub bodies: [[u32; BATCH_LANES]; 2],
 }
 
 pub const NONE: u32 = u32::MAX;
@@ -48,55 +50,55 @@ pub const NONE: u32 = u32::MAX;
 /// A vector of each of sixteen contacts.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(64))]
-pub struct Column3<T>(pub [[T; BATCH]; 3]);
+pub struct BatchVectors<T>(pub [[T; BATCH_LANES]; 3]);
 
 /// Sums over the contacts of a sweep, by place in the batch so that no width changes their order.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Sums<T = f64> {
-    pub uphill: [T; BATCH],
-    pub change2: [T; BATCH],
+pub struct SweepSums<T = f64> {
+    pub restart_product: [T; BATCH_LANES],
+    pub change2: [T; BATCH_LANES],
 }
 
-impl<T: Number> Sums<T> {
-    pub fn add(&mut self, other: &Self) {
-        for lane in 0..BATCH {
-            self.uphill[lane] = self.uphill[lane] + other.uphill[lane];
+impl<T: LaneFloat> SweepSums<T> {
+    pub fn accumulate(&mut self, other: &Self) {
+        for lane in 0..BATCH_LANES {
+            self.restart_product[lane] = self.restart_product[lane] + other.restart_product[lane];
             self.change2[lane] = self.change2[lane] + other.change2[lane];
         }
     }
 
     /// Whether sum of w_n (y - r).(r - r_before) > 0, and the norm of all r - y.
-    pub fn seen(&self) -> (bool, f64) {
-        let sum = |x: &[T; BATCH]| x.iter().map(|x| x.wide()).sum::<f64>();
-        (sum(&self.uphill) > 0.0, sum(&self.change2).sqrt())
+    pub fn reduce(&self) -> (bool, f64) {
+        let sum = |x: &[T; BATCH_LANES]| x.iter().map(|x| x.to_f64()).sum::<f64>();
+        (sum(&self.restart_product) > 0.0, sum(&self.change2).sqrt())
     }
 }
 
 /// Contacts that are swept in this order: those inside a range of bodies, or between two groups of ranges.
 #[derive(Debug, Clone, Default)]
-pub struct Block<T> {
+pub struct RangeBatches<T> {
     /// Number of lines: of a range its moving bodies, then those that do not move, one for each contact with them, then
     /// one for unused places; of two groups all that they have.
     pub lines: usize,
-    pub batches: Vec<Batch<T>>,
+    pub batches: Vec<ContactBatch<T>>,
     /// Where the batches of each colour end.
     pub colours: Vec<usize>,
     /// r̂ of the last sweep and of the one before, N s. World vectors; where nothing has friction the first component
     /// is r̂_n and the others are not used.
-    pub r: Vec<Column3<T>>,
-    pub previous: Vec<Column3<T>>,
+    pub r: Vec<BatchVectors<T>>,
+    pub previous: Vec<BatchVectors<T>>,
     /// Shift in the tangent plane, m/s; empty where there is none.
-    pub drift: Vec<Column3<T>>,
+    pub tangential_shift: Vec<BatchVectors<T>>,
     /// Empty where no contact of the scene has moments, as the next.
-    pub rolls: Vec<Rolls>,
+    pub rolls: Vec<RollingConstraintWide>,
     /// 1/radius of candidate and antagonist, 1/m; 0 of a plate, whose turning is in the shift.
-    pub curvatures: Vec<[[f64; BATCH]; 2]>,
+    pub curvatures: Vec<[[f64; BATCH_LANES]; 2]>,
     /// Row of the system, or [`NONE`].
-    pub rows: Vec<[u32; BATCH]>,
+    pub rows: Vec<[u32; BATCH_LANES]>,
     /// Where impulses are read back by them, else empty.
-    pub cones: Vec<Cones>,
+    pub cones: Vec<FrictionCones>,
     /// Sums of the last sweep.
-    pub sums: Sums<T>,
+    pub sums: SweepSums<T>,
 }
 
 /// Units of the numbers that are swept.
@@ -104,30 +106,35 @@ pub struct Block<T> {
 /// In single precision they are powers of two near the largest there are, so that squares neither overflow nor vanish,
 /// and that nothing is rounded by them.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Units {
+pub struct SweepUnits {
     /// m/s
     pub velocity: f64,
     /// N s
     pub impulse: f64,
 }
 
-impl Units {
-    pub const SI: Units = Units { velocity: 1.0, impulse: 1.0 };
+impl SweepUnits {
+    pub const SI: SweepUnits = SweepUnits { velocity: 1.0, impulse: 1.0 };
 
     /// Those of the rows `active`, which start from `reactions` and the velocities that they lead to.
-    pub fn of(system: &System, active: &[u32], reactions: &Reactions, records: &[Record]) -> Units {
+    pub fn from_problem(
+        system: &ContactProblem,
+        active: &[u32],
+        reactions: &ContactReactions,
+        records: &[SolverBody],
+    ) -> SweepUnits {
         let of_row = |&k: &u32| {
             let (k, w) = (k as usize, system.rows[k as usize].w_n);
-            (w, system.velocity(k, records).norm() + w * reactions.impulses[k].norm())
+            (w, system.shifted_velocity(k, records).norm() + w * reactions.impulses[k].norm())
         };
         let largest = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
-        let (w, u) = active.par_iter().with_min_len(MANY).map(of_row).reduce(|| (0.0, 0.0), largest);
+        let (w, u) = active.par_iter().with_min_len(PAR_MIN_LEN).map(of_row).reduce(|| (0.0, 0.0), largest);
         let velocity = power_of_two(u);
-        Units { velocity, impulse: velocity / power_of_two(w) }
+        SweepUnits { velocity, impulse: velocity / power_of_two(w) }
     }
 
     /// kg
-    pub fn mass(&self) -> f64 {
+    pub fn mass_unit(&self) -> f64 {
         self.impulse / self.velocity
     }
 }
@@ -139,120 +146,128 @@ fn power_of_two(x: f64) -> f64 {
 }
 
 /// What the sweeps keep of a body.
-pub trait Body: Pod + Send + Sync {
-    type T: Number;
-    const FRICTION: bool;
+pub trait PackedBody: Pod + Send + Sync {
+    type T: LaneFloat;
+    const HAS_FRICTION: bool;
     /// Whether its velocity is what the sweeps have changed of it, and each contact knows the one that it starts from:
     /// in single precision nothing is left of small changes of large velocities.
-    const CHANGES: bool;
+    const STORES_DELTAS: bool;
     /// The body of unused places: nothing acts on it, and nothing is divided by zero.
-    const UNUSED: Self;
+    const PADDING: Self;
 
-    fn new(record: &Record, units: &Units) -> Self;
+    fn new(record: &SolverBody, units: &SweepUnits) -> Self;
 }
 
 /// Velocity, 1/mass, R x angular velocity, R^2/inertia.
-impl Body for Line {
+impl PackedBody for BodyLine {
     type T = f64;
-    const FRICTION: bool = true;
-    const CHANGES: bool = false;
-    const UNUSED: Self = Line([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+    const HAS_FRICTION: bool = true;
+    const STORES_DELTAS: bool = false;
+    const PADDING: Self = BodyLine([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
 
-    fn new(&Record { v, inverse_mass, w, inverse_inertia, radius }: &Record, _: &Units) -> Self {
+    fn new(&SolverBody { v, inverse_mass, w, inverse_inertia, radius }: &SolverBody, _: &SweepUnits) -> Self {
         let w = w * radius;
-        Line([v.x, v.y, v.z, inverse_mass, w.x, w.y, w.z, radius * radius * inverse_inertia])
+        BodyLine([v.x, v.y, v.z, inverse_mass, w.x, w.y, w.z, radius * radius * inverse_inertia])
     }
 }
 
 /// Velocity and 1/mass: spheres without friction do not turn.
-impl Body for Half {
+impl PackedBody for BodyHalfLine {
     type T = f64;
-    const FRICTION: bool = false;
-    const CHANGES: bool = false;
-    const UNUSED: Self = Half([0.0, 0.0, 0.0, 1.0]);
+    const HAS_FRICTION: bool = false;
+    const STORES_DELTAS: bool = false;
+    const PADDING: Self = BodyHalfLine([0.0, 0.0, 0.0, 1.0]);
 
-    fn new(record: &Record, _: &Units) -> Self {
-        let Record { v, inverse_mass, .. } = record;
-        Half([v.x, v.y, v.z, *inverse_mass])
+    fn new(record: &SolverBody, _: &SweepUnits) -> Self {
+        let SolverBody { v, inverse_mass, .. } = record;
+        BodyHalfLine([v.x, v.y, v.z, *inverse_mass])
     }
 }
 
-/// The same as [`Line`], of changes.
-impl Body for ShortLine {
+/// The same as [`BodyLine`], of changes.
+impl PackedBody for BodyLineF32 {
     type T = f32;
-    const FRICTION: bool = true;
-    const CHANGES: bool = true;
-    const UNUSED: Self = ShortLine([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+    const HAS_FRICTION: bool = true;
+    const STORES_DELTAS: bool = true;
+    const PADDING: Self = BodyLineF32([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
 
-    fn new(&Record { inverse_mass, inverse_inertia, radius, .. }: &Record, units: &Units) -> Self {
-        let mass = units.mass();
+    fn new(&SolverBody { inverse_mass, inverse_inertia, radius, .. }: &SolverBody, units: &SweepUnits) -> Self {
+        let mass = units.mass_unit();
         let (p, q) = ((inverse_mass * mass) as f32, (radius * radius * inverse_inertia * mass) as f32);
-        ShortLine([0.0, 0.0, 0.0, p, 0.0, 0.0, 0.0, q])
+        BodyLineF32([0.0, 0.0, 0.0, p, 0.0, 0.0, 0.0, q])
     }
 }
 
-/// The same as [`Half`], of changes.
-impl Body for ShortHalf {
+/// The same as [`BodyHalfLine`], of changes.
+impl PackedBody for BodyHalfLineF32 {
     type T = f32;
-    const FRICTION: bool = false;
-    const CHANGES: bool = true;
-    const UNUSED: Self = ShortHalf([0.0, 0.0, 0.0, 1.0]);
+    const HAS_FRICTION: bool = false;
+    const STORES_DELTAS: bool = true;
+    const PADDING: Self = BodyHalfLineF32([0.0, 0.0, 0.0, 1.0]);
 
-    fn new(record: &Record, units: &Units) -> Self {
-        ShortHalf([0.0, 0.0, 0.0, (record.inverse_mass * units.mass()) as f32])
+    fn new(record: &SolverBody, units: &SweepUnits) -> Self {
+        BodyHalfLineF32([0.0, 0.0, 0.0, (record.inverse_mass * units.mass_unit()) as f32])
     }
 }
 
 /// The contact problem of a step as the sweeps see it.
-pub struct Problem<B: Body> {
-    pub units: Units,
+pub struct DiagonalProblem<B: PackedBody> {
+    pub units: SweepUnits,
     /// Every touched body, range by range.
     pub lines: Vec<B>,
     /// Those of the sweep before.
     pub previous: Vec<B>,
     /// The tree in order: the block of a range, the joint to the next, the block of the next, ...
-    pub blocks: Vec<Block<B::T>>,
+    pub blocks: Vec<RangeBatches<B::T>>,
 }
 
-impl<B: Body> Problem<B> {
+impl<B: PackedBody> DiagonalProblem<B> {
     /// The problem of the rows `active`, starting from `reactions` and from the velocities that they lead to.
-    pub fn new(system: &System, active: &[u32], reactions: &Reactions, records: &[Record]) -> Self {
-        let layout = Layout::new(system, active);
-        let units = if B::CHANGES { Units::of(system, active, reactions, records) } else { Units::SI };
+    pub fn new(system: &ContactProblem, active: &[u32], reactions: &ContactReactions, records: &[SolverBody]) -> Self {
+        let layout = BatchLayout::new(system, active);
+        let units = if B::STORES_DELTAS {
+            SweepUnits::from_problem(system, active, reactions, records)
+        } else {
+            SweepUnits::SI
+        };
         let of_body = |&body: &u32| B::new(&records[body as usize], &units);
-        let moving: Vec<B> = layout.bodies.par_iter().with_min_len(MANY).map(of_body).collect();
-        let mut lines = vec![B::UNUSED; layout.starts[layout.starts.len() - 1] as usize];
+        let moving: Vec<B> = layout.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(of_body).collect();
+        let mut lines = vec![B::PADDING; layout.starts[layout.starts.len() - 1] as usize];
         for (range, &start) in layout.cuts.windows(2).zip(&layout.starts) {
             let moving = &moving[range[0] as usize..range[1] as usize];
             lines[start as usize..start as usize + moving.len()].copy_from_slice(moving);
         }
-        let fill = Fill { system, active, reactions, records, units };
-        let blocks: Vec<(Block<B::T>, Vec<B>)> =
-            (0..layout.blocks.len() - 1).into_par_iter().map(|b| layout.block(b, &fill)).collect();
+        let fill = DiagonalSource { system, active, reactions, records, units };
+        let blocks: Vec<(RangeBatches<B::T>, Vec<B>)> =
+            (0..layout.blocks.len() - 1).into_par_iter().map(|b| layout.pack_block(b, &fill)).collect();
         let blocks = blocks.into_iter().enumerate().map(|(b, (block, fixed))| {
             let end = layout.starts[b / 2 + 1] as usize - 1;
             lines[end - fixed.len()..end].copy_from_slice(&fixed);
             block
         });
         let blocks = blocks.collect();
-        Problem { units, previous: lines.clone(), lines, blocks }
+        DiagonalProblem { units, previous: lines.clone(), lines, blocks }
     }
 
     /// Puts the impulses and moments of the rows swept into `reactions`.
-    pub fn read_back(&self, width: Width, reactions: &mut Reactions) {
-        let Reactions { impulses, moments } = reactions;
+    pub fn read_back(&self, width: SimdWidth, reactions: &mut ContactReactions) {
+        let ContactReactions { impulses, moments } = reactions;
         let unit = self.units.impulse;
         for block in &self.blocks {
             block.rolls.iter().for_each(|rolls| rolls.read_back(moments));
             for (batch, (r, rows)) in block.r.iter().zip(&block.rows).enumerate() {
                 // Rows lie in another order than contacts are swept in.
-                let later =
-                    block.rows.get(batch + AHEAD).into_iter().flatten().filter_map(|&row| impulses.get(row as usize));
-                later.for_each(|r| width.fetch(r));
-                let mut r = r.0.map(|column| column.map(|r| r.wide() * unit));
-                match (B::FRICTION, B::CHANGES) {
+                let later = block
+                    .rows
+                    .get(batch + PREFETCH_BATCHES)
+                    .into_iter()
+                    .flatten()
+                    .filter_map(|&row| impulses.get(row as usize));
+                later.for_each(|r| width.prefetch(r));
+                let mut r = r.0.map(|column| column.map(|r| r.to_f64() * unit));
+                match (B::HAS_FRICTION, B::STORES_DELTAS) {
                     (true, false) => (),
-                    (true, true) => onto_cones(width, &block.cones[batch], &mut r),
+                    (true, true) => snap_to_cones(width, &block.cones[batch], &mut r),
                     (false, _) => r = block.cones[batch].n.map(|n| std::array::from_fn(|lane| n[lane] * r[0][lane])),
                 }
                 for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
@@ -264,59 +279,59 @@ impl<B: Body> Problem<B> {
 }
 
 /// So many batches ahead their places are asked for.
-const AHEAD: usize = 2;
+const PREFETCH_BATCHES: usize = 2;
 
 /// Normals and friction of the contacts of a batch, in double precision whatever the sweeps are in.
 #[derive(Debug, Clone, Copy)]
-pub struct Cones {
-    n: [[f64; BATCH]; 3],
-    friction: [f64; BATCH],
+pub struct FrictionCones {
+    n: [[f64; BATCH_LANES]; 3],
+    friction: [f64; BATCH_LANES],
 }
 
-impl Cones {
-    pub(super) const NONE: Self = Cones { n: [[0.0; BATCH]; 3], friction: [0.0; BATCH] };
+impl FrictionCones {
+    pub(super) const NONE: Self = FrictionCones { n: [[0.0; BATCH_LANES]; 3], friction: [0.0; BATCH_LANES] };
 
-    pub(super) fn put(&mut self, lane: usize, row: &Row) {
-        put(&mut self.n, lane, &row.normal);
+    pub(super) fn set_lane(&mut self, lane: usize, row: &ContactConstraint) {
+        set_lane(&mut self.n, lane, &row.normal);
         self.friction[lane] = row.friction;
     }
 }
 
 /// Of an impulse of single precision, by its normal part: some units in the last place of each component.
-const ROUNDING: f64 = 1e-6;
+const F32_ROUNDING: f64 = 1e-6;
 
 /// Makes of impulses of single precision what they stand for: those on their cone's side to its rounding are there to that of
 /// double precision.
-pub(super) fn onto_cones(width: Width, cones: &Cones, r: &mut [[f64; BATCH]; 3]) {
+pub(super) fn snap_to_cones(width: SimdWidth, cones: &FrictionCones, r: &mut [[f64; BATCH_LANES]; 3]) {
     match width {
-        Width::One(l) => l.run(OntoCones { l, cones, r }),
+        SimdWidth::One(l) => l.run(SnapToCones { l, cones, r }),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(l) => l.run(OntoCones { l, cones, r }),
+        SimdWidth::Four(l) => l.run(SnapToCones { l, cones, r }),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(l) => l.run(OntoCones { l, cones, r }),
+        SimdWidth::Eight(l) => l.run(SnapToCones { l, cones, r }),
     }
 }
 
-struct OntoCones<'a, L> {
+struct SnapToCones<'a, L> {
     l: L,
-    cones: &'a Cones,
-    r: &'a mut [[f64; BATCH]; 3],
+    cones: &'a FrictionCones,
+    r: &'a mut [[f64; BATCH_LANES]; 3],
 }
 
-impl<L: Lanes> NullaryFnOnce for OntoCones<'_, L> {
+impl<L: F64Arithmetic> NullaryFnOnce for SnapToCones<'_, L> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let OntoCones { l, cones, r } = self;
-        for from in (0..BATCH).step_by(L::WIDTH) {
+        let SnapToCones { l, cones, r } = self;
+        for from in (0..BATCH_LANES).step_by(L::WIDTH) {
             let n = triple!(k => l.load(&cones.n[k][from..]));
             let whole = triple!(k => l.load(&r[k][from..]));
-            let normal = dot(l, n, whole);
+            let normal = dot_product(l, n, whole);
             let tangential = triple!(k => l.sub(whole[k], l.mul(n[k], normal)));
-            let size = l.sqrt(dot(l, tangential, tangential));
+            let size = l.sqrt(dot_product(l, tangential, tangential));
             let bound = l.mul(l.load(&cones.friction[from..]), normal);
-            let least = l.sub(bound, l.mul(l.splat(ROUNDING), l.abs(normal)));
+            let least = l.sub(bound, l.mul(l.splat(F32_ROUNDING), l.abs(normal)));
             let (zero, share) = (l.splat(0.0), l.div(bound, size));
             for k in 0..3 {
                 let on_side = l.add(l.mul(n[k], normal), l.mul(tangential[k], share));
@@ -328,16 +343,16 @@ impl<L: Lanes> NullaryFnOnce for OntoCones<'_, L> {
 }
 
 /// What the blocks are filled from.
-struct Fill<'a> {
-    system: &'a System,
+struct DiagonalSource<'a> {
+    system: &'a ContactProblem,
     active: &'a [u32],
-    reactions: &'a Reactions,
-    records: &'a [Record],
-    units: Units,
+    reactions: &'a ContactReactions,
+    records: &'a [SolverBody],
+    units: SweepUnits,
 }
 
 /// Which contacts and bodies lie where.
-struct Layout {
+struct BatchLayout {
     /// Touched moving bodies in the order of space; a body's place here is its rank.
     bodies: Vec<u32>,
     /// Line of each rank.
@@ -354,21 +369,21 @@ struct Layout {
     blocks: Vec<u32>,
 }
 
-impl Layout {
-    fn new(system: &System, active: &[u32]) -> Self {
+impl BatchLayout {
+    fn new(system: &ContactProblem, active: &[u32]) -> Self {
         let bodies_of = |&k: &u32| system.rows[k as usize].bodies;
-        let mut pairs: Vec<[u32; 2]> = active.par_iter().with_min_len(MANY).map(bodies_of).collect();
-        let mut touched = vec![false; system.records.len()];
+        let mut pairs: Vec<[u32; 2]> = active.par_iter().with_min_len(PAR_MIN_LEN).map(bodies_of).collect();
+        let mut touched = vec![false; system.bodies.len()];
         pairs.as_flattened().iter().for_each(|&body| touched[body as usize] = true);
-        let moves = |&body: &u32| touched[body as usize] && system.records[body as usize].inverse_mass > 0.0;
-        let bodies: Vec<u32> = system.order.par_iter().copied().with_min_len(MANY).filter(moves).collect();
-        let mut rank = vec![NONE; system.records.len()];
+        let moves = |&body: &u32| touched[body as usize] && system.bodies[body as usize].inverse_mass > 0.0;
+        let bodies: Vec<u32> = system.order.par_iter().copied().with_min_len(PAR_MIN_LEN).filter(moves).collect();
+        let mut rank = vec![NONE; system.bodies.len()];
         for (place, &body) in bodies.iter().enumerate() {
             rank[body as usize] = place as u32;
         }
-        pairs.par_iter_mut().with_min_len(MANY).for_each(|pair| *pair = pair.map(|body| rank[body as usize]));
+        pairs.par_iter_mut().with_min_len(PAR_MIN_LEN).for_each(|pair| *pair = pair.map(|body| rank[body as usize]));
 
-        let ranges = (bodies.len() / RANGE).max(1);
+        let ranges = (bodies.len() / MIN_BODIES_PER_RANGE).max(1);
         let ranges = 1 << ranges.ilog2(); // a power of two, so that halves can be halved again
         let cuts: Vec<u32> = (0..=ranges).map(|r| (r * bodies.len() / ranges) as u32).collect();
         let mut range_of = vec![0; bodies.len()];
@@ -376,7 +391,7 @@ impl Layout {
             range_of[cuts[r] as usize..cuts[r + 1] as usize].fill(r as u32);
         }
         let first: Vec<u32> = pairs.iter().map(|[a, b]| *a.min(b).min(&(bodies.len() as u32))).collect();
-        let (by_place, starts) = group(&first, bodies.len() + 1);
+        let (by_place, starts) = group_by_key(&first, bodies.len() + 1);
         // Two bodies whose motion is imposed: nothing to solve.
         let by_place = &by_place[..starts[bodies.len()] as usize];
         // Every contact with a body that does not move has a line of its own for that body, so that
@@ -390,10 +405,10 @@ impl Layout {
                 fixed[near as usize] += 1;
                 return 2 * near;
             }
-            block_of(near, range_of[far as usize])
+            block_index(near, range_of[far as usize])
         };
         let blocks_of: Vec<u32> = by_place.iter().map(block).collect();
-        let (mut order, blocks) = group(&blocks_of, 2 * ranges - 1);
+        let (mut order, blocks) = group_by_key(&blocks_of, 2 * ranges - 1);
         order.iter_mut().for_each(|place| *place = by_place[*place as usize]);
 
         let mut starts = vec![0];
@@ -403,30 +418,31 @@ impl Layout {
             lines.extend(starts[r]..starts[r] + moving);
             starts.push(starts[r] + moving + fixed[r] + 1);
         }
-        Layout { bodies, lines, cuts, starts, pairs, order, blocks }
+        BatchLayout { bodies, lines, cuts, starts, pairs, order, blocks }
     }
 
     /// A block, and the lines of the bodies in it that do not move.
-    fn block<B: Body>(&self, block: usize, from: &Fill) -> (Block<B::T>, Vec<B>) {
-        let (first, last) = span(block);
+    fn pack_block<B: PackedBody>(&self, block: usize, from: &DiagonalSource) -> (RangeBatches<B::T>, Vec<B>) {
+        let (first, last) = block_ranges(block);
         let start = self.starts[first];
         let lines = self.starts[last + 1] - start;
         let places = &self.order[self.blocks[block] as usize..self.blocks[block + 1] as usize];
-        let (mut rows, colours) = colour(places, &self.pairs, self.cuts[first], self.cuts[last + 1]);
+        let (mut rows, colours) = colour_rows(places, &self.pairs, self.cuts[first], self.cuts[last + 1]);
         let zero = B::T::default();
-        let empty = Batch {
-            n: [[zero; BATCH]; 3],
-            shift: [zero; BATCH],
-            arm: [zero; BATCH],
-            friction: [zero; BATCH],
-            bodies: [[lines - 1; BATCH]; 2],
+        let empty = ContactBatch {
+            n: [[zero; BATCH_LANES]; 3],
+            shift: [zero; BATCH_LANES],
+            arm: [zero; BATCH_LANES],
+            friction: [zero; BATCH_LANES],
+            bodies: [[lines - 1; BATCH_LANES]; 2],
         };
         let mut batches = vec![empty; rows.len()];
-        let mut r = vec![Column3::default(); rows.len()];
+        let mut r = vec![BatchVectors::default(); rows.len()];
         let mut drift = Vec::new();
-        let turning = if from.system.rolls.is_empty() { 0 } else { rows.len() };
-        let (mut rolls, mut curvatures) = (vec![Rolls::NONE; turning], vec![[[0.0; BATCH]; 2]; turning]);
-        let mut cones = vec![Cones::NONE; if B::CHANGES || !B::FRICTION { rows.len() } else { 0 }];
+        let turning = if from.system.rolling_constraints.is_empty() { 0 } else { rows.len() };
+        let (mut rolls, mut curvatures) =
+            (vec![RollingConstraintWide::NONE; turning], vec![[[0.0; BATCH_LANES]; 2]; turning]);
+        let mut cones = vec![FrictionCones::NONE; if B::STORES_DELTAS || !B::HAS_FRICTION { rows.len() } else { 0 }];
         let mut fixed = Vec::new();
         let first_fixed = self.starts[first] + self.cuts[first + 1] - self.cuts[first] - start;
         for (i, ((batch, r), rows)) in batches.iter_mut().zip(&mut r).zip(&mut rows).enumerate() {
@@ -436,12 +452,12 @@ impl Layout {
                 *slot = k;
                 let row = &from.system.rows[k as usize];
                 let n = row.normal;
-                put(&mut batch.n, lane, &n);
+                set_lane(&mut batch.n, lane, &n);
                 if let Some(cones) = cones.get_mut(i) {
-                    cones.put(lane, row);
+                    cones.set_lane(lane, row);
                 }
-                batch.arm[lane] = B::T::of(row.arm);
-                batch.friction[lane] = B::T::of(row.friction);
+                batch.arm[lane] = B::T::from_f64(row.arm);
+                batch.friction[lane] = B::T::from_f64(row.friction);
                 for side in 0..2 {
                     let rank = self.pairs[place][side];
                     if rank != NONE {
@@ -452,50 +468,69 @@ impl Layout {
                     let sign = if side == 0 { 1.0 } else { -1.0 };
                     let record = &from.records[row.bodies[side] as usize];
                     batch.bodies[side][lane] = first_fixed + fixed.len() as u32;
-                    fixed.push(B::new(&Record { v: record.v + row.shift * sign, ..*record }, &from.units));
+                    fixed.push(B::new(&SolverBody { v: record.v + row.shift * sign, ..*record }, &from.units));
                 }
                 let moves = self.pairs[place].iter().all(|rank| *rank != NONE);
-                if B::CHANGES || moves {
-                    let shift = if B::CHANGES { row.velocity(from.records) / from.units.velocity } else { row.shift };
+                if B::STORES_DELTAS || moves {
+                    let shift = if B::STORES_DELTAS {
+                        row.shifted_velocity(from.records) / from.units.velocity
+                    } else {
+                        row.shift
+                    };
                     let along = n.dot(&shift);
-                    batch.shift[lane] = B::T::of(along);
+                    batch.shift[lane] = B::T::from_f64(along);
                     let rest = shift - n * along;
                     // More than rounding.
-                    if B::FRICTION && rest.norm_squared() > 1e-30 * shift.norm_squared() {
-                        drift.resize(colours[colours.len() - 1], Column3::default());
-                        put(&mut drift[i].0, lane, &rest);
+                    if B::HAS_FRICTION && rest.norm_squared() > 1e-30 * shift.norm_squared() {
+                        drift.resize(colours[colours.len() - 1], BatchVectors::default());
+                        set_lane(&mut drift[i].0, lane, &rest);
                     }
                 }
                 if let (Some(rolls), Some(curvatures)) = (rolls.get_mut(i), curvatures.get_mut(i)) {
-                    rolls.put(lane, from.system, k, &from.reactions.moments);
+                    rolls.set_lane(lane, from.system, k, &from.reactions.moments);
                     for (curvature, body) in curvatures.iter_mut().zip(row.bodies) {
                         let radius = from.records[body as usize].radius;
                         curvature[lane] = if radius > 0.0 { 1.0 / radius } else { 0.0 };
                     }
                 }
                 let impulse = &from.reactions.impulses[k as usize];
-                if B::FRICTION {
-                    put(&mut r.0, lane, &(impulse / from.units.impulse));
+                if B::HAS_FRICTION {
+                    set_lane(&mut r.0, lane, &(impulse / from.units.impulse));
                 } else {
-                    r.0[0][lane] = B::T::of(n.dot(impulse) / from.units.impulse);
+                    r.0[0][lane] = B::T::from_f64(n.dot(impulse) / from.units.impulse);
                 }
             }
         }
         let previous = r.clone();
         let lines = lines as usize;
-        let sums = Sums::default();
-        (Block { lines, batches, colours, r, previous, drift, rolls, curvatures, rows, cones, sums }, fixed)
+        let sums = SweepSums::default();
+        (
+            RangeBatches {
+                lines,
+                batches,
+                colours,
+                r,
+                previous,
+                tangential_shift: drift,
+                rolls,
+                curvatures,
+                rows,
+                cones,
+                sums,
+            },
+            fixed,
+        )
     }
 }
 
-pub(super) fn put<T: Number>(columns: &mut [[T; BATCH]; 3], lane: usize, v: &Vec3) {
-    columns[0][lane] = T::of(v.x);
-    columns[1][lane] = T::of(v.y);
-    columns[2][lane] = T::of(v.z);
+pub(super) fn set_lane<T: LaneFloat>(columns: &mut [[T; BATCH_LANES]; 3], lane: usize, v: &Vec3) {
+    columns[0][lane] = T::from_f64(v.x);
+    columns[1][lane] = T::from_f64(v.y);
+    columns[2][lane] = T::from_f64(v.z);
 }
 
 /// The block of contacts between two ranges: of the one, or of the joint above both.
-fn block_of(a: u32, b: u32) -> u32 {
+fn block_index(a: u32, b: u32) -> u32 {
     match (a ^ b).checked_ilog2() {
         None => 2 * a,
         Some(level) => (a.max(b) >> level << (level + 1)) - 1,
@@ -503,7 +538,7 @@ fn block_of(a: u32, b: u32) -> u32 {
 }
 
 /// First and last range of a block.
-fn span(block: usize) -> (usize, usize) {
+fn block_ranges(block: usize) -> (usize, usize) {
     let side = (1 << block.trailing_ones()) - 1; // blocks before it, and behind it
     ((block - side) / 2, (block + side) / 2)
 }
@@ -511,16 +546,16 @@ fn span(block: usize) -> (usize, usize) {
 /// Batches of rows that share no moving body, by colour, and where each colour ends; alone what has found no colour.
 ///
 /// `low`, `high`: ranks of the bodies.
-fn colour(rows: &[u32], pairs: &[[u32; 2]], low: u32, high: u32) -> (Vec<[u32; BATCH]>, Vec<usize>) {
+fn colour_rows(rows: &[u32], pairs: &[[u32; 2]], low: u32, high: u32) -> (Vec<[u32; BATCH_LANES]>, Vec<usize>) {
     // What does not move has no colour taken.
     let unmoved = (high - low) as usize;
     let mut masks = vec![0u64; unmoved + 1];
-    let mut counts = [0; COLOURS + 1];
+    let mut counts = [0; MAX_COLOURS + 1];
     let mut colours: Vec<u8> = Vec::with_capacity(rows.len());
     for &row in rows {
         let [a, b] = pairs[row as usize].map(|rank| (rank.wrapping_sub(low) as usize).min(unmoved));
         let free = (masks[a] | masks[b]).trailing_ones() as usize;
-        if free < COLOURS {
+        if free < MAX_COLOURS {
             masks[a] |= 1 << free;
             masks[b] |= 1 << free;
             masks[unmoved] = 0;
@@ -528,24 +563,24 @@ fn colour(rows: &[u32], pairs: &[[u32; 2]], low: u32, high: u32) -> (Vec<[u32; B
         counts[free] += 1;
         colours.push(free as u8);
     }
-    let mut next = [0; COLOURS + 1];
+    let mut next = [0; MAX_COLOURS + 1];
     let mut ends = Vec::new();
     let mut batches = 0;
     for (colour, &count) in counts.iter().enumerate() {
-        next[colour] = batches * BATCH;
-        if colour < COLOURS {
-            batches += usize::div_ceil(count, BATCH);
+        next[colour] = batches * BATCH_LANES;
+        if colour < MAX_COLOURS {
+            batches += usize::div_ceil(count, BATCH_LANES);
             ends.push(batches);
         } else {
             ends.extend(batches + 1..=batches + count);
             batches += count;
         }
     }
-    let mut batched = vec![[NONE; BATCH]; batches];
+    let mut batched = vec![[NONE; BATCH_LANES]; batches];
     for (&row, &colour) in rows.iter().zip(&colours) {
         let slot = &mut next[colour as usize];
-        batched[*slot / BATCH][*slot % BATCH] = row;
-        *slot += if (colour as usize) < COLOURS { 1 } else { BATCH };
+        batched[*slot / BATCH_LANES][*slot % BATCH_LANES] = row;
+        *slot += if (colour as usize) < MAX_COLOURS { 1 } else { BATCH_LANES };
     }
     (batched, ends)
 }
@@ -557,8 +592,8 @@ mod tests {
     /// Of four ranges: blocks 0, 2, 4, 6 are theirs, 1 joins the first two, 5 the last two, 3 all.
     #[test]
     fn blocks_and_their_spans() {
-        assert_eq!([0, 1, 2, 3].map(|r| block_of(r, r)), [0, 2, 4, 6]);
-        assert_eq!([block_of(0, 1), block_of(3, 2), block_of(1, 2), block_of(3, 0)], [1, 5, 3, 3]);
-        assert_eq!([0, 1, 2, 3, 4, 5].map(span), [(0, 0), (0, 1), (1, 1), (0, 3), (2, 2), (2, 3)]);
+        assert_eq!([0, 1, 2, 3].map(|r| block_index(r, r)), [0, 2, 4, 6]);
+        assert_eq!([block_index(0, 1), block_index(3, 2), block_index(1, 2), block_index(3, 0)], [1, 5, 3, 3]);
+        assert_eq!([0, 1, 2, 3, 4, 5].map(block_ranges), [(0, 0), (0, 1), (1, 1), (0, 3), (2, 2), (2, 3)]);
     }
 }

@@ -1,72 +1,78 @@
 //! Who solves the contact problem of a step, and who comes after where the sweeps stall.
 
 use cd_formats::compute::ContactSolver;
-use cd_formats::snapshot::Fallback;
+use cd_formats::snapshot::FallbackState;
 
 use crate::activity;
-use crate::assemble::{StoredProblem, System};
-use crate::math::lanes::Width;
+use crate::assemble::{ContactProblem, StoredProblem};
+use crate::math::lanes::SimdWidth;
 use crate::math::{Vec3, to_local, to_world};
-use crate::solve::nlgs::{ROUND, Solution, Until, closing_outside, nlgs};
-use crate::solve::residual::Judge;
-use crate::solve::stored::{self, Limits, Problem, Solver, newton_cost, residual, solve};
+use crate::solve::nlgs::{ContactSolution, MOMENTUM_CYCLE, StoppingCriteria, closing_inactive_rows, solve_nlgs};
+use crate::solve::residual::ResidualEvaluator;
+use crate::solve::stored::{self, MatrixProblem, MatrixSolver, SolverLimits, newton_cost, residual, solve};
 
 /// What a step asks of its solver.
 #[derive(Debug, Clone, Copy)]
-pub struct Task {
+pub struct SolveRequest {
     pub solver: ContactSolver,
-    pub until: Until,
-    pub width: Width,
+    pub criteria: StoppingCriteria,
+    pub width: SimdWidth,
     /// Whether `auto` is spared all but one round of sweeps.
-    pub spared: bool,
+    pub fallback_suppressed: bool,
 }
 
-impl Task {
+impl SolveRequest {
     /// Whether `auto` may spend more than one round of sweeps on it, unless it is spared.
-    fn tries(&self) -> bool {
-        self.solver == ContactSolver::Auto && self.until.max_sweeps > ROUND
+    fn may_use_fallback(&self) -> bool {
+        self.solver == ContactSolver::Auto && self.criteria.max_sweeps > MOMENTUM_CYCLE
     }
 
     /// Whether one round of sweeps is all that it gets, of more that were allowed.
-    pub fn gives_up(&self) -> bool {
-        self.spared && self.tries()
+    pub fn skips_fallback(&self) -> bool {
+        self.fallback_suppressed && self.may_use_fallback()
     }
 }
 
 /// `auto` gives the sweeps as many rounds of their momentum's caps as cost so many Newton steps, which are what comes
 /// after, but at least one, and then half of what is allowed at most.
-const ROUNDS: f64 = 1.5;
+const SWEEP_BUDGET_NEWTON_STEPS: f64 = 1.5;
 /// What comes after the sweeps of `auto` may cost as much as this many sweeps, of so many contacts at least, ...
-const PATIENCE: f64 = 200_000.0;
-const FEW: usize = 100;
+const MAX_FALLBACK_COST_SWEEPS: f64 = 200_000.0;
+const MIN_FALLBACK_CONTACTS: usize = 100;
 /// ... and is not begun if that does not pay for so many Newton steps.
-const WORTH: f64 = 20.0;
+const MIN_FALLBACK_NEWTON_STEPS: f64 = 20.0;
 /// One contact in one sweep, in units of [`newton_cost`].
-const SWEPT: f64 = 6.0;
+const CONTACT_SWEEP_COST: f64 = 6.0;
 /// From so many contacts on factors take gigabytes: sweeps take the place of the solvers that need them.
-const LARGE: usize = 30_000;
-const TOO_LARGE: &str = "the factors of 30 000 contacts and more take gigabytes";
+const MAX_FACTORED_CONTACTS: usize = 30_000;
+const TOO_LARGE_REASON: &str = "the factors of 30 000 contacts and more take gigabytes";
 /// The stored solvers aim a little below the tolerance, which is judged by other sums than theirs.
-const AIM: f64 = 0.9;
+const FALLBACK_TOLERANCE_SHARE: f64 = 0.9;
 
 /// After k failures in a row `auto` does all that it can 2^k steps later, where this is the largest k: what is in vain
 /// costs as much as hundreds of steps.
-const MOST_FAILURES: u32 = 8;
+const MAX_BACKOFF_FAILURES: u32 = 8;
 /// What lowers E to this share of what the sweeps have left is not in vain, even where rounding keeps it from the tolerance.
-const GAIN: f64 = 0.1;
+const MIN_FALLBACK_GAIN: f64 = 0.1;
 
 /// What the solution of a step, so many units of `dt` long, tells of the next.
-pub fn learn(fallback: &mut Fallback, task: Task, step: u64, units: u64, solution: &Solution) {
-    if task.spared || !task.tries() {
+pub fn update_backoff(
+    fallback: &mut FallbackState,
+    task: SolveRequest,
+    step: u64,
+    units: u64,
+    solution: &ContactSolution,
+) {
+    if task.fallback_suppressed || !task.may_use_fallback() {
         return;
     }
-    let gained = solution.stalled.is_some_and(|stalled| solution.residual <= GAIN * stalled);
+    let gained = solution.stalled_residual.is_some_and(|stalled| solution.residual <= MIN_FALLBACK_GAIN * stalled);
     if !solution.converged && !gained {
-        let failures = (fallback.failures + 1).min(MOST_FAILURES);
-        *fallback = Fallback { failures, due: step + (units << failures) };
-    } else if solution.sweeps > ROUND && task.until.aim == task.until.tol {
+        let failures = (fallback.failures + 1).min(MAX_BACKOFF_FAILURES);
+        *fallback = FallbackState { failures, due: step + (units << failures) };
+    } else if solution.sweeps > MOMENTUM_CYCLE && task.criteria.target_residual == task.criteria.tol {
         // Beyond `tol` sweeps are many in the easiest step.
-        *fallback = Fallback::default();
+        *fallback = FallbackState::default();
     }
 }
 
@@ -74,69 +80,99 @@ pub fn learn(fallback: &mut Fallback, task: Task, step: u64, units: u64, solutio
 /// `aim`, as does a solver of stored problems that was asked for by name; what sweeps leave to another is not worth more.
 ///
 /// `stored` writes the rows that can close as a problem with its Delassus matrix.
-pub fn contact_problem(system: &System, task: Task, stored: impl Fn(&System) -> StoredProblem) -> Solution {
-    let found = from_warm_start(system, task, stored);
+pub fn solve_contact_problem(
+    system: &ContactProblem,
+    task: SolveRequest,
+    stored: impl Fn(&ContactProblem) -> StoredProblem,
+) -> ContactSolution {
+    let found = solve_from_warm_start(system, task, stored);
     if found.residual < 1.0 {
         return found;
     }
     // No better than what is there when nothing is solved: from that, which is kept if nothing is better.
     let mut system = system.clone();
-    system.rows.iter_mut().for_each(|row| row.start = row.normal * row.balance());
-    system.rolls.iter_mut().for_each(|roll| roll.start = Vec3::zeros());
-    let again = nlgs(&system, Until { max_sweeps: task.until.max_sweeps.min(ROUND), ..task.until }, task.width);
-    Solution { sweeps: found.sweeps + again.sweeps, stalled: found.stalled, replaced: found.replaced, ..again }
+    system.rows.iter_mut().for_each(|row| row.warm_start = row.normal * row.balancing_impulse());
+    system.rolling_constraints.iter_mut().for_each(|roll| roll.warm_start = Vec3::zeros());
+    let again = solve_nlgs(
+        &system,
+        StoppingCriteria { max_sweeps: task.criteria.max_sweeps.min(MOMENTUM_CYCLE), ..task.criteria },
+        task.width,
+    );
+    ContactSolution {
+        sweeps: found.sweeps + again.sweeps,
+        stalled_residual: found.stalled_residual,
+        replacement_reason: found.replacement_reason,
+        ..again
+    }
 }
 
-fn from_warm_start(system: &System, task: Task, stored: impl Fn(&System) -> StoredProblem) -> Solution {
-    let Until { tol, aim, max_sweeps: limit, .. } = task.until;
-    let limit = if task.gives_up() { limit.min(ROUND) } else { limit };
+fn solve_from_warm_start(
+    system: &ContactProblem,
+    task: SolveRequest,
+    stored: impl Fn(&ContactProblem) -> StoredProblem,
+) -> ContactSolution {
+    let StoppingCriteria { tol, target_residual: aim, max_sweeps: limit, .. } = task.criteria;
+    let limit = if task.skips_fallback() { limit.min(MOMENTUM_CYCLE) } else { limit };
     let contacts = system.rows.iter().filter(|row| row.can_close).count();
-    let newton = newton_cost(contacts) / (SWEPT * contacts as f64); // sweeps that cost as much
-    let pays = contacts < LARGE && PATIENCE >= WORTH * newton;
-    let swept = |max_sweeps| nlgs(system, Until { max_sweeps, ..task.until }, task.width);
+    let newton = newton_cost(contacts) / (CONTACT_SWEEP_COST * contacts as f64); // sweeps that cost as much
+    let pays = contacts < MAX_FACTORED_CONTACTS && MAX_FALLBACK_COST_SWEEPS >= MIN_FALLBACK_NEWTON_STEPS * newton;
+    let swept = |max_sweeps| solve_nlgs(system, StoppingCriteria { max_sweeps, ..task.criteria }, task.width);
     let (solver, max_cost) = match task.solver {
         ContactSolver::Nlgs => return swept(limit),
         // The stored problem has no place for moments.
-        ContactSolver::Auto if task.gives_up() || !system.rolls.is_empty() => return swept(limit),
-        ContactSolver::Auto if !pays => return untied(system, task, limit, stored),
-        ContactSolver::Auto => (Solver::Auto, PATIENCE * SWEPT * contacts.max(FEW) as f64),
-        ContactSolver::NlgsAnderson => (Solver::NlgsAnderson, f64::INFINITY),
-        _ if contacts >= LARGE => return Solution { replaced: Some(TOO_LARGE), ..swept(limit) },
-        ContactSolver::ProxNewton => (Solver::ProxNewton, f64::INFINITY),
-        ContactSolver::Admm => (Solver::Admm, f64::INFINITY),
-        ContactSolver::InteriorPoint => (Solver::InteriorPoint, f64::INFINITY),
+        ContactSolver::Auto if task.skips_fallback() || !system.rolling_constraints.is_empty() => return swept(limit),
+        ContactSolver::Auto if !pays => return solve_with_subproblem_corrections(system, task, limit, stored),
+        ContactSolver::Auto => (
+            MatrixSolver::Auto,
+            MAX_FALLBACK_COST_SWEEPS * CONTACT_SWEEP_COST * contacts.max(MIN_FALLBACK_CONTACTS) as f64,
+        ),
+        ContactSolver::NlgsAnderson => (MatrixSolver::NlgsAnderson, f64::INFINITY),
+        _ if contacts >= MAX_FACTORED_CONTACTS => {
+            return ContactSolution { replacement_reason: Some(TOO_LARGE_REASON), ..swept(limit) };
+        }
+        ContactSolver::ProxNewton => (MatrixSolver::ProxNewton, f64::INFINITY),
+        ContactSolver::Admm => (MatrixSolver::Admm, f64::INFINITY),
+        ContactSolver::InteriorPoint => (MatrixSolver::InteriorPoint, f64::INFINITY),
     };
     // The others go on from the warm start.
-    let rounds = ((ROUNDS * newton) as u64).min(limit / 2) / ROUND;
-    let sweeps = if solver == Solver::Auto { limit.min(ROUND * rounds.max(1)) } else { 0 };
+    let rounds = ((SWEEP_BUDGET_NEWTON_STEPS * newton) as u64).min(limit / 2) / MOMENTUM_CYCLE;
+    let sweeps = if solver == MatrixSolver::Auto { limit.min(MOMENTUM_CYCLE * rounds.max(1)) } else { 0 };
     let start = swept(sweeps);
-    let sought = if solver == Solver::Auto { tol } else { aim };
+    let sought = if solver == MatrixSolver::Auto { tol } else { aim };
     if start.converged && start.residual <= sought || start.sweeps >= limit {
         return start;
     }
-    let limits = Limits { tol: sought, max_sweeps: limit - start.sweeps, max_time: None, max_cost };
-    by_stored(system, start, solver, limits, task, stored)
+    let limits = SolverLimits { tol: sought, max_sweeps: limit - start.sweeps, max_time: None, max_cost };
+    solve_by_fallback(system, start, solver, limits, task, stored)
 }
 
 /// Sweeps, and between them solves knots at once: the contacts in which the sweeps of a large scene run in circles, against
 /// what all others push. Where none is found, the sweeps are slow, and go on.
-fn untied(system: &System, task: Task, limit: u64, stored: impl Fn(&System) -> StoredProblem) -> Solution {
-    let swept = |system: &System, max_sweeps| nlgs(system, Until { max_sweeps, ..task.until }, task.width);
-    let mut last = swept(system, limit.min(ROUND));
+fn solve_with_subproblem_corrections(
+    system: &ContactProblem,
+    task: SolveRequest,
+    limit: u64,
+    stored: impl Fn(&ContactProblem) -> StoredProblem,
+) -> ContactSolution {
+    let swept = |system: &ContactProblem, max_sweeps| {
+        solve_nlgs(system, StoppingCriteria { max_sweeps, ..task.criteria }, task.width)
+    };
+    let mut last = swept(system, limit.min(MOMENTUM_CYCLE));
     if last.converged || last.sweeps >= limit {
         return last;
     }
     let mut system = system.clone();
     let mut best = last.clone();
     while !best.converged && best.sweeps < limit && !activity::is_stopped() {
-        let solved = knot(&system, &last.impulses, task.width, &stored);
-        let taken_over = last.taken_over || solved.is_some();
-        let sweeps = (limit - best.sweeps).min(if solved.is_some() { BETWEEN } else { ROUND });
+        let solved = solve_stalled_subproblem(&system, &last.impulses, task.width, &stored);
+        let taken_over = last.fallback_used || solved.is_some();
+        let sweeps =
+            (limit - best.sweeps).min(if solved.is_some() { SWEEPS_BETWEEN_SUBPROBLEMS } else { MOMENTUM_CYCLE });
         for (row, r) in system.rows.iter_mut().zip(solved.unwrap_or(last.impulses)) {
-            row.start = r;
+            row.warm_start = r;
             row.can_close |= r != Vec3::zeros();
         }
-        last = Solution { taken_over, ..swept(&system, sweeps) };
+        last = ContactSolution { fallback_used: taken_over, ..swept(&system, sweeps) };
         let sweeps = best.sweeps + last.sweeps;
         // What has converged takes no sweeps, and ends it.
         best = if last.converged || last.residual < best.residual { last.clone() } else { best };
@@ -146,62 +182,62 @@ fn untied(system: &System, task: Task, limit: u64, stored: impl Fn(&System) -> S
 }
 
 /// The rows of a knot, besides those that touch the same bodies, have the largest parts in |F|², and this share of it at least.
-const KNOT: usize = 64;
-const SHARE: f64 = 0.1;
+const SUBPROBLEM_ROWS: usize = 64;
+const MIN_SUBPROBLEM_SHARE: f64 = 0.1;
 /// By so much of it a knot's own residual is lowered, and then so many sweeps tell its neighbours.
-const LOOSE: f64 = 0.1;
-const BETWEEN: u64 = 16;
+const SUBPROBLEM_TOLERANCE: f64 = 0.1;
+const SWEEPS_BETWEEN_SUBPROBLEMS: u64 = 16;
 
 /// The impulses with those of a knot solved on the stored matrix; none where the residual is spread over all rows.
-fn knot(
-    system: &System,
+fn solve_stalled_subproblem(
+    system: &ContactProblem,
     impulses: &[Vec3],
-    width: Width,
-    stored: impl Fn(&System) -> StoredProblem,
+    width: SimdWidth,
+    stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> Option<Vec<Vec3>> {
     let acts = |k: &u32| system.rows[*k as usize].can_close || impulses[*k as usize] != Vec3::zeros();
     let rows: Vec<u32> = (0..system.rows.len() as u32).filter(acts).collect();
-    let judge = Judge::new(system, &rows, width);
-    let parts = judge.parts(impulses, &judge.motions(impulses));
+    let judge = ResidualEvaluator::new(system, &rows, width);
+    let parts = judge.contributions(impulses, &judge.body_motions(impulses));
     let mut order: Vec<usize> = (0..rows.len()).collect();
     order.sort_by(|a, b| parts[*b].total_cmp(&parts[*a]));
-    order.truncate(KNOT);
-    if order.iter().map(|k| parts[*k]).sum::<f64>() < SHARE * parts.iter().sum::<f64>() {
+    order.truncate(SUBPROBLEM_ROWS);
+    if order.iter().map(|k| parts[*k]).sum::<f64>() < MIN_SUBPROBLEM_SHARE * parts.iter().sum::<f64>() {
         return None;
     }
     let bodies = |row: u32| system.rows[row as usize].bodies.map(|body| body as usize);
-    let mut touched = vec![false; system.records.len()];
-    let moved = order.iter().flat_map(|k| bodies(rows[*k])).filter(|body| system.records[*body].inverse_mass > 0.0);
+    let mut touched = vec![false; system.bodies.len()];
+    let moved = order.iter().flat_map(|k| bodies(rows[*k])).filter(|body| system.bodies[*body].inverse_mass > 0.0);
     moved.for_each(|body| touched[body] = true);
     let mut inside = vec![false; system.rows.len()];
     rows.iter().for_each(|row| inside[*row as usize] = bodies(*row).iter().any(|body| touched[*body]));
     let of_others = |(r, inside): (&Vec3, &bool)| if *inside { Vec3::zeros() } else { *r };
     let others: Vec<Vec3> = impulses.iter().zip(&inside).map(of_others).collect();
-    let mut part = System { records: judge.records(&judge.motions(&others)), ..system.clone() };
+    let mut part = ContactProblem { bodies: judge.solver_bodies(&judge.body_motions(&others)), ..system.clone() };
     part.rows.iter_mut().zip(&inside).for_each(|(row, inside)| row.can_close = *inside);
     // No more than a round of sweeps costs.
-    let max_cost = ROUND as f64 * SWEPT * rows.len() as f64;
-    let limits = |matrix: &Problem, from: &[[f64; 3]]| Limits {
-        tol: LOOSE * residual(matrix, from),
+    let max_cost = MOMENTUM_CYCLE as f64 * CONTACT_SWEEP_COST * rows.len() as f64;
+    let limits = |matrix: &MatrixProblem, from: &[[f64; 3]]| SolverLimits {
+        tol: SUBPROBLEM_TOLERANCE * residual(matrix, from),
         max_sweeps: u64::MAX,
         max_time: None,
         max_cost,
     };
-    Some(on_matrix(&part, impulses, Solver::Auto, limits, stored)?.0)
+    Some(solve_on_matrix(&part, impulses, MatrixSolver::Auto, limits, stored)?.0)
 }
 
 /// The impulses with those of the rows that can close as a solver of stored problems finds them from there, and what it says.
-fn on_matrix(
-    system: &System,
+fn solve_on_matrix(
+    system: &ContactProblem,
     impulses: &[Vec3],
-    solver: Solver,
-    limits: impl FnOnce(&Problem, &[[f64; 3]]) -> Limits,
-    write: impl Fn(&System) -> StoredProblem,
-) -> Option<(Vec<Vec3>, stored::Solution)> {
+    solver: MatrixSolver,
+    limits: impl FnOnce(&MatrixProblem, &[[f64; 3]]) -> SolverLimits,
+    write: impl Fn(&ContactProblem) -> StoredProblem,
+) -> Option<(Vec<Vec3>, stored::MatrixSolution)> {
     let problem = write(system);
     let local = |(row, frame): &(u32, [Vec3; 3])| to_local(frame, &impulses[*row as usize]).into();
     let from: Vec<[f64; 3]> = problem.rows.iter().map(local).collect();
-    let matrix = Problem::new(problem.mu, problem.q, problem.blocks).ok()?;
+    let matrix = MatrixProblem::new(problem.mu, problem.q, problem.blocks).ok()?;
     let found = solve(&matrix, solver, &from, limits(&matrix, &from));
     let mut impulses = impulses.to_vec();
     for ((row, frame), r) in problem.rows.iter().zip(&found.r) {
@@ -212,54 +248,55 @@ fn on_matrix(
 
 /// What stored solvers find counts only if its rounding is no more than this share of the bodies' momenta: impulses that brace
 /// bodies against each other may grow until nothing is left of these.
-const CLEAR: f64 = 1e-8;
+const MAX_ROUNDING_SHARE: f64 = 1e-8;
 
 /// Goes on from `start` with a solver of stored problems; the better of the two by E, which has converged at the task's `tol`.
-fn by_stored(
-    system: &System,
-    start: Solution,
-    solver: Solver,
-    limits: Limits,
-    task: Task,
-    stored: impl Fn(&System) -> StoredProblem,
-) -> Solution {
+fn solve_by_fallback(
+    system: &ContactProblem,
+    start: ContactSolution,
+    solver: MatrixSolver,
+    limits: SolverLimits,
+    task: SolveRequest,
+    stored: impl Fn(&ContactProblem) -> StoredProblem,
+) -> ContactSolution {
     let mut system = system.clone();
     // What the sweeps have taken in is part of the problem.
     for (row, r) in system.rows.iter_mut().zip(&start.impulses) {
         row.can_close |= *r != Vec3::zeros();
     }
-    let mut best = Solution { stalled: Some(start.residual), ..start };
+    let mut best = ContactSolution { stalled_residual: Some(start.residual), ..start };
     let mut left = limits;
     loop {
         let rows: Vec<u32> = (0..).zip(&system.rows).filter(|(_, row)| row.can_close).map(|(k, _)| k).collect();
-        let judge = Judge::new(&system, &rows, task.width);
+        let judge = ResidualEvaluator::new(&system, &rows, task.width);
         best.residual = judge.residual(&best.impulses).value;
-        let balance: Vec<[f64; 3]> = rows.iter().map(|row| [system.rows[*row as usize].balance(), 0.0, 0.0]).collect();
-        let limits_of = |matrix: &Problem, _: &[[f64; 3]]| Limits {
-            tol: AIM * limits.tol.max(judge.least()) * residual(matrix, &balance),
+        let balance: Vec<[f64; 3]> =
+            rows.iter().map(|row| [system.rows[*row as usize].balancing_impulse(), 0.0, 0.0]).collect();
+        let limits_of = |matrix: &MatrixProblem, _: &[[f64; 3]]| SolverLimits {
+            tol: FALLBACK_TOLERANCE_SHARE * limits.tol.max(judge.relative_floor()) * residual(matrix, &balance),
             ..left
         };
-        let Some((impulses, found)) = on_matrix(&system, &best.impulses, solver, limits_of, &stored) else {
+        let Some((impulses, found)) = solve_on_matrix(&system, &best.impulses, solver, limits_of, &stored) else {
             return best;
         };
-        let motions = judge.motions(&impulses);
+        let motions = judge.body_motions(&impulses);
         let residual = judge.residual_at(&impulses, &motions);
         best.sweeps += found.sweeps;
         left.max_sweeps = left.max_sweeps.saturating_sub(found.sweeps);
         left.max_cost -= found.cost;
-        if residual.value < best.residual && judge.rounding(&impulses) <= CLEAR {
-            best = Solution {
-                records: judge.records(&motions),
+        if residual.value < best.residual && judge.rounding_share(&impulses) <= MAX_ROUNDING_SHARE {
+            best = ContactSolution {
+                records: judge.solver_bodies(&motions),
                 impulses,
                 residual: residual.value,
                 worst: residual.worst,
-                taken_over: true,
+                fallback_used: true,
                 ..best
             };
         }
-        best.active = rows.len();
-        let missed = closing_outside(&system, &rows, &best.records);
-        best.converged = best.residual <= task.until.tol && missed.is_empty();
+        best.active_rows = rows.len();
+        let missed = closing_inactive_rows(&system, &rows, &best.records);
+        best.converged = best.residual <= task.criteria.tol && missed.is_empty();
         best.left_out = missed.len();
         if missed.is_empty() || activity::is_stopped() || left.max_sweeps == 0 || left.max_cost <= 0.0 {
             best.worst = best.worst.or(missed.first().copied());
@@ -274,18 +311,18 @@ mod tests {
     use std::cell::Cell;
 
     use super::*;
-    use crate::assemble::{Record, Row};
+    use crate::assemble::{ContactConstraint, SolverBody};
 
     /// Balls of mass 1 that come down on one floor at 1 m/s.
-    fn balls(count: u32) -> System {
-        let record = |v: f64, inverse_mass: f64| Record {
+    fn balls(count: u32) -> ContactProblem {
+        let record = |v: f64, inverse_mass: f64| SolverBody {
             v: Vec3::z() * v,
             inverse_mass,
             w: Vec3::zeros(),
             inverse_inertia: 10.0 * inverse_mass,
             radius: 0.5 * inverse_mass,
         };
-        let row = |k: u32| Row {
+        let row = |k: u32| ContactConstraint {
             bodies: [k, count],
             normal: Vec3::z(),
             arm: 1.0,
@@ -294,122 +331,160 @@ mod tests {
             friction: 0.5,
             acts: true,
             can_close: true,
-            ..Row::default()
+            ..ContactConstraint::default()
         };
         let mut records = vec![record(-1.0, 1.0); count as usize];
         records.push(record(0.0, 0.0));
-        System { rows: (0..count).map(row).collect(), full: None, rolls: vec![], order: (0..=count).collect(), records }
+        ContactProblem {
+            rows: (0..count).map(row).collect(),
+            block_data: None,
+            rolling_constraints: vec![],
+            order: (0..=count).collect(),
+            bodies: records,
+        }
     }
 
     /// The rows of such balls that can close, which do not feel each other.
-    fn written(system: &System) -> StoredProblem {
+    fn written(system: &ContactProblem) -> StoredProblem {
         let rows: Vec<u32> = (0..).zip(&system.rows).filter(|(_, row)| row.can_close).map(|(k, _)| k).collect();
         let of = |k: &u32| &system.rows[*k as usize];
-        let diagonal = |row: &Row| [[row.w_n, 0.0, 0.0], [0.0, row.w_t, 0.0], [0.0, 0.0, row.w_t]];
+        let diagonal = |row: &ContactConstraint| [[row.w_n, 0.0, 0.0], [0.0, row.w_t, 0.0], [0.0, 0.0, row.w_t]];
         StoredProblem {
             mu: rows.iter().map(|k| of(k).friction).collect(),
-            q: rows.iter().map(|k| [system.records[*k as usize].v.z, 0.0, 0.0]).collect(),
+            q: rows.iter().map(|k| [system.bodies[*k as usize].v.z, 0.0, 0.0]).collect(),
             blocks: rows.iter().enumerate().map(|(i, k)| (i, i, diagonal(of(k)))).collect(),
             rows: rows.iter().map(|k| (*k, [Vec3::z(), Vec3::x(), Vec3::y()])).collect(),
         }
     }
 
     /// Why sweeps stood in, and whether the problem was written out.
-    fn solved(system: &System, solver: ContactSolver) -> (Option<&'static str>, bool) {
+    fn solved(system: &ContactProblem, solver: ContactSolver) -> (Option<&'static str>, bool) {
         let asked = Cell::new(false);
-        let stored = |system: &System| {
+        let stored = |system: &ContactProblem| {
             asked.set(true);
             written(system)
         };
-        let task = Task { solver, until: Until::new(1e-9, 50), width: Width::detect(), spared: false };
-        let solution = contact_problem(system, task, stored);
+        let task = SolveRequest {
+            solver,
+            criteria: StoppingCriteria::new(1e-9, 50),
+            width: SimdWidth::detect(),
+            fallback_suppressed: false,
+        };
+        let solution = solve_contact_problem(system, task, stored);
         assert!(solution.converged && solution.residual <= 1e-9, "{solver}");
-        (solution.replaced, asked.get())
+        (solution.replacement_reason, asked.get())
     }
 
     #[test]
     fn rows_that_sweeps_took_in_are_solved_again() {
         let mut system = balls(2);
         // The second flies off; the sweeps pushed it further all the same.
-        system.records[1].v = Vec3::z();
+        system.bodies[1].v = Vec3::z();
         system.rows[1].can_close = false;
-        let swept = nlgs(&system, Until::new(1e-9, 0), Width::detect());
-        let start = Solution { impulses: vec![Vec3::zeros(), Vec3::z()], ..swept };
-        let limits = Limits { tol: 1e-9, max_sweeps: 50, max_time: None, max_cost: f64::INFINITY };
-        let until = Until::new(1e-9, 50);
-        let task = Task { solver: ContactSolver::ProxNewton, until, width: Width::detect(), spared: false };
-        let solution = by_stored(&system, start, Solver::ProxNewton, limits, task, written);
-        assert!(solution.converged && solution.active == 2);
+        let swept = solve_nlgs(&system, StoppingCriteria::new(1e-9, 0), SimdWidth::detect());
+        let start = ContactSolution { impulses: vec![Vec3::zeros(), Vec3::z()], ..swept };
+        let limits = SolverLimits { tol: 1e-9, max_sweeps: 50, max_time: None, max_cost: f64::INFINITY };
+        let until = StoppingCriteria::new(1e-9, 50);
+        let task = SolveRequest {
+            solver: ContactSolver::ProxNewton,
+            criteria: until,
+            width: SimdWidth::detect(),
+            fallback_suppressed: false,
+        };
+        let solution = solve_by_fallback(&system, start, MatrixSolver::ProxNewton, limits, task, written);
+        assert!(solution.converged && solution.active_rows == 2);
         for (k, r) in [1.0, 0.0].into_iter().enumerate() {
             assert!((solution.impulses[k] - Vec3::z() * r).norm() < 1e-9, "{k}: {}", solution.impulses[k]);
-            assert_eq!(solution.records[k].v, system.records[k].v + solution.impulses[k]); // of mass 1
+            assert_eq!(solution.records[k].v, system.bodies[k].v + solution.impulses[k]); // of mass 1
         }
     }
 
     #[test]
     fn a_knot_is_solved_and_what_is_spread_is_left_to_sweeps() {
         let system = balls(1000);
-        let solved = |impulses: &[Vec3]| knot(&system, impulses, Width::detect(), written);
+        let solved = |impulses: &[Vec3]| solve_stalled_subproblem(&system, impulses, SimdWidth::detect(), written);
         // Each of mass 1 must lose 1 m/s.
         let mut impulses = vec![Vec3::z(); 1000];
         impulses[7] *= 0.5;
         let found = solved(&impulses).unwrap();
         // What it misses falls from 0.5 to a tenth.
-        assert!((found[7] - Vec3::z()).norm() <= LOOSE * 0.5 && found[999] == impulses[999], "{}", found[7]);
+        assert!(
+            (found[7] - Vec3::z()).norm() <= SUBPROBLEM_TOLERANCE * 0.5 && found[999] == impulses[999],
+            "{}",
+            found[7]
+        );
         impulses.fill(Vec3::z() * 0.5);
         assert_eq!(solved(&impulses), None);
         // Too large for the stored solvers as a whole, and done by one look of the sweeps.
-        let task =
-            Task { solver: ContactSolver::Auto, until: Until::new(1e-9, 5000), width: Width::detect(), spared: false };
-        let solution = untied(&system, task, 5000, written);
-        assert!(solution.converged && !solution.taken_over);
+        let task = SolveRequest {
+            solver: ContactSolver::Auto,
+            criteria: StoppingCriteria::new(1e-9, 5000),
+            width: SimdWidth::detect(),
+            fallback_suppressed: false,
+        };
+        let solution = solve_with_subproblem_corrections(&system, task, 5000, written);
+        assert!(solution.converged && !solution.fallback_used);
     }
 
     #[test]
     fn failures_double_the_wait_and_what_is_found_late_ends_it() {
         let solution = |converged, sweeps| {
-            let solved = nlgs(&balls(1), Until::new(1e-9, 50), Width::detect());
-            Solution { converged, sweeps, ..solved }
+            let solved = solve_nlgs(&balls(1), StoppingCriteria::new(1e-9, 50), SimdWidth::detect());
+            ContactSolution { converged, sweeps, ..solved }
         };
-        let until = |max_sweeps| Until::new(1e-9, max_sweeps);
-        let task = Task { solver: ContactSolver::Auto, until: until(5000), width: Width::detect(), spared: false };
-        let mut fallback = Fallback::default();
+        let until = |max_sweeps| StoppingCriteria::new(1e-9, max_sweeps);
+        let task = SolveRequest {
+            solver: ContactSolver::Auto,
+            criteria: until(5000),
+            width: SimdWidth::detect(),
+            fallback_suppressed: false,
+        };
+        let mut fallback = FallbackState::default();
         for (step, due) in [(10, 16), (16, 28), (28, 52)] {
-            learn(&mut fallback, task, step, 3, &solution(false, 5000)); // steps of three units
+            update_backoff(&mut fallback, task, step, 3, &solution(false, 5000)); // steps of three units
             assert_eq!(fallback.due, due);
         }
         // A step that sweeps solve at once says nothing of those that stall.
-        learn(&mut fallback, task, 52, 3, &solution(true, ROUND));
+        update_backoff(&mut fallback, task, 52, 3, &solution(true, MOMENTUM_CYCLE));
         assert_eq!(fallback.failures, 3);
-        (0..9).for_each(|_| learn(&mut fallback, task, 55, 1, &solution(false, 5000)));
-        assert_eq!(fallback, Fallback { failures: 8, due: 55 + 256 });
-        let onwards = Task { until: Until { aim: 1e-10, ..until(5000) }, ..task };
-        learn(&mut fallback, onwards, 199, 1, &solution(true, ROUND + 1));
+        (0..9).for_each(|_| update_backoff(&mut fallback, task, 55, 1, &solution(false, 5000)));
+        assert_eq!(fallback, FallbackState { failures: 8, due: 55 + 256 });
+        let onwards = SolveRequest { criteria: StoppingCriteria { target_residual: 1e-10, ..until(5000) }, ..task };
+        update_backoff(&mut fallback, onwards, 199, 1, &solution(true, MOMENTUM_CYCLE + 1));
         assert_eq!(fallback.failures, 8);
-        learn(&mut fallback, task, 200, 1, &solution(true, ROUND + 1));
-        assert_eq!(fallback, Fallback::default());
+        update_backoff(&mut fallback, task, 200, 1, &solution(true, MOMENTUM_CYCLE + 1));
+        assert_eq!(fallback, FallbackState::default());
         // What makes E ten times smaller was worth it.
-        let solved = |stalled, residual| Solution { stalled: Some(stalled), residual, ..solution(false, 5000) };
-        learn(&mut fallback, task, 250, 1, &solved(1e-2, 9e-4));
-        assert_eq!(fallback, Fallback::default());
-        learn(&mut fallback, task, 260, 1, &solved(1e-2, 2e-3));
-        assert_eq!(fallback, Fallback { failures: 1, due: 262 });
-        fallback = Fallback::default();
+        let solved =
+            |stalled, residual| ContactSolution { stalled_residual: Some(stalled), residual, ..solution(false, 5000) };
+        update_backoff(&mut fallback, task, 250, 1, &solved(1e-2, 9e-4));
+        assert_eq!(fallback, FallbackState::default());
+        update_backoff(&mut fallback, task, 260, 1, &solved(1e-2, 2e-3));
+        assert_eq!(fallback, FallbackState { failures: 1, due: 262 });
+        fallback = FallbackState::default();
         // Where no more than a round is allowed there is nothing to spare, and nothing to learn.
-        let short = Task { until: until(ROUND), ..task };
-        learn(&mut fallback, short, 300, 1, &solution(false, ROUND));
-        assert_eq!(fallback, Fallback::default());
-        assert!(Task { spared: true, ..task }.gives_up() && !Task { spared: true, ..short }.gives_up());
+        let short = SolveRequest { criteria: until(MOMENTUM_CYCLE), ..task };
+        update_backoff(&mut fallback, short, 300, 1, &solution(false, MOMENTUM_CYCLE));
+        assert_eq!(fallback, FallbackState::default());
+        assert!(
+            SolveRequest { fallback_suppressed: true, ..task }.skips_fallback()
+                && !SolveRequest { fallback_suppressed: true, ..short }.skips_fallback()
+        );
     }
 
     #[test]
     fn nothing_is_kept_that_is_worse_than_nothing() {
         let mut system = balls(3);
         // Of a step that had no solution.
-        system.rows.iter_mut().for_each(|row| row.start = Vec3::z() * 1e17);
+        system.rows.iter_mut().for_each(|row| row.warm_start = Vec3::z() * 1e17);
         for (solver, sweeps) in [(ContactSolver::Auto, 0), (ContactSolver::Nlgs, 0), (ContactSolver::Nlgs, 100)] {
-            let task = Task { solver, until: Until::new(1e-9, sweeps), width: Width::detect(), spared: false };
-            let solution = contact_problem(&system, task, written);
+            let task = SolveRequest {
+                solver,
+                criteria: StoppingCriteria::new(1e-9, sweeps),
+                width: SimdWidth::detect(),
+                fallback_suppressed: false,
+            };
+            let solution = solve_contact_problem(&system, task, written);
             // Each must lose 1 m/s.
             let expected = if sweeps == 0 { 1.0 } else { 0.0 };
             assert!(solution.residual <= expected + 1e-9, "{solver}: {}", solution.residual);
@@ -421,22 +496,22 @@ mod tests {
     fn impulses_that_leave_nothing_of_momentum_are_not_believed() {
         let system = balls(2);
         let rows = [0, 1];
-        let judge = Judge::new(&system, &rows, Width::detect());
+        let judge = ResidualEvaluator::new(&system, &rows, SimdWidth::detect());
         // Two balls of mass 1 at 1 m/s have the momentum √2 N s, more than |F(0)|.
-        let rounding = judge.rounding(&[Vec3::z() * 1e12, Vec3::zeros()]);
+        let rounding = judge.rounding_share(&[Vec3::z() * 1e12, Vec3::zeros()]);
         assert!((rounding / (f64::EPSILON * 1e12 / 2f64.sqrt()) - 1.0).abs() < 1e-12, "{rounding}");
-        assert!(rounding > CLEAR && judge.rounding(&[Vec3::z(); 2]) < CLEAR);
+        assert!(rounding > MAX_ROUNDING_SHARE && judge.rounding_share(&[Vec3::z(); 2]) < MAX_ROUNDING_SHARE);
     }
 
     #[test]
     fn only_solvers_with_factors_are_replaced_and_that_is_said() {
         use ContactSolver::{Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
-        let (few, many) = (balls(10), balls(LARGE as u32));
+        let (few, many) = (balls(10), balls(MAX_FACTORED_CONTACTS as u32));
         for solver in [NlgsAnderson, ProxNewton, Admm, InteriorPoint] {
             assert_eq!(solved(&few, solver), (None, true), "{solver}");
         }
         for solver in [ProxNewton, Admm, InteriorPoint] {
-            assert_eq!(solved(&many, solver), (Some(TOO_LARGE), false), "{solver}");
+            assert_eq!(solved(&many, solver), (Some(TOO_LARGE_REASON), false), "{solver}");
         }
         assert_eq!(solved(&many, NlgsAnderson), (None, true));
         for solver in [Auto, Nlgs] {

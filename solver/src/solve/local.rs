@@ -3,17 +3,22 @@
 use crate::math::lanes::Arithmetic;
 
 /// Three components.
-pub type Triple<V> = [V; 3];
+pub type LaneVector<V> = [V; 3];
 
 /// a . b
 #[inline(always)]
-pub fn dot<L: Arithmetic>(l: L, a: Triple<L::V>, b: Triple<L::V>) -> L::V {
+pub fn dot_product<L: Arithmetic>(l: L, a: LaneVector<L::V>, b: LaneVector<L::V>) -> L::V {
     l.mul_add(a[0], b[0], l.mul_add(a[1], b[1], l.mul(a[2], b[2])))
 }
 
 /// a x b + c
 #[inline(always)]
-pub fn cross_add<L: Arithmetic>(l: L, a: Triple<L::V>, b: Triple<L::V>, c: Triple<L::V>) -> Triple<L::V> {
+pub fn cross_add<L: Arithmetic>(
+    l: L,
+    a: LaneVector<L::V>,
+    b: LaneVector<L::V>,
+    c: LaneVector<L::V>,
+) -> LaneVector<L::V> {
     [
         l.mul_add(a[1], b[2], l.neg_mul_add(a[2], b[1], c[0])),
         l.mul_add(a[2], b[0], l.neg_mul_add(a[0], b[2], c[1])),
@@ -23,7 +28,7 @@ pub fn cross_add<L: Arithmetic>(l: L, a: Triple<L::V>, b: Triple<L::V>, c: Tripl
 
 /// a x b
 #[inline(always)]
-pub fn cross<L: Arithmetic>(l: L, a: Triple<L::V>, b: Triple<L::V>) -> Triple<L::V> {
+pub fn cross_product<L: Arithmetic>(l: L, a: LaneVector<L::V>, b: LaneVector<L::V>) -> LaneVector<L::V> {
     [
         l.neg_mul_add(a[2], b[1], l.mul(a[1], b[2])),
         l.neg_mul_add(a[0], b[2], l.mul(a[2], b[0])),
@@ -76,30 +81,30 @@ pub(super) use triple;
 #[inline(always)]
 pub fn signorini_coulomb<L: Arithmetic>(
     l: L,
-    n: Triple<L::V>,
-    u: Triple<L::V>,
-    r: Triple<L::V>,
+    n: LaneVector<L::V>,
+    u: LaneVector<L::V>,
+    r: LaneVector<L::V>,
     w: [L::V; 2],
     friction: L::V,
-) -> Triple<L::V> {
-    let (normal, tangential) = stopping(l, n, u, dot(l, n, u), l.splat(0.0), r, w);
+) -> LaneVector<L::V> {
+    let (normal, tangential) = unprojected_impulse(l, n, u, dot_product(l, n, u), l.splat(0.0), r, w);
     coulomb(l, n, normal, tangential, friction)
 }
 
 /// The first half of [`signorini_coulomb`]: the normal part cut at 0, and the tangential part that would stop the
 /// contact. `u_n` is n.u, and `shift` adds to it.
 #[inline(always)]
-pub fn stopping<L: Arithmetic>(
+pub fn unprojected_impulse<L: Arithmetic>(
     l: L,
-    n: Triple<L::V>,
-    u: Triple<L::V>,
+    n: LaneVector<L::V>,
+    u: LaneVector<L::V>,
     u_n: L::V,
     shift: L::V,
-    r: Triple<L::V>,
+    r: LaneVector<L::V>,
     [w_n, w_t]: [L::V; 2],
-) -> (L::V, Triple<L::V>) {
+) -> (L::V, LaneVector<L::V>) {
     let inverse_t = l.div(l.splat(1.0), w_t);
-    let r_n = dot(l, n, r);
+    let r_n = dot_product(l, n, r);
     let normal = signorini(l, l.add(u_n, shift), r_n, w_n);
     let full = triple!(k => l.neg_mul_add(u[k], inverse_t, r[k]));
     let along = l.neg_mul_add(u_n, inverse_t, r_n);
@@ -118,19 +123,19 @@ pub fn signorini<L: Arithmetic>(l: L, u_n: L::V, r_n: L::V, w_n: L::V) -> L::V {
 #[inline(always)]
 pub fn coulomb<L: Arithmetic>(
     l: L,
-    n: Triple<L::V>,
+    n: LaneVector<L::V>,
     normal: L::V,
-    tangential: Triple<L::V>,
+    tangential: LaneVector<L::V>,
     friction: L::V,
-) -> Triple<L::V> {
-    let tangential = within(l, tangential, l.mul(friction, normal));
+) -> LaneVector<L::V> {
+    let tangential = project_to_ball(l, tangential, l.mul(friction, normal));
     triple!(k => l.mul_add(n[k], normal, tangential[k]))
 }
 
 /// The nearest point to `v` of the ball of radius `bound` >= 0.
 #[inline(always)]
-pub fn within<L: Arithmetic>(l: L, v: Triple<L::V>, bound: L::V) -> Triple<L::V> {
-    let size2 = dot(l, v, v);
+pub fn project_to_ball<L: Arithmetic>(l: L, v: LaneVector<L::V>, bound: L::V) -> LaneVector<L::V> {
+    let size2 = dot_product(l, v, v);
     // bound/size, as a root and a quotient that do not wait for each other.
     let ratio = l.mul(l.div(bound, size2), l.sqrt(size2));
     let inside = l.select_greater(size2, l.mul(bound, bound), ratio, l.splat(1.0));
@@ -158,7 +163,7 @@ mod tests {
         assert_eq!(solve([0.0, 7.0, -2.0], 0.0), [0.0, 0.0, 4.0]);
         assert_eq!(cross_add(Scalar, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]), UP);
         assert_eq!(cross_add(Scalar, [1.0, 2.0, 3.0], [-4.0, 5.0, 6.0], [1.0; 3]), [-2.0, -17.0, 14.0]);
-        assert_eq!(cross(Scalar, [1.0, 2.0, 3.0], [-4.0, 5.0, 6.0]), [-3.0, -18.0, 13.0]);
+        assert_eq!(cross_product(Scalar, [1.0, 2.0, 3.0], [-4.0, 5.0, 6.0]), [-3.0, -18.0, 13.0]);
     }
 
     proptest! {
@@ -170,26 +175,26 @@ mod tests {
             r in prop::array::uniform3(-3.0..3.0f64),
             friction in 0.0..1.5f64,
         ) {
-            let size = dot(Scalar, n, n).sqrt();
+            let size = dot_product(Scalar, n, n).sqrt();
             prop_assume!(size > 0.1);
             let n = n.map(|c| c / size);
             let new = signorini_coulomb(Scalar, n, u, r, W, friction);
             // u after the change: W (new - r) + u with W = w_n nn + w_t (1 - nn).
             let change: [f64; 3] = std::array::from_fn(|k| new[k] - r[k]);
-            let along = dot(Scalar, n, change);
+            let along = dot_product(Scalar, n, change);
             let after: [f64; 3] = std::array::from_fn(|k| {
                 u[k] + n[k] * along * W[0] + (change[k] - n[k] * along) * W[1]
             });
-            let (u_n, r_n) = (dot(Scalar, n, after), dot(Scalar, n, new));
+            let (u_n, r_n) = (dot_product(Scalar, n, after), dot_product(Scalar, n, new));
             let u_t: [f64; 3] = std::array::from_fn(|k| after[k] - n[k] * u_n);
             let r_t: [f64; 3] = std::array::from_fn(|k| new[k] - n[k] * r_n);
-            let norm = |a: [f64; 3]| dot(Scalar, a, a).sqrt();
+            let norm = |a: [f64; 3]| dot_product(Scalar, a, a).sqrt();
             let slack = 1e-13; // rounding of numbers up to 10
             prop_assert!(u_n > -slack && r_n > -slack && (u_n * r_n).abs() < slack);
             prop_assert!(norm(r_t) <= friction * r_n + slack);
             if norm(u_t) > 1e-9 && r_n > 1e-9 {
                 prop_assert!((norm(r_t) - friction * r_n).abs() < slack);
-                prop_assert!(dot(Scalar, u_t, r_t) <= -norm(u_t) * norm(r_t) + 1e-12);
+                prop_assert!(dot_product(Scalar, u_t, r_t) <= -norm(u_t) * norm(r_t) + 1e-12);
             }
         }
     }

@@ -26,5 +26,5 @@ mod rolling;
 pub mod stored;
 pub mod sweep;
 
-pub use choice::{Task, contact_problem, learn};
-pub use nlgs::{Reactions, Solution, Until, nlgs};
+pub use choice::{SolveRequest, solve_contact_problem, update_backoff};
+pub use nlgs::{ContactReactions, ContactSolution, StoppingCriteria, solve_nlgs};

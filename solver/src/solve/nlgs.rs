@@ -12,62 +12,65 @@ use cd_formats::compute::SweepPrecision;
 use rayon::prelude::*;
 
 use crate::activity;
-use crate::assemble::{Record, System};
-use crate::math::lanes::Width;
-use crate::math::{MANY, Vec3};
-use crate::solve::laid::Laid;
-use crate::solve::residual::{Judge, Motion, Residual};
+use crate::assemble::{ContactProblem, SolverBody};
+use crate::math::lanes::SimdWidth;
+use crate::math::{PAR_MIN_LEN, Vec3};
+use crate::solve::laid::PackedProblem;
+use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator};
 
 /// Largest share of the last change that is carried on where there is friction, by the place of the
-/// sweep in a round of [`ROUND`]. Uncapped momentum bounces on dense frictional packings, 0.7 to 0.85 are
+/// sweep in a round of [`MOMENTUM_CYCLE`]. Uncapped momentum bounces on dense frictional packings, 0.7 to 0.85 are
 /// alike. A few problems run in circles with any momentum, others come down with it alone: so
 /// where sweeps run in circles, or after a while, less of it, then none, and again. Without friction the problem is
 /// convex and needs no cap, and with it as long as nothing slides and E falls.
-const FRICTIONAL_CAPS: [(u64, f64); 3] = [(600, 0.8), (800, 0.5), (ROUND, 0.0)];
-pub(super) const ROUND: u64 = 1000;
+const FRICTIONAL_CAPS: [(u64, f64); 3] = [(600, 0.8), (800, 0.5), (MOMENTUM_CYCLE, 0.0)];
+pub(super) const MOMENTUM_CYCLE: u64 = 1000;
 
 /// Sweeps run in circles where they change as much, one by one, in a window as in the one before it under the same cap. The
 /// first two are of so many, the next half as long as all before: where the change falls slowly, short ones see its noise alone.
-const WINDOW: u64 = 16;
+const STAGNATION_WINDOW: u64 = 16;
 
 /// What rests goes on creeping with the E that its impulses of the last step have, if they are never swept: so that is this part of
 /// `tol` at most. Single precision reaches it.
-const AT_REST: f64 = 1e-2;
+const REST_TOLERANCE_SHARE: f64 = 1e-2;
 
 /// Sweeps in single precision pay from so many contacts on, and reach residuals of 1e-5 and less: no smaller one than this is
 /// sought with them.
-const MANY_CONTACTS: usize = 256;
-const SINGLE_REACHES: f64 = 1e-4;
+const MIN_F32_CONTACTS: usize = 256;
+const MIN_F32_RESIDUAL: f64 = 1e-4;
 /// As rounding adds up they begin afresh from what they have found after so many, in double precision if that was no gain. Where nothing
 /// slides E falls but for rounding: once it is so many times the best they go back to that, in double precision and with a momentum that
 /// knows nothing of them.
-const AFRESH: u64 = 500;
-const LOST: f64 = 4.0;
+const F32_REBASE_SWEEPS: u64 = 500;
+const F32_DIVERGENCE: f64 = 4.0;
 /// Masses may differ by so much, that squares of impulses are numbers.
-const SPREAD: f64 = 1e9;
+const MAX_MASS_RATIO: f64 = 1e9;
 
 /// What contacts give, world frame, on the candidate.
 #[derive(Debug, Clone)]
-pub struct Reactions {
+pub struct ContactReactions {
     /// r̂ of each row of the system, N s.
     pub impulses: Vec<Vec3>,
     /// Of each of its rolls, N m s.
     pub moments: Vec<Vec3>,
 }
 
-impl Reactions {
-    pub fn zeros(system: &System) -> Self {
-        Reactions { impulses: vec![Vec3::zeros(); system.rows.len()], moments: vec![Vec3::zeros(); system.rolls.len()] }
+impl ContactReactions {
+    pub fn zeros(system: &ContactProblem) -> Self {
+        ContactReactions {
+            impulses: vec![Vec3::zeros(); system.rows.len()],
+            moments: vec![Vec3::zeros(); system.rolling_constraints.len()],
+        }
     }
 
     /// The warm start of the rows `active`: no moment where nothing presses.
-    fn start(system: &System, active: &[u32]) -> Self {
-        let mut reactions = Reactions::zeros(system);
+    fn warm_start(system: &ContactProblem, active: &[u32]) -> Self {
+        let mut reactions = ContactReactions::zeros(system);
         for &k in active {
-            reactions.impulses[k as usize] = system.rows[k as usize].start;
+            reactions.impulses[k as usize] = system.rows[k as usize].warm_start;
         }
-        for (m, roll) in reactions.moments.iter_mut().zip(&system.rolls) {
-            *m = if reactions.impulses[roll.row as usize] == Vec3::zeros() { Vec3::zeros() } else { roll.start };
+        for (m, roll) in reactions.moments.iter_mut().zip(&system.rolling_constraints) {
+            *m = if reactions.impulses[roll.row as usize] == Vec3::zeros() { Vec3::zeros() } else { roll.warm_start };
         }
         reactions
     }
@@ -75,14 +78,14 @@ impl Reactions {
 
 /// Impulses r̂ of all rows (world frame, N s), the velocities they lead to, and how good they are.
 #[derive(Clone)]
-pub struct Solution {
+pub struct ContactSolution {
     pub impulses: Vec<Vec3>,
     /// Moments of all rolls, world frame, N m s.
     pub moments: Vec<Vec3>,
-    pub records: Vec<Record>,
+    pub records: Vec<SolverBody>,
     pub sweeps: u64,
     /// Whether the last of them began in single precision.
-    pub single: bool,
+    pub single_precision: bool,
     /// E of [`crate::solve::residual`].
     pub residual: f64,
     pub converged: bool,
@@ -91,24 +94,24 @@ pub struct Solution {
     /// Row with the largest part in the residual.
     pub worst: Option<u32>,
     /// Rows that took part.
-    pub active: usize,
+    pub active_rows: usize,
     /// Whether a solver of stored problems found it where the sweeps had stalled.
-    pub taken_over: bool,
+    pub fallback_used: bool,
     /// E at which the sweeps had stalled, where solvers of stored problems went on.
-    pub stalled: Option<f64>,
+    pub stalled_residual: Option<f64>,
     /// Why sweeps took the place of the solver that was asked for.
-    pub replaced: Option<&'static str>,
+    pub replacement_reason: Option<&'static str>,
 }
 
 /// When sweeping ends.
 #[derive(Debug, Clone, Copy)]
-pub struct Until {
+pub struct StoppingCriteria {
     /// E to reach.
     pub tol: f64,
     /// E to seek on then, for no more than a round of sweeps.
-    pub aim: f64,
+    pub target_residual: f64,
     /// Sweeps that are made in any case, but where E is a hundredth of `tol` already.
-    pub least_sweeps: u64,
+    pub min_sweeps: u64,
     pub max_sweeps: u64,
     /// Sweeps from one look at E to the next, the first after as many, as LMGC90's blocks; without it, when the changes
     /// that sweeps make suggest it.
@@ -116,10 +119,17 @@ pub struct Until {
     pub precision: SweepPrecision,
 }
 
-impl Until {
+impl StoppingCriteria {
     /// To E <= `tol`, or `max_sweeps`.
     pub fn new(tol: f64, max_sweeps: u64) -> Self {
-        Until { tol, aim: tol, least_sweeps: 0, max_sweeps, check_every: None, precision: SweepPrecision::Auto }
+        StoppingCriteria {
+            tol,
+            target_residual: tol,
+            min_sweeps: 0,
+            max_sweeps,
+            check_every: None,
+            precision: SweepPrecision::Auto,
+        }
     }
 }
 
@@ -127,34 +137,34 @@ impl Until {
 ///
 /// Only rows that can close within the step are swept. A row left out that the solution would close
 /// nevertheless - a body may become faster than its free velocity - is taken in, and sweeping goes on.
-pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
-    let Until { tol, max_sweeps, .. } = until;
-    let rows = (0..system.rows.len() as u32).into_par_iter().with_min_len(MANY);
+pub fn solve_nlgs(system: &ContactProblem, until: StoppingCriteria, width: SimdWidth) -> ContactSolution {
+    let StoppingCriteria { tol, max_sweeps, .. } = until;
+    let rows = (0..system.rows.len() as u32).into_par_iter().with_min_len(PAR_MIN_LEN);
     let mut active: Vec<u32> = rows.filter(|&k| system.rows[k as usize].can_close).collect();
-    let mut reactions = Reactions::start(system, &active);
+    let mut reactions = ContactReactions::warm_start(system, &active);
     let mut sweeps = 0;
     loop {
-        let judge = Judge::new(system, &active, width);
-        let single = in_single(system, &active, until);
-        let (residual, motions) = sweep_until(system, &judge, &active, &mut reactions, until, single, &mut sweeps);
-        let records = judge.records(&motions);
-        let missed = closing_outside(system, &active, &records);
+        let judge = ResidualEvaluator::new(system, &active, width);
+        let single = sweeps_in_f32(system, &active, until);
+        let (residual, motions) = iterate_sweeps(system, &judge, &active, &mut reactions, until, single, &mut sweeps);
+        let records = judge.solver_bodies(&motions);
+        let missed = closing_inactive_rows(system, &active, &records);
         if missed.is_empty() || sweeps >= max_sweeps || activity::is_stopped() {
-            let Reactions { impulses, moments } = reactions;
-            return Solution {
+            let ContactReactions { impulses, moments } = reactions;
+            return ContactSolution {
                 impulses,
                 moments,
                 records,
                 sweeps,
-                single: single && sweeps > 0,
+                single_precision: single && sweeps > 0,
                 residual: residual.value,
                 converged: residual.value <= tol && missed.is_empty(),
                 left_out: missed.len(),
                 worst: residual.worst.or(missed.first().copied()),
-                active: active.len(),
-                taken_over: false,
-                stalled: None,
-                replaced: None,
+                active_rows: active.len(),
+                fallback_used: false,
+                stalled_residual: None,
+                replacement_reason: None,
             };
         }
         active.extend(missed);
@@ -164,33 +174,34 @@ pub fn nlgs(system: &System, until: Until, width: Width) -> Solution {
 
 /// Sweeps the rows `active`, in single precision as long as that gains, counting on in `sweeps`; returns what is left, and the
 /// motions that the impulses lead to.
-fn sweep_until(
-    system: &System,
-    judge: &Judge,
+fn iterate_sweeps(
+    system: &ContactProblem,
+    judge: &ResidualEvaluator,
     active: &[u32],
-    reactions: &mut Reactions,
-    until: Until,
+    reactions: &mut ContactReactions,
+    until: StoppingCriteria,
     mut single: bool,
     sweeps: &mut u64,
-) -> (Residual, Vec<Motion>) {
-    let Until { tol, aim, least_sweeps, max_sweeps, check_every, .. } = until;
-    let judged = |Reactions { impulses, moments }: &Reactions| {
+) -> (Residual, Vec<BodyMotion>) {
+    let StoppingCriteria { tol, target_residual: aim, min_sweeps: least_sweeps, max_sweeps, check_every, .. } = until;
+    let judged = |ContactReactions { impulses, moments }: &ContactReactions| {
         let motions = judge.motions_with(impulses, moments);
         (judge.residual_with(impulses, moments, &motions), motions)
     };
     let mut best = judged(reactions);
-    let enough = |e: f64, sweeps: u64| e <= aim && (sweeps >= least_sweeps || e <= AT_REST * tol);
+    let enough = |e: f64, sweeps: u64| e <= aim && (sweeps >= least_sweeps || e <= REST_TOLERANCE_SHARE * tol);
     let solved = enough(best.0.value, *sweeps) && (check_every.is_none() || active.is_empty());
     if solved || *sweeps >= max_sweeps {
         return best;
     }
-    let end_of = |residual: f64, sweeps: u64| if residual <= tol { max_sweeps.min(sweeps + ROUND) } else { max_sweeps };
+    let end_of =
+        |residual: f64, sweeps: u64| if residual <= tol { max_sweeps.min(sweeps + MOMENTUM_CYCLE) } else { max_sweeps };
     let mut end = end_of(best.0.value, *sweeps);
-    let mut problem = Laid::new(system, active, reactions, &judge.records(&best.1), single, judge.width);
+    let mut problem = PackedProblem::new(system, active, reactions, &judge.solver_bodies(&best.1), single, judge.width);
     let mut laid = (*sweeps, best.0.value);
-    let turns = !system.rolls.is_empty();
-    let frictional = system.resists(active);
-    let mut momentum = Momentum::new(frictional);
+    let turns = !system.rolling_constraints.is_empty();
+    let frictional = system.has_friction(active);
+    let mut momentum = SweepMomentum::new(frictional);
     let mut capped = false;
     let mut trial = reactions.clone();
     // Judging costs several sweeps. The change made by a sweep falls as the residual does: it tells
@@ -198,9 +209,9 @@ fn sweep_until(
     let mut scale = None;
     let mut patience = 0;
     loop {
-        let swept = problem.sweep(judge.width, momentum.beta);
-        momentum.after(swept.uphill, swept.change);
-        activity::sweep();
+        let swept = problem.sweep_contacts(judge.width, momentum.beta);
+        momentum.update_after_sweep(swept.needs_restart, swept.change);
+        activity::count_sweep();
         *sweeps += 1;
         patience += 1;
         if activity::is_stopped() {
@@ -215,20 +226,20 @@ fn sweep_until(
             problem.read_back(judge.width, system, &mut trial);
             let found = judged(&trial);
             let residual = found.0;
-            momentum.sliding = frictional && (turns || slides(system, active, &trial.impulses));
+            momentum.sliding = frictional && (turns || any_contact_slides(system, active, &trial.impulses));
             capped |= momentum.sliding || frictional && residual.value >= best.0.value;
             momentum.frictional = capped;
             scale = Some(swept.change / residual.value);
             patience = 0;
-            let lost = !momentum.sliding && residual.value > LOST * best.0.value;
-            if single && (lost || *sweeps >= laid.0 + AFRESH) {
+            let lost = !momentum.sliding && residual.value > F32_DIVERGENCE * best.0.value;
+            if single && (lost || *sweeps >= laid.0 + F32_REBASE_SWEEPS) {
                 let least = residual.value.min(best.0.value);
                 single = !lost && least < laid.1;
                 let (from, at) = if lost { (&*reactions, &best.1) } else { (&trial, &found.1) };
-                problem = Laid::new(system, active, from, &judge.records(at), single, judge.width);
+                problem = PackedProblem::new(system, active, from, &judge.solver_bodies(at), single, judge.width);
                 laid = (*sweeps, least);
                 if !single && !momentum.sliding {
-                    (momentum, capped) = (Momentum::new(frictional), false);
+                    (momentum, capped) = (SweepMomentum::new(frictional), false);
                 }
             }
             if residual.value < best.0.value {
@@ -244,21 +255,21 @@ fn sweep_until(
 }
 
 /// Whether the rows `active` are swept in single precision: of masses that do not differ too much, without moments.
-fn in_single(system: &System, active: &[u32], until: Until) -> bool {
+fn sweeps_in_f32(system: &ContactProblem, active: &[u32], until: StoppingCriteria) -> bool {
     let asked = match until.precision {
-        SweepPrecision::Auto => active.len() >= MANY_CONTACTS && until.aim >= SINGLE_REACHES,
+        SweepPrecision::Auto => active.len() >= MIN_F32_CONTACTS && until.target_residual >= MIN_F32_RESIDUAL,
         SweepPrecision::Single => true,
         SweepPrecision::Double => false,
     };
-    asked && system.rolls.is_empty() && {
+    asked && system.rolling_constraints.is_empty() && {
         let of_rows = active.iter().map(|&k| system.rows[k as usize].w_n);
         let (least, most) = of_rows.fold((f64::INFINITY, 0.0f64), |(least, most), w| (least.min(w), most.max(w)));
-        most <= least * SPREAD
+        most <= least * MAX_MASS_RATIO
     }
 }
 
 /// Whether a contact is at the bound of its friction.
-fn slides(system: &System, active: &[u32], impulses: &[Vec3]) -> bool {
+fn any_contact_slides(system: &ContactProblem, active: &[u32], impulses: &[Vec3]) -> bool {
     active.par_iter().with_min_len(1024).any(|&k| {
         let (row, r) = (&system.rows[k as usize], &impulses[k as usize]);
         let normal = row.normal.dot(r);
@@ -268,7 +279,7 @@ fn slides(system: &System, active: &[u32], impulses: &[Vec3]) -> bool {
 }
 
 /// How far each sweep carries on the change of the one before.
-pub(super) struct Momentum {
+pub(super) struct SweepMomentum {
     t: f64,
     pub(super) beta: f64,
     /// Whether it is capped.
@@ -276,7 +287,7 @@ pub(super) struct Momentum {
     /// Whether something slides, without which nothing runs in circles, however slowly it goes on.
     sliding: bool,
     /// Of the sweep in the round, and in its part.
-    place: u64,
+    position: u64,
     since: u64,
     /// Where in that part this window begins and ends.
     window: [u64; 2],
@@ -285,15 +296,15 @@ pub(super) struct Momentum {
     before: Option<f64>,
 }
 
-impl Momentum {
+impl SweepMomentum {
     pub(super) fn new(frictional: bool) -> Self {
-        let window = [0, WINDOW];
-        Momentum {
+        let window = [0, STAGNATION_WINDOW];
+        SweepMomentum {
             t: 1.0,
             beta: 0.0,
             frictional,
             sliding: frictional,
-            place: 0,
+            position: 0,
             since: 0,
             window,
             changes: 0.0,
@@ -302,47 +313,48 @@ impl Momentum {
     }
 
     /// What comes after a sweep that has made a `change` of this size.
-    pub(super) fn after(&mut self, uphill: bool, change: f64) {
+    pub(super) fn update_after_sweep(&mut self, uphill: bool, change: f64) {
         if uphill {
             (self.t, self.beta) = (1.0, 0.0);
         } else {
             let t = 0.5 * (1.0 + (1.0 + 4.0 * self.t * self.t).sqrt());
-            self.beta = ((self.t - 1.0) / t).min(self.cap());
+            self.beta = ((self.t - 1.0) / t).min(self.momentum_cap());
             self.t = t;
         }
-        let (end, _) = self.part();
-        self.place += 1;
+        let (end, _) = self.cycle_part();
+        self.position += 1;
         self.since += 1;
         self.changes += change;
         let [from, to] = self.window;
         if self.since == to {
             let mean = std::mem::take(&mut self.changes) / (to - from) as f64;
             let circles = self.sliding && self.before.is_some_and(|before| mean >= before);
-            self.place = if circles { end } else { self.place };
-            (self.window, self.before) = ([to, to + WINDOW.max(to / 2)], Some(mean));
+            self.position = if circles { end } else { self.position };
+            (self.window, self.before) = ([to, to + STAGNATION_WINDOW.max(to / 2)], Some(mean));
         }
-        if self.place == end {
-            (self.place, self.since, self.window, self.changes, self.before) = (end % ROUND, 0, [0, WINDOW], 0.0, None);
+        if self.position == end {
+            (self.position, self.since, self.window, self.changes, self.before) =
+                (end % MOMENTUM_CYCLE, 0, [0, STAGNATION_WINDOW], 0.0, None);
         }
     }
 
     /// Where this part of the round ends, and its cap.
-    fn part(&self) -> (u64, f64) {
-        FRICTIONAL_CAPS.into_iter().find(|(end, _)| self.place < *end).unwrap_or((ROUND, 0.0))
+    fn cycle_part(&self) -> (u64, f64) {
+        FRICTIONAL_CAPS.into_iter().find(|(end, _)| self.position < *end).unwrap_or((MOMENTUM_CYCLE, 0.0))
     }
 
-    fn cap(&self) -> f64 {
-        if self.frictional { self.part().1 } else { 1.0 }
+    fn momentum_cap(&self) -> f64 {
+        if self.frictional { self.cycle_part().1 } else { 1.0 }
     }
 }
 
 /// Rows outside `active` (sorted) that these velocities close.
-pub(super) fn closing_outside(system: &System, active: &[u32], records: &[Record]) -> Vec<u32> {
+pub(super) fn closing_inactive_rows(system: &ContactProblem, active: &[u32], records: &[SolverBody]) -> Vec<u32> {
     let mut inside = active.iter().peekable();
     let outside: Vec<u32> = (0..system.rows.len() as u32).filter(|k| inside.next_if_eq(&k).is_none()).collect();
     let closes = |&k: &u32| {
         let row = &system.rows[k as usize];
-        row.acts && row.normal.dot(&system.velocity(k as usize, records)) < 0.0
+        row.acts && row.normal.dot(&system.shifted_velocity(k as usize, records)) < 0.0
     };
     outside.into_par_iter().with_min_len(1024).filter(closes).collect()
 }
@@ -350,14 +362,14 @@ pub(super) fn closing_outside(system: &System, active: &[u32], records: &[Record
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assemble::{Full, Row};
+    use crate::assemble::{BlockData, ContactConstraint};
 
     /// The momentum of each of so many sweeps, whose changes are these.
     fn carried(frictional: bool, sweeps: u64, change: impl Fn(u64) -> f64) -> Vec<f64> {
-        let mut momentum = Momentum::new(frictional);
+        let mut momentum = SweepMomentum::new(frictional);
         (0..sweeps)
             .map(|k| {
-                momentum.after(false, change(k));
+                momentum.update_after_sweep(false, change(k));
                 momentum.beta
             })
             .collect()
@@ -365,23 +377,24 @@ mod tests {
 
     #[test]
     fn single_precision_is_for_many_contacts() {
-        let row = Row { w_n: 1.0, can_close: true, ..Row::default() };
-        let rows = vec![row; MANY_CONTACTS];
-        let system = System { rows, full: None, rolls: vec![], order: vec![], records: vec![] };
-        let all: Vec<u32> = (0..MANY_CONTACTS as u32).collect();
+        let row = ContactConstraint { w_n: 1.0, can_close: true, ..ContactConstraint::default() };
+        let rows = vec![row; MIN_F32_CONTACTS];
+        let system =
+            ContactProblem { rows, block_data: None, rolling_constraints: vec![], order: vec![], bodies: vec![] };
+        let all: Vec<u32> = (0..MIN_F32_CONTACTS as u32).collect();
         let [auto, single, double] = [SweepPrecision::Auto, SweepPrecision::Single, SweepPrecision::Double]
-            .map(|precision| Until { precision, ..Until::new(1e-3, 10) });
-        assert!(in_single(&system, &all, auto) && !in_single(&system, &all, double));
-        assert!(!in_single(&system, &all[1..], auto) && in_single(&system, &all[1..], single));
-        assert!(!in_single(&system, &all, Until { aim: 1e-5, ..auto }));
+            .map(|precision| StoppingCriteria { precision, ..StoppingCriteria::new(1e-3, 10) });
+        assert!(sweeps_in_f32(&system, &all, auto) && !sweeps_in_f32(&system, &all, double));
+        assert!(!sweeps_in_f32(&system, &all[1..], auto) && sweeps_in_f32(&system, &all[1..], single));
+        assert!(!sweeps_in_f32(&system, &all, StoppingCriteria { target_residual: 1e-5, ..auto }));
         let mut uneven = system.clone();
         uneven.rows[7].w_n = 1e10;
-        assert!(!in_single(&uneven, &all, single));
+        assert!(!sweeps_in_f32(&uneven, &all, single));
         uneven.rows[7].w_n = 0.0; // of two bodies whose motion is imposed
-        assert!(!in_single(&uneven, &all, single));
-        let full = Full { arms: vec![], friction_offsets: vec![], held: vec![], inverse_inertia: vec![] };
-        let system = System { full: Some(full), ..system };
-        assert!(in_single(&system, &all, auto) && !in_single(&system, &all[1..], auto));
+        assert!(!sweeps_in_f32(&uneven, &all, single));
+        let full = BlockData { arms: vec![], friction_offsets: vec![], locked_axes: vec![], inverse_inertia: vec![] };
+        let system = ContactProblem { block_data: Some(full), ..system };
+        assert!(sweeps_in_f32(&system, &all, auto) && !sweeps_in_f32(&system, &all[1..], auto));
     }
 
     #[test]

@@ -18,7 +18,7 @@
 
 use nalgebra::Matrix3;
 
-use crate::assemble::{Record, System};
+use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::Vec3;
 use crate::math::lanes::Scalar;
 use crate::solve::full;
@@ -26,7 +26,7 @@ use crate::solve::local::signorini_coulomb;
 
 /// The criteria before division by a tolerance; zeros where nothing acts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Norms {
+pub struct Lmgc90Norms {
     pub quad_dv: f64,
     pub quad_dvr: f64,
     pub maxm_dv: f64,
@@ -35,21 +35,21 @@ pub struct Norms {
 }
 
 /// Scales below this count as nothing at work, as in LMGC90.
-const NOTHING: f64 = 1e-18;
+const NEGLIGIBLE_SCALE: f64 = 1e-18;
 
 /// The criteria at the impulses `impulses` (one a row, N s) and the velocities `records` that they lead to; as in a
 /// sweep, each contact sees what those before it have changed.
-pub fn norms(system: &System, impulses: &[Vec3], records: &[Record]) -> Norms {
-    let mut system = System { records: records.to_vec(), ..system.clone() };
+pub fn lmgc90_norms(system: &ContactProblem, impulses: &[Vec3], records: &[SolverBody]) -> Lmgc90Norms {
+    let mut system = ContactProblem { bodies: records.to_vec(), ..system.clone() };
     let (mut count, mut q2, mut m, mut mean) = (0, 0.0, 0.0, 0.0);
     let (mut dv2, mut dvr2, mut largest_dv, mut largest_dvr) = (0.0, 0.0, 0.0f64, 0.0f64);
     for (k, r) in impulses.iter().enumerate() {
         if !system.rows[k].can_close {
             continue;
         }
-        let u = system.velocity(k, &system.records);
-        let (w, new) = alone(&system, k, &u, r);
-        system.apply(k, &(new - r));
+        let u = system.shifted_velocity(k, &system.bodies);
+        let (w, new) = solve_local_block(&system, k, &u, r);
+        system.apply_impulse(k, &(new - r));
         let (change, middle) = (w * (r - new), (r + new) * 0.5);
         count += 1;
         q2 += 0.5 * ((w * r).norm_squared() + (w * new).norm_squared());
@@ -63,10 +63,10 @@ pub fn norms(system: &System, impulses: &[Vec3], records: &[Record]) -> Norms {
     }
     let n = f64::from(count.max(1));
     let (q, m) = ((q2 / n).sqrt(), m / n);
-    if count == 0 || q < NOTHING || m < NOTHING {
-        return Norms::default();
+    if count == 0 || q < NEGLIGIBLE_SCALE || m < NEGLIGIBLE_SCALE {
+        return Lmgc90Norms::default();
     }
-    Norms {
+    Lmgc90Norms {
         quad_dv: (dv2 / n).sqrt() / q,
         quad_dvr: (dvr2 / n).sqrt() / m,
         maxm_dv: largest_dv / q,
@@ -76,12 +76,12 @@ pub fn norms(system: &System, impulses: &[Vec3], records: &[Record]) -> Norms {
 }
 
 /// The own block of row `k`, and the impulse that solves it alone where û is `u` with the impulse `r`.
-fn alone(system: &System, k: usize, u: &Vec3, r: &Vec3) -> (Matrix3<f64>, Vec3) {
+fn solve_local_block(system: &ContactProblem, k: usize, u: &Vec3, r: &Vec3) -> (Matrix3<f64>, Vec3) {
     let row = &system.rows[k];
     let n = row.normal;
-    if let Some(bodies) = &system.full {
-        let w = full::local::block_of(system, bodies, k);
-        return (full::local::matrix(w), full::local::alone(w, n, row.friction, u, r));
+    if let Some(bodies) = &system.block_data {
+        let w = full::local::delassus_block_of_row(system, bodies, k);
+        return (full::local::full_matrix(w), full::local::solve_contact_block(w, n, row.friction, u, r));
     }
     let along = n * n.transpose();
     let w = (Matrix3::identity() - along) * row.w_t + along * row.w_n;
@@ -92,18 +92,18 @@ fn alone(system: &System, k: usize, u: &Vec3, r: &Vec3) -> (Matrix3<f64>, Vec3) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assemble::{Full, Row};
+    use crate::assemble::{BlockData, ContactConstraint};
 
     /// A body of 1/2 kg that does not turn, on the ground, under 3 N s, of which the contacts carry their share.
-    fn system(contacts: u32) -> System {
-        let record = |v: Vec3, inverse_mass: f64| Record {
+    fn system(contacts: u32) -> ContactProblem {
+        let record = |v: Vec3, inverse_mass: f64| SolverBody {
             v,
             inverse_mass,
             w: Vec3::zeros(),
             inverse_inertia: 0.0,
             radius: 0.0,
         };
-        let row = |_| Row {
+        let row = |_| ContactConstraint {
             bodies: [0, 1],
             normal: Vec3::z(),
             arm: 1.0,
@@ -114,17 +114,23 @@ mod tests {
             impulse_shift: 0.0,
             acts: true,
             can_close: true,
-            start: Vec3::zeros(),
+            warm_start: Vec3::zeros(),
             u_before: Vec3::zeros(),
             bond: None,
         };
         let records = vec![record(Vec3::z() * -6.0, 2.0), record(Vec3::zeros(), 0.0)];
-        System { rows: (0..contacts).map(row).collect(), rolls: vec![], full: None, records, order: vec![0, 1] }
+        ContactProblem {
+            rows: (0..contacts).map(row).collect(),
+            rolling_constraints: vec![],
+            block_data: None,
+            bodies: records,
+            order: vec![0, 1],
+        }
     }
 
-    fn velocities(system: &System, impulses: &[Vec3]) -> Vec<Record> {
-        let mut records = system.records.clone();
-        system.rows.iter().zip(impulses).for_each(|(row, r)| row.apply(&mut records, r));
+    fn velocities(system: &ContactProblem, impulses: &[Vec3]) -> Vec<SolverBody> {
+        let mut records = system.bodies.clone();
+        system.rows.iter().zip(impulses).for_each(|(row, r)| row.apply_impulse(&mut records, r));
         records
     }
 
@@ -133,10 +139,10 @@ mod tests {
         let system = system(1);
         let solved = [Vec3::z() * 3.0];
         let velocities = |r: &[Vec3]| velocities(&system, r);
-        assert_eq!(norms(&system, &solved, &velocities(&solved)), Norms::default());
+        assert_eq!(lmgc90_norms(&system, &solved, &velocities(&solved)), Lmgc90Norms::default());
         // From 1 N s the next local solution is 3: du = 2 (1 - 3) = -4, m = 2, Q² = ½ (2² + 6²) = 20, M = ½ (2 + 18) = 10.
         let early = [Vec3::z()];
-        let found = norms(&system, &early, &velocities(&early));
+        let found = lmgc90_norms(&system, &early, &velocities(&early));
         let quad_dv = 4.0 / 20f64.sqrt();
         assert_eq!((found.quad_dv, found.maxm_dv), (quad_dv, quad_dv));
         assert_eq!((found.quad_dvr, found.maxm_dvr, found.mean_dvor), (0.8, 0.8, -0.8));
@@ -146,7 +152,7 @@ mod tests {
     fn the_second_contact_sees_what_the_first_has_changed() {
         let system = system(2);
         let early = [Vec3::z(), Vec3::z()];
-        let found = norms(&system, &early, &velocities(&system, &early));
+        let found = lmgc90_norms(&system, &early, &velocities(&system, &early));
         // The first takes all that is missing, 1 N s; nothing is left for the second. du = -2, m = 3/2.
         let (q, m) = (((0.5 * (4.0 + 16.0) + 4.0) / 2f64).sqrt(), (0.5 * (2.0 + 8.0) + 2.0) / 2.0);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a} {b}"); // a few roundings
@@ -162,14 +168,18 @@ mod tests {
         // Arms along the normal and equal moments of inertia make the diagonal block of a sphere.
         let mut sphere = system(1);
         sphere.rows[0].w_t = 2.0 + 5.0;
-        (sphere.records[0].radius, sphere.records[0].inverse_inertia) = (1.0, 5.0);
-        (sphere.records[0].v, sphere.records[0].w) = (Vec3::new(0.5, -1.0, -6.0), Vec3::new(0.3, 0.2, 0.1));
+        (sphere.bodies[0].radius, sphere.bodies[0].inverse_inertia) = (1.0, 5.0);
+        (sphere.bodies[0].v, sphere.bodies[0].w) = (Vec3::new(0.5, -1.0, -6.0), Vec3::new(0.3, 0.2, 0.1));
         let inverse_inertia = vec![Matrix3::identity() * 5.0, Matrix3::zeros()];
-        let full =
-            Full { arms: vec![[-Vec3::z(), Vec3::zeros()]], friction_offsets: vec![], held: vec![], inverse_inertia };
-        let other = System { full: Some(full), ..sphere.clone() };
+        let full = BlockData {
+            arms: vec![[-Vec3::z(), Vec3::zeros()]],
+            friction_offsets: vec![],
+            locked_axes: vec![],
+            inverse_inertia,
+        };
+        let other = ContactProblem { block_data: Some(full), ..sphere.clone() };
         let early = [Vec3::new(0.1, 0.2, 1.0)];
-        let (a, b) = (norms(&sphere, &early, &sphere.records), norms(&other, &early, &other.records));
+        let (a, b) = (lmgc90_norms(&sphere, &early, &sphere.bodies), lmgc90_norms(&other, &early, &other.bodies));
         for (a, b) in
             [(a.quad_dv, b.quad_dv), (a.quad_dvr, b.quad_dvr), (a.maxm_dvr, b.maxm_dvr), (a.mean_dvor, b.mean_dvor)]
         {

@@ -3,7 +3,7 @@
 //! E = |F(r)|/|F(r_0)| with the natural map F(r) = r - P_K(r - rho (û + mu |û_T| n)), rho = 3N/trace W, over
 //! the contacts that can close in the step: 1 when nothing is solved, 0 exactly at a solution, the same
 //! in any units and whatever the alert distance. r_0 is 0, and where contacts attract what takes up the attraction of
-//! each ([`Row::balance`](crate::assemble::Row::balance)): cohesion, however strong, loads nothing by itself. A moment m of rolling and spinning friction counts as an impulse m/R
+//! each ([`Row::balance`](crate::assemble::ContactConstraint::balancing_impulse)): cohesion, however strong, loads nothing by itself. A moment m of rolling and spinning friction counts as an impulse m/R
 //! against a velocity R w.
 //!
 //! Source: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), ch. 13.
@@ -11,52 +11,52 @@
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
-use crate::assemble::{Record, Roll, System};
-use crate::math::lanes::{Lanes, Scalar, Width};
-use crate::math::{MANY, Vec3};
+use crate::assemble::{ContactProblem, RollingConstraint, SolverBody};
+use crate::math::lanes::{F64Arithmetic, Scalar, SimdWidth};
+use crate::math::{PAR_MIN_LEN, Vec3};
 
 /// Below this share of what the velocities at the contacts are the sums of, and of those that attractions would give
 /// them, a residual is rounding: steps in which nothing closes count as solved.
-const FLOOR: f64 = 1e-15;
+const ROUNDING_FLOOR: f64 = 1e-15;
 
 /// Contacts judged at once.
-const EIGHT: usize = 8;
+const GROUP_LANES: usize = 8;
 
 /// Groups of eight contacts that one task judges.
-const TASK: usize = 128;
+const GROUPS_PER_TASK: usize = 128;
 
 /// Eight contacts by columns; in the last group places are left over, without n, shift and friction.
 #[derive(Debug, Clone, Copy)]
-struct Eight {
-    n: [[f64; EIGHT]; 3],
-    shift: [[f64; EIGHT]; 3],
+struct ContactGroup {
+    n: [[f64; GROUP_LANES]; 3],
+    shift: [[f64; GROUP_LANES]; 3],
     /// From the centres of candidate and antagonist to the contact point, m.
-    arms: [[[f64; EIGHT]; 3]; 2],
-    friction: [f64; EIGHT],
-    bodies: [[u32; EIGHT]; 2],
+    arms: [[[f64; GROUP_LANES]; 3]; 2],
+    friction: [f64; GROUP_LANES],
+    bodies: [[u32; GROUP_LANES]; 2],
 }
 
 /// n×d of eight contacts, d their friction offsets, m.
-type Levers = [[f64; EIGHT]; 3];
+type GroupLevers = [[f64; GROUP_LANES]; 3];
 
 /// Velocity (m/s), 0, angular velocity (rad/s), 0 of a body; world frame.
-pub type Motion = [f64; 8];
+pub type BodyMotion = [f64; 8];
 
-fn motion(v: &Vec3, w: &Vec3) -> Motion {
+fn body_motion(v: &Vec3, w: &Vec3) -> BodyMotion {
     [v.x, v.y, v.z, 0.0, w.x, w.y, w.z, 0.0]
 }
 
-pub struct Judge<'a> {
-    system: &'a System,
-    pub(super) width: Width,
+pub struct ResidualEvaluator<'a> {
+    system: &'a ContactProblem,
+    pub(super) width: SimdWidth,
     /// Rows that are judged.
     rows: &'a [u32],
-    contacts: Vec<Eight>,
+    contacts: Vec<ContactGroup>,
     /// Of the contacts; empty where all are 0.
-    levers: Vec<Levers>,
+    levers: Vec<GroupLevers>,
     rho: f64,
     /// |F(r_0)|
-    unsolved: f64,
+    initial_norm: f64,
     floor: f64,
 }
 
@@ -67,109 +67,119 @@ pub struct Residual {
     pub worst: Option<u32>,
 }
 
-impl<'a> Judge<'a> {
-    pub fn new(system: &'a System, rows: &'a [u32], width: Width) -> Self {
-        let contacts = rows.par_chunks(EIGHT).with_min_len(TASK).map(|rows| eight(system, rows)).collect();
-        let has_levers = system.full.as_ref().is_some_and(|full| !full.friction_offsets.is_empty());
-        let levers =
-            if has_levers { rows.chunks(EIGHT).map(|rows| levers(system, rows)).collect() } else { Vec::new() };
+impl<'a> ResidualEvaluator<'a> {
+    pub fn new(system: &'a ContactProblem, rows: &'a [u32], width: SimdWidth) -> Self {
+        let contacts = rows
+            .par_chunks(GROUP_LANES)
+            .with_min_len(GROUPS_PER_TASK)
+            .map(|rows| contact_group(system, rows))
+            .collect();
+        let has_levers = system.block_data.as_ref().is_some_and(|full| !full.friction_offsets.is_empty());
+        let levers = if has_levers {
+            rows.chunks(GROUP_LANES).map(|rows| group_levers(system, rows)).collect()
+        } else {
+            Vec::new()
+        };
         let of_some = |rows: &[u32]| {
             rows.iter().fold((0.0, 0.0), |(trace, speeds), &k| {
                 let row = &system.rows[k as usize];
                 let at = |side: usize| {
-                    let record = &system.records[row.bodies[side] as usize];
-                    record.v.norm() + record.w.norm() * system.arm(k as usize, side).norm()
+                    let record = &system.bodies[row.bodies[side] as usize];
+                    record.v.norm() + record.w.norm() * system.contact_arm(k as usize, side).norm()
                 };
                 let speed = at(0) + at(1) + row.shift.norm() + row.w_n * row.impulse_shift.abs();
                 (trace + row.w_n + 2.0 * row.w_t, speeds + speed * speed)
             })
         };
-        let parts: Vec<(f64, f64)> = rows.par_chunks(TASK * EIGHT).map(of_some).collect();
+        let parts: Vec<(f64, f64)> = rows.par_chunks(GROUPS_PER_TASK * GROUP_LANES).map(of_some).collect();
         let (trace, speeds) = parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
         let rho = if rows.is_empty() { 0.0 } else { 3.0 * rows.len() as f64 / trace };
-        let floor = FLOOR * rho * speeds.sqrt();
-        let mut judge = Judge { system, width, rows, contacts, levers, rho, unsolved: 0.0, floor };
+        let floor = ROUNDING_FLOOR * rho * speeds.sqrt();
+        let mut judge = ResidualEvaluator { system, width, rows, contacts, levers, rho, initial_norm: 0.0, floor };
         let mut balance = vec![Vec3::zeros(); system.rows.len()];
         let attracting = rows.iter().filter(|&&k| system.rows[k as usize].impulse_shift != 0.0);
         let mut attracted = false;
         for &k in attracting {
             let row = &system.rows[k as usize];
-            (balance[k as usize], attracted) = (row.normal * row.balance(), true);
+            (balance[k as usize], attracted) = (row.normal * row.balancing_impulse(), true);
         }
-        let free = |record: &Record| motion(&record.v, &record.w);
+        let free = |record: &SolverBody| body_motion(&record.v, &record.w);
         let motions = if attracted {
-            judge.motions(&balance)
+            judge.body_motions(&balance)
         } else {
-            system.records.par_iter().with_min_len(MANY).map(free).collect()
+            system.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(free).collect()
         };
-        judge.unsolved = judge.norm(&balance, &[], &motions).0;
+        judge.initial_norm = judge.residual_norm(&balance, &[], &motions).0;
         judge
     }
 
     /// Share of |F(r_0)| that is rounding.
-    pub fn least(&self) -> f64 {
-        if self.unsolved > 0.0 { self.floor / self.unsolved } else { 0.0 }
+    pub fn relative_floor(&self) -> f64 {
+        if self.initial_norm > 0.0 { self.floor / self.initial_norm } else { 0.0 }
     }
 
     /// The rounding of impulses over the momenta of the bodies and |F(r_0)|: the share of these that may be lost.
-    pub fn rounding(&self, impulses: &[Vec3]) -> f64 {
+    pub fn rounding_share(&self, impulses: &[Vec3]) -> f64 {
         let given: f64 = self.rows.iter().map(|&k| impulses[k as usize].norm_squared()).sum();
-        let of_body = |record: &&Record| record.inverse_mass > 0.0;
+        let of_body = |record: &&SolverBody| record.inverse_mass > 0.0;
         let momenta =
-            self.system.records.iter().filter(of_body).map(|record| (record.v / record.inverse_mass).norm_squared());
-        f64::EPSILON * given.sqrt() / momenta.sum::<f64>().sqrt().max(self.unsolved).max(self.floor)
+            self.system.bodies.iter().filter(of_body).map(|record| (record.v / record.inverse_mass).norm_squared());
+        f64::EPSILON * given.sqrt() / momenta.sum::<f64>().sqrt().max(self.initial_norm).max(self.floor)
     }
 
     /// E of the impulses r̂ (one a row of the system, world frame, N s; 0 in rows that are not judged).
     pub fn residual(&self, impulses: &[Vec3]) -> Residual {
-        self.residual_at(impulses, &self.motions(impulses))
+        self.residual_at(impulses, &self.body_motions(impulses))
     }
 
     /// The same, where the motions that the impulses lead to are known.
-    pub fn residual_at(&self, impulses: &[Vec3], motions: &[Motion]) -> Residual {
+    pub fn residual_at(&self, impulses: &[Vec3], motions: &[BodyMotion]) -> Residual {
         self.residual_with(impulses, &[], motions)
     }
 
     /// The same of impulses and moments, one a roll of the system, and of the motions that both lead to.
-    pub fn residual_with(&self, impulses: &[Vec3], moments: &[Vec3], motions: &[Motion]) -> Residual {
-        let (norm, worst) = self.norm(impulses, moments, motions);
+    pub fn residual_with(&self, impulses: &[Vec3], moments: &[Vec3], motions: &[BodyMotion]) -> Residual {
+        let (norm, worst) = self.residual_norm(impulses, moments, motions);
         if norm <= self.floor {
             return Residual { value: 0.0, worst: None };
         }
-        Residual { value: norm / self.unsolved.max(self.floor), worst }
+        Residual { value: norm / self.initial_norm.max(self.floor), worst }
     }
 
     /// V_free + M⁻¹ H r̂ from the beginning.
-    pub fn motions(&self, impulses: &[Vec3]) -> Vec<Motion> {
+    pub fn body_motions(&self, impulses: &[Vec3]) -> Vec<BodyMotion> {
         // On each body the sums of the impulses and of their moments about its centre, in parts that the number of
         // contacts alone decides.
-        let bodies = self.system.records.len();
-        let half =
-            if self.contacts.len() < TASK { self.contacts.len().max(1) } else { self.contacts.len().div_ceil(2) };
-        let of_part = |(part, (contacts, rows)): (usize, (&[Eight], &[u32]))| {
-            let levers = self.levers.get(part * half..).unwrap_or_default();
-            sums(contacts, levers, rows, impulses, bodies)
+        let bodies = self.system.bodies.len();
+        let half = if self.contacts.len() < GROUPS_PER_TASK {
+            self.contacts.len().max(1)
+        } else {
+            self.contacts.len().div_ceil(2)
         };
-        let parts = self.contacts.par_chunks(half).zip(self.rows.par_chunks(half * EIGHT)).enumerate();
+        let of_part = |(part, (contacts, rows)): (usize, (&[ContactGroup], &[u32]))| {
+            let levers = self.levers.get(part * half..).unwrap_or_default();
+            body_impulse_sums(contacts, levers, rows, impulses, bodies)
+        };
+        let parts = self.contacts.par_chunks(half).zip(self.rows.par_chunks(half * GROUP_LANES)).enumerate();
         let parts: Vec<Vec<[f64; 6]>> = parts.map(of_part).collect();
-        let moved = |(body, record): (usize, &Record)| {
+        let moved = |(body, record): (usize, &SolverBody)| {
             let mut sum = [0.0; 6];
             for part in &parts {
                 (0..6).for_each(|k| sum[k] += part[body][k]);
             }
-            let v = record.v + self.system.push(body as u32, &Vec3::new(sum[0], sum[1], sum[2]));
-            let w = record.w + self.system.spin(body as u32, &Vec3::new(sum[3], sum[4], sum[5]));
-            motion(&v, &w)
+            let v = record.v + self.system.velocity_change(body as u32, &Vec3::new(sum[0], sum[1], sum[2]));
+            let w = record.w + self.system.angular_velocity_change(body as u32, &Vec3::new(sum[3], sum[4], sum[5]));
+            body_motion(&v, &w)
         };
-        self.system.records.par_iter().with_min_len(TASK * EIGHT).enumerate().map(moved).collect()
+        self.system.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).enumerate().map(moved).collect()
     }
 
     /// V_free + M⁻¹ (H r̂ + m) from the beginning, `moments` one a roll of the system, world frame, on the candidate, N m s.
-    pub fn motions_with(&self, impulses: &[Vec3], moments: &[Vec3]) -> Vec<Motion> {
-        let mut motions = self.motions(impulses);
-        for (roll, m) in self.system.rolls.iter().zip(moments) {
+    pub fn motions_with(&self, impulses: &[Vec3], moments: &[Vec3]) -> Vec<BodyMotion> {
+        let mut motions = self.body_motions(impulses);
+        for (roll, m) in self.system.rolling_constraints.iter().zip(moments) {
             for (body, m) in self.system.rows[roll.row as usize].bodies.into_iter().zip([*m, -m]) {
-                let turned = self.system.spin(body, &m);
+                let turned = self.system.angular_velocity_change(body, &m);
                 (0..3).for_each(|k| motions[body as usize][4 + k] += turned[k]);
             }
         }
@@ -177,35 +187,39 @@ impl<'a> Judge<'a> {
     }
 
     /// The system's records with these motions.
-    pub fn records(&self, motions: &[Motion]) -> Vec<Record> {
-        let of = |(record, m): (&Record, &Motion)| Record {
+    pub fn solver_bodies(&self, motions: &[BodyMotion]) -> Vec<SolverBody> {
+        let of = |(record, m): (&SolverBody, &BodyMotion)| SolverBody {
             v: Vec3::new(m[0], m[1], m[2]),
             w: Vec3::new(m[4], m[5], m[6]),
             ..*record
         };
-        self.system.records.par_iter().with_min_len(TASK * EIGHT).zip(motions).map(of).collect()
+        self.system.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).zip(motions).map(of).collect()
     }
 
     /// |F| and the row with the largest part in it.
-    fn norm(&self, impulses: &[Vec3], moments: &[Vec3], motions: &[Motion]) -> (f64, Option<u32>) {
-        let of_task = |(task, (rows, contacts)): (usize, (&[u32], &[Eight]))| {
-            let contacts = (contacts, self.levers.get(task * TASK..).unwrap_or_default());
+    fn residual_norm(&self, impulses: &[Vec3], moments: &[Vec3], motions: &[BodyMotion]) -> (f64, Option<u32>) {
+        let of_task = |(task, (rows, contacts)): (usize, (&[u32], &[ContactGroup]))| {
+            let contacts = (contacts, self.levers.get(task * GROUPS_PER_TASK..).unwrap_or_default());
             match self.width {
-                Width::One(lanes) => self.judge(lanes, rows, contacts, impulses, motions),
+                SimdWidth::One(lanes) => self.evaluate_groups(lanes, rows, contacts, impulses, motions),
                 #[cfg(target_arch = "x86_64")]
-                Width::Four(lanes) => self.judge(lanes, rows, contacts, impulses, motions),
+                SimdWidth::Four(lanes) => self.evaluate_groups(lanes, rows, contacts, impulses, motions),
                 #[cfg(target_arch = "x86_64")]
-                Width::Eight(lanes) => self.judge(lanes, rows, contacts, impulses, motions),
+                SimdWidth::Eight(lanes) => self.evaluate_groups(lanes, rows, contacts, impulses, motions),
             }
         };
-        let tasks = self.rows.par_chunks(EIGHT * TASK).zip(self.contacts.par_chunks(TASK)).enumerate();
+        let tasks = self
+            .rows
+            .par_chunks(GROUP_LANES * GROUPS_PER_TASK)
+            .zip(self.contacts.par_chunks(GROUPS_PER_TASK))
+            .enumerate();
         let parts: Vec<(f64, f64, Option<u32>)> = tasks.map(of_task).collect();
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
-        let of_moment = |(roll, m): (&Roll, &Vec3)| {
-            let size2 = self.of_moment(roll, m, &impulses[roll.row as usize], motions);
+        let of_moment = |(roll, m): (&RollingConstraint, &Vec3)| {
+            let size2 = self.moment_residual_squared(roll, m, &impulses[roll.row as usize], motions);
             (size2, size2, Some(roll.row))
         };
-        let rolls = self.system.rolls.par_iter().zip(moments).with_min_len(EIGHT * TASK);
+        let rolls = self.system.rolling_constraints.par_iter().zip(moments).with_min_len(GROUP_LANES * GROUPS_PER_TASK);
         let of_moments: Vec<(f64, f64, Option<u32>)> = rolls.map(of_moment).collect();
         for (part, size2, row) in parts.into_iter().chain(of_moments) {
             sum += part;
@@ -220,7 +234,7 @@ impl<'a> Judge<'a> {
     ///
     /// With s = m/R and z = s - rho R w, F is rho R w and what of z is beyond the bounds: mu_s r_n along n, mu_r r_n
     /// across. Where nothing presses, s itself, without the rounding of w.
-    fn of_moment(&self, roll: &Roll, m: &Vec3, r: &Vec3, motions: &[Motion]) -> f64 {
+    fn moment_residual_squared(&self, roll: &RollingConstraint, m: &Vec3, r: &Vec3, motions: &[BodyMotion]) -> f64 {
         let row = &self.system.rows[roll.row as usize];
         let [a, b] = row.bodies.map(|body| &motions[body as usize]);
         let n = row.normal;
@@ -239,27 +253,28 @@ impl<'a> Judge<'a> {
     }
 
     /// |F|² of each row that is judged, N² s², for impulses that lead to these motions.
-    pub fn parts(&self, impulses: &[Vec3], motions: &[Motion]) -> Vec<f64> {
-        let mut sizes2 = vec![0.0; self.contacts.len() * EIGHT];
-        let Judge { rows, rho, contacts, levers, .. } = self;
-        let map = Map { lanes: Scalar, rows, contacts, levers, impulses, motions, rho: *rho, sizes2: &mut sizes2 };
+    pub fn contributions(&self, impulses: &[Vec3], motions: &[BodyMotion]) -> Vec<f64> {
+        let mut sizes2 = vec![0.0; self.contacts.len() * GROUP_LANES];
+        let ResidualEvaluator { rows, rho, contacts, levers, .. } = self;
+        let map =
+            NaturalMap { lanes: Scalar, rows, contacts, levers, impulses, motions, rho: *rho, sizes2: &mut sizes2 };
         map.call();
         sizes2.truncate(rows.len());
         sizes2
     }
 
     /// Sum of |F|^2 of some contacts, the largest and its row.
-    fn judge<L: Lanes>(
+    fn evaluate_groups<L: F64Arithmetic>(
         &self,
         lanes: L,
         rows: &[u32],
-        (contacts, levers): (&[Eight], &[Levers]),
+        (contacts, levers): (&[ContactGroup], &[GroupLevers]),
         impulses: &[Vec3],
-        motions: &[Motion],
+        motions: &[BodyMotion],
     ) -> (f64, f64, Option<u32>) {
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
-        let mut sizes2 = [0.0; EIGHT * TASK];
-        lanes.run(Map { lanes, rows, contacts, levers, impulses, motions, rho: self.rho, sizes2: &mut sizes2 });
+        let mut sizes2 = [0.0; GROUP_LANES * GROUPS_PER_TASK];
+        lanes.run(NaturalMap { lanes, rows, contacts, levers, impulses, motions, rho: self.rho, sizes2: &mut sizes2 });
         for (&k, size2) in rows.iter().zip(sizes2) {
             sum += size2;
             if size2 > largest {
@@ -271,9 +286,15 @@ impl<'a> Judge<'a> {
 }
 
 /// On each of `bodies` the sums of the impulses and of their moments about its centre.
-fn sums(contacts: &[Eight], levers: &[Levers], rows: &[u32], impulses: &[Vec3], bodies: usize) -> Vec<[f64; 6]> {
+fn body_impulse_sums(
+    contacts: &[ContactGroup],
+    levers: &[GroupLevers],
+    rows: &[u32],
+    impulses: &[Vec3],
+    bodies: usize,
+) -> Vec<[f64; 6]> {
     let mut sums = vec![[0.0; 6]; bodies];
-    for (place, (eight, rows)) in contacts.iter().zip(rows.chunks(EIGHT)).enumerate() {
+    for (place, (eight, rows)) in contacts.iter().zip(rows.chunks(GROUP_LANES)).enumerate() {
         for (lane, &k) in rows.iter().enumerate() {
             let r = &impulses[k as usize];
             let about = levers.get(place).map(|[x, y, z]| x[lane] * r.x + y[lane] * r.y + z[lane] * r.z);
@@ -294,10 +315,10 @@ fn sums(contacts: &[Eight], levers: &[Levers], rows: &[u32], impulses: &[Vec3], 
     sums
 }
 
-fn eight(system: &System, rows: &[u32]) -> Eight {
-    let zero = [0.0; EIGHT];
-    let (three, bodies) = ([zero; 3], [[0; EIGHT]; 2]);
-    let mut eight = Eight { n: three, shift: three, arms: [three; 2], friction: zero, bodies };
+fn contact_group(system: &ContactProblem, rows: &[u32]) -> ContactGroup {
+    let zero = [0.0; GROUP_LANES];
+    let (three, bodies) = ([zero; 3], [[0; GROUP_LANES]; 2]);
+    let mut eight = ContactGroup { n: three, shift: three, arms: [three; 2], friction: zero, bodies };
     for (lane, &k) in rows.iter().enumerate() {
         let row = &system.rows[k as usize];
         for axis in 0..3 {
@@ -307,7 +328,7 @@ fn eight(system: &System, rows: &[u32]) -> Eight {
         eight.friction[lane] = row.friction;
         for side in 0..2 {
             eight.bodies[side][lane] = row.bodies[side];
-            let arm = system.arm(k as usize, side);
+            let arm = system.contact_arm(k as usize, side);
             for axis in 0..3 {
                 eight.arms[side][axis][lane] = arm[axis];
             }
@@ -316,8 +337,8 @@ fn eight(system: &System, rows: &[u32]) -> Eight {
     eight
 }
 
-fn levers(system: &System, rows: &[u32]) -> Levers {
-    let mut levers = [[0.0; EIGHT]; 3];
+fn group_levers(system: &ContactProblem, rows: &[u32]) -> GroupLevers {
+    let mut levers = [[0.0; GROUP_LANES]; 3];
     for (lane, &k) in rows.iter().enumerate() {
         let lever = system.friction_lever(k as usize);
         (0..3).for_each(|axis| levers[axis][lane] = lever[axis]);
@@ -326,31 +347,31 @@ fn levers(system: &System, rows: &[u32]) -> Levers {
 }
 
 /// |F|^2 of contacts, N^2 s^2.
-struct Map<'a, L> {
+struct NaturalMap<'a, L> {
     lanes: L,
     rows: &'a [u32],
-    contacts: &'a [Eight],
-    levers: &'a [Levers],
+    contacts: &'a [ContactGroup],
+    levers: &'a [GroupLevers],
     impulses: &'a [Vec3],
-    motions: &'a [Motion],
+    motions: &'a [BodyMotion],
     rho: f64,
     sizes2: &'a mut [f64],
 }
 
-impl<L: Lanes> NullaryFnOnce for Map<'_, L> {
+impl<L: F64Arithmetic> NullaryFnOnce for NaturalMap<'_, L> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Map { lanes: l, rows, contacts, levers, impulses, motions, rho, sizes2 } = self;
-        let of_rows = rows.chunks(EIGHT).zip(sizes2.chunks_mut(EIGHT));
+        let NaturalMap { lanes: l, rows, contacts, levers, impulses, motions, rho, sizes2 } = self;
+        let of_rows = rows.chunks(GROUP_LANES).zip(sizes2.chunks_mut(GROUP_LANES));
         for (place, (eight, (rows, sizes2))) in contacts.iter().zip(of_rows).enumerate() {
-            let mut r = [[0.0; EIGHT]; 3];
+            let mut r = [[0.0; GROUP_LANES]; 3];
             for (lane, &k) in rows.iter().enumerate() {
                 let impulse = &impulses[k as usize];
                 (r[0][lane], r[1][lane], r[2][lane]) = (impulse.x, impulse.y, impulse.z);
             }
-            for from in (0..EIGHT).step_by(L::WIDTH) {
-                natural_map2(l, (eight, levers.get(place)), &r, motions, rho, from, &mut sizes2[from..]);
+            for from in (0..GROUP_LANES).step_by(L::WIDTH) {
+                natural_map_squared(l, (eight, levers.get(place)), &r, motions, rho, from, &mut sizes2[from..]);
             }
         }
     }
@@ -359,11 +380,11 @@ impl<L: Lanes> NullaryFnOnce for Map<'_, L> {
 /// Stores |F|^2 of `WIDTH` contacts from the place `from` on. In the plane of n and the tangential part of r - rho û,
 /// where the projection lies too, no frame is needed.
 #[inline(always)]
-fn natural_map2<L: Lanes>(
+fn natural_map_squared<L: F64Arithmetic>(
     l: L,
-    (eight, levers): (&Eight, Option<&Levers>),
-    r: &[[f64; EIGHT]; 3],
-    motions: &[Motion],
+    (eight, levers): (&ContactGroup, Option<&GroupLevers>),
+    r: &[[f64; GROUP_LANES]; 3],
+    motions: &[BodyMotion],
     rho: f64,
     from: usize,
     size2: &mut [f64],
@@ -372,24 +393,24 @@ fn natural_map2<L: Lanes>(
     let mut n = [l.splat(0.0); 3];
     let mut u = n;
     let mut impulse = n;
-    let a = l.gather(motions, &eight.bodies[0][places.clone()]);
-    let b = l.gather(motions, &eight.bodies[1][places.clone()]);
+    let a = l.gather_lines(motions, &eight.bodies[0][places.clone()]);
+    let b = l.gather_lines(motions, &eight.bodies[1][places.clone()]);
     for k in 0..3 {
         n[k] = l.load(&eight.n[k][places.clone()]);
         impulse[k] = l.load(&r[k][places.clone()]);
     }
     for (k, u) in u.iter_mut().enumerate() {
         let shift = l.load(&eight.shift[k][places.clone()]);
-        *u = l.add(l.sub(at_point(l, eight, &a, 0, k, from), at_point(l, eight, &b, 1, k, from)), shift);
+        *u = l.add(l.sub(point_velocity(l, eight, &a, 0, k, from), point_velocity(l, eight, &b, 1, k, from)), shift);
     }
     if let Some(levers) = levers {
-        let about = product(l, n, [4, 5, 6].map(|k| l.sub(a[k], b[k])));
+        let about = inner_product(l, n, [4, 5, 6].map(|k| l.sub(a[k], b[k])));
         for (k, u) in u.iter_mut().enumerate() {
             *u = l.add(*u, l.mul(about, l.load(&levers[k][places.clone()])));
         }
     }
     let (zero, rho, mu) = (l.splat(0.0), l.splat(rho), l.load(&eight.friction[places]));
-    let u_n = product(l, n, u);
+    let u_n = inner_product(l, n, u);
     let mut z = n;
     let mut u_t2 = zero;
     for k in 0..3 {
@@ -397,12 +418,12 @@ fn natural_map2<L: Lanes>(
         let u_t = l.sub(u[k], l.mul(n[k], u_n));
         u_t2 = l.add(u_t2, l.mul(u_t, u_t));
     }
-    let along = product(l, n, z);
+    let along = inner_product(l, n, z);
     for k in 0..3 {
         z[k] = l.sub(z[k], l.mul(n[k], along));
     }
     let z_n = l.sub(along, l.mul(l.mul(rho, mu), l.sqrt(u_t2)));
-    let size = l.sqrt(product(l, z, z));
+    let size = l.sqrt(inner_product(l, z, z));
     let (p_n, p_t) = project_on_cone(l, z_n, size, mu);
     let share = l.select_greater(size, zero, l.div(p_t, size), zero);
     let mut sum = zero;
@@ -415,7 +436,14 @@ fn natural_map2<L: Lanes>(
 
 /// Component k of v + w x arm of the bodies on one side.
 #[inline(always)]
-fn at_point<L: Lanes>(l: L, eight: &Eight, motion: &[L::V; 8], side: usize, k: usize, from: usize) -> L::V {
+fn point_velocity<L: F64Arithmetic>(
+    l: L,
+    eight: &ContactGroup,
+    motion: &[L::V; 8],
+    side: usize,
+    k: usize,
+    from: usize,
+) -> L::V {
     let (i, j) = ((k + 1) % 3, (k + 2) % 3);
     let arm_i = l.load(&eight.arms[side][i][from..from + L::WIDTH]);
     let arm_j = l.load(&eight.arms[side][j][from..from + L::WIDTH]);
@@ -423,7 +451,7 @@ fn at_point<L: Lanes>(l: L, eight: &Eight, motion: &[L::V; 8], side: usize, k: u
 }
 
 #[inline(always)]
-fn product<L: Lanes>(l: L, a: [L::V; 3], b: [L::V; 3]) -> L::V {
+fn inner_product<L: F64Arithmetic>(l: L, a: [L::V; 3], b: [L::V; 3]) -> L::V {
     l.add(l.add(l.mul(a[0], b[0]), l.mul(a[1], b[1])), l.mul(a[2], b[2]))
 }
 
@@ -438,7 +466,7 @@ fn product<L: Lanes>(l: L, a: [L::V; 3], b: [L::V; 3]) -> L::V {
 /// assert_eq!(project_on_cone(Scalar, -2.0, 0.0, 0.0), (0.0, 0.0)); // in the polar cone of a line
 /// ```
 #[inline(always)]
-pub fn project_on_cone<L: Lanes>(l: L, z_n: L::V, z_t: L::V, mu: L::V) -> (L::V, L::V) {
+pub fn project_on_cone<L: F64Arithmetic>(l: L, z_n: L::V, z_t: L::V, mu: L::V) -> (L::V, L::V) {
     let (zero, one) = (l.splat(0.0), l.splat(1.0));
     let side = l.div(l.add(z_n, l.mul(mu, z_t)), l.add(one, l.mul(mu, mu)));
     let below = l.sub(zero, z_n);
@@ -452,23 +480,24 @@ pub fn project_on_cone<L: Lanes>(l: L, z_n: L::V, z_t: L::V, mu: L::V) -> (L::V,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assemble::Row;
+    use crate::assemble::ContactConstraint;
     use crate::math::lanes::Scalar;
-    use crate::solve::{Until, nlgs};
+    use crate::solve::{StoppingCriteria, solve_nlgs};
     use proptest::prelude::*;
 
     /// A ball of radius 1/2 and mass 1 that comes down at 1 m/s on a plate without friction, rolls at 2 rad/s and spins
     /// at 0.1 rad/s; bounds of 0.05 and 0.1 N m s. The plate may turn.
-    fn ball_on_plate(turning: Vec3) -> System {
-        let record = Record {
+    fn ball_on_plate(turning: Vec3) -> ContactProblem {
+        let record = SolverBody {
             v: Vec3::new(0.0, 0.0, -1.0),
             inverse_mass: 1.0,
             w: Vec3::new(0.0, 2.0, 0.1) + turning,
             inverse_inertia: 10.0,
             radius: 0.5,
         };
-        let plate = Record { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 };
-        let row = Row {
+        let plate =
+            SolverBody { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 };
+        let row = ContactConstraint {
             bodies: [0, 1],
             normal: Vec3::z(),
             arm: 1.0,
@@ -476,24 +505,30 @@ mod tests {
             w_t: 3.5,
             acts: true,
             can_close: true,
-            ..Row::default()
+            ..ContactConstraint::default()
         };
-        let roll = Roll {
+        let roll = RollingConstraint {
             row: 0,
             radius: 0.5,
             rolling: 0.1,
             spinning: 0.2,
             inverse_w: 0.1,
             shift: -turning,
-            start: Vec3::zeros(),
+            warm_start: Vec3::zeros(),
         };
-        System { rows: vec![row], full: None, rolls: vec![roll], order: vec![0, 1], records: vec![record, plate] }
+        ContactProblem {
+            rows: vec![row],
+            block_data: None,
+            rolling_constraints: vec![roll],
+            order: vec![0, 1],
+            bodies: vec![record, plate],
+        }
     }
 
     /// E of the impulse 1 N s along n and a moment.
-    fn judged(system: &System, m: [f64; 3]) -> f64 {
+    fn judged(system: &ContactProblem, m: [f64; 3]) -> f64 {
         let (r, m) = ([Vec3::z()], [Vec3::from(m)]);
-        let judge = Judge::new(system, &[0], Width::detect());
+        let judge = ResidualEvaluator::new(system, &[0], SimdWidth::detect());
         judge.residual_with(&r, &m, &judge.motions_with(&r, &m)).value
     }
 
@@ -521,14 +556,15 @@ mod tests {
     fn a_solver_that_takes_another_law_is_seen() {
         let system = ball_on_plate(Vec3::zeros());
         let mut other = system.clone();
-        let solved = |system: &System| nlgs(system, Until::new(1e-12, 100), Width::detect());
-        let e = |solution: &crate::solve::Solution| {
-            let judge = Judge::new(&system, &[0], Width::detect());
+        let solved =
+            |system: &ContactProblem| solve_nlgs(system, StoppingCriteria::new(1e-12, 100), SimdWidth::detect());
+        let e = |solution: &crate::solve::ContactSolution| {
+            let judge = ResidualEvaluator::new(&system, &[0], SimdWidth::detect());
             let motions = judge.motions_with(&solution.impulses, &solution.moments);
             judge.residual_with(&solution.impulses, &solution.moments, &motions)
         };
         assert!(e(&solved(&system)).value < 1e-12);
-        other.rolls[0].rolling *= 1.01;
+        other.rolling_constraints[0].rolling *= 1.01;
         let found = e(&solved(&other));
         assert!(found.value > 1e-3 && found.worst == Some(0), "{found:?}");
     }

@@ -9,58 +9,58 @@
 
 use std::ops::Range;
 
-use crate::assemble::System;
+use crate::assemble::ContactProblem;
 use crate::math::Vec3;
-use crate::math::lanes::{Arithmetic, Number};
-use crate::solve::batches::{BATCH, NONE, put};
-use crate::solve::local::{Triple, dot, triple, within};
+use crate::math::lanes::{Arithmetic, LaneFloat};
+use crate::solve::batches::{BATCH_LANES, NONE, set_lane};
+use crate::solve::local::{LaneVector, dot_product, project_to_ball, triple};
 
-/// Resistance of sixteen contacts to rolling and spinning, [`crate::assemble::Roll`], and their moments.
+/// Resistance of sixteen contacts to rolling and spinning, [`crate::assemble::RollingConstraint`], and their moments.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
-pub struct Rolls<T = f64> {
-    shift: [[T; BATCH]; 3],
+pub struct RollingConstraintWide<T = f64> {
+    shift: [[T; BATCH_LANES]; 3],
     /// 0 where nothing resists, as all else.
-    inverse_w: [T; BATCH],
+    inverse_w: [T; BATCH_LANES],
     /// Most moment over the normal impulse against rolling and against spinning, m.
-    rolling: [T; BATCH],
-    spinning: [T; BATCH],
+    rolling: [T; BATCH_LANES],
+    spinning: [T; BATCH_LANES],
     /// Moments on the candidates of the last sweep and of the one before, N m s.
-    m: [[T; BATCH]; 3],
-    previous: [[T; BATCH]; 3],
+    m: [[T; BATCH_LANES]; 3],
+    previous: [[T; BATCH_LANES]; 3],
     /// Place among the system's rolls, or [`NONE`].
-    places: [u32; BATCH],
+    indices: [u32; BATCH_LANES],
 }
 
-impl<T: Number> Rolls<T> {
-    pub const NONE: Self = Rolls {
-        shift: [[T::ZERO; BATCH]; 3],
-        inverse_w: [T::ZERO; BATCH],
-        rolling: [T::ZERO; BATCH],
-        spinning: [T::ZERO; BATCH],
-        m: [[T::ZERO; BATCH]; 3],
-        previous: [[T::ZERO; BATCH]; 3],
-        places: [NONE; BATCH],
+impl<T: LaneFloat> RollingConstraintWide<T> {
+    pub const NONE: Self = RollingConstraintWide {
+        shift: [[T::ZERO; BATCH_LANES]; 3],
+        inverse_w: [T::ZERO; BATCH_LANES],
+        rolling: [T::ZERO; BATCH_LANES],
+        spinning: [T::ZERO; BATCH_LANES],
+        m: [[T::ZERO; BATCH_LANES]; 3],
+        previous: [[T::ZERO; BATCH_LANES]; 3],
+        indices: [NONE; BATCH_LANES],
     };
 
     /// Puts the resistance of row `k` into a place, if it has one, to start from its moment.
     #[inline(never)] // so that what scenes spend on it can be counted
-    pub fn put(&mut self, lane: usize, system: &System, k: u32, moments: &[Vec3]) {
-        let Ok(place) = system.rolls.binary_search_by_key(&k, |roll| roll.row) else { return };
-        let (roll, m) = (&system.rolls[place], &moments[place]);
-        put(&mut self.shift, lane, &roll.shift);
-        self.inverse_w[lane] = T::of(roll.inverse_w);
-        self.rolling[lane] = T::of(roll.rolling * roll.radius);
-        self.spinning[lane] = T::of(roll.spinning * roll.radius);
-        put(&mut self.m, lane, m);
-        put(&mut self.previous, lane, m);
-        self.places[lane] = place as u32;
+    pub fn set_lane(&mut self, lane: usize, system: &ContactProblem, k: u32, moments: &[Vec3]) {
+        let Ok(place) = system.rolling_constraints.binary_search_by_key(&k, |roll| roll.row) else { return };
+        let (roll, m) = (&system.rolling_constraints[place], &moments[place]);
+        set_lane(&mut self.shift, lane, &roll.shift);
+        self.inverse_w[lane] = T::from_f64(roll.inverse_w);
+        self.rolling[lane] = T::from_f64(roll.rolling * roll.radius);
+        self.spinning[lane] = T::from_f64(roll.spinning * roll.radius);
+        set_lane(&mut self.m, lane, m);
+        set_lane(&mut self.previous, lane, m);
+        self.indices[lane] = place as u32;
     }
 
     /// Puts the moments into `moments`, one a roll of the system.
     pub fn read_back(&self, moments: &mut [Vec3]) {
-        for (lane, &place) in self.places.iter().enumerate().filter(|(_, place)| **place != NONE) {
-            moments[place as usize] = Vec3::from(self.m.map(|m| m[lane].wide()));
+        for (lane, &place) in self.indices.iter().enumerate().filter(|(_, place)| **place != NONE) {
+            moments[place as usize] = Vec3::from(self.m.map(|m| m[lane].to_f64()));
         }
     }
 
@@ -69,23 +69,23 @@ impl<T: Number> Rolls<T> {
     /// `n`: normals, `pressing`: r̂_n, N s, `w`: angular velocity of the candidate against the antagonist with y at work,
     /// rad/s.
     #[inline(always)]
-    pub fn solve<L: Arithmetic<T = T>>(
+    pub fn solve_moments<L: Arithmetic<T = T>>(
         &mut self,
         l: L,
         places: Range<usize>,
         beta: L::V,
-        n: Triple<L::V>,
+        n: LaneVector<L::V>,
         pressing: L::V,
-        w: Triple<L::V>,
-    ) -> Triple<L::V> {
-        let (m, before) = (load3(l, &self.m, &places), load3(l, &self.previous, &places));
-        let shift = load3(l, &self.shift, &places);
+        w: LaneVector<L::V>,
+    ) -> LaneVector<L::V> {
+        let (m, before) = (load_vector(l, &self.m, &places), load_vector(l, &self.previous, &places));
+        let shift = load_vector(l, &self.shift, &places);
         let y = triple!(k => l.mul_add(beta, l.sub(m[k], before[k]), m[k]));
         let inverse_w = l.load(&self.inverse_w[places.clone()]);
         let stopping = triple!(k => l.neg_mul_add(l.add(w[k], shift[k]), inverse_w, y[k]));
         let rolling = l.mul(l.load(&self.rolling[places.clone()]), pressing);
         let spinning = l.mul(l.load(&self.spinning[places.clone()]), pressing);
-        let new = bounded(l, n, stopping, rolling, spinning);
+        let new = clamp_moment(l, n, stopping, rolling, spinning);
         for k in 0..3 {
             l.store(&mut self.previous[k][places.clone()], m[k]);
             l.store(&mut self.m[k][places.clone()], new[k]);
@@ -95,15 +95,21 @@ impl<T: Number> Rolls<T> {
 }
 
 #[inline(always)]
-fn load3<L: Arithmetic>(l: L, columns: &[[L::T; BATCH]; 3], places: &Range<usize>) -> Triple<L::V> {
+fn load_vector<L: Arithmetic>(l: L, columns: &[[L::T; BATCH_LANES]; 3], places: &Range<usize>) -> LaneVector<L::V> {
     triple!(k => l.load(&columns[k][places.clone()]))
 }
 
 /// The nearest moment to `m` whose part along `n` is at most `spinning`, and that across at most `rolling`.
 #[inline(always)]
-fn bounded<L: Arithmetic>(l: L, n: Triple<L::V>, m: Triple<L::V>, rolling: L::V, spinning: L::V) -> Triple<L::V> {
-    let along = dot(l, n, m);
-    let across = within(l, triple!(k => l.neg_mul_add(n[k], along, m[k])), rolling);
+fn clamp_moment<L: Arithmetic>(
+    l: L,
+    n: LaneVector<L::V>,
+    m: LaneVector<L::V>,
+    rolling: L::V,
+    spinning: L::V,
+) -> LaneVector<L::V> {
+    let along = dot_product(l, n, m);
+    let across = project_to_ball(l, triple!(k => l.neg_mul_add(n[k], along, m[k])), rolling);
     let least = l.sub(l.splat(0.0), spinning);
     let along = l.min(l.select_greater(along, least, along, least), spinning);
     triple!(k => l.mul_add(n[k], along, across[k]))

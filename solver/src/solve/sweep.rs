@@ -3,79 +3,102 @@
 use bytemuck::{cast_slice, cast_slice_mut};
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{Arithmetic, Half, Line, Number, ShortHalf, ShortLine, Single, Width};
-use crate::solve::batches::{BATCH, Batch, Block, Body, Column3, NEAR, Problem, Sums};
-use crate::solve::local::{Triple, coulomb, cross, cross_add, dot, signorini, stopping, triple};
-use crate::solve::rolling::Rolls;
+use crate::math::lanes::{
+    Arithmetic, BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, F32Lanes, LaneFloat, SimdWidth,
+};
+use crate::solve::batches::{
+    BATCH_LANES, BatchVectors, ContactBatch, DiagonalProblem, L2_BYTES, PackedBody, RangeBatches, SweepSums,
+};
+use crate::solve::local::{
+    LaneVector, coulomb, cross_add, cross_product, dot_product, signorini, triple, unprojected_impulse,
+};
+use crate::solve::rolling::RollingConstraintWide;
 
 /// Batches that go through the stages of a sweep together, so that no stage waits for the one before.
-const CHUNK: usize = 8;
+const BATCHES_PER_STAGE: usize = 8;
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
-pub fn sweep<B: Swept<T = f64>>(problem: &mut Problem<B>, width: Width, beta: f64) -> Sums<f64> {
+pub fn sweep_contacts<B: SweepKernel<T = f64>>(
+    problem: &mut DiagonalProblem<B>,
+    width: SimdWidth,
+    beta: f64,
+) -> SweepSums<f64> {
     match width {
-        Width::One(lanes) => sweep_with(problem, lanes, beta),
+        SimdWidth::One(lanes) => sweep_with(problem, lanes, beta),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(simd) => sweep_with(problem, simd, beta),
+        SimdWidth::Four(simd) => sweep_with(problem, simd, beta),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(simd) => sweep_with(problem, simd, beta),
+        SimdWidth::Eight(simd) => sweep_with(problem, simd, beta),
     }
 }
 
 /// The same in single precision.
-pub fn sweep_single<B: Swept<T = f32>>(problem: &mut Problem<B>, width: Width, beta: f64) -> Sums<f32> {
+pub fn sweep_single<B: SweepKernel<T = f32>>(
+    problem: &mut DiagonalProblem<B>,
+    width: SimdWidth,
+    beta: f64,
+) -> SweepSums<f32> {
     match width {
-        Width::One(lanes) => sweep_with(problem, Single(lanes), beta),
+        SimdWidth::One(lanes) => sweep_with(problem, F32Lanes(lanes), beta),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(simd) => sweep_with(problem, Single(simd), beta),
+        SimdWidth::Four(simd) => sweep_with(problem, F32Lanes(simd), beta),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(simd) => sweep_with(problem, Single(simd), beta),
+        SimdWidth::Eight(simd) => sweep_with(problem, F32Lanes(simd), beta),
     }
 }
 
-fn sweep_with<L: Arithmetic, B: Swept<T = L::T>>(problem: &mut Problem<B>, lanes: L, beta: f64) -> Sums<L::T> {
-    let Problem { lines, previous, blocks, .. } = problem;
+fn sweep_with<L: Arithmetic, B: SweepKernel<T = L::T>>(
+    problem: &mut DiagonalProblem<B>,
+    lanes: L,
+    beta: f64,
+) -> SweepSums<L::T> {
+    let DiagonalProblem { lines, previous, blocks, .. } = problem;
     let batches: usize = blocks.iter().map(|block| block.batches.len()).sum();
-    let far = batches * size_of::<(Batch<L::T>, [Column3<L::T>; 2])>() > NEAR;
+    let far = batches * size_of::<(ContactBatch<L::T>, [BatchVectors<L::T>; 2])>() > L2_BYTES;
     std::mem::swap(lines, previous);
-    Sweep { lanes, beta, far }.subtree(blocks, lines, previous);
-    let mut sums = Sums::default();
-    blocks.iter().for_each(|block| sums.add(&block.sums));
+    TreeSweep { lanes, beta, exceeds_l2: far }.sweep_subtree(blocks, lines, previous);
+    let mut sums = SweepSums::default();
+    blocks.iter().for_each(|block| sums.accumulate(&block.sums));
     sums
 }
 
 #[derive(Clone, Copy)]
-struct Sweep<L> {
+struct TreeSweep<L> {
     lanes: L,
     beta: f64,
     /// Whether the problem does not fit near by.
-    far: bool,
+    exceeds_l2: bool,
 }
 
-impl<L: Arithmetic> Sweep<L> {
+impl<L: Arithmetic> TreeSweep<L> {
     /// Both sides of a joint side by side, then the joint.
-    fn subtree<B: Swept<T = L::T>>(self, blocks: &mut [Block<L::T>], lines: &mut [B], previous: &[B]) {
+    fn sweep_subtree<B: SweepKernel<T = L::T>>(
+        self,
+        blocks: &mut [RangeBatches<L::T>],
+        lines: &mut [B],
+        previous: &[B],
+    ) {
         let half = blocks.len() / 2;
         let (left, rest) = blocks.split_at_mut(half);
         let Some((block, right)) = rest.split_first_mut() else { return };
         if left.is_empty() {
-            self.lanes.run(CarryOn { lanes: self.lanes, lines, previous, beta: self.beta });
+            self.lanes.run(ApplyMomentum { lanes: self.lanes, lines, previous, beta: self.beta });
         } else {
             let cut = left[half / 2].lines;
             let (lines_left, lines_right) = lines.split_at_mut(cut);
             let (previous_left, previous_right) = previous.split_at(cut);
             rayon::join(
-                || self.subtree(left, lines_left, previous_left),
-                || self.subtree(right, lines_right, previous_right),
+                || self.sweep_subtree(left, lines_left, previous_left),
+                || self.sweep_subtree(right, lines_right, previous_right),
             );
         }
-        self.lanes.run(SweepBlock { lanes: self.lanes, lines, block, beta: self.beta, far: self.far });
+        self.lanes.run(SweepBlock { lanes: self.lanes, lines, block, beta: self.beta, exceeds_l2: self.exceeds_l2 });
         std::mem::swap(&mut block.r, &mut block.previous);
     }
 }
 
 /// Velocities are linear in the impulses, so momentum takes one pass over the bodies.
-struct CarryOn<'a, L, B> {
+struct ApplyMomentum<'a, L, B> {
     lanes: L,
     /// The lines before `previous`, to become those that come after.
     lines: &'a mut [B],
@@ -83,7 +106,7 @@ struct CarryOn<'a, L, B> {
     beta: f64,
 }
 
-impl<L: Arithmetic, B: Swept<T = L::T>> NullaryFnOnce for CarryOn<'_, L, B> {
+impl<L: Arithmetic, B: SweepKernel<T = L::T>> NullaryFnOnce for ApplyMomentum<'_, L, B> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
@@ -97,7 +120,7 @@ impl<L: Arithmetic, B: Swept<T = L::T>> NullaryFnOnce for CarryOn<'_, L, B> {
             l.store(line, l.mul_add(beta, l.sub(now, before), now));
         }
         for (line, now) in lines.into_remainder().iter_mut().zip(previous.remainder()) {
-            *line = L::T::of(self.beta).fused(*now - *line, *now);
+            *line = L::T::from_f64(self.beta).fused_mul_add(*now - *line, *now);
         }
     }
 }
@@ -121,54 +144,55 @@ macro_rules! pair {
     };
 }
 
-struct SweepBlock<'a, L, B: Body> {
+struct SweepBlock<'a, L, B: PackedBody> {
     lanes: L,
     lines: &'a mut [B],
-    block: &'a mut Block<B::T>,
+    block: &'a mut RangeBatches<B::T>,
     beta: f64,
-    far: bool,
+    exceeds_l2: bool,
 }
 
-impl<L: Arithmetic, B: Swept<T = L::T>> NullaryFnOnce for SweepBlock<'_, L, B> {
+impl<L: Arithmetic, B: SweepKernel<T = L::T>> NullaryFnOnce for SweepBlock<'_, L, B> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let SweepBlock { lanes: l, lines, block, beta, far } = self;
-        let Block { batches, colours, r, previous, drift, rolls, curvatures, sums, .. } = block;
-        *sums = Sums::default();
+        let SweepBlock { lanes: l, lines, block, beta, exceeds_l2: far } = self;
+        let RangeBatches { batches, colours, r, previous, tangential_shift: drift, rolls, curvatures, sums, .. } =
+            block;
+        *sums = SweepSums::default();
         let zero = l.splat(0.0);
-        let mut between = Between {
-            trials: [Trial { tangential: [zero; 3], normal: zero, y: [zero; 3], w_n: zero }; CHUNK],
-            changes: [Change { impulse: [zero; 3], turn: [zero; 3] }; CHUNK],
+        let mut between = StageBuffers {
+            trials: [TrialImpulse { tangential: [zero; 3], normal: zero, y: [zero; 3], w_n: zero }; BATCHES_PER_STAGE],
+            changes: [ImpulseChange { impulse: [zero; 3], turn: [zero; 3] }; BATCHES_PER_STAGE],
         };
         let mut first = 0;
         for &end in &*colours {
             while first < end {
-                let next = end.min(first + CHUNK);
+                let next = end.min(first + BATCHES_PER_STAGE);
                 let (previous, previous_later) = previous.split_at_mut(next);
-                let later = Later {
+                let later = PrefetchWindow {
                     batches: if far { &batches[next..] } else { &[] },
                     r: &r[next..],
                     previous: previous_later,
-                    drift: drift.get(next..).unwrap_or_default(),
+                    tangential_shift: drift.get(next..).unwrap_or_default(),
                 };
-                let mut chunk = Chunk {
+                let mut chunk = BatchChunk {
                     batches: &batches[first..next],
                     later,
                     r: &r[first..next],
                     previous: &mut previous[first..],
-                    drift: drift.get(first..next).unwrap_or_default(),
+                    tangential_shift: drift.get(first..next).unwrap_or_default(),
                     rolls: rolls.get_mut(first..next).unwrap_or_default(),
                     curvatures: curvatures.get(first..next).unwrap_or_default(),
                     beta,
                 };
-                for from in (0..BATCH).step_by(L::WIDTH) {
-                    B::close(l, lines, &mut chunk, from, &mut between, sums);
+                for from in (0..BATCH_LANES).step_by(L::WIDTH) {
+                    B::solve_contacts(l, lines, &mut chunk, from, &mut between, sums);
                     for (batch, change) in chunk.batches.iter().zip(&between.changes) {
                         let (a, b) = pair!(from, batch);
-                        B::push(l, lines, a, b, change);
+                        B::apply_impulse(l, lines, a, b, change);
                     }
-                    B::resist(l, lines, &mut chunk, from);
+                    B::solve_rolling(l, lines, &mut chunk, from);
                 }
                 first = next;
             }
@@ -177,112 +201,124 @@ impl<L: Arithmetic, B: Swept<T = L::T>> NullaryFnOnce for SweepBlock<'_, L, B> {
 }
 
 /// Batches that go through the stages together.
-pub struct Chunk<'a, T> {
-    batches: &'a [Batch<T>],
-    later: Later<'a, T>,
-    r: &'a [Column3<T>],
-    previous: &'a mut [Column3<T>],
-    drift: &'a [Column3<T>],
-    rolls: &'a mut [Rolls],
-    curvatures: &'a [[[f64; BATCH]; 2]],
+pub struct BatchChunk<'a, T> {
+    batches: &'a [ContactBatch<T>],
+    later: PrefetchWindow<'a, T>,
+    r: &'a [BatchVectors<T>],
+    previous: &'a mut [BatchVectors<T>],
+    tangential_shift: &'a [BatchVectors<T>],
+    rolls: &'a mut [RollingConstraintWide],
+    curvatures: &'a [[[f64; BATCH_LANES]; 2]],
     beta: f64,
 }
 
 /// What comes after a chunk: of many contacts it is far, and memory is faster when it need not wait for arithmetic.
-struct Later<'a, T> {
+struct PrefetchWindow<'a, T> {
     /// Empty where nothing is to be asked for.
-    batches: &'a [Batch<T>],
-    r: &'a [Column3<T>],
-    previous: &'a [Column3<T>],
-    drift: &'a [Column3<T>],
+    batches: &'a [ContactBatch<T>],
+    r: &'a [BatchVectors<T>],
+    previous: &'a [BatchVectors<T>],
+    tangential_shift: &'a [BatchVectors<T>],
 }
 
 /// Asked for is with each batch what is in its place in the next chunk: of many at once, most would wait for each other.
-impl<T: Number> Later<'_, T> {
+impl<T: LaneFloat> PrefetchWindow<'_, T> {
     #[inline(always)]
-    fn fetch_constants<L: Arithmetic<T = T>>(&self, l: L, i: usize) {
+    fn prefetch_constants<L: Arithmetic<T = T>>(&self, l: L, i: usize) {
         if i < self.batches.len() {
-            l.fetch(&self.batches[i]);
-            if i < self.drift.len() {
-                l.fetch(&self.drift[i]);
+            l.prefetch(&self.batches[i]);
+            if i < self.tangential_shift.len() {
+                l.prefetch(&self.tangential_shift[i]);
             }
         }
     }
 
     #[inline(always)]
-    fn fetch_impulses<L: Arithmetic<T = T>>(&self, l: L, i: usize, components: usize) {
+    fn prefetch_impulses<L: Arithmetic<T = T>>(&self, l: L, i: usize, components: usize) {
         if i < self.batches.len() {
-            l.fetch(&self.r[i].0[..components]);
-            l.fetch(&self.previous[i].0[..components]);
+            l.prefetch(&self.r[i].0[..components]);
+            l.prefetch(&self.previous[i].0[..components]);
         }
     }
 }
 
 /// What one stage leaves for the next, a vector of each batch.
-pub struct Between<V> {
-    trials: [Trial<V>; CHUNK],
-    changes: [Change<V>; CHUNK],
+pub struct StageBuffers<V> {
+    trials: [TrialImpulse<V>; BATCHES_PER_STAGE],
+    changes: [ImpulseChange<V>; BATCHES_PER_STAGE],
 }
 
 /// Bodies that can be swept.
-pub trait Swept: Body {
+pub trait SweepKernel: PackedBody {
     /// Closes the contacts of the vector from place `from` on of each batch: their impulses, and the changes to be given
     /// to the bodies.
-    fn close<L: Arithmetic<T = Self::T>>(
+    fn solve_contacts<L: Arithmetic<T = Self::T>>(
         l: L,
         lines: &[Self],
-        chunk: &mut Chunk<Self::T>,
+        chunk: &mut BatchChunk<Self::T>,
         from: usize,
-        between: &mut Between<L::V>,
-        sums: &mut Sums<Self::T>,
+        between: &mut StageBuffers<L::V>,
+        sums: &mut SweepSums<Self::T>,
     );
 
     /// Gives a change to the bodies `a` and takes it from `b`.
-    fn push<L: Arithmetic<T = Self::T>>(l: L, lines: &mut [Self], a: &[u32], b: &[u32], change: &Change<L::V>);
+    fn apply_impulse<L: Arithmetic<T = Self::T>>(
+        l: L,
+        lines: &mut [Self],
+        a: &[u32],
+        b: &[u32],
+        change: &ImpulseChange<L::V>,
+    );
 
     /// Gives the bodies the moments of these contacts that follow from their new impulses. Where something resists
     /// rolling, bodies are whole lines in double precision.
     #[inline(always)]
-    fn resist<L: Arithmetic<T = Self::T>>(_: L, _: &mut [Self], _: &mut Chunk<Self::T>, _: usize) {}
+    fn solve_rolling<L: Arithmetic<T = Self::T>>(_: L, _: &mut [Self], _: &mut BatchChunk<Self::T>, _: usize) {}
 }
 
 /// What would stop the contacts of a vector, N s.
 #[derive(Clone, Copy)]
-pub struct Trial<V> {
-    tangential: Triple<V>,
+pub struct TrialImpulse<V> {
+    tangential: LaneVector<V>,
     /// Signorini's condition holds already.
     normal: V,
     /// The impulses that the velocities have in them.
-    y: Triple<V>,
+    y: LaneVector<V>,
     /// 1/kg
     w_n: V,
 }
 
 /// Change of impulse and of moment over the arm, for the bodies.
 #[derive(Clone, Copy)]
-pub struct Change<V> {
-    impulse: Triple<V>,
-    turn: Triple<V>,
+pub struct ImpulseChange<V> {
+    impulse: LaneVector<V>,
+    turn: LaneVector<V>,
 }
 
 macro_rules! with_friction {
     () => {
         #[inline(always)]
-        fn close<L: Arithmetic<T = Self::T>>(
+        fn solve_contacts<L: Arithmetic<T = Self::T>>(
             l: L,
             lines: &[Self],
-            chunk: &mut Chunk<Self::T>,
+            chunk: &mut BatchChunk<Self::T>,
             from: usize,
-            between: &mut Between<L::V>,
-            sums: &mut Sums<Self::T>,
+            between: &mut StageBuffers<L::V>,
+            sums: &mut SweepSums<Self::T>,
         ) {
-            try_each(l, lines, chunk, from, &mut between.trials);
-            close_each(l, chunk, from, between, sums);
+            trial_impulses(l, lines, chunk, from, &mut between.trials);
+            project_impulses(l, chunk, from, between, sums);
         }
 
         #[inline(always)]
-        fn push<L: Arithmetic<T = Self::T>>(l: L, lines: &mut [Self], a: &[u32], b: &[u32], change: &Change<L::V>) {
-            l.push(lines, a, b, change.impulse, change.turn);
+        fn apply_impulse<L: Arithmetic<T = Self::T>>(
+            l: L,
+            lines: &mut [Self],
+            a: &[u32],
+            b: &[u32],
+            change: &ImpulseChange<L::V>,
+        ) {
+            l.apply_impulse(lines, a, b, change.impulse, change.turn);
         }
     };
 }
@@ -290,80 +326,86 @@ macro_rules! with_friction {
 macro_rules! without_friction {
     () => {
         #[inline(always)]
-        fn close<L: Arithmetic<T = Self::T>>(
+        fn solve_contacts<L: Arithmetic<T = Self::T>>(
             l: L,
             halves: &[Self],
-            chunk: &mut Chunk<Self::T>,
+            chunk: &mut BatchChunk<Self::T>,
             from: usize,
-            between: &mut Between<L::V>,
-            sums: &mut Sums<Self::T>,
+            between: &mut StageBuffers<L::V>,
+            sums: &mut SweepSums<Self::T>,
         ) {
-            close_normals(l, halves, chunk, from, &mut between.changes, sums);
+            project_normal_impulses(l, halves, chunk, from, &mut between.changes, sums);
         }
 
         #[inline(always)]
-        fn push<L: Arithmetic<T = Self::T>>(l: L, halves: &mut [Self], a: &[u32], b: &[u32], change: &Change<L::V>) {
-            l.push_half(halves, a, b, change.impulse);
+        fn apply_impulse<L: Arithmetic<T = Self::T>>(
+            l: L,
+            halves: &mut [Self],
+            a: &[u32],
+            b: &[u32],
+            change: &ImpulseChange<L::V>,
+        ) {
+            l.apply_half_impulse(halves, a, b, change.impulse);
         }
     };
 }
 
-impl Swept for ShortLine {
+impl SweepKernel for BodyLineF32 {
     with_friction!();
 }
 
-impl Swept for Half {
+impl SweepKernel for BodyHalfLine {
     without_friction!();
 }
 
-impl Swept for ShortHalf {
+impl SweepKernel for BodyHalfLineF32 {
     without_friction!();
 }
 
-impl Swept for Line {
+impl SweepKernel for BodyLine {
     with_friction!();
 
     #[inline(always)]
-    fn resist<L: Arithmetic<T = f64>>(l: L, lines: &mut [Line], chunk: &mut Chunk<f64>, from: usize) {
-        let Chunk { batches, previous, rolls, curvatures, beta, .. } = chunk;
+    fn solve_rolling<L: Arithmetic<T = f64>>(l: L, lines: &mut [BodyLine], chunk: &mut BatchChunk<f64>, from: usize) {
+        let BatchChunk { batches, previous, rolls, curvatures, beta, .. } = chunk;
         let (lines, beta) = (cast_slice_mut(lines), l.splat(*beta));
         // The new impulses are where those of the sweep before were.
         for (((batch, r), rolls), curvatures) in batches.iter().zip(&**previous).zip(&mut **rolls).zip(*curvatures) {
             let (a, b) = pair!(from, batch);
-            let (mut of_a, mut of_b) = (l.gather(lines, a), l.gather(lines, b));
+            let (mut of_a, mut of_b) = (l.gather_lines(lines, a), l.gather_lines(lines, b));
             // Lines hold R w, and R^2/I.
             let (in_a, in_b) = (load!(l, from, curvatures[0]), load!(l, from, curvatures[1]));
             let w = triple!(k => l.neg_mul_add(of_b[4 + k], in_b, l.mul(of_a[4 + k], in_a)));
             let n = load3!(l, from, batch.n);
-            let pressing = dot(l, n, load3!(l, from, r.0));
-            let change = rolls.solve(l, from..from + L::WIDTH, beta, n, pressing, w);
+            let pressing = dot_product(l, n, load3!(l, from, r.0));
+            let change = rolls.solve_moments(l, from..from + L::WIDTH, beta, n, pressing, w);
             let (to_a, to_b) = (l.mul(of_a[7], in_a), l.mul(of_b[7], in_b));
             for k in 0..3 {
                 of_a[4 + k] = l.mul_add(to_a, change[k], of_a[4 + k]);
                 of_b[4 + k] = l.neg_mul_add(to_b, change[k], of_b[4 + k]);
             }
-            l.scatter(lines, a, of_a);
-            l.scatter(lines, b, of_b);
+            l.scatter_lines(lines, a, of_a);
+            l.scatter_lines(lines, b, of_b);
         }
     }
 }
 
 #[inline(always)]
-fn try_each<L: Arithmetic>(
+fn trial_impulses<L: Arithmetic>(
     l: L,
-    lines: &[<L::T as Number>::Line],
-    chunk: &Chunk<L::T>,
+    lines: &[<L::T as LaneFloat>::Line],
+    chunk: &BatchChunk<L::T>,
     from: usize,
-    trials: &mut [Trial<L::V>; CHUNK],
+    trials: &mut [TrialImpulse<L::V>; BATCHES_PER_STAGE],
 ) {
     let beta = l.splat(chunk.beta);
     let columns = chunk.batches.iter().zip(chunk.r).zip(&*chunk.previous).zip(trials);
     for (i, (((batch, r), previous), trial)) in columns.enumerate() {
         if from == 0 {
-            chunk.later.fetch_constants(l, i);
+            chunk.later.prefetch_constants(l, i);
         }
         let (a, b) = pair!(from, batch);
-        let [dx, dy, dz, w_n, sx, sy, sz, k] = l.relative(lines, a, b);
+        let [dx, dy, dz, w_n, sx, sy, sz, k] = l.relative_velocity(lines, a, b);
         let n = load3!(l, from, batch.n);
         let r = load3!(l, from, r.0);
         let before = load3!(l, from, previous.0);
@@ -372,79 +414,79 @@ fn try_each<L: Arithmetic>(
         let lever = triple!(i => l.mul(n[i], arm));
         // û = v_a - v_b + n x arm (R_a w_a + R_b w_b) + shift
         let mut u = cross_add(l, lever, [sx, sy, sz], [dx, dy, dz]);
-        if let Some(drift) = chunk.drift.get(i) {
+        if let Some(drift) = chunk.tangential_shift.get(i) {
             let drift = load3!(l, from, drift.0);
             u = triple!(i => l.add(u[i], drift[i]));
         }
-        let u_n = dot(l, n, [dx, dy, dz]);
+        let u_n = dot_product(l, n, [dx, dy, dz]);
         let w_t = l.mul_add(l.mul(arm, arm), k, w_n);
         let shift = load!(l, from, batch.shift);
-        let (normal, tangential) = stopping(l, n, u, u_n, shift, y, [w_n, w_t]);
-        *trial = Trial { tangential, normal, y, w_n };
+        let (normal, tangential) = unprojected_impulse(l, n, u, u_n, shift, y, [w_n, w_t]);
+        *trial = TrialImpulse { tangential, normal, y, w_n };
     }
 }
 
 #[inline(always)]
-fn close_each<L: Arithmetic>(
+fn project_impulses<L: Arithmetic>(
     l: L,
-    chunk: &mut Chunk<L::T>,
+    chunk: &mut BatchChunk<L::T>,
     from: usize,
-    between: &mut Between<L::V>,
-    sums: &mut Sums<L::T>,
+    between: &mut StageBuffers<L::V>,
+    sums: &mut SweepSums<L::T>,
 ) {
-    let Chunk { batches, later, r, previous, .. } = chunk;
-    let Between { trials, changes } = between;
-    let mut uphill = load!(l, from, sums.uphill);
+    let BatchChunk { batches, later, r, previous, .. } = chunk;
+    let StageBuffers { trials, changes } = between;
+    let mut uphill = load!(l, from, sums.restart_product);
     let mut change2 = load!(l, from, sums.change2);
     let columns = batches.iter().zip(*r).zip(&mut **previous).zip(&*trials).zip(changes);
     for (i, ((((batch, r), previous), trial), out)) in columns.enumerate() {
         if from == 0 {
-            later.fetch_impulses(l, i, 3);
+            later.prefetch_impulses(l, i, 3);
         }
         let n = load3!(l, from, batch.n);
         let new = coulomb(l, n, trial.normal, trial.tangential, load!(l, from, batch.friction));
         let change = triple!(k => l.sub(new[k], trial.y[k]));
         let arm = load!(l, from, batch.arm);
         let lever = triple!(k => l.mul(n[k], arm));
-        let turn = cross(l, change, lever);
-        *out = Change { impulse: change, turn };
+        let turn = cross_product(l, change, lever);
+        *out = ImpulseChange { impulse: change, turn };
         let r = load3!(l, from, r.0);
         for (stored, new) in previous.0.iter_mut().zip(new) {
             l.store(&mut stored[from..], new);
         }
         let moved = triple!(k => l.sub(new[k], r[k]));
-        uphill = l.neg_mul_add(trial.w_n, dot(l, change, moved), uphill);
-        change2 = l.add(dot(l, change, change), change2);
+        uphill = l.neg_mul_add(trial.w_n, dot_product(l, change, moved), uphill);
+        change2 = l.add(dot_product(l, change, change), change2);
     }
-    l.store(&mut sums.uphill[from..], uphill);
+    l.store(&mut sums.restart_product[from..], uphill);
     l.store(&mut sums.change2[from..], change2);
 }
 
 /// One unknown a contact, r̂_n, kept as the first component; spheres do not turn.
 #[inline(always)]
-fn close_normals<L: Arithmetic>(
+fn project_normal_impulses<L: Arithmetic>(
     l: L,
-    halves: &[<L::T as Number>::Half],
-    chunk: &mut Chunk<L::T>,
+    halves: &[<L::T as LaneFloat>::Half],
+    chunk: &mut BatchChunk<L::T>,
     from: usize,
-    changes: &mut [Change<L::V>; CHUNK],
-    sums: &mut Sums<L::T>,
+    changes: &mut [ImpulseChange<L::V>; BATCHES_PER_STAGE],
+    sums: &mut SweepSums<L::T>,
 ) {
-    let Chunk { batches, later, r, previous, beta, .. } = chunk;
+    let BatchChunk { batches, later, r, previous, beta, .. } = chunk;
     let beta = l.splat(*beta);
-    let mut uphill = load!(l, from, sums.uphill);
+    let mut uphill = load!(l, from, sums.restart_product);
     let mut change2 = load!(l, from, sums.change2);
     for (i, (((batch, r), previous), out)) in batches.iter().zip(*r).zip(&mut **previous).zip(changes).enumerate() {
         if from == 0 {
-            later.fetch_constants(l, i);
-            later.fetch_impulses(l, i, 1);
+            later.prefetch_constants(l, i);
+            later.prefetch_impulses(l, i, 1);
         }
         let (a, b) = pair!(from, batch);
-        let [dx, dy, dz, w_n] = l.relative_half(halves, a, b);
+        let [dx, dy, dz, w_n] = l.relative_half_velocity(halves, a, b);
         let n = load3!(l, from, batch.n);
         let r = load!(l, from, r.0[0]);
         let y = l.mul_add(beta, l.sub(r, load!(l, from, previous.0[0])), r);
-        let u_n = l.add(dot(l, n, [dx, dy, dz]), load!(l, from, batch.shift));
+        let u_n = l.add(dot_product(l, n, [dx, dy, dz]), load!(l, from, batch.shift));
         let new = signorini(l, u_n, y, w_n);
         let change = l.sub(new, y);
         out.impulse = triple!(k => l.mul(n[k], change));
@@ -452,6 +494,6 @@ fn close_normals<L: Arithmetic>(
         uphill = l.neg_mul_add(l.mul(w_n, change), l.sub(new, r), uphill);
         change2 = l.mul_add(change, change, change2);
     }
-    l.store(&mut sums.uphill[from..], uphill);
+    l.store(&mut sums.restart_product[from..], uphill);
     l.store(&mut sums.change2[from..], change2);
 }

@@ -15,25 +15,25 @@
 
 use rayon::prelude::*;
 
-use crate::assemble::{self, System};
-use crate::laws::{Law, TOUCHING};
+use crate::assemble::{self, ContactProblem};
+use crate::laws::{ContactLaw, MAX_TOUCHING_GAP};
 use crate::math::rotation::angular_velocity;
-use crate::math::{MANY, Vec3, rotate};
+use crate::math::{PAR_MIN_LEN, Vec3, rotate_by_vector};
 use crate::scene::Scene;
 use crate::state::{Contact, SolvedContact, State};
 
-/// Opening of a bond over its effective radius from which on positions are corrected. A bond is made at a gap of up to [`TOUCHING`]
+/// Opening of a bond over its effective radius from which on positions are corrected. A bond is made at a gap of up to [`MAX_TOUCHING_GAP`]
 /// and acts up to twice that; one step opens a corner by up to three times the error that [`super::motion`] accepts, which is
 /// this opening as well.
-pub const LARGEST_OPENING: f64 = 0.25 * TOUCHING;
+pub const LARGEST_OPENING: f64 = 0.25 * MAX_TOUCHING_GAP;
 
 /// Sweeps of a correction: the four corners of a cube are then closed to a hundredth of their opening. What is left of a long chain
 /// is corrected in the steps that follow.
 const SWEEPS: usize = 10;
 
 /// Moves the bodies of bonds that have opened too far. `state` is that of the step's end, with the contacts of `system`.
-pub fn close_bonds(scene: &Scene, state: &mut State, system: &System) {
-    if !state.laws.iter().any(Law::has_stress) {
+pub fn close_bonds(scene: &Scene, state: &mut State, system: &ContactProblem) {
+    if !state.laws.iter().any(ContactLaw::has_stress) {
         return;
     }
     let opening = |solved: &SolvedContact| {
@@ -45,7 +45,7 @@ pub fn close_bonds(scene: &Scene, state: &mut State, system: &System) {
         let [a, b] = [(contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1)];
         opening(solved).is_some_and(|opening| opening > LARGEST_OPENING * scene.effective_radius(a, b))
     };
-    if !state.contacts.par_iter().with_min_len(MANY).any(is_too_far) {
+    if !state.contacts.par_iter().with_min_len(PAR_MIN_LEN).any(is_too_far) {
         return;
     }
     let bonded: Vec<(usize, f64)> =
@@ -53,7 +53,7 @@ pub fn close_bonds(scene: &Scene, state: &mut State, system: &System) {
     let contacts: Vec<Contact> = bonded.iter().map(|(k, _)| state.contacts[*k].contact).collect();
     let too_far = bonded.iter().zip(&contacts).filter(|((k, _), _)| is_too_far(&state.contacts[*k]));
     let too_far: Vec<&Contact> = too_far.map(|(_, contact)| contact).collect();
-    let moves = assemble::meeting(scene, &contacts, &too_far);
+    let moves = assemble::connected_bodies(scene, &contacts, &too_far);
     let is_corrected =
         |contact: &Contact| [contact.candidate, contact.antagonist].iter().any(|body| moves[*body as usize]);
     let corrected = bonded.iter().zip(&contacts).filter(|(_, contact)| is_corrected(contact));
@@ -62,30 +62,30 @@ pub fn close_bonds(scene: &Scene, state: &mut State, system: &System) {
     for (i, (shift, turn)) in shifts.into_iter().zip(turns).enumerate() {
         state.x[i] += shift;
         if scene.oriented[i] && turn != Vec3::zeros() {
-            state.q[i] = rotate(&state.q[i], &turn);
+            state.q[i] = rotate_by_vector(&state.q[i], &turn);
         }
     }
     // The angular momentum stays, so bodies of unequal moments turn otherwise.
-    for (&i, momentum) in scene.turning.iter().zip(&state.spin) {
+    for (&i, momentum) in scene.turning.iter().zip(&state.angular_momentum) {
         let i = i as usize;
         state.w[i] = angular_velocity(&state.q[i], &scene.bodies[i].inertia, momentum);
     }
 }
 
 /// Displacements (m) and turns (rad) of all bodies that close the `openings` (m) of rows.
-fn corrections(system: &System, openings: &[(usize, f64)], bodies: usize) -> (Vec<Vec3>, Vec<Vec3>) {
+fn corrections(system: &ContactProblem, openings: &[(usize, f64)], bodies: usize) -> (Vec<Vec3>, Vec<Vec3>) {
     let (mut shifts, mut turns) = (vec![Vec3::zeros(); bodies], vec![Vec3::zeros(); bodies]);
     for _ in 0..SWEEPS {
         for &(k, opening) in openings {
             let row = &system.rows[k];
             let [a, b] = row.bodies;
-            let arms = [system.arm(k, 0), system.arm(k, 1)];
+            let arms = [system.contact_arm(k, 0), system.contact_arm(k, 1)];
             let moved = |body: u32, arm: &Vec3| shifts[body as usize] + turns[body as usize].cross(arm);
             let left = opening + row.normal.dot(&(moved(a, &arms[0]) - moved(b, &arms[1])));
             for ((body, arm), sign) in [a, b].into_iter().zip(&arms).zip([-1.0, 1.0]) {
                 let push = row.normal * (sign * left / row.w_n);
-                shifts[body as usize] += system.push(body, &push);
-                turns[body as usize] += system.spin(body, &arm.cross(&push));
+                shifts[body as usize] += system.velocity_change(body, &push);
+                turns[body as usize] += system.angular_velocity_change(body, &arm.cross(&push));
             }
         }
     }

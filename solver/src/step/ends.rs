@@ -4,81 +4,82 @@ use std::ops::Add;
 
 use rayon::prelude::*;
 
-use super::PART;
-use super::motion::Motion;
-use crate::assemble::{self, Free, Record, System, relative_velocity};
-use crate::integrate::Configuration;
-use crate::math::{MANY, Vec3, to_local, to_world};
+use super::ITEMS_PER_TASK;
+use super::motion::VelocityErrors;
+use crate::assemble::{self, ContactProblem, FreeMotion, SolverBody, relative_velocity};
+use crate::integrate::ContactConfiguration;
+use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::Scene;
-use crate::solve::Solution;
-use crate::state::{Contact, Exchange, SolvedContact, State, Status};
+use crate::solve::ContactSolution;
+use crate::state::{Contact, ContactExchange, ContactStatus, SolvedContact, State};
 
 /// Velocities and contacts at the step's end, and what contacts have done.
-pub struct Solved {
+pub struct StepOutcome {
     pub v: Vec<Vec3>,
     pub w: Vec<Vec3>,
     pub contacts: Vec<SolvedContact>,
-    pub given: Given,
-    pub exchanges: Vec<Vec<Exchange>>,
+    pub totals: ContactTotals,
+    pub exchanges: Vec<Vec<ContactExchange>>,
 }
 
 /// Velocities and angular velocities in the contact configuration with all impulses, m/s and rad/s.
-pub fn velocities(solution: &Solution, free: &Free) -> (Vec<Vec3>, Vec<Vec3>) {
+pub fn solved_velocities(solution: &ContactSolution, free: &FreeMotion) -> (Vec<Vec3>, Vec<Vec3>) {
     // What is imposed stays as it was.
-    let motion = |((record, v), w): ((&Record, &Vec3), &Vec3)| {
+    let motion = |((record, v), w): ((&SolverBody, &Vec3), &Vec3)| {
         if record.inverse_mass > 0.0 { (record.v, record.w) } else { (*v, *w) }
     };
     let bodies = solution.records.par_iter().zip(&free.v).zip(&free.w);
-    bodies.with_min_len(MANY).map(motion).unzip()
+    bodies.with_min_len(PAR_MIN_LEN).map(motion).unzip()
 }
 
 /// Takes the place that the contacts of the last step have in memory.
 #[expect(clippy::too_many_arguments, reason = "what the stages of a step have found")]
-pub fn end_of_contacts(
+pub fn finish_contacts(
     scene: &Scene,
     state: &mut State,
-    q_c: &Configuration,
+    q_c: &ContactConfiguration,
     contacts: &[Contact],
-    free: &Free,
-    system: &System,
-    solution: &Solution,
-    motion: Option<&Motion>,
-) -> Solved {
-    let (v, w) = velocities(solution, free);
+    free: &FreeMotion,
+    system: &ContactProblem,
+    solution: &ContactSolution,
+    motion: Option<&VelocityErrors>,
+) -> StepOutcome {
+    let (v, w) = solved_velocities(solution, free);
     let mut ends = std::mem::take(&mut state.contacts);
     ends.resize(contacts.len(), SolvedContact::default());
     let driven: Vec<bool> = scene.bodies.iter().map(|body| body.driven).collect();
-    let deep = DEEP * scene.smallest_radius;
-    let end = End { scene, state, q_c, system, solution, motion, v: &v, w: &w, driven: &driven, deep };
+    let deep = OVERLAP_WARNING_SHARE * scene.smallest_radius;
+    let end =
+        PostSolve { scene, state, q_c, system, solution, motion, v: &v, w: &w, driven: &driven, warning_depth: deep };
     // In parts that the number of rows alone decides.
-    let parts = ends.par_chunks_mut(PART).zip(contacts.par_chunks(PART)).enumerate();
-    let parts: Vec<(Given, Vec<Exchange>)> =
-        parts.map(|(part, (ends, contacts))| end.of_some(part * PART, contacts, ends)).collect();
-    let given = parts.iter().fold(Given::default(), |sum, (given, _)| sum + *given);
+    let parts = ends.par_chunks_mut(ITEMS_PER_TASK).zip(contacts.par_chunks(ITEMS_PER_TASK)).enumerate();
+    let parts: Vec<(ContactTotals, Vec<ContactExchange>)> =
+        parts.map(|(part, (ends, contacts))| end.finish_chunk(part * ITEMS_PER_TASK, contacts, ends)).collect();
+    let given = parts.iter().fold(ContactTotals::default(), |sum, (given, _)| sum + *given);
     let exchanges = parts.into_iter().map(|(_, exchanges)| exchanges).collect();
-    Solved { v, w, contacts: ends, given, exchanges }
+    StepOutcome { v, w, contacts: ends, totals: given, exchanges }
 }
 
 /// What the ends of contacts are made from.
-struct End<'a> {
+struct PostSolve<'a> {
     scene: &'a Scene,
     state: &'a State,
-    q_c: &'a Configuration,
-    system: &'a System,
-    solution: &'a Solution,
+    q_c: &'a ContactConfiguration,
+    system: &'a ContactProblem,
+    solution: &'a ContactSolution,
     /// Where contacts lose something once they move.
-    motion: Option<&'a Motion>,
+    motion: Option<&'a VelocityErrors>,
     /// At the step's end, m/s and rad/s.
     v: &'a [Vec3],
     w: &'a [Vec3],
     /// Of each body; together, as contacts ask for it in any order.
     driven: &'a [bool],
     /// Depth that is worth a warning between the smallest bodies, m: no contact is compared with its radii below it.
-    deep: f64,
+    warning_depth: f64,
 }
 
 /// Overlap over the smaller radius from which on a run warns: no law makes it, and volumes are off by three times as much.
-pub const DEEP: f64 = 1e-2;
+pub const OVERLAP_WARNING_SHARE: f64 = 1e-2;
 
 /// Two bodies that overlap.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -91,7 +92,7 @@ pub struct Overlap {
 }
 
 impl Overlap {
-    pub fn of(scene: &Scene, contact: &Contact) -> Overlap {
+    pub fn from_contact(scene: &Scene, contact: &Contact) -> Overlap {
         let bodies = [contact.candidate, contact.antagonist];
         let radius = |body: &u32| {
             let body = &scene.bodies[*body as usize];
@@ -102,67 +103,73 @@ impl Overlap {
     }
 
     /// As messages say it, bodies counted from 1.
-    pub fn text(&self) -> String {
+    pub fn message_text(&self) -> String {
         let Overlap { bodies: [a, b], depth, share } = self;
         format!("bodies {}-{} overlap by {depth:.3e} m, {:.1} % of the smaller radius", a + 1, b + 1, 100.0 * share)
     }
 }
 
 /// The one of larger share; of equal ones the first.
-pub fn deeper(a: Option<Overlap>, b: Overlap) -> Option<Overlap> {
+pub fn deeper_overlap(a: Option<Overlap>, b: Overlap) -> Option<Overlap> {
     a.filter(|a| a.share >= b.share).or(Some(b))
 }
 
-impl End<'_> {
+impl PostSolve<'_> {
     /// Fills `ends` with those of contacts of which the first has the number `first`; what they do in the step.
-    fn of_some(&self, first: usize, contacts: &[Contact], ends: &mut [SolvedContact]) -> (Given, Vec<Exchange>) {
-        let End { q_c, system, solution, .. } = self;
-        let (mut given, mut exchanges) = (Given::default(), Vec::with_capacity(contacts.len()));
-        let roll = system.rolls.partition_point(|roll| (roll.row as usize) < first);
-        let mut rolls = system.rolls[roll..].iter().zip(&solution.moments[roll..]).peekable();
+    fn finish_chunk(
+        &self,
+        first: usize,
+        contacts: &[Contact],
+        ends: &mut [SolvedContact],
+    ) -> (ContactTotals, Vec<ContactExchange>) {
+        let PostSolve { q_c, system, solution, .. } = self;
+        let (mut given, mut exchanges) = (ContactTotals::default(), Vec::with_capacity(contacts.len()));
+        let roll = system.rolling_constraints.partition_point(|roll| (roll.row as usize) < first);
+        let mut rolls = system.rolling_constraints[roll..].iter().zip(&solution.moments[roll..]).peekable();
         for ((k, contact), end) in (first..).zip(contacts).zip(ends) {
             let (row, r) = (&system.rows[k], &solution.impulses[k]);
             let moment = rolls.next_if(|(roll, _)| roll.row as usize == k).map(|(_, m)| m);
-            *end = self.of_one(k, contact, moment);
+            *end = self.finish_contact(k, contact, moment);
             // What both bodies are driven to is no penetration of the contact's.
             let depth = if row.acts { (-contact.gap).max(0.0) } else { 0.0 };
             given.penetration_largest = given.penetration_largest.max(depth);
             given.penetration_sum += depth;
-            if depth > self.deep {
-                given.overlap = deeper(given.overlap, Overlap::of(self.scene, contact));
+            if depth > self.warning_depth {
+                given.overlap = deeper_overlap(given.overlap, Overlap::from_contact(self.scene, contact));
             }
             if end.impulse != Vec3::zeros() {
                 given.contacts_active += 1;
-                let may_close = self.state.laws[contact.law as usize].closing(row.u_before.x);
+                let may_close = self.state.laws[contact.law as usize].max_closing_speed(row.u_before.x);
                 given.penetration_added += (-contact.gap - q_c.h * (end.velocity.x + may_close) - depth).max(0.0);
-                let virial = self.gives(k, r, end, &mut given);
+                let virial = self.accumulate_totals(k, r, end, &mut given);
                 given.virial += virial;
-                exchanges.push(Exchange { bodies: row.bodies, virial });
+                exchanges.push(ContactExchange { bodies: row.bodies, virial });
             } else if end.moment != Vec3::zeros() {
                 // What holds two bodies presses them as it pulls: nothing is left but what resists rolling.
-                self.gives(k, r, end, &mut given);
+                self.accumulate_totals(k, r, end, &mut given);
             }
         }
         (given, exchanges)
     }
 
     /// Contact `k`, on which a moment (N m s, world frame) acts that resists rolling, if there is one.
-    fn of_one(&self, k: usize, contact: &Contact, moment: Option<&Vec3>) -> SolvedContact {
-        let &End { state, q_c, system, solution, v, w, .. } = self;
+    fn finish_contact(&self, k: usize, contact: &Contact, moment: Option<&Vec3>) -> SolvedContact {
+        let &PostSolve { state, q_c, system, solution, v, w, .. } = self;
         let (row, r) = (&system.rows[k], &solution.impulses[k]);
         let frame = contact.frame();
         let local = to_local(&frame, r);
         let law = &state.laws[contact.law as usize];
-        let motion = self.motion.filter(|_| law.loses());
-        let (opens, slides) =
-            motion.map_or((false, false), |motion| motion.at(row, &system.velocity(k, &solution.records)));
+        let motion = self.motion.filter(|_| law.has_irreversible_loss());
+        let (opens, slides) = motion.map_or((false, false), |motion| {
+            motion.opens_or_slides(row, &system.shifted_velocity(k, &solution.records))
+        });
         // On the cone's side to rounding.
         let bound = row.friction * local.x * (1.0 - 1e-12);
         let at_limit = if motion.is_some() && row.friction > 0.0 { slides } else { local.yz().norm() >= bound };
         let status = match local.x > 0.0 {
-            false => Status::NoContact,
-            true if at_limit => Status::Slide,
-            true => Status::Stick,
+            false => ContactStatus::NoContact,
+            true if at_limit => ContactStatus::Slide,
+            true => ContactStatus::Stick,
         };
         let bond = row.bond.filter(|_| law.keeps_bond(contact.gap, opens, slides));
         let mut velocity = relative_velocity(contact, &q_c.x, v, w);
@@ -181,8 +188,8 @@ impl End<'_> {
     }
 
     /// Adds what contact `k` with the impulse `r` of its row does; returns its impulse times its branch, N m s.
-    fn gives(&self, k: usize, r: &Vec3, contact: &SolvedContact, given: &mut Given) -> f64 {
-        let &End { state, q_c, system, v, w, driven, .. } = self;
+    fn accumulate_totals(&self, k: usize, r: &Vec3, contact: &SolvedContact, given: &mut ContactTotals) -> f64 {
+        let &PostSolve { state, q_c, system, v, w, driven, .. } = self;
         let row = &system.rows[k];
         let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
         if driven[contact.candidate as usize] && driven[contact.antagonist as usize] {
@@ -191,7 +198,7 @@ impl End<'_> {
         let mean = 0.5 * (velocity + row.u_before);
         let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
         let force = r + contact.normal * row.impulse_shift;
-        let arms = assemble::arms(contact, &q_c.x);
+        let arms = assemble::contact_arms(contact, &q_c.x);
         let turned = |body: usize| w[body] + q_c.w[body];
         let rolls = *moment != Vec3::zeros();
         let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
@@ -221,7 +228,7 @@ impl End<'_> {
 
 /// What contacts do in a step.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Given {
+pub struct ContactTotals {
     pub contacts_active: usize,
     /// The deepest of those that are worth a warning.
     pub overlap: Option<Overlap>,
@@ -241,13 +248,13 @@ pub struct Given {
     pub angular_momentum: Vec3,
 }
 
-impl Add for Given {
-    type Output = Given;
+impl Add for ContactTotals {
+    type Output = ContactTotals;
 
-    fn add(self, other: Given) -> Given {
-        Given {
+    fn add(self, other: ContactTotals) -> ContactTotals {
+        ContactTotals {
             contacts_active: self.contacts_active + other.contacts_active,
-            overlap: other.overlap.map_or(self.overlap, |overlap| deeper(self.overlap, overlap)),
+            overlap: other.overlap.map_or(self.overlap, |overlap| deeper_overlap(self.overlap, overlap)),
             penetration_largest: self.penetration_largest.max(other.penetration_largest),
             penetration_sum: self.penetration_sum + other.penetration_sum,
             penetration_added: self.penetration_added + other.penetration_added,

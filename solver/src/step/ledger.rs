@@ -4,17 +4,17 @@ use std::ops::Add;
 
 use rayon::prelude::*;
 
-use super::PART;
-use super::ends::{Overlap, Solved};
+use super::ITEMS_PER_TASK;
+use super::ends::{Overlap, StepOutcome};
 use super::unforeseen::work_from_start;
-use crate::assemble::{Free, GravityReport, System};
-use crate::detect::Missed;
-use crate::integrate::Configuration;
-use crate::math::{MANY, Quat, Vec3};
+use crate::assemble::{ContactProblem, FreeMotion, GravityReport};
+use crate::detect::NarrowPhaseError;
+use crate::integrate::ContactConfiguration;
+use crate::math::{PAR_MIN_LEN, Quat, Vec3};
 use crate::scene::Scene;
-use crate::solve::Solution;
-use crate::solve::norms::{Norms, norms};
-use crate::state::{Interval, State};
+use crate::solve::ContactSolution;
+use crate::solve::norms::{Lmgc90Norms, lmgc90_norms};
+use crate::state::{OutputInterval, State};
 
 /// What a step did, for the log.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,19 +27,19 @@ pub struct StepReport {
     pub contacts_active: usize,
     pub sweeps: u64,
     /// Whether they began in single precision.
-    pub single: bool,
+    pub single_precision: bool,
     pub residual: f64,
     pub converged: bool,
     /// Contacts that began to close in the solution and are not part of it.
     pub left_out: usize,
     /// Whether a solver of stored problems found the solution where the sweeps had stalled.
-    pub taken_over: bool,
+    pub fallback_used: bool,
     /// Whether `auto` left it unconverged after one round of sweeps, as more was in vain before.
-    pub given_up: bool,
+    pub fallback_suppressed: bool,
     /// Why sweeps took the place of the solver that was asked for.
-    pub replaced: Option<&'static str>,
+    pub replacement_reason: Option<&'static str>,
     /// LMGC90's criteria, if asked for.
-    pub norms: Option<Norms>,
+    pub norms: Option<Lmgc90Norms>,
     /// The contact with the largest part in the residual.
     pub worst: Option<WorstContact>,
     /// Deepest overlap in the contact configuration, if it is worth a warning.
@@ -48,12 +48,12 @@ pub struct StepReport {
     pub penetration_largest: f64,
     pub penetration_mean: f64,
     /// What the fast narrow phase missed, where it was looked at.
-    pub missed: Option<Missed>,
+    pub narrow_phase_error: Option<NarrowPhaseError>,
     /// Σ f·l, forces and branches of the contacts: pressure times three volumes, J.
     pub virial: f64,
     /// Σ ¼ m |h a|² over the bodies on which no contact acts, a the acceleration beyond uniform gravity: what a step that
     /// takes it as constant errs by in their kinetic energy, J.
-    pub flight: f64,
+    pub flight_error: f64,
     /// Translation and rotation of the free bodies at the step's end, J.
     pub kinetic: f64,
     pub rotational: f64,
@@ -72,21 +72,21 @@ pub struct WorstContact {
 }
 
 /// Enters the step in the ledger and reports it; to be called before the state advances.
-pub fn book(
+pub fn update_ledger(
     scene: &Scene,
     state: &mut State,
-    q_c: &Configuration,
-    free: &Free,
-    system: &System,
-    solution: &Solution,
-    solved: &Solved,
+    q_c: &ContactConfiguration,
+    free: &FreeMotion,
+    system: &ContactProblem,
+    solution: &ContactSolution,
+    solved: &StepOutcome,
 ) -> StepReport {
     let h = q_c.h;
-    let given = &solved.given;
+    let given = &solved.totals;
     if state.step.is_multiple_of(scene.options.output_every) {
-        state.interval = Interval { start: state.time, ..Interval::default() };
+        state.interval = OutputInterval { start: state.time, ..OutputInterval::default() };
     }
-    state.interval.add(solved.exchanges.iter().flatten());
+    state.interval.add_exchanges(solved.exchanges.iter().flatten());
     let from_start = work_from_start(scene, state, q_c, free, &solved.v);
     let ledger = &mut state.ledger;
     ledger.contact_work += given.contact_work;
@@ -106,11 +106,11 @@ pub fn book(
         let flies = solved.v[i] == free.v[i];
         if flies { 0.25 * mass * (free.v[i] - state.v[i] - state.gravity * h).norm_squared() } else { 0.0 }
     };
-    let flights: Vec<f64> = scene.free.par_iter().with_min_len(MANY).map(flight).collect();
+    let flights: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(flight).collect();
     // What rests from the start has no momentum but that which forces give in a step and contacts take.
     let pushed = |&i: &u32| scene.bodies[i as usize].mass * (free.v[i as usize] - state.v[i as usize]).norm();
-    let pushed: Vec<f64> = scene.free.par_iter().with_min_len(MANY).map(pushed).collect();
-    let motion = Motion::of(scene, &q_c.q, &solved.v, &solved.w);
+    let pushed: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(pushed).collect();
+    let motion = MotionTotals::from_bodies(scene, &q_c.q, &solved.v, &solved.w);
     ledger.momentum_scale = ledger.momentum_scale.max(motion.scale).max(pushed.iter().sum());
     let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
     ledger.penetration_largest = ledger.penetration_largest.max(given.penetration_largest / scene.mean_radius);
@@ -130,24 +130,24 @@ pub fn book(
     StepReport {
         h,
         contacts_listed: solved.contacts.len(),
-        contacts_solved: solution.active,
+        contacts_solved: solution.active_rows,
         contacts_active: given.contacts_active,
         sweeps: solution.sweeps,
-        single: solution.single,
+        single_precision: solution.single_precision,
         residual: solution.residual,
         converged: solution.converged,
         left_out: solution.left_out,
-        taken_over: solution.taken_over,
-        replaced: solution.replaced,
-        norms: scene.options.lmgc90_norms.then(|| norms(system, &solution.impulses, &solution.records)),
+        fallback_used: solution.fallback_used,
+        replacement_reason: solution.replacement_reason,
+        norms: scene.options.lmgc90_norms.then(|| lmgc90_norms(system, &solution.impulses, &solution.records)),
         worst: solution.worst.map(worst),
         overlap: given.overlap,
         penetration_largest: given.penetration_largest,
         penetration_mean: given.penetration_sum / active,
-        missed: None,
-        given_up: false,
+        narrow_phase_error: None,
+        fallback_suppressed: false,
         virial: given.virial / h,
-        flight: flights.iter().sum(),
+        flight_error: flights.iter().sum(),
         kinetic: motion.kinetic,
         rotational: motion.rotational,
         potential: free.potential,
@@ -158,7 +158,7 @@ pub fn book(
 
 /// Sums over the free bodies.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Motion {
+pub struct MotionTotals {
     /// kg m/s
     pub momentum: Vec3,
     /// Sum of m |v|, kg m/s.
@@ -168,12 +168,12 @@ pub struct Motion {
     pub rotational: f64,
 }
 
-impl Motion {
-    pub fn of(scene: &Scene, q: &[Quat], v: &[Vec3], w: &[Vec3]) -> Self {
+impl MotionTotals {
+    pub fn from_bodies(scene: &Scene, q: &[Quat], v: &[Vec3], w: &[Vec3]) -> Self {
         let of_some = |bodies: &[u32]| {
-            bodies.iter().map(|&i| i as usize).fold(Motion::default(), |sum, i| {
+            bodies.iter().map(|&i| i as usize).fold(MotionTotals::default(), |sum, i| {
                 let body = &scene.bodies[i];
-                sum + Motion {
+                sum + MotionTotals {
                     momentum: v[i] * body.mass,
                     scale: v[i].norm() * body.mass,
                     kinetic: 0.5 * body.mass * v[i].norm_squared(),
@@ -181,12 +181,12 @@ impl Motion {
                 }
             })
         };
-        let parts: Vec<Motion> = scene.free.par_chunks(PART).map(of_some).collect();
-        parts.into_iter().fold(Motion::default(), Motion::add)
+        let parts: Vec<MotionTotals> = scene.free.par_chunks(ITEMS_PER_TASK).map(of_some).collect();
+        parts.into_iter().fold(MotionTotals::default(), MotionTotals::add)
     }
 
     /// Angular momentum of the free bodies about the origin, kg m^2/s.
-    pub fn angular(scene: &Scene, state: &State) -> Vec3 {
+    pub fn total_angular_momentum(scene: &Scene, state: &State) -> Vec3 {
         let of = |&i: &u32| {
             let (i, body) = (i as usize, &scene.bodies[i as usize]);
             state.x[i].cross(&state.v[i]) * body.mass + body.angular_momentum(&state.q[i], &state.w[i])
@@ -195,11 +195,11 @@ impl Motion {
     }
 }
 
-impl Add for Motion {
-    type Output = Motion;
+impl Add for MotionTotals {
+    type Output = MotionTotals;
 
-    fn add(self, other: Motion) -> Motion {
-        Motion {
+    fn add(self, other: MotionTotals) -> MotionTotals {
+        MotionTotals {
             momentum: self.momentum + other.momentum,
             scale: self.scale + other.scale,
             kinetic: self.kinetic + other.kinetic,

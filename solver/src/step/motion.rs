@@ -4,61 +4,63 @@
 //! limit may move although another distribution of the same load would hold it: the points of a face share its load as sweeps happen
 //! to find it. Then its neighbours, which hold, move as well, and what they move by is known to be wrong. So each body has
 //! an error of velocity, the largest over its contacts of |F|/ρ with the natural map F of the contact and its own ρ = 3/trace W; a contact moves if it
-//! does so by more than [`MARGIN`] times the error of its two bodies. No property of the load or the law is in this scale.
+//! does so by more than [`ERROR_MARGIN`] times the error of its two bodies. No property of the load or the law is in this scale.
 
 use rayon::prelude::*;
 
 use super::drift::LARGEST_OPENING;
-use crate::assemble::{Record, Row, System};
-use crate::laws::Law;
-use crate::math::{MANY, Vec3};
+use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
+use crate::laws::ContactLaw;
+use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::Scene;
-use crate::solve::{Solution, Task, Until, nlgs};
+use crate::solve::{ContactSolution, SolveRequest, StoppingCriteria, solve_nlgs};
 use crate::state::Contact;
 
 /// Errors of its bodies by which a contact must move. A face that is not to move has one point at least whose error is its own
 /// velocity; a point far from it, as face corners are from each other, moves by up to three times that as the face turns.
-const MARGIN: f64 = 3.0;
+const ERROR_MARGIN: f64 = 3.0;
 
 /// Share of the velocities that sum up to the one at a contact that is rounding: a hundred sweeps of a few units in the last place.
-const ROUNDING: f64 = 1e-13;
+const ROUNDING_SHARE: f64 = 1e-13;
 
 /// Share of the velocity that the strength of a bond makes of its two bodies, at which their error decides nothing any more: a load
-/// that is off by three times as much, [`MARGIN`], is told from the strength.
-const RESOLVED: f64 = 0.01;
+/// that is off by three times as much, [`ERROR_MARGIN`], is told from the strength.
+const MIN_RESOLVED_SHARE: f64 = 0.01;
 
 /// Most times that a step is solved ten times as far for the sake of its bonds: to 1e-9 of what nothing solved would leave.
-const REFINEMENTS: usize = 6;
+const MAX_REFINEMENTS: usize = 6;
 
 /// Errors of velocity by body, m/s; 0 of a body that nothing pushes.
-pub struct Motion {
+pub struct VelocityErrors {
     errors: Vec<f64>,
 }
 
-impl Motion {
-    pub fn new(system: &System, solution: &Solution) -> Self {
-        let of_row =
-            |(k, r): (usize, &Vec3)| if system.rows[k].can_close { error(system, solution, k, r) } else { 0.0 };
-        let of_rows: Vec<f64> = solution.impulses.par_iter().enumerate().with_min_len(MANY).map(of_row).collect();
-        let mut errors = vec![0.0f64; system.records.len()];
+impl VelocityErrors {
+    pub fn new(system: &ContactProblem, solution: &ContactSolution) -> Self {
+        let of_row = |(k, r): (usize, &Vec3)| {
+            if system.rows[k].can_close { velocity_error(system, solution, k, r) } else { 0.0 }
+        };
+        let of_rows: Vec<f64> =
+            solution.impulses.par_iter().enumerate().with_min_len(PAR_MIN_LEN).map(of_row).collect();
+        let mut errors = vec![0.0f64; system.bodies.len()];
         for (row, error) in system.rows.iter().zip(of_rows) {
             // A body that does not move passes nothing on.
-            for body in row.bodies.into_iter().filter(|&body| system.records[body as usize].inverse_mass > 0.0) {
+            for body in row.bodies.into_iter().filter(|&body| system.bodies[body as usize].inverse_mass > 0.0) {
                 errors[body as usize] = errors[body as usize].max(error);
             }
         }
-        Motion { errors }
+        VelocityErrors { errors }
     }
 
     /// Error of the velocity at a contact of these bodies, m/s.
-    fn error(&self, bodies: [u32; 2]) -> f64 {
+    fn contact_error(&self, bodies: [u32; 2]) -> f64 {
         let [a, b] = bodies.map(|body| self.errors[body as usize]);
         a.max(b)
     }
 
     /// Whether the contact of a row opens, and whether it slides, at the velocity `u` = û.
-    pub fn at(&self, row: &Row, u: &Vec3) -> (bool, bool) {
-        let least = MARGIN * self.error(row.bodies);
+    pub fn opens_or_slides(&self, row: &ContactConstraint, u: &Vec3) -> (bool, bool) {
+        let least = ERROR_MARGIN * self.contact_error(row.bodies);
         let opening = row.normal.dot(u);
         (opening > least, (u - row.normal * opening).norm() > least)
     }
@@ -66,10 +68,10 @@ impl Motion {
     /// Whether it is open if the bond of row `k` with the impulse `r` breaks: it is at its limit but for errors, which are not small against
     /// what its strength does, and it does not move by more than they are. Or the errors open more in `h` than positions are
     /// corrected for, at the effective radius `radius` (m).
-    fn is_open(&self, system: &System, solution: &Solution, k: usize, h: f64, radius: f64) -> bool {
+    fn is_undecided(&self, system: &ContactProblem, solution: &ContactSolution, k: usize, h: f64, radius: f64) -> bool {
         let row = &system.rows[k];
-        let error = self.error(row.bodies);
-        let (opens, slides) = self.at(row, &system.velocity(k, &solution.records));
+        let error = self.contact_error(row.bodies);
+        let (opens, slides) = self.opens_or_slides(row, &system.shifted_velocity(k, &solution.records));
         if opens || slides {
             return false;
         }
@@ -78,48 +80,67 @@ impl Motion {
         let tangential = (r - row.normal * normal).norm();
         let traction = row.w_n * row.impulse_shift.abs();
         // Where all traction is used up, the limit of shear is 0.
-        let shear = row.w_t * row.friction * normal.max(RESOLVED * row.impulse_shift.abs());
-        let near = |left: f64, w: f64| w * left <= MARGIN * error;
-        near(normal, row.w_n) && error > RESOLVED * traction
-            || near(row.friction * normal - tangential, row.w_t) && error > RESOLVED * shear
+        let shear = row.w_t * row.friction * normal.max(MIN_RESOLVED_SHARE * row.impulse_shift.abs());
+        let near = |left: f64, w: f64| w * left <= ERROR_MARGIN * error;
+        near(normal, row.w_n) && error > MIN_RESOLVED_SHARE * traction
+            || near(row.friction * normal - tangential, row.w_t) && error > MIN_RESOLVED_SHARE * shear
             || error * h > LARGEST_OPENING * radius
     }
 }
 
 /// Solves on from a converged `solution` as long as it is open if some bond breaks, each time ten times as far, and returns what is
 /// known then; None where no law takes anything for good. What each bond carries alone sets how far.
-pub fn decided(
+pub fn refine_until_decided(
     scene: &Scene,
-    laws: &[Law],
+    laws: &[ContactLaw],
     contacts: &[Contact],
     h: f64,
-    system: &mut System,
-    task: Task,
-    solution: &mut Solution,
-) -> Option<Motion> {
-    laws.iter().any(Law::loses).then(|| {
-        let mut motion = Motion::new(system, solution);
-        for _ in 0..REFINEMENTS {
+    system: &mut ContactProblem,
+    task: SolveRequest,
+    solution: &mut ContactSolution,
+) -> Option<VelocityErrors> {
+    laws.iter().any(ContactLaw::has_irreversible_loss).then(|| {
+        let mut motion = VelocityErrors::new(system, solution);
+        for _ in 0..MAX_REFINEMENTS {
             let is_open = |(k, contact): (usize, &Contact)| {
                 let radius = || {
                     let (a, b) = contact.ranks;
                     scene.effective_radius((contact.candidate, a), (contact.antagonist, b))
                 };
                 let bonded = system.rows[k].bond.is_some() && system.rows[k].impulse_shift != 0.0;
-                bonded && laws[contact.law as usize].loses() && motion.is_open(system, solution, k, h, radius())
+                bonded
+                    && laws[contact.law as usize].has_irreversible_loss()
+                    && motion.is_undecided(system, solution, k, h, radius())
             };
-            if !solution.converged || !contacts.par_iter().enumerate().with_min_len(MANY).any(is_open) {
+            if !solution.converged || !contacts.par_iter().enumerate().with_min_len(PAR_MIN_LEN).any(is_open) {
                 break;
             }
-            system.rows.iter_mut().zip(&solution.impulses).for_each(|(row, r)| row.start = *r);
-            system.rolls.iter_mut().zip(&solution.moments).for_each(|(roll, m)| roll.start = *m);
-            let aim = 0.1 * solution.residual.min(task.until.aim);
-            let further = nlgs(system, Until { aim, least_sweeps: 0, ..task.until }, task.width);
+            system.rows.iter_mut().zip(&solution.impulses).for_each(|(row, r)| row.warm_start = *r);
+            system.rolling_constraints.iter_mut().zip(&solution.moments).for_each(|(roll, m)| roll.warm_start = *m);
+            let aim = 0.1 * solution.residual.min(task.criteria.target_residual);
+            let further = solve_nlgs(
+                system,
+                StoppingCriteria { target_residual: aim, min_sweeps: 0, ..task.criteria },
+                task.width,
+            );
             let stalls = further.residual > 0.5 * solution.residual;
-            let Solution { taken_over, stalled, replaced, single, .. } = *solution;
+            let ContactSolution {
+                fallback_used: taken_over,
+                stalled_residual: stalled,
+                replacement_reason: replaced,
+                single_precision: single,
+                ..
+            } = *solution;
             let sweeps = solution.sweeps + further.sweeps;
-            *solution = Solution { sweeps, taken_over, stalled, replaced, single: single || further.single, ..further };
-            motion = Motion::new(system, solution);
+            *solution = ContactSolution {
+                sweeps,
+                fallback_used: taken_over,
+                stalled_residual: stalled,
+                replacement_reason: replaced,
+                single_precision: single || further.single_precision,
+                ..further
+            };
+            motion = VelocityErrors::new(system, solution);
             if stalls {
                 break;
             }
@@ -129,15 +150,17 @@ pub fn decided(
 }
 
 /// |F|/ρ of row `k` with the impulse `r`, and what of its velocity is rounding, m/s.
-fn error(system: &System, solution: &Solution, k: usize, r: &Vec3) -> f64 {
+fn velocity_error(system: &ContactProblem, solution: &ContactSolution, k: usize, r: &Vec3) -> f64 {
     let row = &system.rows[k];
     let rho = 3.0 / (row.w_n + 2.0 * row.w_t);
     let speed = |side: usize| {
-        let Record { v, w, .. } = &solution.records[row.bodies[side] as usize];
-        v.norm() + w.norm() * system.arm(k, side).norm()
+        let SolverBody { v, w, .. } = &solution.records[row.bodies[side] as usize];
+        v.norm() + w.norm() * system.contact_arm(k, side).norm()
     };
-    let rounding = ROUNDING * (speed(0) + speed(1) + row.shift.norm() + (r.norm() + row.impulse_shift.abs()) / rho);
-    natural_map(&row.normal, row.friction, rho, &system.velocity(k, &solution.records), r).norm() / rho + rounding
+    let rounding =
+        ROUNDING_SHARE * (speed(0) + speed(1) + row.shift.norm() + (r.norm() + row.impulse_shift.abs()) / rho);
+    natural_map(&row.normal, row.friction, rho, &system.shifted_velocity(k, &solution.records), r).norm() / rho
+        + rounding
 }
 
 /// F = r - P(r - ρ (û + μ |û_T| n)) with the projection P on Coulomb's cone, N s: 0 of a contact that obeys Signorini and Coulomb.

@@ -3,47 +3,47 @@
 //! A step bounds its end velocities V⁺ by the gaps on the path to the next contact configuration, x_c + h V⁺. Where velocities
 //! are new when a step begins, nothing has bounded the path (1-θ) h V to its contact configuration.
 
-use crate::assemble::{self, Free, Happened, relative_velocity};
+use crate::assemble::{self, AppliedEvents, FreeMotion, relative_velocity};
 use crate::detect;
-use crate::integrate::{Configuration, GROWTH, predict};
+use crate::integrate::{ContactConfiguration, MAX_STEP_GROWTH, predict_configuration};
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::{Contact, State};
 
 /// Closing beyond a gap that counts as rounding, over the effective radius: that of laws that act on what touches.
-const ROUNDING: f64 = 1e-9;
+const CLOSING_ROUNDING: f64 = 1e-9;
 
 /// Change of an approach speed since the last step, over the speed, that counts as digits of text files.
-const DIGITS: f64 = 1e-6;
+const SPEED_DIGITS: f64 = 1e-6;
 
 /// Whether the bodies have other velocities than the last step left them, and nothing has bounded these.
-pub fn begins_anew(scene: &Scene, state: &State, happened: &Happened) -> bool {
-    state.step == scene.start.0 || happened.moved
+pub fn velocities_are_unbounded(scene: &Scene, state: &State, happened: &AppliedEvents) -> bool {
+    state.step == scene.start.0 || happened.velocities_changed
 }
 
 /// For each body whether it takes the next step, of so many units of `dt`, with θ = 1: with x_c = x + (1-θ) h V it or one that it
 /// can meet would close a gap on the way to the contact configuration. Empty where none would.
 pub fn from_start(scene: &Scene, state: &State, units: u64, anew: bool) -> Vec<bool> {
     let h = units as f64 * scene.options.dt;
-    let most = if scene.options.adaptive().is_on() { GROWTH as f64 } else { 1.0 };
-    let longer = h > most * state.h * (1.0 + DIGITS);
-    let moving_walls = || scene.drives.iter().any(|drive| drive.moves());
+    let most = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 } else { 1.0 };
+    let longer = h > most * state.h * (1.0 + SPEED_DIGITS);
+    let moving_walls = || scene.drives.iter().any(|drive| drive.ever_moves());
     // What is changed in every step moves free bodies alike; walls stay.
     let pushed = state.torque != Vec3::zeros() && !scene.drives.is_empty() || state.quench > 0.0 && moving_walls();
     let before = (1.0 - scene.options.theta) * h;
     if before == 0.0 || !(anew || longer || pushed) {
         return Vec::new();
     }
-    let start = predict(scene, state, 0);
-    let start = Configuration { ahead: h + before, ..start };
-    let contacts = detect::contacts(scene, &start, [&state.v, &state.w], &mut state.known.clone());
+    let start = predict_configuration(scene, state, 0);
+    let start = ContactConfiguration { lookahead: h + before, ..start };
+    let contacts = detect::listed_contacts(scene, &start, [&state.v, &state.w], &mut state.detection_cache.clone());
     let closes = |contact: &Contact| {
         let u = contact.normal.dot(&relative_velocity(contact, &start.x, &state.v, &start.w));
         let radius =
             scene.effective_radius((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
         let known = || state.contacts.binary_search_by_key(&contact.key(), |old| old.contact.key());
-        let bounded = || !longer && known().is_ok_and(|k| u >= state.contacts[k].velocity.x - DIGITS * u.abs());
-        -before * u - contact.gap.max(0.0) > ROUNDING * radius && !bounded()
+        let bounded = || !longer && known().is_ok_and(|k| u >= state.contacts[k].velocity.x - SPEED_DIGITS * u.abs());
+        -before * u - contact.gap.max(0.0) > CLOSING_ROUNDING * radius && !bounded()
     };
     let closing: Vec<&Contact> = contacts.iter().filter(|contact| closes(contact)).collect();
     if closing.is_empty() {
@@ -55,12 +55,12 @@ pub fn from_start(scene: &Scene, state: &State, units: u64, anew: bool) -> Vec<b
         contact.gap <= (h + before) * u.norm()
     };
     let meeting: Vec<Contact> = contacts.iter().filter(|contact| meets(contact)).copied().collect();
-    assemble::meeting(scene, &meeting, &closing)
+    assemble::connected_bodies(scene, &meeting, &closing)
 }
 
 /// What the choice of θ gives the bodies of a step that they take with θ = 1, beyond what the scene's θ would, J: their way is
 /// longer by (1-θ) h (V⁺ - V), on which the forces that have a potential work.
-pub fn work_from_start(scene: &Scene, state: &State, q_c: &Configuration, free: &Free, v: &[Vec3]) -> f64 {
+pub fn work_from_start(scene: &Scene, state: &State, q_c: &ContactConfiguration, free: &FreeMotion, v: &[Vec3]) -> f64 {
     if q_c.from_start.is_empty() {
         return 0.0;
     }

@@ -22,41 +22,41 @@ use cd_formats::error::Faults;
 use crate::math::{Vec3, to_world};
 use crate::scene::Scene;
 use crate::state::{SolvedContact, State};
-use crate::step::Clock;
+use crate::step::StageTimes;
 
-use super::log::Row;
+use super::log::LogRow;
 use super::summary;
 
 /// File beside OUTBOX, as durations are.
-pub const ERRORS: &str = "ERRORS.csv";
+pub const ERRORS_FILE: &str = "ERRORS.csv";
 
 /// What the forces of one pair differ by that could have come otherwise, over their mean, in the scenes of examples/trade.
-const CHANCE: f64 = 0.35;
+const SAMPLING_FACTOR: f64 = 0.35;
 
 /// Figures of the steps so far, in a memory that does not grow with them.
 #[derive(Debug, Clone, Default)]
-pub struct Tally {
+pub struct ErrorEstimator {
     /// Of the rows in which contacts carry force: time (s), Σ f·l (J), mean penetration over the mean radius, number of the step, change of
     /// Σ f·l since the row before (J).
-    loaded: Sample<5>,
+    loaded: ThinnedRows<5>,
     /// Of the intervals between snapshots in these rows: time (s), mean of Σ f·l (J), number of rows, change of the mean (J).
-    intervals: Sample<4>,
-    interval: Option<Mean>,
+    intervals: ThinnedRows<4>,
+    interval: Option<IntervalMean>,
     /// Of the row before: Σ f·l, and of the interval before its mean.
     before: [Option<f64>; 2],
     /// Time (s), by which the steps of a row err in the kinetic energy of bodies in flight (J), and their number.
-    flights: Sample<3>,
+    flights: ThinnedRows<3>,
     /// Relative errors of the virial at the looks at self-gravity: sum and number.
     virials: [f64; 2],
     /// What the fast narrow phase missed at the looks, in the mean of pairs that touch, over the mean radius: sum and number.
-    missed: [f64; 2],
-    clock: Clock,
+    narrow_phase_error: [f64; 2],
+    clock: StageTimes,
     output_every: f64,
 }
 
 /// Mean of Σ f·l in an interval so far.
 #[derive(Debug, Clone, Copy)]
-struct Mean {
+struct IntervalMean {
     interval: f64,
     time: f64,
     sum: f64,
@@ -64,27 +64,27 @@ struct Mean {
 }
 
 /// Rows of a sample: all, as long as they are few.
-const MOST_ROWS: usize = 1 << 14;
+const MAX_ROWS: usize = 1 << 14;
 
 /// Rows that come one after the other, of which every second is dropped, again and again, where there are too many.
 #[derive(Debug, Clone)]
-struct Sample<const N: usize> {
+struct ThinnedRows<const N: usize> {
     rows: Vec<[f64; N]>,
     /// Rows of which one is kept, and rows that have come.
     stride: u64,
     seen: u64,
 }
 
-impl<const N: usize> Default for Sample<N> {
+impl<const N: usize> Default for ThinnedRows<N> {
     fn default() -> Self {
-        Sample { rows: Vec::new(), stride: 1, seen: 0 }
+        ThinnedRows { rows: Vec::new(), stride: 1, seen: 0 }
     }
 }
 
-impl<const N: usize> Sample<N> {
+impl<const N: usize> ThinnedRows<N> {
     fn push(&mut self, row: [f64; N]) {
         if self.seen.is_multiple_of(self.stride) {
-            if self.rows.len() == MOST_ROWS {
+            if self.rows.len() == MAX_ROWS {
                 let mut place = 0..;
                 self.rows.retain(|_| place.next().is_some_and(|k: usize| k.is_multiple_of(2)));
                 self.stride *= 2;
@@ -99,7 +99,7 @@ impl<const N: usize> Sample<N> {
 
 /// An estimate and the seconds spent on making it as small as it is.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Source {
+pub struct ErrorSource {
     pub name: &'static str,
     /// The option that decides it.
     pub option: &'static str,
@@ -107,13 +107,13 @@ pub struct Source {
     pub seconds: f64,
 }
 
-impl Tally {
+impl ErrorEstimator {
     pub fn new(output_every: u64) -> Self {
-        Tally { output_every: output_every as f64, ..Tally::default() }
+        ErrorEstimator { output_every: output_every as f64, ..ErrorEstimator::default() }
     }
 
     /// Enters a row of steps.csv.
-    pub fn figures(&mut self, row: &Row) {
+    pub fn add_figures(&mut self, row: &LogRow) {
         let [time, step, virial] = ["time", "step", "virial"].map(|name| row.get(name));
         if row.get("contacts_active") > 0.0 && !virial.is_nan() {
             let change = self.before[0].map_or(f64::NAN, |before| (virial - before).abs());
@@ -125,14 +125,16 @@ impl Tally {
                     (mean.time, mean.sum, mean.count) = (time, mean.sum + virial, mean.count + 1.0);
                 }
                 open => {
-                    let done = open.replace(Mean { interval, time, sum: virial, count: 1.0 });
+                    let done = open.replace(IntervalMean { interval, time, sum: virial, count: 1.0 });
                     done.into_iter().for_each(|done| self.end_interval(done));
                 }
             }
         }
         let steps = row.get("steps");
         self.flights.push([time, row.get("flight_error"), if steps.is_nan() { 1.0 } else { steps }]);
-        for (sum, name) in [(&mut self.virials, "gravity_sampled_virial"), (&mut self.missed, "narrow_error")] {
+        for (sum, name) in
+            [(&mut self.virials, "gravity_sampled_virial"), (&mut self.narrow_phase_error, "narrow_error")]
+        {
             let value = row.get(name);
             if !value.is_nan() {
                 *sum = [sum[0] + value, sum[1] + 1.0];
@@ -140,7 +142,7 @@ impl Tally {
         }
     }
 
-    fn end_interval(&mut self, Mean { time, sum, count, .. }: Mean) {
+    fn end_interval(&mut self, IntervalMean { time, sum, count, .. }: IntervalMean) {
         let mean = sum / count;
         let change = self.before[1].map_or(f64::NAN, |before| (mean - before).abs());
         self.before[1] = Some(mean);
@@ -148,9 +150,9 @@ impl Tally {
     }
 
     /// Enters a row of TIMER.csv.
-    pub fn seconds(&mut self, row: &Row) {
+    pub fn add_seconds(&mut self, row: &LogRow) {
         let spent = |name: &str| Duration::try_from_secs_f64(row.get(name)).unwrap_or_default();
-        self.clock.add(&Clock {
+        self.clock.accumulate(&StageTimes {
             gravity: spent("gravity"),
             detection: spent("detection"),
             assembly: spent("assembly"),
@@ -161,12 +163,12 @@ impl Tally {
     }
 
     /// Seconds that belong to no step.
-    pub fn wrote(&mut self, lap: &Clock) {
-        self.clock.add(lap);
+    pub fn add_writing_time(&mut self, lap: &StageTimes) {
+        self.clock.accumulate(lap);
     }
 
     /// The sources of error, each with its cost.
-    pub fn sources(&self, scene: &Scene, state: &State) -> Vec<Source> {
+    pub fn error_sources(&self, scene: &Scene, state: &State) -> Vec<ErrorSource> {
         let recent = second_half(&self.loaded.rows);
         let depth = mean_of(recent.iter().map(|figures| figures[2]));
         let virials: Vec<f64> = recent.iter().map(|figures| figures[1]).collect();
@@ -175,7 +177,7 @@ impl Tally {
             let interval = |figures: &[f64; 5]| ((figures[3] - 1.0) / self.output_every).floor();
             let intervals = recent.chunk_by(|a, b| interval(a) == interval(b));
             let means: Vec<f64> = intervals.map(|steps| mean_of(steps.iter().map(|figures| figures[1]))).collect();
-            noise(&virials, &means)
+            step_noise(&virials, &means)
         } else {
             self.noise_of_samples()
         };
@@ -188,10 +190,10 @@ impl Tally {
             loaded.map(|solved| (solved.contact.candidate, solved.contact.antagonist)).collect();
         pairs.dedup();
         let stray = summary::momentum_drift(scene, state).0 * state.ledger.momentum_scale;
-        let flight = over(self.flight(), scale);
+        let flight = over(self.flight_error(), scale);
         let mass: f64 = scene.free.iter().map(|&i| scene.bodies[i as usize].mass).sum();
-        let Clock { gravity, detection, assembly, solve, integration, writing } = self.clock;
-        let of = |name, option, error, seconds: Duration| Source {
+        let StageTimes { gravity, detection, assembly, solve, integration, writing } = self.clock;
+        let of = |name, option, error, seconds: Duration| ErrorSource {
             name,
             option,
             error: error + 0.0, // not -0, the sum of nothing
@@ -201,9 +203,14 @@ impl Tally {
         vec![
             of("contacts", "tol", over(noise, typical), assembly + solve),
             of("step", "dt", 2.0 * depth + flight, detection + integration),
-            of("gravity", "gravity_error", mean(self.virials).abs(), gravity),
-            of("narrow", "narrow_phase", 2.0 * mean(self.missed), none),
-            of("chance", "", lost * (over(CHANCE, (pairs.len() as f64).sqrt()) + wedged(scene, state)), none),
+            of("gravity", "gravity_error", mean_of_sum(self.virials).abs(), gravity),
+            of("narrow", "narrow_phase", 2.0 * mean_of_sum(self.narrow_phase_error), none),
+            of(
+                "chance",
+                "",
+                lost * (over(SAMPLING_FACTOR, (pairs.len() as f64).sqrt()) + self_balanced_wall_share(scene, state)),
+                none,
+            ),
             of("energy", "theta", drift.abs(), none),
             of("momentum", "", over(0.5 * stray * stray / mass, scale), none),
             of("writing", "output_every", 0.0, writing),
@@ -211,44 +218,44 @@ impl Tally {
     }
 }
 
-impl Tally {
+impl ErrorEstimator {
     /// What a step errs by in the kinetic energy of bodies in flight, mean of the second half, J.
-    fn flight(&self) -> f64 {
+    fn flight_error(&self) -> f64 {
         let recent = second_half(&self.flights.rows);
         let steps: f64 = recent.iter().map(|figures| figures[2]).sum();
         recent.iter().map(|figures| figures[1]).sum::<f64>() / steps.max(1.0)
     }
 
-    /// [`noise`] where some rows are left out: from the changes that those kept have from their neighbours.
+    /// [`step_noise`] where some rows are left out: from the changes that those kept have from their neighbours.
     fn noise_of_samples(&self) -> f64 {
         let changes = |values: &mut dyn Iterator<Item = f64>| median(values.filter(|change| !change.is_nan()));
         let of_steps = 2.0 * changes(&mut second_half(&self.loaded.rows).iter().map(|figures| figures[4]));
         let intervals = second_half(&self.intervals.rows);
         let number = mean_of(intervals.iter().map(|figures| figures[2])).max(1.0);
         let of_means = changes(&mut intervals.iter().map(|figures| figures[3])) / number.sqrt();
-        if intervals.len() < INTERVALS { of_steps } else { of_steps.min(of_means) }
+        if intervals.len() < MIN_INTERVALS { of_steps } else { of_steps.min(of_means) }
     }
 }
 
 /// Of a sum and a number; 0 of nothing.
-fn mean([sum, number]: [f64; 2]) -> f64 {
+fn mean_of_sum([sum, number]: [f64; 2]) -> f64 {
     sum / number.max(1.0)
 }
 
 /// Intervals from which their changes tell anything.
-const INTERVALS: usize = 4;
+const MIN_INTERVALS: usize = 4;
 
 /// What steps leave open in the mean of an interval: twice the median change between values of one step and the next, or the
 /// median change between means of one interval and the next over √n of n steps, whichever is smaller.
-fn noise(steps: &[f64], means: &[f64]) -> f64 {
+fn step_noise(steps: &[f64], means: &[f64]) -> f64 {
     let change = |values: &[f64]| median(values.windows(2).map(|pair| (pair[1] - pair[0]).abs()));
     let of_steps = 2.0 * change(steps);
     let number = (steps.len() as f64 / means.len() as f64).max(1.0);
-    if means.len() < INTERVALS { of_steps } else { of_steps.min(change(means) / number.sqrt()) }
+    if means.len() < MIN_INTERVALS { of_steps } else { of_steps.min(change(means) / number.sqrt()) }
 }
 
 /// The share of the forces of driven bodies on free ones that sums up to nothing, over the root of the number of such pairs.
-fn wedged(scene: &Scene, state: &State) -> f64 {
+fn self_balanced_wall_share(scene: &Scene, state: &State) -> f64 {
     let (mut each, mut all) = (0.0, Vec3::zeros());
     let mut pairs = Vec::new();
     for SolvedContact { contact, impulse, .. } in &state.contacts {
@@ -287,10 +294,10 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Lines of the summary: what the error is and mostly from, and what the cost.
-pub fn lines(sources: &[Source]) -> [(&'static str, String); 2] {
+pub fn summary_lines(sources: &[ErrorSource]) -> [(&'static str, String); 2] {
     let all: f64 = sources.iter().map(|source| source.error).sum();
     let seconds: f64 = sources.iter().map(|source| source.seconds).sum();
-    let most = |of: fn(&Source) -> f64| {
+    let most = |of: fn(&ErrorSource) -> f64| {
         let largest = sources.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
         largest.map_or(String::new(), |source| match source.option {
             "" => source.name.to_string(),
@@ -306,7 +313,7 @@ pub fn lines(sources: &[Source]) -> [(&'static str, String); 2] {
         0 => "none seen".into(),
         _ => format!("{all:.1e} of the pressure, mostly {}: {}", most(|source| source.error), each.join(", ")),
     };
-    let share = |source: &Source| format!("{} {:.0} %", source.name, 100.0 * source.seconds / seconds);
+    let share = |source: &ErrorSource| format!("{} {:.0} %", source.name, 100.0 * source.seconds / seconds);
     let shares: Vec<String> = sources.iter().filter(|source| source.seconds > 0.005 * seconds).map(share).collect();
     let cost = match shares.len() {
         0 => "none".into(),
@@ -315,16 +322,17 @@ pub fn lines(sources: &[Source]) -> [(&'static str, String); 2] {
     [("error, estimated", error), ("cost", cost)]
 }
 
-/// Whether the case has [`ERRORS`].
+/// Whether the case has [`ERRORS_FILE`].
 pub fn is_there(case: &Path) -> bool {
-    atomic::is_there(&case.join(ERRORS))
+    atomic::path_exists(&case.join(ERRORS_FILE))
 }
 
-/// Writes [`ERRORS`].
-pub fn write(case: &Path, sources: &[Source]) -> Result<(), Faults> {
-    let row = |source: &Source| format!("{},{},{:e},{:e}\n", source.name, source.option, source.error, source.seconds);
+/// Writes [`ERRORS_FILE`].
+pub fn write_errors(case: &Path, sources: &[ErrorSource]) -> Result<(), Faults> {
+    let row =
+        |source: &ErrorSource| format!("{},{},{:e},{:e}\n", source.name, source.option, source.error, source.seconds);
     let text = format!("source,option,error,seconds\n{}", sources.iter().map(row).collect::<String>());
-    atomic::write(&case.join(ERRORS), text.as_bytes())
+    atomic::write(&case.join(ERRORS_FILE), text.as_bytes())
 }
 
 #[cfg(test)]
@@ -343,11 +351,11 @@ mod tests {
 
     #[test]
     fn a_sample_is_even_and_bounded() {
-        let mut sample = Sample::default();
-        for k in 0..10 * MOST_ROWS {
+        let mut sample = ThinnedRows::default();
+        for k in 0..10 * MAX_ROWS {
             sample.push([k as f64]);
         }
-        assert!(sample.rows.len() > MOST_ROWS / 2 && sample.rows.len() <= MOST_ROWS);
+        assert!(sample.rows.len() > MAX_ROWS / 2 && sample.rows.len() <= MAX_ROWS);
         assert_eq!(sample.stride, 16);
         assert!((0..).zip(&sample.rows).all(|(k, row)| row[0] == f64::from(k * 16)));
     }
@@ -355,22 +363,22 @@ mod tests {
     #[test]
     fn noise_is_the_smaller_bound() {
         // What jumps to and fro by 2 each step, and averages out: four intervals of four steps.
-        assert_eq!(noise(&[1.0, 3.0].repeat(8), &[2.0, 2.5, 2.0, 2.5]), 0.25);
+        assert_eq!(step_noise(&[1.0, 3.0].repeat(8), &[2.0, 2.5, 2.0, 2.5]), 0.25);
         // What grows by 0.1 a step, 1 an interval.
-        assert_eq!(noise(&[1.0, 1.125, 1.25], &[1.0, 2.0, 3.0, 4.0]), 0.25);
+        assert_eq!(step_noise(&[1.0, 1.125, 1.25], &[1.0, 2.0, 3.0, 4.0]), 0.25);
         // A single change of means tells nothing.
-        assert_eq!(noise(&[1.0, 3.0, 1.0, 3.0], &[2.0, 2.0]), 4.0);
+        assert_eq!(step_noise(&[1.0, 3.0, 1.0, 3.0], &[2.0, 2.0]), 4.0);
     }
 
     #[test]
     fn what_dominates_is_named() {
-        let source = |name, option, error, seconds| Source { name, option, error, seconds };
+        let source = |name, option, error, seconds| ErrorSource { name, option, error, seconds };
         let sources = [
             source("contacts", "tol", 1e-2, 1.0),
             source("step", "dt", 4e-2, 0.5),
             source("gravity", "gravity_error", 0.0, 8.5),
         ];
-        let [(_, error), (_, cost)] = lines(&sources);
+        let [(_, error), (_, cost)] = summary_lines(&sources);
         assert_eq!(error, "5.0e-2 of the pressure, mostly step (dt): contacts 1.0e-2, step 4.0e-2");
         assert_eq!(cost, "mostly gravity (gravity_error): contacts 10 %, step 5 %, gravity 85 %");
     }

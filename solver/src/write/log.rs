@@ -6,21 +6,21 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::tell;
+use cd_formats::tell::print_line;
 
 use crate::scene::Scene;
-use crate::solve::norms::Norms;
+use crate::solve::norms::Lmgc90Norms;
 use crate::state::State;
-use crate::step::{Clock, StepReport};
+use crate::step::{StageTimes, StepReport};
 
 /// Cost and error figures of every step, in OUTBOX.
-pub const STEPS: &str = "steps.csv";
+pub const STEPS_FILE: &str = "steps.csv";
 /// Seconds of every step by room, beside OUTBOX.
-pub const TIMER: &str = "TIMER.csv";
+pub const TIMER_FILE: &str = "TIMER.csv";
 
 /// What a row keeps of the figures of the steps that it stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ColumnKind {
     /// That of the last step.
     Last,
     /// The last that there is, of figures that few steps have.
@@ -30,93 +30,93 @@ pub enum Kind {
 }
 
 /// Name and kind of a column.
-pub type Column = (&'static str, Kind);
+pub type Column = (&'static str, ColumnKind);
 
 /// Figure of a step or of several.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Cell {
+pub enum LogCell {
     Count(u64),
     Real(f64),
 }
 
-impl Cell {
-    fn value(self) -> f64 {
+impl LogCell {
+    fn to_f64(self) -> f64 {
         match self {
-            Cell::Count(n) => n as f64,
-            Cell::Real(x) => x,
+            LogCell::Count(n) => n as f64,
+            LogCell::Real(x) => x,
         }
     }
 
     /// The shortest decimals that read back as the same number; empty where it is not finite, as everywhere in this project's tables.
-    fn text(self) -> String {
+    fn to_text(self) -> String {
         match self {
-            Cell::Count(n) => n.to_string(),
-            Cell::Real(x) if x.is_finite() => format!("{x:e}"),
-            Cell::Real(_) => String::new(),
+            LogCell::Count(n) => n.to_string(),
+            LogCell::Real(x) if x.is_finite() => format!("{x:e}"),
+            LogCell::Real(_) => String::new(),
         }
     }
 
-    fn read(text: &str) -> Self {
-        text.parse().map_or_else(|_| Cell::Real(text.parse().unwrap_or(f64::NAN)), Cell::Count)
+    fn from_text(text: &str) -> Self {
+        text.parse().map_or_else(|_| LogCell::Real(text.parse().unwrap_or(f64::NAN)), LogCell::Count)
     }
 
     /// Takes the figure of a later step in.
-    fn add(&mut self, kind: Kind, later: Cell) {
+    fn add(&mut self, kind: ColumnKind, later: LogCell) {
         *self = match (kind, *self, later) {
-            (Kind::Last, _, later) => later,
-            (Kind::Known, known, Cell::Real(x)) if x.is_nan() => known,
-            (Kind::Known, _, later) => later,
-            (Kind::Sum, Cell::Count(a), Cell::Count(b)) => Cell::Count(a + b),
-            (Kind::Sum, a, b) => Cell::Real(a.value() + b.value()),
-            (Kind::Largest, Cell::Count(a), Cell::Count(b)) => Cell::Count(a.max(b)),
-            (Kind::Largest, a, b) => Cell::Real(a.value().max(b.value())),
+            (ColumnKind::Last, _, later) => later,
+            (ColumnKind::Known, known, LogCell::Real(x)) if x.is_nan() => known,
+            (ColumnKind::Known, _, later) => later,
+            (ColumnKind::Sum, LogCell::Count(a), LogCell::Count(b)) => LogCell::Count(a + b),
+            (ColumnKind::Sum, a, b) => LogCell::Real(a.to_f64() + b.to_f64()),
+            (ColumnKind::Largest, LogCell::Count(a), LogCell::Count(b)) => LogCell::Count(a.max(b)),
+            (ColumnKind::Largest, a, b) => LogCell::Real(a.to_f64().max(b.to_f64())),
         };
     }
 }
 
 /// A CSV file whose first column is the step.
-pub struct Table {
+pub struct LogTable {
     path: PathBuf,
     file: BufWriter<File>,
     columns: Vec<Column>,
     /// Empty fields of columns that an earlier part of the run had and this one has not.
     others: String,
     /// Figures of the steps since the last row.
-    pending: Option<Vec<Cell>>,
+    pending: Option<Vec<LogCell>>,
     /// Step of the last row.
     last: u64,
 }
 
 /// Figures of a row by their names.
-pub struct Row<'a> {
+pub struct LogRow<'a> {
     names: &'a [&'a str],
-    cells: &'a [Cell],
+    cells: &'a [LogCell],
 }
 
-impl Row<'_> {
+impl LogRow<'_> {
     /// NaN for an empty field, and without such a column.
     pub fn get(&self, name: &str) -> f64 {
         let place = self.names.iter().position(|column| *column == name);
-        place.map_or(f64::NAN, |k| self.cells[k].value())
+        place.map_or(f64::NAN, |k| self.cells[k].to_f64())
     }
 }
 
 /// When rows are due.
 #[derive(Debug, Clone, Copy)]
-pub struct Due {
+pub struct RowSchedule {
     /// Steps between two rows, and between two snapshots, each of which has one.
     pub log_every: u64,
     pub output_every: u64,
 }
 
-impl Due {
+impl RowSchedule {
     /// Whether a row is due after `step` if `last` was the one before.
-    fn after(&self, step: u64, last: u64) -> bool {
+    fn is_due_after(&self, step: u64, last: u64) -> bool {
         step / self.log_every > last / self.log_every || step.is_multiple_of(self.output_every)
     }
 }
 
-impl Table {
+impl LogTable {
     /// Opens the file to go on after `step`, in a run that began after `first`. Its rows up to that step are kept, and given to
     /// `take`; where other options made other columns, fields that a row has not are empty. A last row that is not `due` but was
     /// written as the run ended is taken back: the steps that follow belong to it. Prints a line if rows are missing.
@@ -124,8 +124,8 @@ impl Table {
         path: &Path,
         columns: &[Column],
         [first, step]: [u64; 2],
-        due: Due,
-        mut take: impl FnMut(&Row),
+        due: RowSchedule,
+        mut take: impl FnMut(&LogRow),
     ) -> Result<Self, Faults> {
         let mut old: Box<dyn BufRead> = match File::open(path) {
             Ok(file) if path.is_file() => Box::new(BufReader::new(file)),
@@ -140,7 +140,7 @@ impl Table {
         let places: Vec<Option<usize>> =
             names.iter().map(|column| known.iter().position(|name| name == column)).collect();
         let (mut last, mut before) = (first, first);
-        let mut held: Option<(String, Vec<Cell>)> = None;
+        let mut held: Option<(String, Vec<LogCell>)> = None;
         atomic::write_with(path, |file| {
             writeln!(file, "{}", names.join(","))?;
             while let Some(line) = line_of(&mut old) {
@@ -149,27 +149,30 @@ impl Table {
                 let (Some(number), true) = (number, fields.len() == known.len()) else { break };
                 if let Some((text, cells)) = held.take() {
                     writeln!(file, "{text}")?;
-                    take(&Row { names: &names, cells: &cells });
+                    take(&LogRow { names: &names, cells: &cells });
                 }
                 let fields: Vec<&str> = places.iter().map(|place| place.map_or("", |k| fields[k])).collect();
-                held = Some((fields.join(","), fields.iter().map(|field| Cell::read(field)).collect()));
+                held = Some((fields.join(","), fields.iter().map(|field| LogCell::from_text(field)).collect()));
                 (before, last) = (last, number);
             }
-            if due.after(last, before)
+            if due.is_due_after(last, before)
                 && let Some((text, cells)) = held.take()
             {
                 writeln!(file, "{text}")?;
-                take(&Row { names: &names, cells: &cells });
+                take(&LogRow { names: &names, cells: &cells });
                 before = last;
             }
             Ok(())
         })?;
         if last < step {
             let path = path.display();
-            tell(format_args!("cd-solve: {path}: no rows of steps {} to {step}, which are behind this run", last + 1));
+            print_line(format_args!(
+                "cd-solve: {path}: no rows of steps {} to {step}, which are behind this run",
+                last + 1
+            ));
         }
-        let file = File::options().append(true).open(path).map_err(|error| Fault::io(path, "written", &error))?;
-        Ok(Table {
+        let file = File::options().append(true).open(path).map_err(|error| Fault::from_io(path, "written", &error))?;
+        Ok(LogTable {
             path: path.to_path_buf(),
             file: BufWriter::new(file),
             columns: columns.to_vec(),
@@ -180,8 +183,13 @@ impl Table {
     }
 
     /// Enters the figures of a step, and writes a row where it is due, which `take` gets.
-    pub fn step(&mut self, cells: Vec<Cell>, due: Due, take: impl FnOnce(&Row)) -> Result<(), Faults> {
-        let step = cells[0].value() as u64;
+    pub fn add_step(
+        &mut self,
+        cells: Vec<LogCell>,
+        due: RowSchedule,
+        take: impl FnOnce(&LogRow),
+    ) -> Result<(), Faults> {
+        let step = cells[0].to_f64() as u64;
         match &mut self.pending {
             None => self.pending = Some(cells),
             Some(pending) => {
@@ -189,29 +197,29 @@ impl Table {
                 columns.for_each(|((sum, (_, kind)), cell)| sum.add(*kind, cell));
             }
         }
-        if due.after(step, self.last) { self.finish(take) } else { Ok(()) }
+        if due.is_due_after(step, self.last) { self.finish_rows(take) } else { Ok(()) }
     }
 
     /// Writes the row of the steps since the last one, if there are any.
-    pub fn finish(&mut self, take: impl FnOnce(&Row)) -> Result<(), Faults> {
+    pub fn finish_rows(&mut self, take: impl FnOnce(&LogRow)) -> Result<(), Faults> {
         let Some(cells) = self.pending.take() else { return Ok(()) };
-        let text: Vec<String> = cells.iter().map(|cell| cell.text()).collect();
+        let text: Vec<String> = cells.iter().map(|cell| cell.to_text()).collect();
         let names: Vec<&str> = self.columns.iter().map(|(name, _)| *name).collect();
-        take(&Row { names: &names, cells: &cells });
-        self.last = cells[0].value() as u64;
+        take(&LogRow { names: &names, cells: &cells });
+        self.last = cells[0].to_f64() as u64;
         writeln!(self.file, "{}{}", text.join(","), self.others)
-            .map_err(|error| Fault::io(&self.path, "written", &error).into())
+            .map_err(|error| Fault::from_io(&self.path, "written", &error).into())
     }
 
     /// Lets others see the rows.
-    pub fn show(&mut self) -> Result<(), Faults> {
-        self.file.flush().map_err(|error| Fault::io(&self.path, "written", &error).into())
+    pub fn flush_to_file(&mut self) -> Result<(), Faults> {
+        self.file.flush().map_err(|error| Fault::from_io(&self.path, "written", &error).into())
     }
 
     /// Brings the rows to the disk, so that no snapshot is there without those before it.
-    pub fn flush(&mut self) -> Result<(), Faults> {
-        self.show()?;
-        self.file.get_ref().sync_data().map_err(|error| Fault::io(&self.path, "written", &error).into())
+    pub fn sync_to_disk(&mut self) -> Result<(), Faults> {
+        self.flush_to_file()?;
+        self.file.get_ref().sync_data().map_err(|error| Fault::from_io(&self.path, "written", &error).into())
     }
 }
 
@@ -223,37 +231,37 @@ fn line_of(file: &mut dyn BufRead) -> Option<String> {
 }
 
 /// Bytes of a row of such cells.
-pub fn row_size(cells: &[Cell]) -> usize {
-    cells.iter().map(|cell| cell.text().len() + 1).sum()
+pub fn row_size(cells: &[LogCell]) -> usize {
+    cells.iter().map(|cell| cell.to_text().len() + 1).sum()
 }
 
 macro_rules! columns {
     ($columns:ident, $cells:ident($($name:ident : $type:ty),*), $($column:ident: $kind:ident = $value:expr,)+) => {
-        pub const $columns: &[Column] = &[$((stringify!($column), Kind::$kind)),+];
-        pub fn $cells($($name: $type),*) -> Vec<Cell> { vec![$(Cell::from($value)),+] }
+        pub const $columns: &[Column] = &[$((stringify!($column), ColumnKind::$kind)),+];
+        pub fn $cells($($name: $type),*) -> Vec<LogCell> { vec![$(LogCell::from($value)),+] }
     };
 }
 
-impl From<u64> for Cell {
+impl From<u64> for LogCell {
     fn from(n: u64) -> Self {
-        Cell::Count(n)
+        LogCell::Count(n)
     }
 }
 
-impl From<usize> for Cell {
+impl From<usize> for LogCell {
     fn from(n: usize) -> Self {
-        Cell::Count(n as u64)
+        LogCell::Count(n as u64)
     }
 }
 
-impl From<f64> for Cell {
+impl From<f64> for LogCell {
     fn from(x: f64) -> Self {
-        Cell::Real(x)
+        LogCell::Real(x)
     }
 }
 
 columns! {
-    NORMS, norms(norms: &Norms),
+    NORMS, norms(norms: &Lmgc90Norms),
     quad_dv: Largest = norms.quad_dv,
     quad_dvr: Largest = norms.quad_dvr,
     maxm_dv: Largest = norms.maxm_dv,
@@ -273,13 +281,13 @@ columns! {
 
 columns! {
     BONDS, bonds(state: &State),
-    bonds: Last = state.bonds(),
+    bonds: Last = state.bond_count(),
 }
 
 columns! {
     MISSED, missed(scene: &Scene, report: &StepReport),
-    narrow_error: Known = report.missed.map_or(f64::NAN, |missed| missed.mean / scene.mean_radius),
-    narrow_error_largest: Largest = report.missed.map_or(f64::NAN, |missed| missed.largest / scene.mean_radius),
+    narrow_error: Known = report.narrow_phase_error.map_or(f64::NAN, |missed| missed.mean / scene.mean_radius),
+    narrow_error_largest: Largest = report.narrow_phase_error.map_or(f64::NAN, |missed| missed.largest / scene.mean_radius),
 }
 
 columns! {
@@ -307,11 +315,11 @@ columns! {
     gravity_sampled_largest: Largest = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.largest),
     gravity_sampled_virial: Known = report.gravity.sampled.map_or(f64::NAN, |sampled| sampled.virial),
     virial: Last = report.virial,
-    flight_error: Sum = report.flight,
+    flight_error: Sum = report.flight_error,
 }
 
 columns! {
-    SECONDS, seconds(step: u64, lap: &Clock),
+    SECONDS, seconds(step: u64, lap: &StageTimes),
     step: Last = step,
     gravity: Sum = lap.gravity.as_secs_f64(),
     detection: Sum = lap.detection.as_secs_f64(),
@@ -325,10 +333,10 @@ columns! {
 mod tests {
     use super::*;
 
-    const A: &[Column] = &[("step", Kind::Last), ("a", Kind::Sum)];
-    const EACH: Due = Due { log_every: 1, output_every: 1000 };
+    const A: &[Column] = &[("step", ColumnKind::Last), ("a", ColumnKind::Sum)];
+    const EACH: RowSchedule = RowSchedule { log_every: 1, output_every: 1000 };
 
-    fn cells(step: u64, a: f64) -> Vec<Cell> {
+    fn cells(step: u64, a: f64) -> Vec<LogCell> {
         vec![step.into(), a.into()]
     }
 
@@ -339,11 +347,12 @@ mod tests {
         std::fs::write(&path, "step,a\n1,x\n2,1e0\n3,z\n4,").unwrap();
         let mut kept = Vec::new();
         let mut table =
-            Table::open(&path, A, [0, 2], EACH, |row| kept.push(["step", "a", "b"].map(|name| row.get(name)))).unwrap();
+            LogTable::open(&path, A, [0, 2], EACH, |row| kept.push(["step", "a", "b"].map(|name| row.get(name))))
+                .unwrap();
         assert_eq!(kept.iter().map(|row| row[0]).collect::<Vec<_>>(), [1.0, 2.0]);
         assert!(kept[0][1].is_nan() && kept[1][1] == 1.0 && kept[1][2].is_nan());
-        table.step(cells(3, 0.25), EACH, |row| assert_eq!(row.get("a"), 0.25)).unwrap();
-        table.flush().unwrap();
+        table.add_step(cells(3, 0.25), EACH, |row| assert_eq!(row.get("a"), 0.25)).unwrap();
+        table.sync_to_disk().unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "step,a\n1,x\n2,1e0\n3,2.5e-1\n");
     }
 
@@ -352,38 +361,42 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.csv");
         std::fs::write(&path, "step,a,h\n1,x,0.5\n2,y,0.5\n").unwrap();
-        let columns = [A, &[("norm", Kind::Last)]].concat();
+        let columns = [A, &[("norm", ColumnKind::Last)]].concat();
         let mut lengths = Vec::new();
-        let mut table = Table::open(&path, &columns, [0, 2], EACH, |row| lengths.push(row.get("h"))).unwrap();
+        let mut table = LogTable::open(&path, &columns, [0, 2], EACH, |row| lengths.push(row.get("h"))).unwrap();
         assert_eq!(lengths, [0.5, 0.5]);
-        table.step(vec![3u64.into(), 2.0.into(), 7u64.into()], EACH, |_| ()).unwrap();
-        table.flush().unwrap();
+        table.add_step(vec![3u64.into(), 2.0.into(), 7u64.into()], EACH, |_| ()).unwrap();
+        table.sync_to_disk().unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(text, "step,a,norm,h\n1,x,,0.5\n2,y,,0.5\n3,2e0,7,\n");
         // What is no table of steps, and a row that is none.
         for (old, rows) in [("name,b\n1,x\n", ""), ("step,a\n1,x\noh\n2,y\n", "1,x\n"), ("", "")] {
             std::fs::write(&path, old).unwrap();
-            Table::open(&path, A, [0, 2], EACH, |_| ()).unwrap();
+            LogTable::open(&path, A, [0, 2], EACH, |_| ()).unwrap();
             assert_eq!(std::fs::read_to_string(&path).unwrap(), format!("step,a\n{rows}"));
         }
     }
 
     #[test]
     fn rows_sum_up_steps_and_go_on_after_any_of_them() {
-        const ALL: &[Column] =
-            &[("step", Kind::Last), ("sum", Kind::Sum), ("most", Kind::Largest), ("known", Kind::Known)];
-        let due = Due { log_every: 4, output_every: 6 };
-        let figures = |k: u64| -> Vec<Cell> {
+        const ALL: &[Column] = &[
+            ("step", ColumnKind::Last),
+            ("sum", ColumnKind::Sum),
+            ("most", ColumnKind::Largest),
+            ("known", ColumnKind::Known),
+        ];
+        let due = RowSchedule { log_every: 4, output_every: 6 };
+        let figures = |k: u64| -> Vec<LogCell> {
             let known = if k.is_multiple_of(5) { k as f64 } else { f64::NAN };
             vec![k.into(), (0.1 * k as f64).into(), (10.0 - k as f64).into(), known.into()]
         };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.csv");
         let run = |from: u64, to: u64| {
-            let mut table = Table::open(&path, ALL, [0, from], due, |_| ()).unwrap();
-            (from + 1..=to).for_each(|k| table.step(figures(k), due, |_| ()).unwrap());
-            table.finish(|_| ()).unwrap();
-            table.flush().unwrap();
+            let mut table = LogTable::open(&path, ALL, [0, from], due, |_| ()).unwrap();
+            (from + 1..=to).for_each(|k| table.add_step(figures(k), due, |_| ()).unwrap());
+            table.finish_rows(|_| ()).unwrap();
+            table.sync_to_disk().unwrap();
             std::fs::read_to_string(&path).unwrap()
         };
         let unbroken = run(0, 13);

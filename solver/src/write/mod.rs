@@ -12,42 +12,42 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use cd_formats::atomic::{entries, is_there};
+use cd_formats::atomic::{folder_entries, path_exists};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::list;
+use cd_formats::snapshot::list_snapshots;
 
 use crate::scene::Scene;
 use crate::state::State;
-use crate::step::{Clock, StepReport};
+use crate::step::{StageTimes, StepReport};
 
-use errors::Tally;
-use log::{Cell, Due, Table};
-pub use problem::{expect as expect_problem, write as problem};
+use errors::ErrorEstimator;
+use log::{LogCell, LogTable, RowSchedule};
+pub use problem::{check_dump_step as expect_problem, write_problem as problem};
 
 /// The results of a case: snapshots and `steps.csv` in OUTBOX, `TIMER.csv` beside it. Durations
 /// stand apart, so that equal runs have equal bytes in OUTBOX.
-pub struct Results {
+pub struct ResultFiles {
     outbox: PathBuf,
-    steps: Table,
-    timer: Table,
-    due: Due,
+    steps: LogTable,
+    timer: LogTable,
+    due: RowSchedule,
     /// What is added to the numbers of text files.
-    numbered: u64,
+    number_offset: u64,
 }
 
 /// OUTBOX of a case.
-pub fn outbox(case: &Path) -> PathBuf {
+pub fn outbox_path(case: &Path) -> PathBuf {
     case.join("OUTBOX")
 }
 
 /// An OUTBOX that is this run's alone.
-pub struct Lock {
+pub struct OutboxLock {
     folder: Option<File>,
     /// If it was not there before.
     made: Option<PathBuf>,
 }
 
-impl Drop for Lock {
+impl Drop for OutboxLock {
     fn drop(&mut self) {
         // What was refused leaves nothing behind; a folder with files stays.
         self.made.take().into_iter().for_each(|path| drop(std::fs::remove_dir(path)));
@@ -59,30 +59,30 @@ impl Drop for Lock {
 /// Takes the OUTBOX of a case for this run alone, and makes it if need be. A DATBOX may be shared.
 ///
 /// Errors: another run has it, or it cannot be made. Where folders cannot be locked, every run gets it.
-pub fn lock(case: &Path) -> Result<Lock, Faults> {
-    let path = outbox(case);
+pub fn lock_outbox(case: &Path) -> Result<OutboxLock, Faults> {
+    let path = outbox_path(case);
     let made = match std::fs::create_dir(&path) {
         Ok(()) => Some(path.clone()),
         Err(error) if error.kind() == ErrorKind::AlreadyExists => None,
-        Err(error) => return Err(Fault::io(&path, "made", &error).into()),
+        Err(error) => return Err(Fault::from_io(&path, "made", &error).into()),
     };
     let folder = File::open(&path).ok();
     if folder.as_ref().is_some_and(|folder| matches!(folder.try_lock(), Err(TryLockError::WouldBlock))) {
         let expected = "expected one run of a case at a time";
         return Err(Fault::new(case, None, "folder", "another run is at work in it", expected).into());
     }
-    Ok(Lock { folder, made })
+    Ok(OutboxLock { folder, made })
 }
 
 /// Refuses a case that has results; LMGC90's count only if this run would write over them (`text`).
-pub fn expect_none(case: &Path, text: bool) -> Result<(), Faults> {
-    let outbox = outbox(case);
-    let (found, expected) = match list(&outbox)?.last() {
+pub fn check_no_results(case: &Path, text: bool) -> Result<(), Faults> {
+    let outbox = outbox_path(case);
+    let (found, expected) = match list_snapshots(&outbox)?.last() {
         Some((_, last)) => {
             let found = format!("{} exists", last.file_name().unwrap_or_default().display());
             (found, "use --resume to continue from it, --force to overwrite all results")
         }
-        None if text && is_there(&outbox.join("DOF.OUT.1")) => {
+        None if text && path_exists(&outbox.join("DOF.OUT.1")) => {
             ("DOF.OUT.1 exists".into(), "--text would overwrite it; use --force to remove such files")
         }
         None => return Ok(()),
@@ -91,35 +91,35 @@ pub fn expect_none(case: &Path, text: bool) -> Result<(), Faults> {
 }
 
 /// Removes what an earlier run wrote, and nothing else.
-pub fn remove(case: &Path) -> Result<(), Faults> {
-    let outbox = outbox(case);
+pub fn remove_results(case: &Path) -> Result<(), Faults> {
+    let outbox = outbox_path(case);
     let ours = |name: &str| {
         (name.starts_with("snapshot-") && name.ends_with(".npz"))
-            || name == log::STEPS
+            || name == log::STEPS_FILE
             || name.starts_with("DOF.OUT.")
             || name.starts_with("Vloc_Rloc.OUT.")
     };
-    let mut doomed = vec![case.join(log::TIMER), case.join(errors::ERRORS)];
+    let mut doomed = vec![case.join(log::TIMER_FILE), case.join(errors::ERRORS_FILE)];
     let is_ours = |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(ours);
-    doomed.extend(entries(&outbox)?.into_iter().filter(is_ours));
-    for path in doomed.iter().filter(|path| is_there(path)) {
-        std::fs::remove_file(path).map_err(|error| Fault::io(path, "removed", &error))?;
+    doomed.extend(folder_entries(&outbox)?.into_iter().filter(is_ours));
+    for path in doomed.iter().filter(|path| path_exists(path)) {
+        std::fs::remove_file(path).map_err(|error| Fault::from_io(path, "removed", &error))?;
     }
     Ok(())
 }
 
-impl Results {
+impl ResultFiles {
     /// Opens the results for a run that goes on from `state`: rows of later steps are dropped. Those of earlier ones make the
     /// tally.
-    pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<(Self, Tally), Faults> {
-        let outbox = outbox(case);
+    pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<(Self, ErrorEstimator), Faults> {
+        let outbox = outbox_path(case);
         let options = &scene.options;
-        let due = Due { log_every: options.log_every, output_every: options.output_every };
+        let due = RowSchedule { log_every: options.log_every, output_every: options.output_every };
         let [mut columns, mut seconds] = [log::FIGURES.to_vec(), log::SECONDS.to_vec()];
         if scene.options.adaptive().is_on() {
             columns.extend(log::LENGTH);
         }
-        if scene.bonds() {
+        if scene.has_bonds() {
             columns.extend(log::BONDS);
         }
         if scene.narrow_phase_is_fast() {
@@ -133,58 +133,58 @@ impl Results {
             seconds.extend(log::GROUP);
         }
         let steps = [scene.start.0, state.step];
-        let mut tally = Tally::new(options.output_every);
-        let log = Table::open(&outbox.join(log::STEPS), &columns, steps, due, |row| tally.figures(row))?;
-        let timer = Table::open(&case.join(log::TIMER), &seconds, steps, due, |row| tally.seconds(row))?;
-        let numbered = if options.text { text::numbered(&outbox, scene, state)? } else { 0 };
-        Ok((Results { outbox, steps: log, timer, due, numbered }, tally))
+        let mut tally = ErrorEstimator::new(options.output_every);
+        let log = LogTable::open(&outbox.join(log::STEPS_FILE), &columns, steps, due, |row| tally.add_figures(row))?;
+        let timer = LogTable::open(&case.join(log::TIMER_FILE), &seconds, steps, due, |row| tally.add_seconds(row))?;
+        let numbered = if options.text { text::number_offset(&outbox, scene, state)? } else { 0 };
+        Ok((ResultFiles { outbox, steps: log, timer, due, number_offset: numbered }, tally))
     }
 
     /// Enters a step in the logs, and what they write in the tally.
-    pub fn step(
+    pub fn add_step(
         &mut self,
         scene: &Scene,
         state: &State,
         report: &StepReport,
-        lap: &Clock,
-        tally: &mut Tally,
+        lap: &StageTimes,
+        tally: &mut ErrorEstimator,
     ) -> Result<(), Faults> {
-        let [figures, seconds] = cells(scene, state, report, lap);
-        self.steps.step(figures, self.due, |row| tally.figures(row))?;
-        self.timer.step(seconds, self.due, |row| tally.seconds(row))
+        let [figures, seconds] = log_cells(scene, state, report, lap);
+        self.steps.add_step(figures, self.due, |row| tally.add_figures(row))?;
+        self.timer.add_step(seconds, self.due, |row| tally.add_seconds(row))
     }
 
     /// Writes the rows of the steps since the last ones: the run ends.
-    pub fn finish(&mut self, tally: &mut Tally) -> Result<(), Faults> {
-        self.steps.finish(|row| tally.figures(row))?;
-        self.timer.finish(|row| tally.seconds(row))
+    pub fn finish_rows(&mut self, tally: &mut ErrorEstimator) -> Result<(), Faults> {
+        self.steps.finish_rows(|row| tally.add_figures(row))?;
+        self.timer.finish_rows(|row| tally.add_seconds(row))
     }
 
     /// Lets others see the rows so far.
-    pub fn show(&mut self) -> Result<(), Faults> {
-        self.steps.show()?;
-        self.timer.show()
+    pub fn flush_to_file(&mut self) -> Result<(), Faults> {
+        self.steps.flush_to_file()?;
+        self.timer.flush_to_file()
     }
 
     /// Writes the state, after the log of the steps that led to it.
-    pub fn state(&mut self, scene: &Scene, state: &State) -> Result<(), Faults> {
-        self.steps.flush()?;
-        self.timer.flush()?;
+    pub fn write_state(&mut self, scene: &Scene, state: &State) -> Result<(), Faults> {
+        self.steps.sync_to_disk()?;
+        self.timer.sync_to_disk()?;
         if scene.options.text {
-            text::write(&self.outbox, scene, state, self.numbered)?;
+            text::write_text(&self.outbox, scene, state, self.number_offset)?;
         }
-        snapshot::of(scene, state).write(&cd_formats::snapshot::path(&self.outbox, state.step))
+        snapshot::state_snapshot(scene, state).write(&cd_formats::snapshot::snapshot_path(&self.outbox, state.step))
     }
 }
 
 /// Figures and seconds of a step.
-fn cells(scene: &Scene, state: &State, report: &StepReport, lap: &Clock) -> [Vec<Cell>; 2] {
+fn log_cells(scene: &Scene, state: &State, report: &StepReport, lap: &StageTimes) -> [Vec<LogCell>; 2] {
     let options = &scene.options;
     let [mut figures, mut seconds] = [log::figures(scene, state, report), log::seconds(state.step, lap)];
     if options.adaptive().is_on() {
         figures.extend(log::length(report));
     }
-    if scene.bonds() {
+    if scene.has_bonds() {
         figures.extend(log::bonds(state));
     }
     if scene.narrow_phase_is_fast() {
@@ -199,11 +199,11 @@ fn cells(scene: &Scene, state: &State, report: &StepReport, lap: &Clock) -> [Vec
 }
 
 /// Bytes of a row of both logs, and of a snapshot.
-pub fn sizes(scene: &Scene, state: &State, report: &StepReport) -> [usize; 2] {
+pub fn output_sizes(scene: &Scene, state: &State, report: &StepReport) -> [usize; 2] {
     // Durations have more digits than those of no time.
     let second = Duration::from_nanos(123_456);
     let [gravity, detection, assembly, solve, integration, writing] = [second; 6];
-    let lap = Clock { gravity, detection, assembly, solve, integration, writing };
-    let rows = cells(scene, state, report, &lap).iter().map(|cells| log::row_size(cells)).sum();
-    [rows, snapshot::of(scene, state).to_bytes().len()]
+    let lap = StageTimes { gravity, detection, assembly, solve, integration, writing };
+    let rows = log_cells(scene, state, report, &lap).iter().map(|cells| log::row_size(cells)).sum();
+    [rows, snapshot::state_snapshot(scene, state).to_bytes().len()]
 }

@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::fc3d::{Block, Fc3d};
+use cd_formats::fc3d::{Fc3d, Fc3dBlock};
 
 use crate::assemble::StoredProblem;
 use crate::scene::Scene;
 use crate::state::State;
 
 /// Refuses a step that a run from this state does not make, and contacts whose moments the document has no place for.
-pub fn expect(scene: &Scene, state: &State, step: u64) -> Result<(), Faults> {
+pub fn check_dump_step(scene: &Scene, state: &State, step: u64) -> Result<(), Faults> {
     let mut faults = Faults::default();
     let mut fault = |found: String, expected: String| {
         faults.push(Fault::new(Path::new("options"), None, "dump_problem", found, expected));
@@ -28,9 +28,9 @@ pub fn expect(scene: &Scene, state: &State, step: u64) -> Result<(), Faults> {
 }
 
 /// Writes `CASE/problem-NNNNNN.fc3d`, the problem that leads to step NNNNNN; returns its path.
-pub fn write(case: &Path, step: u64, problem: StoredProblem) -> Result<PathBuf, Faults> {
+pub fn write_problem(case: &Path, step: u64, problem: StoredProblem) -> Result<PathBuf, Faults> {
     let path = case.join(format!("problem-{step:06}.fc3d"));
-    let blocks = problem.blocks.into_iter().map(|(row, column, w)| Block { row, column, w }).collect();
+    let blocks = problem.blocks.into_iter().map(|(row, column, w)| Fc3dBlock { row, column, w }).collect();
     let document = Fc3d {
         comments: vec![format!(
             "cd-solve {}: step {step}; u and r of the standard problem, SI units",
@@ -38,7 +38,7 @@ pub fn write(case: &Path, step: u64, problem: StoredProblem) -> Result<PathBuf, 
         )],
         name: format!("step-{step:06}"),
         mu: problem.mu,
-        q: problem.q,
+        free_velocities: problem.q,
         blocks,
     };
     atomic::write(&path, document.to_text().as_bytes())?;

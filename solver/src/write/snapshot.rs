@@ -2,43 +2,45 @@
 
 use cd_formats::compute::{Adaptive, SweepPrecision};
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, FORMAT, GravityArrays, IntervalArrays, LawName, MemoryArrays, Meta, Parameters,
-    SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, Shapes, Snapshot,
+    BodyArrays, ContactArrays, FORMAT_VERSION, GravityArrays, IntervalArrays, LawName, MemoryArrays, RunParameters,
+    SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, ShapeArrays, Snapshot,
+    SnapshotMeta,
 };
-use cd_formats::tact_behav::LAWS;
+use cd_formats::tact_behav::LAW_LABELS;
 
-use crate::laws::{Cohesion, Law};
+use crate::laws::{Cohesion, ContactLaw};
 use crate::math::Vec3;
-use crate::scene::{Body, Part, Scene, Shape};
-use crate::state::{SolvedContact, State, Status};
+use crate::scene::{BodyPart, BodyShape, RigidBody, Scene};
+use crate::state::{ContactStatus, SolvedContact, State};
 
 /// All of the state, with what of the scene its reader needs.
-pub fn of(scene: &Scene, state: &State) -> Snapshot {
-    let memory = state.laws.iter().any(Law::remembers).then(|| memory(state));
+pub fn state_snapshot(scene: &Scene, state: &State) -> Snapshot {
+    let memory = state.laws.iter().any(ContactLaw::has_memory).then(|| memory_arrays(state));
     Snapshot {
-        meta: meta(scene, state),
-        bodies: bodies(scene, state),
-        contacts: contacts(state),
+        meta: snapshot_meta(scene, state),
+        bodies: body_arrays(scene, state),
+        contacts: contact_arrays(state),
         memory,
-        gravity: gravity(scene, state),
-        shapes: scene.is_general().then(|| shapes(scene, state)),
-        interval: Some(interval(state)),
+        gravity: gravity_arrays(scene, state),
+        shapes: scene.is_general().then(|| shape_arrays(scene, state)),
+        interval: Some(interval_arrays(state)),
     }
 }
 
-fn meta(scene: &Scene, state: &State) -> Meta {
+fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
     let options = &scene.options;
-    let laws: Vec<LawName> = scene.law_names.iter().zip(&state.laws).map(|(name, law)| in_force(name, law)).collect();
+    let laws: Vec<LawName> =
+        scene.law_names.iter().zip(&state.laws).map(|(name, law)| current_law(name, law)).collect();
     let changed = laws != scene.law_names;
-    Meta {
-        format: FORMAT,
+    SnapshotMeta {
+        format: FORMAT_VERSION,
         program: format!("cd-solve {}", env!("CARGO_PKG_VERSION")),
         step: state.step,
         time: state.time,
         h: state.h,
         counted_from: Some(scene.from).filter(|from| *from != scene.start),
         interval_start: Some(state.interval.start),
-        parameters: Parameters {
+        parameters: RunParameters {
             theta: options.theta,
             accuracy: options.accuracy,
             adaptive: Some(options.adaptive()).filter(Adaptive::is_on),
@@ -73,14 +75,14 @@ fn meta(scene: &Scene, state: &State) -> Meta {
         ledger: state.ledger.clone(),
         attraction: state.attraction.as_ref().map(|attraction| attraction.record.clone()),
         fallback: state.fallback,
-        options: options.of_results(),
+        options: options.result_options(),
     }
 }
 
 /// A law of TACT_BEHAV.DAT with the parameters that it now has.
-fn in_force(name: &LawName, law: &Law) -> LawName {
+fn current_law(name: &LawName, law: &ContactLaw) -> LawName {
     let mut now = name.clone();
-    let labels = LAWS.iter().filter(|(kind, _)| *kind == name.kind).flat_map(|(_, lines)| lines.concat());
+    let labels = LAW_LABELS.iter().filter(|(kind, _)| *kind == name.kind).flat_map(|(_, lines)| lines.concat());
     for (label, parameter) in labels.zip(&mut now.parameters) {
         *parameter = match (label, law.cohesion) {
             ("fric" | "stfr", _) => law.friction_static,
@@ -94,7 +96,7 @@ fn in_force(name: &LawName, law: &Law) -> LawName {
     now
 }
 
-fn bodies(scene: &Scene, state: &State) -> BodyArrays {
+fn body_arrays(scene: &Scene, state: &State) -> BodyArrays {
     let of = |value: &dyn Fn(usize) -> Vec3| -> Vec<[f64; 3]> { (0..state.x.len()).map(|i| value(i).into()).collect() };
     let body = &scene.bodies;
     BodyArrays {
@@ -108,40 +110,40 @@ fn bodies(scene: &Scene, state: &State) -> BodyArrays {
         body_inertia: body.iter().map(|b| b.inertia).collect(),
         body_radius: body.iter().map(|b| b.radius).collect(),
         body_half_lengths: of(&|i| match body[i].shape {
-            Shape::Plane { half_lengths } => half_lengths,
-            Shape::Sphere { .. } | Shape::Parts => Vec3::repeat(body[i].radius),
+            BodyShape::Plane { half_lengths } => half_lengths,
+            BodyShape::Sphere { .. } | BodyShape::Parts => Vec3::repeat(body[i].radius),
         }),
         body_shape: (body.iter())
             .map(|b| match b.shape {
-                Shape::Sphere { .. } => SHAPE_SPHERE,
-                Shape::Plane { .. } => SHAPE_PLANE,
-                Shape::Parts => SHAPE_PARTS,
+                BodyShape::Sphere { .. } => SHAPE_SPHERE,
+                BodyShape::Plane { .. } => SHAPE_PLANE,
+                BodyShape::Parts => SHAPE_PARTS,
             })
             .collect(),
-        body_driven: body.iter().map(Body::imposed).collect(),
+        body_driven: body.iter().map(RigidBody::imposed_components).collect(),
         body_colour: body.iter().map(|b| b.colour).collect(),
         body_material: body.iter().map(|b| b.material).collect(),
     }
 }
 
-fn shapes(scene: &Scene, state: &State) -> Shapes {
-    let mut shapes = Shapes::default();
+fn shape_arrays(scene: &Scene, state: &State) -> ShapeArrays {
+    let mut shapes = ShapeArrays::default();
     shapes.turning.turning_body = scene.turning.clone();
-    shapes.turning.turning_momentum = state.spin.iter().map(|&l| l.into()).collect();
+    shapes.turning.turning_momentum = state.angular_momentum.iter().map(|&l| l.into()).collect();
     shapes.contacts.contact_rank =
         state.contacts.iter().map(|c| [c.contact.ranks.0, c.contact.ranks.1].map(u32::from)).collect();
     shapes.contacts.contact_area = state.contacts.iter().map(|c| c.contact.area).collect();
-    let kept = state.known.kept();
-    let of_pairs = |value: fn(&Part) -> u32| -> Vec<[u32; 2]> {
+    let kept = state.detection_cache.cached_pairs();
+    let of_pairs = |value: fn(&BodyPart) -> u32| -> Vec<[u32; 2]> {
         kept.iter().map(|pair| pair.parts.map(|part| value(&scene.parts[part as usize]))).collect()
     };
     shapes.pairs.pair_body = of_pairs(|part| part.body);
     shapes.pairs.pair_rank = of_pairs(|part| part.rank.into());
-    shapes.pairs.pair_memory = kept.iter().map(|pair| pair.memory.words()).collect();
+    shapes.pairs.pair_memory = kept.iter().map(|pair| pair.memory.to_words()).collect();
     shapes
 }
 
-fn interval(state: &State) -> IntervalArrays {
+fn interval_arrays(state: &State) -> IntervalArrays {
     let exchanges = &state.interval.exchanges;
     IntervalArrays {
         interval_body: exchanges.iter().map(|exchange| exchange.bodies).collect(),
@@ -149,7 +151,7 @@ fn interval(state: &State) -> IntervalArrays {
     }
 }
 
-fn gravity(scene: &Scene, state: &State) -> Option<GravityArrays> {
+fn gravity_arrays(scene: &Scene, state: &State) -> Option<GravityArrays> {
     let attraction = state.attraction.as_ref()?;
     let of_all = |rows: &[Vec3]| {
         let mut all = vec![[0.0; 3]; scene.bodies.len()];
@@ -159,7 +161,7 @@ fn gravity(scene: &Scene, state: &State) -> Option<GravityArrays> {
     Some(GravityArrays { gravity_last: of_all(&attraction.last), gravity_before: of_all(&attraction.before) })
 }
 
-fn contacts(state: &State) -> ContactArrays {
+fn contact_arrays(state: &State) -> ContactArrays {
     let list = &state.contacts;
     let vectors =
         |value: &dyn Fn(&SolvedContact) -> Vec3| -> Vec<[f64; 3]> { list.iter().map(|c| value(c).into()).collect() };
@@ -175,16 +177,16 @@ fn contacts(state: &State) -> ContactArrays {
         contact_status: list
             .iter()
             .map(|c| match c.status {
-                Status::NoContact => STATUS_NO_CONTACT,
-                Status::Stick => STATUS_STICK,
-                Status::Slide => STATUS_SLIDE,
+                ContactStatus::NoContact => STATUS_NO_CONTACT,
+                ContactStatus::Stick => STATUS_STICK,
+                ContactStatus::Slide => STATUS_SLIDE,
             })
             .collect(),
         contact_law: list.iter().map(|c| c.contact.law).collect(),
     }
 }
 
-fn memory(state: &State) -> MemoryArrays {
+fn memory_arrays(state: &State) -> MemoryArrays {
     MemoryArrays {
         contact_bonded: state.contacts.iter().map(|c| c.bond.is_some().into()).collect(),
         contact_moment: state.contacts.iter().map(|c| c.moment.into()).collect(),

@@ -6,29 +6,29 @@ use std::time::Duration;
 use cd_formats::compute::ContactSolver;
 
 use crate::assemble::potential_energy;
-use crate::detect::Missed;
-use crate::gravity::sample::Sampled;
+use crate::detect::NarrowPhaseError;
+use crate::gravity::sample::SampledError;
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::State;
-use crate::step::{Clock, DEEP, Motion, Overlap};
+use crate::step::{MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes};
 
-use super::errors::{self, Source, Tally};
+use super::errors::{self, ErrorEstimator, ErrorSource};
 
 /// Figures of this run's steps that the state does not hold.
 #[derive(Debug, Clone, Default)]
-pub struct Course {
+pub struct RunStatistics {
     pub steps: u64,
     /// Units of `dt` in them.
-    pub units: u64,
+    pub dt_count: u64,
     /// s
     pub longest: f64,
     pub sweeps: u64,
     pub unconverged: u64,
     /// The last look at the error of self-gravity.
-    pub gravity: Option<Sampled>,
+    pub gravity: Option<SampledError>,
     /// The last look at what the fast narrow phase misses.
-    pub missed: Option<Missed>,
+    pub narrow_phase_error: Option<NarrowPhaseError>,
     /// Most bonds that held at a time.
     pub bonds: usize,
     pub taken_over: u64,
@@ -42,9 +42,9 @@ pub struct Course {
     pub warnings: Vec<String>,
     pub threads: usize,
     pub wall: Duration,
-    pub clock: Clock,
+    pub clock: StageTimes,
     /// Of all steps, those before a resume as well.
-    pub tally: Tally,
+    pub tally: ErrorEstimator,
 }
 
 /// Energy that is not accounted for over the largest of the energies at play,
@@ -52,7 +52,7 @@ pub struct Course {
 /// the works, and that largest, J.
 pub fn energy_drift(scene: &Scene, state: &State) -> (f64, f64) {
     let ledger = &state.ledger;
-    let motion = Motion::of(scene, &state.q, &state.v, &state.w);
+    let motion = MotionTotals::from_bodies(scene, &state.q, &state.v, &state.w);
     let (kinetic, potential) = (motion.kinetic + motion.rotational, potential_energy(scene, state, &state.x));
     let energy = kinetic + potential;
     let scale = [kinetic, potential, ledger.energy_start, ledger.contact_work, ledger.outside_work];
@@ -68,8 +68,8 @@ pub fn momentum_drift(scene: &Scene, state: &State) -> (f64, f64) {
     if ledger.momentum_scale == 0.0 {
         return (0.0, 0.0);
     }
-    let motion = Motion::of(scene, &state.q, &state.v, &state.w);
-    let angular = Motion::angular(scene, state);
+    let motion = MotionTotals::from_bodies(scene, &state.q, &state.v, &state.w);
+    let angular = MotionTotals::total_angular_momentum(scene, state);
     let size = scene.free.iter().map(|&i| state.x[i as usize].norm()).fold(0.0, f64::max);
     let linear = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm() / ledger.momentum_scale;
     let angular = (angular - Vec3::from(ledger.angular_momentum_expected)).norm();
@@ -77,7 +77,7 @@ pub fn momentum_drift(scene: &Scene, state: &State) -> (f64, f64) {
 }
 
 /// The text of the summary.
-pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -> String {
+pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, sources: &[ErrorSource]) -> String {
     let mut text = String::new();
     let mut line = |name: &str, value: String| {
         let _ = writeln!(text, "  {name:<22} {value}");
@@ -85,19 +85,19 @@ pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -
     let ledger = &state.ledger;
     let active = state.contacts.iter().filter(|c| c.impulse != Vec3::zeros()).count();
     let (linear, angular) = momentum_drift(scene, state);
-    line("models", scene.models().join("; "));
+    line("models", scene.model_names().join("; "));
     line("steps", format!("{} now, {} in all, t = {} s", course.steps, state.step, state.time));
     let dt = scene.options.dt;
     if scene.options.adaptive().is_on() {
-        let mean = (course.units as f64 / course.steps.max(1) as f64) * dt;
+        let mean = (course.dt_count as f64 / course.steps.max(1) as f64) * dt;
         line(
             "length of a step",
             format!("{dt:.3e} s at least, {mean:.3e} s in the mean, {:.3e} s at most", course.longest),
         );
     }
     line("contacts", format!("{} listed, {active} carry force", state.contacts.len()));
-    if scene.bonds() {
-        line("bonds", format!("{} hold, {} at most in this run", state.bonds(), course.bonds));
+    if scene.has_bonds() {
+        line("bonds", format!("{} hold, {} at most in this run", state.bond_count(), course.bonds));
     }
     let single =
         if course.single > 0 { format!(", in single precision in {} steps", course.single) } else { String::new() };
@@ -130,15 +130,18 @@ pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -
         line("warning", warning.clone());
     }
     if let Some(overlap) = course.overlap {
-        let deep = 100.0 * DEEP;
-        line("warning", format!("{}: more than {deep} %; volumes and stresses are off accordingly", overlap.text()));
+        let deep = 100.0 * OVERLAP_WARNING_SHARE;
+        line(
+            "warning",
+            format!("{}: more than {deep} %; volumes and stresses are off accordingly", overlap.message_text()),
+        );
     }
     line("energy drift", format!("{:.2e}", energy_drift(scene, state).0));
-    if let Some(Sampled { rms, largest, .. }) = course.gravity {
+    if let Some(SampledError { rms, largest, .. }) = course.gravity {
         let asked = scene.options.gravity_error();
         line("gravity error", format!("{rms:.1e} RMS, {largest:.1e} at most of 64 bodies; {asked:.0e} asked for"));
     }
-    if let Some(Missed { mean, largest }) = course.missed {
+    if let Some(NarrowPhaseError { mean, largest }) = course.narrow_phase_error {
         let [mean, largest] = [mean, largest].map(|miss| miss / scene.mean_radius);
         line(
             "narrow phase error",
@@ -146,10 +149,10 @@ pub fn text(scene: &Scene, state: &State, course: &Course, sources: &[Source]) -
         );
     }
     line("momentum drift", format!("{linear:.2e} linear, {angular:.2e} angular"));
-    for (name, value) in errors::lines(sources) {
+    for (name, value) in errors::summary_lines(sources) {
         line(name, value);
     }
-    let &Clock { gravity, detection, assembly, solve, integration, writing } = &course.clock;
+    let &StageTimes { gravity, detection, assembly, solve, integration, writing } = &course.clock;
     let rooms = [
         ("gravity", gravity),
         ("detection", detection),

@@ -2,26 +2,26 @@
 
 use std::path::{Path, PathBuf};
 
-use cd_formats::atomic::{self, entries};
+use cd_formats::atomic::{self, folder_entries};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::error::Faults;
 use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 
 use crate::laws::Cohesion;
 use crate::math::Vec3;
-use crate::scene::{Geometry, Part, Scene, Shape};
-use crate::state::{SolvedContact, State, Status};
+use crate::scene::{BodyPart, BodyShape, ContactorShape, Scene};
+use crate::state::{ContactStatus, SolvedContact, State};
 
-const DOF: &str = "DOF.OUT.";
+const DOF_PREFIX: &str = "DOF.OUT.";
 
 /// Number of the output of a step, counted from 1.
-fn number(scene: &Scene, step: u64) -> u64 {
+fn output_number(scene: &Scene, step: u64) -> u64 {
     step.div_ceil(scene.options.output_every)
 }
 
 /// What a run that goes on from `state` adds to the numbers of its outputs: those of an earlier part may have been closer together.
-pub fn numbered(outbox: &Path, scene: &Scene, state: &State) -> Result<u64, Faults> {
-    Ok(last(outbox, state)?.map_or(0, |(k, step)| k.saturating_sub(number(scene, step))))
+pub fn number_offset(outbox: &Path, scene: &Scene, state: &State) -> Result<u64, Faults> {
+    Ok(last(outbox, state)?.map_or(0, |(k, step)| k.saturating_sub(output_number(scene, step))))
 }
 
 /// Whether the run has written its last output, of the step of `state`, as text, too.
@@ -31,8 +31,8 @@ pub fn is_written(outbox: &Path, state: &State) -> Result<bool, Faults> {
 
 /// Number and step of the last DOF.OUT that is not behind `state`.
 fn last(outbox: &Path, state: &State) -> Result<Option<(u64, u64)>, Faults> {
-    let number_of = |path: &Path| path.file_name()?.to_str()?.strip_prefix(DOF)?.parse::<u64>().ok();
-    let files = entries(outbox)?.into_iter();
+    let number_of = |path: &Path| path.file_name()?.to_str()?.strip_prefix(DOF_PREFIX)?.parse::<u64>().ok();
+    let files = folder_entries(outbox)?.into_iter();
     let mut there: Vec<(u64, PathBuf)> = files.filter_map(|path| Some((number_of(&path)?, path))).collect();
     there.sort_unstable();
     // Those after the snapshot are written anew.
@@ -42,16 +42,16 @@ fn last(outbox: &Path, state: &State) -> Result<Option<(u64, u64)>, Faults> {
 }
 
 /// Writes DOF.OUT.k and Vloc_Rloc.OUT.k, k the number of the output and `numbered`.
-pub fn write(outbox: &Path, scene: &Scene, state: &State, numbered: u64) -> Result<(), Faults> {
+pub fn write_text(outbox: &Path, scene: &Scene, state: &State, numbered: u64) -> Result<(), Faults> {
     if state.step == 0 {
         return Ok(()); // the start stands in DATBOX
     }
-    let k = number(scene, state.step) + numbered;
-    atomic::write(&outbox.join(format!("Vloc_Rloc.OUT.{k}")), contacts(scene, state).to_text().as_bytes())?;
-    atomic::write(&outbox.join(format!("{DOF}{k}")), motion(scene, state).to_text().as_bytes())
+    let k = output_number(scene, state.step) + numbered;
+    atomic::write(&outbox.join(format!("Vloc_Rloc.OUT.{k}")), contact_records(scene, state).to_text().as_bytes())?;
+    atomic::write(&outbox.join(format!("{DOF_PREFIX}{k}")), dof_file(scene, state).to_text().as_bytes())
 }
 
-fn motion(scene: &Scene, state: &State) -> Dof {
+fn dof_file(scene: &Scene, state: &State) -> Dof {
     let bodies = (0..state.x.len())
         .map(|i| {
             let q = &state.q[i];
@@ -71,19 +71,19 @@ fn motion(scene: &Scene, state: &State) -> Dof {
 }
 
 /// Contactor of the name that LMGC90 gives it.
-fn name(part: &Part) -> &'static str {
+fn contactor_name(part: &BodyPart) -> &'static str {
     match part.geometry {
-        Geometry::Sphere { .. } if part.offset == Vec3::zeros() => "SPHER",
-        Geometry::Sphere { .. } => "SPHEb",
-        Geometry::Plane { .. } => "PLANx",
-        Geometry::Polyhedron(_) => "POLYR",
-        Geometry::Cylinder { hollow: false, .. } => "CYLND",
-        Geometry::Cylinder { hollow: true, .. } => "DNLYC",
+        ContactorShape::Sphere { .. } if part.offset == Vec3::zeros() => "SPHER",
+        ContactorShape::Sphere { .. } => "SPHEb",
+        ContactorShape::Plane { .. } => "PLANx",
+        ContactorShape::Polyhedron(_) => "POLYR",
+        ContactorShape::Cylinder { hollow: false, .. } => "CYLND",
+        ContactorShape::Cylinder { hollow: true, .. } => "DNLYC",
     }
 }
 
 /// LMGC90's kind of a contact. It has none between a polyhedron and a cylinder: PRPRx is the nearest.
-fn kind(candidate: &str, antagonist: &str) -> &'static str {
+fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
     match (candidate, antagonist) {
         ("POLYR", "PLANx") => "PRPLx",
         ("POLYR", _) => "PRPRx",
@@ -95,14 +95,14 @@ fn kind(candidate: &str, antagonist: &str) -> &'static str {
     }
 }
 
-fn contacts(scene: &Scene, state: &State) -> VlocRloc {
+fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
     let side = |body: u32, rank: u16| {
         let contactor = match scene.bodies[body as usize].shape {
-            Shape::Sphere { .. } => "SPHER",
-            Shape::Plane { .. } => "PLANx",
-            Shape::Parts => {
-                let place = scene.part_place(body, rank);
-                name(&scene.parts[place.unwrap_or_default()])
+            BodyShape::Sphere { .. } => "SPHER",
+            BodyShape::Plane { .. } => "PLANx",
+            BodyShape::Parts => {
+                let place = scene.part_index(body, rank);
+                contactor_name(&scene.parts[place.unwrap_or_default()])
             }
         };
         ContactSide { body: body as usize, contactor: contactor.into(), rank: rank.into() }
@@ -112,18 +112,18 @@ fn contacts(scene: &Scene, state: &State) -> VlocRloc {
         let antagonist = side(contact.antagonist, contact.ranks.1);
         ContactRecord {
             line: 0,
-            kind: kind(&candidate.contactor, &antagonist.contactor).into(),
+            kind: contact_kind(&candidate.contactor, &antagonist.contactor).into(),
             candidate,
             antagonist,
             law: scene.law_names[contact.law as usize].nickname.clone(),
             status: match (status, bond, scene.laws[contact.law as usize].cohesion) {
                 (_, Some(_), Some(Cohesion::Bond { .. })) => "Mstck",
-                (Status::NoContact, Some(_), _) => "Wnctc",
-                (Status::Stick, Some(_), _) => "Wstck",
-                (Status::Slide, Some(_), _) => "Wslid",
-                (Status::NoContact, None, _) => "noctc",
-                (Status::Stick, None, _) => "stick",
-                (Status::Slide, None, _) => "slide",
+                (ContactStatus::NoContact, Some(_), _) => "Wnctc",
+                (ContactStatus::Stick, Some(_), _) => "Wstck",
+                (ContactStatus::Slide, Some(_), _) => "Wslid",
+                (ContactStatus::NoContact, None, _) => "noctc",
+                (ContactStatus::Stick, None, _) => "stick",
+                (ContactStatus::Slide, None, _) => "slide",
             }
             .into(),
             force: (impulse / state.h).into(),

@@ -1,6 +1,6 @@
 //! Steps of several times dt: what they keep exact, and what they save.
 
-use cd_formats::compute::{Action, Adaptive};
+use cd_formats::compute::{Adaptive, EventAction};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
@@ -31,7 +31,7 @@ fn free_fall_is_exact_in_few_steps() {
     (case.options.dt, case.options.adaptive) = (1.0 / 128.0, Some(UP_TO_16));
     let ball = case.sphere(0.5, [0.0, 0.0, 100.0]);
     case.launch(ball, [1.0, 0.0, 0.0], [0.0; 3]);
-    case.event(0.5, Action::AddVelocity([0.0, 2.0, 0.0]));
+    case.event(0.5, EventAction::AddVelocity([0.0, 2.0, 0.0]));
     let end = case.run(256);
     near(end.x(ball), [2.0, 3.0, 84.0], 1e-12);
     near(end.v(ball), [1.0, 2.0, -16.0], 1e-12);
@@ -111,7 +111,7 @@ fn threads_and_restarts_change_nothing() {
     let scene = || {
         let mut case = cloud(UP_TO_16);
         case.options.gravity_refresh = Some(5);
-        case.event(2.0, Action::AddSpin([0.0, 0.0, 0.1]));
+        case.event(2.0, EventAction::AddSpin([0.0, 0.0, 0.1]));
         case
     };
     let unbroken = files(&scene(), &[&["--threads", "1"]]);

@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-use cd_formats::bodies::{Contactor, Shape};
-use cd_formats::compute::{Accuracy, Action};
+use cd_formats::bodies::{Contactor, ShapeRecord};
+use cd_formats::compute::{Accuracy, EventAction};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
@@ -63,8 +63,8 @@ fn what_has_broken_once_never_holds_again() {
     let weight = COHESION * PI / 4.0 / (PI / 6.0); // the acceleration that the bond carries
     let mut case = on_floor([0.0, 0.0, 1.01 * weight]);
     // Torn off in the first step, thrown back onto the floor, and lifted gently.
-    case.event(0.01, Action::SetGravity([0.0, 0.0, -2.0 * weight]));
-    case.event(0.2, Action::SetGravity([0.0, 0.0, 0.01 * weight]));
+    case.event(0.01, EventAction::SetGravity([0.0, 0.0, -2.0 * weight]));
+    case.event(0.2, EventAction::SetGravity([0.0, 0.0, 0.01 * weight]));
     let states = case.states(300, 100);
     near(states[1].v(1), [0.0; 3], 1e-12);
     let lying = states[1].force(1, 0).unwrap().x;
@@ -72,7 +72,7 @@ fn what_has_broken_once_never_holds_again() {
     assert_eq!(bonded(&states[2]), [0]);
     near(states[3].v(1), [0.0, 0.0, 0.01 * weight * 0.1], 1e-9 * weight);
     // With an event it does: the same as before, but for the last sentence.
-    case.event(0.199, Action::Bond);
+    case.event(0.199, EventAction::Bond);
     case.options.output_every = 300;
     case.write();
     assert_eq!(case.solve(&["--force", "--steps", "300"]), 0);
@@ -142,8 +142,8 @@ fn a_liquid_bridge_that_was_too_long_once_is_gone() {
     case.floor();
     let ball = case.sphere(0.5, [0.0, 0.0, 0.5 + 0.03125]);
     case.launch(ball, [0.0, 0.0, 4.0], [0.0; 3]);
-    case.event(0.1, Action::SetGravity([0.0, 0.0, -80.0]));
-    case.event(0.3, Action::SetGravity([0.0, 0.0, 0.5]));
+    case.event(0.1, EventAction::SetGravity([0.0, 0.0, -80.0]));
+    case.event(0.3, EventAction::SetGravity([0.0, 0.0, 0.5]));
     let states = case.states(400, 300);
     near(states[1].v(ball), [0.0; 3], 1e-12); // lies on the floor
     near(states[2].v(ball), [0.0, 0.0, 0.5 * 0.1], 1e-12);
@@ -158,13 +158,13 @@ fn events_change_friction_and_cohesion_of_a_law() {
     let ball = case.sphere(0.5, [0.0, 0.0, 0.5]);
     case.launch(ball, [8.0, 0.0, 0.0], [0.0; 3]);
     let plane_law = case.tact.laws[1].nickname.clone();
-    case.event(0.05, Action::SetFriction(plane_law, 0.125));
+    case.event(0.05, EventAction::SetFriction(plane_law, 0.125));
     near(case.run(100).v(ball), [8.0 - 0.05 * 8.0 * (0.25 + 0.125), 0.0, 0.0], 1e-12);
 
     let strength = COHESION * PI / 16.0;
     let mut case = pair(0.0, 0.9 * strength);
     let law = case.tact.laws[0].nickname.clone();
-    case.event(0.05, Action::SetCohesion(law, 0.8 * COHESION));
+    case.event(0.05, EventAction::SetCohesion(law, 0.8 * COHESION));
     let states = case.states(60, 50);
     assert_eq!((bonded(&states[1]), bonded(&states[2])), (vec![1], vec![0]));
     let v = (10.0 * 0.9 - 0.8) * strength * 1e-3 / states[2].mass(1);
@@ -186,7 +186,7 @@ fn friction_that_is_set_to_nothing_leaves_nothing_behind() {
         };
         for nickname in case.tact.laws.iter().map(|law| law.nickname.clone()).collect::<Vec<_>>() {
             if case.tact.visibility.iter().any(|see| see.law == nickname && see.antagonist.contactor == "PLANx") {
-                case.event(0.05, Action::SetFriction(nickname, 0.0));
+                case.event(0.05, EventAction::SetFriction(nickname, 0.0));
             }
         }
         case.options.dt = 0.01;
@@ -209,7 +209,7 @@ fn a_bond_bears_what_turns_the_pair() {
         case.options.dt = 1e-3;
         let first = if suddenly { 10 } else { 0 };
         if suddenly {
-            case.event(0.01, Action::AddSpin([0.0, 0.0, spin]));
+            case.event(0.01, EventAction::AddSpin([0.0, 0.0, spin]));
         } else {
             case.launch(0, [0.0, -0.5 * spin, 0.0], [0.0, 0.0, spin]);
             case.launch(1, [0.0, 0.5 * spin, 0.0], [0.0, 0.0, spin]);
@@ -314,7 +314,7 @@ fn a_restart_from_text_keeps_a_liquid_bridge_and_lets_it_close() {
 fn a_bond_whose_cohesion_ends_is_gone() {
     let mut case = pair(0.0, -1.0);
     for law in ["law00", "law01"] {
-        case.event(0.01, Action::SetCohesion(law.into(), 0.0));
+        case.event(0.01, EventAction::SetCohesion(law.into(), 0.0));
     }
     let end = case.run(20);
     assert_eq!(bonded(&end), [0]);
@@ -326,11 +326,11 @@ fn a_bond_whose_cohesion_ends_is_gone() {
 #[test]
 fn events_about_laws_that_are_not_there_are_refused() {
     for action in [
-        Action::SetFriction("other".into(), 0.1),
-        Action::SetCohesion("other".into(), 0.1),
-        Action::SetCohesion("law00".into(), 0.1), // IQS_CLB has none
-        Action::SetFriction("law00".into(), -0.1),
-        Action::SetFriction("law00".into(), f64::INFINITY),
+        EventAction::SetFriction("other".into(), 0.1),
+        EventAction::SetCohesion("other".into(), 0.1),
+        EventAction::SetCohesion("law00".into(), 0.1), // IQS_CLB has none
+        EventAction::SetFriction("law00".into(), -0.1),
+        EventAction::SetFriction("law00".into(), f64::INFINITY),
     ] {
         let mut case = Case::new();
         case.law("IQS_CLB", &[0.25]);
@@ -350,7 +350,7 @@ fn bonds_of_clusters_are_those_of_their_balls() {
         for body in &mut case.bodies {
             let ball = |y: f64| Contactor {
                 colour: "GRAIN".into(),
-                shape: Shape::OffsetSphere { radius: 0.5, offset: [0.0, y, 0.0] },
+                shape: ShapeRecord::OffsetSphere { radius: 0.5, offset: [0.0, y, 0.0] },
                 local_frame: None,
             };
             body.contactors = vec![ball(1.0), ball(-1.0)];
@@ -399,7 +399,7 @@ fn a_face_bears_the_shear_that_its_points_add_up_to() {
         case.floor();
         let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         case.block([0.5, 0.5, 0.05], [0.0, 0.0, 0.05], axes);
-        case.event(0.02, Action::SetGravity([share * (1e4 + 0.5 * 2e4) / 2e3, 0.0, -10.0]));
+        case.event(0.02, EventAction::SetGravity([share * (1e4 + 0.5 * 2e4) / 2e3, 0.0, -10.0]));
         (case.options.dt, case.options.tol, case.options.accuracy) = (1e-3, None, accuracy);
         case.run(150);
         case.column("bonds").last() == Some(&4.0)

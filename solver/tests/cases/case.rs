@@ -3,13 +3,13 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use cd_formats::bodies::{Bodies, Body, Contactor, Shape};
+use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::bulk_behav::{BulkBehav, Material};
-use cd_formats::compute::{Action, Compute, Event};
+use cd_formats::compute::{Compute, Event, EventAction};
 use cd_formats::dof::{BodyDof, Dof};
-use cd_formats::drv_dof::{Driven, DrivenKind, DrvDof, Evolution, table_text};
+use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof, Evolution, table_text};
 use cd_formats::snapshot::{self, Snapshot};
-use cd_formats::tact_behav::{Law, See, Side, TactBehav};
+use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
 use tempfile::TempDir;
 
 pub type Vec3 = nalgebra::Vector3<f64>;
@@ -40,7 +40,7 @@ pub struct Case {
     folder: TempDir,
     pub bodies: Vec<Body>,
     pub dof: Vec<BodyDof>,
-    pub driven: Vec<Driven>,
+    pub driven: Vec<DrivenComponent>,
     pub tact: TactBehav,
     /// m/s^2
     pub gravity: [f64; 3],
@@ -76,7 +76,7 @@ impl Case {
     }
 
     /// Adds a body at rest. DOF.INI carries the digits of its position that BODIES.DAT cannot hold.
-    fn add(&mut self, shape: Shape, colour: &str, x: [f64; 3], axes: [[f64; 3]; 3]) -> usize {
+    fn add(&mut self, shape: ShapeRecord, colour: &str, x: [f64; 3], axes: [[f64; 3]; 3]) -> usize {
         let written = x.map(|c| format!("{c:.7e}").parse().unwrap());
         let rest: [f64; 3] = std::array::from_fn(|k| x[k] - written[k]);
         let body = self.bodies.len();
@@ -94,7 +94,7 @@ impl Case {
     }
 
     pub fn sphere(&mut self, radius: f64, x: [f64; 3]) -> usize {
-        self.add(Shape::Sphere { radius }, "GRAIN", x, [X, Y, Z])
+        self.add(ShapeRecord::Sphere { radius }, "GRAIN", x, [X, Y, Z])
     }
 
     /// A sphere of its own density.
@@ -108,14 +108,14 @@ impl Case {
 
     /// A polyhedron by its vertices and triangles; principal axes are found by the program.
     pub fn polyhedron(&mut self, vertices: &[[f64; 3]], triangles: &[[u32; 3]], x: [f64; 3]) -> usize {
-        let shape = Shape::Polyhedron { vertices: vertices.to_vec(), triangles: triangles.to_vec() };
+        let shape = ShapeRecord::Polyhedron { vertices: vertices.to_vec(), triangles: triangles.to_vec() };
         self.add(shape, "GRAIN", x, [X, Y, Z])
     }
 
     /// A box by its half lengths along its axes.
     pub fn block(&mut self, half: [f64; 3], x: [f64; 3], axes: [[f64; 3]; 3]) -> usize {
         let vertices = (0..8u32).map(|k| [0, 1, 2].map(|i| if k >> i & 1 == 1 { half[i] } else { -half[i] })).collect();
-        let body = self.add(Shape::Polyhedron { vertices, triangles: BOX.to_vec() }, "GRAIN", x, axes);
+        let body = self.add(ShapeRecord::Polyhedron { vertices, triangles: BOX.to_vec() }, "GRAIN", x, axes);
         // The axes are those of the box.
         let [a, b, c] = half.map(|h| h * h);
         let volume = 8.0 * half.iter().product::<f64>();
@@ -130,7 +130,7 @@ impl Case {
 
     /// A plate with its axes, at rest.
     pub fn plate(&mut self, half_lengths: [f64; 3], x: [f64; 3], axes: [[f64; 3]; 3]) -> usize {
-        let plate = self.add(Shape::Plane { half_lengths }, "WALLx", x, axes);
+        let plate = self.add(ShapeRecord::Plane { half_lengths }, "WALLx", x, axes);
         self.drive(plate, [0.0; 6].map(Evolution::constant));
         plate
     }
@@ -157,8 +157,8 @@ impl Case {
     pub fn drive(&mut self, body: usize, velocity: [Evolution; 6]) {
         self.driven.retain(|driven| driven.body != body);
         for (component, evolution) in velocity.into_iter().enumerate() {
-            self.dof[body].velocity[component] = evolution.at(0.0);
-            self.driven.push(Driven { line: 0, body, component, kind: DrivenKind::Velocity, evolution });
+            self.dof[body].velocity[component] = evolution.value_at(0.0);
+            self.driven.push(DrivenComponent { line: 0, body, component, kind: DrivenKind::Velocity, evolution });
         }
     }
 
@@ -172,7 +172,7 @@ impl Case {
     /// Imposes a constant force (components 0 to 2, N) or moment (3 to 5, N m).
     pub fn pull(&mut self, body: usize, component: usize, force: f64) {
         let evolution = Evolution::constant(force);
-        self.driven.push(Driven { line: 0, body, component, kind: DrivenKind::Force, evolution });
+        self.driven.push(DrivenComponent { line: 0, body, component, kind: DrivenKind::Force, evolution });
     }
 
     /// Leaves a driven body to a constant force (N) along an axis.
@@ -212,18 +212,18 @@ impl Case {
     /// The law of contactors of two types.
     pub fn law_between(&mut self, candidate: &str, antagonist: &str, kind: &str, parameters: &[f64]) {
         let nickname = format!("law{:02}", self.tact.laws.len());
-        let side = |contactor: &str| Side {
+        let side = |contactor: &str| VisibilitySide {
             body: "RBDY3".into(),
             contactor: contactor.into(),
             colour: if ["SPHER", "POLYR"].contains(&contactor) { "GRAIN" } else { "WALLx" }.into(),
         };
         let (candidate, antagonist) = (side(candidate), side(antagonist));
-        self.tact.visibility.push(See { line: 0, candidate, law: nickname.clone(), antagonist, alert: 1e-3 });
-        self.tact.laws.push(Law { line: 0, nickname, kind: kind.into(), parameters: parameters.into() });
+        self.tact.visibility.push(VisibilityRow { line: 0, candidate, law: nickname.clone(), antagonist, alert: 1e-3 });
+        self.tact.laws.push(LawRecord { line: 0, nickname, kind: kind.into(), parameters: parameters.into() });
     }
 
-    pub fn event(&mut self, time: f64, action: Action) {
-        self.options.events.push(Event::once(time, action));
+    pub fn event(&mut self, time: f64, action: EventAction) {
+        self.options.events.push(Event::at_time(time, action));
     }
 
     /// Writes DATBOX.
@@ -269,12 +269,12 @@ impl Case {
     }
 
     pub fn written(&self) -> Vec<Snapshot> {
-        let list = snapshot::list(&self.path().join("OUTBOX")).unwrap();
+        let list = snapshot::list_snapshots(&self.path().join("OUTBOX")).unwrap();
         list.iter().map(|(_, path)| Snapshot::read(path).unwrap()).collect()
     }
 
     pub fn last(&self) -> Snapshot {
-        let list = snapshot::list(&self.path().join("OUTBOX")).unwrap();
+        let list = snapshot::list_snapshots(&self.path().join("OUTBOX")).unwrap();
         Snapshot::read(&list.last().expect("a run writes its last state").1).unwrap()
     }
 

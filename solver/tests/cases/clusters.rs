@@ -1,6 +1,6 @@
 //! Bodies of several contactors, spheres against polyhedra and cylinders.
 
-use cd_formats::bodies::{Contactor, LocalFrame, Shape};
+use cd_formats::bodies::{Contactor, LocalFrame, ShapeRecord};
 use cd_formats::drv_dof::Evolution;
 
 use crate::case::{BOX, Case, Figures, Vec3, equal, near};
@@ -12,7 +12,7 @@ const Z: [f64; 3] = [0.0, 0.0, 1.0];
 fn cuboid(half: [f64; 3], centre: [f64; 3]) -> Contactor {
     let vertices =
         (0..8u32).map(|k| [0, 1, 2].map(|i| centre[i] + if k >> i & 1 == 1 { half[i] } else { -half[i] })).collect();
-    let shape = Shape::Polyhedron { vertices, triangles: BOX.to_vec() };
+    let shape = ShapeRecord::Polyhedron { vertices, triangles: BOX.to_vec() };
     Contactor { colour: "GRAIN".into(), shape, local_frame: None }
 }
 
@@ -69,7 +69,7 @@ fn spheres_and_cylinders() {
         case.gravity = [0.0, 0.0, -10.0];
         let wall = case.plate([1.0; 3], [0.0; 3], [X, Y, Z]);
         // Its axis along y.
-        let shape = Shape::Cylinder { half_height: 2.0, radius: 1.0, hollow };
+        let shape = ShapeRecord::Cylinder { half_height: 2.0, radius: 1.0, hollow };
         case.bodies[wall].contactors[0] = Contactor { colour: "WALLx".into(), shape, local_frame: None };
         case.dof[wall].axes = [Z, X, Y];
         let z = if hollow { -0.75 } else { 1.25 };
@@ -90,7 +90,7 @@ fn a_cube_in_a_drum() {
     case.gravity = [0.0, 0.0, -10.0];
     let drum = case.plate([1.0; 3], [0.0; 3], [X, Y, Z]);
     // Its axis along y.
-    let shape = Shape::Cylinder { half_height: 2.0, radius: 1.25, hollow: true };
+    let shape = ShapeRecord::Cylinder { half_height: 2.0, radius: 1.25, hollow: true };
     case.bodies[drum].contactors[0] = Contactor { colour: "WALLx".into(), shape, local_frame: None };
     case.dof[drum].axes = [Z, X, Y];
     // 3-4-5: the lower edges are at x = ±1, z = -0.75; the cube touches one end.
@@ -114,7 +114,7 @@ fn round_a_drum() {
         let mut case = Case::new();
         case.law_of_all(kind, parameters);
         let drum = case.plate([1.0; 3], [0.0; 3], [X, Y, Z]);
-        let shape = Shape::Cylinder { half_height: 2.0, radius: 1.0, hollow: true };
+        let shape = ShapeRecord::Cylinder { half_height: 2.0, radius: 1.0, hollow: true };
         case.bodies[drum].contactors[0] = Contactor { colour: "WALLx".into(), shape, local_frame: None };
         case.dof[drum].axes = [Z, X, Y];
         // The drum flies along; as fast the sphere, and round it.
@@ -141,7 +141,7 @@ fn a_cube_round_a_drum() {
     let mut case = Case::new();
     case.law_of_all("IQS_CLB", &[0.5]);
     let drum = case.plate([1.0; 3], [0.0; 3], [X, Y, Z]);
-    let shape = Shape::Cylinder { half_height: 2.0, radius: 1.25, hollow: true };
+    let shape = ShapeRecord::Cylinder { half_height: 2.0, radius: 1.25, hollow: true };
     case.bodies[drum].contactors[0] = Contactor { colour: "WALLx".into(), shape, local_frame: None };
     case.dof[drum].axes = [Z, X, Y];
     // About its own third axis, which is y.
@@ -168,7 +168,7 @@ fn spheres_among_walls_need_no_blocks() {
         case.gravity = [0.0, 0.0, -10.0];
         // Before the spheres in the files; a body of two contactors is none of them.
         let ball = case.sphere(0.25, [-0.125, 0.5, -1.0]);
-        let shape = Shape::OffsetSphere { radius: 0.25, offset: [0.0, -0.75, 0.0] };
+        let shape = ShapeRecord::OffsetSphere { radius: 0.25, offset: [0.0, -0.75, 0.0] };
         let second = Contactor { shape, ..case.bodies[ball].contactors[0].clone() };
         case.bodies[ball].contactors.push(second);
         let block = case.block([0.125; 3], [0.5, 0.5, -0.75], [X, Y, Z]);
@@ -176,7 +176,7 @@ fn spheres_among_walls_need_no_blocks() {
             case.drive(wall, [0.0; 6].map(Evolution::constant));
         }
         let drum = case.plate([1.0; 3], [0.0; 3], [X, Y, Z]);
-        let shape = Shape::Cylinder { half_height: 2.0, radius: 1.0, hollow: true };
+        let shape = ShapeRecord::Cylinder { half_height: 2.0, radius: 1.0, hollow: true };
         case.bodies[drum].contactors[0] = Contactor { colour: "WALLx".into(), shape, local_frame: None };
         case.dof[drum].axes = [Z, X, Y];
         case.drive_along(drum, 5, Evolution::constant(2.0));
@@ -222,7 +222,7 @@ fn slabs_on_a_pillar_and_on_a_roller() {
         case.law_of_all("IQS_CLB", &[0.5]);
         case.gravity = [0.0, 0.0, -10.0];
         let wall = case.plate([1.0; 3], [0.0; 3], [X, Y, Z]);
-        let shape = Shape::Cylinder { half_height: 2.0, radius: 0.5, hollow: false };
+        let shape = ShapeRecord::Cylinder { half_height: 2.0, radius: 0.5, hollow: false };
         case.bodies[wall].contactors[0] = Contactor { colour: "WALLx".into(), shape, local_frame: None };
         case.dof[wall].axes = axes;
         let slab = case.block([1.0, 1.5, 0.25], [0.0, 0.0, top + 0.25], [X, Y, Z]);

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use cd_formats::drv_dof::{Driven, DrivenKind, Evolution};
+use cd_formats::drv_dof::{DrivenComponent, DrivenKind, Evolution};
 
 use crate::case::{Case, Figures, equal, near};
 
@@ -14,7 +14,7 @@ const G: f64 = 8.0;
 fn hold(case: &mut Case, body: usize, free: &[usize]) {
     for component in (0..6).filter(|component| !free.contains(component)) {
         let evolution = Evolution::constant(0.0);
-        case.driven.push(Driven { line: 0, body, component, kind: DrivenKind::Velocity, evolution });
+        case.driven.push(DrivenComponent { line: 0, body, component, kind: DrivenKind::Velocity, evolution });
     }
 }
 

@@ -230,7 +230,7 @@ fn speeds_whose_squares_overflow_leave_readable_snapshots() {
         case.launch(ball, [0.0, 0.0, 1e80], [0.0; 3]);
         if speed > 1e99 {
             // More than a file can hold: by an event.
-            case.event(0.0, cd_formats::compute::Action::AddVelocity([0.0, 0.0, speed]));
+            case.event(0.0, cd_formats::compute::EventAction::AddVelocity([0.0, 0.0, speed]));
         }
         case.write();
         let code = case.solve(&["--steps", "3", "--output-every", "1"]);

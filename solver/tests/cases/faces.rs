@@ -1,7 +1,7 @@
 //! Faces: friction and bonds that resist turning about the normal, bonds of areas that vanish.
 
-use cd_formats::bodies::{Contactor, Shape};
-use cd_formats::compute::{Action, FaceFriction};
+use cd_formats::bodies::{Contactor, ShapeRecord};
+use cd_formats::compute::{EventAction, FaceFriction};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
@@ -130,7 +130,7 @@ fn torsion_holds(polygon: &Polygon, ratio: f64, share: f64) -> bool {
     case.gravity = [0.0; 3];
     case.floor();
     let body = prism(&mut case, polygon);
-    case.event(0.0, Action::SetTorque([0.0, 0.0, share * C_T * polygon.area * polygon.mean_distance]));
+    case.event(0.0, EventAction::SetTorque([0.0, 0.0, share * C_T * polygon.area * polygon.mean_distance]));
     case.options.tol = Some(1e-8);
     let state = case.run(10);
     let bonded = state.memory.clone().unwrap().contact_bonded;
@@ -165,7 +165,7 @@ fn a_face_that_slides_does_not_turn() {
         let vertices: Vec<[f64; 3]> = (0..8).map(corner).collect();
         let body = case.polyhedron(&vertices, &crate::case::BOX, [0.0, 0.0, 0.25]);
         case.dof.clear(); // the program finds the principal axes
-        case.event(0.0, Action::AddVelocity([v[0], v[1], 0.0]));
+        case.event(0.0, EventAction::AddVelocity([v[0], v[1], 0.0]));
         for state in &case.states(200, 40)[1..] {
             // A step is solved to 1e-12 of what gravity gives in it; the file has eight digits of the shape.
             near(state.w(body), [0.0; 3], 1e-7);
@@ -252,7 +252,7 @@ fn edges_and_vertices_without_an_area_are_not_bonded() {
         case.gravity = [0.0; 3];
         case.block([0.5; 3], [0.0; 3], below);
         case.block([0.5; 3], [0.0, 0.0, apart], above);
-        case.event(0.0, Action::Bond);
+        case.event(0.0, EventAction::Bond);
         let bonded = case.run(2).memory.unwrap().contact_bonded;
         assert!(!bonded.is_empty() && bonded.iter().all(|bond| *bond == 0), "{bonded:?}");
     }
@@ -279,7 +279,7 @@ fn torque_over(build: impl Fn(&mut Case) -> usize) -> f64 {
 /// A box from these x and y, 1 m high about z = 0, as a piece of a body.
 fn piece(x: [f64; 2], y: [f64; 2]) -> Contactor {
     let at = |k: u32| [x[(k & 1) as usize], y[(k >> 1 & 1) as usize], if k >> 2 & 1 == 1 { 0.5 } else { -0.5 }];
-    let shape = Shape::Polyhedron { vertices: (0..8).map(at).collect(), triangles: crate::case::BOX.to_vec() };
+    let shape = ShapeRecord::Polyhedron { vertices: (0..8).map(at).collect(), triangles: crate::case::BOX.to_vec() };
     Contactor { colour: "GRAIN".into(), shape, local_frame: None }
 }
 

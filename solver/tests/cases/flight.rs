@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use cd_formats::compute::{Action, Event};
+use cd_formats::compute::{Event, EventAction};
 use cd_formats::snapshot::Snapshot;
 
 use crate::case::{Case, Figures, Vec3, equal, near, uniform};
@@ -192,13 +192,13 @@ fn events_come_at_their_time() {
     for k in 0..3 {
         case.sphere(0.25, [f64::from(k), 0.0, 0.0]);
     }
-    case.event(1.0, Action::AddVelocity([0.0, 2.0, 0.0]));
-    case.event(2.0, Action::AddSpin([0.0, 0.0, 0.5]));
-    case.event(2.0, Action::AddVelocity([0.0, -2.0, 0.0]));
-    case.event(3.0, Action::SetGravity([0.0, 0.0, -1.0]));
-    case.event(4.0, Action::SetGravity([0.0; 3]));
-    case.event(4.0, Action::SetQuench(0.5));
-    case.event(4.5, Action::SetQuench(0.0));
+    case.event(1.0, EventAction::AddVelocity([0.0, 2.0, 0.0]));
+    case.event(2.0, EventAction::AddSpin([0.0, 0.0, 0.5]));
+    case.event(2.0, EventAction::AddVelocity([0.0, -2.0, 0.0]));
+    case.event(3.0, EventAction::SetGravity([0.0, 0.0, -1.0]));
+    case.event(4.0, EventAction::SetGravity([0.0; 3]));
+    case.event(4.0, EventAction::SetQuench(0.5));
+    case.event(4.5, EventAction::SetQuench(0.0));
     let states = case.states(50, 1);
     // The step that begins at the event's time is the first that knows of it, and it moves by half a step at once.
     near(states[10].x(0), [0.0; 3], 0.0);
@@ -224,8 +224,8 @@ fn a_constant_torque_spins_the_whole_up_at_a_constant_rate() {
     for k in 0..3 {
         case.sphere(0.25, [f64::from(k), 0.0, 0.0]);
     }
-    case.event(1.0, Action::SetTorque([0.0, 0.0, 2.0]));
-    case.event(2.0, Action::SetTorque([0.0; 3]));
+    case.event(1.0, EventAction::SetTorque([0.0, 0.0, 2.0]));
+    case.event(2.0, EventAction::SetTorque([0.0; 3]));
     let states = case.states(30, 1);
     // Two spheres at a distance of 1, and the moments of three; the ends move apart a little while they turn.
     let (mass, moment) = (states[0].mass(0), states[0].bodies.body_inertia[0][0]);
@@ -245,7 +245,7 @@ fn repeated_events_come_at_each_of_their_times() {
     let mut case = Case::new();
     case.options.dt = 0.1;
     let ball = case.sphere(0.25, [0.0; 3]);
-    let action = Action::AddVelocity([1.0, 0.0, 0.0]);
+    let action = EventAction::AddVelocity([1.0, 0.0, 0.0]);
     case.options.events.push(Event { time: 0.5, every: Some(0.3), until: Some(1.4), action });
     let states = case.states(30, 1);
     let speeds: Vec<f64> = [5, 6, 9, 12, 15, 30].iter().map(|k| states[*k].v(ball).x).collect();
@@ -263,7 +263,7 @@ fn shaking_adds_energy_and_no_momentum() {
             let body = case.sphere(if k % 2 == 0 { 0.5 } else { 0.25 }, place);
             case.launch(body, [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]);
         }
-        let action = Action::Shake { speed: 1e-3, seed };
+        let action = EventAction::Shake { speed: 1e-3, seed };
         case.options.events.push(Event { time: 0.0, every: Some(0.2), until: None, action });
         case.states(4, 1)
     };

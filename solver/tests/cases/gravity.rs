@@ -2,14 +2,14 @@
 
 use std::f64::consts::{PI, TAU};
 
-use cd_formats::compute::{Action, Field, GravityMethod};
+use cd_formats::compute::{EventAction, ExternalField, GravityMethod};
 use cd_formats::snapshot::Snapshot;
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 
 use crate::case::{Case, Figures, Vec3, equal, near, range, shaken_lattice, shown, uniform};
 
 /// A speck about a primary at `centre` with G M = 1, at distance 1 with a velocity.
-fn about(field: Field, centre: Vec3, x: Vec3, v: Vec3, dt: f64) -> Case {
+fn about(field: ExternalField, centre: Vec3, x: Vec3, v: Vec3, dt: f64) -> Case {
     let mut case = Case::new();
     case.options.gravity_constant = 0.5;
     case.options.dt = dt;
@@ -25,7 +25,7 @@ fn an_orbit_about_a_primary_closes_and_its_energy_is_booked() {
     // From the far end of an orbit of eccentricity 1/2: a = 2/3, v^2 = 2/1 - 1/a.
     let (x, v, period) = (Vec3::x(), Vec3::y() * 0.5f64.sqrt(), 2.0 * PI * (2.0f64 / 3.0).powf(1.5));
     let miss = |steps: u64| {
-        let field = Field::PointMass { mass: 2.0, position: centre.into() };
+        let field = ExternalField::PointMass { mass: 2.0, position: centre.into() };
         let states = about(field, centre, x, v, period / steps as f64).states(steps, steps);
         let (first, last) = (&states[0], &states[1]);
         let energy = |state: &Snapshot| state.kinetic() - state.mass(0) / (state.x(0) - centre).norm();
@@ -48,7 +48,7 @@ fn an_orbit_about_a_primary_closes_and_its_energy_is_booked() {
 fn an_oblate_primary_turns_the_node() {
     let (tilt, steps) = (PI / 4.0, 200);
     let (j2, radius) = (0.01f64, 0.3f64);
-    let field = Field::Oblate { mass: 2.0, position: [0.0; 3], radius, j2, axis: [0.0, 0.0, 3.0] };
+    let field = ExternalField::Oblate { mass: 2.0, position: [0.0; 3], radius, j2, axis: [0.0, 0.0, 3.0] };
     let v = Vec3::new(0.0, tilt.cos(), tilt.sin());
     let orbits = 20;
     let steps_made = steps * orbits;
@@ -73,7 +73,7 @@ fn turning_axes_show_the_same_motion() {
         (case.options.self_gravity, case.options.gravity_constant) = (true, 1e5);
         case.options.dt = end / steps as f64;
         if turning {
-            case.options.fields = vec![Field::RotatingFrame { rate: rate.into(), centre: centre.into() }];
+            case.options.fields = vec![ExternalField::RotatingFrame { rate: rate.into(), centre: centre.into() }];
         }
         let rate = if turning { rate } else { Vec3::zeros() };
         for (x, v) in specks.into_iter().zip(speeds) {
@@ -108,7 +108,7 @@ fn turning_axes_show_the_same_tumbling() {
         case.options.dt = 0.05;
         let seen = if turning { rate } else { Vec3::zeros() };
         if turning {
-            case.options.fields = vec![Field::RotatingFrame { rate: rate.into(), centre: [0.0; 3] }];
+            case.options.fields = vec![ExternalField::RotatingFrame { rate: rate.into(), centre: [0.0; 3] }];
         }
         let block = case.block([0.5, 0.3, 0.2], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
         case.launch(block, [0.0; 3], (spin - seen).into());
@@ -149,7 +149,7 @@ fn blocks_press_on_each_other_in_turning_axes_less_what_the_spin_takes() {
     }
     // m W²/2 against G m²/d², d = 1 m.
     let rate = (2.0 * mass * share).sqrt();
-    case.options.fields = vec![Field::RotatingFrame { rate: [0.0, 0.0, rate], centre: [0.0; 3] }];
+    case.options.fields = vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, rate], centre: [0.0; 3] }];
     let end = case.run(1000);
     let press: f64 = end.contacts.contact_force.iter().map(|force| force[0]).sum();
     equal(press / (mass * mass), 1.0 - share, (1e-3 * rate).powi(2)); // Coriolis' force makes an error of (h W)²
@@ -161,7 +161,7 @@ fn blocks_press_on_each_other_in_turning_axes_less_what_the_spin_takes() {
 fn coriolis_force_does_no_work() {
     let mut case = Case::new();
     case.options.dt = 0.05;
-    case.options.fields = vec![Field::RotatingFrame { rate: [0.0, 0.0, 1.0], centre: [0.0; 3] }];
+    case.options.fields = vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, 1.0], centre: [0.0; 3] }];
     let stone = case.sphere(0.1, [1.0, 0.0, 0.0]);
     case.launch(stone, [0.3, 0.2, 0.1], [0.0; 3]);
     for state in case.states(400, 50) {
@@ -181,7 +181,7 @@ fn coriolis_force_leaves_alone_what_lies() {
         case.law("IQS_CLB", &[0.0]);
         case.gravity = [0.0, 0.0, -g];
         case.options.dt = h;
-        case.options.fields = vec![Field::RotatingFrame { rate: [0.0, rate, 0.0], centre: [0.0; 3] }];
+        case.options.fields = vec![ExternalField::RotatingFrame { rate: [0.0, rate, 0.0], centre: [0.0; 3] }];
         case.floor();
         let ball = case.sphere(0.5, [0.0, 0.0, 0.5 + height]);
         let end = case.run((1.0 / h) as u64);
@@ -280,7 +280,7 @@ fn self_gravity_is_evaluated_as_often_as_its_error_asks() {
 
 #[test]
 fn self_gravity_is_evaluated_anew_where_an_event_throws_bodies() {
-    for action in [Action::Shake { speed: 3.0, seed: 1 }, Action::AddSpin([0.0, 0.0, 2.0])] {
+    for action in [EventAction::Shake { speed: 3.0, seed: 1 }, EventAction::AddSpin([0.0, 0.0, 2.0])] {
         let mut case = falling(6, 64, 0.004);
         (case.options.gravity_error, case.options.gravity_moved) = (Some(1e-2), 1e3);
         case.event(0.2, action.clone());

@@ -1,6 +1,6 @@
 //! Momentum, angular momentum and energy of many spheres.
 
-use cd_formats::compute::Action;
+use cd_formats::compute::EventAction;
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 use proptest::prelude::*;
@@ -107,13 +107,13 @@ fn everything() -> Case {
     case.drive_along(64, 2, shaking);
     let turning = [0.0, 0.0, 0.0, 0.0, 0.0, 0.4].map(Evolution::constant);
     case.drive(65, turning);
-    case.event(0.5, Action::AddSpin([0.1, 0.2, 0.5]));
-    case.event(0.8, Action::AddVelocity([0.3, 0.0, 1.0]));
-    case.event(0.85, Action::Shake { speed: 0.2, seed: 3 });
-    case.event(1.0, Action::SetQuench(0.01));
-    case.event(1.2, Action::SetQuench(0.0));
-    case.event(0.6, Action::SetTorque([20.0, -10.0, 5.0]));
-    case.event(0.9, Action::SetTorque([0.0; 3]));
+    case.event(0.5, EventAction::AddSpin([0.1, 0.2, 0.5]));
+    case.event(0.8, EventAction::AddVelocity([0.3, 0.0, 1.0]));
+    case.event(0.85, EventAction::Shake { speed: 0.2, seed: 3 });
+    case.event(1.0, EventAction::SetQuench(0.01));
+    case.event(1.2, EventAction::SetQuench(0.0));
+    case.event(0.6, EventAction::SetTorque([20.0, -10.0, 5.0]));
+    case.event(0.9, EventAction::SetTorque([0.0; 3]));
     case
 }
 
@@ -143,7 +143,7 @@ fn a_change_of_gravity_is_no_loss_of_energy() {
     case.gravity = [0.0, 0.0, -1.0];
     case.options.dt = 0.125;
     case.sphere(0.5, [0.0, 0.0, 7.0]);
-    case.event(1.0, Action::SetGravity([0.0, 2.0, 0.0]));
+    case.event(1.0, EventAction::SetGravity([0.0, 2.0, 0.0]));
     let states = case.states(32, 32);
     let [energy, momentum, angular] = unaccounted(&states);
     assert!(energy.abs() < 1e-13 && momentum < 1e-13 && angular < 1e-13, "{energy:e} {momentum:e} {angular:e}");

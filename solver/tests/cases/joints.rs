@@ -2,7 +2,7 @@
 //!
 //! What slides at v with friction μ comes to rest after x = v²/(2 μ g).
 
-use cd_formats::bodies::{Contactor, Shape};
+use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::compute::{Accuracy, NarrowPhase};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
@@ -180,7 +180,7 @@ fn piece(below: [f64; 2], above: [f64; 2], half: [f64; 2]) -> Contactor {
             [x, if k >> 1 & 1 == 1 { half[0] } else { -half[0] }, if k >> 2 & 1 == 1 { half[1] } else { -half[1] }]
         })
         .collect();
-    let shape = Shape::Polyhedron { vertices, triangles: BOX.to_vec() };
+    let shape = ShapeRecord::Polyhedron { vertices, triangles: BOX.to_vec() };
     Contactor { colour: "GRAIN".into(), shape, local_frame: None }
 }
 
@@ -428,7 +428,7 @@ fn a_cube_slides_over_the_flush_end_of_a_cylinder() {
                 case.plate([2.0, 5.0, 0.5], [0.0, 0.0, -0.5], [X, Y, Z]);
                 case.plate([3.0, 5.0, 0.5], [6.0, 0.0, -0.5], [X, Y, Z]);
                 let pillar = case.plate([1.0; 3], [2.5, 0.0, -1.0], [X, Y, Z]);
-                let shape = Shape::Cylinder { half_height: 1.0, radius: 1.0, hollow: false };
+                let shape = ShapeRecord::Cylinder { half_height: 1.0, radius: 1.0, hollow: false };
                 case.bodies[pillar].contactors[0].shape = shape;
                 let (sin, cos) = 0.1f64.sin_cos();
                 let cube = case.block([0.25; 3], [0.0, 0.1, 0.25], [[cos, sin, 0.0], [-sin, cos, 0.0], Z]);

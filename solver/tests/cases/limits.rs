@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use cd_formats::compute::{Accuracy, Field};
+use cd_formats::compute::{Accuracy, ExternalField};
 use cd_formats::drv_dof::Evolution;
 
 use crate::case::{Beyond, Case, Envelope, Figures, Vec3, equal, near, range, shown};
@@ -167,7 +167,7 @@ fn two_spheres_part_where_weight_ends() {
             }
             let mass = std::f64::consts::PI / 6.0;
             let rate = (2.0 * mass * share).sqrt();
-            case.options.fields = vec![Field::RotatingFrame { rate: [0.0, 0.0, rate], centre: [0.0; 3] }];
+            case.options.fields = vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, rate], centre: [0.0; 3] }];
             case.options.dt = h; // Coriolis' force makes an error of (h ω)²
             let end = case.run(20);
             end.force(0, 1).map_or(0.0, |force| force.x) / (mass * mass)
@@ -340,11 +340,11 @@ fn a_step_too_long_for_what_moves_is_told() {
     let mut low = Case::new();
     low.sphere(0.5, [7e6, 0.0, 0.0]);
     low.sphere(0.5, [7e6, 0.0, 2.0]);
-    low.options.fields = vec![Field::PointMass { mass: 6e24, position: [0.0; 3] }];
+    low.options.fields = vec![ExternalField::PointMass { mass: 6e24, position: [0.0; 3] }];
     let period = std::f64::consts::TAU * (7e6f64.powi(3) / (6e24 * low.options.gravity_constant)).sqrt();
     told(&mut low, period / 100.0, &format!("the shortest orbit takes {period:.3e} s: 100 steps in it"));
     low.options.fields =
-        vec![Field::RotatingFrame { rate: [0.0, 0.0, std::f64::consts::TAU], centre: [7e6, 0.0, 0.0] }];
+        vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, std::f64::consts::TAU], centre: [7e6, 0.0, 0.0] }];
     told(&mut low, 1e-2, "the shortest orbit takes 1.000e0 s: 100 steps in it");
 
     let mut spun = Case::new();

@@ -1,6 +1,6 @@
 //! Which pairs are listed: those that come near each other, whatever motion they share, and none that closes is missed.
 
-use cd_formats::compute::{Adaptive, ContactSolver, Field};
+use cd_formats::compute::{Adaptive, ContactSolver, ExternalField};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
@@ -82,7 +82,7 @@ fn a_fall_to_a_planet_lists_no_pair() {
         // At 1e6 m the fall is 2.5 m in a step, and tides part neighbours by 1e-5 m.
         let mut falling = scene(blocks, |_| (Vec3::new(3e4, 0.0, 0.0), Vec3::zeros()));
         let mass = 4e4 * 1e12 / 6.6743e-11;
-        falling.options.fields = vec![Field::PointMass { mass, position: [0.0, 1e6, 0.0] }];
+        falling.options.fields = vec![ExternalField::PointMass { mass, position: [0.0, 1e6, 0.0] }];
         expect_few(blocks, &mut falling, 20, 3.0);
     }
 }

@@ -3,7 +3,7 @@
 use std::fs;
 use std::time::Duration;
 
-use cd_formats::compute::{Action, Adaptive, Event};
+use cd_formats::compute::{Adaptive, Event, EventAction};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot;
 
@@ -22,10 +22,10 @@ fn carry_far(case: &Case, dt: f64) {
     let mut state = case.last();
     (state.meta.step, state.meta.time) = (FAR, FAR as f64 * dt);
     state.meta.interval_start = Some(FAR as f64 * dt);
-    for (_, path) in snapshot::list(&outbox).unwrap() {
+    for (_, path) in snapshot::list_snapshots(&outbox).unwrap() {
         fs::remove_file(path).unwrap();
     }
-    state.write(&snapshot::path(&outbox, FAR)).unwrap();
+    state.write(&snapshot::snapshot_path(&outbox, FAR)).unwrap();
 }
 
 #[test]
@@ -41,12 +41,12 @@ fn times_and_events_are_right_after_a_thousand_million_steps() {
         case.drive_along(wall, 0, ramp);
         // Each event is at a time step's start; the velocity changes within the step that follows.
         for k in [3, 4, 5, 12] {
-            case.options.events.push(Event::once((FAR + k) as f64 * dt, Action::AddVelocity([0.0, 1.0, 0.0])));
+            case.options.events.push(Event::at_time((FAR + k) as f64 * dt, EventAction::AddVelocity([0.0, 1.0, 0.0])));
         }
         case.options.events.push(Event {
             every: Some(dt),
             until: Some((FAR + 9) as f64 * dt),
-            ..Event::once((FAR + 7) as f64 * dt, Action::AddVelocity([0.0, 0.0, 1.0]))
+            ..Event::at_time((FAR + 7) as f64 * dt, EventAction::AddVelocity([0.0, 0.0, 1.0]))
         });
         (case.options.dt, case.options.output_every) = (dt, 1);
         case.run(1);
@@ -231,7 +231,7 @@ fn a_request_to_stop_ends_a_long_step() {
     (case.options.tol, case.options.max_sweeps) = (Some(1e-300), Some(u64::MAX));
     case.options.solver = cd_formats::compute::ContactSolver::Nlgs;
     case.options.output_every = 1;
-    case.event(0.1, Action::SetGravity([3.0, 0.0, -9.81]));
+    case.event(0.1, EventAction::SetGravity([3.0, 0.0, -9.81]));
     case.write();
     let run = |flags: &[&str]| {
         let mut run = std::process::Command::new(env!("CARGO_BIN_EXE_cd-solve"));
@@ -242,7 +242,7 @@ fn a_request_to_stop_ends_a_long_step() {
     let mut steps = 0;
     loop {
         std::thread::sleep(Duration::from_secs(2));
-        let now = snapshot::list(&case.path().join("OUTBOX")).unwrap().len();
+        let now = snapshot::list_snapshots(&case.path().join("OUTBOX")).unwrap().len();
         if now > 1 && now == steps {
             break;
         }
@@ -259,7 +259,7 @@ fn a_request_to_stop_ends_a_long_step() {
     let reached = |flags: &[&str]| {
         let flags = [&["--steps", &end, "--max-sweeps", "2000"], flags].concat();
         assert_eq!(run(&flags).wait().unwrap().code(), Some(0));
-        let written = snapshot::list(&case.path().join("OUTBOX")).unwrap();
+        let written = snapshot::list_snapshots(&case.path().join("OUTBOX")).unwrap();
         let from = written.into_iter().filter(|(step, _)| *step > stopped.meta.step);
         from.map(|(step, path)| (step, fs::read(path).unwrap())).collect::<Vec<_>>()
     };

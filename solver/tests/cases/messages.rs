@@ -4,9 +4,9 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use cd_formats::compute::{Action, Adaptive};
+use cd_formats::compute::{Adaptive, EventAction};
 use cd_formats::drv_dof::Evolution;
-use cd_formats::origin::Origin;
+use cd_formats::origin::SceneOrigin;
 use cd_formats::snapshot;
 use cd_formats::tact_behav::TactBehav;
 
@@ -96,7 +96,7 @@ fn a_scene_that_has_changed_since_is_named() {
     case.write();
     let scene = case.path().join("scene.ron");
     fs::write(&scene, "(a)").unwrap();
-    let origin = Origin::of(&scene, b"(a)", &["a=1".into()], &case.path()).unwrap();
+    let origin = SceneOrigin::from_scene(&scene, b"(a)", &["a=1".into()], &case.path()).unwrap();
     let options = case.path().join("DATBOX/COMPUTE.RON");
     let text = fs::read_to_string(&options).unwrap();
     fs::write(&options, origin.lines() + &text).unwrap();
@@ -116,7 +116,7 @@ fn a_truncated_snapshot_is_named_with_what_resume_takes_without_it() {
     case.options.output_every = 2;
     case.write();
     assert_eq!(of(&case, &[]).0, 0);
-    let last = snapshot::path(&case.path().join("OUTBOX"), 4);
+    let last = snapshot::snapshot_path(&case.path().join("OUTBOX"), 4);
     let bytes = fs::read(&last).unwrap();
     fs::write(&last, &bytes[..bytes.len() / 2]).unwrap();
     let line = "cd-solve: CASE/OUTBOX/snapshot-000004.npz: snapshot: the file is truncated; expected an .npz file of \
@@ -172,7 +172,7 @@ fn pairs_that_are_meant_to_have_no_law_are_no_news() {
     assert!(told(&case));
     let file = case.path().join("DATBOX/TACT_BEHAV.DAT");
     let text = fs::read_to_string(&file).unwrap();
-    fs::write(&file, text + &TactBehav::no_law("GRAIN", "GRAIN")).unwrap();
+    fs::write(&file, text + &TactBehav::no_law_comment("GRAIN", "GRAIN")).unwrap();
     assert!(!told(&case));
 }
 
@@ -207,7 +207,7 @@ fn a_model_that_has_changed_since_is_named() {
     let (scene, model) = (case.path().join("scene.ron"), case.path().join("stone.stl"));
     fs::write(&scene, "(a)").unwrap();
     fs::write(&model, "solid").unwrap();
-    let mut origin = Origin::of(&scene, b"(a)", &[], &case.path()).unwrap();
+    let mut origin = SceneOrigin::from_scene(&scene, b"(a)", &[], &case.path()).unwrap();
     origin.add(&model, &case.path());
     let options = case.path().join("DATBOX/COMPUTE.RON");
     let text = fs::read_to_string(&options).unwrap();
@@ -272,7 +272,7 @@ fn values_of_another_unit_are_questioned() {
     let mut case = falling();
     case.law("IQS_CLB", &[40.0]);
     case.materials[0].density = 2.7;
-    case.event(0.002, Action::SetFriction("law00".into(), 50.0));
+    case.event(0.002, EventAction::SetFriction("law00".into(), 50.0));
     case.write();
     let (code, _, text) = of(&case, &["--steps", "1"]);
     assert_eq!(code, 0, "{text}");
@@ -310,7 +310,7 @@ fn events_before_time_0_are_errors() {
     let line = "cd-solve: options: event 1, time: -1.0 s is before the start of the run; expected at least 0.0 s\n";
     assert_eq!((code, text.as_str()), (2, line));
     let mut case = falling();
-    case.event(-1.0, Action::SetQuench(0.1));
+    case.event(-1.0, EventAction::SetQuench(0.1));
     case.write();
     let (code, _, text) = of(&case, &[]);
     assert!(code == 2 && text.contains("COMPUTE.RON:") && text.contains("-1.0 s is before the start"), "{text}");

@@ -38,7 +38,7 @@ fn differences(scene: &str, h: &str, outputs: &[(u64, u64)]) -> Vec<(f64, f64)> 
         let steps = step.to_string();
         let flags = ["--resume", "--dt", h, "--theta", "0.5", "--tol", "1e-6", "--steps", &steps];
         assert_eq!(solve(folder.path().into(), &flags), 0);
-        let ours = Snapshot::read(&snapshot::path(&folder.path().join("OUTBOX"), *step)).unwrap();
+        let ours = Snapshot::read(&snapshot::snapshot_path(&folder.path().join("OUTBOX"), *step)).unwrap();
         let theirs = Dof::read(&file(scene, &format!("OUTBOX/DOF.OUT.{output}"))).unwrap();
         assert_eq!(theirs.step, *step);
         let mut most = (0.0f64, 0.0f64);

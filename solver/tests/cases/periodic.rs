@@ -1,6 +1,6 @@
 //! Scenes that come again along x and y.
 
-use cd_formats::compute::{Action, Compute};
+use cd_formats::compute::{Compute, EventAction};
 use cd_formats::snapshot::Snapshot;
 
 use crate::case::{Case, Figures, Vec3, equal, near, shaken_lattice, uniform};
@@ -185,7 +185,7 @@ fn a_torque_turns_a_cell_about_its_period_whichever_images_its_bodies_are() {
             case.sphere(0.25, x);
         }
         case.options.xperiode = Some(4.0);
-        case.event(0.0, Action::SetTorque([1.0, 0.0, 0.0]));
+        case.event(0.0, EventAction::SetTorque([1.0, 0.0, 0.0]));
         (case.options.dt, case.run(1))
     };
     let (h, end) = turned(1.75);

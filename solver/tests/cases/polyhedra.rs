@@ -1,10 +1,10 @@
 //! Polyhedra: rotation, resting, sliding, tipping, colliding, and walls of them.
 
-use cd_formats::bodies::Shape;
-use cd_formats::compute::{Flags, NarrowPhase};
+use cd_formats::bodies::ShapeRecord;
+use cd_formats::compute::{ComputeFlags, NarrowPhase};
 use cd_formats::vloc_rloc::VlocRloc;
-use cd_solve::state::Known;
-use cd_solve::step::Clock;
+use cd_solve::state::DetectionCache;
+use cd_solve::step::StageTimes;
 
 use crate::case::{Case, Figures, Vec3, equal, near, shown, uniform};
 
@@ -240,17 +240,18 @@ fn what_is_known_of_pairs_changes_nothing() {
     }
     (case.options.dt, case.options.tol, case.options.max_sweeps) = (0.004, Some(1e-4), Some(200));
     case.write();
-    let (scene, mut state) = cd_solve::read::case(&case.path(), &Flags::default()).unwrap();
+    let (scene, mut state) = cd_solve::read::read_case(&case.path(), &ComputeFlags::default()).unwrap();
     let mut afresh = state.clone();
     let (mut looked_for, mut contacts) = (0, 0);
     for step in 0..250 {
-        afresh.known = Known { read: afresh.known.kept(), ..Known::default() };
-        let before = state.known.neighbours.centres.clone();
+        afresh.detection_cache =
+            DetectionCache { restored_pairs: afresh.detection_cache.cached_pairs(), ..DetectionCache::default() };
+        let before = state.detection_cache.neighbours.centres.clone();
         for state in [&mut state, &mut afresh] {
-            cd_solve::step::step(&scene, state, &mut Clock::default());
+            cd_solve::step::step(&scene, state, &mut StageTimes::default());
         }
         assert!(state == afresh, "step {step}");
-        looked_for += usize::from(state.known.neighbours.centres != before);
+        looked_for += usize::from(state.detection_cache.neighbours.centres != before);
         contacts += state.contacts.len();
     }
     assert!(contacts > 250 * 40, "{contacts}");
@@ -265,7 +266,7 @@ fn the_texts_of_a_stack_start_another() {
     (0..6).for_each(|k| _ = case.block([0.5; 3], [0.0, 0.0, 0.5 + f64::from(k)], [X, Y, Z]));
     case.sphere(0.25, [0.0, 0.0, 6.25]);
     let cylinder = case.plate([1.0; 3], [0.75, 0.0, 0.5], [Y, Z, X]);
-    let shape = Shape::Cylinder { half_height: 0.25, radius: 0.25, hollow: false };
+    let shape = ShapeRecord::Cylinder { half_height: 0.25, radius: 0.25, hollow: false };
     case.bodies[cylinder].contactors[0].shape = shape;
     (case.options.dt, case.options.tol, case.options.text, case.options.output_every) = (0.01, Some(1e-4), true, 60);
     let settled = case.run(60);

@@ -4,9 +4,9 @@
 use std::fs;
 use std::process::Command;
 
-use cd_formats::bodies::Shape;
-use cd_formats::compute::{Action, Compute, Event, Field};
-use cd_formats::drv_dof::{Driven, DrivenKind, Evolution};
+use cd_formats::bodies::ShapeRecord;
+use cd_formats::compute::{Compute, Event, EventAction, ExternalField};
+use cd_formats::drv_dof::{DrivenComponent, DrivenKind, Evolution};
 
 use crate::case::Case;
 
@@ -59,10 +59,10 @@ fn options_without_effect_are_told() {
     let mut case = sound();
     case.options.gravity_error = Some(1e-4);
     case.options.narrow_phase = Some(cd_formats::compute::NarrowPhase::Fast);
-    case.event(1e-3, Action::Bond);
-    case.event(1.0, Action::SetQuench(0.5));
-    case.event(1e-3, Action::SetQuench(0.0));
-    case.event(1.5e-3, Action::SetQuench(0.0));
+    case.event(1e-3, EventAction::Bond);
+    case.event(1.0, EventAction::SetQuench(0.5));
+    case.event(1e-3, EventAction::SetQuench(0.0));
+    case.event(1.5e-3, EventAction::SetQuench(0.0));
     case.write();
     let expected = "cd-solve: gravity_error: without effect; needs self_gravity\n\
                     cd-solve: narrow_phase: without effect; needs polyhedra\n\
@@ -79,7 +79,7 @@ fn what_stands_outside_a_hollow_cylinder() {
     let mut case = Case::new();
     case.law_of_all("IQS_CLB", &[0.3]);
     let drum = case.plate([1.0; 3], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
-    case.bodies[drum].contactors[0].shape = Shape::Cylinder { half_height: 2.0, radius: 1.25, hollow: true };
+    case.bodies[drum].contactors[0].shape = ShapeRecord::Cylinder { half_height: 2.0, radius: 1.25, hollow: true };
     case.sphere(0.5, [0.5, 0.0, 0.0]);
     case.sphere(0.5, [0.0, 0.0, 2.25]);
     let line = "CASE/DATBOX/BODIES.DAT:21: body 3: stands outside the hollow cylinder of body 1; \
@@ -150,7 +150,7 @@ fn motion_imposed_in_part() {
     // Coriolis' force acts on grains alone.
     let mut case = sound();
     case.press(0, 2, 1.0);
-    case.options.fields = vec![Field::RotatingFrame { rate: [0.0, 0.0, 1.0], centre: [0.0; 3] }];
+    case.options.fields = vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, 1.0], centre: [0.0; 3] }];
     let turning = "CASE/DATBOX/DRV_DOF.DAT: body 1: driven in part in axes that turn; \
                    expected all six components driven or none: Coriolis' force on such a body is not computed";
     written_refused(&case, &[], &[turning]);
@@ -160,7 +160,7 @@ fn motion_imposed_in_part() {
 fn bodies_that_do_not_exist() {
     let mut case = sound();
     let evolution = Evolution::constant(1.0);
-    case.driven.push(Driven { line: 0, body: 6, component: 0, kind: DrivenKind::Force, evolution });
+    case.driven.push(DrivenComponent { line: 0, body: 6, component: 0, kind: DrivenKind::Force, evolution });
     case.dof[1].body = 4;
     let lines = [
         "CASE/DATBOX/DRV_DOF.DAT:18: body 7: does not exist; expected 1 to 2",
@@ -172,11 +172,11 @@ fn bodies_that_do_not_exist() {
 #[test]
 fn shapes_that_are_not_computed() {
     let mut case = sound();
-    case.bodies[1].contactors[0].shape = Shape::Point { offset: [0.0; 3] };
+    case.bodies[1].contactors[0].shape = ShapeRecord::Point { offset: [0.0; 3] };
     let expected = "computed are SPHER, SPHEb, PLANx, POLYR, CYLND and DNLYC";
     written_refused(&case, &[], &[&format!("CASE/DATBOX/BODIES.DAT:11: body 2: contactor PT3Dx; {expected}")]);
     for (hollow, name, kind) in [(false, "CYLND", "cylinders"), (true, "DNLYC", "hollow cylinders")] {
-        case.bodies[1].contactors[0].shape = Shape::Cylinder { half_height: 1.0, radius: 1.0, hollow };
+        case.bodies[1].contactors[0].shape = ShapeRecord::Cylinder { half_height: 1.0, radius: 1.0, hollow };
         let line = format!(
             "CASE/DATBOX/BODIES.DAT:11: body 2: a {name} that may move freely; expected vlocy lines in DRV_DOF.DAT: \
              {kind} are walls, some or all of their motion is imposed"
@@ -191,7 +191,7 @@ fn polyhedra_that_are_none() {
     let refusal = |triangles: Vec<[u32; 3]>| {
         let mut case = sound();
         let vertices = corners[..triangles.iter().flatten().max().map_or(0, |&v| v as usize + 1)].to_vec();
-        case.bodies[1].contactors[0].shape = Shape::Polyhedron { vertices, triangles };
+        case.bodies[1].contactors[0].shape = ShapeRecord::Polyhedron { vertices, triangles };
         case.write();
         let (code, text) = spawn(&case, &[]);
         assert_eq!(code, 2, "{text}");
@@ -211,7 +211,7 @@ fn materials_and_masses() {
     let line = "CASE/DATBOX/BODIES.DAT:14: body 2: material 'CHALK' is not defined; expected ROCKx";
     written_refused(&case, &[], &[line]);
     let mut case = sound();
-    let shape = Shape::Sphere { radius: 1e99 };
+    let shape = ShapeRecord::Sphere { radius: 1e99 };
     case.materials[0].density = 1e90;
     case.bodies[1].contactors[0].shape = shape;
     let line =
@@ -298,9 +298,9 @@ fn times_and_events_that_cannot_be() {
     let often = "options: event 1: happens 1000000000 times up to the end of the run; expected at most 1000000";
     written_refused(&case, &["--end-time", "1e6", "--events", event], &[often]);
     let mut unknown = sound();
-    let friction = Action::SetFriction("other".into(), 0.1);
+    let friction = EventAction::SetFriction("other".into(), 0.1);
     unknown.options.events =
-        vec![Event::once(0.0, friction), Event::once(0.0, Action::SetCohesion("law00".into(), 1.0))];
+        vec![Event::at_time(0.0, friction), Event::at_time(0.0, EventAction::SetCohesion("law00".into(), 1.0))];
     let lines = [
         "CASE/DATBOX/COMPUTE.RON:38:41: event 1, action 1: law 'other' is not in use; expected one of law00, law01",
         "CASE/DATBOX/COMPUTE.RON:39:41: event 2, action 1: law 'law00' has no cohesion; expected a law with cohesion",
@@ -384,7 +384,7 @@ fn steps_of_which_no_problem_can_be_written() {
 
 #[test]
 fn options_in_the_file() {
-    let names: Vec<String> = Compute::table().into_iter().map(|(name, ..)| name.to_string()).collect();
+    let names: Vec<String> = Compute::option_table().into_iter().map(|(name, ..)| name.to_string()).collect();
     let unknown = format!("3:5: options: unknown field 'speed'; expected one of {}", names.join(", "));
     let lines = [
         ("(\n    dt: 1e-3,\n    speed: 3.0,\n)", unknown.as_str()),
@@ -482,7 +482,7 @@ fn snapshots_of_another_scene() {
 
     let mut other = sound();
     other.run(2);
-    other.bodies[1].contactors[0].shape = Shape::Sphere { radius: 0.25 };
+    other.bodies[1].contactors[0].shape = ShapeRecord::Sphere { radius: 0.25 };
     other.write();
     let (code, text) = spawn(&other, &["--resume"]);
     let line = format!("cd-solve: {snapshot}: body 2: mass 0.523598");
@@ -641,7 +641,7 @@ fn a_law_of_several_pairs_is_told_once() {
 fn an_event_that_wets_contacts_has_an_effect() {
     let mut case = sound();
     case.law("xQS_WET_DS_CLB", &[1.0, 0.0, 0.01, 0.2, 0.3]);
-    case.event(1e-3, Action::Bond);
+    case.event(1e-3, EventAction::Bond);
     case.write();
     let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
     assert!(!String::from_utf8(output.stdout).unwrap().contains("without effect"));

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
-use cd_formats::compute::{Action, Event, Flags};
+use cd_formats::compute::{ComputeFlags, Event, EventAction};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
@@ -35,18 +35,18 @@ fn scene(side: i64) -> Case {
         time: 0.1,
         every: Some(0.15),
         until: Some(0.5),
-        action: Action::AddSpin([0.0, 0.1, 0.3]),
+        action: EventAction::AddSpin([0.0, 0.1, 0.3]),
     });
     case.options.events.push(Event {
         time: 0.12,
         every: Some(0.1),
         until: None,
-        action: Action::Shake { speed: 0.1, seed: 0 },
+        action: EventAction::Shake { speed: 0.1, seed: 0 },
     });
-    case.event(0.05, Action::SetTorque([0.0, 20.0, 0.0]));
-    case.event(0.2, Action::SetGravity([0.0, 0.2, -8.0]));
-    case.event(0.25, Action::SetQuench(0.001));
-    case.event(0.4, Action::SetQuench(0.0));
+    case.event(0.05, EventAction::SetTorque([0.0, 20.0, 0.0]));
+    case.event(0.2, EventAction::SetGravity([0.0, 0.2, -8.0]));
+    case.event(0.25, EventAction::SetQuench(0.001));
+    case.event(0.4, EventAction::SetQuench(0.0));
     let options = &mut case.options;
     (options.self_gravity, options.gravity_constant) = (true, 0.01);
     (options.dt, options.tol, options.max_sweeps) = (0.01, Some(1e-4), Some(500));
@@ -66,9 +66,9 @@ fn slab() -> Case {
         let body = case.sphere(0.5, [f64::from(i), f64::from(j), 0.51 + 0.2 * f64::from(i)]);
         case.launch(body, [0.0, 0.0, -2.0], [0.5, 0.1 * f64::from(j), 0.0]);
     }
-    case.event(0.1, Action::SetFriction("law01".into(), 0.1));
-    case.event(0.15, Action::Bond);
-    case.event(0.35, Action::SetCohesion("law00".into(), 250.0));
+    case.event(0.1, EventAction::SetFriction("law01".into(), 0.1));
+    case.event(0.15, EventAction::Bond);
+    case.event(0.35, EventAction::SetCohesion("law00".into(), 250.0));
     let options = &mut case.options;
     (options.dt, options.tol, options.max_sweeps) = (0.01, Some(1e-6), Some(500));
     (options.steps, options.output_every, options.text) = (Some(60), 15, true);
@@ -227,7 +227,7 @@ fn bonds_outlive_a_restart() {
 #[test]
 fn a_snapshot_has_the_laws_and_the_gravity_in_force() {
     let mut case = slab();
-    case.event(0.35, Action::SetGravity([0.0, 0.0, -4.0]));
+    case.event(0.35, EventAction::SetGravity([0.0, 0.0, -4.0]));
     files(&case, &[&["--steps", "45"], &["--resume"]]);
     let states = case.written();
     let laws = |k: usize| states[k].meta.laws.iter().map(|law| law.parameters.clone()).collect::<Vec<_>>();
@@ -251,7 +251,7 @@ fn a_resumed_run_takes_other_events_by_their_times() {
     let mut case = Case::new();
     let ball = case.sphere(0.5, [0.0; 3]);
     case.options.dt = 0.01;
-    case.event(0.0, Action::AddVelocity([0.0, 1.0, 0.0]));
+    case.event(0.0, EventAction::AddVelocity([0.0, 1.0, 0.0]));
     case.run(10);
     let events = "[(time: 0.0, action: AddVelocity((0.0, 1.0, 0.0))), (time: 0.05, action: AddVelocity((0.0, 0.0, 9.0))), \
                   (time: 0.15, action: SetGravity((0.0, 0.0, -1.0)))]";
@@ -481,14 +481,16 @@ fn events_before_a_late_start_have_happened() {
     case.law("IQS_CLB", &[0.4]);
     let ball = case.sphere(0.5, [0.0; 3]);
     case.options.dt = 0.25;
-    case.options.events.push(Event { every: Some(10.0), ..Event::once(0.0, Action::AddVelocity([1.0, 0.0, 0.0])) });
-    case.event(50.0, Action::SetGravity([0.0, 0.0, -8.0]));
+    case.options
+        .events
+        .push(Event { every: Some(10.0), ..Event::at_time(0.0, EventAction::AddVelocity([1.0, 0.0, 0.0])) });
+    case.event(50.0, EventAction::SetGravity([0.0, 0.0, -8.0]));
     case.options.end_time = Some(105.0);
     case.write();
     let file = case.path().join("DATBOX/DOF.INI");
     let text = std::fs::read_to_string(&file).unwrap();
     std::fs::write(&file, text.replacen("time= 0.0000000D+00", "time= 0.1000000D+03", 1)).unwrap();
-    let (scene, _) = cd_solve::read::case(&case.path(), &Flags::default()).unwrap();
+    let (scene, _) = cd_solve::read::read_case(&case.path(), &ComputeFlags::default()).unwrap();
     let told = "events: 10 events before the start at 100 s: what they would add or bond is left out";
     assert!(scene.notes.iter().any(|note| note == told), "{:?}", scene.notes);
     assert_eq!(case.solve(&[]), 0);

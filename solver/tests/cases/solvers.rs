@@ -5,7 +5,7 @@ use std::process::Command;
 use cd_formats::compute::ContactSolver::{self, Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
 use cd_formats::fc3d::Fc3d;
 use cd_formats::snapshot::Snapshot;
-use cd_solve::solve::stored::{Limits, Problem, Solver, solve};
+use cd_solve::solve::stored::{MatrixProblem, MatrixSolver, SolverLimits, solve};
 
 use crate::case::{Case, Figures, Vec3, near};
 use crate::same_bits::{files, same};
@@ -115,11 +115,12 @@ fn a_problem_written_out_has_the_impulses_of_its_step() {
     (case.options.tol, case.options.output_every, case.options.steps) = (Some(1e-10), 1, Some(3));
     case.write();
     assert_eq!(case.solve(&["--dump-problem", "2"]), 0);
-    let Fc3d { name, mu, q, blocks, .. } = Fc3d::read(&case.path().join("problem-000002.fc3d")).unwrap();
+    let Fc3d { name, mu, free_velocities: q, blocks, .. } =
+        Fc3d::read(&case.path().join("problem-000002.fc3d")).unwrap();
     assert_eq!(name, "step-000002");
-    let problem = Problem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w))).unwrap();
-    let limits = Limits { tol: 1e-10, max_sweeps: 2000, max_time: None, max_cost: f64::INFINITY };
-    let found = solve(&problem, Solver::ProxNewton, &[], limits);
+    let problem = MatrixProblem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w))).unwrap();
+    let limits = SolverLimits { tol: 1e-10, max_sweeps: 2000, max_time: None, max_cost: f64::INFINITY };
+    let found = solve(&problem, MatrixSolver::ProxNewton, &[], limits);
     assert!(found.converged, "{}", found.residual);
     // All contacts of the step touch, so all are in the problem, in the same order.
     let step = &case.written()[2];

@@ -1,7 +1,7 @@
 //! No body passes through another, whatever its speed, the law, and the step in which they meet.
 
-use cd_formats::bodies::{Contactor, Shape};
-use cd_formats::compute::{Action, Adaptive};
+use cd_formats::bodies::{Contactor, ShapeRecord};
+use cd_formats::compute::{Adaptive, EventAction};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
@@ -90,7 +90,8 @@ fn above(pair: Pair, gap: f64, target_is_fixed: bool) -> (Case, usize, usize) {
         Pair::CubeOnCube | Pair::SphereOnCube => case.block([R; 3], [0.0; 3], [X, Y, Z]),
         Pair::SphereOnCylinder => {
             let cylinder = case.plate([8.0, R, R], [0.0; 3], [Z, X, Y]);
-            case.bodies[cylinder].contactors[0].shape = Shape::Cylinder { half_height: 4.0, radius: R, hollow: false };
+            case.bodies[cylinder].contactors[0].shape =
+                ShapeRecord::Cylinder { half_height: 4.0, radius: R, hollow: false };
             cylinder
         }
     };
@@ -129,7 +130,7 @@ fn fault(pair: Pair, when: When, travel: f64, (kind, parameters, e): (&str, &[f6
     case.options.max_sweeps = Some(1000);
     let velocity = [0.0, 0.0, -way / h];
     match when {
-        When::Event => case.event(3.0 * h, Action::AddVelocity(velocity)),
+        When::Event => case.event(3.0 * h, EventAction::AddVelocity(velocity)),
         When::FirstStep | When::MovingIn => case.launch(striker, velocity, [0.0; 3]),
     }
     let states = case.states(10, 1);
@@ -261,7 +262,7 @@ fn halves() -> Vec<Contactor> {
                 [if k & 1 == 1 { from + R } else { from }, side(1), side(2)]
             })
             .collect();
-        let shape = Shape::Polyhedron { vertices, triangles: BOX.to_vec() };
+        let shape = ShapeRecord::Polyhedron { vertices, triangles: BOX.to_vec() };
         Contactor { colour: "GRAIN".into(), shape, local_frame: None }
     };
     vec![half(-R), half(0.0)]
@@ -288,7 +289,7 @@ fn nothing_passes_bodies_of_pieces() {
                 }
                 let velocity = [0.0, 0.0, -way / 0.01];
                 match when {
-                    When::Event => case.event(0.03, Action::AddVelocity(velocity)),
+                    When::Event => case.event(0.03, EventAction::AddVelocity(velocity)),
                     _ => case.launch(striker, velocity, [0.0; 3]),
                 }
                 let states = case.states(10, 1);
@@ -340,7 +341,7 @@ fn nothing_passes_when_a_body_is_thrown_within_long_steps() {
         let wall = case.plate([8.0, 8.0, R], [0.0; 3], [X, Y, Z]);
         let ball = case.sphere(R, [0.0, 0.0, 2.1 * R]);
         if by_event {
-            case.event(0.5, Action::AddVelocity([0.0, 0.0, -way / 0.01]));
+            case.event(0.5, EventAction::AddVelocity([0.0, 0.0, -way / 0.01]));
         } else {
             let heavy = case.sphere_of(10.0, R, [0.0, 0.0, 50.0 * way + 4.1 * R]);
             case.launch(heavy, [0.0, 0.0, -way / 0.01], [0.0; 3]);
@@ -369,7 +370,7 @@ fn nothing_passes_that_a_torque_drives() {
         // Angular acceleration T/J that moves each by a travel in the first step: 2 m (3 m)² and the balls' own.
         let mass = 4.0 / 3.0 * std::f64::consts::PI * R.powi(3);
         let inertia = 2.0 * mass * (9.0 + 0.4 * R * R);
-        case.event(0.0, Action::SetTorque([0.0, 0.0, inertia * travel * R / 3.0 / 1e-4]));
+        case.event(0.0, EventAction::SetTorque([0.0, 0.0, inertia * travel * R / 3.0 / 1e-4]));
         let states = case.states(4, 1);
         for (k, side) in [-1.0, 1.0].into_iter().enumerate() {
             let apart = |state: &Snapshot| side * (state.x(walls[k]).y - state.x(balls[k]).y);
@@ -465,7 +466,7 @@ fn what_slides_already_has_dynamic_friction_in_its_first_step() {
             // Set in motion by an event, after steps at rest.
             let (mut set, body) = scene(0.0, [0.0; 3], 0.0);
             set.options.dt = h;
-            set.event(10.0 * h, Action::AddVelocity([5.0, 0.0, 0.0]));
+            set.event(10.0 * h, EventAction::AddVelocity([5.0, 0.0, 0.0]));
             let lost = 5.0 - set.run(11).v(body).x;
             assert!((lost - 0.125 * 8.0 * h).abs() < 1e-7, "{name} after an event: {lost}");
             // Between the two frictions it stays where it is.

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, SQRT_2};
 
-use cd_solve::geometry::{Manifold, Range, polyhedron_cylinder};
+use cd_solve::geometry::{ListingRange, Manifold, polyhedron_cylinder};
 use cd_solve::math::{Quat, Vec3};
 
 use crate::check;
@@ -15,13 +15,20 @@ use crate::shapes::{Random, cuboid, regular, rock};
 const ROUNDING: f64 = 1e-14;
 
 /// The contact of a solid at `x` from the centre of a cylinder that stands along z.
-fn at(a: &Solid, qa: &Quat, x: Vec3, size: [f64; 2], range: impl Into<Range>) -> Option<Manifold> {
+fn at(a: &Solid, qa: &Quat, x: Vec3, size: [f64; 2], range: impl Into<ListingRange>) -> Option<Manifold> {
     turned(a, qa, x, &Quat::identity(), size, range)
 }
 
 /// The same, all turned.
-fn turned(a: &Solid, qa: &Quat, x: Vec3, turn: &Quat, size: [f64; 2], range: impl Into<Range>) -> Option<Manifold> {
-    polyhedron_cylinder(&a.shape.posed(&(turn * qa)), &-(turn * x), turn, size, range)
+fn turned(
+    a: &Solid,
+    qa: &Quat,
+    x: Vec3,
+    turn: &Quat,
+    size: [f64; 2],
+    range: impl Into<ListingRange>,
+) -> Option<Manifold> {
+    polyhedron_cylinder(&a.shape.posed_by(&(turn * qa)), &-(turn * x), turn, size, range)
 }
 
 /// s(m) for a unit m from the cylinder to vertices about its centre.
@@ -225,7 +232,7 @@ fn area_counts_as_far_as_it_is_near() {
     let q = Quat::from_scaled_axis(Vec3::y() * tilt);
     let low = cube.turned(&q).iter().map(|v| v.z).fold(f64::INFINITY, f64::min);
     let within = 0.004;
-    let range = Range { area: within, ..Range::from(1.0) };
+    let range = ListingRange { area: within, ..ListingRange::from(1.0) };
     // On a wide end, seen along z: a strip of the face with gaps up to `within`, less what the tilt takes of it.
     let found = at(&cube, &q, Vec3::new(0.0, 0.0, 2.0 - low), [2.0, 40.0], range).unwrap();
     assert!((found.normal - Vec3::z()).norm() < ROUNDING, "{found:?}");

@@ -1,6 +1,6 @@
 //! Constructed contacts, a thousand and more of each class: what touches what is known, and noise must not change it.
 
-use cd_solve::geometry::{Manifold, Memory, Narrow};
+use cd_solve::geometry::{CachedFeature, Manifold, NarrowPhaseMode};
 use cd_solve::math::{Quat, Vec3};
 use nalgebra::{Matrix3, Rotation3};
 
@@ -153,25 +153,25 @@ fn class(seed: u64, pointed: bool, make: impl Fn(&mut Random) -> Touch, expect: 
         expect(&touch, &level);
         let turn = random.turn();
         let (qa, qb, c) = (turn * qa, turn * qb, turn * c);
-        let mut memory = Memory::default();
-        let first = remembered(a, &qa, b, &qb, &c, alert, Narrow::Accurate, &mut memory).unwrap();
+        let mut memory = CachedFeature::default();
+        let first = remembered(a, &qa, b, &qb, &c, alert, NarrowPhaseMode::Accurate, &mut memory).unwrap();
         check(&first, alert, size, &|| format!("case {k} turned"));
         let (expected, _) = separation(a, &qa, b, &qb, &c);
         let far = |found: &Manifold, expected: f64| (found.gap() - expected).abs() / size;
         assert!(far(&first, expected) < 1e-12, "case {k}: {first:?}, expected {expected}");
-        let fast = |qa: &Quat, qb: &Quat, c: &Vec3, memory: &mut Memory| {
-            let found = remembered(a, qa, b, qb, c, alert, Narrow::Fast, memory);
+        let fast = |qa: &Quat, qb: &Quat, c: &Vec3, memory: &mut CachedFeature| {
+            let found = remembered(a, qa, b, qb, c, alert, NarrowPhaseMode::Fast, memory);
             found.iter().for_each(|found| check(found, alert, size, &|| format!("case {k}, fast")));
             found
         };
         // With nothing remembered the fast search is the other.
-        assert_eq!(fast(&qa, &qb, &c, &mut Memory::default()), Some(first.clone()), "case {k}");
+        assert_eq!(fast(&qa, &qb, &c, &mut CachedFeature::default()), Some(first.clone()), "case {k}");
         // From the step before it may stay at another direction in which bodies overlap, and more than in the best; where
         // it finds them apart it has found what is nearest.
         let step = a.shape.inradius().min(b.shape.inradius()) * [1e-6, 1e-4, 1e-2][k % 3];
         let mut turned = |q: &Quat| Quat::from_scaled_axis(random.direction() * (step / size)) * q;
         let (before_a, before_b) = (turned(&qa), turned(&qb));
-        let mut from_before = Memory::default();
+        let mut from_before = CachedFeature::default();
         fast(&before_a, &before_b, &(c + random.direction() * step), &mut from_before);
         let after = fast(&qa, &qb, &c, &mut from_before).unwrap_or_else(|| panic!("case {k}, fast: {first:?} lost"));
         assert!(after.gap() < expected + 1e-12 * size, "case {k}, fast: {after:?}, expected {expected}");
@@ -188,7 +188,7 @@ fn class(seed: u64, pointed: bool, make: impl Fn(&mut Random) -> Touch, expect: 
         let (dc, da, db) = (noise(1.0), noise(size), noise(size));
         let (qa, qb, c) = (Quat::from_scaled_axis(da) * qa, Quat::from_scaled_axis(db) * qb, c + dc);
         let mut fast_memory = memory;
-        let again = remembered(a, &qa, b, &qb, &c, alert, Narrow::Accurate, &mut memory)
+        let again = remembered(a, &qa, b, &qb, &c, alert, NarrowPhaseMode::Accurate, &mut memory)
             .unwrap_or_else(|| panic!("case {k} lost: {first:?}, {:?}", separation(a, &qa, b, &qb, &c)));
         check(&again, alert, size, &|| format!("case {k} with noise"));
         let (expected, _) = separation(a, &qa, b, &qb, &c);

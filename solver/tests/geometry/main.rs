@@ -9,14 +9,14 @@ mod random;
 mod shapes;
 mod table;
 
-use cd_solve::geometry::{Manifold, Memory, Narrow, polyhedron_polyhedron};
+use cd_solve::geometry::{CachedFeature, Manifold, NarrowPhaseMode, polyhedron_polyhedron};
 use cd_solve::math::{Quat, Vec3};
 
 use oracle::Solid;
 
 /// The contact of two solids, with nothing remembered.
 pub fn contact(a: &Solid, qa: &Quat, b: &Solid, qb: &Quat, c: &Vec3, alert: f64) -> Option<Manifold> {
-    remembered(a, qa, b, qb, c, alert, Narrow::Accurate, &mut Memory::default())
+    remembered(a, qa, b, qb, c, alert, NarrowPhaseMode::Accurate, &mut CachedFeature::default())
 }
 
 #[allow(clippy::too_many_arguments)]
@@ -27,10 +27,10 @@ pub fn remembered(
     qb: &Quat,
     c: &Vec3,
     alert: f64,
-    narrow: Narrow,
-    memory: &mut Memory,
+    narrow: NarrowPhaseMode,
+    memory: &mut CachedFeature,
 ) -> Option<Manifold> {
-    polyhedron_polyhedron(&a.shape.posed(qa), &b.shape.posed(qb), c, alert, narrow, memory)
+    polyhedron_polyhedron(&a.shape.posed_by(qa), &b.shape.posed_by(qb), c, alert, narrow, memory)
 }
 
 /// What holds for every contact, whatever the shapes.

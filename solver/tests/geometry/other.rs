@@ -31,7 +31,7 @@ fn spheres_touch_the_nearest_point() {
         }
         let alert = 0.1;
         let (expected, n) = nearest_to(&a, &q, &c);
-        let Some(found) = polyhedron_sphere(&a.shape.posed(&q), &c, radius, alert) else {
+        let Some(found) = polyhedron_sphere(&a.shape.posed_by(&q), &c, radius, alert) else {
             assert!(expected - radius > alert - 1e-14, "{k}: {expected}");
             continue;
         };
@@ -68,7 +68,7 @@ fn plates_touch_as_cuboids_do() {
         let c = -(turn * local);
         let alert = 0.1;
         let (expected, _) = separation(&a, &q, &plate, &turn, &c);
-        match polyhedron_plane(&a.shape.posed(&q), &c, &turn, &half, alert) {
+        match polyhedron_plane(&a.shape.posed_by(&q), &c, &turn, &half, alert) {
             None => assert!(expected > alert, "{k}: {expected}"),
             Some(found) => {
                 check(&found, alert, 1.0 + half.norm(), &|| format!("{k}"));
@@ -91,7 +91,7 @@ fn drums_are_touched_where_bodies_reach_farthest() {
         let (q, turn, radius, half_height) =
             (random.turn(), random.turn(), random.between(1.0, 3.0), random.between(0.3, 3.0));
         let c = turn * Vec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-3.0, 3.0));
-        let found = polyhedron_hollow_cylinder(&a.shape.posed(&q), &c, &turn, [half_height, radius], 0.5);
+        let found = polyhedron_hollow_cylinder(&a.shape.posed_by(&q), &c, &turn, [half_height, radius], 0.5);
         // Farthest from the axis and along it, of many points of the surface.
         let turned: Vec<Vec3> = a.turned(&q).iter().map(|v| turn.inverse() * (v - c)).collect();
         let (mut wide, mut high) = (0.0f64, 0.0f64);

@@ -1,6 +1,6 @@
 //! Random hulls at depths from deep to apart, turned anyhow or with faces and edges pressed together.
 
-use cd_solve::geometry::{Manifold, Memory, Narrow};
+use cd_solve::geometry::{CachedFeature, Manifold, NarrowPhaseMode};
 use cd_solve::math::{Quat, Vec3};
 
 use crate::degenerate::{edge_to, face_to, vertex_to};
@@ -147,11 +147,11 @@ fn memory_does_not_change_the_answer() {
         let case = if k % 2 == 0 { anyhow(&mut random) } else { pressed(&mut random) };
         let Case { a, b, alert, .. } = &case;
         let size = a.radius + b.radius;
-        let mut memory = Memory::default();
-        remembered(a, &case.qa, b, &case.qb, &case.c, *alert, Narrow::Accurate, &mut memory);
+        let mut memory = CachedFeature::default();
+        remembered(a, &case.qa, b, &case.qb, &case.c, *alert, NarrowPhaseMode::Accurate, &mut memory);
         let (qa, qb, c) = moved(&mut random, &case);
         let mut before = memory;
-        let warm = remembered(a, &qa, b, &qb, &c, *alert, Narrow::Accurate, &mut memory);
+        let warm = remembered(a, &qa, b, &qb, &c, *alert, NarrowPhaseMode::Accurate, &mut memory);
         let cold = contact(a, &qa, b, &qb, &c, *alert);
         let gap = |found: &Option<Manifold>| found.as_ref().map_or(*alert, |found| found.gap());
         assert!((gap(&warm) - gap(&cold)).abs() < 1e-12 * size, "pair {k}: {warm:?} {cold:?}");
@@ -160,7 +160,7 @@ fn memory_does_not_change_the_answer() {
             let same = (warm.normal - cold.normal).norm() < 1e-9;
             assert!(!same || warm.points.len() == cold.points.len(), "pair {k}: {warm:?} {cold:?}");
         }
-        let fast = remembered(a, &qa, b, &qb, &c, *alert, Narrow::Fast, &mut before);
+        let fast = remembered(a, &qa, b, &qb, &c, *alert, NarrowPhaseMode::Fast, &mut before);
         if let (Some(fast), Some(cold)) = (&fast, &cold) {
             check(fast, *alert, size, &|| format!("pair {k}, fast"));
             // A local minimum of the overlap is never less than the least.

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4, SQRT_2};
 
-use cd_solve::geometry::{Manifold, Memory, Narrow, Range, polyhedron_polyhedron};
+use cd_solve::geometry::{CachedFeature, ListingRange, Manifold, NarrowPhaseMode, polyhedron_polyhedron};
 use cd_solve::math::{Quat, Vec3};
 
 use crate::oracle::{Solid, common_area, separation};
@@ -199,17 +199,19 @@ fn area_counts_as_far_as_it_is_near() {
     for turn in [about(Vec3::y(), tilt), about(Vec3::x(), -tilt)] {
         let low = cube.turned(&turn).iter().map(|v| v.z).fold(f64::INFINITY, f64::min);
         let c = Vec3::z() * (low - 1.0);
-        let area = |range: Range| {
-            let (a, b) = (cube.shape.posed(&turn), table.shape.posed(&Quat::identity()));
-            let found = polyhedron_polyhedron(&a, &b, &c, range, Narrow::Accurate, &mut Memory::default()).unwrap();
+        let area = |range: ListingRange| {
+            let (a, b) = (cube.shape.posed_by(&turn), table.shape.posed_by(&Quat::identity()));
+            let found =
+                polyhedron_polyhedron(&a, &b, &c, range, NarrowPhaseMode::Accurate, &mut CachedFeature::default())
+                    .unwrap();
             assert!((found.normal - Vec3::z()).norm() < ROUNDING, "{found:?}");
             found.area
         };
         // Less what the tilt takes.
         let expected = 2.0 * within / tilt.tan() * (1.0 - (tilt.tan() / 0.1).powi(2));
         // The gap has lost two digits of what the tilt makes of it.
-        assert!((area(Range { area: within, ..Range::from(1.0) }) - expected).abs() < 1e-12);
+        assert!((area(ListingRange { area: within, ..ListingRange::from(1.0) }) - expected).abs() < 1e-12);
         assert!((area(1.0.into()) - 4.0 * tilt.cos()).abs() < 1e-12);
-        assert_eq!(area(Range { area: -1e-6, ..Range::from(1.0) }), 0.0);
+        assert_eq!(area(ListingRange { area: -1e-6, ..ListingRange::from(1.0) }), 0.0);
     }
 }

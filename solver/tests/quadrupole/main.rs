@@ -2,7 +2,7 @@
 
 mod points;
 
-use cd_solve::gravity::quadrupole::correction;
+use cd_solve::gravity::quadrupole::quadrupole_correction;
 use cd_solve::math::Vec3;
 use points::{Aggregate, aggregate, errors, rigid, rock};
 
@@ -56,7 +56,7 @@ fn keeps_energy_momentum_and_angular_momentum() {
     // Inside, where it fades, and outside.
     for d in [2.0, 3.0, 4.3, 4.8, 5.5] {
         let r = Vec3::new(0.6, -0.48, 0.64) * d;
-        let at = |r: &Vec3| correction(r, [&one, &two], 5.0, 2.0);
+        let at = |r: &Vec3| quadrupole_correction(r, [&one, &two], 5.0, 2.0);
         let found = at(&r);
         let h = 1e-4;
         let slope = Vec3::from_fn(|k, _| {
@@ -77,7 +77,8 @@ fn where_it_fades_the_force_is_about_that_of_the_quadrupoles() {
     let long = rigid(&rock([1.0, 0.5, 0.5], Vec3::zeros()));
     for k in 0..=100 {
         let r = Vec3::x() * (3.0 + 0.04 * f64::from(k));
-        let [whole, faded] = [f64::INFINITY, 6.0].map(|reach| correction(&r, [&long, &long], reach, 1.0).force.x);
+        let [whole, faded] =
+            [f64::INFINITY, 6.0].map(|reach| quadrupole_correction(&r, [&long, &long], reach, 1.0).force.x);
         // Of s + |d ds/dd|/3 the largest is 1.33.
         assert!((-1e-12..1.34).contains(&(faded / whole)), "{k}: {faded} {whole}");
     }

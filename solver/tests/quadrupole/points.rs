@@ -1,6 +1,6 @@
 //! Rocks as many points, whose attraction is summed exactly: what the quadrupoles of `gravity::quadrupole` are judged by.
 
-use cd_solve::gravity::quadrupole::{Rigid, correction};
+use cd_solve::gravity::quadrupole::{BodyInertia, quadrupole_correction};
 use cd_solve::math::{Quat, Vec3};
 use nalgebra::Matrix3;
 
@@ -12,9 +12,9 @@ pub fn rock(half: [f64; 3], turn: Vec3) -> Vec<Vec3> {
     places(0).flat_map(|x| places(1).flat_map(move |y| places(2).map(move |z| turn * Vec3::new(x, y, z)))).collect()
 }
 
-pub fn rigid(points: &[Vec3]) -> Rigid {
+pub fn rigid(points: &[Vec3]) -> BodyInertia {
     let inertia = points.iter().map(|x| Matrix3::identity() * x.norm_squared() - x * x.transpose()).sum();
-    Rigid { mass: points.len() as f64, inertia }
+    BodyInertia { mass: points.len() as f64, inertia }
 }
 
 /// Every point with every point: force on the second, torques.
@@ -32,7 +32,7 @@ pub fn exact(r: &Vec3, one: &[Vec3], two: &[Vec3]) -> (Vec3, [Vec3; 2]) {
     (force, torques)
 }
 
-pub fn point(r: &Vec3, one: &Rigid, two: &Rigid) -> Vec3 {
+pub fn point(r: &Vec3, one: &BodyInertia, two: &BodyInertia) -> Vec3 {
     -r * (one.mass * two.mass / r.norm().powi(3))
 }
 
@@ -40,7 +40,7 @@ pub fn point(r: &Vec3, one: &Rigid, two: &Rigid) -> Vec3 {
 pub fn errors(r: &Vec3, one: &[Vec3], two: &[Vec3]) -> [f64; 3] {
     let (a, b) = (rigid(one), rigid(two));
     let (force, torques) = exact(r, one, two);
-    let found = correction(r, [&a, &b], f64::INFINITY, 1.0);
+    let found = quadrupole_correction(r, [&a, &b], f64::INFINITY, 1.0);
     let plain = point(r, &a, &b);
     let turned = (found.torques[0] - torques[0]).norm() + (found.torques[1] - torques[1]).norm();
     [(plain - force).norm(), (plain + found.force - force).norm(), turned / r.norm()].map(|x| x / force.norm())
@@ -60,7 +60,7 @@ pub fn aggregate(reach: f64) -> Aggregate {
     let turn = |k: usize| Vec3::new((1.3 * k as f64).sin(), (2.1 * k as f64).sin(), (0.7 * k as f64).cos()) * 3.0;
     let rocks: Vec<Vec<Vec3>> = (0..125).map(|k| rock([1.0, 0.5, 0.5], turn(k))).collect();
     let at = |k: usize| Vec3::new((k % 5) as f64, (k / 5 % 5) as f64, (k / 25) as f64) * 1.8;
-    let rigids: Vec<Rigid> = rocks.iter().map(|points| rigid(points)).collect();
+    let rigids: Vec<BodyInertia> = rocks.iter().map(|points| rigid(points)).collect();
     let (mut scale, mut away) = (0.0, [0.0; 2]);
     let (mut virial, mut virial_away) = (0.0, [0.0; 2]);
     for i in 0..125 {
@@ -70,7 +70,7 @@ pub fn aggregate(reach: f64) -> Aggregate {
             force += exact(&r, &rocks[j], &rocks[i]).0;
             let plain = point(&r, &rigids[j], &rigids[i]);
             found[0] += plain;
-            found[1] += plain + correction(&r, [&rigids[j], &rigids[i]], reach, 1.0).force;
+            found[1] += plain + quadrupole_correction(&r, [&rigids[j], &rigids[i]], reach, 1.0).force;
         }
         scale += force.norm_squared();
         virial += at(i).dot(&force);

@@ -21,58 +21,58 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::surface::Surface;
 
 /// Number of faults of one file that are printed one by one; a broken surface has thousands of the same kind.
-const PRINTED: usize = 5;
+const MAX_PRINTED_FAULTS: usize = 5;
 
 /// A surface from a file, and what was changed to read it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Read {
+pub struct RepairedSurface {
     pub surface: Surface,
     /// Number of triangles that were turned to point outward with the others.
-    pub turned: usize,
+    pub flipped: usize,
     /// Parts that were ignored, dropped or welded, each in a phrase such as `dropped 1 degenerate triangle`.
     pub repairs: Vec<String>,
 }
 
 /// Polygons over points, the common form of all kinds of files.
 #[derive(Debug, Default, PartialEq)]
-struct Mesh {
+struct PolygonMesh {
     points: Vec<[f64; 3]>,
     polygons: Vec<Vec<usize>>,
-    /// As in [`Read`].
+    /// As in [`RepairedSurface`].
     notes: Vec<String>,
 }
 
 /// Why a file is rejected.
 #[derive(Debug, PartialEq)]
-struct Refusal {
+struct ReadError {
     line: Option<usize>,
     found: String,
     expected: String,
 }
 
-impl Refusal {
+impl ReadError {
     fn new(line: impl Into<Option<usize>>, found: impl Into<String>, expected: impl Into<String>) -> Self {
-        Refusal { line: line.into(), found: found.into(), expected: expected.into() }
+        ReadError { line: line.into(), found: found.into(), expected: expected.into() }
     }
 }
 
-impl From<Refusal> for Vec<Refusal> {
-    fn from(refusal: Refusal) -> Self {
+impl From<ReadError> for Vec<ReadError> {
+    fn from(refusal: ReadError) -> Self {
         vec![refusal]
     }
 }
 
-impl Mesh {
+impl PolygonMesh {
     /// Adds a phrase with a count, unless the count is 0.
-    fn note(&mut self, verb: &str, count: usize, what: &str, rest: &str) {
+    fn add_note(&mut self, verb: &str, count: usize, what: &str, rest: &str) {
         if count > 0 {
-            self.notes.push(format!("{verb} {}{rest}", plural(count, what)));
+            self.notes.push(format!("{verb} {}{rest}", count_text(count, what)));
         }
     }
 }
 
 /// Returns `1 triangle` or `2 triangles`.
-fn plural(count: usize, what: &str) -> String {
+fn count_text(count: usize, what: &str) -> String {
     let plural = match (count, what) {
         (1, _) => what.to_string(),
         (_, "vertex") => "vertices".into(),
@@ -87,40 +87,40 @@ fn plural(count: usize, what: &str) -> String {
 /// The ending selects the kind: `.obj`; `.stl`, text or binary; `.vtk` and `.vtp`, legacy or XML, whichever the file
 /// is. Points at the same position are one vertex; polygons are cut into triangles from their first corner. Vertices
 /// are numbered in the order in which the polygons name them. Repairs are those of `repair`; all are listed in
-/// [`Read::repairs`].
+/// [`RepairedSurface::repairs`].
 ///
 /// Errors: a file that cannot be read, and every fault of the surface.
-pub fn surface(path: &Path) -> Result<Read, Faults> {
-    let bytes = std::fs::read(path).map_err(|error| Fault::io(path, "read", &error))?;
+pub fn read_surface(path: &Path) -> Result<RepairedSurface, Faults> {
+    let bytes = std::fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let refused = |refusals: Vec<Refusal>| {
+    let refused = |refusals: Vec<ReadError>| {
         let mut faults = Faults::default();
-        for Refusal { line, found, expected } in refusals.iter().take(PRINTED) {
+        for ReadError { line, found, expected } in refusals.iter().take(MAX_PRINTED_FAULTS) {
             faults.push(Fault::new(path, *line, "file", found, format!("expected {expected}")));
         }
-        if refusals.len() > PRINTED {
-            let more = format!("{} more faults", refusals.len() - PRINTED);
+        if refusals.len() > MAX_PRINTED_FAULTS {
+            let more = format!("{} more faults", refusals.len() - MAX_PRINTED_FAULTS);
             faults.push(Fault::new(path, None, "file", more, format!("expected {}", refusals[0].expected)));
         }
         faults
     };
-    let mesh = mesh(&bytes, &ending).map_err(refused)?;
-    let (vertices, triangles, repairs) = repair::triangulated(mesh);
+    let mesh = read_mesh(&bytes, &ending).map_err(refused)?;
+    let (vertices, triangles, repairs) = repair::triangulate(mesh);
     match Surface::new(&vertices, &triangles) {
         Ok(surface) => {
             let same = surface.triangles().iter().zip(&triangles).filter(|(a, b)| a == b).count();
             // If all are turned, the surface was inside out, and coherent.
             let turned = (triangles.len() - same).min(same);
-            Ok(Read { surface, turned, repairs })
+            Ok(RepairedSurface { surface, flipped: turned, repairs })
         }
         Err(found) => {
             let mut faults = Faults::default();
-            for fault in found.iter().take(PRINTED) {
+            for fault in found.iter().take(MAX_PRINTED_FAULTS) {
                 let (found, expected) = fault.split_once("; ").unwrap_or((fault, "expected a closed surface"));
                 faults.push(Fault::new(path, None, "surface", found, expected));
             }
-            if found.len() > PRINTED {
-                let more = format!("{} more faults", found.len() - PRINTED);
+            if found.len() > MAX_PRINTED_FAULTS {
+                let more = format!("{} more faults", found.len() - MAX_PRINTED_FAULTS);
                 faults.push(Fault::new(path, None, "surface", more, "expected a closed surface in one piece"));
             }
             Err(faults)
@@ -128,14 +128,14 @@ pub fn surface(path: &Path) -> Result<Read, Faults> {
     }
 }
 
-fn mesh(bytes: &[u8], ending: &str) -> Result<Mesh, Vec<Refusal>> {
+fn read_mesh(bytes: &[u8], ending: &str) -> Result<PolygonMesh, Vec<ReadError>> {
     let kind = match ending {
         "obj" => "a Wavefront OBJ file",
         "stl" => "an STL file, text or binary",
         "vtk" | "vtp" => "polygonal data of VTK, legacy or XML",
-        _ => return Err(Refusal::new(None, format!("the ending '{ending}'"), ".obj, .stl, .vtk or .vtp").into()),
+        _ => return Err(ReadError::new(None, format!("the ending '{ending}'"), ".obj, .stl, .vtk or .vtp").into()),
     };
-    let refuse = |found: &str| Err(Refusal::new(None, found, kind).into());
+    let refuse = |found: &str| Err(ReadError::new(None, found, kind).into());
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     match bytes {
         [] => return refuse("it is empty"),
@@ -158,13 +158,13 @@ fn lines(text: &str) -> Cow<'_, str> {
 }
 
 /// Reads a real number of a text file; Fortran's `1.0D+00` too.
-fn real(word: &str) -> Option<f64> {
+fn parse_real(word: &str) -> Option<f64> {
     word.parse().ok().or_else(|| word.replace(['d', 'D'], "e").parse().ok())
 }
 
 /// Reads a coordinate. Errors: why it is none.
 fn coordinate(word: &str) -> Result<f64, String> {
-    match real(word) {
+    match parse_real(word) {
         None => Err(format!("'{word}', which is no number")),
         Some(x) if !x.is_finite() => Err(format!("'{word}', which is not finite")),
         Some(x) => Ok(x),
@@ -173,41 +173,41 @@ fn coordinate(word: &str) -> Result<f64, String> {
 
 /// Numbers of a binary array of VTK, by the name of their type in legacy or XML files.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Number {
+enum NumberType {
     Signed(usize),
     Unsigned(usize),
     Float,
     Double,
 }
 
-impl Number {
-    fn of(name: &str) -> Option<Number> {
+impl NumberType {
+    fn from_name(name: &str) -> Option<NumberType> {
         Some(match name.to_ascii_lowercase().as_str() {
-            "char" | "int8" => Number::Signed(1),
-            "unsigned_char" | "uint8" => Number::Unsigned(1),
-            "short" | "int16" => Number::Signed(2),
-            "unsigned_short" | "uint16" => Number::Unsigned(2),
-            "int" | "int32" | "vtkidtype" | "vtktypeint32" => Number::Signed(4),
-            "unsigned_int" | "uint32" | "vtktypeuint32" => Number::Unsigned(4),
-            "long" | "int64" | "vtktypeint64" => Number::Signed(8),
-            "unsigned_long" | "uint64" | "vtktypeuint64" => Number::Unsigned(8),
-            "float" | "float32" => Number::Float,
-            "double" | "float64" => Number::Double,
+            "char" | "int8" => NumberType::Signed(1),
+            "unsigned_char" | "uint8" => NumberType::Unsigned(1),
+            "short" | "int16" => NumberType::Signed(2),
+            "unsigned_short" | "uint16" => NumberType::Unsigned(2),
+            "int" | "int32" | "vtkidtype" | "vtktypeint32" => NumberType::Signed(4),
+            "unsigned_int" | "uint32" | "vtktypeuint32" => NumberType::Unsigned(4),
+            "long" | "int64" | "vtktypeint64" => NumberType::Signed(8),
+            "unsigned_long" | "uint64" | "vtktypeuint64" => NumberType::Unsigned(8),
+            "float" | "float32" => NumberType::Float,
+            "double" | "float64" => NumberType::Double,
             _ => return None,
         })
     }
 
     /// Bytes of one number.
-    fn size(self) -> usize {
+    fn byte_size(self) -> usize {
         match self {
-            Number::Signed(size) | Number::Unsigned(size) => size,
-            Number::Float => 4,
-            Number::Double => 8,
+            NumberType::Signed(size) | NumberType::Unsigned(size) => size,
+            NumberType::Float => 4,
+            NumberType::Double => 8,
         }
     }
 
     /// The numbers in `bytes`; what is left over at the end is ignored.
-    fn all(self, bytes: &[u8], big_endian: bool) -> Vec<f64> {
+    fn decode_all(self, bytes: &[u8], big_endian: bool) -> Vec<f64> {
         let of_one = |chunk: &[u8]| {
             let mut word = [0; 8];
             for (k, byte) in chunk.iter().enumerate() {
@@ -215,40 +215,40 @@ impl Number {
             }
             let bits = u64::from_le_bytes(word);
             match self {
-                Number::Unsigned(_) => bits as f64,
-                Number::Signed(size) => {
+                NumberType::Unsigned(_) => bits as f64,
+                NumberType::Signed(size) => {
                     let unused = 64 - 8 * size as u32;
                     (((bits << unused) as i64) >> unused) as f64
                 }
-                Number::Float => f64::from(f32::from_bits(bits as u32)),
-                Number::Double => f64::from_bits(bits),
+                NumberType::Float => f64::from(f32::from_bits(bits as u32)),
+                NumberType::Double => f64::from_bits(bits),
             }
         };
-        bytes.chunks_exact(self.size()).map(of_one).collect()
+        bytes.chunks_exact(self.byte_size()).map(of_one).collect()
     }
 }
 
 /// One piece of polygonal data of VTK.
 #[derive(Debug, Default)]
-struct Piece {
+struct PolyDataPiece {
     coordinates: Vec<f64>,
-    polygons: Cells,
-    strips: Cells,
+    polygons: CellLists,
+    strips: CellLists,
     /// Number of points and lines that are cells of their own.
     ignored: usize,
 }
 
 /// Corners of cells, one after the other, and where each cell ends.
 #[derive(Debug, Default)]
-struct Cells {
+struct CellLists {
     corners: Vec<f64>,
     ends: Vec<f64>,
 }
 
-impl Cells {
+impl CellLists {
     /// From the lists of legacy files before version 5: a count, then as many corners, for each cell.
-    fn counted(numbers: &[f64], count: usize) -> Result<Cells, String> {
-        let mut cells = Cells::default();
+    fn from_counted(numbers: &[f64], count: usize) -> Result<CellLists, String> {
+        let mut cells = CellLists::default();
         let mut rest = numbers;
         for k in 1..=count {
             let Some((&corners, behind)) = rest.split_first() else {
@@ -270,7 +270,7 @@ impl Cells {
     }
 
     /// The corners of each cell, of `points` points.
-    fn lists(&self, points: usize) -> Result<Vec<Vec<usize>>, String> {
+    fn corner_lists(&self, points: usize) -> Result<Vec<Vec<usize>>, String> {
         let (mut lists, mut begin) = (Vec::new(), 0);
         // Lists of legacy files from version 5 on begin with the start of the first cell, 0.
         let ends = self.ends.strip_prefix(&[0.0]).unwrap_or(&self.ends);
@@ -292,22 +292,22 @@ impl Cells {
     }
 }
 
-impl Piece {
+impl PolyDataPiece {
     /// Appends the piece to a mesh. Errors: lists that do not fit together.
-    fn add_to(&self, mesh: &mut Mesh) -> Result<(), String> {
+    fn add_to(&self, mesh: &mut PolygonMesh) -> Result<(), String> {
         if !self.coordinates.len().is_multiple_of(3) {
             return Err(format!("{} coordinates, which are no multiple of 3", self.coordinates.len()));
         }
         let (first, points) = (mesh.points.len(), self.coordinates.len() / 3);
         mesh.points.extend(self.coordinates.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
         let moved = |list: Vec<usize>| -> Vec<usize> { list.into_iter().map(|k| first + k).collect() };
-        mesh.polygons.extend(self.polygons.lists(points)?.into_iter().map(moved));
-        for strip in self.strips.lists(points)?.into_iter().map(moved) {
+        mesh.polygons.extend(self.polygons.corner_lists(points)?.into_iter().map(moved));
+        for strip in self.strips.corner_lists(points)?.into_iter().map(moved) {
             // Every other triangle runs against the strip.
             let turned = |(k, t): (usize, &[usize])| if k % 2 == 0 { t.to_vec() } else { vec![t[1], t[0], t[2]] };
             mesh.polygons.extend(strip.windows(3).enumerate().map(turned));
         }
-        mesh.note("ignored", self.ignored, "line or point element", "");
+        mesh.add_note("ignored", self.ignored, "line or point element", "");
         Ok(())
     }
 }
@@ -318,13 +318,13 @@ mod tests {
 
     #[test]
     fn binary_numbers_of_all_kinds() {
-        let of = |name: &str, bytes: &[u8]| Number::of(name).unwrap().all(bytes, true);
+        let of = |name: &str, bytes: &[u8]| NumberType::from_name(name).unwrap().decode_all(bytes, true);
         assert_eq!(of("char", &[0xff, 2]), [-1.0, 2.0]);
         assert_eq!(of("UInt8", &[0xff]), [255.0]);
         assert_eq!(of("short", &[0xff, 0xfe]), [-2.0]);
         assert_eq!(of("vtktypeint64", &[0, 0, 0, 0, 0, 0, 1, 2]), [258.0]);
         assert_eq!(of("float", &1.5f32.to_be_bytes()), [1.5]);
-        assert_eq!(Number::of("Float64").unwrap().all(&(-2.5f64).to_le_bytes(), false), [-2.5]);
-        assert_eq!(Number::of("bit"), None);
+        assert_eq!(NumberType::from_name("Float64").unwrap().decode_all(&(-2.5f64).to_le_bytes(), false), [-2.5]);
+        assert_eq!(NumberType::from_name("bit"), None);
     }
 }

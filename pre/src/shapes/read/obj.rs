@@ -1,11 +1,11 @@
 //! Wavefront OBJ: vertices and polygons; the other statements of polygonal files are read and not used.
 
-use super::{Mesh, Refusal, coordinate, real};
+use super::{PolygonMesh, ReadError, coordinate, parse_real};
 
-const WORDS: &str = "v, f or another statement of a polygonal Wavefront OBJ file";
+const EXPECTED_STATEMENTS: &str = "v, f or another statement of a polygonal Wavefront OBJ file";
 
 /// Statements without influence on the surface.
-const UNUSED: [&str; 17] = [
+const IGNORED_STATEMENTS: [&str; 17] = [
     "vt",
     "vn",
     "o",
@@ -26,23 +26,23 @@ const UNUSED: [&str; 17] = [
 ];
 
 /// Statements of free-form curves and surfaces.
-const FREE_FORM: [&str; 16] = [
+const FREE_FORM_STATEMENTS: [&str; 16] = [
     "cstype", "deg", "bmat", "step", "curv", "curv2", "surf", "parm", "trim", "hole", "scrv", "sp", "end", "con",
     "ctech", "stech",
 ];
 
 /// Reads the text of a file. Numbers after the third of `v` (a weight, a colour) are ignored: the weight is that of
 /// free-form surfaces. Errors: every statement that cannot be read.
-pub fn read(text: &str) -> Result<Mesh, Vec<Refusal>> {
-    let mut mesh = Mesh::default();
+pub fn read(text: &str) -> Result<PolygonMesh, Vec<ReadError>> {
+    let mut mesh = PolygonMesh::default();
     let mut refusals = Vec::new();
     let (mut weights, mut elements) = (0, 0);
     let mut lines_of_polygons = Vec::new();
-    for (line, statement) in statements(text) {
+    for (line, statement) in logical_lines(text) {
         let mut words = statement.split_whitespace();
         let Some(keyword) = words.next().map(str::to_ascii_lowercase) else { continue };
         match keyword.as_str() {
-            "v" => match vertex(words) {
+            "v" => match parse_vertex(words) {
                 Ok((point, more)) => {
                     mesh.points.push(point);
                     weights += usize::from(more);
@@ -50,45 +50,47 @@ pub fn read(text: &str) -> Result<Mesh, Vec<Refusal>> {
                 Err(found) => {
                     // Later numbers of vertices stay right.
                     mesh.points.push([0.0; 3]);
-                    refusals.push(Refusal::new(line, found, "three coordinates, with decimal points"));
+                    refusals.push(ReadError::new(line, found, "three coordinates, with decimal points"));
                 }
             },
-            "f" | "fo" => match words.map(|word| corner(word, mesh.points.len())).collect() {
+            "f" | "fo" => match words.map(|word| parse_corner(word, mesh.points.len())).collect() {
                 Ok(corners) => {
                     mesh.polygons.push(corners);
                     lines_of_polygons.push(line);
                 }
-                Err(found) => refusals.push(Refusal::new(line, found, "numbers of vertices, from 1, or from -1 back")),
+                Err(found) => {
+                    refusals.push(ReadError::new(line, found, "numbers of vertices, from 1, or from -1 back"))
+                }
             },
             "l" | "p" => elements += 1,
-            unused if UNUSED.contains(&unused) => {}
+            unused if IGNORED_STATEMENTS.contains(&unused) => {}
             "call" | "csh" => {
                 let found = format!("'{keyword}', with which other files come in");
-                refusals.push(Refusal::new(line, found, "all vertices and polygons in this file"));
+                refusals.push(ReadError::new(line, found, "all vertices and polygons in this file"));
             }
-            free if FREE_FORM.contains(&free) => {
+            free if FREE_FORM_STATEMENTS.contains(&free) => {
                 let found = format!("'{free}', a statement of free-form geometry");
-                refusals.push(Refusal::new(line, found, "polygons; let the program that wrote it triangulate"));
+                refusals.push(ReadError::new(line, found, "polygons; let the program that wrote it triangulate"));
             }
-            other => refusals.push(Refusal::new(line, format!("the word '{other}'"), WORDS)),
+            other => refusals.push(ReadError::new(line, format!("the word '{other}'"), EXPECTED_STATEMENTS)),
         }
     }
     for (polygon, line) in mesh.polygons.iter().zip(lines_of_polygons) {
         if let Some(beyond) = polygon.iter().find(|&&corner| corner >= mesh.points.len()) {
             let found = format!("vertex {}", beyond + 1);
-            refusals.push(Refusal::new(line, found, format!("1 to {}", mesh.points.len())));
+            refusals.push(ReadError::new(line, found, format!("1 to {}", mesh.points.len())));
         }
     }
     if refusals.is_empty() && mesh.polygons.is_empty() {
-        refusals.push(Refusal::new(None, "no polygons", "f lines"));
+        refusals.push(ReadError::new(None, "no polygons", "f lines"));
     }
-    mesh.note("ignored", elements, "line or point element", "");
-    mesh.note("ignored", weights, "weight or colour", " after coordinates");
+    mesh.add_note("ignored", elements, "line or point element", "");
+    mesh.add_note("ignored", weights, "weight or colour", " after coordinates");
     if refusals.is_empty() { Ok(mesh) } else { Err(refusals) }
 }
 
 /// The lines without comments, each with those in which it is continued, and the number of the first.
-fn statements(text: &str) -> Vec<(usize, String)> {
+fn logical_lines(text: &str) -> Vec<(usize, String)> {
     let mut all: Vec<(usize, String)> = Vec::new();
     let mut continued = false;
     for (number, line) in (1..).zip(text.split('\n')) {
@@ -104,7 +106,7 @@ fn statements(text: &str) -> Vec<(usize, String)> {
 }
 
 /// The coordinates, and whether a weight other than 1 or a colour follows them.
-fn vertex<'a>(words: impl Iterator<Item = &'a str>) -> Result<([f64; 3], bool), String> {
+fn parse_vertex<'a>(words: impl Iterator<Item = &'a str>) -> Result<([f64; 3], bool), String> {
     let words: Vec<&str> = words.collect();
     let [x, y, z, more @ ..] = words.as_slice() else {
         return Err(format!("a vertex of {} numbers", words.len()));
@@ -113,12 +115,12 @@ fn vertex<'a>(words: impl Iterator<Item = &'a str>) -> Result<([f64; 3], bool), 
     for word in more {
         coordinate(word)?;
     }
-    Ok((point, !more.is_empty() && more != ["1"] && more.iter().any(|word| real(word) != Some(1.0))))
+    Ok((point, !more.is_empty() && more != ["1"] && more.iter().any(|word| parse_real(word) != Some(1.0))))
 }
 
 /// The number of a corner's vertex, from 0, of a word such as `7`, `7/1`, `7//3` or `-2/1/1`; `known` vertices are
 /// before it.
-fn corner(word: &str, known: usize) -> Result<usize, String> {
+fn parse_corner(word: &str, known: usize) -> Result<usize, String> {
     let number: i64 =
         (word.split('/').next().unwrap_or_default()).parse().map_err(|_| format!("the corner '{word}'"))?;
     let vertex = if number < 0 { number.saturating_add(known as i64) } else { number - 1 };

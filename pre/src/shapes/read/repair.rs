@@ -4,22 +4,22 @@
 use nalgebra::Vector3;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::{Mesh, plural};
+use super::{PolygonMesh, count_text};
 
 /// Distances up to which points of an open surface are welded, over the largest coordinate: the last digit of numbers in
 /// single precision, of seven, six and five digits.
-const WELD: [f64; 3] = [2e-7, 2e-6, 2e-5];
+const WELD_TOLERANCES: [f64; 3] = [2e-7, 2e-6, 2e-5];
 /// The same over the extent: of a surface far from the origin the last digit may be as large as its details.
 const WELD_OF_EXTENT: f64 = 1e-3;
 /// Height of a triangle over its longest side below which it has no area; as [`cd_formats::surface::Surface`] has it.
-const FLAT: f64 = 1e-14;
+const FLATNESS_LIMIT: f64 = 1e-14;
 
 /// Vertices, triangles of their numbers, and phrases about the repairs.
 pub type Triangulated = (Vec<[f64; 3]>, Vec<[u32; 3]>, Vec<String>);
 
 /// Triangulates a mesh. Faults of the surface are left for [`cd_formats::surface::Surface::new`].
-pub fn triangulated(mesh: Mesh) -> Triangulated {
-    let Mesh { points, polygons, notes } = mesh;
+pub fn triangulate(mesh: PolygonMesh) -> Triangulated {
+    let PolygonMesh { points, polygons, notes } = mesh;
     let mut numbers: FxHashMap<[u64; 3], u32> = FxHashMap::default();
     let (mut vertices, mut triangles): (Vec<[f64; 3]>, Vec<[u32; 3]>) = (Vec::new(), Vec::new());
     for polygon in &polygons {
@@ -39,22 +39,22 @@ pub fn triangulated(mesh: Mesh) -> Triangulated {
             [first, rest @ ..] => triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]])),
         }
     }
-    let exact = clean(&vertices, &triangles, notes.clone());
-    if closed(&exact.1) || vertices.iter().flatten().any(|x| !x.is_finite()) {
+    let exact = remove_degenerate(&vertices, &triangles, notes.clone());
+    if is_closed(&exact.1) || vertices.iter().flatten().any(|x| !x.is_finite()) {
         return exact;
     }
-    let [largest, extent] = sizes(&vertices);
-    for share in WELD {
+    let [largest, extent] = coordinate_and_extent(&vertices);
+    for share in WELD_TOLERANCES {
         let distance = (share * largest).min(WELD_OF_EXTENT * extent);
-        let (number, left) = weld(&vertices, distance);
+        let (number, left) = weld_vertices(&vertices, distance);
         let count = vertices.len() - left;
         let mut notes = notes.clone();
         if count > 0 {
-            notes.push(format!("welded {} closer than {distance:.1e} m", plural(count, "vertex")));
+            notes.push(format!("welded {} closer than {distance:.1e} m", count_text(count, "vertex")));
         }
         let triangles: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|v| number[v as usize])).collect();
-        let welded = clean(&vertices, &triangles, notes);
-        if closed(&welded.1) {
+        let welded = remove_degenerate(&vertices, &triangles, notes);
+        if is_closed(&welded.1) {
             return welded;
         }
     }
@@ -62,7 +62,7 @@ pub fn triangulated(mesh: Mesh) -> Triangulated {
 }
 
 /// Largest coordinate, and longest side of the box along the axes.
-fn sizes(vertices: &[[f64; 3]]) -> [f64; 2] {
+fn coordinate_and_extent(vertices: &[[f64; 3]]) -> [f64; 2] {
     let largest = vertices.iter().flatten().fold(0.0, |largest: f64, x| largest.max(x.abs()));
     let side = |k: usize| {
         let ends = vertices.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v[k]), b.max(v[k])]);
@@ -72,7 +72,7 @@ fn sizes(vertices: &[[f64; 3]]) -> [f64; 2] {
 }
 
 /// The number of the vertex that stands for each, the first within `distance`; and how many are left.
-fn weld(vertices: &[[f64; 3]], distance: f64) -> (Vec<u32>, usize) {
+fn weld_vertices(vertices: &[[f64; 3]], distance: f64) -> (Vec<u32>, usize) {
     let cell = |v: &[f64; 3]| v.map(|x| (x / distance).floor() as i64);
     let mut cells: FxHashMap<[i64; 3], Vec<u32>> = FxHashMap::default();
     let (mut numbers, mut left) = (Vec::with_capacity(vertices.len()), 0);
@@ -98,21 +98,21 @@ fn weld(vertices: &[[f64; 3]], distance: f64) -> (Vec<u32>, usize) {
 }
 
 /// Whether every edge belongs to two triangles.
-fn closed(triangles: &[[u32; 3]]) -> bool {
+fn is_closed(triangles: &[[u32; 3]]) -> bool {
     let mut edges: FxHashMap<[u32; 2], u32> = FxHashMap::default();
-    for [a, b] in triangles.iter().flat_map(sides) {
+    for [a, b] in triangles.iter().flat_map(triangle_edges) {
         *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
     }
     !triangles.is_empty() && edges.values().all(|count| *count == 2)
 }
 
-fn sides([a, b, c]: &[u32; 3]) -> [[u32; 2]; 3] {
+fn triangle_edges([a, b, c]: &[u32; 3]) -> [[u32; 2]; 3] {
     [[*a, *b], [*b, *c], [*c, *a]]
 }
 
 /// Drops triangles without area and second copies of triangles, then vertices that are not used.
-fn clean(vertices: &[[f64; 3]], triangles: &[[u32; 3]], mut notes: Vec<String>) -> Triangulated {
-    let is_flat = |t: &[u32; 3]| apex(vertices, t).is_some();
+fn remove_degenerate(vertices: &[[f64; 3]], triangles: &[[u32; 3]], mut notes: Vec<String>) -> Triangulated {
+    let is_flat = |t: &[u32; 3]| apex_of_degenerate(vertices, t).is_some();
     let mut kept: Vec<[u32; 3]> = triangles.iter().copied().filter(|[a, b, c]| a != b && b != c && c != a).collect();
     let (distinct, mut known) = (kept.len(), FxHashSet::default());
     kept.retain(|t| {
@@ -123,7 +123,7 @@ fn clean(vertices: &[[f64; 3]], triangles: &[[u32; 3]], mut notes: Vec<String>) 
     let flat = kept.iter().filter(|t| is_flat(t)).count();
     if flat > 0 {
         let without: Vec<[u32; 3]> = kept.iter().copied().filter(|t| !is_flat(t)).collect();
-        kept = if closed(&without) { without } else { split(vertices, kept) };
+        kept = if is_closed(&without) { without } else { split_neighbours(vertices, kept) };
     }
     let left = kept.iter().filter(|t| is_flat(t)).count();
     let degenerate = triangles.len() - distinct + flat.saturating_sub(left);
@@ -137,37 +137,37 @@ fn clean(vertices: &[[f64; 3]], triangles: &[[u32; 3]], mut notes: Vec<String>) 
         });
     }
     if degenerate > 0 {
-        notes.push(format!("dropped {}", plural(degenerate, "degenerate triangle")));
+        notes.push(format!("dropped {}", count_text(degenerate, "degenerate triangle")));
     }
     if copies > 0 {
-        notes.push(format!("dropped {}", plural(copies, "duplicate triangle")));
+        notes.push(format!("dropped {}", count_text(copies, "duplicate triangle")));
     }
     (used, kept, notes)
 }
 
 /// Returns, for a triangle without area, the position of the corner on its longest side.
-fn apex(vertices: &[[f64; 3]], t: &[u32; 3]) -> Option<usize> {
+fn apex_of_degenerate(vertices: &[[f64; 3]], t: &[u32; 3]) -> Option<usize> {
     let [a, b, c] = t.map(|v| Vector3::from(vertices[v as usize]));
     let lengths = [(c - b).norm(), (a - c).norm(), (b - a).norm()];
     let longest = (0..3).max_by(|&i, &j| lengths[i].total_cmp(&lengths[j])).unwrap_or(0);
-    ((b - a).cross(&(c - a)).norm() <= FLAT * lengths[longest].powi(2)).then_some(longest)
+    ((b - a).cross(&(c - a)).norm() <= FLATNESS_LIMIT * lengths[longest].powi(2)).then_some(longest)
 }
 
 /// Removes triangles without area that close the surface: the neighbour at the longest side is cut in two at the corner
 /// on it, so that the edges at this corner find their second triangle.
-fn split(vertices: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
+fn split_neighbours(vertices: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
     // Neighbours without area may need several passes.
-    const PASSES: usize = 50;
-    for _ in 0..PASSES {
+    const MAX_PASSES: usize = 50;
+    for _ in 0..MAX_PASSES {
         let mut with_edge: FxHashMap<[u32; 2], Vec<usize>> = FxHashMap::default();
         for (k, t) in triangles.iter().enumerate() {
-            sides(t).iter().for_each(|[a, b]| with_edge.entry([*a.min(b), *a.max(b)]).or_default().push(k));
+            triangle_edges(t).iter().for_each(|[a, b]| with_edge.entry([*a.min(b), *a.max(b)]).or_default().push(k));
         }
         let mut touched = vec![false; triangles.len()];
         let mut gone = vec![false; triangles.len()];
         for k in 0..touched.len() {
             let t = triangles[k];
-            let Some(at) = apex(vertices, &t).filter(|_| !touched[k]) else { continue };
+            let Some(at) = apex_of_degenerate(vertices, &t).filter(|_| !touched[k]) else { continue };
             let (m, a, b) = (t[at], t[(at + 1) % 3], t[(at + 2) % 3]);
             let others: Vec<usize> =
                 with_edge[&[a.min(b), a.max(b)]].iter().copied().filter(|&other| other != k).collect();
@@ -201,15 +201,19 @@ mod tests {
     use super::*;
     use cd_formats::surface::Surface;
 
-    fn cube() -> Mesh {
+    fn cube() -> PolygonMesh {
         let corner = |k: usize| [k & 1, k >> 1 & 1, k >> 2 & 1].map(|side| side as f64 - 0.5);
         let polygons = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        Mesh { points: (0..8).map(corner).collect(), polygons: polygons.map(|p| p.to_vec()).into(), notes: Vec::new() }
+        PolygonMesh {
+            points: (0..8).map(corner).collect(),
+            polygons: polygons.map(|p| p.to_vec()).into(),
+            notes: Vec::new(),
+        }
     }
 
     /// Volume, m^3, and notes.
-    fn made(mesh: Mesh) -> (f64, String) {
-        let (vertices, triangles, notes) = triangulated(mesh);
+    fn made(mesh: PolygonMesh) -> (f64, String) {
+        let (vertices, triangles, notes) = triangulate(mesh);
         (Surface::new(&vertices, &triangles).unwrap().volume(), notes.join(", "))
     }
 
@@ -251,7 +255,7 @@ mod tests {
             moved[0] += gap;
             mesh.points.push(moved);
             mesh.polygons[1] = vec![4, 5, 8, 6];
-            let (vertices, triangles, notes) = triangulated(mesh);
+            let (vertices, triangles, notes) = triangulate(mesh);
             match Surface::new(&vertices, &triangles) {
                 Ok(surface) => {
                     // The welded corner is off by the gap.

@@ -1,76 +1,82 @@
 //! STL, text and binary.
 
-use super::{Mesh, Number, Refusal, coordinate, lines, plural, real};
+use super::{NumberType, PolygonMesh, ReadError, coordinate, count_text, lines, parse_real};
 
 /// Bytes before the first triangle of a binary file: a header of 80, then the number of triangles.
-const HEAD: usize = 84;
+const HEADER_BYTES: usize = 84;
 /// Bytes of a triangle of a binary file: normal, three corners, two unused ones.
-const TRIANGLE: usize = 50;
+const TRIANGLE_BYTES: usize = 50;
 
 /// Reads a file. Whether it is text or binary follows from its length and its bytes, not from the word `solid` alone,
 /// with which binary files begin too.
-pub fn read(bytes: &[u8]) -> Result<Mesh, Vec<Refusal>> {
-    let announced = bytes.get(80..HEAD).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
-    let length = |count: u32| HEAD as u64 + TRIANGLE as u64 * u64::from(count);
+pub fn read(bytes: &[u8]) -> Result<PolygonMesh, Vec<ReadError>> {
+    let announced =
+        bytes.get(80..HEADER_BYTES).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
+    let length = |count: u32| HEADER_BYTES as u64 + TRIANGLE_BYTES as u64 * u64::from(count);
     let exact = announced.is_some_and(|count| bytes.len() as u64 == length(count));
     let text = &bytes[bytes.iter().take_while(|&&byte| byte <= b' ').count()..];
     let begins = |word: &str| text.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word.as_bytes()));
     if is_utf_16(bytes) {
-        return Err(Refusal::new(None, "text in UTF-16, not UTF-8 or ASCII", "an STL file, text or binary").into());
+        return Err(ReadError::new(None, "text in UTF-16, not UTF-8 or ASCII", "an STL file, text or binary").into());
     }
     let printable = !bytes.iter().any(|byte| matches!(byte, 0..=8 | 14..=26 | 28..=31));
     if !exact && printable && (begins("solid") || begins("facet")) {
-        return text_file(&String::from_utf8_lossy(bytes)).map_err(Into::into);
+        return read_text(&String::from_utf8_lossy(bytes)).map_err(Into::into);
     }
     let Some(count) = announced else {
-        let found = format!("{} that do not begin with 'solid'", plural(bytes.len(), "byte"));
-        return Err(Refusal::new(None, found, "an STL file: text, or at least 84 bytes").into());
+        let found = format!("{} that do not begin with 'solid'", count_text(bytes.len(), "byte"));
+        return Err(ReadError::new(None, found, "an STL file: text, or at least 84 bytes").into());
     };
     if !exact && printable {
         let found = "text that does not begin with 'solid'";
-        return Err(Refusal::new(None, found, "an STL file, text or binary").into());
+        return Err(ReadError::new(None, found, "an STL file, text or binary").into());
     }
     if !exact && let Some(mesh) = shifted(bytes) {
         return Ok(mesh);
     }
     let big_endian = !exact && length(count.swap_bytes()) == bytes.len() as u64;
     let count = if big_endian { count.swap_bytes() } else { count };
-    let whole = (bytes.len() - HEAD) / TRIANGLE;
+    let whole = (bytes.len() - HEADER_BYTES) / TRIANGLE_BYTES;
     // Some programs leave the number at 0.
-    let unset = count == 0 && whole > 0 && (bytes.len() - HEAD).is_multiple_of(TRIANGLE);
+    let unset = count == 0 && whole > 0 && (bytes.len() - HEADER_BYTES).is_multiple_of(TRIANGLE_BYTES);
     let count = if unset { whole } else { count as usize };
     if whole < count {
         // Text with a stray control character, such as the end mark of DOS.
         if begins("solid")
-            && let Ok(mut mesh) = text_file(&String::from_utf8_lossy(bytes).replace(['\0', '\u{1a}'], " "))
+            && let Ok(mut mesh) = read_text(&String::from_utf8_lossy(bytes).replace(['\0', '\u{1a}'], " "))
         {
             let marks = bytes.iter().filter(|byte| [0, 0x1a].contains(*byte)).count();
-            mesh.note("ignored", marks, "control character", "");
+            mesh.add_note("ignored", marks, "control character", "");
             return Ok(mesh);
         }
         let found = format!("{} triangles announced, {whole} there: {} bytes", count, bytes.len());
-        return Err(Refusal::new(None, found, "an STL file, text or binary, that is complete").into());
+        return Err(ReadError::new(None, found, "an STL file, text or binary, that is complete").into());
     }
     if count == 0 {
-        return Err(Refusal::new(None, "no triangles", "a closed surface").into());
+        return Err(ReadError::new(None, "no triangles", "a closed surface").into());
     }
-    let mut mesh = Mesh::default();
+    let mut mesh = PolygonMesh::default();
     let mut wrong_normals = 0;
-    for triangle in bytes[HEAD..HEAD + TRIANGLE * count].chunks_exact(TRIANGLE) {
-        let normal = Number::Float.all(&triangle[..12], big_endian);
+    for triangle in bytes[HEADER_BYTES..HEADER_BYTES + TRIANGLE_BYTES * count].chunks_exact(TRIANGLE_BYTES) {
+        let normal = NumberType::Float.decode_all(&triangle[..12], big_endian);
         wrong_normals += usize::from(!normal.iter().all(|x| x.is_finite()));
-        let numbers = Number::Float.all(&triangle[12..48], big_endian);
+        let numbers = NumberType::Float.decode_all(&triangle[12..48], big_endian);
         mesh.polygons.push((mesh.points.len()..).take(3).collect());
         mesh.points.extend(numbers.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
     }
     if big_endian {
         mesh.notes.push("read as big-endian, which STL files should not be".into());
     }
-    mesh.note("ignored", wrong_normals, "normal", " without numbers");
+    mesh.add_note("ignored", wrong_normals, "normal", " without numbers");
     if unset {
-        mesh.notes.push(format!("read {} where 0 are announced", plural(count, "triangle")));
+        mesh.notes.push(format!("read {} where 0 are announced", count_text(count, "triangle")));
     } else {
-        mesh.note("ignored", bytes.len() - HEAD - TRIANGLE * count, "byte", " after the last triangle");
+        mesh.add_note(
+            "ignored",
+            bytes.len() - HEADER_BYTES - TRIANGLE_BYTES * count,
+            "byte",
+            " after the last triangle",
+        );
     }
     Ok(mesh)
 }
@@ -86,28 +92,28 @@ fn is_utf_16(bytes: &[u8]) -> bool {
 }
 
 /// A binary file behind a few bytes, such as the end of a line, if its length then fits the number of triangles.
-fn shifted(bytes: &[u8]) -> Option<Mesh> {
+fn shifted(bytes: &[u8]) -> Option<PolygonMesh> {
     const MOST: usize = 8;
     let fits = |first: &usize| {
-        let count = bytes.get(first + 80..first + HEAD)?;
+        let count = bytes.get(first + 80..first + HEADER_BYTES)?;
         let count = u32::from_le_bytes(count.try_into().ok()?) as usize;
-        (count > 0 && bytes.len() - first == HEAD + TRIANGLE * count).then_some(())
+        (count > 0 && bytes.len() - first == HEADER_BYTES + TRIANGLE_BYTES * count).then_some(())
     };
     let first = (1..=MOST).find(|first| fits(first).is_some())?;
     let mut mesh = read(&bytes[first..]).ok()?;
-    mesh.note("ignored", first, "byte", " before the header");
+    mesh.add_note("ignored", first, "byte", " before the header");
     Some(mesh)
 }
 
 /// A word of a text file, in small letters, and its line.
 type Word = (usize, String);
 
-fn text_file(text: &str) -> Result<Mesh, Refusal> {
+fn read_text(text: &str) -> Result<PolygonMesh, ReadError> {
     let text = lines(text);
-    let mut words = Words { lines: text.split('\n').enumerate(), current: Vec::new().into_iter(), line: 0 };
-    let mut mesh = Mesh::default();
+    let mut words = WordReader { lines: text.split('\n').enumerate(), current: Vec::new().into_iter(), line: 0 };
+    let mut mesh = PolygonMesh::default();
     let (mut solids, mut wrong_normals) = (0, 0);
-    while let Some((line, word)) = words.next() {
+    while let Some((line, word)) = words.next_word() {
         match word.as_str() {
             // A name follows, of any words.
             "solid" => {
@@ -115,35 +121,35 @@ fn text_file(text: &str) -> Result<Mesh, Refusal> {
                 words.skip_line();
             }
             "endsolid" | "end" => words.skip_line(),
-            "facet" => wrong_normals += usize::from(!facet(&mut words, line, &mut mesh)?),
-            _ => return Err(Refusal::new(line, format!("the word '{word}'"), "facet, endsolid or solid")),
+            "facet" => wrong_normals += usize::from(!read_facet(&mut words, line, &mut mesh)?),
+            _ => return Err(ReadError::new(line, format!("the word '{word}'"), "facet, endsolid or solid")),
         }
     }
     if mesh.polygons.is_empty() {
-        return Err(Refusal::new(None, "no facets", "an STL file, text or binary, of a closed surface"));
+        return Err(ReadError::new(None, "no facets", "an STL file, text or binary, of a closed surface"));
     }
     if solids > 1 {
         mesh.notes.push(format!("read {solids} solids as one surface"));
     }
-    mesh.note("ignored", wrong_normals, "normal", " without numbers");
+    mesh.add_note("ignored", wrong_normals, "normal", " without numbers");
     Ok(mesh)
 }
 
 /// Reads what follows `facet`; returns whether the normal consists of numbers.
-fn facet(words: &mut Words, line: usize, mesh: &mut Mesh) -> Result<bool, Refusal> {
+fn read_facet(words: &mut WordReader, line: usize, mesh: &mut PolygonMesh) -> Result<bool, ReadError> {
     let number = mesh.polygons.len() + 1;
-    let ends = || Refusal::new(None, format!("the end of the file within facet {number}"), "a complete file");
-    let mut word = words.next().ok_or_else(ends)?;
+    let ends = || ReadError::new(None, format!("the end of the file within facet {number}"), "a complete file");
+    let mut word = words.next_word().ok_or_else(ends)?;
     let mut normal = true;
     if word.1 == "normal" {
         // The normal follows from the corners.
         let mut count = 0;
         loop {
-            word = words.next().ok_or_else(ends)?;
+            word = words.next_word().ok_or_else(ends)?;
             if word.1 == "outer" {
                 break;
             }
-            normal &= real(&word.1).is_some_and(f64::is_finite);
+            normal &= parse_real(&word.1).is_some_and(f64::is_finite);
             count += 1;
             if word.0 > line + 1 {
                 break;
@@ -153,53 +159,57 @@ fn facet(words: &mut Words, line: usize, mesh: &mut Mesh) -> Result<bool, Refusa
     }
     for expected in ["outer", "loop"] {
         if word.1 != expected {
-            return Err(Refusal::new(word.0, format!("the word '{}'", word.1), "outer loop"));
+            return Err(ReadError::new(word.0, format!("the word '{}'", word.1), "outer loop"));
         }
-        word = words.next().ok_or_else(ends)?;
+        word = words.next_word().ok_or_else(ends)?;
     }
     let mut corners = Vec::new();
     while word.1 == "vertex" {
         let mut point = [0.0; 3];
         let of_vertex = word.0;
         for (k, x) in point.iter_mut().enumerate() {
-            let (line, word) = words.next().ok_or_else(ends)?;
+            let (line, word) = words.next_word().ok_or_else(ends)?;
             *x = coordinate(&word).map_err(|found| {
                 // The next word may be that of the next line.
                 let (line, found) = match line {
-                    line if line > of_vertex => (of_vertex, format!("a vertex of {}", plural(k, "number"))),
+                    line if line > of_vertex => (of_vertex, format!("a vertex of {}", count_text(k, "number"))),
                     line => (line, found),
                 };
-                Refusal::new(line, found, "vertex and three coordinates")
+                ReadError::new(line, found, "vertex and three coordinates")
             })?;
         }
         corners.push(mesh.points.len());
         mesh.points.push(point);
-        word = words.next().ok_or_else(ends)?;
+        word = words.next_word().ok_or_else(ends)?;
     }
     if word.1 != "endloop" {
-        return Err(Refusal::new(word.0, format!("the word '{}'", word.1), "vertex and three coordinates, or endloop"));
+        return Err(ReadError::new(
+            word.0,
+            format!("the word '{}'", word.1),
+            "vertex and three coordinates, or endloop",
+        ));
     }
     if corners.len() < 3 {
-        let found = format!("facet {number} of {}", plural(corners.len(), "vertex"));
-        return Err(Refusal::new(word.0, found, "three"));
+        let found = format!("facet {number} of {}", count_text(corners.len(), "vertex"));
+        return Err(ReadError::new(word.0, found, "three"));
     }
-    let (line, word) = words.next().ok_or_else(ends)?;
+    let (line, word) = words.next_word().ok_or_else(ends)?;
     if word != "endfacet" {
-        return Err(Refusal::new(line, format!("the word '{word}'"), "endfacet"));
+        return Err(ReadError::new(line, format!("the word '{word}'"), "endfacet"));
     }
     mesh.polygons.push(corners);
     Ok(normal)
 }
 
 /// The words of a text, one after the other.
-struct Words<'a> {
+struct WordReader<'a> {
     lines: std::iter::Enumerate<std::str::Split<'a, char>>,
     current: std::vec::IntoIter<&'a str>,
     line: usize,
 }
 
-impl Words<'_> {
-    fn next(&mut self) -> Option<Word> {
+impl WordReader<'_> {
+    fn next_word(&mut self) -> Option<Word> {
         loop {
             if let Some(word) = self.current.next() {
                 return Some((self.line, word.to_ascii_lowercase()));
@@ -215,7 +225,7 @@ impl Words<'_> {
         let rest = self.current.as_slice();
         let begins = |words: &[&str]| {
             let is = |k: usize, word: &str| words.get(k).is_some_and(|known: &&str| known.eq_ignore_ascii_case(word));
-            let numbers = words.get(2..5).is_some_and(|normal| normal.iter().all(|word| real(word).is_some()));
+            let numbers = words.get(2..5).is_some_and(|normal| normal.iter().all(|word| parse_real(word).is_some()));
             is(0, "facet") && is(1, "normal") && numbers && is(5, "outer") && is(6, "loop")
         };
         let facet = (0..rest.len()).find(|&k| begins(&rest[k..]));

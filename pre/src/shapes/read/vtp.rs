@@ -2,56 +2,56 @@
 
 use miniz_oxide::inflate::decompress_to_vec_zlib_with_limit;
 
-use super::{Cells, Mesh, Number, Piece, Refusal, real};
+use super::{CellLists, NumberType, PolyDataPiece, PolygonMesh, ReadError, parse_real};
 
-const KIND: &str = "polygonal data of VTK, legacy or XML";
-const COMPLETE: &str = "a complete file";
+const FILE_KIND: &str = "polygonal data of VTK, legacy or XML";
+const COMPLETE_FILE: &str = "a complete file";
 
 /// Reads a file.
-pub fn read(bytes: &[u8]) -> Result<Mesh, Refusal> {
-    let mut file = File::of(bytes)?;
-    let mut mesh = Mesh::default();
-    for piece in file.pieces()? {
-        piece.add_to(&mut mesh).map_err(|found| Refusal::new(None, found, KIND))?;
+pub fn read(bytes: &[u8]) -> Result<PolygonMesh, ReadError> {
+    let mut file = VtpFile::from_bytes(bytes)?;
+    let mut mesh = PolygonMesh::default();
+    for piece in file.read_pieces()? {
+        piece.add_to(&mut mesh).map_err(|found| ReadError::new(None, found, FILE_KIND))?;
     }
     if mesh.polygons.is_empty() {
-        return Err(Refusal::new(None, "no polygons", "Polys or Strips"));
+        return Err(ReadError::new(None, "no polygons", "Polys or Strips"));
     }
     Ok(mesh)
 }
 
 /// A tag with the text up to the next one.
-struct Tag {
+struct XmlTag {
     line: usize,
     name: String,
     attributes: Vec<(String, String)>,
-    kind: Kind,
+    kind: TagKind,
     content: String,
 }
 
 #[derive(PartialEq)]
-enum Kind {
+enum TagKind {
     Start,
     End,
     Empty,
 }
 
-impl Tag {
+impl XmlTag {
     fn attribute(&self, name: &str) -> Option<&str> {
         self.attributes.iter().find(|(known, _)| known == name).map(|(_, value)| value.as_str())
     }
 
     /// A number in an attribute, if it is there.
-    fn number(&self, name: &str) -> Result<Option<usize>, Refusal> {
+    fn number_attribute(&self, name: &str) -> Result<Option<usize>, ReadError> {
         let number = |value: &str| {
-            value.trim().parse().map_err(|_| Refusal::new(self.line, format!("{name}=\"{value}\""), "a number"))
+            value.trim().parse().map_err(|_| ReadError::new(self.line, format!("{name}=\"{value}\""), "a number"))
         };
         self.attribute(name).map(number).transpose()
     }
 }
 
-struct File<'a> {
-    tags: Vec<Tag>,
+struct VtpFile<'a> {
+    tags: Vec<XmlTag>,
     /// Behind the `_` of the appended data.
     appended: &'a [u8],
     /// Whether these are in base64.
@@ -62,34 +62,34 @@ struct File<'a> {
     compressed: bool,
 }
 
-impl<'a> File<'a> {
-    fn of(bytes: &'a [u8]) -> Result<Self, Refusal> {
+impl<'a> VtpFile<'a> {
+    fn from_bytes(bytes: &'a [u8]) -> Result<Self, ReadError> {
         // Raw data are no XML.
-        let appended = find(bytes, b"<AppendedData").unwrap_or(bytes.len());
-        let mut tags = tags(&String::from_utf8_lossy(&bytes[..appended]))?;
+        let appended = find_word(bytes, b"<AppendedData").unwrap_or(bytes.len());
+        let mut tags = parse_tags(&String::from_utf8_lossy(&bytes[..appended]))?;
         let mut file =
-            File { tags: Vec::new(), appended: &[], encoded: false, big_endian: false, head: 4, compressed: false };
+            VtpFile { tags: Vec::new(), appended: &[], encoded: false, big_endian: false, head: 4, compressed: false };
         if appended < bytes.len() {
-            let end = find(&bytes[appended..], b">").map(|end| appended + end + 1);
-            let begin = end.and_then(|end| Some(end + find(&bytes[end..], b"_")? + 1));
+            let end = find_word(&bytes[appended..], b">").map(|end| appended + end + 1);
+            let begin = end.and_then(|end| Some(end + find_word(&bytes[end..], b"_")? + 1));
             let (Some(end), Some(begin)) = (end, begin) else {
-                return Err(Refusal::new(None, "AppendedData without '_'", COMPLETE));
+                return Err(ReadError::new(None, "AppendedData without '_'", COMPLETE_FILE));
             };
-            let of_tag = self::tags(&String::from_utf8_lossy(&bytes[appended..end]))?;
+            let of_tag = self::parse_tags(&String::from_utf8_lossy(&bytes[appended..end]))?;
             file.encoded = of_tag.iter().any(|tag| tag.attribute("encoding") == Some("base64"));
             file.appended = &bytes[begin..];
         }
         tags.retain(|tag| tag.name != "?");
         let Some(first) = tags.first().filter(|tag| tag.name == "VTKFile") else {
-            return Err(Refusal::new(None, "no tag VTKFile", KIND));
+            return Err(ReadError::new(None, "no tag VTKFile", FILE_KIND));
         };
         let kind = first.attribute("type").unwrap_or_default();
         if kind != "PolyData" {
             let expected = "PolyData; in ParaView: Extract Surface";
-            return Err(Refusal::new(first.line, format!("VTKFile of the type '{kind}'"), expected));
+            return Err(ReadError::new(first.line, format!("VTKFile of the type '{kind}'"), expected));
         }
         let refuse = |name: &str, value: &str, expected: &str| {
-            Err(Refusal::new(first.line, format!("{name}=\"{value}\""), expected))
+            Err(ReadError::new(first.line, format!("{name}=\"{value}\""), expected))
         };
         file.big_endian = match first.attribute("byte_order") {
             None | Some("LittleEndian") => false,
@@ -106,42 +106,46 @@ impl<'a> File<'a> {
             Some("vtkZLibDataCompressor") => true,
             Some(other) => {
                 let expected = "vtkZLibDataCompressor or none; in ParaView: Compressor Type";
-                return Err(Refusal::new(first.line, format!("compressed by {other}"), expected));
+                return Err(ReadError::new(first.line, format!("compressed by {other}"), expected));
             }
         };
         file.tags = tags;
         Ok(file)
     }
 
-    fn pieces(&mut self) -> Result<Vec<Piece>, Refusal> {
-        let mut pieces: Vec<Piece> = Vec::new();
-        let mut open: Vec<&Tag> = Vec::new();
+    fn read_pieces(&mut self) -> Result<Vec<PolyDataPiece>, ReadError> {
+        let mut pieces: Vec<PolyDataPiece> = Vec::new();
+        let mut open: Vec<&XmlTag> = Vec::new();
         for tag in &self.tags {
             let parent = open.last().map_or("", |tag| tag.name.as_str());
-            if tag.kind == Kind::End {
+            if tag.kind == TagKind::End {
                 if parent != tag.name {
-                    return Err(Refusal::new(tag.line, format!("</{}> where <{parent}> is open", tag.name), KIND));
+                    return Err(ReadError::new(
+                        tag.line,
+                        format!("</{}> where <{parent}> is open", tag.name),
+                        FILE_KIND,
+                    ));
                 }
                 if tag.name == "Piece" {
-                    complete(&pieces, open[open.len() - 1])?;
+                    expect_complete(&pieces, open[open.len() - 1])?;
                 }
                 open.pop();
                 continue;
             }
             match (tag.name.as_str(), parent) {
                 ("Piece", _) => {
-                    pieces.push(Piece::default());
-                    let ignored = [tag.number("NumberOfVerts")?, tag.number("NumberOfLines")?];
+                    pieces.push(PolyDataPiece::default());
+                    let ignored = [tag.number_attribute("NumberOfVerts")?, tag.number_attribute("NumberOfLines")?];
                     pieces.iter_mut().next_back().into_iter().for_each(|piece| {
                         piece.ignored = ignored.into_iter().flatten().fold(0, usize::saturating_add);
                     });
                     if tag.attribute("Source").is_some() {
-                        return Err(Refusal::new(tag.line, "a piece in another file", "pieces in this one"));
+                        return Err(ReadError::new(tag.line, "a piece in another file", "pieces in this one"));
                     }
                 }
                 ("DataArray", "Points" | "Polys" | "Strips") => {
                     let Some(piece) = pieces.last_mut() else {
-                        return Err(Refusal::new(tag.line, "an array outside of a Piece", KIND));
+                        return Err(ReadError::new(tag.line, "an array outside of a Piece", FILE_KIND));
                     };
                     let list: Option<&mut Vec<f64>> = match (parent, tag.attribute("Name")) {
                         ("Points", _) => Some(&mut piece.coordinates),
@@ -152,59 +156,60 @@ impl<'a> File<'a> {
                         _ => None,
                     };
                     if let Some(list) = list {
-                        let components = tag.number("NumberOfComponents")?;
+                        let components = tag.number_attribute("NumberOfComponents")?;
                         let expected = if parent == "Points" { 3 } else { 1 };
                         if let Some(other) = components.filter(|components| *components != expected) {
                             let found = format!("NumberOfComponents=\"{other}\" of {parent}");
-                            return Err(Refusal::new(tag.line, found, format!("{expected}")));
+                            return Err(ReadError::new(tag.line, found, format!("{expected}")));
                         }
-                        *list = self.array(tag)?;
+                        *list = self.read_array(tag)?;
                     }
                 }
                 _ => {}
             }
-            if tag.kind == Kind::Start {
+            if tag.kind == TagKind::Start {
                 open.push(tag);
             }
         }
         let last = open.last().map_or("", |tag| tag.name.as_str());
         if !(last.is_empty() || last == "VTKFile" && !self.appended.is_empty()) {
-            return Err(Refusal::new(None, format!("the end of the file within <{last}>"), COMPLETE));
+            return Err(ReadError::new(None, format!("the end of the file within <{last}>"), COMPLETE_FILE));
         }
         Ok(pieces)
     }
 
-    fn array(&self, tag: &Tag) -> Result<Vec<f64>, Refusal> {
-        let refuse = |found: String, expected: &str| Refusal::new(tag.line, found, expected);
+    fn read_array(&self, tag: &XmlTag) -> Result<Vec<f64>, ReadError> {
+        let refuse = |found: String, expected: &str| ReadError::new(tag.line, found, expected);
         let kind = tag.attribute("type").unwrap_or_default();
-        let number = Number::of(kind)
+        let number = NumberType::from_name(kind)
             .ok_or_else(|| refuse(format!("numbers of the type '{kind}'"), "Float64, Int64 or alike"))?;
         let bytes = match tag.attribute("format").unwrap_or("ascii") {
             "ascii" => {
-                let number = |word| real(word).ok_or_else(|| refuse(format!("'{word}', which is no number"), KIND));
+                let number =
+                    |word| parse_real(word).ok_or_else(|| refuse(format!("'{word}', which is no number"), FILE_KIND));
                 return tag.content.split_whitespace().map(number).collect();
             }
-            "binary" => self.binary(&base64(tag.content.as_bytes())),
+            "binary" => self.decode_binary(&decode_base64(tag.content.as_bytes())),
             "appended" => {
-                let offset = tag.number("offset")?.unwrap_or(0);
+                let offset = tag.number_attribute("offset")?.unwrap_or(0);
                 let data = self.appended.get(offset..).unwrap_or_default();
-                if self.encoded { self.binary(&base64(data)) } else { self.binary(data) }
+                if self.encoded { self.decode_binary(&decode_base64(data)) } else { self.decode_binary(data) }
             }
             other => return Err(refuse(format!("format=\"{other}\""), "ascii, binary or appended")),
         };
         let name = tag.attribute("Name").unwrap_or("Points");
-        let bytes = bytes.map_err(|found| refuse(format!("array '{name}': {found}"), COMPLETE))?;
-        Ok(number.all(&bytes, self.big_endian))
+        let bytes = bytes.map_err(|found| refuse(format!("array '{name}': {found}"), COMPLETE_FILE))?;
+        Ok(number.decode_all(&bytes, self.big_endian))
     }
 
     /// The bytes of an array, behind its head: their number, or those of compressed blocks.
-    fn binary(&self, data: &[u8]) -> Result<Vec<u8>, String> {
+    fn decode_binary(&self, data: &[u8]) -> Result<Vec<u8>, String> {
         let mut at = 0;
-        let number = if self.head == 8 { Number::Unsigned(8) } else { Number::Unsigned(4) };
+        let number = if self.head == 8 { NumberType::Unsigned(8) } else { NumberType::Unsigned(4) };
         let mut head = || {
             let bytes = data.get(at..at + self.head).ok_or_else(|| "it has no head".to_string())?;
             at += self.head;
-            Ok::<usize, String>(number.all(bytes, self.big_endian)[0] as usize)
+            Ok::<usize, String>(number.decode_all(bytes, self.big_endian)[0] as usize)
         };
         let first = head()?;
         if !self.compressed {
@@ -230,25 +235,25 @@ impl<'a> File<'a> {
 }
 
 /// Whether a piece has what its tag announces.
-fn complete(pieces: &[Piece], tag: &Tag) -> Result<(), Refusal> {
+fn expect_complete(pieces: &[PolyDataPiece], tag: &XmlTag) -> Result<(), ReadError> {
     let Some(piece) = pieces.last() else { return Ok(()) };
-    let cells = |cells: &Cells| cells.ends.strip_prefix(&[0.0]).unwrap_or(&cells.ends).len();
+    let cells = |cells: &CellLists| cells.ends.strip_prefix(&[0.0]).unwrap_or(&cells.ends).len();
     let counts = [
         ("NumberOfPoints", piece.coordinates.len() / 3),
         ("NumberOfPolys", cells(&piece.polygons)),
         ("NumberOfStrips", cells(&piece.strips)),
     ];
     for (name, count) in counts {
-        if let Some(announced) = tag.number(name)?.filter(|announced| *announced != count) {
-            return Err(Refusal::new(tag.line, format!("{name}=\"{announced}\", and {count} there"), COMPLETE));
+        if let Some(announced) = tag.number_attribute(name)?.filter(|announced| *announced != count) {
+            return Err(ReadError::new(tag.line, format!("{name}=\"{announced}\", and {count} there"), COMPLETE_FILE));
         }
     }
     Ok(())
 }
 
 /// The tags of a file without comments and declarations.
-fn tags(text: &str) -> Result<Vec<Tag>, Refusal> {
-    let mut tags: Vec<Tag> = Vec::new();
+fn parse_tags(text: &str) -> Result<Vec<XmlTag>, ReadError> {
+    let mut tags: Vec<XmlTag> = Vec::new();
     let (mut at, mut line) = (0, 1);
     while let Some(begin) = text[at..].find('<').map(|begin| at + begin) {
         if let Some(tag) = tags.last_mut() {
@@ -264,19 +269,19 @@ fn tags(text: &str) -> Result<Vec<Tag>, Refusal> {
             end_of_tag(rest)
         };
         let Some(length) = length else {
-            return Err(Refusal::new(line, "the end of the file within a tag", COMPLETE));
+            return Err(ReadError::new(line, "the end of the file within a tag", COMPLETE_FILE));
         };
         let whole = &rest[..length];
         if !whole.starts_with("<!") && !whole.starts_with("<?") {
             let inner = &whole[1..length - 1];
             let (inner, kind) = match (inner.strip_prefix('/'), inner.strip_suffix('/')) {
-                (Some(name), _) => (name, Kind::End),
-                (None, Some(inner)) => (inner, Kind::Empty),
-                (None, None) => (inner, Kind::Start),
+                (Some(name), _) => (name, TagKind::End),
+                (None, Some(inner)) => (inner, TagKind::Empty),
+                (None, None) => (inner, TagKind::Start),
             };
             let (name, attributes) = inner.split_once(char::is_whitespace).unwrap_or((inner, ""));
             let (name, attributes) = (name.trim().to_string(), attributes_of(attributes));
-            tags.push(Tag { line, name, attributes, kind, content: String::new() });
+            tags.push(XmlTag { line, name, attributes, kind, content: String::new() });
         }
         line += whole.matches('\n').count();
         at = begin + length;
@@ -311,7 +316,7 @@ fn attributes_of(mut text: &str) -> Vec<(String, String)> {
 }
 
 /// Decodes base64; the head of an array may be encoded apart from its data, so that padding is within.
-fn base64(text: &[u8]) -> Vec<u8> {
+fn decode_base64(text: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
     let (mut held, mut count) = (0u32, 0);
     for byte in text {
@@ -342,7 +347,7 @@ fn base64(text: &[u8]) -> Vec<u8> {
 }
 
 /// Where a word begins in a longer one.
-fn find(bytes: &[u8], word: &[u8]) -> Option<usize> {
+fn find_word(bytes: &[u8], word: &[u8]) -> Option<usize> {
     bytes.windows(word.len()).position(|window| window == word)
 }
 
@@ -352,14 +357,14 @@ mod tests {
 
     #[test]
     fn padding_within_base64() {
-        assert_eq!(base64(b"YWI=YWJj\nYQ=="), b"ababca");
-        assert_eq!(base64(b"===YW"), b"");
-        assert_eq!(base64(b"YWJj</x>"), b"abc");
+        assert_eq!(decode_base64(b"YWI=YWJj\nYQ=="), b"ababca");
+        assert_eq!(decode_base64(b"===YW"), b"");
+        assert_eq!(decode_base64(b"YWJj</x>"), b"abc");
     }
 
     #[test]
     fn tags_with_quotes_and_comments() {
-        let tags = tags("<?xml?><a x='1>2' y = \"3\"/><!-- <b> --><c>text</c>").unwrap();
+        let tags = parse_tags("<?xml?><a x='1>2' y = \"3\"/><!-- <b> --><c>text</c>").unwrap();
         let names: Vec<&str> = tags.iter().map(|tag| tag.name.as_str()).collect();
         assert_eq!(names, ["a", "c", "c"]);
         assert_eq!((tags[0].attribute("x"), tags[0].attribute("y")), (Some("1>2"), Some("3")));

@@ -9,209 +9,210 @@ use std::marker::PhantomData;
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
-use crate::assemble::{Full, Record, System};
+use crate::assemble::{BlockData, ContactProblem, SolverBody};
 use crate::math::Vec3;
-use crate::math::lanes::{Arithmetic, Lanes, Number, Width};
-use crate::solve::batches::{BATCH, Cones, NONE, Sums, Units, onto_cones, put};
-use crate::solve::full::local::{Axes, Side, axes, block, of_lever};
-use crate::solve::local::{dot, triple};
-use crate::solve::nlgs::Reactions;
-use crate::solve::rolling::Rolls;
+use crate::math::lanes::{Arithmetic, F64Arithmetic, LaneFloat, SimdWidth};
+use crate::solve::batches::{BATCH_LANES, FrictionCones, NONE, SweepSums, SweepUnits, set_lane, snap_to_cones};
+use crate::solve::full::local::{BlockAxes, BodySide, block_axes, delassus_block, lever_block};
+use crate::solve::local::{dot_product, triple};
+use crate::solve::nlgs::ContactReactions;
+use crate::solve::rolling::RollingConstraintWide;
 
 /// A range holds at least this many bodies: fewer would wait for each other more than they work.
-const RANGE: usize = 512;
+const MIN_BODIES_PER_RANGE: usize = 512;
 
 /// Colours kept apart; what finds none of them free is swept one pair at a time.
-const COLOURS: usize = 64;
+const MAX_COLOURS: usize = 64;
 
 /// Contacts of a pair that are solved in one go; further ones form another batch.
-const POINTS: usize = 4;
+const MAX_PAIR_CONTACTS: usize = 4;
 
 /// Points of sixteen pairs of which a task fills at least so many.
-const FILLED: usize = 32;
+const MIN_POINTS_PER_TASK: usize = 32;
 
 /// Numbers of a body.
-pub type Line<T> = [T; 8];
+pub type BodyNumbers<T> = [T; 8];
 
 /// Numbers of the pairs of a batch.
-pub type Column<T> = [T; BATCH];
+pub type BatchColumn<T> = [T; BATCH_LANES];
 
 /// Sixteen pairs of bodies.
 #[derive(Debug, Clone)]
-pub struct Batch {
+pub struct BodyPairBatch {
     /// Lines of candidate and antagonist, counted in the range (in all lines for pairs between ranges).
-    pub bodies: [[u32; BATCH]; 2],
+    pub bodies: [[u32; BATCH_LANES]; 2],
     /// First and last + 1 of its points.
     pub points: [usize; 2],
     /// Whether some of its bodies are pushed along some of the fixed axes alone.
-    pub held: bool,
+    pub has_locked_axes: bool,
     /// Whether the friction of some of its contacts has a lever.
     pub levers: bool,
 }
 
 /// Friction levers n×d of the contacts of a point along its two tangents, m.
-pub type Levers<T> = [Column<T>; 2];
+pub type LeverColumns<T> = [BatchColumn<T>; 2];
 
 /// One contact of each pair of a batch: what is constant of it. Unused places are pushed by nothing and stay at rest.
-pub trait Contacts: Clone + Send + Sync {
-    type T: Number;
+pub trait PairContacts: Clone + Send + Sync {
+    type T: LaneFloat;
     /// What sweeps change of it.
     type Impulses: Clone + Default + Send + Sync;
 
     /// Puts rows of the system into their places, to start from their impulses.
-    fn filled(from: &Fill, rows: &Places) -> (Self, Self::Impulses);
+    fn pack_rows(from: &BlockSource, rows: &LaneRows) -> (Self, Self::Impulses);
 
     /// Friction levers of the rows in these places.
-    fn levers(&self, from: &Fill, rows: &Places) -> Levers<Self::T>;
+    fn friction_levers(&self, from: &BlockSource, rows: &LaneRows) -> LeverColumns<Self::T>;
 
     /// r̂ of all places, world frame, N s.
-    fn impulses(&self, from: &Back, rows: &Places, values: &Self::Impulses) -> [Column<f64>; 3];
+    fn world_impulses(&self, from: &UnpackContext, rows: &LaneRows, values: &Self::Impulses) -> [BatchColumn<f64>; 3];
 }
 
 /// Rows of the system, or [`NONE`].
-pub type Places = [u32; BATCH];
+pub type LaneRows = [u32; BATCH_LANES];
 
 /// Places that rows have, and these.
-fn used(rows: &Places) -> impl Iterator<Item = (usize, usize)> + '_ {
+fn occupied_lanes(rows: &LaneRows) -> impl Iterator<Item = (usize, usize)> + '_ {
     rows.iter().enumerate().filter(|(_, row)| **row != NONE).map(|(lane, &row)| (lane, row as usize))
 }
 
 /// What the batches are filled from.
-pub struct Fill<'a> {
-    system: &'a System,
-    full: &'a Full,
+pub struct BlockSource<'a> {
+    system: &'a ContactProblem,
+    full: &'a BlockData,
     /// r̂ and moments at the start.
-    reactions: &'a Reactions,
+    reactions: &'a ContactReactions,
     /// The velocities that they lead to.
-    records: &'a [Record],
-    units: Units,
-    width: Width,
+    records: &'a [SolverBody],
+    units: SweepUnits,
+    width: SimdWidth,
 }
 
 /// Where the impulses of the batches go.
-pub struct Back<'a> {
-    system: &'a System,
-    units: Units,
-    width: Width,
+pub struct UnpackContext<'a> {
+    system: &'a ContactProblem,
+    units: SweepUnits,
+    width: SimdWidth,
 }
 
-impl Fill<'_> {
+impl BlockSource<'_> {
     /// û that row `k` starts from without what sweeps change of the velocities, m/s.
     ///
-    /// Lines of single precision hold these changes alone, as in [`Body::CHANGES`](crate::solve::batches::Body::CHANGES).
-    fn shift<T: Number>(&self, k: usize) -> Vec3 {
-        if T::SINGLE { self.system.velocity(k, self.records) } else { self.system.rows[k].shift }
+    /// Lines of single precision hold these changes alone, as in [`PackedBody::STORES_DELTAS`](crate::solve::batches::Body::CHANGES).
+    fn starting_velocity<T: LaneFloat>(&self, k: usize) -> Vec3 {
+        if T::IS_SINGLE { self.system.shifted_velocity(k, self.records) } else { self.system.rows[k].shift }
     }
 }
 
 /// With friction: three unknowns.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
-pub struct Point<T> {
+pub struct FrictionalPoint<T> {
     /// The normal and the axes of the local block, world frame.
-    pub axes: [[Column<T>; 3]; 3],
+    pub axes: [[BatchColumn<T>; 3]; 3],
     /// From the centres of candidate and antagonist, m.
-    pub arms: [[Column<T>; 3]; 2],
+    pub arms: [[BatchColumn<T>; 3]; 2],
     /// û = u + shift, along the axes, m/s.
-    pub shift: [Column<T>; 3],
-    pub inverse_nn: Column<T>,
-    pub c: [Column<T>; 2],
-    pub s: [Column<T>; 2],
-    pub inverse_s: [Column<T>; 2],
-    pub friction: Column<T>,
+    pub shift: [BatchColumn<T>; 3],
+    pub inverse_nn: BatchColumn<T>,
+    pub c: [BatchColumn<T>; 2],
+    pub s: [BatchColumn<T>; 2],
+    pub inverse_s: [BatchColumn<T>; 2],
+    pub friction: BatchColumn<T>,
     /// A third of the trace of W, 1/kg.
-    pub weight: Column<T>,
+    pub weight: BatchColumn<T>,
 }
 
 /// r̂ of a point along its axes, now and of the sweep before, N s, and the multiplier of its sliding.
 #[derive(Debug, Clone, Default)]
 #[repr(align(64))]
-pub struct Impulses<T> {
-    pub r: [Column<T>; 3],
-    pub previous: [Column<T>; 3],
-    pub multiplier: Column<T>,
+pub struct FrictionalImpulses<T> {
+    pub r: [BatchColumn<T>; 3],
+    pub previous: [BatchColumn<T>; 3],
+    pub multiplier: BatchColumn<T>,
 }
 
 /// Without friction: one unknown. A unit of it turns the bodies by the angular impulses `arms`, and so changes their
 /// angular velocities by `answers`.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
-pub struct Normal<T> {
+pub struct FrictionlessPoint<T> {
     /// World frame.
-    pub normal: [Column<T>; 3],
+    pub normal: [BatchColumn<T>; 3],
     /// Arm of candidate and antagonist times the normal, m.
-    pub arms: [[Column<T>; 3]; 2],
+    pub arms: [[BatchColumn<T>; 3]; 2],
     /// Inverse inertia times that, 1/(kg m).
-    pub answers: [[Column<T>; 3]; 2],
+    pub answers: [[BatchColumn<T>; 3]; 2],
     /// û = u + shift, along the normal, m/s.
-    pub shift: Column<T>,
-    pub inverse_nn: Column<T>,
+    pub shift: BatchColumn<T>,
+    pub inverse_nn: BatchColumn<T>,
     /// W_nn, 1/kg.
-    pub weight: Column<T>,
+    pub weight: BatchColumn<T>,
 }
 
 /// r̂ of a point along its normal, now and of the sweep before, N s.
 #[derive(Debug, Clone, Default)]
 #[repr(align(64))]
-pub struct Push<T> {
-    pub r: Column<T>,
-    pub previous: Column<T>,
+pub struct NormalImpulses<T> {
+    pub r: BatchColumn<T>,
+    pub previous: BatchColumn<T>,
 }
 
 /// Batches that are swept in this order, with their impulses.
-pub struct Batches<C: Contacts> {
-    pub batches: Vec<Batch>,
+pub struct PairBatches<C: PairContacts> {
+    pub batches: Vec<BodyPairBatch>,
     pub points: Vec<C>,
     pub impulses: Vec<C::Impulses>,
     /// By point; empty where no contact of the scene has moments.
-    pub rolls: Vec<Rolls<C::T>>,
+    pub rolls: Vec<RollingConstraintWide<C::T>>,
     /// By point; empty where no friction of a batch has a lever.
-    pub levers: Vec<Levers<C::T>>,
+    pub levers: Vec<LeverColumns<C::T>>,
     /// Rows of the system, or [`NONE`], by point.
-    rows: Vec<Places>,
+    rows: Vec<LaneRows>,
 }
 
 /// A range of bodies with the pairs inside it.
-pub struct Range<C: Contacts> {
+pub struct BodyRange<C: PairContacts> {
     /// Number of lines: the moving bodies, those that do not move, and one for unused places.
     pub lines: usize,
-    pub inside: Batches<C>,
+    pub inside: PairBatches<C>,
     /// Sums of the last sweep.
-    pub sums: Sums<C::T>,
+    pub sums: SweepSums<C::T>,
 }
 
 /// Lines of the touched bodies, range by range: v, 1/m, w and an unused place; inverse inertia xx, xy, xz, yy, yz, zz, and
-/// two unused places. Of bodies that are [held](Full::held) the three hold 1 for x, y and z along which these are pushed, else 0.
-/// In single precision v and w are what sweeps change of them, in [`Units`].
-pub struct Problem<C: Contacts> {
-    pub units: Units,
-    pub lines: Vec<Line<C::T>>,
-    pub previous: Vec<Line<C::T>>,
-    pub inertia: Vec<Line<C::T>>,
-    pub ranges: Vec<Range<C>>,
-    pub between: Batches<C>,
+/// two unused places. Of bodies that are [held](BlockData::locked_axes) the three hold 1 for x, y and z along which these are pushed, else 0.
+/// In single precision v and w are what sweeps change of them, in [`SweepUnits`].
+pub struct BlockProblem<C: PairContacts> {
+    pub units: SweepUnits,
+    pub lines: Vec<BodyNumbers<C::T>>,
+    pub previous: Vec<BodyNumbers<C::T>>,
+    pub inertia: Vec<BodyNumbers<C::T>>,
+    pub ranges: Vec<BodyRange<C>>,
+    pub between: PairBatches<C>,
 }
 
-/// Contacts of two bodies: rows that follow each other, at most [`POINTS`].
-struct Pair {
+/// Contacts of two bodies: rows that follow each other, at most [`MAX_PAIR_CONTACTS`].
+struct PairConstraints {
     bodies: [u32; 2],
     rows: Vec<u32>,
     lines: [u32; 2],
 }
 
-impl<C: Contacts> Problem<C> {
+impl<C: PairContacts> BlockProblem<C> {
     /// The problem of the rows `active` (sorted), starting from `reactions` and from the velocities that they lead to.
     pub fn new(
-        system: &System,
-        full: &Full,
+        system: &ContactProblem,
+        full: &BlockData,
         active: &[u32],
-        reactions: &Reactions,
-        records: &[Record],
-        width: Width,
+        reactions: &ContactReactions,
+        records: &[SolverBody],
+        width: SimdWidth,
     ) -> Self {
-        let units = if C::T::SINGLE { Units::of(system, active, reactions, records) } else { Units::SI };
-        let fill = Fill { system, full, reactions, records, units, width };
-        let mut pairs = pairs(system, active);
+        let units =
+            if C::T::IS_SINGLE { SweepUnits::from_problem(system, active, reactions, records) } else { SweepUnits::SI };
+        let fill = BlockSource { system, full, reactions, records, units, width };
+        let mut pairs = group_into_pairs(system, active);
         // Which range each moving body is in; bodies in the order of space.
         let mut range_of = vec![NONE; records.len()];
         for pair in &pairs {
@@ -222,7 +223,7 @@ impl<C: Contacts> Problem<C> {
             }
         }
         let moving: Vec<u32> = system.order.iter().copied().filter(|&body| range_of[body as usize] == 0).collect();
-        let count = 1 << (moving.len() / RANGE).max(1).ilog2(); // a power of two, so that halves can be halved again
+        let count = 1 << (moving.len() / MIN_BODIES_PER_RANGE).max(1).ilog2(); // a power of two, so that halves can be halved again
         let mut place = vec![NONE; records.len()];
         let mut members = vec![Vec::new(); count];
         for (k, &body) in moving.iter().enumerate() {
@@ -257,14 +258,14 @@ impl<C: Contacts> Problem<C> {
         let (mut lines, mut inertia) = (Vec::new(), Vec::new());
         for range in 0..count {
             for &body in members[range].iter().chain(&fixed[range]) {
-                let &Record { v, inverse_mass, w, .. } = &records[body as usize];
-                let (v, w) = if C::T::SINGLE { (Vec3::zeros(), Vec3::zeros()) } else { (v, w) };
-                let (pushed, mass) = (full.pushed(body as usize), fill.units.mass());
+                let &SolverBody { v, inverse_mass, w, .. } = &records[body as usize];
+                let (v, w) = if C::T::IS_SINGLE { (Vec3::zeros(), Vec3::zeros()) } else { (v, w) };
+                let (pushed, mass) = (full.free_axes(body as usize), fill.units.mass_unit());
                 let line = [v.x, v.y, v.z, inverse_mass * mass, w.x, w.y, w.z, pushed.x];
-                lines.push(line.map(C::T::of));
+                lines.push(line.map(C::T::from_f64));
                 let m = full.inverse_inertia[body as usize] * mass;
                 let line = [m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)], pushed.y, pushed.z];
-                inertia.push(line.map(C::T::of));
+                inertia.push(line.map(C::T::from_f64));
             }
             lines.push([C::T::ZERO; 8]);
             inertia.push([C::T::ZERO; 8]);
@@ -279,35 +280,35 @@ impl<C: Contacts> Problem<C> {
         }
         let mut masks = vec![0u64; lines.len()];
         let mut layout = |group: &[u32], unused: u32| {
-            let mut batches = Batches::new();
-            for (size, mut members) in colours(group, &pairs, &mut masks) {
+            let mut batches = PairBatches::new();
+            for (size, mut members) in colour_pairs(group, &pairs, &mut masks) {
                 members.sort_by_key(|&k| std::cmp::Reverse(pairs[k as usize].rows.len()));
                 for chunk in members.chunks(size) {
-                    batches.push(full, &pairs, chunk, unused);
+                    batches.push_batch(full, &pairs, chunk, unused);
                 }
             }
-            batches.fill(&fill);
+            batches.pack_batches(&fill);
             batches
         };
         let ranges = (0..count)
             .map(|range| {
                 let lines = (starts[range + 1] - starts[range]) as usize;
-                Range { lines, inside: layout(&groups[range], lines as u32 - 1), sums: Sums::default() }
+                BodyRange { lines, inside: layout(&groups[range], lines as u32 - 1), sums: SweepSums::default() }
             })
             .collect();
         let between = layout(&groups[count], lines.len() as u32 - 1);
-        Problem { units: fill.units, previous: lines.clone(), lines, inertia, ranges, between }
+        BlockProblem { units: fill.units, previous: lines.clone(), lines, inertia, ranges, between }
     }
 
     /// Puts the impulses and moments of the rows swept, which are of this system, into `reactions`.
-    pub fn read_back(&self, width: Width, system: &System, reactions: &mut Reactions) {
-        let Reactions { impulses, moments } = reactions;
-        let back = Back { system, units: self.units, width };
+    pub fn read_back(&self, width: SimdWidth, system: &ContactProblem, reactions: &mut ContactReactions) {
+        let ContactReactions { impulses, moments } = reactions;
+        let back = UnpackContext { system, units: self.units, width };
         for batches in self.ranges.iter().map(|range| &range.inside).chain([&self.between]) {
             batches.rolls.iter().for_each(|rolls| rolls.read_back(moments));
             for ((point, values), rows) in batches.points.iter().zip(&batches.impulses).zip(&batches.rows) {
-                let r = point.impulses(&back, rows, values);
-                for (lane, row) in used(rows) {
+                let r = point.world_impulses(&back, rows, values);
+                for (lane, row) in occupied_lanes(rows) {
                     impulses[row] = r.map(|column| column[lane]).into();
                 }
             }
@@ -315,31 +316,31 @@ impl<C: Contacts> Problem<C> {
     }
 }
 
-fn pairs(system: &System, active: &[u32]) -> Vec<Pair> {
-    let mut pairs: Vec<Pair> = Vec::new();
+fn group_into_pairs(system: &ContactProblem, active: &[u32]) -> Vec<PairConstraints> {
+    let mut pairs: Vec<PairConstraints> = Vec::new();
     for &k in active {
         let bodies = system.rows[k as usize].bodies;
         match pairs.last_mut() {
-            Some(last) if last.bodies == bodies && last.rows.len() < POINTS => last.rows.push(k),
-            _ => pairs.push(Pair { bodies, rows: vec![k], lines: [NONE; 2] }),
+            Some(last) if last.bodies == bodies && last.rows.len() < MAX_PAIR_CONTACTS => last.rows.push(k),
+            _ => pairs.push(PairConstraints { bodies, rows: vec![k], lines: [NONE; 2] }),
         }
     }
     pairs
 }
 
 /// Pairs by colour, each with the number of pairs that a batch of it may hold.
-fn colours(group: &[u32], pairs: &[Pair], masks: &mut [u64]) -> Vec<(usize, Vec<u32>)> {
+fn colour_pairs(group: &[u32], pairs: &[PairConstraints], masks: &mut [u64]) -> Vec<(usize, Vec<u32>)> {
     let mut colours: Vec<(usize, Vec<u32>)> = Vec::new();
     let mut single = Vec::new();
     for &k in group {
         let lines = pairs[k as usize].lines.map(|line| line as usize);
         let free = (masks[lines[0]] | masks[lines[1]]).trailing_ones() as usize;
-        if free == COLOURS {
+        if free == MAX_COLOURS {
             single.push(k);
             continue;
         }
         if free == colours.len() {
-            colours.push((BATCH, Vec::new()));
+            colours.push((BATCH_LANES, Vec::new()));
         }
         colours[free].1.push(k);
         lines.into_iter().for_each(|line| masks[line] |= 1 << free);
@@ -351,22 +352,27 @@ fn colours(group: &[u32], pairs: &[Pair], masks: &mut [u64]) -> Vec<(usize, Vec<
     colours
 }
 
-impl<C: Contacts> Batches<C> {
+impl<C: PairContacts> PairBatches<C> {
     fn new() -> Self {
-        Batches { batches: vec![], points: vec![], impulses: vec![], rolls: vec![], levers: vec![], rows: vec![] }
+        PairBatches { batches: vec![], points: vec![], impulses: vec![], rolls: vec![], levers: vec![], rows: vec![] }
     }
 
     /// A batch of the pairs `members`: which row is where.
-    fn push(&mut self, full: &Full, pairs: &[Pair], members: &[u32], unused: u32) {
+    fn push_batch(&mut self, full: &BlockData, pairs: &[PairConstraints], members: &[u32], unused: u32) {
         let first = self.rows.len();
         let mut bodies = members.iter().flat_map(|&k| pairs[k as usize].bodies);
-        let held = bodies.any(|body| full.holds(body as usize));
+        let held = bodies.any(|body| full.has_locked_axes(body as usize));
         let most = members.iter().map(|&k| pairs[k as usize].rows.len()).max().unwrap_or(0);
-        self.rows.resize(first + most, [NONE; BATCH]);
+        self.rows.resize(first + most, [NONE; BATCH_LANES]);
         let has_lever =
             |row: &u32| full.friction_offsets.get(*row as usize).is_some_and(|offset| *offset != Vec3::zeros());
         let levers = members.iter().any(|&k| pairs[k as usize].rows.iter().any(has_lever));
-        let mut batch = Batch { bodies: [[unused; BATCH]; 2], points: [first, first + most], held, levers };
+        let mut batch = BodyPairBatch {
+            bodies: [[unused; BATCH_LANES]; 2],
+            points: [first, first + most],
+            has_locked_axes: held,
+            levers,
+        };
         for (lane, &k) in members.iter().enumerate() {
             let pair = &pairs[k as usize];
             for side in 0..2 {
@@ -380,64 +386,70 @@ impl<C: Contacts> Batches<C> {
     }
 
     /// Puts all rows into their places.
-    fn fill(&mut self, from: &Fill) {
+    fn pack_batches(&mut self, from: &BlockSource) {
         let count = self.rows.len();
-        let points = self.rows.par_iter().with_min_len(FILLED).map(|rows| C::filled(from, rows));
+        let points = self.rows.par_iter().with_min_len(MIN_POINTS_PER_TASK).map(|rows| C::pack_rows(from, rows));
         points.unzip_into_vecs(&mut self.points, &mut self.impulses);
         if self.batches.iter().any(|batch| batch.levers) {
-            let points = self.points.par_iter().zip(&self.rows).with_min_len(FILLED);
-            self.levers = points.map(|(point, rows)| point.levers(from, rows)).collect();
+            let points = self.points.par_iter().zip(&self.rows).with_min_len(MIN_POINTS_PER_TASK);
+            self.levers = points.map(|(point, rows)| point.friction_levers(from, rows)).collect();
         }
-        if !from.system.rolls.is_empty() {
-            self.rolls = vec![Rolls::NONE; count];
+        if !from.system.rolling_constraints.is_empty() {
+            self.rolls = vec![RollingConstraintWide::NONE; count];
             for (rolls, rows) in self.rolls.iter_mut().zip(&self.rows) {
-                for (lane, row) in used(rows) {
-                    rolls.put(lane, from.system, row as u32, &from.reactions.moments);
+                for (lane, row) in occupied_lanes(rows) {
+                    rolls.set_lane(lane, from.system, row as u32, &from.reactions.moments);
                 }
             }
         }
     }
 }
 
-impl<T: Number> Contacts for Point<T> {
+impl<T: LaneFloat> PairContacts for FrictionalPoint<T> {
     type T = T;
-    type Impulses = Impulses<T>;
+    type Impulses = FrictionalImpulses<T>;
 
-    fn filled(from: &Fill, rows: &Places) -> (Self, Impulses<T>) {
-        let seen = &Seen::new::<T>(from, rows);
+    fn pack_rows(from: &BlockSource, rows: &LaneRows) -> (Self, FrictionalImpulses<T>) {
+        let seen = &RowColumns::new::<T>(from, rows);
         let units = from.units;
         match from.width {
-            Width::One(l) => l.run(Lay { l, seen, units, number: PhantomData }),
+            SimdWidth::One(l) => l.run(PackRows { l, seen, units, number: PhantomData }),
             #[cfg(target_arch = "x86_64")]
-            Width::Four(l) => l.run(Lay { l, seen, units, number: PhantomData }),
+            SimdWidth::Four(l) => l.run(PackRows { l, seen, units, number: PhantomData }),
             #[cfg(target_arch = "x86_64")]
-            Width::Eight(l) => l.run(Lay { l, seen, units, number: PhantomData }),
+            SimdWidth::Eight(l) => l.run(PackRows { l, seen, units, number: PhantomData }),
         }
     }
 
-    fn levers(&self, from: &Fill, rows: &Places) -> Levers<T> {
-        let mut levers = [[T::ZERO; BATCH]; 2];
-        for (lane, k) in used(rows) {
+    fn friction_levers(&self, from: &BlockSource, rows: &LaneRows) -> LeverColumns<T> {
+        let mut levers = [[T::ZERO; BATCH_LANES]; 2];
+        for (lane, k) in occupied_lanes(rows) {
             let lever = from.full.friction_lever(k, &from.system.rows[k].normal);
             for (axis, to) in self.axes[1..].iter().zip(&mut levers) {
-                to[lane] = T::of((0..3).map(|k| axis[k][lane].wide() * lever[k]).sum());
+                to[lane] = T::from_f64((0..3).map(|k| axis[k][lane].to_f64() * lever[k]).sum());
             }
         }
         levers
     }
 
-    fn impulses(&self, from: &Back, rows: &Places, values: &Impulses<T>) -> [Column<f64>; 3] {
-        let part = |axis: usize, k: usize, lane: usize| self.axes[axis][k][lane].wide() * values.r[axis][lane].wide();
+    fn world_impulses(
+        &self,
+        from: &UnpackContext,
+        rows: &LaneRows,
+        values: &FrictionalImpulses<T>,
+    ) -> [BatchColumn<f64>; 3] {
+        let part =
+            |axis: usize, k: usize, lane: usize| self.axes[axis][k][lane].to_f64() * values.r[axis][lane].to_f64();
         let along = |k: usize| {
             array::from_fn(|lane| (part(0, k, lane) + part(1, k, lane) + part(2, k, lane)) * from.units.impulse)
         };
         let mut r = [0, 1, 2].map(along);
-        if T::SINGLE {
-            let mut cones = Cones::NONE;
-            for (lane, row) in used(rows) {
-                cones.put(lane, &from.system.rows[row]);
+        if T::IS_SINGLE {
+            let mut cones = FrictionCones::NONE;
+            for (lane, row) in occupied_lanes(rows) {
+                cones.set_lane(lane, &from.system.rows[row]);
             }
-            onto_cones(from.width, &cones, &mut r);
+            snap_to_cones(from.width, &cones, &mut r);
         }
         r
     }
@@ -445,38 +457,39 @@ impl<T: Number> Contacts for Point<T> {
 
 /// What a batch of rows is, one after the other in double precision. In unused places two bodies of the unit of mass meet without an
 /// impulse, and none changes that.
-struct Seen {
-    normal: [Column<f64>; 3],
-    sides: [Side<Column<f64>>; 2],
+struct RowColumns {
+    normal: [BatchColumn<f64>; 3],
+    sides: [BodySide<BatchColumn<f64>>; 2],
     /// û that sweeps start from, m/s.
-    u: [Column<f64>; 3],
+    u: [BatchColumn<f64>; 3],
     /// r̂, N s.
-    r: [Column<f64>; 3],
-    inverse_nn: Column<f64>,
-    friction: Column<f64>,
+    r: [BatchColumn<f64>; 3],
+    inverse_nn: BatchColumn<f64>,
+    friction: BatchColumn<f64>,
     /// Friction levers n×d, m; none where all are 0.
-    levers: Option<[Column<f64>; 3]>,
+    levers: Option<[BatchColumn<f64>; 3]>,
 }
 
-impl Seen {
-    fn new<T: Number>(from: &Fill, rows: &Places) -> Self {
-        let (zero, one) = ([0.0; BATCH], [1.0; BATCH]);
-        let unit = [1.0 / from.units.mass(); BATCH];
-        let side = Side { arm: [zero; 3], inverse_mass: [unit; 3], inverse_inertia: [zero; 6] };
+impl RowColumns {
+    fn new<T: LaneFloat>(from: &BlockSource, rows: &LaneRows) -> Self {
+        let (zero, one) = ([0.0; BATCH_LANES], [1.0; BATCH_LANES]);
+        let unit = [1.0 / from.units.mass_unit(); BATCH_LANES];
+        let side = BodySide { arm: [zero; 3], inverse_mass: [unit; 3], inverse_inertia: [zero; 6] };
         let normal = [zero, zero, one];
         let levers = (!from.full.friction_offsets.is_empty()).then_some([zero; 3]);
         let (u, r) = ([zero; 3], [zero; 3]);
-        let mut seen = Seen { normal, sides: [side; 2], u, r, inverse_nn: zero, friction: zero, levers };
-        for (lane, k) in used(rows) {
+        let mut seen = RowColumns { normal, sides: [side; 2], u, r, inverse_nn: zero, friction: zero, levers };
+        for (lane, k) in occupied_lanes(rows) {
             let row = &from.system.rows[k];
-            put(&mut seen.normal, lane, &row.normal);
+            set_lane(&mut seen.normal, lane, &row.normal);
             if let Some(levers) = &mut seen.levers {
-                put(levers, lane, &from.full.friction_lever(k, &row.normal));
+                set_lane(levers, lane, &from.full.friction_lever(k, &row.normal));
             }
-            put(&mut seen.u, lane, &from.shift::<T>(k));
-            put(&mut seen.r, lane, &from.reactions.impulses[k]);
+            set_lane(&mut seen.u, lane, &from.starting_velocity::<T>(k));
+            set_lane(&mut seen.r, lane, &from.reactions.impulses[k]);
             for (side, to) in seen.sides.iter_mut().enumerate() {
-                let Side { arm, inverse_mass, inverse_inertia } = Side::of(from.system, from.full, k, side);
+                let BodySide { arm, inverse_mass, inverse_inertia } =
+                    BodySide::from_row(from.system, from.full, k, side);
                 (0..3).for_each(|k| (to.arm[k][lane], to.inverse_mass[k][lane]) = (arm[k], inverse_mass[k]));
                 (0..6).for_each(|k| to.inverse_inertia[k][lane] = inverse_inertia[k]);
             }
@@ -487,52 +500,52 @@ impl Seen {
 }
 
 /// Lays a batch out on the axes of its contacts' own blocks.
-struct Lay<'a, L, T> {
+struct PackRows<'a, L, T> {
     l: L,
-    seen: &'a Seen,
-    units: Units,
+    seen: &'a RowColumns,
+    units: SweepUnits,
     number: PhantomData<T>,
 }
 
-impl<L: Lanes, T: Number> NullaryFnOnce for Lay<'_, L, T> {
-    type Output = (Point<T>, Impulses<T>);
+impl<L: F64Arithmetic, T: LaneFloat> NullaryFnOnce for PackRows<'_, L, T> {
+    type Output = (FrictionalPoint<T>, FrictionalImpulses<T>);
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        let Lay { l, seen, units, .. } = self;
-        let (mut point, mut impulses) = (Point::zero(), Impulses::default());
-        let (mass, one) = (l.splat(units.mass()), l.splat(1.0));
-        for from in (0..BATCH).step_by(L::WIDTH) {
+        let PackRows { l, seen, units, .. } = self;
+        let (mut point, mut impulses) = (FrictionalPoint::zero(), FrictionalImpulses::default());
+        let (mass, one) = (l.splat(units.mass_unit()), l.splat(1.0));
+        for from in (0..BATCH_LANES).step_by(L::WIDTH) {
             let normal = triple!(k => l.load(&seen.normal[k][from..]));
-            let sides = [side(l, &seen.sides[0], from), side(l, &seen.sides[1], from)];
-            let mut w = block(l, sides);
+            let sides = [load_side(l, &seen.sides[0], from), load_side(l, &seen.sides[1], from)];
+            let mut w = delassus_block(l, sides);
             if let Some(levers) = &seen.levers {
-                let of_lever = of_lever(l, &sides, normal, triple!(k => l.load(&levers[k][from..])));
+                let of_lever = lever_block(l, &sides, normal, triple!(k => l.load(&levers[k][from..])));
                 (0..6).for_each(|k| w[k] = l.add(w[k], of_lever[k]));
             }
-            let Axes { axes, c, s } = axes(l, w, normal);
+            let BlockAxes { axes, c, s } = block_axes(l, w, normal);
             let u = triple!(k => l.div(l.load(&seen.u[k][from..]), l.splat(units.velocity)));
             let r = triple!(k => l.div(l.load(&seen.r[k][from..]), l.splat(units.impulse)));
             for (k, axis) in axes.into_iter().enumerate() {
                 for (to, component) in point.axes[k].iter_mut().zip(axis) {
-                    lay(l, &mut to[from..], component);
+                    store_lanes(l, &mut to[from..], component);
                 }
-                lay(l, &mut point.shift[k][from..], dot(l, axis, u));
-                lay(l, &mut impulses.r[k][from..], dot(l, axis, r));
+                store_lanes(l, &mut point.shift[k][from..], dot_product(l, axis, u));
+                store_lanes(l, &mut impulses.r[k][from..], dot_product(l, axis, r));
             }
             for side in 0..2 {
                 for k in 0..3 {
-                    lay(l, &mut point.arms[side][k][from..], sides[side].arm[k]);
+                    store_lanes(l, &mut point.arms[side][k][from..], sides[side].arm[k]);
                 }
                 let s = l.mul(s[side], mass);
-                lay(l, &mut point.c[side][from..], c[side]);
-                lay(l, &mut point.s[side][from..], s);
-                lay(l, &mut point.inverse_s[side][from..], l.div(one, s));
+                store_lanes(l, &mut point.c[side][from..], c[side]);
+                store_lanes(l, &mut point.s[side][from..], s);
+                store_lanes(l, &mut point.inverse_s[side][from..], l.div(one, s));
             }
-            lay(l, &mut point.inverse_nn[from..], l.div(l.load(&seen.inverse_nn[from..]), mass));
-            lay(l, &mut point.friction[from..], l.load(&seen.friction[from..]));
+            store_lanes(l, &mut point.inverse_nn[from..], l.div(l.load(&seen.inverse_nn[from..]), mass));
+            store_lanes(l, &mut point.friction[from..], l.load(&seen.friction[from..]));
             let trace = l.add(w[0], l.add(w[3], w[5]));
-            lay(l, &mut point.weight[from..], l.mul(l.mul(trace, l.splat(1.0 / 3.0)), mass));
+            store_lanes(l, &mut point.weight[from..], l.mul(l.mul(trace, l.splat(1.0 / 3.0)), mass));
         }
         impulses.previous = impulses.r;
         (point, impulses)
@@ -540,9 +553,9 @@ impl<L: Lanes, T: Number> NullaryFnOnce for Lay<'_, L, T> {
 }
 
 #[inline(always)]
-fn side<L: Lanes>(l: L, side: &Side<Column<f64>>, from: usize) -> Side<L::V> {
-    let Side { arm, inverse_mass, inverse_inertia: [xx, xy, xz, yy, yz, zz] } = side;
-    Side {
+fn load_side<L: F64Arithmetic>(l: L, side: &BodySide<BatchColumn<f64>>, from: usize) -> BodySide<L::V> {
+    let BodySide { arm, inverse_mass, inverse_inertia: [xx, xy, xz, yy, yz, zz] } = side;
+    BodySide {
         arm: triple!(k => l.load(&arm[k][from..])),
         inverse_mass: triple!(k => l.load(&inverse_mass[k][from..])),
         inverse_inertia: [
@@ -558,18 +571,18 @@ fn side<L: Lanes>(l: L, side: &Side<Column<f64>>, from: usize) -> Side<L::V> {
 
 /// Puts as many numbers as there are lanes into the places from the first of `to` on.
 #[inline(always)]
-fn lay<L: Lanes, T: Number>(l: L, to: &mut [T], v: L::V) {
-    let mut wide = [0.0; BATCH];
+fn store_lanes<L: F64Arithmetic, T: LaneFloat>(l: L, to: &mut [T], v: L::V) {
+    let mut wide = [0.0; BATCH_LANES];
     l.store(&mut wide, v);
     for (to, x) in to.iter_mut().zip(&wide[..L::WIDTH]) {
-        *to = T::of(*x);
+        *to = T::from_f64(*x);
     }
 }
 
-impl<T: Number> Point<T> {
+impl<T: LaneFloat> FrictionalPoint<T> {
     fn zero() -> Self {
-        let zero = [T::ZERO; BATCH];
-        Point {
+        let zero = [T::ZERO; BATCH_LANES];
+        FrictionalPoint {
             axes: [[zero; 3]; 3],
             arms: [[zero; 3]; 2],
             shift: [zero; 3],
@@ -583,13 +596,13 @@ impl<T: Number> Point<T> {
     }
 }
 
-impl<T: Number> Contacts for Normal<T> {
+impl<T: LaneFloat> PairContacts for FrictionlessPoint<T> {
     type T = T;
-    type Impulses = Push<T>;
+    type Impulses = NormalImpulses<T>;
 
-    fn filled(from: &Fill, rows: &Places) -> (Self, Push<T>) {
-        let zero = [T::ZERO; BATCH];
-        let mut point = Normal {
+    fn pack_rows(from: &BlockSource, rows: &LaneRows) -> (Self, NormalImpulses<T>) {
+        let zero = [T::ZERO; BATCH_LANES];
+        let mut point = FrictionlessPoint {
             normal: [zero; 3],
             arms: [[zero; 3]; 2],
             answers: [[zero; 3]; 2],
@@ -597,35 +610,41 @@ impl<T: Number> Contacts for Normal<T> {
             inverse_nn: zero,
             weight: zero,
         };
-        let mut values = Push::default();
-        let Fill { system, full, reactions, units, .. } = from;
-        for (lane, k) in used(rows) {
+        let mut values = NormalImpulses::default();
+        let BlockSource { system, full, reactions, units, .. } = from;
+        for (lane, k) in occupied_lanes(rows) {
             let row = &system.rows[k];
-            let (n, mass) = (row.normal, units.mass());
-            put(&mut point.normal, lane, &n);
+            let (n, mass) = (row.normal, units.mass_unit());
+            set_lane(&mut point.normal, lane, &n);
             for side in 0..2 {
                 let arm = full.arms[k][side].cross(&n);
-                put(&mut point.arms[side], lane, &arm);
+                set_lane(&mut point.arms[side], lane, &arm);
                 let answer = full.inverse_inertia[row.bodies[side] as usize] * arm * mass;
-                put(&mut point.answers[side], lane, &answer);
+                set_lane(&mut point.answers[side], lane, &answer);
             }
-            point.shift[lane] = T::of(n.dot(&from.shift::<T>(k)) / units.velocity);
-            values.r[lane] = T::of(n.dot(&reactions.impulses[k]) / units.impulse);
+            point.shift[lane] = T::from_f64(n.dot(&from.starting_velocity::<T>(k)) / units.velocity);
+            values.r[lane] = T::from_f64(n.dot(&reactions.impulses[k]) / units.impulse);
             values.previous[lane] = values.r[lane];
-            (point.inverse_nn[lane], point.weight[lane]) = (T::of(1.0 / row.w_n / mass), T::of(row.w_n * mass));
+            (point.inverse_nn[lane], point.weight[lane]) =
+                (T::from_f64(1.0 / row.w_n / mass), T::from_f64(row.w_n * mass));
         }
         (point, values)
     }
 
-    fn levers(&self, _: &Fill, _: &Places) -> Levers<T> {
-        [[T::ZERO; BATCH]; 2] // without friction
+    fn friction_levers(&self, _: &BlockSource, _: &LaneRows) -> LeverColumns<T> {
+        [[T::ZERO; BATCH_LANES]; 2] // without friction
     }
 
-    fn impulses(&self, from: &Back, rows: &Places, values: &Push<T>) -> [Column<f64>; 3] {
-        let mut r = [[0.0; BATCH]; 3];
-        for (lane, row) in used(rows) {
-            let size = values.r[lane].wide() * from.units.impulse;
-            put(&mut r, lane, &(from.system.rows[row].normal * size));
+    fn world_impulses(
+        &self,
+        from: &UnpackContext,
+        rows: &LaneRows,
+        values: &NormalImpulses<T>,
+    ) -> [BatchColumn<f64>; 3] {
+        let mut r = [[0.0; BATCH_LANES]; 3];
+        for (lane, row) in occupied_lanes(rows) {
+            let size = values.r[lane].to_f64() * from.units.impulse;
+            set_lane(&mut r, lane, &(from.system.rows[row].normal * size));
         }
         r
     }

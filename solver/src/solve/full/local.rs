@@ -2,10 +2,10 @@
 
 use nalgebra::Matrix3;
 
-use crate::assemble::{Full, System};
+use crate::assemble::{BlockData, ContactProblem};
 use crate::math::Vec3;
-use crate::math::lanes::{Arithmetic, Number, Scalar};
-use crate::solve::local::{cross_add, dot, triple};
+use crate::math::lanes::{Arithmetic, LaneFloat, Scalar};
+use crate::solve::local::{cross_add, dot_product, triple};
 
 /// Axes and numbers of a contact's own block W: the normal unknown eliminated, the tangents on the principal axes of
 /// what is left, so that with c = W_nT/W_nn
@@ -14,7 +14,7 @@ use crate::solve::local::{cross_add, dot, triple};
 /// W = [ w_nn,  w_nn c' ; w_nn c,  diag(s1, s2) + w_nn c c' ].
 /// ```
 #[derive(Debug, Clone, Copy)]
-pub struct Block<V> {
+pub struct LocalBlock<V> {
     /// kg
     pub inverse_nn: V,
     pub c: [V; 2],
@@ -29,7 +29,7 @@ pub type Symmetric<V> = [V; 6];
 
 /// What a body is to one of its contacts, world frame.
 #[derive(Debug, Clone, Copy)]
-pub struct Side<V> {
+pub struct BodySide<V> {
     /// From its centre to the contact point, m.
     pub arm: [V; 3],
     /// 1/kg, along each axis.
@@ -38,57 +38,65 @@ pub struct Side<V> {
     pub inverse_inertia: Symmetric<V>,
 }
 
-impl Side<f64> {
+impl BodySide<f64> {
     /// Of row `k`, `side` 0 the candidate and 1 the antagonist.
-    pub fn of(system: &System, full: &Full, k: usize, side: usize) -> Self {
+    pub fn from_row(system: &ContactProblem, full: &BlockData, k: usize, side: usize) -> Self {
         let body = system.rows[k].bodies[side] as usize;
-        let inverse_mass = full.pushed(body) * system.records[body].inverse_mass;
-        Side {
+        let inverse_mass = full.free_axes(body) * system.bodies[body].inverse_mass;
+        BodySide {
             arm: full.arms[k][side].into(),
             inverse_mass: inverse_mass.into(),
-            inverse_inertia: symmetric(&full.inverse_inertia[body]),
+            inverse_inertia: symmetric_components(&full.inverse_inertia[body]),
         }
     }
 }
 
-pub fn symmetric(m: &Matrix3<f64>) -> Symmetric<f64> {
+pub fn symmetric_components(m: &Matrix3<f64>) -> Symmetric<f64> {
     [m.m11, m.m12, m.m13, m.m22, m.m23, m.m33]
 }
 
 /// W, 1/kg: the sum over both bodies of 1/m + A' J^-1 A, where A x is the arm times x.
 #[inline(always)]
-pub fn block<L: Arithmetic>(l: L, [a, b]: [Side<L::V>; 2]) -> Symmetric<L::V> {
-    let (a, b) = (of_side(l, a), of_side(l, b));
+pub fn delassus_block<L: Arithmetic>(l: L, [a, b]: [BodySide<L::V>; 2]) -> Symmetric<L::V> {
+    let (a, b) = (side_block(l, a), side_block(l, b));
     [l.add(a[0], b[0]), l.add(a[1], b[1]), l.add(a[2], b[2]), l.add(a[3], b[3]), l.add(a[4], b[4]), l.add(a[5], b[5])]
 }
 
 #[inline(always)]
-fn of_side<L: Arithmetic>(l: L, side: Side<L::V>) -> Symmetric<L::V> {
-    let Side { arm: [x, y, z], inverse_mass, inverse_inertia: [xx, xy, xz, yy, yz, zz] } = side;
+fn side_block<L: Arithmetic>(l: L, side: BodySide<L::V>) -> Symmetric<L::V> {
+    let BodySide { arm: [x, y, z], inverse_mass, inverse_inertia: [xx, xy, xz, yy, yz, zz] } = side;
     // Columns of J^-1 A, as far as they are needed.
-    let of_x = [minus(l, [yy, z], [yz, y]), minus(l, [yz, z], [zz, y])];
-    let of_y = [minus(l, [xz, x], [xx, z]), minus(l, [yz, x], [xy, z]), minus(l, [zz, x], [xz, z])];
-    let of_z = [minus(l, [xx, y], [xy, x]), minus(l, [xy, y], [yy, x]), minus(l, [xz, y], [yz, x])];
+    let of_x = [difference_of_products(l, [yy, z], [yz, y]), difference_of_products(l, [yz, z], [zz, y])];
+    let of_y = [
+        difference_of_products(l, [xz, x], [xx, z]),
+        difference_of_products(l, [yz, x], [xy, z]),
+        difference_of_products(l, [zz, x], [xz, z]),
+    ];
+    let of_z = [
+        difference_of_products(l, [xx, y], [xy, x]),
+        difference_of_products(l, [xy, y], [yy, x]),
+        difference_of_products(l, [xz, y], [yz, x]),
+    ];
     [
-        l.add(inverse_mass[0], minus(l, [z, of_x[0]], [y, of_x[1]])),
-        minus(l, [z, of_y[1]], [y, of_y[2]]),
-        minus(l, [z, of_z[1]], [y, of_z[2]]),
-        l.add(inverse_mass[1], minus(l, [x, of_y[2]], [z, of_y[0]])),
-        minus(l, [x, of_z[2]], [z, of_z[0]]),
-        l.add(inverse_mass[2], minus(l, [y, of_z[0]], [x, of_z[1]])),
+        l.add(inverse_mass[0], difference_of_products(l, [z, of_x[0]], [y, of_x[1]])),
+        difference_of_products(l, [z, of_y[1]], [y, of_y[2]]),
+        difference_of_products(l, [z, of_z[1]], [y, of_z[2]]),
+        l.add(inverse_mass[1], difference_of_products(l, [x, of_y[2]], [z, of_y[0]])),
+        difference_of_products(l, [x, of_z[2]], [z, of_z[0]]),
+        l.add(inverse_mass[2], difference_of_products(l, [y, of_z[0]], [x, of_z[1]])),
     ]
 }
 
 /// What the friction lever e = n×d of a contact adds to W, 1/kg: with z = (J⁻¹ n)×arm, e z' + z e' + n'J⁻¹n e e' of both bodies.
 #[inline(always)]
-pub fn of_lever<L: Arithmetic>(l: L, sides: &[Side<L::V>; 2], n: [L::V; 3], e: [L::V; 3]) -> Symmetric<L::V> {
+pub fn lever_block<L: Arithmetic>(l: L, sides: &[BodySide<L::V>; 2], n: [L::V; 3], e: [L::V; 3]) -> Symmetric<L::V> {
     let zero = l.splat(0.0);
     let mut z = [zero; 3];
     let mut about = zero;
     for side in sides {
-        let j = times(l, side.inverse_inertia, n);
+        let j = symmetric_product(l, side.inverse_inertia, n);
         z = cross_add(l, j, side.arm, z);
-        about = l.add(about, dot(l, n, j));
+        about = l.add(about, dot_product(l, n, j));
     }
     let half = l.mul(l.splat(0.5), about);
     let z = triple!(k => l.mul_add(half, e[k], z[k]));
@@ -97,31 +105,31 @@ pub fn of_lever<L: Arithmetic>(l: L, sides: &[Side<L::V>; 2], n: [L::V; 3], e: [
 }
 
 /// W of row `k`.
-pub fn block_of(system: &System, full: &Full, k: usize) -> Symmetric<f64> {
-    let sides = [0, 1].map(|side| Side::of(system, full, k, side));
+pub fn delassus_block_of_row(system: &ContactProblem, full: &BlockData, k: usize) -> Symmetric<f64> {
+    let sides = [0, 1].map(|side| BodySide::from_row(system, full, k, side));
     let n = system.rows[k].normal;
-    let w = block(Scalar, sides);
+    let w = delassus_block(Scalar, sides);
     if full.friction_offsets.is_empty() {
         return w;
     }
-    let of_lever = of_lever(Scalar, &sides, n.into(), full.friction_lever(k, &n).into());
+    let of_lever = lever_block(Scalar, &sides, n.into(), full.friction_lever(k, &n).into());
     [0, 1, 2, 3, 4, 5].map(|k| w[k] + of_lever[k])
 }
 
 /// The product of two numbers less that of two others.
 #[inline(always)]
-fn minus<L: Arithmetic>(l: L, a: [L::V; 2], b: [L::V; 2]) -> L::V {
+fn difference_of_products<L: Arithmetic>(l: L, a: [L::V; 2], b: [L::V; 2]) -> L::V {
     l.neg_mul_add(b[0], b[1], l.mul(a[0], a[1]))
 }
 
 #[inline(always)]
-fn times<L: Arithmetic>(l: L, [xx, xy, xz, yy, yz, zz]: Symmetric<L::V>, v: [L::V; 3]) -> [L::V; 3] {
-    [dot(l, [xx, xy, xz], v), dot(l, [xy, yy, yz], v), dot(l, [xz, yz, zz], v)]
+fn symmetric_product<L: Arithmetic>(l: L, [xx, xy, xz, yy, yz, zz]: Symmetric<L::V>, v: [L::V; 3]) -> [L::V; 3] {
+    [dot_product(l, [xx, xy, xz], v), dot_product(l, [xy, yy, yz], v), dot_product(l, [xz, yz, zz], v)]
 }
 
-/// The axes of [`Block`], normal and tangents, in the world frame, with c and s.
+/// The axes of [`LocalBlock`], normal and tangents, in the world frame, with c and s.
 #[derive(Debug, Clone, Copy)]
-pub struct Axes<V> {
+pub struct BlockAxes<V> {
     pub axes: [[V; 3]; 3],
     pub c: [V; 2],
     pub s: [V; 2],
@@ -129,21 +137,21 @@ pub struct Axes<V> {
 
 /// Share of w_nn that stands for 0 among s1 and s2: rounding of imposed velocities, 1e-16 of them, makes no friction then, and
 /// bodies of any shape that one can move have more, 1/m of (1 + m l²/J)/m.
-const HELD: f64 = 1e-10;
+const MIN_TANGENT_SHARE: f64 = 1e-10;
 
 /// The axes of a block on a normal.
 #[inline(always)]
-pub fn axes<L: Arithmetic>(l: L, w: Symmetric<L::V>, normal: [L::V; 3]) -> Axes<L::V> {
+pub fn block_axes<L: Arithmetic>(l: L, w: Symmetric<L::V>, normal: [L::V; 3]) -> BlockAxes<L::V> {
     let (zero, half, one) = (l.splat(0.0), l.splat(0.5), l.splat(1.0));
-    let [n, t1, t2] = frame(l, normal);
-    let (wn, w1, w2) = (times(l, w, n), times(l, w, t1), times(l, w, t2));
-    let w_nn = dot(l, n, wn);
-    let w_nt = [dot(l, t1, wn), dot(l, t2, wn)];
+    let [n, t1, t2] = lane_frame(l, normal);
+    let (wn, w1, w2) = (symmetric_product(l, w, n), symmetric_product(l, w, t1), symmetric_product(l, w, t2));
+    let w_nn = dot_product(l, n, wn);
+    let w_nt = [dot_product(l, t1, wn), dot_product(l, t2, wn)];
     let c = [l.div(w_nt[0], w_nn), l.div(w_nt[1], w_nn)];
     // What is left of the tangents.
-    let off = l.neg_mul_add(c[0], w_nt[1], dot(l, t1, w2));
-    let first = l.neg_mul_add(c[0], w_nt[0], dot(l, t1, w1));
-    let second = l.neg_mul_add(c[1], w_nt[1], dot(l, t2, w2));
+    let off = l.neg_mul_add(c[0], w_nt[1], dot_product(l, t1, w2));
+    let first = l.neg_mul_add(c[0], w_nt[0], dot_product(l, t1, w1));
+    let second = l.neg_mul_add(c[1], w_nt[1], dot_product(l, t2, w2));
     let (mean, halved) = (l.mul(half, l.add(first, second)), l.mul(half, l.sub(first, second)));
     let radius = l.sqrt(l.mul_add(halved, halved, l.mul(off, off)));
     // Half the angle of (halved, off) turns t1 to the larger axis; that of its two parts which is not small without cancellation.
@@ -155,20 +163,20 @@ pub fn axes<L: Arithmetic>(l: L, w: Symmetric<L::V>, normal: [L::V; 3]) -> Axes<
     let (cos, sin) = (l.select_greater(radius, zero, cos, one), l.select_greater(radius, zero, sin, zero));
     // The smaller one without cancellation. No eigenvalue is below the inverse masses that W has along every axis, but where both
     // bodies are driven in part: along what neither can move, W is 0.
-    let least = l.mul(l.splat(HELD), w_nn);
+    let least = l.mul(l.splat(MIN_TANGENT_SHARE), w_nn);
     let larger = l.add(mean, radius);
     let larger = l.select_greater(larger, least, larger, least);
-    let smaller = l.div(minus(l, [first, second], [off, off]), larger);
+    let smaller = l.div(difference_of_products(l, [first, second], [off, off]), larger);
     let smaller = l.select_greater(smaller, least, smaller, least);
     let along = triple!(k => l.mul_add(t1[k], cos, l.mul(t2[k], sin)));
-    let across = triple!(k => minus(l, [t2[k], cos], [t1[k], sin]));
-    let c = [l.mul_add(c[0], cos, l.mul(c[1], sin)), minus(l, [c[1], cos], [c[0], sin])];
-    Axes { axes: [n, along, across], c, s: [larger, smaller] }
+    let across = triple!(k => difference_of_products(l, [t2[k], cos], [t1[k], sin]));
+    let c = [l.mul_add(c[0], cos, l.mul(c[1], sin)), difference_of_products(l, [c[1], cos], [c[0], sin])];
+    BlockAxes { axes: [n, along, across], c, s: [larger, smaller] }
 }
 
 /// [`local_frame`](crate::math::local_frame) in lanes.
 #[inline(always)]
-fn frame<L: Arithmetic>(l: L, n: [L::V; 3]) -> [[L::V; 3]; 3] {
+fn lane_frame<L: Arithmetic>(l: L, n: [L::V; 3]) -> [[L::V; 3]; 3] {
     let (zero, one) = (l.splat(0.0), l.splat(1.0));
     let sign = l.select_greater(zero, n[2], l.splat(-1.0), one);
     let a = l.div(l.splat(-1.0), l.add(sign, n[2]));
@@ -180,22 +188,22 @@ fn frame<L: Arithmetic>(l: L, n: [L::V; 3]) -> [[L::V; 3]; 3] {
 }
 
 /// r̂ that solves one contact of the block `w`, where û is `u` with the impulse `r` at work; world frame.
-pub fn alone(w: Symmetric<f64>, normal: Vec3, friction: f64, u: &Vec3, r: &Vec3) -> Vec3 {
-    let Axes { axes, c, s } = axes(Scalar, w, normal.into());
+pub fn solve_contact_block(w: Symmetric<f64>, normal: Vec3, friction: f64, u: &Vec3, r: &Vec3) -> Vec3 {
+    let BlockAxes { axes, c, s } = block_axes(Scalar, w, normal.into());
     let axes = axes.map(Vec3::from);
     let along = |v: &Vec3| [0, 1, 2].map(|k| axes[k].dot(v));
-    let inverse_nn = 1.0 / normal.dot(&(matrix(w) * normal));
-    let block = Block { inverse_nn, c, s, inverse_s: s.map(f64::recip), friction };
-    let (new, _) = signorini_coulomb(Scalar, &block, along(u), along(r), 0.0);
+    let inverse_nn = 1.0 / normal.dot(&(full_matrix(w) * normal));
+    let block = LocalBlock { inverse_nn, c, s, inverse_s: s.map(f64::recip), friction };
+    let (new, _) = signorini_coulomb_block(Scalar, &block, along(u), along(r), 0.0);
     axes[0] * new[0] + axes[1] * new[1] + axes[2] * new[2]
 }
 
-pub fn matrix([xx, xy, xz, yy, yz, zz]: Symmetric<f64>) -> Matrix3<f64> {
+pub fn full_matrix([xx, xy, xz, yy, yz, zz]: Symmetric<f64>) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 
 /// Newton's method takes two or three; sixty bisections of the bracket would do as well.
-const ITERATIONS: usize = 60;
+const MAX_ITERATIONS: usize = 60;
 
 /// Impulse r that solves one contact with Signorini's condition and Coulomb's law, and the multiplier of its sliding.
 ///
@@ -210,14 +218,14 @@ const ITERATIONS: usize = 60;
 /// Sources: P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991) 353-375; psi as in J. Moré, D. Sorensen,
 /// SIAM J. Sci. Stat. Comput. 4 (1983) 553-572.
 #[inline(always)]
-pub fn signorini_coulomb<L: Arithmetic>(
+pub fn signorini_coulomb_block<L: Arithmetic>(
     l: L,
-    block: &Block<L::V>,
+    block: &LocalBlock<L::V>,
     u: [L::V; 3],
     y: [L::V; 3],
     guess: L::V,
 ) -> ([L::V; 3], L::V) {
-    let Block { inverse_nn, c, s: axes, inverse_s, friction } = *block;
+    let LocalBlock { inverse_nn, c, s: axes, inverse_s, friction } = *block;
     let (zero, one) = (l.splat(0.0), l.splat(1.0));
     // Without the contact's own impulse the normal one of u_n = 0 would be `free`, and p what then has to be stopped.
     let free = l.neg_mul_add(u[0], inverse_nn, l.mul_add(c[0], y[1], l.mul_add(c[1], y[2], y[0])));
@@ -256,10 +264,10 @@ pub fn signorini_coulomb<L: Arithmetic>(
         let mut s = l.select_greater(high, inside, inside, l.mul(l.splat(0.5), high));
         let mut waits = slides;
         // At so small a |psi| one more step of Newton's method is the last: what is left then is its square.
-        let near = L::T::ROOT_OF_ROUNDING;
+        let near = L::T::SQRT_EPSILON;
         let near2 = l.splat(near * near);
-        for _ in 0..ITERATIONS {
-            let Sliding { e, d, r, n, square, length } = sliding(l, axes, p, c, free, s);
+        for _ in 0..MAX_ITERATIONS {
+            let SlidingState { e, d, r, n, square, length } = sliding_state(l, axes, p, c, free, s);
             let miss = l.sub(l.mul(friction, n), length); // psi |r|
             // psi over its slope with one division.
             let f = [l.mul(r[0], e[1]), l.mul(r[1], e[0])];
@@ -281,7 +289,7 @@ pub fn signorini_coulomb<L: Arithmetic>(
                 break;
             }
         }
-        let Sliding { d, r, n: push, length, .. } = sliding(l, axes, p, c, free, s);
+        let SlidingState { d, r, n: push, length, .. } = sliding_state(l, axes, p, c, free, s);
         let push = l.div(push, d);
         let push = l.select_greater(push, zero, push, zero);
         // On the edge of the cone, whatever is left of psi.
@@ -305,7 +313,7 @@ pub fn signorini_coulomb<L: Arithmetic>(
 }
 
 /// What slides with the multiplier s: with e = s_T + s and d = e1 e2, -r_T = `r`/d and r_n = `n`/d.
-struct Sliding<V> {
+struct SlidingState<V> {
     e: [V; 2],
     d: V,
     r: [V; 2],
@@ -316,20 +324,27 @@ struct Sliding<V> {
 }
 
 #[inline(always)]
-fn sliding<L: Arithmetic>(l: L, axes: [L::V; 2], p: [L::V; 2], c: [L::V; 2], free: L::V, s: L::V) -> Sliding<L::V> {
+fn sliding_state<L: Arithmetic>(
+    l: L,
+    axes: [L::V; 2],
+    p: [L::V; 2],
+    c: [L::V; 2],
+    free: L::V,
+    s: L::V,
+) -> SlidingState<L::V> {
     let e = [l.add(axes[0], s), l.add(axes[1], s)];
     let d = l.mul(e[0], e[1]);
     let r = [l.mul(p[0], e[1]), l.mul(p[1], e[0])];
     let n = l.mul_add(c[0], r[0], l.mul_add(c[1], r[1], l.mul(free, d)));
     let square = l.mul_add(r[0], r[0], l.mul(r[1], r[1]));
-    Sliding { e, d, r, n, square, length: l.sqrt(square) }
+    SlidingState { e, d, r, n, square, length: l.sqrt(square) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::lanes::{Scalar, Single};
-    use crate::solve::stored::Local;
+    use crate::math::lanes::{F32Lanes, Scalar};
+    use crate::solve::stored::LocalSolver;
     use proptest::prelude::*;
 
     type Triple = [f64; 3];
@@ -345,16 +360,17 @@ mod tests {
 
     fn solve(w_nn: f64, c: [f64; 2], s: [f64; 2], mu: f64, q: Triple, y: Triple, guess: f64) -> (Triple, f64) {
         let w = matrix(w_nn, c, s);
-        let block = Block { inverse_nn: 1.0 / w_nn, c, s, inverse_s: s.map(|s| 1.0 / s), friction: mu };
-        signorini_coulomb(Scalar, &block, velocity(&w, y, q), y, guess)
+        let block = LocalBlock { inverse_nn: 1.0 / w_nn, c, s, inverse_s: s.map(|s| 1.0 / s), friction: mu };
+        signorini_coulomb_block(Scalar, &block, velocity(&w, y, q), y, guess)
     }
 
     /// The same in single precision, of blocks whose numbers that has; without an impulse before.
     fn solve_single(w_nn: f64, c: [f64; 2], s: [f64; 2], mu: f64, q: Triple, guess: f64) -> Triple {
         let short = |x: [f64; 2]| x.map(|x| x as f32);
         let inverse_s = short(s.map(|s| 1.0 / s));
-        let block = Block { inverse_nn: (1.0 / w_nn) as f32, c: short(c), s: short(s), inverse_s, friction: mu as f32 };
-        let (r, _) = signorini_coulomb(Single(Scalar), &block, q.map(|q| q as f32), [0.0; 3], guess as f32);
+        let block =
+            LocalBlock { inverse_nn: (1.0 / w_nn) as f32, c: short(c), s: short(s), inverse_s, friction: mu as f32 };
+        let (r, _) = signorini_coulomb_block(F32Lanes(Scalar), &block, q.map(|q| q as f32), [0.0; 3], guess as f32);
         r.map(f64::from)
     }
 
@@ -386,8 +402,9 @@ mod tests {
                 for mu in [0.0, 1e-300, 0.5, 1e12, 1e300] {
                     for (n, t) in values.into_iter().flat_map(|n| values.map(|t| (n, t))) {
                         for guess in [0.0, 1.0, 1e300, f64::INFINITY, f64::NAN] {
-                            let block = Block { inverse_nn: 1.0, c, s, inverse_s: s.map(|s| 1.0 / s), friction: mu };
-                            let (r, _) = signorini_coulomb(Scalar, &block, [n, t, 0.3], [0.0; 3], guess);
+                            let block =
+                                LocalBlock { inverse_nn: 1.0, c, s, inverse_s: s.map(|s| 1.0 / s), friction: mu };
+                            let (r, _) = signorini_coulomb_block(Scalar, &block, [n, t, 0.3], [0.0; 3], guess);
                             assert!(r.iter().all(|x| x.is_finite()), "{c:?} {s:?} {mu} {n} {t} {guess}: {r:?}");
                             let r = solve_single(1.0, c, s, mu, [n, t, 0.3], guess);
                             assert!(r.iter().all(|x| x.is_finite()), "{c:?} {s:?} {mu} {n} {t} {guess}: {r:?}");
@@ -417,7 +434,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(3000))]
 
-        /// The block is what mechanics says of one body after the other, and its axes make of it the form of [`Block`].
+        /// The block is what mechanics says of one body after the other, and its axes make of it the form of [`LocalBlock`].
         #[test]
         fn a_block_has_its_form_on_its_axes(
             arms in prop::array::uniform2(prop::array::uniform3(-1.0..1.0f64)),
@@ -428,9 +445,9 @@ mod tests {
             let inertia = roots.map(|root| Matrix3::from_column_slice(&root));
             let inertia = inertia.map(|root| root * root.transpose());
             let side = |k: usize| {
-                Side { arm: arms[k], inverse_mass: inverse_mass[k], inverse_inertia: symmetric(&inertia[k]) }
+                BodySide { arm: arms[k], inverse_mass: inverse_mass[k], inverse_inertia: symmetric_components(&inertia[k]) }
             };
-            let w = super::matrix(block(Scalar, [side(0), side(1)]));
+            let w = super::full_matrix(delassus_block(Scalar, [side(0), side(1)]));
             let n = Vec3::from(normal).normalize();
             for r in [Vec3::x(), Vec3::y(), Vec3::z()] {
                 let of = |k: usize| {
@@ -440,7 +457,7 @@ mod tests {
                 // A handful of products of numbers up to a few.
                 prop_assert!((w * r - of(0) - of(1)).norm() < 1e-13);
             }
-            let Axes { axes, c, s } = axes(Scalar, symmetric(&w), n.into());
+            let BlockAxes { axes, c, s } = block_axes(Scalar, symmetric_components(&w), n.into());
             let frame = Matrix3::from_columns(&axes.map(Vec3::from));
             let w_nn = n.dot(&(w * n));
             let c = Vec3::new(1.0, c[0], c[1]);
@@ -468,7 +485,7 @@ mod tests {
             // Rounding of products of numbers up to `size`, divided by axes down to 0.05.
             prop_assert!(violation(&w, q, mu, r) <= 1e-11 * size * size, "{r:?}");
             if mu * c[0].hypot(c[1]) < 0.5 {
-                let other = Local::new(&w, mu).solve(q);
+                let other = LocalSolver::new(&w, mu).solve(q);
                 prop_assert!((0..3).all(|k| (r[k] - other[k]).abs() < 1e-10 * size), "{r:?} {other:?}");
             }
             // Its own multiplier as a guess changes nothing but the last digits.

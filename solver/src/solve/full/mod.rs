@@ -15,20 +15,20 @@ mod tests {
     use cd_formats::compute::SweepPrecision;
     use nalgebra::Matrix3;
 
-    use crate::assemble::{Full, Record, Row, System, stored_problem};
-    use crate::math::lanes::Width;
+    use crate::assemble::{BlockData, ContactConstraint, ContactProblem, SolverBody, stored_problem};
+    use crate::math::lanes::SimdWidth;
     use crate::math::{Vec3, to_local, to_world};
-    use crate::solve::full::local::{block_of, matrix};
-    use crate::solve::residual::Judge;
-    use crate::solve::{Until, nlgs};
+    use crate::solve::full::local::{delassus_block_of_row, full_matrix};
+    use crate::solve::residual::ResidualEvaluator;
+    use crate::solve::{StoppingCriteria, solve_nlgs};
     use crate::state::Contact;
 
     /// A stack of `count` bodies with arms and inertia by arithmetic alone, on a ground that does not move: up to five
     /// contacts between neighbours, every third body also against the one two below.
-    fn heap(count: u32, friction: f64) -> System {
+    fn heap(count: u32, friction: f64) -> ContactProblem {
         let noise =
             |k: u32, j: u32| (f64::from(k) * 12.9898 + f64::from(j) * 78.233).sin().rem_euclid(0.37) / 0.37 - 0.5;
-        let record = |k: u32| Record {
+        let record = |k: u32| SolverBody {
             v: Vec3::new(noise(k, 1), noise(k, 2), -1.0 + noise(k, 3)),
             inverse_mass: if k == 0 { 0.0 } else { 1.0 + noise(k, 4) },
             w: Vec3::new(noise(k, 5), noise(k, 6), noise(k, 7)),
@@ -44,19 +44,19 @@ mod tests {
         pairs.sort_unstable();
         // Some are not pushed along one axis.
         let held = |k: u32| if k % 7 == 3 { Vec3::x() } else { Vec3::zeros() };
-        let mut full = Full {
+        let mut full = BlockData {
             arms: Vec::new(),
             friction_offsets: Vec::new(),
-            held: (0..count).map(held).collect(),
+            locked_axes: (0..count).map(held).collect(),
             inverse_inertia: (0..count).map(inertia).collect(),
         };
-        let records: Vec<Record> = (0..count).map(record).collect();
+        let records: Vec<SolverBody> = (0..count).map(record).collect();
         let mut rows = Vec::new();
         for (k, bodies) in pairs.into_iter().enumerate() {
             let k = k as u32;
             let arm = |side: f64| Vec3::new(noise(k, 31), noise(k, 32), side * 0.5 + 0.1 * noise(k, 33));
             full.arms.push([arm(-1.0), arm(1.0)]);
-            let row = Row {
+            let row = ContactConstraint {
                 bodies,
                 normal: Vec3::new(0.6 * noise(k, 41), 0.6 * noise(k, 42), 1.0).normalize(),
                 arm: 1.0,
@@ -64,7 +64,7 @@ mod tests {
                 friction,
                 acts: true,
                 can_close: true,
-                ..Row::default()
+                ..ContactConstraint::default()
             };
             // As of faces, of two pairs in three.
             let offset =
@@ -72,10 +72,16 @@ mod tests {
             full.friction_offsets.push(offset - row.normal * row.normal.dot(&offset));
             rows.push(row);
         }
-        let mut system = System { rows, rolls: vec![], full: Some(full), records, order: (0..count).collect() };
+        let mut system = ContactProblem {
+            rows,
+            rolling_constraints: vec![],
+            block_data: Some(full),
+            bodies: records,
+            order: (0..count).collect(),
+        };
         for k in 0..system.rows.len() {
-            let full = system.full.as_ref().unwrap();
-            let w = matrix(block_of(&system, full, k));
+            let full = system.block_data.as_ref().unwrap();
+            let w = full_matrix(delassus_block_of_row(&system, full, k));
             let row = &mut system.rows[k];
             row.w_n = row.normal.dot(&(w * row.normal));
             row.w_t = 0.5 * (w.trace() - row.w_n);
@@ -99,15 +105,15 @@ mod tests {
         let mut seen = 0;
         for (k, contact) in contacts.iter().enumerate() {
             let r = to_world(&contact.frame(), &Vec3::new(0.7, -0.4, 0.9));
-            system.records.clone_from(&free.records);
-            system.apply(k, &r);
-            let change = |i: usize| system.velocity(i, &system.records) - free.velocity(i, &free.records);
-            let full = free.full.as_ref().unwrap();
-            let w = matrix(block_of(&free, full, k));
+            system.bodies.clone_from(&free.bodies);
+            system.apply_impulse(k, &r);
+            let change = |i: usize| system.shifted_velocity(i, &system.bodies) - free.shifted_velocity(i, &free.bodies);
+            let full = free.block_data.as_ref().unwrap();
+            let w = full_matrix(delassus_block_of_row(&free, full, k));
             // Some roundings of numbers up to 10.
             assert!((change(k) - w * r).norm() < 1e-13, "{k}: {} {}", change(k), w * r);
             let (row, n) = (&free.rows[k], contact.normal);
-            let (w_n, w_t) = full.diagonal(k, row, &free.records);
+            let (w_n, w_t) = full.delassus_diagonal(k, row, &free.bodies);
             assert!((w_n - n.dot(&(w * n))).abs() < 1e-13 && (w_n + 2.0 * w_t - w.trace()).abs() < 1e-13, "{k}");
             for (i, _, w) in problem.blocks.iter().filter(|(_, j, _)| *j == k) {
                 let expected = to_local(&contacts[*i].frame(), &change(*i));
@@ -124,17 +130,21 @@ mod tests {
     fn a_judge_that_solves_nothing_finds_it_solved() {
         for (friction, tol) in [(0.0, 1e-9), (0.3, 1e-6)] {
             let system = heap(60, friction);
-            let solution = nlgs(&system, Until::new(tol, 100_000), Width::detect());
+            let solution = solve_nlgs(&system, StoppingCriteria::new(tol, 100_000), SimdWidth::detect());
             assert!(solution.converged, "{friction}: {:e} after {}", solution.residual, solution.sweeps);
             let all: Vec<u32> = (0..system.rows.len() as u32).collect();
-            assert!(Judge::new(&system, &all, Width::detect()).residual(&solution.impulses).value <= tol);
+            assert!(
+                ResidualEvaluator::new(&system, &all, SimdWidth::detect()).residual(&solution.impulses).value <= tol
+            );
         }
     }
 
     /// The solution has no friction to give, and is that of the three unknowns with next to none.
     #[test]
     fn one_unknown_finds_what_three_find() {
-        let solved = |friction: f64| nlgs(&heap(40, friction), Until::new(1e-11, 100_000), Width::detect()).records;
+        let solved = |friction: f64| {
+            solve_nlgs(&heap(40, friction), StoppingCriteria::new(1e-11, 100_000), SimdWidth::detect()).records
+        };
         let (one, three) = (solved(0.0), solved(1e-13));
         for (a, b) in one.iter().zip(&three) {
             // Velocities near 1, solved to 1e-11 in a heap that amplifies what is left of a contact some hundred times.
@@ -142,19 +152,21 @@ mod tests {
         }
     }
 
-    fn in_single(tol: f64, max_sweeps: u64) -> Until {
-        Until { precision: SweepPrecision::Single, ..Until::new(tol, max_sweeps) }
+    fn in_single(tol: f64, max_sweeps: u64) -> StoppingCriteria {
+        StoppingCriteria { precision: SweepPrecision::Single, ..StoppingCriteria::new(tol, max_sweeps) }
     }
 
     #[test]
     fn single_precision_reaches_what_is_sought_with_it() {
         for friction in [0.0, 0.3] {
             let system = heap(60, friction);
-            let solution = nlgs(&system, in_single(1e-4, 100_000), Width::detect());
-            assert!(solution.single && solution.converged, "{friction}: {:e}", solution.residual);
+            let solution = solve_nlgs(&system, in_single(1e-4, 100_000), SimdWidth::detect());
+            assert!(solution.single_precision && solution.converged, "{friction}: {:e}", solution.residual);
             let all: Vec<u32> = (0..system.rows.len() as u32).collect();
-            assert!(Judge::new(&system, &all, Width::detect()).residual(&solution.impulses).value <= 1e-4);
-            let double = nlgs(&system, Until::new(1e-4, 100_000), Width::detect());
+            assert!(
+                ResidualEvaluator::new(&system, &all, SimdWidth::detect()).residual(&solution.impulses).value <= 1e-4
+            );
+            let double = solve_nlgs(&system, StoppingCriteria::new(1e-4, 100_000), SimdWidth::detect());
             // Noise of 1e-7 is nothing to what is left: about as many sweeps.
             assert!(solution.sweeps < 2 * double.sweeps, "{friction}: {} {}", solution.sweeps, double.sweeps);
         }
@@ -164,7 +176,7 @@ mod tests {
     #[test]
     fn impulses_of_single_precision_keep_to_their_cones() {
         let system = heap(60, 0.3);
-        let solution = nlgs(&system, in_single(1e-4, 100_000), Width::detect());
+        let solution = solve_nlgs(&system, in_single(1e-4, 100_000), SimdWidth::detect());
         let mut sliding = 0;
         for (row, r) in system.rows.iter().zip(&solution.impulses) {
             let normal = row.normal.dot(r);
@@ -180,16 +192,16 @@ mod tests {
     fn no_unit_matters_in_single_precision() {
         let solved = |mass: f64, speed: f64| {
             let mut system = heap(60, 0.3);
-            for record in &mut system.records {
+            for record in &mut system.bodies {
                 (record.v, record.w) = (record.v * speed, record.w * speed);
                 record.inverse_mass /= mass;
             }
-            system.full.as_mut().unwrap().inverse_inertia.iter_mut().for_each(|m| *m /= mass);
+            system.block_data.as_mut().unwrap().inverse_inertia.iter_mut().for_each(|m| *m /= mass);
             for row in &mut system.rows {
                 (row.w_n, row.w_t, row.shift) = (row.w_n / mass, row.w_t / mass, row.shift * speed);
             }
             let unit = mass * speed;
-            nlgs(&system, in_single(1e-4, 50), Width::detect())
+            solve_nlgs(&system, in_single(1e-4, 50), SimdWidth::detect())
                 .impulses
                 .into_iter()
                 .map(|r| r / unit)
@@ -205,22 +217,22 @@ mod tests {
     /// 1500 bodies are cut into ranges.
     #[test]
     fn no_width_and_no_number_of_threads_changes_a_bit() {
-        for until in [Until::new(1e-12, 30), in_single(1e-12, 30)] {
+        for until in [StoppingCriteria::new(1e-12, 30), in_single(1e-12, 30)] {
             [0.4, 0.0]
                 .into_iter()
                 .for_each(|friction| no_width_and_no_number_of_threads_changes_a_bit_at(friction, until));
         }
     }
 
-    fn no_width_and_no_number_of_threads_changes_a_bit_at(friction: f64, until: Until) {
+    fn no_width_and_no_number_of_threads_changes_a_bit_at(friction: f64, until: StoppingCriteria) {
         let system = heap(1500, friction);
         let solve = |width, threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| nlgs(&system, until, width).impulses)
+            pool.install(|| solve_nlgs(&system, until, width).impulses)
         };
-        let first = solve(Width::all()[0], 1);
+        let first = solve(SimdWidth::all_widths()[0], 1);
         assert!(first.iter().any(|r| r.norm() > 0.1));
-        for width in Width::all() {
+        for width in SimdWidth::all_widths() {
             for threads in [1, 3] {
                 assert_eq!(solve(width, threads), first, "{width:?} {threads}");
             }

@@ -2,64 +2,77 @@
 
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{Arithmetic, Number, Single, Twice, Width};
-use crate::solve::batches::{BATCH, NEAR, Sums};
+use crate::math::lanes::{Arithmetic, DoubleWidth, F32Lanes, LaneFloat, SimdWidth};
+use crate::solve::batches::{BATCH_LANES, L2_BYTES, SweepSums};
 use crate::solve::full::batches::{
-    Batch, Batches, Contacts, Impulses, Levers, Line, Normal, Point, Problem, Push, Range,
+    BlockProblem, BodyNumbers, BodyPairBatch, BodyRange, FrictionalImpulses, FrictionalPoint, FrictionlessPoint,
+    LeverColumns, NormalImpulses, PairBatches, PairContacts,
 };
-use crate::solve::full::local::{Block, signorini_coulomb};
-use crate::solve::local::{cross_add, dot, triple};
-use crate::solve::rolling::Rolls;
+use crate::solve::full::local::{LocalBlock, signorini_coulomb_block};
+use crate::solve::local::{cross_add, dot_product, triple};
+use crate::solve::rolling::RollingConstraintWide;
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
-pub fn sweep<C: Swept<T = f64>>(problem: &mut Problem<C>, width: Width, beta: f64) -> Sums<f64> {
+pub fn sweep_contacts<C: PairSweepKernel<T = f64>>(
+    problem: &mut BlockProblem<C>,
+    width: SimdWidth,
+    beta: f64,
+) -> SweepSums<f64> {
     match width {
-        Width::One(lanes) => sweep_with(problem, Twice(lanes), beta),
+        SimdWidth::One(lanes) => sweep_with(problem, DoubleWidth(lanes), beta),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(simd) => sweep_with(problem, Twice(simd), beta),
+        SimdWidth::Four(simd) => sweep_with(problem, DoubleWidth(simd), beta),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(simd) => sweep_with(problem, Twice(simd), beta),
+        SimdWidth::Eight(simd) => sweep_with(problem, DoubleWidth(simd), beta),
     }
 }
 
 /// The same in single precision.
-pub fn sweep_single<C: Swept<T = f32>>(problem: &mut Problem<C>, width: Width, beta: f64) -> Sums<f32> {
+pub fn sweep_single<C: PairSweepKernel<T = f32>>(
+    problem: &mut BlockProblem<C>,
+    width: SimdWidth,
+    beta: f64,
+) -> SweepSums<f32> {
     match width {
-        Width::One(lanes) => sweep_with(problem, Twice(Single(lanes)), beta),
+        SimdWidth::One(lanes) => sweep_with(problem, DoubleWidth(F32Lanes(lanes)), beta),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(simd) => sweep_with(problem, Twice(Single(simd)), beta),
+        SimdWidth::Four(simd) => sweep_with(problem, DoubleWidth(F32Lanes(simd)), beta),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(simd) => sweep_with(problem, Single(simd), beta), // as many as a batch has
+        SimdWidth::Eight(simd) => sweep_with(problem, F32Lanes(simd), beta), // as many as a batch has
     }
 }
 
-fn sweep_with<L: Arithmetic, C: Swept<T = L::T>>(problem: &mut Problem<C>, lanes: L, beta: f64) -> Sums<L::T> {
-    let Problem { lines, previous, inertia, ranges, between, .. } = problem;
+fn sweep_with<L: Arithmetic, C: PairSweepKernel<T = L::T>>(
+    problem: &mut BlockProblem<C>,
+    lanes: L,
+    beta: f64,
+) -> SweepSums<L::T> {
+    let BlockProblem { lines, previous, inertia, ranges, between, .. } = problem;
     let points = between.points.len() + ranges.iter().map(|range| range.inside.points.len()).sum::<usize>();
-    let far = points * size_of::<(C, C::Impulses)>() > NEAR;
-    side_by_side(ranges, lines, previous, inertia, lanes, (beta, far));
-    let mut sums = Sums::default();
-    ranges.iter().for_each(|range| sums.add(&range.sums));
-    let mut last = Sums::default();
-    lanes.run(Run { lanes, lines, inertia, batches: between, beta, far, sums: &mut last });
-    sums.add(&last);
+    let far = points * size_of::<(C, C::Impulses)>() > L2_BYTES;
+    sweep_ranges(ranges, lines, previous, inertia, lanes, (beta, far));
+    let mut sums = SweepSums::default();
+    ranges.iter().for_each(|range| sums.accumulate(&range.sums));
+    let mut last = SweepSums::default();
+    lanes.run(SweepBatches { lanes, lines, inertia, batches: between, beta, exceeds_l2: far, sums: &mut last });
+    sums.accumulate(&last);
     sums
 }
 
 /// Halves the ranges until one is left to each task.
-fn side_by_side<L: Arithmetic, C: Swept<T = L::T>>(
-    ranges: &mut [Range<C>],
-    lines: &mut [Line<L::T>],
-    previous: &mut [Line<L::T>],
-    inertia: &[Line<L::T>],
+fn sweep_ranges<L: Arithmetic, C: PairSweepKernel<T = L::T>>(
+    ranges: &mut [BodyRange<C>],
+    lines: &mut [BodyNumbers<L::T>],
+    previous: &mut [BodyNumbers<L::T>],
+    inertia: &[BodyNumbers<L::T>],
     lanes: L,
     (beta, far): (f64, bool),
 ) {
     if let [range] = ranges {
-        lanes.run(CarryOn { lanes, lines, previous, beta });
-        range.sums = Sums::default();
+        lanes.run(ApplyPairMomentum { lanes, lines, previous, beta });
+        range.sums = SweepSums::default();
         let batches = &mut range.inside;
-        lanes.run(Run { lanes, lines, inertia, batches, beta, far, sums: &mut range.sums });
+        lanes.run(SweepBatches { lanes, lines, inertia, batches, beta, exceeds_l2: far, sums: &mut range.sums });
         return;
     }
     let (left, right) = ranges.split_at_mut(ranges.len() / 2);
@@ -68,20 +81,20 @@ fn side_by_side<L: Arithmetic, C: Swept<T = L::T>>(
     let (previous_left, previous_right) = previous.split_at_mut(cut);
     let (inertia_left, inertia_right) = inertia.split_at(cut);
     rayon::join(
-        || side_by_side(left, lines_left, previous_left, inertia_left, lanes, (beta, far)),
-        || side_by_side(right, lines_right, previous_right, inertia_right, lanes, (beta, far)),
+        || sweep_ranges(left, lines_left, previous_left, inertia_left, lanes, (beta, far)),
+        || sweep_ranges(right, lines_right, previous_right, inertia_right, lanes, (beta, far)),
     );
 }
 
 /// Velocities are linear in the impulses, so momentum takes one pass over the bodies.
-struct CarryOn<'a, L: Arithmetic> {
+struct ApplyPairMomentum<'a, L: Arithmetic> {
     lanes: L,
-    lines: &'a mut [Line<L::T>],
-    previous: &'a mut [Line<L::T>],
+    lines: &'a mut [BodyNumbers<L::T>],
+    previous: &'a mut [BodyNumbers<L::T>],
     beta: f64,
 }
 
-impl<L: Arithmetic> NullaryFnOnce for CarryOn<'_, L> {
+impl<L: Arithmetic> NullaryFnOnce for ApplyPairMomentum<'_, L> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
@@ -97,38 +110,38 @@ impl<L: Arithmetic> NullaryFnOnce for CarryOn<'_, L> {
         }
         for (line, previous) in lines.into_remainder().iter_mut().zip(previous.into_remainder()) {
             let (now, before) = (*line, *previous);
-            (*line, *previous) = (L::T::of(self.beta).fused(now - before, now), now);
+            (*line, *previous) = (L::T::from_f64(self.beta).fused_mul_add(now - before, now), now);
         }
     }
 }
 
-struct Run<'a, L, C: Contacts> {
+struct SweepBatches<'a, L, C: PairContacts> {
     lanes: L,
-    lines: &'a mut [Line<C::T>],
-    inertia: &'a [Line<C::T>],
-    batches: &'a mut Batches<C>,
+    lines: &'a mut [BodyNumbers<C::T>],
+    inertia: &'a [BodyNumbers<C::T>],
+    batches: &'a mut PairBatches<C>,
     beta: f64,
     /// Whether the problem does not fit near by.
-    far: bool,
-    sums: &'a mut Sums<C::T>,
+    exceeds_l2: bool,
+    sums: &'a mut SweepSums<C::T>,
 }
 
-impl<L: Arithmetic, C: Swept<T = L::T>> NullaryFnOnce for Run<'_, L, C> {
+impl<L: Arithmetic, C: PairSweepKernel<T = L::T>> NullaryFnOnce for SweepBatches<'_, L, C> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let Run { lanes, lines, inertia, batches, beta, far, sums } = self;
-        let Batches { batches, points, impulses, rolls, levers, .. } = batches;
+        let SweepBatches { lanes, lines, inertia, batches, beta, exceeds_l2: far, sums } = self;
+        let PairBatches { batches, points, impulses, rolls, levers, .. } = batches;
         for batch in batches.iter() {
             let [first, end] = batch.points;
-            for from in (0..BATCH).step_by(L::WIDTH) {
+            for from in (0..BATCH_LANES).step_by(L::WIDTH) {
                 let (impulses, later) = impulses[first..].split_at_mut(end - first);
                 let later = (&points[end..], &*later);
                 let points = &points[first..end];
                 let rolls = rolls.get_mut(first..end).unwrap_or_default();
                 let levers = if batch.levers { &levers[first..end] } else { &[] };
-                let pairs = Pairs { batch, points, impulses, later, rolls, levers, from };
-                match (batch.held, far) {
+                let pairs = PairLanes { batch, points, impulses, later, rolls, levers, from };
+                match (batch.has_locked_axes, far) {
                     (true, true) => solve_pairs::<true, true, _, _>(lanes, lines, inertia, pairs, beta, sums),
                     (true, false) => solve_pairs::<true, false, _, _>(lanes, lines, inertia, pairs, beta, sums),
                     (false, true) => solve_pairs::<false, true, _, _>(lanes, lines, inertia, pairs, beta, sums),
@@ -140,42 +153,42 @@ impl<L: Arithmetic, C: Swept<T = L::T>> NullaryFnOnce for Run<'_, L, C> {
 }
 
 /// The velocities of a pair's two bodies, and what answers to impulses.
-pub struct Motions<V> {
+pub struct PairVelocities<V> {
     va: [V; 3],
     wa: [V; 3],
     vb: [V; 3],
     wb: [V; 3],
     inverse_mass: [V; 2],
     /// 1 for each fixed axis along which they are pushed, else 0.
-    pushed: [[V; 3]; 2],
+    free_axes: [[V; 3]; 2],
     /// Inverse inertia xx, xy, xz, yy, yz, zz.
     inertia: [[V; 8]; 2],
 }
 
-/// Sums over the contacts, see [`Sums`].
-pub struct Moved<V> {
-    uphill: V,
+/// Sums over the contacts, see [`SweepSums`].
+pub struct LaneSums<V> {
+    restart_product: V,
     change2: V,
 }
 
 /// What a sweep does with the contacts of a batch.
-pub trait Swept: Contacts {
+pub trait PairSweepKernel: PairContacts {
     /// Solves those at `places`, from y = r + beta (r - r_before), and gives the change to the bodies at once, of which some
     /// are pushed along some axes alone if `HELD`.
     #[expect(clippy::too_many_arguments, reason = "constants, values and sums of the contacts of a batch")]
-    fn solve<const HELD: bool, L: Arithmetic<T = Self::T>>(
+    fn solve_contacts<const HELD: bool, L: Arithmetic<T = Self::T>>(
         &self,
         l: L,
         values: &mut Self::Impulses,
-        levers: Option<&Levers<Self::T>>,
+        levers: Option<&LeverColumns<Self::T>>,
         places: std::ops::Range<usize>,
         beta: L::V,
-        pair: &mut Motions<L::V>,
-        moved: &mut Moved<L::V>,
+        pair: &mut PairVelocities<L::V>,
+        moved: &mut LaneSums<L::V>,
     );
 
     /// The normals, world frame, and r̂_n, N s, of the contacts at `places`.
-    fn pressing<L: Arithmetic<T = Self::T>>(
+    fn normal_impulse<L: Arithmetic<T = Self::T>>(
         &self,
         l: L,
         values: &Self::Impulses,
@@ -185,13 +198,13 @@ pub trait Swept: Contacts {
 
 /// Of a vector what acts on each of the two bodies.
 #[inline(always)]
-fn along<const HELD: bool, L: Arithmetic>(l: L, pushed: &[[L::V; 3]; 2], x: [L::V; 3]) -> [[L::V; 3]; 2] {
+fn mask_axes<const HELD: bool, L: Arithmetic>(l: L, pushed: &[[L::V; 3]; 2], x: [L::V; 3]) -> [[L::V; 3]; 2] {
     if HELD { [triple!(k => l.mul(x[k], pushed[0][k])), triple!(k => l.mul(x[k], pushed[1][k]))] } else { [x, x] }
 }
 
 /// I⁻¹ a + c, I⁻¹ by its six numbers.
 #[inline(always)]
-fn answer<L: Arithmetic>(l: L, m: [L::V; 8], a: [L::V; 3], c: [L::V; 3]) -> [L::V; 3] {
+fn apply_inverse_inertia<L: Arithmetic>(l: L, m: [L::V; 8], a: [L::V; 3], c: [L::V; 3]) -> [L::V; 3] {
     [
         l.mul_add(m[0], a[0], l.mul_add(m[1], a[1], l.mul_add(m[2], a[2], c[0]))),
         l.mul_add(m[1], a[0], l.mul_add(m[3], a[1], l.mul_add(m[4], a[2], c[1]))),
@@ -212,40 +225,40 @@ macro_rules! load3 {
     };
 }
 
-impl<T: Number> Swept for Point<T> {
+impl<T: LaneFloat> PairSweepKernel for FrictionalPoint<T> {
     #[inline(always)]
-    fn solve<const HELD: bool, L: Arithmetic<T = T>>(
+    fn solve_contacts<const HELD: bool, L: Arithmetic<T = T>>(
         &self,
         l: L,
-        values: &mut Impulses<T>,
-        levers: Option<&Levers<T>>,
+        values: &mut FrictionalImpulses<T>,
+        levers: Option<&LeverColumns<T>>,
         at: std::ops::Range<usize>,
         beta: L::V,
-        pair: &mut Motions<L::V>,
-        moved: &mut Moved<L::V>,
+        pair: &mut PairVelocities<L::V>,
+        moved: &mut LaneSums<L::V>,
     ) {
-        let Motions { va, wa, vb, wb, inverse_mass, pushed, inertia } = pair;
+        let PairVelocities { va, wa, vb, wb, inverse_mass, free_axes: pushed, inertia } = pair;
         let axes = [load3!(l, at, self.axes[0]), load3!(l, at, self.axes[1]), load3!(l, at, self.axes[2])];
         let (arm_a, arm_b) = (load3!(l, at, self.arms[0]), load3!(l, at, self.arms[1]));
         let (ua, ub) = (cross_add(l, *wa, arm_a, *va), cross_add(l, *wb, arm_b, *vb));
         let between = triple!(k => l.sub(ua[k], ub[k]));
-        let mut u = triple!(k => l.add(dot(l, axes[k], between), load!(l, at, self.shift[k])));
+        let mut u = triple!(k => l.add(dot_product(l, axes[k], between), load!(l, at, self.shift[k])));
         let levers = levers.map(|levers| [load!(l, at, levers[0]), load!(l, at, levers[1])]);
         if let Some([t, s]) = levers {
-            let spin = dot(l, axes[0], triple!(k => l.sub(wa[k], wb[k])));
+            let spin = dot_product(l, axes[0], triple!(k => l.sub(wa[k], wb[k])));
             (u[1], u[2]) = (l.mul_add(t, spin, u[1]), l.mul_add(s, spin, u[2]));
         }
         let r = load3!(l, at, values.r);
         let before = load3!(l, at, values.previous);
         let y = triple!(k => l.mul_add(beta, l.sub(r[k], before[k]), r[k]));
-        let block = Block {
+        let block = LocalBlock {
             inverse_nn: load!(l, at, self.inverse_nn),
             c: [load!(l, at, self.c[0]), load!(l, at, self.c[1])],
             s: [load!(l, at, self.s[0]), load!(l, at, self.s[1])],
             inverse_s: [load!(l, at, self.inverse_s[0]), load!(l, at, self.inverse_s[1])],
             friction: load!(l, at, self.friction),
         };
-        let (new, multiplier) = signorini_coulomb(l, &block, u, y, load!(l, at, values.multiplier));
+        let (new, multiplier) = signorini_coulomb_block(l, &block, u, y, load!(l, at, values.multiplier));
         for k in 0..3 {
             l.store(&mut values.previous[k][at.clone()], r[k]);
             l.store(&mut values.r[k][at.clone()], new[k]);
@@ -260,44 +273,46 @@ impl<T: Number> Swept for Point<T> {
             couple_a = triple!(k => l.mul(axes[0][k], couple));
             couple_b = triple!(k => l.sub(zero[k], couple_a[k]));
         }
-        let [to_a, to_b] = along::<HELD, L>(l, pushed, world);
+        let [to_a, to_b] = mask_axes::<HELD, L>(l, pushed, world);
         *va = triple!(k => l.mul_add(to_a[k], inverse_mass[0], va[k]));
         *vb = triple!(k => l.neg_mul_add(to_b[k], inverse_mass[1], vb[k]));
-        *wa = answer(l, inertia[0], cross_add(l, arm_a, world, couple_a), *wa);
-        *wb = answer(l, inertia[1], cross_add(l, world, arm_b, couple_b), *wb);
+        *wa = apply_inverse_inertia(l, inertia[0], cross_add(l, arm_a, world, couple_a), *wa);
+        *wb = apply_inverse_inertia(l, inertia[1], cross_add(l, world, arm_b, couple_b), *wb);
         let way = triple!(k => l.sub(new[k], r[k]));
-        moved.uphill = l.neg_mul_add(load!(l, at, self.weight), dot(l, change, way), moved.uphill);
-        moved.change2 = l.add(dot(l, change, change), moved.change2);
+        moved.restart_product =
+            l.neg_mul_add(load!(l, at, self.weight), dot_product(l, change, way), moved.restart_product);
+        moved.change2 = l.add(dot_product(l, change, change), moved.change2);
     }
 
     #[inline(always)]
-    fn pressing<L: Arithmetic<T = T>>(
+    fn normal_impulse<L: Arithmetic<T = T>>(
         &self,
         l: L,
-        values: &Impulses<T>,
+        values: &FrictionalImpulses<T>,
         at: std::ops::Range<usize>,
     ) -> ([L::V; 3], L::V) {
         (load3!(l, at, self.axes[0]), load!(l, at, values.r[0]))
     }
 }
 
-impl<T: Number> Swept for Normal<T> {
+impl<T: LaneFloat> PairSweepKernel for FrictionlessPoint<T> {
     #[inline(always)]
-    fn solve<const HELD: bool, L: Arithmetic<T = T>>(
+    fn solve_contacts<const HELD: bool, L: Arithmetic<T = T>>(
         &self,
         l: L,
-        values: &mut Push<T>,
-        _: Option<&Levers<T>>,
+        values: &mut NormalImpulses<T>,
+        _: Option<&LeverColumns<T>>,
         at: std::ops::Range<usize>,
         beta: L::V,
-        pair: &mut Motions<L::V>,
-        moved: &mut Moved<L::V>,
+        pair: &mut PairVelocities<L::V>,
+        moved: &mut LaneSums<L::V>,
     ) {
-        let Motions { va, wa, vb, wb, inverse_mass, pushed, .. } = pair;
+        let PairVelocities { va, wa, vb, wb, inverse_mass, free_axes: pushed, .. } = pair;
         let n = load3!(l, at, self.normal);
         let between = triple!(k => l.sub(va[k], vb[k]));
-        let turned = l.sub(dot(l, *wa, load3!(l, at, self.arms[0])), dot(l, *wb, load3!(l, at, self.arms[1])));
-        let u = l.add(l.add(dot(l, n, between), turned), load!(l, at, self.shift));
+        let turned =
+            l.sub(dot_product(l, *wa, load3!(l, at, self.arms[0])), dot_product(l, *wb, load3!(l, at, self.arms[1])));
+        let u = l.add(l.add(dot_product(l, n, between), turned), load!(l, at, self.shift));
         let (r, before) = (load!(l, at, values.r), load!(l, at, values.previous));
         let y = l.mul_add(beta, l.sub(r, before), r);
         let (zero, free) = (l.splat(0.0), l.neg_mul_add(u, load!(l, at, self.inverse_nn), y));
@@ -307,31 +322,37 @@ impl<T: Number> Swept for Normal<T> {
         l.store(&mut values.r[at.clone()], new);
         let change = l.sub(new, y);
         let (push_a, push_b) = (l.mul(change, inverse_mass[0]), l.mul(change, inverse_mass[1]));
-        let [to_a, to_b] = along::<HELD, L>(l, pushed, n);
+        let [to_a, to_b] = mask_axes::<HELD, L>(l, pushed, n);
         *va = triple!(k => l.mul_add(to_a[k], push_a, va[k]));
         *vb = triple!(k => l.neg_mul_add(to_b[k], push_b, vb[k]));
         *wa = triple!(k => l.mul_add(load!(l, at, self.answers[0][k]), change, wa[k]));
         *wb = triple!(k => l.neg_mul_add(load!(l, at, self.answers[1][k]), change, wb[k]));
-        moved.uphill = l.neg_mul_add(l.mul(load!(l, at, self.weight), change), l.sub(new, r), moved.uphill);
+        moved.restart_product =
+            l.neg_mul_add(l.mul(load!(l, at, self.weight), change), l.sub(new, r), moved.restart_product);
         moved.change2 = l.mul_add(change, change, moved.change2);
     }
 
     #[inline(always)]
-    fn pressing<L: Arithmetic<T = T>>(&self, l: L, values: &Push<T>, at: std::ops::Range<usize>) -> ([L::V; 3], L::V) {
+    fn normal_impulse<L: Arithmetic<T = T>>(
+        &self,
+        l: L,
+        values: &NormalImpulses<T>,
+        at: std::ops::Range<usize>,
+    ) -> ([L::V; 3], L::V) {
         (load3!(l, at, self.normal), load!(l, at, values.r))
     }
 }
 
 /// The `WIDTH` pairs of a batch that start at place `from`, with their contacts.
-struct Pairs<'a, C: Contacts> {
-    batch: &'a Batch,
+struct PairLanes<'a, C: PairContacts> {
+    batch: &'a BodyPairBatch,
     points: &'a [C],
     impulses: &'a mut [C::Impulses],
     /// What is swept after them.
     later: (&'a [C], &'a [C::Impulses]),
-    rolls: &'a mut [Rolls<C::T>],
+    rolls: &'a mut [RollingConstraintWide<C::T>],
     /// Empty where all are 0.
-    levers: &'a [Levers<C::T>],
+    levers: &'a [LeverColumns<C::T>],
     from: usize,
 }
 
@@ -340,51 +361,52 @@ struct Pairs<'a, C: Contacts> {
 /// Of a problem that is `FAR` the next points are asked for, a little at a time: memory is faster when it need not wait for
 /// arithmetic.
 #[inline(always)]
-fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: Swept<T = L::T>>(
+fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: PairSweepKernel<T = L::T>>(
     l: L,
-    lines: &mut [Line<L::T>],
-    inertia: &[Line<L::T>],
-    pairs: Pairs<C>,
+    lines: &mut [BodyNumbers<L::T>],
+    inertia: &[BodyNumbers<L::T>],
+    pairs: PairLanes<C>,
     beta: f64,
-    sums: &mut Sums<L::T>,
+    sums: &mut SweepSums<L::T>,
 ) {
-    let Pairs { batch, points, impulses, later, rolls, levers, from } = pairs;
+    let PairLanes { batch, points, impulses, later, rolls, levers, from } = pairs;
     let at = from..from + L::WIDTH;
     let beta = l.splat(beta);
     let index = [&batch.bodies[0][at.clone()], &batch.bodies[1][at.clone()]];
-    let a = l.gather(lines, index[0]);
-    let b = l.gather(lines, index[1]);
-    let (inertia_a, inertia_b) = (l.gather(inertia, index[0]), l.gather(inertia, index[1]));
+    let a = l.gather_lines(lines, index[0]);
+    let b = l.gather_lines(lines, index[1]);
+    let (inertia_a, inertia_b) = (l.gather_lines(inertia, index[0]), l.gather_lines(inertia, index[1]));
     let pushed = [[a[7], inertia_a[6], inertia_a[7]], [b[7], inertia_b[6], inertia_b[7]]];
-    let mut pair = Motions {
+    let mut pair = PairVelocities {
         va: [a[0], a[1], a[2]],
         wa: [a[4], a[5], a[6]],
         vb: [b[0], b[1], b[2]],
         wb: [b[4], b[5], b[6]],
         inverse_mass: [a[3], b[3]],
-        pushed,
+        free_axes: pushed,
         inertia: [inertia_a, inertia_b],
     };
-    let mut moved = Moved { uphill: load!(l, at, sums.uphill), change2: load!(l, at, sums.change2) };
+    let mut moved =
+        LaneSums { restart_product: load!(l, at, sums.restart_product), change2: load!(l, at, sums.change2) };
     let mut rolls = rolls.iter_mut();
     for (i, (point, values)) in points.iter().zip(impulses).enumerate() {
         if FAR && from == 0 && i < later.0.len() {
-            l.fetch(&later.0[i]);
-            l.fetch(&later.1[i]);
+            l.prefetch(&later.0[i]);
+            l.prefetch(&later.1[i]);
         }
-        point.solve::<HELD, L>(l, values, levers.get(i), at.clone(), beta, &mut pair, &mut moved);
+        point.solve_contacts::<HELD, L>(l, values, levers.get(i), at.clone(), beta, &mut pair, &mut moved);
         if let Some(rolls) = rolls.next() {
-            let (n, pressing) = point.pressing(l, values, at.clone());
+            let (n, pressing) = point.normal_impulse(l, values, at.clone());
             let w = triple!(k => l.sub(pair.wa[k], pair.wb[k]));
-            let change = rolls.solve(l, at.clone(), beta, n, pressing, w);
+            let change = rolls.solve_moments(l, at.clone(), beta, n, pressing, w);
             let zero = l.splat(0.0);
-            pair.wa = answer(l, pair.inertia[0], change, pair.wa);
-            pair.wb = answer(l, pair.inertia[1], triple!(k => l.sub(zero, change[k])), pair.wb);
+            pair.wa = apply_inverse_inertia(l, pair.inertia[0], change, pair.wa);
+            pair.wb = apply_inverse_inertia(l, pair.inertia[1], triple!(k => l.sub(zero, change[k])), pair.wb);
         }
     }
-    l.store(&mut sums.uphill[at.clone()], moved.uphill);
+    l.store(&mut sums.restart_product[at.clone()], moved.restart_product);
     l.store(&mut sums.change2[at], moved.change2);
-    let Motions { va, wa, vb, wb, .. } = pair;
-    l.scatter(lines, index[0], [va[0], va[1], va[2], a[3], wa[0], wa[1], wa[2], a[7]]);
-    l.scatter(lines, index[1], [vb[0], vb[1], vb[2], b[3], wb[0], wb[1], wb[2], b[7]]);
+    let PairVelocities { va, wa, vb, wb, .. } = pair;
+    l.scatter_lines(lines, index[0], [va[0], va[1], va[2], a[3], wa[0], wa[1], wa[2], a[7]]);
+    l.scatter_lines(lines, index[1], [vb[0], vb[1], vb[2], b[3], wb[0], wb[1], wb[2], b[7]]);
 }

@@ -12,25 +12,25 @@
 //! Sources: S. Boyd et al., Found. Trends Mach. Learn. 3 (2011) 1-122; for contact problems V. Acary, M. Bremond, O.
 //! Huber, in Advanced Topics in Nonsmooth Dynamics, Springer (2018).
 
-use super::anderson::Anderson;
-use super::factors::{Entry, Factors, solution_cost};
-use super::scaled::Scaled;
-use super::sweep::DEPTH;
-use super::{Run, Triple};
+use super::anderson::AndersonAcceleration;
+use super::factors::{BlockEntry, LuFactors, solution_cost};
+use super::scaled::ScaledProblem;
+use super::sweep::ANDERSON_DEPTH;
+use super::{LocalVector, SolverRun};
 
 /// The penalty c, relative to the mean diagonal.
 const PENALTY: f64 = 0.1;
 
 /// Goes on from the best iterate of the run until the run or the budget of `steps` is over.
-pub fn admm(run: &mut Run, steps: u64) {
-    let scaled = Scaled::new(run.problem);
+pub fn solve_admm(run: &mut SolverRun, steps: u64) {
+    let scaled = ScaledProblem::new(run.problem);
     let n = run.problem.len();
     if run.is_over() {
         return;
     }
-    let mut matrix: Vec<Entry> = Vec::new();
+    let mut matrix: Vec<BlockEntry> = Vec::new();
     for i in 0..n {
-        for (j, w) in scaled.row(i) {
+        for (j, w) in scaled.row_blocks(i) {
             let mut block = *w;
             if i == j {
                 (0..3).for_each(|k| block[k][k] += PENALTY);
@@ -40,25 +40,25 @@ pub fn admm(run: &mut Run, steps: u64) {
     }
     run.cost += run.problem.newton_cost();
     // Not Cholesky's: W may be slightly unsymmetric or indefinite.
-    let Some(factors) = Factors::new(n, &matrix) else { return };
+    let Some(factors) = LuFactors::new(n, &matrix) else { return };
     let z = scaled.impulses_in(&run.best.0);
-    let u = scaled.velocity(&z);
-    let mut v: Vec<Triple> = (0..n)
+    let u = scaled.relative_velocities(&z);
+    let mut v: Vec<LocalVector> = (0..n)
         .map(|i| {
             let slip = scaled.mu[i] * u[i][1].hypot(u[i][2]);
             std::array::from_fn(|k| z[i][k] - (u[i][k] + if k == 0 { slip } else { 0.0 }) / PENALTY)
         })
         .collect();
-    let mut anderson = Anderson::new(DEPTH, 3 * n);
+    let mut anderson = AndersonAcceleration::new(ANDERSON_DEPTH, 3 * n);
     let solving = solution_cost(3 * n, 9 * matrix.len());
     let mut right = vec![[0.0; 3]; n];
     let end = run.sweeps.saturating_add(steps);
     while !run.is_over() && run.sweeps < end {
-        run.pass(solving + run.problem.sweep_cost());
-        let z: Vec<Triple> = v.iter().zip(&scaled.mu).map(|(v, mu)| project(*v, *mu)).collect();
-        run.judge(&scaled.impulses_out(&z));
+        run.count_pass(solving + run.problem.sweep_cost());
+        let z: Vec<LocalVector> = v.iter().zip(&scaled.mu).map(|(v, mu)| project_to_cone(*v, *mu)).collect();
+        run.record_iterate(&scaled.impulses_out(&z));
         for i in 0..n {
-            let y: Triple = std::array::from_fn(|k| v[i][k] - z[i][k]);
+            let y: LocalVector = std::array::from_fn(|k| v[i][k] - z[i][k]);
             let slip = scaled.mu[i] * y[1].hypot(y[2]);
             for k in 0..3 {
                 let bent = if k == 0 { slip } else { 0.0 };
@@ -66,16 +66,16 @@ pub fn admm(run: &mut Run, steps: u64) {
             }
         }
         let r = factors.solve(&right);
-        let next: Vec<Triple> = (0..n).map(|i| std::array::from_fn(|k| r[i][k] + v[i][k] - z[i][k])).collect();
+        let next: Vec<LocalVector> = (0..n).map(|i| std::array::from_fn(|k| r[i][k] + v[i][k] - z[i][k])).collect();
         if !next.as_flattened().iter().all(|x| x.is_finite()) {
             return;
         }
-        anderson.next(&mut v, &next);
+        anderson.next_iterate(&mut v, &next);
     }
 }
 
 /// The nearest point of Coulomb's cone.
-fn project(v: Triple, mu: f64) -> Triple {
+fn project_to_cone(v: LocalVector, mu: f64) -> LocalVector {
     let slope = (1.0 + mu * mu).sqrt();
     let (cos, sin) = (1.0 / slope, mu / slope);
     let t = v[1].hypot(v[2]);

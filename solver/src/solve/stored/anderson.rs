@@ -2,11 +2,11 @@
 //!
 //! Source: H. Walker, P. Ni, SIAM J. Numer. Anal. 49 (2011) 1715-1735.
 
-use super::Triple;
+use super::LocalVector;
 
 /// Anderson's acceleration of x -> g(x): from the residuals f = g - x of the last iterates the next is
 /// g - dG y with y the least squares solution of dF y = f, d the differences of one iterate to the next.
-pub struct Anderson {
+pub struct AndersonAcceleration {
     depth: usize,
     /// Differences of f and of g, a ring of `depth`.
     df: Vec<Vec<f64>>,
@@ -22,29 +22,38 @@ pub struct Anderson {
 }
 
 /// The history is dropped when |f| grows beyond this multiple of what it was; see docs/performance.md.
-const GROWTH: f64 = 1.5;
+const MAX_RESIDUAL_GROWTH: f64 = 1.5;
 
-impl Anderson {
+impl AndersonAcceleration {
     pub fn new(depth: usize, n: usize) -> Self {
         let ring = || vec![vec![0.0; n]; depth];
         let (f, g) = (vec![0.0; n], vec![0.0; n]);
-        Anderson { depth, df: ring(), dg: ring(), gram: vec![vec![0.0; depth]; depth], f, g, seen: 0, norm: 0.0 }
+        AndersonAcceleration {
+            depth,
+            df: ring(),
+            dg: ring(),
+            gram: vec![vec![0.0; depth]; depth],
+            f,
+            g,
+            seen: 0,
+            norm: 0.0,
+        }
     }
 
     /// Drops the history.
-    pub fn restart(&mut self) {
+    pub fn clear_history(&mut self) {
         self.seen = 0;
     }
 
     /// Replaces `x` by the next iterate; returns |g - x|.
-    pub fn next(&mut self, x: &mut [Triple], g: &[Triple]) -> f64 {
+    pub fn next_iterate(&mut self, x: &mut [LocalVector], g: &[LocalVector]) -> f64 {
         let norm = norm_of_difference(g.as_flattened(), x.as_flattened());
         if self.depth == 0 {
             x.copy_from_slice(g);
             return norm;
         }
         let (x, g) = (x.as_flattened_mut(), g.as_flattened());
-        if self.seen > 0 && norm > GROWTH * self.norm {
+        if self.seen > 0 && norm > MAX_RESIDUAL_GROWTH * self.norm {
             // Back to the last sweep's plain result.
             self.seen = 0;
             x.copy_from_slice(&self.g);
@@ -67,10 +76,10 @@ impl Anderson {
             return norm;
         }
         for k in 0..columns {
-            let value = dot(&self.df[slot], &self.df[k]);
+            let value = dot_product(&self.df[slot], &self.df[k]);
             (self.gram[slot][k], self.gram[k][slot]) = (value, value);
         }
-        let right: Vec<f64> = self.df[..columns].iter().map(|d| dot(d, &self.f)).collect();
+        let right: Vec<f64> = self.df[..columns].iter().map(|d| dot_product(d, &self.f)).collect();
         for (y, dg) in solve_gram(&self.gram, right).iter().zip(&self.dg) {
             x.iter_mut().zip(dg).for_each(|(x, d)| *x -= y * d);
         }
@@ -78,7 +87,7 @@ impl Anderson {
     }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+fn dot_product(a: &[f64], b: &[f64]) -> f64 {
     // Eight sums, so that a compiler can keep them in vectors.
     let mut sums = [0.0; 8];
     let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));

@@ -11,23 +11,23 @@
 
 use pulp::NullaryFnOnce;
 
-use super::{Block, Triple};
-use crate::math::lanes::{Arithmetic, Lanes, Width};
+use super::{LocalVector, MatrixBlock};
+use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
 
 /// Rows below which one front is always the faster.
-const SMALL: usize = 200;
+const MIN_SPARSE_ROWS: usize = 200;
 /// Share of a matrix that is not zero above which one front is the faster: factors fill up.
-const FULL: f64 = 0.2;
+const MAX_SPARSE_FILL: f64 = 0.2;
 /// Fronts are joined while this share of what they hold is zero at most.
-const ZEROS: f64 = 0.2;
+const MAX_FRONT_ZEROS: f64 = 0.2;
 
 /// Whether more than one front is the faster.
 fn is_sparse(size: usize, entries: usize) -> bool {
-    size >= SMALL && (entries as f64) < FULL * (size as f64).powi(2)
+    size >= MIN_SPARSE_ROWS && (entries as f64) < MAX_SPARSE_FILL * (size as f64).powi(2)
 }
 
 /// Cost of the factors of a matrix with that number of entries, in units of [`super::newton_cost`].
-pub fn cost(size: usize, entries: usize) -> f64 {
+pub fn factor_cost(size: usize, entries: usize) -> f64 {
     let rows = size as f64;
     if is_sparse(size, entries) { entries as f64 * (50.0 + 0.03 * rows) } else { 0.025 * rows.powi(3) }
 }
@@ -38,21 +38,21 @@ pub fn solution_cost(size: usize, entries: usize) -> f64 {
 }
 
 /// A block and its row and column, each place once.
-pub type Entry = (usize, usize, Block);
+pub type BlockEntry = (usize, usize, MatrixBlock);
 
 /// L U with rows exchanged: matrices need not be symmetric or definite.
-pub struct Factors {
-    fronts: Vec<Front>,
-    width: Width,
+pub struct LuFactors {
+    fronts: Vec<FrontalMatrix>,
+    width: SimdWidth,
 }
 
 /// Some contacts that are eliminated together.
-struct Front {
+struct FrontalMatrix {
     /// Those that are eliminated here, ...
     own: Vec<u32>,
     /// ... and those that are left and feel it.
     later: Vec<u32>,
-    /// The row that was exchanged for each of the own, in their order, [`PANEL`] after `PANEL`.
+    /// The row that was exchanged for each of the own, in their order, [`PANEL_COLUMNS`] after `PANEL`.
     pivots: Vec<u32>,
     /// The columns of the own: U, and below the diagonal L, whose diagonal is 1; its rows are exchanged as far as its panel goes.
     left: Vec<f64>,
@@ -60,17 +60,17 @@ struct Front {
     right: Vec<f64>,
 }
 
-impl Factors {
+impl LuFactors {
     /// Of the matrix of `count` rows of blocks with these entries; none where no pivot is found, as where it is singular.
-    pub fn new(count: usize, entries: &[Entry]) -> Option<Self> {
-        Self::at_width(count, entries, Width::detect())
+    pub fn new(count: usize, entries: &[BlockEntry]) -> Option<Self> {
+        Self::at_width(count, entries, SimdWidth::detect())
     }
 
-    fn at_width(count: usize, entries: &[Entry], width: Width) -> Option<Self> {
+    fn at_width(count: usize, entries: &[BlockEntry], width: SimdWidth) -> Option<Self> {
         let mut fronts = if is_sparse(3 * count, 9 * entries.len()) {
-            fronts(count, entries)
+            elimination_fronts(count, entries)
         } else {
-            (count > 0).then(|| Front::of((0..count as u32).collect())).into_iter().collect()
+            (count > 0).then(|| FrontalMatrix::from_contacts((0..count as u32).collect())).into_iter().collect()
         };
         // Where each contact is eliminated.
         let mut front_of = vec![0; count];
@@ -84,8 +84,8 @@ impl Factors {
         let mut a = Vec::new();
         for k in 0..fronts.len() {
             let front = &mut fronts[k];
-            let (own, size) = front.rows();
-            let stride = stride(size);
+            let (own, size) = front.row_counts();
+            let stride = column_stride(size);
             front.own.iter().chain(&front.later).enumerate().for_each(|(at, &i)| place[i as usize] = 3 * at);
             a.clear();
             a.resize(stride * size, 0.0);
@@ -108,7 +108,7 @@ impl Factors {
             }
             let front = &mut fronts[k];
             front.pivots.resize(own, 0);
-            if !eliminate(width, &mut a, stride, size, &mut front.pivots) {
+            if !eliminate_front(width, &mut a, stride, size, &mut front.pivots) {
                 return None;
             }
             let columns = |of: usize| &a[of * stride..][..size];
@@ -118,41 +118,41 @@ impl Factors {
                 remains[next].push((k, (own..size).flat_map(|c| columns(c)[own..].iter().copied()).collect()));
             }
         }
-        Some(Factors { fronts, width })
+        Some(LuFactors { fronts, width })
     }
 
     /// x of A x = `right`; may be not finite where A is nearly singular.
-    pub fn solve(&self, right: &[Triple]) -> Vec<Triple> {
+    pub fn solve(&self, right: &[LocalVector]) -> Vec<LocalVector> {
         let mut x = right.to_vec();
         match self.width {
-            Width::One(lanes) => lanes.run(Solution { factors: self, x: &mut x }),
+            SimdWidth::One(lanes) => lanes.run(BackSubstitution { factors: self, x: &mut x }),
             #[cfg(target_arch = "x86_64")]
-            Width::Four(lanes) => lanes.run(Solution { factors: self, x: &mut x }),
+            SimdWidth::Four(lanes) => lanes.run(BackSubstitution { factors: self, x: &mut x }),
             #[cfg(target_arch = "x86_64")]
-            Width::Eight(lanes) => lanes.run(Solution { factors: self, x: &mut x }),
+            SimdWidth::Eight(lanes) => lanes.run(BackSubstitution { factors: self, x: &mut x }),
         }
         x
     }
 }
 
-impl Front {
-    fn of(own: Vec<u32>) -> Self {
-        Front { own, later: Vec::new(), pivots: Vec::new(), left: Vec::new(), right: Vec::new() }
+impl FrontalMatrix {
+    fn from_contacts(own: Vec<u32>) -> Self {
+        FrontalMatrix { own, later: Vec::new(), pivots: Vec::new(), left: Vec::new(), right: Vec::new() }
     }
 
     /// How many are eliminated, and all.
-    fn rows(&self) -> (usize, usize) {
+    fn row_counts(&self) -> (usize, usize) {
         (3 * self.own.len(), 3 * (self.own.len() + self.later.len()))
     }
 }
 
 /// Rows that a column takes: whole vectors may begin at any of them.
-fn stride(size: usize) -> usize {
+fn column_stride(size: usize) -> usize {
     (size + 7).next_multiple_of(8)
 }
 
 /// Fronts in which fill is little, each after those that it gets remains from.
-fn fronts(count: usize, entries: &[Entry]) -> Vec<Front> {
+fn elimination_fronts(count: usize, entries: &[BlockEntry]) -> Vec<FrontalMatrix> {
     let mut pairs: Vec<[u32; 2]> = Vec::with_capacity(2 * entries.len());
     pairs.extend(entries.iter().flat_map(|&(i, j, _)| [[i as u32, j as u32], [j as u32, i as u32]]));
     pairs.sort_unstable();
@@ -192,7 +192,7 @@ fn fronts(count: usize, entries: &[Entry]) -> Vec<Front> {
             let (own, zeros) = &fronts[front];
             let zeros = zeros + (own.len() * (felt.len() + 1 - before)) as f64;
             let all = ((own.len() + 1) * (felt.len() + 1 + own.len() / 2)) as f64;
-            (zeros <= ZEROS * all).then_some((front, zeros))
+            (zeros <= MAX_FRONT_ZEROS * all).then_some((front, zeros))
         });
         match front {
             Some((front, zeros)) => {
@@ -211,23 +211,26 @@ fn fronts(count: usize, entries: &[Entry]) -> Vec<Front> {
     let contacts = |ranks: &[u32]| ranks.iter().map(|&k| order[k as usize] as u32).collect();
     fronts
         .iter()
-        .map(|(own, _)| Front { later: contacts(&later[own[own.len() - 1] as usize]), ..Front::of(contacts(own)) })
+        .map(|(own, _)| FrontalMatrix {
+            later: contacts(&later[own[own.len() - 1] as usize]),
+            ..FrontalMatrix::from_contacts(contacts(own))
+        })
         .collect()
 }
 
 /// Eliminates the first rows, as many as there are `pivots`, of the columns of `size` rows, in place. False where no pivot is
 /// found.
-fn eliminate(width: Width, a: &mut [f64], stride: usize, size: usize, pivots: &mut [u32]) -> bool {
+fn eliminate_front(width: SimdWidth, a: &mut [f64], stride: usize, size: usize, pivots: &mut [u32]) -> bool {
     match width {
-        Width::One(l) => l.run(Elimination { l, a, stride, size, pivots }),
+        SimdWidth::One(l) => l.run(FrontElimination { l, a, stride, size, pivots }),
         #[cfg(target_arch = "x86_64")]
-        Width::Four(l) => l.run(Elimination { l, a, stride, size, pivots }),
+        SimdWidth::Four(l) => l.run(FrontElimination { l, a, stride, size, pivots }),
         #[cfg(target_arch = "x86_64")]
-        Width::Eight(l) => l.run(Elimination { l, a, stride, size, pivots }),
+        SimdWidth::Eight(l) => l.run(FrontElimination { l, a, stride, size, pivots }),
     }
 }
 
-struct Elimination<'a, L> {
+struct FrontElimination<'a, L> {
     l: L,
     a: &'a mut [f64],
     stride: usize,
@@ -236,16 +239,16 @@ struct Elimination<'a, L> {
 }
 
 /// Columns that are eliminated before the others are told.
-const PANEL: usize = 24;
+const PANEL_COLUMNS: usize = 24;
 
-impl<L: Lanes> NullaryFnOnce for Elimination<'_, L> {
+impl<L: F64Arithmetic> NullaryFnOnce for FrontElimination<'_, L> {
     type Output = bool;
     #[inline(always)]
     fn call(self) -> bool {
-        let Elimination { l, a, stride, size, pivots } = self;
+        let FrontElimination { l, a, stride, size, pivots } = self;
         let own = pivots.len();
-        for from in (0..own).step_by(PANEL) {
-            let to = (from + PANEL).min(own);
+        for from in (0..own).step_by(PANEL_COLUMNS) {
+            let to = (from + PANEL_COLUMNS).min(own);
             for j in from..to {
                 let column = &a[j * stride..][..own];
                 let mut pivot = j;
@@ -263,14 +266,15 @@ impl<L: Lanes> NullaryFnOnce for Elimination<'_, L> {
                 let lower = &before[j * stride + j + 1..][..size - j - 1];
                 for column in after.chunks_exact_mut(stride).take(to - j - 1) {
                     let u = column[j];
-                    take(&mut column[j + 1..size], lower, u);
+                    subtract_multiple(&mut column[j + 1..size], lower, u);
                 }
             }
             let (before, after) = a.split_at_mut(to * stride);
-            let panel = Panel { columns: &before[from * stride..], stride, from, pivots: &pivots[from..to], size };
+            let panel =
+                ColumnPanel { columns: &before[from * stride..], stride, from, pivots: &pivots[from..to], size };
             let mut groups = after[..(size - to) * stride].chunks_exact_mut(4 * stride);
-            groups.by_ref().for_each(|columns| panel.tell::<L, 4>(l, columns));
-            groups.into_remainder().chunks_exact_mut(stride).for_each(|column| panel.tell::<L, 1>(l, column));
+            groups.by_ref().for_each(|columns| panel.update_columns::<L, 4>(l, columns));
+            groups.into_remainder().chunks_exact_mut(stride).for_each(|column| panel.update_columns::<L, 1>(l, column));
         }
         true
     }
@@ -278,18 +282,18 @@ impl<L: Lanes> NullaryFnOnce for Elimination<'_, L> {
 
 /// Exchanges the rows from `from` on, as many as there are `pivots`, with those.
 #[inline(always)]
-fn exchange(x: &mut [f64], from: usize, pivots: &[u32]) {
+fn swap_rows(x: &mut [f64], from: usize, pivots: &[u32]) {
     pivots.iter().enumerate().for_each(|(k, &pivot)| x.swap(from + k, pivot as usize));
 }
 
 /// `x` less `lower` times `u`.
 #[inline(always)]
-fn take(x: &mut [f64], lower: &[f64], u: f64) {
+fn subtract_multiple(x: &mut [f64], lower: &[f64], u: f64) {
     x.iter_mut().zip(lower).for_each(|(x, l)| *x = (-l).mul_add(u, *x));
 }
 
 /// Columns of L, of which that of row `from` is the first, as many as there are `pivots`.
-struct Panel<'a> {
+struct ColumnPanel<'a> {
     columns: &'a [f64],
     stride: usize,
     from: usize,
@@ -297,18 +301,22 @@ struct Panel<'a> {
     size: usize,
 }
 
-impl Panel<'_> {
+impl ColumnPanel<'_> {
     /// Exchanges rows of `Q` columns further right as in these, and takes these from them, each times its number of U.
     #[inline(always)]
-    fn tell<L: Lanes, const Q: usize>(&self, l: L, columns: &mut [f64]) {
-        let &Panel { columns: panel, stride, from, pivots, size } = self;
+    fn update_columns<L: F64Arithmetic, const Q: usize>(&self, l: L, columns: &mut [f64]) {
+        let &ColumnPanel { columns: panel, stride, from, pivots, size } = self;
         let to = from + pivots.len();
-        let mut u = [[0.0; Q]; PANEL];
+        let mut u = [[0.0; Q]; PANEL_COLUMNS];
         for (q, column) in columns.chunks_exact_mut(stride).enumerate() {
-            exchange(column, from, pivots);
+            swap_rows(column, from, pivots);
             for k in from..to {
                 u[k - from][q] = column[k];
-                take(&mut column[k + 1..to], &panel[(k - from) * stride + k + 1..][..to - k - 1], u[k - from][q]);
+                subtract_multiple(
+                    &mut column[k + 1..to],
+                    &panel[(k - from) * stride + k + 1..][..to - k - 1],
+                    u[k - from][q],
+                );
             }
         }
         for row in (to..size).step_by(2 * L::WIDTH) {
@@ -333,28 +341,28 @@ impl Panel<'_> {
     }
 }
 
-struct Solution<'a> {
-    factors: &'a Factors,
-    x: &'a mut [Triple],
+struct BackSubstitution<'a> {
+    factors: &'a LuFactors,
+    x: &'a mut [LocalVector],
 }
 
-impl NullaryFnOnce for Solution<'_> {
+impl NullaryFnOnce for BackSubstitution<'_> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
         let x = self.x;
         let mut y: Vec<f64> = Vec::new();
         for front in &self.factors.fronts {
-            let (own, size) = front.rows();
+            let (own, size) = front.row_counts();
             y.clear();
             front.own.iter().for_each(|&i| y.extend(x[i as usize]));
             y.resize(size, 0.0);
             for (j, column) in front.left.chunks_exact(size).enumerate() {
-                if j % PANEL == 0 {
-                    exchange(&mut y, j, &front.pivots[j..own.min(j + PANEL)]);
+                if j % PANEL_COLUMNS == 0 {
+                    swap_rows(&mut y, j, &front.pivots[j..own.min(j + PANEL_COLUMNS)]);
                 }
                 let (before, after) = y.split_at_mut(j + 1);
-                take(after, &column[j + 1..], before[j]);
+                subtract_multiple(after, &column[j + 1..], before[j]);
             }
             front.own.iter().zip(y.chunks_exact(3)).for_each(|(&i, y)| x[i as usize].copy_from_slice(y));
             for (&i, y) in front.later.iter().zip(y[own..].chunks_exact(3)) {
@@ -362,15 +370,15 @@ impl NullaryFnOnce for Solution<'_> {
             }
         }
         for front in self.factors.fronts.iter().rev() {
-            let (own, size) = front.rows();
+            let (own, size) = front.row_counts();
             y.clear();
             front.own.iter().for_each(|&i| y.extend(x[i as usize]));
             let later = front.later.iter().flat_map(|&i| x[i as usize]);
-            front.right.chunks_exact(own).zip(later).for_each(|(column, x)| take(&mut y, column, x));
+            front.right.chunks_exact(own).zip(later).for_each(|(column, x)| subtract_multiple(&mut y, column, x));
             for (j, column) in front.left.chunks_exact(size).enumerate().rev() {
                 y[j] /= column[j];
                 let (before, after) = y.split_at_mut(j);
-                take(before, &column[..j], after[0]);
+                subtract_multiple(before, &column[..j], after[0]);
             }
             front.own.iter().zip(y.chunks_exact(3)).for_each(|(&i, y)| x[i as usize].copy_from_slice(y));
         }
@@ -382,9 +390,9 @@ mod tests {
     use super::*;
 
     /// An unsymmetric matrix in which two contacts feel each other that are as far apart in order as one of `near` says.
-    fn net(count: usize, near: &[usize]) -> Vec<Entry> {
+    fn net(count: usize, near: &[usize]) -> Vec<BlockEntry> {
         let value = |i: usize, j: usize| (1.3 * i as f64 + 2.9 * j as f64).sin();
-        let block = |i: usize, j: usize| -> Block {
+        let block = |i: usize, j: usize| -> MatrixBlock {
             let one = if i == j { 4.0 } else { 0.0 };
             std::array::from_fn(|k| {
                 std::array::from_fn(|l| 0.5 * value(3 * i + k, 3 * j + l) + if k == l { one } else { 0.0 })
@@ -395,7 +403,7 @@ mod tests {
         pairs.filter(|&(i, j)| touch(i, j)).map(|(i, j)| (i, j, block(i, j))).collect()
     }
 
-    fn product(entries: &[Entry], x: &[Triple]) -> Vec<Triple> {
+    fn product(entries: &[BlockEntry], x: &[LocalVector]) -> Vec<LocalVector> {
         let mut sum = vec![[0.0; 3]; x.len()];
         for (i, j, block) in entries {
             for k in 0..3 {
@@ -417,30 +425,30 @@ mod tests {
         ] {
             let entries = net(count, near);
             assert_eq!(is_sparse(3 * count, 9 * entries.len()), sparse);
-            let x: Vec<Triple> =
+            let x: Vec<LocalVector> =
                 (0..count).map(|i| std::array::from_fn(|k| (1.7 * (3 * i + k) as f64).cos())).collect();
             let right = product(&entries, &x);
-            let found = Factors::new(count, &entries).unwrap().solve(&right);
+            let found = LuFactors::new(count, &entries).unwrap().solve(&right);
             let error =
                 found.as_flattened().iter().zip(x.as_flattened()).fold(0.0, |e: f64, (a, b)| e.max((a - b).abs()));
             // Rounding: the matrix is well conditioned.
             assert!(error < 1e-13, "{count}: {error:e}");
-            for width in Width::all() {
-                assert_eq!(Factors::at_width(count, &entries, width).unwrap().solve(&right), found, "{width:?}");
+            for width in SimdWidth::all_widths() {
+                assert_eq!(LuFactors::at_width(count, &entries, width).unwrap().solve(&right), found, "{width:?}");
             }
-            let zeros: Vec<Entry> = entries.iter().map(|e| (e.0, e.1, [[0.0; 3]; 3])).collect();
-            assert!(Factors::new(count, &zeros).is_none());
-            let bad: Vec<Entry> = entries.iter().map(|e| (e.0, e.1, [[f64::NAN; 3]; 3])).collect();
-            assert!(Factors::new(count, &bad).is_none());
+            let zeros: Vec<BlockEntry> = entries.iter().map(|e| (e.0, e.1, [[0.0; 3]; 3])).collect();
+            assert!(LuFactors::new(count, &zeros).is_none());
+            let bad: Vec<BlockEntry> = entries.iter().map(|e| (e.0, e.1, [[f64::NAN; 3]; 3])).collect();
+            assert!(LuFactors::new(count, &bad).is_none());
         }
-        assert!(Factors::new(0, &[]).is_some_and(|factors| factors.solve(&[]).is_empty()));
+        assert!(LuFactors::new(0, &[]).is_some_and(|factors| factors.solve(&[]).is_empty()));
     }
 
     /// Fronts hold every contact once, and the others that are left; joined ones hold few zeros.
     #[test]
     fn fronts_hold_all_once() {
         let entries = net(200, &[1, 3, 29]);
-        let fronts = fronts(200, &entries);
+        let fronts = elimination_fronts(200, &entries);
         let mut all: Vec<u32> = fronts.iter().flat_map(|front| front.own.iter().copied()).collect();
         for (k, front) in fronts.iter().enumerate() {
             assert!(front.later.iter().all(|i| fronts[k + 1..].iter().any(|later| later.own.contains(i))));

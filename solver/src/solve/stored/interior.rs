@@ -15,23 +15,23 @@
 //! Vandenberghe, The CVXOPT linear and quadratic cone program solvers (2010) (scaling, predictor, steps). That |y_T| is among
 //! the unknowns, not fixed from one solution to the next, is our own choice.
 
-use super::factors::{Entry, Factors};
+use super::factors::{BlockEntry, LuFactors};
 use super::newton::prox_newton;
-use super::scaled::Scaled;
-use super::{Block, Run, Triple};
+use super::scaled::ScaledProblem;
+use super::{LocalVector, MatrixBlock, SolverRun};
 
 /// Share of the way to the cones' sides that a step goes.
-const INSIDE: f64 = 0.99;
+const STEP_SHARE: f64 = 0.99;
 /// Steps below this lead nowhere.
-const SHORTEST: f64 = 1e-8;
+const MIN_STEP_SHARE: f64 = 1e-8;
 /// Steps in which the least residual so far has to fall to `FALL` of itself: where the way leads to the end it falls faster.
-const PATIENCE: usize = 10;
-const FALL: f64 = 0.5;
+const STALL_STEPS: usize = 10;
+const STALL_REDUCTION: f64 = 0.5;
 
 /// Goes from the middle of the cones until the run or the budget of `steps` Newton steps is over. Where rounding ends the way,
 /// as near contacts that touch without a force, it goes on as [`prox_newton`].
-pub fn interior_point(run: &mut Run, steps: u64) {
-    let scaled = Scaled::new(run.problem);
+pub fn interior_point(run: &mut SolverRun, steps: u64) {
+    let scaled = ScaledProblem::new(run.problem);
     let sizes: Vec<[f64; 2]> = scaled.mu.iter().map(|mu| [1.0 / mu.max(1.0), mu / mu.max(1.0)]).collect();
     let middle = (0..sizes.len()).flat_map(|i| scaled.q(i)).fold(0.0, |a: f64, x| a.max(x.abs()));
     let mut x = vec![[middle, 0.0, 0.0]; sizes.len()];
@@ -39,20 +39,20 @@ pub fn interior_point(run: &mut Run, steps: u64) {
     let end = run.sweeps.saturating_add(steps);
     let mut least = vec![f64::INFINITY];
     while !run.is_over() && run.sweeps < end {
-        let before = least.len().saturating_sub(PATIENCE);
-        if least[least.len() - 1] > FALL * least[before] && before > 0 {
+        let before = least.len().saturating_sub(STALL_STEPS);
+        if least[least.len() - 1] > STALL_REDUCTION * least[before] && before > 0 {
             break;
         }
-        run.pass(run.problem.newton_cost());
-        let Some([dx, dy]) = direction(&scaled, &sizes, &x, &y) else { break };
-        let share = (INSIDE * way(&x, &dx).min(way(&y, &dy))).min(1.0);
-        if share.is_nan() || share < SHORTEST {
+        run.count_pass(run.problem.newton_cost());
+        let Some([dx, dy]) = newton_direction(&scaled, &sizes, &x, &y) else { break };
+        let share = (STEP_SHARE * max_step_share(&x, &dx).min(max_step_share(&y, &dy))).min(1.0);
+        if share.is_nan() || share < MIN_STEP_SHARE {
             break;
         }
-        step(&mut x, &dx, share);
-        step(&mut y, &dy, share);
-        let r: Vec<Triple> = x.iter().zip(&sizes).map(|(x, size)| in_cone(*size, *x)).collect();
-        let residual = run.judge(&scaled.impulses_out(&r));
+        advance_iterate(&mut x, &dx, share);
+        advance_iterate(&mut y, &dy, share);
+        let r: Vec<LocalVector> = x.iter().zip(&sizes).map(|(x, size)| apply_cone_scaling(*size, *x)).collect();
+        let residual = run.record_iterate(&scaled.impulses_out(&r));
         least.push(residual.min(least[least.len() - 1]));
     }
     let best = run.best.0.clone();
@@ -60,34 +60,40 @@ pub fn interior_point(run: &mut Run, steps: u64) {
 }
 
 /// S v
-fn in_cone([n, t]: [f64; 2], v: Triple) -> Triple {
+fn apply_cone_scaling([n, t]: [f64; 2], v: LocalVector) -> LocalVector {
     [n * v[0], t * v[1], t * v[2]]
 }
 
 /// The changes of x and y; none where the numbers end.
-fn direction(scaled: &Scaled, sizes: &[[f64; 2]], x: &[Triple], y: &[Triple]) -> Option<[Vec<Triple>; 2]> {
+fn newton_direction(
+    scaled: &ScaledProblem,
+    sizes: &[[f64; 2]],
+    x: &[LocalVector],
+    y: &[LocalVector],
+) -> Option<[Vec<LocalVector>; 2]> {
     let count = x.len();
-    let r: Vec<Triple> = x.iter().zip(sizes).map(|(x, size)| in_cone(*size, *x)).collect();
-    let u = scaled.velocity(&r);
-    let missed: Vec<Triple> = (0..count)
+    let r: Vec<LocalVector> = x.iter().zip(sizes).map(|(x, size)| apply_cone_scaling(*size, *x)).collect();
+    let u = scaled.relative_velocities(&r);
+    let missed: Vec<LocalVector> = (0..count)
         .map(|i| {
-            let u = in_cone(sizes[i], u[i]);
+            let u = apply_cone_scaling(sizes[i], u[i]);
             let slip = y[i][1].hypot(y[i][2]);
             [u[0] + slip - y[i][0], u[1] - y[i][1], u[2] - y[i][2]]
         })
         .collect();
-    let scalings: Vec<Scaling> = x.iter().zip(y).map(|(x, y)| Scaling::new(x, y)).collect::<Option<_>>()?;
-    let points: Vec<Triple> = x.iter().zip(&scalings).map(|(x, scaling)| scaling.scaled(x)).collect();
+    let scalings: Vec<NesterovToddScaling> =
+        x.iter().zip(y).map(|(x, y)| NesterovToddScaling::new(x, y)).collect::<Option<_>>()?;
+    let points: Vec<LocalVector> = x.iter().zip(&scalings).map(|(x, scaling)| scaling.apply_scaling(x)).collect();
     // (S W S + N T^2) dx = -missed + N T g,   dy = T g - T^2 dx,   N = 1 - n y_T / |y_T|.
-    let squares: Vec<Block> = scalings.iter().map(Scaling::square).collect();
-    let lean = |i: usize, v: Triple| -> Triple {
+    let squares: Vec<MatrixBlock> = scalings.iter().map(NesterovToddScaling::squared_matrix).collect();
+    let lean = |i: usize, v: LocalVector| -> LocalVector {
         let slip = y[i][1].hypot(y[i][2]);
         let along = if slip > 0.0 { (y[i][1] * v[1] + y[i][2] * v[2]) / slip } else { 0.0 };
         [v[0] - along, v[1], v[2]]
     };
-    let mut matrix: Vec<Entry> = Vec::new();
+    let mut matrix: Vec<BlockEntry> = Vec::new();
     for i in 0..count {
-        for (j, w) in scaled.row(i) {
+        for (j, w) in scaled.row_blocks(i) {
             let value = |k: usize, l: usize| {
                 let value = sizes[i][k.min(1)] * w[k][l] * sizes[j][l.min(1)];
                 let square = || lean(i, [squares[i][0][l], squares[i][1][l], squares[i][2][l]])[k];
@@ -96,27 +102,29 @@ fn direction(scaled: &Scaled, sizes: &[[f64; 2]], x: &[Triple], y: &[Triple]) ->
             matrix.push((i, j, std::array::from_fn(|k| std::array::from_fn(|l| value(k, l)))));
         }
     }
-    let factors = Factors::new(count, &matrix)?;
-    let toward = |goals: &[Triple]| -> [Vec<Triple>; 2] {
-        let pushed: Vec<Triple> = (0..count).map(|i| scalings[i].scaled(&divided(&points[i], &goals[i]))).collect();
+    let factors = LuFactors::new(count, &matrix)?;
+    let toward = |goals: &[LocalVector]| -> [Vec<LocalVector>; 2] {
+        let pushed: Vec<LocalVector> =
+            (0..count).map(|i| scalings[i].apply_scaling(&jordan_quotient(&points[i], &goals[i]))).collect();
         let right = (0..count).map(|i| {
             let leaning = lean(i, pushed[i]);
             std::array::from_fn(|k| leaning[k] - missed[i][k])
         });
-        let dx = factors.solve(&right.collect::<Vec<Triple>>());
-        let dy = (0..count).map(|i| std::array::from_fn(|k| pushed[i][k] - dot(&squares[i][k], &dx[i]))).collect();
+        let dx = factors.solve(&right.collect::<Vec<LocalVector>>());
+        let dy =
+            (0..count).map(|i| std::array::from_fn(|k| pushed[i][k] - dot_product(&squares[i][k], &dx[i]))).collect();
         [dx, dy]
     };
     // First as if tau could be 0 at once; how far that leads tells how low tau may be asked to go.
-    let goals: Vec<Triple> = points.iter().map(|l| product(l, l).map(|x| -x)).collect();
+    let goals: Vec<LocalVector> = points.iter().map(|l| jordan_product(l, l).map(|x| -x)).collect();
     let [dx, dy] = toward(&goals);
-    let share = way(x, &dx).min(way(y, &dy)).min(1.0);
-    let tau = gap(x, y, &dx, &dy, 0.0);
-    let lower = (gap(x, y, &dx, &dy, share) / tau).clamp(0.0, 1.0).powi(3);
-    let goals: Vec<Triple> = (0..count)
+    let share = max_step_share(x, &dx).min(max_step_share(y, &dy)).min(1.0);
+    let tau = duality_gap(x, y, &dx, &dy, 0.0);
+    let lower = (duality_gap(x, y, &dx, &dy, share) / tau).clamp(0.0, 1.0).powi(3);
+    let goals: Vec<LocalVector> = (0..count)
         .map(|i| {
-            let second = product(&scalings[i].scaled(&dx[i]), &scalings[i].unscaled(&dy[i]));
-            let mut goal: Triple = std::array::from_fn(|k| goals[i][k] - second[k]);
+            let second = jordan_product(&scalings[i].apply_scaling(&dx[i]), &scalings[i].apply_inverse_scaling(&dy[i]));
+            let mut goal: LocalVector = std::array::from_fn(|k| goals[i][k] - second[k]);
             goal[0] += lower * tau;
             goal
         })
@@ -126,19 +134,19 @@ fn direction(scaled: &Scaled, sizes: &[[f64; 2]], x: &[Triple], y: &[Triple]) ->
 }
 
 /// Mean of x.y at a share of a step.
-fn gap(x: &[Triple], y: &[Triple], dx: &[Triple], dy: &[Triple], share: f64) -> f64 {
-    let at = |v: &Triple, d: &Triple| -> Triple { std::array::from_fn(|k| v[k] + share * d[k]) };
-    (0..x.len()).map(|i| dot(&at(&x[i], &dx[i]), &at(&y[i], &dy[i]))).sum::<f64>() / x.len() as f64
+fn duality_gap(x: &[LocalVector], y: &[LocalVector], dx: &[LocalVector], dy: &[LocalVector], share: f64) -> f64 {
+    let at = |v: &LocalVector, d: &LocalVector| -> LocalVector { std::array::from_fn(|k| v[k] + share * d[k]) };
+    (0..x.len()).map(|i| dot_product(&at(&x[i], &dx[i]), &at(&y[i], &dy[i]))).sum::<f64>() / x.len() as f64
 }
 
-fn step(v: &mut [Triple], d: &[Triple], share: f64) {
+fn advance_iterate(v: &mut [LocalVector], d: &[LocalVector], share: f64) {
     v.as_flattened_mut().iter_mut().zip(d.as_flattened()).for_each(|(v, d)| *v += share * d);
 }
 
 /// The least share of the step `d` at which a cone's side is met: told where `v` is turned into the middle of its cone.
-fn way(v: &[Triple], d: &[Triple]) -> f64 {
-    let of_one = |(v, d): (&Triple, &Triple)| {
-        let size = determinant(v).sqrt();
+fn max_step_share(v: &[LocalVector], d: &[LocalVector]) -> f64 {
+    let of_one = |(v, d): (&LocalVector, &LocalVector)| {
+        let size = cone_determinant(v).sqrt();
         let [n, s, t] = v.map(|c| c / size);
         let middle = (n * d[0] - s * d[1] - t * d[2]) / size;
         let lean = (middle + d[0] / size) / (n + 1.0);
@@ -147,64 +155,68 @@ fn way(v: &[Triple], d: &[Triple]) -> f64 {
     v.iter().zip(d).map(of_one).fold(f64::INFINITY, f64::min)
 }
 
-fn dot(a: &Triple, b: &Triple) -> f64 {
+fn dot_product(a: &LocalVector, b: &LocalVector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// v_n^2 - |v_T|^2
-fn determinant(v: &Triple) -> f64 {
+fn cone_determinant(v: &LocalVector) -> f64 {
     let t = v[1].hypot(v[2]);
     (v[0] - t) * (v[0] + t)
 }
 
 /// v o w
-fn product(v: &Triple, w: &Triple) -> Triple {
-    [dot(v, w), v[0] * w[1] + w[0] * v[1], v[0] * w[2] + w[0] * v[2]]
+fn jordan_product(v: &LocalVector, w: &LocalVector) -> LocalVector {
+    [dot_product(v, w), v[0] * w[1] + w[0] * v[1], v[0] * w[2] + w[0] * v[2]]
 }
 
 /// The g of l o g = d.
-fn divided(l: &Triple, d: &Triple) -> Triple {
-    let n = (l[0] * d[0] - l[1] * d[1] - l[2] * d[2]) / determinant(l);
+fn jordan_quotient(l: &LocalVector, d: &LocalVector) -> LocalVector {
+    let n = (l[0] * d[0] - l[1] * d[1] - l[2] * d[2]) / cone_determinant(l);
     [n, (d[1] - n * l[1]) / l[0], (d[2] - n * l[2]) / l[0]]
 }
 
 /// T = beta (2 v v^T - J) with J = diag(1, -1, -1), for which T x = T^-1 y.
-struct Scaling {
+struct NesterovToddScaling {
     beta: f64,
-    v: Triple,
+    v: LocalVector,
     /// T^2 = beta^2 (2 w w^T - J)
-    w: Triple,
+    w: LocalVector,
 }
 
-impl Scaling {
+impl NesterovToddScaling {
     /// None on the sides of the cones.
-    fn new(x: &Triple, y: &Triple) -> Option<Self> {
-        let (of_x, of_y) = (determinant(x), determinant(y));
+    fn new(x: &LocalVector, y: &LocalVector) -> Option<Self> {
+        let (of_x, of_y) = (cone_determinant(x), cone_determinant(y));
         if !(of_x > 0.0 && of_y > 0.0 && x[0] > 0.0 && y[0] > 0.0) {
             return None;
         }
         let (x, y) = (x.map(|c| c / of_x.sqrt()), y.map(|c| c / of_y.sqrt()));
-        let double = 2.0 * (0.5 * (1.0 + dot(&x, &y))).sqrt();
+        let double = 2.0 * (0.5 * (1.0 + dot_product(&x, &y))).sqrt();
         let w = [(y[0] + x[0]) / double, (y[1] - x[1]) / double, (y[2] - x[2]) / double];
         let length = (2.0 * (w[0] + 1.0)).sqrt();
-        Some(Scaling { beta: (of_y / of_x).sqrt().sqrt(), v: [(w[0] + 1.0) / length, w[1] / length, w[2] / length], w })
+        Some(NesterovToddScaling {
+            beta: (of_y / of_x).sqrt().sqrt(),
+            v: [(w[0] + 1.0) / length, w[1] / length, w[2] / length],
+            w,
+        })
     }
 
     /// T u
-    fn scaled(&self, u: &Triple) -> Triple {
-        let along = 2.0 * dot(&self.v, u);
+    fn apply_scaling(&self, u: &LocalVector) -> LocalVector {
+        let along = 2.0 * dot_product(&self.v, u);
         let [n, s, t] = self.v;
         [self.beta * (along * n - u[0]), self.beta * (along * s + u[1]), self.beta * (along * t + u[2])]
     }
 
     /// T^-1 u
-    fn unscaled(&self, u: &Triple) -> Triple {
+    fn apply_inverse_scaling(&self, u: &LocalVector) -> LocalVector {
         let [n, s, t] = self.v;
         let along = 2.0 * (n * u[0] - s * u[1] - t * u[2]);
         [(along * n - u[0]) / self.beta, (u[1] - along * s) / self.beta, (u[2] - along * t) / self.beta]
     }
 
-    fn square(&self) -> Block {
+    fn squared_matrix(&self) -> MatrixBlock {
         let factor = self.beta * self.beta;
         std::array::from_fn(|k| {
             std::array::from_fn(|l| {
@@ -225,33 +237,33 @@ impl Scaling {
 mod tests {
     use super::*;
 
-    const X: Triple = [2.0, 0.5, -1.2];
-    const Y: Triple = [0.7, -0.3, 0.4];
+    const X: LocalVector = [2.0, 0.5, -1.2];
+    const Y: LocalVector = [0.7, -0.3, 0.4];
 
-    fn close(a: &Triple, b: &Triple) {
+    fn close(a: &LocalVector, b: &LocalVector) {
         // A few operations on numbers of order 1.
         assert!((0..3).all(|k| (a[k] - b[k]).abs() < 1e-14), "{a:?} {b:?}");
     }
 
     #[test]
     fn scaling_makes_the_two_one() {
-        let scaling = Scaling::new(&X, &Y).unwrap();
-        let point = scaling.scaled(&X);
-        close(&point, &scaling.unscaled(&Y));
-        close(&scaling.unscaled(&point), &X);
-        let square: Triple = std::array::from_fn(|k| dot(&scaling.square()[k], &X));
+        let scaling = NesterovToddScaling::new(&X, &Y).unwrap();
+        let point = scaling.apply_scaling(&X);
+        close(&point, &scaling.apply_inverse_scaling(&Y));
+        close(&scaling.apply_inverse_scaling(&point), &X);
+        let square: LocalVector = std::array::from_fn(|k| dot_product(&scaling.squared_matrix()[k], &X));
         close(&square, &Y);
-        close(&product(&point, &divided(&point, &Y)), &Y);
-        assert!(Scaling::new(&[1.0, 1.0, 0.0], &Y).is_none());
+        close(&jordan_product(&point, &jordan_quotient(&point, &Y)), &Y);
+        assert!(NesterovToddScaling::new(&[1.0, 1.0, 0.0], &Y).is_none());
     }
 
     #[test]
     fn the_way_ends_on_the_side_of_a_cone() {
         for d in [[-1.0, 0.0, 0.0], [0.0, 3.0, 0.1], [1.0, 5.0, 0.0], X.map(|c| -0.3 * c)] {
-            let share = way(&[X], &[d]);
-            let end: Triple = std::array::from_fn(|k| X[k] + share * d[k]);
-            assert!(end[0] > -1e-15 && determinant(&end).abs() < 1e-13, "{d:?}: {end:?}");
+            let share = max_step_share(&[X], &[d]);
+            let end: LocalVector = std::array::from_fn(|k| X[k] + share * d[k]);
+            assert!(end[0] > -1e-15 && cone_determinant(&end).abs() < 1e-13, "{d:?}: {end:?}");
         }
-        assert_eq!(way(&[X], &[Y]), f64::INFINITY);
+        assert_eq!(max_step_share(&[X], &[Y]), f64::INFINITY);
     }
 }

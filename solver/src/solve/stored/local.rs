@@ -1,6 +1,6 @@
 //! One contact of a full 3x3 block, exactly, with every other impulse frozen.
 
-use super::{Block, Triple};
+use super::{LocalVector, MatrixBlock};
 
 /// A contact's own block prepared for solving: the normal unknown eliminated, the tangents turned to
 /// the axes of what is left.
@@ -14,7 +14,7 @@ use super::{Block, Triple};
 /// s = 0 sticks; a sliding contact has the s > 0 where |r_T| = mu r_n. On the axes of its symmetric
 /// part, S = [[a, k], [-k, b]] with a >= b: nothing cancels when b is 0.
 #[derive(Debug, Clone, Copy)]
-pub struct Local {
+pub struct LocalSolver {
     inverse_nn: f64,
     c: [f64; 2],
     d: [f64; 2],
@@ -31,12 +31,12 @@ pub struct Local {
 }
 
 /// An eigenvalue of S below this share of the trace of W_TT is rounding.
-const SINGULAR: f64 = 1e-14;
+const SINGULAR_SHARE: f64 = 1e-14;
 
-impl Local {
+impl LocalSolver {
     /// * `w`: the diagonal block in the order n, t1, t2, 1/kg; symmetric positive semi-definite, or nearly.
     /// * `mu`: friction, 0 or more.
-    pub fn new(w: &Block, mu: f64) -> Self {
+    pub fn new(w: &MatrixBlock, mu: f64) -> Self {
         let inverse_nn = if w[0][0] > 0.0 { 1.0 / w[0][0] } else { 0.0 };
         let d = [w[1][0] * inverse_nn, w[2][0] * inverse_nn];
         let s = [0, 1].map(|i| [0, 1].map(|j| w[i + 1][j + 1] - d[i] * w[0][j + 1]));
@@ -45,12 +45,12 @@ impl Local {
         let radius = half.hypot(even);
         let (a, b) = (mean + radius, mean - radius);
         let axis = first_axis(half, even);
-        let rounding = SINGULAR * (w[1][1] + w[2][2]);
+        let rounding = SINGULAR_SHARE * (w[1][1] + w[2][2]);
         let low = if b > rounding { 0.0 } else { rounding - b.min(0.0) };
         // Where an eigenvalue is rounding, sticking is to rounding, too.
         let stick = if b.abs() > rounding { 0.0 } else { low };
-        let c = turn(axis, [w[0][1] * inverse_nn, w[0][2] * inverse_nn]);
-        Local { inverse_nn, c, d: turn(axis, d), axis, a, b, k, low, stick, mu }
+        let c = rotate_to_axis(axis, [w[0][1] * inverse_nn, w[0][2] * inverse_nn]);
+        LocalSolver { inverse_nn, c, d: rotate_to_axis(axis, d), axis, a, b, k, low, stick, mu }
     }
 
     /// Impulse r in N s for the velocity `q` in m/s that the contact has without it: u = W r + q with
@@ -72,7 +72,7 @@ impl Local {
     /// assert_eq!(block.solve([-4.0, 9.0, 0.0]), [4.0, -2.0, 0.0]); // slides
     /// ```
     #[inline(always)]
-    pub fn solve(&self, q: Triple) -> Triple {
+    pub fn solve(&self, q: LocalVector) -> LocalVector {
         let free = -q[0] * self.inverse_nn;
         if !(free > 0.0 && free < f64::INFINITY) {
             return [0.0; 3];
@@ -80,36 +80,36 @@ impl Local {
         if self.mu == 0.0 {
             return [free, 0.0, 0.0];
         }
-        let q_t = turn(self.axis, [q[1], q[2]]);
+        let q_t = rotate_to_axis(self.axis, [q[1], q[2]]);
         let p = [q_t[0] - self.d[0] * q[0], q_t[1] - self.d[1] * q[0]];
-        let [n, t1, t2] = self.stick(free, p).unwrap_or_else(|| self.slide(free, p));
-        let [t1, t2] = turn([self.axis[0], -self.axis[1]], [t1, t2]);
+        let [n, t1, t2] = self.sticking_impulse(free, p).unwrap_or_else(|| self.sliding_impulse(free, p));
+        let [t1, t2] = rotate_to_axis([self.axis[0], -self.axis[1]], [t1, t2]);
         if [n, t1, t2].iter().all(|x| x.is_finite()) { [n, t1, t2] } else { [free, 0.0, 0.0] }
     }
 
     /// The impulse of u = 0 if the cone holds it.
     #[inline(always)]
-    fn stick(&self, free: f64, p: [f64; 2]) -> Option<Triple> {
-        let t = self.tangential(p, self.stick);
-        let n = self.normal(free, t);
+    fn sticking_impulse(&self, free: f64, p: [f64; 2]) -> Option<LocalVector> {
+        let t = self.tangential_impulse(p, self.stick);
+        let n = self.normal_impulse(free, t);
         (n > 0.0 && t[0] * t[0] + t[1] * t[1] <= (self.mu * n) * (self.mu * n)).then_some([n, t[0], t[1]])
     }
 
     /// r_T = -(S + s 1)^-1 p
     #[inline(always)]
-    fn tangential(&self, p: [f64; 2], s: f64) -> [f64; 2] {
+    fn tangential_impulse(&self, p: [f64; 2], s: f64) -> [f64; 2] {
         let (a, b, k) = (self.a + s, self.b + s, self.k);
         let scale = -1.0 / (a * b + k * k);
         [(b * p[0] - k * p[1]) * scale, (a * p[1] + k * p[0]) * scale]
     }
 
     #[inline(always)]
-    fn normal(&self, free: f64, t: [f64; 2]) -> f64 {
+    fn normal_impulse(&self, free: f64, t: [f64; 2]) -> f64 {
         free - self.c[0] * t[0] - self.c[1] * t[1]
     }
 
     /// The impulse on the edge of the cone.
-    fn slide(&self, free: f64, p: [f64; 2]) -> Triple {
+    fn sliding_impulse(&self, free: f64, p: [f64; 2]) -> LocalVector {
         let size = p[0].hypot(p[1]);
         if size == 0.0 {
             return [free, 0.0, 0.0];
@@ -118,8 +118,8 @@ impl Local {
         // |r_T| <= |p|/(s + b) and r_n >= free - |c| |r_T|; twice that, for what rounding adds.
         let mut high = 2.0 * size * (1.0 / self.mu + self.c[0].hypot(self.c[1])) / free + low;
         let mut s = low;
-        let mut t = self.tangential(p, s);
-        let mut n = self.normal(free, t);
+        let mut t = self.tangential_impulse(p, s);
+        let mut n = self.normal_impulse(free, t);
         for _ in 0..100 {
             let length = t[0].hypot(t[1]);
             let psi = self.mu * n / length - 1.0;
@@ -131,7 +131,7 @@ impl Local {
             } else {
                 high = s;
             }
-            let dt = self.tangential(t, s); // d r_T/ds = -(S + s 1)^-1 r_T
+            let dt = self.tangential_impulse(t, s); // d r_T/ds = -(S + s 1)^-1 r_T
             let dn = -self.c[0] * dt[0] - self.c[1] * dt[1];
             let slope = self.mu * (dn - n * (t[0] * dt[0] + t[1] * dt[1]) / (length * length)) / length;
             let newton = s - psi / slope;
@@ -139,8 +139,8 @@ impl Local {
             if !(s > low && s < high) {
                 break; // no number is left between
             }
-            t = self.tangential(p, s);
-            n = self.normal(free, t);
+            t = self.tangential_impulse(p, s);
+            n = self.normal_impulse(free, t);
         }
         // On the edge of the cone, whatever is left of psi.
         let n = n.max(0.0);
@@ -162,7 +162,7 @@ fn first_axis(x: f64, y: f64) -> [f64; 2] {
 
 /// The components of `v` along `axis` and across it.
 #[inline(always)]
-fn turn(axis: [f64; 2], v: [f64; 2]) -> [f64; 2] {
+fn rotate_to_axis(axis: [f64; 2], v: [f64; 2]) -> [f64; 2] {
     [axis[0] * v[0] + axis[1] * v[1], axis[0] * v[1] - axis[1] * v[0]]
 }
 
@@ -172,17 +172,17 @@ mod tests {
     use proptest::prelude::*;
 
     /// W = L L' of numbers of one size, rank 3 or less.
-    fn block(l: [f64; 6]) -> Block {
+    fn block(l: [f64; 6]) -> MatrixBlock {
         let l = [[l[0], 0.0, 0.0], [l[1], l[2], 0.0], [l[3], l[4], l[5]]];
         std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| l[i][k] * l[j][k]).sum()))
     }
 
-    fn velocity(w: &Block, r: Triple, q: Triple) -> Triple {
+    fn velocity(w: &MatrixBlock, r: LocalVector, q: LocalVector) -> LocalVector {
         std::array::from_fn(|i| q[i] + (0..3).map(|j| w[i][j] * r[j]).sum::<f64>())
     }
 
     /// How far r is from each condition, in velocities and impulses of size 1.
-    fn violation(w: &Block, q: Triple, mu: f64, r: Triple) -> f64 {
+    fn violation(w: &MatrixBlock, q: LocalVector, mu: f64, r: LocalVector) -> f64 {
         let u = velocity(w, r, q);
         let (slip, force) = (u[1].hypot(u[2]), r[1].hypot(r[2]));
         let maximal_dissipation = u[1] * r[1] + u[2] * r[2] + mu * r[0] * slip;
@@ -198,7 +198,7 @@ mod tests {
         let values = [0.0, -0.0, 1.0, -1.0, 1e-310, -1e-310, 1e200, -1e200, f64::NAN, f64::INFINITY, -f64::INFINITY];
         for w in [one, zero, [[1.0; 3]; 3], [[1.0, 9.0, 9.0], [9.0, 1.0, 9.0], [9.0, 9.0, 1.0]], [[1e-300; 3]; 3]] {
             for mu in [0.0, 1e-12, 0.5, 1e12, 1e300] {
-                let local = Local::new(&w, mu);
+                let local = LocalSolver::new(&w, mu);
                 for n in values {
                     for t in values {
                         let r = local.solve([n, t, 0.3]);
@@ -231,7 +231,7 @@ mod tests {
                 // A velocity that impulses can answer: W times something.
                 velocity(&w, q.map(|x| -x), [0.0; 3])
             };
-            let r = Local::new(&w, mu).solve(q);
+            let r = LocalSolver::new(&w, mu).solve(q);
             let size = 1.0 + r.iter().fold(0.0f64, |a, x| a.max(x.abs()));
             prop_assert!(violation(&w, q, mu, r) <= 1e-11 * size * size, "{r:?}");
         }
@@ -244,7 +244,7 @@ mod tests {
             mu in 0.05..1.0f64,
         ) {
             let w = block(l);
-            let r = Local::new(&w, mu).solve(q);
+            let r = LocalSolver::new(&w, mu).solve(q);
             let here = violation(&w, q, mu, r);
             for n in 0..=20 {
                 for ring in 0..=4 {

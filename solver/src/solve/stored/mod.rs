@@ -29,38 +29,38 @@ use std::time::{Duration, Instant};
 
 use crate::activity;
 
-pub use local::Local;
+pub use local::LocalSolver;
 pub use residual::residual;
 
 /// Components along n, t1, t2.
-pub type Triple = [f64; 3];
+pub type LocalVector = [f64; 3];
 /// A 3x3 block, row by row.
-pub type Block = [Triple; 3];
+pub type MatrixBlock = [LocalVector; 3];
 
 /// u = W r + q with Signorini's condition and Coulomb's law at each contact.
 #[derive(Debug, Clone)]
-pub struct Problem {
+pub struct MatrixProblem {
     /// Friction of each contact.
     pub mu: Vec<f64>,
     /// Relative velocity of each contact without impulses, m/s.
-    pub q: Vec<Triple>,
+    pub q: Vec<LocalVector>,
     /// Where the blocks of each row start, and the end of the last.
     starts: Vec<usize>,
     columns: Vec<u32>,
     /// 1/kg
-    blocks: Vec<Block>,
+    blocks: Vec<MatrixBlock>,
 }
 
 /// Squares of larger numbers, and of their products, are none.
-const LARGEST: f64 = 1e100;
+const MAX_MAGNITUDE: f64 = 1e100;
 
-impl Problem {
+impl MatrixProblem {
     /// From the blocks (row, column, block) of W in any order; blocks of one place are added up. A number
     /// that is not finite or as large as 1e100, a negative friction or a contact out of range is refused.
     pub fn new(
         mu: Vec<f64>,
-        q: Vec<Triple>,
-        blocks: impl IntoIterator<Item = (usize, usize, Block)>,
+        q: Vec<LocalVector>,
+        blocks: impl IntoIterator<Item = (usize, usize, MatrixBlock)>,
     ) -> Result<Self, String> {
         let n = q.len();
         if mu.len() != n {
@@ -70,10 +70,10 @@ impl Problem {
         // One block on every diagonal, which solvers rely on.
         blocks.extend((0..n).map(|k| (k, k, [[0.0; 3]; 3])));
         blocks.sort_by_key(|&(i, j, _)| (i, j));
-        let mut problem = Problem { mu, q, starts: vec![0; n + 1], columns: Vec::new(), blocks: Vec::new() };
+        let mut problem = MatrixProblem { mu, q, starts: vec![0; n + 1], columns: Vec::new(), blocks: Vec::new() };
         let mut last = None;
         for (i, j, w) in blocks {
-            if i >= n || j >= n || !w.as_flattened().iter().all(|x| x.abs() < LARGEST) {
+            if i >= n || j >= n || !w.as_flattened().iter().all(|x| x.abs() < MAX_MAGNITUDE) {
                 return Err(format!("block ({i}, {j}) of {n} contacts is {w:?}"));
             }
             if last == Some((i, j)) {
@@ -87,7 +87,7 @@ impl Problem {
             }
         }
         for (k, (mu, q)) in problem.mu.iter().zip(&problem.q).enumerate() {
-            if !(mu.abs() < LARGEST && *mu >= 0.0 && q.iter().all(|x| x.abs() < LARGEST)) {
+            if !(mu.abs() < MAX_MAGNITUDE && *mu >= 0.0 && q.iter().all(|x| x.abs() < MAX_MAGNITUDE)) {
                 return Err(format!("contact {k} has friction {mu:?} and q = {q:?}"));
             }
         }
@@ -104,20 +104,20 @@ impl Problem {
     }
 
     /// Columns and blocks of row `i`.
-    pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, &Block)> {
+    pub fn row_blocks(&self, i: usize) -> impl Iterator<Item = (usize, &MatrixBlock)> {
         let place = self.starts[i]..self.starts[i + 1];
         self.columns[place.clone()].iter().map(|&j| j as usize).zip(&self.blocks[place])
     }
 
     /// u = W r + q
-    pub fn velocity(&self, r: &[Triple]) -> Vec<Triple> {
-        let add = |mut u: Triple, (j, w): (usize, &Block)| {
+    pub fn relative_velocities(&self, r: &[LocalVector]) -> Vec<LocalVector> {
+        let add = |mut u: LocalVector, (j, w): (usize, &MatrixBlock)| {
             for k in 0..3 {
                 u[k] += w[k][0] * r[j][0] + w[k][1] * r[j][1] + w[k][2] * r[j][2];
             }
             u
         };
-        (0..self.len()).map(|i| self.row(i).fold(self.q[i], add)).collect()
+        (0..self.len()).map(|i| self.row_blocks(i).fold(self.q[i], add)).collect()
     }
 
     /// Cost of one Newton step, see [`newton_cost`].
@@ -131,27 +131,27 @@ impl Problem {
     }
 
     /// The blocks W_ii.
-    pub fn diagonal(&self) -> impl Iterator<Item = &Block> {
-        (0..self.len()).filter_map(|i| self.row(i).find(|(j, _)| *j == i).map(|(_, w)| w))
+    pub fn diagonal_blocks(&self) -> impl Iterator<Item = &MatrixBlock> {
+        (0..self.len()).filter_map(|i| self.row_blocks(i).find(|(j, _)| *j == i).map(|(_, w)| w))
     }
 }
 
 /// Blocks of W for a contact where none are counted: of itself and of the others of two grains with five each.
-const BLOCKS: usize = 9;
+const BLOCKS_PER_CONTACT: usize = 9;
 
 /// Cost of one Newton step of a problem of so many contacts of grains: about 1e-9 s on one core, counted, not measured,
 /// so that what follows from it is the same everywhere.
 pub fn newton_cost(contacts: usize) -> f64 {
-    step_cost(contacts, BLOCKS * contacts)
+    step_cost(contacts, BLOCKS_PER_CONTACT * contacts)
 }
 
 fn step_cost(contacts: usize, blocks: usize) -> f64 {
-    5e4 + factors::cost(3 * contacts, 9 * blocks)
+    5e4 + factors::factor_cost(3 * contacts, 9 * blocks)
 }
 
 /// Ways to solve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Solver {
+pub enum MatrixSolver {
     /// The ladder: each of the others in turn, as long as it pays.
     Auto,
     /// Nonlinear Gauss-Seidel.
@@ -166,21 +166,21 @@ pub enum Solver {
     InteriorPoint,
 }
 
-impl Solver {
+impl MatrixSolver {
     /// All by name.
-    pub const ALL: [(&'static str, Solver); 6] = [
-        ("auto", Solver::Auto),
-        ("nlgs", Solver::Nlgs),
-        ("nlgs-anderson", Solver::NlgsAnderson),
-        ("prox-newton", Solver::ProxNewton),
-        ("admm", Solver::Admm),
-        ("interior-point", Solver::InteriorPoint),
+    pub const ALL: [(&'static str, MatrixSolver); 6] = [
+        ("auto", MatrixSolver::Auto),
+        ("nlgs", MatrixSolver::Nlgs),
+        ("nlgs-anderson", MatrixSolver::NlgsAnderson),
+        ("prox-newton", MatrixSolver::ProxNewton),
+        ("admm", MatrixSolver::Admm),
+        ("interior-point", MatrixSolver::InteriorPoint),
     ];
 }
 
 /// When to stop.
 #[derive(Debug, Clone, Copy)]
-pub struct Limits {
+pub struct SolverLimits {
     /// Residual to reach.
     pub tol: f64,
     pub max_sweeps: u64,
@@ -191,55 +191,66 @@ pub struct Limits {
 
 /// What a solver has reached: the best iterate it met.
 #[derive(Debug, Clone)]
-pub struct Solution {
+pub struct MatrixSolution {
     /// Impulses, N s.
-    pub r: Vec<Triple>,
+    pub r: Vec<LocalVector>,
     /// Passes over the contacts.
     pub sweeps: u64,
     /// See [`newton_cost`].
     pub cost: f64,
-    /// See [`residual`].
+    /// See `residual`.
     pub residual: f64,
     pub converged: bool,
 }
 
 /// Solves to a residual of at most `limits.tol`, or returns the best that was met. Starts from the impulses
 /// `start`, or from 0 where these are the better.
-pub fn solve(problem: &Problem, solver: Solver, start: &[Triple], limits: Limits) -> Solution {
-    let mut run = Run::new(problem, limits);
+pub fn solve(
+    problem: &MatrixProblem,
+    solver: MatrixSolver,
+    start: &[LocalVector],
+    limits: SolverLimits,
+) -> MatrixSolution {
+    let mut run = SolverRun::new(problem, limits);
     let from_zero = run.best.1;
-    let warm = start.len() == problem.len() && run.judge(start) < from_zero;
+    let warm = start.len() == problem.len() && run.record_iterate(start) < from_zero;
     match solver {
-        Solver::Auto => ladder(&mut run, warm),
-        Solver::Nlgs => sweep::nlgs(&mut run, 0, u64::MAX),
-        Solver::NlgsAnderson => sweep::nlgs(&mut run, sweep::DEPTH, u64::MAX),
-        Solver::ProxNewton => newton::prox_newton(&mut run, &vec![[0.0; 3]; problem.len()], u64::MAX),
-        Solver::Admm => admm::admm(&mut run, u64::MAX),
-        Solver::InteriorPoint => interior::interior_point(&mut run, u64::MAX),
+        MatrixSolver::Auto => run_fallback_sequence(&mut run, warm),
+        MatrixSolver::Nlgs => sweep::solve_nlgs(&mut run, 0, u64::MAX),
+        MatrixSolver::NlgsAnderson => sweep::solve_nlgs(&mut run, sweep::ANDERSON_DEPTH, u64::MAX),
+        MatrixSolver::ProxNewton => newton::prox_newton(&mut run, &vec![[0.0; 3]; problem.len()], u64::MAX),
+        MatrixSolver::Admm => admm::solve_admm(&mut run, u64::MAX),
+        MatrixSolver::InteriorPoint => interior::interior_point(&mut run, u64::MAX),
     }
     let converged = run.best.1 <= limits.tol;
-    Solution { residual: residual(problem, &run.best.0), r: run.best.0, sweeps: run.sweeps, cost: run.cost, converged }
+    MatrixSolution {
+        residual: residual(problem, &run.best.0),
+        r: run.best.0,
+        sweeps: run.sweeps,
+        cost: run.cost,
+        converged,
+    }
 }
 
 /// Accelerated sweeps first, as many as cost what ten Newton steps do, 100 to 1000. Where they stall, once the interior-point
 /// method, which makes nothing of what was found, and so from a `warm` start comes behind a few steps of Newton's. Then ADMM and
 /// Newton from the best so far, and Newton from 0, which at times finds the way that the others have missed; then all again with
 /// four times the budget.
-fn ladder(run: &mut Run, warm: bool) {
+fn run_fallback_sequence(run: &mut SolverRun, warm: bool) {
     let problem = run.problem;
     let (sweep, newton) = (problem.sweep_cost(), problem.newton_cost());
     for round in 0.. {
         let more = 4u64.saturating_pow(round);
         let steps = more.saturating_mul(20);
         let sweeps = (0.5 * steps as f64 * newton / sweep) as u64;
-        sweep::nlgs(run, sweep::DEPTH, sweeps.clamp(100, more.saturating_mul(1000)));
+        sweep::solve_nlgs(run, sweep::ANDERSON_DEPTH, sweeps.clamp(100, more.saturating_mul(1000)));
         if round == 0 && warm {
             newton::prox_newton(run, &run.best.0.clone(), steps);
         }
         if round == 0 {
             interior::interior_point(run, steps.saturating_mul(3));
         }
-        admm::admm(run, steps.saturating_mul(5));
+        admm::solve_admm(run, steps.saturating_mul(5));
         newton::prox_newton(run, &run.best.0.clone(), steps.saturating_mul(5));
         newton::prox_newton(run, &vec![[0.0; 3]; problem.len()], steps.saturating_mul(20));
         if run.is_over() {
@@ -249,25 +260,25 @@ fn ladder(run: &mut Run, warm: bool) {
 }
 
 /// A run of one or more solvers: what it has used and the best it has met.
-struct Run<'a> {
-    problem: &'a Problem,
-    limits: Limits,
+struct SolverRun<'a> {
+    problem: &'a MatrixProblem,
+    limits: SolverLimits,
     start: Instant,
     sweeps: u64,
     cost: f64,
-    best: (Vec<Triple>, f64),
+    best: (Vec<LocalVector>, f64),
 }
 
-impl<'a> Run<'a> {
-    fn new(problem: &'a Problem, limits: Limits) -> Self {
+impl<'a> SolverRun<'a> {
+    fn new(problem: &'a MatrixProblem, limits: SolverLimits) -> Self {
         let r = vec![[0.0; 3]; problem.len()];
         let residual = residual(problem, &r);
-        Run { problem, limits, start: Instant::now(), sweeps: 0, cost: 0.0, best: (r, residual) }
+        SolverRun { problem, limits, start: Instant::now(), sweeps: 0, cost: 0.0, best: (r, residual) }
     }
 
     /// Residual of `r`, or what rounding hides of it; kept if it is the best.
-    fn judge(&mut self, r: &[Triple]) -> f64 {
-        let value = residual(self.problem, r).max(residual::rounding(self.problem, r));
+    fn record_iterate(&mut self, r: &[LocalVector]) -> f64 {
+        let value = residual(self.problem, r).max(residual::rounding_residual(self.problem, r));
         if value < self.best.1 {
             self.best.0.copy_from_slice(r);
             self.best.1 = value;
@@ -276,8 +287,8 @@ impl<'a> Run<'a> {
     }
 
     /// Enters a pass over the contacts and its cost.
-    fn pass(&mut self, cost: f64) {
-        activity::sweep();
+    fn count_pass(&mut self, cost: f64) {
+        activity::count_sweep();
         self.sweeps += 1;
         self.cost += cost;
     }

@@ -13,76 +13,76 @@
 //! Sources: P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991) 353-375 (Phi); V. Acary, M.
 //! Bremond, O. Huber, in Advanced Topics in Nonsmooth Dynamics, Springer (2018) (proximal loop).
 
-use super::anderson::Anderson;
-use super::factors::{Entry, Factors};
-use super::scaled::Scaled;
-use super::sweep::DEPTH;
-use super::{Block, Run, Triple};
+use super::anderson::AndersonAcceleration;
+use super::factors::{BlockEntry, LuFactors};
+use super::scaled::ScaledProblem;
+use super::sweep::ANDERSON_DEPTH;
+use super::{LocalVector, MatrixBlock, SolverRun};
 
 /// The proximal parameter a: where it starts, its limits, and its change after success and failure.
-const START: f64 = 1e-3;
-const RANGE: (f64, f64) = (1e-9, 1e2);
+const INITIAL_PROXIMAL: f64 = 1e-3;
+const PROXIMAL_RANGE: (f64, f64) = (1e-9, 1e2);
 /// Newton steps for one proximal problem.
-const INNER: usize = 20;
+const MAX_INNER_STEPS: usize = 20;
 
 /// Goes on from `start` until the run or the budget of `steps` Newton steps is over.
-pub fn prox_newton(run: &mut Run, start: &[Triple], steps: u64) {
-    let scaled = Scaled::new(run.problem);
+pub fn prox_newton(run: &mut SolverRun, start: &[LocalVector], steps: u64) {
+    let scaled = ScaledProblem::new(run.problem);
     let mut x = scaled.impulses_in(start);
-    let mut anderson = Anderson::new(DEPTH, 3 * x.len());
-    let mut a = START;
+    let mut anderson = AndersonAcceleration::new(ANDERSON_DEPTH, 3 * x.len());
+    let mut a = INITIAL_PROXIMAL;
     let mut wins = 0;
     let end = run.sweeps.saturating_add(steps);
-    while !run.is_over() && run.sweeps < end && a <= RANGE.1 {
+    while !run.is_over() && run.sweeps < end && a <= PROXIMAL_RANGE.1 {
         let before = run.sweeps;
-        let target = 0.01 * norm(&Contacts::new(&scaled, &x, &x, 0.0).phi);
-        let mut state = Contacts::new(&scaled, &x, &x, a);
-        let mut solved = norm(&state.phi) <= target;
-        while !solved && run.sweeps - before < INNER as u64 {
-            run.pass(run.problem.newton_cost());
+        let target = 0.01 * euclidean_norm(&NewtonIterate::new(&scaled, &x, &x, 0.0).phi);
+        let mut state = NewtonIterate::new(&scaled, &x, &x, a);
+        let mut solved = euclidean_norm(&state.phi) <= target;
+        while !solved && run.sweeps - before < MAX_INNER_STEPS as u64 {
+            run.count_pass(run.problem.newton_cost());
             let Some(next) = state.newton_step().and_then(|step| line_search(&state, &step)) else { break };
             state = next;
-            solved = norm(&state.phi) <= target;
-            run.judge(&scaled.impulses_out(&state.r));
+            solved = euclidean_norm(&state.phi) <= target;
+            run.record_iterate(&scaled.impulses_out(&state.r));
             if run.is_over() {
                 return;
             }
         }
         if run.sweeps == before {
-            run.judge(&scaled.impulses_out(&x));
+            run.record_iterate(&scaled.impulses_out(&x));
             return; // Phi is 0: nothing is left to do in these units
         }
         let g = std::mem::take(&mut state.r);
         if solved {
-            anderson.next(&mut x, &g);
+            anderson.next_iterate(&mut x, &g);
             wins += 1;
             if run.sweeps - before <= 3 && wins >= 4 {
-                a = (a * 0.2).max(RANGE.0);
+                a = (a * 0.2).max(PROXIMAL_RANGE.0);
                 wins = 0;
-                anderson.restart();
+                anderson.clear_history();
             }
         } else {
             a *= 10.0;
             wins = 0;
-            anderson.restart();
+            anderson.clear_history();
         }
     }
 }
 
 /// The iterate with what Newton's method needs of it.
-struct Contacts<'a> {
-    scaled: &'a Scaled,
-    center: &'a [Triple],
+struct NewtonIterate<'a> {
+    scaled: &'a ScaledProblem,
+    center: &'a [LocalVector],
     a: f64,
-    r: Vec<Triple>,
-    tau: Vec<Triple>,
-    phi: Vec<Triple>,
+    r: Vec<LocalVector>,
+    tau: Vec<LocalVector>,
+    phi: Vec<LocalVector>,
 }
 
-impl<'a> Contacts<'a> {
-    fn new(scaled: &'a Scaled, r: &[Triple], center: &'a [Triple], a: f64) -> Self {
-        let u = scaled.velocity(r);
-        let tau: Vec<Triple> =
+impl<'a> NewtonIterate<'a> {
+    fn new(scaled: &'a ScaledProblem, r: &[LocalVector], center: &'a [LocalVector], a: f64) -> Self {
+        let u = scaled.relative_velocities(r);
+        let tau: Vec<LocalVector> =
             (0..r.len()).map(|i| std::array::from_fn(|k| r[i][k] - u[i][k] - a * (r[i][k] - center[i][k]))).collect();
         let phi = (0..r.len())
             .map(|i| {
@@ -93,16 +93,16 @@ impl<'a> Contacts<'a> {
                 [r[0] - n, r[1] - share * t1, r[2] - share * t2]
             })
             .collect();
-        Contacts { scaled, center, a, r: r.to_vec(), tau, phi }
+        NewtonIterate { scaled, center, a, r: r.to_vec(), tau, phi }
     }
 
     /// -J^-1 Phi, J an element of Phi's generalised Jacobian; none where that is singular.
-    fn newton_step(&self) -> Option<Vec<Triple>> {
+    fn newton_step(&self) -> Option<Vec<LocalVector>> {
         // Contacts that part have r = 0 after the step: they leave the system.
         let closed: Vec<usize> = (0..self.r.len()).filter(|&i| self.tau[i][0] > 0.0).collect();
         let mut place = vec![usize::MAX; self.r.len()];
         closed.iter().enumerate().for_each(|(k, &i)| place[i] = k);
-        let mut j: Vec<Entry> = Vec::new();
+        let mut j: Vec<BlockEntry> = Vec::new();
         let mut right = vec![[0.0; 3]; closed.len()];
         for (row, &i) in closed.iter().enumerate() {
             let [n, t1, t2] = self.tau[i];
@@ -123,12 +123,12 @@ impl<'a> Contacts<'a> {
                 }
             }
             right[row] = self.phi[i].map(|phi| -phi);
-            for (column, w) in self.scaled.row(i) {
+            for (column, w) in self.scaled.row_blocks(i) {
                 let mut w = *w;
                 if column == i {
                     (0..3).for_each(|k| w[k][k] += self.a);
                 }
-                let mut block: Block =
+                let mut block: MatrixBlock =
                     std::array::from_fn(|k| std::array::from_fn(|l| (0..3).map(|m| to_u[k][m] * w[m][l]).sum()));
                 if place[column] == usize::MAX {
                     let r = self.r[column];
@@ -141,8 +141,8 @@ impl<'a> Contacts<'a> {
                 j.push((row, place[column], block));
             }
         }
-        let solution = Factors::new(closed.len(), &j)?.solve(&right);
-        let step: Vec<Triple> = (0..self.r.len())
+        let solution = LuFactors::new(closed.len(), &j)?.solve(&right);
+        let step: Vec<LocalVector> = (0..self.r.len())
             .map(|i| match place[i] {
                 usize::MAX => self.r[i].map(|x| -x),
                 k => solution[k],
@@ -151,22 +151,22 @@ impl<'a> Contacts<'a> {
         step.as_flattened().iter().all(|x| x.is_finite()).then_some(step)
     }
 
-    fn moved(&self, step: &[Triple], share: f64) -> Self {
-        let r: Vec<Triple> =
+    fn advanced_by(&self, step: &[LocalVector], share: f64) -> Self {
+        let r: Vec<LocalVector> =
             self.r.iter().zip(step).map(|(r, d)| std::array::from_fn(|k| r[k] + share * d[k])).collect();
-        Contacts::new(self.scaled, &r, self.center, self.a)
+        NewtonIterate::new(self.scaled, &r, self.center, self.a)
     }
 }
 
 /// The first of the shares 1, 1/2, 1/4 ... of the step that lowers |Phi|.
-fn line_search<'a>(state: &Contacts<'a>, step: &[Triple]) -> Option<Contacts<'a>> {
-    let here = norm(&state.phi);
+fn line_search<'a>(state: &NewtonIterate<'a>, step: &[LocalVector]) -> Option<NewtonIterate<'a>> {
+    let here = euclidean_norm(&state.phi);
     (0..10).map(|k| 0.5f64.powi(k)).find_map(|share| {
-        let next = state.moved(step, share);
-        (norm(&next.phi) <= (1.0 - 1e-4 * share) * here).then_some(next)
+        let next = state.advanced_by(step, share);
+        (euclidean_norm(&next.phi) <= (1.0 - 1e-4 * share) * here).then_some(next)
     })
 }
 
-fn norm(a: &[Triple]) -> f64 {
+fn euclidean_norm(a: &[LocalVector]) -> f64 {
     a.as_flattened().iter().map(|x| x * x).sum::<f64>().sqrt()
 }

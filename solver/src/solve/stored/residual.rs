@@ -1,6 +1,6 @@
 //! Judges a solution of a stored problem; shares no arithmetic with what solves.
 
-use super::{Problem, Triple};
+use super::{LocalVector, MatrixProblem};
 
 /// |F| / (rho |q|) of the impulses `r`, with rho = 3N / trace W, the natural map
 ///
@@ -12,19 +12,19 @@ use super::{Problem, Triple};
 /// exactly at a solution and the same in any units. Where q is 0, relative to 1 m/s.
 ///
 /// Source: V. Acary, M. Bremond, O. Huber, in Advanced Topics in Nonsmooth Dynamics, Springer (2018).
-pub fn residual(problem: &Problem, r: &[Triple]) -> f64 {
-    let (rho, scale) = scales(problem);
+pub fn residual(problem: &MatrixProblem, r: &[LocalVector]) -> f64 {
+    let (rho, scale) = residual_scales(problem);
     let mut sum = 0.0;
     for (i, r_i) in r.iter().enumerate() {
         let mut u = problem.q[i];
-        for (j, w) in problem.row(i) {
+        for (j, w) in problem.row_blocks(i) {
             for (u_k, w_k) in u.iter_mut().zip(w) {
                 *u_k += w_k[0] * r[j][0] + w_k[1] * r[j][1] + w_k[2] * r[j][2];
             }
         }
         let mu = problem.mu[i];
         let z = [r_i[0] - rho * (u[0] + mu * u[1].hypot(u[2])), r_i[1] - rho * u[1], r_i[2] - rho * u[2]];
-        let p = project(z, mu);
+        let p = project_to_cone(z, mu);
         sum += (0..3).map(|k| (r_i[k] - p[k]) * (r_i[k] - p[k])).sum::<f64>();
     }
     sum.sqrt() / scale
@@ -32,20 +32,20 @@ pub fn residual(problem: &Problem, r: &[Triple]) -> f64 {
 
 /// What rounding of r alone may be worth in the residual: impulses so large that rho u is lost in them solve nothing,
 /// though F comes out as 0.
-pub fn rounding(problem: &Problem, r: &[Triple]) -> f64 {
-    f64::EPSILON * r.as_flattened().iter().fold(0.0, |a: f64, x| a.max(x.abs())) / scales(problem).1
+pub fn rounding_residual(problem: &MatrixProblem, r: &[LocalVector]) -> f64 {
+    f64::EPSILON * r.as_flattened().iter().fold(0.0, |a: f64, x| a.max(x.abs())) / residual_scales(problem).1
 }
 
 /// rho and rho |q|
-fn scales(problem: &Problem) -> (f64, f64) {
-    let trace: f64 = problem.diagonal().map(|w| w[0][0] + w[1][1] + w[2][2]).sum();
+fn residual_scales(problem: &MatrixProblem) -> (f64, f64) {
+    let trace: f64 = problem.diagonal_blocks().map(|w| w[0][0] + w[1][1] + w[2][2]).sum();
     let rho = if trace > 0.0 { 3.0 * problem.len() as f64 / trace } else { 1.0 };
     let q = problem.q.as_flattened().iter().map(|x| x * x).sum::<f64>().sqrt();
     (rho, rho * if q > 0.0 { q } else { 1.0 })
 }
 
 /// The nearest point of the cone { |t| <= mu n }.
-fn project([n, t1, t2]: Triple, mu: f64) -> Triple {
+fn project_to_cone([n, t1, t2]: LocalVector, mu: f64) -> LocalVector {
     let t = t1.hypot(t2);
     if n >= 0.0 && t <= mu * n {
         return [n, t1, t2];

@@ -1,19 +1,19 @@
 //! A problem in units in which each diagonal block has trace 3.
 
-use super::{Block, Problem, Triple};
+use super::{LocalVector, MatrixBlock, MatrixProblem};
 
 /// W_ij s_i s_j, q_i s_i and r_i / s_i with s_i = (3 / trace W_ii)^1/2: one number a contact leaves the cones as they
 /// are.
-pub struct Scaled {
-    problem: Problem,
+pub struct ScaledProblem {
+    problem: MatrixProblem,
     pub s: Vec<f64>,
     pub mu: Vec<f64>,
 }
 
-impl Scaled {
-    pub fn new(problem: &Problem) -> Self {
+impl ScaledProblem {
+    pub fn new(problem: &MatrixProblem) -> Self {
         let s: Vec<f64> = problem
-            .diagonal()
+            .diagonal_blocks()
             .map(|w| w[0][0] + w[1][1] + w[2][2])
             .map(|trace| if trace > 0.0 { (3.0 / trace).sqrt() } else { 1.0 })
             .collect();
@@ -25,29 +25,29 @@ impl Scaled {
                 scaled.blocks[k] = problem.blocks[k].map(|row| row.map(|x| x * factor));
             }
         }
-        Scaled { problem: scaled, s, mu: problem.mu.clone() }
+        ScaledProblem { problem: scaled, s, mu: problem.mu.clone() }
     }
 
     /// Into the scaled units.
-    pub fn impulses_in(&self, r: &[Triple]) -> Vec<Triple> {
+    pub fn impulses_in(&self, r: &[LocalVector]) -> Vec<LocalVector> {
         r.iter().zip(&self.s).map(|(r, s)| r.map(|x| x / s)).collect()
     }
 
     /// Out of the scaled units.
-    pub fn impulses_out(&self, r: &[Triple]) -> Vec<Triple> {
+    pub fn impulses_out(&self, r: &[LocalVector]) -> Vec<LocalVector> {
         r.iter().zip(&self.s).map(|(r, s)| r.map(|x| x * s)).collect()
     }
 
     /// W r + q
-    pub fn velocity(&self, r: &[Triple]) -> Vec<Triple> {
-        self.problem.velocity(r)
+    pub fn relative_velocities(&self, r: &[LocalVector]) -> Vec<LocalVector> {
+        self.problem.relative_velocities(r)
     }
 
-    pub fn q(&self, i: usize) -> Triple {
+    pub fn q(&self, i: usize) -> LocalVector {
         self.problem.q[i]
     }
 
-    pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, &Block)> {
-        self.problem.row(i)
+    pub fn row_blocks(&self, i: usize) -> impl Iterator<Item = (usize, &MatrixBlock)> {
+        self.problem.row_blocks(i)
     }
 }

@@ -2,30 +2,30 @@
 //!
 //! Source: M. Jean, Comput. Methods Appl. Mech. Engrg. 177 (1999) 235-257.
 
-use super::anderson::Anderson;
-use super::{Local, Problem, Run, Triple};
+use super::anderson::AndersonAcceleration;
+use super::{LocalSolver, LocalVector, MatrixProblem, SolverRun};
 
 /// Number of past sweeps that Anderson's acceleration combines.
-pub const DEPTH: usize = 10;
+pub const ANDERSON_DEPTH: usize = 10;
 
 /// Goes on from the best iterate of the run until the run or the budget of `sweeps` is over.
-pub fn nlgs(run: &mut Run, depth: usize, sweeps: u64) {
+pub fn solve_nlgs(run: &mut SolverRun, depth: usize, sweeps: u64) {
     let start = run.sweeps;
-    let mut sweeper = Sweeper::new(run.problem);
-    let mut anderson = Anderson::new(depth, 3 * run.problem.len());
+    let mut sweeper = MatrixSweeper::new(run.problem);
+    let mut anderson = AndersonAcceleration::new(depth, 3 * run.problem.len());
     let mut x = run.best.0.clone();
     let mut g = x.clone();
     let mut patience = 0;
     let mut scale = None;
     while !run.is_over() && run.sweeps - start < sweeps {
         g.copy_from_slice(&x);
-        sweeper.sweep(&mut g);
-        run.pass(run.problem.sweep_cost());
+        sweeper.sweep_contacts(&mut g);
+        run.count_pass(run.problem.sweep_cost());
         patience += 1;
-        let change = anderson.next(&mut x, &g);
+        let change = anderson.next_iterate(&mut x, &g);
         // Judging costs a sweep; the change of a sweep falls as the residual does and tells when.
         if scale.is_none_or(|scale| change <= scale) || patience > 10 + (run.sweeps - start) / 4 {
-            let residual = run.judge(&g);
+            let residual = run.record_iterate(&g);
             scale = Some(0.8 * change * run.limits.tol / residual);
             patience = 0;
         }
@@ -33,25 +33,25 @@ pub fn nlgs(run: &mut Run, depth: usize, sweeps: u64) {
 }
 
 /// A problem laid out for sweeping.
-pub struct Sweeper<'a> {
-    problem: &'a Problem,
-    locals: Vec<Local>,
+pub struct MatrixSweeper<'a> {
+    problem: &'a MatrixProblem,
+    locals: Vec<LocalSolver>,
     /// Place of the diagonal block of each row.
     diagonal: Vec<usize>,
 }
 
-impl<'a> Sweeper<'a> {
-    pub fn new(problem: &'a Problem) -> Self {
-        let locals = problem.diagonal().zip(&problem.mu).map(|(w, &mu)| Local::new(w, mu)).collect();
+impl<'a> MatrixSweeper<'a> {
+    pub fn new(problem: &'a MatrixProblem) -> Self {
+        let locals = problem.diagonal_blocks().zip(&problem.mu).map(|(w, &mu)| LocalSolver::new(w, mu)).collect();
         let diagonal = (0..problem.len())
             .filter_map(|i| (problem.starts[i]..problem.starts[i + 1]).find(|&k| problem.columns[k] as usize == i))
             .collect();
-        Sweeper { problem, locals, diagonal }
+        MatrixSweeper { problem, locals, diagonal }
     }
 
     /// Solves each contact in turn against the present impulses of the others.
-    pub fn sweep(&mut self, r: &mut [Triple]) {
-        let Problem { q, starts, columns, blocks, .. } = self.problem;
+    pub fn sweep_contacts(&mut self, r: &mut [LocalVector]) {
+        let MatrixProblem { q, starts, columns, blocks, .. } = self.problem;
         for (i, local) in self.locals.iter().enumerate() {
             let mut u = q[i];
             for place in [starts[i]..self.diagonal[i], self.diagonal[i] + 1..starts[i + 1]] {
