@@ -32,7 +32,7 @@ const EXCEPTIONS: &[(&str, &str)] = &[
     // The energy of gravity could stand in a bench, for `assemble` and for the summary.
     ("write", "crate::assemble::potential_energy"),
     // The search for neighbours could be a bench, for contacts and for the near field of gravity.
-    ("assemble", "crate::detect::broad::pairs"),
+    ("assemble", "crate::detect::broad::near_pairs"),
 ];
 
 /// Types of formats that the shelf and the rooms may name: options, events, functions of time and fields from outside are
