@@ -12,7 +12,7 @@ use crate::list_snapshots;
 use crate::write::figure::{Curve, CurveMarks, Figure, FigureAxis};
 use crate::write::series::{csv_text, name_field};
 
-/// Rooms of a step in TIMER.csv, as the figure of the cost has them.
+/// Stages of a step in TIMER.csv, as the figure of the cost has them.
 const STEP_STAGES: [(&str, &[&str]); 3] =
     [("gravity", &["gravity"]), ("detection", &["detection"]), ("contacts", &["assembly", "solve"])];
 
@@ -42,7 +42,7 @@ pub const COLUMNS: [(&str, &str, &str); 10] = [
     ("seconds_gravity", "s", "per step, over the whole run"),
     ("seconds_detection", "s", ""),
     ("seconds_contacts", "s", "assembly and solution of the contact problem"),
-    ("seconds", "s", "all rooms"),
+    ("seconds", "s", "all stages"),
 ];
 
 /// A run by its means.
@@ -338,7 +338,7 @@ fn study_figures(runs: &[StudyRun], groups: &[&str]) -> (Vec<(String, Figure)>, 
                 curves.push(fit(&format!("{room}{power}"), ends.collect()));
             }
         }
-        let title = format!("Seconds per step by room: {group}");
+        let title = format!("Seconds per step by stage: {group}");
         figures.push((
             name,
             Figure {

@@ -17,7 +17,7 @@ use crate::write::series::name_field;
 /// Columns of trade.csv behind the names: name, unit, meaning.
 pub const COLUMNS: [(&str, &str, &str); 15] = [
     ("value", "-", "of the option that the run's group is about"),
-    ("seconds", "s", "all rooms of all steps, without writing"),
+    ("seconds", "s", "all stages of all steps, without writing"),
     (
         "Z",
         "1",

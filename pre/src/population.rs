@@ -10,7 +10,7 @@ use cd_formats::report::FaultReport;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::place::cells::SphereGrid;
-use crate::place::room::GrainRegion;
+use crate::place::region::GrainRegion;
 use crate::place::{self, PlacedGrains};
 use crate::random::{RandomStream, StreamPurpose};
 use crate::scene::{GrainPlacement, Grains, Scene, TimeFunction};

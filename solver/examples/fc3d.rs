@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use cd_formats::error::{Fault, Faults};
 use cd_formats::{atomic, fc3d::Fc3d};
-use cd_solve::solve::stored::{MatrixProblem, MatrixSolver, SolverLimits, solve};
+use cd_solve::solve::matrix::{MatrixProblem, MatrixSolver, SolverLimits, solve};
 use clap::Parser;
 
 #[derive(Parser)]

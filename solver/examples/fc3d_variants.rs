@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use cd_formats::fc3d::Fc3d;
-use cd_solve::solve::stored::{LocalVector, MatrixBlock, MatrixProblem, MatrixSolver, SolverLimits, solve};
+use cd_solve::solve::matrix::{LocalVector, MatrixBlock, MatrixProblem, MatrixSolver, SolverLimits, solve};
 use clap::Parser;
 
 #[derive(Parser)]

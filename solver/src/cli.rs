@@ -10,7 +10,7 @@ use cd_formats::tell::{print_error, print_line, usage};
 use clap::{CommandFactory, Parser};
 
 use crate::run::{RunFailure, account_changed_forces, check_run, run_case};
-use crate::{awake, plan, read, write};
+use crate::{plan, read, thread_pool, write};
 
 const PROGRAM: &str = "cd-solve";
 
@@ -127,6 +127,6 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
         write::remove_results(case)?;
     }
     let advance = || run_case(case, &scene, state, resumed, arguments.dump_problem);
-    let large = scene.bodies.len() >= awake::MIN_BODIES_TO_BUSY_WAIT;
-    pool.install(|| if large { awake::with_busy_waiting_workers(advance) } else { advance() })
+    let large = scene.bodies.len() >= thread_pool::MIN_BODIES_TO_BUSY_WAIT;
+    pool.install(|| if large { thread_pool::with_busy_waiting_workers(advance) } else { advance() })
 }

@@ -1,18 +1,17 @@
 //! cd-solve: from `DATBOX/` to `OUTBOX/` by Non-Smooth Contact Dynamics.
 //!
-//! A time step is the function [`step::step`]; it lists the rooms that the data pass through:
+//! A time step is the function [`step::step`]; it lists the stages that the data pass through:
 //!
 //! ```text
 //! integrate::predict → assemble (forces) → detect → assemble (contacts) → solve → integrate::advance
 //! ```
 //!
-//! Rooms know the order, benches know the mathematics: `detect`, `assemble`, `solve`, `integrate`,
-//! `read` and `write` are rooms; `laws`, `gravity`, `geometry` and `math` are benches; `scene` holds what is
+//! Stages know the order, kernels know the mathematics: `detect`, `assemble`, `solve`, `integrate`,
+//! `read` and `write` are stages; `laws`, `gravity`, `geometry` and `math` are kernels; `scene` holds what is
 //! constant during a run and `state` what changes.
 
 mod activity;
 pub mod assemble;
-mod awake;
 mod cli;
 pub mod detect;
 pub mod geometry;
@@ -28,6 +27,7 @@ pub mod scene;
 pub mod solve;
 pub mod state;
 pub mod step;
+mod thread_pool;
 pub mod write;
 
 pub use cli::run;

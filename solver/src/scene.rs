@@ -1,4 +1,4 @@
-//! Shelf: what is constant during a run.
+//! Data: what is constant during a run.
 
 use cd_formats::compute::{Compute, Event, GravityMethod, NarrowPhase};
 use cd_formats::drv_dof::Evolution;

@@ -1,4 +1,4 @@
-//! Shelf: what changes during a run.
+//! Data: what changes during a run.
 
 use std::sync::Arc;
 
@@ -83,12 +83,12 @@ impl PartialEq for DetectionCache {
     }
 }
 
-/// Near pairs that hold as long as nothing has left its room.
+/// List of near pairs (Verlet list), valid as long as nothing has moved by more than its skin.
 #[derive(Debug, Clone, Default)]
 pub struct NeighbourList {
     /// All pairs i < j that are as near as [`crate::detect::broad::near_pairs`] asks, and others.
     pub pairs: Vec<[u32; 2]>,
-    /// Where things were when they were looked for, how far they reached then, and the room that they have since, m.
+    /// Where things were when they were looked for, how far they reached then, and the skin of each, m.
     pub centres: Vec<Vec3>,
     pub reach: Vec<f64>,
     pub skin: Vec<f64>,

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use cd_formats::fc3d::Fc3d;
-use cd_solve::solve::stored::{
+use cd_solve::solve::matrix::{
     LocalVector, MatrixBlock, MatrixProblem, MatrixSolution, MatrixSolver, SolverLimits, residual, solve,
 };
 use proptest::prelude::*;

@@ -2,17 +2,17 @@
 //!
 //! Between crates: `formats` stands below, the programs import it and never each other.
 //!
-//! Within cd-solve, where a *type* is a name with a capital letter, and a room's types are those of any
+//! Within cd-solve, where a *type* is a name with a capital letter, and a stage's types are those of any
 //! of its files:
 //!
 //! | who | may import | never |
 //! |---|---|---|
-//! | bench: `laws`, `gravity`, `geometry`, `math` | `math`; `geometry` types of `formats::faces`, whose verdict on a shape cd-pre shares | shelf, rooms, other formats |
-//! | shelf: `scene`, `state` | benches, types of formats | rooms |
-//! | room: `integrate`, `detect`, `assemble`, `solve` | shelf, benches, types of rooms earlier in the step, types of options | functions of another room, other formats |
-//! | room: `read`, `write` | shelf, benches, formats, types of `step` | functions of another room |
-//! | `step` | rooms, shelf, benches | formats, `read`, `write` |
-//! | `run`, `plan`, `cli`, `awake`, `progress` | all | |
+//! | kernel: `laws`, `gravity`, `geometry`, `math` | `math`; `geometry` types of `formats::faces`, whose verdict on a shape cd-pre shares | data, stages, other formats |
+//! | data: `scene`, `state` | kernels, types of formats | stages |
+//! | stage: `integrate`, `detect`, `assemble`, `solve` | data, kernels, types of stages earlier in the step, types of options | functions of another stage, other formats |
+//! | stage: `read`, `write` | data, kernels, formats, types of `step` | functions of another stage |
+//! | `step` | stages, data, kernels | formats, `read`, `write` |
+//! | `run`, `plan`, `cli`, `thread_pool`, `progress` | all | |
 //! | all | `crate::activity`: what the step is doing, and whether it is given up | |
 //! | all | `crate::BARE`: which models the program is built with | |
 
@@ -20,22 +20,22 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const BENCHES: [&str; 4] = ["laws", "gravity", "geometry", "math"];
-const SHELF: [&str; 2] = ["scene", "state"];
+const KERNELS: [&str; 4] = ["laws", "gravity", "geometry", "math"];
+const DATA: [&str; 2] = ["scene", "state"];
 /// In the order in which a step first enters them.
-const ROOMS: [&str; 4] = ["integrate", "detect", "assemble", "solve"];
+const STAGES: [&str; 4] = ["integrate", "detect", "assemble", "solve"];
 const DOORS: [&str; 2] = ["read", "write"];
-const OUTSIDE: [&str; 6] = ["run", "plan", "cli", "awake", "progress", "lib"];
+const OUTSIDE: [&str; 6] = ["run", "plan", "cli", "thread_pool", "progress", "lib"];
 
 /// Imports against the table that stand for now, each with what would mend it.
 const EXCEPTIONS: &[(&str, &str)] = &[
-    // The energy of gravity could stand in a bench, for `assemble` and for the summary.
+    // The energy of gravity could stand in a kernel, for `assemble` and for the summary.
     ("write", "crate::assemble::potential_energy"),
-    // The search for neighbours could be a bench, for contacts and for the near field of gravity.
+    // The search for neighbours could be a kernel, for contacts and for the near field of gravity.
     ("assemble", "crate::detect::broad::near_pairs"),
 ];
 
-/// Types of formats that the shelf and the rooms may name: options, events, functions of time and fields from outside are
+/// Types of formats that the data and the stages may name: options, events, functions of time and fields from outside are
 /// the same there as in the files; and disjoint sets.
 fn is_shared_type(path: &str) -> bool {
     [
@@ -67,19 +67,19 @@ fn allowed(who: &str, path: &str) -> bool {
     match root {
         "cd_formats" if OUTSIDE.contains(&who) || DOORS.contains(&who) => true,
         "cd_formats" if who == "geometry" => path.starts_with("cd_formats::faces::") && is_type(path),
-        "cd_formats" => (SHELF.contains(&who) || ROOMS.contains(&who)) && is_shared_type(path),
+        "cd_formats" => (DATA.contains(&who) || STAGES.contains(&who)) && is_shared_type(path),
         _ if what == who || OUTSIDE.contains(&who) => true,
-        _ if BENCHES.contains(&who) => what == "math",
-        _ if SHELF.contains(&who) => is(&BENCHES) || is(&SHELF),
-        _ if DOORS.contains(&who) => is(&BENCHES) || is(&SHELF) || step_types || (is(&ROOMS) && is_type(path)),
-        _ if who == "step" => is(&BENCHES) || is(&SHELF) || is(&ROOMS),
+        _ if KERNELS.contains(&who) => what == "math",
+        _ if DATA.contains(&who) => is(&KERNELS) || is(&DATA),
+        _ if DOORS.contains(&who) => is(&KERNELS) || is(&DATA) || step_types || (is(&STAGES) && is_type(path)),
+        _ if who == "step" => is(&KERNELS) || is(&DATA) || is(&STAGES),
         _ => {
-            let place = |room: &str| ROOMS.iter().position(|r| *r == room);
+            let place = |stage: &str| STAGES.iter().position(|r| *r == stage);
             let mine =
-                place(who).unwrap_or_else(|| panic!("'{who}' is neither room, bench nor shelf: extend the table"));
+                place(who).unwrap_or_else(|| panic!("'{who}' is neither stage, kernel nor data: extend the table"));
             // The two halves of `assemble` stand on either side of `detect`.
             let earlier = place(what).is_some_and(|theirs| theirs < mine);
-            is(&BENCHES) || is(&SHELF) || (earlier && is_type(path))
+            is(&KERNELS) || is(&DATA) || (earlier && is_type(path))
         }
     }
 }
@@ -145,7 +145,7 @@ fn the_solver_keeps_its_table_of_imports() {
             continue;
         }
         for path in paths(&fs::read_to_string(&file).unwrap(), &["crate", "cd_formats"]) {
-            if let Some(exception) = EXCEPTIONS.iter().find(|(room, import)| *room == who && *import == path) {
+            if let Some(exception) = EXCEPTIONS.iter().find(|(stage, import)| *stage == who && *import == path) {
                 used.insert(exception);
             } else if !allowed(who, &path) {
                 faults.push(format!("solver/src/{}: {who} imports {path}", inside.display()));

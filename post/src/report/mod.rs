@@ -253,7 +253,7 @@ fn logged_steps(path: &Path, last: u64) -> Option<u64> {
     Some(lines.filter_map(steps).sum())
 }
 
-/// Seconds spent in each room, the sums of the columns of TIMER.csv; none where there is no such file.
+/// Seconds spent in each stage, the sums of the columns of TIMER.csv; none where there is no such file.
 fn stage_seconds(path: &Path) -> Result<Vec<(&'static str, f64)>, Faults> {
     if !atomic::path_exists(path) {
         return Ok(Vec::new());

@@ -4,7 +4,7 @@ use cd_formats::surface::Surface;
 use nalgebra::Vector3;
 use rustc_hash::FxHashMap;
 
-use super::room::GrainRegion;
+use super::region::GrainRegion;
 use crate::random::RandomStream;
 use crate::shapes::hull::{self, HullError};
 

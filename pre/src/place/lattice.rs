@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::room::GrainRegion;
+use super::region::GrainRegion;
 use crate::random::RandomStream;
 
 /// Offsets of the lattice that are tried in a curved room, besides [`SYMMETRIC_OFFSETS`].

@@ -13,7 +13,7 @@ pub mod cells;
 pub mod fragments;
 pub mod inside;
 pub mod lattice;
-pub mod room;
+pub mod region;
 pub mod sequential;
 
 use std::rc::Rc;
@@ -26,7 +26,7 @@ use crate::shapes::{GrainSampler, OrientedPolyhedron, PrincipalSolid, SampledGra
 use crate::sizes::{MAX_BODIES, SampleTarget, sphere_volume};
 use crate::{round_14_columns, round_point, scene};
 use inside::SurfaceRegion;
-use room::GrainRegion;
+use region::GrainRegion;
 
 /// Grains at rest; positions and radii have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,7 +64,7 @@ impl PlacementError {
 ///
 /// Polyhedra are placed as the balls around them. Grains in an envelope come in Z-order, so that neighbours in space
 /// are near in number too. Errors: the envelope has no room for them.
-/// `room` is that of the envelope, if there is one.
+/// `region` is that of the envelope, if there is one.
 pub fn place_grains(
     grains: &Grains,
     shapes: &mut GrainSampler,

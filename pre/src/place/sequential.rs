@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::cells::SphereGrid;
-use super::room::GrainRegion;
+use super::region::GrainRegion;
 use crate::random::RandomStream;
 
 /// Places that are tried for one grain before the room counts as full. Ten times as many would

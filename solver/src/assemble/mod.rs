@@ -1,4 +1,4 @@
-//! Room: forces to free velocities; contacts to the rows of the contact problem.
+//! Stage: forces to free velocities; contacts to the rows of the contact problem.
 
 mod faces;
 mod forces;

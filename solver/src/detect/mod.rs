@@ -1,4 +1,4 @@
-//! Room: the contact configuration to contacts.
+//! Stage: the contact configuration to contacts.
 //!
 //! A pair is listed when its gap is at most the alert distance of its row in TACT_BEHAV.DAT, or
 //! the range of its cohesion, or when the free velocities of its two bodies against each other close it in the

@@ -1,6 +1,6 @@
 //! Pairs that are near each other, or may come near in the next steps: so that they need not be looked for in each.
 //!
-//! Each thing has room to move in before they must be looked for again, and so they do not depend on the fastest: the lists
+//! Each body has a skin (Verlet skin) within which it may move before the pairs are searched again, and so they do not depend on the fastest: the lists
 //! of L. Verlet, Phys. Rev. 159 (1967) 98-103, with skins of their own. Nothing but time depends on when that is done.
 
 use rayon::prelude::*;
@@ -12,9 +12,9 @@ use crate::state::NeighbourList;
 
 /// Room of what does not move, over the mean radius.
 const MIN_SKIN: f64 = 0.01;
-/// What moves has room for so many steps besides.
+/// Steps of motion by which the skin of a moving body is wider.
 const SKIN_STEPS: f64 = 6.0;
-/// Mean room over the mean radius, beyond which pairs that are not near cost more than they save.
+/// Mean skin over the mean radius, beyond which pairs that are not near cost more than they save.
 const MAX_MEAN_SKIN: f64 = 0.2;
 /// Room where nothing is to be saved: what rounding may make of a distance.
 const ROUNDING_SKIN: f64 = 1e-9;
@@ -101,7 +101,7 @@ impl NeighbourList {
             self.skin.fill(ROUNDING_SKIN * size);
         }
         (self.centres, self.reach, self.last) = (centres.to_vec(), reach.to_vec(), centres.to_vec());
-        let wide: Vec<f64> = reach.iter().zip(&self.skin).map(|(reach, room)| reach + room).collect();
+        let wide: Vec<f64> = reach.iter().zip(&self.skin).map(|(reach, skin)| reach + skin).collect();
         self.pairs = periodic::periodic_pairs(centres, &wide, periods);
         true
     }

@@ -1,4 +1,4 @@
-//! Bench: contact geometry of convex polyhedra - with each other, with spheres, plates and cylinders.
+//! Kernel: contact geometry of convex polyhedra - with each other, with spheres, plates and cylinders.
 //!
 //! All lengths are relative to the centre of body A, so that precision does not depend on the distance from the origin:
 //! `c` is x_B - x_A. Normals point from B, the antagonist, to A, the candidate.

@@ -1,4 +1,4 @@
-//! Bench: Newtonian attraction among point masses.
+//! Kernel: Newtonian attraction among point masses.
 
 mod balance;
 pub mod direct;

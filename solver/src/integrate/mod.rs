@@ -1,4 +1,4 @@
-//! Room: the theta-scheme of Moreau and Jean, before and after the contact problem.
+//! Stage: the theta-scheme of Moreau and Jean, before and after the contact problem.
 //!
 //! x_c = x + h (1-theta) V,   x⁺ = x_c + h theta V⁺, and the same for rotations.
 //!

@@ -1,4 +1,4 @@
-//! Bench: contact laws. The local solver knows one problem, û = W r̂ + b̂ with Signorini's condition
+//! Kernel: contact laws. The local solver knows one problem, û = W r̂ + b̂ with Signorini's condition
 //! and Coulomb's cone on (û, r̂). A law supplies the shifts û = u + shift and r = r̂ + c n:
 //!
 //! | law | normal shift | tangential shift | c, N s | friction |

@@ -1,4 +1,4 @@
-//! Bench: vectors, rotations, orthonormal frames, order in space.
+//! Kernel: vectors, rotations, orthonormal frames, order in space.
 
 pub mod lanes;
 pub mod morton;

@@ -1,4 +1,4 @@
-//! Room: files to [`Scene`] and [`State`]. Refuses, with file and line, what the scene cannot mean
+//! Stage: files to [`Scene`] and [`State`]. Refuses, with file and line, what the scene cannot mean
 //! or this program does not compute.
 
 mod behaviour;

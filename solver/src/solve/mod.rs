@@ -1,30 +1,30 @@
-//! Room: the contact problem to impulses.
+//! Stage: the contact problem to impulses.
 //!
-//! | module | what it knows |
+//! | module | contents |
 //! |---|---|
-//! | [`local`] | one contact, exactly |
-//! | [`batches`] | bodies and contacts laid out for sweeping |
-//! | [`sweep`] | one sweep, in vectors of contacts and side by side |
-//! | [`laid`] | which layout a problem needs |
-//! | `nlgs` | when to sweep, with what momentum, and when to stop |
-//! | [`full`] | the same for bodies whose contacts have full blocks |
-//! | `choice` | who solves, and who comes after |
-//! | [`norms`] | LMGC90's stopping criteria, for comparison |
-//! | [`residual`] | judges, never solves |
+//! | [`local`] | exact solution of one contact of spheres |
+//! | [`batches`] | bodies and contacts packed for sweeps |
+//! | [`sweep`] | one sweep, in vectors of contacts and in ranges side by side |
+//! | [`block`] | the same for bodies whose contacts have full 3x3 blocks |
+//! | [`packed_problem`] | choice of the layout that a problem needs |
+//! | `nlgs` | nonlinear Gauss-Seidel: iteration, momentum, stopping criteria |
+//! | `strategy` | choice of the solver, and of the fallback for stagnating sweeps |
+//! | [`lmgc90_criteria`] | LMGC90's stopping criteria, for comparison |
+//! | [`residual`] | residual of a solution |
 //! | `rolling` | contacts with rolling and spinning friction |
-//! | [`stored`] | the same problem given as a matrix |
+//! | [`matrix`] | solvers of a problem given by its matrix W |
 
 pub mod batches;
-mod choice;
-pub mod full;
-pub mod laid;
+pub mod block;
+pub mod lmgc90_criteria;
 pub mod local;
+pub mod matrix;
 mod nlgs;
-pub mod norms;
+pub mod packed_problem;
 pub mod residual;
 mod rolling;
-pub mod stored;
+mod strategy;
 pub mod sweep;
 
-pub use choice::{SolveRequest, solve_contact_problem, update_backoff};
 pub use nlgs::{ContactReactions, ContactSolution, StoppingCriteria, solve_nlgs};
+pub use strategy::{SolveRequest, solve_contact_problem, update_backoff};

@@ -15,7 +15,7 @@ use crate::activity;
 use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::lanes::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::solve::laid::PackedProblem;
+use crate::solve::packed_problem::PackedProblem;
 use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator};
 
 /// Largest share of the last change that is carried on where there is friction, by the place of the

@@ -13,7 +13,7 @@ use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3};
 use crate::scene::Scene;
 use crate::solve::ContactSolution;
-use crate::solve::norms::{Lmgc90Norms, lmgc90_norms};
+use crate::solve::lmgc90_criteria::{Lmgc90Norms, lmgc90_norms};
 use crate::state::{OutputInterval, State};
 
 /// What a step did, for the log.

@@ -1,4 +1,4 @@
-//! One time step as the list of its rooms; the equations are numbered as in `docs/method.md`.
+//! One time step as the list of its stages; the equations are numbered as in `docs/method.md`.
 
 mod drift;
 mod ends;
@@ -25,7 +25,7 @@ use crate::scene::Scene;
 use crate::solve::{self, SolveRequest, StoppingCriteria};
 use crate::state::{BondingMode, Contact, State, StateBackup};
 
-/// Time spent in each room.
+/// Time spent in each stage.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct StageTimes {
     pub gravity: Duration,

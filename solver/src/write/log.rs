@@ -9,13 +9,13 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::tell::print_line;
 
 use crate::scene::Scene;
-use crate::solve::norms::Lmgc90Norms;
+use crate::solve::lmgc90_criteria::Lmgc90Norms;
 use crate::state::State;
 use crate::step::{StageTimes, StepReport};
 
 /// Cost and error figures of every step, in OUTBOX.
 pub const STEPS_FILE: &str = "steps.csv";
-/// Seconds of every step by room, beside OUTBOX.
+/// Seconds of every step by stage, beside OUTBOX.
 pub const TIMER_FILE: &str = "TIMER.csv";
 
 /// What a row keeps of the figures of the steps that it stands for.

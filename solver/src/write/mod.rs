@@ -1,4 +1,4 @@
-//! Room: state and reports to the files of OUTBOX.
+//! Stage: state and reports to the files of OUTBOX.
 
 pub mod errors;
 mod log;

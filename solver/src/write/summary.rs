@@ -153,7 +153,7 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
         line(name, value);
     }
     let &StageTimes { gravity, detection, assembly, solve, integration, writing } = &course.clock;
-    let rooms = [
+    let stages = [
         ("gravity", gravity),
         ("detection", detection),
         ("assembly", assembly),
@@ -161,8 +161,8 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
         ("integration", integration),
         ("writing", writing),
     ];
-    let rooms: Vec<String> = rooms.iter().map(|(name, time)| format!("{name} {:.2}", time.as_secs_f64())).collect();
+    let stages: Vec<String> = stages.iter().map(|(name, time)| format!("{name} {:.2}", time.as_secs_f64())).collect();
     let threads = if course.threads == 1 { "1 thread".to_string() } else { format!("{} threads", course.threads) };
-    line("seconds", format!("{:.2} on {threads}: {}", course.wall.as_secs_f64(), rooms.join(", ")));
+    line("seconds", format!("{:.2} on {threads}: {}", course.wall.as_secs_f64(), stages.join(", ")));
     text
 }

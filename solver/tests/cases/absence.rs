@@ -17,7 +17,7 @@ const POLYHEDRA: &[&str] = &[
     "cd_solve::geometry::polyhedron::",
     "cd_solve::geometry::search::",
     "cd_solve::detect::parts::",
-    "cd_solve::solve::full::",
+    "cd_solve::solve::block::",
 ];
 const GRAVITY: &[&str] = &["cd_solve::gravity::"];
 const ROLLING: &[&str] = &["cd_solve::solve::rolling::"];

@@ -5,7 +5,7 @@ use std::process::Command;
 use cd_formats::compute::ContactSolver::{self, Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
 use cd_formats::fc3d::Fc3d;
 use cd_formats::snapshot::Snapshot;
-use cd_solve::solve::stored::{MatrixProblem, MatrixSolver, SolverLimits, solve};
+use cd_solve::solve::matrix::{MatrixProblem, MatrixSolver, SolverLimits, solve};
 
 use crate::case::{Case, Figures, Vec3, near};
 use crate::same_bits::{files, same};

@@ -4,11 +4,11 @@ use pulp::NullaryFnOnce;
 
 use crate::math::lanes::{Arithmetic, DoubleWidth, F32Lanes, LaneFloat, SimdWidth};
 use crate::solve::batches::{BATCH_LANES, L2_BYTES, SweepSums};
-use crate::solve::full::batches::{
+use crate::solve::block::batches::{
     BlockProblem, BodyNumbers, BodyPairBatch, BodyRange, FrictionalImpulses, FrictionalPoint, FrictionlessPoint,
     LeverColumns, NormalImpulses, PairBatches, PairContacts,
 };
-use crate::solve::full::local::{LocalBlock, signorini_coulomb_block};
+use crate::solve::block::local::{LocalBlock, signorini_coulomb_block};
 use crate::solve::local::{cross_add, dot_product, triple};
 use crate::solve::rolling::RollingConstraintWide;
 

@@ -13,7 +13,7 @@ use crate::assemble::{BlockData, ContactProblem, SolverBody};
 use crate::math::Vec3;
 use crate::math::lanes::{Arithmetic, F64Arithmetic, LaneFloat, SimdWidth};
 use crate::solve::batches::{BATCH_LANES, FrictionCones, NONE, SweepSums, SweepUnits, set_lane, snap_to_cones};
-use crate::solve::full::local::{BlockAxes, BodySide, block_axes, delassus_block, lever_block};
+use crate::solve::block::local::{BlockAxes, BodySide, block_axes, delassus_block, lever_block};
 use crate::solve::local::{dot_product, triple};
 use crate::solve::nlgs::ContactReactions;
 use crate::solve::rolling::RollingConstraintWide;

@@ -21,7 +21,7 @@ use nalgebra::Matrix3;
 use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::Vec3;
 use crate::math::lanes::Scalar;
-use crate::solve::full;
+use crate::solve::block;
 use crate::solve::local::signorini_coulomb;
 
 /// The criteria before division by a tolerance; zeros where nothing acts.
@@ -80,8 +80,8 @@ fn solve_local_block(system: &ContactProblem, k: usize, u: &Vec3, r: &Vec3) -> (
     let row = &system.rows[k];
     let n = row.normal;
     if let Some(bodies) = &system.block_data {
-        let w = full::local::delassus_block_of_row(system, bodies, k);
-        return (full::local::full_matrix(w), full::local::solve_contact_block(w, n, row.friction, u, r));
+        let w = block::local::delassus_block_of_row(system, bodies, k);
+        return (block::local::full_matrix(w), block::local::solve_contact_block(w, n, row.friction, u, r));
     }
     let along = n * n.transpose();
     let w = (Matrix3::identity() - along) * row.w_t + along * row.w_n;

@@ -18,7 +18,7 @@
 mod admm;
 mod anderson;
 mod factors;
-mod interior;
+mod interior_point;
 mod local;
 mod newton;
 mod residual;
@@ -220,7 +220,7 @@ pub fn solve(
         MatrixSolver::NlgsAnderson => sweep::solve_nlgs(&mut run, sweep::ANDERSON_DEPTH, u64::MAX),
         MatrixSolver::ProxNewton => newton::prox_newton(&mut run, &vec![[0.0; 3]; problem.len()], u64::MAX),
         MatrixSolver::Admm => admm::solve_admm(&mut run, u64::MAX),
-        MatrixSolver::InteriorPoint => interior::interior_point(&mut run, u64::MAX),
+        MatrixSolver::InteriorPoint => interior_point::interior_point(&mut run, u64::MAX),
     }
     let converged = run.best.1 <= limits.tol;
     MatrixSolution {
@@ -248,7 +248,7 @@ fn run_fallback_sequence(run: &mut SolverRun, warm: bool) {
             newton::prox_newton(run, &run.best.0.clone(), steps);
         }
         if round == 0 {
-            interior::interior_point(run, steps.saturating_mul(3));
+            interior_point::interior_point(run, steps.saturating_mul(3));
         }
         admm::solve_admm(run, steps.saturating_mul(5));
         newton::prox_newton(run, &run.best.0.clone(), steps.saturating_mul(5));

@@ -344,7 +344,7 @@ fn sliding_state<L: Arithmetic>(
 mod tests {
     use super::*;
     use crate::math::lanes::{F32Lanes, Scalar};
-    use crate::solve::stored::LocalSolver;
+    use crate::solve::matrix::LocalSolver;
     use proptest::prelude::*;
 
     type Triple = [f64; 3];

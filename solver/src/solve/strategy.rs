@@ -7,9 +7,9 @@ use crate::activity;
 use crate::assemble::{ContactProblem, StoredProblem};
 use crate::math::lanes::SimdWidth;
 use crate::math::{Vec3, to_local, to_world};
+use crate::solve::matrix::{self, MatrixProblem, MatrixSolver, SolverLimits, newton_cost, residual, solve};
 use crate::solve::nlgs::{ContactSolution, MOMENTUM_CYCLE, StoppingCriteria, closing_inactive_rows, solve_nlgs};
 use crate::solve::residual::ResidualEvaluator;
-use crate::solve::stored::{self, MatrixProblem, MatrixSolver, SolverLimits, newton_cost, residual, solve};
 
 /// What a step asks of its solver.
 #[derive(Debug, Clone, Copy)]
@@ -233,7 +233,7 @@ fn solve_on_matrix(
     solver: MatrixSolver,
     limits: impl FnOnce(&MatrixProblem, &[[f64; 3]]) -> SolverLimits,
     write: impl Fn(&ContactProblem) -> StoredProblem,
-) -> Option<(Vec<Vec3>, stored::MatrixSolution)> {
+) -> Option<(Vec<Vec3>, matrix::MatrixSolution)> {
     let problem = write(system);
     let local = |(row, frame): &(u32, [Vec3; 3])| to_local(frame, &impulses[*row as usize]).into();
     let from: Vec<[f64; 3]> = problem.rows.iter().map(local).collect();

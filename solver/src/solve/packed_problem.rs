@@ -3,8 +3,8 @@
 use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::lanes::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, SimdWidth};
 use crate::solve::batches::DiagonalProblem;
-use crate::solve::full;
-use crate::solve::full::batches::{FrictionalPoint, FrictionlessPoint};
+use crate::solve::block;
+use crate::solve::block::batches::{FrictionalPoint, FrictionlessPoint};
 use crate::solve::nlgs::ContactReactions;
 use crate::solve::sweep::{sweep_contacts, sweep_single};
 
@@ -17,10 +17,10 @@ pub enum PackedProblem {
     Diagonal(DiagonalProblem<BodyLine>),
     DiagonalSingle(DiagonalProblem<BodyLineF32>),
     /// Bodies of any shape, and those without friction.
-    Full(full::batches::BlockProblem<FrictionalPoint<f64>>),
-    FullSingle(full::batches::BlockProblem<FrictionalPoint<f32>>),
-    FullFrictionless(full::batches::BlockProblem<FrictionlessPoint<f64>>),
-    FullFrictionlessSingle(full::batches::BlockProblem<FrictionlessPoint<f32>>),
+    Full(block::batches::BlockProblem<FrictionalPoint<f64>>),
+    FullSingle(block::batches::BlockProblem<FrictionalPoint<f32>>),
+    FullFrictionless(block::batches::BlockProblem<FrictionlessPoint<f64>>),
+    FullFrictionlessSingle(block::batches::BlockProblem<FrictionlessPoint<f32>>),
 }
 
 /// What a sweep did.
@@ -54,15 +54,15 @@ impl PackedProblem {
                 PackedProblem::FrictionlessSingle(DiagonalProblem::new(system, active, reactions, records))
             }
             (Some(full), true, false) => {
-                PackedProblem::Full(full::batches::BlockProblem::new(system, full, active, reactions, records, width))
+                PackedProblem::Full(block::batches::BlockProblem::new(system, full, active, reactions, records, width))
             }
-            (Some(full), true, true) => PackedProblem::FullSingle(full::batches::BlockProblem::new(
+            (Some(full), true, true) => PackedProblem::FullSingle(block::batches::BlockProblem::new(
                 system, full, active, reactions, records, width,
             )),
-            (Some(full), false, false) => PackedProblem::FullFrictionless(full::batches::BlockProblem::new(
+            (Some(full), false, false) => PackedProblem::FullFrictionless(block::batches::BlockProblem::new(
                 system, full, active, reactions, records, width,
             )),
-            (Some(full), false, true) => PackedProblem::FullFrictionlessSingle(full::batches::BlockProblem::new(
+            (Some(full), false, true) => PackedProblem::FullFrictionlessSingle(block::batches::BlockProblem::new(
                 system, full, active, reactions, records, width,
             )),
         }
@@ -75,10 +75,10 @@ impl PackedProblem {
             PackedProblem::FrictionlessSingle(problem) => sweep_single(problem, width, beta).reduce(),
             PackedProblem::Diagonal(problem) => sweep_contacts(problem, width, beta).reduce(),
             PackedProblem::DiagonalSingle(problem) => sweep_single(problem, width, beta).reduce(),
-            PackedProblem::Full(problem) => full::sweep::sweep_contacts(problem, width, beta).reduce(),
-            PackedProblem::FullSingle(problem) => full::sweep::sweep_single(problem, width, beta).reduce(),
-            PackedProblem::FullFrictionless(problem) => full::sweep::sweep_contacts(problem, width, beta).reduce(),
-            PackedProblem::FullFrictionlessSingle(problem) => full::sweep::sweep_single(problem, width, beta).reduce(),
+            PackedProblem::Full(problem) => block::sweep::sweep_contacts(problem, width, beta).reduce(),
+            PackedProblem::FullSingle(problem) => block::sweep::sweep_single(problem, width, beta).reduce(),
+            PackedProblem::FullFrictionless(problem) => block::sweep::sweep_contacts(problem, width, beta).reduce(),
+            PackedProblem::FullFrictionlessSingle(problem) => block::sweep::sweep_single(problem, width, beta).reduce(),
         };
         let unit = match self {
             PackedProblem::FrictionlessSingle(problem) => problem.units.impulse,

@@ -1,4 +1,4 @@
-//! Threads that stay awake between the rooms of a step.
+//! Threads that stay awake between the stages of a step.
 
 use std::num::NonZero;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,7 +11,7 @@ pub const MIN_BODIES_TO_BUSY_WAIT: usize = 1024;
 
 /// `work`, while the other threads of the pool look for what it leaves to them without rest, if each has a processor of its own.
 ///
-/// A thread that finds nothing to do falls asleep, and to wake it takes longer than many a room of a step does. What these threads
+/// A thread that finds nothing to do falls asleep, and to wake it takes longer than many a stage of a step does. What these threads
 /// do not use they offer to other programs first.
 pub fn with_busy_waiting_workers<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     let processors = available_parallelism().map_or(1, NonZero::get);
