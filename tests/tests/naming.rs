@@ -1,0 +1,108 @@
+//! Names and comments of the code as CONTRIBUTING.md asks for: counted over all crates, tests left out.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const CRATES: [&str; 4] = ["formats", "pre", "solver", "post"];
+
+/// Largest share of type names of one word: terms of the field that stand alone, as `Contact` or `Scene`.
+const ONE_WORD_TYPES: f64 = 0.25;
+
+/// Largest share of function names of one word: `new`, `parse`, `write` and operators are a fifth.
+const ONE_WORD_FUNCTIONS: f64 = 0.30;
+
+/// Largest share of doc comments with a headless beginning.
+const HEADLESS: f64 = 0.02;
+
+/// Beginnings of comments that do not name their item.
+const HEADLESS_WORDS: [&str; 7] = ["What ", "Of ", "By how ", "So ", "Nor ", "Whatever ", "Asked "];
+
+/// Source files of a crate, without those of tests.
+fn source_files(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            source_files(&path, found);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            found.push(path);
+        }
+    }
+}
+
+/// Lines of code and comments of all crates before their tests.
+fn lines() -> Vec<String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut files = Vec::new();
+    CRATES.iter().for_each(|name| source_files(&root.join(name).join("src"), &mut files));
+    assert!(files.len() > 100);
+    let text = |file: &PathBuf| fs::read_to_string(file).unwrap();
+    let code = |text: String| text.split("#[cfg(test)]").next().unwrap().to_string();
+    files.iter().map(text).map(code).flat_map(|code| code.lines().map(str::to_string).collect::<Vec<_>>()).collect()
+}
+
+/// Names that follow one of the keywords, sorted; each as often as it is defined.
+fn defined_names(lines: &[String], keywords: &[&str]) -> Vec<String> {
+    let name = |line: &String| {
+        let code = line.trim_start();
+        if code.starts_with("//") {
+            return None;
+        }
+        let after = |keyword: &&str| {
+            let at = code.find(&format!("{keyword} "))?;
+            let begins = at == 0 || code[..at].ends_with([' ', '(']);
+            let name: String =
+                code[at + keyword.len() + 1..].chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+            (begins && !name.is_empty()).then_some(name)
+        };
+        keywords.iter().find_map(after)
+    };
+    lines.iter().filter_map(name).collect()
+}
+
+/// Share of names for which `holds`.
+fn share(names: &[String], holds: impl Fn(&str) -> bool) -> f64 {
+    names.iter().filter(|name| holds(name)).count() as f64 / names.len() as f64
+}
+
+#[test]
+fn types_have_two_words_unless_they_are_terms_of_the_field() {
+    let mut names = defined_names(&lines(), &["struct", "enum", "trait"]);
+    names.retain(|name| name.starts_with(char::is_uppercase));
+    names.sort();
+    names.dedup();
+    let one_word = |name: &str| name.chars().filter(|c| c.is_uppercase()).count() <= 1;
+    let found = share(&names, one_word);
+    assert!(names.len() > 300 && found <= ONE_WORD_TYPES, "{:.0} % of {} types", 100.0 * found, names.len());
+}
+
+#[test]
+fn functions_have_two_words_unless_they_are_verbs_of_rust() {
+    let names = defined_names(&lines(), &["fn"]);
+    let found = share(&names, |name| !name.contains('_'));
+    assert!(names.len() > 1500 && found <= ONE_WORD_FUNCTIONS, "{:.0} % of {} functions", 100.0 * found, names.len());
+}
+
+#[test]
+fn comments_begin_with_the_name_of_their_item() {
+    let lines = lines();
+    let is_doc = |line: &str| line.trim_start().starts_with("/// ");
+    let mut before = "";
+    let (mut blocks, mut headless) = (0, Vec::new());
+    for line in &lines {
+        if is_doc(line) && !before.trim_start().starts_with("///") {
+            blocks += 1;
+            let text = line.trim_start().trim_start_matches("/// ");
+            if HEADLESS_WORDS.iter().any(|word| text.starts_with(word)) {
+                headless.push(text);
+            }
+        }
+        before = line;
+    }
+    let found = headless.len() as f64 / f64::from(blocks);
+    assert!(
+        blocks > 3000 && found <= HEADLESS,
+        "{:.1} % of {blocks} comments:\n{}",
+        100.0 * found,
+        headless[..headless.len().min(20)].join("\n")
+    );
+}
