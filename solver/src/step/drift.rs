@@ -22,16 +22,16 @@ use crate::math::{PAR_MIN_LEN, Vec3, rotate_by_vector};
 use crate::scene::Scene;
 use crate::state::{Contact, SolvedContact, State};
 
-/// Opening of a bond over its effective radius from which on positions are corrected. A bond is made at a gap of up to [`MAX_TOUCHING_GAP`]
-/// and acts up to twice that; one step opens a corner by up to three times the error that [`super::motion`] accepts, which is
-/// this opening as well.
+/// Opening of a bond over its effective radius above which positions are corrected. A bond is made at a gap of up to
+/// [`MAX_TOUCHING_GAP`] and acts up to twice that gap. One step opens a corner by up to three times the error that
+/// [`super::motion`] accepts, which is this opening as well.
 pub const LARGEST_OPENING: f64 = 0.25 * MAX_TOUCHING_GAP;
 
-/// Sweeps of a correction: the four corners of a cube are then closed to a hundredth of their opening. What is left of a long chain
-/// is corrected in the steps that follow.
+/// Sweeps of a correction: the four corners of a cube are then closed to a hundredth of their opening. The remaining opening
+/// of a long chain is corrected in the following steps.
 const SWEEPS: usize = 10;
 
-/// Moves the bodies of bonds that have opened too far. `state` is that of the step's end, with the contacts of `system`.
+/// Moves the bodies of bonds that have opened too far. `state` is the state at the step's end, with the contacts of `system`.
 pub fn close_bonds(scene: &Scene, state: &mut State, system: &ContactProblem) {
     if !state.laws.iter().any(ContactLaw::has_stress) {
         return;
@@ -65,7 +65,7 @@ pub fn close_bonds(scene: &Scene, state: &mut State, system: &ContactProblem) {
             state.q[i] = rotate_by_vector(&state.q[i], &turn);
         }
     }
-    // The angular momentum stays, so bodies of unequal moments turn otherwise.
+    // The angular momentum stays, so bodies with unequal principal moments change their angular velocity.
     for (&i, momentum) in scene.turning.iter().zip(&state.angular_momentum) {
         let i = i as usize;
         state.w[i] = angular_velocity(&state.q[i], &scene.bodies[i].inertia, momentum);
