@@ -177,8 +177,8 @@ pub trait F32Arithmetic: F64Arithmetic {
     fn mask_greater_f32(self, x: Self::S, y: Self::S) -> u32;
     /// `a` where a < b, else `b`.
     fn min_f32(self, a: Self::S, b: Self::S) -> Self::S;
-    /// The number whose bits are those of `magic` less half those of `a`, as whole numbers: near a^(-1/2) but for a
-    /// factor, and the same on every machine, as instructions that estimate a root are not.
+    /// Number whose bits are those of `magic` minus half those of `a`, as integers: approximately proportional to a^(-1/2).
+    /// It is the same on every machine, unlike the results of instructions that estimate a root.
     fn rsqrt_seed_f32(self, magic: u32, a: Self::S) -> Self::S;
     /// [`Arithmetic::gather_lines`] in single precision; the following functions correspond likewise.
     fn gather_f32(self, lines: &[[f32; 8]], index: &[u32]) -> [Self::S; 8];

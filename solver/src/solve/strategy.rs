@@ -385,7 +385,7 @@ mod tests {
     #[test]
     fn rows_that_sweeps_took_in_are_solved_again() {
         let mut system = balls(2);
-        // The second flies off; the sweeps pushed it further all the same.
+        // The second ball flies off; the sweeps nevertheless gave it an impulse.
         system.bodies[1].v = Vec3::z();
         system.rows[1].can_close = false;
         let swept = solve_nlgs(&system, StoppingCriteria::new(1e-9, 0), SimdWidth::detect());

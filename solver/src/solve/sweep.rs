@@ -374,7 +374,7 @@ impl SweepKernel for BodyLine {
         for (((batch, r), rolls), curvatures) in batches.iter().zip(&**previous).zip(&mut **rolls).zip(*curvatures) {
             let (a, b) = pair!(from, batch);
             let (mut of_a, mut of_b) = (l.gather_lines(lines, a), l.gather_lines(lines, b));
-            // Lines hold R w, and R^2/I.
+            // Lines contain R w and R^2/I.
             let (in_a, in_b) = (load!(l, from, curvatures[0]), load!(l, from, curvatures[1]));
             let w = triple!(k => l.neg_mul_add(of_b[4 + k], in_b, l.mul(of_a[4 + k], in_a)));
             let n = load3!(l, from, batch.n);

@@ -1,17 +1,17 @@
 //! Correction of positions where the errors of many steps have opened bonds.
 //!
-//! A bond holds û_n = 0 only as well as the solution is converged: each step opens or closes its gap by the error of a velocity
-//! times h, and these errors add up. The impulses of the next step do not close the gap again, since several bonds may
-//! hold the same bodies and one that closes would load the others. So positions are corrected by themselves: once a bond has
-//! opened by more than [`LARGEST_OPENING`], the bodies that bonds join to it are moved so that the gaps g_k of their bonds return
-//! to the gaps b_k at which they were made. One sweep solves for each bond
+//! A bond satisfies û_n = 0 only to the error of the solution: each step opens or closes its gap by the error of a velocity
+//! times h, and these errors accumulate. The impulses of the next step do not close the gap again, since several bonds may
+//! join the same bodies and one that closes would load the others. Therefore positions are corrected separately: once a bond
+//! has opened by more than [`LARGEST_OPENING`], the bodies that bonds join to it are moved so that the gaps g_k of their
+//! bonds return to the gaps b_k at which they were made. One sweep solves for each bond
 //!
 //! ```text
 //! w_n λ = -(g_k - b_k + n·(Δx_a + Δφ_a × l_a - Δx_b - Δφ_b × l_b)),   Δx = ± λ n / m,   Δφ = ± J⁻¹ (l × λ n)
 //! ```
 //!
-//! The centre of mass of the two stays, velocities and impulses stay, and walls do not move. Bonds that contradict each other share
-//! what is left.
+//! The centre of mass of the two bodies does not move, velocities and impulses do not change, and walls do not move. Bonds
+//! that contradict each other share the remaining opening.
 
 use rayon::prelude::*;
 

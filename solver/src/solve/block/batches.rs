@@ -99,7 +99,7 @@ impl BlockSource<'_> {
     /// û at the start of row `k`, without the changes of the velocities by sweeps, m/s.
     ///
     /// Lines in single precision contain only these changes, as in
-    /// [`PackedBody::STORES_DELTAS`](crate::solve::batches::Body::CHANGES).
+    /// [`PackedBody::STORES_DELTAS`](crate::solve::batches::PackedBody::STORES_DELTAS).
     fn starting_velocity<T: LaneFloat>(&self, k: usize) -> Vec3 {
         if T::IS_SINGLE { self.system.shifted_velocity(k, self.records) } else { self.system.rows[k].shift }
     }

@@ -18,7 +18,7 @@ pub struct LocalBlock<V> {
     /// Inverse of W_nn, kg.
     pub inverse_nn: V,
     pub c: [V; 2],
-    /// s1, s2, 1/kg, at least `HELD` of w_nn; and their inverses, kg.
+    /// s1, s2, 1/kg, at least `MIN_TANGENT_SHARE` of w_nn; and their inverses, kg.
     pub s: [V; 2],
     pub inverse_s: [V; 2],
     pub friction: V,
@@ -394,7 +394,7 @@ mod tests {
         assert_eq!(alone(0.5, [-4.0, 2.0, 0.0]), [4.0, -1.0, 0.0]); // sticks
         assert_eq!(alone(0.5, [-4.0, 9.0, 0.0]), [4.0, -2.0, 0.0]); // slides
         assert_eq!(alone(0.0, [-4.0, 9.0, 0.0]), [4.0, 0.0, 0.0]); // has no friction
-        assert_eq!(alone(0.5, [-4.0, 0.0, 0.0]), [4.0, 0.0, 0.0]); // is pushed head on
+        assert_eq!(alone(0.5, [-4.0, 0.0, 0.0]), [4.0, 0.0, 0.0]); // impact along the normal
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Contacts whose own block of W is full: bodies of any shape and inertia.
 //!
-//! | module | what it knows |
+//! | module | contents |
 //! |---|---|
 //! | [`local`] | one contact, exactly |
 //! | [`batches`] | bodies and contacts laid out for sweeping |

@@ -3,17 +3,17 @@
 //! For problems given as a matrix: small hyperstatic ones for which sweeps converge slowly, and those of other programs.
 //! Local order: normal, two tangents.
 //!
-//! | module | what it knows |
+//! | module | contents |
 //! |---|---|
 //! | `admm` | alternating directions of multipliers |
 //! | `anderson` | acceleration of a fixed point iteration |
 //! | `factors` | full or sparse factors of a matrix |
-//! | `interior` | an interior-point method |
+//! | `interior_point` | an interior-point method |
 //! | `local` | one contact with a full block, exactly |
 //! | `sweep` | nonlinear Gauss-Seidel, plain and with Anderson's acceleration |
 //! | `newton` | proximal point with a semismooth Newton method inside |
-//! | `scaled` | the problem in units that suit it |
-//! | `residual` | judges, never solves |
+//! | `scaled` | the problem in units in which diagonal blocks have trace 3 |
+//! | `residual` | residual of a solution |
 
 mod admm;
 mod anderson;
