@@ -3,8 +3,8 @@
 //! E = |F(r)|/|F(r_0)| with the natural map F(r) = r - P_K(r - rho (û + mu |û_T| n)), rho = 3N/trace W, over the contacts
 //! that can close in the step. E is 1 if nothing is solved, 0 exactly at a solution, and the same in any units and for any
 //! alert distance. r_0 is 0; for contacts with an attraction it is the impulse that balances this
-//! ([`ContactConstraint::balancing_impulse`](crate::assemble::ContactConstraint::balancing_impulse)): cohesion, however strong, is no load by itself.
-//! A moment m of rolling and spinning friction counts as an impulse m/R against a velocity R w.
+//! ([`ContactConstraint::balancing_impulse`](crate::assemble::ContactConstraint::balancing_impulse)): cohesion, however
+//! strong, is no load by itself. A moment m of rolling and spinning friction counts as an impulse m/R against a velocity R w.
 //!
 //! Source: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), ch. 13.
 
