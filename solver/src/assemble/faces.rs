@@ -1,29 +1,30 @@
-//! Friction of faces: where the friction of the corner points of a face or an edge acts.
+//! Friction of faces: points at which the friction of the corner points of a face or an edge acts.
 //!
 //! The corner points p_i of the area that two bodies share carry its normal impulses: this is exact for their sum and for
-//! their moments in the tangent plane, so for tilting and bending. Friction at the corners would resist spinning about the
-//! normal more than a pressed face does, a square 1.85 times, a disc 1.50 times as much. So friction acts about the normal at
-//!
+//! their moments in the tangent plane, and so for tilting and bending. Friction at the corners would resist spinning about
+//! the normal more than a pressed face does: a square 1.85 times, a disc 1.50 times as much. Therefore friction acts about
+//! the normal at
 //! ```text
 //! q_i = p_i + d_i,   d_i = (λ - 1)(p_i - p̄),   λ = τ / Σ W_i |p_i - p̄|,   p̄ = Σ W_i p_i
 //! ```
 //!
-//! with the shares W_i of the load of the last step; λ makes the couple against spinning μ N τ, however the corners share the
-//! load. A face that slides in the direction e must not be turned by that: Σ (q_i - p_i)·e⊥ r_i is 0 only for the load that p̄ is
-//! of, and corners share a load anew in each step. So of what slides and spins the component of d_i across e counts by
+//! with the shares W_i of the load of the last step; λ makes the couple against spinning μ N τ for any distribution of the
+//! load over the corners. A face that slides in the direction e must not be turned by the friction: Σ (q_i - p_i)·e⊥ r_i is 0
+//! only for the load that gives p̄, and corners share a load anew in each step. In a face that slides and spins, the
+//! component of d_i across e is therefore multiplied by
 //!
 //! ```text
 //! (ω τ)² / (|u|² + (ω τ)²),
 //! ```
 //!
-//! with the relative velocity u of the face at p̄ and its relative angular velocity ω about the normal at the step's start.
-//! τ, the mean distance of the pressure from p̄, is that of uniform pressure where p̄ is the centroid, that of uniform
-//! pressure along an edge where p̄ lies on this edge, and linear between these along the ray from the centroid.
+//! with the relative velocity u of the face at p̄ and its relative angular velocity ω about the normal at the step's start. τ
+//! is the mean distance of the pressure from p̄: that of uniform pressure if p̄ is the centroid, that of uniform pressure
+//! along an edge if p̄ lies on this edge, and linear between these along the ray from the centroid.
 //!
-//! A face over flush joints of contactors side by side, of one body or of what is fixed, is one face: its corners are those of
-//! all parts, its outline their convex hull, if the parts fill it ([`Joints`]).
+//! Contacts with adjacent flush contactors of one body, or of fixed bodies, form one face: its corners are those of all
+//! parts, its outline is their convex hull, if the parts fill it ([`Joints`]).
 //!
-//! A square of side a has τ = 0.3826 a, a disc 2/3 of its radius, an edge of length L a quarter of it.
+//! Values of τ: 0.3826 a for a square of side a, 2/3 of the radius for a disc, a quarter of the length for an edge.
 
 use std::ops::Range;
 
@@ -36,38 +37,38 @@ use crate::math::{Vec3, to_world};
 use crate::scene::{BodyPart, ContactorShape, Scene};
 use crate::state::Contact;
 
-/// Gap over the size of a face up to which corners that carried nothing belong to what is pressed: vertices read from text
-/// have 7 digits.
+/// Gap over the size of a face up to which corners without load belong to the pressed area: vertices read from text have 7
+/// digits.
 const FLUSH_GAP: f64 = 1e-6;
 /// Area over the square of the size of a face below which it is an edge: its corners are rounded to about 1e-9 of the size.
 const MIN_FACE_AREA: f64 = 1e-6;
-/// Largest λ: corners near the centroid that carry all the load alone would put the friction far outside of the face.
+/// Largest λ: a few corners near the centroid that carry all the load would move the friction far outside the face.
 const MAX_OFFSET_SCALE: f64 = 2.0;
-/// Distance of all load from p̄ over the size below which it is that of one corner.
+/// Distance of the load from p̄ over the size of the face, below which one corner carries the whole load.
 const SINGLE_CORNER_DISTANCE: f64 = 1e-9;
-/// Largest area of a common part over that of the polygon of its acting points with which the part is round: a disc has π/2
-/// times that of its inscribed square. A part of which some corners are apart has more.
+/// Largest area of a common part over that of the polygon of its acting points for which the part counts as round: a disc has
+/// π/2 times the area of its inscribed square. The ratio is larger if some corners are apart.
 const LARGEST_AREA_RATIO: f64 = 1.6;
-/// Iterations for the centre of a bonded face: the sum of distances of a triangle whose best centre is a corner is then
+/// Iterations for the centre of a bonded face: the sum of distances in a triangle whose best centre is a corner is then
 /// within 1 %.
 const WEISZFELD_ITERATIONS: usize = 30;
-/// 1 - cos of the angle between the normals of faces that are one: 1e-4 rad.
+/// Largest 1 - cos of the angle between the normals of contacts of one face: 1e-4 rad.
 const PARALLEL: f64 = 5e-9;
-/// Height over distance up to which points are in one plane: more than the overlaps that solutions leave.
+/// Height over distance up to which points are in one plane: larger than the overlaps of solutions.
 const LEVEL: f64 = 1e-4;
-/// Relative difference up to which what is driven moves as one.
+/// Relative difference of velocities up to which driven bodies move as one.
 const SAME_SPEED: f64 = 1e-9;
-/// Twice the area of a triangle over the square of the size up to which its corners are on a line.
+/// Twice the area of a triangle over the square of its size, up to which its corners are collinear.
 const ON_LINE: f64 = 1e-9;
-/// Area of the contacts of a face over that of their hull below which the contactors that it lies on leave gaps.
+/// Area of the contacts of a face over that of their hull, below which the contactors under it leave gaps.
 const WHOLE: f64 = 0.99;
 /// Pairs of bodies per task.
 const MIN_PAIRS_PER_TASK: usize = 64;
 
-/// By row the friction offset d, world frame, m; empty where all are 0.
+/// Friction offset d of each row, world frame, m; empty if all are 0.
 ///
-/// * `load`: normal impulse of the last step of a row, with what its attraction adds, N s; only ratios count.
-/// * `sticks`: whether a row stuck in the last step.
+/// * `load`: normal impulse of each row in the last step plus the part due to its attraction, N s; only ratios count.
+/// * `sticks`: whether each row stuck in the last step.
 pub(super) fn friction_offsets(
     contacts: &[Contact],
     rows: &[ContactConstraint],
@@ -105,7 +106,7 @@ fn face_ranges(contacts: &[Contact], rows: &[ContactConstraint]) -> Vec<Range<us
     ranges
 }
 
-/// Whether a scene may have faces that lie on several contactors of one body or of what is fixed.
+/// Whether a scene may have faces that lie on several contactors of one body or of fixed bodies.
 pub(super) fn has_joints(scene: &Scene) -> bool {
     let is_fixed = |part: &&BodyPart| scene.bodies[part.body as usize].is_imposed();
     let is_piece = |part: &BodyPart| part.rank > 0 && matches!(part.geometry, ContactorShape::Polyhedron(_));
@@ -113,9 +114,9 @@ pub(super) fn has_joints(scene: &Scene) -> bool {
         && (scene.parts.iter().any(is_piece) || scene.parts.iter().filter(is_fixed).nth(1).is_some())
 }
 
-/// Faces over flush joints: the friction of a face that lies on several contactors side by side, of one body or of bodies whose
-/// motion is imposed and the same, acts as that of one face, for how the contactors share the load is not determined. On
-/// separate bodies that move freely each has the friction of its own part.
+/// Faces over flush joints. The friction of a face that lies on several adjacent contactors, of one body or of bodies with
+/// the same imposed motion, acts as that of one face, since the distribution of the load over the contactors is not
+/// determined. On separate bodies that move freely each part has its own friction.
 pub(super) struct Joints<'a> {
     pub contacts: &'a [Contact],
     pub rows: &'a [ContactConstraint],
@@ -126,17 +127,17 @@ pub(super) struct Joints<'a> {
 
 /// Rows of two contactors along one normal.
 struct Side {
-    /// Of the two bodies, in order; [`FIXED`] stands for all whose motion is imposed.
+    /// The two bodies, in order; [`FIXED`] represents all bodies whose motion is imposed.
     bodies: [u32; 2],
     rows: Range<usize>,
-    /// Towards the first of `bodies`.
+    /// Normal towards the first of `bodies`.
     normal: Vec3,
 }
 
 const FIXED: u32 = u32::MAX;
 
 impl Joints<'_> {
-    /// The friction offsets of [`BlockData`], with those of the faces that lie over joints.
+    /// Friction offsets of [`BlockData`], including those of faces that lie over joints.
     pub fn with_joined_faces(
         &self,
         load: impl Fn(usize) -> f64 + Sync,
@@ -178,7 +179,7 @@ impl Joints<'_> {
         faces
     }
 
-    /// The contacts of two contactors that may have others beside them in one plane.
+    /// Contacts of two contactors that may have adjacent contacts in the same plane.
     fn polygon_sides(&self) -> Vec<Side> {
         let Joints { contacts, rows, scene, .. } = self;
         let is_fixed = |body: u32| scene.bodies[body as usize].is_imposed();
@@ -200,7 +201,7 @@ impl Joints<'_> {
         sides
     }
 
-    /// Whether two of the same bodies lie in one plane, on what moves as one.
+    /// Whether two sides of the same bodies lie in one plane, on bodies that move as one.
     fn is_flush(&self, one: &Side, other: &Side) -> bool {
         let Joints { contacts, records, full, .. } = self;
         if one.normal.dot(&other.normal) < 1.0 - PARALLEL {
@@ -216,7 +217,7 @@ impl Joints<'_> {
         if one.bodies[1] != FIXED {
             return true;
         }
-        // Velocity of what is fixed where the first contact is.
+        // Velocity of the fixed body at the first contact.
         let of_fixed = |k: usize| {
             let pair = [contacts[k].candidate, contacts[k].antagonist];
             let side = usize::from(!self.scene.bodies[pair[0] as usize].is_imposed());
@@ -233,8 +234,8 @@ fn is_same_face(a: &Contact, b: &Contact) -> bool {
     (a.antagonist, a.candidate, a.ranks) == (b.antagonist, b.candidate, b.ranks) && a.normal == b.normal
 }
 
-/// Friction offsets of the rows of a face; empty where all are 0. `joined`: whether they may be of several contactors side by
-/// side; none where these leave gaps.
+/// Friction offsets of the rows of a face; empty if all are 0. `joined`: whether the rows may belong to several adjacent
+/// contactors; the result is then empty if these leave gaps.
 fn face_offsets(
     of: &[usize],
     joined: bool,
@@ -244,7 +245,7 @@ fn face_offsets(
     load: &impl Fn(usize) -> f64,
     sticks: &impl Fn(usize) -> bool,
 ) -> Option<SmallVec<[Vec3; 4]>> {
-    // What is listed besides depends on the alert distance, and may not change a bit.
+    // Other listed contacts depend on the alert distance and must not change a bit of the result.
     let acting: SmallVec<[usize; 8]> = of.iter().copied().filter(|&k| rows[k].can_close).collect();
     let first = acting[0];
     let frame = contacts[first].frame();
@@ -261,7 +262,7 @@ fn face_offsets(
     let deepest = acting.iter().map(gap).fold(f64::INFINITY, f64::min);
     let mut pressed_to = deepest + FLUSH_GAP * size;
     if loads.iter().all(|load| *load == 0.0) {
-        // Nothing is known of what a face that is not flush will carry.
+        // The load of a face that is not flush is unknown.
         if !acting.iter().all(|k| gap(k) <= pressed_to) {
             return Some(SmallVec::new());
         }
@@ -280,7 +281,7 @@ fn face_offsets(
     if distance.is_nan() || distance <= SINGLE_CORNER_DISTANCE * size {
         return Some(SmallVec::new());
     }
-    // A bond yields about the point from which its parts are nearest, what slides turns about any.
+    // A bond yields about the point with the least sum of distances; a sliding face turns about any point.
     let is_bonded = acting.iter().all(|k| rows[*k].bond.is_some());
     let distance = if is_bonded { least_distance(&points, &loads, centre) / total } else { distance };
     let pressed = outline.mean_distance(centre);
@@ -293,7 +294,7 @@ fn face_offsets(
                 if n == contacts[first].normal {
                     return u.yz().into();
                 }
-                // Of the other body against this one where they have changed sides.
+                // Velocity of the other body relative to this one if they have changed sides.
                 let side = 1f64.copysign(n.dot(&contacts[first].normal));
                 tangent_components(&(to_world(&contacts[*k].frame(), u) * side), &frame)
             };
@@ -312,10 +313,9 @@ fn face_offsets(
     Some(offsets)
 }
 
-/// Unit vector across the direction in which a face slides, times the root of how much it slides rather than spins:
-/// |u|²/(|u|² + (ω τ)²).
+/// Unit vector across the direction in which a face slides, times the square root of the sliding share |u|²/(|u|² + (ω τ)²).
 ///
-/// * `velocities`: of the points, m/s; `centre`: where u is taken; `pressed`: τ, m.
+/// `velocities`: velocities of the points, m/s; `centre`: point at which u is taken; `pressed`: τ, m.
 fn across_sliding(
     points: &[TangentVector],
     velocities: &[TangentVector],
@@ -337,21 +337,21 @@ fn across_sliding(
     let arm = difference_of(centre, middle);
     let u = [u[0] - spin * arm[1], u[1] + spin * arm[0]];
     let all = vector_length([vector_length(u), spin * pressed]);
-    // What does not move has no direction.
+    // A face at rest has no direction of sliding.
     if all > 0.0 { [-u[1] / all, u[0] / all] } else { [0.0; 2] }
 }
 
-/// Where a face that closes without turning would be pressed, along t and s: the point at which a normal impulse turns the
-/// bodies least, of a body on a wall the foot of its centre of mass; none where nothing turns.
+/// Centre of pressure, along t and s, of a face that closes without turning: the point at which a normal impulse turns the
+/// bodies least. For a body on a wall it is the foot of its centre of mass. `None` if no body turns.
 ///
-/// * `centres`: of candidate and antagonist.
+/// * `centres`: centres of candidate and antagonist.
 fn steady_centre(
     row: &ContactConstraint,
     full: &BlockData,
     centres: [TangentVector; 2],
     [_, t, s]: &[Vec3; 3],
 ) -> Option<TangentVector> {
-    // Of both bodies, the moment x×n of a unit impulse along n at x turns the point back by -m (x - centre).
+    // For both bodies: the moment x×n of a unit impulse along n at x turns the point back by -m (x - centre).
     let (mut m, mut right) = ([0.0; 3], [0.0; 2]);
     for (body, [x, y]) in row.bodies.into_iter().zip(centres) {
         let inverse = &full.inverse_inertia[body as usize];
@@ -398,7 +398,7 @@ fn least_distance(points: &[TangentVector], weights: &[f64], start: TangentVecto
         }
         let next = pull.map(|x| x / all);
         let found = sum(next);
-        // What is no number is not taken: a point in a corner.
+        // NaN, which occurs if a point is at a corner, is rejected.
         if found.is_nan() || found >= least {
             break;
         }
@@ -409,19 +409,19 @@ fn least_distance(points: &[TangentVector], weights: &[f64], start: TangentVecto
 
 /// The convex polygon of a face, or the segment of an edge.
 struct FaceOutline {
-    /// Corners one after the other, counter-clockwise; of an edge its ends.
+    /// Corners, counter-clockwise; the ends of an edge.
     corners: SmallVec<[TangentVector; 8]>,
-    /// Which of the points they are.
+    /// Indices of the corners in the list of points.
     order: SmallVec<[usize; 8]>,
-    /// Of the points in their order: shares of a uniform pressure, which has its centre at the centroid.
+    /// Shares of a uniform pressure, in the order of the points; its centre is the centroid.
     weights: SmallVec<[f64; 8]>,
     centroid: TangentVector,
-    /// Mean distance of the area from its centroid, m; of an edge it is not used.
+    /// Mean distance of the area from its centroid, m; not used for an edge.
     mean_distance: f64,
 }
 
 impl FaceOutline {
-    /// `size`: largest distance from the first point, m; `area`: of the common part, m², where it is known, else 0.
+    /// `size`: largest distance from the first point, m; `area`: area of the common part, m², 0 if unknown.
     fn new(points: &[TangentVector], size: f64, area: f64) -> Self {
         let mut order: SmallVec<[usize; 8]> = (0..points.len()).collect();
         let count = points.len() as f64;
@@ -453,14 +453,14 @@ impl FaceOutline {
         }
         let sum: f64 =
             polygon_sides(&corners).zip(&doubled).map(|([a, b], d)| d * mean_side_distance(a, b, centroid)).sum();
-        // Corners that hardly stand out are left out, and round outlines have corners of what they enclose.
-        // Shares of the area are rounded: single precision is the same for any number of them.
+        // Corners that protrude very little are omitted, and round outlines have corners of the enclosed polygon. Shares of
+        // the area are rounded to single precision, which gives the same result for any number of them.
         let ratio = f64::from((2.0 * area / whole) as f32);
         let larger = if (1.0..=LARGEST_AREA_RATIO).contains(&ratio) { ratio.sqrt() } else { 1.0 };
         FaceOutline { corners, order, weights, centroid, mean_distance: larger * 2.0 / 3.0 * sum / whole }
     }
 
-    /// That of the convex hull of the points, if the contacts fill its area.
+    /// Outline of the convex hull of the points, if the contacts fill its area.
     fn of_hull(points: &[TangentVector], size: f64, area: f64) -> Option<Self> {
         let mut order: SmallVec<[usize; 16]> = (0..points.len()).collect();
         order.sort_by(|&a, &b| points[a][0].total_cmp(&points[b][0]).then(points[a][1].total_cmp(&points[b][1])));
@@ -507,12 +507,12 @@ impl FaceOutline {
         let other = farthest(one);
         let weights = SmallVec::from_elem(1.0 / points.len() as f64, points.len());
         let centroid = [0, 1].map(|i| 0.5 * (one[i] + other[i]));
-        let order = SmallVec::new(); // not used of an edge
+        let order = SmallVec::new(); // not used for an edge
         FaceOutline { corners: SmallVec::from_slice(&[one, other]), order, weights, centroid, mean_distance: 0.0 }
     }
 
-    /// How far a point is on its way from the centroid to the side that its ray meets, 1 on this side, and the side by the
-    /// number of its first corner, with the share of its second one where the ray meets it.
+    /// Relative distance of a point from the centroid along its ray, 1 on the side that the ray meets; the index of the first
+    /// corner of this side; and the share of its second corner at the intersection.
     fn ray_intersection(&self, p: TangentVector) -> (f64, usize, f64) {
         let ray = difference_of(p, self.centroid);
         let (mut reach, mut side) = (0.0, 0);
@@ -533,7 +533,7 @@ impl FaceOutline {
 
     /// τ of a pressure with its centre at `p`, m.
     fn mean_distance(&self, p: TangentVector) -> f64 {
-        // Of an edge of length L, at the distances x and L - x from its ends: uniform on both sides of the point.
+        // For an edge of length L, at the distances x and L - x from its ends: uniform on both sides of the point.
         let of_edge =
             |[a, b]: [TangentVector; 2], share: f64| share * (1.0 - share) * vector_length(difference_of(b, a));
         if let &[a, b] = self.corners.as_slice() {
@@ -546,7 +546,7 @@ impl FaceOutline {
         (1.0 - reach) * self.mean_distance + reach * of_edge(ends, share)
     }
 
-    /// Shares of the points in a pressure of which `p` is the centre: those of a uniform one and those of an edge, as τ has them.
+    /// Shares of the points in a pressure with centre `p`: a combination of a uniform pressure and that of an edge, as for τ.
     fn load_shares(&self, p: TangentVector) -> SmallVec<[f64; 8]> {
         if self.corners.len() == 2 {
             return self.weights.clone();
@@ -564,7 +564,7 @@ fn polygon_sides(corners: &[TangentVector]) -> impl Iterator<Item = [TangentVect
     (0..corners.len()).map(|k| [corners[k], corners[if k + 1 == corners.len() { 0 } else { k + 1 }]])
 }
 
-/// Grows with the angle of a direction, from -2 to 2.
+/// Monotonic function of the angle of a direction, from -2 to 2.
 fn pseudo_angle([x, y]: TangentVector) -> f64 {
     let reach = x.abs() + y.abs();
     if reach == 0.0 { 0.0 } else { (1.0 - x / reach).copysign(y) }
@@ -637,7 +637,7 @@ mod tests {
         for corners in polygons {
             let found = outline(corners);
             let expected = by_grid(corners);
-            // The grid has 400 places across 10 m.
+            // The grid has 400 points across 10 m.
             assert!(
                 (found.mean_distance(found.centroid) - expected).abs() < 5e-3,
                 "{expected} {}",
@@ -662,10 +662,10 @@ mod tests {
     #[test]
     fn the_least_distance_is_that_from_the_point_of_fermat() {
         let weights = [1.0; 3];
-        // Of a right isosceles triangle with legs of 1 it is (√2 + √6)/2.
+        // For a right isosceles triangle with legs of 1 it is (√2 + √6)/2.
         let least = least_distance(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], &weights, [1.0 / 3.0; 2]);
         assert!((least - (2f64.sqrt() + 6f64.sqrt()) / 2.0).abs() < 1e-9, "{least}");
-        // Of an angle of more than 120 degrees it is the sum of the sides next to it.
+        // For an angle of more than 120 degrees it is the sum of the adjacent sides.
         let flat = [[0.0, 0.0], [3.0, 0.0], [0.3, 0.1]];
         let least = least_distance(&flat, &weights, [1.1, 0.1 / 3.0]);
         let expected = vector_length(flat[2]) + vector_length(difference_of(flat[2], flat[1]));
@@ -680,7 +680,7 @@ mod tests {
         assert!(square.mean_distance([0.0, 0.0]).abs() < 1e-15);
         let edge = outline(&[[0.0, 0.0], [3.0, 4.0]]);
         assert!((edge.mean_distance(edge.centroid) - 1.25).abs() < 1e-15);
-        // Three points in one line, and rounding beside it.
+        // Three points in one line, and rounding.
         let edge = outline(&[[0.0, 0.0], [1.5, 2.0 + 1e-12], [3.0, 4.0]]);
         assert!((edge.mean_distance(edge.centroid) - 1.25).abs() < 1e-15);
     }

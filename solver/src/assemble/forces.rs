@@ -1,4 +1,4 @@
-//! Everything that moves a body besides contacts: gravity, imposed forces and velocities, events.
+//! Loads on bodies besides contacts: gravity, imposed forces and velocities, events.
 
 use std::sync::Arc;
 
@@ -16,54 +16,55 @@ use crate::math::{Mat3, Quat, Vec3, to_world};
 use crate::scene::{EVENT_SLACK, Scene};
 use crate::state::{BondingMode, GravityHistory, State};
 
-/// Velocities at the step's end if nothing touched, and what the forces bring into the ledger.
+/// Velocities at the step's end without contacts, and the contributions of the forces to the ledger.
 pub struct FreeMotion {
-    /// m/s
+    /// Velocities, m/s.
     pub v: Vec<Vec3>,
-    /// rad/s, world frame.
+    /// Angular velocities, rad/s, world frame.
     pub w: Vec<Vec3>,
     /// Potential energy in self-gravity, uniform gravity and outer fields, in the contact configuration, J.
     pub potential: f64,
     pub gravity: GravityReport,
-    /// Self-gravity for the steps that follow, see [`GravityHistory`].
+    /// Self-gravity for the following steps, see [`GravityHistory`].
     pub attraction: Option<GravityHistory>,
     /// Impulse of uniform gravity, outer fields and imposed forces on the free bodies, N s.
     pub impulse: Vec3,
-    /// Their angular impulse about the origin, N m s.
+    /// Angular impulse of these about the origin, N m s.
     pub angular_impulse: Vec3,
-    /// Forces and moments (N, N m) by body whose work depends on where the body goes: imposed ones, and Coriolis'.
+    /// Forces and moments (N, N m) by body whose work depends on the displacement of the body: imposed ones and Coriolis
+    /// forces.
     pub loads: Vec<(usize, Vec3, Vec3)>,
 }
 
-/// How self-gravity was found.
+/// Accuracy of self-gravity.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct GravityReport {
-    /// RMS of what was taken away for forces and torques to sum to zero, over that of the accelerations.
+    /// RMS of the correction that makes forces and torques sum to zero, over that of the accelerations.
     pub removed: f64,
-    /// Against the direct sum, in steps that look.
+    /// Error against the direct sum, in steps that sample it.
     pub sampled: Option<SampledError>,
     /// RMS relative error of the extrapolation to the last evaluation.
     pub extrapolation: f64,
 }
 
-/// What the events of a step's start leave to the step.
+/// Effects of the events at a step's start.
 #[derive(Default)]
 pub struct AppliedEvents {
-    /// Whether there were any.
+    /// Whether there were any events.
     pub any_event: bool,
-    /// Whether they have changed velocities at the step's start.
+    /// Whether events have changed velocities at the step's start.
     pub velocities_changed: bool,
     pub shakes: Vec<ShakeEvent>,
 }
 
 /// Random velocities to be added within a step.
 pub struct ShakeEvent {
-    /// Root mean square, m/s.
+    /// Root mean square of the speed, m/s.
     speed: f64,
     seed: u64,
 }
 
-/// Events whose time has come, at a step's start.
+/// Applies the events that are due at a step's start.
 pub fn apply_events(scene: &Scene, state: &mut State) -> AppliedEvents {
     let now = state.time + EVENT_SLACK * scene.options.dt;
     let mut happened = AppliedEvents::default();
@@ -76,7 +77,7 @@ pub fn apply_events(scene: &Scene, state: &mut State) -> AppliedEvents {
             EventAction::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
             EventAction::AddSpin(spin) => {
                 add_spin(scene, state, Vec3::from(spin));
-                state.attraction = None; // what bodies were on their way to says nothing any more
+                state.attraction = None; // the history of self-gravity is no longer valid
             }
             EventAction::Shake { speed, seed } => {
                 state.attraction = None;
@@ -96,7 +97,7 @@ pub fn apply_events(scene: &Scene, state: &mut State) -> AppliedEvents {
     happened
 }
 
-/// The torque that events have set, and the option `quench`, at the start of a step of so many units of `dt`.
+/// Applies the torque that events have set, and the option `quench`, at the start of a step of `units` times `dt`.
 pub fn apply_torque_and_damping(scene: &Scene, state: &mut State, units: u64) {
     if state.torque != Vec3::zeros() {
         let impulse = state.torque * (units as f64 * scene.options.dt);
@@ -115,17 +116,17 @@ fn add_spin(scene: &Scene, state: &mut State, spin: Vec3) {
     change_motion(scene, state, |i, v, w| (v + spin.cross(&(x[i] - centre)), w + spin));
 }
 
-/// Forces and moments (N, N m) by body that give the free bodies random velocities in the step, less the rigid motion that has
-/// their momentum and angular momentum. Where a scene repeats, the latter is none that is kept.
+/// Forces and moments (N, N m) by body that give the free bodies random velocities in the step, minus the rigid motion that
+/// has their momentum and angular momentum. In a periodic scene the angular momentum is not conserved and is not removed.
 ///
-/// They act in the contact configuration, as all forces do: velocities that changed before it would carry grains into
-/// their neighbours.
+/// They act in the contact configuration, as all forces do: a change of velocity before it would carry grains into their
+/// neighbours.
 fn shake_loads(
     scene: &Scene,
     q_c: &ContactConfiguration,
     &ShakeEvent { speed, seed }: &ShakeEvent,
 ) -> Vec<(usize, Vec3, Vec3)> {
-    // The mean square of the distance from the middle of a ball is 3/5 of its radius'.
+    // The mean square of the distance from the centre of a ball is 3/5 of its radius squared.
     let radius = speed * (5.0f64 / 3.0).sqrt();
     let added: Vec<Vec3> =
         (0..scene.bodies.len() as u64).map(|i| point_in_ball(splitmix64(seed ^ i)) * radius).collect();
@@ -145,9 +146,9 @@ fn shake_loads(
     scene.free.iter().map(of_body).collect()
 }
 
-/// The rigid rotation (rad/s) of the free bodies that has the angular momentum `impulse` (N m s) about their centre of
-/// mass; none if they lie on a line and have no inertia about it. Where a scene repeats along one axis, about which the impulse
-/// is, it turns about that alone: how far along it each body stands is as one likes.
+/// Rigid rotation (rad/s) of the free bodies that has the angular momentum `impulse` (N m s) about their centre of mass; 0 if
+/// they lie on a line and have no inertia about it. In a scene that is periodic along one axis, which `impulse` is then
+/// parallel to, the rotation is about this axis alone: the position of a body along it is arbitrary.
 fn rigid_spin(scene: &Scene, x: &[Vec3], q: &[Quat], impulse: Vec3) -> Vec3 {
     let centre = centre_of_mass(scene, x);
     let momentum = |spin: Vec3| -> Vec3 {
@@ -164,7 +165,7 @@ fn rigid_spin(scene: &Scene, x: &[Vec3], q: &[Quat], impulse: Vec3) -> Vec3 {
     inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * impulse)
 }
 
-/// Gives the free bodies new velocities and books the change of momentum and energy as coming from outside.
+/// Gives the free bodies new velocities and records the change of momentum and energy as external in the ledger.
 fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Vec3, Vec3) -> (Vec3, Vec3)) {
     for &i in &scene.free {
         let i = i as usize;
@@ -183,7 +184,7 @@ fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Vec3, Vec
     }
 }
 
-/// Books the potential energy that a change of uniform gravity gives as coming from outside.
+/// Records the change of potential energy by a change of uniform gravity as external in the ledger.
 fn account_potential(scene: &Scene, state: &mut State, change: Vec3) {
     let height = |&i: &u32| scene.bodies[i as usize].mass * change.dot(&state.x[i as usize]);
     state.ledger.outside_work -= scene.free.iter().map(height).sum::<f64>();
@@ -193,7 +194,7 @@ fn add_vector(sum: &mut [f64; 3], term: &Vec3) {
     sum.iter_mut().zip(term.iter()).for_each(|(s, t)| *s += t);
 }
 
-/// The mean over the free bodies by mass, of places or velocities.
+/// Mean over the free bodies, weighted by mass, of positions or velocities.
 fn centre_of_mass(scene: &Scene, x: &[Vec3]) -> Vec3 {
     let (moment, mass) = scene.free.iter().fold((Vec3::zeros(), 0.0), |(moment, mass), &i| {
         let m = scene.bodies[i as usize].mass;
@@ -258,7 +259,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
     free
 }
 
-/// Acceleration and potential by uniform gravity and what else acts from outside on a body at rest.
+/// Acceleration and potential by uniform gravity and outer fields on a body at rest.
 fn external_field(outside: &[FieldModel], gravity: Vec3, x: &Vec3) -> (Vec3, f64) {
     let uniform = (gravity, -gravity.dot(x));
     outside
@@ -267,12 +268,12 @@ fn external_field(outside: &[FieldModel], gravity: Vec3, x: &Vec3) -> (Vec3, f64
         .fold(uniform, |sum, term| (sum.0 + term.0, sum.1 + term.1))
 }
 
-/// The vector u with u + k x u = b.
+/// Vector u with u + k x u = b.
 fn solve_rotation_equation(b: &Vec3, k: &Vec3) -> Vec3 {
     (b + k * k.dot(b) - k.cross(b)) / (1.0 + k.norm_squared())
 }
 
-/// What the free bodies' extent adds to their potential energy in outer fields, J.
+/// Contribution of the free bodies' extent to their potential energy in outer fields, J.
 fn tidal_energy(scene: &Scene, outside: &[FieldModel], q: &[Quat]) -> f64 {
     let of = |i: usize| {
         outside
@@ -283,10 +284,10 @@ fn tidal_energy(scene: &Scene, outside: &[FieldModel], q: &[Quat]) -> f64 {
     scene.free.iter().map(|&i| of(i as usize)).sum()
 }
 
-/// Coriolis' force in turning axes, on the velocity weighted over the step as (1-theta) V + theta V+, where
-/// contacts count as in the last step: what lies is not pushed aside by a fall that does not happen, and what is missing
-/// after an impact is made up for in the next step. And what turns spins against the axes, where bodies do not
-/// [turn freely](crate::integrate) as it is. Without contacts and for theta = 1/2 it does no work, exactly.
+/// Applies the Coriolis force in turning axes, on the velocity weighted over the step as (1-theta) V + theta V+. V+ includes
+/// the contact forces of the last step: a body at rest is not pushed aside by a fall that does not happen, and the error
+/// after an impact is corrected in the next step. Also applies the spin of turning bodies against the axes, unless the bodies
+/// [turn freely](crate::integrate). Without contacts and for theta = 1/2 the force does no work, exactly.
 fn apply_coriolis(scene: &Scene, state: &State, q_c: &ContactConfiguration, free: &mut FreeMotion) {
     let rate = scene.frame_angular_velocity();
     if rate == Vec3::zeros() {
@@ -327,30 +328,31 @@ fn contact_velocity_changes(scene: &Scene, state: &State, h: f64) -> Vec<Vec3> {
     change
 }
 
-/// Error asked of self-gravity for the energies that a run's drift is taken from, twice a run: that of 40 000 bodies in a
-/// ball is off by 6e-10 of itself with it.
+/// Relative error required of self-gravity for the energies from which a run's drift is computed, twice a run: with it that
+/// of 40 000 bodies in a ball is off by 6e-10 of itself.
 const ENERGY_ERROR: f64 = 1e-6;
 
-/// Of the error asked of self-gravity, the part that its extrapolation may reach.
+/// Share of the error allowed for self-gravity that its extrapolation may reach.
 const EXTRAPOLATION_ERROR_SHARE: f64 = 0.25;
 
-/// How much farther self-gravity is extrapolated than its last two evaluations are apart.
+/// Largest time of extrapolation of self-gravity over the time between its last two evaluations.
 const MAX_EXTRAPOLATION_RATIO: f64 = 2.0;
 
-/// Where attraction is not summed pair by pair, bodies feel each other's quadrupoles nearer than this times the sum of their radii.
+/// Largest distance, over the sum of the radii, at which bodies feel each other's quadrupoles if attraction is not summed
+/// pair by pair.
 const QUADRUPOLE_RANGE: f64 = 3.0;
 
 /// Self-gravity in a step.
 struct SelfGravity {
-    /// By free body, m/s^2.
+    /// Acceleration of each free body, m/s^2.
     acceleration: Vec<Vec3>,
-    /// J
+    /// Potential energy, J.
     energy: f64,
     report: GravityReport,
     next: Option<GravityHistory>,
 }
 
-/// Self-gravity at each free body; zeros when the scene has none.
+/// Self-gravity at each free body; zeros if the scene has none.
 fn self_gravity(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> SelfGravity {
     if !scene.has_self_gravity() {
         let acceleration = vec![Vec3::zeros(); scene.free.len()];
@@ -374,16 +376,17 @@ fn self_gravity(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Sel
     pull
 }
 
-/// What self-gravity of near bodies owes to their shapes.
+/// Contribution of the shapes of near bodies to self-gravity.
 #[derive(Default)]
 struct NearField {
     /// Forces and torques about the centre by free body, N, N m.
     loads: Vec<(usize, Vec3, Vec3)>,
-    /// J
+    /// Potential energy, J.
     energy: f64,
 }
 
-/// The quadrupoles' part where the option asks for it, pair by pair in an order that the places fix.
+/// Contribution of the quadrupoles, if the option enables it, summed pair by pair in an order that depends only on the
+/// positions.
 fn near_field(scene: &Scene, x: &[Vec3], q: &[Quat]) -> NearField {
     let options = &scene.options;
     if !(scene.has_self_gravity() && options.gravity_quadrupole) {
@@ -427,7 +430,7 @@ fn point_masses(scene: &Scene, x: &[Vec3]) -> (Vec<Vec3>, Vec<f64>) {
     scene.free.iter().map(|&i| (x[i as usize], scene.bodies[i as usize].mass)).unzip()
 }
 
-/// Accelerations, energy and what was removed, see [`GravityField`]; `order` is that of all bodies.
+/// Accelerations, energy and removed part, see [`GravityField`]; `order` is the order of all bodies.
 fn evaluate_self_gravity(scene: &Scene, order: &[u32], positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f64, f64) {
     let place = |body| scene.free.binary_search(body).ok().map(|k| k as u32);
     let of_free: Vec<u32> = order.iter().filter_map(place).collect();
@@ -436,9 +439,9 @@ fn evaluate_self_gravity(scene: &Scene, order: &[u32], positions: &[Vec3], masse
     (acceleration, 0.5 * potential.iter().zip(masses).map(|(p, m)| p * m).sum::<f64>(), removed)
 }
 
-/// Self-gravity from its last two evaluations, or evaluated again. In between the error goes as the square of the time
-/// since: that is at most twice the time between the two, and less where their error says so. Forces and torques sum to zero
-/// all the same.
+/// Self-gravity extrapolated from its last two evaluations, or evaluated again. The error of the extrapolation grows with the
+/// square of the time since the last evaluation. This time is at most twice the time between the two evaluations, and less if
+/// their error requires it. Forces and torques sum to zero in both cases.
 fn extrapolate_self_gravity(
     scene: &Scene,
     state: &State,
@@ -465,10 +468,10 @@ fn extrapolate_self_gravity(
     let part = if last > before { (now - last) / (last - before) } else { 0.0 };
     let mut acceleration: Vec<Vec3> = old.last.iter().zip(&*old.before).map(|(a, b)| a + (a - b) * part).collect();
     let (age, moved) = (record.age + q_c.step_multiple, record.moved + fastest * q_c.h);
-    // The error of a stretch s after one of t goes as s (s + t).
+    // The error after a time s, extrapolated over an interval t, is proportional to s (s + t).
     let allowed = EXTRAPOLATION_ERROR_SHARE * options.gravity_error() / record.extrapolation_error;
     let stretch = 0.5 * ((1.0 + 8.0 * allowed).sqrt() - 1.0).min(2.0 * MAX_EXTRAPOLATION_RATIO);
-    // A thousandth of a step of slack, as times are sums.
+    // Slack of a thousandth of a step, as times are sums.
     let reached = last > before && now - last <= (last - before) * stretch + 1e-3 * options.dt;
     let report = |removed, extrapolation| GravityReport { removed, sampled: None, extrapolation };
     if reached && age < scene.gravity_refresh() && moved < options.gravity_moved * scene.mean_radius {

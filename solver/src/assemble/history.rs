@@ -1,4 +1,4 @@
-//! What contacts have from those of the last step: impulses to start from, friction's memory, bonds.
+//! Data that contacts inherit from those of the last step: initial impulses, friction history, bonds.
 
 use std::ops::Range;
 
@@ -11,11 +11,10 @@ use crate::math::{Quat, Vec3, rotate_by_vector};
 use crate::scene::Scene;
 use crate::state::{BondingMode, Contact, SolvedContact, UNKNOWN_FEATURE};
 
-/// Contacts that one task looks at.
+/// Contacts per task.
 const CONTACTS_PER_TASK: usize = 1024;
 
-/// For each contact the index of the one with its key in the list of the last step; both lists are in the order of their
-/// keys.
+/// Index of the contact with the same key in the list of the last step, for each contact. Both lists are sorted by key.
 fn previous_by_key(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<u32>> {
     let of_some = |contacts: &[Contact]| {
         let first = contacts[0].key();
@@ -34,14 +33,14 @@ fn previous_by_key(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option
     contacts.par_chunks(CONTACTS_PER_TASK).map(of_some).collect::<Vec<_>>().concat()
 }
 
-/// Two contactors by their bodies and ranks.
+/// Two contactors given by their bodies and ranks.
 type ContactorPair = (u32, u32, (u16, u16));
 
 fn contactor_pair(contact: &Contact) -> ContactorPair {
     (contact.candidate, contact.antagonist, contact.ranks)
 }
 
-/// Where the contacts of two contactors are in a list in the order of the keys.
+/// Range of the contacts of two contactors in a list sorted by key.
 fn pair_range<T>(list: &[T], pair: ContactorPair, contact: impl Fn(&T) -> &Contact) -> Range<usize> {
     let from = list.partition_point(|item| contactor_pair(contact(item)) < pair);
     from..from + list[from..].iter().take_while(|item| contactor_pair(contact(item)) == pair).count()
@@ -51,17 +50,17 @@ fn was_loaded(old: &SolvedContact) -> bool {
     old.bond.is_some() || old.impulse != Vec3::zeros()
 }
 
-/// What holds the bodies of a contact together.
+/// Bond between the bodies of a contact.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct BondState {
     /// Gap at which the contact is bonded, m.
     pub bond: Option<f64>,
-    /// Whether bonds join its bodies, over others or not.
+    /// Whether bonds join its bodies, directly or over other bodies.
     pub in_aggregate: bool,
 }
 
-/// For each body whether it is one of the contacts `chosen`, or can meet one of these over others: `contacts` are all that can
-/// close. What rests for good is not counted.
+/// Whether each body is in one of the contacts `chosen`, or is connected to one of these over others. `contacts` are all that
+/// can close. Bodies that never move are not counted.
 pub fn connected_bodies(scene: &Scene, contacts: &[Contact], chosen: &[&Contact]) -> Vec<bool> {
     let mut rests: Vec<bool> = scene.bodies.iter().map(|body| body.driven && !body.is_driven_in_part()).collect();
     scene.drives.iter().filter(|drive| drive.ever_moves()).for_each(|drive| rests[drive.body] = false);
@@ -78,11 +77,11 @@ pub fn connected_bodies(scene: &Scene, contacts: &[Contact], chosen: &[&Contact]
 }
 
 impl AssemblyContext<'_> {
-    /// For each contact the index of the one of the last step whose history goes on in it: the one of its key, or one of
-    /// the same contactors whose key is gone. Where corners coincide, rounding decides what meets there, and of more than
-    /// four others may be chosen.
+    /// Index of the contact of the last step whose history each contact inherits: the one with its key, or one of the same
+    /// contactors whose key is gone. Where corners coincide, rounding decides which features meet; if there are more than
+    /// four, rounding may also choose other ones.
     ///
-    /// Only what can act, now or before, counts: what else is listed depends on the alert distance.
+    /// Only contacts that can act, now or before, count: the other listed contacts depend on the alert distance.
     pub(super) fn previous_contacts(&self, contacts: &[Contact]) -> Vec<Option<u32>> {
         let mut found = previous_by_key(&self.state.contacts, contacts);
         let gone = self.lost_contacts(contacts, &found);
@@ -93,12 +92,12 @@ impl AssemblyContext<'_> {
         found
     }
 
-    /// Whether a contact can change its key: two spheres have one contact, always of the same.
+    /// Whether a contact can change its key: two spheres have one contact, always with the same key.
     fn has_features(&self, contact: &Contact) -> bool {
         !self.is_sphere[contact.antagonist as usize]
     }
 
-    /// Of each contact of the last step, whether it carried something and acts no more under its key. Nearly always none.
+    /// Whether each contact of the last step carried an impulse and no longer acts under its key. Nearly always empty.
     fn lost_contacts(&self, contacts: &[Contact], found: &[Option<u32>]) -> Vec<bool> {
         let before = &self.state.contacts;
         let may_go = |old: &SolvedContact| self.has_features(&old.contact) && was_loaded(old);
@@ -113,7 +112,7 @@ impl AssemblyContext<'_> {
         gone
     }
 
-    /// The contacts that act and have no history, of contactors of which a contact is gone or bonded, in their order.
+    /// Contacts that act and have no history, between contactors with a lost or bonded contact, in their order.
     fn new_contacts(&self, contacts: &[Contact], found: &[Option<u32>], gone: &[bool]) -> Vec<usize> {
         let before = &self.state.contacts;
         let shares = |old: &SolvedContact| old.bond.is_some() && self.has_features(&old.contact);
@@ -135,8 +134,8 @@ impl AssemblyContext<'_> {
         (0..contacts.len()).into_par_iter().with_min_len(256).filter(is_new).collect()
     }
 
-    /// Gives `new` contacts of the same two contactors the histories that are gone, the nearest first and each once. Of a
-    /// bonded face that is no larger than before, those that are left share the history of the nearest.
+    /// Gives `new` contacts the lost histories of the same two contactors, the nearest first and each once. In a bonded face
+    /// that is no larger than before, the remaining contacts share the history of the nearest.
     fn transfer_history(&self, new: &[usize], gone: &[bool], contacts: &[Contact], found: &mut [Option<u32>]) {
         let before = &self.state.contacts;
         let pair = contactor_pair(&contacts[new[0]]);
@@ -167,21 +166,22 @@ impl AssemblyContext<'_> {
         }
     }
 
-    /// From where the candidate has carried a contact of the last step to this one of the same contactors, m.
+    /// Displacement from the position to which the candidate has carried a contact of the last step, to this one of the same
+    /// contactors, m.
     fn displacement_from(&self, old: &Contact, contact: &Contact) -> f64 {
         let (state, a) = (self.state, contact.candidate as usize);
-        let centre = state.x[a] - state.v[a] * (self.scene.options.theta * state.h); // of the last contact configuration
+        let centre = state.x[a] - state.v[a] * (self.scene.options.theta * state.h); // at the last contact configuration
         let turn = rotate_by_vector(&Quat::identity(), &(state.w[a] * self.configuration_interval()));
         (contact.point - self.q_c.x[a] - turn * (old.point - centre)).norm()
     }
 
-    /// Time from the last contact configuration to this, s.
+    /// Time from the last contact configuration to this one, s.
     fn configuration_interval(&self) -> f64 {
         let theta = self.scene.options.theta;
         theta * self.state.h + (1.0 - theta) * self.q_c.h
     }
 
-    /// What holds the bodies of each contact together, from what the last step had of it.
+    /// Bond of each contact's bodies, from the bonds of the last step.
     pub(super) fn bond_states(&self, contacts: &[Contact], history: &[Option<u32>]) -> Vec<BondState> {
         if !self.state.laws.iter().any(ContactLaw::can_bond) {
             return vec![BondState::default(); contacts.len()];
@@ -213,7 +213,7 @@ impl AssemblyContext<'_> {
         contacts.iter().zip(bonds).map(|(contact, bond)| BondState { bond, in_aggregate: joined(contact) }).collect()
     }
 
-    /// Whether a contact may be bonded, now or where the step began: of what turns the gap opens on the way here.
+    /// Whether a contact may be bonded, now or where the step began: rotation opens the gap before the contact configuration.
     fn can_bond(&self, contact: &Contact, law: &ContactLaw) -> bool {
         let AssemblyContext { scene, state, q_c, .. } = self;
         let u = relative_velocity(contact, &q_c.x, &state.v, &q_c.w) - self.arm_turning_velocity(contact, false) * 0.5;
@@ -221,12 +221,12 @@ impl AssemblyContext<'_> {
         law.bond_gap(contact.gap.min(at_start), self.effective_radius(contact)).is_some()
     }
 
-    /// Gap of the bond that a contact of the last step hands on, m: its own to what is in its place; elsewhere the gap there,
-    /// if that touches and if the old one would still be in reach.
+    /// Gap of the bond that a contact inherits from the last step, m. It is the old gap if the contact is at the same
+    /// position. Elsewhere it is the current gap, if the contact touches and the old one would still be in reach.
     pub(super) fn inherited_bond(&self, old: &SolvedContact, contact: &Contact, law: &ContactLaw) -> Option<f64> {
         let (bond, radius) = (old.bond?, self.effective_radius(contact));
         let known = old.contact.key() == contact.key() || old.contact.features.0 == UNKNOWN_FEATURE;
-        // What counts as touching tells no more apart.
+        // Smaller distances are within the gap that counts as touching.
         let place = || MAX_TOUCHING_GAP * radius;
         if known || self.displacement_from(&old.contact, contact) <= place() {
             return Some(bond);
@@ -236,8 +236,8 @@ impl AssemblyContext<'_> {
     }
 }
 
-/// r̂ of the last step for the same contact, scaled to the new step length, its tangential part
-/// laid into the new tangent plane, if there is friction.
+/// r̂ of the same contact in the last step, scaled to the new step length. With friction its tangential part is rotated into
+/// the new tangent plane.
 pub(super) fn warm_start(old: &SolvedContact, contact: &Contact, shift: &LawShift, scale: f64) -> Vec3 {
     let [n_old, t_old, s_old] = old.contact.frame();
     let n = contact.normal;

@@ -1,4 +1,4 @@
-//! The contact problem of one step: one row a contact, one record a body.
+//! Contact problem of one step: one row per contact, one record per body.
 //!
 //! No Delassus matrix is stored: the sweeps keep the velocities V = V_free + M⁻¹ H r of the bodies,
 //! and a row reads and changes those of its two. A law's shift c is put into the records once, so
@@ -17,27 +17,27 @@ use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
 use crate::scene::{BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
 use crate::state::{Contact, ContactStatus, SolvedContact, State};
 
-/// Sliding of a contact that begins counts from this multiple of `tol` times the change of velocity that loads it: an unfinished
-/// solution of what sticks leaves less.
+/// Sliding of a contact that begins counts above this multiple of `tol` times the change of velocity that loads it:
+/// unconverged sticking contacts slide less.
 const SLIDING_VELOCITY_FACTOR: f64 = 3.0;
 
-/// What a sweep reads and writes of a body.
+/// Data of a body that a sweep reads and writes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolverBody {
-    /// m/s
+    /// Velocity, m/s.
     pub v: Vec3,
-    /// 1/kg, 0 for a body whose motion is all imposed.
+    /// Inverse mass, 1/kg, 0 for a body whose motion is all imposed.
     pub inverse_mass: f64,
-    /// rad/s
+    /// Angular velocity, rad/s.
     pub w: Vec3,
-    /// 1/(kg m^2)
+    /// Inverse moment of inertia, 1/(kg m^2).
     pub inverse_inertia: f64,
-    /// m; 0 for a plate, whose turning is in the shift of its rows.
+    /// Radius, m; 0 for a plate, whose rotation is in the shift of its rows.
     pub radius: f64,
 }
 
-/// One contact of spheres or of a sphere and a plate, as the sweeps see it. Their W is diagonal:
-/// w_n along n, w_t in the tangent plane.
+/// One contact of two spheres or of a sphere and a plate, in the form used by the sweeps. Its W is diagonal: w_n along n, w_t
+/// in the tangent plane.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ContactConstraint {
     /// Records of candidate and antagonist.
@@ -55,9 +55,9 @@ pub struct ContactConstraint {
     pub impulse_shift: f64,
     /// Whether the law can act in this step.
     pub acts: bool,
-    /// Whether it acts, and the two bodies' free velocities can close the gap within the step, or the row pulls.
+    /// Whether the law acts and either the two bodies' free velocities can close the gap within the step, or the row pulls.
     pub can_close: bool,
-    /// r̂ to start from, world frame, N s: that of the last step, else what the attraction alone makes.
+    /// Initial r̂, world frame, N s: that of the last step, else the one due to the attraction alone.
     pub warm_start: Vec3,
     /// u at the step's start along n, t, s, m/s.
     pub u_before: Vec3,
@@ -76,55 +76,56 @@ pub struct RollingConstraint {
     pub spinning: f64,
     /// 1/(1/I_a + 1/I_b) of spheres, else one over the largest eigenvalue of the sum of the inverse inertias, kg m^2.
     pub inverse_w: f64,
-    /// Relative angular velocity that a plate adds, rad/s.
+    /// Relative angular velocity due to a plate, rad/s.
     pub shift: Vec3,
-    /// Moment to start from, world frame, N m s.
+    /// Initial moment, world frame, N m s.
     pub warm_start: Vec3,
 }
 
 #[derive(Debug, Clone)]
 pub struct ContactProblem {
     pub rows: Vec<ContactConstraint>,
-    /// What the rows and records do not hold where bodies are not all spheres and plates.
+    /// Additional data of the rows and records where not all bodies are spheres and plates.
     pub block_data: Option<BlockData>,
-    /// In the order of the rows; empty in most scenes.
+    /// Rolling constraints in the order of the rows; empty in most scenes.
     pub rolling_constraints: Vec<RollingConstraint>,
-    /// All bodies in the order of space, neighbours near each other.
+    /// All bodies in spatial order, neighbours near each other.
     pub order: Vec<u32>,
     /// Velocities if every r̂ were 0.
     pub bodies: Vec<SolverBody>,
 }
 
-/// Rows whose W is a full block: lever arms of any direction, inertia that is not isotropic. `arm` of the rows and
-/// `inverse_inertia` and `radius` of the records are not used then; `w_n` is W_nn and `w_t` the mean of W_tt and W_ss.
+/// Data of rows whose W is a full block: lever arms of any direction, anisotropic inertia. `arm` of the rows and
+/// `inverse_inertia` and `radius` of the records are then not used; `w_n` is W_nn and `w_t` the mean of W_tt and W_ss.
 #[derive(Debug, Clone)]
 pub struct BlockData {
-    /// By row: from the centres of candidate and antagonist to the contact point, m.
+    /// Vectors from the centres of candidate and antagonist to the contact point, by row, m.
     pub arms: Vec<[Vec3; 2]>,
-    /// By row: from the contact point to where its friction acts about the normal, m, in the tangent plane; see
-    /// `assemble/faces.rs`. Empty where friction acts at every contact point.
+    /// Vector from the contact point to the point at which friction acts about the normal, by row, m, in the tangent plane;
+    /// see `assemble/faces.rs`. Empty if friction acts at every contact point.
     pub friction_offsets: Vec<Vec3>,
-    /// By body: 1 for each fixed axis along which the velocity of a body driven in part is imposed, else 0. Empty where none is.
+    /// 1 for each fixed axis along which the velocity of a partly driven body is imposed, else 0; by body. Empty if there is
+    /// no such body.
     pub locked_axes: Vec<Vec3>,
-    /// By body: inverse inertia about the centre of mass in the contact configuration, world frame, 1/(kg m²); 0 for a
-    /// body whose motion is imposed.
+    /// Inverse inertia about the centre of mass in the contact configuration, by body, world frame, 1/(kg m²); 0 for a body
+    /// whose motion is imposed.
     pub inverse_inertia: Vec<Matrix3<f64>>,
 }
 
 impl BlockData {
-    /// n×d of row `k` with the friction offset d, m: tangential velocity at the point of friction less that at the contact
+    /// n×d of row `k` with the friction offset d, m: tangential velocity at the point of friction minus that at the contact
     /// point, per unit of relative angular velocity about n.
     #[inline]
     pub fn friction_lever(&self, k: usize, normal: &Vec3) -> Vec3 {
         self.friction_offsets.get(k).map_or(Vec3::zeros(), |offset| normal.cross(offset))
     }
 
-    /// Whether a body that moves does not along some fixed axis.
+    /// Whether a moving body has an imposed velocity along some fixed axis.
     pub fn has_locked_axes(&self, body: usize) -> bool {
         self.locked_axes.get(body).is_some_and(|held| *held != Vec3::zeros())
     }
 
-    /// 1 for each fixed axis along which a body that moves is pushed, else 0.
+    /// 1 for each fixed axis along which impulses move a body, else 0.
     pub fn free_axes(&self, body: usize) -> Vec3 {
         self.locked_axes.get(body).map_or(Vec3::repeat(1.0), |held| Vec3::repeat(1.0) - held)
     }
@@ -149,7 +150,7 @@ impl BlockData {
         (w_n, 0.5 * (trace - w_n))
     }
 
-    /// Whether an impulse along the normal of a row can move one of its bodies. It turns all that are not driven.
+    /// Whether an impulse along the normal of a row can move one of its bodies. It turns all bodies that are not driven.
     fn can_move_a_body(&self, row: &ContactConstraint, bodies: &[RigidBody]) -> bool {
         self.locked_axes.is_empty()
             || row.bodies.iter().any(|&i| {
@@ -160,24 +161,24 @@ impl BlockData {
     }
 }
 
-/// Two bodies that are both driven in part have a contact that acts where one of them moves freely along a direction whose square of
-/// the cosine with the normal is more than this: within 1e-3 rad of the plane of the imposed components the normal
-/// is one of these but for rounding, and an impulse along it would throw the body along the free axis.
+/// Smallest square of the cosine between the normal and a free direction of one of two partly driven bodies at which their
+/// contact acts. Within 1e-3 rad of the plane of the imposed components the normal differs from this plane only by rounding,
+/// and an impulse along it would accelerate the body along the free axis.
 const MIN_FREE_COSINE_SQUARED: f64 = 1e-6;
 
-/// Velocity of the candidate against the antagonist at the contact point, world frame, m/s.
+/// Velocity of the candidate relative to the antagonist at the contact point, world frame, m/s.
 pub fn relative_velocity(contact: &Contact, x: &[Vec3], v: &[Vec3], w: &[Vec3]) -> Vec3 {
     let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
     let [at_a, at_b] = contact_arms(contact, x);
     v[a] + w[a].cross(&at_a) - (v[b] + w[b].cross(&at_b))
 }
 
-/// From the centres of the candidate and of the antagonist's image to the contact point, m.
+/// Vectors from the centres of the candidate and of the antagonist's image to the contact point, m.
 pub fn contact_arms(contact: &Contact, x: &[Vec3]) -> [Vec3; 2] {
     [contact.point - x[contact.candidate as usize], contact.point - (x[contact.antagonist as usize] + contact.image)]
 }
 
-/// The rows of all contacts, in their order.
+/// Assembles the rows of all contacts, in their order.
 pub fn contact_problem(
     scene: &Scene,
     state: &State,
@@ -298,7 +299,7 @@ pub fn contact_problem(
     system
 }
 
-/// Lets the attraction of the contacts act, and those without a history start from what takes it up.
+/// Applies the attraction of the contacts, and starts contacts without a history from the impulse that balances it.
 fn apply_cohesion(system: &mut ContactProblem, history: &[Option<u32>]) {
     for (k, old) in history.iter().enumerate() {
         let ContactConstraint { impulse_shift, normal, .. } = system.rows[k];
@@ -311,26 +312,26 @@ fn apply_cohesion(system: &mut ContactProblem, history: &[Option<u32>]) {
     }
 }
 
-/// So many contacts ahead what is read of their bodies is asked for: they lie anywhere in memory.
+/// Number of contacts ahead for which the data of their bodies are prefetched: these lie anywhere in memory.
 const PREFETCH_CONTACTS: usize = 8;
 
-/// Normal velocity over that which the impulse of the last step alone would make, up to which a contact rests: more than what
-/// solutions leave, less than what a restitution of 0.06 throws back.
+/// Normal velocity, over that due to the impulse of the last step alone, up to which a contact rests: larger than the errors
+/// of solutions, smaller than the rebound with a restitution of 0.06.
 const RESTING: f64 = 0.05;
 
-/// What the rows are made from.
+/// Input for the rows.
 pub(super) struct AssemblyContext<'a> {
     pub scene: &'a Scene,
     pub state: &'a State,
     pub q_c: &'a ContactConfiguration,
     v_free: &'a [Vec3],
     w_free: &'a [Vec3],
-    /// |v_free| past what all have in common, m/s, and |w_free|, rad/s.
+    /// |v_free| beyond the common velocity, m/s, and |w_free|, rad/s.
     speeds: Vec<[f64; 2]>,
-    /// Of each body; together, as contacts ask for it in any order.
+    /// Whether each body is a sphere; a packed array, as contacts read it in any order.
     pub(super) is_sphere: Vec<bool>,
     records: &'a [SolverBody],
-    /// Whether the bodies have other velocities than the last step left them.
+    /// Whether velocities differ from those at the end of the last step.
     changed: bool,
     full: bool,
     width: SimdWidth,
@@ -343,7 +344,7 @@ impl AssemblyContext<'_> {
         self.can_close_gap(contact) || contact.gap <= range()
     }
 
-    /// Asks for what [`Self::contact_constraint`] reads of a contact's antagonist; candidates come one after the other.
+    /// Prefetches the data of a contact's antagonist that [`Self::contact_constraint`] reads; candidates are read in order.
     fn prefetch(&self, contact: Option<&Contact>) {
         let AssemblyContext { state, q_c, speeds, records, width, .. } = self;
         let Some(b) = contact.map(|contact| contact.antagonist as usize) else { return };
@@ -352,8 +353,8 @@ impl AssemblyContext<'_> {
         width.prefetch(&records[b]);
     }
 
-    /// Whether the two bodies may close the gap in the step: by their free velocities against each other, or, where they are
-    /// near, by their speeds past what all have in common, as contacts may turn them.
+    /// Whether the two bodies may close the gap in the step: by their relative free velocities or, if they are near, by their
+    /// speeds beyond the common velocity, as contacts may change the direction of these.
     #[inline]
     fn can_close_gap(&self, contact: &Contact) -> bool {
         if contact.gap <= 0.0 {
@@ -370,7 +371,8 @@ impl AssemblyContext<'_> {
         is_near || contact.gap <= q_c.longest_reach_time(self.scene) * -contact.normal.dot(&u())
     }
 
-    /// How far the two bodies may come nearer in the step at the contact, m, past what all have in common, whichever way they go.
+    /// Largest approach of the two bodies at the contact in the step, m, beyond the common motion, for any direction of
+    /// travel.
     fn max_approach(&self, contact: &Contact) -> f64 {
         let AssemblyContext { q_c, speeds, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| speeds[i as usize]);
@@ -391,7 +393,7 @@ impl AssemblyContext<'_> {
         self.v_free[b] + self.w_free[b].cross(&contact_arms(contact, &self.q_c.x)[1])
     }
 
-    /// The row of a contact, with what the last step had of it and what holds its bodies together.
+    /// Row of a contact, with its history of the last step and the bond of its bodies.
     fn contact_constraint(
         &self,
         contact: &Contact,
@@ -410,12 +412,12 @@ impl AssemblyContext<'_> {
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
         let reach = self.closing_time(contact);
         let course = self.gap_forecast(contact, law, reach, previous.map_or(0.0, |old| w_n * old.impulse.x));
-        // Of a contact that begins it is not known what it will carry, and what is thrown back does not stay.
+        // The load of a new contact is unknown, and a rebounding contact does not stay.
         let carried = previous.is_some_and(|old| old.impulse != Vec3::zeros()) && course != GapForecast::Due;
         let stays = hold.bond.is_some() || hold.in_aggregate || carried;
         let as_one = hold.bond.is_some() && law.bonds_are_rigid();
         let turning = if stays { self.arm_turning_velocity(contact, as_one) } else { Vec3::zeros() };
-        // What keeps to a surface that curves does not approach it, nor does what bonds carry round part from it.
+        // Sliding along a curved surface is no approach, and bonded bodies that turn do not part.
         let curve = match hold {
             BondState { bond: Some(_), .. } if law.bonds_are_rigid() => -turning.dot(&n),
             BondState { in_aggregate: true, .. } => (contact.gap.max(0.0) / h - turning.dot(&n)).min(0.0),
@@ -446,7 +448,8 @@ impl AssemblyContext<'_> {
         let shift = LawShift { normal: shift.normal - curve, ..shift };
 
         let on_plate = self.on_plate(contact);
-        // Arms that end in one point: where the radii divide the distance, on what is flat in the middle of the gap.
+        // The arms end in one point: it divides the distance in the ratio of the radii, and is the middle of the gap on flat
+        // surfaces.
         let radii = [records[a].radius, records[b].radius];
         let beyond = match scene.find_part(contact.antagonist, contact.ranks.1).map(|part| &part.geometry) {
             Some(ContactorShape::Sphere { radius }) => *radius,
@@ -476,7 +479,7 @@ impl AssemblyContext<'_> {
         }
     }
 
-    /// Takes the velocities before the step, and what restitution makes of them, where friction acts.
+    /// Sets the velocities before the step, and the shift by restitution, at the points where friction acts.
     fn shift_friction(&self, full: &BlockData, contacts: &[Contact], rows: &mut [ContactConstraint]) {
         let of_row = |(k, row): (usize, &mut ContactConstraint)| {
             let (contact, lever) = (&contacts[k], full.friction_lever(k, &row.normal));
@@ -501,7 +504,7 @@ impl AssemblyContext<'_> {
         rows.filter(|(k, _)| full.friction_offsets[*k] != Vec3::zeros()).for_each(of_row);
     }
 
-    /// Time in which the step's end velocities take the two bodies of a contact to the next contact configuration, s.
+    /// Time between the step's end velocities and the next contact configuration for the two bodies of a contact, s.
     fn closing_time(&self, contact: &Contact) -> f64 {
         if self.q_c.from_start.is_empty() {
             return self.q_c.h;
@@ -510,8 +513,8 @@ impl AssemblyContext<'_> {
         a.max(b)
     }
 
-    /// Whether a contact slides at the step's start that carried nothing in the last step, or whose bodies have other velocities
-    /// than the last step left them: faster than an unfinished solution leaves what sticks, at `u` (world frame, m/s).
+    /// Whether a contact slides at the step's start that carried nothing in the last step, or whose bodies have other
+    /// velocities than at its end: at `u` (world frame, m/s), faster than the error of unconverged sticking contacts.
     fn is_sliding(&self, contact: &Contact, old: Option<&SolvedContact>, u: &Vec3, shift: &LawShift, w_n: f64) -> bool {
         let carried = old.filter(|old| old.impulse != Vec3::zeros());
         if carried.is_some() && !self.changed {
@@ -520,14 +523,14 @@ impl AssemblyContext<'_> {
         let AssemblyContext { scene, q_c, v_free, w_free, .. } = self;
         let n = contact.normal;
         let tangential = |u: Vec3| (u - n * n.dot(&u)).norm();
-        // What its impulse would change of the velocity along the normal: all that closes it, and what its attraction makes.
+        // Change of normal velocity by the impulse: all of the closing velocity, and that due to its attraction.
         let free = relative_velocity(contact, &q_c.x, v_free, w_free).dot(&n) + shift.normal;
         let alone = (-free).max(0.0) + w_n * shift.impulse.abs();
-        // What falls freely together is loaded by others, which take up what forces make of the velocity of each.
+        // Bodies in free fall together are loaded by other contacts, which balance the change of velocity by forces.
         let bodies = [contact.candidate, contact.antagonist].map(|i| i as usize);
         let gain = |i: usize| if scene.bodies[i].driven { 0.0 } else { (v_free[i] - self.state.v[i]).norm() };
         let loaded = bodies.map(gain).into_iter().fold(alone, f64::max);
-        // Without forces, an unfinished solution leaves a share of the speeds at most.
+        // Without forces, the error of an unconverged solution is at most a share of the speeds.
         let scale = if loaded > 0.0 { loaded } else { bodies.map(|i| self.speeds[i][0]).into_iter().sum() };
         let moves = |u: Vec3| tangential(u) > SLIDING_VELOCITY_FACTOR * scene.options.tol() * scale;
         let now = u - self.arm_turning_velocity(contact, false) * 0.5;
@@ -535,9 +538,9 @@ impl AssemblyContext<'_> {
         moves(now) && carried.is_none_or(differs)
     }
 
-    /// What is known of the gap of a contact, where its law acts on what touches.
+    /// Forecast of the gap of a contact whose law acts on touching contacts.
     ///
-    /// `pushed`: what its impulse in the last step has changed of its normal velocity alone, m/s.
+    /// `pushed`: change of its normal velocity by its own impulse in the last step, m/s.
     #[inline]
     fn gap_forecast(&self, contact: &Contact, law: &ContactLaw, reach: f64, pushed: f64) -> GapForecast {
         if !law.acts_on_touch() || contact.gap <= 0.0 {
@@ -557,7 +560,7 @@ impl AssemblyContext<'_> {
             return GapForecast::Apart { depth };
         }
         if is_sphere[a] && is_sphere[b] {
-            // The least distance on the straight course of the centres.
+            // Smallest distance on the straight trajectory of the centres.
             let radii = scene.bodies[a].radius + scene.bodies[b].radius;
             let (from, along) = (contact.normal * (radii + contact.gap), v_free[a] - v_free[b]);
             let time = (-from.dot(&along) / along.norm_squared()).min(reach);
@@ -578,7 +581,7 @@ impl AssemblyContext<'_> {
         let RollingFriction { rolling, spinning } = self.state.laws[contact.law as usize].rolling_friction()?;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
         if self.scene.bodies[a].driven && self.scene.bodies[b].driven {
-            return None; // both turn as imposed
+            return None; // both rotations are imposed
         }
         let scale = self.q_c.h / self.state.h;
         Some(RollingConstraint {
@@ -592,8 +595,8 @@ impl AssemblyContext<'_> {
         })
     }
 
-    /// Radius of the contact, m: a stress acts on the area in which faces meet; spheres have one of their own, edges and
-    /// vertices none.
+    /// Radius of the contact, m. A stress acts on the area shared by faces; spheres have their own radius, edges and vertices
+    /// have 0.
     fn contact_radius(&self, contact: &Contact) -> f64 {
         if contact.area > 0.0 {
             (contact.area / std::f64::consts::PI).sqrt()
@@ -604,7 +607,7 @@ impl AssemblyContext<'_> {
         }
     }
 
-    /// Whether a cohesion of the law of a contact that is a stress has an area to act on.
+    /// Whether a cohesive stress of the law of a contact has an area to act on.
     #[inline]
     pub(super) fn carries_stress(&self, contact: &Contact) -> bool {
         let Contact { candidate, antagonist, ranks, .. } = *contact;
@@ -620,7 +623,7 @@ impl AssemblyContext<'_> {
             || part().is_some_and(|part| matches!(part.geometry, ContactorShape::Sphere { .. }))
     }
 
-    /// R of the two bodies, m, of which distances are parts.
+    /// Effective radius R of the two bodies, m, the scale of distances.
     pub(super) fn effective_radius(&self, contact: &Contact) -> f64 {
         let (a, b) = contact.ranks;
         self.scene.effective_radius((contact.candidate, a), (contact.antagonist, b))
@@ -632,7 +635,7 @@ impl AssemblyContext<'_> {
     }
 }
 
-/// The bodies' part of [`BlockData`], where a scene needs it.
+/// Per-body part of [`BlockData`], if a scene needs it.
 fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
     let of = |(body, q): (&RigidBody, &Quat)| {
         if body.driven {
@@ -655,12 +658,12 @@ fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
 }
 
 impl ContactProblem {
-    /// Whether one of the rows `active` has friction, or any row moments.
+    /// Whether one of the rows `active` has friction, or any row has moments.
     pub fn has_friction(&self, active: &[u32]) -> bool {
         !self.rolling_constraints.is_empty() || active.iter().any(|&k| self.rows[k as usize].friction > 0.0)
     }
 
-    /// From the centre of the candidate (side 0) or antagonist (1) of row `k` to the contact point, m; 0 for a plate
+    /// Vector from the centre of the candidate (side 0) or antagonist (1) of row `k` to the contact point, m; 0 for a plate
     /// whose motion is in the row's shift.
     #[inline(always)]
     pub fn contact_arm(&self, k: usize, side: usize) -> Vec3 {
@@ -687,7 +690,7 @@ impl ContactProblem {
         }
     }
 
-    /// Whether the friction of some row acts elsewhere than at its contact point.
+    /// Whether the friction of some row does not act at its contact point.
     pub fn has_friction_offsets(&self) -> bool {
         self.block_data.as_ref().is_some_and(|full| !full.friction_offsets.is_empty())
     }
@@ -699,7 +702,7 @@ impl ContactProblem {
     }
 
     /// Velocity at row `k` of a body on `side` that turns with `w`, world frame, m/s: along n at the contact point, in the
-    /// tangent plane where friction acts.
+    /// tangent plane at the point of friction.
     #[inline(always)]
     pub fn turning_velocity(&self, k: usize, side: usize, w: &Vec3) -> Vec3 {
         let turning = w.cross(&self.contact_arm(k, side));
@@ -718,7 +721,8 @@ impl ContactProblem {
         self.contact_arm(k, side).cross(r) + self.friction_couple(k, r)
     }
 
-    /// n (n×d)·r: what the friction of an impulse `r` at row `k` turns less about n than at the contact point, N m s.
+    /// n (n×d)·r: angular impulse about n by which the friction of an impulse `r` at row `k` is smaller than at the contact
+    /// point, N m s.
     pub fn friction_couple(&self, k: usize, r: &Vec3) -> Vec3 {
         self.rows[k].normal * self.friction_lever(k).dot(r)
     }
@@ -755,8 +759,8 @@ impl ContactProblem {
 }
 
 impl ContactConstraint {
-    /// r̂_n that keeps the row's own attraction from moving anything, as far as its shift leaves the contact closed, N s; 0
-    /// without an attraction. It is the solution of a contact that nothing else loads.
+    /// r̂_n that keeps the row's own attraction from moving the bodies, as far as its shift leaves the contact closed, N s; 0
+    /// without an attraction. It is the solution of a contact without other loads.
     pub fn balancing_impulse(&self) -> f64 {
         let attraction = -self.impulse_shift;
         (attraction - self.shift.dot(&self.normal) / self.w_n).clamp(0.0, attraction)

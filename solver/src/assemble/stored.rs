@@ -1,25 +1,25 @@
-//! The contact problem of one step written out with its Delassus matrix, to be looked at or solved elsewhere.
+//! Contact problem of one step written out with its Delassus matrix, for inspection or for other solvers.
 
 use crate::assemble::ContactProblem;
 use crate::math::{Vec3, to_local};
 use crate::state::Contact;
 
-/// û = W r̂ + q with Signorini and Coulomb on (û, r̂), components along n, t, s of each contact.
+/// Problem û = W r̂ + q with Signorini and Coulomb on (û, r̂), components along n, t, s of each contact.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct StoredProblem {
     pub mu: Vec<f64>,
     /// û if every r̂ were 0, m/s.
     pub q: Vec<[f64; 3]>,
-    /// Blocks (i, j, w): û of contact i answered to unit impulses at contact j, 1/kg; those not listed are 0.
+    /// Blocks (i, j, w): response of û of contact i to unit impulses at contact j, 1/kg; those not listed are 0.
     pub blocks: Vec<(usize, usize, [[f64; 3]; 3])>,
     /// Row of the system and frame (n, t, s) of each contact.
     pub rows: Vec<(u32, [Vec3; 3])>,
 }
 
-/// The problem of the rows that can close, in the order of the contacts.
+/// Problem of the rows that can close, in the order of the contacts.
 pub fn stored_problem(system: &ContactProblem, contacts: &[Contact]) -> StoredProblem {
     let rows: Vec<usize> = (0..system.rows.len()).filter(|&k| system.rows[k].can_close).collect();
-    // Through a body that does not move no contact feels another: a floor's are not paired.
+    // Bodies that do not move couple no contacts: the contacts of a floor are not paired.
     let moves = |body: &&u32| system.bodies[**body as usize].inverse_mass > 0.0;
     let mut on_body = vec![Vec::new(); system.bodies.len()];
     for (i, &k) in rows.iter().enumerate() {
@@ -37,7 +37,7 @@ pub fn stored_problem(system: &ContactProblem, contacts: &[Contact]) -> StoredPr
         neighbours.dedup();
         for j in neighbours {
             let other = &contacts[rows[j]].frame();
-            // Column k: what a unit impulse along axis k of contact j does at contact i.
+            // Column k: response at contact i to a unit impulse along axis k of contact j.
             let columns = [0, 1, 2].map(|k| to_local(frame, &velocity_response(system, here, rows[j], &other[k])));
             if columns.iter().any(|column| column.norm_squared() > 0.0) {
                 problem.blocks.push((i, j, [0, 1, 2].map(|a| [0, 1, 2].map(|k| columns[k][a]))));
@@ -69,7 +69,7 @@ mod tests {
     use crate::assemble::{ContactConstraint, SolverBody};
     use crate::math::local_frame;
 
-    /// W r + q is what the bodies' velocities say, for a chain of three spheres on the ground.
+    /// W r + q equals the relative velocities of the bodies, for a chain of three spheres on the ground.
     #[test]
     fn matrix_and_bodies_agree() {
         let record = |k: f64, fixed: f64| SolverBody {

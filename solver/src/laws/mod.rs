@@ -17,11 +17,11 @@
 //! | IQS_MOHR_DS_CLB while bonded over the area S | 0 | 0 | -h c_n S | c_t/c_n |
 //! | the same without a bond | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
 //!
-//! T is the time to the next contact configuration, h but in steps that begin with unforeseen velocities ([`LawInput::closing_time`]).
-//! VEL_SGR_CLB and RST_CLB act on what touches. A pair that the free velocities would close within the step is thrown back at
-//! once, or brought to touch where the law does not throw back or u_n⁻ does not close it; a pair at rest is kept in touch. So
-//! nothing at rest sinks into what carries it. Where other contacts push a pair together that throws back, it overlaps by the
-//! distance d at most, so that restitution acts in the next step.
+//! T is the time to the next contact configuration. It is h except in steps that begin with unforeseen velocities
+//! ([`LawInput::closing_time`]). VEL_SGR_CLB and RST_CLB act on touching contacts. A pair that the free velocities would
+//! close within the step is thrown back at once, or brought to touch where the law does not throw back or u_n⁻ does not close
+//! it; a pair at rest is kept in touch. So bodies at rest do not sink into their support. If other contacts push together a
+//! pair that throws back, it overlaps by the distance d at most, so that restitution acts in the next step.
 //!
 //! u⁻ is the relative velocity at the step's start. Friction acts on r̂_n = r_n + h f: a cohesive
 //! contact slides at mu (r_n/h + f). Names and parameters are those of LMGC90.
@@ -35,31 +35,31 @@
 //! on top: up to mu_r R r̂_n against rolling and mu_s R r̂_n against spinning. Common models have such limits, e.g.
 //! J. Ai et al., Powder Technol. 206 (2011) 269-282; rigid here, without a spring.
 //!
-//! Restitution holds for a contact that was parting, too: thrown back by its neighbours within the step, it may
-//! close at e_n times its speed. So (v⁺ + e v⁻)/(1 + e) is the projection of v⁻ on what the contacts allow, and
-//! several contacts of one e_n give no energy without friction. With friction that holds for a single contact of spheres
-//! only: where a push along the normal turns a body, as the end of a rod, Newton's law may give energy (T.R. Kane,
-//! D.A. Levinson, Dynamics (1985), ch. 5), which the ledger counts as that of friction.
+//! Restitution also applies to a contact that was parting: thrown back by its neighbours within the step, it may close at e_n
+//! times its speed. So (v⁺ + e v⁻)/(1 + e) is the projection of v⁻ on the velocities that the contacts allow, and several
+//! contacts of one e_n give no energy without friction. With friction this is true for a single contact of spheres only: if
+//! an impulse along the normal turns a body, as at the end of a rod, Newton's law may give energy (T.R. Kane, D.A. Levinson,
+//! Dynamics (1985), ch. 5), which the ledger counts as that of friction.
 //!
 //! Sources: M. Jean, Comput. Methods Appl. Mech. Engrg. 177 (1999) 235-257; J.J. Moreau, Unilateral
 //! contact and dry friction in finite freedom dynamics, CISM 302 (1988).
 
 use crate::BARE;
 
-/// When a contact resists, along its normal.
+/// Condition along the normal under which a contact resists.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum UnilateralLaw {
     /// An open gap may close within the step; an interpenetration is kept.
     InelasticShock,
     /// The gap at the step's end is not negative: an interpenetration is pushed out within the step.
     Gap,
-    /// Only once touching, and then without regard to the gap.
+    /// The contact acts only once touching, and then without regard to the gap.
     Velocity,
     /// Newton's restitution.
     Restitution { normal: f64, tangential: f64 },
 }
 
-/// What draws or holds two bodies together.
+/// Attraction or bond between two bodies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Cohesion {
     /// A constant attraction `force` (N) while the gap is at most `range` (m); if `remembers`, only until the gap
@@ -70,10 +70,11 @@ pub enum Cohesion {
     Bond { normal: f64, tangential: f64, now: f64 },
 }
 
-/// Two bodies touch, for a bond, when their gap is at most this share of 1/(1/R_a + 1/R_b).
+/// Largest gap at which two bodies touch, for a bond, over 1/(1/R_a + 1/R_b).
 pub const MAX_TOUCHING_GAP: f64 = 1e-3;
 
-/// The same of laws on the velocity: the corners of a face that lies flat are this near, to rounding.
+/// Largest gap at which two bodies touch, for laws on the velocity, over the same length: the corners of a face that lies
+/// flat are within this gap, to rounding.
 const CLOSED_GAP: f64 = 1e-9;
 
 /// Moments of a contact: at most `rolling` R r̂_n in the tangent plane, opposite to the rolling, and
@@ -95,16 +96,16 @@ pub struct ContactLaw {
     pub rolling: Option<RollingFriction>,
 }
 
-/// What a law looks at in one contact and step.
+/// Input of a law for one contact and step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LawInput {
-    /// m
+    /// Gap, m.
     pub gap: f64,
     /// Length of the step, s.
     pub h: f64,
     /// Time to the next contact configuration, s.
     pub closing_time: f64,
-    /// What is known of an open gap, for laws that act on what touches.
+    /// Forecast of an open gap, for laws that act on touching contacts.
     pub gap_forecast: GapForecast,
     /// Normal relative velocity at the step's start, m/s, > 0 parting.
     pub u_n: f64,
@@ -115,13 +116,13 @@ pub struct LawInput {
     pub bonded: bool,
 }
 
-/// What is known of the open gap of a pair until the next contact configuration.
+/// Forecast of the open gap of a pair until the next contact configuration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum GapForecast {
-    /// The free velocities leave it open; others may push it together, to an overlap of at most `depth` (m).
+    /// The free velocities leave it open; other contacts may push the pair together, to an overlap of at most `depth` (m).
     Apart { depth: f64 },
-    /// The pair rests: it has pushed in the last step and hardly moves, or what forces change in this step closes its gap and
-    /// is more than its speed.
+    /// The pair rests. Either it carried an impulse in the last step and hardly moves, or the change of velocity by forces in
+    /// this step closes its gap and exceeds its speed.
     Resting,
     /// Two spheres approach but miss each other.
     Passing,
@@ -132,22 +133,22 @@ pub enum GapForecast {
 /// Overlap that other contacts may bring in a step to a pair that throws back, over the size of the pair.
 pub const MAX_STEP_OVERLAP: f64 = 0.1;
 
-/// What a law adds to the standard problem of one contact in one step.
+/// Terms that a law adds to the standard problem of one contact in one step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LawShift {
-    /// Added to u_n, m/s.
+    /// Shift of u_n, m/s.
     pub normal: f64,
-    /// û_T = u_T + tangential u_T⁻.
+    /// Factor of the tangential shift: û_T = u_T + tangential u_T⁻.
     pub tangential: f64,
-    /// c = r_n - r̂_n, N s; negative for an attraction.
+    /// Impulse shift c = r_n - r̂_n, N s; negative for an attraction.
     pub impulse: f64,
     pub friction: f64,
-    /// Whether the contact is among those that are solved from the first, if it can close; else it is taken in if others push it
-    /// together.
+    /// Whether the contact, if it can close, is solved from the first sweep; otherwise it is included if other contacts push
+    /// it together.
     pub solved: bool,
 }
 
-/// The parameters that a law is read from, in the order of TACT_BEHAV.DAT.
+/// Names and parameters of the laws, in the order of TACT_BEHAV.DAT.
 pub const LAW_KINDS: [&str; 11] = [
     "IQS_CLB",
     "IQS_DS_CLB",
@@ -163,7 +164,8 @@ pub const LAW_KINDS: [&str; 11] = [
 ];
 
 impl ContactLaw {
-    /// The law named `kind` in TACT_BEHAV.DAT; none when it is not one of [`LAW_KINDS`] with that number of parameters.
+    /// Returns the law named `kind` in TACT_BEHAV.DAT; `None` if it is not one of [`LAW_KINDS`] with that number of
+    /// parameters.
     pub fn new(kind: &str, parameters: &[f64]) -> Option<ContactLaw> {
         use UnilateralLaw::*;
         let law = |unilateral, cohesion, dynamic, fixed| ContactLaw {
@@ -197,7 +199,7 @@ impl ContactLaw {
         })
     }
 
-    /// What is wrong with the parameters, if anything.
+    /// Name and value of an invalid parameter, if there is one.
     pub fn invalid_parameter(&self) -> Option<(&'static str, f64)> {
         let restitution = match self.unilateral {
             UnilateralLaw::Restitution { normal, tangential } => {
@@ -207,7 +209,7 @@ impl ContactLaw {
         };
         let cohesion = match self.cohesion {
             Some(Cohesion::Wet { force, range, .. }) => [("cohesive force", force), ("cohesive range", range)],
-            // Shear without traction has no cone to stand on.
+            // Shear without traction has no friction cone.
             Some(Cohesion::Bond { normal: 0.0, tangential, .. }) if tangential > 0.0 => {
                 return Some(("no normal cohesion, but tangential cohesion", tangential));
             }
@@ -228,13 +230,13 @@ impl ContactLaw {
             .or(excess.then_some(("dynamic friction", self.friction_dynamic)))
     }
 
-    /// The law's shifts for a contact; none when it cannot act in this step.
+    /// Returns the law's shifts for a contact; `None` if it cannot act in this step.
     #[inline]
     pub fn contact_shift(&self, at: &LawInput) -> Option<LawShift> {
         let LawInput { gap, h, closing_time: reach, u_n, .. } = *at;
         let mut solved = true;
         let (normal, tangential) = match self.unilateral {
-            // What bonds hold is rigid: where they are more than it takes, they cannot close what errors have opened.
+            // Bonds are rigid: a redundant set of bonds cannot close gaps opened by errors.
             UnilateralLaw::InelasticShock if at.bonded && matches!(self.cohesion, Some(Cohesion::Bond { .. })) => {
                 (0.0, 0.0)
             }
@@ -270,32 +272,32 @@ impl ContactLaw {
         Some(LawShift { normal, tangential, impulse: 0.0 - h * attraction, friction, solved })
     }
 
-    /// Whether a contact of a law that acts on what touches does so, to rounding.
+    /// Whether a contact of a law that acts on touching contacts is closed, to rounding.
     fn is_closed(&self, at: &LawInput) -> bool {
         at.gap <= CLOSED_GAP * at.radius
     }
 
-    /// Whether a pair that is due is thrown back: the velocity of the start alone closes it.
+    /// Whether an approaching pair is thrown back: the velocity at the start alone closes it.
     pub fn throws_back(&self, at: &LawInput) -> bool {
         self.has_restitution() && at.gap_forecast == GapForecast::Due && at.gap < -at.closing_time * at.u_n
     }
 
-    /// Whether friction is less for what slides.
+    /// Whether dynamic friction differs from static friction.
     pub fn has_two_frictions(&self) -> bool {
         self.friction_static != self.friction_dynamic
     }
 
-    /// Whether the law acts on what touches.
+    /// Whether the law acts on touching contacts.
     pub fn acts_on_touch(&self) -> bool {
         matches!(self.unilateral, UnilateralLaw::Velocity | UnilateralLaw::Restitution { .. })
     }
 
-    /// The cohesion that steps see.
+    /// Cohesion in effect in a step.
     pub fn cohesion(&self) -> Option<Cohesion> {
         if BARE { None } else { self.cohesion }
     }
 
-    /// The resistance to rolling that steps see.
+    /// Rolling friction in effect in a step.
     pub fn rolling_friction(&self) -> Option<RollingFriction> {
         if BARE { None } else { self.rolling }
     }
@@ -305,17 +307,17 @@ impl ContactLaw {
         matches!(self.cohesion(), Some(Cohesion::Bond { .. } | Cohesion::Wet { remembers: true, .. }))
     }
 
-    /// Whether bonds hold their bodies together as one: what a liquid bridge or a bond without shear joins slides and rolls.
+    /// Whether bonds join their bodies rigidly: bodies joined by a liquid bridge or a bond without shear slide and roll.
     pub fn bonds_are_rigid(&self) -> bool {
         matches!(self.cohesion(), Some(Cohesion::Bond { tangential, .. }) if tangential > 0.0)
     }
 
-    /// Whether a contact's history decides more than its friction, or holds more than its impulse.
+    /// Whether a contact's history determines more than its friction, or includes more than its impulse.
     pub fn has_memory(&self) -> bool {
         self.can_bond() || self.rolling_friction().is_some()
     }
 
-    /// The gap that a bond made now has (m); none where the law makes no bonds or the two do not touch.
+    /// Gap of a bond made now, m; `None` if the law makes no bonds or the two bodies do not touch.
     pub fn bond_gap(&self, gap: f64, radius: f64) -> Option<f64> {
         match self.cohesion() {
             Some(Cohesion::Wet { range, remembers: true, .. }) if gap <= range => Some(self.bonded_at(gap)),
@@ -326,12 +328,12 @@ impl ContactLaw {
         }
     }
 
-    /// The gap that a bond made at `gap` keeps, m: a liquid bridge lets the two touch.
+    /// Gap that a bond made at `gap` keeps, m: a liquid bridge lets the two touch.
     pub fn bonded_at(&self, gap: f64) -> f64 {
         if matches!(self.cohesion(), Some(Cohesion::Wet { .. })) { 0.0 } else { gap }
     }
 
-    /// Whether a bond outlives a step in which the contact, of this gap where it was looked for, has parted or slid.
+    /// Whether a bond outlives a step in which the contact, with this gap at detection, has parted or slid.
     pub fn keeps_bond(&self, gap: f64, parted: bool, slid: bool) -> bool {
         match self.cohesion() {
             Some(Cohesion::Wet { range, .. }) => gap <= range,
@@ -341,12 +343,12 @@ impl ContactLaw {
         }
     }
 
-    /// Whether a contact throws back.
+    /// Whether the law has restitution.
     pub fn has_restitution(&self) -> bool {
         matches!(self.unilateral, UnilateralLaw::Restitution { normal, .. } if normal > 0.0)
     }
 
-    /// Whether contacts lose bonds that hold, or static friction, once they move.
+    /// Whether moving contacts lose an active bond or static friction.
     pub fn has_irreversible_loss(&self) -> bool {
         self.has_two_frictions() || matches!(self.cohesion(), Some(Cohesion::Bond { .. }))
     }
@@ -363,13 +365,13 @@ impl ContactLaw {
     pub fn interaction_range(&self, radius: f64) -> f64 {
         match self.cohesion() {
             Some(Cohesion::Wet { range, .. }) => range,
-            // Twice, for what an unfinished solution lets a bond part.
+            // Factor 2 for bonds that an unconverged solution lets part.
             Some(Cohesion::Bond { .. }) => 2.0 * MAX_TOUCHING_GAP * radius,
             None => 0.0,
         }
     }
 
-    /// Greatest gap at which an area of contact counts, m: beyond it nothing carries a cohesion that is a stress.
+    /// Largest gap at which an area of contact counts, m: beyond it no cohesive stress acts.
     pub fn range_of_stress(&self, radius: f64) -> f64 {
         if self.has_stress() { self.interaction_range(radius) } else { f64::INFINITY }
     }
@@ -384,8 +386,8 @@ impl ContactLaw {
         (self.friction_static, self.friction_dynamic) = (friction, friction);
     }
 
-    /// Gives the cohesion a new value, N or Pa; that of a bond in shear changes in proportion. False where the law
-    /// has none to change.
+    /// Gives the cohesion a new value, N or Pa; that of a bond in shear changes in proportion. Returns false if the law has
+    /// no cohesion.
     pub fn set_cohesion(&mut self, value: f64) -> bool {
         match &mut self.cohesion {
             Some(Cohesion::Wet { force, .. }) => *force = value,
@@ -464,7 +466,7 @@ mod tests {
         let due = |u_n| LawInput { gap: 1.0, u_n, gap_forecast: GapForecast::Due, ..touching() };
         let thrown = LawShift { normal: -2.0, tangential: 0.25, ..acting() };
         assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).contact_shift(&due(-4.0)), Some(thrown));
-        // 1 m in 0.5 s: to touch, where nothing is thrown back or the velocity of the start does not close it.
+        // 1 m in 0.5 s: to touch, where the law does not throw back or the velocity at the start does not close it.
         let touches = Some(LawShift { normal: 2.0, ..acting() });
         assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).contact_shift(&due(-1.9)), touches);
         assert_eq!(law("RST_CLB", &[0.0, 0.25, 0.0]).contact_shift(&due(-4.0)), touches);
@@ -506,7 +508,7 @@ mod tests {
         let at = LawInput { bonded: true, ..touching() };
         let twice = ContactLaw::new("IQS_MOHR_DS_CLB", &[20.0, 10.0, 0.4, 0.4]).unwrap();
         assert_eq!(mohr.contact_shift(&at), twice.contact_shift(&at));
-        // Nothing holds any longer, and what is stronger again holds what is bonded anew.
+        // No bond is left, and a new cohesion acts on contacts bonded later.
         assert!(mohr.set_cohesion(0.0));
         assert_eq!(mohr.contact_shift(&at), Some(LawShift { friction: 0.4, ..acting() }));
         assert_eq!((mohr.bond_gap(0.0, 2.0), mohr.keeps_bond(0.0, false, false)), (None, false));

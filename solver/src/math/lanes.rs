@@ -1,43 +1,43 @@
-//! The same arithmetic on 8, 4 or 1 numbers at a time (16, 8 or 1 of single precision), chosen when the program runs.
-//! Every operation is written once, in one order and with explicit fused multiply-add, so all widths give the same bits.
+//! The same arithmetic on 8, 4 or 1 numbers at a time (16, 8 or 1 in single precision), chosen at run time. Every operation
+//! is written once, in one order and with explicit fused multiply-add, so all widths give the same bits.
 
 use std::ops::{Add, Sub};
 
 use bytemuck::{Pod, Zeroable};
 use pulp::NullaryFnOnce;
 
-/// Eight numbers on one cache line: what a sweep keeps of a body.
+/// Eight numbers on one cache line: the data of a body in a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct BodyLine(pub [f64; 8]);
 
-/// Four numbers, half a cache line: what a sweep without friction keeps of a body.
+/// Four numbers, half a cache line: the data of a body in a sweep without friction.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(32))]
 pub struct BodyHalfLine(pub [f64; 4]);
 
-/// What a sweep in single precision keeps of a body, as [`BodyLine`].
+/// The data of a body in a sweep in single precision, as [`BodyLine`].
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(32))]
 pub struct BodyLineF32(pub [f32; 8]);
 
-/// The same as [`BodyHalfLine`].
+/// The data of a body in a sweep in single precision without friction, as [`BodyHalfLine`].
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(16))]
 pub struct BodyHalfLineF32(pub [f32; 4]);
 
-/// Numbers of double or of single precision.
+/// Numbers in double or single precision.
 pub trait LaneFloat: Pod + Default + Send + Sync + Add<Output = Self> + Sub<Output = Self> {
-    /// Eight and four of them that lie together.
+    /// Eight and four consecutive numbers.
     type Line: Pod;
     type Half: Pod;
 
     const ZERO: Self;
     const IS_SINGLE: bool;
-    /// About the root of what numbers near 1 are apart.
+    /// Approximate square root of the spacing of numbers near 1.
     const SQRT_EPSILON: f64;
 
-    /// The nearest to `x`.
+    /// Nearest number to `x`.
     fn from_f64(x: f64) -> Self;
     fn to_f64(self) -> f64;
     /// a self + b, rounded once.
@@ -94,17 +94,17 @@ pub trait Arithmetic: Copy + Send + Sync {
     const WIDTH: usize;
     type V: Copy + Send;
 
-    /// Runs `op` compiled for this instruction set; what it calls must be inlined into it.
+    /// Runs `op` compiled for this instruction set; functions that it calls must be inlined into it.
     fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output;
 
-    /// Asks for what `x` occupies, so that it is in the second cache when it is read: the wait for far memory passes with
-    /// other work. A little at a time is best, as no more than some tens of lines can be on their way. Into the first cache
-    /// it would drive out what is being worked on.
+    /// Prefetches the memory of `x` into the L2 cache, so that the latency of far memory overlaps with other work. Small
+    /// requests are best, as only some tens of lines can be in flight. A prefetch into the L1 cache would evict the data in
+    /// use.
     fn prefetch<X: ?Sized>(self, x: &X);
 
-    /// The number nearest to `x`.
+    /// Nearest number to `x` in all lanes.
     fn splat(self, x: f64) -> Self::V;
-    /// The first `WIDTH` numbers of `x`.
+    /// First `WIDTH` numbers of `x`.
     fn load(self, x: &[Self::T]) -> Self::V;
     fn store(self, x: &mut [Self::T], v: Self::V);
     fn add(self, a: Self::V, b: Self::V) -> Self::V;
@@ -123,17 +123,17 @@ pub trait Arithmetic: Copy + Send + Sync {
     fn neg_mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
     /// `a` where x > y, else `b`.
     fn select_greater(self, x: Self::V, y: Self::V, a: Self::V, b: Self::V) -> Self::V;
-    /// Bit k is set where x > y in lane k.
+    /// Mask with bit k set where x > y in lane k.
     fn mask_greater(self, x: Self::V, y: Self::V) -> u32;
-    /// The smaller; `b` where they are equal.
+    /// The smaller one; `b` if they are equal.
     fn min(self, a: Self::V, b: Self::V) -> Self::V;
-    /// Component k of the `WIDTH` lines named by `index`, for each k.
+    /// Component k of the `WIDTH` lines given by `index`, for each k.
     fn gather_lines(self, lines: &[[Self::T; 8]], index: &[u32]) -> [Self::V; 8];
-    /// The reverse; two equal indices must bring equal lines.
+    /// Writes the lines given by `index`, the inverse of [`Self::gather_lines`]; equal indices must have equal lines.
     fn scatter_lines(self, lines: &mut [[Self::T; 8]], index: &[u32], columns: [Self::V; 8]);
-    /// Of pairs of lines, the difference a - b of the first three components and the sums of the others.
+    /// Difference a - b of the first three components and sums of the others, for pairs of lines.
     fn relative_velocity(self, lines: &[<Self::T as LaneFloat>::Line], a: &[u32], b: &[u32]) -> [Self::V; 8];
-    /// With lines (v, p, w, q): adds p f to v of a and takes it from v of b; adds q g to w of both.
+    /// With lines (v, p, w, q): adds p f to v of a and subtracts it from v of b; adds q g to w of both.
     fn apply_impulse(
         self,
         lines: &mut [<Self::T as LaneFloat>::Line],
@@ -142,25 +142,25 @@ pub trait Arithmetic: Copy + Send + Sync {
         f: [Self::V; 3],
         g: [Self::V; 3],
     );
-    /// `relative` of halves: the first four components.
+    /// [`Self::relative_velocity`] for half lines: the first four components.
     fn relative_half_velocity(self, halves: &[<Self::T as LaneFloat>::Half], a: &[u32], b: &[u32]) -> [Self::V; 4];
-    /// `push` on halves (v, p).
+    /// [`Self::apply_impulse`] for half lines (v, p).
     fn apply_half_impulse(self, halves: &mut [<Self::T as LaneFloat>::Half], a: &[u32], b: &[u32], f: [Self::V; 3]);
 }
 
 /// Arithmetic in double precision.
 pub trait F64Arithmetic: Arithmetic<T = f64> {
-    /// The smallest of all lanes.
+    /// Smallest number of all lanes.
     fn min_lane(self, a: Self::V) -> f64;
 }
 
-/// The same for numbers of single precision.
+/// Arithmetic in single precision.
 pub trait F32Arithmetic: F64Arithmetic {
     const WIDTH_F32: usize;
     type S: Copy + Send;
 
     fn splat_f32(self, x: f32) -> Self::S;
-    /// The first `WIDTH_F32` numbers of `x`.
+    /// First `WIDTH_F32` numbers of `x`.
     fn load_f32(self, x: &[f32]) -> Self::S;
     fn store_f32(self, x: &mut [f32], v: Self::S);
     fn add_f32(self, a: Self::S, b: Self::S) -> Self::S;
@@ -177,10 +177,10 @@ pub trait F32Arithmetic: F64Arithmetic {
     fn mask_greater_f32(self, x: Self::S, y: Self::S) -> u32;
     /// `a` where a < b, else `b`.
     fn min_f32(self, a: Self::S, b: Self::S) -> Self::S;
-    /// The number whose bits are those of `magic` less half those of `a`, as whole numbers: near a^(-1/2) but for a
-    /// factor, and the same on every machine, as instructions that estimate a root are not.
+    /// Number whose bits are those of `magic` minus half those of `a`, as integers: approximately proportional to a^(-1/2).
+    /// It is the same on every machine, unlike the results of instructions that estimate a root.
     fn rsqrt_seed_f32(self, magic: u32, a: Self::S) -> Self::S;
-    /// As [`Arithmetic::gather_lines`] and what follows it.
+    /// [`Arithmetic::gather_lines`] in single precision; the following functions correspond likewise.
     fn gather_f32(self, lines: &[[f32; 8]], index: &[u32]) -> [Self::S; 8];
     fn scatter_f32(self, lines: &mut [[f32; 8]], index: &[u32], columns: [Self::S; 8]);
     fn relative_velocity_f32(self, lines: &[BodyLineF32], a: &[u32], b: &[u32]) -> [Self::S; 8];
@@ -189,7 +189,7 @@ pub trait F32Arithmetic: F64Arithmetic {
     fn apply_half_impulse_f32(self, halves: &mut [BodyHalfLineF32], a: &[u32], b: &[u32], f: [Self::S; 3]);
 }
 
-/// The single precision of these lanes by itself.
+/// The single-precision arithmetic of these lanes as [`Arithmetic`].
 #[derive(Debug, Clone, Copy)]
 pub struct F32Lanes<L>(pub L);
 
@@ -285,7 +285,7 @@ impl<L: F32Arithmetic> Arithmetic for F32Lanes<L> {
     }
 }
 
-/// Two vectors side by side: while one waits for a quotient or a root, the other goes on.
+/// Two vectors at once: while one waits for a quotient or a root, the other is computed.
 #[derive(Debug, Clone, Copy)]
 pub struct DoubleWidth<L>(pub L);
 
@@ -426,7 +426,7 @@ fn unzip_halves<V: Copy, const N: usize>(both: [[V; 2]; N]) -> [[V; N]; 2] {
     sides
 }
 
-/// How many numbers are worked on at once; never changes a result.
+/// Number of lanes; it never changes a result.
 #[derive(Debug, Clone, Copy)]
 pub enum SimdWidth {
     One(Scalar),
@@ -437,7 +437,7 @@ pub enum SimdWidth {
 }
 
 impl SimdWidth {
-    /// The widest that this machine has.
+    /// The largest width of this machine.
     pub fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
         if let Some(wide) =
@@ -448,7 +448,7 @@ impl SimdWidth {
         SimdWidth::One(Scalar)
     }
 
-    /// Every width that this machine has, narrowest first.
+    /// All widths of this machine, smallest first.
     pub fn all_widths() -> Vec<Self> {
         let mut all = vec![SimdWidth::One(Scalar)];
         #[cfg(target_arch = "x86_64")]
@@ -459,7 +459,7 @@ impl SimdWidth {
         all
     }
 
-    /// See [`Arithmetic::prefetch`].
+    /// Prefetches `x`, see [`Arithmetic::prefetch`].
     #[inline(always)]
     pub fn prefetch<X: ?Sized>(self, x: &X) {
         match self {
@@ -472,7 +472,7 @@ impl SimdWidth {
     }
 }
 
-/// What [`Arithmetic`] says of one pair of bodies, under these names.
+/// Functions of [`Arithmetic`] for one pair of bodies, under these names.
 macro_rules! one_pair {
     ($number:ty, $line:ty, $half:ty, $relative:ident, $push:ident, $relative_half:ident, $push_half:ident) => {
         #[inline(always)]
@@ -507,7 +507,7 @@ macro_rules! one_pair {
     };
 }
 
-/// One at a time: any machine.
+/// One number at a time: any machine.
 #[derive(Debug, Clone, Copy)]
 pub struct Scalar;
 
@@ -698,7 +698,8 @@ mod x86 {
 
     const SIGNS_F32: [f32; 8] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
 
-    /// Of two vectors of sixteen, the first half of quarters in turn, and the second, as pairs of numbers.
+    /// Indices that take, from two vectors of sixteen, the first half of quarters alternately, and the second half, as pairs
+    /// of numbers.
     const FIRST_QUARTERS: [u64; 8] = [0, 1, 8, 9, 2, 3, 10, 11];
     const LAST_QUARTERS: [u64; 8] = [4, 5, 12, 13, 6, 7, 14, 15];
 
@@ -707,7 +708,7 @@ mod x86 {
 
     #[inline(always)]
     fn first_eight(x: &[f64]) -> [f64; 8] {
-        // One check of the length, so that it is one load.
+        // One check of the length, so that it compiles to one load.
         let x: &[f64; 8] = x[..8].try_into().unwrap_or(&[f64::NAN; 8]);
         *x
     }
@@ -726,13 +727,13 @@ mod x86 {
             sse._mm_prefetch::<_MM_HINT_T1>(start.wrapping_add(byte));
             byte += size_of::<BodyLine>();
         }
-        // What does not begin with a line may end in one more.
+        // Memory that does not begin with a line may extend over one more.
         if align_of_val(x) < align_of::<BodyLine>() {
             sse._mm_prefetch::<_MM_HINT_T1>(start.wrapping_add(size.saturating_sub(1)));
         }
     }
 
-    /// Eight at a time, AVX-512.
+    /// Eight numbers at a time, AVX-512.
     impl Arithmetic for V4 {
         type T = f64;
         const WIDTH: usize = 8;
@@ -843,7 +844,7 @@ mod x86 {
         fn relative_half_velocity(self, halves: &[BodyHalfLine], a: &[u32], b: &[u32]) -> [__m512d; 4] {
             let avx = self.avx512f;
             let signs: __m512d = cast([-1.0, -1.0, -1.0, 1.0, -1.0, -1.0, -1.0, 1.0]);
-            // Rows 0 and 2, 1 and 3 ... so that the unpacked pairs come out in order.
+            // Rows 0 and 2, 1 and 3 ... so that the unpacked pairs are in order.
             let mut pairs = [self.splat(0.0); 4];
             for (k, pair) in pairs.iter_mut().enumerate() {
                 let first = k % 2 + 4 * (k / 2);
@@ -865,7 +866,7 @@ mod x86 {
         fn apply_half_impulse(self, halves: &mut [BodyHalfLine], a: &[u32], b: &[u32], f: [__m512d; 3]) {
             let avx = self.avx512f;
             let zero = self.splat(0.0);
-            // Halves of the even rows and of the odd ones; two rows side by side; rows.
+            // Halves of the even rows and of the odd ones; pairs of rows; rows.
             let (e, o) = (avx._mm512_unpacklo_pd(f[0], f[1]), avx._mm512_unpackhi_pd(f[0], f[1]));
             let (z, p) = (avx._mm512_unpacklo_pd(f[2], zero), avx._mm512_unpackhi_pd(f[2], zero));
             let (e02, e46) = (avx._mm512_shuffle_f64x2::<0x44>(e, z), avx._mm512_shuffle_f64x2::<0xee>(e, z));
@@ -972,7 +973,7 @@ mod x86 {
         #[inline(always)]
         fn scatter_f32(self, lines: &mut [[f32; 8]], index: &[u32], columns: [__m512; 8]) {
             let avx = self.avx512f;
-            // Quarters of the columns of one half and of the other in turn, as in `push_f32`.
+            // Quarters of the columns of one half and of the other alternately, as in `apply_impulse_f32`.
             let (first, last): (__m512i, __m512i) = (cast(FIRST_QUARTERS), cast(LAST_QUARTERS));
             let zero = self.splat_f32(0.0);
             let (mut low, mut high) = ([zero; 4], [zero; 4]);
@@ -992,7 +993,7 @@ mod x86 {
         #[inline(always)]
         fn relative_velocity_f32(self, lines: &[BodyLineF32], a: &[u32], b: &[u32]) -> [__m512; 8] {
             let signs: __m512 = cast([SIGNS_F32, SIGNS_F32]);
-            // Rows k and k + 4 side by side, so that quarters come out in order.
+            // Rows k and k + 4 in one vector, so that quarters are in order.
             let mut r = [self.splat_f32(0.0); 8];
             for (k, r) in r.iter_mut().enumerate() {
                 let row = k % 4 + 8 * (k / 4);
@@ -1005,7 +1006,7 @@ mod x86 {
         #[inline(always)]
         fn apply_impulse_f32(self, lines: &mut [BodyLineF32], a: &[u32], b: &[u32], f: [__m512; 3], g: [__m512; 3]) {
             let avx = self.avx512f;
-            // Quarters of f and of g in turn: the first and second of both, the third and fourth.
+            // Quarters of f and of g alternately: the first and second of both, the third and fourth.
             let (first, last): (__m512i, __m512i) = (cast(FIRST_QUARTERS), cast(LAST_QUARTERS));
             let zero = self.splat_f32(0.0);
             let (mut low, mut high) = ([zero; 4], [zero; 4]);
@@ -1050,7 +1051,7 @@ mod x86 {
         }
     }
 
-    /// Columns of sixteen rows: of rows k and k + 4 side by side, k = 0 to 3, then of k = 8 to 11.
+    /// Columns of sixteen rows: rows k and k + 4 share a vector for k = 0 to 3, then for k = 8 to 11.
     #[inline(always)]
     fn columns_of_sixteen(simd: V4, r: [__m512; 8]) -> [__m512; 8] {
         let avx = simd.avx512f;
@@ -1109,7 +1110,7 @@ mod x86 {
         ]
     }
 
-    /// Four at a time, AVX2 and FMA.
+    /// Four numbers at a time, AVX2 and FMA.
     impl Arithmetic for V3 {
         type T = f64;
         const WIDTH: usize = 4;
@@ -1257,7 +1258,7 @@ mod x86 {
         simd.store(half, simd.mul_add(simd.splat(half[3]), f, cast(first_four(half))));
     }
 
-    /// Takes p f from v of (v, p).
+    /// Subtracts p f from v of (v, p).
     #[inline(always)]
     fn subtract_from_slice(simd: V3, half: &mut [f64], f: __m256d) {
         simd.store(half, simd.neg_mul_add(simd.splat(half[3]), f, cast(first_four(half))));
@@ -1422,7 +1423,7 @@ mod x86 {
         ]
     }
 
-    /// [`Arithmetic::apply_impulse`] of one pair, f and g side by side.
+    /// [`Arithmetic::apply_impulse`] of one pair, with f and g in one vector.
     #[inline(always)]
     fn push_row(simd: V3, lines: &mut [BodyLineF32], a: usize, b: usize, row: __m256) {
         let line: __m256 = cast(lines[a].0);
@@ -1504,7 +1505,7 @@ mod tests {
         assert_eq!(got, expected);
     }
 
-    /// What is read of a pair of lines, and what is written, in numbers.
+    /// Relative velocities read from a pair of lines, and velocities written, in numbers.
     #[test]
     fn pairs_of_lines() {
         let mut lines =
@@ -1515,7 +1516,7 @@ mod tests {
         assert_eq!(lines[1].0, [5.0, 5.0, -4.0, 1.0, 5.0, 2.0, -1.0, 4.0]);
     }
 
-    /// The same for single precision.
+    /// As [`agrees`], for single precision.
     fn agrees_f32<L: F32Arithmetic>(lanes: L) {
         struct Op<'a, L> {
             l: L,
@@ -1541,7 +1542,7 @@ mod tests {
         assert_eq!(got, expected);
     }
 
-    /// The same for bodies in single precision.
+    /// As [`agrees`], for bodies in single precision.
     fn agrees_on_short_bodies<L: F32Arithmetic>(lanes: L) {
         struct Op<'a, L> {
             l: L,

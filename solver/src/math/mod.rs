@@ -1,4 +1,4 @@
-//! Kernel: vectors, rotations, orthonormal frames, order in space.
+//! Kernel: vectors, rotations, orthonormal frames, spatial order.
 
 pub mod lanes;
 pub mod morton;
@@ -11,8 +11,8 @@ pub type Vec3 = Vector3<f64>;
 pub type Mat3 = Matrix3<f64>;
 pub type Quat = UnitQuaternion<f64>;
 
-/// The length of `v`: that of nalgebra, to the bit, which takes its root by an instruction that makes code of wide vectors
-/// around it wait for 150 cycles.
+/// Length of `v`. It equals that of nalgebra to the bit, which computes the root by an instruction that makes surrounding
+/// code of wide vectors wait for 150 cycles.
 #[inline(always)]
 pub fn vector_length(v: &Vec3) -> f64 {
     v.norm_squared().sqrt()
@@ -42,15 +42,15 @@ pub fn to_local(frame: &[Vec3; 3], vector: &Vec3) -> Vec3 {
     Vec3::new(frame[0].dot(vector), frame[1].dot(vector), frame[2].dot(vector))
 }
 
-/// The vector with `components` along the rows of `frame`.
+/// Vector with `components` along the rows of `frame`.
 pub fn to_world(frame: &[Vec3; 3], components: &Vec3) -> Vec3 {
     frame[0] * components.x + frame[1] * components.y + frame[2] * components.z
 }
 
-/// Squares of angles up to which four terms of cosine and sine are exact to round-off: (0.01/4)^4/8! < 1e-15.
+/// Square of the angle up to which four terms of cosine and sine are exact to round-off: (0.01/4)^4/8! < 1e-15.
 const MAX_SERIES_ANGLE_SQUARED: f64 = 0.01;
 
-/// The orientation `q` after a rotation by the vector `angle` (rad, world frame), of unit norm to round-off.
+/// Orientation `q` after a rotation by the vector `angle` (rad, world frame), of unit norm to round-off.
 pub fn rotate_by_vector(q: &Quat, angle: &Vec3) -> Quat {
     // cos(a/2) and sin(a/2)/a.
     let a2 = angle.norm_squared();
@@ -65,16 +65,16 @@ pub fn rotate_by_vector(q: &Quat, angle: &Vec3) -> Quat {
     };
     let v = angle * sinc;
     let turned = Quaternion::new(cos, v.x, v.y, v.z) * q.into_inner();
-    // A step of Newton for 1/sqrt, which a norm so near 1 leaves exact to round-off.
+    // A Newton step for 1/sqrt, exact to round-off for a norm so near 1.
     let off = turned.norm_squared() - 1.0;
     if off.abs() < 1e-8 { Quat::new_unchecked(turned * (1.0 - 0.5 * off)) } else { Quat::new_normalize(turned) }
 }
 
-/// Items of a loop of little work each, of which a task takes at least so many.
+/// Smallest number of items per task, for loops of little work per item.
 pub const PAR_MIN_LEN: usize = 2048;
 
-/// Places 0.. of `keys` grouped by key (each below `groups`) and in order within a group, and where
-/// each group starts, with the end of the last: a sort by counting.
+/// Indices 0.. of `keys` grouped by key (each below `groups`) and in order within a group, and the start of each group with
+/// the end of the last: a counting sort.
 ///
 /// ```
 /// # use cd_solve::math::group_by_key;

@@ -1,4 +1,4 @@
-//! Points along Morton's curve: what is near on it is near in space.
+//! Order of points along Morton's curve: points near on it are near in space.
 
 use rayon::prelude::*;
 
@@ -7,24 +7,24 @@ use super::Vec3;
 /// Bits of a key along each axis.
 const AXIS_BITS: u32 = 21;
 
-/// Points that a task treats alike, one after the other.
+/// Points per task.
 pub const POINTS_PER_TASK: usize = 1 << 14;
 
-/// A point, and where it is on the curve.
+/// A point with its position on the curve.
 #[derive(Clone, Copy)]
 pub struct MortonKey {
     pub key: u64,
     pub index: u32,
 }
 
-/// `count` points, not yet on a curve. They start in the order `about`, if that has as many: one that is near to theirs
-/// takes less time to sort, and no order changes the result.
+/// `count` points, not yet on a curve. They start in the order `about`, if it has this length: a nearly sorted order reduces
+/// the time to sort, and no order changes the result.
 pub fn unsorted_keys(count: usize, about: &[u32]) -> Vec<MortonKey> {
     let key = |index| MortonKey { key: 0, index };
     if about.len() == count { about.iter().copied().map(key).collect() } else { (0..count as u32).map(key).collect() }
 }
 
-/// The points along the curve, from an order that may be near to theirs.
+/// Points along the curve; `about` is an approximate order.
 pub fn morton_order(positions: &[Vec3], about: &[u32]) -> Vec<u32> {
     let mut keys = unsorted_keys(positions.len(), about);
     if !positions.is_empty() {
@@ -33,7 +33,7 @@ pub fn morton_order(positions: &[Vec3], about: &[u32]) -> Vec<u32> {
     keys.into_iter().map(|key| key.index).collect()
 }
 
-/// Where a point comes among others.
+/// Sort key of a point: its position on the curve, then its index.
 fn sort_key(key: &MortonKey) -> (u64, u32) {
     (key.key, key.index)
 }
@@ -47,8 +47,8 @@ fn spread_bits(x: u64) -> u64 {
     (x | x << 2) & 0x1249_2492_4924_9249
 }
 
-/// Gives `keys` their points' places on the curve through the cube around them, and sorts them by these and their index;
-/// false if all points coincide.
+/// Gives `keys` their points' positions on the curve through the cube around them, and sorts them by these and their index.
+/// Returns false if all points coincide.
 pub fn sort_keys(keys: &mut [MortonKey], positions: &[Vec3]) -> bool {
     let bounds = |keys: &[MortonKey]| {
         let none = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
@@ -77,7 +77,7 @@ pub fn sort_keys(keys: &mut [MortonKey], positions: &[Vec3]) -> bool {
     true
 }
 
-/// Moves each key down to its place, as long as they are moved by one place each in the mean; false if that was not enough.
+/// Sorts by insertion, as long as keys move by at most one position on average; returns false if that was not enough.
 fn try_insertion_sort(keys: &mut [MortonKey]) -> bool {
     let mut moved = 0;
     for i in 1..keys.len() {
@@ -96,7 +96,7 @@ fn try_insertion_sort(keys: &mut [MortonKey]) -> bool {
     true
 }
 
-/// Sorts as many `parts` side by side and merges them, in `keys` or `into` the other, which has the same content. The
+/// Sorts `parts` parts in parallel and merges them, in `keys` or, if `into`, in `other`, which has the same content. The
 /// result does not depend on the parts: no two keys are equal in key and index.
 fn merge_sort(keys: &mut [MortonKey], other: &mut [MortonKey], parts: usize, into: bool) {
     if parts <= 1 {
@@ -133,7 +133,7 @@ fn merge_runs(one: &[MortonKey], two: &[MortonKey], out: &mut [MortonKey]) {
     }
 }
 
-/// Sorts by key: by counting over the first bits, then by comparison among the few whose first bits agree.
+/// Sorts by key: by counting over the first bits, then by comparison among keys with equal first bits.
 fn radix_sort(keys: &mut [MortonKey], other: &mut [MortonKey]) {
     const DIGIT: u32 = 11;
     const LOWEST: u32 = 3 * AXIS_BITS - 3 * DIGIT;
@@ -175,7 +175,7 @@ fn radix_sort(keys: &mut [MortonKey], other: &mut [MortonKey]) {
 mod tests {
     use super::*;
 
-    /// Nine in ten of them apart, the others in one place with one of these.
+    /// Nine in ten of the points are apart, the others coincide with one of these.
     fn points(count: usize) -> Vec<Vec3> {
         let at = |k: usize| Vec3::new(1.1, 2.3, 3.7).map(|f| (f * (k - k % 10 / 9) as f64).sin());
         (0..count).map(at).collect()
@@ -192,7 +192,7 @@ mod tests {
             let mut near = sorted.clone();
             near.chunks_exact_mut(7).for_each(|few| few.swap(2, 5));
             assert_eq!(sorted, morton_order(&x, &near));
-            // Of another number of points: no start.
+            // An order for another number of points is not used.
             assert_eq!(sorted, morton_order(&x, &near[..count / 2]));
         }
     }

@@ -1,8 +1,8 @@
-//! Random numbers that follow from what they are for alone: the same on every machine, in every order of drawing.
+//! Random numbers that depend only on their purpose: the same on every machine, in every order of drawing.
 
 use super::Vec3;
 
-/// A number that looks like chance, one to each seed.
+/// Pseudorandom number for a seed.
 ///
 /// Source: S. Vigna, splitmix64 (2015), public domain.
 pub fn splitmix64(seed: u64) -> u64 {
@@ -12,7 +12,7 @@ pub fn splitmix64(seed: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// The point that belongs to `seed`, all of the ball of radius 1 equally likely.
+/// Point for `seed`, uniformly distributed in the ball of radius 1.
 pub fn point_in_ball(seed: u64) -> Vec3 {
     let mut bits = seed;
     let mut draw = || {
@@ -41,7 +41,7 @@ mod tests {
         // Each component has mean 0 and variance 1/5, its square a variance below 1/20: five standard errors.
         assert!(mean.amax() < 5.0 * (0.2 / n as f64).sqrt(), "{mean}");
         assert!((second - Mat3::identity() / 5.0).amax() < 5.0 * (0.05 / n as f64).sqrt(), "{second}");
-        // A share r^3 within r; five standard errors of a share of an eighth.
+        // The share of points within r is r^3; five standard errors of a share of an eighth.
         let inner = points.iter().filter(|p| p.norm() < 0.5).count() as f64 / n as f64;
         assert!((inner - 0.125).abs() < 5.0 * (0.125 * 0.875 / n as f64).sqrt(), "{inner}");
     }

@@ -1,8 +1,8 @@
-//! Torque-free rotation of a rigid body, by a rule that keeps its energy and its angular momentum.
+//! Torque-free rotation of a rigid body, by a rule that conserves its energy and its angular momentum.
 //!
-//! In the body's frame dL/dt = L x J⁻¹ L. The implicit midpoint rule keeps every quadratic invariant, so
-//! |L| and L.J⁻¹L/2, for any step; with the Cayley rotation that belongs to it the angular momentum in space
-//! is kept, too. With W the angular velocity of the midpoint, body frame,
+//! In the body's frame dL/dt = L x J⁻¹ L. The implicit midpoint rule conserves every quadratic invariant, and so |L| and
+//! L.J⁻¹L/2, for any step; with the corresponding Cayley rotation the angular momentum in space is conserved, too. With W the
+//! angular velocity of the midpoint, body frame,
 //!
 //! ```text
 //! J W + h/2 W x J W = L,   R⁺ = R cay(h W),   L⁺ = cay(-h W) L,   cay(a) = (1 - [a]/2)⁻¹ (1 + [a]/2).
@@ -15,21 +15,22 @@ use nalgebra::{Matrix3, Quaternion};
 
 use super::{Quat, Vec3, rotate_by_vector};
 
-/// Largest angle that one application of the rule turns a body by, rad; longer steps are divided.
+/// Largest angle by which one application of the rule turns a body, rad; longer steps are divided.
 const MAX_TURN_ANGLE: f64 = 1.0;
-/// Divisions at most: a body that turns a hundred times in a step is not resolved anyway, and keeps its angular
+/// Largest number of divisions: a body that turns a hundred times in a step is not resolved anyway. It keeps its angular
 /// momentum, but not its energy.
 const MAX_DIVISIONS: f64 = 1000.0;
-/// Newton's method doubles the number of right digits; it needs about five steps at [`MAX_TURN_ANGLE`].
+/// Largest number of iterations: Newton's method doubles the number of correct digits and needs about five steps at
+/// [`MAX_TURN_ANGLE`].
 const MAX_ITERATIONS: usize = 20;
 
 /// Orientation after the time `h` (s, of either sign) of a body that turns freely.
 ///
 /// * `q`: orientation before, body to world.
-/// * `momentum`: angular momentum about the centre of mass, world frame, kg m²/s: it does not change.
+/// * `momentum`: angular momentum about the centre of mass, world frame, kg m²/s, constant.
 /// * `inertia`: principal moments J, kg m².
 ///
-/// The phase is of second order in h; energy and angular momentum are kept to rounding. With three equal moments the
+/// The phase is of second order in h; energy and angular momentum are conserved to rounding. With three equal moments the
 /// motion is a rotation about a fixed axis, and exact.
 pub fn free_rotation(q: &Quat, momentum: &Vec3, inertia: &[f64; 3], h: f64) -> Quat {
     let [a, b, c] = *inertia;
@@ -60,7 +61,7 @@ fn midpoint_velocity(l: &Vec3, j: &Vec3, h: f64) -> Vec3 {
         let jw = j.component_mul(&w);
         let defect = jw + w.cross(&jw) * (0.5 * h) - l;
         if defect.norm_squared() <= 1e-32 * l.norm_squared() {
-            break; // slow bodies are there after one step
+            break; // converged, as slow bodies after one step
         }
         let slope =
             Matrix3::from_diagonal(j) + (w.cross_matrix() * Matrix3::from_diagonal(j) - jw.cross_matrix()) * (0.5 * h);
@@ -73,12 +74,12 @@ fn midpoint_velocity(l: &Vec3, j: &Vec3, h: f64) -> Vec3 {
     if w.iter().all(|x| x.is_finite()) { w } else { start }
 }
 
-/// J of the body turned by `q`, applied to the angular velocity `w`: angular momentum, world frame.
+/// Angular momentum of the body turned by `q` with angular velocity `w`, world frame; `inertia` are the principal moments J.
 pub fn angular_momentum(q: &Quat, inertia: &[f64; 3], w: &Vec3) -> Vec3 {
     q * q.inverse_transform_vector(w).component_mul(&Vec3::from(*inertia))
 }
 
-/// The reverse of [`angular_momentum`].
+/// Angular velocity for a given angular momentum, the inverse of [`angular_momentum`].
 pub fn angular_velocity(q: &Quat, inertia: &[f64; 3], momentum: &Vec3) -> Vec3 {
     q * q.inverse_transform_vector(momentum).component_div(&Vec3::from(*inertia))
 }
@@ -93,7 +94,7 @@ mod tests {
     }
 
     proptest! {
-        /// Energy of the body's frame is kept, and the reverse step leads back, up to some turns a step.
+        /// The energy in the body's frame is conserved, and the reverse step leads back, up to some turns a step.
         #[test]
         fn energy_is_kept_and_time_can_be_reversed(
             inertia in prop::array::uniform3(0.2..3.0f64),
@@ -113,7 +114,7 @@ mod tests {
             prop_assert!(back.angle_to(&q) < 1e-11, "{}", back.angle_to(&q));
         }
 
-        /// Whatever is asked for, an orientation comes back.
+        /// Any input gives a valid orientation.
         #[test]
         fn always_a_unit_quaternion(
             inertia in prop::array::uniform3(size()),

@@ -1,10 +1,10 @@
-//! The contact problem laid out for sweeping: bodies in the order of space, one cache line each, half of one where
-//! nothing has friction; contacts in batches that share no moving body.
+//! The contact problem laid out for sweeping: bodies in spatial order, one cache line each, half a line in scenes without
+//! friction; contacts in batches that share no moving body.
 //!
-//! Bodies are cut into ranges by their number alone, and ranges are joined two by two up to the whole:
-//! a tree. Each range has a block of the contacts inside it, each joint one of those across it, which is
-//! swept after both its sides. So the sides can be swept side by side, what is swept together lies
-//! together, and the result does not depend on how many threads there are.
+//! Bodies are divided into ranges by their number alone, and ranges are joined two by two up to the whole: a tree. Each range
+//! has a block of the contacts inside it, each joint a block of those across it, which is swept after both its sides. So the
+//! sides can be swept in parallel, contacts swept together are stored together, and the result does not depend on the number
+//! of threads.
 
 use bytemuck::Pod;
 use pulp::NullaryFnOnce;
@@ -22,23 +22,23 @@ use crate::solve::rolling::RollingConstraintWide;
 /// Contacts in a batch.
 pub const BATCH_LANES: usize = 16;
 
-/// Bytes that stay in the second cache from one sweep to the next, about; what is of more contacts is asked for ahead.
+/// Approximate number of bytes that stay in the L2 cache from one sweep to the next; larger problems are prefetched.
 pub const L2_BYTES: usize = 1 << 20;
 
-/// A range holds at least this many bodies: fewer would wait for each other more than they work.
+/// Smallest number of bodies in a range: tasks with fewer would wait for each other more than they work.
 const MIN_BODIES_PER_RANGE: usize = 1024;
 
-/// Colours kept apart; what finds none of them free is swept one contact at a time.
+/// Number of colours; contacts for which none is free are swept one at a time.
 const MAX_COLOURS: usize = 64;
 
-/// What is constant of sixteen contacts. Unused places have no normal and no friction, and stay at rest.
+/// Constant data of sixteen contacts. Unused lanes have no normal and no friction, and stay at rest.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub struct ContactBatch<T> {
     pub n: [[T; BATCH_LANES]; 3],
-    /// Along n, m/s.
+    /// Shift along n, m/s.
     pub shift: [T; BATCH_LANES],
-    /// See [`crate::assemble::ContactConstraint`].
+    /// Arm, see [`crate::assemble::ContactConstraint`].
     pub arm: [T; BATCH_LANES],
     pub friction: [T; BATCH_LANES],
     /// Lines of candidate and antagonist, counted from the first of the block.
@@ -47,12 +47,12 @@ pub struct ContactBatch<T> {
 
 pub const NONE: u32 = u32::MAX;
 
-/// A vector of each of sixteen contacts.
+/// One vector for each of sixteen contacts.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(64))]
 pub struct BatchVectors<T>(pub [[T; BATCH_LANES]; 3]);
 
-/// Sums over the contacts of a sweep, by place in the batch so that no width changes their order.
+/// Sums over the contacts of a sweep, by lane of the batch, so that their order is the same at all widths.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SweepSums<T = f64> {
     pub restart_product: [T; BATCH_LANES],
@@ -74,49 +74,49 @@ impl<T: LaneFloat> SweepSums<T> {
     }
 }
 
-/// Contacts that are swept in this order: those inside a range of bodies, or between two groups of ranges.
+/// Contacts in the order in which they are swept: those inside a range of bodies, or between two groups of ranges.
 #[derive(Debug, Clone, Default)]
 pub struct RangeBatches<T> {
-    /// Number of lines: of a range its moving bodies, then those that do not move, one for each contact with them, then
-    /// one for unused places; of two groups all that they have.
+    /// Number of lines. A range has its moving bodies, then those that do not move, one for each contact with them, then one
+    /// for unused lanes. Two groups have all of their lines.
     pub lines: usize,
     pub batches: Vec<ContactBatch<T>>,
-    /// Where the batches of each colour end.
+    /// Index of the end of the batches of each colour.
     pub colours: Vec<usize>,
-    /// r̂ of the last sweep and of the one before, N s. World vectors; where nothing has friction the first component
-    /// is r̂_n and the others are not used.
+    /// r̂ of the last sweep and of the one before, N s, as world vectors. In scenes without friction the first component is
+    /// r̂_n and the others are not used.
     pub r: Vec<BatchVectors<T>>,
     pub previous: Vec<BatchVectors<T>>,
-    /// Shift in the tangent plane, m/s; empty where there is none.
+    /// Shift in the tangent plane, m/s; empty if there is none.
     pub tangential_shift: Vec<BatchVectors<T>>,
-    /// Empty where no contact of the scene has moments, as the next.
+    /// Rolling constraints; empty if no contact of the scene has moments, as is `curvatures`.
     pub rolls: Vec<RollingConstraintWide>,
-    /// 1/radius of candidate and antagonist, 1/m; 0 of a plate, whose turning is in the shift.
+    /// 1/radius of candidate and antagonist, 1/m; 0 for a plate, whose rotation is in the shift.
     pub curvatures: Vec<[[f64; BATCH_LANES]; 2]>,
     /// Row of the system, or [`NONE`].
     pub rows: Vec<[u32; BATCH_LANES]>,
-    /// Where impulses are read back by them, else empty.
+    /// Friction cones to which the impulses are snapped when read back, if needed; else empty.
     pub cones: Vec<FrictionCones>,
     /// Sums of the last sweep.
     pub sums: SweepSums<T>,
 }
 
-/// Units of the numbers that are swept.
+/// Units of the numbers in the sweeps.
 ///
-/// In single precision they are powers of two near the largest there are, so that squares neither overflow nor vanish,
-/// and that nothing is rounded by them.
+/// In single precision they are powers of two near the largest numbers, so that squares neither overflow nor vanish and
+/// scaling causes no rounding.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SweepUnits {
-    /// m/s
+    /// Unit of velocity, m/s.
     pub velocity: f64,
-    /// N s
+    /// Unit of impulse, N s.
     pub impulse: f64,
 }
 
 impl SweepUnits {
     pub const SI: SweepUnits = SweepUnits { velocity: 1.0, impulse: 1.0 };
 
-    /// Those of the rows `active`, which start from `reactions` and the velocities that they lead to.
+    /// Units for the rows `active`, which start from `reactions` and the velocities that result from them.
     pub fn from_problem(
         system: &ContactProblem,
         active: &[u32],
@@ -133,26 +133,26 @@ impl SweepUnits {
         SweepUnits { velocity, impulse: velocity / power_of_two(w) }
     }
 
-    /// kg
+    /// Unit of mass, kg.
     pub fn mass_unit(&self) -> f64 {
         self.impulse / self.velocity
     }
 }
 
-/// The largest power of two that is not above `x`; 1 where there is none.
+/// Largest power of two that is not above `x`; 1 if there is none.
 fn power_of_two(x: f64) -> f64 {
     let power = f64::from_bits(x.to_bits() & f64::INFINITY.to_bits());
     if power.is_normal() { power } else { 1.0 }
 }
 
-/// What the sweeps keep of a body.
+/// Data of a body in the sweeps.
 pub trait PackedBody: Pod + Send + Sync {
     type T: LaneFloat;
     const HAS_FRICTION: bool;
-    /// Whether its velocity is what the sweeps have changed of it, and each contact knows the one that it starts from:
-    /// in single precision nothing is left of small changes of large velocities.
+    /// Whether the stored velocity is only its change by the sweeps, and each contact has the initial one: in single
+    /// precision small changes of large velocities would be lost.
     const STORES_DELTAS: bool;
-    /// The body of unused places: nothing acts on it, and nothing is divided by zero.
+    /// Body of unused lanes: no impulse acts on it, and no division by zero occurs.
     const PADDING: Self;
 
     fn new(record: &SolverBody, units: &SweepUnits) -> Self;
@@ -184,7 +184,7 @@ impl PackedBody for BodyHalfLine {
     }
 }
 
-/// The same as [`BodyLine`], of changes.
+/// As [`BodyLine`], with changes of the velocities.
 impl PackedBody for BodyLineF32 {
     type T = f32;
     const HAS_FRICTION: bool = true;
@@ -198,7 +198,7 @@ impl PackedBody for BodyLineF32 {
     }
 }
 
-/// The same as [`BodyHalfLine`], of changes.
+/// As [`BodyHalfLine`], with changes of the velocities.
 impl PackedBody for BodyHalfLineF32 {
     type T = f32;
     const HAS_FRICTION: bool = false;
@@ -210,19 +210,19 @@ impl PackedBody for BodyHalfLineF32 {
     }
 }
 
-/// The contact problem of a step as the sweeps see it.
+/// Contact problem of a step in the form used by the sweeps.
 pub struct DiagonalProblem<B: PackedBody> {
     pub units: SweepUnits,
     /// Every touched body, range by range.
     pub lines: Vec<B>,
-    /// Those of the sweep before.
+    /// Bodies of the sweep before.
     pub previous: Vec<B>,
-    /// The tree in order: the block of a range, the joint to the next, the block of the next, ...
+    /// Nodes of the tree in order: the block of a range, the joint to the next, the block of the next, ...
     pub blocks: Vec<RangeBatches<B::T>>,
 }
 
 impl<B: PackedBody> DiagonalProblem<B> {
-    /// The problem of the rows `active`, starting from `reactions` and from the velocities that they lead to.
+    /// Problem of the rows `active`, starting from `reactions` and from the velocities that result from them.
     pub fn new(system: &ContactProblem, active: &[u32], reactions: &ContactReactions, records: &[SolverBody]) -> Self {
         let layout = BatchLayout::new(system, active);
         let units = if B::STORES_DELTAS {
@@ -249,14 +249,14 @@ impl<B: PackedBody> DiagonalProblem<B> {
         DiagonalProblem { units, previous: lines.clone(), lines, blocks }
     }
 
-    /// Puts the impulses and moments of the rows swept into `reactions`.
+    /// Copies the impulses and moments of the swept rows into `reactions`.
     pub fn read_back(&self, width: SimdWidth, reactions: &mut ContactReactions) {
         let ContactReactions { impulses, moments } = reactions;
         let unit = self.units.impulse;
         for block in &self.blocks {
             block.rolls.iter().for_each(|rolls| rolls.read_back(moments));
             for (batch, (r, rows)) in block.r.iter().zip(&block.rows).enumerate() {
-                // Rows lie in another order than contacts are swept in.
+                // The order of rows differs from that in which contacts are swept.
                 let later = block
                     .rows
                     .get(batch + PREFETCH_BATCHES)
@@ -278,10 +278,10 @@ impl<B: PackedBody> DiagonalProblem<B> {
     }
 }
 
-/// So many batches ahead their places are asked for.
+/// Number of batches ahead for which the rows to write are prefetched.
 const PREFETCH_BATCHES: usize = 2;
 
-/// Normals and friction of the contacts of a batch, in double precision whatever the sweeps are in.
+/// Normals and friction of the contacts of a batch, in double precision for any precision of the sweeps.
 #[derive(Debug, Clone, Copy)]
 pub struct FrictionCones {
     n: [[f64; BATCH_LANES]; 3],
@@ -297,11 +297,11 @@ impl FrictionCones {
     }
 }
 
-/// Of an impulse of single precision, by its normal part: some units in the last place of each component.
+/// Rounding of an impulse in single precision over its normal part: some units in the last place of each component.
 const F32_ROUNDING: f64 = 1e-6;
 
-/// Makes of impulses of single precision what they stand for: those on their cone's side to its rounding are there to that of
-/// double precision.
+/// Converts impulses of single precision: those on the side of their cone to the rounding of single precision are moved onto
+/// it to that of double precision.
 pub(super) fn snap_to_cones(width: SimdWidth, cones: &FrictionCones, r: &mut [[f64; BATCH_LANES]; 3]) {
     match width {
         SimdWidth::One(l) => l.run(SnapToCones { l, cones, r }),
@@ -342,7 +342,7 @@ impl<L: F64Arithmetic> NullaryFnOnce for SnapToCones<'_, L> {
     }
 }
 
-/// What the blocks are filled from.
+/// Input for packing the blocks.
 struct DiagonalSource<'a> {
     system: &'a ContactProblem,
     active: &'a [u32],
@@ -351,21 +351,21 @@ struct DiagonalSource<'a> {
     units: SweepUnits,
 }
 
-/// Which contacts and bodies lie where.
+/// Layout of contacts and bodies.
 struct BatchLayout {
-    /// Touched moving bodies in the order of space; a body's place here is its rank.
+    /// Touched moving bodies in spatial order; a body's index here is its rank.
     bodies: Vec<u32>,
     /// Line of each rank.
     lines: Vec<u32>,
-    /// First rank of each range, and their number.
+    /// First rank of each range, and the number of ranks.
     cuts: Vec<u32>,
     /// First line of each range, and the number of lines.
     starts: Vec<u32>,
-    /// Ranks of the bodies of each active row, [`NONE`] of one that does not move.
+    /// Ranks of the bodies of each active row, [`NONE`] for a body that does not move.
     pairs: Vec<[u32; 2]>,
-    /// Places in `active`, by block, and in the order of space within.
+    /// Indices into `active`, by block, and in spatial order within a block.
     order: Vec<u32>,
-    /// Where each block starts in `order`, and the end of the last.
+    /// Start of each block in `order`, and the end of the last.
     blocks: Vec<u32>,
 }
 
@@ -392,7 +392,7 @@ impl BatchLayout {
         }
         let first: Vec<u32> = pairs.iter().map(|[a, b]| *a.min(b).min(&(bodies.len() as u32))).collect();
         let (by_place, starts) = group_by_key(&first, bodies.len() + 1);
-        // Two bodies whose motion is imposed: nothing to solve.
+        // Contacts between two bodies whose motion is imposed have no solution to find.
         let by_place = &by_place[..starts[bodies.len()] as usize];
         // Every contact with a body that does not move has a line of its own for that body, so that
         // lines shared by many contacts do not exist.
@@ -421,7 +421,7 @@ impl BatchLayout {
         BatchLayout { bodies, lines, cuts, starts, pairs, order, blocks }
     }
 
-    /// A block, and the lines of the bodies in it that do not move.
+    /// Packs a block, and the lines of the bodies in it that do not move.
     fn pack_block<B: PackedBody>(&self, block: usize, from: &DiagonalSource) -> (RangeBatches<B::T>, Vec<B>) {
         let (first, last) = block_ranges(block);
         let start = self.starts[first];
@@ -480,7 +480,7 @@ impl BatchLayout {
                     let along = n.dot(&shift);
                     batch.shift[lane] = B::T::from_f64(along);
                     let rest = shift - n * along;
-                    // More than rounding.
+                    // Larger than rounding.
                     if B::HAS_FRICTION && rest.norm_squared() > 1e-30 * shift.norm_squared() {
                         drift.resize(colours[colours.len() - 1], BatchVectors::default());
                         set_lane(&mut drift[i].0, lane, &rest);
@@ -529,7 +529,7 @@ pub(super) fn set_lane<T: LaneFloat>(columns: &mut [[T; BATCH_LANES]; 3], lane: 
     columns[2][lane] = T::from_f64(v.z);
 }
 
-/// The block of contacts between two ranges: of the one, or of the joint above both.
+/// Block of contacts between two ranges: that of the range, or of the joint above both.
 fn block_index(a: u32, b: u32) -> u32 {
     match (a ^ b).checked_ilog2() {
         None => 2 * a,
@@ -543,11 +543,12 @@ fn block_ranges(block: usize) -> (usize, usize) {
     ((block - side) / 2, (block + side) / 2)
 }
 
-/// Batches of rows that share no moving body, by colour, and where each colour ends; alone what has found no colour.
+/// Batches of rows that share no moving body, by colour, and the end of each colour. Rows without a colour form batches of
+/// one.
 ///
 /// `low`, `high`: ranks of the bodies.
 fn colour_rows(rows: &[u32], pairs: &[[u32; 2]], low: u32, high: u32) -> (Vec<[u32; BATCH_LANES]>, Vec<usize>) {
-    // What does not move has no colour taken.
+    // Bodies that do not move take no colour.
     let unmoved = (high - low) as usize;
     let mut masks = vec![0u64; unmoved + 1];
     let mut counts = [0; MAX_COLOURS + 1];
@@ -589,7 +590,7 @@ fn colour_rows(rows: &[u32], pairs: &[[u32; 2]], low: u32, high: u32) -> (Vec<[u
 mod tests {
     use super::*;
 
-    /// Of four ranges: blocks 0, 2, 4, 6 are theirs, 1 joins the first two, 5 the last two, 3 all.
+    /// For four ranges: blocks 0, 2, 4, 6 are theirs, 1 joins the first two, 5 the last two, 3 all.
     #[test]
     fn blocks_and_their_spans() {
         assert_eq!([0, 1, 2, 3].map(|r| block_index(r, r)), [0, 2, 4, 6]);

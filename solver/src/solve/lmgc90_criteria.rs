@@ -1,7 +1,7 @@
-//! LMGC90's stopping criteria, for comparison: how much one more local solution of each contact changes.
+//! LMGC90's stopping criteria, for comparison: the change by one more local solution of each contact.
 //!
-//! With r, u of contact k as they are and r', u' after its local problem was solved once more, du = u - u',
-//! m = (r + r')/2, W its own block, and <> the mean over the contacts that act:
+//! With r, u of contact k as they are and r', u' after one more solution of its local problem, du = u - u', m = (r + r')/2, W
+//! its own block, and <> the mean over the contacts that act:
 //!
 //! ```text
 //! Q² = <½ (|W r|² + |W r'|²)>,   M = <½ (r.W r + r'.W r')>
@@ -24,7 +24,7 @@ use crate::math::lanes::Scalar;
 use crate::solve::block;
 use crate::solve::local::signorini_coulomb;
 
-/// The criteria before division by a tolerance; zeros where nothing acts.
+/// Criteria before division by a tolerance; zeros if no contact acts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Lmgc90Norms {
     pub quad_dv: f64,
@@ -34,11 +34,11 @@ pub struct Lmgc90Norms {
     pub mean_dvor: f64,
 }
 
-/// Scales below this count as nothing at work, as in LMGC90.
+/// Scales below this count as no load, as in LMGC90.
 const NEGLIGIBLE_SCALE: f64 = 1e-18;
 
-/// The criteria at the impulses `impulses` (one a row, N s) and the velocities `records` that they lead to; as in a
-/// sweep, each contact sees what those before it have changed.
+/// Criteria for the impulses `impulses` (one per row, N s) and the velocities `records` that result from them. As in a sweep,
+/// each contact uses the velocities changed by those before it.
 pub fn lmgc90_norms(system: &ContactProblem, impulses: &[Vec3], records: &[SolverBody]) -> Lmgc90Norms {
     let mut system = ContactProblem { bodies: records.to_vec(), ..system.clone() };
     let (mut count, mut q2, mut m, mut mean) = (0, 0.0, 0.0, 0.0);
@@ -75,7 +75,7 @@ pub fn lmgc90_norms(system: &ContactProblem, impulses: &[Vec3], records: &[Solve
     }
 }
 
-/// The own block of row `k`, and the impulse that solves it alone where û is `u` with the impulse `r`.
+/// Own block of row `k`, and the impulse that solves it alone, if û is `u` with the impulse `r`.
 fn solve_local_block(system: &ContactProblem, k: usize, u: &Vec3, r: &Vec3) -> (Matrix3<f64>, Vec3) {
     let row = &system.rows[k];
     let n = row.normal;
@@ -94,7 +94,7 @@ mod tests {
     use super::*;
     use crate::assemble::{BlockData, ContactConstraint};
 
-    /// A body of 1/2 kg that does not turn, on the ground, under 3 N s, of which the contacts carry their share.
+    /// A body of 1/2 kg that does not turn, on the ground, under 3 N s, shared by the contacts.
     fn system(contacts: u32) -> ContactProblem {
         let record = |v: Vec3, inverse_mass: f64| SolverBody {
             v,
@@ -153,7 +153,7 @@ mod tests {
         let system = system(2);
         let early = [Vec3::z(), Vec3::z()];
         let found = lmgc90_norms(&system, &early, &velocities(&system, &early));
-        // The first takes all that is missing, 1 N s; nothing is left for the second. du = -2, m = 3/2.
+        // The first contact takes all of the missing 1 N s and leaves none for the second. du = -2, m = 3/2.
         let (q, m) = (((0.5 * (4.0 + 16.0) + 4.0) / 2f64).sqrt(), (0.5 * (2.0 + 8.0) + 2.0) / 2.0);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a} {b}"); // a few roundings
         near(found.quad_dv, 2f64.sqrt() / q);

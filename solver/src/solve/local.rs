@@ -1,17 +1,17 @@
-//! One contact, exactly, with every other impulse frozen.
+//! Exact solution of one contact with all other impulses frozen.
 
 use crate::math::lanes::Arithmetic;
 
 /// Three components.
 pub type LaneVector<V> = [V; 3];
 
-/// a . b
+/// Scalar product a . b.
 #[inline(always)]
 pub fn dot_product<L: Arithmetic>(l: L, a: LaneVector<L::V>, b: LaneVector<L::V>) -> L::V {
     l.mul_add(a[0], b[0], l.mul_add(a[1], b[1], l.mul(a[2], b[2])))
 }
 
-/// a x b + c
+/// a x b + c.
 #[inline(always)]
 pub fn cross_add<L: Arithmetic>(
     l: L,
@@ -26,7 +26,7 @@ pub fn cross_add<L: Arithmetic>(
     ]
 }
 
-/// a x b
+/// Vector product a x b.
 #[inline(always)]
 pub fn cross_product<L: Arithmetic>(l: L, a: LaneVector<L::V>, b: LaneVector<L::V>) -> LaneVector<L::V> {
     [
@@ -61,7 +61,7 @@ pub(super) use triple;
 /// r̂ that solves one contact with Signorini's condition and Coulomb's law, N s.
 ///
 /// * `n`: unit normal.
-/// * `u`: û with the impulse `r` at work, m/s.
+/// * `u`: û with the impulse `r` applied, m/s.
 /// * `r`: that impulse, N s.
 /// * `w`: w_n and w_t, 1/kg; `friction`: mu.
 ///
@@ -91,8 +91,8 @@ pub fn signorini_coulomb<L: Arithmetic>(
     coulomb(l, n, normal, tangential, friction)
 }
 
-/// The first half of [`signorini_coulomb`]: the normal part cut at 0, and the tangential part that would stop the
-/// contact. `u_n` is n.u, and `shift` adds to it.
+/// First half of [`signorini_coulomb`]: the normal part cut at 0, and the tangential part that would stop the contact. `u_n`
+/// is n.u, and `shift` is added to it.
 #[inline(always)]
 pub fn unprojected_impulse<L: Arithmetic>(
     l: L,
@@ -111,7 +111,7 @@ pub fn unprojected_impulse<L: Arithmetic>(
     (normal, triple!(k => l.neg_mul_add(n[k], along, full[k])))
 }
 
-/// max(0, r_n - û_n/w_n)
+/// Normal impulse max(0, r_n - û_n/w_n).
 #[inline(always)]
 pub fn signorini<L: Arithmetic>(l: L, u_n: L::V, r_n: L::V, w_n: L::V) -> L::V {
     let zero = l.splat(0.0);
@@ -119,7 +119,7 @@ pub fn signorini<L: Arithmetic>(l: L, u_n: L::V, r_n: L::V, w_n: L::V) -> L::V {
     l.select_greater(stopping, zero, stopping, zero)
 }
 
-/// The second half: the tangential part projected on the disc of radius mu r̂_n.
+/// Second half of [`signorini_coulomb`]: the tangential part projected on the disc of radius mu r̂_n.
 #[inline(always)]
 pub fn coulomb<L: Arithmetic>(
     l: L,
@@ -132,11 +132,11 @@ pub fn coulomb<L: Arithmetic>(
     triple!(k => l.mul_add(n[k], normal, tangential[k]))
 }
 
-/// The nearest point to `v` of the ball of radius `bound` >= 0.
+/// Nearest point to `v` of the ball of radius `bound` >= 0.
 #[inline(always)]
 pub fn project_to_ball<L: Arithmetic>(l: L, v: LaneVector<L::V>, bound: L::V) -> LaneVector<L::V> {
     let size2 = dot_product(l, v, v);
-    // bound/size, as a root and a quotient that do not wait for each other.
+    // bound/size, as a product of a root and a quotient, which are computed independently.
     let ratio = l.mul(l.div(bound, size2), l.sqrt(size2));
     let inside = l.select_greater(size2, l.mul(bound, bound), ratio, l.splat(1.0));
     triple!(k => l.mul(v[k], inside))
@@ -167,7 +167,7 @@ mod tests {
     }
 
     proptest! {
-        /// Brute force: no other impulse of the cone satisfies the conditions; the one found does.
+        /// Brute force: no other impulse of the cone satisfies the conditions; the returned one does.
         #[test]
         fn satisfies_signorini_and_coulomb(
             n in prop::array::uniform3(-1.0..1.0f64),

@@ -1,4 +1,4 @@
-//! Stage: the contact problem to impulses.
+//! Stage: solution of the contact problem for the impulses.
 //!
 //! | module | contents |
 //! |---|---|

@@ -1,8 +1,8 @@
-//! Nonlinear Gauss-Seidel: sweeps over the contacts, each solved exactly against the bodies' current
-//! velocities, which change at once; with momentum.
+//! Nonlinear Gauss-Seidel with momentum: sweeps over the contacts, each solved exactly against the bodies' current
+//! velocities, which change at once.
 //!
-//! A sweep starts from y = r + beta (r - r_before), beta growing as Nesterov's up to a cap, and from
-//! 0 again when the last change points uphill.
+//! A sweep starts from y = r + beta (r - r_before). beta grows as Nesterov's up to a cap, and restarts from 0 when the last
+//! change points uphill.
 //!
 //! Sources: M. Jean (1999); F. Jourdan, P. Alart, M. Jean (1998); Y. Nesterov, Soviet Math. Dokl. 27
 //! (1983) 372-376; B. O'Donoghue, E. Candes, Found. Comput. Math. 15 (2015) 715-732 (restart);
@@ -18,40 +18,41 @@ use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::solve::packed_problem::PackedProblem;
 use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator};
 
-/// Largest share of the last change that is carried on where there is friction, by the place of the
-/// sweep in a round of [`MOMENTUM_CYCLE`]. Uncapped momentum bounces on dense frictional packings, 0.7 to 0.85 are
-/// alike. A few problems run in circles with any momentum, others come down with it alone: so
-/// where sweeps run in circles, or after a while, less of it, then none, and again. Without friction the problem is
-/// convex and needs no cap, and with it as long as nothing slides and E falls.
+/// Largest share of the last change that is carried on with friction, by the index of the sweep in a round of
+/// [`MOMENTUM_CYCLE`]. Uncapped momentum bounces on dense frictional packings; caps of 0.7 to 0.85 perform alike. A few
+/// problems cycle with any momentum, others converge with it alone. Therefore, if sweeps cycle, or after a while, the
+/// momentum is reduced, then set to 0, and then restored. Without friction the problem is convex and needs no cap; with
+/// friction no cap is needed as long as no contact slides and E falls.
 const FRICTIONAL_CAPS: [(u64, f64); 3] = [(600, 0.8), (800, 0.5), (MOMENTUM_CYCLE, 0.0)];
 pub(super) const MOMENTUM_CYCLE: u64 = 1000;
 
-/// Sweeps run in circles where they change as much, one by one, in a window as in the one before it under the same cap. The
-/// first two are of so many, the next half as long as all before: where the change falls slowly, short ones see its noise alone.
+/// Sweeps of the first two windows for the detection of cycling; each next window is half as long as all before: where the
+/// change falls slowly, short windows show only its noise. Sweeps cycle if the mean change in a window is not below that in
+/// the window before it under the same cap.
 const STAGNATION_WINDOW: u64 = 16;
 
-/// What rests goes on creeping with the E that its impulses of the last step have, if they are never swept: so that is this part of
-/// `tol` at most. Single precision reaches it.
+/// Contacts at rest would creep forever with the E of their impulses of the last step, if these were never swept: E is at
+/// most this share of `tol`. Single precision reaches it.
 const REST_TOLERANCE_SHARE: f64 = 1e-2;
 
-/// Sweeps in single precision pay from so many contacts on, and reach residuals of 1e-5 and less: no smaller one than this is
-/// sought with them.
+/// Smallest number of contacts for which sweeps in single precision pay, and smallest residual sought with them: they reach
+/// 1e-5 and less.
 const MIN_F32_CONTACTS: usize = 256;
 const MIN_F32_RESIDUAL: f64 = 1e-4;
-/// As rounding adds up they begin afresh from what they have found after so many, in double precision if that was no gain. Where nothing
-/// slides E falls but for rounding: once it is so many times the best they go back to that, in double precision and with a momentum that
-/// knows nothing of them.
+/// Number of sweeps in single precision after which they restart from their result, as rounding accumulates; in double
+/// precision if there was no gain. Where no contact slides, E falls except for rounding: once it is [`F32_DIVERGENCE`] times
+/// the best E, the sweeps return to the best result, in double precision and with a new momentum.
 const F32_REBASE_SWEEPS: u64 = 500;
 const F32_DIVERGENCE: f64 = 4.0;
-/// Masses may differ by so much, that squares of impulses are numbers.
+/// Largest ratio of masses for which squares of impulses are finite.
 const MAX_MASS_RATIO: f64 = 1e9;
 
-/// What contacts give, world frame, on the candidate.
+/// Impulses and moments of the contacts, world frame, on the candidate.
 #[derive(Debug, Clone)]
 pub struct ContactReactions {
     /// r̂ of each row of the system, N s.
     pub impulses: Vec<Vec3>,
-    /// Of each of its rolls, N m s.
+    /// Moment of each rolling constraint, N m s.
     pub moments: Vec<Vec3>,
 }
 
@@ -63,7 +64,7 @@ impl ContactReactions {
         }
     }
 
-    /// The warm start of the rows `active`: no moment where nothing presses.
+    /// Warm start of the rows `active`: no moment without a normal impulse.
     fn warm_start(system: &ContactProblem, active: &[u32]) -> Self {
         let mut reactions = ContactReactions::zeros(system);
         for &k in active {
@@ -76,51 +77,51 @@ impl ContactReactions {
     }
 }
 
-/// Impulses r̂ of all rows (world frame, N s), the velocities they lead to, and how good they are.
+/// Impulses r̂ of all rows (world frame, N s), the velocities that result from them, and their accuracy.
 #[derive(Clone)]
 pub struct ContactSolution {
     pub impulses: Vec<Vec3>,
-    /// Moments of all rolls, world frame, N m s.
+    /// Moments of all rolling constraints, world frame, N m s.
     pub moments: Vec<Vec3>,
     pub records: Vec<SolverBody>,
     pub sweeps: u64,
-    /// Whether the last of them began in single precision.
+    /// Whether the last sweeps began in single precision.
     pub single_precision: bool,
-    /// E of [`crate::solve::residual`].
+    /// Residual E of [`crate::solve::residual`].
     pub residual: f64,
     pub converged: bool,
-    /// Rows outside of the problem that the solution closes: while there are any, it has not converged.
+    /// Number of rows outside the problem that the solution closes: the solution has not converged if there are any.
     pub left_out: usize,
     /// Row with the largest part in the residual.
     pub worst: Option<u32>,
-    /// Rows that took part.
+    /// Number of rows in the problem.
     pub active_rows: usize,
-    /// Whether a solver of stored problems found it where the sweeps had stalled.
+    /// Whether a solver of stored problems found the solution where the sweeps had stalled.
     pub fallback_used: bool,
-    /// E at which the sweeps had stalled, where solvers of stored problems went on.
+    /// E at which the sweeps had stalled, if solvers of stored problems continued from there.
     pub stalled_residual: Option<f64>,
-    /// Why sweeps took the place of the solver that was asked for.
+    /// Reason why sweeps replaced the requested solver.
     pub replacement_reason: Option<&'static str>,
 }
 
-/// When sweeping ends.
+/// Stopping criteria of the sweeps.
 #[derive(Debug, Clone, Copy)]
 pub struct StoppingCriteria {
     /// E to reach.
     pub tol: f64,
-    /// E to seek on then, for no more than a round of sweeps.
+    /// E sought after `tol` is reached, for at most one round of sweeps.
     pub target_residual: f64,
-    /// Sweeps that are made in any case, but where E is a hundredth of `tol` already.
+    /// Smallest number of sweeps, unless E is already a hundredth of `tol`.
     pub min_sweeps: u64,
     pub max_sweeps: u64,
-    /// Sweeps from one look at E to the next, the first after as many, as LMGC90's blocks; without it, when the changes
-    /// that sweeps make suggest it.
+    /// Number of sweeps between checks of E and before the first check, as LMGC90's blocks; if `None`, checks are made when
+    /// the changes of the sweeps suggest it.
     pub check_every: Option<u64>,
     pub precision: SweepPrecision,
 }
 
 impl StoppingCriteria {
-    /// To E <= `tol`, or `max_sweeps`.
+    /// Criteria to sweep to E <= `tol`, or `max_sweeps`.
     pub fn new(tol: f64, max_sweeps: u64) -> Self {
         StoppingCriteria {
             tol,
@@ -133,10 +134,10 @@ impl StoppingCriteria {
     }
 }
 
-/// Solves until E is reached or all sweeps are spent; converged is what reaches `tol`.
+/// Solves until E is reached or all sweeps are spent; a solution that reaches `tol` is converged.
 ///
-/// Only rows that can close within the step are swept. A row left out that the solution would close
-/// nevertheless - a body may become faster than its free velocity - is taken in, and sweeping goes on.
+/// Only rows that can close within the step are swept. A row left out that the solution would close nevertheless - a body may
+/// become faster than its free velocity - is included, and sweeping continues.
 pub fn solve_nlgs(system: &ContactProblem, until: StoppingCriteria, width: SimdWidth) -> ContactSolution {
     let StoppingCriteria { tol, max_sweeps, .. } = until;
     let rows = (0..system.rows.len() as u32).into_par_iter().with_min_len(PAR_MIN_LEN);
@@ -172,8 +173,8 @@ pub fn solve_nlgs(system: &ContactProblem, until: StoppingCriteria, width: SimdW
     }
 }
 
-/// Sweeps the rows `active`, in single precision as long as that gains, counting on in `sweeps`; returns what is left, and the
-/// motions that the impulses lead to.
+/// Sweeps the rows `active`, in single precision as long as that gains, and increments `sweeps`. Returns the residual and the
+/// motions that result from the impulses.
 fn iterate_sweeps(
     system: &ContactProblem,
     judge: &ResidualEvaluator,
@@ -204,8 +205,8 @@ fn iterate_sweeps(
     let mut momentum = SweepMomentum::new(frictional);
     let mut capped = false;
     let mut trial = reactions.clone();
-    // Judging costs several sweeps. The change made by a sweep falls as the residual does: it tells
-    // when judging is worth while, and `patience` bounds the wait where it misleads.
+    // Computing the residual costs several sweeps. The change made by a sweep falls as the residual does: it shows when a
+    // check is worth while. `patience` bounds the wait where it misleads.
     let mut scale = None;
     let mut patience = 0;
     loop {
@@ -215,7 +216,7 @@ fn iterate_sweeps(
         *sweeps += 1;
         patience += 1;
         if activity::is_stopped() {
-            return best; // which nobody will use
+            return best; // not used
         }
         let due = match check_every {
             Some(block) => patience >= block,
@@ -254,7 +255,7 @@ fn iterate_sweeps(
     }
 }
 
-/// Whether the rows `active` are swept in single precision: of masses that do not differ too much, without moments.
+/// Whether the rows `active` are swept in single precision: for masses that do not differ too much, without moments.
 fn sweeps_in_f32(system: &ContactProblem, active: &[u32], until: StoppingCriteria) -> bool {
     let asked = match until.precision {
         SweepPrecision::Auto => active.len() >= MIN_F32_CONTACTS && until.target_residual >= MIN_F32_RESIDUAL,
@@ -278,18 +279,18 @@ fn any_contact_slides(system: &ContactProblem, active: &[u32], impulses: &[Vec3]
     })
 }
 
-/// How far each sweep carries on the change of the one before.
+/// Momentum: share of the last sweep's change with which the next one starts.
 pub(super) struct SweepMomentum {
     t: f64,
     pub(super) beta: f64,
-    /// Whether it is capped.
+    /// Whether the momentum is capped.
     frictional: bool,
-    /// Whether something slides, without which nothing runs in circles, however slowly it goes on.
+    /// Whether any contact slides. Without sliding the sweeps do not cycle, however slow they are.
     sliding: bool,
-    /// Of the sweep in the round, and in its part.
+    /// Index of the sweep in the round and in its part.
     position: u64,
     since: u64,
-    /// Where in that part this window begins and ends.
+    /// Begin and end of this window in its part of the round.
     window: [u64; 2],
     /// Sum of the changes in this window, and their mean in the one before it under the same cap.
     changes: f64,
@@ -312,7 +313,7 @@ impl SweepMomentum {
         }
     }
 
-    /// What comes after a sweep that has made a `change` of this size.
+    /// Updates the momentum after a sweep that has made a `change` of this size.
     pub(super) fn update_after_sweep(&mut self, uphill: bool, change: f64) {
         if uphill {
             (self.t, self.beta) = (1.0, 0.0);
@@ -338,7 +339,7 @@ impl SweepMomentum {
         }
     }
 
-    /// Where this part of the round ends, and its cap.
+    /// End of this part of the round, and its cap.
     fn cycle_part(&self) -> (u64, f64) {
         FRICTIONAL_CAPS.into_iter().find(|(end, _)| self.position < *end).unwrap_or((MOMENTUM_CYCLE, 0.0))
     }
@@ -348,7 +349,7 @@ impl SweepMomentum {
     }
 }
 
-/// Rows outside `active` (sorted) that these velocities close.
+/// Returns the rows outside `active` (sorted) that these velocities close.
 pub(super) fn closing_inactive_rows(system: &ContactProblem, active: &[u32], records: &[SolverBody]) -> Vec<u32> {
     let mut inside = active.iter().peekable();
     let outside: Vec<u32> = (0..system.rows.len() as u32).filter(|k| inside.next_if_eq(&k).is_none()).collect();
@@ -364,7 +365,7 @@ mod tests {
     use super::*;
     use crate::assemble::{BlockData, ContactConstraint};
 
-    /// The momentum of each of so many sweeps, whose changes are these.
+    /// Momentum of each of `sweeps` sweeps with the given changes.
     fn carried(frictional: bool, sweeps: u64, change: impl Fn(u64) -> f64) -> Vec<f64> {
         let mut momentum = SweepMomentum::new(frictional);
         (0..sweeps)
@@ -390,7 +391,7 @@ mod tests {
         let mut uneven = system.clone();
         uneven.rows[7].w_n = 1e10;
         assert!(!sweeps_in_f32(&uneven, &all, single));
-        uneven.rows[7].w_n = 0.0; // of two bodies whose motion is imposed
+        uneven.rows[7].w_n = 0.0; // between two bodies whose motion is imposed
         assert!(!sweeps_in_f32(&uneven, &all, single));
         let full = BlockData { arms: vec![], friction_offsets: vec![], locked_axes: vec![], inverse_inertia: vec![] };
         let system = ContactProblem { block_data: Some(full), ..system };
@@ -401,17 +402,17 @@ mod tests {
     fn sweeps_in_circles_lose_their_momentum_and_others_keep_it() {
         let falls = carried(true, 2000, |k| 0.999f64.powi(k as i32));
         let circles = carried(true, 200, |k| 1.0 + (k % 4) as f64);
-        // What comes and goes with two windows of 16 sweeps is more than what falls from one to the next.
+        // An oscillation with a period of two windows of 16 sweeps is larger than the decrease from one window to the next.
         let slow = carried(true, 601, |k| 0.999f64.powi(k as i32) * (1.0 + 0.05 * (k as f64 * 0.2).cos()));
         let ends: Vec<usize> = (1..200).filter(|&k| circles[k] != circles[k - 1] && k > 20).collect();
         assert_eq!(falls[599..=600], [0.8, 0.5]);
         assert_eq!(falls[799..=800], [0.5, 0.0]);
         assert_eq!(slow[599..=600], [0.8, 0.5]);
         assert_eq!(falls[999..=1000], [0.0, 0.8]);
-        // Two windows tell; then the same with less.
+        // Two windows detect a cycle; the momentum is then reduced.
         assert_eq!(ends, [32, 64, 96, 128, 160, 192]);
         assert_eq!([32, 64, 96].map(|k| circles[k]), [0.5, 0.0, 0.8]);
-        // Without friction there is no cap that could make them.
+        // Without friction there is no cap that could change the momentum.
         assert!(carried(false, 200, |_| 1.0)[199] > 0.98);
     }
 }

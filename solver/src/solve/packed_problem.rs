@@ -1,4 +1,4 @@
-//! The problem laid out for the sweeps that its contacts need.
+//! The problem in the layout that the sweeps of its contacts need.
 
 use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::lanes::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, SimdWidth};
@@ -8,7 +8,7 @@ use crate::solve::block::batches::{FrictionalPoint, FrictionlessPoint};
 use crate::solve::nlgs::ContactReactions;
 use crate::solve::sweep::{sweep_contacts, sweep_single};
 
-/// The rows `active` of a step, and what the sweeps change.
+/// The rows `active` of a step, and the data that the sweeps change.
 pub enum PackedProblem {
     /// Spheres and plates without friction: one unknown a contact.
     Frictionless(DiagonalProblem<BodyHalfLine>),
@@ -16,14 +16,14 @@ pub enum PackedProblem {
     /// Spheres and plates: the blocks are diagonal.
     Diagonal(DiagonalProblem<BodyLine>),
     DiagonalSingle(DiagonalProblem<BodyLineF32>),
-    /// Bodies of any shape, and those without friction.
+    /// Bodies of any shape, with full blocks; with and without friction.
     Full(block::batches::BlockProblem<FrictionalPoint<f64>>),
     FullSingle(block::batches::BlockProblem<FrictionalPoint<f32>>),
     FullFrictionless(block::batches::BlockProblem<FrictionlessPoint<f64>>),
     FullFrictionlessSingle(block::batches::BlockProblem<FrictionlessPoint<f32>>),
 }
 
-/// What a sweep did.
+/// Statistics of a sweep.
 #[derive(Debug, Clone, Copy)]
 pub struct SweepStats {
     /// Whether the last change points against the momentum: sum of w_n (y - r).(r - r_before) > 0.
@@ -33,7 +33,7 @@ pub struct SweepStats {
 }
 
 impl PackedProblem {
-    /// Starts from `reactions` and from the velocities that they lead to.
+    /// Starts from `reactions` and from the velocities that result from them.
     pub fn new(
         system: &ContactProblem,
         active: &[u32],
@@ -90,7 +90,7 @@ impl PackedProblem {
         SweepStats { needs_restart: uphill, change: change * unit }
     }
 
-    /// Puts the impulses and moments of the rows swept, which are of this system, into `reactions`.
+    /// Copies the impulses and moments of the swept rows, which belong to this system, into `reactions`.
     pub fn read_back(&self, width: SimdWidth, system: &ContactProblem, reactions: &mut ContactReactions) {
         match self {
             PackedProblem::Frictionless(problem) => problem.read_back(width, reactions),

@@ -1,10 +1,10 @@
-//! Judges a solution of the contact problem; never solves, and shares no arithmetic with what solves.
+//! Residual of a solution of the contact problem; shares no arithmetic with the solvers.
 //!
-//! E = |F(r)|/|F(r_0)| with the natural map F(r) = r - P_K(r - rho (û + mu |û_T| n)), rho = 3N/trace W, over
-//! the contacts that can close in the step: 1 when nothing is solved, 0 exactly at a solution, the same
-//! in any units and whatever the alert distance. r_0 is 0, and where contacts attract what takes up the attraction of
-//! each ([`Row::balance`](crate::assemble::ContactConstraint::balancing_impulse)): cohesion, however strong, loads nothing by itself. A moment m of rolling and spinning friction counts as an impulse m/R
-//! against a velocity R w.
+//! E = |F(r)|/|F(r_0)| with the natural map F(r) = r - P_K(r - rho (û + mu |û_T| n)), rho = 3N/trace W, over the contacts
+//! that can close in the step. E is 1 if nothing is solved, 0 exactly at a solution, and the same in any units and for any
+//! alert distance. r_0 is 0; for contacts with an attraction it is the impulse that balances this
+//! ([`ContactConstraint::balancing_impulse`](crate::assemble::ContactConstraint::balancing_impulse)): cohesion, however
+//! strong, is no load by itself. A moment m of rolling and spinning friction counts as an impulse m/R against a velocity R w.
 //!
 //! Source: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), ch. 13.
 
@@ -15,22 +15,22 @@ use crate::assemble::{ContactProblem, RollingConstraint, SolverBody};
 use crate::math::lanes::{F64Arithmetic, Scalar, SimdWidth};
 use crate::math::{PAR_MIN_LEN, Vec3};
 
-/// Below this share of what the velocities at the contacts are the sums of, and of those that attractions would give
-/// them, a residual is rounding: steps in which nothing closes count as solved.
+/// Share of the summed velocities at the contacts, and of those that attractions would cause, below which a residual is
+/// rounding: steps in which no contact closes count as solved.
 const ROUNDING_FLOOR: f64 = 1e-15;
 
-/// Contacts judged at once.
+/// Contacts evaluated at once.
 const GROUP_LANES: usize = 8;
 
-/// Groups of eight contacts that one task judges.
+/// Groups of eight contacts per task.
 const GROUPS_PER_TASK: usize = 128;
 
-/// Eight contacts by columns; in the last group places are left over, without n, shift and friction.
+/// Data of eight contacts by columns; unused lanes of the last group have no n, shift and friction.
 #[derive(Debug, Clone, Copy)]
 struct ContactGroup {
     n: [[f64; GROUP_LANES]; 3],
     shift: [[f64; GROUP_LANES]; 3],
-    /// From the centres of candidate and antagonist to the contact point, m.
+    /// Vectors from the centres of candidate and antagonist to the contact point, m.
     arms: [[[f64; GROUP_LANES]; 3]; 2],
     friction: [f64; GROUP_LANES],
     bodies: [[u32; GROUP_LANES]; 2],
@@ -49,18 +49,18 @@ fn body_motion(v: &Vec3, w: &Vec3) -> BodyMotion {
 pub struct ResidualEvaluator<'a> {
     system: &'a ContactProblem,
     pub(super) width: SimdWidth,
-    /// Rows that are judged.
+    /// Rows that are evaluated.
     rows: &'a [u32],
     contacts: Vec<ContactGroup>,
-    /// Of the contacts; empty where all are 0.
+    /// Friction levers of the contacts; empty if all are 0.
     levers: Vec<GroupLevers>,
     rho: f64,
-    /// |F(r_0)|
+    /// Norm |F(r_0)|.
     initial_norm: f64,
     floor: f64,
 }
 
-/// E and the row that has the largest part in it.
+/// Residual E and the row with the largest part in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Residual {
     pub value: f64,
@@ -118,7 +118,7 @@ impl<'a> ResidualEvaluator<'a> {
         if self.initial_norm > 0.0 { self.floor / self.initial_norm } else { 0.0 }
     }
 
-    /// The rounding of impulses over the momenta of the bodies and |F(r_0)|: the share of these that may be lost.
+    /// Rounding of the impulses over the sum of the momenta of the bodies and |F(r_0)|.
     pub fn rounding_share(&self, impulses: &[Vec3]) -> f64 {
         let given: f64 = self.rows.iter().map(|&k| impulses[k as usize].norm_squared()).sum();
         let of_body = |record: &&SolverBody| record.inverse_mass > 0.0;
@@ -127,17 +127,17 @@ impl<'a> ResidualEvaluator<'a> {
         f64::EPSILON * given.sqrt() / momenta.sum::<f64>().sqrt().max(self.initial_norm).max(self.floor)
     }
 
-    /// E of the impulses r̂ (one a row of the system, world frame, N s; 0 in rows that are not judged).
+    /// E of the impulses r̂ (one per row of the system, world frame, N s; 0 in rows that are not evaluated).
     pub fn residual(&self, impulses: &[Vec3]) -> Residual {
         self.residual_at(impulses, &self.body_motions(impulses))
     }
 
-    /// The same, where the motions that the impulses lead to are known.
+    /// E of the impulses if the motions that result from them are known.
     pub fn residual_at(&self, impulses: &[Vec3], motions: &[BodyMotion]) -> Residual {
         self.residual_with(impulses, &[], motions)
     }
 
-    /// The same of impulses and moments, one a roll of the system, and of the motions that both lead to.
+    /// E of impulses and moments, one per rolling constraint of the system, and of the motions that result from both.
     pub fn residual_with(&self, impulses: &[Vec3], moments: &[Vec3], motions: &[BodyMotion]) -> Residual {
         let (norm, worst) = self.residual_norm(impulses, moments, motions);
         if norm <= self.floor {
@@ -146,10 +146,10 @@ impl<'a> ResidualEvaluator<'a> {
         Residual { value: norm / self.initial_norm.max(self.floor), worst }
     }
 
-    /// V_free + M⁻¹ H r̂ from the beginning.
+    /// V_free + M⁻¹ H r̂, computed anew.
     pub fn body_motions(&self, impulses: &[Vec3]) -> Vec<BodyMotion> {
-        // On each body the sums of the impulses and of their moments about its centre, in parts that the number of
-        // contacts alone decides.
+        // Sums of the impulses on each body and of their moments about its centre; the division into parts depends only on
+        // the number of contacts.
         let bodies = self.system.bodies.len();
         let half = if self.contacts.len() < GROUPS_PER_TASK {
             self.contacts.len().max(1)
@@ -174,7 +174,8 @@ impl<'a> ResidualEvaluator<'a> {
         self.system.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).enumerate().map(moved).collect()
     }
 
-    /// V_free + M⁻¹ (H r̂ + m) from the beginning, `moments` one a roll of the system, world frame, on the candidate, N m s.
+    /// V_free + M⁻¹ (H r̂ + m), computed anew; `moments` has one moment per rolling constraint of the system, world frame, on
+    /// the candidate, N m s.
     pub fn motions_with(&self, impulses: &[Vec3], moments: &[Vec3]) -> Vec<BodyMotion> {
         let mut motions = self.body_motions(impulses);
         for (roll, m) in self.system.rolling_constraints.iter().zip(moments) {
@@ -232,8 +233,8 @@ impl<'a> ResidualEvaluator<'a> {
 
     /// |F|^2 of the moment `m` of a contact with the impulse `r`, N^2 s^2.
     ///
-    /// With s = m/R and z = s - rho R w, F is rho R w and what of z is beyond the bounds: mu_s r_n along n, mu_r r_n
-    /// across. Where nothing presses, s itself, without the rounding of w.
+    /// With s = m/R and z = s - rho R w, F is rho R w plus the part of z beyond the bounds: mu_s r_n along n, mu_r r_n
+    /// across. Without a normal impulse F is s itself, without the rounding of w.
     fn moment_residual_squared(&self, roll: &RollingConstraint, m: &Vec3, r: &Vec3, motions: &[BodyMotion]) -> f64 {
         let row = &self.system.rows[roll.row as usize];
         let [a, b] = row.bodies.map(|body| &motions[body as usize]);
@@ -252,7 +253,7 @@ impl<'a> ResidualEvaluator<'a> {
         (0..3).map(|k| (f[k] + beyond * n[k] + share * across[k]).powi(2)).sum()
     }
 
-    /// |F|² of each row that is judged, N² s², for impulses that lead to these motions.
+    /// |F|² of each evaluated row, N² s², for impulses that result in these motions.
     pub fn contributions(&self, impulses: &[Vec3], motions: &[BodyMotion]) -> Vec<f64> {
         let mut sizes2 = vec![0.0; self.contacts.len() * GROUP_LANES];
         let ResidualEvaluator { rows, rho, contacts, levers, .. } = self;
@@ -263,7 +264,7 @@ impl<'a> ResidualEvaluator<'a> {
         sizes2
     }
 
-    /// Sum of |F|^2 of some contacts, the largest and its row.
+    /// Sum of |F|^2 of some contacts, the largest |F|^2 and its row.
     fn evaluate_groups<L: F64Arithmetic>(
         &self,
         lanes: L,
@@ -285,7 +286,7 @@ impl<'a> ResidualEvaluator<'a> {
     }
 }
 
-/// On each of `bodies` the sums of the impulses and of their moments about its centre.
+/// Sums of the impulses on each of `bodies` and of their moments about its centre.
 fn body_impulse_sums(
     contacts: &[ContactGroup],
     levers: &[GroupLevers],
@@ -377,8 +378,8 @@ impl<L: F64Arithmetic> NullaryFnOnce for NaturalMap<'_, L> {
     }
 }
 
-/// Stores |F|^2 of `WIDTH` contacts from the place `from` on. In the plane of n and the tangential part of r - rho û,
-/// where the projection lies too, no frame is needed.
+/// Stores |F|^2 of `WIDTH` contacts from index `from` on. In the plane of n and the tangential part of r - rho û, which
+/// contains the projection, no frame is needed.
 #[inline(always)]
 fn natural_map_squared<L: F64Arithmetic>(
     l: L,
@@ -455,8 +456,8 @@ fn inner_product<L: F64Arithmetic>(l: L, a: [L::V; 3], b: [L::V; 3]) -> L::V {
     l.add(l.add(l.mul(a[0], b[0]), l.mul(a[1], b[1])), l.mul(a[2], b[2]))
 }
 
-/// The nearest point of Coulomb's cone { |r_T| <= mu r_n } to a vector of normal part `z_n` and of
-/// tangential size `z_t` >= 0: its normal part and its tangential size.
+/// Returns the nearest point of Coulomb's cone { |r_T| <= mu r_n } to a vector of normal part `z_n` and of tangential size
+/// `z_t` >= 0: its normal part and its tangential size.
 ///
 /// ```
 /// # use cd_solve::{math::lanes::Scalar, solve::residual::project_on_cone};
@@ -472,7 +473,7 @@ pub fn project_on_cone<L: F64Arithmetic>(l: L, z_n: L::V, z_t: L::V, mu: L::V) -
     let below = l.sub(zero, z_n);
     let normal = l.select_greater(l.mul(mu, z_t), below, side, zero);
     let edge = l.mul(mu, z_n);
-    // Without friction and without a tangential part what pulls is within the edge as well.
+    // Without friction and without a tangential part a negative normal part is within the edge as well.
     let inside = l.select_greater(z_n, zero, z_n, zero);
     (l.select_greater(z_t, edge, normal, inside), l.select_greater(z_t, edge, l.mul(mu, normal), z_t))
 }
@@ -536,14 +537,15 @@ mod tests {
     fn moments_are_judged_by_their_law() {
         for turning in [Vec3::zeros(), Vec3::new(3.0, -1.0, 2.0)] {
             let system = ball_on_plate(turning);
-            // It goes on rolling, against the bound, and stops spinning. |F(0)| = rho 1 m/s, rho = 3/8; numbers up to 10.
+            // The ball continues to roll, against the bound, and stops spinning. |F(0)| = rho 1 m/s, rho = 3/8; numbers up to
+            // 10.
             assert!(judged(&system, [0.0, -0.05, -0.01]) < 1e-14);
             for (m, expected) in [
                 ([0.0; 3], 0.1f64.hypot(0.375 * 0.05)), // z = -rho R w = -(0, 0.375, 0.01875)
                 ([0.0, -0.1, -0.01], 0.1),              // twice the bound
                 ([0.0, 0.05, -0.01], 0.2),              // with the rolling, not against it
-                ([0.0, -0.05, 0.0], 0.375 * 0.05),      // spins on
-                ([0.0, -0.05, -0.02], 0.375 * 0.05),    // spins back
+                ([0.0, -0.05, 0.0], 0.375 * 0.05),      // continues to spin
+                ([0.0, -0.05, -0.02], 0.375 * 0.05),    // spins in the opposite direction
                 ([0.0, -0.05, -2.0], 3.8),              // beyond the other: s = -4, z = -4 + 0.375 * 9.95 = -0.26875
             ] {
                 let found = judged(&system, m);

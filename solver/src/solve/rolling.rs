@@ -1,11 +1,11 @@
-//! Rolling and spinning friction: a contact's moment follows its impulse.
+//! Rolling and spinning friction: the moment of a contact is bounded by its impulse.
 //!
-//! With the other impulses frozen the moment m of two bodies sees their relative angular velocity w = W_r m + b, of spheres
-//! W_r = 1/I_a + 1/I_b. Its part in the tangent plane resists rolling and is at most mu_r R r̂_n, its part along n resists
-//! spinning and is at most mu_s R r̂_n; below these bounds nothing rolls or spins, at them the moment is opposite to
-//! w_T, or to w_n. As Coulomb's law of the sliding friction, with r̂_n of the same contact, just solved.
+//! With the other impulses frozen, the moment m of two bodies acts on their relative angular velocity w = W_r m + b, with W_r
+//! = 1/I_a + 1/I_b for spheres. Its part in the tangent plane resists rolling and is at most mu_r R r̂_n, its part along n
+//! resists spinning and is at most mu_s R r̂_n. Below these bounds the contact does not roll or spin; at them the moment is
+//! opposite to w_T, or to w_n. It is solved as Coulomb's law of sliding friction, with r̂_n of the same contact, just solved.
 //!
-//! A scene without such contacts never comes here.
+//! This code is not used for scenes without such contacts.
 
 use std::ops::Range;
 
@@ -20,15 +20,15 @@ use crate::solve::local::{LaneVector, dot_product, project_to_ball, triple};
 #[repr(align(64))]
 pub struct RollingConstraintWide<T = f64> {
     shift: [[T; BATCH_LANES]; 3],
-    /// 0 where nothing resists, as all else.
+    /// Inverse of W_r; 0 for contacts without resistance, as all other data.
     inverse_w: [T; BATCH_LANES],
-    /// Most moment over the normal impulse against rolling and against spinning, m.
+    /// Largest moment over the normal impulse against rolling and against spinning, m.
     rolling: [T; BATCH_LANES],
     spinning: [T; BATCH_LANES],
     /// Moments on the candidates of the last sweep and of the one before, N m s.
     m: [[T; BATCH_LANES]; 3],
     previous: [[T; BATCH_LANES]; 3],
-    /// Place among the system's rolls, or [`NONE`].
+    /// Index of the system's rolling constraint, or [`NONE`].
     indices: [u32; BATCH_LANES],
 }
 
@@ -43,8 +43,8 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
         indices: [NONE; BATCH_LANES],
     };
 
-    /// Puts the resistance of row `k` into a place, if it has one, to start from its moment.
-    #[inline(never)] // so that what scenes spend on it can be counted
+    /// Sets the resistance of row `k` in a lane, if the row has one, with its initial moment.
+    #[inline(never)] // so that its cost in scenes can be counted
     pub fn set_lane(&mut self, lane: usize, system: &ContactProblem, k: u32, moments: &[Vec3]) {
         let Ok(place) = system.rolling_constraints.binary_search_by_key(&k, |roll| roll.row) else { return };
         let (roll, m) = (&system.rolling_constraints[place], &moments[place]);
@@ -57,16 +57,16 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
         self.indices[lane] = place as u32;
     }
 
-    /// Puts the moments into `moments`, one a roll of the system.
+    /// Copies the moments into `moments`, one per rolling constraint of the system.
     pub fn read_back(&self, moments: &mut [Vec3]) {
         for (lane, &place) in self.indices.iter().enumerate().filter(|(_, place)| **place != NONE) {
             moments[place as usize] = Vec3::from(self.m.map(|m| m[lane].to_f64()));
         }
     }
 
-    /// Solves the moments at `places`, each from y = m + beta (m - m_before); returns what they have changed by.
+    /// Solves the moments in the given lanes, each from y = m + beta (m - m_before); returns their changes.
     ///
-    /// `n`: normals, `pressing`: r̂_n, N s, `w`: angular velocity of the candidate against the antagonist with y at work,
+    /// `n`: normals, `pressing`: r̂_n, N s, `w`: angular velocity of the candidate relative to the antagonist with y applied,
     /// rad/s.
     #[inline(always)]
     pub fn solve_moments<L: Arithmetic<T = T>>(
@@ -99,7 +99,7 @@ fn load_vector<L: Arithmetic>(l: L, columns: &[[L::T; BATCH_LANES]; 3], places: 
     triple!(k => l.load(&columns[k][places.clone()]))
 }
 
-/// The nearest moment to `m` whose part along `n` is at most `spinning`, and that across at most `rolling`.
+/// Nearest moment to `m` whose part along `n` is at most `spinning`, and whose part across is at most `rolling`.
 #[inline(always)]
 fn clamp_moment<L: Arithmetic>(
     l: L,

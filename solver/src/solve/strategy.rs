@@ -1,4 +1,4 @@
-//! Who solves the contact problem of a step, and who comes after where the sweeps stall.
+//! Choice of the solver for the contact problem of a step, and of the fallback if the sweeps stall.
 
 use cd_formats::compute::ContactSolver;
 use cd_formats::snapshot::FallbackState;
@@ -11,51 +11,53 @@ use crate::solve::matrix::{self, MatrixProblem, MatrixSolver, SolverLimits, newt
 use crate::solve::nlgs::{ContactSolution, MOMENTUM_CYCLE, StoppingCriteria, closing_inactive_rows, solve_nlgs};
 use crate::solve::residual::ResidualEvaluator;
 
-/// What a step asks of its solver.
+/// Requirements of a step for its solver.
 #[derive(Debug, Clone, Copy)]
 pub struct SolveRequest {
     pub solver: ContactSolver,
     pub criteria: StoppingCriteria,
     pub width: SimdWidth,
-    /// Whether `auto` is spared all but one round of sweeps.
+    /// Whether `auto` is limited to one round of sweeps.
     pub fallback_suppressed: bool,
 }
 
 impl SolveRequest {
-    /// Whether `auto` may spend more than one round of sweeps on it, unless it is spared.
+    /// Whether `auto` may spend more than one round of sweeps on it, unless the fallback is suppressed.
     fn may_use_fallback(&self) -> bool {
         self.solver == ContactSolver::Auto && self.criteria.max_sweeps > MOMENTUM_CYCLE
     }
 
-    /// Whether one round of sweeps is all that it gets, of more that were allowed.
+    /// Whether the step is limited to one round of sweeps although more are allowed.
     pub fn skips_fallback(&self) -> bool {
         self.fallback_suppressed && self.may_use_fallback()
     }
 }
 
-/// `auto` gives the sweeps as many rounds of their momentum's caps as cost so many Newton steps, which are what comes
-/// after, but at least one, and then half of what is allowed at most.
+/// Cost, in Newton steps, of the sweeps that `auto` makes before the fallback, rounded down to whole rounds of their
+/// momentum's caps, at most half of the allowed sweeps and at least one round.
 const SWEEP_BUDGET_NEWTON_STEPS: f64 = 1.5;
-/// What comes after the sweeps of `auto` may cost as much as this many sweeps, of so many contacts at least, ...
+/// Largest cost of the fallback of `auto`, in sweeps of the problem's contacts; of [`MIN_FALLBACK_CONTACTS`] if it has fewer.
 const MAX_FALLBACK_COST_SWEEPS: f64 = 200_000.0;
 const MIN_FALLBACK_CONTACTS: usize = 100;
-/// ... and is not begun if that does not pay for so many Newton steps.
+/// Smallest number of Newton steps within [`MAX_FALLBACK_COST_SWEEPS`] for which the fallback is started.
 const MIN_FALLBACK_NEWTON_STEPS: f64 = 20.0;
-/// One contact in one sweep, in units of [`newton_cost`].
+/// Cost of one contact in one sweep, in units of [`newton_cost`].
 const CONTACT_SWEEP_COST: f64 = 6.0;
-/// From so many contacts on factors take gigabytes: sweeps take the place of the solvers that need them.
+/// Number of contacts from which factors take gigabytes: sweeps replace the solvers that need them.
 const MAX_FACTORED_CONTACTS: usize = 30_000;
 const TOO_LARGE_REASON: &str = "the factors of 30 000 contacts and more take gigabytes";
-/// The stored solvers aim a little below the tolerance, which is judged by other sums than theirs.
+/// Tolerance of the stored solvers over that of the step: it is a little lower since the residual is computed by other sums
+/// than theirs.
 const FALLBACK_TOLERANCE_SHARE: f64 = 0.9;
 
-/// After k failures in a row `auto` does all that it can 2^k steps later, where this is the largest k: what is in vain
-/// costs as much as hundreds of steps.
+/// Largest exponent k of the back-off: after k failures in a row `auto` attempts the full fallback again 2^k steps later. A
+/// failed attempt costs as much as hundreds of steps.
 const MAX_BACKOFF_FAILURES: u32 = 8;
-/// What lowers E to this share of what the sweeps have left is not in vain, even where rounding keeps it from the tolerance.
+/// Reduction of E, relative to that of the sweeps, at which the fallback counts as a success, even if rounding keeps it above
+/// the tolerance.
 const MIN_FALLBACK_GAIN: f64 = 0.1;
 
-/// What the solution of a step, so many units of `dt` long, tells of the next.
+/// Updates the back-off of the fallback from the solution of a step that is `units` times `dt` long.
 pub fn update_backoff(
     fallback: &mut FallbackState,
     task: SolveRequest,
@@ -71,13 +73,14 @@ pub fn update_backoff(
         let failures = (fallback.failures + 1).min(MAX_BACKOFF_FAILURES);
         *fallback = FallbackState { failures, due: step + (units << failures) };
     } else if solution.sweeps > MOMENTUM_CYCLE && task.criteria.target_residual == task.criteria.tol {
-        // Beyond `tol` sweeps are many in the easiest step.
+        // Below `tol` even the easiest step needs many sweeps.
         *fallback = FallbackState::default();
     }
 }
 
-/// Solves to E <= `tol`, or as far as the limits allow; the decisions follow from the problem alone. From there sweeps seek
-/// `aim`, as does a solver of stored problems that was asked for by name; what sweeps leave to another is not worth more.
+/// Solves to E <= `tol`, or as far as the limits allow; the decisions depend only on the problem. From there sweeps seek
+/// `aim`, as does a requested solver of stored problems; in the fallback after sweeps a smaller residual is not worth its
+/// cost.
 ///
 /// `stored` writes the rows that can close as a problem with its Delassus matrix.
 pub fn solve_contact_problem(
@@ -89,7 +92,7 @@ pub fn solve_contact_problem(
     if found.residual < 1.0 {
         return found;
     }
-    // No better than what is there when nothing is solved: from that, which is kept if nothing is better.
+    // A warm start that is worse than zero impulses is replaced by these, which are kept if no result is better.
     let mut system = system.clone();
     system.rows.iter_mut().for_each(|row| row.warm_start = row.normal * row.balancing_impulse());
     system.rolling_constraints.iter_mut().for_each(|roll| roll.warm_start = Vec3::zeros());
@@ -114,12 +117,12 @@ fn solve_from_warm_start(
     let StoppingCriteria { tol, target_residual: aim, max_sweeps: limit, .. } = task.criteria;
     let limit = if task.skips_fallback() { limit.min(MOMENTUM_CYCLE) } else { limit };
     let contacts = system.rows.iter().filter(|row| row.can_close).count();
-    let newton = newton_cost(contacts) / (CONTACT_SWEEP_COST * contacts as f64); // sweeps that cost as much
+    let newton = newton_cost(contacts) / (CONTACT_SWEEP_COST * contacts as f64); // sweeps of the same cost
     let pays = contacts < MAX_FACTORED_CONTACTS && MAX_FALLBACK_COST_SWEEPS >= MIN_FALLBACK_NEWTON_STEPS * newton;
     let swept = |max_sweeps| solve_nlgs(system, StoppingCriteria { max_sweeps, ..task.criteria }, task.width);
     let (solver, max_cost) = match task.solver {
         ContactSolver::Nlgs => return swept(limit),
-        // The stored problem has no place for moments.
+        // The stored problem does not include moments.
         ContactSolver::Auto if task.skips_fallback() || !system.rolling_constraints.is_empty() => return swept(limit),
         ContactSolver::Auto if !pays => return solve_with_subproblem_corrections(system, task, limit, stored),
         ContactSolver::Auto => (
@@ -134,7 +137,7 @@ fn solve_from_warm_start(
         ContactSolver::Admm => (MatrixSolver::Admm, f64::INFINITY),
         ContactSolver::InteriorPoint => (MatrixSolver::InteriorPoint, f64::INFINITY),
     };
-    // The others go on from the warm start.
+    // The other solvers continue from the warm start.
     let rounds = ((SWEEP_BUDGET_NEWTON_STEPS * newton) as u64).min(limit / 2) / MOMENTUM_CYCLE;
     let sweeps = if solver == MatrixSolver::Auto { limit.min(MOMENTUM_CYCLE * rounds.max(1)) } else { 0 };
     let start = swept(sweeps);
@@ -146,8 +149,8 @@ fn solve_from_warm_start(
     solve_by_fallback(system, start, solver, limits, task, stored)
 }
 
-/// Sweeps, and between them solves knots at once: the contacts in which the sweeps of a large scene run in circles, against
-/// what all others push. Where none is found, the sweeps are slow, and go on.
+/// Alternates sweeps with the direct solution of stagnating subproblems: the contacts in which the sweeps of a large scene
+/// cycle, against the impulses of all others. If there is no such subproblem, the sweeps are just slow, and continue.
 fn solve_with_subproblem_corrections(
     system: &ContactProblem,
     task: SolveRequest,
@@ -174,21 +177,24 @@ fn solve_with_subproblem_corrections(
         }
         last = ContactSolution { fallback_used: taken_over, ..swept(&system, sweeps) };
         let sweeps = best.sweeps + last.sweeps;
-        // What has converged takes no sweeps, and ends it.
+        // A converged solution takes no more sweeps and ends the loop.
         best = if last.converged || last.residual < best.residual { last.clone() } else { best };
         best.sweeps = sweeps;
     }
     best
 }
 
-/// The rows of a knot, besides those that touch the same bodies, have the largest parts in |F|², and this share of it at least.
+/// Number of rows that select a stagnating subproblem, those with the largest parts in |F|², and their smallest share of
+/// |F|². Rows that touch the same bodies are added.
 const SUBPROBLEM_ROWS: usize = 64;
 const MIN_SUBPROBLEM_SHARE: f64 = 0.1;
-/// By so much of it a knot's own residual is lowered, and then so many sweeps tell its neighbours.
+/// Factor by which the residual of a subproblem is lowered, and number of sweeps after it, which propagate the change to its
+/// neighbours.
 const SUBPROBLEM_TOLERANCE: f64 = 0.1;
 const SWEEPS_BETWEEN_SUBPROBLEMS: u64 = 16;
 
-/// The impulses with those of a knot solved on the stored matrix; none where the residual is spread over all rows.
+/// Impulses with those of a stagnating subproblem solved on the stored matrix; `None` if the residual is spread over all
+/// rows.
 fn solve_stalled_subproblem(
     system: &ContactProblem,
     impulses: &[Vec3],
@@ -215,7 +221,7 @@ fn solve_stalled_subproblem(
     let others: Vec<Vec3> = impulses.iter().zip(&inside).map(of_others).collect();
     let mut part = ContactProblem { bodies: judge.solver_bodies(&judge.body_motions(&others)), ..system.clone() };
     part.rows.iter_mut().zip(&inside).for_each(|(row, inside)| row.can_close = *inside);
-    // No more than a round of sweeps costs.
+    // At most the cost of a round of sweeps.
     let max_cost = MOMENTUM_CYCLE as f64 * CONTACT_SWEEP_COST * rows.len() as f64;
     let limits = |matrix: &MatrixProblem, from: &[[f64; 3]]| SolverLimits {
         tol: SUBPROBLEM_TOLERANCE * residual(matrix, from),
@@ -226,7 +232,7 @@ fn solve_stalled_subproblem(
     Some(solve_on_matrix(&part, impulses, MatrixSolver::Auto, limits, stored)?.0)
 }
 
-/// The impulses with those of the rows that can close as a solver of stored problems finds them from there, and what it says.
+/// Impulses with those of the rows that can close as found by a solver of stored problems from there, and its result.
 fn solve_on_matrix(
     system: &ContactProblem,
     impulses: &[Vec3],
@@ -246,11 +252,12 @@ fn solve_on_matrix(
     Some((impulses, found))
 }
 
-/// What stored solvers find counts only if its rounding is no more than this share of the bodies' momenta: impulses that brace
-/// bodies against each other may grow until nothing is left of these.
+/// Largest rounding of a stored solver's result over the bodies' momenta: impulses that brace bodies against each other may
+/// grow until the momenta are lost in their rounding.
 const MAX_ROUNDING_SHARE: f64 = 1e-8;
 
-/// Goes on from `start` with a solver of stored problems; the better of the two by E, which has converged at the task's `tol`.
+/// Continues from `start` with a solver of stored problems. Returns the better of the two by E; it has converged if it
+/// reaches the task's `tol`.
 fn solve_by_fallback(
     system: &ContactProblem,
     start: ContactSolution,
@@ -260,7 +267,7 @@ fn solve_by_fallback(
     stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> ContactSolution {
     let mut system = system.clone();
-    // What the sweeps have taken in is part of the problem.
+    // Rows that the sweeps have included are part of the problem.
     for (row, r) in system.rows.iter_mut().zip(&start.impulses) {
         row.can_close |= *r != Vec3::zeros();
     }
@@ -344,7 +351,7 @@ mod tests {
         }
     }
 
-    /// The rows of such balls that can close, which do not feel each other.
+    /// Stored problem of the rows of such balls that can close; they are not coupled.
     fn written(system: &ContactProblem) -> StoredProblem {
         let rows: Vec<u32> = (0..).zip(&system.rows).filter(|(_, row)| row.can_close).map(|(k, _)| k).collect();
         let of = |k: &u32| &system.rows[*k as usize];
@@ -357,7 +364,7 @@ mod tests {
         }
     }
 
-    /// Why sweeps stood in, and whether the problem was written out.
+    /// Reason why sweeps replaced the requested solver, and whether the problem was written out.
     fn solved(system: &ContactProblem, solver: ContactSolver) -> (Option<&'static str>, bool) {
         let asked = Cell::new(false);
         let stored = |system: &ContactProblem| {
@@ -378,7 +385,7 @@ mod tests {
     #[test]
     fn rows_that_sweeps_took_in_are_solved_again() {
         let mut system = balls(2);
-        // The second flies off; the sweeps pushed it further all the same.
+        // The second ball flies off; the sweeps nevertheless gave it an impulse.
         system.bodies[1].v = Vec3::z();
         system.rows[1].can_close = false;
         let swept = solve_nlgs(&system, StoppingCriteria::new(1e-9, 0), SimdWidth::detect());
@@ -407,7 +414,7 @@ mod tests {
         let mut impulses = vec![Vec3::z(); 1000];
         impulses[7] *= 0.5;
         let found = solved(&impulses).unwrap();
-        // What it misses falls from 0.5 to a tenth.
+        // The residual without them falls from 0.5 to a tenth.
         assert!(
             (found[7] - Vec3::z()).norm() <= SUBPROBLEM_TOLERANCE * 0.5 && found[999] == impulses[999],
             "{}",
@@ -415,7 +422,7 @@ mod tests {
         );
         impulses.fill(Vec3::z() * 0.5);
         assert_eq!(solved(&impulses), None);
-        // Too large for the stored solvers as a whole, and done by one look of the sweeps.
+        // Too large for the stored solvers as a whole, and solved in one check of the sweeps.
         let task = SolveRequest {
             solver: ContactSolver::Auto,
             criteria: StoppingCriteria::new(1e-9, 5000),
@@ -444,7 +451,7 @@ mod tests {
             update_backoff(&mut fallback, task, step, 3, &solution(false, 5000)); // steps of three units
             assert_eq!(fallback.due, due);
         }
-        // A step that sweeps solve at once says nothing of those that stall.
+        // A step that sweeps solve at once gives no information on steps that stall.
         update_backoff(&mut fallback, task, 52, 3, &solution(true, MOMENTUM_CYCLE));
         assert_eq!(fallback.failures, 3);
         (0..9).for_each(|_| update_backoff(&mut fallback, task, 55, 1, &solution(false, 5000)));
@@ -454,7 +461,7 @@ mod tests {
         assert_eq!(fallback.failures, 8);
         update_backoff(&mut fallback, task, 200, 1, &solution(true, MOMENTUM_CYCLE + 1));
         assert_eq!(fallback, FallbackState::default());
-        // What makes E ten times smaller was worth it.
+        // A tenfold reduction of E counts as a success.
         let solved =
             |stalled, residual| ContactSolution { stalled_residual: Some(stalled), residual, ..solution(false, 5000) };
         update_backoff(&mut fallback, task, 250, 1, &solved(1e-2, 9e-4));
@@ -462,7 +469,7 @@ mod tests {
         update_backoff(&mut fallback, task, 260, 1, &solved(1e-2, 2e-3));
         assert_eq!(fallback, FallbackState { failures: 1, due: 262 });
         fallback = FallbackState::default();
-        // Where no more than a round is allowed there is nothing to spare, and nothing to learn.
+        // With at most one round allowed there is no fallback to suppress and no failure to record.
         let short = SolveRequest { criteria: until(MOMENTUM_CYCLE), ..task };
         update_backoff(&mut fallback, short, 300, 1, &solution(false, MOMENTUM_CYCLE));
         assert_eq!(fallback, FallbackState::default());
@@ -475,7 +482,7 @@ mod tests {
     #[test]
     fn nothing_is_kept_that_is_worse_than_nothing() {
         let mut system = balls(3);
-        // Of a step that had no solution.
+        // Warm start of a step without a solution.
         system.rows.iter_mut().for_each(|row| row.warm_start = Vec3::z() * 1e17);
         for (solver, sweeps) in [(ContactSolver::Auto, 0), (ContactSolver::Nlgs, 0), (ContactSolver::Nlgs, 100)] {
             let task = SolveRequest {

@@ -14,7 +14,7 @@ use crate::solve::local::{
 };
 use crate::solve::rolling::RollingConstraintWide;
 
-/// Batches that go through the stages of a sweep together, so that no stage waits for the one before.
+/// Batches processed together in each stage of a sweep, so that no stage waits for the one before.
 const BATCHES_PER_STAGE: usize = 8;
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
@@ -32,7 +32,7 @@ pub fn sweep_contacts<B: SweepKernel<T = f64>>(
     }
 }
 
-/// The same in single precision.
+/// Sweeps all contacts once as [`sweep_contacts`], in single precision.
 pub fn sweep_single<B: SweepKernel<T = f32>>(
     problem: &mut DiagonalProblem<B>,
     width: SimdWidth,
@@ -66,12 +66,12 @@ fn sweep_with<L: Arithmetic, B: SweepKernel<T = L::T>>(
 struct TreeSweep<L> {
     lanes: L,
     beta: f64,
-    /// Whether the problem does not fit near by.
+    /// Whether the problem exceeds the L2 cache.
     exceeds_l2: bool,
 }
 
 impl<L: Arithmetic> TreeSweep<L> {
-    /// Both sides of a joint side by side, then the joint.
+    /// Sweeps both sides of a joint in parallel, then the joint.
     fn sweep_subtree<B: SweepKernel<T = L::T>>(
         self,
         blocks: &mut [RangeBatches<L::T>],
@@ -100,7 +100,7 @@ impl<L: Arithmetic> TreeSweep<L> {
 /// Velocities are linear in the impulses, so momentum takes one pass over the bodies.
 struct ApplyMomentum<'a, L, B> {
     lanes: L,
-    /// The lines before `previous`, to become those that come after.
+    /// Lines of the sweep before `previous`, overwritten by the next ones.
     lines: &'a mut [B],
     previous: &'a [B],
     beta: f64,
@@ -112,7 +112,7 @@ impl<L: Arithmetic, B: SweepKernel<T = L::T>> NullaryFnOnce for ApplyMomentum<'_
     fn call(self) {
         let l = self.lanes;
         let beta = l.splat(self.beta);
-        // Masses do not change, so they stay.
+        // Masses do not change.
         let mut lines = cast_slice_mut::<B, L::T>(self.lines).chunks_exact_mut(L::WIDTH);
         let mut previous = cast_slice::<B, L::T>(self.previous).chunks_exact(L::WIDTH);
         for (line, previous) in (&mut lines).zip(&mut previous) {
@@ -125,7 +125,7 @@ impl<L: Arithmetic, B: SweepKernel<T = L::T>> NullaryFnOnce for ApplyMomentum<'_
     }
 }
 
-/// The vector of `WIDTH` places from `from` on.
+/// Loads the vector of `WIDTH` values from index `from` on.
 macro_rules! load {
     ($l:ident, $from:ident, $x:expr) => {
         $l.load(&$x[$from..$from + L::WIDTH])
@@ -137,7 +137,7 @@ macro_rules! load3 {
     };
 }
 
-/// The bodies' lines of a vector of contacts.
+/// Columns of the bodies' lines for a vector of contacts.
 macro_rules! pair {
     ($from:ident, $batch:ident) => {
         (&$batch.bodies[0][$from..$from + L::WIDTH], &$batch.bodies[1][$from..$from + L::WIDTH])
@@ -200,7 +200,7 @@ impl<L: Arithmetic, B: SweepKernel<T = L::T>> NullaryFnOnce for SweepBlock<'_, L
     }
 }
 
-/// Batches that go through the stages together.
+/// Batches processed together in each stage.
 pub struct BatchChunk<'a, T> {
     batches: &'a [ContactBatch<T>],
     later: PrefetchWindow<'a, T>,
@@ -212,16 +212,17 @@ pub struct BatchChunk<'a, T> {
     beta: f64,
 }
 
-/// What comes after a chunk: of many contacts it is far, and memory is faster when it need not wait for arithmetic.
+/// Next chunk to prefetch: for many contacts it is in far memory, which is faster if it need not wait for arithmetic.
 struct PrefetchWindow<'a, T> {
-    /// Empty where nothing is to be asked for.
+    /// Batches to prefetch; empty if there are none.
     batches: &'a [ContactBatch<T>],
     r: &'a [BatchVectors<T>],
     previous: &'a [BatchVectors<T>],
     tangential_shift: &'a [BatchVectors<T>],
 }
 
-/// Asked for is with each batch what is in its place in the next chunk: of many at once, most would wait for each other.
+/// Prefetches, with each batch, the batch at the same position of the next chunk: most of many requests at once would wait
+/// for each other.
 impl<T: LaneFloat> PrefetchWindow<'_, T> {
     #[inline(always)]
     fn prefetch_constants<L: Arithmetic<T = T>>(&self, l: L, i: usize) {
@@ -242,7 +243,7 @@ impl<T: LaneFloat> PrefetchWindow<'_, T> {
     }
 }
 
-/// What one stage leaves for the next, a vector of each batch.
+/// Intermediate results of one stage for the next, a vector of each batch.
 pub struct StageBuffers<V> {
     trials: [TrialImpulse<V>; BATCHES_PER_STAGE],
     changes: [ImpulseChange<V>; BATCHES_PER_STAGE],
@@ -250,8 +251,8 @@ pub struct StageBuffers<V> {
 
 /// Bodies that can be swept.
 pub trait SweepKernel: PackedBody {
-    /// Closes the contacts of the vector from place `from` on of each batch: their impulses, and the changes to be given
-    /// to the bodies.
+    /// Solves the contacts of the vector from index `from` on of each batch. Returns their impulses, and the changes to be
+    /// given to the bodies.
     fn solve_contacts<L: Arithmetic<T = Self::T>>(
         l: L,
         lines: &[Self],
@@ -261,7 +262,7 @@ pub trait SweepKernel: PackedBody {
         sums: &mut SweepSums<Self::T>,
     );
 
-    /// Gives a change to the bodies `a` and takes it from `b`.
+    /// Adds a change to the bodies `a` and subtracts it from `b`.
     fn apply_impulse<L: Arithmetic<T = Self::T>>(
         l: L,
         lines: &mut [Self],
@@ -270,21 +271,21 @@ pub trait SweepKernel: PackedBody {
         change: &ImpulseChange<L::V>,
     );
 
-    /// Gives the bodies the moments of these contacts that follow from their new impulses. Where something resists
-    /// rolling, bodies are whole lines in double precision.
+    /// Gives the bodies the moments of these contacts that follow from their new impulses. With rolling friction, bodies are
+    /// whole lines in double precision.
     #[inline(always)]
     fn solve_rolling<L: Arithmetic<T = Self::T>>(_: L, _: &mut [Self], _: &mut BatchChunk<Self::T>, _: usize) {}
 }
 
-/// What would stop the contacts of a vector, N s.
+/// Impulses that would stop the contacts of a vector, N s.
 #[derive(Clone, Copy)]
 pub struct TrialImpulse<V> {
     tangential: LaneVector<V>,
-    /// Signorini's condition holds already.
+    /// Normal impulse, after Signorini's condition.
     normal: V,
-    /// The impulses that the velocities have in them.
+    /// Impulses contained in the velocities.
     y: LaneVector<V>,
-    /// 1/kg
+    /// W_nn, 1/kg.
     w_n: V,
 }
 
@@ -369,11 +370,11 @@ impl SweepKernel for BodyLine {
     fn solve_rolling<L: Arithmetic<T = f64>>(l: L, lines: &mut [BodyLine], chunk: &mut BatchChunk<f64>, from: usize) {
         let BatchChunk { batches, previous, rolls, curvatures, beta, .. } = chunk;
         let (lines, beta) = (cast_slice_mut(lines), l.splat(*beta));
-        // The new impulses are where those of the sweep before were.
+        // The new impulses are stored in place of those of the sweep before.
         for (((batch, r), rolls), curvatures) in batches.iter().zip(&**previous).zip(&mut **rolls).zip(*curvatures) {
             let (a, b) = pair!(from, batch);
             let (mut of_a, mut of_b) = (l.gather_lines(lines, a), l.gather_lines(lines, b));
-            // Lines hold R w, and R^2/I.
+            // Lines contain R w and R^2/I.
             let (in_a, in_b) = (load!(l, from, curvatures[0]), load!(l, from, curvatures[1]));
             let w = triple!(k => l.neg_mul_add(of_b[4 + k], in_b, l.mul(of_a[4 + k], in_a)));
             let n = load3!(l, from, batch.n);

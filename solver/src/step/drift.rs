@@ -1,17 +1,17 @@
 //! Correction of positions where the errors of many steps have opened bonds.
 //!
-//! A bond holds û_n = 0 only as well as the solution is converged: each step opens or closes its gap by the error of a velocity
-//! times h, and these errors add up. The impulses of the next step do not close the gap again, since several bonds may
-//! hold the same bodies and one that closes would load the others. So positions are corrected by themselves: once a bond has
-//! opened by more than [`LARGEST_OPENING`], the bodies that bonds join to it are moved so that the gaps g_k of their bonds return
-//! to the gaps b_k at which they were made. One sweep solves for each bond
+//! A bond satisfies û_n = 0 only to the error of the solution: each step opens or closes its gap by the error of a velocity
+//! times h, and these errors accumulate. The impulses of the next step do not close the gap again, since several bonds may
+//! join the same bodies and one that closes would load the others. Therefore positions are corrected separately: once a bond
+//! has opened by more than [`LARGEST_OPENING`], the bodies that bonds join to it are moved so that the gaps g_k of their
+//! bonds return to the gaps b_k at which they were made. One sweep solves for each bond
 //!
 //! ```text
 //! w_n λ = -(g_k - b_k + n·(Δx_a + Δφ_a × l_a - Δx_b - Δφ_b × l_b)),   Δx = ± λ n / m,   Δφ = ± J⁻¹ (l × λ n)
 //! ```
 //!
-//! The centre of mass of the two stays, velocities and impulses stay, and walls do not move. Bonds that contradict each other share
-//! what is left.
+//! The centre of mass of the two bodies does not move, velocities and impulses do not change, and walls do not move. Bonds
+//! that contradict each other share the remaining opening.
 
 use rayon::prelude::*;
 
@@ -22,16 +22,16 @@ use crate::math::{PAR_MIN_LEN, Vec3, rotate_by_vector};
 use crate::scene::Scene;
 use crate::state::{Contact, SolvedContact, State};
 
-/// Opening of a bond over its effective radius from which on positions are corrected. A bond is made at a gap of up to [`MAX_TOUCHING_GAP`]
-/// and acts up to twice that; one step opens a corner by up to three times the error that [`super::motion`] accepts, which is
-/// this opening as well.
+/// Opening of a bond over its effective radius above which positions are corrected. A bond is made at a gap of up to
+/// [`MAX_TOUCHING_GAP`] and acts up to twice that gap. One step opens a corner by up to three times the error that
+/// [`super::motion`] accepts, which is this opening as well.
 pub const LARGEST_OPENING: f64 = 0.25 * MAX_TOUCHING_GAP;
 
-/// Sweeps of a correction: the four corners of a cube are then closed to a hundredth of their opening. What is left of a long chain
-/// is corrected in the steps that follow.
+/// Sweeps of a correction: the four corners of a cube are then closed to a hundredth of their opening. The remaining opening
+/// of a long chain is corrected in the following steps.
 const SWEEPS: usize = 10;
 
-/// Moves the bodies of bonds that have opened too far. `state` is that of the step's end, with the contacts of `system`.
+/// Moves the bodies of bonds that have opened too far. `state` is the state at the step's end, with the contacts of `system`.
 pub fn close_bonds(scene: &Scene, state: &mut State, system: &ContactProblem) {
     if !state.laws.iter().any(ContactLaw::has_stress) {
         return;
@@ -65,7 +65,7 @@ pub fn close_bonds(scene: &Scene, state: &mut State, system: &ContactProblem) {
             state.q[i] = rotate_by_vector(&state.q[i], &turn);
         }
     }
-    // The angular momentum stays, so bodies of unequal moments turn otherwise.
+    // The angular momentum stays, so bodies with unequal principal moments change their angular velocity.
     for (&i, momentum) in scene.turning.iter().zip(&state.angular_momentum) {
         let i = i as usize;
         state.w[i] = angular_velocity(&state.q[i], &scene.bodies[i].inertia, momentum);

@@ -1,4 +1,4 @@
-//! Contacts at the end of a step, and what they have done in it: the same numbers, gone through once.
+//! Contacts at the end of a step and their totals for the ledger, computed in one pass.
 
 use std::ops::Add;
 
@@ -13,7 +13,7 @@ use crate::scene::Scene;
 use crate::solve::ContactSolution;
 use crate::state::{Contact, ContactExchange, ContactStatus, SolvedContact, State};
 
-/// Velocities and contacts at the step's end, and what contacts have done.
+/// Velocities and contacts at the step's end, and the totals of the contacts.
 pub struct StepOutcome {
     pub v: Vec<Vec3>,
     pub w: Vec<Vec3>,
@@ -24,7 +24,7 @@ pub struct StepOutcome {
 
 /// Velocities and angular velocities in the contact configuration with all impulses, m/s and rad/s.
 pub fn solved_velocities(solution: &ContactSolution, free: &FreeMotion) -> (Vec<Vec3>, Vec<Vec3>) {
-    // What is imposed stays as it was.
+    // Imposed velocities stay as they were.
     let motion = |((record, v), w): ((&SolverBody, &Vec3), &Vec3)| {
         if record.inverse_mass > 0.0 { (record.v, record.w) } else { (*v, *w) }
     };
@@ -32,7 +32,7 @@ pub fn solved_velocities(solution: &ContactSolution, free: &FreeMotion) -> (Vec<
     bodies.with_min_len(PAR_MIN_LEN).map(motion).unzip()
 }
 
-/// Takes the place that the contacts of the last step have in memory.
+/// Computes the outcome of the step. Reuses the memory of the contacts of the last step.
 #[expect(clippy::too_many_arguments, reason = "what the stages of a step have found")]
 pub fn finish_contacts(
     scene: &Scene,
@@ -51,7 +51,7 @@ pub fn finish_contacts(
     let deep = OVERLAP_WARNING_SHARE * scene.smallest_radius;
     let end =
         PostSolve { scene, state, q_c, system, solution, motion, v: &v, w: &w, driven: &driven, warning_depth: deep };
-    // In parts that the number of rows alone decides.
+    // The division into parts depends only on the number of rows.
     let parts = ends.par_chunks_mut(ITEMS_PER_TASK).zip(contacts.par_chunks(ITEMS_PER_TASK)).enumerate();
     let parts: Vec<(ContactTotals, Vec<ContactExchange>)> =
         parts.map(|(part, (ends, contacts))| end.finish_chunk(part * ITEMS_PER_TASK, contacts, ends)).collect();
@@ -60,34 +60,34 @@ pub fn finish_contacts(
     StepOutcome { v, w, contacts: ends, totals: given, exchanges }
 }
 
-/// What the ends of contacts are made from.
+/// Input for the contacts at the step's end.
 struct PostSolve<'a> {
     scene: &'a Scene,
     state: &'a State,
     q_c: &'a ContactConfiguration,
     system: &'a ContactProblem,
     solution: &'a ContactSolution,
-    /// Where contacts lose something once they move.
+    /// Velocity errors, where contacts lose a bond or static friction once they move.
     motion: Option<&'a VelocityErrors>,
-    /// At the step's end, m/s and rad/s.
+    /// Velocities and angular velocities at the step's end, m/s and rad/s.
     v: &'a [Vec3],
     w: &'a [Vec3],
-    /// Of each body; together, as contacts ask for it in any order.
+    /// Whether each body is driven; a packed array, as contacts read it in any order.
     driven: &'a [bool],
-    /// Depth that is worth a warning between the smallest bodies, m: no contact is compared with its radii below it.
+    /// Smallest depth that is worth a warning for the smallest bodies, m. Below it a contact is not compared with its radii.
     warning_depth: f64,
 }
 
-/// Overlap over the smaller radius from which on a run warns: no law makes it, and volumes are off by three times as much.
+/// Overlap over the smaller radius above which a run warns: no law causes it, and volumes are off by three times as much.
 pub const OVERLAP_WARNING_SHARE: f64 = 1e-2;
 
 /// Two bodies that overlap.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Overlap {
     pub bodies: [u32; 2],
-    /// m
+    /// Depth of the overlap, m.
     pub depth: f64,
-    /// Depth over the smaller radius of the two, of those that move freely.
+    /// Depth over the smaller radius of those of the two bodies that move freely.
     pub share: f64,
 }
 
@@ -102,20 +102,20 @@ impl Overlap {
         Overlap { bodies, depth, share: depth / smaller }
     }
 
-    /// As messages say it, bodies counted from 1.
+    /// Text for messages, with bodies counted from 1.
     pub fn message_text(&self) -> String {
         let Overlap { bodies: [a, b], depth, share } = self;
         format!("bodies {}-{} overlap by {depth:.3e} m, {:.1} % of the smaller radius", a + 1, b + 1, 100.0 * share)
     }
 }
 
-/// The one of larger share; of equal ones the first.
+/// Returns the overlap with the larger share, the first if they are equal.
 pub fn deeper_overlap(a: Option<Overlap>, b: Overlap) -> Option<Overlap> {
     a.filter(|a| a.share >= b.share).or(Some(b))
 }
 
 impl PostSolve<'_> {
-    /// Fills `ends` with those of contacts of which the first has the number `first`; what they do in the step.
+    /// Fills `ends` with the ends of the contacts from index `first` on; returns their totals in the step.
     fn finish_chunk(
         &self,
         first: usize,
@@ -130,7 +130,7 @@ impl PostSolve<'_> {
             let (row, r) = (&system.rows[k], &solution.impulses[k]);
             let moment = rolls.next_if(|(roll, _)| roll.row as usize == k).map(|(_, m)| m);
             *end = self.finish_contact(k, contact, moment);
-            // What both bodies are driven to is no penetration of the contact's.
+            // Penetration between two driven bodies is imposed, not an error of the contact.
             let depth = if row.acts { (-contact.gap).max(0.0) } else { 0.0 };
             given.penetration_largest = given.penetration_largest.max(depth);
             given.penetration_sum += depth;
@@ -145,14 +145,14 @@ impl PostSolve<'_> {
                 given.virial += virial;
                 exchanges.push(ContactExchange { bodies: row.bodies, virial });
             } else if end.moment != Vec3::zeros() {
-                // What holds two bodies presses them as it pulls: nothing is left but what resists rolling.
+                // A bond between two bodies presses them as much as it pulls: only the resistance to rolling remains.
                 self.accumulate_totals(k, r, end, &mut given);
             }
         }
         (given, exchanges)
     }
 
-    /// Contact `k`, on which a moment (N m s, world frame) acts that resists rolling, if there is one.
+    /// Contact `k` at the step's end, with the moment (N m s, world frame) of its rolling resistance, if it has one.
     fn finish_contact(&self, k: usize, contact: &Contact, moment: Option<&Vec3>) -> SolvedContact {
         let &PostSolve { state, q_c, system, solution, v, w, .. } = self;
         let (row, r) = (&system.rows[k], &solution.impulses[k]);
@@ -187,13 +187,14 @@ impl PostSolve<'_> {
         }
     }
 
-    /// Adds what contact `k` with the impulse `r` of its row does; returns its impulse times its branch, N m s.
+    /// Adds the contribution of contact `k` with the impulse `r` of its row to the totals; returns its impulse times its
+    /// branch, N m s.
     fn accumulate_totals(&self, k: usize, r: &Vec3, contact: &SolvedContact, given: &mut ContactTotals) -> f64 {
         let &PostSolve { state, q_c, system, v, w, driven, .. } = self;
         let row = &system.rows[k];
         let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
         if driven[contact.candidate as usize] && driven[contact.antagonist as usize] {
-            return 0.0; // no part of what the ledger counts
+            return 0.0; // not counted in the ledger
         }
         let mean = 0.5 * (velocity + row.u_before);
         let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
@@ -204,18 +205,18 @@ impl PostSolve<'_> {
         let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
         let turning_work = if rolls { 0.5 * moment.dot(&(turned(candidate) - turned(antagonist))) } else { 0.0 };
         let moment = if system.has_friction_offsets() { moment + system.friction_couple(k, r) } else { moment };
-        // A wall's centre has no meaning for the stress of the grains: there the branch ends at the point.
+        // A wall's centre has no meaning for the stress of the grains: for a wall the branch ends at the contact point.
         let to_point = |body: usize, arm: Vec3| if driven[body] { Vec3::zeros() } else { arm };
         let branch = to_point(antagonist, arms[1]) - to_point(candidate, arms[0]);
         given.contact_work += impulse.dot(&mean) + turning_work;
         given.friction_work += impulse.y * mean.y + impulse.z * mean.z + turning_work;
         if !driven[antagonist] {
-            // What it takes acts at its own place, not at that of the image.
+            // The impulse on the antagonist acts at its own position, not at that of the image.
             given.angular_momentum += contact.image.cross(&force);
         }
         let sides = [(candidate, 1.0), (antagonist, -1.0)].into_iter().zip(arms);
         for ((body, sign), arm) in sides.filter(|((body, _), _)| driven[*body]) {
-            // What a driven body gives the free one: minus the impulse that it takes itself.
+            // The impulse of a driven body on the free one: minus the impulse on the driven body.
             let force = force * -sign;
             let moved = (v[body] + state.v[body]) + turned(body).cross(&arm);
             given.outside_work += 0.5 * (force.dot(&moved) - sign * moment.dot(&turned(body)));
@@ -226,23 +227,23 @@ impl PostSolve<'_> {
     }
 }
 
-/// What contacts do in a step.
+/// Totals of the contacts in a step.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ContactTotals {
     pub contacts_active: usize,
-    /// The deepest of those that are worth a warning.
+    /// Deepest of the overlaps that are worth a warning.
     pub overlap: Option<Overlap>,
-    /// m, of the listed contacts.
+    /// Largest penetration of the listed contacts, m.
     pub penetration_largest: f64,
     pub penetration_sum: f64,
-    /// By which contacts that carry force overlap more at the end: nothing, had the problem been solved exactly.
+    /// Penetration that contacts with force gain until the step's end: 0 if the problem is solved exactly.
     pub penetration_added: f64,
-    /// J
+    /// Work of the contacts, J.
     pub contact_work: f64,
     pub friction_work: f64,
-    /// Of impulses and branches, N m s.
+    /// Sum of impulses times branches, N m s.
     pub virial: f64,
-    /// Of driven bodies on free ones: work, impulse and its moment about the origin.
+    /// Effect of driven bodies on free ones: work, impulse and its moment about the origin.
     pub outside_work: f64,
     pub momentum: Vec3,
     pub angular_momentum: Vec3,

@@ -1,4 +1,4 @@
-//! The step in the books: momentum and energy as they are to be, and the report for the log.
+//! Ledger of the step: expected momentum and energy, and the report for the log.
 
 use std::ops::Add;
 
@@ -16,7 +16,7 @@ use crate::solve::ContactSolution;
 use crate::solve::lmgc90_criteria::{Lmgc90Norms, lmgc90_norms};
 use crate::state::{OutputInterval, State};
 
-/// What a step did, for the log.
+/// Report of a step for the log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepReport {
     /// Length of the step, s.
@@ -26,19 +26,19 @@ pub struct StepReport {
     /// Contacts that carry force.
     pub contacts_active: usize,
     pub sweeps: u64,
-    /// Whether they began in single precision.
+    /// Whether the sweeps began in single precision.
     pub single_precision: bool,
     pub residual: f64,
     pub converged: bool,
-    /// Contacts that began to close in the solution and are not part of it.
+    /// Rows outside the solved problem that the solution closes.
     pub left_out: usize,
     /// Whether a solver of stored problems found the solution where the sweeps had stalled.
     pub fallback_used: bool,
-    /// Whether `auto` left it unconverged after one round of sweeps, as more was in vain before.
+    /// Whether `auto` left the step unconverged after one round of sweeps, because further attempts failed in earlier steps.
     pub fallback_suppressed: bool,
-    /// Why sweeps took the place of the solver that was asked for.
+    /// Reason why sweeps replaced the requested solver.
     pub replacement_reason: Option<&'static str>,
-    /// LMGC90's criteria, if asked for.
+    /// LMGC90's criteria, if requested.
     pub norms: Option<Lmgc90Norms>,
     /// The contact with the largest part in the residual.
     pub worst: Option<WorstContact>,
@@ -47,24 +47,24 @@ pub struct StepReport {
     /// Largest penetration in the contact configuration, and the sum of all over `contacts_active`, m.
     pub penetration_largest: f64,
     pub penetration_mean: f64,
-    /// What the fast narrow phase missed, where it was looked at.
+    /// Contacts that the fast narrow phase missed, in steps in which this is checked.
     pub narrow_phase_error: Option<NarrowPhaseError>,
     /// Σ f·l, forces and branches of the contacts: pressure times three volumes, J.
     pub virial: f64,
-    /// Σ ¼ m |h a|² over the bodies on which no contact acts, a the acceleration beyond uniform gravity: what a step that
-    /// takes it as constant errs by in their kinetic energy, J.
+    /// Σ ¼ m |h a|² over the bodies on which no contact acts, J; a is the acceleration beyond uniform gravity. It is the error
+    /// of their kinetic energy in a step that takes a as constant.
     pub flight_error: f64,
-    /// Translation and rotation of the free bodies at the step's end, J.
+    /// Translational and rotational kinetic energy of the free bodies at the step's end, J.
     pub kinetic: f64,
     pub rotational: f64,
-    /// In the contact configuration, J.
+    /// Potential energy in the contact configuration, J.
     pub potential: f64,
     pub gravity: GravityReport,
     /// |momentum - expected| over the largest sum of m |v| so far.
     pub momentum_drift: f64,
 }
 
-/// A contact by its two bodies and its place in the contact configuration, m: polyhedra share several.
+/// Contact given by its two bodies and its position in the contact configuration, m: polyhedra share several contacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WorstContact {
     pub bodies: [u32; 2],
@@ -107,7 +107,7 @@ pub fn update_ledger(
         if flies { 0.25 * mass * (free.v[i] - state.v[i] - state.gravity * h).norm_squared() } else { 0.0 }
     };
     let flights: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(flight).collect();
-    // What rests from the start has no momentum but that which forces give in a step and contacts take.
+    // Bodies that rest from the start have only the momentum that forces give and contacts take in a step.
     let pushed = |&i: &u32| scene.bodies[i as usize].mass * (free.v[i as usize] - state.v[i as usize]).norm();
     let pushed: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(pushed).collect();
     let motion = MotionTotals::from_bodies(scene, &q_c.q, &solved.v, &solved.w);
@@ -116,7 +116,7 @@ pub fn update_ledger(
     ledger.penetration_largest = ledger.penetration_largest.max(given.penetration_largest / scene.mean_radius);
     let active = given.contacts_active.max(1) as f64;
     let mean = |sum: f64| sum / active / scene.mean_radius.max(f64::MIN_POSITIVE); // there may be no grains
-    // Of what there is now, at the most.
+    // At most the penetration that exists now.
     ledger.penetration_left = ledger.penetration_left.min(mean(given.penetration_sum)) + mean(given.penetration_added);
     ledger.sweeps += solution.sweeps;
     if !solution.converged {
@@ -159,11 +159,11 @@ pub fn update_ledger(
 /// Sums over the free bodies.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct MotionTotals {
-    /// kg m/s
+    /// Momentum, kg m/s.
     pub momentum: Vec3,
     /// Sum of m |v|, kg m/s.
     pub scale: f64,
-    /// J
+    /// Kinetic energy, J.
     pub kinetic: f64,
     pub rotational: f64,
 }

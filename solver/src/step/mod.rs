@@ -47,7 +47,7 @@ impl StageTimes {
     }
 }
 
-/// Advances the state by one step; none if the program was requested to stop within it, and the state is as it was.
+/// Advances the state by one step. Returns `None`, with the state unchanged, if the program was requested to stop within it.
 pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<StepReport> {
     let lap = &mut Stopwatch::start();
     let before = StateBackup::new(scene, state);
@@ -74,7 +74,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
         let solution = solve::solve_contact_problem(&system, task, |s| assemble::stored_problem(s, &contacts)); // M5  r
         sweeps += solution.sweeps;
         lap.add_lap(&mut clock.solve);
-        // What contacts have pushed may close pairs that nothing closed before: again with these.
+        // Bodies pushed by contacts may close pairs that were open before: the problem is solved again with these.
         let (v, w) = ends::solved_velocities(&solution, &free);
         let late = detect::late_contacts(scene, &q_c, [&free.v, &free.w], [&v, &w], &contacts);
         lap.add_lap(&mut clock.detection);
@@ -100,7 +100,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
         ..update_ledger(scene, state, &q_c, &free, &system, &solution, &solved)
     };
     if !happened.shakes.is_empty() {
-        report.flight_error = 0.0; // what shakes is an impulse, and exact
+        report.flight_error = 0.0; // a shake is an impulse, and exact
     }
     integrate::advance_state(scene, state, &q_c, solved.v, solved.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
     (state.contacts, state.order) = (solved.contacts, q_c.order);
@@ -110,7 +110,8 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
     Some(report)
 }
 
-/// Where contacts are looked for in a step of so many units of `dt`; `anew`: with velocities that no step has bounded.
+/// Configuration in which contacts are detected, in a step of `units` times `dt`. `anew`: velocities are not bounded by a
+/// step.
 fn contact_configuration(scene: &Scene, state: &State, units: u64, anew: bool) -> ContactConfiguration {
     let from_start = unforeseen::from_start(scene, state, units, anew);
     let q_c = match from_start.is_empty() {
@@ -120,7 +121,7 @@ fn contact_configuration(scene: &Scene, state: &State, units: u64, anew: bool) -
     ContactConfiguration { changed: anew, ..q_c }
 }
 
-/// What the fast narrow phase has missed of the contacts, in the steps in which that is looked at.
+/// Contacts that the fast narrow phase missed, in the steps in which this is checked.
 fn sample_narrow_phase_error(
     scene: &Scene,
     state: &State,
@@ -135,20 +136,20 @@ fn sample_narrow_phase_error(
 fn solve_request(scene: &Scene, state: &State, units: u64) -> SolveRequest {
     let options = &scene.options;
     let tol = options.tol();
-    // No later step makes good what a shock has given or taken.
+    // Errors of a restitution impulse are not corrected by later steps.
     let shock = if state.laws.iter().any(ContactLaw::has_restitution) { MIN_TOLERANCE_FACTOR } else { 1.0 };
-    // Nor what it has broken or set off.
+    // Errors in breaking bonds or starting to slide are not corrected either.
     let lost = if state.laws.iter().any(ContactLaw::has_irreversible_loss) {
         LOSS_TOLERANCE_FACTOR.min(MAX_LOSS_RESIDUAL / tol)
     } else {
         1.0
     };
-    // What a residual leaves in velocities goes with what the step would change them by alone, and that with its length.
+    // Velocity errors scale with the residual times the velocity change of the step, which grows with its length.
     let long = 1.0 / units as f64;
     let aim =
         tol * shock.min(lost).min(tolerance_factor(options.penetration_tol(), state.ledger.penetration_left)).min(long);
     let (check_every, precision) = (options.check_every, options.sweep_precision);
-    // One for each unit; blocks are as many as they are told to be.
+    // One sweep for each `dt`; LMGC90's blocks have a set number of sweeps.
     let least_sweeps = if check_every.is_some() { 0 } else { units };
     let until = StoppingCriteria {
         target_residual: aim,
@@ -165,25 +166,25 @@ fn solve_request(scene: &Scene, state: &State, units: u64) -> SolveRequest {
     }
 }
 
-/// The most by which added overlap makes the residual sought smaller.
+/// Smallest factor on the residual sought, reached as overlap accumulates.
 const MIN_TOLERANCE_FACTOR: f64 = 1e-2;
 
-/// By how much it is where contacts can lose something for good.
+/// Factor on the residual sought where contacts have irreversible losses.
 const LOSS_TOLERANCE_FACTOR: f64 = 0.1;
 
-/// The largest residual with which anything is lost for good: a load of 0.9 or 1.1 of a limit is then on its side of it.
+/// Largest residual with which irreversible losses are decided: a load of 0.9 or 1.1 of a limit is then on its side of it.
 const MAX_LOSS_RESIDUAL: f64 = 1e-3;
 
-/// By how much a step is to be solved further than `tol`, <= 1.
+/// Factor on `tol` for the residual sought, <= 1.
 ///
-/// What a residual leaves of approach becomes overlap, which laws keep: where loaded grains move slowly for long it adds up,
-/// and asks for a smaller residual.
+/// The approach velocity that a residual leaves becomes overlap, which laws keep. Where loaded grains move slowly for a long
+/// time it accumulates, and a smaller residual is needed.
 fn tolerance_factor(penetration_tol: f64, left: f64) -> f64 {
     let factor = penetration_tol / left.max(penetration_tol);
     (factor * factor).max(MIN_TOLERANCE_FACTOR)
 }
 
-/// Units of `dt` in the next step, and the contact problem that it would solve, written out.
+/// Number of `dt` in the next step, and the contact problem of that step, written out.
 pub fn next_problem(scene: &Scene, state: &State) -> (u64, assemble::StoredProblem) {
     let mut state = state.clone();
     let happened = assemble::apply_events(scene, &mut state);
@@ -197,10 +198,10 @@ pub fn next_problem(scene: &Scene, state: &State) -> (u64, assemble::StoredProbl
     (units, assemble::stored_problem(&system, &contacts))
 }
 
-/// Rows, contacts or bodies that one task adds up.
+/// Rows, contacts or bodies summed by one task.
 const ITEMS_PER_TASK: usize = 1024;
 
-/// A stopwatch over consecutive stretches.
+/// Stopwatch over consecutive intervals.
 struct Stopwatch(Instant);
 
 impl Stopwatch {

@@ -1,10 +1,11 @@
-//! Which contacts part or slide at a step's end by more than the solver has left open: what they lose then is lost for good.
+//! Contacts that part or slide at a step's end by more than the error of the solution. Their loss is irreversible.
 //!
-//! A contact that opens or slides in an exact solution has û_n > 0 or û_T ≠ 0. In a solution that is only close, a contact at its
-//! limit may move although another distribution of the same load would hold it: the points of a face share its load as sweeps happen
-//! to find it. Then its neighbours, which hold, move as well, and what they move by is known to be wrong. So each body has
-//! an error of velocity, the largest over its contacts of |F|/ρ with the natural map F of the contact and its own ρ = 3/trace W; a contact moves if it
-//! does so by more than [`ERROR_MARGIN`] times the error of its two bodies. No property of the load or the law is in this scale.
+//! A contact that opens or slides in an exact solution has û_n > 0 or û_T ≠ 0. In an approximate solution a contact at its
+//! limit may move although another distribution of the same load would keep it at rest: the load of a face is shared by its
+//! points as the sweeps happen to find it. Then its neighbours, which stick, move as well, and their velocity is known to be
+//! an error. Each body has an error of velocity: the largest |F|/ρ over its contacts, with the natural map F of the contact
+//! and its own ρ = 3/trace W. A contact moves if its velocity exceeds [`ERROR_MARGIN`] times the error of its two bodies. No
+//! property of the load or the law is in this scale.
 
 use rayon::prelude::*;
 
@@ -16,21 +17,21 @@ use crate::scene::Scene;
 use crate::solve::{ContactSolution, SolveRequest, StoppingCriteria, solve_nlgs};
 use crate::state::Contact;
 
-/// Errors of its bodies by which a contact must move. A face that is not to move has one point at least whose error is its own
-/// velocity; a point far from it, as face corners are from each other, moves by up to three times that as the face turns.
+/// Errors of its bodies by which a contact must move. A face at rest has at least one point whose error is its own velocity.
+/// A point far from it, as face corners are from each other, moves by up to three times that velocity as the face turns.
 const ERROR_MARGIN: f64 = 3.0;
 
-/// Share of the velocities that sum up to the one at a contact that is rounding: a hundred sweeps of a few units in the last place.
+/// Share of the summed velocities at a contact that is rounding: a hundred sweeps of a few units in the last place.
 const ROUNDING_SHARE: f64 = 1e-13;
 
-/// Share of the velocity that the strength of a bond makes of its two bodies, at which their error decides nothing any more: a load
-/// that is off by three times as much, [`ERROR_MARGIN`], is told from the strength.
+/// Smallest error of velocity that matters, as a share of the velocity change that the strength of a bond gives its two
+/// bodies: a load that is off by three times as much, [`ERROR_MARGIN`], is still distinguished from the strength.
 const MIN_RESOLVED_SHARE: f64 = 0.01;
 
-/// Most times that a step is solved ten times as far for the sake of its bonds: to 1e-9 of what nothing solved would leave.
+/// Largest number of tenfold refinements of a step for its bonds: to 1e-9 of the residual of the unsolved problem.
 const MAX_REFINEMENTS: usize = 6;
 
-/// Errors of velocity by body, m/s; 0 of a body that nothing pushes.
+/// Errors of velocity by body, m/s; 0 for a body without contact impulses.
 pub struct VelocityErrors {
     errors: Vec<f64>,
 }
@@ -44,7 +45,7 @@ impl VelocityErrors {
             solution.impulses.par_iter().enumerate().with_min_len(PAR_MIN_LEN).map(of_row).collect();
         let mut errors = vec![0.0f64; system.bodies.len()];
         for (row, error) in system.rows.iter().zip(of_rows) {
-            // A body that does not move passes nothing on.
+            // A body that does not move transmits no error.
             for body in row.bodies.into_iter().filter(|&body| system.bodies[body as usize].inverse_mass > 0.0) {
                 errors[body as usize] = errors[body as usize].max(error);
             }
@@ -52,7 +53,7 @@ impl VelocityErrors {
         VelocityErrors { errors }
     }
 
-    /// Error of the velocity at a contact of these bodies, m/s.
+    /// Error of the velocity at a contact between `bodies`, m/s.
     fn contact_error(&self, bodies: [u32; 2]) -> f64 {
         let [a, b] = bodies.map(|body| self.errors[body as usize]);
         a.max(b)
@@ -65,9 +66,10 @@ impl VelocityErrors {
         (opening > least, (u - row.normal * opening).norm() > least)
     }
 
-    /// Whether it is open if the bond of row `k` with the impulse `r` breaks: it is at its limit but for errors, which are not small against
-    /// what its strength does, and it does not move by more than they are. Or the errors open more in `h` than positions are
-    /// corrected for, at the effective radius `radius` (m).
+    /// Whether the solution leaves open if the bond of row `k` with the impulse `r` breaks. This is so if the bond is at its
+    /// limit to within errors that are not small against its strength, and it does not move by more than these errors. It is
+    /// also so if the errors open the bond in `h` by more than positions are corrected for, at the effective radius `radius`
+    /// (m).
     fn is_undecided(&self, system: &ContactProblem, solution: &ContactSolution, k: usize, h: f64, radius: f64) -> bool {
         let row = &system.rows[k];
         let error = self.contact_error(row.bodies);
@@ -88,8 +90,8 @@ impl VelocityErrors {
     }
 }
 
-/// Solves on from a converged `solution` as long as it is open if some bond breaks, each time ten times as far, and returns what is
-/// known then; None where no law takes anything for good. What each bond carries alone sets how far.
+/// Refines a converged `solution` tenfold as long as it is undecided if some bond breaks, and returns the velocity errors of
+/// the result; `None` if no law has irreversible losses. The number of refinements depends only on the loads of the bonds.
 pub fn refine_until_decided(
     scene: &Scene,
     laws: &[ContactLaw],
@@ -149,7 +151,7 @@ pub fn refine_until_decided(
     })
 }
 
-/// |F|/ρ of row `k` with the impulse `r`, and what of its velocity is rounding, m/s.
+/// |F|/ρ of row `k` with the impulse `r`, and the rounding part of its velocity, m/s.
 fn velocity_error(system: &ContactProblem, solution: &ContactSolution, k: usize, r: &Vec3) -> f64 {
     let row = &system.rows[k];
     let rho = 3.0 / (row.w_n + 2.0 * row.w_t);
@@ -163,7 +165,8 @@ fn velocity_error(system: &ContactProblem, solution: &ContactSolution, k: usize,
         + rounding
 }
 
-/// F = r - P(r - ρ (û + μ |û_T| n)) with the projection P on Coulomb's cone, N s: 0 of a contact that obeys Signorini and Coulomb.
+/// F = r - P(r - ρ (û + μ |û_T| n)) with the projection P on Coulomb's cone, N s. It is 0 for a contact that obeys Signorini
+/// and Coulomb.
 fn natural_map(n: &Vec3, friction: f64, rho: f64, u: &Vec3, r: &Vec3) -> Vec3 {
     let sliding = (u - n * n.dot(u)).norm();
     let z = r - (u + n * (friction * sliding)) * rho;
@@ -196,7 +199,8 @@ mod tests {
         {
             assert!(f(u, r) < 1e-15 * 10.0, "{u} {r}");
         }
-        // What sticks and moves is wrong by ρ û, what pushes and parts by what it pushes with at most.
+        // The error of a sticking contact that moves is ρ û; that of a parting contact with an impulse is at most this
+        // impulse.
         assert!((f(s * 0.1, n * 3.0) - 0.2).abs() < 0.11 && f(s * 0.1, n * 3.0) >= 0.2);
         assert_eq!(f(n * 8.0, n), 1.0);
         assert!(f(zero, t) > 0.4);

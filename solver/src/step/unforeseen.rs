@@ -1,7 +1,7 @@
-//! Velocities that no contact problem has bounded: those of the start and of events.
+//! Velocities that no contact problem has bounded: those at the start of a run and after events.
 //!
-//! A step bounds its end velocities V⁺ by the gaps on the path to the next contact configuration, x_c + h V⁺. Where velocities
-//! are new when a step begins, nothing has bounded the path (1-θ) h V to its contact configuration.
+//! A step bounds its end velocities V⁺ by the gaps on the path to the next contact configuration, x_c + h V⁺. If velocities
+//! are changed when a step begins, the path (1-θ) h V to its contact configuration is not bounded.
 
 use crate::assemble::{self, AppliedEvents, FreeMotion, relative_velocity};
 use crate::detect;
@@ -10,25 +10,25 @@ use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::{Contact, State};
 
-/// Closing beyond a gap that counts as rounding, over the effective radius: that of laws that act on what touches.
+/// Closing beyond a gap that counts as rounding, over the effective radius: that of laws that act on touching contacts.
 const CLOSING_ROUNDING: f64 = 1e-9;
 
-/// Change of an approach speed since the last step, over the speed, that counts as digits of text files.
+/// Relative change of an approach speed since the last step that is attributed to the digits of text files.
 const SPEED_DIGITS: f64 = 1e-6;
 
-/// Whether the bodies have other velocities than the last step left them, and nothing has bounded these.
+/// Whether velocities differ from those at the end of the last step and are not bounded by it.
 pub fn velocities_are_unbounded(scene: &Scene, state: &State, happened: &AppliedEvents) -> bool {
     state.step == scene.start.0 || happened.velocities_changed
 }
 
-/// For each body whether it takes the next step, of so many units of `dt`, with θ = 1: with x_c = x + (1-θ) h V it or one that it
-/// can meet would close a gap on the way to the contact configuration. Empty where none would.
+/// Whether each body takes the next step, of `units` times `dt`, with θ = 1: with x_c = x + (1-θ) h V the body, or one that
+/// it can meet, would close a gap before the contact configuration. Empty if no gap would close.
 pub fn from_start(scene: &Scene, state: &State, units: u64, anew: bool) -> Vec<bool> {
     let h = units as f64 * scene.options.dt;
     let most = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 } else { 1.0 };
     let longer = h > most * state.h * (1.0 + SPEED_DIGITS);
     let moving_walls = || scene.drives.iter().any(|drive| drive.ever_moves());
-    // What is changed in every step moves free bodies alike; walls stay.
+    // A torque or damping in every step changes free bodies alike, but not walls.
     let pushed = state.torque != Vec3::zeros() && !scene.drives.is_empty() || state.quench > 0.0 && moving_walls();
     let before = (1.0 - scene.options.theta) * h;
     if before == 0.0 || !(anew || longer || pushed) {
@@ -49,7 +49,7 @@ pub fn from_start(scene: &Scene, state: &State, units: u64, anew: bool) -> Vec<b
     if closing.is_empty() {
         return Vec::new();
     }
-    // What is listed because it is near does not count, else results would depend on the alert distance.
+    // Contacts listed only because they are near do not count, else results would depend on the alert distance.
     let meets = |contact: &Contact| {
         let u = relative_velocity(contact, &start.x, &state.v, &state.w);
         contact.gap <= (h + before) * u.norm()
@@ -58,8 +58,8 @@ pub fn from_start(scene: &Scene, state: &State, units: u64, anew: bool) -> Vec<b
     assemble::connected_bodies(scene, &meeting, &closing)
 }
 
-/// What the choice of θ gives the bodies of a step that they take with θ = 1, beyond what the scene's θ would, J: their way is
-/// longer by (1-θ) h (V⁺ - V), on which the forces that have a potential work.
+/// Work that the choice of θ = 1 adds for the bodies that take the step with it, compared with the scene's θ, J: their
+/// displacement is longer by (1-θ) h (V⁺ - V), on which the forces that have a potential work.
 pub fn work_from_start(scene: &Scene, state: &State, q_c: &ContactConfiguration, free: &FreeMotion, v: &[Vec3]) -> f64 {
     if q_c.from_start.is_empty() {
         return 0.0;

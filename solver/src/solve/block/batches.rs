@@ -1,5 +1,5 @@
-//! The contact problem of general bodies laid out for sweeping: sixteen pairs of bodies at once, the contacts of
-//! a pair one after the other, while the velocities of its bodies stay at hand.
+//! The contact problem of general bodies laid out for sweeping: sixteen pairs of bodies at once. The contacts of a pair
+//! follow each other, while the velocities of its bodies stay loaded.
 //!
 //! Bodies are cut into ranges, and pairs into colours that share no moving body, as in [`crate::solve::batches`].
 
@@ -18,16 +18,16 @@ use crate::solve::local::{dot_product, triple};
 use crate::solve::nlgs::ContactReactions;
 use crate::solve::rolling::RollingConstraintWide;
 
-/// A range holds at least this many bodies: fewer would wait for each other more than they work.
+/// Smallest number of bodies in a range: tasks with fewer would wait for each other more than they work.
 const MIN_BODIES_PER_RANGE: usize = 512;
 
-/// Colours kept apart; what finds none of them free is swept one pair at a time.
+/// Number of colours; pairs for which none is free are swept one at a time.
 const MAX_COLOURS: usize = 64;
 
-/// Contacts of a pair that are solved in one go; further ones form another batch.
+/// Largest number of contacts of a pair that are solved in one batch; further ones form another batch.
 const MAX_PAIR_CONTACTS: usize = 4;
 
-/// Points of sixteen pairs of which a task fills at least so many.
+/// Smallest number of points (of sixteen pairs) that a task packs.
 const MIN_POINTS_PER_TASK: usize = 32;
 
 /// Numbers of a body.
@@ -36,14 +36,14 @@ pub type BodyNumbers<T> = [T; 8];
 /// Numbers of the pairs of a batch.
 pub type BatchColumn<T> = [T; BATCH_LANES];
 
-/// Sixteen pairs of bodies.
+/// Batch of sixteen pairs of bodies.
 #[derive(Debug, Clone)]
 pub struct BodyPairBatch {
     /// Lines of candidate and antagonist, counted in the range (in all lines for pairs between ranges).
     pub bodies: [[u32; BATCH_LANES]; 2],
     /// First and last + 1 of its points.
     pub points: [usize; 2],
-    /// Whether some of its bodies are pushed along some of the fixed axes alone.
+    /// Whether impulses move some of its bodies along only some of the fixed axes.
     pub has_locked_axes: bool,
     /// Whether the friction of some of its contacts has a lever.
     pub levers: bool,
@@ -52,43 +52,43 @@ pub struct BodyPairBatch {
 /// Friction levers n×d of the contacts of a point along its two tangents, m.
 pub type LeverColumns<T> = [BatchColumn<T>; 2];
 
-/// One contact of each pair of a batch: what is constant of it. Unused places are pushed by nothing and stay at rest.
+/// Constant data of one contact of each pair of a batch. Unused lanes get no impulse and stay at rest.
 pub trait PairContacts: Clone + Send + Sync {
     type T: LaneFloat;
-    /// What sweeps change of it.
+    /// Data that sweeps change.
     type Impulses: Clone + Default + Send + Sync;
 
-    /// Puts rows of the system into their places, to start from their impulses.
+    /// Packs rows of the system into their lanes, with their initial impulses.
     fn pack_rows(from: &BlockSource, rows: &LaneRows) -> (Self, Self::Impulses);
 
-    /// Friction levers of the rows in these places.
+    /// Friction levers of the rows in these lanes.
     fn friction_levers(&self, from: &BlockSource, rows: &LaneRows) -> LeverColumns<Self::T>;
 
-    /// r̂ of all places, world frame, N s.
+    /// r̂ of all lanes, world frame, N s.
     fn world_impulses(&self, from: &UnpackContext, rows: &LaneRows, values: &Self::Impulses) -> [BatchColumn<f64>; 3];
 }
 
 /// Rows of the system, or [`NONE`].
 pub type LaneRows = [u32; BATCH_LANES];
 
-/// Places that rows have, and these.
+/// Lanes that are occupied, with their rows.
 fn occupied_lanes(rows: &LaneRows) -> impl Iterator<Item = (usize, usize)> + '_ {
     rows.iter().enumerate().filter(|(_, row)| **row != NONE).map(|(lane, &row)| (lane, row as usize))
 }
 
-/// What the batches are filled from.
+/// Input for packing the batches.
 pub struct BlockSource<'a> {
     system: &'a ContactProblem,
     full: &'a BlockData,
-    /// r̂ and moments at the start.
+    /// Initial r̂ and moments.
     reactions: &'a ContactReactions,
-    /// The velocities that they lead to.
+    /// Velocities that result from them.
     records: &'a [SolverBody],
     units: SweepUnits,
     width: SimdWidth,
 }
 
-/// Where the impulses of the batches go.
+/// Context for reading back the impulses of the batches.
 pub struct UnpackContext<'a> {
     system: &'a ContactProblem,
     units: SweepUnits,
@@ -96,21 +96,22 @@ pub struct UnpackContext<'a> {
 }
 
 impl BlockSource<'_> {
-    /// û that row `k` starts from without what sweeps change of the velocities, m/s.
+    /// û at the start of row `k`, without the changes of the velocities by sweeps, m/s.
     ///
-    /// Lines of single precision hold these changes alone, as in [`PackedBody::STORES_DELTAS`](crate::solve::batches::Body::CHANGES).
+    /// Lines in single precision contain only these changes, as in
+    /// [`PackedBody::STORES_DELTAS`](crate::solve::batches::PackedBody::STORES_DELTAS).
     fn starting_velocity<T: LaneFloat>(&self, k: usize) -> Vec3 {
         if T::IS_SINGLE { self.system.shifted_velocity(k, self.records) } else { self.system.rows[k].shift }
     }
 }
 
-/// With friction: three unknowns.
+/// Contacts with friction: three unknowns.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
 pub struct FrictionalPoint<T> {
     /// The normal and the axes of the local block, world frame.
     pub axes: [[BatchColumn<T>; 3]; 3],
-    /// From the centres of candidate and antagonist, m.
+    /// Vectors from the centres of candidate and antagonist to the contact point, m.
     pub arms: [[BatchColumn<T>; 3]; 2],
     /// û = u + shift, along the axes, m/s.
     pub shift: [BatchColumn<T>; 3],
@@ -123,7 +124,7 @@ pub struct FrictionalPoint<T> {
     pub weight: BatchColumn<T>,
 }
 
-/// r̂ of a point along its axes, now and of the sweep before, N s, and the multiplier of its sliding.
+/// r̂ of a point along its axes in this sweep and in the one before, N s, and the multiplier of its sliding.
 #[derive(Debug, Clone, Default)]
 #[repr(align(64))]
 pub struct FrictionalImpulses<T> {
@@ -132,16 +133,16 @@ pub struct FrictionalImpulses<T> {
     pub multiplier: BatchColumn<T>,
 }
 
-/// Without friction: one unknown. A unit of it turns the bodies by the angular impulses `arms`, and so changes their
-/// angular velocities by `answers`.
+/// Contacts without friction: one unknown. A unit impulse applies the angular impulses `arms` to the bodies and so changes
+/// their angular velocities by `answers`.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
 pub struct FrictionlessPoint<T> {
-    /// World frame.
+    /// Normal, world frame.
     pub normal: [BatchColumn<T>; 3],
     /// Arm of candidate and antagonist times the normal, m.
     pub arms: [[BatchColumn<T>; 3]; 2],
-    /// Inverse inertia times that, 1/(kg m).
+    /// Inverse inertia times `arms`, 1/(kg m).
     pub answers: [[BatchColumn<T>; 3]; 2],
     /// û = u + shift, along the normal, m/s.
     pub shift: BatchColumn<T>,
@@ -150,7 +151,7 @@ pub struct FrictionlessPoint<T> {
     pub weight: BatchColumn<T>,
 }
 
-/// r̂ of a point along its normal, now and of the sweep before, N s.
+/// r̂ of a point along its normal in this sweep and in the one before, N s.
 #[derive(Debug, Clone, Default)]
 #[repr(align(64))]
 pub struct NormalImpulses<T> {
@@ -158,31 +159,31 @@ pub struct NormalImpulses<T> {
     pub previous: BatchColumn<T>,
 }
 
-/// Batches that are swept in this order, with their impulses.
+/// Batches in the order in which they are swept, with their impulses.
 pub struct PairBatches<C: PairContacts> {
     pub batches: Vec<BodyPairBatch>,
     pub points: Vec<C>,
     pub impulses: Vec<C::Impulses>,
-    /// By point; empty where no contact of the scene has moments.
+    /// Rolling constraints by point; empty if no contact of the scene has moments.
     pub rolls: Vec<RollingConstraintWide<C::T>>,
-    /// By point; empty where no friction of a batch has a lever.
+    /// Friction levers by point; empty if no friction of a batch has a lever.
     pub levers: Vec<LeverColumns<C::T>>,
     /// Rows of the system, or [`NONE`], by point.
     rows: Vec<LaneRows>,
 }
 
-/// A range of bodies with the pairs inside it.
+/// Range of bodies with the pairs inside it.
 pub struct BodyRange<C: PairContacts> {
-    /// Number of lines: the moving bodies, those that do not move, and one for unused places.
+    /// Number of lines: the moving bodies, those that do not move, and one for unused lanes.
     pub lines: usize,
     pub inside: PairBatches<C>,
     /// Sums of the last sweep.
     pub sums: SweepSums<C::T>,
 }
 
-/// Lines of the touched bodies, range by range: v, 1/m, w and an unused place; inverse inertia xx, xy, xz, yy, yz, zz, and
-/// two unused places. Of bodies that are [held](BlockData::locked_axes) the three hold 1 for x, y and z along which these are pushed, else 0.
-/// In single precision v and w are what sweeps change of them, in [`SweepUnits`].
+/// Lines of the touched bodies, range by range: v, 1/m, w and an unused number; inverse inertia xx, xy, xz, yy, yz, zz, and
+/// two unused numbers. For bodies with [locked axes](BlockData::locked_axes) three numbers are 1 for x, y and z along which
+/// impulses move the body, else 0. In single precision v and w are the changes by the sweeps, in [`SweepUnits`].
 pub struct BlockProblem<C: PairContacts> {
     pub units: SweepUnits,
     pub lines: Vec<BodyNumbers<C::T>>,
@@ -192,7 +193,7 @@ pub struct BlockProblem<C: PairContacts> {
     pub between: PairBatches<C>,
 }
 
-/// Contacts of two bodies: rows that follow each other, at most [`MAX_PAIR_CONTACTS`].
+/// Contacts of two bodies: at most [`MAX_PAIR_CONTACTS`] consecutive rows.
 struct PairConstraints {
     bodies: [u32; 2],
     rows: Vec<u32>,
@@ -200,7 +201,7 @@ struct PairConstraints {
 }
 
 impl<C: PairContacts> BlockProblem<C> {
-    /// The problem of the rows `active` (sorted), starting from `reactions` and from the velocities that they lead to.
+    /// Problem of the rows `active` (sorted), starting from `reactions` and from the velocities that result from them.
     pub fn new(
         system: &ContactProblem,
         full: &BlockData,
@@ -213,7 +214,7 @@ impl<C: PairContacts> BlockProblem<C> {
             if C::T::IS_SINGLE { SweepUnits::from_problem(system, active, reactions, records) } else { SweepUnits::SI };
         let fill = BlockSource { system, full, reactions, records, units, width };
         let mut pairs = group_into_pairs(system, active);
-        // Which range each moving body is in; bodies in the order of space.
+        // Range of each moving body; bodies in spatial order.
         let mut range_of = vec![NONE; records.len()];
         for pair in &pairs {
             for body in pair.bodies {
@@ -271,7 +272,7 @@ impl<C: PairContacts> BlockProblem<C> {
             inertia.push([C::T::ZERO; 8]);
             starts.push(lines.len() as u32);
         }
-        // Pairs between ranges count in all lines.
+        // Pairs between ranges are indexed in all lines.
         for &k in &groups[count] {
             let pair = &mut pairs[k as usize];
             for side in 0..2 {
@@ -300,7 +301,7 @@ impl<C: PairContacts> BlockProblem<C> {
         BlockProblem { units: fill.units, previous: lines.clone(), lines, inertia, ranges, between }
     }
 
-    /// Puts the impulses and moments of the rows swept, which are of this system, into `reactions`.
+    /// Copies the impulses and moments of the swept rows, which belong to this system, into `reactions`.
     pub fn read_back(&self, width: SimdWidth, system: &ContactProblem, reactions: &mut ContactReactions) {
         let ContactReactions { impulses, moments } = reactions;
         let back = UnpackContext { system, units: self.units, width };
@@ -328,7 +329,7 @@ fn group_into_pairs(system: &ContactProblem, active: &[u32]) -> Vec<PairConstrai
     pairs
 }
 
-/// Pairs by colour, each with the number of pairs that a batch of it may hold.
+/// Pairs by colour, each with the number of pairs that a batch of this colour may have.
 fn colour_pairs(group: &[u32], pairs: &[PairConstraints], masks: &mut [u64]) -> Vec<(usize, Vec<u32>)> {
     let mut colours: Vec<(usize, Vec<u32>)> = Vec::new();
     let mut single = Vec::new();
@@ -357,7 +358,7 @@ impl<C: PairContacts> PairBatches<C> {
         PairBatches { batches: vec![], points: vec![], impulses: vec![], rolls: vec![], levers: vec![], rows: vec![] }
     }
 
-    /// A batch of the pairs `members`: which row is where.
+    /// Adds a batch of the pairs `members`: assigns rows to lanes.
     fn push_batch(&mut self, full: &BlockData, pairs: &[PairConstraints], members: &[u32], unused: u32) {
         let first = self.rows.len();
         let mut bodies = members.iter().flat_map(|&k| pairs[k as usize].bodies);
@@ -385,7 +386,7 @@ impl<C: PairContacts> PairBatches<C> {
         self.batches.push(batch);
     }
 
-    /// Puts all rows into their places.
+    /// Packs all rows into their lanes.
     fn pack_batches(&mut self, from: &BlockSource) {
         let count = self.rows.len();
         let points = self.rows.par_iter().with_min_len(MIN_POINTS_PER_TASK).map(|rows| C::pack_rows(from, rows));
@@ -455,18 +456,18 @@ impl<T: LaneFloat> PairContacts for FrictionalPoint<T> {
     }
 }
 
-/// What a batch of rows is, one after the other in double precision. In unused places two bodies of the unit of mass meet without an
-/// impulse, and none changes that.
+/// Data of a batch of rows, consecutive in double precision. In unused lanes two bodies of unit mass meet without an impulse,
+/// and nothing changes that.
 struct RowColumns {
     normal: [BatchColumn<f64>; 3],
     sides: [BodySide<BatchColumn<f64>>; 2],
-    /// û that sweeps start from, m/s.
+    /// û at the start of the sweeps, m/s.
     u: [BatchColumn<f64>; 3],
     /// r̂, N s.
     r: [BatchColumn<f64>; 3],
     inverse_nn: BatchColumn<f64>,
     friction: BatchColumn<f64>,
-    /// Friction levers n×d, m; none where all are 0.
+    /// Friction levers n×d, m; `None` if all are 0.
     levers: Option<[BatchColumn<f64>; 3]>,
 }
 
@@ -499,7 +500,7 @@ impl RowColumns {
     }
 }
 
-/// Lays a batch out on the axes of its contacts' own blocks.
+/// Packs a batch on the axes of its contacts' own blocks.
 struct PackRows<'a, L, T> {
     l: L,
     seen: &'a RowColumns,
@@ -569,7 +570,7 @@ fn load_side<L: F64Arithmetic>(l: L, side: &BodySide<BatchColumn<f64>>, from: us
     }
 }
 
-/// Puts as many numbers as there are lanes into the places from the first of `to` on.
+/// Writes one number per lane into `to`, from its first index on.
 #[inline(always)]
 fn store_lanes<L: F64Arithmetic, T: LaneFloat>(l: L, to: &mut [T], v: L::V) {
     let mut wide = [0.0; BATCH_LANES];

@@ -1,4 +1,4 @@
-//! One contact of a full symmetric 3x3 block, exactly, in as many lanes as there are.
+//! Exact solution of one contact of a full symmetric 3x3 block, in all lanes at once.
 
 use nalgebra::Matrix3;
 
@@ -7,18 +7,18 @@ use crate::math::Vec3;
 use crate::math::lanes::{Arithmetic, LaneFloat, Scalar};
 use crate::solve::local::{cross_add, dot_product, triple};
 
-/// Axes and numbers of a contact's own block W: the normal unknown eliminated, the tangents on the principal axes of
-/// what is left, so that with c = W_nT/W_nn
+/// Axes and numbers of a contact's own block W. The normal unknown is eliminated, and the tangents are the principal axes of
+/// the remaining block, so that with c = W_nT/W_nn
 ///
 /// ```text
 /// W = [ w_nn,  w_nn c' ; w_nn c,  diag(s1, s2) + w_nn c c' ].
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub struct LocalBlock<V> {
-    /// kg
+    /// Inverse of W_nn, kg.
     pub inverse_nn: V,
     pub c: [V; 2],
-    /// s1, s2, 1/kg, at least `HELD` of w_nn; and their inverses, kg.
+    /// s1, s2, 1/kg, at least `MIN_TANGENT_SHARE` of w_nn; and their inverses, kg.
     pub s: [V; 2],
     pub inverse_s: [V; 2],
     pub friction: V,
@@ -27,19 +27,19 @@ pub struct LocalBlock<V> {
 /// Components xx, xy, xz, yy, yz and zz of a symmetric matrix.
 pub type Symmetric<V> = [V; 6];
 
-/// What a body is to one of its contacts, world frame.
+/// Arm and inertia of a body at one of its contacts, world frame.
 #[derive(Debug, Clone, Copy)]
 pub struct BodySide<V> {
-    /// From its centre to the contact point, m.
+    /// Vector from its centre to the contact point, m.
     pub arm: [V; 3],
-    /// 1/kg, along each axis.
+    /// Inverse mass along each axis, 1/kg.
     pub inverse_mass: [V; 3],
-    /// About its centre, 1/(kg m^2).
+    /// Inverse inertia about its centre, 1/(kg m^2).
     pub inverse_inertia: Symmetric<V>,
 }
 
 impl BodySide<f64> {
-    /// Of row `k`, `side` 0 the candidate and 1 the antagonist.
+    /// Data of a body of row `k`, with `side` 0 for the candidate and 1 for the antagonist.
     pub fn from_row(system: &ContactProblem, full: &BlockData, k: usize, side: usize) -> Self {
         let body = system.rows[k].bodies[side] as usize;
         let inverse_mass = full.free_axes(body) * system.bodies[body].inverse_mass;
@@ -55,7 +55,7 @@ pub fn symmetric_components(m: &Matrix3<f64>) -> Symmetric<f64> {
     [m.m11, m.m12, m.m13, m.m22, m.m23, m.m33]
 }
 
-/// W, 1/kg: the sum over both bodies of 1/m + A' J^-1 A, where A x is the arm times x.
+/// Block W, 1/kg: the sum over both bodies of 1/m + A' J^-1 A, where A x is the arm times x.
 #[inline(always)]
 pub fn delassus_block<L: Arithmetic>(l: L, [a, b]: [BodySide<L::V>; 2]) -> Symmetric<L::V> {
     let (a, b) = (side_block(l, a), side_block(l, b));
@@ -65,7 +65,7 @@ pub fn delassus_block<L: Arithmetic>(l: L, [a, b]: [BodySide<L::V>; 2]) -> Symme
 #[inline(always)]
 fn side_block<L: Arithmetic>(l: L, side: BodySide<L::V>) -> Symmetric<L::V> {
     let BodySide { arm: [x, y, z], inverse_mass, inverse_inertia: [xx, xy, xz, yy, yz, zz] } = side;
-    // Columns of J^-1 A, as far as they are needed.
+    // Columns of J^-1 A that are needed.
     let of_x = [difference_of_products(l, [yy, z], [yz, y]), difference_of_products(l, [yz, z], [zz, y])];
     let of_y = [
         difference_of_products(l, [xz, x], [xx, z]),
@@ -87,7 +87,8 @@ fn side_block<L: Arithmetic>(l: L, side: BodySide<L::V>) -> Symmetric<L::V> {
     ]
 }
 
-/// What the friction lever e = n×d of a contact adds to W, 1/kg: with z = (J⁻¹ n)×arm, e z' + z e' + n'J⁻¹n e e' of both bodies.
+/// Contribution of the friction lever e = n×d of a contact to W, 1/kg: with z = (J⁻¹ n)×arm, e z' + z e' + n'J⁻¹n e e' of
+/// both bodies.
 #[inline(always)]
 pub fn lever_block<L: Arithmetic>(l: L, sides: &[BodySide<L::V>; 2], n: [L::V; 3], e: [L::V; 3]) -> Symmetric<L::V> {
     let zero = l.splat(0.0);
@@ -104,7 +105,7 @@ pub fn lever_block<L: Arithmetic>(l: L, sides: &[BodySide<L::V>; 2], n: [L::V; 3
     [pair(0, 0), pair(0, 1), pair(0, 2), pair(1, 1), pair(1, 2), pair(2, 2)]
 }
 
-/// W of row `k`.
+/// Block W of row `k`.
 pub fn delassus_block_of_row(system: &ContactProblem, full: &BlockData, k: usize) -> Symmetric<f64> {
     let sides = [0, 1].map(|side| BodySide::from_row(system, full, k, side));
     let n = system.rows[k].normal;
@@ -116,7 +117,7 @@ pub fn delassus_block_of_row(system: &ContactProblem, full: &BlockData, k: usize
     [0, 1, 2, 3, 4, 5].map(|k| w[k] + of_lever[k])
 }
 
-/// The product of two numbers less that of two others.
+/// Product of two numbers minus that of two others.
 #[inline(always)]
 fn difference_of_products<L: Arithmetic>(l: L, a: [L::V; 2], b: [L::V; 2]) -> L::V {
     l.neg_mul_add(b[0], b[1], l.mul(a[0], a[1]))
@@ -135,11 +136,11 @@ pub struct BlockAxes<V> {
     pub s: [V; 2],
 }
 
-/// Share of w_nn that stands for 0 among s1 and s2: rounding of imposed velocities, 1e-16 of them, makes no friction then, and
-/// bodies of any shape that one can move have more, 1/m of (1 + m l²/J)/m.
+/// Smallest s1 and s2, as a share of w_nn. With this value rounding of imposed velocities, 1e-16 of them, causes no friction.
+/// Contacts with a movable body have more, whatever its shape: 1/m of (1 + m l²/J)/m.
 const MIN_TANGENT_SHARE: f64 = 1e-10;
 
-/// The axes of a block on a normal.
+/// Axes of a block with the given normal.
 #[inline(always)]
 pub fn block_axes<L: Arithmetic>(l: L, w: Symmetric<L::V>, normal: [L::V; 3]) -> BlockAxes<L::V> {
     let (zero, half, one) = (l.splat(0.0), l.splat(0.5), l.splat(1.0));
@@ -148,21 +149,22 @@ pub fn block_axes<L: Arithmetic>(l: L, w: Symmetric<L::V>, normal: [L::V; 3]) ->
     let w_nn = dot_product(l, n, wn);
     let w_nt = [dot_product(l, t1, wn), dot_product(l, t2, wn)];
     let c = [l.div(w_nt[0], w_nn), l.div(w_nt[1], w_nn)];
-    // What is left of the tangents.
+    // The block of the tangents after the elimination.
     let off = l.neg_mul_add(c[0], w_nt[1], dot_product(l, t1, w2));
     let first = l.neg_mul_add(c[0], w_nt[0], dot_product(l, t1, w1));
     let second = l.neg_mul_add(c[1], w_nt[1], dot_product(l, t2, w2));
     let (mean, halved) = (l.mul(half, l.add(first, second)), l.mul(half, l.sub(first, second)));
     let radius = l.sqrt(l.mul_add(halved, halved, l.mul(off, off)));
-    // Half the angle of (halved, off) turns t1 to the larger axis; that of its two parts which is not small without cancellation.
+    // Half the angle of (halved, off) turns t1 to the larger axis. Of its two parts, the larger is computed without
+    // cancellation.
     let most = l.sqrt(l.mul(half, l.add(one, l.div(l.abs(halved), radius))));
     let least = l.div(l.mul(half, off), l.mul(radius, most));
     let most_of_off = l.select_greater(zero, off, l.sub(zero, most), most);
     let cos = l.select_greater(zero, halved, l.abs(least), most);
     let sin = l.select_greater(zero, halved, most_of_off, least);
     let (cos, sin) = (l.select_greater(radius, zero, cos, one), l.select_greater(radius, zero, sin, zero));
-    // The smaller one without cancellation. No eigenvalue is below the inverse masses that W has along every axis, but where both
-    // bodies are driven in part: along what neither can move, W is 0.
+    // The smaller one without cancellation. No eigenvalue is below the inverse masses that W has along every axis, except
+    // where both bodies are partly driven: along a direction in which neither can move, W is 0.
     let least = l.mul(l.splat(MIN_TANGENT_SHARE), w_nn);
     let larger = l.add(mean, radius);
     let larger = l.select_greater(larger, least, larger, least);
@@ -187,7 +189,7 @@ fn lane_frame<L: Arithmetic>(l: L, n: [L::V; 3]) -> [[L::V; 3]; 3] {
     [n, t, s]
 }
 
-/// r̂ that solves one contact of the block `w`, where û is `u` with the impulse `r` at work; world frame.
+/// r̂ that solves one contact of the block `w`, where û is `u` with the impulse `r` applied; world frame.
 pub fn solve_contact_block(w: Symmetric<f64>, normal: Vec3, friction: f64, u: &Vec3, r: &Vec3) -> Vec3 {
     let BlockAxes { axes, c, s } = block_axes(Scalar, w, normal.into());
     let axes = axes.map(Vec3::from);
@@ -202,18 +204,18 @@ pub fn full_matrix([xx, xy, xz, yy, yz, zz]: Symmetric<f64>) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 
-/// Newton's method takes two or three; sixty bisections of the bracket would do as well.
+/// Largest number of iterations: Newton's method takes two or three, sixty bisections of the bracket would suffice as well.
 const MAX_ITERATIONS: usize = 60;
 
 /// Impulse r that solves one contact with Signorini's condition and Coulomb's law, and the multiplier of its sliding.
 ///
-/// * `u`: û with the impulse `y` at work, m/s; `y`, N s; components along n and the block's two axes.
-/// * `guess`: the multiplier found before, over w_nn; 0 where there is none.
+/// * `u`: û with the impulse `y` applied, m/s; `y`, N s; components along n and the block's two axes.
+/// * `guess`: the multiplier found before, over w_nn; 0 if there is none.
 ///
-/// A contact that would part without an impulse has none; one that can stick does, u = 0; else it slides, u_n = 0 and
-/// u_T = -w_nn s r_T, where s > 0 is the root of psi(s) = mu r_n/|r_T| - 1. psi goes from below 0 to infinity and is nearly
-/// linear: Newton's method in a bracket. Lanes that have arrived wait for the others unchanged, so
-/// that no width changes a bit. Always finite.
+/// A contact that would part without an impulse gets none; one that can stick does, u = 0; else it slides, u_n = 0 and u_T =
+/// -w_nn s r_T, where s > 0 is the root of psi(s) = mu r_n/|r_T| - 1. psi increases from below 0 to infinity and is nearly
+/// linear: Newton's method in a bracket. Lanes that have converged wait for the others unchanged, so that the result is the
+/// same at all widths, bit for bit. It is always finite.
 ///
 /// Sources: P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991) 353-375; psi as in J. Moré, D. Sorensen,
 /// SIAM J. Sci. Stat. Comput. 4 (1983) 553-572.
@@ -227,7 +229,8 @@ pub fn signorini_coulomb_block<L: Arithmetic>(
 ) -> ([L::V; 3], L::V) {
     let LocalBlock { inverse_nn, c, s: axes, inverse_s, friction } = *block;
     let (zero, one) = (l.splat(0.0), l.splat(1.0));
-    // Without the contact's own impulse the normal one of u_n = 0 would be `free`, and p what then has to be stopped.
+    // `free` is the normal impulse of u_n = 0 without the contact's own impulse, and p the tangential velocity that remains
+    // to be stopped.
     let free = l.neg_mul_add(u[0], inverse_nn, l.mul_add(c[0], y[1], l.mul_add(c[1], y[2], y[0])));
     let p = [
         l.neg_mul_add(axes[0], y[1], l.neg_mul_add(c[0], u[0], u[1])),
@@ -246,24 +249,24 @@ pub fn signorini_coulomb_block<L: Arithmetic>(
     let mut n = stick_n;
     let mut multiplier = zero;
     if l.mask_greater(slides, zero) != 0 {
-        // Over w_nn, so that all are impulses and pure numbers.
+        // Divided by w_nn, so that all are impulses and pure numbers.
         let p = [l.mul(p[0], inverse_nn), l.mul(p[1], inverse_nn)];
         let axes = [l.mul(axes[0], inverse_nn), l.mul(axes[1], inverse_nn)];
         let inverse_friction = l.div(one, friction);
         let size = l.sqrt(l.mul_add(p[0], p[0], l.mul(p[1], p[1])));
         let coupling = l.add(l.abs(c[0]), l.abs(c[1]));
-        // |r_T| <= |p|/s and r_n >= free - |c| |r_T|; twice that, for what rounding adds.
+        // |r_T| <= |p|/s and r_n >= free - |c| |r_T|; doubled because of rounding.
         let ratio = l.div(l.add(size, size), free);
         let mut high = l.mul(ratio, l.add(coupling, inverse_friction));
         let mut low = zero;
-        // Exact where the axes are alike and nothing couples.
+        // Exact if the axes are alike and there is no coupling.
         let mean = l.mul(l.splat(0.5), l.add(axes[0], axes[1]));
         let alone = l.sub(l.mul(l.mul(l.splat(0.5), ratio), inverse_friction), mean);
         let start = l.select_greater(guess, zero, guess, alone);
         let inside = l.select_greater(start, low, start, l.mul(l.splat(0.5), high));
         let mut s = l.select_greater(high, inside, inside, l.mul(l.splat(0.5), high));
         let mut waits = slides;
-        // At so small a |psi| one more step of Newton's method is the last: what is left then is its square.
+        // At so small a |psi| one more step of Newton's method is the last: the remaining error is its square.
         let near = L::T::SQRT_EPSILON;
         let near2 = l.splat(near * near);
         for _ in 0..MAX_ITERATIONS {
@@ -280,7 +283,7 @@ pub fn signorini_coulomb_block<L: Arithmetic>(
             let newton = l.sub(s, l.div(fall, slope));
             let middle = l.mul(l.splat(0.5), l.add(low, high));
             let next = l.select_greater(newton, low, l.select_greater(high, newton, newton, middle), middle);
-            // A bracket without numbers inside ends the search, too.
+            // A bracket without numbers inside also ends the search.
             let open = l.select_greater(next, low, l.select_greater(high, next, waits, zero), zero);
             let (far, near) = (l.mul(miss, miss), l.mul(near2, square));
             s = l.select_greater(waits, zero, l.select_greater(far, near, next, newton), s);
@@ -292,7 +295,7 @@ pub fn signorini_coulomb_block<L: Arithmetic>(
         let SlidingState { d, r, n: push, length, .. } = sliding_state(l, axes, p, c, free, s);
         let push = l.div(push, d);
         let push = l.select_greater(push, zero, push, zero);
-        // On the edge of the cone, whatever is left of psi.
+        // On the edge of the cone, for any remaining psi.
         let edge = l.div(l.mul(friction, push), length);
         n = l.select_greater(slides, zero, push, n);
         for k in 0..2 {
@@ -300,7 +303,7 @@ pub fn signorini_coulomb_block<L: Arithmetic>(
         }
         multiplier = l.select_greater(slides, zero, s, zero);
     }
-    // Neither stick nor slide: no friction, or nothing to push; and what is not finite is not taken.
+    // Neither stick nor slide: no friction, or no normal impulse; infinite or NaN impulses are rejected.
     let push = l.select_greater(free, zero, l.select_greater(l.splat(f64::MAX), free, free, zero), zero);
     let sum = l.mul(l.add(n, l.add(t[0], t[1])), zero);
     let sound = l.select_greater(one, sum, l.select_greater(friction, zero, push, zero), zero);
@@ -312,7 +315,7 @@ pub fn signorini_coulomb_block<L: Arithmetic>(
     (r, multiplier)
 }
 
-/// What slides with the multiplier s: with e = s_T + s and d = e1 e2, -r_T = `r`/d and r_n = `n`/d.
+/// State of a sliding contact with the multiplier s: with e = s_T + s and d = e1 e2, -r_T = `r`/d and r_n = `n`/d.
 struct SlidingState<V> {
     e: [V; 2],
     d: V,
@@ -364,7 +367,7 @@ mod tests {
         signorini_coulomb_block(Scalar, &block, velocity(&w, y, q), y, guess)
     }
 
-    /// The same in single precision, of blocks whose numbers that has; without an impulse before.
+    /// Solution in single precision, for blocks whose numbers are exact in it; without an impulse before.
     fn solve_single(w_nn: f64, c: [f64; 2], s: [f64; 2], mu: f64, q: Triple, guess: f64) -> Triple {
         let short = |x: [f64; 2]| x.map(|x| x as f32);
         let inverse_s = short(s.map(|s| 1.0 / s));
@@ -374,7 +377,7 @@ mod tests {
         r.map(f64::from)
     }
 
-    /// How far r is from each condition, in velocities and impulses of size 1.
+    /// Violation of the conditions by r, in velocities and impulses of size 1.
     fn violation(w: &[Triple; 3], q: Triple, mu: f64, r: Triple) -> f64 {
         let u = velocity(w, r, q);
         let (slip, force) = (u[1].hypot(u[2]), r[1].hypot(r[2]));
@@ -391,7 +394,7 @@ mod tests {
         assert_eq!(alone(0.5, [-4.0, 2.0, 0.0]), [4.0, -1.0, 0.0]); // sticks
         assert_eq!(alone(0.5, [-4.0, 9.0, 0.0]), [4.0, -2.0, 0.0]); // slides
         assert_eq!(alone(0.0, [-4.0, 9.0, 0.0]), [4.0, 0.0, 0.0]); // has no friction
-        assert_eq!(alone(0.5, [-4.0, 0.0, 0.0]), [4.0, 0.0, 0.0]); // is pushed head on
+        assert_eq!(alone(0.5, [-4.0, 0.0, 0.0]), [4.0, 0.0, 0.0]); // impact along the normal
     }
 
     #[test]
@@ -415,7 +418,7 @@ mod tests {
         }
     }
 
-    /// Masses and velocities of any size: impulses go with velocity over W.
+    /// Masses and velocities of any size: impulses scale with velocity over W.
     #[test]
     fn no_unit_matters() {
         let (w_nn, c, s, q) = (0.7, [0.4, -0.3], [0.9, 0.2], [-1.0, 0.8, -0.5]);
@@ -434,7 +437,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(3000))]
 
-        /// The block is what mechanics says of one body after the other, and its axes make of it the form of [`LocalBlock`].
+        /// The block is the response of one body after the other, and its axes transform it into the form of [`LocalBlock`].
         #[test]
         fn a_block_has_its_form_on_its_axes(
             arms in prop::array::uniform2(prop::array::uniform3(-1.0..1.0f64)),
@@ -467,8 +470,8 @@ mod tests {
             prop_assert!(s[0] >= s[1] && s[1] >= 0.1, "no less than the inverse masses: {s:?}");
         }
 
-        /// All conditions hold, whatever was at work before and whatever was guessed; and where the coupling is weak
-        /// enough for one answer, it is that of the solver of stored problems.
+        /// All conditions are satisfied, for any impulse before and any guess. If the coupling is weak enough for a unique
+        /// solution, it is that of the solver of stored problems.
         #[test]
         fn satisfies_every_condition(
             w_nn in 0.1..2.0f64,
@@ -488,12 +491,12 @@ mod tests {
                 let other = LocalSolver::new(&w, mu).solve(q);
                 prop_assert!((0..3).all(|k| (r[k] - other[k]).abs() < 1e-10 * size), "{r:?} {other:?}");
             }
-            // Its own multiplier as a guess changes nothing but the last digits.
+            // Its own multiplier as a guess changes only the last digits.
             let (again, _) = solve(w_nn, c, s, mu, q, y, multiplier);
             prop_assert!((0..3).all(|k| (r[k] - again[k]).abs() < 1e-11 * size));
         }
 
-        /// With one answer, single precision finds it to its rounding.
+        /// If the solution is unique, single precision finds it to its rounding.
         #[test]
         fn single_precision_finds_the_same(
             w_nn in 0.1..2.0f64,
@@ -510,7 +513,7 @@ mod tests {
             prop_assert!((0..3).all(|k| (r[k] - expected[k]).abs() < 1e-5 * size), "{r:?} {expected:?}");
         }
 
-        /// Brute force: over a grid of the cone nothing does better.
+        /// Brute force: no point of a grid of the cone is better.
         #[test]
         fn nothing_nearby_is_better(
             w_nn in 0.1..2.0f64,

@@ -1,6 +1,6 @@
 //! Contacts whose own block of W is full: bodies of any shape and inertia.
 //!
-//! | module | what it knows |
+//! | module | contents |
 //! |---|---|
 //! | [`local`] | one contact, exactly |
 //! | [`batches`] | bodies and contacts laid out for sweeping |
@@ -23,8 +23,8 @@ mod tests {
     use crate::solve::{StoppingCriteria, solve_nlgs};
     use crate::state::Contact;
 
-    /// A stack of `count` bodies with arms and inertia by arithmetic alone, on a ground that does not move: up to five
-    /// contacts between neighbours, every third body also against the one two below.
+    /// A stack of `count` bodies with arms and inertia from arithmetic alone, on a ground that does not move: up to five
+    /// contacts between neighbours, and contacts of every third body with the one two below.
     fn heap(count: u32, friction: f64) -> ContactProblem {
         let noise =
             |k: u32, j: u32| (f64::from(k) * 12.9898 + f64::from(j) * 78.233).sin().rem_euclid(0.37) / 0.37 - 0.5;
@@ -42,7 +42,7 @@ mod tests {
         let mut pairs: Vec<[u32; 2]> = (1..count).flat_map(|k| vec![[k, k - 1]; 1 + (k % 5) as usize]).collect();
         pairs.extend((1..count / 3).map(|k| [3 * k, 3 * k - 2]));
         pairs.sort_unstable();
-        // Some are not pushed along one axis.
+        // Some bodies are not moved by impulses along one axis.
         let held = |k: u32| if k % 7 == 3 { Vec3::x() } else { Vec3::zeros() };
         let mut full = BlockData {
             arms: Vec::new(),
@@ -66,7 +66,7 @@ mod tests {
                 can_close: true,
                 ..ContactConstraint::default()
             };
-            // As of faces, of two pairs in three.
+            // Friction offsets as in faces, for two pairs in three.
             let offset =
                 Vec3::new(noise(k, 51), noise(k, 52), noise(k, 53)) * if bodies[0] % 3 == 0 { 0.0 } else { 0.4 };
             full.friction_offsets.push(offset - row.normal * row.normal.dot(&offset));
@@ -89,7 +89,8 @@ mod tests {
         system
     }
 
-    /// The own block of each row, its diagonal and all of the stored matrix are what bodies do, friction offsets included.
+    /// The own block of each row, its diagonal and all of the stored matrix are the responses of the bodies, friction offsets
+    /// included.
     #[test]
     fn blocks_are_what_bodies_do() {
         let mut system = heap(12, 0.3);
@@ -125,7 +126,7 @@ mod tests {
         assert!(seen > 50);
     }
 
-    /// Friction stops sweeps short of the last digits in such heaps, see docs/performance.md; without it they arrive.
+    /// Friction stops sweeps short of the last digits in such heaps, see docs/performance.md; without it they converge.
     #[test]
     fn a_judge_that_solves_nothing_finds_it_solved() {
         for (friction, tol) in [(0.0, 1e-9), (0.3, 1e-6)] {
@@ -139,7 +140,7 @@ mod tests {
         }
     }
 
-    /// The solution has no friction to give, and is that of the three unknowns with next to none.
+    /// The solution has no friction, and is that of the three unknowns with nearly none.
     #[test]
     fn one_unknown_finds_what_three_find() {
         let solved = |friction: f64| {
@@ -147,7 +148,7 @@ mod tests {
         };
         let (one, three) = (solved(0.0), solved(1e-13));
         for (a, b) in one.iter().zip(&three) {
-            // Velocities near 1, solved to 1e-11 in a heap that amplifies what is left of a contact some hundred times.
+            // Velocities near 1, solved to 1e-11 in a heap that amplifies the error of a contact some hundred times.
             assert!((a.v - b.v).norm() < 1e-8 && (a.w - b.w).norm() < 1e-8, "{} {}", a.v - b.v, a.w - b.w);
         }
     }
@@ -167,12 +168,12 @@ mod tests {
                 ResidualEvaluator::new(&system, &all, SimdWidth::detect()).residual(&solution.impulses).value <= 1e-4
             );
             let double = solve_nlgs(&system, StoppingCriteria::new(1e-4, 100_000), SimdWidth::detect());
-            // Noise of 1e-7 is nothing to what is left: about as many sweeps.
+            // Noise of 1e-7 is small against the remaining residual: about as many sweeps.
             assert!(solution.sweeps < 2 * double.sweeps, "{friction}: {} {}", solution.sweeps, double.sweeps);
         }
     }
 
-    /// What slides is on its cone to the rounding of double precision.
+    /// Sliding contacts are on their cone to the rounding of double precision.
     #[test]
     fn impulses_of_single_precision_keep_to_their_cones() {
         let system = heap(60, 0.3);
@@ -187,7 +188,8 @@ mod tests {
         assert!(sliding > 5, "{sliding}");
     }
 
-    /// Powers of two: a system of light grains that move fast is solved as the one of heavy slow ones, bit for bit.
+    /// Powers of two: a system of light grains that move fast has the same solution as the one of heavy slow ones, bit for
+    /// bit.
     #[test]
     fn no_unit_matters_in_single_precision() {
         let solved = |mass: f64, speed: f64| {
@@ -214,7 +216,7 @@ mod tests {
         }
     }
 
-    /// 1500 bodies are cut into ranges.
+    /// 1500 bodies are divided into ranges.
     #[test]
     fn no_width_and_no_number_of_threads_changes_a_bit() {
         for until in [StoppingCriteria::new(1e-12, 30), in_single(1e-12, 30)] {

@@ -27,7 +27,7 @@ pub fn sweep_contacts<C: PairSweepKernel<T = f64>>(
     }
 }
 
-/// The same in single precision.
+/// Sweeps all contacts once as [`sweep_contacts`], in single precision.
 pub fn sweep_single<C: PairSweepKernel<T = f32>>(
     problem: &mut BlockProblem<C>,
     width: SimdWidth,
@@ -59,7 +59,7 @@ fn sweep_with<L: Arithmetic, C: PairSweepKernel<T = L::T>>(
     sums
 }
 
-/// Halves the ranges until one is left to each task.
+/// Halves the ranges until one is left for each task.
 fn sweep_ranges<L: Arithmetic, C: PairSweepKernel<T = L::T>>(
     ranges: &mut [BodyRange<C>],
     lines: &mut [BodyNumbers<L::T>],
@@ -100,7 +100,7 @@ impl<L: Arithmetic> NullaryFnOnce for ApplyPairMomentum<'_, L> {
     fn call(self) {
         let l = self.lanes;
         let beta = l.splat(self.beta);
-        // Masses do not change, so they stay.
+        // Masses do not change.
         let mut lines = self.lines.as_flattened_mut().chunks_exact_mut(L::WIDTH);
         let mut previous = self.previous.as_flattened_mut().chunks_exact_mut(L::WIDTH);
         for (line, previous) in (&mut lines).zip(&mut previous) {
@@ -121,7 +121,7 @@ struct SweepBatches<'a, L, C: PairContacts> {
     inertia: &'a [BodyNumbers<C::T>],
     batches: &'a mut PairBatches<C>,
     beta: f64,
-    /// Whether the problem does not fit near by.
+    /// Whether the problem exceeds the L2 cache.
     exceeds_l2: bool,
     sums: &'a mut SweepSums<C::T>,
 }
@@ -152,14 +152,14 @@ impl<L: Arithmetic, C: PairSweepKernel<T = L::T>> NullaryFnOnce for SweepBatches
     }
 }
 
-/// The velocities of a pair's two bodies, and what answers to impulses.
+/// Velocities of a pair's two bodies, and their response to impulses.
 pub struct PairVelocities<V> {
     va: [V; 3],
     wa: [V; 3],
     vb: [V; 3],
     wb: [V; 3],
     inverse_mass: [V; 2],
-    /// 1 for each fixed axis along which they are pushed, else 0.
+    /// 1 for each fixed axis along which impulses move them, else 0.
     free_axes: [[V; 3]; 2],
     /// Inverse inertia xx, xy, xz, yy, yz, zz.
     inertia: [[V; 8]; 2],
@@ -171,10 +171,10 @@ pub struct LaneSums<V> {
     change2: V,
 }
 
-/// What a sweep does with the contacts of a batch.
+/// Operations of a sweep on the contacts of a batch.
 pub trait PairSweepKernel: PairContacts {
-    /// Solves those at `places`, from y = r + beta (r - r_before), and gives the change to the bodies at once, of which some
-    /// are pushed along some axes alone if `HELD`.
+    /// Solves the contacts in `places`, from y = r + beta (r - r_before), and gives the change to the bodies at once. If
+    /// `HELD`, impulses move some of the bodies along only some axes.
     #[expect(clippy::too_many_arguments, reason = "constants, values and sums of the contacts of a batch")]
     fn solve_contacts<const HELD: bool, L: Arithmetic<T = Self::T>>(
         &self,
@@ -187,7 +187,7 @@ pub trait PairSweepKernel: PairContacts {
         moved: &mut LaneSums<L::V>,
     );
 
-    /// The normals, world frame, and r̂_n, N s, of the contacts at `places`.
+    /// Normals, world frame, and r̂_n, N s, of the contacts in `places`.
     fn normal_impulse<L: Arithmetic<T = Self::T>>(
         &self,
         l: L,
@@ -196,13 +196,13 @@ pub trait PairSweepKernel: PairContacts {
     ) -> ([L::V; 3], L::V);
 }
 
-/// Of a vector what acts on each of the two bodies.
+/// The part of a vector that acts on each of the two bodies.
 #[inline(always)]
 fn mask_axes<const HELD: bool, L: Arithmetic>(l: L, pushed: &[[L::V; 3]; 2], x: [L::V; 3]) -> [[L::V; 3]; 2] {
     if HELD { [triple!(k => l.mul(x[k], pushed[0][k])), triple!(k => l.mul(x[k], pushed[1][k]))] } else { [x, x] }
 }
 
-/// I⁻¹ a + c, I⁻¹ by its six numbers.
+/// I⁻¹ a + c, with I⁻¹ given by its six numbers.
 #[inline(always)]
 fn apply_inverse_inertia<L: Arithmetic>(l: L, m: [L::V; 8], a: [L::V; 3], c: [L::V; 3]) -> [L::V; 3] {
     [
@@ -212,7 +212,7 @@ fn apply_inverse_inertia<L: Arithmetic>(l: L, m: [L::V; 8], a: [L::V; 3], c: [L:
     ]
 }
 
-/// The numbers of a column at the places.
+/// Numbers of a column in the given lanes.
 macro_rules! load {
     ($l:expr, $places:expr, $x:expr) => {
         $l.load(&$x[$places.clone()])
@@ -316,7 +316,7 @@ impl<T: LaneFloat> PairSweepKernel for FrictionlessPoint<T> {
         let (r, before) = (load!(l, at, values.r), load!(l, at, values.previous));
         let y = l.mul_add(beta, l.sub(r, before), r);
         let (zero, free) = (l.splat(0.0), l.neg_mul_add(u, load!(l, at, self.inverse_nn), y));
-        // What is not finite is not taken.
+        // Infinite or NaN impulses are rejected.
         let new = l.select_greater(free, zero, l.select_greater(l.splat(f64::MAX), free, free, zero), zero);
         l.store(&mut values.previous[at.clone()], r);
         l.store(&mut values.r[at.clone()], new);
@@ -343,22 +343,22 @@ impl<T: LaneFloat> PairSweepKernel for FrictionlessPoint<T> {
     }
 }
 
-/// The `WIDTH` pairs of a batch that start at place `from`, with their contacts.
+/// The `WIDTH` pairs of a batch from lane `from` on, with their contacts.
 struct PairLanes<'a, C: PairContacts> {
     batch: &'a BodyPairBatch,
     points: &'a [C],
     impulses: &'a mut [C::Impulses],
-    /// What is swept after them.
+    /// Points that are swept after them, to prefetch.
     later: (&'a [C], &'a [C::Impulses]),
     rolls: &'a mut [RollingConstraintWide<C::T>],
-    /// Empty where all are 0.
+    /// Friction levers; empty if all are 0.
     levers: &'a [LeverColumns<C::T>],
     from: usize,
 }
 
-/// Solves the contacts of pairs, of which some bodies are pushed along some axes alone if `HELD`.
+/// Solves the contacts of pairs. If `HELD`, impulses move some of the bodies along only some axes.
 ///
-/// Of a problem that is `FAR` the next points are asked for, a little at a time: memory is faster when it need not wait for
+/// If the problem is `FAR`, the next points are prefetched, a little at a time: memory is faster if it need not wait for
 /// arithmetic.
 #[inline(always)]
 fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: PairSweepKernel<T = L::T>>(

@@ -1,4 +1,4 @@
-//! Alternating directions of multipliers.
+//! Alternating direction method of multipliers.
 //!
 //! In units in which the diagonal blocks have trace 3, with v the only state and c = [`PENALTY`]:
 //!
@@ -21,7 +21,7 @@ use super::{LocalVector, SolverRun};
 /// The penalty c, relative to the mean diagonal.
 const PENALTY: f64 = 0.1;
 
-/// Goes on from the best iterate of the run until the run or the budget of `steps` is over.
+/// Continues from the best iterate of the run until the run or the budget of `steps` is over.
 pub fn solve_admm(run: &mut SolverRun, steps: u64) {
     let scaled = ScaledProblem::new(run.problem);
     let n = run.problem.len();
@@ -39,7 +39,7 @@ pub fn solve_admm(run: &mut SolverRun, steps: u64) {
         }
     }
     run.cost += run.problem.newton_cost();
-    // Not Cholesky's: W may be slightly unsymmetric or indefinite.
+    // LU rather than Cholesky factors: W may be slightly unsymmetric or indefinite.
     let Some(factors) = LuFactors::new(n, &matrix) else { return };
     let z = scaled.impulses_in(&run.best.0);
     let u = scaled.relative_velocities(&z);
@@ -74,7 +74,7 @@ pub fn solve_admm(run: &mut SolverRun, steps: u64) {
     }
 }
 
-/// The nearest point of Coulomb's cone.
+/// Nearest point of Coulomb's cone.
 fn project_to_cone(v: LocalVector, mu: f64) -> LocalVector {
     let slope = (1.0 + mu * mu).sqrt();
     let (cos, sin) = (1.0 / slope, mu / slope);

@@ -4,24 +4,24 @@
 
 use super::LocalVector;
 
-/// Anderson's acceleration of x -> g(x): from the residuals f = g - x of the last iterates the next is
-/// g - dG y with y the least squares solution of dF y = f, d the differences of one iterate to the next.
+/// Anderson's acceleration of x -> g(x). From the residuals f = g - x of the last iterates the next iterate is g - dG y, with
+/// y the least squares solution of dF y = f, d the differences between consecutive iterates.
 pub struct AndersonAcceleration {
     depth: usize,
-    /// Differences of f and of g, a ring of `depth`.
+    /// Differences of f and of g, a ring of `depth` entries.
     df: Vec<Vec<f64>>,
     dg: Vec<Vec<f64>>,
-    /// dF' dF
+    /// Gram matrix dF' dF.
     gram: Vec<Vec<f64>>,
     f: Vec<f64>,
     g: Vec<f64>,
-    /// Iterates seen since the last restart.
+    /// Number of iterates since the last restart.
     seen: usize,
     /// |f| of the last iterate that was kept.
     norm: f64,
 }
 
-/// The history is dropped when |f| grows beyond this multiple of what it was; see docs/performance.md.
+/// Growth of |f| beyond which the history is dropped, relative to the last kept |f|; see docs/performance.md.
 const MAX_RESIDUAL_GROWTH: f64 = 1.5;
 
 impl AndersonAcceleration {
@@ -54,7 +54,7 @@ impl AndersonAcceleration {
         }
         let (x, g) = (x.as_flattened_mut(), g.as_flattened());
         if self.seen > 0 && norm > MAX_RESIDUAL_GROWTH * self.norm {
-            // Back to the last sweep's plain result.
+            // Return to the plain result of the last sweep.
             self.seen = 0;
             x.copy_from_slice(&self.g);
             return norm;
@@ -102,8 +102,7 @@ fn norm_of_difference(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
-/// y of G y = b by Cholesky's method for G scaled to a diagonal of 1 + 1e-14; directions that
-/// rounding leaves nothing of get 0.
+/// y of G y = b by Cholesky's method for G scaled to a diagonal of 1 + 1e-14; directions that are lost in rounding get 0.
 fn solve_gram(gram: &[Vec<f64>], mut b: Vec<f64>) -> Vec<f64> {
     let n = b.len();
     let scale: Vec<f64> = (0..n).map(|k| if gram[k][k] > 0.0 { gram[k][k].sqrt().recip() } else { 0.0 }).collect();

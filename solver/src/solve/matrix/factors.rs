@@ -1,10 +1,11 @@
-//! L U of a matrix of 3x3 blocks, one row and column of them a contact.
+//! L U of a matrix of 3x3 blocks, one block row and column per contact.
 //!
-//! Contacts are eliminated in fronts: full matrices of those that go together and of those that are left and feel it. What
-//! remains of a front once its own are gone is added to the front of the first of the others. Few contacts, or such of which
-//! most touch one another, are one front. Rows are exchanged among a front's own.
+//! Contacts are eliminated in fronts: full matrices of the contacts eliminated together and of the later ones coupled to
+//! them. The remainder of a front after the elimination of its own contacts is added to the front of the first of the later
+//! ones. A small or nearly full matrix is one front. Rows are exchanged among a front's own.
 //!
-//! Every number is the same at all widths of arithmetic: terms are taken from it one by one, in the order of elimination.
+//! Every number is the same at all widths of arithmetic: terms are subtracted from it one by one, in the order of
+//! elimination.
 //!
 //! Sources: I. S. Duff, J. K. Reid, ACM Trans. Math. Softw. 9 (1983) 302-325 (fronts); P. R. Amestoy, T. A. Davis, I. S. Duff,
 //! SIAM J. Matrix Anal. Appl. 17 (1996) 886-905 (order of elimination).
@@ -14,14 +15,14 @@ use pulp::NullaryFnOnce;
 use super::{LocalVector, MatrixBlock};
 use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
 
-/// Rows below which one front is always the faster.
+/// Number of rows below which one front is always faster.
 const MIN_SPARSE_ROWS: usize = 200;
-/// Share of a matrix that is not zero above which one front is the faster: factors fill up.
+/// Share of nonzeros of a matrix above which one front is faster: factors fill up.
 const MAX_SPARSE_FILL: f64 = 0.2;
-/// Fronts are joined while this share of what they hold is zero at most.
+/// Largest share of zeros in a front up to which fronts are joined.
 const MAX_FRONT_ZEROS: f64 = 0.2;
 
-/// Whether more than one front is the faster.
+/// Whether more than one front is faster.
 fn is_sparse(size: usize, entries: usize) -> bool {
     size >= MIN_SPARSE_ROWS && (entries as f64) < MAX_SPARSE_FILL * (size as f64).powi(2)
 }
@@ -32,36 +33,37 @@ pub fn factor_cost(size: usize, entries: usize) -> f64 {
     if is_sparse(size, entries) { entries as f64 * (50.0 + 0.03 * rows) } else { 0.025 * rows.powi(3) }
 }
 
-/// Cost of a solution with them.
+/// Cost of a solution with these factors, in the same units.
 pub fn solution_cost(size: usize, entries: usize) -> f64 {
     if is_sparse(size, entries) { entries as f64 } else { 0.3 * (size as f64).powi(2) }
 }
 
-/// A block and its row and column, each place once.
+/// A block with its row and column; each position occurs once.
 pub type BlockEntry = (usize, usize, MatrixBlock);
 
-/// L U with rows exchanged: matrices need not be symmetric or definite.
+/// Factors L U with row exchanges: matrices need not be symmetric or definite.
 pub struct LuFactors {
     fronts: Vec<FrontalMatrix>,
     width: SimdWidth,
 }
 
-/// Some contacts that are eliminated together.
+/// Front: contacts that are eliminated together, and the later ones coupled to them.
 struct FrontalMatrix {
-    /// Those that are eliminated here, ...
+    /// Contacts that are eliminated here.
     own: Vec<u32>,
-    /// ... and those that are left and feel it.
+    /// Later contacts that are coupled to these.
     later: Vec<u32>,
-    /// The row that was exchanged for each of the own, in their order, [`PANEL_COLUMNS`] after `PANEL`.
+    /// Row exchanged with each of the own rows, in their order, panel by panel of [`PANEL_COLUMNS`] columns.
     pivots: Vec<u32>,
-    /// The columns of the own: U, and below the diagonal L, whose diagonal is 1; its rows are exchanged as far as its panel goes.
+    /// Own columns: U, and below the diagonal L, whose diagonal is 1; its rows are exchanged up to the end of its panel.
     left: Vec<f64>,
-    /// The own rows of the other columns: U.
+    /// Own rows of the other columns: U.
     right: Vec<f64>,
 }
 
 impl LuFactors {
-    /// Of the matrix of `count` rows of blocks with these entries; none where no pivot is found, as where it is singular.
+    /// Factors of the matrix of `count` rows of blocks with these entries; `None` if no pivot is found, e.g. if it is
+    /// singular.
     pub fn new(count: usize, entries: &[BlockEntry]) -> Option<Self> {
         Self::at_width(count, entries, SimdWidth::detect())
     }
@@ -72,7 +74,7 @@ impl LuFactors {
         } else {
             (count > 0).then(|| FrontalMatrix::from_contacts((0..count as u32).collect())).into_iter().collect()
         };
-        // Where each contact is eliminated.
+        // Front in which each contact is eliminated.
         let mut front_of = vec![0; count];
         for (k, front) in fronts.iter().enumerate() {
             front.own.iter().for_each(|&i| front_of[i as usize] = k);
@@ -121,7 +123,7 @@ impl LuFactors {
         Some(LuFactors { fronts, width })
     }
 
-    /// x of A x = `right`; may be not finite where A is nearly singular.
+    /// x of A x = `right`; may be infinite or NaN if A is nearly singular.
     pub fn solve(&self, right: &[LocalVector]) -> Vec<LocalVector> {
         let mut x = right.to_vec();
         match self.width {
@@ -140,18 +142,18 @@ impl FrontalMatrix {
         FrontalMatrix { own, later: Vec::new(), pivots: Vec::new(), left: Vec::new(), right: Vec::new() }
     }
 
-    /// How many are eliminated, and all.
+    /// Number of eliminated rows, and of all rows.
     fn row_counts(&self) -> (usize, usize) {
         (3 * self.own.len(), 3 * (self.own.len() + self.later.len()))
     }
 }
 
-/// Rows that a column takes: whole vectors may begin at any of them.
+/// Stride of a column: whole vectors may begin at any of its rows.
 fn column_stride(size: usize) -> usize {
     (size + 7).next_multiple_of(8)
 }
 
-/// Fronts in which fill is little, each after those that it gets remains from.
+/// Fronts with little fill, each after the fronts whose remainders are added to it.
 fn elimination_fronts(count: usize, entries: &[BlockEntry]) -> Vec<FrontalMatrix> {
     let mut pairs: Vec<[u32; 2]> = Vec::with_capacity(2 * entries.len());
     pairs.extend(entries.iter().flat_map(|&(i, j, _)| [[i as u32, j as u32], [j as u32, i as u32]]));
@@ -167,7 +169,8 @@ fn elimination_fronts(count: usize, entries: &[BlockEntry]) -> Vec<FrontalMatrix
         Err(_) => ((0..count).collect(), (0..count).collect()),
     };
 
-    // By rank: what is left and feels the elimination, where the first of it is, and the front with what of it is zero.
+    // By rank: the later contacts coupled by the elimination, the ranks of which it is the first of these, and the front;
+    // then the fronts with their zeros.
     let mut later: Vec<Vec<u32>> = Vec::with_capacity(count);
     let mut children: Vec<Vec<u32>> = vec![Vec::new(); count];
     let mut seen = vec![usize::MAX; count];
@@ -218,8 +221,8 @@ fn elimination_fronts(count: usize, entries: &[BlockEntry]) -> Vec<FrontalMatrix
         .collect()
 }
 
-/// Eliminates the first rows, as many as there are `pivots`, of the columns of `size` rows, in place. False where no pivot is
-/// found.
+/// Eliminates the first rows, as many as there are `pivots`, of the columns of `size` rows, in place. Returns false if no
+/// pivot is found.
 fn eliminate_front(width: SimdWidth, a: &mut [f64], stride: usize, size: usize, pivots: &mut [u32]) -> bool {
     match width {
         SimdWidth::One(l) => l.run(FrontElimination { l, a, stride, size, pivots }),
@@ -238,7 +241,7 @@ struct FrontElimination<'a, L> {
     pivots: &'a mut [u32],
 }
 
-/// Columns that are eliminated before the others are told.
+/// Columns that are eliminated before the columns to the right are updated.
 const PANEL_COLUMNS: usize = 24;
 
 impl<L: F64Arithmetic> NullaryFnOnce for FrontElimination<'_, L> {
@@ -280,19 +283,19 @@ impl<L: F64Arithmetic> NullaryFnOnce for FrontElimination<'_, L> {
     }
 }
 
-/// Exchanges the rows from `from` on, as many as there are `pivots`, with those.
+/// Exchanges the rows from `from` on with those given by `pivots`.
 #[inline(always)]
 fn swap_rows(x: &mut [f64], from: usize, pivots: &[u32]) {
     pivots.iter().enumerate().for_each(|(k, &pivot)| x.swap(from + k, pivot as usize));
 }
 
-/// `x` less `lower` times `u`.
+/// `x` minus `lower` times `u`.
 #[inline(always)]
 fn subtract_multiple(x: &mut [f64], lower: &[f64], u: f64) {
     x.iter_mut().zip(lower).for_each(|(x, l)| *x = (-l).mul_add(u, *x));
 }
 
-/// Columns of L, of which that of row `from` is the first, as many as there are `pivots`.
+/// Columns of L, the first of which is that of row `from`, as many as there are `pivots`.
 struct ColumnPanel<'a> {
     columns: &'a [f64],
     stride: usize,
@@ -302,7 +305,8 @@ struct ColumnPanel<'a> {
 }
 
 impl ColumnPanel<'_> {
-    /// Exchanges rows of `Q` columns further right as in these, and takes these from them, each times its number of U.
+    /// Exchanges rows of `Q` columns further right as in this panel, and subtracts its columns from them, each times its
+    /// number of U.
     #[inline(always)]
     fn update_columns<L: F64Arithmetic, const Q: usize>(&self, l: L, columns: &mut [f64]) {
         let &ColumnPanel { columns: panel, stride, from, pivots, size } = self;
@@ -320,7 +324,7 @@ impl ColumnPanel<'_> {
             }
         }
         for row in (to..size).step_by(2 * L::WIDTH) {
-            // The last may end among the rows that are left free.
+            // The last vector may end among the unused rows.
             let second = if row + L::WIDTH < size { row + L::WIDTH } else { row };
             let mut sums = [[l.splat(0.0); 2]; Q];
             for q in 0..Q {
@@ -389,7 +393,7 @@ impl NullaryFnOnce for BackSubstitution<'_> {
 mod tests {
     use super::*;
 
-    /// An unsymmetric matrix in which two contacts feel each other that are as far apart in order as one of `near` says.
+    /// An unsymmetric matrix in which two contacts are coupled if the difference of their indices is in `near`.
     fn net(count: usize, near: &[usize]) -> Vec<BlockEntry> {
         let value = |i: usize, j: usize| (1.3 * i as f64 + 2.9 * j as f64).sin();
         let block = |i: usize, j: usize| -> MatrixBlock {
@@ -413,7 +417,7 @@ mod tests {
         sum
     }
 
-    /// A x = b for the x that b was made from, with one front and with many, to the same bits at all widths.
+    /// A x = b gives the x from which b was computed, with one front and with many, with the same bits at all widths.
     #[test]
     fn full_and_sparse_factors() {
         for (count, near, sparse) in [
@@ -444,7 +448,8 @@ mod tests {
         assert!(LuFactors::new(0, &[]).is_some_and(|factors| factors.solve(&[]).is_empty()));
     }
 
-    /// Fronts hold every contact once, and the others that are left; joined ones hold few zeros.
+    /// Every contact is eliminated in one front, and each front lists all later contacts coupled to its own; joined fronts
+    /// have few zeros.
     #[test]
     fn fronts_hold_all_once() {
         let entries = net(200, &[1, 3, 29]);

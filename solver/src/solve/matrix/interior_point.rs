@@ -1,35 +1,36 @@
 //! An interior-point method.
 //!
 //! In units in which the diagonal blocks have trace 3, and with S = diag(1, mu, mu) / max(1, mu) at each contact, x = S^-1 r
-//! and y = S (u + mu |u_T| n) are both to be in Lorentz's cone, v_n >= |v_T|:
+//! and y = S (u + mu |u_T| n) must both be in Lorentz's cone, v_n >= |v_T|:
 //!
 //! ```text
 //! y = S W S x + S q + |y_T| n,   x o y = 0,   v o w = (v.w, v_n w_T + w_n v_T).
 //! ```
 //!
 //! From within the cones, Newton's method follows x o y = tau n down to tau = 0, in the scaling of Nesterov and Todd, in
-//! which x and y are one point: T x = T^-1 y = l. So no contact has to be guessed open, sticking or sliding, which is what
-//! other ways go astray on where much is undetermined. Predictor and corrector are those of Mehrotra.
+//! which x and y are one point: T x = T^-1 y = l. So no contact has to be guessed open, sticking or sliding, which misleads
+//! other methods if much is undetermined. Predictor and corrector are those of Mehrotra.
 //!
 //! Sources: V. Acary, F. Cadoux, C. Lemaréchal, J. Malick, Z. angew. Math. Mech. 91 (2011) 155-175 (the problem on cones); L.
-//! Vandenberghe, The CVXOPT linear and quadratic cone program solvers (2010) (scaling, predictor, steps). That |y_T| is among
-//! the unknowns, not fixed from one solution to the next, is our own choice.
+//! Vandenberghe, The CVXOPT linear and quadratic cone program solvers (2010) (scaling, predictor, steps). Treating |y_T| as
+//! an unknown, instead of fixing it from one solution to the next, is our own choice.
 
 use super::factors::{BlockEntry, LuFactors};
 use super::newton::prox_newton;
 use super::scaled::ScaledProblem;
 use super::{LocalVector, MatrixBlock, SolverRun};
 
-/// Share of the way to the cones' sides that a step goes.
+/// Length of a step over that at which it reaches the cones' sides.
 const STEP_SHARE: f64 = 0.99;
-/// Steps below this lead nowhere.
+/// Smallest share of a step: shorter steps make no progress.
 const MIN_STEP_SHARE: f64 = 1e-8;
-/// Steps in which the least residual so far has to fall to `FALL` of itself: where the way leads to the end it falls faster.
+/// Number of steps in which the smallest residual so far must fall by the factor [`STALL_REDUCTION`]: it falls faster if the
+/// method converges.
 const STALL_STEPS: usize = 10;
 const STALL_REDUCTION: f64 = 0.5;
 
-/// Goes from the middle of the cones until the run or the budget of `steps` Newton steps is over. Where rounding ends the way,
-/// as near contacts that touch without a force, it goes on as [`prox_newton`].
+/// Iterates from the middle of the cones until the run or the budget of `steps` Newton steps is over. If rounding stops the
+/// method, as near contacts that touch without a force, it continues as [`prox_newton`].
 pub fn interior_point(run: &mut SolverRun, steps: u64) {
     let scaled = ScaledProblem::new(run.problem);
     let sizes: Vec<[f64; 2]> = scaled.mu.iter().map(|mu| [1.0 / mu.max(1.0), mu / mu.max(1.0)]).collect();
@@ -59,12 +60,12 @@ pub fn interior_point(run: &mut SolverRun, steps: u64) {
     prox_newton(run, &best, end.saturating_sub(run.sweeps));
 }
 
-/// S v
+/// Product S v.
 fn apply_cone_scaling([n, t]: [f64; 2], v: LocalVector) -> LocalVector {
     [n * v[0], t * v[1], t * v[2]]
 }
 
-/// The changes of x and y; none where the numbers end.
+/// Changes of x and y; `None` if numbers are not finite.
 fn newton_direction(
     scaled: &ScaledProblem,
     sizes: &[[f64; 2]],
@@ -115,7 +116,7 @@ fn newton_direction(
             (0..count).map(|i| std::array::from_fn(|k| pushed[i][k] - dot_product(&squares[i][k], &dx[i]))).collect();
         [dx, dy]
     };
-    // First as if tau could be 0 at once; how far that leads tells how low tau may be asked to go.
+    // First step as if tau could be 0 at once; its length determines how far tau is reduced.
     let goals: Vec<LocalVector> = points.iter().map(|l| jordan_product(l, l).map(|x| -x)).collect();
     let [dx, dy] = toward(&goals);
     let share = max_step_share(x, &dx).min(max_step_share(y, &dy)).min(1.0);
@@ -143,7 +144,7 @@ fn advance_iterate(v: &mut [LocalVector], d: &[LocalVector], share: f64) {
     v.as_flattened_mut().iter_mut().zip(d.as_flattened()).for_each(|(v, d)| *v += share * d);
 }
 
-/// The least share of the step `d` at which a cone's side is met: told where `v` is turned into the middle of its cone.
+/// Largest share of the step `d` up to the side of a cone, computed after `v` is transformed to the middle of its cone.
 fn max_step_share(v: &[LocalVector], d: &[LocalVector]) -> f64 {
     let of_one = |(v, d): (&LocalVector, &LocalVector)| {
         let size = cone_determinant(v).sqrt();
@@ -159,33 +160,33 @@ fn dot_product(a: &LocalVector, b: &LocalVector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// v_n^2 - |v_T|^2
+/// v_n^2 - |v_T|^2.
 fn cone_determinant(v: &LocalVector) -> f64 {
     let t = v[1].hypot(v[2]);
     (v[0] - t) * (v[0] + t)
 }
 
-/// v o w
+/// Jordan product v o w.
 fn jordan_product(v: &LocalVector, w: &LocalVector) -> LocalVector {
     [dot_product(v, w), v[0] * w[1] + w[0] * v[1], v[0] * w[2] + w[0] * v[2]]
 }
 
-/// The g of l o g = d.
+/// Vector g with l o g = d.
 fn jordan_quotient(l: &LocalVector, d: &LocalVector) -> LocalVector {
     let n = (l[0] * d[0] - l[1] * d[1] - l[2] * d[2]) / cone_determinant(l);
     [n, (d[1] - n * l[1]) / l[0], (d[2] - n * l[2]) / l[0]]
 }
 
-/// T = beta (2 v v^T - J) with J = diag(1, -1, -1), for which T x = T^-1 y.
+/// Nesterov-Todd scaling T = beta (2 v v^T - J) with J = diag(1, -1, -1), for which T x = T^-1 y.
 struct NesterovToddScaling {
     beta: f64,
     v: LocalVector,
-    /// T^2 = beta^2 (2 w w^T - J)
+    /// Vector w of T^2 = beta^2 (2 w w^T - J).
     w: LocalVector,
 }
 
 impl NesterovToddScaling {
-    /// None on the sides of the cones.
+    /// Returns the scaling; `None` on the sides of the cones.
     fn new(x: &LocalVector, y: &LocalVector) -> Option<Self> {
         let (of_x, of_y) = (cone_determinant(x), cone_determinant(y));
         if !(of_x > 0.0 && of_y > 0.0 && x[0] > 0.0 && y[0] > 0.0) {
@@ -202,14 +203,14 @@ impl NesterovToddScaling {
         })
     }
 
-    /// T u
+    /// Product T u.
     fn apply_scaling(&self, u: &LocalVector) -> LocalVector {
         let along = 2.0 * dot_product(&self.v, u);
         let [n, s, t] = self.v;
         [self.beta * (along * n - u[0]), self.beta * (along * s + u[1]), self.beta * (along * t + u[2])]
     }
 
-    /// T^-1 u
+    /// Product T^-1 u.
     fn apply_inverse_scaling(&self, u: &LocalVector) -> LocalVector {
         let [n, s, t] = self.v;
         let along = 2.0 * (n * u[0] - s * u[1] - t * u[2]);

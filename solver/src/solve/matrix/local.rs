@@ -1,9 +1,9 @@
-//! One contact of a full 3x3 block, exactly, with every other impulse frozen.
+//! Exact solution of one contact of a full 3x3 block with all other impulses frozen.
 
 use super::{LocalVector, MatrixBlock};
 
-/// A contact's own block prepared for solving: the normal unknown eliminated, the tangents turned to
-/// the axes of what is left.
+/// A contact's own block prepared for solving: the normal unknown is eliminated, the tangents are the axes of the remaining
+/// block.
 ///
 /// With c = W_nT/W_nn and d = W_Tn/W_nn the conditions u_n = 0 and u_T = -s r_T read
 ///
@@ -11,8 +11,8 @@ use super::{LocalVector, MatrixBlock};
 /// (S + s 1) r_T = -p,   S = W_TT - d W_nT,   p = q_T - d q_n,   r_n = -q_n/W_nn - c . r_T.
 /// ```
 ///
-/// s = 0 sticks; a sliding contact has the s > 0 where |r_T| = mu r_n. On the axes of its symmetric
-/// part, S = [[a, k], [-k, b]] with a >= b: nothing cancels when b is 0.
+/// s = 0 for sticking; a sliding contact has the s > 0 at which |r_T| = mu r_n. On the axes of its symmetric part, S = [[a,
+/// k], [-k, b]] with a >= b: there is no cancellation if b is 0.
 #[derive(Debug, Clone, Copy)]
 pub struct LocalSolver {
     inverse_nn: f64,
@@ -23,17 +23,19 @@ pub struct LocalSolver {
     a: f64,
     b: f64,
     k: f64,
-    /// Where the search for s begins: 0, or just above where S + s 1 is singular.
+    /// Start of the search for s: 0, or just above the value at which S + s 1 is singular.
     low: f64,
-    /// The s of sticking.
+    /// Value of s for sticking.
     stick: f64,
     mu: f64,
 }
 
-/// An eigenvalue of S below this share of the trace of W_TT is rounding.
+/// Share of the trace of W_TT below which an eigenvalue of S is rounding.
 const SINGULAR_SHARE: f64 = 1e-14;
 
 impl LocalSolver {
+    /// Prepares the block `w` for solving.
+    ///
     /// * `w`: the diagonal block in the order n, t1, t2, 1/kg; symmetric positive semi-definite, or nearly.
     /// * `mu`: friction, 0 or more.
     pub fn new(w: &MatrixBlock, mu: f64) -> Self {
@@ -47,7 +49,7 @@ impl LocalSolver {
         let axis = first_axis(half, even);
         let rounding = SINGULAR_SHARE * (w[1][1] + w[2][2]);
         let low = if b > rounding { 0.0 } else { rounding - b.min(0.0) };
-        // Where an eigenvalue is rounding, sticking is to rounding, too.
+        // If an eigenvalue is rounding, sticking is only satisfied to rounding, too.
         let stick = if b.abs() > rounding { 0.0 } else { low };
         let c = rotate_to_axis(axis, [w[0][1] * inverse_nn, w[0][2] * inverse_nn]);
         LocalSolver { inverse_nn, c, d: rotate_to_axis(axis, d), axis, a, b, k, low, stick, mu }
@@ -87,7 +89,7 @@ impl LocalSolver {
         if [n, t1, t2].iter().all(|x| x.is_finite()) { [n, t1, t2] } else { [free, 0.0, 0.0] }
     }
 
-    /// The impulse of u = 0 if the cone holds it.
+    /// Impulse of u = 0 if it is in the cone.
     #[inline(always)]
     fn sticking_impulse(&self, free: f64, p: [f64; 2]) -> Option<LocalVector> {
         let t = self.tangential_impulse(p, self.stick);
@@ -95,7 +97,7 @@ impl LocalSolver {
         (n > 0.0 && t[0] * t[0] + t[1] * t[1] <= (self.mu * n) * (self.mu * n)).then_some([n, t[0], t[1]])
     }
 
-    /// r_T = -(S + s 1)^-1 p
+    /// Tangential impulse r_T = -(S + s 1)^-1 p.
     #[inline(always)]
     fn tangential_impulse(&self, p: [f64; 2], s: f64) -> [f64; 2] {
         let (a, b, k) = (self.a + s, self.b + s, self.k);
@@ -108,14 +110,14 @@ impl LocalSolver {
         free - self.c[0] * t[0] - self.c[1] * t[1]
     }
 
-    /// The impulse on the edge of the cone.
+    /// Impulse on the edge of the cone.
     fn sliding_impulse(&self, free: f64, p: [f64; 2]) -> LocalVector {
         let size = p[0].hypot(p[1]);
         if size == 0.0 {
             return [free, 0.0, 0.0];
         }
         let mut low = self.low;
-        // |r_T| <= |p|/(s + b) and r_n >= free - |c| |r_T|; twice that, for what rounding adds.
+        // |r_T| <= |p|/(s + b) and r_n >= free - |c| |r_T|; doubled because of rounding.
         let mut high = 2.0 * size * (1.0 / self.mu + self.c[0].hypot(self.c[1])) / free + low;
         let mut s = low;
         let mut t = self.tangential_impulse(p, s);
@@ -137,12 +139,12 @@ impl LocalSolver {
             let newton = s - psi / slope;
             s = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
             if !(s > low && s < high) {
-                break; // no number is left between
+                break; // no number is left in the bracket
             }
             t = self.tangential_impulse(p, s);
             n = self.normal_impulse(free, t);
         }
-        // On the edge of the cone, whatever is left of psi.
+        // On the edge of the cone, for any remaining psi.
         let n = n.max(0.0);
         let edge = self.mu * n / t[0].hypot(t[1]);
         [n, t[0] * edge, t[1] * edge]
@@ -160,7 +162,7 @@ fn first_axis(x: f64, y: f64) -> [f64; 2] {
     if x >= 0.0 { [larger, smaller] } else { [smaller.abs(), larger.copysign(y)] }
 }
 
-/// The components of `v` along `axis` and across it.
+/// Components of `v` along `axis` and across it.
 #[inline(always)]
 fn rotate_to_axis(axis: [f64; 2], v: [f64; 2]) -> [f64; 2] {
     [axis[0] * v[0] + axis[1] * v[1], axis[0] * v[1] - axis[1] * v[0]]
@@ -181,7 +183,7 @@ mod tests {
         std::array::from_fn(|i| q[i] + (0..3).map(|j| w[i][j] * r[j]).sum::<f64>())
     }
 
-    /// How far r is from each condition, in velocities and impulses of size 1.
+    /// Violation of the conditions by r, in velocities and impulses of size 1.
     fn violation(w: &MatrixBlock, q: LocalVector, mu: f64, r: LocalVector) -> f64 {
         let u = velocity(w, r, q);
         let (slip, force) = (u[1].hypot(u[2]), r[1].hypot(r[2]));
@@ -228,7 +230,7 @@ mod tests {
                 prop_assume!(l[2].abs() > 0.05 && l[5].abs() > 0.05);
                 q
             } else {
-                // A velocity that impulses can answer: W times something.
+                // A velocity that impulses can cancel: W times a vector.
                 velocity(&w, q.map(|x| -x), [0.0; 3])
             };
             let r = LocalSolver::new(&w, mu).solve(q);
@@ -236,7 +238,7 @@ mod tests {
             prop_assert!(violation(&w, q, mu, r) <= 1e-11 * size * size, "{r:?}");
         }
 
-        /// Brute force: over a fine grid of the cone nothing does better.
+        /// Brute force: no point of a fine grid of the cone is better.
         #[test]
         fn nothing_nearby_is_better(
             l in prop::array::uniform6(0.3..1.0f64),

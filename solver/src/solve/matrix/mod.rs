@@ -1,19 +1,19 @@
 //! The contact problem of one step in stored form: u = W r + q with W in 3x3 blocks.
 //!
-//! For problems that come as a matrix: small hyperstatic ones where sweeps crawl, and those of other
-//! programs. Local order: normal, two tangents.
+//! For problems given as a matrix: small hyperstatic ones for which sweeps converge slowly, and those of other programs.
+//! Local order: normal, two tangents.
 //!
-//! | module | what it knows |
+//! | module | contents |
 //! |---|---|
 //! | `admm` | alternating directions of multipliers |
 //! | `anderson` | acceleration of a fixed point iteration |
 //! | `factors` | full or sparse factors of a matrix |
-//! | `interior` | an interior-point method |
+//! | `interior_point` | an interior-point method |
 //! | `local` | one contact with a full block, exactly |
 //! | `sweep` | nonlinear Gauss-Seidel, plain and with Anderson's acceleration |
 //! | `newton` | proximal point with a semismooth Newton method inside |
-//! | `scaled` | the problem in units that suit it |
-//! | `residual` | judges, never solves |
+//! | `scaled` | the problem in units in which diagonal blocks have trace 3 |
+//! | `residual` | residual of a solution |
 
 mod admm;
 mod anderson;
@@ -37,26 +37,26 @@ pub type LocalVector = [f64; 3];
 /// A 3x3 block, row by row.
 pub type MatrixBlock = [LocalVector; 3];
 
-/// u = W r + q with Signorini's condition and Coulomb's law at each contact.
+/// Problem u = W r + q with Signorini's condition and Coulomb's law at each contact.
 #[derive(Debug, Clone)]
 pub struct MatrixProblem {
     /// Friction of each contact.
     pub mu: Vec<f64>,
     /// Relative velocity of each contact without impulses, m/s.
     pub q: Vec<LocalVector>,
-    /// Where the blocks of each row start, and the end of the last.
+    /// Start of the blocks of each row, and the end of the last.
     starts: Vec<usize>,
     columns: Vec<u32>,
-    /// 1/kg
+    /// Blocks of W, 1/kg.
     blocks: Vec<MatrixBlock>,
 }
 
-/// Squares of larger numbers, and of their products, are none.
+/// Largest magnitude of a number: squares of larger ones, and of their products, are not finite.
 const MAX_MAGNITUDE: f64 = 1e100;
 
 impl MatrixProblem {
-    /// From the blocks (row, column, block) of W in any order; blocks of one place are added up. A number
-    /// that is not finite or as large as 1e100, a negative friction or a contact out of range is refused.
+    /// Builds the problem from the blocks (row, column, block) of W in any order; blocks at the same position are added up.
+    /// Numbers that are not finite or as large as 1e100, a negative friction and a contact out of range are rejected.
     pub fn new(
         mu: Vec<f64>,
         q: Vec<LocalVector>,
@@ -67,7 +67,7 @@ impl MatrixProblem {
             return Err(format!("{} frictions for {n} contacts", mu.len()));
         }
         let mut blocks: Vec<_> = blocks.into_iter().collect();
-        // One block on every diagonal, which solvers rely on.
+        // One block on every diagonal, as solvers require.
         blocks.extend((0..n).map(|k| (k, k, [[0.0; 3]; 3])));
         blocks.sort_by_key(|&(i, j, _)| (i, j));
         let mut problem = MatrixProblem { mu, q, starts: vec![0; n + 1], columns: Vec::new(), blocks: Vec::new() };
@@ -109,7 +109,7 @@ impl MatrixProblem {
         self.columns[place.clone()].iter().map(|&j| j as usize).zip(&self.blocks[place])
     }
 
-    /// u = W r + q
+    /// Relative velocities u = W r + q.
     pub fn relative_velocities(&self, r: &[LocalVector]) -> Vec<LocalVector> {
         let add = |mut u: LocalVector, (j, w): (usize, &MatrixBlock)| {
             for k in 0..3 {
@@ -130,17 +130,17 @@ impl MatrixProblem {
         1e3 + 2.5 * self.blocks.len() as f64 + 25.0 * self.len() as f64
     }
 
-    /// The blocks W_ii.
+    /// Diagonal blocks W_ii.
     pub fn diagonal_blocks(&self) -> impl Iterator<Item = &MatrixBlock> {
         (0..self.len()).filter_map(|i| self.row_blocks(i).find(|(j, _)| *j == i).map(|(_, w)| w))
     }
 }
 
-/// Blocks of W for a contact where none are counted: of itself and of the others of two grains with five each.
+/// Assumed blocks of W per contact: those of itself and of the other contacts of two grains with five each.
 const BLOCKS_PER_CONTACT: usize = 9;
 
-/// Cost of one Newton step of a problem of so many contacts of grains: about 1e-9 s on one core, counted, not measured,
-/// so that what follows from it is the same everywhere.
+/// Cost of one Newton step of a problem with this number of contacts of grains: about 1e-9 s on one core. It is computed, not
+/// measured, so that decisions based on it are the same on every machine.
 pub fn newton_cost(contacts: usize) -> f64 {
     step_cost(contacts, BLOCKS_PER_CONTACT * contacts)
 }
@@ -149,25 +149,25 @@ fn step_cost(contacts: usize, blocks: usize) -> f64 {
     5e4 + factors::factor_cost(3 * contacts, 9 * blocks)
 }
 
-/// Ways to solve.
+/// Solvers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MatrixSolver {
-    /// The ladder: each of the others in turn, as long as it pays.
+    /// All others in turn, as long as the cost allows.
     Auto,
     /// Nonlinear Gauss-Seidel.
     Nlgs,
-    /// The same with Anderson's acceleration.
+    /// Nonlinear Gauss-Seidel with Anderson's acceleration.
     NlgsAnderson,
     /// Proximal point with Newton's method inside.
     ProxNewton,
     /// Alternating directions of multipliers.
     Admm,
-    /// The interior-point method, and Newton's where rounding ends it.
+    /// Interior-point method, and Newton's if rounding stops it.
     InteriorPoint,
 }
 
 impl MatrixSolver {
-    /// All by name.
+    /// All solvers with their names.
     pub const ALL: [(&'static str, MatrixSolver); 6] = [
         ("auto", MatrixSolver::Auto),
         ("nlgs", MatrixSolver::Nlgs),
@@ -178,33 +178,33 @@ impl MatrixSolver {
     ];
 }
 
-/// When to stop.
+/// Limits of a solver.
 #[derive(Debug, Clone, Copy)]
 pub struct SolverLimits {
     /// Residual to reach.
     pub tol: f64,
     pub max_sweeps: u64,
     pub max_time: Option<Duration>,
-    /// Cost of all that is done, see [`newton_cost`].
+    /// Largest total cost, see [`newton_cost`].
     pub max_cost: f64,
 }
 
-/// What a solver has reached: the best iterate it met.
+/// Result of a solver: its best iterate.
 #[derive(Debug, Clone)]
 pub struct MatrixSolution {
     /// Impulses, N s.
     pub r: Vec<LocalVector>,
     /// Passes over the contacts.
     pub sweeps: u64,
-    /// See [`newton_cost`].
+    /// Total cost, see [`newton_cost`].
     pub cost: f64,
-    /// See `residual`.
+    /// Residual, see `residual`.
     pub residual: f64,
     pub converged: bool,
 }
 
-/// Solves to a residual of at most `limits.tol`, or returns the best that was met. Starts from the impulses
-/// `start`, or from 0 where these are the better.
+/// Solves to a residual of at most `limits.tol`, or returns the best iterate. Starts from the impulses `start`, or from 0 if
+/// these are better.
 pub fn solve(
     problem: &MatrixProblem,
     solver: MatrixSolver,
@@ -232,10 +232,10 @@ pub fn solve(
     }
 }
 
-/// Accelerated sweeps first, as many as cost what ten Newton steps do, 100 to 1000. Where they stall, once the interior-point
-/// method, which makes nothing of what was found, and so from a `warm` start comes behind a few steps of Newton's. Then ADMM and
-/// Newton from the best so far, and Newton from 0, which at times finds the way that the others have missed; then all again with
-/// four times the budget.
+/// Runs the solvers in turn. First accelerated sweeps, as many as cost ten Newton steps, 100 to 1000. If they stall, the
+/// interior-point method once; it makes no use of earlier results, and so after a `warm` start a few steps of Newton's method
+/// come before it. Then ADMM and Newton from the best so far, and Newton from 0, which at times converges where the others
+/// fail; then all again with four times the budget.
 fn run_fallback_sequence(run: &mut SolverRun, warm: bool) {
     let problem = run.problem;
     let (sweep, newton) = (problem.sweep_cost(), problem.newton_cost());
@@ -259,7 +259,7 @@ fn run_fallback_sequence(run: &mut SolverRun, warm: bool) {
     }
 }
 
-/// A run of one or more solvers: what it has used and the best it has met.
+/// A run of one or more solvers, with its costs and its best iterate.
 struct SolverRun<'a> {
     problem: &'a MatrixProblem,
     limits: SolverLimits,
@@ -276,7 +276,7 @@ impl<'a> SolverRun<'a> {
         SolverRun { problem, limits, start: Instant::now(), sweeps: 0, cost: 0.0, best: (r, residual) }
     }
 
-    /// Residual of `r`, or what rounding hides of it; kept if it is the best.
+    /// Returns the residual of `r`, at least its rounding; keeps `r` if it is the best.
     fn record_iterate(&mut self, r: &[LocalVector]) -> f64 {
         let value = residual(self.problem, r).max(residual::rounding_residual(self.problem, r));
         if value < self.best.1 {
@@ -286,7 +286,7 @@ impl<'a> SolverRun<'a> {
         value
     }
 
-    /// Enters a pass over the contacts and its cost.
+    /// Counts a pass over the contacts and its cost.
     fn count_pass(&mut self, cost: f64) {
         activity::count_sweep();
         self.sweeps += 1;

@@ -1,14 +1,14 @@
 //! Proximal point with a semismooth Newton method inside.
 //!
-//! The outer loop solves, from r_k, the problem of u = W r + q + a (r - r_k): regular even where W is not, and
-//! with the same solutions at rest. Newton's method solves it as Phi(r) = 0,
+//! The outer loop solves, from r_k, the problem of u = W r + q + a (r - r_k). It is regular even if W is not, and has the
+//! same solutions when r = r_k. Newton's method solves it as Phi(r) = 0,
 //!
 //! ```text
 //! tau = r - u,   Phi_n = r_n - max(0, tau_n),   Phi_T = r_T - P(tau_T; mu max(0, tau_n)),
 //! ```
 //!
-//! P the projection on the disc of that radius, all in units in which the diagonal blocks have trace 3. Easy
-//! problems make a smaller, hard ones larger.
+//! with P the projection on the disc of that radius, all in units in which the diagonal blocks have trace 3. Easy problems
+//! make a smaller, hard ones larger.
 //!
 //! Sources: P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991) 353-375 (Phi); V. Acary, M.
 //! Bremond, O. Huber, in Advanced Topics in Nonsmooth Dynamics, Springer (2018) (proximal loop).
@@ -19,13 +19,13 @@ use super::scaled::ScaledProblem;
 use super::sweep::ANDERSON_DEPTH;
 use super::{LocalVector, MatrixBlock, SolverRun};
 
-/// The proximal parameter a: where it starts, its limits, and its change after success and failure.
+/// Initial value of the proximal parameter a, its limits, and its change after success and failure.
 const INITIAL_PROXIMAL: f64 = 1e-3;
 const PROXIMAL_RANGE: (f64, f64) = (1e-9, 1e2);
-/// Newton steps for one proximal problem.
+/// Largest number of Newton steps for one proximal problem.
 const MAX_INNER_STEPS: usize = 20;
 
-/// Goes on from `start` until the run or the budget of `steps` Newton steps is over.
+/// Continues from `start` until the run or the budget of `steps` Newton steps is over.
 pub fn prox_newton(run: &mut SolverRun, start: &[LocalVector], steps: u64) {
     let scaled = ScaledProblem::new(run.problem);
     let mut x = scaled.impulses_in(start);
@@ -50,7 +50,7 @@ pub fn prox_newton(run: &mut SolverRun, start: &[LocalVector], steps: u64) {
         }
         if run.sweeps == before {
             run.record_iterate(&scaled.impulses_out(&x));
-            return; // Phi is 0: nothing is left to do in these units
+            return; // Phi is 0: solved in these units
         }
         let g = std::mem::take(&mut state.r);
         if solved {
@@ -69,7 +69,7 @@ pub fn prox_newton(run: &mut SolverRun, start: &[LocalVector], steps: u64) {
     }
 }
 
-/// The iterate with what Newton's method needs of it.
+/// Iterate with the data of Newton's method.
 struct NewtonIterate<'a> {
     scaled: &'a ScaledProblem,
     center: &'a [LocalVector],
@@ -96,9 +96,9 @@ impl<'a> NewtonIterate<'a> {
         NewtonIterate { scaled, center, a, r: r.to_vec(), tau, phi }
     }
 
-    /// -J^-1 Phi, J an element of Phi's generalised Jacobian; none where that is singular.
+    /// Newton step -J^-1 Phi, J an element of Phi's generalised Jacobian; `None` if J is singular.
     fn newton_step(&self) -> Option<Vec<LocalVector>> {
-        // Contacts that part have r = 0 after the step: they leave the system.
+        // Contacts that part have r = 0 after the step and leave the system.
         let closed: Vec<usize> = (0..self.r.len()).filter(|&i| self.tau[i][0] > 0.0).collect();
         let mut place = vec![usize::MAX; self.r.len()];
         closed.iter().enumerate().for_each(|(k, &i)| place[i] = k);
@@ -158,7 +158,7 @@ impl<'a> NewtonIterate<'a> {
     }
 }
 
-/// The first of the shares 1, 1/2, 1/4 ... of the step that lowers |Phi|.
+/// Iterate at the first of the shares 1, 1/2, 1/4 ... of the step that lowers |Phi|.
 fn line_search<'a>(state: &NewtonIterate<'a>, step: &[LocalVector]) -> Option<NewtonIterate<'a>> {
     let here = euclidean_norm(&state.phi);
     (0..10).map(|k| 0.5f64.powi(k)).find_map(|share| {

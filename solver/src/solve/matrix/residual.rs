@@ -1,4 +1,4 @@
-//! Judges a solution of a stored problem; shares no arithmetic with what solves.
+//! Residual of a solution of a stored problem; shares no arithmetic with the solvers.
 
 use super::{LocalVector, MatrixProblem};
 
@@ -8,8 +8,8 @@ use super::{LocalVector, MatrixProblem};
 /// F = r - P_K( r - rho (u + mu |u_T| n) ),   u = W r + q,
 /// ```
 ///
-/// and P_K the projection on the product of Coulomb's cones: a velocity relative to |q| that is 0
-/// exactly at a solution and the same in any units. Where q is 0, relative to 1 m/s.
+/// and P_K the projection on the product of Coulomb's cones. It is a velocity relative to |q|, 0 exactly at a solution and
+/// the same in any units. If q is 0, it is relative to 1 m/s.
 ///
 /// Source: V. Acary, M. Bremond, O. Huber, in Advanced Topics in Nonsmooth Dynamics, Springer (2018).
 pub fn residual(problem: &MatrixProblem, r: &[LocalVector]) -> f64 {
@@ -30,13 +30,13 @@ pub fn residual(problem: &MatrixProblem, r: &[LocalVector]) -> f64 {
     sum.sqrt() / scale
 }
 
-/// What rounding of r alone may be worth in the residual: impulses so large that rho u is lost in them solve nothing,
-/// though F comes out as 0.
+/// Residual that rounding of r alone may cause: impulses so large that rho u is lost in them are no solution, though F is
+/// computed as 0.
 pub fn rounding_residual(problem: &MatrixProblem, r: &[LocalVector]) -> f64 {
     f64::EPSILON * r.as_flattened().iter().fold(0.0, |a: f64, x| a.max(x.abs())) / residual_scales(problem).1
 }
 
-/// rho and rho |q|
+/// Scales rho and rho |q|.
 fn residual_scales(problem: &MatrixProblem) -> (f64, f64) {
     let trace: f64 = problem.diagonal_blocks().map(|w| w[0][0] + w[1][1] + w[2][2]).sum();
     let rho = if trace > 0.0 { 3.0 * problem.len() as f64 / trace } else { 1.0 };
@@ -44,7 +44,7 @@ fn residual_scales(problem: &MatrixProblem) -> (f64, f64) {
     (rho, rho * if q > 0.0 { q } else { 1.0 })
 }
 
-/// The nearest point of the cone { |t| <= mu n }.
+/// Nearest point of the cone { |t| <= mu n }.
 fn project_to_cone([n, t1, t2]: LocalVector, mu: f64) -> LocalVector {
     let t = t1.hypot(t2);
     if n >= 0.0 && t <= mu * n {

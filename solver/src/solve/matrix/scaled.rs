@@ -2,8 +2,8 @@
 
 use super::{LocalVector, MatrixBlock, MatrixProblem};
 
-/// W_ij s_i s_j, q_i s_i and r_i / s_i with s_i = (3 / trace W_ii)^1/2: one number a contact leaves the cones as they
-/// are.
+/// Scaled problem W_ij s_i s_j, q_i s_i and r_i / s_i with s_i = (3 / trace W_ii)^1/2: one factor per contact does not change
+/// the cones.
 pub struct ScaledProblem {
     problem: MatrixProblem,
     pub s: Vec<f64>,
@@ -28,17 +28,17 @@ impl ScaledProblem {
         ScaledProblem { problem: scaled, s, mu: problem.mu.clone() }
     }
 
-    /// Into the scaled units.
+    /// Converts impulses to the scaled units.
     pub fn impulses_in(&self, r: &[LocalVector]) -> Vec<LocalVector> {
         r.iter().zip(&self.s).map(|(r, s)| r.map(|x| x / s)).collect()
     }
 
-    /// Out of the scaled units.
+    /// Converts impulses from the scaled units.
     pub fn impulses_out(&self, r: &[LocalVector]) -> Vec<LocalVector> {
         r.iter().zip(&self.s).map(|(r, s)| r.map(|x| x * s)).collect()
     }
 
-    /// W r + q
+    /// Relative velocities W r + q.
     pub fn relative_velocities(&self, r: &[LocalVector]) -> Vec<LocalVector> {
         self.problem.relative_velocities(r)
     }

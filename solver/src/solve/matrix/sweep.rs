@@ -8,7 +8,7 @@ use super::{LocalSolver, LocalVector, MatrixProblem, SolverRun};
 /// Number of past sweeps that Anderson's acceleration combines.
 pub const ANDERSON_DEPTH: usize = 10;
 
-/// Goes on from the best iterate of the run until the run or the budget of `sweeps` is over.
+/// Continues from the best iterate of the run until the run or the budget of `sweeps` is over.
 pub fn solve_nlgs(run: &mut SolverRun, depth: usize, sweeps: u64) {
     let start = run.sweeps;
     let mut sweeper = MatrixSweeper::new(run.problem);
@@ -23,7 +23,8 @@ pub fn solve_nlgs(run: &mut SolverRun, depth: usize, sweeps: u64) {
         run.count_pass(run.problem.sweep_cost());
         patience += 1;
         let change = anderson.next_iterate(&mut x, &g);
-        // Judging costs a sweep; the change of a sweep falls as the residual does and tells when.
+        // Computing the residual costs a sweep; the change of a sweep falls as the residual does and shows when to compute
+        // it.
         if scale.is_none_or(|scale| change <= scale) || patience > 10 + (run.sweeps - start) / 4 {
             let residual = run.record_iterate(&g);
             scale = Some(0.8 * change * run.limits.tol / residual);
@@ -36,7 +37,7 @@ pub fn solve_nlgs(run: &mut SolverRun, depth: usize, sweeps: u64) {
 pub struct MatrixSweeper<'a> {
     problem: &'a MatrixProblem,
     locals: Vec<LocalSolver>,
-    /// Place of the diagonal block of each row.
+    /// Index of the diagonal block of each row.
     diagonal: Vec<usize>,
 }
 
@@ -49,7 +50,7 @@ impl<'a> MatrixSweeper<'a> {
         MatrixSweeper { problem, locals, diagonal }
     }
 
-    /// Solves each contact in turn against the present impulses of the others.
+    /// Solves each contact in turn against the current impulses of the others.
     pub fn sweep_contacts(&mut self, r: &mut [LocalVector]) {
         let MatrixProblem { q, starts, columns, blocks, .. } = self.problem;
         for (i, local) in self.locals.iter().enumerate() {
