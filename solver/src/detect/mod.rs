@@ -47,7 +47,7 @@ pub fn listed_contacts(
     let mut of_planes = joints::without_inner_rims(scene, q_c, &ways, sphere_plate_pairs(scene, q_c, &ways));
     if !of_planes.is_empty() {
         pairs.append(&mut of_planes);
-        pairs.sort(); // runs in order, which it finds
+        pairs.sort(); // fast: merges sorted runs
     }
     pairs.par_iter().with_min_len(256).map(|&(pair, law)| sphere_contact(scene, q_c, pair, law)).collect()
 }
@@ -170,8 +170,8 @@ fn sphere_sphere_pairs(
     known.pairs.par_iter().with_min_len(512).filter_map(listed).collect()
 }
 
-/// Pair with the candidate first, and its visibility rule; `None` if the table has no rule for it, or if neither body can
-/// move.
+/// Pair with the candidate first, and its visibility rule; `None` if the table has no rule for it, or if the
+/// motion of both bodies is imposed.
 fn visible_pair(scene: &Scene, pair: [u32; 2]) -> Option<([u32; 2], InteractionRule)> {
     let [a, b] = pair.map(|k| &scene.bodies[scene.spheres[k as usize] as usize]);
     Some((pair, scene.visibility.interaction_rule(a.class, b.class)?)).filter(|_| !(a.is_imposed() && b.is_imposed()))

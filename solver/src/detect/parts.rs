@@ -525,8 +525,8 @@ fn posed_contactor<'a>(
     }
 }
 
-/// The two contactors with the candidate first, and their visibility rule; `None` if the table has no rule, or if neither
-/// can move.
+/// The two contactors with the candidate first, and their visibility rule; `None` if the table has no rule, if
+/// both are of one body, or if the motion of both is imposed.
 fn visible_pair(scene: &Scene, places: &[PosedContactor], [i, j]: [u32; 2]) -> Option<([u32; 2], InteractionRule)> {
     let [a, b] = [i, j].map(|k| &places[k as usize]);
     if a.body == b.body || (a.imposed && b.imposed) {

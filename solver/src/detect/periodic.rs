@@ -34,7 +34,7 @@ pub fn periodic_swept_pairs(balls: &[SweptBall], reach: &[f64], periods: [Option
 
 /// Converts pairs of images to pairs of originals; the first `count` images are the originals.
 fn pairs_of_originals(found: Vec<[u32; 2]>, count: usize, of: &[u32]) -> Vec<[u32; 2]> {
-    // A pair of two images belongs to another pair of cells.
+    // A pair of two images is an image of another pair.
     let own = found.into_iter().filter(|[i, _]| (*i as usize) < count);
     let mut pairs: Vec<[u32; 2]> = own.map(|pair| pair.map(|k| of[k as usize])).filter(|[i, j]| i != j).collect();
     pairs.iter_mut().for_each(|pair| pair.sort_unstable());
