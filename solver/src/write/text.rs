@@ -45,7 +45,7 @@ fn last(outbox: &Path, state: &State) -> Result<Option<(u64, u64)>, Faults> {
 /// Writes DOF.OUT.k and Vloc_Rloc.OUT.k, where k is the number of the output plus `numbered`.
 pub fn write_text(outbox: &Path, scene: &Scene, state: &State, numbered: u64) -> Result<(), Faults> {
     if state.step == 0 {
-        return Ok(()); // the start stands in DATBOX
+        return Ok(()); // the initial state is in DATBOX
     }
     let k = output_number(scene, state.step) + numbered;
     atomic::write(&outbox.join(format!("Vloc_Rloc.OUT.{k}")), contact_records(scene, state).to_text().as_bytes())?;
