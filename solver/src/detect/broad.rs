@@ -11,7 +11,8 @@ use rayon::prelude::*;
 
 use crate::math::{Vec3, group_by_key};
 
-/// Half of a cell's neighbours, in columns of three along the last axis: with the cell itself and the next, every pair of neighbouring cells once.
+/// Half of a cell's neighbours, in columns of three along the last axis: together with the cell itself and the next,
+/// they give every pair of neighbouring cells once.
 const FORWARD_COLUMNS: [[i64; 2]; 4] = [[1, -1], [1, 0], [1, 1], [0, 1]];
 
 /// Spheres of like size in cells.

@@ -66,7 +66,7 @@ impl<L: F64Arithmetic> NullaryFnOnce for GjkSearch<'_, L> {
             step += 1;
             let distance = vector_length(&near.point);
             if distance <= touching {
-                break; // within rounding, any direction is as good
+                break; // within rounding: n of the axis is as good as any
             }
             let next = minkowski_support(l, pair, &(near.point / distance));
             let bound = next.w.dot(&near.point) / distance;

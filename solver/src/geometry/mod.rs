@@ -5,14 +5,14 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `polyhedron` | the shape: polygon faces, edges, neighbours; turned as its body is |
+//! | `polyhedron` | shape: polygon faces, edges, neighbours; posed by its body's orientation |
 //! | `search` | the direction in which two polyhedra are farthest apart, or least overlap |
 //! | `gjk` | distance and direction where vertices or edges are nearest to each other |
-//! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | against other shapes |
+//! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | contact of a polyhedron with other shapes |
 //! | `flush` | heights and contact along a given direction |
 //! | `outline` | the corners of the common part of two faces seen along the normal |
-//! | `triangles` | the same of faces of three corners, for several pairs at once |
-//! | `patch` | points of contact and area from these |
+//! | `triangles` | corners of the common part of two triangles, for several pairs at once |
+//! | `patch` | contact points and area from these corners |
 
 mod cylinder;
 mod flush;

@@ -88,8 +88,8 @@ struct WalkScratch {
 struct AncestorPull {
     /// Sum of M/d^2 over the far cells so far.
     far: f64,
-    /// Sum of M/d^2 over far and open sources, the latter with their size added to their distance: about the smallest
-    /// pull at this cell.
+    /// Sum of M/d^2 over far and open sources, with the squared size of open ones added to d^2: about the smallest pull at
+    /// this cell.
     strength: f64,
     /// Start of its open sources.
     from: usize,
@@ -310,7 +310,7 @@ impl<L: F32Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, 
                 l.store(&mut codes[from..], code);
                 let taken = l.add(l.load(&far_parts[from..]), l.select_greater(code, one, strength, zero));
                 l.store(&mut far_parts[from..], taken);
-                // A source that remains open pulls at least as if its size were added to its distance. The cell itself
+                // A source that remains open pulls at least as if its squared size were added to d^2. The cell itself
                 // may not pull at all, if all its mass is at one position.
                 let left = l.select_greater(d2, zero, l.div(m, l.add(d2, reach2)), zero);
                 let left = l.select_greater(one, code, left, zero);

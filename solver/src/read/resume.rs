@@ -306,7 +306,7 @@ fn swap_sides(solved: &mut SolvedContact) {
 /// Last evaluation of self-gravity.
 fn restored_attraction(scene: &Scene, snapshot: &Snapshot) -> Option<GravityHistory> {
     if snapshot.meta.parameters.gravity_constant != scene.options.gravity_constant {
-        return None; // another method or error: cannot be extrapolated
+        return None; // another constant: cannot be extrapolated
     }
     let (record, gravity) = (snapshot.meta.attraction.clone()?, snapshot.gravity.as_ref()?);
     let of_free = |rows: &[[f64; 3]]| scene.free.iter().map(|&i| Vec3::from(rows[i as usize])).collect();
