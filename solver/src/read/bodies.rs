@@ -163,7 +163,7 @@ pub fn period_gap_notes(scene: &Scene, q: &[Quat]) -> Vec<String> {
     let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
     let missed = periods.into_iter().enumerate().filter_map(|(axis, (name, period))| {
         let widest = scene.planes.iter().map(|&plate| plate_extent(scene, q, plate as usize, axis)).reduce(f64::max)?;
-        let period = period.filter(|period| widest < period * (1.0 - 1e-6))?; // rounding in the files
+        let period = period.filter(|period| widest < period * (1.0 - 1e-6))?; // rounding of files
         Some(format!("{name}: the widest plate spans {widest} of {period} m; what falls beside it falls on"))
     });
     missed.collect()
@@ -176,7 +176,7 @@ pub fn check_level(datbox: &Path, records: &Bodies, scene: &Scene, q: &[Quat], f
         let plate = plate as usize;
         let slope = q[plate] * Vec3::z();
         for (axis, (name, _)) in periods.iter().enumerate().filter(|(axis, (_, period))| {
-            let spans = |period: f64| plate_extent(scene, q, plate, *axis) >= period * (1.0 - 1e-6); // rounding in the files
+            let spans = |period: f64| plate_extent(scene, q, plate, *axis) >= period * (1.0 - 1e-6); // rounding of files
             period.is_some_and(spans) && slope[*axis].abs() > 1e-6
         }) {
             let found = format!("a plate as wide as {name} whose normal {:.4?} leans along it", slope.as_slice());
