@@ -1,6 +1,6 @@
-//! What the step in progress is doing, and whether it is to be given up: a long step is watched from outside of it.
+//! Activity of the step in progress, and the request to stop it: a long step is monitored from another thread.
 //!
-//! Nothing here decides a result: a step that is given up leaves no trace.
+//! Nothing here changes a result: an abandoned step leaves no trace.
 
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -23,12 +23,12 @@ pub fn stop_flag() -> &'static Arc<AtomicBool> {
     STOP_FLAG.get_or_init(|| Arc::new(AtomicBool::new(false)))
 }
 
-/// Whether the program was requested to stop: loops that may take long end, and the step is given up.
+/// Whether the program was requested to stop: long loops then end, and the step is abandoned.
 pub fn is_stopped() -> bool {
     STOP_FLAG.get().is_some_and(|stop| stop.load(Ordering::Relaxed))
 }
 
-/// Reports the stage that begins, with the number of contacts where they are known.
+/// Reports the start of a stage, with the number of contacts if known.
 pub fn begin_stage(stage: StepStage, contacts: usize) {
     CURRENT_STAGE.store(stage as u8, Ordering::Relaxed);
     CURRENT_CONTACTS.store(contacts as u64, Ordering::Relaxed);
@@ -40,7 +40,7 @@ pub fn count_sweep() {
     CURRENT_SWEEPS.fetch_add(1, Ordering::Relaxed);
 }
 
-/// The activity in words.
+/// Describes the activity in words.
 pub fn current_activity() -> String {
     let contacts = CURRENT_CONTACTS.load(Ordering::Relaxed);
     match CURRENT_STAGE.load(Ordering::Relaxed) {

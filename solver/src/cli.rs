@@ -1,4 +1,4 @@
-//! Arguments to a run to an exit code; no physics.
+//! Command line: from arguments to a run to an exit code; no physics.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -22,13 +22,13 @@ const PROGRAM: &str = "cd-solve";
 struct CommandLine {
     /// Case directory; all it needs is DIR/DATBOX.
     dir: PathBuf,
-    /// Go on from the last snapshot in DIR/OUTBOX.
+    /// Continue from the last snapshot in DIR/OUTBOX.
     #[arg(long, conflicts_with = "force")]
     resume: bool,
     /// Remove the results of an earlier run first.
     #[arg(long)]
     force: bool,
-    /// Tell what the run would be - models, memory, time of a step, bounds on h - and write nothing.
+    /// Print an estimate of the run - models, memory, time of a step, bounds on h - and write nothing.
     #[arg(long, conflicts_with = "dump_problem")]
     plan: bool,
     /// Write the contact problem that leads to this step of the run to DIR/problem-STEP.fc3d.
@@ -38,7 +38,7 @@ struct CommandLine {
     flags: ComputeFlags,
 }
 
-/// Runs the program; returns its exit code: 0 done, 2 input refused, 3 our fault, 4 stopped on the way.
+/// Runs the program; returns its exit code: 0 done, 2 input rejected, 3 internal error, 4 stopped by the user.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     let args: Vec<OsString> = arguments.into_iter().collect();
     let arguments = match CommandLine::try_parse_from(&args) {
@@ -91,7 +91,7 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
         resumed = before.is_some();
         if let Some(before) = before {
             account_changed_forces(&scene, &before.parameters, &mut state);
-            // The start stands in DATBOX.
+            // The initial state is in DATBOX.
             let text =
                 (state.step > 0).then(|| write::text::is_written(&write::outbox_path(case), &state)).transpose()?;
             let (warnings, notes) = before.option_changes(&scene, text, &arguments.flags.given_names());
@@ -122,7 +122,7 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     if arguments.plan {
         return Ok(pool.install(|| plan::plan_text(&scene, &state)));
     }
-    // Nothing is refused from here on.
+    // Nothing is rejected from here on.
     if arguments.force {
         write::remove_results(case)?;
     }

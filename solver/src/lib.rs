@@ -6,9 +6,9 @@
 //! integrate::predict → assemble (forces) → detect → assemble (contacts) → solve → integrate::advance
 //! ```
 //!
-//! Stages know the order, kernels know the mathematics: `detect`, `assemble`, `solve`, `integrate`,
-//! `read` and `write` are stages; `laws`, `gravity`, `geometry` and `math` are kernels; `scene` holds what is
-//! constant during a run and `state` what changes.
+//! Stages define the order, kernels the mathematics: `detect`, `assemble`, `solve`, `integrate`, `read` and `write` are
+//! stages; `laws`, `gravity`, `geometry` and `math` are kernels; `scene` contains the data that are constant during a run
+//! and `state` the data that change.
 
 mod activity;
 pub mod assemble;
@@ -32,6 +32,6 @@ pub mod write;
 
 pub use cli::run;
 
-/// Whether the program is built for spheres and plates alone, without self-gravity, cohesion or resistance to rolling: so what
-/// the others pay for these can be measured. It refuses scenes that have them.
+/// Whether the program is built for spheres and plates alone, without self-gravity, cohesion or rolling resistance, to
+/// measure what these cost other scenes. Such a build rejects scenes that have them.
 pub const BARE: bool = cfg!(feature = "bare");

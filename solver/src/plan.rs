@@ -1,4 +1,4 @@
-//! What a run would be: its models and those that it does without, memory, time, and the steps h that suit the scene.
+//! Plan of a run: its models and unused models, memory, time, and steps h that suit the scene.
 //!
 //! Nothing is written; a few steps are made with a copy of the state, and timed.
 
@@ -14,30 +14,31 @@ use crate::state::{Contact, ContactExchange, SolvedContact, State};
 use crate::step::{StageTimes, StepReport, step};
 use crate::write;
 
-/// A trial ends after so many steps or so much time, whichever is first; the first step, from a cold start, is not timed.
+/// Limits of a trial: number of steps and time, whichever is reached first. The first step, from a cold start, is not
+/// timed.
 const MAX_TRIAL_STEPS: u64 = 20;
-/// Times the sharpest bound on h beyond which no step is tried.
+/// Multiple of the sharpest bound on h beyond which no step is tried.
 const MAX_TRIAL_DT_FACTOR: f64 = 100.0;
 const MAX_TRIAL_TIME: Duration = Duration::from_secs(2);
 
-/// Radii that a body may move in a step, and of free fall in a step: what penetrations and missed bounces are measured by.
+/// Largest displacement and largest free fall in a step, in radii: they determine penetrations and missed bounces.
 const MAX_TRAVEL_RADII: f64 = 0.1;
 const MAX_FALL_RADII: f64 = 1e-3;
-/// Steps in the shortest orbit, and in a radian of the fastest spin: errors of phase of 2e-4 an orbit and 1e-3 a radian.
+/// Steps in the shortest orbit, and in a radian of the fastest spin: phase errors of 2e-4 per orbit and 1e-3 per radian.
 const STEPS_PER_ORBIT: f64 = 100.0;
 const STEPS_PER_RADIAN: f64 = 10.0;
 
-/// Share of its radius by which rounding may lead a body astray in a run, from which on that is told.
+/// Position error of a body by rounding in a run, as a fraction of its radius, from which on a warning is printed.
 const ROUNDOFF_WARNING_SHARE: f64 = 1e-2;
 
-/// The largest h that a process allows, s.
+/// Largest h that a process allows, s.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepBound {
     pub h: f64,
     pub reason: String,
 }
 
-/// Bounds on h, the sharpest first.
+/// Bounds on h, the smallest first.
 pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     let free: Vec<(usize, &RigidBody)> = scene.free.iter().map(|&i| (i as usize, &scene.bodies[i as usize])).collect();
     let mass: f64 = free.iter().map(|(_, body)| body.mass).sum();
@@ -99,7 +100,8 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     bounds
 }
 
-/// Height against gravity of the lowest wall, m: at its upper side, of polyhedra and full cylinders in the middle; infinite without walls.
+/// Height along gravity of the lowest wall, m: of its upper side; for polyhedra and full cylinders of the middle;
+/// infinite without walls.
 fn floor_height(scene: &Scene, state: &State) -> f64 {
     let up = -state.gravity.normalize();
     let top = |i: usize| {
@@ -109,7 +111,7 @@ fn floor_height(scene: &Scene, state: &State) -> f64 {
             BodyShape::Plane { half_lengths } => half_lengths.dot(&along.abs()),
             BodyShape::Parts => {
                 let parts = scene.parts_of(i as u32).iter();
-                // Grains lie in a hollow cylinder, down to its lower side.
+                // Grains lie inside a hollow cylinder, down to its lower side.
                 let side = |part: &BodyPart| match part.geometry {
                     ContactorShape::Sphere { radius } => radius,
                     ContactorShape::Cylinder { hollow: true, radius, .. } => -radius,
@@ -124,7 +126,8 @@ fn floor_height(scene: &Scene, state: &State) -> f64 {
     walls.map(top).fold(f64::INFINITY, f64::min)
 }
 
-/// Largest speed of a point of a driven body past what moves at `v` between two times, m/s; a sphere's turn moves nothing past.
+/// Largest speed of a point of a driven body relative to `v` between two times, m/s; the rotation of a sphere does not
+/// count.
 fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, v: &Vec3, times: [f64; 2]) -> f64 {
     let reach = match scene.bodies[drive.body].shape {
         BodyShape::Sphere { .. } => 0.0,
@@ -140,10 +143,10 @@ fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, v: &Vec3, times: [f64
     past.norm() + turn.norm() * reach
 }
 
-/// What to tell of positions with too few digits: a step rounds them twice, by up to half a digit.
+/// Warning about positions with too few digits: a step rounds them twice, by up to half a digit.
 ///
-/// Told, not refused: digits that bodies have in common do no harm, as where all lie far out along an axis that none moves
-/// along.
+/// This is a warning, not an error: leading digits that bodies have in common do no harm, for example if all are far out
+/// along an axis along which none moves.
 pub fn roundoff_warning(scene: &Scene, state: &State) -> Option<String> {
     let steps = scene.last_step().saturating_sub(state.step).max(1);
     let digit = |i: u32| f64::EPSILON * state.x[i as usize].amax();
@@ -160,7 +163,7 @@ pub fn roundoff_warning(scene: &Scene, state: &State) -> Option<String> {
     })
 }
 
-/// Models that the scene does without, and what that saves.
+/// Models that the scene does not use, and what that saves.
 pub fn unused_models(scene: &Scene) -> Vec<&'static str> {
     let laws = &scene.laws;
     let rolling = laws.iter().any(|law| law.rolling.is_some());
@@ -184,32 +187,32 @@ pub fn unused_models(scene: &Scene) -> Vec<&'static str> {
     absent.into_iter().filter(|(absent, _)| *absent).map(|(_, what)| what).collect()
 }
 
-/// Moments at which a plan looks whether imposed motion changes.
+/// Number of times at which a plan tests whether imposed motion changes.
 const MOMENTS: u32 = 1000;
 
-/// Share of the time from `start` (s) to the end of the run in which no imposed velocity or force changes, so that steps may be longer
-/// than dt, to a thousandth.
+/// Fraction of the time from `start` (s) to the end of the run in which no imposed velocity or force changes, so that
+/// steps may be longer than dt, to a thousandth.
 fn share_of_constant_motion(scene: &Scene, start: f64) -> f64 {
     let moment = |k: u32| start + (f64::from(k) + 0.5) / f64::from(MOMENTS) * (scene.end_time() - start);
     let constant = (0..MOMENTS).map(moment).filter(|time| scene.constant_until(*time) > *time).count();
     constant as f64 / f64::from(MOMENTS)
 }
 
-/// Most bytes of memory that this program has held so far; known on Linux.
+/// Largest memory use of this program so far, bytes; known on Linux.
 fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let most = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     Some(1024 * most.trim().strip_suffix(" kB")?.parse::<u64>().ok()?)
 }
 
-/// Bytes that a contact takes, about: what is kept of it, and what a step makes of it.
+/// Approximate number of bytes per contact: its stored data and its data in a step.
 fn contact_size() -> usize {
     let row = size_of::<crate::assemble::ContactConstraint>()
         + size_of::<ContactBatch<f64>>() / crate::solve::batches::BATCH_LANES;
     size_of::<Contact>() + 2 * size_of::<SolvedContact>() + row + 8 * size_of::<Vec3>()
 }
 
-/// The plan as text.
+/// Returns the plan as text.
 pub fn plan_text(scene: &Scene, state: &State) -> String {
     let (h, bounds) = (scene.options.dt, step_bounds(scene, state));
     let mut lines: Vec<(&str, String)> = vec![("models", scene.model_names().join("; "))];
@@ -282,7 +285,7 @@ pub fn plan_text(scene: &Scene, state: &State) -> String {
         .collect()
 }
 
-/// Bytes that the files of `left` units of `dt` take, of which a step takes so many.
+/// Disk space of the files of `left` units of `dt`, if a step takes `at_once` of them.
 fn disk_estimate(scene: &Scene, left: u64, at_once: f64, [row, snapshot]: [usize; 2]) -> String {
     let options = &scene.options;
     let snapshots = left.div_ceil(options.output_every) + 1;
@@ -296,20 +299,20 @@ fn disk_estimate(scene: &Scene, left: u64, at_once: f64, [row, snapshot]: [usize
     )
 }
 
-/// Some steps made with a copy of the state.
+/// Trial steps made with a copy of the state.
 struct TrialRun {
     clock: StageTimes,
     steps: u64,
-    /// How many dt long they were together.
+    /// Total length of the steps in units of `dt`.
     dt_count: u64,
-    /// What the last of them did.
+    /// Report of the last step.
     report: StepReport,
     /// Bytes of a row of the logs and of a snapshot.
     sizes: [usize; 2],
 }
 
 impl TrialRun {
-    /// Seconds of a step.
+    /// Seconds per step.
     fn seconds_per_step(&self) -> f64 {
         let StageTimes { gravity, detection, assembly, solve, integration, .. } = self.clock;
         (gravity + detection + assembly + solve + integration).as_secs_f64() / self.steps.max(1) as f64
@@ -331,7 +334,7 @@ impl TrialRun {
     }
 }
 
-/// None if the program was requested to stop.
+/// Makes the trial steps; returns `None` if the program was requested to stop.
 fn trial_run(scene: &Scene, state: &State) -> Option<TrialRun> {
     let mut state = state.clone();
     let mut report = step(scene, &mut state, &mut StageTimes::default())?;

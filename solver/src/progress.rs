@@ -1,4 +1,4 @@
-//! What a user sees while a run goes on: a bar on a terminal, a line per output otherwise.
+//! Progress of a run: a bar on a terminal, a line per output otherwise.
 
 use std::cell::Cell;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -14,9 +14,9 @@ use crate::activity;
 use crate::state::State;
 use crate::step::{StepReport, WorstContact};
 
-/// Without a terminal, a line after so long at most, in a step that takes longer, too.
+/// Longest time between two lines without a terminal, also in a step that takes longer.
 const MAX_SILENCE: Duration = Duration::from_secs(30);
-/// After so long the end of a step is reported, which says more.
+/// Time after which the end of a step is reported, which is more informative.
 const REPORT_INTERVAL: Duration = Duration::from_secs(29);
 
 pub struct ProgressDisplay {
@@ -24,16 +24,16 @@ pub struct ProgressDisplay {
     first: u64,
     last: u64,
     start: Instant,
-    /// When the last line was printed, and the step in progress.
+    /// Time of the last line, and the step in progress.
     heard: Arc<Mutex<(Instant, u64)>>,
     watch: Option<(Sender<()>, JoinHandle<()>)>,
-    /// Whether it was told that sweeps take another solver's place.
+    /// Whether the replacement of the chosen solver by sweeps was reported.
     replacement_reported: Cell<bool>,
 }
 
 impl ProgressDisplay {
     pub fn new(first: u64, last: u64) -> Self {
-        // Hides itself when standard error is no terminal.
+        // The bar hides itself if standard error is no terminal.
         let bar = ProgressBar::new(last).with_position(first);
         if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} steps {per_sec} ETA {eta}  {msg}") {
             bar.set_style(style);
@@ -69,18 +69,18 @@ impl ProgressDisplay {
             .for_each(|message| self.print_message(&message));
     }
 
-    /// What to tell the first time that sweeps take another solver's place.
+    /// Message about the first replacement of the chosen solver by sweeps.
     fn first_replacement_message(&self, step: u64, reason: Option<&str>) -> Option<String> {
         let reason = reason.filter(|_| !self.replacement_reported.replace(true))?;
         Some(format!("cd-solve: step {step}: sweeps take the place of the solver asked for, as {reason}"))
     }
 
-    /// Whether nothing has been told for long.
+    /// Whether nothing has been printed for long.
     pub fn is_silent(&self) -> bool {
         self.heard.lock().is_ok_and(|heard| heard.0.elapsed() > REPORT_INTERVAL)
     }
 
-    /// Tells where the run is.
+    /// Prints the state of the run.
     pub fn print_status(&self, state: &State, report: &StepReport) {
         if let Ok(mut heard) = self.heard.lock() {
             heard.0 = Instant::now();
@@ -104,7 +104,7 @@ impl ProgressDisplay {
         ));
     }
 
-    /// Tells of a step that did not converge.
+    /// Warns of a step that did not converge.
     pub fn report_unconverged(&self, state: &State, report: &StepReport, options: &Compute) {
         let place = |WorstContact { bodies: [a, b], point }: WorstContact| {
             let [x, y, z] = [point.x, point.y, point.z];
@@ -120,12 +120,12 @@ impl ProgressDisplay {
         self.bar.suspend(|| print_error(&message));
     }
 
-    /// A warning on stderr, next to the bar.
+    /// Prints a warning on stderr, next to the bar.
     pub fn warn(&self, message: &str) {
         self.bar.suspend(|| print_error(format_args!("cd-solve: warning: {message}")));
     }
 
-    /// Any line, beside the bar.
+    /// Prints a line next to the bar.
     pub fn print_message(&self, message: &str) {
         self.bar.suspend(|| print_line(format_args!("{message}")));
     }
@@ -135,7 +135,7 @@ impl ProgressDisplay {
     }
 }
 
-/// Why a step has not converged: by its residual, by the contacts that its problem leaves out, or both.
+/// Reason why a step has not converged: its residual, the contacts that its problem omits, or both.
 fn unconverged_reason(residual: f64, tol: f64, left_out: usize) -> String {
     let contacts = if left_out == 1 { "1 contact".to_string() } else { format!("{left_out} contacts") };
     match (residual <= tol, left_out) {
@@ -157,7 +157,7 @@ impl Drop for ProgressDisplay {
     }
 }
 
-/// A thread that prints a line where a step takes longer than lines may be apart.
+/// Starts a thread that prints a line if a step takes longer than the longest time between lines.
 fn spawn_watcher(heard: Arc<Mutex<(Instant, u64)>>, last: u64) -> (Sender<()>, JoinHandle<()>) {
     let (end, ends) = channel();
     let look = move || {
@@ -179,13 +179,13 @@ fn spawn_watcher(heard: Arc<Mutex<(Instant, u64)>>, last: u64) -> (Sender<()>, J
     (end, spawn(look))
 }
 
-/// Three digits at least.
+/// Formats a rate with at least three digits.
 fn rate_text(rate: f64) -> String {
     let places = if rate < 100.0 { (2.0 - rate.max(1e-9).log10().floor()) as usize } else { 0 };
     format!("{rate:.places$}")
 }
 
-/// Who solved a step, where sweeps may have taken the place of the solver asked for.
+/// Solver of a step, which may be sweeps that replaced the chosen solver.
 fn solver_text(solver: ContactSolver, replaced: bool) -> String {
     if replaced { format!("sweeps in place of {solver}") } else { solver.to_string() }
 }

@@ -1,4 +1,4 @@
-//! The loop over steps: when to write, when to stop, what to tell.
+//! Loop over steps: output, stop conditions and messages.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -26,18 +26,18 @@ use crate::step::{MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes, deep
 use crate::write::summary::{RunStatistics, summary_text};
 use crate::write::{ResultFiles, errors};
 
-/// Unconverged steps that are told one by one; the summary counts them all.
+/// Number of unconverged steps that are reported individually; the summary counts them all.
 const MAX_REPORTED_STEPS: u64 = 5;
 
-/// Why a run ended early.
+/// Reason why a run ended early.
 pub enum RunFailure {
-    /// Nothing was computed, as input is refused or OUTBOX cannot be written.
+    /// Nothing was computed, because input was rejected or OUTBOX cannot be written.
     Files(Faults),
     /// Files could not be written any more.
     Unwritten(Faults),
-    /// The user has stopped it, after the state was written.
+    /// The user has stopped the run, after the state was written.
     Stopped(String),
-    /// Our fault: the state is no longer finite.
+    /// Internal error: the state is no longer finite.
     Broken(String),
 }
 
@@ -48,7 +48,7 @@ impl From<Faults> for RunFailure {
 }
 
 /// Advances the state to the last step and writes the results; returns the summary.
-///
+/// `dump`: step whose contact problem is written, too.
 /// `dump`: the step whose contact problem is written out, too.
 pub fn run_case(
     case: &Path,
@@ -67,7 +67,7 @@ pub fn run_case(
         ..RunStatistics::default()
     };
     let stop = &*STOP_FLAG;
-    // The time that an output takes is entered with the step after it.
+    // The time of an output is logged with the step after it.
     let mut writing = Duration::ZERO;
     if !resumed {
         open_ledger(scene, &mut state);
@@ -82,12 +82,12 @@ pub fn run_case(
     let mut known = DetectionCache::default();
     let (at_start, message) = initial_overlap_warning(scene, &state, &mut known).unzip();
     message.filter(|_| !resumed).into_iter().for_each(|message| progress.warn(&message));
-    // Overlaps beyond this share of the smaller radius are those that steps have made.
+    // Overlaps deeper than this fraction of the smaller radius are attributed to the steps.
     let deep = at_start.map_or(OVERLAP_WARNING_SHARE, |overlap: Overlap| {
         OVERLAP_WARNING_SHARE.max(DEEPER_OVERLAP_FACTOR * overlap.share)
     });
     course.overlap = at_start;
-    // What a run goes on with it has from before, and that decides between equals; at its own start it has nothing.
+    // A resumed run has its cache, which decides between equal directions; at the start of a run the cache is empty.
     if state.step == scene.start.0 && state.detection_cache == DetectionCache::default() {
         state.detection_cache = known;
     }
@@ -157,7 +157,7 @@ pub fn run_case(
     course.tally.add_writing_time(&last_output);
     course.clock.accumulate(&last_output);
     progress.finish();
-    // What the last step has made no step has measured.
+    // No step has measured the overlaps that the last step made.
     if course.steps > 0
         && let Some(overlap) =
             deepest_overlap(&current_contacts(scene, &state, &mut state.detection_cache.clone()), scene)
@@ -171,7 +171,7 @@ pub fn run_case(
     course.overlap = course.overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE);
     course.wall = start.elapsed();
     let sources = course.tally.error_sources(scene, &state);
-    // Also where a run was killed before it came to that.
+    // Also if a run was killed before it wrote them.
     if course.steps > 0 || state.step > scene.start.0 && !errors::is_there(case) {
         errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;
     }
@@ -188,19 +188,20 @@ fn stopped_failure(state: &State, last: u64, progress: &ProgressDisplay) -> RunF
 static STOP_FLAG: LazyLock<&Arc<AtomicBool>> = LazyLock::new(|| {
     let stop = activity::stop_flag();
     for signal in [SIGINT, SIGTERM] {
-        // What cannot be caught ends the program as it would without.
+        // A signal that cannot be caught ends the program in the usual way.
         let _ = flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(stop));
         let _ = flag::register(signal, Arc::clone(stop));
     }
     stop
 });
 
-/// Of steps that have been made, what was written stays.
+/// Files of completed steps remain.
 fn as_unwritten(failure: RunFailure) -> RunFailure {
     if let RunFailure::Files(faults) = failure { RunFailure::Unwritten(faults) } else { failure }
 }
 
-/// Enters in the ledger what forces other than those before a resume make of the potential energy, and tells it.
+/// Records in the ledger, and reports, the change of the potential energy by forces that differ from those before a
+/// resume.
 pub fn account_changed_forces(scene: &Scene, before: &RunParameters, state: &mut State) {
     let options = &scene.options;
     let same = [
@@ -228,10 +229,10 @@ pub fn account_changed_forces(scene: &Scene, before: &RunParameters, state: &mut
     ));
 }
 
-/// A run warns, once, of overlaps that its steps make this many times as deep as those that it begins with.
+/// Ratio of the overlaps made by steps to the initial overlaps above which a run warns, once.
 const DEEPER_OVERLAP_FACTOR: f64 = 1.1;
 
-/// What to tell of a step that is longer than suits even a draft.
+/// Warning about a step that is too long even for a draft.
 fn long_step_warning(scene: &Scene, state: &State) -> Option<String> {
     let sharpest = step_bounds(scene, state).into_iter().next()?;
     let (h, suits) = (scene.options.dt, Accuracy::Draft.step_factor() * sharpest.h);
@@ -244,21 +245,21 @@ fn long_step_warning(scene: &Scene, state: &State) -> Option<String> {
     })
 }
 
-/// The contacts of the state as it is; `known` is what detection learns.
+/// Contacts of the present state; `known`: cache that detection updates.
 fn current_contacts(scene: &Scene, state: &State, known: &mut DetectionCache) -> Vec<Contact> {
-    // As far ahead as the first step looks, so that what is found serves it.
+    // Same lookahead as the first step, so that the cache is valid for it.
     let now = ContactConfiguration { lookahead: scene.options.dt, ..predict_configuration(scene, state, 0) };
     detect::listed_contacts(scene, &now, [&state.v, &state.w], known)
 }
 
-/// The deepest overlap by its share of the smaller radius.
+/// Returns the deepest overlap relative to the smaller radius.
 fn deepest_overlap(contacts: &[Contact], scene: &Scene) -> Option<Overlap> {
     let overlaps =
         contacts.iter().filter(|contact| contact.gap < 0.0).map(|contact| Overlap::from_contact(scene, contact));
     overlaps.fold(None, deeper_overlap)
 }
 
-/// The deepest overlap at the start, which no step has made, and a warning about all.
+/// Deepest overlap at the start, before any step, and a warning about all deep overlaps.
 fn initial_overlap_warning(scene: &Scene, state: &State, known: &mut DetectionCache) -> Option<(Overlap, String)> {
     let contacts = current_contacts(scene, state, known);
     let deepest = deepest_overlap(&contacts, scene).filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE)?;
@@ -279,7 +280,7 @@ fn initial_overlap_warning(scene: &Scene, state: &State, known: &mut DetectionCa
     Some((deepest, message))
 }
 
-/// A warning about deep overlaps that steps have made.
+/// Warning about deep overlaps made by steps.
 fn deeper_overlap_warning(state: &State, overlap: Overlap) -> String {
     let State { step, time, .. } = state;
     format!("step {step}, t = {time} s: {}; use a smaller dt or tol", overlap.message_text())
@@ -293,7 +294,7 @@ fn write_output(results: &mut ResultFiles, scene: &Scene, state: &State) -> Resu
     Ok(start.elapsed())
 }
 
-/// Energy and momentum that the run's drift is measured against.
+/// Initialises the energy and momentum relative to which the run's drift is measured.
 fn open_ledger(scene: &Scene, state: &mut State) {
     let motion = MotionTotals::from_bodies(scene, &state.q, &state.v, &state.w);
     let angular = MotionTotals::total_angular_momentum(scene, state);
@@ -304,7 +305,7 @@ fn open_ledger(scene: &Scene, state: &mut State) {
     state.ledger.momentum_scale = motion.scale;
 }
 
-/// What is not finite is never written.
+/// Returns an error if the state is not finite, so that it is never written.
 fn expect_finite(state: &State) -> Result<(), RunFailure> {
     check_finite(state.is_finite(), state, "a position, velocity, momentum or energy")
 }
@@ -315,7 +316,7 @@ fn check_finite(finite: bool, state: &State, what: &str) -> Result<(), RunFailur
     if finite { Ok(()) } else { Err(RunFailure::Broken(broken())) }
 }
 
-/// Refuses options that cannot lead to a run from this state.
+/// Rejects options that do not allow a run from this state.
 pub fn check_run(case: &Path, scene: &Scene, state: &State) -> Result<(), Faults> {
     let mut faults = Faults::default();
     if scene.free.is_empty() {
@@ -323,7 +324,7 @@ pub fn check_run(case: &Path, scene: &Scene, state: &State) -> Result<(), Faults
         faults.push(Fault::new(&case.join("DATBOX/BODIES.DAT"), None, "bodies", "none is free to move", expected));
     }
     let end = scene.options.end_time.filter(|_| scene.options.steps.is_none());
-    // A run passes the end by less than a step, with the slack of its last.
+    // A run passes its end by less than a step, with the tolerance of its last step.
     if let Some(end) = end.filter(|end| state.time - end > (1.0 - 1e-3) * scene.options.dt.max(state.h)) {
         let from = if state.step > scene.start.0 { "from which the run goes on" } else { "at which DATBOX stands" };
         let (found, expected) = (format!("{end}"), format!("expected at least {} s, {from}", state.time));

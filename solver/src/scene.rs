@@ -1,4 +1,4 @@
-//! Data: what is constant during a run.
+//! Data: constants of a run.
 
 use cd_formats::compute::{Compute, Event, GravityMethod, NarrowPhase};
 use cd_formats::drv_dof::Evolution;
@@ -15,11 +15,11 @@ use crate::math::{Quat, Vec3};
 /// Shape of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BodyShape {
-    /// One sphere about the centre of mass; m.
+    /// Sphere about the centre of mass; radius in m.
     Sphere { radius: f64 },
-    /// A rectangular plate; half lengths along its axes, m.
+    /// Rectangular plate; half lengths along its axes, m.
     Plane { half_lengths: Vec3 },
-    /// What `Scene::parts` says: anything else, or several contactors.
+    /// Any other shape, or several contactors, given in `Scene::parts`.
     Parts,
 }
 
@@ -29,15 +29,15 @@ pub enum ContactorShape {
     Sphere {
         radius: f64,
     },
-    /// Convex, about its centroid.
+    /// Convex polyhedron about its centroid.
     Polyhedron(Polyhedron),
-    /// About the third axis; contact on the inside if hollow.
+    /// Cylinder about the third axis; contact is on the inside if hollow.
     Cylinder {
         half_height: f64,
         radius: f64,
         hollow: bool,
     },
-    /// The cuboid is the same plate as a polyhedron.
+    /// Rectangular plate; the cuboid is the same plate as a polyhedron.
     Plane {
         half_lengths: Vec3,
         cuboid: Polyhedron,
@@ -45,8 +45,8 @@ pub enum ContactorShape {
 }
 
 impl ContactorShape {
-    /// Radius of the largest ball about the centre that is within the shape, m; unbounded for a hollow cylinder, outside of which all
-    /// is wall.
+    /// Radius of the largest ball about the centre that is within the shape, m; infinite for a hollow cylinder, whose
+    /// outside is all wall.
     pub fn inner_radius(&self) -> f64 {
         match self {
             ContactorShape::Sphere { radius } => *radius,
@@ -58,17 +58,17 @@ impl ContactorShape {
     }
 }
 
-/// A contactor of a body, in scenes with other bodies than spheres and plates.
+/// Contactor of a body, in scenes with bodies other than spheres and plates.
 #[derive(Debug, Clone)]
 pub struct BodyPart {
     pub body: u32,
-    /// Place among the contactors of its body, from 0.
+    /// Index among the contactors of its body, from 0.
     pub rank: u16,
     pub geometry: ContactorShape,
-    /// Its centre and axes in the body's frame, m.
+    /// Centre and axes in the body's frame, m.
     pub offset: Vec3,
     pub axes: Quat,
-    /// Of the ball about its centre that holds it, m.
+    /// Radius of the bounding ball about its centre, m.
     pub radius: f64,
     /// Index into `Scene::colours`.
     pub colour: u16,
@@ -79,16 +79,16 @@ pub struct BodyPart {
 #[derive(Debug, Clone)]
 pub struct RigidBody {
     pub shape: BodyShape,
-    /// Of the sphere of equal volume, m.
+    /// Radius of the sphere of equal volume, m.
     pub radius: f64,
-    /// kg
+    /// Mass, kg.
     pub mass: f64,
-    /// Principal moments, kg m^2; a sphere's are equal.
+    /// Principal moments of inertia, kg m^2; a sphere's are equal.
     pub inertia: [f64; 3],
-    /// Motion imposed, all or in part: a wall, or a driven sphere. It is no part of what the ledger counts, and rotates as
-    /// imposed.
+    /// Whether some or all of its motion is imposed: a wall, or a driven sphere. Driven bodies do not count in the ledger
+    /// and rotate as imposed.
     pub driven: bool,
-    /// Of a driven body the fixed axes along which it is pushed; where there are none it has no inverse mass.
+    /// Fixed axes along which a driven body is pushed by forces; without any it has no inverse mass.
     pub free_axes: [bool; 3],
     /// Index into `Scene::materials`.
     pub material: u16,
@@ -119,7 +119,7 @@ impl RigidBody {
         Vec3::from(self.free_axes.map(|pushed| if self.is_driven_in_part() && !pushed { 1.0 } else { 0.0 }))
     }
 
-    /// Which components of the velocity are imposed, as the snapshots have it: bit k of component k.
+    /// Imposed components of the velocity as in the snapshots: bit k for component k.
     pub fn imposed_components(&self) -> u8 {
         let along = |k: usize| if self.free_axes[k] { 0 } else { 1 << k };
         if self.driven { (0..3).map(along).sum::<u8>() | 0b11_1000 } else { 0 }
@@ -135,7 +135,7 @@ impl RigidBody {
         if self.is_isotropic() { w * self.inertia[0] } else { rotation::angular_momentum(q, &self.inertia, w) }
     }
 
-    /// The reverse; 0 for a body whose motion is imposed.
+    /// Angular velocity from the angular momentum; 0 for a body whose motion is imposed.
     pub fn angular_velocity(&self, q: &Quat, momentum: &Vec3) -> Vec3 {
         if self.driven || self.is_isotropic() {
             momentum * self.inverse_inertia()
@@ -144,7 +144,7 @@ impl RigidBody {
         }
     }
 
-    /// Whether all axes are principal: the angular velocity is then that of the angular momentum's direction.
+    /// Whether all axes are principal: angular velocity and angular momentum are then parallel.
     pub fn is_isotropic(&self) -> bool {
         let [a, b, c] = self.inertia;
         a == b && b == c
@@ -155,7 +155,8 @@ impl RigidBody {
     }
 }
 
-/// The imposed velocity of a body: components along the fixed axes, then about the body's axes; none where it is pushed.
+/// Imposed velocity of a body: components along the fixed axes, then about the body's axes; `None` for components without
+/// imposed motion.
 #[derive(Debug, Clone)]
 pub struct ImposedVelocity {
     pub body: usize,
@@ -168,8 +169,8 @@ impl ImposedVelocity {
         self.velocity.iter().any(|component| *component != Some(Evolution::constant(0.0)))
     }
 
-    /// Velocity (m/s) and angular velocity (rad/s, world frame) at a time (s) of the body with the orientation `q` and, where it is
-    /// pushed, the velocity `v`.
+    /// Velocity (m/s) and angular velocity (rad/s, world frame) at a time (s) of the body with the orientation `q`.
+    /// Components that are not imposed are those of `v`.
     pub fn velocity_at(&self, time: f64, q: &Quat, v: &Vec3) -> (Vec3, Vec3) {
         let imposed = |k: usize, pushed: f64| self.velocity[k].as_ref().map_or(pushed, |value| value.value_at(time));
         (Vec3::from_fn(|k, _| imposed(k, v[k])), q * Vec3::from_fn(|k, _| imposed(3 + k, 0.0)))
@@ -191,7 +192,7 @@ pub struct InteractionRule {
     pub alert: f64,
 }
 
-/// Which class sees which, by what law.
+/// Visibility table: which classes interact, and by what law.
 #[derive(Debug, Clone, Default)]
 pub struct VisibilityTable {
     pub classes: usize,
@@ -199,7 +200,7 @@ pub struct VisibilityTable {
 }
 
 impl VisibilityTable {
-    /// Of two classes.
+    /// Rule of two classes, if they interact.
     pub fn interaction_rule(&self, a: u16, b: u16) -> Option<InteractionRule> {
         self.table[a as usize * self.classes + b as usize]
     }
@@ -208,14 +209,14 @@ impl VisibilityTable {
 /// Steps made when neither `steps` nor `end_time` is given.
 pub const DEFAULT_STEPS: u64 = 1000;
 
-/// By so much of a step the time of an event may be off: decimal numbers and their products are rounded.
+/// Tolerance of the time of an event, as a fraction of a step: decimal numbers and their products are rounded.
 pub const EVENT_SLACK: f64 = 1e-3;
 
-/// Gap, over the smaller radius and for each step looked ahead, up to which a pair is listed and solved whichever way its bodies
-/// move, if their speeds are enough: what contacts push may close it. In a step suited to the motion bodies go as far.
+/// Gap, over the smaller radius and per step of lookahead, up to which a pair is listed and solved in any direction of
+/// motion, if the speeds suffice, because contact impulses may close it. In a suitable step bodies move that far.
 pub const NEARBY_GAP: f64 = 0.1;
 
-/// Fewer bodies than these attract each other anew at every step.
+/// Number of bodies below which self-gravity is evaluated at every step.
 const MIN_BODIES_TO_EXTRAPOLATE: usize = 100;
 
 #[derive(Debug, Clone)]
@@ -230,15 +231,15 @@ pub struct Scene {
     pub start: (u64, f64),
     /// Step and time (s) from which steps of `dt` are counted: those of the start, unless `dt` has changed at a resume.
     pub from: (u64, f64),
-    /// Events of the options by time, repeated ones each time for itself.
+    /// Events of the options ordered by time; repeated ones occur once per repetition.
     pub events: Vec<Event>,
-    /// Names for the files.
+    /// Names of the colours, for the files.
     pub colours: Vec<String>,
     pub materials: Vec<MaterialName>,
     pub law_names: Vec<LawName>,
     /// Positions in BODIES.DAT, m, from which LMGC90's files count displacements.
     pub reference: Vec<Vec3>,
-    /// Orientations at the start, body to world, where DOF.INI does not say them.
+    /// Orientations at the start, body to world, unless DOF.INI gives them.
     pub axes: Vec<Quat>,
     /// Free bodies, in order.
     pub free: Vec<u32>,
@@ -246,19 +247,19 @@ pub struct Scene {
     pub spheres: Vec<u32>,
     /// Plates, in order.
     pub planes: Vec<u32>,
-    /// The contactors of all bodies, body by body, if some body is neither a sphere nor a plate, or driven in part; else
-    /// none.
+    /// Contactors of all bodies, ordered by body, if some body is neither a sphere nor a plate, or is driven in part;
+    /// otherwise empty.
     pub parts: Vec<BodyPart>,
-    /// Where in `parts` those of each body begin, and those of the last end; none where there are no parts.
+    /// Start in `parts` of each body's contactors, and the end of the last body's; empty if there are no parts.
     pub part_starts: Vec<u32>,
-    /// What users should know about the files' bodies.
+    /// Notes for the user about the bodies in the files.
     pub notes: Vec<String>,
-    /// What in the input is probably a mistake.
+    /// Probable mistakes in the input.
     pub warnings: Vec<String>,
     /// Free bodies whose moments of inertia differ, in order: their angular velocity changes without a torque.
     pub turning: Vec<u32>,
-    /// Of each body whether its orientation is followed: that of a sphere matters to moments and turns in its own axes
-    /// alone.
+    /// Whether the orientation of each body is integrated; a sphere's matters only to moments and rotations in its own
+    /// axes.
     pub oriented: Vec<bool>,
     /// Mean radius of the free spheres, m; the length that penetrations are compared with.
     pub mean_radius: f64,
@@ -269,17 +270,17 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The step to end with.
+    /// Last step of the run.
     pub fn last_step(&self) -> u64 {
         self.options.last_step(self.start.0, self.from).unwrap_or(self.start.0 + DEFAULT_STEPS)
     }
 
-    /// When the last step ends, s.
+    /// Time at the end of the last step, s.
     pub fn end_time(&self) -> f64 {
         self.time_at(self.last_step())
     }
 
-    /// Time at the end of a step, s: a product, as a sum of many steps would round each.
+    /// Time at the end of a step, s. It is computed as a product, as a sum would round at each step.
     pub fn time_at(&self, step: u64) -> f64 {
         let (first, time) = self.from;
         time + step.saturating_sub(first) as f64 * self.options.dt
@@ -291,16 +292,16 @@ impl Scene {
         !of_drives.chain(self.loads.iter().map(|load| &load.value)).all(Evolution::is_constant)
     }
 
-    /// Time (s) up to which all imposed velocities and forces stay as they are at `time`: `time` itself while one changes,
-    /// infinite if none does any more.
+    /// Time (s) up to which all imposed velocities and forces remain as they are at `time`: `time` itself while one
+    /// changes, infinite if none changes any more.
     pub fn constant_until(&self, time: f64) -> f64 {
         let of_drives = self.drives.iter().flat_map(|drive| drive.velocity.iter().flatten());
         let all = of_drives.chain(self.loads.iter().map(|load| &load.value));
         all.map(|value| value.constant_until(time)).fold(f64::INFINITY, f64::min)
     }
 
-    /// Radius (m) of the ball that the free bodies would make without pores, and self-gravity at its surface, m/s²; none
-    /// without self-gravity.
+    /// Radius (m) of the ball that the free bodies would form without pores, and self-gravity at its surface, m/s²;
+    /// `None` without self-gravity.
     pub fn surface_gravity(&self) -> Option<(f64, f64)> {
         let free = || self.free.iter().map(|&i| &self.bodies[i as usize]);
         let radius = free().map(|body| body.radius.powi(3)).sum::<f64>().cbrt();
@@ -308,13 +309,13 @@ impl Scene {
         self.has_self_gravity().then_some((radius, strength / (radius * radius)))
     }
 
-    /// R of 1/R = 1/R_a + 1/R_b of two contactors, each a body and a rank, m.
+    /// Effective radius R, 1/R = 1/R_a + 1/R_b, of two contactors, each a body and a rank, m.
     pub fn effective_radius(&self, a: (u32, u16), b: (u32, u16)) -> f64 {
         1.0 / (self.contactor_curvature(a) + self.contactor_curvature(b))
     }
 
-    /// Size of a pair of contactors, each a body and a rank, m: the radius of the smaller free body, but no more than the
-    /// inner radii together, for a pair that overlaps by twice these may part on the wrong side.
+    /// Size of a pair of contactors, each a body and a rank, m: the radius of the smaller free body, limited to the sum
+    /// of the inner radii, as a pair that overlaps by twice that sum may separate on the wrong side.
     pub fn pair_size(&self, a: (u32, u16), b: (u32, u16)) -> f64 {
         let free = [a, b].map(|(body, _)| &self.bodies[body as usize]).into_iter().filter(|body| !body.driven);
         free.map(|body| body.radius).fold(self.inner_radius(a) + self.inner_radius(b), f64::min)
@@ -336,7 +337,8 @@ impl Scene {
         }
     }
 
-    /// 1/R of a contactor: a polyhedron is as round as the sphere of its body's volume, plates and cylinders are flat, 1/m.
+    /// Curvature 1/R of a contactor, 1/m: a polyhedron has that of the sphere of its body's volume; plates and cylinders
+    /// are flat.
     pub fn part_curvature(&self, part: &BodyPart) -> f64 {
         match part.geometry {
             ContactorShape::Sphere { radius } => 1.0 / radius,
@@ -345,43 +347,43 @@ impl Scene {
         }
     }
 
-    /// The contactors of a body of a scene that [`Self::is_general`].
+    /// Contactors of a body in a scene that [`Self::is_general`].
     pub fn parts_of(&self, body: u32) -> &[BodyPart] {
         let at = |k: usize| self.part_starts[k] as usize;
         &self.parts[at(body as usize)..at(body as usize + 1)]
     }
 
-    /// Where in `parts` the contactor `rank` of a body is, if it has that many.
+    /// Index in `parts` of the contactor `rank` of a body, if it has that many.
     pub fn part_index(&self, body: u32, rank: u16) -> Option<usize> {
         let starts = self.part_starts.get(body as usize..body as usize + 2)?;
         let place = starts[0] + u32::from(rank);
         (place < starts[1]).then_some(place as usize)
     }
 
-    /// The contactor `rank` of a body, in scenes with other bodies than spheres and plates.
+    /// Contactor `rank` of a body, in scenes with bodies other than spheres and plates.
     pub fn find_part(&self, body: u32, rank: u16) -> Option<&BodyPart> {
         self.part_index(body, rank).map(|place| &self.parts[place])
     }
 
-    /// What to add to the position `of` for its image nearest to `from`, m; 0 where the scene does not repeat.
+    /// Shift from the position `of` to its image nearest to `from`, m; 0 if the scene is not periodic.
     pub fn nearest_image_shift(&self, from: &Vec3, of: &Vec3) -> Vec3 {
         let [x, y] = self.periods();
         let along = |period: Option<f64>, d: f64| period.map_or(0.0, |period| period * (d / period).round());
         Vec3::new(along(x, from.x - of.x), along(y, from.y - of.y), 0.0)
     }
 
-    /// Lengths after which the scene comes again along x and y, m.
+    /// Periods along x and y, m.
     pub fn periods(&self) -> [Option<f64>; 2] {
         [self.options.xperiode, self.options.yperiode]
     }
 
-    /// Whether there are other shapes than spheres and plates, or bodies driven in part.
+    /// Whether there are shapes other than spheres and plates, or bodies driven in part.
     pub fn is_general(&self) -> bool {
         !BARE && !self.parts.is_empty()
     }
 
-    /// Whether there are bodies whose contacts need full blocks: that of a sphere with a sphere, or with any body whose
-    /// motion is all imposed, is diagonal.
+    /// Whether there are bodies whose contacts need full blocks. The block of a sphere with a sphere, or with any body
+    /// whose motion is all imposed, is diagonal.
     pub fn needs_blocks(&self) -> bool {
         let not_diagonal = |body: &RigidBody| body.is_driven_in_part() || (!body.is_sphere() && !body.driven);
         !BARE && self.bodies.iter().any(not_diagonal)
@@ -392,7 +394,7 @@ impl Scene {
         !BARE && self.options.self_gravity
     }
 
-    /// Whether directions of contact are found without a proof.
+    /// Whether directions of contact are found without a proof of optimality.
     pub fn narrow_phase_is_fast(&self) -> bool {
         self.is_general() && self.options.narrow_phase() == NarrowPhase::Fast
     }
@@ -402,8 +404,8 @@ impl Scene {
         self.laws.iter().any(ContactLaw::can_bond)
     }
 
-    /// What makes a contactor the candidate of a contact, as in LMGC90: the lower of the two. Spheres come before polyhedra before cylinders
-    /// before plates, then in general what is not driven, then the lower number.
+    /// Sort key that determines the candidate of a contact, as in LMGC90: the lower of the two. Spheres come before
+    /// polyhedra before cylinders before plates, then in general bodies that are not driven, then the lower number.
     pub fn candidate_order(&self, body: u32, rank: u16) -> (u8, bool, u32, u16) {
         let kind = match (self.find_part(body, rank).map(|part| &part.geometry), &self.bodies[body as usize].shape) {
             (Some(ContactorShape::Sphere { .. }), _) | (None, BodyShape::Sphere { .. }) => 0,
@@ -422,7 +424,7 @@ impl Scene {
         }
     }
 
-    /// How self-gravity is summed.
+    /// Solver for self-gravity.
     pub fn gravity_solver(&self) -> GravitySolver {
         let method = match self.options.gravity {
             GravityMethod::Direct => SummationMethod::Direct,
@@ -435,8 +437,8 @@ impl Scene {
         gravity
     }
 
-    /// Most steps from one evaluation of self-gravity to the next. Few bodies may be on orbits, and cost little: where
-    /// nothing else is asked for, they are evaluated at every step, and so are direct sums that were asked for by name.
+    /// Largest number of steps between two evaluations of self-gravity. Few bodies may be on orbits, and are cheap:
+    /// unless the option is set, they are evaluated at every step, and so are direct sums that were chosen by name.
     pub fn gravity_refresh(&self) -> u64 {
         let exact =
             self.free.len() < MIN_BODIES_TO_EXTRAPOLATE || self.gravity_solver().method == SummationMethod::Direct;
@@ -444,17 +446,17 @@ impl Scene {
         if !self.has_self_gravity() || (exact && !set) { 1 } else { self.options.gravity_refresh() }
     }
 
-    /// The fields that act from outside.
+    /// External fields.
     pub fn external_fields(&self) -> Vec<FieldModel> {
         self.options.fields.iter().map(|field| field.to_model(self.options.gravity_constant)).collect()
     }
 
-    /// How fast the axes turn from which all is seen, rad/s.
+    /// Angular velocity of the frame of reference, rad/s.
     pub fn frame_angular_velocity(&self) -> Vec3 {
         self.external_fields().iter().map(FieldModel::rotation_rate).sum()
     }
 
-    /// The models that this scene uses, for the summary.
+    /// Names of the models that this scene uses, for the summary.
     pub fn model_names(&self) -> Vec<String> {
         let driven_spheres = self.spheres.iter().filter(|&&i| self.bodies[i as usize].driven).count();
         let parts = |driven: bool, chosen: fn(&ContactorShape) -> bool| {

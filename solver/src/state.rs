@@ -1,4 +1,4 @@
-//! Data: what changes during a run.
+//! Data: the state, which changes during a run.
 
 use std::sync::Arc;
 
@@ -11,8 +11,8 @@ use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame};
 use crate::scene::{InteractionRule, Scene};
 
-/// First feature of a contact of polyhedra that a text file tells without its features; the second is a running number.
-/// In the next step it is the nearest contact of the same contactors.
+/// First feature of a contact of polyhedra that was read from a text file without features; the second is a running
+/// number. In the next step it is identified with the nearest contact of the same contactors.
 pub const UNKNOWN_FEATURE: u32 = u32::MAX;
 
 /// A contact found in the contact configuration.
@@ -21,26 +21,26 @@ pub struct Contact {
     /// Body indices; n points from the antagonist to the candidate.
     pub candidate: u32,
     pub antagonist: u32,
-    /// Which contactors of the two bodies.
+    /// Ranks of the contactors of the two bodies.
     pub ranks: (u16, u16),
-    /// Features that touch; the same contactors and features next step are the same contact.
+    /// Touching features; a contact with the same contactors and features in the next step is the same contact.
     pub features: (u32, u32),
-    /// World frame, m; at the candidate.
+    /// Contact point at the candidate, world frame, m.
     pub point: Vec3,
-    /// What to add to the antagonist's position for the image of it that is met, m; 0 where the scene does not repeat, and
-    /// in contacts that were read.
+    /// Shift from the antagonist's position to its touched image, m; 0 if the scene is not periodic, and in contacts that
+    /// were read from files.
     pub image: Vec3,
-    /// Unit.
+    /// Unit normal.
     pub normal: Vec3,
-    /// m, < 0 interpenetrating.
+    /// Gap, m, < 0 interpenetrating.
     pub gap: f64,
-    /// Its share of the area in which faces meet, m^2; 0 where none do.
+    /// Share of this contact in the area of its faces, m^2; 0 if the contact has no area.
     pub area: f64,
     /// Index into `Scene::laws`.
     pub law: u8,
 }
 
-/// What detection keeps of two contactors that were in contact.
+/// Cached data of two contactors that were in contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CachedPair {
     /// Indices into `Scene::parts`, the candidate first.
@@ -48,28 +48,28 @@ pub struct CachedPair {
     pub memory: CachedFeature,
 }
 
-/// What detection knows of near contactors from the last step.
+/// Cached data of detection about near contactors.
 #[derive(Debug, Clone, Default)]
 pub struct DetectionCache {
     pub neighbours: NeighbourList,
-    /// Those of the neighbours that see each other: by candidates along Morton's curve, so that what contactors are made of
-    /// stays in the cache, then by antagonists.
+    /// Neighbour pairs that the visibility table lists, ordered by candidates along Morton's curve, so that the data of
+    /// contactors stay in the cache, then by antagonists.
     pub pairs: Vec<([u32; 2], InteractionRule)>,
-    /// Their places in the order of candidates.
+    /// Indices of the pairs in the order of candidates.
     pub order: Vec<u32>,
-    /// Of each of these pairs that was in contact, what is to be kept of it.
+    /// Cached feature of each of these pairs that was in contact.
     pub memories: Vec<CachedFeature>,
-    /// The same before there are pairs, in the order of their contactors.
+    /// Cached features before there are pairs, ordered by contactors.
     pub restored_pairs: Vec<CachedPair>,
-    /// Of each of the pairs; nothing but time depends on it.
+    /// Separating axis of each pair; it affects only time.
     pub separations: Vec<SeparatingAxis>,
-    /// Where the contactors were last, and how far their surfaces have moved in all, m.
+    /// Positions of the contactors in the last step, and accumulated displacements of their surfaces, m.
     pub last: Vec<(Vec3, Quat)>,
     pub accumulated_travel: Vec<f64>,
 }
 
 impl DetectionCache {
-    /// What is to be kept of pairs that were in contact, in the order of their contactors.
+    /// Cached features of the pairs that were in contact, ordered by contactors.
     pub fn cached_pairs(&self) -> Vec<CachedPair> {
         let of_pair = |&k: &u32| CachedPair { parts: self.pairs[k as usize].0, memory: self.memories[k as usize] };
         let kept = self.order.iter().map(of_pair).filter(|kept| kept.memory != CachedFeature::default());
@@ -83,25 +83,26 @@ impl PartialEq for DetectionCache {
     }
 }
 
-/// List of near pairs (Verlet list), valid as long as nothing has moved by more than its skin.
+/// List of near pairs (Verlet list), valid as long as no body has moved by more than its skin.
 #[derive(Debug, Clone, Default)]
 pub struct NeighbourList {
-    /// All pairs i < j that are as near as [`crate::detect::broad::near_pairs`] asks, and others.
+    /// All pairs i < j within the distance of [`crate::detect::broad::near_pairs`], and others.
     pub pairs: Vec<[u32; 2]>,
-    /// Where things were when they were looked for, how far they reached then, and the skin of each, m.
+    /// Centres and reaches at the last rebuild, and the skin of each ball, m.
     pub centres: Vec<Vec3>,
     pub reach: Vec<f64>,
     pub skin: Vec<f64>,
-    /// Where they were in the last step, m.
+    /// Centres in the last step, m.
     pub last: Vec<Vec3>,
 }
 
-/// A direction along which two contactors were apart, if that is known.
+/// Direction along which two contactors were apart, if known.
 #[derive(Debug, Clone, Copy)]
 pub struct SeparatingAxis {
-    /// Unit to rounding, from the candidate to the antagonist.
+    /// Direction from the candidate to the antagonist, unit up to rounding.
     pub n: Option<[f32; 3]>,
-    /// How far they were apart, and the surfaces of both had moved in all: what that is more since, they may be nearer, m.
+    /// Distance of the contactors plus the accumulated displacements of their surfaces at that time, m. The present
+    /// accumulated displacement reduces the known distance.
     pub valid_travel: f64,
 }
 
@@ -112,12 +113,12 @@ impl Default for SeparatingAxis {
 }
 
 impl Contact {
-    /// Rows n, t, s; n x t = s.
+    /// Local frame with rows n, t, s; n x t = s.
     pub fn frame(&self) -> [Vec3; 3] {
         local_frame(self.normal)
     }
 
-    /// What makes it the same contact in another step; contacts are kept in this order.
+    /// Key that identifies the contact in another step; contacts are sorted by it.
     pub fn key(&self) -> (u32, u32, (u16, u16), (u32, u32)) {
         (self.candidate, self.antagonist, self.ranks, self.features)
     }
@@ -131,16 +132,16 @@ pub enum ContactStatus {
     Slide,
 }
 
-/// Which contacts a step bonds if they touch.
+/// Contacts that a step bonds if they touch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BondingMode {
     No,
-    /// Those without a history: the first step.
+    /// Contacts without a history: the first step.
     New,
     All,
 }
 
-/// A contact with what the solver found for it.
+/// Contact with its solution.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SolvedContact {
     pub contact: Contact,
@@ -155,26 +156,26 @@ pub struct SolvedContact {
     pub bond: Option<f64>,
 }
 
-/// What contacts have done since the last step that a snapshot is due after.
+/// Sums over contacts since the last step after which a snapshot was due.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct OutputInterval {
-    /// When that step ended, s.
+    /// Time at the end of that step, s.
     pub start: f64,
-    /// In the order of the bodies.
+    /// Sums per pair of bodies, ordered by bodies.
     pub exchanges: Vec<ContactExchange>,
 }
 
-/// What the contacts of two bodies have exchanged.
+/// Sum over the contacts of two bodies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactExchange {
-    /// Candidate and antagonist.
+    /// Bodies: candidate and antagonist.
     pub bodies: [u32; 2],
     /// Σ r·l, impulses and branches, J s.
     pub virial: f64,
 }
 
 impl OutputInterval {
-    /// Adds what contacts have exchanged in a step, in the order of their bodies; two bodies may have several contacts.
+    /// Adds the sums of a step, which are ordered by bodies; two bodies may have several contacts.
     pub fn add_exchanges<'a>(&mut self, step: impl Iterator<Item = &'a ContactExchange>) {
         let (mut k, mut new) = (0, Vec::<ContactExchange>::new());
         for exchange in step {
@@ -194,11 +195,11 @@ impl OutputInterval {
     }
 }
 
-/// The last two evaluations of self-gravity, where it is not evaluated at every step; rows are free bodies.
+/// Last two evaluations of self-gravity, if it is not evaluated at every step; rows are free bodies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GravityHistory {
     pub record: cd_formats::snapshot::GravityEvaluations,
-    /// m/s^2; shared by the states that extrapolate from the same evaluations.
+    /// Acceleration, m/s^2; shared by the states that extrapolate from the same evaluations.
     pub last: Arc<[Vec3]>,
     pub before: Arc<[Vec3]>,
 }
@@ -206,9 +207,9 @@ pub struct GravityHistory {
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     pub step: u64,
-    /// s
+    /// Time, s.
     pub time: f64,
-    /// Length of the step that led here, s; at the start, of the first. The impulses of `contacts` belong to it.
+    /// Length of the last step, s; at the start, of the first. The impulses of `contacts` belong to it.
     pub h: f64,
     /// Positions, m.
     pub x: Vec<Vec3>,
@@ -218,49 +219,50 @@ pub struct State {
     pub v: Vec<Vec3>,
     /// Angular velocities, world frame, rad/s.
     pub w: Vec<Vec3>,
-    /// Angular momenta about the centres of mass, world frame, kg m²/s, of the bodies of `Scene::turning`: while nothing
-    /// acts on them they keep every bit, and `w` follows from them.
+    /// Angular momenta about the centres of mass, world frame, kg m²/s, of the bodies of `Scene::turning`. Without torque
+    /// they remain bitwise constant; `w` follows from them.
     pub angular_momentum: Vec<Vec3>,
-    /// Bodies along Morton's curve in the last step, from which the next sorts them; empty at the start. Nothing but time
-    /// depends on it.
+    /// Bodies along Morton's curve in the last step, from which the next step sorts them; empty at the start. It affects
+    /// only time.
     pub order: Vec<u32>,
-    /// The contacts of the last step by key, from which the next step starts.
+    /// Contacts of the last step ordered by key; warm start of the next step.
     pub contacts: Vec<SolvedContact>,
     pub detection_cache: DetectionCache,
     pub interval: OutputInterval,
-    /// Uniform gravity now in force, m/s^2.
+    /// Present uniform gravity, m/s^2.
     pub gravity: Vec3,
-    /// Share of velocity taken away at each step's start.
+    /// Fraction of the velocity that is removed at each step's start.
     pub quench: f64,
-    /// Torque now in force on all free bodies as one, N m.
+    /// Present torque on all free bodies together, N m.
     pub torque: Vec3,
-    /// Laws now in force, as `Scene::laws`.
+    /// Present laws, as `Scene::laws`.
     pub laws: Vec<ContactLaw>,
-    /// Whether the next step makes bonds of what touches: of everything as an event asks, or of contacts that no
-    /// file knows at the start.
+    /// Whether the next step bonds touching contacts: all, as an event requests, or those that no file knows at the
+    /// start.
     pub bonding: BondingMode,
-    /// Events that have happened.
+    /// Number of events that have happened.
     pub events_done: usize,
     pub attraction: Option<GravityHistory>,
     pub fallback: FallbackState,
     pub ledger: Ledger,
 }
 
-/// Steps between two looks at what shortcuts cost in accuracy.
+/// Steps between two measurements of the errors of shortcuts.
 const DIAGNOSTIC_INTERVAL: u64 = 100;
 
 impl State {
-    /// Whether the errors of self-gravity and of the narrow phase are looked at in the next step, so many units of `dt` long.
+    /// Whether the errors of self-gravity and of the narrow phase are measured in the next step, which is `units` of `dt`
+    /// long.
     pub fn is_diagnostic_step(&self, units: u64) -> bool {
         self.step.next_multiple_of(DIAGNOSTIC_INTERVAL) < self.step + units
     }
 
-    /// Contacts that a bond or a liquid bridge holds.
+    /// Number of contacts with a bond or a liquid bridge.
     pub fn bond_count(&self) -> usize {
         self.contacts.iter().filter(|contact| contact.bond.is_some()).count()
     }
 
-    /// Takes over a setting that an event changes; motion is left alone.
+    /// Applies a setting that an event changes; the motion is unchanged.
     pub fn apply_setting(&mut self, action: &EventAction, scene: &Scene) {
         let law = |name: &String| scene.law_names.iter().position(|law| law.nickname == *name);
         match action {
@@ -277,7 +279,7 @@ impl State {
         }
     }
 
-    /// Whether every number of the contacts is finite: those of contacts without force decide nothing, but are written.
+    /// Whether every number of the contacts is finite; those of contacts without force change nothing, but are written.
     pub fn contacts_are_finite(&self) -> bool {
         self.contacts.iter().all(|solved| {
             let SolvedContact { contact, impulse, moment, velocity, .. } = solved;
@@ -302,9 +304,9 @@ impl State {
     }
 }
 
-/// The parts of the state that a step changes before its contacts are solved, as they were.
+/// Backup of the parts of the state that a step changes before its contacts are solved.
 pub struct StateBackup {
-    /// Velocities, angular velocities and momenta, where events or options change them.
+    /// Velocities, angular velocities and momenta, if events or options change them.
     motion: Option<[Vec<Vec3>; 3]>,
     settings: (Vec3, f64, Vec3, Vec<ContactLaw>, BondingMode, usize),
     attraction: Option<GravityHistory>,
@@ -325,7 +327,7 @@ impl StateBackup {
         }
     }
 
-    /// Makes the state what it was; what only saves time is lost.
+    /// Restores the state, except for data that only save time.
     pub fn restore_to(self, state: &mut State) {
         if let Some(motion) = self.motion {
             [state.v, state.w, state.angular_momentum] = motion;

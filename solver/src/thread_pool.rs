@@ -1,4 +1,4 @@
-//! Threads that stay awake between the stages of a step.
+//! Threads that remain awake between the stages of a step.
 
 use std::num::NonZero;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,13 +6,15 @@ use std::thread::{available_parallelism, yield_now};
 
 use rayon::Yield;
 
-/// Bodies from which on more is won so than other programs lose: a tenth of the time of a step or more.
+/// Number of bodies from which on busy waiting saves more time than it costs other programs: at least a tenth of the
+/// step.
 pub const MIN_BODIES_TO_BUSY_WAIT: usize = 1024;
 
-/// `work`, while the other threads of the pool look for what it leaves to them without rest, if each has a processor of its own.
+/// Runs `work` while the other threads of the pool search for its tasks without sleeping, if each has a processor of its
+/// own.
 ///
-/// A thread that finds nothing to do falls asleep, and to wake it takes longer than many a stage of a step does. What these threads
-/// do not use they offer to other programs first.
+/// A thread without a task falls asleep, and waking it takes longer than many stages of a step. These threads yield to
+/// other programs while they wait.
 pub fn with_busy_waiting_workers<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     let processors = available_parallelism().map_or(1, NonZero::get);
     if rayon::current_num_threads() > processors {
@@ -33,7 +35,7 @@ pub fn with_busy_waiting_workers<T: Send>(work: impl FnOnce() -> T + Send) -> T 
     })
 }
 
-/// Ends the wait of the others, also where the work panics.
+/// Ends the wait of the other threads, also if the work panics.
 struct BusyWaitGuard<'a>(&'a AtomicBool);
 
 impl Drop for BusyWaitGuard<'_> {

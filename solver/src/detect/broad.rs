@@ -1,10 +1,9 @@
 //! Near pairs among spheres of any sizes, by uniform cells on several levels.
 //!
-//! A sphere lives on the first level whose cells are as wide as it is; it looks for partners in the
-//! neighbouring cells of its own level and of all coarser ones. So the work is in proportion to the
-//! number of spheres and pairs, whatever the range of sizes. Cells repeat in space like the pattern
-//! of a wallpaper, so that a few far spheres cost nothing; what meets only on the pattern is told
-//! apart by its distance.
+//! A sphere is stored on the first level whose cells are at least as wide as the sphere. Its partners are searched in the
+//! neighbouring cells of its own level and of all coarser ones. The work is proportional to the number of spheres and
+//! pairs for any range of sizes. The pattern of cells repeats in space, so that a few distant spheres cost nothing; a
+//! distance test removes pairs that are near only in the repeated pattern.
 
 use std::ops::Range;
 
@@ -12,7 +11,8 @@ use rayon::prelude::*;
 
 use crate::math::{Vec3, group_by_key};
 
-/// Half of a cell's neighbours, in columns of three along the last axis: with the cell itself and the next, every pair of neighbouring cells once.
+/// Half of a cell's neighbours, in columns of three along the last axis: together with the cell itself and the next,
+/// they give every pair of neighbouring cells once.
 const FORWARD_COLUMNS: [[i64; 2]; 4] = [[1, -1], [1, 0], [1, 1], [0, 1]];
 
 /// Spheres of like size in cells.
@@ -21,7 +21,7 @@ struct GridLevel {
     inverse_width: f64,
     /// Cells along each axis before the pattern repeats: 2^bits, at least 4 so that neighbours differ.
     bits: u32,
-    /// Spheres by cell, and in each cell by index; cell c holds `order[starts[c]..starts[c + 1]]`.
+    /// Spheres sorted by cell, and within a cell by index; the spheres of cell c are `order[starts[c]..starts[c + 1]]`.
     order: Vec<u32>,
     starts: Vec<u32>,
     /// Centre and reach of each sphere of `order`.
@@ -31,7 +31,7 @@ struct GridLevel {
 impl GridLevel {
     fn new(x: &[Vec3], reach: &[f64], members: &[u32]) -> Self {
         let width = 2.0 * members.iter().map(|&i| reach[i as usize]).fold(0.0, f64::max);
-        // About eight cells a sphere: most are empty, and few hold what is far apart.
+        // About eight cells per sphere: most cells are empty, and few contain spheres that are far apart.
         let bits = ((8 * members.len()).ilog2() / 3).clamp(2, 8);
         let mut level =
             GridLevel { inverse_width: 1.0 / width, bits, order: Vec::new(), starts: Vec::new(), spheres: Vec::new() };
@@ -48,7 +48,7 @@ impl GridLevel {
     }
 
     fn cell_coordinates(&self, x: &Vec3) -> [i64; 3] {
-        // Far out the conversion saturates, and spheres share a cell: slow, but right.
+        // For very distant spheres the conversion saturates and they share a cell: slow, but correct.
         [x.x, x.y, x.z].map(|c| {
             let (scaled, whole) = (c * self.inverse_width, (c * self.inverse_width) as i64);
             whole.saturating_sub((scaled < whole as f64) as i64)
@@ -60,13 +60,14 @@ impl GridLevel {
         cell.iter().fold(0, |slot, c| slot << self.bits | (c & mask) as u32)
     }
 
-    /// Calls `take` with the places of the spheres in three cells along the last axis, the middle one `step` from `cell`.
+    /// Calls `take` with the ranges of `order` of the spheres in three cells along the last axis, the middle one `step`
+    /// from `cell`.
     fn visit_column(&self, cell: &[i64; 3], step: [i64; 2], take: &mut impl FnMut(Range<usize>)) {
         let middle = [cell[0].wrapping_add(step[0]), cell[1].wrapping_add(step[1]), cell[2]];
         let last = (1 << self.bits) - 1;
         let slot = self.cell_slot(middle) as usize;
         let at = |from: usize, to: usize| self.starts[from] as usize..self.starts[to] as usize;
-        // Where the pattern repeats, the three are not neighbours in memory.
+        // At the border of the pattern the three cells are not adjacent in memory.
         match middle[2] & last {
             0 => {
                 take(at(slot, slot + 2));
@@ -124,13 +125,13 @@ pub fn near_pairs(x: &[Vec3], reach: &[f64]) -> Vec<[u32; 2]> {
     found.concat()
 }
 
-/// Whether the reaches of two spheres meet.
+/// Whether two spheres of radius reach overlap.
 fn are_near(a: &[f64; 4], b: &[f64; 4]) -> bool {
     let limit = a[3] + b[3];
     (0..3).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum::<f64>() <= limit * limit
 }
 
-/// Spheres that one task looks at.
+/// Spheres per task.
 const SPHERES_PER_TASK: usize = 512;
 
 fn grid_levels(x: &[Vec3], reach: &[f64]) -> Vec<GridLevel> {

@@ -1,14 +1,16 @@
-//! Flush joints: contacts with edges and sides that are inside a common surface of two contactors are no contacts.
+//! Flush joints: removes contacts with edges and sides that are inside a common surface of two contactors.
 //!
-//! The direction of a contact is found pair by pair. Where a contactor A slides over two contactors B and C with flush
-//! surfaces, such as two plates side by side, the side of B that C covers, or its edge, would stop A. A contact of A and B
-//! is such an **inner contact** if A has a contact with a face of another contactor C, and the plane of that face parts A
-//! from B: A is above it, and B below. The contact with C keeps A above the plane during the whole step, so that A cannot
-//! meet anything of B but what is in the plane. A step up, or a wall on a floor, rises above the plane and stays a contact.
+//! The direction of a contact is computed pair by pair. If a contactor A slides over two contactors B and C with flush
+//! surfaces, such as two adjacent plates, the side or edge of B that C covers would stop A. A contact of A and B is such
+//! an **inner contact** if A has a contact with a face of another contactor C, and the plane of that face separates A
+//! from B: A is above it, and B below. The contact with C keeps A above the plane during the whole step, so that A can
+//! touch only those parts of B that are in the plane. A step up, or a wall on a floor, rises above the plane and remains
+//! a contact.
 //!
-//! An inner contact of polyhedra is replaced by the contact of A and B along the normal of the plane, if A is over B, and
-//! else left out. With spheres it is left out: a sphere that is over B has a contact with B's face. So it is with the rim of
-//! a cylinder: a polyhedron that is farther over its end than it overlaps with it has a contact with the end.
+//! An inner contact of polyhedra is replaced by the contact of A and B along the normal of the plane if A is over B, and
+//! removed otherwise. An inner contact with a sphere is always removed: a sphere over B has a contact with B's face. An
+//! inner contact with the rim of a cylinder is also removed: a polyhedron whose extent over the end exceeds its overlap
+//! has a contact with the end.
 //!
 //! Known as ghost collisions or internal edges in game physics; see E. Catto, Box2D: ghost collisions (2020).
 
@@ -28,22 +30,22 @@ use crate::state::Contact;
 const FLUSH_TOLERANCE: f64 = 3e-5;
 /// Relative error of numbers in files, which have eight digits.
 const FILE_ROUNDING: f64 = 5e-8;
-/// 1 - cos of the angle to a face's normal up to which a contact keeps A above that face: 1e-3 rad, more than what lies on a
-/// face is tilted by its overlaps.
+/// 1 - cos of the angle between a contact's direction and a face's normal up to which the contact keeps A above that
+/// face: 1e-3 rad, more than the tilt that overlaps cause for a body on a face.
 const ON_FACE_TOLERANCE: f64 = 5e-7;
-/// 1 - cos of the angle up to which two contacts have one direction, 1e-4 rad: the side of a joint cannot slow A by more than
-/// 1e-8 of its speed.
+/// 1 - cos of the angle up to which two contacts count as parallel, 1e-4 rad: the side of a joint reduces the speed of A
+/// by at most 1e-8.
 const SAME_DIRECTION_TOLERANCE: f64 = 5e-9;
 /// Sine of the angle between two faces beyond which they form no common surface.
 const MAX_FACE_BEND: f64 = 1e-2;
-/// Displacement over the radius of the ball about A by which B may rise against C in the step, by free velocities.
+/// Largest free displacement of B relative to C along the normal in the step, over the radius of the ball about A.
 const MAX_RELATIVE_RISE: f64 = 1e-2;
-/// Contacts of one contactor of which all pairs are tried; of more only those near each other.
+/// Largest number of contacts of one contactor for which all pairs are tested; beyond it only pairs near each other are.
 const MAX_CONTACTS_ALL_PAIRS: usize = 64;
 /// Contactors per task.
 const CONTACTORS_PER_TASK: usize = 256;
 
-/// A convex shape as the test needs it.
+/// Convex shape, reduced to what the flush-joint test needs.
 enum ConvexSolid<'a> {
     Sphere {
         radius: f64,
@@ -53,7 +55,7 @@ enum ConvexSolid<'a> {
         half_lengths: &'a Vec3,
     },
     Polyhedron(&'a PosedPolyhedron<'a>),
-    /// Its axis is the third.
+    /// Cylinder about the third axis.
     Cylinder {
         axes: &'a Quat,
         half_height: f64,
@@ -75,8 +77,8 @@ impl ConvexSolid<'_> {
         }
     }
 
-    /// Normal of the face closest to `n` and the distance of its plane from the centre, m; of a cylinder that of an end, none of
-    /// a sphere.
+    /// Normal of the face closest to `n`, and the distance of its plane from the centre, m. For a cylinder the faces are
+    /// its ends; a sphere has none.
     fn face_along(&self, n: &Vec3) -> Option<(Vec3, f64)> {
         match self {
             ConvexSolid::Sphere { .. } => None,
@@ -96,12 +98,13 @@ impl ConvexSolid<'_> {
     }
 }
 
-/// A contactor near A.
+/// Contactor near A.
 struct NearbyContactor<'a> {
     solid: ConvexSolid<'a>,
-    /// Relative to A's, m.
+    /// Centre relative to the centre of A, m.
     centre: Vec3,
-    /// Velocity and angular velocity of its body at the step's end if nothing touched; the body's centre relative to A's.
+    /// Free velocity and angular velocity of its body at the step's end, and the body's centre relative to the centre of
+    /// A.
     v: Vec3,
     w: Vec3,
     body: Vec3,
@@ -113,46 +116,46 @@ impl NearbyContactor<'_> {
     }
 }
 
-/// Contactor A, m.
+/// Contactor A; lengths in m.
 struct UpperContactor<'a> {
     solid: ConvexSolid<'a>,
     centre: Vec3,
     radius: f64,
     /// Largest displacement in the step, m.
     travel: f64,
-    /// s
+    /// Time for which contacts are predicted, s.
     lookahead: f64,
 }
 
-/// A contact of A with one contactor; lengths from A's centre.
+/// Contact of A with one contactor; positions are relative to the centre of A.
 #[derive(Clone, Copy)]
 struct SurfaceContact {
-    /// Which of the contacts, or pairs.
+    /// Index of the contact or pair.
     of: u32,
     /// Whether A is the antagonist.
     turned: bool,
-    /// From the other to A.
+    /// Normal from the other contactor to A.
     normal: Vec3,
-    /// On the other's surface, m.
+    /// Contact point on the other contactor's surface, m.
     at: Vec3,
-    /// Of the other contactor, m.
+    /// Centre of the other contactor, m.
     centre: Vec3,
-    /// Of a ball about `at` that holds the other contactor, m.
+    /// Radius of a ball about `at` that contains the other contactor, m.
     reach: f64,
 }
 
-/// The plane of a face of C, below A.
+/// Plane of a face of C, below A.
 #[derive(Clone, Copy)]
 struct FacePlane {
     n: Vec3,
-    /// n·x on it, x from A's centre, m.
+    /// Height n·x of the plane, x from the centre of A, m.
     height: f64,
-    /// Of what the digits of files leave unknown of it, m.
+    /// Uncertainty of `height` due to the rounding of numbers in files, m.
     digits: f64,
 }
 
 impl UpperContactor<'_> {
-    /// The plane of the face of C above which a contact with C keeps A; `gap` is the least of that contact, m.
+    /// Plane of the face of C above which a contact with C keeps A. `gap`: smallest gap of that contact, m.
     fn supporting_plane(&self, touch: &SurfaceContact, c: &NearbyContactor, gap: f64) -> Option<FacePlane> {
         let (n, face) = c.solid.face_along(&touch.normal)?;
         if n.dot(&touch.normal) < 1.0 - ON_FACE_TOLERANCE {
@@ -168,7 +171,7 @@ impl UpperContactor<'_> {
         })
     }
 
-    /// Whether a contact with B in direction `normal`, at points `at`, is an inner one below the plane of C.
+    /// Whether a contact with B in direction `normal`, at points `at`, is an inner contact below the plane of C.
     fn is_inner(
         &self,
         plane: &FacePlane,
@@ -181,7 +184,8 @@ impl UpperContactor<'_> {
         if normal.dot(n) >= 1.0 - SAME_DIRECTION_TOLERANCE {
             return false;
         }
-        // Bounds of B's height where A can meet it: its whole, and the plane of its face, which it is nowhere above.
+        // Bounds of B's height where A can meet it: the height of all of B, and the plane of its face, which bounds B
+        // from above.
         let whole = b.solid.support_height(n);
         let mut top = n.dot(&b.centre) + whole;
         let tolerance = FLUSH_TOLERANCE * self.radius + digits + self.height_uncertainty(n, b, whole);
@@ -200,17 +204,19 @@ impl UpperContactor<'_> {
         top <= height + tolerance && at.iter().all(|at| rise(at) <= MAX_RELATIVE_RISE * self.radius)
     }
 
-    /// What the digits of files leave unknown of the height of a face at `distance` from a contactor's centre, m.
+    /// Uncertainty of the height of a face at `distance` from a contactor's centre due to the rounding of numbers in
+    /// files, m.
     fn height_uncertainty(&self, n: &Vec3, near: &NearbyContactor, distance: f64) -> f64 {
         FILE_ROUNDING * (n.dot(&(self.centre + near.centre)).abs() + distance.abs())
     }
 }
 
-/// Whether the point of a contact, and the centre of the other contactor, are so low, seen from the surface that another
-/// contact touches, that it may be an inner one.
+/// Whether the point of a contact and the centre of the other contactor are low enough, relative to the surface of
+/// another contact, that the contact may be an inner one.
 #[inline(always)]
 fn may_be_inner(of: &SurfaceContact, by: &SurfaceContact) -> bool {
-    // As far as the direction of the contact may be from the normal of the face, and the surfaces from flush.
+    // Tolerance: the largest angle between the contact's direction and the face's normal, and the largest deviation from
+    // flush surfaces.
     let is_low = |point: &Vec3| {
         let between = point - by.at;
         let above = by.normal.dot(&between) - FLUSH_TOLERANCE * (of.reach + by.reach);
@@ -219,14 +225,15 @@ fn may_be_inner(of: &SurfaceContact, by: &SurfaceContact) -> bool {
     is_low(&of.at) && is_low(&of.centre) && of.normal.dot(&by.normal) < 1.0 - SAME_DIRECTION_TOLERANCE
 }
 
-/// A bound of [`may_be_inner`] that takes three products a pair: nearly all contacts of rough bodies fail it.
+/// Necessary condition for [`may_be_inner`] that takes three products per pair; nearly all contacts of rough bodies fail
+/// it.
 struct ContactHeights {
-    /// Directions of the contacts, and where each touches, m.
+    /// Directions and points of the contacts, m.
     normals: Vec<Vec3>,
     points: Vec<Vec3>,
     /// normal·point, m.
     heights: Vec<f64>,
-    /// Largest height above another contact's plane that each may add to an inner contact, m.
+    /// Largest height of an inner contact above the plane of another contact, m, by contact.
     tolerances: Vec<f64>,
 }
 
@@ -251,14 +258,14 @@ impl ContactHeights {
         }
     }
 
-    /// How many contacts are that low, seen from the surface that contact `by` touches, itself included.
+    /// Number of contacts that are low enough relative to the surface of contact `by`, itself included.
     fn count_low(&self, by: usize) -> usize {
         let (normal, height, tolerance) = (self.normals[by], self.heights[by], self.tolerances[by]);
         let is_low = |(point, of): (&Vec3, &f64)| normal.dot(point) - height <= of + tolerance;
         self.points.iter().zip(&self.tolerances).map(|low| usize::from(is_low(low))).sum()
     }
 
-    /// Whether contact `of` is low enough for an inner one, seen from the surface that contact `by` touches.
+    /// Whether contact `of` is low enough for an inner contact relative to the surface of contact `by`.
     #[inline(always)]
     fn is_low(&self, of: usize, by: usize) -> bool {
         let above = self.normals[by].dot(&self.points[of]) - self.heights[by];
@@ -266,14 +273,14 @@ impl ContactHeights {
     }
 }
 
-/// Memory for the contacts of one contactor after the other.
+/// Scratch memory, reused from contactor to contactor.
 struct JointScratch {
     /// Contacts that may act in the step.
     near: Vec<u32>,
     heights: ContactHeights,
-    /// Of each contact once it is needed.
+    /// Supporting plane of each contact, computed on first use.
     planes: Vec<Option<Option<FacePlane>>>,
-    /// Inner contacts, those that hide them, and the normals of the planes that do.
+    /// Inner contacts, the contacts that hide them, and the normals of the hiding planes.
     found: Vec<(usize, usize, Vec3)>,
 }
 
@@ -284,8 +291,8 @@ impl JointScratch {
 
     /// Appends to `inner` the inner contacts among `count` contacts of A, each with the normal of a plane that hides it.
     ///
-    /// `touch`: a contact by its number; `plane`: that of the face that keeps A up in a contact; `test`: whether one contact is an inner one below the plane of
-    /// another.
+    /// `touch` returns a contact by its number. `plane` returns the plane of the face that supports A in a contact.
+    /// `test` returns whether one contact is an inner contact below the plane of another.
     fn find_inner_contacts(
         &mut self,
         count: usize,
@@ -328,7 +335,7 @@ impl JointScratch {
                 }
             }
         }
-        // What is an inner contact itself keeps nothing up.
+        // An inner contact supports nothing.
         let stays = |by: usize| found.iter().all(|(of, ..)| *of != by);
         let first = inner.len();
         for &(of, by, n) in found.iter() {
@@ -340,7 +347,7 @@ impl JointScratch {
     }
 }
 
-/// Contacts of spheres with plates, without those with rims between flush plates.
+/// Returns the contacts of spheres with plates without those with rims between flush plates.
 pub(super) fn without_inner_rims(
     scene: &Scene,
     q_c: &ContactConfiguration,
@@ -405,17 +412,17 @@ pub(super) fn without_inner_rims(
     left
 }
 
-/// Contacts of two contactors that follow each other.
+/// Consecutive contacts of the same two contactors.
 struct ContactRun {
     start: u32,
     end: u32,
     /// Candidate and antagonist.
     parts: [u32; 2],
-    /// The least one, m.
+    /// Smallest gap, m.
     gap: f64,
 }
 
-/// Removes the inner ones of the contacts, in the order of their keys; returns their candidates and antagonists.
+/// Removes the inner contacts from contacts that are ordered by key; returns their candidates and antagonists.
 pub(super) fn remove_inner_edges(
     scene: &Scene,
     q_c: &ContactConfiguration,
@@ -442,7 +449,8 @@ pub(super) fn remove_inner_edges(
     }
     let runs = contact_runs(scene, contacts);
     let nobody = places.len() as u32;
-    // Contact k from its candidate is 2k, from its antagonist 2k + 1; only those with polyhedra and solid cylinders count.
+    // Contact k has the number 2k seen from its candidate and 2k + 1 from its antagonist; only polyhedra and solid
+    // cylinders count.
     let keys: Vec<u32> = runs
         .iter()
         .flat_map(|ContactRun { parts: [a, b], .. }| [(a, b), (b, a)])
@@ -455,7 +463,7 @@ pub(super) fn remove_inner_edges(
         let keys = &order[starts[part] as usize..starts[part + 1] as usize];
         let run = |key: u32| &runs[key as usize / 2];
         let other = |key: u32| run(key).parts[usize::from(key % 2 == 0)];
-        // B cannot be nearer than C is: what the two cannot reach in this step is no inner contact, nor hides one.
+        // B cannot be nearer than C. A contact that cannot close in this step is not an inner contact and hides none.
         let others = keys.iter().map(|&key| places[other(key) as usize].travel);
         let reach = a.travel + others.fold(0.0, f64::max) + 2.0 * FLUSH_TOLERANCE * a.radius;
         let mut near = std::mem::take(&mut scratch.near);
@@ -541,7 +549,7 @@ pub(super) fn remove_inner_edges(
     inner.sort_by_key(|(touch, _)| touch.of);
     inner.dedup_by_key(|(touch, _)| touch.of);
     let mut pairs = Vec::with_capacity(inner.len());
-    // Contacts up to `to` are done; those from `from` on move up to where the inner ones leave room.
+    // Contacts before `to` are final; those from `from` on move up into the gaps that inner contacts leave.
     let (mut to, mut from, mut shift) = (0, 0, 0);
     for (touch, n) in inner {
         let ContactRun { start, end, parts, .. } = runs[touch.of as usize];

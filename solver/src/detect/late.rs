@@ -1,4 +1,4 @@
-//! Pairs that no free velocity closes, but the velocities that contacts have given.
+//! Late pairs: pairs that the free velocities do not close, but the velocities after contact do.
 
 use std::collections::HashSet;
 
@@ -12,11 +12,11 @@ use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::{BodyShape, Scene};
 use crate::state::Contact;
 
-/// Contacts of pairs that are not among `listed` and that the `solved` velocities close in the step, in the order of their keys.
+/// Contacts of pairs that are not in `listed` and that the velocities `solved` close in the step, ordered by key.
 ///
-/// `free`, `solved`: velocities (m/s) and angular velocities (rad/s) in the contact configuration without and with contacts. A pair
-/// whose bodies have changed their ways by less than the margin with which pairs are listed cannot be one: most
-/// steps end with that.
+/// `free`, `solved`: velocities (m/s) and angular velocities (rad/s) in the contact configuration without and with
+/// contacts. A pair whose displacements contacts have changed by less than the margin of the list cannot be late. Most
+/// steps end with that test.
 pub fn late_contacts(
     scene: &Scene,
     q_c: &ContactConfiguration,
@@ -26,7 +26,7 @@ pub fn late_contacts(
 ) -> Vec<Contact> {
     let alerts = scene.visibility.table.iter().flatten().map(|see| see.alert);
     let Some(alert) = alerts.reduce(f64::min).filter(|_| !listed.is_empty()) else { return Vec::new() };
-    // Half of it for each of the two.
+    // Each of the two bodies gets half of the margin.
     let margin = 0.5 * LISTING_MARGIN * alert;
     let extents = rotating_extents(scene);
     let turned = |i: usize| {
@@ -44,14 +44,14 @@ pub fn late_contacts(
     if scene.is_general() {
         let mut found =
             parts::swept_contacts(scene, q_c, &ways, NarrowPhaseMode::Accurate, |body| searched[body as usize]);
-        // All points of a pair of which one closes.
+        // All points of a pair are added if one of them closes.
         let closing: HashSet<_> =
             found.iter().filter(|contact| gap_closes(contact, q_c, solved, span)).map(contactor_pair).collect();
         found.retain(|contact| closing.contains(&contactor_pair(contact)) && !known.contains(&contactor_pair(contact)));
         if found.is_empty() {
             return found;
         }
-        // What is inside a flush joint only shows with the contacts that keep its body up.
+        // Inner contacts of flush joints can only be recognised together with the contacts that support the body.
         let mut all = [listed, &found].concat();
         all.sort_unstable_by_key(Contact::key);
         let mut left = parts::without_inner_edges(scene, q_c, &ways, all);
@@ -86,7 +86,7 @@ pub fn late_contacts(
             near && gap_closes(&super::sphere_contact(scene, q_c, *pair, 0), q_c, solved, span)
         }));
     }
-    // What is inside a flush joint only shows with the contacts that keep its sphere up.
+    // Inner contacts of flush joints can only be recognised together with the contacts that support the sphere.
     let is_plane = |body: u32| matches!(scene.bodies[body as usize].shape, BodyShape::Plane { .. });
     let (mut of_planes, others): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|(pair, _)| is_plane(pair[1]));
     if !of_planes.is_empty() {
@@ -100,12 +100,12 @@ pub fn late_contacts(
     found.filter(|contact| !known.contains(&contactor_pair(contact))).collect()
 }
 
-/// What tells the pairs of contactors apart.
+/// Bodies and ranks that identify the pair of contactors.
 fn contactor_pair(contact: &Contact) -> (u32, u32, (u16, u16)) {
     (contact.candidate, contact.antagonist, contact.ranks)
 }
 
-/// Whether a contact's gap closes at these velocities within `span`, s.
+/// Whether a contact's gap closes at these velocities within `span` (s).
 fn gap_closes(contact: &Contact, q_c: &ContactConfiguration, [v, w]: [&[Vec3]; 2], span: f64) -> bool {
     let [a, b] = [contact.candidate as usize, contact.antagonist as usize];
     let at = |i: usize, centre: Vec3| v[i] + w[i].cross(&(contact.point - centre));
@@ -113,7 +113,8 @@ fn gap_closes(contact: &Contact, q_c: &ContactConfiguration, [v, w]: [&[Vec3]; 2
     contact.gap + span * contact.normal.dot(&u) < 0.0
 }
 
-/// Of each body the largest distance from its centre of what a rotation moves, m; empty in a scene of spheres and plates.
+/// Largest distance from the centre of each body of the points that a rotation moves, m; empty in a scene of spheres and
+/// plates.
 fn rotating_extents(scene: &Scene) -> Vec<f64> {
     if !scene.is_general() {
         return Vec::new();

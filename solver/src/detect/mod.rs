@@ -1,10 +1,9 @@
-//! Stage: the contact configuration to contacts.
+//! Stage: detects the contacts of the contact configuration.
 //!
-//! A pair is listed when its gap is at most the alert distance of its row in TACT_BEHAV.DAT, or
-//! the range of its cohesion, or when the free velocities of its two bodies against each other close it in the
-//! step: so no contact that can close in the step is missed, however short the alert distance, and no motion that
-//! bodies have in common, or that parts them, lists a pair. Contact impulses may turn bodies towards others:
-//! `late` finds the pairs that the solved velocities close.
+//! A pair is listed if its gap is at most the alert distance of its row in TACT_BEHAV.DAT or the range of its cohesion,
+//! or if the free relative velocity of its bodies closes the gap in the step. Every contact that can close in the step is
+//! therefore listed, however short the alert distance. Common or separating motion lists no pair. Contact impulses may
+//! turn bodies towards others: `late` detects the pairs that the solved velocities close.
 
 pub mod broad;
 mod joints;
@@ -33,7 +32,7 @@ use crate::integrate::ContactConfiguration;
 /// All listed contacts, in the order of [`Contact::key`].
 ///
 /// `free`: velocities (m/s) and angular velocities (rad/s) after the step if nothing touched.
-/// `known`: of the last step, then of this one.
+/// `known`: cache of the last step; updated to this step.
 pub fn listed_contacts(
     scene: &Scene,
     q_c: &ContactConfiguration,
@@ -48,22 +47,22 @@ pub fn listed_contacts(
     let mut of_planes = joints::without_inner_rims(scene, q_c, &ways, sphere_plate_pairs(scene, q_c, &ways));
     if !of_planes.is_empty() {
         pairs.append(&mut of_planes);
-        pairs.sort(); // runs in order, which it finds
+        pairs.sort(); // fast: merges sorted runs
     }
     pairs.par_iter().with_min_len(256).map(|&(pair, law)| sphere_contact(scene, q_c, pair, law)).collect()
 }
 
 /// Displacements of bodies in the step.
 struct TravelBounds<'a> {
-    /// Length of each past what all have in common, m.
+    /// Length of each body's displacement relative to the mean motion, m.
     travel: Vec<f64>,
-    /// Mean free velocity of the free bodies, m/s: what they share moves no two past each other.
+    /// Mean free velocity of the free bodies, m/s; it changes no distance.
     mean_velocity: Vec3,
     v_free: &'a [Vec3],
     w_free: &'a [Vec3],
-    /// s
+    /// Time for which contacts are predicted, s.
     lookahead: f64,
-    /// [`NEARBY_GAP`] for the time looked ahead.
+    /// [`NEARBY_GAP`] scaled to the lookahead.
     nearby: f64,
 }
 
@@ -76,7 +75,7 @@ impl<'a> TravelBounds<'a> {
         TravelBounds { travel, mean_velocity: drift, v_free, w_free, lookahead: ahead, nearby: NEARBY_GAP * steps }
     }
 
-    /// Displacement of the centre of body `i` past what all have in common, m.
+    /// Displacement of the centre of body `i` relative to the mean motion, m.
     fn centre_path(&self, i: usize) -> Vec3 {
         (self.v_free[i] - self.mean_velocity) * self.lookahead
     }
@@ -86,22 +85,23 @@ impl<'a> TravelBounds<'a> {
         self.w_free[i] * self.lookahead
     }
 
-    /// The way of what turns with body `i`, at most `arm` (m) from its centre, m.
+    /// Largest displacement by rotation of points of body `i` at most `arm` (m) from its centre, m.
     fn surface_travel(&self, i: usize, arm: f64) -> f64 {
         self.travel[i] + self.lookahead * self.w_free[i].norm() * arm
     }
 }
 
-/// What the fast narrow phase misses, m.
+/// Error of the fast narrow phase, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NarrowPhaseError {
-    /// Difference of a pair's least gap from what the accurate narrow phase finds, mean of the pairs that touch for one of them.
+    /// Difference of a pair's smallest gap between the fast and the accurate narrow phase, mean over the pairs that touch
+    /// in either.
     pub mean: f64,
     pub largest: f64,
 }
 
-/// Compares `contacts` with what the accurate narrow phase finds; the other arguments are those of [`listed_contacts`] that made
-/// them. A pair that only one of them lists counts with its overlap.
+/// Compares `contacts` with the result of the accurate narrow phase; the other arguments are those of [`listed_contacts`]
+/// that gave `contacts`. A pair that only one of the two lists counts with its overlap.
 pub fn narrow_phase_error(
     scene: &Scene,
     q_c: &ContactConfiguration,
@@ -138,7 +138,7 @@ pub fn narrow_phase_error(
 /// Candidate and antagonist within range of each other, and their law.
 type ListedPair = ([u32; 2], u8);
 
-/// In the order of candidates, then of antagonists.
+/// Contacts of spheres with spheres, ordered by candidate, then by antagonist.
 fn sphere_sphere_pairs(
     scene: &Scene,
     q_c: &ContactConfiguration,
@@ -170,7 +170,8 @@ fn sphere_sphere_pairs(
     known.pairs.par_iter().with_min_len(512).filter_map(listed).collect()
 }
 
-/// Two of the spheres and how they see each other; none if they do not, or cannot push.
+/// Pair with the candidate first, and its visibility rule; `None` if the table has no rule for it, or if the
+/// motion of both bodies is imposed.
 fn visible_pair(scene: &Scene, pair: [u32; 2]) -> Option<([u32; 2], InteractionRule)> {
     let [a, b] = pair.map(|k| &scene.bodies[scene.spheres[k as usize] as usize]);
     Some((pair, scene.visibility.interaction_rule(a.class, b.class)?)).filter(|_| !(a.is_imposed() && b.is_imposed()))
@@ -180,14 +181,14 @@ fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, ways: &TravelBo
     let with = |&plane: &u32| {
         let p = plane as usize;
         let BodyShape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
-        // A wall's travel is that of its farthest corner.
+        // A wall's displacement is that of its farthest corner.
         let swept = ways.surface_travel(p, half_lengths.norm());
         let (path, turn) = (ways.centre_path(p), ways.rotation_vector(p));
         let into_axes = q_c.q[p].inverse().to_rotation_matrix();
         let near = move |&sphere: &u32| {
             let (s, pair) = (sphere as usize, [sphere, plane]);
             let travel = ways.travel[s] + swept;
-            // Most are far off: that takes no law and no geometry.
+            // Most spheres are far from the plate and need neither law nor geometry.
             let from = q_c.x[s] - q_c.x[p] - scene.nearest_image_shift(&q_c.x[s], &q_c.x[p]);
             let gap = ((into_axes * from).abs() - half_lengths).max() - scene.bodies[s].radius;
             let [sphere, plane] = [s, p].map(|i| &scene.bodies[i]);
@@ -195,7 +196,8 @@ fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, ways: &TravelBo
             let see = scene.visibility.interaction_rule(sphere.class, plane.class).filter(|_| near)?;
             let found = contact_geometry(scene, q_c, pair);
             let approach = ApproachBounds { travel, nearby: ways.nearby * sphere.radius };
-            // A plate is convex: what passes it stays beyond the plane through its nearest point. As it turns its surface bends.
+            // A plate is convex: a passing sphere stays beyond the plane through the nearest point. If the plate turns,
+            // its surface bends.
             let closing = || {
                 let against = ways.centre_path(s) - path - turn.cross(&from);
                 let bend = 0.5 * turn.norm_squared() * from.norm();
@@ -225,16 +227,17 @@ fn contact_geometry(
     }
 }
 
-/// How near two bodies may come in the step.
+/// Bounds on the approach of two bodies in the step.
 #[derive(Clone, Copy)]
 struct ApproachBounds {
-    /// At most, by their speeds past what all have in common, m.
+    /// Largest approach by their speeds relative to the mean motion, m.
     travel: f64,
-    /// Gap up to which they are listed whichever way they move, m.
+    /// Gap up to which the pair is listed whatever its motion, m.
     nearby: f64,
 }
 
-/// Whether two that see each other so are near enough; `closing`: the least gap on their ways through the step, m.
+/// Whether a pair with this rule is near enough to be listed; `closing`: smallest gap along the trajectories in the step,
+/// m.
 fn is_listed(
     scene: &Scene,
     [candidate, antagonist]: [u32; 2],
@@ -243,7 +246,7 @@ fn is_listed(
     ApproachBounds { travel, nearby }: ApproachBounds,
     closing: impl Fn() -> f64,
 ) -> bool {
-    // The range of a bond needs the radii, which a near pair is not asked for.
+    // The range of a bond depends on the radii, which other pairs do not read.
     let law = &scene.laws[see.law as usize];
     let range = || law.interaction_range(scene.effective_radius((candidate, 0), (antagonist, 0)));
     gap <= see.alert.max(travel.min(nearby))
@@ -251,7 +254,7 @@ fn is_listed(
         || (law.cohesion().is_some() && gap <= range())
 }
 
-/// Part of the alert distance by which ways may pass each other and still be listed, so that small changes of velocities by contacts
+/// Part of the alert distance within which passing bodies are still listed, so that small changes of velocity by contacts
 /// close no pair that is not listed.
 const LISTING_MARGIN: f64 = 0.5;
 

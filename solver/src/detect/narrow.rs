@@ -9,12 +9,12 @@ pub const PLATE_RIM: u32 = 2;
 
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ContactGeometry {
-    /// m, < 0 interpenetrating.
+    /// Gap, m, < 0 interpenetrating.
     pub gap: f64,
-    /// Unit, from the antagonist to the candidate.
+    /// Unit normal from the antagonist to the candidate.
     pub normal: Vec3,
-    /// One point for both bodies, so that a contact's impulse conserves angular momentum: it divides the distance of two
-    /// spheres as their radii do, and is the middle of the gap between sphere and plate, m.
+    /// Contact point, m. Both bodies share it, so that a contact's impulse conserves angular momentum. It divides the
+    /// distance of two spheres in the ratio of their radii, and is the middle of the gap between sphere and plate.
     pub point: Vec3,
     /// Feature of the antagonist.
     pub feature: u32,
@@ -35,7 +35,7 @@ pub fn sphere_sphere(a: &Vec3, radius_a: f64, b: &Vec3, radius_b: f64) -> Contac
     ContactGeometry { gap, normal, point: b + normal * (distance * (radius_b / (radius_a + radius_b))), feature: 0 }
 }
 
-/// A sphere against a plate: the nearest point of the plate; from within, the nearer contact face.
+/// Sphere against a plate: the nearest point of the plate; for a centre inside the plate, the nearer contact face.
 pub fn sphere_plane(
     centre: &Vec3,
     radius: f64,
@@ -66,8 +66,9 @@ pub const CYLINDER_END: u32 = 1;
 pub const CYLINDER_OTHER_END: u32 = 2;
 pub const CYLINDER_RIM: u32 = 3;
 
-/// A sphere against a cylinder of `[half height, radius]` along its third axis: the nearest point of a solid one, from
-/// within through the nearest face; of a hollow one, which is closed, the side and the nearer end as seen from within.
+/// Sphere against a cylinder of `[half height, radius]` along its third axis. A solid cylinder has one contact at its
+/// nearest point, or at the nearest face for a centre inside it. A hollow cylinder is closed: its side and the nearer end
+/// are touched from inside.
 pub fn sphere_cylinder(
     centre: &Vec3,
     radius: f64,
@@ -137,7 +138,7 @@ mod tests {
                 .map(Option::unwrap_or_default)
         };
         let check = |found: ContactGeometry, gap: f64, normal: [f64; 3], feature: u32| {
-            // A few roundings of numbers up to 3, of which the distance is a difference.
+            // Tolerance: a few roundings of numbers up to 3, whose difference is the distance.
             assert!((found.gap - gap).abs() < 1e-14 && (found.normal - Vec3::from(normal)).norm() < 1e-14, "{found:?}");
             assert_eq!(found.feature, feature);
         };

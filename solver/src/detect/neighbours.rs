@@ -1,7 +1,8 @@
-//! Pairs that are near each other, or may come near in the next steps: so that they need not be looked for in each.
+//! Near pairs, and pairs that may come near in the next steps, kept so that they are not searched in each step.
 //!
-//! Each body has a skin (Verlet skin) within which it may move before the pairs are searched again, and so they do not depend on the fastest: the lists
-//! of L. Verlet, Phys. Rev. 159 (1967) 98-103, with skins of their own. Nothing but time depends on when that is done.
+//! Each body has a skin (Verlet skin): the list remains valid until a body has moved by more than its skin, so that it
+//! does not depend on the fastest body. These are the lists of L. Verlet, Phys. Rev. 159 (1967) 98-103, with one skin per
+//! body. The time of a rebuild changes no result.
 
 use rayon::prelude::*;
 
@@ -10,35 +11,35 @@ use crate::detect::swept::SweptBall;
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::state::NeighbourList;
 
-/// Room of what does not move, over the mean radius.
+/// Skin of a body at rest, over the mean radius.
 const MIN_SKIN: f64 = 0.01;
-/// Steps of motion by which the skin of a moving body is wider.
+/// Number of steps of motion that are added to the skin of a moving body.
 const SKIN_STEPS: f64 = 6.0;
-/// Mean skin over the mean radius, beyond which pairs that are not near cost more than they save.
+/// Largest mean skin over the mean radius; with wider skins the pairs that are not near cost more than the list saves.
 const MAX_MEAN_SKIN: f64 = 0.2;
-/// Room where nothing is to be saved: what rounding may make of a distance.
+/// Skin where a list saves nothing: covers the rounding of distances.
 const ROUNDING_SKIN: f64 = 1e-9;
-/// Pairs that cells would find per thing, over those of things that rest, from which on paths are searched instead: cells
-/// know speeds against a common velocity alone.
+/// Ratio of pairs per object in the cells with and without travel beyond which paths are searched instead of cells, which
+/// only know speeds relative to the mean.
 const CROWDING_LIMIT: f64 = 3.0;
 
-/// Things that move, in whose order pairs are numbered.
+/// Moving balls; pairs are numbered in their order.
 pub struct BoundingBalls<'a, P> {
-    /// m
+    /// Centres, m.
     pub centres: &'a [Vec3],
     /// Radius with `travel` and half of the distance at which pairs are listed, m.
     pub reach: &'a [f64],
-    /// Displacement in the time looked ahead, m, of each.
+    /// Displacement of each in the lookahead time, m.
     pub path: P,
-    /// Length of it past what all have in common, m.
+    /// Length of the displacement relative to the mean motion, m.
     pub travel: &'a [f64],
 }
 
 impl<P: Fn(usize) -> Vec3 + Sync> BoundingBalls<'_, P> {
-    /// Whether reaches that hold the travel meet those of many more things than come near.
+    /// Whether the travel included in the reaches makes many more pairs overlap than come near each other.
     fn are_crowded(&self) -> bool {
         let mut both = self.reach.iter().zip(self.travel);
-        // The sum below is more only if one of its terms is.
+        // The sum below is larger only if one of its terms is.
         let least = 1.0 - CROWDING_LIMIT.cbrt().recip();
         if both.all(|(reach, travel)| *travel <= least * reach) {
             return false;
@@ -60,9 +61,9 @@ impl<P: Fn(usize) -> Vec3 + Sync> BoundingBalls<'_, P> {
 }
 
 impl NeighbourList {
-    /// Updates the pairs to those of `things`; returns whether they had to be searched for.
+    /// Updates the list to the pairs of `things`; returns whether it was rebuilt.
     ///
-    /// `size`: the mean radius, m.
+    /// `size`: mean radius, m.
     pub fn rebuild_if_stale<P: Fn(usize) -> Vec3 + Sync>(
         &mut self,
         things: &BoundingBalls<P>,
@@ -82,7 +83,7 @@ impl NeighbourList {
             };
             (0..centres.len()).into_par_iter().with_min_len(PAR_MIN_LEN).all(stays)
         };
-        // What all have in common changes no distance.
+        // A common displacement changes no distance.
         let shift = |from: &[Vec3]| {
             let sum: Vec3 = centres.iter().zip(from).map(|(centre, from)| centre - from).sum();
             sum / centres.len().max(1) as f64
@@ -112,7 +113,7 @@ mod tests {
     use super::*;
     use crate::math::random::point_in_ball;
 
-    /// A crowd that moves by up to `speed` a step, with reaches that come and go.
+    /// Random balls that move by up to `speed` a step, with varying reaches.
     fn crowd(step: f64, speed: f64) -> (Vec<Vec3>, Vec<f64>) {
         let x = (0..300).map(|k| {
             let way = Vec3::new((1.7 * k as f64).sin(), (2.3 * k as f64).cos(), (0.9 * k as f64).sin()).normalize();
@@ -122,7 +123,7 @@ mod tests {
         (x.collect(), reach.collect())
     }
 
-    /// Things whose motion within a step is in their reaches.
+    /// Balls whose motion within a step is included in their reaches.
     fn at_rest<'a>(centres: &'a [Vec3], reach: &'a [f64]) -> BoundingBalls<'a, impl Fn(usize) -> Vec3 + Sync> {
         BoundingBalls { centres, reach, path: |_| Vec3::zeros(), travel: &[0.0; 300] }
     }

@@ -1,4 +1,4 @@
-//! Contacts between contactors of any shapes: balls about them in cells, then the geometry of each pair.
+//! Contacts between contactors of any shape: a broad phase on bounding balls, then the narrow phase of each pair.
 
 use rayon::prelude::*;
 use smallvec::SmallVec;
@@ -19,33 +19,33 @@ use crate::math::{Quat, Vec3, group_by_key};
 use crate::scene::{BodyPart, ContactorShape, InteractionRule, Scene};
 use crate::state::{Contact, DetectionCache, SeparatingAxis};
 
-/// Where a contactor is, and what of the scene each pair asks for: so that a pair reads little memory.
+/// Position of a contactor and the scene data that its pairs need, packed so that a pair reads little memory.
 pub(super) struct PosedContactor<'a> {
     pub centre: Vec3,
     pub axes: Quat,
-    /// How far a point of it can get in the step, m.
+    /// Largest displacement of a point of it in the step, m.
     pub travel: f64,
-    /// Of the ball about it, with what it can travel and half of what is listed, m.
+    /// Radius of the bounding ball with travel and half of the listing distance, m.
     reach: f64,
     /// Displacement of the centre in the step, m, and rotation, rad.
     path: Vec3,
     turn: Vec3,
-    /// Largest distance from the centre of what a rotation moves, m: 0 for a sphere.
+    /// Largest distance from the centre of the points that a rotation moves, m: 0 for a sphere.
     rim: f64,
-    /// Of the ball about it, m.
+    /// Radius of the bounding ball, m.
     pub radius: f64,
-    /// By how much the way of the centre, as the body turns, is not straight, m.
+    /// Largest deviation of the centre's trajectory from a straight line due to the body's rotation, m.
     bend: f64,
-    /// How far its surface has moved in all, m.
+    /// Accumulated displacement of its surface, m.
     accumulated_travel: f64,
-    /// As cohesion knows it, 1/m.
+    /// Curvature used by cohesion, 1/m.
     curvature: f64,
     pub body: u32,
     /// Row and column in the visibility table.
     pub class: u16,
     /// Whether all of its body's motion is imposed.
     imposed: bool,
-    /// Place among the contactors of its body.
+    /// Index among the contactors of its body.
     rank: u16,
     pub shape: PosedShape<'a>,
 }
@@ -58,7 +58,7 @@ pub(super) enum PosedShape<'a> {
 }
 
 impl DetectionCache {
-    /// `bodies`: in an order in which near ones follow each other.
+    /// `bodies`: order in which near bodies follow each other.
     fn rebuild_if_stale(&mut self, scene: &Scene, places: &mut [PosedContactor], bodies: &[u32]) {
         if self.last.len() != places.len() {
             *self = DetectionCache {
@@ -97,7 +97,7 @@ impl DetectionCache {
 }
 
 impl DetectionCache {
-    /// Forgets the direction in which two contactors met, so that the next step searches for it anew.
+    /// Removes the cached direction of two contactors, so that the next step searches it anew.
     fn forget_feature(&mut self, parts: &[u32; 2]) {
         if let Ok(place) = self.order.binary_search_by_key(parts, |&k| self.pairs[k as usize].0) {
             self.memories[self.order[place] as usize] = CachedFeature::default();
@@ -105,7 +105,7 @@ impl DetectionCache {
     }
 }
 
-/// Those of the contacts that are no inner ones.
+/// Returns the contacts without inner contacts.
 pub fn without_inner_edges(
     scene: &Scene,
     q_c: &ContactConfiguration,
@@ -118,7 +118,7 @@ pub fn without_inner_edges(
     contacts
 }
 
-/// All listed contacts in the order of their keys.
+/// All listed contacts, ordered by key.
 pub fn listed_contacts(
     scene: &Scene,
     q_c: &ContactConfiguration,
@@ -151,7 +151,7 @@ pub fn listed_contacts(
     contacts
 }
 
-/// Contacts of pairs that come near each other by these displacements, of bodies of which at least one is `searched`.
+/// Contacts of pairs that these displacements bring near each other; at least one body of each pair is `searched`.
 pub fn swept_contacts(
     scene: &Scene,
     q_c: &ContactConfiguration,
@@ -186,23 +186,23 @@ pub fn swept_contacts(
     contacts_by_key(&found, scene.bodies.len(), width)
 }
 
-/// Pairs that one task looks at, and what is known of them.
+/// Pairs of one task with their cached data.
 struct PairChunk<'p> {
     pairs: &'p [([u32; 2], InteractionRule)],
     memories: &'p mut [CachedFeature],
     separations: &'p mut [SeparatingAxis],
 }
 
-/// So many.
+/// Pairs per task.
 const PAIRS_PER_TASK: usize = 256;
 
-/// With what pairs are looked at, one task after the other.
+/// Scratch memory for the narrow phase, reused from task to task.
 struct NarrowPhaseScratch<'a> {
     polyhedra: PairBatch<'a, CandidatePair<'a>>,
     prefetcher: Prefetcher<'a>,
 }
 
-/// Looks at those pairs that are not known to be apart.
+/// Applies the narrow phase to the pairs that are not known to be apart.
 fn narrow_phase_chunk<'a>(
     scene: &Scene,
     places: &'a [PosedContactor<'a>],
@@ -229,7 +229,7 @@ fn narrow_phase_chunk<'a>(
             ahead.prefetch(pairs[later].0);
         }
         let meeting = CandidatePair::new(scene, places, nearby, k, &pairs[k]);
-        // Ways that lead past each other shorten the range.
+        // Trajectories that pass each other shorten the range.
         if separations[k].valid_travel > meeting.accumulated_travel() + meeting.range.alert {
             continue;
         }
@@ -245,8 +245,8 @@ fn narrow_phase_chunk<'a>(
     listed
 }
 
-/// Gap over the smaller radius up to which a pair has all its points, though it does not close: faces that lie on each other in a
-/// common fall are pushed together in all of them once something is in the way.
+/// Gap over the smaller radius up to which a pair gets all its points even if it does not close: faces in contact during
+/// a common fall are pushed together at all their points once something stops them.
 const FULL_MANIFOLD_GAP: f64 = 1e-3;
 
 /// Two contactors that may be near each other.
@@ -256,20 +256,20 @@ pub(super) struct CandidatePair<'a> {
     pair: usize,
     pub a: &'a PosedContactor<'a>,
     pub b: &'a PosedContactor<'a>,
-    /// From the centre of `a` to that of `b`, m, and what of that is from `b` to its image.
+    /// Vector from the centre of `a` to that of `b`, and the part of it from `b` to its periodic image, m.
     pub c: Vec3,
     image: Vec3,
     pub range: ListingRange,
     law: u8,
-    /// Gap up to which points are listed however the two move, m; infinite where all that are found are.
+    /// Gap up to which points are listed whatever the motion, m; infinite if all points are.
     always: f64,
-    /// Part of the alert distance by which ways may pass each other, m.
+    /// Part of the alert distance within which passing bodies are still listed, m.
     margin: f64,
 }
 
 impl<'a> CandidatePair<'a> {
-    /// How far the surfaces of two contactors have moved together, and the largest range that they may have, m: less than a
-    /// meeting takes to make.
+    /// Accumulated displacement of the surfaces of two contactors, and their largest possible range, m; cheaper than a
+    /// meeting.
     #[inline(always)]
     fn listing_reach(
         scene: &Scene,
@@ -298,7 +298,7 @@ impl<'a> CandidatePair<'a> {
         let image = scene.nearest_image_shift(&a.centre, &b.centre);
         let c = b.centre + image - a.centre;
         let held = law.interaction_range(radius);
-        // Farther apart than that they do not touch in this step, unless something pushes them.
+        // Contactors farther apart than this touch in this step only if a contact pushes them.
         let (mut travel, mut always) = (a.travel + b.travel, f64::INFINITY);
         let nearby = nearby * a.radius.min(b.radius);
         let margin = LISTING_MARGIN * see.alert;
@@ -311,7 +311,7 @@ impl<'a> CandidatePair<'a> {
         CandidatePair { pair, a, b, c, image, range, law: see.law, always, margin }
     }
 
-    /// Whether the balls about them come within the range in the step.
+    /// Whether the bounding balls come within the range in the step.
     fn is_near(&self) -> bool {
         let CandidatePair { a, b, c, .. } = self;
         let reach = a.reach + b.reach;
@@ -320,9 +320,9 @@ impl<'a> CandidatePair<'a> {
         near && (self.always == f64::INFINITY || swept::least_distance(c, &(b.path - a.path)) <= rest + a.bend + b.bend)
     }
 
-    /// Gap up to which points with this normal, from the antagonist to the candidate, are listed, m.
+    /// Gap up to which points with this normal (from the antagonist to the candidate) are listed, m.
     fn listing_gap(&self, normal: &Vec3) -> f64 {
-        // The inside of a cylinder curves towards what moves along it.
+        // The inside of a cylinder curves towards a body that moves along it.
         let curves = matches!(self.b.shape, PosedShape::Cylinder { hollow: true, .. });
         if self.always == f64::INFINITY || curves {
             return self.range.alert;
@@ -331,12 +331,12 @@ impl<'a> CandidatePair<'a> {
         self.always.max(closing + self.margin).min(self.range.alert)
     }
 
-    /// How far their surfaces have moved together, m.
+    /// Accumulated displacement of both surfaces, m.
     fn accumulated_travel(&self) -> f64 {
         self.a.accumulated_travel + self.b.accumulated_travel
     }
 
-    /// The points of a manifold up to the range, of which those on its area share it.
+    /// Points of a manifold up to the range; points on its area share the area.
     pub fn listed_contacts<'m>(&'m self, manifold: &'m Manifold) -> impl Iterator<Item = Contact> + 'm {
         let CandidatePair { a, b, range, .. } = self;
         let up_to = self.listing_gap(&manifold.normal);
@@ -357,9 +357,9 @@ impl<'a> CandidatePair<'a> {
     }
 }
 
-/// How far the surfaces of `a` and `b`, at `c` from it, come nearer in the step, m: `along` of their displacement against each
-/// other, and what turning adds. As seen by an observer who turns with one of them or not at all: what turns as one body does
-/// not move.
+/// Approach of the surfaces of `a` and `b` in the step, with b at `c` from a, m: the component `along` of their relative
+/// displacement, and the contribution of rotation. The smallest of the values seen by observers who turn with a, with b
+/// or not at all: bodies that turn as one do not approach.
 fn surface_approach(a: &PosedContactor, b: &PosedContactor, c: &Vec3, along: impl Fn(&Vec3) -> f64) -> f64 {
     let path = a.path - b.path;
     let turn = (a.turn - b.turn).norm();
@@ -369,16 +369,16 @@ fn surface_approach(a: &PosedContactor, b: &PosedContactor, c: &Vec3, along: imp
     at_rest.min(with_a).min(with_b)
 }
 
-/// What a task has found.
+/// Contacts that a task has found.
 struct ListedContacts {
     contacts: Vec<Contact>,
-    /// Candidates of contacts that follow each other, and where these begin.
+    /// Candidates of consecutive contacts, and the index where each run begins.
     runs: Vec<(u32, usize)>,
-    /// Of the scene, m.
+    /// Periods of the scene, m.
     periods: [Option<f64>; 2],
 }
 
-/// Part of the balls' radii within which rounding may make something of a distance.
+/// Relative margin on the balls' radii for the rounding of distances.
 const ROUNDING_MARGIN: f64 = 1e-9;
 
 impl ListedContacts {
@@ -386,7 +386,8 @@ impl ListedContacts {
         ListedContacts { contacts: Vec::with_capacity(4 * pairs), runs: Vec::new(), periods }
     }
 
-    /// Adds what is seen of a pair: points up to its range, of which those on its area share it; keeps what is known of it.
+    /// Adds the contacts of a pair: points up to its range; points on its area share the area. Keeps the pair's cache
+    /// entries.
     fn record_result(
         &mut self,
         meeting: &CandidatePair,
@@ -401,7 +402,7 @@ impl ListedContacts {
                 manifold
             }
             Err(Separated { n, s }) => {
-                // Of another image, nearest from half a period on, nothing is known.
+                // No separation is known of another image; an image is nearest only up to half a period.
                 let of_image =
                     self.periods.iter().zip(c.as_slice()).filter_map(|(period, c)| Some((*period)? / 2.0 - c.abs()));
                 let until =
@@ -416,14 +417,14 @@ impl ListedContacts {
         self.contacts.extend(meeting.listed_contacts(manifold));
     }
 
-    /// The contacts from the beginning of a run to that of the next.
+    /// Contacts from the beginning of a run to that of the next.
     fn run_contacts(&self, k: usize) -> &[Contact] {
         let end = self.runs.get(k + 1).map_or(self.contacts.len(), |(_, start)| *start);
         &self.contacts[self.runs[k].1..end]
     }
 }
 
-/// All contacts in the order of their keys.
+/// All contacts, ordered by key.
 fn contacts_by_key(found: &[ListedContacts], bodies: usize, width: SimdWidth) -> Vec<Contact> {
     let runs: Vec<(&ListedContacts, usize)> =
         found.iter().flat_map(|listed| (0..listed.runs.len()).map(move |k| (listed, k))).collect();
@@ -440,7 +441,7 @@ fn contacts_by_key(found: &[ListedContacts], bodies: usize, width: SimdWidth) ->
         }
         contacts.extend_from_slice(run(k));
     }
-    // Of one candidate they may come from several tasks, or of several parts.
+    // The contacts of one candidate may come from several tasks or several parts.
     for of_one in contacts.chunk_by_mut(|a, b| a.candidate == b.candidate) {
         if !of_one.is_sorted_by_key(Contact::key) {
             of_one.sort_unstable_by_key(Contact::key);
@@ -449,18 +450,19 @@ fn contacts_by_key(found: &[ListedContacts], bodies: usize, width: SimdWidth) ->
     contacts
 }
 
-/// So many pairs before its turn what a pair reads is asked for: a few microseconds, and less than the nearest cache holds.
+/// Number of pairs by which the prefetch is ahead: a few microseconds, and less than the L1 cache contains.
 const PREFETCH_DISTANCE: usize = 16;
 
-/// Asks for what pairs will read: of many bodies it comes from far memory in every step, while other pairs are worked on.
+/// Prefetches the data of pairs: with many bodies it comes from main memory in every step, while other pairs are
+/// processed.
 struct Prefetcher<'a> {
     places: &'a [PosedContactor<'a>],
     width: SimdWidth,
-    /// Parts that have been asked for of late, each at its number's place.
+    /// Parts that were prefetched recently, each at the index of its number modulo the length.
     near: [u32; SHAPES_IN_L2],
 }
 
-/// As many shapes as the second cache holds, about.
+/// Approximate number of shapes that fit in the L2 cache.
 const SHAPES_IN_L2: usize = 256;
 
 impl<'a> Prefetcher<'a> {
@@ -523,7 +525,8 @@ fn posed_contactor<'a>(
     }
 }
 
-/// The two contactors, the candidate first, and how they see each other; none if they do not, or cannot push.
+/// The two contactors with the candidate first, and their visibility rule; `None` if the table has no rule, if
+/// both are of one body, or if the motion of both is imposed.
 fn visible_pair(scene: &Scene, places: &[PosedContactor], [i, j]: [u32; 2]) -> Option<([u32; 2], InteractionRule)> {
     let [a, b] = [i, j].map(|k| &places[k as usize]);
     if a.body == b.body || (a.imposed && b.imposed) {
@@ -534,7 +537,7 @@ fn visible_pair(scene: &Scene, places: &[PosedContactor], [i, j]: [u32; 2]) -> O
     Some((if first { [i, j] } else { [j, i] }, see))
 }
 
-/// The pairs by candidates, in the order of the bodies, then by antagonists.
+/// Pairs ordered by candidate, in the order of the bodies, then by antagonist.
 fn pairs_by_candidate(
     pairs: &[([u32; 2], InteractionRule)],
     scene: &Scene,
@@ -552,13 +555,13 @@ fn pairs_by_candidate(
     grouped
 }
 
-/// The places of the pairs, which come by candidates, in the order of their parts.
+/// Indices of the pairs, which are ordered by candidate, in the order of their parts.
 fn part_order(pairs: &[([u32; 2], InteractionRule)], parts: usize) -> Vec<u32> {
     let first: Vec<u32> = pairs.iter().map(|(parts, _)| parts[0]).collect();
     group_by_key(&first, parts).0
 }
 
-/// What is known already of each of the pairs; `order` and `before` are in the order of their parts.
+/// Values of the last step for each of the pairs; `order` and `before` are in the order of the parts.
 fn previous_values<T: Clone + Default>(
     pairs: &[([u32; 2], InteractionRule)],
     order: &[u32],
@@ -576,7 +579,8 @@ fn previous_values<T: Clone + Default>(
     carried
 }
 
-/// Calls `take` with what is seen of a pair, points relative to the candidate's centre; that of polyhedra may come later.
+/// Calls `take` with the result for a pair, points relative to the candidate's centre; for polyhedra the call may be
+/// deferred.
 fn narrow_phase_pair<'a>(
     meeting: CandidatePair<'a>,
     narrow: NarrowPhaseMode,
@@ -617,7 +621,7 @@ fn narrow_phase_pair<'a>(
         (PosedShape::Polyhedron(p), PosedShape::Cylinder { half_height, radius, hollow: false }) => {
             polyhedron_cylinder(p, &c, &b.axes, [*half_height, *radius], range).into_iter().collect()
         }
-        // Rows between cylinders and plates of which one moves freely along some axis are rejected.
+        // Rows between cylinders and plates of which one moves freely along some axis are rejected on input.
         _ => SmallVec::new(),
     };
     let nearest = found.iter().min_by(|a, b| a.gap().total_cmp(&b.gap()));
@@ -629,7 +633,7 @@ fn narrow_phase_pair<'a>(
     }
 }
 
-/// What a polyhedron finds of a sphere at -`c`, with the sphere as the candidate.
+/// Manifold of a polyhedron and a sphere at -`c` with the sides exchanged, so that the sphere is the candidate.
 fn swapped_manifold(found: &Manifold, c: &Vec3) -> Manifold {
     let turned = |point: &ContactPoint| ContactPoint {
         position: point.position + c,

@@ -1,16 +1,16 @@
-//! Near pairs in a space that comes again along x, y or both.
+//! Near pairs in a space that is periodic along x, y or both.
 
 use crate::detect::broad;
 use crate::detect::swept::{self, SweptBall};
 use crate::math::Vec3;
 
-/// Steps to images of which each pair of neighbouring cells is one.
+/// Steps to images such that each pair of neighbouring cells occurs once.
 const IMAGE_STEPS: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
 
-/// All pairs i < j of which some images are as near as [`broad::near_pairs`] asks, each once, in an order that does not depend
+/// All pairs i < j with images within the distance of [`broad::near_pairs`], each once, in an order that does not depend
 /// on threads.
 ///
-/// Positions may be anywhere; images of what is near a cell's border are put beyond the opposite one.
+/// Positions may be anywhere; bodies near a cell's border get images beyond the opposite border.
 pub fn periodic_pairs(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
     if periods == [None; 2] {
         return broad::near_pairs(x, reach);
@@ -20,7 +20,7 @@ pub fn periodic_pairs(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> V
     pairs_of_originals(broad::near_pairs(&centres, &reaches), x.len(), &of)
 }
 
-/// The same of [`swept::swept_pairs`]; `reach`: radii with the whole length of the paths, m.
+/// Periodic version of [`swept::swept_pairs`]; `reach`: radii plus the whole length of the paths, m.
 pub fn periodic_swept_pairs(balls: &[SweptBall], reach: &[f64], periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
     if periods == [None; 2] {
         return swept::swept_pairs(balls);
@@ -32,9 +32,9 @@ pub fn periodic_swept_pairs(balls: &[SweptBall], reach: &[f64], periods: [Option
     pairs_of_originals(swept::swept_pairs(&moving), x.len(), &of)
 }
 
-/// Pairs of things from pairs of their images, of which the first `count` are the things themselves.
+/// Converts pairs of images to pairs of originals; the first `count` images are the originals.
 fn pairs_of_originals(found: Vec<[u32; 2]>, count: usize, of: &[u32]) -> Vec<[u32; 2]> {
-    // Of two images the pair is another's.
+    // A pair of two images is an image of another pair.
     let own = found.into_iter().filter(|[i, _]| (*i as usize) < count);
     let mut pairs: Vec<[u32; 2]> = own.map(|pair| pair.map(|k| of[k as usize])).filter(|[i, j]| i != j).collect();
     pairs.iter_mut().for_each(|pair| pair.sort_unstable());
@@ -43,12 +43,12 @@ fn pairs_of_originals(found: Vec<[u32; 2]>, count: usize, of: &[u32]) -> Vec<[u3
     pairs
 }
 
-/// Centres within the cell, then those of the images that may be near, and what each is an image of.
+/// Centres within the cell, then those of the images that may be near, and the original of each.
 fn periodic_images(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> (Vec<Vec3>, Vec<u32>) {
     let within = |x: f64, period: Option<f64>| period.map_or(x, |period| x - period * (x / period).round());
     let mut centres: Vec<Vec3> =
         x.iter().map(|x| Vec3::new(within(x.x, periods[0]), within(x.y, periods[1]), x.z)).collect();
-    // What reaches across half a cell, such as a floor, has images all around, so that small bodies need few.
+    // A body that reaches across half a cell, such as a floor, gets images all around, so that small bodies need few.
     let is_wide = |reach: f64| periods.iter().flatten().any(|period| reach > 0.25 * period);
     let widest = reach.iter().copied().filter(|reach| !is_wide(*reach)).fold(0.0, f64::max);
     let steps = |wide: bool| {
@@ -95,7 +95,7 @@ mod tests {
                 for i in 0..j {
                     let d = x[i] - x[j];
                     let d = Vec3::new(nearest(d.x, periods[0]), nearest(d.y, periods[1]), d.z);
-                    // Rounding of the positions decides nothing here.
+                    // Pairs within the rounding of the positions may go either way.
                     if (d.norm() - reach[i] - reach[j]).abs() < 1e-12 {
                         return Ok(());
                     }

@@ -1,9 +1,9 @@
 //! Pairs of moving balls that come near each other within a step, found by their paths instead of their speeds.
 //!
-//! A tree of boxes around positions and displacements together: two boxes are searched further only if some ball of one and
-//! some ball of the other can be in reach of each other at the same time. So the work is in proportion to the number of
-//! balls and of pairs, also where groups of balls move past each other at any speed: what moves together is kept
-//! together, as a box is halved along the widest of its positions and displacements.
+//! A tree of boxes bounds positions and displacements together. Two boxes are descended only if a ball of one and a ball
+//! of the other can be in reach of each other at the same time. The work is proportional to the number of balls and
+//! pairs, also if groups of balls move past each other at any speed: a box is split along the widest of its positions and
+//! displacements, so that balls that move together stay together.
 
 use rayon::prelude::*;
 
@@ -11,23 +11,23 @@ use crate::math::Vec3;
 
 /// Balls in a leaf of the tree.
 const MAX_LEAF_BALLS: usize = 8;
-/// Part of a reach, and of the length of the step, that rounding may take away.
+/// Relative margin on a reach, and on the length of the step, for rounding.
 const ROUNDING_MARGIN: f64 = 1e-9;
 
-/// A ball on its straight way through a step.
+/// Ball on its straight path through a step.
 #[derive(Debug, Clone, Copy)]
 pub struct SweptBall {
-    /// At the step's contact configuration, m.
+    /// Centre in the step's contact configuration, m.
     pub centre: Vec3,
-    /// Displacement in the time looked ahead, m.
+    /// Displacement in the lookahead time, m.
     pub path: Vec3,
     /// Radius, m.
     pub reach: f64,
-    /// Whether its pairs are searched for; those of two balls without it are left out.
+    /// Whether its pairs are searched; pairs of two balls without this flag are omitted.
     pub searched: bool,
 }
 
-/// Least distance of two points, of which one moves by `path` against the other from `between` on, m.
+/// Smallest distance of two points, one of which moves by `path` relative to the other from `between` on, m.
 ///
 /// ```
 /// # use cd_solve::{detect::swept::least_distance, math::Vec3};
@@ -43,10 +43,10 @@ pub fn least_distance(between: &Vec3, path: &Vec3) -> f64 {
 }
 
 struct BoxNode {
-    /// Least and greatest coordinates of the balls, their reach included, and displacements, m.
+    /// Ranges of the balls' coordinates, reaches included, and of their displacements, m.
     balls: [[f64; 2]; 3],
     paths: [[f64; 2]; 3],
-    /// The balls by their position in the tree's order.
+    /// Balls by their position in the tree's order.
     first: u32,
     end: u32,
     /// Index of the second child; the first follows its parent. 0 for a leaf.
@@ -77,7 +77,7 @@ impl<'a> BoxTree<'a> {
             second: 0,
             searched: false,
         };
-        // Of the centres and displacements alone.
+        // Extent of the centres and displacements alone.
         let mut extent = [EMPTY_RANGE; 6];
         let widen = |range: &mut [f64; 2], low: f64, high: f64| *range = [range[0].min(low), range[1].max(high)];
         for &i in &self.order[first..end] {
@@ -111,7 +111,7 @@ impl<'a> BoxTree<'a> {
         self.build_subtree(first + half, end);
     }
 
-    /// Adds the pairs of the leaf `a` with itself and with leaves behind it.
+    /// Adds the pairs of the leaf `a` with itself and with later leaves.
     fn add_leaf_pairs(&self, a: &BoxNode, pairs: &mut Vec<[u32; 2]>) {
         let mut stack = vec![0u32];
         while let Some(k) = stack.pop() {
@@ -143,13 +143,13 @@ impl<'a> BoxTree<'a> {
     }
 }
 
-/// Whether a ball of each can reach the other's at some time of the step.
+/// Whether a ball of one node can reach a ball of the other at some time of the step.
 fn can_meet(a: &BoxNode, b: &BoxNode) -> bool {
-    // The part of the step in which the boxes, which grow as their balls part, overlap along all axes.
+    // Part of the step in which the boxes, which grow as their balls separate, overlap along all axes.
     let mut part = [0.0, 1.0f64];
     for k in 0..3 {
         for (one, other) in [(a, b), (b, a)] {
-            // The lower side of one is not above the upper side of the other: rate s <= limit.
+            // Condition that the lower side of one is not above the upper side of the other: rate s <= limit.
             let (rate, limit) = (one.paths[k][0] - other.paths[k][1], other.balls[k][1] - one.balls[k][0]);
             if rate > 0.0 {
                 part[1] = part[1].min(limit / rate);

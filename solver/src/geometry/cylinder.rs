@@ -1,9 +1,10 @@
 //! A polyhedron against a solid cylinder.
 //!
 //! s(m) = min_A m·a - max_B m·b for a unit m from the cylinder B to the polyhedron A is a lower bound of their distance,
-//! and -s a translation that parts them where they overlap. Its maximum is at the normal of a face of A or of an end of
-//! B; square to an edge of A and to the axis; from the axis, or the rim, to a vertex; or from the rim to an edge: seen
-//! along the edge the rim is an ellipse, and m its normal through the edge. All of them are tried.
+//! and -s a translation that separates them if they overlap. Its maximum is at one of these directions, which are all
+//! tried: the normal of a face of A or of an end of B; the common perpendicular of an edge of A and the axis; from the
+//! axis, or the rim, to a vertex; from the rim to an edge. Seen along the edge the rim is an ellipse, and m its normal
+//! through the edge.
 
 use smallvec::SmallVec;
 
@@ -15,19 +16,19 @@ use super::{ContactPoint, ListingRange, Manifold, PosedPolyhedron, edge_feature,
 use crate::math::lanes::Scalar;
 use crate::math::{Quat, Vec3};
 
-/// What of a cylinder is touched: its round side, the end along its axis, the other, or from this number on a rim.
+/// Features of a cylinder: its round side, the end along its axis, the other end, and from this number on the rims.
 pub const CYLINDER_SIDE: u32 = 0;
 pub const CYLINDER_END: u32 = 1;
 pub const CYLINDER_OTHER_END: u32 = 2;
 pub const CYLINDER_RIM: u32 = 3;
 
-/// Polyhedron A against a solid cylinder at `c` = x_B - x_A (m) with the orientation `q`, its axis the third, of
-/// `[half height, radius]` (m); `None` where they are farther apart than `range` lists.
+/// Contact of polyhedron A with a solid cylinder of `[half height, radius]` (m) at `c` = x_B - x_A (m) with the
+/// orientation `q`, its axis the third; `None` if they are farther apart than `range` lists.
 ///
-/// A face of A on an end of B gives the corners of what they share, and its area; a face or an edge along
-/// the round side the ends of their common line. The normal is the direction of least distance, or of the least
-/// translation that parts what overlaps. The cylinder's feature is 0 for the side, 1 for the end along its axis, 2 for
-/// the other, more for points on a rim.
+/// A face of A on an end of B gives the corners and the area of their common part; a face or an edge along the round side
+/// gives the ends of their common line. The normal is the direction of smallest distance, or of the smallest translation
+/// that separates overlapping bodies. The cylinder's feature is 0 for the side, 1 for the end along its axis, 2 for the
+/// other end, and more for points on a rim.
 ///
 /// ```
 /// # use cd_solve::geometry::{Polyhedron, polyhedron_cylinder};
@@ -70,7 +71,7 @@ pub fn polyhedron_cylinder(
         pair.collect_side_corners(&axis.m, f, &mut patch);
     }
     for corner in &mut patch.corners {
-        // The gap of the direction itself, where rounding is all that is between them.
+        // The gap of the direction itself, if the two differ by rounding only.
         corner.gap = if corner.gap <= axis.s + tie { axis.s } else { corner.gap };
     }
     if patch.has_axis_gap(axis.s, tie) {
@@ -88,15 +89,16 @@ struct CylinderPair<'a> {
     q: &'a Quat,
     half_height: f64,
     radius: f64,
-    /// Of A, from the cylinder's centre along its axes, m; so are all vectors here that are not told otherwise.
+    /// Vertices of A relative to the cylinder's centre along its axes, m. All vectors here are in this frame unless
+    /// stated otherwise.
     vertices: SmallVec<[Vec3; 32]>,
-    /// The smaller circumradius, m.
+    /// Smaller circumradius, m.
     small: f64,
-    /// A direction must be better by this to be preferred to an earlier one, m.
+    /// Smallest improvement by which a direction replaces an earlier one, m.
     tie: f64,
 }
 
-/// What of A decides a direction.
+/// Feature of A that determines a direction.
 #[derive(Debug, Clone, Copy)]
 enum CylinderFeature {
     Face(u32),
@@ -106,14 +108,14 @@ enum CylinderFeature {
 
 #[derive(Debug, Clone, Copy)]
 struct CylinderSearchAxis {
-    /// Unit, from the cylinder to A.
+    /// Unit direction from the cylinder to A.
     m: Vec3,
     s: f64,
     feature: CylinderFeature,
 }
 
 impl CylinderPair<'_> {
-    /// The best direction.
+    /// Returns the best direction.
     fn best_axis(&self) -> CylinderSearchAxis {
         let (shape, posed) = (self.a.shape, self.a);
         let mut best = CylinderSearchAxis { m: Vec3::z(), s: f64::NEG_INFINITY, feature: CylinderFeature::Vertex };
@@ -125,7 +127,8 @@ impl CylinderPair<'_> {
         self.try_axis(&mut best, -Vec3::z(), CylinderFeature::Vertex);
         for (e, one) in shape.edges().iter().enumerate() {
             let feature = CylinderFeature::Edge(e as u32);
-            // Square to the axis, between the normals on its two sides: exact where the edge is nearly parallel to it.
+            // Perpendicular to the axis, between the normals on both sides of the edge: accurate even if the edge is
+            // nearly parallel to the axis.
             let [n0, n1] = one.faces.map(|f| self.q.inverse_transform_vector(&posed.face_normal(f)));
             if n0.z * n1.z < 0.0 {
                 let across = n0 * n1.z.abs() + n1 * n0.z.abs();
@@ -149,13 +152,13 @@ impl CylinderPair<'_> {
         best
     }
 
-    /// Takes a direction that is clearly better.
+    /// Replaces `best` by a direction that is clearly better.
     fn try_axis(&self, best: &mut CylinderSearchAxis, m: Vec3, feature: CylinderFeature) {
         let reach = self.radius * m.xy().norm() + self.half_height * m.z.abs();
         let least = m.dot(&self.vertices[self.lowest_vertex(&m)]);
         let s = least - reach;
         if s > best.s + self.tie {
-            // An edge on the far side has the direction too.
+            // An edge on the far side gives the same direction.
             let is_lowest = |end: u16| m.dot(&self.vertices[usize::from(end)]) <= least + self.tie;
             let feature = match feature {
                 CylinderFeature::Edge(e) if !self.a.shape.edges()[e as usize].ends.into_iter().any(is_lowest) => {
@@ -167,7 +170,7 @@ impl CylinderPair<'_> {
         }
     }
 
-    /// The first vertex that is least along `m`.
+    /// Returns the first vertex that is lowest along `m`.
     fn lowest_vertex(&self, m: &Vec3) -> usize {
         let (mut lowest, mut least) = (0, f64::INFINITY);
         for (k, v) in self.vertices.iter().enumerate() {
@@ -179,8 +182,8 @@ impl CylinderPair<'_> {
         lowest
     }
 
-    /// The directions from the rim of either end to the line through two vertices in which it is farthest, if that is
-    /// farther than `known` (m).
+    /// Directions from the rim of either end to the line through two vertices in which the separation is largest, if
+    /// larger than `known` (m).
     ///
     /// With u and w across the edge, u level, a rim seen along the edge is an ellipse with the semi-axes R and R k. On
     /// m = x u + y w, f = a x + b y - R sqrt(x^2 + k^2 y^2) has one maximum with y on each side, where x has a's sign.
@@ -204,7 +207,7 @@ impl CylinderPair<'_> {
         })
     }
 
-    /// The face of A that looks at the cylinder.
+    /// Returns the face of A that faces the cylinder.
     fn contact_face(&self, axis: &CylinderSearchAxis) -> u32 {
         let towards = -(self.q * axis.m);
         match axis.feature {
@@ -214,17 +217,18 @@ impl CylinderPair<'_> {
         }
     }
 
-    /// Relative to the centre of A, along the world's axes.
+    /// Converts a point to the world's axes, relative to the centre of A.
     fn to_world(&self, x: &Vec3) -> Vec3 {
         self.q * x + self.c
     }
 
-    /// A corner over a point of the cylinder.
+    /// Corner of A opposite a point of the cylinder.
     fn corner_at(&self, on_b: Vec3, m: &Vec3, gap: f64, flat: [f64; 2], features: (u32, u32)) -> PatchCorner {
         PatchCorner { point: self.to_world(&(on_b + m * (0.5 * gap))).into(), flat, gap, features }
     }
 
-    /// What a face of A and the end of the cylinder along `m` share, seen along `m` in the plane of the end.
+    /// Collects the corners of the common part of a face of A and the cylinder's end along `m`, seen along `m` in the
+    /// plane of the end.
     fn collect_end_corners(&self, m: &Vec3, f: u32, area_within: f64, patch: &mut ContactPatch) {
         let (shape, posed) = (self.a.shape, self.a);
         let height = self.half_height.copysign(m.z);
@@ -284,7 +288,7 @@ impl CylinderPair<'_> {
         if rise.abs() < MIN_FACE_COSINE || doubled.abs() <= tiny * self.small {
             return; // seen as a line
         }
-        // Where the rim goes farthest: four places of its own, and the one over which the face is lowest.
+        // Points where the rim extends farthest: four fixed ones, and the one over which the face is lowest.
         let fall = normal.xy() / rise;
         let mut rim: SmallVec<[[f64; 2]; 5]> =
             SmallVec::from_slice(&[[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]);
@@ -304,13 +308,13 @@ impl CylinderPair<'_> {
             })
         };
         patch.corners.extend(rim.iter().enumerate().filter_map(|(k, at)| place(k, *at)));
-        // A segment between these: the middle of its arc, or a face would rest on a line.
+        // If the common part is a segment between these two: adds the middle of its arc, or a face would rest on a line.
         if let [p, q] = patch.corners[..]
             && p.features.0 == q.features.0
         {
             let (x, y) = (p.flat[1] - q.flat[1], q.flat[0] - p.flat[0]);
             let towards = doubled.signum() / x.hypot(y);
-            // Its own number, whether the face tilts or not.
+            // One fixed number, whether the face is tilted or not.
             patch.corners.extend(place(5, [x * towards, y * towards]));
         }
         patch.area = area_in_disc(&clipped_to_gap(&outline, area_within), self.radius) * m.z.abs();
@@ -319,7 +323,8 @@ impl CylinderPair<'_> {
         }
     }
 
-    /// What a face of A and the line of the round side along `m` share, seen along `m` in the plane that touches there.
+    /// Collects the corners of the common part of a face of A and the line of the round side along `m`, seen along `m` in
+    /// the tangent plane.
     fn collect_side_corners(&self, m: &Vec3, f: u32, patch: &mut ContactPatch) {
         let shape = self.a.shape;
         let out = Vec3::new(m.x, m.y, 0.0) / m.xy().norm();
@@ -332,7 +337,7 @@ impl CylinderPair<'_> {
             let foot = v - m * gap;
             [across.dot(&foot), foot.z, gap]
         };
-        // Height along the axis, gap and feature of A where the face's outline meets the line.
+        // Height along the axis, gap and feature of A at each crossing of the face's outline with the line.
         let mut met: SmallVec<[(f64, f64, u32); 4]> = SmallVec::new();
         for (k, &v) in corners.iter().enumerate() {
             let p = over(v);
@@ -364,7 +369,7 @@ impl CylinderPair<'_> {
         }
     }
 
-    /// The point of the direction itself.
+    /// Contact point of the direction's own features.
     fn axis_point(&self, axis: &CylinderSearchAxis) -> ContactPoint {
         let m = &axis.m;
         let lowest = self.lowest_vertex(m);
@@ -389,14 +394,14 @@ impl CylinderPair<'_> {
     }
 }
 
-/// The unit (x, y) in the first quarter at which f = a x + b y - r sqrt(x^2 + k^2 y^2) has its maximum within it; a >= 0,
-/// k <= 1. None where f is greatest at an end of the quarter.
+/// Unit vector (x, y) in the first quadrant at which f = a x + b y - r sqrt(x^2 + k^2 y^2) has an inner maximum; a >= 0,
+/// k <= 1. `None` if f is largest at an end of the quadrant.
 ///
-/// By Newton's method in a bracket, on t = tan(angle / 2).
+/// Newton's method in a bracket, on t = tan(angle / 2).
 fn rim_maximum(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> {
     let flat = 1.0 - k * k;
     let at = |t: f64| ((1.0 - t * t) / (1.0 + t * t), 2.0 * t / (1.0 + t * t));
-    // First and second derivative by the angle.
+    // First and second derivative with respect to the angle.
     let derivatives = |t: f64| {
         let (x, y) = at(t);
         let g = x.hypot(k * y);
@@ -406,7 +411,8 @@ fn rim_maximum(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> {
     };
     let (mut low, mut high) = (0.0, 1.0);
     if b <= 0.0 {
-        // Past the middle of the ellipse f falls first: from where it rises to where it falls again, if it rises.
+        // Past the middle of the ellipse f decreases first. The bracket goes from where it rises to where it falls again,
+        // if it rises.
         let rises = |i: &usize| derivatives(*i as f64 / BRACKET_SAMPLES as f64).0 > 0.0;
         let rising = (1..BRACKET_SAMPLES).find(rises)?;
         low = rising as f64 / BRACKET_SAMPLES as f64;
@@ -430,10 +436,10 @@ fn rim_maximum(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> {
     Some(at(t))
 }
 
-/// Places at which a maximum past the middle is looked for.
+/// Number of samples with which a maximum past the middle is bracketed.
 const BRACKET_SAMPLES: usize = 32;
 
-/// Of what a convex polygon and a disc about the origin share, m^2.
+/// Area of the common part of a convex polygon and a disc about the origin, m^2.
 fn area_in_disc(polygon: &[[f64; 3]], radius: f64) -> f64 {
     let cross = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
     let sector = |p: [f64; 2], q: [f64; 2]| radius * radius * cross(p, q).atan2(p[0] * q[0] + p[1] * q[1]);
@@ -448,7 +454,7 @@ fn area_in_disc(polygon: &[[f64; 3]], radius: f64) -> f64 {
             doubled += sector(p, q);
             continue;
         }
-        // Inside from one share of the side to another.
+        // Fractions of the side at which it enters and leaves the disc.
         let [enter, leave] = [-root.sqrt(), root.sqrt()].map(|root| ((root - half) / square).clamp(0.0, 1.0));
         let at = |share: f64| [x + along[0] * share, y + along[1] * share];
         if enter >= leave {
@@ -465,7 +471,8 @@ mod tests {
     use super::*;
     use crate::geometry::Polyhedron;
 
-    /// A cube that meets a cylinder with an edge along its axis, each of its edges in turn: the far one has the same direction.
+    /// A cube that touches a cylinder with an edge along its axis, for each edge in turn; the far edge has the same
+    /// direction.
     #[test]
     fn the_edge_that_is_near_is_the_one_that_touches() {
         let cube = Polyhedron::cuboid(&Vec3::repeat(0.5));

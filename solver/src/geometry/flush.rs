@@ -1,4 +1,4 @@
-//! What the test for flush joints needs of polyhedra: heights along a direction, and contact along a given direction.
+//! Queries of polyhedra for the flush-joint test: heights along a direction, and contact along a given direction.
 
 use super::patch::ContactPatch;
 use super::search::{PolyhedronPair, SearchAxis, SearchFeature, support_face, support_vertex};
@@ -7,7 +7,7 @@ use crate::math::Vec3;
 use crate::math::lanes::{Scalar, SimdWidth};
 
 impl PosedPolyhedron<'_> {
-    /// Largest n·x over the polyhedron, x from its centre, m.
+    /// Returns the largest n·x over the polyhedron, x from its centre, m.
     ///
     /// ```
     /// # use cd_solve::{geometry::Polyhedron, math::{Quat, Vec3}};
@@ -18,7 +18,7 @@ impl PosedPolyhedron<'_> {
         support_vertex(self, n).1
     }
 
-    /// The face whose outward normal is closest to `n`: that normal, unit, and the distance of its plane from the centre, m.
+    /// Returns the unit outward normal of the face closest to `n`, and the distance of its plane from the centre, m.
     pub fn face_along(&self, n: &Vec3) -> (Vec3, f64) {
         let n = self.to_local(n);
         let planes = self.shape.face_planes();
@@ -33,10 +33,10 @@ impl PosedPolyhedron<'_> {
     }
 }
 
-/// Polyhedron A against polyhedron B at `c` = x_B - x_A (m) along the given unit normal `n`, from B to A: the corners of what
-/// the faces that look at each other share; `None` where these share nothing within the range.
+/// Contact of polyhedra A and B at `c` = x_B - x_A (m) along the given unit normal `n`, from B to A: the corners of the
+/// common part of the faces that face each other. `None` if there is no common part within the range.
 ///
-/// No search: the caller knows that a plane across `n` parts the two.
+/// No search is made: the caller knows that a plane across `n` separates the two.
 pub fn polyhedra_along(
     a: &PosedPolyhedron,
     b: &PosedPolyhedron,

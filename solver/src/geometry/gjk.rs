@@ -1,4 +1,4 @@
-//! Distance where no face or pair of crossed edges decides it: vertices and edges nearest to each other.
+//! Distance between polyhedra whose nearest features are vertices or edges.
 //!
 //! Source: E. G. Gilbert, D. W. Johnson, S. S. Keerthi, A fast procedure for computing the distance between complex
 //! objects in three-dimensional space, IEEE J. Robot. Autom. 4 (1988) 193-203.
@@ -15,10 +15,10 @@ use crate::math::{Vec3, vector_length};
 
 /// Gap between the bounds, over the distance, at which the search ends.
 const RELATIVE_TOLERANCE: f64 = 1e-15;
-/// More than any pair has needed; every step but the last brings the simplex nearer.
+/// Larger than any observed number of steps; every step but the last brings the simplex nearer.
 const MAX_STEPS: usize = 64;
 
-/// A point of the difference B - A.
+/// Point of the Minkowski difference B - A.
 #[derive(Clone, Copy)]
 struct MinkowskiPoint {
     w: Vec3,
@@ -27,15 +27,15 @@ struct MinkowskiPoint {
 }
 
 pub(super) struct NearestPoints {
-    /// Unit, from A to B.
+    /// Unit normal from A to B.
     pub n: Vec3,
-    /// Whether a face, or two edges that cross, is nearest: then there may be more points than this one.
+    /// Whether the nearest features are a face or two crossed edges; then there may be more points than this one.
     pub on_faces: bool,
-    /// `None` beyond the alert distance.
+    /// Manifold; `None` beyond the alert distance.
     pub manifold: Option<Manifold>,
 }
 
-/// The nearest points of two polyhedra that do not overlap, beginning with the direction `n` from A to B.
+/// Returns the nearest points of two polyhedra that do not overlap; the search starts from the direction `n` from A to B.
 pub(super) fn nearest_points(pair: &PolyhedronPair, n: Vec3, alert: f64) -> NearestPoints {
     match pair.width {
         SimdWidth::One(l) => l.run(GjkSearch { l, pair, n, alert }),
@@ -66,7 +66,7 @@ impl<L: F64Arithmetic> NullaryFnOnce for GjkSearch<'_, L> {
             step += 1;
             let distance = vector_length(&near.point);
             if distance <= touching {
-                break; // to rounding: n of the axis is as good as any
+                break; // within rounding: n of the axis is as good as any
             }
             let next = minkowski_support(l, pair, &(near.point / distance));
             let bound = next.w.dot(&near.point) / distance;
@@ -91,7 +91,7 @@ impl<L: F64Arithmetic> NullaryFnOnce for GjkSearch<'_, L> {
     }
 }
 
-/// The point of the difference that is least along `n`.
+/// Returns the point of the difference that is lowest along `n`.
 #[inline(always)]
 fn minkowski_support<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, n: &Vec3) -> MinkowskiPoint {
     let a = lowest_vertex(l, pair.pa, &-n).0;
@@ -99,7 +99,7 @@ fn minkowski_support<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, n: &Vec3) ->
     MinkowskiPoint { w: pair.pb.vertex(b) + pair.c - pair.pa.vertex(a), a, b }
 }
 
-/// Up to three points, and the one between them that is nearest to the origin.
+/// Simplex of up to three points, and its point nearest to the origin.
 #[derive(Clone, Copy)]
 struct GjkSimplex {
     corners: [MinkowskiPoint; 3],
@@ -119,9 +119,9 @@ impl GjkSimplex {
         self.corners[..self.count].iter().any(|p| p.a == apex.a && p.b == apex.b)
     }
 
-    /// The part of this and `next` that is nearest to the origin.
+    /// Returns the part of this simplex and `next` that is nearest to the origin.
     ///
-    /// Every corner, edge and triangle with `next` is looked at; so flat simplices do no harm.
+    /// Every corner, edge and triangle with `next` is checked, so that degenerate simplices do no harm.
     #[inline(always)]
     fn nearest_with(&self, next: MinkowskiPoint) -> Self {
         let mut best = GjkSimplex::new(next);
@@ -185,7 +185,7 @@ impl GjkSimplex {
     }
 }
 
-/// The vertex, edge or face that has these vertices.
+/// Returns the vertex, edge or face that has these vertices.
 fn spanned_feature(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u32 {
     let mut all: SmallVec<[FeatureIndex; 4]> = vertices.map(|v| v as FeatureIndex).collect();
     all.sort_unstable();
@@ -203,9 +203,9 @@ fn spanned_feature(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u
     }
 }
 
-/// The ends of the common part of two parallel edges across `n`, and the normal between them.
+/// Returns the ends of the common part of two parallel edges across `n`, and the normal between them.
 pub(super) fn ridge_manifold(pair: &PolyhedronPair, n: &Vec3, distance: f64) -> Option<Manifold> {
-    // As far as the direction between points that are `distance` apart is known.
+    // Accuracy of the direction between points that are `distance` apart.
     let steep = RIDGE_ANGLE + 1e-11 * pair.small / distance;
     let level = |posed: &PosedPolyhedron, n: &Vec3| -> SmallVec<[(u32, [u32; 2], Vec3); 4]> {
         let shape = posed.shape;
@@ -233,7 +233,7 @@ pub(super) fn ridge_manifold(pair: &PolyhedronPair, n: &Vec3, distance: f64) -> 
             {
                 continue;
             }
-            // Places along the edge, each with the feature that ends there.
+            // Positions along the edge, each with the feature that ends there.
             let of_a = ends_a.map(|v| (pair.pa.vertex(v).dot(&along), (vertex_feature(v), edge_feature(eb))));
             let mut of_b =
                 ends_b.map(|v| ((pair.pb.vertex(v) + pair.c).dot(&along), (edge_feature(ea), vertex_feature(v))));

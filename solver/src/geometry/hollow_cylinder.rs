@@ -3,12 +3,13 @@
 use super::{ContactPoint, Manifold, PosedPolyhedron, vertex_feature};
 use crate::math::{Quat, Vec3};
 
-/// Polyhedron A in a hollow cylinder at `c` = x_B - x_A (m) with the orientation `q`, its axis the third, of
-/// `[half height, radius]` (m).
+/// Contacts of polyhedron A in a hollow cylinder of `[half height, radius]` (m) at `c` = x_B - x_A (m) with the
+/// orientation `q`, its axis the third.
 ///
-/// The cylinder is closed at its ends. As it is convex, only vertices touch it: each the side and the nearer end, as seen
-/// from within, one manifold of one point for each within `alert` (m) of the wall. A vertex on the axis touches the side
-/// along no direction. The cylinder's feature is 0 for the side, 1 for the end along its axis, 2 for the other.
+/// The cylinder is closed at its ends. Its inside is convex, so that only vertices touch it: each touches the side and
+/// the nearer end. Returns one manifold of one point for each contact within `alert` (m). A vertex on the axis has no
+/// contact with the side, as it has no direction. The cylinder's feature is 0 for the side, 1 for the end along its axis,
+/// 2 for the other end.
 ///
 /// ```
 /// # use cd_solve::geometry::{Polyhedron, polyhedron_hollow_cylinder};

@@ -5,14 +5,14 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `polyhedron` | the shape: polygon faces, edges, neighbours; turned as its body is |
+//! | `polyhedron` | shape: polygon faces, edges, neighbours; posed by its body's orientation |
 //! | `search` | the direction in which two polyhedra are farthest apart, or least overlap |
 //! | `gjk` | distance and direction where vertices or edges are nearest to each other |
-//! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | against other shapes |
+//! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | contact of a polyhedron with other shapes |
 //! | `flush` | heights and contact along a given direction |
 //! | `outline` | the corners of the common part of two faces seen along the normal |
-//! | `triangles` | the same of faces of three corners, for several pairs at once |
-//! | `patch` | points of contact and area from these |
+//! | `triangles` | corners of the common part of two triangles, for several pairs at once |
+//! | `patch` | contact points and area from these corners |
 
 mod cylinder;
 mod flush;
@@ -41,14 +41,14 @@ use patch::ContactPatch;
 use search::{PolyhedronPair, SearchAxis, SearchFeature, SearchResult, SearchStart};
 use triangles::{BATCH_PAIRS, TriangleBatch};
 
-/// A point of contact.
+/// Contact point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactPoint {
     /// Middle of the gap, relative to the centre of body A, m.
     pub position: Vec3,
-    /// Along the normal, m, < 0 overlapping.
+    /// Gap along the normal, m, < 0 overlapping.
     pub gap: f64,
-    /// What of A and of B is there, see [`vertex_feature`], [`edge_feature`], [`face_feature`]; unique within a pair.
+    /// Touching features of A and of B, see [`vertex_feature`], [`edge_feature`], [`face_feature`]; unique within a pair.
     pub features: (u32, u32),
 }
 
@@ -67,53 +67,53 @@ pub const fn face_feature(k: u32) -> u32 {
     2 << 30 | k
 }
 
-/// At least one.
+/// Contact points, at least one.
 pub type ContactPoints = SmallVec<[ContactPoint; 6]>;
 
-/// The contact of two bodies: one normal, and points.
+/// Contact of two bodies: one normal, and points.
 ///
-/// One point where a vertex or crossed edges meet, two where an edge lies on a face, more where faces meet: the corners
-/// of what they share.
+/// One point where a vertex or crossed edges touch, two where an edge lies on a face, more where faces touch: the corners
+/// of their common part.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Manifold {
-    /// Unit, from B (antagonist) to A (candidate).
+    /// Unit normal from B (antagonist) to A (candidate).
     pub normal: Vec3,
-    /// With gaps up to the alert distance, in the order of their features.
+    /// Points with gaps up to the alert distance, ordered by their features.
     pub points: ContactPoints,
-    /// Of the two faces' overlap seen along the normal, where its gap is within [`ListingRange::area`], m^2; 0 where vertices
-    /// or edges are nearest.
+    /// Area of the two faces' overlap seen along the normal, where its gap is within [`ListingRange::area`], m^2; 0 if
+    /// the nearest features are vertices or edges.
     pub area: f64,
 }
 
 impl Manifold {
-    /// The least gap, m.
+    /// Returns the smallest gap, m.
     pub fn gap(&self) -> f64 {
         self.points.iter().map(|point| point.gap).fold(f64::INFINITY, f64::min)
     }
 }
 
-/// Up to which gaps something is listed.
+/// Gaps up to which points and areas are listed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ListingRange {
-    /// Points of contact, m.
+    /// Largest gap of a listed contact point, m.
     pub alert: f64,
-    /// All points of a pair: of one that is farther apart the nearest is enough, m.
+    /// Largest gap of a pair for which all points are listed, m; of a pair farther apart only the nearest point is.
     pub patch: f64,
-    /// The part of a patch that counts for its area, m: the range of a cohesion that is a stress.
+    /// Largest gap of the part of a patch that counts for its area, m: the range of a cohesion that is a stress.
     pub area: f64,
 }
 
 impl From<f64> for ListingRange {
-    /// All points up to this, the area of the whole patch.
+    /// Range that lists all points up to `alert` and the area of the whole patch.
     fn from(alert: f64) -> Self {
         ListingRange { alert, patch: f64::INFINITY, area: f64::INFINITY }
     }
 }
 
-/// What is kept of a pair from one step to the next.
+/// Cached feature of a pair, kept from one step to the next.
 ///
-/// In [`NarrowPhaseMode::Accurate`] it saves time, and decides between directions that are equal to 1e-11 of the size; in
-/// [`NarrowPhaseMode::Fast`] the search begins and mostly ends there. A restart that is to go on bit for bit needs it.
+/// In [`NarrowPhaseMode::Accurate`] it saves time, and decides between directions that are equal to 1e-11 of the size. In
+/// [`NarrowPhaseMode::Fast`] the search starts from it and usually ends there. A bitwise identical resume needs it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CachedFeature {
     kind: u32,
@@ -145,32 +145,32 @@ impl CachedFeature {
         }
     }
 
-    /// For a snapshot.
+    /// Converts to the words of a snapshot.
     pub fn to_words(&self) -> [u64; 2] {
         let [a, b, c] = self.data.map(u64::from);
         [u64::from(self.kind) << 32 | a, b << 32 | c]
     }
 
-    /// From a snapshot; any words are safe.
+    /// Converts from the words of a snapshot; any words are safe.
     pub fn from_words([first, second]: [u64; 2]) -> Self {
         CachedFeature { kind: (first >> 32) as u32, data: [first as u32, (second >> 32) as u32, second as u32] }
     }
 }
 
-/// How the direction of a contact is found.
+/// Search method for the direction of a contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NarrowPhaseMode {
-    /// The remembered feature, followed to its best neighbour: no proof that there is no better one elsewhere.
+    /// Follows the cached feature to its best neighbour, without a proof that no better direction exists elsewhere.
     Fast,
-    /// With a proof that it is the best of all, or a search of all.
+    /// Proves that the direction is the best of all, or searches all.
     Accurate,
 }
 
-/// Polyhedron A against polyhedron B at `c` = x_B - x_A, m; `None` where they are farther apart than `range` lists.
+/// Contact of polyhedron A with polyhedron B at `c` = x_B - x_A, m; `None` if they are farther apart than `range` lists.
 ///
-/// The normal is the direction of least distance, or of the least translation that parts what overlaps. Where vertices
-/// or edges meet in a point and overlap by nothing, or where several directions are equal to 1e-11 of the size, it is a
-/// definite one of those. Source: see the section on polyhedra in docs/method.md.
+/// The normal is the direction of smallest distance, or of the smallest translation that separates overlapping bodies. If
+/// vertices or edges meet in a point without overlap, or if several directions are equal to 1e-11 of the size, the result
+/// is a definite one of those. Source: see the section on polyhedra in docs/method.md.
 pub fn polyhedron_polyhedron(
     a: &PosedPolyhedron,
     b: &PosedPolyhedron,
@@ -202,28 +202,28 @@ fn pair_manifold(asked: PairQuery) -> (CachedFeature, Option<Manifold>) {
     found
 }
 
-/// A direction along which two bodies are beyond the range that was asked for.
+/// Direction along which two bodies are farther apart than the requested range.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Separated {
-    /// Unit, from A to B.
+    /// Unit direction from A to B.
     pub n: Vec3,
-    /// They are at least so far apart, m.
+    /// Lower bound of their distance, m.
     pub s: f64,
 }
 
-/// What is seen of a pair: its contact and what is to be kept for the next step, or that there is none.
+/// Result for a pair: the feature to cache and the contact, or a separating direction.
 pub type PairResult<'m> = Result<(CachedFeature, &'m Manifold), Separated>;
 
-/// Pairs of polyhedra that are looked at together: the same as one by one, to the bit, and faster.
+/// Batch of pairs of polyhedra: bitwise the same results as one by one, and faster.
 ///
-/// Each has a `T` by which it is known again. Contacts come in the order in which they are asked for.
+/// Each pair is identified by a `T`. Results come in the order of the requests.
 pub struct PairBatch<'a, T> {
     width: SimdWidth,
-    /// Those whose points are yet to be found.
+    /// Pairs whose points are not computed yet.
     waiting: [Option<PendingPair<'a, T>>; MAX_PENDING_PAIRS],
     count: usize,
     triangles: TriangleBatch,
-    /// Of the pair at hand.
+    /// Patch of the current pair.
     patch: ContactPatch,
     manifold: Manifold,
 }
@@ -232,19 +232,19 @@ struct PendingPair<'a, T> {
     of: T,
     asked: PairQuery<'a>,
     found: SearchResult,
-    /// Which of the triangles its faces are, if they are any.
+    /// Index in the triangle batch, if its faces are triangles.
     triangles: Option<usize>,
 }
 
-/// So many wait at the most: some are no triangles.
+/// Largest number of pending pairs; not all of them have triangles.
 const MAX_PENDING_PAIRS: usize = 2 * BATCH_PAIRS;
 
-/// What is asked of a pair.
+/// Input for one pair.
 #[derive(Clone, Copy)]
 struct PairQuery<'a> {
     pair: PolyhedronPair<'a>,
     start: SearchStart,
-    /// A direction that may show at once that they are apart; if it does not, it is forgotten.
+    /// Direction that may show immediately that the bodies are apart; dropped otherwise.
     hint: Option<Vec3>,
     narrow: NarrowPhaseMode,
     range: ListingRange,
@@ -262,9 +262,10 @@ impl<'a, T: Copy> PairBatch<'a, T> {
         }
     }
 
-    /// Asks for what [`polyhedron_polyhedron`] finds; sooner or later `take` is called with `of` and that.
+    /// Requests the result of [`polyhedron_polyhedron`]; `take` is called with `of` and the result, in this or a later
+    /// call.
     ///
-    /// `hint`: a direction along which they may be apart.
+    /// `hint`: direction along which the bodies may be apart.
     #[expect(clippy::too_many_arguments, reason = "those of one pair, and who takes what is found")]
     pub fn push_pair(
         &mut self,
@@ -298,7 +299,7 @@ impl<'a, T: Copy> PairBatch<'a, T> {
         }
     }
 
-    /// Finds what has not been found yet.
+    /// Computes all pending results.
     pub fn flush(&mut self, take: &mut impl FnMut(T, PairResult)) {
         let PairBatch { width, waiting, count, triangles, patch, manifold } = self;
         triangles.clip_faces(*width);
@@ -316,7 +317,7 @@ impl<'a, T: Copy> PairBatch<'a, T> {
     }
 }
 
-/// The points of a patch that are within the range.
+/// Returns the points of a patch that are within the range.
 fn patch_result<'m>(
     asked: &PairQuery,
     axis: &SearchAxis,
@@ -324,11 +325,11 @@ fn patch_result<'m>(
     manifold: &'m mut Manifold,
 ) -> PairResult<'m> {
     patch.write_manifold(asked.range, asked.pair.tie_tolerance(), manifold);
-    // Within rounding there may be none.
+    // Within rounding there may be no point.
     if manifold.points.is_empty() { Err(axis.as_separated()) } else { Ok((CachedFeature::from_axis(axis), manifold)) }
 }
 
-/// A pair whose direction is known, by itself.
+/// Computes the manifold of a single pair whose direction is known.
 fn manifold_scalar(
     asked: &PairQuery,
     found: &SearchResult,
@@ -360,7 +361,7 @@ fn manifold_scalar(
             return take(patch_result(asked, axis, patch, manifold));
         }
         if axis.s <= 0.0 {
-            // Not at a proven least overlap: the axis's own features are one point of it.
+            // The overlap is not proven to be the smallest: the axis's own features give one point.
             return take(Ok((kept, &own_point(patch.area))));
         }
     }
@@ -398,8 +399,8 @@ pub(super) mod tests {
         Polyhedron::new(&vertices, &triangles).unwrap()
     }
 
-    /// Calls `take` with pairs of rocks that have a feature for their direction and are within `range` (m) of each other or
-    /// overlap, and with the number of each.
+    /// Calls `take` with pairs of rocks whose direction is given by a feature and that overlap or are within `range` (m)
+    /// of each other, and with the number of each pair.
     pub(in crate::geometry) fn each_pair(
         count: u32,
         range: f64,

@@ -1,7 +1,7 @@
-//! Two faces seen along a normal: the corners of what they have in common, with their gaps.
+//! Common part of two faces seen along a normal: its corners with their gaps.
 //!
-//! A corner is a vertex of either polygon that lies in the other, or a crossing of two sides. Which those are is told for
-//! several corners at once, so that the program branches only where one is found.
+//! A corner is a vertex of either polygon that lies in the other, or a crossing of two sides. Several candidates are
+//! tested at once, so that the program branches only at corners.
 
 use pulp::NullaryFnOnce;
 
@@ -26,9 +26,9 @@ pub(super) fn collect_common_corners(
     take: &mut PatchCorners,
 ) {
     let counts = [pair.a.face_corners(faces.0 as usize).len(), pair.b.face_corners(faces.1 as usize).len()];
-    // The first corner comes again after the last; vectors begun at the last may read beyond.
+    // The first corner is repeated after the last; vectors that start at the last may read beyond it.
     let strides = counts.map(|count| count.next_multiple_of(COLUMN_PAD) + COLUMN_PAD);
-    // On the stack for all but faces of many corners.
+    // On the stack, except for faces with many corners.
     let (mut few, mut many) = ([0.0; 4 * OUTLINE_COLUMNS * COLUMN_PAD], Vec::new());
     let all = OUTLINE_COLUMNS * (strides[0] + strides[1]);
     let storage = if all <= few.len() {
@@ -46,22 +46,22 @@ pub(super) fn collect_common_corners(
     }
 }
 
-/// Corners that have been found.
+/// Corners found so far.
 pub(super) type PatchCorners = smallvec::SmallVec<[PatchCorner; 12]>;
 
-/// A face seen along the normal, counter-clockwise.
+/// Outline of a face seen along the normal, counter-clockwise.
 struct FaceOutline<'a> {
     posed: &'a PosedPolyhedron<'a>,
     corners: &'a [FeatureIndex],
     sides: &'a [FeatureIndex],
-    /// Where the body is, m.
+    /// Position of the body, m.
     moved: Vec3,
-    /// Whether the face looks against the normal: then corners and sides go the other way round.
+    /// Whether the face's normal is opposite to the viewing normal; then corners and sides are in reverse order.
     turned: bool,
     x: &'a mut [f64],
     y: &'a mut [f64],
     z: &'a mut [f64],
-    /// Of the sides; zero where one is seen end on.
+    /// Directions of the sides; zero for a side seen end on.
     dx: &'a mut [f64],
     dy: &'a mut [f64],
     /// Height above the plane's height at 0: h = height - slope·(x, y).
@@ -113,7 +113,7 @@ impl<'a> FaceOutline<'a> {
         self.posed.vertex(self.vertex(k)) + self.moved
     }
 
-    /// The corners, and the plane through them.
+    /// Projects the corners, and computes the plane through them.
     #[inline(always)]
     fn project_corners(&mut self, of: u32, [n, t, s]: &[Vec3; 3]) {
         let count = self.corners.len();
@@ -127,7 +127,7 @@ impl<'a> FaceOutline<'a> {
         let normal = self.posed.face_normal(of);
         let rise = normal.dot(n);
         if rise.abs() < MIN_FACE_COSINE {
-            // A line: level, at the height that comes nearest to the other body.
+            // A face seen as a line: level, at the height that is nearest to the other body.
             let mut height = self.z[0];
             for &z in &self.z[1..count] {
                 height = if self.turned { height.min(z) } else { height.max(z) };
@@ -139,7 +139,8 @@ impl<'a> FaceOutline<'a> {
         self.height = (self.posed.shape.face_planes()[of as usize].offset + normal.dot(&self.moved)) / rise;
     }
 
-    /// Directions of the sides. Not right behind [`Self::project_corners`]: vectors wait for the numbers that were written one by one.
+    /// Computes the directions of the sides. Not called directly after [`Self::project_corners`]: vector loads would wait
+    /// for the scalar stores.
     #[inline(always)]
     fn compute_side_directions<L: F64Arithmetic>(&mut self, l: L, tiny: f64) {
         let count = self.corners.len();
@@ -155,20 +156,20 @@ impl<'a> FaceOutline<'a> {
         }
     }
 
-    /// Height of the plane at a place.
+    /// Height of the plane at a point.
     #[inline(always)]
     fn plane_height(&self, x: f64, y: f64) -> f64 {
         self.height - (self.slope[0] * x + self.slope[1] * y)
     }
 
-    /// Distance of places from the inside of side `k`.
+    /// Distance of points from side `k`, positive inside.
     #[inline(always)]
     fn side_distance<L: F64Arithmetic>(&self, l: L, k: usize, x: L::V, y: L::V) -> L::V {
         let along = l.mul(l.splat(self.dx[k]), l.sub(y, l.splat(self.y[k])));
         l.sub(along, l.mul(l.splat(self.dy[k]), l.sub(x, l.splat(self.x[k]))))
     }
 
-    /// Of the corners of `other` from `k` on, which lie in this, and which of these on a side of it.
+    /// Lanes of the corners of `other` from `k` on that lie in this outline, and of those that are on a side of it.
     #[inline(always)]
     fn corners_inside<L: F64Arithmetic>(&self, l: L, other: &FaceOutline, k: usize, tiny: f64) -> (u32, u32) {
         let (x, y) = (l.load(&other.x[k..]), l.load(&other.y[k..]));
@@ -186,8 +187,8 @@ impl<'a> FaceOutline<'a> {
         (inside, on_side & inside)
     }
 
-    /// The height at a corner of `other` that is on a side, which is that of the sides: beside a ridge as sharp as a
-    /// knife the plane falls away within rounding. `sign`: 1 for the least of the heights, -1 for the greatest.
+    /// Height at a corner of `other` that is on a side, limited by the height of the side: next to a very sharp ridge the
+    /// plane falls away within rounding. `sign`: 1 for the smallest height, -1 for the largest.
     #[inline(always)]
     fn side_height(&self, x: f64, y: f64, sign: f64, plane: f64, tiny: f64) -> f64 {
         let mut height = plane;
@@ -207,7 +208,7 @@ impl<'a> FaceOutline<'a> {
     }
 }
 
-/// The lanes from `k` on that are below `count`.
+/// Mask of the lanes from `k` on that are below `count`.
 #[inline(always)]
 fn lane_mask<L: F64Arithmetic>(k: usize, count: usize) -> u32 {
     (1 << L::WIDTH.min(count - k)) - 1
@@ -274,7 +275,7 @@ impl<L: F64Arithmetic> NullaryFnOnce for CommonCorners<'_, L> {
                     same += 1;
                 }
                 if same < of_vertices_of_a {
-                    // Two vertices meet: their own heights.
+                    // Two vertices coincide: each keeps its own height.
                     let same = &mut take[same];
                     let gap = z - (Vec3::from(same.point).dot(n) - 0.5 * same.gap);
                     same.point = (Vec3::from(same.point) + n * (0.5 * (gap - same.gap))).into();
@@ -297,7 +298,7 @@ impl<L: F64Arithmetic> NullaryFnOnce for CommonCorners<'_, L> {
         while i < na {
             let mut from = 0;
             while from < nb {
-                // Corners of B from this side of A, and the ends of this side from those of B.
+                // Distances of the corners of B from this side of A, and of the ends of this side from the sides of B.
                 let (x, y) = (l.load(&b.x[from..]), l.load(&b.y[from..]));
                 let (next_x, next_y) = (l.load(&b.x[from + 1..]), l.load(&b.y[from + 1..]));
                 let (w0, w1) = (a.side_distance(l, i, x, y), a.side_distance(l, i, next_x, next_y));

@@ -1,6 +1,6 @@
 //! The common part of two faces seen along a normal: points of contact and area.
 //!
-//! The same for face on face, edge on face, vertex on face and crossed edges, and the same for A and B.
+//! One algorithm for face on face, edge on face, vertex on face and crossed edges, and the same for A and B.
 
 use smallvec::SmallVec;
 
@@ -9,56 +9,56 @@ use super::search::{PolyhedronPair, SearchAxis};
 use super::{ContactPoint, ListingRange, Manifold};
 use crate::math::Vec3;
 
-/// Distance from a side, over the smaller circumradius, up to which a vertex is on it: so that aligned faces keep
-/// their vertices and have no crossings beside them.
+/// Distance from a side, over the smaller circumradius, up to which a vertex is on the side, so that aligned faces keep
+/// their vertices and have no crossings next to them.
 pub(super) const ON_SIDE_DISTANCE: f64 = 1e-11;
-/// Distance up to which two corners are one.
+/// Distance up to which two corners count as one.
 pub(super) const SAME_CORNER_DISTANCE: f64 = 1e-9;
 /// Cosine between a face's normal and the direction of view below which it is seen as a line.
 pub(super) const MIN_FACE_COSINE: f64 = 1e-9;
-/// Distance from the line between its neighbours, over the size of the patch, up to which one of many corners is left out.
+/// Distance of a corner from the line between its neighbours, over the size of the patch, up to which it may be left out.
 const FLAT_CORNER_HEIGHT: f64 = 1e-2;
-/// A corner that is deeper than its neighbours by so many ties always stays.
+/// Number of ties by which a corner must be deeper than its neighbours to be kept always.
 const DEEPER_TIES: f64 = 4.0;
-/// So many corners all count.
+/// Number of corners up to which none is left out.
 const MAX_CORNERS_UNREDUCED: usize = 4;
-/// So many are put in order by comparing each with each.
+/// Number of keys up to which they are sorted by counting.
 const MAX_COUNTING_SORT: usize = 16;
 
 #[derive(Default)]
 pub(super) struct ContactPatch {
     pub corners: PatchCorners,
-    /// From A to B.
+    /// Normal from A to B.
     pub normal: Vec3,
-    /// Of the common part as far as area counts, m^2.
+    /// Area of the common part within the range of areas, m^2.
     pub area: f64,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct PatchCorner {
     pub point: [f64; 3],
-    /// Seen along the normal.
+    /// Position seen along the normal.
     pub flat: [f64; 2],
     pub gap: f64,
     pub features: (u32, u32),
 }
 
 impl ContactPatch {
-    /// Faces of A and of B seen along an axis; area counts up to the gap `area_within`, m.
+    /// Computes the common part of faces of A and of B seen along an axis; area counts up to the gap `area_within`, m.
     pub fn clip_faces(&mut self, pair: &PolyhedronPair, axis: &SearchAxis, faces: (u32, u32), area_within: f64) {
         self.normal = axis.n;
         self.corners.clear();
         collect_common_corners(pair, &axis.n, faces, ON_SIDE_DISTANCE * pair.small, &mut self.corners);
         self.area = polygon_area(&self.corners, area_within);
         for corner in &mut self.corners {
-            // Steep planes reach too far where a vertex on a side is outside by rounding.
+            // Steep planes reach too far if a vertex on a side is outside by rounding.
             corner.gap = corner.gap.max(axis.s);
         }
     }
 
-    /// The same where the corners are known already, and the area of the whole.
+    /// Sets normal and area for corners that are known already; `area_of_all`: area of the whole common part.
     pub fn set_normal_and_area(&mut self, normal: Vec3, area_of_all: f64, area_within: f64) {
-        // Where a range counts, so does the tilt of the faces.
+        // With a limited range the tilt of the faces counts, too.
         let all = area_within == f64::INFINITY;
         (self.normal, self.area) = (normal, if all { area_of_all } else { polygon_area(&self.corners, area_within) });
     }
@@ -68,7 +68,7 @@ impl ContactPatch {
         self.corners.iter().any(|corner| corner.gap <= s + tie)
     }
 
-    /// Puts the corners that are listed into `to`; gaps are equal up to `tie`, m.
+    /// Writes the listed corners into `to`; gaps are equal up to `tie`, m.
     pub fn write_manifold(&mut self, range: ListingRange, tie: f64, to: &mut Manifold) {
         if self.corners.iter().any(|corner| corner.gap > range.alert) {
             self.corners.retain(|corner| corner.gap <= range.alert);
@@ -83,7 +83,7 @@ impl ContactPatch {
         to.points.clear();
         let count = self.corners.len();
         if count <= MAX_CORNERS_UNREDUCED {
-            // Most: without detours.
+            // The usual case, without heap or branches.
             let mut keys = [0; MAX_CORNERS_UNREDUCED];
             keys.iter_mut().zip(&self.corners).for_each(|(k, corner)| *k = key(corner));
             let order: [usize; MAX_CORNERS_UNREDUCED] = counting_sort_order(&keys[..count]);
@@ -96,8 +96,8 @@ impl ContactPatch {
         to.points.extend(order.iter().map(|&k| point(&self.corners[k as usize])));
     }
 
-    /// Leaves out corners, the first of the order first, without which what is left spans the same: sides that nearly
-    /// coincide cross in the middle, and a corner that is hardly cut off is two. The deepest stays.
+    /// Removes, in the order of `order`, corners whose removal leaves the same outline: sides that nearly coincide cross
+    /// in the middle, and a corner that is hardly cut off appears twice. The deepest corner is kept.
     fn drop_flat_corners(&self, order: &mut SmallVec<[u32; 12]>, tie: f64) {
         let flat = |k: u32| self.corners[k as usize].flat;
         let between = |a: u32, b: u32| [flat(b)[0] - flat(a)[0], flat(b)[1] - flat(a)[1]];
@@ -111,7 +111,7 @@ impl ContactPatch {
         let mut is_left = SmallVec::<[bool; 12]>::from_elem(true, all);
         order.retain(|k| {
             let at = place[*k as usize];
-            // All that has been left out between the neighbours that there are now must lie on the line between these, too.
+            // All removed corners between the present neighbours must lie on the line between these, too.
             let from = (1..all).map(|step| (at + all - step) % all).find(|&at| is_left[at]).unwrap_or(at);
             let to = (1..all).map(|step| (at + step) % all).find(|&at| is_left[at]).unwrap_or(at);
             let (before, after) = (round[from], round[to]);
@@ -137,7 +137,7 @@ impl PatchCorner {
         (self.flat[0] - x).abs() <= same && (self.flat[1] - y).abs() <= same
     }
 
-    /// Middle of the shortest way between two lines that are not parallel.
+    /// Middle of the shortest segment between two lines that are not parallel.
     pub fn line_crossing([a0, a1]: [Vec3; 2], [b0, b1]: [Vec3; 2]) -> Vec3 {
         let (u, v, w) = (a1 - a0, b1 - b0, a0 - b0);
         let (uu, uv, vv, uw, vw) = (u.dot(&u), u.dot(&v), v.dot(&v), u.dot(&w), v.dot(&w));
@@ -147,7 +147,7 @@ impl PatchCorner {
     }
 }
 
-/// The places of keys in increasing order; of equals the first comes first.
+/// Indices of the keys in increasing order; equal keys keep their order.
 fn sorted_order(keys: &[u64]) -> SmallVec<[u32; 12]> {
     if keys.len() > MAX_COUNTING_SORT {
         let mut order: SmallVec<[u32; 12]> = (0..keys.len() as u32).collect();
@@ -157,8 +157,8 @@ fn sorted_order(keys: &[u64]) -> SmallVec<[u32; 12]> {
     counting_sort_order::<MAX_COUNTING_SORT>(keys)[..keys.len()].iter().map(|&k| k as u32).collect()
 }
 
-/// The same of up to `N` keys, by counting for each the keys before it: without branches, which noise would make
-/// unpredictable.
+/// Order of up to `N` keys as [`sorted_order`], by counting the keys before each: without branches, which noise would
+/// make unpredictable.
 fn counting_sort_order<const N: usize>(keys: &[u64]) -> [usize; N] {
     let (mut before, mut order) = ([0; N], [0; N]);
     for k in 1..keys.len() {
@@ -180,15 +180,15 @@ fn corner_centre(corners: &[PatchCorner]) -> [f64; 2] {
     corners.iter().fold([0.0; 2], |m, c| [m[0] + c.flat[0] / count, m[1] + c.flat[1] / count])
 }
 
-/// Corners of a convex polygon one after the other, counter-clockwise.
+/// Corners of a convex polygon, counter-clockwise.
 fn convex_order(corners: &[PatchCorner]) -> SmallVec<[u32; 12]> {
     let mean = corner_centre(corners);
-    // By a number that grows with the angle.
+    // Sorts by a number that increases with the angle.
     let turn = |corner: &PatchCorner| {
         let (x, y) = (corner.flat[0] - mean[0], corner.flat[1] - mean[1]);
         let reach = x.abs() + y.abs();
         let turn = if reach == 0.0 { 0.0 } else { (1.0 - x / reach).copysign(y) };
-        // As whole numbers in the same order.
+        // Converts to integers of the same order.
         let bits = turn.to_bits() as i64;
         (bits ^ (bits >> 63 | i64::MIN)) as u64
     };
@@ -196,11 +196,12 @@ fn convex_order(corners: &[PatchCorner]) -> SmallVec<[u32; 12]> {
     sorted_order(&turns)
 }
 
-/// Tilt of two faces, rad, from which on they have no area in common where a range counts: an edge on a face. What of a tilted
-/// face is within the range of a bond, a thousandth of the size over the tilt, is 1 % of it there.
+/// Tilt of two faces, rad, from which on they have no common area if a range counts: an edge on a face. The part of a
+/// tilted face that is within the range of a bond, a thousandth of the size over the tilt, is 1 % of the face there.
 const MAX_AREA_TILT: f64 = 0.1;
 
-/// Share of the area of a convex polygon of corners x, y and gap that counts at the tilt θ of its gap: 1 - (θ/0.1)², at least 0.
+/// Fraction of the area of a convex polygon of corners x, y and gap that counts at the tilt θ of its gap: 1 - (θ/0.1)²,
+/// at least 0.
 pub(super) fn share_at_tilt(polygon: &[[f64; 3]]) -> f64 {
     let mut normal = [0.0; 3];
     for (k, p) in polygon.iter().enumerate() {
@@ -212,12 +213,12 @@ pub(super) fn share_at_tilt(polygon: &[[f64; 3]]) -> f64 {
     }
     let [x, y, z] = normal;
     let tilt2 = (x * x + y * y) / (z * z);
-    // What has no area is no number.
+    // A polygon without area has a tilt that is not a number.
     (1.0 - tilt2 / (MAX_AREA_TILT * MAX_AREA_TILT)).max(0.0)
 }
 
-/// Of the convex polygon of the corners as far as its gap, which is linear on it, is at most `within` (m), m^2; where that
-/// is finite, less what [`share_at_tilt`] takes.
+/// Area of the part of a convex polygon where its gap, which is linear on it, is at most `within` (m), m^2; for a finite
+/// `within` multiplied by [`share_at_tilt`].
 fn polygon_area(corners: &[PatchCorner], within: f64) -> f64 {
     if corners.len() < 3 {
         return 0.0;
@@ -243,7 +244,7 @@ fn polygon_area(corners: &[PatchCorner], within: f64) -> f64 {
 /// Corners x, y and gap, m.
 pub(super) type Polygon = SmallVec<[[f64; 3]; 12]>;
 
-/// What of a convex polygon has gaps up to `within`, m: one side of a straight line.
+/// Part of a convex polygon with gaps up to `within`, m: one side of a straight line.
 pub(super) fn clipped_to_gap(polygon: &[[f64; 3]], within: f64) -> Polygon {
     let mut nearer = Polygon::new();
     for (k, p) in polygon.iter().enumerate() {
@@ -265,7 +266,7 @@ mod tests {
     use crate::geometry::{PosedPolyhedron, tests::each_pair};
     use crate::math::local_frame;
 
-    /// Sutherland and Hodgman's: each side of `by` cuts what is left.
+    /// Sutherland-Hodgman clipping: each side of `by` cuts the remaining polygon.
     fn clipped(mut of: Vec<[f64; 2]>, by: &[[f64; 2]]) -> Vec<[f64; 2]> {
         for k in 0..by.len() {
             let (a, b) = (by[k], by[(k + 1) % by.len()]);
@@ -287,7 +288,8 @@ mod tests {
         of
     }
 
-    /// Corners of regular polygons, whose order is that of going round or any: what is left spans all of them to [`FLAT_CORNER_HEIGHT`].
+    /// Corners of regular polygons, in circular or any other order: the remaining corners span all of them to
+    /// [`FLAT_CORNER_HEIGHT`].
     #[test]
     fn many_corners_that_are_hardly_bent_are_not_left_out_one_after_the_other() {
         for (count, stride) in [(5, 1), (12, 1), (64, 1), (400, 1), (400, 37), (1000, 1)] {

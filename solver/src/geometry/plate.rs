@@ -4,13 +4,13 @@ use super::search::support_vertex;
 use super::{CachedFeature, Manifold, NarrowPhaseMode, Polyhedron, PosedPolyhedron, polyhedron_polyhedron};
 use crate::math::{Quat, Vec3};
 
-/// Polyhedron A against a plate at `c` = x_B - x_A (m) with the orientation `q`; `None` where they are more than
+/// Contact of polyhedron A with a plate at `c` = x_B - x_A (m) with the orientation `q`; `None` if they are more than
 /// `alert` (m) apart.
 ///
-/// The contact faces are at ± half_lengths.z along the plate's third axis; the rim can be touched too. For many
-/// contacts of one plate keep its [`Polyhedron::cuboid`] and use [`polyhedron_polyhedron`], which this calls.
+/// The contact faces are at ± half_lengths.z along the plate's third axis; the rim can be touched, too. For many contacts
+/// of one plate keep its [`Polyhedron::cuboid`] and use [`polyhedron_polyhedron`], which this calls.
 pub fn polyhedron_plane(a: &PosedPolyhedron, c: &Vec3, q: &Quat, half_lengths: &Vec3, alert: f64) -> Option<Manifold> {
-    // Most bodies are farther than that from one of the faces' planes.
+    // Most bodies are farther than that from the plane of one of the faces.
     let n = q * Vec3::z();
     let centre = -n.dot(c);
     let below = support_vertex(a, &-n).1;

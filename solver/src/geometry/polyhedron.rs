@@ -1,4 +1,4 @@
-//! A convex polyhedron in its body's frame, and the same turned as its body is.
+//! Convex polyhedron in its body's frame, and posed by its body's orientation.
 
 use bytemuck::{Pod, Zeroable};
 pub(super) use cd_formats::faces::{ConvexMesh, FeatureIndex, PolyhedronEdge, PolyhedronPlane};
@@ -7,10 +7,10 @@ use nalgebra::Matrix3;
 use crate::math::lanes::SimdWidth;
 use crate::math::{Quat, Vec3};
 
-/// Columns are as long as the next multiple of this, so that all widths of vectors fit.
+/// Padding of columns: their length is a multiple of this, so that all vector widths fit.
 pub(super) const COLUMN_PAD: usize = 8;
 
-/// A convex polyhedron; its faces are polygons, not triangles.
+/// Convex polyhedron; its faces are polygons, not triangles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Polyhedron {
     topology: PackedTopology,
@@ -24,30 +24,31 @@ pub struct Polyhedron {
     circumradius: f64,
 }
 
-/// What pairs that know each other ask for, in one short piece: of many grains it comes from far memory in every step.
+/// Data that pairs with a cached feature need, in one compact block: with many grains it comes from main memory in every
+/// step.
 ///
 /// Each section is a range of the lines read as numbers of its kind.
 #[derive(Debug, Clone, PartialEq)]
 struct PackedTopology {
     lines: Vec<CacheLine>,
-    /// Columns x, y, z of the vertices, each so long, padded by the first; they come first.
+    /// Length of each of the columns x, y, z of the vertices, padded by the first vertex; they are at the beginning.
     column: usize,
     planes: Section,
     edges: Section,
-    /// Where in `spokes` each vertex begins, and the last ends.
+    /// Start of each vertex in `half_edges`, and the end of the last.
     half_edge_starts: Section,
     half_edges: Section,
-    /// As in [`ConvexMesh`].
+    /// Corners of the faces as in [`ConvexMesh`].
     loops: Section,
     starts: Section,
 }
 
-/// A line of the caches.
+/// Cache line.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 struct CacheLine([u64; 8]);
 
-/// Start and end.
+/// Start and end of a section.
 type Section = [u32; 2];
 
 impl PackedTopology {
@@ -58,7 +59,7 @@ impl PackedTopology {
             let padded = faces.vertices.iter().chain(std::iter::repeat(&faces.vertices[0]));
             padded.take(column).for_each(|v| bytes.extend(v[axis].to_ne_bytes()));
         }
-        // Kinds from large to small, so that each begins at a multiple of its size.
+        // Sections are sorted by the size of their type, largest first, so that each starts at a multiple of it.
         let planes = append_rows(&mut bytes, &faces.planes);
         let edges = append_rows(&mut bytes, &faces.edges);
         let starts = append_rows(&mut bytes, &faces.starts);
@@ -100,12 +101,12 @@ fn append_rows<T: Pod>(bytes: &mut Vec<u8>, rows: &[T]) -> Section {
     [start, start + rows.len()].map(|k| k as u32)
 }
 
-/// An edge seen from one of its ends.
+/// Half-edge: an edge seen from one of its ends.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct HalfEdge {
     pub edge: FeatureIndex,
-    /// The vertex at its other end.
+    /// Vertex at its other end.
     pub to: FeatureIndex,
 }
 
@@ -135,15 +136,15 @@ impl Polyhedron {
     /// Distance from a face's plane, over the size, up to which triangles belong to it.
     pub const FLATNESS: f64 = 1e-10;
 
-    /// The polyhedron of a closed, outward triangulated surface about the body's centre of mass, m.
+    /// Builds the polyhedron of a closed, outward triangulated surface about the body's centre of mass, m.
     ///
-    /// Triangles in one plane become one face, and vertices that are then no corners are left out. Errors: what makes
-    /// it no convex polyhedron.
+    /// Coplanar triangles become one face, and vertices that are then no corners are left out. Errors: the reason why the
+    /// surface is not a convex polyhedron.
     pub fn new(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Result<Self, String> {
         Ok(Self::from(ConvexMesh::new(vertices, triangles, Self::FLATNESS)?))
     }
 
-    /// A cuboid of these half lengths, m, along the body's axes.
+    /// Builds a cuboid of these half lengths, m, along the body's axes.
     ///
     /// ```
     /// # use cd_solve::{geometry::Polyhedron, math::Vec3};
@@ -170,7 +171,7 @@ impl Polyhedron {
         Self::from(faces)
     }
 
-    /// The same turned by `q`, body to world.
+    /// Returns the polyhedron turned by `q`, body to world.
     pub fn posed_by(&self, q: &Quat) -> PosedPolyhedron<'_> {
         PosedPolyhedron { shape: self, lines: &self.topology.lines, turn: q.to_rotation_matrix().into_inner() }
     }
@@ -195,7 +196,7 @@ impl Polyhedron {
         self.circumradius
     }
 
-    /// x, y and z of the vertices, each as long as a multiple of [`COLUMN_PAD`]: the first comes again.
+    /// Columns x, y and z of the vertices, padded to a multiple of [`COLUMN_PAD`] by the first vertex.
     #[inline(always)]
     pub(super) fn vertex_columns(&self) -> [&[f64]; 3] {
         let (all, column) = (bytemuck::cast_slice(&self.topology.lines), self.topology.column);
@@ -246,14 +247,15 @@ impl Polyhedron {
     }
 }
 
-/// A polyhedron turned as its body is but not moved: so precision does not depend on how far from the origin the body is.
+/// Polyhedron turned by its body's orientation but not moved, so that precision does not depend on the distance from the
+/// origin.
 ///
-/// Of a shape only what a contact asks for is turned, then and there: most of the work of a pair is reading memory, and
-/// directions are turned into the shape's frame for less than vertices out of it.
+/// Only the parts of a shape that a contact needs are turned, on use: most of the work of a pair is reading memory, and
+/// turning directions into the shape's frame is cheaper than turning vertices out of it.
 #[derive(Debug, Clone, Copy)]
 pub struct PosedPolyhedron<'a> {
     pub(super) shape: &'a Polyhedron,
-    /// The shape's [`PackedTopology`], to be asked for without reading the shape.
+    /// [`PackedTopology`] of the shape, which can be prefetched without reading the shape.
     lines: &'a [CacheLine],
     /// Body to world.
     pub(super) turn: Matrix3<f64>,
@@ -270,14 +272,15 @@ impl PosedPolyhedron<'_> {
         self.to_world(&self.shape.face_planes()[face.into() as usize].normal)
     }
 
-    /// Asks for what [`super::polyhedron_polyhedron`] will read.
+    /// Prefetches the data that [`super::polyhedron_polyhedron`] reads.
     #[inline(always)]
     pub fn prefetch(&self, width: SimdWidth) {
         width.prefetch(self.shape);
         width.prefetch(self.lines);
     }
 
-    /// A vector of the shape's frame in the world's. Written out, so that it is the same to the bit wherever it is inlined.
+    /// Converts a vector from the shape's frame to the world's. Written out, so that it is bitwise the same wherever it
+    /// is inlined.
     #[inline(always)]
     pub(super) fn to_world(&self, v: &Vec3) -> Vec3 {
         let m = &self.turn;
@@ -288,7 +291,7 @@ impl PosedPolyhedron<'_> {
         )
     }
 
-    /// The reverse.
+    /// Converts a vector from the world's frame to the shape's.
     #[inline(always)]
     pub(super) fn to_local(&self, v: &Vec3) -> Vec3 {
         let m = &self.turn;

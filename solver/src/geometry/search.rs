@@ -1,12 +1,13 @@
-//! The direction in which two polyhedra are farthest apart: of the face normals and the cross products of edges.
+//! Search for the direction in which two polyhedra are farthest apart, among the face normals and the cross products of
+//! edges.
 //!
-//! s(n) = min_B n·(b + c) - max_A n·a for a unit n from A to B is a lower bound of the distance of A and B. Its
-//! maximum over the normals of the Minkowski difference's facets is the distance, unless two vertices, or a vertex and
-//! an edge, are nearest; where A and B overlap, -s is the least translation that parts them.
+//! s(n) = min_B n·(b + c) - max_A n·a for a unit n from A to B is a lower bound of the distance of A and B. Its maximum
+//! over the facet normals of the Minkowski difference is the distance, unless the nearest features are two vertices, or a
+//! vertex and an edge. If A and B overlap, -s is the smallest translation that separates them.
 //!
-//! Two bounds save most of the work. With the balls in A and B about their centres, s(n) <= n·c - r_A - r_B: once an s
-//! is known, only a cone of directions about c is left. And s(n) <= n·x for every point x of the difference B - A, such
-//! as those of the directions tried before.
+//! Two bounds save most of the work. With the balls in A and B about their centres, s(n) <= n·c - r_A - r_B: a known s
+//! leaves only a cone of directions about c. And s(n) <= n·x for every point x of the difference B - A, such as those of
+//! the directions tried before.
 
 use pulp::NullaryFnOnce;
 use smallvec::{Array, SmallVec};
@@ -27,7 +28,7 @@ pub(super) struct PolyhedronPair<'a> {
     pub pa: &'a PosedPolyhedron<'a>,
     pub b: &'a Polyhedron,
     pub pb: &'a PosedPolyhedron<'a>,
-    /// x_B - x_A, m.
+    /// Vector x_B - x_A, m.
     pub c: Vec3,
     /// Sum of the circumradii, m.
     pub sum: f64,
@@ -41,16 +42,16 @@ pub(super) enum SearchFeature {
     FaceOfA(u32),
     FaceOfB(u32),
     Edges(u32, u32),
-    /// A direction as good as any.
+    /// Arbitrary direction.
     None,
 }
 
-/// A direction with the separation along it.
+/// Direction with the separation along it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct SearchAxis {
-    /// Unit, from A to B.
+    /// Unit direction from A to B.
     pub n: Vec3,
-    /// m
+    /// Separation, m.
     pub s: f64,
     pub feature: SearchFeature,
 }
@@ -61,7 +62,7 @@ impl SearchAxis {
     }
 }
 
-/// Where a search begins.
+/// Start of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum SearchStart {
     Nothing,
@@ -69,19 +70,19 @@ pub(super) enum SearchStart {
     Direction(Vec3),
 }
 
-/// Products of the two dots of a Gauss-map test above which edges count as parallel, over the squared length of the
-/// edge: 4e-12 rad. To leave them out changes s by no more than [`PolyhedronPair::tie_tolerance`].
+/// Products of the two dots of a Gauss-map test above which edges count as parallel, over the squared length of the edge:
+/// 4e-12 rad. Skipping such edges changes s by at most [`PolyhedronPair::tie_tolerance`].
 const PARALLEL_EDGE_PRODUCT: f64 = 1.6e-23;
 /// Angle up to which edges count as parallel ridges, rad.
 pub(super) const RIDGE_ANGLE: f64 = 1e-11;
-/// A face must be better aligned by this to be preferred to its neighbour.
+/// Margin by which a face must be better aligned than its neighbour to be preferred.
 const ALIGNMENT_MARGIN: f64 = 1e-9;
 const LANE_INDICES: [f64; 8] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
-/// Points of the difference that are kept: of the start, four about a face on a face, of the best of either body's faces.
+/// Number of stored points of the difference: the start, four about a face on a face, the best of either body's faces.
 const MAX_WITNESSES: usize = 7;
-/// Faces are taken to lie on each other up to this angle, rad.
+/// Angle up to which faces are taken to lie on each other, rad.
 const FACE_ON_FACE_ANGLE: f64 = 1e-3;
-/// Edges of B that are held in columns at a time; the same for all widths, so that the order is.
+/// Edges of B per column block; independent of the vector width, so that the order is, too.
 const COLUMN_BLOCK: usize = 8;
 
 impl<'a> PolyhedronPair<'a> {
@@ -91,23 +92,23 @@ impl<'a> PolyhedronPair<'a> {
         PolyhedronPair { a, pa, b, pb, c, sum: ra + rb, small: ra.min(rb), width }
     }
 
-    /// A direction must be better by this (m) to be preferred to an earlier one: so rounding, and noise of 1e-12 of the
-    /// smaller body, do not decide between equals.
+    /// Improvement (m) by which a direction replaces an earlier one, so that rounding, and noise of 1e-12 of the smaller
+    /// body, do not decide between equal directions.
     pub fn tie_tolerance(&self) -> f64 {
         4e-12 * self.small + self.rounding_bound()
     }
 
-    /// Rounding of an s, m, with room.
+    /// Bound of the rounding error of an s with a safety margin, m.
     fn rounding_bound(&self) -> f64 {
         32.0 * f64::EPSILON * self.sum
     }
 
-    /// What s cannot be less than by this much for a direction of the cone to be worth a try.
+    /// Sum of the inradii, m: s(n) <= n·c minus this.
     fn inradius_sum(&self) -> f64 {
         self.a.inradius() + self.b.inradius()
     }
 
-    /// s(n) with the vertices that give it.
+    /// Returns s(n) with the vertices that give it.
     pub fn separation_along(&self, n: &Vec3) -> (f64, u32, u32) {
         let (a, high) = support_vertex(self.pa, n);
         let (b, low) = support_vertex(self.pb, &-n);
@@ -115,13 +116,13 @@ impl<'a> PolyhedronPair<'a> {
     }
 }
 
-/// The first vertex farthest along `n`, and how far.
+/// Returns the first vertex farthest along `n`, and its height.
 pub(super) fn support_vertex(posed: &PosedPolyhedron, n: &Vec3) -> (u32, f64) {
     let (k, low) = lowest_vertex(Scalar, posed, &-n);
     (k, -low)
 }
 
-/// The best direction, or the first found along which A and B are farther apart than `range`; `hint` may be one.
+/// Returns the best direction, or the first found along which A and B are farther apart than `range`; `hint` may be one.
 pub(super) fn separating_axis(
     pair: &PolyhedronPair,
     start: SearchStart,
@@ -137,26 +138,26 @@ pub(super) fn separating_axis(
         SimdWidth::Eight(l) => l.run(AxisSearch { l, pair, start, hint, narrow, range }),
     };
     if found.axis.feature == SearchFeature::None && found.axis.s <= 0.0 {
-        // Gone astray by rounding.
+        // Rounding has led the search astray.
         let axis = exhaustive_search(pair, range.alert);
         return SearchResult { axis, met: None, nearest: false, faces: support_faces(Scalar, pair, &axis, None) };
     }
     found
 }
 
-/// A direction, and what is seen along it.
+/// Result of a search: a direction, and the features there.
 pub(super) struct SearchResult {
     pub axis: SearchAxis,
-    /// The vertex that a face meets, where it is known.
+    /// Vertex that a face touches, if known.
     pub met: Option<u32>,
-    /// Whether the bodies are apart, and the features of the axis have their nearest points.
+    /// Whether the bodies are apart, and the features of the axis contain their nearest points.
     pub nearest: bool,
-    /// Of A and of B, where the points of both are asked for.
+    /// Faces of A and of B, if the points of both are needed.
     pub faces: (u32, u32),
 }
 
 impl SearchResult {
-    /// Whether the nearest point is all that is asked for.
+    /// Whether only the nearest point is needed.
     pub fn is_far(&self, range: &ListingRange) -> bool {
         self.nearest && self.axis.s > range.patch
     }
@@ -186,7 +187,7 @@ impl<L: F64Arithmetic> NullaryFnOnce for AxisSearch<'_, L> {
 }
 
 impl<L: F64Arithmetic> AxisSearch<'_, L> {
-    /// With the vertex that a face meets, where it is known, and whether it was proven to be the best.
+    /// Returns the best axis, the vertex that a face touches, if known, and whether the axis was proven to be the best.
     #[inline(always)]
     fn best_axis(&self) -> (SearchAxis, Option<u32>, bool) {
         let &AxisSearch { l, pair, start, hint, narrow, range: ListingRange { alert: enough, .. } } = self;
@@ -236,7 +237,7 @@ impl WitnessPoints {
         }
     }
 
-    /// In the frame of a body, as seen from it; `sign` is -1 for B.
+    /// Points in the frame of a body, relative to it; `sign` is -1 for B.
     #[inline(always)]
     fn to_local(&self, posed: &PosedPolyhedron, sign: f64) -> [Vec3; MAX_WITNESSES] {
         let mut points = [Vec3::zeros(); MAX_WITNESSES];
@@ -249,8 +250,9 @@ impl WitnessPoints {
     }
 }
 
-/// Adds corners of the facet that the face `f` of `own` makes with the face of `other` that lies on it at the vertex `v`: the
-/// least one in each of four directions. About the foot of the origin, they leave no direction but those near the normal.
+/// Adds corners of the facet that the face `f` of `own` makes with the face of `other` that lies on it at the vertex `v`:
+/// the lowest one in each of four directions. If they surround the foot of the origin, they exclude all directions but
+/// those near the normal.
 #[inline(always)]
 fn add_face_witnesses<L: F64Arithmetic>(
     l: L,
@@ -277,7 +279,7 @@ fn add_face_witnesses<L: F64Arithmetic>(
     }
 }
 
-/// The first corner of a face that is farthest along `n`.
+/// Returns the first corner of a face that is farthest along `n`.
 #[inline(always)]
 fn face_support_vertex(posed: &PosedPolyhedron, f: u32, n: &Vec3) -> FeatureIndex {
     let (shape, n) = (posed.shape, posed.to_local(n));
@@ -292,7 +294,7 @@ fn face_support_vertex(posed: &PosedPolyhedron, f: u32, n: &Vec3) -> FeatureInde
     best
 }
 
-/// Adds the lanes of a mask, places from `k` on, as far as they are below `count`.
+/// Appends the lanes of a mask as indices from `k` on, as far as they are below `count`.
 #[inline(always)]
 fn push_mask_lanes(kept: &mut SmallVec<impl Array<Item = u32>>, mut mask: u32, k: usize, count: usize) {
     while mask != 0 {
@@ -304,7 +306,8 @@ fn push_mask_lanes(kept: &mut SmallVec<impl Array<Item = u32>>, mut mask: u32, k
     }
 }
 
-/// What is remembered, at the new poses, with the vertex that a face meets; or the direction between the centres.
+/// Evaluates the cached feature at the new poses, with the vertex that a face touches; without one, the direction between
+/// the centres.
 #[inline(always)]
 fn starting_axis<L: F64Arithmetic>(
     l: L,
@@ -347,7 +350,7 @@ fn starting_axis<L: F64Arithmetic>(
     (SearchAxis { n, s: n.dot(&pair.c) + low + high, feature: SearchFeature::None }, None)
 }
 
-/// The first vertex least along `n`, and its height.
+/// Returns the first vertex lowest along `n`, and its height.
 #[inline(always)]
 pub(super) fn lowest_vertex<L: F64Arithmetic>(l: L, posed: &PosedPolyhedron, n: &Vec3) -> (u32, f64) {
     let n = posed.to_local(n);
@@ -365,7 +368,7 @@ pub(super) fn lowest_vertex<L: F64Arithmetic>(l: L, posed: &PosedPolyhedron, n: 
     let mut places = [0.0; 8];
     l.store(&mut places, l.add(at, l.load(&LANE_INDICES)));
     let height = l.min_lane(least);
-    // Of equals the first vertex.
+    // Takes the first of equal vertices.
     let mut equal = !l.mask_greater(least, l.splat(height)) & ((1 << L::WIDTH) - 1);
     let mut place = places[equal.trailing_zeros() as usize & 7];
     equal &= equal.wrapping_sub(1);
@@ -377,26 +380,27 @@ pub(super) fn lowest_vertex<L: F64Arithmetic>(l: L, posed: &PosedPolyhedron, n: 
     (place as u32, height)
 }
 
-/// s(n).
+/// Returns s(n).
 #[inline(always)]
 fn separation_along<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, n: &Vec3) -> f64 {
     let low = lowest_vertex(l, pair.pb, n).1;
     n.dot(&pair.c) + low + lowest_vertex(l, pair.pa, &-n).1
 }
 
-/// What is true of the separation `s` that the crossed arcs of two edges promise: shapes rounded in files are convex to their
-/// digits alone, and of short edges nearly parallel to long ones the ends are rounded by more than they are apart.
+/// Returns the true separation of two edges whose arcs cross with the separation `s`. Shapes rounded in files are convex
+/// up to their digits only, and the ends of short edges nearly parallel to long ones are rounded by more than their
+/// distance.
 #[inline(always)]
 fn true_separation<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, n: &Vec3, s: f64) -> f64 {
     let found = separation_along(l, pair, n);
     if found < s - pair.tie_tolerance() { found } else { s }
 }
 
-/// Whether no direction is better than a feature's, told from the facet of the Minkowski difference that it makes.
+/// Whether a feature's direction is proven to be the best, by its facet of the Minkowski difference.
 ///
-/// If the facet has a disc of radius ρ about the origin's foot on it, every direction within 2 atan(ρ/|s|) of n is
-/// worse; when that reaches beyond the cone of directions that the inner balls leave, n is the best of all. Apart, a
-/// foot within the facet is enough: there are points at that distance.
+/// If the facet contains a disc of radius ρ about the foot of the origin, every direction within 2 atan(ρ/|s|) of n is
+/// worse. If that angle exceeds the cone of directions that the inner balls leave, n is the best of all. For separated
+/// bodies a foot within the facet is enough: there are points at that distance.
 #[inline(always)]
 fn is_best<L: F64Arithmetic>(
     l: L,
@@ -427,7 +431,7 @@ fn is_best<L: F64Arithmetic>(
         return true;
     }
     if narrow == NarrowPhaseMode::Fast {
-        // Unless the way between the centres tells that the bodies have left this side of each other.
+        // Accepts n unless the direction between the centres shows that the bodies have left this side of each other.
         let n = pair.c / vector_length(&pair.c);
         return separation_along(l, pair, &n) <= axis.s;
     }
@@ -443,8 +447,8 @@ fn is_best<L: F64Arithmetic>(
     sin_n * cos_cone + cos_n * sin_cone > 0.0 && cos_n * cos_cone - sin_n * sin_cone > cos_disc
 }
 
-/// Distance of a point, seen along the normal, from the nearest side of a face; < 0 outside, m. In the shape's frame, from
-/// the face's first corner.
+/// Distance of a point, seen along the normal, from the nearest side of a face, m; < 0 outside. In the shape's frame,
+/// from the face's first corner.
 #[inline(always)]
 fn inside_distance(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
     let (n, corners) = (shape.face_planes()[f as usize].normal, shape.face_corners(f as usize));
@@ -460,7 +464,8 @@ fn inside_distance(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
     least
 }
 
-/// The faces of `own` against the vertices of `other`; `sign` is -1 where `own` is B. Whether `enough` is reached.
+/// Tries the faces of `own` against the vertices of `other`; `sign` is -1 if `own` is B. Returns whether `enough` is
+/// reached.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
 fn search_faces<L: F64Arithmetic>(
@@ -482,8 +487,8 @@ fn search_faces<L: F64Arithmetic>(
     let mut changed = false;
     let mut from = 0;
     while from < kept.len() {
-        // Columns: the normals in the frame of the other body, offsets and n·c of up to eight faces; the rest is no better
-        // than anything.
+        // Columns: the normals in the frame of the other body, offsets and n·c of up to eight faces; unused lanes can
+        // never be the best.
         let mut block = [[0.0; COLUMN_BLOCK]; 5];
         block[3] = [f64::INFINITY; COLUMN_BLOCK];
         let mut k = 0;
@@ -502,7 +507,7 @@ fn search_faces<L: F64Arithmetic>(
             let along = l.load(&block[4][k..]);
             let (mut even, mut odd) = (l.splat(f64::INFINITY), l.splat(f64::INFINITY));
             let mut v = 0;
-            // The last vertex may be taken twice: columns are padded by the first.
+            // The last vertex may be read twice: columns are padded by the first.
             while v < count {
                 let (px, py, pz) = (l.splat(vx[v]), l.splat(vy[v]), l.splat(vz[v]));
                 even = l.min(l.mul_add(nz, pz, l.mul_add(ny, py, l.mul(nx, px))), even);
@@ -523,7 +528,7 @@ fn search_faces<L: F64Arithmetic>(
                         let feature = if sign > 0.0 { SearchFeature::FaceOfA(f) } else { SearchFeature::FaceOfB(f) };
                         *best = SearchAxis { n: own.face_normal(f) * sign, s: values[lane], feature };
                         changed = true;
-                        // At once, so that where it ends does not depend on the width.
+                        // Tested at once, so that the end does not depend on the vector width.
                         if best.s > enough {
                             return true;
                         }
@@ -543,7 +548,7 @@ fn search_faces<L: F64Arithmetic>(
     false
 }
 
-/// The faces that the bounds leave.
+/// Indices of the faces that the bounds leave.
 #[inline(always)]
 fn collect_faces_in_cone<L: F64Arithmetic>(
     l: L,
@@ -554,7 +559,7 @@ fn collect_faces_in_cone<L: F64Arithmetic>(
     witnesses: &WitnessPoints,
     kept: &mut SmallVec<[u32; 32]>,
 ) {
-    // In the frame of the body whose faces they are.
+    // In the frame of the body that owns the faces.
     let shape = own.shape;
     let c = own.to_local(&pair.c) * sign;
     let witness = witnesses.to_local(own, sign);
@@ -581,13 +586,14 @@ fn collect_faces_in_cone<L: F64Arithmetic>(
     }
 }
 
-/// What an s must exceed to be taken for the best: a direction that is no feature gives way to a feature as good.
+/// Threshold that an s must exceed to replace the best; a direction without a feature is replaced by an equally good
+/// feature.
 #[inline(always)]
 fn separation_to_beat(best: &SearchAxis, tie: f64) -> f64 {
     if best.feature == SearchFeature::None { best.s - tie } else { best.s + tie }
 }
 
-/// How far below the best s the bounds must still let directions through, m.
+/// Slack below the best s within which the bounds must not exclude directions, m.
 #[inline(always)]
 fn bound_slack(pair: &PolyhedronPair, best: &SearchAxis) -> f64 {
     if best.feature == SearchFeature::None {
@@ -615,7 +621,7 @@ fn search_edges<L: F64Arithmetic>(
     collect_arcs(l, pair, pair.pb, -1.0, best, witnesses, &mut of_b);
     let mut from = 0;
     while from < of_b.len() {
-        // Columns: a point, the direction, the two normals, of up to eight edges of B; the rest can cross nothing.
+        // Columns: a point, the direction and the two normals of up to eight edges of B; unused lanes cannot cross.
         let mut block = [[0.0; COLUMN_BLOCK]; 13];
         let mut count = 0;
         while count < COLUMN_BLOCK && from + count < of_b.len() {
@@ -671,7 +677,7 @@ fn search_edges<L: F64Arithmetic>(
     }
 }
 
-/// An edge of A against edges of B from column `k` on: which arcs cross, and the separations.
+/// Tests an edge of A against edges of B from column `k` on; returns which arcs cross, and the separations.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
 fn crossing_arcs<L: F64Arithmetic>(
@@ -721,7 +727,8 @@ fn crossing_arcs<L: F64Arithmetic>(
     (mask, l.div(along, length))
 }
 
-/// The edges with a direction that the bounds leave on their arc of the Gauss map, and few others; `sign` is -1 for those of B.
+/// Indices of the edges with a direction on their arc of the Gauss map that the bounds leave, and few others; `sign` is
+/// -1 for those of B.
 #[inline(always)]
 fn collect_arcs<L: F64Arithmetic>(
     l: L,
@@ -758,13 +765,13 @@ fn collect_arcs<L: F64Arithmetic>(
                 )
             };
         }
-        // Where c is seen from between the normals, the nearer one is at half the angle between them at the most.
+        // If c lies between the normals, the nearer normal is at most at half the angle between them.
         let (d0, d1) = (dot!(c, 0), dot!(c, 3));
         let beyond = l.select_greater(cone, zero, l.mul(cone, at!(6)), cone);
         let mut mask = l.mask_greater(l.select_greater(d0, d1, d0, d1), beyond);
         let mut i = 0;
         while mask != 0 && i < witnesses.count {
-            // Where both ends are below, all between are: s <= 0 or, apart, no direction at all.
+            // If both ends are below, the whole arc is: s <= 0 or, for separated bodies, no direction at all.
             let (e0, e1) = (dot!(witness[i], 0), dot!(witness[i], 3));
             mask &= l.mask_greater(l.select_greater(e0, e1, e0, e1), limit);
             i += 1;
@@ -774,7 +781,7 @@ fn collect_arcs<L: F64Arithmetic>(
     }
 }
 
-/// Every face of A, every face of B, every pair of edges, each by full support; stops above `enough`.
+/// Tries every face of A, every face of B and every pair of edges, each by full support; stops above `enough`.
 fn exhaustive_search(pair: &PolyhedronPair, enough: f64) -> SearchAxis {
     let gain = pair.tie_tolerance();
     let mut best = SearchAxis { n: Vec3::x(), s: f64::NEG_INFINITY, feature: SearchFeature::None };
@@ -807,10 +814,11 @@ fn exhaustive_search(pair: &PolyhedronPair, enough: f64) -> SearchAxis {
     best
 }
 
-/// The common normal of two edges, from A to B, the separation along it, and whether their arcs on the Gauss map cross.
+/// Returns the common normal of two edges, from A to B, the separation along it, and whether their arcs on the Gauss map
+/// cross.
 ///
-/// From the normals beside the edges, not from the edges' cross product, which is lost where they are nearly parallel.
-/// Source of the test: D. Gregorius, The separating axis test between convex polyhedra, GDC (2013).
+/// Computed from the normals of the adjacent faces instead of the edges' cross product, which loses its digits if they
+/// are nearly parallel. Source of the test: D. Gregorius, The separating axis test between convex polyhedra, GDC (2013).
 #[inline(always)]
 fn edge_axis(pair: &PolyhedronPair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     let (a, b) = (&pair.a.edges()[ea as usize], &pair.b.edges()[eb as usize]);
@@ -829,12 +837,12 @@ fn edge_axis(pair: &PolyhedronPair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     (n, n.dot(&(b0 + pair.c - a0)), crossed)
 }
 
-/// Whether the nearest of two bodies apart are edges that are parallel.
+/// Whether the nearest features of two separated bodies are parallel edges.
 pub(super) fn is_ridge_pair(pair: &PolyhedronPair, axis: &SearchAxis) -> bool {
     matches!(axis.feature, SearchFeature::Edges(ea, eb) if axis.s > 0.0 && are_parallel(pair, ea, eb))
 }
 
-/// Whether two edges are parallel but for noise.
+/// Whether two edges are parallel up to noise.
 pub(super) fn are_parallel(pair: &PolyhedronPair, ea: u32, eb: u32) -> bool {
     let ([a0, a1], [b0, b1]) = (edge_ends(pair.pa, ea), edge_ends(pair.pb, eb));
     let (along_a, along_b) = (a1 - a0, b1 - b0);
@@ -844,12 +852,12 @@ pub(super) fn are_parallel(pair: &PolyhedronPair, ea: u32, eb: u32) -> bool {
 
 #[inline(always)]
 pub(super) fn edge_ends(posed: &PosedPolyhedron, e: u32) -> [Vec3; 2] {
-    // No closure: it would be left outside the instruction set.
+    // Not a closure: it would be compiled without the instruction set.
     let [from, to] = posed.shape.edges()[e as usize].ends;
     [posed.vertex(from), posed.vertex(to)]
 }
 
-/// The faces whose common part is looked at; `met`: the vertex that a face meets, where it is known.
+/// Returns the faces whose common part is computed; `met`: the vertex that a face touches, if known.
 #[inline(always)]
 fn support_faces<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, axis: &SearchAxis, met: Option<u32>) -> (u32, u32) {
     let (a, b) = (pair.pa, pair.pb);
@@ -861,7 +869,7 @@ fn support_faces<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, axis: &SearchAxi
     }
 }
 
-/// The face that looks along `n` where the body reaches farthest that way, which is at the vertex `top` if that is known.
+/// Returns the face best aligned with `n` at the body's farthest vertex along `n`, which is `top` if that is known.
 #[inline(always)]
 pub(super) fn support_face<L: F64Arithmetic>(l: L, posed: &PosedPolyhedron, n: &Vec3, top: Option<u32>) -> u32 {
     let top = match top {
@@ -870,7 +878,7 @@ pub(super) fn support_face<L: F64Arithmetic>(l: L, posed: &PosedPolyhedron, n: &
     };
     let (shape, n) = (posed.shape, posed.to_local(n));
     let from = shape.vertex(top as usize);
-    // The edge that falls least from there; a face along it has the next vertex.
+    // The edge that descends least from the vertex; a face along it has the next vertex.
     let (mut best, mut least) = (0, f64::INFINITY);
     for spoke in shape.half_edges(top as usize) {
         let along = shape.vertex(spoke.to.into()) - from;
@@ -883,13 +891,13 @@ pub(super) fn support_face<L: F64Arithmetic>(l: L, posed: &PosedPolyhedron, n: &
     aligned_face_local(shape, best.into(), &n)
 }
 
-/// The face of an edge that looks more along `n`; of two alike the first.
+/// Returns the face of an edge that is better aligned with `n`; of two equal ones the first.
 #[inline(always)]
 pub(super) fn aligned_face(posed: &PosedPolyhedron, e: u32, n: &Vec3) -> u32 {
     aligned_face_local(posed.shape, e, &posed.to_local(n))
 }
 
-/// The same with `n` in the shape's frame.
+/// Returns the better aligned face of an edge, as above, with `n` in the shape's frame.
 #[inline(always)]
 fn aligned_face_local(shape: &Polyhedron, e: u32, n: &Vec3) -> u32 {
     let [f, g] = shape.edges()[e as usize].faces;
@@ -898,7 +906,7 @@ fn aligned_face_local(shape: &Polyhedron, e: u32, n: &Vec3) -> u32 {
     u32::from(if toward(second) > toward(first) + ALIGNMENT_MARGIN { second } else { first })
 }
 
-/// The point of an axis's own features, of which `met` is the vertex that a face meets, if that is known.
+/// Contact point of an axis's own features; `met` is the vertex that a face touches, if known.
 pub(super) fn axis_point(pair: &PolyhedronPair, axis: &SearchAxis, met: Option<u32>) -> Option<ContactPoint> {
     let vertex_of = |posed: &PosedPolyhedron, n: &Vec3| met.unwrap_or_else(|| support_vertex(posed, n).0);
     let of_a = || pair.pa.vertex(vertex_of(pair.pa, &axis.n));

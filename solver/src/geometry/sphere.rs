@@ -1,11 +1,12 @@
-//! A polyhedron against a sphere: the point of the polyhedron that is nearest to the centre.
+//! Polyhedron against a sphere: the point of the polyhedron that is nearest to the centre.
 
 use super::{ContactPoint, Manifold, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::Vec3;
 
-/// Polyhedron A against a sphere of `radius` (m) at `c` = x_B - x_A, m; `None` where they are more than `alert` apart.
+/// Contact of polyhedron A with a sphere of `radius` (m) at `c` = x_B - x_A, m; `None` if they are more than `alert`
+/// apart.
 ///
-/// From a centre inside, through the nearest face. The sphere's feature is 0.
+/// For a centre inside, the contact is through the nearest face. The sphere's feature is 0.
 ///
 /// ```
 /// # use cd_solve::geometry::{Polyhedron, polyhedron_sphere, face_feature};
@@ -42,7 +43,8 @@ pub fn polyhedron_sphere(a: &PosedPolyhedron, c: &Vec3, radius: f64, alert: f64)
     (gap <= alert).then(|| Manifold { normal: -n, points: [point].into_iter().collect(), area: 0.0 })
 }
 
-/// The nearest point on an edge or vertex, unless the centre is right above or below a face that it is in front of.
+/// Returns the nearest point on an edge or vertex, unless the centre is directly above or below a face that it is in
+/// front of.
 fn nearest_beside_faces(posed: &PosedPolyhedron, c: &Vec3) -> Option<(Vec3, u32)> {
     let shape = posed.shape;
     let mut best: Option<(f64, Vec3, u32)> = None;
@@ -56,7 +58,7 @@ fn nearest_beside_faces(posed: &PosedPolyhedron, c: &Vec3) -> Option<(Vec3, u32)
         for (k, &side) in sides.iter().enumerate() {
             let from = posed.vertex(corners[k]);
             let along = posed.vertex(corners[if k + 1 == corners.len() { 0 } else { k + 1 }]) - from;
-            // Outside of this side, seen along the normal: the nearest point may be on it.
+            // The centre is outside of this side, seen along the normal: the nearest point may be on it.
             if n.cross(&along).dot(&(c - from)) >= 0.0 {
                 continue;
             }

@@ -1,8 +1,8 @@
-//! Two faces of three corners seen along the normal: what [`super::outline`] finds of them, for several pairs at once.
+//! Common part of two triangles seen along the normal, as [`super::outline`] computes it, for several pairs at once.
 //!
-//! Of rocks most faces are triangles. What two of them have in common has its corners at fifteen places: three vertices of
-//! A, three of B, and nine crossings of their sides. All are worked out, without a branch, and those that are there are taken.
-//! Where a corner is so near a side that rounding would decide, `outline` does.
+//! Most faces of rocks are triangles. The corners of the common part of two triangles have fifteen candidates: three
+//! vertices of A, three of B, and nine crossings of their sides. All are computed without branches, and the valid ones
+//! are taken. If a corner is so near a side that rounding would decide, `outline` decides.
 
 use pulp::NullaryFnOnce;
 
@@ -12,14 +12,14 @@ use super::{PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::Vec3;
 use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
 
-/// Nearer to a side than so many times the distance up to which two corners are one, a corner may be one with another.
+/// Distance from a side, over the distance up to which two corners count as one, below which `outline` decides.
 const MIN_SIDE_CLEARANCE: f64 = 4.0;
-/// Corners of the common part at the most, and the places where they may be: vertices of A, of B, crossings of side i of A with
-/// side j of B at 6 + 3 i + j.
+/// Number of candidates for corners of the common part: vertices of A, of B, crossings of side i of A with side j of B at
+/// 6 + 3 i + j.
 const CORNER_SLOTS: usize = 15;
 
-/// Where the numbers of a pair begin: turns by columns; c; the normal; of each face the corners, counter-clockwise seen along
-/// the normal, and the plane; s; the square of the distance within which `outline` decides.
+/// First rows of the input of a pair: rotations by columns; c; the normal; for each face the corners, counter-clockwise
+/// seen along the normal, and the plane; s; the square of the distance within which `outline` decides.
 const TURN_ROWS: [usize; 2] = [0, 9];
 const CENTRE_ROW: usize = 18;
 const NORMAL_ROW: usize = 21;
@@ -29,24 +29,24 @@ const SEPARATION_ROW: usize = 50;
 const NEAR_ROW: usize = 51;
 const INPUT_ROWS: usize = 52;
 
-/// So many pairs at once.
+/// Pairs per batch.
 pub(super) const BATCH_PAIRS: usize = 8;
 
 /// Pairs whose faces are triangles.
 pub(super) struct TriangleBatch {
     given: [[f64; BATCH_PAIRS]; INPUT_ROWS],
     names: [FaceFeatures; BATCH_PAIRS],
-    /// Of each place the point in the middle of the gap, the gap, and x and y seen along the normal.
+    /// For each candidate the point in the middle of the gap, the gap, and x and y seen along the normal.
     places: [[[f64; BATCH_PAIRS]; 6]; CORNER_SLOTS],
-    /// In bit k whether the common part of pair k has this corner.
+    /// Bit k: whether the common part of pair k has this corner.
     has: [u32; CORNER_SLOTS],
     area: [f64; BATCH_PAIRS],
-    /// In bit k whether no corner of pair k is so near a side that rounding decides.
+    /// Bit k: whether all corners of pair k are so far from the sides that rounding does not decide.
     clear: u32,
     count: usize,
 }
 
-/// Numbers of the vertices and sides of a face of A, and of one of B, as features, and of the faces.
+/// Numbers of the vertices and sides of a face of A and of one of B, as features, and of the faces.
 #[derive(Debug, Clone, Copy, Default)]
 struct FaceFeatures {
     vertices: [[u32; 3]; 2],
@@ -67,12 +67,12 @@ impl TriangleBatch {
         }
     }
 
-    /// Whether there is no room for more pairs.
+    /// Whether the batch is full.
     pub fn is_full(&self) -> bool {
         self.count == BATCH_PAIRS
     }
 
-    /// Adds the faces of a pair, if they are triangles; its number.
+    /// Adds the faces of a pair, if they are triangles; returns its number.
     #[inline(always)]
     pub fn push_faces(&mut self, pair: &PolyhedronPair, axis: &SearchAxis, faces: (u32, u32)) -> Option<usize> {
         let (of_a, of_b) = (pair.a.face_corners(faces.0 as usize), pair.b.face_corners(faces.1 as usize));
@@ -83,7 +83,7 @@ impl TriangleBatch {
         };
         let k = self.count;
         self.count += 1;
-        // The face of B looks against the normal: the other way round.
+        // The normal of B's face is opposite to the viewing normal: reverse order.
         self.names[k] = FaceFeatures {
             vertices: [[a0, a1, a2], [b2, b1, b0]].map(|of| of.map(|v| vertex_feature(v.into()))),
             edges: [[u0, u1, u2], [v1, v0, v2]].map(|of| of.map(|e| edge_feature(e.into()))),
@@ -119,7 +119,7 @@ impl TriangleBatch {
         self.given[PLANE_ROWS[side] + 3][k] = plane.offset;
     }
 
-    /// Looks at the pairs that have been added.
+    /// Computes the common parts of the pairs that have been added.
     pub fn clip_faces(&mut self, width: SimdWidth) {
         match width {
             SimdWidth::One(l) => l.run(ClipKernel { l, of: self }),
@@ -130,12 +130,13 @@ impl TriangleBatch {
         }
     }
 
-    /// Begins anew.
+    /// Empties the batch.
     pub fn clear(&mut self) {
         self.count = 0;
     }
 
-    /// The patch of pair `k` along `axis`, as [`ContactPatch::clip_faces`]; false where rounding decides what is a corner of it.
+    /// Writes the patch of pair `k` along `axis`, as [`ContactPatch::clip_faces`]; returns false if rounding would decide
+    /// about a corner.
     #[inline(always)]
     pub fn write_patch(&self, k: usize, axis: &SearchAxis, area_within: f64, patch: &mut ContactPatch) -> bool {
         if self.clear >> k & 1 == 0 {
@@ -184,7 +185,7 @@ impl<L: F64Arithmetic> NullaryFnOnce for ClipKernel<'_, L> {
     }
 }
 
-/// A vector in each lane.
+/// Vector in each lane.
 type Vec3Lanes<L> = [<L as Arithmetic>::V; 3];
 
 #[inline(always)]
@@ -208,12 +209,12 @@ fn components_along<L: F64Arithmetic>(l: L, axes: &[Vec3Lanes<L>; 3], v: Vec3Lan
     [dot_lanes(l, axes[0], v), dot_lanes(l, axes[1], v), dot_lanes(l, axes[2], v)]
 }
 
-/// A face in the frame t, s, n: three corners, and its plane as height at 0 and slope.
+/// Face in the frame t, s, n: three corners, and its plane as height at 0 and slope.
 struct ProjectedFace<L: F64Arithmetic> {
     corners: [Vec3Lanes<L>; 3],
     height: L::V,
     slope: [L::V; 2],
-    /// Cosine between its normal and the direction of view.
+    /// Cosine between its normal and the viewing direction.
     rise: L::V,
 }
 
@@ -232,7 +233,7 @@ fn projected_face<L: F64Arithmetic>(
         load_vector(l, given, TURN_ROWS[side] + turn[1], from),
         load_vector(l, given, TURN_ROWS[side] + turn[2], from),
     ];
-    // The frame seen from the shape.
+    // The frame's axes in the shape's frame.
     let axes = [
         components_along(l, &columns, frame[0]),
         components_along(l, &columns, frame[1]),
@@ -262,7 +263,7 @@ fn side_distances<L: F64Arithmetic>(
 ) -> ([[L::V; 3]; 3], L::V) {
     let zero = l.splat(0.0);
     let mut found = [[zero; 3]; 3];
-    // The least square of a distance over `near`, as a difference; a side no longer than that counts too.
+    // Smallest difference of a squared distance and `near`; a side that is no longer than that counts, too.
     let mut least = l.splat(f64::INFINITY);
     let mut side = 0;
     while side < 3 {
@@ -284,8 +285,8 @@ fn side_distances<L: F64Arithmetic>(
     (found, least)
 }
 
-/// What part of the side from corner `from` to corner `to` lies inside, < 0 for none: its distances there from three sides, and
-/// where it crosses these.
+/// Fraction of the side from corner `from` to corner `to` that lies inside, < 0 for none. `from`, `to`: distances of its
+/// ends from three sides; `crossings`: where it crosses these.
 #[inline(always)]
 fn part_inside<L: F64Arithmetic>(l: L, from: &[L::V; 3], to: &[L::V; 3], crossings: &[L::V; 3]) -> L::V {
     let (mut start, mut end) = (l.splat(0.0), l.splat(1.0));
@@ -306,7 +307,7 @@ fn part_inside<L: F64Arithmetic>(l: L, from: &[L::V; 3], to: &[L::V; 3], crossin
 fn clip_faces<L: F64Arithmetic>(l: L, of: &mut TriangleBatch, from: usize) {
     let given = &of.given;
     let (zero, one, half) = (l.splat(0.0), l.splat(1.0), l.splat(0.5));
-    // As `local_frame`.
+    // Same frame as `local_frame`.
     let n = load_vector(l, given, NORMAL_ROW, from);
     let sign = l.select_greater(zero, n[2], l.splat(-1.0), one);
     let p = l.div(l.splat(-1.0), l.add(sign, n[2]));
@@ -340,7 +341,7 @@ fn clip_faces<L: F64Arithmetic>(l: L, of: &mut TriangleBatch, from: usize) {
             l.store(&mut at[5][from..], $y);
         };
     }
-    // In which lanes corners lie inside sides, [corner][side].
+    // Lanes in which corners lie inside sides, [corner][side].
     let (mut in_b, mut in_a) = ([[0; 3]; 3], [[0; 3]; 3]);
     let mut k = 0;
     while k < 3 {
@@ -362,7 +363,7 @@ fn clip_faces<L: F64Arithmetic>(l: L, of: &mut TriangleBatch, from: usize) {
         of.has[3 + k] |= (in_a[k][0] & in_a[k][1] & in_a[k][2]) << from;
         k += 1;
     }
-    // Where side i of A crosses side j of B, along each: [i][j], [j][i].
+    // Positions of the crossings of side i of A with side j of B, along each: [i][j], [j][i].
     let (mut on_a, mut on_b) = ([[zero; 3]; 3], [[zero; 3]; 3]);
     let mut i = 0;
     while i < 3 {
@@ -390,8 +391,8 @@ fn clip_faces<L: F64Arithmetic>(l: L, of: &mut TriangleBatch, from: usize) {
         }
         i += 1;
     }
-    // Twice the area: of each side of either, what lies in the other, times its moment about the first corner of A, which two
-    // sides of A pass through.
+    // Twice the area: for each side of either triangle the part inside the other, times its moment about the first corner
+    // of A, through which two sides of A pass.
     let [a0, a1, a2] = a.corners;
     let (x1, y1, x2, y2) = (l.sub(a1[0], a0[0]), l.sub(a1[1], a0[1]), l.sub(a2[0], a0[0]), l.sub(a2[1], a0[1]));
     let moment = l.neg_mul_add(y1, x2, l.mul(x1, y2));
@@ -438,7 +439,7 @@ mod tests {
                 assert_eq!(found.len(), expected.len());
                 for (found, expected) in found.iter().zip(&expected) {
                     assert_eq!(found.features, expected.features);
-                    // Sides that nearly coincide cross at a place that is known less well.
+                    // The crossing of sides that nearly coincide is less accurate.
                     assert!((found.position - expected.position).norm() < 1e-11, "{found:?} {expected:?}");
                     assert!((found.gap - expected.gap).abs() < 1e-12, "{found:?} {expected:?}");
                 }
@@ -495,7 +496,7 @@ mod tests {
         .unwrap();
         let below = tetrahedron.posed_by(&Quat::from_scaled_axis(Vec3::x() * std::f64::consts::PI));
         let above = tetrahedron.posed_by(&Quat::identity());
-        // Base on base: corner on corner, then moved along a side, then clear of all.
+        // First corner on corner, then shifted along a side, then clear of all.
         for (shift, clear) in [([0.0, 0.0], false), ([0.3, 0.0], false), ([0.3, 0.2], true)] {
             let turned = below.to_world(&vertices[2]) - below.to_world(&middle);
             let c = Vec3::new(shift[0], shift[1] + turned.y - (vertices[0] - middle).y, 2.0 * middle.z - 0.01);

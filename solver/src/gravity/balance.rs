@@ -5,11 +5,11 @@ use rayon::prelude::*;
 
 use crate::math::Vec3;
 
-/// Bodies summed one after the other; the sums of such parts are added in their order, whatever thread they are from.
+/// Bodies per partial sum; the partial sums are added in a fixed order, independent of threads.
 const BODIES_PER_SUM: usize = 4096;
 
-/// Takes the rigid motion out of accelerations that their own errors give: a_i -= F/M + (I^-1 T) x x_i about the centre
-/// of mass, with F = sum m a, T = sum x x m a. Returns the RMS of what was removed over that of `a`, by mass.
+/// Removes the rigid motion that errors of the accelerations cause: a_i -= F/M + (I^-1 T) x x_i about the centre of mass,
+/// with F = sum m a, T = sum x x m a. Returns the RMS of the removed part over that of `a`, weighted by mass.
 pub fn balance_accelerations(positions: &[Vec3], masses: &[f64], acceleration: &mut [Vec3]) -> f64 {
     let Some(origin) = positions.first() else { return 0.0 };
     let parts = positions
@@ -25,7 +25,7 @@ pub fn balance_accelerations(positions: &[Vec3], masses: &[f64], acceleration: &
     let offset: Vec3 = second.column(3) / mass;
     let second = second.fixed_columns::<3>(0) - offset * offset.transpose() * mass;
     let inertia = Matrix3::identity() * second.trace() - second;
-    // A little more inertia than there is serves bodies in a line too; a second round makes up for it.
+    // The slightly larger inertia keeps the matrix invertible for bodies in a line; a second pass corrects its effect.
     let inverse = (inertia + Matrix3::identity() * (1e-13 * inertia.trace())).try_inverse().unwrap_or_default();
     let centre = origin + offset;
     let motion = |force: Vec3, torque: Vec3| (force / mass, inverse * torque);
@@ -74,8 +74,8 @@ impl ForceSums {
     }
 }
 
-/// Takes the acceleration `push` of the centre and `spin` about it away; returns the force and the torque about the
-/// centre of what is left.
+/// Subtracts the acceleration `push` of the centre and `spin` about it; returns the force and the torque about the centre
+/// of the rest.
 fn subtract_motion(
     centre: &Vec3,
     (push, spin): (Vec3, Vec3),

@@ -6,10 +6,10 @@ use rayon::prelude::*;
 use crate::math::Vec3;
 use crate::math::lanes::{F64Arithmetic, SimdWidth};
 
-/// Independent sums, added up in a fixed order: the result is the same for any width of arithmetic.
+/// Number of independent partial sums, added in a fixed order: the result is the same for any vector width.
 const PARTIAL_SUMS: usize = 8;
 
-/// Positions and masses laid out for the inner loop, padded with masses of zero.
+/// Positions and masses arranged for the inner loop, padded with masses of zero.
 struct SourceColumns {
     x: Vec<[f64; PARTIAL_SUMS]>,
     y: Vec<[f64; PARTIAL_SUMS]>,
@@ -36,10 +36,10 @@ impl SourceColumns {
 /// Acceleration (m/s^2) and potential (J/kg, negative) at each point mass due to all others:
 /// a_i = G sum_j m_j (x_j - x_i)/|x_j - x_i|^3, phi_i = -G sum_j m_j/|x_j - x_i|.
 ///
-/// Each sum runs over j in one fixed order, so the result does not depend on the number of threads. It is that of the
-/// forces m_i m_j (x_j - x_i)/|x_j - x_i|^3, which are opposite to the last bit for i and j, over m_i; a body without mass
-/// feels what a body with mass would. Points in the same place do not attract each other: the force has no direction
-/// there.
+/// Each sum runs over j in one fixed order, so that the result does not depend on the number of threads. It is the force
+/// m_i m_j (x_j - x_i)/|x_j - x_i|^3 divided by m_i; the forces on i and j are opposite to the last bit. A body without
+/// mass gets the acceleration that a body with mass would. Points at the same position do not attract each other: the
+/// force has no direction there.
 ///
 /// ```
 /// # use cd_solve::{gravity::direct::accelerations, math::Vec3};
@@ -51,7 +51,7 @@ pub fn accelerations(positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<
     accelerations_at_width(positions, masses, constant, SimdWidth::detect())
 }
 
-/// The same at any places.
+/// Acceleration (m/s^2) and potential (J/kg) as from [`accelerations`] at arbitrary positions.
 pub fn field_at(places: &[Vec3], positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
     let sources = SourceColumns::new(positions, masses);
     let pull = |p: &Vec3| source_pull(SimdWidth::detect(), &sources, p, 1.0);
@@ -64,7 +64,8 @@ fn accelerations_at_width(
     constant: f64,
     width: SimdWidth,
 ) -> (Vec<Vec3>, Vec<f64>) {
-    // In units of about the largest, so that no product of two is too large or too small; a power of two rounds nothing.
+    // Masses are divided by a power of two near the largest mass, so that no product overflows or underflows; that rounds
+    // nothing.
     let largest = masses.iter().fold(0.0, |a: f64, m| a.max(*m));
     let unit = if largest > 0.0 { 2f64.powi(largest.log2().clamp(-1000.0, 1000.0) as i32) } else { 1.0 };
     let masses: Vec<f64> = masses.iter().map(|m| m / unit).collect();
@@ -114,9 +115,9 @@ fn source_sums<L: F64Arithmetic>(lanes: L, sources: &SourceColumns, p: &Vec3, ma
                     let dy = l.sub(l.load(&sources.y[k][from..]), py);
                     let dz = l.sub(l.load(&sources.z[k][from..]), pz);
                     let distance2 = l.mul_add(dx, dx, l.mul_add(dy, dy, l.mul(dz, dz)));
-                    // The same place, the body itself among them, attracts nowhere.
+                    // Sources at the same position, the body itself included, do not attract.
                     let inverse = l.select_greater(distance2, zero, l.div(one, l.sqrt(distance2)), zero);
-                    // The same to the last bit with the two exchanged: a product has no order.
+                    // The product is commutative, hence the same to the last bit with the two exchanged.
                     let masses = l.mul(mass, l.load(&sources.m[k][from..]));
                     let potential = l.mul(masses, inverse);
                     let strength = l.mul(potential, l.mul(inverse, inverse));
@@ -192,7 +193,7 @@ mod tests {
         for unit in [1e-300, 1e-160, 1.0, 1e160, 1e300] {
             let (a, phi) =
                 accelerations(&[Vec3::zeros(), Vec3::x() * 2.0, Vec3::y()], &[3.0 * unit, 5.0 * unit, 0.0], 1.0);
-            // Of four roundings.
+            // Tolerance: four roundings.
             assert!((a[0].x / (1.25 * unit) - 1.0).abs() < 1e-15 && (phi[1] / (-1.5 * unit) - 1.0).abs() < 1e-15);
             assert!((a[2].y + unit * (3.0 + 5.0 / 5f64.powf(1.5))).abs() < 4e-15 * unit);
         }

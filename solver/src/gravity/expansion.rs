@@ -32,26 +32,26 @@ pub const fn wide_len(p: usize) -> usize {
     1 + 3 * p * (p + 1) / 2
 }
 
-/// Rows with room for the highest order, narrow and in whole lines, and wide.
+/// Rows with space for the highest order: narrow, narrow in whole lines, and wide.
 pub type NarrowRow<V> = [V; NARROW_LEN];
 pub type WideRow<V> = [V; WIDE_LEN];
 pub const NARROW_LEN: usize = narrow_len(HIGHEST_ORDER).next_multiple_of(8);
 pub const WIDE_LEN: usize = wide_len(HIGHEST_ORDER);
 
-/// Where the coefficients with c derivatives along z of degree q start in a narrow row, by j.
+/// Start of the coefficients of degree q with c derivatives along z in a narrow row, ordered by j.
 #[inline(always)]
 pub const fn narrow_index(q: usize, c: usize) -> usize {
     q * q + c * (q + 1)
 }
 
-/// The same in a wide row.
+/// Start of the coefficients of degree q with c derivatives along z in a wide row, ordered by j.
 #[inline(always)]
 pub const fn wide_index(q: usize, c: usize) -> usize {
     let degree = if q == 0 { 0 } else { 1 + 3 * q * (q - 1) / 2 };
     degree + [0, q + 1, 2 * q + 1][c]
 }
 
-/// `$body` for each degree `$q` up to `$last` as a constant: what follows from it unrolls into straight lines.
+/// Repeats `$body` for each degree `$q` up to `$last` as a constant, so that the body unrolls without branches.
 macro_rules! for_degrees {
     ($q:ident <= $last:expr, $body:block) => {
         $crate::gravity::expansion::for_degrees!(@ $q $last, $body, 0 1 2 3 4 5 6 7 8)
@@ -65,7 +65,7 @@ macro_rules! for_degrees {
 }
 pub(super) use for_degrees;
 
-/// The same for each line of a row.
+/// Repeats a body for each line of a row.
 macro_rules! for_lines {
     ($line:ident < $end:expr, $body:block) => {
         $crate::gravity::expansion::for_lines!(@ $line $end, $body, 0 1 2 3 4 5 6 7 8 9 10)
@@ -186,7 +186,7 @@ fn close_degree<L: F64Arithmetic, const Q: usize>(l: L, out: &mut WideRow<L::V>)
     }
 }
 
-/// A narrow row of derivatives, L, made wide.
+/// Converts a narrow row of derivatives L to a wide row.
 #[inline(always)]
 pub fn widen_row<L: F64Arithmetic, const P: usize>(l: L, row: &NarrowRow<L::V>, out: &mut WideRow<L::V>) {
     for_degrees!(Q <= P, {
@@ -199,8 +199,8 @@ pub fn widen_row<L: F64Arithmetic, const P: usize>(l: L, row: &NarrowRow<L::V>, 
     });
 }
 
-/// Adds sum_m F_{n+m} M_m, |n| + |m| <= P, to each n of `out`; F wide, the others narrow.
-/// Without `dipole` the three M of degree 1 count as zero, as about a centre of mass.
+/// Adds sum_m F_{n+m} M_m, |n| + |m| <= P, to each n of `out`; F is wide, the others narrow. Without `dipole` the three M
+/// of degree 1 count as zero, as they are about a centre of mass.
 #[inline(always)]
 pub fn contract_moments<L: F64Arithmetic, const P: usize, const DIPOLE: bool>(
     l: L,
@@ -243,8 +243,8 @@ fn contract_degrees<L: F64Arithmetic, const N: usize, const C: usize, const Q: u
     }
 }
 
-/// Adds the product M E to `out`, all narrow: moments about another centre, M E(old centre - new centre) with the sign
-/// of a in E(-a) reversed once more. M of degree 1 counts as zero.
+/// Adds the product M E to `out`, all narrow: moments about another centre, M E(old centre - new centre), where the sign
+/// of a in E(-a) is reversed once more. M of degree 1 counts as zero.
 #[inline(always)]
 pub fn shift_moments<L: F64Arithmetic, const P: usize>(
     l: L,
@@ -306,7 +306,7 @@ fn shift_degrees<L: F64Arithmetic, const Q: usize, const N: usize>(
     }
 }
 
-/// Potential and its gradient, with the sign of attraction's pull, of the wide row L at b: E = E(b).
+/// Potential and its gradient, signed as attraction, of the wide row L at b: E = E(b).
 #[inline(always)]
 pub fn evaluate_expansion<L: F64Arithmetic, const P: usize>(
     l: L,
@@ -379,7 +379,7 @@ mod tests {
         close(d[wide_index(2, 2)], 3.0 * 4.0 / 243.0 - 1.0 / 27.0);
     }
 
-    /// 1/|d + b - a| and its gradient through all operators, with a shift of either centre in the way.
+    /// 1/|d + b - a| and its gradient through all operators, with a shift of either centre.
     #[test]
     fn error_falls_with_order() {
         for_degrees!(P <= HIGHEST_ORDER, {
@@ -392,7 +392,7 @@ mod tests {
     fn error_at<const P: usize>() {
         let (far, a, b) = (Vec3::new(4.0, -3.0, 2.0), Vec3::new(0.4, 0.7, -0.3), Vec3::new(-0.5, 0.2, 0.6));
         let (da, db) = (Vec3::new(0.1, -0.3, 0.2), Vec3::new(0.2, 0.1, -0.1));
-        // Two masses of a half, opposite about the first centre: no dipole there.
+        // Two masses of a half, opposite about the first centre: their dipole is zero.
         let (one, two) = (e::<P>(-a), e::<P>(a));
         let source = std::array::from_fn(|k| 0.5 * (one[k] + two[k]));
         let mut moments = narrow_row();

@@ -1,10 +1,10 @@
-//! The fast multipole method: cells attract cells by expansions, leaves that are near each other pair by pair.
+//! Fast multipole method: cells attract cells by expansions; leaves that are near each other attract pair by pair.
 //!
 //! Cell B is far from cell A if r = (r_A + r_B)/d < theta, with d the distance of their centres, and the error of its
-//! expansion, about M_B/d^2 sqrt((r_A/d)^2p + w_B^2 r^2p)/(1 - r^2)^2, is a small share of the pull that there is; w_B is
-//! what the multipoles of B are of those of all its mass at its radius. Else the larger is split. Each cell, as a target,
-//! settles the sources that its parent left open and hands on the others; nothing is shared between targets, and the
-//! result does not depend on threads.
+//! expansion, about M_B/d^2 sqrt((r_A/d)^2p + w_B^2 r^2p)/(1 - r^2)^2, is a small fraction of the pull at A. w_B is the
+//! ratio of B's multipoles to those of all its mass at its radius. Otherwise the larger cell is split. Each cell, as a
+//! target, classifies the sources that its parent left open and passes the open ones to its halves. Targets share
+//! nothing, so that the result does not depend on threads.
 //!
 //! Sources: L. Greengard and V. Rokhlin, J. Comput. Phys. 73 (1987) 325; M.S. Warren and J.K. Salmon, Comput. Phys.
 //! Commun. 87 (1995) 266; W. Dehnen, J. Comput. Phys. 179 (2002) 27 and Comput. Astrophys. Cosmol. 1 (2014) 1.
@@ -24,18 +24,18 @@ use super::tree::{CellSummary, MAX_BODIES_PER_TASK, MassTree, TreeCell};
 use super::upward::load_part;
 use crate::math::lanes::{F32Arithmetic, Scalar};
 
-/// Sources of an expansion, or cells looked at, taken at once.
+/// Number of expansion sources, or of cells to classify, per batch.
 const BATCH_CELLS: usize = 8;
 
 pub struct TreeWalk<'a, L, const P: usize> {
     pub lanes: L,
     pub tree: &'a MassTree,
     pub settings: ExpansionSettings,
-    /// Whether the potential is asked for too.
+    /// Whether the potential is computed, too.
     pub potential: bool,
 }
 
-/// A list that grows without branching on what is asked, which no processor could foresee here.
+/// List that grows without branches on the classification, which no processor could predict here.
 #[derive(Default)]
 struct IndexList {
     items: Vec<u32>,
@@ -43,7 +43,7 @@ struct IndexList {
 }
 
 impl IndexList {
-    /// Makes room for `more`.
+    /// Reserves space for `more` items.
     #[inline(always)]
     fn reserve(&mut self, more: usize) {
         if self.count + more > self.items.len() {
@@ -68,7 +68,7 @@ impl std::ops::Deref for IndexList {
 /// Scratch memory of a thread's walk.
 #[derive(Default)]
 struct WalkScratch {
-    /// Open sources by level, each level's behind its parent's.
+    /// Open sources by level, each level's after its parent's.
     open: IndexList,
     todo: IndexList,
     far: IndexList,
@@ -83,19 +83,20 @@ struct WalkScratch {
     pulls: Vec<BodyPull>,
 }
 
-/// What a cell takes over from the cells that it is in, besides their local expansion.
+/// Data that a cell inherits from its ancestors, besides their local expansion.
 #[derive(Clone, Copy)]
 struct AncestorPull {
     /// Sum of M/d^2 over the far cells so far.
     far: f64,
-    /// The same with the open sources, as if they were as far as they are large: about the least pull that is here.
+    /// Sum of M/d^2 over far and open sources, with the squared size of open ones added to d^2: about the smallest pull at
+    /// this cell.
     strength: f64,
-    /// Where its open sources start.
+    /// Start of its open sources.
     from: usize,
 }
 
 impl<L: F32Arithmetic, const P: usize> TreeWalk<'_, L, P> {
-    /// Pull on every body, in the tree's order and units; its potential is wrong where that is not asked for.
+    /// Pull on every body, in the tree's order and units; the potential is invalid unless it was requested.
     pub fn body_pulls(&self) -> Vec<BodyPull> {
         let mut out = vec![[0.0; 4]; self.tree.index.len()];
         let mut work = WalkScratch::default();
@@ -106,7 +107,7 @@ impl<L: F32Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         out
     }
 
-    /// Evaluates the subtree of cell `a`, with the local expansion about its centre from the cells that it is in.
+    /// Evaluates the subtree of cell `a`, given the local expansion about its centre from its ancestors.
     fn visit_subtree(
         &self,
         a: usize,
@@ -171,10 +172,10 @@ impl<L: F32Arithmetic, const P: usize> TreeWalk<'_, L, P> {
         }
         length += outline.radius;
         if length == 0.0 {
-            return; // one place
+            return; // all bodies at one position
         }
         let scale = 1.0 / length;
-        // The leaf itself first, so that a body's place among the sources is its place among the targets.
+        // The leaf itself is first, so that a body has the same index among the sources as among the targets.
         sources.push((cell.body_range(), [0.0; 3]));
         for &b in near.iter() {
             let (source, other) =
@@ -200,7 +201,7 @@ impl<L: F32Arithmetic, const P: usize> TreeWalk<'_, L, P> {
             (PairPrecision::Fine, false) => l.run(WithKernel(FineKernel::<false>, pull)),
             (PairPrecision::Fine, true) => l.run(WithKernel(FineKernel::<true>, pull)),
         }
-        // What the rounding of positions spoils is done again.
+        // Pulls that the rounding of positions spoils are recomputed.
         let limit = ((close * (outline.radius + largest) / length).max(1e-6) as f32).powi(2);
         let mut packed = false;
         let groups = targets.chunks(TARGETS_AT_ONCE).zip(nearest.chunks(TARGETS_AT_ONCE));
@@ -220,13 +221,13 @@ impl<L: F32Arithmetic, const P: usize> TreeWalk<'_, L, P> {
     }
 }
 
-/// From the centre of `b` to that of `a`.
+/// Vector from the centre of `b` to that of `a`.
 #[inline(always)]
 fn centre_offset(a: &CellSummary, b: &CellSummary) -> [f64; 3] {
     [a.centre[0] - b.centre[0], a.centre[1] - b.centre[1], a.centre[2] - b.centre[2]]
 }
 
-/// The first numbers of `BATCH` lines, and how many are asked for.
+/// Next `BATCH_CELLS` indices, padded by `filler`, and the number of valid ones.
 #[inline(always)]
 fn index_batch(items: &[u32], first: usize, filler: u32) -> ([u32; BATCH_CELLS], usize) {
     if let Some(full) = items[first..].first_chunk::<BATCH_CELLS>() {
@@ -244,8 +245,8 @@ fn pairwise_sum(parts: &[f64; BATCH_CELLS]) -> f64 {
     ((a + b) + (c + d)) + ((e + f) + (g + h))
 }
 
-/// Sorts the open sources of cell `a` into far, near, and open still, for its halves, for which it returns what is
-/// known above them.
+/// Classifies the open sources of cell `a` as far, near, or still open for its halves; returns the data that the halves
+/// inherit.
 struct ClassifySources<'a, L, const P: usize> {
     walk: &'a TreeWalk<'a, L, P>,
     a: usize,
@@ -309,8 +310,8 @@ impl<L: F32Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, 
                 l.store(&mut codes[from..], code);
                 let taken = l.add(l.load(&far_parts[from..]), l.select_greater(code, one, strength, zero));
                 l.store(&mut far_parts[from..], taken);
-                // What stays open pulls at least as if it were as far as it is large; the cell itself perhaps not at all,
-                // if one place has its mass.
+                // A source that remains open pulls at least as if its squared size were added to d^2. The cell itself
+                // may not pull at all, if all its mass is at one position.
                 let left = l.select_greater(d2, zero, l.div(m, l.add(d2, reach2)), zero);
                 let left = l.select_greater(one, code, left, zero);
                 let left = l.add(l.load(&open_parts[from..]), left);
@@ -422,11 +423,11 @@ impl<L: F32Arithmetic, const P: usize> NullaryFnOnce for AddFarField<'_, L, P> {
     }
 }
 
-/// The local expansion about a centre that lies `shift` further.
+/// Shifts a local expansion to a centre at `shift` from the old one.
 struct ShiftExpansion<'a, const P: usize> {
     shift: [f64; 3],
     local: &'a NarrowRow<f64>,
-    /// Zeros.
+    /// Output; zeros on entry.
     out: &'a mut NarrowRow<f64>,
 }
 

@@ -4,8 +4,8 @@ mod balance;
 pub mod direct;
 pub mod quadrupole;
 pub mod sample;
-// No iterators in the kernels: they are functions of their own, which a compiler may leave outside the instruction set
-// that their caller is compiled for.
+// Kernels use no iterators: these are separate functions, which a compiler may compile without the instruction set of
+// their caller.
 #[allow(clippy::needless_range_loop)]
 mod expansion;
 #[allow(clippy::needless_range_loop)]
@@ -27,14 +27,14 @@ use settings::{ExpansionSettings, crossover_bodies};
 pub use settings::{HIGHEST_ORDER, LOWEST_ORDER, MIN_FMM_ERROR};
 use tree::MassTree;
 
-/// How attraction is summed.
+/// Method by which attraction is summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SummationMethod {
-    /// Every pair.
+    /// Sums every pair.
     Direct,
-    /// The fast multipole method.
+    /// Fast multipole method.
     Fmm,
-    /// The faster of the two for this many bodies and this error.
+    /// The faster of the two for this number of bodies and this error.
     #[default]
     Auto,
 }
@@ -54,33 +54,33 @@ impl std::str::FromStr for SummationMethod {
 /// Attraction at each body.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct GravityField {
-    /// m/s^2
+    /// Acceleration, m/s^2.
     pub acceleration: Vec<Vec3>,
-    /// J/kg, negative; empty where only the attraction was asked for.
+    /// Potential, J/kg, negative; empty if only the acceleration was requested.
     pub potential: Vec<f64>,
-    /// RMS of what was taken away so that forces and torques sum to zero, over the RMS acceleration, by mass.
+    /// RMS of the correction that makes forces and torques sum to zero, over the RMS acceleration, weighted by mass.
     pub removed: f64,
 }
 
-/// What is asked of a sum, and from where sorting may start.
+/// Requested outputs of a sum, and the order from which sorting starts.
 #[derive(Clone, Copy)]
 struct FieldRequest<'a> {
     potential: bool,
     about: &'a [u32],
 }
 
-/// A way to sum attraction.
+/// Solver for attraction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GravitySolver {
     pub method: SummationMethod,
-    /// RMS relative error asked of the fast multipole method; order and opening follow from it.
+    /// Target RMS relative error of the fast multipole method; determines order and opening.
     pub error: f64,
-    /// Total order of the expansions, [`LOWEST_ORDER`] to [`HIGHEST_ORDER`], set by hand.
+    /// Total order of the expansions, [`LOWEST_ORDER`] to [`HIGHEST_ORDER`], if set by the user.
     pub order: Option<usize>,
-    /// Opening theta, below 1, set by hand: cells are far if the sum of their radii is below theta times the distance
-    /// of their centres, whatever they pull.
+    /// Opening theta, below 1, if set by the user: cells are far if the sum of their radii is below theta times the
+    /// distance of their centres, whatever their pull.
     pub opening: Option<f64>,
-    /// Most bodies in a leaf, set by hand.
+    /// Largest number of bodies in a leaf, if set by the user.
     pub leaf: Option<usize>,
 }
 
@@ -100,7 +100,7 @@ impl GravitySolver {
         }
     }
 
-    /// The method taken for this many bodies: never `Auto`.
+    /// Returns the method used for this number of bodies: never `Auto`.
     pub fn method_for(&self, bodies: usize) -> SummationMethod {
         match self.method {
             SummationMethod::Auto if bodies < crossover_bodies(self.error) => SummationMethod::Direct,
@@ -111,13 +111,14 @@ impl GravitySolver {
 
     /// a_i = G sum_j m_j (x_j - x_i)/|x_j - x_i|^3 and phi_i = -G sum_j m_j/|x_j - x_i|.
     ///
-    /// Bodies are sorted along Morton's curve from the order `about`: faster where that is about theirs, as
-    /// [`morton::morton_order`](crate::math::morton::morton_order) of a step before is. It changes no result, and may be empty.
+    /// Bodies are sorted along Morton's curve starting from the order `about`, which is faster if that is close to
+    /// theirs, as [`morton::morton_order`](crate::math::morton::morton_order) of the step before is. It changes no
+    /// result, and may be empty.
     pub fn full_field(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> GravityField {
         self.field_at_width(positions, masses, constant, FieldRequest { potential: true, about }, SimdWidth::detect())
     }
 
-    /// The same without the potential, which is faster.
+    /// Accelerations as from [`Self::full_field`] without the potential, which is faster.
     pub fn acceleration_field(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> GravityField {
         self.field_at_width(positions, masses, constant, FieldRequest { potential: false, about }, SimdWidth::detect())
     }
@@ -201,7 +202,7 @@ mod tests {
     use super::*;
     use crate::math::morton;
 
-    /// Numbers in [0, 1), the same on every machine.
+    /// Pseudo-random numbers in [0, 1), the same on every machine.
     struct Random(u64);
 
     impl Random {
@@ -245,7 +246,7 @@ mod tests {
         (x, m)
     }
 
-    /// Two of them side by side.
+    /// Two clouds of rubble next to each other.
     fn binary(n: usize) -> Cloud {
         let ((a, mut ma), (b, mb)) = (rubble(n * 3 / 4), rubble(n - n * 3 / 4));
         let reach = |x: &[Vec3]| Vec3::x() * (x[x.len() - 1].norm() + 0.5);
@@ -321,7 +322,7 @@ mod tests {
     fn error_falls_with_order_and_opening() {
         let (x, m) = clumps(3000);
         let (exact, _) = direct::accelerations(&x, &m, 1.0);
-        // f64 pairs, which the smallest error brings.
+        // f64 pairs, as for the smallest error.
         let error = |order, opening| {
             let gravity = GravitySolver { order: Some(order), opening: Some(opening), leaf: Some(16), ..fmm(1e-6) };
             difference(&gravity.full_field(&x, &m, 1.0, &[]).acceleration, &exact)
@@ -360,7 +361,7 @@ mod tests {
         assert!((virial / energy - 1.0).abs() < 1e-6);
     }
 
-    /// The fast method against the direct sum, where that is finite and exact too.
+    /// Compares the fast method with the direct sum, if that is finite and exact, too.
     fn agrees(name: &str, (x, m): &Cloud) {
         let (exact, _) = direct::accelerations(x, m, 1.0);
         for error in [1e-3, 1e-6] {

@@ -6,44 +6,45 @@ use pulp::NullaryFnOnce;
 
 use crate::math::lanes::{F32Arithmetic, F64Arithmetic};
 
-/// Targets side by side, so that a source is loaded once for all of them.
+/// Number of targets processed at once, so that a source is loaded once for all of them.
 pub const TARGETS_AT_ONCE: usize = 4;
-/// Partial sums in single precision, added up in a fixed order.
+/// Number of partial sums in single precision, added in a fixed order.
 const PARTIAL_SUMS_F32: usize = 16;
-/// The same in double precision.
+/// Number of partial sums in double precision, added in a fixed order.
 const PARTIAL_SUMS: usize = 8;
 
-/// Bodies nearer than the root of this, in the tree's units, are in the same place and do not attract each other; the
-/// inverse cube of the distance is finite above.
+/// Squared distance, in the tree's units, below which bodies are at the same position and do not attract each other; the
+/// inverse cube of larger distances is finite.
 const SAME_PLACE_DISTANCE2: f64 = 1e-200;
 
-/// How the pull of a mass m at the squared distance x is found in single precision.
+/// Approximation in single precision of the pull of a mass m at the squared distance x.
 pub trait PullKernel {
-    /// Whether the potential is summed too.
+    /// Whether the potential is summed, too.
     const POTENTIAL: bool;
-    /// Of x^(-1/2) over the number found for it.
+    /// Ratio of x^(-1/2) to its computed value.
     const ROOT: f64;
 
-    /// m x^(-3/2) / ROOT^3, and x^(-1/2) / ROOT where the potential is asked for.
+    /// m x^(-3/2) / ROOT^3, and x^(-1/2) / ROOT if the potential is computed.
     fn pull_strength<L: F32Arithmetic>(l: L, m: L::S, x: L::S) -> (L::S, L::S);
 }
 
-/// To 1.7e-4: x^(-3/2) = y^3 P(x y^2), without the root.
+/// Kernel of relative error 1.7e-4: x^(-3/2) = y^3 P(x y^2), without the root.
 ///
-/// Here and below y is the first estimate of x^(-1/2) that a magic number gives, and P the quadratic whose largest relative
-/// error over all y is least.
+/// Here and below y is the first estimate of x^(-1/2) by a magic number, and P the quadratic whose largest relative error
+/// over all y is smallest.
 pub struct CoarseKernel;
 
-/// To 2.5e-5: x^(-1/2) = y P(x y^2).
+/// Kernel of relative error 2.5e-5: x^(-1/2) = y P(x y^2).
 pub struct RoughKernel<const POTENTIAL: bool>;
 
-/// To 3e-7: a step u = y (STEP - x y^2), right to 6.5e-4 but for a factor SCALE, and one of Newton,
-/// v = u (NEWTON - x u^2), with x^(-1/2) = ROOT v: it errs to one side by 0 to 6e-7, and the factor takes away the mean.
+/// Kernel of relative error 3e-7: a step u = y (STEP - x y^2), accurate to 6.5e-4 except for a factor SCALE, and a Newton
+/// step v = u (NEWTON - x u^2), with x^(-1/2) = ROOT v. It errs to one side by 0 to 6e-7, and the factor removes the mean
+/// error.
 ///
 /// Source: J. Kadlec, "Improving the fast inverse square root" (2010).
 pub struct FineKernel<const POTENTIAL: bool>;
 
-/// Of the first estimate of [`CoarseKernel`] and [`RoughKernel`].
+/// Magic number of the first estimate in [`CoarseKernel`] and [`RoughKernel`].
 const RSQRT_SEED: u32 = 0x5f37_59df;
 
 impl PullKernel for CoarseKernel {
@@ -94,8 +95,8 @@ impl<const POTENTIAL: bool> PullKernel for FineKernel<POTENTIAL> {
     }
 }
 
-/// Squared distances from itself that a body is given, by its place among those treated at once: its potential there
-/// is below all digits, and its force zero.
+/// Squared distances of a body from itself, by its index among the bodies processed at once: its potential there is below
+/// all digits, and its force zero.
 const SELF_DISTANCE2: [[f32; PARTIAL_SUMS_F32]; PARTIAL_SUMS_F32] = {
     let mut apart = [[0.0; PARTIAL_SUMS_F32]; PARTIAL_SUMS_F32];
     let mut k = 0;
@@ -117,7 +118,7 @@ pub struct PackedBodies<T> {
 }
 
 impl<T: Copy + Default> PackedBodies<T> {
-    /// Makes room for `count` bodies and a vector more.
+    /// Reserves space for `count` bodies and one more vector.
     #[inline(always)]
     fn resize(&mut self, count: usize, sums: usize, far: T) {
         self.count = count.next_multiple_of(sums);
@@ -134,14 +135,14 @@ impl<T: Copy + Default> PackedBodies<T> {
     }
 }
 
-/// A leaf's places, and its centre in the targets' frame, in packed units.
+/// Positions of a leaf's bodies in the tree's order, and its centre in the targets' frame, in packed units.
 pub type SourceLeaf = (Range<usize>, [f32; 3]);
 
-/// Packs leaves about another's centre: centre + scale times the bodies' offsets from their own.
+/// Packs leaves about the centre of another leaf: centre + scale times the bodies' offsets from their own centre.
 pub struct PackF32<'a, L> {
     pub l: L,
     pub to: &'a mut PackedBodies<f32>,
-    /// Offsets and masses by place, with a vector more than there are bodies.
+    /// Offsets and masses in the tree's order, with one vector more than there are bodies.
     pub offsets: &'a [Vec<f32>; 4],
     pub sources: &'a [SourceLeaf],
     pub scale: f32,
@@ -181,7 +182,7 @@ impl<L: F32Arithmetic> NullaryFnOnce for PackF32<'_, L> {
     }
 }
 
-/// Packs ranges of bodies as they are.
+/// Packs ranges of bodies unchanged.
 pub struct PackF64<'a> {
     pub to: &'a mut PackedBodies<f64>,
     pub bodies: &'a [Vec<f64>; 4],
@@ -205,19 +206,20 @@ impl NullaryFnOnce for PackF64<'_> {
     }
 }
 
-/// Adds the pull of `packed` to that of `targets` (x, y, z as packed), which are the first of these, in single precision;
-/// `nearest` gets the least squared distance, in packed units, that a target or one of those treated with it has met.
+/// Adds the pull of `packed` to that of `targets` (x, y, z as packed), which are the first of the packed bodies, in
+/// single precision. `nearest` gets the smallest squared distance, in packed units, that a target or one of those
+/// processed with it has from a source.
 pub struct PullF32<'a, L> {
     pub l: L,
     pub packed: &'a PackedBodies<f32>,
-    /// Tree's units in a packed unit of length.
+    /// Length of a packed unit in the tree's units.
     pub length: f64,
     pub targets: &'a [[f32; 3]],
     pub out: &'a mut [BodyPull],
     pub nearest: &'a mut [f32],
 }
 
-/// Pulls of this kind.
+/// Pull computed with a given kernel.
 pub struct WithKernel<K, P>(pub K, pub P);
 
 impl<L: F32Arithmetic, K: PullKernel> NullaryFnOnce for WithKernel<K, PullF32<'_, L>> {
@@ -230,7 +232,7 @@ impl<L: F32Arithmetic, K: PullKernel> NullaryFnOnce for WithKernel<K, PullF32<'_
         let mut first = 0;
         while first < targets.len() {
             let here = (targets.len() - first).min(TARGETS_AT_ONCE);
-            // A target that is missing is the last once more.
+            // Missing targets are copies of the last.
             let mut p = [[l.splat_f32(0.0); 3]; TARGETS_AT_ONCE];
             for t in 0..TARGETS_AT_ONCE {
                 for k in 0..3 {
@@ -296,7 +298,7 @@ struct PullSums<S> {
     near: S,
 }
 
-/// Adds a vector of sources; those that are among the targets are set `apart` from themselves.
+/// Adds a vector of sources; those that are also targets get the distance `apart` from themselves.
 #[inline(always)]
 fn add_source_vector<L: F32Arithmetic, K: PullKernel, const OWN: bool>(
     l: L,
@@ -323,7 +325,7 @@ fn add_source_vector<L: F32Arithmetic, K: PullKernel, const OWN: bool>(
     }
 }
 
-/// The sum in one order, by halves.
+/// Sum in one order, by halves.
 #[inline(always)]
 fn pairwise_sum(parts: &[f32; PARTIAL_SUMS_F32]) -> f32 {
     let mut sums = *parts;

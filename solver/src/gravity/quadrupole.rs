@@ -1,42 +1,42 @@
-//! What the shapes of two near bodies change in their attraction, to the second order of size over distance.
+//! Effect of the shapes of two near bodies on their attraction, to second order in size over distance.
 
 use nalgebra::Matrix3;
 
 use crate::math::Vec3;
 
-/// A body as its neighbours feel it.
+/// Mass distribution of a body as its neighbours feel it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyInertia {
-    /// kg
+    /// Mass, kg.
     pub mass: f64,
-    /// About the centre of mass, along the axes of the world, kg m^2.
+    /// Inertia about the centre of mass, along the axes of the world, kg m^2.
     pub inertia: Matrix3<f64>,
 }
 
-/// What two bodies do to each other beyond two points of their masses.
+/// Difference between the attraction of two bodies and that of two points of their masses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QuadrupoleCorrection {
-    /// On the second body, N; on the first the opposite.
+    /// Force on the second body, N; the first body gets the opposite.
     pub force: Vec3,
-    /// On the first and the second body about their centres, N m.
+    /// Torques on the first and the second body about their centres, N m.
     pub torques: [Vec3; 2],
-    /// J
+    /// Energy, J.
     pub energy: f64,
 }
 
-/// From this part of the reach on it fades, so that nothing jumps where a pair comes within reach. The way is long, as on a short
-/// one the force that keeps the energy would be several times that of the quadrupoles.
+/// Fraction of the reach from which the effect fades, so that nothing jumps when a pair comes within reach. The fading
+/// range is long: in a short one the force that conserves energy would be several times that of the quadrupoles.
 const FADE_START: f64 = 0.5;
 
-/// The second body stands at `r` from the first, |r| > 0. With d = |r| and S = m_2 I_1 + m_1 I_2,
+/// Computes the correction for a second body at `r` from the first, |r| > 0. With d = |r| and S = m_2 I_1 + m_1 I_2,
 ///
 /// ```text
 /// U = -G (tr S/(2 d^3) - 3 r.S r/(2 d^5)),    F = -dU/dr,    T_1 = 3 G m_2/d^5 r x I_1 r,    T_2 = 3 G m_1/d^5 r x I_2 r,
 /// ```
 ///
-/// times a factor of d that falls from 1 at half of `reach` to 0 at `reach`, 1 everywhere if that is infinite. F stems from U with that factor, and
-/// T_1 + T_2 + r x F = 0: energy, momentum and angular momentum are kept.
-/// Source: J. MacCullagh (1844), see C.D. Murray and S.F. Dermott, Solar System Dynamics (1999), ch. 5.
+/// times a factor of d that decreases from 1 at half of `reach` to 0 at `reach`; it is 1 everywhere if `reach` is
+/// infinite. F derives from U with that factor, and T_1 + T_2 + r x F = 0: energy, momentum and angular momentum are
+/// conserved. Source: J. MacCullagh (1844), see C.D. Murray and S.F. Dermott, Solar System Dynamics (1999), ch. 5.
 pub fn quadrupole_correction(
     r: &Vec3,
     [one, two]: [&BodyInertia; 2],

@@ -1,24 +1,24 @@
-//! The error of self-gravity as it stands, found on a few bodies by direct sum.
+//! Error of self-gravity in the present state, measured on a few bodies by direct sum.
 
 use super::direct;
 use crate::math::Vec3;
 use crate::math::random::splitmix64;
 
-/// Bodies looked at.
+/// Number of sampled bodies.
 const SAMPLED_BODIES: u64 = 64;
 
-/// Errors against the direct sum.
+/// Errors relative to the direct sum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SampledError {
     /// sqrt(sum |da|^2 / sum |a|^2)
     pub rms: f64,
     /// Largest |da|/|a|.
     pub largest: f64,
-    /// sum m x·da / |sum m x·a|, x from the centre of mass: the error of the virial, which the pressure balances.
+    /// Error of the virial, which the pressure balances: sum m x·da / |sum m x·a|, x from the centre of mass.
     pub virial: f64,
 }
 
-/// Compares accelerations with the direct sum on bodies that `seed` picks, the same ones on every machine.
+/// Compares accelerations with the direct sum on bodies selected by `seed`, the same ones on every machine.
 pub fn sampled_error(
     positions: &[Vec3],
     masses: &[f64],

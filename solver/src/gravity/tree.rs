@@ -10,18 +10,18 @@ use crate::math::morton::{self, MortonKey, POINTS_PER_TASK};
 
 pub type CellLine = [f64; 8];
 
-/// Below this many bodies a subtree is one task: large against the cost of a task, small against a thread's share.
+/// Number of bodies below which a subtree is one task: large against the cost of a task, small against a thread's share.
 pub const MAX_BODIES_PER_TASK: usize = 2048;
 
-/// Deeper cells are leaves: below, places differ by less than the last digit of the cloud's size.
+/// Depth beyond which cells are leaves: positions differ there by less than the last digit of the cloud's size.
 const MAX_DEPTH: usize = 192;
 
 #[derive(Debug, Clone, Copy)]
 pub struct TreeCell {
-    /// The cell's bodies, in the tree's order.
+    /// Range of the cell's bodies, in the tree's order.
     pub first: u32,
     pub count: u32,
-    /// How many cells further the second half is; 0 for a leaf. The first half is the next cell.
+    /// Offset of the second half's cell; 0 for a leaf. The first half is the next cell.
     pub second: u32,
 }
 
@@ -35,15 +35,15 @@ impl TreeCell {
     }
 }
 
-/// What is asked of a cell at each meeting, in one line.
+/// Data of a cell that each interaction reads, in one cache line.
 #[derive(Debug, Clone, Copy)]
 pub struct CellSummary {
     /// Centre of mass, and the distance of the farthest body from it, in the tree's units.
     pub centre: [f64; 3],
     pub radius: f64,
     pub mass: f64,
-    /// Largest square of a multipole of degree 2 or more over that of all the mass at the radius: 0 for a point, 1 at
-    /// most.
+    /// Largest ratio of a squared multipole of degree 2 or more to that of all the mass at the radius: 0 for a point, 1
+    /// at most.
     pub uneven: f64,
 }
 
@@ -59,36 +59,36 @@ impl CellSummary {
     }
 }
 
-/// Of a cell of no mass and no size, far from all others.
+/// Summary of a cell without mass and size, far from all others.
 const FAR_AWAY: CellSummary = CellSummary { centre: [64.0; 3], radius: 0.0, mass: 0.0, uneven: 0.0 };
 
-/// Cells in the order in which a walk from the root, first half before second, meets them. Lengths are over `length`
-/// and from `origin`, masses over `mass`: numbers of order 1, whatever the units.
+/// Cells in the order of a depth-first walk from the root, first half before second. Lengths are divided by `length` and
+/// relative to `origin`, masses divided by `mass`: numbers of order 1 in any units.
 pub struct MassTree {
     pub cells: Vec<TreeCell>,
-    /// [`CellSummary`] of each cell; one more, far away, fills up batches.
+    /// [`CellSummary`] of each cell; one more, far away, pads batches.
     pub outlines: Vec<CellLine>,
-    /// For each cell, its narrow moments in whole lines, with its centre in the place of the dipole; one cell more, as
-    /// above.
+    /// Narrow moments of each cell in whole lines, with its centre instead of the dipole; one cell more, as in
+    /// `outlines`.
     pub moments: Vec<CellLine>,
-    /// Number of the body in the input, by place in the tree.
+    /// Number of the body in the input, by position in the tree.
     pub index: Vec<u32>,
-    /// x, y, z, m by place in the tree.
+    /// x, y, z, m by position in the tree.
     pub bodies: [Vec<f64>; 4],
-    /// The same in single precision, from the leaf's centre, with 16 more.
+    /// x, y, z, m in single precision, relative to the leaf's centre, with 16 more.
     pub offsets: [Vec<f32>; 4],
-    /// m
+    /// Unit of length, m.
     pub length: f64,
-    /// kg
+    /// Unit of mass, kg.
     pub mass: f64,
 }
 
-/// The power of two at or above a positive number; 1 for others.
+/// Smallest power of two that is not below a positive number; 1 for other numbers.
 fn power_of_two(x: f64) -> f64 {
     if x.is_normal() { 2f64.powi(x.log2().ceil().clamp(-1000.0, 1000.0) as i32) } else { 1.0 }
 }
 
-/// Divides `keys` by the first bit in which they differ, down to leaves.
+/// Splits `keys` at the first bit in which they differ, down to leaves.
 fn divide_cell(
     cells: &mut Vec<TreeCell>,
     keys: &mut [MortonKey],
@@ -114,8 +114,8 @@ fn divide_cell(
 }
 
 impl MassTree {
-    /// The tree over at least one body, of leaves of at most `leaf` bodies (more where they coincide), with moments to
-    /// order P. Bodies are sorted from the order `about`, see [`morton::unsorted_keys`].
+    /// Builds the tree over at least one body, with leaves of at most `leaf` bodies (more if they coincide) and moments
+    /// to order P. Bodies are sorted from the order `about`, see [`morton::unsorted_keys`].
     pub fn new<L: F64Arithmetic, const P: usize>(
         lanes: L,
         positions: &[Vec3],
@@ -132,7 +132,7 @@ impl MassTree {
             low = low.inf(x);
             high = high.sup(x);
         }
-        // Zero if that is within: then lengths are exact, and bodies that crowd about it stay apart.
+        // The origin is zero if that is within the cloud: then lengths are exact, and bodies near zero remain distinct.
         let origin = low.sup(&Vec3::zeros().inf(&high));
         let (length, mass) = (power_of_two((high - low).max()), power_of_two(masses.iter().sum()));
         let (per_length, per_mass) = (1.0 / length, 1.0 / mass);

@@ -10,11 +10,11 @@ use super::tree::{CellLine, CellSummary, MAX_BODIES_PER_TASK, TreeCell};
 use crate::math::lanes::{F64Arithmetic, Scalar};
 use crate::math::{Vec3, vector_length};
 
-/// Cells of at most this many bodies get the exact radius; larger ones the bound that their halves give, which is
-/// nearly as good and needs no walk over the bodies.
+/// Number of bodies up to which a cell gets the exact radius. Larger cells get the bound from their halves, which is
+/// nearly as good and needs no loop over the bodies.
 const EXACT_RADIUS: usize = 4096;
 
-/// Centres, radii and moments from the leaves to the root.
+/// Upward pass: centres, radii and moments from the leaves to the root.
 #[derive(Clone, Copy)]
 pub struct UpwardPass<'a, L, const P: usize> {
     pub lanes: L,
@@ -24,7 +24,7 @@ pub struct UpwardPass<'a, L, const P: usize> {
     pub axes: &'a [CellLine; NARROW_LEN],
 }
 
-/// What a subtree gets.
+/// Output of a subtree.
 pub struct SubtreeOutput<'a> {
     pub outlines: &'a mut [CellLine],
     pub moments: &'a mut [CellLine],
@@ -32,7 +32,7 @@ pub struct SubtreeOutput<'a> {
 }
 
 impl<L: F64Arithmetic, const P: usize> UpwardPass<'_, L, P> {
-    /// The subtree of these cells.
+    /// Computes the subtree of these cells.
     pub fn visit_subtree(self, cells: &[TreeCell], out: SubtreeOutput) {
         let (cell, below) = cells.split_first().expect("a subtree has a root");
         let (outline, outlines) = out.outlines.split_first_mut().expect("as many as cells");
@@ -57,7 +57,8 @@ impl<L: F64Arithmetic, const P: usize> UpwardPass<'_, L, P> {
         self.lanes.run(ParentMoments { up: self, cell, outline, moments: mine, halves });
     }
 
-    /// [`CellSummary::multipole_unevenness`] of moments about the centre of mass: of each multipole, the mean square over eight axes.
+    /// [`CellSummary::uneven`] from moments about the centre of mass: for each multipole, the mean square over eight
+    /// axes.
     #[inline(always)]
     fn multipole_unevenness(&self, row: &NarrowRow<f64>, radius: f64, mass: f64) -> f64 {
         let (l, area) = (self.lanes, radius * radius);
@@ -85,11 +86,11 @@ impl<L: F64Arithmetic, const P: usize> UpwardPass<'_, L, P> {
                 }
             }
         });
-        // Where squares come near the smallest numbers there are, the most that it can be.
+        // If squares are near the smallest representable numbers, returns the upper bound.
         if unit > 1e-280 && largest < 1.0 { largest } else { 1.0 }
     }
 
-    /// Distance of the farthest of the bodies from `centre`.
+    /// Distance from `centre` to the farthest of the bodies.
     #[inline(always)]
     fn cell_radius(&self, cell: &TreeCell, centre: [f64; 3]) -> f64 {
         let l = self.lanes;
@@ -104,7 +105,7 @@ impl<L: F64Arithmetic, const P: usize> UpwardPass<'_, L, P> {
         while first < columns[0].len() {
             let mut d2 = l.splat(0.0);
             for k in 0..3 {
-                // What is missing is the first body once more.
+                // Missing bodies are copies of the first.
                 let d = l.sub(load_part(l, columns[k], first, columns[k][0]), centre[k]);
                 d2 = l.mul_add(d, d, d2);
             }
@@ -147,7 +148,7 @@ pub fn axis_derivatives<const P: usize>() -> [CellLine; NARROW_LEN] {
     columns
 }
 
-/// `WIDTH` numbers of a column, filled up at its end.
+/// `WIDTH` numbers of a column, padded at its end.
 #[inline(always)]
 pub fn load_part<L: F64Arithmetic>(l: L, column: &[f64], first: usize, filler: f64) -> L::V {
     if first + L::WIDTH <= column.len() {
@@ -158,7 +159,7 @@ pub fn load_part<L: F64Arithmetic>(l: L, column: &[f64], first: usize, filler: f
     l.load(&part)
 }
 
-/// Mean of points by mass; without any mass, the mean.
+/// Mean of points weighted by mass; without any mass, the plain mean.
 #[inline(always)]
 fn centre_of_mass(points: impl Iterator<Item = ([f64; 3], f64)>) -> ([f64; 3], f64) {
     let (mut moment, mut sum, mut mass, mut count) = ([0.0; 3], [0.0; 3], 0.0, 0.0);
@@ -182,7 +183,7 @@ fn write_moments(moments: &mut [CellLine], row: &NarrowRow<f64>, centre: [f64; 3
     moments[0][1..4].copy_from_slice(&centre);
 }
 
-/// A row from its lines.
+/// Reads a row from its lines.
 #[inline(always)]
 fn read_moments(moments: &[CellLine]) -> NarrowRow<f64> {
     let mut row = [0.0; _];

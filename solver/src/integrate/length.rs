@@ -1,17 +1,18 @@
-//! How long the next step is: `dt`, or several of them where little happens.
+//! Length of the next step: `dt`, or a multiple of it if little happens.
 //!
-//! Time goes in units of `dt`: steps, snapshots and the end of a run are counted in them, and a step of several units ends
-//! where as many steps of one would. From what the last step left, and so the same in a run that is taken up again:
+//! Time is counted in units of `dt`: steps, snapshots and the end of a run are. A step of several units ends at the same
+//! time as that many steps of one unit. The length follows from the result of the last step, so that it is the same in a
+//! resumed run:
 //!
-//! - neighbours pass each other by at most `travel` radii and half of what parts them;
-//! - what approaches overlaps, in the contact configuration, by at most `penetration` radii;
-//! - a body that is no sphere turns by at most `travel` radians;
-//! - fifty steps make the shortest orbit;
+//! - neighbours pass each other by at most `travel` radii plus half of their gap;
+//! - approaching bodies overlap, in the contact configuration, by at most `penetration` radii;
+//! - a body that is not a sphere turns by at most `travel` radians;
+//! - the shortest orbit takes at least fifty steps;
 //! - a step is at most twice as long as the one before, and ends at snapshots, events and the end of the run.
 //!
-//! Detection looks twice as far as a step goes ([`MAX_STEP_GROWTH`]): so a pair that the next step could bring into contact is
-//! known when its length is chosen; at the start of a run none is, and the first step is `dt`. While an imposed velocity or force changes, steps are `dt`, and none
-//! reaches into such a time.
+//! Detection covers twice the length of a step ([`MAX_STEP_GROWTH`]), so that a pair that the next step could bring into
+//! contact is known when its length is chosen. At the start of a run no pair is known, and the first step is `dt`. While
+//! an imposed velocity or force changes, steps are `dt`, and no longer step reaches into such a time.
 
 use std::f64::consts::TAU;
 
@@ -21,13 +22,13 @@ use rayon::prelude::*;
 use crate::scene::Scene;
 use crate::state::{SolvedContact, State};
 
-/// Steps in the shortest orbit: an error of phase of 1e-3 an orbit.
+/// Steps in the shortest orbit: a phase error of 1e-3 per orbit.
 const STEPS_PER_ORBIT: f64 = 50.0;
 
-/// How much longer a step may be than the one before; so much farther than the step goes detection looks.
+/// Largest ratio of a step to the one before; detection covers this multiple of the step.
 pub const MAX_STEP_GROWTH: u64 = 2;
 
-/// Units of `dt` in the next step. `disturbed`: something has changed velocities since the last one.
+/// Length of the next step in units of `dt`. `disturbed`: velocities have been changed since the last step.
 pub fn choose_step_multiple(scene: &Scene, state: &State, disturbed: bool) -> u64 {
     let adaptive = scene.options.adaptive();
     let knows_neighbours = state.step > scene.start.0 && !disturbed;
@@ -47,12 +48,12 @@ pub fn choose_step_multiple(scene: &Scene, state: &State, disturbed: bool) -> u6
     let orbit = shortest_orbit(scene, state) / STEPS_PER_ORBIT;
     let wanted = contacts.min(turn).min(orbit).min(constant) / dt;
     let wanted = (wanted.min(most) * (1.0 + 1e-12)).floor().max(1.0) as u64;
-    // The way to the next stop in equal parts.
+    // Divides the time to the next stop into equal parts.
     let left = steps_to_next_stop(scene, state).max(1);
     left.div_ceil(left.div_ceil(wanted))
 }
 
-/// s that a pair near each other allows.
+/// Longest step that a pair of near bodies allows, s.
 fn contact_time_limit(scene: &Scene, state: &State, solved: &SolvedContact) -> f64 {
     let SolvedContact { contact, velocity, .. } = solved;
     let adaptive = scene.options.adaptive();
@@ -65,13 +66,14 @@ fn contact_time_limit(scene: &Scene, state: &State, solved: &SolvedContact) -> f
     travel.min((adaptive.penetration * radius + gap) / approach)
 }
 
-/// Fastest turn of a body that is no sphere, rad/s: whatever its moments of inertia, its contacts turn with it.
+/// Largest angular speed of a body that is not a sphere, rad/s; independent of its moments of inertia, as its contacts
+/// turn with it.
 pub fn fastest_turn(scene: &Scene, state: &State) -> f64 {
     let turns = scene.bodies.iter().zip(&state.w).filter(|(body, _)| !body.is_sphere());
     turns.map(|(_, w)| w.norm()).fold(0.0, f64::max)
 }
 
-/// Period of the fastest orbit there can be outside of bodies, s: in self-gravity, about primaries, of turning axes.
+/// Period of the fastest possible orbit outside of bodies, s: in self-gravity, about primaries, of rotating axes.
 pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
     let about = |field: FieldModel| match field {
         FieldModel::Turning { rate, .. } => TAU / rate.norm(),
@@ -85,13 +87,13 @@ pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
     scene.external_fields().into_iter().map(about).fold(own, f64::min)
 }
 
-/// Units up to the next snapshot, event or the end.
+/// Units of `dt` up to the next snapshot, event or the end.
 fn steps_to_next_stop(scene: &Scene, state: &State) -> u64 {
     let every = scene.options.output_every;
     let snapshot = every - state.step % every;
     let end = scene.last_step().saturating_sub(state.step);
     let event = scene.events.get(state.events_done).map_or(f64::INFINITY, |event| event.time - state.time);
-    // As slack as events themselves.
+    // Same tolerance as for events.
     let event = (event / scene.options.dt - 1e-3).ceil().max(1.0) as u64;
     snapshot.min(end).min(event)
 }

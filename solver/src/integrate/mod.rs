@@ -2,9 +2,9 @@
 //!
 //! x_c = x + h (1-theta) V,   x⁺ = x_c + h theta V⁺, and the same for rotations.
 //!
-//! Spheres need no equation for their rotation beyond the impulses; an orientation they have only where asked for, or where
-//! a moment or a turn is imposed in their own axes. Bodies of
-//! unequal moments turn freely before and after the impulses, which change their angular momentum in space.
+//! A sphere's rotation needs only the impulses. Its orientation is integrated only if requested, or if a moment or a
+//! rotation is imposed in its own axes. Bodies of unequal moments rotate freely before and after the impulses, which
+//! change their angular momentum in space.
 //! Sources: M. Jean (1999), section 5; J.J. Moreau, CISM 302 (1988); see [`crate::math::rotation`].
 
 mod length;
@@ -18,27 +18,27 @@ use crate::math::{PAR_MIN_LEN, Quat, Vec3, morton, rotate_by_vector};
 use crate::scene::Scene;
 use crate::state::State;
 
-/// Where contacts are looked for and forces evaluated.
+/// Configuration in which contacts are detected and forces evaluated.
 pub struct ContactConfiguration {
     pub x: Vec<Vec3>,
-    /// Orientations, those of [`Scene::oriented`] carried here.
+    /// Orientations; those of [`Scene::oriented`] bodies are predicted.
     pub q: Vec<Quat>,
-    /// Angular velocities of the step's start, carried here by free rotation, rad/s, world frame.
+    /// Angular velocities of the step's start, predicted by free rotation, rad/s, world frame.
     pub w: Vec<Vec3>,
-    /// Angular momenta of [`State::angular_momentum`], carried here likewise.
+    /// Angular momenta of [`State::angular_momentum`], predicted by free rotation.
     pub angular_momentum: Vec<Vec3>,
-    /// Mean velocity of the free bodies at the step's start, m/s: what they share moves no two past each other.
+    /// Mean velocity of the free bodies at the step's start, m/s; it changes no distance between them.
     pub mean_velocity: Vec3,
-    /// Bodies along Morton's curve.
+    /// Bodies ordered along Morton's curve.
     pub order: Vec<u32>,
     /// Length of the step in units of `dt`, and in s.
     pub step_multiple: u64,
     pub h: f64,
-    /// How far ahead contacts are looked for, s.
+    /// Time for which contacts are predicted, s.
     pub lookahead: f64,
-    /// Whether the bodies have other velocities than the last step left them.
+    /// Whether the velocities of bodies have changed since the end of the last step.
     pub changed: bool,
-    /// Whether each body takes the step with θ = 1, x_c = x and x⁺ = x + h V⁺; empty where all have the scene's θ.
+    /// Whether each body takes the step with θ = 1, x_c = x and x⁺ = x + h V⁺; empty if all have the scene's θ.
     pub from_start: Vec<bool>,
 }
 
@@ -48,22 +48,22 @@ impl ContactConfiguration {
         self.from_start.get(i).is_some_and(|from_start| *from_start)
     }
 
-    /// The longest of [`Self::reach_time`], s.
+    /// Longest of [`Self::reach_time`], s.
     pub fn longest_reach_time(&self, scene: &Scene) -> f64 {
         if self.from_start.is_empty() { self.h } else { self.h * (2.0 - scene.options.theta) }
     }
 
-    /// Time in which the step's end velocity takes body `i` from this contact configuration to the next, if the next step is as
-    /// long, s: h, and (2-θ) h of those that take this step with θ = 1.
+    /// Time in which the step's end velocity takes body `i` from this contact configuration to the next if the next step
+    /// is as long, s: h, and (2-θ) h for bodies that take this step with θ = 1.
     pub fn reach_time(&self, scene: &Scene, i: usize) -> f64 {
         if self.is_from_start(i) { self.h * (2.0 - scene.options.theta) } else { self.h }
     }
 }
 
-/// Bodies that turn freely, of which a task takes at least so many: each is half a microsecond.
+/// Smallest number of freely rotating bodies per task; each takes half a microsecond.
 const MIN_TURNING_PER_TASK: usize = 64;
 
-/// The contact configuration of a step of so many units of `dt`, from the velocities at the step's start.
+/// Contact configuration of a step of `units` times `dt`, from the velocities at the step's start.
 pub fn predict_configuration(scene: &Scene, state: &State, units: u64) -> ContactConfiguration {
     let h = units as f64 * scene.options.dt;
     let before = h * (1.0 - scene.options.theta);
@@ -103,7 +103,8 @@ pub fn predict_configuration(scene: &Scene, state: &State, units: u64) -> Contac
     }
 }
 
-/// The same, with the bodies of `from_start` where they are at the step's start.
+/// Contact configuration as from [`predict_configuration`], with the bodies of `from_start` at their positions at the
+/// step's start.
 pub fn predict_from_start(scene: &Scene, state: &State, units: u64, from_start: Vec<bool>) -> ContactConfiguration {
     let mut q_c = predict_configuration(scene, state, units);
     for i in (0..from_start.len()).filter(|&i| from_start[i]) {
@@ -119,8 +120,9 @@ pub fn predict_from_start(scene: &Scene, state: &State, units: u64, from_start: 
     ContactConfiguration { from_start, ..q_c }
 }
 
-/// [`free_rotation`] in axes that turn at `rate` (rad/s), from which orientation and `momentum` are seen before and after:
-/// with axes at rest that agree with these at first, the body turns with J W more momentum, and then against the axes.
+/// [`free_rotation`] in axes that rotate at `rate` (rad/s), in which orientation and `momentum` are given before and
+/// after. The body rotates with J W more momentum in fixed axes that coincide with these at first, then relative to the
+/// axes.
 fn turn_in_axes(q: &Quat, momentum: &mut Vec3, inertia: &[f64; 3], rate: &Vec3, h: f64) -> Quat {
     if *rate == Vec3::zeros() {
         return free_rotation(q, momentum, inertia, h);
@@ -132,8 +134,8 @@ fn turn_in_axes(q: &Quat, momentum: &mut Vec3, inertia: &[f64; 3], rate: &Vec3, 
     q
 }
 
-/// Takes the state to the step's end with the velocities `v`, `w` that the bodies have in the contact configuration
-/// after all impulses.
+/// Advances the state to the step's end with the velocities `v`, `w` of the bodies in the contact configuration after all
+/// impulses.
 pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguration, v: Vec<Vec3>, mut w: Vec<Vec3>) {
     let h = q_c.h;
     let after = h * scene.options.theta;
@@ -150,7 +152,7 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
     let rate = scene.frame_angular_velocity();
     let turn = |((&i, momentum), carried): ((&u32, &mut Vec3), &Vec3)| {
         let (i, inertia) = (i as usize, &scene.bodies[i as usize].inertia);
-        // What nothing has pushed keeps its momentum to the last bit.
+        // A body without impulses keeps its momentum to the last bit.
         let pushed = carried + angular_momentum(&q_c.q[i], inertia, &(w[i] - q_c.w[i]));
         let mut turned = pushed;
         let after = if q_c.is_from_start(i) { h } else { after };
@@ -180,11 +182,11 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
     state.time = scene.time_at(state.step);
 }
 
-/// Driven bodies of a step that they take with θ = 1: their imposed motion is that of any step.
+/// Driven bodies of a step that they take with θ = 1; their imposed motion is the same as in any step.
 struct StartsOfDriven(Vec<(usize, Vec3, Quat)>);
 
 impl StartsOfDriven {
-    /// Where they would be in the contact configuration with the scene's θ.
+    /// Positions and orientations that they would have in the contact configuration with the scene's θ.
     fn new(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Self {
         let before = q_c.h * (1.0 - scene.options.theta);
         let driven = (0..q_c.from_start.len()).filter(|&i| q_c.from_start[i] && scene.bodies[i].driven);
@@ -193,7 +195,7 @@ impl StartsOfDriven {
         StartsOfDriven(driven.map(start).collect())
     }
 
-    /// Takes them from there to the step's end; along axes along which they are pushed, from the start by h V⁺.
+    /// Advances them from there to the step's end; along axes along which they are pushed, from the start by h V⁺.
     fn advance_state(self, scene: &Scene, state: &mut State, q_c: &ContactConfiguration, [v, w]: [&[Vec3]; 2]) {
         let after = q_c.h * scene.options.theta;
         for (i, x, q) in self.0 {

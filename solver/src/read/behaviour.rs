@@ -1,4 +1,4 @@
-//! TACT_BEHAV.DAT and Vloc_Rloc.INI to laws, visibility and the contacts to start from.
+//! TACT_BEHAV.DAT and Vloc_Rloc.INI: laws, visibility and initial contacts.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -20,7 +20,7 @@ use crate::scene::{
 };
 use crate::state::{Contact, ContactStatus, SolvedContact, UNKNOWN_FEATURE};
 
-/// Names of the contactors that are told apart by the visibility table.
+/// Names of the contactors that the visibility table distinguishes.
 const CONTACTOR_NAMES: [[&str; 2]; 5] = [["SPHER", "SPHEb"], ["PLANx"; 2], ["POLYR"; 2], ["CYLND"; 2], ["DNLYC"; 2]];
 
 fn contactor_kind(geometry: &ContactorShape) -> usize {
@@ -33,7 +33,7 @@ fn contactor_kind(geometry: &ContactorShape) -> usize {
     }
 }
 
-/// Kind and class of the contactor that a side of a contact names, if the body has it.
+/// Kind and class of the contactor named on a side of a contact, if the body has it.
 fn kind_and_class(scene: &Scene, side: &ContactSide) -> Option<(usize, u16)> {
     let body = &scene.bodies[side.body];
     let (kind, class) = match body.shape {
@@ -48,7 +48,7 @@ fn kind_and_class(scene: &Scene, side: &ContactSide) -> Option<(usize, u16)> {
     CONTACTOR_NAMES[kind].contains(&side.contactor.as_str()).then_some((kind, class))
 }
 
-/// What a status of LMGC90's says: of laws that remember it is one of four letters after the law's own; None of no such word.
+/// Parses a status of LMGC90. Some laws prefix the status with one of four letters. `None` for an unknown word.
 fn parse_status(word: &str) -> Option<ContactStatus> {
     match word.strip_prefix(['C', 'W', 'M', 'E']).unwrap_or(word) {
         "stick" | "stck" => Some(ContactStatus::Stick),
@@ -59,10 +59,10 @@ fn parse_status(word: &str) -> Option<ContactStatus> {
     }
 }
 
-/// Puts laws and visibility into the scene.
+/// Sets laws and visibility of the scene.
 pub fn set_laws_and_visibility(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Faults) {
     let file = datbox.join("TACT_BEHAV.DAT");
-    // Only laws that some row of the table uses are needed.
+    // Only laws used by some row of the table are needed.
     let mut number = vec![None; tact.laws.len()];
     let mut looked_at = vec![false; tact.laws.len()];
     for see in &tact.visibility {
@@ -123,7 +123,7 @@ pub fn set_laws_and_visibility(datbox: &Path, tact: &TactBehav, scene: &mut Scen
     };
     for row in &tact.visibility {
         let law = tact.laws.iter().position(|law| law.nickname == row.law).and_then(|k| number[k]);
-        // A row about contactors or colours that no body has concerns nobody.
+        // Rows with contactors or colours that no body has are ignored.
         let (Some(a), Some(b), Some(law)) = (class_of(&row.candidate), class_of(&row.antagonist), law) else {
             continue;
         };
@@ -166,7 +166,7 @@ pub fn set_laws_and_visibility(datbox: &Path, tact: &TactBehav, scene: &mut Scen
     scene.notes.extend(unseen_contactors_note(scene, &TactBehav::colour_pairs_without_law(&text)));
 }
 
-/// Two bodies with contactors of these classes of which the first is driven in part, if there are such.
+/// Returns two bodies with contactors of these classes of which the first is partly driven, if there are any.
 fn partly_driven_walls(scene: &Scene, [a, b]: [usize; 2]) -> Option<[u32; 2]> {
     let of_class = |class: usize| scene.parts.iter().filter(move |part| usize::from(part.class) == class);
     let is_pushed = |part: &&BodyPart| scene.bodies[part.body as usize].is_driven_in_part();
@@ -177,7 +177,7 @@ fn partly_driven_walls(scene: &Scene, [a, b]: [usize; 2]) -> Option<[u32; 2]> {
     })
 }
 
-/// Refuses attraction that reaches farther than to the nearest image.
+/// Rejects attraction that reaches farther than the nearest image.
 fn check_periods(file: &Path, tact: &TactBehav, scene: &Scene, faults: &mut Faults) {
     let Some(period) = [scene.options.xperiode, scene.options.yperiode].into_iter().flatten().reduce(f64::min) else {
         return;
@@ -195,25 +195,25 @@ fn check_periods(file: &Path, tact: &TactBehav, scene: &Scene, faults: &mut Faul
     }
 }
 
-/// The contactors of a class.
+/// Contactors of a class.
 #[derive(Default)]
 struct ClassMembers {
-    /// Bodies that have one.
+    /// Number of bodies that have one.
     count: usize,
-    /// The last of them.
+    /// Last body that has one.
     last: Option<u32>,
     /// Whether one of them is on a body that moves freely, all or in part.
     free: bool,
 }
 
-/// What to tell of contactors of free bodies that no row lets meet others.
+/// Note about contactors of free bodies that no row lets touch others.
 ///
-/// `meant`: pairs of colours that the file says are to have none.
+/// `meant`: pairs of colours that the file declares to have no row.
 fn unseen_contactors_note(scene: &Scene, meant: &[[String; 2]]) -> Option<String> {
     let mut members: BTreeMap<u16, ClassMembers> = BTreeMap::new();
     let mut count = |class: u16, number: u32, body: &RigidBody| {
         let members = members.entry(class).or_default();
-        // Pieces of one body do not meet.
+        // Parts of one body do not touch each other.
         members.count += usize::from(members.last != Some(number));
         members.last = Some(number);
         members.free |= !body.is_imposed();
@@ -243,7 +243,7 @@ fn unseen_contactors_note(scene: &Scene, meant: &[[String; 2]]) -> Option<String
         .then(|| format!("TACT_BEHAV.DAT: no row for {}: they pass through each other", missed.join(", ")))
 }
 
-/// Tells, where the state is also written as text, of contacts for which LMGC90 has no kind.
+/// Warns of contacts for which LMGC90 has no kind, if the state is also written as text.
 pub fn check_text(scene: &mut Scene) {
     let polyhedra = scene.parts.iter().filter(|part| matches!(part.geometry, ContactorShape::Polyhedron(_)));
     let of_polyhedra: Vec<u16> = polyhedra.map(|part| part.class).collect();
@@ -257,7 +257,7 @@ pub fn check_text(scene: &mut Scene) {
     }
 }
 
-/// Refuses events about laws that no contact has, or about a cohesion that a law does not have.
+/// Rejects events about laws that no contact has, or about a cohesion that a law does not have.
 pub fn check_events(scene: &Scene, report: &mut FaultReport) {
     for (k, event) in scene.options.events.iter().enumerate() {
         let (EventAction::SetFriction(name, _) | EventAction::SetCohesion(name, _)) = &event.action else { continue };
@@ -278,7 +278,7 @@ pub fn check_events(scene: &Scene, report: &mut FaultReport) {
     }
 }
 
-/// Asks about densities of bodies, friction of laws in use and friction that events set which are probably mistakes of units.
+/// Warns of probable mistakes of units: densities of bodies, friction of laws in use and friction set by events.
 ///
 /// The density 1 is that of scenes without units.
 pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mut FaultReport) {
@@ -315,7 +315,7 @@ pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mu
     scene.warnings.extend(questions.0.iter().map(Fault::to_string));
 }
 
-/// Refuses events that happen too often up to the end of the run.
+/// Rejects events that repeat too often up to the end of the run.
 pub fn check_event_counts(scene: &Scene, report: &mut FaultReport) {
     for (k, repeats) in too_frequent(&scene.options.events, scene.end_time()) {
         let found = format!("happens {repeats:.0} times up to the end of the run");
@@ -323,7 +323,7 @@ pub fn check_event_counts(scene: &Scene, report: &mut FaultReport) {
     }
 }
 
-/// What to tell of options and events that change nothing in this scene.
+/// Messages about options and events that have no effect in this scene.
 pub fn ineffective_options(scene: &Scene) -> Vec<String> {
     let Compute { self_gravity, gravity, gravity_constant, gravity_moved, gravity_quadrupole, .. } = scene.options;
     let of_gravity = !self_gravity;
@@ -372,7 +372,7 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
     set.into_iter().filter_map(of_option).chain(adaptive).chain(events).collect()
 }
 
-/// The contacts of Vloc_Rloc.INI that this scene can have, to start the first step from; what it cannot have is told.
+/// Returns the contacts of Vloc_Rloc.INI that this scene can have, to start the first step from; warns of the others.
 pub fn initial_contacts(
     datbox: &Path,
     history: &VlocRloc,
@@ -383,7 +383,7 @@ pub fn initial_contacts(
     let file = datbox.join("Vloc_Rloc.INI");
     let h = scene.options.dt;
     let (step, time) = scene.start;
-    // As LMGC90, but for a file without contacts; times have seven digits.
+    // Same rule as LMGC90, except for a file without contacts; times have seven digits.
     let of_another = history.step != step || (history.time - time).abs() > 1e-3 * h + 1e-6 * time.abs();
     if of_another && !history.contacts.is_empty() {
         let found = format!("step {}, time {} s", history.step, history.time);
@@ -435,7 +435,7 @@ pub fn initial_contacts(
         let (sign, [candidate, antagonist], kinds) =
             if turned { (-1.0, [sides[1], sides[0]], [kind_b, kind_a]) } else { (1.0, sides, [kind_a, kind_b]) };
         let normal = normal * sign;
-        // Of a plate's faces the normal tells which; of all else the place.
+        // A plate's face is identified by the normal, all other features by the position.
         let features = match kinds.map(|kind| CONTACTOR_NAMES[kind][0]) {
             ["SPHER", "SPHER"] => (0, 0),
             ["SPHER", "PLANx"] => {
@@ -444,7 +444,7 @@ pub fn initial_contacts(
             }
             _ => (UNKNOWN_FEATURE, number),
         };
-        // Their tangents are not ours.
+        // LMGC90's tangents differ from ours.
         let ours = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
         contacts.push(SolvedContact {
             contact: Contact {

@@ -1,4 +1,4 @@
-//! BODIES.DAT, DRV_DOF.DAT and DOF.INI to bodies, drives and motion.
+//! BODIES.DAT, DRV_DOF.DAT and DOF.INI: bodies, drives and motion.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use crate::scene::{
     BodyPart, BodyShape, ContactorShape, ImposedLoad, ImposedVelocity, RigidBody, Scene, VisibilityTable,
 };
 
-/// The scene without its laws.
+/// Returns the scene without its laws.
 pub fn scene_without_laws(
     datbox: &Path,
     records: &Bodies,
@@ -58,7 +58,7 @@ pub fn scene_without_laws(
         faults.push(Fault::new(&file, line, object, format!("a {name} that may move freely"), expected));
     }
     for (index, record) in records.0.iter().enumerate().filter(|(index, _)| !bodies[*index].driven) {
-        // Of what is larger not only the nearest image would be met.
+        // A larger body would be met by more than its nearest image.
         let of_body = &parts[part_starts[index] as usize..part_starts[index + 1] as usize];
         let extent = 2.0 * of_body.iter().map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max);
         for period in
@@ -128,7 +128,7 @@ pub fn scene_without_laws(
     scene
 }
 
-/// Stands in for a body that was refused, so that the rest can be checked.
+/// Replaces a rejected body, so that the rest can be checked.
 fn placeholder_body() -> PreparedBody {
     let shape = BodyShape::Sphere { radius: 1.0 };
     let body = RigidBody {
@@ -145,7 +145,7 @@ fn placeholder_body() -> PreparedBody {
     PreparedBody { body, parts: Vec::new(), shift: Vec3::zeros(), axes: Quat::identity() }
 }
 
-/// Centres of mass that are not where the file says, beyond its digits.
+/// Note about centres of mass that differ from the file by more than its digits.
 fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)]) -> Option<String> {
     let moved = |(_, (body, (shift, _))): &(usize, (&RigidBody, &(Vec3, Quat)))| shift.norm() > 1e-6 * body.radius;
     let moved: Vec<(usize, f64)> =
@@ -158,25 +158,25 @@ fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)]) -> Option
     ))
 }
 
-/// Periods that the widest plate does not span, in words: what falls beside it falls on. `q`: orientations.
+/// Notes about periods that the widest plate does not span: bodies next to it would fall forever. `q`: orientations.
 pub fn period_gap_notes(scene: &Scene, q: &[Quat]) -> Vec<String> {
     let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
     let missed = periods.into_iter().enumerate().filter_map(|(axis, (name, period))| {
         let widest = scene.planes.iter().map(|&plate| plate_extent(scene, q, plate as usize, axis)).reduce(f64::max)?;
-        let period = period.filter(|period| widest < period * (1.0 - 1e-6))?; // as the files round
+        let period = period.filter(|period| widest < period * (1.0 - 1e-6))?; // rounding of files
         Some(format!("{name}: the widest plate spans {widest} of {period} m; what falls beside it falls on"))
     });
     missed.collect()
 }
 
-/// Refuses plates that span a period on a slope along it: their images would be stairs. `q`: orientations.
+/// Rejects plates that span a period on a slope along it: their images would form stairs. `q`: orientations.
 pub fn check_level(datbox: &Path, records: &Bodies, scene: &Scene, q: &[Quat], faults: &mut Faults) {
     let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
     for &plate in &scene.planes {
         let plate = plate as usize;
         let slope = q[plate] * Vec3::z();
         for (axis, (name, _)) in periods.iter().enumerate().filter(|(axis, (_, period))| {
-            let spans = |period: f64| plate_extent(scene, q, plate, *axis) >= period * (1.0 - 1e-6); // as the files round
+            let spans = |period: f64| plate_extent(scene, q, plate, *axis) >= period * (1.0 - 1e-6); // rounding of files
             period.is_some_and(spans) && slope[*axis].abs() > 1e-6
         }) {
             let found = format!("a plate as wide as {name} whose normal {:.4?} leans along it", slope.as_slice());
@@ -187,13 +187,13 @@ pub fn check_level(datbox: &Path, records: &Bodies, scene: &Scene, q: &[Quat], f
     }
 }
 
-/// How far a plate reaches along a fixed axis, m.
+/// Extent of a plate along a fixed axis, m.
 fn plate_extent(scene: &Scene, q: &[Quat], plate: usize, axis: usize) -> f64 {
     let BodyShape::Plane { half_lengths } = scene.bodies[plate].shape else { return 0.0 };
     2.0 * q[plate].to_rotation_matrix().matrix().row(axis).abs().transpose().dot(&half_lengths)
 }
 
-/// Refuses what stands outside a hollow cylinder that it meets: only the inside of one pushes.
+/// Rejects bodies outside a hollow cylinder that they can touch: only its inside exerts contact forces.
 pub fn check_within(datbox: &Path, records: &Bodies, scene: &Scene, x: &[Vec3], q: &[Quat], faults: &mut Faults) {
     for drum in &scene.parts {
         let ContactorShape::Cylinder { half_height, radius, hollow: true } = drum.geometry else { continue };
@@ -271,7 +271,7 @@ fn imposed_motion(
     (drives, loads)
 }
 
-/// Positions, orientations, velocities and angular velocities (world frame); what is imposed is as DRV_DOF.DAT has it.
+/// Positions, orientations, velocities and angular velocities (world frame); imposed components are those of DRV_DOF.DAT.
 pub fn initial_motion(
     datbox: &Path,
     records: &Bodies,
@@ -295,7 +295,7 @@ pub fn initial_motion(
         }
         let axes = Matrix3::from_fn(|i, j| row.axes[j][i]); // a, b, g are columns of body -> world
         let defect = (axes.transpose() * axes - Matrix3::identity()).norm();
-        // Frames are written with 7 digits and drift by less than that between writings.
+        // Frames are written with 7 digits; their drift between writings is smaller.
         if defect > 1e-4 || axes.determinant() < 0.0 {
             refuse(
                 format!("axes a, b, g that miss a right-handed unit triad by {defect:.1e}"),

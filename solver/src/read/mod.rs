@@ -1,5 +1,5 @@
-//! Stage: files to [`Scene`] and [`State`]. Refuses, with file and line, what the scene cannot mean
-//! or this program does not compute.
+//! Stage: reads files into [`Scene`] and [`State`]. Rejects, with file and line, invalid input and features that this
+//! program does not support.
 
 mod behaviour;
 mod bodies;
@@ -26,10 +26,10 @@ use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::{BondingMode, DetectionCache, OutputInterval, State};
 
-/// Name of the options' file in DATBOX.
+/// Name of the options file in DATBOX.
 pub const COMPUTE_FILE: &str = "COMPUTE.RON";
 
-/// Reads `case/DATBOX` with `flags` winning over COMPUTE.RON. All faults of all files at once.
+/// Reads `case/DATBOX`; `flags` take precedence over COMPUTE.RON. Returns all faults of all files at once.
 pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Faults> {
     let datbox = case.join("DATBOX");
     let mut faults = Faults::default();
@@ -111,13 +111,13 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     faults.into_result((scene, state))
 }
 
-/// Warns if a file that DATBOX was made from has changed since.
+/// Warns if a file that DATBOX was generated from has changed since.
 fn origin_change_warning(case: &Path) -> Option<String> {
     let text = std::fs::read_to_string(case.join("DATBOX").join(COMPUTE_FILE)).ok()?;
     SceneOrigin::from_compute_text(&text)?.change_warning(case)
 }
 
-/// Reports events before the start that would have added something.
+/// Reports additive events before the start, which have no effect.
 fn passed_events_note(scene: &Scene, state: &State) -> Option<String> {
     let adds = |event: &&Event| {
         matches!(
@@ -132,7 +132,7 @@ fn passed_events_note(scene: &Scene, state: &State) -> Option<String> {
         .then(|| format!("events: {events} before the start at {time} s: what they would add or bond is left out"))
 }
 
-/// Refuses what the program is built without.
+/// Rejects features that the program is built without.
 fn check_bare(scene: &Scene, faults: &mut Faults) {
     let has = [
         (!scene.parts.is_empty(), "other shapes than spheres and plates"),
@@ -151,7 +151,7 @@ fn check_bare(scene: &Scene, faults: &mut Faults) {
     }
 }
 
-/// What events are written in: their file and its text, unless they come from the command line.
+/// File and text of the events, unless they come from the command line.
 fn events_text(datbox: &Path, flags: &ComputeFlags) -> Result<(PathBuf, String), Faults> {
     let path = datbox.join(COMPUTE_FILE);
     if flags.events.is_some() || !path_exists(&path) {

@@ -1,4 +1,4 @@
-//! A record of BODIES.DAT to a body: its contactors, mass, centre and principal axes.
+//! Converts a record of BODIES.DAT to a body: its contactors, mass, centre and principal axes.
 
 use cd_formats::bodies::{self, Contactor, LocalFrame};
 use cd_formats::bulk_behav::BulkBehav;
@@ -12,24 +12,24 @@ use crate::geometry::Polyhedron;
 use crate::math::{Quat, Vec3};
 use crate::scene::{BodyPart, BodyShape, ContactorShape, RigidBody};
 
-/// A body as it is computed, and where it stands in the frame of the file.
+/// Body as it is computed, and its position in the frame of the file.
 pub struct PreparedBody {
     pub body: RigidBody,
-    /// Its contactors; `body` and `class` are not set yet.
+    /// Contactors; `body` and `class` are not set yet.
     pub parts: Vec<BodyPart>,
-    /// From the position in the file to the centre of mass, m.
+    /// Vector from the position in the file to the centre of mass, m.
     pub shift: Vec3,
-    /// Body to world where DOF.INI does not say it.
+    /// Orientation, body to world, if DOF.INI does not give it.
     pub axes: Quat,
 }
 
-/// What stands there and what was expected.
+/// Found text and expected text.
 pub type RecordFault = (String, String);
 
-/// A contactor in the frame of its body.
+/// Contactor in the frame of its body.
 struct ContactorPiece {
     geometry: ContactorShape,
-    /// In the frame of the file.
+    /// Centre in the frame of the file.
     centre: Vec3,
     axes: Quat,
     radius: f64,
@@ -66,12 +66,12 @@ pub fn body_from_record(
         solids.map(|((contactor, faces), mass)| contactor_piece(contactor, faces, mass, colours)).collect();
     let simple = lone && !matches!(pieces[0].geometry, ContactorShape::Polyhedron(_));
 
-    // Where the centre of mass is, in the frame of the file.
+    // Position of the centre of mass in the frame of the file.
     let off_centre = matches!(record.contactors[0].shape, bodies::ShapeRecord::OffsetSphere { .. });
     let shift = Vec3::from(record.centre_of_mass_offset(&own));
     pieces.iter_mut().for_each(|piece| piece.centre -= shift);
     let axes = match record.inertia {
-        // Of a lone sphere, plate or cylinder the axes are its own, so that its orientation keeps its meaning.
+        // A lone sphere, plate or cylinder keeps its own axes, so that its orientation keeps its meaning.
         _ if simple => pieces[0].axes,
         Some(inertia) if inertia != [0.0; 3] => Quat::identity(),
         _ => principal_axes(&own),
@@ -107,7 +107,7 @@ pub fn body_from_record(
     Ok(PreparedBody { body, parts: pieces.into_iter().enumerate().map(part).collect(), shift, axes })
 }
 
-/// `faces` are those of a polyhedron, `mass` that at density 1 in the frame of the file.
+/// `faces`: those of a polyhedron; `mass`: mass properties at density 1 in the frame of the file.
 fn contactor_piece(
     contactor: &Contactor,
     faces: Option<ConvexMesh>,
@@ -153,7 +153,7 @@ fn contactor_piece(
     ContactorPiece { geometry, centre, axes, radius, colour }
 }
 
-/// Principal axes, of ascending moments.
+/// Principal axes, ordered by ascending moments.
 fn principal_axes(mass: &MassProperties) -> Quat {
     let (_, axes) = mass.principal_axes();
     let columns = Matrix3::from_fn(|i, j| axes[j][i]);

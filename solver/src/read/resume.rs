@@ -1,4 +1,4 @@
-//! A snapshot to the state that goes on from it: the last of OUTBOX, or the one to start from in DATBOX.
+//! Restores a state from a snapshot: the last of OUTBOX, or the start in DATBOX.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -16,8 +16,8 @@ use crate::state::{
     SolvedContact, State, UNKNOWN_FEATURE,
 };
 
-/// Puts the state of the last snapshot of `outbox` into `state`; nothing happens when there is none.
-/// A snapshot of other bodies or laws than the scene's is refused. Returns what the run has made its last step with.
+/// Restores the last snapshot of `outbox` into `state`, if there is one. A snapshot with other bodies or laws than the
+/// scene's is rejected. Returns the parameters and options of the run's last step.
 pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Result<Option<PreviousRun>, Faults> {
     let snapshots = snapshot::list_snapshots(outbox)?;
     let Some((_, path)) = snapshots.last() else { return Ok(None) };
@@ -51,17 +51,17 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
     Ok(Some(PreviousRun { parameters, options }))
 }
 
-/// What a run has made its last step with.
+/// Parameters and options of a run's last step.
 pub struct PreviousRun {
     pub parameters: RunParameters,
-    /// As [`cd_formats::compute::Compute::result_options`].
+    /// Options as from [`cd_formats::compute::Compute::result_options`].
     pub options: BTreeMap<String, String>,
 }
 
 impl PreviousRun {
-    /// A sentence for each option that is another one now: warnings, and those of the options that flags have `given`.
+    /// Messages for each changed option: warnings, and those about options that flags have `given`.
     ///
-    /// `text`: the option of this name in the run so far, if its files tell.
+    /// `text`: the option of this name in the run so far, if its files show it.
     pub fn option_changes(&self, scene: &Scene, text: Option<bool>, given: &[&str]) -> (Vec<String>, Vec<String>) {
         const MAX_SHOWN_CHARS: usize = 100;
         let (mut now, mut before) = (scene.options.result_options(), self.options.clone());
@@ -95,7 +95,7 @@ impl PreviousRun {
     }
 }
 
-/// The faults of the last snapshot, with what can be done about them.
+/// Faults of the last snapshot, with advice.
 fn unreadable_snapshot_faults(faults: Faults, snapshots: &[(u64, PathBuf)]) -> Faults {
     let before = snapshots.len().checked_sub(2).map(|last| &snapshots[last].1);
     let from = before.map_or("DATBOX".into(), |path| path.file_name().unwrap_or_default().display().to_string());
@@ -107,7 +107,7 @@ fn unreadable_snapshot_faults(faults: Faults, snapshots: &[(u64, PathBuf)]) -> F
     Faults(faults.0.into_iter().map(one).collect())
 }
 
-/// Step and time (s) from which steps are counted: as the run before did, or from the start, unless that had steps of another
+/// Step and time (s) from which steps are counted: those of the run before, or the start if that run had steps of another
 /// length.
 fn counted_from(scene: &Scene, state: &State, before: Option<(u64, f64)>) -> (u64, f64) {
     let agrees = |(step, time): &(u64, f64)| {
@@ -118,7 +118,7 @@ fn counted_from(scene: &Scene, state: &State, before: Option<(u64, f64)>) -> (u6
     before.into_iter().chain([scene.start]).find(agrees).unwrap_or((state.step, state.time))
 }
 
-/// What events have set follows from the events, so that flags may change the rest.
+/// Settings made by events follow from the events again, so that flags may change the others.
 fn apply_event_settings(scene: &Scene, state: &mut State) {
     state.laws.clone_from(&scene.laws);
     for event in scene.events.iter().take(state.events_done) {
@@ -126,10 +126,10 @@ fn apply_event_settings(scene: &Scene, state: &mut State) {
     }
 }
 
-/// Events that came before the last step have happened, whether that run had them or not: what they set holds, what they
-/// add is not added again. `dt` is that of the last step.
+/// Marks events before the last step as done, whether that run had them or not: their settings apply, and their additions
+/// are not repeated. `dt` is that of the last step.
 pub fn pass_events(scene: &Scene, state: &mut State, dt: f64) {
-    // As slack as events themselves; at time 0 none has happened.
+    // Same tolerance as for events; at time 0 none has happened.
     let last = state.time - state.h + EVENT_SLACK * dt;
     state.events_done = scene.events.partition_point(|event| event.time <= last);
     apply_event_settings(scene, state);
@@ -169,24 +169,24 @@ fn check_snapshot(path: &Path, scene: &Scene, snapshot: &Snapshot) -> Result<(),
     faults.into_result(())
 }
 
-/// Relative to the farthest and the fastest body, by how much START.npz may differ from DOF.INI: digits of that file.
+/// Largest difference of START.npz from DOF.INI, relative to the farthest and the fastest body: digits of that file.
 const FILE_ROUNDING: f64 = 1e-6;
-/// By how much axes may, rad: they drift by less than this between writings.
+/// Largest difference of axes, rad; their drift between writings is smaller.
 const MAX_AXES_ROTATION: f64 = 1e-5;
 
-/// Puts time, motion and contacts of `DATBOX/START.npz` into `state`, which stands as the text files
-/// have it; its row of body k is that of `body_id` k, and a body without a row stays as it is.
+/// Restores time, motion and contacts of `DATBOX/START.npz` into `state`, which is initialised from the text files. Body
+/// k has the row with `body_id` k; a body without a row keeps its state.
 ///
-/// The law of a contact is that of TACT_BEHAV.DAT for its two bodies; without one it is dropped.
-/// Refused are bodies that DATBOX has not, and positions, axes and velocities other than those of the text files,
-/// which somebody has changed then. Velocities that DRV_DOF.DAT imposes are no part of that.
+/// The law of a contact is that of TACT_BEHAV.DAT for its two bodies; without one the contact is dropped. Rejects bodies
+/// that are not in DATBOX, and positions, axes and velocities other than those of the text files, which have then been
+/// edited. Velocities imposed by DRV_DOF.DAT are not compared.
 pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults> {
     let snapshot = Snapshot::read(path)?;
     let mut faults = Faults::default();
     let mut refuse = |object: String, found: String, expected: String| {
         faults.push(Fault::new(path, None, object, found, expected));
     };
-    // Smaller numbers the text files cannot hold.
+    // The text files cannot represent smaller numbers.
     let largest = |of: &[Vec3]| of.iter().map(|x| x.norm()).fold(1e-90, f64::max);
     let (extent, speed, spin) = (largest(&state.x), largest(&state.v), largest(&state.w));
     let mut known = vec![false; scene.bodies.len()];
@@ -244,7 +244,7 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
     for (&i, spin) in scene.turning.iter().zip(&mut state.angular_momentum) {
         *spin = scene.bodies[i as usize].angular_momentum(&state.q[i as usize], &state.w[i as usize]);
     }
-    // Of a body of another density the angular velocity goes on.
+    // A body whose density has changed keeps its angular velocity.
     for (momentum, row) in started.angular_momentum.into_iter().zip(turning) {
         let (i, there) = (body[row as usize], inertia[row as usize]);
         if let (Ok(place), true) = (scene.turning.binary_search(&i), scene.bodies[i as usize].inertia == there) {
@@ -265,18 +265,18 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
     state.contacts.retain_mut(|solved| {
         let Some(see) = see(&solved.contact) else { return false };
         let kinds = [&names[solved.contact.law as usize], &scene.law_names[see.law as usize]].map(|law| &law.kind);
-        // A liquid bridge is no solid bond.
+        // A liquid bridge is not a solid bond.
         solved.bond = solved.bond.filter(|_| kinds[0] == kinds[1]);
         solved.contact.law = see.law;
         true
     });
-    // Bodies have other numbers, or other shapes beside them.
+    // Bodies may have other numbers, or be combined with other shapes.
     for (number, solved) in (0..).zip(&mut state.contacts) {
         let Contact { candidate, antagonist, ranks, .. } = solved.contact;
         let sides = [scene.candidate_order(candidate, ranks.0), scene.candidate_order(antagonist, ranks.1)];
         if sides[0] > sides[1] {
             swap_sides(solved);
-            // Spheres touch in one place, of others the place tells which it is.
+            // Two spheres touch at one point; other contacts are identified by their position.
             let spheres = sides.iter().all(|side| side.0 == 0);
             solved.contact.features = if spheres { (0, 0) } else { (UNKNOWN_FEATURE, number) };
         }
@@ -290,7 +290,7 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
     Ok(())
 }
 
-/// Makes the antagonist the candidate.
+/// Exchanges candidate and antagonist.
 fn swap_sides(solved: &mut SolvedContact) {
     let old = solved.contact.frame();
     let contact = &mut solved.contact;
@@ -303,17 +303,17 @@ fn swap_sides(solved: &mut SolvedContact) {
     }
 }
 
-/// Self-gravity as it was last evaluated.
+/// Last evaluation of self-gravity.
 fn restored_attraction(scene: &Scene, snapshot: &Snapshot) -> Option<GravityHistory> {
     if snapshot.meta.parameters.gravity_constant != scene.options.gravity_constant {
-        return None; // What is extrapolated would be of the other.
+        return None; // another constant: cannot be extrapolated
     }
     let (record, gravity) = (snapshot.meta.attraction.clone()?, snapshot.gravity.as_ref()?);
     let of_free = |rows: &[[f64; 3]]| scene.free.iter().map(|&i| Vec3::from(rows[i as usize])).collect();
     Some(GravityHistory { record, last: of_free(&gravity.gravity_last), before: of_free(&gravity.gravity_before) })
 }
 
-/// What a snapshot keeps of pairs of contactors that this scene has, `body` giving the body of each of its rows.
+/// Cached data of pairs of contactors that this scene has; `body` returns the body of each row of the snapshot.
 fn restored_pairs(scene: &Scene, shapes: &ShapeArrays, body: impl Fn(u32) -> u32) -> Vec<CachedPair> {
     let part = |row: u32, rank: u32| scene.part_index(body(row), rank.try_into().ok()?).map(|k| k as u32);
     let rows = shapes.pairs.pair_body.iter().zip(&shapes.pairs.pair_rank).zip(&shapes.pairs.pair_memory);
@@ -339,7 +339,7 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
     state.time = meta.time;
     state.h = meta.h;
     state.x = vectors(bodies.body_x);
-    // Already of unit norm; normalising again could change the last bit.
+    // The norm is already 1; normalising again could change the last bit.
     state.q =
         bodies.body_q.iter().map(|&[w, x, y, z]| UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z))).collect();
     state.v = vectors(bodies.body_v);

@@ -1,17 +1,18 @@
-//! What a run says of its own errors, and of what they cost.
+//! Estimates of a run's own errors and of their cost.
 //!
-//! Every estimate is a share of the mean pressure between two snapshots, or of the energy that goes with it, so that they can be compared and added. From the
-//! steps, those before a resume as well, of the second half of the time, for the first two that in which contacts carry force:
+//! Every estimate is a fraction of the mean pressure between two snapshots, or of the corresponding energy, so that
+//! estimates can be compared and added. They use the steps of the second half of the time, including those before a
+//! resume. The first two use the second half of the time in which contacts carry force:
 //!
 //! | source | estimate | option |
 //! |---|---|---|
-//! | contacts | the smaller of two changes of Σ f·l, three volumes times the pressure, over its median: twice the median one from one step to the next, which has what averages out in an interval, too; and the median one of its mean over the n steps between two snapshots from one such interval to the next, over √n. That wavers by what happens, which all runs share, and by what each step leaves open, which averages out as 1/√n: runs whose intervals are a step each share nothing, and differ by as much as these do. The 2, as steps that follow each other are alike, is from the scenes of examples/trade | `tol` |
-//! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, pressure going as its -4th power; and of bodies in flight, that no contact acts on, Σ ¼ m \|h a\|² over the largest of the energies at play, a the acceleration beyond uniform gravity: by that kinetic energy wavers on a circular orbit | `dt` |
-//! | gravity | \|Σ m x·(a - a_direct)\| / \|Σ m x·a_direct\|, the virial, on 64 bodies, mean of the looks | `gravity_error` |
-//! | narrow | 2 δ/r̄, δ the mean of what the fast narrow phase misses of the gap of a pair that touches, mean of the looks | `narrow_phase` |
-//! | chance | w (0.35/√N + s/√D): N pairs in contact whose forces differ as their mean (the points of one pair share theirs), s the share of the forces of driven bodies that they balance among themselves, since grains between walls can be wedged by any force, D the pairs that bear them, and w the share of the energy that contacts have taken, the way on which what happened could have happened otherwise; 0.35 is from the scenes of examples/trade | none |
-//! | energy | what the ledger does not explain over the largest of the energies at play | `theta` |
-//! | momentum | the energy of its drift as a motion of the whole, over the same | none: rounding |
+//! | contacts | the smaller of two changes of Σ f·l (three volumes times the pressure), over its median. First: twice the median change from one step to the next, which includes noise that averages out in an interval. Second: the median change of its mean over the n steps between two snapshots from one such interval to the next, over √n. The mean varies with the motion, which all runs share, and with the noise of each step, which averages out as 1/√n: runs with intervals of one step share nothing, and differ by as much as these do. The factor 2, as successive steps are alike, is from the scenes of examples/trade | `tol` |
+//! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, with a pressure proportional to the -4th power of the length; plus, for bodies in flight (without contact), Σ ¼ m \|h a\|² over the largest of the energies involved, a the acceleration beyond uniform gravity: the fluctuation of the kinetic energy on a circular orbit | `dt` |
+//! | gravity | \|Σ m x·(a - a_direct)\| / \|Σ m x·a_direct\|, the virial, on 64 bodies, mean over the diagnostic steps | `gravity_error` |
+//! | narrow | 2 δ/r̄, δ the mean error of the fast narrow phase in the gap of a touching pair, mean over the diagnostic steps | `narrow_phase` |
+//! | chance | w (0.35/√N + s/√D): N is the number of pairs in contact, whose forces vary as much as their mean (the points of one pair count once); s is the fraction of the forces of driven bodies that balance among themselves, since grains between walls can be wedged by any force; D is the number of pairs that carry them; w is the fraction of the energy that contacts have dissipated, through which the result could have been different; 0.35 is from the scenes of examples/trade | none |
+//! | energy | energy that the ledger does not explain, over the largest of the energies involved | `theta` |
+//! | momentum | kinetic energy of its drift as a motion of all bodies together, over the same | none: rounding |
 
 use std::path::Path;
 use std::time::Duration;
@@ -27,34 +28,35 @@ use crate::step::StageTimes;
 use super::log::LogRow;
 use super::summary;
 
-/// File beside OUTBOX, as durations are.
+/// File next to OUTBOX; it contains durations.
 pub const ERRORS_FILE: &str = "ERRORS.csv";
 
-/// What the forces of one pair differ by that could have come otherwise, over their mean, in the scenes of examples/trade.
+/// Random variation of the force of one pair, over the mean force, in the scenes of examples/trade.
 const SAMPLING_FACTOR: f64 = 0.35;
 
-/// Figures of the steps so far, in a memory that does not grow with them.
+/// Figures of the steps so far, in bounded memory.
 #[derive(Debug, Clone, Default)]
 pub struct ErrorEstimator {
-    /// Of the rows in which contacts carry force: time (s), Σ f·l (J), mean penetration over the mean radius, number of the step, change of
-    /// Σ f·l since the row before (J).
+    /// Rows in which contacts carry force: time (s), Σ f·l (J), mean penetration over the mean radius, number of the
+    /// step, change of Σ f·l since the row before (J).
     loaded: ThinnedRows<5>,
-    /// Of the intervals between snapshots in these rows: time (s), mean of Σ f·l (J), number of rows, change of the mean (J).
+    /// Intervals between snapshots in these rows: time (s), mean of Σ f·l (J), number of rows, change of the mean (J).
     intervals: ThinnedRows<4>,
     interval: Option<IntervalMean>,
-    /// Of the row before: Σ f·l, and of the interval before its mean.
+    /// Σ f·l of the previous row, and its mean in the previous interval.
     before: [Option<f64>; 2],
-    /// Time (s), by which the steps of a row err in the kinetic energy of bodies in flight (J), and their number.
+    /// Time (s), error of the row's steps in the kinetic energy of bodies in flight (J), and number of those steps.
     flights: ThinnedRows<3>,
-    /// Relative errors of the virial at the looks at self-gravity: sum and number.
+    /// Relative errors of the virial in the diagnostic steps: sum and number.
     virials: [f64; 2],
-    /// What the fast narrow phase missed at the looks, in the mean of pairs that touch, over the mean radius: sum and number.
+    /// Error of the fast narrow phase in the diagnostic steps, mean of touching pairs over the mean radius: sum and
+    /// number.
     narrow_phase_error: [f64; 2],
     clock: StageTimes,
     output_every: f64,
 }
 
-/// Mean of Σ f·l in an interval so far.
+/// Mean of Σ f·l in the current interval.
 #[derive(Debug, Clone, Copy)]
 struct IntervalMean {
     interval: f64,
@@ -63,14 +65,14 @@ struct IntervalMean {
     count: f64,
 }
 
-/// Rows of a sample: all, as long as they are few.
+/// Largest number of rows of a sample; smaller samples keep all.
 const MAX_ROWS: usize = 1 << 14;
 
-/// Rows that come one after the other, of which every second is dropped, again and again, where there are too many.
+/// Sample of consecutive rows; if there are too many, every second one is dropped, repeatedly.
 #[derive(Debug, Clone)]
 struct ThinnedRows<const N: usize> {
     rows: Vec<[f64; N]>,
-    /// Rows of which one is kept, and rows that have come.
+    /// Number of rows per kept row, and number of rows so far.
     stride: u64,
     seen: u64,
 }
@@ -97,11 +99,11 @@ impl<const N: usize> ThinnedRows<N> {
     }
 }
 
-/// An estimate and the seconds spent on making it as small as it is.
+/// Error estimate and the seconds spent on keeping it that small.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ErrorSource {
     pub name: &'static str,
-    /// The option that decides it.
+    /// Option that controls it.
     pub option: &'static str,
     pub error: f64,
     pub seconds: f64,
@@ -112,7 +114,7 @@ impl ErrorEstimator {
         ErrorEstimator { output_every: output_every as f64, ..ErrorEstimator::default() }
     }
 
-    /// Enters a row of steps.csv.
+    /// Adds a row of steps.csv.
     pub fn add_figures(&mut self, row: &LogRow) {
         let [time, step, virial] = ["time", "step", "virial"].map(|name| row.get(name));
         if row.get("contacts_active") > 0.0 && !virial.is_nan() {
@@ -149,7 +151,7 @@ impl ErrorEstimator {
         self.intervals.push([time, mean, count, change]);
     }
 
-    /// Enters a row of TIMER.csv.
+    /// Adds a row of TIMER.csv.
     pub fn add_seconds(&mut self, row: &LogRow) {
         let spent = |name: &str| Duration::try_from_secs_f64(row.get(name)).unwrap_or_default();
         self.clock.accumulate(&StageTimes {
@@ -162,12 +164,12 @@ impl ErrorEstimator {
         });
     }
 
-    /// Seconds that belong to no step.
+    /// Adds seconds that belong to no step.
     pub fn add_writing_time(&mut self, lap: &StageTimes) {
         self.clock.accumulate(lap);
     }
 
-    /// The sources of error, each with its cost.
+    /// Returns the sources of error, each with its cost.
     pub fn error_sources(&self, scene: &Scene, state: &State) -> Vec<ErrorSource> {
         let recent = second_half(&self.loaded.rows);
         let depth = mean_of(recent.iter().map(|figures| figures[2]));
@@ -185,7 +187,7 @@ impl ErrorEstimator {
         let (drift, scale) = summary::energy_drift(scene, state);
         let lost = over(state.ledger.contact_work.abs(), scale);
         let loaded = state.contacts.iter().filter(|solved| solved.impulse != Vec3::zeros());
-        // Contacts are in the order of their pairs.
+        // Contacts are ordered by pair.
         let mut pairs: Vec<(u32, u32)> =
             loaded.map(|solved| (solved.contact.candidate, solved.contact.antagonist)).collect();
         pairs.dedup();
@@ -219,14 +221,14 @@ impl ErrorEstimator {
 }
 
 impl ErrorEstimator {
-    /// What a step errs by in the kinetic energy of bodies in flight, mean of the second half, J.
+    /// Error of a step in the kinetic energy of bodies in flight, mean of the second half, J.
     fn flight_error(&self) -> f64 {
         let recent = second_half(&self.flights.rows);
         let steps: f64 = recent.iter().map(|figures| figures[2]).sum();
         recent.iter().map(|figures| figures[1]).sum::<f64>() / steps.max(1.0)
     }
 
-    /// [`step_noise`] where some rows are left out: from the changes that those kept have from their neighbours.
+    /// [`step_noise`] if some rows are omitted: uses the changes of the kept rows from their neighbours.
     fn noise_of_samples(&self) -> f64 {
         let changes = |values: &mut dyn Iterator<Item = f64>| median(values.filter(|change| !change.is_nan()));
         let of_steps = 2.0 * changes(&mut second_half(&self.loaded.rows).iter().map(|figures| figures[4]));
@@ -237,16 +239,16 @@ impl ErrorEstimator {
     }
 }
 
-/// Of a sum and a number; 0 of nothing.
+/// Mean from a sum and a number; 0 if the number is 0.
 fn mean_of_sum([sum, number]: [f64; 2]) -> f64 {
     sum / number.max(1.0)
 }
 
-/// Intervals from which their changes tell anything.
+/// Smallest number of intervals whose changes are used.
 const MIN_INTERVALS: usize = 4;
 
-/// What steps leave open in the mean of an interval: twice the median change between values of one step and the next, or the
-/// median change between means of one interval and the next over √n of n steps, whichever is smaller.
+/// Noise of steps in the mean of an interval: twice the median change of values from one step to the next, or the median
+/// change of means from one interval to the next over √n for n steps, whichever is smaller.
 fn step_noise(steps: &[f64], means: &[f64]) -> f64 {
     let change = |values: &[f64]| median(values.windows(2).map(|pair| (pair[1] - pair[0]).abs()));
     let of_steps = 2.0 * change(steps);
@@ -254,7 +256,8 @@ fn step_noise(steps: &[f64], means: &[f64]) -> f64 {
     if means.len() < MIN_INTERVALS { of_steps } else { of_steps.min(change(means) / number.sqrt()) }
 }
 
-/// The share of the forces of driven bodies on free ones that sums up to nothing, over the root of the number of such pairs.
+/// Fraction of the forces of driven bodies on free ones that cancel in the sum, over the root of the number of such
+/// pairs.
 fn self_balanced_wall_share(scene: &Scene, state: &State) -> f64 {
     let (mut each, mut all) = (0.0, Vec3::zeros());
     let mut pairs = Vec::new();
@@ -272,28 +275,28 @@ fn self_balanced_wall_share(scene: &Scene, state: &State) -> f64 {
     if each > 0.0 { (1.0 - all.norm() / each).max(0.0) / (pairs.len() as f64).sqrt() } else { 0.0 }
 }
 
-/// The rows, of which the first figure is the time, of the second half of the time that they span: with steps of many lengths not
-/// half of the rows.
+/// Rows of the second half of the time that they span; the first figure of a row is the time. With steps of varying
+/// length that is not half of the rows.
 fn second_half<const N: usize>(rows: &[[f64; N]]) -> &[[f64; N]] {
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return rows };
     let half = 0.5 * (first[0] + last[0]);
     &rows[rows.partition_point(|row| row[0] < half)..]
 }
 
-/// 0 of nothing.
+/// Mean; 0 without values.
 fn mean_of(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     let number = values.len().max(1);
     values.sum::<f64>() / number as f64
 }
 
-/// 0 of nothing.
+/// Median; 0 without values.
 fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.collect();
     let middle = values.len() / 2;
     if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
-/// Lines of the summary: what the error is and mostly from, and what the cost.
+/// Lines of the summary: the total error and its main source, and the cost.
 pub fn summary_lines(sources: &[ErrorSource]) -> [(&'static str, String); 2] {
     let all: f64 = sources.iter().map(|source| source.error).sum();
     let seconds: f64 = sources.iter().map(|source| source.seconds).sum();
@@ -322,7 +325,7 @@ pub fn summary_lines(sources: &[ErrorSource]) -> [(&'static str, String); 2] {
     [("error, estimated", error), ("cost", cost)]
 }
 
-/// Whether the case has [`ERRORS_FILE`].
+/// Whether the case has an [`ERRORS_FILE`].
 pub fn is_there(case: &Path) -> bool {
     atomic::path_exists(&case.join(ERRORS_FILE))
 }
@@ -362,11 +365,11 @@ mod tests {
 
     #[test]
     fn noise_is_the_smaller_bound() {
-        // What jumps to and fro by 2 each step, and averages out: four intervals of four steps.
+        // Values that alternate by 2 each step and average out: four intervals of four steps.
         assert_eq!(step_noise(&[1.0, 3.0].repeat(8), &[2.0, 2.5, 2.0, 2.5]), 0.25);
-        // What grows by 0.1 a step, 1 an interval.
+        // Values that increase by 0.1 a step, 1 an interval.
         assert_eq!(step_noise(&[1.0, 1.125, 1.25], &[1.0, 2.0, 3.0, 4.0]), 0.25);
-        // A single change of means tells nothing.
+        // A single change of means is not used.
         assert_eq!(step_noise(&[1.0, 3.0, 1.0, 3.0], &[2.0, 2.0]), 4.0);
     }
 

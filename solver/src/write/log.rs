@@ -1,4 +1,4 @@
-//! The logs that grow by a row a step.
+//! Logs with a row per step.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Write};
@@ -13,17 +13,17 @@ use crate::solve::lmgc90_criteria::Lmgc90Norms;
 use crate::state::State;
 use crate::step::{StageTimes, StepReport};
 
-/// Cost and error figures of every step, in OUTBOX.
+/// File in OUTBOX with cost and error figures of every step.
 pub const STEPS_FILE: &str = "steps.csv";
-/// Seconds of every step by stage, beside OUTBOX.
+/// File next to OUTBOX with the seconds of every step by stage.
 pub const TIMER_FILE: &str = "TIMER.csv";
 
-/// What a row keeps of the figures of the steps that it stands for.
+/// Rule by which a row combines the figures of its steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ColumnKind {
-    /// That of the last step.
+    /// Figure of the last step.
     Last,
-    /// The last that there is, of figures that few steps have.
+    /// Last known figure; for figures that few steps have.
     Known,
     Sum,
     Largest,
@@ -32,7 +32,7 @@ pub enum ColumnKind {
 /// Name and kind of a column.
 pub type Column = (&'static str, ColumnKind);
 
-/// Figure of a step or of several.
+/// Figure of one or several steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LogCell {
     Count(u64),
@@ -47,7 +47,8 @@ impl LogCell {
         }
     }
 
-    /// The shortest decimals that read back as the same number; empty where it is not finite, as everywhere in this project's tables.
+    /// Returns the shortest decimals that read back as the same number; empty if not finite, as in all tables of this
+    /// project.
     fn to_text(self) -> String {
         match self {
             LogCell::Count(n) => n.to_string(),
@@ -60,7 +61,7 @@ impl LogCell {
         text.parse().map_or_else(|_| LogCell::Real(text.parse().unwrap_or(f64::NAN)), LogCell::Count)
     }
 
-    /// Takes the figure of a later step in.
+    /// Combines the figure with that of a later step.
     fn add(&mut self, kind: ColumnKind, later: LogCell) {
         *self = match (kind, *self, later) {
             (ColumnKind::Last, _, later) => later,
@@ -74,12 +75,12 @@ impl LogCell {
     }
 }
 
-/// A CSV file whose first column is the step.
+/// CSV file whose first column is the step.
 pub struct LogTable {
     path: PathBuf,
     file: BufWriter<File>,
     columns: Vec<Column>,
-    /// Empty fields of columns that an earlier part of the run had and this one has not.
+    /// Empty fields for columns that an earlier part of the run had and this one does not.
     others: String,
     /// Figures of the steps since the last row.
     pending: Option<Vec<LogCell>>,
@@ -87,39 +88,40 @@ pub struct LogTable {
     last: u64,
 }
 
-/// Figures of a row by their names.
+/// Figures of a row by name.
 pub struct LogRow<'a> {
     names: &'a [&'a str],
     cells: &'a [LogCell],
 }
 
 impl LogRow<'_> {
-    /// NaN for an empty field, and without such a column.
+    /// Returns the figure; NaN for an empty field or an unknown column.
     pub fn get(&self, name: &str) -> f64 {
         let place = self.names.iter().position(|column| *column == name);
         place.map_or(f64::NAN, |k| self.cells[k].to_f64())
     }
 }
 
-/// When rows are due.
+/// Schedule of rows.
 #[derive(Debug, Clone, Copy)]
 pub struct RowSchedule {
-    /// Steps between two rows, and between two snapshots, each of which has one.
+    /// Steps between two rows, and between two snapshots; each snapshot has a row.
     pub log_every: u64,
     pub output_every: u64,
 }
 
 impl RowSchedule {
-    /// Whether a row is due after `step` if `last` was the one before.
+    /// Whether a row is due after `step`, if the previous row was after `last`.
     fn is_due_after(&self, step: u64, last: u64) -> bool {
         step / self.log_every > last / self.log_every || step.is_multiple_of(self.output_every)
     }
 }
 
 impl LogTable {
-    /// Opens the file to go on after `step`, in a run that began after `first`. Its rows up to that step are kept, and given to
-    /// `take`; where other options made other columns, fields that a row has not are empty. A last row that is not `due` but was
-    /// written as the run ended is taken back: the steps that follow belong to it. Prints a line if rows are missing.
+    /// Opens the file to continue after `step`, in a run that began after `first`. Rows up to that step are kept and
+    /// passed to `take`; columns that a row does not have, because of other options, are empty. If the last row was not
+    /// due and was only written because the run ended, it is removed: the following steps belong to it. Prints a warning
+    /// if rows are missing.
     pub fn open(
         path: &Path,
         columns: &[Column],
@@ -182,7 +184,7 @@ impl LogTable {
         })
     }
 
-    /// Enters the figures of a step, and writes a row where it is due, which `take` gets.
+    /// Adds the figures of a step. If a row is due, writes it and passes it to `take`.
     pub fn add_step(
         &mut self,
         cells: Vec<LogCell>,
@@ -211,19 +213,19 @@ impl LogTable {
             .map_err(|error| Fault::from_io(&self.path, "written", &error).into())
     }
 
-    /// Lets others see the rows.
+    /// Flushes the rows, so that other programs can read them.
     pub fn flush_to_file(&mut self) -> Result<(), Faults> {
         self.file.flush().map_err(|error| Fault::from_io(&self.path, "written", &error).into())
     }
 
-    /// Brings the rows to the disk, so that no snapshot is there without those before it.
+    /// Syncs the rows to disk, so that no snapshot exists without the rows before it.
     pub fn sync_to_disk(&mut self) -> Result<(), Faults> {
         self.flush_to_file()?;
         self.file.get_ref().sync_data().map_err(|error| Fault::from_io(&self.path, "written", &error).into())
     }
 }
 
-/// The next line without its end; none at the end of the file or where a line has no end.
+/// Returns the next line without its end; `None` at the end of the file or for a line without an end.
 fn line_of(file: &mut dyn BufRead) -> Option<String> {
     let mut line = Vec::new();
     file.read_until(b'\n', &mut line).ok()?;
@@ -369,7 +371,7 @@ mod tests {
         table.sync_to_disk().unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(text, "step,a,norm,h\n1,x,,0.5\n2,y,,0.5\n3,2e0,7,\n");
-        // What is no table of steps, and a row that is none.
+        // A file that is not a table of steps, and an invalid row.
         for (old, rows) in [("name,b\n1,x\n", ""), ("step,a\n1,x\noh\n2,y\n", "1,x\n"), ("", "")] {
             std::fs::write(&path, old).unwrap();
             LogTable::open(&path, A, [0, 2], EACH, |_| ()).unwrap();

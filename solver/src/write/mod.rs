@@ -1,4 +1,4 @@
-//! Stage: state and reports to the files of OUTBOX.
+//! Stage: writes state and reports to the files of OUTBOX.
 
 pub mod errors;
 mod log;
@@ -24,41 +24,41 @@ use errors::ErrorEstimator;
 use log::{LogCell, LogTable, RowSchedule};
 pub use problem::{check_dump_step as expect_problem, write_problem as problem};
 
-/// The results of a case: snapshots and `steps.csv` in OUTBOX, `TIMER.csv` beside it. Durations
-/// stand apart, so that equal runs have equal bytes in OUTBOX.
+/// Results of a case: snapshots and `steps.csv` in OUTBOX, `TIMER.csv` next to it. Durations are kept apart, so that
+/// equal runs have equal bytes in OUTBOX.
 pub struct ResultFiles {
     outbox: PathBuf,
     steps: LogTable,
     timer: LogTable,
     due: RowSchedule,
-    /// What is added to the numbers of text files.
+    /// Offset of the numbers of text files.
     number_offset: u64,
 }
 
-/// OUTBOX of a case.
+/// Path of a case's OUTBOX.
 pub fn outbox_path(case: &Path) -> PathBuf {
     case.join("OUTBOX")
 }
 
-/// An OUTBOX that is this run's alone.
+/// Exclusive lock of an OUTBOX.
 pub struct OutboxLock {
     folder: Option<File>,
-    /// If it was not there before.
+    /// Path, if the lock created the folder.
     made: Option<PathBuf>,
 }
 
 impl Drop for OutboxLock {
     fn drop(&mut self) {
-        // What was refused leaves nothing behind; a folder with files stays.
+        // A rejected run leaves no empty folder; a folder with files remains.
         self.made.take().into_iter().for_each(|path| drop(std::fs::remove_dir(path)));
-        // Closing is not enough: a program that is just being started from this process has the file open, too.
+        // Closing is not enough: a child process that is just being started has the file open, too.
         self.folder.take().into_iter().for_each(|folder| drop(folder.unlock()));
     }
 }
 
-/// Takes the OUTBOX of a case for this run alone, and makes it if need be. A DATBOX may be shared.
+/// Locks the OUTBOX of a case for this run and creates it if needed. A DATBOX may be shared.
 ///
-/// Errors: another run has it, or it cannot be made. Where folders cannot be locked, every run gets it.
+/// Errors: another run has locked it, or it cannot be created. If folders cannot be locked, every run gets it.
 pub fn lock_outbox(case: &Path) -> Result<OutboxLock, Faults> {
     let path = outbox_path(case);
     let made = match std::fs::create_dir(&path) {
@@ -74,7 +74,7 @@ pub fn lock_outbox(case: &Path) -> Result<OutboxLock, Faults> {
     Ok(OutboxLock { folder, made })
 }
 
-/// Refuses a case that has results; LMGC90's count only if this run would write over them (`text`).
+/// Rejects a case that has results; files of LMGC90 count only if this run would overwrite them (`text`).
 pub fn check_no_results(case: &Path, text: bool) -> Result<(), Faults> {
     let outbox = outbox_path(case);
     let (found, expected) = match list_snapshots(&outbox)?.last() {
@@ -90,7 +90,7 @@ pub fn check_no_results(case: &Path, text: bool) -> Result<(), Faults> {
     Err(Fault::new(&outbox, None, "results", found, expected).into())
 }
 
-/// Removes what an earlier run wrote, and nothing else.
+/// Removes the files that an earlier run wrote, and nothing else.
 pub fn remove_results(case: &Path) -> Result<(), Faults> {
     let outbox = outbox_path(case);
     let ours = |name: &str| {
@@ -109,8 +109,8 @@ pub fn remove_results(case: &Path) -> Result<(), Faults> {
 }
 
 impl ResultFiles {
-    /// Opens the results for a run that goes on from `state`: rows of later steps are dropped. Those of earlier ones make the
-    /// tally.
+    /// Opens the results for a run that continues from `state`; rows of later steps are dropped. Rows of earlier steps
+    /// initialise the error estimator.
     pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<(Self, ErrorEstimator), Faults> {
         let outbox = outbox_path(case);
         let options = &scene.options;
@@ -140,7 +140,7 @@ impl ResultFiles {
         Ok((ResultFiles { outbox, steps: log, timer, due, number_offset: numbered }, tally))
     }
 
-    /// Enters a step in the logs, and what they write in the tally.
+    /// Adds a step to the logs, and the rows that they write to `tally`.
     pub fn add_step(
         &mut self,
         scene: &Scene,
@@ -154,13 +154,13 @@ impl ResultFiles {
         self.timer.add_step(seconds, self.due, |row| tally.add_seconds(row))
     }
 
-    /// Writes the rows of the steps since the last ones: the run ends.
+    /// Writes the rows of the steps since the last ones at the end of the run.
     pub fn finish_rows(&mut self, tally: &mut ErrorEstimator) -> Result<(), Faults> {
         self.steps.finish_rows(|row| tally.add_figures(row))?;
         self.timer.finish_rows(|row| tally.add_seconds(row))
     }
 
-    /// Lets others see the rows so far.
+    /// Flushes the rows so far, so that other programs can read them.
     pub fn flush_to_file(&mut self) -> Result<(), Faults> {
         self.steps.flush_to_file()?;
         self.timer.flush_to_file()
@@ -200,7 +200,7 @@ fn log_cells(scene: &Scene, state: &State, report: &StepReport, lap: &StageTimes
 
 /// Bytes of a row of both logs, and of a snapshot.
 pub fn output_sizes(scene: &Scene, state: &State, report: &StepReport) -> [usize; 2] {
-    // Durations have more digits than those of no time.
+    // Durations have more digits than zero.
     let second = Duration::from_nanos(123_456);
     let [gravity, detection, assembly, solve, integration, writing] = [second; 6];
     let lap = StageTimes { gravity, detection, assembly, solve, integration, writing };

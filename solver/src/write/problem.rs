@@ -1,4 +1,4 @@
-//! The contact problem of one step as a document.
+//! Writes the contact problem of one step as a document.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use crate::assemble::StoredProblem;
 use crate::scene::Scene;
 use crate::state::State;
 
-/// Refuses a step that a run from this state does not make, and contacts whose moments the document has no place for.
+/// Rejects a step that a run from this state does not make, and contacts whose moments the document cannot represent.
 pub fn check_dump_step(scene: &Scene, state: &State, step: u64) -> Result<(), Faults> {
     let mut faults = Faults::default();
     let mut fault = |found: String, expected: String| {

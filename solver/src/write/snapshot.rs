@@ -1,4 +1,4 @@
-//! The state as a snapshot.
+//! Converts the state to a snapshot.
 
 use cd_formats::compute::{Adaptive, SweepPrecision};
 use cd_formats::snapshot::{
@@ -13,7 +13,7 @@ use crate::math::Vec3;
 use crate::scene::{BodyPart, BodyShape, RigidBody, Scene};
 use crate::state::{ContactStatus, SolvedContact, State};
 
-/// All of the state, with what of the scene its reader needs.
+/// Returns all of the state, with the scene data that its reader needs.
 pub fn state_snapshot(scene: &Scene, state: &State) -> Snapshot {
     let memory = state.laws.iter().any(ContactLaw::has_memory).then(|| memory_arrays(state));
     Snapshot {
@@ -79,7 +79,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
     }
 }
 
-/// A law of TACT_BEHAV.DAT with the parameters that it now has.
+/// Law of TACT_BEHAV.DAT with its present parameters.
 fn current_law(name: &LawName, law: &ContactLaw) -> LawName {
     let mut now = name.clone();
     let labels = LAW_LABELS.iter().filter(|(kind, _)| *kind == name.kind).flat_map(|(_, lines)| lines.concat());

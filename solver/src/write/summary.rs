@@ -1,4 +1,4 @@
-//! What a run ends with.
+//! Summary of a run.
 
 use std::fmt::Write;
 use std::time::Duration;
@@ -15,24 +15,24 @@ use crate::step::{MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes};
 
 use super::errors::{self, ErrorEstimator, ErrorSource};
 
-/// Figures of this run's steps that the state does not hold.
+/// Figures of this run's steps that are not in the state.
 #[derive(Debug, Clone, Default)]
 pub struct RunStatistics {
     pub steps: u64,
-    /// Units of `dt` in them.
+    /// Total length of the steps in units of `dt`.
     pub dt_count: u64,
-    /// s
+    /// Longest step, s.
     pub longest: f64,
     pub sweeps: u64,
     pub unconverged: u64,
-    /// The last look at the error of self-gravity.
+    /// Last measured error of self-gravity.
     pub gravity: Option<SampledError>,
-    /// The last look at what the fast narrow phase misses.
+    /// Last measured error of the fast narrow phase.
     pub narrow_phase_error: Option<NarrowPhaseError>,
-    /// Most bonds that held at a time.
+    /// Largest number of bonds at a time.
     pub bonds: usize,
     pub taken_over: u64,
-    /// Steps that were swept in single precision.
+    /// Number of steps that were swept in single precision.
     pub single: u64,
     pub given_up: u64,
     /// Deepest overlap of the run, its start and end included, if it is worth a warning.
@@ -43,13 +43,12 @@ pub struct RunStatistics {
     pub threads: usize,
     pub wall: Duration,
     pub clock: StageTimes,
-    /// Of all steps, those before a resume as well.
+    /// Estimates of all steps, including those before a resume.
     pub tally: ErrorEstimator,
 }
 
-/// Energy that is not accounted for over the largest of the energies at play,
-/// (E - E_start - work of contacts - work from outside) over the largest of kinetic and potential energy, |E_start| and
-/// the works, and that largest, J.
+/// Unaccounted energy relative to the largest of the energies involved, (E - E_start - work of contacts - work from
+/// outside) over the largest of kinetic and potential energy, |E_start| and the works, and that largest energy, J.
 pub fn energy_drift(scene: &Scene, state: &State) -> (f64, f64) {
     let ledger = &state.ledger;
     let motion = MotionTotals::from_bodies(scene, &state.q, &state.v, &state.w);
@@ -61,8 +60,8 @@ pub fn energy_drift(scene: &Scene, state: &State) -> (f64, f64) {
     (if scale > 0.0 { drift / scale } else { 0.0 }, scale)
 }
 
-/// Change of linear and angular momentum that no wall, field or event explains, over the largest sum so far of m |v|,
-/// or of what forces give in a step (times the largest distance from the origin).
+/// Change of linear and angular momentum that no wall, field or event explains, over the largest sum so far of m |v|, or
+/// of the impulses in a step (times the largest distance from the origin for the angular one).
 pub fn momentum_drift(scene: &Scene, state: &State) -> (f64, f64) {
     let ledger = &state.ledger;
     if ledger.momentum_scale == 0.0 {
@@ -76,7 +75,7 @@ pub fn momentum_drift(scene: &Scene, state: &State) -> (f64, f64) {
     (linear, if size > 0.0 { angular / (ledger.momentum_scale * size) } else { 0.0 })
 }
 
-/// The text of the summary.
+/// Returns the text of the summary.
 pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, sources: &[ErrorSource]) -> String {
     let mut text = String::new();
     let mut line = |name: &str, value: String| {
@@ -115,7 +114,7 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
             format!("{} steps after one round of sweeps, as further sweeps failed before", course.given_up),
         );
     }
-    // Of all steps where contacts were detected, those of the start included, and of the last state.
+    // Over all steps in which contacts were detected, including those of the start, and the last state.
     let ended = course.penetration_end / scene.mean_radius.max(f64::MIN_POSITIVE);
     let largest = ledger.penetration_largest.max(ended);
     line(

@@ -1,4 +1,4 @@
-//! The state in LMGC90's text syntax, for `--text`.
+//! Writes the state in LMGC90's text syntax, for `--text`.
 
 use std::path::{Path, PathBuf};
 
@@ -19,32 +19,33 @@ fn output_number(scene: &Scene, step: u64) -> u64 {
     step.div_ceil(scene.options.output_every)
 }
 
-/// What a run that goes on from `state` adds to the numbers of its outputs: those of an earlier part may have been closer together.
+/// Offset that a run continuing from `state` adds to its output numbers; an earlier part may have had outputs closer
+/// together.
 pub fn number_offset(outbox: &Path, scene: &Scene, state: &State) -> Result<u64, Faults> {
     Ok(last(outbox, state)?.map_or(0, |(k, step)| k.saturating_sub(output_number(scene, step))))
 }
 
-/// Whether the run has written its last output, of the step of `state`, as text, too.
+/// Whether the run has also written its last output, of the step of `state`, as text.
 pub fn is_written(outbox: &Path, state: &State) -> Result<bool, Faults> {
     Ok(last(outbox, state)?.is_some_and(|(_, step)| step == state.step))
 }
 
-/// Number and step of the last DOF.OUT that is not behind `state`.
+/// Number and step of the last DOF.OUT that is not after `state`.
 fn last(outbox: &Path, state: &State) -> Result<Option<(u64, u64)>, Faults> {
     let number_of = |path: &Path| path.file_name()?.to_str()?.strip_prefix(DOF_PREFIX)?.parse::<u64>().ok();
     let files = folder_entries(outbox)?.into_iter();
     let mut there: Vec<(u64, PathBuf)> = files.filter_map(|path| Some((number_of(&path)?, path))).collect();
     there.sort_unstable();
-    // Those after the snapshot are written anew.
+    // Outputs after the snapshot are rewritten.
     let before =
         |(k, path): &(u64, PathBuf)| Some((*k, Dof::read(path).ok()?.step)).filter(|last| last.1 <= state.step);
     Ok(there.iter().rev().find_map(before))
 }
 
-/// Writes DOF.OUT.k and Vloc_Rloc.OUT.k, k the number of the output and `numbered`.
+/// Writes DOF.OUT.k and Vloc_Rloc.OUT.k, where k is the number of the output plus `numbered`.
 pub fn write_text(outbox: &Path, scene: &Scene, state: &State, numbered: u64) -> Result<(), Faults> {
     if state.step == 0 {
-        return Ok(()); // the start stands in DATBOX
+        return Ok(()); // the initial state is in DATBOX
     }
     let k = output_number(scene, state.step) + numbered;
     atomic::write(&outbox.join(format!("Vloc_Rloc.OUT.{k}")), contact_records(scene, state).to_text().as_bytes())?;
@@ -70,7 +71,7 @@ fn dof_file(scene: &Scene, state: &State) -> Dof {
     Dof { step: state.step, time: state.time, bodies }
 }
 
-/// Contactor of the name that LMGC90 gives it.
+/// Name of the contactor in LMGC90.
 fn contactor_name(part: &BodyPart) -> &'static str {
     match part.geometry {
         ContactorShape::Sphere { .. } if part.offset == Vec3::zeros() => "SPHER",
@@ -82,7 +83,7 @@ fn contactor_name(part: &BodyPart) -> &'static str {
     }
 }
 
-/// LMGC90's kind of a contact. It has none between a polyhedron and a cylinder: PRPRx is the nearest.
+/// Contact kind in LMGC90. It has none between a polyhedron and a cylinder: PRPRx is the nearest.
 fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
     match (candidate, antagonist) {
         ("POLYR", "PLANx") => "PRPLx",
