@@ -486,7 +486,7 @@ impl<'a> RonParser<'a> {
         raw + rest[raw..].find(|c| !part(c)).unwrap_or(rest.len() - raw)
     }
 
-    /// Reads and skips a field's name before a colon (or before a misspelt colon).
+    /// Reads and skips a field's name before a colon, or before another mark in place of a colon.
     fn read_field_name(&mut self, path: &str) -> Option<Range<usize>> {
         let start = self.at;
         let (behind, mistakes, lost) = (self.last_end, self.mistakes.len(), self.aborted);
