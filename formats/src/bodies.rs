@@ -51,7 +51,7 @@ pub enum ShapeRecord {
     Plane { half_lengths: [f64; 3] },
     /// CYLND, and DNLYC with contact on the inside; axis along the third axis.
     Cylinder { half_height: f64, radius: f64, hollow: bool },
-    /// POLYR: closed triangulated surface; triangles hold 0-based vertex numbers.
+    /// POLYR: closed triangulated surface; triangles contain 0-based vertex numbers.
     Polyhedron { vertices: Vec<[f64; 3]>, triangles: Vec<[u32; 3]> },
     /// PT3Dx: a point.
     Point { offset: [f64; 3] },

@@ -223,7 +223,7 @@ macro_rules! options {
             fn default() -> Self { Compute { $($name: $default,)+ } }
         }
 
-        /// The same options as flags; one that is given wins over the file.
+        /// Options as flags; a given flag overrides the file.
         #[derive(Debug, Clone, Default, clap::Args)]
         #[command(next_help_heading = "Options of COMPUTE.RON")]
         pub struct ComputeFlags { $($(#[doc = $help])+ #[arg(long, allow_hyphen_values = true, $($arg)*)] pub $name: Option<$flag>,)+ }

@@ -126,7 +126,7 @@ impl Body {
         }
         if let [Contactor { shape: ShapeRecord::Sphere { radius }, .. }] = self.contactors.as_slice() {
             let avrd = self.equivalent_radius;
-            // The files hold 7 or 8 digits.
+            // The files have 7 or 8 digits.
             if avrd != 0.0 && (avrd - radius).abs() > 1e-6 * radius {
                 let expected =
                     format!("expected 0 or the contactor's radius {radius}: a sphere's mass follows from its own size");
@@ -167,9 +167,9 @@ impl Body {
         if about_centre { [0.0; 3] } else { own.centre }
     }
 
-    /// Mass properties at a density (kg/m^3); `own` are those of all contactors together. Given values of `avrd` and `I1
-    /// I2 I3` are used, except for the moments of a lone sphere, plate or cylinder, about its own axes, and the mass of a
-    /// sphere.
+    /// Mass properties at a density (kg/m^3); `own` are those of all contactors together. Given values of `avrd` and
+    /// `I1 I2 I3` are used, except for the moments of a lone sphere, plate or cylinder, about its own axes, and the mass of
+    /// a sphere.
     pub fn inertial_properties(&self, own: &MassProperties, density: f64) -> InertialProperties {
         let lone = if let [lone] = self.contactors.as_slice() { Some(lone) } else { None };
         let simple = lone.filter(|contactor| !matches!(contactor.shape, ShapeRecord::Polyhedron { .. }));

@@ -42,17 +42,17 @@ pub struct Snapshot {
     pub meta: SnapshotMeta,
     pub bodies: BodyArrays,
     pub contacts: ContactArrays,
-    /// Only where a law remembers.
+    /// Memory of contacts; only if a law needs it.
     pub memory: Option<MemoryArrays>,
-    /// Only where self-gravity is not evaluated at every step.
+    /// Evaluations of self-gravity; only where it is not evaluated at every step.
     pub gravity: Option<GravityArrays>,
     /// Only in scenes with other bodies than spheres and plates.
     pub shapes: Option<ShapeArrays>,
-    /// What contacts have done since the snapshot before.
+    /// Sums over the steps since the snapshot before.
     pub interval: Option<IntervalArrays>,
 }
 
-/// What bodies of any shape need besides.
+/// Additional arrays for bodies of any shape.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ShapeArrays {
     pub turning: TurningArrays,

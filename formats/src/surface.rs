@@ -32,7 +32,7 @@ const FLAT_BODY: f64 = 1e-12;
 impl Surface {
     /// Makes the orientation coherent, starting from the first triangle, and turns it outward as LMGC90 does.
     ///
-    /// `triangles` hold 0-based vertex numbers. All faults are listed, with 1-based numbers as in the files: numbers
+    /// `triangles` contain 0-based vertex numbers. All faults are listed, with 1-based numbers as in the files: numbers
     /// that are not finite, vertices that do not exist or are not used, triangles without area, edges not shared by
     /// exactly two triangles, several pieces, one-sided surfaces, no volume.
     ///

@@ -564,7 +564,7 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
                 check_direction(report, path, "first_axis", first);
                 let (first, normal) = (Vector3::from(*first), Vector3::from(*normal));
                 let parallel = first.cross(&normal).norm() <= 1e-6 * first.norm() * normal.norm();
-                // Nearer to parallel than that, round-off decides which way it points.
+                // For axes closer to parallel, round-off decides the direction.
                 let path = format!("{path}.first_axis");
                 report.require(!parallel, &path, "parallel to normal", "two different directions");
             }

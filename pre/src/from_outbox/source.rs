@@ -406,7 +406,7 @@ impl SourcePart<'_> {
     pub fn append_to(&self, start: &mut Snapshot, first: usize) {
         let mut bodies = self.state.bodies.clone();
         bodies.body_id = (first as u64 + 1..).take(self.rows.len()).collect();
-        // Names live in DATBOX; START.npz holds motion and contacts.
+        // Names are in DATBOX; START.npz has motion and contacts.
         bodies.body_colour.fill(0);
         bodies.body_material.fill(0);
         let mut contacts = self.state.contacts.clone();

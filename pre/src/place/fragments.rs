@@ -41,7 +41,7 @@ fn to_surface(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Surface, 
 
 /// Ellipsoid through the points of a spiral on the sphere: about two for each fragment at the surface and at least 100.
 fn ellipsoid_surface(axes: [f64; 3], number: usize) -> Result<Surface, HullError> {
-    // Of n cells in a ball about 4.8 n^(2/3) lie at the surface.
+    // About 4.8 n^(2/3) of n cells in a ball lie at the surface.
     let count = (2.0 * 4.8 * libm::pow(number as f64, 2.0 / 3.0)).clamp(100.0, 20_000.0) as usize;
     let unit = hull::convex_hull(&sphere_spiral(count))?;
     let factor = libm::cbrt(4.0 / 3.0 * std::f64::consts::PI / unit.volume());
@@ -241,7 +241,7 @@ impl VoronoiCell {
             if kept.len() > 1 && kept.first() == kept.last() {
                 kept.pop();
             }
-            // The face goes from `leaves` to `enters` along the plane, the cap the other way.
+            // The face runs from `leaves` to `enters` along the plane, the cap in the opposite direction.
             if let (Some(leaves), Some(enters)) = (leaves, enters)
                 && leaves != enters
             {

@@ -64,7 +64,7 @@ struct FccLattice<'a> {
 }
 
 impl FccLattice<'_> {
-    /// The first `at_most` sites whose balls of radius d/2 lie in the room.
+    /// First `at_most` sites whose balls of radius d/2 lie in the region.
     fn lattice_sites(&self, at_most: usize) -> Vec<Vector3<f64>> {
         // The sites are the points of a cubic lattice of this edge whose indices have an even sum.
         let edge = self.d * std::f64::consts::FRAC_1_SQRT_2;

@@ -262,7 +262,7 @@ fn random_sequential(
 
 /// Order of the points along the Z-curve (Morton 1966) through the region's box.
 fn z_order(room: &GrainRegion, points: &[Vector3<f64>]) -> Vec<usize> {
-    const BITS: u32 = 20; // a millionth of the room's length
+    const BITS: u32 = 20; // a millionth of the region's length
     let halves = room.half_extents();
     let code = |point: &Vector3<f64>| {
         let cell = |k: usize| ((0.5 + 0.5 * point[k] / halves[k]) * f64::from(1u32 << BITS)) as u64;
@@ -373,7 +373,7 @@ mod tests {
             which in 0..3usize,
             lattice: bool,
             jitter in 0.0..=1.0f64,
-            centre in prop::array::uniform3(-1e4..1e4f64), // far off, so that rounding tells
+            centre in prop::array::uniform3(-1e4..1e4f64), // far off, so that rounding matters
             angle in -3.0..3.0f64,
             seed: u64,
         ) {
