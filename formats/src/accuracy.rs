@@ -1,4 +1,4 @@
-//! Presets of accuracy: what the options that trade speed for accuracy are where the file does not say.
+//! Presets of accuracy: defaults of the options that trade speed for accuracy.
 
 use serde::{Deserialize, Serialize};
 
@@ -27,12 +27,12 @@ const REFERENCE: &str = include_str!("accuracy/reference.txt");
 impl Accuracy {
     pub const ALL: [Accuracy; 4] = [Accuracy::Draft, Accuracy::Standard, Accuracy::Fine, Accuracy::Reference];
 
-    /// Its cost and error as measured on the scenes of examples/trade.
+    /// Cost and error of the preset as measured on the scenes of examples/trade.
     pub fn measured_cost_and_error(self) -> &'static str {
         [DRAFT, STANDARD, FINE, REFERENCE][self as usize]
     }
 
-    /// Time step over that of `Standard` that suits it: errors of impacts are of first order in the step.
+    /// Suitable time step over that of `Standard`: errors of impacts are of first order in the step.
     pub fn step_factor(self) -> f64 {
         [4.0, 1.0, 0.25, 0.0625][self as usize]
     }
@@ -65,12 +65,12 @@ impl Default for Adaptive {
 impl Adaptive {
     pub const MAX_STEP_MULTIPLE: u64 = 1_000_000;
 
-    /// Whether steps can differ.
+    /// Whether steps may be longer than `dt`.
     pub fn is_on(&self) -> bool {
         self.most > 1
     }
 
-    /// Whether a run can use it.
+    /// Whether the values are in range.
     pub(crate) fn is_sound(&self) -> bool {
         let positive = |x: f64| x.is_finite() && x > 0.0;
         (1..=Self::MAX_STEP_MULTIPLE).contains(&self.most) && positive(self.travel) && positive(self.penetration)
@@ -88,15 +88,15 @@ macro_rules! knobs {
     ($($name:ident: $type:ty = [$none:expr, $draft:expr, $standard:expr, $fine:expr, $reference:expr];)+) => {
         impl Compute {
             $(
-                /// What is in force: the option of this name, or what `accuracy` makes of it; without that as `standard`,
-                /// in steps of `dt`, which make do with a larger `tol`.
+                /// Value in force: the option of this name, or the value of the preset `accuracy`. Without a preset it is
+                /// that of `standard`, in steps of `dt`, which need only a larger `tol`.
                 pub fn $name(&self) -> $type {
                     let column = self.accuracy.map_or(0, |accuracy| accuracy as usize + 1);
                     self.$name.unwrap_or([$none, $draft, $standard, $fine, $reference][column])
                 }
             )+
 
-            /// Name and value in force of every option that `accuracy` decides, and whether it is set alone.
+            /// Name and value in force of every option that `accuracy` decides, and whether the option itself is set.
             pub fn accuracy_options(&self) -> Vec<(&'static str, String, bool)> {
                 let text = |value: Result<String, ron::Error>| value.unwrap_or_default();
                 vec![$((stringify!($name), text(ron::to_string(&self.$name())), self.$name.is_some()),)+]
@@ -105,7 +105,7 @@ macro_rules! knobs {
     };
 }
 
-/// Steps that may be longer than `dt`, up to so many times.
+/// Adaptive steps of up to `most` times `dt`.
 const fn up_to(most: u64, travel: f64, penetration: f64) -> Adaptive {
     Adaptive { most, travel, penetration }
 }

@@ -1,4 +1,4 @@
-//! Files that appear complete or not at all: written aside, synced, renamed.
+//! Files that appear complete or not at all: written to a temporary file, synced, renamed.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -6,16 +6,16 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Fault, Faults};
 
-/// Writes `bytes` to `path` so that a reader finds the old file or the new one, never a part,
-/// whatever happens to the program or the machine meanwhile. Missing folders are made.
+/// Writes `bytes` to `path` so that a reader finds the old file or the new one, never a part, even if the program or the
+/// machine fails meanwhile. Creates missing folders.
 ///
-/// The bytes go to `.NAME.part` in the same folder first; a part left behind by a killed program
-/// is overwritten by the next writing.
+/// The bytes go to `.NAME.part` in the same folder first; a part left behind by a killed program is overwritten by the
+/// next write.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Faults> {
     PendingFile::write(path, bytes)?.move_into_place()
 }
 
-/// The same of what `put` writes, piece by piece: of files too large for memory.
+/// Writes like `write` the bytes that `put` produces piece by piece, for files too large for memory.
 pub fn write_with(path: &Path, put: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), Faults> {
     PendingFile::write_with(path, |file| {
         let mut file = BufWriter::new(file);
@@ -25,14 +25,14 @@ pub fn write_with(path: &Path, put: impl FnOnce(&mut dyn Write) -> std::io::Resu
     .move_into_place()
 }
 
-/// The same of files that belong together: none is put in its place before all are written.
+/// Writes several files that belong together like `write`: none is renamed before all are written.
 pub fn write_all<'a>(files: impl IntoIterator<Item = (PathBuf, &'a [u8])>) -> Result<(), Faults> {
     let parts: Result<Vec<PendingFile>, Faults> =
         files.into_iter().map(|(path, bytes)| PendingFile::write(&path, bytes)).collect();
     parts?.into_iter().try_for_each(PendingFile::move_into_place)
 }
 
-/// A file that is written and not in its place yet; removed if it never gets there.
+/// File that is written but not renamed yet; removed when dropped before.
 struct PendingFile {
     path: PathBuf,
     folder: PathBuf,
@@ -78,20 +78,21 @@ impl Drop for PendingFile {
     }
 }
 
-/// Makes of a file that may not grow on (`ulimit -f`) one that cannot be written, as on a full disk: otherwise the system ends
-/// the program, and no part is removed. For the beginning of a program.
+/// Turns writes beyond the size limit (`ulimit -f`) into write errors, as on a full disk. By default the system ends the
+/// program, and no temporary file is removed. To be called at the start of a program.
 pub fn outlive_size_limit() {
-    // A signal that cannot be caught ends the program as it would without.
+    // If the signal cannot be caught, it ends the program as by default.
     #[cfg(unix)]
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
 }
 
-/// Whether a name stands in its folder: what then cannot be read is a fault, such as a link that leads nowhere.
+/// Whether a folder has an entry of this name, even one that cannot be read, such as a broken link. Reading that is a
+/// fault.
 pub fn path_exists(path: &Path) -> bool {
     !path.symlink_metadata().is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound)
 }
 
-/// Paths of what a folder holds, in any order; nothing where it is absent. One that cannot be read is a fault.
+/// Paths of the entries of a folder, in any order; none if it is absent. A folder that cannot be read is a fault.
 pub fn folder_entries(folder: &Path) -> Result<Vec<PathBuf>, Faults> {
     if !path_exists(folder) {
         return Ok(Vec::new());
@@ -100,8 +101,7 @@ pub fn folder_entries(folder: &Path) -> Result<Vec<PathBuf>, Faults> {
     paths.map_err(|error| Fault::from_io(folder, "read", &error).into())
 }
 
-/// The whole of a text file, without the mark that some editors put at its start; a file that is missing or not UTF-8
-/// is a fault.
+/// Text of a file, without a byte order mark. A file that is missing or not UTF-8 is a fault.
 pub fn read_text(path: &Path) -> Result<String, Faults> {
     let bytes = fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
     let text = String::from_utf8(bytes).map_err(|error| {

@@ -7,17 +7,17 @@ use crate::error::Faults;
 use crate::ron_text::known_names;
 use crate::scan::{AsciiText, GRID_COLUMNS, LineScanner, TextLine, format_e14, format_long14, put_grid, put_text};
 
-/// The bodies in the order of the file, which is their number.
+/// Bodies in the order of the file, which gives their numbers.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Bodies(pub Vec<Body>);
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Body {
-    /// Line of `$bdyty`, 1-based; 0 for a body that no file holds yet.
+    /// Line of `$bdyty`, 1-based; 0 for a body that is not from a file.
     pub line: usize,
     /// Name of a material of BULK_BEHAV.DAT, trimmed.
     pub material: String,
-    /// `avrd`: radius of the sphere of equal volume, m; 0 asks for the contactor's own volume.
+    /// `avrd`: radius of the sphere of equal volume, m; 0 selects the contactor's own volume.
     pub equivalent_radius: f64,
     /// `I1 I2 I3`: principal inertia at density 1, m^5.
     pub inertia: Option<[f64; 3]>,
@@ -43,7 +43,7 @@ pub struct LocalFrame {
 /// Shapes in the body's principal frame; lengths in m.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ShapeRecord {
-    /// SPHER
+    /// SPHER: a sphere at the body's centre.
     Sphere { radius: f64 },
     /// SPHEb: a sphere off the body's centre.
     OffsetSphere { radius: f64, offset: [f64; 3] },
@@ -51,14 +51,14 @@ pub enum ShapeRecord {
     Plane { half_lengths: [f64; 3] },
     /// CYLND, and DNLYC with contact on the inside; axis along the third axis.
     Cylinder { half_height: f64, radius: f64, hollow: bool },
-    /// POLYR: closed triangulated surface; triangles hold 0-based vertex numbers.
+    /// POLYR: closed triangulated surface; triangles contain 0-based vertex numbers.
     Polyhedron { vertices: Vec<[f64; 3]>, triangles: Vec<[u32; 3]> },
-    /// PT3Dx
+    /// PT3Dx: a point.
     Point { offset: [f64; 3] },
 }
 
 impl ShapeRecord {
-    /// The five-character name in the files.
+    /// Five-character name in the files.
     pub fn type_name(&self) -> &'static str {
         match self {
             ShapeRecord::Sphere { .. } => "SPHER",
@@ -71,8 +71,8 @@ impl ShapeRecord {
         }
     }
 
-    /// Whether a point in the shape's own frame, m, is outside of a hollow cylinder, which is closed and pushes inwards alone;
-    /// false of other shapes.
+    /// Whether a point in the shape's own frame, m, is outside of a hollow cylinder, which has closed ends and pushes
+    /// inwards only; false for other shapes.
     ///
     /// ```
     /// use cd_formats::bodies::Shape;
@@ -85,17 +85,17 @@ impl ShapeRecord {
     }
 }
 
-/// The contactors that can be read.
+/// Contactors that can be read.
 pub(crate) const CONTACTOR_TYPES: [&str; 7] = ["SPHER", "SPHEb", "PLANx", "CYLND", "DNLYC", "POLYR", "PT3Dx"];
 const COORDINATE_LABELS: [&str; 3] = ["coo1", "coo2", "coo3"];
-/// Relative difference of a sphere's `avrd` and `byrd` that is still rounding of the file.
+/// Largest relative difference of a sphere's `avrd` and `byrd` that counts as rounding of the file.
 const RADIUS_ROUNDING: f64 = 1e-5;
 
 impl Bodies {
-    /// Reads the file; all its faults at once.
+    /// Reads the file; reports all its faults at once.
     ///
-    /// Beyond what LMGC90 checks: bodies must be numbered in their order (LMGC90 ignores the number),
-    /// lengths positive, a lone sphere's `avrd` its radius, a polyhedron's lines as many as announced.
+    /// Stricter than LMGC90: bodies must be numbered in their order (LMGC90 ignores the number), lengths must be
+    /// positive, a lone sphere's `avrd` must equal its radius, and a polyhedron must have the announced number of lines.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         Self::parse(path, &AsciiText::read_file(path)?)
     }
@@ -129,15 +129,15 @@ impl Bodies {
         line.unwrap_or(body.line)
     }
 
-    /// The text of the file, numbers with eight digits; of bodies with a polyhedron up to twelve, see
-    /// [`format_long14`]: neighbours in a broken solid share faces.
+    /// Text of the file, numbers with eight digits. Bodies with a polyhedron have up to twelve, see [`format_long14`],
+    /// since neighbours in a broken solid share faces.
     ///
     /// Names must have at most five characters, numbers be finite and below 1e100.
     pub fn to_text(&self) -> String {
         self.text_with(format_e14)
     }
 
-    /// The same with as many digits as the columns hold, see [`format_long14`].
+    /// Text of the file with as many digits as the columns can hold, see [`format_long14`].
     pub fn to_long_text(&self) -> String {
         self.text_with(format_long14)
     }
@@ -151,7 +151,7 @@ impl Bodies {
     }
 }
 
-/// The record after `$bdyty`; `None` after a fault that leaves the scan inside the record.
+/// Reads the record after `$bdyty`; `None` after a fault that leaves the scan inside the record.
 fn read_body(scan: &mut LineScanner, begin: usize, position: u64, number: &mut u64) -> Option<Body> {
     let line = scan.expect_line("expected RBDY3 and the number of the body", TextLine::is_data)?;
     if !scan.expect_rigid_body(line, 2) {
@@ -176,7 +176,7 @@ fn read_body(scan: &mut LineScanner, begin: usize, position: u64, number: &mut u
     scan.expect_keyword("nodty")?;
     let node = scan.expect_line("expected NO6xx", |line| line.keyword() == "NO6xx")?;
     let position = scan.read_grid(node, COORDINATE_LABELS);
-    // Numbers, but LMGC90 sets them to zero.
+    // The angles are read as numbers, but LMGC90 sets them to zero.
     let angles = scan.expect_continuation("coo4 coo5 coo6")?;
     scan.read_grid(angles, ["coo4", "coo5", "coo6"]);
 
@@ -194,7 +194,7 @@ fn read_body(scan: &mut LineScanner, begin: usize, position: u64, number: &mut u
         let contactor = read_contactor(scan, line);
         all_read &= contactor.is_some();
         contactors.extend(contactor);
-        // Lines that belong to no contactor are passed over by LMGC90; those of a broken one were named already.
+        // LMGC90 skips lines that belong to no contactor; those of a faulty contactor are already reported.
         if all_read && scan.peek_line().is_some_and(TextLine::is_continuation) {
             scan.unexpected_line("expected a contactor or $$$$$$");
         }
@@ -216,7 +216,7 @@ fn read_body(scan: &mut LineScanner, begin: usize, position: u64, number: &mut u
     Some(Body { line: begin, material, equivalent_radius, inertia, position, contactors })
 }
 
-/// The contactor that begins on `line`; `None` after a fault in its structure.
+/// Reads the contactor that begins on `line`; `None` after a fault in its structure.
 fn read_contactor(scan: &mut LineScanner, line: TextLine) -> Option<Contactor> {
     let colour = scan.read_name5(line, 23, "colour");
     let half_lengths = ["axe1", "axe2", "axe3"];
@@ -250,7 +250,7 @@ fn read_contactor(scan: &mut LineScanner, line: TextLine) -> Option<Contactor> {
     Some(Contactor { colour, shape, local_frame })
 }
 
-/// The optional `localframe` block: `Some(None)` if there is none, `None` after a fault.
+/// Reads the optional `localframe` block: `Some(None)` if there is none, `None` after a fault.
 fn read_local_frame(scan: &mut LineScanner) -> Option<Option<LocalFrame>> {
     let Some(begin) = scan.next_line_if(|line| line.is_continuation() && line.columns(30, 39) == "localframe") else {
         return Some(None);
@@ -272,7 +272,7 @@ const LOCAL_FRAME_LABELS: [[&str; 3]; 4] =
 fn read_polyhedron(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord> {
     let vertex_count = scan.read_integer(line, (40, 47), "number of vertices")?;
     let triangle_count = scan.read_integer(line, (60, 67), "number of triangles")?;
-    // Taken together first, so that a line too few does not make every later line look wrong.
+    // All lines are taken first, so that a missing line does not make every later line look wrong.
     let lines: Vec<_> = std::iter::from_fn(|| scan.next_line_if(TextLine::is_continuation)).collect();
     if vertex_count.checked_add(triangle_count) != Some(lines.len() as u64) {
         let seen = lines.iter().take_while(|line| line.columns(35, 90).contains('.')).count();

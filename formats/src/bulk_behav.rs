@@ -8,22 +8,22 @@ use crate::scan::{AsciiText, LineScanner, TextLine, format_e14, format_long14, p
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct BulkBehav {
-    /// m/s^2, fixed axes.
+    /// Gravity, m/s^2, fixed axes.
     pub gravity: [f64; 3],
     pub materials: Vec<Material>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Material {
-    /// Trimmed, at most five characters.
+    /// Name, trimmed, at most five characters.
     pub name: String,
     /// `Umas`, kg/m^3.
     pub density: f64,
 }
 
 impl BulkBehav {
-    /// Reads the file; all its faults at once. Lines that are neither gravity nor a material are passed
-    /// over, as LMGC90 does; of materials that are not `RIGID` the density alone is kept.
+    /// Reads the file; reports all its faults at once. Lines that are neither gravity nor a material are skipped, as in
+    /// LMGC90. Of materials that are not `RIGID` only the density is kept.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         Self::parse(path, &AsciiText::read_file(path)?)
     }
@@ -69,12 +69,12 @@ impl BulkBehav {
         scan.finish(BulkBehav { gravity: gravity.unwrap_or_default(), materials })
     }
 
-    /// The text of the file, numbers with eight digits.
+    /// Text of the file, numbers with eight digits.
     pub fn to_text(&self) -> String {
         self.text_with(format_e14)
     }
 
-    /// The same with as many digits as the columns hold, see [`format_long14`].
+    /// Text of the file with as many digits as the columns can hold, see [`format_long14`].
     pub fn to_long_text(&self) -> String {
         self.text_with(format_long14)
     }

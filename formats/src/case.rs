@@ -1,4 +1,4 @@
-//! Folders of cases on a command line, and mistakes in it.
+//! Case folders on a command line, and mistakes in them.
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -16,7 +16,7 @@ pub enum CaseFolder {
     Datbox,
     /// OUTBOX, the results of cd-solve.
     Outbox,
-    /// None that is known beforehand.
+    /// Any folder.
     Any,
 }
 
@@ -30,7 +30,7 @@ impl CaseFolder {
     }
 }
 
-/// The fault of a path that is not a case with this folder; None if it is one. `program`: the one that reads it.
+/// Fault of a path that is not a case with this folder; None if it is one. `program` is the one that reads it.
 pub fn no_case(path: &Path, part: CaseFolder, program: &str) -> Option<Fault> {
     let box_name = inner(path);
     if path.join(part.name()).is_dir() && (part != CaseFolder::Any || box_name.is_none()) {
@@ -93,7 +93,7 @@ pub fn no_case(path: &Path, part: CaseFolder, program: &str) -> Option<Fault> {
     }
 }
 
-/// The part of a case that a folder itself is.
+/// Part of a case that the folder itself is.
 fn inner(path: &Path) -> Option<&'static str> {
     let holds_snapshots = || {
         let entries = atomic::folder_entries(path).unwrap_or_default();
@@ -110,8 +110,8 @@ fn inner(path: &Path) -> Option<&'static str> {
     }
 }
 
-/// The likely mistake in a command line that `program` has refused: a command behind its arguments, or an option without its
-/// two dashes; None if neither is found. `args`: the program's name first.
+/// Likely mistake in a command line that `program` has rejected: a command after its arguments, or an option without its
+/// two dashes; None if neither is found. `args` begin with the program's name.
 pub fn misplaced(program: &Command, args: &[OsString]) -> Option<String> {
     let words: Vec<&str> = args.iter().skip(1).map(|arg| arg.to_str()).collect::<Option<_>>()?;
     let commands: Vec<&str> = program.get_subcommands().map(Command::get_name).collect();

@@ -1,8 +1,8 @@
-//! `DATBOX/COMPUTE.RON`: what LMGC90 keeps in the user's command script - the time step, the
-//! solver's settings, self-gravity, output and scheduled events.
+//! `DATBOX/COMPUTE.RON`: values that LMGC90 keeps in the user's command script - the time step, the solver's settings,
+//! self-gravity, output and scheduled events.
 //!
-//! One table below gives each option's name, type, default, unit and help text; the file's
-//! reader, the flags of cd-solve and the documentation all come from it.
+//! One table below gives each option's name, type, default, unit and help text. The file's reader, the flags of cd-solve
+//! and the documentation are made from it.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -18,7 +18,7 @@ pub use crate::ron_text::from_ron;
 /// Newtonian constant of gravitation, m^3 kg^-1 s^-2 (CODATA 2018 and 2022).
 pub const GRAVITATIONAL_CONSTANT: f64 = 6.67430e-11;
 
-/// More threads than this are a slip: a machine would spend its time starting them.
+/// Largest number of threads; a larger one is probably a mistake, since a machine would spend its time starting them.
 const MAX_THREADS: usize = 1024;
 
 /// Something that happens at the start of the first step whose time is not before `time`, once or again and again.
@@ -41,7 +41,7 @@ impl Event {
         Event { time, every: None, until: None, action }
     }
 
-    /// How often it happens up to `end` (s) after the first time.
+    /// Number of repetitions up to `end` (s) after the first time.
     fn repeat_count(&self, end: f64) -> f64 {
         let every = self.every.unwrap_or(f64::INFINITY);
         let until = self.until.unwrap_or(f64::INFINITY).min(end);
@@ -51,22 +51,22 @@ impl Event {
     }
 }
 
-/// Error of decimal numbers and their products, over an interval.
+/// Relative rounding error of decimal numbers and their products, over an interval.
 const RELATIVE_ROUNDING: f64 = 1e-9;
 
-/// Times are the same if they differ by no more than this part of them: what rounding makes of a sum and a product.
+/// Largest relative difference of equal times: the rounding of a sum and a product.
 const SAME_TIME_TOLERANCE: f64 = 4.0 * f64::EPSILON;
 
-/// More happenings than this are a slip: each is kept.
+/// Largest number of occurrences of an event, since each is stored; a larger one is probably a mistake.
 pub const MAX_EVENTS: f64 = 1e6;
 
-/// The events that would happen more often than can be kept up to `end` (s), with how often.
+/// Events with more occurrences up to `end` (s) than [`MAX_EVENTS`], with the number of occurrences.
 pub fn too_frequent(events: &[Event], end: f64) -> impl Iterator<Item = (usize, f64)> {
     events.iter().map(move |event| event.repeat_count(end)).enumerate().filter(|(_, repeats)| *repeats > MAX_EVENTS)
 }
 
-/// Each happening an event of its own, in the order of their times and, at one time to rounding, of the list; those that are
-/// repeated up to `end`, s. A later end adds only what is later.
+/// All occurrences as single events, repetitions up to `end`, s. They are in the order of their times and, at equal times
+/// to rounding, in the order of the list. A later end only appends events.
 pub fn event_schedule(events: &[Event], end: f64) -> Vec<Event> {
     let mut all = Vec::new();
     for (place, event) in events.iter().enumerate() {
@@ -209,7 +209,7 @@ impl std::fmt::Display for ContactSolver {
     }
 }
 
-/// Smallest RMS relative error that the fast multipole method can be asked for.
+/// Smallest RMS relative error that the fast multipole method supports.
 pub const MIN_FMM_ERROR: f64 = 1e-6;
 
 macro_rules! options {
@@ -223,7 +223,7 @@ macro_rules! options {
             fn default() -> Self { Compute { $($name: $default,)+ } }
         }
 
-        /// The same options as flags; one that is given wins over the file.
+        /// Options as flags; a given flag overrides the file.
         #[derive(Debug, Clone, Default, clap::Args)]
         #[command(next_help_heading = "Options of COMPUTE.RON")]
         pub struct ComputeFlags { $($(#[doc = $help])+ #[arg(long, allow_hyphen_values = true, $($arg)*)] pub $name: Option<$flag>,)+ }
@@ -238,9 +238,9 @@ macro_rules! options {
         }
 
         impl Compute {
-            /// The options with those flags put in their place.
+            /// Options with the values of the given flags.
             pub fn with_flags(mut self, flags: &ComputeFlags) -> Self {
-                // The end that the command line gives wins.
+                // The end given on the command line overrides that of the file.
                 if flags.end_time.is_some() {
                     self.steps = None;
                 }
@@ -248,7 +248,7 @@ macro_rules! options {
                 self
             }
 
-            /// Name and value of every option, as the file has them.
+            /// Name and value of every option, as in the file.
             pub fn option_values(&self) -> Vec<(&'static str, String)> {
                 vec![$((stringify!($name), to_ron(&self.$name)),)+]
             }
@@ -339,7 +339,7 @@ options! {
     events: Vec<Event> = Vec::new(), Events, [value_name = "RON"];
 }
 
-/// A list given on the command line.
+/// List given on the command line.
 #[derive(Debug, Clone)]
 pub struct FlagList<T>(Vec<T>);
 pub type Events = FlagList<Event>;
@@ -368,15 +368,15 @@ impl Compute {
         report.faults.into_result(compute)
     }
 
-    /// Name and value of every option that results depend on: all but how long the run is, on how many threads it runs, and what
-    /// it writes besides.
+    /// Name and value of every option that results depend on: all except the length of the run, the number of threads and
+    /// additional output.
     pub fn result_options(&self) -> BTreeMap<String, String> {
         const OPTIONS_WITHOUT_EFFECT: [&str; 4] = ["steps", "end_time", "threads", "text"];
         let values = self.option_values().into_iter().filter(|(name, _)| !OPTIONS_WITHOUT_EFFECT.contains(name));
         values.map(|(name, value)| (name.to_string(), value)).collect()
     }
 
-    /// The text of the file, each option behind its help text.
+    /// Text of the file, each option after its help text.
     pub fn to_text(&self) -> String {
         let pretty = ron::ser::PrettyConfig::new().new_line("\n").depth_limit(2);
         let mut text = String::from("// Options of cd-solve; a flag of the same name wins.\n");
@@ -385,14 +385,14 @@ impl Compute {
         text
     }
 
-    /// All values that no run could use, in a text that is not at hand.
+    /// Reports all values that no run could use, for options that are not read from a text.
     pub fn check(&self, source: &Path) -> Result<(), Faults> {
         let mut report = FaultReport::new(source, "");
         self.check_in(&mut report, "");
         report.faults.into_result(())
     }
 
-    /// Reports all values that no run could use; `at` stands before their paths.
+    /// Reports all values that no run could use; `at` is the prefix of their paths.
     pub fn check_in(&self, report: &mut FaultReport, at: &str) {
         let mut expect = |holds: bool, name: &str, found: String, expected: &str| {
             report.require(holds, &format!("{at}{name}"), found, expected);
@@ -518,15 +518,15 @@ impl Compute {
         }
     }
 
-    /// Whether a rotation about `axis` leaves a scene that repeats as it is: where it repeats along this axis alone, or not
-    /// at all.
+    /// Whether a rotation about `axis` leaves the periodic scene invariant: it has no period, or a period along this axis
+    /// only.
     pub fn allows_rotation_about(&self, axis: &[f64; 3]) -> bool {
         let [x, y, z] = axis.map(|component| component == 0.0);
         (self.xperiode.is_none() || y && z) && (self.yperiode.is_none() || x && z)
     }
 
-    /// The step to end with, from `steps` after step `first`, at which DATBOX stands, or from `end_time` for a run that goes on
-    /// from a step and time (s); none when neither is given.
+    /// Step to end with: `steps` after step `first`, that of DATBOX, or by `end_time` for a run continued from a step and
+    /// time (s); none when neither is given.
     pub fn last_step(&self, first: u64, (step, time): (u64, f64)) -> Option<u64> {
         // A thousandth of a step of slack: end_time / dt seldom divides exactly.
         let until = |end: f64| step.saturating_add(((end - time) / self.dt - 1e-3).ceil().max(0.0) as u64);
@@ -534,11 +534,11 @@ impl Compute {
     }
 }
 
-/// Requirement on a rotation where a scene repeats, as neighbours across its border would be torn apart.
+/// Requirement on a rotation in a periodic scene, since neighbours across its boundary would be separated.
 pub const ROTATION_ABOUT_PERIOD: &str =
     "a rotation about the only axis along which the scene repeats, or a scene that does not repeat";
 
-/// A value as a file or flag has it.
+/// Value in the syntax of the file and of flags.
 fn to_ron<T: Serialize>(value: &T) -> String {
     ron_text::ron_options().to_string(value).unwrap_or_default()
 }
@@ -645,7 +645,7 @@ mod tests {
         let compute = Compute { dt: 0.1, end_time: Some(0.3), ..Compute::default() };
         assert_eq!(compute.last_step(0, (0, 0.0)), Some(3)); // 0.3 / 0.1 is 2.9999999999999996
         assert_eq!(compute.last_step(10, (10, 0.1)), Some(12));
-        // Whatever the steps were before.
+        // The result does not depend on the steps before.
         assert_eq!(compute.last_step(10, (1000, 0.1)), Some(1002));
         assert_eq!(Compute { steps: Some(5), ..compute }.last_step(10, (1000, 0.1)), Some(15));
     }

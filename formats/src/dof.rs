@@ -13,7 +13,7 @@ use crate::scan::{
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Dof {
     pub step: u64,
-    /// s
+    /// Time, s.
     pub time: f64,
     pub bodies: Vec<BodyDof>,
 }
@@ -21,7 +21,7 @@ pub struct Dof {
 #[derive(Debug, Clone, PartialEq)]
 pub struct BodyDof {
     pub line: usize,
-    /// 0-based (1-based in the file).
+    /// Body number, 0-based (1-based in the file).
     pub body: usize,
     /// `X(1..6)`: displacement from the reference position of BODIES.DAT, m; the last three are not used.
     pub displacement: [f64; 6],
@@ -43,7 +43,7 @@ const LINE_LABELS: [[&str; 3]; 7] = [
 ];
 
 impl Dof {
-    /// Reads the file; all its faults at once. It may list any of the bodies, in any order, none twice.
+    /// Reads the file; reports all its faults at once. It may list any of the bodies, in any order, without repetition.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         Self::parse(path, &AsciiText::read_file(path)?)
     }
@@ -71,7 +71,8 @@ impl Dof {
         scan.finish(Dof { step, time, bodies })
     }
 
-    /// The text of the file as LMGC90 writes it, numbers with seven digits; of axes that need more, see [`format_long14`].
+    /// Text of the file as LMGC90 writes it, numbers with seven digits; axes that need more have more, see
+    /// [`format_long14`].
     ///
     /// Numbers must be finite and below 1e100; step and bodies have seven columns.
     pub fn to_text(&self) -> String {
@@ -92,13 +93,13 @@ impl Dof {
     }
 }
 
-/// [`format_d14`] where that is the number itself.
+/// Formats by [`format_d14`] if that is exact.
 fn format_axis(x: f64) -> String {
     let short = format_d14(x);
     if fortran_real(&short) == Ok(x) { short } else { format_long14(x) }
 }
 
-/// One body; `None` after a fault that leaves the scan inside the record.
+/// Reads one body; `None` after a fault that leaves the scan inside the record.
 fn read_record(scan: &mut LineScanner) -> Option<BodyDof> {
     scan.expect_keyword("bdyty")?;
     let line = scan.expect_line("expected RBDY3 and the number of the body", TextLine::is_data)?;

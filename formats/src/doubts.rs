@@ -1,4 +1,5 @@
-//! Values that are allowed, and probably mistakes of units: cd-pre asks about those of a scene, cd-solve about those of DATBOX.
+//! Values that are allowed but probably mistakes of units. cd-pre warns about those of a scene, cd-solve about those of
+//! DATBOX.
 
 use crate::compute::{Event, EventAction};
 use crate::report::FaultReport;
@@ -6,7 +7,7 @@ use crate::report::FaultReport;
 /// Bulk densities of solids, kg/m^3, with a margin: snow and foams have 100, osmium 22 600.
 const DENSITIES: std::ops::RangeInclusive<f64> = 100.0..=30_000.0;
 
-/// The largest friction coefficient that is not taken for an angle in degrees: rubber has 1 to 2, interlocking rocks 3.
+/// Largest friction coefficient that does not look like an angle in degrees: rubber has 1 to 2, interlocking rocks 3.
 const FRICTION: f64 = 5.0;
 
 /// Question about a density, kg/m^3, that no solid has.
@@ -43,7 +44,7 @@ pub fn friction(value: f64) -> Option<String> {
     })
 }
 
-/// Asks about the friction that events set; `at` stands before their paths.
+/// Warns about the friction that events set; `at` is the prefix of their paths.
 pub fn events(events: &[Event], at: &str, report: &mut FaultReport) {
     for (k, event) in events.iter().enumerate() {
         let EventAction::SetFriction(_, value) = event.action else { continue };

@@ -31,7 +31,7 @@ pub enum DrivenKind {
     Force,
 }
 
-/// A function of time.
+/// Function of time.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Evolution {
     /// (constant + amplitude cos(omega t + phase)) min(1, ramp_start + ramp_rate t)
@@ -41,7 +41,7 @@ pub enum Evolution {
 }
 
 impl Evolution {
-    /// A constant value.
+    /// Constant function.
     pub fn constant(value: f64) -> Self {
         Evolution::Harmonic { constant: value, amplitude: 0.0, omega: 0.0, phase: 0.0, ramp_start: 1.0, ramp_rate: 0.0 }
     }
@@ -56,7 +56,8 @@ impl Evolution {
         }
     }
 
-    /// Time up to which the value stays as it is at `time`, s: `time` itself while it changes, infinite if it does not any more.
+    /// Time up to which the value equals that at `time`, s: `time` itself while it changes, infinite if it no longer
+    /// changes.
     ///
     /// ```
     /// use cd_formats::drv_dof::Evolution;
@@ -66,7 +67,7 @@ impl Evolution {
     pub fn constant_until(&self, time: f64) -> f64 {
         match self {
             _ if self.is_constant() => f64::INFINITY,
-            // The ramp alone may end.
+            // Only the ramp can end.
             &Evolution::Harmonic { amplitude, omega, ramp_start, ramp_rate, .. } => {
                 let still = amplitude == 0.0 || omega == 0.0;
                 let full = ramp_rate > 0.0 && ramp_start + ramp_rate * time >= 1.0;
@@ -75,14 +76,14 @@ impl Evolution {
             Evolution::Table { points, .. } => {
                 let Some(last) = points.len().checked_sub(1).filter(|last| *last > 0) else { return f64::INFINITY };
                 let first = points.partition_point(|point| point[0] <= time).clamp(1, last);
-                // Pieces of the table by their ends; the first and the last go on beyond it.
+                // Pieces of the table by their ends; the first and the last extend beyond it.
                 let changes = (first..=last).find(|&end| points[end - 1][1] != points[end][1]);
                 changes.map_or(f64::INFINITY, |end| if end == first { time } else { points[end - 1][0] })
             }
         }
     }
 
-    /// Farthest that it gets from a value between two times, s; of a harmonic at any time, with its ramp at its end.
+    /// Largest difference from a value between two times, s; for a harmonic at any time, with its ramp at its end.
     pub fn farthest_from(&self, value: f64, [from, to]: [f64; 2]) -> f64 {
         match self {
             Evolution::Harmonic { constant, amplitude, .. } => (constant - value).abs() + amplitude.abs(),
@@ -93,10 +94,10 @@ impl Evolution {
         }
     }
 
-    /// The value at time `t`, s: (constant + amplitude cos(omega t + phase)) min(1, ramp_start + ramp_rate t),
-    /// or the straight line through the two points next to `t`.
+    /// Value at time `t`, s: (constant + amplitude cos(omega t + phase)) min(1, ramp_start + ramp_rate t), or the
+    /// straight line through the two points next to `t`.
     ///
-    /// A table of one point is constant, one of none gives NaN; readers refuse both.
+    /// A table of one point is constant, one of none gives NaN; readers reject both.
     ///
     /// ```
     /// use cd_formats::drv_dof::Evolution;
@@ -131,8 +132,8 @@ const TABLE_HEADER: &str =
     "$dofty  numbr [CT......+......AMP..*..cos.(..OMEGA.*.time.+.PHI..)]...*...[RAMPI.....+.....RAMP.*.time]\n";
 
 impl DrvDof {
-    /// Reads the file and the tables that it names in the same folder; all faults at once. A file that is
-    /// absent drives nothing.
+    /// Reads the file and the tables that it names in the same folder; reports all faults at once. An absent file drives
+    /// no body.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         if path_exists(path) { Self::parse(path, &AsciiText::read_file(path)?) } else { Ok(DrvDof::default()) }
     }
@@ -155,12 +156,12 @@ impl DrvDof {
         scan.finish(DrvDof(all))
     }
 
-    /// The text of the file, numbers with eight digits; tables are files of their own, see [`table_text`].
+    /// Text of the file, numbers with eight digits; tables are files of their own, see [`table_text`].
     pub fn to_text(&self) -> String {
         self.text_with(format_e14)
     }
 
-    /// The same with as many digits as the columns hold, see [`format_long14`].
+    /// Text of the file with as many digits as the columns can hold, see [`format_long14`].
     pub fn to_long_text(&self) -> String {
         self.text_with(format_long14)
     }
@@ -168,7 +169,7 @@ impl DrvDof {
     fn text_with(&self, real: fn(f64) -> String) -> String {
         let mut out = String::new();
         for driven in self.0.chunk_by(|a, b| a.body == b.body) {
-            // Columns 7-15 are read; up to 13 are written, as pre does, while that is enough.
+            // Columns 7-15 are read; up to 13 are written, as pre does, while they suffice.
             let number = driven[0].body + 1;
             let number = if number > 99_999 { format_integer(number, 9) } else { format_integer(number, 7) };
             let _ = write!(out, "$bdyty\n RBDY3{number}\n$nodty\n NO6xx      1\n{TABLE_HEADER}");
@@ -198,7 +199,7 @@ impl DrvDof {
     }
 }
 
-/// One body with all that drives it; `None` after a fault that leaves the scan inside the record.
+/// Reads one body with all its driven components; `None` after a fault that leaves the scan inside the record.
 fn read_record(
     scan: &mut LineScanner,
     folder: &Path,
@@ -272,7 +273,7 @@ fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
     let mut points = Vec::new();
     while let Some(line) = scan.next_line() {
         let words: Vec<_> = line.text().split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect();
-        // Free format: an integer is as good as a real here.
+        // Free format: an integer is accepted as a real here.
         let numbers: Vec<_> = words.iter().map_while(|word| free_real(word).ok()).collect();
         match numbers.as_slice() {
             &[time, value] if words.len() == 2 => points.push((line.number, [time, value])),
@@ -296,7 +297,8 @@ fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
     scan.finish(points.into_iter().map(|(_, point)| point).collect())
 }
 
-/// The text of a table of an [`Evolution::Table`], with all digits: two times that differ are two when they are read again.
+/// Text of a table of an [`Evolution::Table`], with all digits, so that two different times stay different when read
+/// again.
 pub fn table_text(points: &[[f64; 2]]) -> String {
     points.iter().map(|[time, value]| format!("{time:.16E} {value:.16E}\n")).collect()
 }

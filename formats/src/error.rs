@@ -1,6 +1,6 @@
-//! Faults of input files: where, what stands there, what was expected.
+//! Faults of input files: location, value found, value expected.
 //!
-//! A reader collects every fault of a file before it gives up, so that a user mends them in one go.
+//! A reader collects every fault of a file before it returns, so that a user can correct them all at once.
 
 use std::collections::{HashMap, HashSet};
 use std::fmt;
@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
     pub file: PathBuf,
-    /// 1-based; none when the fault belongs to the file as a whole.
+    /// Line, 1-based; none when the fault belongs to the file as a whole.
     pub line: Option<usize>,
-    /// 1-based; given by readers that know it.
+    /// Column, 1-based; given by readers that know it.
     pub column: Option<usize>,
     /// Object that has the fault, e.g. `body 17, contactor POLYR 1`.
     pub object: String,
@@ -41,7 +41,7 @@ impl Fault {
         }
     }
 
-    /// A file that cannot be read or written; nothing is said of what is expected.
+    /// Fault of a file that cannot be read or written; its expectation is empty.
     pub fn from_io(file: &Path, doing: &str, error: &std::io::Error) -> Self {
         let why = match error.kind() {
             ErrorKind::NotFound => "there is no such file".into(),
@@ -49,7 +49,7 @@ impl Fault {
             ErrorKind::IsADirectory => "it is a folder".into(),
             ErrorKind::NotADirectory => "part of its path is no folder".into(),
             ErrorKind::StorageFull => "the disk is full".into(),
-            // Without the number of the system's error.
+            // The text omits the number of the system's error.
             _ => error.to_string().split(" (os error").next().unwrap_or_default().to_string(),
         };
         Fault::new(file, None, "file", format!("cannot be {doing}: {why}"), "")
@@ -70,7 +70,7 @@ impl fmt::Display for Fault {
     }
 }
 
-/// Text of a file on one line, without control characters, and not longer than a reader cares for.
+/// Text of a file on one line, without control characters, shortened to a readable length.
 fn printable_line(text: &str) -> String {
     const MAX_LINE_CHARS: usize = 1000;
     let mut line = String::new();
@@ -93,18 +93,18 @@ impl Faults {
         self.0.push(fault);
     }
 
-    /// `Ok(value)` if nothing was found at fault.
+    /// Returns `Ok(value)` if there are no faults.
     pub fn into_result<T>(self, value: T) -> Result<T, Faults> {
         if self.0.is_empty() { Ok(value) } else { Err(self) }
     }
 
-    /// Takes the faults of `result` into this collection, and its value if there is one.
+    /// Moves the faults of `result` into this collection; returns its value if there is one.
     pub fn gather_result<T>(&mut self, result: Result<T, Faults>) -> Option<T> {
         result.map_err(|faults| self.0.extend(faults.0)).ok()
     }
 
-    /// The message that a program prints: each fault on its own line behind the program's name, once, however often the file was
-    /// read. One and the same fault of more than five lines of a file is printed once, with the next lines and their number.
+    /// Message that a program prints: each distinct fault on its own line after the program's name. A fault repeated on
+    /// more than five lines of a file is printed once, with the next lines and their number.
     pub fn format_report(&self, program: &str) -> String {
         let mut seen = HashSet::new();
         let faults: Vec<&Fault> = self.0.iter().filter(|fault| seen.insert(fault.to_string())).collect();
@@ -136,13 +136,13 @@ impl Faults {
     }
 }
 
-/// Faults of one kind that are still printed line by line.
+/// Largest number of faults of one kind that are printed line by line.
 const MAX_ALIKE_FAULTS: usize = 5;
 
-/// Lines that are named of those with the same fault.
+/// Largest number of lines listed for a repeated fault.
 const MAX_LISTED_LINES: usize = 3;
 
-/// A sentence with each number in it as `#`.
+/// Sentence with each number replaced by `#`.
 fn without_numbers(text: &str) -> String {
     let mut plain = String::new();
     let mut number = false;
@@ -198,7 +198,7 @@ mod tests {
             faults.format_report("cd-solve"),
             format!("{first}; the same in 49 more lines: 10, 15, 20, ...\n{other}")
         );
-        // A few are printed each; so are those of a file as a whole.
+        // A few are printed one by one, and so are those of a file as a whole.
         assert_eq!(Faults(many(MAX_ALIKE_FAULTS)).format_report("cd-solve").lines().count(), MAX_ALIKE_FAULTS);
         assert_eq!(Faults(many(MAX_ALIKE_FAULTS)).format_report("cd-solve").lines().next(), Some(first));
         let whole = many(9).into_iter().map(|fault| Fault { line: None, ..fault }).collect();

@@ -1,5 +1,5 @@
-//! From a triangulated surface to the faces of a convex polyhedron: whether a POLYR can be computed. cd-solve computes with
-//! the result, cd-pre asks for it before it writes a shape.
+//! Conversion of a triangulated surface to the faces of a convex polyhedron: decides whether a POLYR can be computed.
+//! cd-solve computes with the result; cd-pre checks it before it writes a shape.
 
 use std::collections::BTreeMap;
 
@@ -10,13 +10,13 @@ use crate::surface::{MassProperties, Surface};
 
 type Vec3 = Vector3<f64>;
 
-/// Which vertex, edge or face.
+/// Index of a vertex, edge or face.
 pub type FeatureIndex = u16;
 
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct PolyhedronPlane {
-    /// Unit, outward.
+    /// Outward unit normal.
     pub normal: Vector3<f64>,
     /// Largest n·x over the body, m.
     pub offset: f64,
@@ -25,14 +25,15 @@ pub struct PolyhedronPlane {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct PolyhedronEdge {
-    /// Ends, so that the first face has them in this order: e points along n0 × n1.
+    /// Ends, in the order of the first face: e points along n0 × n1.
     pub ends: [FeatureIndex; 2],
     pub faces: [FeatureIndex; 2],
 }
 
-/// Distance from a face's plane, over the size, up to which triangles belong to it: of vertices rounded to seven digits.
+/// Largest distance of a triangle from a face's plane, over the size: vertices are rounded to seven digits.
 pub const FLATNESS_OF_FILES: f64 = 1e-6;
-/// The same, tried one after the other, for bodies of which that makes no polyhedron: needles, whose sides it takes for one.
+/// Smaller values of [`FLATNESS_OF_FILES`], tried in turn for bodies that give no polyhedron with it: needles, whose
+/// sides it merges.
 const FINER_FLATNESS: [f64; 2] = [1e-8, 1e-10];
 
 /// Vertices, faces and edges of a convex polyhedron.
@@ -41,7 +42,7 @@ pub struct ConvexMesh {
     pub vertices: Vec<Vec3>,
     pub planes: Vec<PolyhedronPlane>,
     pub edges: Vec<PolyhedronEdge>,
-    /// Vertices round each face, counter-clockwise seen from outside, then the edge from each to the next; face f has
+    /// Vertices around each face, counter-clockwise seen from outside, then the edge from each to the next; face f has
     /// `starts[f]..starts[f + 1]`.
     pub loops: Vec<FeatureIndex>,
     pub starts: Vec<u32>,
@@ -49,9 +50,9 @@ pub struct ConvexMesh {
 }
 
 impl ConvexMesh {
-    /// The faces of a POLYR of BODIES.DAT about its own centre of mass, and its mass properties in the frame of the file.
+    /// Faces of a POLYR of BODIES.DAT about its own centre of mass, and its mass properties in the frame of the file.
     ///
-    /// Errors: what is wrong with the surface, or why it is no convex polyhedron.
+    /// Errors: a fault of the surface, or the reason why it is not a convex polyhedron.
     ///
     /// ```
     /// # use cd_formats::faces::ConvexMesh;
@@ -72,10 +73,11 @@ impl ConvexMesh {
         Ok((attempt(FLATNESS_OF_FILES).or_else(finer)?, mass))
     }
 
-    /// ConvexMesh of a closed, outward triangulated surface about the body's centre of mass, m. Triangles whose vertices lie within
-    /// `flatness` times the size of a plane become one face, and vertices that are then no corners are left out.
+    /// Builds the mesh of a closed, outward triangulated surface about the body's centre of mass, m. Triangles whose
+    /// vertices lie within `flatness` times the size of a plane are merged to one face. Vertices that are then not
+    /// corners are left out.
     ///
-    /// Errors: what makes it no convex polyhedron.
+    /// Errors: the reason why it is not a convex polyhedron.
     pub fn new(vertices: &[Vec3], triangles: &[[u32; 3]], flatness: f64) -> Result<Self, String> {
         let circumradius = vertices.iter().map(|v| v.norm()).fold(0.0, f64::max);
         if !circumradius.is_finite() || triangles.iter().flatten().any(|&v| v as usize >= vertices.len()) {
@@ -87,7 +89,7 @@ impl ConvexMesh {
         if edges > usize::from(FeatureIndex::MAX) {
             return Err(format!("it has {edges} edges; {} are the most", FeatureIndex::MAX));
         }
-        // Vertices that are left, renumbered.
+        // Remaining vertices, renumbered.
         let mut number = vec![FeatureIndex::MAX; vertices.len()];
         loops.iter().flatten().for_each(|&v| number[v as usize] = 0);
         let mut kept = Vec::new();
@@ -108,7 +110,7 @@ impl ConvexMesh {
         ConvexMesh { vertices, planes: Vec::new(), edges: Vec::new(), loops: Vec::new(), starts: vec![0], circumradius }
     }
 
-    /// A face with these corners; its edges come later.
+    /// Adds a face with these corners; its edges are added later.
     pub fn add_loop(&mut self, corners: impl ExactSizeIterator<Item = FeatureIndex>) {
         let end = self.loops.len() + 2 * corners.len();
         self.loops.extend(corners);
@@ -116,7 +118,7 @@ impl ConvexMesh {
         self.starts.push(end as u32);
     }
 
-    /// The plane of the last face.
+    /// Adds the plane of the last face.
     fn add_plane(&mut self, flatness: f64) -> Result<(), String> {
         let face = self.starts.len() - 2;
         let corners = self.face_corners(face);
@@ -132,7 +134,7 @@ impl ConvexMesh {
         let normal = area / area.norm();
         let heights = |corners: &[Vec3]| corners.iter().map(|v| normal.dot(v)).fold(f64::NEG_INFINITY, f64::max);
         let offset = heights(&self.vertices);
-        // A sliver's plane is known as far as its corners are over its width.
+        // Accuracy of a sliver's plane: that of its corners over its width.
         let width = area.norm() / longest;
         let allowed = 4.0 * flatness * self.circumradius * (1.0 + self.circumradius / width);
         let outside = (0..corners.len()).map(|k| offset - normal.dot(&at(k))).fold(0.0, f64::max);
@@ -144,7 +146,7 @@ impl ConvexMesh {
         Ok(())
     }
 
-    /// The edges, when all faces are there.
+    /// Adds the edges after all faces are there.
     pub fn add_edges(&mut self) -> Result<(), String> {
         let mut known: BTreeMap<[FeatureIndex; 2], usize> = BTreeMap::new();
         for face in 0..self.starts.len() - 1 {
@@ -178,17 +180,17 @@ impl ConvexMesh {
     }
 }
 
-/// Triangles by the plane in which they lie.
+/// Regions of coplanar triangles.
 struct CoplanarRegions {
     region_of_triangle: Vec<u32>,
-    /// The triangle with each directed edge.
+    /// Triangle of each directed edge.
     with_edge: BTreeMap<[u32; 2], usize>,
     count: usize,
 }
 
 impl CoplanarRegions {
-    /// From the largest triangle on, each takes its neighbours that lie within `tolerance` (m) of its plane, and those
-    /// of these.
+    /// Grows regions from the largest triangle on: each takes its neighbours that lie within `tolerance` (m) of its
+    /// plane, and their neighbours.
     fn grow_regions(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> Result<Self, String> {
         let mut with_edge = BTreeMap::new();
         for (k, t) in triangles.iter().enumerate() {
@@ -222,7 +224,7 @@ impl CoplanarRegions {
                 for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
                     let Some(&next) = with_edge.get(&[b, a]) else { return Err("its triangles do not close".into()) };
                     let near = corners(next).iter().all(|v| normal.dot(&(v - base)).abs() <= tolerance);
-                    // The normal of a triangle as thin as that is rounding.
+                    // The normal of such a thin triangle is dominated by rounding.
                     let longest = triangle_sides(&corners(next)).fold(0.0, f64::max);
                     let alike = normal.dot(&doubled[next]) > 0.0 || doubled[next].norm() <= tolerance * longest;
                     if of[next] == u32::MAX && near && alike {
@@ -236,7 +238,7 @@ impl CoplanarRegions {
         Ok(CoplanarRegions { region_of_triangle: of, with_edge, count: count as usize })
     }
 
-    /// The corners round each region, without vertices where only two regions meet.
+    /// Corners around each region, without vertices where only two regions meet.
     fn boundary_loops(&self, vertices: usize, triangles: &[[u32; 3]]) -> Result<Vec<Vec<u32>>, String> {
         let mut meeting = vec![Vec::new(); vertices];
         let mut next: Vec<BTreeMap<u32, u32>> = vec![BTreeMap::new(); self.count];

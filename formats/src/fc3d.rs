@@ -31,19 +31,19 @@ use crate::error::{Fault, Faults};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Fc3d {
-    /// Comment lines without their `#`.
+    /// Comment lines without the leading `#`.
     pub comments: Vec<String>,
-    /// One word.
+    /// Name, one word.
     pub name: String,
     /// Friction of each contact.
     pub mu: Vec<f64>,
     /// Relative velocity of each contact without impulses, along n, t1, t2; < 0 along n when closing.
     pub free_velocities: Vec<[f64; 3]>,
-    /// By row, then by column.
+    /// Blocks of W, by row, then by column.
     pub blocks: Vec<Fc3dBlock>,
 }
 
-/// The 3x3 block of W that maps the impulse of contact `column` to the velocity of contact `row`.
+/// 3x3 block of W that maps the impulse of contact `column` to the velocity of contact `row`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fc3dBlock {
     pub row: usize,
@@ -52,7 +52,7 @@ pub struct Fc3dBlock {
 }
 
 impl Fc3d {
-    /// Reads a file; all faults of its numbers at once, the first fault of its structure.
+    /// Reads a file; reports all faults of its numbers at once, or the first fault of its structure.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         Self::parse(path, &read_text(path)?)
     }
@@ -70,7 +70,7 @@ impl Fc3d {
         }
     }
 
-    /// The text of the file.
+    /// Text of the file.
     pub fn to_text(&self) -> String {
         let mut out = String::from("fc3d 1\n");
         for comment in &self.comments {
@@ -96,7 +96,7 @@ impl Fc3d {
     }
 }
 
-/// The words of a file with their lines.
+/// Words of a file with their lines.
 struct WordReader<'a> {
     path: &'a Path,
     words: Vec<(usize, &'a str)>,
@@ -127,7 +127,7 @@ impl<'a> WordReader<'a> {
         self.expect_keyword("blocks")?;
         let count = self.read_count("blocks")?;
 
-        // Each number needs two bytes: a count that the file cannot hold is found before memory is asked for.
+        // Each number needs two bytes: a count too large for the file is rejected before memory is allocated.
         self.expect_keyword("mu")?;
         let mut mu = Vec::new();
         for k in 0..contacts {
@@ -216,7 +216,7 @@ impl<'a> WordReader<'a> {
         Ok([self.read_real(object)?, self.read_real(object)?, self.read_real(object)?])
     }
 
-    /// A fault of the word read last.
+    /// Fault of the word read last.
     fn fault_at_word(&self, object: &str, found: String, expected: &str) -> Fault {
         Fault::new(self.path, self.words.get(self.next.wrapping_sub(1)).map(|(line, _)| *line), object, found, expected)
     }

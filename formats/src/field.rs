@@ -1,4 +1,4 @@
-//! Fields from outside: a primary's attraction, and the forces of turning axes.
+//! External fields: attraction of a primary, and inertial forces in rotating axes.
 
 use nalgebra::Vector3;
 
@@ -12,32 +12,32 @@ pub enum FieldModel {
     Primary {
         /// G M, m^3/s^2
         strength: f64,
-        /// m
+        /// Position of the centre, m.
         centre: Vec3,
         /// J2 R^2, m^2: zonal harmonic and equatorial radius squared; 0 for a sphere.
         oblateness: f64,
         /// Unit vector.
         axis: Vec3,
     },
-    /// Axes that turn about a point.
+    /// Axes that rotate about a point.
     Turning {
-        /// rad/s
+        /// Angular velocity, rad/s.
         rate: Vec3,
-        /// m
+        /// Centre of rotation, m.
         centre: Vec3,
     },
 }
 
 impl FieldModel {
-    /// What a body at rest in these axes feels, m/s^2, and its potential, J/kg. With r from the centre, s = r.axis/|r|
-    /// and e = J2 R^2/|r|^2:
+    /// Acceleration of a body at rest in these axes, m/s^2, and its potential, J/kg. With r from the centre, s =
+    /// r.axis/|r| and e = J2 R^2/|r|^2:
     ///
     /// ```text
     /// primary:      phi = -G M/|r| (1 - e (3 s^2 - 1)/2),   a = -G M/|r|^3 (r (1 + 3/2 e (1 - 5 s^2)) + 3 e s |r| axis)
     /// turning axes: phi = -|W x r|^2/2,                     a = -W x (W x r)
     /// ```
     ///
-    /// At a primary's centre there is no force.
+    /// The force is 0 at a primary's centre.
     pub fn acceleration_and_potential(&self, x: &Vec3) -> (Vec3, f64) {
         match *self {
             FieldModel::Primary { strength, centre, oblateness, axis } => {
@@ -58,8 +58,8 @@ impl FieldModel {
         }
     }
 
-    /// What the potential energy of a body has beyond its mass times the potential at its centre, J: in axes that turn
-    /// the share of its extent, -W.(J W)/2, where `turns` gives J W (kg m^2/s) in fixed axes; of a primary nothing counts.
+    /// Potential energy of a body beyond its mass times the potential at its centre, J. In rotating axes it is -W.(J
+    /// W)/2, due to the extent of the body, where `turns` gives J W (kg m^2/s) in fixed axes. It is 0 for a primary.
     pub fn tidal_energy(&self, turns: impl Fn(&Vec3) -> Vec3) -> f64 {
         match self {
             FieldModel::Turning { rate, .. } => -0.5 * turns(rate).dot(rate),
@@ -67,7 +67,7 @@ impl FieldModel {
         }
     }
 
-    /// How fast the axes turn, rad/s.
+    /// Angular velocity of the axes, rad/s.
     pub fn rotation_rate(&self) -> Vec3 {
         match *self {
             FieldModel::Turning { rate, .. } => rate,
@@ -77,7 +77,7 @@ impl FieldModel {
 }
 
 impl ExternalField {
-    /// What it does where the Newtonian constant is `constant`, m^3 kg^-1 s^-2.
+    /// Model of the field for the Newtonian constant `constant`, m^3 kg^-1 s^-2.
     pub fn to_model(&self, constant: f64) -> FieldModel {
         let primary = |mass: f64, position: [f64; 3], oblateness: f64, axis: [f64; 3]| FieldModel::Primary {
             strength: constant * mass,

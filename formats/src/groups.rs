@@ -1,4 +1,4 @@
-//! Things that hang together by links between two of them.
+//! Groups of items connected by pairwise links.
 
 /// Disjoint sets of the numbers 0, 1, ... with halving of paths.
 ///
@@ -12,12 +12,12 @@
 pub struct DisjointSets(Vec<usize>);
 
 impl DisjointSets {
-    /// Each by itself.
+    /// `count` sets of one number each.
     pub fn new(count: usize) -> Self {
         DisjointSets((0..count).collect())
     }
 
-    /// The least of the group of `i`.
+    /// Smallest number in the set of `i`.
     pub fn find(&mut self, mut i: usize) -> usize {
         while self.0[i] != i {
             self.0[i] = self.0[self.0[i]];
@@ -26,7 +26,7 @@ impl DisjointSets {
         i
     }
 
-    /// Makes one group of those of `i` and `j`.
+    /// Merges the sets of `i` and `j`.
     pub fn union(&mut self, i: usize, j: usize) {
         let (i, j) = (self.find(i), self.find(j));
         self.0[i.max(j)] = i.min(j);

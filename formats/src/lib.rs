@@ -3,27 +3,27 @@
 //! | module | file |
 //! |---|---|
 //! | [`bodies`] | `DATBOX/BODIES.DAT`: shapes, materials, reference positions |
-//! | [`surface`] | the closed surfaces in it: faults, mass properties |
-//! | [`faces`] | the faces and edges of a convex one; whether it is one |
-//! | [`mass`] | the mass properties of its contactors, one by one and together |
+//! | [`surface`] | closed surfaces of BODIES.DAT: faults, mass properties |
+//! | [`faces`] | faces and edges of a convex surface; whether it is convex |
+//! | [`mass`] | mass properties of contactors and of bodies |
 //! | [`bulk_behav`] | `DATBOX/BULK_BEHAV.DAT`: densities, uniform gravity |
-//! | [`tact_behav`] | `DATBOX/TACT_BEHAV.DAT`: contact laws, which pair of colours follows which |
+//! | [`tact_behav`] | `DATBOX/TACT_BEHAV.DAT`: contact laws, the law of each pair of colours |
 //! | [`drv_dof`] | `DATBOX/DRV_DOF.DAT`: imposed velocities and forces |
 //! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
 //! | [`vloc_rloc`] | `DATBOX/Vloc_Rloc.INI`, `OUTBOX/Vloc_Rloc.OUT.k`: contacts at one instant |
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
-//! | [`origin`] | the same: which files DATBOX is made from |
+//! | [`origin`] | the same: the files that DATBOX is made from |
 //! | [`doubts`] | none: values that are probably mistakes of units |
-//! | [`accuracy`] | the same: what its presets of accuracy mean |
+//! | [`accuracy`] | the same: the values of its presets of accuracy |
 //! | [`case`] | none: the folder of a case on a command line |
-//! | [`groups`] | none: what hangs together
-//! | [`places`] | any RON file: where its values stand, and others in their place |
+//! | [`groups`] | none: groups of connected items |
+//! | [`places`] | any RON file: positions and replacement of its values |
 //! | [`report`] | the same: its faults |
-//! | [`ron_text`] | the same: reading it, with the place of each mistake |
+//! | [`ron_text`] | the same: reading it, with the position of each mistake |
 //! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
 //! | [`tell`] | none: messages to people |
-//! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: all that a restart needs, bit for bit |
-//! | [`unchanged`] | the same: whether the files of DATBOX are still those that it was computed from |
+//! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: the complete state for a restart, bit for bit |
+//! | [`unchanged`] | the same: whether the files of DATBOX still agree with it |
 
 pub mod accuracy;
 pub mod atomic;

@@ -1,4 +1,4 @@
-//! Volume, centre and inertia of contactors, one by one and together on a body; what a body weighs.
+//! Volume, centre and inertia of contactors, one by one and combined to a body; mass properties of bodies.
 
 use std::f64::consts::PI;
 
@@ -9,9 +9,9 @@ use crate::faces::ConvexMesh;
 use crate::surface::{MassProperties, Surface};
 
 impl Contactor {
-    /// In the frame of the file, at density 1; nothing of a point.
+    /// Mass properties in the frame of the file, at density 1; zero for a point.
     ///
-    /// Errors: what is wrong with the surface of a polyhedron.
+    /// Errors: the faults of the surface of a polyhedron.
     pub fn mass_properties(&self) -> Result<MassProperties, Vec<String>> {
         let (offset, axes) = match &self.local_frame {
             Some(frame) => (frame.offset, Matrix3::from_fn(|i, j| frame.axes[j][i])),
@@ -43,7 +43,7 @@ impl Contactor {
         })
     }
 
-    /// Moments about its own axes, `own` being its mass properties.
+    /// Moments about its own axes; `own` are its mass properties.
     fn own_moments(&self, own: &MassProperties) -> [f64; 3] {
         let axes = self.local_frame.as_ref().map_or(Matrix3::identity(), |f| Matrix3::from_fn(|i, j| f.axes[j][i]));
         let turn = Rotation3::from_matrix_eps(&axes, 1e-15, 100, Rotation3::identity());
@@ -55,7 +55,7 @@ impl Contactor {
 /// Mass properties of a body in a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InertialProperties {
-    /// kg
+    /// Mass, kg.
     pub mass: f64,
     /// Principal moments, kg m^2.
     pub inertia: [f64; 3],
@@ -63,21 +63,21 @@ pub struct InertialProperties {
     pub radius: f64,
 }
 
-/// A body that can be computed.
+/// Body that can be computed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckedBody {
     /// Faces of each polyhedron among the contactors, about its own centre of mass.
     pub faces: Vec<Option<ConvexMesh>>,
     /// Mass properties of each contactor, in the frame of the file, at density 1.
     pub parts: Vec<MassProperties>,
-    /// Of all contactors together.
+    /// Mass properties of all contactors together.
     pub whole: MassProperties,
     pub inertial: InertialProperties,
 }
 
 impl CheckedBody {
-    /// Distance up to which the contactors of `body`, of which it was made, reach from the centre of mass, m: each by the
-    /// ball around it.
+    /// Reach of the contactors from the centre of mass, m, by the bounding ball of each. `body` must be the one that this
+    /// was made of.
     pub fn bounding_radius(&self, body: &Body) -> f64 {
         let shift = Vector3::from(body.centre_of_mass_offset(&self.whole));
         let parts = body.contactors.iter().zip(&self.faces).zip(&self.parts);
@@ -95,16 +95,17 @@ impl CheckedBody {
     }
 }
 
-/// Relative difference of moments that is rounding of the file: such a body needs no equation for its rotation.
+/// Largest relative difference of moments that counts as rounding of the file: such a body needs no equation for its
+/// rotation.
 const EQUAL_MOMENTS: f64 = 1e-7;
 
-/// By so much the volume of a radius may differ, relatively, that has been rounded to 7 digits.
+/// Largest relative error of the volume of a radius that has been rounded to 7 digits.
 const VOLUME_ROUNDING: f64 = 1e-6;
 
 impl Body {
-    /// The body at a density (kg/m^3), if cd-solve can compute it; cd-pre asks before it writes one.
+    /// The body at a density (kg/m^3), if cd-solve can compute it; cd-pre checks this before it writes a body.
     ///
-    /// Errors: what was found and what was expected.
+    /// Errors: the value found and the value expected.
     pub fn check_at_density(&self, density: f64) -> Result<CheckedBody, (String, String)> {
         let refuse = |fault: String| (format!("contactor POLYR: {fault}"), "expected a closed convex surface".into());
         let (mut faces, mut parts) = (Vec::new(), Vec::new());
@@ -125,7 +126,7 @@ impl Body {
         }
         if let [Contactor { shape: ShapeRecord::Sphere { radius }, .. }] = self.contactors.as_slice() {
             let avrd = self.equivalent_radius;
-            // The files hold 7 or 8 digits.
+            // The files have 7 or 8 digits.
             if avrd != 0.0 && (avrd - radius).abs() > 1e-6 * radius {
                 let expected =
                     format!("expected 0 or the contactor's radius {radius}: a sphere's mass follows from its own size");
@@ -149,14 +150,15 @@ impl Body {
         Ok(CheckedBody { faces, parts, whole, inertial: inert })
     }
 
-    /// Of all contactors together. Errors: as of one of them.
+    /// Mass properties of all contactors together. Errors: those of any contactor.
     pub fn mass_properties(&self) -> Result<MassProperties, Vec<String>> {
         let of_each = self.contactors.iter().map(Contactor::mass_properties);
         Ok(MassProperties::composite(&of_each.collect::<Result<Vec<_>, _>>()?))
     }
 
-    /// From `position` to the centre of mass, m, `own` being the mass properties of all contactors together: to their
-    /// centre, but for a lone SPHEb, and for several contactors that are given with inertia and so about the centre.
+    /// Vector from `position` to the centre of mass, m; `own` are the mass properties of all contactors together. It
+    /// points to their centre. It is 0 for a lone SPHEb, and for several contactors with a given inertia, which are
+    /// relative to the centre.
     pub fn centre_of_mass_offset(&self, own: &MassProperties) -> [f64; 3] {
         let about_centre = match self.contactors.as_slice() {
             [lone] => matches!(lone.shape, ShapeRecord::OffsetSphere { .. }),
@@ -165,8 +167,9 @@ impl Body {
         if about_centre { [0.0; 3] } else { own.centre }
     }
 
-    /// At a density (kg/m^3), `own` being the mass properties of all contactors together. `avrd` and `I1 I2 I3` count where
-    /// they are given, but for the moments of a lone sphere, plate or cylinder, about its own axes, and the mass of a sphere.
+    /// Mass properties at a density (kg/m^3); `own` are those of all contactors together. Given values of `avrd` and
+    /// `I1 I2 I3` are used, except for the moments of a lone sphere, plate or cylinder, about its own axes, and the mass of
+    /// a sphere.
     pub fn inertial_properties(&self, own: &MassProperties, density: f64) -> InertialProperties {
         let lone = if let [lone] = self.contactors.as_slice() { Some(lone) } else { None };
         let simple = lone.filter(|contactor| !matches!(contactor.shape, ShapeRecord::Polyhedron { .. }));
@@ -175,7 +178,7 @@ impl Body {
         let inertia = given.unwrap_or_else(own_moments);
         let told = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
         let counts = match simple.map(|contactor| &contactor.shape) {
-            // The volume itself has more digits.
+            // Computed directly, the volume has more digits.
             Some(ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. }) => {
                 (told / own.volume - 1.0).abs() > VOLUME_ROUNDING
             }
@@ -194,7 +197,7 @@ impl Body {
 }
 
 impl MassProperties {
-    /// Mass properties of several parts as one body, by Huygens' theorem; what parts share counts twice.
+    /// Mass properties of several parts as one body, by Huygens' theorem; overlaps of parts count twice.
     pub fn composite(parts: &[MassProperties]) -> MassProperties {
         let volume: f64 = parts.iter().map(|part| part.volume).sum();
         let centre = parts.iter().map(|part| Vector3::from(part.centre) * part.volume).sum::<Vector3<f64>>() / volume;
@@ -248,7 +251,7 @@ mod tests {
         for alone in [weighed(vec![sphere.clone()], 0.0, None), weighed(vec![sphere], 7.0, Some([9.0; 3]))] {
             assert!(close(alone.mass, mass) && close(alone.inertia[2], expected.inertia[2]) && alone.radius == 2.0);
         }
-        // Two balls without inertia weigh what they are; with it, what avrd says.
+        // Two balls without given inertia have the mass of their volumes; with it, that of avrd.
         let own = weighed(vec![ball(-1.0), ball(1.0)], 1.0, None);
         assert!(close(own.mass, 3.0 * 2.0 * 4.0 / 3.0 * PI * 0.125) && close(own.radius, 0.25f64.cbrt()), "{own:?}");
         assert!(own.inertia[0] < own.inertia[1] && own.inertia[1] == own.inertia[2]);

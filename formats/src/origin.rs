@@ -1,4 +1,4 @@
-//! The files that a DATBOX is made from: comments in COMPUTE.RON, from which cd-solve knows that one has changed since.
+//! Files that a DATBOX is made from, recorded as comments in COMPUTE.RON. cd-solve detects by them that one has changed.
 
 use std::fs;
 use std::path::Path;
@@ -7,16 +7,16 @@ use std::path::Path;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SceneOrigin {
     pub command: Command,
-    /// The scene first, then the models that it names; the file of changes, then the snapshots.
+    /// The scene first, then the models that it names; or the file of changes, then the snapshots.
     pub inputs: Vec<Input>,
-    /// `PATH=VALUE` of each value that was set beyond the file.
+    /// `PATH=VALUE` of each value that overrides the file.
     pub settings: Vec<String>,
 }
 
-/// A file that DATBOX is made from.
+/// File that DATBOX is made from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Input {
-    /// Seen from the folder that DATBOX is in.
+    /// Path relative to the folder that contains DATBOX.
     pub path: String,
     /// [`checksum`] of the file.
     pub checksum: u64,
@@ -31,8 +31,8 @@ pub enum Command {
     FromOutbox { case: String, changes: Option<String> },
 }
 
-/// Folders above that of DATBOX in which a scene is followed, and below which other files are; what lies elsewhere may be
-/// moved apart.
+/// Folders, relative to that of DATBOX, in which a scene is tracked, and below which other files are. Files elsewhere are
+/// not tracked, since they may be moved separately.
 const SCENE_FOLDERS: [&str; 3] = ["", "..", "../.."];
 
 const HEADER_PREFIX: &str = "// Made from ";
@@ -42,7 +42,7 @@ const CHECKSUM_PREFIX: &str = ", checksum ";
 const CHANGES: &str = ", --changes ";
 const SETTING_PREFIX: &str = ", --set ";
 
-/// Path of a file or folder seen from the folder `case`; none if it lies elsewhere, see [`SCENE_FOLDERS`].
+/// Path of a file or folder relative to the folder `case`; none if it lies elsewhere, see [`SCENE_FOLDERS`].
 fn near(path: &Path, case: &Path) -> Option<String> {
     let whole = |path: &Path| fs::canonicalize(if path == Path::new("") { Path::new(".") } else { path }).ok();
     let there = match path.file_name() {
@@ -76,7 +76,8 @@ impl SceneOrigin {
         SceneOrigin { command, inputs: Vec::new(), settings: plain(settings) }
     }
 
-    /// Adds a file, unless it is there, lies elsewhere or cannot be read; `case` as in [`SceneOrigin::from_scene`].
+    /// Adds a file, unless it is already listed, lies elsewhere or cannot be read; `case` as in
+    /// [`SceneOrigin::from_scene`].
     pub fn add(&mut self, file: &Path, case: &Path) {
         if let (Some(path), Ok(bytes)) = (near(file, case), fs::read(file))
             && self.inputs.iter().all(|known| known.path != path)
@@ -85,7 +86,7 @@ impl SceneOrigin {
         }
     }
 
-    /// The lines of COMPUTE.RON, with their ends.
+    /// Lines of COMPUTE.RON, with their ends.
     pub fn lines(&self) -> String {
         let settings: String = self.settings.iter().map(|setting| format!("{SETTING_PREFIX}{setting}")).collect();
         let mut lines = String::new();
@@ -101,7 +102,7 @@ impl SceneOrigin {
         lines
     }
 
-    /// The origin that a COMPUTE.RON names, if it does.
+    /// Origin that a COMPUTE.RON names, if any.
     pub fn from_compute_text(text: &str) -> Option<SceneOrigin> {
         let input = |line: &str| -> Option<(Input, Vec<String>)> {
             let (path, rest) = line.split_once(CHECKSUM_PREFIX)?;
@@ -131,7 +132,7 @@ impl SceneOrigin {
         Some(origin)
     }
 
-    /// Warning if files that a DATBOX in the folder `case` is made from exist and have changed.
+    /// Warning about files that a DATBOX in the folder `case` is made from, if they exist and have changed.
     pub fn change_warning(&self, case: &Path) -> Option<String> {
         let has_changed =
             |input: &&Input| fs::read(case.join(&input.path)).is_ok_and(|bytes| checksum(&bytes) != input.checksum);
@@ -162,7 +163,7 @@ impl SceneOrigin {
     }
 }
 
-/// FNV-1a of 64 bits.
+/// FNV-1a hash of 64 bits.
 ///
 /// ```
 /// assert_eq!(cd_formats::origin::checksum(b"a"), 0xaf63_dc4c_8601_ec8c);

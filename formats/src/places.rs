@@ -1,7 +1,7 @@
-//! Where the values of a RON text stand, and other values in their place.
+//! Positions of the values of a RON text, and replacement of values.
 //!
-//! serde keeps no positions, so [`ValueLocations`] walks the text once more: a text that RON has accepted needs no more than its
-//! brackets, field names, strings and comments to be found again.
+//! serde keeps no positions, so [`ValueLocations`] scans the text again. Since RON has accepted the text, brackets, field
+//! names, strings and comments suffice to locate the values.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -10,8 +10,8 @@ use std::path::Path;
 use crate::error::{Fault, Faults};
 use crate::ron_text;
 
-/// The values of a RON text by their paths: field names and 0-based places in lists and tuples, joined by points; the
-/// path of the whole is empty.
+/// Values of a RON text by their paths: field names and 0-based positions in lists and tuples, joined by points; the path
+/// of the whole is empty.
 pub struct ValueLocations<'a> {
     text: &'a str,
     places: HashMap<String, ValueLocation>,
@@ -23,7 +23,7 @@ struct ValueLocation {
     start: usize,
     /// Bytes of the value.
     span: Range<usize>,
-    /// Behind its opening bracket, if it has fields or items.
+    /// Byte after its opening bracket, if it has fields or items.
     content_start: Option<usize>,
 }
 
@@ -35,8 +35,8 @@ impl<'a> ValueLocations<'a> {
         ValueLocations { text, places: walk.places }
     }
 
-    /// Line and column of the value at `path`, or of the innermost value around it if it was left out, 1-based; none
-    /// where nothing of the path is in the text.
+    /// Line and column, 1-based, of the value at `path`, or of the innermost value around it if it was left out; none if
+    /// no part of the path is in the text.
     pub fn position(&self, path: &str) -> Option<(usize, usize)> {
         let mut path = path;
         loop {
@@ -53,7 +53,7 @@ impl<'a> ValueLocations<'a> {
         self.places.get(path).map(|place| &self.text[place.span.clone()])
     }
 
-    /// The path of the innermost value at a byte of the text, on its name too.
+    /// Path of the innermost value at a byte of the text; the name counts as part of the value.
     fn path_at(&self, byte: usize) -> Option<&str> {
         let holds = |place: &ValueLocation| place.start <= byte && byte <= place.span.end;
         let holders = self.places.iter().filter(|(_, place)| holds(place));
@@ -61,10 +61,10 @@ impl<'a> ValueLocations<'a> {
     }
 }
 
-/// A RON text with other values: each of `settings` is `PATH=VALUE`, the path of field names and places in lists,
-/// counted from 1, as in `grains.1.number=2000`; a field that was left out is put in. Lines keep their numbers.
+/// Replaces values in a RON text: each of `settings` is `PATH=VALUE`, with the path of field names and positions in
+/// lists, counted from 1, as in `grains.1.number=2000`. A field that was left out is inserted. Lines keep their numbers.
 ///
-/// Errors: settings that are no such pairs, and paths that lead nowhere.
+/// Errors: settings that are not such pairs, and paths that do not exist.
 pub fn apply_settings(text: &str, settings: &[String]) -> Result<String, Faults> {
     let mut text = text.to_string();
     let mut faults = Faults::default();
@@ -77,12 +77,12 @@ pub fn apply_settings(text: &str, settings: &[String]) -> Result<String, Faults>
     faults.into_result(text)
 }
 
-/// A fault of a value that was set.
+/// Fault of a setting.
 pub fn setting_fault(setting: &str, found: impl Into<String>, expected: impl Into<String>) -> Fault {
     Fault::new(Path::new("options"), None, format!("set {setting}"), found, expected)
 }
 
-/// The last of `settings` that the value at `path` is from, if one is.
+/// Last of `settings` that sets the value at `path`, if any.
 pub fn setting_of_path<'a>(settings: &'a [String], path: &str) -> Option<&'a str> {
     let is_part = |setting: &&String| {
         let rest = setting.split_once('=').and_then(|(of, _)| path.strip_prefix(&path_keys(of.trim())?.join(".")));
@@ -91,16 +91,16 @@ pub fn setting_of_path<'a>(settings: &'a [String], path: &str) -> Option<&'a str
     settings.iter().rfind(is_part).map(String::as_str)
 }
 
-/// The last of `settings` that what stands on a line from a column of `text` on, 1-based, is from, if one is.
+/// Last of `settings` that sets the value at a line and column of `text`, 1-based, if any.
 pub fn setting_at<'a>(settings: &'a [String], text: &str, line: usize, column: usize) -> Option<&'a str> {
     let before: usize = text.split_inclusive('\n').take(line - 1).map(str::len).sum();
     let within: usize = text[before..].chars().take(column - 1).map(char::len_utf8).sum();
-    // RON misses some values where the blank before them begins.
+    // RON reports some missing values where the blank before them begins.
     let byte = text.len() - text[before + within..].trim_start().len();
     setting_of_path(settings, ValueLocations::from_text(text).path_at(byte)?)
 }
 
-/// The names and 0-based places of a path as people write it, who count places in lists from 1; none of place 0.
+/// Names and 0-based positions of a path in which positions in lists count from 1; none if a position is 0.
 fn path_keys(path: &str) -> Option<Vec<String>> {
     let key = |key: &str| match key.parse::<usize>() {
         Ok(place) => place.checked_sub(1).map(|place| place.to_string()),
@@ -154,7 +154,7 @@ fn apply_setting(text: &str, setting: &str) -> Result<String, (String, String)> 
     Ok(format!("{}{value}, {}", &text[..inside], &text[inside..]))
 }
 
-/// The field of what stands at `holder` whose name is nearest to `name`.
+/// Name of the field of the value at `holder` that is nearest to `name`.
 fn nearest_field<'a>(places: &'a HashMap<String, ValueLocation>, holder: &[String], name: &str) -> Option<&'a str> {
     let within = |path: &'a String| {
         let (parent, field) = path.rsplit_once('.').unwrap_or(("", path));
@@ -168,12 +168,12 @@ fn nearest_field<'a>(places: &'a HashMap<String, ValueLocation>, holder: &[Strin
 struct LocationWalker<'a> {
     text: &'a [u8],
     at: usize,
-    /// Brackets that are open.
+    /// Number of open brackets.
     depth: usize,
     places: HashMap<String, ValueLocation>,
 }
 
-/// Deepest nesting that is walked; RON refuses more.
+/// Deepest nesting that is scanned; RON rejects more.
 const MAX_DEPTH: usize = 256;
 
 impl<'a> LocationWalker<'a> {
@@ -190,7 +190,7 @@ impl<'a> LocationWalker<'a> {
         self.at = end;
     }
 
-    /// Goes behind the next `mark`, or to the end.
+    /// Moves after the next `mark`, or to the end.
     fn skip_past(&mut self, mark: &[u8]) {
         let rest = &self.text[self.at..];
         let found = rest.windows(mark.len()).position(|window| window == mark);
@@ -208,7 +208,7 @@ impl<'a> LocationWalker<'a> {
         }
     }
 
-    /// Goes behind a comment in `/* */`; there may be others within.
+    /// Moves after a comment in `/* */`, which may contain others.
     fn skip_comment(&mut self) {
         let mut depth = 0;
         while let Some(two) = self.text.get(self.at..self.at + 2) {
@@ -226,7 +226,7 @@ impl<'a> LocationWalker<'a> {
         self.advance(1);
     }
 
-    /// Goes behind what a text may begin with, such as `#![enable(implicit_some)]`.
+    /// Moves after extensions at the start of a text, such as `#![enable(implicit_some)]`.
     fn skip_extensions(&mut self) {
         self.skip_blank();
         while self.current_byte() == b'#' {
@@ -235,7 +235,7 @@ impl<'a> LocationWalker<'a> {
         }
     }
 
-    /// A field's name, if one stands here with its colon; goes behind the colon.
+    /// Reads a field's name followed by a colon, if there is one; moves after the colon.
     fn read_field_name(&mut self) -> Option<String> {
         let length = self.text[self.at..].iter().take_while(|b| b.is_ascii_alphanumeric() || **b == b'_').count();
         let name = String::from_utf8_lossy(&self.text[self.at..self.at + length]).into_owned();
@@ -250,7 +250,7 @@ impl<'a> LocationWalker<'a> {
         None
     }
 
-    /// Goes behind the value at `path`, which or whose name begins at a byte.
+    /// Moves after the value at `path`; the value, or its name, begins at the byte `start`.
     fn skip_value(&mut self, path: &str, start: usize) {
         self.skip_blank();
         let mut place = ValueLocation { start, span: self.at..self.at, content_start: None };
@@ -280,7 +280,7 @@ impl<'a> LocationWalker<'a> {
         self.advance(1);
     }
 
-    /// Goes behind `r"..."` or `r#"..."#`, in which nothing is escaped; or behind the letter alone.
+    /// Moves after `r"..."` or `r#"..."#`, which have no escapes; or after the letter only.
     fn skip_raw_string(&mut self) {
         self.advance(1);
         let marks = self.text[self.at..].iter().take_while(|byte| **byte == b'#').count();
@@ -290,7 +290,7 @@ impl<'a> LocationWalker<'a> {
         }
     }
 
-    /// From an opening bracket to behind its closing one.
+    /// Moves from an opening bracket to after its closing one.
     fn skip_items(&mut self, path: &str) {
         if self.depth == MAX_DEPTH {
             self.advance(self.text.len());
@@ -351,11 +351,11 @@ mod tests {
             assert_eq!(set_to(&text, "a=7"), Ok(text.replacen(after, &after.replacen("a: 1", "a: 7", 1), 1)));
             assert_eq!(set_to(&text, "new=7").map(|text| text.matches("(new: 7, ").count()), Ok(1), "{text}");
         }
-        // What is nested so deeply that it ends the walk, as a setting too; RON refuses it.
+        // Nesting so deep that it ends the scan, also as a setting; RON rejects it.
         let deep = format!("(b: {}{}, a: 1)", "(".repeat(100_000), ")".repeat(100_000));
         assert_eq!(ValueLocations::from_text(&deep).position("b").map(|(line, _)| line), Some(1));
         assert!(set_to("(a: 1)", &format!("a={}", &deep[4..deep.len() - 7])).is_ok_and(|text| text.len() > 200_000));
-        // What has no end, which RON refuses.
+        // Text without an end, which RON rejects.
         for text in ["(a: 1, /* /* */", "(a: 1, r#\"\"", "#![enable("] {
             ValueLocations::from_text(text);
         }

@@ -6,7 +6,7 @@ use crate::error::{Fault, Faults};
 use crate::places::{self, ValueLocations};
 use crate::ron_text::known_names;
 
-/// Faults of one file, each by the path of its value, e.g. `grains.0.sizes`.
+/// Faults of one file, each with the path of its value, e.g. `grains.0.sizes`.
 pub struct FaultReport<'a> {
     file: &'a Path,
     places: ValueLocations<'a>,
@@ -21,7 +21,7 @@ impl<'a> FaultReport<'a> {
         FaultReport::with_settings(file, text, &[])
     }
 
-    /// Report on a text in which [`places::apply_settings`] has put other values: faults of these name the setting.
+    /// Report on a text in which [`places::apply_settings`] has replaced values: faults of these name the setting.
     pub fn with_settings(file: &'a Path, text: &'a str, settings: &'a [String]) -> Self {
         FaultReport {
             file,
@@ -32,22 +32,22 @@ impl<'a> FaultReport<'a> {
         }
     }
 
-    /// Takes down a fault of the value at `path`: `found` says what stands there, `expected` what should.
+    /// Adds a fault of the value at `path`: `found` describes the value, `expected` the one that is expected.
     pub fn add_fault(&mut self, path: &str, found: impl Into<String>, expected: impl Into<String>) {
         self.faults.push(self.fault_at(path, found.into(), format!("expected {}", expected.into())));
     }
 
-    /// As [`FaultReport::add_fault`], with the whole phrase about what is expected, such as a question.
+    /// Adds a fault like [`FaultReport::add_fault`], with the whole phrase about the expected value, such as a question.
     pub fn fault_as(&mut self, path: &str, found: impl Into<String>, expected: impl Into<String>) {
         self.faults.push(self.fault_at(path, found.into(), expected.into()));
     }
 
-    /// Text of the value at `path`; empty where there is none.
+    /// Text of the value at `path`; empty if there is none.
     pub fn text(&self, path: &str) -> &'a str {
         self.places.text(path).unwrap_or_default()
     }
 
-    /// Takes down a warning about the value at `path`, with a question or an advice.
+    /// Adds a warning about the value at `path`, with a question or advice.
     pub fn add_warning(&mut self, path: &str, found: impl Into<String>, question: &str) {
         self.warnings.push(self.fault_at(path, found.into(), question.to_string()));
     }
@@ -62,12 +62,12 @@ impl<'a> FaultReport<'a> {
         }
     }
 
-    /// Takes down a name that is none of `known` at `path`, with the nearest of them.
+    /// Adds a fault of a name at `path` that is not in `known`, with the nearest known name.
     pub fn unknown(&mut self, path: &str, found: impl Into<String>, name: &str, known: &[&str]) {
         self.faults.push(self.fault_at(path, found.into(), known_names(name, known)));
     }
 
-    /// As [`FaultReport::add_fault`], unless `holds`.
+    /// Adds a fault like [`FaultReport::add_fault`], unless `holds`.
     pub fn require(&mut self, holds: bool, path: &str, found: impl Into<String>, expected: &str) {
         if !holds {
             self.add_fault(path, found, expected);
@@ -75,12 +75,12 @@ impl<'a> FaultReport<'a> {
     }
 }
 
-/// A path in words: `grains.0.sizes` is `grains 1, sizes`; `materials.2` is `material 3`.
+/// Converts a path to words: `grains.0.sizes` is `grains 1, sizes`; `materials.2` is `material 3`.
 pub(crate) fn path_in_words(path: &str) -> String {
     let mut words: Vec<String> = Vec::new();
     for key in path.split('.') {
         match (key.parse::<usize>(), words.last_mut()) {
-            // Components of items, as `--set` has them.
+            // Components of items, as in `--set`.
             (Ok(index), Some(item)) if item.ends_with(|last: char| last.is_ascii_digit()) => {
                 *item += &format!(".{}", index + 1);
             }

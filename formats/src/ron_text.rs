@@ -1,8 +1,8 @@
-//! Reading of RON texts: faults that point to the mistake, in words of our own.
+//! Reading of RON texts, with errors at the position of the mistake, in plain words.
 //!
-//! [`syntax_faults`] finds faults of the text itself (brackets, commas, quotes, comments), all at once. What has none of these is
-//! parsed by the RON library, whose error is put into words with the value that stands at its position. No text of that
-//! library reaches the user.
+//! [`syntax_faults`] finds all faults of the text itself (brackets, commas, quotes, comments) at once. A text without
+//! such faults is parsed by the RON library. Its error is described with the value at its position; the library's own
+//! text never reaches the user.
 
 use std::ops::Range;
 use std::path::Path;
@@ -13,26 +13,26 @@ use serde::de::DeserializeOwned;
 use crate::error::{Fault, Faults};
 use crate::report;
 
-/// A fault at a byte of a text.
+/// Fault at a byte of a text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TextFault {
     pub at: usize,
     /// Path of the value that it belongs to, as `grains.0.number`; empty for the whole text.
     pub path: String,
     pub found: String,
-    /// Begins with `expected` or is a question, `did you mean ...?`.
+    /// Expectation that begins with `expected`, or a question, `did you mean ...?`.
     pub expected: String,
 }
 
-/// The RON of our files: `field: x` stands for `field: Some(x)`.
+/// RON options of our files: `field: x` is read as `field: Some(x)`.
 pub(crate) fn ron_options() -> ron::Options {
     ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME)
 }
 
 /// Reads RON.
 ///
-/// Errors: all faults of the syntax, or else the first value that cannot be what it should be, with line and column. `object` is
-/// named where the fault belongs to the text as a whole.
+/// Errors: all faults of the syntax, or else the first value that does not fit its type, with line and column. `object`
+/// is the name of the text as a whole in faults.
 pub fn from_ron<T: DeserializeOwned>(path: &Path, text: &str, object: &str) -> Result<T, Faults> {
     parse_ron(text).map_err(|mistakes| {
         let fault = |mistake: TextFault| {
@@ -57,7 +57,7 @@ pub fn from_flag<T: DeserializeOwned>(text: &str) -> Result<T, String> {
 }
 
 fn parse_ron<T: DeserializeOwned>(text: &str) -> Result<T, Vec<TextFault>> {
-    // The library alone decides what is accepted.
+    // Only the library decides which texts are accepted.
     ron_options().from_str(text).map_err(|error| {
         let (nodes, mistakes) = RonParser::parse(text);
         if mistakes.is_empty() { vec![describe_error::<T>(text, &nodes, &error)] } else { mistakes }
@@ -76,18 +76,18 @@ pub fn syntax_faults(text: &str) -> Vec<TextFault> {
     RonParser::parse(text).1
 }
 
-/// The known name nearest to one that is not known, if it is near: `did you mean output_every?`.
+/// Question with the known name nearest to an unknown one, if it is near enough: `did you mean output_every?`.
 pub fn nearest_name<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     let plain = |name: &str| name.to_lowercase().replace(['-', '_'], "");
     let wanted = plain(name);
     let distance = |other: &str| strsim::damerau_levenshtein(&wanted, &plain(other));
     let best = known.iter().copied().min_by_key(|other| distance(other))?;
-    // A third of the letters may differ; with more, unrelated short names come near.
+    // A third of the letters may differ; with more, unrelated short names would match.
     let letters = wanted.chars().count().max(plain(best).chars().count());
     (distance(best) <= letters / 3 || plain(best).starts_with(&wanted) && wanted.len() >= 3).then_some(best)
 }
 
-/// Suggestion in place of an unknown name: the nearest known name, or all.
+/// Suggestion for an unknown name: the nearest known name, or all.
 pub fn known_names(name: &str, known: &[&str]) -> String {
     match (nearest_name(name, known), known) {
         (Some(near), _) => format!("did you mean {near}?"),
@@ -99,16 +99,16 @@ pub fn known_names(name: &str, known: &[&str]) -> String {
 
 // ------------------------------------------------------------------------------------------------ the library's errors
 
-/// A value of a text.
+/// Value of a text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct ValueNode {
     path: String,
-    /// Its field's name, if it has one.
+    /// Name of its field, if it has one.
     name: Option<Range<usize>>,
     span: Range<usize>,
 }
 
-/// Longest part of a value that a message shows.
+/// Largest number of characters of a value that a message shows.
 const MAX_SHOWN_CHARS: usize = 40;
 
 fn display_text(text: &str) -> String {
@@ -120,7 +120,7 @@ fn display_text(text: &str) -> String {
     }
 }
 
-/// The byte of a position of the library, and the first behind it that is neither blank nor comment.
+/// Byte of a position of the library, and the next byte that is neither blank nor comment.
 fn byte_offsets(text: &str, line: usize, column: usize) -> (usize, usize) {
     let before: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
     let within: usize = text[before..].chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();
@@ -130,7 +130,7 @@ fn byte_offsets(text: &str, line: usize, column: usize) -> (usize, usize) {
     (raw, if parser.at < text.len() { parser.at } else { raw })
 }
 
-/// The library's error in words.
+/// Describes the library's error in words.
 fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &ron::error::SpannedError) -> TextFault {
     let (raw, at) = byte_offsets(text, error.span.start.line, error.span.start.col);
     let inner = |holds: &dyn Fn(&ValueNode) -> bool| {
@@ -190,7 +190,7 @@ fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &
         }
         _ => {}
     }
-    // A name where values have none.
+    // A name where values have no names.
     if let Some(node) = named.filter(|node| value.is_none_or(|value| value.span.start < node.span.start)) {
         let name = &text[node.name.clone().unwrap_or_default()];
         return TextFault {
@@ -207,11 +207,11 @@ fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &
         }
         _ => {}
     }
-    // A number that the library has read in part.
+    // A number that the library has read partly.
     if value.is_some_and(|node| node.span.start < at && text[node.span.clone()].parse::<f64>().is_ok()) {
         return wrong("an integer");
     }
-    // A number with something behind it.
+    // A number followed by other characters.
     if let Some(node) = value.filter(|node| begins_with_number(&text[node.span.clone()])) {
         let word = &text[node.span.clone()];
         let plain = word.replace(['d', 'D'], "e");
@@ -223,7 +223,7 @@ fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &
             _ => {}
         }
     }
-    // A kind whose fields were left out.
+    // A variant whose fields were left out.
     let bare = inner(&|node| node.span.end == raw && text[node.span.clone()].starts_with(char::is_alphabetic));
     if let Some(node) = bare.filter(|node| !text[node.span.clone()].contains('(')) {
         let kind = text_of(node);
@@ -253,7 +253,7 @@ fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &
     {
         return wrong(&format!("( ) around {}", field_list(expected)));
     }
-    // Too many values: those of the bracket around.
+    // Too many values in the enclosing bracket.
     let around = inner(&|node| node.span.start < raw && raw < node.span.end && Some(node) != value);
     for (node, found) in
         [(value, value.map(text_of)), (around, around.map(|list| format!("too many values in {}", text_of(list))))]
@@ -276,10 +276,10 @@ fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &
     }
 }
 
-/// A name that no type has.
+/// Name that no type has.
 const UNKNOWN_NAME: &str = "Unknown_name";
 
-/// The library's error with another text in a value's place, where it is about that.
+/// Error of the library after a value is replaced by another text, if the error concerns that value.
 fn probe_error<T: DeserializeOwned>(text: &str, node: &ValueNode, other: &str) -> Option<Error> {
     let text = format!("{}{other}{}", &text[..node.span.start], &text[node.span.end..]);
     match ron_options().from_str::<T>(&text).err()?.code {
@@ -294,7 +294,7 @@ fn field_list(fields: &[&str]) -> String {
     if let [one] = fields { format!("the field {one}") } else { format!("fields of {}", fields.join(", ")) }
 }
 
-/// Expectation of serde in plain words.
+/// Converts an expectation of serde to plain words.
 fn expectation_in_words(expected: &str) -> String {
     let number = expected.split_whitespace().rev().find_map(|word| word.parse::<usize>().ok());
     match number {
@@ -311,19 +311,19 @@ fn expectation_in_words(expected: &str) -> String {
 /// Nesting depth beyond which the library refuses a text.
 const MAX_DEPTH: usize = 128;
 
-/// A walk through a text that goes on behind mistakes.
+/// Parser that continues after mistakes.
 struct RonParser<'a> {
     text: &'a str,
     at: usize,
-    /// Behind the last token.
+    /// Byte after the last token.
     last_end: usize,
-    /// Brackets that are open, with the byte where they are.
+    /// Open brackets, with the byte of each.
     open: Vec<(char, usize)>,
-    /// Brackets with the bytes where they are and where they are closed.
+    /// Brackets with the bytes of their opening and closing.
     brackets: Vec<(char, usize, usize)>,
     nodes: Vec<ValueNode>,
     mistakes: Vec<TextFault>,
-    /// After a mistake behind which nothing can be made out.
+    /// Whether parsing has stopped after a mistake from which it cannot recover.
     aborted: bool,
 }
 
@@ -341,7 +341,7 @@ impl<'a> RonParser<'a> {
         }
     }
 
-    /// The values of a text and all mistakes in it.
+    /// Values of a text and all mistakes in it.
     fn parse(text: &'a str) -> (Vec<ValueNode>, Vec<TextFault>) {
         let mut parser = RonParser::new(text);
         parser.skip_blank();
@@ -383,8 +383,8 @@ impl<'a> RonParser<'a> {
         (nodes, mistakes)
     }
 
-    /// After a mistake in brackets, the first bracket that seems to lack its end: one that its line leaves open, while the next
-    /// line is not indented more.
+    /// First bracket that seems to lack its end, after a mistake in brackets: one that its line leaves open, while the
+    /// next line is not indented more.
     fn suspect_bracket(&self) -> Option<(char, usize)> {
         if !self.aborted || !self.mistakes.iter().any(|mistake| mistake.found.contains("is open")) {
             return None;
@@ -418,7 +418,7 @@ impl<'a> RonParser<'a> {
         self.at >= self.text.len()
     }
 
-    /// Passes by bytes of a token.
+    /// Skips the bytes of a token.
     fn advance(&mut self, bytes: usize) {
         self.at = (self.at + bytes).min(self.text.len());
         self.last_end = self.at;
@@ -431,7 +431,7 @@ impl<'a> RonParser<'a> {
         }
     }
 
-    /// Ends the walk.
+    /// Stops parsing.
     fn give_up(&mut self) {
         self.aborted = true;
         self.at = self.text.len();
@@ -456,7 +456,7 @@ impl<'a> RonParser<'a> {
         }
     }
 
-    /// Passes by a comment in `/* */`; there may be others within.
+    /// Skips a comment in `/* */`, which may contain others.
     fn skip_comment(&mut self) {
         let start = self.at;
         let mut depth = 0;
@@ -478,7 +478,7 @@ impl<'a> RonParser<'a> {
         }
     }
 
-    /// The length of a word: a name or a number.
+    /// Length of a word: a name or a number.
     fn word_length(&self) -> usize {
         let rest = self.remaining_text();
         let raw = if rest.starts_with("r#") && !rest.starts_with("r#\"") { 2 } else { 0 };
@@ -486,7 +486,7 @@ impl<'a> RonParser<'a> {
         raw + rest[raw..].find(|c| !part(c)).unwrap_or(rest.len() - raw)
     }
 
-    /// A field's name in front of a colon (or of what stands in its place), passed by.
+    /// Reads and skips a field's name before a colon, or before another mark in place of a colon.
     fn read_field_name(&mut self, path: &str) -> Option<Range<usize>> {
         let start = self.at;
         let (behind, mistakes, lost) = (self.last_end, self.mistakes.len(), self.aborted);
@@ -539,7 +539,7 @@ impl<'a> RonParser<'a> {
         None
     }
 
-    /// Passes by a text in quotes.
+    /// Skips a text in quotes.
     fn skip_string(&mut self, path: &str) {
         let start = self.at;
         self.advance(1);
@@ -550,7 +550,7 @@ impl<'a> RonParser<'a> {
                     let next = self.remaining_text().chars().nth(1).map_or(0, char::len_utf8);
                     self.advance(1 + next);
                 }
-                // No text of our files has two lines: its quote was forgotten.
+                // Strings of our files have one line: the closing quote is missing.
                 None | Some('\n') => {
                     let found = format!("no '\"' behind {}", display_text(&self.text[start..self.at]));
                     self.add_fault(start, path, &found, "expected '\"' at the end of the text");
@@ -561,7 +561,7 @@ impl<'a> RonParser<'a> {
         }
     }
 
-    /// Passes by `r"..."` or `r#"..."#`, if one is here.
+    /// Skips `r"..."` or `r#"..."#`, if there is one.
     fn skip_raw_string(&mut self) -> bool {
         let rest = self.remaining_text();
         let marks = rest.strip_prefix('r').map_or(0, |rest| rest.bytes().take_while(|&b| b == b'#').count());
@@ -580,7 +580,7 @@ impl<'a> RonParser<'a> {
         true
     }
 
-    /// Passes by the value at `path`.
+    /// Skips the value at `path`.
     fn skip_value(&mut self, path: &str, name: Option<Range<usize>>) {
         self.skip_blank();
         let start = self.at;
@@ -606,7 +606,7 @@ impl<'a> RonParser<'a> {
         self.nodes.push(ValueNode { path: path.into(), name, span: start..self.last_end });
     }
 
-    /// Reports what stands in a value's place.
+    /// Reports that a value is missing, with the text at its position.
     fn report_missing_value(&mut self, path: &str) {
         match self.current_char() {
             None if self.open.is_empty() => self.add_fault(self.last_end, path, "the text ends", "expected a value"),
@@ -639,7 +639,7 @@ impl<'a> RonParser<'a> {
         }
     }
 
-    /// Passes by `'x'`; a longer text in such quotes is a mistake.
+    /// Skips `'x'`; a longer text in such quotes is a mistake.
     fn skip_character(&mut self, path: &str) {
         let start = self.at;
         let line = self.remaining_text()[1..].split('\n').next().unwrap_or("");
@@ -658,7 +658,7 @@ impl<'a> RonParser<'a> {
         }
     }
 
-    /// Passes by a bracket, what is in it, and its closing one.
+    /// Skips a bracket, its contents and its closing bracket.
     fn skip_items(&mut self, path: &str, bracket: char) {
         let start = self.at;
         let (line, column) = line_and_column(self.text, start);
@@ -669,11 +669,11 @@ impl<'a> RonParser<'a> {
         self.open.push((bracket, start));
         self.advance(1);
         if self.open.len() > MAX_DEPTH {
-            // The library says so.
+            // The library reports this.
             self.mistakes.clear();
             self.give_up();
         }
-        // Items so far, and those among them that have a name.
+        // Number of items so far, and number of those with a name.
         let (mut count, mut names) = (0, 0);
         loop {
             self.skip_blank();
@@ -758,7 +758,7 @@ impl<'a> RonParser<'a> {
         }
     }
 
-    /// Reports a value without a name among such with names, once of a bracket.
+    /// Reports a value without a name among values with names, once for each bracket.
     fn report_missing_name(&mut self, item: usize, path: &str, value: &str) {
         let before = &self.text[..item];
         let digit = |c: char| c.is_ascii_digit();
@@ -772,12 +772,12 @@ impl<'a> RonParser<'a> {
         }
     }
 
-    /// Reports what stands behind a value in the place of a comma.
+    /// Reports the text that follows a value instead of a comma.
     fn report_missing_comma(&mut self, path: &str, value: &str, mark: char) {
         let next = display_text(&self.remaining_text()[..self.word_length().max(mark.len_utf8())]);
         let same_line = !self.text[self.last_end..self.at].contains('\n');
         let number = begins_with_number(value);
-        // Up to the end of the item, as in `2700.0 kg/m3` and `2.7*1000`.
+        // The text up to the end of the item, as in `2700.0 kg/m3` and `2.7*1000`.
         let rest = self.remaining_text();
         let end = rest.find([',', ')', ']', '}', '(', '[', '"', ':', '\n', '\r']).unwrap_or(rest.len());
         let end = rest[..end].find("//").unwrap_or(end);
@@ -811,7 +811,7 @@ impl<'a> RonParser<'a> {
     }
 }
 
-/// Whether a word begins as a number does.
+/// Whether a word begins like a number.
 fn begins_with_number(word: &str) -> bool {
     word.trim_start_matches(['+', '-', '.']).starts_with(|c: char| c.is_ascii_digit())
 }

@@ -1,8 +1,8 @@
-//! Lines, fixed columns and numbers of LMGC90's text files, with file and line attached.
+//! Lines, fixed columns and numbers of LMGC90's text files, with file and line for errors.
 //!
-//! Columns are 1-based and inclusive, as in `docs/files.md`. A reader asks [`LineScanner`] for a field by its first
-//! column and goes on whatever stands there: a field at fault is noted, and its value is one that
-//! fails no later comparison (NaN, `None`, an empty name), so that one mistake gives one message.
+//! Columns are 1-based and inclusive, as in `docs/files.md`. A reader requests a field from [`LineScanner`] by its first
+//! column and continues in any case. A faulty field is reported, and its value fails no later comparison (NaN, `None`, an
+//! empty name), so that one mistake gives one message.
 //!
 //! Most lines of all files share a grid:
 //!
@@ -12,8 +12,8 @@
 //! | 9-13, in state files 9-15 | number of the object |
 //! | 35-48, 56-69, 77-90 | reals, each behind a label of five columns that nobody reads |
 //!
-//! No field but the internal variables of a contact lies beyond column 103, so the 180 columns that
-//! LMGC90 takes of a line need no care.
+//! Only the internal variables of a contact lie beyond column 103, so LMGC90's limit of 180 columns a line is never
+//! reached.
 
 use std::fmt::{Display, Write};
 use std::fs;
@@ -23,19 +23,19 @@ use crate::error::{Fault, Faults};
 
 /// First columns of the three reals of a grid line.
 pub const GRID_COLUMNS: [usize; 3] = [35, 56, 77];
-/// Columns of a real.
+/// Number of columns of a real.
 const REAL_WIDTH: usize = 14;
-/// Where an axis or frame of the files may be off from orthonormal; they carry seven digits.
+/// Largest error of an axis or frame in the files against an orthonormal one; they have seven digits.
 pub const FRAME_TOLERANCE: f64 = 1e-4;
 
 // ---------------------------------------------------------------------------------------------------------- reading
 
-/// A file's text made ASCII, so that bytes are columns: any other byte becomes a control character,
-/// which comments may hold and fields may not.
+/// Text of a file as ASCII, so that bytes are columns. Any other byte becomes a control character, which is allowed in
+/// comments only.
 pub struct AsciiText(String);
 
 impl AsciiText {
-    /// The file's text; a file that cannot be read, or is no text of one byte a letter, is a fault.
+    /// Reads the text of a file. A file that cannot be read, or is not text with one byte a letter, is a fault.
     pub fn read_file(path: &Path) -> Result<Self, Faults> {
         let bytes = fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
         if bytes.contains(&0) {
@@ -45,7 +45,7 @@ impl AsciiText {
         Ok(AsciiText::new(&bytes))
     }
 
-    /// The text that a file of these bytes has, without the mark that some editors put at its start.
+    /// Text of a file with these bytes, without a byte order mark.
     pub fn new(bytes: &[u8]) -> Self {
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         AsciiText(bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '\x1a' }).collect())
@@ -57,32 +57,32 @@ impl AsciiText {
     }
 }
 
-/// One line of a [`AsciiText`].
+/// One line of an [`AsciiText`].
 #[derive(Debug, Clone, Copy)]
 pub struct TextLine<'a> {
-    /// 1-based
+    /// Number, 1-based.
     pub number: usize,
     text: &'a str,
 }
 
 impl<'a> TextLine<'a> {
-    /// What stands in columns `first` to `last`; shorter where the line is.
+    /// Text in columns `first` to `last`; shorter where the line is.
     pub fn columns(self, first: usize, last: usize) -> &'a str {
         let end = last.min(self.text.len());
         self.text.get(first - 1..end).unwrap_or("")
     }
 
-    /// Columns 2 to 6, by which LMGC90 knows a line.
+    /// Columns 2 to 6, by which LMGC90 recognizes a line.
     pub fn keyword(self) -> &'a str {
         self.columns(2, 6)
     }
 
-    /// Not a keyword line.
+    /// Whether it is not a keyword line.
     pub fn is_data(self) -> bool {
         !self.text.starts_with('$')
     }
 
-    /// Columns 2 to 6 are blank: the line goes on with what an earlier one began.
+    /// Whether columns 2 to 6 are blank: the line continues an earlier one.
     pub fn is_continuation(self) -> bool {
         self.keyword().trim().is_empty()
     }
@@ -97,13 +97,14 @@ impl<'a> TextLine<'a> {
         self.text
     }
 
-    /// Neither of two columns is blank: one word stands across them.
+    /// Whether neither of two columns is blank: one word extends across them.
     fn is_joined_across(self, left: usize, right: usize) -> bool {
         // Column 1 belongs to the keyword's sign.
         left > 1 && [left, right].iter().all(|&column| !self.columns(column, column).trim().is_empty())
     }
 
-    /// `value`, unless the number in the columns begins before them or goes on behind: LMGC90 would read a part.
+    /// Returns `value`, unless the number in the columns begins before them or extends beyond them: LMGC90 would read a
+    /// part.
     fn expect_isolated<T>(self, (first, last): (usize, usize), value: T) -> Result<T, &'static str> {
         let before = self.columns(first - 1, first - 1);
         let digits_across = before.starts_with(|c: char| c.is_ascii_digit())
@@ -127,86 +128,86 @@ pub struct LineScanner<'a> {
     path: &'a Path,
     lines: Vec<TextLine<'a>>,
     next: usize,
-    /// Line to blame when the file ends too early.
+    /// Line for faults at the end of the file.
     last: usize,
     object: String,
     faults: Faults,
 }
 
 impl<'a> LineScanner<'a> {
-    /// At the first line of `text`; `path` is for messages.
+    /// Scanner at the first line of `text`; `path` is for messages.
     pub fn new(path: &'a Path, text: &'a AsciiText) -> Self {
         let lines: Vec<_> = text.lines().filter(|line| !line.is_skipped()).collect();
         let last = lines.last().map_or(1, |line| line.number);
         LineScanner { path, lines, next: 0, last, object: "file".into(), faults: Faults::default() }
     }
 
-    /// The value that was read, or all faults.
+    /// Returns the value that was read, or all faults.
     pub fn finish<T>(&mut self, value: T) -> Result<T, Faults> {
         std::mem::take(&mut self.faults).into_result(value)
     }
 
-    /// Faults of another file, read on behalf of this one.
+    /// Adds the faults of another file that this one names.
     pub fn gather_result<T>(&mut self, result: Result<T, Faults>) -> Option<T> {
         self.faults.gather_result(result)
     }
 
-    /// Names the object that the next faults are in.
+    /// Names the object of the next faults.
     pub fn set_object(&mut self, object: impl Into<String>) {
         self.object = object.into();
     }
 
-    /// What [`LineScanner::set_object`] was told last.
+    /// Object that [`LineScanner::set_object`] has set last.
     pub fn current_object(&self) -> &str {
         &self.object
     }
 
-    /// Notes a fault in the present object.
+    /// Adds a fault of the present object.
     pub fn add_fault(&mut self, line: usize, found: impl Into<String>, expected: impl Into<String>) {
         self.faults.push(Fault::new(self.path, Some(line), self.object.as_str(), found, expected));
     }
 
-    /// Notes a fault of the file as a whole.
+    /// Adds a fault of the file as a whole.
     pub fn add_file_fault(&mut self, found: impl Into<String>, expected: impl Into<String>) {
         self.faults.push(Fault::new(self.path, None, "file", found, expected));
     }
 
-    /// The next line, left where it is.
+    /// Returns the next line without consuming it.
     pub fn peek_line(&self) -> Option<TextLine<'a>> {
         self.lines.get(self.next).copied()
     }
 
-    /// The next line, passed by.
+    /// Consumes and returns the next line.
     pub fn next_line(&mut self) -> Option<TextLine<'a>> {
         let line = self.peek_line();
         self.next += usize::from(line.is_some());
         line
     }
 
-    /// The next line if it fits, passed by.
+    /// Consumes and returns the next line if it fits.
     pub fn next_line_if(&mut self, fits: impl Fn(TextLine<'a>) -> bool) -> Option<TextLine<'a>> {
         if self.peek_line().is_some_and(fits) { self.next_line() } else { None }
     }
 
-    /// The next line, which must fit: otherwise a fault, and the line stays.
+    /// Consumes the next line if it fits; otherwise adds a fault, and the line stays.
     pub fn expect_line(&mut self, expected: &str, fits: impl Fn(TextLine<'a>) -> bool) -> Option<TextLine<'a>> {
         self.next_line_if(fits).or_else(|| self.unexpected_line(expected))
     }
 
-    /// The next line, which must be a keyword line such as `$nodty`.
+    /// Consumes the next line, which must be a keyword line such as `$nodty`.
     pub fn expect_keyword(&mut self, keyword: &str) -> Option<TextLine<'a>> {
         let line = self.next_line_if(|line| line.keyword() == keyword);
         line.or_else(|| self.unexpected_line(&format!("expected ${keyword}")))
     }
 
-    /// The next line, which must go on with the present object, its columns 2 to 6 blank.
+    /// Consumes the next line, which must continue the present object, with blank columns 2 to 6.
     pub fn expect_continuation(&mut self, what: &str) -> Option<TextLine<'a>> {
         let line = self.next_line_if(TextLine::is_continuation);
         line.or_else(|| self.unexpected_line(&format!("expected a line with {what}")))
     }
 
-    /// Notes that the next line, or the end of the file, has no place here. Returns `None`, for use at the
-    /// end of a search.
+    /// Reports that the next line, or the end of the file, is not expected here. Returns `None`, for use at the end of a
+    /// search.
     pub fn unexpected_line(&mut self, expected: &str) -> Option<TextLine<'a>> {
         match self.peek_line() {
             Some(line) => {
@@ -218,7 +219,7 @@ impl<'a> LineScanner<'a> {
         None
     }
 
-    /// Leaves the present record: past its `$$$$$$`, or to the `$bdyty` that begins another.
+    /// Leaves the present record: moves past its `$$$$$$`, or to the `$bdyty` that begins another.
     pub fn skip_record(&mut self) {
         while let Some(line) = self.next_line_if(|line| line.keyword() != "bdyty") {
             if line.keyword() == "$$$$$" {
@@ -227,7 +228,7 @@ impl<'a> LineScanner<'a> {
         }
     }
 
-    /// The real in the 14 columns from `first`; NaN and a fault if there is none.
+    /// Reads the real in the 14 columns from `first`; NaN and a fault if there is none.
     pub fn read_real(&mut self, line: TextLine, first: usize, what: impl Display) -> f64 {
         let columns = (first, first + REAL_WIDTH - 1);
         match fortran_real(line.columns(columns.0, columns.1)).and_then(|value| line.expect_isolated(columns, value)) {
@@ -239,7 +240,7 @@ impl<'a> LineScanner<'a> {
         }
     }
 
-    /// The three reals of a grid line.
+    /// Reads the three reals of a grid line.
     pub fn read_grid(&mut self, line: TextLine, names: [&str; 3]) -> [f64; 3] {
         let mut values = [f64::NAN; 3];
         for (k, first) in GRID_COLUMNS.into_iter().enumerate() {
@@ -251,7 +252,7 @@ impl<'a> LineScanner<'a> {
         values
     }
 
-    /// A real that must not be negative.
+    /// Reads a real that must not be negative.
     pub fn read_length(&mut self, line: TextLine, first: usize, what: &str) -> f64 {
         let value = self.read_real(line, first, what);
         if value < 0.0 {
@@ -260,7 +261,7 @@ impl<'a> LineScanner<'a> {
         value
     }
 
-    /// A real that must be more than zero.
+    /// Reads a real that must be positive.
     pub fn read_positive(&mut self, line: TextLine, first: usize, what: &str) -> f64 {
         let value = self.read_real(line, first, what);
         if value <= 0.0 {
@@ -269,7 +270,7 @@ impl<'a> LineScanner<'a> {
         value
     }
 
-    /// The integer in columns `first` to `last`, blanks ignored; `None` and a fault if there is none.
+    /// Reads the integer in columns `first` to `last`, blanks ignored; `None` and a fault if there is none.
     pub fn read_integer(&mut self, line: TextLine, columns: (usize, usize), what: impl Display) -> Option<u64> {
         let digits = line.columns(columns.0, columns.1).replace(' ', "");
         let number = digits.parse().map_err(|_| number_fault(&digits).unwrap_or("not an integer of 0 or more"));
@@ -282,7 +283,7 @@ impl<'a> LineScanner<'a> {
         }
     }
 
-    /// Notes that columns hold no number: `avrd is '100', without ...`.
+    /// Reports that columns contain no number: `avrd is '100', without ...`.
     fn report_no_number(
         &mut self,
         line: TextLine,
@@ -298,7 +299,7 @@ impl<'a> LineScanner<'a> {
         self.add_fault(line.number, found, expected);
     }
 
-    /// A number that counts from 1 in the file, made to count from 0.
+    /// Reads a number that counts from 1 in the file; returns it counted from 0.
     pub fn read_index(&mut self, line: TextLine, columns: (usize, usize), what: &str) -> Option<usize> {
         let number = self.read_integer(line, columns, what)?;
         if number == 0 {
@@ -308,7 +309,7 @@ impl<'a> LineScanner<'a> {
         usize::try_from(number - 1).ok()
     }
 
-    /// The name in columns `first` to `last`, trimmed; empty and a fault if there is none.
+    /// Reads the name in columns `first` to `last`, trimmed; empty and a fault if there is none.
     pub fn read_name(&mut self, line: TextLine, (first, last): (usize, usize), what: &str) -> String {
         let field = line.columns(first, last);
         let shown = display_text(field.trim_matches(' '));
@@ -326,12 +327,12 @@ impl<'a> LineScanner<'a> {
         String::new()
     }
 
-    /// The five-column name from `first`.
+    /// Reads the five-column name from `first`.
     pub fn read_name5(&mut self, line: TextLine, first: usize, what: &str) -> String {
         self.read_name(line, (first, first + 4), what)
     }
 
-    /// `RBDY3` in columns `first` to `first + 4`, the one kind of body that is read.
+    /// Checks for `RBDY3` in columns `first` to `first + 4`, the only supported kind of body.
     pub fn expect_rigid_body(&mut self, line: TextLine, first: usize) -> bool {
         let word = line.columns(first, first + 4);
         if word != "RBDY3" {
@@ -341,7 +342,7 @@ impl<'a> LineScanner<'a> {
         word == "RBDY3"
     }
 
-    /// Notes a fault if the rows are not an orthonormal, right-handed triad.
+    /// Adds a fault if the rows are not an orthonormal, right-handed triad.
     pub fn check_orthonormal(&mut self, line: usize, what: &str, rows: &[[f64; 3]; 3]) {
         let defect = frame_defect(rows);
         if defect > FRAME_TOLERANCE {
@@ -350,7 +351,7 @@ impl<'a> LineScanner<'a> {
         }
     }
 
-    /// The `$steps` line of a state file: number of the step, time in s.
+    /// Reads the `$steps` line of a state file: number of the step, time in s.
     pub fn read_steps(&mut self) -> (u64, f64) {
         let Some(line) = self.next_line_if(|line| line.keyword() == "steps") else {
             self.unexpected_line("expected $steps with the number of the step and the time");
@@ -360,8 +361,7 @@ impl<'a> LineScanner<'a> {
     }
 }
 
-/// What is wrong with a field in which no number could be read, if it is one of the usual things.
-/// For messages, without control characters.
+/// Text for messages, without control characters.
 fn display_text(text: &str) -> String {
     text.replace('\x1a', "?").escape_default().to_string()
 }
@@ -375,10 +375,10 @@ fn number_fault(field: &str) -> Option<&'static str> {
     }
 }
 
-/// A real as Fortran reads it from its columns: blanks anywhere; D, E, Q or no letter before a signed exponent.
+/// Reads a real like Fortran from its columns: blanks anywhere; D, E, Q or no letter before a signed exponent.
 ///
-/// Refused, with the reason: a blank field and a number without point, which Fortran takes as 0 and as
-/// 1e-7 of what stands there; NaN, infinities and numbers too large for f64.
+/// Errors: the reason for rejection. Rejected are a blank field and a number without point, which Fortran reads as 0 and
+/// as 1e-7 of the written value, and NaN, infinities and numbers too large for f64.
 ///
 /// ```
 /// use cd_formats::scan::fortran_real;
@@ -391,7 +391,7 @@ pub fn fortran_real(field: &str) -> Result<f64, &'static str> {
     if field.contains('.') { Ok(value) } else { Err("without a decimal point, which LMGC90 would scale by 1e-7") }
 }
 
-/// A real where columns do not matter: as [`fortran_real`], and the point may be missing.
+/// Reads a real in free format: as [`fortran_real`], and the point may be missing.
 pub fn free_real(field: &str) -> Result<f64, &'static str> {
     let text: String = field.chars().filter(|&c| c != ' ').map(|c| c.to_ascii_lowercase()).collect();
     if let Some(fault) = number_fault(&text) {
@@ -404,7 +404,7 @@ pub fn free_real(field: &str) -> Result<f64, &'static str> {
     let mantissa_end = unsigned.find(|c: char| c != '.' && !c.is_ascii_digit()).unwrap_or(unsigned.len());
     let (mantissa, exponent) = unsigned.split_at(mantissa_end);
     let exponent = if exponent.is_empty() { "0" } else { exponent.strip_prefix(['d', 'e', 'q']).unwrap_or(exponent) };
-    // Whatever else is wrong, `parse` refuses it: of letters it takes none but this e.
+    // `parse` rejects all other errors: the only letter that it accepts is this e.
     let value: f64 = format!("{mantissa}e{exponent}").parse().map_err(|_| "not a number")?;
     if value.is_infinite() {
         return Err("too large a number");
@@ -412,8 +412,7 @@ pub fn free_real(field: &str) -> Result<f64, &'static str> {
     Ok(if text.starts_with('-') { -value } else { value })
 }
 
-/// By how much three rows differ from an orthonormal, right-handed triad: the largest of the errors in
-/// lengths, angles and `c - a x b`.
+/// Largest error of three rows against an orthonormal, right-handed triad: in lengths, angles and `c - a x b`.
 pub fn frame_defect([a, b, c]: &[[f64; 3]; 3]) -> f64 {
     let dot = |x: &[f64; 3], y: &[f64; 3]| x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
     let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -423,19 +422,19 @@ pub fn frame_defect([a, b, c]: &[[f64; 3]; 3]) -> f64 {
 
 // ---------------------------------------------------------------------------------------------------------- writing
 
-/// A real in 14 columns as C's `%14.7E` gives it, eight digits: ` 1.2345679E+00`. For input files.
+/// Formats a real in 14 columns as C's `%14.7E`, eight digits: ` 1.2345679E+00`. For input files.
 ///
-/// Below 1e-99 in size it is written as zero, since a third digit of the exponent would not fit.
-/// What cannot be written (1e100 and more, NaN, infinities) becomes 14 stars, as in Fortran: no reader
-/// takes them for a number. Callers check their values beforehand.
+/// Numbers below 1e-99 in size are written as zero, since a third digit of the exponent would not fit. Numbers that
+/// cannot be written (1e100 and more, NaN, infinities) become 14 stars, as in Fortran, which no reader accepts as a
+/// number. Callers check their values beforehand.
 pub fn format_e14(x: f64) -> String {
     let Some((minus, digits, exponent)) = decimal_digits(x, 7) else { return "*".repeat(REAL_WIDTH) };
     let (first, rest) = digits.split_at(1);
     format!("{minus}{first}.{rest}E{exponent:+03}")
 }
 
-/// A real in 14 columns as Fortran's `D14.7` gives it, seven digits: ` 0.1234568D+01`. For state files;
-/// same bounds as [`format_e14`].
+/// Formats a real in 14 columns as Fortran's `D14.7`, seven digits: ` 0.1234568D+01`. For state files; same bounds as
+/// [`format_e14`].
 pub fn format_d14(x: f64) -> String {
     let Some((minus, digits, exponent)) = decimal_digits(x, 6) else { return "*".repeat(REAL_WIDTH) };
     match exponent + i32::from(x.abs() >= SMALLEST_REAL) {
@@ -444,10 +443,10 @@ pub fn format_d14(x: f64) -> String {
     }
 }
 
-/// A real in 14 columns with as many digits as these hold: as [`format_e14`] where that is the number itself or has the
-/// most, else without exponent, ` 1.23456789012`. Fortran reads both alike.
+/// Formats a real in 14 columns with as many digits as fit: as [`format_e14`] if that is exact or has the most digits,
+/// else without exponent, ` 1.23456789012`. Fortran reads both alike.
 ///
-/// Nine digits from 1e-3 on, twelve from 1 to 1e11. Numbers that were read from such a field come out the same.
+/// Nine digits from 1e-3 on, twelve from 1 to 1e11. Numbers that were read from such a field are reproduced exactly.
 ///
 /// ```
 /// use cd_formats::scan::format_long14;
@@ -462,7 +461,7 @@ pub fn format_long14(x: f64) -> String {
         return short;
     }
     let minus = if x.is_sign_negative() { '-' } else { ' ' };
-    // Sign, point, and the digits before it; one digit less where rounding makes a power of ten of it.
+    // Sign, point, and the digits before it; one digit less where rounding gives a power of ten.
     let before = format!("{:.0}", size.trunc()).len();
     let long = format!("{minus}{size:.*}", REAL_WIDTH - 2 - before);
     if long.len() == REAL_WIDTH { long } else { format!("{minus}{size:.*}", REAL_WIDTH - 3 - before) }
@@ -480,20 +479,20 @@ fn decimal_digits(x: f64, after: usize) -> Option<(char, String, i32)> {
     (exponent <= 99).then(|| (minus, mantissa.replace('.', ""), exponent))
 }
 
-/// An integer right-aligned in `width` columns; stars, as in Fortran, if it does not fit.
+/// Formats an integer right-aligned in `width` columns; stars, as in Fortran, if it does not fit.
 pub fn format_integer(value: impl Display, width: usize) -> String {
     let text = format!("{value:>width$}");
     if text.len() > width { "*".repeat(width) } else { text }
 }
 
-/// Writes `text` from a column of the line that `out` ends with, blanks before it.
+/// Writes `text` at a column of the last line of `out`, padded with blanks.
 pub fn put_text(out: &mut String, column: usize, text: impl Display) {
     let begun = out.rfind('\n').map_or(0, |end| end + 1);
     let blanks = (column - 1).saturating_sub(out.len() - begun);
     write!(out, "{:blanks$}{text}", "").expect("a String takes all");
 }
 
-/// Writes a grid line: `head` in columns 1-29, then up to three reals behind their labels.
+/// Writes a grid line: `head` in columns 1-29, then up to three reals after their labels.
 pub fn put_grid(out: &mut String, head: &str, labels: &[&str], values: &[f64], real: fn(f64) -> String) {
     out.push_str(head);
     for ((&value, label), column) in values.iter().zip(labels).zip(GRID_COLUMNS) {
@@ -502,10 +501,10 @@ pub fn put_grid(out: &mut String, head: &str, labels: &[&str], values: &[f64], r
     out.push('\n');
 }
 
-/// The dashed comment line of state files.
+/// Dashed comment line of state files.
 pub const DASHED_LINE: &str = "!-----------------------------------------------------------------------\n";
 
-/// The head of a state file, in the form that LMGC90 reads again.
+/// Writes the head of a state file, in the form that LMGC90 can read.
 pub fn put_steps(out: &mut String, title: &str, step: u64, time: f64) {
     let step = format_integer(step, 7);
     let time = format_d14(time);
@@ -589,7 +588,7 @@ mod tests {
                 let text = format_long14(x);
                 assert_eq!(text.len(), 14, "{text}");
                 let read = fortran_real(&text).unwrap();
-                // Nine digits at least where there is no exponent, eight else.
+                // Without exponent there are at least nine digits, otherwise eight.
                 let error = (read / x - 1.0).abs();
                 assert!(error < if (1e-3..1e11).contains(&x.abs()) { 5e-9 } else { 5e-8 }, "{text} {x:e}");
                 assert_eq!(fortran_real(&format_long14(read)), Ok(read));

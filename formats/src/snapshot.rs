@@ -1,8 +1,8 @@
-//! `OUTBOX/snapshot-NNNNNN.npz`: the state at one instant, all that a restart needs, bit for bit.
+//! `OUTBOX/snapshot-NNNNNN.npz`: the complete state at one instant for a restart, bit for bit.
 //!
-//! An uncompressed zip archive of npy arrays, little-endian, and `meta.npy`, the bytes of a JSON
-//! text. `numpy.load(file)` opens it. NNNNNN is the number of the step. The same state gives the
-//! same bytes: no date, host, thread count or duration is in the file.
+//! An uncompressed zip archive of npy arrays, little-endian, and `meta.npy`, the bytes of a JSON text. `numpy.load(file)`
+//! opens it. NNNNNN is the number of the step. The same state gives the same bytes: the file has no date, host, thread
+//! count or duration.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,7 +20,7 @@ use crate::error::{Fault, Faults};
 #[cfg(target_endian = "big")]
 compile_error!("snapshots are written from memory as little-endian arrays");
 
-/// Version of the file's form; a reader refuses a later one.
+/// Version of the file format; a reader rejects a later one.
 pub const FORMAT_VERSION: u32 = 1;
 
 /// Values of [`BodyArrays::body_shape`].
@@ -42,17 +42,17 @@ pub struct Snapshot {
     pub meta: SnapshotMeta,
     pub bodies: BodyArrays,
     pub contacts: ContactArrays,
-    /// Only where a law remembers.
+    /// Memory of contacts; only if a law needs it.
     pub memory: Option<MemoryArrays>,
-    /// Only where self-gravity is not evaluated at every step.
+    /// Evaluations of self-gravity; only where it is not evaluated at every step.
     pub gravity: Option<GravityArrays>,
     /// Only in scenes with other bodies than spheres and plates.
     pub shapes: Option<ShapeArrays>,
-    /// What contacts have done since the snapshot before.
+    /// Sums over the steps since the snapshot before.
     pub interval: Option<IntervalArrays>,
 }
 
-/// What bodies of any shape need besides.
+/// Additional arrays for bodies of any shape.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ShapeArrays {
     pub turning: TurningArrays,
@@ -236,7 +236,7 @@ pub struct Ledger {
 }
 
 impl SnapshotMeta {
-    /// The laws of TACT_BEHAV.DAT.
+    /// Laws of TACT_BEHAV.DAT.
     pub fn laws_of_file(&self) -> &[LawName] {
         if self.laws_at_start.is_empty() { &self.laws } else { &self.laws_at_start }
     }
@@ -265,7 +265,7 @@ impl Default for SnapshotMeta {
     }
 }
 
-/// An element of an array: its npy type and the shape of one row.
+/// Element of an array: its npy type and the shape of one row.
 trait ArrayElement: Pod {
     const DESCR: &'static str;
     const ROW: &'static [usize];
@@ -302,12 +302,12 @@ macro_rules! arrays {
                 vec![$((stringify!($name), <$type as ArrayElement>::DESCR, <$type as ArrayElement>::ROW, concat!($($help),+)),)+]
             }
 
-            /// The rows of these numbers, in their order.
+            /// Rows with these numbers, in their order.
             pub fn select_rows(&self, numbers: &[usize]) -> Self {
                 $group { $($name: numbers.iter().map(|&row| self.$name[row]).collect(),)+ }
             }
 
-            /// Puts the rows of another behind these.
+            /// Appends the rows of another.
             pub fn append(&mut self, mut other: Self) {
                 $(self.$name.append(&mut other.$name);)+
             }
@@ -452,7 +452,7 @@ arrays! {
 }
 
 impl ShapeArrays {
-    /// Puts the rows of another behind these.
+    /// Appends the rows of another.
     pub fn append(&mut self, other: Self) {
         self.turning.append(other.turning);
         self.contacts.append(other.contacts);
@@ -473,7 +473,7 @@ impl ShapeArrays {
         }
     }
 
-    /// Whether all indices name rows.
+    /// Whether all indices are those of existing rows.
     fn are_in_range(&self, bodies: usize, contacts: usize) -> bool {
         let named = [&self.turning.turning_body[..], self.pairs.pair_body.as_flattened()];
         named.into_iter().flatten().all(|&b| (b as usize) < bodies) && self.contacts.contact_rank.len() == contacts
@@ -491,7 +491,7 @@ impl NpzWriter {
         let padded = (10 + header.len() + 1).div_ceil(64) * 64 - 10;
         header.extend(std::iter::repeat_n(' ', padded - 1 - header.len()));
         header.push('\n');
-        // The default date of an entry is the format's first, 1 January 1980.
+        // The default date of an entry is the first of the format, 1 January 1980.
         let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(true);
         self.0.start_file(format!("{name}.npy"), options)?;
         self.0.write_all(b"\x93NUMPY\x01\x00")?;
@@ -509,8 +509,8 @@ struct NpzReader<'a> {
 }
 
 impl NpzReader<'_> {
-    /// The array `name`, of `rows` rows if that is known; a fault, and nothing, if it is not there as it should be.
-    /// Rows with a number that is not finite are faults too.
+    /// Reads the array `name`, of `rows` rows if that is known; `None` and a fault if it is missing or malformed. Rows
+    /// with a number that is not finite are faults too.
     fn read_array<T: ArrayElement>(&mut self, name: &str, rows: Option<usize>) -> Option<Vec<T>> {
         let taken = self.read_entry(name).and_then(|bytes| npy_rows::<T>(&bytes)).and_then(|array| match rows {
             Some(rows) if rows != array.len() => Err(format!("has {} rows, others have {rows}", array.len())),
@@ -546,13 +546,13 @@ impl NpzReader<'_> {
             _ => "is damaged",
         })?;
         let mut bytes = Vec::new();
-        // Checksums tell.
+        // The checksums detect damage.
         entry.read_to_end(&mut bytes).map_err(|_| "is damaged")?;
         Ok(bytes)
     }
 }
 
-/// The rows of an npy file of format version 1, C order.
+/// Rows of an npy file of format version 1, C order.
 fn npy_rows<T: ArrayElement>(bytes: &[u8]) -> Result<Vec<T>, String> {
     let short = || "is cut short".to_string();
     if bytes.get(..8) != Some(b"\x93NUMPY\x01\x00") {
@@ -579,7 +579,7 @@ fn npy_rows<T: ArrayElement>(bytes: &[u8]) -> Result<Vec<T>, String> {
 }
 
 impl Snapshot {
-    /// The bytes of the file.
+    /// Bytes of the file.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut archive = NpzWriter(ZipWriter::new(Cursor::new(Vec::new())));
         let meta = serde_json::to_vec(&self.meta).expect("meta holds nothing that JSON lacks");
@@ -600,14 +600,14 @@ impl Snapshot {
         atomic::write(path, &self.to_bytes())
     }
 
-    /// Reads and checks a file: checksums, shapes, equal numbers of rows, finite numbers, indices in range, the step of its
-    /// name.
+    /// Reads and checks a file: checksums, shapes, equal numbers of rows, finite numbers, indices in range, the step of
+    /// its name.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         let bytes = fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
         let refuse = |found: String| {
             Faults::from(Fault::new(path, None, "snapshot", found, "expected an .npz file of cd-solve"))
         };
-        // Its directory is at its end: without it, the rest was not written.
+        // The directory of the archive is at its end: without it, the file is incomplete.
         let starts = bytes.starts_with(b"PK");
         let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|_| {
             refuse(if starts { "the file is truncated" } else { "the file is no .npz file" }.to_string())
@@ -642,7 +642,7 @@ impl Snapshot {
         Ok(snapshot)
     }
 
-    /// To what the digits of the files leave.
+    /// Checks that quaternions have unit length, to the digits of the files.
     fn check_quaternions(&self, path: &Path) -> Result<(), Faults> {
         let mut faults = Faults::default();
         for (number, q) in (1..).zip(&self.bodies.body_q) {
@@ -687,20 +687,20 @@ fn describe_json_error(error: &serde_json::Error) -> String {
     }
 }
 
-/// `DATBOX/START.npz`: the state to start from to the last bit, where there is one. See `docs/files.md`.
+/// `DATBOX/START.npz`: exact initial state, if present. See `docs/files.md`.
 pub const START_FILE: &str = "START.npz";
 
-/// `OUTBOX/snapshot-NNNNNN.npz` for a step.
+/// Path of `OUTBOX/snapshot-NNNNNN.npz` for a step.
 pub fn snapshot_path(outbox: &Path, step: u64) -> PathBuf {
     outbox.join(format!("snapshot-{step:06}.npz"))
 }
 
-/// The step in the name of a snapshot.
+/// Step in the name of a snapshot.
 fn step_of(path: &Path) -> Option<u64> {
     path.file_name()?.to_str()?.strip_prefix("snapshot-")?.strip_suffix(".npz")?.parse().ok()
 }
 
-/// The snapshots of a folder by step; a folder that is absent has none, one that cannot be read is a fault.
+/// Snapshots of a folder by step; an absent folder has none, one that cannot be read is a fault.
 pub fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let paths = atomic::folder_entries(outbox)?.into_iter();
     let mut found: Vec<(u64, PathBuf)> = paths.filter_map(|path| Some((step_of(&path)?, path))).collect();

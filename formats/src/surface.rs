@@ -1,4 +1,4 @@
-//! Closed triangulated surfaces as POLYR states them: what is wrong with one, and the mass properties of its inside.
+//! Closed triangulated surfaces of POLYR contactors: their faults, and the mass properties of their inside.
 
 use std::collections::BTreeMap;
 
@@ -6,17 +6,17 @@ use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 type Vec3 = Vector3<f64>;
 
-/// A closed surface in one piece, its triangles counter-clockwise seen from outside.
+/// Closed surface in one piece, its triangles counter-clockwise seen from outside.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surface {
     vertices: Vec<[f64; 3]>,
     triangles: Vec<[u32; 3]>,
 }
 
-/// Of the space inside a surface, at density 1.
+/// Mass properties of the space inside a surface, at density 1.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MassProperties {
-    /// m^3
+    /// Volume, m^3.
     pub volume: f64,
     /// Centre of mass, m.
     pub centre: [f64; 3],
@@ -24,15 +24,15 @@ pub struct MassProperties {
     pub inertia: [[f64; 3]; 3],
 }
 
-/// Height of a triangle over its longest side below which it has no direction.
+/// Height of a triangle over its longest side below which its normal is undefined.
 const FLAT_TRIANGLE: f64 = 1e-14;
-/// Volume over area times extent below which a surface encloses nothing; rounding leaves about 1e-16.
+/// Volume over area times extent below which a surface encloses no volume; rounding leaves about 1e-16.
 const FLAT_BODY: f64 = 1e-12;
 
 impl Surface {
-    /// Makes the orientation coherent, beginning with the first triangle, and turns it outward as LMGC90 does.
+    /// Makes the orientation coherent, starting from the first triangle, and turns it outward as LMGC90 does.
     ///
-    /// `triangles` hold 0-based vertex numbers. All faults are listed, with 1-based numbers as in the files: numbers
+    /// `triangles` contain 0-based vertex numbers. All faults are listed, with 1-based numbers as in the files: numbers
     /// that are not finite, vertices that do not exist or are not used, triangles without area, edges not shared by
     /// exactly two triangles, several pieces, one-sided surfaces, no volume.
     ///
@@ -56,7 +56,7 @@ impl Surface {
             volume += a.dot(&b.cross(&c)) / 6.0;
             area += (b - a).cross(&(c - a)).norm() / 2.0;
         }
-        // A volume that is no number, by overflow, is refused too.
+        // A volume that is NaN, by overflow, is rejected too.
         if volume.is_nan() || volume.abs() <= FLAT_BODY * area * surface.longest_side() {
             return Err(vec![format!("the surface encloses a volume of {volume:e}; expected a body")]);
         }
@@ -70,17 +70,17 @@ impl Surface {
         &self.vertices
     }
 
-    /// 0-based vertex numbers, counter-clockwise seen from outside.
+    /// Triangles by 0-based vertex numbers, counter-clockwise seen from outside.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// m^3, > 0.
+    /// Volume, m^3, > 0.
     pub fn volume(&self) -> f64 {
         self.moments_about(&mean_vertex(&self.vertices)).0
     }
 
-    /// Exact integrals over signed tetrahedra with their tips at the centre of mass.
+    /// Computes exact integrals over signed tetrahedra with their tips at the centre of mass.
     ///
     /// With a tetrahedron's corners 0, a, b, c, t = a + b + c and d = a·(b × c), the volume is d/6, its centre t/4 and
     /// ∫ x x' = d/120 (a a' + b b' + c c' + t t'). The tips must be near: from an origin a thousand sizes away the
@@ -143,8 +143,8 @@ impl Surface {
 impl MassProperties {
     /// Principal moments, m^5, ascending, and principal axes, one a row, right-handed.
     ///
-    /// The largest component of the first and of the second axis is positive. Axes of equal moments are any of those
-    /// that there are.
+    /// The largest component of the first and of the second axis is positive. Axes of equal moments are arbitrary within
+    /// their plane or space.
     pub fn principal_axes(&self) -> ([f64; 3], [[f64; 3]; 3]) {
         let eigen = SymmetricEigen::new(Matrix3::from(self.inertia));
         let mut order = [0, 1, 2];
@@ -159,12 +159,12 @@ impl MassProperties {
 }
 
 fn mean_vertex(vertices: &[[f64; 3]]) -> Vec3 {
-    // From the first, so that nothing is lost far from the origin.
+    // Coordinates relative to the first vertex, so that no digits are lost far from the origin.
     let first = Vec3::from(vertices[0]);
     first + vertices.iter().map(|&v| Vec3::from(v) - first).sum::<Vec3>() / vertices.len() as f64
 }
 
-/// Numbers that are not finite, vertices missing or unused, triangles without area.
+/// Faults of elements: numbers that are not finite, vertices missing or unused, triangles without area.
 fn element_faults(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<String> {
     let mut faults = Vec::new();
     for (k, vertex) in vertices.iter().enumerate().filter(|(_, v)| v.iter().any(|x| !x.is_finite())) {
@@ -202,9 +202,9 @@ fn element_faults(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<String> 
     faults
 }
 
-/// The triangles, turned to go with the first; an error where they are not one closed surface.
+/// Triangles with the orientation of the first. Errors: they do not form one closed surface.
 fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, Vec<String>> {
-    // Of each edge, the triangles and whether they run along it from the lower number to the higher.
+    // Triangles of each edge, and whether they traverse it from the lower number to the higher.
     let mut edges: BTreeMap<[u32; 2], Vec<(usize, bool)>> = BTreeMap::new();
     for (k, t) in triangles.iter().enumerate() {
         for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
@@ -336,7 +336,7 @@ mod tests {
     fn a_corner_tetrahedron_has_its_textbook_tensor() {
         let vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let got = Surface::new(&vertices, &[[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]).unwrap().mass_properties();
-        // About the centre: V (3/40) on the diagonal, V/80 beside it.
+        // About the centre: V (3/40) on the diagonal, V/80 off the diagonal.
         let v = 1.0 / 6.0;
         let inertia = Matrix3::from_fn(|i, j| if i == j { v * 0.075 } else { v * 0.0125 });
         let e = error(&got, v, Vec3::repeat(0.25), inertia, 1.0);

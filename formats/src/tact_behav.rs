@@ -1,4 +1,4 @@
-//! `TACT_BEHAV.DAT`: contact laws, and the table of which contactors see each other by which law.
+//! `TACT_BEHAV.DAT`: contact laws, and the table of the laws between contactors.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -14,14 +14,14 @@ pub struct TactBehav {
     pub visibility: Vec<VisibilityRow>,
 }
 
-/// A contact law with its parameters in the order of the file, e.g. RST_CLB: e_n, e_t, mu.
+/// Contact law with its parameters in the order of the file, e.g. RST_CLB: e_n, e_t, mu.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LawRecord {
-    /// Line of the law, 1-based; 0 when no file holds it yet.
+    /// Line of the law, 1-based; 0 for a law that is not from a file.
     pub line: usize,
-    /// Five characters, trimmed.
+    /// Nickname, five characters, trimmed.
     pub nickname: String,
-    /// e.g. `IQS_CLB`
+    /// Kind, e.g. `IQS_CLB`.
     pub kind: String,
     pub parameters: Vec<f64>,
 }
@@ -41,15 +41,15 @@ pub struct VisibilityRow {
 /// One side of a row; the names are five characters, trimmed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VisibilitySide {
-    /// `RBDY3`
+    /// Kind of body, `RBDY3`.
     pub body: String,
-    /// `SPHER`, `PLANx` ...
+    /// Contactor, `SPHER`, `PLANx` ...
     pub contactor: String,
     pub colour: String,
 }
 
-/// The laws that can be read, with the labels of their parameters, one slice a line of the file.
-/// Which of them are computed is the solver's concern.
+/// Laws that can be read, with the labels of their parameters, one slice a line of the file. The solver supports a part
+/// of them.
 pub const LAW_LABELS: [(&str, &[&[&str]]); 24] = [
     ("IQS_CLB", &[&["fric"]]),
     ("IQS_CLB_g0", &[&["fric"]]),
@@ -73,14 +73,14 @@ pub const LAW_LABELS: [(&str, &[&[&str]]); 24] = [
     ("ELASTIC_ROD", &[&["F/gp", "prst"]]),
     ("VOIGT_WIRE", &[&["F/gp", "prst"], &["F/vl"]]),
     ("VOIGT_ROD", &[&["F/gp", "prst"], &["F/vl"]]),
-    // Not of LMGC90.
+    // Extensions that LMGC90 does not have.
     ("IQS_DS_ROLL_CLB", &[&["dyfr", "stfr"], &["roll", "spin"]]),
     ("IQS_WET_DS_ROLL_CLB", &[&["cohn", "coht"], &["Wthk"], &["dyfr", "stfr"], &["roll", "spin"]]),
 ];
 
 const WET_LABELS: &[&[&str]] = &[&["cohn", "coht"], &["Wthk"], &["dyfr", "stfr"]];
 
-/// Parameters that a law makes no sense with when negative.
+/// Parameters that must not be negative.
 const NON_NEGATIVE_PARAMETERS: [&str; 9] = ["fric", "dyfr", "stfr", "cohn", "Wthk", "rstn", "F/gp", "roll", "spin"];
 
 /// First columns of the parameters of a line.
@@ -94,28 +94,28 @@ const ALERT_COLUMN: usize = 55;
 
 const TABLE_TITLES: &str = " cdbdy  cdtac  cdcol  behav  anbdy  antac  ancol       alert";
 
-/// Labels of the parameters of a kind of law, in their order; none of a kind that [`LAW_LABELS`] does not hold.
+/// Labels of the parameters of a kind of law, in their order; none for a kind that is not in [`LAW_LABELS`].
 pub fn parameter_labels(kind: &str) -> impl Iterator<Item = &'static str> {
     parameter_lines(kind).unwrap_or_default().iter().flat_map(|line| line.iter().copied())
 }
 
-/// The same line by line.
+/// Labels of the parameters of a kind of law, line by line.
 fn parameter_lines(kind: &str) -> Option<&'static [&'static [&'static str]]> {
     LAW_LABELS.iter().find(|(name, _)| *name == kind).map(|(_, lines)| *lines)
 }
 
-/// Comment of a file without laws: one that is empty by mistake would let all bodies pass through each other.
+/// Comment of a file without laws, to distinguish it from one that is empty by mistake, with which all bodies would pass
+/// through each other.
 const NO_LAWS: &str = "! no contact laws";
 
-/// Begin of the comments of [`TactBehav::no_law_comment`].
+/// Start of the comments of [`TactBehav::no_law_comment`].
 const NO_LAW_PREFIX: &str = "! no law: ";
 
 impl TactBehav {
-    /// Reads the file; all its faults at once.
+    /// Reads the file; reports all its faults at once.
     ///
-    /// Lines outside laws and rows are passed over, as LMGC90 does, unless they look like a row that
-    /// would be lost. A row that says again what an earlier one said is dropped. The halo line (`+`)
-    /// is not kept.
+    /// Lines outside laws and rows are skipped, as in LMGC90, unless they look like a row that would be lost. A row that
+    /// repeats an earlier one is dropped. The halo line (`+`) is not kept.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         Self::parse(path, &AsciiText::read_file(path)?)
     }
@@ -163,20 +163,20 @@ impl TactBehav {
         scan.finish(TactBehav { laws, visibility })
     }
 
-    /// The text of the file, numbers with eight digits.
+    /// Text of the file, numbers with eight digits.
     ///
-    /// Names must have at most five characters. A law of a kind that [`LAW_LABELS`] does not hold is
-    /// written with its parameters one a line.
+    /// Names must have at most five characters. A law of a kind that is not in [`LAW_LABELS`] is written with its
+    /// parameters one a line.
     pub fn to_text(&self) -> String {
         self.text_with(format_e14)
     }
 
-    /// A comment of the file: two colours are meant to have no law.
+    /// Comment of the file that two colours have no law on purpose.
     pub fn no_law_comment(a: &str, b: &str) -> String {
         format!("{NO_LAW_PREFIX}{a} {b}\n")
     }
 
-    /// The pairs of colours of such comments.
+    /// Pairs of colours in the comments of [`TactBehav::no_law_comment`].
     ///
     /// ```
     /// use cd_formats::tact_behav::TactBehav;
@@ -191,7 +191,7 @@ impl TactBehav {
         text.lines().filter_map(pair).collect()
     }
 
-    /// The same with as many digits as the columns hold, see [`format_long14`].
+    /// Text of the file with as many digits as the columns can hold, see [`format_long14`].
     pub fn to_long_text(&self) -> String {
         self.text_with(format_long14)
     }
@@ -232,7 +232,7 @@ impl TactBehav {
     }
 }
 
-/// The law after `$behav`; its parameters are left empty after a fault in its kind.
+/// Reads the law after `$behav`; its parameters are left empty after a fault in its kind.
 fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
     let first = scan.expect_line("expected a law", TextLine::is_data)?;
     let nickname = scan.read_name5(first, 2, "nickname");
@@ -262,7 +262,7 @@ fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
             };
             law.parameters.push(value);
         }
-        // LMGC90 would not look at them.
+        // LMGC90 would ignore them.
         if let Some(&beyond) = PARAMETER_COLUMNS.get(labels.len()).filter(|&&first| has_real(line, first)) {
             let found = format!("a parameter in columns {beyond} to {}", beyond + 13);
             scan.add_fault(
@@ -283,7 +283,7 @@ fn has_real(line: TextLine, first: usize) -> bool {
     fortran_real(line.columns(first, first + 13)).is_ok()
 }
 
-/// The row after `$seety`.
+/// Reads the row after `$seety`.
 fn read_row(scan: &mut LineScanner) -> Option<VisibilityRow> {
     let title = scan.expect_line("expected a line of titles, then a row", TextLine::is_data)?;
     let line = if title.keyword() == "RBDY3" {
@@ -307,7 +307,7 @@ fn read_row(scan: &mut LineScanner) -> Option<VisibilityRow> {
     Some(VisibilityRow { line: line.number, candidate, law, antagonist, alert })
 }
 
-/// Rows that name a law that there is and do not contradict an earlier row, without repetitions.
+/// Rows that name an existing law and do not contradict an earlier row, without repetitions.
 fn check_rows(scan: &mut LineScanner, laws: &[LawRecord], rows: Vec<Option<VisibilityRow>>) -> Vec<VisibilityRow> {
     let mut kept: Vec<(usize, VisibilityRow)> = Vec::new();
     for (number, row) in (1..).zip(rows) {

@@ -7,28 +7,27 @@ use std::num::{IntErrorKind, ParseFloatError, ParseIntError};
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
-/// Prints a message and a line's end on stdout. That nobody listens any more, as behind `| head`, is no fault: the work
-/// goes on.
+/// Prints a message and a line end on stdout. A closed output, as after `| head`, is not a fault: the program continues.
 pub fn print_line(message: impl Display) {
     let _ = writeln!(std::io::stdout(), "{message}");
 }
 
-/// The same on stderr, for what went wrong: a message that nobody can receive ends no run.
+/// Prints a message about a problem on stderr. A closed stderr does not end a run.
 pub fn print_error(message: impl Display) {
     let _ = writeln!(std::io::stderr(), "{message}");
 }
 
-/// Prints what is wrong with the arguments of a program, or its help or version, and returns the exit code.
+/// Prints the error in the arguments of a program, or its help or version, and returns the exit code.
 pub fn usage(program: &str, error: &clap::Error) -> i32 {
     match wrong_number(error) {
         Some(message) => print_error(format_args!("{program}: {message}")),
-        // Help and version come this way too; they go to stdout.
+        // Help and version also arrive here; they go to stdout.
         None => drop(error.print()),
     }
     error.exit_code()
 }
 
-/// `--dt: abc; expected a number (s)`, of an option whose value is no number of its kind.
+/// Message such as `--dt: abc; expected a number (s)`, for an option whose value is not a number of its kind.
 fn wrong_number(error: &clap::Error) -> Option<String> {
     let text = |kind| match error.get(kind) {
         Some(ContextValue::String(text)) => Some(text.as_str()),

@@ -1,5 +1,4 @@
-//! Whether the files of DATBOX are still those that a snapshot was computed from: what was edited since does not go
-//! with it.
+//! Comparison of the files of DATBOX with the snapshot that was computed from them: files edited since do not fit it.
 
 use std::path::Path;
 
@@ -12,13 +11,13 @@ use crate::snapshot::Snapshot;
 use crate::surface::MassProperties;
 use crate::tact_behav::TactBehav;
 
-/// As many bodies of a file are told one by one.
+/// Largest number of bodies of a file that are reported one by one.
 const MAX_REPORTED_BODIES: usize = 5;
 
-/// Relative difference that rounding makes at most; the files hold eight digits and more.
+/// Largest relative rounding difference; the files have eight digits and more.
 const RELATIVE_ROUNDING: f64 = 1e-9;
 
-/// A snapshot with its file, for messages.
+/// Snapshot with its file, for messages.
 #[derive(Debug, Clone, Copy)]
 pub struct ComputedSnapshot<'a> {
     pub path: &'a Path,
@@ -30,10 +29,10 @@ impl ComputedSnapshot<'_> {
         format!("expected {what} as in {}", self.path.display())
     }
 
-    /// Compares BODIES.DAT: the number of bodies, their materials, radii, masses and moments of inertia, these with the
+    /// Compares BODIES.DAT: the number of bodies, their materials, radii, masses and moments of inertia, with the
     /// densities of the snapshot. Returns the mass properties of the bodies at density 1.
     ///
-    /// Errors: surfaces that have no mass, and the bodies that differ, first five, then how many more.
+    /// Errors: surfaces without mass properties, and the bodies that differ, first five, then the count of the others.
     pub fn expect_bodies(&self, file: &Path, bodies: &Bodies) -> Result<Vec<MassProperties>, Faults> {
         let there = &self.snapshot.bodies;
         let count = there.body_id.len();
@@ -83,7 +82,7 @@ impl ComputedSnapshot<'_> {
         broken.into_result(all)
     }
 
-    /// The first few faults of a file, and how many more there are.
+    /// First few faults of a file, and the count of the others.
     fn first_faults(&self, file: &Path, mut faults: Vec<Fault>) -> Vec<Fault> {
         let more = faults.len().saturating_sub(MAX_REPORTED_BODIES);
         faults.truncate(MAX_REPORTED_BODIES);
@@ -135,8 +134,8 @@ impl ComputedSnapshot<'_> {
         faults.into_result(())
     }
 
-    /// Compares which components of velocities DRV_DOF.DAT imposes; their values are free to change. Errors: the bodies
-    /// that differ, first five, then how many more.
+    /// Compares the components of velocities that DRV_DOF.DAT imposes; their values may change. Errors: the bodies that
+    /// differ, first five, then the count of the others.
     pub fn expect_driven(&self, file: &Path, driven: &DrvDof) -> Result<(), Faults> {
         let there = &self.snapshot.bodies.body_driven;
         let mut here = vec![0; there.len()];
@@ -160,7 +159,7 @@ fn imposed_components(bits: u8) -> String {
     if components.is_empty() { "no velocity imposed".into() } else { format!("vlocy {}", components.join(" ")) }
 }
 
-/// Whether numbers differ by rounding at most, against the largest.
+/// Whether numbers differ by rounding at most, relative to the largest.
 fn nearly_equal(a: &[f64], b: &[f64]) -> bool {
     let largest = b.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
     a.iter().zip(b).all(|(a, b)| (a - b).abs() <= RELATIVE_ROUNDING * largest)
@@ -175,7 +174,7 @@ mod tests {
     use crate::snapshot::{LawName, MaterialName};
     use crate::tact_behav::{LawRecord, VisibilityRow, VisibilitySide};
 
-    /// Spheres of these radii in m, of 3000 kg/m^3.
+    /// Spheres of these radii, m, and 3000 kg/m^3.
     fn spheres(radii: &[f64]) -> Bodies {
         let sphere = |(k, &radius): (usize, &f64)| Body {
             line: 10 * k + 1,

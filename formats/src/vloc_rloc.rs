@@ -1,7 +1,7 @@
 //! `Vloc_Rloc.INI`, `Vloc_Rloc.OUT.k`: contacts at one instant, with their forces and velocities.
 //!
-//! Frames and components here are this project's: rows n, t, s with n x t = s. The files of LMGC90
-//! hold s = t x n (n x t for SPCDx and SPDCx); reader and writer turn the sign of s and of its components.
+//! Frames and components here are this project's: rows n, t, s with n x t = s. The files of LMGC90 have s = t x n (n x t
+//! for SPCDx and SPDCx); reader and writer reverse the sign of s and of its components.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -15,7 +15,7 @@ use crate::scan::{
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct VlocRloc {
     pub step: u64,
-    /// s
+    /// Time, s.
     pub time: f64,
     pub contacts: Vec<ContactRecord>,
 }
@@ -23,23 +23,23 @@ pub struct VlocRloc {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactRecord {
     pub line: usize,
-    /// `SPSPx`, `SPPLx` ...
+    /// Kind of contact, `SPSPx`, `SPPLx` ...
     pub kind: String,
     pub candidate: ContactSide,
     pub antagonist: ContactSide,
     /// Nickname of the law.
     pub law: String,
-    /// `stick`, `slide`, `noctc` ...
+    /// Status, `stick`, `slide`, `noctc` ...
     pub status: String,
     /// Force on the candidate along n, t, s, N.
     pub force: [f64; 3],
     /// Velocity of the candidate relative to the antagonist along n, t, s, m/s.
     pub velocity: [f64; 3],
-    /// Gap foreseen at the next detection, m.
+    /// Gap predicted for the next detection, m.
     pub gap: f64,
     /// Rows n, t, s; n points from the antagonist to the candidate.
     pub frame: [[f64; 3]; 3],
-    /// m
+    /// Point of contact, m.
     pub point: [f64; 3],
     /// Internal variables of the law.
     pub internals: Vec<f64>,
@@ -47,29 +47,29 @@ pub struct ContactRecord {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactSide {
-    /// 0-based (1-based in the file).
+    /// Body number, 0-based (1-based in the file).
     pub body: usize,
-    /// `SPHER`, `PLANx` ...
+    /// Contactor, `SPHER`, `PLANx` ...
     pub contactor: String,
     /// Rank of the contactor in its body, 0-based (1-based in the file).
     pub rank: usize,
 }
 
-/// How LMGC90 writes a kind of contact.
+/// Format in which LMGC90 writes a kind of contact.
 struct ContactKind {
     name: &'static str,
     pair: &'static PairColumns,
     /// Order of the components of force and velocity.
     components: &'static str,
     gap_label: &'static str,
-    /// Order of the lines of axes and point (`p`) after the gap. LMGC90 writes `tnsp` for SPCDx and
-    /// SPDCx but reads `stnp`; ours are to be read. Our reader goes by labels.
+    /// Order of the lines of axes and point (`p`) after the gap. LMGC90 writes `tnsp` for SPCDx and SPDCx but reads
+    /// `stnp`; ours are written so that it can read them. Our reader uses the labels.
     rows: &'static str,
-    /// s in the file is t x n.
+    /// Whether s in the file is t x n.
     reversed_s: bool,
 }
 
-/// The kinds that can be read, in their order in a file.
+/// Kinds that can be read, in their order in a file.
 const CONTACT_KINDS: [ContactKind; 10] = [
     ContactKind {
         name: "CDCDx",
@@ -156,7 +156,7 @@ const CONTACT_KINDS: [ContactKind; 10] = [
 /// Columns of the line that names the pair: word at its first column, number from first to last.
 struct PairColumns {
     candidate: SideColumns,
-    /// Candidate vertex or face of a polyhedron; not kept.
+    /// Column of the candidate vertex or face of a polyhedron; not kept.
     vertex: Option<usize>,
     law: usize,
     antagonist: SideColumns,
@@ -186,7 +186,7 @@ const SHORT_COLUMNS: PairColumns = PairColumns {
     status: 65,
 };
 
-/// SPSPx in a file with more than 99 999 of them.
+/// Columns of SPSPx in a file with more than 99 999 of them.
 const WIDE_COLUMNS: PairColumns = PairColumns {
     candidate: SideColumns { body: 2, number: (9, 15), contactor: 18, rank: (25, 31) },
     vertex: None,
@@ -195,10 +195,10 @@ const WIDE_COLUMNS: PairColumns = PairColumns {
     status: 80,
 };
 
-/// The most that five columns hold.
+/// Largest number that fits into five columns.
 const MAX_FIVE_DIGITS: usize = 99_999;
 
-/// Place of an axis, n t s, in the arrays of a record.
+/// Index of an axis, n t s, in the arrays of a record.
 fn axis_index(letter: char) -> usize {
     match letter {
         'n' => 0,
@@ -222,7 +222,7 @@ impl ContactKind {
         CONTACT_KINDS.iter().find(|kind| kind.name == name)
     }
 
-    /// Turns s and its components from the file's convention to ours, or back.
+    /// Reverses s and its components, between the file's convention and ours.
     fn convert_s_axis(&self, contact: &mut ContactRecord) {
         if self.reversed_s {
             for x in contact.frame[2].iter_mut().chain([&mut contact.force[2], &mut contact.velocity[2]]) {
@@ -233,7 +233,7 @@ impl ContactKind {
 }
 
 impl VlocRloc {
-    /// Reads the file; all its faults at once. PTPT3 contacts have n alone: their t and s are zero.
+    /// Reads the file; reports all its faults at once. PTPT3 contacts have n only: their t and s are zero.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         Self::parse(path, &AsciiText::read_file(path)?)
     }
@@ -257,12 +257,12 @@ impl VlocRloc {
         scan.finish(VlocRloc { step, time, contacts })
     }
 
-    /// The text of the file as LMGC90 writes it, numbers with seven digits: kind by kind in its order,
-    /// contacts of a kind in the order given and numbered from 1.
+    /// Text of the file as LMGC90 writes it, numbers with seven digits: kind by kind in its order, contacts of a kind in
+    /// the order given and numbered from 1.
     ///
-    /// Numbers must be finite and below 1e100, names have at most five characters. Bodies above 99 999
-    /// have room in SPSPx contacts alone, in a form that LMGC90 writes but does not read; elsewhere
-    /// their numbers become stars, which every reader refuses.
+    /// Numbers must be finite and below 1e100, names have at most five characters. Bodies above 99 999 fit in SPSPx
+    /// contacts only, in a form that LMGC90 writes but does not read. In other contacts their numbers become stars, which
+    /// every reader rejects.
     ///
     /// # Panics
     /// If a contact is of a kind that readers do not know.
@@ -289,7 +289,7 @@ impl VlocRloc {
     }
 }
 
-/// The block that begins on the next line; `None` after a fault that leaves the scan inside it.
+/// Reads the block that begins on the next line; `None` after a fault that leaves the scan inside it.
 fn read_contact(scan: &mut LineScanner) -> Option<ContactRecord> {
     let begin = scan.expect_keyword("icdan")?;
     let name = begin.columns(9, 13).trim();
@@ -354,7 +354,7 @@ fn read_side(scan: &mut LineScanner, line: TextLine, columns: &SideColumns, what
     Some(ContactSide { body: body.filter(|_| rigid)?, contactor, rank: rank? })
 }
 
-/// The line of forces (`r`) or velocities (`v`), by place; a label that says otherwise is a fault.
+/// Reads the line of forces (`r`) or velocities (`v`), by position; a different label is a fault.
 fn read_components(scan: &mut LineScanner, kind: &ContactKind, letter: char) -> Option<[f64; 3]> {
     let labels: Vec<_> = kind.components.chars().map(|component| format!("{letter}l{component}")).collect();
     let line = scan.expect_continuation(&labels.join(" "))?;
@@ -370,7 +370,7 @@ fn read_components(scan: &mut LineScanner, kind: &ContactKind, letter: char) -> 
     Some(values)
 }
 
-/// Frame, as in the file, and point; each line known by its label.
+/// Reads the frame, as in the file, and the point; each line is recognized by its label.
 fn read_rows(scan: &mut LineScanner, kind: &ContactKind) -> Option<([[f64; 3]; 3], [f64; 3])> {
     let (mut frame, mut point) = ([[0.0; 3]; 3], [0.0; 3]);
     let mut missing = kind.rows.to_string();
@@ -392,7 +392,7 @@ fn read_rows(scan: &mut LineScanner, kind: &ContactKind) -> Option<([[f64; 3]; 3
     Some((frame, point))
 }
 
-/// Reals in columns 2-15, 17-30, ... up to the end of the line.
+/// Reads the reals in columns 2-15, 17-30, ... up to the end of the line.
 fn read_internals(scan: &mut LineScanner, line: TextLine) -> Vec<f64> {
     let firsts = (2..=line.used_width()).step_by(15);
     (1..).zip(firsts).map(|(k, first)| scan.read_real(line, first, format_args!("internal {k}"))).collect()
@@ -431,7 +431,7 @@ fn write_contact(out: &mut String, kind: &ContactKind, pair: &PairColumns, rank:
     out.push_str(" \n");
 }
 
-/// A line about a pair: type of body, its number, type of contactor, its rank, for candidate and antagonist.
+/// Writes the line of a pair: type of body, its number, type of contactor, its rank, for candidate and antagonist.
 fn put_pair(out: &mut String, pair: &PairColumns, sides: [[String; 4]; 2], vertex: &str, law: &str, status: &str) {
     let put_side = |out: &mut String, columns: &SideColumns, [body, number, contactor, rank]: [String; 4]| {
         put_text(out, columns.body, body);

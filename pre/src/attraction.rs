@@ -1,4 +1,4 @@
-//! A warning where an attraction per contact point depends on how faces are described.
+//! Warning about an attraction per contact point whose total depends on how faces are described.
 
 use cd_formats::report::FaultReport;
 
@@ -8,8 +8,9 @@ use crate::scene::{LawKind, Scene};
 /// Colours named in a warning; the others are counted.
 const MAX_NAMED_COLOURS: usize = 3;
 
-/// Reports, once for each law, between which colours an attraction acts at several contact points of two bodies: polyhedra
-/// meet each other and walls in up to one point for each corner, bodies of pieces in those of each piece.
+/// Reports, once for each law, the colours between which an attraction acts at several contact points of two bodies.
+/// Polyhedra touch each other and walls in up to one point for each corner; bodies of several pieces touch in up to that
+/// number for each piece.
 pub fn warn_of_attractions(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let of_colour = |colour: &str, counts: &dyn Fn(usize) -> bool| {
         let mut polyhedra =

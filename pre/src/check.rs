@@ -1,4 +1,4 @@
-//! Faults of the values of a scene, all at once, before anything is placed.
+//! Checks of the values of a scene. All faults are reported at once, before any grain is placed.
 
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, ExternalField, ROTATION_ABOUT_PERIOD};
 use cd_formats::report::FaultReport;
@@ -11,8 +11,7 @@ use crate::scene::{
 };
 use crate::sizes::{MAX_BODIES, normal_share};
 
-/// Numbers in the files of DATBOX have exponents of two digits: there is none from this on, and what is smaller than
-/// its inverse becomes 0.
+/// Smallest number that DATBOX cannot hold: exponents in its files have two digits. Numbers below the inverse become 0.
 const LARGEST_NUMBER: f64 = 1e99;
 
 pub(crate) fn fits_files(x: f64) -> bool {
@@ -23,7 +22,7 @@ pub(crate) fn is_positive(x: f64) -> bool {
     x >= 1.0 / LARGEST_NUMBER && fits_files(x)
 }
 
-/// Takes every fault of `scene` into `report`.
+/// Adds every fault of `scene` to `report`.
 pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
     check_vector(report, "gravity", &scene.gravity, "m/s^2");
     check_names(report, "materials", scene.materials.iter().map(|material| &material.name));
@@ -67,7 +66,7 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
     check_moments(report, scene.compute.solver, kinds);
 }
 
-/// Laws in use, by name and kind, whose moments `solver` does not know.
+/// Laws in use, by name and kind, whose moments `solver` does not support.
 pub(crate) fn check_moments<'a>(
     report: &mut FaultReport,
     solver: ContactSolver,
@@ -79,7 +78,7 @@ pub(crate) fn check_moments<'a>(
     }
 }
 
-/// Paths of the motion of grains and walls that is imposed along some axes and not along others.
+/// Paths of the motions of grains and walls that are imposed along some axes only.
 pub(crate) fn driven_in_part<'a>(
     grains: &'a [Grains],
     walls: &'a [SceneWall],
@@ -90,7 +89,7 @@ pub(crate) fn driven_in_part<'a>(
     of_grains.map(|(k, _)| format!("grains.{k}.driven")).chain(of_walls.map(|(k, _)| format!("walls.{k}.force")))
 }
 
-/// Refuses bodies driven in part, given by their paths, in axes that turn.
+/// Rejects bodies with partly imposed motion, given by their paths, in rotating axes.
 pub(crate) fn check_turning(report: &mut FaultReport, options: &Compute, paths: impl IntoIterator<Item = String>) {
     let turns = |field: &ExternalField| matches!(field, ExternalField::RotatingFrame { rate, .. } if *rate != [0.0; 3]);
     if options.fields.iter().any(turns) {
@@ -99,13 +98,14 @@ pub(crate) fn check_turning(report: &mut FaultReport, options: &Compute, paths: 
     }
 }
 
-/// Whether an event can change the cohesion of a law: of a liquid, or of bonds that there are.
+/// Whether an event can change the cohesion of a law: that of a liquid, or of existing bonds.
 pub(crate) fn is_cohesive(kind: &str, parameters: &[f64]) -> bool {
     let cohesion = parameter_labels(kind).zip(parameters).find(|(label, _)| *label == "cohn").map(|(_, value)| *value);
     cohesion.is_some_and(|value| value > 0.0 || parameter_labels(kind).any(|label| label == "Wthk"))
 }
 
-/// Events that change a law which is none of `laws`, those of contacts, or a cohesion where it has none (false).
+/// Reports events that change a law that is not in `laws` (the contact laws), or the cohesion of a law without one
+/// (false).
 pub(crate) fn check_laws_of_events(report: &mut FaultReport, events: &[Event], laws: &[(&str, bool)]) {
     for (k, event) in events.iter().enumerate() {
         let (EventAction::SetFriction(name, _) | EventAction::SetCohesion(name, _)) = &event.action else { continue };
@@ -123,7 +123,7 @@ pub(crate) fn check_laws_of_events(report: &mut FaultReport, events: &[Event], l
     }
 }
 
-/// Names of one list: one to five printable ASCII characters, each once.
+/// Checks the names of a list: one to five printable ASCII characters each, without repetition.
 pub(crate) fn check_names<'a>(report: &mut FaultReport, list: &str, names: impl Iterator<Item = &'a String>) {
     let mut known: Vec<&str> = Vec::new();
     for (k, name) in names.enumerate() {
@@ -141,7 +141,7 @@ pub(crate) fn check_name_length(report: &mut FaultReport, path: &str, name: &str
     report.require(fits, path, format!("'{name}'"), "1 to 5 printable ASCII characters without blanks");
 }
 
-/// A name that is none of `names`; `one` says what it should be, where there are none to choose from.
+/// Reports a name that is not in `names`; `one` describes the expected name if `names` is empty.
 pub(crate) fn unknown(report: &mut FaultReport, path: &str, found: String, name: &str, names: &[&str], one: &str) {
     if names.is_empty() {
         report.add_fault(path, found, format!("{one}: none is defined"));
@@ -150,7 +150,7 @@ pub(crate) fn unknown(report: &mut FaultReport, path: &str, found: String, name:
     }
 }
 
-/// Material and colour of something.
+/// Checks the material and the colour of the object at `path`.
 fn check_material_and_colour(scene: &Scene, report: &mut FaultReport, path: &str, material: &str, colour: &str) {
     let names: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
     if !names.contains(&material) {
@@ -160,19 +160,19 @@ fn check_material_and_colour(scene: &Scene, report: &mut FaultReport, path: &str
     check_name_length(report, &format!("{path}.colour"), colour);
 }
 
-/// The value of the field `name` of the value at `path`.
+/// Checks the field `name` of the value at `path`.
 fn check_value(report: &mut FaultReport, path: &str, name: &str, x: f64, holds: bool, expected: &str) {
     report.require(holds && fits_files(x), &format!("{path}.{name}"), format!("{x:?}"), expected);
 }
 
-/// Numbers of a list or tuple at `path`, each of which must hold a condition.
+/// Checks a condition on each number of a list or tuple at `path`.
 fn each(report: &mut FaultReport, path: &str, numbers: &[f64], holds: impl Fn(f64) -> bool, expected: &str) {
     for (k, x) in numbers.iter().enumerate() {
         report.require(holds(*x), &format!("{path}.{k}"), format!("{x:?}"), expected);
     }
 }
 
-/// Finite components.
+/// Checks that the components are finite.
 pub(crate) fn check_vector(report: &mut FaultReport, path: &str, vector: &[f64; 3], unit: &str) {
     each(report, path, vector, fits_files, &format!("a finite number ({unit})"));
 }
@@ -245,12 +245,12 @@ pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains
 /// Fewest and most vertices or sides of a shape: a plane needs three, and a pair of polyhedra costs as the square.
 const CORNER_RANGE: std::ops::RangeInclusive<usize> = 3..=1000;
 
-/// Whether nothing is said of how polyhedra stand and are measured.
+/// Whether the scene leaves orientation and size convention of polyhedra at their defaults.
 fn is_plain(grains: &Grains) -> bool {
     grains.standing == GrainOrientations::default() && grains.radius == RadiusKind::default()
 }
 
-/// Shape, and how polyhedra of it stand and are measured.
+/// Checks the shape, and the orientation and size convention of its polyhedra.
 fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
     let shape = format!("{path}.shape");
     match &grains.shape {
@@ -332,7 +332,7 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
     }
 }
 
-/// Voxels along a side are 64: more pieces would be dust.
+/// Largest number of convex pieces of a grain. The decomposition uses 64 voxels along a side: more pieces would be dust.
 const MAX_PIECES: u32 = 1024;
 
 fn check_scaled(report: &mut FaultReport, path: &str, scaled: &ModelScale) {
@@ -388,7 +388,7 @@ fn check_sizes(report: &mut FaultReport, path: &str, sizes: &SizeDistribution) {
     }
 }
 
-/// Cells hardly change after so many moves of their seeds.
+/// Largest number of Lloyd relaxations. After that many, cells hardly change.
 const MAX_RELAXATIONS: usize = 100;
 
 fn check_place(report: &mut FaultReport, path: &str, place: &GrainPlacement) {
@@ -451,10 +451,10 @@ fn check_place(report: &mut FaultReport, path: &str, place: &GrainPlacement) {
     }
 }
 
-/// Each fragment looks at the seeds of all others.
+/// Largest number of fragments. The cost is quadratic: each fragment is compared with the seeds of all others.
 const MAX_FRAGMENTS: usize = 20_000;
 
-/// Number, solid fraction and size of the envelope: two determine the third.
+/// Checks number, solid fraction and size of the envelope: two determine the third.
 fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
     if let Some(number) = grains.number {
         let fits = (1..=MAX_BODIES).contains(&number);
@@ -564,7 +564,7 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
                 check_direction(report, path, "first_axis", first);
                 let (first, normal) = (Vector3::from(*first), Vector3::from(*normal));
                 let parallel = first.cross(&normal).norm() <= 1e-6 * first.norm() * normal.norm();
-                // Nearer to parallel than that, round-off decides which way it points.
+                // For axes closer to parallel, round-off decides the direction.
                 let path = format!("{path}.first_axis");
                 report.require(!parallel, &path, "parallel to normal", "two different directions");
             }
@@ -588,7 +588,7 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
     }
 }
 
-/// Along each axis a velocity or a force.
+/// Checks that each axis has a velocity or a force, not both.
 fn check_velocity_or_force(
     report: &mut FaultReport,
     path: &str,
@@ -645,7 +645,7 @@ fn scene_colours(scene: &Scene) -> (Vec<&str>, Vec<&str>) {
     (spheres, plates)
 }
 
-/// Expected value in place of a law between walls.
+/// Expected value instead of a law between walls.
 pub(crate) const NO_WALL_LAW: &str = "no law: walls do not touch each other";
 
 fn check_contacts(scene: &Scene, report: &mut FaultReport) {
@@ -692,14 +692,14 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
             }
         }
     }
-    // Bodies whose motion is all imposed do not meet.
+    // Bodies with fully imposed motion do not collide with each other.
     let imposed = |colour: &str| {
         let all = |driven: &[Option<TimeFunction>; 3]| driven.iter().all(Option::is_some);
         let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
         let mut walls = scene.walls.iter().filter(|wall| wall.colour() == colour);
         worn.all(|grains| grains.driven.as_ref().is_some_and(all)) && !walls.any(SceneWall::is_pushed)
     };
-    // One body does not meet itself, whatever pieces it has.
+    // A single body does not collide with itself, even if it has several pieces.
     let alone = |colour: &str| {
         let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
         let one = worn.next().is_some_and(Grains::is_single_body);
@@ -750,7 +750,7 @@ impl SceneWall {
         }
     }
 
-    /// Whether a force moves it along some axis.
+    /// Whether a force acts on the wall along some axis.
     pub fn is_pushed(&self) -> bool {
         match self {
             SceneWall::Plate { force, .. } | SceneWall::Cylinder { force, .. } => force.iter().any(Option::is_some),
@@ -758,7 +758,7 @@ impl SceneWall {
         }
     }
 
-    /// Name in the files of its contactors.
+    /// Name of its contactor in the files.
     pub fn contactor(&self) -> &'static str {
         match self {
             SceneWall::Plate { .. } | SceneWall::Box { .. } => "PLANx",

@@ -1,4 +1,4 @@
-//! Values of a scene that are allowed, and probably mistakes: units, functions that are 0 at all times.
+//! Values of a scene that are allowed but probably mistakes: units, functions that are 0 at all times.
 
 use cd_formats::doubts::{density, friction};
 use cd_formats::report::FaultReport;
@@ -50,7 +50,7 @@ pub fn report_doubts(
     }
 }
 
-/// A function that is 0 at all times, unless it is written as a constant.
+/// Reports a function that is 0 at all times, unless it is written as a constant.
 fn check_function(report: &mut FaultReport, path: &str, function: &TimeFunction) {
     match function {
         &TimeFunction::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {

@@ -4,18 +4,18 @@
 //!
 //! | module | |
 //! |---|---|
-//! | [`scene`] | what stands in scene.ron |
-//! | [`check`] | what no scene may ask for |
-//! | [`doubts`] | what a scene may ask for by mistake |
-//! | [`attraction`] | a warning where an attraction per contact point depends on how faces are described |
+//! | [`scene`] | contents of scene.ron |
+//! | [`check`] | faults of a scene |
+//! | [`doubts`] | values of a scene that are probably mistakes |
+//! | [`attraction`] | warning about an attraction per contact point |
 //! | [`sizes`] | radii of grains |
 //! | [`shapes`] | polyhedra: hulls, solids at random, mass properties |
-//! | [`place`] | where grains go |
+//! | [`place`] | positions of grains |
 //! | [`motion`] | initial velocities |
 //! | [`walls`] | plates and cylinders |
-//! | [`population`] | all bodies of a scene, and that none overlap |
+//! | [`population`] | all bodies of a scene, and checks of their overlaps |
 //! | [`mod@write`] | the files of DATBOX |
-//! | [`reread`] | whether cd-solve can read them |
+//! | [`reread`] | check that cd-solve can read them |
 //! | [`from_outbox`] | a DATBOX from the results of a run |
 //! | [`study`] | scenes from a base and parameters |
 
@@ -156,7 +156,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     }
 }
 
-/// Reads the scene of the file `source`, with other values as `settings` say, and writes the files of the folder
+/// Reads the scene of the file `source`, in which `settings` override values, and writes the files of the folder
 /// `datbox`; see [`places::apply_settings`].
 ///
 /// Returns a summary for people. Errors: all faults of the scene (nothing is written then), or a file
@@ -176,7 +176,7 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     if !report.faults.0.is_empty() {
         return Err(report.faults);
     }
-    // Whether the scene lies near DATBOX is known when there is one.
+    // The folder must exist before paths of the scene relative to DATBOX can be found.
     std::fs::create_dir_all(datbox).map_err(|error| Fault::from_io(datbox, "written", &error))?;
     let case = datbox.parent().unwrap_or(Path::new(""));
     let mut origin = SceneOrigin::from_scene(source, original.as_bytes(), settings, case);
@@ -219,7 +219,8 @@ fn print_warnings(warnings: &Faults) {
     }
 }
 
-/// The scene in `text`, and its bodies; the faults name the file `source`, and those of `settings` in the text these.
+/// Reads the scene in `text` and makes its bodies. Faults name the file `source`, or the setting for values from
+/// `settings`.
 pub fn read_scene(source: &Path, text: &str, settings: &[String]) -> Result<(Scene, Population), Faults> {
     let scene: Scene = parse_with_settings(source, text, settings, "scene")?;
     let mut report = FaultReport::with_settings(source, text, settings);
@@ -231,7 +232,7 @@ pub fn read_scene(source: &Path, text: &str, settings: &[String]) -> Result<(Sce
     report.faults.into_result((scene, population))
 }
 
-/// Reads RON in which [`places::apply_settings`] has put other values.
+/// Reads RON in which [`places::apply_settings`] has replaced values.
 fn parse_with_settings<T: DeserializeOwned>(
     file: &Path,
     text: &str,
@@ -249,7 +250,7 @@ fn parse_with_settings<T: DeserializeOwned>(
     })
 }
 
-/// Counts, sizes and masses, a line for each body of grains and one for all.
+/// Counts, sizes and masses: a line for each body of grains and one for all.
 fn scene_summary(scene: &Scene, population: &Population) -> String {
     let (all, walls) = (population.grains.iter().collect::<Vec<_>>(), population.walls.len());
     let total = group_line(format!("{} bodies, {walls} of them walls", all.len() + walls), &all);
@@ -267,7 +268,7 @@ fn group_line(name: String, grains: &[&population::Grain]) -> String {
         _ if polyhedra == count => format!("{count} polyhedra ({})", vertex_count_text(grains)),
         _ => format!("{} spheres and {polyhedra} polyhedra", count - polyhedra),
     };
-    // Five digits of what is small.
+    // Numbers below 0.01 have five digits.
     let digits = |x: f64| if x < 0.01 { format!("{x:.4e}") } else { format!("{x:.5}") };
     let [min, max, mean] = [min, max, mean].map(digits);
     format!("{name}: {kind}, radius {min} to {max} m (mean {mean} m), mass {mass:.6e} kg")
@@ -296,7 +297,7 @@ fn group_lines(scene: &Scene, population: &Population) -> String {
     text
 }
 
-/// How a shape was moved and turned to its centre of mass and principal axes.
+/// Text about the translation and rotation of a shape to its centre of mass and principal axes.
 fn frame_change_text(solid: &shapes::PrincipalSolid) -> String {
     let mut text = String::new();
     if solid.shift != Vector3::zeros() {
@@ -311,7 +312,7 @@ fn frame_change_text(solid: &shapes::PrincipalSolid) -> String {
     text
 }
 
-/// How many vertices grains have, all pieces of a grain together.
+/// Text about the number of vertices of the grains, summed over the pieces of a grain.
 fn vertex_count_text(grains: &[&population::Grain]) -> String {
     let solids = grains.iter().filter_map(|grain| grain.polyhedron.as_ref()).map(|polyhedron| &polyhedron.solid.pieces);
     let counts = solids.map(|pieces| pieces.iter().map(|piece| piece.vertices().len()).sum::<usize>());
@@ -319,7 +320,7 @@ fn vertex_count_text(grains: &[&population::Grain]) -> String {
     if min == max { format!("{min} vertices each") } else { format!("{min} to {max} vertices") }
 }
 
-/// The nearest number that the files can hold: 8 digits, and no negative zero.
+/// Nearest number that the files can hold: 8 digits, no negative zero.
 ///
 /// ```
 /// assert_eq!(cd_pre::round_8_digits(2.0 / 3.0), 0.66666667);
@@ -334,7 +335,7 @@ pub fn round_point(point: &Vector3<f64>) -> Vector3<f64> {
     point.map(round_8_digits)
 }
 
-/// The nearest number that the files can hold for a polyhedron: up to 12 digits, and no negative zero.
+/// Nearest number that the files can hold for a polyhedron: up to 12 digits, no negative zero.
 pub fn round_14_columns(x: f64) -> f64 {
     fortran_real(&format_long14(x)).unwrap_or(x) + 0.0
 }

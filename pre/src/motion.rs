@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::random::RandomStream;
 
-/// Rigid motion of the whole: v_k = velocity + spin x (x_k - x_c), x_c the centre of mass.
+/// Rigid motion: v_k = velocity + spin x (x_k - x_c), x_c the centre of mass.
 ///
 /// * `velocity` of the centre of mass, m/s; `spin`, rad/s; fixed axes.
 /// * `positions`, m, and `masses`, kg (or any multiple of them), of the grains.
@@ -20,10 +20,10 @@ pub fn rigid_velocities(
     positions.iter().map(|x| velocity + spin.cross(&(x - centre))).collect()
 }
 
-/// Random velocities, m/s: isotropic and normal, the same for all masses, without net momentum, and
-/// with the root mean square (of the vector's length, over the grains) `rms`.
+/// Random velocities, m/s: isotropic and normal, with the same distribution for all masses, without net momentum. Their
+/// root mean square (of the vector's length, over the grains) is `rms`.
 ///
-/// A single grain gets none, for without momentum it must be at rest.
+/// A single grain gets velocity 0, since it has no net momentum.
 pub fn thermal_velocities(rms: f64, masses: &[f64], random: &mut RandomStream) -> Vec<Vector3<f64>> {
     if rms == 0.0 || masses.len() < 2 {
         return vec![Vector3::zeros(); masses.len()];

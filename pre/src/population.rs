@@ -1,4 +1,4 @@
-//! The bodies that a scene asks for: grains and walls with their initial motion.
+//! Bodies of a scene: grains and walls with their initial motion.
 
 use std::cell::OnceCell;
 use std::path::Path;
@@ -20,11 +20,11 @@ use crate::sizes::MAX_BODIES;
 use crate::walls::{self, WallBody};
 use crate::{check, motion, sizes, write};
 
-/// Overlaps up to this share of the smaller radius are touching: what 8 digits leave of a contact that
-/// the user has computed by hand.
+/// Largest overlap of touching bodies, over the smaller radius: rounding to 8 digits of a contact that the user has
+/// computed by hand.
 const TOUCHING_TOLERANCE: f64 = 1e-6;
 
-/// Overlaps that are reported one by one.
+/// Largest number of overlaps that are reported one by one.
 const MAX_REPORTED_OVERLAPS: usize = 5;
 
 /// Bodies in the order of their numbers: grains, then walls.
@@ -32,14 +32,14 @@ const MAX_REPORTED_OVERLAPS: usize = 5;
 pub struct Population {
     pub grains: Vec<Grain>,
     pub walls: Vec<WallBody>,
-    /// The envelope of each body of grains.
+    /// Envelope of each body of grains.
     pub regions: Vec<Option<GrainRegion>>,
     /// Notes on the file of each body of grains, empty without one.
     pub file_summaries: Vec<String>,
 }
 
 impl Population {
-    /// The path in the scene of the value that makes body `body`, from 0.
+    /// Path in the scene of the value that makes body `body`, from 0.
     pub fn scene_path(&self, body: usize) -> String {
         match self.grains.get(body) {
             Some(grain) => format!("grains.{}", grain.group),
@@ -51,36 +51,36 @@ impl Population {
 /// One sphere or polyhedron; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grain {
-    /// Which body of grains it belongs to, 0-based.
+    /// Index of its body of grains, 0-based.
     pub group: usize,
     /// Radius of the sphere of equal volume, m.
     pub radius: f64,
-    /// Radius of the ball about the centre of mass that holds the grain, m.
+    /// Radius of the bounding ball about the centre of mass, m.
     pub reach: f64,
-    /// None for a sphere.
+    /// Polyhedron; none for a sphere.
     pub polyhedron: Option<OrientedPolyhedron>,
-    /// kg
+    /// Mass, kg.
     pub mass: f64,
-    /// m
+    /// Position, m.
     pub position: Vector3<f64>,
-    /// m/s, fixed axes
+    /// Velocity, m/s, fixed axes.
     pub velocity: Vector3<f64>,
-    /// rad/s, fixed axes
+    /// Angular velocity, rad/s, fixed axes.
     pub spin: Vector3<f64>,
 }
 
 impl Grain {
-    /// m^3
+    /// Volume, m^3.
     pub fn volume(&self) -> f64 {
         self.polyhedron.as_ref().map_or_else(|| sizes::sphere_volume(self.radius), OrientedPolyhedron::volume)
     }
 
-    /// Its own axes along the fixed ones, one a row; those of a sphere are the fixed ones at the start.
+    /// Its own axes along the fixed ones, one a row; for a sphere, the fixed axes.
     pub fn axes(&self) -> Matrix3<f64> {
         self.polyhedron.as_ref().map_or(Matrix3::identity(), |polyhedron| polyhedron.axes)
     }
 
-    /// The convex pieces of a polyhedron as they stand.
+    /// Convex pieces of a polyhedron in its orientation, at its position.
     pub(crate) fn convex_pieces(&self) -> Vec<ConvexPiece> {
         let Some(polyhedron) = &self.polyhedron else { return Vec::new() };
         let turn = polyhedron.axes.transpose();
@@ -94,7 +94,8 @@ impl Grain {
     }
 }
 
-/// Takes the faults of a file that the value at `path` names into the report: of one that cannot be read, the value is at fault.
+/// Adds the faults of a file to the report. If the file cannot be read, the fault belongs to the value at `path` that
+/// names it.
 fn report_file_faults(faults: Faults, path: &str, report: &mut FaultReport) {
     for fault in faults.0 {
         if fault.line.is_none() && fault.object == "file" && fault.found.starts_with("cannot be read") {
@@ -106,9 +107,9 @@ fn report_file_faults(faults: Faults, path: &str, report: &mut FaultReport) {
     }
 }
 
-/// The bodies of a (checked) scene; what does not fit or overlaps goes into the report.
+/// Makes the bodies of a (checked) scene. Grains that do not fit and bodies that overlap go into the report.
 ///
-/// Paths of files begin at `folder`.
+/// Paths of files are relative to `folder`.
 pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Population {
     let walls = walls::wall_bodies(&scene.walls);
     let mut population = Population { grains: Vec::new(), walls, regions: Vec::new(), file_summaries: Vec::new() };
@@ -152,7 +153,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
     population
 }
 
-/// A hollow cylinder pushes inwards alone: what meets it must be within.
+/// Checks hollow cylinders, which push inwards only: bodies that touch one must be inside.
 fn check_drums(scene: &Scene, population: &Population, report: &mut FaultReport) {
     for drum in &population.walls {
         if !matches!(drum.shape, ShapeRecord::Cylinder { hollow: true, .. }) {
@@ -177,7 +178,7 @@ fn check_drums(scene: &Scene, population: &Population, report: &mut FaultReport)
     }
 }
 
-/// Plates that span a period must not lean along it: their images would be stairs.
+/// Checks plates that span a period: they must not be inclined along it, since their images would form stairs.
 fn check_level(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let periods = [("xperiode", scene.compute.xperiode), ("yperiode", scene.compute.yperiode)];
     for plate in &population.walls {
@@ -185,7 +186,7 @@ fn check_level(scene: &Scene, population: &Population, report: &mut FaultReport)
         for (axis, (name, period)) in periods.into_iter().enumerate() {
             let width = 2.0 * plate.axes.column(axis).abs().dot(&Vector3::from(half_lengths));
             let normal = plate.axes[(2, axis)];
-            // As cd-solve has it: the files hold 8 digits.
+            // Same test as in cd-solve: the files have 8 digits.
             if period.is_some_and(|period| width >= period * (1.0 - 1e-6)) && normal.abs() > 1e-6 {
                 let found = format!("a plate as wide as {name} whose normal leans along it by {normal:.4}");
                 let expected = format!("{} 0 of the normal, as images make stairs; gravity may lean", ["x", "y"][axis]);
@@ -220,8 +221,8 @@ fn grains_in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed
     placed.grains.into_iter().enumerate().map(grain).collect()
 }
 
-/// All grains, balls of centre and radius, m, of a scene that repeats must find room within a period, so that none
-/// overlaps another's image.
+/// Checks that all grains, given as balls of centre and radius, m, of a periodic scene fit within a period, so that no
+/// grain overlaps another's image.
 pub(crate) fn check_extent(
     options: &Compute,
     balls: impl Iterator<Item = (Vector3<f64>, f64)> + Clone,
@@ -238,7 +239,7 @@ pub(crate) fn check_extent(
     }
 }
 
-/// By how much to move what stands at the foot of `way`, m, to its images nearest to the tip in a scene that repeats.
+/// Shifts to the images nearest to the tip of the vector `way`, m, for an object at its foot, in a periodic scene.
 pub(crate) fn nearest_images(options: &Compute, way: &Vector3<f64>) -> Vec<Vector3<f64>> {
     let mut shifts = vec![Vector3::zeros()];
     for (axis, period) in [options.xperiode, options.yperiode].into_iter().enumerate() {
@@ -253,7 +254,7 @@ pub(crate) fn nearest_images(options: &Compute, way: &Vector3<f64>) -> Vec<Vecto
     shifts
 }
 
-/// Refuses products of numbers of a scene that do not fit the files, whose exponents have two digits.
+/// Rejects products of numbers of a scene that do not fit the files, whose exponents have two digits.
 fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
     let mut told = Vec::new();
@@ -292,7 +293,7 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultRepor
     }
 }
 
-/// No two grains, and no grain and wall, may overlap, unless a List allows it.
+/// Checks that no two grains, and no grain and wall, overlap, unless a List allows it.
 fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
     let allowed: Vec<bool> =
@@ -301,13 +302,13 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
         (0..scene.grains.len()).map(|group| grains.partition_point(|grain| grain.group < group)).collect();
     let name = |k: usize| format!("grain {} of grains {}", k + 1 - firsts[grains[k].group], grains[k].group + 1);
     let mut overlaps: Vec<(usize, String)> = Vec::new();
-    // Made of those alone that come near another, and once.
+    // Pieces are made once, and only for grains that are near another.
     let made: Vec<OnceCell<Vec<ConvexPiece>>> = vec![OnceCell::new(); grains.len()];
     let pieces = |k: usize| made[k].get_or_init(|| grains[k].convex_pieces()).as_slice();
     let with_ball = |k: usize, ball: &Grain| {
         pieces(k).iter().map(|piece| piece.overlap_of_ball(&ball.position, ball.radius)).fold(0.0, f64::max)
     };
-    // How deep two grains are in each other, m, if the balls around them are by `overlap`.
+    // Penetration of two grains, m, whose bounding balls overlap by `overlap`.
     let deep = |a: usize, b: usize, overlap: f64| match [a, b].map(|k| grains[k].polyhedron.is_some()) {
         [false, false] => overlap,
         [true, false] => with_ball(a, &grains[b]),

@@ -1,14 +1,14 @@
 //! Random numbers that are the same on every machine.
 //!
-//! ChaCha8 by its definition; conversions use exact arithmetic or `libm` (which is the same code
-//! everywhere), never the platform's mathematics library. Each use draws from a stream of its own,
-//! so that one more grain in one body of grains moves nothing in another.
+//! ChaCha8 by its definition. Conversions use exact arithmetic or `libm` (the same code everywhere), never the platform's
+//! mathematics library. Each use draws from a stream of its own, so that one more grain in one body of grains changes
+//! nothing in another.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 
-/// What random numbers are drawn for; the streams of one body of grains.
+/// Purpose of random numbers; each has its own stream in a body of grains.
 #[derive(Debug, Clone, Copy)]
 pub enum StreamPurpose {
     Sizes = 0,
@@ -20,32 +20,32 @@ pub enum StreamPurpose {
 pub struct RandomStream(ChaCha8Rng);
 
 impl RandomStream {
-    /// The stream of `group` (0-based) for `purpose`.
+    /// Stream of `group` (0-based) for `purpose`.
     pub fn new(seed: u64, group: usize, purpose: StreamPurpose) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(4 * group as u64 + purpose as u64);
         RandomStream(generator)
     }
 
-    /// Uniform in [0, 1), a multiple of 2^-53.
+    /// Uniform number in [0, 1), a multiple of 2^-53.
     pub fn uniform(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Uniform in 0..n.
+    /// Uniform index in 0..n.
     pub fn uniform_index(&mut self, n: usize) -> usize {
-        // The bias of the product is n / 2^53: nothing for any n that fits into memory.
+        // The bias of the product is n / 2^53: negligible for any n that fits into memory.
         (self.uniform() * n as f64) as usize
     }
 
-    /// Each component uniform in [-1, 1).
+    /// Vector with each component uniform in [-1, 1).
     pub fn in_cube(&mut self) -> Vector3<f64> {
         let mut draw = || 2.0 * self.uniform() - 1.0;
         let (x, y, z) = (draw(), draw(), draw());
         Vector3::new(x, y, z)
     }
 
-    /// Uniform in the ball of radius 1.
+    /// Point uniform in the ball of radius 1.
     pub fn in_ball(&mut self) -> Vector3<f64> {
         loop {
             let point = self.in_cube();
@@ -55,7 +55,7 @@ impl RandomStream {
         }
     }
 
-    /// Uniform on the sphere of radius 1.
+    /// Unit vector uniform on the sphere.
     pub fn uniform_direction(&mut self) -> Vector3<f64> {
         loop {
             let point = self.in_ball();
@@ -66,20 +66,20 @@ impl RandomStream {
         }
     }
 
-    /// A rotation, all equally likely: a quaternion with four normal components (Marsaglia 1972).
+    /// Uniform random rotation: a quaternion with four normal components (Marsaglia 1972).
     pub fn uniform_rotation(&mut self) -> Matrix3<f64> {
         let mut draw = || self.standard_normal();
         let (w, x, y, z) = (draw(), draw(), draw(), draw());
         UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix().into_inner()
     }
 
-    /// Normal, mean 0, variance 1 (Box and Muller 1958, one of the pair).
+    /// Normal number, mean 0, variance 1 (Box and Muller 1958, one of the pair).
     pub fn standard_normal(&mut self) -> f64 {
         let radius = (-2.0 * libm::log(1.0 - self.uniform())).sqrt(); // 1 - u is never 0
         radius * libm::cos(std::f64::consts::TAU * self.uniform())
     }
 
-    /// Every order equally likely (Fisher and Yates).
+    /// Shuffles the items; every order is equally likely (Fisher and Yates).
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for last in (1..items.len()).rev() {
             items.swap(last, self.uniform_index(last + 1));
@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn the_stream_is_pinned() {
-        // A change of these changes every DATBOX ever made from a seed.
+        // Any change of these values changes every DATBOX made from a seed.
         let mut random = RandomStream::new(1, 0, StreamPurpose::Sizes);
         let drawn: Vec<u64> = (0..3).map(|_| (random.uniform() * 1e6) as u64).collect();
         assert_eq!(drawn, [402485, 80383, 596560]);

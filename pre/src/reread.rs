@@ -1,4 +1,4 @@
-//! The bodies of DATBOX with the digits that are written: what cd-solve would reject is rejected here.
+//! Checks of the bodies of DATBOX with the digits that are written: bodies that cd-solve would reject are rejected here.
 
 use std::path::Path;
 
@@ -12,11 +12,11 @@ use cd_formats::report::FaultReport;
 use cd_formats::scan::AsciiText;
 use cd_formats::tact_behav::TactBehav;
 
-/// Reads the files (name and bytes) of the folder `datbox` and checks each body by the functions by which cd-solve does;
+/// Reads the files (name and bytes) of the folder `datbox` and checks each body by the functions that cd-solve uses.
 /// `driven` are the rows of DRV_DOF.DAT, whose tables may not be written yet.
 ///
-/// A fault of body k (from 0) is that of the value at the path `name(k)` of the scene, the first of each value with a
-/// count of the others; faults of the files themselves name these.
+/// A fault of body k (from 0) is reported at the path `name(k)` of the scene: the first fault of each value, with a count
+/// of the others. Faults of the files themselves name the files.
 pub fn check_files<'a>(
     datbox: &Path,
     files: impl Iterator<Item = (&'a str, &'a [u8])>,
@@ -43,14 +43,14 @@ pub fn check_files<'a>(
         imposed.get_mut(row.body).into_iter().for_each(|imposed| *imposed = true);
     }
     let periods = [options.xperiode, options.yperiode];
-    // Path, body, found, expected, and how many more.
+    // Path, body, found, expected, and the count of further faults.
     let mut found: Vec<(String, usize, String, String, usize)> = Vec::new();
     for (k, body) in bodies.0.iter().enumerate() {
         let density = bulk.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
         let fault = match body.check_at_density(density) {
             Err(fault) => fault,
             Ok(checked) => {
-                // A larger body would meet more than the nearest image.
+                // A larger body could touch more than the nearest image.
                 let extent = 2.0 * checked.bounding_radius(body);
                 let short = periods.into_iter().flatten().find(|period| !imposed[k] && 2.0 * extent >= *period);
                 let Some(period) = short else { continue };

@@ -10,16 +10,16 @@ use crate::random::RandomStream;
 use crate::round_8_digits;
 use crate::scene::SizeDistribution;
 
-/// Body numbers have seven digits in the files.
+/// Largest number of bodies: body numbers have seven digits in the files.
 pub const MAX_BODIES: usize = 9_999_999;
 
-/// When to stop drawing.
+/// Stop criterion of the sampling.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SampleTarget {
-    /// So many grains.
+    /// Number of grains.
     Number(usize),
-    /// The sum of the volumes is as near to this, m^3, as whole grains allow; or there is one grain more
-    /// than [`MAX_BODIES`].
+    /// Total volume, m^3, met as closely as whole grains allow. The sampling also stops with one grain more than
+    /// [`MAX_BODIES`].
     Volume(f64),
 }
 
@@ -71,7 +71,7 @@ impl SizeDistribution {
         }
     }
 
-    /// The radius, m, that a share `u` in [0, 1) of the grains is smaller than: inverse of [`SizeDistribution::share_below`].
+    /// Radius, m, that a share `u` in [0, 1) of the grains is smaller than: inverse of [`SizeDistribution::share_below`].
     fn quantile(&self, u: f64) -> f64 {
         let (min, max) = self.radius_range();
         match self {
@@ -89,7 +89,7 @@ impl SizeDistribution {
         }
     }
 
-    /// Bisection of the distribution function to the last bits: as exact as the function itself.
+    /// Inverts the distribution function by bisection to the last bits: as exact as the function itself.
     fn quantile_by_bisection(&self, u: f64) -> f64 {
         let (mut low, mut high) = self.radius_range();
         for _ in 0..60 {
@@ -99,10 +99,10 @@ impl SizeDistribution {
         0.5 * (low + high)
     }
 
-    /// What `next` makes of radii, m, that are rounded to the digits of the files.
+    /// Grains that `next` makes from sampled radii, m, rounded to the digits of the files.
     ///
-    /// A `List` gives its radii in a random order, or in its own with `in_order`; any other draws one
-    /// random number a grain. `volume`, m^3, is that of a grain.
+    /// A `List` gives its radii in a random order, or in its own with `in_order`; any other distribution uses one random
+    /// number a grain. `volume`, m^3, is that of a grain.
     pub fn sample_radii<T, E>(
         &self,
         until: SampleTarget,
@@ -138,8 +138,8 @@ impl SizeDistribution {
     }
 }
 
-/// Whether powers of a power law are so near to 1 that their differences from it have lost digits: then its radii are
-/// nearly evenly spread in their logarithm.
+/// Whether powers of a power law are so near to 1 that their differences from it have lost digits: its radii are then
+/// almost uniform in their logarithm.
 fn nearly_even(exponent: f64, min: f64, max: f64) -> bool {
     exponent * libm::log(max / min) < 1e-6
 }

@@ -58,34 +58,34 @@ pub struct Parameter {
     pub with: Vec<Parameter>,
 }
 
-/// One combination.
+/// One combination of parameter values.
 struct Case {
     group: usize,
     name: String,
     from: Option<String>,
-    /// Parameters by name, with their values.
+    /// Values of the parameters by name.
     values: Vec<(String, String)>,
     /// `PATH=VALUE`, with the path of the value in the study.
     settings: Vec<(String, String)>,
 }
 
-/// File of a case that is made of a scene.
+/// File of a case that starts from a scene.
 const SCENE: &str = "scene.ron";
 
-/// File of a case that goes on from another.
+/// File of a case that continues another.
 const CHANGES: &str = "changes.ron";
 
-/// End of the first line of what is written.
+/// End of the first line of files that are written here.
 const WRITTEN: &str = " Written by cd-pre study.";
 
 /// Paths in scenes and changes whose values are names of files, in which `N` is any item of a list.
 const FILES: [&str; 3] = ["grains.N.shape.file", "grains.N.place.envelope.file", "bodies.N.case"];
 
-/// Writes the scene or the changes of each case of the study `file`, changed as `settings` say, below `output`; with them
-/// the table `NAME.csv` of the parameters and the rules `NAME.mk` for make, NAME being that of the file.
+/// Writes the scene or the changes of each case of the study `file`, with the overrides `settings`, below `output`. Also
+/// writes the table `NAME.csv` of the parameters and the rules `NAME.mk` for make, NAME being that of the file.
 ///
-/// Files that already hold what they should are left alone, but for the rules. Errors: all faults of the study and of its cases; nothing
-/// is written then.
+/// Files with the right content are not rewritten, except the rules. Errors: all faults of the study and of its cases;
+/// nothing is written then.
 pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<String, Faults> {
     let text = places::apply_settings(&atomic::read_text(file)?, settings)?;
     let study: Study = crate::parse_with_settings(file, &text, settings, "study")?;
@@ -131,12 +131,12 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
     files.push((output.join(file.with_extension("csv").file_name().unwrap_or_default()), table(&cases)));
     files.retain(|(path, text)| !is_as(path, text));
     let written = files.iter().filter(|(path, _)| path.extension().is_some_and(|ending| ending == "ron")).count();
-    // Last, as make compares its time with that of the study.
+    // Written last, as make compares its time with that of the study.
     let rules = output.join(file.with_extension("mk").file_name().unwrap_or_default());
     files.push((rules.clone(), rules_for_make(file, &rules, &study, &cases)));
     atomic::write_all(files.iter().map(|(path, text)| (path.clone(), text.as_bytes())))?;
     for case in &cases {
-        // What another study left in the folder.
+        // File that another study left in the folder.
         let other = output.join(&case.name).join(if case.kind() == SCENE { CHANGES } else { SCENE });
         if is_written_here(&other) {
             let _ = fs::remove_file(other);
@@ -224,14 +224,14 @@ fn cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
     cases
 }
 
-/// Parameter with its values as they stand in the study, each with its path there.
+/// Parameter with its values as written in the study, each with its path there.
 struct Column<'a> {
     name: &'a str,
     paths: Vec<&'a str>,
     values: Vec<(String, String)>,
 }
 
-/// Adds the column of a parameter, whose path in the study is `at`, and those that vary together with it.
+/// Adds the column of a parameter, whose path in the study is `at`, and the columns of those that vary with it.
 fn columns<'a>(parameter: &'a Parameter, at: String, axis: &mut Vec<Column<'a>>, report: &mut FaultReport) {
     let count = parameter.values.len();
     let expected = axis.first().map_or(count.max(1), |first: &Column| first.values.len());
@@ -249,12 +249,12 @@ fn columns<'a>(parameter: &'a Parameter, at: String, axis: &mut Vec<Column<'a>>,
     }
 }
 
-/// Names in braces.
+/// Names in braces in a pattern.
 fn placeholders(pattern: &str) -> impl Iterator<Item = &str> {
     pattern.split('{').skip(1).map(|rest| rest.split('}').next().unwrap_or(rest))
 }
 
-/// Whether a name is that of a folder below, and one that make and shells take as it is.
+/// Whether a name is that of a subfolder that make and shells accept unquoted.
 fn is_folder(name: &str) -> bool {
     let plain = |letter: char| letter.is_ascii_alphanumeric() || "._+-/".contains(letter);
     let below = Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
@@ -267,7 +267,7 @@ impl Case {
         if self.from.is_some() { CHANGES } else { SCENE }
     }
 
-    /// A pattern with the values of the parameters.
+    /// Pattern with the values of the parameters filled in.
     fn filled(&self, pattern: &str) -> String {
         let fill = |text: String, (name, value): &(String, String)| {
             text.replace(&format!("{{{name}}}"), value.trim_matches('"'))
@@ -275,7 +275,7 @@ impl Case {
         self.values.iter().fold(pattern.to_string(), fill)
     }
 
-    /// Takes a fault of the case; that of a setting becomes one of its value in the study.
+    /// Adds a fault of the case to the report; a fault of a setting is moved to its value in the study.
     fn place(&self, fault: Fault, report: &mut FaultReport) {
         let of = |(setting, _): &&(String, String)| fault.object == format!("set {setting}");
         match self.settings.iter().rfind(of).filter(|_| fault.file == Path::new("options")) {
@@ -288,12 +288,13 @@ impl Case {
     }
 }
 
-/// Text of the scene, or of the changes, of a case for the file `path`; checked, unless the file holds it already.
+/// Text of the scene, or of the changes, of a case for the file `path`. It is checked, unless the file already contains
+/// it.
 fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<String, Faults> {
     let settings: Vec<String> = case.settings.iter().map(|(setting, _)| setting.clone()).collect();
     let mut faults = Faults::default();
     if case.from.is_some() && ValueLocations::from_text(original).text("compute").is_none() {
-        // The options would be all new ones, where `from-outbox --set` changes those of the run that goes on.
+        // New options would start from defaults, whereas `from-outbox --set` changes those of the continued run.
         for setting in settings.iter().filter(|setting| setting.trim_start().starts_with("compute.")) {
             faults.push(places::setting_fault(
                 setting,
@@ -317,17 +318,17 @@ fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<St
     text
 }
 
-/// Whether a file is from a study, by its first line.
+/// Whether a study wrote the file, according to its first line.
 fn is_written_here(path: &Path) -> bool {
     fs::read_to_string(path).is_ok_and(|text| text.lines().next().is_some_and(|line| line.ends_with(WRITTEN)))
 }
 
-/// Whether a file holds this text.
+/// Whether a file contains exactly this text.
 fn is_as(path: &Path, text: &str) -> bool {
     fs::read(path).is_ok_and(|bytes| bytes == text.as_bytes())
 }
 
-/// A scene or changes in another folder than their base: files that they name are seen from there.
+/// Scene or changes for another folder than their base; paths of files in it are made relative to that folder.
 fn with_files(text: &str, base: &Path, folder: &Path) -> Result<String, Faults> {
     let home = base.parent().unwrap_or(Path::new(""));
     let mut settings = Vec::new();
@@ -338,7 +339,7 @@ fn with_files(text: &str, base: &Path, folder: &Path) -> Result<String, Faults> 
         for n in items {
             let Some(value) = places.text(&format!("{list}.{n}.{rest}")) else { continue };
             let file = Path::new(value.trim_matches('"'));
-            // Out of the folder of the case, as far as both lie below one.
+            // Path out of the folder of the case, if it lies below that of the base.
             let up: Option<PathBuf> = folder.strip_prefix(home).ok().map(|below| below.iter().map(|_| "..").collect());
             let path = match up {
                 Some(up) => up.join(file),
@@ -350,7 +351,8 @@ fn with_files(text: &str, base: &Path, folder: &Path) -> Result<String, Faults> 
     places::apply_settings(text, &settings)
 }
 
-/// A row a case: its folder, the case that it continues, and each parameter, empty where its group has none of that name.
+/// Table with a row for each case: its folder, the case that it continues, and each parameter, empty where its group has
+/// no parameter of that name.
 fn table(cases: &[Case]) -> String {
     let mut names: Vec<&str> = Vec::new();
     for (name, _) in cases.iter().flat_map(|case| &case.values) {
@@ -372,11 +374,11 @@ fn table(cases: &[Case]) -> String {
     text
 }
 
-/// What make needs to know: the cases, what the study is read from, and which case goes before which.
+/// Rules for make: the cases, the files that the study reads, and the order of cases.
 fn rules_for_make(file: &Path, rules: &Path, study: &Study, cases: &[Case]) -> String {
     let home = file.parent().unwrap_or(Path::new(""));
     let folder = rules.parent().unwrap_or(Path::new(""));
-    // Paths as make sees them, which runs in the folder of the rules.
+    // Paths relative to the folder of the rules, where make runs.
     let seen = |path: &Path| match path.strip_prefix(folder) {
         Ok(below) => below.to_path_buf(),
         Err(_) => std::path::absolute(path).unwrap_or(path.to_path_buf()),

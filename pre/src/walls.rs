@@ -10,22 +10,22 @@ use crate::scene::{SceneWall, TimeFunction};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
 use crate::{round_8_digits, round_point};
 
-/// A plate or a cylinder; numbers have the digits of the files.
+/// Plate or cylinder; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WallBody {
-    /// Which wall of the scene it belongs to, 0-based.
+    /// Index of its wall in the scene, 0-based.
     pub wall: usize,
     pub material: String,
     pub colour: String,
-    /// m
+    /// Centre, m.
     pub centre: Vector3<f64>,
     /// First and second axis and normal, or axis of the cylinder, as rows: orthonormal, right-handed.
     pub axes: Matrix3<f64>,
     /// [`ShapeRecord::Plane`] or [`ShapeRecord::Cylinder`].
     pub shape: ShapeRecord,
-    /// Along the fixed axes, m/s; about its own axes, rad/s.
+    /// Velocities along the fixed axes, m/s, and angular velocities about its own axes, rad/s.
     pub motion: [TimeFunction; 6],
-    /// Along the fixed axes, N; in place of a velocity.
+    /// Forces along the fixed axes, N; each replaces a velocity.
     pub force: [Option<TimeFunction>; 3],
 }
 
@@ -34,25 +34,25 @@ impl WallBody {
         Contactor { colour: self.colour.clone(), shape: self.shape.clone(), local_frame: None }
     }
 
-    /// Mass properties for the density 1, about its own axes.
+    /// Mass properties at density 1, about its own axes.
     pub fn mass_properties(&self) -> MassProperties {
-        // Polyhedra alone can be without.
+        // Only polyhedra can have none.
         self.contactor().mass_properties().unwrap_or_default()
     }
 
-    /// How deep a sphere reaches into it, m, see [`ball_overlap`].
+    /// Penetration of a sphere into the wall, m, see [`ball_overlap`].
     pub fn ball_overlap(&self, centre: &Vector3<f64>, radius: f64) -> f64 {
         ball_overlap(&self.shape, &(self.axes * (centre - self.centre)), radius)
     }
 
-    /// How deep convex pieces reach into it, m, see [`pieces_overlap`], it being moved by `shift`, m.
+    /// Penetration of convex pieces into the wall translated by `shift`, m, see [`pieces_overlap`].
     pub fn pieces_overlap(&self, pieces: &[ConvexPiece], shift: &Vector3<f64>, allowed: f64) -> f64 {
         pieces_overlap(&self.shape, &(self.centre + shift), &self.axes, pieces, allowed)
     }
 }
 
-/// How deep convex pieces reach into a plate or cylinder with the axes `axes` (rows), m; at most `allowed` as soon as that
-/// is certain.
+/// Penetration of convex pieces into a plate or cylinder with the axes `axes` (rows), m; any value up to `allowed` as
+/// soon as the depth is known not to exceed it.
 pub fn pieces_overlap(
     wall: &ShapeRecord,
     centre: &Vector3<f64>,
@@ -80,8 +80,9 @@ pub fn pieces_overlap(
     }
 }
 
-/// How deep a ball reaches into a plate or cylinder, m, its centre in the wall's own axes, m; negative when apart. A centre
-/// within a solid one counts by the nearest face; what is not near the inside of a hollow one is apart from it.
+/// Penetration of a ball into a plate or cylinder, m, its centre in the wall's own axes, m; negative when apart. For a
+/// centre within a solid wall it is measured to the nearest face. A ball far from the inside of a hollow cylinder is
+/// apart from it.
 pub fn ball_overlap(wall: &ShapeRecord, centre: &Vector3<f64>, radius: f64) -> f64 {
     match *wall {
         ShapeRecord::Plane { half_lengths } => {
@@ -101,12 +102,12 @@ pub fn ball_overlap(wall: &ShapeRecord, centre: &Vector3<f64>, radius: f64) -> f
     }
 }
 
-/// How far a point is beyond the side or the ends of a cylinder about the third axis, m; negative inside.
+/// Distance of a point beyond the side or the ends of a cylinder about the third axis, m; negative inside.
 fn distance_beyond(point: &Vector3<f64>, half_height: f64, radius: f64) -> f64 {
     (point.xy().norm() - radius).max(point.z.abs() - half_height)
 }
 
-/// The bodies of the scene's (checked) walls, in order.
+/// Bodies of the scene's (checked) walls, in order.
 pub fn wall_bodies(walls: &[SceneWall]) -> Vec<WallBody> {
     walls.iter().enumerate().flat_map(|(k, wall)| bodies_of_wall(k, wall)).collect()
 }
@@ -158,16 +159,16 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
         SceneWall::Box { material, colour, centre, lengths, orientation, half_thickness, lid, velocity } => {
             let turn = rotation_matrix(orientation);
             let halves = 0.5 * Vector3::from(*lengths);
-            // Floor, four sides, lid: the direction in which each lies from the room.
+            // Floor, four sides, lid: direction of each from the centre of the box.
             let mut sides = vec![(2, -1.0), (0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)];
             sides.extend(lid.then_some((2, 1.0)));
             let plate = |(axis, sign): (usize, f64)| {
                 let unit = |k: usize| Vector3::from_fn(|row, _| if row == k { 1.0 } else { 0.0 });
                 let (first, second) = ((axis + 1) % 3, (axis + 2) % 3);
-                // The normal points into the room; turning it turns the second axis too.
+                // The normal points into the box; flipping it flips the second axis too.
                 let local = [unit(first), -sign * unit(second), -sign * unit(axis)];
                 let rows = local.map(|axis| (turn * axis).add_scalar(0.0).transpose()); // no negative zeros
-                // Plates overlap along the edges of the room, so that no grain slips through there.
+                // Plates overlap along the edges of the box, so that no grain slips through there.
                 let reach = |k: usize| halves[k] + 2.0 * half_thickness;
                 let [a, b, c] = velocity.clone();
                 let offset = sign * (halves[axis] + half_thickness) * unit(axis);
@@ -189,16 +190,16 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
     }
 }
 
-/// Right-handed axes whose third is `normal`; the first is `first` made square to it, else any.
+/// Right-handed axes with `normal` as the third. The first is `first` made perpendicular to it, or an arbitrary one.
 fn axes_about(normal: &Vector3<f64>, first: Option<Vector3<f64>>) -> Matrix3<f64> {
     let n = normal.normalize();
-    // Without a wish: the fixed axis that is the most square to the normal.
+    // Default: the fixed axis that is most nearly perpendicular to the normal.
     let first = first.unwrap_or_else(|| Vector3::from_fn(|k, _| if k == n.iamin() { 1.0 } else { 0.0 }));
     let t = (first - n * n.dot(&first)).normalize();
     Matrix3::from_rows(&[t.transpose(), n.cross(&t).transpose(), n.transpose()])
 }
 
-/// The functions of time of a scene in the form of DRV_DOF.DAT, and the tables among them.
+/// Functions of time of a scene in the form of DRV_DOF.DAT, and their tables.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FunctionTables(Vec<Vec<[f64; 2]>>);
 
@@ -232,7 +233,7 @@ fn table_name(place: usize) -> String {
 }
 
 impl TimeFunction {
-    /// The value at time 0.
+    /// Value at time 0.
     pub fn initial_value(&self) -> f64 {
         match self {
             TimeFunction::Constant(value) => round_8_digits(*value),
@@ -302,7 +303,7 @@ mod tests {
     fn a_cylinder_stands_along_its_axis_and_turns_about_it() {
         let drum = cylinder(true);
         assert_eq!(drum.motion[5], TimeFunction::Constant(0.5));
-        // How deep in the solid one and in the hollow one; the last is at neither, past the rim.
+        // Penetration into the solid and into the hollow cylinder; the last point is past the rim of both.
         for (x, r, solid, hollow) in [
             ([1.0, 2.0, 3.0], 1.0, 3.0, -1.0),
             ([4.5, 2.0, 3.0], 1.0, 0.5, 1.5),
@@ -318,7 +319,7 @@ mod tests {
         assert!((mass.volume / volume - 1.0).abs() < 1e-15 && (mass.inertia[2][2] / volume - 4.5).abs() < 1e-14);
     }
 
-    /// A cube within a drum: of its corners the farthest counts.
+    /// A cube within a drum: the farthest corner counts.
     #[test]
     fn cubes_in_a_drum() {
         let drum = cylinder(true);

@@ -15,7 +15,7 @@ use crate::shapes::OrientedPolyhedron;
 use crate::sizes::sphere_volume;
 use crate::walls::{FunctionTables, WallBody};
 
-/// Name of the options' file in DATBOX.
+/// Name of the file of options in DATBOX.
 pub const COMPUTE_FILE: &str = "COMPUTE.RON";
 
 /// Name within DATBOX and text of every file, for a (checked) scene.
@@ -36,8 +36,8 @@ pub fn datbox_files(scene: &Scene, population: &Population) -> Vec<(String, Stri
     files
 }
 
-/// Bodies by their principal axes (the fixed ones for spheres, else those in DOF.INI), inertia at density 1,
-/// position = centre of mass.
+/// Bodies in their principal axes (the fixed ones for spheres, else those in DOF.INI), with inertia at density 1 and the
+/// centre of mass as position.
 pub fn bodies_file(scene: &Scene, population: &Population) -> Bodies {
     let of_grain = |grain: &Grain| {
         let group = &scene.grains[grain.group];
@@ -69,7 +69,7 @@ pub fn bodies_file(scene: &Scene, population: &Population) -> Bodies {
     Bodies(population.grains.iter().map(of_grain).chain(population.walls.iter().map(wall)).collect())
 }
 
-/// A contactor for each convex piece.
+/// Contactors of a polyhedron, one for each convex piece.
 fn polyhedron_shapes(polyhedron: &OrientedPolyhedron) -> Vec<ShapeRecord> {
     let triangles = polyhedron.solid.pieces.iter().map(|piece| piece.triangles().to_vec());
     let shape = |(vertices, triangles)| ShapeRecord::Polyhedron { vertices, triangles };
@@ -85,8 +85,7 @@ pub fn bulk_behav(scene: &Scene) -> BulkBehav {
     BulkBehav { gravity: scene.gravity, materials: scene.materials.iter().map(material).collect() }
 }
 
-/// A row for every pair of colours and of shapes that bear them.
-/// Comments of TACT_BEHAV.DAT for the colours that are to have no law.
+/// Comments of TACT_BEHAV.DAT for the pairs of colours without a law.
 fn no_law_comments(scene: &Scene) -> String {
     let meant = scene.contacts.iter().filter(|contact| contact.law.is_none());
     meant.map(|contact| TactBehav::no_law_comment(&contact.between.0, &contact.between.1)).collect()
@@ -98,7 +97,7 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
         let parameters = parameters.into_iter().map(|(_, value)| value).collect();
         LawRecord { line: 0, nickname: law.name.clone(), kind: kind.to_string(), parameters }
     };
-    // LMGC90 has spheres before polyhedra and walls last, whoever comes first in the scene.
+    // LMGC90 has spheres before polyhedra, and walls last, in any order of the scene.
     const WALL_CONTACTORS: [&str; 3] = ["PLANx", "CYLND", "DNLYC"];
     let wearers = |colour: &str| -> Vec<&str> {
         let worn = |polyhedra: bool| {
@@ -128,7 +127,7 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
         for first in wearers(a) {
             for second in wearers(b) {
                 let walls = WALL_CONTACTORS.contains(&first) && WALL_CONTACTORS.contains(&second);
-                // Within one colour every pair of shapes comes once.
+                // Within one colour every pair of shapes appears once.
                 if !walls && rank(first) <= rank(second) {
                     row(side(first, a), side(second, b));
                 } else if !walls && a != b {
@@ -140,13 +139,14 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
     TactBehav { laws: scene.laws.iter().map(law).collect(), visibility }
 }
 
-/// A tenth of the mean radius, m: cd-solve finds what is farther apart and meets in a step.
+/// Default alert distance: a tenth of the mean radius, m. cd-solve also finds contacts of bodies farther apart that
+/// collide within a step.
 pub fn default_alert(population: &Population) -> f64 {
     let grains = &population.grains;
     0.1 * grains.iter().map(|grain| grain.radius).sum::<f64>() / grains.len() as f64
 }
 
-/// The components of every wall and of every driven grain that are imposed; and the tables of their files.
+/// Imposed components of every wall and every driven grain, and the tables of their files.
 pub fn drv_dof(scene: &Scene, population: &Population) -> (DrvDof, FunctionTables) {
     let mut tables = FunctionTables::default();
     let mut driven = Vec::new();

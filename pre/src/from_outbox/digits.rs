@@ -9,12 +9,13 @@ use cd_formats::tact_behav::parameter_labels;
 
 use super::tables::BehaviourTables;
 
-/// As many numbers of a file are told one by one.
+/// Largest number of values of a file that are reported one by one.
 const MAX_REPORTED_NUMBERS: usize = 5;
 
-/// A line for each number that is not written with all its digits, of a file the first five, then how many more.
+/// Report of the numbers that are not written with all their digits: the first five of each file, a line each, then the
+/// count of the others.
 ///
-/// `bodies` are those of other runs; their places, which START.npz has, do not count.
+/// `bodies` are the bodies of other runs. Their positions do not count, since START.npz has them.
 pub fn lost_digits(bodies: &[Body], tables: &BehaviourTables, driven: &DrvDof) -> String {
     let of_bodies =
         (1..).zip(bodies).flat_map(|(k, body)| inexact_numbers(format_args!("body {k}"), body_numbers(body)));
@@ -61,13 +62,13 @@ pub fn lost_digits(bodies: &[Body], tables: &BehaviourTables, driven: &DrvDof) -
     text
 }
 
-/// Of the numbers of an object by their labels, those that are not written with all their digits, in words.
+/// Numbers of an object, by their labels, that are not written with all their digits, in words.
 fn inexact_numbers(object: impl Display, numbers: impl IntoIterator<Item = (&'static str, f64)>) -> Vec<String> {
     let lost = numbers.into_iter().filter(|(_, x)| fortran_real(&format_long14(*x)) != Ok(*x));
     lost.map(|(label, x)| format!("{object}: {label} {x:?} is written as {}", format_long14(x).trim())).collect()
 }
 
-/// What makes the mass and the shape of a body.
+/// Numbers that determine the mass and the shape of a body.
 fn body_numbers(body: &Body) -> Vec<(&'static str, f64)> {
     let mut all = vec![("avrd", body.equivalent_radius)];
     let mut add = |label, values: &[f64]| all.extend(values.iter().map(|x| (label, *x)));

@@ -1,12 +1,12 @@
-//! `cd-pre from-outbox CASE DIR`: the state of one run becomes the DATBOX of the next.
+//! `cd-pre from-outbox CASE DIR`: converts the state of one run to the DATBOX of the next.
 //!
 //! | module | |
 //! |---|---|
-//! | [`digits`] | numbers that the columns of DATBOX do not hold |
-//! | `overlaps` | how deep bodies of different origin are in each other |
-//! | [`options`] | what a run was computed with, by its snapshot |
-//! | [`source`] | a case with one of its snapshots; the bodies that are kept, moved |
-//! | [`tables`] | materials, laws and visibility of several cases in one |
+//! | [`digits`] | numbers with more digits than DATBOX can hold |
+//! | `overlaps` | overlaps of bodies of different origin |
+//! | [`options`] | options of a run, as recorded in its snapshot |
+//! | [`source`] | a case with one of its snapshots; selection and motion of its bodies |
+//! | [`tables`] | merged materials, laws and visibility of several cases |
 //!
 //! `docs/from-outbox.md` describes [`Changes`] for users.
 
@@ -40,7 +40,7 @@ use crate::write;
 use source::{SourceCase, SourcePart};
 use tables::BehaviourTables;
 
-/// Where each body comes from, beside the files of DATBOX.
+/// File in DATBOX that records the origin of each body.
 pub const ORIGIN_FILE: &str = "ORIGIN.csv";
 
 /// Changes against the run that is continued; by default none.
@@ -148,8 +148,8 @@ pub enum MotionRemoval {
 /// A file of DATBOX: name and bytes.
 type File = (String, Vec<u8>);
 
-/// Makes `dir/DATBOX` from a snapshot of `case`, with the changes of a file, and other values in these as `settings`
-/// say, see [`places::apply_settings`]; returns a summary for people.
+/// Makes `dir/DATBOX` from a snapshot of `case` and the file `changes`, whose values `settings` override, see
+/// [`places::apply_settings`]. Returns a summary for people.
 ///
 /// Errors: all faults of the file and of the cases that it names; nothing is written then.
 pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], dir: &Path) -> Result<String, Faults> {
@@ -162,7 +162,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         let text = places::apply_settings(text, settings)?;
         Ok((crate::parse_with_settings(file, &text, settings, "changes")?, text))
     };
-    // Options that are set where the file has none are for those of the first case.
+    // `--set` of options that the file does not have changes those of the first case.
     let (of_run, others): (Vec<String>, Vec<String>) =
         settings.iter().cloned().partition(|setting| setting.trim_start().starts_with("compute."));
     let (mut changes, mut text) = parsed(&text, &others)?;
@@ -237,7 +237,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         tables.check_events(&options.events, &mut report);
     }
     tables.check_solver(options.solver, &mut report);
-    // Bits of what is imposed; 63 is all.
+    // Bits of the imposed components; 63 is all.
     let in_part = |part: &SourcePart| part.state.bodies.body_driven.iter().any(|imposed| (1..63).contains(imposed));
     let of_parts = (0..).zip(&parts).filter(|(_, part)| in_part(part)).map(|(k, _)| format!("bodies.{k}"));
     let of_new = crate::check::driven_in_part(&changes.grains, &changes.walls);
@@ -293,8 +293,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     Ok(summary)
 }
 
-/// Reads the changes in `text` and checks all that needs no run; the faults name the file `source`, and those of `settings` in the text
-/// these.
+/// Reads the changes in `text` and checks all that needs no run. Faults name the file `source`, or the setting for values
+/// from `settings`.
 pub fn read(source: &Path, text: &str, settings: &[String]) -> Result<Changes, Faults> {
     let changes: Changes = crate::parse_with_settings(source, text, settings, "changes")?;
     let mut report = FaultReport::with_settings(source, text, settings);
@@ -302,7 +302,7 @@ pub fn read(source: &Path, text: &str, settings: &[String]) -> Result<Changes, F
     report.faults.into_result(changes)
 }
 
-/// Takes away what only `from-outbox` writes, and what another scene would misread.
+/// Removes the files that only `from-outbox` writes and that would be misread with another scene.
 pub fn remove_outbox_files(datbox: &Path) -> Result<(), Faults> {
     for path in [datbox.join(START_FILE), datbox.join(ORIGIN_FILE)].iter().filter(|path| path_exists(path)) {
         fs::remove_file(path).map_err(|error| Fault::from_io(path, "removed", &error))?;
@@ -346,14 +346,14 @@ fn check_changes(changes: &Changes, report: &mut FaultReport) {
     }
 }
 
-/// Bodies that no run had, such as an impactor: a scene of their own.
+/// Bodies that come from no run, such as an impactor, as a scene of their own.
 struct NewBodies {
     scene: Scene,
     population: Population,
 }
 
 impl NewBodies {
-    /// Reports bodies that cannot be placed.
+    /// Places the new bodies and reports those that cannot be placed.
     fn from_changes(
         changes: &Changes,
         parts: &[SourcePart],
@@ -366,7 +366,7 @@ impl NewBodies {
         let scene = Scene {
             seed: changes.seed,
             gravity: [0.0; 3],
-            // The first of a name counts.
+            // The first material of a name counts.
             materials: changes.materials.iter().cloned().chain(known).collect(),
             laws: Vec::new(),
             contacts: Vec::new(),
@@ -379,7 +379,7 @@ impl NewBodies {
     }
 }
 
-/// The bodies in the order of their new numbers: part by part, then the new ones.
+/// Bodies in the order of their new numbers: those of each part, then the new ones.
 fn body_records(parts: &[SourcePart], new: &NewBodies) -> Bodies {
     let new = write::bodies_file(&new.scene, &new.population).0;
     Bodies(parts.iter().flat_map(|part| part.records.iter().cloned()).chain(new).collect())
@@ -399,7 +399,7 @@ fn datbox_files(
         (start.meta.step, start.meta.time) = (0, 0.0);
     }
     start.meta.program = format!("cd-pre {}", env!("CARGO_PKG_VERSION"));
-    // Of what was summed up, steps ask for what they left behind.
+    // Of the running sums, time steps need only the remaining penetration.
     let left = parts.iter().map(|part| part.source.snapshot.meta.ledger.penetration_left).fold(0.0, f64::max);
     start.meta.ledger = Ledger { penetration_left: left, ..Ledger::default() };
     start.meta.interval_start = None;

@@ -1,20 +1,20 @@
-//! The options of a run: flags of cd-solve win over COMPUTE.RON, and only the snapshot knows of them.
+//! Options of a run. Flags of cd-solve override COMPUTE.RON, and only the snapshot records them.
 
 use cd_formats::compute::{Compute, Event, EventAction, GravityMethod, event_schedule};
 use cd_formats::snapshot::{RunParameters, SnapshotMeta};
 
-/// The events of COMPUTE.RON that had happened by the time of a snapshot.
+/// Events of COMPUTE.RON that happened before a snapshot.
 pub fn past_events(events: &[Event], meta: &SnapshotMeta) -> Vec<Event> {
     let mut all = event_schedule(events, meta.time);
     all.truncate(meta.parameters.events_done as usize);
     all
 }
 
-/// The options of the run as far as its snapshot tells them for certain, others as in the file; and what it leaves open,
-/// by the name of the option.
+/// Options of the run as far as the snapshot determines them, others as in the file; and the options that it leaves open,
+/// by name.
 ///
-/// Where the snapshot has what is in force, by an option or by `accuracy`, that is an option only where the file would
-/// make another of it.
+/// A value in force, set by an option or by `accuracy`, is recorded as an option only where the file would give another
+/// value.
 pub fn run_options(
     file: &Compute,
     meta: &SnapshotMeta,
@@ -87,7 +87,7 @@ pub fn run_options(
     if gravity_error != options.gravity_error() {
         options.gravity_error = Some(gravity_error);
     }
-    // Where nothing is asked for, the direct sum, of few bodies by itself, is made at every step.
+    // By default the direct sum, chosen for few bodies, is evaluated at every step.
     let refresh = match gravity_refresh {
         None if self_gravity && (gravity == GravityMethod::Fmm || options.gravity_refresh.is_some()) => Some(1),
         known => known,
@@ -106,7 +106,7 @@ pub fn run_options(
             open.push(("dt", text));
         }
     } else if !(is_first && has_start) {
-        // A run from START.npz has the step length of the one before it till its first step.
+        // A run from START.npz keeps the step length of the run before until its first step.
         options.dt = meta.h;
     }
     let last = meta.time - meta.h + 1e-3 * options.dt.min(meta.h);

@@ -1,4 +1,4 @@
-//! How deep bodies of different origin are in each other, by their shapes, and what of it the runs had left.
+//! Overlaps of bodies of different origin, by their shapes, compared with the overlaps that the runs left.
 
 use std::cell::OnceCell;
 
@@ -18,19 +18,19 @@ use crate::walls::{self, WallBody};
 
 type Vec3 = Vector3<f64>;
 
-/// Overlap over the smaller radius that counts as touching: what 8 digits leave of a contact computed by hand.
+/// Overlap over the smaller radius that counts as touching: rounding to 8 digits of a contact computed by hand.
 const TOUCHING_TOLERANCE: f64 = 1e-6;
-/// Share by which an overlap may exceed what the runs had left: a wall that is put back has 8 digits.
+/// Share by which an overlap may exceed the overlaps that the runs left: a wall that is put back has 8 digits.
 const ALLOWED_EXCESS: f64 = 1e-3;
 
-/// A plate or cylinder where it is; rows of `axes` are its own axes.
+/// Plate or cylinder at its position; rows of `axes` are its own axes.
 struct PosedWall {
     shape: ShapeRecord,
     centre: Vec3,
     axes: Matrix3<f64>,
 }
 
-/// The contactors of a body where they are.
+/// Contactors of a body at their positions.
 #[derive(Default)]
 struct PosedBody {
     balls: Vec<(Vec3, f64)>,
@@ -44,7 +44,7 @@ impl PosedBody {
         let mut solid = PosedBody::default();
         let lone = body.contactors.len() == 1;
         let own = own_axes(body);
-        // From the frame of the file to the fixed one.
+        // Transform from the frame of the file to the fixed one.
         let at = |point: Vec3| x + q * (own.transpose() * (point - shift));
         for Contactor { shape, local_frame, .. } in &body.contactors {
             let frame = local_frame.as_ref();
@@ -61,7 +61,7 @@ impl PosedBody {
                     let turn = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
                     let turn = turn.into_inner();
                     let q = q.to_rotation_matrix().into_inner();
-                    // The centre and the axes of a lone one are those of its body.
+                    // A lone contactor has the centre and the axes of its body.
                     let (centre, axes) = if lone { (*x, q) } else { (at(offset), q * own.transpose() * turn) };
                     solid.walls.push(PosedWall { shape: shape.clone(), centre, axes: axes.transpose() });
                 }
@@ -76,8 +76,8 @@ impl PosedBody {
         PosedBody { walls: vec![wall], ..PosedBody::default() }
     }
 
-    /// How deep another solid, moved by -`shift`, reaches into this one, m; negative or 0 when apart, and at most `allowed`
-    /// as soon as that is certain. Walls do not meet walls.
+    /// Penetration of another solid, moved by -`shift`, into this one, m. It is negative or 0 when apart, and any value
+    /// up to `allowed` as soon as the depth is known not to exceed it. Pairs of walls do not count.
     fn overlap_with(&self, other: &PosedBody, shift: &Vec3, allowed: f64) -> f64 {
         let moved = |pieces: &[ConvexPiece]| -> Vec<ConvexPiece> {
             let mut pieces = pieces.to_vec();
@@ -114,8 +114,8 @@ impl PosedBody {
     }
 }
 
-/// The axes of a body in the frame of its file, as columns: the fixed ones where its inertia is given, and of a lone wall or
-/// sphere; else its principal ones, as cd-solve has it.
+/// Axes of a body in the frame of its file, as columns, as in cd-solve: the fixed axes if its inertia is given or it is a
+/// lone wall or sphere, else its principal axes.
 fn own_axes(body: &Body) -> Matrix3<f64> {
     let simple = matches!(body.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::Polyhedron { .. }));
     if simple || body.inertia.is_some_and(|inertia| inertia != [0.0; 3]) {
@@ -127,7 +127,7 @@ fn own_axes(body: &Body) -> Matrix3<f64> {
     Matrix3::from_fn(|i, j| axes[j][i])
 }
 
-/// Deepest overlap of two bodies in contact that a run has left, m, whichever of them are taken.
+/// Largest overlap of two bodies in contact at the end of a run, m, over all its bodies, kept or not.
 fn remaining_overlap(source: &SourceCase, options: &Compute) -> f64 {
     let bodies = &source.snapshot.bodies;
     let made: Vec<OnceCell<PosedBody>> = (0..source.bodies.0.len()).map(|_| OnceCell::new()).collect();
@@ -149,8 +149,8 @@ fn remaining_overlap(source: &SourceCase, options: &Compute) -> f64 {
     most
 }
 
-/// Bodies of different parts, and their images in a scene that repeats, may touch, and overlap no deeper than the runs had
-/// left bodies in each other. The new ones among themselves have been checked.
+/// Checks bodies of different parts, and their periodic images. They may touch, and overlap no deeper than the runs left
+/// their bodies. Overlaps among the new bodies are checked elsewhere.
 pub fn check_overlaps(
     changes: &Changes,
     parts: &[SourcePart],
@@ -242,7 +242,7 @@ pub fn check_overlaps(
     }
     let mut cells = SphereGrid::new(balls.first().map_or(1.0, |ball| ball.1));
     for &(k, radius) in &balls {
-        // In the one cell about the origin: what is near lies there or in one next to it.
+        // Position in the cell about the origin: neighbours lie in that cell or in an adjacent one.
         let own = nearest_images(options, &centres[k])[0];
         let here = centres[k] - own;
         for shift in nearest_images(options, &Vec3::zeros()) {
@@ -257,7 +257,7 @@ pub fn check_overlaps(
     if found.is_empty() {
         return;
     }
-    // Of a part alone, the deepest of its run counts; of two, the deeper.
+    // Within one part the deepest overlap of its run counts; between two parts, the deeper one.
     let left: Vec<f64> =
         parts.iter().map(|part| remaining_overlap(part.source, &part.source.options)).chain([0.0]).collect();
     let of_pair = |a: usize, b: usize| left[owner[a]].max(left[owner[b]]);
@@ -292,7 +292,7 @@ pub fn check_overlaps(
     }
 }
 
-/// Hollow cylinders push inwards alone: the first body that meets each and is outside of it goes into the report.
+/// Checks hollow cylinders, which push inwards only: reports the first body that touches each and is outside of it.
 pub fn check_drums(
     parts: &[SourcePart],
     new: &Population,
@@ -305,7 +305,7 @@ pub fn check_drums(
     if !records.0.iter().any(|body| body.contactors.iter().any(is_drum)) {
         return;
     }
-    // Path of the value that a body is from, and where it is: shift, centre of mass and orientation.
+    // Path of the value that the body is from, and its pose: shift, centre of mass and orientation.
     let mut placed: Vec<(String, Vec3, Vec3, UnitQuaternion<f64>)> = Vec::new();
     for (k, part) in parts.iter().enumerate() {
         let bodies = &part.state.bodies;
@@ -359,7 +359,7 @@ pub fn check_drums(
     }
 }
 
-/// Centre of a contactor of a body as in [`PosedBody::from_body`].
+/// Centre of a contactor of a body, as in [`PosedBody::from_body`].
 fn centre(body: &Body, contactor: &Contactor, shift: &Vec3, x: &Vec3, q: &UnitQuaternion<f64>) -> Vec3 {
     let lone = matches!(body.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::OffsetSphere { .. }));
     match contactor.mass_properties() {

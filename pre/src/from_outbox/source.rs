@@ -1,4 +1,4 @@
-//! A case with one of its snapshots, and what is taken from it.
+//! A case with one of its snapshots, and the bodies taken from it.
 
 use std::path::{Path, PathBuf};
 
@@ -26,7 +26,7 @@ use crate::scene::Material;
 
 type Vec3 = Vector3<f64>;
 
-/// Two bodies touch if their contact carries force, or if its gap is at most this share of the smaller radius.
+/// Largest gap of touching bodies without contact force, over the smaller radius.
 const TOUCHING_GAP: f64 = 1e-3;
 
 #[derive(Debug, Clone)]
@@ -38,23 +38,23 @@ pub struct SourceCase {
     pub bulk: BulkBehav,
     pub tact: TactBehav,
     pub driven: DrvDof,
-    /// Those of the run, see [`run_options`].
+    /// Options of the run, see [`run_options`].
     pub options: Compute,
     pub snapshot: Snapshot,
-    /// Facts of the run that are not in the files: name, and in words.
+    /// Facts of the run that are not in the files, by name, in words.
     notes: Vec<(&'static str, String)>,
 }
 
-/// Bodies taken of a source, where it is to be; row k is body `rows[k]` of the source, from 0.
+/// Bodies taken from a source, at their new positions; row k is body `rows[k]` of the source, from 0.
 pub struct SourcePart<'a> {
     pub source: &'a SourceCase,
     pub rows: Vec<usize>,
     pub records: Vec<Body>,
-    /// Contacts hold rows of this part.
+    /// State of these bodies; contacts hold rows of this part.
     pub state: Snapshot,
 }
 
-/// The turn of a snapshot's row.
+/// Orientation of a snapshot's row.
 pub fn unit_quaternion([w, i, j, k]: [f64; 4]) -> UnitQuaternion<f64> {
     UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k))
 }
@@ -127,7 +127,8 @@ impl SourceCase {
         Ok(SourceCase { case: case.to_path_buf(), bodies, shifts, bulk, tact, driven, options, snapshot, notes })
     }
 
-    /// Differences of the run from the files of its DATBOX, a line each; of options those that are the same `now`.
+    /// Differences between the run and the files of its DATBOX, a line each; of options, only those that are the same
+    /// `now`.
     pub fn run_notes(&self, now: Option<&Compute>) -> String {
         let (own, now) = (self.options.option_values(), now.map(Compute::option_values).unwrap_or_default());
         let holds = |name| own.iter().find(|(known, _)| *known == name).is_none_or(|value| now.contains(value));
@@ -135,7 +136,7 @@ impl SourceCase {
         notes.map(|(name, text)| format!("{}: {name}: {text}\n", self.case.display())).collect()
     }
 
-    /// Values that events have set up to the snapshot holds from the start on, and no event is to come.
+    /// Makes the values that events set before the snapshot hold from the start, and removes all events.
     pub fn end_events(&mut self) {
         let meta = &self.snapshot.meta;
         for law in &mut self.tact.laws {
@@ -153,7 +154,7 @@ impl SourceCase {
         }
     }
 
-    /// Masses, moments and shares of motion are those of these densities, kg/m^3.
+    /// Updates masses, moments and shares of motion for these densities, kg/m^3.
     pub fn set_densities(&mut self, materials: &[Material]) {
         let density = |name: &str| self.bulk.materials.iter().find(|material| material.name == name).map(|m| m.density);
         let factor = |body: &Body| {
@@ -166,7 +167,7 @@ impl SourceCase {
             *mass *= factor;
             inertia.iter_mut().for_each(|moment| *moment *= factor);
         }
-        // Their angular velocity goes on, not their angular momentum.
+        // Angular velocity is kept, not angular momentum.
         if let Some(shapes) = &mut self.snapshot.shapes {
             let as_before = |body: u32| Some(body).filter(|&body| factors[body as usize] == 1.0);
             let (kept, turning_body) = renumbered_rows(&shapes.turning.turning_body, as_before);
@@ -174,7 +175,7 @@ impl SourceCase {
         }
     }
 
-    /// Takes bodies out and moves them. Errors: what was found and what was expected.
+    /// Selects bodies and moves them. Errors: the value found and the value expected.
     pub fn select_bodies(&self, taken: &Selection) -> Result<SourcePart<'_>, (String, String)> {
         let bodies = &self.snapshot.bodies;
         let is_driven = |row: usize| bodies.body_driven[row] != 0;
@@ -212,7 +213,7 @@ impl SourceCase {
         state.memory = self.snapshot.memory.as_ref().map(|memory| memory.select_rows(&kept));
         move_rows(&mut state, &free, taken);
         state.shapes = self.snapshot.shapes.as_ref().map(|shapes| {
-            // Of a body that turns otherwise than before the momentum follows from its angular velocity.
+            // If a body's rotation has changed, its angular momentum is computed from its angular velocity.
             let as_before = |&k: &u32| {
                 let turning = |of: &BodyArrays, row: usize| (of.body_q[row], of.body_w_world[row]);
                 turning(&state.bodies, k as usize) == turning(bodies, rows[k as usize])
@@ -223,13 +224,13 @@ impl SourceCase {
             ShapeArrays {
                 turning: TurningArrays { turning_body, ..shapes.turning.select_rows(&turning) },
                 contacts: shapes.contacts.select_rows(&kept),
-                // A direction in fixed axes among them is but where a search begins.
+                // Stored directions in fixed axes are kept: each is only the start of a search.
                 pairs: PairArrays { pair_body, ..shapes.pairs.select_rows(&near) },
             }
         });
         let record = |(&row, x): (&usize, &[f64; 3])| {
             let mut record = self.bodies.0[row].clone();
-            // The numbers of the contactors stay what they are, about the centre of mass or not.
+            // The numbers of the contactors are unchanged, about the centre of mass or not.
             record.position = (Vec3::from(*x) - self.shifts[row]).into();
             if let (Some(colour), false) = (&taken.colour, is_driven(row)) {
                 record.contactors.iter_mut().for_each(|contactor| contactor.colour.clone_from(colour));
@@ -240,7 +241,7 @@ impl SourceCase {
         Ok(SourcePart { source: self, rows, records, state })
     }
 
-    /// Whether each row is one of these bodies with imposed motion. Errors: a choice that finds none.
+    /// Whether each row is one of these bodies with imposed motion. Errors: a selector that matches no body.
     fn excepted_rows(&self, which: &[WallSelector]) -> Result<Vec<bool>, (String, String)> {
         let driven = &self.snapshot.bodies.body_driven;
         let walls: Vec<usize> = (0..driven.len()).filter(|&row| driven[row] != 0).collect();
@@ -280,13 +281,13 @@ impl SourceCase {
         Ok(excepted)
     }
 
-    /// The rows of bodies whose sphere of equal volume lies below a height along z.
+    /// Rows of bodies whose sphere of equal volume lies below a height along z.
     fn rows_below(&self, height: f64) -> Vec<bool> {
         let bodies = &self.snapshot.bodies;
         bodies.body_x.iter().zip(&bodies.body_radius).map(|(x, radius)| x[2] + radius <= height).collect()
     }
 
-    /// The rows of the heaviest group of free bodies that touch, first of equals.
+    /// Rows of the heaviest group of touching free bodies, the first of equals.
     fn largest_group(&self) -> Vec<bool> {
         let Snapshot { bodies, contacts, .. } = &self.snapshot;
         let count = bodies.body_id.len();
@@ -308,12 +309,12 @@ impl SourceCase {
     }
 }
 
-/// The numbers of the rows that stay, and what stands there with the new numbers of bodies.
+/// Numbers of the rows that stay, and their values with the new numbers of bodies.
 fn renumbered_rows<T: Copy>(of: &[T], new: impl Fn(T) -> Option<T>) -> (Vec<usize>, Vec<T>) {
     of.iter().enumerate().filter_map(|(row, &old)| Some((row, new(old)?))).unzip()
 }
 
-/// Changes place and motion of the `free` rows; what does not change keeps every bit.
+/// Changes position and motion of the `free` rows; unchanged values keep every bit.
 fn move_rows(state: &mut Snapshot, free: &[usize], taken: &Selection) {
     let bodies = &mut state.bodies;
     let mass: f64 = free.iter().map(|&k| bodies.body_mass[k]).sum();
@@ -389,7 +390,7 @@ fn rigid_spin(state: &Snapshot, free: &[usize], com: &Vec3, motion: &[(Vec3, Vec
     inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * momentum)
 }
 
-/// The number of a law of this name and kind in a list, which it joins if it is new.
+/// Number of the law with this name and kind in a list; a new law is appended.
 fn law_index(law: &LawName, laws: &mut Vec<LawName>) -> u8 {
     let same = |known: &LawName| (&known.nickname, &known.kind) == (&law.nickname, &law.kind);
     let number = laws.iter().position(same).unwrap_or_else(|| {
@@ -400,12 +401,12 @@ fn law_index(law: &LawName, laws: &mut Vec<LawName>) -> u8 {
 }
 
 impl SourcePart<'_> {
-    /// Puts the state behind that of other parts: bodies numbered from `first` (from 0) on, impulses for
-    /// the step length of the whole.
+    /// Appends the state to that of other parts. Bodies are numbered from `first` (from 0); impulses are converted to the
+    /// step length of the whole.
     pub fn append_to(&self, start: &mut Snapshot, first: usize) {
         let mut bodies = self.state.bodies.clone();
         bodies.body_id = (first as u64 + 1..).take(self.rows.len()).collect();
-        // Names live in DATBOX; START.npz holds motion and contacts.
+        // Names are in DATBOX; START.npz has motion and contacts.
         bodies.body_colour.fill(0);
         bodies.body_material.fill(0);
         let mut contacts = self.state.contacts.clone();
@@ -420,7 +421,7 @@ impl SourcePart<'_> {
         let (before, count) = (start.contacts.contact_body.len(), contacts.contact_body.len());
         start.bodies.append(bodies);
         start.contacts.append(contacts);
-        // Contacts of a part whose laws remember nothing have no bond and no moment.
+        // Laws without memory give contacts without bond and moment.
         let unbonded = |count| MemoryArrays {
             contact_bonded: vec![0; count],
             contact_bond_gap: vec![0.0; count],
@@ -433,7 +434,7 @@ impl SourcePart<'_> {
             }
             start.memory.get_or_insert_with(|| unbonded(before)).append(memory);
         }
-        // Of spheres and plates alone the contacts are those of first contactors, in points.
+        // Parts with spheres and plates only have contacts of first contactors, with area 0.
         let plain = |count| ShapeArrays {
             contacts: ContactPartArrays { contact_rank: vec![[0; 2]; count], contact_area: vec![0.0; count] },
             ..ShapeArrays::default()
@@ -446,7 +447,7 @@ impl SourcePart<'_> {
         }
     }
 
-    /// The motion of row `k` for DOF.INI, as body `body` (from 0); its place stands in BODIES.DAT.
+    /// Motion of row `k` for DOF.INI, as body `body` (from 0); its position is in BODIES.DAT.
     pub fn dof_record(&self, k: usize, body: usize) -> BodyDof {
         let bodies = &self.state.bodies;
         let ([a, b, c], [d, e, f]) = (bodies.body_v[k], bodies.body_w[k]);

@@ -1,4 +1,4 @@
-//! Materials, laws and visibility of several cases in one.
+//! Merged materials, laws and visibility of several cases.
 
 use std::collections::BTreeSet;
 
@@ -20,24 +20,24 @@ pub struct BehaviourTables {
 }
 
 impl BehaviourTables {
-    /// The laws that some row names.
+    /// Laws that some row names.
     fn used_laws(&self) -> impl Iterator<Item = &LawRecord> {
         self.tact.laws.iter().filter(|law| self.tact.visibility.iter().any(|row| row.law == law.nickname))
     }
 
-    /// Events of laws that no contact has, or of a cohesion that a law has not.
+    /// Reports events of laws that no contact has, or of the cohesion of a law without one.
     pub fn check_events(&self, events: &[Event], report: &mut FaultReport) {
         let of = |law: &LawRecord| check::is_cohesive(&law.kind, &law.parameters);
         let laws: Vec<(&str, bool)> = self.used_laws().map(|law| (law.nickname.as_str(), of(law))).collect();
         check::check_laws_of_events(report, events, &laws);
     }
 
-    /// Laws whose moments the solver does not know.
+    /// Reports laws whose moments the solver does not support.
     pub fn check_solver(&self, solver: ContactSolver, report: &mut FaultReport) {
         check::check_moments(report, solver, self.used_laws().map(|law| (law.nickname.as_str(), law.kind.as_str())));
     }
 
-    /// The tables of all parts with the changes; what contradicts or lacks goes into the report.
+    /// Tables of all parts with the changes; contradictions and missing entries go into the report.
     pub fn from_parts(
         changes: &Changes,
         parts: &[SourcePart],
@@ -115,7 +115,7 @@ fn merge_laws(changes: &Changes, parts: &[SourcePart], report: &mut FaultReport)
     all
 }
 
-/// The distance over which a law attracts, m.
+/// Distance over which a law attracts, m.
 fn attraction_range(law: &LawRecord) -> f64 {
     parameter_labels(&law.kind)
         .zip(&law.parameters)
@@ -123,7 +123,7 @@ fn attraction_range(law: &LawRecord) -> f64 {
         .map_or(0.0, |(_, range)| *range)
 }
 
-/// Candidate and antagonist are distinguished by the shapes, as in LMGC90: spheres before polyhedra before walls.
+/// Rank of a contactor that decides between candidate and antagonist, as in LMGC90: spheres, then polyhedra, then walls.
 fn shape_rank(contactor: &str) -> usize {
     match contactor {
         "SPHER" | "SPHEb" => 0,
@@ -132,17 +132,17 @@ fn shape_rank(contactor: &str) -> usize {
     }
 }
 
-/// The rank of what no other wall touches.
+/// Rank of walls, which do not touch each other.
 const WALL_RANK: usize = 2;
 
-/// Colour and contactor.
+/// Pairs of colour and contactor in use.
 type ColouredContactors<'a> = BTreeSet<(&'a str, &'a str)>;
 
 fn coloured_contactors(records: &[Body]) -> ColouredContactors<'_> {
     records.iter().flat_map(|body| body.contactors.iter().map(|c| (c.colour.as_str(), c.shape.type_name()))).collect()
 }
 
-/// Candidate and antagonist of each pair of contactors that can meet, the one of colour `a`, the other of `b`.
+/// Candidate and antagonist of each pair of contactors that can touch, one of colour `a`, the other of `b`.
 fn contact_pairs(worn: &ColouredContactors, (a, b): (&str, &str)) -> Vec<[VisibilitySide; 2]> {
     let of = |colour: &str| -> Vec<VisibilitySide> {
         let side = |&(colour, contactor): &(&str, &str)| VisibilitySide {
@@ -253,7 +253,7 @@ fn merge_visibility(
     rows
 }
 
-/// Of colours that have a law, the rows of contactors that have not been together in one case: the same law.
+/// Rows for contactors that were never together in one case, with the law that their colours have.
 fn rows_of_new_shapes(
     parts: &[SourcePart],
     all: &ColouredContactors,
@@ -283,7 +283,8 @@ fn rows_of_new_shapes(
     new
 }
 
-/// Colours that have not met in one case before must be named: nothing passes through anything by oversight.
+/// Requires a law or a `None` for colours that were never together in one case, so that no bodies pass through each other
+/// by mistake.
 fn expect_all_pairs(
     changes: &Changes,
     parts: &[SourcePart],
@@ -329,7 +330,7 @@ fn expect_all_pairs(
     }
 }
 
-/// As for a scene: a tenth of the mean radius, m; eight digits.
+/// Alert distance as for a scene: a tenth of the mean radius, m, to eight digits.
 fn default_alert(parts: &[SourcePart], grains: &[Grain]) -> f64 {
     let radii: Vec<f64> = parts
         .iter()
@@ -343,7 +344,7 @@ fn default_alert(parts: &[SourcePart], grains: &[Grain]) -> f64 {
 }
 
 impl SourcePart<'_> {
-    /// The rows of the source's table between colours that this part has, under their new names, or that new bodies wear.
+    /// Rows of the source's table between colours of this part, under their new names, or of new bodies.
     fn rows_of_table(&self, newcomers: &BTreeSet<&str>) -> Vec<VisibilityRow> {
         let old = |k: usize| &self.source.bodies.0[self.rows[k]].contactors;
         let renamed: BTreeSet<(&str, &str, &str)> = (0..self.rows.len())

@@ -1,13 +1,13 @@
-//! Neighbours of spheres of any mixture of sizes, in a time that grows as their number.
+//! Neighbours of spheres of any mixture of sizes, in a time proportional to their number.
 
 use nalgebra::Vector3;
 use rustc_hash::FxHashMap;
 
-/// Spheres in cubic cells: one grid for each octave of radii, its cells as long as the largest
-/// diameter of the octave, so that a cell never holds more than a few spheres that do not overlap.
+/// Spheres in cubic cells: one grid for each octave of radii. Its cells are as long as the largest diameter of the
+/// octave, so that a cell never contains more than a few spheres that do not overlap.
 ///
-/// Spheres must come in by falling radius: then whatever a new one can touch lies in the 27 cells
-/// about it of every grid.
+/// Spheres must be added by falling radius: then all spheres that a new one can touch lie in the 27 cells around it of
+/// every grid.
 pub struct SphereGrid {
     largest: f64,
     octaves: u32,
@@ -16,7 +16,7 @@ pub struct SphereGrid {
 }
 
 impl SphereGrid {
-    /// No spheres yet; none will be larger than `largest`, m.
+    /// Empty grid for spheres up to the radius `largest`, m.
     pub fn new(largest: f64) -> Self {
         SphereGrid { largest, octaves: 0, cells: FxHashMap::default(), spheres: Vec::new() }
     }
@@ -26,8 +26,8 @@ impl SphereGrid {
         [0, 1, 2].map(|k| (centre[k] / edge).floor() as i64)
     }
 
-    /// Calls `meet` with the number (by order of coming in) and overlap, m, > 0, of every sphere that
-    /// overlaps the ball.
+    /// Calls `meet` with the number (in order of addition) and the overlap, m, > 0, of every sphere that overlaps the
+    /// ball.
     pub fn for_each_overlap(&self, centre: &Vector3<f64>, radius: f64, mut meet: impl FnMut(usize, f64)) {
         for octave in 0..self.octaves {
             let cell = self.cell_index(octave, centre);
@@ -68,7 +68,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Against all pairs.
+        /// Compares with a search of all pairs.
         #[test]
         fn finds_every_overlap(mut spheres in prop::collection::vec((prop::array::uniform3(-3.0..3.0f64), 0.01..1.0f64), 1..60)) {
             spheres.sort_by(|a, b| b.1.total_cmp(&a.1));

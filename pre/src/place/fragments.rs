@@ -8,17 +8,17 @@ use super::region::GrainRegion;
 use crate::random::RandomStream;
 use crate::shapes::hull::{self, HullError};
 
-/// Vertices nearer to each other than this share of the solid's extent are one.
+/// Distance over the solid's extent below which vertices count as one.
 const SAME_VERTEX_TOLERANCE: f64 = 1e-12;
 
-/// Seeds about another that nearly always suffice to cut its cell out.
+/// Number of nearest seeds that nearly always suffice to cut out a cell.
 const NEAREST_SEEDS: usize = 64;
 
-/// Points that are tried for one that lies in the solid.
+/// Number of trial points for one seed in the solid.
 const MAX_ATTEMPTS: usize = 100_000;
 
-/// The solid that is to be broken, about its centre of mass in the axes of the room; what is round as a polyhedron of equal volume
-/// with faces enough for `number` fragments, a surface as its convex hull.
+/// Solid to be broken, about its centre of mass, in the axes of the region. A round region becomes a polyhedron of equal
+/// volume with enough faces for `number` fragments, a surface its convex hull.
 pub fn region_polyhedron(room: &GrainRegion, number: usize) -> Result<Surface, HullError> {
     let solid = match room {
         GrainRegion::Ball(radius) => ellipsoid_surface([*radius; 3], number)?,
@@ -39,9 +39,9 @@ fn to_surface(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Surface, 
     Surface::new(vertices, triangles).map_err(|faults| HullError::Unsound(faults.join("; ")))
 }
 
-/// An ellipsoid: the points of a spiral on the sphere, about two for each fragment at the surface and at least 100.
+/// Ellipsoid through the points of a spiral on the sphere: about two for each fragment at the surface and at least 100.
 fn ellipsoid_surface(axes: [f64; 3], number: usize) -> Result<Surface, HullError> {
-    // Of n cells in a ball about 4.8 n^(2/3) lie at the surface.
+    // About 4.8 n^(2/3) of n cells in a ball lie at the surface.
     let count = (2.0 * 4.8 * libm::pow(number as f64, 2.0 / 3.0)).clamp(100.0, 20_000.0) as usize;
     let unit = hull::convex_hull(&sphere_spiral(count))?;
     let factor = libm::cbrt(4.0 / 3.0 * std::f64::consts::PI / unit.volume());
@@ -49,7 +49,7 @@ fn ellipsoid_surface(axes: [f64; 3], number: usize) -> Result<Surface, HullError
     to_surface(&stretched, unit.triangles())
 }
 
-/// A prism about the third axis, of about two sides for each fragment along a rim and at least 32.
+/// Prism about the third axis, with about two sides for each fragment along a rim and at least 32.
 fn prism_surface(half_height: f64, radius: f64, number: usize) -> Result<Surface, HullError> {
     let turn = std::f64::consts::TAU;
     let fragment = libm::cbrt(std::f64::consts::PI * radius * radius * 2.0 * half_height / number as f64);
@@ -76,11 +76,11 @@ pub fn sphere_spiral(count: usize) -> Vec<[f64; 3]> {
     (0..count).map(point).collect()
 }
 
-/// `number` convex fragments that fill the convex `solid`: every point belongs to the seed that is nearest.
+/// Divides the convex `solid` into `number` convex fragments: every point belongs to the nearest seed.
 ///
-/// Seeds are drawn anywhere in the solid and then moved `relaxation` times to the centres of their cells (Lloyd 1982).
+/// Seeds are drawn uniformly in the solid and then moved `relaxation` times to the centres of their cells (Lloyd 1982).
 ///
-/// Errors: a cell that is no body.
+/// Errors: a degenerate cell.
 pub fn voronoi_fragments(
     solid: &Surface,
     number: usize,
@@ -101,7 +101,7 @@ pub fn voronoi_fragments(
     let inside = |p: &Vector3<f64>| planes.iter().all(|plane| plane.signed_distance(p) < 0.0);
     let mut seeds = Vec::with_capacity(number);
     for _ in 0..number {
-        // Of thin bodies hardly a point of the cube lies inside.
+        // For thin bodies hardly any point of the cube lies inside.
         let seed = (0..MAX_ATTEMPTS).map(|_| extent * random.in_cube()).find(inside);
         let seed = seed.or_else(|| (0..MAX_ATTEMPTS).map(|_| halves.component_mul(&random.in_cube())).find(inside));
         seeds.push(seed.ok_or_else(|| format!("a body in which {MAX_ATTEMPTS} points at random find no place"))?);
@@ -117,23 +117,23 @@ fn voronoi_cells(planes: &[CutPlane], extent: f64, seeds: &[Vector3<f64>]) -> Re
     (0..seeds.len()).map(|k| voronoi_cell(planes, extent, seeds, k)).collect()
 }
 
-/// What of the solid is nearer to seed `k` than to all others.
+/// Part of the solid that is nearer to seed `k` than to all others.
 fn voronoi_cell(planes: &[CutPlane], extent: f64, seeds: &[Vector3<f64>], k: usize) -> Result<Surface, String> {
     let seed = seeds[k];
     let mut others: Vec<(f64, usize)> =
         (0..seeds.len()).filter(|&j| j != k).map(|j| ((seeds[j] - seed).norm_squared(), j)).collect();
     let nearer = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-    // Of many only the nearest matter: the others are hardly ever put in order.
+    // With many seeds only the nearest matter: the others are rarely sorted.
     let nearest = NEAREST_SEEDS.min(others.len());
     if nearest < others.len() {
         others.select_nth_unstable_by(nearest, nearer);
     }
     let (near, far) = others.split_at_mut(nearest);
     near.sort_by(nearer);
-    // Relative to the seed, so that small cells keep their digits.
+    // Coordinates relative to the seed, so that small cells keep their digits.
     let mut cell = VoronoiCell::cube(2.0 * extent);
     let closed = cell.cut_between(&seed, seeds, near, SAME_VERTEX_TOLERANCE * extent);
-    // Cells at the surface are open to it until it cuts them.
+    // Cells at the surface are unbounded until the planes of the solid cut them.
     let reach = cell.bounding_radius();
     for plane in planes {
         let offset = -plane.signed_distance(&seed);
@@ -150,7 +150,7 @@ fn voronoi_cell(planes: &[CutPlane], extent: f64, seeds: &[Vector3<f64>], k: usi
     cell.to_surface(&seed)
 }
 
-/// Points x with normal.x < offset lie behind it.
+/// Cutting plane; keeps the points x with normal.x < offset.
 struct CutPlane {
     normal: Vector3<f64>,
     offset: f64,
@@ -162,7 +162,7 @@ impl CutPlane {
     }
 }
 
-/// A convex polyhedron that is cut smaller and smaller.
+/// Convex polyhedron that is cut plane by plane.
 struct VoronoiCell {
     vertices: Vec<Vector3<f64>>,
     /// Vertices of each face, counter-clockwise seen from outside.
@@ -170,7 +170,7 @@ struct VoronoiCell {
 }
 
 impl VoronoiCell {
-    /// Half sides `half`, about the origin.
+    /// Cube with half sides `half` about the origin.
     fn cube(half: f64) -> VoronoiCell {
         let corner = |k: usize| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half } else { half });
         let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
@@ -181,8 +181,8 @@ impl VoronoiCell {
         self.faces.iter().flatten().map(|&k| self.vertices[k].norm()).fold(0.0, f64::max)
     }
 
-    /// Takes away what is nearer to the `others`, by their squared distances and in the order of these, than to the seed about which
-    /// it is; says whether those farther away cannot cut it.
+    /// Removes the part nearer to the `others` than to the cell's seed; `others` are in order of their squared distance.
+    /// Returns whether seeds farther away cannot cut the cell.
     fn cut_between(&mut self, seed: &Vector3<f64>, seeds: &[Vector3<f64>], others: &[(f64, usize)], same: f64) -> bool {
         for &(square, other) in others {
             let distance = square.sqrt();
@@ -195,13 +195,13 @@ impl VoronoiCell {
         false
     }
 
-    /// Takes away what is above the plane; vertices within `same` of it stay.
+    /// Removes the part above the plane; vertices within `same` of it stay.
     fn cut_above(&mut self, plane: &CutPlane, same: f64) {
         let heights: Vec<f64> = self.vertices.iter().map(|v| plane.signed_distance(v)).collect();
         if self.faces.iter().flatten().all(|&k| heights[k] <= same) {
             return;
         }
-        // Where an edge crosses the plane, by its ends: both of its faces then have the same vertex there.
+        // Vertex where an edge crosses the plane, by the ends of the edge, so that both of its faces share it.
         let mut crossings: FxHashMap<[usize; 2], usize> = FxHashMap::default();
         let vertices = &mut self.vertices;
         let mut crossing = |low: usize, high: usize| {
@@ -241,7 +241,7 @@ impl VoronoiCell {
             if kept.len() > 1 && kept.first() == kept.last() {
                 kept.pop();
             }
-            // The face goes from `leaves` to `enters` along the plane, the cap the other way.
+            // The face runs from `leaves` to `enters` along the plane, the cap in the opposite direction.
             if let (Some(leaves), Some(enters)) = (leaves, enters)
                 && leaves != enters
             {
@@ -266,7 +266,7 @@ impl VoronoiCell {
         self.faces = faces;
     }
 
-    /// Its surface, moved by `seed`.
+    /// Surface of the cell, translated by `seed`.
     fn to_surface(&self, seed: &Vector3<f64>) -> Result<Surface, String> {
         let mut numbers: FxHashMap<usize, u32> = FxHashMap::default();
         let (mut vertices, mut triangles) = (Vec::new(), Vec::new());

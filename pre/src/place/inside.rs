@@ -1,4 +1,4 @@
-//! The inside of a closed surface as a room.
+//! Interior of a closed surface as a region for grains.
 
 use std::rc::Rc;
 
@@ -8,14 +8,14 @@ use parry3d_f64::math::Vector as Point;
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::{TriMesh, TriMeshFlags};
 
-/// A closed surface about its centre of mass.
+/// Closed surface about its centre of mass.
 #[derive(Clone)]
 pub struct SurfaceRegion {
     /// Solid of volume 1, about its centre of mass.
     surface: Rc<Surface>,
-    /// The same, for distances.
+    /// Mesh of `surface`, for distances.
     mesh: Rc<TriMesh>,
-    /// Lengths are to be taken so many times, m.
+    /// Factor of all lengths, m.
     scale: f64,
 }
 
@@ -49,7 +49,7 @@ impl SurfaceRegion {
         })
     }
 
-    /// m^3
+    /// Volume, m^3.
     pub fn volume(&self) -> f64 {
         self.scale.powi(3)
     }
@@ -58,7 +58,7 @@ impl SurfaceRegion {
         SurfaceRegion { scale: factor * self.scale, ..self.clone() }
     }
 
-    /// m, about the centre of mass.
+    /// Vertices about the centre of mass, m.
     pub fn vertices(&self) -> Vec<[f64; 3]> {
         self.surface.vertices().iter().map(|v| v.map(|x| self.scale * x)).collect()
     }
@@ -71,8 +71,8 @@ impl SurfaceRegion {
 
     /// Whether the whole ball of `radius`, m, about `centre` lies inside.
     ///
-    /// The nearest point of the surface tells the distance, and by the mean of the normals about it, weighted with
-    /// their angles, on which side the centre lies: that is exact for closed surfaces (Baerentzen & Aanaes, IEEE Trans.
+    /// The nearest point of the surface gives the distance. The mean of the normals at it, weighted by their angles,
+    /// gives the side on which the centre lies. The sign is exact for closed surfaces (Baerentzen & Aanaes, IEEE Trans.
     /// Vis. Comput. Graph. 11, 2005).
     pub fn contains_ball(&self, centre: &Vector3<f64>, radius: f64) -> bool {
         let local = centre / self.scale;
@@ -101,7 +101,7 @@ mod tests {
         Surface::new(&vertices, ball.triangles()).unwrap()
     }
 
-    /// How often the surface goes round a point: the sum of the solid angles of its triangles over 4 pi.
+    /// Winding number of the surface about a point: the sum of the solid angles of its triangles over 4 pi.
     ///
     /// A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125.
     fn winding(vertices: &[[f64; 3]], triangles: &[[u32; 3]], point: &Vector3<f64>) -> f64 {
@@ -122,7 +122,7 @@ mod tests {
         let mut random = RandomStream::new(8, 0, StreamPurpose::Place);
         let mut counts = [0, 0];
         for k in 0..4000 {
-            // Anywhere, and a hair off vertices, edges and faces.
+            // Points anywhere, and points close to vertices, edges and faces.
             let point = if k % 2 == 0 {
                 150.0 * random.in_cube()
             } else {

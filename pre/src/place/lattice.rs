@@ -1,23 +1,23 @@
-//! Sites of a face-centred cubic lattice in a room.
+//! Sites of a face-centred cubic lattice in a region.
 
 use nalgebra::Vector3;
 
 use super::region::GrainRegion;
 use crate::random::RandomStream;
 
-/// Offsets of the lattice that are tried in a curved room, besides [`SYMMETRIC_OFFSETS`].
+/// Number of random offsets of the lattice that are tried in a curved region, besides [`SYMMETRIC_OFFSETS`].
 const RANDOM_OFFSETS: usize = 12;
 
-/// Offsets of the room's centre from a site, in half edges of the cubic cell, that suit few grains:
-/// on a site, between two, and in the holes between four and between six.
+/// Offsets of the region's centre from a site, in half edges of the cubic cell, that suit few grains: on a site, between
+/// two, and in the holes between four and between six.
 const SYMMETRIC_OFFSETS: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5, 0.5, 0.5], [1.0, 0.0, 0.0]];
 
-/// Exactly `number` sites as far apart as the room allows, at least `closest`, m; with that distance d.
+/// Exactly `number` sites with the largest distance d that the region allows, at least `closest`, m; and d.
 ///
-/// The balls of diameter d about the sites touch at most and lie in the room: a grain that keeps
-/// within its site's ball meets no other. Where more than `number` sites fit, some are left out at random.
+/// The balls of diameter d about the sites touch at most and lie in the region: a grain within its site's ball overlaps
+/// no other. If more than `number` sites fit, some are left out at random.
 ///
-/// `Err` holds the number of sites at the distance `closest`, if they are too few.
+/// `Err` gives the number of sites at the distance `closest`, if they are too few.
 pub fn lattice_sites(
     room: &GrainRegion,
     number: usize,
@@ -39,7 +39,7 @@ pub fn lattice_sites(
         if count < number {
             continue;
         }
-        // Bisection between a distance at which enough sites fit and one at which none does.
+        // Bisection between a distance at which enough sites fit and one at which no site fits.
         let (mut low, mut high) = (distance, 2.001 * room.half_extents().min());
         while high - low > 1e-6 * low {
             let middle = 0.5 * (low + high);
@@ -59,12 +59,12 @@ struct FccLattice<'a> {
     room: &'a GrainRegion,
     /// Distance of neighbours, m.
     d: f64,
-    /// In half edges of the cubic cell.
+    /// Offset in half edges of the cubic cell.
     offset: [f64; 3],
 }
 
 impl FccLattice<'_> {
-    /// The first `at_most` sites whose balls of radius d/2 lie in the room.
+    /// First `at_most` sites whose balls of radius d/2 lie in the region.
     fn lattice_sites(&self, at_most: usize) -> Vec<Vector3<f64>> {
         // The sites are the points of a cubic lattice of this edge whose indices have an even sum.
         let edge = self.d * std::f64::consts::FRAC_1_SQRT_2;
@@ -77,13 +77,14 @@ impl FccLattice<'_> {
             GrainRegion::Box(_) => reach.map(|reach| 0.5 * (2.0 * reach).floor()), // layers 0, 1 ... fill the box evenly
             _ => self.offset.into(),
         };
-        // Of a row through an ellipsoid only what lies in it: `taken`, the squares of the other places over the semi-axes.
+        // Limits a row to the inside of an ellipsoid; `taken` is the sum of the squares of the other coordinates over the
+        // semi-axes.
         let outer = self.room.half_extents().map(|half| half / edge);
         let share = |k: usize, index: i64| match self.room {
             GrainRegion::Ball(_) | GrainRegion::Ellipsoid(_) => ((index as f64 - offset[k]) / outer[k]).powi(2),
             _ => 0.0,
         };
-        // A little more than the reach, so that round-off loses no layer; `holds` has the last word.
+        // Slightly more than the reach, so that round-off loses no layer; the exact test follows.
         let indices = |k: usize, taken: f64| {
             let reach = if taken > 0.0 { reach[k].min(outer[k] * (1.0 - taken).max(0.0).sqrt()) } else { reach[k] };
             (offset[k] - reach - 1e-9).ceil() as i64..=(offset[k] + reach + 1e-9).floor() as i64
@@ -114,7 +115,7 @@ mod tests {
         RandomStream::new(1, 0, StreamPurpose::Place)
     }
 
-    /// Smallest distance of two points, by all pairs.
+    /// Smallest distance of two points, by a search of all pairs.
     fn nearest(points: &[Vector3<f64>]) -> f64 {
         let pairs = points.iter().enumerate().flat_map(|(k, a)| points[..k].iter().map(move |b| (a - b).norm()));
         pairs.fold(f64::INFINITY, f64::min)
@@ -154,7 +155,7 @@ mod tests {
 
     #[test]
     fn small_numbers_fit_as_tightly_as_can_be() {
-        // One ball fills its room; two, four and six of radius 1 have the known smallest spheres about them.
+        // One ball fills its region; two, four and six of radius 1 have known smallest enclosing spheres.
         for (number, radius) in [(1, 1.0), (2, 2.0), (4, 1.0 + 1.5f64.sqrt()), (6, 1.0 + 2f64.sqrt())] {
             let (_, d) = lattice_sites(&GrainRegion::Ball(radius * 1.0001), number, 2.0, &mut random()).unwrap();
             assert!((2.0..2.001).contains(&d), "{number}: {d}");

@@ -1,12 +1,12 @@
-//! Where the grains of one body of grains go.
+//! Positions of the grains of one body of grains.
 //!
 //! | module | |
 //! |---|---|
-//! | `region` | ball, ellipsoid, box: volume, and what lies inside |
-//! | [`inside`] | a closed surface as a room |
+//! | `region` | ball, ellipsoid, box: volume, containment |
+//! | [`inside`] | interior of a closed surface as a region |
 //! | [`lattice`] | sites of a face-centred cubic lattice |
-//! | [`sequential`] | one grain after the other at random |
-//! | [`fragments`] | a solid broken without gaps |
+//! | [`sequential`] | random sequential placement |
+//! | [`fragments`] | fragmentation of a solid without gaps |
 //! | [`cells`] | neighbours, for grains of any mixture of sizes |
 
 pub mod cells;
@@ -34,11 +34,11 @@ pub struct PlacedGrains {
     pub grains: Vec<SampledGrain>,
     /// Centres of mass, m, fixed axes.
     pub positions: Vec<Vector3<f64>>,
-    /// The room they were put in, before it was moved and turned; none for listed positions.
+    /// Region in which they were placed, before it was moved and turned; none for listed positions.
     pub region: Option<GrainRegion>,
 }
 
-/// Grains that do not fit: what was found, what is expected instead.
+/// Grains that do not fit: the value found and the value expected.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlacementError {
     pub found: String,
@@ -50,7 +50,7 @@ impl PlacementError {
         PlacementError { found, expected: "a shape that can be made" }
     }
 
-    /// The same where grains are held apart by more than their sizes: by what the files round of their positions.
+    /// Same error with the margin, m, by which grains are kept apart for the rounding of positions in the files.
     fn with_margin(self, margin: f64) -> PlacementError {
         let found = format!("{}, kept {margin:.1e} m apart as files hold 8 digits of positions so far out", self.found);
         PlacementError {
@@ -62,9 +62,10 @@ impl PlacementError {
 
 /// Sizes, shapes and positions of the grains of one (checked) body of grains, the `group`-th of the scene.
 ///
-/// Polyhedra are placed as the balls around them. Grains in an envelope come in Z-order, so that neighbours in space
-/// are near in number too. Errors: the envelope has no room for them.
-/// `region` is that of the envelope, if there is one.
+/// `region` is that of the envelope, if there is one. Polyhedra are placed as their bounding balls. Grains in an envelope
+/// are returned in Z-order, so that neighbours in space have near numbers.
+///
+/// Errors: grains that do not fit into the envelope.
 pub fn place_grains(
     grains: &Grains,
     shapes: &mut GrainSampler,
@@ -123,8 +124,8 @@ pub fn place_grains(
     if let (false, Some(share)) = (sized, grains.solid_fraction) {
         room = room.scaled_to(drawn.iter().map(SampledGrain::volume).sum::<f64>() / share);
     }
-    // Positions are rounded to 8 digits after they were found: by at most sqrt(3) 5e-8 of the largest
-    // coordinate. Grains keep a little more than that from each other and from the envelope.
+    // Positions are rounded to 8 digits later, by at most sqrt(3) 5e-8 of the largest coordinate. Grains keep slightly
+    // more than that from each other and from the envelope.
     expect_smaller(&room, &drawn)?;
     let margin = 1e-7 * (room.half_extents().norm() + centre.amax());
     let in_envelope = match &grains.place {
@@ -136,7 +137,7 @@ pub fn place_grains(
     Ok(PlacedGrains { grains: drawn, positions: to_fixed_axes(in_envelope), region: Some(room) })
 }
 
-/// The fragments of a solid where they are in it, the solid turned about its middle and moved to `centre`.
+/// Fragments of a solid at their positions in it, the solid turned about its centre and moved to `centre`.
 fn place_fragments(
     room: &GrainRegion,
     number: usize,
@@ -164,7 +165,7 @@ fn place_fragments(
     Ok(PlacedGrains { grains, positions, region: Some(room) })
 }
 
-/// Grains with their sizes, drawn one after the other; without `sizes` all of the shape's own.
+/// Draws grains with their sizes one after the other; without `sizes` all have the shape's own size.
 fn draw_grains(
     sizes: Option<&SizeDistribution>,
     until: SampleTarget,
@@ -190,7 +191,7 @@ fn draw_grains(
     }
 }
 
-/// Errors: grains that are larger than the room itself.
+/// Errors: grains that are larger than the region itself.
 fn expect_smaller(room: &GrainRegion, grains: &[SampledGrain]) -> Result<(), PlacementError> {
     let half = room.half_extents().min();
     let sizes = grains.iter().map(|grain| grain.reach);
@@ -212,7 +213,7 @@ fn largest_reach(grains: &[SampledGrain]) -> f64 {
     grains.iter().map(|grain| grain.reach).fold(0.0, f64::max)
 }
 
-/// Grain k anywhere in its site's ball up to the share `jitter` of its free room.
+/// Positions each grain at random in its site's ball, within the share `jitter` of the free distance.
 fn jittered_lattice(
     room: &GrainRegion,
     grains: &[SampledGrain],
@@ -237,7 +238,7 @@ fn jittered_lattice(
     Ok(sites.iter().zip(grains).map(move_in_ball).collect())
 }
 
-/// Reorders the grains as it orders the positions that it returns.
+/// Places grains by falling size; reorders the grains like the returned positions.
 fn random_sequential(
     room: &GrainRegion,
     grains: &mut Vec<SampledGrain>,
@@ -259,9 +260,9 @@ fn random_sequential(
     Ok(order.into_iter().map(|k| centres[k]).collect())
 }
 
-/// The order of the points along the Z-curve (Morton 1966) through the room's box.
+/// Order of the points along the Z-curve (Morton 1966) through the region's box.
 fn z_order(room: &GrainRegion, points: &[Vector3<f64>]) -> Vec<usize> {
-    const BITS: u32 = 20; // a millionth of the room's length
+    const BITS: u32 = 20; // a millionth of the region's length
     let halves = room.half_extents();
     let code = |point: &Vector3<f64>| {
         let cell = |k: usize| ((0.5 + 0.5 * point[k] / halves[k]) * f64::from(1u32 << BITS)) as u64;
@@ -273,7 +274,7 @@ fn z_order(room: &GrainRegion, points: &[Vector3<f64>]) -> Vec<usize> {
     order.into_iter().map(|(_, k)| k).collect()
 }
 
-/// The matrix of a rotation (Rodrigues): identity for an angle of 0.
+/// Rotation matrix (Rodrigues' formula): identity for an angle of 0.
 pub fn rotation_matrix(rotation: &scene::Rotation) -> Matrix3<f64> {
     let Rotation { axis, angle } = *rotation;
     let axis = Vector3::from(axis).normalize();
@@ -346,7 +347,7 @@ mod tests {
         }
     }
 
-    /// Whole grains within the envelope, and no two overlapping, by the numbers that the files hold.
+    /// Checks that grains lie within the envelope without overlaps, by the numbers that the files hold.
     fn sound(grains: &Grains, placed: &PlacedGrains) -> Result<(), TestCaseError> {
         let (turn, room) = (rotation_matrix(&grains.orientation), placed.region.clone().unwrap());
         let mut order: Vec<usize> = (0..placed.grains.len()).collect();
@@ -372,7 +373,7 @@ mod tests {
             which in 0..3usize,
             lattice: bool,
             jitter in 0.0..=1.0f64,
-            centre in prop::array::uniform3(-1e4..1e4f64), // far off, so that rounding tells
+            centre in prop::array::uniform3(-1e4..1e4f64), // far off, so that rounding matters
             angle in -3.0..3.0f64,
             seed: u64,
         ) {
@@ -391,7 +392,7 @@ mod tests {
                     prop_assert!((filled / placed.region.as_ref().unwrap().volume() / solid_fraction - 1.0).abs() < 1e-12);
                     sound(&grains, &placed)?;
                 }
-                // Few grains in a flat envelope do not fit at all: thinner than a grain.
+                // Few grains in a flat envelope may not fit at all: it may be thinner than a grain.
                 Err(_) => prop_assert!(number < 60),
             }
         }
@@ -407,7 +408,7 @@ mod tests {
         let placed = spot(&grains, 1, 0).unwrap();
         sound(&grains, &placed).unwrap();
         let filled = filled(&placed);
-        // Half of the largest grain at most is missing or too much.
+        // The volume is off by at most half of the largest grain.
         assert!((filled - 0.35 * placed.region.as_ref().unwrap().volume()).abs() <= 0.5 * sphere_volume(10.0));
     }
 

@@ -1,4 +1,4 @@
-//! The room that a body of grains is put in, centred on the origin, its axes along the coordinates.
+//! Region for a body of grains, centred on the origin, with its axes along the coordinates.
 
 use std::path::Path;
 
@@ -36,10 +36,10 @@ impl Envelope {
         }
     }
 
-    /// The room, and notes on a model's file; without a size it has the right proportions only. `folder` is where
-    /// paths of models begin.
+    /// Converts to a region, and returns notes on a model's file. Without a size the region has the right proportions
+    /// only. `folder` is the base of the paths of models.
     ///
-    /// Errors: those of a model's file.
+    /// Errors: faults of a model's file.
     pub fn to_region(&self, folder: &Path) -> Result<(GrainRegion, String), Faults> {
         let half = |lengths: [f64; 3]| lengths.map(|length| 0.5 * length);
         let mut told = String::new();
@@ -68,7 +68,7 @@ impl Envelope {
 }
 
 impl GrainRegion {
-    /// m^3
+    /// Volume, m^3.
     pub fn volume(&self) -> f64 {
         let product = |[a, b, c]: [f64; 3]| a * b * c;
         match self {
@@ -80,7 +80,7 @@ impl GrainRegion {
         }
     }
 
-    /// The room of the same proportions with `volume`, m^3.
+    /// Region of the same proportions with `volume`, m^3.
     pub fn scaled_to(&self, volume: f64) -> GrainRegion {
         let factor = libm::cbrt(volume / self.volume());
         let scaled = |lengths: [f64; 3]| lengths.map(|length| factor * length);
@@ -95,7 +95,7 @@ impl GrainRegion {
         }
     }
 
-    /// Half the lengths of the smallest box around the room, m.
+    /// Half the lengths of the smallest box around the region, m.
     pub fn half_extents(&self) -> Vector3<f64> {
         match self {
             GrainRegion::Ball(radius) => Vector3::repeat(*radius),
@@ -105,7 +105,7 @@ impl GrainRegion {
         }
     }
 
-    /// Whether the whole ball of `radius`, m, about `centre` lies in the room.
+    /// Whether the whole ball of `radius`, m, about `centre` lies in the region.
     pub fn contains_ball(&self, centre: &Vector3<f64>, radius: f64) -> bool {
         match self {
             GrainRegion::Ball(room) => centre.norm() + radius <= *room,
@@ -140,7 +140,7 @@ fn ellipsoid_contains_ball(axes: &[f64; 3], centre: &Vector3<f64>, radius: f64) 
     if level > 1.0 {
         return false;
     }
-    // The ellipsoid shrunk to the share 1 - level fits about any point of that level: a quick yes.
+    // The ellipsoid shrunk to the share 1 - level fits about any point of that level: a fast acceptance test.
     let shortest = axes.iter().copied().fold(f64::INFINITY, f64::min);
     (1.0 - level) * shortest >= radius || distance_to_ellipsoid(axes, centre) >= radius
 }
@@ -195,7 +195,7 @@ mod tests {
     }
 
     proptest! {
-        /// Against the surface sampled finely: no sample is nearer, and one is nearly as near.
+        /// Compares with a fine sampling of the surface: no sample is nearer, and one is nearly as near.
         #[test]
         fn distance_is_that_of_the_nearest_surface_point(
             axes in prop::array::uniform3(0.5..2.0f64),

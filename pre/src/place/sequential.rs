@@ -1,4 +1,4 @@
-//! Random sequential placement: largest first, each anywhere in the room where there is space.
+//! Random sequential placement: largest first, each at a random free position in the region.
 
 use nalgebra::Vector3;
 
@@ -6,14 +6,13 @@ use super::cells::SphereGrid;
 use super::region::GrainRegion;
 use crate::random::RandomStream;
 
-/// Places that are tried for one grain before the room counts as full. Ten times as many would
-/// bring equal spheres from a solid fraction of about 0.36 to 0.37 only: the last steps to the jamming
-/// limit 0.385 cost a factor of ten each.
+/// Number of trial positions for one grain before the region counts as full. Ten times as many would bring equal spheres
+/// from a solid fraction of about 0.36 to 0.37 only: each further step to the jamming limit 0.385 costs a factor of ten.
 pub const MAX_ATTEMPTS: usize = 10_000;
 
-/// Centres of balls of `radii`, m, by falling radius, without overlap and wholly in the room.
+/// Centres of balls of `radii`, m, by falling radius, without overlap and completely in the region.
 ///
-/// `Err` holds how many were placed before one found no place in [`MAX_ATTEMPTS`] tries.
+/// `Err` gives the number of balls that were placed before one found no position in [`MAX_ATTEMPTS`] tries.
 pub fn place_spheres(room: &GrainRegion, radii: &[f64], random: &mut RandomStream) -> Result<Vec<Vector3<f64>>, usize> {
     let mut cells = SphereGrid::new(radii.first().copied().unwrap_or(1.0));
     let mut centres = Vec::with_capacity(radii.len());

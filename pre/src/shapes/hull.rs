@@ -6,27 +6,28 @@ use parry3d_f64::math::Vector as Point;
 use parry3d_f64::transformation::try_convex_hull;
 use rustc_hash::FxHashMap;
 
-/// Points may lie outside a face by this share of the extent: roundings, and what the hull leaves of points in a plane.
+/// Largest distance of a point outside a face, over the extent: rounding, and the error of the hull for coplanar points.
 const OUTSIDE_TOLERANCE: f64 = 1e-9;
 
-/// Volume over that of the cube around the points, or thickness over length, below which they lie in a plane.
+/// Volume over that of the cube around the points, or thickness over length, below which points count as coplanar.
 const FLATNESS_LIMIT: f64 = 1e-9;
 
-/// How often the points are turned anew where no sound hull is found.
+/// Largest number of rotations of the points that are tried until a sound hull is found.
 const MAX_TURNS: usize = 20;
 
-/// Points of size 1 are moved outward by this times the square of their distance: what lies in faces and edges falls
-/// behind the corners.
+/// Factor of the outward shift of points of size 1, times the square of their distance. The shift puts points in faces
+/// and edges behind the corners.
 const BULGE_FACTOR: f64 = 1e-10;
 
-/// Why points have no hull, or a hull or surface makes no body.
+/// Reason why points have no hull, or a hull or surface makes no body.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum HullError {
-    /// They lie in a plane, or are too few.
+    /// Points in a plane, or too few.
     Flat,
-    /// None was found that holds them all.
+    /// No hull was found that contains all points.
     Unsound(String),
-    /// A surface is no longer sound when it is moved to its centre of mass: parts of it are too small beside the rest.
+    /// Surface that is no longer sound when translated to its centre of mass: parts of it are too small relative to the
+    /// rest.
     Moved(String),
 }
 
@@ -40,13 +41,13 @@ impl std::fmt::Display for HullError {
     }
 }
 
-/// The convex hull of `points`; its vertices are among them, to the last bit.
+/// Convex hull of `points`; its vertices are among them, to the last bit.
 ///
-/// The points are brought to size 1 about their middle. parry loses its way now and then where many points lie in one
-/// plane: then the same points are turned and it tries again, and at last with what lies in faces and edges put behind
-/// the corners. Points inside faces and edges may become vertices or not.
+/// The points are scaled to size 1 about their middle. parry sometimes fails where many points lie in one plane. The
+/// points are then rotated and tried again, at last with the points in faces and edges shifted behind the corners. Points
+/// inside faces and edges may become vertices or not.
 ///
-/// Errors: too few points, points in a plane, or no hull that holds them all.
+/// Errors: too few points, points in a plane, or no hull that contains them all.
 pub fn convex_hull(points: &[[f64; 3]]) -> Result<Surface, HullError> {
     let bounds = |k: usize| {
         let of = |start: f64, choose: fn(f64, f64) -> f64| points.iter().map(|p| p[k]).fold(start, choose);
@@ -62,7 +63,7 @@ pub fn convex_hull(points: &[[f64; 3]]) -> Result<Surface, HullError> {
     find_sound_hull(points, &unit, 0.0).or_else(|_| find_sound_hull(points, &isotropic_points(&unit)?, BULGE_FACTOR))
 }
 
-/// The hull in the first turn in which it is sound; `unit` are the points in a frame in which they have size 1.
+/// Hull in the first rotation in which it is sound; `unit` are the points in a frame in which they have size 1.
 fn find_sound_hull(points: &[[f64; 3]], unit: &[Vector3<f64>], bulge: f64) -> Result<Surface, HullError> {
     let mut reason = HullError::Flat;
     for turn in 0..MAX_TURNS {
@@ -74,9 +75,9 @@ fn find_sound_hull(points: &[[f64; 3]], unit: &[Vector3<f64>], bulge: f64) -> Re
     Err(reason)
 }
 
-/// The points along their principal axes, stretched so that they reach equally far along each.
+/// Points along their principal axes, stretched to the same reach along each.
 ///
-/// Errors: they lie in a plane.
+/// Errors: points in a plane.
 fn isotropic_points(points: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, HullError> {
     let mean = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
     let spread: Matrix3<f64> = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
@@ -89,9 +90,10 @@ fn isotropic_points(points: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, HullEr
     Ok(along.iter().map(|p| p.component_div(&reach)).collect())
 }
 
-/// Triangles of the hull by numbers of `points`, which have size 1 and are moved outward by `bulge`, see [`BULGE_FACTOR`].
+/// Triangles of the hull by numbers of `points`, which have size 1 and are shifted outward by `bulge`, see
+/// [`BULGE_FACTOR`].
 fn try_hull(points: &[Vector3<f64>], bulge: f64, turn: usize) -> Result<Vec<[u32; 3]>, HullError> {
-    // Any directions that are not round.
+    // Arbitrary directions without simple ratios.
     let rotation = Rotation3::from_scaled_axis(Vector3::new(0.31, -0.72, 0.53) * turn as f64);
     let turned: Vec<Vector3<f64>> = points.iter().map(|p| rotation * (p * (1.0 + bulge * p.norm_squared()))).collect();
     let given: Vec<Point> = turned.iter().map(|p| Point::new(p.x, p.y, p.z)).collect();
@@ -124,7 +126,7 @@ fn validate_hull(points: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Result<(), 
         let [a, b, c] = triangle.map(|k| points[k as usize]);
         volume += a.dot(&b.cross(&c)) / 6.0;
         let cross = (b - a).cross(&(c - a));
-        // Of a sliver the direction is not known: its neighbours speak for it.
+        // The direction of a sliver is not known: its neighbours decide.
         let doubt = 1.0 + 1e-6 / cross.norm().max(1e-30);
         let outside = points.iter().map(|p| cross.dot(&(p - a))).fold(0.0, f64::max);
         if outside > OUTSIDE_TOLERANCE * doubt * cross.norm() {
@@ -137,7 +139,7 @@ fn validate_hull(points: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Result<(), 
     Ok(())
 }
 
-/// The surface of those points that are corners of triangles.
+/// Surface of the points that are corners of triangles.
 fn compact_surface(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Surface, HullError> {
     let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
     used.sort_unstable();
@@ -154,7 +156,7 @@ mod tests {
     use crate::scene::GrainShape;
     use crate::shapes::regular;
 
-    /// The hull in several turns has the volume, m^3.
+    /// Checks that the hull has the volume, m^3, in several rotations.
     fn expect(points: &[[f64; 3]], volume: f64) {
         for k in 0..10 {
             let turn = Rotation3::from_scaled_axis(Vector3::new(0.4, 0.9, -0.2) * k as f64);

@@ -1,12 +1,12 @@
-//! Polyhedra: from what a scene says about the shape of its grains to solids in their principal axes.
+//! Polyhedra: converts the shapes of grains in a scene to solids in their principal axes.
 //!
 //! | module | |
 //! |---|---|
 //! | [`hull`] | convex hulls |
 //! | [`regular`] | regular solids, boxes, prisms |
-//! | [`rocks`] | convex polyhedra at random |
+//! | [`rocks`] | random convex polyhedra |
 //! | [`read`], [`model`] | surfaces from files: reading, size, convex pieces |
-//! | [`overlap`] | how deep convex solids are in each other |
+//! | [`overlap`] | penetration of convex solids |
 
 pub mod hull;
 pub mod model;
@@ -27,16 +27,16 @@ use crate::random::{RandomStream, StreamPurpose};
 use crate::scene::{GrainOrientations, GrainShape, Grains, RadiusKind};
 use crate::{round_14_columns, round_axes, sizes};
 
-/// Off-centre by less than this share of the extent, or off the principal axes by as much: vertices that stand so
-/// stay as they are. A file with twelve digits leaves about 1e-12.
+/// Distance from the centre over the extent, or error of the principal axes, below which vertices stay as they are. A
+/// file with twelve digits leaves about 1e-12.
 const ALIGNMENT_TOLERANCE: f64 = 1e-10;
 
-/// A body of density 1 in its principal axes about its centre of mass.
+/// Body of density 1 in its principal axes about its centre of mass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PrincipalSolid {
-    /// With what it touches others: convex surfaces, one if the solid is convex itself.
+    /// Convex surfaces that touch other bodies; one if the solid is convex itself.
     pub pieces: Vec<Surface>,
-    /// m^3
+    /// Volume, m^3.
     pub volume: f64,
     /// Principal moments of inertia, m^5.
     pub moments: [f64; 3],
@@ -44,14 +44,14 @@ pub struct PrincipalSolid {
     pub reach: f64,
     /// Centre of mass in the axes in which the shape was given, m.
     pub shift: Vector3<f64>,
-    /// The principal axes in those axes, one a row.
+    /// Principal axes in those axes, one a row.
     pub axes: Matrix3<f64>,
 }
 
 impl PrincipalSolid {
-    /// Volume, centre and inertia of `whole`, with the `pieces` (in the same axes) moved and turned to match.
+    /// Computes volume, centre and inertia of `whole`, and moves and turns the `pieces` (in the same axes) to match.
     ///
-    /// Errors: a piece with triangles so small beside the rest that moved they have no area.
+    /// Errors: a piece with triangles so small relative to the rest that they have no area after the translation.
     pub fn new(whole: &Surface, pieces: &[Surface]) -> Result<PrincipalSolid, hull::HullError> {
         let properties = whole.mass_properties();
         let extent = whole.vertices().iter().map(|&v| (Vector3::from(v) - Vector3::from(properties.centre)).norm());
@@ -89,7 +89,7 @@ impl PrincipalSolid {
         Ok(PrincipalSolid { pieces, volume: properties.volume, moments, reach, shift, axes })
     }
 
-    /// A convex solid; errors as of [`PrincipalSolid::new`].
+    /// Convex solid. Errors: those of [`PrincipalSolid::new`].
     pub fn from_convex(surface: &Surface) -> Result<PrincipalSolid, hull::HullError> {
         PrincipalSolid::new(surface, std::slice::from_ref(surface))
     }
@@ -100,7 +100,7 @@ impl PrincipalSolid {
     }
 }
 
-/// The axes (rows, right-handed) in the order and with the signs that turn the least from the given ones.
+/// Axes (rows, right-handed) in the order and with the signs that are closest to the given ones.
 fn nearest_axes(moments: [f64; 3], axes: [Vector3<f64>; 3]) -> ([f64; 3], Matrix3<f64>) {
     const AXIS_ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]];
     let along = |order: &[usize; 3]| (0..3).map(|k| axes[order[k]][k].abs()).sum::<f64>();
@@ -109,31 +109,31 @@ fn nearest_axes(moments: [f64; 3], axes: [Vector3<f64>; 3]) -> ([f64; 3], Matrix
     let mut rows = [0, 1, 2].map(signed);
     let matrix = |rows: &[Vector3<f64>; 3]| Matrix3::from_rows(&rows.map(|row| row.transpose()));
     if matrix(&rows).determinant() < 0.0 {
-        // The one whose sign matters the least.
+        // Axis whose sign matters the least.
         let least = (0..3).min_by(|&a, &b| rows[a][a].total_cmp(&rows[b][b])).unwrap_or(2);
         rows[least] = -rows[least];
     }
     (order.map(|k| moments[k]), matrix(&rows))
 }
 
-/// A solid of some size, as it stands: numbers have the digits of the files.
+/// Solid of some size in its orientation; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OrientedPolyhedron {
     pub solid: Rc<PrincipalSolid>,
-    /// Lengths of the solid are to be taken so many times.
+    /// Factor of all lengths of the solid.
     pub scale: f64,
-    /// Its principal axes along the fixed axes, one a row.
+    /// Principal axes along the fixed axes, one a row.
     pub axes: Matrix3<f64>,
 }
 
 impl OrientedPolyhedron {
-    /// `turn`: from the axes in which the shape was given to the fixed ones.
+    /// Turned by `turn`, from the axes in which the shape was given to the fixed ones.
     pub fn new(solid: Rc<PrincipalSolid>, scale: f64, turn: &Matrix3<f64>) -> Self {
         let axes = round_axes(&(solid.axes * turn.transpose()));
         OrientedPolyhedron { solid, scale, axes }
     }
 
-    /// m^3
+    /// Volume, m^3.
     pub fn volume(&self) -> f64 {
         self.scale.powi(3) * self.solid.volume
     }
@@ -143,26 +143,26 @@ impl OrientedPolyhedron {
         self.solid.moments.map(|moment| self.scale.powi(5) * moment)
     }
 
-    /// Of each piece, along the principal axes, m.
+    /// Vertices of each piece, along the principal axes, m.
     pub fn vertices(&self) -> Vec<Vec<[f64; 3]>> {
         let scaled = |v: &[f64; 3]| v.map(|x| round_14_columns(self.scale * x));
         self.solid.pieces.iter().map(|piece| piece.vertices().iter().map(scaled).collect()).collect()
     }
 }
 
-/// A grain before it has a place.
+/// Grain without a position.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SampledGrain {
-    /// Of the sphere of equal volume, m.
+    /// Radius of the sphere of equal volume, m.
     pub radius: f64,
-    /// Of the smallest ball about the centre of mass that holds the grain, m.
+    /// Radius of the smallest ball about the centre of mass that contains the grain, m.
     pub reach: f64,
-    /// None for a sphere.
+    /// Polyhedron; none for a sphere.
     pub polyhedron: Option<OrientedPolyhedron>,
 }
 
 impl SampledGrain {
-    /// m^3
+    /// Volume, m^3.
     pub fn volume(&self) -> f64 {
         self.polyhedron.as_ref().map_or_else(|| sizes::sphere_volume(self.radius), OrientedPolyhedron::volume)
     }
@@ -175,7 +175,7 @@ impl SampledGrain {
     }
 }
 
-/// Grains of one body of grains, one after the other.
+/// Sampler that returns the grains of one body of grains one after the other.
 pub struct GrainSampler {
     source: ShapeSource,
     radius: RadiusKind,
@@ -184,7 +184,7 @@ pub struct GrainSampler {
     drawn: usize,
 }
 
-/// What is wrong with a shape: its points, or its file.
+/// Fault of a shape: of its points, or of its file.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ShapeError {
     Shape(hull::HullError),
@@ -193,15 +193,15 @@ pub enum ShapeError {
 
 enum ShapeSource {
     Sphere,
-    /// The solid, and what is to be told about it.
+    /// One solid for all grains, and notes on its file.
     Same(Rc<PrincipalSolid>, String),
     Rocks(rocks::RockGenerator),
 }
 
 impl GrainSampler {
-    /// Of a (checked) body of grains, the `group`-th of the scene; paths of files begin at `folder`.
+    /// Sampler for a (checked) body of grains, the `group`-th of the scene; paths of files are relative to `folder`.
     ///
-    /// Errors: what is wrong with the shape or its file.
+    /// Errors: a fault of the shape or of its file.
     pub fn from_grains(grains: &Grains, folder: &Path, seed: u64, group: usize) -> Result<GrainSampler, ShapeError> {
         let source = match &grains.shape {
             GrainShape::Sphere => ShapeSource::Sphere,
@@ -224,12 +224,12 @@ impl GrainSampler {
         Ok(GrainSampler { source, radius: grains.radius, standing: grains.standing.clone(), random, drawn: 0 })
     }
 
-    /// What is to be told about the shape's file.
+    /// Notes on the shape's file.
     pub fn file_summary(&self) -> &str {
         if let ShapeSource::Same(_, told) = &self.source { told } else { "" }
     }
 
-    /// The next grain, of the radius `size`, m, or of the shape's own size.
+    /// Next grain, of the radius `size`, m, or of the shape's own size.
     ///
     /// Errors: no sound shape was found.
     pub fn next_grain(&mut self, size: Option<f64>) -> Result<SampledGrain, String> {

@@ -1,4 +1,4 @@
-//! Models: surfaces from files at their size, as grains and as rooms.
+//! Models: surfaces from files at their size, as grains and as regions.
 
 use std::path::Path;
 
@@ -14,20 +14,20 @@ use crate::shapes::hull::HullError;
 use crate::shapes::read::{self, RepairedSurface};
 use crate::shapes::{PrincipalSolid, hull};
 
-/// A surface counts as convex if its vertices may move by this share of its extent: files have seven digits.
+/// Largest shift of vertices, over the extent, for which a surface counts as convex: files have seven digits.
 const CONVEXITY_TOLERANCE: f64 = 1e-6;
 
-/// A surface that is convex but for this share of its extent, as few digits of its coordinates leave it, is taken as its
-/// hull: six decimals of a cube of 1 cm make 5e-5.
+/// Deviations from convexity, over the extent, up to which a surface is replaced by its hull, as its coordinates have few
+/// digits. Six decimals of a cube of 1 cm give 5e-5.
 const ROUNDED: [f64; 6] = [2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4];
 
-/// Voxels along the longest side on which pieces are found.
+/// Number of voxels along the longest side for the convex decomposition.
 const VOXEL_RESOLUTION: u32 = 64;
 
-/// Pieces below this share of the volume are left out: shavings.
+/// Smallest volume of a piece over the whole; smaller pieces are left out as slivers.
 const MIN_PIECE_VOLUME: f64 = 1e-6;
 
-/// The surface of a file at its size. Errors: those of [`read::read_surface`].
+/// Reads the surface of a file and scales it. Errors: those of [`read::read_surface`].
 pub fn read_surface(folder: &Path, file: &str, scaled: ModelScale) -> Result<RepairedSurface, Faults> {
     let path = folder.join(file);
     let read = read::read_surface(&path)?;
@@ -35,7 +35,7 @@ pub fn read_surface(folder: &Path, file: &str, scaled: ModelScale) -> Result<Rep
     Ok(RepairedSurface { surface: scale_surface(&path, &read.surface, factor)?, ..read })
 }
 
-/// How many times as large as in the file.
+/// Factor from the lengths of the file to the requested size.
 fn scale_factor(surface: &Surface, scaled: ModelScale) -> f64 {
     match scaled {
         ModelScale::Factor(factor) => factor,
@@ -50,7 +50,7 @@ fn scale_factor(surface: &Surface, scaled: ModelScale) -> f64 {
     }
 }
 
-/// The box around a surface: the ends along each axis, m.
+/// Bounding box of a surface: both ends along each axis, m.
 fn bounding_box(surface: &Surface) -> [[f64; 2]; 3] {
     [0, 1, 2].map(|k| {
         let of = |start: f64, choose: fn(f64, f64) -> f64| surface.vertices().iter().map(|v| v[k]).fold(start, choose);
@@ -58,7 +58,7 @@ fn bounding_box(surface: &Surface) -> [[f64; 2]; 3] {
     })
 }
 
-/// The surface of the file `path`, so many times as large.
+/// Surface of the file `path`, scaled by `factor`.
 fn scale_surface(path: &Path, surface: &Surface, factor: f64) -> Result<Surface, Faults> {
     if factor == 1.0 {
         return Ok(surface.clone());
@@ -70,7 +70,7 @@ fn scale_surface(path: &Path, surface: &Surface, factor: f64) -> Result<Surface,
     })
 }
 
-/// The solid of a model, and notes on it.
+/// Solid of a model, and notes on it.
 pub fn model_solid(
     folder: &Path,
     file: &str,
@@ -145,7 +145,7 @@ pub fn model_solid(
     Ok((solid, told))
 }
 
-/// A surface that is convex, or its hull if it is but for the digits of its coordinates; and what is to be told of that.
+/// Convex surface, or its hull if it is convex but for the digits of its coordinates, and a note on that.
 fn convex(surface: &Surface) -> Option<(Surface, String)> {
     if surface.is_convex(CONVEXITY_TOLERANCE) {
         return Some((surface.clone(), String::new()));
@@ -174,10 +174,11 @@ fn coverage_text(whole: &Surface, pieces: &[Surface]) -> String {
     format!(", {} convex pieces, together {:.4} of its volume", pieces.len(), sum / whole.volume())
 }
 
-/// At most `most` convex pieces that approximate the inside of `whole` (K. Mamou, Volumetric hierarchical approximate
-/// convex decomposition, 2016, by parry): hulls of what of the surface lies in each, of at most `vertices` vertices.
+/// Approximates the inside of `whole` by at most `most` convex pieces (K. Mamou, Volumetric hierarchical approximate
+/// convex decomposition, 2016, by parry). Each piece is the hull of the part of the surface in it, with at most
+/// `vertices` vertices.
 fn decompose_convex(whole: &Surface, most: u32, concavity: f64, vertices: usize) -> Result<Vec<Surface>, HullError> {
-    // In a frame in which the surface has size 1 about its centre.
+    // Frame in which the surface has size 1 about its centre.
     let properties = whole.mass_properties();
     let [x, y, z] = properties.centre;
     let size = libm::cbrt(properties.volume);
@@ -203,8 +204,8 @@ fn decompose_convex(whole: &Surface, most: u32, concavity: f64, vertices: usize)
     merge_pieces(pieces, most as usize, vertices)
 }
 
-/// Two pieces become their common hull, those to which it adds the least volume, until there are at most `most`: the
-/// decomposition halves pieces and so may end with more.
+/// Merges pairs of pieces into their common hull, those to which it adds the least volume first, until at most `most` are
+/// left. The decomposition halves pieces and may exceed that number.
 fn merge_pieces(mut all: Vec<Surface>, most: usize, vertices: usize) -> Result<Vec<Surface>, HullError> {
     if all.len() <= most {
         return Ok(all);
@@ -212,7 +213,7 @@ fn merge_pieces(mut all: Vec<Surface>, most: usize, vertices: usize) -> Result<V
     let hull = |a: &Surface, b: &Surface| {
         hull::convex_hull(&[a.vertices(), b.vertices()].concat()).and_then(|hull| reduce_vertices(hull, vertices))
     };
-    // Pieces that are left, and the volume that joining each two of them would add, m^3.
+    // Remaining pieces, and the volume that joining each pair would add, m^3.
     let (mut left, mut pairs) = (Vec::new(), Vec::<(f64, [usize; 2])>::new());
     let mut new = 0;
     loop {
@@ -234,7 +235,7 @@ fn merge_pieces(mut all: Vec<Surface>, most: usize, vertices: usize) -> Result<V
     }
 }
 
-/// The hull of the vertices that reach farthest along so many directions, evenly spread, if it has more.
+/// Hull of the vertices with the farthest reach along `vertices` evenly spread directions, if it has more vertices.
 fn reduce_vertices(piece: Surface, vertices: usize) -> Result<Surface, HullError> {
     if piece.vertices().len() <= vertices {
         return Ok(piece);

@@ -1,11 +1,11 @@
-//! How deep convex solids are in each other, to refuse scenes in which they are.
+//! Penetration of convex solids, to reject scenes with overlaps.
 
 use nalgebra::Vector3;
 use parry3d_f64::math::{Pose, Vector as Point};
 use parry3d_f64::query::{self, PointQuery};
 use parry3d_f64::shape::{ConvexPolyhedron, Cylinder};
 
-/// A convex solid as it stands.
+/// Convex solid in its orientation, at its position.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConvexPiece {
     /// Vertices relative to `centre`, along the fixed axes, m.
@@ -18,7 +18,7 @@ pub struct ConvexPiece {
 }
 
 impl ConvexPiece {
-    /// Triangles are counter-clockwise seen from outside; vertices relative to `centre`, m.
+    /// Convex piece from its triangles, counter-clockwise seen from outside; vertices relative to `centre`, m.
     pub fn new(centre: Vector3<f64>, vertices: Vec<Vector3<f64>>, triangles: &[[u32; 3]]) -> ConvexPiece {
         let corners = |t: &[u32; 3]| t.map(|k| vertices[k as usize]);
         let normals = triangles.iter().map(|t| {
@@ -34,7 +34,7 @@ impl ConvexPiece {
         ConvexPiece { normals: distinct_directions(normals), edges: distinct_directions(edges), vertices, centre }
     }
 
-    /// A box about `centre` with half lengths along `axes` (rows).
+    /// Box about `centre` with half lengths along `axes` (rows).
     pub fn cuboid(centre: Vector3<f64>, axes: &nalgebra::Matrix3<f64>, half: &Vector3<f64>) -> ConvexPiece {
         let corner = |k: usize| Vector3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half[axis] } else { half[axis] });
         let directions: Vec<Vector3<f64>> = (0..3).map(|k| axes.row(k).transpose()).collect();
@@ -47,7 +47,8 @@ impl ConvexPiece {
         }
     }
 
-    /// How far a ball reaches into the solid, m; negative when apart. A centre within counts by the nearest face.
+    /// Penetration of a ball into the solid, m; negative when apart. For a centre within, it is measured to the nearest
+    /// face.
     pub fn overlap_of_ball(&self, centre: &Vector3<f64>, radius: f64) -> f64 {
         let local = centre - self.centre;
         let height = |n: &Vector3<f64>| local.dot(n) - self.support_distance(n);
@@ -55,10 +56,11 @@ impl ConvexPiece {
         if highest <= 0.0 { radius - highest } else { radius - self.distance_to_point(&local) }
     }
 
-    /// How far a cylinder at `centre`, its axis the last row of `axes`, of `[half height, radius]`, m, reaches into the
-    /// solid: by how much it can shrink all around and still be met, to a thousandth of that; 0 where that is no more than `allowed`.
+    /// Penetration of a cylinder at `centre`, with its axis in the last row of `axes`, of `[half height, radius]`, m,
+    /// into the solid. It is the largest uniform shrinkage with which the cylinder still touches, to a thousandth of
+    /// that, and 0 if it does not exceed `allowed`.
     ///
-    /// By parry's GJK in a frame in which the cylinder has size 1.
+    /// Computed by parry's GJK in a frame in which the cylinder has size 1.
     pub fn overlap_of_cylinder(
         &self,
         centre: &Vector3<f64>,
@@ -92,7 +94,7 @@ impl ConvexPiece {
         most
     }
 
-    /// m
+    /// Vertices, m.
     pub fn vertices(&self) -> impl Iterator<Item = Vector3<f64>> {
         self.vertices.iter().map(|v| v + self.centre)
     }
@@ -106,13 +108,13 @@ impl ConvexPiece {
             .map_or(0.0, |hull| size * hull.distance_to_local_point(point(local), true))
     }
 
-    /// Farthest reach along the unit direction `n`, from the centre, m.
+    /// Largest distance along the unit direction `n`, from the centre, m.
     fn support_distance(&self, n: &Vector3<f64>) -> f64 {
         self.vertices.iter().map(|v| v.dot(n)).fold(f64::NEG_INFINITY, f64::max)
     }
 }
 
-/// Each direction once: triangles of one face have the same normal but for rounding.
+/// Distinct directions: triangles of one face have the same normal but for rounding.
 fn distinct_directions(directions: impl Iterator<Item = Vector3<f64>>) -> Vec<Vector3<f64>> {
     let mut kept: Vec<Vector3<f64>> = Vec::new();
     for direction in directions {
@@ -123,17 +125,17 @@ fn distinct_directions(directions: impl Iterator<Item = Vector3<f64>>) -> Vec<Ve
     kept
 }
 
-/// How deep two bodies are in each other, m, by their convex pieces.
+/// Largest penetration of two bodies, m, over their convex pieces.
 pub fn deepest_overlap(a: &[ConvexPiece], b: &[ConvexPiece], allowed: f64) -> f64 {
     let pairs = a.iter().flat_map(|a| b.iter().map(move |b| (a, b)));
     pairs.map(|(a, b)| overlap_depth(a, b, allowed)).fold(0.0, f64::max)
 }
 
-/// How far two solids reach into each other, m: the shortest way that parts them; at most `allowed` as soon as that
-/// is certain.
+/// Penetration of two solids, m: the shortest translation that separates them; any value up to `allowed` as soon as the
+/// depth is known not to exceed it.
 ///
-/// The axes along which two convex solids can be parted best are the normals of the faces of either and the products
-/// of an edge of each (S. Gottschalk, OBBTree, 1996).
+/// The candidate separating axes are the normals of the faces of both solids and the cross products of an edge of each
+/// (S. Gottschalk, OBBTree, 1996).
 pub fn overlap_depth(a: &ConvexPiece, b: &ConvexPiece, allowed: f64) -> f64 {
     let way = b.centre - a.centre;
     // a lies on the side against n, b on the side along it.
@@ -221,13 +223,13 @@ mod tests {
         assert!((depth([1.9, 0.3, 0.1], identity) - 0.1).abs() < 1e-15);
         assert!((depth([2.0, 2.0, 2.0], identity)).abs() < 1e-15);
         assert!((depth([0.0; 3], identity) - 2.0).abs() < 1e-15);
-        // An edge down on a face: half the diagonal of a side reaches below the centre.
+        // A cube with an edge down on a face: half the diagonal of a side reaches below the centre.
         let eighth = crate::place::rotation_matrix(&crate::scene::Rotation {
             axis: [1.0, 0.0, 0.0],
             angle: std::f64::consts::FRAC_PI_4,
         });
         assert!((depth([0.0, 0.0, 2.3], eighth) - (1.0 + 2f64.sqrt() - 2.3)).abs() < 1e-14);
-        // Crossed edges touch where no face parts the two: along x, at half diagonals from both centres.
+        // Crossed edges touch where no face separates the cubes: along x, at half diagonals from both centres.
         let z = crate::place::rotation_matrix(&crate::scene::Rotation {
             axis: [0.0, 0.0, 1.0],
             angle: std::f64::consts::FRAC_PI_4,
@@ -251,7 +253,7 @@ mod tests {
             let found = overlap_depth(&a, &b, -1e9);
             assert!((found - overlap_depth(&b, &a, -1e9)).abs() < 1e-13);
             assert!((found - overlap_depth(&a, &box_b, -1e9)).abs() < 1e-13);
-            // Moved along the way out by as much, they touch; a point of both lies within otherwise.
+            // Translated along the axis by the penetration, they touch; otherwise they have a common point.
             assert!(overlap_depth(&a, &b, 0.0) <= 0.0 || found > 0.0);
         }
     }

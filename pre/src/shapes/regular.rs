@@ -5,7 +5,7 @@ use crate::scene::GrainShape;
 /// The golden ratio.
 const GOLDEN_RATIO: f64 = 1.618_033_988_749_895;
 
-/// Vertices of a shape that is given by its vertices, m; of regular solids at any size.
+/// Vertices of a shape that is defined by its vertices, m; regular solids have arbitrary size.
 pub fn shape_vertices(shape: &GrainShape) -> Vec<[f64; 3]> {
     match shape {
         GrainShape::Tetrahedron => vec![[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]],
@@ -30,7 +30,7 @@ fn cuboid_vertices(half: [f64; 3]) -> Vec<[f64; 3]> {
     (0..8).map(|corner| [0, 1, 2].map(|k| if corner >> k & 1 == 0 { -half[k] } else { half[k] })).collect()
 }
 
-/// The points with all signs and all cyclic orders of their components, each once.
+/// Points with all signs and all cyclic orders of their components, without repetition.
 fn cyclic_permutations(points: &[[f64; 3]]) -> Vec<[f64; 3]> {
     let mut all = Vec::new();
     for point in points {

@@ -1,42 +1,42 @@
-//! Convex polyhedra at random: vertices on an ellipsoid, more or less evenly spread.
+//! Random convex polyhedra: vertices on an ellipsoid, more or less evenly spread.
 
 use nalgebra::Vector3;
 
 use crate::random::RandomStream;
 use crate::shapes::{PrincipalSolid, hull};
 
-/// What the polyhedra of one body of grains have in common.
+/// Common properties of the polyhedra of one body of grains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RockGenerator {
     /// Fewest and most vertices.
     pub vertices: (usize, usize),
     /// Semi-axes of the ellipsoid.
     pub ratios: Vector3<f64>,
-    /// 0: evenly spread; 1: anywhere.
+    /// Angularity: 0 for evenly spread vertices, 1 for arbitrary positions.
     pub angularity: f64,
 }
 
-/// Share of the widest possible spacing that vertices keep at angularity 0: about where vertices that come one
-/// after the other find no more room.
+/// Spacing of vertices over the widest possible one at angularity 0: about the jamming limit of vertices that are placed
+/// one after the other.
 const EVEN_SPACING: f64 = 0.75;
-/// The same at angularity 1: nearer vertices would make edges that are next to nothing.
+/// Spacing over the widest possible one at angularity 1: nearer vertices would make negligible edges.
 const MIN_SPACING: f64 = 0.1;
-/// Distance of each face from the centre of mass over the circumscribed radius, before the ratios: flatter
-/// polyhedra are drawn anew.
+/// Smallest distance of a face from the centre of mass over the circumscribed radius, before the ratios: flatter
+/// polyhedra are redrawn.
 const MIN_INRADIUS: f64 = 0.1;
-/// Draws of one polyhedron.
+/// Largest number of draws of one polyhedron.
 const MAX_ATTEMPTS: usize = 1000;
 
 impl RockGenerator {
-    /// The next polyhedron. It has the number of vertices that was drawn for it, all on the ellipsoid.
+    /// Draws the next polyhedron. Its number of vertices is drawn first; all lie on the ellipsoid.
     ///
-    /// Errors: nothing sound in `ATTEMPTS` draws.
+    /// Errors: no sound polyhedron in `MAX_ATTEMPTS` draws.
     pub fn draw_rock(&self, random: &mut RandomStream) -> Result<PrincipalSolid, String> {
         let (fewest, most) = self.vertices;
         let count = fewest + random.uniform_index(most - fewest + 1);
         let spacing = (EVEN_SPACING + self.angularity * (MIN_SPACING - EVEN_SPACING)) * widest_spacing(count);
         for attempt in 0..MAX_ATTEMPTS {
-            // Somewhat less is asked for where chance has left no room.
+            // The spacing is reduced slightly with each failed attempt.
             let Some(points) = spread_directions(count, spacing * 0.995f64.powi(attempt as i32), random) else {
                 continue;
             };
@@ -58,7 +58,7 @@ impl RockGenerator {
     }
 }
 
-/// The angle, rad, that `count` directions can at most keep from each other: reached by 3, 4, 6 and 12.
+/// Largest possible angle, rad, between any two of `count` directions: reached by 3, 4, 6 and 12.
 ///
 /// L. Fejes Toth, Jahresber. Dtsch. Math.-Ver. 53 (1943) 66: cos = (cot^2 w - 1) / 2, w = count pi / (6 (count - 2)).
 fn widest_spacing(count: usize) -> f64 {
@@ -67,7 +67,7 @@ fn widest_spacing(count: usize) -> f64 {
     libm::acos((0.5 * (cot * cot - 1.0)).clamp(-1.0, 1.0))
 }
 
-/// Directions one after the other, each at least `spacing`, rad, from those before; none if chance leaves no room.
+/// Random directions, each at least `spacing`, rad, from those before; none if one cannot be placed.
 fn spread_directions(count: usize, spacing: f64, random: &mut RandomStream) -> Option<Vec<[f64; 3]>> {
     let nearest = libm::cos(spacing);
     let mut points: Vec<Vector3<f64>> = Vec::with_capacity(count);

@@ -86,7 +86,7 @@ impl<'a> LegacyReader<'a> {
         Ok(piece)
     }
 
-    /// Whether the line just read was the rest of that with METADATA.
+    /// Whether the line just read was the rest of the line with METADATA.
     fn skipped_first_line(&self) -> bool {
         let before = self.bytes[..self.at].trim_ascii_end();
         self.at < self.bytes.len() && before.to_ascii_uppercase().ends_with(b"METADATA")
@@ -153,7 +153,7 @@ impl<'a> LegacyReader<'a> {
             self.at += size;
             return Ok(number.decode_all(own, form.big_endian));
         }
-        // Never more than the file has words, whatever number it announces.
+        // Limited by the number of words in the file, not by the announced number.
         let mut numbers = Vec::new();
         while numbers.len() < count {
             let word = self.next_word();
@@ -167,7 +167,7 @@ impl<'a> LegacyReader<'a> {
         Ok(numbers)
     }
 
-    /// The next word, empty at the end.
+    /// Returns the next word, empty at the end.
     fn next_word(&mut self) -> String {
         while let Some(byte) = self.bytes.get(self.at).filter(|byte| byte.is_ascii_whitespace()) {
             self.line += usize::from(*byte == b'\n');
@@ -179,7 +179,7 @@ impl<'a> LegacyReader<'a> {
         String::from_utf8_lossy(&rest[..length]).into_owned()
     }
 
-    /// The rest of the line, without its end.
+    /// Returns the rest of the line, without its end.
     fn next_text_line(&mut self) -> String {
         let rest: &'a [u8] = &self.bytes[self.at..];
         let length = rest.iter().position(|byte| *byte == b'\n').unwrap_or(rest.len());

@@ -38,11 +38,11 @@ pub struct RepairedSurface {
 struct PolygonMesh {
     points: Vec<[f64; 3]>,
     polygons: Vec<Vec<usize>>,
-    /// As in [`RepairedSurface`].
+    /// Notes on repairs, as in [`RepairedSurface`].
     notes: Vec<String>,
 }
 
-/// Why a file is rejected.
+/// Reason why a file is rejected.
 #[derive(Debug, PartialEq)]
 struct ReadError {
     line: Option<usize>,
@@ -109,7 +109,7 @@ pub fn read_surface(path: &Path) -> Result<RepairedSurface, Faults> {
     match Surface::new(&vertices, &triangles) {
         Ok(surface) => {
             let same = surface.triangles().iter().zip(&triangles).filter(|(a, b)| a == b).count();
-            // If all are turned, the surface was inside out, and coherent.
+            // If all triangles are turned, the surface was coherent but inside out.
             let turned = (triangles.len() - same).min(same);
             Ok(RepairedSurface { surface, flipped: turned, repairs })
         }
@@ -162,7 +162,7 @@ fn parse_real(word: &str) -> Option<f64> {
     word.parse().ok().or_else(|| word.replace(['d', 'D'], "e").parse().ok())
 }
 
-/// Reads a coordinate. Errors: why it is none.
+/// Reads a coordinate. Errors: the reason why it is not a number.
 fn coordinate(word: &str) -> Result<f64, String> {
     match parse_real(word) {
         None => Err(format!("'{word}', which is no number")),
@@ -171,7 +171,7 @@ fn coordinate(word: &str) -> Result<f64, String> {
     }
 }
 
-/// Numbers of a binary array of VTK, by the name of their type in legacy or XML files.
+/// Type of the numbers in a binary array of VTK, by its name in legacy or XML files.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum NumberType {
     Signed(usize),
@@ -206,7 +206,7 @@ impl NumberType {
         }
     }
 
-    /// The numbers in `bytes`; what is left over at the end is ignored.
+    /// Numbers in `bytes`; a remainder at the end is ignored.
     fn decode_all(self, bytes: &[u8], big_endian: bool) -> Vec<f64> {
         let of_one = |chunk: &[u8]| {
             let mut word = [0; 8];
@@ -246,7 +246,7 @@ struct CellLists {
 }
 
 impl CellLists {
-    /// From the lists of legacy files before version 5: a count, then as many corners, for each cell.
+    /// Converts the lists of legacy files before version 5: for each cell a count, then that number of corners.
     fn from_counted(numbers: &[f64], count: usize) -> Result<CellLists, String> {
         let mut cells = CellLists::default();
         let mut rest = numbers;
@@ -269,7 +269,7 @@ impl CellLists {
         Ok(cells)
     }
 
-    /// The corners of each cell, of `points` points.
+    /// Corners of each cell; `points` is the number of points.
     fn corner_lists(&self, points: usize) -> Result<Vec<Vec<usize>>, String> {
         let (mut lists, mut begin) = (Vec::new(), 0);
         // Lists of legacy files from version 5 on begin with the start of the first cell, 0.

@@ -48,7 +48,7 @@ pub fn read(text: &str) -> Result<PolygonMesh, Vec<ReadError>> {
                     weights += usize::from(more);
                 }
                 Err(found) => {
-                    // Later numbers of vertices stay right.
+                    // A point is added so that later vertices keep their numbers.
                     mesh.points.push([0.0; 3]);
                     refusals.push(ReadError::new(line, found, "three coordinates, with decimal points"));
                 }
@@ -89,7 +89,7 @@ pub fn read(text: &str) -> Result<PolygonMesh, Vec<ReadError>> {
     if refusals.is_empty() { Ok(mesh) } else { Err(refusals) }
 }
 
-/// The lines without comments, each with those in which it is continued, and the number of the first.
+/// Lines without comments, each joined with its continuations, and the number of the first.
 fn logical_lines(text: &str) -> Vec<(usize, String)> {
     let mut all: Vec<(usize, String)> = Vec::new();
     let mut continued = false;
@@ -105,7 +105,7 @@ fn logical_lines(text: &str) -> Vec<(usize, String)> {
     all
 }
 
-/// The coordinates, and whether a weight other than 1 or a colour follows them.
+/// Coordinates, and whether a weight other than 1 or a colour follows them.
 fn parse_vertex<'a>(words: impl Iterator<Item = &'a str>) -> Result<([f64; 3], bool), String> {
     let words: Vec<&str> = words.collect();
     let [x, y, z, more @ ..] = words.as_slice() else {
@@ -118,8 +118,8 @@ fn parse_vertex<'a>(words: impl Iterator<Item = &'a str>) -> Result<([f64; 3], b
     Ok((point, !more.is_empty() && more != ["1"] && more.iter().any(|word| parse_real(word) != Some(1.0))))
 }
 
-/// The number of a corner's vertex, from 0, of a word such as `7`, `7/1`, `7//3` or `-2/1/1`; `known` vertices are
-/// before it.
+/// Vertex number of a corner, from 0, from a word such as `7`, `7/1`, `7//3` or `-2/1/1`; `known` is the number of
+/// vertices before it.
 fn parse_corner(word: &str, known: usize) -> Result<usize, String> {
     let number: i64 =
         (word.split('/').next().unwrap_or_default()).parse().map_err(|_| format!("the corner '{word}'"))?;

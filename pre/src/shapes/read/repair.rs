@@ -1,5 +1,6 @@
-//! From polygons to a closed triangulation, with the repairs that change no body: points at the same position are one,
-//! triangles without area are dropped, and points of an open surface that agree but for their last digits are welded.
+//! Conversion of polygons to a closed triangulation, with repairs that do not change the body. Points at the same
+//! position are merged, triangles without area are dropped, and points of an open surface that differ in their last
+//! digits only are welded.
 
 use nalgebra::Vector3;
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -9,9 +10,11 @@ use super::{PolygonMesh, count_text};
 /// Distances up to which points of an open surface are welded, over the largest coordinate: the last digit of numbers in
 /// single precision, of seven, six and five digits.
 const WELD_TOLERANCES: [f64; 3] = [2e-7, 2e-6, 2e-5];
-/// The same over the extent: of a surface far from the origin the last digit may be as large as its details.
+/// Largest welding distance over the extent: far from the origin the last digit may be as large as details of the
+/// surface.
 const WELD_OF_EXTENT: f64 = 1e-3;
-/// Height of a triangle over its longest side below which it has no area; as [`cd_formats::surface::Surface`] has it.
+/// Height of a triangle over its longest side below which it has no area; same value as in
+/// [`cd_formats::surface::Surface`].
 const FLATNESS_LIMIT: f64 = 1e-14;
 
 /// Vertices, triangles of their numbers, and phrases about the repairs.
@@ -71,7 +74,7 @@ fn coordinate_and_extent(vertices: &[[f64; 3]]) -> [f64; 2] {
     [largest, side(0).max(side(1)).max(side(2))]
 }
 
-/// The number of the vertex that stands for each, the first within `distance`; and how many are left.
+/// Number of the representative of each vertex, the first within `distance`, and the count of remaining vertices.
 fn weld_vertices(vertices: &[[f64; 3]], distance: f64) -> (Vec<u32>, usize) {
     let cell = |v: &[f64; 3]| v.map(|x| (x / distance).floor() as i64);
     let mut cells: FxHashMap<[i64; 3], Vec<u32>> = FxHashMap::default();
@@ -153,8 +156,8 @@ fn apex_of_degenerate(vertices: &[[f64; 3]], t: &[u32; 3]) -> Option<usize> {
     ((b - a).cross(&(c - a)).norm() <= FLATNESS_LIMIT * lengths[longest].powi(2)).then_some(longest)
 }
 
-/// Removes triangles without area that close the surface: the neighbour at the longest side is cut in two at the corner
-/// on it, so that the edges at this corner find their second triangle.
+/// Removes triangles without area that close the surface. The neighbour at the longest side is split at the corner on it,
+/// so that the edges at this corner get their second triangle.
 fn split_neighbours(vertices: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
     // Neighbours without area may need several passes.
     const MAX_PASSES: usize = 50;
@@ -258,7 +261,7 @@ mod tests {
             let (vertices, triangles, notes) = triangulate(mesh);
             match Surface::new(&vertices, &triangles) {
                 Ok(surface) => {
-                    // The welded corner is off by the gap.
+                    // The welded corner is displaced by the gap.
                     assert!(closes && (surface.volume() - 1.0).abs() < 1e-4, "{gap}");
                     assert!(notes.join("").starts_with("welded 1 vertex closer than "), "{notes:?}");
                 }

@@ -7,8 +7,8 @@ const HEADER_BYTES: usize = 84;
 /// Bytes of a triangle of a binary file: normal, three corners, two unused ones.
 const TRIANGLE_BYTES: usize = 50;
 
-/// Reads a file. Whether it is text or binary follows from its length and its bytes, not from the word `solid` alone,
-/// with which binary files begin too.
+/// Reads a file. Its length and its bytes decide between text and binary. The word `solid` alone does not: some binary
+/// files begin with it.
 pub fn read(bytes: &[u8]) -> Result<PolygonMesh, Vec<ReadError>> {
     let announced =
         bytes.get(80..HEADER_BYTES).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
@@ -91,7 +91,8 @@ fn is_utf_16(bytes: &[u8]) -> bool {
     })
 }
 
-/// A binary file behind a few bytes, such as the end of a line, if its length then fits the number of triangles.
+/// Reads a binary file after a few extra bytes, such as a line end, if the remaining length then fits the number of
+/// triangles.
 fn shifted(bytes: &[u8]) -> Option<PolygonMesh> {
     const MOST: usize = 8;
     let fits = |first: &usize| {
@@ -105,7 +106,7 @@ fn shifted(bytes: &[u8]) -> Option<PolygonMesh> {
     Some(mesh)
 }
 
-/// A word of a text file, in small letters, and its line.
+/// Word of a text file in lower case, and its line.
 type Word = (usize, String);
 
 fn read_text(text: &str) -> Result<PolygonMesh, ReadError> {
@@ -115,7 +116,7 @@ fn read_text(text: &str) -> Result<PolygonMesh, ReadError> {
     let (mut solids, mut wrong_normals) = (0, 0);
     while let Some((line, word)) = words.next_word() {
         match word.as_str() {
-            // A name follows, of any words.
+            // A name of any number of words follows.
             "solid" => {
                 solids += 1;
                 words.skip_line();
@@ -142,7 +143,7 @@ fn read_facet(words: &mut WordReader, line: usize, mesh: &mut PolygonMesh) -> Re
     let mut word = words.next_word().ok_or_else(ends)?;
     let mut normal = true;
     if word.1 == "normal" {
-        // The normal follows from the corners.
+        // The stored normal is not used: it follows from the corners.
         let mut count = 0;
         loop {
             word = words.next_word().ok_or_else(ends)?;
@@ -201,7 +202,7 @@ fn read_facet(words: &mut WordReader, line: usize, mesh: &mut PolygonMesh) -> Re
     Ok(normal)
 }
 
-/// The words of a text, one after the other.
+/// Reader that returns the words of a text one after the other.
 struct WordReader<'a> {
     lines: std::iter::Enumerate<std::str::Split<'a, char>>,
     current: std::vec::IntoIter<&'a str>,
@@ -220,7 +221,7 @@ impl WordReader<'_> {
         }
     }
 
-    /// Passes by a name, up to the end of the line or, in a file that is one line, to the next facet.
+    /// Skips a name, up to the end of the line or, in a file of a single line, to the next facet.
     fn skip_line(&mut self) {
         let rest = self.current.as_slice();
         let begins = |words: &[&str]| {

@@ -20,7 +20,7 @@ pub fn read(bytes: &[u8]) -> Result<PolygonMesh, ReadError> {
     Ok(mesh)
 }
 
-/// A tag with the text up to the next one.
+/// Tag with the text up to the next one.
 struct XmlTag {
     line: usize,
     name: String,
@@ -41,7 +41,7 @@ impl XmlTag {
         self.attributes.iter().find(|(known, _)| known == name).map(|(_, value)| value.as_str())
     }
 
-    /// A number in an attribute, if it is there.
+    /// Number in an attribute, if present.
     fn number_attribute(&self, name: &str) -> Result<Option<usize>, ReadError> {
         let number = |value: &str| {
             value.trim().parse().map_err(|_| ReadError::new(self.line, format!("{name}=\"{value}\""), "a number"))
@@ -52,19 +52,19 @@ impl XmlTag {
 
 struct VtpFile<'a> {
     tags: Vec<XmlTag>,
-    /// Behind the `_` of the appended data.
+    /// Bytes after the `_` of the appended data.
     appended: &'a [u8],
-    /// Whether these are in base64.
+    /// Whether the appended data are in base64.
     encoded: bool,
     big_endian: bool,
-    /// Bytes of a number in the head of a binary array.
+    /// Number of bytes of a number in the header of a binary array.
     head: usize,
     compressed: bool,
 }
 
 impl<'a> VtpFile<'a> {
     fn from_bytes(bytes: &'a [u8]) -> Result<Self, ReadError> {
-        // Raw data are no XML.
+        // Raw appended data are not XML.
         let appended = find_word(bytes, b"<AppendedData").unwrap_or(bytes.len());
         let mut tags = parse_tags(&String::from_utf8_lossy(&bytes[..appended]))?;
         let mut file =
@@ -202,7 +202,7 @@ impl<'a> VtpFile<'a> {
         Ok(number.decode_all(&bytes, self.big_endian))
     }
 
-    /// The bytes of an array, behind its head: their number, or those of compressed blocks.
+    /// Bytes of an array, after its header: their number, or the sizes of compressed blocks.
     fn decode_binary(&self, data: &[u8]) -> Result<Vec<u8>, String> {
         let mut at = 0;
         let number = if self.head == 8 { NumberType::Unsigned(8) } else { NumberType::Unsigned(4) };
@@ -234,7 +234,7 @@ impl<'a> VtpFile<'a> {
     }
 }
 
-/// Whether a piece has what its tag announces.
+/// Checks that a piece has the numbers of points and cells that its tag announces.
 fn expect_complete(pieces: &[PolyDataPiece], tag: &XmlTag) -> Result<(), ReadError> {
     let Some(piece) = pieces.last() else { return Ok(()) };
     let cells = |cells: &CellLists| cells.ends.strip_prefix(&[0.0]).unwrap_or(&cells.ends).len();
@@ -251,7 +251,7 @@ fn expect_complete(pieces: &[PolyDataPiece], tag: &XmlTag) -> Result<(), ReadErr
     Ok(())
 }
 
-/// The tags of a file without comments and declarations.
+/// Tags of a file without comments and declarations.
 fn parse_tags(text: &str) -> Result<Vec<XmlTag>, ReadError> {
     let mut tags: Vec<XmlTag> = Vec::new();
     let (mut at, mut line) = (0, 1);
@@ -315,7 +315,7 @@ fn attributes_of(mut text: &str) -> Vec<(String, String)> {
     all
 }
 
-/// Decodes base64; the head of an array may be encoded apart from its data, so that padding is within.
+/// Decodes base64. The header of an array may be encoded separately, so that padding occurs inside the text.
 fn decode_base64(text: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
     let (mut held, mut count) = (0u32, 0);
@@ -327,7 +327,7 @@ fn decode_base64(text: &[u8]) -> Vec<u8> {
             b'+' => 62,
             b'/' => 63,
             b'=' => {
-                // Of a group of two or three letters, one or two bytes.
+                // A group of two or three letters gives one or two bytes.
                 let whole = [0, 0, 1, 2][count];
                 let group = held << (6 * (4 - count));
                 bytes.extend((0..whole).map(|k| (group >> (16 - 8 * k)) as u8));
@@ -346,7 +346,7 @@ fn decode_base64(text: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Where a word begins in a longer one.
+/// Position of a word in a longer one.
 fn find_word(bytes: &[u8], word: &[u8]) -> Option<usize> {
     bytes.windows(word.len()).position(|window| window == word)
 }
