@@ -62,8 +62,8 @@ pub fn find_fragments(frame: &Frame) -> Vec<Fragment> {
 
 /// Joins spheres that touch.
 ///
-/// They are swept along x in columns as wide as the largest of them, each in up to four columns, as what touches shares one;
-/// images beside the cell too.
+/// Sweeps along x in columns as wide as the largest sphere, each sphere in up to four columns, so that touching spheres
+/// share a column. Images outside the cell are included.
 fn join_spheres(frame: &Frame, groups: &mut DisjointSets) {
     let grains = &frame.grains;
     let reach = |i: usize| grains[i].radius * (1.0 + TOUCHING_GAP);
@@ -151,7 +151,7 @@ mod tests {
         assert_eq!(shares(&scene), [2.0 / 3.0, 1.0 / 3.0]);
         let row = crate::derive::Row::from_frame(&scene.frame());
         assert_eq!((row.n_fragments, row.largest_mass), (2, 2.0 * scene.snapshot.bodies.body_mass[0]));
-        // What the place of the border would decide has no value.
+        // Values that would depend on the position of the border are undefined.
         let [a, spin, arm, largest] = [row.a, row.spin_z, row.L_z, row.largest_period];
         assert!([a, spin, arm, largest, row.com_x, row.com_y, row.Ec_rigid_mean].iter().all(|value| value.is_nan()));
         assert_eq!(row.com_z, 0.0);
