@@ -281,7 +281,7 @@ pub fn supported_grains(frame: &Frame, fragments: &[Fragment]) -> Vec<usize> {
     grains
 }
 
-/// Face of a wall: n.x >= offset for the centres of nearly all grains.
+/// Face of a wall: n.x >= place for the centres of nearly all grains.
 pub struct WallFace {
     /// Index into [`Frame::walls`].
     pub wall: usize,
