@@ -33,9 +33,9 @@ pub struct SolidShape {
 /// Inside of a hollow cylinder with flat ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hollow {
-    /// m
+    /// Radius, m.
     pub radius: f64,
-    /// m
+    /// Half of the height, m.
     pub half_height: f64,
 }
 

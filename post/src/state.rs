@@ -229,7 +229,7 @@ pub fn state_files(frame: &Frame, newcomers: &HashSet<u64>, slope_reach: Option<
         files.extend(profile_files(frame, &fragments[0]));
     }
     match FreeSurface::from_frame(frame, &fragments, slope_reach.unwrap_or(free_surface::REACH)) {
-        // Their own gravity has no one direction.
+        // Under self-gravity verticals have no common direction.
         Some(surface) if self_gravity_constant(frame).is_none() => files.extend(free_surface_files(&surface)),
         _ if !frame.cell().is_periodic() => {
             files.extend(surface_files(frame, &fragments[0], slope_reach.unwrap_or(plane_fit::DEFAULT_FIT_REACH)));

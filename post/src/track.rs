@@ -112,7 +112,7 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
             _ => {}
         }
         if first.is_none() {
-            // What attracts it from all sides has one direction where it starts.
+            // Gravity from all sides takes its direction at the start.
             up = gravity.map(|(_, direction)| direction).or(upward_direction(&frame, body)).unwrap_or(up);
             first = Some(frame.clone());
         }

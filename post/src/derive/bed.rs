@@ -133,7 +133,7 @@ impl Bed {
             layers[home].neighbours += f64::from(neighbours[i]);
             let (whole, volume) = (volume_below(grain, up, f64::INFINITY), grain.volume());
             let density = grain.mass / volume;
-            // Its share below a height above the floor; what sinks below the floor is in the first layer.
+            // Share of the grain below a height above the floor; a part below the floor is in the first layer.
             let below = |height: f64| volume_below(grain, up, height + self.floor) / whole;
             let over = 1.0 / (self.area * width);
             let first = ((low / width).max(0.0) as usize).min(count - 1);

@@ -189,9 +189,10 @@ pub fn find_rattlers(frame: &Frame, touches: &[TouchingPair], stable: u32) -> Ve
 
 /// Mean contact numbers of the grains `members` (rising), with and without rattlers.
 ///
-/// Z is the mean of the neighbours of these grains: (2 N_gg + N_gw) / N with N grains, N_gg pairs of grains, N_gw pairs of a grain and
-/// a wall, of those that touch with force, where no neighbour is elsewhere. Without rattlers: the same of the remaining grains and
-/// of the pairs whose grains all remain; NaN if none remains. With constraints: each pair counts as often as it has constraints.
+/// Z is the mean number of neighbours of these grains. If no neighbour is outside `members`, it is (2 N_gg + N_gw) / N with
+/// N grains, N_gg touching pairs of grains and N_gw touching pairs of a grain and a wall. Without rattlers, Z is taken over
+/// the remaining grains and the pairs whose grains all remain; NaN if none remains. With constraints, each pair counts as
+/// often as it has constraints.
 ///
 /// Three equal spheres that push each other: Z = 2.
 pub fn mean_coordination(frame: &Frame, members: &[usize]) -> Coordination {

@@ -13,7 +13,7 @@ pub struct EnclosingBall {
 }
 
 impl EnclosingBall {
-    /// m^3
+    /// Volume, m^3.
     pub fn volume(&self) -> f64 {
         4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3)
     }

@@ -18,7 +18,7 @@ const FEW: f64 = 0.1;
 pub struct Fragment {
     /// Indices into [`Frame::grains`], rising.
     pub grains: Vec<usize>,
-    /// Its motion in fixed axes.
+    /// Motion of the group in fixed axes.
     pub whole: AggregateSums,
 }
 
@@ -27,8 +27,8 @@ pub struct Fragment {
 /// The largest remnant is the heaviest group with at least a tenth of the grains of the most numerous one.
 ///
 /// Two grains are in one group if a chain of touching grains links them ([`TOUCHING_GAP`]). The gap of spheres is
-/// |x_i - x_j| - R_i - R_j at the snapshot's time, x_j of the image that is nearest, that of other grains the smallest of
-/// their contacts where these were looked for. Walls link nothing.
+/// |x_i - x_j| - R_i - R_j at the snapshot's time, with x_j of the nearest image. The gap of other grains is the smallest of their
+/// contacts at contact detection. Walls do not link grains.
 pub fn find_fragments(frame: &Frame) -> Vec<Fragment> {
     let grains = &frame.grains;
     let mut groups = DisjointSets::new(grains.len());

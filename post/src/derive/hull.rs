@@ -15,10 +15,11 @@ const MAX_JOGGLE: i64 = 1 << 11;
 
 /// Volume (m^3) of the convex hull of balls of given centres and radii (m); NaN without balls.
 ///
-/// With the smallest radius r, the hull is that of the balls less r, grown by r: V + S r + M r^2 + (4/3) pi r^3, with V, S and M
-/// the volume, the surface and the integral of the mean curvature of the former. Of equal balls this is exact to 10^-7; of unequal
-/// ones the former is the hull of the outermost points in `DIRECTIONS` directions. A single ball has its own volume, and two
-/// equal ones at the distance d have pi r^2 d more. Source: J. Steiner (1840), the volume of parallel bodies.
+/// With the smallest radius r, the hull is that of the balls less r, grown by r: V + S r + M r^2 + (4/3) pi r^3, with V, S
+/// and M the volume, the surface and the integral of the mean curvature of the former. For equal balls this is exact to
+/// 10^-7; for unequal ones the former is the hull of the outermost points in `DIRECTIONS` directions. A single ball has its
+/// own volume, and two equal ones at the distance d have pi r^2 d more. Source: J. Steiner (1840), the volume of parallel
+/// bodies.
 pub fn hull_volume(balls: &[(Vec3, f64)]) -> f64 {
     if balls.is_empty() {
         return f64::NAN;
@@ -73,7 +74,7 @@ fn hull_measures(points: &[Vec3]) -> ConvexMeasures {
         return ConvexMeasures::default();
     }
     let unit = size / 2f64.powi(COORDINATE_BITS);
-    // At least four, of which copies are displaced otherwise.
+    // At least four points; copies of a point have different displacements.
     let copies = points.iter().cycle().take(points.len().max(4));
     let grid: Vec<[i64; 3]> = copies
         .enumerate()

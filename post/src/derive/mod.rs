@@ -369,7 +369,7 @@ impl Row {
 struct LargestFragment {
     whole: motion::AggregateSums,
     axes: [f64; 3],
-    /// rad/s
+    /// Spin, rad/s.
     spin: f64,
     bound: f64,
     escaping: f64,

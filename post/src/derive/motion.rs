@@ -32,15 +32,15 @@ impl RotatingAxes {
 /// Sums over all grains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AggregateSums {
-    /// kg
+    /// Mass, kg.
     pub mass: f64,
     /// Centre of mass, m.
     pub x: Vec3,
-    /// kg m/s
+    /// Momentum, kg m/s.
     pub momentum: Vec3,
-    /// About the centre of mass, kg m^2/s: sum m (x - x_com) x (v - v_com) + I w.
+    /// Angular momentum about the centre of mass, kg m^2/s: sum m (x - x_com) x (v - v_com) + I w.
     pub angular_momentum: Vec3,
-    /// About the centre of mass, kg m^2: sum m (d.d - d (x) d) + I, d = x - x_com.
+    /// Inertia about the centre of mass, kg m^2: sum m (d.d - d (x) d) + I, d = x - x_com.
     pub inertia: Mat3,
 }
 

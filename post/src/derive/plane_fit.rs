@@ -32,7 +32,8 @@ pub struct FittedPlane {
     pub gradient: [f64; 2],
     /// Variance of the gradient's two components together, over the density of the noise.
     pub variance: f64,
-    /// Share that the fit takes from the sum of products of residuals within a patch, over the density of the noise and the patch.
+    /// Share that the fit removes from the sum of products of residuals within a patch, over the density of the noise and
+    /// the patch.
     taken: f64,
     /// Part of the surface that the weights cover evenly.
     pub effective: f64,

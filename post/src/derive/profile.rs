@@ -41,7 +41,7 @@ pub fn radial_shells(frame: &Frame, members: &[usize], centre: Vec3, count: usiz
         let grain = &frame.grains[i];
         let arm = grain.x - centre;
         let distance = arm.norm();
-        // At the very centre no direction is radial: the mean of all.
+        // At the centre no direction is radial: the mean of all is used.
         let mean = pressure(&stresses[i]);
         let radial = if distance > 0.0 { arm.dot(&(stresses[i] * arm)) / (distance * distance) } else { mean };
         let home = ((distance / width) as usize).min(count - 1);

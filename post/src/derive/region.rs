@@ -582,8 +582,8 @@ mod tests {
         Row::with_options(&scene.frame(), &choices)
     }
 
-    /// A simple cubic lattice of touching spheres of radius `r` from the origin, whose contacts carry the forces of the pressures `p` on
-    /// squares of side 2 r.
+    /// Simple cubic lattice of touching spheres of radius `r` from the origin, whose contacts carry the forces of the
+    /// pressures `p` on squares of side 2 r.
     fn lattice(scene: &mut Scene, counts: [usize; 3], r: f64, p: [f64; 3]) {
         let first = scene.snapshot.bodies.body_id.len();
         let number = |x: [usize; 3]| first + x[0] + counts[0] * (x[1] + counts[1] * x[2]);
@@ -841,7 +841,7 @@ mod tests {
         assert_eq!((with.nu, with.Z, with.pressure), (alone.nu, alone.Z, alone.pressure));
         // Values in the ball around all grains are nearly zero, and the neighbours of all grains are fewer.
         assert!(with.nu_sphere < 1e-6 && with.pressure_sphere < 1e-6 * with.pressure && with.Z_all < with.Z);
-        // Their pull is no part of the balance within but for tides.
+        // The pull of the outer grains changes the balance within the first only by tides.
         assert_close(with.pressure_virial, alone.pressure_virial, 1e-5);
     }
 

@@ -482,7 +482,7 @@ mod tests {
         let north = FINE.len() - 1; // a degree off the pole: 3 cos + sqrt(1/4 - 9 sin^2)
         let (sin, cos) = (std::f64::consts::PI / 180.0).sin_cos();
         assert!((found[north] - 3.0 * cos - (0.25 - 9.0 * sin * sin).sqrt()).abs() < 1e-12);
-        // From outside of all, a ray that looks away meets nothing.
+        // From a point outside all grains, a ray away from them meets nothing.
         let aside = surface_heights(&grains, Vec3::new(10.0, 0.0, 0.0), FINE);
         assert!(aside.iter().any(|h| h.is_nan()) && aside.iter().any(|h| (*h - 11.0).abs() < 0.1));
     }

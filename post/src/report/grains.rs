@@ -104,7 +104,7 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
     }
     let ball = enclosing_ball(&chosen);
     let (middle, radius) = if chosen.is_empty() { (Vec3::zeros(), 1.0) } else { (ball.centre, ball.radius) };
-    // From the middle of the last state, and of the others where that would be if it moved as the centre does.
+    // Relative to the middle of the last state, shifted in the other states by the motion of the centre.
     let end = states.last().map_or(Vec3::zeros(), |state| state.centre);
     let seen = |state: &PageState| -> Vec<Vec3> {
         let origin = middle - end + state.centre;

@@ -160,7 +160,7 @@ fn page_html(
                 put(&figure_html(&String::from_utf8_lossy(svg), &caption.replace("REACH", &reach_text)));
             }
         }
-        // Its gradients have names that only one picture of a page may use.
+        // The gradients of this picture have names that only one picture of a page may use.
         put(&figure_html(
             &write::picture::svg(last, write::picture::PictureColouring::Neighbours),
             "Grains by their neighbours, from the front, a little from the right and above.",

@@ -228,7 +228,7 @@ impl Figure {
                 }
             }
         }
-        // Over the lines: the dots that have names, and these.
+        // Dots are drawn over the lines.
         let seen = |named: bool| {
             let curves =
                 self.curves.iter().zip(&curves).filter(move |(curve, _)| (curve.marks == CurveMarks::Named) == named);
