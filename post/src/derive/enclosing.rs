@@ -38,7 +38,7 @@ const RELATIVE_ROUNDING: f64 = 1e-13;
 /// Returns the smallest ball that contains `balls`, to round-off, at any position.
 ///
 /// At most four of them, the basis, determine it. The search begins with one ball. Each turn adds the ball that sticks out
-/// most and finds the smallest enclosing ball of these at most five by trying every subset of at most four (`tangent`). The
+/// most and finds the smallest enclosing ball of these at most five by trying every subset of at most four (`tangent_ball`). The
 /// radius grows at each turn, so the search ends, in practice after some ten turns, each of which checks every ball once.
 ///
 /// Source: Fischer & Gaertner (2003), "The smallest enclosing ball of balls: combinatorial

@@ -17,7 +17,7 @@ const MAX_JOGGLE: i64 = 1 << 11;
 ///
 /// With the smallest radius r, the hull is that of the balls less r, grown by r: V + S r + M r^2 + (4/3) pi r^3, with V, S
 /// and M the volume, the surface and the integral of the mean curvature of the former. For equal balls this is exact to
-/// 10^-7; for unequal ones the former is the hull of the outermost points in `DIRECTIONS` directions. A single ball has its
+/// 10^-7; for unequal ones the former is the hull of the outermost points in `DIRECTION_COUNT` directions. A single ball has its
 /// own volume, and two equal ones at the distance d have pi r^2 d more. Source: J. Steiner (1840), the volume of parallel
 /// bodies.
 pub fn hull_volume(balls: &[(Vec3, f64)]) -> f64 {

@@ -204,7 +204,7 @@ impl ProbeShape {
     /// Share of a grain's volume that lies inside; overlapping pieces count separately.
     ///
     /// Exact for spheres cut by a ball, a layer or parallel faces of a box, and for every grain cut by a layer. Other cases
-    /// use points of equal weight: `IN_SPHERE` and `IN_TETRAHEDRON`.
+    /// use points of equal weight: `POINTS_IN_SPHERE` and `POINTS_IN_TETRAHEDRON`.
     pub fn share_of_grain(&self, grain: &Grain) -> f64 {
         let (depth, reach) = (self.inner_distance(&grain.x), grain.bounding_radius());
         if depth >= reach || depth <= -reach {

@@ -93,7 +93,7 @@ pub struct SurfaceFacet {
 /// Rays from the centre of mass to the last surface of a sphere give the heights (a polyhedron counts as the sphere of
 /// equal volume). Height and normal are those of the least-squares plane through the heights, over the arcs along the
 /// surface, within `reach` mean radii ([`PlaneFit`]), at most a quarter of the circumference. Gravity is that of all grains
-/// of the frame, each a solid ball, and of the primaries, and the acceleration `in_own_axes`; `constant`: G. The spin is
+/// of the frame, each a solid ball, and of the primaries, and `acceleration_in_own_axes`; `constant`: G. The spin is
 /// that of `whole`, in fixed axes.
 pub fn aggregate_surface(
     frame: &Frame,
