@@ -390,7 +390,8 @@ pub fn bounding_bore(frame: &Frame, wall: usize, grains: &[usize]) -> Option<Cyl
     nearly_all(frame, grains, |x| bore.contains_point(x) && ends.iter().all(|end| end.is_before(x))).then_some(bore)
 }
 
-/// Number of sides of the polygon that approximates the section of a hollow cylinder; it has the same area.
+/// Number of sides of the polygon that approximates the section of a hollow cylinder; it has the same area, and the same
+/// shape if a plate cuts it.
 const POLYGON_SIDES: usize = 720;
 
 /// Area of the section across `up` that the cell and the upright walls enclose, m^2; None if it is open, or a wall is
