@@ -1,4 +1,4 @@
-//! `cd-post compare`: the same observable of several runs in one figure.
+//! `cd-post compare`: one figure and table for each observable, over several runs.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,25 +14,24 @@ use crate::write::figure::{Curve, Figure, FigureAxis};
 use crate::write::plots::PLOTS;
 use crate::write::series::{Column, csv_text, name_field};
 
-/// The columns of a table of numbers by their names.
+/// Columns of a table of numbers, by name.
 pub type Columns = BTreeMap<String, Vec<f64>>;
 
-/// A run by its name in the legend: the columns of its series.
+/// Run with its name in the legend and the columns of its series.
 struct SeriesRun {
     name: String,
     columns: Columns,
 }
 
-/// A kind of table whose columns can be compared. `time`, or without it the first, is the horizontal axis where no
-/// other is asked for.
+/// A kind of table whose columns can be compared. The default horizontal axis is `time`, or without it the first column.
 struct TableKind {
     columns: &'static [Column],
-    /// Those drawn where none are asked for.
+    /// Columns drawn by default.
     drawn: Vec<String>,
 }
 
 impl TableKind {
-    /// By the name of the table's file.
+    /// Returns the kind for the name of the table's file.
     fn from_path(table: &Path) -> Option<TableKind> {
         let some = |columns, names: &[&str]| {
             Some(TableKind { columns, drawn: names.iter().map(|name| name.to_string()).collect() })
@@ -65,22 +64,23 @@ impl TableKind {
     }
 }
 
-/// Which columns of which table are compared.
+/// Choice of a table and of its columns for a comparison.
 pub struct ComparisonOptions<'a> {
-    /// Below the POSTPRO of each case: series.csv, one of `cd-post state` (in a folder `state-NNNNNN`, or `state` for
-    /// the last of each) or one of `cd-post track`.
+    /// Path below the POSTPRO of each case: series.csv, a table of `cd-post state` (in a folder `state-NNNNNN`, or `state`
+    /// for the last of each) or of `cd-post track`.
     pub table: &'a Path,
-    /// Empty: those of the plots.
+    /// Columns to compare; if empty, those of the plots.
     pub columns: &'a [String],
-    /// The column of the horizontal axis; without it time, or the table's first.
+    /// Column of the horizontal axis; without it time, or the table's first column.
     pub against: Option<&'a str>,
 }
 
 /// Reads a table of each case and writes a figure and a table for each of the columns into `output`.
 ///
-/// `labels`: names in the legend, as many as cases, or none for those of the folders. Each column of a table has its own name.
+/// `labels`: names in the legend, one for each case, or none for the names of the folders. Each column of a table has its
+/// own name.
 ///
-/// Returns how many columns, and what is worth a report.
+/// Returns the number of columns and messages for the user.
 pub fn write(
     cases: &[PathBuf],
     labels: &[String],
@@ -150,21 +150,21 @@ pub fn write(
     Ok((columns.len(), notes))
 }
 
-/// Where a table of a case is; the folder `state` stands for the last one of `cd-post state`.
+/// Path of a table of a case; the folder `state` means the last one of `cd-post state`.
 fn table_path(case: &Path, table: &Path) -> PathBuf {
     let folder = case.join("POSTPRO");
     let Ok(rest) = table.strip_prefix("state") else { return folder.join(table) };
     let number = |name: &str| name.strip_prefix("state-")?.parse::<u64>().ok();
     let entries = atomic::folder_entries(&folder).unwrap_or_default().into_iter();
     let states = entries.filter_map(|path| Some((number(path.file_name()?.to_str()?)?, path)));
-    // What an earlier, longer run has left is none of this one; without its snapshots nothing tells which that is.
+    // Files of an earlier, longer run are ignored. Without its snapshots they cannot be distinguished.
     let steps: Option<Vec<u64>> =
         list_snapshots(&case.join("OUTBOX")).ok().map(|all| all.into_iter().map(|(step, _)| step).collect());
     let of_this_run = |step: &u64| steps.as_ref().is_none_or(|steps| steps.contains(step));
     states.filter(|(step, _)| of_this_run(step)).max().map_or(folder.join("state"), |(_, path)| path).join(rest)
 }
 
-/// Advice for a case that has no such table: the command that writes it.
+/// Advice for a case without such a table: the command that writes it.
 fn writing_command(case: &Path, table: &Path) -> String {
     let case = case.display();
     let command = match table.file_name().and_then(|name| name.to_str()) {
@@ -175,7 +175,7 @@ fn writing_command(case: &Path, table: &Path) -> String {
     format!("expected a table that {command} has written: run it first")
 }
 
-/// The names of the cases' folders, each with as many of those above as tell it from the others.
+/// Names of the cases' folders, each with as many parent folders as distinguish it from the others.
 pub fn case_names(cases: &[PathBuf]) -> Vec<String> {
     let whole: Vec<PathBuf> =
         cases.iter().map(|case| std::fs::canonicalize(case).unwrap_or(case.to_path_buf())).collect();
@@ -190,24 +190,24 @@ pub fn case_names(cases: &[PathBuf]) -> Vec<String> {
     whole.iter().map(name).collect()
 }
 
-/// Whether a time is another or later; times are sums of steps.
+/// Whether a time is equal to another or later; times are sums of steps.
 pub fn is_at_or_after(time: f64, from: f64) -> bool {
     time >= from - 1e-6 * from.abs()
 }
 
-/// Whether two times (s) are one but for the rounding of sums of steps.
+/// Whether two times (s) are equal up to the rounding of sums of steps.
 pub fn same_time(a: f64, b: f64) -> bool {
     is_at_or_after(a, b) && is_at_or_after(b, a)
 }
 
-/// Of some times (s) the one that is another but for rounding; the nearest, as late in a run snapshots are closer to each other
-/// than [`same_time`] tells.
+/// Nearest of the times (s) that equal `time` up to rounding; late in a run snapshots are closer to each other than the
+/// tolerance of [`same_time`].
 pub fn nearest_time(times: impl IntoIterator<Item = f64>, time: f64) -> Option<f64> {
     let same = times.into_iter().filter(|other| same_time(*other, time));
     same.min_by(|a, b| (a - time).abs().total_cmp(&(b - time).abs()))
 }
 
-/// Fault of names that `option` gives: as fields of a table they are blank, that of the axis, or one stands there twice.
+/// Faults of the names given by `option`: as fields of a table a name is blank, equal to that of the axis, or repeated.
 pub fn name_faults(option: &str, names: &[String], axis: Option<&str>) -> Vec<Fault> {
     let names: Vec<String> = names.iter().map(|name| name_field(name)).collect();
     let fault = |(k, name): (usize, &String)| {
@@ -223,19 +223,19 @@ pub fn name_faults(option: &str, names: &[String], axis: Option<&str>) -> Vec<Fa
     names.iter().enumerate().filter_map(fault).collect()
 }
 
-/// Fault of the names of groups: blank ones.
+/// Faults of blank names of groups.
 pub fn blank_group_faults(groups: &[String]) -> Vec<Fault> {
     let blank = groups.iter().enumerate().filter(|(_, name)| name.trim().is_empty());
     let found = |k: usize| format!("'{}' stands there as number {}", name_field(&groups[k]), k + 1);
     blank.map(|(k, _)| Fault::new(Path::new("options"), None, "groups", found(k), "expected a name")).collect()
 }
 
-/// The columns of a table of numbers, those `needed` among them; empty fields are NaN.
+/// Reads the columns of a table of numbers, which must include those `needed`; empty fields are NaN.
 pub fn read_columns(path: &Path, needed: &[&str]) -> Result<Columns, Faults> {
     parse_columns(path, &table_file_text(path)?, needed)
 }
 
-/// The same of a table that a run writes row by row: a last one without its end, where the run was cut off, is left out.
+/// Reads the columns of a table that a run writes row by row. An incomplete last row, of an interrupted run, is left out.
 pub fn read_log(path: &Path, needed: &[&str]) -> Result<Columns, Faults> {
     let text = table_file_text(path)?;
     parse_columns(path, &text[..text.rfind('\n').map_or(0, |end| end + 1)], needed)
@@ -290,11 +290,11 @@ fn parse_columns(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Fa
     faults.into_result(names.into_iter().map(str::to_string).zip(columns).chain(former).collect())
 }
 
-/// Columns and what they were called before means were over a region.
+/// Columns and their former names, from before means were over a region.
 const FORMER_NAMES: [(&str, &str); 3] = [("nu_sphere", "nu"), ("pressure_sphere", "pressure"), ("Z_all", "Z")];
 
-/// The figure of a column, and its table: a row for each value of the horizontal axis that some run has, an
-/// empty field where another has none; where a run has several at one, their mean.
+/// Figure and table of a column: a row for each value of the horizontal axis of any run, with an empty field for runs
+/// without that value. Several values of a run at one position are averaged.
 fn comparison_figure(runs: &[SeriesRun], kind: &TableKind, name: &str, against: &str) -> (Figure, String) {
     let points: Vec<Vec<(f64, f64)>> = runs
         .iter()
@@ -330,7 +330,7 @@ fn comparison_figure(runs: &[SeriesRun], kind: &TableKind, name: &str, against: 
     let rows = places.into_iter().map(|x| {
         let at = |points: &Vec<(f64, f64)>| {
             let place = if against == "time" { nearest_time(points.iter().map(|p| p.0), x) } else { Some(x) };
-            // A table may come by one place several times: of its values there the mean.
+            // A table may contain one position several times: the mean of its values there.
             let there = points.iter().filter(|p| Some(p.0) == place && p.1.is_finite());
             let (count, sum) = there.fold((0.0, 0.0), |(count, sum), p| (count + 1.0, sum + p.1));
             sum / count

@@ -1,4 +1,4 @@
-//! A snapshot as the observables see it: grains and walls apart, contacts in the world's frame.
+//! Frames: the grains, walls and contacts of a snapshot, with contacts in the world's frame.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -16,105 +16,105 @@ pub type Mat3 = Matrix3<f64>;
 #[derive(Debug, Clone)]
 pub struct Frame {
     pub meta: SnapshotMeta,
-    /// In the order of the snapshot's bodies.
+    /// Grains, in the order of the snapshot's bodies.
     pub grains: Vec<Grain>,
-    /// In the order of the snapshot's bodies.
+    /// Walls, in the order of the snapshot's bodies.
     pub walls: Vec<Wall>,
-    /// In the order of the snapshot's contacts; those between two walls are left out.
+    /// Contacts, in the order of the snapshot; those between two walls are left out.
     pub contacts: Vec<Contact>,
     pub interval: SnapshotInterval,
 }
 
-/// Sums of the contacts since the snapshot before.
+/// Sums over the contacts since the snapshot before.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SnapshotInterval {
-    /// Since the snapshot before, s; NaN where the snapshot does not have it.
+    /// Time since the snapshot before, s; NaN if the snapshot does not contain it.
     pub length: f64,
-    /// The pairs of which a contact has carried force in one of its steps, those of two walls left out.
+    /// Pairs of bodies of which a contact has carried force in a step of the interval, except pairs of walls.
     pub exchanges: Vec<ImpulseExchange>,
 }
 
 /// Sum over the contacts of two bodies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImpulseExchange {
-    /// The candidate first.
+    /// Bodies, the candidate first.
     pub sides: [BodyIndex; 2],
-    /// Sum of impulses times branches, J s; of a grain at a wall the branch ends at the point of contact.
+    /// Sum of impulses times branches, J s; at a wall the branch of a grain ends at the point of contact.
     pub virial: f64,
 }
 
-/// A body that can move: not fully driven, and no plane.
+/// A body that can move: not fully driven, and not a plane.
 #[derive(Debug, Clone)]
 pub struct Grain {
     pub id: u64,
-    /// Centre of mass at the snapshot's time, the end of the step, m; in a scene that repeats, that of the image in the
-    /// cell about the origin.
+    /// Centre of mass at the snapshot's time, the end of the step, m; in a periodic scene, of the image in the cell about
+    /// the origin.
     pub x: Vec3,
-    /// What was added for that, m.
+    /// Sum of periods added to move the centre into the cell, m.
     pub moved: Vec3,
-    /// Centre of mass where the contacts were looked for, m: x - theta h v, half-way through the step.
+    /// Centre of mass at contact detection, m: x - theta h v, half-way through the step.
     pub x_contact: Vec3,
-    /// m/s
+    /// Velocity, m/s.
     pub v: Vec3,
     /// Angular velocity in the world's frame, rad/s.
     pub w: Vec3,
-    /// kg
+    /// Mass, kg.
     pub mass: f64,
     /// Tensor of inertia about the centre of mass in the world's frame, kg m^2.
     pub inertia: Mat3,
-    /// Radius of the sphere of equal volume, m: the sphere's own.
+    /// Radius of the sphere of equal volume, m; for a sphere its own radius.
     pub radius: f64,
     /// Index into [`SnapshotMeta::colours`].
     pub colour: u16,
     /// Index into [`SnapshotMeta::materials`].
     pub material: u16,
-    /// From the body's frame to the world's.
+    /// Rotation from the body's frame to the world's.
     pub rotation: UnitQuaternion<f64>,
-    /// None for a sphere about its centre.
+    /// Shape; None for a sphere about its centre.
     pub solid: Option<Arc<SolidShape>>,
 }
 
 impl Grain {
-    /// m^3
+    /// Volume, m^3.
     pub fn volume(&self) -> f64 {
         4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3)
     }
 
-    /// The grain at another place, `shift` m away.
+    /// Returns the grain displaced by `shift`, m.
     pub fn moved_by(&self, shift: Vec3) -> Grain {
         Grain { x: self.x + shift, ..self.clone() }
     }
 
-    /// Radius of the ball about the centre of mass that holds the grain, m.
+    /// Radius of the bounding ball about the centre of mass, m.
     pub fn bounding_radius(&self) -> f64 {
         self.solid.as_ref().map_or(self.radius, |solid| solid.bounding_radius())
     }
 
-    /// Centre where it is and radius of the sphere, or of each that the grain is made of, m.
+    /// Position of the centre and radius of the sphere, or of each sphere that the grain is made of, m.
     pub fn balls(&self) -> impl Iterator<Item = (Vec3, f64)> {
         let whole = self.solid.is_none().then_some((self.x, self.radius));
         let parts = self.solid.iter().flat_map(|solid| &solid.balls);
         whole.into_iter().chain(parts.map(|(centre, radius)| (self.x + self.rotation * centre, *radius)))
     }
 
-    /// The vertices of a polyhedron where they are, m; none of a sphere.
+    /// Positions of the vertices of a polyhedron, m; empty for a sphere.
     pub fn vertices(&self) -> impl Iterator<Item = Vec3> {
         let solid = self.solid.as_deref();
         solid.into_iter().flat_map(|solid| &solid.vertices).map(|v| self.x + self.rotation * v)
     }
 }
 
-/// A body that holds or pushes the grains: all its motion is imposed, or it is a plane.
+/// A body that supports or pushes the grains: all its motion is imposed, or it is a plane.
 ///
-/// A plane that moves freely in some direction (a piston under load) is a wall too: what it does
-/// to the grains is a load from outside.
+/// A plane that moves freely in some direction (a piston under load) is a wall too: its force on the grains is an external
+/// load.
 #[derive(Debug, Clone)]
 pub struct Wall {
     pub id: u64,
     pub x: Vec3,
-    /// Velocity of a wall that is driven in part, m/s.
+    /// Velocity of a partly driven wall, m/s.
     pub v: Option<Vec3>,
-    /// From the body's frame to the world's.
+    /// Rotation from the body's frame to the world's.
     pub rotation: UnitQuaternion<f64>,
     pub shape: WallShape,
 }
@@ -149,29 +149,29 @@ impl BodyIndex {
 pub struct Contact {
     pub candidate: BodyIndex,
     pub antagonist: BodyIndex,
-    /// At the candidate, m.
+    /// Point of contact on the candidate, m.
     pub point: Vec3,
-    /// Vector from the antagonist's position to the image that the candidate meets, m.
+    /// Vector from the antagonist's position to the image of it that the candidate touches, m.
     pub image: Vec3,
     /// Unit vector from the antagonist to the candidate.
     pub normal: Vec3,
     /// Force on the candidate in the world's frame, N: mean over the step.
     pub force: Vec3,
-    /// Its component along n, from the antagonist to the candidate, N: > 0 pushes.
+    /// Component of the force along n, from the antagonist to the candidate, N: > 0 pushes.
     pub normal_force: f64,
-    /// Its length across n, N.
+    /// Length of the force across n, N.
     pub tangential_force: f64,
-    /// m, > 0 apart.
+    /// Gap, m, > 0 apart.
     pub gap: f64,
-    /// 0 no contact, 1 stick, 2 slide.
+    /// Status: 0 no contact, 1 stick, 2 slide.
     pub status: u8,
     /// Index into [`SnapshotMeta::laws`].
     pub law: u8,
-    /// Carries force: the impulse is not zero.
+    /// Whether the contact carries force: the impulse is not zero.
     pub active: bool,
-    /// A bond or a liquid bridge holds at the end of the step.
+    /// Whether a bond or a liquid bridge is intact at the end of the step.
     pub bonded: bool,
-    /// Area on which a bond's stresses act, m^2: the area that faces share, else pi R^2, 1/R = 1/R_a + 1/R_b.
+    /// Area on which a bond's stresses act, m^2: the shared area of faces, else pi R^2, 1/R = 1/R_a + 1/R_b.
     pub area: f64,
 }
 
@@ -186,7 +186,7 @@ impl Contact {
         [self.candidate, self.antagonist].into_iter()
     }
 
-    /// Each grain of the contact with the force on it, N, and what to add to its position for the image that is met, m.
+    /// Each grain of the contact with the force on it, N, and the shift of its position to the touching image, m.
     pub fn on_grains(&self) -> impl Iterator<Item = (usize, Vec3, Vec3)> {
         [(self.candidate, self.force, Vec3::zeros()), (self.antagonist, -self.force, self.image)]
             .into_iter()
@@ -195,7 +195,7 @@ impl Contact {
 }
 
 impl Frame {
-    /// Reads a snapshot and takes it apart.
+    /// Reads a snapshot and splits it into grains, walls and contacts.
     ///
     /// Errors: those of [`Snapshot::read`], each body with a mass, moment of inertia or length that is not positive, and
     /// with polyhedra those of `ShapeCache::from_snapshot`.
@@ -210,12 +210,12 @@ impl Frame {
         Ok(Frame::with_solids(snapshot, solids))
     }
 
-    /// Takes a sound snapshot without polyhedra apart.
+    /// Splits a valid snapshot without polyhedra.
     pub fn from_snapshot(snapshot: Snapshot) -> Frame {
         Frame::with_solids(snapshot, Vec::new())
     }
 
-    /// Takes a sound snapshot apart; `solids` has the polyhedron of each body, the rest are none.
+    /// Splits a valid snapshot; `solids` has the polyhedron of each body, None for the other bodies.
     pub fn with_solids(snapshot: Snapshot, mut solids: Vec<Option<Arc<SolidShape>>>) -> Frame {
         solids.resize(snapshot.bodies.body_id.len(), None);
         let Snapshot { meta, bodies, contacts, memory, shapes, interval, .. } = snapshot;
@@ -283,7 +283,7 @@ impl Frame {
         Frame { meta, grains, walls, contacts, interval }
     }
 
-    /// The part of space that the scene repeats, if it does.
+    /// Periodic cell of the scene.
     pub fn cell(&self) -> PeriodicCell {
         PeriodicCell([self.meta.parameters.xperiode, self.meta.parameters.yperiode])
     }
@@ -299,17 +299,17 @@ impl Frame {
     }
 }
 
-/// Lengths after which a scene comes again along x and y, m.
+/// Periods along x and y, m; None along an axis without a period.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PeriodicCell(pub [Option<f64>; 2]);
 
 impl PeriodicCell {
-    /// Whether it repeats at all.
+    /// Whether the scene is periodic along any axis.
     pub fn is_periodic(&self) -> bool {
         self.0 != [None; 2]
     }
 
-    /// The images of a place in the cell that are in it or up to `room` (m) beside it.
+    /// Images of a position in the cell that are in the cell or within `room` (m) of it.
     pub fn images_near(&self, x: Vec3, room: f64) -> Vec<Vec3> {
         let along = |axis: usize| {
             let Some(period) = self.0[axis] else { return vec![0.0] };
@@ -321,7 +321,7 @@ impl PeriodicCell {
         along_x.iter().flat_map(|dx| along_y.iter().map(move |dy| x + Vec3::new(*dx, *dy, 0.0))).collect()
     }
 
-    /// The sum of whole periods that is nearest to a vector, m.
+    /// Sum of whole periods nearest to a vector, m.
     pub fn nearest_period(&self, d: Vec3) -> Vec3 {
         let along = |period: Option<f64>, d: f64| period.map_or(0.0, |period| period * (d / period).round());
         Vec3::new(along(self.0[0], d.x), along(self.0[1], d.y), 0.0)
@@ -382,7 +382,7 @@ fn wall_of_row(bodies: &BodyArrays, row: usize, solid: Option<Arc<SolidShape>>) 
     Wall { id: bodies.body_id[row], x: bodies.body_x[row].into(), v, rotation: body_rotation(bodies, row), shape }
 }
 
-/// Reason for which a sound snapshot cannot be measured: object, found.
+/// Reason for which a valid snapshot cannot be measured: object, found.
 fn out_of_range(bodies: &BodyArrays) -> Vec<(String, String)> {
     let mut faults = Vec::new();
     for row in 0..bodies.body_id.len() {

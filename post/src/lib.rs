@@ -1,10 +1,9 @@
-//! cd-post: from the snapshots of cd-solve to what is looked at.
+//! cd-post: from the snapshots of cd-solve to tables, plots and pictures.
 //!
-//! `read` ([`frame`]) -> `derive` ([`mod@derive`]) -> `write` ([`mod@write`]): each snapshot of
-//! `DIR/OUTBOX` becomes a [`Frame`], a [`Row`] of `POSTPRO/series.csv` and the files of
-//! `DISPLAY/`; the rows together become plots, the last frame a picture. [`mod@state`] measures one
-//! snapshot in depth, [`compare`] several runs, [`study`] many, [`trade`] what accuracy costs, [`track`] follows one
-//! body, [`report`] makes a page of a run.
+//! `read` ([`frame`]) -> `derive` ([`mod@derive`]) -> `write` ([`mod@write`]): each snapshot of `DIR/OUTBOX` becomes a
+//! [`Frame`], a [`Row`] of `POSTPRO/series.csv` and the files of `DISPLAY/`; the rows together become plots, the last frame
+//! a picture. [`mod@state`] measures one snapshot in depth, [`compare`] compares several runs, [`study`] many, [`trade`]
+//! measures error against cost, [`track`] follows one body, [`report`] makes a page of a run.
 
 use std::collections::HashSet;
 use std::ffi::OsString;
@@ -173,7 +172,7 @@ enum Command {
 }
 
 impl Arguments {
-    /// The case that is written to.
+    /// Folder of the case to which the command writes.
     fn case_dir(&self) -> Option<&Path> {
         match &self.command {
             None => Some(&self.options.dir),
@@ -182,7 +181,7 @@ impl Arguments {
         }
     }
 
-    /// Errors: the folders that are none of cases.
+    /// Errors if folders are not those of cases.
     fn folders(&self) -> Result<(), Faults> {
         let (dirs, part) = match &self.command {
             Some(Command::Compare { dirs, .. } | Command::Study { dirs, .. } | Command::Trade { dirs, .. }) => {
@@ -194,7 +193,7 @@ impl Arguments {
     }
 }
 
-/// Message about a first argument that is neither a folder nor a command, but nearly one.
+/// Message about a first argument that is neither a folder nor a command, but resembles a command.
 fn misspelt_command(args: &[OsString]) -> Option<String> {
     let first = args.get(1)?.to_str().filter(|first| !first.starts_with('-') && !Path::new(first).exists())?;
     let command = Arguments::command();
@@ -205,10 +204,10 @@ fn misspelt_command(args: &[OsString]) -> Option<String> {
     Some(format!("{first}: is no folder and no command; did you mean {}?", nearest_name(first, &names)?))
 }
 
-/// Takes a case for this run alone, until the file is dropped; waits for another that is at work in it. Two would write
-/// the same files, and each take away those that the other makes and it does not.
+/// Locks a case for this run until the file is dropped; waits for another run that works in it. Two runs would write the
+/// same files, and each would remove files of the other.
 ///
-/// Where files cannot be locked, every run gets it.
+/// If files cannot be locked, every run proceeds.
 fn lock_case(case: &Path) -> Option<File> {
     let folder = File::open(case).ok()?;
     if matches!(folder.try_lock(), Err(TryLockError::WouldBlock)) {
@@ -250,7 +249,7 @@ pub struct Measures {
 }
 
 impl Default for Measures {
-    /// Those of a command line without flags.
+    /// Returns the values of a command line without flags.
     fn default() -> Measures {
         Measures { region: None, slope: SlopeReach { slope_reach: None } }
     }
@@ -282,7 +281,7 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// Those of a command line without flags.
+    /// Returns the options of a command line without flags.
     fn default() -> Options {
         let dir = PathBuf::new();
         let (every, no_plots, no_vtk, direct_gravity, threads) = (1, false, false, false, 0);
@@ -298,10 +297,10 @@ impl Options {
     }
 }
 
-/// The program: reads the command line, does the work, prints messages.
+/// Runs the program: reads the command line, does the work, prints messages.
 ///
-/// Returns the exit status: 0 done; 1 done, with something reported; 2 input refused, each fault on
-/// a line of stderr as `cd-post: file: object: found; expected`.
+/// Returns the exit status: 0 success; 1 success with messages; 2 input rejected, each fault on a line of stderr as
+/// `cd-post: file: object: found; expected`.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let args: Vec<OsString> = args.into_iter().collect();
     if let Some(message) = misspelt_command(&args) {
@@ -380,10 +379,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     }
 }
 
-/// Measures a case and writes what the options ask for; returns what is worth a report.
+/// Measures a case and writes the files selected by the options; returns messages for the user.
 ///
-/// The files that name others (`series.csv`, `*.pvd`) are written last: if a snapshot is
-/// refused, they are those of before.
+/// The files that name others (`series.csv`, `*.pvd`) are written last: if a snapshot is rejected, the earlier ones remain.
 pub fn process_case(options: &Options) -> Result<Vec<String>, Faults> {
     let (rows, frames) =
         measure_series(options, |k, count, frame| is_evenly_chosen(k, count, PICTURE_COUNT).then_some(frame))?;
@@ -417,7 +415,7 @@ pub fn process_case(options: &Options) -> Result<Vec<String>, Faults> {
     Ok(notes)
 }
 
-/// Note on snapshots in which the region that a user gives has no volume.
+/// Note on snapshots in which the user's region has no volume.
 fn outside_of_layers(rows: &[Row]) -> Option<String> {
     let outside = rows.iter().filter(|row| row.n_grains > 0 && row.region == 0).count();
     (outside > 0).then(|| {
@@ -428,9 +426,10 @@ fn outside_of_layers(rows: &[Row]) -> Option<String> {
     })
 }
 
-/// A row for each snapshot that is taken, and what `keep` makes of the k-th of so many; writes the ParaView files by the way.
+/// Returns a row for each selected snapshot, and the results of `keep` for the k-th of all selected ones; also writes the
+/// ParaView files.
 ///
-/// Snapshots go through in batches of as many as there are threads, so memory holds no more than these and what is kept.
+/// Snapshots are processed in batches of one for each thread, so that memory contains only these and the kept results.
 fn measure_series<T: Send>(
     options: &Options,
     keep: impl Fn(usize, usize, Frame) -> Option<T> + Sync,
@@ -486,13 +485,13 @@ fn measure_series<T: Send>(
 /// Snapshots in one picture: the first, the last and two between.
 const PICTURE_COUNT: usize = 4;
 
-/// Whether snapshot `k` of `count` is one of `some` from the first to the last; of one it is the first.
+/// Whether snapshot `k` of `count` is one of `some` spread evenly from the first to the last; if `some` is one, the first.
 fn is_evenly_chosen(k: usize, count: usize, some: usize) -> bool {
     let parts = some.max(2) - 1;
     (0..some).any(|part| (count - 1) * part / parts == k)
 }
 
-/// The snapshots of a folder by step, one at least.
+/// Lists the snapshots of a folder by step; errors if there are none.
 fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let expected = "expected snapshot-*.npz, the results of cd-solve";
     let refuse = |found: &str| Err(Fault::new(outbox, None, "folder", found, expected).into());
@@ -503,7 +502,7 @@ fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
     }
 }
 
-/// The snapshots to take: every `every`th, and the last.
+/// Selects every `every`th snapshot, and the last.
 fn select_snapshots(outbox: &Path, every: u32) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let all = list_snapshots(outbox)?;
     let last = all.len() - 1;
@@ -511,7 +510,7 @@ fn select_snapshots(outbox: &Path, every: u32) -> Result<Vec<(u64, PathBuf)>, Fa
     Ok(all.into_iter().enumerate().filter(|(k, _)| taken(*k)).map(|(_, found)| found).collect())
 }
 
-/// A bar on a terminal, nothing otherwise.
+/// Progress bar on a terminal, hidden otherwise.
 fn progress_bar(count: usize) -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
@@ -520,7 +519,7 @@ fn progress_bar(count: usize) -> ProgressBar {
     ProgressBar::new(count as u64).with_style(style.expect("a fixed template"))
 }
 
-/// Whether there is anything of this kind to draw.
+/// Whether the frame has anything of this kind to draw.
 fn has_kind(frame: &Frame, kind: &str) -> bool {
     match kind {
         "walls" => !frame.walls.is_empty(),
@@ -543,7 +542,7 @@ fn write_display(dir: &Path, frame: &Frame) -> Result<(), Faults> {
     Ok(())
 }
 
-/// Writes the collections, and takes away the files of an earlier run that they do not name; returns what is worth a report.
+/// Writes the collections, and removes the files of an earlier run that they do not name; returns messages for the user.
 fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<Option<String>, Faults> {
     let display = dir.join("DISPLAY");
     let times: Vec<(u64, f64)> = rows.iter().map(|row| (row.step, row.time)).collect();
@@ -571,7 +570,7 @@ fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<Option<Strin
     }))
 }
 
-/// A warning where the region that a user gives holds no part of a grain.
+/// Warning if the user's region contains no part of a grain.
 fn empty_region(options: &Options, rows: &[Row], last: &Frame) -> Option<String> {
     options.measures.region.as_ref()?;
     let empty = rows.iter().filter(|row| row.n_grains > 0 && row.region != 0 && row.nu == 0.0).count();
@@ -593,7 +592,7 @@ fn empty_region(options: &Options, rows: &[Row], last: &Frame) -> Option<String>
     ))
 }
 
-/// Notes for the user about work that is done.
+/// Prints notes for the user about finished work.
 fn result_notes(rows: &[Row]) -> Vec<String> {
     let empty = rows.iter().filter(|row| row.n_grains == 0).count();
     if empty == 0 {

@@ -1,4 +1,4 @@
-//! The polyhedra of a case: snapshots say where they are, DATBOX/BODIES.DAT what they look like.
+//! Polyhedra of a case: snapshots contain their positions, DATBOX/BODIES.DAT their shapes.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -14,13 +14,13 @@ use nalgebra::Matrix3;
 
 use crate::frame::Vec3;
 
-/// Normals of triangles of one face differ by less than this; files with eight digits leave about 1e-7.
+/// Largest difference of the normals of triangles of one face; files with eight digits leave about 1e-7.
 const NORMAL_TOLERANCE: f64 = 1e-5;
 
-/// A polyhedron, a cylinder, spheres off the centre, or a cluster of these, in the body's frame.
+/// A polyhedron, a cylinder, off-centre spheres, or a cluster of these, in the body's frame.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SolidShape {
-    /// Of all pieces, about the centre of mass, m.
+    /// Vertices of all pieces, about the centre of mass, m.
     pub vertices: Vec<Vec3>,
     /// Polygons of vertex numbers, counter-clockwise seen from outside.
     pub faces: Vec<Vec<u32>>,
@@ -30,23 +30,24 @@ pub struct SolidShape {
     pub hollow: Option<Hollow>,
 }
 
-/// Inside of a hollow cylinder, which flat ends close.
+/// Inside of a hollow cylinder with flat ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hollow {
-    /// m
+    /// Radius, m.
     pub radius: f64,
-    /// m
+    /// Half of the height, m.
     pub half_height: f64,
 }
 
-/// Sides of the prism as which a cylinder is drawn.
+/// Number of sides of the prism that represents a cylinder.
 const CYLINDER_SIDES: u32 = 64;
-/// Rings of faces, from pole to pole, as which a sphere of a cluster is drawn, and faces in each.
+/// Rings of faces, from pole to pole, of a drawn sphere of a cluster, and faces in each ring.
 const SPHERE_RINGS: u32 = 10;
 const SPHERE_SECTORS: u32 = 20;
 
 impl SolidShape {
-    /// A cylinder about the third axis, as a prism whose edges lie on it; `place` puts its points where they are.
+    /// Adds a cylinder about the third axis, as a prism with its edges on the cylinder; `place` maps its points to the
+    /// body's frame.
     fn add_cylinder(&mut self, half_height: f64, radius: f64, place: impl Fn(Vec3) -> Vec3) {
         let first = self.vertices.len() as u32;
         for k in 0..CYLINDER_SIDES {
@@ -65,7 +66,7 @@ impl SolidShape {
         self.vertices.iter().map(|v| v.norm()).chain(balls).fold(0.0, f64::max)
     }
 
-    /// Vertices and faces with those of its spheres, whose corners lie on them.
+    /// Vertices and faces, including polyhedra with their corners on the spheres.
     pub fn drawn_mesh(&self) -> (Vec<Vec3>, Vec<Vec<u32>>) {
         let (mut vertices, mut faces) = (self.vertices.clone(), self.faces.clone());
         let pi = std::f64::consts::PI;
@@ -92,10 +93,10 @@ impl SolidShape {
     }
 }
 
-/// The polyhedra of a case, and a snapshot whose bodies they are.
+/// Polyhedra of a case, and the properties of its bodies, which identify its snapshots.
 #[derive(Debug)]
 struct CaseShapes {
-    /// Of each body of BODIES.DAT.
+    /// Solid of each body of BODIES.DAT.
     solids: Vec<Option<Arc<SolidShape>>>,
     mass: Vec<f64>,
     inertia: Vec<[f64; 3]>,
@@ -123,18 +124,19 @@ impl CaseShapes {
         faults.into_result(CaseShapes { solids, mass, inertia, radius: bodies.body_radius.clone() })
     }
 
-    /// Whether these are the bodies of another snapshot too.
+    /// Whether these are also the bodies of another snapshot.
     fn matches_bodies(&self, bodies: &BodyArrays) -> bool {
         self.mass == bodies.body_mass && self.inertia == bodies.body_inertia && self.radius == bodies.body_radius
     }
 }
 
-/// The polyhedra of cases; the BODIES.DAT of each is read once.
+/// Polyhedra of several cases; the BODIES.DAT of each case is read once.
 #[derive(Debug, Default)]
 pub struct ShapeCache(Mutex<HashMap<PathBuf, CaseShapes>>);
 
 impl ShapeCache {
-    /// The polyhedra of each body of the snapshot `path`, none for other bodies: from DATBOX beside its OUTBOX.
+    /// Returns the polyhedra of each body of the snapshot `path`, None for other bodies, from the DATBOX next to its
+    /// OUTBOX.
     ///
     /// Errors: a BODIES.DAT that cannot be read, or whose bodies are not those that the snapshot was computed with.
     pub fn solids_of(&self, path: &Path, snapshot: &Snapshot) -> Result<Vec<Option<Arc<SolidShape>>>, Faults> {
@@ -153,8 +155,8 @@ impl ShapeCache {
     }
 }
 
-/// The polyhedra of a body as cd-solve has them: a lone one about its centre of mass; without I1 I2 I3 all about the
-/// centre of mass of all contactors and in their principal axes; else as they stand.
+/// Polyhedra of a body as in cd-solve. A single one is taken about its centre of mass. Without I1 I2 I3 all are taken about
+/// the centre of mass of all contactors and in their principal axes. Otherwise they are unchanged.
 pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, String> {
     let lone = body.contactors.len() == 1;
     let is_solid = |shape: &ShapeRecord| match shape {
@@ -206,7 +208,7 @@ pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, String> {
     Ok(Some(solid))
 }
 
-/// Triangles that lie in one plane side by side make one polygon, where that has a single rim.
+/// Joins adjacent triangles in one plane to a polygon if it has a single rim.
 fn merged_faces(surface: &Surface) -> Vec<Vec<u32>> {
     let triangles = surface.triangles();
     let normal = |t: &[u32; 3]| {
@@ -338,10 +340,10 @@ mod tests {
             let found = shapes.solids_of(&path, snapshot).unwrap();
             found.iter().map(|solid| solid.as_ref().map_or(0, |solid| solid.faces.len())).collect()
         };
-        // A body of other contactors has none, whatever the snapshot calls its shape.
+        // A body of other contactors has none, even if the snapshot gives it such a shape.
         assert_eq!(counts(&snapshot(1.0, SHAPE_PARTS)), [0, 6]);
         assert!(counts(&snapshot(1.0, 0)).is_empty());
-        // Of a run before BODIES.DAT was made anew, and though that of another snapshot is known.
+        // A snapshot from before BODIES.DAT was remade, after another snapshot has been accepted.
         let told = shapes.solids_of(&path, &snapshot(1.5, SHAPE_PARTS)).unwrap_err().to_string();
         assert!(told.contains("BODIES.DAT:11: body 2: radius 1 m, mass 4.18") && !told.contains("body 1"), "{told}");
         assert!(told.contains("; expected radius 1.5 m, mass 14.13"), "{told}");
@@ -355,7 +357,7 @@ mod tests {
         let inside = Some(Hollow { radius: 2.0, half_height: 1.5 });
         assert_eq!((solid.vertices.len(), solid.faces.len(), solid.hollow), (128, 66, inside));
         assert!((solid.bounding_radius() - 2.5).abs() < 1e-14);
-        // Of the 64-gon: 32 sin(2π/64) r² over the height.
+        // The 64-gon has 32 sin(2π/64) r² over the height.
         let cone = |face: &Vec<u32>| -> f64 {
             let at = |k: u32| solid.vertices[k as usize];
             face[1..].windows(2).map(|pair| at(face[0]).dot(&at(pair[0]).cross(&at(pair[1]))) / 6.0).sum()
@@ -367,7 +369,7 @@ mod tests {
 
     #[test]
     fn spheres_of_a_cluster_reach_as_far_as_they_do() {
-        // A dumb-bell along y, 6 between its centres, beside the origin.
+        // A dumb-bell along y, 6 between its centres, off the origin.
         let mut pair = body(0.0, None);
         let ball = |y: f64| Contactor {
             colour: "BLUEx".into(),

@@ -1,4 +1,4 @@
-//! `cd-post state`: one snapshot in depth. Each table has its figure beside it.
+//! `cd-post state`: profiles, forces, fabric and surface of one snapshot, each table with a figure.
 
 use std::collections::HashSet;
 use std::fs;
@@ -27,7 +27,7 @@ use crate::write::figure::{Curve, CurveMarks, Figure, FigureAxis};
 use crate::write::map::{self, MapSheet};
 use crate::write::series::{Column, csv_table, csv_text, csv_with_counts};
 
-/// Name and bytes of a file.
+/// Name and contents of a file.
 pub type File = (&'static str, Vec<u8>);
 
 /// Columns of profile.csv.
@@ -92,7 +92,7 @@ pub const SURFACE_COLUMNS: [Column; 6] = [
 pub const SLOPE_COLUMNS: [Column; 2] =
     [("share_below", "1", "share of the surface"), ("slope", "°", "slope that a share of the surface is below")];
 
-/// Every file that a state may have.
+/// Names of all possible files of a state.
 const STATE_FILES: [&str; 22] = [
     "ejecta.csv",
     "ejecta.svg",
@@ -118,15 +118,15 @@ const STATE_FILES: [&str; 22] = [
     "surface_slope.svg",
 ];
 
-/// Shares of the surface whose slopes are listed: every twentieth.
+/// Shares of the surface with listed slopes: every twentieth.
 const SLOPE_SHARE_COUNT: usize = 20;
-/// Shells of the radial profiles, layers of a bed.
+/// Number of shells of the radial profiles and of layers of a bed.
 const SHELL_COUNT: usize = 20;
-/// Width of a bin of the distributions of forces, over the mean.
+/// Width of a bin of the distributions of forces, in units of the mean.
 const FORCE_BIN_WIDTH: f64 = 0.25;
 
-/// Reads a snapshot, the last without `step`; writes `POSTPRO/state-NNNNNN/` and returns its path and
-/// what is worth a report. Layers of a bed are means over `mean` snapshots up to that one.
+/// Reads a snapshot, the last without `step`; writes `POSTPRO/state-NNNNNN/` and returns its path and messages for the
+/// user. Layers of a bed are means over `mean` snapshots up to that one.
 pub fn write(
     dir: &Path,
     step: Option<u64>,
@@ -184,7 +184,7 @@ pub fn write(
     Ok((folder, notes))
 }
 
-/// Takes away what a state before has left in its folder and this one does not have, such as the layers of a bed.
+/// Removes files of an earlier state from the folder that this state does not have, such as the layers of a bed.
 fn remove_stale_files(folder: &Path, files: &[File]) -> Result<(), Faults> {
     for name in STATE_FILES.into_iter().filter(|name| files.iter().all(|(made, _)| made != name)) {
         let path = folder.join(name);
@@ -195,8 +195,8 @@ fn remove_stale_files(folder: &Path, files: &[File]) -> Result<(), Faults> {
     Ok(())
 }
 
-/// The numbers of the bodies that `cd-pre from-outbox` put to those of another run, such as a lander: in DATBOX/ORIGIN.csv
-/// those without a case; none where there is no such file.
+/// Numbers of the bodies that `cd-pre from-outbox` added to those of another run, such as a lander: the bodies without a
+/// case in DATBOX/ORIGIN.csv. Empty if there is no such file.
 pub fn added_bodies(dir: &Path) -> Result<HashSet<u64>, Faults> {
     let path = dir.join("DATBOX/ORIGIN.csv");
     if !atomic::path_exists(&path) {
@@ -215,8 +215,8 @@ pub fn added_bodies(dir: &Path) -> Result<HashSet<u64>, Faults> {
     faults.into_result(numbers)
 }
 
-/// All files of a frame that holds grains; `newcomers`: bodies that are no ejecta wherever they are; `slope_reach`: mean radii over
-/// which planes are fitted to a surface.
+/// Files of a frame with grains; `newcomers`: bodies that never count as ejecta; `slope_reach`: mean radii over which
+/// planes are fitted to a surface.
 pub fn state_files(frame: &Frame, newcomers: &HashSet<u64>, slope_reach: Option<f64>) -> Vec<File> {
     let fragments = find_fragments(frame);
     let mut files = force_files(frame);
@@ -229,7 +229,7 @@ pub fn state_files(frame: &Frame, newcomers: &HashSet<u64>, slope_reach: Option<
         files.extend(profile_files(frame, &fragments[0]));
     }
     match FreeSurface::from_frame(frame, &fragments, slope_reach.unwrap_or(free_surface::REACH)) {
-        // Their own gravity has no one direction.
+        // Under self-gravity verticals have no common direction.
         Some(surface) if self_gravity_constant(frame).is_none() => files.extend(free_surface_files(&surface)),
         _ if !frame.cell().is_periodic() => {
             files.extend(surface_files(frame, &fragments[0], slope_reach.unwrap_or(plane_fit::DEFAULT_FIT_REACH)));
@@ -243,7 +243,7 @@ fn text_file(name: &'static str, text: String) -> File {
     (name, text.into_bytes())
 }
 
-/// A figure of curves against a length.
+/// Figure of curves against a length.
 fn curve_figure(length: &str, title: &str, quantity: &str, unit: &str, curves: Vec<Curve>) -> String {
     Figure { title: title.into(), x: FigureAxis::linear(length, "m"), y: FigureAxis::linear(quantity, unit), curves }
         .to_svg()
@@ -274,8 +274,8 @@ fn profile_files(frame: &Frame, largest: &Fragment) -> Vec<File> {
     ]
 }
 
-/// The mean layers of a bed in those frames that have one, from the floor to its highest point in any of them; and how many
-/// these are.
+/// Files of the mean layers of a bed over the frames that have one, from the floor to its highest point in any of them; and
+/// the number of these frames.
 fn mean_layers(frames: &[Frame]) -> (Vec<File>, usize) {
     let of = |frame| Bed::from_frame(frame, &find_fragments(frame)).map(|bed| (bed, frame));
     let beds: Vec<(Bed, &Frame)> = frames.iter().filter_map(of).collect();
@@ -286,7 +286,7 @@ fn mean_layers(frames: &[Frame]) -> (Vec<File>, usize) {
     (if beds.is_empty() { Vec::new() } else { layer_files(&mean) }, beds.len())
 }
 
-/// The layers of a bed.
+/// Files of the layers of a bed.
 fn layer_files(layers: &[Layer]) -> Vec<File> {
     let row = |l: &Layer| {
         let (stress, motion, v) = (l.contact_stress(), l.kinetic_stress(), l.velocity());
@@ -336,7 +336,7 @@ fn force_files(frame: &Frame) -> Vec<File> {
     let between = || frame.active_contacts().filter(|c| c.grain_pair().is_some());
     let over_mean = |of: fn(&Contact) -> f64| probability_density(between().map(of), FORCE_BIN_WIDTH);
     let densities = [over_mean(|c| c.normal_force), over_mean(|c| c.tangential_force), over_mean(|c| -c.normal_force)];
-    // What only pulls at a distance presses on nothing.
+    // A contact that only pulls at a distance carries no pressure.
     let touching = between().filter(|contact| touches_with_force(contact));
     let shares: Vec<f64> = touching.filter_map(|c| mobilised_share(c, &frame.meta.laws)).collect();
     // Twenty bins from 0 to 1; what round-off puts beyond is all of it.
@@ -378,7 +378,7 @@ fn fabric_table(frame: &Frame) -> String {
     csv_text(&header, [row.to_vec()])
 }
 
-/// The fragments with their orbits about the largest, and how fast grains leave it.
+/// Files of the fragments with their orbits about the largest, and of the speeds of escaping grains.
 fn ejecta_files(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u64>) -> Vec<File> {
     let constant = self_gravity_constant(frame).unwrap_or(0.0);
     let cell = frame.cell();
@@ -420,7 +420,7 @@ fn ejecta_files(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u64>)
         row.extend(
             (0..3).map(|axis| if periods[axis].is_some() { f64::NAN } else { whole.x[axis] }).chain(v.iter().copied()),
         );
-        // In a scene that repeats arms would tell where the border is.
+        // In a periodic scene arms would depend on the position of the border.
         let arms = [a, b, c, w.x, w.y, w.z, std::f64::consts::TAU / w.norm(), orbit.map_or(f64::NAN, |o| o.distance)];
         row.extend(arms.map(|value| if cell.is_periodic() { f64::NAN } else { value }));
         row.push(orbit.map_or(f64::NAN, |o| o.speed));
@@ -445,7 +445,7 @@ fn ejecta_files(frame: &Frame, fragments: &[Fragment], newcomers: &HashSet<u64>)
     speeds.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut faster = 0.0;
     let mut cumulated: Vec<(f64, f64)> = Vec::new();
-    // Those of one speed have one share: each is as fast as the others.
+    // Grains of equal speed have one share: each is as fast as the others.
     for equal in speeds.chunk_by(|a, b| a.0 == b.0) {
         faster += equal.iter().map(|(_, share)| share).sum::<f64>();
         cumulated.extend(equal.iter().map(|(speed, _)| (*speed, faster)));
@@ -559,8 +559,8 @@ fn slope_files(title: &str, below: &[f64]) -> Vec<File> {
     ]
 }
 
-/// Quadrilaterals between four neighbours of a grid of so many columns and rows, which closes where `closes` says so. Slopes in
-/// degrees.
+/// Quadrilaterals between four neighbours of a grid of `columns` by `rows`, closed along the axes where `closes` is true.
+/// Slopes in degrees.
 fn surface_vtp(
     [columns, rows]: [usize; 2],
     closes: [bool; 2],
@@ -671,7 +671,7 @@ mod tests {
         let table = String::from_utf8(found.iter().find(|file| file.0 == "ejecta.csv").unwrap().1.clone()).unwrap();
         let share = |line: &str| line.split(',').nth(2).unwrap().parse::<f64>().unwrap();
         let shares: Vec<f64> = table.lines().skip(1).map(share).collect();
-        // Of 8 + 3; rounding of a few sums.
+        // The total mass is 8 + 3; rounding of a few sums.
         assert!(shares[0] == shares[1] && (shares[0] - 3.0 / 11.0).abs() < 1e-15, "{table}");
         assert!((shares[2] - 1.0 / 11.0).abs() < 1e-15, "{table}");
     }

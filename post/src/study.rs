@@ -1,4 +1,4 @@
-//! `cd-post study`: many runs, each by its mean values over the end; how they go with the number of grains.
+//! `cd-post study`: many runs, each by its mean values over the end, and their dependence on the number of grains.
 
 use std::path::{Path, PathBuf};
 
@@ -19,7 +19,7 @@ const STEP_STAGES: [(&str, &[&str]); 3] =
 /// Columns of TIMER.csv, s, without the writing.
 pub const TIMED_STAGES: [&str; 5] = ["gravity", "detection", "assembly", "solve", "integration"];
 
-/// Columns of runs.csv beside those of series.csv: name, unit, meaning.
+/// Columns of runs.csv in addition to those of series.csv: name, unit, meaning.
 pub const COLUMNS: [(&str, &str, &str); 10] = [
     (
         "pressure_homogeneous",
@@ -45,11 +45,11 @@ pub const COLUMNS: [(&str, &str, &str); 10] = [
     ("seconds", "s", "all stages"),
 ];
 
-/// A run by its means.
+/// Mean values of a run.
 struct StudyRun {
     name: String,
     group: String,
-    /// In the order of [`Row::COLUMNS`], then of [`COLUMNS`].
+    /// Values, in the order of [`Row::COLUMNS`], then of [`COLUMNS`].
     values: Vec<f64>,
 }
 
@@ -60,7 +60,7 @@ impl StudyRun {
     }
 }
 
-/// A straight line by least squares.
+/// Straight line fitted by least squares.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FittedLine {
     pub slope: f64,
@@ -70,7 +70,7 @@ pub struct FittedLine {
 }
 
 impl FittedLine {
-    /// Through points of which at least two have different x.
+    /// Fits a line to points of which at least two have different x.
     pub fn least_squares(points: &[(f64, f64)]) -> Option<FittedLine> {
         let points: Vec<(f64, f64)> = points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
         let n = points.len() as f64;
@@ -84,13 +84,13 @@ impl FittedLine {
     }
 }
 
-/// Measures each case from the series.csv, steps.csv, TIMER.csv and the last snapshot that it has, and writes the table
-/// of the runs, that of the fitted lines, and the figures.
+/// Measures each case from its series.csv, steps.csv, TIMER.csv and last snapshot, and writes the table of the runs, the
+/// table of the fitted lines, and the figures.
 ///
-/// `groups`: one name a case, which the figures tell apart; none for a single group. `from`: means are over the
-/// snapshots from this time on up to `until`, s; without it, of the last of these alone.
+/// `groups`: one name for each case, which the figures distinguish; empty for a single group. `from`: means are over the
+/// snapshots from this time on up to `until`, s; without it, over the last snapshot alone.
 ///
-/// Returns how many figures, and what is worth a report.
+/// Returns the number of figures and messages for the user.
 pub fn write(
     cases: &[PathBuf],
     groups: &[String],
@@ -136,7 +136,7 @@ pub fn write(
     Ok((figures.len(), notes))
 }
 
-/// The values of a run.
+/// Values of a run.
 fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f64>, Faults> {
     let path = case.join("POSTPRO/series.csv");
     let needed = ["step", "time", "n_grains", "mass", "R_enclosing", "a", "b", "c", "pressure_sphere"];
@@ -208,7 +208,8 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
     Ok(values)
 }
 
-/// Whether the series of a case is that of its snapshots, and not of those of a run before; `end`: that of the last.
+/// Errors if the series of a case does not belong to its snapshots but to those of an earlier run; `end`: the last
+/// snapshot.
 pub fn check_series_of_run(case: &Path, series: &Columns, end: &SnapshotMeta) -> Result<(), Faults> {
     let last = |name: &str| series[name].last().copied().unwrap_or(f64::NAN);
     let (step, time) = (last("step"), last("time"));
@@ -225,12 +226,12 @@ pub fn check_series_of_run(case: &Path, series: &Columns, end: &SnapshotMeta) ->
     Err(Fault::new(&case.join("POSTPRO/series.csv"), None, "table", found, expected).into())
 }
 
-/// Neighbours per grain where 3 N - 6 contacts hold N spheres; NaN of two, which one holds, and of one.
+/// Neighbours per grain if 3 N - 6 contacts fix N spheres; NaN for two, which one contact fixes, and for one.
 fn isostatic_number(grains: f64) -> f64 {
     if grains >= 3.0 { 6.0 - 12.0 / grains } else { f64::NAN }
 }
 
-/// A row a run: its name, its group, then all values; an empty field where one is not defined.
+/// Table with a row for each run: its name, its group, then all values; an empty field for an undefined value.
 fn table_text(runs: &[StudyRun]) -> String {
     let names: Vec<&str> = Row::COLUMNS.iter().chain(&COLUMNS).map(|(name, _, _)| *name).collect();
     let mut text = format!("run,group,{}\n", names.join(","));
@@ -241,7 +242,7 @@ fn table_text(runs: &[StudyRun]) -> String {
     text
 }
 
-/// The figures by name, and the table of the lines in them.
+/// Figures by name, and the table of the lines in them.
 fn study_figures(runs: &[StudyRun], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
     let mut fits = String::from("figure,group,law,slope,intercept,r2\n");
     let mut note = |figure: &str, group: &str, law: &str, line: FittedLine| {
@@ -259,7 +260,7 @@ fn study_figures(runs: &[StudyRun], groups: &[&str]) -> (Vec<(String, Figure)>, 
         [from, most].map(|x| (x, line.intercept + line.slope * x)).to_vec()
     };
 
-    // What a surface takes from the whole goes with the number of grains to the power -1/3.
+    // The effect of a surface on the whole scales with the number of grains to the power -1/3.
     let surface = |run: &StudyRun| run.value_of("n_grains").powf(-1.0 / 3.0);
     for (name, title, quantity) in [
         ("Z", "Neighbours per grain, at the end", "Z"),
@@ -360,7 +361,7 @@ fn study_figures(runs: &[StudyRun], groups: &[&str]) -> (Vec<(String, Figure)>, 
     (figures, fits)
 }
 
-/// Three significant digits.
+/// Formats a value with three significant digits.
 fn three_digits(value: f64) -> String {
     let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
     format!("{rounded}").replace('-', "−")
@@ -415,7 +416,7 @@ mod tests {
         ] {
             assert!((slope(start) / exact - 1.0).abs() < 1e-10, "{start}: {fits}");
         }
-        // A line goes from the fewest grains to the most, whatever the order of the runs.
+        // A line runs from the fewest grains to the most, independent of the order of the runs.
         let backwards: Vec<StudyRun> = [4000.0, 250.0, 1000.0].map(|n| run("a", n)).into();
         let (sorted, _) = self::study_figures(&backwards, &["a"]);
         let line = &sorted.last().unwrap().1.curves[0];

@@ -1,4 +1,4 @@
-//! `cd-post track`: one body in a bed of grains, such as a lander: its way, the force on it, its bounce, its crater.
+//! `cd-post track`: one body in a bed of grains, such as a lander: displacement, force, bounce and crater.
 
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use std::path::{Path, PathBuf};
@@ -52,11 +52,11 @@ pub const IMPACT_COLUMNS: [Column; 6] = [
     ("final_depth", "m", ""),
 ];
 
-/// Place of the depth in [`COLUMNS`].
+/// Index of the depth in [`COLUMNS`].
 const DEPTH_COLUMN: usize = 7;
-/// Unit vectors that are no farther apart have one direction: rounding of a length.
+/// Largest distance of unit vectors that count as one direction: rounding of a length.
 const SAME_DIRECTION: f64 = 1e-9;
-/// Rings of the crater's profile, and places in each.
+/// Rings of the crater's profile, and points in each.
 const CRATER_RINGS: usize = 20;
 const POINTS_PER_RING: usize = 48;
 
@@ -64,16 +64,16 @@ const POINTS_PER_RING: usize = 48;
 struct TrackedBody {
     time: f64,
     x: Vec3,
-    /// None where all of it is imposed.
+    /// Velocity; None if all of the motion is imposed.
     v: Option<Vec3>,
-    /// From the centre to the lowest point, m.
+    /// Distance from the centre to the lowest point, m.
     reach: f64,
     force: Vec3,
     contacts: usize,
-    /// From when on its snapshot tells what contacts have done, s, NaN where it does not; and whether one has pushed or pulled
-    /// the body since then.
+    /// Start of the time for which the snapshot records contacts, s, NaN without a record; and whether a contact has pushed
+    /// or pulled the body since then.
     contact_since: (f64, bool),
-    /// Its acceleration where nothing touches it, m/s^2; none in axes that turn, where it is not of the place alone.
+    /// Acceleration of the body without contacts, m/s^2; None in rotating axes, where it depends on more than the position.
     fall: Option<Vec3>,
 }
 
@@ -112,7 +112,7 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
             _ => {}
         }
         if first.is_none() {
-            // What attracts it from all sides has one direction where it starts.
+            // Gravity from all sides takes its direction at the start.
             up = gravity.map(|(_, direction)| direction).or(upward_direction(&frame, body)).unwrap_or(up);
             first = Some(frame.clone());
         }
@@ -158,18 +158,18 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
     Ok((folder, notes))
 }
 
-/// Against uniform gravity, length 1; none without it.
+/// Direction against uniform gravity, length 1; None without uniform gravity.
 fn against_gravity(frame: &Frame) -> Option<Vec3> {
     (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)
 }
 
-/// Against what accelerates a grain, length 1.
+/// Direction against the acceleration of a grain, length 1.
 fn upward_direction(frame: &Frame, body: u64) -> Option<Vec3> {
     let grain = frame.grains.iter().position(|grain| grain.id == body)?;
     (-free_fall(frame, grain)?).try_normalize(0.0)
 }
 
-/// The acceleration of a grain that nothing touches, m/s^2; none in axes that turn.
+/// Acceleration of a grain without contacts, m/s^2; None in rotating axes.
 fn free_fall(frame: &Frame, grain: usize) -> Option<Vec3> {
     let (x, fields) = (frame.grains[grain].x, external_fields(frame));
     let turns = fields.iter().any(|field| matches!(field, FieldModel::Turning { .. }));
@@ -181,7 +181,7 @@ fn free_fall(frame: &Frame, grain: usize) -> Option<Vec3> {
 }
 
 fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
-    // Of balls about the points.
+    // Lowest point of balls about the points.
     let lowest = |points: &mut dyn Iterator<Item = (Vec3, f64)>| {
         points.map(|(point, radius)| radius - point.dot(up)).fold(0.0, f64::max)
     };
@@ -189,7 +189,7 @@ fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
         let grain = &frame.grains[k];
         let points = grain.vertices().map(|corner| (corner, 0.0)).chain(grain.balls());
         let reach = lowest(&mut points.map(|(point, radius)| (point - grain.x, radius)));
-        // Its way goes on where that of its image begins anew.
+        // In a periodic scene the path continues across images.
         (BodyIndex::Grain(k), grain.x - grain.moved, Some(grain.v), reach)
     } else {
         let k = frame.walls.iter().position(|wall| wall.id == body)?;
@@ -229,12 +229,13 @@ fn track_row(seen: &TrackedBody, up: &Vec3, level: f64) -> [f64; 13] {
     [*time, x.x, x.y, x.z, v.x, v.y, v.z, depth, force.x, force.y, force.z, force.dot(up), *contacts as f64]
 }
 
-/// Change of velocity beside that of free fall, over the larger speed, that tells of a shock between two snapshots.
+/// Change of velocity in excess of free fall, over the larger speed, that indicates a shock between two snapshots.
 const SHOCK_THRESHOLD: f64 = 0.01;
 
-/// The row of impact.csv; empty where nothing touched it. What contacts have done between two snapshots the second tells; where
-/// it does not, or not of all that time, a velocity tells that is not of free fall. Where the acceleration of this is not known,
-/// contacts alone tell; between two snapshots it is the mean of both, give or take half of their difference.
+/// Row of impact.csv; empty if nothing touched the body. Contacts between two snapshots are recorded by the second. If it
+/// has no record, or not of the whole interval, a change of velocity in excess of free fall indicates contact. If the
+/// acceleration of free fall is unknown, only contacts count. Between two snapshots this acceleration is the mean of both,
+/// with half of their difference as tolerance.
 fn impact_row(seen: &[TrackedBody], rows: &[[f64; 13]], up: &Vec3) -> [f64; 6] {
     let speed = |s: &TrackedBody| s.v.map_or(f64::NAN, |v| v.dot(up));
     let largest = |k: usize| rows.iter().map(|row| row[k]).fold(f64::NAN, f64::max);
@@ -261,8 +262,8 @@ fn impact_row(seen: &[TrackedBody], rows: &[[f64; 13]], up: &Vec3) -> [f64; 6] {
     [seen[touched].time, arrival, restitution, largest(7), largest(11), final_depth]
 }
 
-/// Mean height of the bed's surface under the body: on its vertical and on circles of a quarter to three quarters of its
-/// reach.
+/// Mean height of the bed's surface under the body: on its vertical and on circles of a quarter to three quarters of the
+/// body's `reach`.
 fn ground_level(frame: &Frame, body: u64, up: &Vec3, seen: &TrackedBody) -> f64 {
     let places = std::iter::once(seen.x)
         .chain([0.25, 0.5, 0.75].into_iter().flat_map(|k| circle_points(&seen.x, up, k * seen.reach)));
@@ -271,7 +272,7 @@ fn ground_level(frame: &Frame, body: u64, up: &Vec3, seen: &TrackedBody) -> f64 
     heights.iter().sum::<f64>() / heights.len() as f64
 }
 
-/// Places on a circle about a vertical.
+/// Points on a circle about a vertical.
 fn circle_points(centre: &Vec3, up: &Vec3, radius: f64) -> Vec<Vec3> {
     let across = up.cross(&if up.x.abs() < 0.9 { Vec3::x() } else { Vec3::y() }).normalize();
     let along = up.cross(&across);
@@ -279,8 +280,9 @@ fn circle_points(centre: &Vec3, up: &Vec3, radius: f64) -> Vec<Vec3> {
     angles.map(|angle| centre + (across * angle.cos() + along * angle.sin()) * radius).collect()
 }
 
-/// What the surface is made of beside the body: the groups of touching grains that a wall touches with force, and the heaviest; all where
-/// nothing touches, or where no wall bears any and the heaviest has less than half of the mass, as while they fall.
+/// Grains that form the surface, without the body: the groups of touching grains that a wall touches with force, and the
+/// heaviest group. All grains if none touch, or if no wall bears any and the heaviest group has less than half of the mass,
+/// as during free fall.
 fn ground_grains(frame: &Frame, body: u64) -> Vec<&Grain> {
     let fragments = find_fragments(frame);
     let others = |fragment: &Fragment| -> Vec<usize> {
@@ -299,8 +301,8 @@ fn ground_grains(frame: &Frame, body: u64) -> Vec<&Grain> {
     all().filter(|(_, held)| **held || loose).map(|(grain, _)| grain).collect()
 }
 
-/// Height along `up` of the ground on the vertical through `place`: of the highest sphere there, of polyhedra the sphere of
-/// equal volume, in a scene that repeats of the nearest image. None where there is nothing.
+/// Height along `up` of the ground on the vertical through `place`: of the highest sphere there; a polyhedron counts as the
+/// sphere of equal volume, and in a periodic scene the nearest image counts. None without grains there.
 fn ground_height(ground: &[&Grain], cell: &PeriodicCell, up: &Vec3, place: &Vec3) -> Option<f64> {
     let top = ground.iter().filter_map(|grain| {
         let x = grain.x - cell.nearest_period(grain.x - place);
@@ -336,7 +338,7 @@ fn crater_profile(first: &Frame, last: &Frame, body: u64, up: &Vec3, axis: &Vec3
         }
     };
     let [before, after] = [first, last].map(|frame| ground_grains(frame, body));
-    // All rings of a bed that is nowhere beside the axis would be one point.
+    // Without a bed outside the axis all rings would be one point.
     (0..if widest > 0.0 { CRATER_RINGS } else { 0 })
         .map(|k| widest * (k as f64 + 0.5) / CRATER_RINGS as f64)
         .map(|radius| [radius, mean(&before, radius), mean(&after, radius)])
@@ -431,11 +433,11 @@ mod tests {
         // From rest, a second apart.
         assert!(touched(same, [0.0, -0.1 * (1.0 + 1e-15), -0.2]).is_nan());
         assert_eq!(touched(same, [0.0, -0.1, 0.0]), 9.0);
-        // Where gravity changes on the way nothing is known to better than that.
+        // If gravity changes along the path, the result is no more accurate than that.
         let grows = Some([-0.1, -0.2, -0.4]);
         assert!(touched(grows, [0.0, -0.17, -0.4]).is_nan());
         assert_eq!(touched(grows, [0.0, -0.17, 0.0]), 9.0);
-        // Where the free fall is not known contacts alone tell.
+        // If free fall is unknown, only contacts count.
         assert!(touched(None, [0.0, -0.1, 0.0]).is_nan());
     }
 
@@ -453,7 +455,7 @@ mod tests {
         };
         assert!(touched(Some(7.0), false).is_nan());
         assert_eq!(touched(Some(7.0), true), 8.0);
-        // Where not all of the time since the snapshot before is told, the velocity tells.
+        // If the snapshot does not record the whole interval, the velocity decides.
         assert_eq!((touched(Some(7.5), false), touched(None, false)), (8.0, 8.0));
         let mut scene = Scene::default();
         scene.grain([0.0; 3], 1.0);

@@ -1,4 +1,4 @@
-//! `cd-post trade`: runs of one scene against the finest of them; what accuracy costs.
+//! `cd-post trade`: runs of one scene against the finest of them; error against cost.
 
 use std::path::{Path, PathBuf};
 
@@ -41,33 +41,33 @@ pub const COLUMNS: [(&str, &str, &str); 15] = [
     ("over_estimated", "1", "pressure_single over it"),
 ];
 
-/// Where the free bodies are, m, and when, s.
+/// Time, s, and positions of the free bodies, m.
 type Positions = (f64, Vec<[f64; 3]>);
 
-/// A snapshot by what is compared of it.
+/// Values of a snapshot that are compared.
 #[derive(Debug, Clone, Copy)]
 struct SnapshotMeans {
-    /// s
+    /// Time, s.
     time: f64,
-    /// Since the snapshot before, s; NaN where the snapshot does not tell.
+    /// Time since the snapshot before, s; NaN if the snapshot does not contain it.
     interval: f64,
     /// Z, nu, pressure, a, b, c, the energy, nu and pressure of the bed; Z and pressures are those of the interval.
     values: [f64; 9],
 }
 
 impl SnapshotMeans {
-    /// Whether means over the interval may be compared: those of a longer one are larger where contacts come and go. What
-    /// is not known has no such means.
+    /// Whether means over the interval may be compared: those of a longer interval are larger if contacts open and close. A
+    /// snapshot with an unknown interval has no such means, and so passes.
     fn has_same_interval(&self, other: &SnapshotMeans) -> bool {
         [self, other].iter().any(|of| of.interval.is_nan()) || same_time(self.interval, other.interval)
     }
 }
 
-/// Places of the pressure and of that of the bed in [`SnapshotMeans::values`].
+/// Indices of the pressure and of the bed's pressure in [`SnapshotMeans::values`].
 const PRESSURE_INDEX: usize = 2;
 const BED_PRESSURE_INDEX: usize = 8;
 
-/// A run as it is measured, before it is compared.
+/// Measured values of a run, before the comparison.
 struct MeasuredRun {
     case: PathBuf,
     name: String,
@@ -75,19 +75,19 @@ struct MeasuredRun {
     value: f64,
     accuracy: Option<Accuracy>,
     seconds: f64,
-    /// In the order of the series.
+    /// Snapshots, in the order of the series.
     observed: Vec<SnapshotMeans>,
     estimated: f64,
     end: Positions,
     mean_radius: f64,
 }
 
-/// A run against the finest.
+/// Errors of a run against the finest.
 #[derive(Debug, Clone, PartialEq)]
 struct RunErrors {
     name: String,
     group: String,
-    /// In the order of [`COLUMNS`].
+    /// Values, in the order of [`COLUMNS`].
     values: [f64; 15],
 }
 
@@ -97,21 +97,21 @@ impl RunErrors {
     }
 }
 
-/// What is asked of the runs of a scene.
+/// Options of the comparison of the runs of a scene.
 #[derive(Debug, Default)]
 pub struct TradeOptions<'a> {
-    /// One name a case, of the option that it is about; in the order of the cases, or empty.
+    /// Name of the varied option of each case, in the order of the cases, or empty.
     pub groups: &'a [String],
-    /// What that option is there, likewise.
+    /// Value of that option in each case, in the order of the cases, or empty.
     pub values: &'a [f64],
-    /// Errors are of means over the snapshots from this time on, s; without it, of the last alone.
+    /// Start of the snapshots over whose means errors are taken, s; without it, the last snapshot alone.
     pub from: Option<f64>,
     /// Positions are compared at the first snapshot from this time on, s; without it, at the first after the start.
     pub early: Option<f64>,
 }
 
-/// Compares cases, or what this has written of several realisations of a scene, and writes trade.csv, orders.csv and trade.svg with
-/// this title. Returns the table as text, and what is worth a report.
+/// Compares cases, or outputs of this command for several realisations of a scene, and writes trade.csv, orders.csv and
+/// trade.svg with this title. Returns the table as text, and messages for the user.
 pub fn write(
     folders: &[PathBuf],
     asked: &TradeOptions,
@@ -135,8 +135,8 @@ fn table_path(folder: &Path) -> PathBuf {
     folder.join("trade.csv")
 }
 
-/// Each case as measured from its series.csv, TIMER.csv, ERRORS.csv and snapshots, against the finest - that of `accuracy:
-/// reference`, else the last; and what the errors are.
+/// Compares each case, measured from its series.csv, TIMER.csv, ERRORS.csv and snapshots, with the finest: the one of
+/// `accuracy: reference`, else the last. Also returns a description of the errors.
 fn compare_runs(cases: &[PathBuf], asked: &TradeOptions) -> Result<(Vec<RunErrors>, String), Faults> {
     let &TradeOptions { groups, values, from, early } = asked;
     let mut faults = Faults::default();
@@ -163,7 +163,7 @@ fn compare_runs(cases: &[PathBuf], asked: &TradeOptions) -> Result<(Vec<RunError
     Ok((compared, format!("errors against {}", runs[finest].name)))
 }
 
-/// The same of realisations, with the same runs in each: errors become root mean squares, seconds means.
+/// Compares realisations with the same runs in each: errors become root mean squares, seconds means.
 fn compare_realisations(folders: &[PathBuf], asked: &TradeOptions) -> Result<(Vec<RunErrors>, String), Faults> {
     let mut faults = Faults::default();
     let TradeOptions { groups, values, from, early } = asked;
@@ -178,7 +178,7 @@ fn compare_realisations(folders: &[PathBuf], asked: &TradeOptions) -> Result<(Ve
     Ok((compared, format!("root mean squares of the errors of {} realisations", all.len())))
 }
 
-/// The runs of a table that [`table_text`] has made.
+/// Reads the runs from a table made by [`table_text`].
 fn read_table(path: &Path) -> Result<Vec<RunErrors>, Faults> {
     let text = atomic::read_text(path)?;
     let mut lines = text.lines();
@@ -199,7 +199,7 @@ fn read_table(path: &Path) -> Result<Vec<RunErrors>, Faults> {
     faults.into_result(runs)
 }
 
-/// The runs of the first realisation with the errors of all.
+/// Returns the runs of the first realisation with the errors of all.
 fn over_realisations(folders: &[PathBuf], all: &[Vec<RunErrors>]) -> Result<Vec<RunErrors>, Faults> {
     let mut faults = Faults::default();
     let other = |folder: &Path, found: String| {
@@ -236,7 +236,7 @@ fn over_realisations(folders: &[PathBuf], all: &[Vec<RunErrors>]) -> Result<Vec<
     faults.into_result(realised)
 }
 
-/// The place of the series of a case.
+/// Path of the series of a case.
 fn series_path(case: &Path) -> PathBuf {
     case.join("POSTPRO/series.csv")
 }
@@ -276,7 +276,7 @@ fn measure_run(case: &Path, name: String, group: String, value: f64) -> Result<M
     })
 }
 
-/// The sum of the sources of error in ERRORS.csv.
+/// Sum of the sources of error in ERRORS.csv.
 fn estimated_error(path: &Path) -> Result<f64, Faults> {
     let text = atomic::read_text(path)?;
     let mut faults = Faults::default();
@@ -296,8 +296,8 @@ fn free_positions(snapshot: &Snapshot) -> Positions {
     (snapshot.meta.time, free.map(|(x, _)| *x).collect())
 }
 
-/// Where the free bodies are in the first snapshot after the start from a time (s) on, if there is one; of those at that time
-/// the nearest, as in [`nearest_time`].
+/// Positions of the free bodies in the first snapshot after the start and not before a time (s), if there is one; of
+/// snapshots at that time the nearest, as in [`nearest_time`].
 fn early_positions(case: &Path, from: f64) -> Result<Option<Positions>, Faults> {
     let away = |(time, _): &Positions| (time - from).abs();
     let mut best: Option<Positions> = None;
@@ -323,7 +323,7 @@ fn rms_distance((time, a): &Positions, (other, b): &Positions, radius: f64) -> f
     (a.iter().zip(b).map(square).sum::<f64>() / a.len() as f64).sqrt() / radius
 }
 
-/// The middle one, of an even number the mean of the two; NaN of none or where one is not defined.
+/// Median; for an even number of values the mean of the middle two. NaN without values or if one is not defined.
 fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
@@ -335,7 +335,7 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     }
 }
 
-/// What is to be said of a series whose times (s) are not those that were asked for.
+/// Description of the times (s) of a series, for a message about unexpected times.
 fn times_text(times: &[f64]) -> String {
     match times {
         [] => "no snapshot".into(),
@@ -344,16 +344,16 @@ fn times_text(times: &[f64]) -> String {
     }
 }
 
-/// What runs are compared with.
+/// Reference that runs are compared with.
 struct ReferenceRun<'a> {
     finest: &'a MeasuredRun,
-    /// Of the snapshots that count: what [`MeasuredRun::observed`] has.
+    /// Elements of [`MeasuredRun::observed`] of the snapshots that count.
     observed: Vec<SnapshotMeans>,
     early: Option<Positions>,
 }
 
 impl ReferenceRun<'_> {
-    /// The snapshots from `from` (s) on, or the last, and the early positions from `early` (s) on, or the first.
+    /// Takes the snapshots from `from` (s) on, or the last, and the early positions from `early` (s) on, or the first.
     fn new(finest: &MeasuredRun, from: Option<f64>, early: Option<f64>) -> Result<ReferenceRun<'_>, Faults> {
         let times: Vec<f64> = finest.observed.iter().map(|seen| seen.time).collect();
         let as_there = |time: f64| nearest_time(times.iter().copied(), time).unwrap_or(time);
@@ -366,8 +366,8 @@ impl ReferenceRun<'_> {
         Ok(ReferenceRun { finest, observed, early: early_positions(&finest.case, early.unwrap_or(0.0))? })
     }
 
-    /// Faults of a run that cannot be compared: other bodies, or no snapshot at a time that counts or none after an equal
-    /// interval.
+    /// Compares a run with the reference. Errors if it cannot be compared: other bodies, or no snapshot at a time that
+    /// counts or none after an equal interval.
     fn compare_run(&self, run: &MeasuredRun) -> Result<RunErrors, Faults> {
         let finest = self.finest;
         let mut faults = Faults::default();
@@ -399,7 +399,7 @@ impl ReferenceRun<'_> {
             faults.push(Fault::new(&series_path(&run.case), None, "time", times(&run.observed), expected));
         }
         faults.into_result(())?;
-        // Of those in which both have a value.
+        // Mean over the snapshots in which both have a value.
         let both = |k: usize| {
             let values = shared.iter().map(move |(found, exact)| (found[k], exact[k]));
             values.filter(|(found, exact)| found.is_finite() && exact.is_finite())
@@ -438,7 +438,7 @@ fn table_header() -> String {
     format!("run,group,{}\n", COLUMNS.map(|column| column.0).join(","))
 }
 
-/// A row a run; an empty field where a value is not defined.
+/// Table with a row for each run; an empty field for an undefined value.
 fn table_text(runs: &[RunErrors]) -> String {
     let mut text = table_header();
     for run in runs {
@@ -448,7 +448,7 @@ fn table_text(runs: &[RunErrors]) -> String {
     text
 }
 
-/// The groups in the order in which they come, each with its runs.
+/// Groups in the order of their first run, each with its runs.
 fn grouped_runs(runs: &[RunErrors]) -> Vec<(&str, Vec<&RunErrors>)> {
     let mut groups: Vec<(&str, Vec<&RunErrors>)> = Vec::new();
     for run in runs {
@@ -460,8 +460,8 @@ fn grouped_runs(runs: &[RunErrors]) -> Vec<(&str, Vec<&RunErrors>)> {
     groups
 }
 
-/// Of each group of three values and more, for the worst error and that of the early positions: with what power of the
-/// value it goes, and by how much the time grows when it becomes a tenth.
+/// Order table of the groups of three or more values, for the worst error and the error of the early positions: the
+/// exponent of the error as a power of the value, and the factor of the time for a tenth of the error.
 fn order_table(runs: &[RunErrors]) -> String {
     let mut text = String::from("group,runs,order,r2,digit,order_early,r2_early,digit_early\n");
     for (name, members) in grouped_runs(runs) {
@@ -486,7 +486,8 @@ fn order_table(runs: &[RunErrors]) -> String {
     text
 }
 
-/// Error against time; a curve a group, dots with their names for single runs such as presets, and the runs that none beats in both.
+/// Error against time: a curve for each group, named dots for single runs such as presets, and the runs that no other beats
+/// in both.
 fn error_figure(runs: &[RunErrors], title: &str) -> Figure {
     let point = |run: &RunErrors| (run.value_of("seconds"), run.value_of("worst"));
     let mut curves: Vec<Curve> = Vec::new();
@@ -506,7 +507,7 @@ fn error_figure(runs: &[RunErrors], title: &str) -> Figure {
         let marks = if points.len() == 1 { CurveMarks::Named } else { CurveMarks::Line };
         curves.push(Curve { name: name.into(), points, marks });
     }
-    // What has a name stands on top.
+    // Named dots are drawn on top.
     curves.sort_by_key(|curve| curve.marks == CurveMarks::Named);
     Figure {
         title: title.into(),
@@ -516,7 +517,7 @@ fn error_figure(runs: &[RunErrors], title: &str) -> Figure {
     }
 }
 
-/// What is seen at once; `errors`: what these are.
+/// Short table for the terminal; `errors`: description of the errors.
 fn summary_text(runs: &[RunErrors], errors: &str) -> String {
     let shown = ["seconds", "Z", "nu", "pressure", "energy", "positions", "estimated"];
     let width = runs.iter().map(|run| run.name.chars().count()).max().unwrap_or(0).max(4);
@@ -556,7 +557,8 @@ mod tests {
 
     #[test]
     fn orders_and_prices_are_found() {
-        // Of second order, half the step twice the time: a digit costs the square root of ten; of fourth, the fourth root.
+        // Second order, half the step takes twice the time: a digit costs the square root of ten; with fourth order, the
+        // fourth root.
         let mut runs: Vec<RunErrors> = [1.0, 0.5, 0.25].map(|h| run("dt", h, 3.0 / h, h * h)).to_vec();
         runs.push(run("draft", f64::NAN, 1.0, 0.1));
         let text = order_table(&runs);
@@ -655,7 +657,7 @@ mod tests {
         {
             assert!((found.value_of(name) - expected).abs() < 1e-12, "{name} {}", found.value_of(name));
         }
-        // Of a bed its own solid fraction and pressure count.
+        // For a bed its own solid fraction and pressure count.
         let bed = |nu: f64, pressure: f64| {
             let mut run = measured(1.0, 1.0, 0.0);
             run.observed[0].values[7..].copy_from_slice(&[nu, pressure]);
@@ -688,7 +690,7 @@ mod tests {
         let expected = "run/POSTPRO/series.csv: interval: of 0.5 s at 3 s; \
                         expected 1 s, as in run: the same output_every in time";
         assert_eq!(faults, expected);
-        // What does not tell its interval has no means of it; the rest is compared.
+        // A snapshot without its interval has no means over it; the rest is compared.
         let found = exact.compare_run(&of(&[at(3.0, f64::NAN, f64::NAN, f64::NAN)])).unwrap();
         assert!(found.value_of("Z").is_nan() && found.value_of("nu") == 0.0);
     }
@@ -719,7 +721,7 @@ mod tests {
     fn what_is_not_shared_is_no_agreement() {
         let finest = measured(2.0, 1.0, 0.0);
         let exact = ReferenceRun { finest: &finest, observed: finest.observed.clone(), early: None };
-        // It ends before, but has the time that counts; nothing of it can be told but that.
+        // The run ends earlier but contains the time that counts; its other values are undefined.
         let mut short = measured(1.0, 1.0, 0.0);
         short.observed.push(SnapshotMeans { time: 2.0, interval: 0.5, values: [f64::NAN; 9] });
         let found = exact.compare_run(&short).unwrap();

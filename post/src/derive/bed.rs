@@ -1,11 +1,12 @@
-//! A bed of grains in a room: its level, its solid fraction, its stress, and the same by layers.
+//! A bed of grains between walls: its level, solid fraction and stress, for the whole bed and by layers.
 
 use crate::derive::coordination::neighbour_counts;
 use crate::derive::fragments::Fragment;
 use crate::derive::stress::{grain_stresses, pressure};
 use crate::frame::{BodyIndex, Frame, Grain, Mat3, PeriodicCell, SnapshotInterval, Vec3, Wall, WallShape};
 
-/// Cosines nearer to 0 or 1 than this are of walls upright or level: some roundings of an orientation from a file.
+/// Tolerance of cosines near 0 or 1 within which a wall counts as upright or level: a few roundings of an orientation from
+/// a file.
 const UPRIGHT_TOLERANCE: f64 = 1e-6;
 
 /// The grains that rest on walls under uniform gravity, between upright walls or in a cell that repeats.
@@ -13,31 +14,33 @@ const UPRIGHT_TOLERANCE: f64 = 1e-6;
 pub struct Bed {
     /// Normal of the floor, length 1.
     pub up: Vec3,
-    /// Where the floor is along it, m.
+    /// Position of the floor along `up`, m.
     pub floor: f64,
-    /// Area of the section of the room, m^2.
+    /// Area of the horizontal section between the walls, m^2.
     pub area: f64,
-    /// Thickness of the uniform bed of the same centre of mass, m: twice the height of that above the floor.
+    /// Thickness of the uniform bed with the same centre of mass, m: twice the height of the centre of mass above the
+    /// floor.
     pub height: f64,
-    /// Indices into [`Frame::grains`], rising: of the groups that a wall touches with force, and what is among them.
+    /// Indices into [`Frame::grains`], rising: the groups that a wall touches with force, and the grains among them.
     pub grains: Vec<usize>,
-    /// sum V_i sigma_i over them, J ([`grain_stresses`]).
+    /// sum V_i sigma_i over the bed's grains, J ([`grain_stresses`]).
     moment: Mat3,
-    /// A third of its trace, mean over the steps since the snapshot before, J.
+    /// A third of the trace of the moment, mean over the steps since the snapshot before, J.
     interval_moment: f64,
     /// Volume of the grains, m^3.
     filled: f64,
 }
 
 impl Bed {
-    /// The bed of a frame; `fragments`: its groups of touching grains. None without uniform gravity, where no wall is touched
-    /// with force, where the room is open to a side, and where its sides are not upright.
+    /// Returns the bed of a frame; `fragments`: the frame's groups of touching grains. None without uniform gravity, if no
+    /// wall is touched with force, if a side is open, and if the sides are not upright.
     ///
-    /// The floor is the plate, face or end of a hollow cylinder that bears most of the weight; where none does (a floor of held spheres) it is level, at the lowest
-    /// point of a grain. A wall bounds the bed by those of its faces that have the centres of nearly all its grains before them, a
-    /// hollow cylinder if it has nearly all of them within; the rest have left it. What nothing holds at that instant but is
-    /// between these walls, with its centre no higher than the highest point of the others, is of the bed: where a bed flows that
-    /// is a part of it.
+    /// The floor is the plate, face or end of a hollow cylinder that bears most of the weight. If none bears weight (a
+    /// floor of fixed spheres), the floor is level, at the lowest point of a grain. A wall bounds the bed by those of its
+    /// faces that have the centres of nearly all its grains before them, a hollow cylinder if it has nearly all of them
+    /// within; the other grains have left the bed. A grain without support at that instant belongs to the bed if it is
+    /// between these walls and its centre is no higher than the highest point of the other grains. In a flowing bed these
+    /// are a part of the grains.
     pub fn from_frame(frame: &Frame, fragments: &[Fragment]) -> Option<Bed> {
         let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
         let mut grains = supported_grains(frame, fragments);
@@ -87,7 +90,7 @@ impl Bed {
         })
     }
 
-    /// Share of the room up to [`Bed::height`] that grains would fill.
+    /// Share of the volume between the walls up to [`Bed::height`] that grains would fill.
     pub fn solid_fraction(&self) -> f64 {
         self.filled / (self.area * self.height)
     }
@@ -102,7 +105,7 @@ impl Bed {
         self.interval_moment / (self.area * self.height)
     }
 
-    /// Mean of the two horizontal stresses over the vertical one; NaN without.
+    /// Mean of the two horizontal stresses over the vertical one; NaN without stress.
     pub fn stress_ratio(&self) -> f64 {
         horizontal_stress(&self.moment, &self.up) / vertical_stress(&self.moment, &self.up)
     }
@@ -130,7 +133,7 @@ impl Bed {
             layers[home].neighbours += f64::from(neighbours[i]);
             let (whole, volume) = (volume_below(grain, up, f64::INFINITY), grain.volume());
             let density = grain.mass / volume;
-            // Its share below a height above the floor; what sinks below the floor is in the first layer.
+            // Share of the grain below a height above the floor; a part below the floor is in the first layer.
             let below = |height: f64| volume_below(grain, up, height + self.floor) / whole;
             let over = 1.0 / (self.area * width);
             let first = ((low / width).max(0.0) as usize).min(count - 1);
@@ -165,12 +168,12 @@ fn interval_moment(frame: &Frame, grains: &[usize]) -> f64 {
     if *length > 0.0 { virial / length / 3.0 } else { f64::NAN }
 }
 
-/// The state in one layer of a bed: sums over its grains, so that the mean of several states is that of each sum.
+/// State in one layer of a bed, as sums over its grains: the mean of several states is the mean of each sum.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Layer {
-    /// Above the floor, m.
+    /// Height of the lower face above the floor, m.
     pub lower: f64,
-    /// m
+    /// Height of the upper face above the floor, m.
     pub upper: f64,
     /// Normal of the floor, length 1.
     up: Vec3,
@@ -178,17 +181,17 @@ pub struct Layer {
     pub nu: f64,
     /// Grains with their centre in the layer.
     pub grains: f64,
-    /// That these touch with force, all together.
+    /// Number of neighbours that the layer's grains touch with force, summed over the grains.
     neighbours: f64,
-    /// Weight above the middle of the layer over the area, Pa: the vertical stress that walls take nothing of.
+    /// Weight above the middle of the layer over the area, Pa: the vertical stress if walls carry nothing.
     pub weight: f64,
     /// Stress of the grains, Pa.
     stress: Mat3,
     /// Mass over the layer's volume, kg/m^3.
     pub density: f64,
-    /// Momentum over it, kg/(m^2 s).
+    /// Momentum over the layer's volume, kg/(m^2 s).
     momentum: Vec3,
-    /// sum m v (x) v over it, Pa.
+    /// sum m v (x) v over the layer's volume, Pa.
     flux: Mat3,
 }
 
@@ -221,7 +224,7 @@ impl Layer {
         self.momentum / self.density
     }
 
-    /// Stress of the grains, Pa: what they exert on each other.
+    /// Stress of the contacts of the grains, Pa.
     pub fn contact_stress(&self) -> LayerStress {
         LayerStress::new(&self.stress, &self.up)
     }
@@ -234,16 +237,16 @@ impl Layer {
     }
 }
 
-/// A stress by the planes of a layer, Pa.
+/// Components of a stress with respect to the planes of a layer, Pa.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LayerStress {
     /// A third of the trace.
     pub pressure: f64,
     /// The component along the normal of the floor.
     pub vertical: f64,
-    /// The mean of the two components across.
+    /// Mean of the two components along the floor.
     pub horizontal: f64,
-    /// Stress across a plane of the layer along it: on the grains below by those above.
+    /// Stress across a plane of the layer, Pa: the force on the grains below by those above.
     pub shear: Vec3,
 }
 
@@ -278,7 +281,7 @@ pub fn supported_grains(frame: &Frame, fragments: &[Fragment]) -> Vec<usize> {
     grains
 }
 
-/// A face of a wall: n.x >= place for the centres of nearly all grains.
+/// Face of a wall: n.x >= place for the centres of nearly all grains.
 pub struct WallFace {
     /// Index into [`Frame::walls`].
     pub wall: usize,
@@ -302,7 +305,7 @@ pub fn centre_of_mass<'a>(grains: impl Iterator<Item = &'a Grain>) -> Vec3 {
     moment / mass
 }
 
-/// Share of the grains that may be beyond a wall that bounds the others: few that have left a box do not open it.
+/// Share of the grains that may be beyond a wall that bounds the others: a few grains that have left a box do not open it.
 const MAX_ESCAPED_SHARE: f64 = 0.02;
 
 fn nearly_all(frame: &Frame, grains: &[usize], inside: impl Fn(&Vec3) -> bool) -> bool {
@@ -310,9 +313,9 @@ fn nearly_all(frame: &Frame, grains: &[usize], inside: impl Fn(&Vec3) -> bool) -
     beyond as f64 <= MAX_ESCAPED_SHARE * grains.len() as f64
 }
 
-/// Faces of a wall that have the centres of nearly all `grains` before them: of a plate any, of a convex polyhedron, of those
-/// that cover half of the grains' section or more, the one that is farthest from the nearest of these centres; of a hollow
-/// cylinder around these centres both ends.
+/// Faces of a wall that have the centres of nearly all `grains` before them. A plate has any such face. A convex polyhedron
+/// has, of the faces that cover half of the grains' section or more, the one that is farthest from the nearest of these
+/// centres. A hollow cylinder around these centres has both ends.
 pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<WallFace> {
     let (x, rotation) = (frame.walls[wall].x, frame.walls[wall].rotation);
     let before = |face: &WallFace| nearly_all(frame, grains, |x| face.is_before(x));
@@ -332,7 +335,8 @@ pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<WallF
             let covers = |corners: &[u32], normal: &Vec3| {
                 let at = |k: usize| solid.vertices[corners[k] as usize];
                 let twice = (2..corners.len()).map(|k| (at(k - 1) - at(0)).cross(&(at(k) - at(0))));
-                // Of an even section of sides a and b the variances are a^2 / 12 and b^2 / 12; grains in a plane have none.
+                // The variances of an even section of sides a and b are a^2 / 12 and b^2 / 12; those of grains in a plane
+                // are zero.
                 let cofactor =
                     spread.determinant() * spread.try_inverse().map_or(f64::NAN, |i| normal.dot(&(i * normal)));
                 0.5 * twice.sum::<Vec3>().norm() >= 0.5 * 12.0 * cofactor.max(0.0).sqrt()
@@ -356,7 +360,7 @@ pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<WallF
     }
 }
 
-/// A hollow cylinder around nearly all centres; its ends are faces.
+/// Hollow cylinder around nearly all centres; its ends are faces.
 pub struct CylinderBore {
     pub x: Vec3,
     pub axis: Vec3,
@@ -376,7 +380,7 @@ impl CylinderBore {
     }
 }
 
-/// The inside of a hollow cylinder that has nearly all centres between its ends and within its radius.
+/// Returns the inside of a hollow cylinder that has nearly all centres between its ends and within its radius.
 pub fn bounding_bore(frame: &Frame, wall: usize, grains: &[usize]) -> Option<CylinderBore> {
     let WallShape::Polyhedron(solid) = &frame.walls[wall].shape else { return None };
     let hollow = solid.hollow?;
@@ -386,10 +390,12 @@ pub fn bounding_bore(frame: &Frame, wall: usize, grains: &[usize]) -> Option<Cyl
     nearly_all(frame, grains, |x| bore.contains_point(x) && ends.iter().all(|end| end.is_before(x))).then_some(bore)
 }
 
-/// Sides of the polygon for which the section of a hollow cylinder is taken: of the same area, and of the same shape where a plate cuts it.
+/// Number of sides of the polygon that approximates the section of a hollow cylinder; it has the same area, and the same
+/// shape if a plate cuts it.
 const POLYGON_SIDES: usize = 720;
 
-/// Area of the room across `up`, m^2: what the cell and the upright walls leave; None if it is open, or a wall is oblique.
+/// Area of the section across `up` that the cell and the upright walls enclose, m^2; None if it is open, or a wall is
+/// oblique.
 fn section_area<'a>(
     faces: &[WallFace],
     bores: &[CylinderBore],
@@ -409,7 +415,7 @@ fn section_area<'a>(
     }
     let first = if along_z { Vec3::x() } else { up.cross(&Vec3::z()).normalize() };
     let axes = [first, if along_z { Vec3::y() } else { up.cross(&first) }];
-    // A room that grains nearly fill ends within a few times their extent.
+    // The section of a full container is at most a few times the extent of the grains.
     let far = grains.map(|g| (g.x - centre).norm() + g.bounding_radius()).fold(0.0, f64::max);
     let walls = sides.iter().map(|(_, place)| place.abs()).chain(bores.iter().map(|bore| bore.radius));
     let open = 16.0 * walls.fold(far, f64::max);
@@ -438,7 +444,7 @@ fn section_area<'a>(
     polygon.iter().all(closed).then(|| 0.5 * (0..polygon.len()).map(twice).sum::<f64>())
 }
 
-/// The part of a convex polygon where `value` is not negative; `between` gives the point that a share of an edge is along.
+/// Returns the part of a convex polygon where `value` is not negative; `between` gives the point at a share of an edge.
 pub fn cut_polygon<P: Copy>(polygon: &[P], value: impl Fn(&P) -> f64, between: impl Fn(&P, &P, f64) -> P) -> Vec<P> {
     let mut left = Vec::with_capacity(polygon.len() + 1);
     for (k, p) in polygon.iter().enumerate() {
@@ -461,10 +467,10 @@ pub fn height_range(grain: &Grain, up: &Vec3) -> [f64; 2] {
     balls.chain(points).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| [low.min(h), high.max(h)])
 }
 
-/// Volume of a grain's pieces below a height along `up`, m^3; where pieces overlap, each for itself.
+/// Volume of a grain's pieces below a height along `up`, m^3; overlapping pieces count separately.
 ///
-/// Of a ball the cap pi (r + s)^2 (2 r - s) / 3, s the plane above its centre; of a polyhedron the cones over what its faces
-/// have below, from a point of the plane: the cut itself is seen edge-on from there.
+/// A ball has the cap pi (r + s)^2 (2 r - s) / 3, with s the height of the plane above its centre. A polyhedron has the
+/// cones over the parts of its faces below the plane, from a point of the plane: from there the cut is seen edge-on.
 pub fn volume_below(grain: &Grain, up: &Vec3, height: f64) -> f64 {
     let ball = |(x, r): (Vec3, f64)| {
         let s = (height - x.dot(up)).clamp(-r, r);
@@ -500,8 +506,8 @@ mod tests {
         assert!((found - expected).abs() <= 1e-12 * expected.abs(), "{found:e} is not {expected:e}");
     }
 
-    /// Three by two columns of `high` bodies of size 1 in the corner of a room that they fill, each pushed by the weight
-    /// above it; the plates of `sides`, of +x, -x, +y and -y, turned by `turn` about the origin with all else.
+    /// Three by two columns of `high` bodies of size 1 that fill the corner between plates, each pushed by the weight above
+    /// it. `sides`: plates at +x, -x, +y and -y. `turn`: rotation of the whole scene about the origin.
     fn columns(high: usize, cubes: bool, sides: [bool; 4], turn: UnitQuaternion<f64>) -> Scene {
         let mut scene = Scene::default();
         let at = |x: [f64; 3]| (turn * Vec3::from(x)).into();
@@ -552,7 +558,8 @@ mod tests {
 
     #[test]
     fn a_bed_has_a_mean_pressure_of_the_steps_since_the_snapshot_before() {
-        // Six columns in a room of 6 m^2; 2 J s of each of two pairs in 4 s, one of them at a wall, over the volume of 5 m height.
+        // Six columns on an area of 6 m^2; 2 J s of each of two pairs in 4 s, one of them at a wall, over the volume of 5 m
+        // height.
         let mut scene = columns(5, true, [true; 4], UnitQuaternion::identity());
         let grain = scene.snapshot.contacts.contact_body[0][0];
         let wall = scene.snapshot.bodies.body_driven.iter().position(|driven| *driven != 0).unwrap() as u32;
@@ -583,7 +590,7 @@ mod tests {
         assert_eq!((mean.upper, mean.nu, mean.grains, mean.density), (2.0, 0.25, 0.5, 0.25));
         // Neighbours are a mean over grains, velocities over mass: that of 3 kg at 2 m/s and 1 kg at 6 m/s is 3 m/s.
         assert_eq!((mean.mean_coordination(), mean.velocity()), (4.0, Vec3::z() * 3.0));
-        // What moves with the mean has no stress: 0.25 kg/m^3 of variance (3 1^2 + 1 3^2) / 4 = 3.
+        // Motion with the mean velocity has no stress: 0.25 kg/m^3 of variance (3 1^2 + 1 3^2) / 4 = 3.
         assert_eq!((mean.kinetic_stress().vertical, mean.kinetic_stress().pressure), (0.75, 0.25));
         assert_eq!(at(0.75, 2.0).kinetic_stress().vertical, 0.0);
         assert!(
@@ -640,7 +647,7 @@ mod tests {
                 }
             }
         }
-        // Of spheres each layer of half a diameter has half.
+        // A layer of half a diameter has half of each sphere.
         let frame = columns(4, false, [true; 4], UnitQuaternion::identity()).frame();
         let found = Bed::from_frame(&frame, &find_fragments(&frame)).unwrap();
         for layer in found.layers(&frame, 8, found.top_height(&frame)) {
@@ -708,7 +715,7 @@ mod tests {
         falling.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
         falling.grain([0.0; 3], 1.0);
         assert!(bed(&falling).is_none());
-        // A floor of held spheres: level, at the lowest point of a grain.
+        // A floor of fixed spheres: level, at the lowest point of a grain.
         let mut rough = Scene::default();
         rough.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
         (rough.snapshot.meta.parameters.xperiode, rough.snapshot.meta.parameters.yperiode) = (Some(2.0), Some(2.0));
@@ -748,7 +755,7 @@ mod tests {
         let hollow = Some(Hollow { radius: 4.0, half_height: 5.0 });
         let shape = WallShape::Polyhedron(SolidShape { hollow, ..Default::default() }.into());
         let x = Vec3::new(1.5, 1.0, 5.0);
-        // In place of the plate.
+        // The shape replaces the plate.
         frame.walls[0] = Wall { x, rotation: UnitQuaternion::identity(), shape, ..frame.walls[0].clone() };
         let found = Bed::from_frame(&frame, &find_fragments(&frame)).unwrap();
         assert_eq!((found.up, found.floor), (Vec3::z(), 0.0));

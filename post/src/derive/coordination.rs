@@ -1,4 +1,4 @@
-//! How many contacts hold a grain.
+//! Contact numbers of grains.
 
 use std::collections::{HashMap, HashSet};
 
@@ -12,7 +12,7 @@ use crate::frame::{BodyIndex, Contact, Frame, ImpulseExchange};
 pub struct Coordination {
     /// Mean number of neighbours per grain that it touches with force.
     pub z: f64,
-    /// The same among the grains that are no rattlers, their contacts with rattlers left out.
+    /// Mean number of neighbours per grain without rattlers and their contacts.
     pub z_no_rattlers: f64,
     /// Mean number of constraints per grain, see [`TouchingPair::constraint_count`].
     pub z_constraints: f64,
@@ -24,9 +24,10 @@ pub struct Coordination {
 
 /// Whether the bodies of a contact touch with force: it carries force, and the solver has found it closed, sticking or sliding.
 ///
-/// Closed is what has a reaction besides the attraction of its law, r_n > c n, by which it pushes, whatever the net force. What
-/// carries force with the status "no contact" only pulls at a distance, by the constant attraction of a cohesion with a range. No
-/// tolerance is needed: by Signorini's condition one of gap velocity and reaction is zero.
+/// A contact is closed if its reaction exceeds the attraction of its law, r_n > c n, by which it pushes, whatever the net
+/// force. A contact that carries force with the status "no contact" only pulls at a distance, by the constant attraction of
+/// a cohesion with a range. No tolerance is needed: by Signorini's condition either the gap velocity or the reaction is
+/// zero.
 pub fn touches_with_force(contact: &Contact) -> bool {
     contact.active && contact.status != STATUS_NO_CONTACT
 }
@@ -55,7 +56,7 @@ pub struct TouchingPair {
 }
 
 impl TouchingPair {
-    /// Directions in which the two are held together: a point holds 1, an edge 2, a face 3.
+    /// Number of constrained directions: 1 for a contact in a point, 2 in an edge, 3 in a face.
     ///
     /// Source: Azema, Radjai & Dubois (2013), "Packings of irregular polyhedral particles".
     pub fn constraint_count(&self) -> u32 {
@@ -118,11 +119,12 @@ pub fn contact_counts(frame: &Frame) -> Vec<u32> {
     counts
 }
 
-/// Mean number of neighbours that the grains `members` (rising) have touched with force in a step since the snapshot before.
+/// Mean number of neighbours that the grains `members` (rising) have touched with force in a step since the snapshot
+/// before.
 ///
-/// As [`mean_coordination`] has it. Where grains move, contacts carry force in some steps and none in others, so that the neighbours of
-/// a single step become fewer with its length; those of an interval do not. A pair that pulled in the sum of these steps counts
-/// only if it touches in the snapshot. NaN without an interval.
+/// Neighbours are counted as in [`mean_coordination`]. Between moving grains, contacts carry force in some steps and none
+/// in others, so the number of neighbours in a single step falls with the step length; the number in an interval does not.
+/// A pair that pulled in the sum of these steps counts only if it touches in the snapshot. NaN without an interval.
 pub fn interval_coordination(frame: &Frame, members: &[usize]) -> f64 {
     let touching: HashSet<[BodyIndex; 2]> = touching_contacts(frame).map(sorted_sides).collect();
     let sorted = |exchange: &ImpulseExchange| {
@@ -137,18 +139,17 @@ pub fn interval_coordination(frame: &Frame, members: &[usize]) -> f64 {
     if frame.interval.length > 0.0 { ends / members.len() as f64 } else { f64::NAN }
 }
 
-/// The number of constraints below which a grain is not held; a contact of spheres is one.
+/// Least number of constraints of a stable grain; a contact of spheres is one constraint.
 ///
 /// | | free of load | under gravity |
 /// |---|---|---|
 /// | frictionless | 4 | 3 |
 /// | friction | 2 | 2 |
 ///
-/// Frictionless forces on a sphere all pass through its centre: without a load four are needed to
-/// hold it whatever pushes it, and a load (gravity, uniform or of the grains) stands for one of
-/// them. With friction two are enough to balance a force, along the line between them or beside it.
-/// A snapshot counts as frictional if one of its contacts carries a tangential force, more than
-/// the rounding of a change of frame leaves of a normal one.
+/// Frictionless forces on a sphere all pass through its centre: without a load, four are needed to fix it against any push.
+/// A load (gravity, uniform or of the grains) replaces one of them. With friction two are enough to balance a force, along
+/// the line between them or parallel to it. A snapshot counts as frictional if one of its contacts carries a tangential
+/// force that exceeds the rounding of a normal force under a change of frame.
 pub fn stable_number(frame: &Frame) -> u32 {
     let parameters = &frame.meta.parameters;
     let loaded = parameters.self_gravity || parameters.uniform_gravity != [0.0; 3];
@@ -160,8 +161,8 @@ pub fn stable_number(frame: &Frame) -> u32 {
     }
 }
 
-/// Which grains are rattlers: those with fewer than `stable` constraints of `touches`, then those
-/// that have fewer once these are taken away, and so on.
+/// Returns for each grain whether it is a rattler: a grain with fewer than `stable` constraints of `touches`, or with fewer
+/// once other rattlers are removed, repeated until none is found.
 pub fn find_rattlers(frame: &Frame, touches: &[TouchingPair], stable: u32) -> Vec<bool> {
     let mut counts = vec![0; frame.grains.len()];
     let mut neighbours = vec![Vec::new(); frame.grains.len()];
@@ -188,9 +189,10 @@ pub fn find_rattlers(frame: &Frame, touches: &[TouchingPair], stable: u32) -> Ve
 
 /// Mean contact numbers of the grains `members` (rising), with and without rattlers.
 ///
-/// Z is the mean of the neighbours of these grains: (2 N_gg + N_gw) / N with N grains, N_gg pairs of grains, N_gw pairs of a grain and
-/// a wall, of those that touch with force, where no neighbour is elsewhere. Without rattlers: the same of the remaining grains and
-/// of the pairs whose grains all remain; NaN if none remains. With constraints: each pair counts as often as it has constraints.
+/// Z is the mean number of neighbours of these grains. If no neighbour is outside `members`, it is (2 N_gg + N_gw) / N with
+/// N grains, N_gg touching pairs of grains and N_gw touching pairs of a grain and a wall. Without rattlers, Z is taken over
+/// the remaining grains and the pairs whose grains all remain; NaN if none remains. With constraints, each pair counts as
+/// often as it has constraints.
 ///
 /// Three equal spheres that push each other: Z = 2.
 pub fn mean_coordination(frame: &Frame, members: &[usize]) -> Coordination {
@@ -265,15 +267,15 @@ mod tests {
     #[test]
     fn rattlers_are_peeled_off_until_none_is_left() {
         let mut scene = tetrahedron_with_tail();
-        // Unloaded and frictionless: four contacts hold. Only sphere 0 has four, and one goes with sphere 4.
+        // Unloaded and frictionless: four contacts are stable. Only sphere 0 has four, and it loses the one with sphere 4.
         let all = coordination(&scene.frame());
         assert_eq!(all.rattler_fraction, 1.0);
         assert!(all.z_no_rattlers.is_nan());
-        // Under gravity three hold: only the tail rattles.
+        // Under gravity three contacts are stable: only the tail rattles.
         scene.snapshot.meta.parameters.self_gravity = true;
         let loaded = coordination(&scene.frame());
         assert_eq!((loaded.z_no_rattlers, loaded.rattler_fraction), (3.0, 0.2));
-        // With friction two hold.
+        // With friction two contacts are stable.
         scene.contact(3, 2, Vec3::new(0.3, 0.1, 0.0));
         assert_eq!(stable_number(&scene.frame()), 2);
     }
@@ -297,7 +299,7 @@ mod tests {
         assert_eq!(crate::derive::fabric::mean_mobilisation(&frame), (0.5, 1.0));
         let row = crate::derive::Row::from_frame(&frame);
         assert_eq!((row.n_contacts, row.n_pulling, row.Z_all), (1, 1, 2.0 / 3.0));
-        // Of an interval, a pair that pulled in the sum counts only where it touches now.
+        // In the values of an interval, a pair that pulled in the sum counts only if it touches in the snapshot.
         scene.snapshot.meta.time = 2.0;
         scene.since(0.0, &[([1, 0], -6.0), ([2, 1], -8.0), ([2, 0], 1.0)]);
         assert_eq!(interval_coordination(&scene.frame()), 4.0 / 3.0);
@@ -355,7 +357,7 @@ mod tests {
         let found = coordination(&frame);
         assert_eq!((found.z, found.z_constraints), (5.0 / 3.0, (3.0 + 4.0 + 2.0) / 3.0));
         assert_eq!(found.shares, [1.0 / 3.0; 3]);
-        // Without friction or load four directions hold: first the sphere and the upper cube go, then the lower.
+        // Without friction or load four constraints are stable: first the sphere and the upper cube go, then the lower.
         assert_eq!(found.rattler_fraction, 1.0);
         scene.snapshot.meta.parameters.self_gravity = true;
         assert_eq!(coordination(&scene.frame()).rattler_fraction, 2.0 / 3.0); // three on the floor

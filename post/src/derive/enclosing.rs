@@ -6,19 +6,19 @@ use crate::frame::{Grain, Vec3};
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EnclosingBall {
-    /// m
+    /// Centre, m.
     pub centre: Vec3,
-    /// m
+    /// Radius, m.
     pub radius: f64,
 }
 
 impl EnclosingBall {
-    /// m^3
+    /// Volume, m^3.
     pub fn volume(&self) -> f64 {
         4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3)
     }
 
-    /// How far `other` sticks out, m: < 0 inside.
+    /// Distance by which `other` sticks out, m; < 0 inside.
     fn excess(&self, other: &EnclosingBall) -> f64 {
         (other.centre - self.centre).norm() + other.radius - self.radius
     }
@@ -32,20 +32,19 @@ pub fn enclosing_ball(grains: &[Grain]) -> EnclosingBall {
     smallest_enclosing(&spheres.chain(vertices).collect::<Vec<EnclosingBall>>())
 }
 
-/// Share of the radius by which a point may stick out and count as inside: some hundred roundings.
+/// Share of the radius by which a point may stick out and still count as inside: some hundred roundings.
 const RELATIVE_ROUNDING: f64 = 1e-13;
 
-/// The smallest ball that contains `balls`, to round-off, wherever they are.
+/// Returns the smallest ball that contains `balls`, to round-off, at any position.
 ///
-/// At most four of them, the basis, decide it. Beginning with one, the ball that sticks out most is
-/// taken in, and the smallest enclosing ball of these at most five is found by trying every subset
-/// of at most four (`tangent`). The radius grows at each turn, so it ends, after some ten turns
-/// in practice, each of which looks at every ball once.
+/// At most four of them, the basis, determine it. The search begins with one ball. Each turn adds the ball that sticks out
+/// most and finds the smallest enclosing ball of these at most five by trying every subset of at most four (`tangent_ball`). The
+/// radius grows at each turn, so the search ends, in practice after some ten turns, each of which checks every ball once.
 ///
 /// Source: Fischer & Gaertner (2003), "The smallest enclosing ball of balls: combinatorial
 /// structure and algorithms" (an LP-type problem of dimension 4; Welzl's recursion fails on balls).
 pub fn smallest_enclosing(balls: &[EnclosingBall]) -> EnclosingBall {
-    // Far from the origin the rounding of places would be more than that of distances.
+    // Positions far from the origin would round more than distances do.
     let Some(origin) = balls.first().map(|ball| ball.centre) else {
         return EnclosingBall { centre: Vec3::repeat(f64::NAN), radius: f64::NAN };
     };
@@ -70,7 +69,7 @@ fn smallest_of_near(balls: &[EnclosingBall]) -> EnclosingBall {
         basis.push(*worst);
         match smallest_of_few(&basis) {
             Some((subset, ball)) if ball.radius > best.radius => (basis, best) = (subset, ball),
-            // Round-off stands in the way of a better one: what is missing is of its order.
+            // Round-off prevents a better ball: the excess is of its order.
             _ => return EnclosingBall { centre: best.centre, radius: best.radius + sticks_out },
         }
     }
@@ -169,7 +168,7 @@ mod tests {
             [ball(x, 0.0, 0.0, 1.0), ball(x + 8.0, 0.0, 0.0, 2.0), ball(x, 6.0, 0.0, 1.0), ball(x, 0.0, 5.0, 1.5)]
         };
         let near = smallest_enclosing(&at(0.0));
-        // All places are whole numbers, which 2^40 leaves exact.
+        // All coordinates are whole numbers, which stay exact after a shift of 2^40.
         assert_eq!(smallest_enclosing(&at(2f64.powi(40))).radius, near.radius);
     }
 

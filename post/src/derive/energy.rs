@@ -27,14 +27,14 @@ pub fn self_gravity_constant(frame: &Frame) -> Option<f64> {
     parameters.self_gravity.then_some(parameters.gravity_constant)
 }
 
-/// The fields that act from outside, besides uniform gravity.
+/// Fields that act from outside, except uniform gravity.
 pub fn external_fields(frame: &Frame) -> Vec<FieldModel> {
     let parameters = &frame.meta.parameters;
     parameters.fields.iter().map(|field| field.to_model(parameters.gravity_constant)).collect()
 }
 
-/// Potential energy in such fields, J: sum m_i phi(x_i), [`FieldModel::acceleration_and_potential`], and what the grains' extent adds,
-/// [`FieldModel::tidal_energy`].
+/// Potential energy in external fields, J: sum m_i phi(x_i), [`FieldModel::acceleration_and_potential`], and the
+/// contribution of the grains' extent, [`FieldModel::tidal_energy`].
 pub fn field_energy(grains: &[Grain], fields: &[FieldModel]) -> f64 {
     let of = |g: &Grain, field: &FieldModel| {
         g.mass * field.acceleration_and_potential(&g.x).1 + field.tidal_energy(|rate| g.inertia * rate)
@@ -43,7 +43,7 @@ pub fn field_energy(grains: &[Grain], fields: &[FieldModel]) -> f64 {
     grains.iter().flat_map(|g| fields.iter().map(move |field| of(g, field))).fold(0.0, |sum, energy| sum + energy)
 }
 
-/// How potential energies are summed.
+/// Method of summing potential energies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PairSummation {
     /// Every pair up to [`MAX_DIRECT_POINTS`] points, a [`GravityTree`] beyond, to a part in 10^4.
@@ -53,7 +53,7 @@ pub enum PairSummation {
     Direct,
 }
 
-/// Points up to which every pair is summed in a tenth of a second.
+/// Number of points up to which every pair is summed in a tenth of a second.
 pub const MAX_DIRECT_POINTS: usize = 10_000;
 
 /// Potential energy of points that attract each other, J: W = - sum_{i<j} G m_i m_j / |x_i - x_j|.
@@ -76,7 +76,7 @@ pub fn direct_energy(points: &[(Vec3, f64)], constant: f64) -> f64 {
     -constant * sums.iter().sum::<f64>()
 }
 
-/// sum_j m_j / |x_j - x|, without those in the same place; independent lanes let the compiler use vector instructions.
+/// sum_j m_j / |x_j - x|, without points at the same position; independent lanes let the compiler use vector instructions.
 fn inverse_distances(sources: &[[f64; 4]], [x, y, z, _]: [f64; 4]) -> f64 {
     const LANES: usize = 8;
     let term = |s: &[f64; 4]| {
@@ -134,7 +134,7 @@ mod tests {
         );
         assert!((found + 10.0 * (6.0 + 10.0 / 3.0 + 7.5)).abs() < 1e-12);
         assert_eq!(gravitational_energy([point(0.0, 2.0)].into_iter(), 10.0, PairSummation::Direct), 0.0);
-        // Two in one place do not attract each other.
+        // Two points at the same position do not attract each other.
         let found = gravitational_energy(
             [point(0.0, 2.0), point(0.0, 3.0), point(4.0, 8.0)].into_iter(),
             1.0,

@@ -1,4 +1,4 @@
-//! How contacts are directed and what they carry.
+//! Directions of contacts, their anisotropy and mobilised friction.
 
 use cd_formats::snapshot::{LawName, STATUS_SLIDE};
 use cd_formats::tact_behav::LAW_LABELS;
@@ -36,8 +36,9 @@ pub fn anisotropy(fabric: &Mat3) -> f64 {
 
 /// Greatest tangential force that a contact could carry with its normal force f_n, N: mu (f_n + f_c); 0 without friction.
 ///
-/// mu is the coefficient of (static) friction, f_c the attraction of a liquid within its range and, of a law that remembers,
-/// where its bridge holds. Of a bond over the area S, f_c = c_n S, and c_t / c_n stands for mu. Source: the laws of cd-solve.
+/// mu is the coefficient of (static) friction. f_c is the attraction of a liquid within its range; under a law with memory
+/// it counts only if the bridge is intact. A bond over the area S has f_c = c_n S, and c_t / c_n replaces mu. Source: the
+/// laws of cd-solve.
 pub fn tangential_limit(contact: &Contact, law: &LawName) -> f64 {
     let labels = LAW_LABELS.iter().find(|(kind, _)| *kind == law.kind).map_or(&[][..], |(_, lines)| *lines);
     let labels: Vec<&str> = labels.iter().flat_map(|line| line.iter().copied()).collect();
@@ -57,15 +58,15 @@ pub fn tangential_limit(contact: &Contact, law: &LawName) -> f64 {
     }
 }
 
-/// Share of the friction that a contact could give: f_t over its [`tangential_limit`], 0 to 1; none where nothing can be
-/// given.
+/// Mobilised share of the available friction: f_t over its [`tangential_limit`], 0 to 1; None if no friction is available.
 pub fn mobilised_share(contact: &Contact, laws: &[LawName]) -> Option<f64> {
     let most = tangential_limit(contact, laws.get(contact.law as usize)?);
     (most > 0.0).then(|| contact.tangential_force / most)
 }
 
-/// Mean of [`mobilised_share`] over the contacts that touch with force and where friction can give some, and the share of these that
-/// slide (status 2); NaN without. Contacts that only pull at a distance press on nothing and are left out.
+/// Mean of [`mobilised_share`] over the contacts that touch with force and have friction available, and the share of these
+/// that slide (status 2); NaN without such contacts. Contacts that only pull at a distance carry no pressure and are left
+/// out.
 pub fn mean_mobilisation(frame: &Frame) -> (f64, f64) {
     let all: Vec<(f64, bool)> = touching_contacts(frame)
         .filter_map(|c| Some((mobilised_share(c, &frame.meta.laws)?, c.status == STATUS_SLIDE)))
@@ -119,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_known_density_of_directions_gives_its_anisotropy() {
-        // Normals at the nodes of an integration over cos and angle, as often as (1 + a (3 c^2 - 1)) asks.
+        // Normals at the nodes of an integration over cos and angle, with frequency proportional to (1 + a (3 c^2 - 1)).
         let a = 0.4;
         let (mut sum, mut total) = (Mat3::zeros(), 0.0);
         for k in 0..200 {
@@ -149,7 +150,8 @@ mod tests {
         (law.kind, law.parameters) = ("IQS_WET_DS_CLB".into(), vec![4.0, 0.0, 0.1, 0.4, 0.5]);
         let (mean, _) = mean_mobilisation(&scene.frame());
         assert!((mean - 0.375).abs() < 1e-15, "{mean}");
-        // But not beyond its range, nor, where it remembers, once the bridge is gone: 1 / (0.5 4) and again half of that.
+        // No attraction beyond the range, nor, under a law with memory, after the bridge breaks: 1 / (0.5 4) and again half
+        // of that.
         scene.snapshot.contacts.contact_gap[1] = 0.2;
         let (mean, _) = mean_mobilisation(&scene.frame());
         assert!((mean - 0.5 * (0.5 + 0.5)).abs() < 1e-15, "{mean}");
@@ -175,7 +177,7 @@ mod tests {
         scene.contact(1, 0, Vec3::new(-1.0, 0.0, area)); // pulled by 1
         scene.remember(&[1]);
         assert!((share(&scene) - area / (2.0 * area - 0.5)).abs() < 1e-15, "{}", share(&scene));
-        // Where faces meet the area is theirs.
+        // The area of a contact between faces is the area of the faces.
         let mut shapes = ShapeArrays::default();
         shapes.contacts.contact_area = vec![2.0 * area];
         scene.snapshot.shapes = Some(shapes);
@@ -183,7 +185,7 @@ mod tests {
         // It has slid, and so is gone at the end of the step: it gave all.
         scene.remember(&[0]);
         assert_eq!(share(&scene), 1.0);
-        // What only sticks has the friction of the law.
+        // A contact that only sticks has the friction of the law.
         scene.snapshot.contacts.contact_force[0] = [5.0, 1.0, 0.0];
         scene.snapshot.contacts.contact_status[0] = STATUS_STICK;
         assert_eq!(share(&scene), 1.0 / (0.4 * 5.0));

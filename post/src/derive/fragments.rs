@@ -18,7 +18,7 @@ const FEW: f64 = 0.1;
 pub struct Fragment {
     /// Indices into [`Frame::grains`], rising.
     pub grains: Vec<usize>,
-    /// Its motion in fixed axes.
+    /// Motion of the group in fixed axes.
     pub whole: AggregateSums,
 }
 
@@ -27,8 +27,8 @@ pub struct Fragment {
 /// The largest remnant is the heaviest group with at least a tenth of the grains of the most numerous one.
 ///
 /// Two grains are in one group if a chain of touching grains links them ([`TOUCHING_GAP`]). The gap of spheres is
-/// |x_i - x_j| - R_i - R_j at the snapshot's time, x_j of the image that is nearest, that of other grains the smallest of
-/// their contacts where these were looked for. Walls link nothing.
+/// |x_i - x_j| - R_i - R_j at the snapshot's time, with x_j of the nearest image. The gap of other grains is the smallest of their
+/// contacts at contact detection. Walls do not link grains.
 pub fn find_fragments(frame: &Frame) -> Vec<Fragment> {
     let grains = &frame.grains;
     let mut groups = DisjointSets::new(grains.len());
@@ -62,8 +62,8 @@ pub fn find_fragments(frame: &Frame) -> Vec<Fragment> {
 
 /// Joins spheres that touch.
 ///
-/// They are swept along x in columns as wide as the largest of them, each in up to four columns, as what touches shares one;
-/// images beside the cell too.
+/// Sweeps along x in columns as wide as the largest sphere, each sphere in up to four columns, so that touching spheres
+/// share a column. Images outside the cell are included.
 fn join_spheres(frame: &Frame, groups: &mut DisjointSets) {
     let grains = &frame.grains;
     let reach = |i: usize| grains[i].radius * (1.0 + TOUCHING_GAP);
@@ -151,7 +151,7 @@ mod tests {
         assert_eq!(shares(&scene), [2.0 / 3.0, 1.0 / 3.0]);
         let row = crate::derive::Row::from_frame(&scene.frame());
         assert_eq!((row.n_fragments, row.largest_mass), (2, 2.0 * scene.snapshot.bodies.body_mass[0]));
-        // What the place of the border would decide has no value.
+        // Values that would depend on the position of the border are undefined.
         let [a, spin, arm, largest] = [row.a, row.spin_z, row.L_z, row.largest_period];
         assert!([a, spin, arm, largest, row.com_x, row.com_y, row.Ec_rigid_mean].iter().all(|value| value.is_nan()));
         assert_eq!(row.com_z, 0.0);

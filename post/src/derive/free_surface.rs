@@ -1,4 +1,4 @@
-//! The free surface of grains that uniform gravity holds against walls, a heap or a bed: heights by columns, and slopes.
+//! The free surface of grains that rest on walls under uniform gravity, a heap or a bed: heights by columns, and slopes.
 
 use nalgebra::Matrix3;
 use rayon::prelude::*;
@@ -8,39 +8,39 @@ use crate::derive::fragments::Fragment;
 use crate::derive::plane_fit::{FittedPlane, NoiseDensity, PlaneFit, without_noise};
 use crate::frame::{Frame, Grain, PeriodicCell, Vec3};
 
-/// Columns along one direction at most: what lies far off makes them wider.
+/// Largest number of columns along one direction; distant grains make the columns wider.
 const MAX_COLUMNS: f64 = 500.0;
 
-/// Mean radii over which planes are fitted where nothing else is chosen.
+/// Default reach of the fitted planes, in mean radii.
 ///
 /// Surfaces of settled beds undulate over several grains: planes over 12 radii have slopes of 1.6 to 3.5 degrees (root mean
 /// square) on eight level beds of 1000 and 3000 grains, over 10 radii of 2.1 to 4.1.
 pub const REACH: f64 = 12.0;
 
-/// Diameters of the patches over which noise is correlated: at least, at most, and as a share of the reach. Residuals from planes
-/// hold no longer waves. On a surface that is no plane they hold its curvature, and the patch is the least one.
+/// Diameters of the patches over which noise is correlated: least, largest, and as a share of the reach. Residuals from
+/// planes do not contain long waves. On a curved surface they contain its curvature; the least patch is used there.
 const PATCH: [f64; 2] = [1.0, 2.0];
 const PATCH_SHARE: f64 = 1.0 / 3.0;
 
 /// Ratio of the root mean square of the gradients' deviations from their mean to noise, above which a surface may be no plane.
 const SIGNIFICANCE_FACTOR: f64 = 1.5;
 
-/// The same deviations times the reach over the mean radius, above which a surface may be no plane: at 12 radii tan 6°, 1.7 times
-/// the largest that undulations of eight level beds of 1000 and 3000 grains make.
+/// Threshold of the same deviations times the reach over the mean radius, above which a surface may not be a plane: at 12
+/// radii tan 6°, 1.7 times the largest value from undulations of eight level beds of 1000 and 3000 grains.
 const UNDULATION: f64 = 12.0 * 0.105;
 
 /// Columns about verticals, a mean radius wide, row by row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreeSurface {
-    /// Horizontal; x and y where verticals are along z.
+    /// Horizontal unit vectors; x and y if verticals are along z.
     pub axes: [Vec3; 2],
-    /// Columns along each of them.
+    /// Number of columns along each axis.
     pub counts: [usize; 2],
-    /// Where the first begin along the axes, m.
+    /// Positions of the lower edges of the first columns along the axes, m.
     pub from: [f64; 2],
-    /// Their widths along the axes, m.
+    /// Widths of the columns along the axes, m.
     pub widths: [f64; 2],
-    /// NaN where no grain is, or too few are around.
+    /// Points of the surface by column; NaN if the column has no grain, or too few are around it.
     pub columns: Vec<SurfaceColumn>,
     /// Slope of the surface, rad, and the standard error of its gradient, as an angle.
     pub slope: f64,
@@ -49,16 +49,16 @@ pub struct FreeSurface {
     pub noise: f64,
 }
 
-/// The surface at one vertical.
+/// Point of the surface on one vertical.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceColumn {
-    /// m
+    /// Position, m.
     pub x: Vec3,
-    /// Above the lowest point of the grains, m.
+    /// Height above the lowest point of the grains, m.
     pub height: f64,
-    /// Angle between the normal and the direction against gravity less what noise makes of it ([`without_noise`]), rad.
+    /// Angle between the normal and the direction against gravity, corrected for noise ([`without_noise`]), rad.
     pub slope: f64,
-    /// Standard error of the gradient that single grains leave, as an angle, rad.
+    /// Standard error of the gradient due to single grains, as an angle, rad.
     pub error: f64,
 }
 
@@ -72,15 +72,17 @@ impl SurfaceColumn {
 }
 
 impl FreeSurface {
-    /// That of all groups that a wall touches with force; none without them, and without uniform gravity.
+    /// Returns the surface of all groups that a wall touches with force; None without such groups or without uniform
+    /// gravity.
     ///
-    /// The height of a column is that of the highest sphere on its vertical, of polyhedra the sphere of equal volume. Position
-    /// and normal are those of the plane of least squares through the heights within `reach` mean radii ([`PlaneFit`]); there is none
-    /// where less than half of that weight has a height. Verticals are against gravity; in a scene that repeats along z, as a
-    /// slope is one on which gravity leans.
+    /// The height of a column is the height of the highest sphere on its vertical; a polyhedron counts as the sphere of
+    /// equal volume. Position and normal are those of the least-squares plane through the heights within `reach` mean radii
+    /// ([`PlaneFit`]); both are NaN if less than half of the weight has a height. Verticals are against gravity. In a
+    /// periodic scene verticals are along z, as a slope is modelled there by inclined gravity.
     ///
-    /// The slope of the surface is that of one plane through all heights, unless the gradients of the columns differ by more than
-    /// 1.5 times noise and more than undulations of a level bed: then, as of a heap, it is the median of the columns' slopes. Both are without what noise adds to the square of a gradient.
+    /// The slope of the surface is the slope of one plane through all heights. If the gradients of the columns differ by
+    /// more than 1.5 times noise and more than undulations of a level bed, as on a heap, it is the median of the columns'
+    /// slopes. Both are corrected for the contribution of noise to the square of a gradient.
     pub fn from_frame(frame: &Frame, fragments: &[Fragment], reach: f64) -> Option<FreeSurface> {
         let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
         let grains: Vec<&Grain> = supported_grains(frame, fragments).into_iter().map(|i| &frame.grains[i]).collect();
@@ -155,7 +157,7 @@ impl FreeSurface {
         [name(&self.axes[0]), name(&self.axes[1])]
     }
 
-    /// The slopes (rad) that these shares of the columns are below; none where no slope is known.
+    /// Quantiles of the columns' slopes at these shares, rad; empty if no slope is known.
     pub fn slopes_below(&self, shares: &[f64]) -> Vec<f64> {
         let mut known: Vec<f64> = self.columns.iter().map(|column| column.slope).filter(|s| s.is_finite()).collect();
         known.sort_by(f64::total_cmp);
@@ -164,7 +166,7 @@ impl FreeSurface {
     }
 }
 
-/// One plane through all heights: its mean point along the axes, where it has its height.
+/// One plane through all heights, which passes through its mean point along the axes.
 struct MeanPlane {
     middle: [f64; 2],
     plane: FittedPlane,
@@ -177,8 +179,8 @@ impl MeanPlane {
     }
 }
 
-/// The plane of least squares through the heights of the columns over some grains: a point, and the normal of length 1; None
-/// without grains. Along a period it does not rise.
+/// Least-squares plane through the heights of the columns over some grains: a point, and the normal of length 1; None
+/// without grains. The plane is level along a period.
 pub fn mean_plane(grains: &[&Grain], cell: &PeriodicCell, up: &Vec3) -> Option<(Vec3, Vec3)> {
     if grains.is_empty() {
         return None;
@@ -190,15 +192,15 @@ pub fn mean_plane(grains: &[&Grain], cell: &PeriodicCell, up: &Vec3) -> Option<(
     Some((point, (up - first * along - second * across).normalize()))
 }
 
-/// Where the columns stand.
+/// Layout of the columns.
 struct ColumnGrid {
     up: Vec3,
     axes: [Vec3; 2],
     counts: [usize; 2],
     from: [f64; 2],
-    /// m, at most.
+    /// Largest width, m.
     width: f64,
-    /// Along a period such that a whole number fits.
+    /// Widths of the columns, m; along a period a whole number of columns fits.
     widths: [f64; 2],
     repeats: [bool; 2],
 }
@@ -236,19 +238,19 @@ impl ColumnGrid {
         j * self.counts[0] + i
     }
 
-    /// Along the axes.
+    /// Position of the middle of a column along the axes, m.
     fn column_middle(&self, k: usize) -> [f64; 2] {
         let place = [k % self.counts[0], k / self.counts[0]];
         [0, 1].map(|axis| self.from[axis] + (place[axis] as f64 + 0.5) * self.widths[axis])
     }
 
-    /// Columns with their middles within `reach` of a place along the axes, each with the way from there; those beyond the grid
-    /// are none.
+    /// Columns whose middles are within `reach` of a position along the axes, each with its displacement from there; None
+    /// for columns outside the grid.
     fn columns_around(&self, place: [f64; 2], reach: f64) -> impl Iterator<Item = (Option<usize>, [f64; 2])> {
         let ends = move |axis: usize| {
             let at = |x: f64| (x - self.from[axis]) / self.widths[axis] - 0.5;
             let (first, last) = (at(place[axis] - reach).ceil() as isize, at(place[axis] + reach).floor() as isize);
-            // Of what repeats each column once.
+            // Along a period each column is counted once.
             let all = self.counts[axis] as isize;
             let once = (at(place[axis]) - 0.5 * all as f64).ceil() as isize;
             if self.repeats[axis] && last - first >= all { once..=once + all - 1 } else { first..=last }
@@ -270,7 +272,7 @@ impl ColumnGrid {
         with_ways.filter(move |(_, [x, y])| x * x + y * y < reach * reach)
     }
 
-    /// Height, by column, of the highest sphere on its vertical, m; NaN without.
+    /// Height of the highest sphere on the vertical of each column, m; NaN without grains.
     fn column_heights(&self, grains: &[&Grain]) -> Vec<f64> {
         let mut heights = vec![f64::NAN; self.counts[0] * self.counts[1]];
         for grain in grains {
@@ -285,7 +287,7 @@ impl ColumnGrid {
         heights
     }
 
-    /// The plane about the middle of column k through the heights within `reach`.
+    /// Plane about the middle of column k through the heights within `reach`.
     fn plane_at(&self, heights: &[f64], k: usize, reach: f64) -> Option<FittedPlane> {
         let (mut all, mut fit) = (0.0, PlaneFit::new(reach));
         for (k, at) in self.columns_around(self.column_middle(k), reach) {
@@ -297,7 +299,7 @@ impl ColumnGrid {
         (fit.weight >= 0.5 * all).then(|| fit.fitted_plane())?
     }
 
-    /// The plane through all heights, which does not rise along a period; level where these lie on a line. None without heights.
+    /// Plane through all heights, level along a period, and level if these lie on a line. None without heights.
     fn whole_plane(&self, heights: &[f64]) -> Option<MeanPlane> {
         let at = |k: usize| {
             let [x, y] = self.column_middle(k);
@@ -326,8 +328,8 @@ impl ColumnGrid {
         (!known.is_empty()).then_some(MeanPlane { middle, plane })
     }
 
-    /// What single grains are on the surface, m^2 times a column: of residuals from the columns' planes, where there is none from
-    /// the plane of the whole, with those within `patch` mean diameters.
+    /// Density of the noise of single grains, m^2 times a column, from residuals within `patch` mean diameters. Residuals
+    /// are from the columns' planes, or from the mean plane if a column has none.
     fn noise_density(&self, heights: &[f64], fits: &[Option<FittedPlane>], whole: &MeanPlane, patch: f64) -> f64 {
         let patch = 2.0 * self.width * patch * (1.0 + 1e-9);
         let residual =
@@ -374,15 +376,16 @@ mod tests {
     #[test]
     fn a_plane_and_a_cone_have_their_slopes() {
         let rise = 30f64.to_radians().tan();
-        // Of spheres an own radius apart the surface is rough by a seventh of it, over twelve of them. Of the cone, at a median
-        // distance of 11 from its axis, planes lose the share 6^2 / (20 11^2) of the slope, and more about its top.
+        // The surface of spheres with the spacing of their radius is rough by a seventh of it, over twelve of them. On the
+        // cone, at a median distance of 11 from its axis, planes lose the share 6^2 / (20 11^2) of the slope, and more
+        // about its top.
         assert!((median(&lattice(12, |x, _| rise * x)) - 30.0).abs() < 0.5);
         assert!((median(&lattice(12, |x, y| 0.6 * rise * x - 0.8 * rise * y)) - 30.0).abs() < 0.5);
         assert!((median(&lattice(16, |x, y| -rise * x.hypot(y))) - 30.0).abs() < 1.5);
         assert!(median(&lattice(12, |_, _| 0.0)) < 0.5);
     }
 
-    /// Heights that look random, from 0 to 2, by the places of grains.
+    /// Pseudo-random heights, from 0 to 2, by the positions of grains.
     fn rough(x: f64, y: f64) -> f64 {
         let mut z = ((x + 500.0) as u64 * 1000 + (y + 500.0) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -447,7 +450,7 @@ mod tests {
         let (sin, cos) = 20f64.to_radians().sin_cos();
         scene.snapshot.meta.parameters.uniform_gravity = [2.0 * sin, 0.0, -2.0 * cos];
         assert!((median(&scene) - 20.0).abs() < 1.0);
-        // The same in a scene that repeats after 25 columns, where nothing ends.
+        // The same surface in a scene with a period of 25 columns, without edges.
         (scene.snapshot.meta.parameters.xperiode, scene.snapshot.meta.parameters.yperiode) = (Some(25.0), Some(25.0));
         assert!((median(&scene) - 20.0).abs() < 0.5);
         let surface = of(&scene).unwrap();

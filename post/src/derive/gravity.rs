@@ -1,30 +1,30 @@
 //! Energy of many attracting points, by a tree.
 //!
-//! Groups of points that are far from each other attract by their masses and the quadrupoles about
-//! their centres of mass (Barnes & Hut 1986; Hernquist 1987), group by group (Dehnen 2002). What is asked for is an
-//! energy, not a motion: a part in 10^4 is enough, and `--direct-gravity` sums every pair.
+//! Groups of points that are far from each other attract by their masses and the quadrupoles about their centres of mass
+//! (Barnes & Hut 1986; Hernquist 1987), group by group (Dehnen 2002). The result is an energy, for which a part in 10^4 is
+//! enough; `--direct-gravity` sums every pair.
 
 use rayon::prelude::*;
 
 use crate::frame::{Mat3, Vec3};
 
-/// Groups act as such from distances of more than the sum of their reaches over this. With it and [`REACH_STRETCH`] the energy of
-/// 12000 to 20000 points in a ball, a disc, a stream and on a line is off by 4e-5 to 8e-5.
+/// Opening: groups act as such from distances of more than the sum of their reaches over this value. With it and
+/// [`REACH_STRETCH`] the energy of 12000 to 20000 points in a ball, a disc, a stream and on a line is off by 4e-5 to 8e-5.
 const OPENING_ANGLE: f64 = 0.6;
-/// How much farther than its radius a group reaches, a part of that, for the square of |Q| / m r^2, which is 2/3 of a line, 3/8
-/// of a disc and 0 of a ball. Beyond the quadrupole a ball has nothing and a line the more: without it, at an opening of 0.5,
-/// they were off by 4e-5 and 2.3e-3.
+/// Extension of a group's reach beyond its radius, as a share of the radius, per square of |Q| / m r^2, which is 2/3 of a
+/// line, 3/8 of a disc and 0 of a ball. A ball has no moments beyond the quadrupole and a line has the largest: without the
+/// extension, at an opening of 0.5, these were off by 4e-5 and 2.3e-3.
 const REACH_STRETCH: f64 = 2.5;
-/// Points that are not divided further.
+/// Largest number of points in a leaf.
 const LEAF_SIZE: usize = 16;
-/// Points from which on the parts of a sum are tasks of their own.
+/// Number of points from which on the parts of a sum are separate tasks.
 const PARALLEL_POINTS: usize = 4096;
 
 /// sum_i m_i d_i . sum_j m_j (x_j - x_i) / |x_j - x_i|^3, kg^2/m: the virial of the attraction that `members` feel of `others`,
 /// over G.
 ///
-/// `members`: places d_i from `centre`, m, and masses, kg; `others`: places x_j and masses. Every pair, in an order that does not
-/// depend on the number of threads.
+/// `members`: positions d_i from `centre`, m, and masses, kg; `others`: positions x_j and masses. Sums every pair, in an
+/// order that does not depend on the number of threads.
 pub fn attraction_between(members: &[(Vec3, f64)], centre: &Vec3, others: &[(Vec3, f64)]) -> f64 {
     let of = |(d, mass): &(Vec3, f64)| {
         let pull = |(x, m): &(Vec3, f64)| {
@@ -44,7 +44,7 @@ struct TreeNode {
     halves: Option<[usize; 2]>,
     mass: f64,
     centre: Vec3,
-    /// Largest distance of its points from the centre, m, more of what is flat or long.
+    /// Largest distance of the node's points from the centre, m, extended for flat or long nodes.
     reach: f64,
     /// sum m (3 d (x) d - d.d) over its points, d from the centre, kg m^2.
     quadrupole: Mat3,
@@ -69,7 +69,7 @@ impl GravityTree {
         tree
     }
 
-    /// Makes the node of `order`, which begins at `first`, and those below it; returns its index.
+    /// Creates the node of `order`, which begins at `first`, and its descendants; returns its index.
     fn divide_node(&mut self, points: &[(Vec3, f64)], order: &mut [usize], first: usize) -> usize {
         let own = || order.iter().map(|&i| points[i]);
         let mass: f64 = own().map(|(_, m)| m).sum();
@@ -91,7 +91,7 @@ impl GravityTree {
         if order.len() > LEAF_SIZE {
             let axis = (high - low).imax();
             let middle = order.len() / 2;
-            // Equal coordinates keep their order, whatever the sorting does.
+            // Equal coordinates keep their order, independent of the sorting.
             order.select_nth_unstable_by(middle, |&i, &j| {
                 points[i].0[axis].total_cmp(&points[j].0[axis]).then(i.cmp(&j))
             });
@@ -121,7 +121,7 @@ impl GravityTree {
         halves.0 + halves.1 + between
     }
 
-    /// The same over the pairs of a point of one node and one of another.
+    /// sum m_i m_j / |x_i - x_j| over the pairs of a point of one node and a point of another, kg^2/m.
     fn pairs_between(&self, a: usize, b: usize) -> f64 {
         let [first, second] = [a, b].map(|node| &self.nodes[node]);
         let to = second.centre - first.centre;
@@ -147,7 +147,7 @@ impl GravityTree {
         &self.points[self.nodes[node].points.0..self.nodes[node].points.1]
     }
 
-    /// Two sums, at the same time where a node has many points.
+    /// Returns both sums, computed in parallel if a node has many points.
     fn sum_both<A: Send, B: Send>(
         &self,
         node: usize,
@@ -159,7 +159,7 @@ impl GravityTree {
     }
 }
 
-/// sum_j m m_j / |x_j - x| of a point; what is in its place does not attract it.
+/// sum_j m m_j / |x_j - x| of a point; points at the same position do not attract it.
 fn point_attraction(points: &[(Vec3, f64)], (x, m): &(Vec3, f64)) -> f64 {
     m * points.iter().filter(|(y, _)| y != x).map(|(y, m)| m / (y - x).norm()).sum::<f64>()
 }
@@ -169,7 +169,7 @@ mod tests {
     use super::*;
     use crate::derive::energy::direct_energy;
 
-    /// Points in a ball by a sequence of low discrepancy, unequal masses.
+    /// Points in a ball from a low-discrepancy sequence, with unequal masses.
     fn ball(count: usize) -> Vec<(Vec3, f64)> {
         let halton = |mut k: usize, base: usize| {
             let (mut value, mut share) = (0.0, 1.0);

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use crate::frame::Vec3;
 
-/// Directions in which the hull of unequal balls is sampled: of a ball 1.2 10^-3 of the volume is missed, of many balls less.
+/// Directions in which the hull of unequal balls is sampled: a ball loses 1.2 10^-3 of its volume, many balls less.
 const DIRECTION_COUNT: usize = 4000;
 
 /// Coordinates are integers of this many bits, so that a determinant of three differences fits 128 bits exactly.
@@ -15,10 +15,11 @@ const MAX_JOGGLE: i64 = 1 << 11;
 
 /// Volume (m^3) of the convex hull of balls of given centres and radii (m); NaN without balls.
 ///
-/// With the smallest radius r, the hull is that of the balls less r, grown by r: V + S r + M r^2 + (4/3) pi r^3, with V, S and M
-/// the volume, the surface and the integral of the mean curvature of the former. Of equal balls this is exact to 10^-7; of unequal
-/// ones the former is the hull of the outermost points in `DIRECTIONS` directions. A single ball has its own volume, and two
-/// equal ones at the distance d have pi r^2 d more. Source: J. Steiner (1840), the volume of parallel bodies.
+/// With the smallest radius r, the hull is that of the balls less r, grown by r: V + S r + M r^2 + (4/3) pi r^3, with V, S
+/// and M the volume, the surface and the integral of the mean curvature of the former. For equal balls this is exact to
+/// 10^-7; for unequal ones the former is the hull of the outermost points in `DIRECTION_COUNT` directions. A single ball has its
+/// own volume, and two equal ones at the distance d have pi r^2 d more. Source: J. Steiner (1840), the volume of parallel
+/// bodies.
 pub fn hull_volume(balls: &[(Vec3, f64)]) -> f64 {
     if balls.is_empty() {
         return f64::NAN;
@@ -73,7 +74,7 @@ fn hull_measures(points: &[Vec3]) -> ConvexMeasures {
         return ConvexMeasures::default();
     }
     let unit = size / 2f64.powi(COORDINATE_BITS);
-    // At least four, of which copies are displaced otherwise.
+    // At least four points; copies of a point have different displacements.
     let copies = points.iter().cycle().take(points.len().max(4));
     let grid: Vec<[i64; 3]> = copies
         .enumerate()
@@ -119,12 +120,12 @@ fn triangle_edges([a, b, c]: &[usize; 3]) -> [[usize; 2]; 3] {
 /// A triangle, counter-clockwise seen from outside.
 struct HullFace {
     corners: [usize; 3],
-    /// Its plane, in numbers that may be off by rounding.
+    /// Plane of the triangle in floating point, with rounding errors.
     normal: Vec3,
     offset: f64,
 }
 
-/// Values of a plane beyond this are of the right sign: coordinates of 2^40 make products of 2^122, 2^72 of it rounding.
+/// Values of a plane above this have the right sign: coordinates of 2^40 make products of 2^122, 2^72 of it rounding.
 const SIGN_CERTAINTY: f64 = 4.7e21;
 
 /// The convex hull of points with integer coordinates, exact.
@@ -217,7 +218,7 @@ mod tests {
         assert_close(hull_volume(&at(&square, 2.0)), ball + 16.0 * 4.0 + 0.5 * PI * 4.0 * 16.0, tiny);
         let triangle = [[0.0; 3], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0]];
         assert_close(hull_volume(&at(&triangle, 2.0)), ball + 6.0 * 4.0 + 0.5 * PI * 4.0 * 12.0, tiny);
-        // All in one place.
+        // All points at the same position.
         assert_close(hull_volume(&at(&[[1.0; 3]; 5], 2.0)), ball, tiny);
     }
 
@@ -236,7 +237,7 @@ mod tests {
 
     #[test]
     fn unequal_balls_are_within_the_stated_share() {
-        // Of two balls the hull is a cone's frustum with two caps: sin a = (R - r) / d.
+        // The hull of two balls is a cone's frustum with two caps: sin a = (R - r) / d.
         let (big, small, d) = (3.0f64, 1.0f64, 7.0f64);
         let sine = (big - small) / d;
         let cosine = (1.0 - sine * sine).sqrt();

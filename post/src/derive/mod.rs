@@ -1,20 +1,20 @@
-//! Observables of a frame, one idea a file, and the row of `series.csv` they make together.
+//! Observables of a frame, one idea a file, and the resulting row of `series.csv`.
 //!
 //! | module | observables |
 //! |---|---|
 //! | [`coordination`] | contacts per grain, rattlers |
-//! | [`region`], [`probe`] | the part of space over which solid fraction, stress and neighbours are means, and these |
+//! | [`region`], [`probe`] | the region of the means of solid fraction, stress and neighbours, and these means |
 //! | [`hull`] | volume of the convex hull of balls |
 //! | [`enclosing`] | the smallest ball around the grains |
 //! | [`stress`] | stress of the whole and of each grain, pressure |
 //! | [`fabric`] | directions of contacts, mobilised friction, distributions |
 //! | [`energy`], [`gravity`] | kinetic and potential energies |
 //! | [`motion`] | centre of mass, momenta, spin, semi-axes |
-//! | [`fragments`], [`orbits`] | groups of grains that touch, and how they go round the largest |
-//! | [`bed`] | grains that rest in a room: level, solid fraction, layers |
+//! | [`fragments`], [`orbits`] | groups of grains that touch, and their orbits about the largest |
+//! | [`bed`] | grains that rest between walls: level, solid fraction, layers |
 //! | [`profile`] | means over spherical shells |
 //! | [`surface`] | heights and slopes by direction |
-//! | [`free_surface`] | the same of a heap or bed, by verticals |
+//! | [`free_surface`] | heights and slopes of a heap or bed, by verticals |
 //! | [`plane_fit`] | planes through heights, and their noise |
 //!
 //! Every function takes grains in any number. A mean over nothing is 0/0, so a value that is not
@@ -44,7 +44,7 @@ use free_surface::FreeSurface;
 use probe::Probe;
 use region::Region;
 
-/// A value as it stands in `series.csv`.
+/// Value of a column of `series.csv`.
 pub trait SeriesValue {
     fn text(&self) -> String;
     fn number(&self) -> f64;
@@ -187,11 +187,11 @@ columns! {
     n_pulling: u64, "1", "pairs of bodies that only pull at a distance";
 }
 
-/// Choices of a user about the observables.
+/// User's choices about the observables.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasurementOptions {
     pub summation: PairSummation,
-    /// Region of means; None for that which fits the scene.
+    /// Region of the means; None selects the one that fits the scene.
     pub region: Option<Probe>,
     /// Mean radii over which planes are fitted to the surface of a heap or bed.
     pub slope_reach: f64,
@@ -347,7 +347,7 @@ impl Row {
         row
     }
 
-    /// Leaves out what arms from a centre would make depend on where the border of the cell is.
+    /// Clears the values that would depend on the position of the cell's border through arms from a centre.
     fn clear_origin_dependent(&mut self, cell: &PeriodicCell) {
         if cell.is_periodic() {
             let axes = [&mut self.a, &mut self.b, &mut self.c, &mut self.Ec_rigid_mean];
@@ -369,7 +369,7 @@ impl Row {
 struct LargestFragment {
     whole: motion::AggregateSums,
     axes: [f64; 3],
-    /// rad/s
+    /// Spin, rad/s.
     spin: f64,
     bound: f64,
     escaping: f64,
@@ -385,7 +385,7 @@ impl LargestFragment {
             bound = others.filter(|(_, orbit)| orbit.is_bound()).map(|(other, _)| other.whole.mass).sum::<f64>() / mass;
         }
         let escaping = fragments.iter().skip(1).map(|other| other.whole.mass).sum::<f64>() / mass - bound;
-        // What is left of a difference of sums is no mass.
+        // A rounding residue of a difference of sums is not a mass.
         let escaping = if escaping < 1e-12 { 0.0 } else { escaping };
         LargestFragment { axes: whole.semi_axes(), spin: whole.spin().norm(), whole, bound, escaping }
     }

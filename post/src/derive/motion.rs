@@ -18,12 +18,12 @@ impl RotatingAxes {
         RotatingAxes(frame.meta.parameters.fields.iter().filter_map(turning).collect())
     }
 
-    /// How fast they turn, rad/s: what to add to an angular velocity for that in fixed axes.
+    /// Rate of rotation of the axes, rad/s: is added to an angular velocity to express it in fixed axes.
     pub fn rotation_rate(&self) -> Vec3 {
         self.0.iter().map(|(rate, _)| rate).sum()
     }
 
-    /// W x (x - c), m/s: what to add to a velocity at `x` for that in fixed axes.
+    /// W x (x - c), m/s: is added to a velocity at `x` to express it in fixed axes.
     pub fn velocity(&self, x: Vec3) -> Vec3 {
         self.0.iter().map(|(rate, centre)| rate.cross(&(x - centre))).sum()
     }
@@ -32,19 +32,19 @@ impl RotatingAxes {
 /// Sums over all grains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AggregateSums {
-    /// kg
+    /// Mass, kg.
     pub mass: f64,
     /// Centre of mass, m.
     pub x: Vec3,
-    /// kg m/s
+    /// Momentum, kg m/s.
     pub momentum: Vec3,
-    /// About the centre of mass, kg m^2/s: sum m (x - x_com) x (v - v_com) + I w.
+    /// Angular momentum about the centre of mass, kg m^2/s: sum m (x - x_com) x (v - v_com) + I w.
     pub angular_momentum: Vec3,
-    /// About the centre of mass, kg m^2: sum m (d.d - d (x) d) + I, d = x - x_com.
+    /// Inertia about the centre of mass, kg m^2: sum m (d.d - d (x) d) + I, d = x - x_com.
     pub inertia: Mat3,
 }
 
-/// Angular momentum below this share of its terms is none: some units in the last place of each.
+/// Angular momentum below this share of its terms counts as zero: some units in the last place of each.
 const RELATIVE_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 impl AggregateSums {
@@ -55,7 +55,7 @@ impl AggregateSums {
         let velocity = momentum / mass;
         let angular_momentum: Vec3 =
             grains.iter().map(|g| g.mass * (g.x - x).cross(&(g.v - velocity)) + g.inertia * g.w).sum();
-        // What rounding makes of no turn at all would have an axis, any one.
+        // Rounding of a zero rotation would give an arbitrary axis.
         let rounding = |g: &Grain| {
             let (arm, speed) = ((g.x - x).norm(), (g.v - velocity).norm());
             g.mass * (arm * (g.v.norm() + velocity.norm()) + speed * (g.x.norm() + x.norm()))
@@ -66,7 +66,7 @@ impl AggregateSums {
         AggregateSums { mass, x, momentum, angular_momentum, inertia }
     }
 
-    /// The same motion in fixed axes, seen from `axes` before: P + M W x (x_com - c) and L + I W.
+    /// Returns the motion in fixed axes of sums taken in `axes`: P + M W x (x_com - c) and L + I W.
     pub fn in_fixed_axes(self, axes: &RotatingAxes) -> AggregateSums {
         let momentum = self.momentum + self.mass * axes.velocity(self.x);
         let angular_momentum = self.angular_momentum + self.inertia * axes.rotation_rate();
@@ -83,8 +83,8 @@ impl AggregateSums {
         self.inertia.try_inverse().map_or(Vec3::repeat(f64::NAN), |inverse| inverse * self.angular_momentum)
     }
 
-    /// Kinetic energy of the rigid motion, J: M v_com^2 / 2 + L.(I^-1 L) / 2, the least that any
-    /// motion with these momenta has.
+    /// Kinetic energy of the rigid motion, J: M v_com^2 / 2 + L.(I^-1 L) / 2, the lower bound for any motion with these
+    /// momenta.
     pub fn rigid_energy(&self) -> f64 {
         0.5 * (self.mass * self.velocity().norm_squared() + self.angular_momentum.dot(&self.spin()))
     }

@@ -1,4 +1,4 @@
-//! Where what has left the largest remnant goes: orbits of two bodies.
+//! Two-body orbits of the fragments about the largest remnant.
 
 use crate::derive::fragments::Fragment;
 use crate::derive::motion::AggregateSums;
@@ -7,7 +7,7 @@ use crate::frame::Vec3;
 /// The orbit of a fragment about the largest remnant, both as points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Orbit {
-    /// From the largest remnant, m.
+    /// Distance from the largest remnant, m.
     pub distance: f64,
     /// Relative speed, m/s.
     pub speed: f64,
@@ -19,15 +19,15 @@ pub struct Orbit {
     pub inclination: f64,
     /// Least distance, m.
     pub pericentre: f64,
-    /// s; NaN if not bound.
+    /// Period, s; NaN if not bound.
     pub period: f64,
-    /// Speed that is left far away, m/s; NaN if bound.
+    /// Speed at infinity, m/s; NaN if bound.
     pub speed_at_infinity: f64,
 }
 
 impl Orbit {
-    /// The orbit with the relative position `r` (m) and velocity `v` (m/s); `mu` = G (M + m), m^3/s^2;
-    /// `axis`: what inclinations are counted from.
+    /// Returns the orbit with the relative position `r` (m) and velocity `v` (m/s); `mu` = G (M + m), m^3/s^2; `axis`:
+    /// reference axis of inclinations.
     ///
     /// 1/a = 2/r - v^2/mu; e = |v x h / mu - r/|r||, h = r x v; period 2 pi sqrt(a^3/mu).
     /// Source: Murray & Dermott (1999), chapter 2.

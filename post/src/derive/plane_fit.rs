@@ -1,21 +1,22 @@
-//! Planes of least squares through the heights of a surface, and what its grains leave of their slopes.
+//! Least-squares planes through the heights of a surface, and the noise of their slopes due to single grains.
 
 use crate::frame::{Mat3, Vec3};
 
-/// Mean radii over which planes are fitted to the heights of an aggregate where nothing else is chosen: the standard error that
-/// single grains leave is 1.8 degrees, at 6 radii 5 and at 12 radii 1.3.
+/// Default reach of the planes fitted to the heights of an aggregate, in mean radii: the standard error due to single
+/// grains is 1.8 degrees, at 6 radii 5 and at 12 radii 1.3.
 pub const DEFAULT_FIT_REACH: f64 = 10.0;
 
 /// Sums of weighted heights about a point.
 ///
-/// The weight of a height at the distance d is (1 - (d / reach)^2)^2 times the part of the surface for which it stands.
+/// The weight of a height at the distance d is (1 - (d / reach)^2)^2 times the part of the surface that the height
+/// represents.
 #[derive(Debug, Clone, Default)]
 pub struct PlaneFit {
-    /// m
+    /// Reach, m.
     reach: f64,
     matrix: Mat3,
     sums: Vec3,
-    /// sum w^2 x (x) x over the parts, of which noise makes the variance.
+    /// sum w^2 x (x) x over the parts, from which the variance due to noise follows.
     noise: Mat3,
     /// sum w, and sum w^2 over the parts.
     pub weight: f64,
@@ -25,13 +26,14 @@ pub struct PlaneFit {
 /// A plane through the heights about a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FittedPlane {
-    /// Over the point, m.
+    /// Height of the plane at the point, m.
     pub height: f64,
-    /// How it rises along both axes.
+    /// Gradient of the height along both axes.
     pub gradient: [f64; 2],
     /// Variance of the gradient's two components together, over the density of the noise.
     pub variance: f64,
-    /// Share that the fit takes from the sum of products of residuals within a patch, over the density of the noise and the patch.
+    /// Share that the fit removes from the sum of products of residuals within a patch, over the density of the noise and
+    /// the patch.
     taken: f64,
     /// Part of the surface that the weights cover evenly.
     pub effective: f64,
@@ -55,7 +57,7 @@ impl PlaneFit {
         (1.0 - (x * x + y * y) / (self.reach * self.reach)).max(0.0).powi(2)
     }
 
-    /// Adds a height at (x, y) from the point, which stands for `part` of the surface.
+    /// Adds a height at (x, y) from the point, which represents `part` of the surface.
     pub fn add(&mut self, at: [f64; 2], height: f64, part: f64) {
         let weight = self.weight_at(at) * part;
         let row = Vec3::new(1.0, at[0] / self.reach, at[1] / self.reach);
@@ -82,10 +84,10 @@ impl PlaneFit {
     }
 }
 
-/// Density of the noise that single grains are on a surface: the sum over a patch of the covariance of heights, m^2 times a part
-/// of the surface.
+/// Density of the noise of single grains: the sum over a patch of the covariance of heights, m^2 times a part of the
+/// surface.
 ///
-/// Averages of white noise of this density have the variances of those of the surface where they reach over many grains.
+/// Averages over many grains of white noise of this density have the variances of averages of the surface.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NoiseDensity {
     sum: f64,
@@ -95,8 +97,8 @@ pub struct NoiseDensity {
 }
 
 impl NoiseDensity {
-    /// Adds a height that stands for `part` of the surface: `residual` from the fit `plane`, and `products`, the sum of it times
-    /// those within a diameter times their parts; `patch`, the sum of the latter.
+    /// Adds a height that represents `part` of the surface: `residual` from the fit `plane`, and `products`, the sum of it
+    /// times the residuals within a diameter times their parts; `patch`, the sum of these parts.
     pub fn add(&mut self, part: f64, residual: f64, products: f64, patch: f64, plane: &FittedPlane) {
         self.sum += products;
         self.own += part * residual * residual;
@@ -104,7 +106,8 @@ impl NoiseDensity {
         self.count += 1.0;
     }
 
-    /// The mean, with what the fits have taken given back, at least that of independent heights; 0 without heights.
+    /// Returns the mean, corrected for the share that the fits remove, and at least that of independent heights; 0 without
+    /// heights.
     pub fn mean_density(&self) -> f64 {
         if self.count == 0.0 {
             return 0.0;
@@ -115,8 +118,8 @@ impl NoiseDensity {
     }
 }
 
-/// The angle whose tangent squared is that of a slope (rad) less the square of a noise of its gradient: the length of a gradient
-/// is never negative, and its mean square too large by that variance. Overhanging slopes stay as they are.
+/// Angle whose squared tangent is that of a slope (rad) less the square of a noise of its gradient. The correction is
+/// needed because the mean square of a gradient is too large by that variance. Overhanging slopes are unchanged.
 pub fn without_noise(slope: f64, noise: f64) -> f64 {
     if slope.cos() <= 0.0 {
         return slope;
@@ -146,7 +149,7 @@ mod tests {
 
     #[test]
     fn white_noise_has_the_variance_that_is_stated() {
-        // Of weights w the gradient of white noise of variance 1 on a lattice of 1 has 2 int w^2 x^2 / (int w x^2)^2.
+        // The gradient of white noise of variance 1 on a lattice of 1 has, with weights w, 2 int w^2 x^2 / (int w x^2)^2.
         let mut fit = PlaneFit::new(20.0);
         for (x, y) in (-20..=20).flat_map(|i| (-20..=20).map(move |j| (f64::from(i), f64::from(j)))) {
             fit.add([x, y], 0.0, 1.0);

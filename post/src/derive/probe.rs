@@ -14,10 +14,10 @@ pub struct Probe {
     about: ProbeCentre,
 }
 
-/// Where the centre of a probe is.
+/// Position of the centre of a probe.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum ProbeCentre {
-    /// m
+    /// Fixed position, m.
     Fixed(Vec3),
     /// Centre of mass of all grains.
     CentreOfMass,
@@ -28,13 +28,13 @@ enum ProbeCentre {
 /// A convex part of space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ProbeShape {
-    /// m
+    /// Centre and radius, m.
     Ball { centre: Vec3, radius: f64 },
     /// Half lengths along x, y and z, m.
     Box { centre: Vec3, half: Vec3 },
     /// Radius and half of the length along the axis, a unit vector; m.
     Cylinder { centre: Vec3, axis: Vec3, radius: f64, half: f64 },
-    /// Heights between which it lies, m, along a unit vector.
+    /// Lower and upper height, m, along a unit vector.
     Layer { up: Vec3, from: f64, to: f64 },
 }
 
@@ -81,7 +81,7 @@ impl FromStr for Probe {
 }
 
 impl Probe {
-    /// The shape with its centre where it is in a frame; of a layer the heights above the floor. None without grains.
+    /// Returns the shape at its position in a frame; of a layer the heights above the floor. None without grains.
     pub fn placed_shape(&self, frame: &Frame, fragments: &[Fragment]) -> Option<ProbeShape> {
         if let ProbeShape::Layer { .. } = self.shape {
             return Some(self.shape);
@@ -103,8 +103,8 @@ impl Probe {
     }
 }
 
-/// Points of equal weight by which a sphere is cut where no closed form serves, and a tetrahedron of a polyhedron: shares are off by
-/// some 10^-3 of a grain.
+/// Number of points of equal weight in a sphere, for cuts without a closed form, and in a tetrahedron of a polyhedron:
+/// shares are off by some 10^-3 of a grain.
 const POINTS_IN_SPHERE: usize = 4096;
 const POINTS_IN_TETRAHEDRON: usize = 512;
 
@@ -125,7 +125,7 @@ impl ProbeShape {
         }
     }
 
-    /// m^3; infinite of a layer.
+    /// Volume, m^3; infinite for a layer.
     pub fn volume(&self) -> f64 {
         let pi = std::f64::consts::PI;
         match self {
@@ -136,7 +136,7 @@ impl ProbeShape {
         }
     }
 
-    /// Centre, and half lengths along x, y and z of a box around it, m; None of a layer.
+    /// Centre, and half lengths along x, y and z of a bounding box, m; None for a layer.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         match self {
             ProbeShape::Ball { centre, radius } => Some((*centre, Vec3::repeat(*radius))),
@@ -153,7 +153,7 @@ impl ProbeShape {
         self.inner_distance(x) >= 0.0
     }
 
-    /// Distance to the border from inside, m; from outside no more than that, negative.
+    /// Distance to the border, m, for a point inside; for a point outside a negative value, at most that distance in size.
     fn inner_distance(&self, x: &Vec3) -> f64 {
         match self {
             ProbeShape::Ball { centre, radius } => radius - (x - centre).norm(),
@@ -201,10 +201,10 @@ impl ProbeShape {
         (last - first).max(0.0)
     }
 
-    /// Share of a grain's volume that lies inside; where its pieces overlap, each counts for itself.
+    /// Share of a grain's volume that lies inside; overlapping pieces count separately.
     ///
-    /// Exact of spheres that a ball, a layer or parallel faces of a box cut, and of all that a layer cuts; else by points of equal weight:
-    /// `IN_SPHERE` and `IN_TETRAHEDRON`.
+    /// Exact for spheres cut by a ball, a layer or parallel faces of a box, and for every grain cut by a layer. Other cases
+    /// use points of equal weight: `POINTS_IN_SPHERE` and `POINTS_IN_TETRAHEDRON`.
     pub fn share_of_grain(&self, grain: &Grain) -> f64 {
         let (depth, reach) = (self.inner_distance(&grain.x), grain.bounding_radius());
         if depth >= reach || depth <= -reach {

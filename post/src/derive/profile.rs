@@ -7,22 +7,22 @@ use crate::frame::{Frame, Grain, Vec3};
 /// The mean state in one spherical shell.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RadialShell {
-    /// m
+    /// Inner radius, m.
     pub inner: f64,
-    /// m
+    /// Outer radius, m.
     pub outer: f64,
     /// Share of the shell that grains fill.
     pub nu: f64,
     /// Grains with their centre in the shell.
     pub grains: u64,
-    /// Their mean number of neighbours touched with force; NaN without.
+    /// Mean number of neighbours that these grains touch with force; NaN without grains.
     pub z: f64,
     /// sum V_i sigma_i over the grains, each with the share of its volume that lies in the shell, over the
     /// volume of the shell, Pa: a third of the trace.
     pub pressure: f64,
-    /// Its radial component, Pa.
+    /// Radial component of the stress, Pa.
     pub radial: f64,
-    /// The mean of its two tangential components, Pa.
+    /// Mean of the two tangential components of the stress, Pa.
     pub tangential: f64,
 }
 
@@ -41,7 +41,7 @@ pub fn radial_shells(frame: &Frame, members: &[usize], centre: Vec3, count: usiz
         let grain = &frame.grains[i];
         let arm = grain.x - centre;
         let distance = arm.norm();
-        // At the very centre no direction is radial: the mean of all.
+        // At the centre no direction is radial: the mean of all is used.
         let mean = pressure(&stresses[i]);
         let radial = if distance > 0.0 { arm.dot(&(stresses[i] * arm)) / (distance * distance) } else { mean };
         let home = ((distance / width) as usize).min(count - 1);
@@ -159,7 +159,7 @@ mod tests {
         let shells = radial_shells(&frame, &members, Vec3::repeat(6.0), 5);
         let inner = shells[1]; // 2.2 to 4.4 of 6 to the faces
         assert_eq!(inner.z, 6.0);
-        // A shell of two lattice constants holds whole cells but for its surfaces.
+        // A shell of two lattice constants contains whole cells except at its surfaces.
         assert!((inner.nu / (std::f64::consts::PI / 6.0) - 1.0).abs() < 0.03, "{inner:?}");
         for stress in [inner.pressure, inner.radial, inner.tangential] {
             assert!((stress / 7.0 - 1.0).abs() < 0.03, "{inner:?}");

@@ -1,4 +1,4 @@
-//! The part of space over which solid fraction, stress and neighbours are means, and what it holds.
+//! The region of the means of solid fraction, stress and neighbours, and its contents.
 //!
 //! | scene | region |
 //! |---|---|
@@ -73,39 +73,40 @@ impl RegionKind {
     }
 }
 
-/// A group of touching grains with less than this share of the mass and of the grains is a clump of a cloud and no remnant: then
-/// all grains count.
+/// Least share of the mass or of the grains of the largest remnant: a smaller group of touching grains is a clump of a
+/// cloud, and all grains count instead.
 const MIN_REMNANT_SHARE: f64 = 0.1;
 
 /// Grains, walls and volume of a region of a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
     pub kind: RegionKind,
-    /// m^3
+    /// Volume, m^3.
     pub volume: f64,
     /// Indices of the grains with their centre inside, rising.
     pub members: Vec<usize>,
-    /// Region that a user gives instead.
+    /// Region given by the user, if any.
     probe: Option<Probed>,
 }
 
-/// A region that a user gives, in one frame.
+/// Region given by the user, in one frame.
 #[derive(Debug, Clone, PartialEq)]
 struct Probed {
     shape: ProbeShape,
-    /// Sums of whole periods that bring grains of the cell into it, m.
+    /// Sums of whole periods that shift grains of the cell into the shape, m.
     shifts: Vec<Vec3>,
 }
 
 impl Region {
-    /// The region that fits the scene; `fragments`: groups of touching grains.
+    /// Returns the region that fits the scene; `fragments`: groups of touching grains.
     ///
-    /// Walls bound it by the faces of plates and convex polyhedra that have the centres of nearly all grains before them, and by
-    /// hollow cylinders around these; which are the grains of groups that a wall touches with force if these have half of the
-    /// mass or of the grains, else all. Under uniform gravity it ends at the mean plane of their surface, unless a lid is less than a mean diameter
-    /// above; without a plate below, at their lowest point. Where walls and periods leave a side open, or where nothing touches
-    /// them in a scene with self-gravity, it is the hull of the largest group (of those that a wall touches, if any), or of
-    /// all grains if that group has a single grain among others or less than a tenth of the mass and of the grains.
+    /// Walls bound it by the faces of plates and convex polyhedra that have the centres of nearly all grains before them,
+    /// and by hollow cylinders around these. The grains considered are the groups that a wall touches with force if these
+    /// have half of the mass or of the grains, else all grains. Under uniform gravity the region ends at the mean plane of
+    /// their surface, unless a lid is less than a mean diameter above; without a plate below, it begins at their lowest
+    /// point. If walls and periods leave a side open, or if nothing touches them in a scene with self-gravity, the region
+    /// is the hull of the largest group (of those that a wall touches, if any). It is the hull of all grains if that group
+    /// has a single grain among others or less than a tenth of the mass and of the grains.
     pub fn from_frame(frame: &Frame, fragments: &[Fragment]) -> Region {
         if frame.grains.is_empty() {
             return Region { kind: RegionKind::None, volume: f64::NAN, members: Vec::new(), probe: None };
@@ -114,8 +115,8 @@ impl Region {
         enclosed.unwrap_or_else(|| aggregate_region(frame, fragments))
     }
 
-    /// The region that a user gives; of a layer without walls or periods around it, and of a shape over more than
-    /// `MOST_IMAGES` cells, [`RegionKind::None`].
+    /// Returns the region given by the user. A layer without walls or periods around it, and a shape over more than
+    /// `MOST_IMAGES` cells, are [`RegionKind::None`].
     pub fn from_probe(frame: &Frame, fragments: &[Fragment], probe: &Probe) -> Region {
         let placed = match probe.placed_shape(frame, fragments) {
             Some(ProbeShape::Layer { from, to, .. }) => {
@@ -142,7 +143,7 @@ impl Region {
         self.members.iter().map(|&i| &frame.grains[i])
     }
 
-    /// Grains with the share of their volume that counts: that within a probe, else all of the members'.
+    /// Grains with the share of their volume that counts: the share within a probe, else all of each member's volume.
     fn volume_shares(&self, frame: &Frame) -> Vec<(usize, f64)> {
         let Some(probe) = &self.probe else { return self.members.iter().map(|&i| (i, 1.0)).collect() };
         let share = |grain: &Grain| -> f64 {
@@ -160,9 +161,10 @@ impl Region {
 
     /// Mean stress, Pa: (1/V) sum f (x) l over the contacts of its grains, walls too; > 0 in compression.
     ///
-    /// f is the force on the candidate, l the branch from the antagonist's centre to the candidate's, at a wall to or from the point of
-    /// contact: over grains between plates at rest, the force on a plate over its area. Of a probe each contact counts by the
-    /// share of its branch inside. Source: Love (1892), Weber (1966); shares: Babic (1997), a box weight along the branch.
+    /// f is the force on the candidate, l the branch from the antagonist's centre to the candidate's, at a wall to or from
+    /// the point of contact. Over grains between plates at rest, the stress is the force on a plate over its area. In a
+    /// probe each contact counts by the share of its branch inside. Source: Love (1892), Weber (1966); shares: Babic
+    /// (1997), a box weight along the branch.
     pub fn stress(&self, frame: &Frame) -> Mat3 {
         let end = |side: BodyIndex, image: Vec3, point: Vec3| match side {
             BodyIndex::Grain(i) => frame.grains[i].x_contact + image,
@@ -187,14 +189,14 @@ impl Region {
         frame.active_contacts().map(of).sum::<Mat3>() / self.volume
     }
 
-    /// A third of the trace of [`Region::stress`], Pa, mean over the steps since the snapshot before; NaN without one and of a
-    /// probe, as snapshots do not hold where in an interval forces acted.
+    /// A third of the trace of [`Region::stress`], Pa, mean over the steps since the snapshot before. NaN without an
+    /// interval and in a probe, as snapshots do not contain the positions at which forces acted in an interval.
     pub fn interval_pressure(&self, frame: &Frame) -> f64 {
         let SnapshotInterval { length, exchanges } = &frame.interval;
         if self.probe.is_some() || *length <= 0.0 {
             return f64::NAN;
         }
-        // Of a pair of which one grain is inside, half.
+        // Half of the exchange counts for a pair with one grain inside.
         let of = |exchange: &ImpulseExchange| {
             let grains = || exchange.sides.iter().filter_map(|side| side.grain_index());
             let inside = grains().filter(|&i| self.is_member(i)).count();
@@ -203,16 +205,16 @@ impl Region {
         exchanges.iter().map(of).sum::<f64>() / length / (3.0 * self.volume)
     }
 
-    /// Velocity of the centre of mass of what is inside, m/s.
+    /// Velocity of the centre of mass of the region's contents, m/s.
     fn mean_velocity(&self, frame: &Frame, shares: &[(usize, f64)]) -> Vec3 {
         let moment = |(i, share): &(usize, f64)| share * frame.grains[*i].mass * frame.grains[*i].v;
         let mass = |(i, share): &(usize, f64)| share * frame.grains[*i].mass;
         shares.iter().map(moment).sum::<Vec3>() / shares.iter().map(mass).sum::<f64>()
     }
 
-    /// Stress of the motion about the mean, Pa: (1/V) sum m v' (x) v', v' = v - v_com of what is inside.
+    /// Kinetic stress, Pa: (1/V) sum m v' (x) v', v' = v - v_com of the region's contents.
     ///
-    /// It is no part of [`Region::stress`]; a third of its trace is the pressure of the motion.
+    /// It is not included in [`Region::stress`]; a third of its trace is the pressure of the motion.
     pub fn kinetic_stress(&self, frame: &Frame) -> Mat3 {
         let shares = self.volume_shares(frame);
         let mean = self.mean_velocity(frame, &shares);
@@ -223,17 +225,17 @@ impl Region {
         shares.iter().map(of).sum::<Mat3>() / self.volume
     }
 
-    /// The pressure that balances the loads at rest, Pa: -(1/3V) (sum (x_i - x_com).F_i + sum (p - x_com).f).
+    /// Pressure that balances the loads at rest, Pa: -(1/3V) (sum (x_i - x_com).F_i + sum (p - x_com).f).
     ///
-    /// F_i is every force on a grain but those of contacts: self-gravity, also of grains outside, uniform gravity, fields; f that of a
-    /// wall at the point p. Self-gravity is homogeneous of degree -2 in the distances, so its sum over pairs inside is their potential
-    /// energy W itself and its share |W| / 3V, whatever the arrangement. Uniform gravity pulls at the centre of mass, and so adds nothing.
-    /// In axes that turn, Coriolis' force counts, too. NaN in a scene that repeats, where the bodies' own images hold them
-    /// too, and of a probe, at whose border contacts are cut.
+    /// F_i is the sum of the forces on a grain except those of contacts: self-gravity, also of grains outside, uniform
+    /// gravity, fields; f is the force of a wall at the point p. Self-gravity is homogeneous of degree -2 in the distances,
+    /// so its sum over pairs inside is their potential energy W itself and its share |W| / 3V, for any arrangement. Uniform
+    /// gravity acts at the centre of mass, and so adds nothing. In rotating axes Coriolis' force counts, too. NaN in a
+    /// periodic scene, where the bodies' own images support them too, and in a probe, at whose border contacts are cut.
     ///
-    /// At rest this equals the pressure of [`Region::stress`] exactly: the forces on each grain add up to zero. Turning
-    /// steadily, the pressure of the contacts is this less that of the motion. Forces imposed on single grains are not in a
-    /// snapshot and are not counted.
+    /// At rest this equals the pressure of [`Region::stress`] exactly: the forces on each grain add up to zero. In steady
+    /// rotation, the pressure of the contacts is this value less the pressure of the motion. Forces imposed on single
+    /// grains are not in a snapshot and are not counted.
     ///
     /// Source: the virial theorem of Clausius (1870).
     pub fn virial_pressure(&self, frame: &Frame, summation: PairSummation) -> f64 {
@@ -268,11 +270,11 @@ impl Region {
     }
 }
 
-/// Images of the cell that a probe may hold.
+/// Largest number of images of the cell in a probe.
 const MOST_IMAGES: f64 = 1e4;
 
-/// Sums of whole periods that bring grains of the cell, or contacts of these, into a shape: none but zero without periods, and of
-/// a layer, which has all of the cell. None for more than `MOST_IMAGES`.
+/// Sums of whole periods that shift grains of the cell, or contacts of these, into a shape. Only zero without periods and
+/// for a layer, which contains the whole cell. None for more than `MOST_IMAGES`.
 fn shifts(frame: &Frame, shape: &ProbeShape) -> Option<Vec<Vec3>> {
     let Some((centre, half)) = shape.bounds() else { return Some(vec![Vec3::zeros()]) };
     // Branches reach from a grain of the cell to the centre of a neighbour.
@@ -294,7 +296,7 @@ fn shifts(frame: &Frame, shape: &ProbeShape) -> Option<Vec<Vec3>> {
     Some(along(0).flat_map(|x| along(1).map(move |y| Vec3::new(x, y, 0.0))).collect())
 }
 
-/// The hull of the largest group, or of all grains where that is no remnant.
+/// Hull of the largest group, or of all grains if that group is not a remnant.
 fn aggregate_region(frame: &Frame, fragments: &[Fragment]) -> Region {
     let mut touched = vec![false; frame.grains.len()];
     let walls = frame.active_contacts().filter(|contact| contact.grain_pair().is_none());
@@ -315,7 +317,7 @@ fn aggregate_region(frame: &Frame, fragments: &[Fragment]) -> Region {
     Region { kind, volume: hull::hull_volume(&balls.collect::<Vec<_>>()), members, probe: None }
 }
 
-/// Sides of the polygon that stands for a hollow cylinder, of the same area.
+/// Number of sides of the polygon that approximates a hollow cylinder; it has the same area.
 const POLYGON_SIDES: usize = 360;
 
 /// Walls and periods around grains.
@@ -323,17 +325,17 @@ struct GrainEnclosure<'a> {
     frame: &'a Frame,
     faces: Vec<WallFace>,
     bores: Vec<CylinderBore>,
-    /// Space between them.
+    /// Space between the walls and periods.
     space: ConvexPolytope,
-    /// The grains by which they were chosen.
+    /// Grains by which walls and periods were chosen.
     core: Vec<usize>,
-    /// Against uniform gravity, of a scene that repeats along z; None without.
+    /// Direction against uniform gravity, in a periodic scene along z; None without gravity.
     up: Option<Vec3>,
     mean_diameter: f64,
 }
 
 impl<'a> GrainEnclosure<'a> {
-    /// None without walls and periods, and where nothing touches walls while grains hold together by their own gravity.
+    /// Returns None without walls and periods, and if nothing touches walls while self-gravity binds the grains.
     fn from_frame(frame: &'a Frame, fragments: &[Fragment]) -> Option<GrainEnclosure<'a>> {
         let cell = frame.cell();
         if frame.grains.is_empty() || frame.walls.is_empty() && !cell.is_periodic() {
@@ -457,8 +459,8 @@ impl<'a> GrainEnclosure<'a> {
         (0..self.frame.grains.len()).filter(|&i| inside(&self.frame.grains[i].x)).collect()
     }
 
-    /// The layer between two heights (m) above the lowest point of the space, or of the grains where that is open, and its volume;
-    /// None where a side is open.
+    /// Returns the layer between two heights (m) above the lowest point of the space, or of the grains if the space is open
+    /// below, and its volume; None if a side is open.
     fn into_layer(mut self, from: f64, to: f64) -> Option<(ProbeShape, f64)> {
         let up = self.up.unwrap_or(Vec3::z());
         let [lowest, _] = self.height_range(&up);
@@ -470,11 +472,11 @@ impl<'a> GrainEnclosure<'a> {
     }
 }
 
-/// A convex polyhedron by its faces, within a cube that stands for what is open.
+/// Convex polyhedron by its faces, within a cube that bounds it on open sides.
 struct ConvexPolytope {
     faces: Vec<Vec<Vec3>>,
     centre: Vec3,
-    /// Half a side of the cube, m.
+    /// Half the side length of the cube, m.
     open: f64,
 }
 
@@ -496,7 +498,7 @@ impl ConvexPolytope {
         ConvexPolytope { faces, centre, open }
     }
 
-    /// Cuts off what is not at normal.x >= place; returns the area of the cut, m^2.
+    /// Cuts off the part with normal.x < place; returns the area of the cut, m^2.
     fn cut_below(&mut self, normal: &Vec3, place: f64) -> f64 {
         let value = |p: &Vec3| p.dot(normal) - place;
         let near = 1e-12 * self.open;
@@ -526,7 +528,7 @@ impl ConvexPolytope {
         area
     }
 
-    /// Whether nothing of it reaches the cube.
+    /// Whether the polyhedron is bounded: no part of it reaches the cube.
     fn is_closed(&self) -> bool {
         let within = |p: &Vec3| (p - self.centre).amax() < self.open * (1.0 - 1e-9);
         !self.faces.is_empty() && self.faces.iter().flatten().all(within)
@@ -537,7 +539,7 @@ impl ConvexPolytope {
         self.faces.iter().map(cone).sum()
     }
 
-    /// Its lowest point along a direction, m; None where that is open.
+    /// Lowest point along a direction, m; None if the polyhedron is open there.
     fn lowest_point(&self, up: &Vec3) -> Option<f64> {
         let lowest = self.faces.iter().flatten().min_by(|a, b| a.dot(up).total_cmp(&b.dot(up)))?;
         ((lowest - self.centre).amax() < self.open * (1.0 - 1e-9)).then(|| lowest.dot(up))
@@ -580,8 +582,8 @@ mod tests {
         Row::with_options(&scene.frame(), &choices)
     }
 
-    /// A simple cubic lattice of touching spheres of radius `r` from the origin, whose contacts carry the forces of the pressures `p` on
-    /// squares of side 2 r.
+    /// Simple cubic lattice of touching spheres of radius `r` from the origin, whose contacts carry the forces of the
+    /// pressures `p` on squares of side 2 r.
     fn lattice(scene: &mut Scene, counts: [usize; 3], r: f64, p: [f64; 3]) {
         let first = scene.snapshot.bodies.body_id.len();
         let number = |x: [usize; 3]| first + x[0] + counts[0] * (x[1] + counts[1] * x[2]);
@@ -601,7 +603,7 @@ mod tests {
         }
     }
 
-    /// Plates around such a lattice that press it, of those of `sides`: low and high x, y, z.
+    /// Plates that compress such a lattice, on those of `sides`: low and high x, y, z.
     fn plates(scene: &mut Scene, counts: [usize; 3], r: f64, p: [f64; 3], sides: &[usize]) {
         let size = counts.map(|count| 2.0 * r * count as f64);
         for &side in sides {
@@ -752,7 +754,7 @@ mod tests {
             let found = region(&frame);
             assert_eq!(found.kind, RegionKind::Walls);
             assert_close(found.volume, volume, 1e-12);
-            // With gravity across it, the drum holds a bed.
+            // If gravity acts across the axis, the drum contains a bed.
             if axis == 0 {
                 frame.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
                 let bed = region(&frame);
@@ -837,9 +839,9 @@ mod tests {
         scene.push(second, moon, 1.0);
         let with = row(&scene);
         assert_eq!((with.nu, with.Z, with.pressure), (alone.nu, alone.Z, alone.pressure));
-        // Those of the ball around all grains are nearly nothing, and neighbours of all fewer.
+        // Values in the ball around all grains are nearly zero, and the neighbours of all grains are fewer.
         assert!(with.nu_sphere < 1e-6 && with.pressure_sphere < 1e-6 * with.pressure && with.Z_all < with.Z);
-        // Their pull is no part of the balance within but for tides.
+        // The pull of the outer grains changes the balance within the first only by tides.
         assert_close(with.pressure_virial, alone.pressure_virial, 1e-5);
     }
 
@@ -862,7 +864,7 @@ mod tests {
         }
         assert_eq!(row(&scene).nu, alone.nu);
         assert_close(probed(&scene, "ball:2@largest").nu, PI / 6.0, 0.1);
-        // Of two remnants of many grains the heavier one counts, though it has fewer.
+        // Of two remnants of many grains the heavier one counts, even with fewer grains.
         let first = scene.snapshot.bodies.body_id.len();
         for k in 0..40 {
             scene.grain([-900.0 + 6.0 * f64::from(k), 0.0, 0.0], 3.0);

@@ -1,8 +1,7 @@
 //! Stress carried by the contacts.
 //!
-//! Positions are those where the contacts were looked for ([`Grain::x_contact`]): forces act there
-//! in the time-stepping scheme, so that the balance between both pressures holds to the solver's
-//! tolerance, not just to first order in the step.
+//! Positions are those of contact detection ([`Grain::x_contact`]): forces act there in the time-stepping scheme, so that
+//! the balance between both pressures holds to the solver's tolerance, not just to first order in the step.
 
 use crate::derive::fabric::eigenvalues;
 use crate::frame::{Frame, Grain, Mat3, Vec3};
@@ -33,23 +32,23 @@ pub fn pressure(stress: &Mat3) -> f64 {
 
 /// Stress of the motion about the centre of mass, Pa: (1/V) sum m v' (x) v', v' = v - v_com.
 ///
-/// It is no part of [`mean_stress`]; a third of its trace is the pressure of the motion.
+/// It is not included in [`mean_stress`]; a third of its trace is the pressure of the motion.
 pub fn kinetic_stress(grains: &[Grain], velocity: Vec3, volume: f64) -> Mat3 {
     let of = |g: &Grain| g.mass * (g.v - velocity) * (g.v - velocity).transpose();
     grains.iter().map(of).sum::<Mat3>() / volume
 }
 
-/// Invariants of a stress, of its symmetric part.
+/// Invariants of the symmetric part of a stress.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StressInvariants {
     /// Principal stresses, largest first, Pa, > 0 in compression.
     pub principal: [f64; 3],
     /// sqrt(J_2), Pa: J_2 = s:s / 2 of the deviator s.
     pub sqrt_j2: f64,
-    /// sqrt(J_2) / I_1, I_1 = tr sigma: what a material without cohesion needs of the Drucker-Prager
-    /// coefficient s = 2 sin(phi) / (sqrt(3) (3 - sin(phi))).
+    /// sqrt(J_2) / I_1, I_1 = tr sigma: Drucker-Prager coefficient s = 2 sin(phi) / (sqrt(3) (3 - sin(phi))) that a
+    /// material without cohesion needs.
     pub drucker_prager: f64,
-    /// The angle phi to which that belongs, rad.
+    /// Friction angle phi of that coefficient, rad.
     pub friction_angle: f64,
 }
 
@@ -63,7 +62,7 @@ impl StressInvariants {
         let sqrt_j2 = (0.5 * deviator.norm_squared()).sqrt();
         let share = sqrt_j2 / trace;
         let root = 3f64.sqrt();
-        // More than 1 where no friction alone can hold it, and where the mean stress is tension: not defined.
+        // The sine exceeds 1 if no friction alone can balance the stress, and if the mean stress is tension: not defined.
         let sine = 3.0 * root * share / (2.0 + root * share);
         let friction_angle = if (0.0..=1.0).contains(&sine) { sine.asin() } else { f64::NAN };
         StressInvariants { principal: eigenvalues(&symmetric), sqrt_j2, drucker_prager: share, friction_angle }
@@ -120,7 +119,7 @@ mod tests {
 
     #[test]
     fn two_spheres_under_their_own_gravity() {
-        // f = G m^2 / (2r)^2 holds them apart, W = -G m^2 / 2r.
+        // f = G m^2 / (2r)^2 keeps them apart, W = -G m^2 / 2r.
         let (r, constant) = (0.5, 6.67430e-11);
         let mut scene = Scene::self_gravitating(constant);
         let (i, j) = (scene.grain([3.0, 0.0, 0.0], r), scene.grain([3.0 + 2.0 * r, 0.0, 0.0], r));
@@ -252,7 +251,7 @@ mod tests {
         let frame = scene.frame();
         let inner = grain_stresses(&frame)[row([1, 2, 1])] * frame.grains[0].volume();
         assert!((inner - Mat3::from_diagonal(&p.into())).norm() < 1e-14);
-        // Of the whole: side^2 (side - 1) contacts along each axis in a volume of side^2 (side - 1).
+        // The whole has side^2 (side - 1) contacts along each axis in a volume of side^2 (side - 1).
         let whole = mean_stress(&frame, 48.0);
         assert!((whole - Mat3::from_diagonal(&p.into())).norm() < 1e-14);
         let moving = kinetic_stress(&frame.grains, Vec3::new(1.0, 0.0, 0.0), 2.0);

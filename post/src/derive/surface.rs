@@ -13,7 +13,7 @@ use crate::frame::{Contact, Frame, Grain, Vec3};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DirectionGrid {
     pub latitudes: usize,
-    /// Even, so that a meridian goes on beyond the pole.
+    /// Number of cells along a parallel; even, so that a meridian continues beyond the pole.
     pub longitudes: usize,
 }
 
@@ -55,7 +55,7 @@ impl DirectionGrid {
         (0..self.len()).map(|k| across * 2.0 * self.cell_angles(k).0.cos() * (0.5 * up).sin()).collect()
     }
 
-    /// The cell `north` rows and `east` columns on; beyond a pole the meridian goes on half around.
+    /// Index of the cell `north` rows and `east` columns away; beyond a pole the meridian continues on the opposite side.
     fn neighbour_cell(&self, k: usize, north: isize, east: isize) -> usize {
         let (mut row, mut column) = ((k / self.longitudes) as isize + north, (k % self.longitudes) as isize + east);
         let last = self.latitudes as isize - 1;
@@ -67,13 +67,13 @@ impl DirectionGrid {
     }
 }
 
-/// The surface in one direction.
+/// Point of the surface in one direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceFacet {
-    /// rad
+    /// Latitude and longitude, rad.
     pub latitude: f64,
     pub longitude: f64,
-    /// m
+    /// Position, m.
     pub x: Vec3,
     /// Distance from the centre of mass, m; NaN where no ray meets a grain.
     pub height: f64,
@@ -81,20 +81,20 @@ pub struct SurfaceFacet {
     pub gravity: Vec3,
     /// Area of the surface in the cell, m^2.
     pub area: f64,
-    /// Angle between the outward normal and the direction against gravity less what noise makes of it, rad: 0 level, above
-    /// pi/2 where loose material is shed. NaN without gravity and spin, where nothing is level.
+    /// Angle between the outward normal and the direction against gravity, corrected for noise, rad: 0 if level, above pi/2
+    /// if loose material is shed. NaN without gravity and spin, which leave no level direction.
     pub slope: f64,
-    /// Standard error of the gradient that single grains leave, as an angle, rad.
+    /// Standard error of the gradient due to single grains, as an angle, rad.
     pub error: f64,
 }
 
 /// Heights, effective gravity and slopes of the grains `members` with the sums `whole`.
 ///
-/// Rays from the centre of mass to the last surface of a sphere give the heights (of a polyhedron the sphere of
-/// equal volume); height and normal are those of the plane of least squares through the heights, over the arcs along the surface,
-/// within `reach` mean radii ([`PlaneFit`]), a quarter of the way round at most. Gravity is that of all
-/// grains of the frame, each a solid ball, and of the primaries, and what `in_own_axes` adds; `constant`: G. The spin is that of
-/// `whole`, in fixed axes.
+/// Rays from the centre of mass to the last surface of a sphere give the heights (a polyhedron counts as the sphere of
+/// equal volume). Height and normal are those of the least-squares plane through the heights, over the arcs along the
+/// surface, within `reach` mean radii ([`PlaneFit`]), at most a quarter of the circumference. Gravity is that of all grains
+/// of the frame, each a solid ball, and of the primaries, and `acceleration_in_own_axes`; `constant`: G. The spin is
+/// that of `whole`, in fixed axes.
 pub fn aggregate_surface(
     frame: &Frame,
     members: &[usize],
@@ -116,7 +116,7 @@ pub fn aggregate_surface(
     let gradient = |k: usize| fits[k].map_or([f64::NAN; 2], |plane| plane.gradient);
     let mut facets = facets_of(&heights, gradient, whole.x, whole.spin(), gravity, grid);
     for (facet, fit) in facets.iter_mut().zip(&fits) {
-        // Of a rise by the arc, over the distance from the centre.
+        // Slope by the arc, over the distance from the centre.
         let noise = fit.map_or(f64::NAN, |plane| (density * plane.variance).sqrt() / plane.height);
         facet.error = noise.atan();
         facet.slope = without_noise(facet.slope, noise);
@@ -124,18 +124,18 @@ pub fn aggregate_surface(
     facets
 }
 
-/// Root mean square of the errors of a surface, as an angle, rad, by area; NaN without.
+/// Root mean square of the errors of a surface, as an angle, rad, weighted by area; NaN without errors.
 pub fn rms_noise(facets: &[SurfaceFacet]) -> f64 {
     let known = || facets.iter().filter(|facet| facet.error.is_finite() && facet.area.is_finite());
     let sum: f64 = known().map(|facet| facet.area * facet.error.tan().powi(2)).sum();
     (sum / known().map(|facet| facet.area).sum::<f64>()).sqrt().atan()
 }
 
-/// Acceleration everywhere in axes that move with the centre of mass of the grains `members`, m/s^2.
+/// Uniform part of the acceleration in axes that move with the centre of mass of the grains `members`, m/s^2.
 ///
-/// Where a wall touches one of them with force they rest in the axes of the scene: uniform gravity, and of axes that turn
-/// the centrifugal acceleration of their centre of mass. Else they fall freely: against the mean pull of primaries and other
-/// grains, so that tides are left of these, and uniform gravity is not felt.
+/// If a wall touches one of them with force, they rest in the axes of the scene: the acceleration is uniform gravity and,
+/// in rotating axes, the centrifugal acceleration of their centre of mass. Otherwise they fall freely: the acceleration is
+/// opposite to the mean pull of primaries and other grains, of which only tides remain, and uniform gravity has no effect.
 fn acceleration_in_own_axes(
     frame: &Frame,
     members: &[usize],
@@ -157,7 +157,7 @@ fn acceleration_in_own_axes(
         let of_others = others.iter().map(|other| ball_attraction(other, grain.x)).sum::<Vec3>() * constant;
         (of_others + primary_attraction(fields, grain.x)) * grain.mass
     };
-    // Summed in one order, whatever the number of threads.
+    // Summed in one order, independent of the number of threads.
     let pulls: Vec<Vec3> = members.par_iter().map(pull).collect();
     -pulls.iter().sum::<Vec3>() / whole.mass
 }
@@ -171,7 +171,7 @@ fn primary_attraction(fields: &[FieldModel], x: Vec3) -> Vec3 {
         .sum()
 }
 
-/// Distance along each direction from `centre` to the last surface of a grain, m; NaN without.
+/// Distance along each direction from `centre` to the last surface of a grain, m; NaN if no grain is hit.
 pub fn surface_heights(grains: &[&Grain], centre: Vec3, grid: DirectionGrid) -> Vec<f64> {
     let height = |k: usize| {
         let [out, ..] = grid.cell_axes(k);
@@ -186,8 +186,8 @@ pub fn surface_heights(grains: &[&Grain], centre: Vec3, grid: DirectionGrid) -> 
     (0..grid.len()).into_par_iter().map(height).collect()
 }
 
-/// Planes through the raw heights over the arcs to the east and north (rad), within `length` (m) on the surface: their heights,
-/// the planes, and the density of the noise that grains are on it, by patches of the radius `diameter` (m).
+/// Planes through the raw heights over the arcs to the east and north (rad), within `length` (m) on the surface. Returns
+/// their heights, the planes, and the density of the noise of single grains, from patches of the radius `diameter` (m).
 fn fit_planes(
     raw: &[f64],
     length: f64,
@@ -245,11 +245,11 @@ pub fn ball_attraction(grain: &Grain, x: Vec3) -> Vec3 {
     d * (grain.mass / distance.powi(3))
 }
 
-/// The surface of known heights about `centre`: normals by central differences, gravity as given, the
-/// centrifugal acceleration of `spin` (rad/s).
+/// Surface of known heights about `centre`: normals by central differences, gravity as given, the centrifugal acceleration
+/// of `spin` (rad/s).
 ///
-/// Of r = h u the normal is along n = h u - (dh/dlatitude) north - (dh/dlongitude / cos latitude) east, and the area is
-/// h |n| for each unit of solid angle.
+/// The normal of r = h u is along n = h u - (dh/dlatitude) north - (dh/dlongitude / cos latitude) east, and the area per
+/// unit of solid angle is h |n|.
 pub fn surface_facets(
     heights: &[f64],
     centre: Vec3,
@@ -265,7 +265,7 @@ pub fn surface_facets(
     facets_of(heights, gradient, centre, spin, gravity, grid)
 }
 
-/// The same with `gradient`, how the heights rise by the arc to the east and to the north, m/rad.
+/// Surface facets with `gradient`, the derivatives of the heights by the arc to the east and to the north, m/rad.
 fn facets_of(
     heights: &[f64],
     gradient: impl Fn(usize) -> [f64; 2] + Sync,
@@ -298,7 +298,7 @@ fn facets_of(
     (0..grid.len()).into_par_iter().map(facet).collect()
 }
 
-/// The slopes (rad) that these shares of the surface are below, by area; none where no slope is known.
+/// Quantiles of the slopes at these shares of the area, rad; empty if no slope is known.
 pub fn slopes_below(facets: &[SurfaceFacet], shares: &[f64]) -> Vec<f64> {
     let mut known: Vec<(f64, f64)> = facets.iter().map(|f| (f.slope, f.area)).filter(|(s, _)| s.is_finite()).collect();
     known.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -398,7 +398,7 @@ mod tests {
 
     #[test]
     fn a_ball_that_rests_in_turning_axes_is_pulled_to_its_equator() {
-        // As above: without motion in the axes, but with their rate, w^2 = G M / 2 R^3.
+        // Same values as above: without motion in the axes, but with their rate, w^2 = G M / 2 R^3.
         let (constant, radius) = (3.0, 2.0);
         let mut scene = Scene::self_gravitating(constant);
         scene.grain([1.0, -2.0, 0.5], radius);
@@ -482,7 +482,7 @@ mod tests {
         let north = FINE.len() - 1; // a degree off the pole: 3 cos + sqrt(1/4 - 9 sin^2)
         let (sin, cos) = (std::f64::consts::PI / 180.0).sin_cos();
         assert!((found[north] - 3.0 * cos - (0.25 - 9.0 * sin * sin).sqrt()).abs() < 1e-12);
-        // From outside of all, a ray that looks away meets nothing.
+        // From a point outside all grains, a ray away from them meets nothing.
         let aside = surface_heights(&grains, Vec3::new(10.0, 0.0, 0.0), FINE);
         assert!(aside.iter().any(|h| h.is_nan()) && aside.iter().any(|h| (*h - 11.0).abs() < 0.1));
     }
@@ -503,11 +503,11 @@ mod tests {
         // Rays slip between the outermost spheres, so that the height is up to a unit below the lattice's 12.
         let height = mean(&|f| f.height);
         assert!((11.0..12.5).contains(&height), "{height}");
-        // What the grains' own heights leave of slopes. The mean with weights w over heights of variance s^2, independent from
-        // one grain (an area A = 1) to the next, has a gradient of mean square s^2 A int |grad w|^2 / (int w)^2. For
-        // w = (1 - (r/L)^2)^2 on a disc the integrals are 4 pi / 3 and pi L^2 / 3: 12 s^2 A / (pi L^4). The length of a
-        // normal vector in a plane is sqrt(pi) / 2 of its root mean square. It is less here, by about two fifths:
-        // a gap between two grains is narrower than a grain.
+        // Contribution of the grains' own heights to slopes. The mean with weights w over heights of variance s^2,
+        // independent from one grain (an area A = 1) to the next, has a gradient of mean square s^2 A int |grad w|^2 / (int
+        // w)^2. For w = (1 - (r/L)^2)^2 on a disc the integrals are 4 pi / 3 and pi L^2 / 3: 12 s^2 A / (pi L^4). The
+        // length of a normal vector in a plane is sqrt(pi) / 2 of its root mean square. The measured value is less, by
+        // about two fifths: a gap between two grains is narrower than a grain.
         let grains: Vec<&Grain> = frame.grains.iter().collect();
         let raw = surface_heights(&grains, whole.x, DirectionGrid::STANDARD);
         let solid = |k: usize| DirectionGrid::STANDARD.cell_angles(k).0.cos();

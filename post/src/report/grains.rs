@@ -12,21 +12,21 @@ use crate::derive::stress::{grain_stresses, pressure};
 use crate::frame::{Frame, Grain, Vec3};
 use crate::is_evenly_chosen;
 
-/// States on a page at most, and bytes of their numbers: what a browser opens at once.
+/// Largest number of states on a page, and bytes of their numbers, so that a browser opens it at once.
 const MAX_STATES: usize = 60;
 const MAX_PAGE_BYTES: usize = 20_000_000;
 
-/// What the page keeps of a snapshot.
+/// Data of a snapshot on the page.
 pub struct PageState {
     step: u64,
-    /// s
+    /// Time, s.
     time: f64,
-    /// What stays in the middle of the view, m: the centre of mass of all grains, or a place where there are walls or
-    /// borders to see them pass.
+    /// Centre of the view, m: the centre of mass of all grains, or the origin if there are walls or borders, to show how
+    /// the grains pass them.
     centre: Vec3,
-    /// Of the grains, m.
+    /// Positions of the grains, m.
     positions: Vec<Vec3>,
-    /// Quaternions, scalar part last, where a grain is no sphere about its centre; empty otherwise.
+    /// Quaternions of the grains, scalar part last, if a grain is no sphere about its centre; empty otherwise.
     rotations: Vec<f32>,
     /// Values of the grains, in the order of [`TIME_DEPENDENT`].
     values: [Vec<f64>; TIME_DEPENDENT.len()],
@@ -36,7 +36,7 @@ pub struct PageState {
 const TIME_DEPENDENT: [(&str, &str); 4] = [("contacts", "1"), ("pressure", "Pa"), ("speed", "m/s"), ("fragment", "1")];
 
 impl PageState {
-    /// That of snapshot `k` of `count`, if it is one of those that a page has room for; the last always is.
+    /// Returns the state of snapshot `k` of `count` if it is one of those that fit on a page; the last one always is.
     pub fn from_frame(k: usize, count: usize, frame: &Frame) -> Option<PageState> {
         let grains = &frame.grains;
         let turning = grains.iter().any(|grain| grain.solid.is_some());
@@ -68,10 +68,10 @@ fn grain_rotation(grain: &Grain) -> [f32; 4] {
     grain.rotation.coords.map(|component| component as f32).into()
 }
 
-/// Balls and triangles in the frames of the grains that they belong to; the states, in time, with places and turns; and the
-/// quantities to colour by.
+/// Returns the balls and triangles in the frames of their grains; the states, in time, with positions and rotations; and
+/// the quantities for colours.
 ///
-/// `radius` frames the picture: the largest fragment of `last`, with its middle at the origin; `reach` holds all grains in
+/// `radius` frames the picture: the largest fragment of `last`, with its middle at the origin; `reach` covers all grains in
 /// all states.
 pub fn page_json(states: &[PageState], last: &Frame) -> String {
     let grains = &last.grains;
@@ -104,7 +104,7 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
     }
     let ball = enclosing_ball(&chosen);
     let (middle, radius) = if chosen.is_empty() { (Vec3::zeros(), 1.0) } else { (ball.centre, ball.radius) };
-    // From the middle of the last state, and of the others where that would be if it moved as the centre does.
+    // Relative to the middle of the last state, shifted in the other states by the motion of the centre.
     let end = states.last().map_or(Vec3::zeros(), |state| state.centre);
     let seen = |state: &PageState| -> Vec<Vec3> {
         let origin = middle - end + state.centre;
@@ -171,7 +171,7 @@ fn quantity_json((name, unit): (&str, &str), states: &[&[f64]]) -> Value {
     json!({ "name": name, "unit": unit, "low": low, "high": high, "states": in_time })
 }
 
-/// What 98 of 100 values lie in, so that one grain does not set the colours.
+/// Range of the central 98 of 100 values, so that a single grain does not set the colours.
 fn central_range(mut values: Vec<f64>) -> (f64, f64) {
     values.sort_by(f64::total_cmp);
     let at = |share: f64| values.get(((values.len() - 1) as f64 * share).round() as usize).copied().unwrap_or(0.0);

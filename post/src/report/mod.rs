@@ -1,4 +1,4 @@
-//! `cd-post report`: a run on one page, which needs no network and no other file.
+//! `cd-post report`: a run on one page without external resources.
 
 mod grains;
 
@@ -18,7 +18,7 @@ use crate::write::plots::PLOTS;
 use crate::write::scale::format_six_digits;
 use crate::{Measures, Options, compare, measure_series, outside_of_layers, state, write};
 
-/// Figures of the last state, with their captions, in which REACH is that of slopes.
+/// Figures of the last state, with their captions, in which REACH is replaced by the reach of slopes.
 const STATE_FIGURES: [(&str, &str); 12] = [
     ("layers_nu.svg", "Share of layers parallel to the floor that the grains of the bed fill."),
     ("layers_Z.svg", "Neighbours that a grain touches with force, by the layer of the grain's centre."),
@@ -71,7 +71,7 @@ const PLOT_CAPTIONS: [(&str, &str); 6] = [
     ("dissipation.svg", "Work of the contacts since the start, by friction and by shocks; negative is dissipated."),
 ];
 
-/// Measures the case as cd-post does without ParaView files, and writes `POSTPRO/report.html`; returns its path and notes for
+/// Measures the case like cd-post without ParaView files, and writes `POSTPRO/report.html`; returns its path and notes for
 /// the user.
 pub fn write(dir: &Path, every: u32, measures: &Measures) -> Result<(PathBuf, Vec<String>), Faults> {
     let measures = measures.clone();
@@ -97,8 +97,8 @@ fn escape_html(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
-/// The text of the page; `rows` and `states` hold at least that of `last`, whose tables and figures, with
-/// slopes over `reach` mean radii or the default, are `depth`.
+/// Text of the page; `rows` and `states` contain at least those of `last`. `depth`: tables and figures of `last`, with
+/// slopes over `reach` mean radii or the default.
 fn page_html(
     dir: &Path,
     rows: &[Row],
@@ -153,14 +153,14 @@ fn page_html(
         let reach_text = format_six_digits(reach.unwrap_or(default));
         let files: BTreeMap<&str, Vec<u8>> = depth.into_iter().collect();
         for (file, caption) in STATE_FIGURES {
-            // Where nothing has left, there is nothing to draw.
+            // If nothing has left, there is nothing to draw.
             let table = files.get(file.replace(".svg", ".csv").as_str());
             let empty = table.is_some_and(|csv| csv.iter().filter(|byte| **byte == b'\n').count() < 2);
             if let Some(svg) = files.get(file).filter(|_| !empty) {
                 put(&figure_html(&String::from_utf8_lossy(svg), &caption.replace("REACH", &reach_text)));
             }
         }
-        // Its gradients have names that only one picture of a page may use.
+        // The gradients of this picture have names that only one picture of a page may use.
         put(&figure_html(
             &write::picture::svg(last, write::picture::PictureColouring::Neighbours),
             "Grains by their neighbours, from the front, a little from the right and above.",
@@ -177,7 +177,7 @@ fn figure_html(svg: &str, caption: &str) -> String {
     format!("<figure>{svg}<figcaption>{caption}</figcaption></figure>\n")
 }
 
-/// The columns of the series at the end, with unit and meaning.
+/// Columns of the series at the end, with unit and meaning.
 fn numbers_html(row: &Row) -> String {
     let mut text = String::from("<table><tr><th>quantity</th><th>value</th><th>unit</th><th></th></tr>\n");
     for ((name, unit, help), (value, exact)) in Row::COLUMNS.iter().zip(row.numbers().into_iter().zip(row.texts())) {
@@ -198,7 +198,8 @@ fn numbers_html(row: &Row) -> String {
     text + "</table>\n"
 }
 
-/// Parameters, laws, cost and errors of the run; `first`: step of its first snapshot, above 0 where it keeps the time of another.
+/// Parameters, laws, cost and errors of the run; `first`: step of its first snapshot, above 0 if it continues the time of
+/// another run.
 fn run_html(dir: &Path, first: u64, last: &Frame, seconds: &[(&str, f64)]) -> String {
     let (meta, ledger) = (&last.meta, &last.meta.ledger);
     let mut rows: Vec<(String, String)> = Vec::new();
@@ -240,7 +241,8 @@ fn run_html(dir: &Path, first: u64, last: &Frame, seconds: &[(&str, f64)]) -> St
     text
 }
 
-/// Steps in the rows of a log up to step `last`: one each, unless a column says how many; none without the log.
+/// Number of steps in the rows of a log up to step `last`: one for each row, unless a column contains their number; None
+/// without the log.
 fn logged_steps(path: &Path, last: u64) -> Option<u64> {
     let text = atomic::read_text(path).ok()?;
     let mut lines = text[..text.rfind('\n').unwrap_or(0)].lines();
@@ -253,7 +255,7 @@ fn logged_steps(path: &Path, last: u64) -> Option<u64> {
     Some(lines.filter_map(steps).sum())
 }
 
-/// Seconds spent in each stage, the sums of the columns of TIMER.csv; none where there is no such file.
+/// Seconds spent in each stage, the sums of the columns of TIMER.csv; none if there is no such file.
 fn stage_seconds(path: &Path) -> Result<Vec<(&'static str, f64)>, Faults> {
     if !atomic::path_exists(path) {
         return Ok(Vec::new());

@@ -27,7 +27,7 @@ use crate::derive::motion::AggregateSums;
 use crate::derive::stress::{grain_stresses, kinetic_stress, pressure};
 use crate::frame::{BodyIndex, Frame, Grain, Mat3, PeriodicCell, Vec3, Wall, WallShape};
 
-/// The kinds of files, each with its collection.
+/// Kinds of files, each with its collection.
 pub const FILE_KINDS: [&str; 4] = ["grains", "polyhedra", "contacts", "walls"];
 
 /// `grains-000012.vtp`
@@ -35,7 +35,7 @@ pub fn file_name(kind: &str, step: u64) -> String {
     format!("{kind}-{step:06}.vtp")
 }
 
-/// Whether a file of this name in `DISPLAY` is one that this program writes.
+/// Whether this program writes a file of this name in `DISPLAY`.
 pub fn is_display_file(name: &str) -> bool {
     FILE_KINDS.iter().any(|kind| {
         let rest = name.strip_prefix(kind).unwrap_or_default();
@@ -55,7 +55,7 @@ pub fn grains_vtp(frame: &Frame) -> Vec<u8> {
     })
 }
 
-/// The faces of the grains that are polyhedra; each carries what its grain does in [`grains_vtp`].
+/// The faces of the polyhedral grains; each has the arrays of its grain in [`grains_vtp`].
 pub fn polyhedra_vtp(frame: &Frame) -> Vec<u8> {
     let (mut points, mut faces, mut rows) = (vec![], vec![], vec![]);
     for (row, grain) in frame.grains.iter().enumerate() {
@@ -74,7 +74,7 @@ pub fn polyhedra_vtp(frame: &Frame) -> Vec<u8> {
     })
 }
 
-/// What is known of grains: the arrays of the grains in `rows`.
+/// Arrays of the grains in `rows`.
 fn grain_arrays(frame: &Frame, rows: &[usize]) -> Vec<Attribute> {
     let grains: Vec<&Grain> = rows.iter().map(|&row| &frame.grains[row]).collect();
     let (stresses, contacts) = (grain_stresses(frame), contact_counts(frame));
@@ -114,8 +114,8 @@ fn grain_arrays(frame: &Frame, rows: &[usize]) -> Vec<Attribute> {
     ]
 }
 
-/// Points and lines of the contacts: the grains in their order, then points on walls and the centres of images, so that lines
-/// meet the grains of `grains-NNNNNN.vtp` exactly; the candidate first.
+/// Points and lines of the contacts: the grains in their order, then points on walls and the centres of images. Lines end
+/// exactly at the grains of `grains-NNNNNN.vtp`; the candidate is first.
 fn contact_lines(frame: &Frame) -> (Vec<Vec3>, Vec<[u64; 2]>) {
     let mut points: Vec<Vec3> = frame.grains.iter().map(|g| g.x).collect();
     let lines = frame
@@ -176,11 +176,11 @@ pub fn contacts_vtp(frame: &Frame) -> Vec<u8> {
     })
 }
 
-/// The corners of a box by the bits of their number (x, y, z), and its faces, outward, by corners.
+/// Faces of a box, outward, by corners; the bits of a corner's number are its sides along x, y and z.
 const BOX_FACES: [[u64; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
-/// Where a wall is drawn: in a scene that repeats, that of its images with the centre in the cell, along axes in which a plate
-/// is shorter than a period.
+/// Position at which a wall is drawn: in a periodic scene, that of its image with the centre in the cell, along axes in
+/// which a plate is shorter than a period.
 fn drawn_position(wall: &Wall, cell: &PeriodicCell) -> Vec3 {
     let moved = cell.nearest_period(wall.x);
     let fits = |axis: usize| match (&wall.shape, cell.0.get(axis)) {
@@ -240,10 +240,10 @@ pub fn walls_vtp(frame: &Frame) -> Vec<u8> {
     })
 }
 
-/// `view.py`: what shows the files of this folder in ParaView without a step by hand. A folder whose name is not UTF-8 no text
-/// can name: it is that in which ParaView is started.
+/// `view.py`: script that shows the files of this folder in ParaView. If the name of the folder is not UTF-8, the script
+/// uses the folder in which ParaView is started.
 pub fn view_script(folder: &Path) -> String {
-    // What JSON writes as a text, Python reads as the same.
+    // Python reads JSON text as the same string.
     let path = serde_json::to_string(folder.to_str().unwrap_or(".")).expect("a text");
     include_str!("view.py").replace("\"@FOLDER@\"", &path)
 }
@@ -267,7 +267,7 @@ where
     component_attribute(name, 1, values)
 }
 
-/// So many numbers for each.
+/// Attribute with `count` numbers for each point or cell.
 fn component_attribute<T>(name: &str, count: u32, values: Vec<T>) -> Attribute
 where
     IOBuffer: From<Vec<T>>,
@@ -279,7 +279,7 @@ pub(crate) fn vector_attribute(name: &str, values: impl Iterator<Item = Vec3>) -
     Attribute::DataArray(DataArray::vectors(name).with_data(IOBuffer::from(flat_components(values))))
 }
 
-/// Row by row.
+/// Attribute of tensors, row by row.
 fn tensor_attribute(name: &str, values: &[Mat3]) -> Attribute {
     let rows: Vec<f64> = values.iter().flat_map(|m| m.transpose().as_slice().to_vec()).collect();
     Attribute::DataArray(DataArray::tensors(name).with_data(IOBuffer::from(rows)))
@@ -367,7 +367,7 @@ mod tests {
         let mut long = beyond.walls[1].clone();
         long.shape = WallShape::Plate(Vec3::new(1.0, 5.0, 0.1));
         assert_eq!(drawn_position(&long, &beyond.cell()), long.x);
-        // The line of the contact goes from the grain to the ball beside it, which is an image of the one that is drawn.
+        // The line of the contact ends at the image of the ball that touches, not at the ball that is drawn.
         for frame in [inside, beyond] {
             let (points, lines) = contact_lines(&frame);
             let [ball, grain] = lines[0].map(|k| points[k as usize]);

@@ -1,7 +1,7 @@
 //! Curves in a plot with axes and a legend, as SVG text.
 //!
-//! The SVG files name a font family and leave the letters to the viewer: no font is needed to
-//! write them, and so the room for labels is by estimate.
+//! The SVG files name a font family and leave the letters to the viewer. No font is needed to write them, and so the size
+//! of labels is estimated.
 
 use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
 use plotters::element::DynElement;
@@ -10,13 +10,13 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use crate::write::scale::{digits_needed, format_digits, to_superscript, unit_prefix};
 
-/// What an axis shows.
+/// Quantity, unit and scaling of an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FigureAxis {
     pub quantity: String,
-    /// "1" for a number without unit.
+    /// Unit; "1" for a number without unit.
     pub unit: String,
-    /// In powers of ten; values under 1e-14 of the largest, round-off, are left out.
+    /// Whether the axis is in powers of ten; values under 1e-14 of the largest, round-off, are left out.
     pub logarithmic: bool,
 }
 
@@ -34,7 +34,7 @@ impl FigureAxis {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
     pub name: String,
-    /// In the units of the axes; a y that is not finite parts the line.
+    /// Points in the units of the axes; a y that is not finite interrupts the line.
     pub points: Vec<(f64, f64)>,
     pub marks: CurveMarks,
 }
@@ -45,11 +45,11 @@ pub enum CurveMarks {
     Line,
     /// Dots alone.
     Dots,
-    /// A thin grey line: what is expected.
+    /// Thin grey line of expected values.
     Expected,
     /// A thin line in the colour of the curve before it, to which it is fitted.
     Fit,
-    /// Dots with the name beside them, not in the legend.
+    /// Dots with the name next to them, not in the legend.
     Named,
 }
 
@@ -67,41 +67,42 @@ pub struct Figure {
     pub curves: Vec<Curve>,
 }
 
-/// How a curve is drawn.
+/// Colour, width and repetition of a curve.
 struct CurveStyle {
     colour: RGBColor,
     width: u32,
-    /// How many curves had this colour before: what they are told apart by is the kind of dashes or dots.
+    /// Number of earlier curves with this colour; the kind of dashes or dots distinguishes them.
     repeat: usize,
 }
 
-/// Length of a dash and of the gap behind it, of curves that take a colour again.
+/// Lengths of a dash and of the gap after it, for curves that repeat a colour.
 const DASH_PATTERNS: [(u32, u32); 4] = [(8, 8), (2, 5), (14, 4), (3, 14)];
-/// Forms of a dot, one after the other of curves that take a colour again.
+/// Number of dot shapes, used in turn by curves that repeat a colour.
 const DOT_FORMS: usize = 4;
 const FIGURE_SIZE: (u32, u32) = (800, 450);
-/// Least width of what is beside the legend, and of a letter of the title: the picture gets wider where they ask for it.
+/// Least width of the plot without the legend, and width of a letter of the title; the picture is widened for longer
+/// titles.
 const MIN_PLOT_WIDTH: i32 = 400;
 const TITLE_LETTER: i32 = 10;
-/// Of the strip beside the plot, at least; it grows with the names.
+/// Least width of the legend; it grows with the names.
 const LEGEND_WIDTH: i32 = 150;
-/// Size of letters, and width of one, at most.
+/// Font size, and largest width of a letter.
 const FONT_SIZE: i32 = 16;
 const LETTER_WIDTH: i32 = 8;
-/// Rows of a column of the legend, at most, from where on, and how far they are apart at most.
+/// Largest number of rows in a column of the legend, position of the first row, and largest distance of rows.
 const LEGEND_ROWS: usize = 26;
 const FIRST_ROW: i32 = 60;
 const ROW_HEIGHT: i32 = 24;
-/// Radius of a dot with a name, and about that of others.
+/// Radius of a dot with a name, and approximate radius of others.
 const NAMED_DOT_RADIUS: i32 = 5;
 const DOT_RADIUS: i32 = 3;
-/// From the middle of a dot to its name.
+/// Distance from the middle of a dot to its name.
 const NAME_DISTANCE: i32 = NAMED_DOT_RADIUS + 3;
-/// Where a name may stand about its dot: steps to the right and down.
+/// Possible positions of a name about its dot: steps to the right and down.
 const NAME_DIRECTIONS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (1, 1), (-1, -1), (-1, 1)];
-/// Marks of an axis, at most.
+/// Largest number of marks on an axis.
 const MAX_AXIS_MARKS: usize = 7;
-/// Okabe & Ito (2008): told apart by colour-blind eyes too.
+/// Okabe & Ito (2008): distinguishable by colour-blind readers.
 const CURVE_COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -113,16 +114,16 @@ const CURVE_COLOURS: [RGBColor; 7] = [
 ];
 const INK: RGBColor = RGBColor(60, 60, 60);
 const GREY: RGBColor = RGBColor(150, 150, 150);
-/// More points than this are drawn as a line without marks.
+/// Largest number of points of a line with marks.
 const MAX_MARKED_POINTS: usize = 30;
-/// Share of the largest value below which a logarithmic axis shows nothing but round-off.
+/// Share of the largest value below which values on a logarithmic axis are round-off.
 const RELATIVE_ROUNDING: f64 = 1e-14;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 type DrawResult = Result<(), Box<dyn std::error::Error>>;
 
 impl Figure {
-    /// The text of the SVG file. Letters of names that XML does not know, such as an escape, are blanks.
+    /// Text of the SVG file. Characters of names that XML does not allow, such as an escape, are replaced by blanks.
     pub fn to_svg(&self) -> String {
         let mut text = String::new();
         let plot = (FIGURE_SIZE.0 as i32 - self.legend_width())
@@ -142,7 +143,7 @@ impl Figure {
         text.replace(unknown, " ")
     }
 
-    /// What is to be told of a figure with more curves than there are colours with dashes or forms of dots.
+    /// Warning about a figure with more curves than combinations of colours with dashes or dot shapes.
     pub fn repeated_style_warning(&self) -> Option<String> {
         let count = |marks: CurveMarks| self.curves.iter().filter(|curve| curve.marks == marks).count();
         let coloured = count(CurveMarks::Line) + count(CurveMarks::Dots);
@@ -227,7 +228,7 @@ impl Figure {
                 }
             }
         }
-        // Over the lines: the dots that have names, and these.
+        // Dots are drawn over the lines.
         let seen = |named: bool| {
             let curves =
                 self.curves.iter().zip(&curves).filter(move |(curve, _)| (curve.marks == CurveMarks::Named) == named);
@@ -254,7 +255,7 @@ impl Figure {
             let corners = [(around.left, around.upper), (around.right, around.lower)];
             let corners = corners.map(|(x, y)| (x - place.0, y - place.1));
             let ground = plotters::element::Rectangle::new(corners, WHITE.mix(0.8).filled());
-            // Letters may be narrower than their room: they begin or end at the dot.
+            // Letters may be narrower than the estimate: they begin or end at the dot.
             let anchor = [HPos::Right, HPos::Center, HPos::Left][(1 + side) as usize];
             let style = font_style(FONT_SIZE).pos(Pos::new(anchor, VPos::Top));
             EmptyElement::at(point) + ground + Text::new(name.to_string(), (side * NAME_DISTANCE, corners[0].1), style)
@@ -265,7 +266,7 @@ impl Figure {
         self.draw_legend(&right)
     }
 
-    /// What stands in the legend: the curve's number and name.
+    /// Entries of the legend: number and name of each curve.
     fn legend_entries(&self) -> Vec<(usize, String)> {
         let listed = self.curves.iter().enumerate().filter(|(_, curve)| curve.marks != CurveMarks::Named);
         let all = || self.curves.iter().flat_map(|curve| &curve.points);
@@ -285,7 +286,7 @@ impl Figure {
         ((36 + LETTER_WIDTH * longest) * listed.len().div_ceil(LEGEND_ROWS) as i32).max(LEGEND_WIDTH)
     }
 
-    /// The curves that are drawn first are wider, and where two are equal both are seen.
+    /// Style of curve k. Curves that are drawn first are wider, so that both of two equal curves are visible.
     fn curve_style(&self, k: usize) -> CurveStyle {
         let coloured = |c: &&Curve| matches!(c.marks, CurveMarks::Line | CurveMarks::Dots);
         let before = self.curves[..k].iter().filter(coloured).count();
@@ -295,7 +296,7 @@ impl Figure {
             width,
             repeat: number / CURVE_COLOURS.len(),
         };
-        // Of many curves wide ones would hide what the others do.
+        // Among many curves, wide ones would hide others.
         let lines = self.curves.iter().filter(|c| c.marks == CurveMarks::Line).count();
         let widest = if lines < 4 { 6 } else { 3 };
         match self.curves[k].marks {
@@ -306,7 +307,7 @@ impl Figure {
         }
     }
 
-    /// Names the curves beside the plot, where no data can be under it.
+    /// Draws the names of the curves next to the plot, so that they cover no data.
     fn draw_legend(&self, area: &Area) -> DrawResult {
         let listed = self.legend_entries();
         let columns = listed.len().div_ceil(LEGEND_ROWS).max(1);
@@ -339,7 +340,7 @@ impl Figure {
     }
 }
 
-/// Part of the picture, from the left and from above, in pixels.
+/// Rectangle of the picture, from the left and from above, in pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct PixelRect {
     left: i32,
@@ -362,7 +363,7 @@ impl PixelRect {
     }
 }
 
-/// The plot, and what is in it: names and the dots that have one, on which no name may lie, the other dots, and lines.
+/// The plot and its contents: names and named dots, which no name may cover, other dots, and lines.
 struct LabelSpace {
     plot: PixelRect,
     names: Vec<PixelRect>,
@@ -371,9 +372,10 @@ struct LabelSpace {
 }
 
 impl LabelSpace {
-    /// Where a name of so many letters stands about its dot, and on which side: 1 right, -1 left, else 0. Of the places in the
-    /// plot that are [`NAME_DIRECTIONS`] it, or farther away, the first that meets the fewest names, then the fewest dots, of which one
-    /// counts as much as half a row of letters farther away, then the least of lines.
+    /// Position of a name of `letters` letters about its dot, and its side: 1 right, -1 left, else 0. Candidates are the
+    /// positions in [`NAME_DIRECTIONS`] of the dot, or farther away, within the plot. The first with the fewest overlapping
+    /// names is chosen, then with the fewest dots, then with the fewest lines. A dot counts as much as half a row of
+    /// letters of distance.
     fn place_name(&self, (x, y): (i32, i32), letters: i32) -> (i32, PixelRect) {
         let (wide, high) = (LETTER_WIDTH * letters / 2, 8);
         let place = |away: i32, (across, down): (i32, i32)| {
@@ -390,7 +392,7 @@ impl LabelSpace {
     }
 }
 
-/// Pieces of the line between two places, one in five pixels.
+/// Rectangles along the line between two points, one in five pixels.
 fn line_rectangles([a, b]: [(i32, i32); 2]) -> impl Iterator<Item = PixelRect> {
     let count = ((b.0 - a.0).abs().max((b.1 - a.1).abs()) / 5).max(1);
     (0..=count).map(move |k| PixelRect::centred_at((a.0 + (b.0 - a.0) * k / count, a.1 + (b.1 - a.1) * k / count), 1))
@@ -400,7 +402,7 @@ fn dash_pattern(again: usize) -> Option<(u32, u32)> {
     Some(DASH_PATTERNS[again.checked_sub(1)? % DASH_PATTERNS.len()])
 }
 
-/// A dot, full the first time that its colour is taken, then open, then of another form.
+/// Draws a dot: full for the first curve of its colour, then open, then of another form.
 fn draw_dot<'a, Coord: Clone + 'static>(
     at: Coord,
     size: i32,
@@ -419,12 +421,12 @@ fn axis_scaling(axis: &FigureAxis, values: impl Iterator<Item = f64>) -> (f64, S
     if axis.logarithmic { (1.0, axis.unit.clone()) } else { unit_prefix(largest_magnitude(values), &axis.unit) }
 }
 
-/// On a logarithmic axis, what is too small to be shown; else below everything.
+/// Largest value that is too small to be shown on a logarithmic axis; negative infinity on a linear one.
 fn smallest_shown(axis: &FigureAxis, values: impl Iterator<Item = f64>) -> f64 {
     if axis.logarithmic { RELATIVE_ROUNDING * largest_magnitude(values) } else { f64::NEG_INFINITY }
 }
 
-/// A value in the unit of the axis, or its exponent of ten; NaN where nothing is.
+/// Value in the unit of the axis, or its exponent of ten; NaN if it is not shown.
 fn axis_value(axis: &FigureAxis, value: f64, factor: f64, least: f64) -> f64 {
     match axis.logarithmic {
         _ if !value.is_finite() || value <= least => f64::NAN,
@@ -441,7 +443,7 @@ fn font_style(size: i32) -> TextStyle<'static> {
     ("sans-serif", size).into_font().color(&INK)
 }
 
-/// A range around the values that are there, never empty.
+/// Range around the finite values, never empty.
 fn axis_range(values: impl Iterator<Item = f64>, logarithmic: bool) -> std::ops::Range<f64> {
     let (low, high) = values
         .filter(|v| v.is_finite())
@@ -450,7 +452,7 @@ fn axis_range(values: impl Iterator<Item = f64>, logarithmic: bool) -> std::ops:
         return 0.0..1.0;
     }
     if logarithmic {
-        // To a mark, so that no end is without one: whole powers, or what lies between where they are few.
+        // Extends to a mark, so that each end has one: whole powers, or intermediate marks if there are few decades.
         let (low, high) = (low - 0.05, high + 0.05);
         let whole = low.floor()..high.ceil();
         if !is_few_decades(&whole) {
@@ -462,7 +464,7 @@ fn axis_range(values: impl Iterator<Item = f64>, logarithmic: bool) -> std::ops:
         return *below.unwrap_or(&whole.start)..*above.unwrap_or(&whole.end);
     }
     // Values that are equal within round-off are one value.
-    // By halves: the whole may be more than a number holds.
+    // Computed by halves: the whole range may overflow.
     let half = 0.5 * high - 0.5 * low;
     let room = match low.abs().max(high.abs()) {
         0.0 => 1.0,
@@ -472,12 +474,12 @@ fn axis_range(values: impl Iterator<Item = f64>, logarithmic: bool) -> std::ops:
     (low - room).max(f64::MIN)..(high + room).min(f64::MAX)
 }
 
-/// So few powers of ten that twice and five times them are marked, too.
+/// Whether the range has so few powers of ten that twice and five times them are marked, too.
 fn is_few_decades(exponents: &std::ops::Range<f64>) -> bool {
     exponents.end - exponents.start < 2.5
 }
 
-/// The exponents of 1, 2 and 5 times powers of ten of a range, both ends included.
+/// Exponents of 1, 2 and 5 times powers of ten in a range, both ends included.
 fn marked_exponents(exponents: &std::ops::Range<f64>) -> impl Iterator<Item = f64> {
     let (from, to) = (exponents.start, exponents.end);
     let whole = from.floor() as i32..=to.ceil() as i32;
@@ -485,23 +487,23 @@ fn marked_exponents(exponents: &std::ops::Range<f64>) -> impl Iterator<Item = f6
     marks.filter(move |mark| (from..=to).contains(mark))
 }
 
-/// A linear axis; with `true`, of exponents, marked at whole ones.
+/// Ticks of a linear axis; with `true`, of an axis of exponents, marked at whole ones.
 #[derive(Clone)]
 struct AxisTicks(std::ops::Range<f64>, bool);
 
 impl AxisTicks {
-    /// Between marks of a linear axis: the least of 1, 2, 5 times a power of ten that makes at most so many.
+    /// Distance of marks on a linear axis: the least of 1, 2, 5 times a power of ten that gives at most `most` marks.
     fn tick_step(&self, most: usize) -> f64 {
         let half = 0.5 * self.0.end - 0.5 * self.0.start;
         let decade = (half.log10() + (2.0 / (most + 1) as f64).log10()).floor() as i32;
         let steps = (decade..).flat_map(|decade| [1.0, 2.0, 5.0].map(|m| (m, decade)));
-        // As written in the decimal system, not as a product.
+        // Parsed from decimal text, not computed as a product.
         let mut steps = steps.map(|(m, decade)| format!("{m}e{decade}").parse().unwrap_or(f64::INFINITY));
         let few = |step: &f64| (self.0.end / step).floor() - (self.0.start / step).ceil() < most as f64;
         steps.find(few).unwrap_or(f64::INFINITY)
     }
 
-    /// What marks are told without: where more than six digits of all are the same, the round number in the middle; else 0.
+    /// Offset subtracted from labels: if more than six digits of all are the same, the round number in the middle; else 0.
     fn label_offset(&self) -> f64 {
         let (low, high) = (self.0.start, self.0.end);
         if self.1 || digits_needed(low.abs().max(high.abs()), self.tick_step(MAX_AXIS_MARKS)) <= 7 {
@@ -551,7 +553,7 @@ impl Ranged for AxisTicks {
     }
 }
 
-/// 10 to the exponent in one digit and zeros, though it be more than a number holds.
+/// 10 to the exponent as one digit and zeros, even if it overflows.
 fn power_digits(exponent: f64) -> String {
     let power = exponent.floor();
     let digit = 10f64.powf(exponent - power).round();
@@ -619,7 +621,7 @@ mod tests {
         assert_eq!(figure.curve_style(6).repeat, 0);
     }
 
-    /// The texts of a figure that stand one above the other at the same place of the picture as marks do, from below.
+    /// Texts of a figure that are aligned vertically like labels of marks, from below.
     fn marks(text: &str, anchor: &str) -> Vec<String> {
         let mut lines = text.lines().peekable();
         let mut found = Vec::new();
@@ -642,7 +644,7 @@ mod tests {
         let (labels, text) = of([200.0, 200.00001]);
         assert!(labels.contains(&"0".to_string()) && labels.contains(&"4e-6".to_string()), "{labels:?}");
         assert!(text.contains("Z − 200\n"), "{text}");
-        // A mark at zero, and what is more than a number holds.
+        // A mark at zero, and a value that overflows.
         let (labels, _) = of([-0.3, 0.1]);
         assert_eq!(labels, ["-0.3", "-0.2", "-0.1", "0", "0.1"]);
         let (labels, _) = of([-1e308, 1e308]);
@@ -682,7 +684,7 @@ mod tests {
             named.iter().all(|(x, y)| x + 16.0 * f64::from(LETTER_WIDTH) <= width && *y < 445.0),
             "{width} {named:?}"
         );
-        // No two are drawn alike, nor is any wide.
+        // All styles differ, and none is wide.
         let styles: Vec<CurveStyle> = (0..28).map(|k| figure.curve_style(k)).collect();
         let alike =
             |a: &CurveStyle, b: &CurveStyle| a.colour == b.colour && dash_pattern(a.repeat) == dash_pattern(b.repeat);

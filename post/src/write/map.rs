@@ -1,5 +1,5 @@
-//! A quantity on a grid, as SVG, colour by value: on the sphere of directions longitude to the right, latitude up; seen from above
-//! one horizontal axis to the right, the other up.
+//! A quantity on a grid, as SVG, coloured by value. On the sphere of directions longitude is to the right and latitude up;
+//! seen from above one horizontal axis is to the right and the other up.
 
 use std::fmt::Write;
 
@@ -8,26 +8,26 @@ use crate::derive::surface::DirectionGrid;
 use crate::write::picture::VIRIDIS_COLOURS;
 use crate::write::scale::{digits_needed, format_digits, round_below, unit_prefix};
 
-/// Of the longer side of a map seen from above.
+/// Length of the longer side of a map seen from above, pixels.
 const MAP_SIDE: f64 = 640.0;
 const LEFT_MARGIN: f64 = 70.0;
 const TOP_MARGIN: f64 = 50.0;
 const RIGHT_MARGIN: f64 = 120.0;
 const BOTTOM_MARGIN: f64 = 60.0;
-/// Steps of the colour bar, and how high it is at least: five numbers stand beside it.
+/// Number of steps of the colour bar, and its least height, which fits five numbers.
 const COLOUR_STEPS: usize = 60;
 const MIN_BAR_HEIGHT: f64 = 120.0;
-/// Width of a letter of the title, about.
+/// Approximate width of a letter of the title.
 const TITLE_LETTER: f64 = 10.0;
 
-/// What a map shows its values on: cells row by row, from below.
+/// Sheet on which a map shows its values: cells row by row, from below.
 pub struct MapSheet {
-    /// To the right and up.
+    /// Number of cells to the right and up.
     counts: [usize; 2],
     /// Width and height of a cell.
     cell: [f64; 2],
     labels: [String; 2],
-    /// Shares of the side, and what stands there.
+    /// Positions of the ticks as shares of the side, and their labels.
     ticks: [Vec<(f64, String)>; 2],
 }
 
@@ -68,7 +68,7 @@ impl MapSheet {
     }
 }
 
-/// The text of the SVG file; `values` by cell of the sheet in `unit`, white where not finite.
+/// Text of the SVG file; `values` by cell of the sheet in `unit`, white if not finite.
 pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &MapSheet) -> String {
     let [wide, high] = [0, 1].map(|k| sheet.cell[k] * sheet.counts[k] as f64);
     let [cell_x, cell_y] = sheet.cell;
@@ -79,7 +79,7 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &MapS
     let room = if equal > 0.0 { 0.1 * equal } else { 0.5 };
     let (low, top) = if top - low > 1e-9 * equal { (low, top) } else { (low - room, low + room) };
     let (factor, unit) = if low.is_finite() { unit_prefix(low.abs().max(top.abs()), unit) } else { (1.0, unit.into()) };
-    // Of a narrow strip the title and the bar ask for more room than the map.
+    // On a narrow strip the title and the bar need more width than the map.
     let titled = TITLE_LETTER * title.chars().count() as f64 + 40.0;
     let (width, bar_high) = ((LEFT_MARGIN + wide + RIGHT_MARGIN).max(titled), high.max(MIN_BAR_HEIGHT));
     let height = (TOP_MARGIN + high + BOTTOM_MARGIN).max(TOP_MARGIN + bar_high + 20.0);
@@ -147,7 +147,7 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &MapS
     text
 }
 
-/// The colour of a share from 0 to 1.
+/// Colour of a share from 0 to 1.
 fn colour_ramp(share: f64) -> String {
     let place = share.clamp(0.0, 1.0) * (VIRIDIS_COLOURS.len() - 1) as f64;
     let low = (place as usize).min(VIRIDIS_COLOURS.len() - 2);

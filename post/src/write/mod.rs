@@ -1,4 +1,4 @@
-//! What is written: one file kind a module. Every file appears whole or not at all.
+//! Writers of the output files: one kind of file per module. Every file is written whole or not at all.
 //!
 //! | module | files |
 //! |---|---|

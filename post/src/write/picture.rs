@@ -1,5 +1,4 @@
-//! `POSTPRO/aggregate.svg`, `aggregate_energy.svg`, `snapshots.svg`: quick pictures of states, for ParaView is not always
-//! at hand.
+//! `POSTPRO/aggregate.svg`, `aggregate_energy.svg`, `snapshots.svg`: quick pictures of states that need no ParaView.
 //!
 //! Spheres as shaded circles, polyhedra by their faces, far ones first, in parallel projection, coloured by the
 //! neighbours that they touch with force or by their kinetic energy. SVG written as text, since gradients make the
@@ -14,49 +13,49 @@ use crate::derive::energy::kinetic_energies;
 use crate::frame::{Frame, Grain, Vec3};
 use crate::write::scale::{format_six_digits, round_below, unit_prefix};
 
-/// Side of the square for the grains and width of the strip beside it, pixels.
+/// Side of the square for the grains and width of the legend next to it, pixels.
 const PICTURE_SIDE: f64 = 800.0;
 const STRIP_WIDTH: f64 = 170.0;
 const PICTURE_MARGIN: f64 = 30.0;
-/// Letters, and the height of a colour beside a picture, pixels.
+/// Font size, and height of a colour in the legend, pixels.
 const FONT_SIZE: f64 = 20.0;
 const COLOUR_HEIGHT: f64 = 30.0;
-/// Room between the grains and the picture's border, pixels.
+/// Margin between the grains and the picture's border, pixels.
 const BORDER_MARGIN: f64 = 50.0;
 
-/// Width of the edges of faces, pixels: what is behind them does not shine through where two meet.
+/// Width of the edges of faces, pixels, which hides the background between adjacent faces.
 const EDGE_WIDTH: f64 = 0.7;
 
-/// Shapes of a smaller radius have no edges, pixels, which would be all that is seen of them; up to the other edges get wider.
+/// Least radius of shapes with edges, pixels, as edges would cover smaller ones; below the second value edges get narrower.
 const MIN_EDGED_RADIUS: f64 = 3.0;
 const FULL_EDGE_RADIUS: f64 = 8.0;
-/// Radius of a grain at least, pixels of the file.
+/// Least radius of a grain, pixels of the file.
 const MIN_GRAIN_RADIUS: f64 = 1.0;
 
-/// Counts from here on share a colour.
+/// Number of neighbours from which on grains share a colour.
 const MAX_COUNT_CLASS: u32 = 10;
 /// Colours of a picture by energy, each for half a power of ten, down from the largest.
 const ENERGY_CLASSES: u32 = 10;
 
-/// What colours the grains.
+/// Quantity that colours the grains.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PictureColouring {
     /// Neighbours that they touch with force.
     Neighbours,
-    /// Of translation and rotation.
+    /// Kinetic energy of translation and rotation.
     KineticEnergy,
 }
 
-/// Classes of colours, from 0, with a label each.
+/// Classes of colours, from 0, each with a label.
 struct ColourScale {
     shade: PictureColouring,
-    /// J
+    /// Largest kinetic energy, J.
     largest: f64,
     labels: Vec<String>,
 }
 
 impl ColourScale {
-    /// For these states together.
+    /// Returns the scale for these states together.
     fn new(shade: PictureColouring, frames: &[&Frame]) -> Self {
         let grains = || frames.iter().flat_map(|frame| &frame.grains);
         match shade {
@@ -89,7 +88,7 @@ impl ColourScale {
         self.labels.len() as u32 - 1
     }
 
-    /// The class of each grain.
+    /// Class of each grain.
     fn grain_classes(&self, frame: &Frame) -> Vec<u32> {
         match self.shade {
             PictureColouring::Neighbours => {
@@ -107,7 +106,7 @@ impl ColourScale {
         }
     }
 
-    /// The colours beside a picture, with their labels.
+    /// Draws the colours next to a picture, with their labels.
     fn draw_legend(&self, left: f64, put: &mut impl FnMut(String)) {
         let most = self.max_class();
         let title = match self.shade {
@@ -133,7 +132,7 @@ impl ColourScale {
     }
 }
 
-/// Of translation and rotation, J.
+/// Kinetic energy of translation and rotation, J.
 fn kinetic_energy(grain: &Grain) -> f64 {
     let (translation, rotation) = kinetic_energies(grain);
     translation + rotation
@@ -143,10 +142,10 @@ fn kinetic_energy(grain: &Grain) -> f64 {
 pub(crate) const VIRIDIS_COLOURS: [[f64; 3]; 5] =
     [[90.0, 40.0, 120.0], [70.0, 92.0, 150.0], [40.0, 145.0, 140.0], [100.0, 200.0, 95.0], [250.0, 225.0, 50.0]];
 
-/// Where the light comes from: left, above and before the picture (x right, y away, z up); length 1.
+/// Direction towards the light: left, above and before the picture (x right, y away, z up); length 1.
 const LIGHT_DIRECTION: [f64; 3] = [-0.48, -0.64, 0.6];
 
-/// A grain on the picture: the circle that holds it, pixels, and what is painted of it.
+/// Grain on the picture: its bounding circle, pixels, and its painted shapes.
 #[derive(Debug, Clone, PartialEq)]
 struct GrainDisc {
     x: f64,
@@ -155,16 +154,16 @@ struct GrainDisc {
     shapes: Vec<PaintedShape>,
 }
 
-/// A sphere as a whole, or a face that is turned to the front: those of touching polyhedra of any size then come in their order.
+/// A whole sphere, or a front-facing face; with single faces, touching polyhedra of any size are sorted correctly.
 #[derive(Debug, Clone, PartialEq)]
 struct PaintedShape {
-    /// Of the farthest corner of a face; larger is farther.
+    /// Depth of the farthest corner of a face; larger is farther.
     depth: f64,
     class: u32,
     outline: ShapeOutline,
 }
 
-/// Pixels.
+/// Outline of a shape, pixels.
 #[derive(Debug, Clone, PartialEq)]
 enum ShapeOutline {
     Circle {
@@ -172,16 +171,16 @@ enum ShapeOutline {
         y: f64,
         radius: f64,
     },
-    /// Convex.
+    /// Convex face.
     Face {
         corners: Vec<[f64; 2]>,
-        /// How much light falls on it, 0 to 1.
+        /// Intensity of the light on the face, 0 to 1.
         light: f64,
     },
 }
 
 impl ShapeOutline {
-    /// From where to where it reaches down the picture.
+    /// Upper and lower limit of the shape on the picture.
     fn vertical_range(&self) -> [f64; 2] {
         match self {
             ShapeOutline::Circle { y, radius, .. } => [y - radius, y + radius],
@@ -189,7 +188,7 @@ impl ShapeOutline {
         }
     }
 
-    /// Pixels; of a face half of its longer side.
+    /// Radius, pixels; for a face half of its longer side.
     fn radius(&self) -> f64 {
         match self {
             ShapeOutline::Circle { radius, .. } => *radius,
@@ -200,7 +199,7 @@ impl ShapeOutline {
         }
     }
 
-    /// From where to where it reaches across at a height.
+    /// Left and right limit of the shape at a height.
     fn horizontal_range(&self, height: f64) -> [f64; 2] {
         match self {
             ShapeOutline::Circle { x, y, radius } => {
@@ -219,16 +218,16 @@ impl ShapeOutline {
     }
 }
 
-/// The least and the largest.
+/// Smallest and largest value.
 fn value_range(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)])
 }
 
-/// The text of the SVG file of one state.
+/// Text of the SVG file of one state.
 ///
-/// Seen from the front, a little from the right and from above; z points up. The scale is set by
-/// most of the grains: one in twenty, or more if they have less than a third of the mass, that are far off the others are
-/// left out, and a line says so. No grain is smaller than a pixel.
+/// Seen from the front, a little from the right and from above; z points up. The scale is set by most of the grains.
+/// Distant outliers, one in twenty grains, or more if they have less than a third of the mass, are left out, and a line
+/// reports that. No grain is smaller than a pixel.
 pub fn svg(frame: &Frame, shade: PictureColouring) -> String {
     let mut text = svg_head(PICTURE_SIDE + STRIP_WIDTH, PICTURE_SIDE);
     let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
@@ -239,8 +238,8 @@ pub fn svg(frame: &Frame, shade: PictureColouring) -> String {
     text
 }
 
-/// The text of the SVG file of several states side by side: above by kinetic energy, below by neighbours, each row on
-/// one scale of colours.
+/// Text of the SVG file of several states side by side: above by kinetic energy, below by neighbours, each row on one scale
+/// of colours.
 pub fn snapshots_svg(frames: &[&Frame]) -> String {
     const SMALL: f64 = 0.5 * PICTURE_SIDE;
     let wide = SMALL * frames.len() as f64;
@@ -274,7 +273,8 @@ fn svg_head(width: f64, height: f64) -> String {
     )
 }
 
-/// One state on a square; `number` tells it from others of the same file. A pixel of this has so many of its own.
+/// Draws one state on a square; `number` distinguishes it from others of the same file. `pixel`: own pixels per pixel of
+/// the file.
 fn draw_state(frame: &Frame, scale: &ColourScale, number: usize, pixel: f64, put: &mut impl FnMut(String)) {
     let most = scale.max_class();
     let (discs, pixels) = project_grains(frame, &scale.grain_classes(frame), MIN_GRAIN_RADIUS * pixel);
@@ -338,7 +338,7 @@ fn draw_state(frame: &Frame, scale: &ColourScale, number: usize, pixel: f64, put
     }
 }
 
-/// The value up to which the grains have a share of all mass, the least such.
+/// Least value up to which the grains have `share` of the mass.
 fn weighted_quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
     let wanted = share * values.iter().map(|(_, mass)| mass).sum::<f64>();
@@ -350,7 +350,7 @@ fn weighted_quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
     reached.or(values.last()).map_or(f64::NAN, |(value, _)| *value)
 }
 
-/// The grains on the picture's plane, none of a radius of fewer pixels than `least`, and pixels per metre (NaN without grains).
+/// Grains on the picture's plane, with a radius of at least `least` pixels, and pixels per metre (NaN without grains).
 fn project_grains(frame: &Frame, classes: &[u32], least: f64) -> (Vec<GrainDisc>, f64) {
     let view = Rotation3::from_axis_angle(&Vec3::x_axis(), 0.35) * Rotation3::from_axis_angle(&Vec3::z_axis(), -0.5);
     let seen: Vec<Vec3> = frame.grains.iter().map(|g| view * g.x).collect();
@@ -364,8 +364,9 @@ fn project_grains(frame: &Frame, classes: &[u32], least: f64) -> (Vec<GrainDisc>
     let with_mass = |values: &mut dyn Iterator<Item = f64>| values.zip(frame.grains.iter().map(|g| g.mass)).collect();
     let middle = |axis: usize| weighted_quantile(with_mass(&mut seen.iter().map(|x| x[axis])), 0.5);
     let (x, z) = (middle(0), middle(2));
-    // How far each grain reaches from the middle; all of them if the farthest is no outlier. Two thirds of a line are within two
-    // thirds of its half length, of a ball within more of its radius: three times as far is beyond what hangs together.
+    // Distance of each grain from the middle; all grains count if the farthest is no outlier. Two thirds of a line are
+    // within two thirds of its half length, of a ball within more of its radius: three times that distance is beyond a
+    // connected aggregate.
     let mut reach: Vec<f64> = seen
         .iter()
         .zip(&frame.grains)
@@ -414,14 +415,14 @@ fn face_normal(corners: &[Vec3]) -> Vec3 {
     fan.sum::<Vec3>().normalize()
 }
 
-/// A face's colour in the light: half of it in the shade, a little white in full light.
+/// Colour of a face in the light: half in the shade, with some white in full light.
 fn shaded_colour(colour: [f64; 3], light: f64) -> [f64; 3] {
     let bright = 0.45 + 0.65 * light;
     colour.map(|c| if bright <= 1.0 { bright * c } else { c + (bright - 1.0) * 3.0 * (255.0 - c) })
 }
 
-/// The shapes of which something is seen, far ones first: painted one over the other on a grid of half a pixel, those are
-/// kept to which a place of it is left. A file then holds the surface, however many grains there are.
+/// Visible shapes, far ones first. The shapes are painted over each other on a grid of half a pixel, and those with a
+/// remaining cell are kept. A file then contains only the surface, for any number of grains.
 fn visible_shapes(mut shapes: Vec<PaintedShape>) -> Vec<PaintedShape> {
     const CELLS: usize = 2 * PICTURE_SIDE as usize;
     let place = |c: f64| c / PICTURE_SIDE * CELLS as f64 - 0.5; // of the middle of a cell
@@ -449,7 +450,7 @@ fn visible_shapes(mut shapes: Vec<PaintedShape>) -> Vec<PaintedShape> {
     shapes
 }
 
-/// Red, green, blue of a class among 0 to `most`.
+/// Red, green and blue of a class from 0 to `most`.
 fn class_colour(class: u32, most: u32) -> [f64; 3] {
     let place = f64::from(class) / f64::from(most.max(1)) * (VIRIDIS_COLOURS.len() - 1) as f64;
     let low = (place as usize).min(VIRIDIS_COLOURS.len() - 2);
@@ -457,7 +458,7 @@ fn class_colour(class: u32, most: u32) -> [f64; 3] {
     std::array::from_fn(|k| (1.0 - share) * VIRIDIS_COLOURS[low][k] + share * VIRIDIS_COLOURS[low + 1][k])
 }
 
-/// Light from the upper left: the colour, lighter there and darker at the far rim.
+/// Gradient for light from the upper left: the colour is lighter there and darker at the far rim.
 fn gradient_svg(number: usize, class: u32, most: u32) -> String {
     let base = class_colour(class, most);
     let mix = |towards: f64, share: f64| {
@@ -525,7 +526,7 @@ mod tests {
         assert_eq!(scale.labels.last().unwrap(), "20.2 J");
         let text = svg(&frame, PictureColouring::KineticEnergy);
         assert!(text.contains("kinetic energy") && text.contains("20.2 J"));
-        // Of several states the fastest sets the scale, and ids are told apart.
+        // With several states the fastest sets the scale, and ids differ.
         let mut slower = scene.frame();
         slower.grains.iter_mut().for_each(|grain| grain.v *= 0.11);
         let scale = ColourScale::new(PictureColouring::KineticEnergy, &[&frame, &slower]);
@@ -538,7 +539,7 @@ mod tests {
 
     #[test]
     fn the_scale_bar_is_to_scale() {
-        // A sphere of 1 m fills the picture but for the room around.
+        // A sphere of 1 m fills the picture except for the margin.
         let mut scene = Scene::default();
         scene.grain([0.0, 0.0, 0.0], 1.0);
         let (discs, scale) = project_grains(&scene.frame(), &[0], MIN_GRAIN_RADIUS);

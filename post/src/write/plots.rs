@@ -9,13 +9,13 @@ pub struct SeriesPlot {
     /// Name of the file in `POSTPRO/`.
     pub file: &'static str,
     pub title: &'static str,
-    /// Quantity of the vertical axis.
+    /// Quantity on the vertical axis.
     pub quantity: &'static str,
-    /// Whether the first curve is of the region of means, which the title then names.
+    /// Whether the first curve is a mean over the region, which the title then names.
     pub of_region: bool,
-    /// Logarithmic in powers of ten; values under 1e-14 of the largest, round-off, are left out.
+    /// Whether the axis is logarithmic, in powers of ten; values under 1e-14 of the largest, round-off, are left out.
     pub logarithmic: bool,
-    /// Name of a column, and what the legend calls it.
+    /// Name of each column, and its label in the legend.
     pub curves: &'static [(&'static str, &'static str)],
 }
 
@@ -86,7 +86,7 @@ pub fn column_points(rows: &[Row], name: &str) -> Vec<(f64, f64)> {
     rows.iter().map(|row| (row.time, row.numbers()[index])).collect()
 }
 
-/// The regions over which the means of a series are, in the order in which they occur.
+/// Regions of the means of a series, in the order in which they occur.
 pub fn region_names(rows: &[Row]) -> String {
     let mut names: Vec<&str> = Vec::new();
     for kind in
@@ -106,7 +106,7 @@ impl SeriesPlot {
     }
 
     pub fn to_figure(&self, rows: &[Row]) -> Figure {
-        // What a scene has not, such as a bed, is not in the legend.
+        // Columns without values, such as those of a bed in a scene without one, are not in the legend.
         let has = |curve: &Curve| curve.name == self.curves[0].1 || curve.points.iter().any(|(_, y)| y.is_finite());
         let curves = self.curves.iter().map(|(name, label)| Curve::line(label, column_points(rows, name)));
         let curves = curves.filter(has).collect();

@@ -1,14 +1,14 @@
-//! Numbers for human eyes: prefixes and round lengths.
+//! Formatting of numbers: unit prefixes and round lengths.
 
 /// Superscript digits, and the minus sign as the eleventh.
 const SUPERSCRIPT_DIGITS: [char; 11] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹', '⁻'];
 
 const UNIT_PREFIXES: [&str; 9] = ["p", "n", "µ", "m", "", "k", "M", "G", "T"];
 
-/// The factor and the unit with prefix that bring numbers up to `largest` to between 1 and 1000.
+/// Returns the factor and the unit with prefix that bring numbers up to `largest` to between 1 and 1000.
 ///
-/// A number without unit ("1") stays as it is, and so do seconds above 1. What no prefix reaches
-/// gets a power of ten before the unit, and so does a kilogram, which has its prefix.
+/// A number without unit ("1") is unchanged, and so are seconds above 1. Values beyond all prefixes get a power of ten
+/// before the unit, and so does a kilogram, which has its prefix.
 ///
 /// ```
 /// # use cd_post::write::scale::unit_prefix;
@@ -46,8 +46,8 @@ pub fn round_below(limit: f64) -> f64 {
     [5.0, 2.0, 1.0].into_iter().map(|m| m * power).find(|length| *length <= limit).unwrap_or(power)
 }
 
-/// Significant digits that tell numbers up to `largest` apart that are `step` (> 0) apart; more than any number has
-/// where `step` is 0.
+/// Number of significant digits that distinguish numbers up to `largest` with the distance `step` (> 0); more than any
+/// number has if `step` is 0.
 ///
 /// ```
 /// assert_eq!(cd_post::write::scale::digits_needed(200.0, 0.05), 5);
@@ -56,7 +56,7 @@ pub fn digits_needed(largest: f64, step: f64) -> usize {
     (largest.log10().floor() - step.log10().floor() + 1.0).max(1.0) as usize
 }
 
-/// Six significant digits, without trailing zeros.
+/// Formats a value with six significant digits, without trailing zeros.
 ///
 /// ```
 /// # use cd_post::write::scale::format_six_digits;
@@ -68,7 +68,7 @@ pub fn format_six_digits(value: f64) -> String {
     format_digits(value, 6)
 }
 
-/// So many significant digits (at least 1), without trailing zeros.
+/// Formats a value with `digits` significant digits (at least 1), without trailing zeros.
 pub fn format_digits(value: f64, digits: usize) -> String {
     let behind = digits.clamp(1, 17) - 1;
     let rounded: f64 = format!("{value:.behind$e}").parse().unwrap_or(value);

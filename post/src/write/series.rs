@@ -2,7 +2,7 @@
 
 use crate::derive::{Row, SeriesValue};
 
-/// The text of the file: names of [`Row::COLUMNS`], then the fields of each row.
+/// Text of the file: names of [`Row::COLUMNS`], then the fields of each row.
 ///
 /// Numbers are the shortest decimals that read back as the same f64; an undefined value is an
 /// empty field, never `NaN`.
@@ -25,12 +25,12 @@ pub fn csv_table<const N: usize>(columns: &[Column; N], rows: impl IntoIterator<
     csv_text(&columns.map(|(name, _, _)| name), rows)
 }
 
-/// Lines of a CSV file: names, then numbers; what is not defined is an empty field.
+/// Text of a CSV file: names, then numbers; an undefined value is an empty field.
 pub fn csv_text(header: &[&str], rows: impl IntoIterator<Item = impl AsRef<[f64]>>) -> String {
     csv_with_counts(header, &[], rows)
 }
 
-/// The same where the columns of `counts` hold whole numbers and are written so, `38` and not `38.0`.
+/// Text of a CSV file in which the columns of `counts` contain whole numbers, written as `38` and not `38.0`.
 pub fn csv_with_counts(header: &[&str], counts: &[&str], rows: impl IntoIterator<Item = impl AsRef<[f64]>>) -> String {
     let whole: Vec<bool> = header.iter().map(|name| counts.contains(name)).collect();
     let field = |(k, value): (usize, &f64)| {
@@ -45,7 +45,7 @@ pub fn csv_with_counts(header: &[&str], counts: &[&str], rows: impl IntoIterator
     text
 }
 
-/// The name of a run or group as a field: what would part it, quote it or end the line is replaced.
+/// Name of a run or group as a field: separators, quotes and line ends are replaced.
 pub fn name_field(name: &str) -> String {
     let letter = |letter: char| match letter {
         ',' => ';',
