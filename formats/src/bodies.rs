@@ -75,8 +75,8 @@ impl ShapeRecord {
     /// inwards only; false for other shapes.
     ///
     /// ```
-    /// use cd_formats::bodies::Shape;
-    /// let drum = Shape::Cylinder { half_height: 1.0, radius: 0.5, hollow: true };
+    /// use cd_formats::bodies::ShapeRecord;
+    /// let drum = ShapeRecord::Cylinder { half_height: 1.0, radius: 0.5, hollow: true };
     /// assert_eq!([[0.0, 0.4, -0.9], [0.4, 0.4, 0.0], [0.0, 0.0, 1.1]].map(|point| drum.leaves_out(point)), [false, true, true]);
     /// ```
     pub fn leaves_out(&self, [x, y, z]: [f64; 3]) -> bool {

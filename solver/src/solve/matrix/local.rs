@@ -67,8 +67,8 @@ impl LocalSolver {
     /// psi as in J. Moré, D. Sorensen, SIAM J. Sci. Stat. Comput. 4 (1983) 553-572.
     ///
     /// ```
-    /// # use cd_solve::solve::matrix::Local;
-    /// let block = Local::new(&[[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]], 0.5);
+    /// # use cd_solve::solve::matrix::LocalSolver;
+    /// let block = LocalSolver::new(&[[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]], 0.5);
     /// assert_eq!(block.solve([1.0, 3.0, 0.0]), [0.0, 0.0, 0.0]); // parts
     /// assert_eq!(block.solve([-4.0, 2.0, 0.0]), [4.0, -1.0, 0.0]); // sticks
     /// assert_eq!(block.solve([-4.0, 9.0, 0.0]), [4.0, -2.0, 0.0]); // slides
