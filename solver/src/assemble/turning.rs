@@ -59,6 +59,7 @@ impl AssemblyContext<'_> {
     /// Approach velocity of the inside of a hollow cylinder to a point that slides round it, m/s, as the surface curves away
     /// from its tangent. For a point at the distance D from the axis, which moves by h u_θ along the tangent, it is (D - √(D²
     /// - (h u_θ)²))/h, minus the distance by which the point leaves its tangent as it turns about its body's centre, over h.
+    ///
     /// 0 at other contacts: the gap opens between convex surfaces.
     pub(super) fn curvature_velocity(&self, contact: &Contact) -> f64 {
         let &AssemblyContext { scene, state, q_c, .. } = self;

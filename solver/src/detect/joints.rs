@@ -462,7 +462,7 @@ pub(super) fn remove_inner_edges(
         let a = &places[part];
         let keys = &order[starts[part] as usize..starts[part + 1] as usize];
         let run = |key: u32| &runs[key as usize / 2];
-        let other = |key: u32| run(key).parts[usize::from(key % 2 == 0)];
+        let other = |key: u32| run(key).parts[usize::from(key.is_multiple_of(2))];
         // B cannot be nearer than C. A contact that cannot close in this step is not an inner contact and hides none.
         let others = keys.iter().map(|&key| places[other(key) as usize].travel);
         let reach = a.travel + others.fold(0.0, f64::max) + 2.0 * FLUSH_TOLERANCE * a.radius;

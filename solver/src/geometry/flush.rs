@@ -20,7 +20,7 @@ impl PosedPolyhedron<'_> {
 
     /// Returns the unit outward normal of the face closest to `n`, and the distance of its plane from the centre, m.
     pub fn face_along(&self, n: &Vec3) -> (Vec3, f64) {
-        let n = self.to_local(n);
+        let n = self.local_vector(n);
         let planes = self.shape.face_planes();
         let (mut best, mut most) = (&planes[0], f64::NEG_INFINITY);
         for plane in planes {
@@ -29,7 +29,7 @@ impl PosedPolyhedron<'_> {
                 (best, most) = (plane, along);
             }
         }
-        (self.to_world(&best.normal), best.offset)
+        (self.world_vector(&best.normal), best.offset)
     }
 }
 

@@ -264,12 +264,12 @@ pub struct PosedPolyhedron<'a> {
 impl PosedPolyhedron<'_> {
     #[inline(always)]
     pub(super) fn vertex(&self, k: impl Into<u32>) -> Vec3 {
-        self.to_world(&self.shape.vertex(k.into() as usize))
+        self.world_vector(&self.shape.vertex(k.into() as usize))
     }
 
     #[inline(always)]
     pub(super) fn face_normal(&self, face: impl Into<u32>) -> Vec3 {
-        self.to_world(&self.shape.face_planes()[face.into() as usize].normal)
+        self.world_vector(&self.shape.face_planes()[face.into() as usize].normal)
     }
 
     /// Prefetches the data that [`super::polyhedron_polyhedron`] reads.
@@ -282,7 +282,7 @@ impl PosedPolyhedron<'_> {
     /// Converts a vector from the shape's frame to the world's. Written out, so that it is bitwise the same wherever it
     /// is inlined.
     #[inline(always)]
-    pub(super) fn to_world(&self, v: &Vec3) -> Vec3 {
+    pub(super) fn world_vector(&self, v: &Vec3) -> Vec3 {
         let m = &self.turn;
         Vec3::new(
             m.m11 * v.x + m.m12 * v.y + m.m13 * v.z,
@@ -293,7 +293,7 @@ impl PosedPolyhedron<'_> {
 
     /// Converts a vector from the world's frame to the shape's.
     #[inline(always)]
-    pub(super) fn to_local(&self, v: &Vec3) -> Vec3 {
+    pub(super) fn local_vector(&self, v: &Vec3) -> Vec3 {
         let m = &self.turn;
         Vec3::new(
             m.m11 * v.x + m.m21 * v.y + m.m31 * v.z,

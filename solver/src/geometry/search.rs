@@ -243,7 +243,7 @@ impl WitnessPoints {
         let mut points = [Vec3::zeros(); MAX_WITNESSES];
         let mut i = 0;
         while i < self.count {
-            points[i] = posed.to_local(&self.points[i]) * sign;
+            points[i] = posed.local_vector(&self.points[i]) * sign;
             i += 1;
         }
         points
@@ -282,7 +282,7 @@ fn add_face_witnesses<L: F64Arithmetic>(
 /// Returns the first corner of a face that is farthest along `n`.
 #[inline(always)]
 fn face_support_vertex(posed: &PosedPolyhedron, f: u32, n: &Vec3) -> FeatureIndex {
-    let (shape, n) = (posed.shape, posed.to_local(n));
+    let (shape, n) = (posed.shape, posed.local_vector(n));
     let corners = shape.face_corners(f as usize);
     let (mut best, mut most) = (corners[0], f64::NEG_INFINITY);
     for &corner in corners {
@@ -353,7 +353,7 @@ fn starting_axis<L: F64Arithmetic>(
 /// Returns the first vertex lowest along `n`, and its height.
 #[inline(always)]
 pub(super) fn lowest_vertex<L: F64Arithmetic>(l: L, posed: &PosedPolyhedron, n: &Vec3) -> (u32, f64) {
-    let n = posed.to_local(n);
+    let n = posed.local_vector(n);
     let [x, y, z] = posed.shape.vertex_columns();
     let (nx, ny, nz) = (l.splat(n.x), l.splat(n.y), l.splat(n.z));
     let mut least = l.splat(f64::INFINITY);
@@ -410,8 +410,8 @@ fn is_best<L: F64Arithmetic>(
     narrow: NarrowPhaseMode,
 ) -> bool {
     let rho = match axis.feature {
-        SearchFeature::FaceOfA(f) => inside_distance(pair.a, f, &pair.pa.to_local(x)),
-        SearchFeature::FaceOfB(f) => inside_distance(pair.b, f, &pair.pb.to_local(&-x)),
+        SearchFeature::FaceOfA(f) => inside_distance(pair.a, f, &pair.pa.local_vector(x)),
+        SearchFeature::FaceOfB(f) => inside_distance(pair.b, f, &pair.pb.local_vector(&-x)),
         SearchFeature::Edges(ea, eb) => {
             let ([a0, a1], [b0, b1]) = (edge_ends(pair.pa, ea), edge_ends(pair.pb, eb));
             let (u, v, w) = (a1 - a0, b1 - b0, b0 + pair.c - a0);
@@ -496,7 +496,7 @@ fn search_faces<L: F64Arithmetic>(
             let f = kept[from + k];
             let n = own.face_normal(f);
             (block[3][k], block[4][k]) = (own.shape.face_planes()[f as usize].offset, n.dot(&c));
-            let n = other.to_local(&n);
+            let n = other.local_vector(&n);
             (block[0][k], block[1][k], block[2][k]) = (n.x, n.y, n.z);
             k += 1;
         }
@@ -561,7 +561,7 @@ fn collect_faces_in_cone<L: F64Arithmetic>(
 ) {
     // In the frame of the body that owns the faces.
     let shape = own.shape;
-    let c = own.to_local(&pair.c) * sign;
+    let c = own.local_vector(&pair.c) * sign;
     let witness = witnesses.to_local(own, sign);
     let pad = shape.normals.len() / 3;
     let (x, y, z) = (&shape.normals[..pad], &shape.normals[pad..2 * pad], &shape.normals[2 * pad..]);
@@ -741,7 +741,7 @@ fn collect_arcs<L: F64Arithmetic>(
 ) {
     let slack = bound_slack(pair, best);
     let shape = posed.shape;
-    let c = posed.to_local(&pair.c) * sign;
+    let c = posed.local_vector(&pair.c) * sign;
     let witness = witnesses.to_local(posed, sign);
     let cone = l.splat(best.s + pair.inradius_sum() - slack);
     let limit = l.splat(best.s.min(0.0) - slack);
@@ -876,7 +876,7 @@ pub(super) fn support_face<L: F64Arithmetic>(l: L, posed: &PosedPolyhedron, n: &
         Some(top) => top,
         None => lowest_vertex(l, posed, &-n).0,
     };
-    let (shape, n) = (posed.shape, posed.to_local(n));
+    let (shape, n) = (posed.shape, posed.local_vector(n));
     let from = shape.vertex(top as usize);
     // The edge that descends least from the vertex; a face along it has the next vertex.
     let (mut best, mut least) = (0, f64::INFINITY);
@@ -894,7 +894,7 @@ pub(super) fn support_face<L: F64Arithmetic>(l: L, posed: &PosedPolyhedron, n: &
 /// Returns the face of an edge that is better aligned with `n`; of two equal ones the first.
 #[inline(always)]
 pub(super) fn aligned_face(posed: &PosedPolyhedron, e: u32, n: &Vec3) -> u32 {
-    aligned_face_local(posed.shape, e, &posed.to_local(n))
+    aligned_face_local(posed.shape, e, &posed.local_vector(n))
 }
 
 /// Returns the better aligned face of an edge, as above, with `n` in the shape's frame.

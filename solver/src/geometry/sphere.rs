@@ -18,7 +18,7 @@ use crate::math::Vec3;
 /// assert_eq!(found.points[0].position, Vec3::new(0.2, 0.1, 1.125));
 /// ```
 pub fn polyhedron_sphere(a: &PosedPolyhedron, c: &Vec3, radius: f64, alert: f64) -> Option<Manifold> {
-    let in_frame = a.to_local(c);
+    let in_frame = a.local_vector(c);
     let (mut nearest, mut height) = (0, f64::NEG_INFINITY);
     for (f, plane) in a.shape.face_planes().iter().enumerate() {
         let above = plane.normal.dot(&in_frame) - plane.offset;

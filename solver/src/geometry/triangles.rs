@@ -498,7 +498,7 @@ mod tests {
         let above = tetrahedron.posed_by(&Quat::identity());
         // First corner on corner, then shifted along a side, then clear of all.
         for (shift, clear) in [([0.0, 0.0], false), ([0.3, 0.0], false), ([0.3, 0.2], true)] {
-            let turned = below.to_world(&vertices[2]) - below.to_world(&middle);
+            let turned = below.world_vector(&vertices[2]) - below.world_vector(&middle);
             let c = Vec3::new(shift[0], shift[1] + turned.y - (vertices[0] - middle).y, 2.0 * middle.z - 0.01);
             let pair = PolyhedronPair::new(&below, &above, c, SimdWidth::detect());
             let axis = separating_axis(&pair, SearchStart::Nothing, None, NarrowPhaseMode::Accurate, 0.3.into());

@@ -53,7 +53,7 @@ impl CellSummary {
         CellSummary { centre: [x, y, z], radius, mass, uneven }
     }
 
-    pub fn to_line(&self) -> CellLine {
+    pub fn cell_line(&self) -> CellLine {
         let [x, y, z] = self.centre;
         [x, y, z, self.radius, self.mass, self.uneven, 0.0, 0.0]
     }
@@ -154,7 +154,7 @@ impl MassTree {
         let mut offsets = [0, 1, 2, 3].map(|_: usize| vec![0.0; positions.len() + 16]);
         let filler = cells.len() * lines;
         moments[filler][1..4].copy_from_slice(&FAR_AWAY.centre);
-        outlines[cells.len()] = FAR_AWAY.to_line();
+        outlines[cells.len()] = FAR_AWAY.cell_line();
         let [x, y, z, m] = &mut offsets;
         let out = SubtreeOutput {
             outlines: &mut outlines[..cells.len()],

@@ -258,7 +258,8 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for LeafMoments<'_, L, P> {
             row[k] = ((a + b) + (c + d)) + ((e + f) + (g + h));
             k += 1;
         }
-        *outline = CellSummary { centre, radius, mass, uneven: up.multipole_unevenness(&row, radius, mass) }.to_line();
+        *outline =
+            CellSummary { centre, radius, mass, uneven: up.multipole_unevenness(&row, radius, mass) }.cell_line();
         write_moments(moments, &row, centre);
     }
 }
@@ -288,7 +289,8 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ParentMoments<'_, L, P>
         }
         let exact = cell.count as usize <= EXACT_RADIUS;
         let radius = if exact { up.cell_radius(cell, centre) } else { bound };
-        *outline = CellSummary { centre, radius, mass, uneven: up.multipole_unevenness(&row, radius, mass) }.to_line();
+        *outline =
+            CellSummary { centre, radius, mass, uneven: up.multipole_unevenness(&row, radius, mass) }.cell_line();
         write_moments(moments, &row, centre);
     }
 }
