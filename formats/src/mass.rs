@@ -176,16 +176,16 @@ impl Body {
         let given = self.inertia.filter(|inertia| simple.is_none() && *inertia != [0.0; 3]);
         let own_moments = || simple.map_or_else(|| own.principal_axes().0, |contactor| contactor.own_moments(own));
         let inertia = given.unwrap_or_else(own_moments);
-        let told = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
+        let declared = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
         let counts = match simple.map(|contactor| &contactor.shape) {
             // Computed directly, the volume has more digits.
             Some(ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. }) => {
-                (told / own.volume - 1.0).abs() > VOLUME_ROUNDING
+                (declared / own.volume - 1.0).abs() > VOLUME_ROUNDING
             }
             Some(_) => false,
             None => lone.is_some() || given.is_some(),
         };
-        let volume = if counts && told != 0.0 { told } else { own.volume };
+        let volume = if counts && declared != 0.0 { declared } else { own.volume };
         let radius = match lone.map(|contactor| &contactor.shape) {
             Some(ShapeRecord::Sphere { radius }) => *radius,
             _ => (volume * 0.75 / PI).cbrt(),

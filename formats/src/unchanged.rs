@@ -208,12 +208,12 @@ mod tests {
         snapshot
     }
 
-    fn told<T: std::fmt::Debug>(result: Result<T, Faults>) -> Vec<String> {
+    fn messages<T: std::fmt::Debug>(result: Result<T, Faults>) -> Vec<String> {
         result.unwrap_err().0.iter().map(Fault::to_string).collect()
     }
 
     #[test]
-    fn bodies_that_were_edited_are_told_up_to_five() {
+    fn edited_bodies_are_reported_up_to_five() {
         let (file, path) = (Path::new("BODIES.DAT"), Path::new("snapshot-000005.npz"));
         let bodies = spheres(&[1.0; 8]);
         let snapshot = computed(&bodies);
@@ -221,22 +221,22 @@ mod tests {
         assert_eq!(computed.expect_bodies(file, &bodies).unwrap().len(), 8);
         // The last of the file's eight digits.
         let nearly = spheres(&[1.0, 1.0, 1.0000001, 1.0, 1.0, 1.0, 1.0, 1.0]);
-        let faults = told(computed.expect_bodies(file, &nearly));
+        let faults = messages(computed.expect_bodies(file, &nearly));
         assert!(faults.len() == 1 && faults[0].starts_with("BODIES.DAT:21: body 3: radius 1.0000001 m, mass 12566."));
         assert!(faults[0].contains("; expected radius 1 m, mass 12566."), "{faults:?}");
         assert!(faults[0].ends_with("kg m² as in snapshot-000005.npz"), "{faults:?}");
-        let faults = told(computed.expect_bodies(file, &spheres(&[2.0; 8])));
+        let faults = messages(computed.expect_bodies(file, &spheres(&[2.0; 8])));
         assert_eq!(faults.len(), MAX_REPORTED_BODIES + 1);
         assert!(
             faults[MAX_REPORTED_BODIES].starts_with("BODIES.DAT: file: 3 more bodies differ; expected all"),
             "{faults:?}"
         );
-        let faults = told(computed.expect_bodies(file, &spheres(&[1.0; 7])));
+        let faults = messages(computed.expect_bodies(file, &spheres(&[1.0; 7])));
         assert_eq!(faults, ["BODIES.DAT: file: 7 bodies; expected 8 as in snapshot-000005.npz"]);
         let mut other = bodies.clone();
         other.0[7].material = "IRONx".into();
         let expected = "BODIES.DAT:71: body 8: material 'IRONx'; expected material 'ROCKx' as in snapshot-000005.npz";
-        assert_eq!(told(computed.expect_bodies(file, &other)), [expected]);
+        assert_eq!(messages(computed.expect_bodies(file, &other)), [expected]);
     }
 
     #[test]
@@ -253,7 +253,7 @@ mod tests {
         };
         computed.expect_materials(file, &bulk(3000.0)).unwrap();
         let expected = "FILE.DAT: material ROCKx: density 2600 kg/m^3; expected 3000 kg/m^3 as in snapshot-000005.npz";
-        assert_eq!(told(computed.expect_materials(file, &bulk(2600.0))), [expected]);
+        assert_eq!(messages(computed.expect_materials(file, &bulk(2600.0))), [expected]);
 
         let side = VisibilitySide { body: "RBDY3".into(), contactor: "SPHER".into(), colour: "BLUEx".into() };
         let law = |line, nickname: &str, friction| LawRecord {
@@ -274,12 +274,12 @@ mod tests {
             |used: LawRecord| TactBehav { visibility: vec![see(&used.nickname)], laws: vec![used, unused.clone()] };
         computed.expect_laws(file, &tact(law(2, "iqsc0", 0.5))).unwrap();
         let expected = "FILE.DAT:2: law 'iqsc0': IQS_CLB [0.4]; expected IQS_CLB [0.5] as in snapshot-000005.npz";
-        assert_eq!(told(computed.expect_laws(file, &tact(law(2, "iqsc0", 0.4)))), [expected]);
+        assert_eq!(messages(computed.expect_laws(file, &tact(law(2, "iqsc0", 0.4)))), [expected]);
         let expected = [
             "FILE.DAT:2: law 'iqsc1': IQS_CLB [0.5]; expected no such law in use as in snapshot-000005.npz",
             "FILE.DAT: law 'iqsc0': is not in use; expected IQS_CLB [0.5] as in snapshot-000005.npz",
         ];
-        assert_eq!(told(computed.expect_laws(file, &tact(law(2, "iqsc1", 0.5)))), expected);
+        assert_eq!(messages(computed.expect_laws(file, &tact(law(2, "iqsc1", 0.5)))), expected);
 
         let rest = Evolution::Harmonic {
             constant: 0.0,
@@ -293,6 +293,6 @@ mod tests {
         computed.expect_driven(file, &DrvDof(vec![row(DrivenKind::Force, 0)])).unwrap();
         let driven = DrvDof((2..6).map(|component| row(DrivenKind::Velocity, component)).collect());
         let expected = "FILE.DAT:3: body 2: vlocy 3 4 5 6; expected no velocity imposed as in snapshot-000005.npz";
-        assert_eq!(told(computed.expect_driven(file, &driven)), [expected]);
+        assert_eq!(messages(computed.expect_driven(file, &driven)), [expected]);
     }
 }

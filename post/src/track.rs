@@ -218,8 +218,8 @@ fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
     // A wall that is driven in part falls with what pushes it.
     let fall = side.grain_index().and_then(|grain| free_fall(frame, grain));
     let exchanged = frame.interval.exchanges.iter().any(|exchange| exchange.sides.contains(&side));
-    let told = (frame.meta.time - frame.interval.length, exchanged);
-    Some(TrackedBody { time: frame.meta.time, x, v, reach, force, contacts, contact_since: told, fall })
+    let contact_time = (frame.meta.time - frame.interval.length, exchanged);
+    Some(TrackedBody { time: frame.meta.time, x, v, reach, force, contacts, contact_since: contact_time, fall })
 }
 
 fn track_row(seen: &TrackedBody, up: &Vec3, level: f64) -> [f64; 13] {

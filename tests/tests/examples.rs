@@ -63,7 +63,7 @@ fn makefiles_are_plain_and_say_what_can_be_set() {
     }
 }
 
-/// What a script makes a figure of, and what it leaves, is in its first comment.
+/// The first comment of a script names the files that it reads and the files that it writes.
 #[test]
 fn scripts_say_what_they_read_and_write() {
     let files = folders().into_iter().chain([examples()]).flat_map(|folder| fs::read_dir(folder).unwrap().flatten());

@@ -864,7 +864,7 @@ mod tests {
         }
         assert_eq!(row(&scene).nu, alone.nu);
         assert_close(probed(&scene, "ball:2@largest").nu, PI / 6.0, 0.1);
-        // Of two remnants of many grains the heavier one counts, even with fewer grains.
+        // The heavier one of two remnants with many grains counts, even if it has fewer grains.
         let first = scene.snapshot.bodies.body_id.len();
         for k in 0..40 {
             scene.grain([-900.0 + 6.0 * f64::from(k), 0.0, 0.0], 3.0);

@@ -399,7 +399,7 @@ fn datbox_files(
         (start.meta.step, start.meta.time) = (0, 0.0);
     }
     start.meta.program = format!("cd-pre {}", env!("CARGO_PKG_VERSION"));
-    // Of the running sums, time steps need only the remaining penetration.
+    // The remaining penetration is the only running sum that time steps need.
     let left = parts.iter().map(|part| part.source.snapshot.meta.ledger.penetration_left).fold(0.0, f64::max);
     start.meta.ledger = Ledger { penetration_left: left, ..Ledger::default() };
     start.meta.interval_start = None;

@@ -209,8 +209,8 @@ impl GrainSampler {
                 ShapeSource::Rocks(rocks::RockGenerator { vertices, ratios: ratios.into(), angularity })
             }
             GrainShape::Model { file, scaled, contact } => {
-                let (solid, told) = model::model_solid(folder, file, *scaled, contact).map_err(ShapeError::File)?;
-                ShapeSource::Same(Rc::new(solid), told)
+                let (solid, summary) = model::model_solid(folder, file, *scaled, contact).map_err(ShapeError::File)?;
+                ShapeSource::Same(Rc::new(solid), summary)
             }
             other => {
                 let hull = hull::convex_hull(&regular::shape_vertices(other)).map_err(ShapeError::Shape)?;
@@ -226,7 +226,7 @@ impl GrainSampler {
 
     /// Notes on the shape's file.
     pub fn file_summary(&self) -> &str {
-        if let ShapeSource::Same(_, told) = &self.source { told } else { "" }
+        if let ShapeSource::Same(_, summary) = &self.source { summary } else { "" }
     }
 
     /// Next grain, of the radius `size`, m, or of the shape's own size.
@@ -270,7 +270,7 @@ mod tests {
         let others = [[1, 2, 6], [1, 6, 5], [2, 3, 7], [2, 7, 6], [3, 0, 4], [3, 4, 7], [4, 5, 6], [4, 6, 7]];
         let faces = [&below[..], &before, &others].concat();
         let surface = Surface::new(&corners, &faces).unwrap();
-        let told = PrincipalSolid::from_convex(&surface).unwrap_err().to_string();
-        assert!(told.starts_with("about its centre of mass,") && told.contains("has no area"), "{told}");
+        let summary = PrincipalSolid::from_convex(&surface).unwrap_err().to_string();
+        assert!(summary.starts_with("about its centre of mass,") && summary.contains("has no area"), "{summary}");
     }
 }

@@ -83,18 +83,18 @@ pub fn model_solid(
     let read = read::read_surface(&path)?;
     let factor = scale_factor(&read.surface, scaled);
     let whole = scale_surface(&path, &read.surface, factor)?;
-    let mut told = repair_summary(file, &whole, &read);
+    let mut summary = repair_summary(file, &whole, &read);
     let solid = match contact {
         ContactSurface::Whole => {
             let expected = "expected a convex one, or contact: Hull, Pieces(...) or Files([...])";
             let convex = convex(&whole).ok_or_else(|| refuse("surface", "it is not convex".to_string(), expected))?;
-            told += &convex.1;
+            summary += &convex.1;
             PrincipalSolid::from_convex(&convex.0)
         }
         ContactSurface::Hull => {
             let hull = hull::convex_hull(whole.vertices());
             let hull = hull.map_err(|misfit| refuse("hull", misfit.to_string(), "expected a body"))?;
-            told += &format!(", of which the hull has {:.4} times the volume", hull.volume() / whole.volume());
+            summary += &format!(", of which the hull has {:.4} times the volume", hull.volume() / whole.volume());
             PrincipalSolid::from_convex(&hull)
         }
         &ContactSurface::Pieces { most, concavity, vertices } => {
@@ -103,7 +103,7 @@ pub fn model_solid(
             if pieces.is_empty() {
                 return Err(refuse("pieces", "none was found".to_string(), "expected a body that has convex pieces"));
             }
-            told += &coverage_text(&whole, &pieces);
+            summary += &coverage_text(&whole, &pieces);
             PrincipalSolid::new(&whole, &pieces)
         }
         ContactSurface::Files(files) => {
@@ -117,7 +117,7 @@ pub fn model_solid(
                         Some((surface, note)) if note.is_empty() => read.surface = surface,
                         Some((surface, note)) => {
                             read.surface = surface;
-                            told += &format!(", {file}{note}");
+                            summary += &format!(", {file}{note}");
                         }
                         None => {
                             let found = "it is not convex";
@@ -130,19 +130,19 @@ pub fn model_solid(
                         faults.push(Fault::new(&path, None, "surface", "it lies beside the model", expected));
                     }
                     if !read.repairs.is_empty() {
-                        told += &format!(", {file}: {}", read.repairs.join(", "));
+                        summary += &format!(", {file}: {}", read.repairs.join(", "));
                     }
                     pieces.extend(faults.gather_result(scale_surface(&path, &read.surface, factor)));
                 }
             }
             faults.into_result(())?;
-            told += &coverage_text(&whole, &pieces);
+            summary += &coverage_text(&whole, &pieces);
             PrincipalSolid::new(&whole, &pieces)
         }
     };
     let solid =
         solid.map_err(|misfit| refuse("surface", misfit.to_string(), "expected one whose parts are less small"))?;
-    Ok((solid, told))
+    Ok((solid, summary))
 }
 
 /// Convex surface, or its hull if it is convex but for the digits of its coordinates, and a note on that.

@@ -127,7 +127,7 @@ fn in_tension_in_a_row() {
         };
         let (bonds, [first, last]) = run(0.9, 200);
         assert_eq!(bonds, [20.0; 200], "dt {dt}, tol {tol}");
-        // What a correction leaves of each gap, and what one step opens.
+        // The rest of each gap after a correction, and the opening of one step.
         equal(first, -0.5, 5e-4);
         equal(last, -4.5, 2e-3);
         assert!(run(1.11, 1).0 < vec![20.0], "dt {dt}, tol {tol}");

@@ -325,7 +325,7 @@ fn a_face_over_joints_of_pieces_resists_spinning_as_one() {
     assert!((above - 1.0).abs() < 0.05, "{above}");
 }
 
-/// What slides over joints goes straight.
+/// A body that slides over joints keeps its direction.
 #[test]
 fn a_face_that_slides_over_joints_does_not_turn() {
     let mut case = Case::new();

@@ -398,7 +398,7 @@ fn joints_are_the_same_with_threads_and_after_a_pause() {
     same(&one, &files(&course(), &[&["--steps", "200"], &["--resume"]]));
 }
 
-/// What slides into a wall ends at it, whatever its law, without an overlap of the way of a step.
+/// A body that slides into a wall stops at it under every law, without an overlap as large as its displacement in a step.
 #[test]
 fn a_wall_stops_what_slides_at_it() {
     for (law, parameters) in LAWS {
