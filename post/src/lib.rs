@@ -2,8 +2,7 @@
 //!
 //! `read` ([`frame`]) -> `derive` ([`mod@derive`]) -> `write` ([`mod@write`]): each snapshot of `DIR/OUTBOX` becomes a
 //! [`Frame`], a [`Row`] of `POSTPRO/series.csv` and the files of `DISPLAY/`; the rows together become plots, the last frame
-//! a picture. [`mod@state`] measures one snapshot in depth, [`compare`] compares several runs, [`study`] many, [`trade`]
-//! measures error against cost, [`track`] follows one body, [`report`] makes a page of a run.
+//! a picture. [`commands`] has the other commands, such as `cd-post state`, which measures one snapshot in depth.
 
 use std::collections::HashSet;
 use std::ffi::OsString;
@@ -21,17 +20,13 @@ use clap::{CommandFactory, Parser};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
-pub mod compare;
+pub mod commands;
 pub mod derive;
 pub mod frame;
-pub mod report;
 pub mod shapes;
-pub mod state;
-pub mod study;
-pub mod track;
-pub mod trade;
 pub mod write;
 
+use commands::{accuracy_study, compare, report, state, study, track};
 use derive::energy::PairSummation;
 use derive::free_surface::REACH;
 use derive::probe::Probe;
@@ -352,8 +347,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
                 notes
             }),
         Some(Command::Trade { dirs, output, groups, values, from, early, title }) => {
-            let asked = trade::TradeOptions { groups, values, from: *from, early: *early };
-            trade::write(dirs, &asked, title, output).map(|(table, notes)| {
+            let asked = accuracy_study::TradeOptions { groups, values, from: *from, early: *early };
+            accuracy_study::write(dirs, &asked, title, output).map(|(table, notes)| {
                 print_line(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
                 notes
             })

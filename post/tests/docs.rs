@@ -43,7 +43,7 @@ fn columns_of_a_study() {
         .map(|row| (row[0].clone(), row[1].clone()))
         .collect();
     let written: Vec<(String, String)> =
-        cd_post::study::COLUMNS.iter().map(|(name, unit, _)| (name.to_string(), unit.to_string())).collect();
+        cd_post::commands::study::COLUMNS.iter().map(|(name, unit, _)| (name.to_string(), unit.to_string())).collect();
     assert_eq!(documented, written);
 }
 
@@ -54,7 +54,8 @@ fn columns_of_a_trade() {
         .filter(|row| !row[0].contains('.'))
         .map(|row| [row[0].clone(), row[1].clone(), row[2].clone()])
         .collect();
-    let written = cd_post::trade::COLUMNS.map(|(name, unit, help)| [name, unit, help].map(str::to_string));
+    let written =
+        cd_post::commands::accuracy_study::COLUMNS.map(|(name, unit, help)| [name, unit, help].map(str::to_string));
     assert_eq!(documented, written);
 }
 

@@ -7,7 +7,7 @@ use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::field::FieldModel;
 
-use crate::compare::is_at_or_after;
+use crate::commands::compare::is_at_or_after;
 use crate::derive::bed::supported_grains;
 use crate::derive::energy::{external_fields, self_gravity_constant};
 use crate::derive::fragments::{Fragment, find_fragments};

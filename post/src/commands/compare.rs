@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 
+use crate::commands::state;
+use crate::commands::track;
 use crate::derive::Row;
 use crate::list_snapshots;
-use crate::state;
-use crate::track;
 use crate::write::figure::{Curve, Figure, FigureAxis};
 use crate::write::plots::PLOTS;
 use crate::write::series::{Column, csv_text, name_field};

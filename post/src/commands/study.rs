@@ -6,7 +6,7 @@ use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::{Snapshot, SnapshotMeta};
 
-use crate::compare::{self, Columns};
+use crate::commands::compare::{self, Columns};
 use crate::derive::{Row, SeriesValue};
 use crate::list_snapshots;
 use crate::write::figure::{Curve, CurveMarks, Figure, FigureAxis};

@@ -1,0 +1,17 @@
+//! The commands of cd-post, one module each.
+//!
+//! | module | |
+//! |---|---|
+//! | [`state`] | one snapshot in depth |
+//! | [`compare`] | one figure and table for each observable, over several runs |
+//! | [`study`] | means of many runs against the number of grains |
+//! | [`accuracy_study`] | error against cost of runs of one scene |
+//! | [`track`] | one body in a bed of grains |
+//! | [`report`] | a page about a run |
+
+pub mod accuracy_study;
+pub mod compare;
+pub mod report;
+pub mod state;
+pub mod study;
+pub mod track;
