@@ -10,7 +10,7 @@ use cd_formats::snapshot::Snapshot;
 use crate::commands::compare::{self, is_at_or_after, nearest_time, same_time};
 use crate::commands::study::{self, FittedLine, TIMED_STAGES};
 use crate::derive::SeriesValue;
-use crate::list_snapshots;
+use crate::snapshots::list_snapshots;
 use crate::write::figure::{Curve, CurveMarks, Figure, FigureAxis};
 use crate::write::series::name_field;
 

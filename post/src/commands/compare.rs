@@ -9,7 +9,7 @@ use cd_formats::error::{Fault, Faults};
 use crate::commands::state;
 use crate::commands::track;
 use crate::derive::Row;
-use crate::list_snapshots;
+use crate::snapshots::list_snapshots;
 use crate::write::figure::{Curve, Figure, FigureAxis};
 use crate::write::plots::PLOTS;
 use crate::write::series::{Column, csv_text, name_field};

@@ -2,6 +2,7 @@
 //!
 //! | module | |
 //! |---|---|
+//! | [`series`] | all snapshots of a case: series, plots, ParaView files |
 //! | [`state`] | one snapshot in depth |
 //! | [`compare`] | one figure and table for each observable, over several runs |
 //! | [`study`] | means of many runs against the number of grains |
@@ -12,6 +13,7 @@
 pub mod accuracy_study;
 pub mod compare;
 pub mod report;
+pub mod series;
 pub mod state;
 pub mod study;
 pub mod track;

@@ -8,7 +8,7 @@ use cd_formats::snapshot::{Snapshot, SnapshotMeta};
 
 use crate::commands::compare::{self, Columns};
 use crate::derive::{Row, SeriesValue};
-use crate::list_snapshots;
+use crate::snapshots::list_snapshots;
 use crate::write::figure::{Curve, CurveMarks, Figure, FigureAxis};
 use crate::write::series::{csv_text, name_field};
 

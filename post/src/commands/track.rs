@@ -13,8 +13,8 @@ use crate::derive::energy::{external_fields, self_gravity_constant};
 use crate::derive::fragments::{Fragment, find_fragments};
 use crate::derive::surface::ball_attraction;
 use crate::frame::{BodyIndex, Frame, Grain, PeriodicCell, Vec3, Wall, WallShape};
-use crate::select_snapshots;
 use crate::shapes::ShapeCache;
+use crate::snapshots::select_snapshots;
 use crate::write::figure::{Curve, Figure, FigureAxis};
 use crate::write::series::{Column, csv_table, csv_with_counts};
 

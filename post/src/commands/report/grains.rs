@@ -10,7 +10,7 @@ use crate::derive::fragments::{find_fragments, fragment_numbers};
 use crate::derive::motion::AggregateSums;
 use crate::derive::stress::{grain_stresses, pressure};
 use crate::frame::{Frame, Grain, Vec3};
-use crate::is_evenly_chosen;
+use crate::snapshots::is_evenly_chosen;
 
 /// Largest number of states on a page, and bytes of their numbers, so that a browser opens it at once.
 const MAX_STATES: usize = 60;

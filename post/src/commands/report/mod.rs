@@ -9,15 +9,17 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic;
 use cd_formats::error::Faults;
 
+use crate::commands::series::{measure_series, outside_of_layers};
 use crate::commands::study::TIMED_STAGES;
 use crate::commands::{compare, state};
 use crate::derive::energy::self_gravity_constant;
 use crate::derive::region::RegionKind;
 use crate::derive::{Row, free_surface, plane_fit};
 use crate::frame::Frame;
+use crate::options::{Measures, Options};
+use crate::write;
 use crate::write::plots::PLOTS;
 use crate::write::scale::format_six_digits;
-use crate::{Measures, Options, measure_series, outside_of_layers, write};
 
 /// Figures of the last state, with their captions, in which REACH is replaced by the reach of slopes.
 const STATE_FIGURES: [(&str, &str); 12] = [

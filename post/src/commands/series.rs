@@ -1,0 +1,208 @@
+//! `cd-post DIR`: the series of a case, its plots, and the ParaView files of its snapshots.
+
+use std::collections::HashSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use cd_formats::atomic;
+use cd_formats::error::{Fault, Faults};
+use cd_formats::tell::print_line;
+use rayon::prelude::*;
+
+use crate::derive::Row;
+use crate::frame::Frame;
+use crate::options::Options;
+use crate::shapes::ShapeCache;
+use crate::snapshots::{is_evenly_chosen, progress_bar, select_snapshots};
+use crate::write;
+use crate::write::display;
+use crate::write::picture::PictureColouring;
+
+/// Measures a case and writes the files selected by the options; returns messages for the user.
+///
+/// The files that name others (`series.csv`, `*.pvd`) are written last: if a snapshot is rejected, the earlier ones remain.
+pub fn process_case(options: &Options) -> Result<Vec<String>, Faults> {
+    let (rows, frames) =
+        measure_series(options, |k, count, frame| is_evenly_chosen(k, count, PICTURE_COUNT).then_some(frame))?;
+    let last = frames.last().expect("the last snapshot is taken");
+    let postpro = options.dir.join("POSTPRO");
+    atomic::write(&postpro.join("series.csv"), write::series::series_text(&rows).as_bytes())?;
+    print_line(format_args!("cd-post: {} snapshots of {}", rows.len(), options.dir.join("OUTBOX").display()));
+    print_line(format_args!("  series   {}", postpro.join("series.csv").display()));
+    let regions = write::plots::region_names(&rows);
+    if !regions.is_empty() {
+        print_line(format_args!("  region   {regions}: Z, ν, pressure, stress"));
+    }
+    if !options.no_plots {
+        for plot in &write::plots::PLOTS {
+            atomic::write(&postpro.join(plot.file), plot.to_figure(&rows).to_svg().as_bytes())?;
+        }
+        let picture = |shade| write::picture::svg(last, shade);
+        atomic::write(&postpro.join("aggregate.svg"), picture(PictureColouring::Neighbours).as_bytes())?;
+        atomic::write(&postpro.join("aggregate_energy.svg"), picture(PictureColouring::KineticEnergy).as_bytes())?;
+        let frames: Vec<&Frame> = frames.iter().collect();
+        atomic::write(&postpro.join("snapshots.svg"), write::picture::snapshots_svg(&frames).as_bytes())?;
+        print_line(format_args!("  plots    {}", postpro.join("*.svg").display()));
+    }
+    let mut notes = result_notes(&rows);
+    notes.extend(outside_of_layers(&rows));
+    notes.extend(empty_region(options, &rows, last));
+    if !options.no_vtk {
+        notes.extend(finish_display(&options.dir, &rows, last)?);
+        print_line(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
+    }
+    Ok(notes)
+}
+
+/// Note on snapshots in which the user's region has no volume.
+pub fn outside_of_layers(rows: &[Row]) -> Option<String> {
+    let outside = rows.iter().filter(|row| row.n_grains > 0 && row.region == 0).count();
+    (outside > 0).then(|| {
+        format!(
+            "--region: a layer without walls or periods on all sides, or a shape over ten thousand periods, in {outside} of {} snapshots: Z, ν, pressure and stress are empty; expected ball, box or cylinder",
+            rows.len()
+        )
+    })
+}
+
+/// Returns a row for each selected snapshot, and the results of `keep` for the k-th of all selected ones; also writes the
+/// ParaView files.
+///
+/// Snapshots are processed in batches of one for each thread, so that memory contains only these and the kept results.
+pub fn measure_series<T: Send>(
+    options: &Options,
+    keep: impl Fn(usize, usize, Frame) -> Option<T> + Sync,
+) -> Result<(Vec<Row>, Vec<T>), Faults> {
+    let outbox = options.dir.join("OUTBOX");
+    let selected = select_snapshots(&outbox, options.every)?;
+    let bar = progress_bar(selected.len());
+    let choices = options.to_choices();
+    let mut rows = Vec::with_capacity(selected.len());
+    let mut kept = Vec::new();
+    let mut masses: Option<Vec<f64>> = None;
+    let shapes = ShapeCache::default();
+    for batch in selected.chunks(rayon::current_num_threads()) {
+        let first = rows.len();
+        let measured: Vec<Result<_, Faults>> = batch
+            .par_iter()
+            .enumerate()
+            .map(|(k, (_, path))| {
+                let frame = Frame::read(path, &shapes)?;
+                let row = Row::with_options(&frame, &choices);
+                if !options.no_vtk {
+                    write_display(&options.dir, &frame)?;
+                }
+                let own: Vec<f64> = frame.grains.iter().map(|grain| grain.mass).collect();
+                Ok((row, own, keep(first + k, selected.len(), frame)))
+            })
+            .collect();
+        let mut faults = Faults::default();
+        for (result, (_, path)) in measured.into_iter().zip(batch) {
+            match result {
+                Ok((row, own, for_later)) => {
+                    if *masses.get_or_insert_with(|| own.clone()) != own {
+                        let expected = format!("expected those of {}, of the same run", selected[0].1.display());
+                        faults.push(Fault::new(path, None, "snapshot", "other bodies", expected));
+                    }
+                    kept.extend(for_later);
+                    rows.push(row);
+                }
+                Err(Faults(found)) => {
+                    // A fault of the one BODIES.DAT of several snapshots is reported once.
+                    let told: HashSet<PathBuf> = faults.0.iter().map(|fault| fault.file.clone()).collect();
+                    faults.0.extend(found.into_iter().filter(|fault| !told.contains(&fault.file)));
+                }
+            }
+        }
+        faults.into_result(())?;
+        bar.inc(batch.len() as u64);
+    }
+    bar.finish_and_clear();
+    Ok((rows, kept))
+}
+
+/// Snapshots in one picture: the first, the last and two between.
+const PICTURE_COUNT: usize = 4;
+
+/// Whether the frame has anything of this kind to draw.
+fn has_kind(frame: &Frame, kind: &str) -> bool {
+    match kind {
+        "walls" => !frame.walls.is_empty(),
+        "polyhedra" => frame.grains.iter().any(|grain| grain.solid.is_some()),
+        _ => true,
+    }
+}
+
+/// Writes the ParaView files of one frame.
+fn write_display(dir: &Path, frame: &Frame) -> Result<(), Faults> {
+    let path = |kind| dir.join("DISPLAY").join(display::file_name(kind, frame.meta.step));
+    atomic::write(&path("grains"), &display::grains_vtp(frame))?;
+    atomic::write(&path("contacts"), &display::contacts_vtp(frame))?;
+    if has_kind(frame, "polyhedra") {
+        atomic::write(&path("polyhedra"), &display::polyhedra_vtp(frame))?;
+    }
+    if has_kind(frame, "walls") {
+        atomic::write(&path("walls"), &display::walls_vtp(frame))?;
+    }
+    Ok(())
+}
+
+/// Writes the collections, and removes the files of an earlier run that they do not name; returns messages for the user.
+fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<Option<String>, Faults> {
+    let display = dir.join("DISPLAY");
+    let times: Vec<(u64, f64)> = rows.iter().map(|row| (row.step, row.time)).collect();
+    let mut current = HashSet::new();
+    let folder = fs::canonicalize(&display).map_err(|error| Fault::from_io(&display, "read", &error))?;
+    atomic::write(&display.join("view.py"), display::view_script(&folder).as_bytes())?;
+    for kind in display::FILE_KINDS.into_iter().filter(|kind| has_kind(last, kind)) {
+        let name = format!("{kind}.pvd");
+        atomic::write(&display.join(&name), display::pvd_collection(kind, &times).as_bytes())?;
+        current.insert(name);
+        current.extend(times.iter().map(|(step, _)| display::file_name(kind, *step)));
+    }
+    for path in atomic::folder_entries(&display)? {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if display::is_display_file(&name) && !current.contains(&name) {
+            fs::remove_file(&path).map_err(|error| Fault::from_io(&path, "removed", &error))?;
+        }
+    }
+    let nameless = folder.to_str().is_none();
+    Ok(nameless.then(|| {
+        format!(
+            "{}: the folder has a name that is not UTF-8: a window that view.py is to fill is started in it",
+            display.display()
+        )
+    }))
+}
+
+/// Warning if the user's region contains no part of a grain.
+fn empty_region(options: &Options, rows: &[Row], last: &Frame) -> Option<String> {
+    options.measures.region.as_ref()?;
+    let empty = rows.iter().filter(|row| row.n_grains > 0 && row.region != 0 && row.nu == 0.0).count();
+    if empty == 0 {
+        return None;
+    }
+    let ends = |axis: usize| {
+        let places = || last.grains.iter().map(|grain| grain.x[axis]);
+        let (low, high) = (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
+        let name = ["x", "y", "z"][axis];
+        if low > high { format!("{name} anywhere") } else { format!("{name} = {low:.4} to {high:.4}") }
+    };
+    Some(format!(
+        "--region: no grain is in it in {empty} of {} snapshots; expected a region where grains are: in the last {}, {} and {} m",
+        rows.len(),
+        ends(0),
+        ends(1),
+        ends(2)
+    ))
+}
+
+/// Prints notes for the user about finished work.
+fn result_notes(rows: &[Row]) -> Vec<String> {
+    let empty = rows.iter().filter(|row| row.n_grains == 0).count();
+    if empty == 0 {
+        vec![]
+    } else {
+        vec![format!("{empty} of {} snapshots hold no grain: their fields are empty", rows.len())]
+    }
+}

@@ -1,0 +1,90 @@
+//! Options of the measurement of a case, as the command line gives them.
+
+use std::path::PathBuf;
+
+use clap::builder::RangedU64ValueParser;
+
+use crate::derive::MeasurementOptions;
+use crate::derive::energy::PairSummation;
+use crate::derive::free_surface::REACH;
+use crate::derive::probe::Probe;
+
+/// A number of the command line.
+pub fn parse_finite(text: &str) -> Result<f64, String> {
+    let number: f64 = text.parse().map_err(|_| "expected a number".to_string())?;
+    if number.is_finite() { Ok(number) } else { Err("expected a finite number".into()) }
+}
+
+/// A number of the command line that is positive.
+fn parse_positive(text: &str) -> Result<f64, String> {
+    parse_finite(text).ok().filter(|number| *number > 0.0).ok_or_else(|| "expected a number > 0".to_string())
+}
+
+/// Reach of the planes whose angle is the slope of a surface.
+#[derive(Debug, Clone, clap::Args)]
+pub struct SlopeReach {
+    /// Mean radii over which planes are fitted to a surface for its slope: fewer show more of its shape, and of its grains
+    /// [default: 12 of a heap or bed, 10 of an aggregate]
+    #[arg(long, value_name = "RADII", value_parser = parse_positive)]
+    pub slope_reach: Option<f64>,
+}
+
+/// Where the observables of a series are measured.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Measures {
+    /// Region of Z, nu, pressure and stress: ball:RADIUS, box:X,Y,Z, cylinder:RADIUS,LENGTH or
+    /// cylinder:RADIUS,LENGTH,AXIS_X,AXIS_Y,AXIS_Z with its centre at @X,Y,Z, @com or @largest, or layer:FROM,TO above the floor (m); without it the one that fits the scene
+    #[arg(long, value_name = "SHAPE")]
+    pub region: Option<Probe>,
+    #[command(flatten)]
+    pub slope: SlopeReach,
+}
+
+impl Default for Measures {
+    /// Returns the values of a command line without flags.
+    fn default() -> Measures {
+        Measures { region: None, slope: SlopeReach { slope_reach: None } }
+    }
+}
+
+/// Options of the measurement of a case and of its files.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Options {
+    /// The case directory
+    #[arg(default_value = ".")]
+    pub dir: PathBuf,
+    /// Take every Nth snapshot, counted from the first, and the last
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub every: u32,
+    /// Write no plots and no picture
+    #[arg(long)]
+    pub no_plots: bool,
+    /// Write no ParaView files
+    #[arg(long)]
+    pub no_vtk: bool,
+    /// Sum potential energies over every pair at any number of grains
+    #[arg(long)]
+    pub direct_gravity: bool,
+    #[command(flatten)]
+    pub measures: Measures,
+    /// Threads; 0 takes all cores. Results do not depend on it
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(..=1024))]
+    pub threads: usize,
+}
+
+impl Default for Options {
+    /// Returns the options of a command line without flags.
+    fn default() -> Options {
+        let dir = PathBuf::new();
+        let (every, no_plots, no_vtk, direct_gravity, threads) = (1, false, false, false, 0);
+        Options { dir, every, no_plots, no_vtk, direct_gravity, measures: Measures::default(), threads }
+    }
+}
+
+impl Options {
+    pub fn to_choices(&self) -> MeasurementOptions {
+        let summation = if self.direct_gravity { PairSummation::Direct } else { PairSummation::Fast };
+        let Measures { region, slope } = self.measures.clone();
+        MeasurementOptions { summation, region, slope_reach: slope.slope_reach.unwrap_or(REACH) }
+    }
+}

@@ -1,0 +1,42 @@
+//! Lists and selections of the snapshots of a case.
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+
+use cd_formats::error::{Fault, Faults};
+use cd_formats::{atomic, snapshot};
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Lists the snapshots of a folder by step; errors if there are none.
+pub fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
+    let expected = "expected snapshot-*.npz, the results of cd-solve";
+    let refuse = |found: &str| Err(Fault::new(outbox, None, "folder", found, expected).into());
+    match snapshot::list_snapshots(outbox)? {
+        _ if !atomic::path_exists(outbox) => refuse("is not there"),
+        all if all.is_empty() => refuse("holds no snapshot"),
+        all => Ok(all),
+    }
+}
+
+/// Selects every `every`th snapshot, and the last.
+pub fn select_snapshots(outbox: &Path, every: u32) -> Result<Vec<(u64, PathBuf)>, Faults> {
+    let all = list_snapshots(outbox)?;
+    let last = all.len() - 1;
+    let taken = |k: usize| k == last || k.is_multiple_of(every as usize);
+    Ok(all.into_iter().enumerate().filter(|(k, _)| taken(*k)).map(|(_, found)| found).collect())
+}
+
+/// Whether snapshot `k` of `count` is one of `some` spread evenly from the first to the last; if `some` is one, the first.
+pub fn is_evenly_chosen(k: usize, count: usize, some: usize) -> bool {
+    let parts = some.max(2) - 1;
+    (0..some).any(|part| (count - 1) * part / parts == k)
+}
+
+/// Progress bar on a terminal, hidden otherwise.
+pub fn progress_bar(count: usize) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("cd-post {bar:40} {pos}/{len} snapshots, {eta} left");
+    ProgressBar::new(count as u64).with_style(style.expect("a fixed template"))
+}
