@@ -5,12 +5,10 @@ use std::sync::Arc;
 
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, SHAPE_PLANE, Snapshot, SnapshotMeta};
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion};
 
+use crate::math::{Mat3, Vec3};
 use crate::shapes::{ShapeCache, SolidShape};
-
-pub type Vec3 = Vector3<f64>;
-pub type Mat3 = Matrix3<f64>;
 
 /// The state at one instant.
 #[derive(Debug, Clone)]

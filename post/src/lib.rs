@@ -11,6 +11,8 @@
 //! | [`commands`] | the commands, one module each |
 //! | [`mod@snapshots`] | lists of snapshots |
 //! | [`frame`], [`shapes`] | a snapshot, and the shapes of its polyhedra |
+//! | [`tables`] | tables of runs |
+//! | [`math`] | vectors, fitted lines, medians |
 //! | [`mod@derive`] | observables of a frame |
 //! | [`mod@write`] | figures, pictures and ParaView files |
 
@@ -18,9 +20,11 @@ pub mod cli;
 pub mod commands;
 pub mod derive;
 pub mod frame;
+pub mod math;
 pub mod options;
 pub mod shapes;
 pub mod snapshots;
+pub mod tables;
 pub mod write;
 
 pub use cli::run;

@@ -12,7 +12,7 @@ use cd_formats::surface::Surface;
 use cd_formats::unchanged::ComputedSnapshot;
 use nalgebra::Matrix3;
 
-use crate::frame::Vec3;
+use crate::math::Vec3;
 
 /// Largest difference of the normals of triangles of one face; files with eight digits leave about 1e-7.
 const NORMAL_TOLERANCE: f64 = 1e-5;

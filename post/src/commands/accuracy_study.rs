@@ -7,10 +7,13 @@ use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::Snapshot;
 
-use crate::commands::compare::{self, is_at_or_after, nearest_time, same_time};
-use crate::commands::study::{self, FittedLine, TIMED_STAGES};
 use crate::derive::SeriesValue;
+use crate::math::{FittedLine, median};
 use crate::snapshots::list_snapshots;
+use crate::tables::{
+    TIMED_STAGES, blank_group_faults, case_names, check_series_of_run, is_at_or_after, name_faults, nearest_time,
+    read_columns, read_log, same_time,
+};
 use crate::write::figure::{Curve, CurveMarks, Figure, FigureAxis};
 use crate::write::series::name_field;
 
@@ -146,9 +149,9 @@ fn compare_runs(cases: &[PathBuf], asked: &TradeOptions) -> Result<(Vec<RunError
             faults.push(Fault::new(Path::new("options"), None, name, format!("{count} of them"), expected));
         }
     }
-    let names = compare::case_names(cases);
-    faults.0.extend(compare::name_faults("runs", &names, None));
-    faults.0.extend(compare::blank_group_faults(groups));
+    let names = case_names(cases);
+    faults.0.extend(name_faults("runs", &names, None));
+    faults.0.extend(blank_group_faults(groups));
     let measured = |(k, case): (usize, &PathBuf)| -> Option<MeasuredRun> {
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
         faults.gather_result(measure_run(case, names[k].clone(), group, values.get(k).copied().unwrap_or(f64::NAN)))
@@ -244,10 +247,8 @@ fn series_path(case: &Path) -> PathBuf {
 fn measure_run(case: &Path, name: String, group: String, value: f64) -> Result<MeasuredRun, Faults> {
     let energies = ["n_grains", "Ec_mean", "E_grav", "E_uniform", "E_fields"];
     let shown = ["Z_interval", "nu", "pressure_interval", "a", "b", "c", "bed_nu", "bed_pressure_interval"];
-    let series = compare::read_columns(
-        &series_path(case),
-        &[&["step", "time", "interval"], &shown[..], &energies[..]].concat(),
-    )?;
+    let series =
+        read_columns(&series_path(case), &[&["step", "time", "interval"], &shown[..], &energies[..]].concat())?;
     let observed = |k: usize| {
         let [z, nu, pressure, a, b, c, bed_nu, bed_pressure] = shown.map(|name| series[name][k]);
         let [count, kinetic, gravity, uniform, fields] = energies.map(|name| series[name][k]);
@@ -255,11 +256,11 @@ fn measure_run(case: &Path, name: String, group: String, value: f64) -> Result<M
         let values = [z, nu, pressure, a, b, c, energy, bed_nu, bed_pressure];
         SnapshotMeans { time: series["time"][k], interval: series["interval"][k], values }
     };
-    let timer = compare::read_log(&case.join("TIMER.csv"), &TIMED_STAGES)?;
+    let timer = read_log(&case.join("TIMER.csv"), &TIMED_STAGES)?;
     let seconds = TIMED_STAGES.iter().flat_map(|room| &timer[*room]).sum();
     let all = list_snapshots(&case.join("OUTBOX"))?;
     let last = Snapshot::read(&all[all.len() - 1].1)?;
-    study::check_series_of_run(case, &series, &last.meta)?;
+    check_series_of_run(case, &series, &last.meta)?;
     let free: Vec<usize> = (0..last.bodies.body_x.len()).filter(|&i| last.bodies.body_driven[i] == 0).collect();
     let mean_radius = free.iter().map(|&i| last.bodies.body_radius[i]).sum::<f64>() / free.len().max(1) as f64;
     Ok(MeasuredRun {
@@ -321,18 +322,6 @@ fn rms_distance((time, a): &Positions, (other, b): &Positions, radius: f64) -> f
     }
     let square = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>();
     (a.iter().zip(b).map(square).sum::<f64>() / a.len() as f64).sqrt() / radius
-}
-
-/// Median; for an even number of values the mean of the middle two. NaN without values or if one is not defined.
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    match values.len() {
-        count if count == 0 || values.iter().any(|value| value.is_nan()) => f64::NAN,
-        count if count % 2 == 1 => values[middle],
-        _ => 0.5 * (values[middle - 1] + values[middle]),
-    }
 }
 
 /// Description of the times (s) of a series, for a message about unexpected times.
@@ -708,13 +697,6 @@ mod tests {
         let exact = ReferenceRun { finest: &run, observed: run.observed.clone(), early: None };
         let found = exact.compare_run(&run).unwrap();
         assert_eq!((found.value_of("worst"), found.value_of("pressure_single")), (0.0, 0.0));
-    }
-
-    #[test]
-    fn a_median_is_in_the_middle() {
-        let of = |values: &[f64]| median(values.iter().copied());
-        assert_eq!((of(&[3.0, 1.0, 2.0]), of(&[4.0, 1.0, 3.0, 2.0])), (2.0, 2.5));
-        assert!(of(&[]).is_nan() && of(&[1.0, f64::NAN]).is_nan());
     }
 
     #[test]

@@ -4,20 +4,21 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::snapshot::{Snapshot, SnapshotMeta};
+use cd_formats::snapshot::Snapshot;
 
-use crate::commands::compare::{self, Columns};
 use crate::derive::{Row, SeriesValue};
+use crate::math::FittedLine;
 use crate::snapshots::list_snapshots;
+use crate::tables::{
+    Columns, TIMED_STAGES, blank_group_faults, case_names, check_series_of_run, name_faults, nearest_time,
+    read_columns, read_log,
+};
 use crate::write::figure::{Curve, CurveMarks, Figure, FigureAxis};
 use crate::write::series::{csv_text, name_field};
 
 /// Stages of a step in TIMER.csv, as the figure of the cost has them.
 const STEP_STAGES: [(&str, &[&str]); 3] =
     [("gravity", &["gravity"]), ("detection", &["detection"]), ("contacts", &["assembly", "solve"])];
-
-/// Columns of TIMER.csv, s, without the writing.
-pub const TIMED_STAGES: [&str; 5] = ["gravity", "detection", "assembly", "solve", "integration"];
 
 /// Columns of runs.csv in addition to those of series.csv: name, unit, meaning.
 pub const COLUMNS: [(&str, &str, &str); 10] = [
@@ -60,30 +61,6 @@ impl StudyRun {
     }
 }
 
-/// Straight line fitted by least squares.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FittedLine {
-    pub slope: f64,
-    pub intercept: f64,
-    /// Square of the correlation.
-    pub r2: f64,
-}
-
-impl FittedLine {
-    /// Fits a line to points of which at least two have different x.
-    pub fn least_squares(points: &[(f64, f64)]) -> Option<FittedLine> {
-        let points: Vec<(f64, f64)> = points.iter().copied().filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
-        let n = points.len() as f64;
-        let (x, y) = points.iter().fold((0.0, 0.0), |(x, y), p| (x + p.0 / n, y + p.1 / n));
-        let (xx, xy, yy) = points.iter().fold((0.0, 0.0, 0.0), |(xx, xy, yy), p| {
-            (xx + (p.0 - x) * (p.0 - x), xy + (p.0 - x) * (p.1 - y), yy + (p.1 - y) * (p.1 - y))
-        });
-        let slope = xy / xx;
-        let r2 = if yy > 0.0 { xy * xy / (xx * yy) } else { 1.0 };
-        (xx > 0.0).then_some(FittedLine { slope, intercept: y - slope * x, r2 })
-    }
-}
-
 /// Measures each case from its series.csv, steps.csv, TIMER.csv and last snapshot, and writes the table of the runs, the
 /// table of the fitted lines, and the figures.
 ///
@@ -103,9 +80,9 @@ pub fn write(
         let expected = format!("expected {}, one a case", cases.len());
         faults.push(Fault::new(Path::new("options"), None, "groups", format!("{} names", groups.len()), expected));
     }
-    let names = compare::case_names(cases);
-    faults.0.extend(compare::name_faults("runs", &names, None));
-    faults.0.extend(compare::blank_group_faults(groups));
+    let names = case_names(cases);
+    faults.0.extend(name_faults("runs", &names, None));
+    faults.0.extend(blank_group_faults(groups));
     let mut runs = Vec::new();
     for (k, case) in cases.iter().enumerate() {
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
@@ -140,9 +117,9 @@ pub fn write(
 fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec<f64>, Faults> {
     let path = case.join("POSTPRO/series.csv");
     let needed = ["step", "time", "n_grains", "mass", "R_enclosing", "a", "b", "c", "pressure_sphere"];
-    let series = compare::read_columns(&path, &needed)?;
+    let series = read_columns(&path, &needed)?;
     let times = &series["time"];
-    let as_there = |time: f64| compare::nearest_time(times.iter().copied(), time).unwrap_or(time);
+    let as_there = |time: f64| nearest_time(times.iter().copied(), time).unwrap_or(time);
     let until = until.map_or(f64::INFINITY, as_there);
     let last = times.iter().copied().filter(|time| *time <= until).fold(f64::NAN, f64::max);
     let counts = from.map_or(last, as_there)..=until;
@@ -162,9 +139,9 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
     let mut values: Vec<f64> = Row::COLUMNS.iter().map(|(name, _, _)| mean(name)).collect();
 
     let outbox = case.join("OUTBOX");
-    let steps = compare::read_log(&outbox.join("steps.csv"), &["sweeps", "contacts_active", "converged"])?;
+    let steps = read_log(&outbox.join("steps.csv"), &["sweeps", "contacts_active", "converged"])?;
     let timed = [&TIMED_STAGES[..], &["writing"]].concat();
-    let timer = compare::read_log(&case.join("TIMER.csv"), &timed)?;
+    let timer = read_log(&case.join("TIMER.csv"), &timed)?;
     // A row is a step, or as many as it says: sums over these, but for the contacts of the last of them.
     let steps_of = |table: &Columns, k: usize| table.get("steps").map_or(1.0, |steps| steps[k]).max(1.0);
     let number = |table: &Columns, rows: usize| (0..rows).map(|k| steps_of(table, k)).sum::<f64>();
@@ -206,24 +183,6 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
     values.extend(STEP_STAGES.iter().map(|(_, names)| room(names)));
     values.push(room(&timed));
     Ok(values)
-}
-
-/// Errors if the series of a case does not belong to its snapshots but to those of an earlier run; `end`: the last
-/// snapshot.
-pub fn check_series_of_run(case: &Path, series: &Columns, end: &SnapshotMeta) -> Result<(), Faults> {
-    let last = |name: &str| series[name].last().copied().unwrap_or(f64::NAN);
-    let (step, time) = (last("step"), last("time"));
-    if step == end.step as f64 && compare::same_time(time, end.time) {
-        return Ok(());
-    }
-    let found = format!("ends at step {step} and {time} s");
-    let expected = format!(
-        "expected step {} and {} s, as the last snapshot of OUTBOX: run cd-post {} again",
-        end.step,
-        end.time,
-        case.display()
-    );
-    Err(Fault::new(&case.join("POSTPRO/series.csv"), None, "table", found, expected).into())
 }
 
 /// Neighbours per grain if 3 N - 6 contacts fix N spheres; NaN for two, which one contact fixes, and for one.
@@ -425,13 +384,5 @@ mod tests {
         assert!(svg.contains("6 − 9 N^(-1/3)") && !svg.contains("NaN"), "{svg}");
         let table = table_text(&runs);
         assert!(table.contains("\nb; c-250,b; c,") && !table.contains("NaN"), "{table}");
-    }
-
-    #[test]
-    fn a_line_needs_two_places() {
-        assert_eq!(FittedLine::least_squares(&[(1.0, 2.0), (1.0, 3.0)]), None);
-        assert_eq!(FittedLine::least_squares(&[(1.0, 2.0), (f64::NAN, 3.0)]), None);
-        let line = FittedLine::least_squares(&[(0.0, 1.0), (2.0, 5.0), (1.0, f64::NAN)]);
-        assert_eq!(line, Some(FittedLine { slope: 2.0, intercept: 1.0, r2: 1.0 }));
     }
 }

@@ -7,14 +7,15 @@ use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::field::FieldModel;
 
-use crate::commands::compare::is_at_or_after;
 use crate::derive::bed::supported_grains;
 use crate::derive::energy::{external_fields, self_gravity_constant};
 use crate::derive::fragments::{Fragment, find_fragments};
 use crate::derive::surface::ball_attraction;
-use crate::frame::{BodyIndex, Frame, Grain, PeriodicCell, Vec3, Wall, WallShape};
+use crate::frame::{BodyIndex, Frame, Grain, PeriodicCell, Wall, WallShape};
+use crate::math::Vec3;
 use crate::shapes::ShapeCache;
 use crate::snapshots::select_snapshots;
+use crate::tables::is_at_or_after;
 use crate::write::figure::{Curve, Figure, FigureAxis};
 use crate::write::series::{Column, csv_table, csv_with_counts};
 

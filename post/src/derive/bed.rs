@@ -3,7 +3,8 @@
 use crate::derive::coordination::neighbour_counts;
 use crate::derive::fragments::Fragment;
 use crate::derive::stress::{grain_stresses, pressure};
-use crate::frame::{BodyIndex, Frame, Grain, Mat3, PeriodicCell, SnapshotInterval, Vec3, Wall, WallShape};
+use crate::frame::{BodyIndex, Frame, Grain, PeriodicCell, SnapshotInterval, Wall, WallShape};
+use crate::math::{Mat3, Vec3};
 
 /// Tolerance of cosines near 0 or 1 within which a wall counts as upright or level: a few roundings of an orientation from
 /// a file.

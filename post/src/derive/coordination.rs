@@ -228,7 +228,7 @@ pub fn mean_coordination(frame: &Frame, members: &[usize]) -> Coordination {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::Vec3;
+    use crate::math::Vec3;
     use crate::samples::Scene;
 
     /// Mean over all grains.

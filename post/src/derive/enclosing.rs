@@ -2,7 +2,8 @@
 
 use nalgebra::DMatrix;
 
-use crate::frame::{Grain, Vec3};
+use crate::frame::Grain;
+use crate::math::Vec3;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EnclosingBall {

@@ -4,7 +4,8 @@ use cd_formats::field::FieldModel;
 use rayon::prelude::*;
 
 use crate::derive::gravity::GravityTree;
-use crate::frame::{Frame, Grain, Vec3};
+use crate::frame::{Frame, Grain};
+use crate::math::Vec3;
 
 /// Kinetic energy of a grain, J: of translation, m v^2 / 2, and of rotation, w.(I w) / 2.
 ///

@@ -5,7 +5,8 @@ use cd_formats::tact_behav::LAW_LABELS;
 use nalgebra::SymmetricEigen;
 
 use crate::derive::coordination::touching_contacts;
-use crate::frame::{Contact, Frame, Mat3};
+use crate::frame::{Contact, Frame};
+use crate::math::Mat3;
 
 /// Fabric tensor of the normals: F = (1/N) sum n (x) n over the N contacts that touch with force, walls too; trace 1.
 ///
@@ -94,7 +95,7 @@ mod tests {
     use super::*;
     use cd_formats::snapshot::{STATUS_STICK, ShapeArrays};
 
-    use crate::frame::Vec3;
+    use crate::math::Vec3;
     use crate::samples::Scene;
 
     #[test]

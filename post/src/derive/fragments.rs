@@ -3,7 +3,8 @@
 use cd_formats::groups::DisjointSets;
 
 use crate::derive::motion::{AggregateSums, RotatingAxes};
-use crate::frame::{Frame, Grain, Vec3};
+use crate::frame::{Frame, Grain};
+use crate::math::Vec3;
 
 /// Grains touch if their contact carries force, or if the gap between them is at most this share
 /// of the smaller radius.
@@ -194,7 +195,7 @@ mod tests {
         let numbers = |scene: &Scene| fragment_numbers(&find_fragments(&scene.frame()), 5);
         assert_eq!(numbers(&scene), [0, 1, 2, 3, 4]);
         // Near enough, and half a metre too far.
-        scene.contact_at(1, 0, [1.0, 0.0, 0.0], crate::frame::Vec3::x() * 1e-300);
+        scene.contact_at(1, 0, [1.0, 0.0, 0.0], crate::math::Vec3::x() * 1e-300);
         scene.snapshot.contacts.contact_impulse[0] = [0.0; 3];
         scene.snapshot.contacts.contact_gap[0] = 0.5e-3;
         scene.push(4, 1, 0.0);

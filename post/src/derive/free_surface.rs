@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use crate::derive::bed::supported_grains;
 use crate::derive::fragments::Fragment;
 use crate::derive::plane_fit::{FittedPlane, NoiseDensity, PlaneFit, without_noise};
-use crate::frame::{Frame, Grain, PeriodicCell, Vec3};
+use crate::frame::{Frame, Grain, PeriodicCell};
+use crate::math::Vec3;
 
 /// Largest number of columns along one direction; distant grains make the columns wider.
 const MAX_COLUMNS: f64 = 500.0;

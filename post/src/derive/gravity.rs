@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use crate::frame::{Mat3, Vec3};
+use crate::math::{Mat3, Vec3};
 
 /// Opening: groups act as such from distances of more than the sum of their reaches over this value. With it and
 /// [`REACH_STRETCH`] the energy of 12000 to 20000 points in a ball, a disc, a stream and on a line is off by 4e-5 to 8e-5.

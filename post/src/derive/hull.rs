@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use crate::frame::Vec3;
+use crate::math::Vec3;
 
 /// Directions in which the hull of unequal balls is sampled: a ball loses 1.2 10^-3 of its volume, many balls less.
 const DIRECTION_COUNT: usize = 4000;

@@ -38,7 +38,8 @@ pub mod region;
 pub mod stress;
 pub mod surface;
 
-use crate::frame::{Frame, PeriodicCell, Vec3};
+use crate::frame::{Frame, PeriodicCell};
+use crate::math::Vec3;
 use energy::PairSummation;
 use free_surface::FreeSurface;
 use probe::Probe;

@@ -3,7 +3,8 @@
 use cd_formats::compute::ExternalField;
 use nalgebra::SymmetricEigen;
 
-use crate::frame::{Frame, Grain, Mat3, Vec3};
+use crate::frame::{Frame, Grain};
+use crate::math::{Mat3, Vec3};
 
 /// The axes from which a snapshot's motion is seen: rate W (rad/s) and centre c (m) of each field that turns them.
 #[derive(Debug, Clone, PartialEq)]

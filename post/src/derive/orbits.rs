@@ -2,7 +2,7 @@
 
 use crate::derive::fragments::Fragment;
 use crate::derive::motion::AggregateSums;
-use crate::frame::Vec3;
+use crate::math::Vec3;
 
 /// The orbit of a fragment about the largest remnant, both as points.
 #[derive(Debug, Clone, Copy, PartialEq)]

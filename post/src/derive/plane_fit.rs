@@ -1,6 +1,6 @@
 //! Least-squares planes through the heights of a surface, and the noise of their slopes due to single grains.
 
-use crate::frame::{Mat3, Vec3};
+use crate::math::{Mat3, Vec3};
 
 /// Default reach of the planes fitted to the heights of an aggregate, in mean radii: the standard error due to single
 /// grains is 1.8 degrees, at 6 radii 5 and at 12 radii 1.3.

@@ -5,7 +5,8 @@ use std::str::FromStr;
 use crate::derive::bed::volume_below;
 use crate::derive::fragments::Fragment;
 use crate::derive::region::RegionKind;
-use crate::frame::{Frame, Grain, Vec3};
+use crate::frame::{Frame, Grain};
+use crate::math::Vec3;
 
 /// A region as the command line gives it.
 #[derive(Debug, Clone, PartialEq)]

@@ -2,7 +2,8 @@
 
 use crate::derive::coordination::neighbour_counts;
 use crate::derive::stress::{grain_stresses, pressure};
-use crate::frame::{Frame, Grain, Vec3};
+use crate::frame::{Frame, Grain};
+use crate::math::Vec3;
 
 /// The mean state in one spherical shell.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -19,7 +19,8 @@ use crate::derive::gravity::attraction_between;
 use crate::derive::hull;
 use crate::derive::motion::RotatingAxes;
 use crate::derive::probe::{Probe, ProbeShape};
-use crate::frame::{BodyIndex, Frame, Grain, ImpulseExchange, Mat3, SnapshotInterval, Vec3};
+use crate::frame::{BodyIndex, Frame, Grain, ImpulseExchange, SnapshotInterval};
+use crate::math::{Mat3, Vec3};
 
 /// Kind of a region; the number is that of the column `region`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,7 +4,8 @@
 //! the balance between both pressures holds to the solver's tolerance, not just to first order in the step.
 
 use crate::derive::fabric::eigenvalues;
-use crate::frame::{Frame, Grain, Mat3, Vec3};
+use crate::frame::{Frame, Grain};
+use crate::math::{Mat3, Vec3};
 
 /// Mean stress of the whole, Pa: sigma = (1/V) sum f (x) l over the contacts between grains.
 ///

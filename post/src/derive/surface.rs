@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use crate::derive::energy::external_fields;
 use crate::derive::motion::AggregateSums;
 use crate::derive::plane_fit::{FittedPlane, NoiseDensity, PlaneFit, without_noise};
-use crate::frame::{Contact, Frame, Grain, Vec3};
+use crate::frame::{Contact, Frame, Grain};
+use crate::math::Vec3;
 
 /// Directions about the centre of mass: the middles of cells of equal steps of latitude and longitude.
 /// z of the world points to the north pole, x to longitude 0.

@@ -25,7 +25,8 @@ use crate::derive::fabric::mobilised_share;
 use crate::derive::fragments::{find_fragments, fragment_numbers};
 use crate::derive::motion::AggregateSums;
 use crate::derive::stress::{grain_stresses, kinetic_stress, pressure};
-use crate::frame::{BodyIndex, Frame, Grain, Mat3, PeriodicCell, Vec3, Wall, WallShape};
+use crate::frame::{BodyIndex, Frame, Grain, PeriodicCell, Wall, WallShape};
+use crate::math::{Mat3, Vec3};
 
 /// Kinds of files, each with its collection.
 pub const FILE_KINDS: [&str; 4] = ["grains", "polyhedra", "contacts", "walls"];

@@ -10,7 +10,8 @@ use nalgebra::Rotation3;
 
 use crate::derive::coordination::neighbour_counts;
 use crate::derive::energy::kinetic_energies;
-use crate::frame::{Frame, Grain, Vec3};
+use crate::frame::{Frame, Grain};
+use crate::math::Vec3;
 use crate::write::scale::{format_six_digits, round_below, unit_prefix};
 
 /// Side of the square for the grains and width of the legend next to it, pixels.

@@ -9,7 +9,8 @@ use crate::derive::enclosing::enclosing_ball;
 use crate::derive::fragments::{find_fragments, fragment_numbers};
 use crate::derive::motion::AggregateSums;
 use crate::derive::stress::{grain_stresses, pressure};
-use crate::frame::{Frame, Grain, Vec3};
+use crate::frame::{Frame, Grain};
+use crate::math::Vec3;
 use crate::snapshots::is_evenly_chosen;
 
 /// Largest number of states on a page, and bytes of their numbers, so that a browser opens it at once.

@@ -10,13 +10,13 @@ use cd_formats::atomic;
 use cd_formats::error::Faults;
 
 use crate::commands::series::{measure_series, outside_of_layers};
-use crate::commands::study::TIMED_STAGES;
-use crate::commands::{compare, state};
+use crate::commands::state;
 use crate::derive::energy::self_gravity_constant;
 use crate::derive::region::RegionKind;
 use crate::derive::{Row, free_surface, plane_fit};
 use crate::frame::Frame;
 use crate::options::{Measures, Options};
+use crate::tables::{TIMED_STAGES, read_columns};
 use crate::write;
 use crate::write::plots::PLOTS;
 use crate::write::scale::format_six_digits;
@@ -264,6 +264,6 @@ fn stage_seconds(path: &Path) -> Result<Vec<(&'static str, f64)>, Faults> {
         return Ok(Vec::new());
     }
     let rooms = [&TIMED_STAGES[..], &["writing"]].concat();
-    let table = compare::read_columns(path, &rooms)?;
+    let table = read_columns(path, &rooms)?;
     Ok(rooms.iter().map(|room| (*room, table[*room].iter().sum())).collect())
 }
