@@ -7,10 +7,10 @@ use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::field::FieldModel;
 
-use crate::derive::bed::supported_grains;
 use crate::derive::energy::{external_fields, self_gravity_constant};
 use crate::derive::fragments::{Fragment, find_fragments};
 use crate::derive::surface::ball_attraction;
+use crate::derive::walls::supported_grains;
 use crate::frame::{BodyIndex, Frame, Grain, PeriodicCell, Wall, WallShape};
 use crate::math::Vec3;
 use crate::shapes::ShapeCache;

@@ -2,8 +2,11 @@
 
 use crate::derive::coordination::neighbour_counts;
 use crate::derive::fragments::Fragment;
+use crate::derive::heights::{centre_of_mass, height_range, volume_below};
+use crate::derive::polytope::cut_polygon;
 use crate::derive::stress::{grain_stresses, pressure};
-use crate::frame::{BodyIndex, Frame, Grain, PeriodicCell, SnapshotInterval, Wall, WallShape};
+use crate::derive::walls::{CylinderBore, WallFace, bounding_bore, bounding_faces, supported_grains};
+use crate::frame::{BodyIndex, Frame, Grain, PeriodicCell, SnapshotInterval};
 use crate::math::{Mat3, Vec3};
 
 /// Tolerance of cosines near 0 or 1 within which a wall counts as upright or level: a few roundings of an orientation from
@@ -271,124 +274,9 @@ fn horizontal_stress(stress: &Mat3, up: &Vec3) -> f64 {
     0.5 * (stress.trace() - vertical_stress(stress, up))
 }
 
-/// The grains of all groups that a wall touches with force.
-pub fn supported_grains(frame: &Frame, fragments: &[Fragment]) -> Vec<usize> {
-    let mut touched = vec![false; frame.grains.len()];
-    let walls = frame.active_contacts().filter(|contact| contact.grain_pair().is_none());
-    walls.flat_map(|contact| contact.on_grains()).for_each(|(i, _, _)| touched[i] = true);
-    let borne = fragments.iter().filter(|fragment| fragment.grains.iter().any(|&i| touched[i]));
-    let mut grains: Vec<usize> = borne.flat_map(|fragment| fragment.grains.iter().copied()).collect();
-    grains.sort_unstable();
-    grains
-}
-
-/// Face of a wall: n.x >= place for the centres of nearly all grains.
-pub struct WallFace {
-    /// Index into [`Frame::walls`].
-    pub wall: usize,
-    pub normal: Vec3,
-    pub place: f64,
-}
-
-impl WallFace {
-    pub fn is_before(&self, x: &Vec3) -> bool {
-        x.dot(&self.normal) >= self.place
-    }
-}
-
 /// The highest point of some grains above a floor, m.
 fn highest_point(frame: &Frame, grains: &[usize], up: &Vec3, floor: f64) -> f64 {
     grains.iter().map(|&i| height_range(&frame.grains[i], up)[1] - floor).fold(0.0, f64::max)
-}
-
-pub fn centre_of_mass<'a>(grains: impl Iterator<Item = &'a Grain>) -> Vec3 {
-    let (moment, mass) = grains.fold((Vec3::zeros(), 0.0), |(moment, mass), g| (moment + g.mass * g.x, mass + g.mass));
-    moment / mass
-}
-
-/// Share of the grains that may be beyond a wall that bounds the others: a few grains that have left a box do not open it.
-const MAX_ESCAPED_SHARE: f64 = 0.02;
-
-fn nearly_all(frame: &Frame, grains: &[usize], inside: impl Fn(&Vec3) -> bool) -> bool {
-    let beyond = grains.iter().filter(|&&i| !inside(&frame.grains[i].x)).count();
-    beyond as f64 <= MAX_ESCAPED_SHARE * grains.len() as f64
-}
-
-/// Faces of a wall that have the centres of nearly all `grains` before them. A plate has any such face. A convex polyhedron
-/// has, of the faces that cover half of the grains' section or more, the one that is farthest from the nearest of these
-/// centres. A hollow cylinder around these centres has both ends.
-pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<WallFace> {
-    let (x, rotation) = (frame.walls[wall].x, frame.walls[wall].rotation);
-    let before = |face: &WallFace| nearly_all(frame, grains, |x| face.is_before(x));
-    match &frame.walls[wall].shape {
-        WallShape::Plate(half) => {
-            let face = |(axis, sign): (usize, f64)| {
-                let normal = rotation * Vec3::ith(axis, sign);
-                WallFace { wall, normal, place: normal.dot(&x) + half[axis] }
-            };
-            (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]).map(face).filter(before).collect()
-        }
-        WallShape::Polyhedron(solid) if solid.hollow.is_none() => {
-            let reach = solid.bounding_radius();
-            let centre = grains.iter().map(|&i| frame.grains[i].x).sum::<Vec3>() / grains.len() as f64;
-            let offset = |i: &usize| frame.grains[*i].x - centre;
-            let spread = grains.iter().map(|i| offset(i) * offset(i).transpose()).sum::<Mat3>() / grains.len() as f64;
-            let covers = |corners: &[u32], normal: &Vec3| {
-                let at = |k: usize| solid.vertices[corners[k] as usize];
-                let twice = (2..corners.len()).map(|k| (at(k - 1) - at(0)).cross(&(at(k) - at(0))));
-                // The variances of an even section of sides a and b are a^2 / 12 and b^2 / 12; those of grains in a plane
-                // are zero.
-                let cofactor =
-                    spread.determinant() * spread.try_inverse().map_or(f64::NAN, |i| normal.dot(&(i * normal)));
-                0.5 * twice.sum::<Vec3>().norm() >= 0.5 * 12.0 * cofactor.max(0.0).sqrt()
-            };
-            let face = |corners: &Vec<u32>| {
-                let [a, b, c] = [0, 1, 2].map(|k| solid.vertices[corners[k] as usize]);
-                let normal = (b - a).cross(&(c - b)).try_normalize(0.0)?;
-                // Faces of a body that is not convex bound nothing.
-                let supports = solid.vertices.iter().all(|v| (v - a).dot(&normal) <= 1e-9 * reach);
-                let normal = supports.then(|| rotation * normal).filter(|normal| covers(corners, normal))?;
-                Some(WallFace { wall, normal, place: normal.dot(&(x + rotation * a)) })
-            };
-            let clearance = |face: &WallFace| {
-                let distances = grains.iter().map(|&i| frame.grains[i].x.dot(&face.normal) - face.place);
-                distances.filter(|d| *d >= 0.0).fold(f64::INFINITY, f64::min)
-            };
-            let faces = solid.faces.iter().filter_map(face).filter(before);
-            faces.max_by(|a, b| clearance(a).total_cmp(&clearance(b))).into_iter().collect()
-        }
-        _ => bounding_bore(frame, wall, grains).map_or(Vec::new(), |bore| bore.ends(wall).into()),
-    }
-}
-
-/// Hollow cylinder around nearly all centres; its ends are faces.
-pub struct CylinderBore {
-    pub x: Vec3,
-    pub axis: Vec3,
-    pub radius: f64,
-    /// Distance of both ends from x along the axis, m.
-    half_height: f64,
-}
-
-impl CylinderBore {
-    pub fn contains_point(&self, x: &Vec3) -> bool {
-        (x - self.x).cross(&self.axis).norm() <= self.radius
-    }
-
-    /// Flat ends, seen from inside.
-    fn ends(&self, wall: usize) -> [WallFace; 2] {
-        [self.axis, -self.axis].map(|normal| WallFace { wall, normal, place: normal.dot(&self.x) - self.half_height })
-    }
-}
-
-/// Returns the inside of a hollow cylinder that has nearly all centres between its ends and within its radius.
-pub fn bounding_bore(frame: &Frame, wall: usize, grains: &[usize]) -> Option<CylinderBore> {
-    let WallShape::Polyhedron(solid) = &frame.walls[wall].shape else { return None };
-    let hollow = solid.hollow?;
-    let Wall { x, rotation, .. } = frame.walls[wall];
-    let bore = CylinderBore { x, axis: rotation * Vec3::z(), radius: hollow.radius, half_height: hollow.half_height };
-    let ends = bore.ends(wall);
-    nearly_all(frame, grains, |x| bore.contains_point(x) && ends.iter().all(|end| end.is_before(x))).then_some(bore)
 }
 
 /// Number of sides of the polygon that approximates the section of a hollow cylinder; it has the same area, and the same
@@ -445,54 +333,11 @@ fn section_area<'a>(
     polygon.iter().all(closed).then(|| 0.5 * (0..polygon.len()).map(twice).sum::<f64>())
 }
 
-/// Returns the part of a convex polygon where `value` is not negative; `between` gives the point at a share of an edge.
-pub fn cut_polygon<P: Copy>(polygon: &[P], value: impl Fn(&P) -> f64, between: impl Fn(&P, &P, f64) -> P) -> Vec<P> {
-    let mut left = Vec::with_capacity(polygon.len() + 1);
-    for (k, p) in polygon.iter().enumerate() {
-        let q = &polygon[(k + 1) % polygon.len()];
-        let (here, there) = (value(p), value(q));
-        if here >= 0.0 {
-            left.push(*p);
-        }
-        if (here < 0.0) != (there < 0.0) {
-            left.push(between(p, q, here / (here - there)));
-        }
-    }
-    left
-}
-
-/// Lowest and highest point of a grain along `up`, m.
-pub fn height_range(grain: &Grain, up: &Vec3) -> [f64; 2] {
-    let balls = grain.balls().flat_map(|(x, radius)| [x.dot(up) - radius, x.dot(up) + radius]);
-    let points = grain.vertices().map(|v| v.dot(up));
-    balls.chain(points).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| [low.min(h), high.max(h)])
-}
-
-/// Volume of a grain's pieces below a height along `up`, m^3; overlapping pieces count separately.
-///
-/// A ball has the cap pi (r + s)^2 (2 r - s) / 3, with s the height of the plane above its centre. A polyhedron has the
-/// cones over the parts of its faces below the plane, from a point of the plane: from there the cut is seen edge-on.
-pub fn volume_below(grain: &Grain, up: &Vec3, height: f64) -> f64 {
-    let ball = |(x, r): (Vec3, f64)| {
-        let s = (height - x.dot(up)).clamp(-r, r);
-        std::f64::consts::PI * (r + s).powi(2) * (2.0 * r - s) / 3.0
-    };
-    let [_, highest] = height_range(grain, up);
-    let origin = grain.x + up * (height.min(highest) - grain.x.dot(up));
-    let vertices: Vec<Vec3> = grain.vertices().map(|v| v - origin).collect();
-    let cone = |face: &Vec<u32>| {
-        let corners: Vec<Vec3> = face.iter().map(|&v| vertices[v as usize]).collect();
-        let below = cut_polygon(&corners, |p| -p.dot(up), |p, q, share| p + (q - p) * share);
-        (2..below.len()).map(|k| below[0].dot(&below[k - 1].cross(&below[k])) / 6.0).sum::<f64>()
-    };
-    let faces = grain.solid.iter().flat_map(|solid| &solid.faces);
-    grain.balls().map(ball).sum::<f64>() + faces.map(cone).sum::<f64>()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::derive::fragments::find_fragments;
+    use crate::frame::{Wall, WallShape};
     use crate::samples::Scene;
     use crate::shapes::{Hollow, SolidShape};
     use nalgebra::UnitQuaternion;

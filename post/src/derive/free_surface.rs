@@ -3,9 +3,9 @@
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
-use crate::derive::bed::supported_grains;
 use crate::derive::fragments::Fragment;
 use crate::derive::plane_fit::{FittedPlane, NoiseDensity, PlaneFit, without_noise};
+use crate::derive::walls::supported_grains;
 use crate::frame::{Frame, Grain, PeriodicCell};
 use crate::math::Vec3;
 

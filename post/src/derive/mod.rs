@@ -3,7 +3,9 @@
 //! | module | observables |
 //! |---|---|
 //! | [`coordination`] | contacts per grain, rattlers |
-//! | [`region`], [`probe`] | the region of the means of solid fraction, stress and neighbours, and these means |
+//! | [`region`], [`region_kind`], [`probe`] | the region of the means of solid fraction, stress and neighbours, and these means |
+//! | [`enclosure`], [`walls`] | the space that walls and periods enclose around the grains |
+//! | [`heights`], [`polytope`] | heights of grains; polygons and polyhedra that are cut by planes |
 //! | [`hull`] | volume of the convex hull of balls |
 //! | [`enclosing`] | the smallest ball around the grains |
 //! | [`stress`] | stress of the whole and of each grain, pressure |
@@ -23,20 +25,25 @@
 pub mod bed;
 pub mod coordination;
 pub mod enclosing;
+pub mod enclosure;
 pub mod energy;
 pub mod fabric;
 pub mod fragments;
 pub mod free_surface;
 pub mod gravity;
+pub mod heights;
 pub mod hull;
 pub mod motion;
 pub mod orbits;
 pub mod plane_fit;
+pub mod polytope;
 pub mod probe;
 pub mod profile;
 pub mod region;
+pub mod region_kind;
 pub mod stress;
 pub mod surface;
+pub mod walls;
 
 use crate::frame::{Frame, PeriodicCell};
 use crate::math::Vec3;

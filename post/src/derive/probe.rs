@@ -2,9 +2,9 @@
 
 use std::str::FromStr;
 
-use crate::derive::bed::volume_below;
 use crate::derive::fragments::Fragment;
-use crate::derive::region::RegionKind;
+use crate::derive::heights::volume_below;
+use crate::derive::region_kind::RegionKind;
 use crate::frame::{Frame, Grain};
 use crate::math::Vec3;
 

@@ -9,70 +9,16 @@
 //!
 //! or a [`Probe`] that the user gives.
 
-use crate::derive::bed::{
-    CylinderBore, WallFace, bounding_bore, bounding_faces, centre_of_mass, cut_polygon, height_range, supported_grains,
-};
+use crate::derive::enclosure::{EnclosedRegion, GrainEnclosure};
 use crate::derive::energy::{PairSummation, external_fields, gravitational_energy, self_gravity_constant};
 use crate::derive::fragments::Fragment;
-use crate::derive::free_surface::mean_plane;
 use crate::derive::gravity::attraction_between;
 use crate::derive::hull;
 use crate::derive::motion::RotatingAxes;
 use crate::derive::probe::{Probe, ProbeShape};
+use crate::derive::region_kind::RegionKind;
 use crate::frame::{BodyIndex, Frame, Grain, ImpulseExchange, SnapshotInterval};
 use crate::math::{Mat3, Vec3};
-
-/// Kind of a region; the number is that of the column `region`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum RegionKind {
-    None = 0,
-    LargestGroup = 1,
-    AllGrains = 2,
-    Walls = 3,
-    Bed = 4,
-    Cell = 5,
-    Ball = 6,
-    Box = 7,
-    Cylinder = 8,
-    Layer = 9,
-}
-
-impl RegionKind {
-    pub const ALL: [RegionKind; 10] = [
-        RegionKind::None,
-        RegionKind::LargestGroup,
-        RegionKind::AllGrains,
-        RegionKind::Walls,
-        RegionKind::Bed,
-        RegionKind::Cell,
-        RegionKind::Ball,
-        RegionKind::Box,
-        RegionKind::Cylinder,
-        RegionKind::Layer,
-    ];
-
-    /// Number of the column `region`.
-    pub fn column_value(self) -> u64 {
-        self as u64
-    }
-
-    /// Name in titles of plots and in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            RegionKind::None => "no region",
-            RegionKind::LargestGroup => "hull of the largest group",
-            RegionKind::AllGrains => "hull of all grains",
-            RegionKind::Walls => "between the walls",
-            RegionKind::Bed => "between the walls, up to the surface",
-            RegionKind::Cell => "periodic cell",
-            RegionKind::Ball => "ball",
-            RegionKind::Box => "box",
-            RegionKind::Cylinder => "cylinder",
-            RegionKind::Layer => "layer",
-        }
-    }
-}
 
 /// Least share of the mass or of the grains of the largest remnant: a smaller group of touching grains is a clump of a
 /// cloud, and all grains count instead.
@@ -112,8 +58,10 @@ impl Region {
         if frame.grains.is_empty() {
             return Region { kind: RegionKind::None, volume: f64::NAN, members: Vec::new(), probe: None };
         }
-        let enclosed = GrainEnclosure::from_frame(frame, fragments).and_then(GrainEnclosure::into_region);
-        enclosed.unwrap_or_else(|| aggregate_region(frame, fragments))
+        match GrainEnclosure::from_frame(frame, fragments).and_then(GrainEnclosure::into_region) {
+            Some(EnclosedRegion { kind, volume, members }) => Region { kind, volume, members, probe: None },
+            None => aggregate_region(frame, fragments),
+        }
     }
 
     /// Returns the region given by the user. A layer without walls or periods around it, and a shape over more than
@@ -316,241 +264,6 @@ fn aggregate_region(frame: &Frame, fragments: &[Fragment]) -> Region {
     let grains = || members.iter().map(|&i| &frame.grains[i]);
     let balls = grains().flat_map(Grain::balls).chain(grains().flat_map(Grain::vertices).map(|v| (v, 0.0)));
     Region { kind, volume: hull::hull_volume(&balls.collect::<Vec<_>>()), members, probe: None }
-}
-
-/// Number of sides of the polygon that approximates a hollow cylinder; it has the same area.
-const POLYGON_SIDES: usize = 360;
-
-/// Walls and periods around grains.
-struct GrainEnclosure<'a> {
-    frame: &'a Frame,
-    faces: Vec<WallFace>,
-    bores: Vec<CylinderBore>,
-    /// Space between the walls and periods.
-    space: ConvexPolytope,
-    /// Grains by which walls and periods were chosen.
-    core: Vec<usize>,
-    /// Direction against uniform gravity, in a periodic scene along z; None without gravity.
-    up: Option<Vec3>,
-    mean_diameter: f64,
-}
-
-impl<'a> GrainEnclosure<'a> {
-    /// Returns None without walls and periods, and if nothing touches walls while self-gravity binds the grains.
-    fn from_frame(frame: &'a Frame, fragments: &[Fragment]) -> Option<GrainEnclosure<'a>> {
-        let cell = frame.cell();
-        if frame.grains.is_empty() || frame.walls.is_empty() && !cell.is_periodic() {
-            return None;
-        }
-        let held = supported_grains(frame, fragments);
-        if held.is_empty() && self_gravity_constant(frame).is_some() && !cell.is_periodic() {
-            return None;
-        }
-        let mass = |grains: &[usize]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
-        // Half of the grains are enough, too: a heavy lander above a bed.
-        let half =
-            |grains: &[usize]| 2.0 * mass(grains) >= frame.total_mass() || 2 * grains.len() >= frame.grains.len();
-        // Without walls that touch, what has not been thrown off.
-        let largest = fragments.first().map_or(&[][..], |first| &first.grains);
-        let core = [&held[..], if held.is_empty() { largest } else { &[] }].into_iter().find(|grains| half(grains));
-        let core = core.map_or_else(|| (0..frame.grains.len()).collect(), <[usize]>::to_vec);
-        let grains = || core.iter().map(|&i| &frame.grains[i]);
-        let faces: Vec<WallFace> = (0..frame.walls.len()).flat_map(|k| bounding_faces(frame, k, &core)).collect();
-        let bores: Vec<CylinderBore> = (0..frame.walls.len()).filter_map(|k| bounding_bore(frame, k, &core)).collect();
-        let centre = centre_of_mass(grains());
-        // A space that grains nearly fill ends within a few times their extent.
-        let far = grains().map(|g| (g.x - centre).norm() + g.bounding_radius()).fold(0.0, f64::max);
-        let walls = faces.iter().map(|f| (f.place - f.normal.dot(&centre)).abs()).chain(bores.iter().map(|b| b.radius));
-        let open = 64.0 * walls.fold(far, f64::max);
-        let mut space = ConvexPolytope::cuboid(centre, open);
-        for (axis, period) in cell.0.iter().enumerate().filter_map(|(axis, period)| Some((axis, (*period)?))) {
-            space.cut_below(&Vec3::ith(axis, 1.0), -0.5 * period);
-            space.cut_below(&Vec3::ith(axis, -1.0), -0.5 * period);
-        }
-        for face in &faces {
-            space.cut_below(&face.normal, face.place);
-        }
-        for bore in &bores {
-            let first = bore.axis.cross(&Vec3::ith(bore.axis.iamin(), 1.0)).normalize();
-            let second = bore.axis.cross(&first);
-            let turn = std::f64::consts::TAU / POLYGON_SIDES as f64;
-            let apothem = bore.radius * (0.5 * turn / (0.5 * turn).tan()).sqrt();
-            for k in 0..POLYGON_SIDES {
-                let (sin, cos) = (turn * k as f64).sin_cos();
-                let inward = -(first * cos + second * sin);
-                space.cut_below(&inward, inward.dot(&bore.x) - apothem);
-            }
-        }
-        let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0);
-        let up = against.map(|against| if cell.is_periodic() { Vec3::z() } else { against });
-        let mean_diameter = 2.0 * grains().map(|g| g.radius).sum::<f64>() / core.len() as f64;
-        Some(GrainEnclosure { frame, faces, bores, space, core, up, mean_diameter })
-    }
-
-    fn is_inside(&self, x: &Vec3) -> bool {
-        self.faces.iter().all(|face| face.is_before(x)) && self.bores.iter().all(|bore| bore.contains_point(x))
-    }
-
-    /// Lowest and highest point of the grains along a direction, m.
-    fn height_range(&self, axis: &Vec3) -> [f64; 2] {
-        let inside = self.core.iter().map(|&i| &self.frame.grains[i]).filter(|grain| self.is_inside(&grain.x));
-        let ends = inside.map(|grain| height_range(grain, axis));
-        ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], [l, h]| [low.min(l), high.max(h)])
-    }
-
-    fn into_region(self) -> Option<Region> {
-        match self.up {
-            Some(up) => self.into_region_under_gravity(&up),
-            None => self.into_weightless_region(),
-        }
-    }
-
-    fn into_weightless_region(mut self) -> Option<Region> {
-        let repeats = self.frame.cell().is_periodic();
-        let mut kind = RegionKind::Walls;
-        let mut limits = [f64::NEG_INFINITY, f64::INFINITY];
-        if repeats && !self.space.is_closed() {
-            (kind, limits) = (RegionKind::Cell, self.height_range(&Vec3::z()));
-            let periods = self.frame.cell().0;
-            let open: Vec<usize> = (0..3).filter(|&axis| axis == 2 || periods[axis].is_none()).collect();
-            for axis in open {
-                let axis = Vec3::ith(axis, 1.0);
-                let [low, high] = self.height_range(&axis);
-                self.space.cut_below(&axis, low);
-                self.space.cut_below(&-axis, -high);
-            }
-        }
-        let [low, high] = limits;
-        let within = |x: &Vec3| self.is_inside(x) && (low..=high).contains(&x.z);
-        let members = self.members_inside(within);
-        self.space.is_closed().then(|| Region { kind, volume: self.space.volume(), members, probe: None })
-    }
-
-    fn into_region_under_gravity(mut self, up: &Vec3) -> Option<Region> {
-        let grains = self.core.iter().map(|&i| &self.frame.grains[i]).filter(|grain| self.is_inside(&grain.x));
-        let grains: Vec<&Grain> = grains.collect();
-        let (point, normal) = mean_plane(&grains, &self.frame.cell(), up)?;
-        let whole = self.space.is_closed().then(|| self.space.volume());
-        let section = self.space.cut_below(&-normal, -normal.dot(&point));
-        if !self.space.is_closed() {
-            let [lowest, _] = self.height_range(up);
-            self.space.cut_below(up, lowest);
-        }
-        if !self.space.is_closed() {
-            return None;
-        }
-        let volume = self.space.volume();
-        if let Some(whole) = whole
-            && whole - volume <= section * self.mean_diameter
-        {
-            let members = self.members_inside(|x| self.is_inside(x));
-            return Some(Region { kind: RegionKind::Walls, volume: whole, members, probe: None });
-        }
-        let below = |x: &Vec3| (x - point).dot(&normal) <= 0.0;
-        let core = |i: &usize| self.core.binary_search(i).is_ok();
-        let member = |i: &usize| {
-            let x = &self.frame.grains[*i].x;
-            self.is_inside(x) && (core(i) || below(x))
-        };
-        let members = (0..self.frame.grains.len()).filter(member).collect();
-        Some(Region { kind: RegionKind::Bed, volume, members, probe: None })
-    }
-
-    fn members_inside(&self, inside: impl Fn(&Vec3) -> bool) -> Vec<usize> {
-        (0..self.frame.grains.len()).filter(|&i| inside(&self.frame.grains[i].x)).collect()
-    }
-
-    /// Returns the layer between two heights (m) above the lowest point of the space, or of the grains if the space is open
-    /// below, and its volume; None if a side is open.
-    fn into_layer(mut self, from: f64, to: f64) -> Option<(ProbeShape, f64)> {
-        let up = self.up.unwrap_or(Vec3::z());
-        let [lowest, _] = self.height_range(&up);
-        let floor = self.space.lowest_point(&up).unwrap_or(lowest);
-        self.space.cut_below(&up, floor + from);
-        self.space.cut_below(&-up, -(floor + to));
-        let layer = ProbeShape::Layer { up, from: floor + from, to: floor + to };
-        self.space.is_closed().then(|| (layer, self.space.volume()))
-    }
-}
-
-/// Convex polyhedron by its faces, within a cube that bounds it on open sides.
-struct ConvexPolytope {
-    faces: Vec<Vec<Vec3>>,
-    centre: Vec3,
-    /// Half the side length of the cube, m.
-    open: f64,
-}
-
-impl ConvexPolytope {
-    fn cuboid(centre: Vec3, open: f64) -> ConvexPolytope {
-        let face = |axis: usize, sign: f64| {
-            let at = |u: f64, v: f64| {
-                let mut x = Vec3::zeros();
-                (x[axis], x[(axis + 1) % 3], x[(axis + 2) % 3]) = (sign, u, v);
-                centre + x * open
-            };
-            let mut face = vec![at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)];
-            if sign < 0.0 {
-                face.reverse();
-            }
-            face
-        };
-        let faces = (0..3).flat_map(|axis| [face(axis, 1.0), face(axis, -1.0)]).collect();
-        ConvexPolytope { faces, centre, open }
-    }
-
-    /// Cuts off the part with normal.x < place; returns the area of the cut, m^2.
-    fn cut_below(&mut self, normal: &Vec3, place: f64) -> f64 {
-        let value = |p: &Vec3| p.dot(normal) - place;
-        let near = 1e-12 * self.open;
-        let mut rim: Vec<Vec3> = Vec::new();
-        let mut faces = Vec::with_capacity(self.faces.len() + 1);
-        for face in &self.faces {
-            let left = cut_polygon(face, value, |p, q, share| p + (q - p) * share);
-            if face.iter().any(|p| value(p) < 0.0) {
-                rim.extend(left.iter().filter(|p| value(p).abs() <= near));
-            }
-            if left.len() > 2 {
-                faces.push(left);
-            }
-        }
-        self.faces = faces;
-        if rim.len() < 3 {
-            return 0.0;
-        }
-        // Around the middle, seen from outside: against the normal.
-        let middle = rim.iter().sum::<Vec3>() / rim.len() as f64;
-        let first = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize();
-        let second = first.cross(normal);
-        let angle = |p: &Vec3| (p - middle).dot(&second).atan2((p - middle).dot(&first));
-        rim.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
-        let area = area_vector(&rim).norm();
-        self.faces.push(rim);
-        area
-    }
-
-    /// Whether the polyhedron is bounded: no part of it reaches the cube.
-    fn is_closed(&self) -> bool {
-        let within = |p: &Vec3| (p - self.centre).amax() < self.open * (1.0 - 1e-9);
-        !self.faces.is_empty() && self.faces.iter().flatten().all(within)
-    }
-
-    fn volume(&self) -> f64 {
-        let cone = |face: &Vec<Vec3>| (face[0] - self.centre).dot(&area_vector(face)) / 3.0;
-        self.faces.iter().map(cone).sum()
-    }
-
-    /// Lowest point along a direction, m; None if the polyhedron is open there.
-    fn lowest_point(&self, up: &Vec3) -> Option<f64> {
-        let lowest = self.faces.iter().flatten().min_by(|a, b| a.dot(up).total_cmp(&b.dot(up)))?;
-        ((lowest - self.centre).amax() < self.open * (1.0 - 1e-9)).then(|| lowest.dot(up))
-    }
-}
-
-/// Area times normal of a polygon, m^2.
-fn area_vector(polygon: &[Vec3]) -> Vec3 {
-    let from = |k: usize| polygon[k] - polygon[0];
-    0.5 * (2..polygon.len()).map(|k| from(k - 1).cross(&from(k))).sum::<Vec3>()
 }
 
 #[cfg(test)]

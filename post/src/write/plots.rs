@@ -1,7 +1,7 @@
 //! `POSTPRO/*.svg`: the main columns of the series against time.
 
 use crate::derive::Row;
-use crate::derive::region::RegionKind;
+use crate::derive::region_kind::RegionKind;
 use crate::write::figure::{Curve, Figure, FigureAxis};
 
 /// One plot: columns of [`Row`] that share a unit.

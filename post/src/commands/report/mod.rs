@@ -12,7 +12,7 @@ use cd_formats::error::Faults;
 use crate::commands::series::{measure_series, outside_of_layers};
 use crate::commands::state;
 use crate::derive::energy::self_gravity_constant;
-use crate::derive::region::RegionKind;
+use crate::derive::region_kind::RegionKind;
 use crate::derive::{Row, free_surface, plane_fit};
 use crate::frame::Frame;
 use crate::options::{Measures, Options};

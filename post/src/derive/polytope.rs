@@ -1,0 +1,99 @@
+//! Convex polygons and polyhedra that are cut by planes.
+
+use crate::math::Vec3;
+
+/// Convex polyhedron by its faces, within a cube that bounds it on open sides.
+pub struct ConvexPolytope {
+    faces: Vec<Vec<Vec3>>,
+    centre: Vec3,
+    /// Half the side length of the cube, m.
+    open: f64,
+}
+
+impl ConvexPolytope {
+    pub fn cuboid(centre: Vec3, open: f64) -> ConvexPolytope {
+        let face = |axis: usize, sign: f64| {
+            let at = |u: f64, v: f64| {
+                let mut x = Vec3::zeros();
+                (x[axis], x[(axis + 1) % 3], x[(axis + 2) % 3]) = (sign, u, v);
+                centre + x * open
+            };
+            let mut face = vec![at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)];
+            if sign < 0.0 {
+                face.reverse();
+            }
+            face
+        };
+        let faces = (0..3).flat_map(|axis| [face(axis, 1.0), face(axis, -1.0)]).collect();
+        ConvexPolytope { faces, centre, open }
+    }
+
+    /// Cuts off the part with normal.x < place; returns the area of the cut, m^2.
+    pub fn cut_below(&mut self, normal: &Vec3, place: f64) -> f64 {
+        let value = |p: &Vec3| p.dot(normal) - place;
+        let near = 1e-12 * self.open;
+        let mut rim: Vec<Vec3> = Vec::new();
+        let mut faces = Vec::with_capacity(self.faces.len() + 1);
+        for face in &self.faces {
+            let left = cut_polygon(face, value, |p, q, share| p + (q - p) * share);
+            if face.iter().any(|p| value(p) < 0.0) {
+                rim.extend(left.iter().filter(|p| value(p).abs() <= near));
+            }
+            if left.len() > 2 {
+                faces.push(left);
+            }
+        }
+        self.faces = faces;
+        if rim.len() < 3 {
+            return 0.0;
+        }
+        // Around the middle, seen from outside: against the normal.
+        let middle = rim.iter().sum::<Vec3>() / rim.len() as f64;
+        let first = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize();
+        let second = first.cross(normal);
+        let angle = |p: &Vec3| (p - middle).dot(&second).atan2((p - middle).dot(&first));
+        rim.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
+        let area = area_vector(&rim).norm();
+        self.faces.push(rim);
+        area
+    }
+
+    /// Whether the polyhedron is bounded: no part of it reaches the cube.
+    pub fn is_closed(&self) -> bool {
+        let within = |p: &Vec3| (p - self.centre).amax() < self.open * (1.0 - 1e-9);
+        !self.faces.is_empty() && self.faces.iter().flatten().all(within)
+    }
+
+    pub fn volume(&self) -> f64 {
+        let cone = |face: &Vec<Vec3>| (face[0] - self.centre).dot(&area_vector(face)) / 3.0;
+        self.faces.iter().map(cone).sum()
+    }
+
+    /// Lowest point along a direction, m; None if the polyhedron is open there.
+    pub fn lowest_point(&self, up: &Vec3) -> Option<f64> {
+        let lowest = self.faces.iter().flatten().min_by(|a, b| a.dot(up).total_cmp(&b.dot(up)))?;
+        ((lowest - self.centre).amax() < self.open * (1.0 - 1e-9)).then(|| lowest.dot(up))
+    }
+}
+
+/// Area times normal of a polygon, m^2.
+fn area_vector(polygon: &[Vec3]) -> Vec3 {
+    let from = |k: usize| polygon[k] - polygon[0];
+    0.5 * (2..polygon.len()).map(|k| from(k - 1).cross(&from(k))).sum::<Vec3>()
+}
+
+/// Returns the part of a convex polygon where `value` is not negative; `between` gives the point at a share of an edge.
+pub fn cut_polygon<P: Copy>(polygon: &[P], value: impl Fn(&P) -> f64, between: impl Fn(&P, &P, f64) -> P) -> Vec<P> {
+    let mut left = Vec::with_capacity(polygon.len() + 1);
+    for (k, p) in polygon.iter().enumerate() {
+        let q = &polygon[(k + 1) % polygon.len()];
+        let (here, there) = (value(p), value(q));
+        if here >= 0.0 {
+            left.push(*p);
+        }
+        if (here < 0.0) != (there < 0.0) {
+            left.push(between(p, q, here / (here - there)));
+        }
+    }
+    left
+}
