@@ -42,16 +42,16 @@ impl TableKind {
             "track.csv" => some(&track::COLUMNS, &["depth", "force"]),
             "crater.csv" => some(&track::CRATER_COLUMNS, &["before", "after"]),
             "profile.csv" => {
-                some(&state::PROFILE_COLUMNS, &["nu", "Z", "pressure", "radial_stress", "tangential_stress"])
+                some(&state::profiles::PROFILE_COLUMNS, &["nu", "Z", "pressure", "radial_stress", "tangential_stress"])
             }
             "layers.csv" => some(
-                &state::LAYER_COLUMNS,
+                &state::profiles::LAYER_COLUMNS,
                 &["nu", "Z", "vertical_stress", "horizontal_stress", "shear_stress", "weight"],
             ),
-            "forces.csv" => some(&state::FORCE_COLUMNS, &["P_normal", "P_tangential"]),
-            "mobilisation.csv" => some(&state::MOBILISATION_COLUMNS, &["P"]),
-            "ejecta.csv" => some(&state::EJECTA_COLUMNS, &["mass_share_faster"]),
-            "slopes.csv" => some(&state::SLOPE_COLUMNS, &["slope"]),
+            "forces.csv" => some(&state::forces::FORCE_COLUMNS, &["P_normal", "P_tangential"]),
+            "mobilisation.csv" => some(&state::forces::MOBILISATION_COLUMNS, &["P"]),
+            "ejecta.csv" => some(&state::ejecta::EJECTA_COLUMNS, &["mass_share_faster"]),
+            "slopes.csv" => some(&state::surfaces::SLOPE_COLUMNS, &["slope"]),
             _ => None,
         }
     }

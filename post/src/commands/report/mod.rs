@@ -107,7 +107,7 @@ fn page_html(
     rows: &[Row],
     states: &[grains::PageState],
     last: &Frame,
-    depth: Vec<state::File>,
+    depth: Vec<state::file::StateFile>,
     reach: Option<f64>,
     seconds: &[(&str, f64)],
 ) -> String {

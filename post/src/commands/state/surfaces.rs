@@ -1,0 +1,161 @@
+//! Heights and slopes of the surface of an aggregate, heap or bed.
+
+use vtkio::model::{Attributes, PolyDataPiece};
+
+use crate::commands::state::file::{StateFile, text_file};
+use crate::derive::energy::self_gravity_constant;
+use crate::derive::fragments::Fragment;
+use crate::derive::free_surface::FreeSurface;
+use crate::derive::surface::{DirectionGrid, SurfaceFacet, aggregate_surface, rms_noise, slopes_below};
+use crate::frame::Frame;
+use crate::math::Vec3;
+use crate::write::display::{flat_components, scalar_attribute, vector_attribute, vertex_numbers, vtp_bytes};
+use crate::write::figure::{Curve, Figure, FigureAxis};
+use crate::write::map::{self, MapSheet};
+use crate::write::series::{Column, csv_table, csv_text};
+
+/// Columns of surface.csv of a heap or bed.
+pub const SURFACE_COLUMNS: [Column; 6] = [
+    ("x", "m", ""),
+    ("y", "m", ""),
+    ("z", "m", ""),
+    ("height", "m", "height above the lowest point of the grains"),
+    ("slope", "°", "angle between the normal and the direction against gravity"),
+    ("slope_error", "°", "standard error of the slope that single grains leave"),
+];
+
+/// Columns of slopes.csv.
+pub const SLOPE_COLUMNS: [Column; 2] =
+    [("share_below", "1", "share of the surface"), ("slope", "°", "slope that a share of the surface is below")];
+
+/// Shares of the surface with listed slopes: every twentieth.
+const SLOPE_SHARE_COUNT: usize = 20;
+
+/// Height, gravity and slope of the largest remnant by direction.
+pub fn surface_files(frame: &Frame, largest: &Fragment, slope_reach: f64) -> Vec<StateFile> {
+    let grid = DirectionGrid::STANDARD;
+    let constant = self_gravity_constant(frame).unwrap_or(0.0);
+    let facets = aggregate_surface(frame, &largest.grains, &largest.whole, constant, grid, slope_reach);
+    let header =
+        ["latitude", "longitude", "x", "y", "z", "height", "g_x", "g_y", "g_z", "slope", "area", "slope_error"];
+    let row = |f: &SurfaceFacet| {
+        let mut row = vec![f.latitude.to_degrees(), f.longitude.to_degrees()];
+        row.extend(f.x.iter());
+        row.push(f.height);
+        row.extend(f.gravity.iter());
+        row.extend([f.slope.to_degrees(), f.area, f.error.to_degrees()]);
+        row
+    };
+    let heights: Vec<f64> = facets.iter().map(|f| f.height).collect();
+    let slopes: Vec<f64> = facets.iter().map(|f| f.slope.to_degrees()).collect();
+    let sheet = MapSheet::of_directions(grid);
+    let x: Vec<Vec3> = facets.iter().map(|f| f.x).collect();
+    let gravity: Vec<Vec3> = facets.iter().map(|f| f.gravity).collect();
+    let counts = [grid.longitudes, grid.latitudes];
+    let noise = noise_text(rms_noise(&facets));
+    let mut files =
+        slope_files(&format!("Slopes against gravity and rotation{noise}"), &slopes_below(&facets, &slope_shares()));
+    files.extend([
+        text_file("surface.csv", csv_text(&header, facets.iter().map(row))),
+        // From east to west the sphere closes; at the poles it is left open.
+        ("surface.vtp", surface_vtp(counts, [true, false], &x, &heights, &slopes, Some(&gravity))),
+        text_file("surface_height.svg", map::svg("Height above the centre of mass", "height", "m", &heights, &sheet)),
+        text_file(
+            "surface_slope.svg",
+            map::svg(&format!("Slope against gravity and rotation{noise}"), "slope", "°", &slopes, &sheet),
+        ),
+    ]);
+    files
+}
+
+/// Height and slope of a heap or bed by verticals.
+pub fn free_surface_files(surface: &FreeSurface) -> Vec<StateFile> {
+    let columns = &surface.columns;
+    let heights: Vec<f64> = columns.iter().map(|c| c.height).collect();
+    let slopes: Vec<f64> = columns.iter().map(|c| c.slope.to_degrees()).collect();
+    let x: Vec<Vec3> = columns.iter().map(|c| c.x).collect();
+    let known = columns.iter().filter(|c| c.height.is_finite());
+    let sheet = MapSheet::from_above(surface);
+    let noise = noise_text(surface.noise);
+    let mut files = slope_files(&format!("Slopes against gravity{noise}"), &surface.slopes_below(&slope_shares()));
+    files.extend([
+        text_file(
+            "surface.csv",
+            csv_table(
+                &SURFACE_COLUMNS,
+                known.map(|c| [c.x.x, c.x.y, c.x.z, c.height, c.slope.to_degrees(), c.error.to_degrees()]),
+            ),
+        ),
+        ("surface.vtp", surface_vtp(surface.counts, [false; 2], &x, &heights, &slopes, None)),
+        text_file("surface_height.svg", map::svg("Height of the free surface", "height", "m", &heights, &sheet)),
+        text_file(
+            "surface_slope.svg",
+            map::svg(&format!("Slope of the free surface{noise}"), "slope", "°", &slopes, &sheet),
+        ),
+    ]);
+    files
+}
+
+/// Part of a title on the noise of slopes, rad.
+fn noise_text(noise: f64) -> String {
+    if noise.is_finite() { format!("; standard error {:.2}°", noise.to_degrees()) } else { String::new() }
+}
+
+/// Shares of a surface: every twentieth.
+fn slope_shares() -> Vec<f64> {
+    (1..=SLOPE_SHARE_COUNT).map(|k| k as f64 / SLOPE_SHARE_COUNT as f64).collect()
+}
+
+/// The slopes (rad) that [`slope_shares`] of a surface are below.
+fn slope_files(title: &str, below: &[f64]) -> Vec<StateFile> {
+    let below: Vec<(f64, f64)> = slope_shares().into_iter().zip(below.iter().map(|slope| slope.to_degrees())).collect();
+    let figure = Figure {
+        title: title.into(),
+        x: FigureAxis::linear("share of the surface that is below", "1"),
+        y: FigureAxis::linear("slope", "°"),
+        curves: vec![Curve::line("surface", below.clone())],
+    };
+    vec![
+        text_file("slopes.csv", csv_table(&SLOPE_COLUMNS, below.into_iter().map(|(share, slope)| [share, slope]))),
+        text_file("slopes.svg", figure.to_svg()),
+    ]
+}
+
+/// Quadrilaterals between four neighbours of a grid of `columns` by `rows`, closed along the axes where `closes` is true.
+/// Slopes in degrees.
+fn surface_vtp(
+    [columns, rows]: [usize; 2],
+    closes: [bool; 2],
+    x: &[Vec3],
+    heights: &[f64],
+    slopes: &[f64],
+    gravity: Option<&[Vec3]>,
+) -> Vec<u8> {
+    let mut number = vec![None; x.len()];
+    let mut kept: Vec<usize> = Vec::new();
+    // Without gravity and spin nothing is level.
+    let level = slopes.iter().any(|slope| slope.is_finite());
+    for k in (0..x.len()).filter(|&k| heights[k].is_finite() && (slopes[k].is_finite() || !level)) {
+        number[k] = Some(kept.len() as u64);
+        kept.push(k);
+    }
+    let corner = |row: usize, column: usize| number[row % rows * columns + column % columns];
+    let [wide, high] = [columns - usize::from(!closes[0]), rows - usize::from(!closes[1])];
+    let quads = (0..high).flat_map(|row| (0..wide).map(move |column| (row, column)));
+    let quads = quads.filter_map(|(row, column)| {
+        Some([corner(row, column)?, corner(row, column + 1)?, corner(row + 1, column + 1)?, corner(row + 1, column)?])
+    });
+    let of = |values: &[f64]| kept.iter().map(|&k| values[k]).collect::<Vec<f64>>();
+    let vectors_of = |values: &[Vec3]| kept.iter().map(|&k| values[k]).collect::<Vec<Vec3>>();
+    let mut point = vec![scalar_attribute("height", of(heights))];
+    if level {
+        point.push(scalar_attribute("slope", of(slopes)));
+    }
+    point.extend(gravity.map(|gravity| vector_attribute("gravity", vectors_of(gravity).into_iter())));
+    vtp_bytes(PolyDataPiece {
+        points: flat_components(vectors_of(x).into_iter()).into(),
+        polys: vertex_numbers(quads),
+        data: Attributes { point, cell: vec![] },
+        ..Default::default()
+    })
+}
