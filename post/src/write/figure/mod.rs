@@ -3,32 +3,18 @@
 //! The SVG files name a font family and leave the letters to the viewer. No font is needed to write them, and so the size
 //! of labels is estimated.
 
-use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint};
 use plotters::element::DynElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::write::scale::{digits_needed, format_digits, to_superscript, unit_prefix};
+mod axis;
+mod labels;
 
-/// Quantity, unit and scaling of an axis.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FigureAxis {
-    pub quantity: String,
-    /// Unit; "1" for a number without unit.
-    pub unit: String,
-    /// Whether the axis is in powers of ten; values under 1e-14 of the largest, round-off, are left out.
-    pub logarithmic: bool,
-}
+pub use axis::FigureAxis;
 
-impl FigureAxis {
-    pub fn linear(quantity: &str, unit: &str) -> FigureAxis {
-        FigureAxis { quantity: quantity.into(), unit: unit.into(), logarithmic: false }
-    }
-
-    pub fn logarithmic(quantity: &str, unit: &str) -> FigureAxis {
-        FigureAxis { logarithmic: true, ..FigureAxis::linear(quantity, unit) }
-    }
-}
+use crate::write::scale::format_digits;
+use axis::{AxisTicks, MAX_AXIS_MARKS, axis_range, axis_scaling, axis_value, smallest_shown};
+use labels::{LETTER_WIDTH, LabelSpace, NAME_DISTANCE, NAMED_DOT_RADIUS, PixelRect, line_rectangles};
 
 /// One entry of the legend.
 #[derive(Debug, Clone, PartialEq)]
@@ -86,22 +72,14 @@ const MIN_PLOT_WIDTH: i32 = 400;
 const TITLE_LETTER: i32 = 10;
 /// Least width of the legend; it grows with the names.
 const LEGEND_WIDTH: i32 = 150;
-/// Font size, and largest width of a letter.
+/// Font size, in pixels.
 const FONT_SIZE: i32 = 16;
-const LETTER_WIDTH: i32 = 8;
 /// Largest number of rows in a column of the legend, position of the first row, and largest distance of rows.
 const LEGEND_ROWS: usize = 26;
 const FIRST_ROW: i32 = 60;
 const ROW_HEIGHT: i32 = 24;
-/// Radius of a dot with a name, and approximate radius of others.
-const NAMED_DOT_RADIUS: i32 = 5;
+/// Approximate radius of a dot without a name, in pixels.
 const DOT_RADIUS: i32 = 3;
-/// Distance from the middle of a dot to its name.
-const NAME_DISTANCE: i32 = NAMED_DOT_RADIUS + 3;
-/// Possible positions of a name about its dot: steps to the right and down.
-const NAME_DIRECTIONS: [(i32, i32); 8] = [(1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (1, 1), (-1, -1), (-1, 1)];
-/// Largest number of marks on an axis.
-const MAX_AXIS_MARKS: usize = 7;
 /// Okabe & Ito (2008): distinguishable by colour-blind readers.
 const CURVE_COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
@@ -116,8 +94,6 @@ const INK: RGBColor = RGBColor(60, 60, 60);
 const GREY: RGBColor = RGBColor(150, 150, 150);
 /// Largest number of points of a line with marks.
 const MAX_MARKED_POINTS: usize = 30;
-/// Share of the largest value below which values on a logarithmic axis are round-off.
-const RELATIVE_ROUNDING: f64 = 1e-14;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 type DrawResult = Result<(), Box<dyn std::error::Error>>;
@@ -340,64 +316,6 @@ impl Figure {
     }
 }
 
-/// Rectangle of the picture, from the left and from above, in pixels.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct PixelRect {
-    left: i32,
-    upper: i32,
-    right: i32,
-    lower: i32,
-}
-
-impl PixelRect {
-    fn centred_at((x, y): (i32, i32), half: i32) -> PixelRect {
-        PixelRect { left: x - half, upper: y - half, right: x + half, lower: y + half }
-    }
-
-    fn intersects(&self, other: &PixelRect) -> bool {
-        self.left < other.right && other.left < self.right && self.upper < other.lower && other.upper < self.lower
-    }
-
-    fn contains(&self, other: &PixelRect) -> bool {
-        self.left <= other.left && other.right <= self.right && self.upper <= other.upper && other.lower <= self.lower
-    }
-}
-
-/// The plot and its contents: names and named dots, which no name may cover, other dots, and lines.
-struct LabelSpace {
-    plot: PixelRect,
-    names: Vec<PixelRect>,
-    dots: Vec<PixelRect>,
-    lines: Vec<PixelRect>,
-}
-
-impl LabelSpace {
-    /// Position of a name of `letters` letters about its dot, and its side: 1 right, -1 left, else 0. Candidates are the
-    /// positions in [`NAME_DIRECTIONS`] of the dot, or farther away, within the plot. The first with the fewest overlapping
-    /// names is chosen, then with the fewest dots, then with the fewest lines. A dot counts as much as half a row of
-    /// letters of distance.
-    fn place_name(&self, (x, y): (i32, i32), letters: i32) -> (i32, PixelRect) {
-        let (wide, high) = (LETTER_WIDTH * letters / 2, 8);
-        let place = |away: i32, (across, down): (i32, i32)| {
-            let (x, y) = (x + across * (wide + NAME_DISTANCE), y + down * (high + NAME_DISTANCE + high * away));
-            (away as usize, across, PixelRect { left: x - wide, upper: y - high, right: x + wide, lower: y + high })
-        };
-        let cost = |(away, _, place): &(usize, i32, PixelRect)| {
-            let met = |all: &[PixelRect]| all.iter().filter(|other| place.intersects(other)).count();
-            (!self.plot.contains(place), met(&self.names), met(&self.dots) + away, met(&self.lines))
-        };
-        let places = (0..12).flat_map(|away| NAME_DIRECTIONS.map(|direction| place(away, direction)));
-        let (_, side, place) = places.min_by_key(cost).expect("there are places");
-        (side, place)
-    }
-}
-
-/// Rectangles along the line between two points, one in five pixels.
-fn line_rectangles([a, b]: [(i32, i32); 2]) -> impl Iterator<Item = PixelRect> {
-    let count = ((b.0 - a.0).abs().max((b.1 - a.1).abs()) / 5).max(1);
-    (0..=count).map(move |k| PixelRect::centred_at((a.0 + (b.0 - a.0) * k / count, a.1 + (b.1 - a.1) * k / count), 1))
-}
-
 fn dash_pattern(again: usize) -> Option<(u32, u32)> {
     Some(DASH_PATTERNS[again.checked_sub(1)? % DASH_PATTERNS.len()])
 }
@@ -417,151 +335,8 @@ fn draw_dot<'a, Coord: Clone + 'static>(
     }
 }
 
-fn axis_scaling(axis: &FigureAxis, values: impl Iterator<Item = f64>) -> (f64, String) {
-    if axis.logarithmic { (1.0, axis.unit.clone()) } else { unit_prefix(largest_magnitude(values), &axis.unit) }
-}
-
-/// Largest value that is too small to be shown on a logarithmic axis; negative infinity on a linear one.
-fn smallest_shown(axis: &FigureAxis, values: impl Iterator<Item = f64>) -> f64 {
-    if axis.logarithmic { RELATIVE_ROUNDING * largest_magnitude(values) } else { f64::NEG_INFINITY }
-}
-
-/// Value in the unit of the axis, or its exponent of ten; NaN if it is not shown.
-fn axis_value(axis: &FigureAxis, value: f64, factor: f64, least: f64) -> f64 {
-    match axis.logarithmic {
-        _ if !value.is_finite() || value <= least => f64::NAN,
-        true => value.log10(),
-        false => value / factor,
-    }
-}
-
-fn largest_magnitude(values: impl Iterator<Item = f64>) -> f64 {
-    values.filter(|v| v.is_finite()).fold(0.0, |a, b| a.max(b.abs()))
-}
-
 fn font_style(size: i32) -> TextStyle<'static> {
     ("sans-serif", size).into_font().color(&INK)
-}
-
-/// Range around the finite values, never empty.
-fn axis_range(values: impl Iterator<Item = f64>, logarithmic: bool) -> std::ops::Range<f64> {
-    let (low, high) = values
-        .filter(|v| v.is_finite())
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
-    if low > high {
-        return 0.0..1.0;
-    }
-    if logarithmic {
-        // Extends to a mark, so that each end has one: whole powers, or intermediate marks if there are few decades.
-        let (low, high) = (low - 0.05, high + 0.05);
-        let whole = low.floor()..high.ceil();
-        if !is_few_decades(&whole) {
-            return whole;
-        }
-        let marks: Vec<f64> = marked_exponents(&whole).collect();
-        let below = marks.iter().rev().find(|mark| **mark <= low);
-        let above = marks.iter().find(|mark| **mark >= high);
-        return *below.unwrap_or(&whole.start)..*above.unwrap_or(&whole.end);
-    }
-    // Values that are equal within round-off are one value.
-    // Computed by halves: the whole range may overflow.
-    let half = 0.5 * high - 0.5 * low;
-    let room = match low.abs().max(high.abs()) {
-        0.0 => 1.0,
-        equal if half <= 0.5e-9 * equal => 0.1 * equal,
-        _ => 0.08 * half,
-    };
-    (low - room).max(f64::MIN)..(high + room).min(f64::MAX)
-}
-
-/// Whether the range has so few powers of ten that twice and five times them are marked, too.
-fn is_few_decades(exponents: &std::ops::Range<f64>) -> bool {
-    exponents.end - exponents.start < 2.5
-}
-
-/// Exponents of 1, 2 and 5 times powers of ten in a range, both ends included.
-fn marked_exponents(exponents: &std::ops::Range<f64>) -> impl Iterator<Item = f64> {
-    let (from, to) = (exponents.start, exponents.end);
-    let whole = from.floor() as i32..=to.ceil() as i32;
-    let marks = whole.flat_map(|power| [1f64, 2.0, 5.0].map(|m| f64::from(power) + m.log10()));
-    marks.filter(move |mark| (from..=to).contains(mark))
-}
-
-/// Ticks of a linear axis; with `true`, of an axis of exponents, marked at whole ones.
-#[derive(Clone)]
-struct AxisTicks(std::ops::Range<f64>, bool);
-
-impl AxisTicks {
-    /// Distance of marks on a linear axis: the least of 1, 2, 5 times a power of ten that gives at most `most` marks.
-    fn tick_step(&self, most: usize) -> f64 {
-        let half = 0.5 * self.0.end - 0.5 * self.0.start;
-        let decade = (half.log10() + (2.0 / (most + 1) as f64).log10()).floor() as i32;
-        let steps = (decade..).flat_map(|decade| [1.0, 2.0, 5.0].map(|m| (m, decade)));
-        // Parsed from decimal text, not computed as a product.
-        let mut steps = steps.map(|(m, decade)| format!("{m}e{decade}").parse().unwrap_or(f64::INFINITY));
-        let few = |step: &f64| (self.0.end / step).floor() - (self.0.start / step).ceil() < most as f64;
-        steps.find(few).unwrap_or(f64::INFINITY)
-    }
-
-    /// Offset subtracted from labels: if more than six digits of all are the same, the round number in the middle; else 0.
-    fn label_offset(&self) -> f64 {
-        let (low, high) = (self.0.start, self.0.end);
-        if self.1 || digits_needed(low.abs().max(high.abs()), self.tick_step(MAX_AXIS_MARKS)) <= 7 {
-            return 0.0;
-        }
-        let decade = 10f64.powi((high - low).log10().ceil() as i32);
-        let middle = 0.5 * low + 0.5 * high;
-        // Without the rounding of a product.
-        format_digits(middle, digits_needed(middle.abs(), decade)).parse().unwrap_or(0.0)
-    }
-
-    fn tick_label(&self, value: f64, offset: f64) -> String {
-        if self.1 {
-            return if is_few_decades(&self.0) { power_digits(value) } else { power_of_ten(value) };
-        }
-        let step = self.tick_step(MAX_AXIS_MARKS);
-        let value = ((value - offset) / step).round() * step;
-        format_digits(value, digits_needed(value.abs(), step).clamp(6, 17))
-    }
-}
-
-impl Ranged for AxisTicks {
-    type FormatOption = DefaultFormatting;
-    type ValueType = f64;
-
-    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
-        // By halves, as above.
-        plotters::coord::types::RangedCoordf64::from(0.5 * self.0.start..0.5 * self.0.end).map(&(0.5 * value), limit)
-    }
-
-    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        if !self.1 {
-            let step = self.tick_step(hint.max_num_points().max(2));
-            let (first, last) = ((self.0.start / step).ceil() as i64, (self.0.end / step).floor() as i64);
-            return (first..=last).map(|k| k as f64 * step).collect();
-        }
-        if is_few_decades(&self.0) {
-            return marked_exponents(&self.0).collect();
-        }
-        let (first, last) = (self.0.start.ceil() as i64, self.0.end.floor() as i64);
-        let stride = ((last - first) / hint.max_num_points().clamp(1, 9) as i64 + 1).max(1);
-        (first..=last).filter(|k| k.rem_euclid(stride) == 0).map(|k| k as f64).collect()
-    }
-
-    fn range(&self) -> std::ops::Range<f64> {
-        self.0.clone()
-    }
-}
-
-/// 10 to the exponent as one digit and zeros, even if it overflows.
-fn power_digits(exponent: f64) -> String {
-    let power = exponent.floor();
-    let digit = 10f64.powf(exponent - power).round();
-    if power < 300.0 { format_digits(digit * 10f64.powf(power), 1) } else { format!("{digit}e{power}") }
-}
-
-fn power_of_ten(exponent: f64) -> String {
-    format!("10{}", to_superscript(exponent as i32))
 }
 
 #[cfg(test)]
