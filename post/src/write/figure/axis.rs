@@ -97,26 +97,31 @@ fn marked_exponents(exponents: &std::ops::Range<f64>) -> impl Iterator<Item = f6
     marks.filter(move |mark| (from..=to).contains(mark))
 }
 
-/// Ticks of a linear axis; with `true`, of an axis of exponents, marked at whole ones.
+/// Ticks of an axis.
 #[derive(Clone)]
-pub struct AxisTicks(pub std::ops::Range<f64>, pub bool);
+pub struct AxisTicks {
+    /// Range of the values, or of their exponents of ten.
+    pub range: std::ops::Range<f64>,
+    /// Whether the axis is one of exponents, marked at whole ones.
+    pub logarithmic: bool,
+}
 
 impl AxisTicks {
     /// Distance of marks on a linear axis: the least of 1, 2, 5 times a power of ten that gives at most `most` marks.
     fn tick_step(&self, most: usize) -> f64 {
-        let half = 0.5 * self.0.end - 0.5 * self.0.start;
+        let half = 0.5 * self.range.end - 0.5 * self.range.start;
         let decade = (half.log10() + (2.0 / (most + 1) as f64).log10()).floor() as i32;
         let steps = (decade..).flat_map(|decade| [1.0, 2.0, 5.0].map(|m| (m, decade)));
         // Parsed from decimal text, not computed as a product.
         let mut steps = steps.map(|(m, decade)| format!("{m}e{decade}").parse().unwrap_or(f64::INFINITY));
-        let few = |step: &f64| (self.0.end / step).floor() - (self.0.start / step).ceil() < most as f64;
+        let few = |step: &f64| (self.range.end / step).floor() - (self.range.start / step).ceil() < most as f64;
         steps.find(few).unwrap_or(f64::INFINITY)
     }
 
     /// Offset subtracted from labels: if more than six digits of all are the same, the round number in the middle; else 0.
     pub fn label_offset(&self) -> f64 {
-        let (low, high) = (self.0.start, self.0.end);
-        if self.1 || digits_needed(low.abs().max(high.abs()), self.tick_step(MAX_AXIS_MARKS)) <= 7 {
+        let (low, high) = (self.range.start, self.range.end);
+        if self.logarithmic || digits_needed(low.abs().max(high.abs()), self.tick_step(MAX_AXIS_MARKS)) <= 7 {
             return 0.0;
         }
         let decade = 10f64.powi((high - low).log10().ceil() as i32);
@@ -126,8 +131,8 @@ impl AxisTicks {
     }
 
     pub fn tick_label(&self, value: f64, offset: f64) -> String {
-        if self.1 {
-            return if is_few_decades(&self.0) { power_digits(value) } else { power_of_ten(value) };
+        if self.logarithmic {
+            return if is_few_decades(&self.range) { power_digits(value) } else { power_of_ten(value) };
         }
         let step = self.tick_step(MAX_AXIS_MARKS);
         let value = ((value - offset) / step).round() * step;
@@ -141,25 +146,26 @@ impl Ranged for AxisTicks {
 
     fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
         // By halves, as above.
-        plotters::coord::types::RangedCoordf64::from(0.5 * self.0.start..0.5 * self.0.end).map(&(0.5 * value), limit)
+        plotters::coord::types::RangedCoordf64::from(0.5 * self.range.start..0.5 * self.range.end)
+            .map(&(0.5 * value), limit)
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        if !self.1 {
+        if !self.logarithmic {
             let step = self.tick_step(hint.max_num_points().max(2));
-            let (first, last) = ((self.0.start / step).ceil() as i64, (self.0.end / step).floor() as i64);
+            let (first, last) = ((self.range.start / step).ceil() as i64, (self.range.end / step).floor() as i64);
             return (first..=last).map(|k| k as f64 * step).collect();
         }
-        if is_few_decades(&self.0) {
-            return marked_exponents(&self.0).collect();
+        if is_few_decades(&self.range) {
+            return marked_exponents(&self.range).collect();
         }
-        let (first, last) = (self.0.start.ceil() as i64, self.0.end.floor() as i64);
+        let (first, last) = (self.range.start.ceil() as i64, self.range.end.floor() as i64);
         let stride = ((last - first) / hint.max_num_points().clamp(1, 9) as i64 + 1).max(1);
         (first..=last).filter(|k| k.rem_euclid(stride) == 0).map(|k| k as f64).collect()
     }
 
     fn range(&self) -> std::ops::Range<f64> {
-        self.0.clone()
+        self.range.clone()
     }
 }
 

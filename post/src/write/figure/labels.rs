@@ -26,7 +26,7 @@ impl PixelRect {
         PixelRect { left: x - half, upper: y - half, right: x + half, lower: y + half }
     }
 
-    fn intersects(&self, other: &PixelRect) -> bool {
+    pub fn intersects(&self, other: &PixelRect) -> bool {
         self.left < other.right && other.left < self.right && self.upper < other.lower && other.upper < self.lower
     }
 

@@ -146,8 +146,9 @@ impl Figure {
             .collect();
         let (left, right) = root.split_horizontally(root.dim_in_pixel().0 as i32 - self.legend_width());
         let all = || curves.iter().flatten();
-        let ticks = |axis: &FigureAxis, values: &mut dyn Iterator<Item = f64>| {
-            AxisTicks(axis_range(values, axis.logarithmic), axis.logarithmic)
+        let ticks = |axis: &FigureAxis, values: &mut dyn Iterator<Item = f64>| AxisTicks {
+            range: axis_range(values, axis.logarithmic),
+            logarithmic: axis.logarithmic,
         };
         let (x_ticks, y_ticks) = (ticks(&self.x, &mut all().map(|p| p.0)), ticks(&self.y, &mut all().map(|p| p.1)));
         let (x_offset, y_offset) = (x_ticks.label_offset(), y_ticks.label_offset());
