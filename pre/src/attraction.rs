@@ -2,7 +2,7 @@
 
 use cd_formats::report::FaultReport;
 
-use crate::population::Population;
+use crate::grain::Population;
 use crate::scene::{LawKind, Scene};
 
 /// Colours named in a warning; the others are counted.

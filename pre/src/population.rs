@@ -7,18 +7,18 @@ use cd_formats::bodies::ShapeRecord;
 use cd_formats::compute::Compute;
 use cd_formats::error::Faults;
 use cd_formats::report::FaultReport;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
+use crate::grain::{Grain, Population};
 use crate::place::cells::SphereGrid;
-use crate::place::region::GrainRegion;
 use crate::place::{self, PlacedGrains};
 use crate::random::{RandomStream, StreamPurpose};
 use crate::scene::{GrainPlacement, Grains, Scene, TimeFunction};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
-use crate::shapes::{GrainSampler, OrientedPolyhedron, SampledGrain, ShapeError};
+use crate::shapes::{GrainSampler, SampledGrain, ShapeError};
 use crate::sizes::MAX_BODIES;
-use crate::walls::{self, WallBody};
-use crate::{check, motion, sizes, write};
+use crate::sphere::sphere_volume;
+use crate::{check, motion, walls, write};
 
 /// Largest overlap of touching bodies, over the smaller radius: rounding to 8 digits of a contact that the user has
 /// computed by hand.
@@ -26,73 +26,6 @@ const TOUCHING_TOLERANCE: f64 = 1e-6;
 
 /// Largest number of overlaps that are reported one by one.
 const MAX_REPORTED_OVERLAPS: usize = 5;
-
-/// Bodies in the order of their numbers: grains, then walls.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Population {
-    pub grains: Vec<Grain>,
-    pub walls: Vec<WallBody>,
-    /// Envelope of each body of grains.
-    pub regions: Vec<Option<GrainRegion>>,
-    /// Notes on the file of each body of grains, empty without one.
-    pub file_summaries: Vec<String>,
-}
-
-impl Population {
-    /// Path in the scene of the value that makes body `body`, from 0.
-    pub fn scene_path(&self, body: usize) -> String {
-        match self.grains.get(body) {
-            Some(grain) => format!("grains.{}", grain.group),
-            None => format!("walls.{}", self.walls[body - self.grains.len()].wall),
-        }
-    }
-}
-
-/// One sphere or polyhedron; numbers have the digits of the files.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Grain {
-    /// Index of its body of grains, 0-based.
-    pub group: usize,
-    /// Radius of the sphere of equal volume, m.
-    pub radius: f64,
-    /// Radius of the bounding ball about the centre of mass, m.
-    pub reach: f64,
-    /// Polyhedron; none for a sphere.
-    pub polyhedron: Option<OrientedPolyhedron>,
-    /// Mass, kg.
-    pub mass: f64,
-    /// Position, m.
-    pub position: Vector3<f64>,
-    /// Velocity, m/s, fixed axes.
-    pub velocity: Vector3<f64>,
-    /// Angular velocity, rad/s, fixed axes.
-    pub spin: Vector3<f64>,
-}
-
-impl Grain {
-    /// Volume, m^3.
-    pub fn volume(&self) -> f64 {
-        self.polyhedron.as_ref().map_or_else(|| sizes::sphere_volume(self.radius), OrientedPolyhedron::volume)
-    }
-
-    /// Its own axes along the fixed ones, one a row; for a sphere, the fixed axes.
-    pub fn axes(&self) -> Matrix3<f64> {
-        self.polyhedron.as_ref().map_or(Matrix3::identity(), |polyhedron| polyhedron.axes)
-    }
-
-    /// Convex pieces of a polyhedron in its orientation, at its position.
-    pub(crate) fn convex_pieces(&self) -> Vec<ConvexPiece> {
-        let Some(polyhedron) = &self.polyhedron else { return Vec::new() };
-        let turn = polyhedron.axes.transpose();
-        let pieces = polyhedron.vertices().into_iter().zip(&polyhedron.solid.pieces);
-        pieces
-            .map(|(vertices, piece)| {
-                let vertices = vertices.into_iter().map(|v| turn * Vector3::from(v)).collect();
-                ConvexPiece::new(self.position, vertices, piece.triangles())
-            })
-            .collect()
-    }
-}
 
 /// Adds the faults of a file to the report. If the file cannot be read, the fault belongs to the value at `path` that
 /// names it.
@@ -273,7 +206,7 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultRepor
     {
         let path = population.scene_path(k);
         let density = scene.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
-        let mass = density * sizes::sphere_volume(body.equivalent_radius);
+        let mass = density * sphere_volume(body.equivalent_radius);
         let sizes = [("radius", body.equivalent_radius), ("mass", mass)];
         let inertia = body.inertia.into_iter().flatten().map(|moment| ("inertia", moment));
         for (name, x) in sizes.into_iter().chain(inertia).filter(|(_, x)| !check::is_positive(*x)) {

@@ -612,3 +612,19 @@ impl Grains {
         self.shape != GrainShape::Sphere || matches!(self.place, GrainPlacement::Fragments { .. })
     }
 }
+
+/// Files of the surfaces that grains are made from or placed in, as the scene names them.
+pub fn models(grains: &[Grains]) -> impl Iterator<Item = &str> {
+    grains.iter().flat_map(|grains| {
+        let (shape, pieces) = match &grains.shape {
+            GrainShape::Model { file, contact: ContactSurface::Files(pieces), .. } => (Some(file), pieces.as_slice()),
+            GrainShape::Model { file, .. } => (Some(file), &[][..]),
+            _ => (None, &[][..]),
+        };
+        let envelope = match grains.place.envelope() {
+            Some(Envelope::Model { file, .. }) => Some(file),
+            _ => None,
+        };
+        shape.into_iter().chain(pieces).chain(envelope).map(String::as_str)
+    })
+}

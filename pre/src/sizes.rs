@@ -7,7 +7,7 @@
 //! | LogNormal | (P(z(r)) - P(z(min))) / (P(z(max)) - P(z(min))), z(r) = ln(r/median) / sigma, P the standard normal |
 
 use crate::random::RandomStream;
-use crate::round_8_digits;
+use crate::rounding::round_8_digits;
 use crate::scene::SizeDistribution;
 
 /// Largest number of bodies: body numbers have seven digits in the files.
@@ -21,11 +21,6 @@ pub enum SampleTarget {
     /// Total volume, m^3, met as closely as whole grains allow. The sampling also stops with one grain more than
     /// [`MAX_BODIES`].
     Volume(f64),
-}
-
-/// Volume of a sphere, m^3.
-pub fn sphere_volume(radius: f64) -> f64 {
-    4.0 / 3.0 * std::f64::consts::PI * radius * radius * radius
 }
 
 impl SizeDistribution {
@@ -153,6 +148,7 @@ pub fn normal_share(z: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::random::StreamPurpose;
+    use crate::sphere::sphere_volume;
     use proptest::prelude::*;
 
     fn draw(sizes: &SizeDistribution, number: usize, seed: u64) -> Vec<f64> {

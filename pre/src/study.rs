@@ -14,6 +14,9 @@ use cd_formats::ron_text::known_names;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
+use crate::datbox::read_scene;
+use crate::parse::parse_with_settings;
+
 /// Cases that are run and compared.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -88,7 +91,7 @@ const FILES: [&str; 3] = ["grains.N.shape.file", "grains.N.place.envelope.file",
 /// nothing is written then.
 pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<String, Faults> {
     let text = places::apply_settings(&atomic::read_text(file)?, settings)?;
-    let study: Study = crate::parse_with_settings(file, &text, settings, "study")?;
+    let study: Study = parse_with_settings(file, &text, settings, "study")?;
     let mut report = FaultReport::with_settings(file, &text, settings);
     let cases = cases(&study, &mut report);
     let home = file.parent().unwrap_or(Path::new(""));
@@ -312,7 +315,7 @@ fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<St
         return text;
     }
     match case.from {
-        None => drop(crate::read_scene(base, &changed, &settings)?),
+        None => drop(read_scene(base, &changed, &settings)?),
         Some(_) => drop(crate::from_outbox::read(base, &changed, &settings)?),
     }
     text

@@ -5,10 +5,10 @@ use cd_formats::drv_dof::{Evolution as Written, table_text};
 use cd_formats::surface::MassProperties;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use crate::place::rotation_matrix;
+use crate::rotation::rotation_matrix;
+use crate::rounding::{round_8_digits, round_point};
 use crate::scene::{SceneWall, TimeFunction};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
-use crate::{round_8_digits, round_point};
 
 /// Plate or cylinder; numbers have the digits of the files.
 #[derive(Debug, Clone, PartialEq)]

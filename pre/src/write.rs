@@ -9,10 +9,10 @@ use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide
 use cd_formats::vloc_rloc::VlocRloc;
 use nalgebra::Matrix3;
 
-use crate::population::{Grain, Population};
+use crate::grain::{Grain, Population};
 use crate::scene::{Scene, TimeFunction};
 use crate::shapes::OrientedPolyhedron;
-use crate::sizes::sphere_volume;
+use crate::sphere::sphere_volume;
 use crate::walls::{FunctionTables, WallBody};
 
 /// Name of the file of options in DATBOX.

@@ -2,6 +2,7 @@
 //!
 //! | module | |
 //! |---|---|
+//! | [`mod@changes`] | contents of the file of changes |
 //! | [`digits`] | numbers with more digits than DATBOX can hold |
 //! | `overlaps` | overlaps of bodies of different origin |
 //! | [`options`] | options of a run, as recorded in its snapshot |
@@ -10,6 +11,7 @@
 //!
 //! `docs/from-outbox.md` describes [`Changes`] for users.
 
+pub mod changes;
 pub mod digits;
 pub mod options;
 mod overlaps;
@@ -30,120 +32,21 @@ use cd_formats::places;
 use cd_formats::report::FaultReport;
 use cd_formats::snapshot::{self, Ledger, START_FILE, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
-use serde::Deserialize;
 
 use crate::check::check_vector;
-use crate::population::{Population, populate};
+use crate::grain::Population;
+use crate::parse::parse_with_settings;
+use crate::population::populate;
 use crate::reread;
-use crate::scene::{self, Contact, Grains, Law, Material, Rotation, Scene};
+use crate::scene::{self, Material, Scene};
+use crate::summary::{group_lines, print_warnings};
 use crate::write;
+pub use changes::{BodyFilter, Changes, MotionRemoval, Selection, WallSelector};
 use source::{SourceCase, SourcePart};
 use tables::BehaviourTables;
 
 /// File in DATBOX that records the origin of each body.
 pub const ORIGIN_FILE: &str = "ORIGIN.csv";
-
-/// Changes against the run that is continued; by default none.
-#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Changes {
-    /// Parts taken from each run; left out, all of the case.
-    pub bodies: Vec<Selection>,
-    /// Further bodies, as in a scene.
-    pub grains: Vec<Grains>,
-    /// Further walls, as in a scene.
-    pub walls: Vec<scene::SceneWall>,
-    /// Seed of what is drawn at random for these.
-    pub seed: u64,
-    /// New ones, and new densities of those that there are.
-    pub materials: Vec<Material>,
-    /// New ones, and others under a name that there is.
-    pub laws: Vec<Law>,
-    /// Laws between two colours that take the place of what there was.
-    pub contacts: Vec<Contact>,
-    /// Step and time go on; else both begin at 0.
-    pub keep_time: bool,
-    /// Options of the run; left out, those of the first case but for `steps`, `end_time` and `events`.
-    pub compute: Option<Compute>,
-}
-
-/// Part taken from one run, and how it is moved.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Selection {
-    /// Folder of the case, seen from the file of changes; left out, the case of the command line.
-    pub case: Option<PathBuf>,
-    /// Step of the snapshot; left out, the last.
-    pub snapshot: Option<u64>,
-    pub keep: BodyFilter,
-    /// Whether bodies with imposed motion are taken too.
-    pub walls: bool,
-    /// Bodies with imposed motion for which the opposite of `walls` holds.
-    pub walls_except: Vec<WallSelector>,
-    /// New colour of the free bodies.
-    pub colour: Option<String>,
-    /// Motion that is taken away first.
-    pub stop: MotionRemoval,
-    /// Turns the free bodies and their motion about their centre of mass.
-    pub turn: Rotation,
-    /// New centre of mass of the free bodies, m.
-    pub centre: Option<[f64; 3]>,
-    /// Added to the free bodies, m/s.
-    pub velocity: [f64; 3],
-    /// Rigid rotation about their centre of mass, added to the free bodies, rad/s, fixed axes.
-    pub spin: [f64; 3],
-}
-
-impl Default for Selection {
-    fn default() -> Self {
-        Selection {
-            case: None,
-            snapshot: None,
-            keep: BodyFilter::All,
-            walls: true,
-            walls_except: Vec::new(),
-            colour: None,
-            stop: MotionRemoval::Nothing,
-            turn: Rotation::default(),
-            centre: None,
-            velocity: [0.0; 3],
-            spin: [0.0; 3],
-        }
-    }
-}
-
-/// Bodies with imposed motion, of one run.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-pub enum WallSelector {
-    /// The n-th of them, from 1: of a scene's walls, plates and cylinders in order.
-    Wall(usize),
-    /// The body of this number, from 1, among all.
-    Body(usize),
-    /// Those with a contactor of this colour.
-    Colour(String),
-}
-
-/// Which free bodies are kept.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-pub enum BodyFilter {
-    All,
-    /// Those whose sphere of equal volume lies below this height along z, m.
-    Below(f64),
-    /// The heaviest group of touching bodies.
-    Largest,
-}
-
-/// Motion of the free bodies that is taken away.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-pub enum MotionRemoval {
-    Nothing,
-    /// The velocity of their centre of mass.
-    Drift,
-    /// That, and the rigid rotation with their angular momentum.
-    RigidMotion,
-    /// All.
-    Motion,
-}
 
 /// A file of DATBOX: name and bytes.
 type File = (String, Vec<u8>);
@@ -160,7 +63,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     };
     let parsed = |text: &str, settings: &[String]| -> Result<(Changes, String), Faults> {
         let text = places::apply_settings(text, settings)?;
-        Ok((crate::parse_with_settings(file, &text, settings, "changes")?, text))
+        Ok((parse_with_settings(file, &text, settings, "changes")?, text))
     };
     // `--set` of options that the file does not have changes those of the first case.
     let (of_run, others): (Vec<String>, Vec<String>) =
@@ -264,7 +167,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     fs::create_dir_all(&datbox).map_err(|error| Fault::from_io(&datbox, "written", &error))?;
     let mut origin = SceneOrigin::from_outbox(case, changes_file, settings, dir);
     changes_file.into_iter().for_each(|file| origin.add(file, dir));
-    crate::models(&changes.grains).for_each(|model| origin.add(&folder.join(model), dir));
+    scene::models(&changes.grains).for_each(|model| origin.add(&folder.join(model), dir));
     for part in &parts {
         origin.add(&snapshot::snapshot_path(&part.source.case.join("OUTBOX"), part.source.snapshot.meta.step), dir);
     }
@@ -272,7 +175,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         bytes.splice(..0, origin.lines().into_bytes());
     }
     atomic::write_all(files.iter().map(|(name, bytes)| (datbox.join(name), bytes.as_slice())))?;
-    crate::print_warnings(&report.warnings);
+    print_warnings(&report.warnings);
     let mut summary = String::new();
     for part in &parts {
         let (step, time) = (part.source.snapshot.meta.step, part.source.snapshot.meta.time);
@@ -287,7 +190,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     summary += &sources[0].run_notes(Some(&options).filter(|_| changes.compute.is_none()));
     let taken: usize = parts.iter().map(|part| part.rows.len()).sum();
     summary += &digits::lost_digits(&records.0[..taken], &tables, &driven);
-    summary += &crate::group_lines(&new.scene, &new.population);
+    summary += &group_lines(&new.scene, &new.population);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     summary += &format!("{} bodies; wrote {}: {}\n", records.0.len(), datbox.display(), names.join(" "));
     Ok(summary)
@@ -296,7 +199,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
 /// Reads the changes in `text` and checks all that needs no run. Faults name the file `source`, or the setting for values
 /// from `settings`.
 pub fn read(source: &Path, text: &str, settings: &[String]) -> Result<Changes, Faults> {
-    let changes: Changes = crate::parse_with_settings(source, text, settings, "changes")?;
+    let changes: Changes = parse_with_settings(source, text, settings, "changes")?;
     let mut report = FaultReport::with_settings(source, text, settings);
     check_changes(&changes, &mut report);
     report.faults.into_result(changes)

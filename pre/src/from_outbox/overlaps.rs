@@ -9,10 +9,11 @@ use cd_formats::report::FaultReport;
 use cd_formats::tact_behav::{TactBehav, VisibilitySide};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::Changes;
+use super::changes::Changes;
 use super::source::{SourceCase, SourcePart, unit_quaternion};
+use crate::grain::Population;
 use crate::place::cells::SphereGrid;
-use crate::population::{Population, check_extent, nearest_images};
+use crate::population::{check_extent, nearest_images};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
 use crate::walls::{self, WallBody};
 

@@ -19,9 +19,9 @@ use cd_formats::tact_behav::TactBehav;
 use cd_formats::unchanged::ComputedSnapshot;
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
+use super::changes::{BodyFilter, MotionRemoval, Selection, WallSelector};
 use super::options::{past_events, run_options};
-use super::{BodyFilter, MotionRemoval, Selection, WallSelector};
-use crate::place::rotation_matrix;
+use crate::rotation::rotation_matrix;
 use crate::scene::Material;
 
 type Vec3 = Vector3<f64>;

@@ -8,11 +8,11 @@ use cd_formats::compute::{ContactSolver, Event};
 use cd_formats::report::FaultReport;
 use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide, parameter_labels};
 
-use super::Changes;
+use super::changes::Changes;
 use super::source::SourcePart;
 use crate::check;
-use crate::population::Grain;
-use crate::round_8_digits;
+use crate::grain::Grain;
+use crate::rounding::round_8_digits;
 
 pub struct BehaviourTables {
     pub bulk: BulkBehav,

@@ -7,6 +7,7 @@ use rustc_hash::FxHashMap;
 use super::region::GrainRegion;
 use crate::random::RandomStream;
 use crate::shapes::hull::{self, HullError};
+use crate::sphere::sphere_spiral;
 
 /// Distance over the solid's extent below which vertices count as one.
 const SAME_VERTEX_TOLERANCE: f64 = 1e-12;
@@ -61,19 +62,6 @@ fn prism_surface(half_height: f64, radius: f64, number: usize) -> Result<Surface
         [outer * cos, outer * sin, if k.is_multiple_of(2) { -half_height } else { half_height }]
     };
     hull::convex_hull(&(0..2 * sides).map(corner).collect::<Vec<_>>())
-}
-
-/// Points evenly spread on the sphere of radius 1: a spiral from pole to pole, turned by the golden angle
-/// (A. Gonzalez, Math. Geosci. 42, 2010).
-pub fn sphere_spiral(count: usize) -> Vec<[f64; 3]> {
-    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-    let point = |k: usize| {
-        let z = 1.0 - (2.0 * k as f64 + 1.0) / count as f64;
-        let (sin, cos) = libm::sincos(golden * k as f64);
-        let ring = (1.0 - z * z).sqrt();
-        [ring * cos, ring * sin, z]
-    };
-    (0..count).map(point).collect()
 }
 
 /// Divides the convex `solid` into `number` convex fragments: every point belongs to the nearest seed.

@@ -85,9 +85,9 @@ impl SurfaceRegion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::place::fragments::sphere_spiral;
     use crate::random::{RandomStream, StreamPurpose};
     use crate::shapes::hull;
+    use crate::sphere::sphere_spiral;
 
     /// A sphere with deep dents and sharp ridges.
     fn dented() -> Surface {

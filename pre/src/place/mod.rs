@@ -21,10 +21,12 @@ use std::rc::Rc;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::random::{RandomStream, StreamPurpose};
-use crate::scene::{GrainPlacement, Grains, Rotation, SizeDistribution};
+use crate::rotation::rotation_matrix;
+use crate::rounding::{round_14_columns, round_point};
+use crate::scene::{GrainPlacement, Grains, SizeDistribution};
 use crate::shapes::{GrainSampler, OrientedPolyhedron, PrincipalSolid, SampledGrain};
-use crate::sizes::{MAX_BODIES, SampleTarget, sphere_volume};
-use crate::{round_14_columns, round_point, scene};
+use crate::sizes::{MAX_BODIES, SampleTarget};
+use crate::sphere::sphere_volume;
 use inside::SurfaceRegion;
 use region::GrainRegion;
 
@@ -274,20 +276,13 @@ fn z_order(room: &GrainRegion, points: &[Vector3<f64>]) -> Vec<usize> {
     order.into_iter().map(|(_, k)| k).collect()
 }
 
-/// Rotation matrix (Rodrigues' formula): identity for an angle of 0.
-pub fn rotation_matrix(rotation: &scene::Rotation) -> Matrix3<f64> {
-    let Rotation { axis, angle } = *rotation;
-    let axis = Vector3::from(axis).normalize();
-    let (sin, cos) = libm::sincos(angle);
-    Matrix3::identity() * cos + axis.cross_matrix() * sin + axis * axis.transpose() * (1.0 - cos)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::place::cells::SphereGrid;
+    use crate::rounding::round_8_digits;
+    use crate::scene::Rotation;
     use crate::scene::{Envelope, GrainOrientations, GrainShape, RadiusKind};
-    use crate::sizes::sphere_volume;
     use proptest::prelude::*;
 
     fn grains(
@@ -355,7 +350,7 @@ mod tests {
         let mut cells = SphereGrid::new(placed.grains[order[0]].reach);
         for k in order {
             let (position, radius) = (placed.positions[k], placed.grains[k].reach);
-            prop_assert!(position == round_point(&position) && radius == crate::round_8_digits(radius));
+            prop_assert!(position == round_point(&position) && radius == round_8_digits(radius));
             let local = turn.transpose() * (position - Vector3::from(grains.centre));
             prop_assert!(room.contains_ball(&local, radius), "grain {k} reaches out of {room}");
             prop_assert!(cells.is_free(&position, radius), "grain {k} overlaps another");

@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 use super::inside::SurfaceRegion;
 use crate::scene::{Envelope, ModelScale};
 use crate::shapes::model;
+use crate::sphere::sphere_volume;
 
 #[derive(Debug, Clone, PartialEq)]
 pub enum GrainRegion {
@@ -72,7 +73,7 @@ impl GrainRegion {
     pub fn volume(&self) -> f64 {
         let product = |[a, b, c]: [f64; 3]| a * b * c;
         match self {
-            GrainRegion::Ball(radius) => crate::sizes::sphere_volume(*radius),
+            GrainRegion::Ball(radius) => sphere_volume(*radius),
             GrainRegion::Ellipsoid(axes) => 4.0 / 3.0 * std::f64::consts::PI * product(*axes),
             GrainRegion::Box(halves) => 8.0 * product(*halves),
             GrainRegion::Cylinder { half_height, radius } => 2.0 * std::f64::consts::PI * radius * radius * half_height,

@@ -22,10 +22,11 @@ use cd_formats::error::Faults;
 use cd_formats::surface::Surface;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::place::rotation_matrix;
 use crate::random::{RandomStream, StreamPurpose};
+use crate::rotation::rotation_matrix;
+use crate::rounding::{round_14_columns, round_axes};
 use crate::scene::{GrainOrientations, GrainShape, Grains, RadiusKind};
-use crate::{round_14_columns, round_axes, sizes};
+use crate::sphere::sphere_volume;
 
 /// Distance from the centre over the extent, or error of the principal axes, below which vertices stay as they are. A
 /// file with twelve digits leaves about 1e-12.
@@ -164,7 +165,7 @@ pub struct SampledGrain {
 impl SampledGrain {
     /// Volume, m^3.
     pub fn volume(&self) -> f64 {
-        self.polyhedron.as_ref().map_or_else(|| sizes::sphere_volume(self.radius), OrientedPolyhedron::volume)
+        self.polyhedron.as_ref().map_or_else(|| sphere_volume(self.radius), OrientedPolyhedron::volume)
     }
 
     pub fn from_polyhedron(polyhedron: OrientedPolyhedron) -> SampledGrain {

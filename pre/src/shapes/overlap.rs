@@ -224,17 +224,17 @@ mod tests {
         assert!((depth([2.0, 2.0, 2.0], identity)).abs() < 1e-15);
         assert!((depth([0.0; 3], identity) - 2.0).abs() < 1e-15);
         // A cube with an edge down on a face: half the diagonal of a side reaches below the centre.
-        let eighth = crate::place::rotation_matrix(&crate::scene::Rotation {
+        let eighth = crate::rotation::rotation_matrix(&crate::scene::Rotation {
             axis: [1.0, 0.0, 0.0],
             angle: std::f64::consts::FRAC_PI_4,
         });
         assert!((depth([0.0, 0.0, 2.3], eighth) - (1.0 + 2f64.sqrt() - 2.3)).abs() < 1e-14);
         // Crossed edges touch where no face separates the cubes: along x, at half diagonals from both centres.
-        let z = crate::place::rotation_matrix(&crate::scene::Rotation {
+        let z = crate::rotation::rotation_matrix(&crate::scene::Rotation {
             axis: [0.0, 0.0, 1.0],
             angle: std::f64::consts::FRAC_PI_4,
         });
-        let y = crate::place::rotation_matrix(&crate::scene::Rotation {
+        let y = crate::rotation::rotation_matrix(&crate::scene::Rotation {
             axis: [0.0, 1.0, 0.0],
             angle: std::f64::consts::FRAC_PI_4,
         });

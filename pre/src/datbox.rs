@@ -1,0 +1,65 @@
+//! DATBOX of a scene.
+
+use std::path::Path;
+
+use cd_formats::error::{Fault, Faults};
+use cd_formats::origin::SceneOrigin;
+use cd_formats::report::FaultReport;
+use cd_formats::{atomic, places};
+
+use crate::grain::Population;
+use crate::parse::parse_with_settings;
+use crate::scene::{Scene, models};
+use crate::summary::{print_warnings, scene_summary};
+use crate::{attraction, check, doubts, from_outbox, population, reread, write};
+
+/// Reads the scene of the file `source`, in which `settings` override values, and writes the files of the folder
+/// `datbox`; see [`places::apply_settings`].
+///
+/// Returns a summary for people. Errors: all faults of the scene (nothing is written then), or a file
+/// that cannot be written.
+pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result<String, Faults> {
+    let original = atomic::read_text(source)?;
+    let text = places::apply_settings(&original, settings)?;
+    let (scene, population) = read_scene(source, &text, settings)?;
+    let mut report = FaultReport::with_settings(source, &text, settings);
+    doubts::report_doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
+    cd_formats::doubts::events(&scene.compute.events, "compute.", &mut report);
+    attraction::warn_of_attractions(&scene, &population, &mut report);
+    let mut files = write::datbox_files(&scene, &population);
+    let (driven, _) = write::drv_dof(&scene, &population);
+    let bytes = files.iter().map(|(name, text)| (name.as_str(), text.as_bytes()));
+    reread::check_files(datbox, bytes, &driven, &scene.compute, |body| population.scene_path(body), &mut report);
+    if !report.faults.0.is_empty() {
+        return Err(report.faults);
+    }
+    // The folder must exist before paths of the scene relative to DATBOX can be found.
+    std::fs::create_dir_all(datbox).map_err(|error| Fault::from_io(datbox, "written", &error))?;
+    let case = datbox.parent().unwrap_or(Path::new(""));
+    let mut origin = SceneOrigin::from_scene(source, original.as_bytes(), settings, case);
+    if let Some(origin) = &mut origin {
+        let folder = source.parent().unwrap_or(Path::new(""));
+        models(&scene.grains).for_each(|file| origin.add(&folder.join(file), case));
+    }
+    for (_, text) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE_FILE) {
+        text.insert_str(0, &origin.as_ref().map_or(String::new(), SceneOrigin::lines));
+    }
+    atomic::write_all(files.iter().map(|(name, text)| (datbox.join(name), text.as_bytes())))?;
+    from_outbox::remove_outbox_files(datbox)?;
+    print_warnings(&report.warnings);
+    let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
+    Ok(format!("{}wrote {}: {}\n", scene_summary(&scene, &population), datbox.display(), names.join(" ")))
+}
+
+/// Reads the scene in `text` and makes its bodies. Faults name the file `source`, or the setting for values from
+/// `settings`.
+pub fn read_scene(source: &Path, text: &str, settings: &[String]) -> Result<(Scene, Population), Faults> {
+    let scene: Scene = parse_with_settings(source, text, settings, "scene")?;
+    let mut report = FaultReport::with_settings(source, text, settings);
+    check::check_scene(&scene, &mut report);
+    if !report.faults.0.is_empty() {
+        return Err(report.faults);
+    }
+    let population = population::populate(&scene, source.parent().unwrap_or(Path::new("")), &mut report);
+    report.faults.into_result((scene, population))
+}

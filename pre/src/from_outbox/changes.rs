@@ -1,0 +1,110 @@
+//! Contents of the file of changes.
+
+use std::path::PathBuf;
+
+use cd_formats::compute::Compute;
+use serde::Deserialize;
+
+use crate::scene::{Contact, Grains, Law, Material, Rotation, SceneWall};
+
+/// Changes against the run that is continued; by default none.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Changes {
+    /// Parts taken from each run; left out, all of the case.
+    pub bodies: Vec<Selection>,
+    /// Further bodies, as in a scene.
+    pub grains: Vec<Grains>,
+    /// Further walls, as in a scene.
+    pub walls: Vec<SceneWall>,
+    /// Seed of what is drawn at random for these.
+    pub seed: u64,
+    /// New ones, and new densities of those that there are.
+    pub materials: Vec<Material>,
+    /// New ones, and others under a name that there is.
+    pub laws: Vec<Law>,
+    /// Laws between two colours that take the place of what there was.
+    pub contacts: Vec<Contact>,
+    /// Step and time go on; else both begin at 0.
+    pub keep_time: bool,
+    /// Options of the run; left out, those of the first case but for `steps`, `end_time` and `events`.
+    pub compute: Option<Compute>,
+}
+
+/// Part taken from one run, and how it is moved.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Selection {
+    /// Folder of the case, seen from the file of changes; left out, the case of the command line.
+    pub case: Option<PathBuf>,
+    /// Step of the snapshot; left out, the last.
+    pub snapshot: Option<u64>,
+    pub keep: BodyFilter,
+    /// Whether bodies with imposed motion are taken too.
+    pub walls: bool,
+    /// Bodies with imposed motion for which the opposite of `walls` holds.
+    pub walls_except: Vec<WallSelector>,
+    /// New colour of the free bodies.
+    pub colour: Option<String>,
+    /// Motion that is taken away first.
+    pub stop: MotionRemoval,
+    /// Turns the free bodies and their motion about their centre of mass.
+    pub turn: Rotation,
+    /// New centre of mass of the free bodies, m.
+    pub centre: Option<[f64; 3]>,
+    /// Added to the free bodies, m/s.
+    pub velocity: [f64; 3],
+    /// Rigid rotation about their centre of mass, added to the free bodies, rad/s, fixed axes.
+    pub spin: [f64; 3],
+}
+
+impl Default for Selection {
+    fn default() -> Self {
+        Selection {
+            case: None,
+            snapshot: None,
+            keep: BodyFilter::All,
+            walls: true,
+            walls_except: Vec::new(),
+            colour: None,
+            stop: MotionRemoval::Nothing,
+            turn: Rotation::default(),
+            centre: None,
+            velocity: [0.0; 3],
+            spin: [0.0; 3],
+        }
+    }
+}
+
+/// Bodies with imposed motion, of one run.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub enum WallSelector {
+    /// The n-th of them, from 1: of a scene's walls, plates and cylinders in order.
+    Wall(usize),
+    /// The body of this number, from 1, among all.
+    Body(usize),
+    /// Those with a contactor of this colour.
+    Colour(String),
+}
+
+/// Which free bodies are kept.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+pub enum BodyFilter {
+    All,
+    /// Those whose sphere of equal volume lies below this height along z, m.
+    Below(f64),
+    /// The heaviest group of touching bodies.
+    Largest,
+}
+
+/// Motion of the free bodies that is taken away.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+pub enum MotionRemoval {
+    Nothing,
+    /// The velocity of their centre of mass.
+    Drift,
+    /// That, and the rigid rotation with their angular momentum.
+    RigidMotion,
+    /// All.
+    Motion,
+}

@@ -1,0 +1,76 @@
+//! Grains and walls of a scene as bodies.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::place::region::GrainRegion;
+use crate::shapes::OrientedPolyhedron;
+use crate::shapes::overlap::ConvexPiece;
+use crate::sphere::sphere_volume;
+use crate::walls::WallBody;
+
+/// Bodies in the order of their numbers: grains, then walls.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Population {
+    pub grains: Vec<Grain>,
+    pub walls: Vec<WallBody>,
+    /// Envelope of each body of grains.
+    pub regions: Vec<Option<GrainRegion>>,
+    /// Notes on the file of each body of grains, empty without one.
+    pub file_summaries: Vec<String>,
+}
+
+impl Population {
+    /// Path in the scene of the value that makes body `body`, from 0.
+    pub fn scene_path(&self, body: usize) -> String {
+        match self.grains.get(body) {
+            Some(grain) => format!("grains.{}", grain.group),
+            None => format!("walls.{}", self.walls[body - self.grains.len()].wall),
+        }
+    }
+}
+
+/// One sphere or polyhedron; numbers have the digits of the files.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grain {
+    /// Index of its body of grains, 0-based.
+    pub group: usize,
+    /// Radius of the sphere of equal volume, m.
+    pub radius: f64,
+    /// Radius of the bounding ball about the centre of mass, m.
+    pub reach: f64,
+    /// Polyhedron; none for a sphere.
+    pub polyhedron: Option<OrientedPolyhedron>,
+    /// Mass, kg.
+    pub mass: f64,
+    /// Position, m.
+    pub position: Vector3<f64>,
+    /// Velocity, m/s, fixed axes.
+    pub velocity: Vector3<f64>,
+    /// Angular velocity, rad/s, fixed axes.
+    pub spin: Vector3<f64>,
+}
+
+impl Grain {
+    /// Volume, m^3.
+    pub fn volume(&self) -> f64 {
+        self.polyhedron.as_ref().map_or_else(|| sphere_volume(self.radius), OrientedPolyhedron::volume)
+    }
+
+    /// Its own axes along the fixed ones, one a row; for a sphere, the fixed axes.
+    pub fn axes(&self) -> Matrix3<f64> {
+        self.polyhedron.as_ref().map_or(Matrix3::identity(), |polyhedron| polyhedron.axes)
+    }
+
+    /// Convex pieces of a polyhedron in its orientation, at its position.
+    pub(crate) fn convex_pieces(&self) -> Vec<ConvexPiece> {
+        let Some(polyhedron) = &self.polyhedron else { return Vec::new() };
+        let turn = polyhedron.axes.transpose();
+        let pieces = polyhedron.vertices().into_iter().zip(&polyhedron.solid.pieces);
+        pieces
+            .map(|(vertices, piece)| {
+                let vertices = vertices.into_iter().map(|v| turn * Vector3::from(v)).collect();
+                ConvexPiece::new(self.position, vertices, piece.triangles())
+            })
+            .collect()
+    }
+}

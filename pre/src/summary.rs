@@ -1,0 +1,86 @@
+//! Summary of the bodies of a scene for the user.
+
+use cd_formats::error::Faults;
+use cd_formats::tell::print_error;
+use nalgebra::{Rotation3, Vector3};
+
+use crate::grain::{Grain, Population};
+use crate::scene::Scene;
+use crate::shapes::PrincipalSolid;
+
+/// Prints warnings on stderr.
+pub fn print_warnings(warnings: &Faults) {
+    if !warnings.0.is_empty() {
+        print_error(warnings.format_report("cd-pre: warning").trim_end());
+    }
+}
+
+/// Counts, sizes and masses: a line for each body of grains and one for all.
+pub fn scene_summary(scene: &Scene, population: &Population) -> String {
+    let (all, walls) = (population.grains.iter().collect::<Vec<_>>(), population.walls.len());
+    let total = group_line(format!("{} bodies, {walls} of them walls", all.len() + walls), &all);
+    group_lines(scene, population) + &total + "\n"
+}
+
+fn group_line(name: String, grains: &[&Grain]) -> String {
+    let radii = || grains.iter().map(|grain| grain.radius);
+    let (count, min, max) = (grains.len(), radii().fold(f64::INFINITY, f64::min), radii().fold(0.0, f64::max));
+    let mean = radii().sum::<f64>() / count as f64;
+    let mass: f64 = grains.iter().map(|grain| grain.mass).sum();
+    let polyhedra = grains.iter().filter(|grain| grain.polyhedron.is_some()).count();
+    let kind = match polyhedra {
+        0 => format!("{count} spheres"),
+        _ if polyhedra == count => format!("{count} polyhedra ({})", vertex_count_text(grains)),
+        _ => format!("{} spheres and {polyhedra} polyhedra", count - polyhedra),
+    };
+    // Numbers below 0.01 have five digits.
+    let digits = |x: f64| if x < 0.01 { format!("{x:.4e}") } else { format!("{x:.5}") };
+    let [min, max, mean] = [min, max, mean].map(digits);
+    format!("{name}: {kind}, radius {min} to {max} m (mean {mean} m), mass {mass:.6e} kg")
+}
+
+/// A line for each body of grains.
+pub fn group_lines(scene: &Scene, population: &Population) -> String {
+    let mut text = String::new();
+    for (group, room) in population.regions.iter().enumerate() {
+        let grains: Vec<_> = population.grains.iter().filter(|grain| grain.group == group).collect();
+        text += &group_line(format!("grains {}", group + 1), &grains);
+        if !population.file_summaries[group].is_empty() {
+            text += &format!(", {}", population.file_summaries[group]);
+        }
+        if let Some(polyhedron) = grains.first().and_then(|grain| grain.polyhedron.as_ref())
+            && scene.grains[group].shape.has_axes()
+        {
+            text += &frame_change_text(&polyhedron.solid);
+        }
+        if let Some(room) = room {
+            let filled: f64 = grains.iter().map(|grain| grain.volume()).sum();
+            text += &format!(", solid fraction {:.4} of {room}", filled / room.volume());
+        }
+        text += if scene.grains[group].driven.is_some() { ", driven\n" } else { "\n" };
+    }
+    text
+}
+
+/// Text about the translation and rotation of a shape to its centre of mass and principal axes.
+fn frame_change_text(solid: &PrincipalSolid) -> String {
+    let mut text = String::new();
+    if solid.shift != Vector3::zeros() {
+        let [x, y, z] = solid.shift.into();
+        text += &format!(", centre of mass at ({x:.8}, {y:.8}, {z:.8}) m of the given vertices");
+    }
+    let turn = Rotation3::from_matrix_unchecked(solid.axes.transpose());
+    if let Some((axis, angle)) = turn.axis_angle() {
+        let [x, y, z] = axis.into_inner().into();
+        text += &format!(", principal axes turned by {angle:.8} about ({x:.8}, {y:.8}, {z:.8}) from theirs");
+    }
+    text
+}
+
+/// Text about the number of vertices of the grains, summed over the pieces of a grain.
+fn vertex_count_text(grains: &[&Grain]) -> String {
+    let solids = grains.iter().filter_map(|grain| grain.polyhedron.as_ref()).map(|polyhedron| &polyhedron.solid.pieces);
+    let counts = solids.map(|pieces| pieces.iter().map(|piece| piece.vertices().len()).sum::<usize>());
+    let (min, max) = counts.fold((usize::MAX, 0), |(min, max), count| (min.min(count), max.max(count)));
+    if min == max { format!("{min} vertices each") } else { format!("{min} to {max} vertices") }
+}
