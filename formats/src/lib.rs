@@ -14,10 +14,11 @@
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
 //! | [`origin`] | the same: the files that DATBOX is made from |
 //! | [`doubts`] | none: values that are probably mistakes of units |
-//! | [`accuracy`] | the same: the values of its presets of accuracy |
+//! | [`accuracy`], [`presets`] | the same: its presets of accuracy, and their values |
 //! | [`case`] | none: the folder of a case on a command line |
 //! | [`groups`] | none: groups of connected items |
 //! | [`places`] | any RON file: positions and replacement of its values |
+//! | [`names`] | none: names in messages |
 //! | [`report`] | the same: its faults |
 //! | [`ron_text`] | the same: reading it, with the position of each mistake |
 //! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
@@ -40,8 +41,10 @@ pub mod fc3d;
 pub mod field;
 pub mod groups;
 pub mod mass;
+pub mod names;
 pub mod origin;
 pub mod places;
+pub mod presets;
 pub mod report;
 pub mod ron_text;
 pub mod scan;

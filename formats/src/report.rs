@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use crate::error::{Fault, Faults};
+use crate::names::{known_names, path_in_words};
 use crate::places::{self, ValueLocations};
-use crate::ron_text::known_names;
 
 /// Faults of one file, each with the path of its value, e.g. `grains.0.sizes`.
 pub struct FaultReport<'a> {
@@ -72,44 +72,5 @@ impl<'a> FaultReport<'a> {
         if !holds {
             self.add_fault(path, found, expected);
         }
-    }
-}
-
-/// Converts a path to words: `grains.0.sizes` is `grains 1, sizes`; `materials.2` is `material 3`.
-pub(crate) fn path_in_words(path: &str) -> String {
-    let mut words: Vec<String> = Vec::new();
-    for key in path.split('.') {
-        match (key.parse::<usize>(), words.last_mut()) {
-            // Components of items, as in `--set`.
-            (Ok(index), Some(item)) if item.ends_with(|last: char| last.is_ascii_digit()) => {
-                *item += &format!(".{}", index + 1);
-            }
-            (Ok(index), Some(list)) => {
-                let one = match list.as_str() {
-                    "grains" => "grains",
-                    "bodies" => "body",
-                    list => list.trim_end_matches('s'),
-                };
-                *list = format!("{one} {}", index + 1);
-            }
-            (Ok(index), None) => words.push(format!("item {}", index + 1)),
-            _ => words.push(key.to_string()),
-        }
-    }
-    words.join(", ")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn paths_read_as_words() {
-        assert_eq!(path_in_words("grains.0.sizes"), "grains 1, sizes");
-        assert_eq!(path_in_words("materials.2.name"), "material 3, name");
-        assert_eq!(path_in_words("compute.dt"), "compute, dt");
-        assert_eq!(path_in_words("bodies.1.spin"), "body 2, spin");
-        assert_eq!(path_in_words("0.action"), "item 1, action");
-        assert_eq!(path_in_words("grains.0.place.positions.1.2"), "grains 1, place, position 2.3");
     }
 }

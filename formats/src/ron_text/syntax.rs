@@ -1,17 +1,6 @@
-//! Reading of RON texts, with errors at the position of the mistake, in plain words.
-//!
-//! [`syntax_faults`] finds all faults of the text itself (brackets, commas, quotes, comments) at once. A text without
-//! such faults is parsed by the RON library. Its error is described with the value at its position; the library's own
-//! text never reaches the user.
+//! Syntax of RON: the values of a text with their positions, and all mistakes.
 
 use std::ops::Range;
-use std::path::Path;
-
-use ron::error::Error;
-use serde::de::DeserializeOwned;
-
-use crate::error::{Fault, Faults};
-use crate::report;
 
 /// Fault at a byte of a text.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -22,46 +11,6 @@ pub struct TextFault {
     pub found: String,
     /// Expectation that begins with `expected`, or a question, `did you mean ...?`.
     pub expected: String,
-}
-
-/// RON options of our files: `field: x` is read as `field: Some(x)`.
-pub(crate) fn ron_options() -> ron::Options {
-    ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME)
-}
-
-/// Reads RON.
-///
-/// Errors: all faults of the syntax, or else the first value that does not fit its type, with line and column. `object`
-/// is the name of the text as a whole in faults.
-pub fn from_ron<T: DeserializeOwned>(path: &Path, text: &str, object: &str) -> Result<T, Faults> {
-    parse_ron(text).map_err(|mistakes| {
-        let fault = |mistake: TextFault| {
-            let (line, column) = line_and_column(text, mistake.at);
-            let object =
-                if mistake.path.is_empty() { object.to_string() } else { report::path_in_words(&mistake.path) };
-            Fault { column: Some(column), ..Fault::new(path, Some(line), object, mistake.found, mistake.expected) }
-        };
-        Faults(mistakes.into_iter().map(fault).collect())
-    })
-}
-
-/// Reads the value of a flag; the error is one line without a position in a file.
-pub fn from_flag<T: DeserializeOwned>(text: &str) -> Result<T, String> {
-    parse_ron(text).map_err(|mistakes| {
-        let one = |TextFault { at, path, found, expected }: &TextFault| {
-            let of = if path.is_empty() { String::new() } else { format!("{}: ", report::path_in_words(path)) };
-            format!("column {}: {of}{found}; {expected}", line_and_column(text, *at).1)
-        };
-        mistakes.iter().map(one).collect::<Vec<_>>().join("; ")
-    })
-}
-
-fn parse_ron<T: DeserializeOwned>(text: &str) -> Result<T, Vec<TextFault>> {
-    // Only the library decides which texts are accepted.
-    ron_options().from_str(text).map_err(|error| {
-        let (nodes, mistakes) = RonParser::parse(text);
-        if mistakes.is_empty() { vec![describe_error::<T>(text, &nodes, &error)] } else { mistakes }
-    })
 }
 
 /// Line and column of a byte, 1-based, columns in characters.
@@ -76,42 +25,19 @@ pub fn syntax_faults(text: &str) -> Vec<TextFault> {
     RonParser::parse(text).1
 }
 
-/// Question with the known name nearest to an unknown one, if it is near enough: `did you mean output_every?`.
-pub fn nearest_name<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
-    let plain = |name: &str| name.to_lowercase().replace(['-', '_'], "");
-    let wanted = plain(name);
-    let distance = |other: &str| strsim::damerau_levenshtein(&wanted, &plain(other));
-    let best = known.iter().copied().min_by_key(|other| distance(other))?;
-    // A third of the letters may differ; with more, unrelated short names would match.
-    let letters = wanted.chars().count().max(plain(best).chars().count());
-    (distance(best) <= letters / 3 || plain(best).starts_with(&wanted) && wanted.len() >= 3).then_some(best)
-}
-
-/// Suggestion for an unknown name: the nearest known name, or all.
-pub fn known_names(name: &str, known: &[&str]) -> String {
-    match (nearest_name(name, known), known) {
-        (Some(near), _) => format!("did you mean {near}?"),
-        (None, []) => "expected none".into(),
-        (None, [one]) => format!("expected {one}"),
-        (None, all) => format!("expected one of {}", all.join(", ")),
-    }
-}
-
-// ------------------------------------------------------------------------------------------------ the library's errors
-
 /// Value of a text.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct ValueNode {
-    path: String,
+pub struct ValueNode {
+    pub path: String,
     /// Name of its field, if it has one.
-    name: Option<Range<usize>>,
-    span: Range<usize>,
+    pub name: Option<Range<usize>>,
+    pub span: Range<usize>,
 }
 
 /// Largest number of characters of a value that a message shows.
 const MAX_SHOWN_CHARS: usize = 40;
 
-fn display_text(text: &str) -> String {
+pub fn display_text(text: &str) -> String {
     let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
     if line.chars().count() <= MAX_SHOWN_CHARS {
         line
@@ -120,201 +46,13 @@ fn display_text(text: &str) -> String {
     }
 }
 
-/// Byte of a position of the library, and the next byte that is neither blank nor comment.
-fn byte_offsets(text: &str, line: usize, column: usize) -> (usize, usize) {
-    let before: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
-    let within: usize = text[before..].chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();
-    let raw = before + within;
-    let mut parser = RonParser { at: raw, ..RonParser::new(text) };
-    parser.skip_blank();
-    (raw, if parser.at < text.len() { parser.at } else { raw })
-}
-
-/// Describes the library's error in words.
-fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &ron::error::SpannedError) -> TextFault {
-    let (raw, at) = byte_offsets(text, error.span.start.line, error.span.start.col);
-    let inner = |holds: &dyn Fn(&ValueNode) -> bool| {
-        nodes.iter().filter(|node| holds(node)).min_by_key(|node| node.span.end - node.span.start)
-    };
-    let value = inner(&|node| node.span.start <= at && at < node.span.end.max(node.span.start + 1));
-    let named = inner(&|node| node.name.as_ref().is_some_and(|name| name.start <= at && at < name.end));
-    let text_of = |node: &ValueNode| display_text(&text[node.span.clone()]);
-    let of = |node: Option<&ValueNode>, found: String, expected: String| {
-        let (at, path) = node.map_or((at, String::new()), |node| (node.span.start, node.path.clone()));
-        TextFault { at, path, found, expected }
-    };
-    let wrong = |expected: &str| of(value, value.map_or("no value".into(), text_of), format!("expected {expected}"));
-    let holder = |node: Option<&ValueNode>| {
-        node.and_then(|node| node.path.rsplit_once('.')).map_or(String::new(), |(holder, _)| holder.to_string())
-    };
-    match &error.code {
-        Error::NoSuchStructField { expected, found, .. } => {
-            let path = holder(named.or(value));
-            return TextFault {
-                at,
-                path,
-                found: format!("unknown field '{found}'"),
-                expected: known_names(found, expected),
-            };
-        }
-        Error::DuplicateStructField { field, .. } => {
-            let found = format!("'{field}' is there twice");
-            return TextFault { at, path: holder(named), found, expected: "expected it once".into() };
-        }
-        Error::MissingStructField { field, outer } => {
-            let kind =
-                outer.as_ref().filter(|kind| value.is_some_and(|node| text[node.span.clone()].starts_with(*kind)));
-            let kind = kind.map_or(String::new(), |kind| format!(" of {kind}"));
-            return of(value, format!("no field '{field}'"), format!("expected the field {field}{kind}"));
-        }
-        Error::NoSuchEnumVariant { expected, found, .. } => {
-            return of(value, format!("unknown '{found}'"), known_names(found, expected));
-        }
-        Error::ExpectedBoolean => return wrong("true or false"),
-        Error::ExpectedArray | Error::ExpectedArrayEnd => return wrong("a list in [ ]"),
-        Error::ExceededRecursionLimit => {
-            return of(value, "brackets nested too deeply".into(), format!("expected at most {MAX_DEPTH} levels"));
-        }
-        Error::ExpectedString | Error::ExpectedStringEnd => {
-            let word = value.map(text_of).filter(|word| word.starts_with(char::is_alphabetic));
-            return wrong(&word.map_or("a text in quotes".into(), |word| format!("a text in quotes, \"{word}\"")));
-        }
-        Error::ExpectedDifferentLength { expected, found } => {
-            let count = if *found == 1 { "one value".to_string() } else { format!("{found} values") };
-            let found = format!("{count} in {}", value.map_or(String::new(), text_of));
-            return of(value, found, format!("expected {}", expectation_in_words(expected)));
-        }
-        Error::IntegerOutOfBounds => {
-            let negative = value.is_some_and(|node| text_of(node).starts_with('-'));
-            return wrong(if negative { "an integer of 0 or more" } else { "a smaller integer" });
-        }
-        _ => {}
-    }
-    // A name where values have no names.
-    if let Some(node) = named.filter(|node| value.is_none_or(|value| value.span.start < node.span.start)) {
-        let name = &text[node.name.clone().unwrap_or_default()];
-        return TextFault {
-            at,
-            path: holder(Some(node)),
-            found: format!("'{name}:'"),
-            expected: "expected a value without a name".into(),
-        };
-    }
-    match &error.code {
-        Error::ExpectedFloat | Error::FloatUnderscore => return wrong("a number"),
-        Error::ExpectedInteger | Error::InvalidIntegerDigit { .. } | Error::UnderscoreAtBeginning => {
-            return wrong("an integer");
-        }
-        _ => {}
-    }
-    // A number that the library has read partly.
-    if value.is_some_and(|node| node.span.start < at && text[node.span.clone()].parse::<f64>().is_ok()) {
-        return wrong("an integer");
-    }
-    // A number followed by other characters.
-    if let Some(node) = value.filter(|node| begins_with_number(&text[node.span.clone()])) {
-        let word = &text[node.span.clone()];
-        let plain = word.replace(['d', 'D'], "e");
-        match plain.parse::<f64>() {
-            Ok(_) if plain != word => return wrong(&format!("a number, {plain}")),
-            Err(_) if word.ends_with(char::is_alphabetic) && !word.ends_with(['e', 'E']) => {
-                return wrong("a number without unit");
-            }
-            _ => {}
-        }
-    }
-    // A variant whose fields were left out.
-    let bare = inner(&|node| node.span.end == raw && text[node.span.clone()].starts_with(char::is_alphabetic));
-    if let Some(node) = bare.filter(|node| !text[node.span.clone()].contains('(')) {
-        let kind = text_of(node);
-        let fields = match probe_error::<T>(text, node, &format!("{kind}({UNKNOWN_NAME}: 0)")) {
-            Some(Error::NoSuchStructField { expected, .. }) => format!("{kind}(...) with {}", field_list(expected)),
-            _ => format!("{kind}(...) with its values"),
-        };
-        return of(bare, kind, format!("expected {fields}"));
-    }
-    let Some(node) = value else { return wrong("another value") };
-    // The library lists the expected names only for an unknown name.
-    match probe_error::<T>(text, node, UNKNOWN_NAME) {
-        Some(Error::NoSuchEnumVariant { expected, .. }) if expected.contains(&"Constant") => {
-            let found = text_of(node);
-            let example = found.parse::<f64>().map_or(String::new(), |_| format!(", such as Constant({found})"));
-            return wrong(&format!("a function, one of {}{example}", expected.join(", ")));
-        }
-        Some(Error::NoSuchEnumVariant { expected, .. }) => return wrong(&format!("one of {}", expected.join(", "))),
-        _ => {}
-    }
-    if let Some(Error::NoSuchStructField { expected, .. }) = probe_error::<T>(text, node, &format!("{UNKNOWN_NAME}: 0"))
-    {
-        return wrong(&format!("name: value, with {}", field_list(expected)));
-    }
-    if let Some(Error::NoSuchStructField { expected, .. }) =
-        probe_error::<T>(text, node, &format!("({UNKNOWN_NAME}: 0)"))
-    {
-        return wrong(&format!("( ) around {}", field_list(expected)));
-    }
-    // Too many values in the enclosing bracket.
-    let around = inner(&|node| node.span.start < raw && raw < node.span.end && Some(node) != value);
-    for (node, found) in
-        [(value, value.map(text_of)), (around, around.map(|list| format!("too many values in {}", text_of(list))))]
-    {
-        let (Some(node), Some(found)) = (node, found) else { continue };
-        if let Some(Error::ExpectedDifferentLength { expected, .. }) = probe_error::<T>(text, node, "()") {
-            return of(Some(node), found, format!("expected {}", expectation_in_words(&expected)));
-        }
-    }
-    match &error.code {
-        Error::ExpectedStructLikeEnd | Error::ExpectedOptionEnd => {
-            let found = around.map_or(String::new(), |list| format!("too many values in {}", text_of(list)));
-            of(around, found, "expected one value".into())
-        }
-        Error::InvalidValueForType { expected, .. } => wrong(&expectation_in_words(expected)),
-        Error::ExpectedStructLike | Error::ExpectedNamedStructLike(_) | Error::ExpectedDifferentStructName { .. } => {
-            wrong("values in ( )")
-        }
-        _ => wrong("another value"),
-    }
-}
-
-/// Name that no type has.
-const UNKNOWN_NAME: &str = "Unknown_name";
-
-/// Error of the library after a value is replaced by another text, if the error concerns that value.
-fn probe_error<T: DeserializeOwned>(text: &str, node: &ValueNode, other: &str) -> Option<Error> {
-    let text = format!("{}{other}{}", &text[..node.span.start], &text[node.span.end..]);
-    match ron_options().from_str::<T>(&text).err()?.code {
-        Error::NoSuchEnumVariant { found, .. } | Error::NoSuchStructField { found, .. } if found != UNKNOWN_NAME => {
-            None
-        }
-        code => Some(code),
-    }
-}
-
-fn field_list(fields: &[&str]) -> String {
-    if let [one] = fields { format!("the field {one}") } else { format!("fields of {}", fields.join(", ")) }
-}
-
-/// Converts an expectation of serde to plain words.
-fn expectation_in_words(expected: &str) -> String {
-    let number = expected.split_whitespace().rev().find_map(|word| word.parse::<usize>().ok());
-    match number {
-        Some(1) => "one value".into(),
-        Some(number) => format!("{number} values in ( )"),
-        _ if expected.contains("f64") || expected.contains("float") => "a number".into(),
-        _ if expected.contains("string") => "a text in quotes".into(),
-        _ => "another value".into(),
-    }
-}
-
-// ------------------------------------------------------------------------------------------------------------- syntax
-
 /// Nesting depth beyond which the library refuses a text.
-const MAX_DEPTH: usize = 128;
+pub const MAX_DEPTH: usize = 128;
 
 /// Parser that continues after mistakes.
-struct RonParser<'a> {
+pub struct RonParser<'a> {
     text: &'a str,
-    at: usize,
+    pub at: usize,
     /// Byte after the last token.
     last_end: usize,
     /// Open brackets, with the byte of each.
@@ -328,7 +66,7 @@ struct RonParser<'a> {
 }
 
 impl<'a> RonParser<'a> {
-    fn new(text: &'a str) -> Self {
+    pub fn new(text: &'a str) -> Self {
         RonParser {
             text,
             at: 0,
@@ -342,7 +80,7 @@ impl<'a> RonParser<'a> {
     }
 
     /// Values of a text and all mistakes in it.
-    fn parse(text: &'a str) -> (Vec<ValueNode>, Vec<TextFault>) {
+    pub fn parse(text: &'a str) -> (Vec<ValueNode>, Vec<TextFault>) {
         let mut parser = RonParser::new(text);
         parser.skip_blank();
         while parser.remaining_text().starts_with("#!") {
@@ -437,7 +175,7 @@ impl<'a> RonParser<'a> {
         self.at = self.text.len();
     }
 
-    fn skip_blank(&mut self) {
+    pub fn skip_blank(&mut self) {
         loop {
             let rest = self.remaining_text();
             let blank = |c: char| c.is_ascii_whitespace() || "\u{b}\u{85}\u{200e}\u{200f}\u{2028}\u{2029}".contains(c);
@@ -812,7 +550,7 @@ impl<'a> RonParser<'a> {
 }
 
 /// Whether a word begins like a number.
-fn begins_with_number(word: &str) -> bool {
+pub fn begins_with_number(word: &str) -> bool {
     word.trim_start_matches(['+', '-', '.']).starts_with(|c: char| c.is_ascii_digit())
 }
 

@@ -4,18 +4,17 @@
 //! opens it. NNNNNN is the number of the step. The same state gives the same bytes: the file has no date, host, thread
 //! count or duration.
 
+mod npz;
+
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{Cursor, Read, Write};
 use std::path::{Path, PathBuf};
 
-use bytemuck::Pod;
 use serde::{Deserialize, Serialize};
-use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 use crate::atomic;
 use crate::error::{Fault, Faults};
+use npz::{ArrayElement, NpzReader, NpzWriter};
 
 #[cfg(target_endian = "big")]
 compile_error!("snapshots are written from memory as little-endian arrays");
@@ -265,31 +264,6 @@ impl Default for SnapshotMeta {
     }
 }
 
-/// Element of an array: its npy type and the shape of one row.
-trait ArrayElement: Pod {
-    const DESCR: &'static str;
-    const ROW: &'static [usize];
-}
-
-macro_rules! elements {
-    ($($type:ty = $descr:literal, $row:expr;)+) => {
-        $(impl ArrayElement for $type { const DESCR: &'static str = $descr; const ROW: &'static [usize] = &$row; })+
-    };
-}
-
-elements! {
-    f64 = "<f8", [];
-    [f64; 3] = "<f8", [3];
-    [f64; 4] = "<f8", [4];
-    [[f64; 3]; 3] = "<f8", [3, 3];
-    u64 = "<u8", [];
-    [u64; 2] = "<u8", [2];
-    u32 = "<u4", [];
-    [u32; 2] = "<u4", [2];
-    u16 = "<u2", [];
-    u8 = "|u1", [];
-}
-
 macro_rules! arrays {
     ($(#[$outer:meta])* $group:ident { $($(#[doc = $help:literal])+ $name:ident : $type:ty,)+ }) => {
         $(#[$outer])*
@@ -480,108 +454,10 @@ impl ShapeArrays {
     }
 }
 
-struct NpzWriter(ZipWriter<Cursor<Vec<u8>>>);
-
-impl NpzWriter {
-    fn add_array<T: ArrayElement>(&mut self, name: &str, rows: &[T]) -> zip::result::ZipResult<()> {
-        let shape: String =
-            std::iter::once(rows.len()).chain(T::ROW.iter().copied()).map(|n| format!("{n}, ")).collect();
-        let mut header = format!("{{'descr': '{}', 'fortran_order': False, 'shape': ({shape}), }}", T::DESCR);
-        // Magic, version and length take 10 bytes; the data start on a multiple of 64.
-        let padded = (10 + header.len() + 1).div_ceil(64) * 64 - 10;
-        header.extend(std::iter::repeat_n(' ', padded - 1 - header.len()));
-        header.push('\n');
-        // The default date of an entry is the first of the format, 1 January 1980.
-        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(true);
-        self.0.start_file(format!("{name}.npy"), options)?;
-        self.0.write_all(b"\x93NUMPY\x01\x00")?;
-        self.0.write_all(&(padded as u16).to_le_bytes())?;
-        self.0.write_all(header.as_bytes())?;
-        self.0.write_all(bytemuck::cast_slice(rows))?;
-        Ok(())
-    }
-}
-
-struct NpzReader<'a> {
-    path: &'a Path,
-    archive: ZipArchive<Cursor<Vec<u8>>>,
-    faults: Faults,
-}
-
-impl NpzReader<'_> {
-    /// Reads the array `name`, of `rows` rows if that is known; `None` and a fault if it is missing or malformed. Rows
-    /// with a number that is not finite are faults too.
-    fn read_array<T: ArrayElement>(&mut self, name: &str, rows: Option<usize>) -> Option<Vec<T>> {
-        let taken = self.read_entry(name).and_then(|bytes| npy_rows::<T>(&bytes)).and_then(|array| match rows {
-            Some(rows) if rows != array.len() => Err(format!("has {} rows, others have {rows}", array.len())),
-            _ => Ok(array),
-        });
-        taken
-            .map_err(|found| {
-                let expected = format!("expected an npy array of type {} with rows of shape {:?}", T::DESCR, T::ROW);
-                self.faults.push(Fault::new(self.path, None, format!("array {name}"), found, expected));
-            })
-            .ok()
-            .inspect(|array| self.expect_finite(name, array))
-    }
-
-    fn expect_finite<T: ArrayElement>(&mut self, name: &str, array: &[T]) {
-        if T::DESCR != <f64 as ArrayElement>::DESCR {
-            return;
-        }
-        for (number, row) in (1..).zip(array) {
-            let row: &[f64] = bytemuck::cast_slice(std::slice::from_ref(row));
-            if !row.iter().all(|x| x.is_finite()) {
-                let (object, found) = (format!("array {name}, row {number}"), format!("{row:?}"));
-                self.faults.push(Fault::new(self.path, None, object, found, "expected finite numbers"));
-            }
-        }
-    }
-
-    fn read_entry(&mut self, name: &str) -> Result<Vec<u8>, String> {
-        use zip::result::ZipError;
-        let mut entry = self.archive.by_name(&format!("{name}.npy")).map_err(|error| match error {
-            ZipError::FileNotFound => "is not there",
-            ZipError::UnsupportedArchive(_) => "is compressed or encrypted",
-            _ => "is damaged",
-        })?;
-        let mut bytes = Vec::new();
-        // The checksums detect damage.
-        entry.read_to_end(&mut bytes).map_err(|_| "is damaged")?;
-        Ok(bytes)
-    }
-}
-
-/// Rows of an npy file of format version 1, C order.
-fn npy_rows<T: ArrayElement>(bytes: &[u8]) -> Result<Vec<T>, String> {
-    let short = || "is cut short".to_string();
-    if bytes.get(..8) != Some(b"\x93NUMPY\x01\x00") {
-        return Err("is no npy array of version 1.0".into());
-    }
-    let length = u16::from_le_bytes([*bytes.get(8).ok_or_else(short)?, *bytes.get(9).ok_or_else(short)?]) as usize;
-    let header = std::str::from_utf8(bytes.get(10..10 + length).ok_or_else(short)?)
-        .map_err(|_| "has a header that is no text".to_string())?;
-    let data = &bytes[10 + length..];
-    if !header.contains(&format!("'descr': '{}'", T::DESCR)) || !header.contains("'fortran_order': False") {
-        return Err(format!("has the header {}", header.trim()));
-    }
-    let shape: Vec<usize> = header
-        .split("'shape': (")
-        .nth(1)
-        .and_then(|rest| rest.split(')').next())
-        .map(|inside| inside.split(',').filter_map(|n| n.trim().parse().ok()).collect())
-        .unwrap_or_default();
-    let row_bytes = size_of::<T>();
-    if shape.is_empty() || shape[1..] != *T::ROW || shape[0].checked_mul(row_bytes) != Some(data.len()) {
-        return Err(format!("has shape {shape:?} and {} bytes of data", data.len()));
-    }
-    Ok(data.chunks_exact(row_bytes).map(bytemuck::pod_read_unaligned).collect())
-}
-
 impl Snapshot {
     /// Bytes of the file.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut archive = NpzWriter(ZipWriter::new(Cursor::new(Vec::new())));
+        let mut archive = NpzWriter::new();
         let meta = serde_json::to_vec(&self.meta).expect("meta holds nothing that JSON lacks");
         (|| {
             archive.add_array("meta", &meta)?;
@@ -591,7 +467,7 @@ impl Snapshot {
             self.gravity.as_ref().map_or(Ok(()), |gravity| gravity.write(&mut archive))?;
             self.shapes.as_ref().map_or(Ok(()), |shapes| shapes.write(&mut archive))?;
             self.interval.as_ref().map_or(Ok(()), |interval| interval.write(&mut archive))?;
-            Ok::<_, zip::result::ZipError>(archive.0.finish()?.into_inner())
+            archive.finish()
         })()
         .expect("writing to memory")
     }
@@ -607,12 +483,7 @@ impl Snapshot {
         let refuse = |found: String| {
             Faults::from(Fault::new(path, None, "snapshot", found, "expected an .npz file of cd-solve"))
         };
-        // The directory of the archive is at its end: without it, the file is incomplete.
-        let starts = bytes.starts_with(b"PK");
-        let archive = ZipArchive::new(Cursor::new(bytes)).map_err(|_| {
-            refuse(if starts { "the file is truncated" } else { "the file is no .npz file" }.to_string())
-        })?;
-        let mut entries = NpzReader { path, archive, faults: Faults::default() };
+        let mut entries = NpzReader::new(path, bytes).map_err(|found| refuse(found.to_string()))?;
         let Some(meta_text): Option<Vec<u8>> = entries.read_array("meta", None) else { return Err(entries.faults) };
         let version: serde_json::Value =
             serde_json::from_slice(&meta_text).map_err(|error| refuse(describe_json_error(&error)))?;
@@ -627,13 +498,13 @@ impl Snapshot {
         }
         let bodies = BodyArrays::read(&mut entries);
         let contacts = ContactArrays::read(&mut entries);
-        let remembers = entries.archive.index_for_name("contact_bonded.npy").is_some();
+        let remembers = entries.has_array("contact_bonded");
         let memory = remembers.then(|| MemoryArrays::read(&mut entries));
-        let extrapolates = entries.archive.index_for_name("gravity_last.npy").is_some();
+        let extrapolates = entries.has_array("gravity_last");
         let gravity = extrapolates.then(|| GravityArrays::read(&mut entries));
-        let has_shapes = entries.archive.index_for_name("turning_body.npy").is_some();
+        let has_shapes = entries.has_array("turning_body");
         let shapes = has_shapes.then(|| ShapeArrays::read(&mut entries));
-        let has_interval = entries.archive.index_for_name("interval_body.npy").is_some();
+        let has_interval = entries.has_array("interval_body");
         let interval = has_interval.then(|| IntervalArrays::read(&mut entries));
         entries.faults.into_result(())?;
         let snapshot = Snapshot { meta, bodies, contacts, memory, gravity, shapes, interval };

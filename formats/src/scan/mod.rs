@@ -15,20 +15,20 @@
 //! Only the internal variables of a contact lie beyond column 103, so LMGC90's limit of 180 columns a line is never
 //! reached.
 
-use std::fmt::{Display, Write};
+mod columns;
+mod numbers;
+
+use std::fmt::Display;
 use std::fs;
 use std::path::Path;
 
 use crate::error::{Fault, Faults};
+pub use columns::{DASHED_LINE, GRID_COLUMNS, put_grid, put_steps, put_text};
+use numbers::{REAL_WIDTH, number_fault};
+pub use numbers::{format_d14, format_e14, format_integer, format_long14, fortran_real, free_real};
 
-/// First columns of the three reals of a grid line.
-pub const GRID_COLUMNS: [usize; 3] = [35, 56, 77];
-/// Number of columns of a real.
-const REAL_WIDTH: usize = 14;
 /// Largest error of an axis or frame in the files against an orthonormal one; they have seven digits.
 pub const FRAME_TOLERANCE: f64 = 1e-4;
-
-// ---------------------------------------------------------------------------------------------------------- reading
 
 /// Text of a file as ASCII, so that bytes are columns. Any other byte becomes a control character, which is allowed in
 /// comments only.
@@ -366,52 +366,6 @@ fn display_text(text: &str) -> String {
     text.replace('\x1a', "?").escape_default().to_string()
 }
 
-fn number_fault(field: &str) -> Option<&'static str> {
-    match field {
-        "" => Some("blank"),
-        stars if stars.contains('*') => Some("a number that did not fit its columns when it was written"),
-        tabs if tabs.contains('\t') => Some("with a tab, which is one column wide"),
-        _ => None,
-    }
-}
-
-/// Reads a real like Fortran from its columns: blanks anywhere; D, E, Q or no letter before a signed exponent.
-///
-/// Errors: the reason for rejection. Rejected are a blank field and a number without point, which Fortran reads as 0 and
-/// as 1e-7 of the written value, and NaN, infinities and numbers too large for f64.
-///
-/// ```
-/// use cd_formats::scan::fortran_real;
-/// assert_eq!(fortran_real(" 0.1234568D+01"), Ok(1.234568));
-/// assert_eq!(fortran_real("1.0-10"), Ok(1e-10));
-/// assert!(fortran_real("100").is_err());
-/// ```
-pub fn fortran_real(field: &str) -> Result<f64, &'static str> {
-    let value = free_real(field)?;
-    if field.contains('.') { Ok(value) } else { Err("without a decimal point, which LMGC90 would scale by 1e-7") }
-}
-
-/// Reads a real in free format: as [`fortran_real`], and the point may be missing.
-pub fn free_real(field: &str) -> Result<f64, &'static str> {
-    let text: String = field.chars().filter(|&c| c != ' ').map(|c| c.to_ascii_lowercase()).collect();
-    if let Some(fault) = number_fault(&text) {
-        return Err(fault);
-    }
-    let unsigned = text.strip_prefix(['+', '-']).unwrap_or(&text);
-    if ["nan", "inf"].iter().any(|word| unsigned.starts_with(word)) {
-        return Err("not a finite number");
-    }
-    let mantissa_end = unsigned.find(|c: char| c != '.' && !c.is_ascii_digit()).unwrap_or(unsigned.len());
-    let (mantissa, exponent) = unsigned.split_at(mantissa_end);
-    let exponent = if exponent.is_empty() { "0" } else { exponent.strip_prefix(['d', 'e', 'q']).unwrap_or(exponent) };
-    // `parse` rejects all other errors: the only letter that it accepts is this e.
-    let value: f64 = format!("{mantissa}e{exponent}").parse().map_err(|_| "not a number")?;
-    if value.is_infinite() {
-        return Err("too large a number");
-    }
-    Ok(if text.starts_with('-') { -value } else { value })
-}
-
 /// Largest error of three rows against an orthonormal, right-handed triad: in lengths, angles and `c - a x b`.
 pub fn frame_defect([a, b, c]: &[[f64; 3]; 3]) -> f64 {
     let dot = |x: &[f64; 3], y: &[f64; 3]| x[0] * y[0] + x[1] * y[1] + x[2] * y[2];
@@ -420,118 +374,9 @@ pub fn frame_defect([a, b, c]: &[[f64; 3]; 3]) -> f64 {
     errors.iter().fold(0.0, |most: f64, error| most.max(error.abs()))
 }
 
-// ---------------------------------------------------------------------------------------------------------- writing
-
-/// Formats a real in 14 columns as C's `%14.7E`, eight digits: ` 1.2345679E+00`. For input files.
-///
-/// Numbers below 1e-99 in size are written as zero, since a third digit of the exponent would not fit. Numbers that
-/// cannot be written (1e100 and more, NaN, infinities) become 14 stars, as in Fortran, which no reader accepts as a
-/// number. Callers check their values beforehand.
-pub fn format_e14(x: f64) -> String {
-    let Some((minus, digits, exponent)) = decimal_digits(x, 7) else { return "*".repeat(REAL_WIDTH) };
-    let (first, rest) = digits.split_at(1);
-    format!("{minus}{first}.{rest}E{exponent:+03}")
-}
-
-/// Formats a real in 14 columns as Fortran's `D14.7`, seven digits: ` 0.1234568D+01`. For state files; same bounds as
-/// [`format_e14`].
-pub fn format_d14(x: f64) -> String {
-    let Some((minus, digits, exponent)) = decimal_digits(x, 6) else { return "*".repeat(REAL_WIDTH) };
-    match exponent + i32::from(x.abs() >= SMALLEST_REAL) {
-        100 => format!("{minus}0.{digits}+100"), // Fortran drops the letter
-        exponent => format!("{minus}0.{digits}D{exponent:+03}"),
-    }
-}
-
-/// Formats a real in 14 columns with as many digits as fit: as [`format_e14`] if that is exact or has the most digits,
-/// else without exponent, ` 1.23456789012`. Fortran reads both alike.
-///
-/// Nine digits from 1e-3 on, twelve from 1 to 1e11. Numbers that were read from such a field are reproduced exactly.
-///
-/// ```
-/// use cd_formats::scan::format_long14;
-/// assert_eq!(format_long14(2.0 / 3.0), " 0.66666666667");
-/// assert_eq!(format_long14(-1234.56789012345), "-1234.56789012");
-/// assert_eq!(format_long14(0.25), " 2.5000000E-01");
-/// ```
-pub fn format_long14(x: f64) -> String {
-    let short = format_e14(x);
-    let size = x.abs();
-    if !(1e-3..1e11).contains(&size) || fortran_real(&short) == Ok(x) {
-        return short;
-    }
-    let minus = if x.is_sign_negative() { '-' } else { ' ' };
-    // Sign, point, and the digits before it; one digit less where rounding gives a power of ten.
-    let before = format!("{:.0}", size.trunc()).len();
-    let long = format!("{minus}{size:.*}", REAL_WIDTH - 2 - before);
-    if long.len() == REAL_WIDTH { long } else { format!("{minus}{size:.*}", REAL_WIDTH - 3 - before) }
-}
-
-const SMALLEST_REAL: f64 = 1e-99;
-
-/// Sign (or blank), digits without point (one before it, `after` behind it), exponent of ten of the first digit.
-fn decimal_digits(x: f64, after: usize) -> Option<(char, String, i32)> {
-    let size = if x.abs() < SMALLEST_REAL { 0.0 } else { x.abs() };
-    let text = format!("{size:.after$e}");
-    let (mantissa, exponent) = text.split_once('e')?; // NaN and infinities have none
-    let exponent: i32 = exponent.parse().ok()?;
-    let minus = if x.is_sign_negative() { '-' } else { ' ' };
-    (exponent <= 99).then(|| (minus, mantissa.replace('.', ""), exponent))
-}
-
-/// Formats an integer right-aligned in `width` columns; stars, as in Fortran, if it does not fit.
-pub fn format_integer(value: impl Display, width: usize) -> String {
-    let text = format!("{value:>width$}");
-    if text.len() > width { "*".repeat(width) } else { text }
-}
-
-/// Writes `text` at a column of the last line of `out`, padded with blanks.
-pub fn put_text(out: &mut String, column: usize, text: impl Display) {
-    let begun = out.rfind('\n').map_or(0, |end| end + 1);
-    let blanks = (column - 1).saturating_sub(out.len() - begun);
-    write!(out, "{:blanks$}{text}", "").expect("a String takes all");
-}
-
-/// Writes a grid line: `head` in columns 1-29, then up to three reals after their labels.
-pub fn put_grid(out: &mut String, head: &str, labels: &[&str], values: &[f64], real: fn(f64) -> String) {
-    out.push_str(head);
-    for ((&value, label), column) in values.iter().zip(labels).zip(GRID_COLUMNS) {
-        put_text(out, column - 5, format_args!("{label:<5}{}", real(value)));
-    }
-    out.push('\n');
-}
-
-/// Dashed comment line of state files.
-pub const DASHED_LINE: &str = "!-----------------------------------------------------------------------\n";
-
-/// Writes the head of a state file, in the form that LMGC90 can read.
-pub fn put_steps(out: &mut String, title: &str, step: u64, time: f64) {
-    let step = format_integer(step, 7);
-    let time = format_d14(time);
-    let _ = write!(out, "     \n! {title}\n     \n$steps  {step}{:14}time={time}\n \n{DASHED_LINE}", "");
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn reals_in_the_forms_of_fortran() {
-        for (field, value) in [
-            (" 0.1234568D+01", 1.234568),
-            ("-0.1234568d-04", -0.1234568e-4),
-            (" 1.2345679E+00", 1.2345679),
-            ("1.0Q2", 100.0),
-            ("1.0-10", 1e-10),
-            (" 0.1234568-122", 0.1234568e-122),
-            ("   1. 5   D 0 1", 15.0),
-            (".5", 0.5),
-            ("+5.", 5.0),
-            ("-0.0000000D+00", 0.0),
-        ] {
-            assert_eq!(fortran_real(field), Ok(value), "{field}");
-        }
-    }
 
     #[test]
     fn marks_of_editors_are_no_text_and_tabs_are_named() {
@@ -546,119 +391,6 @@ mod tests {
         let path = folder.path().join("a");
         fs::write(&path, b"$\0b\0").unwrap();
         assert!(AsciiText::read_file(&path).is_err());
-    }
-
-    #[test]
-    fn reals_that_are_refused() {
-        for field in [
-            "",
-            "   ",
-            "100",
-            "1e3",
-            "NaN",
-            "-nan",
-            "Infinity",
-            "inf",
-            "1.0E400",
-            "**************",
-            ".",
-            "1.0.0",
-            "1.0E",
-            "1.0EE5",
-            "E5",
-            "--1.0",
-            "1.0+-5",
-            "0x1.0",
-            "1,0",
-            "1.0e5.0",
-            "\u{1a}1.0",
-        ] {
-            assert!(fortran_real(field).is_err(), "{field} was read as {:?}", fortran_real(field));
-        }
-        assert!(fortran_real("100").unwrap_err().contains("1e-7"));
-        assert_eq!(free_real("100"), Ok(100.0));
-    }
-
-    #[test]
-    fn long_reals_fill_their_columns_and_stay_when_given_again() {
-        for x in
-            [1.0 / 3.0, 9.999_999_999_999_9, 99_999.999_999_99, 1.0 / 998.0, 99_999_999_999.9, 1e99 / 7.0, 1e-9 / 3.0]
-        {
-            for x in [x, -x] {
-                let text = format_long14(x);
-                assert_eq!(text.len(), 14, "{text}");
-                let read = fortran_real(&text).unwrap();
-                // Without exponent there are at least nine digits, otherwise eight.
-                let error = (read / x - 1.0).abs();
-                assert!(error < if (1e-3..1e11).contains(&x.abs()) { 5e-9 } else { 5e-8 }, "{text} {x:e}");
-                assert_eq!(fortran_real(&format_long14(read)), Ok(read));
-            }
-        }
-        assert_eq!([0.0, -2.5, 1e100].map(format_long14), [" 0.0000000E+00", "-2.5000000E+00", "**************"]);
-    }
-
-    #[test]
-    fn reals_as_c_writes_them() {
-        for (x, text) in [
-            (0.0, " 0.0000000E+00"),
-            (-0.0, "-0.0000000E+00"),
-            (1.23456789, " 1.2345679E+00"),
-            (9.99999996, " 1.0000000E+01"),
-            (9.99999994, " 9.9999999E+00"),
-            (-0.000123456785, "-1.2345679E-04"), // the double lies just above the tie
-            (1.00000005, " 1.0000000E+00"),      // and this one just below
-            (-2.5e99, "-2.5000000E+99"),
-            (9.9999999e99, " 9.9999999E+99"),
-            (1e-99, " 1.0000000E-99"),
-            (9.9e-100, " 0.0000000E+00"),
-            (-1e-300, "-0.0000000E+00"),
-            (1e100, "**************"),
-            (-9.99999999e99, "**************"),
-            (f64::NAN, "**************"),
-            (f64::NEG_INFINITY, "**************"),
-        ] {
-            assert_eq!(format_e14(x), text, "{x:e}");
-        }
-    }
-
-    #[test]
-    fn reals_as_fortran_writes_them() {
-        for (x, text) in [
-            (0.0, " 0.0000000D+00"),
-            (-0.0, "-0.0000000D+00"),
-            (1.234567891, " 0.1234568D+01"),
-            (0.99999996, " 0.1000000D+01"),
-            (-0.05, "-0.5000000D-01"),
-            (1.0, " 0.1000000D+01"),
-            (2.5e98, " 0.2500000D+99"),
-            (-2.5e99, "-0.2500000+100"),
-            (1e-99, " 0.1000000D-98"),
-            (9e-100, " 0.0000000D+00"),
-            (1e100, "**************"),
-            (f64::INFINITY, "**************"),
-        ] {
-            assert_eq!(format_d14(x), text, "{x:e}");
-        }
-    }
-
-    #[test]
-    fn what_is_written_fits_its_columns_and_is_read_again() {
-        let mut x = 1.2345678912345e-98;
-        while x < 1e99 {
-            for y in [x, -x] {
-                let (e, d) = (format_e14(y), format_d14(y));
-                assert_eq!((e.len(), d.len()), (14, 14), "{e} {d}");
-                assert!((fortran_real(&e).unwrap() / y - 1.0).abs() < 5.1e-8);
-                assert!((fortran_real(&d).unwrap() / y - 1.0).abs() < 5.1e-7);
-            }
-            x *= 7.3;
-        }
-    }
-
-    #[test]
-    fn integers_that_do_not_fit_become_stars() {
-        assert_eq!(format_integer(42, 5), "   42");
-        assert_eq!(format_integer(100_000, 5), "*****");
     }
 
     #[test]

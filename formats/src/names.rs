@@ -1,0 +1,61 @@
+//! Names in messages: suggestions for unknown ones, and paths of values in words.
+
+/// Question with the known name nearest to an unknown one, if it is near enough: `did you mean output_every?`.
+pub fn nearest_name<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
+    let plain = |name: &str| name.to_lowercase().replace(['-', '_'], "");
+    let wanted = plain(name);
+    let distance = |other: &str| strsim::damerau_levenshtein(&wanted, &plain(other));
+    let best = known.iter().copied().min_by_key(|other| distance(other))?;
+    // A third of the letters may differ; with more, unrelated short names would match.
+    let letters = wanted.chars().count().max(plain(best).chars().count());
+    (distance(best) <= letters / 3 || plain(best).starts_with(&wanted) && wanted.len() >= 3).then_some(best)
+}
+
+/// Suggestion for an unknown name: the nearest known name, or all.
+pub fn known_names(name: &str, known: &[&str]) -> String {
+    match (nearest_name(name, known), known) {
+        (Some(near), _) => format!("did you mean {near}?"),
+        (None, []) => "expected none".into(),
+        (None, [one]) => format!("expected {one}"),
+        (None, all) => format!("expected one of {}", all.join(", ")),
+    }
+}
+
+/// Converts a path to words: `grains.0.sizes` is `grains 1, sizes`; `materials.2` is `material 3`.
+pub(crate) fn path_in_words(path: &str) -> String {
+    let mut words: Vec<String> = Vec::new();
+    for key in path.split('.') {
+        match (key.parse::<usize>(), words.last_mut()) {
+            // Components of items, as in `--set`.
+            (Ok(index), Some(item)) if item.ends_with(|last: char| last.is_ascii_digit()) => {
+                *item += &format!(".{}", index + 1);
+            }
+            (Ok(index), Some(list)) => {
+                let one = match list.as_str() {
+                    "grains" => "grains",
+                    "bodies" => "body",
+                    list => list.trim_end_matches('s'),
+                };
+                *list = format!("{one} {}", index + 1);
+            }
+            (Ok(index), None) => words.push(format!("item {}", index + 1)),
+            _ => words.push(key.to_string()),
+        }
+    }
+    words.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_read_as_words() {
+        assert_eq!(path_in_words("grains.0.sizes"), "grains 1, sizes");
+        assert_eq!(path_in_words("materials.2.name"), "material 3, name");
+        assert_eq!(path_in_words("compute.dt"), "compute, dt");
+        assert_eq!(path_in_words("bodies.1.spin"), "body 2, spin");
+        assert_eq!(path_in_words("0.action"), "item 1, action");
+        assert_eq!(path_in_words("grains.0.place.positions.1.2"), "grains 1, place, position 2.3");
+    }
+}

@@ -1,0 +1,45 @@
+//! Reading of RON texts, with errors at the position of the mistake, in plain words.
+//!
+//! [`syntax_faults`] finds all faults of the text itself (brackets, commas, quotes, comments) at once. A text without
+//! such faults is parsed by the RON library. Its error is described with the value at its position; the library's own
+//! text never reaches the user.
+
+mod parse;
+mod syntax;
+
+use std::path::Path;
+
+use serde::de::DeserializeOwned;
+
+use crate::error::{Fault, Faults};
+use crate::names::path_in_words;
+pub use crate::names::{known_names, nearest_name};
+use parse::parse_ron;
+pub(crate) use parse::ron_options;
+pub use syntax::{TextFault, line_and_column, syntax_faults};
+
+/// Reads RON.
+///
+/// Errors: all faults of the syntax, or else the first value that does not fit its type, with line and column. `object`
+/// is the name of the text as a whole in faults.
+pub fn from_ron<T: DeserializeOwned>(path: &Path, text: &str, object: &str) -> Result<T, Faults> {
+    parse_ron(text).map_err(|mistakes| {
+        let fault = |mistake: TextFault| {
+            let (line, column) = line_and_column(text, mistake.at);
+            let object = if mistake.path.is_empty() { object.to_string() } else { path_in_words(&mistake.path) };
+            Fault { column: Some(column), ..Fault::new(path, Some(line), object, mistake.found, mistake.expected) }
+        };
+        Faults(mistakes.into_iter().map(fault).collect())
+    })
+}
+
+/// Reads the value of a flag; the error is one line without a position in a file.
+pub fn from_flag<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+    parse_ron(text).map_err(|mistakes| {
+        let one = |TextFault { at, path, found, expected }: &TextFault| {
+            let of = if path.is_empty() { String::new() } else { format!("{}: ", path_in_words(path)) };
+            format!("column {}: {of}{found}; {expected}", line_and_column(text, *at).1)
+        };
+        mistakes.iter().map(one).collect::<Vec<_>>().join("; ")
+    })
+}

@@ -1,0 +1,160 @@
+//! Archives of npy arrays.
+
+use std::io::{Cursor, Read, Write};
+use std::path::Path;
+
+use bytemuck::Pod;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipArchive, ZipWriter};
+
+use crate::error::{Fault, Faults};
+
+/// Element of an array: its npy type and the shape of one row.
+pub trait ArrayElement: Pod {
+    const DESCR: &'static str;
+    const ROW: &'static [usize];
+}
+
+macro_rules! elements {
+    ($($type:ty = $descr:literal, $row:expr;)+) => {
+        $(impl ArrayElement for $type { const DESCR: &'static str = $descr; const ROW: &'static [usize] = &$row; })+
+    };
+}
+
+elements! {
+    f64 = "<f8", [];
+    [f64; 3] = "<f8", [3];
+    [f64; 4] = "<f8", [4];
+    [[f64; 3]; 3] = "<f8", [3, 3];
+    u64 = "<u8", [];
+    [u64; 2] = "<u8", [2];
+    u32 = "<u4", [];
+    [u32; 2] = "<u4", [2];
+    u16 = "<u2", [];
+    u8 = "|u1", [];
+}
+
+/// Writer of an archive into memory.
+pub struct NpzWriter(ZipWriter<Cursor<Vec<u8>>>);
+
+impl NpzWriter {
+    /// Writer of an empty archive.
+    pub fn new() -> Self {
+        NpzWriter(ZipWriter::new(Cursor::new(Vec::new())))
+    }
+
+    /// Bytes of the archive.
+    pub fn finish(self) -> zip::result::ZipResult<Vec<u8>> {
+        Ok(self.0.finish()?.into_inner())
+    }
+
+    /// Adds the array `name`.
+    pub fn add_array<T: ArrayElement>(&mut self, name: &str, rows: &[T]) -> zip::result::ZipResult<()> {
+        let shape: String =
+            std::iter::once(rows.len()).chain(T::ROW.iter().copied()).map(|n| format!("{n}, ")).collect();
+        let mut header = format!("{{'descr': '{}', 'fortran_order': False, 'shape': ({shape}), }}", T::DESCR);
+        // Magic, version and length take 10 bytes; the data start on a multiple of 64.
+        let padded = (10 + header.len() + 1).div_ceil(64) * 64 - 10;
+        header.extend(std::iter::repeat_n(' ', padded - 1 - header.len()));
+        header.push('\n');
+        // The default date of an entry is the first of the format, 1 January 1980.
+        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(true);
+        self.0.start_file(format!("{name}.npy"), options)?;
+        self.0.write_all(b"\x93NUMPY\x01\x00")?;
+        self.0.write_all(&(padded as u16).to_le_bytes())?;
+        self.0.write_all(header.as_bytes())?;
+        self.0.write_all(bytemuck::cast_slice(rows))?;
+        Ok(())
+    }
+}
+
+/// Reader of an archive that gathers faults.
+pub struct NpzReader<'a> {
+    path: &'a Path,
+    archive: ZipArchive<Cursor<Vec<u8>>>,
+    pub faults: Faults,
+}
+
+impl<'a> NpzReader<'a> {
+    /// Reader of the `bytes` of the file at `path`. Errors: the reason for which they are no archive.
+    pub fn new(path: &'a Path, bytes: Vec<u8>) -> Result<Self, &'static str> {
+        // The directory of the archive is at its end: without it, the file is incomplete.
+        let starts = bytes.starts_with(b"PK");
+        let archive = ZipArchive::new(Cursor::new(bytes))
+            .map_err(|_| if starts { "the file is truncated" } else { "the file is no .npz file" })?;
+        Ok(NpzReader { path, archive, faults: Faults::default() })
+    }
+
+    /// Whether there is an array `name`.
+    pub fn has_array(&self, name: &str) -> bool {
+        self.archive.index_for_name(&format!("{name}.npy")).is_some()
+    }
+
+    /// Reads the array `name`, of `rows` rows if that is known; `None` and a fault if it is missing or malformed. Rows
+    /// with a number that is not finite are faults too.
+    pub fn read_array<T: ArrayElement>(&mut self, name: &str, rows: Option<usize>) -> Option<Vec<T>> {
+        let taken = self.read_entry(name).and_then(|bytes| npy_rows::<T>(&bytes)).and_then(|array| match rows {
+            Some(rows) if rows != array.len() => Err(format!("has {} rows, others have {rows}", array.len())),
+            _ => Ok(array),
+        });
+        taken
+            .map_err(|found| {
+                let expected = format!("expected an npy array of type {} with rows of shape {:?}", T::DESCR, T::ROW);
+                self.faults.push(Fault::new(self.path, None, format!("array {name}"), found, expected));
+            })
+            .ok()
+            .inspect(|array| self.expect_finite(name, array))
+    }
+
+    fn expect_finite<T: ArrayElement>(&mut self, name: &str, array: &[T]) {
+        if T::DESCR != <f64 as ArrayElement>::DESCR {
+            return;
+        }
+        for (number, row) in (1..).zip(array) {
+            let row: &[f64] = bytemuck::cast_slice(std::slice::from_ref(row));
+            if !row.iter().all(|x| x.is_finite()) {
+                let (object, found) = (format!("array {name}, row {number}"), format!("{row:?}"));
+                self.faults.push(Fault::new(self.path, None, object, found, "expected finite numbers"));
+            }
+        }
+    }
+
+    fn read_entry(&mut self, name: &str) -> Result<Vec<u8>, String> {
+        use zip::result::ZipError;
+        let mut entry = self.archive.by_name(&format!("{name}.npy")).map_err(|error| match error {
+            ZipError::FileNotFound => "is not there",
+            ZipError::UnsupportedArchive(_) => "is compressed or encrypted",
+            _ => "is damaged",
+        })?;
+        let mut bytes = Vec::new();
+        // The checksums detect damage.
+        entry.read_to_end(&mut bytes).map_err(|_| "is damaged")?;
+        Ok(bytes)
+    }
+}
+
+/// Rows of an npy file of format version 1, C order.
+fn npy_rows<T: ArrayElement>(bytes: &[u8]) -> Result<Vec<T>, String> {
+    let short = || "is cut short".to_string();
+    if bytes.get(..8) != Some(b"\x93NUMPY\x01\x00") {
+        return Err("is no npy array of version 1.0".into());
+    }
+    let length = u16::from_le_bytes([*bytes.get(8).ok_or_else(short)?, *bytes.get(9).ok_or_else(short)?]) as usize;
+    let header = std::str::from_utf8(bytes.get(10..10 + length).ok_or_else(short)?)
+        .map_err(|_| "has a header that is no text".to_string())?;
+    let data = &bytes[10 + length..];
+    if !header.contains(&format!("'descr': '{}'", T::DESCR)) || !header.contains("'fortran_order': False") {
+        return Err(format!("has the header {}", header.trim()));
+    }
+    let shape: Vec<usize> = header
+        .split("'shape': (")
+        .nth(1)
+        .and_then(|rest| rest.split(')').next())
+        .map(|inside| inside.split(',').filter_map(|n| n.trim().parse().ok()).collect())
+        .unwrap_or_default();
+    let row_bytes = size_of::<T>();
+    if shape.is_empty() || shape[1..] != *T::ROW || shape[0].checked_mul(row_bytes) != Some(data.len()) {
+        return Err(format!("has shape {shape:?} and {} bytes of data", data.len()));
+    }
+    Ok(data.chunks_exact(row_bytes).map(bytemuck::pod_read_unaligned).collect())
+}
