@@ -3,11 +3,12 @@
 use std::ffi::OsString;
 use std::path::Path;
 
-use clap::Command;
+use clap::{Command, Parser};
 
 use crate::atomic;
 use crate::error::Fault;
 use crate::ron_text::nearest_name;
+use crate::tell::{print_error, usage};
 
 /// Folder of a case that a program reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -110,9 +111,25 @@ fn inner(path: &Path) -> Option<&'static str> {
     }
 }
 
+/// Reads the command line of a program, its name first.
+///
+/// Errors: the exit code of a command line that is not accepted, or asks for help or the version; the message is printed.
+pub fn parse_arguments<T: Parser>(args: &[OsString]) -> Result<T, i32> {
+    T::try_parse_from(args).map_err(|error| {
+        let program = T::command();
+        match misplaced(&program, args).filter(|_| error.use_stderr()) {
+            Some(mistake) => {
+                print_error(format_args!("{}: {mistake}", program.get_name()));
+                error.exit_code()
+            }
+            None => usage(program.get_name(), &error),
+        }
+    })
+}
+
 /// Likely mistake in a command line that `program` has rejected: a command after its arguments, or an option without its
 /// two dashes; None if neither is found. `args` begin with the program's name.
-pub fn misplaced(program: &Command, args: &[OsString]) -> Option<String> {
+fn misplaced(program: &Command, args: &[OsString]) -> Option<String> {
     let words: Vec<&str> = args.iter().skip(1).map(|arg| arg.to_str()).collect::<Option<_>>()?;
     let commands: Vec<&str> = program.get_subcommands().map(Command::get_name).collect();
     let name = program.get_name();

@@ -4,10 +4,10 @@ use std::ffi::OsString;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
-use cd_formats::case::{CaseFolder, misplaced, no_case};
+use cd_formats::case::{CaseFolder, no_case, parse_arguments};
 use cd_formats::error::Faults;
 use cd_formats::ron_text::nearest_name;
-use cd_formats::tell::{print_error, print_line, usage};
+use cd_formats::tell::{print_error, print_line};
 use clap::{CommandFactory, Parser};
 
 use crate::commands::series::process_case;
@@ -200,14 +200,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         print_error(format_args!("cd-post: {message}"));
         return 2;
     }
-    let arguments = match Arguments::try_parse_from(&args) {
+    let arguments: Arguments = match parse_arguments(&args) {
         Ok(arguments) => arguments,
-        Err(error) => {
-            let mistake = misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr());
-            let Some(mistake) = mistake else { return usage("cd-post", &error) };
-            print_error(format_args!("cd-post: {mistake}"));
-            return error.exit_code();
-        }
+        Err(code) => return code,
     };
     if let Err(faults) = arguments.folders() {
         print_error(faults.format_report("cd-post").trim_end());

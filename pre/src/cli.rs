@@ -3,9 +3,9 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use cd_formats::case::misplaced;
+use cd_formats::case::parse_arguments;
 use cd_formats::ron_text::nearest_name;
-use cd_formats::tell::{print_error, print_line, usage};
+use cd_formats::tell::{print_error, print_line};
 use clap::{CommandFactory, Parser};
 
 use crate::datbox::write_datbox;
@@ -80,14 +80,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         print_error(format_args!("cd-pre: {first}: is no file and no command; did you mean {near}?"));
         return 2;
     }
-    let arguments = match Arguments::try_parse_from(&args) {
+    let arguments: Arguments = match parse_arguments(&args) {
         Ok(arguments) => arguments,
-        Err(error) => {
-            let mistake = misplaced(&Arguments::command(), &args).filter(|_| error.use_stderr());
-            let Some(mistake) = mistake else { return usage("cd-pre", &error) };
-            print_error(format_args!("cd-pre: {mistake}"));
-            return error.exit_code();
-        }
+        Err(code) => return code,
     };
     let written = match arguments.command {
         Some(Command::FromOutbox { case, dir, changes, set }) => {

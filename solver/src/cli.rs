@@ -3,11 +3,11 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use cd_formats::case::{CaseFolder, misplaced, no_case};
+use cd_formats::case::{CaseFolder, no_case, parse_arguments};
 use cd_formats::compute::ComputeFlags;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::{print_error, print_line, usage};
-use clap::{CommandFactory, Parser};
+use cd_formats::tell::{print_error, print_line};
+use clap::Parser;
 
 use crate::run::{RunFailure, account_changed_forces, check_run, run_case};
 use crate::{plan, read, thread_pool, write};
@@ -41,14 +41,9 @@ struct CommandLine {
 /// Runs the program; returns its exit code: 0 done, 2 input rejected, 3 internal error, 4 stopped by the user.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     let args: Vec<OsString> = arguments.into_iter().collect();
-    let arguments = match CommandLine::try_parse_from(&args) {
+    let arguments: CommandLine = match parse_arguments(&args) {
         Ok(arguments) => arguments,
-        Err(error) => {
-            let mistake = misplaced(&CommandLine::command(), &args).filter(|_| error.use_stderr());
-            let Some(mistake) = mistake else { return usage(PROGRAM, &error) };
-            print_error(format_args!("{PROGRAM}: {mistake}"));
-            return error.exit_code();
-        }
+        Err(code) => return code,
     };
     match solve_case(&arguments) {
         Ok(summary) => {
