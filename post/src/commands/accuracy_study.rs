@@ -47,15 +47,33 @@ pub const COLUMNS: [(&str, &str, &str); 15] = [
 /// Time, s, and positions of the free bodies, m.
 type Positions = (f64, Vec<[f64; 3]>);
 
-/// Values of a snapshot that are compared.
+/// Observables of a snapshot that are compared; NaN where one is not defined.
+#[derive(Debug, Clone, Copy)]
+struct Observables {
+    /// Neighbours per grain, mean over the interval.
+    z: f64,
+    /// Solid fraction.
+    nu: f64,
+    /// Pressure, Pa, mean over the interval.
+    pressure: f64,
+    /// Semi-axes, m.
+    semi_axes: [f64; 3],
+    /// Kinetic and potential energy, J.
+    energy: f64,
+    /// Solid fraction of the bed.
+    bed_nu: f64,
+    /// Pressure of the bed, Pa, mean over the interval.
+    bed_pressure: f64,
+}
+
+/// Observables of a snapshot at its time.
 #[derive(Debug, Clone, Copy)]
 struct SnapshotMeans {
     /// Time, s.
     time: f64,
     /// Time since the snapshot before, s; NaN if the snapshot does not contain it.
     interval: f64,
-    /// Z, nu, pressure, a, b, c, the energy, nu and pressure of the bed; Z and pressures are those of the interval.
-    values: [f64; 9],
+    observables: Observables,
 }
 
 impl SnapshotMeans {
@@ -65,10 +83,6 @@ impl SnapshotMeans {
         [self, other].iter().any(|of| of.interval.is_nan()) || same_time(self.interval, other.interval)
     }
 }
-
-/// Indices of the pressure and of the bed's pressure in [`SnapshotMeans::values`].
-const PRESSURE_INDEX: usize = 2;
-const BED_PRESSURE_INDEX: usize = 8;
 
 /// Measured values of a run, before the comparison.
 struct MeasuredRun {
@@ -90,13 +104,70 @@ struct MeasuredRun {
 struct RunErrors {
     name: String,
     group: String,
-    /// Values, in the order of [`COLUMNS`].
-    values: [f64; 15],
+    row: ErrorRow,
 }
 
-impl RunErrors {
-    fn value_of(&self, name: &str) -> f64 {
-        COLUMNS.iter().position(|column| column.0 == name).map_or(f64::NAN, |k| self.values[k])
+/// Values of a run, one for each of [`COLUMNS`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct ErrorRow {
+    value: f64,
+    seconds: f64,
+    z: f64,
+    nu: f64,
+    pressure: f64,
+    semi_axes: [f64; 3],
+    energy: f64,
+    positions_early: f64,
+    positions: f64,
+    worst: f64,
+    pressure_single: f64,
+    estimated: f64,
+    over_estimated: f64,
+}
+
+impl ErrorRow {
+    /// Values in the order of [`COLUMNS`].
+    fn to_columns(self) -> [f64; COLUMNS.len()] {
+        let ErrorRow { value, seconds, z, nu, pressure, semi_axes: [a, b, c], energy, .. } = self;
+        let ErrorRow { positions_early, positions, worst, pressure_single, estimated, over_estimated, .. } = self;
+        [
+            value,
+            seconds,
+            z,
+            nu,
+            pressure,
+            a,
+            b,
+            c,
+            energy,
+            positions_early,
+            positions,
+            worst,
+            pressure_single,
+            estimated,
+            over_estimated,
+        ]
+    }
+
+    /// Row of values in the order of [`COLUMNS`].
+    fn from_columns(columns: [f64; COLUMNS.len()]) -> ErrorRow {
+        let [value, seconds, z, nu, pressure, a, b, c, energy, ..] = columns;
+        let [.., positions_early, positions, worst, pressure_single, estimated, over_estimated] = columns;
+        ErrorRow {
+            value,
+            seconds,
+            z,
+            nu,
+            pressure,
+            semi_axes: [a, b, c],
+            energy,
+            positions_early,
+            positions,
+            worst,
+            pressure_single,
+            estimated,
+            over_estimated,
+        }
     }
 }
 
@@ -125,7 +196,7 @@ pub fn write(
     let (compared, errors) =
         if realisations { compare_realisations(folders, asked)? } else { compare_runs(folders, asked)? };
     // The finest has no error.
-    let errs = |run: &&RunErrors| run.value_of("positions") != 0.0 || run.value_of("worst") != 0.0;
+    let errs = |run: &&RunErrors| run.row.positions != 0.0 || run.row.worst != 0.0;
     let others: Vec<RunErrors> = compared.iter().filter(errs).cloned().collect();
     atomic::write(&table_path(output), table_text(&compared).as_bytes())?;
     atomic::write(&output.join("orders.csv"), order_table(&others).as_bytes())?;
@@ -195,7 +266,7 @@ fn read_table(path: &Path) -> Result<Vec<RunErrors>, Faults> {
         let [name, group] = [(); 2].map(|()| fields.next().unwrap_or_default().to_string());
         let value = |field: &str| if field.is_empty() { Some(f64::NAN) } else { field.parse().ok() };
         match fields.map(value).collect::<Option<Vec<f64>>>().and_then(|values| values.try_into().ok()) {
-            Some(values) => runs.push(RunErrors { name, group, values }),
+            Some(columns) => runs.push(RunErrors { name, group, row: ErrorRow::from_columns(columns) }),
             None => faults.push(Fault::new(path, Some(number), "row", line, "expected a name, a group and numbers")),
         }
     }
@@ -209,7 +280,7 @@ fn over_realisations(folders: &[PathBuf], all: &[Vec<RunErrors>]) -> Result<Vec<
         let expected = format!("expected the runs of {}", folders[0].display());
         Fault::new(&table_path(folder), None, "run", found, expected)
     };
-    let named = |runs: &[RunErrors], name: &str| runs.iter().find(|run| run.name == name).map(|run| run.values);
+    let named = |runs: &[RunErrors], name: &str| runs.iter().find(|run| run.name == name).map(|run| run.row);
     for (folder, runs) in folders.iter().zip(all) {
         for run in runs.iter().filter(|run| named(&all[0], &run.name).is_none()) {
             faults.push(other(folder, format!("{} as well", run.name)));
@@ -220,21 +291,20 @@ fn over_realisations(folders: &[PathBuf], all: &[Vec<RunErrors>]) -> Result<Vec<
         let of_each = |(folder, runs): (&PathBuf, &Vec<RunErrors>)| {
             named(runs, &run.name).ok_or_else(|| Faults::from(other(folder, format!("no {}", run.name))))
         };
-        let values: Vec<[f64; 15]> =
+        let rows: Vec<ErrorRow> =
             folders.iter().zip(all).filter_map(|each| faults.gather_result(of_each(each))).collect();
-        let mean = |k: usize| values.iter().map(|of| of[k]).sum::<f64>() / values.len() as f64;
-        let root = |k: usize| (values.iter().map(|of| of[k] * of[k]).sum::<f64>() / values.len() as f64).sqrt();
-        let mut one = run.clone();
-        for (k, (name, ..)) in COLUMNS.iter().enumerate() {
-            one.values[k] = match *name {
-                "value" => run.values[k],
-                "seconds" => mean(k),
-                "worst" => ["Z", "nu", "pressure"].map(|name| one.value_of(name)).into_iter().fold(f64::NAN, f64::max),
-                "over_estimated" => one.value_of("pressure_single") / one.value_of("estimated"),
-                _ => root(k),
-            };
-        }
-        realised.push(one);
+        let mean = |of: fn(ErrorRow) -> f64| rows.iter().map(|row| of(*row)).sum::<f64>() / rows.len() as f64;
+        let columns: Vec<_> = rows.iter().map(|row| row.to_columns()).collect();
+        let root = |k: usize| (columns.iter().map(|of| of[k] * of[k]).sum::<f64>() / columns.len() as f64).sqrt();
+        let roots = ErrorRow::from_columns(std::array::from_fn(root));
+        let row = ErrorRow {
+            value: run.row.value,
+            seconds: mean(|row| row.seconds),
+            worst: [roots.z, roots.nu, roots.pressure].into_iter().fold(f64::NAN, f64::max),
+            over_estimated: roots.pressure_single / roots.estimated,
+            ..roots
+        };
+        realised.push(RunErrors { row, ..run.clone() });
     }
     faults.into_result(realised)
 }
@@ -253,8 +323,8 @@ fn measure_run(case: &Path, name: String, group: String, value: f64) -> Result<M
         let [z, nu, pressure, a, b, c, bed_nu, bed_pressure] = shown.map(|name| series[name][k]);
         let [count, kinetic, gravity, uniform, fields] = energies.map(|name| series[name][k]);
         let energy = count * kinetic + (gravity + uniform + fields);
-        let values = [z, nu, pressure, a, b, c, energy, bed_nu, bed_pressure];
-        SnapshotMeans { time: series["time"][k], interval: series["interval"][k], values }
+        let observables = Observables { z, nu, pressure, semi_axes: [a, b, c], energy, bed_nu, bed_pressure };
+        SnapshotMeans { time: series["time"][k], interval: series["interval"][k], observables }
     };
     let timer = read_log(&case.join("TIMER.csv"), &TIMED_STAGES)?;
     let seconds = TIMED_STAGES.iter().flat_map(|room| &timer[*room]).sum();
@@ -372,10 +442,10 @@ impl ReferenceRun<'_> {
         };
         let at_once: Vec<(&SnapshotMeans, &SnapshotMeans)> =
             self.observed.iter().filter_map(|exact| Some((at(exact.time)?, exact))).collect();
-        let shared: Vec<([f64; 9], [f64; 9])> = at_once
+        let shared: Vec<(&Observables, &Observables)> = at_once
             .iter()
             .filter(|(found, exact)| found.has_same_interval(exact))
-            .map(|(found, exact)| (found.values, exact.values))
+            .map(|(found, exact)| (&found.observables, &exact.observables))
             .collect();
         if let ([(found, exact), ..], []) = (&at_once[..], &shared[..]) {
             let found = format!("of {} s at {} s", found.interval, found.time);
@@ -389,37 +459,51 @@ impl ReferenceRun<'_> {
         }
         faults.into_result(())?;
         // Mean over the snapshots in which both have a value.
-        let both = |k: usize| {
-            let values = shared.iter().map(move |(found, exact)| (found[k], exact[k]));
-            values.filter(|(found, exact)| found.is_finite() && exact.is_finite())
+        let both = |of: &dyn Fn(&Observables) -> f64| {
+            let values = shared.iter().map(|(found, exact)| (of(found), of(exact)));
+            values.filter(|(found, exact)| found.is_finite() && exact.is_finite()).collect::<Vec<_>>()
         };
-        let of_means = |k: usize| {
-            let [away, all] = both(k).fold([0.0; 2], |[away, all], (found, exact)| {
+        let of_means = |of: &dyn Fn(&Observables) -> f64| {
+            let [away, all] = both(of).into_iter().fold([0.0; 2], |[away, all], (found, exact)| {
                 [away + (found - exact), all + exact] // both over the number of them
             });
             (away / all).abs()
         };
-        let of_singles = |k: usize| {
-            let away = median(both(k).map(|(found, exact)| (found - exact).abs()));
-            away / median(both(k).map(|(_, exact)| exact.abs()))
+        let of_singles = |of: &dyn Fn(&Observables) -> f64| {
+            let away = median(both(of).iter().map(|(found, exact)| (found - exact).abs()));
+            away / median(both(of).iter().map(|(_, exact)| exact.abs()))
         };
-        let [z, nu, pressure, a, b, c, energy, bed_nu, bed_pressure] = std::array::from_fn(of_means);
+        let (bed_nu, bed_pressure) = (of_means(&|o| o.bed_nu), of_means(&|o| o.bed_pressure));
         // The ball around a bed is as large as its highest grain is high.
         let bed = bed_nu.is_finite() && bed_pressure.is_finite();
-        let [nu, pressure] = if bed { [bed_nu, bed_pressure] } else { [nu, pressure] };
-        let single = of_singles(if bed { BED_PRESSURE_INDEX } else { PRESSURE_INDEX });
-        let early = match &self.early {
+        let [nu, pressure] =
+            if bed { [bed_nu, bed_pressure] } else { [of_means(&|o| o.nu), of_means(&|o| o.pressure)] };
+        let z = of_means(&|o| o.z);
+        let pressure_single = of_singles(&|o| if bed { o.bed_pressure } else { o.pressure });
+        let positions_early = match &self.early {
             Some(exact) => {
                 early_positions(&run.case, exact.0)?.map_or(f64::NAN, |own| rms_distance(&own, exact, run.mean_radius))
             }
             None => f64::NAN,
         };
-        let end = rms_distance(&run.end, &finest.end, run.mean_radius);
+        let positions = rms_distance(&run.end, &finest.end, run.mean_radius);
         let worst = [z, nu, pressure].into_iter().filter(|error| error.is_finite()).fold(f64::NAN, f64::max);
-        let (estimated, over) = (run.estimated, single / run.estimated);
-        let values =
-            [run.value, run.seconds, z, nu, pressure, a, b, c, energy, early, end, worst, single, estimated, over];
-        Ok(RunErrors { name: run.name.clone(), group: run.group.clone(), values })
+        let row = ErrorRow {
+            value: run.value,
+            seconds: run.seconds,
+            z,
+            nu,
+            pressure,
+            semi_axes: [0, 1, 2].map(|k| of_means(&|o| o.semi_axes[k])),
+            energy: of_means(&|o| o.energy),
+            positions_early,
+            positions,
+            worst,
+            pressure_single,
+            estimated: run.estimated,
+            over_estimated: pressure_single / run.estimated,
+        };
+        Ok(RunErrors { name: run.name.clone(), group: run.group.clone(), row })
     }
 }
 
@@ -431,7 +515,7 @@ fn table_header() -> String {
 fn table_text(runs: &[RunErrors]) -> String {
     let mut text = table_header();
     for run in runs {
-        let values: Vec<String> = run.values.iter().map(SeriesValue::text).collect();
+        let values: Vec<String> = run.row.to_columns().iter().map(SeriesValue::text).collect();
         text += &format!("{},{},{}\n", name_field(&run.name), name_field(&run.group), values.join(","));
     }
     text
@@ -457,15 +541,14 @@ fn order_table(runs: &[RunErrors]) -> String {
         if members.len() < 3 {
             continue;
         }
-        let line = |x: &str, y: &str| {
-            let points: Vec<(f64, f64)> =
-                members.iter().map(|run| (run.value_of(x).ln(), run.value_of(y).ln())).collect();
+        let line = |x: fn(&ErrorRow) -> f64, y: fn(&ErrorRow) -> f64| {
+            let points: Vec<(f64, f64)> = members.iter().map(|run| (x(&run.row).ln(), y(&run.row).ln())).collect();
             FittedLine::least_squares(&points)
         };
         text += &format!("{},{}", name_field(name), members.len());
-        for error in ["worst", "positions_early"] {
-            let order = line("value", error);
-            let digit = line(error, "seconds").map(|price| 10f64.powf(-price.slope));
+        for error in [(|row| row.worst) as fn(&ErrorRow) -> f64, |row| row.positions_early] {
+            let order = line(|row| row.value, error);
+            let digit = line(error, |row| row.seconds).map(|price| 10f64.powf(-price.slope));
             for value in [order.as_ref().map(|order| order.slope), order.as_ref().map(|order| order.r2), digit] {
                 text += &format!(",{}", value.unwrap_or(f64::NAN).text());
             }
@@ -478,7 +561,7 @@ fn order_table(runs: &[RunErrors]) -> String {
 /// Error against time: a curve for each group, named dots for single runs such as presets, and the runs that no other beats
 /// in both.
 fn error_figure(runs: &[RunErrors], title: &str) -> Figure {
-    let point = |run: &RunErrors| (run.value_of("seconds"), run.value_of("worst"));
+    let point = |run: &RunErrors| (run.row.seconds, run.row.worst);
     let mut curves: Vec<Curve> = Vec::new();
     let mut front: Vec<(f64, f64)> = runs.iter().map(point).collect();
     front.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -508,19 +591,26 @@ fn error_figure(runs: &[RunErrors], title: &str) -> Figure {
 
 /// Short table for the terminal; `errors`: description of the errors.
 fn summary_text(runs: &[RunErrors], errors: &str) -> String {
-    let shown = ["seconds", "Z", "nu", "pressure", "energy", "positions", "estimated"];
+    let shown: [(&str, fn(&ErrorRow) -> f64); 7] = [
+        ("seconds", |row| row.seconds),
+        ("Z", |row| row.z),
+        ("nu", |row| row.nu),
+        ("pressure", |row| row.pressure),
+        ("energy", |row| row.energy),
+        ("positions", |row| row.positions),
+        ("estimated", |row| row.estimated),
+    ];
     let width = runs.iter().map(|run| run.name.chars().count()).max().unwrap_or(0).max(4);
     let mut text = format!("  {:width$}", "run");
-    text.extend(shown.iter().map(|name| format!("  {name:>9}")));
+    text.extend(shown.iter().map(|(name, _)| format!("  {name:>9}")));
     for run in runs {
         text += &format!("\n  {:width$}", run.name);
-        text.extend(shown.iter().map(|name| match run.value_of(name) {
+        text.extend(shown.iter().map(|(_, of)| match of(&run.row) {
             value if value.is_finite() => format!("  {value:>9.2e}"),
             _ => format!("  {:>9}", "-"),
         }));
     }
-    let judged =
-        runs.iter().map(|run| run.value_of("over_estimated")).filter(|ratio| ratio.is_finite() && *ratio > 0.0);
+    let judged = runs.iter().map(|run| run.row.over_estimated).filter(|ratio| ratio.is_finite() && *ratio > 0.0);
     let (judged, honest) =
         judged.fold((0, 0), |(all, honest), ratio| (all + 1, honest + i32::from((1.0 / 3.0..=3.0).contains(&ratio))));
     text += &format!("\n  {errors}");
@@ -535,13 +625,19 @@ mod tests {
     use super::*;
 
     fn run(group: &str, value: f64, seconds: f64, error: f64) -> RunErrors {
-        let mut run = RunErrors { name: format!("{group}{value}"), group: group.into(), values: [f64::NAN; 15] };
-        for (name, value) in
-            [("value", value), ("seconds", seconds), ("worst", error), ("positions_early", error * error)]
-        {
-            run.values[COLUMNS.iter().position(|column| column.0 == name).unwrap()] = value;
-        }
-        run
+        let undefined = ErrorRow::from_columns([f64::NAN; COLUMNS.len()]);
+        let row = ErrorRow { value, seconds, worst: error, positions_early: error * error, ..undefined };
+        RunErrors { name: format!("{group}{value}"), group: group.into(), row }
+    }
+
+    #[test]
+    fn rows_have_the_order_of_the_columns() {
+        let numbers: [f64; COLUMNS.len()] = std::array::from_fn(|k| k as f64);
+        let row = ErrorRow::from_columns(numbers);
+        assert_eq!(row.to_columns(), numbers);
+        let place = |name: &str| COLUMNS.iter().position(|column| column.0 == name).unwrap() as f64;
+        assert_eq!((row.z, row.worst, row.over_estimated), (place("Z"), place("worst"), place("over_estimated")));
+        assert_eq!((row.semi_axes, row.positions), ([place("a"), place("b"), place("c")], place("positions")));
     }
 
     #[test]
@@ -564,7 +660,7 @@ mod tests {
         let mut runs = [run("dt", 1.0, 1.0, 0.1)];
         let told = |runs: &[RunErrors]| summary_text(runs, "errors against fine").lines().last().unwrap().to_string();
         assert_eq!(told(&runs), "  errors against fine");
-        runs[0].values[COLUMNS.iter().position(|column| column.0 == "over_estimated").unwrap()] = 2.0;
+        runs[0].row.over_estimated = 2.0;
         assert_eq!(told(&runs), "  errors against fine; 1 of 1 estimates within a factor of 3");
     }
 
@@ -584,9 +680,7 @@ mod tests {
     fn realisations_are_root_mean_squares() {
         let [mut one, mut other] = [run("dt", 2.0, 1.0, 0.0), run("dt", 2.0, 3.0, 0.0)];
         for (run, errors) in [(&mut one, [0.3, 0.01, 0.02]), (&mut other, [0.4, 0.07, 0.02])] {
-            for (name, error) in ["Z", "nu", "pressure"].into_iter().zip(errors) {
-                run.values[COLUMNS.iter().position(|column| column.0 == name).unwrap()] = error;
-            }
+            [run.row.z, run.row.nu, run.row.pressure] = errors;
         }
         let folder = tempfile::tempdir().unwrap();
         let folders = ["a", "b"].map(|name| folder.path().join(name));
@@ -596,12 +690,13 @@ mod tests {
         let all: Vec<Vec<RunErrors>> = folders.iter().map(|folder| read_table(&table_path(folder)).unwrap()).collect();
         let found = &over_realisations(&folders, &all).unwrap()[0];
         // (0.3² + 0.4²)/2 = 0.125, (0.01² + 0.07²)/2 = 0.05²; rounding of a few operations.
-        for (name, expected) in
-            [("value", 2.0), ("seconds", 2.0), ("Z", 0.125f64.sqrt()), ("nu", 0.05), ("pressure", 0.02)]
+        let row = &found.row;
+        for (value, expected) in
+            [(row.value, 2.0), (row.seconds, 2.0), (row.z, 0.125f64.sqrt()), (row.nu, 0.05), (row.pressure, 0.02)]
         {
-            assert!((found.value_of(name) - expected).abs() < 1e-15, "{name} {}", found.value_of(name));
+            assert!((value - expected).abs() < 1e-15, "{value} {expected}");
         }
-        assert_eq!(found.value_of("worst"), found.value_of("Z"));
+        assert_eq!(found.row.worst, found.row.z);
         // Others than the runs of the first, and what is no table of them.
         let told = over_realisations(&folders, &[vec![one], vec![run("tol", 1.0, 1.0, 1.0)]]).unwrap_err().to_string();
         let told: Vec<&str> = told.lines().collect();
@@ -615,6 +710,11 @@ mod tests {
         );
     }
 
+    fn observables(z: f64, pressure: f64) -> Observables {
+        let (bed_nu, bed_pressure) = (f64::NAN, f64::NAN);
+        Observables { z, nu: 0.5, pressure, semi_axes: [3.0, 2.0, 1.0], energy: -1.0, bed_nu, bed_pressure }
+    }
+
     /// A run of two bodies with one row in its series, at the time at which it ends, s.
     fn measured(time: f64, pressure: f64, x: f64) -> MeasuredRun {
         MeasuredRun {
@@ -624,11 +724,7 @@ mod tests {
             value: f64::NAN,
             accuracy: None,
             seconds: 1.0,
-            observed: vec![SnapshotMeans {
-                time,
-                interval: 0.5,
-                values: [4.0, 0.5, pressure, 3.0, 2.0, 1.0, -1.0, f64::NAN, f64::NAN],
-            }],
+            observed: vec![SnapshotMeans { time, interval: 0.5, observables: observables(4.0, pressure) }],
             estimated: 0.01,
             end: (time, vec![[0.0, 0.0, x], [0.0; 3]]),
             mean_radius: 2.0,
@@ -641,21 +737,27 @@ mod tests {
         let exact = ReferenceRun { finest: &finest, observed: finest.observed.clone(), early: None };
         let found = exact.compare_run(&measured(1.0, 1.02, 0.2)).unwrap();
         // Rounding of a few operations.
-        for (name, expected) in
-            [("pressure", 0.02), ("worst", 0.02), ("Z", 0.0), ("positions", 0.1 / 2f64.sqrt()), ("over_estimated", 2.0)]
-        {
-            assert!((found.value_of(name) - expected).abs() < 1e-12, "{name} {}", found.value_of(name));
+        let row = &found.row;
+        for (value, expected) in [
+            (row.pressure, 0.02),
+            (row.worst, 0.02),
+            (row.z, 0.0),
+            (row.positions, 0.1 / 2f64.sqrt()),
+            (row.over_estimated, 2.0),
+        ] {
+            assert!((value - expected).abs() < 1e-12, "{value} {expected}");
         }
         // For a bed its own solid fraction and pressure count.
         let bed = |nu: f64, pressure: f64| {
             let mut run = measured(1.0, 1.0, 0.0);
-            run.observed[0].values[7..].copy_from_slice(&[nu, pressure]);
+            let observables = &mut run.observed[0].observables;
+            (observables.bed_nu, observables.bed_pressure) = (nu, pressure);
             run
         };
         let finest = bed(0.5, 8.0);
         let exact = ReferenceRun { finest: &finest, observed: finest.observed.clone(), early: None };
         let found = exact.compare_run(&bed(0.75, 9.0)).unwrap();
-        assert_eq!(["nu", "pressure", "worst"].map(|name| found.value_of(name)), [0.5, 0.125, 0.5]);
+        assert_eq!([found.row.nu, found.row.pressure, found.row.worst], [0.5, 0.125, 0.5]);
     }
 
     #[test]
@@ -663,7 +765,7 @@ mod tests {
         let at = |time: f64, interval: f64, z: f64, pressure: f64| SnapshotMeans {
             time,
             interval,
-            values: [z, 0.5, pressure, 3.0, 2.0, 1.0, -1.0, f64::NAN, f64::NAN],
+            observables: observables(z, pressure),
         };
         let of = |rows: &[SnapshotMeans]| MeasuredRun { observed: rows.to_vec(), ..measured(3.0, 1.0, 0.0) };
         // The first has no pressure, the second follows another interval; of the rest pressures of 3 against 2.
@@ -672,7 +774,7 @@ mod tests {
         let found = exact.compare_run(&of(&[at(1.0, 1.0, 5.0, 9.0), at(2.0, 0.5, 9.0, 1.0), at(3.0, 1.0, 5.0, 3.0)]));
         let found = found.unwrap();
         assert_eq!(
-            ["Z", "pressure", "worst", "pressure_single"].map(|name| found.value_of(name)),
+            [found.row.z, found.row.pressure, found.row.worst, found.row.pressure_single],
             [0.25, 0.5, 0.5, 0.5]
         );
         let faults = exact.compare_run(&of(&[at(3.0, 0.5, 4.0, 2.0)])).unwrap_err().to_string();
@@ -681,7 +783,7 @@ mod tests {
         assert_eq!(faults, expected);
         // A snapshot without its interval has no means over it; the rest is compared.
         let found = exact.compare_run(&of(&[at(3.0, f64::NAN, f64::NAN, f64::NAN)])).unwrap();
-        assert!(found.value_of("Z").is_nan() && found.value_of("nu") == 0.0);
+        assert!(found.row.z.is_nan() && found.row.nu == 0.0);
     }
 
     #[test]
@@ -691,12 +793,12 @@ mod tests {
         run.observed.extend((1..4).map(|k| {
             let mut row = row;
             row.time += f64::from(k);
-            row.values[PRESSURE_INDEX] += f64::from(k);
+            row.observables.pressure += f64::from(k);
             row
         }));
         let exact = ReferenceRun { finest: &run, observed: run.observed.clone(), early: None };
         let found = exact.compare_run(&run).unwrap();
-        assert_eq!((found.value_of("worst"), found.value_of("pressure_single")), (0.0, 0.0));
+        assert_eq!((found.row.worst, found.row.pressure_single), (0.0, 0.0));
     }
 
     #[test]
@@ -705,9 +807,11 @@ mod tests {
         let exact = ReferenceRun { finest: &finest, observed: finest.observed.clone(), early: None };
         // The run ends earlier but contains the time that counts; its other values are undefined.
         let mut short = measured(1.0, 1.0, 0.0);
-        short.observed.push(SnapshotMeans { time: 2.0, interval: 0.5, values: [f64::NAN; 9] });
+        let undefined =
+            Observables { nu: f64::NAN, semi_axes: [f64::NAN; 3], energy: f64::NAN, ..observables(f64::NAN, f64::NAN) };
+        short.observed.push(SnapshotMeans { time: 2.0, interval: 0.5, observables: undefined });
         let found = exact.compare_run(&short).unwrap();
-        assert!(found.value_of("positions").is_nan() && found.value_of("worst").is_nan());
+        assert!(found.row.positions.is_nan() && found.row.worst.is_nan());
         let front =
             error_figure(&[found], "").curves.into_iter().find(|curve| curve.marks == CurveMarks::Expected).unwrap();
         assert!(front.points.is_empty());

@@ -53,8 +53,6 @@ pub const IMPACT_COLUMNS: [Column; 6] = [
     ("final_depth", "m", ""),
 ];
 
-/// Index of the depth in [`COLUMNS`].
-const DEPTH_COLUMN: usize = 7;
 /// Largest distance of unit vectors that count as one direction: rounding of a length.
 const SAME_DIRECTION: f64 = 1e-9;
 /// Rings of the crater's profile, and points in each.
@@ -71,9 +69,10 @@ struct TrackedBody {
     reach: f64,
     force: Vec3,
     contacts: usize,
-    /// Start of the time for which the snapshot records contacts, s, NaN without a record; and whether a contact has pushed
-    /// or pulled the body since then.
-    contact_since: (f64, bool),
+    /// Start of the time for which the snapshot records contacts, s; NaN without a record.
+    record_start: f64,
+    /// Whether a contact has pushed or pulled the body since then.
+    touched_since: bool,
     /// Acceleration of the body without contacts, m/s^2; None in rotating axes, where it depends on more than the position.
     fall: Option<Vec3>,
 }
@@ -128,26 +127,35 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
         ));
     }
     let level = ground_level(&first, body, &up, &seen[0]);
-    let rows: Vec<[f64; 13]> = seen.iter().map(|s| track_row(s, &up, level)).collect();
+    let rows: Vec<TrackRow> = seen.iter().map(|s| TrackRow::new(s, &up, level)).collect();
     let folder = dir.join(format!("POSTPRO/track-{body}"));
     let put = |name: &str, text: String| atomic::write(&folder.join(name), text.as_bytes());
     // A plate stands at the side of a bed as well as on it.
     let plate = |wall: &Wall| wall.id == body && matches!(wall.shape, WallShape::Plate(_));
-    if rows.iter().all(|row| row[DEPTH_COLUMN].is_nan()) && !first.walls.iter().any(plate) {
+    if rows.iter().all(|row| row.depth.is_nan()) && !first.walls.iter().any(plate) {
         notes.push(format!("no surface is under body {body} in the first snapshot: its depth is empty"));
     }
-    put("track.csv", csv_with_counts(&COLUMNS.map(|column| column.0), &["contacts"], rows.clone()))?;
+    put(
+        "track.csv",
+        csv_with_counts(&COLUMNS.map(|column| column.0), &["contacts"], rows.iter().map(|row| row.to_columns())),
+    )?;
     put("impact.csv", csv_table(&IMPACT_COLUMNS, [impact_row(&seen, &rows, &up)]))?;
     let crater = crater_profile(&first, &last, body, &up, &seen[0].x, level);
     put("crater.csv", csv_table(&CRATER_COLUMNS, crater.clone()))?;
-    let against_time = |title: &str, column: &str, unit: &str| {
-        let k = COLUMNS.iter().position(|(name, _, _)| *name == column).unwrap_or(0);
-        let points = rows.iter().map(|row| (row[0], row[k])).collect();
+    let against_time = |title: &str, column: &str, unit: &str, of: fn(&TrackRow) -> f64| {
+        let points = rows.iter().map(|row| (row.time, of(row))).collect();
         let (x, y) = (FigureAxis::linear("time", "s"), FigureAxis::linear(column, unit));
         Figure { title: title.into(), x, y, curves: vec![Curve::line(column, points)] }
     };
-    put("depth.svg", against_time(&format!("Depth of body {body} below the surface"), "depth", "m").to_svg())?;
-    put("force.svg", against_time(&format!("Force of the contacts on body {body}, upward"), "force", "N").to_svg())?;
+    put(
+        "depth.svg",
+        against_time(&format!("Depth of body {body} below the surface"), "depth", "m", |row| row.depth).to_svg(),
+    )?;
+    put(
+        "force.svg",
+        against_time(&format!("Force of the contacts on body {body}, upward"), "force", "N", |row| row.upward_force)
+            .to_svg(),
+    )?;
     let profile = |name: &str, k: usize| Curve::line(name, crater.iter().map(|row| (row[0], row[k])).collect());
     let figure = Figure {
         title: format!("Surface around the axis of body {body}"),
@@ -218,16 +226,45 @@ fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
     }
     // A wall that is driven in part falls with what pushes it.
     let fall = side.grain_index().and_then(|grain| free_fall(frame, grain));
-    let exchanged = frame.interval.exchanges.iter().any(|exchange| exchange.sides.contains(&side));
-    let contact_time = (frame.meta.time - frame.interval.length, exchanged);
-    Some(TrackedBody { time: frame.meta.time, x, v, reach, force, contacts, contact_since: contact_time, fall })
+    let record_start = frame.meta.time - frame.interval.length;
+    let touched_since = frame.interval.exchanges.iter().any(|exchange| exchange.sides.contains(&side));
+    Some(TrackedBody { time: frame.meta.time, x, v, reach, force, contacts, record_start, touched_since, fall })
 }
 
-fn track_row(seen: &TrackedBody, up: &Vec3, level: f64) -> [f64; 13] {
-    let v = seen.v.unwrap_or(Vec3::repeat(f64::NAN));
-    let depth = level - (seen.x.dot(up) - seen.reach);
-    let TrackedBody { time, x, force, contacts, .. } = seen;
-    [*time, x.x, x.y, x.z, v.x, v.y, v.z, depth, force.x, force.y, force.z, force.dot(up), *contacts as f64]
+/// Row of track.csv.
+#[derive(Debug, Clone, Copy)]
+struct TrackRow {
+    time: f64,
+    x: Vec3,
+    /// Velocity; NaN if all of the motion is imposed.
+    v: Vec3,
+    depth: f64,
+    force: Vec3,
+    upward_force: f64,
+    contacts: usize,
+}
+
+impl TrackRow {
+    /// Row of a body; `level`: height of the surface along `up`, m.
+    fn new(seen: &TrackedBody, up: &Vec3, level: f64) -> TrackRow {
+        let &TrackedBody { time, x, force, contacts, .. } = seen;
+        TrackRow {
+            time,
+            x,
+            v: seen.v.unwrap_or(Vec3::repeat(f64::NAN)),
+            depth: level - (x.dot(up) - seen.reach),
+            force,
+            upward_force: force.dot(up),
+            contacts,
+        }
+    }
+
+    /// Values in the order of [`COLUMNS`].
+    fn to_columns(self) -> [f64; COLUMNS.len()] {
+        let TrackRow { time, x, v, depth, force, upward_force, contacts } = self;
+        let contacts = contacts as f64;
+        [time, x.x, x.y, x.z, v.x, v.y, v.z, depth, force.x, force.y, force.z, upward_force, contacts]
+    }
 }
 
 /// Change of velocity in excess of free fall, over the larger speed, that indicates a shock between two snapshots.
@@ -237,10 +274,11 @@ const SHOCK_THRESHOLD: f64 = 0.01;
 /// has no record, or not of the whole interval, a change of velocity in excess of free fall indicates contact. If the
 /// acceleration of free fall is unknown, only contacts count. Between two snapshots this acceleration is the mean of both,
 /// with half of their difference as tolerance.
-fn impact_row(seen: &[TrackedBody], rows: &[[f64; 13]], up: &Vec3) -> [f64; 6] {
+fn impact_row(seen: &[TrackedBody], rows: &[TrackRow], up: &Vec3) -> [f64; 6] {
     let speed = |s: &TrackedBody| s.v.map_or(f64::NAN, |v| v.dot(up));
-    let largest = |k: usize| rows.iter().map(|row| row[k]).fold(f64::NAN, f64::max);
-    let final_depth = rows.last().map_or(f64::NAN, |row| row[7]);
+    let largest_depth = rows.iter().map(|row| row.depth).fold(f64::NAN, f64::max);
+    let largest_force = rows.iter().map(|row| row.upward_force).fold(f64::NAN, f64::max);
+    let final_depth = rows.last().map_or(f64::NAN, |row| row.depth);
     let between = |before: &TrackedBody, now: &TrackedBody| {
         let [v, w, a, b] = [before.v?, now.v?, before.fall?, now.fall?];
         let half = 0.5 * (now.time - before.time);
@@ -248,19 +286,19 @@ fn impact_row(seen: &[TrackedBody], rows: &[[f64; 13]], up: &Vec3) -> [f64; 6] {
     };
     let struck = |k: usize| {
         let (before, now) = (&seen[k - 1], &seen[k]);
-        match now.contact_since {
-            (since, exchanged) if is_at_or_after(before.time, since) => exchanged,
-            _ => between(before, now) == Some(true),
+        match is_at_or_after(before.time, now.record_start) {
+            true => now.touched_since,
+            false => between(before, now) == Some(true),
         }
     };
     let struck = |k: usize| k > 0 && struck(k);
     let Some(touched) = (0..seen.len()).find(|&k| seen[k].contacts > 0 || struck(k)) else {
-        return [f64::NAN, f64::NAN, f64::NAN, largest(7), largest(11), final_depth];
+        return [f64::NAN, f64::NAN, f64::NAN, largest_depth, largest_force, final_depth];
     };
     let arrival = -speed(&seen[touched.saturating_sub(1)]);
     let departure = seen[touched..].iter().map(speed).fold(f64::NAN, f64::max).max(0.0);
     let restitution = if arrival > 0.0 && seen[touched].v.is_some() { departure / arrival } else { f64::NAN };
-    [seen[touched].time, arrival, restitution, largest(7), largest(11), final_depth]
+    [seen[touched].time, arrival, restitution, largest_depth, largest_force, final_depth]
 }
 
 /// Mean height of the bed's surface under the body: on its vertical and on circles of a quarter to three quarters of the
@@ -380,13 +418,13 @@ mod tests {
         let level = height_of(&frames[0], 5, &Vec3::new(0.0, 0.0, 3.0)).unwrap();
         assert_eq!(level, 1.0);
         let seen: Vec<TrackedBody> = frames.iter().map(|frame| find_body(frame, 5, &up).unwrap()).collect();
-        let rows: Vec<[f64; 13]> = seen.iter().map(|s| track_row(s, &up, level)).collect();
+        let rows: Vec<TrackRow> = seen.iter().map(|s| TrackRow::new(s, &up, level)).collect();
         let near = |found: &[f64], expected: &[f64]| {
             // Round-off of sums of a few numbers of order 1.
             assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-14), "{found:?} {expected:?}");
         };
-        near(&rows.iter().map(|row| row[7]).collect::<Vec<_>>(), &[-1.5, 0.1, -0.5]);
-        near(&rows.iter().map(|row| row[11]).collect::<Vec<_>>(), &[0.0, 3.0, 0.0]);
+        near(&rows.iter().map(|row| row.depth).collect::<Vec<_>>(), &[-1.5, 0.1, -0.5]);
+        near(&rows.iter().map(|row| row.upward_force).collect::<Vec<_>>(), &[0.0, 3.0, 0.0]);
         near(&impact_row(&seen, &rows, &up), &[8.6, 2.0, 0.25, 0.1, 3.0, -0.5]);
         assert!(find_body(&frames[0], 99, &up).is_none());
     }
@@ -427,7 +465,7 @@ mod tests {
             for (k, seen) in seen.iter_mut().enumerate() {
                 seen.fall = fall.map(|fall| up * fall[k]);
             }
-            let rows: Vec<[f64; 13]> = seen.iter().map(|s| track_row(s, &up, 1.0)).collect();
+            let rows: Vec<TrackRow> = seen.iter().map(|s| TrackRow::new(s, &up, 1.0)).collect();
             impact_row(&seen, &rows, &up)[0]
         };
         let same = Some([-0.1; 3]);
@@ -449,9 +487,9 @@ mod tests {
         let touched = |since: Option<f64>, exchanged: bool| {
             let frames = [(3.0, -2.0), (2.0, -0.5)].map(|(z, v)| frame(z, v, false));
             let mut seen: Vec<TrackedBody> = frames.iter().map(|frame| find_body(frame, 5, &up).unwrap()).collect();
-            assert!(seen[1].contact_since.0.is_nan() && !seen[1].contact_since.1);
-            seen[1].contact_since = (since.unwrap_or(f64::NAN), exchanged);
-            let rows: Vec<[f64; 13]> = seen.iter().map(|s| track_row(s, &up, 1.0)).collect();
+            assert!(seen[1].record_start.is_nan() && !seen[1].touched_since);
+            (seen[1].record_start, seen[1].touched_since) = (since.unwrap_or(f64::NAN), exchanged);
+            let rows: Vec<TrackRow> = seen.iter().map(|s| TrackRow::new(s, &up, 1.0)).collect();
             impact_row(&seen, &rows, &up)[0]
         };
         assert!(touched(Some(7.0), false).is_nan());
@@ -463,7 +501,8 @@ mod tests {
         scene.grain([0.0, 0.0, 2.0], 1.0);
         scene.snapshot.meta.time = 1.0;
         scene.since(0.25, &[([1, 0], 0.1)]);
-        assert_eq!(find_body(&scene.frame(), 1, &up).unwrap().contact_since, (0.25, true));
+        let seen = find_body(&scene.frame(), 1, &up).unwrap();
+        assert_eq!((seen.record_start, seen.touched_since), (0.25, true));
     }
 
     #[test]
