@@ -5,7 +5,7 @@ mod good;
 use std::process::{Command, Output};
 use std::sync::LazyLock;
 
-use good::faults;
+use good::{Case, check_messages, faults, faults_of_changed};
 
 /// The good scene with more options.
 static GOOD: LazyLock<String> =
@@ -14,7 +14,12 @@ static GOOD: LazyLock<String> =
 /// Faults of the good scene in which `from` is replaced by `to`.
 #[track_caller]
 fn said(from: &str, to: &str) -> String {
-    good::said_of(&GOOD, from, to)
+    faults_of_changed(&GOOD, &[(from, to)])
+}
+
+#[track_caller]
+fn check(cases: &[Case]) {
+    check_messages(&GOOD, cases);
 }
 
 /// Runs the program.
@@ -35,7 +40,7 @@ fn made(scene: &str, arguments: &[&str]) -> (i32, String) {
 #[test]
 fn mistakes_in_the_text_are_placed() {
     let wall = "-11.0),";
-    for (from, to, message) in [
+    check(&[
         (
             "    gravity:",
             "    # down\n    gravity:",
@@ -133,9 +138,7 @@ fn mistakes_in_the_text_are_placed() {
         ("    compute", "    /* compute", "14:5: scene: a comment without end; expected */ behind it"),
         ("true),\n)\n", "true),\n", "1:1: scene: '(' without ')'; expected ')' before the end of the text"),
         ("true),\n)\n", "true),\n))\n", "15:2: scene: ')' closes nothing; expected nothing more"),
-    ] {
-        assert_eq!(said(from, to), format!("scene.ron:{message}"), "{from} -> {to}");
-    }
+    ]);
     assert_eq!(faults(""), "scene.ron:1:1: scene: no value; expected one");
     // Several at once.
     let twice = GOOD.replace("    gravity", "    # a\n    \"gravity\"");

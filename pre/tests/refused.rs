@@ -2,12 +2,12 @@
 
 mod good;
 
-use good::{GOOD, faults};
+use good::{Case, GOOD, check_messages, faults, faults_of_changed};
 
 /// Faults of the good scene in which `from` is replaced by `to`.
 #[track_caller]
 fn said(from: &str, to: &str) -> String {
-    good::said_of(GOOD, from, to)
+    faults_of_changed(GOOD, &[(from, to)])
 }
 
 #[test]
@@ -15,13 +15,9 @@ fn the_good_scene_is_good() {
     assert_eq!(said("dt", "dt"), "nothing");
 }
 
-/// `from`, `to`, message without the file's name.
-type Case = (&'static str, &'static str, &'static str);
-
+#[track_caller]
 fn check(cases: &[Case]) {
-    for (from, to, message) in cases {
-        assert_eq!(said(from, to), format!("scene.ron:{message}"), "{from} -> {to}");
-    }
+    check_messages(GOOD, cases);
 }
 
 #[test]
@@ -303,12 +299,9 @@ fn of_one(fields: &str, half: f64, options: &str) -> String {
 }
 
 /// Faults of the good scene with several changes.
+#[track_caller]
 fn said_of(changes: &[(&str, &str)]) -> String {
-    let scene = changes.iter().fold(GOOD.to_string(), |scene, (from, to)| {
-        assert!(scene.contains(from), "{from}");
-        scene.replacen(from, to, 1)
-    });
-    faults(&scene)
+    faults_of_changed(GOOD, changes)
 }
 
 /// More than can be counted are not drawn one by one first.

@@ -28,9 +28,24 @@ pub fn faults(scene: &str) -> String {
     }
 }
 
-/// Faults of a scene in which `from` is replaced by `to`.
+/// Faults of a scene in which the first of each pair of texts is replaced by the second.
 #[track_caller]
-pub fn said_of(scene: &str, from: &str, to: &str) -> String {
-    assert!(scene.contains(from), "{from}");
-    faults(&scene.replacen(from, to, 1))
+pub fn faults_of_changed(scene: &str, changes: &[(&str, &str)]) -> String {
+    let mut changed = scene.to_string();
+    for (from, to) in changes {
+        assert!(changed.contains(from), "{from}");
+        changed = changed.replacen(from, to, 1);
+    }
+    faults(&changed)
+}
+
+/// A text of the scene, its replacement, and the message without the file's name.
+pub type Case = (&'static str, &'static str, &'static str);
+
+/// Checks the messages about changes of a scene.
+#[track_caller]
+pub fn check_messages(scene: &str, cases: &[Case]) {
+    for (from, to, message) in cases {
+        assert_eq!(faults_of_changed(scene, &[(from, to)]), format!("scene.ron:{message}"), "{from} -> {to}");
+    }
 }
