@@ -100,7 +100,7 @@ fn what_it_shows_is_accepted() {
 #[test]
 fn changes_of_from_outbox_are_described_and_what_is_shown_is_accepted() {
     let (path, text) = page_of("from-outbox.md");
-    let source = include_str!("../src/from_outbox/mod.rs");
+    let source = include_str!("../src/from_outbox/changes.rs");
     let of = |name: &str| {
         let (_, rest) = source.split_once(&format!("pub {name} {{")).unwrap();
         names_in(rest.split("\n}").next().unwrap())
