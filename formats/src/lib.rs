@@ -17,6 +17,7 @@
 //! | [`accuracy`], [`presets`] | the same: its presets of accuracy, and their values |
 //! | [`case`] | none: the folder of a case on a command line |
 //! | [`groups`] | none: groups of connected items |
+//! | [`ids`] | none: typed indices |
 //! | [`places`] | any RON file: positions and replacement of its values |
 //! | [`names`] | none: names in messages |
 //! | [`report`] | the same: its faults |
@@ -40,6 +41,7 @@ pub mod faces;
 pub mod fc3d;
 pub mod field;
 pub mod groups;
+pub mod ids;
 pub mod mass;
 pub mod names;
 pub mod origin;

@@ -1,9 +1,12 @@
 //! Frames: the grains, walls and contacts of a snapshot, with contacts in the world's frame.
 
+use std::ops::Index;
 use std::path::Path;
 use std::sync::Arc;
 
 use cd_formats::error::{Fault, Faults};
+use cd_formats::ids::BodyId;
+use cd_formats::index_types;
 use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, SHAPE_PLANE, Snapshot, SnapshotMeta};
 use nalgebra::{Quaternion, UnitQuaternion};
 
@@ -126,15 +129,38 @@ pub enum WallShape {
     Polyhedron(Arc<SolidShape>),
 }
 
-/// One side of a contact: index into [`Frame::grains`] or [`Frame::walls`].
+index_types! {
+    /// Index into [`Frame::grains`].
+    GrainId;
+    /// Index into [`Frame::walls`].
+    WallId;
+}
+
+impl Index<GrainId> for Vec<Grain> {
+    type Output = Grain;
+
+    fn index(&self, id: GrainId) -> &Grain {
+        &self[id.index()]
+    }
+}
+
+impl Index<WallId> for Vec<Wall> {
+    type Output = Wall;
+
+    fn index(&self, id: WallId) -> &Wall {
+        &self[id.index()]
+    }
+}
+
+/// One side of a contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum BodyIndex {
-    Grain(usize),
-    Wall(usize),
+    Grain(GrainId),
+    Wall(WallId),
 }
 
 impl BodyIndex {
-    pub fn grain_index(self) -> Option<usize> {
+    pub fn grain_id(self) -> Option<GrainId> {
         match self {
             BodyIndex::Grain(grain) => Some(grain),
             BodyIndex::Wall(_) => None,
@@ -175,8 +201,8 @@ pub struct Contact {
 
 impl Contact {
     /// The grains of a contact of grain and grain, candidate first.
-    pub fn grain_pair(&self) -> Option<(usize, usize)> {
-        Some((self.candidate.grain_index()?, self.antagonist.grain_index()?))
+    pub fn grain_pair(&self) -> Option<(GrainId, GrainId)> {
+        Some((self.candidate.grain_id()?, self.antagonist.grain_id()?))
     }
 
     /// Candidate and antagonist.
@@ -185,10 +211,10 @@ impl Contact {
     }
 
     /// Each grain of the contact with the force on it, N, and the shift of its position to the touching image, m.
-    pub fn on_grains(&self) -> impl Iterator<Item = (usize, Vec3, Vec3)> {
+    pub fn on_grains(&self) -> impl Iterator<Item = (GrainId, Vec3, Vec3)> {
         [(self.candidate, self.force, Vec3::zeros()), (self.antagonist, -self.force, self.image)]
             .into_iter()
-            .filter_map(|(side, force, image)| Some((side.grain_index()?, force, image)))
+            .filter_map(|(side, force, image)| Some((side.grain_id()?, force, image)))
     }
 }
 
@@ -226,21 +252,22 @@ impl Frame {
             .map(|(row, solid)| {
                 if is_wall(&bodies, row) {
                     walls.push(wall_of_row(&bodies, row, solid));
-                    BodyIndex::Wall(walls.len() - 1)
+                    BodyIndex::Wall(WallId::new(walls.len() - 1))
                 } else {
                     grains.push(grain_of_row(&bodies, row, to_contact, solid, &cell));
-                    BodyIndex::Grain(grains.len() - 1)
+                    BodyIndex::Grain(GrainId::new(grains.len() - 1))
                 }
             })
             .collect();
-        let curvature = |body: u32| match bodies.body_shape[body as usize] {
+        let curvature = |body: BodyId| match bodies.body_shape[body.index()] {
             SHAPE_PLANE => 0.0,
-            _ => 1.0 / bodies.body_radius[body as usize],
+            _ => 1.0 / bodies.body_radius[body.index()],
         };
         let contacts = (0..contacts.contact_body.len())
             .filter_map(|row| {
-                let [candidate, antagonist] = contacts.contact_body[row].map(|body| sides[body as usize]);
-                candidate.grain_index().or(antagonist.grain_index())?;
+                let pair = contacts.contact_body[row].map(BodyId);
+                let [candidate, antagonist] = pair.map(|body| sides[body.index()]);
+                candidate.grain_id().or(antagonist.grain_id())?;
                 let [n, t, s] = contacts.contact_frame[row].map(Vec3::from);
                 let [f_n, f_t, f_s] = contacts.contact_force[row];
                 let place = |side: BodyIndex| match side {
@@ -249,7 +276,7 @@ impl Frame {
                 };
                 let ((x, moved), (other, _)) = (place(candidate), place(antagonist));
                 let shared = shapes.as_ref().map_or(0.0, |shapes| shapes.contacts.contact_area[row]);
-                let [a, b] = contacts.contact_body[row].map(curvature);
+                let [a, b] = pair.map(curvature);
                 Some(Contact {
                     candidate,
                     antagonist,
@@ -271,8 +298,8 @@ impl Frame {
         let interval = interval.unwrap_or_default();
         let exchanges = interval.interval_body.iter().zip(&interval.interval_virial);
         let exchanges = exchanges.filter_map(|(pair, &virial)| {
-            let sides = pair.map(|body| sides[body as usize]);
-            sides.into_iter().any(|side| side.grain_index().is_some()).then_some(ImpulseExchange { sides, virial })
+            let sides = pair.map(|body| sides[BodyId(body).index()]);
+            sides.into_iter().any(|side| side.grain_id().is_some()).then_some(ImpulseExchange { sides, virial })
         });
         let interval = SnapshotInterval {
             length: meta.interval_start.map_or(f64::NAN, |start| meta.time - start),
@@ -284,6 +311,16 @@ impl Frame {
     /// Periodic cell of the scene.
     pub fn cell(&self) -> PeriodicCell {
         PeriodicCell([self.meta.parameters.xperiode, self.meta.parameters.yperiode])
+    }
+
+    /// The indices of all grains.
+    pub fn grain_ids(&self) -> impl Iterator<Item = GrainId> + use<> {
+        (0..self.grains.len()).map(GrainId::new)
+    }
+
+    /// The indices of all walls.
+    pub fn wall_ids(&self) -> impl Iterator<Item = WallId> + use<> {
+        (0..self.walls.len()).map(WallId::new)
     }
 
     /// The contacts that carry force.
@@ -425,9 +462,10 @@ mod tests {
         assert_eq!(frame.walls[1].shape, WallShape::Ball(0.5));
         // The one between two walls is left out.
         let sides: Vec<(BodyIndex, BodyIndex)> = frame.contacts.iter().map(|c| (c.candidate, c.antagonist)).collect();
-        assert_eq!(sides, [(BodyIndex::Grain(0), BodyIndex::Wall(0)), (BodyIndex::Wall(1), BodyIndex::Grain(0))]);
+        let (grain, walls) = (BodyIndex::Grain(GrainId(0)), [0, 1].map(|k| BodyIndex::Wall(WallId(k))));
+        assert_eq!(sides, [(grain, walls[0]), (walls[1], grain)]);
         // Force on the candidate is against the grain's own when that is the antagonist.
-        assert_eq!(frame.contacts[1].on_grains().collect::<Vec<_>>(), [(0, -Vec3::x(), Vec3::zeros())]);
+        assert_eq!(frame.contacts[1].on_grains().collect::<Vec<_>>(), [(GrainId(0), -Vec3::x(), Vec3::zeros())]);
     }
 
     #[test]

@@ -11,7 +11,7 @@ use crate::derive::energy::{external_fields, self_gravity_constant};
 use crate::derive::fragments::{Fragment, find_fragments};
 use crate::derive::surface::ball_attraction;
 use crate::derive::walls::supported_grains;
-use crate::frame::{BodyIndex, Frame, Grain, PeriodicCell, Wall, WallShape};
+use crate::frame::{BodyIndex, Frame, Grain, GrainId, PeriodicCell, Wall, WallShape};
 use crate::math::Vec3;
 use crate::shapes::ShapeCache;
 use crate::snapshots::select_snapshots;
@@ -174,17 +174,18 @@ fn against_gravity(frame: &Frame) -> Option<Vec3> {
 
 /// Direction against the acceleration of a grain, length 1.
 fn upward_direction(frame: &Frame, body: u64) -> Option<Vec3> {
-    let grain = frame.grains.iter().position(|grain| grain.id == body)?;
+    let grain = frame.grain_ids().find(|&grain| frame.grains[grain].id == body)?;
     (-free_fall(frame, grain)?).try_normalize(0.0)
 }
 
 /// Acceleration of a grain without contacts, m/s^2; None in rotating axes.
-fn free_fall(frame: &Frame, grain: usize) -> Option<Vec3> {
+fn free_fall(frame: &Frame, grain: GrainId) -> Option<Vec3> {
     let (x, fields) = (frame.grains[grain].x, external_fields(frame));
     let turns = fields.iter().any(|field| matches!(field, FieldModel::Turning { .. }));
-    let others = frame.grains.iter().enumerate().filter(|(k, _)| *k != grain);
-    let pull = self_gravity_constant(frame)
-        .map_or(Vec3::zeros(), |constant| others.map(|(_, other)| ball_attraction(other, x)).sum::<Vec3>() * constant);
+    let others = frame.grain_ids().filter(|other| *other != grain);
+    let pull = self_gravity_constant(frame).map_or(Vec3::zeros(), |constant| {
+        others.map(|other| ball_attraction(&frame.grains[other], x)).sum::<Vec3>() * constant
+    });
     let from_outside: Vec3 = fields.iter().map(|field| field.acceleration_and_potential(&x).0).sum();
     (!turns).then(|| Vec3::from(frame.meta.parameters.uniform_gravity) + pull + from_outside)
 }
@@ -194,14 +195,14 @@ fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
     let lowest = |points: &mut dyn Iterator<Item = (Vec3, f64)>| {
         points.map(|(point, radius)| radius - point.dot(up)).fold(0.0, f64::max)
     };
-    let (side, x, v, reach) = if let Some(k) = frame.grains.iter().position(|grain| grain.id == body) {
+    let (side, x, v, reach) = if let Some(k) = frame.grain_ids().find(|&k| frame.grains[k].id == body) {
         let grain = &frame.grains[k];
         let points = grain.vertices().map(|corner| (corner, 0.0)).chain(grain.balls());
         let reach = lowest(&mut points.map(|(point, radius)| (point - grain.x, radius)));
         // In a periodic scene the path continues across images.
         (BodyIndex::Grain(k), grain.x - grain.moved, Some(grain.v), reach)
     } else {
-        let k = frame.walls.iter().position(|wall| wall.id == body)?;
+        let k = frame.wall_ids().find(|&k| frame.walls[k].id == body)?;
         let wall = &frame.walls[k];
         let reach = match &wall.shape {
             WallShape::Ball(radius) => *radius,
@@ -225,7 +226,7 @@ fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
         }
     }
     // A wall that is driven in part falls with what pushes it.
-    let fall = side.grain_index().and_then(|grain| free_fall(frame, grain));
+    let fall = side.grain_id().and_then(|grain| free_fall(frame, grain));
     let record_start = frame.meta.time - frame.interval.length;
     let touched_since = frame.interval.exchanges.iter().any(|exchange| exchange.sides.contains(&side));
     Some(TrackedBody { time: frame.meta.time, x, v, reach, force, contacts, record_start, touched_since, fall })
@@ -324,17 +325,17 @@ fn circle_points(centre: &Vec3, up: &Vec3, radius: f64) -> Vec<Vec3> {
 /// as during free fall.
 fn ground_grains(frame: &Frame, body: u64) -> Vec<&Grain> {
     let fragments = find_fragments(frame);
-    let others = |fragment: &Fragment| -> Vec<usize> {
+    let others = |fragment: &Fragment| -> Vec<GrainId> {
         fragment.grains.iter().copied().filter(|&i| frame.grains[i].id != body).collect()
     };
-    let mass = |grains: &[usize]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
+    let mass = |grains: &[GrainId]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
     let groups = fragments.iter().map(others).filter(|grains| grains.len() > 1);
     let heaviest = groups.max_by(|a, b| mass(a).total_cmp(&mass(b))).unwrap_or_default();
     let mut held = vec![false; frame.grains.len()];
     let borne = supported_grains(frame, &fragments);
-    let most: Vec<usize> = (0..frame.grains.len()).filter(|&i| frame.grains[i].id != body).collect();
+    let most: Vec<GrainId> = frame.grain_ids().filter(|&i| frame.grains[i].id != body).collect();
     let falling = borne.is_empty() && 2.0 * mass(&heaviest) < mass(&most);
-    borne.into_iter().chain(heaviest).for_each(|i| held[i] = true);
+    borne.into_iter().chain(heaviest).for_each(|i| held[i.index()] = true);
     let all = || frame.grains.iter().zip(&held).filter(|(grain, _)| grain.id != body);
     let loose = falling || !all().any(|(_, held)| *held);
     all().filter(|(_, held)| **held || loose).map(|(grain, _)| grain).collect()
@@ -513,7 +514,7 @@ mod tests {
         let frame = scene.frame();
         assert_eq!(upward_direction(&frame, lander as u64 + 1), Some(Vec3::y()));
         let expected = -2.0 * frame.grains[0].mass / 25.0;
-        assert!((free_fall(&frame, lander).unwrap() - Vec3::y() * expected).norm() < 1e-15);
+        assert!((free_fall(&frame, GrainId::new(lander)).unwrap() - Vec3::y() * expected).norm() < 1e-15);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::derive::heights::{centre_of_mass, height_range, volume_below};
 use crate::derive::polytope::cut_polygon;
 use crate::derive::stress::{grain_stresses, pressure};
 use crate::derive::walls::{CylinderBore, WallFace, bounding_bore, bounding_faces, supported_grains};
-use crate::frame::{BodyIndex, Frame, Grain, PeriodicCell, SnapshotInterval};
+use crate::frame::{BodyIndex, Frame, Grain, GrainId, PeriodicCell, SnapshotInterval};
 use crate::math::{Mat3, Vec3};
 
 /// Tolerance of cosines near 0 or 1 within which a wall counts as upright or level: a few roundings of an orientation from
@@ -25,8 +25,8 @@ pub struct Bed {
     /// Thickness of the uniform bed with the same centre of mass, m: twice the height of the centre of mass above the
     /// floor.
     pub height: f64,
-    /// Indices into [`Frame::grains`], rising: the groups that a wall touches with force, and the grains among them.
-    pub grains: Vec<usize>,
+    /// Grains, rising: the groups that a wall touches with force, and the grains among them.
+    pub grains: Vec<GrainId>,
     /// sum V_i sigma_i over the bed's grains, J ([`grain_stresses`]).
     moment: Mat3,
     /// A third of the trace of the moment, mean over the steps since the snapshot before, J.
@@ -52,31 +52,30 @@ impl Bed {
             return None;
         }
         let members = || grains.iter().map(|&i| &frame.grains[i]);
-        let faces: Vec<WallFace> = (0..frame.walls.len()).flat_map(|k| bounding_faces(frame, k, &grains)).collect();
+        let faces: Vec<WallFace> = frame.wall_ids().flat_map(|k| bounding_faces(frame, k, &grains)).collect();
         let mut bears = vec![0.0; frame.walls.len()];
         for contact in frame.active_contacts() {
             for side in [contact.candidate, contact.antagonist] {
                 if let BodyIndex::Wall(k) = side {
-                    bears[k] += contact.on_grains().map(|(_, force, _)| force.dot(&against)).sum::<f64>();
+                    bears[k.index()] += contact.on_grains().map(|(_, force, _)| force.dot(&against)).sum::<f64>();
                 }
             }
         }
-        let share = |face: &&WallFace| bears[face.wall] * face.normal.dot(&against);
+        let share = |face: &&WallFace| bears[face.wall.index()] * face.normal.dot(&against);
         // A lid may bear more than the floor, for an instant, but from above.
         let below = |face: &&WallFace| face.normal.dot(&against) > 0.0 && share(face) > 0.0;
         let floor = faces.iter().filter(below).max_by(|a, b| share(a).total_cmp(&share(b)));
         let up = floor.map_or(if frame.cell().is_periodic() { Vec3::z() } else { against }, |floor| floor.normal);
         let lowest = || members().map(|g| height_range(g, &up)[0]).fold(f64::INFINITY, f64::min);
         let floor = floor.map_or_else(lowest, |floor| floor.place);
-        let bores: Vec<CylinderBore> =
-            (0..frame.walls.len()).filter_map(|k| bounding_bore(frame, k, &grains)).collect();
+        let bores: Vec<CylinderBore> = frame.wall_ids().filter_map(|k| bounding_bore(frame, k, &grains)).collect();
         let area = section_area(&faces, &bores, &frame.cell(), &up, &centre_of_mass(members()), members())?;
         let inside = |x: &Vec3| faces.iter().all(|f| f.is_before(x)) && bores.iter().all(|bore| bore.contains_point(x));
         grains.retain(|&i| inside(&frame.grains[i].x));
         let top = floor + highest_point(frame, &grains, &up, floor);
         let among = |g: &Grain| (floor..=top).contains(&g.x.dot(&up)) && inside(&g.x);
-        let others: Vec<usize> =
-            (0..frame.grains.len()).filter(|i| grains.binary_search(i).is_err() && among(&frame.grains[*i])).collect();
+        let others: Vec<GrainId> =
+            frame.grain_ids().filter(|i| grains.binary_search(i).is_err() && among(&frame.grains[*i])).collect();
         grains.extend(others);
         grains.sort_unstable();
         let members = || grains.iter().map(|&i| &frame.grains[i]);
@@ -87,7 +86,7 @@ impl Bed {
             floor,
             area,
             height: 2.0 * (centre.dot(&up) - floor),
-            moment: grains.iter().map(|&i| stresses[i] * frame.grains[i].volume()).sum(),
+            moment: grains.iter().map(|&i| stresses[i.index()] * frame.grains[i].volume()).sum(),
             interval_moment: interval_moment(frame, &grains),
             filled: members().map(|g| g.volume()).sum(),
             grains,
@@ -134,7 +133,7 @@ impl Bed {
             let [low, high] = height_range(grain, up).map(|h| h - self.floor);
             let home = (((grain.x.dot(up) - self.floor) / width).max(0.0) as usize).min(count - 1);
             layers[home].grains += 1.0;
-            layers[home].neighbours += f64::from(neighbours[i]);
+            layers[home].neighbours += f64::from(neighbours[i.index()]);
             let (whole, volume) = (volume_below(grain, up, f64::INFINITY), grain.volume());
             let density = grain.mass / volume;
             // Share of the grain below a height above the floor; a part below the floor is in the first layer.
@@ -149,7 +148,7 @@ impl Bed {
                 let beyond = if k + 1 == count { 1.0 } else { below(layer.upper) };
                 let part = (beyond - up_to) * volume * over;
                 layer.nu += part;
-                layer.stress += part * stresses[i];
+                layer.stress += part * stresses[i.index()];
                 layer.density += part * density;
                 layer.momentum += part * density * grain.v;
                 layer.flux += part * density * grain.v * grain.v.transpose();
@@ -165,9 +164,9 @@ impl Bed {
 }
 
 /// (1/3) sum r.l / T of the contacts of some grains in the time T since the snapshot before, J; NaN without one.
-fn interval_moment(frame: &Frame, grains: &[usize]) -> f64 {
+fn interval_moment(frame: &Frame, grains: &[GrainId]) -> f64 {
     let SnapshotInterval { length, exchanges } = &frame.interval;
-    let member = |side: &BodyIndex| side.grain_index().is_some_and(|grain| grains.binary_search(&grain).is_ok());
+    let member = |side: &BodyIndex| side.grain_id().is_some_and(|grain| grains.binary_search(&grain).is_ok());
     let virial: f64 = exchanges.iter().filter(|e| e.sides.iter().any(member)).map(|e| e.virial).sum();
     if *length > 0.0 { virial / length / 3.0 } else { f64::NAN }
 }
@@ -275,7 +274,7 @@ fn horizontal_stress(stress: &Mat3, up: &Vec3) -> f64 {
 }
 
 /// The highest point of some grains above a floor, m.
-fn highest_point(frame: &Frame, grains: &[usize], up: &Vec3, floor: f64) -> f64 {
+fn highest_point(frame: &Frame, grains: &[GrainId], up: &Vec3, floor: f64) -> f64 {
     grains.iter().map(|&i| height_range(&frame.grains[i], up)[1] - floor).fold(0.0, f64::max)
 }
 

@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use cd_formats::snapshot::STATUS_NO_CONTACT;
 
 use crate::derive::fragments::TOUCHING_GAP;
-use crate::frame::{BodyIndex, Contact, Frame, ImpulseExchange};
+use crate::frame::{BodyIndex, Contact, Frame, GrainId, ImpulseExchange};
 
 /// Means over some grains.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,11 +40,7 @@ pub fn touching_contacts(frame: &Frame) -> impl Iterator<Item = &Contact> {
 /// The gap up to which the bodies of a contact touch, m.
 fn touching_distance(frame: &Frame, contact: &Contact) -> f64 {
     TOUCHING_GAP
-        * contact
-            .sides()
-            .filter_map(BodyIndex::grain_index)
-            .map(|i| frame.grains[i].radius)
-            .fold(f64::INFINITY, f64::min)
+        * contact.sides().filter_map(BodyIndex::grain_id).map(|i| frame.grains[i].radius).fold(f64::INFINITY, f64::min)
 }
 
 /// Two bodies that touch with force, in one or more points; at least one is a grain.
@@ -63,8 +59,8 @@ impl TouchingPair {
         self.points.min(3)
     }
 
-    fn grains(&self) -> impl Iterator<Item = usize> {
-        self.sides.into_iter().filter_map(BodyIndex::grain_index)
+    fn grains(&self) -> impl Iterator<Item = GrainId> {
+        self.sides.into_iter().filter_map(BodyIndex::grain_id)
     }
 }
 
@@ -104,7 +100,7 @@ pub fn distant_pulls(frame: &Frame) -> usize {
 /// Number of neighbours that each grain touches with force; walls count too.
 pub fn neighbour_counts(frame: &Frame) -> Vec<u32> {
     let mut counts = vec![0; frame.grains.len()];
-    touching_pairs(frame).iter().flat_map(TouchingPair::grains).for_each(|grain| counts[grain] += 1);
+    touching_pairs(frame).iter().flat_map(TouchingPair::grains).for_each(|grain| counts[grain.index()] += 1);
     counts
 }
 
@@ -113,7 +109,7 @@ pub fn contact_counts(frame: &Frame) -> Vec<u32> {
     let mut counts = vec![0; frame.grains.len()];
     for contact in touching_contacts(frame) {
         for (grain, ..) in contact.on_grains() {
-            counts[grain] += 1;
+            counts[grain.index()] += 1;
         }
     }
     counts
@@ -125,7 +121,7 @@ pub fn contact_counts(frame: &Frame) -> Vec<u32> {
 /// Neighbours are counted as in [`mean_coordination`]. Between moving grains, contacts carry force in some steps and none
 /// in others, so the number of neighbours in a single step falls with the step length; the number in an interval does not.
 /// A pair that pulled in the sum of these steps counts only if it touches in the snapshot. NaN without an interval.
-pub fn interval_coordination(frame: &Frame, members: &[usize]) -> f64 {
+pub fn interval_coordination(frame: &Frame, members: &[GrainId]) -> f64 {
     let touching: HashSet<[BodyIndex; 2]> = touching_contacts(frame).map(sorted_sides).collect();
     let sorted = |exchange: &ImpulseExchange| {
         let [a, b] = exchange.sides;
@@ -134,7 +130,7 @@ pub fn interval_coordination(frame: &Frame, members: &[usize]) -> f64 {
     let exchanges = frame.interval.exchanges.iter();
     let touched = exchanges.filter(|exchange| exchange.virial > 0.0 || touching.contains(&sorted(exchange)));
     let pairs: HashSet<[BodyIndex; 2]> = touched.map(sorted).collect();
-    let member = |side: &&BodyIndex| side.grain_index().is_some_and(|grain| members.binary_search(&grain).is_ok());
+    let member = |side: &&BodyIndex| side.grain_id().is_some_and(|grain| members.binary_search(&grain).is_ok());
     let ends = pairs.iter().flatten().filter(member).count() as f64;
     if frame.interval.length > 0.0 { ends / members.len() as f64 } else { f64::NAN }
 }
@@ -167,10 +163,10 @@ pub fn find_rattlers(frame: &Frame, touches: &[TouchingPair], stable: u32) -> Ve
     let mut counts = vec![0; frame.grains.len()];
     let mut neighbours = vec![Vec::new(); frame.grains.len()];
     for touch in touches {
-        touch.grains().for_each(|i| counts[i] += touch.constraint_count());
+        touch.grains().for_each(|i| counts[i.index()] += touch.constraint_count());
         if let [BodyIndex::Grain(i), BodyIndex::Grain(j)] = touch.sides {
-            neighbours[i].push((j, touch.constraint_count()));
-            neighbours[j].push((i, touch.constraint_count()));
+            neighbours[i.index()].push((j.index(), touch.constraint_count()));
+            neighbours[j.index()].push((i.index(), touch.constraint_count()));
         }
     }
     let mut rattler: Vec<bool> = counts.iter().map(|&count| count < stable).collect();
@@ -195,12 +191,12 @@ pub fn find_rattlers(frame: &Frame, touches: &[TouchingPair], stable: u32) -> Ve
 /// often as it has constraints.
 ///
 /// Three equal spheres that push each other: Z = 2.
-pub fn mean_coordination(frame: &Frame, members: &[usize]) -> Coordination {
-    let member = |grain: &usize| members.binary_search(grain).is_ok();
+pub fn mean_coordination(frame: &Frame, members: &[GrainId]) -> Coordination {
+    let member = |grain: &GrainId| members.binary_search(grain).is_ok();
     let total = members.len() as f64;
     let touches = touching_pairs(frame);
     let rattler = find_rattlers(frame, &touches, stable_number(frame));
-    let held = members.iter().filter(|&&grain| !rattler[grain]).count() as f64;
+    let held = members.iter().filter(|&&grain| !rattler[grain.index()]).count() as f64;
     let (mut ends, mut ends_held, mut constraints) = (0.0, 0.0, 0.0);
     let (mut kinds, mut pairs) = ([0.0; 3], 0.0);
     for touch in &touches {
@@ -212,7 +208,7 @@ pub fn mean_coordination(frame: &Frame, members: &[usize]) -> Coordination {
         ends += grains;
         constraints += grains * f64::from(touch.constraint_count());
         kinds[3 - touch.constraint_count() as usize] += 1.0;
-        if touch.grains().all(|grain| !rattler[grain]) {
+        if touch.grains().all(|grain| !rattler[grain.index()]) {
             ends_held += grains;
         }
     }
@@ -233,11 +229,11 @@ mod tests {
 
     /// Mean over all grains.
     fn coordination(frame: &Frame) -> Coordination {
-        super::mean_coordination(frame, &(0..frame.grains.len()).collect::<Vec<_>>())
+        super::mean_coordination(frame, &frame.grain_ids().collect::<Vec<_>>())
     }
 
     fn interval_coordination(frame: &Frame) -> f64 {
-        super::interval_coordination(frame, &(0..frame.grains.len()).collect::<Vec<_>>())
+        super::interval_coordination(frame, &frame.grain_ids().collect::<Vec<_>>())
     }
 
     /// A tetrahedron of touching spheres, every pair pushing, and a fifth sphere that hangs on one of them.

@@ -8,7 +8,7 @@ use crate::derive::polytope::ConvexPolytope;
 use crate::derive::probe::ProbeShape;
 use crate::derive::region_kind::RegionKind;
 use crate::derive::walls::{CylinderBore, WallFace, bounding_bore, bounding_faces, supported_grains};
-use crate::frame::{Frame, Grain};
+use crate::frame::{Frame, Grain, GrainId};
 use crate::math::Vec3;
 
 /// Number of sides of the polygon that approximates a hollow cylinder; it has the same area.
@@ -20,7 +20,7 @@ pub struct EnclosedRegion {
     /// Volume, m^3.
     pub volume: f64,
     /// Indices of the grains with their centre inside, rising.
-    pub members: Vec<usize>,
+    pub members: Vec<GrainId>,
 }
 
 /// Walls and periods around grains.
@@ -31,7 +31,7 @@ pub struct GrainEnclosure<'a> {
     /// Space between the walls and periods.
     space: ConvexPolytope,
     /// Grains by which walls and periods were chosen.
-    core: Vec<usize>,
+    core: Vec<GrainId>,
     /// Direction against uniform gravity, in a periodic scene along z; None without gravity.
     up: Option<Vec3>,
     mean_diameter: f64,
@@ -48,17 +48,17 @@ impl<'a> GrainEnclosure<'a> {
         if held.is_empty() && self_gravity_constant(frame).is_some() && !cell.is_periodic() {
             return None;
         }
-        let mass = |grains: &[usize]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
+        let mass = |grains: &[GrainId]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
         // Half of the grains are enough, too: a heavy lander above a bed.
         let half =
-            |grains: &[usize]| 2.0 * mass(grains) >= frame.total_mass() || 2 * grains.len() >= frame.grains.len();
+            |grains: &[GrainId]| 2.0 * mass(grains) >= frame.total_mass() || 2 * grains.len() >= frame.grains.len();
         // Without walls that touch, what has not been thrown off.
         let largest = fragments.first().map_or(&[][..], |first| &first.grains);
         let core = [&held[..], if held.is_empty() { largest } else { &[] }].into_iter().find(|grains| half(grains));
-        let core = core.map_or_else(|| (0..frame.grains.len()).collect(), <[usize]>::to_vec);
+        let core = core.map_or_else(|| frame.grain_ids().collect(), <[GrainId]>::to_vec);
         let grains = || core.iter().map(|&i| &frame.grains[i]);
-        let faces: Vec<WallFace> = (0..frame.walls.len()).flat_map(|k| bounding_faces(frame, k, &core)).collect();
-        let bores: Vec<CylinderBore> = (0..frame.walls.len()).filter_map(|k| bounding_bore(frame, k, &core)).collect();
+        let faces: Vec<WallFace> = frame.wall_ids().flat_map(|k| bounding_faces(frame, k, &core)).collect();
+        let bores: Vec<CylinderBore> = frame.wall_ids().filter_map(|k| bounding_bore(frame, k, &core)).collect();
         let centre = centre_of_mass(grains());
         // A space that grains nearly fill ends within a few times their extent.
         let far = grains().map(|g| (g.x - centre).norm() + g.bounding_radius()).fold(0.0, f64::max);
@@ -149,17 +149,17 @@ impl<'a> GrainEnclosure<'a> {
             return Some(EnclosedRegion { kind: RegionKind::Walls, volume: whole, members });
         }
         let below = |x: &Vec3| (x - point).dot(&normal) <= 0.0;
-        let core = |i: &usize| self.core.binary_search(i).is_ok();
-        let member = |i: &usize| {
+        let core = |i: &GrainId| self.core.binary_search(i).is_ok();
+        let member = |i: &GrainId| {
             let x = &self.frame.grains[*i].x;
             self.is_inside(x) && (core(i) || below(x))
         };
-        let members = (0..self.frame.grains.len()).filter(member).collect();
+        let members = self.frame.grain_ids().filter(member).collect();
         Some(EnclosedRegion { kind: RegionKind::Bed, volume, members })
     }
 
-    fn members_inside(&self, inside: impl Fn(&Vec3) -> bool) -> Vec<usize> {
-        (0..self.frame.grains.len()).filter(|&i| inside(&self.frame.grains[i].x)).collect()
+    fn members_inside(&self, inside: impl Fn(&Vec3) -> bool) -> Vec<GrainId> {
+        self.frame.grain_ids().filter(|&i| inside(&self.frame.grains[i].x)).collect()
     }
 
     /// Returns the layer between two heights (m) above the lowest point of the space, or of the grains if the space is open

@@ -3,7 +3,7 @@
 use cd_formats::groups::DisjointSets;
 
 use crate::derive::motion::{AggregateSums, RotatingAxes};
-use crate::frame::{Frame, Grain};
+use crate::frame::{Frame, Grain, GrainId};
 use crate::math::Vec3;
 
 /// Grains touch if their contact carries force, or if the gap between them is at most this share
@@ -17,8 +17,8 @@ const FEW: f64 = 0.1;
 /// A group of touching grains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fragment {
-    /// Indices into [`Frame::grains`], rising.
-    pub grains: Vec<usize>,
+    /// Grains of the group, rising.
+    pub grains: Vec<GrainId>,
     /// Motion of the group in fixed axes.
     pub whole: AggregateSums,
 }
@@ -37,17 +37,17 @@ pub fn find_fragments(frame: &Frame) -> Vec<Fragment> {
         if let Some((i, j)) = contact.grain_pair()
             && (contact.active || !both_spheres(frame, i, j) && contact.gap <= touching_gap(frame, i, j))
         {
-            groups.union(i, j);
+            groups.union(i.index(), j.index());
         }
     }
     join_spheres(frame, &mut groups);
-    let mut members: Vec<Vec<usize>> = vec![Vec::new(); grains.len()];
-    for i in 0..grains.len() {
-        members[groups.find(i)].push(i);
+    let mut members: Vec<Vec<GrainId>> = vec![Vec::new(); grains.len()];
+    for i in frame.grain_ids() {
+        members[groups.find(i.index())].push(i);
     }
     members.retain(|group| !group.is_empty());
     let axes = RotatingAxes::from_frame(frame);
-    let fragment = |group: Vec<usize>| {
+    let fragment = |group: Vec<GrainId>| {
         let whole = AggregateSums::from_grains(&group.iter().map(|&i| grains[i].clone()).collect::<Vec<Grain>>());
         Fragment { grains: group, whole: whole.in_fixed_axes(&axes) }
     };
@@ -67,10 +67,10 @@ pub fn find_fragments(frame: &Frame) -> Vec<Fragment> {
 /// share a column. Images outside the cell are included.
 fn join_spheres(frame: &Frame, groups: &mut DisjointSets) {
     let grains = &frame.grains;
-    let reach = |i: usize| grains[i].radius * (1.0 + TOUCHING_GAP);
-    let spheres = || (0..grains.len()).filter(|&i| grains[i].solid.is_none());
+    let reach = |i: GrainId| grains[i].radius * (1.0 + TOUCHING_GAP);
+    let spheres = || frame.grain_ids().filter(|&i| grains[i].solid.is_none());
     let (cell, width) = (frame.cell(), 2.0 * spheres().map(reach).fold(0.0, f64::max));
-    let mut places: Vec<([i64; 2], f64, usize, Vec3)> = Vec::new();
+    let mut places: Vec<([i64; 2], f64, GrainId, Vec3)> = Vec::new();
     for i in spheres() {
         for x in cell.images_near(grains[i].x, width) {
             let columns = |c: f64| ((c - reach(i)) / width).floor() as i64..=((c + reach(i)) / width).floor() as i64;
@@ -84,7 +84,7 @@ fn join_spheres(frame: &Frame, groups: &mut DisjointSets) {
         for (_, _, j, y) in places[k + 1..].iter().take_while(|other| other.0 == *column && other.1 <= end) {
             let touching = grains[*i].radius + grains[*j].radius + touching_gap(frame, *i, *j);
             if (x - y).norm_squared() <= touching * touching {
-                groups.union(*i, *j);
+                groups.union(i.index(), j.index());
             }
         }
     }
@@ -94,17 +94,17 @@ fn join_spheres(frame: &Frame, groups: &mut DisjointSets) {
 pub fn fragment_numbers(fragments: &[Fragment], grains: usize) -> Vec<u32> {
     let mut number = vec![0; grains];
     for (k, fragment) in fragments.iter().enumerate() {
-        fragment.grains.iter().for_each(|&grain| number[grain] = k as u32);
+        fragment.grains.iter().for_each(|&grain| number[grain.index()] = k as u32);
     }
     number
 }
 
 /// The gap up to which two grains touch, m.
-pub fn touching_gap(frame: &Frame, i: usize, j: usize) -> f64 {
+pub fn touching_gap(frame: &Frame, i: GrainId, j: GrainId) -> f64 {
     TOUCHING_GAP * frame.grains[i].radius.min(frame.grains[j].radius)
 }
 
-fn both_spheres(frame: &Frame, i: usize, j: usize) -> bool {
+fn both_spheres(frame: &Frame, i: GrainId, j: GrainId) -> bool {
     frame.grains[i].solid.is_none() && frame.grains[j].solid.is_none()
 }
 
@@ -176,7 +176,7 @@ mod tests {
         scene.grain([0.0; 3], 1.0);
         scene.grain([2.0, 0.0, 0.0], 1.0);
         let fragments = find_fragments(&scene.frame());
-        assert_eq!(fragments[0].grains, [1, 2]);
+        assert_eq!(fragments[0].grains, [1, 2].map(GrainId));
         assert_eq!(fragment_numbers(&fragments, 3), [1, 0, 0]);
     }
 

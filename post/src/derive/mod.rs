@@ -45,7 +45,7 @@ pub mod stress;
 pub mod surface;
 pub mod walls;
 
-use crate::frame::{Frame, PeriodicCell};
+use crate::frame::{Frame, GrainId, PeriodicCell};
 use crate::math::Vec3;
 use energy::PairSummation;
 use free_surface::FreeSurface;
@@ -232,7 +232,7 @@ impl Row {
         let (grains, summation) = (&frame.grains, choices.summation);
         let count = grains.len() as f64;
         let cell = frame.cell();
-        let everyone: Vec<usize> = (0..grains.len()).collect();
+        let everyone: Vec<GrainId> = frame.grain_ids().collect();
         // A scene that repeats has no ball around it.
         let ball = enclosing::enclosing_ball(if cell.is_periodic() { &[] } else { grains });
         let gravity = energy::self_gravity_constant(frame);

@@ -2,7 +2,7 @@
 
 use crate::derive::coordination::neighbour_counts;
 use crate::derive::stress::{grain_stresses, pressure};
-use crate::frame::{Frame, Grain};
+use crate::frame::{Frame, Grain, GrainId};
 use crate::math::Vec3;
 
 /// The mean state in one spherical shell.
@@ -31,7 +31,7 @@ pub struct RadialShell {
 ///
 /// Stresses are those of each grain ([`grain_stresses`]): the shells' stresses add up to V times the stress of the
 /// whole. Of a polyhedron the sphere of equal volume counts.
-pub fn radial_shells(frame: &Frame, members: &[usize], centre: Vec3, count: usize) -> Vec<RadialShell> {
+pub fn radial_shells(frame: &Frame, members: &[GrainId], centre: Vec3, count: usize) -> Vec<RadialShell> {
     let (stresses, neighbours) = (grain_stresses(frame), neighbour_counts(frame));
     let far = |g: &Grain| (g.x - centre).norm() + g.radius;
     let radius = members.iter().map(|&i| far(&frame.grains[i])).fold(0.0, f64::max);
@@ -43,11 +43,11 @@ pub fn radial_shells(frame: &Frame, members: &[usize], centre: Vec3, count: usiz
         let arm = grain.x - centre;
         let distance = arm.norm();
         // At the centre no direction is radial: the mean of all is used.
-        let mean = pressure(&stresses[i]);
-        let radial = if distance > 0.0 { arm.dot(&(stresses[i] * arm)) / (distance * distance) } else { mean };
+        let mean = pressure(&stresses[i.index()]);
+        let radial = if distance > 0.0 { arm.dot(&(stresses[i.index()] * arm)) / (distance * distance) } else { mean };
         let home = ((distance / width) as usize).min(count - 1);
         sums[home][1] += 1.0;
-        sums[home][2] += f64::from(neighbours[i]);
+        sums[home][2] += f64::from(neighbours[i.index()]);
         let first = (((distance - grain.radius) / width).max(0.0) as usize).min(count - 1);
         let mut below = shared_volume(edges[first], grain.radius, distance);
         for k in first..count {
@@ -116,7 +116,7 @@ mod tests {
             scene.grain([3.0 * (7.0 * k).sin(), 3.0 * (3.0 * k).cos(), 3.0 * (5.0 * k + 1.0).sin()], 0.2 + 0.01 * k);
         }
         let frame = scene.frame();
-        let members: Vec<usize> = (0..40).collect();
+        let members: Vec<GrainId> = (0..40).map(GrainId).collect();
         for count in [1, 3, 50] {
             let shells = radial_shells(&frame, &members, Vec3::new(0.1, 0.2, -0.3), count);
             let filled: f64 = shells.iter().map(|s| s.nu * (ball_volume(s.outer) - ball_volume(s.inner))).sum();
@@ -134,7 +134,7 @@ mod tests {
             scene.contact_at(high, low, [0.0, y, 1.0], Vec3::z());
         }
         let frame = scene.frame();
-        assert_eq!(radial_shells(&frame, &[low, high], Vec3::new(0.0, 0.0, 1.2), 1)[0].z, 1.0);
+        assert_eq!(radial_shells(&frame, &[low, high].map(GrainId::new), Vec3::new(0.0, 0.0, 1.2), 1)[0].z, 1.0);
     }
 
     #[test]
@@ -156,7 +156,7 @@ mod tests {
             }
         }
         let frame = scene.frame();
-        let members: Vec<usize> = (0..frame.grains.len()).collect();
+        let members: Vec<GrainId> = frame.grain_ids().collect();
         let shells = radial_shells(&frame, &members, Vec3::repeat(6.0), 5);
         let inner = shells[1]; // 2.2 to 4.4 of 6 to the faces
         assert_eq!(inner.z, 6.0);

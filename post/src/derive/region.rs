@@ -17,7 +17,7 @@ use crate::derive::hull;
 use crate::derive::motion::RotatingAxes;
 use crate::derive::probe::{Probe, ProbeShape};
 use crate::derive::region_kind::RegionKind;
-use crate::frame::{BodyIndex, Frame, Grain, ImpulseExchange, SnapshotInterval};
+use crate::frame::{BodyIndex, Frame, Grain, GrainId, ImpulseExchange, SnapshotInterval};
 use crate::math::{Mat3, Vec3};
 
 /// Least share of the mass or of the grains of the largest remnant: a smaller group of touching grains is a clump of a
@@ -30,8 +30,8 @@ pub struct Region {
     pub kind: RegionKind,
     /// Volume, m^3.
     pub volume: f64,
-    /// Indices of the grains with their centre inside, rising.
-    pub members: Vec<usize>,
+    /// Grains with their centre inside, rising.
+    pub members: Vec<GrainId>,
     /// Region given by the user, if any.
     probe: Option<Probed>,
 }
@@ -80,11 +80,11 @@ impl Region {
             return Region { kind: RegionKind::None, volume: f64::NAN, members: Vec::new(), probe: None };
         };
         let inside = |x: &Vec3| shifts.iter().any(|shift| shape.contains(&(x + shift)));
-        let members = (0..frame.grains.len()).filter(|&i| inside(&frame.grains[i].x)).collect();
+        let members = frame.grain_ids().filter(|&i| inside(&frame.grains[i].x)).collect();
         Region { kind: shape.region_kind(), volume, members, probe: Some(Probed { shape, shifts }) }
     }
 
-    fn is_member(&self, grain: usize) -> bool {
+    fn is_member(&self, grain: GrainId) -> bool {
         self.members.binary_search(&grain).is_ok()
     }
 
@@ -93,12 +93,12 @@ impl Region {
     }
 
     /// Grains with the share of their volume that counts: the share within a probe, else all of each member's volume.
-    fn volume_shares(&self, frame: &Frame) -> Vec<(usize, f64)> {
+    fn volume_shares(&self, frame: &Frame) -> Vec<(GrainId, f64)> {
         let Some(probe) = &self.probe else { return self.members.iter().map(|&i| (i, 1.0)).collect() };
         let share = |grain: &Grain| -> f64 {
             probe.shifts.iter().map(|shift| probe.shape.share_of_grain(&grain.moved_by(*shift))).sum()
         };
-        let all = frame.grains.iter().enumerate().map(|(i, grain)| (i, share(grain)));
+        let all = frame.grain_ids().map(|i| (i, share(&frame.grains[i])));
         all.filter(|(_, share)| *share > 0.0).collect()
     }
 
@@ -147,7 +147,7 @@ impl Region {
         }
         // Half of the exchange counts for a pair with one grain inside.
         let of = |exchange: &ImpulseExchange| {
-            let grains = || exchange.sides.iter().filter_map(|side| side.grain_index());
+            let grains = || exchange.sides.iter().filter_map(|side| side.grain_id());
             let inside = grains().filter(|&i| self.is_member(i)).count();
             exchange.virial * inside as f64 / grains().count() as f64
         };
@@ -155,9 +155,9 @@ impl Region {
     }
 
     /// Velocity of the centre of mass of the region's contents, m/s.
-    fn mean_velocity(&self, frame: &Frame, shares: &[(usize, f64)]) -> Vec3 {
-        let moment = |(i, share): &(usize, f64)| share * frame.grains[*i].mass * frame.grains[*i].v;
-        let mass = |(i, share): &(usize, f64)| share * frame.grains[*i].mass;
+    fn mean_velocity(&self, frame: &Frame, shares: &[(GrainId, f64)]) -> Vec3 {
+        let moment = |(i, share): &(GrainId, f64)| share * frame.grains[*i].mass * frame.grains[*i].v;
+        let mass = |(i, share): &(GrainId, f64)| share * frame.grains[*i].mass;
         shares.iter().map(moment).sum::<Vec3>() / shares.iter().map(mass).sum::<f64>()
     }
 
@@ -167,7 +167,7 @@ impl Region {
     pub fn kinetic_stress(&self, frame: &Frame) -> Mat3 {
         let shares = self.volume_shares(frame);
         let mean = self.mean_velocity(frame, &shares);
-        let of = |&(i, share): &(usize, f64)| {
+        let of = |&(i, share): &(GrainId, f64)| {
             let grain = &frame.grains[i];
             share * grain.mass * (grain.v - mean) * (grain.v - mean).transpose()
         };
@@ -196,7 +196,8 @@ impl Region {
         let self_gravity = self_gravity_constant(frame).map_or(0.0, |constant| {
             let own =
                 gravitational_energy(self.member_grains(frame).map(|g| (g.x_contact, g.mass)), constant, summation);
-            let others: Vec<(Vec3, f64)> = (0..frame.grains.len())
+            let others: Vec<(Vec3, f64)> = frame
+                .grain_ids()
                 .filter(|&i| !self.is_member(i))
                 .map(|i| (frame.grains[i].x_contact, frame.grains[i].mass))
                 .collect();
@@ -249,8 +250,8 @@ fn shifts(frame: &Frame, shape: &ProbeShape) -> Option<Vec<Vec3>> {
 fn aggregate_region(frame: &Frame, fragments: &[Fragment]) -> Region {
     let mut touched = vec![false; frame.grains.len()];
     let walls = frame.active_contacts().filter(|contact| contact.grain_pair().is_none());
-    walls.flat_map(|contact| contact.on_grains()).for_each(|(i, ..)| touched[i] = true);
-    let borne = fragments.iter().find(|fragment| fragment.grains.iter().any(|&i| touched[i]));
+    walls.flat_map(|contact| contact.on_grains()).for_each(|(i, ..)| touched[i.index()] = true);
+    let borne = fragments.iter().find(|fragment| fragment.grains.iter().any(|&i| touched[i.index()]));
     let largest = borne.or(fragments.first());
     let remnant = |fragment: &&Fragment| {
         let alone = fragment.grains.len() == 1 && frame.grains.len() > 1;
@@ -259,7 +260,7 @@ fn aggregate_region(frame: &Frame, fragments: &[Fragment]) -> Region {
     };
     let (kind, members) = match largest.filter(remnant) {
         Some(fragment) => (RegionKind::LargestGroup, fragment.grains.clone()),
-        None => (RegionKind::AllGrains, (0..frame.grains.len()).collect()),
+        None => (RegionKind::AllGrains, frame.grain_ids().collect()),
     };
     let grains = || members.iter().map(|&i| &frame.grains[i]);
     let balls = grains().flat_map(Grain::balls).chain(grains().flat_map(Grain::vertices).map(|v| (v, 0.0)));

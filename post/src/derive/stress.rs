@@ -80,7 +80,7 @@ pub fn grain_stresses(frame: &Frame) -> Vec<Mat3> {
     let mut stresses = vec![Mat3::zeros(); frame.grains.len()];
     for contact in frame.active_contacts() {
         for (i, force, image) in contact.on_grains() {
-            stresses[i] += force * (frame.grains[i].x_contact + image - contact.point).transpose();
+            stresses[i.index()] += force * (frame.grains[i].x_contact + image - contact.point).transpose();
         }
     }
     for (stress, grain) in stresses.iter_mut().zip(&frame.grains) {

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::derive::energy::external_fields;
 use crate::derive::motion::AggregateSums;
 use crate::derive::plane_fit::{FittedPlane, NoiseDensity, PlaneFit, without_noise};
-use crate::frame::{Contact, Frame, Grain};
+use crate::frame::{Contact, Frame, Grain, GrainId};
 use crate::math::Vec3;
 
 /// Directions about the centre of mass: the middles of cells of equal steps of latitude and longitude.
@@ -98,7 +98,7 @@ pub struct SurfaceFacet {
 /// that of `whole`, in fixed axes.
 pub fn aggregate_surface(
     frame: &Frame,
-    members: &[usize],
+    members: &[GrainId],
     whole: &AggregateSums,
     constant: f64,
     grid: DirectionGrid,
@@ -139,21 +139,22 @@ pub fn rms_noise(facets: &[SurfaceFacet]) -> f64 {
 /// opposite to the mean pull of primaries and other grains, of which only tides remain, and uniform gravity has no effect.
 fn acceleration_in_own_axes(
     frame: &Frame,
-    members: &[usize],
+    members: &[GrainId],
     whole: &AggregateSums,
     constant: f64,
     fields: &[FieldModel],
 ) -> Vec3 {
     let mut own = vec![false; frame.grains.len()];
-    members.iter().for_each(|&i| own[i] = true);
-    let borne = |contact: &Contact| contact.grain_pair().is_none() && contact.on_grains().any(|(i, _, _)| own[i]);
+    members.iter().for_each(|&i| own[i.index()] = true);
+    let borne =
+        |contact: &Contact| contact.grain_pair().is_none() && contact.on_grains().any(|(i, _, _)| own[i.index()]);
     if frame.active_contacts().any(borne) {
         let turning = fields.iter().filter(|field| matches!(field, FieldModel::Turning { .. }));
         return Vec3::from(frame.meta.parameters.uniform_gravity)
             + turning.map(|f| f.acceleration_and_potential(&whole.x).0).sum::<Vec3>();
     }
-    let others: Vec<&Grain> = (0..own.len()).filter(|&i| !own[i]).map(|i| &frame.grains[i]).collect();
-    let pull = |&i: &usize| {
+    let others: Vec<&Grain> = frame.grain_ids().filter(|i| !own[i.index()]).map(|i| &frame.grains[i]).collect();
+    let pull = |&i: &GrainId| {
         let grain = &frame.grains[i];
         let of_others = others.iter().map(|other| ball_attraction(other, grain.x)).sum::<Vec3>() * constant;
         (of_others + primary_attraction(fields, grain.x)) * grain.mass
@@ -497,7 +498,7 @@ mod tests {
             }
         }
         let frame = scene.frame();
-        let members: Vec<usize> = (0..frame.grains.len()).collect();
+        let members: Vec<GrainId> = frame.grain_ids().collect();
         let whole = AggregateSums::from_grains(&frame.grains);
         let found = aggregate_surface(&frame, &members, &whole, 1.0, DirectionGrid::STANDARD, 4.0);
         let mean = |of: &dyn Fn(&SurfaceFacet) -> f64| found.iter().map(of).sum::<f64>() / found.len() as f64;

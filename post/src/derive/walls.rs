@@ -1,24 +1,23 @@
 //! Walls that bound grains, and the grains that walls support.
 
 use crate::derive::fragments::Fragment;
-use crate::frame::{Frame, Wall, WallShape};
+use crate::frame::{Frame, GrainId, Wall, WallId, WallShape};
 use crate::math::{Mat3, Vec3};
 
 /// The grains of all groups that a wall touches with force.
-pub fn supported_grains(frame: &Frame, fragments: &[Fragment]) -> Vec<usize> {
+pub fn supported_grains(frame: &Frame, fragments: &[Fragment]) -> Vec<GrainId> {
     let mut touched = vec![false; frame.grains.len()];
     let walls = frame.active_contacts().filter(|contact| contact.grain_pair().is_none());
-    walls.flat_map(|contact| contact.on_grains()).for_each(|(i, _, _)| touched[i] = true);
-    let borne = fragments.iter().filter(|fragment| fragment.grains.iter().any(|&i| touched[i]));
-    let mut grains: Vec<usize> = borne.flat_map(|fragment| fragment.grains.iter().copied()).collect();
+    walls.flat_map(|contact| contact.on_grains()).for_each(|(i, _, _)| touched[i.index()] = true);
+    let borne = fragments.iter().filter(|fragment| fragment.grains.iter().any(|&i| touched[i.index()]));
+    let mut grains: Vec<GrainId> = borne.flat_map(|fragment| fragment.grains.iter().copied()).collect();
     grains.sort_unstable();
     grains
 }
 
 /// Face of a wall: n.x >= place for the centres of nearly all grains.
 pub struct WallFace {
-    /// Index into [`Frame::walls`].
-    pub wall: usize,
+    pub wall: WallId,
     pub normal: Vec3,
     pub place: f64,
 }
@@ -32,7 +31,7 @@ impl WallFace {
 /// Share of the grains that may be beyond a wall that bounds the others: a few grains that have left a box do not open it.
 const MAX_ESCAPED_SHARE: f64 = 0.02;
 
-fn nearly_all(frame: &Frame, grains: &[usize], inside: impl Fn(&Vec3) -> bool) -> bool {
+fn nearly_all(frame: &Frame, grains: &[GrainId], inside: impl Fn(&Vec3) -> bool) -> bool {
     let beyond = grains.iter().filter(|&&i| !inside(&frame.grains[i].x)).count();
     beyond as f64 <= MAX_ESCAPED_SHARE * grains.len() as f64
 }
@@ -40,7 +39,7 @@ fn nearly_all(frame: &Frame, grains: &[usize], inside: impl Fn(&Vec3) -> bool) -
 /// Faces of a wall that have the centres of nearly all `grains` before them. A plate has any such face. A convex polyhedron
 /// has, of the faces that cover half of the grains' section or more, the one that is farthest from the nearest of these
 /// centres. A hollow cylinder around these centres has both ends.
-pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<WallFace> {
+pub fn bounding_faces(frame: &Frame, wall: WallId, grains: &[GrainId]) -> Vec<WallFace> {
     let (x, rotation) = (frame.walls[wall].x, frame.walls[wall].rotation);
     let before = |face: &WallFace| nearly_all(frame, grains, |x| face.is_before(x));
     match &frame.walls[wall].shape {
@@ -54,7 +53,7 @@ pub fn bounding_faces(frame: &Frame, wall: usize, grains: &[usize]) -> Vec<WallF
         WallShape::Polyhedron(solid) if solid.hollow.is_none() => {
             let reach = solid.bounding_radius();
             let centre = grains.iter().map(|&i| frame.grains[i].x).sum::<Vec3>() / grains.len() as f64;
-            let offset = |i: &usize| frame.grains[*i].x - centre;
+            let offset = |i: &GrainId| frame.grains[*i].x - centre;
             let spread = grains.iter().map(|i| offset(i) * offset(i).transpose()).sum::<Mat3>() / grains.len() as f64;
             let covers = |corners: &[u32], normal: &Vec3| {
                 let at = |k: usize| solid.vertices[corners[k] as usize];
@@ -99,13 +98,13 @@ impl CylinderBore {
     }
 
     /// Flat ends, seen from inside.
-    pub fn ends(&self, wall: usize) -> [WallFace; 2] {
+    pub fn ends(&self, wall: WallId) -> [WallFace; 2] {
         [self.axis, -self.axis].map(|normal| WallFace { wall, normal, place: normal.dot(&self.x) - self.half_height })
     }
 }
 
 /// Returns the inside of a hollow cylinder that has nearly all centres between its ends and within its radius.
-pub fn bounding_bore(frame: &Frame, wall: usize, grains: &[usize]) -> Option<CylinderBore> {
+pub fn bounding_bore(frame: &Frame, wall: WallId, grains: &[GrainId]) -> Option<CylinderBore> {
     let WallShape::Polyhedron(solid) = &frame.walls[wall].shape else { return None };
     let hollow = solid.hollow?;
     let Wall { x, rotation, .. } = frame.walls[wall];

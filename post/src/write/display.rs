@@ -129,7 +129,7 @@ fn contact_lines(frame: &Frame) -> (Vec<Vec3>, Vec<[u64; 2]>) {
                 BodyIndex::Wall(_) => (Vec3::zeros(), contact.image),
             };
             let mut end = |side: BodyIndex, image: Vec3| match side {
-                BodyIndex::Grain(grain) if image == Vec3::zeros() => grain as u64,
+                BodyIndex::Grain(grain) if image == Vec3::zeros() => grain.index() as u64,
                 BodyIndex::Grain(grain) => {
                     points.push(frame.grains[grain].x + image);
                     points.len() as u64 - 1

@@ -1,0 +1,38 @@
+//! Indices with types, so that those of different lists are not confused.
+
+/// Defines index types: a number from 0, four bytes wide.
+///
+/// ```
+/// cd_formats::index_types! {
+///     /// Index of a grain.
+///     GrainId;
+/// }
+/// assert_eq!(GrainId::new(3).index(), 3);
+/// ```
+#[macro_export]
+macro_rules! index_types {
+    ($($(#[doc = $help:literal])+ $name:ident;)+) => {
+        $(
+            $(#[doc = $help])+
+            #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+            pub struct $name(pub u32);
+
+            impl $name {
+                /// Index number `index`; panics beyond the range of u32.
+                pub fn new(index: usize) -> Self {
+                    $name(u32::try_from(index).expect("an index fits into four bytes"))
+                }
+
+                /// Position in a list.
+                pub fn index(self) -> usize {
+                    self.0 as usize
+                }
+            }
+        )+
+    };
+}
+
+index_types! {
+    /// Row of a body in the body arrays of a snapshot.
+    BodyId;
+}
