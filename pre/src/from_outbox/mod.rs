@@ -27,6 +27,7 @@ use cd_formats::compute::{Compute, ROTATION_ABOUT_PERIOD};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
+use cd_formats::ids::BodyId;
 use cd_formats::origin::SceneOrigin;
 use cd_formats::places;
 use cd_formats::report::FaultReport;
@@ -154,7 +155,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     overlaps::check_drums(&parts, &new.population, &records, &tables.tact, &driven, &mut report);
     let mut files = datbox_files(&changes, &parts, &new, &records, &tables, &driven, &options);
     let mut owner: Vec<usize> = Vec::new();
-    parts.iter().enumerate().for_each(|(k, part)| owner.extend(std::iter::repeat_n(k, part.rows.len())));
+    parts.iter().enumerate().for_each(|(k, part)| owner.extend(std::iter::repeat_n(k, part.source_bodies.len())));
     let name = |body: usize| match owner.get(body) {
         Some(part) => format!("bodies.{part}"),
         None => new.population.scene_path(body - owner.len()),
@@ -182,13 +183,13 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         summary += &format!(
             "{}: step {step}, t = {time} s, {} of {} bodies, {} contacts\n",
             part.source.case.display(),
-            part.rows.len(),
+            part.source_bodies.len(),
             part.source.bodies.0.len(),
             part.state.contacts.contact_body.len()
         );
     }
     summary += &sources[0].run_notes(Some(&options).filter(|_| changes.compute.is_none()));
-    let taken: usize = parts.iter().map(|part| part.rows.len()).sum();
+    let taken: usize = parts.iter().map(|part| part.source_bodies.len()).sum();
     summary += &digits::lost_digits(&records.0[..taken], &tables, &driven);
     summary += &group_lines(&new.scene, &new.population);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
@@ -313,9 +314,9 @@ fn datbox_files(
     for part in parts {
         let first = bodies.len();
         part.append_to(&mut start, first);
-        for (k, row) in part.rows.iter().enumerate() {
+        for (k, source_body) in part.source_bodies.iter().enumerate() {
             let (body, step) = (first + k, part.source.snapshot.meta.step);
-            origin += &format!("{},{},{step},{}\n", body + 1, csv_quoted(&part.source.case), row + 1);
+            origin += &format!("{},{},{step},{}\n", body + 1, csv_quoted(&part.source.case), source_body.index() + 1);
             bodies.push(part.dof_record(k, body));
         }
     }
@@ -361,10 +362,10 @@ fn driven_components(parts: &[SourcePart], new: &NewBodies) -> DrvDof {
     let (mut all, mut first) = (Vec::new(), 0);
     for part in parts {
         for row in &part.source.driven.0 {
-            let Ok(k) = part.rows.binary_search(&row.body) else { continue };
+            let Ok(k) = part.source_bodies.binary_search(&BodyId::new(row.body)) else { continue };
             all.push(DrivenComponent { body: first + k, ..row.clone() });
         }
-        first += part.rows.len();
+        first += part.source_bodies.len();
     }
     let (rows, _) = write::drv_dof(&new.scene, &new.population);
     all.extend(rows.0.into_iter().map(|row| DrivenComponent { body: first + row.body, ..row }));

@@ -5,6 +5,7 @@ use std::cell::OnceCell;
 use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::compute::Compute;
 use cd_formats::drv_dof::{DrivenKind, DrvDof};
+use cd_formats::ids::BodyId;
 use cd_formats::report::FaultReport;
 use cd_formats::tact_behav::{TactBehav, VisibilitySide};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -139,7 +140,7 @@ fn remaining_overlap(source: &SourceCase, options: &Compute) -> f64 {
         })
     };
     let mut pairs: Vec<[usize; 2]> =
-        source.snapshot.contacts.contact_body.iter().map(|pair| pair.map(|body| body as usize)).collect();
+        source.snapshot.contacts.contact_body.iter().map(|pair| pair.map(|body| BodyId(body).index())).collect();
     pairs.dedup();
     let mut most = 0.0;
     for [a, b] in pairs {
@@ -164,11 +165,11 @@ pub fn check_overlaps(
     let mut solids: Vec<Box<dyn Fn() -> PosedBody + '_>> = Vec::new();
     let mut centres = Vec::new();
     for (k, part) in parts.iter().enumerate() {
-        owner.extend(std::iter::repeat_n(k, part.rows.len()));
+        owner.extend(std::iter::repeat_n(k, part.source_bodies.len()));
         for (row, body) in part.records.iter().enumerate() {
             let bodies = &part.state.bodies;
             let (x, q) = (Vec3::from(bodies.body_x[row]), unit_quaternion(bodies.body_q[row]));
-            let shift = part.source.shifts[part.rows[row]];
+            let shift = part.source.shifts[part.source_bodies[row].index()];
             centres.push(x);
             solids.push(Box::new(move || PosedBody::from_body(body, &shift, &x, &q)));
         }
@@ -273,7 +274,11 @@ pub fn check_overlaps(
         let origin = |k: usize| match k.checked_sub(old) {
             None => {
                 let first = owner.partition_point(|&part| part < owner[k]);
-                format!("{} of {}", parts[owner[k]].rows[k - first] + 1, parts[owner[k]].source.case.display())
+                format!(
+                    "{} of {}",
+                    parts[owner[k]].source_bodies[k - first].index() + 1,
+                    parts[owner[k]].source.case.display()
+                )
             }
             Some(body) => match body.checked_sub(new.grains.len()) {
                 None => format!("grain {} of the changes", body + 1),
@@ -311,7 +316,7 @@ pub fn check_drums(
     for (k, part) in parts.iter().enumerate() {
         let bodies = &part.state.bodies;
         let of_row = |row: usize| {
-            let shift = part.source.shifts[part.rows[row]];
+            let shift = part.source.shifts[part.source_bodies[row].index()];
             (format!("bodies.{k}"), shift, Vec3::from(bodies.body_x[row]), unit_quaternion(bodies.body_q[row]))
         };
         placed.extend((0..part.records.len()).map(of_row));

@@ -11,6 +11,7 @@ use cd_formats::dof::BodyDof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::groups::DisjointSets;
+use cd_formats::ids::BodyId;
 use cd_formats::snapshot::{
     self, BodyArrays, ContactPartArrays, LawName, MemoryArrays, PairArrays, START_FILE, ShapeArrays, Snapshot,
     TurningArrays,
@@ -45,10 +46,10 @@ pub struct SourceCase {
     notes: Vec<(&'static str, String)>,
 }
 
-/// Bodies taken from a source, at their new positions; row k is body `rows[k]` of the source, from 0.
+/// Bodies taken from a source, at their new positions; row k is body `source_bodies[k]` of the source.
 pub struct SourcePart<'a> {
     pub source: &'a SourceCase,
-    pub rows: Vec<usize>,
+    pub source_bodies: Vec<BodyId>,
     pub records: Vec<Body>,
     /// State of these bodies; contacts hold rows of this part.
     pub state: Snapshot,
@@ -169,7 +170,7 @@ impl SourceCase {
         }
         // Angular velocity is kept, not angular momentum.
         if let Some(shapes) = &mut self.snapshot.shapes {
-            let as_before = |body: u32| Some(body).filter(|&body| factors[body as usize] == 1.0);
+            let as_before = |body: u32| Some(body).filter(|&body| factors[BodyId(body).index()] == 1.0);
             let (kept, turning_body) = renumbered_rows(&shapes.turning.turning_body, as_before);
             shapes.turning = TurningArrays { turning_body, ..shapes.turning.select_rows(&kept) };
         }
@@ -178,34 +179,35 @@ impl SourceCase {
     /// Selects bodies and moves them. Errors: the value found and the value expected.
     pub fn select_bodies(&self, taken: &Selection) -> Result<SourcePart<'_>, (String, String)> {
         let bodies = &self.snapshot.bodies;
-        let is_driven = |row: usize| bodies.body_driven[row] != 0;
+        let is_driven = |body: BodyId| bodies.body_driven[body.index()] != 0;
         let largest = match taken.keep {
             BodyFilter::All => None,
             BodyFilter::Largest => Some(self.largest_group()),
             BodyFilter::Below(height) => Some(self.rows_below(height)),
         };
         let excepted = self.excepted_rows(&taken.walls_except)?;
-        let rows: Vec<usize> = (0..bodies.body_id.len())
-            .filter(|&row| {
-                if is_driven(row) {
-                    taken.walls != excepted[row]
+        let source_bodies: Vec<BodyId> = (0..bodies.body_id.len())
+            .map(BodyId::new)
+            .filter(|&body| {
+                if is_driven(body) {
+                    taken.walls != excepted[body.index()]
                 } else {
-                    largest.as_ref().is_none_or(|kept| kept[row])
+                    largest.as_ref().is_none_or(|kept| kept[body.index()])
                 }
             })
             .collect();
-        let free: Vec<usize> = (0..rows.len()).filter(|&k| !is_driven(rows[k])).collect();
+        let free: Vec<usize> = (0..source_bodies.len()).filter(|&k| !is_driven(source_bodies[k])).collect();
         if free.is_empty() {
             return Err(("no body is free to move".into(), "at least one".into()));
         }
         let moved = taken.turn.angle != 0.0 || taken.centre.is_some();
-        if moved && free.len() < rows.len() {
+        if moved && free.len() < source_bodies.len() {
             let found = "bodies with imposed motion are to be moved".to_string();
             return Err((found, "walls: false, or neither turn nor centre".into()));
         }
         let mut state = Snapshot { meta: self.snapshot.meta.clone(), ..Snapshot::default() };
-        state.bodies = bodies.select_rows(&rows);
-        let row_of = |body: u32| rows.binary_search(&(body as usize)).ok().map(|k| k as u32);
+        state.bodies = bodies.select_rows(&source_bodies.iter().map(|body| body.index()).collect::<Vec<_>>());
+        let row_of = |body: u32| source_bodies.binary_search(&BodyId(body)).ok().map(|k| k as u32);
         let both = |[a, b]: [u32; 2]| Some([row_of(a)?, row_of(b)?]);
         let (kept, pairs) = renumbered_rows(&self.snapshot.contacts.contact_body, both);
         state.contacts = self.snapshot.contacts.select_rows(&kept);
@@ -214,12 +216,12 @@ impl SourceCase {
         move_rows(&mut state, &free, taken);
         state.shapes = self.snapshot.shapes.as_ref().map(|shapes| {
             // If a body's rotation has changed, its angular momentum is computed from its angular velocity.
-            let as_before = |&k: &u32| {
-                let turning = |of: &BodyArrays, row: usize| (of.body_q[row], of.body_w_world[row]);
-                turning(&state.bodies, k as usize) == turning(bodies, rows[k as usize])
+            let as_before = |body: u32, row: u32| {
+                let turning = |of: &BodyArrays, body: BodyId| (of.body_q[body.index()], of.body_w_world[body.index()]);
+                turning(&state.bodies, BodyId(row)) == turning(bodies, BodyId(body))
             };
             let (turning, turning_body) =
-                renumbered_rows(&shapes.turning.turning_body, |b| row_of(b).filter(as_before));
+                renumbered_rows(&shapes.turning.turning_body, |body| row_of(body).filter(|&row| as_before(body, row)));
             let (near, pair_body) = renumbered_rows(&shapes.pairs.pair_body, both);
             ShapeArrays {
                 turning: TurningArrays { turning_body, ..shapes.turning.select_rows(&turning) },
@@ -228,17 +230,17 @@ impl SourceCase {
                 pairs: PairArrays { pair_body, ..shapes.pairs.select_rows(&near) },
             }
         });
-        let record = |(&row, x): (&usize, &[f64; 3])| {
-            let mut record = self.bodies.0[row].clone();
+        let record = |(&body, x): (&BodyId, &[f64; 3])| {
+            let mut record = self.bodies.0[body.index()].clone();
             // The numbers of the contactors are unchanged, about the centre of mass or not.
-            record.position = (Vec3::from(*x) - self.shifts[row]).into();
-            if let (Some(colour), false) = (&taken.colour, is_driven(row)) {
+            record.position = (Vec3::from(*x) - self.shifts[body.index()]).into();
+            if let (Some(colour), false) = (&taken.colour, is_driven(body)) {
                 record.contactors.iter_mut().for_each(|contactor| contactor.colour.clone_from(colour));
             }
             record
         };
-        let records = rows.iter().zip(&state.bodies.body_x).map(record).collect();
-        Ok(SourcePart { source: self, rows, records, state })
+        let records = source_bodies.iter().zip(&state.bodies.body_x).map(record).collect();
+        Ok(SourcePart { source: self, source_bodies, records, state })
     }
 
     /// Whether each row is one of these bodies with imposed motion. Errors: a selector that matches no body.
@@ -293,7 +295,7 @@ impl SourceCase {
         let count = bodies.body_id.len();
         let mut groups = DisjointSets::new(count);
         for (row, pair) in contacts.contact_body.iter().enumerate() {
-            let [a, b] = pair.map(|body| body as usize);
+            let [a, b] = pair.map(|body| BodyId(body).index());
             let close = TOUCHING_GAP * bodies.body_radius[a].min(bodies.body_radius[b]);
             let touch = contacts.contact_impulse[row] != [0.0; 3] || contacts.contact_gap[row] <= close;
             if touch && bodies.body_driven[a] == 0 && bodies.body_driven[b] == 0 {
@@ -405,7 +407,7 @@ impl SourcePart<'_> {
     /// step length of the whole.
     pub fn append_to(&self, start: &mut Snapshot, first: usize) {
         let mut bodies = self.state.bodies.clone();
-        bodies.body_id = (first as u64 + 1..).take(self.rows.len()).collect();
+        bodies.body_id = (first as u64 + 1..).take(self.source_bodies.len()).collect();
         // Names are in DATBOX; START.npz has motion and contacts.
         bodies.body_colour.fill(0);
         bodies.body_material.fill(0);

@@ -346,8 +346,8 @@ fn default_alert(parts: &[SourcePart], grains: &[Grain]) -> f64 {
 impl SourcePart<'_> {
     /// Rows of the source's table between colours of this part, under their new names, or of new bodies.
     fn rows_of_table(&self, newcomers: &BTreeSet<&str>) -> Vec<VisibilityRow> {
-        let old = |k: usize| &self.source.bodies.0[self.rows[k]].contactors;
-        let renamed: BTreeSet<(&str, &str, &str)> = (0..self.rows.len())
+        let old = |k: usize| &self.source.bodies.0[self.source_bodies[k].index()].contactors;
+        let renamed: BTreeSet<(&str, &str, &str)> = (0..self.source_bodies.len())
             .flat_map(|k| {
                 let pairs = old(k).iter().zip(&self.records[k].contactors);
                 pairs.map(|(old, new)| (old.colour.as_str(), new.colour.as_str(), old.shape.type_name()))
