@@ -125,6 +125,9 @@ struct ErrorRow {
     over_estimated: f64,
 }
 
+/// One of the values of a run.
+type ErrorValue = fn(&ErrorRow) -> f64;
+
 impl ErrorRow {
     /// Values in the order of [`COLUMNS`].
     fn to_columns(self) -> [f64; COLUMNS.len()] {
@@ -541,12 +544,12 @@ fn order_table(runs: &[RunErrors]) -> String {
         if members.len() < 3 {
             continue;
         }
-        let line = |x: fn(&ErrorRow) -> f64, y: fn(&ErrorRow) -> f64| {
+        let line = |x: ErrorValue, y: ErrorValue| {
             let points: Vec<(f64, f64)> = members.iter().map(|run| (x(&run.row).ln(), y(&run.row).ln())).collect();
             FittedLine::least_squares(&points)
         };
         text += &format!("{},{}", name_field(name), members.len());
-        for error in [(|row| row.worst) as fn(&ErrorRow) -> f64, |row| row.positions_early] {
+        for error in [(|row| row.worst) as ErrorValue, |row| row.positions_early] {
             let order = line(|row| row.value, error);
             let digit = line(error, |row| row.seconds).map(|price| 10f64.powf(-price.slope));
             for value in [order.as_ref().map(|order| order.slope), order.as_ref().map(|order| order.r2), digit] {
@@ -591,7 +594,7 @@ fn error_figure(runs: &[RunErrors], title: &str) -> Figure {
 
 /// Short table for the terminal; `errors`: description of the errors.
 fn summary_text(runs: &[RunErrors], errors: &str) -> String {
-    let shown: [(&str, fn(&ErrorRow) -> f64); 7] = [
+    let shown: [(&str, ErrorValue); 7] = [
         ("seconds", |row| row.seconds),
         ("Z", |row| row.z),
         ("nu", |row| row.nu),
