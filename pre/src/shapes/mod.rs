@@ -6,11 +6,13 @@
 //! | [`regular`] | regular solids, boxes, prisms |
 //! | [`rocks`] | random convex polyhedra |
 //! | [`read`], [`model`] | surfaces from files: reading, size, convex pieces |
+//! | `principal` | solids in their principal axes |
 //! | [`overlap`] | penetration of convex solids |
 
 pub mod hull;
 pub mod model;
 pub mod overlap;
+mod principal;
 pub mod read;
 pub mod regular;
 pub mod rocks;
@@ -19,137 +21,14 @@ use std::path::Path;
 use std::rc::Rc;
 
 use cd_formats::error::Faults;
-use cd_formats::surface::Surface;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::random::{RandomStream, StreamPurpose};
 use crate::rotation::rotation_matrix;
-use crate::rounding::{round_14_columns, round_axes};
+use crate::rounding::round_14_columns;
 use crate::scene::{GrainOrientations, GrainShape, Grains, RadiusKind};
 use crate::sphere::sphere_volume;
-
-/// Distance from the centre over the extent, or error of the principal axes, below which vertices stay as they are. A
-/// file with twelve digits leaves about 1e-12.
-const ALIGNMENT_TOLERANCE: f64 = 1e-10;
-
-/// Body of density 1 in its principal axes about its centre of mass.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PrincipalSolid {
-    /// Convex surfaces that touch other bodies; one if the solid is convex itself.
-    pub pieces: Vec<Surface>,
-    /// Volume, m^3.
-    pub volume: f64,
-    /// Principal moments of inertia, m^5.
-    pub moments: [f64; 3],
-    /// Distance of the farthest vertex from the centre of mass, m.
-    pub reach: f64,
-    /// Centre of mass in the axes in which the shape was given, m.
-    pub shift: Vector3<f64>,
-    /// Principal axes in those axes, one a row.
-    pub axes: Matrix3<f64>,
-}
-
-impl PrincipalSolid {
-    /// Computes volume, centre and inertia of `whole`, and moves and turns the `pieces` (in the same axes) to match.
-    ///
-    /// Errors: a piece with triangles so small relative to the rest that they have no area after the translation.
-    pub fn new(whole: &Surface, pieces: &[Surface]) -> Result<PrincipalSolid, hull::HullError> {
-        let properties = whole.mass_properties();
-        let extent = whole.vertices().iter().map(|&v| (Vector3::from(v) - Vector3::from(properties.centre)).norm());
-        let extent = extent.fold(0.0, f64::max);
-        let mut shift = Vector3::from(properties.centre);
-        if shift.norm() <= ALIGNMENT_TOLERANCE * extent {
-            shift = Vector3::zeros();
-        }
-        let inertia = Matrix3::from(properties.inertia);
-        let beside = inertia - Matrix3::from_diagonal(&inertia.diagonal());
-        let (moments, axes) = if beside.amax() <= ALIGNMENT_TOLERANCE * inertia.trace() {
-            (inertia.diagonal().into(), Matrix3::identity())
-        } else {
-            let (moments, axes) = properties.principal_axes();
-            nearest_axes(moments, axes.map(Vector3::from))
-        };
-        let moved = |surface: &Surface| {
-            let vertices: Vec<[f64; 3]> = surface
-                .vertices()
-                .iter()
-                .map(|&v| {
-                    if axes == Matrix3::identity() {
-                        (Vector3::from(v) - shift).into()
-                    } else {
-                        (axes * (Vector3::from(v) - shift)).into()
-                    }
-                })
-                .collect();
-            Surface::new(&vertices, surface.triangles())
-                .map_err(|faults| hull::HullError::Moved(faults.first().cloned().unwrap_or_default()))
-        };
-        let pieces: Vec<Surface> = pieces.iter().map(moved).collect::<Result<_, _>>()?;
-        let vertices = pieces.iter().flat_map(|piece| piece.vertices());
-        let reach = vertices.map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
-        Ok(PrincipalSolid { pieces, volume: properties.volume, moments, reach, shift, axes })
-    }
-
-    /// Convex solid. Errors: those of [`PrincipalSolid::new`].
-    pub fn from_convex(surface: &Surface) -> Result<PrincipalSolid, hull::HullError> {
-        PrincipalSolid::new(surface, std::slice::from_ref(surface))
-    }
-
-    /// Radius of the sphere of equal volume, m.
-    pub fn equivalent_radius(&self) -> f64 {
-        libm::cbrt(0.75 * self.volume / std::f64::consts::PI)
-    }
-}
-
-/// Axes (rows, right-handed) in the order and with the signs that are closest to the given ones.
-fn nearest_axes(moments: [f64; 3], axes: [Vector3<f64>; 3]) -> ([f64; 3], Matrix3<f64>) {
-    const AXIS_ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]];
-    let along = |order: &[usize; 3]| (0..3).map(|k| axes[order[k]][k].abs()).sum::<f64>();
-    let order = AXIS_ORDERS.into_iter().rev().max_by(|a, b| along(a).total_cmp(&along(b))).unwrap_or([0, 1, 2]);
-    let signed = |k: usize| axes[order[k]] * axes[order[k]][k].signum();
-    let mut rows = [0, 1, 2].map(signed);
-    let matrix = |rows: &[Vector3<f64>; 3]| Matrix3::from_rows(&rows.map(|row| row.transpose()));
-    if matrix(&rows).determinant() < 0.0 {
-        // Axis whose sign matters the least.
-        let least = (0..3).min_by(|&a, &b| rows[a][a].total_cmp(&rows[b][b])).unwrap_or(2);
-        rows[least] = -rows[least];
-    }
-    (order.map(|k| moments[k]), matrix(&rows))
-}
-
-/// Solid of some size in its orientation; numbers have the digits of the files.
-#[derive(Debug, Clone, PartialEq)]
-pub struct OrientedPolyhedron {
-    pub solid: Rc<PrincipalSolid>,
-    /// Factor of all lengths of the solid.
-    pub scale: f64,
-    /// Principal axes along the fixed axes, one a row.
-    pub axes: Matrix3<f64>,
-}
-
-impl OrientedPolyhedron {
-    /// Turned by `turn`, from the axes in which the shape was given to the fixed ones.
-    pub fn new(solid: Rc<PrincipalSolid>, scale: f64, turn: &Matrix3<f64>) -> Self {
-        let axes = round_axes(&(solid.axes * turn.transpose()));
-        OrientedPolyhedron { solid, scale, axes }
-    }
-
-    /// Volume, m^3.
-    pub fn volume(&self) -> f64 {
-        self.scale.powi(3) * self.solid.volume
-    }
-
-    /// Principal moments at density 1, m^5.
-    pub fn moments(&self) -> [f64; 3] {
-        self.solid.moments.map(|moment| self.scale.powi(5) * moment)
-    }
-
-    /// Vertices of each piece, along the principal axes, m.
-    pub fn vertices(&self) -> Vec<Vec<[f64; 3]>> {
-        let scaled = |v: &[f64; 3]| v.map(|x| round_14_columns(self.scale * x));
-        self.solid.pieces.iter().map(|piece| piece.vertices().iter().map(scaled).collect()).collect()
-    }
-}
+pub use principal::{OrientedPolyhedron, PrincipalSolid};
 
 /// Grain without a position.
 #[derive(Debug, Clone, PartialEq)]
@@ -254,24 +133,5 @@ impl GrainSampler {
         };
         let scale = size.map_or(1.0, |size| size / own);
         Ok(SampledGrain::from_polyhedron(OrientedPolyhedron::new(solid, scale, &turn)))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn parts_too_small_to_be_moved_are_told() {
-        // A cube of a kilometre with a sliver of 1e-14 m on one of its edges, at the origin.
-        let corner = |k: usize| [[0, 1, 1, 0][k % 4], [0, 0, 1, 1][k % 4], k / 4].map(|x| 1e3 * x as f64);
-        let corners: Vec<[f64; 3]> = (0..8).map(corner).chain([[0.1, 0.0, 0.0], [0.05, 1e-14, 0.0]]).collect();
-        let below = [[3, 0, 9], [3, 9, 8], [3, 8, 1], [3, 1, 2], [0, 9, 8]];
-        let before = [[4, 0, 8], [4, 8, 1], [4, 1, 5]];
-        let others = [[1, 2, 6], [1, 6, 5], [2, 3, 7], [2, 7, 6], [3, 0, 4], [3, 4, 7], [4, 5, 6], [4, 6, 7]];
-        let faces = [&below[..], &before, &others].concat();
-        let surface = Surface::new(&corners, &faces).unwrap();
-        let summary = PrincipalSolid::from_convex(&surface).unwrap_err().to_string();
-        assert!(summary.starts_with("about its centre of mass,") && summary.contains("has no area"), "{summary}");
     }
 }

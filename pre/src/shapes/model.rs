@@ -9,9 +9,10 @@ use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
 use parry3d_f64::transformation::voxelization::FillMode;
 
 use crate::scene::{ContactSurface, ModelScale};
+use crate::shapes::hull;
 use crate::shapes::hull::HullError;
+use crate::shapes::principal::PrincipalSolid;
 use crate::shapes::read::{self, RepairedSurface};
-use crate::shapes::{PrincipalSolid, hull};
 use crate::sphere::sphere_spiral;
 
 /// Largest shift of vertices, over the extent, for which a surface counts as convex: files have seven digits.

@@ -3,7 +3,8 @@
 use nalgebra::Vector3;
 
 use crate::random::RandomStream;
-use crate::shapes::{PrincipalSolid, hull};
+use crate::shapes::hull;
+use crate::shapes::principal::PrincipalSolid;
 
 /// Common properties of the polyhedra of one body of grains.
 #[derive(Debug, Clone, Copy, PartialEq)]

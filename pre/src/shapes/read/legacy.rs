@@ -1,6 +1,7 @@
 //! VTK legacy files: polygonal data, ASCII or BINARY, versions 1 to 5.
 
-use super::{CellLists, NumberType, PolyDataPiece, PolygonMesh, ReadError, parse_real};
+use super::mesh::{PolygonMesh, ReadError, parse_real};
+use super::vtk::{CellLists, NumberType, PolyDataPiece};
 
 const FILE_KIND: &str = "polygonal data of VTK, legacy or XML";
 

@@ -1,6 +1,6 @@
 //! Wavefront OBJ: vertices and polygons; the other statements of polygonal files are read and not used.
 
-use super::{PolygonMesh, ReadError, coordinate, parse_real};
+use super::mesh::{PolygonMesh, ReadError, coordinate, parse_real};
 
 const EXPECTED_STATEMENTS: &str = "v, f or another statement of a polygonal Wavefront OBJ file";
 

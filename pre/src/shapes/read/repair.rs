@@ -5,7 +5,7 @@
 use nalgebra::Vector3;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::{PolygonMesh, count_text};
+use super::mesh::{PolygonMesh, count_text};
 
 /// Distances up to which points of an open surface are welded, over the largest coordinate: the last digit of numbers in
 /// single precision, of seven, six and five digits.

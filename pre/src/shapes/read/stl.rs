@@ -1,6 +1,7 @@
 //! STL, text and binary.
 
-use super::{NumberType, PolygonMesh, ReadError, coordinate, count_text, lines, parse_real};
+use super::mesh::{PolygonMesh, ReadError, coordinate, count_text, lines, parse_real};
+use super::vtk::NumberType;
 
 /// Bytes before the first triangle of a binary file: a header of 80, then the number of triangles.
 const HEADER_BYTES: usize = 84;

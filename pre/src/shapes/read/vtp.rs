@@ -2,7 +2,8 @@
 
 use miniz_oxide::inflate::decompress_to_vec_zlib_with_limit;
 
-use super::{CellLists, NumberType, PolyDataPiece, PolygonMesh, ReadError, parse_real};
+use super::mesh::{PolygonMesh, ReadError, parse_real};
+use super::vtk::{CellLists, NumberType, PolyDataPiece};
 
 const FILE_KIND: &str = "polygonal data of VTK, legacy or XML";
 const COMPLETE_FILE: &str = "a complete file";

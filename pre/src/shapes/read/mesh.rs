@@ -1,0 +1,71 @@
+//! Polygons over points, the faults of their files, and words of text files.
+
+use std::borrow::Cow;
+
+/// Polygons over points, the common form of all kinds of files.
+#[derive(Debug, Default, PartialEq)]
+pub struct PolygonMesh {
+    pub points: Vec<[f64; 3]>,
+    pub polygons: Vec<Vec<usize>>,
+    /// Notes on repairs, as in [`RepairedSurface`](super::RepairedSurface).
+    pub notes: Vec<String>,
+}
+
+/// Reason why a file is rejected.
+#[derive(Debug, PartialEq)]
+pub struct ReadError {
+    pub line: Option<usize>,
+    pub found: String,
+    pub expected: String,
+}
+
+impl ReadError {
+    pub fn new(line: impl Into<Option<usize>>, found: impl Into<String>, expected: impl Into<String>) -> Self {
+        ReadError { line: line.into(), found: found.into(), expected: expected.into() }
+    }
+}
+
+impl From<ReadError> for Vec<ReadError> {
+    fn from(refusal: ReadError) -> Self {
+        vec![refusal]
+    }
+}
+
+impl PolygonMesh {
+    /// Adds a phrase with a count, unless the count is 0.
+    pub fn add_note(&mut self, verb: &str, count: usize, what: &str, rest: &str) {
+        if count > 0 {
+            self.notes.push(format!("{verb} {}{rest}", count_text(count, what)));
+        }
+    }
+}
+
+/// Returns `1 triangle` or `2 triangles`.
+pub fn count_text(count: usize, what: &str) -> String {
+    let plural = match (count, what) {
+        (1, _) => what.to_string(),
+        (_, "vertex") => "vertices".into(),
+        (_, "weight or colour") => "weights or colours".into(),
+        _ => format!("{what}s"),
+    };
+    format!("{count} {plural}")
+}
+
+/// A text with line feeds at the ends of its lines, as old programs write carriage returns alone.
+pub fn lines(text: &str) -> Cow<'_, str> {
+    if text.contains('\n') { Cow::Borrowed(text) } else { Cow::Owned(text.replace('\r', "\n")) }
+}
+
+/// Reads a real number of a text file; Fortran's `1.0D+00` too.
+pub fn parse_real(word: &str) -> Option<f64> {
+    word.parse().ok().or_else(|| word.replace(['d', 'D'], "e").parse().ok())
+}
+
+/// Reads a coordinate. Errors: the reason why it is not a number.
+pub fn coordinate(word: &str) -> Result<f64, String> {
+    match parse_real(word) {
+        None => Err(format!("'{word}', which is no number")),
+        Some(x) if !x.is_finite() => Err(format!("'{word}', which is not finite")),
+        Some(x) => Ok(x),
+    }
+}
