@@ -2,6 +2,8 @@
 //!
 //! Between crates: `formats` stands below, the programs import it and never each other.
 //!
+//! Within formats, cd-pre and cd-post, no file imports itself by way of others.
+//!
 //! Within cd-solve, where a *type* is a name with a capital letter, and a stage's types are those of any
 //! of its files:
 //!
@@ -16,7 +18,7 @@
 //! | all | `crate::activity`: what the step is doing, and whether it is given up | |
 //! | all | `crate::BARE`: which models the program is built with | |
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -176,6 +178,60 @@ fn programs_import_formats_and_never_each_other() {
             let name = line.split(['.', ' ', '=']).next().unwrap();
             assert_eq!(name, may, "{krate}/Cargo.toml");
         }
+    }
+}
+
+/// The modules that each module of a crate imports; a module is its path, the crate itself the empty one.
+fn module_imports(root: &Path) -> BTreeMap<Vec<String>, BTreeSet<Vec<String>>> {
+    let module = |file: &Path| -> Vec<String> {
+        let mut path: Vec<String> =
+            file.strip_prefix(root).unwrap().iter().map(|part| part.to_str().unwrap().to_string()).collect();
+        let name = path.pop().unwrap();
+        let name = name.trim_end_matches(".rs");
+        path.extend((!["mod", "lib"].contains(&name)).then(|| name.to_string()));
+        path
+    };
+    let files: BTreeMap<Vec<String>, PathBuf> =
+        sources(root).into_iter().filter(|file| !file.ends_with("main.rs")).map(|file| (module(&file), file)).collect();
+    let mut imports = BTreeMap::new();
+    for (module, file) in &files {
+        let children = files.keys().filter(|other| other.len() == module.len() + 1 && other.starts_with(module));
+        let children: Vec<&str> = children.map(|child| child[module.len()].as_str()).collect();
+        let roots = [&["crate", "super", "self"], &children[..]].concat();
+        let mut imported = BTreeSet::new();
+        for path in paths(&fs::read_to_string(file).unwrap(), &roots) {
+            let mut target = if path.starts_with("crate::") { Vec::new() } else { module.clone() };
+            for word in path.split("::") {
+                match word {
+                    "crate" | "self" => {}
+                    "super" => drop(target.pop()),
+                    word => target.push(word.to_string()),
+                }
+            }
+            while !files.contains_key(&target) {
+                target.pop();
+            }
+            imported.insert(target);
+        }
+        imported.remove(module);
+        imports.insert(module.clone(), imported);
+    }
+    imports
+}
+
+#[test]
+fn no_file_imports_itself_by_way_of_others() {
+    for krate in ["formats", "pre", "post"] {
+        let mut left = module_imports(&Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(krate).join("src"));
+        assert!(left.len() > 30, "{krate}: {left:?}"); // a check of the check
+        // Modules that import none of those left are in no circle.
+        while let Some(lowest) = left.iter().find(|(_, imported)| imported.is_empty()).map(|(module, _)| module.clone())
+        {
+            left.remove(&lowest);
+            left.values_mut().for_each(|imported| imported.retain(|module| *module != lowest));
+        }
+        let names: Vec<String> = left.keys().map(|module| module.join("/")).collect();
+        assert!(left.is_empty(), "{krate}/src: a circle of imports among {}", names.join(", "));
     }
 }
 
