@@ -250,6 +250,10 @@ pub struct Scene {
     /// Contactors of all bodies, ordered by body, if some body is neither a sphere nor a plate, or is driven in part;
     /// otherwise empty.
     pub parts: Vec<BodyPart>,
+    /// Whether some contactor in `parts` is a sphere.
+    pub has_round_parts: bool,
+    /// Whether some contactor in `parts` is a hollow cylinder.
+    pub has_drums: bool,
     /// Start in `parts` of each body's contactors, and the end of the last body's; empty if there are no parts.
     pub part_starts: Vec<u32>,
     /// Notes for the user about the bodies in the files.

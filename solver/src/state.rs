@@ -53,10 +53,10 @@ pub struct CachedPair {
 pub struct DetectionCache {
     pub neighbours: NeighbourList,
     /// Neighbour pairs that the visibility table lists, ordered by candidates along Morton's curve, so that the data of
-    /// contactors stay in the cache, then by antagonists.
-    pub pairs: Vec<([u32; 2], InteractionRule)>,
+    /// contactors stay in the cache, then by antagonists. Shared with the backup of a step.
+    pub pairs: Arc<Vec<([u32; 2], InteractionRule)>>,
     /// Indices of the pairs in the order of candidates.
-    pub order: Vec<u32>,
+    pub order: Arc<Vec<u32>>,
     /// Cached feature of each of these pairs that was in contact.
     pub memories: Vec<CachedFeature>,
     /// Cached features before there are pairs, ordered by contactors.
@@ -69,6 +69,18 @@ pub struct DetectionCache {
 }
 
 impl DetectionCache {
+    /// Copy of the cached features, without the data that only save time.
+    fn features_only(&self) -> Self {
+        let DetectionCache { pairs, order, memories, restored_pairs, .. } = self;
+        DetectionCache {
+            pairs: Arc::clone(pairs),
+            order: Arc::clone(order),
+            memories: memories.clone(),
+            restored_pairs: restored_pairs.clone(),
+            ..DetectionCache::default()
+        }
+    }
+
     /// Cached features of the pairs that were in contact, ordered by contactors.
     pub fn cached_pairs(&self) -> Vec<CachedPair> {
         let of_pair = |&k: &u32| CachedPair { parts: self.pairs[k as usize].0, memory: self.memories[k as usize] };
@@ -311,7 +323,7 @@ pub struct StateBackup {
     settings: (Vec3, f64, Vec3, Vec<ContactLaw>, BondingMode, usize),
     attraction: Option<GravityHistory>,
     ledger: Ledger,
-    kept: Vec<CachedPair>,
+    features: DetectionCache,
 }
 
 impl StateBackup {
@@ -323,7 +335,7 @@ impl StateBackup {
             settings: (gravity, quench, torque, state.laws.clone(), bonding, events_done),
             attraction: state.attraction.clone(),
             ledger: state.ledger.clone(),
-            kept: state.detection_cache.cached_pairs(),
+            features: state.detection_cache.features_only(),
         }
     }
 
@@ -334,7 +346,8 @@ impl StateBackup {
         }
         (state.gravity, state.quench, state.torque, state.laws, state.bonding, state.events_done) = self.settings;
         (state.attraction, state.ledger) = (self.attraction, self.ledger);
-        state.detection_cache = DetectionCache { restored_pairs: self.kept, ..DetectionCache::default() };
+        state.detection_cache =
+            DetectionCache { restored_pairs: self.features.cached_pairs(), ..DetectionCache::default() };
     }
 }
 

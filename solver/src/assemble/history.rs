@@ -5,7 +5,7 @@ use std::ops::Range;
 use cd_formats::groups::DisjointSets;
 use rayon::prelude::*;
 
-use super::rows::{AssemblyContext, relative_velocity};
+use super::rows::{AssemblyContext, contact_arms, velocity_at_arms};
 use crate::laws::{ContactLaw, LawShift, MAX_TOUCHING_GAP};
 use crate::math::{Quat, Vec3, rotate_by_vector};
 use crate::scene::Scene;
@@ -216,7 +216,9 @@ impl AssemblyContext<'_> {
     /// Whether a contact may be bonded, now or where the step began: rotation opens the gap before the contact configuration.
     fn can_bond(&self, contact: &Contact, law: &ContactLaw) -> bool {
         let AssemblyContext { scene, state, q_c, .. } = self;
-        let u = relative_velocity(contact, &q_c.x, &state.v, &q_c.w) - self.arm_turning_velocity(contact, false) * 0.5;
+        let arms = contact_arms(contact, &q_c.x);
+        let u =
+            velocity_at_arms(contact, &arms, &state.v, &q_c.w) - self.arm_turning_velocity(contact, &arms, false) * 0.5;
         let at_start = contact.gap - (1.0 - scene.options.theta) * q_c.h * contact.normal.dot(&u);
         law.bond_gap(contact.gap.min(at_start), self.effective_radius(contact)).is_some()
     }

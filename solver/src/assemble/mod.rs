@@ -12,7 +12,7 @@ pub use forces::{
 };
 pub use history::connected_bodies;
 pub use rows::{
-    BlockData, ContactConstraint, ContactProblem, RollingConstraint, SolverBody, contact_arms, contact_problem,
-    relative_velocity,
+    BlockData, ContactConstraint, ContactProblem, RollingConstraint, SolverBody, contact_problem, relative_velocity,
+    velocity_at_arms,
 };
 pub use stored::{StoredProblem, stored_problem};

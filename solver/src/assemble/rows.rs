@@ -168,9 +168,14 @@ const MIN_FREE_COSINE_SQUARED: f64 = 1e-6;
 
 /// Velocity of the candidate relative to the antagonist at the contact point, world frame, m/s.
 pub fn relative_velocity(contact: &Contact, x: &[Vec3], v: &[Vec3], w: &[Vec3]) -> Vec3 {
+    velocity_at_arms(contact, &contact_arms(contact, x), v, w)
+}
+
+/// [`relative_velocity`] of a contact with these [`contact_arms`].
+#[inline(always)]
+pub fn velocity_at_arms(contact: &Contact, [at_a, at_b]: &[Vec3; 2], v: &[Vec3], w: &[Vec3]) -> Vec3 {
     let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
-    let [at_a, at_b] = contact_arms(contact, x);
-    v[a] + w[a].cross(&at_a) - (v[b] + w[b].cross(&at_b))
+    v[a] + w[a].cross(at_a) - (v[b] + w[b].cross(at_b))
 }
 
 /// Vectors from the centres of the candidate and of the antagonist's image to the contact point, m.
@@ -211,8 +216,13 @@ pub fn contact_problem(
         })
         .collect();
 
-    let speeds = v_free.par_iter().zip(w_free).with_min_len(PAR_MIN_LEN);
-    let speeds = speeds.map(|(v, w)| [(v - q_c.mean_velocity).norm(), w.norm()]).collect();
+    let bounds = scene.bodies.par_iter().zip(v_free.par_iter().zip(w_free)).with_min_len(PAR_MIN_LEN);
+    let bounds = bounds.map(|(body, (v, w))| MotionBounds {
+        speed: (v - q_c.mean_velocity).norm(),
+        angular_speed: w.norm(),
+        nearby: NEARBY_GAP * if body.driven { f64::INFINITY } else { body.radius },
+    });
+    let bounds = bounds.collect();
     let is_sphere = scene.bodies.iter().map(RigidBody::is_sphere).collect();
     let setting = AssemblyContext {
         scene,
@@ -220,7 +230,7 @@ pub fn contact_problem(
         q_c,
         v_free,
         w_free,
-        speeds,
+        bounds,
         is_sphere,
         records: &records,
         changed: q_c.changed,
@@ -319,6 +329,16 @@ const PREFETCH_CONTACTS: usize = 8;
 /// of solutions, smaller than the rebound with a restitution of 0.06.
 const RESTING: f64 = 0.05;
 
+/// Bounds on the motion of a body in the step.
+struct MotionBounds {
+    /// |v_free| beyond the common velocity, m/s.
+    speed: f64,
+    /// |w_free|, rad/s.
+    angular_speed: f64,
+    /// Gap up to which its contacts are solved in any direction of motion, m; infinite for a driven body.
+    nearby: f64,
+}
+
 /// Input for the rows.
 pub(super) struct AssemblyContext<'a> {
     pub scene: &'a Scene,
@@ -326,8 +346,7 @@ pub(super) struct AssemblyContext<'a> {
     pub q_c: &'a ContactConfiguration,
     v_free: &'a [Vec3],
     w_free: &'a [Vec3],
-    /// |v_free| beyond the common velocity, m/s, and |w_free|, rad/s.
-    speeds: Vec<[f64; 2]>,
+    bounds: Vec<MotionBounds>,
     /// Whether each body is a sphere; a packed array, as contacts read it in any order.
     pub(super) is_sphere: Vec<bool>,
     records: &'a [SolverBody],
@@ -340,49 +359,47 @@ pub(super) struct AssemblyContext<'a> {
 impl AssemblyContext<'_> {
     /// Whether a contact can close within the step or is within the range of its law.
     pub(super) fn can_act(&self, contact: &Contact) -> bool {
-        let range = || self.state.laws[contact.law as usize].interaction_range(self.effective_radius(contact));
-        self.can_close_gap(contact) || contact.gap <= range()
+        let law = &self.state.laws[contact.law as usize];
+        let is_in_range = || contact.gap <= law.interaction_range(self.effective_radius(contact));
+        self.can_close_gap(contact, &contact_arms(contact, &self.q_c.x)) || (law.cohesion().is_some() && is_in_range())
     }
 
     /// Prefetches the data of a contact's antagonist that [`Self::contact_constraint`] reads; candidates are read in order.
     fn prefetch(&self, contact: Option<&Contact>) {
-        let AssemblyContext { state, q_c, speeds, records, width, .. } = self;
+        let AssemblyContext { state, q_c, bounds, records, width, .. } = self;
         let Some(b) = contact.map(|contact| contact.antagonist as usize) else { return };
         [&q_c.x[b], &q_c.w[b], &state.v[b], &state.w[b]].into_iter().for_each(|x| width.prefetch(x));
-        width.prefetch(&speeds[b]);
+        width.prefetch(&bounds[b]);
         width.prefetch(&records[b]);
     }
 
     /// Whether the two bodies may close the gap in the step: by their relative free velocities or, if they are near, by their
     /// speeds beyond the common velocity, as contacts may change the direction of these.
     #[inline]
-    fn can_close_gap(&self, contact: &Contact) -> bool {
+    fn can_close_gap(&self, contact: &Contact, arms: &[Vec3; 2]) -> bool {
         if contact.gap <= 0.0 {
             return true;
         }
-        if contact.gap > self.max_approach(contact) {
+        if contact.gap > self.max_approach(contact, arms) {
             return false;
         }
-        let AssemblyContext { q_c, v_free, w_free, .. } = self;
-        let sides = [contact.candidate, contact.antagonist].map(|i| &self.scene.bodies[i as usize]);
-        let free = sides.into_iter().filter(|body| !body.driven).map(|body| body.radius);
-        let is_near = contact.gap <= NEARBY_GAP * free.fold(f64::INFINITY, f64::min);
-        let u = || relative_velocity(contact, &q_c.x, v_free, w_free);
-        is_near || contact.gap <= q_c.longest_reach_time(self.scene) * -contact.normal.dot(&u())
+        let AssemblyContext { q_c, v_free, w_free, bounds, .. } = self;
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| bounds[i as usize].nearby);
+        let u = || velocity_at_arms(contact, arms, v_free, w_free);
+        contact.gap <= a.min(b) || contact.gap <= q_c.longest_reach_time(self.scene) * -contact.normal.dot(&u())
     }
 
     /// Largest approach of the two bodies at the contact in the step, m, beyond the common motion, for any direction of
     /// travel.
-    fn max_approach(&self, contact: &Contact) -> f64 {
-        let AssemblyContext { q_c, speeds, .. } = self;
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| speeds[i as usize]);
+    fn max_approach(&self, contact: &Contact, [at_a, at_b]: &[Vec3; 2]) -> f64 {
+        let AssemblyContext { q_c, bounds, .. } = self;
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| &bounds[i as usize]);
         let plate =
             if self.on_plate(contact) { (self.plate_velocity(contact) - q_c.mean_velocity).norm() } else { 0.0 };
         let reach = q_c.longest_reach_time(self.scene);
-        let mut travel = reach * (a[0] + plate.max(b[0]));
+        let mut travel = reach * (a.speed + plate.max(b.speed));
         if self.full {
-            let [at_a, at_b] = contact_arms(contact, &q_c.x);
-            travel += reach * (a[1] * at_a.norm() + b[1] * at_b.norm());
+            travel += reach * (a.angular_speed * at_a.norm() + b.angular_speed * at_b.norm());
         }
         travel
     }
@@ -404,9 +421,10 @@ impl AssemblyContext<'_> {
         let h = q_c.h;
         let frame = contact.frame();
         let n = frame[0];
-        let u_before = relative_velocity(contact, &q_c.x, &state.v, &q_c.w);
+        let arms = contact_arms(contact, &q_c.x);
+        let u_before = velocity_at_arms(contact, &arms, &state.v, &q_c.w);
         let law = &state.laws[contact.law as usize];
-        let radius = self.contact_radius(contact);
+        let radius = if law.depends_on_radius() { self.contact_radius(contact) } else { 0.0 };
         let bodies = [contact.candidate, contact.antagonist];
         let [a, b] = bodies.map(|i| i as usize);
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
@@ -416,7 +434,7 @@ impl AssemblyContext<'_> {
         let carried = previous.is_some_and(|old| old.impulse != Vec3::zeros()) && course != GapForecast::Due;
         let stays = hold.bond.is_some() || hold.in_aggregate || carried;
         let as_one = hold.bond.is_some() && law.bonds_are_rigid();
-        let turning = if stays { self.arm_turning_velocity(contact, as_one) } else { Vec3::zeros() };
+        let turning = if stays { self.arm_turning_velocity(contact, &arms, as_one) } else { Vec3::zeros() };
         // Sliding along a curved surface is no approach, and bonded bodies that turn do not part.
         let curve = match hold {
             BondState { bond: Some(_), .. } if law.bonds_are_rigid() => -turning.dot(&n),
@@ -451,12 +469,12 @@ impl AssemblyContext<'_> {
         // The arms end in one point: it divides the distance in the ratio of the radii, and is the middle of the gap on flat
         // surfaces.
         let radii = [records[a].radius, records[b].radius];
-        let beyond = match scene.find_part(contact.antagonist, contact.ranks.1).map(|part| &part.geometry) {
+        let beyond = || match scene.find_part(contact.antagonist, contact.ranks.1).map(|part| &part.geometry) {
             Some(ContactorShape::Sphere { radius }) => *radius,
             _ if on_plate => radii[0],
             _ => radii[1],
         };
-        let arm = if full { 1.0 } else { 1.0 + contact.gap / (radii[0] + beyond) };
+        let arm = if full { 1.0 } else { 1.0 + contact.gap / (radii[0] + beyond()) };
         let plate = if on_plate { self.plate_velocity(contact) } else { Vec3::zeros() };
         let w_t = w_n
             + (arm * radii[0]).powi(2) * records[a].inverse_inertia
@@ -472,7 +490,7 @@ impl AssemblyContext<'_> {
             friction: shift.friction,
             impulse_shift: shift.impulse,
             acts,
-            can_close: shift.solved && (shift.impulse != 0.0 || self.can_close_gap(contact)),
+            can_close: shift.solved && (shift.impulse != 0.0 || self.can_close_gap(contact, &arms)),
             warm_start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, &shift, h / state.h)),
             u_before: to_local(&frame, &u_before),
             bond: hold.bond.filter(|_| acts),
@@ -485,7 +503,11 @@ impl AssemblyContext<'_> {
             let (contact, lever) = (&contacts[k], full.friction_lever(k, &row.normal));
             let [a, b] = row.bodies.map(|body| self.q_c.w[body as usize]);
             let change = lever * row.normal.dot(&(a - b));
+            row.u_before += to_local(&contact.frame(), &change);
             let law = &self.state.laws[contact.law as usize];
+            if !law.acts_on_touch() {
+                return;
+            }
             let reach = self.closing_time(contact);
             let at = LawInput {
                 gap: contact.gap,
@@ -498,7 +520,6 @@ impl AssemblyContext<'_> {
                 bonded: row.bond.is_some(),
             };
             row.shift += change * law.contact_shift(&at).unwrap_or_default().tangential;
-            row.u_before += to_local(&contact.frame(), &change);
         };
         let rows = rows.par_iter_mut().enumerate().with_min_len(256);
         rows.filter(|(k, _)| full.friction_offsets[*k] != Vec3::zeros()).for_each(of_row);
@@ -531,9 +552,10 @@ impl AssemblyContext<'_> {
         let gain = |i: usize| if scene.bodies[i].driven { 0.0 } else { (v_free[i] - self.state.v[i]).norm() };
         let loaded = bodies.map(gain).into_iter().fold(alone, f64::max);
         // Without forces, the error of an unconverged solution is at most a share of the speeds.
-        let scale = if loaded > 0.0 { loaded } else { bodies.map(|i| self.speeds[i][0]).into_iter().sum() };
+        let scale = if loaded > 0.0 { loaded } else { bodies.map(|i| self.bounds[i].speed).into_iter().sum() };
         let moves = |u: Vec3| tangential(u) > SLIDING_VELOCITY_FACTOR * scene.options.tol() * scale;
-        let now = u - self.arm_turning_velocity(contact, false) * 0.5;
+        let arms = contact_arms(contact, &q_c.x);
+        let now = u - self.arm_turning_velocity(contact, &arms, false) * 0.5;
         let differs = |old: &SolvedContact| moves(u - to_world(&old.contact.frame(), &old.velocity));
         moves(now) && carried.is_none_or(differs)
     }
@@ -618,9 +640,22 @@ impl AssemblyContext<'_> {
 
     /// Whether a contactor is a sphere.
     fn is_round(&self, body: u32, rank: u16) -> bool {
-        let part = || self.scene.find_part(body, rank);
-        self.is_sphere[body as usize]
-            || part().is_some_and(|part| matches!(part.geometry, ContactorShape::Sphere { .. }))
+        self.sphere_radius(body, rank).is_some()
+    }
+
+    /// Radius of a contactor that is a sphere, m.
+    #[inline]
+    pub(super) fn sphere_radius(&self, body: u32, rank: u16) -> Option<f64> {
+        if self.is_sphere[body as usize] {
+            return Some(self.records[body as usize].radius);
+        }
+        if !self.scene.has_round_parts {
+            return None;
+        }
+        match self.scene.find_part(body, rank)?.geometry {
+            ContactorShape::Sphere { radius } => Some(radius),
+            _ => None,
+        }
     }
 
     /// Effective radius R of the two bodies, m, the scale of distances.
@@ -715,6 +750,12 @@ impl ContactProblem {
         }
     }
 
+    /// [`contact_arms`] of row `k`, whose contact is `contact`, with the positions `x` of the bodies.
+    #[inline]
+    pub fn arms_of(&self, k: usize, contact: &Contact, x: &[Vec3]) -> [Vec3; 2] {
+        self.block_data.as_ref().map_or_else(|| contact_arms(contact, x), |full| full.arms[k])
+    }
+
     /// Angular impulse about the centre of the body on `side` by an impulse `r` on it at row `k`, N m s; the transpose of
     /// [`Self::turning_velocity`].
     pub fn angular_impulse(&self, k: usize, side: usize, r: &Vec3) -> Vec3 {
@@ -738,6 +779,17 @@ impl ContactProblem {
             record.v + self.turning_velocity(k, side, &record.w)
         };
         at(0) - at(1) + row.shift
+    }
+
+    /// Normal component of [`Self::shifted_velocity`] up to rounding, m/s: friction offsets do not change it.
+    #[inline]
+    pub fn shifted_normal_velocity(&self, k: usize, records: &[SolverBody]) -> f64 {
+        let row = &self.rows[k];
+        let Some(full) = &self.block_data else { return row.normal.dot(&row.shifted_velocity(records)) };
+        let [a, b] = row.bodies.map(|body| &records[body as usize]);
+        let [at_a, at_b] = &full.arms[k];
+        let u = a.v + a.w.cross(at_a) - (b.v + b.w.cross(at_b)) + row.shift;
+        row.normal.dot(&u)
     }
 
     /// Gives the two bodies of row `k` the impulse `r` on the candidate and -r on the antagonist, N s.

@@ -2,7 +2,7 @@
 
 use super::rows::{AssemblyContext, contact_arms};
 use crate::math::Vec3;
-use crate::scene::{BodyPart, BodyShape, ContactorShape};
+use crate::scene::ContactorShape;
 use crate::state::Contact;
 
 impl AssemblyContext<'_> {
@@ -13,7 +13,7 @@ impl AssemblyContext<'_> {
     /// `as_one`: whether a bond joins the two bodies. They then have one ω, even if an event has changed that of one of them:
     /// arms that turn apart would strain the bond. A bonded sphere has no rolling term, since a bond at one point lets it
     /// roll.
-    pub(super) fn arm_turning_velocity(&self, contact: &Contact, as_one: bool) -> Vec3 {
+    pub(super) fn arm_turning_velocity(&self, contact: &Contact, [at_a, at_b]: &[Vec3; 2], as_one: bool) -> Vec3 {
         let bodies = [contact.candidate, contact.antagonist].map(|body| body as usize);
         // Angular velocities at the step's start: bodies that turn as one have the same one then, while free rotation differs
         // from body to body.
@@ -37,23 +37,16 @@ impl AssemblyContext<'_> {
             let free = if before > 0.0 { change.cross(arm) * (half / before) } else { Vec3::zeros() };
             lever_velocity_change(w, arm, half) + free
         };
-        let [at_a, at_b] = contact_arms(contact, &self.q_c.x);
         let rolling = rolling_velocity_change(&a, &b, &(contact.normal * radius), half);
-        at(0, &a, &at_a) - at(1, &b, &at_b) + rolling
+        at(0, &a, at_a) - at(1, &b, at_b) + rolling
     }
 
     /// 1/(1/R_a + 1/R_b) of a sphere and the surface on which it rolls, m; 0 for corners and edges, which are fixed on their
     /// bodies.
     fn rolling_radius(&self, contact: &Contact) -> f64 {
-        let radius =
-            |body: u32, rank: u16| match (self.scene.bodies[body as usize].shape, self.scene.find_part(body, rank)) {
-                (BodyShape::Sphere { radius }, _)
-                | (_, Some(&BodyPart { geometry: ContactorShape::Sphere { radius }, .. })) => Some(radius),
-                _ => None,
-            };
-        let of_antagonist = radius(contact.antagonist, contact.ranks.1);
-        let sum = |own: f64| 1.0 / (1.0 / own + of_antagonist.map_or(0.0, f64::recip));
-        radius(contact.candidate, contact.ranks.0).map_or(0.0, sum)
+        let Some(own) = self.sphere_radius(contact.candidate, contact.ranks.0) else { return 0.0 };
+        let of_antagonist = self.sphere_radius(contact.antagonist, contact.ranks.1);
+        1.0 / (1.0 / own + of_antagonist.map_or(0.0, f64::recip))
     }
 
     /// Approach velocity of the inside of a hollow cylinder to a point that slides round it, m/s, as the surface curves away
@@ -63,6 +56,9 @@ impl AssemblyContext<'_> {
     /// 0 at other contacts: the gap opens between convex surfaces.
     pub(super) fn curvature_velocity(&self, contact: &Contact) -> f64 {
         let &AssemblyContext { scene, state, q_c, .. } = self;
+        if !scene.has_drums {
+            return 0.0;
+        }
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
         let Some(drum) = scene.find_part(contact.antagonist, contact.ranks.1) else { return 0.0 };
         let ContactorShape::Cylinder { hollow: true, .. } = drum.geometry else { return 0.0 };

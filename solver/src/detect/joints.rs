@@ -225,59 +225,46 @@ fn may_be_inner(of: &SurfaceContact, by: &SurfaceContact) -> bool {
     is_low(&of.at) && is_low(&of.centre) && of.normal.dot(&by.normal) < 1.0 - SAME_DIRECTION_TOLERANCE
 }
 
-/// Necessary condition for [`may_be_inner`] that takes three products per pair; nearly all contacts of rough bodies fail
-/// it.
-struct ContactHeights {
-    /// Directions and points of the contacts, m.
-    normals: Vec<Vec3>,
-    points: Vec<Vec3>,
-    /// normal·point, m.
-    heights: Vec<f64>,
-    /// Largest height of an inner contact above the plane of another contact, m, by contact.
-    tolerances: Vec<f64>,
+/// Position of a contact of A, for a necessary condition of [`may_be_inner`] that takes three products per pair; nearly all
+/// contacts of rough bodies fail it. 64 bytes, one cache line.
+struct ContactHeight {
+    normal: Vec3,
+    /// Contact point on the other contactor's surface, relative to the centre of A, m.
+    at: Vec3,
+    /// normal·at, m.
+    height: f64,
+    /// Largest height of an inner contact above the plane of another contact, m; the tolerances of both add up.
+    tolerance: f64,
 }
 
-impl ContactHeights {
-    const fn new() -> Self {
-        ContactHeights { normals: Vec::new(), points: Vec::new(), heights: Vec::new(), tolerances: Vec::new() }
-    }
-
-    fn set_contacts(&mut self, touches: impl Iterator<Item = SurfaceContact>) {
-        let ContactHeights { normals, points, heights, tolerances } = self;
-        normals.clear();
-        points.clear();
-        heights.clear();
-        tolerances.clear();
+impl ContactHeight {
+    /// `reach`: as in [`SurfaceContact`], m.
+    #[inline(always)]
+    fn new(normal: Vec3, at: Vec3, reach: f64) -> Self {
         // Two points are no farther from each other than both are from A's centre.
         let angle = 2.0 * ON_FACE_TOLERANCE.sqrt() * (1.0 + 1e-9);
-        for SurfaceContact { normal, at, reach, .. } in touches {
-            normals.push(normal);
-            points.push(at);
-            heights.push(normal.dot(&at));
-            tolerances.push(angle * at.norm() + FLUSH_TOLERANCE * reach);
-        }
+        let tolerance = angle * at.norm() + FLUSH_TOLERANCE * reach;
+        ContactHeight { normal, at, height: normal.dot(&at), tolerance }
     }
 
-    /// Number of contacts that are low enough relative to the surface of contact `by`, itself included.
-    fn count_low(&self, by: usize) -> usize {
-        let (normal, height, tolerance) = (self.normals[by], self.heights[by], self.tolerances[by]);
-        let is_low = |(point, of): (&Vec3, &f64)| normal.dot(point) - height <= of + tolerance;
-        self.points.iter().zip(&self.tolerances).map(|low| usize::from(is_low(low))).sum()
-    }
-
-    /// Whether contact `of` is low enough for an inner contact relative to the surface of contact `by`.
+    /// Whether this contact is low enough for an inner contact relative to the surface of contact `by`.
     #[inline(always)]
-    fn is_low(&self, of: usize, by: usize) -> bool {
-        let above = self.normals[by].dot(&self.points[of]) - self.heights[by];
-        above <= self.tolerances[of] + self.tolerances[by]
+    fn is_low(&self, by: &ContactHeight) -> bool {
+        by.normal.dot(&self.at) - by.height <= self.tolerance + by.tolerance
     }
+}
+
+/// Whether some contact is low relative to another one with another direction.
+fn any_is_low(heights: &[ContactHeight]) -> bool {
+    let differs = |of: &ContactHeight, by: &ContactHeight| of.normal.dot(&by.normal) < 1.0 - SAME_DIRECTION_TOLERANCE;
+    heights.iter().any(|by| heights.iter().any(|of| of.is_low(by) && differs(of, by)))
 }
 
 /// Scratch memory, reused from contactor to contactor.
 struct JointScratch {
     /// Contacts that may act in the step.
     near: Vec<u32>,
-    heights: ContactHeights,
+    heights: Vec<ContactHeight>,
     /// Supporting plane of each contact, computed on first use.
     planes: Vec<Option<Option<FacePlane>>>,
     /// Inner contacts, the contacts that hide them, and the normals of the hiding planes.
@@ -286,7 +273,7 @@ struct JointScratch {
 
 impl JointScratch {
     const fn new() -> Self {
-        JointScratch { near: Vec::new(), heights: ContactHeights::new(), planes: Vec::new(), found: Vec::new() }
+        JointScratch { near: Vec::new(), heights: Vec::new(), planes: Vec::new(), found: Vec::new() }
     }
 
     /// Appends to `inner` the inner contacts among `count` contacts of A, each with the normal of a plane that hides it.
@@ -302,12 +289,13 @@ impl JointScratch {
         inner: &mut Vec<(SurfaceContact, Vec3)>,
     ) {
         let JointScratch { heights, planes, found, .. } = self;
-        heights.set_contacts((0..count).map(&touch));
+        heights.clear();
+        heights.extend((0..count).map(&touch).map(|touch| ContactHeight::new(touch.normal, touch.at, touch.reach)));
         planes.clear();
         planes.resize(count, None);
         found.clear();
         let mut try_pair = |of: usize, by: usize| {
-            if !heights.is_low(of, by) {
+            if !heights[of].is_low(&heights[by]) {
                 return;
             }
             let (inner, outer) = (touch(of), touch(by));
@@ -319,8 +307,7 @@ impl JointScratch {
             }
         };
         if count <= MAX_CONTACTS_ALL_PAIRS {
-            let others = |by: &usize| heights.count_low(*by) > 1;
-            for by in (0..count).filter(others) {
+            for by in 0..count {
                 (0..count).filter(|of| *of != by).for_each(|of| try_pair(of, by));
             }
         } else {
@@ -420,6 +407,27 @@ struct ContactRun {
     parts: [u32; 2],
     /// Smallest gap, m.
     gap: f64,
+    /// Normal, point and image of the first contact, and half of its gap, m.
+    normal: Vec3,
+    point: Vec3,
+    image: Vec3,
+    half_gap: f64,
+    /// Diameters of the bounding balls of antagonist and candidate, and their largest displacements in the step, m.
+    reach: [f64; 2],
+    travel: [f64; 2],
+}
+
+impl ContactRun {
+    /// Normal towards the candidate, or the antagonist if `turned`, the point on the surface of the other contactor, and
+    /// the shift from the image of the contact that touches the former, m.
+    #[inline(always)]
+    fn seen_from(&self, turned: bool) -> (Vec3, Vec3, Vec3) {
+        if turned {
+            (-self.normal, self.point - self.image + self.normal * self.half_gap, -self.image)
+        } else {
+            (self.normal, self.point - self.normal * self.half_gap, self.image)
+        }
+    }
 }
 
 /// Removes the inner contacts from contacts that are ordered by key; returns their candidates and antagonists.
@@ -447,7 +455,8 @@ pub(super) fn remove_inner_edges(
     if all.clone().all(|k| posed(k).is_none()) || all.filter(|&k| solid(k).is_some()).nth(1).is_none() {
         return Vec::new();
     }
-    let runs = contact_runs(scene, contacts);
+    let attracts = scene.laws.iter().any(|law| law.cohesion().is_some());
+    let runs = closing_runs(scene, places, contacts, attracts);
     let nobody = places.len() as u32;
     // Contact k has the number 2k seen from its candidate and 2k + 1 from its antagonist; only polyhedra and solid
     // cylinders count.
@@ -457,35 +466,38 @@ pub(super) fn remove_inner_edges(
         .map(|(own, other)| if solid(*other).is_some() { *own } else { nobody })
         .collect();
     let (order, starts) = group_by_key(&keys, places.len() + 1);
-    let attracts = scene.laws.iter().any(|law| law.cohesion().is_some());
     let of_part = |part: usize, scratch: &mut JointScratch, inner: &mut Vec<(SurfaceContact, Vec3)>| {
         let a = &places[part];
         let keys = &order[starts[part] as usize..starts[part + 1] as usize];
         let run = |key: u32| &runs[key as usize / 2];
         let other = |key: u32| run(key).parts[usize::from(key.is_multiple_of(2))];
         // B cannot be nearer than C. A contact that cannot close in this step is not an inner contact and hides none.
-        let others = keys.iter().map(|&key| places[other(key) as usize].travel);
-        let reach = a.travel + others.fold(0.0, f64::max) + 2.0 * FLUSH_TOLERANCE * a.radius;
-        let mut near = std::mem::take(&mut scratch.near);
+        let travel = keys.iter().map(|&key| run(key).travel[key as usize % 2]).fold(0.0, f64::max);
+        let reach = a.travel + travel + 2.0 * FLUSH_TOLERANCE * a.radius;
+        let JointScratch { near, heights, .. } = &mut *scratch;
         near.clear();
         near.extend(keys.iter().filter(|&&key| attracts || run(key).gap <= reach));
+        let height = |key: &u32| {
+            let (run, turned) = (run(*key), key % 2 == 1);
+            let (normal, at, _) = run.seen_from(turned);
+            ContactHeight::new(normal, at - a.centre, run.reach[usize::from(turned)])
+        };
+        heights.clear();
+        heights.extend(near.iter().map(height));
+        if heights.len() <= MAX_CONTACTS_ALL_PAIRS && !any_is_low(heights) {
+            return;
+        }
+        let near = std::mem::take(near);
         let touch = |k: usize| {
             let key = near[k];
             let (of, turned) = (key / 2, key % 2 == 1);
-            let contact = &contacts[run(key).start as usize];
+            let (normal, at, image) = run(key).seen_from(turned);
             let other = &places[other(key) as usize];
-            let (sign, point, image) = if turned {
-                (-1.0, contact.point - contact.image, -contact.image)
-            } else {
-                (1.0, contact.point, contact.image)
-            };
-            let normal = contact.normal * sign;
-            let at = point - a.centre - normal * (0.5 * contact.gap);
             SurfaceContact {
                 of,
                 turned,
                 normal,
-                at,
+                at: at - a.centre,
                 centre: other.centre + image - a.centre,
                 reach: 2.0 * other.radius,
             }
@@ -581,7 +593,10 @@ pub(super) fn remove_inner_edges(
     pairs
 }
 
-fn contact_runs(scene: &Scene, contacts: &[Contact]) -> Vec<ContactRun> {
+/// Runs of contacts without those that cannot close in the step whatever other contactors do. With laws that attract, all
+/// can act.
+fn closing_runs(scene: &Scene, places: &[PosedContactor], contacts: &[Contact], attracts: bool) -> Vec<ContactRun> {
+    let fastest = places.iter().map(|place| place.travel).fold(0.0, f64::max);
     let mut runs = Vec::with_capacity(contacts.len() / 2);
     let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
     let mut start = 0;
@@ -590,8 +605,22 @@ fn contact_runs(scene: &Scene, contacts: &[Contact]) -> Vec<ContactRun> {
         let first = &of_one[0];
         let part = |body: u32, rank: u16| scene.part_starts[body as usize] + u32::from(rank);
         let parts = [part(first.candidate, first.ranks.0), part(first.antagonist, first.ranks.1)];
+        let [a, b] = parts.map(|part| &places[part as usize]);
         let gap = of_one.iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);
-        runs.push(ContactRun { start, end, parts, gap });
+        if attracts || gap <= a.travel.max(b.travel) + fastest + 2.0 * FLUSH_TOLERANCE * a.radius.max(b.radius) {
+            runs.push(ContactRun {
+                start,
+                end,
+                parts,
+                gap,
+                normal: first.normal,
+                point: first.point,
+                image: first.image,
+                half_gap: 0.5 * first.gap,
+                reach: [2.0 * b.radius, 2.0 * a.radius],
+                travel: [b.travel, a.travel],
+            });
+        }
         start = end;
     }
     runs

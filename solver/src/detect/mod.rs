@@ -17,6 +17,7 @@ pub mod swept;
 pub use late::late_contacts;
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use cd_formats::compute::NarrowPhase;
 use rayon::prelude::*;
@@ -155,8 +156,10 @@ fn sphere_sphere_pairs(
     let things = BoundingBalls { centres: &centres, reach: &reach, path, travel: &travel };
     if known.neighbours.rebuild_if_stale(&things, scene.periods(), scene.mean_radius) {
         let near = std::mem::take(&mut known.neighbours.pairs);
-        known.pairs = near.into_par_iter().with_min_len(1024).filter_map(|pair| visible_pair(scene, pair)).collect();
-        known.pairs.par_sort_unstable_by_key(|(pair, _)| *pair);
+        let visible = near.into_par_iter().with_min_len(1024).filter_map(|pair| visible_pair(scene, pair));
+        let mut pairs: Vec<([u32; 2], InteractionRule)> = visible.collect();
+        pairs.par_sort_unstable_by_key(|(pair, _)| *pair);
+        known.pairs = Arc::new(pairs);
     }
     let listed = |&([i, j], see): &([u32; 2], InteractionRule)| {
         let pair = [i, j].map(|k| scene.spheres[k as usize]);

@@ -1,5 +1,7 @@
 //! Contacts between contactors of any shape: a broad phase on bounding balls, then the narrow phase of each pair.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
@@ -92,7 +94,7 @@ impl DetectionCache {
         let order = part_order(&pairs, places.len());
         self.separations = previous_values(&pairs, &order, self.order.iter().map(apart));
         self.memories = previous_values(&pairs, &order, before.into_iter().map(|pair| (pair.parts, pair.memory)));
-        (self.pairs, self.order, self.restored_pairs) = (pairs, order, Vec::new());
+        (self.pairs, self.order, self.restored_pairs) = (Arc::new(pairs), Arc::new(order), Vec::new());
     }
 }
 

@@ -292,6 +292,11 @@ impl ContactLaw {
         matches!(self.unilateral, UnilateralLaw::Velocity | UnilateralLaw::Restitution { .. })
     }
 
+    /// Whether [`Self::contact_shift`] depends on the radius of the contact.
+    pub fn depends_on_radius(&self) -> bool {
+        self.acts_on_touch() || self.has_stress()
+    }
+
     /// Cohesion in effect in a step.
     pub fn cohesion(&self) -> Option<Cohesion> {
         if BARE { None } else { self.cohesion }

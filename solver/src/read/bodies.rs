@@ -107,6 +107,8 @@ pub fn scene_without_laws(
         free,
         spheres,
         planes,
+        has_round_parts: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Sphere { .. })),
+        has_drums: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Cylinder { hollow: true, .. })),
         parts,
         part_starts,
         notes: shifted_centres_note(&bodies, &frames).into_iter().collect(),

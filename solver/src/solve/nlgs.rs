@@ -355,7 +355,7 @@ pub(super) fn closing_inactive_rows(system: &ContactProblem, active: &[u32], rec
     let outside: Vec<u32> = (0..system.rows.len() as u32).filter(|k| inside.next_if_eq(&k).is_none()).collect();
     let closes = |&k: &u32| {
         let row = &system.rows[k as usize];
-        row.acts && row.normal.dot(&system.shifted_velocity(k as usize, records)) < 0.0
+        row.acts && system.shifted_normal_velocity(k as usize, records) < 0.0
     };
     outside.into_par_iter().with_min_len(1024).filter(closes).collect()
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::ITEMS_PER_TASK;
 use super::motion::VelocityErrors;
-use crate::assemble::{self, ContactProblem, FreeMotion, SolverBody, relative_velocity};
+use crate::assemble::{ContactProblem, FreeMotion, SolverBody, velocity_at_arms};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::Scene;
@@ -172,10 +172,11 @@ impl PostSolve<'_> {
             true => ContactStatus::Stick,
         };
         let bond = row.bond.filter(|_| law.keeps_bond(contact.gap, opens, slides));
-        let mut velocity = relative_velocity(contact, &q_c.x, v, w);
-        if system.has_friction_offsets() {
+        let mut velocity = velocity_at_arms(contact, &system.arms_of(k, contact, &q_c.x), v, w);
+        let lever = system.friction_lever(k);
+        if lever != Vec3::zeros() {
             let [a, b] = row.bodies.map(|body| w[body as usize]);
-            velocity += system.friction_lever(k) * row.normal.dot(&(a - b));
+            velocity += lever * row.normal.dot(&(a - b));
         }
         SolvedContact {
             contact: *contact,
@@ -199,7 +200,7 @@ impl PostSolve<'_> {
         let mean = 0.5 * (velocity + row.u_before);
         let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
         let force = r + contact.normal * row.impulse_shift;
-        let arms = assemble::contact_arms(contact, &q_c.x);
+        let arms = system.arms_of(k, contact, &q_c.x);
         let turned = |body: usize| w[body] + q_c.w[body];
         let rolls = *moment != Vec3::zeros();
         let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
