@@ -16,6 +16,7 @@
 //! | [`doubts`] | none: values that are probably mistakes of units |
 //! | [`accuracy`] | the same: the values of its presets of accuracy |
 //! | [`case`] | none: the folder of a case on a command line |
+//! | [`former_names`] | scenes, changes and settings: names of earlier versions |
 //! | [`groups`] | none: groups of connected items |
 //! | [`places`] | any RON file: positions and replacement of its values |
 //! | [`report`] | the same: its faults |
@@ -38,6 +39,7 @@ pub mod error;
 pub mod faces;
 pub mod fc3d;
 pub mod field;
+pub mod former_names;
 pub mod groups;
 pub mod mass;
 pub mod origin;

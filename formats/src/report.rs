@@ -52,7 +52,8 @@ impl<'a> FaultReport<'a> {
         self.warnings.push(self.fault_at(path, found.into(), question.to_string()));
     }
 
-    fn fault_at(&self, path: &str, found: String, expected: String) -> Fault {
+    /// Fault of the value at `path`, with the whole phrase about the expected value.
+    pub fn fault_at(&self, path: &str, found: String, expected: String) -> Fault {
         match places::setting_of_path(self.settings, path) {
             Some(setting) => places::setting_fault(setting, found, expected),
             None => {
@@ -110,6 +111,6 @@ mod tests {
         assert_eq!(path_in_words("compute.dt"), "compute, dt");
         assert_eq!(path_in_words("bodies.1.spin"), "body 2, spin");
         assert_eq!(path_in_words("0.action"), "item 1, action");
-        assert_eq!(path_in_words("grains.0.place.positions.1.2"), "grains 1, place, position 2.3");
+        assert_eq!(path_in_words("grains.0.placement.positions.1.2"), "grains 1, placement, position 2.3");
     }
 }

@@ -42,6 +42,7 @@ use cd_formats::atomic;
 use cd_formats::case::misplaced;
 use cd_formats::compute::from_ron;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::former_names;
 use cd_formats::origin::SceneOrigin;
 use cd_formats::places;
 use cd_formats::report::FaultReport;
@@ -166,6 +167,7 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     let text = places::apply_settings(&original, settings)?;
     let (scene, population) = read_scene(source, &text, settings)?;
     let mut report = FaultReport::with_settings(source, &text, settings);
+    report.warnings = former_names::warnings(source, &original, settings);
     doubts::report_doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
     cd_formats::doubts::events(&scene.compute.events, "compute.", &mut report);
     attraction::warn_of_attractions(&scene, &population, &mut report);
@@ -198,13 +200,13 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
 pub(crate) fn models(grains: &[scene::Grains]) -> impl Iterator<Item = &str> {
     grains.iter().flat_map(|grains| {
         let (shape, pieces) = match &grains.shape {
-            scene::GrainShape::Model { file, contact: scene::ContactSurface::Files(pieces), .. } => {
+            scene::GrainShape::Model { file, contact_shape: scene::ContactSurface::Files(pieces), .. } => {
                 (Some(file), pieces.as_slice())
             }
             scene::GrainShape::Model { file, .. } => (Some(file), &[][..]),
             _ => (None, &[][..]),
         };
-        let envelope = match grains.place.envelope() {
+        let envelope = match grains.placement.envelope() {
             Some(scene::Envelope::Model { file, .. }) => Some(file),
             _ => None,
         };

@@ -212,8 +212,8 @@ fn doubtful_values_are_asked_about_and_accepted() {
         ),
         (
             "-11.0),",
-            "-11.0), rotation: (Table([(0, 0), (1, 0)]), Constant(0), Constant(0)),",
-            "13:93: wall 1, rotation 1: the function is 0 at all times; give values, or Constant(0.0)",
+            "-11.0), angular_velocity: (Table([(0, 0), (1, 0)]), Constant(0), Constant(0)),",
+            "13:101: wall 1, angular_velocity 1: the function is 0 at all times; give values, or Constant(0.0)",
         ),
     ] {
         let expected = format!("cd-pre: warning: scene.ron:{warning}\n");
@@ -239,7 +239,7 @@ fn events_before_the_start_are_refused() {
 fn grains_larger_than_their_room_are_named() {
     let cm = "Uniform(min: 80.0, max: 120.0)";
     let said = said("Uniform(min: 0.5, max: 1.0)", cm);
-    assert!(said.starts_with("scene.ron:10:16: grains 1, place: the smallest grain, of radius 8"), "{said}");
+    assert!(said.starts_with("scene.ron:10:20: grains 1, placement: the smallest grain, of radius 8"), "{said}");
     assert!(
         said.ends_with(
             " m, is larger than a ball of radius 10.00000 m; expected smaller grains or a larger envelope, lengths in m"
@@ -387,7 +387,7 @@ fn datbox_names_the_models_that_it_is_from() {
     let stone = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
     std::fs::create_dir(folder.path().join("models")).unwrap();
     std::fs::write(folder.path().join("models/stone.obj"), stone).unwrap();
-    let place = "shape: Model(file: \"models/stone.obj\"), place: List(positions: [(0.0, 0.0, 0.0)]),\n        spin: (0.0, 0.0, 0.0),";
+    let place = "shape: Model(file: \"models/stone.obj\"), placement: List(positions: [(0.0, 0.0, 0.0)]),\n        spin: (0.0, 0.0, 0.0),";
     let grains = GOOD.find("number: 20,").unwrap()..GOOD.find("    )],\n    walls").unwrap();
     let scene = format!("{}{place}\n{}", &GOOD[..grains.start], &GOOD[grains.end..]);
     std::fs::write(folder.path().join("scene.ron"), scene).unwrap();

@@ -11,7 +11,7 @@ const SCENE: &str = r#"(
     materials: [(name: "ROCKx", density: 2700.0)],
     laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
     contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0")],
-    grains: [(material: "ROCKx", colour: "BLUEx", number: 20, solid_fraction: 0.2, sizes: Single(0.1), place: JitteredLattice(envelope: Ball()))],
+    grains: [(material: "ROCKx", colour: "BLUEx", number: 20, solid_fraction: 0.2, sizes: Single(0.1), placement: JitteredLattice(envelope: Ball()))],
     compute: (dt: 0.1, steps: 10),
 )"#;
 
@@ -184,7 +184,7 @@ fn files_are_seen_from_the_case() {
     let study = Study::new(
         r#"(groups: [(name: "deep/a{a}", base: "scene.ron", parameters: [(name: "a", paths: ["grains.1.number"], values: [5])])])"#,
     );
-    let model = r#"shape: Model(file: "rock.obj", scaled: Factor(0.1)), "#;
+    let model = r#"shape: Model(file: "rock.obj", scale: Factor(0.1)), "#;
     study.write(
         "scene.ron",
         &SCENE.replace("sizes: Single(0.1), ", model).replace("solid_fraction: 0.2", "solid_fraction: 0.01"),

@@ -373,7 +373,7 @@ fn a_cube_of_few_digits_is_taken_as_its_hull() {
         }
         text += "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
         std::fs::write(folder.path().join("cube.obj"), text).unwrap();
-        cd_pre::shapes::model::model_solid(folder.path(), "cube.obj", ModelScale::Factor(1.0), &ContactSurface::Whole)
+        cd_pre::shapes::model::model_solid(folder.path(), "cube.obj", ModelScale::Factor(1.0), &ContactSurface::Surface)
     };
     let mut hulls = 0;
     for k in 1..=10 {

@@ -76,7 +76,7 @@ fn what_fields_pull_is_in_the_virial_and_the_energy() {
                 material: "ROCKx",
                 colour: "BLUEx",
                 sizes: Single({radius:?}),
-                place: List(positions: [(-{radius:?}, 0.0, 0.0), ({radius:?}, 0.0, 0.0)]),
+                placement: List(positions: [(-{radius:?}, 0.0, 0.0), ({radius:?}, 0.0, 0.0)]),
             )],
             compute: (
                 dt: 0.1, steps: 20, output_every: 20, self_gravity: true, gravity: direct, tol: 1.0e-12,

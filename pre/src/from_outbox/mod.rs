@@ -25,6 +25,7 @@ use cd_formats::compute::{Compute, ROTATION_ABOUT_PERIOD};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
+use cd_formats::former_names;
 use cd_formats::origin::SceneOrigin;
 use cd_formats::places;
 use cd_formats::report::FaultReport;
@@ -75,17 +76,18 @@ pub struct Selection {
     pub case: Option<PathBuf>,
     /// Step of the snapshot; left out, the last.
     pub snapshot: Option<u64>,
-    pub keep: BodyFilter,
+    /// Free bodies that are taken.
+    pub select: BodyFilter,
     /// Whether bodies with imposed motion are taken too.
     pub walls: bool,
     /// Bodies with imposed motion for which the opposite of `walls` holds.
     pub walls_except: Vec<WallSelector>,
     /// New colour of the free bodies.
     pub colour: Option<String>,
-    /// Motion that is taken away first.
-    pub stop: MotionRemoval,
-    /// Turns the free bodies and their motion about their centre of mass.
-    pub turn: Rotation,
+    /// Motion that is removed first.
+    pub remove_motion: MotionRemoval,
+    /// Rotates the free bodies and their motion about their centre of mass.
+    pub rotate: Rotation,
     /// New centre of mass of the free bodies, m.
     pub centre: Option<[f64; 3]>,
     /// Added to the free bodies, m/s.
@@ -99,12 +101,12 @@ impl Default for Selection {
         Selection {
             case: None,
             snapshot: None,
-            keep: BodyFilter::All,
+            select: BodyFilter::All,
             walls: true,
             walls_except: Vec::new(),
             colour: None,
-            stop: MotionRemoval::Nothing,
-            turn: Rotation::default(),
+            remove_motion: MotionRemoval::Nothing,
+            rotate: Rotation::default(),
             centre: None,
             velocity: [0.0; 3],
             spin: [0.0; 3],
@@ -123,7 +125,7 @@ pub enum WallSelector {
     Colour(String),
 }
 
-/// Which free bodies are kept.
+/// Free bodies that are taken.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub enum BodyFilter {
     All,
@@ -133,16 +135,16 @@ pub enum BodyFilter {
     Largest,
 }
 
-/// Motion of the free bodies that is taken away.
+/// Motion of the free bodies that is removed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 pub enum MotionRemoval {
     Nothing,
     /// The velocity of their centre of mass.
-    Drift,
+    Translation,
     /// That, and the rigid rotation with their angular momentum.
     RigidMotion,
-    /// All.
-    Motion,
+    /// All motion.
+    All,
 }
 
 /// A file of DATBOX: name and bytes.
@@ -158,6 +160,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         Some(file) => (file, atomic::read_text(file)?),
         None => (Path::new("changes"), "()".to_string()),
     };
+    let former_names = former_names::warnings(file, &text, settings);
     let parsed = |text: &str, settings: &[String]| -> Result<(Changes, String), Faults> {
         let text = places::apply_settings(text, settings)?;
         Ok((crate::parse_with_settings(file, &text, settings, "changes")?, text))
@@ -173,6 +176,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         changes.bodies.push(Selection::default());
     }
     let mut report = FaultReport::with_settings(file, &text, settings);
+    report.warnings = former_names;
     check_changes(&changes, &mut report);
     let folder = file.parent().unwrap_or(Path::new(""));
     let cases: Vec<PathBuf> =
@@ -216,8 +220,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         }
     }
     for (k, taken) in changes.bodies.iter().enumerate() {
-        let turns = taken.stop != MotionRemoval::RigidMotion || options.allows_rotation_about(&[1.0; 3]);
-        report.require(turns, &format!("bodies.{k}.stop"), "RigidMotion", ROTATION_ABOUT_PERIOD);
+        let turns = taken.remove_motion != MotionRemoval::RigidMotion || options.allows_rotation_about(&[1.0; 3]);
+        report.require(turns, &format!("bodies.{k}.remove_motion"), "RigidMotion", ROTATION_ABOUT_PERIOD);
         report.require(
             options.allows_rotation_about(&taken.spin),
             &format!("bodies.{k}.spin"),
@@ -316,7 +320,7 @@ fn check_changes(changes: &Changes, report: &mut FaultReport) {
         check_vector(report, &format!("{path}.velocity"), &taken.velocity, "m/s");
         check_vector(report, &format!("{path}.spin"), &taken.spin, "rad/s");
         check_vector(report, &format!("{path}.centre"), &taken.centre.unwrap_or_default(), "m");
-        crate::check::check_rotation(report, &format!("{path}.turn"), &taken.turn);
+        crate::check::check_rotation(report, &format!("{path}.rotate"), &taken.rotate);
         if let Some(colour) = &taken.colour {
             crate::check::check_name_length(report, &format!("{path}.colour"), colour);
         }

@@ -205,7 +205,7 @@ pub fn check_overlaps(
     balls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     for (k, (part, taken)) in parts.iter().zip(&changes.bodies).enumerate() {
         let known = &part.source.options;
-        if taken.turn.angle != 0.0 || (known.xperiode, known.yperiode) != (options.xperiode, options.yperiode) {
+        if taken.rotate.angle != 0.0 || (known.xperiode, known.yperiode) != (options.xperiode, options.yperiode) {
             let own = balls.iter().filter(|(body, _)| owner[*body] == k).map(|&(body, radius)| (centres[body], radius));
             check_extent(options, own, report);
         }

@@ -80,7 +80,7 @@ pub fn place_grains(
     let in_file = |point: Vector3<f64>| if polyhedral { point.map(round_14_columns) } else { round_point(&point) };
     let to_fixed_axes = |points: Vec<Vector3<f64>>| points.iter().map(|p| in_file(turn * p + centre)).collect();
     let mut draw = |until| {
-        let in_order = matches!(grains.place, GrainPlacement::List { .. });
+        let in_order = matches!(grains.placement, GrainPlacement::List { .. });
         draw_grains(
             grains.sizes.as_ref(),
             until,
@@ -89,7 +89,7 @@ pub fn place_grains(
             &mut RandomStream::new(seed, group, StreamPurpose::Sizes),
         )
     };
-    let (mut room, sized) = match (&grains.place, room) {
+    let (mut room, sized) = match (&grains.placement, room) {
         (GrainPlacement::List { positions, .. }, _) => {
             let points = positions.iter().map(|&p| p.into()).collect();
             let grains = draw(SampleTarget::Number(positions.len()))?;
@@ -128,7 +128,7 @@ pub fn place_grains(
     // more than that from each other and from the envelope.
     expect_smaller(&room, &drawn)?;
     let margin = 1e-7 * (room.half_extents().norm() + centre.amax());
-    let in_envelope = match &grains.place {
+    let in_envelope = match &grains.placement {
         GrainPlacement::JitteredLattice { jitter, .. } => jittered_lattice(&room, &drawn, margin, *jitter, &mut random),
         _ => random_sequential(&room, &mut drawn, margin, &mut random),
     };
@@ -294,7 +294,7 @@ mod tests {
         number: Option<usize>,
         solid_fraction: Option<f64>,
         sizes: SizeDistribution,
-        place: GrainPlacement,
+        placement: GrainPlacement,
     ) -> Grains {
         Grains {
             material: "ROCKx".into(),
@@ -304,8 +304,8 @@ mod tests {
             shape: GrainShape::Sphere,
             sizes: Some(sizes),
             radius: RadiusKind::default(),
-            standing: GrainOrientations::default(),
-            place,
+            grain_orientation: GrainOrientations::default(),
+            placement,
             centre: [0.0; 3],
             orientation: Rotation::default(),
             velocity: [0.0; 3],
@@ -317,7 +317,7 @@ mod tests {
 
     fn spot(grains: &Grains, seed: u64, group: usize) -> Result<PlacedGrains, PlacementError> {
         let folder = std::path::Path::new("");
-        let room = grains.place.envelope().map(|envelope| envelope.to_region(folder).unwrap().0);
+        let room = grains.placement.envelope().map(|envelope| envelope.to_region(folder).unwrap().0);
         place_grains(grains, &mut GrainSampler::from_grains(grains, folder, seed, group).unwrap(), room, seed, group)
     }
 
