@@ -167,7 +167,7 @@ fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &
             };
         }
         Error::DuplicateStructField { field, .. } => {
-            let found = format!("'{field}' is there twice");
+            let found = format!("'{field}' occurs twice");
             return TextFault { at, path: holder(named), found, expected: "expected it once".into() };
         }
         Error::MissingStructField { field, outer } => {
@@ -799,7 +799,7 @@ impl<'a> RonParser<'a> {
             let term = |part: &str| part.trim().parse::<f64>().is_ok();
             let computed = self.text[begin..self.at].split(['*', '/', '^', '%']).skip(1).any(term);
             let expected = if computed && !mark.is_alphabetic() {
-                "expected one number: files hold no arithmetic"
+                "expected one number: arithmetic is not supported"
             } else {
                 "expected a number without unit"
             };

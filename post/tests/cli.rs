@@ -561,7 +561,7 @@ fn runs_are_compared_in_one_figure() {
     fs::write(&series, whole.lines().next().unwrap()).unwrap();
     let told = compare(&[]);
     assert_eq!(told.status.code(), Some(2));
-    let expected = "series.csv: table: has no snapshot; expected one at least\n";
+    let expected = "series.csv: table: has no snapshot; expected at least one\n";
     assert!(String::from_utf8_lossy(&told.stderr).ends_with(expected), "{told:?}");
     fs::write(&series, whole).unwrap();
     // The ways of a body, and the ground around it.

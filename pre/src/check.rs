@@ -94,7 +94,7 @@ pub(crate) fn check_turning(report: &mut FaultReport, options: &Compute, paths: 
     let turns = |field: &ExternalField| matches!(field, ExternalField::RotatingFrame { rate, .. } if *rate != [0.0; 3]);
     if options.fields.iter().any(turns) {
         let expected = "motion imposed along all axes or none: Coriolis' force on such a body is not computed";
-        paths.into_iter().for_each(|path| report.add_fault(&path, "driven in part in axes that turn", expected));
+        paths.into_iter().for_each(|path| report.add_fault(&path, "driven in part in a rotating frame", expected));
     }
 }
 
@@ -130,7 +130,7 @@ pub(crate) fn check_names<'a>(report: &mut FaultReport, list: &str, names: impl 
         let path = format!("{list}.{k}.name");
         check_name_length(report, &path, name);
         if known.contains(&name.as_str()) {
-            report.add_fault(&path, format!("'{name}' is there twice"), "a name of its own");
+            report.add_fault(&path, format!("'{name}' occurs twice"), "a name of its own");
         }
         known.push(name);
     }

@@ -128,7 +128,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
         match place::place_grains(grains, &mut shapes, room, scene.seed, group) {
             Ok(placed) => {
                 let alone = placed.grains.len() == 1 && grains.thermal_velocity > 0.0;
-                let expected = "several grains, or 0: one alone has no motion about the mean";
+                let expected = "several grains, or 0: a single grain has no motion about the mean";
                 report.require(!alone, &format!("grains.{group}.thermal_velocity"), "given for one grain", expected);
                 let told = [shapes.file_summary(), &of_room].into_iter().filter(|told| !told.is_empty());
                 population.file_summaries.push(told.collect::<Vec<_>>().join(", "));
@@ -172,7 +172,7 @@ fn check_drums(scene: &Scene, population: &Population, report: &mut FaultReport)
         });
         if let Some((k, grain)) = outside {
             let found = format!("body {} is outside of wall {}, a hollow cylinder", k + 1, drum.wall + 1);
-            let expected = "grains that meet it within: it is closed, and pushes inwards alone";
+            let expected = "grains that can touch it inside: it is closed and has contacts on its inside only";
             report.add_fault(&format!("grains.{}.placement", grain.group), found, expected);
         }
     }
@@ -188,8 +188,11 @@ fn check_level(scene: &Scene, population: &Population, report: &mut FaultReport)
             let normal = plate.axes[(2, axis)];
             // Same test as in cd-solve: the files have 8 digits.
             if period.is_some_and(|period| width >= period * (1.0 - 1e-6)) && normal.abs() > 1e-6 {
-                let found = format!("a plate as wide as {name} whose normal leans along it by {normal:.4}");
-                let expected = format!("{} 0 of the normal, as images make stairs; gravity may lean", ["x", "y"][axis]);
+                let found = format!("a plate as wide as {name} whose normal is inclined along it by {normal:.4}");
+                let expected = format!(
+                    "{} 0 of the normal: images of an inclined plate form stairs; incline gravity instead",
+                    ["x", "y"][axis]
+                );
                 report.add_fault(&format!("walls.{}", plate.wall), found, expected);
             }
         }

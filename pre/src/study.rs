@@ -133,7 +133,7 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
         let Some(from) = &case.from else { continue };
         if !known.contains(&from.as_str()) && !output.join(from).join("DATBOX").is_dir() {
             let path = format!("groups.{}.from", case.group);
-            report.fault_as(&path, format!("{from} is no case"), known_names(from, &known));
+            report.fault_as(&path, format!("{from} is not a case"), known_names(from, &known));
         }
     }
     if !report.faults.0.is_empty() {
@@ -191,7 +191,7 @@ fn cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
         for (field, pattern) in patterns {
             for unknown in pattern.iter().flat_map(|pattern| placeholders(pattern)).filter(|name| !names.contains(name))
             {
-                let found = format!("{{{unknown}}} is no parameter of the group");
+                let found = format!("{{{unknown}}} is not a parameter of the group");
                 report.fault_as(&format!("{at}.{field}"), found, known_names(unknown, &names));
             }
         }

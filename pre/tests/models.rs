@@ -206,7 +206,7 @@ fn every_fault_of_a_file_is_told() {
     assert_eq!(said("nan.obj").lines().count(), 1, "{}", said("nan.obj"));
     assert!(said("nan.obj").starts_with("nan.obj:3: file: 'NaN', which is not finite"), "{}", said("nan.obj"));
     for (name, expected) in [
-        ("word.obj", "word.obj:3: file: 'nine', which is no number; expected three coordinates"),
+        ("word.obj", "word.obj:3: file: 'nine', which is not a number; expected three coordinates"),
         ("side.obj", "side.obj:14: file: "),
         ("word.stl", "word.stl:18: file: the word 'vortex'"),
         ("beyond.vtk", "file: cell 1 names point 99, where points are 0 to 7; expected polygonal data of VTK"),
@@ -229,7 +229,7 @@ fn every_fault_of_a_file_is_told() {
         let said = said(name);
         assert!(said.contains(expected) && said.starts_with(name), "{name}: {said}");
     }
-    assert!(said("few.vtp").contains("NumberOfPoints=\"80\", and 8 there"), "{}", said("few.vtp"));
+    assert!(said("few.vtp").contains("NumberOfPoints=\"80\", and 8 found"), "{}", said("few.vtp"));
 }
 
 /// The same with what editors and scanners write too.
@@ -388,7 +388,7 @@ fn a_surface_that_is_not_convex_is_a_cluster_with_the_mass_of_the_surface() {
     let files = "Files([\"beam.obj\", \"beside.obj\"])";
     let wrong =
         datbox(folder.path(), &format!("shape: Model(file: \"angle.obj\", contact_shape: {files}), {STANDING}"));
-    let expected = "beside.obj: surface: it lies beside the model; expected a piece of the model, in the same axes";
+    let expected = "beside.obj: surface: it is outside the model; expected a piece of the model, in the same axes";
     assert_eq!(wrong.unwrap_err(), expected);
 }
 

@@ -57,7 +57,7 @@ fn materials_laws_and_colours() {
         (
             "2700.0)",
             "2700.0), (name: \"ROCKx\", density: 1.0)",
-            "3:58: material 2, name: 'ROCKx' is there twice; expected a name of its own",
+            "3:58: material 2, name: 'ROCKx' occurs twice; expected a name of its own",
         ),
         (
             "material: \"ROCKx\", colour: \"B",
@@ -358,7 +358,7 @@ fn driven_in_part_in_axes_that_turn() {
     let fields = |rate: f64| format!("compute: (fields: [RotatingFrame(rate: (0, {rate:?}, 0), centre: (0, 0, 0))], ");
     let said =
         |changes: &[(&str, &str)], rate: f64| said_of(&[changes, &[("compute: (", fields(rate).as_str())]].concat());
-    let message = "driven in part in axes that turn; \
+    let message = "driven in part in a rotating frame; \
                    expected motion imposed along all axes or none: Coriolis' force on such a body is not computed";
     let press = [("half_lengths", "force: (None, None, Constant(-5)), half_lengths")];
     assert_eq!(said(&press, 1.0), format!("scene.ron:13:89: wall 1, force: {message}"));
@@ -465,7 +465,7 @@ fn numbers_that_the_files_cannot_hold() {
 #[test]
 fn one_grain_has_no_thermal_velocity() {
     let said = of_one("sizes: Single(1), placement: List(positions: [(0, 0, 0)]), thermal_velocity: 1", 2.0, "");
-    assert!(said.ends_with("grains 1, thermal_velocity: given for one grain; expected several grains, or 0: one alone has no motion about the mean"), "{said}");
+    assert!(said.ends_with("grains 1, thermal_velocity: given for one grain; expected several grains, or 0: a single grain has no motion about the mean"), "{said}");
 }
 
 #[test]

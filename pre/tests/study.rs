@@ -204,7 +204,7 @@ fn faults_of_the_form_have_their_line_and_column() {
         .is_refused(&["study.ron:1:12: group 1: unknown field 'nmae'; did you mean name?"]);
     study("(groups: [(name: \"a{friciton}\", base: \"scene.ron\", parameters: [(name: \"friction\", values: [1])])])")
         .is_refused(&[
-            "study.ron:1:18: group 1, name: {friciton} is no parameter of the group; did you mean friction?",
+            "study.ron:1:18: group 1, name: {friciton} is not a parameter of the group; did you mean friction?",
         ]);
     study(
         "(groups: [\n (name: \"a\"),\n (name: \"../b\", base: \"scene.ron\"),\n (name: \"c{x}\", base: \"scene.ron\",\n  \
@@ -220,7 +220,7 @@ fn faults_of_the_form_have_their_line_and_column() {
         &["study.ron:1:18: group 1, name: two cases are a; expected a name that has all parameters, as {NAME}"],
     );
     study("(groups: [(name: \"first\", base: \"scene.ron\"), (name: \"b\", from: \"frist\")])")
-        .is_refused(&["study.ron:1:65: group 2, from: frist is no case; did you mean first?"]);
+        .is_refused(&["study.ron:1:65: group 2, from: frist is not a case; did you mean first?"]);
 }
 
 #[test]

@@ -255,8 +255,7 @@ fn numbers_of_many_digits_go_on() {
         fs::write(&file, changes).unwrap();
         cd_pre::from_outbox::write_datbox(solved(gravity).path(), Some(&file), &[], case.path()).unwrap()
     };
-    let note =
-        "BULK_BEHAV.DAT: gravity: grv3 -0.000123456789 is written as -1.2345679E-04, all that its columns hold\n";
+    let note = "BULK_BEHAV.DAT: gravity: grv3 -0.000123456789 is written as -1.2345679E-04, all digits that its columns can hold\n";
     assert!(told("-1.23456789e-4").contains(note));
     assert!(!told("-1.2345678901").contains("is written as"));
 }

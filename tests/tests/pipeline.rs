@@ -236,12 +236,12 @@ fn a_plan_tells_and_writes_nothing() {
     let text = String::from_utf8(plan.stdout).unwrap();
     for words in [
         "40 spheres",
-        "not needed",
+        "inactive",
         "polyhedra",
-        "kB more for each further contact",
+        "kB for each further contact",
         "ms a step",
         "300 steps",
-        "shortest orbit",
+        "shortest orbital period",
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }

@@ -185,7 +185,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let events_go_on = changes.keep_time && changes.compute.is_none();
     for (taken, case) in changes.bodies.iter().zip(&cases) {
         if let Ok(true) = fs::canonicalize(case).and_then(|from| Ok(from == fs::canonicalize(dir)?)) {
-            let expected = "expected another folder than that of a case that is read";
+            let expected = "expected a folder other than those of the cases that are read";
             report.faults.push(Fault::new(dir, None, "folder", "is the case itself", expected));
         }
         sources.extend(report.faults.gather_result(SourceCase::read(case, taken.snapshot)));

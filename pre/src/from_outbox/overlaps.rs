@@ -353,7 +353,11 @@ pub fn check_drums(
                     None => format!("body {}", j + 1),
                 };
                 let found = format!("body {} is outside of {of_drum}, a hollow cylinder", k + 1);
-                report.add_fault(path, found, "bodies that meet it within: it is closed, and pushes inwards alone");
+                report.add_fault(
+                    path,
+                    found,
+                    "bodies that can touch it inside: it is closed and has contacts on its inside only",
+                );
             }
         }
     }

@@ -76,7 +76,7 @@ impl SourceCase {
             None => all.last(),
         };
         if found.is_none() {
-            let found = step.map_or("holds no snapshot".into(), |step| format!("holds no snapshot of step {step}"));
+            let found = step.map_or("has no snapshot".into(), |step| format!("has no snapshot of step {step}"));
             let expected = match all.as_slice() {
                 [] => "expected the results of cd-solve".into(),
                 [first, .., last] => format!("expected one of {}, steps {} to {}", all.len(), first.0, last.0),
@@ -201,7 +201,7 @@ impl SourceCase {
         let moved = taken.rotate.angle != 0.0 || taken.centre.is_some();
         if moved && free.len() < rows.len() {
             let found = "bodies with imposed motion are to be moved".to_string();
-            return Err((found, "walls: false, or neither turn nor centre".into()));
+            return Err((found, "walls: false, or neither rotate nor centre".into()));
         }
         let mut state = Snapshot { meta: self.snapshot.meta.clone(), ..Snapshot::default() };
         state.bodies = bodies.select_rows(&rows);
@@ -287,7 +287,7 @@ impl SourceCase {
         bodies.body_x.iter().zip(&bodies.body_radius).map(|(x, radius)| x[2] + radius <= height).collect()
     }
 
-    /// Rows of the heaviest group of touching free bodies, the first of equals.
+    /// Rows of the largest remnant of touching free bodies, the first of equals.
     fn largest_group(&self) -> Vec<bool> {
         let Snapshot { bodies, contacts, .. } = &self.snapshot;
         let count = bodies.body_id.len();

@@ -52,10 +52,13 @@ impl PlacementError {
 
     /// Same error with the margin, m, by which grains are kept apart for the rounding of positions in the files.
     fn with_margin(self, margin: f64) -> PlacementError {
-        let found = format!("{}, kept {margin:.1e} m apart as files hold 8 digits of positions so far out", self.found);
+        let found = format!(
+            "{}, kept {margin:.1e} m apart, because files have 8 digits of positions so far from the origin",
+            self.found
+        );
         PlacementError {
             found,
-            expected: "a place nearer to the origin; cd-pre from-outbox moves to a `centre` with all digits",
+            expected: "a position closer to the origin; cd-pre from-outbox moves bodies to a `centre` with all digits",
         }
     }
 }
@@ -102,7 +105,7 @@ pub fn place_grains(
             GrainPlacement::JitteredLattice { envelope, .. } | GrainPlacement::RandomSequential { envelope },
             Some(room),
         ) => (room, envelope.has_size()),
-        (_, None) => return Err(PlacementError { found: "no room".to_string(), expected: "an envelope" }),
+        (_, None) => return Err(PlacementError { found: "no envelope".to_string(), expected: "an envelope" }),
     };
 
     let until = match (grains.number, grains.solid_fraction) {
@@ -249,7 +252,7 @@ fn random_sequential(
     let padded: Vec<f64> = grains.iter().map(|grain| grain.reach + margin).collect();
     let centres = sequential::place_spheres(room, &padded, random).map_err(|placed| PlacementError {
         found: format!(
-            "{placed} of {} grains (largest first) could be placed in {room} before {} tries found no room for the next",
+            "{placed} of {} grains (largest first) could be placed in {room} before {} tries found no free position for the next",
             grains.len(),
             sequential::MAX_ATTEMPTS
         ),

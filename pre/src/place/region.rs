@@ -52,13 +52,13 @@ impl Envelope {
             &Envelope::Cylinder { half_height, radius } => GrainRegion::Cylinder { half_height, radius },
             Envelope::Model { file, scale } => {
                 let read = model::read_surface(folder, file, scale.unwrap_or(ModelScale::Factor(1.0)))?;
-                let turned = (read.flipped > 0).then(|| format!("{} triangles turned to point outward", read.flipped));
+                let turned = (read.flipped > 0).then(|| format!("{} triangles turned outward", read.flipped));
                 let changes: Vec<String> = turned.into_iter().chain(read.repairs).collect();
                 if !changes.is_empty() {
                     told = format!("{file}: {}", changes.join(", "));
                 }
                 let inside = SurfaceRegion::new(&read.surface).map_err(|found| {
-                    Fault::new(&folder.join(file), None, "surface", found, "expected one with an inside")
+                    Fault::new(&folder.join(file), None, "surface", found, "expected a surface that encloses a volume")
                 })?;
                 GrainRegion::Inside(inside)
             }

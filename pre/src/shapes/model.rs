@@ -65,7 +65,7 @@ fn scale_surface(path: &Path, surface: &Surface, factor: f64) -> Result<Surface,
     }
     let vertices: Vec<[f64; 3]> = surface.vertices().iter().map(|v| v.map(|x| factor * x)).collect();
     Surface::new(&vertices, surface.triangles()).map_err(|_| {
-        let found = format!("{factor:e} times as large it is no surface of finite volume");
+        let found = format!("scaled by {factor:e} it has no finite volume");
         Fault::new(path, None, "surface", found, "expected a size whose volume is a number").into()
     })
 }
@@ -94,7 +94,7 @@ pub fn model_solid(
         ContactSurface::Hull => {
             let hull = hull::convex_hull(whole.vertices());
             let hull = hull.map_err(|misfit| refuse("hull", misfit.to_string(), "expected a body"))?;
-            summary += &format!(", of which the hull has {:.4} times the volume", hull.volume() / whole.volume());
+            summary += &format!(", hull of {:.4} times its volume", hull.volume() / whole.volume());
             PrincipalSolid::from_convex(&hull)
         }
         &ContactSurface::Pieces { max_pieces, concavity, max_vertices } => {
@@ -127,7 +127,7 @@ pub fn model_solid(
                     let mut ends = bounding_box(&read.surface).into_iter().zip(&model);
                     if ends.any(|([low, high], [least, most])| high <= *least || *most <= low) {
                         let expected = "expected a piece of the model, in the same axes";
-                        faults.push(Fault::new(&path, None, "surface", "it lies beside the model", expected));
+                        faults.push(Fault::new(&path, None, "surface", "it is outside the model", expected));
                     }
                     if !read.repairs.is_empty() {
                         summary += &format!(", {file}: {}", read.repairs.join(", "));
@@ -140,8 +140,8 @@ pub fn model_solid(
             PrincipalSolid::new(&whole, &pieces)
         }
     };
-    let solid =
-        solid.map_err(|misfit| refuse("surface", misfit.to_string(), "expected one whose parts are less small"))?;
+    let solid = solid
+        .map_err(|misfit| refuse("surface", misfit.to_string(), "expected a surface large enough to be represented"))?;
     Ok((solid, summary))
 }
 
@@ -163,7 +163,7 @@ fn repair_summary(file: &str, whole: &Surface, read: &RepairedSurface) -> String
     let (vertices, triangles) = (whole.vertices().len(), whole.triangles().len());
     let turned = match read.flipped {
         0 => String::new(),
-        turned => format!(", {turned} of them turned to point outward"),
+        turned => format!(", {turned} of them turned outward"),
     };
     let size = format!("{file}: {vertices} vertices, {triangles} triangles{turned}, {:.6e} m^3", whole.volume());
     if read.repairs.is_empty() { size } else { format!("{size} ({})", read.repairs.join(", ")) }

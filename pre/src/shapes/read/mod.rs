@@ -165,7 +165,7 @@ fn parse_real(word: &str) -> Option<f64> {
 /// Reads a coordinate. Errors: the reason why it is not a number.
 fn coordinate(word: &str) -> Result<f64, String> {
     match parse_real(word) {
-        None => Err(format!("'{word}', which is no number")),
+        None => Err(format!("'{word}', which is not a number")),
         Some(x) if !x.is_finite() => Err(format!("'{word}', which is not finite")),
         Some(x) => Ok(x),
     }
@@ -296,7 +296,7 @@ impl PolyDataPiece {
     /// Appends the piece to a mesh. Errors: lists that do not fit together.
     fn add_to(&self, mesh: &mut PolygonMesh) -> Result<(), String> {
         if !self.coordinates.len().is_multiple_of(3) {
-            return Err(format!("{} coordinates, which are no multiple of 3", self.coordinates.len()));
+            return Err(format!("{} coordinates, which is not a multiple of 3", self.coordinates.len()));
         }
         let (first, points) = (mesh.points.len(), self.coordinates.len() / 3);
         mesh.points.extend(self.coordinates.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
