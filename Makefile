@@ -1,4 +1,4 @@
-# What can be made: `make` alone says so.
+# Targets of the project; `make` lists them.
 
 CARGO ?= cargo
 CARGO_TARGET_DIR ?= target
@@ -9,25 +9,25 @@ SIDE_BY_SIDE = $(MAKE) --no-print-directory --jobs=$(shell getconf _NPROCESSORS_
 TESTED = $(CARGO) test --workspace --no-run --quiet
 EXTREMES := extremes envelope limits thousand_periods a_minute a_wall_stands
 
-.PHONY: help build demo paper trade extremes test vtk browser golden lint fmt doc check clean
+.PHONY: help build demo paper accuracy-study trade extremes test vtk browser golden lint fmt doc check clean
 .DEFAULT_GOAL := help
 
-help: ## this list
-	@awk -F ' ## ' '/^[a-z]+:.* ## / { sub(/:.*/, "", $$1); printf "  make %-8s %s\n", $$1, $$2 }' Makefile
+help: ## lists the targets
+	@awk -F ' ## ' '/^[a-z-]+:.* ## / { sub(/:.*/, "", $$1); printf "  make %-14s %s\n", $$1, $$2 }' Makefile
 
 build: ## cd-pre, cd-solve and cd-post, in release mode, in target/release
 	$(CARGO) build --release --bins
 
-demo: build ## runs examples/accretion: a thousand grains fall together
+demo: build ## runs examples/accretion: the collapse of a thousand grains
 	$(MAKE) --no-print-directory -C examples/accretion CD_BIN=$(BIN)
-	@echo "Where to look, in examples/accretion:"
+	@echo "Results, in examples/accretion:"
 	@echo "  POSTPRO/series.csv     a row a snapshot; docs/observables.md names the columns"
 	@echo "  POSTPRO/*.svg          energy, coordination, solid fraction, pressure, semi-axes against time"
 	@echo "  POSTPRO/aggregate.svg  the aggregate at the end"
 	@echo "  DISPLAY/view.py        in ParaView: paraview --script=examples/accretion/DISPLAY/view.py"
 	@echo "  OUTBOX/steps.csv       cost and error of every step"
 
-paper: build ## runs the studies, a run a core, and writes docs/paper.md
+paper: build ## runs the studies, one run on each core, and writes docs/paper.md
 	$(SIDE_BY_SIDE) $(STUDIES:%=study-of-%) CD_BIN=$(BIN) STAGES="pre solve post"
 	$(SIDE_BY_SIDE) $(STUDIES:%=study-of-%) CD_BIN=$(BIN)
 	awk -f docs/paper/paper.awk docs/paper/paper.md.in > docs/paper.md.part
@@ -47,14 +47,17 @@ study-of-spin-up: study-of-%:
 	+$(STUDY)
 	+$(STUDY) fluid
 
-trade: build ## runs examples/trade, in some minutes, and writes its figures into docs/accuracy.md
-	$(MAKE) --no-print-directory -C examples/trade CD_BIN=$(BIN)
-	$(SIDE_BY_SIDE) -C examples/trade again CD_BIN=$(BIN)
-	$(SIDE_BY_SIDE) -C examples/trade many CD_BIN=$(BIN)
-	awk -f docs/accuracy/trade.awk docs/accuracy.md > docs/accuracy.md.part
+accuracy-study: build ## runs examples/accuracy-study, in some minutes, and writes its figures into docs/accuracy.md
+	$(MAKE) --no-print-directory -C examples/accuracy-study CD_BIN=$(BIN)
+	$(SIDE_BY_SIDE) -C examples/accuracy-study again CD_BIN=$(BIN)
+	$(SIDE_BY_SIDE) -C examples/accuracy-study many CD_BIN=$(BIN)
+	awk -f docs/accuracy/accuracy.awk docs/accuracy.md > docs/accuracy.md.part
 	mv docs/accuracy.md.part docs/accuracy.md
 
-extremes: ## runs scenes at the ends of what parameters can be, with 1 and 2 threads, checked and optimised, and writes docs/limits.md
+# Name of earlier versions.
+trade: accuracy-study
+
+extremes: ## runs scenes at the limits of the parameters, with 1 and 2 threads, with and without optimisation, and writes docs/limits.md
 	for profile in dev release; do for threads in 1 2; do \
 	    CD_TESTS_LONG=1 CD_TESTS_THREADS=$$threads $(CARGO) test --profile $$profile --package cd-solve --test cases -- --nocapture $(EXTREMES) \
 	        > docs/limits-$$profile-$$threads.log 2> docs/limits.err \
@@ -64,7 +67,7 @@ extremes: ## runs scenes at the ends of what parameters can be, with 1 and 2 thr
 	mv docs/limits.md.part docs/limits.md
 	rm docs/limits-*.log docs/limits.err
 
-test: ## all tests; with CD_REQUIRE_VTK=1, CD_REQUIRE_CHROMIUM=1 and CD_REQUIRE_VALGRIND=1 what is missing is an error
+test: ## all tests; with CD_REQUIRE_VTK=1, CD_REQUIRE_CHROMIUM=1 and CD_REQUIRE_VALGRIND=1 missing tools are errors
 	$(CARGO) test --workspace --no-fail-fast
 	$(MAKE) --no-print-directory vtk
 	$(MAKE) --no-print-directory browser
@@ -77,7 +80,7 @@ browser: ## opens the report of a small case in Chromium, without a screen
 	$(TESTED)
 	TARGET=$(TARGET) tests/report_in_browser.sh
 
-golden: ## makes the expected files of tests/golden anew, of all or of SCENE=name; prints the largest changes
+golden: ## regenerates the expected files of tests/golden, of all scenes or of SCENE=name, and prints the largest changes
 	$(CARGO) run --quiet --package cd-tests --bin golden -- $(SCENE)
 
 lint: ## formatting, clippy without warnings
@@ -92,6 +95,6 @@ doc: ## documentation of the code, without warnings
 
 check: lint doc test ## lint, doc and test
 
-clean: ## removes what was built and the results of the examples
+clean: ## removes build files and the results of the examples
 	$(CARGO) clean
 	for example in examples/*/Makefile; do $(MAKE) --no-print-directory -C "$${example%/Makefile}" clean; done

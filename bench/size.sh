@@ -17,7 +17,7 @@ cat > "$work/monolith.ron" << 'SCENE'
     materials: [(name: "ROCKx", density: 2700.0)],
     laws: [(name: "rough", kind: IQS_CLB(friction: 0.7))],
     contacts: [(between: ("BLUEx", "BLUEx"), law: "rough")],
-    grains: [(material: "ROCKx", colour: "BLUEx", number: 1, place: Fragments(envelope: Ball(radius: 100.0)))],
+    grains: [(material: "ROCKx", colour: "BLUEx", number: 1, placement: Fragments(envelope: Ball(radius: 100.0)))],
     compute: (dt: 1.0, self_gravity: true),
 )
 SCENE

@@ -2,7 +2,7 @@
 # comments above them, from the Makefile and the shared rules. A comment that begins with two marks belongs to the variable
 # (VAR ?= value) or the goal (goal:) below it.
 .PHONY: help
-## This list.
+## Lists variables and targets.
 help:
 	@awk 'FNR == 1 { text = "" } \
 	    FILENAME ~ /ron$$/ { if (FNR == 1) { sub("^// *", ""); printf "  %-28s %s\n", FILENAME, $$0 }; next } \

@@ -5,8 +5,8 @@
 # Without a study an example has one case, its own folder. The Makefile of one with a study says STUDY := study.ron before it
 # includes this file. `cd-pre study` writes the cases, and study.mk with their names and the order in which they depend on each other.
 #
-# A stage is made again when its input or its program is newer than its FOLDER/.done. That file is removed before the program
-# starts and written after it has ended well, so that a stage that was refused or killed is not done. DATBOX is made again when
+# A stage is repeated if its input or its program is newer than its FOLDER/.done. That file is removed before the program
+# starts and written after it has succeeded, so that a stage that failed or was killed is repeated. DATBOX is made again if
 # PRE_FLAGS change; SOLVE_FLAGS and POST_FLAGS are not watched.
 
 EXAMPLES := $(patsubst %/,%,$(dir $(lastword $(MAKEFILE_LIST))))
@@ -19,7 +19,7 @@ PRE_FLAGS ?=
 SOLVE_FLAGS ?=
 ## Flags of cd-post.
 POST_FLAGS ?=
-## Stages that are made.
+## Stages to run.
 STAGES ?= pre solve post figures
 $(if $(word 2,$(CD_BIN)),$(error CD_BIN: $(CD_BIN): expected a path without blanks, which make takes for several))
 
@@ -31,7 +31,7 @@ $(if $(word 2,$(CD_BIN)),$(error CD_BIN: $(CD_BIN): expected a path without blan
 ifneq ($(and $(STUDY),$(filter-out clean help,$(or $(MAKECMDGOALS),all))),)
 include $(STUDY:.ron=.mk)
 endif
-## Folders of the cases that are made, as of study.ron; default: all.
+## Folders of the cases to run; default: all cases of study.ron.
 CASES ?= .
 FIGURES ?= @set -e; $(foreach case,$(CASES),awk -f $(EXAMPLES)/figures.awk $(case)/OUTBOX/steps.csv $(case)/POSTPRO/series.csv;)
 include $(EXAMPLES)/help.mk
@@ -39,29 +39,29 @@ include $(EXAMPLES)/help.mk
 # A stage of all cases, in the order in which `make -j` begins them: ORDER, or that of CASES.
 # Make drops the `./` of the case `.`, and then no pattern fits.
 stage = $(patsubst %,%/$(1)/.done,$(patsubst .,$(CURDIR),$(or $(ORDER),$(CASES))))
-## The stages that are not up to date, then the figures.
+## All stages that are not up to date, then the figures.
 all: $(STAGES)
-## The cases up to DATBOX.
+## All cases up to DATBOX.
 pre: $(call stage,DATBOX)
-## Up to OUTBOX.
+## All cases up to OUTBOX.
 solve: $(call stage,OUTBOX)
-## Up to POSTPRO and DISPLAY.
+## All cases up to POSTPRO and DISPLAY.
 post: $(call stage,POSTPRO)
 figures: post
 	$(FIGURES)
-## Goes on from the last snapshots after an interruption or, with other SOLVE_FLAGS, to a later end.
+## Continues from the last snapshots, after an interruption or, with other SOLVE_FLAGS, to a later end.
 resume: all
 ## Removes all results.
 clean:
 	rm -rf DATBOX OUTBOX POSTPRO DISPLAY TIMER.csv ERRORS.csv .pre-flags $(MADE) \
 	    $(wildcard $(patsubst %.ron,%.mk,$(wildcard *.ron)) $(patsubst %.ron,%.csv,$(wildcard *.ron)))
 
-# The folder of a case, and the case that one goes on from. Exit status 1: done, with something reported.
+# Folder of a case, and the case that it continues. Exit status 1: done, with something reported.
 case = $(patsubst $(CURDIR),.,$*)
 from = $(patsubst %/OUTBOX/.done,%,$(filter %/OUTBOX/.done,$^))
 REPORTED = || test $$? -eq 1
 resumed := $(filter resume,$(MAKECMDGOALS))
-# With flags what has ended goes on, too.
+# With flags, runs that have ended continue, too.
 onward := $(and $(resumed),$(filter command environment,$(origin SOLVE_FLAGS)),always)
 
 %/DATBOX/.done: %/scene.ron $(CD_BIN)/cd-pre .pre-flags
@@ -84,12 +84,12 @@ onward := $(and $(resumed),$(filter command environment,$(origin SOLVE_FLAGS)),a
 	$(CD_BIN)/cd-post $(POST_FLAGS) $(case) $(REPORTED)
 	@touch $@
 
-# Holds PRE_FLAGS; newer than what was made with others.
+# Contains PRE_FLAGS; newer than the files that were made with other flags.
 .pre-flags: $(if $(subst x$(shell cat .pre-flags 2> /dev/null)x,,x$(strip $(PRE_FLAGS))x),always)
 	@printf '%s\n' '$(subst ','\'',$(strip $(PRE_FLAGS)))' > $@
 
 ifneq ($(STUDY),)
-# Scenes that are as before keep their time.
+# Unchanged scenes keep their time.
 $(STUDY:.ron=.mk): $(STUDY) $(CD_BIN)/cd-pre
 	$(CD_BIN)/cd-pre study $(STUDY)
 %/scene.ron:
@@ -98,11 +98,11 @@ $(STUDY:.ron=.mk): $(STUDY) $(CD_BIN)/cd-pre
 	$(CD_BIN)/cd-pre study $(STUDY)
 endif
 
-# Programs that are not there; `make build` at the top brings them up to date.
+# Missing programs; `make build` in the top folder brings them up to date.
 $(addprefix $(CD_BIN)/cd-,pre solve post):
 	$(MAKE) --no-print-directory -C $(TOP) build
 
-# The last state of each case in depth, and none that an earlier run has left.
+# Analyses the last state of each case, and removes those of earlier runs.
 last_states = for case in $(1); do rm -rf $$case/POSTPRO/state-*; $(CD_BIN)/cd-post state $$case $(REPORTED); done
 # Words with commas between them, as options take lists.
 EMPTY :=

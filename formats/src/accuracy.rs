@@ -16,7 +16,7 @@ pub enum Accuracy {
     Reference,
 }
 
-// Written by `make trade`, from docs/accuracy/trade.awk.
+// Written by `make accuracy-study`, from docs/accuracy/accuracy.awk.
 const DRAFT: &str = include_str!("accuracy/draft.txt");
 const STANDARD: &str = include_str!("accuracy/standard.txt");
 const FINE: &str = include_str!("accuracy/fine.txt");
@@ -25,7 +25,7 @@ const REFERENCE: &str = include_str!("accuracy/reference.txt");
 impl Accuracy {
     pub const ALL: [Accuracy; 4] = [Accuracy::Draft, Accuracy::Standard, Accuracy::Fine, Accuracy::Reference];
 
-    /// Cost and error of the preset as measured on the scenes of examples/trade.
+    /// Cost and error of the preset as measured on the scenes of examples/accuracy-study.
     pub fn measured_cost_and_error(self) -> &'static str {
         [DRAFT, STANDARD, FINE, REFERENCE][self as usize]
     }

@@ -159,7 +159,10 @@ fn read_body(scan: &mut LineScanner, begin: usize, position: u64, number: &mut u
     }
     let written = scan.read_integer(line, (7, 15), "number");
     if let Some(written) = written.filter(|&written| written != *number + 1 && written != position) {
-        let expected = format!("expected {}: bodies are counted by their place, whatever their number", *number + 1);
+        let expected = format!(
+            "expected {}: bodies are counted by their position in the file, whatever their number",
+            *number + 1
+        );
         scan.add_fault(line.number, format!("the number is {written}"), expected);
     }
     *number = written.unwrap_or(*number + 1);

@@ -57,14 +57,14 @@ pub fn no_case(path: &Path, part: CaseFolder, program: &str) -> Option<Fault> {
                 _ if Path::new(&folder).join("DATBOX").is_dir() => format!("run cd-solve {folder} first"),
                 _ => format!("run cd-pre {} and cd-solve {folder} first", path.display()),
             };
-            return fault("file", "is a scene, no case".into(), expected);
+            return fault("file", "is a scene, not a case".into(), expected);
         }
         if name.starts_with("snapshot-") && name.ends_with(".npz") {
             let of_outbox = Path::new(&folder).file_name().is_some_and(|name| name == "OUTBOX");
             let expected = if of_outbox { format!("did you mean {}?", parent(Path::new(&folder))) } else { with };
-            return fault("file", "is a snapshot, no case".into(), expected);
+            return fault("file", "is a snapshot, not a case".into(), expected);
         }
-        return fault("file", "is no folder".into(), with);
+        return fault("file", "is not a folder".into(), with);
     }
     if !path.exists() {
         return fault("folder", "there is no such folder".into(), with);
@@ -176,16 +176,16 @@ mod tests {
         assert_eq!(outbox("absent"), absent);
         fs::write(case.join("scene.ron"), "()").unwrap();
         let steps = "run cd-pre CASE/scene.ron and cd-solve CASE first";
-        assert_eq!(outbox("scene.ron"), format!("CASE/scene.ron: file: is a scene, no case; {steps}"));
+        assert_eq!(outbox("scene.ron"), format!("CASE/scene.ron: file: is a scene, not a case; {steps}"));
         fs::create_dir(case.join("DATBOX")).unwrap();
         fs::write(case.join("DATBOX/BODIES.DAT"), "").unwrap();
-        assert_eq!(outbox("scene.ron"), "CASE/scene.ron: file: is a scene, no case; run cd-solve CASE first");
+        assert_eq!(outbox("scene.ron"), "CASE/scene.ron: file: is a scene, not a case; run cd-solve CASE first");
         assert_eq!(outbox("DATBOX"), "CASE/DATBOX: folder: is a DATBOX; expected the folder that it is in");
         fs::create_dir(case.join("OUTBOX")).unwrap();
         assert_eq!(outbox("OUTBOX"), "CASE/OUTBOX: folder: is an OUTBOX; expected the folder that it is in");
         fs::write(case.join("OUTBOX/snapshot-000001.npz"), "").unwrap();
-        assert_eq!(outbox("scene.ron"), "CASE/scene.ron: file: is a scene, no case; did you mean CASE?");
-        let snapshot = "CASE/OUTBOX/snapshot-000001.npz: file: is a snapshot, no case; did you mean CASE?";
+        assert_eq!(outbox("scene.ron"), "CASE/scene.ron: file: is a scene, not a case; did you mean CASE?");
+        let snapshot = "CASE/OUTBOX/snapshot-000001.npz: file: is a snapshot, not a case; did you mean CASE?";
         assert_eq!(outbox("OUTBOX/snapshot-000001.npz"), snapshot);
         for part in [CaseFolder::Datbox, CaseFolder::Outbox, CaseFolder::Any] {
             assert_eq!(no_case(case, part, "cd-x"), None);

@@ -21,16 +21,16 @@ pub const GRAVITATIONAL_CONSTANT: f64 = 6.67430e-11;
 /// Largest number of threads; a larger one is probably a mistake, since a machine would spend its time starting them.
 const MAX_THREADS: usize = 1024;
 
-/// Something that happens at the start of the first step whose time is not before `time`, once or again and again.
+/// Event at the start of the first step whose time is not before `time`; occurs once or repeatedly.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Event {
     /// s
     pub time: f64,
-    /// Time from one to the next, s, at least a step; without it, it happens once.
+    /// Interval between repetitions, s, at least a step; without it the event occurs once.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub every: Option<f64>,
-    /// When the last may be, s; without it, it goes on to the end of the run.
+    /// Latest time of a repetition, s; default: the end of the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub until: Option<f64>,
     pub action: EventAction,
@@ -86,12 +86,12 @@ pub fn event_schedule(events: &[Event], end: f64) -> Vec<Event> {
 pub enum EventAction {
     /// Adds a rigid rotation of all free bodies about their common centre of mass, rad/s.
     AddSpin([f64; 3]),
-    /// From now on a constant torque on all free bodies as one rigid body, about their centre of mass, N m.
+    /// Sets a constant torque on all free bodies as one rigid body, about their centre of mass, N m.
     SetTorque([f64; 3]),
     /// Adds a velocity to all free bodies, m/s.
     AddVelocity([f64; 3]),
-    /// Adds to each free body a random velocity of this root mean square, m/s, drawn evenly from a ball, less what these add up
-    /// to in momentum and angular momentum. Another seed, another draw.
+    /// Adds to each free body a random velocity of this RMS, m/s, uniformly distributed in a ball, minus the rigid motion
+    /// with their total momentum and angular momentum. Another seed gives other velocities.
     Shake {
         speed: f64,
         #[serde(default)]
@@ -101,7 +101,7 @@ pub enum EventAction {
     SetGravity([f64; 3]),
     /// Sets the option `quench`.
     SetQuench(f64),
-    /// Makes bonds of all contacts that touch and whose law knows bonds.
+    /// Forms bonds at all touching contacts whose law has bonds.
     Bond,
     /// Sets static and dynamic friction of the law of this nickname.
     SetFriction(String, f64),
@@ -109,15 +109,15 @@ pub enum EventAction {
     SetCohesion(String, f64),
 }
 
-/// Field that acts on all free bodies from outside, besides uniform gravity.
+/// External field that acts on all free bodies, in addition to uniform gravity.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ExternalField {
-    /// Attraction by a mass (kg) that rests at a place (m).
+    /// Attraction by a mass (kg) at rest at a position (m).
     PointMass { mass: f64, position: [f64; 3] },
-    /// The same by one that is oblate about an axis: radius (m) and zonal harmonic J2 as its equator has them.
+    /// Attraction by a mass that is oblate about an axis: equatorial radius (m) and zonal harmonic J2.
     Oblate { mass: f64, position: [f64; 3], radius: f64, j2: f64, axis: [f64; 3] },
-    /// Axes that turn (rad/s) about a point (m): centrifugal and Coriolis force.
+    /// Frame that rotates (rad/s) about a point (m): centrifugal and Coriolis force.
     RotatingFrame { rate: [f64; 3], centre: [f64; 3] },
 }
 
@@ -138,7 +138,7 @@ impl ExternalField {
     }
 }
 
-/// How self-gravity is summed.
+/// Summation of self-gravity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum GravityMethod {
@@ -146,57 +146,57 @@ pub enum GravityMethod {
     Direct,
     /// Fast multipole method.
     Fmm,
-    /// The faster of the two for the number of bodies and the error asked for.
+    /// The faster of the two for the number of bodies and gravity_error.
     #[default]
     Auto,
 }
 
-/// How the direction of contact of two polyhedra is found.
+/// Search for the direction of contact of two polyhedra.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum NarrowPhase {
-    /// The feature of the last step, followed to its best neighbour.
+    /// Starts from the feature of the last step and follows its best neighbours.
     Fast,
-    /// With a proof that it is the best of all, or a search of all.
+    /// Proves that the direction is the best of all, or searches all.
     #[default]
     Accurate,
 }
 
-/// Where the friction of a face acts that two polyhedra share.
+/// Points at which the friction of a face that two polyhedra share acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum FaceFriction {
-    /// As that of a pressure which is uniform where its centre is the centroid of the face.
+    /// As under a pressure that is uniform if its centre is the centroid of the face.
     #[default]
     Uniform,
     /// At the corners, as in LMGC90.
     Corners,
 }
 
-/// Who solves the contact problem.
+/// Solver of the contact problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum ContactSolver {
-    /// Gauss-Seidel sweeps, and the others in turn where a small problem stalls.
+    /// Gauss-Seidel sweeps, and the other solvers in turn if a small problem stagnates.
     #[default]
     Auto,
     /// Nonlinear Gauss-Seidel with momentum.
     Nlgs,
     /// Gauss-Seidel on the stored Delassus matrix with Anderson's acceleration.
     NlgsAnderson,
-    /// Proximal point with a semismooth Newton method.
+    /// Proximal-point method with semismooth Newton steps.
     ProxNewton,
-    /// Alternating directions of multipliers.
+    /// Alternating direction method of multipliers.
     Admm,
-    /// Interior points of the cones.
+    /// Interior-point method.
     InteriorPoint,
 }
 
-/// In what numbers contacts are swept.
+/// Floating-point precision of the sweeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum SweepPrecision {
-    /// Single precision where many contacts of spheres are to be solved to a residual that it reaches.
+    /// Single precision for many contacts of spheres, if it reaches the tolerance.
     #[default]
     Auto,
     Single,
@@ -269,71 +269,71 @@ macro_rules! options {
 options! {
     /// Time step h, s.
     dt: f64 = 1.0e-3, f64, [value_name = "S"];
-    /// Number of steps to make, counted from the state of DATBOX; wins over end_time.
+    /// Number of steps to make, counted from the state of DATBOX; takes precedence over end_time.
     steps: Option<u64> = None, u64, [value_name = "N"];
     /// Time at which the run ends, s.
     end_time: Option<f64> = None, f64, [value_name = "S"];
-    /// Weight of the step's end in the theta-scheme, 0.5 to 1: 0.5 keeps the energy of smooth motion, more damps it.
+    /// Weight of the end of the step in the theta scheme, 0.5 to 1: 0.5 conserves the energy of smooth motion, larger values damp it.
     theta: f64 = 0.5, f64, [value_name = "X"];
-    /// Sets what trades speed for accuracy where the option itself is None: draft, standard, fine or reference; without it, as standard, with all steps dt and a tol of 1e-2, which is enough for these.
+    /// Preset for the options that trade speed for accuracy and are not set explicitly: draft, standard, fine or reference. Without a preset these options are those of standard, except that all steps are dt and tol is 1e-2.
     accuracy: Option<Accuracy> = None, Accuracy, [value_enum, value_name = "PRESET"];
-    /// Steps of up to `most` times dt where little happens: (most: 16, travel: 0.1, penetration: 1e-3), the ways that neighbours may pass or overlap in a step over their radius; without it, as accuracy asks.
+    /// Adaptive steps: at most `most` times dt, as long as bodies move past their neighbours by at most `travel` and into each other by at most `penetration`, in radii: (most: 16, travel: 0.1, penetration: 1e-3). Default: set by accuracy.
     adaptive: Option<Adaptive> = None, Adaptive, [value_name = "RON"];
-    /// Residual |F(r)|/|F(r_0)| at which the contact solver stops, in longer steps an n-th of it for n times dt; without it, as accuracy asks.
+    /// Relative tolerance of the contact solver, |F(r)|/|F(r_0)|; divided by n in steps of n times dt. Default: set by accuracy.
     tol: Option<f64> = None, f64, [value_name = "X"];
-    /// Mean penetration over the mean radius that unfinished solutions may leave: beyond it, at p, the residual sought is tol times (penetration_tol/p)²; without it, as accuracy asks.
+    /// Largest mean penetration, over the mean radius, that unconverged solutions may leave. If it is p, larger than this, the tolerance is reduced to tol times (penetration_tol/p)². Default: set by accuracy.
     penetration_tol: Option<f64> = None, f64, [value_name = "X"];
-    /// Who solves the contact problem: nlgs, Gauss-Seidel sweeps; nlgs-anderson, prox-newton, admm, interior-point, on the stored matrix, for small scenes; auto, nlgs, and the others where a small problem stalls, or a knot of a large one.
+    /// Contact solver. nlgs: nonlinear Gauss-Seidel. nlgs-anderson, prox-newton, admm, interior-point: on the stored matrix, for small scenes. auto: nlgs, with the others as fallback if a small problem, or a cluster of contacts in a large one, stagnates.
     solver: ContactSolver = ContactSolver::Auto, ContactSolver, [value_enum, value_name = "SOLVER"];
-    /// Sweeps, or iterations, after which a step is reported as not converged, and goes on; without it, as accuracy asks.
+    /// Largest number of sweeps or iterations in a step; a step that needs more is reported as not converged, and the run continues. Default: set by accuracy.
     max_sweeps: Option<u64> = None, u64, [value_name = "N"];
-    /// Sweeps from one check of convergence to the next, the first after as many; without it, when the changes that sweeps make suggest it. LMGC90's examples check every 50.
+    /// Number of sweeps between two checks of convergence. Default: chosen from the changes that sweeps make. LMGC90's examples check every 50.
     check_every: Option<u64> = None, u64, [value_name = "N"];
-    /// Numbers in which contacts are swept: single, about twice as fast, or double precision; auto, single from 256 contacts on where the residual sought is 1e-4 or more. What comes of it, velocities and residual, is in double precision.
+    /// Floating-point precision of the sweeps: single, about twice as fast, or double; auto: single from 256 contacts on if the tolerance is 1e-4 or more. Velocities and residuals are always in double precision.
     sweep_precision: SweepPrecision = SweepPrecision::Auto, SweepPrecision, [value_enum, value_name = "PRECISION"];
-    /// Also writes LMGC90's stopping criteria of each step's solution to steps.csv.
+    /// Also writes LMGC90's convergence criteria of each step to steps.csv.
     lmgc90_norms: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
-    /// Distance within which contacts are listed, m; without it, that of each row of TACT_BEHAV.DAT.
+    /// Distance within which contacts are listed, m. Default: that of each row of TACT_BEHAV.DAT.
     alert: Option<f64> = None, f64, [value_name = "M"];
-    /// How the direction of contact of two polyhedra is found: accurate, with a proof that it is the best of all; fast, near that of the last step; without it, as accuracy asks.
+    /// Search for the direction of contact of two polyhedra. accurate: proves that the direction is the best of all; fast: searches near the direction of the last step. Default: set by accuracy.
     narrow_phase: Option<NarrowPhase> = None, NarrowPhase, [value_enum, value_name = "METHOD"];
-    /// Where the friction of faces and edges of polyhedra acts about their normal: uniform, as under a uniform pressure; corners, at their corner points, as in LMGC90, where a square resists spinning 1.85 times as much.
+    /// Points at which the friction of faces and edges of polyhedra acts about their normal. uniform: as under a uniform pressure; corners: at their corners, as in LMGC90, where a square resists spinning 1.85 times as much.
     face_friction: FaceFriction = FaceFriction::Uniform, FaceFriction, [value_enum, value_name = "PLACE"];
-    /// Length after which all that stands in the scene comes again along x, m: contacts reach across, positions go on. Without self-gravity and fields.
+    /// Period along x, m (periodic boundary); excludes self-gravity and fields. Positions are not wrapped.
     xperiode: Option<f64> = None, f64, [value_name = "M"];
-    /// The same along y.
+    /// Period along y, m.
     yperiode: Option<f64> = None, f64, [value_name = "M"];
     /// Newtonian attraction between all free bodies.
     self_gravity: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
-    /// How self-gravity is summed: direct, every pair; fmm, fast multipole method; auto, the faster of the two.
+    /// Summation of self-gravity. direct: every pair; fmm: fast multipole method; auto: the faster of the two.
     gravity: GravityMethod = GravityMethod::Auto, GravityMethod, [value_enum, value_name = "METHOD"];
     /// Newtonian constant of gravitation, m^3 kg^-1 s^-2.
     gravity_constant: f64 = GRAVITATIONAL_CONSTANT, f64, [value_name = "X"];
-    /// RMS relative error allowed in the self-gravity; auto sums directly below 1e-6, and the direct sum keeps any that is at least 1e-14; without it, as accuracy asks.
+    /// Largest RMS relative error of self-gravity. At least 1e-14; below 1e-6 auto sums every pair. Default: set by accuracy.
     gravity_error: Option<f64> = None, f64, [value_name = "X"];
-    /// Order of the expansions of fmm, 2 to 8; without it, as gravity_error asks.
+    /// Order of the expansions of fmm, 2 to 8. Default: set by gravity_error.
     gravity_order: Option<usize> = None, usize, [value_name = "N"];
-    /// Opening angle of fmm, 0 to 1: cells are far from each other if their radii sum up to less than this times their distance; without it, as gravity_error asks.
+    /// Opening angle of fmm, 0 to 1: two cells are far from each other if the sum of their radii is less than this times their distance. Default: set by gravity_error.
     gravity_opening: Option<f64> = None, f64, [value_name = "X"];
-    /// Most steps from one evaluation of self-gravity to the next; in between it is extrapolated. Evaluated sooner where that would err by more than a quarter of gravity_error, or a body may have moved as far as gravity_moved says; without it, as accuracy asks, and at every step for fewer than 100 bodies and where gravity is direct.
+    /// Largest number of steps between two evaluations of self-gravity; it is extrapolated in between. It is evaluated earlier if the extrapolation would err by more than a quarter of gravity_error, or if a body may have moved by gravity_moved. Default: set by accuracy; 1 for fewer than 100 bodies and for direct summation.
     gravity_refresh: Option<u64> = None, u64, [value_name = "N"];
-    /// Part of the mean radius that a body may move between two evaluations of self-gravity, against the mean motion; sooner evaluated where it may have moved more.
+    /// Distance, over the mean radius, that a body may move relative to the mean motion between two evaluations of self-gravity.
     gravity_moved: f64 = 0.25, f64, [value_name = "X"];
-    /// Corrects the attraction of free bodies for their moments of inertia: the quadrupoles of elongated rocks, with forces and torques; of all pairs where attraction is summed directly, else of those nearer than three times the sum of their radii.
+    /// Adds the quadrupole terms of elongated bodies to self-gravity, with forces and torques: of all pairs with direct summation, otherwise of pairs closer than three times the sum of their radii.
     gravity_quadrupole: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
-    /// Spheres keep an orientation, too, which no contact depends on: for pictures of how they roll.
+    /// Integrates the orientation of spheres, for pictures of rolling. No contact depends on it.
     sphere_orientation: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
-    /// What acts from outside: [PointMass(mass: 6e24, position: (1e7, 0.0, 0.0))].
+    /// External fields, such as [PointMass(mass: 6e24, position: (1e7, 0.0, 0.0))].
     fields: Vec<ExternalField> = Vec::new(), Fields, [value_name = "RON"];
-    /// Share of every free body's velocity that is taken away at the start of each step, which brings an aggregate to true rest: 0 none; --quench alone asks for 0.01.
+    /// Damping: fraction of the velocity of every free body that is removed at the start of each step; brings an aggregate to rest. 0: none; --quench without a value: 0.01.
     quench: f64 = 0.0, f64, [num_args = 0..=1, require_equals = true, default_missing_value = "0.01", value_name = "X"];
     /// Steps between two snapshots.
     output_every: u64 = 100, u64, [value_name = "N"];
-    /// Steps between two rows of steps.csv and TIMER.csv, of which each sums up the steps since the row before; there is a row at each snapshot, too.
+    /// Steps between two rows of steps.csv and TIMER.csv. A row sums up the steps since the row before; each snapshot has a row, too.
     log_every: u64 = 1, u64, [value_name = "N"];
-    /// Threads; 0 takes all processors. Never changes a result.
+    /// Number of threads; 0: all processors. Results do not depend on it.
     threads: usize = 0, usize, [value_name = "N"];
-    /// Also writes DOF.OUT.k and Vloc_Rloc.OUT.k in the syntax of LMGC90.
+    /// Also writes DOF.OUT.k and Vloc_Rloc.OUT.k in the format of LMGC90.
     text: bool = false, bool, [num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL"];
     /// Scheduled events, as in COMPUTE.RON: [(time: 100.0, action: AddSpin((0.0, 0.0, 1e-5)))].
     events: Vec<Event> = Vec::new(), Events, [value_name = "RON"];
@@ -432,7 +432,7 @@ impl Compute {
             let found = to_ron(&period);
             expect(period.is_none_or(positive), name, found.clone(), "a finite length > 0 m");
             let alone = !self.self_gravity && self.fields.is_empty();
-            let expected = "neither self-gravity nor fields beside it: they do not repeat";
+            let expected = "no self-gravity and no fields with it: they are not periodic";
             expect(period.is_none() || alone, name, found, expected);
         }
         expect(

@@ -64,7 +64,7 @@ impl Dof {
                 continue;
             };
             if let Some(earlier) = lines.insert(body.body, body.line) {
-                scan.add_fault(body.line, format!("the body stands on line {earlier} too"), "expected each body once");
+                scan.add_fault(body.line, format!("the body is on line {earlier}, too"), "expected each body once");
             }
             bodies.push(body);
         }

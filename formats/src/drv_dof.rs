@@ -287,7 +287,7 @@ fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
     points.sort_by(|(_, a), (_, b)| a[0].total_cmp(&b[0]));
     for pair in points.windows(2) {
         if pair[0].1[0] == pair[1].1[0] {
-            let found = format!("time {} stands on line {} too", pair[1].1[0], pair[0].0);
+            let found = format!("time {} is on line {}, too", pair[1].1[0], pair[0].0);
             scan.add_fault(pair[1].0, found, "expected each time once");
         }
     }

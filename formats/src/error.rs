@@ -47,7 +47,7 @@ impl Fault {
             ErrorKind::NotFound => "there is no such file".into(),
             ErrorKind::PermissionDenied => "permission denied".into(),
             ErrorKind::IsADirectory => "it is a folder".into(),
-            ErrorKind::NotADirectory => "part of its path is no folder".into(),
+            ErrorKind::NotADirectory => "part of its path is not a folder".into(),
             ErrorKind::StorageFull => "the disk is full".into(),
             // The text omits the number of the system's error.
             _ => error.to_string().split(" (os error").next().unwrap_or_default().to_string(),

@@ -140,7 +140,7 @@ impl ConvexMesh {
         let outside = (0..corners.len()).map(|k| offset - normal.dot(&at(k))).fold(0.0, f64::max);
         if !offset.is_finite() || outside > allowed {
             let about: Vec<String> = base.iter().map(|x| format!("{x:.4}")).collect();
-            return Err(format!("not convex: {outside:.3e} m stand out of the face at ({})", about.join(", ")));
+            return Err(format!("not convex: {outside:.3e} m outside the face at ({})", about.join(", ")));
         }
         self.planes.push(PolyhedronPlane { normal, offset });
         Ok(())
@@ -256,7 +256,7 @@ impl CoplanarRegions {
         let mut loops = Vec::with_capacity(self.count);
         for border in &next {
             // Never empty: a closed surface has more than one plane, or its Euler number is found wrong.
-            let first = border.keys().min().copied().ok_or("it has one face alone")?;
+            let first = border.keys().min().copied().ok_or("it has only one face")?;
             let (mut corners, mut at, mut walked) = (Vec::new(), first, 0);
             loop {
                 if meeting[at as usize].len() > 2 {

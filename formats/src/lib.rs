@@ -16,6 +16,7 @@
 //! | [`doubts`] | none: values that are probably mistakes of units |
 //! | [`accuracy`], [`presets`] | the same: its presets of accuracy, and their values |
 //! | [`case`] | none: the folder of a case on a command line |
+//! | [`former_names`] | scenes, changes and settings: names of earlier versions |
 //! | [`groups`] | none: groups of connected items |
 //! | [`ids`] | none: typed indices |
 //! | [`places`] | any RON file: positions and replacement of its values |
@@ -40,6 +41,7 @@ pub mod error;
 pub mod faces;
 pub mod fc3d;
 pub mod field;
+pub mod former_names;
 pub mod groups;
 pub mod ids;
 pub mod mass;

@@ -56,6 +56,6 @@ mod tests {
         assert_eq!(path_in_words("compute.dt"), "compute, dt");
         assert_eq!(path_in_words("bodies.1.spin"), "body 2, spin");
         assert_eq!(path_in_words("0.action"), "item 1, action");
-        assert_eq!(path_in_words("grains.0.place.positions.1.2"), "grains 1, place, position 2.3");
+        assert_eq!(path_in_words("grains.0.placement.positions.1.2"), "grains 1, placement, position 2.3");
     }
 }

@@ -1,13 +1,15 @@
 //! Positions of the values of a RON text, and replacement of values.
 //!
 //! serde keeps no positions, so [`ValueLocations`] scans the text again. Since RON has accepted the text, brackets, field
-//! names, strings and comments suffice to locate the values.
+//! names, strings and comments suffice to locate the values. Paths have current names, also where the text has
+//! [former](former_names) ones.
 
 use std::collections::HashMap;
 use std::ops::Range;
 use std::path::Path;
 
 use crate::error::{Fault, Faults};
+use crate::former_names::{self, FormerName, FormerNameUse};
 use crate::ron_text;
 
 /// Values of a RON text by their paths: field names and 0-based positions in lists and tuples, joined by points; the path
@@ -15,6 +17,8 @@ use crate::ron_text;
 pub struct ValueLocations<'a> {
     text: &'a str,
     places: HashMap<String, ValueLocation>,
+    former_names: Vec<FormerNameUse>,
+    conflicts: Vec<(usize, String, &'static FormerName)>,
 }
 
 /// Position of a value.
@@ -32,7 +36,18 @@ impl<'a> ValueLocations<'a> {
         let mut walk = LocationWalker::new(text);
         walk.skip_extensions();
         walk.skip_value("", 0);
-        ValueLocations { text, places: walk.places }
+        ValueLocations { text, places: walk.places, former_names: walk.former_names, conflicts: walk.conflicts }
+    }
+
+    /// Former names of fields and values, in the order of the text.
+    pub fn former_names(&self) -> &[FormerNameUse] {
+        &self.former_names
+    }
+
+    /// Fields that have both their former and their current name: byte of the second, path of the value that has the
+    /// field, name.
+    pub fn conflicts(&self) -> &[(usize, String, &'static FormerName)] {
+        &self.conflicts
     }
 
     /// Line and column, 1-based, of the value at `path`, or of the innermost value around it if it was left out; none if
@@ -100,13 +115,36 @@ pub fn setting_at<'a>(settings: &'a [String], text: &str, line: usize, column: u
     setting_of_path(settings, ValueLocations::from_text(text).path_at(byte)?)
 }
 
-/// Names and 0-based positions of a path in which positions in lists count from 1; none if a position is 0.
+/// Current names and 0-based positions of a path in which positions in lists count from 1; none if a position is 0.
 fn path_keys(path: &str) -> Option<Vec<String>> {
-    let key = |key: &str| match key.parse::<usize>() {
-        Ok(place) => place.checked_sub(1).map(|place| place.to_string()),
-        Err(_) => Some(key.to_string()),
-    };
-    path.split('.').map(key).collect()
+    Some(path_with_current_names(path)?.0)
+}
+
+/// [`path_keys`], and the former names in the path.
+fn path_with_current_names(path: &str) -> Option<(Vec<String>, Vec<&'static FormerName>)> {
+    let (mut keys, mut former): (Vec<String>, _) = (Vec::new(), Vec::new());
+    for key in path.split('.') {
+        let key = match (key.parse::<usize>(), former_names::former_field(&keys.join("."), key)) {
+            (Ok(index), _) => index.checked_sub(1)?.to_string(),
+            (Err(_), Some(name)) => {
+                former.push(name);
+                name.current.to_string()
+            }
+            (Err(_), None) => key.to_string(),
+        };
+        keys.push(key);
+    }
+    Some((keys, former))
+}
+
+/// Former names in the path and in the value of a setting.
+pub(crate) fn former_names_of_setting(setting: &str) -> Vec<&'static FormerName> {
+    let Some((path, value)) = setting.split_once('=') else { return Vec::new() };
+    let Some((keys, mut names)) = path_with_current_names(path.trim()) else { return Vec::new() };
+    let mut walk = LocationWalker::new(value);
+    walk.skip_value(&keys.join("."), 0);
+    names.extend(walk.former_names.iter().map(|one| one.name));
+    names
 }
 
 fn apply_setting(text: &str, setting: &str) -> Result<String, (String, String)> {
@@ -124,7 +162,7 @@ fn apply_setting(text: &str, setting: &str) -> Result<String, (String, String)> 
         return Err(refuse(&format!("'{value}'"), "one value in RON"));
     }
     let Some(keys) = path_keys(path) else {
-        return Err(refuse("0", "places in lists counted from 1"));
+        return Err(refuse("0", "positions in lists counted from 1"));
     };
     let places = ValueLocations::from_text(text).places;
     if let Some(place) = places.get(&keys.join(".")) {
@@ -171,6 +209,8 @@ struct LocationWalker<'a> {
     /// Number of open brackets.
     depth: usize,
     places: HashMap<String, ValueLocation>,
+    former_names: Vec<FormerNameUse>,
+    conflicts: Vec<(usize, String, &'static FormerName)>,
 }
 
 /// Deepest nesting that is scanned; RON rejects more.
@@ -178,7 +218,8 @@ const MAX_DEPTH: usize = 256;
 
 impl<'a> LocationWalker<'a> {
     fn new(text: &'a str) -> Self {
-        LocationWalker { text: text.as_bytes(), at: 0, depth: 0, places: HashMap::new() }
+        let (places, former_names, conflicts) = (HashMap::new(), Vec::new(), Vec::new());
+        LocationWalker { text: text.as_bytes(), at: 0, depth: 0, places, former_names, conflicts }
     }
 
     fn current_byte(&self) -> u8 {
@@ -235,11 +276,16 @@ impl<'a> LocationWalker<'a> {
         }
     }
 
+    /// Word of ASCII letters, digits and underscores that begins here; may be empty.
+    fn current_word(&self) -> &'a str {
+        let length = self.text[self.at..].iter().take_while(|b| b.is_ascii_alphanumeric() || **b == b'_').count();
+        std::str::from_utf8(&self.text[self.at..self.at + length]).unwrap_or_default()
+    }
+
     /// Reads a field's name followed by a colon, if there is one; moves after the colon.
     fn read_field_name(&mut self) -> Option<String> {
-        let length = self.text[self.at..].iter().take_while(|b| b.is_ascii_alphanumeric() || **b == b'_').count();
-        let name = String::from_utf8_lossy(&self.text[self.at..self.at + length]).into_owned();
-        let start = self.at;
+        let name = self.current_word().to_string();
+        let (start, length) = (self.at, name.len());
         self.advance(length);
         self.skip_blank();
         if length > 0 && self.current_byte() == b':' {
@@ -253,6 +299,10 @@ impl<'a> LocationWalker<'a> {
     /// Moves after the value at `path`; the value, or its name, begins at the byte `start`.
     fn skip_value(&mut self, path: &str, start: usize) {
         self.skip_blank();
+        let word = self.current_word();
+        if let Some(name) = former_names::former_value(path, word) {
+            self.former_names.push(FormerNameUse { name, span: self.at..self.at + word.len() });
+        }
         let mut place = ValueLocation { start, span: self.at..self.at, content_start: None };
         loop {
             self.skip_blank();
@@ -270,6 +320,23 @@ impl<'a> LocationWalker<'a> {
             place.span.end = self.at;
         }
         self.places.insert(path.to_string(), place);
+    }
+
+    /// Returns the current name of the field `name` of the value at `holder`; `start` is the byte of the name.
+    fn current_field(&mut self, holder: &str, name: String, start: usize) -> String {
+        let former = former_names::former_field(holder, &name);
+        let current = former.map_or(name.as_str(), |name| name.current).to_string();
+        if let Some(known) = self.places.get(&format!("{holder}.{current}")) {
+            let first = self.former_names.iter().find(|one| one.span.start == known.start).map(|one| one.name);
+            // The same name twice is reported when the text is parsed.
+            if let (Some(name), true) = (former.or(first), former.is_some() != first.is_some()) {
+                self.conflicts.push((start, holder.to_string(), name));
+            }
+        }
+        if let Some(former) = former {
+            self.former_names.push(FormerNameUse { name: former, span: start..start + name.len() });
+        }
+        current
     }
 
     fn skip_string(&mut self) {
@@ -304,7 +371,10 @@ impl<'a> LocationWalker<'a> {
                 break;
             }
             let start = self.at;
-            let key = self.read_field_name().unwrap_or_else(|| index.to_string());
+            let key = match self.read_field_name() {
+                Some(name) => self.current_field(path, name, start),
+                None => index.to_string(),
+            };
             let path = if path.is_empty() { key } else { format!("{path}.{key}") };
             self.skip_value(&path, start);
             if self.current_byte() == b',' {

@@ -52,7 +52,8 @@ impl<'a> FaultReport<'a> {
         self.warnings.push(self.fault_at(path, found.into(), question.to_string()));
     }
 
-    fn fault_at(&self, path: &str, found: String, expected: String) -> Fault {
+    /// Fault of the value at `path`, with the whole phrase about the expected value.
+    pub fn fault_at(&self, path: &str, found: String, expected: String) -> Fault {
         match places::setting_of_path(self.settings, path) {
             Some(setting) => places::setting_fault(setting, found, expected),
             None => {

@@ -243,7 +243,7 @@ fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, Vec<String>
         }
     }
     if one_sided {
-        faults.push("the surface is one-sided; expected one with an inside".into());
+        faults.push("the surface is one-sided; expected a surface that encloses a volume".into());
     }
     if let (true, Some(apart)) = (faults.is_empty(), turned.iter().position(Option::is_none)) {
         faults.push(format!("triangle {} is not connected with triangle 1; expected one piece", apart + 1));

@@ -14,12 +14,11 @@ use crate::commands::series::process_case;
 use crate::commands::{accuracy_study, compare, report, state, study, track};
 use crate::options::{Measures, Options, SlopeReach, parse_finite};
 
-/// Measures the snapshots of a case and draws them.
+/// Computes observables from the snapshots of a case, and writes plots and ParaView files.
 ///
-/// Reads DIR/OUTBOX/snapshot-*.npz; writes DIR/POSTPRO (series.csv, plots, a picture) and DIR/DISPLAY
-/// (ParaView files, which paraview --script=DIR/DISPLAY/view.py shows). The shapes of polyhedra are
-/// read from DIR/DATBOX/BODIES.DAT. A folder whose name is that of a command below is given as
-/// ./NAME.
+/// Reads DIR/OUTBOX/snapshot-*.npz and, for shapes, DIR/DATBOX/BODIES.DAT. Writes DIR/POSTPRO (series.csv,
+/// plots, pictures) and DIR/DISPLAY (ParaView files; show them with paraview --script=DIR/DISPLAY/view.py).
+/// docs/observables.md defines all observables. Write ./NAME for a folder that has the name of a command.
 #[derive(Debug, Clone, Parser)]
 #[command(name = "cd-post", version, args_conflicts_with_subcommands = true)]
 struct Arguments {
@@ -29,114 +28,124 @@ struct Arguments {
     options: Options,
 }
 
+/// Name of `accuracy-study` in earlier versions.
+const FORMER_ACCURACY_STUDY: &str = "trade";
+
 #[derive(Debug, Clone, clap::Subcommand)]
 enum Command {
-    /// One snapshot in depth: profiles, forces, fabric, fragments with orbits, ejecta, surface.
+    /// Analyses one snapshot in detail: profiles, forces, fabric, fragments with orbits, ejecta, surface.
     ///
     /// Writes DIR/POSTPRO/state-NNNNNN.
     State {
-        /// The case directory
+        /// Case folder
         #[arg(default_value = ".")]
         dir: PathBuf,
-        /// Step of the snapshot; without it the last
+        /// Step of the snapshot; default: the last
         #[arg(long, value_name = "STEP")]
         snapshot: Option<u64>,
-        /// Layers of a bed are means over so many snapshots up to that one
+        /// Number of snapshots, up to that one, over which the layers of a bed are averaged
         #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
         mean: u32,
         #[command(flatten)]
         slope: SlopeReach,
     },
-    /// The same observable of several runs in one figure, and their values in one table.
+    /// Plots each observable of several runs in one figure, with their values in one table.
     ///
-    /// Reads the POSTPRO/series.csv of each, which cd-post writes.
+    /// Reads POSTPRO/series.csv of each case: run cd-post on the cases first.
     Compare {
-        /// The case directories
+        /// Case folders
         #[arg(required = true, num_args = 1..)]
         dirs: Vec<PathBuf>,
-        /// Folder in which NAME.svg and NAME.csv are written
+        /// Folder for NAME.svg and NAME.csv of each observable NAME
         #[arg(short, long, default_value = "compare")]
         output: PathBuf,
-        /// Names of the runs, in their order; without them those of their folders
+        /// Names of the runs, in their order; default: those of their folders
         #[arg(long, value_delimiter = ',')]
         labels: Vec<String>,
-        /// Table below POSTPRO of each case: series.csv, one of `cd-post state`, such as state/profile.csv for the last
+        /// Table in POSTPRO of each case: series.csv, or one of `cd-post state`, such as state/profile.csv for the last
         /// state of each, or of `cd-post track`, such as track-1/track.csv
         #[arg(long, default_value = "series.csv", value_name = "FILE")]
         table: PathBuf,
-        /// Columns of the table; without them those of the plots
+        /// Columns of the table; default: those of the plots
         #[arg(long, value_delimiter = ',')]
         columns: Vec<String>,
-        /// Column of the horizontal axis; without it time, or the first of the table
+        /// Column on the horizontal axis; default: time, or the first column of the table
         #[arg(long)]
         against: Option<String>,
     },
-    /// Many runs, each by its means over the end, and how they go with the number of grains; fitted lines and cost.
+    /// Compares the means of many runs: one row for each run, dependence on the number of grains, fitted lines, cost.
     ///
-    /// Reads of each POSTPRO/series.csv, OUTBOX/steps.csv, TIMER.csv and the last snapshot.
+    /// Reads POSTPRO/series.csv, OUTBOX/steps.csv, TIMER.csv and the last snapshot of each case.
     Study {
-        /// The case directories
+        /// Case folders, or study.csv of `cd-pre study` for all of its cases with their parameters
         #[arg(required = true, num_args = 1..)]
         dirs: Vec<PathBuf>,
-        /// Folder in which runs.csv, fits.csv and the figures are written
+        /// Folder for runs.csv, fits.csv and the figures
         #[arg(short, long, default_value = "study")]
         output: PathBuf,
-        /// One name a run, the same for those that the figures show as one; without them all are one
-        #[arg(long, value_delimiter = ',')]
+        /// Groups that the figures distinguish, one name for each run; default: a single group
+        #[arg(long, value_delimiter = ',', conflicts_with = "by")]
         groups: Vec<String>,
-        /// Time from which snapshots count for the means, s; without it the last alone
+        /// Parameters of the study whose values are the groups
+        #[arg(long, value_delimiter = ',', value_name = "PARAMETERS")]
+        by: Vec<String>,
+        /// Table of `cd-pre study` with the parameters of the case folders
+        #[arg(long, value_name = "study.csv")]
+        parameters: Option<PathBuf>,
+        /// Start of the snapshots over which means are taken, s; default: the last snapshot only
         #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_finite)]
         from: Option<f64>,
-        /// Time up to which they count, s; without it the end
+        /// End of these snapshots, s; default: the end of the run
         #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_finite)]
         until: Option<f64>,
     },
-    /// Runs of one scene against the finest: errors of what is observed, and the time that they took.
+    /// Error against run time: runs of one scene compared with the finest of them.
     ///
-    /// Reads of each POSTPRO/series.csv, TIMER.csv, ERRORS.csv and snapshots.
-    Trade {
-        /// The case directories; errors are against that of `accuracy: reference`, else against the last. Or folders that this
-        /// command has written, of several realisations of a scene
+    /// Reads POSTPRO/series.csv, TIMER.csv, ERRORS.csv and the snapshots of each case.
+    #[command(alias = FORMER_ACCURACY_STUDY)]
+    AccuracyStudy {
+        /// Case folders; errors are relative to the run with `accuracy: reference`, or to the last. Or folders that this
+        /// command has written for several realisations of a scene
         #[arg(required = true, num_args = 2..)]
         dirs: Vec<PathBuf>,
-        /// Folder in which trade.csv, orders.csv and trade.svg are written
-        #[arg(short, long, default_value = "trade")]
+        /// Folder for accuracy.csv, orders.csv and accuracy.svg
+        #[arg(short, long, default_value = "accuracy-study")]
         output: PathBuf,
-        /// One name a run, of the option that it is about
+        /// Name of the option that each run varies, one for each run
         #[arg(long, value_delimiter = ',')]
         groups: Vec<String>,
-        /// One number a run, the value of that option; nan where it is none
+        /// Value of that option, one number for each run; nan if it is not a number
         #[arg(long, value_delimiter = ',')]
         values: Vec<f64>,
-        /// Time from which snapshots count, s; without it the last alone
+        /// Start of the snapshots over which means are taken, s; default: the last snapshot only
         #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_finite)]
         from: Option<f64>,
-        /// Time from which on positions are compared at the first snapshot, s; without it, at the first after the start
+        /// Time after which positions are compared at the first snapshot, s; default: the first snapshot after the start
         #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_finite)]
         early: Option<f64>,
         /// Title of the figure
         #[arg(long, value_name = "TEXT", default_value = "Error against time")]
         title: String,
     },
-    /// One body in a bed of grains, such as a lander: its way, depth, force, bounce and crater.
+    /// Follows one body, such as a lander: trajectory, penetration depth, contact force, restitution, crater profile.
     ///
     /// Writes DIR/POSTPRO/track-N.
     Track {
-        /// The case directory
+        /// Case folder
         #[arg(default_value = ".")]
         dir: PathBuf,
         /// Number of the body in BODIES.DAT
         #[arg(long, value_name = "N")]
         body: u64,
     },
-    /// The run on one page that needs nothing else: figures, numbers, options, the grains to turn and zoom.
+    /// Writes one HTML page of a run: figures, numbers, options, and the grains in an interactive view.
     ///
     /// Writes DIR/POSTPRO/report.html.
     Report {
-        /// The case directory
+        /// Case folder
         #[arg(default_value = ".")]
         dir: PathBuf,
-        /// Take every Nth snapshot, counted from the first, and the last
+        /// Use every Nth snapshot, counted from the first, and the last
         #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
         every: u32,
         #[command(flatten)]
@@ -150,15 +159,17 @@ impl Arguments {
         match &self.command {
             None => Some(&self.options.dir),
             Some(Command::State { dir, .. } | Command::Track { dir, .. } | Command::Report { dir, .. }) => Some(dir),
-            Some(Command::Compare { .. } | Command::Study { .. } | Command::Trade { .. }) => None,
+            Some(Command::Compare { .. } | Command::Study { .. } | Command::AccuracyStudy { .. }) => None,
         }
     }
 
     /// Errors if folders are not those of cases.
     fn folders(&self) -> Result<(), Faults> {
         let (dirs, part) = match &self.command {
-            Some(Command::Compare { dirs, .. } | Command::Study { dirs, .. } | Command::Trade { dirs, .. }) => {
-                (dirs.iter().map(PathBuf::as_path).collect(), CaseFolder::Any)
+            Some(Command::Compare { dirs, .. } | Command::Study { dirs, .. } | Command::AccuracyStudy { dirs, .. }) => {
+                let is_table =
+                    |dir: &&Path| matches!(self.command, Some(Command::Study { .. })) && study::is_study_table(dir);
+                (dirs.iter().map(PathBuf::as_path).filter(|dir| !is_table(dir)).collect(), CaseFolder::Any)
             }
             _ => (Vec::from_iter(self.case_dir()), CaseFolder::Outbox),
         };
@@ -170,11 +181,12 @@ impl Arguments {
 fn misspelt_command(args: &[OsString]) -> Option<String> {
     let first = args.get(1)?.to_str().filter(|first| !first.starts_with('-') && !Path::new(first).exists())?;
     let command = Arguments::command();
-    let names: Vec<&str> = command.get_subcommands().map(|command| command.get_name()).chain(["help"]).collect();
+    let names: Vec<&str> =
+        command.get_subcommands().map(|command| command.get_name()).chain(["help", FORMER_ACCURACY_STUDY]).collect();
     if names.contains(&first) {
         return None;
     }
-    Some(format!("{first}: is no folder and no command; did you mean {}?", nearest_name(first, &names)?))
+    Some(format!("{first}: is neither a folder nor a command; did you mean {}?", nearest_name(first, &names)?))
 }
 
 /// Locks a case for this run until the file is dropped; waits for another run that works in it. Two runs would write the
@@ -184,7 +196,10 @@ fn misspelt_command(args: &[OsString]) -> Option<String> {
 fn lock_case(case: &Path) -> Option<File> {
     let folder = File::open(case).ok()?;
     if matches!(folder.try_lock(), Err(TryLockError::WouldBlock)) {
-        print_error(format_args!("cd-post: {}: another cd-post is at work in it; waiting for its end", case.display()));
+        print_error(format_args!(
+            "cd-post: {}: another cd-post runs in this case; waiting for its end",
+            case.display()
+        ));
         folder.lock().ok()?;
     }
     Some(folder)
@@ -209,11 +224,16 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         return 2;
     }
     let Arguments { command, options } = &arguments;
+    if matches!(command, Some(Command::AccuracyStudy { .. }))
+        && args.get(1).is_some_and(|name| name == FORMER_ACCURACY_STUDY)
+    {
+        print_error(format_args!("cd-post: warning: {FORMER_ACCURACY_STUDY}: renamed; write accuracy-study"));
+    }
     let pool = match rayon::ThreadPoolBuilder::new().num_threads(options.threads).build() {
         Ok(pool) => pool,
         Err(_) => {
             print_error(format_args!(
-                "cd-post: options: threads: {} cannot be started; expected a number that the system allows",
+                "cd-post: options: threads: {} cannot be started; expected a number that the machine can start",
                 options.threads
             ));
             return 2;
@@ -234,13 +254,16 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
                 notes
             })
         }
-        Some(Command::Study { dirs, output, groups, from, until }) => study::write(dirs, groups, *from, *until, output)
-            .map(|(count, notes)| {
-                print_line(format_args!("cd-post: {} runs, {count} figures in {}", dirs.len(), output.display()));
+        Some(Command::Study { dirs, output, groups, by, parameters, from, until }) => {
+            let parameters = parameters.as_deref();
+            let selected = study::StudyOptions { groups, by, parameters, from: *from, until: *until };
+            study::write(dirs, &selected, output).map(|([runs, figures], notes)| {
+                print_line(format_args!("cd-post: {runs} runs, {figures} figures in {}", output.display()));
                 notes
-            }),
-        Some(Command::Trade { dirs, output, groups, values, from, early, title }) => {
-            let asked = accuracy_study::TradeOptions { groups, values, from: *from, early: *early };
+            })
+        }
+        Some(Command::AccuracyStudy { dirs, output, groups, values, from, early, title }) => {
+            let asked = accuracy_study::AccuracyStudyOptions { groups, values, from: *from, early: *early };
             accuracy_study::write(dirs, &asked, title, output).map(|(table, notes)| {
                 print_line(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
                 notes

@@ -23,8 +23,8 @@ fn parse_positive(text: &str) -> Result<f64, String> {
 /// Reach of the planes whose angle is the slope of a surface.
 #[derive(Debug, Clone, clap::Args)]
 pub struct SlopeReach {
-    /// Mean radii over which planes are fitted to a surface for its slope: fewer show more of its shape, and of its grains
-    /// [default: 12 of a heap or bed, 10 of an aggregate]
+    /// Radius, in mean radii, within which planes are fitted to a surface for its slope; a smaller one resolves more of the
+    /// shape, and of single grains [default: 12 for a heap or bed, 10 for an aggregate]
     #[arg(long, value_name = "RADII", value_parser = parse_positive)]
     pub slope_reach: Option<f64>,
 }
@@ -33,7 +33,7 @@ pub struct SlopeReach {
 #[derive(Debug, Clone, clap::Args)]
 pub struct Measures {
     /// Region of Z, nu, pressure and stress: ball:RADIUS, box:X,Y,Z, cylinder:RADIUS,LENGTH or
-    /// cylinder:RADIUS,LENGTH,AXIS_X,AXIS_Y,AXIS_Z with its centre at @X,Y,Z, @com or @largest, or layer:FROM,TO above the floor (m); without it the one that fits the scene
+    /// cylinder:RADIUS,LENGTH,AXIS_X,AXIS_Y,AXIS_Z with its centre at @X,Y,Z, @com or @largest, or layer:FROM,TO above the floor (m); default: chosen by the scene
     #[arg(long, value_name = "SHAPE")]
     pub region: Option<Probe>,
     #[command(flatten)]
@@ -50,24 +50,24 @@ impl Default for Measures {
 /// Options of the measurement of a case and of its files.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Options {
-    /// The case directory
+    /// Case folder
     #[arg(default_value = ".")]
     pub dir: PathBuf,
-    /// Take every Nth snapshot, counted from the first, and the last
+    /// Use every Nth snapshot, counted from the first, and the last
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub every: u32,
-    /// Write no plots and no picture
+    /// Write no plots and no pictures
     #[arg(long)]
     pub no_plots: bool,
     /// Write no ParaView files
     #[arg(long)]
     pub no_vtk: bool,
-    /// Sum potential energies over every pair at any number of grains
+    /// Compute the potential energy by the sum over all pairs, for any number of grains
     #[arg(long)]
     pub direct_gravity: bool,
     #[command(flatten)]
     pub measures: Measures,
-    /// Threads; 0 takes all cores. Results do not depend on it
+    /// Number of threads; 0: all cores. Results do not depend on it
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(..=1024))]
     pub threads: usize,
 }

@@ -13,7 +13,7 @@ pub fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let refuse = |found: &str| Err(Fault::new(outbox, None, "folder", found, expected).into());
     match snapshot::list_snapshots(outbox)? {
         _ if !atomic::path_exists(outbox) => refuse("is not there"),
-        all if all.is_empty() => refuse("holds no snapshot"),
+        all if all.is_empty() => refuse("has no snapshot"),
         all => Ok(all),
     }
 }

@@ -50,11 +50,11 @@ pub fn name_faults(option: &str, names: &[String], axis: Option<&str>) -> Vec<Fa
     let fault = |(k, name): (usize, &String)| {
         let (again, expected) = match name.as_str() {
             blank if blank.trim().is_empty() => ("", "expected a name"),
-            name if Some(name) == axis => ("", "expected another name than that of the horizontal axis"),
+            name if Some(name) == axis => ("", "expected a name other than that of the horizontal axis"),
             _ if names[..k].contains(name) => (" again", "expected each name once"),
             _ => return None,
         };
-        let found = format!("'{name}' stands there{again} as number {}", k + 1);
+        let found = format!("'{name}' is given{again} as number {}", k + 1);
         Some(Fault::new(Path::new("options"), None, option, found, expected))
     };
     names.iter().enumerate().filter_map(fault).collect()
@@ -63,7 +63,7 @@ pub fn name_faults(option: &str, names: &[String], axis: Option<&str>) -> Vec<Fa
 /// Faults of blank names of groups.
 pub fn blank_group_faults(groups: &[String]) -> Vec<Fault> {
     let blank = groups.iter().enumerate().filter(|(_, name)| name.trim().is_empty());
-    let found = |k: usize| format!("'{}' stands there as number {}", name_field(&groups[k]), k + 1);
+    let found = |k: usize| format!("'{}' is given as number {}", name_field(&groups[k]), k + 1);
     blank.map(|(k, _)| Fault::new(Path::new("options"), None, "groups", found(k), "expected a name")).collect()
 }
 
@@ -98,7 +98,7 @@ fn parse_columns(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Fa
         faults.push(Fault::new(path, Some(1), format!("column '{name}'"), found, expected));
     };
     for (k, name) in names.iter().enumerate().filter(|(k, name)| names[..*k].contains(name)) {
-        column(name, &format!("stands there again as number {}", k + 1), "expected each name once");
+        column(name, &format!("is given again as number {}", k + 1), "expected each name once");
     }
     // A series without regions is of a version whose means were over the ball around all grains.
     let renamed = |name: &str| {

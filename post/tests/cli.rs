@@ -189,7 +189,7 @@ fn a_case_without_results_is_refused() {
     let message = |found: &str| format!("cd-post: {}: folder: {found}; {expected}\n", outbox.display());
     assert_eq!(refused(case.path()), (2, message("is not there")));
     fs::create_dir(&outbox).unwrap();
-    assert_eq!(refused(case.path()), (2, message("holds no snapshot")));
+    assert_eq!(refused(case.path()), (2, message("has no snapshot")));
 }
 
 #[test]
@@ -277,7 +277,7 @@ fn one_waits_for_another_in_the_same_case() {
         let mut second = second.spawn().unwrap();
         let mut told = String::new();
         BufReader::new(second.stderr.take().unwrap()).read_line(&mut told).unwrap();
-        assert!(told.ends_with(": another cd-post is at work in it; waiting for its end\n"), "{command:?}: {told}");
+        assert!(told.ends_with(": another cd-post runs in this case; waiting for its end\n"), "{command:?}: {told}");
         assert!(!case.path().join("POSTPRO").exists() && second.try_wait().unwrap().is_none());
         second.kill().unwrap();
         second.wait().unwrap();
@@ -317,16 +317,18 @@ fn a_case_without_grains_is_done_with_a_report() {
     scene.plate([0.0; 3], [1.0; 3]);
     scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 0)).unwrap();
     let (code, message) = refused(case.path());
-    assert_eq!((code, message.as_str()), (1, "cd-post: 1 of 1 snapshots hold no grain: their fields are empty\n"));
+    assert_eq!((code, message.as_str()), (1, "cd-post: 1 of 1 snapshots have no grains: their fields are empty\n"));
     let series = fs::read_to_string(case.path().join("POSTPRO/series.csv")).unwrap();
     assert!(series.lines().nth(1).unwrap().starts_with("0,0.0,0,,,,"));
 }
 
 #[test]
 fn a_wrong_command_line_is_refused() {
-    for args in
-        [vec!["--every", "0"], vec!["study", "case", "--from", "nan"], vec!["trade", "a", "b", "--early", "inf"]]
-    {
+    for args in [
+        vec!["--every", "0"],
+        vec!["study", "case", "--from", "nan"],
+        vec!["accuracy-study", "a", "b", "--early", "inf"],
+    ] {
         let output = Command::new(env!("CARGO_BIN_EXE_cd-post")).args(&args).output().unwrap();
         assert_eq!(output.status.code(), Some(2));
         assert!(String::from_utf8(output.stderr).unwrap().contains("invalid value"), "{args:?}");
@@ -364,7 +366,7 @@ fn a_bed_in_a_cell_has_layers_and_columns_of_its_own() {
         assert!((found(name) - expected).abs() < 1e-14, "{name} {}", found(name));
     }
     let plot = fs::read_to_string(case.path().join("POSTPRO/solid_fraction.svg")).unwrap();
-    assert!(plot.contains("of the bed"));
+    assert!(plot.contains("bed"));
     assert_eq!(cd_post(&["state"], case.path()).status.code(), Some(1)); // a note: no profile by radius
     let state = case.path().join("POSTPRO/state-000000");
     let layers = names(&state).into_iter().filter(|name| name.starts_with("layers")).collect::<Vec<_>>();
@@ -400,7 +402,7 @@ fn a_bed_in_a_cell_has_layers_and_columns_of_its_own() {
     scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 2)).unwrap();
     let output = cd_post(&["state", "--mean", "3"], case.path());
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(said.contains("a bed is in 2 of 3 snapshots: the mean layers are those of these"), "{said}");
+    assert!(said.contains("2 of 3 snapshots have a bed: the layers are means over these"), "{said}");
     let layers = case.path().join("POSTPRO/state-000002/layers.csv");
     assert_eq!(column(&layers, "v_x")[0], 0.5);
     // A state without a bed removes the layers of the mean before.
@@ -410,7 +412,7 @@ fn a_bed_in_a_cell_has_layers_and_columns_of_its_own() {
     scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 3)).unwrap();
     let output = cd_post(&["state", "--mean", "2"], case.path());
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(said.contains("a bed is in none of 2 snapshots: there are no layers\n"), "{said}");
+    assert!(said.contains("none of 2 snapshots has a bed: no layers are written\n"), "{said}");
 }
 
 #[test]
@@ -446,7 +448,7 @@ fn a_state_in_depth_has_its_tables_and_figures() {
     assert_eq!(none.status.code(), Some(2));
     assert!(
         String::from_utf8_lossy(&none.stderr)
-            .ends_with("holds no snapshot of step 7; expected one of steps 0 to 10, such as 0 or 10\n"),
+            .ends_with("has no snapshot of step 7; expected one of steps 0 to 10, such as 0 or 10\n"),
         "{none:?}"
     );
     // Counts are whole numbers.
@@ -460,7 +462,7 @@ fn a_state_in_depth_has_its_tables_and_figures() {
 
 #[test]
 fn turning_axes_hide_no_motion() {
-    // Two spheres at rest in axes that turn at 1.6 times the rate of the circle: above the root of 2 they part.
+    // Two spheres at rest in a rotating frame at 1.6 times the rate of the circle: above the root of 2 they part.
     let (distance, k, constant) = (8.0, 1.6, 1.0);
     let case = tempfile::tempdir().unwrap();
     let mut scene = Scene::self_gravitating(constant);
@@ -528,7 +530,7 @@ fn runs_are_compared_in_one_figure() {
     let told = String::from_utf8_lossy(&twice.stderr);
     assert_eq!(twice.status.code(), Some(2));
     assert!(told.starts_with("cd-post: options: runs: '"), "{told}");
-    assert!(told.ends_with("' stands there again as number 2; expected each name once\n"), "{told}");
+    assert!(told.ends_with("' is given again as number 2; expected each name once\n"), "{told}");
     for (option, wrong) in [
         ("columns", "no_such"),
         ("labels", "one"),
@@ -548,7 +550,7 @@ fn runs_are_compared_in_one_figure() {
     let whole = fs::read_to_string(&series).unwrap();
     for (header, message) in [
         ("step,tim,", "column 'time': is not there; expected a table that has it"),
-        ("time,time,", "column 'time': stands there again as number 2; expected each name once"),
+        ("time,time,", "column 'time': is given again as number 2; expected each name once"),
     ] {
         fs::write(&series, whole.replace("step,time,", header)).unwrap();
         let told = compare(&["--columns", "Z"]);
@@ -559,7 +561,7 @@ fn runs_are_compared_in_one_figure() {
     fs::write(&series, whole.lines().next().unwrap()).unwrap();
     let told = compare(&[]);
     assert_eq!(told.status.code(), Some(2));
-    let expected = "series.csv: table: holds no snapshot; expected one at least\n";
+    let expected = "series.csv: table: has no snapshot; expected at least one\n";
     assert!(String::from_utf8_lossy(&told.stderr).ends_with(expected), "{told:?}");
     fs::write(&series, whole).unwrap();
     // The ways of a body, and the ground around it.
@@ -623,9 +625,14 @@ fn runs_are_compared_in_one_figure() {
 fn runs_are_measured_by_the_finest() {
     let cases = [case(&[0, 4]), case(&[0, 4]), case(&[0, 4])];
     let output = tempfile::tempdir().unwrap();
-    let trade = |more: &[&str]| {
+    let accuracy_study = |more: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));
-        command.arg("trade").args(cases.iter().map(|case| case.path())).arg("-o").arg(output.path()).args(more);
+        command
+            .arg("accuracy-study")
+            .args(cases.iter().map(|case| case.path()))
+            .arg("-o")
+            .arg(output.path())
+            .args(more);
         command.output().unwrap()
     };
     let timer = "step,gravity,detection,assembly,solve,integration,writing\n1,1,2,3,4,5,6\n2,1,2,3,4,5,6\n";
@@ -633,39 +640,39 @@ fn runs_are_measured_by_the_finest() {
         assert_eq!(cd_post(&["--no-plots", "--no-vtk"], case.path()).status.code(), Some(0));
         fs::write(case.path().join("TIMER.csv"), timer).unwrap();
     }
-    assert_eq!(trade(&[]).status.code(), Some(2)); // without what the runs say of their errors
+    assert_eq!(accuracy_study(&[]).status.code(), Some(2)); // without what the runs say of their errors
     for case in &cases {
         let errors = "source,option,error,seconds\ncontacts,tol,1e-2,1\nstep,dt,2e-2,1\n";
         fs::write(case.path().join("ERRORS.csv"), errors).unwrap();
     }
-    let done = trade(&["--groups", "dt,dt,finest", "--values", "2,1,0.5"]);
+    let done = accuracy_study(&["--groups", "dt,dt,finest", "--values", "2,1,0.5"]);
     assert_eq!(done.status.code(), Some(0), "{done:?}");
-    assert_eq!(names(output.path()), ["orders.csv", "trade.csv", "trade.svg"]);
-    let table = fs::read_to_string(output.path().join("trade.csv")).unwrap();
+    assert_eq!(names(output.path()), ["accuracy.csv", "accuracy.svg", "orders.csv"]);
+    let table = fs::read_to_string(output.path().join("accuracy.csv")).unwrap();
     let row: Vec<&str> = table.lines().nth(1).unwrap().split(',').collect();
     let of = |name: &str| row[table.lines().next().unwrap().split(',').position(|column| column == name).unwrap()];
     // Equal runs.
     assert_eq!((of("group"), of("value"), of("seconds")), ("dt", "2.0", "30.0"));
     assert_eq!((of("Z"), of("worst"), of("positions"), of("positions_early")), ("0.0", "0.0", "0.0", "0.0"));
     assert_eq!(of("estimated").parse::<f64>().unwrap(), 1e-2 + 2e-2);
-    assert_eq!(trade(&["--values", "1"]).status.code(), Some(2));
-    let told = trade(&["--groups", "dt,,finest"]);
-    assert!(String::from_utf8_lossy(&told.stderr).contains("groups: '' stands there as number 2"), "{told:?}");
+    assert_eq!(accuracy_study(&["--values", "1"]).status.code(), Some(2));
+    let told = accuracy_study(&["--groups", "dt,,finest"]);
+    assert!(String::from_utf8_lossy(&told.stderr).contains("groups: '' is given as number 2"), "{told:?}");
     let mut twice = Command::new(env!("CARGO_BIN_EXE_cd-post"));
-    let twice = twice.arg("trade").args([cases[0].path(); 2]).arg("-o").arg(output.path()).output().unwrap();
+    let twice = twice.arg("accuracy-study").args([cases[0].path(); 2]).arg("-o").arg(output.path()).output().unwrap();
     let told = String::from_utf8_lossy(&twice.stderr);
-    assert!(told.contains("' stands there again as number 2; expected each name once"), "{told}");
+    assert!(told.contains("' is given again as number 2; expected each name once"), "{told}");
     // The last row of a run that was cut off does not count, nor does a series of the run before.
     fs::write(cases[0].path().join("TIMER.csv"), format!("{timer}3,1,2")).unwrap();
-    assert_eq!(trade(&["--groups", "dt,dt,finest", "--values", "2,1,0.5"]).status.code(), Some(0));
-    assert_eq!(fs::read_to_string(output.path().join("trade.csv")).unwrap(), table);
+    assert_eq!(accuracy_study(&["--groups", "dt,dt,finest", "--values", "2,1,0.5"]).status.code(), Some(0));
+    assert_eq!(fs::read_to_string(output.path().join("accuracy.csv")).unwrap(), table);
     let newer = snapshot::snapshot_path(&cases[0].path().join("OUTBOX"), 8);
     scene(8).snapshot.write(&newer).unwrap();
-    let told = trade(&[]);
+    let told = accuracy_study(&[]);
     assert_eq!(told.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&told.stderr).contains("ends at step 4 and 1 s; expected step 8"), "{told:?}");
     fs::remove_file(newer).unwrap();
-    let told = trade(&["--from", "3"]);
+    let told = accuracy_study(&["--from", "3"]);
     let expected = "time: 2 from 0 to 1 s; expected one at the time of --from or later\n";
     assert_eq!(told.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&told.stderr).ends_with(expected), "{told:?}");
@@ -673,12 +680,21 @@ fn runs_are_measured_by_the_finest() {
     let [once, both] = [output.path().to_path_buf(), output.path().join("both")];
     let of_both = |more: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));
-        command.arg("trade").args([&once, &once]).arg("-o").arg(&both).args(more).output().unwrap()
+        command.arg("accuracy-study").args([&once, &once]).arg("-o").arg(&both).args(more).output().unwrap()
     };
     assert_eq!(of_both(&["--from", "1"]).status.code(), Some(2));
     assert_eq!(of_both(&["--title", "Both"]).status.code(), Some(0));
-    assert_eq!(fs::read_to_string(both.join("trade.csv")).unwrap(), table);
-    assert!(fs::read_to_string(both.join("trade.svg")).unwrap().contains("Both"));
+    assert_eq!(fs::read_to_string(both.join("accuracy.csv")).unwrap(), table);
+    assert!(fs::read_to_string(both.join("accuracy.svg")).unwrap().contains("Both"));
+    // Names of earlier versions: of the command, of the table and of a column.
+    let former = table.replace(",single_over_estimated", ",over_estimated");
+    fs::remove_file(once.join("accuracy.csv")).unwrap();
+    fs::write(once.join("trade.csv"), former).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+    let done = command.arg("trade").args([&once, &once]).arg("-o").arg(&both).output().unwrap();
+    let warning = "cd-post: warning: trade: renamed; write accuracy-study\n";
+    assert_eq!((done.status.code(), String::from_utf8_lossy(&done.stderr).as_ref()), (Some(0), warning));
+    assert_eq!(fs::read_to_string(both.join("accuracy.csv")).unwrap(), table);
 }
 
 #[test]
@@ -696,21 +712,21 @@ fn runs_are_measured_at_the_times_that_they_share() {
         fs::write(case.path().join("ERRORS.csv"), "source,option,error,seconds\n").unwrap();
     }
     let output = tempfile::tempdir().unwrap();
-    let trade = |cases: &[tempfile::TempDir]| {
+    let accuracy_study = |cases: &[tempfile::TempDir]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));
-        command.arg("trade").args(cases.iter().map(|case| case.path())).arg("-o").arg(output.path());
+        command.arg("accuracy-study").args(cases.iter().map(|case| case.path())).arg("-o").arg(output.path());
         command.output().unwrap()
     };
     for every in ["1", "4"] {
         for case in &cases {
             assert!(cd_post(&["--no-plots", "--no-vtk", "--every", every], case.path()).status.success());
         }
-        assert_eq!(trade(&cases[1..]).status.code(), Some(0));
-        let of = |name: &str| column(&output.path().join("trade.csv"), name)[0];
+        assert_eq!(accuracy_study(&cases[1..]).status.code(), Some(0));
+        let of = |name: &str| column(&output.path().join("accuracy.csv"), name)[0];
         assert_eq!((of("positions_early"), of("positions"), of("worst")), (1.0, 0.0, 0.0));
     }
-    let told = trade(&cases);
-    let expected = "series.csv: time: 2 from 0 to 0.5 s; expected a time of those that count of";
+    let told = accuracy_study(&cases);
+    let expected = "series.csv: time: 2 from 0 to 0.5 s; expected a time of the snapshots of";
     assert_eq!(told.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&told.stderr).contains(expected), "{told:?}");
 }
@@ -727,11 +743,11 @@ fn late_in_a_run_snapshots_are_not_taken_for_others() {
         assert!(cd_post(&["--no-plots", "--no-vtk"], case.path()).status.success());
     }
     let output = tempfile::tempdir().unwrap();
-    let mut trade = Command::new(env!("CARGO_BIN_EXE_cd-post"));
-    trade.arg("trade").args(cases.iter().map(|case| case.path())).arg("-o").arg(output.path());
-    assert_eq!(trade.output().unwrap().status.code(), Some(0));
+    let mut accuracy_study = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+    accuracy_study.arg("accuracy-study").args(cases.iter().map(|case| case.path())).arg("-o").arg(output.path());
+    assert_eq!(accuracy_study.output().unwrap().status.code(), Some(0));
     for name in ["worst", "positions_early", "positions"] {
-        assert_eq!(column(&output.path().join("trade.csv"), name), [0.0; 2], "{name}");
+        assert_eq!(column(&output.path().join("accuracy.csv"), name), [0.0; 2], "{name}");
     }
 }
 
@@ -774,6 +790,21 @@ fn many_runs_are_points_of_one_study() {
         ["1.0", "15.0", "0.5", "7.0", "21.0", "2.0"]
     );
 
+    // The table of cd-pre study gives the cases, and their parameters.
+    let table = folder.path().join("study.csv");
+    let row = |k: usize| format!("{},,0.{k}\n", cases[k].path().display());
+    fs::write(&table, format!("case,from,mu\n{}{}", row(0), row(1))).unwrap();
+    let both = folder.path().join("both");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));
+    let done = command.arg("study").arg(&table).args(["--by", "mu", "-o"]).arg(&both).output().unwrap();
+    assert_eq!((done.status.code(), String::from_utf8_lossy(&done.stderr).as_ref()), (Some(0), ""));
+    let of_table = fs::read_to_string(both.join("runs.csv")).unwrap();
+    let fields: Vec<Vec<&str>> = of_table.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!((&fields[0][1..4], &fields[2][1..3]), (&["group", "mu", "step"][..], &["mu 0.1", "0.1"][..]));
+    assert_eq!(study(&["--parameters", table.to_str().unwrap(), "--by", "mu"]), (0, String::new()));
+    assert_eq!(fs::read_to_string(folder.path().join("runs.csv")).unwrap(), of_table);
+    assert!(study(&["--by", "mu"]).1.ends_with("by: mu is not a parameter of the study; expected none\n"));
+
     // The first snapshot is at 0 s; times are sums of steps.
     for times in [&["--until", "0.9999999999"][..], &["--from", "1.0000000001", "--until", "1.0000000001"]] {
         assert_eq!(study(times), (0, String::new()));
@@ -784,9 +815,9 @@ fn many_runs_are_points_of_one_study() {
     let (status, told) = study(&["--groups", "one"]);
     assert!(status == 2 && told.contains("options: groups: 1 names; expected 2"), "{told}");
     let (status, told) = study(&["--groups", "one,"]);
-    assert!(status == 2 && told.contains("options: groups: '' stands there as number 2; expected a name"), "{told}");
+    assert!(status == 2 && told.contains("options: groups: '' is given as number 2; expected a name"), "{told}");
     let (status, told) = study(&[cases[0].path().to_str().unwrap()]);
-    assert!(status == 2 && told.contains("' stands there again as number 3; expected each name once"), "{told}");
+    assert!(status == 2 && told.contains("' is given again as number 3; expected each name once"), "{told}");
     // A name is one field of one line.
     assert_eq!(study(&["--groups", "say \"one\",two\n\ttimes"]).0, 0);
     let runs = fs::read_to_string(folder.path().join("runs.csv")).unwrap();
@@ -841,7 +872,7 @@ fn a_report_is_one_page_that_needs_nothing_else() {
     let page = fs::read_to_string(case.path().join("POSTPRO/report.html")).unwrap();
     let addresses = page.split("http").skip(1).filter(|rest| !rest.starts_with("://www.w3.org/2000/svg")).count();
     assert_eq!(addresses, 0, "no address but the name of SVG");
-    for wanted in ["<canvas", "Mean kinetic energy of a grain", "largest_period", "iqsc0", "\"gravity_constant\""] {
+    for wanted in ["<canvas", "Mean kinetic energy per grain", "largest_period", "iqsc0", "\"gravity_constant\""] {
         assert!(page.contains(wanted), "{wanted}");
     }
     assert!(!page.contains("NaN"));
@@ -969,7 +1000,7 @@ fn a_body_is_tracked_along_the_first_gravity() {
     let text = fs::read_to_string(case.path().join("POSTPRO/track-5/track.csv")).unwrap();
     assert!(text.lines().skip(1).all(|line| line.ends_with(",0")), "{text}"); // contacts, a whole number
     let (status, told, same, _) = tracked(true);
-    let expected = "cd-post: gravity has another direction at step 3: up is against that of step 1 throughout\n";
+    let expected = "cd-post: gravity changes direction at step 3: up is opposite to the gravity of step 1 throughout\n";
     assert_eq!((status, told.as_str(), same), (Some(1), expected, depth));
 }
 
@@ -994,7 +1025,7 @@ fn a_folder_that_no_text_names_is_told() {
     let case = folder.path().join(std::ffi::OsStr::from_bytes(b"bad\xff"));
     scene(0).snapshot.write(&snapshot::snapshot_path(&case.join("OUTBOX"), 0)).unwrap();
     let (status, told) = refused(&case);
-    assert!(status == 1 && told.contains("DISPLAY: the folder has a name that is not UTF-8"), "{told}");
+    assert!(status == 1 && told.contains("DISPLAY: the name of the folder is not UTF-8"), "{told}");
 }
 
 #[test]

@@ -48,8 +48,8 @@ fn columns_of_a_study() {
 }
 
 #[test]
-fn columns_of_a_trade() {
-    let documented: Vec<[String; 3]> = table("## Speed against accuracy")
+fn columns_of_an_accuracy_study() {
+    let documented: Vec<[String; 3]> = table("## Error against run time")
         .into_iter()
         .filter(|row| !row[0].contains('.'))
         .map(|row| [row[0].clone(), row[1].clone(), row[2].clone()])

@@ -13,7 +13,7 @@ fn said(arguments: &[&str], folder: &Path) -> (i32, String) {
 fn a_misspelt_command_gets_the_nearest() {
     let folder = tempfile::tempdir().unwrap();
     let nearest = |word: &str, near: &str| {
-        let expected = format!("cd-post: {word}: is no folder and no command; did you mean {near}?\n");
+        let expected = format!("cd-post: {word}: is neither a folder nor a command; did you mean {near}?\n");
         assert_eq!(said(&[word, "b"], folder.path()), (2, expected.clone()));
         assert_eq!(said(&[word], folder.path()), (2, expected));
     };
@@ -49,15 +49,15 @@ fn what_is_no_case_says_what_to_do() {
     };
     fs::write(folder.path().join("scene.ron"), "()").unwrap();
     for command in ["", "state ", "report ", "track --body 1 "] {
-        let expected = "is a scene, no case; run cd-pre scene.ron and cd-solve . first";
+        let expected = "is a scene, not a case; run cd-pre scene.ron and cd-solve . first";
         assert_eq!(said(&format!("{command}scene.ron")), format!("cd-post: scene.ron: file: {expected}\n"));
     }
     fs::create_dir(folder.path().join("OUTBOX")).unwrap();
     fs::write(folder.path().join("OUTBOX/snapshot-000003.npz"), "").unwrap();
-    assert_eq!(said("scene.ron"), "cd-post: scene.ron: file: is a scene, no case; did you mean .?\n");
+    assert_eq!(said("scene.ron"), "cd-post: scene.ron: file: is a scene, not a case; did you mean .?\n");
     assert_eq!(said("OUTBOX"), "cd-post: OUTBOX: folder: is an OUTBOX; expected the folder that it is in\n");
     let snapshot = "OUTBOX/snapshot-000003.npz";
-    assert_eq!(said(snapshot), format!("cd-post: {snapshot}: file: is a snapshot, no case; did you mean .?\n"));
+    assert_eq!(said(snapshot), format!("cd-post: {snapshot}: file: is a snapshot, not a case; did you mean .?\n"));
     let absent = "folder: there is no such folder; expected the folder of a case";
     assert_eq!(said("absent"), format!("cd-post: absent: {absent}, with OUTBOX in it\n"));
     assert_eq!(said("compare absent other"), format!("cd-post: absent: {absent}\ncd-post: other: {absent}\n"));

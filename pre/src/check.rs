@@ -94,7 +94,7 @@ pub(crate) fn check_turning(report: &mut FaultReport, options: &Compute, paths: 
     let turns = |field: &ExternalField| matches!(field, ExternalField::RotatingFrame { rate, .. } if *rate != [0.0; 3]);
     if options.fields.iter().any(turns) {
         let expected = "motion imposed along all axes or none: Coriolis' force on such a body is not computed";
-        paths.into_iter().for_each(|path| report.add_fault(&path, "driven in part in axes that turn", expected));
+        paths.into_iter().for_each(|path| report.add_fault(&path, "driven in part in a rotating frame", expected));
     }
 }
 
@@ -130,7 +130,7 @@ pub(crate) fn check_names<'a>(report: &mut FaultReport, list: &str, names: impl 
         let path = format!("{list}.{k}.name");
         check_name_length(report, &path, name);
         if known.contains(&name.as_str()) {
-            report.add_fault(&path, format!("'{name}' is there twice"), "a name of its own");
+            report.add_fault(&path, format!("'{name}' occurs twice"), "a name of its own");
         }
         known.push(name);
     }
@@ -214,12 +214,12 @@ pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains
         None => {
             let own =
                 matches!(grains.shape, GrainShape::Box { .. } | GrainShape::Vertices(_) | GrainShape::Model { .. });
-            let fragments = matches!(grains.place, GrainPlacement::Fragments { .. });
+            let fragments = matches!(grains.placement, GrainPlacement::Fragments { .. });
             let expected = "sizes, or a shape with a size of its own (Box, Vertices, Model)";
             report.require(own || fragments, path, "no sizes", expected);
         }
     }
-    check_place(report, &format!("{path}.place"), &grains.place);
+    check_placement(report, &format!("{path}.placement"), &grains.placement);
     check_amount(report, path, grains);
     for (name, vector, unit) in
         [("centre", &grains.centre, "m"), ("velocity", &grains.velocity, "m/s"), ("spin", &grains.spin, "rad/s")]
@@ -247,7 +247,7 @@ const CORNER_RANGE: std::ops::RangeInclusive<usize> = 3..=1000;
 
 /// Whether the scene leaves orientation and size convention of polyhedra at their defaults.
 fn is_plain(grains: &Grains) -> bool {
-    grains.standing == GrainOrientations::default() && grains.radius == RadiusKind::default()
+    grains.grain_orientation == GrainOrientations::default() && grains.radius == RadiusKind::default()
 }
 
 /// Checks the shape, and the orientation and size convention of its polyhedra.
@@ -278,31 +278,36 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
             let expected = format!("4 to {}", CORNER_RANGE.end());
             report.require(fits, &shape, format!("{} vertices", vertices.len()), &expected);
         }
-        GrainShape::Model { file: _, scaled, contact } => {
-            check_scaled(report, &shape, scaled);
-            if let &ContactSurface::Pieces { most, concavity, vertices } = contact {
-                let pieces = format!("{shape}.contact");
+        GrainShape::Model { file: _, scale, contact_shape } => {
+            check_scale(report, &shape, scale);
+            if let &ContactSurface::Pieces { max_pieces, concavity, max_vertices } = contact_shape {
+                let pieces = format!("{shape}.contact_shape");
                 check_value(report, &pieces, "concavity", concavity, (0.0..=1.0).contains(&concavity), "0 to 1");
                 let expected = format!("1 to {MAX_PIECES}");
                 report.require(
-                    (1..=MAX_PIECES).contains(&most),
-                    &format!("{pieces}.most"),
-                    format!("{most}"),
+                    (1..=MAX_PIECES).contains(&max_pieces),
+                    &format!("{pieces}.max_pieces"),
+                    format!("{max_pieces}"),
                     &expected,
                 );
                 let expected = format!("8 to {}", CORNER_RANGE.end());
-                let fits = (8..=*CORNER_RANGE.end()).contains(&vertices);
-                report.require(fits, &format!("{pieces}.vertices"), format!("{vertices}"), &expected);
+                let fits = (8..=*CORNER_RANGE.end()).contains(&max_vertices);
+                report.require(fits, &format!("{pieces}.max_vertices"), format!("{max_vertices}"), &expected);
             }
-            if let ContactSurface::Files(files) = contact {
-                report.require(!files.is_empty(), &format!("{shape}.contact"), "no files of pieces", "at least one");
+            if let ContactSurface::Files(files) = contact_shape {
+                report.require(
+                    !files.is_empty(),
+                    &format!("{shape}.contact_shape"),
+                    "no files of pieces",
+                    "at least one",
+                );
             }
         }
-        GrainShape::Sphere if !matches!(grains.place, GrainPlacement::Fragments { .. }) => {
+        GrainShape::Sphere if !matches!(grains.placement, GrainPlacement::Fragments { .. }) => {
             report.require(
                 is_plain(grains),
                 path,
-                "standing or radius given for spheres",
+                "grain_orientation or radius given for spheres",
                 "neither: they are for polyhedra",
             );
         }
@@ -316,18 +321,18 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
     let measured =
         grains.shape == GrainShape::Sphere || grains.sizes.is_some() || grains.radius == RadiusKind::default();
     report.require(measured, path, "radius given without sizes", "sizes, whose meaning it says");
-    let standing = format!("{path}.standing");
-    match &grains.standing {
+    let orientation = format!("{path}.grain_orientation");
+    match &grains.grain_orientation {
         GrainOrientations::Random => {}
-        GrainOrientations::Same(turn) => check_rotation(report, &standing, turn),
+        GrainOrientations::Same(turn) => check_rotation(report, &orientation, turn),
         GrainOrientations::List(turns) => {
             for (k, turn) in turns.iter().enumerate() {
-                check_rotation(report, &format!("{standing}.{k}"), turn);
+                check_rotation(report, &format!("{orientation}.{k}"), turn);
             }
             let positions =
-                if let GrainPlacement::List { positions, .. } = &grains.place { positions.len() } else { 0 };
-            let found = format!("{} turns for {positions} listed positions", turns.len());
-            report.require(turns.len() == positions, &standing, found, "one for each listed position");
+                if let GrainPlacement::List { positions, .. } = &grains.placement { positions.len() } else { 0 };
+            let found = format!("{} rotations for {positions} listed positions", turns.len());
+            report.require(turns.len() == positions, &orientation, found, "one for each listed position");
         }
     }
 }
@@ -335,14 +340,14 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
 /// Largest number of convex pieces of a grain. The decomposition uses 64 voxels along a side: more pieces would be dust.
 const MAX_PIECES: u32 = 1024;
 
-fn check_scaled(report: &mut FaultReport, path: &str, scaled: &ModelScale) {
-    let (name, x, expected) = match *scaled {
+fn check_scale(report: &mut FaultReport, path: &str, scale: &ModelScale) {
+    let (name, x, expected) = match *scale {
         ModelScale::Factor(x) => ("Factor", x, "a number > 0"),
         ModelScale::Volume(x) => ("Volume", x, "a volume > 0 m^3"),
         ModelScale::Radius(x) => ("Radius", x, "a radius > 0 m"),
         ModelScale::Length(x) => ("Length", x, "a length > 0 m"),
     };
-    report.require(is_positive(x), &format!("{path}.scaled"), format!("{name} {x:?}"), expected);
+    report.require(is_positive(x), &format!("{path}.scale"), format!("{name} {x:?}"), expected);
 }
 
 fn check_sizes(report: &mut FaultReport, path: &str, sizes: &SizeDistribution) {
@@ -391,8 +396,8 @@ fn check_sizes(report: &mut FaultReport, path: &str, sizes: &SizeDistribution) {
 /// Largest number of Lloyd relaxations. After that many, cells hardly change.
 const MAX_RELAXATIONS: usize = 100;
 
-fn check_place(report: &mut FaultReport, path: &str, place: &GrainPlacement) {
-    let (envelope, jitter) = match place {
+fn check_placement(report: &mut FaultReport, path: &str, placement: &GrainPlacement) {
+    let (envelope, jitter) = match placement {
         GrainPlacement::List { positions, .. } => {
             report.require(!positions.is_empty(), path, "an empty list", "at least one position (m)");
             for (k, position) in positions.iter().enumerate() {
@@ -441,8 +446,8 @@ fn check_place(report: &mut FaultReport, path: &str, place: &GrainPlacement) {
             .into_iter()
             .for_each(|length| check_value(report, &path, name, length, is_positive(length), "a length > 0 m"));
     }
-    if let Envelope::Model { scaled: Some(scaled), .. } = envelope {
-        check_scaled(report, &path, scaled);
+    if let Envelope::Model { scale: Some(scale), .. } = envelope {
+        check_scale(report, &path, scale);
     }
     if let Envelope::Ellipsoid { semi_axes: Some(_), ratios: Some(_) }
     | Envelope::Box { lengths: Some(_), ratios: Some(_) } = envelope
@@ -469,7 +474,7 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
         Some(SizeDistribution::List(radii)) => Some(radii.len()),
         _ => None,
     };
-    if let GrainPlacement::List { positions, .. } = &grains.place {
+    if let GrainPlacement::List { positions, .. } = &grains.placement {
         let count = positions.len();
         let agree = |other: Option<usize>| other.is_none_or(|number| number == count);
         if !agree(listed) {
@@ -499,8 +504,8 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
             "their number, or none",
         );
     }
-    let sized = grains.place.envelope().is_none_or(Envelope::has_size);
-    if let GrainPlacement::Fragments { .. } = grains.place {
+    let sized = grains.placement.envelope().is_none_or(Envelope::has_size);
+    if let GrainPlacement::Fragments { .. } = grains.placement {
         let shape = grains.shape == GrainShape::Sphere && is_plain(grains);
         let plain = shape && grains.sizes.is_none() && grains.solid_fraction.is_none();
         let others = "shape, standing, radius, sizes or solid_fraction given for fragments";
@@ -543,7 +548,7 @@ fn check_direction(report: &mut FaultReport, path: &str, name: &str, vector: &[f
 
 pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall) {
     match wall {
-        SceneWall::Cylinder { centre, axis, half_height, radius, velocity, force, rotation, .. } => {
+        SceneWall::Cylinder { centre, axis, half_height, radius, velocity, force, angular_velocity, .. } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_direction(report, path, "axis", axis);
             for (name, length) in [("half_height", half_height), ("radius", radius)] {
@@ -555,9 +560,9 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
                 );
             }
             check_velocity_or_force(report, path, velocity, force);
-            check_evolutions(report, &format!("{path}.rotation"), [rotation], "rad/s");
+            check_evolutions(report, &format!("{path}.angular_velocity"), [angular_velocity], "rad/s");
         }
-        SceneWall::Plate { centre, normal, first_axis, half_lengths, velocity, force, rotation, .. } => {
+        SceneWall::Plate { centre, normal, first_axis, half_lengths, velocity, force, angular_velocity, .. } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_direction(report, path, "normal", normal);
             if let Some(first) = first_axis {
@@ -570,7 +575,7 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             }
             each(report, &format!("{path}.half_lengths"), half_lengths, is_positive, "a length > 0 m");
             check_velocity_or_force(report, path, velocity, force);
-            check_evolutions(report, &format!("{path}.rotation"), rotation, "rad/s");
+            check_evolutions(report, &format!("{path}.angular_velocity"), angular_velocity, "rad/s");
         }
         SceneWall::Box { centre, lengths, orientation, half_thickness, velocity, .. } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");

@@ -33,10 +33,10 @@ pub fn report_doubts(
         }
     }
     for (k, wall) in walls.iter().enumerate() {
-        let (velocity, force, rotation): (&[TimeFunction], &[Option<TimeFunction>], &[TimeFunction]) = match wall {
-            SceneWall::Plate { velocity, force, rotation, .. } => (velocity, &**force, rotation),
-            SceneWall::Cylinder { velocity, force, rotation, .. } => {
-                (velocity, &**force, std::slice::from_ref(rotation))
+        let (velocity, force, angular): (&[TimeFunction], &[Option<TimeFunction>], &[TimeFunction]) = match wall {
+            SceneWall::Plate { velocity, force, angular_velocity, .. } => (velocity, &**force, angular_velocity),
+            SceneWall::Cylinder { velocity, force, angular_velocity, .. } => {
+                (velocity, &**force, std::slice::from_ref(angular_velocity))
             }
             SceneWall::Box { velocity, .. } => (velocity, &[], &[]),
         };
@@ -44,7 +44,7 @@ pub fn report_doubts(
             check_function(report, &format!("walls.{k}.{name}.{axis}"), value);
         };
         velocity.iter().enumerate().for_each(|(axis, value)| check("velocity", axis, value));
-        rotation.iter().enumerate().for_each(|(axis, value)| check("rotation", axis, value));
+        angular.iter().enumerate().for_each(|(axis, value)| check("angular_velocity", axis, value));
         let forces = force.iter().enumerate().filter_map(|(axis, value)| Some((axis, value.as_ref()?)));
         forces.for_each(|(axis, value)| check("force", axis, value));
     }

@@ -54,21 +54,21 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
                 report.add_fault(&format!("grains.{group}.shape"), misfit.to_string(), "a shape that can be made");
             }
         });
-        let room = grains.place.envelope().map(|envelope| envelope.to_region(folder)).transpose();
-        let room = room.map_err(|faults| report_file_faults(faults, &format!("grains.{group}.place"), report));
+        let room = grains.placement.envelope().map(|envelope| envelope.to_region(folder)).transpose();
+        let room = room.map_err(|faults| report_file_faults(faults, &format!("grains.{group}.placement"), report));
         let (Ok(mut shapes), Ok(room)) = (shapes, room) else { continue };
         let (room, of_room) = room.map_or((None, String::new()), |(room, told)| (Some(room), told));
         match place::place_grains(grains, &mut shapes, room, scene.seed, group) {
             Ok(placed) => {
                 let alone = placed.grains.len() == 1 && grains.thermal_velocity > 0.0;
-                let expected = "several grains, or 0: one alone has no motion about the mean";
+                let expected = "several grains, or 0: a single grain has no motion about the mean";
                 report.require(!alone, &format!("grains.{group}.thermal_velocity"), "given for one grain", expected);
                 let told = [shapes.file_summary(), &of_room].into_iter().filter(|told| !told.is_empty());
                 population.file_summaries.push(told.collect::<Vec<_>>().join(", "));
                 population.regions.push(placed.region.clone());
                 population.grains.extend(grains_in_motion(scene, group, grains, placed));
             }
-            Err(misfit) => report.add_fault(&format!("grains.{group}.place"), misfit.found, misfit.expected),
+            Err(misfit) => report.add_fault(&format!("grains.{group}.placement"), misfit.found, misfit.expected),
         }
     }
     let bodies = population.grains.len() + population.walls.len();
@@ -105,8 +105,8 @@ fn check_drums(scene: &Scene, population: &Population, report: &mut FaultReport)
         });
         if let Some((k, grain)) = outside {
             let found = format!("body {} is outside of wall {}, a hollow cylinder", k + 1, drum.wall + 1);
-            let expected = "grains that meet it within: it is closed, and pushes inwards alone";
-            report.add_fault(&format!("grains.{}.place", grain.group), found, expected);
+            let expected = "grains that can touch it inside: it is closed and has contacts on its inside only";
+            report.add_fault(&format!("grains.{}.placement", grain.group), found, expected);
         }
     }
 }
@@ -121,8 +121,11 @@ fn check_level(scene: &Scene, population: &Population, report: &mut FaultReport)
             let normal = plate.axes[(2, axis)];
             // Same test as in cd-solve: the files have 8 digits.
             if period.is_some_and(|period| width >= period * (1.0 - 1e-6)) && normal.abs() > 1e-6 {
-                let found = format!("a plate as wide as {name} whose normal leans along it by {normal:.4}");
-                let expected = format!("{} 0 of the normal, as images make stairs; gravity may lean", ["x", "y"][axis]);
+                let found = format!("a plate as wide as {name} whose normal is inclined along it by {normal:.4}");
+                let expected = format!(
+                    "{} 0 of the normal: images of an inclined plate form stairs; incline gravity instead",
+                    ["x", "y"][axis]
+                );
                 report.add_fault(&format!("walls.{}", plate.wall), found, expected);
             }
         }
@@ -230,7 +233,7 @@ fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultRepor
 fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
     let allowed: Vec<bool> =
-        scene.grains.iter().map(|g| matches!(g.place, GrainPlacement::List { allow_overlap: true, .. })).collect();
+        scene.grains.iter().map(|g| matches!(g.placement, GrainPlacement::List { allow_overlap: true, .. })).collect();
     let firsts: Vec<usize> =
         (0..scene.grains.len()).map(|group| grains.partition_point(|grain| grain.group < group)).collect();
     let name = |k: usize| format!("grain {} of grains {}", k + 1 - firsts[grains[k].group], grains[k].group + 1);
@@ -285,7 +288,7 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
     overlaps.sort();
     let expected = "grains that touch at most (a List may have allow_overlap: true)";
     for (k, found) in overlaps.iter().take(MAX_REPORTED_OVERLAPS) {
-        report.add_fault(&format!("grains.{}.place", grains[*k].group), found, expected);
+        report.add_fault(&format!("grains.{}.placement", grains[*k].group), found, expected);
     }
     if overlaps.len() > MAX_REPORTED_OVERLAPS {
         report.add_fault("grains", format!("{} more overlaps", overlaps.len() - MAX_REPORTED_OVERLAPS), expected);

@@ -54,7 +54,7 @@ pub fn check_files<'a>(
                 let extent = 2.0 * checked.bounding_radius(body);
                 let short = periods.into_iter().flatten().find(|period| !imposed[k] && 2.0 * extent >= *period);
                 let Some(period) = short else { continue };
-                let found = format!("up to {extent} m long in a scene that repeats after {period} m");
+                let found = format!("up to {extent} m long in a scene with the period {period} m");
                 (found, "expected less than half of that".into())
             }
         };

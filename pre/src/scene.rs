@@ -133,10 +133,11 @@ pub struct Grains {
     /// Which radius of a polyhedron the sizes are.
     #[serde(default)]
     pub radius: RadiusKind,
-    /// How polyhedra stand.
+    /// Orientation of polyhedra.
     #[serde(default)]
-    pub standing: GrainOrientations,
-    pub place: GrainPlacement,
+    pub grain_orientation: GrainOrientations,
+    /// Positions of the grains.
+    pub placement: GrainPlacement,
     /// Centre of the envelope, or origin of the listed positions, m.
     #[serde(default)]
     pub centre: [f64; 3],
@@ -196,9 +197,9 @@ pub enum GrainShape {
         /// .obj, .stl, .vtk or .vtp; beside the scene if the path is not absolute.
         file: String,
         #[serde(default)]
-        scaled: ModelScale,
+        scale: ModelScale,
         #[serde(default)]
-        contact: ContactSurface,
+        contact_shape: ContactSurface,
     },
 }
 
@@ -230,24 +231,24 @@ impl Default for ModelScale {
     }
 }
 
-/// With what a model touches others.
+/// Contact shape of a model.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ContactSurface {
     /// Its own surface, which must be convex.
     #[default]
-    Whole,
+    Surface,
     /// Its convex hull, which is its solid too.
     Hull,
     /// Convex pieces that approximate it; mass and inertia are those of the surface itself.
     Pieces {
-        most: u32,
+        max_pieces: u32,
         /// How far pieces may be from convex, 0 to 1.
         #[serde(default = "default_concavity")]
         concavity: f64,
-        /// Of each piece, at most.
+        /// Largest number of vertices of a piece.
         #[serde(default = "default_hull_vertices")]
-        vertices: usize,
+        max_vertices: usize,
     },
     /// Convex pieces in files of their own, in the axes of the model; mass and inertia as for `Pieces`.
     Files(Vec<String>),
@@ -272,11 +273,11 @@ pub enum RadiusKind {
     Circumscribed,
 }
 
-/// The turn of each polyhedron from the axes in which its shape is given.
+/// Rotation of each polyhedron from the axes in which its shape is given.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum GrainOrientations {
-    /// All turns equally likely.
+    /// Uniformly distributed rotations.
     #[default]
     Random,
     /// All the same.
@@ -371,7 +372,7 @@ pub enum Envelope {
         /// As in `Shape::Model`.
         file: String,
         #[serde(default)]
-        scaled: Option<ModelScale>,
+        scale: Option<ModelScale>,
     },
 }
 
@@ -415,7 +416,7 @@ pub enum SceneWall {
         force: Box<[Option<TimeFunction>; 3]>,
         /// Angular velocity, rad/s, about the plate's first axis, second axis and normal.
         #[serde(default)]
-        rotation: [TimeFunction; 3],
+        angular_velocity: [TimeFunction; 3],
     },
     /// Five or six plates around a room; their faces are flush with the room.
     Box {
@@ -462,7 +463,7 @@ pub enum SceneWall {
         force: Box<[Option<TimeFunction>; 3]>,
         /// Angular velocity, rad/s, about the axis.
         #[serde(default)]
-        rotation: TimeFunction,
+        angular_velocity: TimeFunction,
     },
 }
 
@@ -604,12 +605,13 @@ impl GrainPlacement {
 impl Grains {
     /// Whether it is a single body.
     pub fn is_single_body(&self) -> bool {
-        self.number == Some(1) || matches!(&self.place, GrainPlacement::List { positions, .. } if positions.len() == 1)
+        self.number == Some(1)
+            || matches!(&self.placement, GrainPlacement::List { positions, .. } if positions.len() == 1)
     }
 
     /// Whether they are polyhedra and no spheres.
     pub fn is_polyhedral(&self) -> bool {
-        self.shape != GrainShape::Sphere || matches!(self.place, GrainPlacement::Fragments { .. })
+        self.shape != GrainShape::Sphere || matches!(self.placement, GrainPlacement::Fragments { .. })
     }
 }
 
@@ -617,11 +619,13 @@ impl Grains {
 pub fn models(grains: &[Grains]) -> impl Iterator<Item = &str> {
     grains.iter().flat_map(|grains| {
         let (shape, pieces) = match &grains.shape {
-            GrainShape::Model { file, contact: ContactSurface::Files(pieces), .. } => (Some(file), pieces.as_slice()),
+            GrainShape::Model { file, contact_shape: ContactSurface::Files(pieces), .. } => {
+                (Some(file), pieces.as_slice())
+            }
             GrainShape::Model { file, .. } => (Some(file), &[][..]),
             _ => (None, &[][..]),
         };
-        let envelope = match grains.place.envelope() {
+        let envelope = match grains.placement.envelope() {
             Some(Envelope::Model { file, .. }) => Some(file),
             _ => None,
         };

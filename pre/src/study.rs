@@ -8,6 +8,7 @@ use std::path::{Component, Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::former_names;
 use cd_formats::places::{self, ValueLocations};
 use cd_formats::report::FaultReport;
 use cd_formats::ron_text::known_names;
@@ -82,7 +83,7 @@ const CHANGES: &str = "changes.ron";
 const WRITTEN: &str = " Written by cd-pre study.";
 
 /// Paths in scenes and changes whose values are names of files, in which `N` is any item of a list.
-const FILES: [&str; 3] = ["grains.N.shape.file", "grains.N.place.envelope.file", "bodies.N.case"];
+const FILES: [&str; 3] = ["grains.N.shape.file", "grains.N.placement.envelope.file", "bodies.N.case"];
 
 /// Writes the scene or the changes of each case of the study `file`, with the overrides `settings`, below `output`. Also
 /// writes the table `NAME.csv` of the parameters and the rules `NAME.mk` for make, NAME being that of the file.
@@ -109,6 +110,14 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
             None => (file.to_path_buf(), Some("()".into())),
         };
         let Some(original) = original else { continue };
+        let case_settings: Vec<String> = case.settings.iter().map(|(setting, _)| setting.clone()).collect();
+        for warning in former_names::warnings(&base, &original, &case_settings).0 {
+            let warning = case.locate(warning, &report);
+            // Cases share their base and most of their settings.
+            if !report.warnings.0.contains(&warning) {
+                report.warnings.push(warning);
+            }
+        }
         let path = output.join(&case.name).join(case.kind());
         if path.exists() && !is_written_here(&path) {
             let expected = "expected another name of the case: its file would be replaced";
@@ -116,7 +125,10 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
         }
         match case_text(case, &base, &original, &path) {
             Ok(text) => files.push((path, text)),
-            Err(faults) => faults.0.into_iter().for_each(|fault| case.place(fault, &mut report)),
+            Err(faults) => {
+                let located: Vec<Fault> = faults.0.into_iter().map(|fault| case.locate(fault, &report)).collect();
+                report.faults.0.extend(located);
+            }
         }
     }
     let known: Vec<&str> = cases.iter().map(|case| case.name.as_str()).collect();
@@ -124,7 +136,7 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
         let Some(from) = &case.from else { continue };
         if !known.contains(&from.as_str()) && !output.join(from).join("DATBOX").is_dir() {
             let path = format!("groups.{}.from", case.group);
-            report.fault_as(&path, format!("{from} is no case"), known_names(from, &known));
+            report.fault_as(&path, format!("{from} is not a case"), known_names(from, &known));
         }
     }
     if !report.faults.0.is_empty() {
@@ -138,6 +150,7 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
     let rules = output.join(file.with_extension("mk").file_name().unwrap_or_default());
     files.push((rules.clone(), rules_for_make(file, &rules, &study, &cases)));
     atomic::write_all(files.iter().map(|(path, text)| (path.clone(), text.as_bytes())))?;
+    crate::summary::print_warnings(&report.warnings);
     for case in &cases {
         // File that another study left in the folder.
         let other = output.join(&case.name).join(if case.kind() == SCENE { CHANGES } else { SCENE });
@@ -181,7 +194,7 @@ fn cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
         for (field, pattern) in patterns {
             for unknown in pattern.iter().flat_map(|pattern| placeholders(pattern)).filter(|name| !names.contains(name))
             {
-                let found = format!("{{{unknown}}} is no parameter of the group");
+                let found = format!("{{{unknown}}} is not a parameter of the group");
                 report.fault_as(&format!("{at}.{field}"), found, known_names(unknown, &names));
             }
         }
@@ -278,15 +291,15 @@ impl Case {
         self.values.iter().fold(pattern.to_string(), fill)
     }
 
-    /// Adds a fault of the case to the report; a fault of a setting is moved to its value in the study.
-    fn place(&self, fault: Fault, report: &mut FaultReport) {
+    /// Fault of the case; a fault of a setting gets the position of its value in the study.
+    fn locate(&self, fault: Fault, report: &FaultReport) -> Fault {
         let of = |(setting, _): &&(String, String)| fault.object == format!("set {setting}");
         match self.settings.iter().rfind(of).filter(|_| fault.file == Path::new("options")) {
             Some((setting, path)) => {
                 let found = format!("{}: {}", setting.split_once('=').map_or("", |(path, _)| path), fault.found);
-                report.fault_as(path, found, fault.expected);
+                report.fault_at(path, found, fault.expected)
             }
-            None => report.faults.push(fault),
+            None => fault,
         }
     }
 }
@@ -308,9 +321,10 @@ fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<St
     }
     faults.into_result(())?;
     let changed = places::apply_settings(original, &settings)?;
+    let current = former_names::with_current_names(base, &changed)?;
     let values = case.values.iter().map(|(name, value)| format!("; {name}: {}", value.replace('\n', " ")));
     let head = format!("// Case {} of a study{}.{WRITTEN}\n", case.name, values.collect::<String>());
-    let text = with_files(&changed, base, path.parent().unwrap_or(Path::new(""))).map(|text| head + &text);
+    let text = with_files(&current, base, path.parent().unwrap_or(Path::new(""))).map(|text| head + &text);
     if text.as_ref().is_ok_and(|text| is_as(path, text)) {
         return text;
     }

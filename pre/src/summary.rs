@@ -72,7 +72,8 @@ fn frame_change_text(solid: &PrincipalSolid) -> String {
     let turn = Rotation3::from_matrix_unchecked(solid.axes.transpose());
     if let Some((axis, angle)) = turn.axis_angle() {
         let [x, y, z] = axis.into_inner().into();
-        text += &format!(", principal axes turned by {angle:.8} about ({x:.8}, {y:.8}, {z:.8}) from theirs");
+        text +=
+            &format!(", principal axes rotated by {angle:.8} rad about ({x:.8}, {y:.8}, {z:.8}) from the given ones");
     }
     text
 }

@@ -114,9 +114,19 @@ pub fn wall_bodies(walls: &[SceneWall]) -> Vec<WallBody> {
 
 fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
     match wall {
-        SceneWall::Plate { material, colour, centre, normal, first_axis, half_lengths, velocity, force, rotation } => {
+        SceneWall::Plate {
+            material,
+            colour,
+            centre,
+            normal,
+            first_axis,
+            half_lengths,
+            velocity,
+            force,
+            angular_velocity,
+        } => {
             let [a, b, c] = velocity.clone();
-            let [d, e, f] = rotation.clone();
+            let [d, e, f] = angular_velocity.clone();
             vec![WallBody {
                 wall: number,
                 material: material.clone(),
@@ -138,7 +148,7 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
             hollow,
             velocity,
             force,
-            rotation,
+            angular_velocity,
         } => {
             let [a, b, c] = velocity.clone();
             vec![WallBody {
@@ -152,7 +162,7 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
                     radius: round_8_digits(*radius),
                     hollow: *hollow,
                 },
-                motion: [a, b, c, TimeFunction::default(), TimeFunction::default(), rotation.clone()],
+                motion: [a, b, c, TimeFunction::default(), TimeFunction::default(), angular_velocity.clone()],
                 force: *force.clone(),
             }]
         }
@@ -292,7 +302,7 @@ mod tests {
             hollow,
             velocity: Default::default(),
             force: Default::default(),
-            rotation: TimeFunction::Constant(0.5),
+            angular_velocity: TimeFunction::Constant(0.5),
         }])
         .try_into()
         .unwrap();

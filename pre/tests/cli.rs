@@ -138,13 +138,13 @@ fn moving_walls_driven_grains_and_tables() {
             ],
             grains: [(
                 material: "ROCKx", colour: "BALLx", sizes: Single(0.1),
-                place: List(positions: [(0, 0, 0.1), (0, 0, 0.3)]),
+                placement: List(positions: [(0, 0, 0.1), (0, 0, 0.3)]),
                 driven: (Constant(0), Harmonic(amplitude: 2, omega: 3), Table([(0, 1), (1, 2)])),
-            ), (material: "ROCKx", colour: "BALLx", sizes: Single(0.1), place: List(positions: [(0, 0, 9)]))],
+            ), (material: "ROCKx", colour: "BALLx", sizes: Single(0.1), placement: List(positions: [(0, 0, 9)]))],
             walls: [Plate(
                 material: "ROCKx", colour: "PLATE", centre: (0, 0, -0.5), half_lengths: (3, 2, 0.5),
                 velocity: (Constant(0.25), Constant(0), Table([(0, 1), (1, 2)])),
-                rotation: (Constant(0), Constant(0), Constant(1)),
+                angular_velocity: (Constant(0), Constant(0), Constant(1)),
             )],
         )"#,
     );
@@ -170,9 +170,9 @@ fn presses_and_guided_grains_are_driven_in_part() {
             laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.5))],
             contacts: [(between: ("BALLx", "BALLx"), law: "iqsc0"), (between: ("PLATE", "BALLx"), law: "iqsc0")],
             grains: [(
-                material: "ROCKx", colour: "BALLx", sizes: Single(0.1), place: List(positions: [(0, 0, 0.1)]),
+                material: "ROCKx", colour: "BALLx", sizes: Single(0.1), placement: List(positions: [(0, 0, 0.1)]),
                 driven: (Constant(2), None, Constant(0)),
-            ), (material: "ROCKx", colour: "BALLx", sizes: Single(0.1), place: List(positions: [(0, 0, 9)]))],
+            ), (material: "ROCKx", colour: "BALLx", sizes: Single(0.1), placement: List(positions: [(0, 0, 9)]))],
             walls: [Plate(
                 material: "ROCKx", colour: "PLATE", centre: (0, 0, 1), half_lengths: (3, 2, 0.5),
                 velocity: (Constant(0.25), Constant(0), Constant(0)),
@@ -329,7 +329,7 @@ fn an_attraction_at_every_corner_is_a_warning() {
             r#"(materials: [(name: "ROCKx", density: 2700.0)],
             laws: [(name: "wet00", kind: IQS_WET_DS_CLB(cohesion: {cohesion}, range: 0.01, dynamic_friction: 0.3, static_friction: 0.3))],
             contacts: [(between: ("BLUEx", "BLUEx"), law: "wet00"), (between: ("BLUEx", "WALLx"), law: "wet00")],
-            grains: [(material: "ROCKx", colour: "BLUEx", shape: {shape}, sizes: Single(0.5), place: List(positions: [(0, 0, 2), (3, 0, 2)]))],
+            grains: [(material: "ROCKx", colour: "BLUEx", shape: {shape}, sizes: Single(0.5), placement: List(positions: [(0, 0, 2), (3, 0, 2)]))],
             walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (0, 0, -0.5), half_lengths: (50, 50, 0.5))],
             compute: (steps: 1))"#
         );

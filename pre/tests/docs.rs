@@ -85,7 +85,7 @@ fn what_it_shows_is_accepted() {
             "LawKind" => from_ron::<scene::LawKind>(&path, ron, kind).map(drop),
             "Contact" => from_ron::<scene::Contact>(&path, ron, kind).map(drop),
             "Sizes" => from_ron::<scene::SizeDistribution>(&path, ron, kind).map(drop),
-            "Place" => from_ron::<scene::GrainPlacement>(&path, ron, kind).map(drop),
+            "Placement" => from_ron::<scene::GrainPlacement>(&path, ron, kind).map(drop),
             "Shape" => from_ron::<scene::GrainShape>(&path, ron, kind).map(drop),
             "Wall" => from_ron::<scene::SceneWall>(&path, ron, kind).map(drop),
             "Evolution" => from_ron::<scene::TimeFunction>(&path, ron, kind).map(drop),

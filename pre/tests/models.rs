@@ -206,7 +206,7 @@ fn every_fault_of_a_file_is_told() {
     assert_eq!(said("nan.obj").lines().count(), 1, "{}", said("nan.obj"));
     assert!(said("nan.obj").starts_with("nan.obj:3: file: 'NaN', which is not finite"), "{}", said("nan.obj"));
     for (name, expected) in [
-        ("word.obj", "word.obj:3: file: 'nine', which is no number; expected three coordinates"),
+        ("word.obj", "word.obj:3: file: 'nine', which is not a number; expected three coordinates"),
         ("side.obj", "side.obj:14: file: "),
         ("word.stl", "word.stl:18: file: the word 'vortex'"),
         ("beyond.vtk", "file: cell 1 names point 99, where points are 0 to 7; expected polygonal data of VTK"),
@@ -229,7 +229,7 @@ fn every_fault_of_a_file_is_told() {
         let said = said(name);
         assert!(said.contains(expected) && said.starts_with(name), "{name}: {said}");
     }
-    assert!(said("few.vtp").contains("NumberOfPoints=\"80\", and 8 there"), "{}", said("few.vtp"));
+    assert!(said("few.vtp").contains("NumberOfPoints=\"80\", and 8 found"), "{}", said("few.vtp"));
 }
 
 /// The same with what editors and scanners write too.
@@ -287,17 +287,17 @@ fn pieces(body: &Body, axes: &[[f64; 3]; 3]) -> Vec<Surface> {
     body.contactors.iter().map(|contactor| piece(&contactor.shape)).collect()
 }
 
-const STANDING: &str = "standing: Same((axis: (0, 0, 1), angle: 0)), place: List(positions: [(0, 0, 0)])";
+const STANDING: &str = "grain_orientation: Same((axis: (0, 0, 1), angle: 0)), placement: List(positions: [(0, 0, 0)])";
 
 #[test]
 fn a_model_takes_the_size_it_is_told() {
     let folder = cube_files();
     for (scaled, half) in [
         ("", 1.0),
-        (", scaled: Factor(1000)", 1000.0),
-        (", scaled: Volume(64)", 2.0),
-        (", scaled: Length(3)", 1.5),
-        (", scaled: Radius(1)", (std::f64::consts::PI / 6.0).cbrt()),
+        (", scale: Factor(1000)", 1000.0),
+        (", scale: Volume(64)", 2.0),
+        (", scale: Length(3)", 1.5),
+        (", scale: Radius(1)", (std::f64::consts::PI / 6.0).cbrt()),
     ] {
         let (bodies, dof) =
             datbox(folder.path(), &format!("shape: Model(file: \"cube.vtp\"{scaled}), {STANDING}")).unwrap();
@@ -309,8 +309,8 @@ fn a_model_takes_the_size_it_is_told() {
     // With sizes, the model's own does not matter.
     let (bodies, _) = datbox(
         folder.path(),
-        "shape: Model(file: \"cube.obj\", scaled: Factor(7)), sizes: Single(2), radius: Circumscribed, \
-         place: List(positions: [(0, 0, 0)])",
+        "shape: Model(file: \"cube.obj\", scale: Factor(7)), sizes: Single(2), radius: Circumscribed, \
+         placement: List(positions: [(0, 0, 0)])",
     )
     .unwrap();
     let ShapeRecord::Polyhedron { vertices, .. } = &bodies.0[0].contactors[0].shape else { panic!() };
@@ -332,17 +332,17 @@ fn a_surface_that_is_not_convex_is_a_cluster_with_the_mass_of_the_surface() {
     let refused = datbox(folder.path(), &format!("shape: Model(file: \"angle.obj\"), {STANDING}")).unwrap_err();
     assert_eq!(
         refused,
-        "angle.obj: surface: it is not convex; expected a convex one, or contact: Hull, Pieces(...) or Files([...])"
+        "angle.obj: surface: it is not convex; expected a convex one, or contact_shape: Hull, Pieces(...) or Files([...])"
     );
     // By hand: centre of the beam (1.5, 0.5, 0.5), of the block (0.5, 0.5, 1.5), weights 3 and 1.
     let centre = Vector3::new(1.25, 0.5, 0.75);
     for (contact, counts, covered) in [
         ("Files([\"beam.obj\", \"block.obj\"])", 2..=2, 1e-10),
         // Pieces on voxels of 3/64, which overlap or miss about one layer at each cut.
-        ("Pieces(most: 8)", 2..=8, 0.1),
-        ("Pieces(most: 2, concavity: 0.1)", 2..=2, 0.1),
+        ("Pieces(max_pieces: 8)", 2..=8, 0.1),
+        ("Pieces(max_pieces: 2, concavity: 0.1)", 2..=2, 0.1),
     ] {
-        let fields = format!("shape: Model(file: \"angle.obj\", contact: {contact}), {STANDING}");
+        let fields = format!("shape: Model(file: \"angle.obj\", contact_shape: {contact}), {STANDING}");
         let (bodies, dof) = datbox(folder.path(), &fields).unwrap();
         let body = &bodies.0[0];
         assert!(counts.contains(&body.contactors.len()), "{contact}: {}", body.contactors.len());
@@ -368,13 +368,14 @@ fn a_surface_that_is_not_convex_is_a_cluster_with_the_mass_of_the_surface() {
         let lowest = pieces.iter().flat_map(|piece| piece.vertices()).map(|v| v[0]).fold(f64::INFINITY, f64::min);
         assert!((lowest + 1.25).abs() < 1e-9, "{contact}: {lowest}");
     }
-    let hull = datbox(folder.path(), &format!("shape: Model(file: \"angle.obj\", contact: Hull), {STANDING}")).unwrap();
+    let hull =
+        datbox(folder.path(), &format!("shape: Model(file: \"angle.obj\", contact_shape: Hull), {STANDING}")).unwrap();
     // The hull adds the wedge of 2 x 1 / 2 over the beam.
     let volume = 4.0 / 3.0 * std::f64::consts::PI * hull.0.0[0].equivalent_radius.powi(3);
     assert!((volume - 5.0).abs() < 1e-9, "{volume}");
     let wrong = datbox(
         folder.path(),
-        &format!("shape: Model(file: \"angle.obj\", contact: Files([\"angle.obj\", \"none.obj\"])), {STANDING}"),
+        &format!("shape: Model(file: \"angle.obj\", contact_shape: Files([\"angle.obj\", \"none.obj\"])), {STANDING}"),
     );
     let wrong = wrong.unwrap_err();
     assert!(
@@ -385,8 +386,9 @@ fn a_surface_that_is_not_convex_is_a_cluster_with_the_mass_of_the_surface() {
     let beside: Vec<[f64; 3]> = cuboid(block).into_iter().map(|[x, y, z]| [x + 5.0, y, z]).collect();
     std::fs::write(folder.path().join("beside.obj"), obj(&beside, &quads())).unwrap();
     let files = "Files([\"beam.obj\", \"beside.obj\"])";
-    let wrong = datbox(folder.path(), &format!("shape: Model(file: \"angle.obj\", contact: {files}), {STANDING}"));
-    let expected = "beside.obj: surface: it lies beside the model; expected a piece of the model, in the same axes";
+    let wrong =
+        datbox(folder.path(), &format!("shape: Model(file: \"angle.obj\", contact_shape: {files}), {STANDING}"));
+    let expected = "beside.obj: surface: it is outside the model; expected a piece of the model, in the same axes";
     assert_eq!(wrong.unwrap_err(), expected);
 }
 
@@ -396,8 +398,8 @@ fn there_are_never_more_pieces_than_asked_for_at_any_scale() {
     let folder = folder(&[("angle.obj", obj(&v, &f).into_bytes())]);
     for factor in [1.0, 1.1, 3.0] {
         for most in [1, 3, 4, 5] {
-            let contact = format!("Pieces(most: {most}, concavity: 0.0)");
-            let shape = format!("Model(file: \"angle.obj\", scaled: Factor({factor:?}), contact: {contact})");
+            let contact = format!("Pieces(max_pieces: {most}, concavity: 0.0)");
+            let shape = format!("Model(file: \"angle.obj\", scale: Factor({factor:?}), contact_shape: {contact})");
             let (bodies, dof) = datbox(folder.path(), &format!("shape: {shape}, {STANDING}")).unwrap();
             let pieces = pieces(&bodies.0[0], &dof.bodies[0].axes);
             assert!((1..=most).contains(&pieces.len()), "{most}: {}", pieces.len());
@@ -413,11 +415,11 @@ fn a_model_as_an_envelope_holds_its_grains() {
     let (v, f) = angle();
     let folder = folder(&[("angle.obj", obj(&v, &f).into_bytes())]);
     for (place, amount) in [
-        ("RandomSequential(envelope: Model(file: \"angle.obj\", scaled: Factor(10)))", "solid_fraction: 0.2"),
+        ("RandomSequential(envelope: Model(file: \"angle.obj\", scale: Factor(10)))", "solid_fraction: 0.2"),
         ("JitteredLattice(envelope: Model(file: \"angle.obj\"))", "number: 200, solid_fraction: 0.15"),
-        ("RandomSequential(envelope: Model(file: \"angle.obj\", scaled: Volume(4000)))", "number: 100"),
+        ("RandomSequential(envelope: Model(file: \"angle.obj\", scale: Volume(4000)))", "number: 100"),
     ] {
-        let (bodies, _) = datbox(folder.path(), &format!("sizes: Single(0.8), place: {place}, {amount}")).unwrap();
+        let (bodies, _) = datbox(folder.path(), &format!("sizes: Single(0.8), placement: {place}, {amount}")).unwrap();
         let count = bodies.0.len();
         let total = count as f64 * 4.0 / 3.0 * std::f64::consts::PI * 0.8f64.powi(3);
         let size = if place.contains("Jittered") { (total / 0.15 / 4.0).cbrt() } else { 10.0 };
@@ -440,9 +442,9 @@ fn a_model_as_an_envelope_holds_its_grains() {
     }
     let wrong = datbox(
         folder.path(),
-        "number: 3, sizes: Single(1), place: RandomSequential(envelope: Model(file: \"no.stl\", scaled: Factor(1)))",
+        "number: 3, sizes: Single(1), placement: RandomSequential(envelope: Model(file: \"no.stl\", scale: Factor(1)))",
     );
-    assert!(wrong.unwrap_err().contains("grains 1, place: no.stl cannot be read: there is no such file"));
+    assert!(wrong.unwrap_err().contains("grains 1, placement: no.stl cannot be read: there is no such file"));
 }
 
 #[test]
@@ -451,12 +453,12 @@ fn a_broken_monolith_moves_as_one_and_fills_its_solid() {
     for (envelope, volume) in [
         ("Ball(radius: 50)", 4.0 / 3.0 * std::f64::consts::PI * 125000.0),
         ("Box(lengths: (1, 2, 3))", 6.0),
-        ("Model(file: \"cube.obj\", scaled: Length(40))", 64000.0),
+        ("Model(file: \"cube.obj\", scale: Length(40))", 64000.0),
     ] {
         let (bodies, dof) = datbox(
             folder.path(),
             &format!(
-                "number: 120, place: Fragments(envelope: {envelope}), centre: (100, 0, 0), \
+                "number: 120, placement: Fragments(envelope: {envelope}), centre: (100, 0, 0), \
                  orientation: (axis: (1, 1, 0), angle: 0.7), spin: (0, 0, 0.5)"
             ),
         )
@@ -479,14 +481,14 @@ fn a_broken_monolith_moves_as_one_and_fills_its_solid() {
             assert!((velocity - expected).norm() < 1e-6 * volume.cbrt()); // seven digits
         }
     }
-    let wrong =
-        datbox(folder.path(), "number: 5, sizes: Single(1), place: Fragments(envelope: Ball(radius: 1))").unwrap_err();
+    let wrong = datbox(folder.path(), "number: 5, sizes: Single(1), placement: Fragments(envelope: Ball(radius: 1))")
+        .unwrap_err();
     assert!(
         wrong.contains(
             "grains 1: shape, standing, radius, sizes or solid_fraction given for fragments; expected none of them"
         ),
         "{wrong}"
     );
-    let wrong = datbox(folder.path(), "place: Fragments(envelope: Ball())").unwrap_err();
+    let wrong = datbox(folder.path(), "placement: Fragments(envelope: Ball())").unwrap_err();
     assert!(wrong.contains("fragments without number or size of the envelope, or too many"), "{wrong}");
 }

@@ -54,7 +54,7 @@ fn random_rocks_are_in_their_principal_axes_with_their_mass_and_inertia() {
     ] {
         let (bodies, dof, _) = files(&scene(&format!(
             "number: 60, solid_fraction: 0.004, sizes: Uniform(min: 0.8, max: 1.2), shape: {shape}, \
-             place: JitteredLattice(envelope: Ball()), spin: (0, 0, 0.5)"
+             placement: JitteredLattice(envelope: Ball()), spin: (0, 0, 0.5)"
         )));
         assert_eq!(bodies.0.len(), 60);
         for (body, dof) in bodies.0.iter().zip(&dof.bodies) {
@@ -87,7 +87,7 @@ fn rocks_placed_by_their_balls_do_not_overlap_and_files_are_the_same_again() {
     {
         let text = scene(&format!(
             "number: 100, solid_fraction: {solid_fraction}, sizes: PowerLaw(min: 0.5, max: 2, exponent: 3), \
-             shape: Random(vertices: (12, 20)), radius: Circumscribed, place: {place}"
+             shape: Random(vertices: (12, 20)), radius: Circumscribed, placement: {place}"
         ));
         let (bodies, dof, _) = files(&text);
         let reach = |body: &Body| surface(body).vertices().iter().map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
@@ -112,7 +112,7 @@ fn given_vertices_about_their_centre_keep_their_digits() {
     };
     let vertices: Vec<String> = (0..8).map(corner).collect();
     let (bodies, dof, _) = files(&scene(&format!(
-        "shape: Vertices([{}]), standing: Same((axis: (0, 0, 1), angle: 0)), place: List(positions: [(1, 2, 3)])",
+        "shape: Vertices([{}]), grain_orientation: Same((axis: (0, 0, 1), angle: 0)), placement: List(positions: [(1, 2, 3)])",
         vertices.join(", ")
     )));
     let [x, y, z] = surface(&bodies.0[0]).vertices()[7];
@@ -130,12 +130,12 @@ fn given_vertices_elsewhere_are_moved_and_turned_and_it_is_told() {
     let vertices = [[10.0, 0.0, 0.0], [13.0, 0.0, 0.0], [10.0, 2.0, 0.0], [10.0, 0.0, 1.0]];
     let text = scene(
         "shape: Vertices([(10, 0, 0), (13, 0, 0), (10, 2, 0), (10, 0, 1)]), \
-         standing: Same((axis: (0, 0, 1), angle: 0)), place: List(positions: [(0.75, 0.5, 0.25)])",
+         grain_orientation: Same((axis: (0, 0, 1), angle: 0)), placement: List(positions: [(0.75, 0.5, 0.25)])",
     );
     std::fs::write(&path, &text).unwrap();
     let said = cd_pre::write_datbox(&path, &[], &folder.path().join("DATBOX")).unwrap();
     assert!(said.contains("centre of mass at (10.75000000, 0.50000000, 0.25000000) m of the given vertices"), "{said}");
-    assert!(said.contains("principal axes turned by 0."), "{said}");
+    assert!(said.contains("principal axes rotated by 0."), "{said}");
     assert!(said.contains("1 polyhedra (4 vertices each)"), "{said}");
     // Turned back and moved, the vertices are those that were given, less 10 along x.
     let (bodies, dof, _) = files(&text);
@@ -150,8 +150,8 @@ fn listed_polyhedra_stand_as_told_and_may_touch_but_not_overlap() {
     let beside = 1.0 + 2f64.sqrt();
     let stack = |x: f64, z: f64| {
         scene(&format!(
-            "shape: Box(lengths: (2, 2, 2)), place: List(positions: [(0, 0, 0), (0, 0, {z:?}), ({x:?}, 0, 0)]), \
-             standing: List([(axis: (1, 0, 0), angle: 0), (axis: (0, 0, 1), angle: 0.3), (axis: (0, 1, 0), angle: 0.7853981633974483)])"
+            "shape: Box(lengths: (2, 2, 2)), placement: List(positions: [(0, 0, 0), (0, 0, {z:?}), ({x:?}, 0, 0)]), \
+             grain_orientation: List([(axis: (1, 0, 0), angle: 0), (axis: (0, 0, 1), angle: 0.3), (axis: (0, 1, 0), angle: 0.7853981633974483)])"
         ))
     };
     let (bodies, dof, tact) = files(&stack(beside, 2.0));
@@ -178,9 +178,9 @@ fn spheres_polyhedra_and_walls_see_each_other_in_the_order_of_lmgc90() {
             (between: ("WALLx", "BALLx"), law: None),
         ],
         grains: [
-            (material: "ROCKx", colour: "CUBEx", sizes: Single(1), shape: Cube, standing: Same((axis: (0, 0, 1), angle: 0)),
-             place: List(positions: [(0, 0, 0)])),
-            (material: "ROCKx", colour: "BALLx", sizes: Single(0.5), place: List(positions: [(BALL, 0, 0)])),
+            (material: "ROCKx", colour: "CUBEx", sizes: Single(1), shape: Cube, grain_orientation: Same((axis: (0, 0, 1), angle: 0)),
+             placement: List(positions: [(0, 0, 0)])),
+            (material: "ROCKx", colour: "BALLx", sizes: Single(0.5), placement: List(positions: [(BALL, 0, 0)])),
         ],
         walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (0, 0, FLOOR), half_lengths: (3, 3, 0.5))],
     )"#;

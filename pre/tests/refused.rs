@@ -53,7 +53,7 @@ fn materials_laws_and_colours() {
         (
             "2700.0)",
             "2700.0), (name: \"ROCKx\", density: 1.0)",
-            "3:58: material 2, name: 'ROCKx' is there twice; expected a name of its own",
+            "3:58: material 2, name: 'ROCKx' occurs twice; expected a name of its own",
         ),
         (
             "material: \"ROCKx\", colour: \"B",
@@ -155,7 +155,7 @@ fn sizes_and_numbers() {
         (
             "number: 20",
             "number: 2000",
-            "10:16: grains 1, place: 2000 grains, the largest of radius 0.99981832 m, in a ball of radius 10.00000 m: the lattice has 555 sites; expected fewer or smaller grains, a larger envelope (a smaller solid fraction), or RandomSequential for very unequal grains",
+            "10:20: grains 1, placement: 2000 grains, the largest of radius 0.99981832 m, in a ball of radius 10.00000 m: the lattice has 555 sites; expected fewer or smaller grains, a larger envelope (a smaller solid fraction), or RandomSequential for very unequal grains",
         ),
     ]);
 }
@@ -163,18 +163,18 @@ fn sizes_and_numbers() {
 #[test]
 fn places_and_motion() {
     check(&[
-        ("radius: 10.0", "radius: -1.0", "10:55: grains 1, place, envelope, radius: -1.0; expected a length > 0 m"),
+        ("radius: 10.0", "radius: -1.0", "10:59: grains 1, placement, envelope, radius: -1.0; expected a length > 0 m"),
         (
             "Ball(radius: 10.0)",
             "Box(lengths: (1, 0, 1))",
-            "10:59: grains 1, place, envelope, length 2: 0.0; expected a length > 0 m",
+            "10:63: grains 1, placement, envelope, length 2: 0.0; expected a length > 0 m",
         ),
         (
             "Ball(radius: 10.0)",
             "Box(lengths: (9, 9, 9), ratios: (1, 1, 1))",
-            "10:42: grains 1, place, envelope: both its size and ratios; expected one of them",
+            "10:46: grains 1, placement, envelope: both its size and ratios; expected one of them",
         ),
-        ("10.0))", "10.0), jitter: 1.5)", "10:70: grains 1, place, jitter: 1.5; expected 0 to 1"),
+        ("10.0))", "10.0), jitter: 1.5)", "10:74: grains 1, placement, jitter: 1.5; expected 0 to 1"),
         ("0.1),", "NaN),", "11:26: grains 1, spin 3: NaN; expected a finite number (rad/s)"),
         ("0.1),", "0.1), thermal_velocity: -1", "11:50: grains 1, thermal_velocity: -1.0; expected a speed >= 0 m/s"),
         (
@@ -213,25 +213,26 @@ fn places_and_motion() {
 
 #[test]
 fn overlaps() {
-    let list = "place: List(positions: [(0, 0, 0), (0, 0, 1.5), (5, 0, 0)]), // ";
+    let list = "placement: List(positions: [(0, 0, 0), (0, 0, 1.5), (5, 0, 0)]), // ";
     let sizes = "sizes: Single(1.0), // ";
-    let scene = GOOD.replace("place:", list).replace("sizes:", sizes).replace("number: 20", "number: 3");
+    let scene = GOOD.replace("placement:", list).replace("sizes:", sizes).replace("number: 20", "number: 3");
     let said = faults;
     let expected = "expected grains that touch at most (a List may have allow_overlap: true)";
     assert_eq!(
         said(&scene),
         format!(
-            "scene.ron:10:16: grains 1, place: grain 1 of grains 1 and grain 2 of grains 1 overlap by 5.000e-1 m; {expected}"
+            "scene.ron:10:20: grains 1, placement: grain 1 of grains 1 and grain 2 of grains 1 overlap by 5.000e-1 m; {expected}"
         )
     );
     assert_eq!(said(&scene.replace("1.5)", "2.0)")), "nothing"); // touching
     assert_eq!(said(&scene.replace("1.5), (5, 0, 0)]", "1.5), (5, 0, 0)], allow_overlap: true")), "nothing");
     assert_eq!(
         said(&scene.replace("1.5)", "3.0)").replace("-11.0", "-1.25")),
-        format!("scene.ron:10:16: grains 1, place: grain 1 of grains 1 and wall 1 overlap by 2.500e-1 m; {expected}\n")
-            + &format!(
-                "scene.ron:10:16: grains 1, place: grain 3 of grains 1 and wall 1 overlap by 2.500e-1 m; {expected}"
-            )
+        format!(
+            "scene.ron:10:20: grains 1, placement: grain 1 of grains 1 and wall 1 overlap by 2.500e-1 m; {expected}\n"
+        ) + &format!(
+            "scene.ron:10:20: grains 1, placement: grain 3 of grains 1 and wall 1 overlap by 2.500e-1 m; {expected}"
+        )
     );
 }
 
@@ -269,7 +270,7 @@ fn shapes_and_how_they_stand() {
     at(
         shape,
         "sizes: Single(1), radius: Circumscribed,",
-        "6:14: grains 1: standing or radius given for spheres; expected neither: they are for polyhedra",
+        "6:14: grains 1: grain_orientation or radius given for spheres; expected neither: they are for polyhedra",
     );
     at(
         shape,
@@ -278,8 +279,8 @@ fn shapes_and_how_they_stand() {
     );
     at(
         shape,
-        "sizes: Single(1), shape: Cube, standing: List([(axis: (0, 0, 0), angle: 1)]),",
-        "9:55: grains 1, standing 1, axis: [0.0, 0.0, 0.0]; expected a finite vector that is not 0\nscene.ron:9:50: grains 1, standing: 1 turns for 0 listed positions; expected one for each listed position",
+        "sizes: Single(1), shape: Cube, grain_orientation: List([(axis: (0, 0, 0), angle: 1)]),",
+        "9:64: grains 1, grain_orientation 1, axis: [0.0, 0.0, 0.0]; expected a finite vector that is not 0\nscene.ron:9:59: grains 1, grain_orientation: 1 rotations for 0 listed positions; expected one for each listed position",
     );
 }
 
@@ -350,13 +351,13 @@ fn driven_in_part_in_axes_that_turn() {
     let fields = |rate: f64| format!("compute: (fields: [RotatingFrame(rate: (0, {rate:?}, 0), centre: (0, 0, 0))], ");
     let said =
         |changes: &[(&str, &str)], rate: f64| said_of(&[changes, &[("compute: (", fields(rate).as_str())]].concat());
-    let message = "driven in part in axes that turn; \
+    let message = "driven in part in a rotating frame; \
                    expected motion imposed along all axes or none: Coriolis' force on such a body is not computed";
     let press = [("half_lengths", "force: (None, None, Constant(-5)), half_lengths")];
     assert_eq!(said(&press, 1.0), format!("scene.ron:13:89: wall 1, force: {message}"));
     assert_eq!([said(&press, 0.0), said(&[], 1.0)], ["nothing"; 2]);
     let rough = |driven: &str| {
-        let list = "sizes: Single(1), place: List(positions: [(0, 0, 30)])";
+        let list = "sizes: Single(1), placement: List(positions: [(0, 0, 30)])";
         format!("grains: [(material: \"ROCKx\", colour: \"BLUEx\", {list},\n driven: {driven}), (")
     };
     let said = |driven: &str| said(&[("grains: [(", rough(driven).as_str())], 1.0);
@@ -368,7 +369,7 @@ fn driven_in_part_in_axes_that_turn() {
 #[test]
 fn bodies_whose_motion_is_imposed_need_no_law_for_each_other() {
     let rough = |driven: &str| {
-        let list = "place: List(positions: [(0, 0, -15)])";
+        let list = "placement: List(positions: [(0, 0, -15)])";
         said(
             "    )],\n    walls",
             &format!(
@@ -411,7 +412,10 @@ fn cylinders() {
     };
     let drum = "centre: (0, 0, 0), half_height: 10.5, radius: 10.5, hollow: true";
     assert_eq!(wall(drum), "nothing");
-    assert_eq!(wall(&drum.replace("true", "true, force: (None, None, Constant(2)), rotation: Constant(1)")), "nothing");
+    assert_eq!(
+        wall(&drum.replace("true", "true, force: (None, None, Constant(2)), angular_velocity: Constant(1)")),
+        "nothing"
+    );
     for (fields, message) in [
         ("centre: (0, 0, 0), half_height: 0, radius: 1", "13:90: wall 1, half_height: 0.0; expected a length > 0 m"),
         ("centre: (0, 0, 0), half_height: 1, radius: NaN", "13:101: wall 1, radius: NaN; expected a length > 0 m"),
@@ -431,16 +435,16 @@ fn cylinders() {
 
 #[test]
 fn numbers_that_the_files_cannot_hold() {
-    let place = "place: List(positions: [(0, 0, 0)])";
+    let place = "placement: List(positions: [(0, 0, 0)])";
     assert_eq!(of_one(&format!("sizes: Single(1), {place}"), 2.0, ""), "nothing");
     let expected = "numbers below 1e99, and sizes and masses of at least 1e-99";
     for (fields, half, found) in [
-        ("sizes: Single(1e21), place: List(positions: [(1e25, 0, 0)])".to_string(), 2.0, "grains 1: inertia "),
+        ("sizes: Single(1e21), placement: List(positions: [(1e25, 0, 0)])".to_string(), 2.0, "grains 1: inertia "),
         (format!("sizes: Single(1e-120), {place}"), 2.0, "grains 1, size 1: 1e-120; expected a radius > 0 m"),
         (format!("sizes: Single(1e-40), {place}"), 2.0, "grains 1: mass "),
         (format!("sizes: Single(1), {place}"), 1e40, "wall 1: inertia "),
         (
-            "sizes: Single(1), place: List(positions: [(0, 1e50, 0), (9, 0, 0)]), spin: (0, 0, 1e60)".to_string(),
+            "sizes: Single(1), placement: List(positions: [(0, 1e50, 0), (9, 0, 0)]), spin: (0, 0, 1e60)".to_string(),
             2.0,
             "grains 1: velocity ",
         ),
@@ -453,15 +457,15 @@ fn numbers_that_the_files_cannot_hold() {
 
 #[test]
 fn one_grain_has_no_thermal_velocity() {
-    let said = of_one("sizes: Single(1), place: List(positions: [(0, 0, 0)]), thermal_velocity: 1", 2.0, "");
-    assert!(said.ends_with("grains 1, thermal_velocity: given for one grain; expected several grains, or 0: one alone has no motion about the mean"), "{said}");
+    let said = of_one("sizes: Single(1), placement: List(positions: [(0, 0, 0)]), thermal_velocity: 1", 2.0, "");
+    assert!(said.ends_with("grains 1, thermal_velocity: given for one grain; expected several grains, or 0: a single grain has no motion about the mean"), "{said}");
 }
 
 #[test]
 fn walls_that_repeat_are_not_overlapped() {
-    for shape in ["Sphere", "Box(lengths: (2, 2, 2)), standing: Same((axis: (0, 0, 1), angle: 0))"] {
+    for shape in ["Sphere", "Box(lengths: (2, 2, 2)), grain_orientation: Same((axis: (0, 0, 1), angle: 0))"] {
         let sizes = if shape == "Sphere" { "sizes: Single(1), " } else { "" };
-        let fields = |x: f64| format!("{sizes}shape: {shape}, place: List(positions: [({x}, 0, 0)])");
+        let fields = |x: f64| format!("{sizes}shape: {shape}, placement: List(positions: [({x}, 0, 0)])");
         // The floor reaches from -10 to -9 and so, in a scene that repeats after 20 m, from 10 to 11.
         for (x, options, found) in [
             (9.9, "", "nothing"),
@@ -482,7 +486,7 @@ fn one_grain_may_spin_where_a_scene_repeats() {
         ("", "(0, 0, 0)", "nothing"),
         ("", "(0, 0, 0), (4, 0, 0)", "grains 1, spin: [1.0, 0.0, 0.0]; expected a rotation about the only axis"),
     ] {
-        let fields = format!("sizes: Single(1), place: List(positions: [{positions}]){number}, spin: (1, 0, 0)");
+        let fields = format!("sizes: Single(1), placement: List(positions: [{positions}]){number}, spin: (1, 0, 0)");
         let said = of_one(&fields, 2.0, "yperiode: 20.0");
         assert!(said.contains(found), "{positions}: {said}");
     }

@@ -11,7 +11,7 @@ const SCENE: &str = r#"(
     materials: [(name: "ROCKx", density: 2700.0)],
     laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
     contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0")],
-    grains: [(material: "ROCKx", colour: "BLUEx", number: 20, solid_fraction: 0.2, sizes: Single(0.1), place: JitteredLattice(envelope: Ball()))],
+    grains: [(material: "ROCKx", colour: "BLUEx", number: 20, solid_fraction: 0.2, sizes: Single(0.1), placement: JitteredLattice(envelope: Ball()))],
     compute: (dt: 0.1, steps: 10),
 )"#;
 
@@ -184,7 +184,7 @@ fn files_are_seen_from_the_case() {
     let study = Study::new(
         r#"(groups: [(name: "deep/a{a}", base: "scene.ron", parameters: [(name: "a", paths: ["grains.1.number"], values: [5])])])"#,
     );
-    let model = r#"shape: Model(file: "rock.obj", scaled: Factor(0.1)), "#;
+    let model = r#"shape: Model(file: "rock.obj", scale: Factor(0.1)), "#;
     study.write(
         "scene.ron",
         &SCENE.replace("sizes: Single(0.1), ", model).replace("solid_fraction: 0.2", "solid_fraction: 0.01"),
@@ -204,7 +204,7 @@ fn faults_of_the_form_have_their_line_and_column() {
         .is_refused(&["study.ron:1:12: group 1: unknown field 'nmae'; did you mean name?"]);
     study("(groups: [(name: \"a{friciton}\", base: \"scene.ron\", parameters: [(name: \"friction\", values: [1])])])")
         .is_refused(&[
-            "study.ron:1:18: group 1, name: {friciton} is no parameter of the group; did you mean friction?",
+            "study.ron:1:18: group 1, name: {friciton} is not a parameter of the group; did you mean friction?",
         ]);
     study(
         "(groups: [\n (name: \"a\"),\n (name: \"../b\", base: \"scene.ron\"),\n (name: \"c{x}\", base: \"scene.ron\",\n  \
@@ -220,7 +220,7 @@ fn faults_of_the_form_have_their_line_and_column() {
         &["study.ron:1:18: group 1, name: two cases are a; expected a name that has all parameters, as {NAME}"],
     );
     study("(groups: [(name: \"first\", base: \"scene.ron\"), (name: \"b\", from: \"frist\")])")
-        .is_refused(&["study.ron:1:65: group 2, from: frist is no case; did you mean first?"]);
+        .is_refused(&["study.ron:1:65: group 2, from: frist is not a case; did you mean first?"]);
 }
 
 #[test]

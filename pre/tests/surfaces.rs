@@ -130,7 +130,7 @@ fn what_cannot_be_read_is_named() {
         (
             "comma.obj",
             with("negative.obj", "v 0.5 0.5 -0.5", "v 0,5 0,5 -0,5"),
-            "comma.obj:4: file: '0,5', which is no number; expected three coordinates, with decimal points",
+            "comma.obj:4: file: '0,5', which is not a number; expected three coordinates, with decimal points",
         ),
         ("short.obj", with("negative.obj", "v 0.5 0.5 -0.5", "v 0.5 0.5"), "a vertex of 2 numbers"),
         (
@@ -156,16 +156,20 @@ fn what_cannot_be_read_is_named() {
         (
             "torn.stl",
             stl[..300].to_vec(),
-            "12 triangles announced, 4 there: 300 bytes; expected an STL file, text or binary, that is complete",
+            "12 triangles announced, 4 found: 300 bytes; expected an STL file, text or binary, that is complete",
         ),
-        ("many.stl", many, "4294967295 triangles announced, 12 there"),
+        ("many.stl", many, "4294967295 triangles announced, 12 found"),
         ("text.stl", std::fs::read(file("negative.obj")).unwrap(), "text that does not begin with 'solid'"),
         (
             "facet.stl",
             with("no-endsolid.stl", "endloop", "endlop"),
             "facet.stl:7: file: the word 'endlop'; expected vertex and three coordinates, or endloop",
         ),
-        ("number.stl", with("leading-newline.stl", "vertex -0.5 0.5", "vertex -0.5 O.5"), "'o.5', which is no number"),
+        (
+            "number.stl",
+            with("leading-newline.stl", "vertex -0.5 0.5", "vertex -0.5 O.5"),
+            "'o.5', which is not a number",
+        ),
         (
             "within.stl",
             std::fs::read(file("no-endsolid.stl")).unwrap()[..900].to_vec(),
@@ -196,13 +200,13 @@ fn what_cannot_be_read_is_named() {
         (
             "block.vtp",
             binary("appended-zlib-raw.vtp", &[0x78, 0x9c], &[0x78, 0x9d]),
-            "block 1 of 1 is no whole zlib stream",
+            "block 1 of 1 is not a complete zlib stream",
         ),
         ("long.vtp", binary("appended-raw.vtp", &[192, 0, 0, 0, 0, 0, 0, 0], &[255; 8]), "bytes announced"),
         (
             "few.vtp",
             with("two-pieces.vtp", "NumberOfPoints=\"8\"", "NumberOfPoints=\"9\""),
-            "NumberOfPoints=\"9\", and 8 there",
+            "NumberOfPoints=\"9\", and 8 found",
         ),
         ("tags.vtp", with("two-pieces.vtp", "</Polys>", "</Poly>"), "</Poly> where <Polys> is open"),
         ("torn.vtp", std::fs::read(file("two-pieces.vtp")).unwrap()[..700].to_vec(), "the end of the file within"),
@@ -337,7 +341,7 @@ fn the_cause_is_named_in_its_line() {
             with("negative.obj", "v 0.5 0.5 -0.5", "v nan 0.5 -0.5"),
             "nan.obj:4: file: 'nan', which is not finite",
         ),
-        ("call.obj", with("line-element.obj", "l 1 2", "call other.obj"), "'call', with which other files come in"),
+        ("call.obj", with("line-element.obj", "l 1 2", "call other.obj"), "'call', which includes other files"),
         (
             "order.vtp",
             with("two-pieces.vtp", "LittleEndian", "MiddleEndian"),
@@ -373,7 +377,7 @@ fn a_cube_of_few_digits_is_taken_as_its_hull() {
         }
         text += "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
         std::fs::write(folder.path().join("cube.obj"), text).unwrap();
-        cd_pre::shapes::model::model_solid(folder.path(), "cube.obj", ModelScale::Factor(1.0), &ContactSurface::Whole)
+        cd_pre::shapes::model::model_solid(folder.path(), "cube.obj", ModelScale::Factor(1.0), &ContactSurface::Surface)
     };
     let mut hulls = 0;
     for k in 1..=10 {

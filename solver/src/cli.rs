@@ -14,24 +14,24 @@ use crate::{plan, read, thread_pool, write};
 
 const PROGRAM: &str = "cd-solve";
 
-/// Advances a scene of rigid grains in contact: reads DIR/DATBOX, writes DIR/OUTBOX.
+/// Simulates rigid grains in contact: reads DIR/DATBOX, writes DIR/OUTBOX.
 ///
 /// The method is Non-Smooth Contact Dynamics. Files and units are described in docs/files.md.
 #[derive(Debug, Parser)]
 #[command(name = PROGRAM, version)]
 struct CommandLine {
-    /// Case directory; all it needs is DIR/DATBOX.
+    /// Case folder; only DIR/DATBOX is required.
     dir: PathBuf,
     /// Continue from the last snapshot in DIR/OUTBOX.
     #[arg(long, conflicts_with = "force")]
     resume: bool,
-    /// Remove the results of an earlier run first.
+    /// Remove the results of an earlier run and start at the beginning.
     #[arg(long)]
     force: bool,
-    /// Print an estimate of the run - models, memory, time of a step, bounds on h - and write nothing.
+    /// Estimate the cost of the run (models, memory, disk, time of a step, bounds on h) and write no files.
     #[arg(long, conflicts_with = "dump_problem")]
     plan: bool,
-    /// Write the contact problem that leads to this step of the run to DIR/problem-STEP.fc3d.
+    /// Write the contact problem of this step of the run to DIR/problem-STEP.fc3d.
     #[arg(long, value_name = "STEP")]
     dump_problem: Option<u64>,
     #[command(flatten)]
@@ -94,7 +94,7 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
             notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
         } else {
             write::check_no_results(case, scene.options.text)?;
-            print_line(format_args!("{PROGRAM}: no snapshot to go on from: starting from DATBOX"));
+            print_line(format_args!("{PROGRAM}: no snapshot to resume from: starting from DATBOX"));
         }
     } else if !arguments.force && !arguments.plan {
         write::check_no_results(case, scene.options.text)?;

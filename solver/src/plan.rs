@@ -57,23 +57,26 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     let travel = MAX_TRAVEL_RADII * smallest;
     bound(
         travel / fastest,
-        format!("bodies move at {fastest:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"),
+        format!("largest speed {fastest:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"),
     );
     if let Some((radius, surface)) = scene.surface_gravity() {
         let fall = (2.0 * surface * radius).sqrt();
         bound(
             travel / fall,
             format!(
-                "fallen together they meet at up to {fall:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"
+                "impact speed of a gravitational collapse, {fall:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"
             ),
         );
         bound(
             (MAX_FALL_RADII * scene.mean_radius / surface).sqrt(),
-            format!("at {surface:.3e} m/s² the fall of a step is {MAX_FALL_RADII} of the mean radius"),
+            format!("free fall at {surface:.3e} m/s²: {MAX_FALL_RADII} of the mean radius a step"),
         );
     }
     let period = shortest_orbit(scene, state);
-    bound(period / STEPS_PER_ORBIT, format!("the shortest orbit takes {period:.3e} s: {STEPS_PER_ORBIT} steps in it"));
+    bound(
+        period / STEPS_PER_ORBIT,
+        format!("shortest orbital period {period:.3e} s: {STEPS_PER_ORBIT} steps an orbit"),
+    );
     let g = state.gravity.norm();
     if g > 0.0 {
         let heights = || free.iter().map(|(i, _)| -state.x[*i].dot(&state.gravity) / g);
@@ -83,18 +86,18 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
         bound(
             travel / fall,
             format!(
-                "through {height:.3e} m they fall to {fall:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"
+                "impact speed of a fall through {height:.3e} m, {fall:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"
             ),
         );
         bound(
             (MAX_FALL_RADII * scene.mean_radius / g).sqrt(),
-            format!("at {g:.3e} m/s² the fall of a step is {MAX_FALL_RADII} of the mean radius"),
+            format!("free fall at {g:.3e} m/s²: {MAX_FALL_RADII} of the mean radius a step"),
         );
     }
     let turn = fastest_turn(scene, state);
     bound(
         1.0 / (STEPS_PER_RADIAN * turn),
-        format!("bodies turn at {turn:.3e} rad/s: {STEPS_PER_RADIAN} steps a radian"),
+        format!("fastest rotation {turn:.3e} rad/s: {STEPS_PER_RADIAN} steps a radian"),
     );
     bounds.sort_by(|a, b| a.h.total_cmp(&b.h));
     bounds
@@ -154,7 +157,7 @@ pub fn roundoff_warning(scene: &Scene, state: &State) -> Option<String> {
     let worst = scene.free.iter().copied().max_by(|a, b| share(*a).total_cmp(&share(*b)))?;
     (share(worst) > ROUNDOFF_WARNING_SHARE).then(|| {
         format!(
-            "body {} is {:.3e} m from the origin, where positions have digits of {:.1e} m: in {steps} steps rounding may lead it astray by {:.1e} of its radius",
+            "body {} is {:.3e} m from the origin, where positions are rounded to {:.1e} m: in {steps} steps round-off may displace it by {:.1e} of its radius",
             worst + 1,
             state.x[worst as usize].norm(),
             digit(worst),
@@ -169,18 +172,18 @@ pub fn unused_models(scene: &Scene) -> Vec<&'static str> {
     let rolling = laws.iter().any(|law| law.rolling.is_some());
     let absent = [
         (scene.bodies.iter().all(RigidBody::is_sphere), "walls"),
-        (!scene.needs_blocks(), "polyhedra: blocks of contacts are diagonal"),
+        (!scene.needs_blocks(), "polyhedra (contact blocks are diagonal)"),
         (!scene.options.sphere_orientation, "orientation of spheres"),
-        (scene.turning.is_empty(), "free rotation: moments of inertia are equal"),
+        (scene.turning.is_empty(), "free rotation (moments of inertia are equal)"),
         (
             laws.iter().all(|law| law.friction_static == 0.0 && law.friction_dynamic == 0.0),
             // Sweeps with moments keep all three components.
-            if rolling { "friction" } else { "friction: one unknown a contact" },
+            if rolling { "friction" } else { "friction (one unknown per contact)" },
         ),
         (laws.iter().all(|law| law.cohesion.is_none()), "cohesion"),
-        (!rolling, "rolling friction: no moments"),
-        (!scene.options.self_gravity, "self-gravity: no tree"),
-        (scene.options.fields.is_empty(), "fields from outside"),
+        (!rolling, "rolling friction"),
+        (!scene.options.self_gravity, "self-gravity"),
+        (scene.options.fields.is_empty(), "external fields"),
         (!scene.drives.iter().any(ImposedVelocity::ever_moves), "motion of walls"),
         (scene.events.is_empty(), "events"),
     ];
@@ -216,25 +219,24 @@ fn contact_size() -> usize {
 pub fn plan_text(scene: &Scene, state: &State) -> String {
     let (h, bounds) = (scene.options.dt, step_bounds(scene, state));
     let mut lines: Vec<(&str, String)> = vec![("models", scene.model_names().join("; "))];
-    lines.push(("not needed", unused_models(scene).join("; ")));
+    lines.push(("inactive", unused_models(scene).join("; ")));
     // Steps that are far too long may take hours.
     let sane = bounds.first().is_none_or(|sharpest| h <= MAX_TRIAL_DT_FACTOR * sharpest.h);
     let tried = if sane { trial_run(scene, state) } else { None };
     if let Some(TrialRun { report, .. }) = &tried {
         let (listed, active) = (report.contacts_listed, report.contacts_active);
-        lines.push(("contacts", format!("{listed} listed, {active} carry force, now")));
+        lines.push(("contacts", format!("{listed} listed, {active} carry force at present")));
     }
-    let until_now =
-        peak_memory().map_or(String::new(), |held| format!("{:.1} MB at most until now; ", held as f64 / 1e6));
+    let until_now = peak_memory().map_or(String::new(), |held| format!("peak so far {:.1} MB; ", held as f64 / 1e6));
     lines.push((
         "memory",
         format!(
-            "{until_now}{:.1} kB more for each further contact, about, and {} bytes for each pair that touches between two snapshots",
+            "{until_now}about {:.1} kB for each further contact and {} bytes for each pair that touches between two snapshots",
             contact_size() as f64 / 1e3,
             size_of::<ContactExchange>()
         ),
     ));
-    lines.push(("time", tried.as_ref().map_or("no step tried, h is far too long".into(), TrialRun::timing_text)));
+    lines.push(("time", tried.as_ref().map_or("no trial step: h is far too long".into(), TrialRun::timing_text)));
     let knob = |(name, value, alone): (&str, String, bool)| {
         let value = if name == "gravity_refresh" { scene.gravity_refresh().to_string() } else { value };
         format!("{name} {value}{}", if alone { " (set)" } else { "" })
@@ -247,7 +249,7 @@ pub fn plan_text(scene: &Scene, state: &State) -> String {
     let constant = share_of_constant_motion(scene, state.time);
     let most = if constant > 0.0 { scene.options.adaptive().most } else { 1 };
     let longer = match (most, &tried) {
-        (1, _) if scene.options.adaptive().is_on() => ", each dt, as imposed motion changes all the time".into(),
+        (1, _) if scene.options.adaptive().is_on() => ", each dt, because imposed motion changes all the time".into(),
         (1, _) | (_, None) => String::new(),
         (most, Some(tried)) => {
             let when = if constant < 1.0 {
@@ -255,20 +257,21 @@ pub fn plan_text(scene: &Scene, state: &State) -> String {
             } else {
                 String::new()
             };
-            format!(" of dt, up to {most} of them at once{when}, now {:.1}", at_once(tried))
+            format!(" of dt, up to {most} of them in a step{when}, {:.1} at present", at_once(tried))
         }
     };
-    let seconds =
-        |tried: &TrialRun| format!(" {:.3e} s as now;", left as f64 * tried.seconds_per_step() / at_once(tried));
+    let seconds = |tried: &TrialRun| {
+        format!(" {:.3e} s at the present rate;", left as f64 * tried.seconds_per_step() / at_once(tried))
+    };
     let seconds = tried.as_ref().map_or(String::new(), seconds);
     if let Some(tried) = &tried {
         lines.push(("disk", disk_estimate(scene, left, at_once(tried), tried.sizes)));
     }
     lines.push(("run", format!("{left} steps{longer};{seconds} t = {:.6e} s", scene.end_time())));
     let place = match bounds.first() {
-        Some(sharpest) if h > sharpest.h => format!("{h} s is {:.1} times the sharpest bound", h / sharpest.h),
+        Some(sharpest) if h > sharpest.h => format!("{h} s is {:.1} times the strictest bound", h / sharpest.h),
         Some(_) => format!("{h} s is within all bounds"),
-        None => format!("{h} s; nothing moves or pulls"),
+        None => format!("{h} s; no bound: nothing moves and no force acts"),
     };
     lines.push(("h", place));
     if let Some(sharpest) = bounds.first() {
@@ -277,7 +280,7 @@ pub fn plan_text(scene: &Scene, state: &State) -> String {
     }
     lines.extend(Accuracy::ALL.map(|accuracy| ("", format!("{accuracy}: {}", accuracy.measured_cost_and_error()))));
     lines.extend(bounds.iter().map(|bound| ("", format!("up to {:.3e} s: {}", bound.h, bound.reason))));
-    lines.extend(roundoff_warning(scene, state).map(|message| ("digits", message)));
+    lines.extend(roundoff_warning(scene, state).map(|message| ("warning", message)));
     lines
         .into_iter()
         .filter(|(_, value)| !value.is_empty())
@@ -323,7 +326,7 @@ impl TrialRun {
         let steps = self.steps;
         let ms = |time: Duration| 1e3 * time.as_secs_f64() / steps.max(1) as f64;
         format!(
-            "{:.3} ms a step now ({steps} tried): gravity {:.3}, detection {:.3}, assembly {:.3}, solve {:.3}, integration {:.3}",
+            "{:.3} ms a step ({steps} trial steps): gravity {:.3}, detection {:.3}, assembly {:.3}, solve {:.3}, integration {:.3}",
             1e3 * self.seconds_per_step(),
             ms(gravity),
             ms(detection),

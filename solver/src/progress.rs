@@ -72,7 +72,7 @@ impl ProgressDisplay {
     /// Message about the first replacement of the chosen solver by sweeps.
     fn first_replacement_message(&self, step: u64, reason: Option<&str>) -> Option<String> {
         let reason = reason.filter(|_| !self.replacement_reported.replace(true))?;
-        Some(format!("cd-solve: step {step}: sweeps take the place of the solver asked for, as {reason}"))
+        Some(format!("cd-solve: step {step}: the chosen solver is replaced by sweeps, because {reason}"))
     }
 
     /// Whether nothing has been printed for long.
@@ -222,7 +222,7 @@ mod tests {
         let progress = ProgressDisplay::new(0, 5);
         assert_eq!(progress.first_replacement_message(1, None), None);
         let message = progress.first_replacement_message(2, Some("it is large")).unwrap();
-        assert_eq!(message, "cd-solve: step 2: sweeps take the place of the solver asked for, as it is large");
+        assert_eq!(message, "cd-solve: step 2: the chosen solver is replaced by sweeps, because it is large");
         assert_eq!(progress.first_replacement_message(3, Some("it is large")), None);
     }
 }

@@ -181,7 +181,7 @@ pub fn run_case(
 fn stopped_failure(state: &State, last: u64, progress: &ProgressDisplay) -> RunFailure {
     progress.finish();
     let State { step, time, .. } = state;
-    RunFailure::Stopped(format!("stopped after step {step}, t = {time} s, of {last}; --resume goes on"))
+    RunFailure::Stopped(format!("stopped after step {step}, t = {time} s, of {last}; --resume continues"))
 }
 
 /// The flag that is set when the user or the system requests the program to stop. At a second request it ends at once.
@@ -225,7 +225,7 @@ pub fn account_changed_forces(scene: &Scene, before: &RunParameters, state: &mut
     state.ledger.outside_work += work;
     let changed = changed.join(", ");
     print_line(format_args!(
-        "cd-solve: other than before: {changed}; the change of potential energy, {work:.3e} J, is work from outside"
+        "cd-solve: changed since the last snapshot: {changed}; the change of potential energy, {work:.3e} J, counts as external work"
     ));
 }
 
@@ -239,7 +239,7 @@ fn long_step_warning(scene: &Scene, state: &State) -> Option<String> {
     let StepBound { reason, .. } = sharpest;
     (h > suits).then(|| {
         format!(
-            "dt = {h} s is {:.1} times the longest that suits a draft, {suits:.3e} s: {reason}; see --plan",
+            "dt = {h} s is {:.1} times the largest step recommended for a draft, {suits:.3e} s ({reason}); see --plan",
             h / suits
         )
     })
@@ -312,7 +312,7 @@ fn expect_finite(state: &State) -> Result<(), RunFailure> {
 
 fn check_finite(finite: bool, state: &State, what: &str) -> Result<(), RunFailure> {
     let State { step, time, .. } = state;
-    let broken = || format!("step {step}, t = {time:e} s: {what} is not finite; snapshots written before are sound");
+    let broken = || format!("step {step}, t = {time:e} s: {what} is not finite; snapshots written before are valid");
     if finite { Ok(()) } else { Err(RunFailure::Broken(broken())) }
 }
 
@@ -326,13 +326,13 @@ pub fn check_run(case: &Path, scene: &Scene, state: &State) -> Result<(), Faults
     let end = scene.options.end_time.filter(|_| scene.options.steps.is_none());
     // A run passes its end by less than a step, with the tolerance of its last step.
     if let Some(end) = end.filter(|end| state.time - end > (1.0 - 1e-3) * scene.options.dt.max(state.h)) {
-        let from = if state.step > scene.start.0 { "from which the run goes on" } else { "at which DATBOX stands" };
+        let from = if state.step > scene.start.0 { "from which the run continues" } else { "the time of DATBOX" };
         let (found, expected) = (format!("{end}"), format!("expected at least {} s, {from}", state.time));
         faults.push(Fault::new(Path::new("options"), None, "end_time", found, expected));
     }
     let last = scene.last_step();
     if scene.options.steps.is_some() && last < state.step {
-        let found = format!("{last} is before step {}, from which the run goes on", state.step);
+        let found = format!("{last} is before step {}, from which the run continues", state.step);
         faults.push(Fault::new(Path::new("options"), None, "steps", found, "expected a later step"));
     }
     faults.into_result(())

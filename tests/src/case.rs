@@ -165,7 +165,7 @@ pub fn cloud(number: usize, friction: f64, seed: u64, compute: &str) -> String {
                 number: {number},
                 solid_fraction: 0.2,
                 sizes: Uniform(min: 8.0, max: 12.0),
-                place: JitteredLattice(envelope: Ball()),
+                placement: JitteredLattice(envelope: Ball()),
             )],
             compute: (self_gravity: true, {compute}),
         )"#

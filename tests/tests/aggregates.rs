@@ -60,7 +60,7 @@ fn frictionless_spheres_at_rest_are_isostatic() {
     }
 }
 
-/// Two touching spheres at rest in axes that turn at half the rate at which they part: attraction less what the axes pull
+/// Two touching spheres at rest in a frame that rotates at half the rate at which they part: attraction less what the axes pull
 /// outwards is what the contact carries, and so the pressure is that of the virial of both.
 #[test]
 fn what_fields_pull_is_in_the_virial_and_the_energy() {
@@ -76,7 +76,7 @@ fn what_fields_pull_is_in_the_virial_and_the_energy() {
                 material: "ROCKx",
                 colour: "BLUEx",
                 sizes: Single({radius:?}),
-                place: List(positions: [(-{radius:?}, 0.0, 0.0), ({radius:?}, 0.0, 0.0)]),
+                placement: List(positions: [(-{radius:?}, 0.0, 0.0), ({radius:?}, 0.0, 0.0)]),
             )],
             compute: (
                 dt: 0.1, steps: 20, output_every: 20, self_gravity: true, gravity: direct, tol: 1.0e-12,

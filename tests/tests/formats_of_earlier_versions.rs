@@ -11,7 +11,7 @@ use cd_formats::dof::Dof;
 use cd_formats::fc3d::Fc3d;
 use cd_formats::snapshot::{FORMAT_VERSION, Snapshot, list_snapshots};
 use cd_formats::vloc_rloc::VlocRloc;
-use cd_post::compare::{read_columns, read_log};
+use cd_post::tables::{read_columns, read_log};
 use cd_tests::case::{Case, copy, files, from_outbox, pre};
 use cd_tests::columns::{csv, npz};
 

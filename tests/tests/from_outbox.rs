@@ -55,7 +55,7 @@ fn what_unfinished_solutions_have_left_is_made_good_in_the_next_run() {
             colour: "BLUEx",
             number: 40,
             sizes: Uniform(min: 0.3, max: 0.45),
-            place: RandomSequential(envelope: Box(lengths: (4.0, 4.0, 6.0))),
+            placement: RandomSequential(envelope: Box(lengths: (4.0, 4.0, 6.0))),
         )],
         walls: [Box(material: "ROCKx", colour: "WALLx", lengths: (4.4, 4.4, 6.4), half_thickness: 0.5)],
         compute: (
@@ -101,16 +101,16 @@ fn heap() -> Case {
                 number: 9,
                 sizes: Single(0.4),
                 shape: Random(vertices: (10, 14), ratios: (3.0, 2.0, 1.0)),
-                place: RandomSequential(envelope: Box(lengths: (6.0, 6.0, 5.0))),
+                placement: RandomSequential(envelope: Box(lengths: (6.0, 6.0, 5.0))),
                 centre: (0.0, 0.0, 5.5),
                 spin: (0.0, 0.0, 0.5),
             ),
             (
                 material: "ROCKx",
                 colour: "BLUEx",
-                shape: Model(file: "l.obj", contact: Files(["leg.obj", "foot.obj"])),
-                standing: Same((axis: (0.0, 0.0, 1.0), angle: 0.0)),
-                place: List(positions: [(0.0, -0.5, 0.8334), (0.0, 0.5, 0.8334)]),
+                shape: Model(file: "l.obj", contact_shape: Files(["leg.obj", "foot.obj"])),
+                grain_orientation: Same((axis: (0.0, 0.0, 1.0), angle: 0.0)),
+                placement: List(positions: [(0.0, -0.5, 0.8334), (0.0, 0.5, 0.8334)]),
             ),
         ],
         walls: [Plate(material: "ROCKx", colour: "FLOOR", centre: (0.0, 0.0, -0.1), half_lengths: (9.0, 9.0, 0.1))],
@@ -144,7 +144,7 @@ fn rocks_and_clusters_go_on_bit_for_bit_and_keep_their_bonds() {
     // Turned, the L's hold each other as before; without the floor those are all bonds.
     let of_ls = start.contacts.contact_body.iter().zip(&start.memory.as_ref().unwrap().contact_bonded);
     let of_ls = of_ls.filter(|([a, b], bonded)| *a < 11 && *b < 11 && **bonded == 1).count();
-    let turn = "(bodies: [(snapshot: 40, walls: false, turn: (axis: (1.0, 2.0, 3.0), angle: 2.0))])";
+    let turn = "(bodies: [(snapshot: 40, walls: false, rotate: (axis: (1.0, 2.0, 3.0), angle: 2.0))])";
     let turned = next(&unbroken, turn).solved(&["--steps", "2"]);
     assert!(of_ls > 0 && of_ls == bonds(&turned.last_snapshot()), "{of_ls}, {}", bonds(&turned.last_snapshot()));
 
@@ -255,8 +255,7 @@ fn numbers_of_many_digits_go_on() {
         fs::write(&file, changes).unwrap();
         cd_pre::from_outbox::write_datbox(solved(gravity).path(), Some(&file), &[], case.path()).unwrap()
     };
-    let note =
-        "BULK_BEHAV.DAT: gravity: grv3 -0.000123456789 is written as -1.2345679E-04, all that its columns hold\n";
+    let note = "BULK_BEHAV.DAT: gravity: grv3 -0.000123456789 is written as -1.2345679E-04, all digits that its columns can hold\n";
     assert!(told("-1.23456789e-4").contains(note));
     assert!(!told("-1.2345678901").contains("is written as"));
 }
@@ -270,7 +269,10 @@ fn what_moves_as_a_whole_is_solved_as_if_at_rest() {
         let listed = |row: &str| row.split(',').nth(2).unwrap().parse::<usize>().unwrap();
         table.lines().skip(1).map(listed).collect::<Vec<_>>()
     };
-    assert_eq!(contacts("(bodies: [(velocity: (4000.0, 0.0, 0.0))])"), contacts("(bodies: [(stop: Drift)])"));
+    assert_eq!(
+        contacts("(bodies: [(velocity: (4000.0, 0.0, 0.0))])"),
+        contacts("(bodies: [(remove_motion: Translation)])")
+    );
 }
 
 /// The new and the old number of each body.
@@ -294,7 +296,7 @@ fn spheres(positions: &str, compute: &str) -> String {
                 material: "ROCKx",
                 colour: "BLUEx",
                 sizes: Single(1.0),
-                place: List(positions: {positions}),
+                placement: List(positions: {positions}),
                 velocity: (0.5, 0.0, 0.0),
                 spin: (0.0, 0.0, 1.0e-4),
             )],
@@ -312,8 +314,8 @@ fn pair_and_one() -> Case {
 #[test]
 fn the_largest_remnant_is_kept_and_moved() {
     let from = pair_and_one();
-    let changes = "(bodies: [(keep: Largest, stop: RigidMotion, centre: (1.0, 2.0, 3.0), \
-                   turn: (axis: (0.0, 0.0, 1.0), angle: 1.5707963267948966), spin: (1.0e-4, 0.0, 0.0), \
+    let changes = "(bodies: [(select: Largest, remove_motion: RigidMotion, centre: (1.0, 2.0, 3.0), \
+                   rotate: (axis: (0.0, 0.0, 1.0), angle: 1.5707963267948966), spin: (1.0e-4, 0.0, 0.0), \
                    velocity: (0.0, 0.0, 0.25))])";
     let case = next(&from, &changes.replace('\\', ""));
     assert_eq!(origin(&case), [(1, 2), (2, 3)]);
@@ -348,10 +350,10 @@ fn a_twin_an_impactor_and_other_laws_come_together() {
     let from = pair_and_one();
     let changes = r#"(
         bodies: [
-            (keep: Largest, stop: Drift, centre: (1.0, 0.0, 0.0)),
-            (keep: Largest, stop: Drift, centre: (10.0, 0.5, 0.0), velocity: (-0.1, 0.0, 0.0), colour: "REDxx"),
+            (select: Largest, remove_motion: Translation, centre: (1.0, 0.0, 0.0)),
+            (select: Largest, remove_motion: Translation, centre: (10.0, 0.5, 0.0), velocity: (-0.1, 0.0, 0.0), colour: "REDxx"),
         ],
-        grains: [(material: "IRONx", colour: "IRONx", sizes: Single(0.5), place: List(positions: [(0.0, 0.0, 9.0)]), velocity: (0.0, 0.0, -2.0))],
+        grains: [(material: "IRONx", colour: "IRONx", sizes: Single(0.5), placement: List(positions: [(0.0, 0.0, 9.0)]), velocity: (0.0, 0.0, -2.0))],
         materials: [(name: "IRONx", density: 7800.0)],
         laws: [(name: "wet00", kind: IQS_WET_DS_CLB(cohesion: 10.0, range: 0.5, dynamic_friction: 0.3, static_friction: 0.4))],
         contacts: [
@@ -390,8 +392,8 @@ fn a_sampler_moves_as_it_is_told() {
     let sampler = |motion: &str| {
         let contacts = r#"[(between: ("BLUEx", "IRONx"), law: "iqsc0")]"#;
         format!(
-            r#"(bodies: [(stop: Motion)], materials: [(name: "IRONx", density: 7800.0)], contacts: {contacts}, compute: (dt: 0.25, steps: 8),
-               grains: [(material: "IRONx", colour: "IRONx", sizes: Single(0.5), place: List(positions: [(0.0, 0.0, 2.75)]), {motion})])"#
+            r#"(bodies: [(remove_motion: All)], materials: [(name: "IRONx", density: 7800.0)], contacts: {contacts}, compute: (dt: 0.25, steps: 8),
+               grains: [(material: "IRONx", colour: "IRONx", sizes: Single(0.5), placement: List(positions: [(0.0, 0.0, 2.75)]), {motion})])"#
         )
     };
     let down = "driven: (Constant(0.0), Constant(0.0), Table([(0.0, -1.0), (1.0, -1.0), (2.0, 0.0)]))";
@@ -410,9 +412,9 @@ fn a_sampler_moves_as_it_is_told() {
 fn new_bodies_meet_old_ones_of_their_colour_and_another_shape() {
     let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "")).solved(&[]);
     let changes = r#"(
-        bodies: [(stop: Motion)],
-        grains: [(material: "ROCKx", colour: "BLUEx", shape: Cube, sizes: Single(1.0), standing: Same((axis: (0, 0, 1), angle: 0)),
-            place: List(positions: [(0.125, 0.0, 3.0), (9.0, 0.0, 0.0)]), velocity: (0.0, 0.0, -1.0))],
+        bodies: [(remove_motion: All)],
+        grains: [(material: "ROCKx", colour: "BLUEx", shape: Cube, sizes: Single(1.0), grain_orientation: Same((axis: (0, 0, 1), angle: 0)),
+            placement: List(positions: [(0.125, 0.0, 3.0), (9.0, 0.0, 0.0)]), velocity: (0.0, 0.0, -1.0))],
         compute: (dt: 0.01, steps: 200),
     )"#;
     let case = next(&from, changes);
@@ -430,12 +432,13 @@ fn new_bodies_meet_old_ones_of_their_colour_and_another_shape() {
 fn new_bodies_wear_the_colour_of_some_that_were_left_behind() {
     let scene = spheres("[(0.0, 0.0, 0.0), (2.0, 0.0, 0.0)]", "").replace(
         "            )],",
-        r#"            ), (material: "ROCKx", colour: "REDxx", sizes: Single(0.5), place: List(positions: [(50.0, 0.0, 0.0)]))],"#,
+        r#"            ), (material: "ROCKx", colour: "REDxx", sizes: Single(0.5), placement: List(positions: [(50.0, 0.0, 0.0)]))],"#,
     );
     let law = r#"contacts: [(between: ("BLUEx", "REDxx"), law: "iqsc0", alert: 0.25), (between: ("REDxx", "REDxx"), law: "iqsc0", alert: 0.5),"#;
     let from = Case::of(&scene.replace("contacts: [", law)).solved(&[]);
-    let red = r#"material: "ROCKx", colour: "REDxx", sizes: Single(0.5), place: List(positions: [(0.0, 9.0, 0.0)])"#;
-    let case = next(&from, &format!("(bodies: [(keep: Largest)], grains: [({red})])"));
+    let red =
+        r#"material: "ROCKx", colour: "REDxx", sizes: Single(0.5), placement: List(positions: [(0.0, 9.0, 0.0)])"#;
+    let case = next(&from, &format!("(bodies: [(select: Largest)], grains: [({red})])"));
     let rows = TactBehav::read(&case.datbox("TACT_BEHAV.DAT")).unwrap().visibility;
     let alert = |a: &str, b: &str| {
         let row = rows.iter().find(|row| (&row.candidate.colour[..], &row.antagonist.colour[..]) == (a, b));
@@ -443,7 +446,7 @@ fn new_bodies_wear_the_colour_of_some_that_were_left_behind() {
     };
     assert_eq!((alert("BLUEx", "REDxx"), alert("REDxx", "REDxx")), (Some(0.25), Some(0.5)));
     // Where nobody wears it, its rows are gone.
-    let without = next(&from, "(bodies: [(keep: Largest)])");
+    let without = next(&from, "(bodies: [(select: Largest)])");
     let rows = TactBehav::read(&without.datbox("TACT_BEHAV.DAT")).unwrap().visibility;
     assert_eq!(rows.len(), 1);
 }
@@ -455,13 +458,13 @@ fn a_lander_of_another_shape_comes_to_rest_on_what_was_there() {
         materials: [(name: "ROCKx", density: 3000.0)],
         laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.3))],
         contacts: [(between: ("BLUEx", "FLOOR"), law: "iqsc0"), (between: ("BLUEx", "BLUEx"), law: None)],
-        grains: [(material: "ROCKx", colour: "BLUEx", sizes: Single(0.5), place: List(positions: [(5, 0, 0.5)]))],
+        grains: [(material: "ROCKx", colour: "BLUEx", sizes: Single(0.5), placement: List(positions: [(5, 0, 0.5)]))],
         walls: [Plate(material: "ROCKx", colour: "FLOOR", centre: (0, 0, -0.5), half_lengths: (20, 20, 0.5))],
         compute: (dt: 0.01, steps: 10),
     )"#;
     let from = Case::of(scene).solved(&[]);
     let changes = r#"(
-        grains: [(material: "STEEL", colour: "LANDx", shape: Box(lengths: (1.0, 1.2, 0.6)), standing: Same((axis: (0, 0, 1), angle: 0.5)), place: List(positions: [(0.0, 0.0, 1.0)]))],
+        grains: [(material: "STEEL", colour: "LANDx", shape: Box(lengths: (1.0, 1.2, 0.6)), grain_orientation: Same((axis: (0, 0, 1), angle: 0.5)), placement: List(positions: [(0.0, 0.0, 1.0)]))],
         materials: [(name: "STEEL", density: 7800.0)],
         contacts: [(between: ("LANDx", "FLOOR"), law: "iqsc0"), (between: ("LANDx", "BLUEx"), law: "iqsc0"), (between: ("LANDx", "LANDx"), law: None)],
         compute: (dt: 0.01, end_time: 4.0),
@@ -482,7 +485,7 @@ fn walls_stay_where_they_are_with_their_motion() {
         materials: [(name: "ROCKx", density: 3000.0)],
         laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.3))],
         contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0"), (between: ("BLUEx", "FLOOR"), law: "iqsc0")],
-        grains: [(material: "ROCKx", colour: "BLUEx", sizes: Single(1.0), place: List(positions: [(0, 0, 1), (5, 0, 1)]))],
+        grains: [(material: "ROCKx", colour: "BLUEx", sizes: Single(1.0), placement: List(positions: [(0, 0, 1), (5, 0, 1)]))],
         walls: [Plate(material: "ROCKx", colour: "FLOOR", centre: (0, 0, -0.5), half_lengths: (20, 20, 0.5),
             velocity: (Constant(0), Constant(0), Table([(0, 0), (1, 0.1), (9, 0.1)])))],
         compute: (dt: 0.01, steps: 200, output_every: 50),
@@ -511,7 +514,7 @@ fn a_drum_holds_new_grains() {
     let from = from.solved(&[]);
     let grain = |place: &str| {
         format!(
-            "(grains: [(material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(0.5), place: List(positions: [{place}]))])"
+            "(grains: [(material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(0.5), placement: List(positions: [{place}]))])"
         )
     };
     next(&from, &grain("(2.4, 0.0, 0.0)")).solved(&["--steps", "1"]);
@@ -527,7 +530,7 @@ fn what_has_settled_is_pressed() {
         materials: [(name: "ROCKx", density: 1000.0)],
         laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.5))],
         contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0"), (between: ("BLUEx", "FLOOR"), law: "iqsc0")],
-        grains: [(material: "ROCKx", colour: "BLUEx", sizes: Single(0.5), place: List(positions: [(0.0, 0.0, 0.5)]))],
+        grains: [(material: "ROCKx", colour: "BLUEx", sizes: Single(0.5), placement: List(positions: [(0.0, 0.0, 0.5)]))],
         walls: [Plate(material: "ROCKx", colour: "FLOOR", centre: (0.0, 0.0, -0.5), half_lengths: (2.0, 2.0, 0.5))],
         compute: (dt: 0.01, steps: 5),
     )"#;
@@ -565,7 +568,7 @@ fn images_of_a_scene_that_repeats_are_not_overlapped() {
     let from = Case::of(&scene).solved(&[]);
     let grain = |x: f64| {
         format!(
-            "(grains: [(material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(1.0), place: List(positions: [({x}, 0.0, 0.0)]))])"
+            "(grains: [(material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(1.0), placement: List(positions: [({x}, 0.0, 0.0)]))])"
         )
     };
     next(&from, &grain(10.0));
@@ -582,10 +585,10 @@ fn motion_is_taken_away_with_the_new_masses() {
     let one = "material: \"ROCKx\",\n                colour: \"BLUEx\",";
     let scene = spheres("[(0.0, 0.0, 0.0)]", "")
         .replace("density: 3000.0)", "density: 3000.0), (name: \"IRONx\", density: 3000.0)")
-        .replace("spin: (0.0, 0.0, 1.0e-4),\n            )", "), (material: \"IRONx\", colour: \"BLUEx\", sizes: Single(1.0), place: List(positions: [(0.0, 9.0, 0.0)]))");
+        .replace("spin: (0.0, 0.0, 1.0e-4),\n            )", "), (material: \"IRONx\", colour: \"BLUEx\", sizes: Single(1.0), placement: List(positions: [(0.0, 9.0, 0.0)]))");
     assert!(scene.contains(one) && scene.contains("9.0"), "{scene}");
     let from = Case::of(&scene).solved(&[]);
-    let case = next(&from, "(bodies: [(stop: Drift)], materials: [(name: \"IRONx\", density: 9000.0)])");
+    let case = next(&from, "(bodies: [(remove_motion: Translation)], materials: [(name: \"IRONx\", density: 9000.0)])");
     let start = Snapshot::read(&case.datbox("START.npz")).unwrap().bodies;
     let last = case.solved(&[]).last_snapshot().bodies;
     // One part of four moves at 1/2 m/s.
@@ -758,8 +761,8 @@ fn files_that_were_edited_after_the_run_are_refused() {
 fn new_bodies_count_for_the_alert() {
     let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "")).solved(&[]);
     let changes = r#"(
-        bodies: [(stop: Motion)],
-        grains: [(material: "ROCKx", colour: "REDxx", sizes: Single(1.0), place: List(positions: [(0.0, 0.0, 9.0)]), velocity: (0.0, 0.0, -8.0))],
+        bodies: [(remove_motion: All)],
+        grains: [(material: "ROCKx", colour: "REDxx", sizes: Single(1.0), placement: List(positions: [(0.0, 0.0, 9.0)]), velocity: (0.0, 0.0, -8.0))],
         contacts: [(between: ("BLUEx", "REDxx"), law: "iqsc0"), (between: ("REDxx", "REDxx"), law: None)],
     )"#;
     let rows = TactBehav::read(&next(&from, changes).datbox("TACT_BEHAV.DAT")).unwrap().visibility;
@@ -785,7 +788,7 @@ fn what_cannot_be_is_refused_and_nothing_written() {
     refused(from.path(), "(bodies: [(), (centre: (0.0, 99.0, 0.0), colour: \"REDxx\")])"); // no law
     let grain = |material: &str, place: &str| {
         format!(
-            "(grains: [(material: \"{material}\", colour: \"BLUEx\", sizes: Single(1.0), place: List(positions: [{place}]))])"
+            "(grains: [(material: \"{material}\", colour: \"BLUEx\", sizes: Single(1.0), placement: List(positions: [{place}]))])"
         )
     };
     refused(from.path(), &grain("IRONx", "(0, 50, 0)")); // no such material
@@ -846,6 +849,6 @@ fn what_stands_out_of_a_level_is_left_behind() {
     let low = |k: usize| all.bodies.body_x[k][2] + all.bodies.body_radius[k] <= height;
     let kept: Vec<[f64; 3]> = (0..all.bodies.body_id.len()).filter(|&k| low(k)).map(|k| all.bodies.body_x[k]).collect();
     assert!(!kept.is_empty() && kept.len() < all.bodies.body_id.len());
-    let case = next(&from, &format!("(bodies: [(keep: Below({height:?}))])")).solved(&["--steps", "1"]);
+    let case = next(&from, &format!("(bodies: [(select: Below({height:?}))])")).solved(&["--steps", "1"]);
     assert_eq!(case.snapshot(0).bodies.body_x, kept);
 }

@@ -31,7 +31,7 @@ const DOWN: [f64; 3] = [0.0, 0.0, -G];
 /// A grain at `x`; `more` gives its shape or size, and its motion.
 fn grain(x: [f64; 3], more: &str) -> String {
     let [x, y, z] = x;
-    format!(r#"(material: "ROCKx", colour: "BLUEx", place: List(positions: [({x:?}, {y:?}, {z:?})]), {more})"#)
+    format!(r#"(material: "ROCKx", colour: "BLUEx", placement: List(positions: [({x:?}, {y:?}, {z:?})]), {more})"#)
 }
 
 fn ball(radius: f64, x: [f64; 3], motion: &str) -> String {
@@ -41,7 +41,8 @@ fn ball(radius: f64, x: [f64; 3], motion: &str) -> String {
 /// A box whose edges are along the axes.
 fn block(lengths: [f64; 3], x: [f64; 3], motion: &str) -> String {
     let [a, b, c] = lengths;
-    let shape = format!("shape: Box(lengths: ({a:?}, {b:?}, {c:?})), standing: Same((axis: (0, 0, 1), angle: 0.0))");
+    let shape =
+        format!("shape: Box(lengths: ({a:?}, {b:?}, {c:?})), grain_orientation: Same((axis: (0, 0, 1), angle: 0.0))");
     grain(x, &format!("{shape}, {motion}"))
 }
 
@@ -117,7 +118,7 @@ fn a_ball_slides_along_a_wall_across_the_period() {
 #[test]
 fn a_ball_in_a_drum_rolls() {
     let drum = r#"Cylinder(material: "ROCKx", colour: "WALLx", centre: (0, 0, 0), axis: (0, 1, 0), half_height: 1.0, radius: 1.0,
-        hollow: true, rotation: Constant(1.0))"#;
+        hollow: true, angular_velocity: Constant(1.0))"#;
     let ball = ball(0.2, [0.8, 0.0, 0.0], "velocity: (0, 0, -0.8)");
     let parts = parts(&ball, drum, "dt: 2e-3, end_time: 20, output_every: 1000");
     let state = end_of(&scene([0.0; 3], "IQS_CLB(friction: 0.5)", &parts));
@@ -134,8 +135,8 @@ fn a_ball_in_a_drum_rolls() {
 /// A ball that rolls on a turntable of angular velocity Ω goes round a circle at 2/7 Ω.
 #[test]
 fn a_ball_on_a_turntable_goes_round_at_two_sevenths() {
-    let table =
-        FLOOR.replace("(50, 50, 0.5)", "(50, 50, 0.5), rotation: (Constant(0.0), Constant(0.0), Constant(2.0))");
+    let table = FLOOR
+        .replace("(50, 50, 0.5)", "(50, 50, 0.5), angular_velocity: (Constant(0.0), Constant(0.0), Constant(2.0))");
     let ball = ball(0.5, [2.0, 0.0, 0.5], "velocity: (0, 1.0, 0), spin: (6.0, 0, 0)");
     let parts = parts(&ball, &table, "dt: 1e-3, end_time: 10.996, output_every: 500");
     let case = solved(&scene(DOWN, "IQS_CLB(friction: 2.0)", &parts));
@@ -224,7 +225,7 @@ fn a_box_rocks_on_a_cylinder() {
 fn coincident_bodies_attract_as_one() {
     let positions = format!("{} (100.0, 0.0, 0.0)", "(0.0, 0.0, 0.0), ".repeat(40));
     let grains = format!(
-        r#"(material: "ROCKx", colour: "BLUEx", sizes: Single(0.5), place: List(allow_overlap: true, positions: [{positions}]))"#
+        r#"(material: "ROCKx", colour: "BLUEx", sizes: Single(0.5), placement: List(allow_overlap: true, positions: [{positions}]))"#
     );
     let compute = "dt: 1.0, end_time: 10.0, output_every: 5, self_gravity: true, gravity: fmm";
     let scene = format!(
@@ -360,7 +361,7 @@ fn the_inertia_of_an_l_is_that_of_its_surface() {
     let folder = surfaces_of_an_l();
     let grain = grain(
         [0.0, 0.0, 5.0],
-        r#"shape: Model(file: "l.obj", contact: Pieces(most: 8)), standing: Same((axis: (0, 0, 1), angle: 0.0))"#,
+        r#"shape: Model(file: "l.obj", contact_shape: Pieces(max_pieces: 8)), grain_orientation: Same((axis: (0, 0, 1), angle: 0.0))"#,
     );
     let text = scene(DOWN, "IQS_CLB(friction: 0.5)", &parts(&grain, FLOOR, "dt: 1e-3, steps: 1"));
     let state = Case::with(&text, folder.path()).solved(&["--threads", "1"]).snapshot(0);
@@ -406,7 +407,7 @@ fn a_square_drum_of_plates_turns() {
         let (sin, cos) = angle.sin_cos();
         format!(
             r#"Plate(material: "ROCKx", colour: "WALLx", centre: ({:?}, 0, {:?}), normal: ({cos:?}, 0, {sin:?}), first_axis: (0, 1, 0),
-                half_lengths: (1, 1.2, 0.1), rotation: (Constant(0.5), Constant(0.0), Constant(0.0)),
+                half_lengths: (1, 1.2, 0.1), angular_velocity: (Constant(0.5), Constant(0.0), Constant(0.0)),
                 velocity: (Harmonic(amplitude: 0.55, omega: 0.5, phase: {:?}), Constant(0.0), Harmonic(amplitude: 0.55, omega: 0.5, phase: {:?})))"#,
             1.1 * cos,
             1.1 * sin,
@@ -444,7 +445,7 @@ fn two_aggregates_keep_their_angular_momentum() {
     let cloud = |number: usize, solid_fraction: f64, place: &str, motion: &str| {
         format!(
             r#"(material: "ROCKx", colour: "BLUEx", number: {number}, solid_fraction: {solid_fraction:?},
-                sizes: Uniform(min: 0.5, max: 1.0), place: {place}(envelope: Ball()), {motion})"#
+                sizes: Uniform(min: 0.5, max: 1.0), placement: {place}(envelope: Ball()), {motion})"#
         )
     };
     let grains = [

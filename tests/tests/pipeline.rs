@@ -32,7 +32,7 @@ const BUSY: &str = r#"(
         number: 30,
         solid_fraction: 0.3,
         sizes: PowerLaw(min: 8.0, max: 14.0, exponent: 2.5),
-        place: RandomSequential(envelope: Ball()),
+        placement: RandomSequential(envelope: Ball()),
         spin: (0.0, 1.0e-4, 0.0),
         thermal_velocity: 0.01,
     )],
@@ -236,12 +236,12 @@ fn a_plan_tells_and_writes_nothing() {
     let text = String::from_utf8(plan.stdout).unwrap();
     for words in [
         "40 spheres",
-        "not needed",
+        "inactive",
         "polyhedra",
-        "kB more for each further contact",
+        "kB for each further contact",
         "ms a step",
         "300 steps",
-        "shortest orbit",
+        "shortest orbital period",
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }
@@ -434,8 +434,8 @@ fn a_cluster_has_mass_and_inertia_of_its_surface() {
         grains: [(
             material: "ROCKx",
             colour: "BLUEx",
-            shape: Model(file: "l.obj", contact: Files(["leg.obj", "foot.obj"])),
-            place: List(positions: [(0.0, 0.0, 0.0)]),
+            shape: Model(file: "l.obj", contact_shape: Files(["leg.obj", "foot.obj"])),
+            placement: List(positions: [(0.0, 0.0, 0.0)]),
         )],
         compute: (dt: 0.01, steps: 1),
     )"#;

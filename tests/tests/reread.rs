@@ -33,7 +33,7 @@ fn accepted(scene: &str) -> bool {
     code == 0
 }
 
-const ALONE: &str = "place: List(positions: [(0.0, 0.0, 0.0)])";
+const ALONE: &str = "placement: List(positions: [(0.0, 0.0, 0.0)])";
 
 #[test]
 fn needles_plates_and_skew_bodies_of_all_sizes() {
@@ -48,7 +48,7 @@ fn needles_plates_and_skew_bodies_of_all_sizes() {
             let plate = format!("Box(lengths: ({0:e}, {0:e}, {1:e}))", size * slender, size);
             let bar = format!("Box(lengths: ({0:e}, {1:e}, {1:e}))", size * slender, size);
             for (shape, turn) in [needle, skew, plate, bar].iter().flat_map(|shape| [(shape, "0.0"), (shape, "0.7")]) {
-                let turn = format!("{ALONE}, standing: Same((axis: (0.3, 0.5, 1.0), angle: {turn}))");
+                let turn = format!("{ALONE}, grain_orientation: Same((axis: (0.3, 0.5, 1.0), angle: {turn}))");
                 let known = accepted(&scene(shape, &turn));
                 assert!(known || slender > 1e5, "{size} {slender} {shape}");
             }
@@ -67,7 +67,8 @@ fn a_needle_a_million_times_longer_than_wide_runs() {
 
 #[test]
 fn regular_and_random_bodies_fragments_and_pieces() {
-    let placed = "sizes: Uniform(min: 0.1, max: 1.0), number: 20, place: JitteredLattice(envelope: Ball(radius: 20.0))";
+    let placed =
+        "sizes: Uniform(min: 0.1, max: 1.0), number: 20, placement: JitteredLattice(envelope: Ball(radius: 20.0))";
     for shape in
         ["Cube", "Tetrahedron", "Octahedron", "Dodecahedron", "Icosahedron", "Prism(sides: 97, slenderness: 300.0)"]
     {
@@ -93,7 +94,7 @@ fn fragments_of_all_sizes() {
         for envelope in ["Ball(radius: SIZE)", "Box(lengths: (SIZE, SIZE, THIN))"] {
             let envelope =
                 envelope.replace("SIZE", &format!("{size:e}")).replace("THIN", &format!("{:e}", 1e-2 * size));
-            let more = format!("number: 60, place: Fragments(envelope: {envelope})");
+            let more = format!("number: 60, placement: Fragments(envelope: {envelope})");
             assert!(accepted(&scene("Sphere", &more)), "{more}");
         }
     }
@@ -102,7 +103,7 @@ fn fragments_of_all_sizes() {
 /// What meets a drum from outside, a grain longer than half a period, a plate that leans along one.
 #[test]
 fn what_cd_solve_cannot_mean_is_refused_by_cd_pre() {
-    let ball = |place: &str| format!("sizes: Single(1.0), place: List(positions: [{place}])");
+    let ball = |place: &str| format!("sizes: Single(1.0), placement: List(positions: [{place}])");
     let with = |place: &str, walls: &str, compute: &str| {
         scene("Sphere", &ball(place))
             .replace("law: \"iqsc0\")]", "law: \"iqsc0\"), (between: (\"BLUEx\", \"WALLx\"), law: \"iqsc0\")]")
@@ -153,7 +154,7 @@ fn whatever_cd_pre_accepts_cd_solve_reads() {
             String::new()
         };
         let more = format!(
-            "{sizes}place: List(positions: [({:e}, {:e}, 0.0)]), standing: Same((axis: (1.0, {}, 0.3), angle: {}))",
+            "{sizes}placement: List(positions: [({:e}, {:e}, 0.0)]), grain_orientation: Same((axis: (1.0, {}, 0.3), angle: {}))",
             far * draw(-1.0, 1.0),
             far,
             draw(0.0, 1.0),

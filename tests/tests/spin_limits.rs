@@ -53,7 +53,7 @@ fn force(share: f64, limit: f64, law: &str) -> Option<f64> {
                 material: "ROCKx",
                 colour: "BLUEx",
                 sizes: Single({RADIUS:?}),
-                place: List(positions: [(-{RADIUS:?}, 0.0, 0.0), ({RADIUS:?}, 0.0, 0.0)]),
+                placement: List(positions: [(-{RADIUS:?}, 0.0, 0.0), ({RADIUS:?}, 0.0, 0.0)]),
             )],
             compute: (
                 dt: {dt:e}, steps: {steps}, output_every: {steps}, self_gravity: true, gravity: direct,

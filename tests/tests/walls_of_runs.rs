@@ -16,7 +16,7 @@ fn filled(shape: &str, tol: &str) -> Case {
         laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
         contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0"), (between: ("BLUEx", "WALLx"), law: "iqsc0")],
         grains: [(material: "ROCKx", colour: "BLUEx", shape: {shape}, sizes: Single(0.1), number: 30,
-            place: JitteredLattice(envelope: Box(lengths: (0.9, 0.9, 1.9))))],
+            placement: JitteredLattice(envelope: Box(lengths: (0.9, 0.9, 1.9))))],
         walls: [Box(material: "ROCKx", colour: "WALLx", centre: (0, 0, 0), lengths: (1, 1, 2), half_thickness: 0.05, lid: true)],
         compute: (dt: 2e-3, steps: 400, output_every: 400, tol: {tol}),
     )"#
@@ -121,7 +121,7 @@ fn two_runs_are_mixed_by_their_shapes() {
             laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
             contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0")],
             grains: [(material: "ROCKx", colour: "BLUEx", shape: Box(lengths: (1, 1, 1)),
-                place: List(positions: [({x:?}, 0, 0)]), standing: Same((axis: (0, 0, 1), angle: 0)))],
+                placement: List(positions: [({x:?}, 0, 0)]), grain_orientation: Same((axis: (0, 0, 1), angle: 0)))],
             compute: (dt: 1e-3, steps: 1),
         )"#
         ))
@@ -134,7 +134,7 @@ fn two_runs_are_mixed_by_their_shapes() {
     assert!(found.contains("overlap by 1.000e-1 m"), "{found}");
     let ball = |x: f64| {
         format!(
-            "(grains: [(material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(0.5), place: List(positions: [({x:?}, 0, 0)]))])"
+            "(grains: [(material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(0.5), placement: List(positions: [({x:?}, 0, 0)]))])"
         )
     };
     assert_eq!(next(&left, &ball(1.0)).1, 2);
@@ -160,8 +160,7 @@ fn grains_outside_of_a_hollow_cylinder_are_refused() {
     next(&run, &format!("(bodies: [(walls: false)], walls: [{}], {apart})", drum(9.0, "DRUMx")));
     // The drum of a run, and a grain that is added.
     let around = around.solved(&["--steps", "1", "--threads", "1"]);
-    let grain =
-        "grains: [(material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(0.1), place: List(positions: [(4, 0, 0)]))]";
+    let grain = "grains: [(material: \"ROCKx\", colour: \"BLUEx\", sizes: Single(0.1), placement: List(positions: [(4, 0, 0)]))]";
     let found = refused(&around, &format!("({grain})"));
     assert!(found.contains("body 32 is outside of body 31, a hollow cylinder"), "{found}");
 }

@@ -12,6 +12,7 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 
 use crate::error::{Fault, Faults};
+use crate::former_names::CurrentText;
 use crate::names::path_in_words;
 pub use crate::names::{known_names, nearest_name};
 use parse::parse_ron;
@@ -20,17 +21,26 @@ pub use syntax::{TextFault, line_and_column, syntax_faults};
 
 /// Reads RON.
 ///
-/// Errors: all faults of the syntax, or else the first value that does not fit its type, with line and column. `object`
-/// is the name of the text as a whole in faults.
+/// Fields and values may have [former names](crate::former_names). Errors: all faults of the syntax, or else the first
+/// value that does not fit its type, with line and column. `object` is the name of the text as a whole in faults.
 pub fn from_ron<T: DeserializeOwned>(path: &Path, text: &str, object: &str) -> Result<T, Faults> {
-    parse_ron(text).map_err(|mistakes| {
-        let fault = |mistake: TextFault| {
-            let (line, column) = line_and_column(text, mistake.at);
-            let object = if mistake.path.is_empty() { object.to_string() } else { path_in_words(&mistake.path) };
-            Fault { column: Some(column), ..Fault::new(path, Some(line), object, mistake.found, mistake.expected) }
-        };
-        Faults(mistakes.into_iter().map(fault).collect())
-    })
+    let parsed = CurrentText::new(text).and_then(|current| {
+        parse_ron(&current.text).map_err(|mut mistakes| {
+            mistakes.iter_mut().for_each(|mistake| mistake.at = current.original_byte(mistake.at));
+            mistakes
+        })
+    });
+    parsed.map_err(|mistakes| located_faults(path, text, object, mistakes))
+}
+
+/// Faults of the text of a file, with line and column; `object` is the name of the text as a whole.
+pub(crate) fn located_faults(path: &Path, text: &str, object: &str, mistakes: Vec<TextFault>) -> Faults {
+    let fault = |mistake: TextFault| {
+        let (line, column) = line_and_column(text, mistake.at);
+        let object = if mistake.path.is_empty() { object.to_string() } else { path_in_words(&mistake.path) };
+        Fault { column: Some(column), ..Fault::new(path, Some(line), object, mistake.found, mistake.expected) }
+    };
+    Faults(mistakes.into_iter().map(fault).collect())
 }
 
 /// Reads the value of a flag; the error is one line without a position in a file.

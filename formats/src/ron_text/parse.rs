@@ -58,7 +58,7 @@ fn describe_error<T: DeserializeOwned>(text: &str, nodes: &[ValueNode], error: &
             };
         }
         Error::DuplicateStructField { field, .. } => {
-            let found = format!("'{field}' is there twice");
+            let found = format!("'{field}' occurs twice");
             return TextFault { at, path: holder(named), found, expected: "expected it once".into() };
         }
         Error::MissingStructField { field, outer } => {

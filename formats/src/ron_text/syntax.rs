@@ -528,7 +528,7 @@ impl<'a> RonParser<'a> {
             let term = |part: &str| part.trim().parse::<f64>().is_ok();
             let computed = self.text[begin..self.at].split(['*', '/', '^', '%']).skip(1).any(term);
             let expected = if computed && !mark.is_alphabetic() {
-                "expected one number: files hold no arithmetic"
+                "expected one number: arithmetic is not supported"
             } else {
                 "expected a number without unit"
             };

@@ -113,7 +113,7 @@ impl<'a> TextLine<'a> {
             return Err("which begins before its columns");
         }
         if !self.columns(last + 1, last + 1).trim().is_empty() {
-            return Err("which goes on beyond its columns");
+            return Err("which continues beyond its columns");
         }
         Ok(value)
     }
@@ -416,8 +416,8 @@ mod tests {
         assert_eq!(
             faults,
             "f:1: file: b is '1.0000000E+00', which begins before its columns; expected a real such as 1.0000000E+00\n\
-             f:1: file: c is '-1.0000000E-10', which goes on beyond its columns; expected a real such as 1.0000000E+00\n\
-             f:1: file: d is '1', which goes on beyond its columns; expected an integer such as 12"
+             f:1: file: c is '-1.0000000E-10', which continues beyond its columns; expected a real such as 1.0000000E+00\n\
+             f:1: file: d is '1', which continues beyond its columns; expected an integer such as 12"
         );
     }
 }

@@ -314,7 +314,7 @@ arrays! {
         body_v: [f64; 3],
         /// Angular velocity in the body's frame, rad/s
         body_w: [f64; 3],
-        /// Angular velocity in the world's frame, rad/s: what a sphere's restart uses
+        /// Angular velocity in the world's frame, rad/s; a sphere is restarted with it
         body_w_world: [f64; 3],
         /// Mass, kg
         body_mass: f64,
@@ -396,7 +396,7 @@ arrays! {
 arrays! {
     /// One row a contact, as in the contact arrays.
     ContactPartArrays {
-        /// Place of the contactor among those of the candidate, and of the antagonist, from 0
+        /// Position of the contactor among those of the candidate, and of the antagonist, from 0
         contact_rank: [u32; 2],
         /// Its share of the area in which faces meet, m^2
         contact_area: f64,
@@ -408,9 +408,9 @@ arrays! {
     PairArrays {
         /// Rows of the two bodies in the body arrays, the candidate first
         pair_body: [u32; 2],
-        /// Places of the contactors among those of their bodies, from 0
+        /// Positions of the contactors among those of their bodies, from 0
         pair_rank: [u32; 2],
-        /// Feature in which they were nearest, and direction; for cd-solve alone
+        /// Feature in which they were nearest, and direction; used by cd-solve only
         pair_memory: [u64; 2],
     }
 }

@@ -1,4 +1,4 @@
-//! `cd-post trade`: runs of one scene against the finest of them; error against cost.
+//! `cd-post accuracy-study`: errors of the runs of one scene relative to the finest of them, and their cost.
 
 use std::path::{Path, PathBuf};
 
@@ -17,31 +17,31 @@ use crate::tables::{
 use crate::write::figure::{Curve, CurveMarks, Figure, FigureAxis};
 use crate::write::series::name_field;
 
-/// Columns of trade.csv behind the names: name, unit, meaning.
+/// Columns of accuracy.csv after `run` and `group`: name, unit, meaning.
 pub const COLUMNS: [(&str, &str, &str); 15] = [
-    ("value", "-", "of the option that the run's group is about"),
+    ("value", "-", "value of the option that the group varies"),
     ("seconds", "s", "all stages of all steps, without writing"),
     (
         "Z",
         "1",
-        "error of the mean over the snapshots that count of the neighbours per grain since the snapshot before, over that of the finest run",
+        "relative error of the neighbours per grain, each snapshot's over the interval since the one before, mean over the snapshots that count",
     ),
-    ("nu", "1", "of the solid fraction, where grains make a bed of that of the bed"),
-    ("pressure", "1", "of the mean pressure since the snapshot before, where grains make a bed of that of the bed"),
-    ("a", "1", "of the longest semi-axis"),
-    ("b", "1", "of the middle semi-axis"),
-    ("c", "1", "of the shortest semi-axis"),
-    ("energy", "1", "of the energy, kinetic and potential"),
+    ("nu", "1", "relative error of the mean solid fraction; in a bed, that of the bed"),
+    ("pressure", "1", "relative error of the mean pressure over the intervals; in a bed, that of the bed"),
+    ("a", "1", "relative error of the longest semi-axis"),
+    ("b", "1", "relative error of the middle semi-axis"),
+    ("c", "1", "relative error of the shortest semi-axis"),
+    ("energy", "1", "relative error of the energy, kinetic and potential"),
     (
         "positions_early",
         "1",
-        "RMS distance of the bodies from where the finest run has them, over their mean radius: at its first snapshot after the start, or from `--early` on",
+        "RMS distance of the bodies from their positions in the finest run, over their mean radius: at its first snapshot after the start, or from `--early` on",
     ),
     ("positions", "1", "the same at the end"),
     ("worst", "1", "largest error of Z, nu and pressure"),
-    ("pressure_single", "1", "median error of that pressure at single snapshots, over its median of the finest run"),
-    ("estimated", "1", "what the run states of that in ERRORS.csv"),
-    ("over_estimated", "1", "pressure_single over it"),
+    ("pressure_single", "1", "median error of that pressure at single snapshots, over its median in the finest run"),
+    ("estimated", "1", "error estimate of the run: sum of ERRORS.csv"),
+    ("single_over_estimated", "1", "pressure_single over estimated: more than 1 if the estimate is too small"),
 ];
 
 /// Time, s, and positions of the free bodies, m.
@@ -122,7 +122,7 @@ struct ErrorRow {
     worst: f64,
     pressure_single: f64,
     estimated: f64,
-    over_estimated: f64,
+    single_over_estimated: f64,
 }
 
 /// One of the values of a run.
@@ -132,7 +132,8 @@ impl ErrorRow {
     /// Values in the order of [`COLUMNS`].
     fn to_columns(self) -> [f64; COLUMNS.len()] {
         let ErrorRow { value, seconds, z, nu, pressure, semi_axes: [a, b, c], energy, .. } = self;
-        let ErrorRow { positions_early, positions, worst, pressure_single, estimated, over_estimated, .. } = self;
+        let ErrorRow { positions_early, positions, worst, pressure_single, estimated, single_over_estimated, .. } =
+            self;
         [
             value,
             seconds,
@@ -148,14 +149,14 @@ impl ErrorRow {
             worst,
             pressure_single,
             estimated,
-            over_estimated,
+            single_over_estimated,
         ]
     }
 
     /// Row of values in the order of [`COLUMNS`].
     fn from_columns(columns: [f64; COLUMNS.len()]) -> ErrorRow {
         let [value, seconds, z, nu, pressure, a, b, c, energy, ..] = columns;
-        let [.., positions_early, positions, worst, pressure_single, estimated, over_estimated] = columns;
+        let [.., positions_early, positions, worst, pressure_single, estimated, single_over_estimated] = columns;
         ErrorRow {
             value,
             seconds,
@@ -169,14 +170,14 @@ impl ErrorRow {
             worst,
             pressure_single,
             estimated,
-            over_estimated,
+            single_over_estimated,
         }
     }
 }
 
 /// Options of the comparison of the runs of a scene.
 #[derive(Debug, Default)]
-pub struct TradeOptions<'a> {
+pub struct AccuracyStudyOptions<'a> {
     /// Name of the varied option of each case, in the order of the cases, or empty.
     pub groups: &'a [String],
     /// Value of that option in each case, in the order of the cases, or empty.
@@ -187,15 +188,15 @@ pub struct TradeOptions<'a> {
     pub early: Option<f64>,
 }
 
-/// Compares cases, or outputs of this command for several realisations of a scene, and writes trade.csv, orders.csv and
-/// trade.svg with this title. Returns the table as text, and messages for the user.
+/// Compares cases, or outputs of this command for several realisations of a scene, and writes accuracy.csv, orders.csv
+/// and accuracy.svg with this title. Returns the table as text, and messages for the user.
 pub fn write(
     folders: &[PathBuf],
-    asked: &TradeOptions,
+    asked: &AccuracyStudyOptions,
     title: &str,
     output: &Path,
 ) -> Result<(String, Vec<String>), Faults> {
-    let realisations = folders.iter().any(|folder| table_path(folder).exists());
+    let realisations = folders.iter().any(|folder| known_table(folder).exists());
     let (compared, errors) =
         if realisations { compare_realisations(folders, asked)? } else { compare_runs(folders, asked)? };
     // The finest has no error.
@@ -204,22 +205,28 @@ pub fn write(
     atomic::write(&table_path(output), table_text(&compared).as_bytes())?;
     atomic::write(&output.join("orders.csv"), order_table(&others).as_bytes())?;
     let figure = error_figure(&others, title);
-    atomic::write(&output.join("trade.svg"), figure.to_svg().as_bytes())?;
+    atomic::write(&output.join("accuracy.svg"), figure.to_svg().as_bytes())?;
     Ok((summary_text(&compared, &errors), figure.repeated_style_warning().into_iter().collect()))
 }
 
 fn table_path(folder: &Path) -> PathBuf {
-    folder.join("trade.csv")
+    folder.join("accuracy.csv")
+}
+
+/// Table of the runs in a folder, also under the name of earlier versions.
+fn known_table(folder: &Path) -> PathBuf {
+    let former = folder.join("trade.csv");
+    if !table_path(folder).exists() && former.exists() { former } else { table_path(folder) }
 }
 
 /// Compares each case, measured from its series.csv, TIMER.csv, ERRORS.csv and snapshots, with the finest: the one of
 /// `accuracy: reference`, else the last. Also returns a description of the errors.
-fn compare_runs(cases: &[PathBuf], asked: &TradeOptions) -> Result<(Vec<RunErrors>, String), Faults> {
-    let &TradeOptions { groups, values, from, early } = asked;
+fn compare_runs(cases: &[PathBuf], asked: &AccuracyStudyOptions) -> Result<(Vec<RunErrors>, String), Faults> {
+    let &AccuracyStudyOptions { groups, values, from, early } = asked;
     let mut faults = Faults::default();
     for (name, count) in [("groups", groups.len()), ("values", values.len())] {
         if count != 0 && count != cases.len() {
-            let expected = format!("expected {}, one a case", cases.len());
+            let expected = format!("expected {}, one for each case", cases.len());
             faults.push(Fault::new(Path::new("options"), None, name, format!("{count} of them"), expected));
         }
     }
@@ -241,26 +248,29 @@ fn compare_runs(cases: &[PathBuf], asked: &TradeOptions) -> Result<(Vec<RunError
 }
 
 /// Compares realisations with the same runs in each: errors become root mean squares, seconds means.
-fn compare_realisations(folders: &[PathBuf], asked: &TradeOptions) -> Result<(Vec<RunErrors>, String), Faults> {
+fn compare_realisations(folders: &[PathBuf], asked: &AccuracyStudyOptions) -> Result<(Vec<RunErrors>, String), Faults> {
     let mut faults = Faults::default();
-    let TradeOptions { groups, values, from, early } = asked;
+    let AccuracyStudyOptions { groups, values, from, early } = asked;
     if !groups.is_empty() || !values.is_empty() || from.is_some() || early.is_some() {
         let found = "--groups, --values, --from or --early with folders that this command has written";
-        faults.push(Fault::new(Path::new("options"), None, "trade", found, "expected --title and -o alone"));
+        faults.push(Fault::new(Path::new("options"), None, "accuracy-study", found, "expected --title and -o alone"));
     }
     let all: Vec<Vec<RunErrors>> =
-        folders.iter().filter_map(|folder| faults.gather_result(read_table(&table_path(folder)))).collect();
+        folders.iter().filter_map(|folder| faults.gather_result(read_table(&known_table(folder)))).collect();
     faults.into_result(())?;
     let compared = over_realisations(folders, &all)?;
-    Ok((compared, format!("root mean squares of the errors of {} realisations", all.len())))
+    Ok((compared, format!("RMS errors of {} realisations", all.len())))
 }
 
 /// Reads the runs from a table made by [`table_text`].
 fn read_table(path: &Path) -> Result<Vec<RunErrors>, Faults> {
     let text = atomic::read_text(path)?;
     let mut lines = text.lines();
-    if lines.next() != Some(table_header().trim_end()) {
-        return Err(Fault::new(path, Some(1), "table", "has other columns", "expected those of cd-post trade").into());
+    // Name of earlier versions.
+    let header = lines.next().unwrap_or_default().replace(",over_estimated", ",single_over_estimated");
+    if header != table_header().trim_end() {
+        let expected = "expected those of cd-post accuracy-study";
+        return Err(Fault::new(path, Some(1), "table", "has other columns", expected).into());
     }
     let mut faults = Faults::default();
     let mut runs = Vec::new();
@@ -281,7 +291,7 @@ fn over_realisations(folders: &[PathBuf], all: &[Vec<RunErrors>]) -> Result<Vec<
     let mut faults = Faults::default();
     let other = |folder: &Path, found: String| {
         let expected = format!("expected the runs of {}", folders[0].display());
-        Fault::new(&table_path(folder), None, "run", found, expected)
+        Fault::new(&known_table(folder), None, "run", found, expected)
     };
     let named = |runs: &[RunErrors], name: &str| runs.iter().find(|run| run.name == name).map(|run| run.row);
     for (folder, runs) in folders.iter().zip(all) {
@@ -304,7 +314,7 @@ fn over_realisations(folders: &[PathBuf], all: &[Vec<RunErrors>]) -> Result<Vec<
             value: run.row.value,
             seconds: mean(|row| row.seconds),
             worst: [roots.z, roots.nu, roots.pressure].into_iter().fold(f64::NAN, f64::max),
-            over_estimated: roots.pressure_single / roots.estimated,
+            single_over_estimated: roots.pressure_single / roots.estimated,
             ..roots
         };
         realised.push(RunErrors { row, ..run.clone() });
@@ -451,13 +461,16 @@ impl ReferenceRun<'_> {
             .map(|(found, exact)| (&found.observables, &exact.observables))
             .collect();
         if let ([(found, exact), ..], []) = (&at_once[..], &shared[..]) {
-            let found = format!("of {} s at {} s", found.interval, found.time);
-            let expected =
-                format!("expected {} s, as in {}: the same output_every in time", exact.interval, finest.name);
+            let found = format!("{} s at t = {} s", found.interval, found.time);
+            let expected = format!(
+                "expected {} s, as in {}: choose output_every so that output_every × dt is equal",
+                exact.interval, finest.name
+            );
             faults.push(Fault::new(&series_path(&run.case), None, "interval", found, expected));
         } else if shared.is_empty() {
             let times = |rows: &[SnapshotMeans]| times_text(&rows.iter().map(|seen| seen.time).collect::<Vec<_>>());
-            let expected = format!("expected a time of those that count of {}, {}", finest.name, times(&self.observed));
+            let expected =
+                format!("expected a time of the snapshots of {} that count, {}", finest.name, times(&self.observed));
             faults.push(Fault::new(&series_path(&run.case), None, "time", times(&run.observed), expected));
         }
         faults.into_result(())?;
@@ -504,7 +517,7 @@ impl ReferenceRun<'_> {
             worst,
             pressure_single,
             estimated: run.estimated,
-            over_estimated: pressure_single / run.estimated,
+            single_over_estimated: pressure_single / run.estimated,
         };
         Ok(RunErrors { name: run.name.clone(), group: run.group.clone(), row })
     }
@@ -575,7 +588,7 @@ fn error_figure(runs: &[RunErrors], title: &str) -> Figure {
             true
         }
     });
-    curves.push(Curve { name: "best of all".into(), points: front, marks: CurveMarks::Expected });
+    curves.push(Curve { name: "Pareto front".into(), points: front, marks: CurveMarks::Expected });
     for (name, members) in grouped_runs(runs) {
         let mut points: Vec<(f64, f64)> = members.into_iter().map(point).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -613,12 +626,12 @@ fn summary_text(runs: &[RunErrors], errors: &str) -> String {
             _ => format!("  {:>9}", "-"),
         }));
     }
-    let judged = runs.iter().map(|run| run.row.over_estimated).filter(|ratio| ratio.is_finite() && *ratio > 0.0);
-    let (judged, honest) =
-        judged.fold((0, 0), |(all, honest), ratio| (all + 1, honest + i32::from((1.0 / 3.0..=3.0).contains(&ratio))));
+    let judged = runs.iter().map(|run| run.row.single_over_estimated).filter(|ratio| ratio.is_finite() && *ratio > 0.0);
+    let (judged, close) =
+        judged.fold((0, 0), |(all, close), ratio| (all + 1, close + i32::from((1.0 / 3.0..=3.0).contains(&ratio))));
     text += &format!("\n  {errors}");
     if judged > 0 {
-        text += &format!("; {honest} of {judged} estimates within a factor of 3");
+        text += &format!("; {close} of {judged} estimates within a factor of 3");
     }
     text
 }
@@ -639,7 +652,10 @@ mod tests {
         let row = ErrorRow::from_columns(numbers);
         assert_eq!(row.to_columns(), numbers);
         let place = |name: &str| COLUMNS.iter().position(|column| column.0 == name).unwrap() as f64;
-        assert_eq!((row.z, row.worst, row.over_estimated), (place("Z"), place("worst"), place("over_estimated")));
+        assert_eq!(
+            (row.z, row.worst, row.single_over_estimated),
+            (place("Z"), place("worst"), place("single_over_estimated"))
+        );
         assert_eq!((row.semi_axes, row.positions), ([place("a"), place("b"), place("c")], place("positions")));
     }
 
@@ -663,7 +679,7 @@ mod tests {
         let mut runs = [run("dt", 1.0, 1.0, 0.1)];
         let told = |runs: &[RunErrors]| summary_text(runs, "errors against fine").lines().last().unwrap().to_string();
         assert_eq!(told(&runs), "  errors against fine");
-        runs[0].row.over_estimated = 2.0;
+        runs[0].row.single_over_estimated = 2.0;
         assert_eq!(told(&runs), "  errors against fine; 1 of 1 estimates within a factor of 3");
     }
 
@@ -704,12 +720,15 @@ mod tests {
         let told = over_realisations(&folders, &[vec![one], vec![run("tol", 1.0, 1.0, 1.0)]]).unwrap_err().to_string();
         let told: Vec<&str> = told.lines().collect();
         let says = |line: &str, found: &str| {
-            line.ends_with(&format!("b/trade.csv: run: {found}; expected the runs of {}", folders[0].display()))
+            line.ends_with(&format!("b/accuracy.csv: run: {found}; expected the runs of {}", folders[0].display()))
         };
         assert!(told.len() == 2 && says(told[0], "tol1 as well") && says(told[1], "no dt2"), "{told:?}");
         atomic::write(&table_path(&folders[1]), format!("{}x,y,1\n", table_header()).as_bytes()).unwrap();
         assert!(
-            read_table(&table_path(&folders[1])).unwrap_err().to_string().contains("trade.csv:2: row: x,y,1; expected")
+            read_table(&table_path(&folders[1]))
+                .unwrap_err()
+                .to_string()
+                .contains("accuracy.csv:2: row: x,y,1; expected")
         );
     }
 
@@ -746,7 +765,7 @@ mod tests {
             (row.worst, 0.02),
             (row.z, 0.0),
             (row.positions, 0.1 / 2f64.sqrt()),
-            (row.over_estimated, 2.0),
+            (row.single_over_estimated, 2.0),
         ] {
             assert!((value - expected).abs() < 1e-12, "{value} {expected}");
         }

@@ -126,7 +126,7 @@ pub fn write(
             faults
         })?;
         if by_snapshot && columns.values().all(Vec::is_empty) {
-            return Err(Fault::new(&path, None, "table", "holds no snapshot", "expected one at least").into());
+            return Err(Fault::new(&path, None, "table", "has no snapshot", "expected at least one").into());
         }
         Ok(columns)
     };

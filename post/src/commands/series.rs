@@ -169,7 +169,7 @@ fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<Option<Strin
     let nameless = folder.to_str().is_none();
     Ok(nameless.then(|| {
         format!(
-            "{}: the folder has a name that is not UTF-8: a window that view.py is to fill is started in it",
+            "{}: the name of the folder is not UTF-8: start ParaView inside the folder to use view.py",
             display.display()
         )
     }))
@@ -186,10 +186,10 @@ fn empty_region(options: &Options, rows: &[Row], last: &Frame) -> Option<String>
         let places = || last.grains.iter().map(|grain| grain.x[axis]);
         let (low, high) = (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
         let name = ["x", "y", "z"][axis];
-        if low > high { format!("{name} anywhere") } else { format!("{name} = {low:.4} to {high:.4}") }
+        if low > high { format!("{name}: any") } else { format!("{name} = {low:.4} to {high:.4}") }
     };
     Some(format!(
-        "--region: no grain is in it in {empty} of {} snapshots; expected a region where grains are: in the last {}, {} and {} m",
+        "--region: contains no grain in {empty} of {} snapshots; expected a region where grains are: in the last {}, {} and {} m",
         rows.len(),
         ends(0),
         ends(1),
@@ -203,6 +203,6 @@ fn result_notes(rows: &[Row]) -> Vec<String> {
     if empty == 0 {
         vec![]
     } else {
-        vec![format!("{empty} of {} snapshots hold no grain: their fields are empty", rows.len())]
+        vec![format!("{empty} of {} snapshots have no grains: their fields are empty", rows.len())]
     }
 }

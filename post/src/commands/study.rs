@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::ron_text::known_names;
 use cd_formats::snapshot::Snapshot;
 
 use crate::derive::{Row, SeriesValue};
@@ -46,10 +47,169 @@ pub const COLUMNS: [(&str, &str, &str); 10] = [
     ("seconds", "s", "all stages"),
 ];
 
+/// Selection of the runs and of the snapshots over which their means are taken.
+#[derive(Debug, Default)]
+pub struct StudyOptions<'a> {
+    /// Group of each case, which the figures distinguish; empty for a single group.
+    pub groups: &'a [String],
+    /// Parameters whose values are the groups, in place of `groups`.
+    pub by: &'a [String],
+    /// Table of `cd-pre study` with the parameters of the cases.
+    pub parameters: Option<&'a Path>,
+    /// Start of the snapshots over which means are taken, s; without it, the last snapshot alone.
+    pub from: Option<f64>,
+    /// End of these snapshots, s.
+    pub until: Option<f64>,
+}
+
+/// Cases, with the values of their parameters as in the table of a study.
+#[derive(Debug, Default, PartialEq)]
+struct StudyCases {
+    folders: Vec<PathBuf>,
+    /// Names of the parameters, in the order of the tables.
+    names: Vec<String>,
+    /// Values of the parameters of each case, empty where it has none of that name.
+    values: Vec<Vec<String>>,
+}
+
+/// Whether a path is that of a table of `cd-pre study` and not of a case.
+pub fn is_study_table(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending == "csv") && path.is_file()
+}
+
+impl StudyCases {
+    /// Cases of the folders and tables of a command line; `parameters`: table with the parameters of the folders.
+    fn new(paths: &[PathBuf], parameters: Option<&Path>) -> Result<StudyCases, Faults> {
+        let mut faults = Faults::default();
+        let mut all = StudyCases::default();
+        let known = parameters.and_then(|path| faults.gather_result(StudyCases::read(path)));
+        for path in paths {
+            if is_study_table(path) {
+                faults.gather_result(StudyCases::read(path)).into_iter().for_each(|cases| all.append(cases));
+                continue;
+            }
+            let whole = |folder: &Path| std::fs::canonicalize(folder).ok();
+            let found = known.as_ref().and_then(|known| {
+                let row =
+                    known.folders.iter().position(|folder| whole(folder).is_some_and(|it| whole(path) == Some(it)));
+                Some((known, row?))
+            });
+            match (found, parameters) {
+                (Some((known, row)), _) => all.append(StudyCases {
+                    folders: vec![path.clone()],
+                    names: known.names.clone(),
+                    values: vec![known.values[row].clone()],
+                }),
+                (None, Some(table)) if known.is_some() => {
+                    let found = format!("{} is not one of its cases", path.display());
+                    faults.push(Fault::new(table, None, "table", found, "expected its folder in the column case"));
+                }
+                _ => all.append(StudyCases { folders: vec![path.clone()], names: vec![], values: vec![vec![]] }),
+            }
+        }
+        faults.into_result(all)
+    }
+
+    /// Reads a table of `cd-pre study`: the columns `case` and `from`, then one for each parameter. Folders of cases are
+    /// relative to that of the table.
+    fn read(path: &Path) -> Result<StudyCases, Faults> {
+        let text = atomic::read_text(path)?;
+        let mut lines = text.lines();
+        let header = csv_cells(lines.next().unwrap_or_default());
+        if header.len() < 2 || header[..2] != ["case", "from"] {
+            let expected = "expected a table that cd-pre study has written, with the columns case and from";
+            return Err(Fault::new(path, Some(1), "table", "has other columns", expected).into());
+        }
+        let home = path.parent().unwrap_or(Path::new(""));
+        let mut cases = StudyCases { names: header[2..].to_vec(), ..StudyCases::default() };
+        let mut faults = Faults::default();
+        for (number, line) in (2..).zip(lines) {
+            let cells = csv_cells(line);
+            if cells.len() != header.len() {
+                faults.push(Fault::new(path, Some(number), "row", line, format!("expected {} fields", header.len())));
+                continue;
+            }
+            cases.folders.push(home.join(&cells[0]));
+            cases.values.push(cells[2..].to_vec());
+        }
+        if cases.folders.is_empty() && faults.0.is_empty() {
+            faults.push(Fault::new(path, None, "table", "has no cases", "expected at least one"));
+        }
+        faults.into_result(cases)
+    }
+
+    /// Adds cases; parameters of equal names share a column.
+    fn append(&mut self, other: StudyCases) {
+        for name in &other.names {
+            if !self.names.contains(name) {
+                self.names.push(name.clone());
+            }
+        }
+        self.values.iter_mut().for_each(|values| values.resize(self.names.len(), String::new()));
+        for values in &other.values {
+            let value = |name: &String| other.names.iter().position(|known| known == name).map(|k| values[k].clone());
+            self.values.push(self.names.iter().map(|name| value(name).unwrap_or_default()).collect());
+        }
+        self.folders.extend(other.folders);
+    }
+
+    /// Group of each case: the values of the parameters `by`.
+    fn groups_by(&self, by: &[String]) -> Result<Vec<String>, Faults> {
+        let mut faults = Faults::default();
+        let known: Vec<&str> = self.names.iter().map(String::as_str).collect();
+        let mut columns = Vec::new();
+        for name in by {
+            match self.names.iter().position(|known| known == name) {
+                Some(column) => columns.push(column),
+                None => {
+                    let found = format!("{name} is not a parameter of the study");
+                    faults.push(Fault::new(Path::new("options"), None, "by", found, known_names(name, &known)));
+                }
+            }
+        }
+        let group = |values: &Vec<String>| {
+            let part = |column: &usize| format!("{} {}", self.names[*column], values[*column]).trim_end().to_string();
+            columns.iter().map(part).collect::<Vec<_>>().join(", ")
+        };
+        faults.into_result(self.values.iter().map(group).collect())
+    }
+
+    /// Names of the columns of the parameters in runs.csv: with a prefix if another column has the name.
+    fn column_names(&self) -> Vec<String> {
+        let known = ["run", "group"].into_iter().chain(Row::COLUMNS.iter().chain(&COLUMNS).map(|(name, _, _)| *name));
+        let known: Vec<&str> = known.collect();
+        let column =
+            |name: &String| if known.contains(&name.as_str()) { format!("study_{name}") } else { name.clone() };
+        self.names.iter().map(column).collect()
+    }
+}
+
+/// Cells of a line of CSV; a cell in quotes may contain commas, and quotes twice.
+fn csv_cells(line: &str) -> Vec<String> {
+    let mut cells = vec![String::new()];
+    let mut quoted = false;
+    let mut letters = line.chars().peekable();
+    while let Some(letter) = letters.next() {
+        let cell = cells.last_mut().expect("a cell");
+        match letter {
+            '"' if quoted && letters.peek() == Some(&'"') => {
+                cell.push('"');
+                letters.next();
+            }
+            '"' => quoted = !quoted,
+            ',' if !quoted => cells.push(String::new()),
+            other => cell.push(other),
+        }
+    }
+    cells
+}
+
 /// Mean values of a run.
 struct StudyRun {
     name: String,
     group: String,
+    /// Values of the parameters of the study.
+    parameters: Vec<String>,
     /// Values, in the order of [`Row::COLUMNS`], then of [`COLUMNS`].
     values: Vec<f64>,
 }
@@ -62,22 +222,17 @@ impl StudyRun {
 }
 
 /// Measures each case from its series.csv, steps.csv, TIMER.csv and last snapshot, and writes the table of the runs, the
-/// table of the fitted lines, and the figures.
+/// table of the fitted lines, and the figures. `paths`: case folders, and tables of `cd-pre study` for all of their cases.
 ///
-/// `groups`: one name for each case, which the figures distinguish; empty for a single group. `from`: means are over the
-/// snapshots from this time on up to `until`, s; without it, over the last snapshot alone.
-///
-/// Returns the number of figures and messages for the user.
-pub fn write(
-    cases: &[PathBuf],
-    groups: &[String],
-    from: Option<f64>,
-    until: Option<f64>,
-    output: &Path,
-) -> Result<(usize, Vec<String>), Faults> {
+/// Returns the numbers of runs and of figures, and messages for the user.
+pub fn write(paths: &[PathBuf], options: &StudyOptions, output: &Path) -> Result<([usize; 2], Vec<String>), Faults> {
+    let study = StudyCases::new(paths, options.parameters)?;
+    let cases = &study.folders;
+    let of_parameters = study.groups_by(options.by)?;
+    let groups = if options.by.is_empty() { options.groups } else { &of_parameters };
     let mut faults = Faults::default();
     if !groups.is_empty() && groups.len() != cases.len() {
-        let expected = format!("expected {}, one a case", cases.len());
+        let expected = format!("expected {}, one for each case", cases.len());
         faults.push(Fault::new(Path::new("options"), None, "groups", format!("{} names", groups.len()), expected));
     }
     let names = case_names(cases);
@@ -87,9 +242,11 @@ pub fn write(
     for (k, case) in cases.iter().enumerate() {
         let group = groups.get(k).cloned().unwrap_or_else(|| "all runs".into());
         let name = names[k].clone();
-        runs.extend(faults.gather_result(measure_run(case, from, until)).map(|values| StudyRun {
+        let parameters = study.values[k].clone();
+        runs.extend(faults.gather_result(measure_run(case, options.from, options.until)).map(|values| StudyRun {
             name,
             group,
+            parameters,
             values,
         }));
     }
@@ -101,7 +258,7 @@ pub fn write(
         }
     }
     let (figures, fits) = study_figures(&runs, &order);
-    atomic::write(&output.join("runs.csv"), table_text(&runs).as_bytes())?;
+    atomic::write(&output.join("runs.csv"), table_text(&runs, &study.column_names()).as_bytes())?;
     atomic::write(&output.join("fits.csv"), fits.as_bytes())?;
     for (name, figure) in &figures {
         atomic::write(&output.join(format!("{name}.svg")), figure.to_svg().as_bytes())?;
@@ -110,7 +267,7 @@ pub fn write(
     let mut notes: Vec<String> = figures.iter().filter_map(|(_, figure)| figure.repeated_style_warning()).collect();
     notes.sort();
     notes.dedup();
-    Ok((figures.len(), notes))
+    Ok(([runs.len(), figures.len()], notes))
 }
 
 /// Values of a run.
@@ -125,7 +282,7 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
     let counts = from.map_or(last, as_there)..=until;
     let taken: Vec<usize> = (0..times.len()).filter(|&k| counts.contains(&times[k])).collect();
     if taken.is_empty() {
-        let found = times.last().map_or("holds no snapshot".into(), |time| format!("ends at {time} s"));
+        let found = times.last().map_or("has no snapshot".into(), |time| format!("ends at {time} s"));
         return Err(Fault::new(&path, None, "time", found, "expected a snapshot in the time of the means").into());
     }
     let mean = |name: &str| {
@@ -190,13 +347,17 @@ fn isostatic_number(grains: f64) -> f64 {
     if grains >= 3.0 { 6.0 - 12.0 / grains } else { f64::NAN }
 }
 
-/// Table with a row for each run: its name, its group, then all values; an empty field for an undefined value.
-fn table_text(runs: &[StudyRun]) -> String {
-    let names: Vec<&str> = Row::COLUMNS.iter().chain(&COLUMNS).map(|(name, _, _)| *name).collect();
-    let mut text = format!("run,group,{}\n", names.join(","));
+/// Table with a row for each run: its name, its group, its parameters of these names, then all values; an empty field for
+/// an undefined value.
+fn table_text(runs: &[StudyRun], parameters: &[String]) -> String {
+    let names = ["run", "group"].map(String::from).into_iter().chain(parameters.iter().map(|name| name_field(name)));
+    let names: Vec<String> =
+        names.chain(Row::COLUMNS.iter().chain(&COLUMNS).map(|(name, _, _)| name.to_string())).collect();
+    let mut text = names.join(",") + "\n";
     for run in runs {
-        let values: Vec<String> = run.values.iter().map(SeriesValue::text).collect();
-        text += &format!("{},{},{}\n", name_field(&run.name), name_field(&run.group), values.join(","));
+        let own = [&run.name, &run.group].into_iter().chain(&run.parameters).map(|value| name_field(value));
+        let fields: Vec<String> = own.chain(run.values.iter().map(SeriesValue::text)).collect();
+        text += &(fields.join(",") + "\n");
     }
     text
 }
@@ -344,7 +505,36 @@ mod tests {
         set("seconds_gravity", 1e-6 * n.powi(2));
         set("seconds_detection", 1e-5 * n);
         set("seconds_contacts", 1e-5 * n.powf(1.5));
-        StudyRun { name: format!("{group}-{n}"), group: group.into(), values }
+        StudyRun { name: format!("{group}-{n}"), group: group.into(), parameters: vec![n.to_string()], values }
+    }
+
+    #[test]
+    fn cases_have_the_parameters_of_their_study() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let text = "case,from,mu,shape,step\na/x,,0.2,\"Box(lengths: (1, 2, 3), \"\"b\"\")\",1\ny,a/x,0.4,,\n";
+        std::fs::write(path("study.csv"), text).unwrap();
+        std::fs::create_dir_all(path("a/x")).unwrap();
+        std::fs::create_dir(path("z")).unwrap();
+        let all = StudyCases::new(&[path("study.csv")], None).unwrap();
+        assert_eq!(all.folders, [path("a/x"), path("y")]);
+        assert_eq!(all.values, [["0.2", "Box(lengths: (1, 2, 3), \"b\")", "1"], ["0.4", "", ""]]);
+        // A column of series.csv has the name `step`.
+        assert_eq!(all.column_names(), ["mu", "shape", "study_step"]);
+        assert_eq!(all.groups_by(&["mu".into(), "step".into()]).unwrap(), ["mu 0.2, step 1", "mu 0.4, step"]);
+        let unknown = all.groups_by(&["mU".into()]).unwrap_err().to_string();
+        assert_eq!(unknown, "options: by: mU is not a parameter of the study; did you mean mu?");
+        // A folder by itself, and folders with their row of a table.
+        assert_eq!(StudyCases::new(&[path("z")], None).unwrap().values, [[""; 0]]);
+        let one = StudyCases::new(&[path("a/../a/x")], Some(&path("study.csv"))).unwrap();
+        assert_eq!((one.values.len(), &one.values[0]), (1, &all.values[0]));
+        let other = StudyCases::new(&[path("z")], Some(&path("study.csv"))).unwrap_err().to_string();
+        assert!(other.contains("z is not one of its cases"), "{other}");
+        std::fs::write(path("other.csv"), "run,group\n").unwrap();
+        assert!(StudyCases::new(&[path("other.csv")], None).unwrap_err().to_string().contains("has other columns"));
+        std::fs::write(path("short.csv"), "case,from,mu\na\n").unwrap();
+        let short = StudyCases::new(&[path("short.csv")], None).unwrap_err().to_string();
+        assert!(short.ends_with("short.csv:2: row: a; expected 3 fields"), "{short}");
     }
 
     #[test]
@@ -382,7 +572,10 @@ mod tests {
         assert!(line.points.is_sorted_by(|a, b| a.0 < b.0), "{line:?}");
         let svg = figures[0].1.to_svg();
         assert!(svg.contains("6 − 9 N^(-1/3)") && !svg.contains("NaN"), "{svg}");
-        let table = table_text(&runs);
-        assert!(table.contains("\nb; c-250,b; c,") && !table.contains("NaN"), "{table}");
+        let table = table_text(&runs, &["N".to_string()]);
+        assert!(
+            table.starts_with("run,group,N,step,") && table.contains("\nb; c-250,b; c,250,") && !table.contains("NaN"),
+            "{table}"
+        );
     }
 }

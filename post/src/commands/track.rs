@@ -29,7 +29,7 @@ pub const COLUMNS: [Column; 13] = [
     ("v_y", "m/s", ""),
     ("v_z", "m/s", ""),
     ("depth", "m", "depth of its lowest point below the surface that was under it at the start"),
-    ("f_x", "N", "sum of the contact forces on it, means over the step"),
+    ("f_x", "N", "sum of the contact forces on it, mean over the step"),
     ("f_y", "N", ""),
     ("f_z", "N", ""),
     ("force", "N", "force of the contacts against gravity"),
@@ -123,7 +123,7 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
     let mut notes = Vec::new();
     if let (Some((step, _)), Some(turned)) = (gravity, turned) {
         notes.push(format!(
-            "gravity has another direction at step {turned}: up is against that of step {step} throughout"
+            "gravity changes direction at step {turned}: up is opposite to the gravity of step {step} throughout"
         ));
     }
     let level = ground_level(&first, body, &up, &seen[0]);
@@ -321,7 +321,7 @@ fn circle_points(centre: &Vec3, up: &Vec3, radius: f64) -> Vec<Vec3> {
 }
 
 /// Grains that form the surface, without the body: the groups of touching grains that a wall touches with force, and the
-/// heaviest group. All grains if none touch, or if no wall bears any and the heaviest group has less than half of the mass,
+/// largest remnant. All grains if none touch, or if no wall bears any and the largest remnant has less than half of the mass,
 /// as during free fall.
 fn ground_grains(frame: &Frame, body: u64) -> Vec<&Grain> {
     let fragments = find_fragments(frame);

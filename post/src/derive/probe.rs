@@ -22,7 +22,7 @@ enum ProbeCentre {
     Fixed(Vec3),
     /// Centre of mass of all grains.
     CentreOfMass,
-    /// Centre of mass of the heaviest group of touching grains.
+    /// Centre of mass of the largest remnant of touching grains.
     Largest,
 }
 

@@ -5,7 +5,7 @@
 //! | grains that walls close in, without uniform gravity or up to a lid | between the walls |
 //! | grains under uniform gravity between side walls or periods | between the walls up to the bed's surface |
 //! | a scene that repeats without a bed | the cell, from the lowest to the highest point of the grains |
-//! | else | the convex hull of the largest group of touching grains |
+//! | else | the convex hull of the largest remnant of touching grains |
 //!
 //! or a [`Probe`] that the user gives.
 
@@ -52,7 +52,7 @@ impl Region {
     /// have half of the mass or of the grains, else all grains. Under uniform gravity the region ends at the mean plane of
     /// their surface, unless a lid is less than a mean diameter above; without a plate below, it begins at their lowest
     /// point. If walls and periods leave a side open, or if nothing touches them in a scene with self-gravity, the region
-    /// is the hull of the largest group (of those that a wall touches, if any). It is the hull of all grains if that group
+    /// is the hull of the largest remnant (of those that a wall touches, if any). It is the hull of all grains if that group
     /// has a single grain among others or less than a tenth of the mass and of the grains.
     pub fn from_frame(frame: &Frame, fragments: &[Fragment]) -> Region {
         if frame.grains.is_empty() {
@@ -246,7 +246,7 @@ fn shifts(frame: &Frame, shape: &ProbeShape) -> Option<Vec<Vec3>> {
     Some(along(0).flat_map(|x| along(1).map(move |y| Vec3::new(x, y, 0.0))).collect())
 }
 
-/// Hull of the largest group, or of all grains if that group is not a remnant.
+/// Hull of the largest remnant, or of all grains if that group is not a remnant.
 fn aggregate_region(frame: &Frame, fragments: &[Fragment]) -> Region {
     let mut touched = vec![false; frame.grains.len()];
     let walls = frame.active_contacts().filter(|contact| contact.grain_pair().is_none());

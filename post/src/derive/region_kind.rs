@@ -39,7 +39,7 @@ impl RegionKind {
     pub fn name(self) -> &'static str {
         match self {
             RegionKind::None => "no region",
-            RegionKind::LargestGroup => "hull of the largest group",
+            RegionKind::LargestGroup => "hull of the largest remnant",
             RegionKind::AllGrains => "hull of all grains",
             RegionKind::Walls => "between the walls",
             RegionKind::Bed => "between the walls, up to the surface",

@@ -417,7 +417,7 @@ mod tests {
         }
     }
 
-    /// The surface of the heaviest group of a scene.
+    /// The surface of the largest remnant of a scene.
     fn of(scene: &Scene, constant: f64) -> Vec<SurfaceFacet> {
         let frame = scene.frame();
         let largest = &find_fragments(&frame)[0];
@@ -437,7 +437,7 @@ mod tests {
             let expected = std::f64::consts::FRAC_PI_2 - facet.latitude; // from the pole
             assert!((facet.slope - expected).abs() < 1e-7, "{facet:?}"); // the cosine of 1e-7 is 1 to rounding
         }
-        // At rest in axes that turn about the middle of a turntable 10 m away: w^2 r.
+        // At rest in a frame that rotates about the middle of a turntable 10 m away: w^2 r.
         let rate = [0.0, 0.0, 0.3];
         scene.snapshot.meta.parameters.fields = vec![ExternalField::RotatingFrame { rate, centre: [-10.0, 0.0, 0.0] }];
         for facet in of(&scene, 0.0) {

@@ -42,7 +42,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
         quantity: "ν",
         of_region: true,
         logarithmic: false,
-        curves: &[("nu", "ν"), ("bed_nu", "of the bed, to its mean height")],
+        curves: &[("nu", "ν"), ("bed_nu", "bed")],
     },
     SeriesPlot {
         file: "pressure.svg",
@@ -50,11 +50,7 @@ pub const PLOTS: [SeriesPlot; 6] = [
         quantity: "pressure",
         of_region: true,
         logarithmic: false,
-        curves: &[
-            ("pressure", "contacts"),
-            ("pressure_virial", "virial of the loads"),
-            ("bed_pressure", "of the bed, to its mean height"),
-        ],
+        curves: &[("pressure", "contacts"), ("pressure_virial", "virial of the loads"), ("bed_pressure", "bed")],
     },
     SeriesPlot {
         file: "semi_axes.svg",
@@ -140,12 +136,12 @@ mod tests {
             row(RegionKind::LargestGroup),
             row(RegionKind::AllGrains),
         ];
-        assert_eq!(region_names(&rows_of), "hull of all grains; hull of the largest group");
+        assert_eq!(region_names(&rows_of), "hull of all grains; hull of the largest remnant");
         assert!(
             PLOTS[2]
                 .to_figure(&rows_of)
                 .to_svg()
-                .contains("Solid fraction, hull of all grains; hull of the largest group")
+                .contains("Solid fraction, hull of all grains; hull of the largest remnant")
         );
         assert!(!PLOTS[0].to_figure(&rows_of).to_svg().contains("hull"));
         let lines = text.matches("stroke-width=\"4\"").count();

@@ -39,17 +39,18 @@ pub struct Selection {
     pub case: Option<PathBuf>,
     /// Step of the snapshot; left out, the last.
     pub snapshot: Option<u64>,
-    pub keep: BodyFilter,
+    /// Free bodies that are taken.
+    pub select: BodyFilter,
     /// Whether bodies with imposed motion are taken too.
     pub walls: bool,
     /// Bodies with imposed motion for which the opposite of `walls` holds.
     pub walls_except: Vec<WallSelector>,
     /// New colour of the free bodies.
     pub colour: Option<String>,
-    /// Motion that is taken away first.
-    pub stop: MotionRemoval,
-    /// Turns the free bodies and their motion about their centre of mass.
-    pub turn: Rotation,
+    /// Motion that is removed first.
+    pub remove_motion: MotionRemoval,
+    /// Rotates the free bodies and their motion about their centre of mass.
+    pub rotate: Rotation,
     /// New centre of mass of the free bodies, m.
     pub centre: Option<[f64; 3]>,
     /// Added to the free bodies, m/s.
@@ -63,12 +64,12 @@ impl Default for Selection {
         Selection {
             case: None,
             snapshot: None,
-            keep: BodyFilter::All,
+            select: BodyFilter::All,
             walls: true,
             walls_except: Vec::new(),
             colour: None,
-            stop: MotionRemoval::Nothing,
-            turn: Rotation::default(),
+            remove_motion: MotionRemoval::Nothing,
+            rotate: Rotation::default(),
             centre: None,
             velocity: [0.0; 3],
             spin: [0.0; 3],
@@ -87,7 +88,7 @@ pub enum WallSelector {
     Colour(String),
 }
 
-/// Which free bodies are kept.
+/// Free bodies that are taken.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub enum BodyFilter {
     All,
@@ -97,14 +98,14 @@ pub enum BodyFilter {
     Largest,
 }
 
-/// Motion of the free bodies that is taken away.
+/// Motion of the free bodies that is removed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 pub enum MotionRemoval {
     Nothing,
     /// The velocity of their centre of mass.
-    Drift,
+    Translation,
     /// That, and the rigid rotation with their angular momentum.
     RigidMotion,
-    /// All.
-    Motion,
+    /// All motion.
+    All,
 }

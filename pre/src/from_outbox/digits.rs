@@ -51,7 +51,7 @@ pub fn lost_digits(bodies: &[Body], tables: &BehaviourTables, driven: &DrvDof) -
     for (file, lost) in files {
         lost.iter()
             .take(MAX_REPORTED_NUMBERS)
-            .for_each(|lost| text += &format!("{file}: {lost}, all that its columns hold\n"));
+            .for_each(|lost| text += &format!("{file}: {lost}, all digits that its columns can hold\n"));
         if lost.len() > MAX_REPORTED_NUMBERS {
             text += &format!(
                 "{file}: {} more numbers are written with fewer digits than they have\n",

@@ -27,6 +27,7 @@ use cd_formats::compute::{Compute, ROTATION_ABOUT_PERIOD};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
+use cd_formats::former_names;
 use cd_formats::ids::BodyId;
 use cd_formats::origin::SceneOrigin;
 use cd_formats::places;
@@ -62,6 +63,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         Some(file) => (file, atomic::read_text(file)?),
         None => (Path::new("changes"), "()".to_string()),
     };
+    let former_names = former_names::warnings(file, &text, settings);
     let parsed = |text: &str, settings: &[String]| -> Result<(Changes, String), Faults> {
         let text = places::apply_settings(text, settings)?;
         Ok((parse_with_settings(file, &text, settings, "changes")?, text))
@@ -77,6 +79,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         changes.bodies.push(Selection::default());
     }
     let mut report = FaultReport::with_settings(file, &text, settings);
+    report.warnings = former_names;
     check_changes(&changes, &mut report);
     let folder = file.parent().unwrap_or(Path::new(""));
     let cases: Vec<PathBuf> =
@@ -85,7 +88,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let events_go_on = changes.keep_time && changes.compute.is_none();
     for (taken, case) in changes.bodies.iter().zip(&cases) {
         if let Ok(true) = fs::canonicalize(case).and_then(|from| Ok(from == fs::canonicalize(dir)?)) {
-            let expected = "expected another folder than that of a case that is read";
+            let expected = "expected a folder other than those of the cases that are read";
             report.faults.push(Fault::new(dir, None, "folder", "is the case itself", expected));
         }
         sources.extend(report.faults.gather_result(SourceCase::read(case, taken.snapshot)));
@@ -120,8 +123,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         }
     }
     for (k, taken) in changes.bodies.iter().enumerate() {
-        let turns = taken.stop != MotionRemoval::RigidMotion || options.allows_rotation_about(&[1.0; 3]);
-        report.require(turns, &format!("bodies.{k}.stop"), "RigidMotion", ROTATION_ABOUT_PERIOD);
+        let turns = taken.remove_motion != MotionRemoval::RigidMotion || options.allows_rotation_about(&[1.0; 3]);
+        report.require(turns, &format!("bodies.{k}.remove_motion"), "RigidMotion", ROTATION_ABOUT_PERIOD);
         report.require(
             options.allows_rotation_about(&taken.spin),
             &format!("bodies.{k}.spin"),
@@ -220,7 +223,7 @@ fn check_changes(changes: &Changes, report: &mut FaultReport) {
         check_vector(report, &format!("{path}.velocity"), &taken.velocity, "m/s");
         check_vector(report, &format!("{path}.spin"), &taken.spin, "rad/s");
         check_vector(report, &format!("{path}.centre"), &taken.centre.unwrap_or_default(), "m");
-        crate::check::check_rotation(report, &format!("{path}.turn"), &taken.turn);
+        crate::check::check_rotation(report, &format!("{path}.rotate"), &taken.rotate);
         if let Some(colour) = &taken.colour {
             crate::check::check_name_length(report, &format!("{path}.colour"), colour);
         }

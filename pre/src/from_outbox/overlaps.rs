@@ -207,7 +207,7 @@ pub fn check_overlaps(
     balls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     for (k, (part, taken)) in parts.iter().zip(&changes.bodies).enumerate() {
         let known = &part.source.options;
-        if taken.turn.angle != 0.0 || (known.xperiode, known.yperiode) != (options.xperiode, options.yperiode) {
+        if taken.rotate.angle != 0.0 || (known.xperiode, known.yperiode) != (options.xperiode, options.yperiode) {
             let own = balls.iter().filter(|(body, _)| owner[*body] == k).map(|&(body, radius)| (centres[body], radius));
             check_extent(options, own, report);
         }
@@ -359,7 +359,11 @@ pub fn check_drums(
                     None => format!("body {}", j + 1),
                 };
                 let found = format!("body {} is outside of {of_drum}, a hollow cylinder", k + 1);
-                report.add_fault(path, found, "bodies that meet it within: it is closed, and pushes inwards alone");
+                report.add_fault(
+                    path,
+                    found,
+                    "bodies that can touch it inside: it is closed and has contacts on its inside only",
+                );
             }
         }
     }

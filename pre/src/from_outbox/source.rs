@@ -77,7 +77,7 @@ impl SourceCase {
             None => all.last(),
         };
         if found.is_none() {
-            let found = step.map_or("holds no snapshot".into(), |step| format!("holds no snapshot of step {step}"));
+            let found = step.map_or("has no snapshot".into(), |step| format!("has no snapshot of step {step}"));
             let expected = match all.as_slice() {
                 [] => "expected the results of cd-solve".into(),
                 [first, .., last] => format!("expected one of {}, steps {} to {}", all.len(), first.0, last.0),
@@ -180,7 +180,7 @@ impl SourceCase {
     pub fn select_bodies(&self, taken: &Selection) -> Result<SourcePart<'_>, (String, String)> {
         let bodies = &self.snapshot.bodies;
         let is_driven = |body: BodyId| bodies.body_driven[body.index()] != 0;
-        let largest = match taken.keep {
+        let largest = match taken.select {
             BodyFilter::All => None,
             BodyFilter::Largest => Some(self.largest_group()),
             BodyFilter::Below(height) => Some(self.rows_below(height)),
@@ -200,10 +200,10 @@ impl SourceCase {
         if free.is_empty() {
             return Err(("no body is free to move".into(), "at least one".into()));
         }
-        let moved = taken.turn.angle != 0.0 || taken.centre.is_some();
+        let moved = taken.rotate.angle != 0.0 || taken.centre.is_some();
         if moved && free.len() < source_bodies.len() {
             let found = "bodies with imposed motion are to be moved".to_string();
-            return Err((found, "walls: false, or neither turn nor centre".into()));
+            return Err((found, "walls: false, or neither rotate nor centre".into()));
         }
         let mut state = Snapshot { meta: self.snapshot.meta.clone(), ..Snapshot::default() };
         state.bodies = bodies.select_rows(&source_bodies.iter().map(|body| body.index()).collect::<Vec<_>>());
@@ -289,7 +289,7 @@ impl SourceCase {
         bodies.body_x.iter().zip(&bodies.body_radius).map(|(x, radius)| x[2] + radius <= height).collect()
     }
 
-    /// Rows of the heaviest group of touching free bodies, the first of equals.
+    /// Rows of the largest remnant of touching free bodies, the first of equals.
     fn largest_group(&self) -> Vec<bool> {
         let Snapshot { bodies, contacts, .. } = &self.snapshot;
         let count = bodies.body_id.len();
@@ -324,22 +324,22 @@ fn move_rows(state: &mut Snapshot, free: &[usize], taken: &Selection) {
     let (com, drift) = (mean(&bodies.body_x), mean(&bodies.body_v));
     let still = |k: usize| (Vec3::from(bodies.body_v[k]), Vec3::from(bodies.body_w_world[k]));
     let mut motion: Vec<(Vec3, Vec3)> = free.iter().map(|&k| still(k)).collect();
-    if taken.stop == MotionRemoval::Drift || taken.stop == MotionRemoval::RigidMotion {
+    if taken.remove_motion == MotionRemoval::Translation || taken.remove_motion == MotionRemoval::RigidMotion {
         motion.iter_mut().for_each(|(v, _)| *v -= drift);
     }
-    if taken.stop == MotionRemoval::RigidMotion {
+    if taken.remove_motion == MotionRemoval::RigidMotion {
         let spin = rigid_spin(state, free, &com, &motion);
         for (&k, (v, w)) in free.iter().zip(&mut motion) {
             *v -= spin.cross(&(Vec3::from(state.bodies.body_x[k]) - com));
             *w -= spin;
         }
     }
-    if taken.stop == MotionRemoval::Motion {
+    if taken.remove_motion == MotionRemoval::All {
         motion.fill((Vec3::zeros(), Vec3::zeros()));
     }
     let bodies = &mut state.bodies;
-    if taken.turn.angle != 0.0 {
-        let turn = rotation_matrix(&taken.turn);
+    if taken.rotate.angle != 0.0 {
+        let turn = rotation_matrix(&taken.rotate);
         let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(turn));
         let about = |x: [f64; 3]| (com + turn * (Vec3::from(x) - com)).into();
         for (&k, (v, w)) in free.iter().zip(&mut motion) {

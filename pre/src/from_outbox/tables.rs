@@ -96,7 +96,7 @@ fn merge_laws(changes: &Changes, parts: &[SourcePart], report: &mut FaultReport)
                 Some(known) if !same(known) && changes.laws.iter().all(|new| new.name != law.nickname) => report
                     .add_fault(
                         &format!("bodies.{k}"),
-                        format!("law '{}' is another than before", law.nickname),
+                        format!("law '{}' differs from the one before", law.nickname),
                         "the same law under one name, or one under laws",
                     ),
                 Some(_) => {}

@@ -92,7 +92,7 @@ pub fn voronoi_fragments(
         // For thin bodies hardly any point of the cube lies inside.
         let seed = (0..MAX_ATTEMPTS).map(|_| extent * random.in_cube()).find(inside);
         let seed = seed.or_else(|| (0..MAX_ATTEMPTS).map(|_| halves.component_mul(&random.in_cube())).find(inside));
-        seeds.push(seed.ok_or_else(|| format!("a body in which {MAX_ATTEMPTS} points at random find no place"))?);
+        seeds.push(seed.ok_or_else(|| format!("a body in which {MAX_ATTEMPTS} random points found no position"))?);
     }
     for _ in 0..relaxation {
         let cells = voronoi_cells(&planes, extent, &seeds)?;
@@ -270,8 +270,7 @@ impl VoronoiCell {
                 .collect();
             triangles.extend(face[1..].windows(2).map(|pair| [face[0], pair[0], pair[1]]));
         }
-        Surface::new(&vertices, &triangles)
-            .map_err(|faults| format!("a fragment that is no body: {}", faults.join("; ")))
+        Surface::new(&vertices, &triangles).map_err(|faults| format!("an invalid fragment: {}", faults.join("; ")))
     }
 }
 

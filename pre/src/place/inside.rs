@@ -44,7 +44,7 @@ impl SurfaceRegion {
         let mesh = TriMesh::with_flags(points, unit.triangles().to_vec(), TriMeshFlags::ORIENTED);
         Ok(SurfaceRegion {
             surface: Rc::new(unit),
-            mesh: Rc::new(mesh.map_err(|_| "its triangles make no surface with an inside")?),
+            mesh: Rc::new(mesh.map_err(|_| "its triangles enclose no volume")?),
             scale,
         })
     }

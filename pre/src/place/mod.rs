@@ -54,10 +54,13 @@ impl PlacementError {
 
     /// Same error with the margin, m, by which grains are kept apart for the rounding of positions in the files.
     fn with_margin(self, margin: f64) -> PlacementError {
-        let found = format!("{}, kept {margin:.1e} m apart as files hold 8 digits of positions so far out", self.found);
+        let found = format!(
+            "{}, kept {margin:.1e} m apart, because files have 8 digits of positions so far from the origin",
+            self.found
+        );
         PlacementError {
             found,
-            expected: "a place nearer to the origin; cd-pre from-outbox moves to a `centre` with all digits",
+            expected: "a position closer to the origin; cd-pre from-outbox moves bodies to a `centre` with all digits",
         }
     }
 }
@@ -82,7 +85,7 @@ pub fn place_grains(
     let in_file = |point: Vector3<f64>| if polyhedral { point.map(round_14_columns) } else { round_point(&point) };
     let to_fixed_axes = |points: Vec<Vector3<f64>>| points.iter().map(|p| in_file(turn * p + centre)).collect();
     let mut draw = |until| {
-        let in_order = matches!(grains.place, GrainPlacement::List { .. });
+        let in_order = matches!(grains.placement, GrainPlacement::List { .. });
         draw_grains(
             grains.sizes.as_ref(),
             until,
@@ -91,7 +94,7 @@ pub fn place_grains(
             &mut RandomStream::new(seed, group, StreamPurpose::Sizes),
         )
     };
-    let (mut room, sized) = match (&grains.place, room) {
+    let (mut room, sized) = match (&grains.placement, room) {
         (GrainPlacement::List { positions, .. }, _) => {
             let points = positions.iter().map(|&p| p.into()).collect();
             let grains = draw(SampleTarget::Number(positions.len()))?;
@@ -104,7 +107,7 @@ pub fn place_grains(
             GrainPlacement::JitteredLattice { envelope, .. } | GrainPlacement::RandomSequential { envelope },
             Some(room),
         ) => (room, envelope.has_size()),
-        (_, None) => return Err(PlacementError { found: "no room".to_string(), expected: "an envelope" }),
+        (_, None) => return Err(PlacementError { found: "no envelope".to_string(), expected: "an envelope" }),
     };
 
     let until = match (grains.number, grains.solid_fraction) {
@@ -130,7 +133,7 @@ pub fn place_grains(
     // more than that from each other and from the envelope.
     expect_smaller(&room, &drawn)?;
     let margin = 1e-7 * (room.half_extents().norm() + centre.amax());
-    let in_envelope = match &grains.place {
+    let in_envelope = match &grains.placement {
         GrainPlacement::JitteredLattice { jitter, .. } => jittered_lattice(&room, &drawn, margin, *jitter, &mut random),
         _ => random_sequential(&room, &mut drawn, margin, &mut random),
     };
@@ -251,7 +254,7 @@ fn random_sequential(
     let padded: Vec<f64> = grains.iter().map(|grain| grain.reach + margin).collect();
     let centres = sequential::place_spheres(room, &padded, random).map_err(|placed| PlacementError {
         found: format!(
-            "{placed} of {} grains (largest first) could be placed in {room} before {} tries found no room for the next",
+            "{placed} of {} grains (largest first) could be placed in {room} before {} tries found no free position for the next",
             grains.len(),
             sequential::MAX_ATTEMPTS
         ),
@@ -289,7 +292,7 @@ mod tests {
         number: Option<usize>,
         solid_fraction: Option<f64>,
         sizes: SizeDistribution,
-        place: GrainPlacement,
+        placement: GrainPlacement,
     ) -> Grains {
         Grains {
             material: "ROCKx".into(),
@@ -299,8 +302,8 @@ mod tests {
             shape: GrainShape::Sphere,
             sizes: Some(sizes),
             radius: RadiusKind::default(),
-            standing: GrainOrientations::default(),
-            place,
+            grain_orientation: GrainOrientations::default(),
+            placement,
             centre: [0.0; 3],
             orientation: Rotation::default(),
             velocity: [0.0; 3],
@@ -312,7 +315,7 @@ mod tests {
 
     fn spot(grains: &Grains, seed: u64, group: usize) -> Result<PlacedGrains, PlacementError> {
         let folder = std::path::Path::new("");
-        let room = grains.place.envelope().map(|envelope| envelope.to_region(folder).unwrap().0);
+        let room = grains.placement.envelope().map(|envelope| envelope.to_region(folder).unwrap().0);
         place_grains(grains, &mut GrainSampler::from_grains(grains, folder, seed, group).unwrap(), room, seed, group)
     }
 

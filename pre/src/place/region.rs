@@ -33,7 +33,7 @@ impl Envelope {
             Envelope::Ball { radius } => radius.is_some(),
             Envelope::Ellipsoid { semi_axes: lengths, .. } | Envelope::Box { lengths, .. } => lengths.is_some(),
             Envelope::Cylinder { .. } => true,
-            Envelope::Model { scaled, .. } => scaled.is_some(),
+            Envelope::Model { scale, .. } => scale.is_some(),
         }
     }
 
@@ -51,15 +51,15 @@ impl Envelope {
             }
             Envelope::Box { lengths, ratios } => GrainRegion::Box(half(lengths.or(*ratios).unwrap_or([2.0; 3]))),
             &Envelope::Cylinder { half_height, radius } => GrainRegion::Cylinder { half_height, radius },
-            Envelope::Model { file, scaled } => {
-                let read = model::read_surface(folder, file, scaled.unwrap_or(ModelScale::Factor(1.0)))?;
-                let turned = (read.flipped > 0).then(|| format!("{} triangles turned to point outward", read.flipped));
+            Envelope::Model { file, scale } => {
+                let read = model::read_surface(folder, file, scale.unwrap_or(ModelScale::Factor(1.0)))?;
+                let turned = (read.flipped > 0).then(|| format!("{} triangles turned outward", read.flipped));
                 let changes: Vec<String> = turned.into_iter().chain(read.repairs).collect();
                 if !changes.is_empty() {
                     told = format!("{file}: {}", changes.join(", "));
                 }
                 let inside = SurfaceRegion::new(&read.surface).map_err(|found| {
-                    Fault::new(&folder.join(file), None, "surface", found, "expected one with an inside")
+                    Fault::new(&folder.join(file), None, "surface", found, "expected a surface that encloses a volume")
                 })?;
                 GrainRegion::Inside(inside)
             }

@@ -35,7 +35,7 @@ impl std::fmt::Display for HullError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             HullError::Flat => write!(f, "the points lie in a plane"),
-            HullError::Unsound(why) => write!(f, "no convex hull was found that holds all points: {why}"),
+            HullError::Unsound(why) => write!(f, "no convex hull was found that contains all points: {why}"),
             HullError::Moved(why) => write!(f, "about its centre of mass, in the digits of a number, {why}"),
         }
     }

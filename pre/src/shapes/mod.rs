@@ -59,7 +59,7 @@ impl SampledGrain {
 pub struct GrainSampler {
     source: ShapeSource,
     radius: RadiusKind,
-    standing: GrainOrientations,
+    orientations: GrainOrientations,
     random: RandomStream,
     drawn: usize,
 }
@@ -88,8 +88,9 @@ impl GrainSampler {
             &GrainShape::Random { vertices, ratios, angularity } => {
                 ShapeSource::Rocks(rocks::RockGenerator { vertices, ratios: ratios.into(), angularity })
             }
-            GrainShape::Model { file, scaled, contact } => {
-                let (solid, summary) = model::model_solid(folder, file, *scaled, contact).map_err(ShapeError::File)?;
+            GrainShape::Model { file, scale, contact_shape } => {
+                let (solid, summary) =
+                    model::model_solid(folder, file, *scale, contact_shape).map_err(ShapeError::File)?;
                 ShapeSource::Same(Rc::new(solid), summary)
             }
             other => {
@@ -101,7 +102,13 @@ impl GrainSampler {
             }
         };
         let random = RandomStream::new(seed, group, StreamPurpose::Shape);
-        Ok(GrainSampler { source, radius: grains.radius, standing: grains.standing.clone(), random, drawn: 0 })
+        Ok(GrainSampler {
+            source,
+            radius: grains.radius,
+            orientations: grains.grain_orientation.clone(),
+            random,
+            drawn: 0,
+        })
     }
 
     /// Notes on the shape's file.
@@ -121,7 +128,7 @@ impl GrainSampler {
             ShapeSource::Same(solid, _) => solid.clone(),
             ShapeSource::Rocks(rocks) => Rc::new(rocks.draw_rock(&mut self.random)?),
         };
-        let turn = match &self.standing {
+        let turn = match &self.orientations {
             GrainOrientations::Random => self.random.uniform_rotation(),
             GrainOrientations::Same(turn) => rotation_matrix(turn),
             GrainOrientations::List(turns) => turns.get(self.drawn).map_or(Matrix3::identity(), rotation_matrix),

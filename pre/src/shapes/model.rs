@@ -29,16 +29,16 @@ const VOXEL_RESOLUTION: u32 = 64;
 const MIN_PIECE_VOLUME: f64 = 1e-6;
 
 /// Reads the surface of a file and scales it. Errors: those of [`read::read_surface`].
-pub fn read_surface(folder: &Path, file: &str, scaled: ModelScale) -> Result<RepairedSurface, Faults> {
+pub fn read_surface(folder: &Path, file: &str, scale: ModelScale) -> Result<RepairedSurface, Faults> {
     let path = folder.join(file);
     let read = read::read_surface(&path)?;
-    let factor = scale_factor(&read.surface, scaled);
+    let factor = scale_factor(&read.surface, scale);
     Ok(RepairedSurface { surface: scale_surface(&path, &read.surface, factor)?, ..read })
 }
 
 /// Factor from the lengths of the file to the requested size.
-fn scale_factor(surface: &Surface, scaled: ModelScale) -> f64 {
-    match scaled {
+fn scale_factor(surface: &Surface, scale: ModelScale) -> f64 {
+    match scale {
         ModelScale::Factor(factor) => factor,
         ModelScale::Volume(volume) => libm::cbrt(volume / surface.volume()),
         ModelScale::Radius(radius) => {
@@ -66,7 +66,7 @@ fn scale_surface(path: &Path, surface: &Surface, factor: f64) -> Result<Surface,
     }
     let vertices: Vec<[f64; 3]> = surface.vertices().iter().map(|v| v.map(|x| factor * x)).collect();
     Surface::new(&vertices, surface.triangles()).map_err(|_| {
-        let found = format!("{factor:e} times as large it is no surface of finite volume");
+        let found = format!("scaled by {factor:e} it has no finite volume");
         Fault::new(path, None, "surface", found, "expected a size whose volume is a number").into()
     })
 }
@@ -75,19 +75,19 @@ fn scale_surface(path: &Path, surface: &Surface, factor: f64) -> Result<Surface,
 pub fn model_solid(
     folder: &Path,
     file: &str,
-    scaled: ModelScale,
-    contact: &ContactSurface,
+    scale: ModelScale,
+    contact_shape: &ContactSurface,
 ) -> Result<(PrincipalSolid, String), Faults> {
     let path = folder.join(file);
     let refuse =
         |object: &str, found: String, expected: &str| Faults::from(Fault::new(&path, None, object, found, expected));
     let read = read::read_surface(&path)?;
-    let factor = scale_factor(&read.surface, scaled);
+    let factor = scale_factor(&read.surface, scale);
     let whole = scale_surface(&path, &read.surface, factor)?;
     let mut summary = repair_summary(file, &whole, &read);
-    let solid = match contact {
-        ContactSurface::Whole => {
-            let expected = "expected a convex one, or contact: Hull, Pieces(...) or Files([...])";
+    let solid = match contact_shape {
+        ContactSurface::Surface => {
+            let expected = "expected a convex one, or contact_shape: Hull, Pieces(...) or Files([...])";
             let convex = convex(&whole).ok_or_else(|| refuse("surface", "it is not convex".to_string(), expected))?;
             summary += &convex.1;
             PrincipalSolid::from_convex(&convex.0)
@@ -95,11 +95,11 @@ pub fn model_solid(
         ContactSurface::Hull => {
             let hull = hull::convex_hull(whole.vertices());
             let hull = hull.map_err(|misfit| refuse("hull", misfit.to_string(), "expected a body"))?;
-            summary += &format!(", of which the hull has {:.4} times the volume", hull.volume() / whole.volume());
+            summary += &format!(", hull of {:.4} times its volume", hull.volume() / whole.volume());
             PrincipalSolid::from_convex(&hull)
         }
-        &ContactSurface::Pieces { most, concavity, vertices } => {
-            let pieces = decompose_convex(&whole, most, concavity, vertices);
+        &ContactSurface::Pieces { max_pieces, concavity, max_vertices } => {
+            let pieces = decompose_convex(&whole, max_pieces, concavity, max_vertices);
             let pieces = pieces.map_err(|misfit| refuse("pieces", misfit.to_string(), "expected a body"))?;
             if pieces.is_empty() {
                 return Err(refuse("pieces", "none was found".to_string(), "expected a body that has convex pieces"));
@@ -128,7 +128,7 @@ pub fn model_solid(
                     let mut ends = bounding_box(&read.surface).into_iter().zip(&model);
                     if ends.any(|([low, high], [least, most])| high <= *least || *most <= low) {
                         let expected = "expected a piece of the model, in the same axes";
-                        faults.push(Fault::new(&path, None, "surface", "it lies beside the model", expected));
+                        faults.push(Fault::new(&path, None, "surface", "it is outside the model", expected));
                     }
                     if !read.repairs.is_empty() {
                         summary += &format!(", {file}: {}", read.repairs.join(", "));
@@ -141,8 +141,8 @@ pub fn model_solid(
             PrincipalSolid::new(&whole, &pieces)
         }
     };
-    let solid =
-        solid.map_err(|misfit| refuse("surface", misfit.to_string(), "expected one whose parts are less small"))?;
+    let solid = solid
+        .map_err(|misfit| refuse("surface", misfit.to_string(), "expected a surface large enough to be represented"))?;
     Ok((solid, summary))
 }
 
@@ -164,7 +164,7 @@ fn repair_summary(file: &str, whole: &Surface, read: &RepairedSurface) -> String
     let (vertices, triangles) = (whole.vertices().len(), whole.triangles().len());
     let turned = match read.flipped {
         0 => String::new(),
-        turned => format!(", {turned} of them turned to point outward"),
+        turned => format!(", {turned} of them turned outward"),
     };
     let size = format!("{file}: {vertices} vertices, {triangles} triangles{turned}, {:.6e} m^3", whole.volume());
     if read.repairs.is_empty() { size } else { format!("{size} ({})", read.repairs.join(", ")) }
@@ -175,10 +175,15 @@ fn coverage_text(whole: &Surface, pieces: &[Surface]) -> String {
     format!(", {} convex pieces, together {:.4} of its volume", pieces.len(), sum / whole.volume())
 }
 
-/// Approximates the inside of `whole` by at most `most` convex pieces (K. Mamou, Volumetric hierarchical approximate
+/// Approximates the inside of `whole` by at most `max_pieces` convex pieces (K. Mamou, Volumetric hierarchical approximate
 /// convex decomposition, 2016, by parry). Each piece is the hull of the part of the surface in it, with at most
-/// `vertices` vertices.
-fn decompose_convex(whole: &Surface, most: u32, concavity: f64, vertices: usize) -> Result<Vec<Surface>, HullError> {
+/// `max_vertices` vertices.
+fn decompose_convex(
+    whole: &Surface,
+    max_pieces: u32,
+    concavity: f64,
+    max_vertices: usize,
+) -> Result<Vec<Surface>, HullError> {
     // Frame in which the surface has size 1 about its centre.
     let properties = whole.mass_properties();
     let [x, y, z] = properties.centre;
@@ -187,7 +192,7 @@ fn decompose_convex(whole: &Surface, most: u32, concavity: f64, vertices: usize)
     let points: Vec<Point> = whole.vertices().iter().map(point).collect();
     let parameters = VHACDParameters {
         concavity,
-        max_convex_hulls: most,
+        max_convex_hulls: max_pieces,
         resolution: VOXEL_RESOLUTION,
         fill_mode: FillMode::FloodFill { detect_cavities: false },
         ..VHACDParameters::default()
@@ -196,13 +201,13 @@ fn decompose_convex(whole: &Surface, most: u32, concavity: f64, vertices: usize)
     let mut pieces = Vec::new();
     for part in parts.compute_primitive_intersections(&points, whole.triangles()) {
         let part: Vec<[f64; 3]> = part.iter().map(|p| [x + size * p.x, y + size * p.y, z + size * p.z]).collect();
-        match hull::convex_hull(&part).and_then(|piece| reduce_vertices(piece, vertices)) {
+        match hull::convex_hull(&part).and_then(|piece| reduce_vertices(piece, max_vertices)) {
             Ok(piece) if piece.volume() > MIN_PIECE_VOLUME * properties.volume => pieces.push(piece),
             Ok(_) | Err(HullError::Flat) => {}
             Err(misfit) => return Err(misfit),
         }
     }
-    merge_pieces(pieces, most as usize, vertices)
+    merge_pieces(pieces, max_pieces as usize, max_vertices)
 }
 
 /// Merges pairs of pieces into their common hull, those to which it adds the least volume first, until at most `most` are

@@ -12,7 +12,7 @@ pub const GOOD: &str = r#"(
         material: "ROCKx", colour: "BLUEx",
         number: 20,
         sizes: Uniform(min: 0.5, max: 1.0),
-        place: JitteredLattice(envelope: Ball(radius: 10.0)),
+        placement: JitteredLattice(envelope: Ball(radius: 10.0)),
         spin: (0.0, 0.0, 0.1),
     )],
     walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (0.0, 0.0, -11.0), half_lengths: (9.0, 9.0, 0.5))],

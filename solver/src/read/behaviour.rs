@@ -91,7 +91,7 @@ pub fn set_laws_and_visibility(datbox: &Path, tact: &TactBehav, scene: &mut Scen
                     refuse(format!("{} with solver {solver}", record.kind), "expected solver auto or nlgs".into());
                 }
                 None if scene.laws.len() > u8::MAX.into() => {
-                    refuse("is the 257th that is used".into(), "expected at most 256 in use".into());
+                    refuse("is the 257th law in use".into(), "expected at most 256 in use".into());
                 }
                 None => {
                     number[k] = Some(scene.laws.len() as u8);
@@ -187,9 +187,8 @@ fn check_periods(file: &Path, tact: &TactBehav, scene: &Scene, faults: &mut Faul
         let range = law.interaction_range(largest);
         if range > 0.0 && 2.0 * (2.0 * largest + range) >= period {
             let line = tact.laws.iter().find(|law| law.nickname == name.nickname).map(|law| law.line);
-            let found =
-                format!("attracts bodies of {largest} m over {range} m in a scene that repeats after {period} m");
-            let expected = "expected twice the radii and the range in less than half of that";
+            let found = format!("attracts bodies of {largest} m over {range} m in a scene with the period {period} m");
+            let expected = "expected twice the radius plus the range to be less than half of that";
             faults.push(Fault::new(file, line, format!("law '{}'", name.nickname), found, expected));
         }
     }
@@ -348,7 +347,7 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
         (
             "sweep_precision",
             (!sweeps || scene.needs_blocks()) && scene.options.sweep_precision != default.sweep_precision,
-            "spheres alone, and solver auto or nlgs",
+            "a scene of spheres only, and solver auto or nlgs",
         ),
         ("check_every", !sweeps && scene.options.check_every.is_some(), "solver auto or nlgs"),
     ];
@@ -361,7 +360,7 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
     let of_event = |(k, event): (usize, &Event)| {
         let why = match event.action {
             _ if event.time > begin + EVENT_SLACK * dt && end > start => {
-                format!("at {} s no step begins any more, the last at {begin} s", event.time)
+                format!("no step begins at {} s or later, the last begins at {begin} s", event.time)
             }
             EventAction::Bond if !scene.has_bonds() => "Bond needs a law whose bonds or bridges can break".into(),
             _ => return None,
@@ -473,7 +472,7 @@ pub fn initial_contacts(
     contacts.sort_by_key(|solved| solved.contact.key());
     for pair in contacts.chunk_by(|a, b| a.contact.key() == b.contact.key()).filter(|same| same.len() > 1) {
         let Contact { candidate, antagonist, .. } = pair[0].contact;
-        let found = format!("bodies {} and {} are there {} times", candidate + 1, antagonist + 1, pair.len());
+        let found = format!("bodies {} and {} occur {} times", candidate + 1, antagonist + 1, pair.len());
         faults.push(Fault::new(&file, None, "contact", found, "expected each contact once"));
     }
     contacts

@@ -64,7 +64,7 @@ pub fn scene_without_laws(
         for period in
             [options.xperiode, options.yperiode].into_iter().flatten().filter(|period| 2.0 * extent >= *period)
         {
-            let found = format!("up to {extent} m long in a scene that repeats after {period} m");
+            let found = format!("up to {extent} m long in a scene with the period {period} m");
             faults.push(Fault::new(
                 &file,
                 Some(record.line),
@@ -122,7 +122,7 @@ pub fn scene_without_laws(
     };
     if scene.frame_angular_velocity() != Vec3::zeros() {
         for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i].is_driven_in_part()) {
-            let (object, found) = (format!("body {}", body + 1), "driven in part in axes that turn");
+            let (object, found) = (format!("body {}", body + 1), "driven in part in a rotating frame");
             let expected = "expected all six components driven or none: Coriolis' force on such a body is not computed";
             faults.push(Fault::new(&datbox.join("DRV_DOF.DAT"), None, object, found, expected));
         }
@@ -153,9 +153,9 @@ fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)]) -> Option
     let moved: Vec<(usize, f64)> =
         bodies.iter().zip(frames).enumerate().filter(moved).map(|(i, (_, (shift, _)))| (i + 1, shift.norm())).collect();
     let (body, most) = moved.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
-    let bodies = if moved.len() == 1 { "body stands" } else { "bodies stand" };
+    let bodies = if moved.len() == 1 { "body was" } else { "bodies were" };
     Some(format!(
-        "BODIES.DAT: {} {bodies} with the centre of mass of the shape, not at coo1 to coo3; by up to {most:.3e} m, body {body}",
+        "BODIES.DAT: {} {bodies} shifted from coo1 to coo3 to the centre of mass of the shape, by up to {most:.3e} m (body {body})",
         moved.len()
     ))
 }
@@ -166,7 +166,9 @@ pub fn period_gap_notes(scene: &Scene, q: &[Quat]) -> Vec<String> {
     let missed = periods.into_iter().enumerate().filter_map(|(axis, (name, period))| {
         let widest = scene.planes.iter().map(|&plate| plate_extent(scene, q, plate as usize, axis)).reduce(f64::max)?;
         let period = period.filter(|period| widest < period * (1.0 - 1e-6))?; // rounding of files
-        Some(format!("{name}: the widest plate spans {widest} of {period} m; what falls beside it falls on"))
+        Some(format!(
+            "{name}: the widest plate spans {widest} m of the period {period} m; grains that miss it fall forever"
+        ))
     });
     missed.collect()
 }
@@ -181,8 +183,11 @@ pub fn check_level(datbox: &Path, records: &Bodies, scene: &Scene, q: &[Quat], f
             let spans = |period: f64| plate_extent(scene, q, plate, *axis) >= period * (1.0 - 1e-6); // rounding of files
             period.is_some_and(spans) && slope[*axis].abs() > 1e-6
         }) {
-            let found = format!("a plate as wide as {name} whose normal {:.4?} leans along it", slope.as_slice());
-            let expected = format!("expected {} 0 of it, as images make stairs; gravity may lean", ["x", "y"][axis]);
+            let found = format!("a plate as wide as {name} whose normal {:.4?} is inclined along it", slope.as_slice());
+            let expected = format!(
+                "expected {} 0 of the normal: images of an inclined plate form stairs; incline gravity instead",
+                ["x", "y"][axis]
+            );
             let line = Some(records.0[plate].line);
             faults.push(Fault::new(&datbox.join("BODIES.DAT"), line, format!("body {}", plate + 1), found, expected));
         }
@@ -213,8 +218,8 @@ pub fn check_within(datbox: &Path, records: &Bodies, scene: &Scene, x: &[Vec3], 
         let mut outside: Vec<u32> = scene.parts.iter().filter(stands_outside).map(|part| part.body).collect();
         outside.dedup();
         for body in outside {
-            let found = format!("stands outside the hollow cylinder of body {}", drum.body + 1);
-            let expected = "expected what meets it within: it is closed, and pushes inwards alone";
+            let found = format!("is outside the hollow cylinder of body {}", drum.body + 1);
+            let expected = "expected bodies that can touch it inside: it is closed and has contacts on its inside only";
             let line = Some(records.0[body as usize].line);
             faults.push(Fault::new(&datbox.join("BODIES.DAT"), line, format!("body {}", body + 1), found, expected));
         }
@@ -261,7 +266,8 @@ fn imposed_motion(
         let missing: Vec<String> = (3..6).filter(|&k| velocity[k].is_none()).map(|k| (k + 1).to_string()).collect();
         if !missing.is_empty() {
             let found = format!("velocity components {} are free while others are driven", missing.join(", "));
-            let expected = "expected 4 to 6 driven, which may be at 0: a body driven in part turns as imposed";
+            let expected =
+                "expected 4 to 6 driven, which may be at 0: the rotation of a partly driven body must be imposed";
             faults.push(Fault::new(&file, Some(line), format!("body {}", body + 1), found, expected));
             continue;
         }

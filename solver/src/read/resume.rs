@@ -197,7 +197,7 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
             continue;
         };
         if std::mem::replace(known, true) {
-            refuse(object, "is there twice".into(), "expected once".into());
+            refuse(object, "occurs twice".into(), "expected once".into());
             continue;
         }
         let (i, bodies) = (id as usize - 1, &snapshot.bodies);

@@ -10,7 +10,7 @@ use crate::solve::sweep::{sweep_contacts, sweep_single};
 
 /// The rows `active` of a step, and the data that the sweeps change.
 pub enum PackedProblem {
-    /// Spheres and plates without friction: one unknown a contact.
+    /// Spheres and plates without friction: one unknown per contact.
     Frictionless(DiagonalProblem<BodyHalfLine>),
     FrictionlessSingle(DiagonalProblem<BodyHalfLineF32>),
     /// Spheres and plates: the blocks are diagonal.

@@ -6,11 +6,11 @@
 //!
 //! | source | estimate | option |
 //! |---|---|---|
-//! | contacts | the smaller of two changes of Σ f·l (three volumes times the pressure), over its median. First: twice the median change from one step to the next, which includes noise that averages out in an interval. Second: the median change of its mean over the n steps between two snapshots from one such interval to the next, over √n. The mean varies with the motion, which all runs share, and with the noise of each step, which averages out as 1/√n: runs with intervals of one step share nothing, and differ by as much as these do. The factor 2, as successive steps are alike, is from the scenes of examples/trade | `tol` |
+//! | contacts | the smaller of two changes of Σ f·l (three volumes times the pressure), over its median. First: twice the median change from one step to the next, which includes noise that averages out in an interval. Second: the median change of its mean over the n steps between two snapshots from one such interval to the next, over √n. The mean varies with the motion, which all runs share, and with the noise of each step, which averages out as 1/√n: runs with intervals of one step share nothing, and differ by as much as these do. The factor 2, as successive steps are alike, is from the scenes of examples/accuracy-study | `tol` |
 //! | step | 2 δ/r̄, δ the mean penetration of a contact: an aggregate shorter by δ/2r̄ of its length, with a pressure proportional to the -4th power of the length; plus, for bodies in flight (without contact), Σ ¼ m \|h a\|² over the largest of the energies involved, a the acceleration beyond uniform gravity: the fluctuation of the kinetic energy on a circular orbit | `dt` |
 //! | gravity | \|Σ m x·(a - a_direct)\| / \|Σ m x·a_direct\|, the virial, on 64 bodies, mean over the diagnostic steps | `gravity_error` |
 //! | narrow | 2 δ/r̄, δ the mean error of the fast narrow phase in the gap of a touching pair, mean over the diagnostic steps | `narrow_phase` |
-//! | chance | w (0.35/√N + s/√D): N is the number of pairs in contact, whose forces vary as much as their mean (the points of one pair count once); s is the fraction of the forces of driven bodies that balance among themselves, since grains between walls can be wedged by any force; D is the number of pairs that carry them; w is the fraction of the energy that contacts have dissipated, through which the result could have been different; 0.35 is from the scenes of examples/trade | none |
+//! | chance | w (0.35/√N + s/√D): N is the number of pairs in contact, whose forces vary as much as their mean (the points of one pair count once); s is the fraction of the forces of driven bodies that balance among themselves, since grains between walls can be wedged by any force; D is the number of pairs that carry them; w is the fraction of the energy that contacts have dissipated, through which the result could have been different; 0.35 is from the scenes of examples/accuracy-study | none |
 //! | energy | energy that the ledger does not explain, over the largest of the energies involved | `theta` |
 //! | momentum | kinetic energy of its drift as a motion of all bodies together, over the same | none: rounding |
 
@@ -31,7 +31,7 @@ use super::summary;
 /// File next to OUTBOX; it contains durations.
 pub const ERRORS_FILE: &str = "ERRORS.csv";
 
-/// Random variation of the force of one pair, over the mean force, in the scenes of examples/trade.
+/// Random variation of the force of one pair, over the mean force, in the scenes of examples/accuracy-study.
 const SAMPLING_FACTOR: f64 = 0.35;
 
 /// Figures of the steps so far, in bounded memory.

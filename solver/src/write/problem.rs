@@ -21,7 +21,7 @@ pub fn check_dump_step(scene: &Scene, state: &State, step: u64) -> Result<(), Fa
         fault(format!("{step}"), format!("expected a step that the run makes, after {first} and up to {last}"));
     }
     if state.laws.iter().any(|law| law.rolling.is_some()) {
-        let expected = "expected laws without rolling friction: the document has no place for moments";
+        let expected = "expected laws without rolling friction: the format cannot hold moments";
         fault(format!("{step}"), expected.into());
     }
     faults.into_result(())

@@ -85,24 +85,24 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
     let active = state.contacts.iter().filter(|c| c.impulse != Vec3::zeros()).count();
     let (linear, angular) = momentum_drift(scene, state);
     line("models", scene.model_names().join("; "));
-    line("steps", format!("{} now, {} in all, t = {} s", course.steps, state.step, state.time));
+    line("steps", format!("{} in this run, {} in total, t = {} s", course.steps, state.step, state.time));
     let dt = scene.options.dt;
     if scene.options.adaptive().is_on() {
         let mean = (course.dt_count as f64 / course.steps.max(1) as f64) * dt;
-        line(
-            "length of a step",
-            format!("{dt:.3e} s at least, {mean:.3e} s in the mean, {:.3e} s at most", course.longest),
-        );
+        line("step length", format!("min {dt:.3e} s, mean {mean:.3e} s, max {:.3e} s", course.longest));
     }
     line("contacts", format!("{} listed, {active} carry force", state.contacts.len()));
     if scene.has_bonds() {
-        line("bonds", format!("{} hold, {} at most in this run", state.bond_count(), course.bonds));
+        line("bonds", format!("{} at the end, largest number in this run {}", state.bond_count(), course.bonds));
     }
     let single =
         if course.single > 0 { format!(", in single precision in {} steps", course.single) } else { String::new() };
     line("sweeps per step", format!("{:.1}{single}", course.sweeps as f64 / course.steps.max(1) as f64));
     let last = ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at step {step}"));
-    line("unconverged steps", format!("{} now, {} in all{last}", course.unconverged, ledger.steps_unconverged));
+    line(
+        "unconverged steps",
+        format!("{} in this run, {} in total{last}", course.unconverged, ledger.steps_unconverged),
+    );
     if course.taken_over > 0 {
         let name = if scene.options.solver == ContactSolver::Auto { "fallback solver" } else { "stored solver" };
         let steps = if course.taken_over == 1 { "step" } else { "steps" };
@@ -110,8 +110,11 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
     }
     if course.given_up > 0 {
         line(
-            "given up",
-            format!("{} steps after one round of sweeps, as further sweeps failed before", course.given_up),
+            "no fallback",
+            format!(
+                "{} steps ended after one round of sweeps, because the fallback had failed before",
+                course.given_up
+            ),
         );
     }
     // Over all steps in which contacts were detected, including those of the start, and the last state.
@@ -132,19 +135,19 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
         let deep = 100.0 * OVERLAP_WARNING_SHARE;
         line(
             "warning",
-            format!("{}: more than {deep} %; volumes and stresses are off accordingly", overlap.message_text()),
+            format!("{}: more than {deep} %; volumes and stresses have errors of that order", overlap.message_text()),
         );
     }
     line("energy drift", format!("{:.2e}", energy_drift(scene, state).0));
     if let Some(SampledError { rms, largest, .. }) = course.gravity {
         let asked = scene.options.gravity_error();
-        line("gravity error", format!("{rms:.1e} RMS, {largest:.1e} at most of 64 bodies; {asked:.0e} asked for"));
+        line("gravity error", format!("RMS {rms:.1e}, largest {largest:.1e} of 64 bodies; gravity_error {asked:.0e}"));
     }
     if let Some(NarrowPhaseError { mean, largest }) = course.narrow_phase_error {
         let [mean, largest] = [mean, largest].map(|miss| miss / scene.mean_radius);
         line(
             "narrow phase error",
-            format!("{mean:.1e} of the mean radius in the mean of pairs that touch, {largest:.1e} at most"),
+            format!("mean {mean:.1e} of the mean radius over touching pairs, largest {largest:.1e}"),
         );
     }
     line("momentum drift", format!("{linear:.2e} linear, {angular:.2e} angular"));

@@ -147,15 +147,15 @@ fn a_plan_makes_no_step_that_is_far_too_long() {
     case.write();
     let plan = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).arg("--plan").output().unwrap();
     let text = String::from_utf8(plan.stdout).unwrap();
-    assert!(text.contains("no step tried, h is far too long") && text.contains("times the sharpest bound"), "{text}");
+    assert!(text.contains("no trial step: h is far too long") && text.contains("times the strictest bound"), "{text}");
 }
 
 #[test]
 fn a_plan_names_the_unknowns_that_friction_adds() {
     for (cubes, law, parameters, expected) in [
         (false, "IQS_CLB", &[0.5][..], None),
-        (false, "IQS_CLB", &[0.0], Some("friction: one unknown a contact")),
-        (true, "IQS_CLB", &[0.0], Some("friction: one unknown a contact")),
+        (false, "IQS_CLB", &[0.0], Some("friction (one unknown per contact)")),
+        (true, "IQS_CLB", &[0.0], Some("friction (one unknown per contact)")),
         // Their sweeps keep three components.
         (false, "IQS_DS_ROLL_CLB", &[0.0, 0.0, 0.1, 0.1], Some("friction")),
     ] {
@@ -163,7 +163,7 @@ fn a_plan_names_the_unknowns_that_friction_adds() {
         case.write();
         let plan = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).arg("--plan").output().unwrap();
         let text = String::from_utf8(plan.stdout).unwrap();
-        let line = text.lines().find_map(|line| line.trim().strip_prefix("not needed")).expect("a line of the plan");
+        let line = text.lines().find_map(|line| line.trim().strip_prefix("inactive")).expect("a line of the plan");
         let found = line.trim().split("; ").find(|name| name.starts_with("friction"));
         assert_eq!(found, expected, "{law} {parameters:?}: {line}");
     }
@@ -175,9 +175,9 @@ fn a_plan_says_in_what_share_of_the_time_steps_may_be_longer() {
     let table = |points: &[[f64; 2]]| Evolution::Table { name: "speed.dat".into(), points: points.to_vec() };
     for (points, expected) in [
         // The wall starts in the first second of four.
-        (&[[0.0, 0.0], [1.0, 1.0], [2.0, 1.0]][..], "of dt, up to 16 of them at once in the 75.000 % of the time"),
-        (&[[0.0, 0.0], [9.0, 1.0]], "400 steps, each dt, as imposed motion changes all the time;"),
-        (&[[0.0, 1.0], [9.0, 1.0]], "of dt, up to 16 of them at once, now"),
+        (&[[0.0, 0.0], [1.0, 1.0], [2.0, 1.0]][..], "of dt, up to 16 of them in a step in the 75.000 % of the time"),
+        (&[[0.0, 0.0], [9.0, 1.0]], "400 steps, each dt, because imposed motion changes all the time;"),
+        (&[[0.0, 1.0], [9.0, 1.0]], "of dt, up to 16 of them in a step, "),
     ] {
         let mut case = Case::new();
         case.law("IQS_CLB", &[0.0]);

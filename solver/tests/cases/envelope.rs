@@ -68,7 +68,7 @@ fn what_crosses_many_radii_in_a_step_is_stopped_all_the_same() {
         (floor + pushed) / speed + passed
     });
     shown(
-        "way in a step over the radius",
+        "displacement in a step over the radius",
         &found.range(),
         "under `IQS_CLB` a bullet is stopped, error of velocities",
         found.worst,

@@ -172,7 +172,7 @@ fn coriolis_force_does_no_work() {
     }
 }
 
-/// A ball on a plate without friction, laid or let fall on it, in axes that turn about a horizontal line.
+/// A ball on a plate without friction, laid or let fall on it, in a frame that rotates about a horizontal line.
 #[test]
 fn coriolis_force_leaves_alone_what_lies() {
     for (height, h) in [(0.0, 1e-2), (0.0, 1e-3), (0.2, 1e-2)] {

@@ -120,7 +120,7 @@ fn what_stands_does_not_creep() {
         moved = states[0].free().into_iter().map(way).fold(moved, f64::max);
     }
     assert!(moved < 1e-9, "{moved:e}"); // 1e-12 of h² g in each step, all one way
-    shown("steps at rest", &range(&[1.0, steps as f64]), "nothing creeps, way over the size", moved);
+    shown("steps at rest", &range(&[1.0, steps as f64]), "nothing creeps, displacement over the size", moved);
 }
 
 #[test]
@@ -154,7 +154,7 @@ fn a_rod_that_jams_gives_no_energy() {
 
 #[test]
 fn two_spheres_part_where_weight_ends() {
-    // In axes that turn with them: G m²/d² less m ω² d/2 is what presses them together.
+    // In a frame that rotates with them: G m²/d² less m ω² d/2 is what presses them together.
     let margins = [1e-2, 1e-4, 1e-6];
     let mut worst = 0f64;
     for (margin, h) in margins.into_iter().flat_map(|margin| [1e-7, 1e-6].map(|h| (margin, h))) {
@@ -235,7 +235,12 @@ fn a_number_that_is_none_is_refused_wherever_it_stands() {
     }
     assert!(tried > 150, "{tried}");
     assert_eq!(case.solve(&["--force"]), 0);
-    shown("NaN, infinity", "any number of any file, any option", "refused; number of places tried", f64::from(tried));
+    shown(
+        "NaN, infinity",
+        "any number of any file, any option",
+        "rejected; number of positions tried",
+        f64::from(tried),
+    );
 }
 
 #[test]
@@ -261,7 +266,7 @@ fn none_one_and_two_bodies() {
         }
     }
     let holds =
-        "0 is refused, others rest or fall towards each other, ten steps of 1e-5 to 1e-1 s; error of the place, m";
+        "0 is rejected, others rest or fall towards each other, ten steps of 1e-5 to 1e-1 s; error of the position, m";
     shown("free bodies", "0, 1, 2", holds, worst);
 }
 
@@ -294,13 +299,16 @@ fn a_step_too_long_for_what_moves_is_told() {
         let [run, plan] = said(case);
         // Four times the bound suits a draft.
         assert!(
-            run.contains(&format!("is 2.5 times the longest that suits a draft, {:.3e} s: {reason}", 4.0 * h)),
+            run.contains(&format!(
+                "is 2.5 times the largest step recommended for a draft, {:.3e} s ({reason})",
+                4.0 * h
+            )),
             "{run}"
         );
-        assert!(plan.contains("is 10.0 times the sharpest bound"), "{plan}");
+        assert!(plan.contains("is 10.0 times the strictest bound"), "{plan}");
         assert!(plan.contains(&format!("up to {h:.3e} s: {reason}")), "{plan}");
     };
-    let fast = "bodies move at 1.000e5 m/s: 0.1 of the smallest radius a step";
+    let fast = "largest speed 1.000e5 m/s: 0.1 of the smallest radius a step";
     let (mut thrown, ball, _) = before_a_plate();
     thrown.launch(ball, [0.0, 0.0, -1e5], [0.0; 3]);
     told(&mut thrown, 5e-7, fast);
@@ -334,7 +342,7 @@ fn a_step_too_long_for_what_moves_is_told() {
     told(
         &mut high,
         0.05 / fall,
-        &format!("through 9.950e1 m they fall to {fall:.3e} m/s: 0.1 of the smallest radius a step"),
+        &format!("impact speed of a fall through 9.950e1 m, {fall:.3e} m/s: 0.1 of the smallest radius a step"),
     );
 
     let mut low = Case::new();
@@ -342,15 +350,15 @@ fn a_step_too_long_for_what_moves_is_told() {
     low.sphere(0.5, [7e6, 0.0, 2.0]);
     low.options.fields = vec![ExternalField::PointMass { mass: 6e24, position: [0.0; 3] }];
     let period = std::f64::consts::TAU * (7e6f64.powi(3) / (6e24 * low.options.gravity_constant)).sqrt();
-    told(&mut low, period / 100.0, &format!("the shortest orbit takes {period:.3e} s: 100 steps in it"));
+    told(&mut low, period / 100.0, &format!("shortest orbital period {period:.3e} s: 100 steps an orbit"));
     low.options.fields =
         vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, std::f64::consts::TAU], centre: [7e6, 0.0, 0.0] }];
-    told(&mut low, 1e-2, "the shortest orbit takes 1.000e0 s: 100 steps in it");
+    told(&mut low, 1e-2, "shortest orbital period 1.000e0 s: 100 steps an orbit");
 
     let mut spun = Case::new();
     let cube = spun.block([0.5; 3], [0.0; 3], AXES);
     spun.launch(cube, [0.0; 3], [1000.0, 0.0, 0.0]);
-    told(&mut spun, 1e-4, "bodies turn at 1.000e3 rad/s: 10 steps a radian");
+    told(&mut spun, 1e-4, "fastest rotation 1.000e3 rad/s: 10 steps a radian");
 }
 
 #[test]
@@ -366,7 +374,7 @@ fn positions_with_too_few_digits_are_told() {
         line(&run)
     };
     assert_eq!(told(1e9), None);
-    let message = "1.000e15 m from the origin, where positions have digits of 2.2e-1 m: \
-                   in 10 steps rounding may lead it astray by 4.4e0 of its radius";
+    let message = "1.000e15 m from the origin, where positions are rounded to 2.2e-1 m: \
+                   in 10 steps round-off may displace it by 4.4e0 of its radius";
     assert_eq!(told(1e15).as_deref(), Some(message));
 }

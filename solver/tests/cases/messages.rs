@@ -50,11 +50,11 @@ fn what_is_no_case_says_what_to_run() {
     fs::write(case.join("scene.ron"), "()").unwrap();
     assert_eq!(
         said("scene.ron"),
-        "cd-solve: CASE/scene.ron: file: is a scene, no case; run cd-pre CASE/scene.ron first, then cd-solve CASE\n"
+        "cd-solve: CASE/scene.ron: file: is a scene, not a case; run cd-pre CASE/scene.ron first, then cd-solve CASE\n"
     );
     assert_eq!(said(""), "cd-solve: CASE/: folder: has a scene but no DATBOX; run cd-pre CASE/scene.ron first\n");
     fs::write(case.join("notes.txt"), "").unwrap();
-    assert!(said("notes.txt").starts_with("cd-solve: CASE/notes.txt: file: is no folder; expected the folder"));
+    assert!(said("notes.txt").starts_with("cd-solve: CASE/notes.txt: file: is not a folder; expected the folder"));
     fs::create_dir(case.join("DATBOX")).unwrap();
     fs::write(case.join("DATBOX/BODIES.DAT"), "").unwrap();
     assert_eq!(said("DATBOX"), "cd-solve: CASE/DATBOX: folder: is a DATBOX; expected the folder that it is in\n");
@@ -154,7 +154,7 @@ fn overlaps_and_steps_that_are_too_long_are_in_the_summary() {
     case.write();
     let (code, out, text) = of(&case, &[]);
     assert_eq!(code, 0);
-    let too_long = text.lines().find(|line| line.contains("times the longest")).unwrap();
+    let too_long = text.lines().find(|line| line.contains("times the largest step")).unwrap();
     assert!(too_long.starts_with("cd-solve: warning: dt = 5 s is "), "{text}");
     assert!(out.contains(&format!("  warning                {}\n", &too_long["cd-solve: warning: ".len()..])), "{out}");
 }

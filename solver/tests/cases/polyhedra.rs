@@ -656,7 +656,12 @@ fn a_minute(building: Building) {
     let most = moved[1..].iter().copied().fold(0.0, f64::max);
     let (name, size, mu, _) = building;
     let range = format!("{size} m, friction {mu}");
-    shown(&format!("{name}, a minute"), &range, "largest way of a body in 5 s over the size, from 5 s on", most);
+    shown(
+        &format!("{name}, a minute"),
+        &range,
+        "largest displacement of a body in 5 s over the size, from 5 s on",
+        most,
+    );
     shown(&format!("{name}, the floor"), &range, "its reaction less the weight, over the weight", missed.abs());
     assert!(most < 1e-6, "{}: {moved:?}", building.0);
 }

@@ -67,8 +67,8 @@ fn options_without_effect_are_told() {
     let expected = "cd-solve: gravity_error: without effect; needs self_gravity\n\
                     cd-solve: narrow_phase: without effect; needs polyhedra\n\
                     cd-solve: event 1: without effect; Bond needs a law whose bonds or bridges can break\n\
-                    cd-solve: event 2: without effect; at 1 s no step begins any more, the last at 0.001 s\n\
-                    cd-solve: event 4: without effect; at 0.0015 s no step begins any more, the last at 0.001 s\n";
+                    cd-solve: event 2: without effect; no step begins at 1 s or later, the last begins at 0.001 s\n\
+                    cd-solve: event 4: without effect; no step begins at 0.0015 s or later, the last begins at 0.001 s\n";
     let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(output.status.success() && text.starts_with(expected), "{text}");
@@ -82,8 +82,8 @@ fn what_stands_outside_a_hollow_cylinder() {
     case.bodies[drum].contactors[0].shape = ShapeRecord::Cylinder { half_height: 2.0, radius: 1.25, hollow: true };
     case.sphere(0.5, [0.5, 0.0, 0.0]);
     case.sphere(0.5, [0.0, 0.0, 2.25]);
-    let line = "CASE/DATBOX/BODIES.DAT:21: body 3: stands outside the hollow cylinder of body 1; \
-                expected what meets it within: it is closed, and pushes inwards alone";
+    let line = "CASE/DATBOX/BODIES.DAT:21: body 3: is outside the hollow cylinder of body 1; \
+                expected bodies that can touch it inside: it is closed and has contacts on its inside only";
     written_refused(&case, &[], &[line]);
 }
 
@@ -141,7 +141,7 @@ fn motion_imposed_in_part() {
     let mut case = sound();
     case.driven.truncate(4);
     let partial = "CASE/DATBOX/DRV_DOF.DAT:6: body 1: velocity components 5, 6 are free while others are driven; \
-                   expected 4 to 6 driven, which may be at 0: a body driven in part turns as imposed";
+                   expected 4 to 6 driven, which may be at 0: the rotation of a partly driven body must be imposed";
     let free = "CASE/DATBOX/BODIES.DAT:1: body 1: a PLANx that may move freely; \
                 expected vlocy lines in DRV_DOF.DAT: plates are walls, some or all of their motion is imposed";
     written_refused(&case, &[], &[partial, free]);
@@ -151,7 +151,7 @@ fn motion_imposed_in_part() {
     let mut case = sound();
     case.press(0, 2, 1.0);
     case.options.fields = vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, 1.0], centre: [0.0; 3] }];
-    let turning = "CASE/DATBOX/DRV_DOF.DAT: body 1: driven in part in axes that turn; \
+    let turning = "CASE/DATBOX/DRV_DOF.DAT: body 1: driven in part in a rotating frame; \
                    expected all six components driven or none: Coriolis' force on such a body is not computed";
     written_refused(&case, &[], &[turning]);
 }
@@ -279,13 +279,13 @@ fn rows_that_contradict_and_laws_that_are_too_many() {
     }
     case.write();
     let (code, text) = spawn(&case, &[]);
-    assert!(code == 2 && text.contains("is the 257th that is used; expected at most 256 in use"), "{text}");
+    assert!(code == 2 && text.contains("is the 257th law in use; expected at most 256 in use"), "{text}");
 
     let mut case = sound();
     case.law("IQS_WET_DS_CLB", &[1.0, 0.0, 0.3, 0.3, 0.3]);
     case.options.xperiode = Some(2.5);
-    let found = "attracts bodies of 0.5 m over 0.3 m in a scene that repeats after 2.5 m; \
-                 expected twice the radii and the range in less than half of that";
+    let found = "attracts bodies of 0.5 m over 0.3 m in a scene with the period 2.5 m; \
+                 expected twice the radius plus the range to be less than half of that";
     let lines = [("2", "law00"), ("6", "law01")]
         .map(|(line, law)| format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{law}': {found}"));
     written_refused(&case, &[], &lines.each_ref().map(String::as_str));
@@ -373,7 +373,7 @@ fn steps_of_which_no_problem_can_be_written() {
 
     case.law("IQS_DS_ROLL_CLB", &[0.3, 0.3, 0.1, 0.1]);
     fs::remove_dir_all(case.path().join("OUTBOX")).unwrap();
-    let moments = "expected laws without rolling friction: the document has no place for moments";
+    let moments = "expected laws without rolling friction: the format cannot hold moments";
     written_refused(&case, &["--dump-problem", "1"], &[&format!("options: dump_problem: 1; {moments}")]);
     // The last step of a run is one of its steps.
     let case = sound();
@@ -421,10 +421,10 @@ fn results_that_are_there() {
     // A refused --force has removed nothing.
     refused(&case, &["--force", "--dt", "0"], &["options: dt: 0; expected a finite time step > 0 s"]);
     assert_eq!(case.last(), before);
-    let line = "options: steps: 1 is before step 2, from which the run goes on; expected a later step";
+    let line = "options: steps: 1 is before step 2, from which the run continues; expected a later step";
     refused(&case, &["--resume", "--steps", "1"], &[line]);
     let time = before.meta.time;
-    let line = format!("options: end_time: 0.001; expected at least {time} s, from which the run goes on");
+    let line = format!("options: end_time: 0.001; expected at least {time} s, from which the run continues");
     refused(&case, &["--resume", "--end-time", "0.001", "--dt", "0.001"], &[&line]);
 }
 
@@ -547,7 +547,7 @@ fn a_floor_narrower_than_the_period_is_told_of() {
     assert_eq!(told([2.0, 3.0, 0.5], [x, y, z]), None);
     // Turned by 90 degrees about z.
     assert_eq!(told([3.0, 2.0, 0.5], [y, x.map(|c| -c), z]), None);
-    let note = "cd-solve: xperiode: the widest plate spans 3.8 of 4 m; what falls beside it falls on";
+    let note = "cd-solve: xperiode: the widest plate spans 3.8 m of the period 4 m; grains that miss it fall forever";
     assert_eq!(told([1.9, 3.0, 0.5], [x, y, z]).as_deref(), Some(note));
 }
 
@@ -565,8 +565,8 @@ fn plates_on_a_slope_along_a_period() {
         (case.options.xperiode, case.options.yperiode) = (Some(4.0), Some(6.0));
         case
     };
-    let line = "CASE/DATBOX/BODIES.DAT:1: body 1: a plate as wide as xperiode whose normal [0.2800, 0.0000, 0.9600] leans along it; \
-                expected x 0 of it, as images make stairs; gravity may lean";
+    let line = "CASE/DATBOX/BODIES.DAT:1: body 1: a plate as wide as xperiode whose normal [0.2800, 0.0000, 0.9600] is inclined along it; \
+                expected x 0 of the normal: images of an inclined plate form stairs; incline gravity instead";
     written_refused(&case([3.0, 4.0, 0.5]), &[], &[line]);
     let baffle = case([1.0, 4.0, 0.5]);
     baffle.write();
@@ -596,7 +596,7 @@ fn contacts_of_vloc_rloc_that_are_in_doubt() {
     for (changed, expected) in [
         (text.replace(" stick", " stuck"), "status: stuck; expected one of LMGC90's"),
         (text.replacen("$steps        2", "$steps        3", 1), "head: step 3, time"),
-        (format!("{text}{record}"), "bodies 2 and 1 are there 2 times; expected each contact once"),
+        (format!("{text}{record}"), "bodies 2 and 1 occur 2 times; expected each contact once"),
     ] {
         let (code, told) = said(&changed);
         assert!(code == 2 && told.contains("CASE/DATBOX/Vloc_Rloc.INI") && told.contains(expected), "{told}");

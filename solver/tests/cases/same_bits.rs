@@ -491,7 +491,7 @@ fn events_before_a_late_start_have_happened() {
     let text = std::fs::read_to_string(&file).unwrap();
     std::fs::write(&file, text.replacen("time= 0.0000000D+00", "time= 0.1000000D+03", 1)).unwrap();
     let (scene, _) = cd_solve::read::read_case(&case.path(), &ComputeFlags::default()).unwrap();
-    let told = "events: 10 events before the start at 100 s: what they would add or bond is left out";
+    let told = "events: 10 events before the start at 100 s: what they add or bond is not done";
     assert!(scene.notes.iter().any(|note| note == told), "{:?}", scene.notes);
     assert_eq!(case.solve(&[]), 0);
     // That of 100 s happens.

@@ -23,55 +23,61 @@ use crate::write::scale::format_six_digits;
 
 /// Figures of the last state, with their captions, in which REACH is replaced by the reach of slopes.
 const STATE_FIGURES: [(&str, &str); 12] = [
-    ("layers_nu.svg", "Share of layers parallel to the floor that the grains of the bed fill."),
-    ("layers_Z.svg", "Neighbours that a grain touches with force, by the layer of the grain's centre."),
+    ("layers_nu.svg", "Solid fraction of the bed by height, in layers parallel to the floor."),
+    ("layers_Z.svg", "Neighbours per grain by height: bodies that it touches with force."),
     (
         "layers_stress.svg",
-        "Stress of the grains by layer: along the normal of the floor, mean across it, along planes of the layer, and the weight above over the area.",
+        "Stress by height: normal to the floor, mean of the two components parallel to it, shear, and the weight above divided by the area.",
     ),
     (
         "profile_nu.svg",
-        "Share of spherical shells about the centre of mass of the largest remnant that grains fill, polyhedra as spheres of equal volume.",
+        "Solid fraction by distance from the centre of mass of the largest remnant; polyhedra count as spheres of equal volume.",
     ),
-    ("profile_Z.svg", "Neighbours that a grain touches with force, by the shell of the grain's centre."),
+    ("profile_Z.svg", "Neighbours per grain by distance from that centre: bodies that it touches with force."),
     (
         "profile_stress.svg",
-        "Stress of the grains by shell, polyhedra as spheres of equal volume: a third of the trace, its radial and its mean tangential component.",
+        "Stress by distance from that centre: pressure, radial component, mean tangential component.",
     ),
-    ("forces.svg", "Distribution of the contact forces between grains, each over its mean."),
-    ("mobilisation.svg", "Tangential force of a contact over the largest that friction allows; 1 is sliding."),
+    ("forces.svg", "Probability density of the contact forces between grains, each normalised by its mean."),
+    (
+        "mobilisation.svg",
+        "Mobilised friction: tangential force of a contact over the largest that friction allows; 1: sliding.",
+    ),
     (
         "surface_height.svg",
-        "Surface of the largest remnant, polyhedra as spheres of equal volume, by planes through the heights within REACH mean radii.",
+        "Height of the surface, from planes fitted within REACH mean radii; polyhedra count as spheres of equal volume.",
     ),
     (
         "surface_slope.svg",
-        "Angle between the surface and the level of gravity and rotation, by planes through the heights within REACH mean radii; the title has the standard error that single grains leave, whose share in the square is taken away.",
+        "Slope of the surface against gravity and rotation, from planes fitted within REACH mean radii. The title gives its standard error due to single grains, whose variance is subtracted.",
     ),
-    ("slopes.svg", "Share of that surface whose slope is below an angle."),
-    ("ejecta.svg", "Speed of the grains that are not part of the largest remnant."),
+    ("slopes.svg", "Cumulative distribution of the slope over the area of the surface."),
+    ("ejecta.svg", "Speed of the grains outside the largest remnant."),
 ];
 
 /// Captions of the plots against time, by file.
 const PLOT_CAPTIONS: [(&str, &str); 6] = [
     (
         "energy.svg",
-        "Mean kinetic energy of a grain: all of it, its rotation, and the share of the whole's rigid motion.",
+        "Mean kinetic energy per grain: total, rotation of the grains, and rigid motion of all grains as one body.",
     ),
     (
         "coordination.svg",
-        "Mean number of neighbours that a grain touches with force, of all grains of the region in the title and without those that are not held.",
+        "Mean number of neighbours that a grain touches with force, in the region in the title: of all grains, and without rattlers.",
     ),
     (
         "solid_fraction.svg",
-        "Volume of the grains over that of the region in the title; of a bed, also over that between its walls up to twice the height of its centre of mass.",
+        "Solid fraction in the region in the title; for a bed, also between its walls up to twice the height of its centre of mass.",
     ),
     (
         "pressure.svg",
-        "Mean pressure of the contact forces, those of walls too, in the region in the title, and that which balances the loads at rest; both are equal there.",
+        "Mean pressure in the region in the title: of the contact forces, walls included, and the virial of the loads. Both are equal at rest.",
     ),
     ("semi_axes.svg", "Semi-axes of the uniform ellipsoid with the same moments of inertia."),
-    ("dissipation.svg", "Work of the contacts since the start, by friction and by shocks; negative is dissipated."),
+    (
+        "dissipation.svg",
+        "Work of the contacts since the start, by friction and by normal forces; negative: dissipated.",
+    ),
 ];
 
 /// Measures the case like cd-post without ParaView files, and writes `POSTPRO/report.html`; returns its path and notes for
@@ -129,20 +135,20 @@ fn page_html(
     put("<h2>The grains</h2>\n");
     put("<p><label>Colour by <select id=\"view-quantity\"></select></label>\
          <span id=\"view-legend\"><span class=\"low\"></span><span class=\"bar\"></span><span class=\"high\"></span></span>\
-         <label><input type=\"checkbox\" id=\"view-same\"> the same colours at all times</label></p>\n");
+         <label><input type=\"checkbox\" id=\"view-same\"> same colour scale at all times</label></p>\n");
     put(
-        "<canvas id=\"view\" tabindex=\"0\"></canvas>\n<p id=\"view-note\">The grains are drawn by a script of this page.</p>\n",
+        "<canvas id=\"view\" tabindex=\"0\"></canvas>\n<p id=\"view-note\">A script of this page draws the grains.</p>\n",
     );
     put("<p id=\"view-player\"><button id=\"view-play\">Play</button> \
          <input type=\"range\" id=\"view-time\" min=\"0\" step=\"1\" aria-label=\"time\"> <output id=\"view-clock\"></output></p>\n");
     put(
-        "<p>Drag to turn, wheel or + and - to zoom, shift and drag to move, double click for the start; space bar to play. z points up.</p>\n",
+        "<p>Drag to rotate, wheel or + and - to zoom, shift and drag to pan, double-click to reset, space bar to play. z points up.</p>\n",
     );
     put(&format!("<script type=\"application/json\" id=\"grains\">{}</script>\n", grains::page_json(states, last)));
     put(&format!("<script>\n{}</script>\n", include_str!("viewer.js")));
-    put("<h2>In numbers</h2>\n");
+    put("<h2>Summary</h2>\n");
     put(&numbers_html(rows.last().expect("a row of the last state")));
-    put("<h2>In time</h2>\n<div class=\"figures\">\n");
+    put("<h2>Time series</h2>\n<div class=\"figures\">\n");
     for plot in &PLOTS {
         let caption =
             PLOT_CAPTIONS.iter().find(|(file, _)| *file == plot.file).map_or(plot.title, |(_, caption)| caption);
@@ -150,7 +156,7 @@ fn page_html(
     }
     put("</div>\n");
     if !last.grains.is_empty() {
-        put("<h2>In depth, at the end</h2>\n<div class=\"figures\">\n");
+        put("<h2>Final state</h2>\n<div class=\"figures\">\n");
         let default =
             if self_gravity_constant(last).is_none() { free_surface::REACH } else { plane_fit::DEFAULT_FIT_REACH };
         let reach_text = format_six_digits(reach.unwrap_or(default));
@@ -166,7 +172,7 @@ fn page_html(
         // The gradients of this picture have names that only one picture of a page may use.
         put(&figure_html(
             &write::picture::svg(last, write::picture::PictureColouring::Neighbours),
-            "Grains by their neighbours, from the front, a little from the right and above.",
+            "Grains coloured by number of neighbours, seen from the front, slightly from the right and above.",
         ));
         put("</div>\n");
     }
@@ -218,8 +224,8 @@ fn run_html(dir: &Path, first: u64, last: &Frame, seconds: &[(&str, f64)]) -> St
     if let Some(steps) = steps {
         row("sweeps of the contact solver per step", format_six_digits(ledger.sweeps as f64 / steps.max(1) as f64));
     }
-    let unconverged = ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at {step}"));
-    row("steps that were not converged", format!("{}{unconverged}", ledger.steps_unconverged));
+    let unconverged = ledger.last_unconverged.map_or(String::new(), |step| format!(", last at step {step}"));
+    row("unconverged steps", format!("{}{unconverged}", ledger.steps_unconverged));
     row("largest penetration", format!("{} of the mean radius", format_six_digits(ledger.penetration_largest)));
     for law in &meta.laws {
         let parameters: Vec<String> = law.parameters.iter().map(|p| format_six_digits(*p)).collect();

@@ -66,7 +66,7 @@ pub fn write(
     let (last, _) = all[all.len() - 1];
     let wanted = step.unwrap_or(last);
     let place = all.iter().position(|(step, _)| *step == wanted).ok_or_else(|| {
-        let found = format!("holds no snapshot of step {wanted}");
+        let found = format!("has no snapshot of step {wanted}");
         let before = all.iter().rev().find(|(step, _)| *step < wanted);
         let after = all.iter().find(|(step, _)| *step > wanted);
         let nearest: Vec<String> = before.into_iter().chain(after).map(|(step, _)| step.to_string()).collect();
@@ -83,7 +83,7 @@ pub fn write(
     let folder = dir.join("POSTPRO").join(format!("state-{step:06}"));
     if frame.grains.is_empty() {
         remove_stale_files(&folder, &[])?;
-        return Ok((folder, vec![format!("the snapshot of step {step} holds no grain: nothing is written")]));
+        return Ok((folder, vec![format!("the snapshot of step {step} has no grains: nothing is written")]));
     }
     let mut files = state_files(&frame, &added_bodies(dir)?, slope_reach);
     let mut notes = Vec::new();
@@ -97,9 +97,9 @@ pub fn write(
         let (layers, count) = mean_layers(&frames);
         files.extend(layers);
         if count == 0 {
-            notes.push(format!("a bed is in none of {mean} snapshots: there are no layers"));
+            notes.push(format!("none of {mean} snapshots has a bed: no layers are written"));
         } else if count < frames.len() {
-            notes.push(format!("a bed is in {count} of {mean} snapshots: the mean layers are those of these"));
+            notes.push(format!("{count} of {mean} snapshots have a bed: the layers are means over these"));
         }
     }
     for (name, bytes) in &files {
@@ -107,7 +107,7 @@ pub fn write(
     }
     remove_stale_files(&folder, &files)?;
     if frame.cell().is_periodic() {
-        notes.push("the scene repeats and has no centre: no profile by radius".into());
+        notes.push("a periodic scene has no centre: no profile by radius is written".into());
     }
     Ok((folder, notes))
 }

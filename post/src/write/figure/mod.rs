@@ -124,8 +124,7 @@ impl Figure {
         let count = |marks: CurveMarks| self.curves.iter().filter(|curve| curve.marks == marks).count();
         let coloured = count(CurveMarks::Line) + count(CurveMarks::Dots);
         let most = CURVE_COLOURS.len() * if count(CurveMarks::Dots) > 0 { DOT_FORMS } else { 1 + DASH_PATTERNS.len() };
-        (coloured > most)
-            .then(|| format!("{coloured} curves in one figure: no more than {most} are drawn unlike each other"))
+        (coloured > most).then(|| format!("{coloured} curves in one figure: only {most} styles can be distinguished"))
     }
 
     fn draw(&self, root: &Area) -> DrawResult {

@@ -148,7 +148,7 @@ impl<'a> LegacyReader<'a> {
             let rest = &self.bytes[self.at.min(self.bytes.len())..];
             let size = count.saturating_mul(number.byte_size());
             let Some(own) = rest.get(..size) else {
-                let found = format!("{what}: {count} numbers announced, {} there", rest.len() / number.byte_size());
+                let found = format!("{what}: {count} numbers announced, {} found", rest.len() / number.byte_size());
                 return Err(self.error_here(found, "a complete file"));
             };
             self.at += size;
@@ -159,11 +159,12 @@ impl<'a> LegacyReader<'a> {
         while numbers.len() < count {
             let word = self.next_word();
             if word.is_empty() {
-                let found = format!("{what}: {count} numbers announced, {} there", numbers.len());
+                let found = format!("{what}: {count} numbers announced, {} found", numbers.len());
                 return Err(self.error_here(found, "a complete file"));
             }
-            numbers
-                .push(parse_real(&word).ok_or_else(|| self.error_here(format!("'{word}', which is no number"), what))?);
+            numbers.push(
+                parse_real(&word).ok_or_else(|| self.error_here(format!("'{word}', which is not a number"), what))?,
+            );
         }
         Ok(numbers)
     }

@@ -64,7 +64,7 @@ pub fn parse_real(word: &str) -> Option<f64> {
 /// Reads a coordinate. Errors: the reason why it is not a number.
 pub fn coordinate(word: &str) -> Result<f64, String> {
     match parse_real(word) {
-        None => Err(format!("'{word}', which is no number")),
+        None => Err(format!("'{word}', which is not a number")),
         Some(x) if !x.is_finite() => Err(format!("'{word}', which is not finite")),
         Some(x) => Ok(x),
     }

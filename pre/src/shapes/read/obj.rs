@@ -65,7 +65,7 @@ pub fn read(text: &str) -> Result<PolygonMesh, Vec<ReadError>> {
             "l" | "p" => elements += 1,
             unused if IGNORED_STATEMENTS.contains(&unused) => {}
             "call" | "csh" => {
-                let found = format!("'{keyword}', with which other files come in");
+                let found = format!("'{keyword}', which includes other files");
                 refusals.push(ReadError::new(line, found, "all vertices and polygons in this file"));
             }
             free if FREE_FORM_STATEMENTS.contains(&free) => {

@@ -50,7 +50,7 @@ pub fn read(bytes: &[u8]) -> Result<PolygonMesh, Vec<ReadError>> {
             mesh.add_note("ignored", marks, "control character", "");
             return Ok(mesh);
         }
-        let found = format!("{} triangles announced, {whole} there: {} bytes", count, bytes.len());
+        let found = format!("{} triangles announced, {whole} found: {} bytes", count, bytes.len());
         return Err(ReadError::new(None, found, "an STL file, text or binary, that is complete").into());
     }
     if count == 0 {

@@ -127,7 +127,7 @@ impl PolyDataPiece {
     /// Appends the piece to a mesh. Errors: lists that do not fit together.
     pub fn add_to(&self, mesh: &mut PolygonMesh) -> Result<(), String> {
         if !self.coordinates.len().is_multiple_of(3) {
-            return Err(format!("{} coordinates, which are no multiple of 3", self.coordinates.len()));
+            return Err(format!("{} coordinates, which is not a multiple of 3", self.coordinates.len()));
         }
         let (first, points) = (mesh.points.len(), self.coordinates.len() / 3);
         mesh.points.extend(self.coordinates.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));

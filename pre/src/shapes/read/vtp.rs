@@ -186,8 +186,9 @@ impl<'a> VtpFile<'a> {
             .ok_or_else(|| refuse(format!("numbers of the type '{kind}'"), "Float64, Int64 or alike"))?;
         let bytes = match tag.attribute("format").unwrap_or("ascii") {
             "ascii" => {
-                let number =
-                    |word| parse_real(word).ok_or_else(|| refuse(format!("'{word}', which is no number"), FILE_KIND));
+                let number = |word| {
+                    parse_real(word).ok_or_else(|| refuse(format!("'{word}', which is not a number"), FILE_KIND))
+                };
                 return tag.content.split_whitespace().map(number).collect();
             }
             "binary" => self.decode_binary(&decode_base64(tag.content.as_bytes())),
@@ -216,7 +217,7 @@ impl<'a> VtpFile<'a> {
         if !self.compressed {
             let rest = &data[at..];
             let own = rest.get(..first);
-            return own.map(<[u8]>::to_vec).ok_or(format!("{first} bytes announced, {} there", rest.len()));
+            return own.map(<[u8]>::to_vec).ok_or(format!("{first} bytes announced, {} found", rest.len()));
         }
         let (size, rest) = (head()?, head()?);
         let mut lengths = Vec::new();
@@ -228,7 +229,7 @@ impl<'a> VtpFile<'a> {
             let most = if k + 1 == first && rest > 0 { rest } else { size };
             let end = at.saturating_add(length);
             let block = data.get(at..end).and_then(|block| decompress_to_vec_zlib_with_limit(block, most).ok());
-            bytes.extend(block.ok_or(format!("block {} of {first} is no whole zlib stream", k + 1))?);
+            bytes.extend(block.ok_or(format!("block {} of {first} is not a complete zlib stream", k + 1))?);
             at = end;
         }
         Ok(bytes)
@@ -246,7 +247,7 @@ fn expect_complete(pieces: &[PolyDataPiece], tag: &XmlTag) -> Result<(), ReadErr
     ];
     for (name, count) in counts {
         if let Some(announced) = tag.number_attribute(name)?.filter(|announced| *announced != count) {
-            return Err(ReadError::new(tag.line, format!("{name}=\"{announced}\", and {count} there"), COMPLETE_FILE));
+            return Err(ReadError::new(tag.line, format!("{name}=\"{announced}\", and {count} found"), COMPLETE_FILE));
         }
     }
     Ok(())

@@ -1,7 +1,7 @@
 #!/bin/sh
 # many.sh FOLDER DT EVERY FROM: runs with FOLDER/DATBOX for the presets but `reference`, for `standard` with a looser tolerance, and for
-# LMGC90's parameters; FOLDER/runs.csv has a row of means each, FOLDER/times.csv the seconds of all rooms but
-# writing. Of the runs nothing else stays. DT, EVERY, FROM and CD_BIN as in sweep.sh.
+# LMGC90's parameters; FOLDER/runs.csv has a row of means each, FOLDER/times.csv the seconds of all stages except
+# writing. The runs themselves are removed. DT, EVERY, FROM and CD_BIN as in sweep.sh.
 set -eu
 folder=$1 dt=$2 every=$3 from=$4
 cases=

@@ -1,7 +1,7 @@
 #!/bin/sh
 # sweep.sh FOLDER DT EVERY FROM EARLY [WITHOUT]: makes all runs of runs.txt with FOLDER/DATBOX and compares them.
 # DT: the scene's time step, s; EVERY: steps of that length between two snapshots; FROM: time from which means are taken,
-# s; EARLY: time at which positions are compared, s; WITHOUT: groups of runs that say nothing of the scene, as a pattern. CD_BIN: where the programs are.
+# s; EARLY: time at which positions are compared, s; WITHOUT: pattern of the groups of runs without effect in the scene. CD_BIN: folder of the programs.
 set -eu
 folder=$1 dt=$2 every=$3 from=$4 early=$5 without=${6:-none}
 # Exit status 1 of cd-post: done, with something reported.
@@ -19,6 +19,6 @@ while read -r name group value factor flags; do
     cases="$cases $run" groups="$groups,$group" values="$values,$(echo "$value" | sed 's/^-$/nan/')"
 done < runs.txt
 # shellcheck disable=SC2086
-"$CD_BIN/cd-post" trade $cases -o "$folder/trade" --groups "${groups#,}" --values "${values#,}" --from "$from" --early "$early" \
+"$CD_BIN/cd-post" accuracy-study $cases -o "$folder/errors" --groups "${groups#,}" --values "${values#,}" --from "$from" --early "$early" \
     --title "$folder: error against time" > "$folder/table.txt" || test $? -eq 1
 cat "$folder/table.txt"

@@ -1,7 +1,7 @@
-# Writes what `make -C examples/trade` has measured into docs/accuracy.md, between its marks, and what the programs say of the
+# Writes the results of `make -C examples/accuracy-study` into docs/accuracy.md, between its marks, and the help texts of the
 # presets into formats/src/accuracy/PRESET.txt; at the top folder of the project:
-#   awk -f docs/accuracy/trade.awk docs/accuracy.md > docs/accuracy.md.part
-# Numbers come from examples/trade/SCENE/{all,trade}/{trade,orders}.csv alone: those of all realisations together, and of each, SCENE
+#   awk -f docs/accuracy/accuracy.awk docs/accuracy.md > docs/accuracy.md.part
+# Numbers come from examples/accuracy-study/SCENE/{all,errors}/{accuracy,orders}.csv alone: those of all realisations together, and of each, SCENE
 # also with their suffixes.
 # A missing file or column is a fault.
 
@@ -16,7 +16,7 @@ function load(file,    line, names, parts, k, n, row) {
         else for (k = 1; k <= n; k++) cells[file, row, names[k]] = parts[k]
     }
     close(file)
-    if (row < 1) fault(file ": no table; run `make -C examples/trade` first")
+    if (row < 1) fault(file ": no table; run `make -C examples/accuracy-study` first")
     rows[file] = row
 }
 
@@ -31,15 +31,15 @@ function row_of(file, run,    k) {
 }
 
 # Where the tables of a scene are: of the first four those of all realisations together.
-function tables(s) { return "examples/trade/" scene[s] (s <= scenes ? "/all/" : "/trade/") }
+function tables(s) { return "examples/accuracy-study/" scene[s] (s <= scenes ? "/all/" : "/errors/") }
 
 # `single` counts the errors of the pressure within a factor of 3 of what their own runs state, of `singles`.
 function realised(s,    file, r, k, x) {
-    load(tables(s) "trade.csv")
+    load(tables(s) "accuracy.csv")
     for (r = 1; r <= realisations; r++) {
-        file = "examples/trade/" scene[s] suffix[r] "/trade/trade.csv"; load(file)
+        file = "examples/accuracy-study/" scene[s] suffix[r] "/errors/accuracy.csv"; load(file)
         for (k = 1; k <= rows[file]; k++) {
-            x = value(file, k, "over_estimated")
+            x = value(file, k, "single_over_estimated")
             if (x + 0 > 0) { singles[scene[s]]++; if (x <= 3 && x >= 1 / 3) single[scene[s]]++ }
         }
     }
@@ -50,7 +50,7 @@ function percent(x) { return x == "" ? "-" : sprintf("%.2g %%", 100 * x) }
 function presets(    s, file, k, r, lmgc, worst, name) {
     print "| scene | run | seconds | LMGC90's over it | Z | ν | pressure | energy |\n|---|---|---|---|---|---|---|---|"
     for (s = 1; s <= scenes; s++) {
-        file = tables(s) "trade.csv"
+        file = tables(s) "accuracy.csv"
         lmgc = value(file, row_of(file, "lmgc90"), "seconds")
         for (k = 1; k <= 5; k++) {
             name = preset[k]; r = row_of(file, name)
@@ -65,7 +65,7 @@ function presets(    s, file, k, r, lmgc, worst, name) {
 function range(name, column,    s, file, x, least, largest) {
     least = 1e9
     for (s = 1; s <= scenes; s++) {
-        file = tables(s) "trade.csv"
+        file = tables(s) "accuracy.csv"
         x = value(file, row_of(file, name), column)
         if (x > largest) largest = x
         if (x < least) least = x
@@ -78,13 +78,13 @@ function statements(    k, s, file, name, x, low, high) {
     for (k = 1; k <= 4; k++) {
         name = preset[k]; low = 1e9; high = 0
         for (s = 1; s <= scenes; s++) {
-            file = tables(s) "trade.csv"
+            file = tables(s) "accuracy.csv"
             x = value(file, row_of(file, "standard"), "seconds") / value(file, row_of(file, name), "seconds")
             if (x < low) low = x
             if (x > high) high = x
         }
         printf "%s%s", name == "standard" ? "" : sprintf("%.2g to %.2g times as fast as standard; ", low, high), \
-            name == "reference" ? "what the others are measured by" : sprintf("errors in four scenes: nu %s, pressure %s, Z %s", \
+            name == "reference" ? "the others are compared with it" : sprintf("errors in four scenes: nu %s, pressure %s, Z %s", \
             range(name, "nu"), range(name, "pressure"), range(name, "Z")) > ("formats/src/accuracy/" name ".txt")
     }
 }
@@ -101,7 +101,7 @@ function verdict(    s, file, k, r, name, low, high, x, both, all, lmgc) {
     for (k = 1; k <= 2; k++) {
         name = preset[k]; low = 1e9; high = both = all = 0
         for (s = 1; s <= scenes; s++) {
-            file = tables(s) "trade.csv"
+            file = tables(s) "accuracy.csv"
             r = row_of(file, name); lmgc = value(file, row_of(file, "lmgc90"), "seconds")
             x = lmgc / value(file, r, "seconds")
             if (x < low) low = x
@@ -113,7 +113,7 @@ function verdict(    s, file, k, r, name, low, high, x, both, all, lmgc) {
     }
     both = all = 0
     for (s = 1; s <= scenes; s++) {
-        file = tables(s) "trade.csv"; r = row_of(file, "lmgc90")
+        file = tables(s) "accuracy.csv"; r = row_of(file, "lmgc90")
         if (value(file, r, "nu") <= 0.01 && value(file, r, "pressure") <= 0.01) { both++; if (value(file, r, "Z") <= 0.01) all++ }
     }
     printf "- LMGC90's parameters: ν and pressure within 1 %% in %d of %d scenes, Z as well in %d.\n", both, scenes, all
@@ -151,13 +151,13 @@ function many(    s, scene_of, of, name, k, c, seed, file, x, y, d, n, sum, squa
             n = sum = squares = base = 0
             for (seed = 101; seed <= last[scene_of[s]]; seed++) {
                 if (seed == 104) continue
-                file = "examples/trade/many/" scene_of[s] "-" seed "/runs.csv"
+                file = "examples/accuracy-study/many/" scene_of[s] "-" seed "/runs.csv"
                 if (!(file in rows)) load(file)
                 y = value(file, row_of(file, "fine"), column[c]); x = value(file, row_of(file, name), column[c])
                 if (x == "" || y == "") fault(file ": no " column[c])
                 d = x - y; n++; sum += d; squares += d * d; base += y
                 if (c > 1) continue
-                file = "examples/trade/many/" scene_of[s] "-" seed "/times.csv"
+                file = "examples/accuracy-study/many/" scene_of[s] "-" seed "/times.csv"
                 if (!(file in rows)) load(file)
                 time += value(file, row_of(file, name), "seconds"); lmgc += value(file, row_of(file, "lmgc90"), "seconds")
             }
@@ -172,7 +172,7 @@ function many(    s, scene_of, of, name, k, c, seed, file, x, y, d, n, sum, squa
 
 # What one other method does in place of the standard one.
 function instead(scene, name, option,    file, run, base) {
-    file = "examples/trade/" scene "/trade/trade.csv"
+    file = "examples/accuracy-study/" scene "/errors/accuracy.csv"
     if (!(file in rows)) load(file)
     run = row_of(file, name); base = row_of(file, "dt-1")
     printf "- `%s` in `%s`: %.2f times the seconds; error of the early positions %.1e in place of %.1e.\n", option, scene, \
@@ -183,7 +183,7 @@ function honesty(    s, file, k, x, all, good, small, large, sum, sums, lone, ho
     print "| scene | of single runs within a factor of 3 | over " realisations " realisations within a factor of 3 | too small | too large |"
     print "|---|---|---|---|---|"
     for (s = 1; s <= scenes; s++) {
-        file = tables(s) "trade.csv"; all = good = small = large = 0
+        file = tables(s) "accuracy.csv"; all = good = small = large = 0
         for (k = 1; k <= rows[file]; k++) {
             if (value(file, k, "pressure_single") == 0 || value(file, k, "estimated") == 0) continue
             x = value(file, k, "pressure_single") / value(file, k, "estimated")
@@ -197,8 +197,8 @@ function honesty(    s, file, k, x, all, good, small, large, sum, sums, lone, ho
 
 function figures(    s) {
     for (s = 1; s <= scenes; s++) {
-        if (system("cp " tables(s) "trade.svg docs/images/trade-" scene[s] ".svg") != 0) fault("no figure of " scene[s])
-        print "\n![Error against time: " scene[s] "](images/trade-" scene[s] ".svg)"
+        if (system("cp " tables(s) "accuracy.svg docs/images/accuracy-" scene[s] ".svg") != 0) fault("no figure of " scene[s])
+        print "\n![Error against time: " scene[s] "](images/accuracy-" scene[s] ".svg)"
     }
 }
 
