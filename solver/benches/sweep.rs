@@ -9,7 +9,7 @@ mod packing;
 use cd_solve::assemble::ContactProblem;
 use cd_solve::math::lanes::SimdWidth;
 use cd_solve::solve::ContactReactions;
-use cd_solve::solve::packed_problem::PackedProblem;
+use cd_solve::solve::gauss_seidel::layout::PackedProblem;
 use cd_solve::solve::residual::ResidualEvaluator;
 use divan::Bencher;
 use divan::counter::ItemsCount;

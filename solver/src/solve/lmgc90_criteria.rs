@@ -21,8 +21,8 @@ use nalgebra::Matrix3;
 use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::Vec3;
 use crate::math::lanes::Scalar;
-use crate::solve::block;
-use crate::solve::local::signorini_coulomb;
+use crate::solve::gauss_seidel::block;
+use crate::solve::gauss_seidel::diagonal::local::signorini_coulomb;
 
 /// Criteria before division by a tolerance; zeros if no contact acts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

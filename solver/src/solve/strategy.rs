@@ -7,9 +7,11 @@ use crate::activity;
 use crate::assemble::{ContactProblem, StoredProblem};
 use crate::math::lanes::SimdWidth;
 use crate::math::{Vec3, to_local, to_world};
+use crate::solve::gauss_seidel::driver::{closing_inactive_rows, solve_nlgs};
+use crate::solve::gauss_seidel::momentum::MOMENTUM_CYCLE;
 use crate::solve::matrix::{self, MatrixProblem, MatrixSolver, SolverLimits, newton_cost, residual, solve};
-use crate::solve::nlgs::{ContactSolution, MOMENTUM_CYCLE, StoppingCriteria, closing_inactive_rows, solve_nlgs};
 use crate::solve::residual::ResidualEvaluator;
+use crate::solve::types::{ContactSolution, StoppingCriteria};
 
 /// Requirements of a step for its solver.
 #[derive(Debug, Clone, Copy)]

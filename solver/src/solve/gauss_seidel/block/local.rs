@@ -5,7 +5,7 @@ use nalgebra::Matrix3;
 use crate::assemble::{BlockData, ContactProblem};
 use crate::math::Vec3;
 use crate::math::lanes::{Arithmetic, LaneFloat, Scalar};
-use crate::solve::local::{cross_add, dot_product, triple};
+use crate::solve::gauss_seidel::vector::{cross_add, dot_product, triple};
 
 /// Axes and numbers of a contact's own block W. The normal unknown is eliminated, and the tangents are the principal axes of
 /// the remaining block, so that with c = W_nT/W_nn

@@ -3,14 +3,14 @@
 use pulp::NullaryFnOnce;
 
 use crate::math::lanes::{Arithmetic, DoubleWidth, F32Lanes, LaneFloat, SimdWidth};
-use crate::solve::batches::{BATCH_LANES, L2_BYTES, SweepSums};
-use crate::solve::block::batches::{
+use crate::solve::gauss_seidel::block::batches::{
     BlockProblem, BodyNumbers, BodyPairBatch, BodyRange, FrictionalImpulses, FrictionalPoint, FrictionlessPoint,
     LeverColumns, NormalImpulses, PairBatches, PairContacts,
 };
-use crate::solve::block::local::{LocalBlock, signorini_coulomb_block};
-use crate::solve::local::{cross_add, dot_product, triple};
-use crate::solve::rolling::RollingConstraintWide;
+use crate::solve::gauss_seidel::block::local::{LocalBlock, signorini_coulomb_block};
+use crate::solve::gauss_seidel::packed::{BATCH_LANES, L2_BYTES, SweepSums};
+use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
+use crate::solve::gauss_seidel::vector::{cross_add, dot_product, triple};
 
 /// Sweeps all contacts once, each from y = r + beta (r - r_before).
 pub fn sweep_contacts<C: PairSweepKernel<T = f64>>(

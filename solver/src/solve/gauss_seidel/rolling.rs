@@ -12,8 +12,8 @@ use std::ops::Range;
 use crate::assemble::ContactProblem;
 use crate::math::Vec3;
 use crate::math::lanes::{Arithmetic, LaneFloat};
-use crate::solve::batches::{BATCH_LANES, NONE, set_lane};
-use crate::solve::local::{LaneVector, dot_product, project_to_ball, triple};
+use crate::solve::gauss_seidel::packed::{BATCH_LANES, NONE, set_lane};
+use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, project_to_ball, triple};
 
 /// Resistance of sixteen contacts to rolling and spinning, [`crate::assemble::RollingConstraint`], and their moments.
 #[derive(Debug, Clone, Copy)]

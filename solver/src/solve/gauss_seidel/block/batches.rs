@@ -12,11 +12,13 @@ use rayon::prelude::*;
 use crate::assemble::{BlockData, ContactProblem, SolverBody};
 use crate::math::Vec3;
 use crate::math::lanes::{Arithmetic, F64Arithmetic, LaneFloat, SimdWidth};
-use crate::solve::batches::{BATCH_LANES, FrictionCones, NONE, SweepSums, SweepUnits, set_lane, snap_to_cones};
-use crate::solve::block::local::{BlockAxes, BodySide, block_axes, delassus_block, lever_block};
-use crate::solve::local::{dot_product, triple};
-use crate::solve::nlgs::ContactReactions;
-use crate::solve::rolling::RollingConstraintWide;
+use crate::solve::gauss_seidel::block::local::{BlockAxes, BodySide, block_axes, delassus_block, lever_block};
+use crate::solve::gauss_seidel::packed::{
+    BATCH_LANES, FrictionCones, NONE, SweepSums, SweepUnits, set_lane, snap_to_cones,
+};
+use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
+use crate::solve::gauss_seidel::vector::{dot_product, triple};
+use crate::solve::types::ContactReactions;
 
 /// Smallest number of bodies in a range: tasks with fewer would wait for each other more than they work.
 const MIN_BODIES_PER_RANGE: usize = 512;
@@ -99,7 +101,7 @@ impl BlockSource<'_> {
     /// û at the start of row `k`, without the changes of the velocities by sweeps, m/s.
     ///
     /// Lines in single precision contain only these changes, as in
-    /// [`PackedBody::STORES_DELTAS`](crate::solve::batches::PackedBody::STORES_DELTAS).
+    /// [`PackedBody::STORES_DELTAS`](crate::solve::gauss_seidel::diagonal::batches::PackedBody::STORES_DELTAS).
     fn starting_velocity<T: LaneFloat>(&self, k: usize) -> Vec3 {
         if T::IS_SINGLE { self.system.shifted_velocity(k, self.records) } else { self.system.rows[k].shift }
     }

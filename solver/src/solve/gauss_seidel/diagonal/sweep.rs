@@ -6,13 +6,13 @@ use pulp::NullaryFnOnce;
 use crate::math::lanes::{
     Arithmetic, BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, F32Lanes, LaneFloat, SimdWidth,
 };
-use crate::solve::batches::{
-    BATCH_LANES, BatchVectors, ContactBatch, DiagonalProblem, L2_BYTES, PackedBody, RangeBatches, SweepSums,
+use crate::solve::gauss_seidel::diagonal::batches::{
+    BatchVectors, ContactBatch, DiagonalProblem, PackedBody, RangeBatches,
 };
-use crate::solve::local::{
-    LaneVector, coulomb, cross_add, cross_product, dot_product, signorini, triple, unprojected_impulse,
-};
-use crate::solve::rolling::RollingConstraintWide;
+use crate::solve::gauss_seidel::diagonal::local::{coulomb, signorini, unprojected_impulse};
+use crate::solve::gauss_seidel::packed::{BATCH_LANES, L2_BYTES, SweepSums};
+use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
+use crate::solve::gauss_seidel::vector::{LaneVector, cross_add, cross_product, dot_product, triple};
 
 /// Batches processed together in each stage of a sweep, so that no stage waits for the one before.
 const BATCHES_PER_STAGE: usize = 8;

@@ -2,11 +2,11 @@
 
 use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::lanes::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, SimdWidth};
-use crate::solve::batches::DiagonalProblem;
-use crate::solve::block;
-use crate::solve::block::batches::{FrictionalPoint, FrictionlessPoint};
-use crate::solve::nlgs::ContactReactions;
-use crate::solve::sweep::{sweep_contacts, sweep_single};
+use crate::solve::gauss_seidel::block;
+use crate::solve::gauss_seidel::block::batches::{FrictionalPoint, FrictionlessPoint};
+use crate::solve::gauss_seidel::diagonal::batches::DiagonalProblem;
+use crate::solve::gauss_seidel::diagonal::sweep::{sweep_contacts, sweep_single};
+use crate::solve::types::ContactReactions;
 
 /// The rows `active` of a step, and the data that the sweeps change.
 pub enum PackedProblem {
