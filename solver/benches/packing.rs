@@ -2,7 +2,7 @@
 
 use cd_solve::assemble::{BlockData, ContactConstraint, ContactProblem, RollingConstraint, SolverBody};
 use cd_solve::math::{Mat3, Vec3};
-use cd_solve::solve::block::local::{delassus_block_of_row, full_matrix};
+use cd_solve::solve::gauss_seidel::block::local::{delassus_block_of_row, full_matrix};
 
 /// The same with cuboids in place of the spheres, four points on each face that touches.
 pub fn blocks(side: usize, friction: f64) -> ContactProblem {

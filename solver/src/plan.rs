@@ -9,7 +9,7 @@ use cd_formats::compute::Accuracy;
 use crate::integrate::{fastest_turn, shortest_orbit};
 use crate::math::Vec3;
 use crate::scene::{BodyPart, BodyShape, ContactorShape, ImposedVelocity, RigidBody, Scene};
-use crate::solve::batches::ContactBatch;
+use crate::solve::gauss_seidel::diagonal::batches::ContactBatch;
 use crate::state::{Contact, ContactExchange, SolvedContact, State};
 use crate::step::{StageTimes, StepReport, step};
 use crate::write;
@@ -211,7 +211,7 @@ fn peak_memory() -> Option<u64> {
 /// Approximate number of bytes per contact: its stored data and its data in a step.
 fn contact_size() -> usize {
     let row = size_of::<crate::assemble::ContactConstraint>()
-        + size_of::<ContactBatch<f64>>() / crate::solve::batches::BATCH_LANES;
+        + size_of::<ContactBatch<f64>>() / crate::solve::gauss_seidel::packed::BATCH_LANES;
     size_of::<Contact>() + 2 * size_of::<SolvedContact>() + row + 8 * size_of::<Vec3>()
 }
 

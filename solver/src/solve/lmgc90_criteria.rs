@@ -20,9 +20,9 @@ use nalgebra::Matrix3;
 
 use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::Vec3;
-use crate::math::lanes::Scalar;
-use crate::solve::block;
-use crate::solve::local::signorini_coulomb;
+use crate::math::simd::Scalar;
+use crate::solve::gauss_seidel::block;
+use crate::solve::gauss_seidel::diagonal::local::signorini_coulomb;
 
 /// Criteria before division by a tolerance; zeros if no contact acts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -107,16 +107,12 @@ mod tests {
             bodies: [0, 1],
             normal: Vec3::z(),
             arm: 1.0,
-            shift: Vec3::zeros(),
             w_n: 2.0,
             w_t: 2.0,
             friction: 0.5,
-            impulse_shift: 0.0,
             acts: true,
             can_close: true,
-            warm_start: Vec3::zeros(),
-            u_before: Vec3::zeros(),
-            bond: None,
+            ..ContactConstraint::default()
         };
         let records = vec![record(Vec3::z() * -6.0, 2.0), record(Vec3::zeros(), 0.0)];
         ContactProblem {

@@ -9,7 +9,7 @@ mod unforeseen;
 use std::time::{Duration, Instant};
 
 pub use self::ends::{OVERLAP_WARNING_SHARE, Overlap, deeper_overlap};
-pub use self::ledger::{MotionTotals, StepReport, WorstContact};
+pub use self::ledger::{BalanceErrors, MotionTotals, StepReport, WorstContact};
 
 use self::ends::finish_contacts;
 use self::ledger::update_ledger;
@@ -20,7 +20,7 @@ use crate::detect::{self, NarrowPhaseError};
 use crate::integrate::{self, ContactConfiguration};
 use crate::laws::ContactLaw;
 use crate::math::Vec3;
-use crate::math::lanes::SimdWidth;
+use crate::math::simd::SimdWidth;
 use crate::scene::Scene;
 use crate::solve::{self, SolveRequest, StoppingCriteria};
 use crate::state::{BondingMode, Contact, State, StateBackup};

@@ -17,10 +17,10 @@ const POLYHEDRA: &[&str] = &[
     "cd_solve::geometry::polyhedron::",
     "cd_solve::geometry::search::",
     "cd_solve::detect::parts::",
-    "cd_solve::solve::block::",
+    "cd_solve::solve::gauss_seidel::block::",
 ];
 const GRAVITY: &[&str] = &["cd_solve::gravity::"];
-const ROLLING: &[&str] = &["cd_solve::solve::rolling::"];
+const ROLLING: &[&str] = &["cd_solve::solve::gauss_seidel::rolling::"];
 const FREE_ROTATION: &[&str] = &["cd_solve::math::rotation::"];
 
 /// Instructions of a run by function, or none where valgrind is not there.

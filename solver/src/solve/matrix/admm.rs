@@ -14,8 +14,8 @@
 
 use super::anderson::AndersonAcceleration;
 use super::factors::{BlockEntry, LuFactors, solution_cost};
+use super::gauss_seidel::ANDERSON_DEPTH;
 use super::scaled::ScaledProblem;
-use super::sweep::ANDERSON_DEPTH;
 use super::{LocalVector, SolverRun};
 
 /// The penalty c, relative to the mean diagonal.

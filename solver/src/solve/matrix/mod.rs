@@ -10,7 +10,7 @@
 //! | `factors` | full or sparse factors of a matrix |
 //! | `interior_point` | an interior-point method |
 //! | `local` | one contact with a full block, exactly |
-//! | `sweep` | nonlinear Gauss-Seidel, plain and with Anderson's acceleration |
+//! | `gauss_seidel` | nonlinear Gauss-Seidel, plain and with Anderson's acceleration |
 //! | `newton` | proximal point with a semismooth Newton method inside |
 //! | `scaled` | the problem in units in which diagonal blocks have trace 3 |
 //! | `residual` | residual of a solution |
@@ -18,12 +18,12 @@
 mod admm;
 mod anderson;
 mod factors;
+mod gauss_seidel;
 mod interior_point;
 mod local;
 mod newton;
 mod residual;
 mod scaled;
-mod sweep;
 
 use std::time::{Duration, Instant};
 
@@ -216,8 +216,8 @@ pub fn solve(
     let warm = start.len() == problem.len() && run.record_iterate(start) < from_zero;
     match solver {
         MatrixSolver::Auto => run_fallback_sequence(&mut run, warm),
-        MatrixSolver::Nlgs => sweep::solve_nlgs(&mut run, 0, u64::MAX),
-        MatrixSolver::NlgsAnderson => sweep::solve_nlgs(&mut run, sweep::ANDERSON_DEPTH, u64::MAX),
+        MatrixSolver::Nlgs => gauss_seidel::solve_nlgs(&mut run, 0, u64::MAX),
+        MatrixSolver::NlgsAnderson => gauss_seidel::solve_nlgs(&mut run, gauss_seidel::ANDERSON_DEPTH, u64::MAX),
         MatrixSolver::ProxNewton => newton::prox_newton(&mut run, &vec![[0.0; 3]; problem.len()], u64::MAX),
         MatrixSolver::Admm => admm::solve_admm(&mut run, u64::MAX),
         MatrixSolver::InteriorPoint => interior_point::interior_point(&mut run, u64::MAX),
@@ -243,7 +243,7 @@ fn run_fallback_sequence(run: &mut SolverRun, warm: bool) {
         let more = 4u64.saturating_pow(round);
         let steps = more.saturating_mul(20);
         let sweeps = (0.5 * steps as f64 * newton / sweep) as u64;
-        sweep::solve_nlgs(run, sweep::ANDERSON_DEPTH, sweeps.clamp(100, more.saturating_mul(1000)));
+        gauss_seidel::solve_nlgs(run, gauss_seidel::ANDERSON_DEPTH, sweeps.clamp(100, more.saturating_mul(1000)));
         if round == 0 && warm {
             newton::prox_newton(run, &run.best.0.clone(), steps);
         }

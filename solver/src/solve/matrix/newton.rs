@@ -15,8 +15,8 @@
 
 use super::anderson::AndersonAcceleration;
 use super::factors::{BlockEntry, LuFactors};
+use super::gauss_seidel::ANDERSON_DEPTH;
 use super::scaled::ScaledProblem;
-use super::sweep::ANDERSON_DEPTH;
 use super::{LocalVector, MatrixBlock, SolverRun};
 
 /// Initial value of the proximal parameter a, its limits, and its change after success and failure.

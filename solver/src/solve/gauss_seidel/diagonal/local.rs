@@ -1,62 +1,7 @@
 //! Exact solution of one contact with all other impulses frozen.
 
-use crate::math::lanes::Arithmetic;
-
-/// Three components.
-pub type LaneVector<V> = [V; 3];
-
-/// Scalar product a . b.
-#[inline(always)]
-pub fn dot_product<L: Arithmetic>(l: L, a: LaneVector<L::V>, b: LaneVector<L::V>) -> L::V {
-    l.mul_add(a[0], b[0], l.mul_add(a[1], b[1], l.mul(a[2], b[2])))
-}
-
-/// a x b + c.
-#[inline(always)]
-pub fn cross_add<L: Arithmetic>(
-    l: L,
-    a: LaneVector<L::V>,
-    b: LaneVector<L::V>,
-    c: LaneVector<L::V>,
-) -> LaneVector<L::V> {
-    [
-        l.mul_add(a[1], b[2], l.neg_mul_add(a[2], b[1], c[0])),
-        l.mul_add(a[2], b[0], l.neg_mul_add(a[0], b[2], c[1])),
-        l.mul_add(a[0], b[1], l.neg_mul_add(a[1], b[0], c[2])),
-    ]
-}
-
-/// Vector product a x b.
-#[inline(always)]
-pub fn cross_product<L: Arithmetic>(l: L, a: LaneVector<L::V>, b: LaneVector<L::V>) -> LaneVector<L::V> {
-    [
-        l.neg_mul_add(a[2], b[1], l.mul(a[1], b[2])),
-        l.neg_mul_add(a[0], b[2], l.mul(a[2], b[0])),
-        l.neg_mul_add(a[1], b[0], l.mul(a[0], b[1])),
-    ]
-}
-
-/// The three components of an expression in `$k`. Not a closure, which a compiler may leave outside
-/// the instruction set that its caller is compiled for.
-macro_rules! triple {
-    ($k:ident => $component:expr) => {
-        [
-            {
-                let $k = 0;
-                $component
-            },
-            {
-                let $k = 1;
-                $component
-            },
-            {
-                let $k = 2;
-                $component
-            },
-        ]
-    };
-}
-pub(super) use triple;
+use crate::math::simd::Arithmetic;
+use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, project_to_ball, triple};
 
 /// r̂ that solves one contact with Signorini's condition and Coulomb's law, N s.
 ///
@@ -72,7 +17,7 @@ pub(super) use triple;
 /// Source: F. Jourdan, P. Alart, M. Jean, Comput. Methods Appl. Mech. Engrg. 155 (1998) 31-47.
 ///
 /// ```
-/// # use cd_solve::{math::lanes::Scalar, solve::local::signorini_coulomb};
+/// # use cd_solve::{math::simd::Scalar, solve::gauss_seidel::diagonal::local::signorini_coulomb};
 /// // 2 kg (1/w_n) arriving at 2 m/s is stopped by 4 N s; the tangential 7 m/s would need
 /// // 4 N s too (1/w_t = 4/7), but friction gives 0.5 * 4.
 /// let r = signorini_coulomb(Scalar, [0.0, 0.0, 1.0], [0.0, 7.0, -2.0], [0.0; 3], [0.5, 1.75], 0.5);
@@ -132,20 +77,10 @@ pub fn coulomb<L: Arithmetic>(
     triple!(k => l.mul_add(n[k], normal, tangential[k]))
 }
 
-/// Nearest point to `v` of the ball of radius `bound` >= 0.
-#[inline(always)]
-pub fn project_to_ball<L: Arithmetic>(l: L, v: LaneVector<L::V>, bound: L::V) -> LaneVector<L::V> {
-    let size2 = dot_product(l, v, v);
-    // bound/size, as a product of a root and a quotient, which are computed independently.
-    let ratio = l.mul(l.div(bound, size2), l.sqrt(size2));
-    let inside = l.select_greater(size2, l.mul(bound, bound), ratio, l.splat(1.0));
-    triple!(k => l.mul(v[k], inside))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::lanes::Scalar;
+    use crate::math::simd::Scalar;
     use proptest::prelude::*;
 
     const UP: [f64; 3] = [0.0, 0.0, 1.0];
@@ -161,9 +96,6 @@ mod tests {
         let r = solve([0.35, 0.0, -2.0], 0.5);
         assert!((r[0] + 0.2).abs() < 1e-15 && r[1] == 0.0 && r[2] == 4.0);
         assert_eq!(solve([0.0, 7.0, -2.0], 0.0), [0.0, 0.0, 4.0]);
-        assert_eq!(cross_add(Scalar, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]), UP);
-        assert_eq!(cross_add(Scalar, [1.0, 2.0, 3.0], [-4.0, 5.0, 6.0], [1.0; 3]), [-2.0, -17.0, 14.0]);
-        assert_eq!(cross_product(Scalar, [1.0, 2.0, 3.0], [-4.0, 5.0, 6.0]), [-3.0, -18.0, 13.0]);
     }
 
     proptest! {

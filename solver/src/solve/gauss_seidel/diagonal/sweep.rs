@@ -1,0 +1,385 @@
+//! One Gauss-Seidel sweep over the batches, with momentum.
+
+use bytemuck::{cast_slice, cast_slice_mut};
+use pulp::NullaryFnOnce;
+
+use crate::assemble::ContactProblem;
+use crate::math::simd::{Arithmetic, F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
+use crate::solve::gauss_seidel::diagonal::batches::{
+    BatchVectors, ContactBatch, DiagonalProblem, PackedBody, RangeBatches,
+};
+use crate::solve::gauss_seidel::diagonal::local::{coulomb, signorini, unprojected_impulse};
+use crate::solve::gauss_seidel::packed::{
+    ApplyMomentum, BATCH_LANES, L2_BYTES, PackedProblem, SweepStats, SweepSums, load_column, load_vector, store_column,
+};
+use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
+use crate::solve::gauss_seidel::vector::{LaneVector, cross_add, cross_product, dot_product, triple};
+use crate::solve::types::ContactReactions;
+
+/// Batches processed together in each stage of a sweep, so that no stage waits for the one before.
+const BATCHES_PER_STAGE: usize = 8;
+
+impl<B: PackedBody> PackedProblem for DiagonalProblem<B> {
+    fn sweep_contacts(&mut self, width: SimdWidth, beta: f64) -> SweepStats {
+        width.dispatch(ProblemSweep { problem: self, beta })
+    }
+
+    fn read_back(&self, width: SimdWidth, _: &ContactProblem, reactions: &mut ContactReactions) {
+        self.read_back_reactions(width, reactions);
+    }
+}
+
+struct ProblemSweep<'a, B: PackedBody> {
+    problem: &'a mut DiagonalProblem<B>,
+    beta: f64,
+}
+
+impl<B: PackedBody> LaneOperation for ProblemSweep<'_, B> {
+    type Output = SweepStats;
+
+    fn call<L: F64Arithmetic>(self, l: L) -> SweepStats {
+        let ProblemSweep { problem: DiagonalProblem { units, lines, previous, blocks }, beta } = self;
+        let batches: usize = blocks.iter().map(|block| block.batches.len()).sum();
+        let exceeds_l2 = batches * size_of::<(ContactBatch<B::T>, [BatchVectors<B::T>; 2])>() > L2_BYTES;
+        std::mem::swap(lines, previous);
+        TreeSweep { lanes: B::T::lanes(l), beta, exceeds_l2 }.sweep_subtree(blocks, lines, previous);
+        let mut sums = SweepSums::default();
+        blocks.iter().for_each(|block| sums.accumulate(&block.sums));
+        sums.reduce(*units)
+    }
+}
+
+#[derive(Clone, Copy)]
+struct TreeSweep<L> {
+    lanes: L,
+    beta: f64,
+    /// Whether the problem exceeds the L2 cache.
+    exceeds_l2: bool,
+}
+
+impl<L: Arithmetic> TreeSweep<L> {
+    /// Sweeps both sides of a joint in parallel, then the joint.
+    fn sweep_subtree<B: PackedBody<T = L::T>>(
+        self,
+        blocks: &mut [RangeBatches<L::T>],
+        lines: &mut [B],
+        previous: &[B],
+    ) {
+        let half = blocks.len() / 2;
+        let (left, rest) = blocks.split_at_mut(half);
+        let Some((block, right)) = rest.split_first_mut() else { return };
+        if left.is_empty() {
+            let (l, beta) = (self.lanes, self.beta);
+            l.run(ApplyMomentum { l, numbers: cast_slice_mut(lines), last: cast_slice(previous), beta });
+        } else {
+            let cut = left[half / 2].lines;
+            let (lines_left, lines_right) = lines.split_at_mut(cut);
+            let (previous_left, previous_right) = previous.split_at(cut);
+            rayon::join(
+                || self.sweep_subtree(left, lines_left, previous_left),
+                || self.sweep_subtree(right, lines_right, previous_right),
+            );
+        }
+        self.lanes.run(SweepBlock { lanes: self.lanes, lines, block, beta: self.beta, exceeds_l2: self.exceeds_l2 });
+        std::mem::swap(&mut block.r, &mut block.previous);
+    }
+}
+
+/// Columns of the bodies' lines for a vector of contacts.
+macro_rules! pair {
+    ($from:ident, $batch:ident) => {
+        (&$batch.bodies[0][$from..$from + L::WIDTH], &$batch.bodies[1][$from..$from + L::WIDTH])
+    };
+}
+
+struct SweepBlock<'a, L, B: PackedBody> {
+    lanes: L,
+    lines: &'a mut [B],
+    block: &'a mut RangeBatches<B::T>,
+    beta: f64,
+    exceeds_l2: bool,
+}
+
+impl<L: Arithmetic, B: PackedBody<T = L::T>> NullaryFnOnce for SweepBlock<'_, L, B> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let SweepBlock { lanes: l, lines, block, beta, exceeds_l2: far } = self;
+        let RangeBatches { batches, colours, r, previous, tangential_shift: drift, rolls, curvatures, sums, .. } =
+            block;
+        *sums = SweepSums::default();
+        let zero = l.splat(0.0);
+        let mut between = StageBuffers {
+            trials: [TrialImpulse { tangential: [zero; 3], normal: zero, y: [zero; 3], w_n: zero }; BATCHES_PER_STAGE],
+            changes: [ImpulseChange { impulse: [zero; 3], turn: [zero; 3] }; BATCHES_PER_STAGE],
+        };
+        let mut first = 0;
+        for &end in &*colours {
+            while first < end {
+                let next = end.min(first + BATCHES_PER_STAGE);
+                let (previous, previous_later) = previous.split_at_mut(next);
+                let later = PrefetchWindow {
+                    batches: if far { &batches[next..] } else { &[] },
+                    r: &r[next..],
+                    previous: previous_later,
+                    tangential_shift: drift.get(next..).unwrap_or_default(),
+                };
+                let mut chunk = BatchChunk {
+                    batches: &batches[first..next],
+                    later,
+                    r: &r[first..next],
+                    previous: &mut previous[first..],
+                    tangential_shift: drift.get(first..next).unwrap_or_default(),
+                    rolls: rolls.get_mut(first..next).unwrap_or_default(),
+                    curvatures: curvatures.get(first..next).unwrap_or_default(),
+                    beta,
+                };
+                for from in (0..BATCH_LANES).step_by(L::WIDTH) {
+                    solve_contacts(l, lines, &mut chunk, from, &mut between, sums);
+                    for (batch, change) in chunk.batches.iter().zip(&between.changes) {
+                        apply_change(l, lines, pair!(from, batch), change);
+                    }
+                    if B::HAS_FRICTION && !chunk.rolls.is_empty() {
+                        solve_rolling(l, cast_slice_mut(lines), &mut chunk, from);
+                    }
+                }
+                first = next;
+            }
+        }
+    }
+}
+
+/// Batches processed together in each stage.
+pub struct BatchChunk<'a, T> {
+    batches: &'a [ContactBatch<T>],
+    later: PrefetchWindow<'a, T>,
+    r: &'a [BatchVectors<T>],
+    previous: &'a mut [BatchVectors<T>],
+    tangential_shift: &'a [BatchVectors<T>],
+    rolls: &'a mut [RollingConstraintWide<T>],
+    curvatures: &'a [[[T; BATCH_LANES]; 2]],
+    beta: f64,
+}
+
+/// Next chunk to prefetch: for many contacts it is in far memory, which is faster if it need not wait for arithmetic.
+struct PrefetchWindow<'a, T> {
+    /// Batches to prefetch; empty if there are none.
+    batches: &'a [ContactBatch<T>],
+    r: &'a [BatchVectors<T>],
+    previous: &'a [BatchVectors<T>],
+    tangential_shift: &'a [BatchVectors<T>],
+}
+
+/// Prefetches, with each batch, the batch at the same position of the next chunk: most of many requests at once would wait
+/// for each other.
+impl<T: LaneFloat> PrefetchWindow<'_, T> {
+    #[inline(always)]
+    fn prefetch_constants<L: Arithmetic<T = T>>(&self, l: L, i: usize) {
+        if i < self.batches.len() {
+            l.prefetch(&self.batches[i]);
+            if i < self.tangential_shift.len() {
+                l.prefetch(&self.tangential_shift[i]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn prefetch_impulses<L: Arithmetic<T = T>>(&self, l: L, i: usize, components: usize) {
+        if i < self.batches.len() {
+            l.prefetch(&self.r[i].0[..components]);
+            l.prefetch(&self.previous[i].0[..components]);
+        }
+    }
+}
+
+/// Intermediate results of one stage for the next, a vector of each batch.
+pub struct StageBuffers<V> {
+    trials: [TrialImpulse<V>; BATCHES_PER_STAGE],
+    changes: [ImpulseChange<V>; BATCHES_PER_STAGE],
+}
+
+/// Impulses that would stop the contacts of a vector, N s.
+#[derive(Clone, Copy)]
+pub struct TrialImpulse<V> {
+    tangential: LaneVector<V>,
+    /// Normal impulse, after Signorini's condition.
+    normal: V,
+    /// Impulses contained in the velocities.
+    y: LaneVector<V>,
+    /// W_nn, 1/kg.
+    w_n: V,
+}
+
+/// Change of impulse and of moment over the arm, for the bodies.
+#[derive(Clone, Copy)]
+pub struct ImpulseChange<V> {
+    impulse: LaneVector<V>,
+    turn: LaneVector<V>,
+}
+
+/// Solves the contacts of the vector from index `from` on of each batch; writes their impulses, and the changes to be given
+/// to the bodies.
+#[inline(always)]
+fn solve_contacts<L: Arithmetic, B: PackedBody<T = L::T>>(
+    l: L,
+    bodies: &[B],
+    chunk: &mut BatchChunk<L::T>,
+    from: usize,
+    between: &mut StageBuffers<L::V>,
+    sums: &mut SweepSums<L::T>,
+) {
+    if B::HAS_FRICTION {
+        trial_impulses(l, cast_slice(bodies), chunk, from, &mut between.trials);
+        project_impulses(l, chunk, from, between, sums);
+    } else {
+        project_normal_impulses(l, cast_slice(bodies), chunk, from, &mut between.changes, sums);
+    }
+}
+
+/// Adds a change to the bodies `a` and subtracts it from `b`.
+#[inline(always)]
+fn apply_change<L: Arithmetic, B: PackedBody<T = L::T>>(
+    l: L,
+    bodies: &mut [B],
+    (a, b): (&[u32], &[u32]),
+    change: &ImpulseChange<L::V>,
+) {
+    if B::HAS_FRICTION {
+        l.apply_impulse(cast_slice_mut(bodies), a, b, change.impulse, change.turn);
+    } else {
+        l.apply_half_impulse(cast_slice_mut(bodies), a, b, change.impulse);
+    }
+}
+
+/// Gives the bodies the moments of these contacts that follow from their new impulses.
+#[inline(always)]
+fn solve_rolling<L: Arithmetic>(l: L, lines: &mut [[L::T; 8]], chunk: &mut BatchChunk<L::T>, from: usize) {
+    let BatchChunk { batches, previous, rolls, curvatures, beta, .. } = chunk;
+    let beta = l.splat(*beta);
+    // The new impulses are stored in place of those of the sweep before.
+    for (((batch, r), rolls), curvatures) in batches.iter().zip(&**previous).zip(&mut **rolls).zip(*curvatures) {
+        let (a, b) = pair!(from, batch);
+        let (mut of_a, mut of_b) = (l.gather_lines(lines, a), l.gather_lines(lines, b));
+        // Lines contain R w and R^2/I.
+        let (in_a, in_b) = (load_column(l, from, &curvatures[0]), load_column(l, from, &curvatures[1]));
+        let w = triple!(k => l.neg_mul_add(of_b[4 + k], in_b, l.mul(of_a[4 + k], in_a)));
+        let n = load_vector(l, from, &batch.n);
+        let pressing = dot_product(l, n, load_vector(l, from, &r.0));
+        let change = rolls.solve_moments(l, from, beta, n, pressing, w);
+        let (to_a, to_b) = (l.mul(of_a[7], in_a), l.mul(of_b[7], in_b));
+        for k in 0..3 {
+            of_a[4 + k] = l.mul_add(to_a, change[k], of_a[4 + k]);
+            of_b[4 + k] = l.neg_mul_add(to_b, change[k], of_b[4 + k]);
+        }
+        l.scatter_lines(lines, a, of_a);
+        l.scatter_lines(lines, b, of_b);
+    }
+}
+
+#[inline(always)]
+fn trial_impulses<L: Arithmetic>(
+    l: L,
+    lines: &[<L::T as LaneFloat>::Line],
+    chunk: &BatchChunk<L::T>,
+    from: usize,
+    trials: &mut [TrialImpulse<L::V>; BATCHES_PER_STAGE],
+) {
+    let beta = l.splat(chunk.beta);
+    let columns = chunk.batches.iter().zip(chunk.r).zip(&*chunk.previous).zip(trials);
+    for (i, (((batch, r), previous), trial)) in columns.enumerate() {
+        if from == 0 {
+            chunk.later.prefetch_constants(l, i);
+        }
+        let (a, b) = pair!(from, batch);
+        let [dx, dy, dz, w_n, sx, sy, sz, k] = l.relative_velocity(lines, a, b);
+        let n = load_vector(l, from, &batch.n);
+        let r = load_vector(l, from, &r.0);
+        let before = load_vector(l, from, &previous.0);
+        let y = triple!(i => l.mul_add(beta, l.sub(r[i], before[i]), r[i]));
+        let arm = load_column(l, from, &batch.arm);
+        let lever = triple!(i => l.mul(n[i], arm));
+        // û = v_a - v_b + n x arm (R_a w_a + R_b w_b) + shift
+        let mut u = cross_add(l, lever, [sx, sy, sz], [dx, dy, dz]);
+        if let Some(drift) = chunk.tangential_shift.get(i) {
+            let drift = load_vector(l, from, &drift.0);
+            u = triple!(i => l.add(u[i], drift[i]));
+        }
+        let u_n = dot_product(l, n, [dx, dy, dz]);
+        let w_t = l.mul_add(l.mul(arm, arm), k, w_n);
+        let shift = load_column(l, from, &batch.shift);
+        let (normal, tangential) = unprojected_impulse(l, n, u, u_n, shift, y, [w_n, w_t]);
+        *trial = TrialImpulse { tangential, normal, y, w_n };
+    }
+}
+
+#[inline(always)]
+fn project_impulses<L: Arithmetic>(
+    l: L,
+    chunk: &mut BatchChunk<L::T>,
+    from: usize,
+    between: &mut StageBuffers<L::V>,
+    sums: &mut SweepSums<L::T>,
+) {
+    let BatchChunk { batches, later, r, previous, .. } = chunk;
+    let StageBuffers { trials, changes } = between;
+    let mut uphill = load_column(l, from, &sums.restart_product);
+    let mut change2 = load_column(l, from, &sums.change2);
+    let columns = batches.iter().zip(*r).zip(&mut **previous).zip(&*trials).zip(changes);
+    for (i, ((((batch, r), previous), trial), out)) in columns.enumerate() {
+        if from == 0 {
+            later.prefetch_impulses(l, i, 3);
+        }
+        let n = load_vector(l, from, &batch.n);
+        let new = coulomb(l, n, trial.normal, trial.tangential, load_column(l, from, &batch.friction));
+        let change = triple!(k => l.sub(new[k], trial.y[k]));
+        let arm = load_column(l, from, &batch.arm);
+        let lever = triple!(k => l.mul(n[k], arm));
+        let turn = cross_product(l, change, lever);
+        *out = ImpulseChange { impulse: change, turn };
+        let r = load_vector(l, from, &r.0);
+        for (stored, new) in previous.0.iter_mut().zip(new) {
+            store_column(l, from, stored, new);
+        }
+        let moved = triple!(k => l.sub(new[k], r[k]));
+        uphill = l.neg_mul_add(trial.w_n, dot_product(l, change, moved), uphill);
+        change2 = l.add(dot_product(l, change, change), change2);
+    }
+    store_column(l, from, &mut sums.restart_product, uphill);
+    store_column(l, from, &mut sums.change2, change2);
+}
+
+/// One unknown a contact, r̂_n, kept as the first component; spheres do not turn.
+#[inline(always)]
+fn project_normal_impulses<L: Arithmetic>(
+    l: L,
+    halves: &[<L::T as LaneFloat>::Half],
+    chunk: &mut BatchChunk<L::T>,
+    from: usize,
+    changes: &mut [ImpulseChange<L::V>; BATCHES_PER_STAGE],
+    sums: &mut SweepSums<L::T>,
+) {
+    let BatchChunk { batches, later, r, previous, beta, .. } = chunk;
+    let beta = l.splat(*beta);
+    let mut uphill = load_column(l, from, &sums.restart_product);
+    let mut change2 = load_column(l, from, &sums.change2);
+    for (i, (((batch, r), previous), out)) in batches.iter().zip(*r).zip(&mut **previous).zip(changes).enumerate() {
+        if from == 0 {
+            later.prefetch_constants(l, i);
+            later.prefetch_impulses(l, i, 1);
+        }
+        let (a, b) = pair!(from, batch);
+        let [dx, dy, dz, w_n] = l.relative_half_velocity(halves, a, b);
+        let n = load_vector(l, from, &batch.n);
+        let r = load_column(l, from, &r.0[0]);
+        let y = l.mul_add(beta, l.sub(r, load_column(l, from, &previous.0[0])), r);
+        let u_n = l.add(dot_product(l, n, [dx, dy, dz]), load_column(l, from, &batch.shift));
+        let new = signorini(l, u_n, y, w_n);
+        let change = l.sub(new, y);
+        out.impulse = triple!(k => l.mul(n[k], change));
+        store_column(l, from, &mut previous.0[0], new);
+        uphill = l.neg_mul_add(l.mul(w_n, change), l.sub(new, r), uphill);
+        change2 = l.mul_add(change, change, change2);
+    }
+    store_column(l, from, &mut sums.restart_product, uphill);
+    store_column(l, from, &mut sums.change2, change2);
+}

@@ -1,0 +1,23 @@
+//! Nonlinear Gauss-Seidel: sweeps over the contacts, each solved exactly against the current velocities of its bodies.
+//!
+//! | module | contents |
+//! |---|---|
+//! | `driver` | iteration, stopping criteria, precision |
+//! | `momentum` | momentum of the sweeps and its restarts |
+//! | [`layout`] | choice of the layout that a problem needs |
+//! | [`partition`] | division of bodies into ranges and of contacts into colours |
+//! | [`packed`] | interface, columns, units and sums of all layouts |
+//! | `vector` | vectors of three components in lanes |
+//! | [`diagonal`] | spheres and plates: the own block of a contact is diagonal |
+//! | [`block`] | bodies of any shape: it is full |
+//! | `rolling` | contacts with rolling and spinning friction |
+
+pub mod block;
+pub mod diagonal;
+pub(super) mod driver;
+pub mod layout;
+pub(super) mod momentum;
+pub mod packed;
+pub mod partition;
+mod rolling;
+mod vector;
