@@ -7,6 +7,7 @@
 //! | [`faces`] | faces and edges of a convex surface; whether it is convex |
 //! | [`mass`] | mass properties of contactors and of bodies |
 //! | [`bulk_behav`] | `DATBOX/BULK_BEHAV.DAT`: densities, uniform gravity |
+//! | [`law_table`] | none: the contact laws, their parameters and friction limits |
 //! | [`tact_behav`] | `DATBOX/TACT_BEHAV.DAT`: contact laws, the law of each pair of colours |
 //! | [`drv_dof`] | `DATBOX/DRV_DOF.DAT`: imposed velocities and forces |
 //! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
@@ -39,6 +40,7 @@ pub mod faces;
 pub mod fc3d;
 pub mod field;
 pub mod groups;
+pub mod law_table;
 pub mod mass;
 pub mod origin;
 pub mod places;

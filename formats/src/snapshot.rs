@@ -16,6 +16,7 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 use crate::atomic;
 use crate::error::{Fault, Faults};
+use crate::law_table::{LawError, LawModel};
 
 #[cfg(target_endian = "big")]
 compile_error!("snapshots are written from memory as little-endian arrays");
@@ -144,6 +145,13 @@ pub struct LawName {
     pub nickname: String,
     pub kind: String,
     pub parameters: Vec<f64>,
+}
+
+impl LawName {
+    /// Law of the table with these parameters; an error if the programs do not compute with it.
+    pub fn model(&self) -> Result<LawModel, LawError> {
+        LawModel::from_values(&self.kind, &self.parameters)
+    }
 }
 
 /// The options that decide the result.
