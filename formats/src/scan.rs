@@ -105,15 +105,15 @@ impl<'a> TextLine<'a> {
 
     /// Returns `value`, unless the number in the columns begins before them or extends beyond them: LMGC90 would read a
     /// part.
-    fn expect_isolated<T>(self, (first, last): (usize, usize), value: T) -> Result<T, &'static str> {
+    fn expect_isolated<T>(self, (first, last): (usize, usize), value: T) -> Result<T, NumberError> {
         let before = self.columns(first - 1, first - 1);
         let digits_across = before.starts_with(|c: char| c.is_ascii_digit())
             && self.columns(first, first).starts_with(|c: char| c.is_ascii_digit() || c == '.');
         if digits_across || ["-", "+", "."].contains(&before) {
-            return Err("which begins before its columns");
+            return Err(NumberError("which begins before its columns"));
         }
         if !self.columns(last + 1, last + 1).trim().is_empty() {
-            return Err("which goes on beyond its columns");
+            return Err(NumberError("which goes on beyond its columns"));
         }
         Ok(value)
     }
@@ -233,7 +233,7 @@ impl<'a> LineScanner<'a> {
         let columns = (first, first + REAL_WIDTH - 1);
         match fortran_real(line.columns(columns.0, columns.1)).and_then(|value| line.expect_isolated(columns, value)) {
             Ok(value) => value,
-            Err(fault) => {
+            Err(NumberError(fault)) => {
                 self.report_no_number(line, columns, what, fault, "expected a real such as 1.0000000E+00");
                 f64::NAN
             }
@@ -273,10 +273,11 @@ impl<'a> LineScanner<'a> {
     /// Reads the integer in columns `first` to `last`, blanks ignored; `None` and a fault if there is none.
     pub fn read_integer(&mut self, line: TextLine, columns: (usize, usize), what: impl Display) -> Option<u64> {
         let digits = line.columns(columns.0, columns.1).replace(' ', "");
-        let number = digits.parse().map_err(|_| number_fault(&digits).unwrap_or("not an integer of 0 or more"));
+        let fault = |_| number_fault(&digits).unwrap_or(NumberError("not an integer of 0 or more"));
+        let number = digits.parse().map_err(fault);
         match number.and_then(|value| line.expect_isolated(columns, value)) {
             Ok(value) => Some(value),
-            Err(fault) => {
+            Err(NumberError(fault)) => {
                 self.report_no_number(line, columns, what, fault, "expected an integer such as 12");
                 None
             }
@@ -366,13 +367,26 @@ fn display_text(text: &str) -> String {
     text.replace('\x1a', "?").escape_default().to_string()
 }
 
-fn number_fault(field: &str) -> Option<&'static str> {
+/// Reason why a text is not read as a number, as a phrase that follows the text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NumberError(pub &'static str);
+
+impl Display for NumberError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.0)
+    }
+}
+
+impl std::error::Error for NumberError {}
+
+fn number_fault(field: &str) -> Option<NumberError> {
     match field {
         "" => Some("blank"),
         stars if stars.contains('*') => Some("a number that did not fit its columns when it was written"),
         tabs if tabs.contains('\t') => Some("with a tab, which is one column wide"),
         _ => None,
     }
+    .map(NumberError)
 }
 
 /// Reads a real like Fortran from its columns: blanks anywhere; D, E, Q or no letter before a signed exponent.
@@ -386,28 +400,29 @@ fn number_fault(field: &str) -> Option<&'static str> {
 /// assert_eq!(fortran_real("1.0-10"), Ok(1e-10));
 /// assert!(fortran_real("100").is_err());
 /// ```
-pub fn fortran_real(field: &str) -> Result<f64, &'static str> {
+pub fn fortran_real(field: &str) -> Result<f64, NumberError> {
     let value = free_real(field)?;
-    if field.contains('.') { Ok(value) } else { Err("without a decimal point, which LMGC90 would scale by 1e-7") }
+    let without_point = NumberError("without a decimal point, which LMGC90 would scale by 1e-7");
+    if field.contains('.') { Ok(value) } else { Err(without_point) }
 }
 
 /// Reads a real in free format: as [`fortran_real`], and the point may be missing.
-pub fn free_real(field: &str) -> Result<f64, &'static str> {
+pub fn free_real(field: &str) -> Result<f64, NumberError> {
     let text: String = field.chars().filter(|&c| c != ' ').map(|c| c.to_ascii_lowercase()).collect();
     if let Some(fault) = number_fault(&text) {
         return Err(fault);
     }
     let unsigned = text.strip_prefix(['+', '-']).unwrap_or(&text);
     if ["nan", "inf"].iter().any(|word| unsigned.starts_with(word)) {
-        return Err("not a finite number");
+        return Err(NumberError("not a finite number"));
     }
     let mantissa_end = unsigned.find(|c: char| c != '.' && !c.is_ascii_digit()).unwrap_or(unsigned.len());
     let (mantissa, exponent) = unsigned.split_at(mantissa_end);
     let exponent = if exponent.is_empty() { "0" } else { exponent.strip_prefix(['d', 'e', 'q']).unwrap_or(exponent) };
     // `parse` rejects all other errors: the only letter that it accepts is this e.
-    let value: f64 = format!("{mantissa}e{exponent}").parse().map_err(|_| "not a number")?;
+    let value: f64 = format!("{mantissa}e{exponent}").parse().map_err(|_| NumberError("not a number"))?;
     if value.is_infinite() {
-        return Err("too large a number");
+        return Err(NumberError("too large a number"));
     }
     Ok(if text.starts_with('-') { -value } else { value })
 }
@@ -575,7 +590,7 @@ mod tests {
         ] {
             assert!(fortran_real(field).is_err(), "{field} was read as {:?}", fortran_real(field));
         }
-        assert!(fortran_real("100").unwrap_err().contains("1e-7"));
+        assert!(fortran_real("100").unwrap_err().0.contains("1e-7"));
         assert_eq!(free_real("100"), Ok(100.0));
     }
 

@@ -58,7 +58,7 @@ impl Envelope {
                     told = format!("{file}: {}", changes.join(", "));
                 }
                 let inside = SurfaceRegion::new(&read.surface).map_err(|found| {
-                    Fault::new(&folder.join(file), None, "surface", found, "expected one with an inside")
+                    Fault::new(&folder.join(file), None, "surface", found.to_string(), "expected one with an inside")
                 })?;
                 GrainRegion::Inside(inside)
             }

@@ -81,7 +81,7 @@ impl PrincipalSolid {
                 })
                 .collect();
             Surface::new(&vertices, surface.triangles())
-                .map_err(|faults| hull::HullError::Moved(faults.first().cloned().unwrap_or_default()))
+                .map_err(|faults| hull::HullError::Moved(faults.0.first().cloned().unwrap_or_default()))
         };
         let pieces: Vec<Surface> = pieces.iter().map(moved).collect::<Result<_, _>>()?;
         let vertices = pieces.iter().flat_map(|piece| piece.vertices());
@@ -191,6 +191,17 @@ pub enum ShapeError {
     File(Faults),
 }
 
+impl std::fmt::Display for ShapeError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            ShapeError::Shape(error) => write!(f, "{error}"),
+            ShapeError::File(faults) => write!(f, "{faults}"),
+        }
+    }
+}
+
+impl std::error::Error for ShapeError {}
+
 enum ShapeSource {
     Sphere,
     /// One solid for all grains, and notes on its file.
@@ -232,7 +243,7 @@ impl GrainSampler {
     /// Next grain, of the radius `size`, m, or of the shape's own size.
     ///
     /// Errors: no sound shape was found.
-    pub fn next_grain(&mut self, size: Option<f64>) -> Result<SampledGrain, String> {
+    pub fn next_grain(&mut self, size: Option<f64>) -> Result<SampledGrain, rocks::DrawError> {
         let solid = match &self.source {
             ShapeSource::Sphere => {
                 let radius = size.unwrap_or(1.0);

@@ -56,6 +56,17 @@ impl ReadError {
     }
 }
 
+impl std::fmt::Display for ReadError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if let Some(line) = self.line {
+            write!(f, "line {line}: ")?;
+        }
+        write!(f, "{}; expected {}", self.found, self.expected)
+    }
+}
+
+impl std::error::Error for ReadError {}
+
 impl From<ReadError> for Vec<ReadError> {
     fn from(refusal: ReadError) -> Self {
         vec![refusal]
@@ -115,12 +126,12 @@ pub fn read_surface(path: &Path) -> Result<RepairedSurface, Faults> {
         }
         Err(found) => {
             let mut faults = Faults::default();
-            for fault in found.iter().take(MAX_PRINTED_FAULTS) {
+            for fault in found.0.iter().take(MAX_PRINTED_FAULTS) {
                 let (found, expected) = fault.split_once("; ").unwrap_or((fault, "expected a closed surface"));
                 faults.push(Fault::new(path, None, "surface", found, expected));
             }
-            if found.len() > MAX_PRINTED_FAULTS {
-                let more = format!("{} more faults", found.len() - MAX_PRINTED_FAULTS);
+            if found.0.len() > MAX_PRINTED_FAULTS {
+                let more = format!("{} more faults", found.0.len() - MAX_PRINTED_FAULTS);
                 faults.push(Fault::new(path, None, "surface", more, "expected a closed surface in one piece"));
             }
             Err(faults)
