@@ -1,30 +1,45 @@
-//! Contents of the files that link cd-pre, cd-solve and cd-post. No physics.
+//! The model that cd-pre, cd-solve and cd-post share: the files that link the programs, and the geometry and physics that
+//! more than one of them needs.
+//!
+//! A module is here if two programs must agree on it to the last bit, or if both would otherwise write it again. Steps,
+//! placement and observables are in the programs.
+//!
+//! Files, each with a type, a reader and a writer:
 //!
 //! | module | file |
 //! |---|---|
 //! | [`bodies`] | `DATBOX/BODIES.DAT`: shapes, materials, reference positions |
-//! | [`surface`] | closed surfaces of BODIES.DAT: faults, mass properties |
-//! | [`faces`] | faces and edges of a convex surface; whether it is convex |
-//! | [`mass`] | mass properties of contactors and of bodies |
 //! | [`bulk_behav`] | `DATBOX/BULK_BEHAV.DAT`: densities, uniform gravity |
-//! | [`law_table`] | none: the contact laws, their parameters and friction limits |
 //! | [`tact_behav`] | `DATBOX/TACT_BEHAV.DAT`: contact laws, the law of each pair of colours |
 //! | [`drv_dof`] | `DATBOX/DRV_DOF.DAT`: imposed velocities and forces |
 //! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
 //! | [`vloc_rloc`] | `DATBOX/Vloc_Rloc.INI`, `OUTBOX/Vloc_Rloc.OUT.k`: contacts at one instant |
-//! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
-//! | [`origin`] | the same: the files that DATBOX is made from |
-//! | [`doubts`] | none: values that are probably mistakes of units |
-//! | [`accuracy`] | the same: the values of its presets of accuracy |
-//! | [`case`] | none: the folder of a case on a command line |
-//! | [`groups`] | none: groups of connected items |
-//! | [`places`] | any RON file: positions and replacement of its values |
-//! | [`report`] | the same: its faults |
-//! | [`ron_text`] | the same: reading it, with the position of each mistake |
-//! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
-//! | [`tell`] | none: messages to people |
+//! | [`compute`], [`accuracy`] | `DATBOX/COMPUTE.RON`: options of a run, and the values of its presets of accuracy |
 //! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: the complete state for a restart, bit for bit |
-//! | [`unchanged`] | the same: whether the files of DATBOX still agree with it |
+//! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
+//!
+//! Geometry and physics:
+//!
+//! | module | content |
+//! |---|---|
+//! | [`geometry`] | closed surfaces, faces and edges of a convex surface, mass properties of contactors and bodies |
+//! | [`law_table`] | contact laws: names, parameters with units and limits, friction limit, memory |
+//! | [`field`] | accelerations and potentials of external fields |
+//!
+//! Tools for files:
+//!
+//! | module | content |
+//! |---|---|
+//! | [`error`], [`report`] | faults with file, line, column, object, found and expected; those of RON files by path |
+//! | [`scan`] | text in columns as Fortran reads and writes it |
+//! | [`ron_text`], [`places`] | RON with the position of each mistake; positions and replacement of values |
+//! | [`atomic`] | files that are complete or absent |
+//! | [`case`] | the folder of a case on a command line |
+//! | [`origin`] | the files that DATBOX is made from |
+//! | [`unchanged`] | whether the files of DATBOX still agree with a snapshot |
+//! | [`doubts`] | values that are probably mistakes of units |
+//! | [`tell`] | messages to people |
+//! | [`groups`] | groups of connected items |
 
 pub mod accuracy;
 pub mod atomic;
@@ -52,4 +67,5 @@ pub mod tell;
 pub mod unchanged;
 pub mod vloc_rloc;
 
+// Other modules and crates name these without their folder.
 pub use geometry::{faces, mass, surface};
