@@ -76,7 +76,7 @@ impl Adaptive {
 }
 
 impl std::str::FromStr for Adaptive {
-    type Err = String;
+    type Err = crate::ron_text::FlagError;
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         crate::ron_text::from_flag(text)
     }

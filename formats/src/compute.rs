@@ -346,7 +346,7 @@ pub type Events = FlagList<Event>;
 pub type Fields = FlagList<ExternalField>;
 
 impl<T: serde::de::DeserializeOwned> std::str::FromStr for FlagList<T> {
-    type Err = String;
+    type Err = ron_text::FlagError;
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         ron_text::from_flag(text).map(FlagList)
     }

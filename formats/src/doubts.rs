@@ -2,6 +2,7 @@
 //! DATBOX.
 
 use crate::compute::{Event, EventAction};
+use crate::law_table::{LawParameter, ParameterQuantity};
 use crate::report::FaultReport;
 
 /// Bulk densities of solids, kg/m^3, with a margin: snow and foams have 100, osmium 22 600.
@@ -42,6 +43,11 @@ pub fn friction(value: f64) -> Option<String> {
             "did you mean a coefficient? it is tangential over normal force".into()
         }
     })
+}
+
+/// Question about a parameter of a law, see [`friction`].
+pub fn law_parameter(parameter: LawParameter, value: f64) -> Option<String> {
+    (parameter.quantity() == ParameterQuantity::Friction).then(|| friction(value)).flatten()
 }
 
 /// Warns about the friction that events set; `at` is the prefix of their paths.

@@ -70,6 +70,30 @@ impl fmt::Display for Fault {
     }
 }
 
+impl std::error::Error for Fault {}
+
+/// Fault of one record of a file, whose reader adds file, line and object.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RecordFault {
+    pub found: String,
+    /// Phrase about the expected value, as in [`Fault::expected`].
+    pub expected: String,
+}
+
+impl RecordFault {
+    pub fn new(found: impl Into<String>, expected: impl Into<String>) -> Self {
+        RecordFault { found: found.into(), expected: expected.into() }
+    }
+}
+
+impl fmt::Display for RecordFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}; {}", self.found, self.expected)
+    }
+}
+
+impl std::error::Error for RecordFault {}
+
 /// Text of a file on one line, without control characters, shortened to a readable length.
 fn printable_line(text: &str) -> String {
     const MAX_LINE_CHARS: usize = 1000;

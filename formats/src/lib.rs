@@ -1,11 +1,14 @@
-//! Contents of the files that link cd-pre, cd-solve and cd-post. No physics.
+//! The model that cd-pre, cd-solve and cd-post share: the files that link the programs, and the geometry and physics that
+//! more than one of them needs.
+//!
+//! A module is here if two programs must agree on it to the last bit, or if both would otherwise write it again. Steps,
+//! placement and observables are in the programs.
+//!
+//! Files, each with a type, a reader and a writer:
 //!
 //! | module | file |
 //! |---|---|
 //! | [`bodies`] | `DATBOX/BODIES.DAT`: shapes, materials, reference positions |
-//! | [`surface`] | closed surfaces of BODIES.DAT: faults, mass properties |
-//! | [`faces`] | faces and edges of a convex surface; whether it is convex |
-//! | [`mass`] | mass properties of contactors and of bodies |
 //! | [`bulk_behav`] | `DATBOX/BULK_BEHAV.DAT`: densities, uniform gravity |
 //! | [`tact_behav`] | `DATBOX/TACT_BEHAV.DAT`: contact laws, the law of each pair of colours |
 //! | [`drv_dof`] | `DATBOX/DRV_DOF.DAT`: imposed velocities and forces |
@@ -26,7 +29,30 @@
 //! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
 //! | [`tell`] | none: messages to people |
 //! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: the complete state for a restart, bit for bit |
-//! | [`unchanged`] | the same: whether the files of DATBOX still agree with it |
+//! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
+//!
+//! Geometry and physics:
+//!
+//! | module | content |
+//! |---|---|
+//! | [`geometry`] | closed surfaces, faces and edges of a convex surface, mass properties of contactors and bodies |
+//! | [`law_table`] | contact laws: names, parameters with units and limits, friction limit, memory |
+//! | [`field`] | accelerations and potentials of external fields |
+//!
+//! Tools for files:
+//!
+//! | module | content |
+//! |---|---|
+//! | [`error`], [`report`] | faults with file, line, column, object, found and expected; those of RON files by path |
+//! | [`scan`] | text in columns as Fortran reads and writes it |
+//! | [`ron_text`], [`places`] | RON with the position of each mistake; positions and replacement of values |
+//! | [`atomic`] | files that are complete or absent |
+//! | [`case`] | the folder of a case on a command line |
+//! | [`origin`] | the files that DATBOX is made from |
+//! | [`unchanged`] | whether the files of DATBOX still agree with a snapshot |
+//! | [`doubts`] | values that are probably mistakes of units |
+//! | [`tell`] | messages to people |
+//! | [`groups`] | groups of connected items |
 
 pub mod accuracy;
 pub mod atomic;
@@ -38,13 +64,13 @@ pub mod dof;
 pub mod doubts;
 pub mod drv_dof;
 pub mod error;
-pub mod faces;
 pub mod fc3d;
 pub mod field;
 pub mod former_names;
+pub mod geometry;
 pub mod groups;
 pub mod ids;
-pub mod mass;
+pub mod law_table;
 pub mod names;
 pub mod origin;
 pub mod places;
@@ -53,8 +79,10 @@ pub mod report;
 pub mod ron_text;
 pub mod scan;
 pub mod snapshot;
-pub mod surface;
 pub mod tact_behav;
 pub mod tell;
 pub mod unchanged;
 pub mod vloc_rloc;
+
+// Other modules and crates name these without their folder.
+pub use geometry::{faces, mass, surface};

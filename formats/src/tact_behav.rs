@@ -5,6 +5,7 @@ use std::path::Path;
 
 use crate::bodies::CONTACTOR_TYPES;
 use crate::error::Faults;
+use crate::law_table::{FileLimit, LAW_TABLE, LawEntry, LawError, LawModel, law_entry};
 use crate::ron_text::known_names;
 use crate::scan::{AsciiText, LineScanner, TextLine, format_e14, format_long14, fortran_real, put_text};
 
@@ -24,6 +25,13 @@ pub struct LawRecord {
     /// Kind, e.g. `IQS_CLB`.
     pub kind: String,
     pub parameters: Vec<f64>,
+}
+
+impl LawRecord {
+    /// Law of the table with these parameters; an error if the programs do not compute with it.
+    pub fn model(&self) -> Result<LawModel, LawError> {
+        LawModel::from_values(&self.kind, &self.parameters)
+    }
 }
 
 /// One row of the visibility table.
@@ -48,41 +56,6 @@ pub struct VisibilitySide {
     pub colour: String,
 }
 
-/// Laws that can be read, with the labels of their parameters, one slice a line of the file. The solver supports a part
-/// of them.
-pub const LAW_LABELS: [(&str, &[&[&str]]); 24] = [
-    ("IQS_CLB", &[&["fric"]]),
-    ("IQS_CLB_g0", &[&["fric"]]),
-    ("IQS_DS_CLB", &[&["dyfr", "stfr"]]),
-    ("RST_CLB", &[&["rstn", "rstt"], &["fric"]]),
-    ("RST_DS_CLB", &[&["rstn", "rstt"], &["dyfr", "stfr"]]),
-    ("IQS_WET_DS_CLB", WET_LABELS),
-    ("xQS_WET_DS_CLB", WET_LABELS),
-    ("RST_WET_CLB", &[&["cohn", "coht"], &["rstn", "rstt"], &["Wthk"], &["dyfr", "stfr"]]),
-    ("IQS_MOHR_DS_CLB", &[&["cohn", "coht"], &["dyfr", "stfr"]]),
-    ("IQS_CAP_MOHR_DS_CLB", &[&["cohn", "coht"], &["dyfr", "stfr"], &["sten", "scom"]]),
-    ("GAP_SGR_CLB", &[&["fric"]]),
-    ("GAP_SGR_CLB_g0", &[&["fric"]]),
-    ("VEL_SGR_CLB", &[&["fric"]]),
-    ("IQS_CLB_RGR", &[&["T/H", "gtol"], &["fric"]]),
-    ("ELASTIC_REPELL_CLB", &[&["F/gp"], &["fric"]]),
-    ("ELASTIC_REPELL_CLB_g0", &[&["F/gp"], &["fric"]]),
-    ("VISCO_ELASTIC_REPELL_CLB", &[&["F/gp", "etan"], &["fric"]]),
-    ("COUPLED_DOF", &[]),
-    ("ELASTIC_WIRE", &[&["F/gp", "prst"]]),
-    ("ELASTIC_ROD", &[&["F/gp", "prst"]]),
-    ("VOIGT_WIRE", &[&["F/gp", "prst"], &["F/vl"]]),
-    ("VOIGT_ROD", &[&["F/gp", "prst"], &["F/vl"]]),
-    // Extensions that LMGC90 does not have.
-    ("IQS_DS_ROLL_CLB", &[&["dyfr", "stfr"], &["roll", "spin"]]),
-    ("IQS_WET_DS_ROLL_CLB", &[&["cohn", "coht"], &["Wthk"], &["dyfr", "stfr"], &["roll", "spin"]]),
-];
-
-const WET_LABELS: &[&[&str]] = &[&["cohn", "coht"], &["Wthk"], &["dyfr", "stfr"]];
-
-/// Parameters that must not be negative.
-const NON_NEGATIVE_PARAMETERS: [&str; 9] = ["fric", "dyfr", "stfr", "cohn", "Wthk", "rstn", "F/gp", "roll", "spin"];
-
 /// First columns of the parameters of a line.
 const PARAMETER_COLUMNS: [usize; 2] = [46, 67];
 
@@ -93,16 +66,6 @@ const ANTAGONIST_COLUMNS: [usize; 3] = [30, 37, 44];
 const ALERT_COLUMN: usize = 55;
 
 const TABLE_TITLES: &str = " cdbdy  cdtac  cdcol  behav  anbdy  antac  ancol       alert";
-
-/// Labels of the parameters of a kind of law, in their order; none for a kind that is not in [`LAW_LABELS`].
-pub fn parameter_labels(kind: &str) -> impl Iterator<Item = &'static str> {
-    parameter_lines(kind).unwrap_or_default().iter().flat_map(|line| line.iter().copied())
-}
-
-/// Labels of the parameters of a kind of law, line by line.
-fn parameter_lines(kind: &str) -> Option<&'static [&'static [&'static str]]> {
-    LAW_LABELS.iter().find(|(name, _)| *name == kind).map(|(_, lines)| *lines)
-}
 
 /// Comment of a file without laws, to distinguish it from one that is empty by mistake, with which all bodies would pass
 /// through each other.
@@ -165,7 +128,7 @@ impl TactBehav {
 
     /// Text of the file, numbers with eight digits.
     ///
-    /// Names must have at most five characters. A law of a kind that is not in [`LAW_LABELS`] is written with its
+    /// Names must have at most five characters. A law of a kind that is not in [`LAW_TABLE`] is written with its
     /// parameters one a line.
     pub fn to_text(&self) -> String {
         self.text_with(format_e14)
@@ -203,7 +166,10 @@ impl TactBehav {
         }
         for LawRecord { nickname, kind, parameters: values, .. } in &self.laws {
             let _ = write!(out, "$behav\n {nickname:<5}  {kind}");
-            let lines = parameter_lines(kind).map_or_else(|| vec![&["parm"][..]; values.len()], <[_]>::to_vec);
+            let labels = |entry: &LawEntry| -> Vec<Vec<&str>> {
+                entry.lines.iter().map(|line| line.iter().map(|parameter| parameter.label()).collect()).collect()
+            };
+            let lines = law_entry(kind).map_or_else(|| vec![vec!["parm"]; values.len()], labels);
             let mut values = values.iter();
             for (k, labels) in lines.iter().enumerate() {
                 if k > 0 {
@@ -239,26 +205,26 @@ fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
     let kind = scan.read_name(first, (9, 38), "kind");
     scan.set_object(format!("law '{nickname}'"));
     let mut law = LawRecord { line: first.number, nickname, kind, parameters: Vec::new() };
-    let Some(lines) = parameter_lines(&law.kind) else {
+    let Some(&LawEntry { lines, .. }) = law_entry(&law.kind) else {
         if !law.kind.is_empty() {
-            let known: Vec<_> = LAW_LABELS.iter().map(|(name, _)| *name).collect();
+            let known: Vec<_> = LAW_TABLE.iter().map(|entry| entry.label).collect();
             let expected = known_names(&law.kind, &known);
             scan.add_fault(first.number, format!("its kind '{}' is not known", law.kind), expected);
         }
         return Some(law);
     };
     let mut line = first;
-    for (k, labels) in lines.iter().enumerate() {
+    for (k, parameters) in lines.iter().enumerate() {
+        let labels: Vec<&str> = parameters.iter().map(|parameter| parameter.label()).collect();
         if k > 0 {
             let what = format!("{} of {}", labels.join(" "), law.kind);
             let Some(next) = scan.expect_continuation(&what) else { break };
             line = next;
         }
-        for (label, column) in labels.iter().zip(PARAMETER_COLUMNS) {
-            let value = if NON_NEGATIVE_PARAMETERS.contains(label) {
-                scan.read_length(line, column, label)
-            } else {
-                scan.read_real(line, column, label)
+        for (parameter, column) in parameters.iter().zip(PARAMETER_COLUMNS) {
+            let value = match parameter.file_limit() {
+                FileLimit::NonNegative => scan.read_length(line, column, parameter.label()),
+                FileLimit::Finite => scan.read_real(line, column, parameter.label()),
             };
             law.parameters.push(value);
         }

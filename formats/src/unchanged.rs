@@ -46,7 +46,7 @@ impl ComputedSnapshot<'_> {
             let own = match body.mass_properties() {
                 Ok(own) => own,
                 Err(found) => {
-                    broken.push(fault(found.join("; "), "expected closed surfaces".into()));
+                    broken.push(fault(found.to_string(), "expected closed surfaces".into()));
                     continue;
                 }
             };

@@ -3,13 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use cd_formats::compute::{Accuracy, Compute, Event, from_ron};
+use cd_formats::law_table::{ContactMemory, LAW_TABLE, LawCohesion, LawEntry, LawModel, LawParameter, law_entry};
 use cd_formats::snapshot::{
     BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, IntervalArrays, LawName, MaterialName, MemoryArrays,
     PairArrays, SnapshotMeta, TurningArrays,
 };
 
 fn page() -> (PathBuf, String) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/files.md");
+    page_of("docs/files.md")
+}
+
+fn page_of(name: &str) -> (PathBuf, String) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name);
     let text = std::fs::read_to_string(&path).unwrap();
     (path, text)
 }
@@ -119,6 +124,122 @@ fn meta_is_described_field_by_field() {
     assert!(fields.len() > 30, "{fields:?}"); // a check of the check
     for field in fields {
         assert!(section.contains(&format!("`{field}`")), "docs/files.md does not describe {field}");
+    }
+}
+
+/// Rows of the table of laws that the programs compute with.
+fn computed_laws() -> Vec<&'static LawEntry> {
+    LAW_TABLE.iter().filter(|entry| entry.computed).collect()
+}
+
+/// A law with all parameters 1/2.
+fn example_of(entry: &LawEntry) -> LawModel {
+    LawModel::from_values(entry.label, &vec![0.5; entry.parameters().count()]).unwrap()
+}
+
+fn with_unit(text: String, parameter: LawParameter) -> String {
+    let unit = parameter.quantity().unit();
+    if unit.is_empty() { text } else { format!("{text} ({unit})") }
+}
+
+/// Parameters of a law by lines, as docs/files.md lists them.
+fn parameter_lines(entry: &LawEntry) -> String {
+    let symbol = |parameter: &LawParameter| with_unit(parameter.symbol().to_string(), *parameter);
+    let line = |line: &&[LawParameter]| line.iter().map(symbol).collect::<Vec<_>>().join(", ");
+    let lines: Vec<String> = entry.lines.iter().map(line).collect();
+    if lines.is_empty() { "none".into() } else { lines.join(" / ") }
+}
+
+/// The page may say more behind the description.
+#[test]
+fn laws_of_scenes_are_those_of_the_table() {
+    let (_, text) = page_of("docs/scene.md");
+    let (_, table) = section(&text, "Laws").split_once("\n| kind | parameters | |\n").unwrap();
+    let documented: Vec<Vec<String>> = rows(table, 3);
+    let names = |entry: &LawEntry| -> Vec<String> {
+        let used = entry.parameters().filter(|parameter| *parameter != LawParameter::UnusedCohesion);
+        used.map(|parameter| with_unit(format!("`{}`", parameter.name()), parameter)).collect()
+    };
+    let laws = computed_laws();
+    assert_eq!(documented.len(), laws.len(), "rows of laws in docs/scene.md");
+    for (row, entry) in documented.iter().zip(laws) {
+        assert_eq!(row[..2], [format!("`{}`", entry.label), names(entry).join(", ")]);
+        assert!(row[2].starts_with(entry.description), "`{}` does not begin with `{}`", row[2], entry.description);
+    }
+}
+
+#[test]
+fn laws_of_files_are_those_of_the_table() {
+    let (_, text) = page();
+    let (_, rest) = text.split_once("\n### Laws\n").unwrap();
+    let section = rest.split("\n## ").next().unwrap();
+    let mut parts = section.split("\n\n").map(|part| [rows(part, 2), rows(part, 3)]);
+    let mut next = |cells: usize| {
+        parts.find_map(|[two, three]| Some(if cells == 2 { two } else { three }).filter(|rows| !rows.is_empty()))
+    };
+    let (parameters, limits, exchanged) = (next(3).unwrap(), next(3).unwrap(), next(2).unwrap());
+
+    let mut documented: Vec<&str> = parameters.iter().map(|row| row[0].trim_matches('`')).collect();
+    let mut labels: Vec<&str> = computed_laws().iter().map(|entry| entry.label).collect();
+    for row in &parameters {
+        let entry = law_entry(row[0].trim_matches('`')).unwrap_or_else(|| panic!("{} is no law", row[0]));
+        assert_eq!(row[1], parameter_lines(entry), "{}", entry.label);
+    }
+    documented.sort_unstable();
+    labels.sort_unstable();
+    assert_eq!(documented, labels);
+
+    let expected: Vec<Vec<String>> = computed_laws()
+        .into_iter()
+        .map(|entry| {
+            let model = example_of(entry);
+            let limit = match model.cohesion() {
+                None => "μ f_n",
+                Some(LawCohesion::Liquid { remembers: false, .. }) => "μ (f_n + cohesion) while g ≤ range, else μ f_n",
+                Some(LawCohesion::Liquid { remembers: true, .. }) => "μ (f_n + cohesion) while wet, else μ f_n",
+                Some(LawCohesion::Bond { .. }) => "c_t S + (c_t/c_n) f_n with a bond, else μ f_n",
+            };
+            let kept = |memory: ContactMemory| match memory {
+                ContactMemory::Sliding => "sliding",
+                ContactMemory::LiquidBridge => "liquid bridge",
+                ContactMemory::Bond => "bond",
+                ContactMemory::Moment => "moment",
+            };
+            let kept: Vec<&str> = model.memory().into_iter().map(kept).collect();
+            let kept = if kept.is_empty() { "-".into() } else { kept.join(", ") };
+            vec![format!("`{}`", entry.label), limit.into(), kept]
+        })
+        .collect();
+    assert_eq!(limits, expected);
+
+    let named = |row: &Vec<String>| -> Vec<(String, String)> {
+        row[0].split(", ").map(|name| (name.trim_matches('`').to_string(), row[1].clone())).collect()
+    };
+    let documented: Vec<(String, String)> = exchanged.iter().flat_map(named).collect();
+    let others = LAW_TABLE.iter().filter(|entry| !entry.computed);
+    let mut expected: Vec<(String, String)> =
+        others.map(|entry| (entry.label.to_string(), parameter_lines(entry))).collect();
+    let mut documented = documented;
+    documented.sort();
+    expected.sort();
+    assert_eq!(documented, expected);
+}
+
+#[test]
+fn other_pages_name_every_law() {
+    let (_, files) = page();
+    let keeps_arrays =
+        |entry: &&LawEntry| example_of(entry).memory().iter().any(|kind| *kind != ContactMemory::Sliding);
+    let names: Vec<String> =
+        computed_laws().into_iter().filter(keeps_arrays).map(|entry| format!("`{}`", entry.label)).collect();
+    let sentence = format!("If a law has memory or rolling moments ({}), also:", names.join(", "));
+    assert!(files.replace('\n', " ").contains(&sentence), "docs/files.md: {sentence}");
+    let (_, method) = page_of("docs/method.md");
+    let (_, readme) = page_of("README.md");
+    for entry in computed_laws() {
+        let name = format!("`{}`", entry.label);
+        assert!(section(&method, "Laws: M4").contains(&name), "docs/method.md, Laws: no {name}");
+        assert!(readme.contains(&name), "README.md: no {name}");
     }
 }
 

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::ids::BodyId;
 use cd_formats::index_types;
+use cd_formats::law_table::LawModel;
 use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, SHAPE_PLANE, Snapshot, SnapshotMeta};
 use nalgebra::{Quaternion, UnitQuaternion};
 
@@ -17,6 +18,8 @@ use crate::shapes::{ShapeCache, SolidShape};
 #[derive(Debug, Clone)]
 pub struct Frame {
     pub meta: SnapshotMeta,
+    /// Contact laws in the order of [`SnapshotMeta::laws`].
+    pub laws: Vec<LawModel>,
     /// Grains, in the order of the snapshot's bodies.
     pub grains: Vec<Grain>,
     /// Walls, in the order of the snapshot's bodies.
@@ -189,7 +192,7 @@ pub struct Contact {
     pub gap: f64,
     /// Status: 0 no contact, 1 stick, 2 slide.
     pub status: u8,
-    /// Index into [`SnapshotMeta::laws`].
+    /// Index into [`Frame::laws`].
     pub law: u8,
     /// Whether the contact carries force: the impulse is not zero.
     pub active: bool,
@@ -221,26 +224,32 @@ impl Contact {
 impl Frame {
     /// Reads a snapshot and splits it into grains, walls and contacts.
     ///
-    /// Errors: those of [`Snapshot::read`], each body with a mass, moment of inertia or length that is not positive, and
-    /// with polyhedra those of `ShapeCache::from_snapshot`.
+    /// Errors: those of [`Snapshot::read`], each body with a mass, moment of inertia or length that is not positive, each law
+    /// that is not in the table of laws, and with polyhedra those of `ShapeCache::from_snapshot`.
     pub fn read(path: &Path, shapes: &ShapeCache) -> Result<Frame, Faults> {
         let snapshot = Snapshot::read(path)?;
         let mut faults = Faults::default();
         for (object, found) in out_of_range(&snapshot.bodies) {
             faults.push(Fault::new(path, None, object, found, "expected numbers > 0"));
         }
+        let mut laws = Vec::new();
+        for law in &snapshot.meta.laws {
+            match law.model() {
+                Ok(model) => laws.push(model),
+                Err(error) => {
+                    let object = format!("law '{}'", law.nickname);
+                    faults.push(Fault::new(path, None, object, error.found(), error.expected()));
+                }
+            }
+        }
         faults.into_result(())?;
         let solids = shapes.solids_of(path, &snapshot)?;
-        Ok(Frame::with_solids(snapshot, solids))
+        Ok(Frame::with_solids(snapshot, solids, laws))
     }
 
-    /// Splits a valid snapshot without polyhedra.
-    pub fn from_snapshot(snapshot: Snapshot) -> Frame {
-        Frame::with_solids(snapshot, Vec::new())
-    }
-
-    /// Splits a valid snapshot; `solids` has the polyhedron of each body, None for the other bodies.
-    pub fn with_solids(snapshot: Snapshot, mut solids: Vec<Option<Arc<SolidShape>>>) -> Frame {
+    /// Splits a valid snapshot; `solids` has the polyhedron of each body, None for the other bodies, and `laws` the laws of
+    /// the snapshot.
+    pub fn with_solids(snapshot: Snapshot, mut solids: Vec<Option<Arc<SolidShape>>>, laws: Vec<LawModel>) -> Frame {
         solids.resize(snapshot.bodies.body_id.len(), None);
         let Snapshot { meta, bodies, contacts, memory, shapes, interval, .. } = snapshot;
         let to_contact = -meta.parameters.theta * meta.h;
@@ -305,7 +314,7 @@ impl Frame {
             length: meta.interval_start.map_or(f64::NAN, |start| meta.time - start),
             exchanges: exchanges.collect(),
         };
-        Frame { meta, grains, walls, contacts, interval }
+        Frame { meta, laws, grains, walls, contacts, interval }
     }
 
     /// Periodic cell of the scene.

@@ -37,6 +37,7 @@ mod samples;
 impl samples::Scene {
     fn frame(&self) -> frame::Frame {
         let solid = |body| shapes::body_solid(body).expect("a cube").map(std::sync::Arc::new);
-        frame::Frame::with_solids(self.snapshot.clone(), self.records().0.iter().map(solid).collect())
+        let laws = self.snapshot.meta.laws.iter().map(|law| law.model().expect("a law of the table")).collect();
+        frame::Frame::with_solids(self.snapshot.clone(), self.records().0.iter().map(solid).collect(), laws)
     }
 }

@@ -8,7 +8,7 @@ use cd_formats::bodies::{Bodies, Body, ShapeRecord};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::groups::DisjointSets;
 use cd_formats::snapshot::{BodyArrays, SHAPE_PARTS, Snapshot};
-use cd_formats::surface::Surface;
+use cd_formats::surface::{Surface, SurfaceFaults};
 use cd_formats::unchanged::ComputedSnapshot;
 use nalgebra::Matrix3;
 
@@ -115,7 +115,13 @@ impl CaseShapes {
                 Ok(solid) => solids.push(solid.map(Arc::new)),
                 Err(found) => {
                     let object = format!("body {number}");
-                    faults.push(Fault::new(file, Some(body.line), object, found, "expected a closed surface"));
+                    faults.push(Fault::new(
+                        file,
+                        Some(body.line),
+                        object,
+                        found.to_string(),
+                        "expected a closed surface",
+                    ));
                 }
             }
         }
@@ -157,7 +163,7 @@ impl ShapeCache {
 
 /// Polyhedra of a body as in cd-solve. A single one is taken about its centre of mass. Without I1 I2 I3 all are taken about
 /// the centre of mass of all contactors and in their principal axes. Otherwise they are unchanged.
-pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, String> {
+pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
     let lone = body.contactors.len() == 1;
     let is_solid = |shape: &ShapeRecord| match shape {
         ShapeRecord::Cylinder { .. } | ShapeRecord::Polyhedron { .. } | ShapeRecord::OffsetSphere { .. } => true,
@@ -171,7 +177,7 @@ pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, String> {
     let simple = lone && !matches!(body.contactors[0].shape, ShapeRecord::Polyhedron { .. });
     let (mut centre, mut axes) = (Vec3::zeros(), Matrix3::identity());
     if !simple {
-        let properties = body.mass_properties().map_err(|faults| faults.join("; "))?;
+        let properties = body.mass_properties()?;
         centre = body.centre_of_mass_offset(&properties).into();
         if !given {
             axes = Matrix3::from_rows(&properties.principal_axes().1.map(|axis| Vec3::from(axis).transpose()));
@@ -189,7 +195,7 @@ pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, String> {
                 solid.add_cylinder(*half_height, *radius, |v| axes * (turn * v + offset - centre));
             }
             ShapeRecord::Polyhedron { vertices, triangles } => {
-                let surface = Surface::new(vertices, triangles).map_err(|faults| faults.join("; "))?;
+                let surface = Surface::new(vertices, triangles)?;
                 let first = solid.vertices.len() as u32;
                 solid.vertices.extend(surface.vertices().iter().map(|&v| axes * (Vec3::from(v) - centre)));
                 let moved = |face: Vec<u32>| face.into_iter().map(|k| first + k).collect();
@@ -402,6 +408,6 @@ mod tests {
         let mut broken = body(0.0, None);
         let ShapeRecord::Polyhedron { triangles, .. } = &mut broken.contactors[0].shape else { unreachable!() };
         triangles.pop();
-        assert!(body_solid(&broken).unwrap_err().contains("belongs to 1 triangle"));
+        assert!(body_solid(&broken).unwrap_err().to_string().contains("belongs to 1 triangle"));
     }
 }

@@ -3,7 +3,7 @@
 use cd_formats::report::FaultReport;
 
 use crate::grain::Population;
-use crate::scene::{LawKind, Scene};
+use crate::scene::Scene;
 
 /// Colours named in a warning; the others are counted.
 const MAX_NAMED_COLOURS: usize = 3;
@@ -27,7 +27,7 @@ pub fn warn_of_attractions(scene: &Scene, population: &Population, report: &mut 
             || is_polyhedral(a) && (is_polyhedral(b) || is_wall(b))
             || is_polyhedral(b) && is_wall(a)
     };
-    for (k, law) in scene.laws.iter().enumerate().filter(|(_, law)| attracts_by_point(&law.kind)) {
+    for (k, law) in scene.laws.iter().enumerate().filter(|(_, law)| law.kind.point_attraction() > 0.0) {
         let of_law = scene.contacts.iter().filter(|contact| contact.law.as_ref() == Some(&law.name));
         let pairs: Vec<String> = of_law
             .map(|contact| &contact.between)
@@ -44,18 +44,9 @@ pub fn warn_of_attractions(scene: &Scene, population: &Population, report: &mut 
         let found = format!(
             "{} attracts at each contact point, so a face of four corners holds four times its cohesion, and polyhedra or \
              bodies of pieces meet under it: {named}",
-            law.kind.law_row().0
+            law.kind.label()
         );
         let advice = "for a cohesion in proportion to the area of faces, use IQS_MOHR_DS_CLB";
         report.add_warning(&format!("laws.{k}"), found, advice);
-    }
-}
-
-fn attracts_by_point(kind: &LawKind) -> bool {
-    match *kind {
-        LawKind::IqsWetDsClb { cohesion, .. }
-        | LawKind::XqsWetDsClb { cohesion, .. }
-        | LawKind::IqsWetDsRollClb { cohesion, .. } => cohesion > 0.0,
-        _ => false,
     }
 }

@@ -1,13 +1,13 @@
 //! Checks of the values of a scene. All faults are reported at once, before any grain is placed.
 
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, ExternalField, ROTATION_ABOUT_PERIOD};
+use cd_formats::law_table::LawModel;
 use cd_formats::report::FaultReport;
-use cd_formats::tact_behav::parameter_labels;
 use nalgebra::Vector3;
 
 use crate::scene::{
-    ContactSurface, Envelope, GrainOrientations, GrainPlacement, GrainShape, Grains, Law, LawKind, ModelScale,
-    RadiusKind, Rotation, Scene, SceneWall, SizeDistribution, TimeFunction,
+    ContactSurface, Envelope, GrainOrientations, GrainPlacement, GrainShape, Grains, Law, ModelScale, RadiusKind,
+    Rotation, Scene, SceneWall, SizeDistribution, TimeFunction,
 };
 use crate::sizes::{MAX_BODIES, normal_share};
 
@@ -55,26 +55,17 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
     scene.compute.check_in(report, "compute.");
     check_turning(report, &scene.compute, driven_in_part(&scene.grains, &scene.walls));
     let used = |law: &&Law| scene.contacts.iter().any(|contact| contact.law.as_ref() == Some(&law.name));
-    let cohesive = |law: &Law| {
-        let (kind, parameters) = law.kind.law_row();
-        is_cohesive(kind, &parameters.iter().map(|(_, value)| *value).collect::<Vec<_>>())
-    };
-    let laws: Vec<(&str, bool)> =
-        scene.laws.iter().filter(used).map(|law| (law.name.as_str(), cohesive(law))).collect();
+    let laws: Vec<(&str, LawModel)> = scene.laws.iter().filter(used).map(|law| (law.name.as_str(), law.kind)).collect();
     check_laws_of_events(report, &scene.compute.events, &laws);
-    let kinds = scene.laws.iter().filter(used).map(|law| (law.name.as_str(), law.kind.law_row().0));
-    check_moments(report, scene.compute.solver, kinds);
+    check_moments(report, scene.compute.solver, &laws);
 }
 
-/// Laws in use, by name and kind, whose moments `solver` does not support.
-pub(crate) fn check_moments<'a>(
-    report: &mut FaultReport,
-    solver: ContactSolver,
-    laws: impl IntoIterator<Item = (&'a str, &'a str)>,
-) {
+/// Reports laws in use, with their names, whose moments `solver` does not support.
+pub(crate) fn check_moments(report: &mut FaultReport, solver: ContactSolver, laws: &[(&str, LawModel)]) {
     let knows = matches!(solver, ContactSolver::Auto | ContactSolver::Nlgs);
-    for (name, kind) in laws.into_iter().filter(|(_, kind)| parameter_labels(kind).any(|label| label == "roll")) {
-        report.require(knows, "compute.solver", format!("{solver} with law '{name}', {kind}"), "auto or nlgs");
+    for (name, law) in laws.iter().filter(|(_, law)| law.rolling().is_some()) {
+        let found = format!("{solver} with law '{name}', {}", law.label());
+        report.require(knows, "compute.solver", found, "auto or nlgs");
     }
 }
 
@@ -98,15 +89,9 @@ pub(crate) fn check_turning(report: &mut FaultReport, options: &Compute, paths: 
     }
 }
 
-/// Whether an event can change the cohesion of a law: that of a liquid, or of existing bonds.
-pub(crate) fn is_cohesive(kind: &str, parameters: &[f64]) -> bool {
-    let cohesion = parameter_labels(kind).zip(parameters).find(|(label, _)| *label == "cohn").map(|(_, value)| *value);
-    cohesion.is_some_and(|value| value > 0.0 || parameter_labels(kind).any(|label| label == "Wthk"))
-}
-
-/// Reports events that change a law that is not in `laws` (the contact laws), or the cohesion of a law without one
-/// (false).
-pub(crate) fn check_laws_of_events(report: &mut FaultReport, events: &[Event], laws: &[(&str, bool)]) {
+/// Reports events that change a law that is not in `laws` (the laws in use, with their names), or the cohesion of a law
+/// without one.
+pub(crate) fn check_laws_of_events(report: &mut FaultReport, events: &[Event], laws: &[(&str, LawModel)]) {
     for (k, event) in events.iter().enumerate() {
         let (EventAction::SetFriction(name, _) | EventAction::SetCohesion(name, _)) = &event.action else { continue };
         let path = format!("compute.events.{k}.action.0");
@@ -115,8 +100,8 @@ pub(crate) fn check_laws_of_events(report: &mut FaultReport, events: &[Event], l
                 let names: Vec<&str> = laws.iter().map(|(name, _)| *name).collect();
                 unknown(report, &path, format!("law '{name}' is not in use"), name, &names, "a law of contacts");
             }
-            Some((_, cohesive)) => {
-                let holds = *cohesive || matches!(event.action, EventAction::SetFriction(..));
+            Some((_, law)) => {
+                let holds = law.has_settable_cohesion() || matches!(event.action, EventAction::SetFriction(..));
                 report.require(holds, &path, format!("law '{name}' has no cohesion"), "a law with cohesion");
             }
         }
@@ -177,33 +162,12 @@ pub(crate) fn check_vector(report: &mut FaultReport, path: &str, vector: &[f64; 
     each(report, path, vector, fits_files, &format!("a finite number ({unit})"));
 }
 
-pub(crate) fn check_law(report: &mut FaultReport, path: &str, kind: &LawKind) {
-    let (_, parameters) = kind.law_row();
-    for &(name, x) in &parameters {
-        let (holds, expected) = match name {
-            "normal_restitution" | "tangential_restitution" => ((0.0..=1.0).contains(&x), "0 to 1"),
-            "cohesion" => (x >= 0.0, "a force >= 0 N"),
-            "range" => (x >= 0.0, "a distance >= 0 m"),
-            "normal_cohesion" | "tangential_cohesion" => (x >= 0.0, "a stress >= 0 Pa"),
-            _ => (x >= 0.0, "a finite number >= 0"),
-        };
-        check_value(report, path, name, x, holds, expected);
+pub(crate) fn check_law(report: &mut FaultReport, path: &str, law: &LawModel) {
+    for (parameter, x) in law.parameter_values() {
+        check_value(report, path, parameter.name(), x, parameter.accepts(x), &parameter.expected());
     }
-    let of = |wanted| parameters.iter().find(|(name, _)| *name == wanted).map(|(_, x)| *x);
-    if let (Some(dynamic), Some(fixed)) = (of("dynamic_friction"), of("static_friction"))
-        && dynamic > fixed
-    {
-        report.add_fault(
-            &format!("{path}.dynamic_friction"),
-            format!("{dynamic:?} is larger than static_friction {fixed:?}"),
-            "dynamic_friction <= static_friction",
-        );
-    }
-    if let (Some(0.0), Some(shear)) = (of("normal_cohesion"), of("tangential_cohesion"))
-        && shear > 0.0
-    {
-        let path = format!("{path}.tangential_cohesion");
-        report.add_fault(&path, format!("{shear:?} without normal_cohesion"), "both, or none");
+    for fault in law.relation_faults() {
+        report.add_fault(&format!("{path}.{}", fault.parameter.name()), fault.found, fault.expected);
     }
 }
 
@@ -722,18 +686,6 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
                     "one for each pair that can meet (law: None for none)",
                 );
             }
-        }
-    }
-}
-
-impl LawKind {
-    /// Largest gap at which the law acts, m; 0 without cohesion.
-    pub fn attraction_range(&self) -> f64 {
-        match *self {
-            LawKind::IqsWetDsClb { range, .. }
-            | LawKind::XqsWetDsClb { range, .. }
-            | LawKind::IqsWetDsRollClb { range, .. } => range,
-            _ => 0.0,
         }
     }
 }

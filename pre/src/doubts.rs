@@ -1,6 +1,6 @@
 //! Values of a scene that are allowed but probably mistakes: units, functions that are 0 at all times.
 
-use cd_formats::doubts::{density, friction};
+use cd_formats::doubts::{density, law_parameter};
 use cd_formats::report::FaultReport;
 
 use crate::scene::{Grains, Law, Material, SceneWall, TimeFunction};
@@ -19,11 +19,9 @@ pub fn report_doubts(
         }
     }
     for (k, law) in laws.iter().enumerate() {
-        for (name, value) in law.kind.law_row().1 {
-            if let Some(question) = friction(value)
-                && ["friction", "dynamic_friction", "static_friction"].contains(&name)
-            {
-                report.add_warning(&format!("laws.{k}.kind.{name}"), format!("{value:?}"), &question);
+        for (parameter, value) in law.kind.parameter_values() {
+            if let Some(question) = law_parameter(parameter, value) {
+                report.add_warning(&format!("laws.{k}.kind.{}", parameter.name()), format!("{value:?}"), &question);
             }
         }
     }

@@ -7,7 +7,7 @@ use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::{DrivenKind, DrvDof};
-use cd_formats::error::Faults;
+use cd_formats::error::{Faults, RecordFault};
 use cd_formats::report::FaultReport;
 use cd_formats::scan::AsciiText;
 use cd_formats::tact_behav::TactBehav;
@@ -43,8 +43,8 @@ pub fn check_files<'a>(
         imposed.get_mut(row.body).into_iter().for_each(|imposed| *imposed = true);
     }
     let periods = [options.xperiode, options.yperiode];
-    // Path, body, found, expected, and the count of further faults.
-    let mut found: Vec<(String, usize, String, String, usize)> = Vec::new();
+    // Path, body, its fault, and the count of further faults.
+    let mut found: Vec<(String, usize, RecordFault, usize)> = Vec::new();
     for (k, body) in bodies.0.iter().enumerate() {
         let density = bulk.materials.iter().find(|m| m.name == body.material).map_or(1.0, |m| m.density);
         let fault = match body.check_at_density(density) {
@@ -55,16 +55,16 @@ pub fn check_files<'a>(
                 let short = periods.into_iter().flatten().find(|period| !imposed[k] && 2.0 * extent >= *period);
                 let Some(period) = short else { continue };
                 let found = format!("up to {extent} m long in a scene with the period {period} m");
-                (found, "expected less than half of that".into())
+                RecordFault::new(found, "expected less than half of that")
             }
         };
         let path = name(k);
         match found.iter_mut().find(|(known, ..)| *known == path) {
             Some((.., more)) => *more += 1,
-            None => found.push((path, k, fault.0, fault.1, 0)),
+            None => found.push((path, k, fault, 0)),
         }
     }
-    for (path, k, fault, expected, more) in found {
+    for (path, k, RecordFault { found: fault, expected }, more) in found {
         let more = if more > 0 { format!(" (and {more} more like it)") } else { String::new() };
         let found = format!("body {} as written in BODIES.DAT{more}: {fault}", k + 1);
         report.add_fault(&path, found, expected.trim_start_matches("expected "));

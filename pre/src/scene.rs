@@ -3,6 +3,8 @@
 //! SI units and radians throughout. No meaning is checked here but the shape of the text; see [`crate::check`].
 
 use cd_formats::compute::Compute;
+use cd_formats::law_table::LawModel;
+use cd_formats::tact_behav::LawRecord;
 use serde::{Deserialize, Deserializer};
 
 /// The whole of a `scene.ron`.
@@ -37,59 +39,14 @@ pub struct Material {
     pub density: f64,
 }
 
-/// A contact law under its nickname.
+/// A contact law under its nickname. The laws and their parameters are those of [`cd_formats::law_table`].
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Law {
     /// One to five characters.
     pub name: String,
-    pub kind: LawKind,
-}
-
-/// The laws by LMGC90's names. Friction and restitution have no unit.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub enum LawKind {
-    /// Inelastic quasi-shock.
-    #[serde(rename = "IQS_CLB")]
-    IqsClb { friction: f64 },
-    /// Inelastic quasi-shock, static and dynamic friction.
-    #[serde(rename = "IQS_DS_CLB")]
-    IqsDsClb { dynamic_friction: f64, static_friction: f64 },
-    /// Inelastic quasi-shock with an attraction `cohesion`, N, while the gap is at most `range`, m.
-    #[serde(rename = "IQS_WET_DS_CLB")]
-    IqsWetDsClb { cohesion: f64, range: f64, dynamic_friction: f64, static_friction: f64 },
-    /// The same, for good only until the gap was larger than `range` once.
-    #[serde(rename = "xQS_WET_DS_CLB")]
-    XqsWetDsClb { cohesion: f64, range: f64, dynamic_friction: f64, static_friction: f64 },
-    /// Inelastic quasi-shock with bonds that carry stresses up to the cohesions, Pa, until they break.
-    #[serde(rename = "IQS_MOHR_DS_CLB")]
-    IqsMohrDsClb { normal_cohesion: f64, tangential_cohesion: f64, dynamic_friction: f64, static_friction: f64 },
-    /// As IQS_DS_CLB, with friction against rolling and spinning.
-    #[serde(rename = "IQS_DS_ROLL_CLB")]
-    IqsDsRollClb { dynamic_friction: f64, static_friction: f64, rolling_friction: f64, spinning_friction: f64 },
-    /// As IQS_WET_DS_CLB, with friction against rolling and spinning.
-    #[serde(rename = "IQS_WET_DS_ROLL_CLB")]
-    IqsWetDsRollClb {
-        cohesion: f64,
-        range: f64,
-        dynamic_friction: f64,
-        static_friction: f64,
-        rolling_friction: f64,
-        spinning_friction: f64,
-    },
-    /// Newton's restitution.
-    #[serde(rename = "RST_CLB")]
-    RstClb { normal_restitution: f64, tangential_restitution: f64, friction: f64 },
-    /// Newton's restitution, static and dynamic friction.
-    #[serde(rename = "RST_DS_CLB")]
-    RstDsClb { normal_restitution: f64, tangential_restitution: f64, dynamic_friction: f64, static_friction: f64 },
-    /// Signorini's condition on the gap at the end of the step.
-    #[serde(rename = "GAP_SGR_CLB")]
-    GapSgrClb { friction: f64 },
-    /// Signorini's condition on the velocity.
-    #[serde(rename = "VEL_SGR_CLB")]
-    VelSgrClb { friction: f64 },
+    /// One of the laws of the table, by LMGC90's name.
+    pub kind: LawModel,
 }
 
 /// Which law holds between two colours.
@@ -503,83 +460,14 @@ impl Default for TimeFunction {
     }
 }
 
-impl LawKind {
-    /// LMGC90's name, and the parameters by name in the order of TACT_BEHAV.DAT.
-    pub fn law_row(&self) -> (&'static str, Vec<(&'static str, f64)>) {
-        const FRICTION: &str = "friction";
-        const DYNAMIC: &str = "dynamic_friction";
-        const STATIC: &str = "static_friction";
-        const NORMAL: &str = "normal_restitution";
-        const TANGENTIAL: &str = "tangential_restitution";
-        match *self {
-            LawKind::IqsClb { friction } => ("IQS_CLB", vec![(FRICTION, friction)]),
-            LawKind::GapSgrClb { friction } => ("GAP_SGR_CLB", vec![(FRICTION, friction)]),
-            LawKind::VelSgrClb { friction } => ("VEL_SGR_CLB", vec![(FRICTION, friction)]),
-            LawKind::IqsDsClb { dynamic_friction, static_friction } => {
-                ("IQS_DS_CLB", vec![(DYNAMIC, dynamic_friction), (STATIC, static_friction)])
-            }
-            // LMGC90 has a second, tangential cohesion here, which its 3D solver does not use.
-            LawKind::IqsWetDsClb { cohesion, range, dynamic_friction, static_friction }
-            | LawKind::XqsWetDsClb { cohesion, range, dynamic_friction, static_friction } => (
-                if matches!(self, LawKind::IqsWetDsClb { .. }) { "IQS_WET_DS_CLB" } else { "xQS_WET_DS_CLB" },
-                vec![
-                    ("cohesion", cohesion),
-                    ("tangential cohesion", 0.0),
-                    ("range", range),
-                    (DYNAMIC, dynamic_friction),
-                    (STATIC, static_friction),
-                ],
-            ),
-            LawKind::IqsMohrDsClb { normal_cohesion, tangential_cohesion, dynamic_friction, static_friction } => (
-                "IQS_MOHR_DS_CLB",
-                vec![
-                    ("normal_cohesion", normal_cohesion),
-                    ("tangential_cohesion", tangential_cohesion),
-                    (DYNAMIC, dynamic_friction),
-                    (STATIC, static_friction),
-                ],
-            ),
-            LawKind::IqsDsRollClb { dynamic_friction, static_friction, rolling_friction, spinning_friction } => (
-                "IQS_DS_ROLL_CLB",
-                vec![
-                    (DYNAMIC, dynamic_friction),
-                    (STATIC, static_friction),
-                    ("rolling_friction", rolling_friction),
-                    ("spinning_friction", spinning_friction),
-                ],
-            ),
-            LawKind::IqsWetDsRollClb {
-                cohesion,
-                range,
-                dynamic_friction,
-                static_friction,
-                rolling_friction,
-                spinning_friction,
-            } => (
-                "IQS_WET_DS_ROLL_CLB",
-                vec![
-                    ("cohesion", cohesion),
-                    ("tangential cohesion", 0.0),
-                    ("range", range),
-                    (DYNAMIC, dynamic_friction),
-                    (STATIC, static_friction),
-                    ("rolling_friction", rolling_friction),
-                    ("spinning_friction", spinning_friction),
-                ],
-            ),
-            LawKind::RstClb { normal_restitution, tangential_restitution, friction } => (
-                "RST_CLB",
-                vec![(NORMAL, normal_restitution), (TANGENTIAL, tangential_restitution), (FRICTION, friction)],
-            ),
-            LawKind::RstDsClb { normal_restitution, tangential_restitution, dynamic_friction, static_friction } => (
-                "RST_DS_CLB",
-                vec![
-                    (NORMAL, normal_restitution),
-                    (TANGENTIAL, tangential_restitution),
-                    (DYNAMIC, dynamic_friction),
-                    (STATIC, static_friction),
-                ],
-            ),
+impl Law {
+    /// The law as TACT_BEHAV.DAT has it.
+    pub fn to_record(&self) -> LawRecord {
+        LawRecord {
+            line: 0,
+            nickname: self.name.clone(),
+            kind: self.kind.label().to_string(),
+            parameters: self.kind.values(),
         }
     }
 }

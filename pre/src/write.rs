@@ -5,12 +5,12 @@ use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof};
 use cd_formats::surface::MassProperties;
-use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
+use cd_formats::tact_behav::{TactBehav, VisibilityRow, VisibilitySide};
 use cd_formats::vloc_rloc::VlocRloc;
 use nalgebra::Matrix3;
 
 use crate::grain::{Grain, Population};
-use crate::scene::{Scene, TimeFunction};
+use crate::scene::{Law, Scene, TimeFunction};
 use crate::shapes::OrientedPolyhedron;
 use crate::sphere::sphere_volume;
 use crate::walls::{FunctionTables, WallBody};
@@ -92,11 +92,6 @@ fn no_law_comments(scene: &Scene) -> String {
 }
 
 pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
-    let law = |law: &crate::scene::Law| {
-        let (kind, parameters) = law.kind.law_row();
-        let parameters = parameters.into_iter().map(|(_, value)| value).collect();
-        LawRecord { line: 0, nickname: law.name.clone(), kind: kind.to_string(), parameters }
-    };
     // LMGC90 has spheres before polyhedra, and walls last, in any order of the scene.
     const WALL_CONTACTORS: [&str; 3] = ["PLANx", "CYLND", "DNLYC"];
     let wearers = |colour: &str| -> Vec<&str> {
@@ -136,7 +131,7 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
             }
         }
     }
-    TactBehav { laws: scene.laws.iter().map(law).collect(), visibility }
+    TactBehav { laws: scene.laws.iter().map(Law::to_record).collect(), visibility }
 }
 
 /// Default alert distance: a tenth of the mean radius, m. cd-solve also finds contacts of bodies farther apart that

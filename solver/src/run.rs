@@ -30,6 +30,7 @@ use crate::write::{ResultFiles, errors};
 const MAX_REPORTED_STEPS: u64 = 5;
 
 /// Reason why a run ended early.
+#[derive(Debug)]
 pub enum RunFailure {
     /// Nothing was computed, because input was rejected or OUTBOX cannot be written.
     Files(Faults),
@@ -40,6 +41,18 @@ pub enum RunFailure {
     /// Internal error: the state is no longer finite.
     Broken(String),
 }
+
+impl std::fmt::Display for RunFailure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            RunFailure::Files(faults) | RunFailure::Unwritten(faults) => write!(f, "{faults}"),
+            RunFailure::Stopped(message) => f.write_str(message),
+            RunFailure::Broken(message) => write!(f, "internal: {message}"),
+        }
+    }
+}
+
+impl std::error::Error for RunFailure {}
 
 impl From<Faults> for RunFailure {
     fn from(faults: Faults) -> Self {

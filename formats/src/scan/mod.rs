@@ -24,8 +24,8 @@ use std::path::Path;
 
 use crate::error::{Fault, Faults};
 pub use columns::{DASHED_LINE, GRID_COLUMNS, put_grid, put_steps, put_text};
+pub use numbers::{NumberError, format_d14, format_e14, format_integer, format_long14, fortran_real, free_real};
 use numbers::{REAL_WIDTH, number_fault};
-pub use numbers::{format_d14, format_e14, format_integer, format_long14, fortran_real, free_real};
 
 /// Largest error of an axis or frame in the files against an orthonormal one; they have seven digits.
 pub const FRAME_TOLERANCE: f64 = 1e-4;
@@ -105,15 +105,15 @@ impl<'a> TextLine<'a> {
 
     /// Returns `value`, unless the number in the columns begins before them or extends beyond them: LMGC90 would read a
     /// part.
-    fn expect_isolated<T>(self, (first, last): (usize, usize), value: T) -> Result<T, &'static str> {
+    fn expect_isolated<T>(self, (first, last): (usize, usize), value: T) -> Result<T, NumberError> {
         let before = self.columns(first - 1, first - 1);
         let digits_across = before.starts_with(|c: char| c.is_ascii_digit())
             && self.columns(first, first).starts_with(|c: char| c.is_ascii_digit() || c == '.');
         if digits_across || ["-", "+", "."].contains(&before) {
-            return Err("which begins before its columns");
+            return Err(NumberError("which begins before its columns"));
         }
         if !self.columns(last + 1, last + 1).trim().is_empty() {
-            return Err("which continues beyond its columns");
+            return Err(NumberError("which continues beyond its columns"));
         }
         Ok(value)
     }
@@ -233,7 +233,7 @@ impl<'a> LineScanner<'a> {
         let columns = (first, first + REAL_WIDTH - 1);
         match fortran_real(line.columns(columns.0, columns.1)).and_then(|value| line.expect_isolated(columns, value)) {
             Ok(value) => value,
-            Err(fault) => {
+            Err(NumberError(fault)) => {
                 self.report_no_number(line, columns, what, fault, "expected a real such as 1.0000000E+00");
                 f64::NAN
             }
@@ -273,10 +273,11 @@ impl<'a> LineScanner<'a> {
     /// Reads the integer in columns `first` to `last`, blanks ignored; `None` and a fault if there is none.
     pub fn read_integer(&mut self, line: TextLine, columns: (usize, usize), what: impl Display) -> Option<u64> {
         let digits = line.columns(columns.0, columns.1).replace(' ', "");
-        let number = digits.parse().map_err(|_| number_fault(&digits).unwrap_or("not an integer of 0 or more"));
+        let fault = |_| number_fault(&digits).unwrap_or(NumberError("not an integer of 0 or more"));
+        let number = digits.parse().map_err(fault);
         match number.and_then(|value| line.expect_isolated(columns, value)) {
             Ok(value) => Some(value),
-            Err(fault) => {
+            Err(NumberError(fault)) => {
                 self.report_no_number(line, columns, what, fault, "expected an integer such as 12");
                 None
             }

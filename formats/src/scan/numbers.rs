@@ -5,13 +5,26 @@ use std::fmt::Display;
 /// Number of columns of a real.
 pub const REAL_WIDTH: usize = 14;
 
-pub fn number_fault(field: &str) -> Option<&'static str> {
+/// Reason why a text is not read as a number, as a phrase that follows the text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NumberError(pub &'static str);
+
+impl Display for NumberError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.0)
+    }
+}
+
+impl std::error::Error for NumberError {}
+
+pub(super) fn number_fault(field: &str) -> Option<NumberError> {
     match field {
         "" => Some("blank"),
         stars if stars.contains('*') => Some("a number that did not fit its columns when it was written"),
         tabs if tabs.contains('\t') => Some("with a tab, which is one column wide"),
         _ => None,
     }
+    .map(NumberError)
 }
 
 /// Reads a real like Fortran from its columns: blanks anywhere; D, E, Q or no letter before a signed exponent.
@@ -25,28 +38,29 @@ pub fn number_fault(field: &str) -> Option<&'static str> {
 /// assert_eq!(fortran_real("1.0-10"), Ok(1e-10));
 /// assert!(fortran_real("100").is_err());
 /// ```
-pub fn fortran_real(field: &str) -> Result<f64, &'static str> {
+pub fn fortran_real(field: &str) -> Result<f64, NumberError> {
     let value = free_real(field)?;
-    if field.contains('.') { Ok(value) } else { Err("without a decimal point, which LMGC90 would scale by 1e-7") }
+    let without_point = NumberError("without a decimal point, which LMGC90 would scale by 1e-7");
+    if field.contains('.') { Ok(value) } else { Err(without_point) }
 }
 
 /// Reads a real in free format: as [`fortran_real`], and the point may be missing.
-pub fn free_real(field: &str) -> Result<f64, &'static str> {
+pub fn free_real(field: &str) -> Result<f64, NumberError> {
     let text: String = field.chars().filter(|&c| c != ' ').map(|c| c.to_ascii_lowercase()).collect();
     if let Some(fault) = number_fault(&text) {
         return Err(fault);
     }
     let unsigned = text.strip_prefix(['+', '-']).unwrap_or(&text);
     if ["nan", "inf"].iter().any(|word| unsigned.starts_with(word)) {
-        return Err("not a finite number");
+        return Err(NumberError("not a finite number"));
     }
     let mantissa_end = unsigned.find(|c: char| c != '.' && !c.is_ascii_digit()).unwrap_or(unsigned.len());
     let (mantissa, exponent) = unsigned.split_at(mantissa_end);
     let exponent = if exponent.is_empty() { "0" } else { exponent.strip_prefix(['d', 'e', 'q']).unwrap_or(exponent) };
     // `parse` rejects all other errors: the only letter that it accepts is this e.
-    let value: f64 = format!("{mantissa}e{exponent}").parse().map_err(|_| "not a number")?;
+    let value: f64 = format!("{mantissa}e{exponent}").parse().map_err(|_| NumberError("not a number"))?;
     if value.is_infinite() {
-        return Err("too large a number");
+        return Err(NumberError("too large a number"));
     }
     Ok(if text.starts_with('-') { -value } else { value })
 }
@@ -163,7 +177,7 @@ mod tests {
         ] {
             assert!(fortran_real(field).is_err(), "{field} was read as {:?}", fortran_real(field));
         }
-        assert!(fortran_real("100").unwrap_err().contains("1e-7"));
+        assert!(fortran_real("100").unwrap_err().0.contains("1e-7"));
         assert_eq!(free_real("100"), Ok(100.0));
     }
 

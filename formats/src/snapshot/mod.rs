@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::atomic;
 use crate::error::{Fault, Faults};
+use crate::law_table::{LawError, LawModel};
 use npz::{ArrayElement, NpzReader, NpzWriter};
 
 #[cfg(target_endian = "big")]
@@ -143,6 +144,13 @@ pub struct LawName {
     pub nickname: String,
     pub kind: String,
     pub parameters: Vec<f64>,
+}
+
+impl LawName {
+    /// Law of the table with these parameters; an error if the programs do not compute with it.
+    pub fn model(&self) -> Result<LawModel, LawError> {
+        LawModel::from_values(&self.kind, &self.parameters)
+    }
 }
 
 /// The options that decide the result.

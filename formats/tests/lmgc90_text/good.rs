@@ -6,7 +6,8 @@ use cd_formats::bodies::{Bodies, ShapeRecord};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::{DrivenKind, DrvDof, Evolution};
-use cd_formats::tact_behav::{LAW_LABELS, TactBehav};
+use cd_formats::law_table::law_parameters;
+use cd_formats::tact_behav::TactBehav;
 use cd_formats::vloc_rloc::VlocRloc;
 
 use crate::{files, folder, kind, rewrite};
@@ -102,8 +103,7 @@ fn laws_and_rows() {
     let expected: Vec<f64> = (1..=all.len()).map(|k| k as f64 / 8.0).collect();
     assert_eq!(all, expected);
     for law in &tact.laws {
-        let (_, lines) = LAW_LABELS.iter().find(|(name, _)| *name == law.kind).unwrap();
-        assert_eq!(law.parameters.len(), lines.iter().map(|line| line.len()).sum::<usize>(), "{}", law.kind);
+        assert_eq!(law.parameters.len(), law_parameters(&law.kind).count(), "{}", law.kind);
     }
     assert_eq!(tact.laws[3].kind, "RST_CLB");
     assert_eq!(tact.laws[3].nickname, "law03");

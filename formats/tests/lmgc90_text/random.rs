@@ -7,8 +7,9 @@ use cd_formats::bodies::{Bodies, Body, Contactor, LocalFrame, ShapeRecord};
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, DrvDof, Evolution, table_text};
+use cd_formats::law_table::LAW_TABLE;
 use cd_formats::scan::{AsciiText, format_d14, fortran_real};
-use cd_formats::tact_behav::{LAW_LABELS, LawRecord, TactBehav, VisibilityRow, VisibilitySide};
+use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
 use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 use proptest::collection::vec;
 use proptest::option;
@@ -136,11 +137,10 @@ fn distinct<T>(values: Vec<T>, key: impl Fn(&T) -> String) -> Vec<T> {
 }
 
 fn tact_behav() -> impl Strategy<Value = TactBehav> {
-    let law =
-        (name(), select(&LAW_LABELS[..]), vec(size(), 8)).prop_map(|(nickname, (kind, lines), mut parameters)| {
-            parameters.truncate(lines.iter().map(|line| line.len()).sum());
-            LawRecord { line: 0, nickname, kind: kind.to_string(), parameters }
-        });
+    let law = (name(), select(LAW_TABLE), vec(size(), 8)).prop_map(|(nickname, entry, mut parameters)| {
+        parameters.truncate(entry.parameters().count());
+        LawRecord { line: 0, nickname, kind: entry.label.to_string(), parameters }
+    });
     let side = || {
         const CONTACTORS: [&str; 7] = ["SPHER", "SPHEb", "PLANx", "CYLND", "DNLYC", "POLYR", "PT3Dx"];
         (select(&CONTACTORS[..]), name()).prop_map(|(contactor, colour)| VisibilitySide {

@@ -1,7 +1,7 @@
 //! Directions of contacts, their anisotropy and mobilised friction.
 
-use cd_formats::snapshot::{LawName, STATUS_SLIDE};
-use cd_formats::tact_behav::LAW_LABELS;
+use cd_formats::law_table::{ContactLoad, LawCohesion, LawModel};
+use cd_formats::snapshot::STATUS_SLIDE;
 use nalgebra::SymmetricEigen;
 
 use crate::derive::coordination::touching_contacts;
@@ -35,32 +35,21 @@ pub fn anisotropy(fabric: &Mat3) -> f64 {
     2.5 * (first - last)
 }
 
-/// Greatest tangential force that a contact could carry with its normal force f_n, N: mu (f_n + f_c); 0 without friction.
+/// Greatest tangential force that a contact could carry with its normal force, N: [`LawModel::friction_limit`].
 ///
-/// mu is the coefficient of (static) friction. f_c is the attraction of a liquid within its range; under a law with memory
-/// it counts only if the bridge is intact. A bond over the area S has f_c = c_n S, and c_t / c_n replaces mu. Source: the
-/// laws of cd-solve.
-pub fn tangential_limit(contact: &Contact, law: &LawName) -> f64 {
-    let labels = LAW_LABELS.iter().find(|(kind, _)| *kind == law.kind).map_or(&[][..], |(_, lines)| *lines);
-    let labels: Vec<&str> = labels.iter().flat_map(|line| line.iter().copied()).collect();
-    let of = |name: &str| labels.iter().position(|label| *label == name).and_then(|k| law.parameters.get(k)).copied();
-    let friction = of("fric").or(of("stfr")).unwrap_or(0.0);
-    let remembers = law.kind.starts_with("xQS");
-    match (of("cohn"), of("coht"), of("Wthk")) {
-        (Some(force), _, Some(range)) if contact.gap <= range && (contact.bonded || !remembers) => {
-            friction * (contact.normal_force + force)
-        }
-        (Some(normal), Some(tangential), None) if contact.bonded => {
-            tangential / normal * (contact.normal_force + normal * contact.area)
-        }
-        // A bond that slides is gone at the step's end; what slides is at its limit, that of a bond or the other.
-        (Some(_), Some(_), None) if contact.status == STATUS_SLIDE => contact.tangential_force,
-        _ => friction * contact.normal_force,
+/// A contact that slides under a law with bonds is at its limit, that of the bond if it has just broken: returns its
+/// tangential force.
+pub fn tangential_limit(contact: &Contact, law: &LawModel) -> f64 {
+    let &Contact { gap, normal_force, area, bonded, .. } = contact;
+    let breaks_by_sliding = matches!(law.cohesion(), Some(LawCohesion::Bond { .. }));
+    if breaks_by_sliding && !bonded && contact.status == STATUS_SLIDE {
+        return contact.tangential_force;
     }
+    law.friction_limit(&ContactLoad { gap, normal_force, area, bonded })
 }
 
 /// Mobilised share of the available friction: f_t over its [`tangential_limit`], 0 to 1; None if no friction is available.
-pub fn mobilised_share(contact: &Contact, laws: &[LawName]) -> Option<f64> {
+pub fn mobilised_share(contact: &Contact, laws: &[LawModel]) -> Option<f64> {
     let most = tangential_limit(contact, laws.get(contact.law as usize)?);
     (most > 0.0).then(|| contact.tangential_force / most)
 }
@@ -70,7 +59,7 @@ pub fn mobilised_share(contact: &Contact, laws: &[LawName]) -> Option<f64> {
 /// out.
 pub fn mean_mobilisation(frame: &Frame) -> (f64, f64) {
     let all: Vec<(f64, bool)> = touching_contacts(frame)
-        .filter_map(|c| Some((mobilised_share(c, &frame.meta.laws)?, c.status == STATUS_SLIDE)))
+        .filter_map(|c| Some((mobilised_share(c, &frame.laws)?, c.status == STATUS_SLIDE)))
         .collect();
     let count = all.len() as f64;
     let sliding = all.iter().filter(|(_, slides)| *slides).count() as f64;

@@ -43,11 +43,23 @@ pub enum ProbeShape {
 const EXPECTED_PROBE: &str = "expected ball:RADIUS, box:X,Y,Z, cylinder:RADIUS,LENGTH or cylinder:RADIUS,LENGTH,AXIS_X,AXIS_Y,AXIS_Z, \
                         each with @X,Y,Z, @com or @largest for its centre, or layer:FROM,TO above the floor; lengths in m, > 0";
 
-impl FromStr for Probe {
-    type Err = String;
+/// Text that is no probe; the message lists the forms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ProbeError;
 
-    fn from_str(text: &str) -> Result<Probe, String> {
-        let fault = || EXPECTED_PROBE.to_string();
+impl std::fmt::Display for ProbeError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(EXPECTED_PROBE)
+    }
+}
+
+impl std::error::Error for ProbeError {}
+
+impl FromStr for Probe {
+    type Err = ProbeError;
+
+    fn from_str(text: &str) -> Result<Probe, ProbeError> {
+        let fault = || ProbeError;
         let (shape, about) = text.split_once('@').map_or((text, None), |(shape, about)| (shape, Some(about)));
         let (name, numbers) = shape.split_once(':').ok_or_else(fault)?;
         let list = |text: &str| -> Option<Vec<f64>> {
@@ -338,7 +350,7 @@ mod tests {
             "ball:1@1,2",
             "cone:1",
         ] {
-            assert!(text.parse::<Probe>().unwrap_err().contains("expected ball:RADIUS"), "{text}");
+            assert!(text.parse::<Probe>().unwrap_err().to_string().contains("expected ball:RADIUS"), "{text}");
         }
         let parsed: Probe = "cylinder: 1, 2, 0, 3, 0 @ largest".parse().unwrap();
         assert_eq!(parsed.about, ProbeCentre::Largest);

@@ -152,7 +152,7 @@ pub fn contacts_vtp(frame: &Frame) -> Vec<u8> {
         BodyIndex::Grain(grain) => frame.grains[grain].id,
         BodyIndex::Wall(wall) => frame.walls[wall].id,
     };
-    let (all, laws) = (&frame.contacts, &frame.meta.laws);
+    let (all, laws) = (&frame.contacts, &frame.laws);
     let cell = vec![
         scalar_attribute("normal_force", all.iter().map(|c| c.normal_force).collect::<Vec<f64>>()),
         scalar_attribute("tangential_force", all.iter().map(|c| c.tangential_force).collect::<Vec<f64>>()),

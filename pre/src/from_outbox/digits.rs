@@ -4,8 +4,8 @@ use std::fmt::Display;
 
 use cd_formats::bodies::{Body, Contactor, LocalFrame, ShapeRecord};
 use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution};
+use cd_formats::law_table::{LawParameter, law_parameters};
 use cd_formats::scan::{format_long14, fortran_real};
-use cd_formats::tact_behav::parameter_labels;
 
 use super::tables::BehaviourTables;
 
@@ -23,10 +23,8 @@ pub fn lost_digits(bodies: &[Body], tables: &BehaviourTables, driven: &DrvDof) -
     let materials = tables.bulk.materials.iter();
     let materials = materials.flat_map(|m| inexact_numbers(format_args!("material {}", m.name), [("Umas", m.density)]));
     let laws = tables.tact.laws.iter().flat_map(|law| {
-        inexact_numbers(
-            format_args!("law '{}'", law.nickname),
-            parameter_labels(&law.kind).zip(law.parameters.iter().copied()),
-        )
+        let labels = law_parameters(&law.kind).map(LawParameter::label);
+        inexact_numbers(format_args!("law '{}'", law.nickname), labels.zip(law.parameters.iter().copied()))
     });
     let rows = (1..).zip(&tables.tact.visibility);
     let rows = rows.flat_map(|(k, row)| inexact_numbers(format_args!("see row {k}"), [("alert", row.alert)]));

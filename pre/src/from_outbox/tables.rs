@@ -5,8 +5,9 @@ use std::collections::BTreeSet;
 use cd_formats::bodies::{Bodies, Body};
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::compute::{ContactSolver, Event};
+use cd_formats::law_table::LawModel;
 use cd_formats::report::FaultReport;
-use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide, parameter_labels};
+use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
 
 use super::changes::Changes;
 use super::source::SourcePart;
@@ -20,21 +21,21 @@ pub struct BehaviourTables {
 }
 
 impl BehaviourTables {
-    /// Laws that some row names.
-    fn used_laws(&self) -> impl Iterator<Item = &LawRecord> {
-        self.tact.laws.iter().filter(|law| self.tact.visibility.iter().any(|row| row.law == law.nickname))
+    /// Laws that some row names, with their nicknames. All are laws of the table, since they come from a run or from the
+    /// changes.
+    fn used_models(&self) -> Vec<(&str, LawModel)> {
+        let used = self.tact.laws.iter().filter(|law| self.tact.visibility.iter().any(|row| row.law == law.nickname));
+        used.filter_map(|law| Some((law.nickname.as_str(), law.model().ok()?))).collect()
     }
 
     /// Reports events of laws that no contact has, or of the cohesion of a law without one.
     pub fn check_events(&self, events: &[Event], report: &mut FaultReport) {
-        let of = |law: &LawRecord| check::is_cohesive(&law.kind, &law.parameters);
-        let laws: Vec<(&str, bool)> = self.used_laws().map(|law| (law.nickname.as_str(), of(law))).collect();
-        check::check_laws_of_events(report, events, &laws);
+        check::check_laws_of_events(report, events, &self.used_models());
     }
 
     /// Reports laws whose moments the solver does not support.
     pub fn check_solver(&self, solver: ContactSolver, report: &mut FaultReport) {
-        check::check_moments(report, solver, self.used_laws().map(|law| (law.nickname.as_str(), law.kind.as_str())));
+        check::check_moments(report, solver, &self.used_models());
     }
 
     /// Tables of all parts with the changes; contradictions and missing entries go into the report.
@@ -104,9 +105,7 @@ fn merge_laws(changes: &Changes, parts: &[SourcePart], report: &mut FaultReport)
         }
     }
     for law in &changes.laws {
-        let (kind, parameters) = law.kind.law_row();
-        let parameters = parameters.into_iter().map(|(_, value)| value).collect();
-        let new = LawRecord { line: 0, nickname: law.name.clone(), kind: kind.to_string(), parameters };
+        let new = law.to_record();
         match all.iter_mut().find(|known| known.nickname == new.nickname) {
             Some(known) => *known = new,
             None => all.push(new),
@@ -117,10 +116,7 @@ fn merge_laws(changes: &Changes, parts: &[SourcePart], report: &mut FaultReport)
 
 /// Distance over which a law attracts, m.
 fn attraction_range(law: &LawRecord) -> f64 {
-    parameter_labels(&law.kind)
-        .zip(&law.parameters)
-        .find(|(label, _)| *label == "Wthk")
-        .map_or(0.0, |(_, range)| *range)
+    law.model().map_or(0.0, |law| law.attraction_range())
 }
 
 /// Rank of a contactor that decides between candidate and antagonist, as in LMGC90: spheres, then polyhedra, then walls.

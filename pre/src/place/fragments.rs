@@ -1,6 +1,6 @@
 //! A solid broken into convex fragments without gaps: the cells of points at random (Voronoi 1908).
 
-use cd_formats::surface::Surface;
+use cd_formats::surface::{Surface, SurfaceFaults};
 use nalgebra::Vector3;
 use rustc_hash::FxHashMap;
 
@@ -17,6 +17,26 @@ const NEAREST_SEEDS: usize = 64;
 
 /// Number of trial points for one seed in the solid.
 const MAX_ATTEMPTS: usize = 100_000;
+
+/// Reason why a solid is not divided into fragments.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum FragmentError {
+    /// No random point lies in the solid: it is too thin.
+    NoSeed,
+    /// A fragment is degenerate.
+    NoBody(SurfaceFaults),
+}
+
+impl std::fmt::Display for FragmentError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            FragmentError::NoSeed => write!(f, "a body in which {MAX_ATTEMPTS} random points found no position"),
+            FragmentError::NoBody(faults) => write!(f, "an invalid fragment: {faults}"),
+        }
+    }
+}
+
+impl std::error::Error for FragmentError {}
 
 /// Solid to be broken, about its centre of mass, in the axes of the region. A round region becomes a polyhedron of equal
 /// volume with enough faces for `number` fragments, a surface its convex hull.
@@ -37,7 +57,7 @@ pub fn region_polyhedron(room: &GrainRegion, number: usize) -> Result<Surface, H
 }
 
 fn to_surface(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Surface, HullError> {
-    Surface::new(vertices, triangles).map_err(|faults| HullError::Unsound(faults.join("; ")))
+    Surface::new(vertices, triangles).map_err(|faults| HullError::Unsound(faults.to_string()))
 }
 
 /// Ellipsoid through the points of a spiral on the sphere: about two for each fragment at the surface and at least 100.
@@ -74,7 +94,7 @@ pub fn voronoi_fragments(
     number: usize,
     relaxation: usize,
     random: &mut RandomStream,
-) -> Result<Vec<Surface>, String> {
+) -> Result<Vec<Surface>, FragmentError> {
     let extent = solid.vertices().iter().map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);
     let halves = solid.vertices().iter().fold(Vector3::zeros(), |halves, &v| Vector3::from(v).abs().sup(&halves));
     let planes: Vec<CutPlane> = solid
@@ -92,7 +112,7 @@ pub fn voronoi_fragments(
         // For thin bodies hardly any point of the cube lies inside.
         let seed = (0..MAX_ATTEMPTS).map(|_| extent * random.in_cube()).find(inside);
         let seed = seed.or_else(|| (0..MAX_ATTEMPTS).map(|_| halves.component_mul(&random.in_cube())).find(inside));
-        seeds.push(seed.ok_or_else(|| format!("a body in which {MAX_ATTEMPTS} random points found no position"))?);
+        seeds.push(seed.ok_or(FragmentError::NoSeed)?);
     }
     for _ in 0..relaxation {
         let cells = voronoi_cells(&planes, extent, &seeds)?;
@@ -101,12 +121,12 @@ pub fn voronoi_fragments(
     voronoi_cells(&planes, extent, &seeds)
 }
 
-fn voronoi_cells(planes: &[CutPlane], extent: f64, seeds: &[Vector3<f64>]) -> Result<Vec<Surface>, String> {
+fn voronoi_cells(planes: &[CutPlane], extent: f64, seeds: &[Vector3<f64>]) -> Result<Vec<Surface>, FragmentError> {
     (0..seeds.len()).map(|k| voronoi_cell(planes, extent, seeds, k)).collect()
 }
 
 /// Part of the solid that is nearer to seed `k` than to all others.
-fn voronoi_cell(planes: &[CutPlane], extent: f64, seeds: &[Vector3<f64>], k: usize) -> Result<Surface, String> {
+fn voronoi_cell(planes: &[CutPlane], extent: f64, seeds: &[Vector3<f64>], k: usize) -> Result<Surface, FragmentError> {
     let seed = seeds[k];
     let mut others: Vec<(f64, usize)> =
         (0..seeds.len()).filter(|&j| j != k).map(|j| ((seeds[j] - seed).norm_squared(), j)).collect();
@@ -255,7 +275,7 @@ impl VoronoiCell {
     }
 
     /// Surface of the cell, translated by `seed`.
-    fn to_surface(&self, seed: &Vector3<f64>) -> Result<Surface, String> {
+    fn to_surface(&self, seed: &Vector3<f64>) -> Result<Surface, FragmentError> {
         let mut numbers: FxHashMap<usize, u32> = FxHashMap::default();
         let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
         for face in &self.faces {
@@ -270,7 +290,7 @@ impl VoronoiCell {
                 .collect();
             triangles.extend(face[1..].windows(2).map(|pair| [face[0], pair[0], pair[1]]));
         }
-        Surface::new(&vertices, &triangles).map_err(|faults| format!("an invalid fragment: {}", faults.join("; ")))
+        Surface::new(&vertices, &triangles).map_err(FragmentError::NoBody)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use cd_formats::surface::Surface;
+use cd_formats::surface::{Surface, SurfaceFaults};
 use nalgebra::Vector3;
 use parry3d_f64::math::Vector as Point;
 use parry3d_f64::query::PointQuery;
@@ -33,18 +33,18 @@ impl std::fmt::Debug for SurfaceRegion {
 
 impl SurfaceRegion {
     /// Errors: a surface of which no mesh can be made.
-    pub fn new(surface: &Surface) -> Result<SurfaceRegion, String> {
+    pub fn new(surface: &Surface) -> Result<SurfaceRegion, SurfaceFaults> {
         let properties = surface.mass_properties();
         let centre = Vector3::from(properties.centre);
         let scale = libm::cbrt(properties.volume);
         let vertices: Vec<[f64; 3]> =
             surface.vertices().iter().map(|&v| ((Vector3::from(v) - centre) / scale).into()).collect();
         let points = vertices.iter().map(|&[x, y, z]| Point::new(x, y, z)).collect();
-        let unit = Surface::new(&vertices, surface.triangles()).map_err(|faults| faults.join("; "))?;
+        let unit = Surface::new(&vertices, surface.triangles())?;
         let mesh = TriMesh::with_flags(points, unit.triangles().to_vec(), TriMeshFlags::ORIENTED);
         Ok(SurfaceRegion {
             surface: Rc::new(unit),
-            mesh: Rc::new(mesh.map_err(|_| "its triangles enclose no volume")?),
+            mesh: Rc::new(mesh.map_err(|_| SurfaceFaults(vec!["its triangles enclose no volume".into()]))?),
             scale,
         })
     }

@@ -47,9 +47,17 @@ pub struct PlacementError {
     pub expected: &'static str,
 }
 
+impl std::fmt::Display for PlacementError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}; expected {}", self.found, self.expected)
+    }
+}
+
+impl std::error::Error for PlacementError {}
+
 impl PlacementError {
-    fn from_shape(found: String) -> PlacementError {
-        PlacementError { found, expected: "a shape that can be made" }
+    fn from_shape(error: impl std::error::Error) -> PlacementError {
+        PlacementError { found: error.to_string(), expected: "a shape that can be made" }
     }
 
     /// Same error with the margin, m, by which grains are kept apart for the rounding of positions in the files.
@@ -151,11 +159,10 @@ fn place_fragments(
     centre: &Vector3<f64>,
     random: &mut RandomStream,
 ) -> Result<PlacedGrains, PlacementError> {
-    let solid =
-        fragments::region_polyhedron(room, number).map_err(|misfit| PlacementError::from_shape(misfit.to_string()))?;
+    let solid = fragments::region_polyhedron(room, number).map_err(PlacementError::from_shape)?;
     let cells = fragments::voronoi_fragments(&solid, number, relaxation, random).map_err(PlacementError::from_shape)?;
     let solids = cells.iter().map(PrincipalSolid::from_convex).collect::<Result<Vec<PrincipalSolid>, _>>();
-    let solids = solids.map_err(|misfit| PlacementError::from_shape(misfit.to_string()))?;
+    let solids = solids.map_err(PlacementError::from_shape)?;
     let centres: Vec<Vector3<f64>> = solids.iter().map(|solid| solid.shift).collect();
     let order = z_order(room, &centres);
     let positions = order.iter().map(|&k| (turn * centres[k] + centre).map(round_14_columns)).collect();

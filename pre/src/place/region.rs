@@ -59,7 +59,8 @@ impl Envelope {
                     told = format!("{file}: {}", changes.join(", "));
                 }
                 let inside = SurfaceRegion::new(&read.surface).map_err(|found| {
-                    Fault::new(&folder.join(file), None, "surface", found, "expected a surface that encloses a volume")
+                    let expected = "expected a surface that encloses a volume";
+                    Fault::new(&folder.join(file), None, "surface", found.to_string(), expected)
                 })?;
                 GrainRegion::Inside(inside)
             }

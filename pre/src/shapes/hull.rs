@@ -41,6 +41,8 @@ impl std::fmt::Display for HullError {
     }
 }
 
+impl std::error::Error for HullError {}
+
 /// Convex hull of `points`; its vertices are among them, to the last bit.
 ///
 /// The points are scaled to size 1 about their middle. parry sometimes fails where many points lie in one plane. The
@@ -147,7 +149,7 @@ fn compact_surface(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Surfac
     let number = |k: u32| used.partition_point(|&u| u < k) as u32;
     let triangles: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(number)).collect();
     let vertices: Vec<[f64; 3]> = used.iter().map(|&k| points[k as usize]).collect();
-    Surface::new(&vertices, &triangles).map_err(|faults| HullError::Unsound(faults.join("; ")))
+    Surface::new(&vertices, &triangles).map_err(|faults| HullError::Unsound(faults.to_string()))
 }
 
 #[cfg(test)]

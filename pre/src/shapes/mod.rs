@@ -71,6 +71,17 @@ pub enum ShapeError {
     File(Faults),
 }
 
+impl std::fmt::Display for ShapeError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            ShapeError::Shape(error) => write!(f, "{error}"),
+            ShapeError::File(faults) => write!(f, "{faults}"),
+        }
+    }
+}
+
+impl std::error::Error for ShapeError {}
+
 enum ShapeSource {
     Sphere,
     /// One solid for all grains, and notes on its file.
@@ -119,7 +130,7 @@ impl GrainSampler {
     /// Next grain, of the radius `size`, m, or of the shape's own size.
     ///
     /// Errors: no sound shape was found.
-    pub fn next_grain(&mut self, size: Option<f64>) -> Result<SampledGrain, String> {
+    pub fn next_grain(&mut self, size: Option<f64>) -> Result<SampledGrain, rocks::DrawError> {
         let solid = match &self.source {
             ShapeSource::Sphere => {
                 let radius = size.unwrap_or(1.0);

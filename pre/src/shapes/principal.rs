@@ -62,7 +62,7 @@ impl PrincipalSolid {
                 })
                 .collect();
             Surface::new(&vertices, surface.triangles())
-                .map_err(|faults| hull::HullError::Moved(faults.first().cloned().unwrap_or_default()))
+                .map_err(|faults| hull::HullError::Moved(faults.0.first().cloned().unwrap_or_default()))
         };
         let pieces: Vec<Surface> = pieces.iter().map(moved).collect::<Result<_, _>>()?;
         let vertices = pieces.iter().flat_map(|piece| piece.vertices());

@@ -28,11 +28,25 @@ const MIN_INRADIUS: f64 = 0.1;
 /// Largest number of draws of one polyhedron.
 const MAX_ATTEMPTS: usize = 1000;
 
+/// Failure to draw a sound polyhedron with this number of vertices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DrawError {
+    pub vertices: usize,
+}
+
+impl std::fmt::Display for DrawError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "no polyhedron of {} vertices in {MAX_ATTEMPTS} draws", self.vertices)
+    }
+}
+
+impl std::error::Error for DrawError {}
+
 impl RockGenerator {
     /// Draws the next polyhedron. Its number of vertices is drawn first; all lie on the ellipsoid.
     ///
     /// Errors: no sound polyhedron in `MAX_ATTEMPTS` draws.
-    pub fn draw_rock(&self, random: &mut RandomStream) -> Result<PrincipalSolid, String> {
+    pub fn draw_rock(&self, random: &mut RandomStream) -> Result<PrincipalSolid, DrawError> {
         let (fewest, most) = self.vertices;
         let count = fewest + random.uniform_index(most - fewest + 1);
         let spacing = (EVEN_SPACING + self.angularity * (MIN_SPACING - EVEN_SPACING)) * widest_spacing(count);
@@ -55,7 +69,7 @@ impl RockGenerator {
                 return Ok(solid);
             }
         }
-        Err(format!("no polyhedron of {count} vertices in {MAX_ATTEMPTS} draws"))
+        Err(DrawError { vertices: count })
     }
 }
 

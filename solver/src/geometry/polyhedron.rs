@@ -1,6 +1,7 @@
 //! Convex polyhedron in its body's frame, and posed by its body's orientation.
 
 use bytemuck::{Pod, Zeroable};
+use cd_formats::faces::MeshError;
 pub(super) use cd_formats::faces::{ConvexMesh, FeatureIndex, PolyhedronEdge, PolyhedronPlane};
 use nalgebra::Matrix3;
 
@@ -140,7 +141,7 @@ impl Polyhedron {
     ///
     /// Coplanar triangles become one face, and vertices that are then no corners are left out. Errors: the reason why the
     /// surface is not a convex polyhedron.
-    pub fn new(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Result<Self, String> {
+    pub fn new(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Result<Self, MeshError> {
         Ok(Self::from(ConvexMesh::new(vertices, triangles, Self::FLATNESS)?))
     }
 

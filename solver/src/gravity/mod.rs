@@ -40,14 +40,26 @@ pub enum SummationMethod {
     Auto,
 }
 
+/// Name that is none of the [`SummationMethod`]s.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct UnknownMethod;
+
+impl std::fmt::Display for UnknownMethod {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("expected direct, fmm or auto")
+    }
+}
+
+impl std::error::Error for UnknownMethod {}
+
 impl std::str::FromStr for SummationMethod {
-    type Err = String;
-    fn from_str(text: &str) -> Result<Self, String> {
+    type Err = UnknownMethod;
+    fn from_str(text: &str) -> Result<Self, UnknownMethod> {
         match text {
             "direct" => Ok(SummationMethod::Direct),
             "fmm" => Ok(SummationMethod::Fmm),
             "auto" => Ok(SummationMethod::Auto),
-            _ => Err("expected direct, fmm or auto".into()),
+            _ => Err(UnknownMethod),
         }
     }
 }

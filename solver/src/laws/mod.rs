@@ -24,7 +24,7 @@
 //! pair that throws back, it overlaps by the distance d at most, so that restitution acts in the next step.
 //!
 //! u⁻ is the relative velocity at the step's start. Friction acts on r̂_n = r_n + h f: a cohesive
-//! contact slides at mu (r_n/h + f). Names and parameters are those of LMGC90.
+//! contact slides at mu (r_n/h + f). Names, parameters, friction and cohesion are in [`cd_formats::law_table`].
 //!
 //! Two laws remember. A contact of xQS_WET_DS_CLB is wet if g <= range at the start of the run or when
 //! an event bonds it, and dry for good once g > range. A bond of IQS_MOHR_DS_CLB joins what touches at these
@@ -43,6 +43,9 @@
 //!
 //! Sources: M. Jean, Comput. Methods Appl. Mech. Engrg. 177 (1999) 235-257; J.J. Moreau, Unilateral
 //! contact and dry friction in finite freedom dynamics, CISM 302 (1988).
+
+pub use cd_formats::law_table::RollingFriction;
+use cd_formats::law_table::{FrictionPair, LawCohesion, LawModel};
 
 use crate::BARE;
 
@@ -76,14 +79,6 @@ pub const MAX_TOUCHING_GAP: f64 = 1e-3;
 /// Largest gap at which two bodies touch, for laws on the velocity, over the same length: the corners of a face that lies
 /// flat are within this gap, to rounding.
 const CLOSED_GAP: f64 = 1e-9;
-
-/// Moments of a contact: at most `rolling` R r̂_n in the tangent plane, opposite to the rolling, and
-/// `spinning` R r̂_n along the normal, opposite to the spinning; 1/R = 1/R_a + 1/R_b.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RollingFriction {
-    pub rolling: f64,
-    pub spinning: f64,
-}
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactLaw {
@@ -148,86 +143,36 @@ pub struct LawShift {
     pub solved: bool,
 }
 
-/// Names and parameters of the laws, in the order of TACT_BEHAV.DAT.
-pub const LAW_KINDS: [&str; 11] = [
-    "IQS_CLB",
-    "IQS_DS_CLB",
-    "GAP_SGR_CLB",
-    "VEL_SGR_CLB",
-    "RST_CLB",
-    "RST_DS_CLB",
-    "IQS_WET_DS_CLB",
-    "xQS_WET_DS_CLB",
-    "IQS_MOHR_DS_CLB",
-    "IQS_DS_ROLL_CLB",
-    "IQS_WET_DS_ROLL_CLB",
-];
-
 impl ContactLaw {
-    /// Returns the law named `kind` in TACT_BEHAV.DAT; `None` if it is not one of [`LAW_KINDS`] with that number of
-    /// parameters.
-    pub fn new(kind: &str, parameters: &[f64]) -> Option<ContactLaw> {
-        use UnilateralLaw::*;
-        let law = |unilateral, cohesion, dynamic, fixed| ContactLaw {
+    /// Mechanics of a law of the table: its condition along the normal, with the table's friction, cohesion and moments.
+    pub fn new(model: &LawModel) -> ContactLaw {
+        let unilateral = match *model {
+            LawModel::IqsClb { .. }
+            | LawModel::IqsDsClb { .. }
+            | LawModel::IqsDsRollClb { .. }
+            | LawModel::IqsWetDsClb { .. }
+            | LawModel::IqsWetDsRollClb { .. }
+            | LawModel::XqsWetDsClb { .. }
+            | LawModel::IqsMohrDsClb { .. } => UnilateralLaw::InelasticShock,
+            LawModel::GapSgrClb { .. } => UnilateralLaw::Gap,
+            LawModel::VelSgrClb { .. } => UnilateralLaw::Velocity,
+            LawModel::RstClb { normal_restitution: normal, tangential_restitution: tangential, .. }
+            | LawModel::RstDsClb { normal_restitution: normal, tangential_restitution: tangential, .. } => {
+                UnilateralLaw::Restitution { normal, tangential }
+            }
+        };
+        let cohesion = model.cohesion().map(|cohesion| match cohesion {
+            LawCohesion::Liquid { force, range, remembers } => Cohesion::Wet { force, range, remembers },
+            LawCohesion::Bond { normal, tangential } => Cohesion::Bond { normal, tangential, now: normal },
+        });
+        let FrictionPair { static_friction, dynamic_friction } = model.friction();
+        ContactLaw {
             unilateral,
             cohesion,
-            friction_static: fixed,
-            friction_dynamic: dynamic,
-            rolling: None,
-        };
-        Some(match (kind, parameters) {
-            ("IQS_CLB", &[mu]) => law(InelasticShock, None, mu, mu),
-            ("IQS_DS_CLB", &[dynamic, fixed]) => law(InelasticShock, None, dynamic, fixed),
-            ("GAP_SGR_CLB", &[mu]) => law(Gap, None, mu, mu),
-            ("VEL_SGR_CLB", &[mu]) => law(Velocity, None, mu, mu),
-            ("RST_CLB", &[normal, tangential, mu]) => law(Restitution { normal, tangential }, None, mu, mu),
-            ("RST_DS_CLB", &[normal, tangential, dynamic, fixed]) => {
-                law(Restitution { normal, tangential }, None, dynamic, fixed)
-            }
-            ("IQS_WET_DS_CLB" | "xQS_WET_DS_CLB", &[force, _tangential, range, dynamic, fixed]) => {
-                let remembers = kind == "xQS_WET_DS_CLB";
-                law(InelasticShock, Some(Cohesion::Wet { force, range, remembers }), dynamic, fixed)
-            }
-            ("IQS_MOHR_DS_CLB", &[normal, tangential, dynamic, fixed]) => {
-                law(InelasticShock, Some(Cohesion::Bond { normal, tangential, now: normal }), dynamic, fixed)
-            }
-            ("IQS_DS_ROLL_CLB" | "IQS_WET_DS_ROLL_CLB", &[ref plain @ .., rolling, spinning]) => {
-                let rolling = Some(RollingFriction { rolling, spinning });
-                return ContactLaw::new(&kind.replace("_ROLL", ""), plain).map(|law| ContactLaw { rolling, ..law });
-            }
-            _ => return None,
-        })
-    }
-
-    /// Name and value of an invalid parameter, if there is one.
-    pub fn invalid_parameter(&self) -> Option<(&'static str, f64)> {
-        let restitution = match self.unilateral {
-            UnilateralLaw::Restitution { normal, tangential } => {
-                [("normal restitution", normal), ("tangential restitution", tangential)]
-            }
-            _ => [("", 0.0); 2],
-        };
-        let cohesion = match self.cohesion {
-            Some(Cohesion::Wet { force, range, .. }) => [("cohesive force", force), ("cohesive range", range)],
-            // Shear without traction has no friction cone.
-            Some(Cohesion::Bond { normal: 0.0, tangential, .. }) if tangential > 0.0 => {
-                return Some(("no normal cohesion, but tangential cohesion", tangential));
-            }
-            Some(Cohesion::Bond { normal, tangential, .. }) => {
-                [("normal cohesion", normal), ("tangential cohesion", tangential)]
-            }
-            None => [("", 0.0); 2],
-        };
-        let friction = [("static friction", self.friction_static), ("dynamic friction", self.friction_dynamic)];
-        let RollingFriction { rolling, spinning } =
-            self.rolling.unwrap_or(RollingFriction { rolling: 0.0, spinning: 0.0 });
-        let moments = [("rolling friction", rolling), ("spinning friction", spinning)];
-        let mut least_zero = friction.into_iter().chain(cohesion).chain(moments);
-        let outside = restitution.into_iter().find(|(_, e)| !(0.0..=1.0).contains(e));
-        let excess = self.friction_dynamic > self.friction_static;
-        outside
-            .or(least_zero.find(|(_, x)| !(*x >= 0.0 && x.is_finite())))
-            .or(excess.then_some(("dynamic friction", self.friction_dynamic)))
+            friction_static: static_friction,
+            friction_dynamic: dynamic_friction,
+            rolling: model.rolling(),
+        }
     }
 
     /// Returns the law's shifts for a contact; `None` if it cannot act in this step.
@@ -406,6 +351,11 @@ impl ContactLaw {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use cd_formats::law_table::{ContactLoad, ContactMemory, LAW_TABLE};
+
+    fn new_law(label: &str, parameters: &[f64]) -> ContactLaw {
+        ContactLaw::new(&LawModel::from_values(label, parameters).unwrap())
+    }
 
     #[test]
     fn shifts_follow_the_table() {
@@ -421,9 +371,8 @@ mod tests {
             slid_before,
             bonded: false,
         };
-        let shift = |kind, parameters: &[f64], gap, u_n, slid| {
-            ContactLaw::new(kind, parameters).unwrap().contact_shift(&at(gap, u_n, slid))
-        };
+        let shift =
+            |kind, parameters: &[f64], gap, u_n, slid| new_law(kind, parameters).contact_shift(&at(gap, u_n, slid));
         let plain = |normal, friction| Some(LawShift { normal, tangential: 0.0, impulse: 0.0, friction, solved: true });
         let waiting = |normal| Some(LawShift { normal, tangential: 0.0, impulse: 0.0, friction: 0.4, solved: false });
         assert_eq!(shift("IQS_CLB", &[0.4], 0.1, -1.0, false), plain(0.2, 0.4));
@@ -467,7 +416,7 @@ mod tests {
 
     #[test]
     fn laws_on_what_touches_act_before_a_step_would_close_a_pair() {
-        let law = |kind, parameters: &[f64]| ContactLaw::new(kind, parameters).unwrap();
+        let law = |kind, parameters: &[f64]| new_law(kind, parameters);
         let due = |u_n| LawInput { gap: 1.0, u_n, gap_forecast: GapForecast::Due, ..touching() };
         let thrown = LawShift { normal: -2.0, tangential: 0.25, ..acting() };
         assert_eq!(law("RST_CLB", &[0.5, 0.25, 0.0]).contact_shift(&due(-4.0)), Some(thrown));
@@ -485,7 +434,7 @@ mod tests {
     #[test]
     fn bonds_are_made_of_what_touches_and_lost_as_the_law_says() {
         let bonded = LawInput { gap: 0.015625, u_n: 0.0, slid_before: true, bonded: true, ..touching() };
-        let mohr = ContactLaw::new("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3]).unwrap();
+        let mohr = new_law("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3]);
         let impulse = -0.5 * (10.0 * std::f64::consts::PI * 2.0 * 2.0);
         let held = LawShift { impulse, friction: 0.5, ..acting() };
         assert_eq!(mohr.contact_shift(&bonded), Some(held));
@@ -495,10 +444,10 @@ mod tests {
         );
         assert!(mohr.keeps_bond(1.0, false, false));
         assert!(!mohr.keeps_bond(0.0, true, false) && !mohr.keeps_bond(0.0, false, true));
-        assert!(ContactLaw::new("IQS_MOHR_DS_CLB", &[10.0, 0.0, 0.2, 0.3]).unwrap().keeps_bond(0.0, false, true));
-        assert_eq!(ContactLaw::new("IQS_MOHR_DS_CLB", &[0.0, 0.0, 0.2, 0.3]).unwrap().bond_gap(0.0, 2.0), None);
+        assert!(new_law("IQS_MOHR_DS_CLB", &[10.0, 0.0, 0.2, 0.3]).keeps_bond(0.0, false, true));
+        assert_eq!(new_law("IQS_MOHR_DS_CLB", &[0.0, 0.0, 0.2, 0.3]).bond_gap(0.0, 2.0), None);
 
-        let wet = ContactLaw::new("xQS_WET_DS_CLB", &[10.0, 0.0, 0.02, 0.2, 0.3]).unwrap();
+        let wet = new_law("xQS_WET_DS_CLB", &[10.0, 0.0, 0.02, 0.2, 0.3]);
         let bridged = LawShift { normal: 0.03125, impulse: -5.0, friction: 0.2, ..acting() };
         assert_eq!(wet.contact_shift(&bonded), Some(bridged));
         assert_eq!((wet.bond_gap(0.02, 2.0), wet.bond_gap(0.03, 2.0)), (Some(0.0), None));
@@ -507,11 +456,11 @@ mod tests {
 
     #[test]
     fn events_change_friction_and_cohesion() {
-        let mut mohr = ContactLaw::new("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3]).unwrap();
+        let mut mohr = new_law("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3]);
         mohr.set_friction(0.4);
         assert!(mohr.set_cohesion(20.0));
         let at = LawInput { bonded: true, ..touching() };
-        let twice = ContactLaw::new("IQS_MOHR_DS_CLB", &[20.0, 10.0, 0.4, 0.4]).unwrap();
+        let twice = new_law("IQS_MOHR_DS_CLB", &[20.0, 10.0, 0.4, 0.4]);
         assert_eq!(mohr.contact_shift(&at), twice.contact_shift(&at));
         // No bond is left, and a new cohesion acts on contacts bonded later.
         assert!(mohr.set_cohesion(0.0));
@@ -519,25 +468,49 @@ mod tests {
         assert_eq!((mohr.bond_gap(0.0, 2.0), mohr.keeps_bond(0.0, false, false)), (None, false));
         assert!(mohr.set_cohesion(20.0));
         assert_eq!((mohr.contact_shift(&at), mohr.bond_gap(0.0, 2.0)), (twice.contact_shift(&at), Some(0.0)));
-        assert!(!ContactLaw::new("IQS_CLB", &[0.3]).unwrap().set_cohesion(1.0));
+        assert!(!new_law("IQS_CLB", &[0.3]).set_cohesion(1.0));
+    }
+
+    /// The friction limit of the table is that of the solver, μ r̂_n: for each law, with and without a bond, in touch, within
+    /// the range and beyond it, while the contact does not slide.
+    #[test]
+    fn friction_limits_are_those_of_the_table() {
+        for entry in LAW_TABLE.iter().filter(|entry| entry.computed) {
+            // Distinct values in the limits: 1/4, 1/2, 3/4 ...; a static coefficient follows its dynamic one.
+            let values: Vec<f64> = (1..).take(entry.parameters().count()).map(|k| 0.25 * f64::from(k)).collect();
+            let model = LawModel::from_values(entry.label, &values).unwrap();
+            let law = ContactLaw::new(&model);
+            let range = model.attraction_range();
+            for (gap, bonded) in [(0.0, false), (0.0, true), (range, false), (range, true), (range + 0.5, false)] {
+                let at = LawInput { gap, bonded, gap_forecast: GapForecast::Due, ..touching() };
+                let shift = law.contact_shift(&at).unwrap();
+                let normal_force = 2.0;
+                let area = std::f64::consts::PI * at.radius * at.radius;
+                let found = shift.friction * (normal_force - shift.impulse / at.h);
+                let limit = model.friction_limit(&ContactLoad { gap, normal_force, area, bonded });
+                assert!((found - limit).abs() <= 1e-14 * limit, "{} at {gap}, bonded {bonded}", entry.label);
+            }
+        }
     }
 
     #[test]
-    fn unknown_names_and_values_out_of_range_are_told() {
-        assert_eq!(ContactLaw::new("IQS_MAP", &[0.1]), None);
-        assert_eq!(ContactLaw::new("IQS_CLB", &[]), None);
-        assert_eq!(
-            ContactLaw::new("RST_CLB", &[1.5, 0.0, 0.3]).unwrap().invalid_parameter(),
-            Some(("normal restitution", 1.5))
-        );
-        assert_eq!(ContactLaw::new("IQS_CLB", &[-0.1]).unwrap().invalid_parameter(), Some(("static friction", -0.1)));
-        assert_eq!(ContactLaw::new("IQS_CLB", &[0.0]).unwrap().invalid_parameter(), None);
-        let sliding = ContactLaw::new("IQS_DS_CLB", &[0.5, 0.3]).unwrap().invalid_parameter();
-        assert_eq!(sliding, Some(("dynamic friction", 0.5)));
-        let bond = |normal, tangential| {
-            ContactLaw::new("IQS_MOHR_DS_CLB", &[normal, tangential, 0.2, 0.3]).unwrap().invalid_parameter()
-        };
-        assert!(bond(0.0, 1.0).is_some() && bond(1.0, -1.0).is_some());
-        assert_eq!((bond(0.0, 0.0), bond(1.0, 0.0)), (None, None));
+    fn the_table_of_shifts_names_every_law() {
+        let (head, _) = include_str!("mod.rs").split_once("\nuse ").unwrap();
+        for entry in LAW_TABLE.iter().filter(|entry| entry.computed) {
+            assert!(head.contains(entry.label), "{}", entry.label);
+        }
+    }
+
+    #[test]
+    fn memory_is_that_of_the_table() {
+        for entry in LAW_TABLE.iter().filter(|entry| entry.computed) {
+            let values: Vec<f64> = (1..).take(entry.parameters().count()).map(|k| 0.25 * f64::from(k)).collect();
+            let model = LawModel::from_values(entry.label, &values).unwrap();
+            let (law, memory) = (ContactLaw::new(&model), model.memory());
+            let bonds = memory.iter().any(|kind| [ContactMemory::LiquidBridge, ContactMemory::Bond].contains(kind));
+            assert_eq!(law.can_bond(), bonds, "{}", entry.label);
+            assert_eq!(law.has_two_frictions(), memory.contains(&ContactMemory::Sliding), "{}", entry.label);
+            assert_eq!(law.has_memory(), memory.iter().any(|kind| *kind != ContactMemory::Sliding), "{}", entry.label);
+        }
     }
 }

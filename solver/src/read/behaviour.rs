@@ -4,16 +4,17 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, MAX_EVENTS, too_frequent};
-use cd_formats::doubts::{self, density, friction};
+use cd_formats::doubts::{self, density, law_parameter};
 use cd_formats::error::{Fault, Faults};
+use cd_formats::law_table::{ParameterFault, law_parameters};
 use cd_formats::report::FaultReport;
 use cd_formats::scan::{AsciiText, TextLine};
 use cd_formats::snapshot::LawName;
-use cd_formats::tact_behav::{TactBehav, VisibilitySide, parameter_labels};
+use cd_formats::tact_behav::{TactBehav, VisibilitySide};
 use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
 
 use crate::gravity::SummationMethod;
-use crate::laws::{Cohesion, ContactLaw, LAW_KINDS};
+use crate::laws::{Cohesion, ContactLaw};
 use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
 use crate::scene::{
     BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, RigidBody, Scene, VisibilityTable,
@@ -74,35 +75,33 @@ pub fn set_laws_and_visibility(datbox: &Path, tact: &TactBehav, scene: &mut Scen
         let mut refuse = |found: String, expected: String| {
             faults.push(Fault::new(&file, Some(record.line), format!("law '{}'", record.nickname), found, expected));
         };
-        match ContactLaw::new(&record.kind, &record.parameters) {
-            None => refuse(
-                format!("{} with {} parameters", record.kind, record.parameters.len()),
-                format!("computed are {}", LAW_KINDS.join(", ")),
-            ),
-            Some(law) => match law.invalid_parameter() {
-                Some((name, value)) => refuse(
-                    format!("{name} {value}"),
-                    "expected restitutions from 0 to 1, others >= 0, dynamic friction <= static".into(),
-                ),
-                None if law.rolling.is_some()
-                    && !matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs) =>
-                {
-                    let solver = scene.options.solver;
-                    refuse(format!("{} with solver {solver}", record.kind), "expected solver auto or nlgs".into());
-                }
-                None if scene.laws.len() > u8::MAX.into() => {
-                    refuse("is the 257th law in use".into(), "expected at most 256 in use".into());
-                }
-                None => {
-                    number[k] = Some(scene.laws.len() as u8);
-                    scene.laws.push(law);
-                    scene.law_names.push(LawName {
-                        nickname: record.nickname.clone(),
-                        kind: record.kind.clone(),
-                        parameters: record.parameters.clone(),
-                    });
-                }
-            },
+        let model = match record.model() {
+            Ok(model) => model,
+            Err(error) => {
+                refuse(error.found(), error.expected());
+                continue;
+            }
+        };
+        let invalid = model.parameter_faults();
+        if !invalid.is_empty() {
+            for ParameterFault { parameter, found, expected } in invalid {
+                refuse(format!("{} ({}) {found}", parameter.name(), parameter.label()), format!("expected {expected}"));
+            }
+        } else if model.rolling().is_some()
+            && !matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs)
+        {
+            let solver = scene.options.solver;
+            refuse(format!("{} with solver {solver}", record.kind), "expected solver auto or nlgs".into());
+        } else if scene.laws.len() > u8::MAX.into() {
+            refuse("is the 257th law in use".into(), "expected at most 256 in use".into());
+        } else {
+            number[k] = Some(scene.laws.len() as u8);
+            scene.laws.push(ContactLaw::new(&model));
+            scene.law_names.push(LawName {
+                nickname: record.nickname.clone(),
+                kind: record.kind.clone(),
+                parameters: record.parameters.clone(),
+            });
         }
     }
 
@@ -298,13 +297,11 @@ pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mu
     for law in &scene.law_names {
         let line = tact.laws.iter().find(|known| known.nickname == law.nickname).map(|known| known.line);
         let mut asked = Vec::new();
-        for (label, value) in parameter_labels(&law.kind).zip(&law.parameters) {
-            let Some(question) = friction(*value).filter(|_| ["fric", "dyfr", "stfr"].contains(&label)) else {
-                continue;
-            };
+        for (parameter, value) in law_parameters(&law.kind).zip(&law.parameters) {
+            let Some(question) = law_parameter(parameter, *value) else { continue };
             if !asked.contains(value) {
                 asked.push(*value);
-                let object = format!("law '{}', {label}", law.nickname);
+                let object = format!("law '{}', {}", law.nickname, parameter.label());
                 questions.push(Fault::new(&file, line, object, format!("{value:?}"), question));
             }
         }

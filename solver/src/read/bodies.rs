@@ -7,7 +7,7 @@ use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::{DrivenKind, DrvDof, Evolution};
-use cd_formats::error::{Fault, Faults};
+use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::snapshot::MaterialName;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
@@ -33,7 +33,7 @@ pub fn scene_without_laws(
     let mut part_starts = vec![0];
     let mut frames = Vec::new();
     for (index, record) in records.0.iter().enumerate() {
-        let made = body_from_record(record, bulk, &mut colours).unwrap_or_else(|(found, expected)| {
+        let made = body_from_record(record, bulk, &mut colours).unwrap_or_else(|RecordFault { found, expected }| {
             let of_material = found.starts_with("material ");
             let line = if of_material { Bodies::line_of_material(&file, record) } else { record.line };
             faults.push(Fault::new(&file, Some(line), format!("body {}", index + 1), found, expected));

@@ -2,6 +2,7 @@
 
 use cd_formats::bodies::{self, Contactor, LocalFrame};
 use cd_formats::bulk_behav::BulkBehav;
+use cd_formats::error::RecordFault;
 use cd_formats::faces::ConvexMesh;
 use cd_formats::mass::{CheckedBody, InertialProperties};
 use cd_formats::ron_text::known_names;
@@ -23,9 +24,6 @@ pub struct PreparedBody {
     pub axes: Quat,
 }
 
-/// Found text and expected text.
-pub type RecordFault = (String, String);
-
 /// Contactor in the frame of its body.
 struct ContactorPiece {
     geometry: ContactorShape,
@@ -43,21 +41,17 @@ pub fn body_from_record(
 ) -> Result<PreparedBody, RecordFault> {
     let Some(material) = bulk.materials.iter().position(|m| m.name == record.material) else {
         let names: Vec<&str> = bulk.materials.iter().map(|m| m.name.as_str()).collect();
-        return Err((
-            format!("material '{}' is not defined", record.material),
-            if names.is_empty() {
-                "expected a material of BULK_BEHAV.DAT: none is defined".into()
-            } else {
-                known_names(&record.material, &names)
-            },
-        ));
+        let expected = if names.is_empty() {
+            "expected a material of BULK_BEHAV.DAT: none is defined".into()
+        } else {
+            known_names(&record.material, &names)
+        };
+        return Err(RecordFault::new(format!("material '{}' is not defined", record.material), expected));
     };
     let density = bulk.materials[material].density;
     if density <= 0.0 {
-        return Err((
-            format!("material '{}' has the density {density}", record.material),
-            "expected more than 0".into(),
-        ));
+        let found = format!("material '{}' has the density {density}", record.material);
+        return Err(RecordFault::new(found, "expected more than 0"));
     }
     let CheckedBody { faces, parts, whole: own, inertial: inert } = record.check_at_density(density)?;
     let lone = record.contactors.len() == 1;

@@ -1,12 +1,12 @@
 //! Converts the state to a snapshot.
 
 use cd_formats::compute::{Adaptive, SweepPrecision};
+use cd_formats::law_table::{LawParameter, law_parameters};
 use cd_formats::snapshot::{
     BodyArrays, ContactArrays, FORMAT_VERSION, GravityArrays, IntervalArrays, LawName, MemoryArrays, RunParameters,
     SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, ShapeArrays, Snapshot,
     SnapshotMeta,
 };
-use cd_formats::tact_behav::LAW_LABELS;
 
 use crate::laws::{Cohesion, ContactLaw};
 use crate::math::Vec3;
@@ -82,15 +82,17 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
 /// Law of TACT_BEHAV.DAT with its present parameters.
 fn current_law(name: &LawName, law: &ContactLaw) -> LawName {
     let mut now = name.clone();
-    let labels = LAW_LABELS.iter().filter(|(kind, _)| *kind == name.kind).flat_map(|(_, lines)| lines.concat());
-    for (label, parameter) in labels.zip(&mut now.parameters) {
-        *parameter = match (label, law.cohesion) {
-            ("fric" | "stfr", _) => law.friction_static,
-            ("dyfr", _) => law.friction_dynamic,
-            ("cohn", Some(Cohesion::Wet { force, .. })) => force,
-            ("cohn", Some(Cohesion::Bond { now, .. })) => now,
-            ("coht", Some(Cohesion::Bond { normal, tangential, now })) if normal > 0.0 => tangential * (now / normal),
-            _ => *parameter,
+    for (parameter, value) in law_parameters(&name.kind).zip(&mut now.parameters) {
+        *value = match (parameter, law.cohesion) {
+            (LawParameter::Friction | LawParameter::StaticFriction, _) => law.friction_static,
+            (LawParameter::DynamicFriction, _) => law.friction_dynamic,
+            (LawParameter::LiquidCohesion, Some(Cohesion::Wet { force, .. })) => force,
+            (LawParameter::NormalCohesion, Some(Cohesion::Bond { now, .. })) => now,
+            (LawParameter::TangentialCohesion, Some(Cohesion::Bond { normal, tangential, now })) if normal > 0.0 => {
+                tangential * (now / normal)
+            }
+            // No event changes the other parameters.
+            _ => *value,
         };
     }
     now
@@ -191,5 +193,38 @@ fn memory_arrays(state: &State) -> MemoryArrays {
         contact_bonded: state.contacts.iter().map(|c| c.bond.is_some().into()).collect(),
         contact_moment: state.contacts.iter().map(|c| c.moment.into()).collect(),
         contact_bond_gap: state.contacts.iter().map(|c| c.bond.unwrap_or(0.0)).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::{GapForecast, LawInput};
+    use cd_formats::law_table::LAW_TABLE;
+
+    /// After events a snapshot has the law in force: made from its parameters it acts as the law that was changed.
+    #[test]
+    fn changed_laws_are_those_of_the_snapshot() {
+        for entry in LAW_TABLE.iter().filter(|entry| entry.computed) {
+            let parameters: Vec<f64> = (1..).take(entry.parameters().count()).map(|k| 0.25 * f64::from(k)).collect();
+            let name = LawName { nickname: "law_0".into(), kind: entry.label.into(), parameters };
+            let model = name.model().unwrap();
+            let mut law = ContactLaw::new(&model);
+            law.set_friction(2.0);
+            assert_eq!(law.set_cohesion(4.0), model.has_settable_cohesion(), "{}", entry.label);
+            let now = ContactLaw::new(&current_law(&name, &law).model().unwrap());
+            let at = LawInput {
+                gap: 0.0,
+                h: 0.5,
+                closing_time: 0.5,
+                gap_forecast: GapForecast::Due,
+                u_n: -1.0,
+                radius: 2.0,
+                slid_before: false,
+                bonded: true,
+            };
+            assert_ne!(ContactLaw::new(&model).contact_shift(&at), law.contact_shift(&at), "{}", entry.label);
+            assert_eq!(now.contact_shift(&at), law.contact_shift(&at), "{}", entry.label);
+        }
     }
 }

@@ -237,18 +237,15 @@ fn laws() {
     assert!(text.starts_with(line) && text.lines().count() == 1, "{text}");
 
     case.law("ELASTIC_REPELL_CLB", &[1e6, 0.3]);
-    let computed = "computed are IQS_CLB, IQS_DS_CLB, GAP_SGR_CLB, VEL_SGR_CLB, RST_CLB, RST_DS_CLB, IQS_WET_DS_CLB, xQS_WET_DS_CLB, IQS_MOHR_DS_CLB, IQS_DS_ROLL_CLB, IQS_WET_DS_ROLL_CLB";
+    let computed = "computed are IQS_CLB, IQS_DS_CLB, IQS_WET_DS_CLB, xQS_WET_DS_CLB, IQS_MOHR_DS_CLB, IQS_DS_ROLL_CLB, IQS_WET_DS_ROLL_CLB, RST_CLB, RST_DS_CLB, GAP_SGR_CLB, VEL_SGR_CLB";
     let lines = [("2", "law00"), ("5", "law01")].map(|(line, name)| {
-        format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': ELASTIC_REPELL_CLB with 2 parameters; {computed}")
+        format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': its kind ELASTIC_REPELL_CLB can be read and written, not computed; {computed}")
     });
     written_refused(&case, &[], &lines.each_ref().map(String::as_str));
 
     case.law("RST_CLB", &[1.25, 0.0, 0.3]);
     let lines = [("2", "law00"), ("5", "law01")].map(|(line, name)| {
-        format!(
-            "CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': normal restitution 1.25; \
-             expected restitutions from 0 to 1, others >= 0, dynamic friction <= static"
-        )
+        format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': normal_restitution (rstn) 1.25; expected 0 to 1")
     });
     written_refused(&case, &[], &lines.each_ref().map(String::as_str));
 
@@ -632,8 +629,7 @@ fn a_law_of_several_pairs_is_told_once() {
     case.law("RST_CLB", &[1.5, 0.0, 0.3]);
     // One law for spheres among each other and with walls.
     case.tact.visibility[1].law = "law00".into();
-    let line = "CASE/DATBOX/TACT_BEHAV.DAT:2: law 'law00': normal restitution 1.5; \
-                expected restitutions from 0 to 1, others >= 0, dynamic friction <= static";
+    let line = "CASE/DATBOX/TACT_BEHAV.DAT:2: law 'law00': normal_restitution (rstn) 1.5; expected 0 to 1";
     written_refused(&case, &[], &[line]);
 }
 

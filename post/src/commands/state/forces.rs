@@ -31,7 +31,7 @@ pub fn force_files(frame: &Frame) -> Vec<StateFile> {
     let densities = [over_mean(|c| c.normal_force), over_mean(|c| c.tangential_force), over_mean(|c| -c.normal_force)];
     // A contact that only pulls at a distance carries no pressure.
     let touching = between().filter(|contact| touches_with_force(contact));
-    let shares: Vec<f64> = touching.filter_map(|c| mobilised_share(c, &frame.meta.laws)).collect();
+    let shares: Vec<f64> = touching.filter_map(|c| mobilised_share(c, &frame.laws)).collect();
     // Twenty bins from 0 to 1; what round-off puts beyond is all of it.
     let mut bins = [0.0; 20];
     shares.iter().for_each(|share| bins[((share * 20.0) as usize).min(19)] += 20.0 / shares.len() as f64);

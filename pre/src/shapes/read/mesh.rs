@@ -25,6 +25,17 @@ impl ReadError {
     }
 }
 
+impl std::fmt::Display for ReadError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if let Some(line) = self.line {
+            write!(f, "line {line}: ")?;
+        }
+        write!(f, "{}; expected {}", self.found, self.expected)
+    }
+}
+
+impl std::error::Error for ReadError {}
+
 impl From<ReadError> for Vec<ReadError> {
     fn from(refusal: ReadError) -> Self {
         vec![refusal]

@@ -71,12 +71,12 @@ pub fn read_surface(path: &Path) -> Result<RepairedSurface, Faults> {
         }
         Err(found) => {
             let mut faults = Faults::default();
-            for fault in found.iter().take(MAX_PRINTED_FAULTS) {
+            for fault in found.0.iter().take(MAX_PRINTED_FAULTS) {
                 let (found, expected) = fault.split_once("; ").unwrap_or((fault, "expected a closed surface"));
                 faults.push(Fault::new(path, None, "surface", found, expected));
             }
-            if found.len() > MAX_PRINTED_FAULTS {
-                let more = format!("{} more faults", found.len() - MAX_PRINTED_FAULTS);
+            if found.0.len() > MAX_PRINTED_FAULTS {
+                let more = format!("{} more faults", found.0.len() - MAX_PRINTED_FAULTS);
                 faults.push(Fault::new(path, None, "surface", more, "expected a closed surface in one piece"));
             }
             Err(faults)

@@ -29,6 +29,18 @@ const FLAT_TRIANGLE: f64 = 1e-14;
 /// Volume over area times extent below which a surface encloses no volume; rounding leaves about 1e-16.
 const FLAT_BODY: f64 = 1e-12;
 
+/// Faults of a triangulated surface, each with the value that is expected; at least one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SurfaceFaults(pub Vec<String>);
+
+impl std::fmt::Display for SurfaceFaults {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0.join("; "))
+    }
+}
+
+impl std::error::Error for SurfaceFaults {}
+
 impl Surface {
     /// Makes the orientation coherent, starting from the first triangle, and turns it outward as LMGC90 does.
     ///
@@ -42,12 +54,12 @@ impl Surface {
     /// let corner = Surface::new(&vertices, &[[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]).unwrap();
     /// assert!((corner.volume() - 1.0 / 6.0).abs() < 1e-16);
     /// let open = Surface::new(&vertices, &[[0, 1, 2], [0, 1, 3], [0, 2, 3]]).unwrap_err();
-    /// assert_eq!(open.len(), 3);
+    /// assert_eq!(open.0.len(), 3);
     /// ```
-    pub fn new(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Self, Vec<String>> {
+    pub fn new(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Self, SurfaceFaults> {
         let faults = element_faults(vertices, triangles);
         if !faults.is_empty() {
-            return Err(faults);
+            return Err(SurfaceFaults(faults));
         }
         let mut surface = Surface { vertices: vertices.to_vec(), triangles: orient_triangles(triangles)? };
         let about = mean_vertex(vertices);
@@ -58,7 +70,8 @@ impl Surface {
         }
         // A volume that is NaN, by overflow, is rejected too.
         if volume.is_nan() || volume.abs() <= FLAT_BODY * area * surface.longest_side() {
-            return Err(vec![format!("the surface encloses a volume of {volume:e}; expected a body")]);
+            let fault = format!("the surface encloses a volume of {volume:e}; expected a body");
+            return Err(SurfaceFaults(vec![fault]));
         }
         if volume < 0.0 {
             surface.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
@@ -203,7 +216,7 @@ fn element_faults(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<String> 
 }
 
 /// Triangles with the orientation of the first. Errors: they do not form one closed surface.
-fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, Vec<String>> {
+fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, SurfaceFaults> {
     // Triangles of each edge, and whether they traverse it from the lower number to the higher.
     let mut edges: BTreeMap<[u32; 2], Vec<(usize, bool)>> = BTreeMap::new();
     for (k, t) in triangles.iter().enumerate() {
@@ -249,7 +262,7 @@ fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, Vec<String>
         faults.push(format!("triangle {} is not connected with triangle 1; expected one piece", apart + 1));
     }
     if !faults.is_empty() {
-        return Err(faults);
+        return Err(SurfaceFaults(faults));
     }
     let turn =
         |(&[a, b, c], turned): (&[u32; 3], Option<bool>)| if turned == Some(true) { [a, c, b] } else { [a, b, c] };
@@ -434,7 +447,7 @@ mod tests {
     fn every_fault_is_told() {
         let cube = corners([1.0; 3], &UnitQuaternion::identity(), Vec3::zeros());
         let faults =
-            |vertices: &[[f64; 3]], triangles: &[[u32; 3]]| Surface::new(vertices, triangles).unwrap_err().join("\n");
+            |vertices: &[[f64; 3]], triangles: &[[u32; 3]]| Surface::new(vertices, triangles).unwrap_err().0.join("\n");
         let mut wrong = BOX.to_vec();
         wrong[3] = [5, 7, 9];
         wrong[4] = [0, 1, 1];

@@ -5,14 +5,15 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use crate::bodies::{Body, Contactor, ShapeRecord};
+use crate::error::RecordFault;
 use crate::faces::ConvexMesh;
-use crate::surface::{MassProperties, Surface};
+use crate::surface::{MassProperties, Surface, SurfaceFaults};
 
 impl Contactor {
     /// Mass properties in the frame of the file, at density 1; zero for a point.
     ///
     /// Errors: the faults of the surface of a polyhedron.
-    pub fn mass_properties(&self) -> Result<MassProperties, Vec<String>> {
+    pub fn mass_properties(&self) -> Result<MassProperties, SurfaceFaults> {
         let (offset, axes) = match &self.local_frame {
             Some(frame) => (frame.offset, Matrix3::from_fn(|i, j| frame.axes[j][i])),
             None => ([0.0; 3], Matrix3::identity()),
@@ -105,21 +106,24 @@ const VOLUME_ROUNDING: f64 = 1e-6;
 impl Body {
     /// The body at a density (kg/m^3), if cd-solve can compute it; cd-pre checks this before it writes a body.
     ///
-    /// Errors: the value found and the value expected.
-    pub fn check_at_density(&self, density: f64) -> Result<CheckedBody, (String, String)> {
-        let refuse = |fault: String| (format!("contactor POLYR: {fault}"), "expected a closed convex surface".into());
+    /// Errors: the first fault of the body.
+    pub fn check_at_density(&self, density: f64) -> Result<CheckedBody, RecordFault> {
+        let refuse = |fault: &dyn std::error::Error| {
+            RecordFault::new(format!("contactor POLYR: {fault}"), "expected a closed convex surface")
+        };
         let (mut faces, mut parts) = (Vec::new(), Vec::new());
         for contactor in &self.contactors {
             let (of_contactor, part) = match &contactor.shape {
                 ShapeRecord::Polyhedron { vertices, triangles } => {
-                    let (faces, part) = ConvexMesh::from_contactor(vertices, triangles).map_err(refuse)?;
+                    let (faces, part) =
+                        ConvexMesh::from_contactor(vertices, triangles).map_err(|fault| refuse(&fault))?;
                     (Some(faces), part)
                 }
                 ShapeRecord::Point { .. } => {
                     let expected = "computed are SPHER, SPHEb, PLANx, POLYR, CYLND and DNLYC";
-                    return Err(("contactor PT3Dx".into(), expected.into()));
+                    return Err(RecordFault::new("contactor PT3Dx", expected));
                 }
-                _ => (None, contactor.mass_properties().map_err(|faults| refuse(faults.join("; ")))?),
+                _ => (None, contactor.mass_properties().map_err(|faults| refuse(&faults))?),
             };
             faces.push(of_contactor);
             parts.push(part);
@@ -130,7 +134,7 @@ impl Body {
             if avrd != 0.0 && (avrd - radius).abs() > 1e-6 * radius {
                 let expected =
                     format!("expected 0 or the contactor's radius {radius}: a sphere's mass follows from its own size");
-                return Err((format!("avrd {avrd}"), expected));
+                return Err(RecordFault::new(format!("avrd {avrd}"), expected));
             }
         }
         let whole = MassProperties::composite(&parts);
@@ -140,18 +144,19 @@ impl Body {
         if !sound(mass) || !inertia.into_iter().all(sound) {
             let found =
                 if sound(mass) { format!("principal inertia {inertia:?} kg m²") } else { format!("mass {mass} kg") };
-            return Err((found, "expected mass and inertia above 0 that a number can hold".into()));
+            return Err(RecordFault::new(found, "expected mass and inertia above 0 that a number can hold"));
         }
         let [i, j, k] = inertia;
         if i + j < 0.999_999 * k || j + k < 0.999_999 * i || k + i < 0.999_999 * j {
             let found = format!("principal inertia {i:e}, {j:e}, {k:e} kg m²");
-            return Err((found, "expected each to be at most the sum of the others, as every body has them".into()));
+            let expected = "expected each to be at most the sum of the others, as every body has them";
+            return Err(RecordFault::new(found, expected));
         }
         Ok(CheckedBody { faces, parts, whole, inertial: inert })
     }
 
     /// Mass properties of all contactors together. Errors: those of any contactor.
-    pub fn mass_properties(&self) -> Result<MassProperties, Vec<String>> {
+    pub fn mass_properties(&self) -> Result<MassProperties, SurfaceFaults> {
         let of_each = self.contactors.iter().map(Contactor::mass_properties);
         Ok(MassProperties::composite(&of_each.collect::<Result<Vec<_>, _>>()?))
     }

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
 
-use crate::surface::{MassProperties, Surface};
+use crate::surface::{MassProperties, Surface, SurfaceFaults};
 
 type Vec3 = Vector3<f64>;
 
@@ -36,6 +36,32 @@ pub const FLATNESS_OF_FILES: f64 = 1e-6;
 /// sides it merges.
 const FINER_FLATNESS: [f64; 2] = [1e-8, 1e-10];
 
+/// Reason why a surface is not a convex polyhedron.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum MeshError {
+    /// It is no closed surface.
+    Surface(SurfaceFaults),
+    /// It is closed, but has no convex faces.
+    NotConvex(String),
+}
+
+impl std::fmt::Display for MeshError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            MeshError::Surface(faults) => write!(f, "{faults}"),
+            MeshError::NotConvex(reason) => f.write_str(reason),
+        }
+    }
+}
+
+impl std::error::Error for MeshError {}
+
+impl From<SurfaceFaults> for MeshError {
+    fn from(faults: SurfaceFaults) -> Self {
+        MeshError::Surface(faults)
+    }
+}
+
 /// Vertices, faces and edges of a convex polyhedron.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConvexMesh {
@@ -63,8 +89,8 @@ impl ConvexMesh {
     pub fn from_contactor(
         vertices: &[[f64; 3]],
         triangles: &[[u32; 3]],
-    ) -> Result<(ConvexMesh, MassProperties), String> {
-        let surface = Surface::new(vertices, triangles).map_err(|faults| faults.join("; "))?;
+    ) -> Result<(ConvexMesh, MassProperties), MeshError> {
+        let surface = Surface::new(vertices, triangles)?;
         let mass = surface.mass_properties();
         let centre = Vec3::from(mass.centre);
         let local: Vec<Vec3> = surface.vertices().iter().map(|v| Vec3::from(*v) - centre).collect();
@@ -78,16 +104,17 @@ impl ConvexMesh {
     /// corners are left out.
     ///
     /// Errors: the reason why it is not a convex polyhedron.
-    pub fn new(vertices: &[Vec3], triangles: &[[u32; 3]], flatness: f64) -> Result<Self, String> {
+    pub fn new(vertices: &[Vec3], triangles: &[[u32; 3]], flatness: f64) -> Result<Self, MeshError> {
         let circumradius = vertices.iter().map(|v| v.norm()).fold(0.0, f64::max);
         if !circumradius.is_finite() || triangles.iter().flatten().any(|&v| v as usize >= vertices.len()) {
-            return Err("vertices are missing or not finite".into());
+            return Err(MeshError::NotConvex("vertices are missing or not finite".into()));
         }
         let regions = CoplanarRegions::grow_regions(vertices, triangles, flatness * circumradius)?;
         let loops = regions.boundary_loops(vertices.len(), triangles)?;
         let edges = loops.iter().map(Vec::len).sum::<usize>() / 2;
         if edges > usize::from(FeatureIndex::MAX) {
-            return Err(format!("it has {edges} edges; {} are the most", FeatureIndex::MAX));
+            let reason = format!("it has {edges} edges; {} are the most", FeatureIndex::MAX);
+            return Err(MeshError::NotConvex(reason));
         }
         // Remaining vertices, renumbered.
         let mut number = vec![FeatureIndex::MAX; vertices.len()];
@@ -119,7 +146,7 @@ impl ConvexMesh {
     }
 
     /// Adds the plane of the last face.
-    fn add_plane(&mut self, flatness: f64) -> Result<(), String> {
+    fn add_plane(&mut self, flatness: f64) -> Result<(), MeshError> {
         let face = self.starts.len() - 2;
         let corners = self.face_corners(face);
         let at = |k: usize| self.vertices[corners[k] as usize];
@@ -140,14 +167,15 @@ impl ConvexMesh {
         let outside = (0..corners.len()).map(|k| offset - normal.dot(&at(k))).fold(0.0, f64::max);
         if !offset.is_finite() || outside > allowed {
             let about: Vec<String> = base.iter().map(|x| format!("{x:.4}")).collect();
-            return Err(format!("not convex: {outside:.3e} m outside the face at ({})", about.join(", ")));
+            let reason = format!("not convex: {outside:.3e} m outside the face at ({})", about.join(", "));
+            return Err(MeshError::NotConvex(reason));
         }
         self.planes.push(PolyhedronPlane { normal, offset });
         Ok(())
     }
 
     /// Adds the edges after all faces are there.
-    pub fn add_edges(&mut self) -> Result<(), String> {
+    pub fn add_edges(&mut self) -> Result<(), MeshError> {
         let mut known: BTreeMap<[FeatureIndex; 2], usize> = BTreeMap::new();
         for face in 0..self.starts.len() - 1 {
             let corners = self.face_corners(face).to_vec();
@@ -159,7 +187,7 @@ impl ConvexMesh {
                 });
                 if self.edges[edge].faces[0] != face as FeatureIndex {
                     if self.edges[edge].faces[1] != FeatureIndex::MAX || self.edges[edge].ends != [b, a] {
-                        return Err("its faces do not close".into());
+                        return Err(MeshError::NotConvex("its faces do not close".into()));
                     }
                     self.edges[edge].faces[1] = face as FeatureIndex;
                 }
@@ -169,7 +197,7 @@ impl ConvexMesh {
         }
         let euler = self.vertices.len() + self.planes.len() == self.edges.len() + 2;
         if !euler || self.edges.iter().any(|edge| edge.faces[1] == FeatureIndex::MAX) {
-            return Err("its faces do not close".into());
+            return Err(MeshError::NotConvex("its faces do not close".into()));
         }
         Ok(())
     }
@@ -191,12 +219,12 @@ struct CoplanarRegions {
 impl CoplanarRegions {
     /// Grows regions from the largest triangle on: each takes its neighbours that lie within `tolerance` (m) of its
     /// plane, and their neighbours.
-    fn grow_regions(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> Result<Self, String> {
+    fn grow_regions(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> Result<Self, MeshError> {
         let mut with_edge = BTreeMap::new();
         for (k, t) in triangles.iter().enumerate() {
             for edge in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
                 if with_edge.insert(edge, k).is_some() {
-                    return Err("its triangles are not oriented alike".into());
+                    return Err(MeshError::NotConvex("its triangles are not oriented alike".into()));
                 }
             }
         }
@@ -222,7 +250,9 @@ impl CoplanarRegions {
             while let Some(k) = open.pop() {
                 let t = triangles[k];
                 for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
-                    let Some(&next) = with_edge.get(&[b, a]) else { return Err("its triangles do not close".into()) };
+                    let Some(&next) = with_edge.get(&[b, a]) else {
+                        return Err(MeshError::NotConvex("its triangles do not close".into()));
+                    };
                     let near = corners(next).iter().all(|v| normal.dot(&(v - base)).abs() <= tolerance);
                     // The normal of such a thin triangle is dominated by rounding.
                     let longest = triangle_sides(&corners(next)).fold(0.0, f64::max);
@@ -239,7 +269,7 @@ impl CoplanarRegions {
     }
 
     /// Corners around each region, without vertices where only two regions meet.
-    fn boundary_loops(&self, vertices: usize, triangles: &[[u32; 3]]) -> Result<Vec<Vec<u32>>, String> {
+    fn boundary_loops(&self, vertices: usize, triangles: &[[u32; 3]]) -> Result<Vec<Vec<u32>>, MeshError> {
         let mut meeting = vec![Vec::new(); vertices];
         let mut next: Vec<BTreeMap<u32, u32>> = vec![BTreeMap::new(); self.count];
         for (t, &region) in triangles.iter().zip(&self.region_of_triangle) {
@@ -249,27 +279,28 @@ impl CoplanarRegions {
                 }
                 let border = self.region_of_triangle[self.with_edge[&[b, a]]] != region;
                 if border && next[region as usize].insert(a, b).is_some() {
-                    return Err("not convex: a face touches itself".into());
+                    return Err(MeshError::NotConvex("not convex: a face touches itself".into()));
                 }
             }
         }
         let mut loops = Vec::with_capacity(self.count);
         for border in &next {
             // Never empty: a closed surface has more than one plane, or its Euler number is found wrong.
-            let first = border.keys().min().copied().ok_or("it has only one face")?;
+            let first =
+                border.keys().min().copied().ok_or_else(|| MeshError::NotConvex("it has only one face".into()))?;
             let (mut corners, mut at, mut walked) = (Vec::new(), first, 0);
             loop {
                 if meeting[at as usize].len() > 2 {
                     corners.push(at);
                 }
                 walked += 1;
-                at = *border.get(&at).ok_or("its faces do not close")?;
+                at = *border.get(&at).ok_or_else(|| MeshError::NotConvex("its faces do not close".into()))?;
                 if at == first || walked > border.len() {
                     break;
                 }
             }
             if walked != border.len() || corners.len() < 3 {
-                return Err("not convex: a face is no polygon".into());
+                return Err(MeshError::NotConvex("not convex: a face is no polygon".into()));
             }
             loops.push(corners);
         }
@@ -311,6 +342,7 @@ mod tests {
             ConvexMesh::new(&vertices, &triangles, 1e-10)
         };
         assert_eq!(globe(9, 12).unwrap().edges.len(), 12 * (9 + 10));
-        assert_eq!(globe(180, 182).err(), Some(format!("it has {} edges; 65535 are the most", 182 * (180 + 181))));
+        let expected = format!("it has {} edges; 65535 are the most", 182 * (180 + 181));
+        assert_eq!(globe(180, 182).err(), Some(MeshError::NotConvex(expected)));
     }
 }

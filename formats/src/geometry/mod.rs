@@ -1,0 +1,5 @@
+//! Geometry of the bodies in the files: closed surfaces, convex faces, mass properties.
+
+pub mod faces;
+pub mod mass;
+pub mod surface;

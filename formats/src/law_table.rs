@@ -1,0 +1,749 @@
+//! Contact laws: one table for the files, the scene, the solver, the observables and the docs.
+//!
+//! A row of the table has the name of a law in TACT_BEHAV.DAT and in a scene, its parameters line by line, its friction,
+//! cohesion and rolling friction, and a description. The rest is derived:
+//!
+//! | used by | item |
+//! |---|---|
+//! | reader and writer of TACT_BEHAV.DAT | [`LAW_TABLE`], the lines of [`LawParameter`]s of each law |
+//! | scene | [`LawModel`], whose variants have the names of the table, and [`LawModel::relation_faults`] |
+//! | cd-solve | [`LawModel::from_values`]; its condition along the normal is a `match` of [`LawModel`] in `solver/src/laws` |
+//! | cd-post | [`LawModel::friction_limit`] |
+//! | docs | descriptions, units, [`LawModel::memory`]; `formats/tests/docs.rs` compares |
+//!
+//! The table itself and the solver match [`LawModel`] and [`LawCohesion`] without a wildcard, so that a law or a cohesion
+//! that is not handled is an error of the compiler. Tests compare friction limit, memory and changes by events with the
+//! solver for each law of the table.
+
+use std::fmt;
+
+use serde::Deserialize;
+
+use crate::ron_text::known_names;
+
+/// Physical quantity of a parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ParameterQuantity {
+    Number,
+    /// Coefficient of Coulomb friction.
+    Friction,
+    Force,
+    Length,
+    Stress,
+    Stiffness,
+    Viscosity,
+}
+
+impl ParameterQuantity {
+    /// SI unit; empty for numbers.
+    pub fn unit(self) -> &'static str {
+        match self {
+            ParameterQuantity::Number | ParameterQuantity::Friction => "",
+            ParameterQuantity::Force => "N",
+            ParameterQuantity::Length => "m",
+            ParameterQuantity::Stress => "Pa",
+            ParameterQuantity::Stiffness => "N/m",
+            ParameterQuantity::Viscosity => "N s/m",
+        }
+    }
+}
+
+/// Values that a parameter can have in a law in use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ParameterLimit {
+    NonNegative,
+    ZeroToOne,
+    /// Any finite number.
+    Finite,
+}
+
+/// Values that the reader of TACT_BEHAV.DAT accepts. It accepts more than [`ParameterLimit`], which concerns laws in use:
+/// a file may define laws that no contact uses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FileLimit {
+    NonNegative,
+    Finite,
+}
+
+macro_rules! law_parameters {
+    ($($(#[doc = $help:literal])+
+        $parameter:ident: $label:literal, $name:literal, $symbol:literal, $quantity:ident, $limit:ident, $file:ident;)+) => {
+        /// Parameter of a contact law.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum LawParameter { $($(#[doc = $help])+ $parameter,)+ }
+
+        impl LawParameter {
+            /// Label in TACT_BEHAV.DAT, at most four characters. Two parameters of different laws can have the same label.
+            pub fn label(self) -> &'static str {
+                match self { $(LawParameter::$parameter => $label,)+ }
+            }
+
+            /// Name in a scene.
+            pub fn name(self) -> &'static str {
+                match self { $(LawParameter::$parameter => $name,)+ }
+            }
+
+            /// Symbol in the docs.
+            pub fn symbol(self) -> &'static str {
+                match self { $(LawParameter::$parameter => $symbol,)+ }
+            }
+
+            pub fn quantity(self) -> ParameterQuantity {
+                match self { $(LawParameter::$parameter => ParameterQuantity::$quantity,)+ }
+            }
+
+            pub fn limit(self) -> ParameterLimit {
+                match self { $(LawParameter::$parameter => ParameterLimit::$limit,)+ }
+            }
+
+            pub fn file_limit(self) -> FileLimit {
+                match self { $(LawParameter::$parameter => FileLimit::$file,)+ }
+            }
+        }
+    };
+}
+
+// Label, name, symbol, quantity, limit of laws in use, limit of the file. Parameters have no defaults.
+law_parameters! {
+    /// Coefficient of friction.
+    Friction: "fric", "friction", "μ", Friction, NonNegative, NonNegative;
+    /// Coefficient of friction of a contact that slides.
+    DynamicFriction: "dyfr", "dynamic_friction", "μ dynamic", Friction, NonNegative, NonNegative;
+    /// Coefficient of friction of a contact that does not slide yet.
+    StaticFriction: "stfr", "static_friction", "μ static", Friction, NonNegative, NonNegative;
+    /// Newton's coefficient of restitution along the normal.
+    NormalRestitution: "rstn", "normal_restitution", "e_n", Number, ZeroToOne, NonNegative;
+    /// The same in the tangent plane.
+    TangentialRestitution: "rstt", "tangential_restitution", "e_t", Number, ZeroToOne, Finite;
+    /// Attraction at each point of contact.
+    LiquidCohesion: "cohn", "cohesion", "cohesion", Force, NonNegative, NonNegative;
+    /// Second cohesion of LMGC90's laws with a liquid, which its 3D solver does not use. Not in scenes; written as 0.
+    UnusedCohesion: "coht", "unused", "not used", Number, Finite, Finite;
+    /// Largest gap at which a liquid attracts.
+    LiquidRange: "Wthk", "range", "range", Length, NonNegative, NonNegative;
+    /// Largest traction of a bond.
+    NormalCohesion: "cohn", "normal_cohesion", "c_n", Stress, NonNegative, NonNegative;
+    /// Largest shear of a bond without normal force.
+    TangentialCohesion: "coht", "tangential_cohesion", "c_t", Stress, NonNegative, Finite;
+    /// Moment against rolling over R times the normal force.
+    RollingFriction: "roll", "rolling_friction", "μ_r", Number, NonNegative, NonNegative;
+    /// Moment against spinning over R times the normal force.
+    SpinningFriction: "spin", "spinning_friction", "μ_s", Number, NonNegative, NonNegative;
+    /// Largest tension of a capped bond.
+    TensionCap: "sten", "tension_cap", "limit in tension", Stress, Finite, Finite;
+    /// Largest compression of a capped bond.
+    CompressionCap: "scom", "compression_cap", "limit in compression", Stress, Finite, Finite;
+    /// Relaxation of a gap: period over the time step.
+    RelaxationSteps: "T/H", "relaxation_steps", "T/h", Number, Finite, Finite;
+    /// Gap at which relaxation begins.
+    RelaxationGap: "gtol", "relaxation_gap", "gap", Length, Finite, Finite;
+    /// Force over gap.
+    Stiffness: "F/gp", "stiffness", "stiffness", Stiffness, NonNegative, NonNegative;
+    /// Force over velocity of the gap.
+    NormalViscosity: "etan", "normal_viscosity", "viscosity", Viscosity, Finite, Finite;
+    /// Force of a wire or rod over velocity.
+    WireViscosity: "F/vl", "wire_viscosity", "viscosity", Viscosity, Finite, Finite;
+    /// Strain of a wire or rod without force.
+    Prestrain: "prst", "prestrain", "prestrain", Number, Finite, Finite;
+}
+
+impl LawParameter {
+    /// Whether a law in use can have this value.
+    pub fn accepts(self, value: f64) -> bool {
+        value.is_finite()
+            && match self.limit() {
+                ParameterLimit::NonNegative => value >= 0.0,
+                ParameterLimit::ZeroToOne => (0.0..=1.0).contains(&value),
+                ParameterLimit::Finite => true,
+            }
+    }
+
+    /// Values that [`LawParameter::accepts`] accepts, in words: `a force >= 0 N`.
+    pub fn expected(self) -> String {
+        let noun = match self.quantity() {
+            ParameterQuantity::Number | ParameterQuantity::Friction => "finite number",
+            ParameterQuantity::Force => "force",
+            ParameterQuantity::Length => "distance",
+            ParameterQuantity::Stress => "stress",
+            ParameterQuantity::Stiffness => "stiffness",
+            ParameterQuantity::Viscosity => "viscosity",
+        };
+        let text = match self.limit() {
+            ParameterLimit::NonNegative => format!("a {noun} >= 0 {}", self.quantity().unit()),
+            ParameterLimit::ZeroToOne => "0 to 1".into(),
+            ParameterLimit::Finite => {
+                format!("a finite {} {}", noun.trim_start_matches("finite "), self.quantity().unit())
+            }
+        };
+        text.trim_end().to_string()
+    }
+}
+
+/// Coefficients of Coulomb friction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrictionPair {
+    /// Coefficient of a contact that does not slide yet.
+    pub static_friction: f64,
+    /// Coefficient of a contact that slid in the last step.
+    pub dynamic_friction: f64,
+}
+
+impl FrictionPair {
+    /// One coefficient for both.
+    fn equal(friction: f64) -> FrictionPair {
+        FrictionPair { static_friction: friction, dynamic_friction: friction }
+    }
+}
+
+/// Attraction or bond between two bodies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LawCohesion {
+    /// Constant attraction `force` (N) at each point of contact while the gap is at most `range` (m). If `remembers`, only
+    /// through a liquid bridge, which breaks for good once the gap exceeds the range.
+    Liquid { force: f64, range: f64, remembers: bool },
+    /// Bond that carries stresses (Pa) up to `normal` in traction and `tangential` in shear, and breaks for good.
+    Bond { normal: f64, tangential: f64 },
+}
+
+/// Moments of a contact: at most `rolling` R r̂_n in the tangent plane, opposite to the rolling, and `spinning` R r̂_n along
+/// the normal, opposite to the spinning; 1/R = 1/R_a + 1/R_b.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RollingFriction {
+    pub rolling: f64,
+    pub spinning: f64,
+}
+
+/// State of a contact that a step hands to the next, besides its impulse.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ContactMemory {
+    /// Whether it slid, for the choice of the coefficient of friction.
+    Sliding,
+    /// Whether its liquid bridge holds.
+    LiquidBridge,
+    /// Whether its bond holds, and the gap of the bond.
+    Bond,
+    /// Angular impulse of rolling and spinning friction, for the warm start.
+    Moment,
+}
+
+/// State of a contact that determines its friction limit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactLoad {
+    /// Gap, m.
+    pub gap: f64,
+    /// Normal force, N, > 0 pushes.
+    pub normal_force: f64,
+    /// Area on which the stresses of a bond act, m².
+    pub area: f64,
+    /// Whether a bond or a liquid bridge holds.
+    pub bonded: bool,
+}
+
+/// Row of [`LAW_TABLE`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LawEntry {
+    /// Name in TACT_BEHAV.DAT and in a scene, e.g. `IQS_CLB`.
+    pub label: &'static str,
+    /// Parameters of each line of TACT_BEHAV.DAT.
+    pub lines: &'static [&'static [LawParameter]],
+    /// Whether the programs compute with the law; else its file can only be read and written.
+    pub computed: bool,
+    /// Beginning of the law's row in docs/scene.md; empty if the law is not computed.
+    pub description: &'static str,
+}
+
+impl LawEntry {
+    /// Parameters in the order of the file.
+    pub fn parameters(&self) -> impl Iterator<Item = LawParameter> + use<> {
+        self.lines.iter().flat_map(|line| line.iter().copied())
+    }
+}
+
+/// Row of a law; `None` for an unknown name.
+pub fn law_entry(label: &str) -> Option<&'static LawEntry> {
+    LAW_TABLE.iter().find(|entry| entry.label == label)
+}
+
+/// Parameters of a law in the order of the file; none for an unknown name.
+pub fn law_parameters(label: &str) -> impl Iterator<Item = LawParameter> {
+    law_entry(label).into_iter().flat_map(LawEntry::parameters)
+}
+
+/// Names of the laws that the programs compute with.
+pub fn computed_labels() -> Vec<&'static str> {
+    LAW_TABLE.iter().filter(|entry| entry.computed).map(|entry| entry.label).collect()
+}
+
+/// Pattern that ignores the value of a parameter that no law uses.
+macro_rules! ignored {
+    ($unused:ident) => {
+        _
+    };
+}
+
+/// Value written for a parameter that no law uses.
+macro_rules! zero {
+    ($unused:ident) => {
+        0.0
+    };
+}
+
+macro_rules! contact_laws {
+    (computed { $($(#[doc = $help:literal])+ $law:ident $label:literal {
+        lines: [$([$($field:ident: $parameter:ident),* $(; $unused:ident)?]),*],
+        friction: $friction:expr
+        $(, cohesion: $cohesion:expr)?
+        $(, rolling: $rolling:expr)?
+    })+ } exchanged { $($other:literal [$([$($other_parameter:ident),*]),*];)+ }) => {
+        /// Contact law with the values of its parameters, in SI units. A scene gives it by the name of the table, as
+        /// `IQS_CLB(friction: 0.4)`.
+        #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub enum LawModel { $($(#[doc = $help])+ #[serde(rename = $label)] $law { $($($field: f64,)*)* },)+ }
+
+        /// All laws that TACT_BEHAV.DAT can have: first those that the programs compute with, then those that are only read
+        /// and written, for exchange with LMGC90.
+        pub const LAW_TABLE: &[LawEntry] = &[
+            $(LawEntry {
+                label: $label,
+                lines: &[$(&[$(LawParameter::$parameter,)* $(LawParameter::$unused)?]),*],
+                computed: true,
+                description: concat!($($help),+).trim_ascii(),
+            },)+
+            $(LawEntry {
+                label: $other,
+                lines: &[$(&[$(LawParameter::$other_parameter),*]),*],
+                computed: false,
+                description: "",
+            },)+
+        ];
+
+        impl LawModel {
+            /// Law of a name and values in the order of TACT_BEHAV.DAT.
+            pub fn from_values(label: &str, values: &[f64]) -> Result<LawModel, LawError> {
+                match (label, values) {
+                    $(($label, &[$($($field,)* $(ignored!($unused),)?)*]) => Ok(LawModel::$law { $($($field,)*)* }),)+
+                    _ => Err(LawError { label: label.to_string(), count: values.len() }),
+                }
+            }
+
+            /// Name in TACT_BEHAV.DAT and in a scene.
+            pub fn label(&self) -> &'static str {
+                match self { $(LawModel::$law { .. } => $label,)+ }
+            }
+
+            /// Values of the parameters in the order of TACT_BEHAV.DAT.
+            pub fn values(&self) -> Vec<f64> {
+                match *self { $(LawModel::$law { $($($field,)*)* } => vec![$($($field,)* $(zero!($unused),)?)*],)+ }
+            }
+
+            /// Coefficients of Coulomb friction.
+            #[allow(unused_variables)]
+            pub fn friction(&self) -> FrictionPair {
+                match *self { $(LawModel::$law { $($($field,)*)* } => $friction,)+ }
+            }
+
+            /// Attraction or bond, if the law has one.
+            #[allow(unused_variables)]
+            pub fn cohesion(&self) -> Option<LawCohesion> {
+                match *self { $(LawModel::$law { $($($field,)*)* } => None$(.or(Some($cohesion)))?,)+ }
+            }
+
+            /// Moments against rolling and spinning, if the law has them.
+            #[allow(unused_variables)]
+            pub fn rolling(&self) -> Option<RollingFriction> {
+                match *self { $(LawModel::$law { $($($field,)*)* } => None$(.or(Some($rolling)))?,)+ }
+            }
+        }
+    };
+}
+
+// A row: lines of TACT_BEHAV.DAT, `field: parameter` where the field has the name of the parameter, behind `;` one that is
+// not used; then the friction, cohesion and rolling friction, made of the fields.
+contact_laws! {
+    computed {
+        /// inelastic quasi-shock with Coulomb friction
+        IqsClb "IQS_CLB" {
+            lines: [[friction: Friction]],
+            friction: FrictionPair::equal(friction)
+        }
+        /// the same with two coefficients
+        IqsDsClb "IQS_DS_CLB" {
+            lines: [[dynamic_friction: DynamicFriction, static_friction: StaticFriction]],
+            friction: FrictionPair { static_friction, dynamic_friction }
+        }
+        /// attraction by the constant force `cohesion` while the gap is at most `range`
+        IqsWetDsClb "IQS_WET_DS_CLB" {
+            lines: [
+                [cohesion: LiquidCohesion; UnusedCohesion],
+                [range: LiquidRange],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Liquid { force: cohesion, range, remembers: false }
+        }
+        /// the same for contacts within `range` at the start of the run or at an event `Bond`, until the gap first exceeds `range`
+        XqsWetDsClb "xQS_WET_DS_CLB" {
+            lines: [
+                [cohesion: LiquidCohesion; UnusedCohesion],
+                [range: LiquidRange],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Liquid { force: cohesion, range, remembers: true }
+        }
+        /// bonds between bodies that touch at the start or at an event `Bond`
+        IqsMohrDsClb "IQS_MOHR_DS_CLB" {
+            lines: [
+                [normal_cohesion: NormalCohesion, tangential_cohesion: TangentialCohesion],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Bond { normal: normal_cohesion, tangential: tangential_cohesion }
+        }
+        /// as `IQS_DS_CLB`, with moments against rolling and spinning; not in LMGC90
+        IqsDsRollClb "IQS_DS_ROLL_CLB" {
+            lines: [
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction],
+                [rolling_friction: RollingFriction, spinning_friction: SpinningFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            rolling: RollingFriction { rolling: rolling_friction, spinning: spinning_friction }
+        }
+        /// as `IQS_WET_DS_CLB`, with moments; not in LMGC90
+        IqsWetDsRollClb "IQS_WET_DS_ROLL_CLB" {
+            lines: [
+                [cohesion: LiquidCohesion; UnusedCohesion],
+                [range: LiquidRange],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction],
+                [rolling_friction: RollingFriction, spinning_friction: SpinningFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Liquid { force: cohesion, range, remembers: false },
+            rolling: RollingFriction { rolling: rolling_friction, spinning: spinning_friction }
+        }
+        /// Newton's restitution
+        RstClb "RST_CLB" {
+            lines: [
+                [normal_restitution: NormalRestitution, tangential_restitution: TangentialRestitution],
+                [friction: Friction]
+            ],
+            friction: FrictionPair::equal(friction)
+        }
+        /// the same with two coefficients
+        RstDsClb "RST_DS_CLB" {
+            lines: [
+                [normal_restitution: NormalRestitution, tangential_restitution: TangentialRestitution],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction }
+        }
+        /// Signorini's condition on the gap: removes a penetration in one step
+        GapSgrClb "GAP_SGR_CLB" {
+            lines: [[friction: Friction]],
+            friction: FrictionPair::equal(friction)
+        }
+        /// Signorini's condition on the velocity
+        VelSgrClb "VEL_SGR_CLB" {
+            lines: [[friction: Friction]],
+            friction: FrictionPair::equal(friction)
+        }
+    }
+    exchanged {
+        "IQS_CLB_g0" [[Friction]];
+        "GAP_SGR_CLB_g0" [[Friction]];
+        "RST_WET_CLB" [
+            [LiquidCohesion, UnusedCohesion],
+            [NormalRestitution, TangentialRestitution],
+            [LiquidRange],
+            [DynamicFriction, StaticFriction]
+        ];
+        "IQS_CAP_MOHR_DS_CLB" [
+            [NormalCohesion, TangentialCohesion],
+            [DynamicFriction, StaticFriction],
+            [TensionCap, CompressionCap]
+        ];
+        "IQS_CLB_RGR" [[RelaxationSteps, RelaxationGap], [Friction]];
+        "ELASTIC_REPELL_CLB" [[Stiffness], [Friction]];
+        "ELASTIC_REPELL_CLB_g0" [[Stiffness], [Friction]];
+        "VISCO_ELASTIC_REPELL_CLB" [[Stiffness, NormalViscosity], [Friction]];
+        "COUPLED_DOF" [];
+        "ELASTIC_WIRE" [[Stiffness, Prestrain]];
+        "ELASTIC_ROD" [[Stiffness, Prestrain]];
+        "VOIGT_WIRE" [[Stiffness, Prestrain], [WireViscosity]];
+        "VOIGT_ROD" [[Stiffness, Prestrain], [WireViscosity]];
+    }
+}
+
+impl LawModel {
+    /// Parameters and their values in the order of TACT_BEHAV.DAT.
+    pub fn parameter_values(&self) -> Vec<(LawParameter, f64)> {
+        law_parameters(self.label()).zip(self.values()).collect()
+    }
+
+    /// Largest tangential force, N, of a contact that does not slide yet: μ f_n, with a liquid μ (f_n + cohesion) while it
+    /// attracts, of a bond (c_t/c_n) (f_n + c_n S).
+    ///
+    /// ```
+    /// use cd_formats::law_table::{ContactLoad, LawModel};
+    /// let law = LawModel::from_values("IQS_WET_DS_CLB", &[4.0, 0.0, 0.1, 0.4, 0.5]).unwrap();
+    /// let load = ContactLoad { gap: 0.1, normal_force: 2.0, area: 1.0, bonded: false };
+    /// assert_eq!(law.friction_limit(&load), 0.5 * (2.0 + 4.0));
+    /// assert_eq!(law.friction_limit(&ContactLoad { gap: 0.2, ..load }), 0.5 * 2.0);
+    /// ```
+    pub fn friction_limit(&self, load: &ContactLoad) -> f64 {
+        let &ContactLoad { gap, normal_force, area, bonded } = load;
+        let plain = self.friction().static_friction * normal_force;
+        match self.cohesion() {
+            None => plain,
+            Some(LawCohesion::Liquid { force, range, remembers }) => {
+                if gap <= range && (bonded || !remembers) {
+                    self.friction().static_friction * (normal_force + force)
+                } else {
+                    plain
+                }
+            }
+            Some(LawCohesion::Bond { normal, tangential }) => {
+                if bonded {
+                    tangential / normal * (normal_force + normal * area)
+                } else {
+                    plain
+                }
+            }
+        }
+    }
+
+    /// State that a contact of this law keeps from step to step.
+    pub fn memory(&self) -> Vec<ContactMemory> {
+        let two_coefficients = law_parameters(self.label()).any(|parameter| parameter == LawParameter::DynamicFriction);
+        let cohesion = match self.cohesion() {
+            None | Some(LawCohesion::Liquid { remembers: false, .. }) => None,
+            Some(LawCohesion::Liquid { remembers: true, .. }) => Some(ContactMemory::LiquidBridge),
+            Some(LawCohesion::Bond { .. }) => Some(ContactMemory::Bond),
+        };
+        let sliding = two_coefficients.then_some(ContactMemory::Sliding);
+        let moment = self.rolling().map(|_| ContactMemory::Moment);
+        [sliding, cohesion, moment].into_iter().flatten().collect()
+    }
+
+    /// Largest gap at which a liquid attracts, m; 0 for other laws.
+    pub fn attraction_range(&self) -> f64 {
+        match self.cohesion() {
+            Some(LawCohesion::Liquid { range, .. }) => range,
+            None | Some(LawCohesion::Bond { .. }) => 0.0,
+        }
+    }
+
+    /// Attraction at each point of contact, N, whatever the area of contact; 0 for other laws.
+    pub fn point_attraction(&self) -> f64 {
+        match self.cohesion() {
+            Some(LawCohesion::Liquid { force, .. }) => force,
+            None | Some(LawCohesion::Bond { .. }) => 0.0,
+        }
+    }
+
+    /// Whether an event can change the cohesion: bonds need a cohesion that is not 0.
+    pub fn has_settable_cohesion(&self) -> bool {
+        match self.cohesion() {
+            None => false,
+            Some(LawCohesion::Liquid { .. }) => true,
+            Some(LawCohesion::Bond { normal, .. }) => normal > 0.0,
+        }
+    }
+
+    /// Parameters that are out of their limits, or contradict each other.
+    pub fn parameter_faults(&self) -> Vec<ParameterFault> {
+        let values = self.parameter_values().into_iter();
+        let outside = values.filter(|(parameter, value)| !parameter.accepts(*value)).map(|(parameter, value)| {
+            ParameterFault { parameter, found: format!("{value:?}"), expected: parameter.expected() }
+        });
+        outside.chain(self.relation_faults()).collect()
+    }
+
+    /// Parameters that contradict each other.
+    pub fn relation_faults(&self) -> Vec<ParameterFault> {
+        let mut faults = Vec::new();
+        let FrictionPair { static_friction, dynamic_friction } = self.friction();
+        if dynamic_friction > static_friction {
+            faults.push(ParameterFault {
+                parameter: LawParameter::DynamicFriction,
+                found: format!("{dynamic_friction:?} is larger than static_friction {static_friction:?}"),
+                expected: "dynamic_friction <= static_friction".into(),
+            });
+        }
+        match self.cohesion() {
+            // Shear without traction has no friction cone.
+            Some(LawCohesion::Bond { normal: 0.0, tangential }) if tangential > 0.0 => faults.push(ParameterFault {
+                parameter: LawParameter::TangentialCohesion,
+                found: format!("{tangential:?} without normal_cohesion"),
+                expected: "both, or none".into(),
+            }),
+            None | Some(LawCohesion::Liquid { .. } | LawCohesion::Bond { .. }) => {}
+        }
+        faults
+    }
+}
+
+/// Name or number of parameters of which the programs have no law.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LawError {
+    pub label: String,
+    /// Number of parameters.
+    pub count: usize,
+}
+
+impl LawError {
+    /// Description of the law that was found.
+    pub fn found(&self) -> String {
+        let LawError { label, count } = self;
+        match law_entry(label) {
+            None => format!("its kind '{label}' is not known"),
+            Some(LawEntry { computed: false, .. }) => format!("its kind {label} can be read and written, not computed"),
+            Some(_) => format!("{label} with {count} parameters"),
+        }
+    }
+
+    /// Laws or parameters that are expected, in words.
+    pub fn expected(&self) -> String {
+        match law_entry(&self.label) {
+            None => known_names(&self.label, &computed_labels()),
+            Some(LawEntry { computed: false, .. }) => format!("computed are {}", computed_labels().join(", ")),
+            Some(entry) => {
+                let names: Vec<&str> = entry.parameters().map(LawParameter::label).collect();
+                format!("expected {}: {}", names.len(), names.join(", "))
+            }
+        }
+    }
+}
+
+impl fmt::Display for LawError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}; {}", self.found(), self.expected())
+    }
+}
+
+impl std::error::Error for LawError {}
+
+/// Value of a parameter that a law in use cannot have.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ParameterFault {
+    pub parameter: LawParameter,
+    pub found: String,
+    /// Values that are expected, without the word.
+    pub expected: String,
+}
+
+impl fmt::Display for ParameterFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}; expected {}", self.parameter.name(), self.found, self.expected)
+    }
+}
+
+impl std::error::Error for ParameterFault {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every computed law with distinct values: 1/64, 2/64 ...
+    fn examples() -> impl Iterator<Item = (&'static LawEntry, LawModel, Vec<f64>)> {
+        LAW_TABLE.iter().filter(|entry| entry.computed).map(|entry| {
+            let values: Vec<f64> = (1..).take(entry.parameters().count()).map(|k| f64::from(k) / 64.0).collect();
+            (entry, LawModel::from_values(entry.label, &values).unwrap(), values)
+        })
+    }
+
+    #[test]
+    fn names_are_unique_and_fit_the_file() {
+        for (k, entry) in LAW_TABLE.iter().enumerate() {
+            assert!(LAW_TABLE[..k].iter().all(|known| known.label != entry.label), "{}", entry.label);
+            assert!(entry.label.len() <= 30 && entry.lines.iter().all(|line| (1..=2).contains(&line.len())));
+            assert!(entry.parameters().all(|parameter| parameter.label().len() <= 4));
+            let mut names: Vec<&str> = entry.parameters().map(LawParameter::name).collect();
+            names.sort_unstable();
+            names.dedup();
+            assert_eq!(names.len(), entry.parameters().count(), "{}", entry.label);
+            assert_eq!(entry.computed, !entry.description.is_empty());
+        }
+    }
+
+    #[test]
+    fn values_and_fields_are_in_the_order_of_the_file() {
+        for (entry, model, values) in examples() {
+            let used = |(parameter, value)| if parameter == LawParameter::UnusedCohesion { 0.0 } else { value };
+            let expected: Vec<f64> = entry.parameters().zip(values).map(used).collect();
+            assert_eq!((model.label(), model.values()), (entry.label, expected));
+            // A scene names the fields as the parameters are named.
+            let named = model.parameter_values().into_iter().filter(|(p, _)| *p != LawParameter::UnusedCohesion);
+            let fields: Vec<String> = named.map(|(p, value)| format!("{}: {value:?}", p.name())).collect();
+            let text = format!("{}({})", entry.label, fields.join(", "));
+            let read: LawModel = crate::ron_text::from_ron(std::path::Path::new("scene.ron"), &text, "law").unwrap();
+            assert_eq!(read, model, "{text}");
+        }
+    }
+
+    #[test]
+    fn friction_is_that_of_the_named_parameters() {
+        for (_, model, _) in examples() {
+            let value = |wanted| model.parameter_values().into_iter().find(|(p, _)| *p == wanted).map(|(_, x)| x);
+            let one = value(LawParameter::Friction);
+            let FrictionPair { static_friction, dynamic_friction } = model.friction();
+            assert_eq!(Some(static_friction), one.or(value(LawParameter::StaticFriction)));
+            assert_eq!(Some(dynamic_friction), one.or(value(LawParameter::DynamicFriction)));
+            let rolling = value(LawParameter::RollingFriction).zip(value(LawParameter::SpinningFriction));
+            assert_eq!(model.rolling().map(|r| (r.rolling, r.spinning)), rolling);
+        }
+    }
+
+    #[test]
+    fn a_bond_has_a_limit_of_its_own() {
+        let law = LawModel::from_values("IQS_MOHR_DS_CLB", &[4.0, 2.0, 0.3, 0.4]).unwrap();
+        // c_t S + (c_t/c_n) f_n, also under traction.
+        let load = ContactLoad { gap: 0.0, normal_force: -1.0, area: 3.0, bonded: true };
+        assert_eq!(law.friction_limit(&load), 2.0 * 3.0 - 0.5);
+        assert_eq!(law.friction_limit(&ContactLoad { bonded: false, normal_force: 5.0, ..load }), 0.4 * 5.0);
+        let bridge = LawModel::from_values("xQS_WET_DS_CLB", &[4.0, 0.0, 0.1, 0.4, 0.5]).unwrap();
+        assert_eq!(bridge.friction_limit(&ContactLoad { normal_force: 2.0, ..load }), 0.5 * 6.0);
+        assert_eq!(bridge.friction_limit(&ContactLoad { normal_force: 2.0, bonded: false, ..load }), 0.5 * 2.0);
+    }
+
+    #[test]
+    fn unknown_laws_and_values_out_of_range_are_reported() {
+        let error = |label: &str, values: &[f64]| LawModel::from_values(label, values).unwrap_err().to_string();
+        assert_eq!(error("IQS_CBL", &[0.1]), "its kind 'IQS_CBL' is not known; did you mean IQS_CLB?");
+        assert_eq!(error("RST_CLB", &[0.1]), "RST_CLB with 1 parameters; expected 3: rstn, rstt, fric");
+        let start = "its kind ELASTIC_WIRE can be read and written, not computed; computed are IQS_CLB, ";
+        assert!(error("ELASTIC_WIRE", &[1.0, 0.0]).starts_with(start));
+        let faults = |label: &str, values: &[f64]| -> Vec<String> {
+            let faults = LawModel::from_values(label, values).unwrap().parameter_faults();
+            faults.iter().map(ParameterFault::to_string).collect()
+        };
+        assert_eq!(faults("RST_CLB", &[1.5, 0.0, 0.3]), ["normal_restitution 1.5; expected 0 to 1"]);
+        assert_eq!(faults("RST_CLB", &[0.5, -0.5, 0.3]), ["tangential_restitution -0.5; expected 0 to 1"]);
+        assert_eq!(faults("IQS_CLB", &[-0.1]), ["friction -0.1; expected a finite number >= 0"]);
+        assert_eq!(faults("IQS_CLB", &[f64::NAN]).len() + faults("IQS_CLB", &[f64::INFINITY]).len(), 2);
+        assert!(faults("IQS_CLB", &[0.0]).is_empty());
+        let sliding =
+            "dynamic_friction 0.5 is larger than static_friction 0.3; expected dynamic_friction <= static_friction";
+        assert_eq!(faults("IQS_DS_CLB", &[0.5, 0.3]), [sliding]);
+        let bond = |normal, tangential| faults("IQS_MOHR_DS_CLB", &[normal, tangential, 0.2, 0.3]);
+        assert_eq!(bond(0.0, 1.0), ["tangential_cohesion 1.0 without normal_cohesion; expected both, or none"]);
+        assert_eq!(bond(1.0, -1.0), ["tangential_cohesion -1.0; expected a stress >= 0 Pa"]);
+        assert!(bond(0.0, 0.0).is_empty() && bond(1.0, 0.0).is_empty());
+        assert_eq!(faults("IQS_WET_DS_CLB", &[-1.0, -9.0, -1.0, 0.1, 0.2]).len(), 2, "one is not used");
+    }
+
+    #[test]
+    fn memory_follows_from_the_parameters() {
+        use ContactMemory::*;
+        let memory = |label: &str| {
+            let count = law_parameters(label).count();
+            LawModel::from_values(label, &vec![0.5; count]).unwrap().memory()
+        };
+        assert_eq!(memory("RST_CLB"), []);
+        assert_eq!(memory("RST_DS_CLB"), [Sliding]);
+        assert_eq!(memory("xQS_WET_DS_CLB"), [Sliding, LiquidBridge]);
+        assert_eq!(memory("IQS_MOHR_DS_CLB"), [Sliding, Bond]);
+        assert_eq!(memory("IQS_WET_DS_ROLL_CLB"), [Sliding, Moment]);
+    }
+}
