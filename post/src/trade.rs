@@ -667,9 +667,13 @@ mod tests {
         let exact = ReferenceRun { finest: &finest, observed: finest.observed.clone(), early: None };
         let found = exact.compare_run(&measured(1.0, 1.02, 0.2)).unwrap();
         // Rounding of a few operations.
-        for (name, expected) in
-            [("pressure", 0.02), ("worst", 0.02), ("Z", 0.0), ("positions", 0.1 / 2f64.sqrt()), ("over_estimated", 2.0)]
-        {
+        for (name, expected) in [
+            ("pressure", 0.02),
+            ("worst", 0.02),
+            ("Z", 0.0),
+            ("positions", 0.1 / 2f64.sqrt()),
+            ("single_over_estimated", 2.0),
+        ] {
             assert!((found.value_of(name) - expected).abs() < 1e-12, "{name} {}", found.value_of(name));
         }
         // For a bed its own solid fraction and pressure count.
@@ -702,8 +706,8 @@ mod tests {
             [0.25, 0.5, 0.5, 0.5]
         );
         let faults = exact.compare_run(&of(&[at(3.0, 0.5, 4.0, 2.0)])).unwrap_err().to_string();
-        let expected = "run/POSTPRO/series.csv: interval: of 0.5 s at 3 s; \
-                        expected 1 s, as in run: the same output_every in time";
+        let expected = "run/POSTPRO/series.csv: interval: 0.5 s at t = 3 s; \
+                        expected 1 s, as in run: choose output_every so that output_every × dt is equal";
         assert_eq!(faults, expected);
         // A snapshot without its interval has no means over it; the rest is compared.
         let found = exact.compare_run(&of(&[at(3.0, f64::NAN, f64::NAN, f64::NAN)])).unwrap();
@@ -749,7 +753,7 @@ mod tests {
         other.end.1.pop();
         let faults = exact.compare_run(&other).unwrap_err().to_string();
         let expected = "run/OUTBOX: bodies: 1 are free; expected 2, as in run\n\
-                        run/POSTPRO/series.csv: time: one at 1 s; expected a time of those that count of run, one at 2 s";
+                        run/POSTPRO/series.csv: time: one at 1 s; expected a time of the snapshots of run that count, one at 2 s";
         assert_eq!(faults, expected);
     }
 }
