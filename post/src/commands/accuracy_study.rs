@@ -800,8 +800,8 @@ mod tests {
             [0.25, 0.5, 0.5, 0.5]
         );
         let faults = exact.compare_run(&of(&[at(3.0, 0.5, 4.0, 2.0)])).unwrap_err().to_string();
-        let expected = "run/POSTPRO/series.csv: interval: of 0.5 s at 3 s; \
-                        expected 1 s, as in run: the same output_every in time";
+        let expected = "run/POSTPRO/series.csv: interval: 0.5 s at t = 3 s; \
+                        expected 1 s, as in run: choose output_every so that output_every × dt is equal";
         assert_eq!(faults, expected);
         // A snapshot without its interval has no means over it; the rest is compared.
         let found = exact.compare_run(&of(&[at(3.0, f64::NAN, f64::NAN, f64::NAN)])).unwrap();
@@ -842,7 +842,7 @@ mod tests {
         other.end.1.pop();
         let faults = exact.compare_run(&other).unwrap_err().to_string();
         let expected = "run/OUTBOX: bodies: 1 are free; expected 2, as in run\n\
-                        run/POSTPRO/series.csv: time: one at 1 s; expected a time of those that count of run, one at 2 s";
+                        run/POSTPRO/series.csv: time: one at 1 s; expected a time of the snapshots of run that count, one at 2 s";
         assert_eq!(faults, expected);
     }
 }
