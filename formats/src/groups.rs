@@ -1,5 +1,22 @@
 //! Groups of items connected by pairwise links.
 
+/// Smallest number of members of the largest remnant, over that of the most numerous group: a planet, a lander or an impactor
+/// is not the remnant of an aggregate, however heavy.
+const MIN_REMNANT_SHARE: f64 = 0.1;
+
+/// Index of the largest remnant among groups with these masses and numbers of members: the heaviest one with at least a tenth of
+/// the members of the most numerous one, the first of equals. `None` if there is no group.
+///
+/// ```
+/// use cd_formats::groups::largest_remnant;
+/// assert_eq!(largest_remnant(&[(5.0, 20), (90.0, 1), (6.0, 12)]), Some(2));
+/// ```
+pub fn largest_remnant(groups: &[(f64, usize)]) -> Option<usize> {
+    let most = groups.iter().map(|(_, members)| *members).max()?;
+    let many = |k: &usize| groups[*k].1 as f64 >= MIN_REMNANT_SHARE * most as f64;
+    (0..groups.len()).filter(many).reduce(|best, k| if groups[k].0 > groups[best].0 { k } else { best })
+}
+
 /// Disjoint sets of the numbers 0, 1, ... with halving of paths.
 ///
 /// ```

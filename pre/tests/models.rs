@@ -147,6 +147,8 @@ fn every_fault_of_a_file_is_told() {
         ("open.stl", stl_text(&v, &t[1..])),
         ("turned.obj", obj(&v, &turned).into_bytes()),
         ("nan.obj", obj(&v, &quads()).replacen("v 9.0", "v NaN", 1).into_bytes()),
+        ("nan.vtk", vtk_legacy(&v, &quads()).replacen("9.0", "NaN", 1).into_bytes()),
+        ("nan.vtp", vtp(&v, &quads()).replacen("9.0", "NaN", 1).into_bytes()),
         ("word.obj", obj(&v, &quads()).replacen("v 9.0", "v nine", 1).into_bytes()),
         ("side.obj", obj(&v, &quads()).replacen("\nf ", "\nf 1 2 3\nf 1 2 3\nf one ", 1).into_bytes()),
         (
@@ -206,6 +208,8 @@ fn every_fault_of_a_file_is_told() {
     assert_eq!(said("nan.obj").lines().count(), 1, "{}", said("nan.obj"));
     assert!(said("nan.obj").starts_with("nan.obj:3: file: 'NaN', which is not finite"), "{}", said("nan.obj"));
     for (name, expected) in [
+        ("nan.vtk", "file: 'NaN', which is not finite; expected points"),
+        ("nan.vtp", "file: 'NaN', which is not finite; expected polygonal data of VTK"),
         ("word.obj", "word.obj:3: file: 'nine', which is not a number; expected three coordinates"),
         ("side.obj", "side.obj:14: file: "),
         ("word.stl", "word.stl:18: file: the word 'vortex'"),

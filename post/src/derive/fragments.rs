@@ -1,6 +1,6 @@
 //! Groups of grains that touch.
 
-use cd_formats::groups::DisjointSets;
+use cd_formats::groups::{DisjointSets, largest_remnant};
 
 use crate::derive::motion::{AggregateSums, RotatingAxes};
 use crate::frame::{Frame, Grain, GrainId};
@@ -9,10 +9,6 @@ use crate::math::Vec3;
 /// Grains touch if their contact carries force, or if the gap between them is at most this share
 /// of the smaller radius.
 pub const TOUCHING_GAP: f64 = 1e-3;
-
-/// A group with a smaller share of the grains of the most numerous one is not the largest remnant, however heavy: a planet, a
-/// lander or an impactor.
-const FEW: f64 = 0.1;
 
 /// A group of touching grains.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,7 +21,7 @@ pub struct Fragment {
 
 /// The groups of touching grains: the largest remnant, then the others, heaviest first; of equals the one with the first grain.
 ///
-/// The largest remnant is the heaviest group with at least a tenth of the grains of the most numerous one.
+/// The largest remnant is that of [`largest_remnant`].
 ///
 /// Two grains are in one group if a chain of touching grains links them ([`TOUCHING_GAP`]). The gap of spheres is
 /// |x_i - x_j| - R_i - R_j at the snapshot's time, with x_j of the nearest image. The gap of other grains is the smallest of their
@@ -53,9 +49,8 @@ pub fn find_fragments(frame: &Frame) -> Vec<Fragment> {
     };
     let mut found: Vec<Fragment> = members.into_iter().map(fragment).collect();
     found.sort_by(|a, b| b.whole.mass.total_cmp(&a.whole.mass));
-    let most = found.iter().map(|fragment| fragment.grains.len()).max().unwrap_or(0);
-    let many = |fragment: &Fragment| fragment.grains.len() as f64 >= FEW * most as f64;
-    if let Some(remnant) = found.iter().position(many) {
+    let groups: Vec<(f64, usize)> = found.iter().map(|group| (group.whole.mass, group.grains.len())).collect();
+    if let Some(remnant) = largest_remnant(&groups) {
         found[..=remnant].rotate_right(1);
     }
     found

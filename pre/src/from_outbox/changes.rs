@@ -94,7 +94,8 @@ pub enum BodyFilter {
     All,
     /// Those whose sphere of equal volume lies below this height along z, m.
     Below(f64),
-    /// The heaviest group of touching bodies.
+    /// The largest remnant: the heaviest group of touching bodies with at least a tenth of the members of the most numerous
+    /// group.
     Largest,
 }
 

@@ -10,7 +10,7 @@ use cd_formats::compute::{Compute, Event, EventAction};
 use cd_formats::dof::BodyDof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::groups::DisjointSets;
+use cd_formats::groups::{DisjointSets, largest_remnant};
 use cd_formats::ids::BodyId;
 use cd_formats::snapshot::{
     self, BodyArrays, ContactPartArrays, LawName, MemoryArrays, PairArrays, START_FILE, ShapeArrays, Snapshot,
@@ -302,12 +302,14 @@ impl SourceCase {
                 groups.union(a, b);
             }
         }
-        let mut mass = vec![0.0; count];
+        let mut sums = vec![(0.0, 0); count];
         for row in (0..count).filter(|&row| bodies.body_driven[row] == 0) {
-            mass[groups.find(row)] += bodies.body_mass[row];
+            let (mass, members) = &mut sums[groups.find(row)];
+            *mass += bodies.body_mass[row];
+            *members += 1;
         }
-        let heaviest = (0..count).fold(0, |best, root| if mass[root] > mass[best] { root } else { best });
-        (0..count).map(|row| groups.find(row) == heaviest).collect()
+        let largest = largest_remnant(&sums);
+        (0..count).map(|row| Some(groups.find(row)) == largest).collect()
     }
 }
 

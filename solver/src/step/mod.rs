@@ -21,7 +21,7 @@ use crate::integrate::{self, ContactConfiguration};
 use crate::laws::ContactLaw;
 use crate::math::Vec3;
 use crate::math::simd::SimdWidth;
-use crate::scene::Scene;
+use crate::scene::{RigidBody, Scene};
 use crate::solve::{self, SolveRequest, StoppingCriteria};
 use crate::state::{BondingMode, Contact, State, StateBackup};
 
@@ -65,7 +65,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
     let mut contacts = detect::listed_contacts(scene, &q_c, [&free.v, &free.w], &mut state.detection_cache); // M3  g, (n, t, s)
     let missed = sample_narrow_phase_error(scene, state, &q_c, [&free.v, &free.w], &contacts);
     lap.add_lap(&mut clock.detection);
-    let task = solve_request(scene, state, units);
+    let task = solve_request(scene, state, &q_c, &contacts, [&free.v, &free.w]);
     let mut sweeps = 0;
     let (mut system, mut solution) = loop {
         let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
@@ -133,9 +133,39 @@ fn sample_narrow_phase_error(
     looks.then(|| detect::narrow_phase_error(scene, q_c, free, &state.detection_cache, contacts))
 }
 
-fn solve_request(scene: &Scene, state: &State, units: u64) -> SolveRequest {
-    let options = &scene.options;
-    let tol = options.tol();
+/// Largest residual with which no pair passes another: velocities are wrong by at most the residual times the largest velocity
+/// at which a contact closes, and over the step this may be a small share of the radius. Infinite if any residual will do,
+/// as in steps in which bodies move by less than their radius.
+///
+/// `free`: velocities (m/s) and angular velocities (rad/s) after the step if nothing touched.
+fn travel_tolerance(scene: &Scene, q_c: &ContactConfiguration, contacts: &[Contact], [v, w]: [&[Vec3]; 2]) -> f64 {
+    let span = q_c.longest_reach_time(scene);
+    let allowed = MAX_TRAVEL_ERROR * scene.smallest_radius;
+    // Without fast bodies no contact needs to be looked up.
+    let speed = |((body, v), w): ((&RigidBody, &Vec3), &Vec3)| (v - q_c.mean_velocity).norm() + w.norm() * body.radius;
+    let fastest = scene.bodies.iter().zip(v).zip(w).map(speed).fold(0.0, f64::max);
+    if 2.0 * span * fastest * scene.options.tol() <= allowed {
+        return f64::INFINITY;
+    }
+    let approach = |contact: &Contact| -span * contact.normal.dot(&assemble::relative_velocity(contact, &q_c.x, v, w));
+    // Contacts that cannot close depend on the alert distance and must not change a result.
+    let closing = contacts.iter().map(|contact| (approach(contact), contact.gap)).filter(|(way, gap)| way > gap);
+    allowed / closing.map(|(way, _)| way).fold(0.0, f64::max)
+}
+
+/// Largest error of a displacement by unfinished solutions, over the smallest radius. The residual is a mean over contacts: a
+/// single one may err by several times as much.
+const MAX_TRAVEL_ERROR: f64 = 0.01;
+
+fn solve_request(
+    scene: &Scene,
+    state: &State,
+    q_c: &ContactConfiguration,
+    contacts: &[Contact],
+    free: [&[Vec3]; 2],
+) -> SolveRequest {
+    let (options, units) = (&scene.options, q_c.step_multiple);
+    let tol = options.tol().min(travel_tolerance(scene, q_c, contacts, free));
     // Errors of a restitution impulse are not corrected by later steps.
     let shock = if state.laws.iter().any(ContactLaw::has_restitution) { MIN_TOLERANCE_FACTOR } else { 1.0 };
     // Errors in breaking bonds or starting to slide are not corrected either.

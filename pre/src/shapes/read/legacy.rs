@@ -1,9 +1,11 @@
 //! VTK legacy files: polygonal data, ASCII or BINARY, versions 1 to 5.
 
-use super::mesh::{PolygonMesh, ReadError, parse_real};
+use super::mesh::{PolygonMesh, ReadError, coordinate, parse_real};
 use super::vtk::{CellLists, NumberType, PolyDataPiece};
 
 const FILE_KIND: &str = "polygonal data of VTK, legacy or XML";
+/// Arrays that are read over.
+const FIELD: &str = "a field";
 
 /// Reads a file. Binary numbers are big-endian by definition; a file that makes sense only as little-endian is read so.
 pub fn read(bytes: &[u8]) -> Result<PolygonMesh, ReadError> {
@@ -120,7 +122,7 @@ impl<'a> LegacyReader<'a> {
             let components = self.read_count("the number of components")?;
             let count = components.saturating_mul(self.read_count("the number of tuples")?);
             let number = self.read_number_type()?;
-            self.read_numbers(count, number, form, "a field")?;
+            self.read_numbers(count, number, form, FIELD)?;
         }
         Ok(())
     }
@@ -162,9 +164,12 @@ impl<'a> LegacyReader<'a> {
                 let found = format!("{what}: {count} numbers announced, {} found", numbers.len());
                 return Err(self.error_here(found, "a complete file"));
             }
-            numbers.push(
-                parse_real(&word).ok_or_else(|| self.error_here(format!("'{word}', which is not a number"), what))?,
-            );
+            let value = match what {
+                // Fields are not used, and may contain NaN.
+                FIELD if parse_real(&word).is_some() => 0.0,
+                _ => coordinate(&word).map_err(|found| self.error_here(found, what))?,
+            };
+            numbers.push(value);
         }
         Ok(numbers)
     }

@@ -2,7 +2,7 @@
 
 use miniz_oxide::inflate::decompress_to_vec_zlib_with_limit;
 
-use super::mesh::{PolygonMesh, ReadError, parse_real};
+use super::mesh::{PolygonMesh, ReadError, coordinate};
 use super::vtk::{CellLists, NumberType, PolyDataPiece};
 
 const FILE_KIND: &str = "polygonal data of VTK, legacy or XML";
@@ -186,9 +186,7 @@ impl<'a> VtpFile<'a> {
             .ok_or_else(|| refuse(format!("numbers of the type '{kind}'"), "Float64, Int64 or alike"))?;
         let bytes = match tag.attribute("format").unwrap_or("ascii") {
             "ascii" => {
-                let number = |word| {
-                    parse_real(word).ok_or_else(|| refuse(format!("'{word}', which is not a number"), FILE_KIND))
-                };
+                let number = |word| coordinate(word).map_err(|found| refuse(found, FILE_KIND));
                 return tag.content.split_whitespace().map(number).collect();
             }
             "binary" => self.decode_binary(&decode_base64(tag.content.as_bytes())),
