@@ -9,7 +9,8 @@ mod packing;
 use cd_solve::assemble::ContactProblem;
 use cd_solve::math::lanes::SimdWidth;
 use cd_solve::solve::ContactReactions;
-use cd_solve::solve::gauss_seidel::layout::PackedProblem;
+use cd_solve::solve::gauss_seidel::layout::pack_problem;
+use cd_solve::solve::gauss_seidel::packed::PackSource;
 use cd_solve::solve::residual::ResidualEvaluator;
 use divan::Bencher;
 use divan::counter::ItemsCount;
@@ -25,6 +26,15 @@ fn main() {
     divan::main();
 }
 
+/// Input for packing these rows.
+fn source<'a>(
+    system: &'a ContactProblem,
+    (active, reactions): &'a (Vec<u32>, ContactReactions),
+    width: SimdWidth,
+) -> PackSource<'a> {
+    PackSource { system, active, reactions, records: &system.bodies, width }
+}
+
 /// All rows of a packing, and impulses of 0.
 fn start(system: &ContactProblem) -> (Vec<u32>, ContactReactions) {
     ((0..system.rows.len() as u32).collect(), ContactReactions::zeros(system))
@@ -35,12 +45,12 @@ fn sweeps(bencher: Bencher, system: ContactProblem, width: SimdWidth, threads: u
 }
 
 fn swept(bencher: Bencher, system: ContactProblem, width: SimdWidth, threads: usize, single: bool) {
-    let (active, reactions) = start(&system);
-    let mut problem = PackedProblem::new(&system, &active, &reactions, &system.bodies, single, width);
+    let start = start(&system);
+    let mut problem = pack_problem(&source(&system, &start, width), single);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     // As in a step: entering the pool once for many sweeps, with momentum.
     bencher
-        .counter(ItemsCount::new(active.len() * SWEEPS))
+        .counter(ItemsCount::new(start.0.len() * SWEEPS))
         .bench_local(|| pool.install(|| (0..SWEEPS).map(|_| problem.sweep_contacts(width, 0.8).change).sum::<f64>()));
 }
 
@@ -156,11 +166,10 @@ fn single_polyhedra_frictionless(bencher: Bencher, side: usize) {
 #[divan::bench(args = SIDES, sample_count = 20)]
 fn layout(bencher: Bencher, side: usize) {
     let system = packing(side, 0.4);
-    let (active, reactions) = start(&system);
+    let start = start(&system);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    bencher.counter(ItemsCount::new(active.len())).bench_local(|| {
-        pool.install(|| PackedProblem::new(&system, &active, &reactions, &system.bodies, false, SimdWidth::detect()))
-    });
+    let source = source(&system, &start, SimdWidth::detect());
+    bencher.counter(ItemsCount::new(start.0.len())).bench_local(|| pool.install(|| pack_problem(&source, false)));
 }
 
 /// A residual, a few times a step, on one thread.

@@ -42,6 +42,10 @@ pub trait LaneFloat: Pod + Default + Send + Sync + Add<Output = Self> + Sub<Outp
     fn to_f64(self) -> f64;
     /// a self + b, rounded once.
     fn fused_mul_add(self, a: Self, b: Self) -> Self;
+
+    /// Arithmetic in this precision with the vectors of `L`.
+    type Lanes<L: F32Arithmetic>: Arithmetic<T = Self>;
+    fn lanes<L: F32Arithmetic>(l: L) -> Self::Lanes<L>;
 }
 
 impl LaneFloat for f64 {
@@ -64,6 +68,12 @@ impl LaneFloat for f64 {
     fn fused_mul_add(self, a: f64, b: f64) -> f64 {
         self.mul_add(a, b)
     }
+
+    type Lanes<L: F32Arithmetic> = L;
+    #[inline(always)]
+    fn lanes<L: F32Arithmetic>(l: L) -> L {
+        l
+    }
 }
 
 impl LaneFloat for f32 {
@@ -85,6 +95,12 @@ impl LaneFloat for f32 {
     #[inline(always)]
     fn fused_mul_add(self, a: f32, b: f32) -> f32 {
         self.mul_add(a, b)
+    }
+
+    type Lanes<L: F32Arithmetic> = F32Lanes<L>;
+    #[inline(always)]
+    fn lanes<L: F32Arithmetic>(l: L) -> F32Lanes<L> {
+        F32Lanes(l)
     }
 }
 
@@ -426,6 +442,46 @@ fn unzip_halves<V: Copy, const N: usize>(both: [[V; 2]; N]) -> [[V; N]; 2] {
     sides
 }
 
+/// Operation that can be done in vectors of any width.
+pub trait LaneOperation {
+    type Output;
+    fn call<L: F32Arithmetic>(self, l: L) -> Self::Output;
+}
+
+struct RunInLanes<Op>(Op);
+
+impl<Op: LaneOperation> LaneOperation for RunInLanes<Op> {
+    type Output = Op::Output;
+    #[inline(always)]
+    fn call<L: F32Arithmetic>(self, l: L) -> Op::Output {
+        l.run(BoundOperation { l, op: self.0 })
+    }
+}
+
+/// Operation with the arithmetic of one width.
+struct BoundOperation<L, Op> {
+    l: L,
+    op: Op,
+}
+
+impl<L: F32Arithmetic, Op: LaneOperation> NullaryFnOnce for BoundOperation<L, Op> {
+    type Output = Op::Output;
+    #[inline(always)]
+    fn call(self) -> Op::Output {
+        self.op.call(self.l)
+    }
+}
+
+struct PrefetchMemory<'a, X: ?Sized>(&'a X);
+
+impl<X: ?Sized> LaneOperation for PrefetchMemory<'_, X> {
+    type Output = ();
+    #[inline(always)]
+    fn call<L: F32Arithmetic>(self, l: L) {
+        l.prefetch(self.0);
+    }
+}
+
 /// Number of lanes; it never changes a result.
 #[derive(Debug, Clone, Copy)]
 pub enum SimdWidth {
@@ -459,16 +515,29 @@ impl SimdWidth {
         all
     }
 
+    /// Calls `op` with the arithmetic of this width, compiled for its instruction set; functions that `op` calls must be
+    /// inlined into it.
+    pub fn run<Op: LaneOperation>(self, op: Op) -> Op::Output {
+        self.dispatch(RunInLanes(op))
+    }
+
+    /// Calls `op` with the arithmetic of this width, not compiled for its instruction set: for operations that call
+    /// [`Arithmetic::run`] themselves.
+    #[inline(always)]
+    pub fn dispatch<Op: LaneOperation>(self, op: Op) -> Op::Output {
+        match self {
+            SimdWidth::One(l) => op.call(l),
+            #[cfg(target_arch = "x86_64")]
+            SimdWidth::Four(l) => op.call(l),
+            #[cfg(target_arch = "x86_64")]
+            SimdWidth::Eight(l) => op.call(l),
+        }
+    }
+
     /// Prefetches `x`, see [`Arithmetic::prefetch`].
     #[inline(always)]
     pub fn prefetch<X: ?Sized>(self, x: &X) {
-        match self {
-            SimdWidth::One(l) => l.prefetch(x),
-            #[cfg(target_arch = "x86_64")]
-            SimdWidth::Four(l) => l.prefetch(x),
-            #[cfg(target_arch = "x86_64")]
-            SimdWidth::Eight(l) => l.prefetch(x),
-        }
+        self.dispatch(PrefetchMemory(x));
     }
 }
 

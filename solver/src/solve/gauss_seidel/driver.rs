@@ -11,8 +11,9 @@ use crate::activity;
 use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::lanes::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::solve::gauss_seidel::layout::PackedProblem;
+use crate::solve::gauss_seidel::layout::pack_problem;
 use crate::solve::gauss_seidel::momentum::{MOMENTUM_CYCLE, SweepMomentum};
+use crate::solve::gauss_seidel::packed::PackSource;
 use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator};
 use crate::solve::types::{ContactReactions, ContactSolution, StoppingCriteria};
 
@@ -96,7 +97,11 @@ fn iterate_sweeps(
     let end_of =
         |residual: f64, sweeps: u64| if residual <= tol { max_sweeps.min(sweeps + MOMENTUM_CYCLE) } else { max_sweeps };
     let mut end = end_of(best.0.value, *sweeps);
-    let mut problem = PackedProblem::new(system, active, reactions, &judge.solver_bodies(&best.1), single, judge.width);
+    let pack = |reactions: &ContactReactions, motions: &[BodyMotion], single| {
+        let records = &judge.solver_bodies(motions);
+        pack_problem(&PackSource { system, active, reactions, records, width: judge.width }, single)
+    };
+    let mut problem = pack(reactions, &best.1, single);
     let mut laid = (*sweeps, best.0.value);
     let turns = !system.rolling_constraints.is_empty();
     let frictional = system.has_friction(active);
@@ -135,7 +140,7 @@ fn iterate_sweeps(
                 let least = residual.value.min(best.0.value);
                 single = !lost && least < laid.1;
                 let (from, at) = if lost { (&*reactions, &best.1) } else { (&trial, &found.1) };
-                problem = PackedProblem::new(system, active, from, &judge.solver_bodies(at), single, judge.width);
+                problem = pack(from, at, single);
                 laid = (*sweeps, least);
                 if !single && !momentum.sliding {
                     (momentum, capped) = (SweepMomentum::new(frictional), false);

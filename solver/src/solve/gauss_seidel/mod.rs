@@ -5,7 +5,8 @@
 //! | `driver` | iteration, stopping criteria, precision |
 //! | `momentum` | momentum of the sweeps and its restarts |
 //! | [`layout`] | choice of the layout that a problem needs |
-//! | [`packed`] | columns, units and sums that all layouts share |
+//! | [`partition`] | division of bodies into ranges and of contacts into colours |
+//! | [`packed`] | interface, columns, units and sums of all layouts |
 //! | `vector` | vectors of three components in lanes |
 //! | [`diagonal`] | spheres and plates: the own block of a contact is diagonal |
 //! | [`block`] | bodies of any shape: it is full |
@@ -17,5 +18,6 @@ pub(super) mod driver;
 pub mod layout;
 pub(super) mod momentum;
 pub mod packed;
+pub mod partition;
 mod rolling;
 mod vector;

@@ -1,12 +1,12 @@
-//! Columns, units and sums that the layouts of all kinds of bodies share.
+//! Interface of the layouts, and the columns, units and sums that they share.
 
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
 use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
-use crate::math::lanes::{Arithmetic, F64Arithmetic, LaneFloat, SimdWidth};
+use crate::math::lanes::{Arithmetic, F32Arithmetic, LaneFloat, LaneOperation, SimdWidth};
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::solve::gauss_seidel::vector::{dot_product, triple};
+use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, triple};
 use crate::solve::types::ContactReactions;
 
 /// Contacts in a batch.
@@ -17,6 +17,38 @@ pub const L2_BYTES: usize = 1 << 20;
 
 /// Index of a row, rank or line that is not there.
 pub const NONE: u32 = u32::MAX;
+
+/// The rows of a step packed for sweeps, with the data that these change. Each layout of bodies and contacts implements it;
+/// a call per sweep chooses the layout and the width of its vectors.
+pub trait PackedProblem: Send {
+    /// Sweeps all contacts once, each from y = r + beta (r - r_before).
+    fn sweep_contacts(&mut self, width: SimdWidth, beta: f64) -> SweepStats;
+
+    /// Copies the impulses and moments of the swept rows, which belong to `system`, into `reactions`.
+    fn read_back(&self, width: SimdWidth, system: &ContactProblem, reactions: &mut ContactReactions);
+}
+
+/// Statistics of a sweep.
+#[derive(Debug, Clone, Copy)]
+pub struct SweepStats {
+    /// Whether the last change points against the momentum: sum of w_n (y - r).(r - r_before) > 0.
+    pub needs_restart: bool,
+    /// Norm of all r - y, N s.
+    pub change: f64,
+}
+
+/// Input for packing: the rows to sweep, and the state from which the sweeps start.
+#[derive(Clone, Copy)]
+pub struct PackSource<'a> {
+    pub system: &'a ContactProblem,
+    /// Rows to sweep, sorted.
+    pub active: &'a [u32],
+    /// Initial impulses and moments.
+    pub reactions: &'a ContactReactions,
+    /// Bodies with the velocities that result from them.
+    pub records: &'a [SolverBody],
+    pub width: SimdWidth,
+}
 
 /// Sums over the contacts of a sweep, by lane of the batch, so that their order is the same at all widths.
 #[derive(Debug, Clone, Copy, Default)]
@@ -33,10 +65,39 @@ impl<T: LaneFloat> SweepSums<T> {
         }
     }
 
-    /// Whether sum of w_n (y - r).(r - r_before) > 0, and the norm of all r - y.
-    pub fn reduce(&self) -> (bool, f64) {
+    /// Statistics of a sweep in these units.
+    pub fn reduce(&self, units: SweepUnits) -> SweepStats {
         let sum = |x: &[T; BATCH_LANES]| x.iter().map(|x| x.to_f64()).sum::<f64>();
-        (sum(&self.restart_product) > 0.0, sum(&self.change2).sqrt())
+        let change = sum(&self.change2).sqrt() * units.impulse;
+        SweepStats { needs_restart: sum(&self.restart_product) > 0.0, change }
+    }
+}
+
+/// Beginning of a sweep: velocities are linear in the impulses, so momentum takes one pass over the numbers of the bodies.
+pub struct ApplyMomentum<'a, L: Arithmetic> {
+    pub l: L,
+    /// Numbers before the last sweep, replaced by y + beta (y - before) with y after it; masses do not change.
+    pub numbers: &'a mut [L::T],
+    /// Numbers after the last sweep.
+    pub last: &'a [L::T],
+    pub beta: f64,
+}
+
+impl<L: Arithmetic> NullaryFnOnce for ApplyMomentum<'_, L> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let l = self.l;
+        let beta = l.splat(self.beta);
+        let mut numbers = self.numbers.chunks_exact_mut(L::WIDTH);
+        let mut last = self.last.chunks_exact(L::WIDTH);
+        for (numbers, last) in (&mut numbers).zip(&mut last) {
+            let (before, now) = (l.load(numbers), l.load(last));
+            l.store(numbers, l.mul_add(beta, l.sub(now, before), now));
+        }
+        for (number, now) in numbers.into_remainder().iter_mut().zip(last.remainder()) {
+            *number = L::T::from_f64(self.beta).fused_mul_add(*now - *number, *now);
+        }
     }
 }
 
@@ -55,13 +116,12 @@ pub struct SweepUnits {
 impl SweepUnits {
     pub const SI: SweepUnits = SweepUnits { velocity: 1.0, impulse: 1.0 };
 
-    /// Units for the rows `active`, which start from `reactions` and the velocities that result from them.
-    pub fn from_problem(
-        system: &ContactProblem,
-        active: &[u32],
-        reactions: &ContactReactions,
-        records: &[SolverBody],
-    ) -> SweepUnits {
+    /// Units for sweeps in precision `T`.
+    pub fn from_source<T: LaneFloat>(source: &PackSource) -> SweepUnits {
+        if !T::IS_SINGLE {
+            return SweepUnits::SI;
+        }
+        let PackSource { system, active, reactions, records, .. } = *source;
         let of_row = |&k: &u32| {
             let (k, w) = (k as usize, system.rows[k as usize].w_n);
             (w, system.shifted_velocity(k, records).norm() + w * reactions.impulses[k].norm())
@@ -106,34 +166,26 @@ const F32_ROUNDING: f64 = 1e-6;
 /// Converts impulses of single precision: those on the side of their cone to the rounding of single precision are moved onto
 /// it to that of double precision.
 pub fn snap_to_cones(width: SimdWidth, cones: &FrictionCones, r: &mut [[f64; BATCH_LANES]; 3]) {
-    match width {
-        SimdWidth::One(l) => l.run(SnapToCones { l, cones, r }),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Four(l) => l.run(SnapToCones { l, cones, r }),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Eight(l) => l.run(SnapToCones { l, cones, r }),
-    }
+    width.run(SnapToCones { cones, r });
 }
 
-struct SnapToCones<'a, L> {
-    l: L,
+struct SnapToCones<'a> {
     cones: &'a FrictionCones,
     r: &'a mut [[f64; BATCH_LANES]; 3],
 }
 
-impl<L: F64Arithmetic> NullaryFnOnce for SnapToCones<'_, L> {
+impl LaneOperation for SnapToCones<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn call(self) {
-        let SnapToCones { l, cones, r } = self;
+    fn call<L: F32Arithmetic>(self, l: L) {
+        let SnapToCones { cones, r } = self;
         for from in (0..BATCH_LANES).step_by(L::WIDTH) {
-            let n = triple!(k => l.load(&cones.n[k][from..]));
-            let whole = triple!(k => l.load(&r[k][from..]));
+            let (n, whole) = (load_vector(l, from, &cones.n), load_vector(l, from, r));
             let normal = dot_product(l, n, whole);
             let tangential = triple!(k => l.sub(whole[k], l.mul(n[k], normal)));
             let size = l.sqrt(dot_product(l, tangential, tangential));
-            let bound = l.mul(l.load(&cones.friction[from..]), normal);
+            let bound = l.mul(load_column(l, from, &cones.friction), normal);
             let least = l.sub(bound, l.mul(l.splat(F32_ROUNDING), l.abs(normal)));
             let (zero, share) = (l.splat(0.0), l.div(bound, size));
             for k in 0..3 {
@@ -145,6 +197,25 @@ impl<L: F64Arithmetic> NullaryFnOnce for SnapToCones<'_, L> {
     }
 }
 
+/// Numbers of a column from lane `from` on.
+#[inline(always)]
+pub fn load_column<L: Arithmetic>(l: L, from: usize, column: &[L::T; BATCH_LANES]) -> L::V {
+    l.load(&column[from..from + L::WIDTH])
+}
+
+/// [`load_column`] for the three columns of a vector.
+#[inline(always)]
+pub fn load_vector<L: Arithmetic>(l: L, from: usize, columns: &[[L::T; BATCH_LANES]; 3]) -> LaneVector<L::V> {
+    triple!(k => load_column(l, from, &columns[k]))
+}
+
+/// Writes a vector into a column from lane `from` on.
+#[inline(always)]
+pub fn store_column<L: Arithmetic>(l: L, from: usize, column: &mut [L::T; BATCH_LANES], v: L::V) {
+    l.store(&mut column[from..from + L::WIDTH], v);
+}
+
+/// Writes one vector into a lane of three columns.
 pub fn set_lane<T: LaneFloat>(columns: &mut [[T; BATCH_LANES]; 3], lane: usize, v: &Vec3) {
     columns[0][lane] = T::from_f64(v.x);
     columns[1][lane] = T::from_f64(v.y);

@@ -7,12 +7,10 @@
 //!
 //! This code is not used for scenes without such contacts.
 
-use std::ops::Range;
-
 use crate::assemble::ContactProblem;
 use crate::math::Vec3;
 use crate::math::lanes::{Arithmetic, LaneFloat};
-use crate::solve::gauss_seidel::packed::{BATCH_LANES, NONE, set_lane};
+use crate::solve::gauss_seidel::packed::{BATCH_LANES, NONE, load_column, load_vector, set_lane, store_column};
 use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, project_to_ball, triple};
 
 /// Resistance of sixteen contacts to rolling and spinning, [`crate::assemble::RollingConstraint`], and their moments.
@@ -64,7 +62,7 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
         }
     }
 
-    /// Solves the moments in the given lanes, each from y = m + beta (m - m_before); returns their changes.
+    /// Solves the moments of the `WIDTH` contacts from lane `from` on, each from y = m + beta (m - m_before); returns their changes.
     ///
     /// `n`: normals, `pressing`: r̂_n, N s, `w`: angular velocity of the candidate relative to the antagonist with y applied,
     /// rad/s.
@@ -72,31 +70,26 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
     pub fn solve_moments<L: Arithmetic<T = T>>(
         &mut self,
         l: L,
-        places: Range<usize>,
+        from: usize,
         beta: L::V,
         n: LaneVector<L::V>,
         pressing: L::V,
         w: LaneVector<L::V>,
     ) -> LaneVector<L::V> {
-        let (m, before) = (load_vector(l, &self.m, &places), load_vector(l, &self.previous, &places));
-        let shift = load_vector(l, &self.shift, &places);
+        let (m, before) = (load_vector(l, from, &self.m), load_vector(l, from, &self.previous));
+        let shift = load_vector(l, from, &self.shift);
         let y = triple!(k => l.mul_add(beta, l.sub(m[k], before[k]), m[k]));
-        let inverse_w = l.load(&self.inverse_w[places.clone()]);
+        let inverse_w = load_column(l, from, &self.inverse_w);
         let stopping = triple!(k => l.neg_mul_add(l.add(w[k], shift[k]), inverse_w, y[k]));
-        let rolling = l.mul(l.load(&self.rolling[places.clone()]), pressing);
-        let spinning = l.mul(l.load(&self.spinning[places.clone()]), pressing);
+        let rolling = l.mul(load_column(l, from, &self.rolling), pressing);
+        let spinning = l.mul(load_column(l, from, &self.spinning), pressing);
         let new = clamp_moment(l, n, stopping, rolling, spinning);
         for k in 0..3 {
-            l.store(&mut self.previous[k][places.clone()], m[k]);
-            l.store(&mut self.m[k][places.clone()], new[k]);
+            store_column(l, from, &mut self.previous[k], m[k]);
+            store_column(l, from, &mut self.m[k], new[k]);
         }
         triple!(k => l.sub(new[k], y[k]))
     }
-}
-
-#[inline(always)]
-fn load_vector<L: Arithmetic>(l: L, columns: &[[L::T; BATCH_LANES]; 3], places: &Range<usize>) -> LaneVector<L::V> {
-    triple!(k => l.load(&columns[k][places.clone()]))
 }
 
 /// Nearest moment to `m` whose part along `n` is at most `spinning`, and whose part across is at most `rolling`.

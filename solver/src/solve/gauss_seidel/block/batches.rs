@@ -1,30 +1,28 @@
 //! The contact problem of general bodies laid out for sweeping: sixteen pairs of bodies at once. The contacts of a pair
 //! follow each other, while the velocities of its bodies stay loaded.
 //!
-//! Bodies are cut into ranges, and pairs into colours that share no moving body, as in [`crate::solve::batches`].
+//! Pairs of bodies in one range are swept in parallel with those of other ranges, pairs between ranges after all of these.
 
 use std::array;
 use std::marker::PhantomData;
+use std::ops::Range;
 
-use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
 use crate::assemble::{BlockData, ContactProblem, SolverBody};
 use crate::math::Vec3;
-use crate::math::lanes::{Arithmetic, F64Arithmetic, LaneFloat, SimdWidth};
+use crate::math::lanes::{F32Arithmetic, F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
 use crate::solve::gauss_seidel::block::local::{BlockAxes, BodySide, block_axes, delassus_block, lever_block};
 use crate::solve::gauss_seidel::packed::{
-    BATCH_LANES, FrictionCones, NONE, SweepSums, SweepUnits, set_lane, snap_to_cones,
+    BATCH_LANES, FrictionCones, NONE, PackSource, SweepSums, SweepUnits, load_column, load_vector, set_lane,
+    snap_to_cones,
 };
+use crate::solve::gauss_seidel::partition::{BodyPartition, MAX_COLOURS, PartitionRule, colour_pairs};
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
 use crate::solve::gauss_seidel::vector::{dot_product, triple};
 use crate::solve::types::ContactReactions;
 
-/// Smallest number of bodies in a range: tasks with fewer would wait for each other more than they work.
-const MIN_BODIES_PER_RANGE: usize = 512;
-
-/// Number of colours; pairs for which none is free are swept one at a time.
-const MAX_COLOURS: usize = 64;
+const PARTITION_RULE: PartitionRule = PartitionRule { min_bodies: 512, rounds_up: true };
 
 /// Largest number of contacts of a pair that are solved in one batch; further ones form another batch.
 const MAX_PAIR_CONTACTS: usize = 4;
@@ -80,14 +78,9 @@ fn occupied_lanes(rows: &LaneRows) -> impl Iterator<Item = (usize, usize)> + '_ 
 
 /// Input for packing the batches.
 pub struct BlockSource<'a> {
-    system: &'a ContactProblem,
+    start: PackSource<'a>,
     full: &'a BlockData,
-    /// Initial r̂ and moments.
-    reactions: &'a ContactReactions,
-    /// Velocities that result from them.
-    records: &'a [SolverBody],
     units: SweepUnits,
-    width: SimdWidth,
 }
 
 /// Context for reading back the impulses of the batches.
@@ -100,10 +93,11 @@ pub struct UnpackContext<'a> {
 impl BlockSource<'_> {
     /// û at the start of row `k`, without the changes of the velocities by sweeps, m/s.
     ///
-    /// Lines in single precision contain only these changes, as in
-    /// [`PackedBody::STORES_DELTAS`](crate::solve::gauss_seidel::diagonal::batches::PackedBody::STORES_DELTAS).
+    /// Lines in single precision contain only these changes, as those of a
+    /// [`PackedBody`](crate::solve::gauss_seidel::diagonal::batches::PackedBody).
     fn starting_velocity<T: LaneFloat>(&self, k: usize) -> Vec3 {
-        if T::IS_SINGLE { self.system.shifted_velocity(k, self.records) } else { self.system.rows[k].shift }
+        let PackSource { system, records, .. } = self.start;
+        if T::IS_SINGLE { system.shifted_velocity(k, records) } else { system.rows[k].shift }
     }
 }
 
@@ -198,49 +192,27 @@ pub struct BlockProblem<C: PairContacts> {
 /// Contacts of two bodies: at most [`MAX_PAIR_CONTACTS`] consecutive rows.
 struct PairConstraints {
     bodies: [u32; 2],
+    /// Ranks of the bodies.
+    ranks: [u32; 2],
     rows: Vec<u32>,
     lines: [u32; 2],
 }
 
 impl<C: PairContacts> BlockProblem<C> {
-    /// Problem of the rows `active` (sorted), starting from `reactions` and from the velocities that result from them.
-    pub fn new(
-        system: &ContactProblem,
-        full: &BlockData,
-        active: &[u32],
-        reactions: &ContactReactions,
-        records: &[SolverBody],
-        width: SimdWidth,
-    ) -> Self {
-        let units =
-            if C::T::IS_SINGLE { SweepUnits::from_problem(system, active, reactions, records) } else { SweepUnits::SI };
-        let fill = BlockSource { system, full, reactions, records, units, width };
-        let mut pairs = group_into_pairs(system, active);
-        // Range of each moving body; bodies in spatial order.
-        let mut range_of = vec![NONE; records.len()];
-        for pair in &pairs {
-            for body in pair.bodies {
-                if records[body as usize].inverse_mass > 0.0 {
-                    range_of[body as usize] = 0;
-                }
-            }
-        }
-        let moving: Vec<u32> = system.order.iter().copied().filter(|&body| range_of[body as usize] == 0).collect();
-        let count = 1 << (moving.len() / MIN_BODIES_PER_RANGE).max(1).ilog2(); // a power of two, so that halves can be halved again
-        let mut place = vec![NONE; records.len()];
-        let mut members = vec![Vec::new(); count];
-        for (k, &body) in moving.iter().enumerate() {
-            let range = k * count / moving.len();
-            range_of[body as usize] = range as u32;
-            place[body as usize] = members[range].len() as u32;
-            members[range].push(body);
-        }
+    /// Packs the rows of `source`; `full` is its block data.
+    pub fn new(source: &PackSource, full: &BlockData) -> Self {
+        let units = SweepUnits::from_source::<C::T>(source);
+        let PackSource { system, active, records, .. } = *source;
+        let fill = BlockSource { start: *source, full, units };
+        let partition = BodyPartition::new(system, active, PARTITION_RULE);
+        let count = partition.range_count();
+        let mut pairs = group_into_pairs(system, active, &partition);
         // Pairs by range, those between ranges last; a body that does not move has a line of its own in every pair.
         let mut groups: Vec<Vec<u32>> = vec![Vec::new(); count + 1];
-        let mut sizes: Vec<u32> = members.iter().map(|range| range.len() as u32).collect();
+        let mut sizes: Vec<u32> = (0..count).map(|range| partition.ranks(range).len() as u32).collect();
         let mut fixed = vec![Vec::new(); count];
         for (k, pair) in pairs.iter_mut().enumerate() {
-            let ranges = pair.bodies.map(|body| range_of[body as usize]);
+            let ranges = pair.ranks.map(|rank| partition.range_of(rank));
             let group = match ranges {
                 [NONE, NONE] => continue,
                 [a, NONE] | [NONE, a] => a,
@@ -248,22 +220,23 @@ impl<C: PairContacts> BlockProblem<C> {
                 _ => count as u32,
             };
             groups[group as usize].push(k as u32);
-            for side in 0..2 {
-                pair.lines[side] = place[pair.bodies[side] as usize];
-                if ranges[side] == NONE {
+            for (side, range) in ranges.into_iter().enumerate() {
+                if range == NONE {
                     pair.lines[side] = sizes[group as usize];
                     sizes[group as usize] += 1;
                     fixed[group as usize].push(pair.bodies[side]);
+                } else {
+                    pair.lines[side] = pair.ranks[side] - partition.cuts[range as usize];
                 }
             }
         }
         let mut starts = vec![0];
         let (mut lines, mut inertia) = (Vec::new(), Vec::new());
-        for range in 0..count {
-            for &body in members[range].iter().chain(&fixed[range]) {
+        for (range, fixed) in fixed.iter().enumerate() {
+            for &body in partition.bodies[partition.ranks(range)].iter().chain(fixed) {
                 let &SolverBody { v, inverse_mass, w, .. } = &records[body as usize];
                 let (v, w) = if C::T::IS_SINGLE { (Vec3::zeros(), Vec3::zeros()) } else { (v, w) };
-                let (pushed, mass) = (full.free_axes(body as usize), fill.units.mass_unit());
+                let (pushed, mass) = (full.free_axes(body as usize), units.mass_unit());
                 let line = [v.x, v.y, v.z, inverse_mass * mass, w.x, w.y, w.z, pushed.x];
                 lines.push(line.map(C::T::from_f64));
                 let m = full.inverse_inertia[body as usize] * mass;
@@ -278,13 +251,12 @@ impl<C: PairContacts> BlockProblem<C> {
         for &k in &groups[count] {
             let pair = &mut pairs[k as usize];
             for side in 0..2 {
-                pair.lines[side] += starts[range_of[pair.bodies[side] as usize] as usize];
+                pair.lines[side] += starts[partition.range_of(pair.ranks[side]) as usize];
             }
         }
-        let mut masks = vec![0u64; lines.len()];
-        let mut layout = |group: &[u32], unused: u32| {
+        let layout = |group: &[u32], ranks: Range<usize>, unused: u32| {
             let mut batches = PairBatches::new();
-            for (size, mut members) in colour_pairs(group, &pairs, &mut masks) {
+            for (size, mut members) in pairs_by_colour(group, &pairs, ranks) {
                 members.sort_by_key(|&k| std::cmp::Reverse(pairs[k as usize].rows.len()));
                 for chunk in members.chunks(size) {
                     batches.push_batch(full, &pairs, chunk, unused);
@@ -296,15 +268,16 @@ impl<C: PairContacts> BlockProblem<C> {
         let ranges = (0..count)
             .map(|range| {
                 let lines = (starts[range + 1] - starts[range]) as usize;
-                BodyRange { lines, inside: layout(&groups[range], lines as u32 - 1), sums: SweepSums::default() }
+                let inside = layout(&groups[range], partition.ranks(range), lines as u32 - 1);
+                BodyRange { lines, inside, sums: SweepSums::default() }
             })
             .collect();
-        let between = layout(&groups[count], lines.len() as u32 - 1);
-        BlockProblem { units: fill.units, previous: lines.clone(), lines, inertia, ranges, between }
+        let between = layout(&groups[count], 0..partition.bodies.len(), lines.len() as u32 - 1);
+        BlockProblem { units, previous: lines.clone(), lines, inertia, ranges, between }
     }
 
     /// Copies the impulses and moments of the swept rows, which belong to this system, into `reactions`.
-    pub fn read_back(&self, width: SimdWidth, system: &ContactProblem, reactions: &mut ContactReactions) {
+    pub fn read_back_reactions(&self, width: SimdWidth, system: &ContactProblem, reactions: &mut ContactReactions) {
         let ContactReactions { impulses, moments } = reactions;
         let back = UnpackContext { system, units: self.units, width };
         for batches in self.ranges.iter().map(|range| &range.inside).chain([&self.between]) {
@@ -319,40 +292,27 @@ impl<C: PairContacts> BlockProblem<C> {
     }
 }
 
-fn group_into_pairs(system: &ContactProblem, active: &[u32]) -> Vec<PairConstraints> {
+fn group_into_pairs(system: &ContactProblem, active: &[u32], partition: &BodyPartition) -> Vec<PairConstraints> {
     let mut pairs: Vec<PairConstraints> = Vec::new();
-    for &k in active {
+    for (&k, &ranks) in active.iter().zip(&partition.pairs) {
         let bodies = system.rows[k as usize].bodies;
         match pairs.last_mut() {
             Some(last) if last.bodies == bodies && last.rows.len() < MAX_PAIR_CONTACTS => last.rows.push(k),
-            _ => pairs.push(PairConstraints { bodies, rows: vec![k], lines: [NONE; 2] }),
+            _ => pairs.push(PairConstraints { bodies, ranks, rows: vec![k], lines: [NONE; 2] }),
         }
     }
     pairs
 }
 
 /// Pairs by colour, each with the number of pairs that a batch of this colour may have.
-fn colour_pairs(group: &[u32], pairs: &[PairConstraints], masks: &mut [u64]) -> Vec<(usize, Vec<u32>)> {
-    let mut colours: Vec<(usize, Vec<u32>)> = Vec::new();
-    let mut single = Vec::new();
-    for &k in group {
-        let lines = pairs[k as usize].lines.map(|line| line as usize);
-        let free = (masks[lines[0]] | masks[lines[1]]).trailing_ones() as usize;
-        if free == MAX_COLOURS {
-            single.push(k);
-            continue;
-        }
-        if free == colours.len() {
-            colours.push((BATCH_LANES, Vec::new()));
-        }
-        colours[free].1.push(k);
-        lines.into_iter().for_each(|line| masks[line] |= 1 << free);
+fn pairs_by_colour(group: &[u32], pairs: &[PairConstraints], ranks: Range<usize>) -> Vec<(usize, Vec<u32>)> {
+    let colours = colour_pairs(group.iter().map(|&k| pairs[k as usize].ranks), ranks);
+    let mut members = vec![(BATCH_LANES, Vec::new()); MAX_COLOURS];
+    members.push((1, Vec::new()));
+    for (&k, colour) in group.iter().zip(colours) {
+        members[colour as usize].1.push(k);
     }
-    for line in group.iter().flat_map(|&k| pairs[k as usize].lines) {
-        masks[line as usize] = 0;
-    }
-    colours.push((1, single));
-    colours
+    members
 }
 
 impl<C: PairContacts> PairBatches<C> {
@@ -397,11 +357,11 @@ impl<C: PairContacts> PairBatches<C> {
             let points = self.points.par_iter().zip(&self.rows).with_min_len(MIN_POINTS_PER_TASK);
             self.levers = points.map(|(point, rows)| point.friction_levers(from, rows)).collect();
         }
-        if !from.system.rolling_constraints.is_empty() {
+        if !from.start.system.rolling_constraints.is_empty() {
             self.rolls = vec![RollingConstraintWide::NONE; count];
             for (rolls, rows) in self.rolls.iter_mut().zip(&self.rows) {
                 for (lane, row) in occupied_lanes(rows) {
-                    rolls.set_lane(lane, from.system, row as u32, &from.reactions.moments);
+                    rolls.set_lane(lane, from.start.system, row as u32, &from.start.reactions.moments);
                 }
             }
         }
@@ -415,19 +375,13 @@ impl<T: LaneFloat> PairContacts for FrictionalPoint<T> {
     fn pack_rows(from: &BlockSource, rows: &LaneRows) -> (Self, FrictionalImpulses<T>) {
         let seen = &RowColumns::new::<T>(from, rows);
         let units = from.units;
-        match from.width {
-            SimdWidth::One(l) => l.run(PackRows { l, seen, units, number: PhantomData }),
-            #[cfg(target_arch = "x86_64")]
-            SimdWidth::Four(l) => l.run(PackRows { l, seen, units, number: PhantomData }),
-            #[cfg(target_arch = "x86_64")]
-            SimdWidth::Eight(l) => l.run(PackRows { l, seen, units, number: PhantomData }),
-        }
+        from.start.width.run(PackRows { seen, units, number: PhantomData })
     }
 
     fn friction_levers(&self, from: &BlockSource, rows: &LaneRows) -> LeverColumns<T> {
         let mut levers = [[T::ZERO; BATCH_LANES]; 2];
         for (lane, k) in occupied_lanes(rows) {
-            let lever = from.full.friction_lever(k, &from.system.rows[k].normal);
+            let lever = from.full.friction_lever(k, &from.start.system.rows[k].normal);
             for (axis, to) in self.axes[1..].iter().zip(&mut levers) {
                 to[lane] = T::from_f64((0..3).map(|k| axis[k][lane].to_f64() * lever[k]).sum());
             }
@@ -482,17 +436,17 @@ impl RowColumns {
         let levers = (!from.full.friction_offsets.is_empty()).then_some([zero; 3]);
         let (u, r) = ([zero; 3], [zero; 3]);
         let mut seen = RowColumns { normal, sides: [side; 2], u, r, inverse_nn: zero, friction: zero, levers };
+        let PackSource { system, reactions, .. } = from.start;
         for (lane, k) in occupied_lanes(rows) {
-            let row = &from.system.rows[k];
+            let row = &system.rows[k];
             set_lane(&mut seen.normal, lane, &row.normal);
             if let Some(levers) = &mut seen.levers {
                 set_lane(levers, lane, &from.full.friction_lever(k, &row.normal));
             }
             set_lane(&mut seen.u, lane, &from.starting_velocity::<T>(k));
-            set_lane(&mut seen.r, lane, &from.reactions.impulses[k]);
+            set_lane(&mut seen.r, lane, &reactions.impulses[k]);
             for (side, to) in seen.sides.iter_mut().enumerate() {
-                let BodySide { arm, inverse_mass, inverse_inertia } =
-                    BodySide::from_row(from.system, from.full, k, side);
+                let BodySide { arm, inverse_mass, inverse_inertia } = BodySide::from_row(system, from.full, k, side);
                 (0..3).for_each(|k| (to.arm[k][lane], to.inverse_mass[k][lane]) = (arm[k], inverse_mass[k]));
                 (0..6).for_each(|k| to.inverse_inertia[k][lane] = inverse_inertia[k]);
             }
@@ -503,32 +457,31 @@ impl RowColumns {
 }
 
 /// Packs a batch on the axes of its contacts' own blocks.
-struct PackRows<'a, L, T> {
-    l: L,
+struct PackRows<'a, T> {
     seen: &'a RowColumns,
     units: SweepUnits,
     number: PhantomData<T>,
 }
 
-impl<L: F64Arithmetic, T: LaneFloat> NullaryFnOnce for PackRows<'_, L, T> {
+impl<T: LaneFloat> LaneOperation for PackRows<'_, T> {
     type Output = (FrictionalPoint<T>, FrictionalImpulses<T>);
 
     #[inline(always)]
-    fn call(self) -> Self::Output {
-        let PackRows { l, seen, units, .. } = self;
+    fn call<L: F32Arithmetic>(self, l: L) -> Self::Output {
+        let PackRows { seen, units, .. } = self;
         let (mut point, mut impulses) = (FrictionalPoint::zero(), FrictionalImpulses::default());
         let (mass, one) = (l.splat(units.mass_unit()), l.splat(1.0));
         for from in (0..BATCH_LANES).step_by(L::WIDTH) {
-            let normal = triple!(k => l.load(&seen.normal[k][from..]));
+            let normal = load_vector(l, from, &seen.normal);
             let sides = [load_side(l, &seen.sides[0], from), load_side(l, &seen.sides[1], from)];
             let mut w = delassus_block(l, sides);
             if let Some(levers) = &seen.levers {
-                let of_lever = lever_block(l, &sides, normal, triple!(k => l.load(&levers[k][from..])));
+                let of_lever = lever_block(l, &sides, normal, load_vector(l, from, levers));
                 (0..6).for_each(|k| w[k] = l.add(w[k], of_lever[k]));
             }
             let BlockAxes { axes, c, s } = block_axes(l, w, normal);
-            let u = triple!(k => l.div(l.load(&seen.u[k][from..]), l.splat(units.velocity)));
-            let r = triple!(k => l.div(l.load(&seen.r[k][from..]), l.splat(units.impulse)));
+            let u = triple!(k => l.div(load_column(l, from, &seen.u[k]), l.splat(units.velocity)));
+            let r = triple!(k => l.div(load_column(l, from, &seen.r[k]), l.splat(units.impulse)));
             for (k, axis) in axes.into_iter().enumerate() {
                 for (to, component) in point.axes[k].iter_mut().zip(axis) {
                     store_lanes(l, &mut to[from..], component);
@@ -545,8 +498,8 @@ impl<L: F64Arithmetic, T: LaneFloat> NullaryFnOnce for PackRows<'_, L, T> {
                 store_lanes(l, &mut point.s[side][from..], s);
                 store_lanes(l, &mut point.inverse_s[side][from..], l.div(one, s));
             }
-            store_lanes(l, &mut point.inverse_nn[from..], l.div(l.load(&seen.inverse_nn[from..]), mass));
-            store_lanes(l, &mut point.friction[from..], l.load(&seen.friction[from..]));
+            store_lanes(l, &mut point.inverse_nn[from..], l.div(load_column(l, from, &seen.inverse_nn), mass));
+            store_lanes(l, &mut point.friction[from..], load_column(l, from, &seen.friction));
             let trace = l.add(w[0], l.add(w[3], w[5]));
             store_lanes(l, &mut point.weight[from..], l.mul(l.mul(trace, l.splat(1.0 / 3.0)), mass));
         }
@@ -559,15 +512,15 @@ impl<L: F64Arithmetic, T: LaneFloat> NullaryFnOnce for PackRows<'_, L, T> {
 fn load_side<L: F64Arithmetic>(l: L, side: &BodySide<BatchColumn<f64>>, from: usize) -> BodySide<L::V> {
     let BodySide { arm, inverse_mass, inverse_inertia: [xx, xy, xz, yy, yz, zz] } = side;
     BodySide {
-        arm: triple!(k => l.load(&arm[k][from..])),
-        inverse_mass: triple!(k => l.load(&inverse_mass[k][from..])),
+        arm: load_vector(l, from, arm),
+        inverse_mass: load_vector(l, from, inverse_mass),
         inverse_inertia: [
-            l.load(&xx[from..]),
-            l.load(&xy[from..]),
-            l.load(&xz[from..]),
-            l.load(&yy[from..]),
-            l.load(&yz[from..]),
-            l.load(&zz[from..]),
+            load_column(l, from, xx),
+            load_column(l, from, xy),
+            load_column(l, from, xz),
+            load_column(l, from, yy),
+            load_column(l, from, yz),
+            load_column(l, from, zz),
         ],
     }
 }
@@ -614,7 +567,7 @@ impl<T: LaneFloat> PairContacts for FrictionlessPoint<T> {
             weight: zero,
         };
         let mut values = NormalImpulses::default();
-        let BlockSource { system, full, reactions, units, .. } = from;
+        let BlockSource { start: PackSource { system, reactions, .. }, full, units } = from;
         for (lane, k) in occupied_lanes(rows) {
             let row = &system.rows[k];
             let (n, mass) = (row.normal, units.mass_unit());

@@ -2,74 +2,78 @@
 
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{Arithmetic, DoubleWidth, F32Lanes, LaneFloat, SimdWidth};
+use crate::assemble::ContactProblem;
+use crate::math::lanes::{Arithmetic, DoubleWidth, F32Arithmetic, LaneFloat, LaneOperation, SimdWidth};
 use crate::solve::gauss_seidel::block::batches::{
     BlockProblem, BodyNumbers, BodyPairBatch, BodyRange, FrictionalImpulses, FrictionalPoint, FrictionlessPoint,
     LeverColumns, NormalImpulses, PairBatches, PairContacts,
 };
 use crate::solve::gauss_seidel::block::local::{LocalBlock, signorini_coulomb_block};
-use crate::solve::gauss_seidel::packed::{BATCH_LANES, L2_BYTES, SweepSums};
+use crate::solve::gauss_seidel::packed::{
+    ApplyMomentum, BATCH_LANES, L2_BYTES, PackedProblem, SweepStats, SweepSums, load_column, load_vector, store_column,
+};
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
 use crate::solve::gauss_seidel::vector::{cross_add, dot_product, triple};
+use crate::solve::types::ContactReactions;
 
-/// Sweeps all contacts once, each from y = r + beta (r - r_before).
-pub fn sweep_contacts<C: PairSweepKernel<T = f64>>(
-    problem: &mut BlockProblem<C>,
-    width: SimdWidth,
-    beta: f64,
-) -> SweepSums<f64> {
-    match width {
-        SimdWidth::One(lanes) => sweep_with(problem, DoubleWidth(lanes), beta),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Four(simd) => sweep_with(problem, DoubleWidth(simd), beta),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Eight(simd) => sweep_with(problem, DoubleWidth(simd), beta),
+impl<C: PairSweepKernel> PackedProblem for BlockProblem<C> {
+    fn sweep_contacts(&mut self, width: SimdWidth, beta: f64) -> SweepStats {
+        width.dispatch(ProblemSweep { problem: self, beta })
+    }
+
+    fn read_back(&self, width: SimdWidth, system: &ContactProblem, reactions: &mut ContactReactions) {
+        self.read_back_reactions(width, system, reactions);
     }
 }
 
-/// Sweeps all contacts once as [`sweep_contacts`], in single precision.
-pub fn sweep_single<C: PairSweepKernel<T = f32>>(
-    problem: &mut BlockProblem<C>,
-    width: SimdWidth,
+struct ProblemSweep<'a, C: PairContacts> {
+    problem: &'a mut BlockProblem<C>,
     beta: f64,
-) -> SweepSums<f32> {
-    match width {
-        SimdWidth::One(lanes) => sweep_with(problem, DoubleWidth(F32Lanes(lanes)), beta),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Four(simd) => sweep_with(problem, DoubleWidth(F32Lanes(simd)), beta),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Eight(simd) => sweep_with(problem, F32Lanes(simd), beta), // as many as a batch has
+}
+
+impl<C: PairSweepKernel> LaneOperation for ProblemSweep<'_, C> {
+    type Output = SweepStats;
+
+    fn call<L: F32Arithmetic>(self, l: L) -> SweepStats {
+        let l = C::T::lanes(l);
+        // At most as many lanes as a batch has.
+        if const { <C::T as LaneFloat>::Lanes::<L>::WIDTH < BATCH_LANES } {
+            self.sweep_with(DoubleWidth(l))
+        } else {
+            self.sweep_with(l)
+        }
     }
 }
 
-fn sweep_with<L: Arithmetic, C: PairSweepKernel<T = L::T>>(
-    problem: &mut BlockProblem<C>,
-    lanes: L,
-    beta: f64,
-) -> SweepSums<L::T> {
-    let BlockProblem { lines, previous, inertia, ranges, between, .. } = problem;
-    let points = between.points.len() + ranges.iter().map(|range| range.inside.points.len()).sum::<usize>();
-    let far = points * size_of::<(C, C::Impulses)>() > L2_BYTES;
-    sweep_ranges(ranges, lines, previous, inertia, lanes, (beta, far));
-    let mut sums = SweepSums::default();
-    ranges.iter().for_each(|range| sums.accumulate(&range.sums));
-    let mut last = SweepSums::default();
-    lanes.run(SweepBatches { lanes, lines, inertia, batches: between, beta, exceeds_l2: far, sums: &mut last });
-    sums.accumulate(&last);
-    sums
+impl<C: PairSweepKernel> ProblemSweep<'_, C> {
+    fn sweep_with<L: Arithmetic<T = C::T>>(self, lanes: L) -> SweepStats {
+        let ProblemSweep { problem, beta } = self;
+        let BlockProblem { units, lines, previous, inertia, ranges, between } = problem;
+        let points = between.points.len() + ranges.iter().map(|range| range.inside.points.len()).sum::<usize>();
+        let far = points * size_of::<(C, C::Impulses)>() > L2_BYTES;
+        std::mem::swap(lines, previous);
+        sweep_ranges(ranges, lines, previous, inertia, lanes, (beta, far));
+        let mut sums = SweepSums::default();
+        ranges.iter().for_each(|range| sums.accumulate(&range.sums));
+        let mut last = SweepSums::default();
+        lanes.run(SweepBatches { lanes, lines, inertia, batches: between, beta, exceeds_l2: far, sums: &mut last });
+        sums.accumulate(&last);
+        sums.reduce(*units)
+    }
 }
 
 /// Halves the ranges until one is left for each task.
 fn sweep_ranges<L: Arithmetic, C: PairSweepKernel<T = L::T>>(
     ranges: &mut [BodyRange<C>],
     lines: &mut [BodyNumbers<L::T>],
-    previous: &mut [BodyNumbers<L::T>],
+    previous: &[BodyNumbers<L::T>],
     inertia: &[BodyNumbers<L::T>],
     lanes: L,
     (beta, far): (f64, bool),
 ) {
     if let [range] = ranges {
-        lanes.run(ApplyPairMomentum { lanes, lines, previous, beta });
+        let (numbers, last) = (lines.as_flattened_mut(), previous.as_flattened());
+        lanes.run(ApplyMomentum { l: lanes, numbers, last, beta });
         range.sums = SweepSums::default();
         let batches = &mut range.inside;
         lanes.run(SweepBatches { lanes, lines, inertia, batches, beta, exceeds_l2: far, sums: &mut range.sums });
@@ -78,41 +82,12 @@ fn sweep_ranges<L: Arithmetic, C: PairSweepKernel<T = L::T>>(
     let (left, right) = ranges.split_at_mut(ranges.len() / 2);
     let cut = left.iter().map(|range| range.lines).sum();
     let (lines_left, lines_right) = lines.split_at_mut(cut);
-    let (previous_left, previous_right) = previous.split_at_mut(cut);
+    let (previous_left, previous_right) = previous.split_at(cut);
     let (inertia_left, inertia_right) = inertia.split_at(cut);
     rayon::join(
         || sweep_ranges(left, lines_left, previous_left, inertia_left, lanes, (beta, far)),
         || sweep_ranges(right, lines_right, previous_right, inertia_right, lanes, (beta, far)),
     );
-}
-
-/// Velocities are linear in the impulses, so momentum takes one pass over the bodies.
-struct ApplyPairMomentum<'a, L: Arithmetic> {
-    lanes: L,
-    lines: &'a mut [BodyNumbers<L::T>],
-    previous: &'a mut [BodyNumbers<L::T>],
-    beta: f64,
-}
-
-impl<L: Arithmetic> NullaryFnOnce for ApplyPairMomentum<'_, L> {
-    type Output = ();
-    #[inline(always)]
-    fn call(self) {
-        let l = self.lanes;
-        let beta = l.splat(self.beta);
-        // Masses do not change.
-        let mut lines = self.lines.as_flattened_mut().chunks_exact_mut(L::WIDTH);
-        let mut previous = self.previous.as_flattened_mut().chunks_exact_mut(L::WIDTH);
-        for (line, previous) in (&mut lines).zip(&mut previous) {
-            let (now, before) = (l.load(line), l.load(previous));
-            l.store(line, l.mul_add(beta, l.sub(now, before), now));
-            l.store(previous, now);
-        }
-        for (line, previous) in lines.into_remainder().iter_mut().zip(previous.into_remainder()) {
-            let (now, before) = (*line, *previous);
-            (*line, *previous) = (L::T::from_f64(self.beta).fused_mul_add(now - before, now), now);
-        }
-    }
 }
 
 struct SweepBatches<'a, L, C: PairContacts> {
@@ -173,26 +148,26 @@ pub struct LaneSums<V> {
 
 /// Operations of a sweep on the contacts of a batch.
 pub trait PairSweepKernel: PairContacts {
-    /// Solves the contacts in `places`, from y = r + beta (r - r_before), and gives the change to the bodies at once. If
-    /// `HELD`, impulses move some of the bodies along only some axes.
+    /// Solves the contacts of the `WIDTH` pairs from lane `from` on, from y = r + beta (r - r_before), and applies the change to
+    /// the bodies at once. If `HELD`, impulses move some of the bodies along only some axes.
     #[expect(clippy::too_many_arguments, reason = "constants, values and sums of the contacts of a batch")]
     fn solve_contacts<const HELD: bool, L: Arithmetic<T = Self::T>>(
         &self,
         l: L,
         values: &mut Self::Impulses,
         levers: Option<&LeverColumns<Self::T>>,
-        places: std::ops::Range<usize>,
+        from: usize,
         beta: L::V,
         pair: &mut PairVelocities<L::V>,
         moved: &mut LaneSums<L::V>,
     );
 
-    /// Normals, world frame, and r̂_n, N s, of the contacts in `places`.
+    /// Normals, world frame, and r̂_n, N s, of the contacts from lane `from` on.
     fn normal_impulse<L: Arithmetic<T = Self::T>>(
         &self,
         l: L,
         values: &Self::Impulses,
-        places: std::ops::Range<usize>,
+        from: usize,
     ) -> ([L::V; 3], L::V);
 }
 
@@ -212,19 +187,6 @@ fn apply_inverse_inertia<L: Arithmetic>(l: L, m: [L::V; 8], a: [L::V; 3], c: [L:
     ]
 }
 
-/// Numbers of a column in the given lanes.
-macro_rules! load {
-    ($l:expr, $places:expr, $x:expr) => {
-        $l.load(&$x[$places.clone()])
-    };
-}
-
-macro_rules! load3 {
-    ($l:expr, $places:expr, $x:expr) => {
-        triple!(k => load!($l, $places, $x[k]))
-    };
-}
-
 impl<T: LaneFloat> PairSweepKernel for FrictionalPoint<T> {
     #[inline(always)]
     fn solve_contacts<const HELD: bool, L: Arithmetic<T = T>>(
@@ -232,38 +194,42 @@ impl<T: LaneFloat> PairSweepKernel for FrictionalPoint<T> {
         l: L,
         values: &mut FrictionalImpulses<T>,
         levers: Option<&LeverColumns<T>>,
-        at: std::ops::Range<usize>,
+        from: usize,
         beta: L::V,
         pair: &mut PairVelocities<L::V>,
         moved: &mut LaneSums<L::V>,
     ) {
         let PairVelocities { va, wa, vb, wb, inverse_mass, free_axes: pushed, inertia } = pair;
-        let axes = [load3!(l, at, self.axes[0]), load3!(l, at, self.axes[1]), load3!(l, at, self.axes[2])];
-        let (arm_a, arm_b) = (load3!(l, at, self.arms[0]), load3!(l, at, self.arms[1]));
+        let axes = [
+            load_vector(l, from, &self.axes[0]),
+            load_vector(l, from, &self.axes[1]),
+            load_vector(l, from, &self.axes[2]),
+        ];
+        let (arm_a, arm_b) = (load_vector(l, from, &self.arms[0]), load_vector(l, from, &self.arms[1]));
         let (ua, ub) = (cross_add(l, *wa, arm_a, *va), cross_add(l, *wb, arm_b, *vb));
         let between = triple!(k => l.sub(ua[k], ub[k]));
-        let mut u = triple!(k => l.add(dot_product(l, axes[k], between), load!(l, at, self.shift[k])));
-        let levers = levers.map(|levers| [load!(l, at, levers[0]), load!(l, at, levers[1])]);
+        let mut u = triple!(k => l.add(dot_product(l, axes[k], between), load_column(l, from, &self.shift[k])));
+        let levers = levers.map(|levers| [load_column(l, from, &levers[0]), load_column(l, from, &levers[1])]);
         if let Some([t, s]) = levers {
             let spin = dot_product(l, axes[0], triple!(k => l.sub(wa[k], wb[k])));
             (u[1], u[2]) = (l.mul_add(t, spin, u[1]), l.mul_add(s, spin, u[2]));
         }
-        let r = load3!(l, at, values.r);
-        let before = load3!(l, at, values.previous);
+        let r = load_vector(l, from, &values.r);
+        let before = load_vector(l, from, &values.previous);
         let y = triple!(k => l.mul_add(beta, l.sub(r[k], before[k]), r[k]));
         let block = LocalBlock {
-            inverse_nn: load!(l, at, self.inverse_nn),
-            c: [load!(l, at, self.c[0]), load!(l, at, self.c[1])],
-            s: [load!(l, at, self.s[0]), load!(l, at, self.s[1])],
-            inverse_s: [load!(l, at, self.inverse_s[0]), load!(l, at, self.inverse_s[1])],
-            friction: load!(l, at, self.friction),
+            inverse_nn: load_column(l, from, &self.inverse_nn),
+            c: [load_column(l, from, &self.c[0]), load_column(l, from, &self.c[1])],
+            s: [load_column(l, from, &self.s[0]), load_column(l, from, &self.s[1])],
+            inverse_s: [load_column(l, from, &self.inverse_s[0]), load_column(l, from, &self.inverse_s[1])],
+            friction: load_column(l, from, &self.friction),
         };
-        let (new, multiplier) = signorini_coulomb_block(l, &block, u, y, load!(l, at, values.multiplier));
+        let (new, multiplier) = signorini_coulomb_block(l, &block, u, y, load_column(l, from, &values.multiplier));
         for k in 0..3 {
-            l.store(&mut values.previous[k][at.clone()], r[k]);
-            l.store(&mut values.r[k][at.clone()], new[k]);
+            store_column(l, from, &mut values.previous[k], r[k]);
+            store_column(l, from, &mut values.r[k], new[k]);
         }
-        l.store(&mut values.multiplier[at.clone()], multiplier);
+        store_column(l, from, &mut values.multiplier, multiplier);
         let change = triple!(k => l.sub(new[k], y[k]));
         let world = triple!(k => l.mul_add(axes[0][k], change[0], l.mul_add(axes[1][k], change[1], l.mul(axes[2][k], change[2]))));
         let zero = [l.splat(0.0); 3];
@@ -280,7 +246,7 @@ impl<T: LaneFloat> PairSweepKernel for FrictionalPoint<T> {
         *wb = apply_inverse_inertia(l, inertia[1], cross_add(l, world, arm_b, couple_b), *wb);
         let way = triple!(k => l.sub(new[k], r[k]));
         moved.restart_product =
-            l.neg_mul_add(load!(l, at, self.weight), dot_product(l, change, way), moved.restart_product);
+            l.neg_mul_add(load_column(l, from, &self.weight), dot_product(l, change, way), moved.restart_product);
         moved.change2 = l.add(dot_product(l, change, change), moved.change2);
     }
 
@@ -289,9 +255,9 @@ impl<T: LaneFloat> PairSweepKernel for FrictionalPoint<T> {
         &self,
         l: L,
         values: &FrictionalImpulses<T>,
-        at: std::ops::Range<usize>,
+        from: usize,
     ) -> ([L::V; 3], L::V) {
-        (load3!(l, at, self.axes[0]), load!(l, at, values.r[0]))
+        (load_vector(l, from, &self.axes[0]), load_column(l, from, &values.r[0]))
     }
 }
 
@@ -302,44 +268,41 @@ impl<T: LaneFloat> PairSweepKernel for FrictionlessPoint<T> {
         l: L,
         values: &mut NormalImpulses<T>,
         _: Option<&LeverColumns<T>>,
-        at: std::ops::Range<usize>,
+        from: usize,
         beta: L::V,
         pair: &mut PairVelocities<L::V>,
         moved: &mut LaneSums<L::V>,
     ) {
         let PairVelocities { va, wa, vb, wb, inverse_mass, free_axes: pushed, .. } = pair;
-        let n = load3!(l, at, self.normal);
+        let n = load_vector(l, from, &self.normal);
         let between = triple!(k => l.sub(va[k], vb[k]));
-        let turned =
-            l.sub(dot_product(l, *wa, load3!(l, at, self.arms[0])), dot_product(l, *wb, load3!(l, at, self.arms[1])));
-        let u = l.add(l.add(dot_product(l, n, between), turned), load!(l, at, self.shift));
-        let (r, before) = (load!(l, at, values.r), load!(l, at, values.previous));
+        let turned = l.sub(
+            dot_product(l, *wa, load_vector(l, from, &self.arms[0])),
+            dot_product(l, *wb, load_vector(l, from, &self.arms[1])),
+        );
+        let u = l.add(l.add(dot_product(l, n, between), turned), load_column(l, from, &self.shift));
+        let (r, before) = (load_column(l, from, &values.r), load_column(l, from, &values.previous));
         let y = l.mul_add(beta, l.sub(r, before), r);
-        let (zero, free) = (l.splat(0.0), l.neg_mul_add(u, load!(l, at, self.inverse_nn), y));
+        let (zero, free) = (l.splat(0.0), l.neg_mul_add(u, load_column(l, from, &self.inverse_nn), y));
         // Infinite or NaN impulses are rejected.
         let new = l.select_greater(free, zero, l.select_greater(l.splat(f64::MAX), free, free, zero), zero);
-        l.store(&mut values.previous[at.clone()], r);
-        l.store(&mut values.r[at.clone()], new);
+        store_column(l, from, &mut values.previous, r);
+        store_column(l, from, &mut values.r, new);
         let change = l.sub(new, y);
         let (push_a, push_b) = (l.mul(change, inverse_mass[0]), l.mul(change, inverse_mass[1]));
         let [to_a, to_b] = mask_axes::<HELD, L>(l, pushed, n);
         *va = triple!(k => l.mul_add(to_a[k], push_a, va[k]));
         *vb = triple!(k => l.neg_mul_add(to_b[k], push_b, vb[k]));
-        *wa = triple!(k => l.mul_add(load!(l, at, self.answers[0][k]), change, wa[k]));
-        *wb = triple!(k => l.neg_mul_add(load!(l, at, self.answers[1][k]), change, wb[k]));
+        *wa = triple!(k => l.mul_add(load_column(l, from, &self.answers[0][k]), change, wa[k]));
+        *wb = triple!(k => l.neg_mul_add(load_column(l, from, &self.answers[1][k]), change, wb[k]));
         moved.restart_product =
-            l.neg_mul_add(l.mul(load!(l, at, self.weight), change), l.sub(new, r), moved.restart_product);
+            l.neg_mul_add(l.mul(load_column(l, from, &self.weight), change), l.sub(new, r), moved.restart_product);
         moved.change2 = l.mul_add(change, change, moved.change2);
     }
 
     #[inline(always)]
-    fn normal_impulse<L: Arithmetic<T = T>>(
-        &self,
-        l: L,
-        values: &NormalImpulses<T>,
-        at: std::ops::Range<usize>,
-    ) -> ([L::V; 3], L::V) {
-        (load3!(l, at, self.normal), load!(l, at, values.r))
+    fn normal_impulse<L: Arithmetic<T = T>>(&self, l: L, values: &NormalImpulses<T>, from: usize) -> ([L::V; 3], L::V) {
+        (load_vector(l, from, &self.normal), load_column(l, from, &values.r))
     }
 }
 
@@ -372,7 +335,7 @@ fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: PairSweepKer
     let PairLanes { batch, points, impulses, later, rolls, levers, from } = pairs;
     let at = from..from + L::WIDTH;
     let beta = l.splat(beta);
-    let index = [&batch.bodies[0][at.clone()], &batch.bodies[1][at.clone()]];
+    let index = [&batch.bodies[0][at.clone()], &batch.bodies[1][at]];
     let a = l.gather_lines(lines, index[0]);
     let b = l.gather_lines(lines, index[1]);
     let (inertia_a, inertia_b) = (l.gather_lines(inertia, index[0]), l.gather_lines(inertia, index[1]));
@@ -386,26 +349,28 @@ fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: PairSweepKer
         free_axes: pushed,
         inertia: [inertia_a, inertia_b],
     };
-    let mut moved =
-        LaneSums { restart_product: load!(l, at, sums.restart_product), change2: load!(l, at, sums.change2) };
+    let mut moved = LaneSums {
+        restart_product: load_column(l, from, &sums.restart_product),
+        change2: load_column(l, from, &sums.change2),
+    };
     let mut rolls = rolls.iter_mut();
     for (i, (point, values)) in points.iter().zip(impulses).enumerate() {
         if FAR && from == 0 && i < later.0.len() {
             l.prefetch(&later.0[i]);
             l.prefetch(&later.1[i]);
         }
-        point.solve_contacts::<HELD, L>(l, values, levers.get(i), at.clone(), beta, &mut pair, &mut moved);
+        point.solve_contacts::<HELD, L>(l, values, levers.get(i), from, beta, &mut pair, &mut moved);
         if let Some(rolls) = rolls.next() {
-            let (n, pressing) = point.normal_impulse(l, values, at.clone());
+            let (n, pressing) = point.normal_impulse(l, values, from);
             let w = triple!(k => l.sub(pair.wa[k], pair.wb[k]));
-            let change = rolls.solve_moments(l, at.clone(), beta, n, pressing, w);
+            let change = rolls.solve_moments(l, from, beta, n, pressing, w);
             let zero = l.splat(0.0);
             pair.wa = apply_inverse_inertia(l, pair.inertia[0], change, pair.wa);
             pair.wb = apply_inverse_inertia(l, pair.inertia[1], triple!(k => l.sub(zero, change[k])), pair.wb);
         }
     }
-    l.store(&mut sums.restart_product[at.clone()], moved.restart_product);
-    l.store(&mut sums.change2[at], moved.change2);
+    store_column(l, from, &mut sums.restart_product, moved.restart_product);
+    store_column(l, from, &mut sums.change2, moved.change2);
     let PairVelocities { va, wa, vb, wb, .. } = pair;
     l.scatter_lines(lines, index[0], [va[0], va[1], va[2], a[3], wa[0], wa[1], wa[2], a[7]]);
     l.scatter_lines(lines, index[1], [vb[0], vb[1], vb[2], b[3], wb[0], wb[1], wb[2], b[7]]);

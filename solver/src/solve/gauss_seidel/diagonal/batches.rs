@@ -1,10 +1,11 @@
 //! The contact problem laid out for sweeping: bodies in spatial order, one cache line each, half a line in scenes without
 //! friction; contacts in batches that share no moving body.
 //!
-//! Bodies are divided into ranges by their number alone, and ranges are joined two by two up to the whole: a tree. Each range
-//! has a block of the contacts inside it, each joint a block of those across it, which is swept after both its sides. So the
-//! sides can be swept in parallel, contacts swept together are stored together, and the result does not depend on the number
-//! of threads.
+//! Ranges of bodies are joined two by two up to the whole: a tree. Each range has a block of the contacts inside it, each
+//! joint a block of those across it, which is swept after both its sides. So the sides can be swept in parallel, and contacts
+//! swept together are stored together.
+
+use std::ops::Range;
 
 use bytemuck::Pod;
 use rayon::prelude::*;
@@ -13,16 +14,13 @@ use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::lanes::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, LaneFloat, SimdWidth};
 use crate::math::{PAR_MIN_LEN, group_by_key};
 use crate::solve::gauss_seidel::packed::{
-    BATCH_LANES, FrictionCones, NONE, SweepSums, SweepUnits, set_lane, snap_to_cones,
+    BATCH_LANES, FrictionCones, NONE, PackSource, SweepSums, SweepUnits, set_lane, snap_to_cones,
 };
+use crate::solve::gauss_seidel::partition::{BodyPartition, MAX_COLOURS, PartitionRule, colour_pairs};
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
 use crate::solve::types::ContactReactions;
 
-/// Smallest number of bodies in a range: tasks with fewer would wait for each other more than they work.
-const MIN_BODIES_PER_RANGE: usize = 1024;
-
-/// Number of colours; contacts for which none is free are swept one at a time.
-const MAX_COLOURS: usize = 64;
+const PARTITION_RULE: PartitionRule = PartitionRule { min_bodies: 1024, rounds_up: false };
 
 /// Constant data of sixteen contacts. Unused lanes have no normal and no friction, and stay at rest.
 #[derive(Debug, Clone, Copy)]
@@ -59,9 +57,9 @@ pub struct RangeBatches<T> {
     /// Shift in the tangent plane, m/s; empty if there is none.
     pub tangential_shift: Vec<BatchVectors<T>>,
     /// Rolling constraints; empty if no contact of the scene has moments, as is `curvatures`.
-    pub rolls: Vec<RollingConstraintWide>,
+    pub rolls: Vec<RollingConstraintWide<T>>,
     /// 1/radius of candidate and antagonist, 1/m; 0 for a plate, whose rotation is in the shift.
-    pub curvatures: Vec<[[f64; BATCH_LANES]; 2]>,
+    pub curvatures: Vec<[[T; BATCH_LANES]; 2]>,
     /// Row of the system, or [`NONE`].
     pub rows: Vec<[u32; BATCH_LANES]>,
     /// Friction cones to which the impulses are snapped when read back, if needed; else empty.
@@ -71,12 +69,12 @@ pub struct RangeBatches<T> {
 }
 
 /// Data of a body in the sweeps.
+///
+/// In single precision small changes of large velocities would be lost: there the stored velocity is only the change by the
+/// sweeps, and each contact has the initial one.
 pub trait PackedBody: Pod + Send + Sync {
     type T: LaneFloat;
     const HAS_FRICTION: bool;
-    /// Whether the stored velocity is only its change by the sweeps, and each contact has the initial one: in single
-    /// precision small changes of large velocities would be lost.
-    const STORES_DELTAS: bool;
     /// Body of unused lanes: no impulse acts on it, and no division by zero occurs.
     const PADDING: Self;
 
@@ -87,7 +85,6 @@ pub trait PackedBody: Pod + Send + Sync {
 impl PackedBody for BodyLine {
     type T = f64;
     const HAS_FRICTION: bool = true;
-    const STORES_DELTAS: bool = false;
     const PADDING: Self = BodyLine([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
 
     fn new(&SolverBody { v, inverse_mass, w, inverse_inertia, radius }: &SolverBody, _: &SweepUnits) -> Self {
@@ -100,7 +97,6 @@ impl PackedBody for BodyLine {
 impl PackedBody for BodyHalfLine {
     type T = f64;
     const HAS_FRICTION: bool = false;
-    const STORES_DELTAS: bool = false;
     const PADDING: Self = BodyHalfLine([0.0, 0.0, 0.0, 1.0]);
 
     fn new(record: &SolverBody, _: &SweepUnits) -> Self {
@@ -113,7 +109,6 @@ impl PackedBody for BodyHalfLine {
 impl PackedBody for BodyLineF32 {
     type T = f32;
     const HAS_FRICTION: bool = true;
-    const STORES_DELTAS: bool = true;
     const PADDING: Self = BodyLineF32([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
 
     fn new(&SolverBody { inverse_mass, inverse_inertia, radius, .. }: &SolverBody, units: &SweepUnits) -> Self {
@@ -127,7 +122,6 @@ impl PackedBody for BodyLineF32 {
 impl PackedBody for BodyHalfLineF32 {
     type T = f32;
     const HAS_FRICTION: bool = false;
-    const STORES_DELTAS: bool = true;
     const PADDING: Self = BodyHalfLineF32([0.0, 0.0, 0.0, 1.0]);
 
     fn new(record: &SolverBody, units: &SweepUnits) -> Self {
@@ -147,24 +141,20 @@ pub struct DiagonalProblem<B: PackedBody> {
 }
 
 impl<B: PackedBody> DiagonalProblem<B> {
-    /// Problem of the rows `active`, starting from `reactions` and from the velocities that result from them.
-    pub fn new(system: &ContactProblem, active: &[u32], reactions: &ContactReactions, records: &[SolverBody]) -> Self {
-        let layout = BatchLayout::new(system, active);
-        let units = if B::STORES_DELTAS {
-            SweepUnits::from_problem(system, active, reactions, records)
-        } else {
-            SweepUnits::SI
-        };
-        let of_body = |&body: &u32| B::new(&records[body as usize], &units);
-        let moving: Vec<B> = layout.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(of_body).collect();
+    /// Packs the rows of `source`.
+    pub fn new(source: &PackSource) -> Self {
+        let layout = BatchLayout::new(source.system, source.active);
+        let units = SweepUnits::from_source::<B::T>(source);
+        let of_body = |&body: &u32| B::new(&source.records[body as usize], &units);
+        let bodies = &layout.partition.bodies;
+        let moving: Vec<B> = bodies.par_iter().with_min_len(PAR_MIN_LEN).map(of_body).collect();
         let mut lines = vec![B::PADDING; layout.starts[layout.starts.len() - 1] as usize];
-        for (range, &start) in layout.cuts.windows(2).zip(&layout.starts) {
-            let moving = &moving[range[0] as usize..range[1] as usize];
+        for (range, &start) in (0..layout.partition.range_count()).zip(&layout.starts) {
+            let moving = &moving[layout.partition.ranks(range)];
             lines[start as usize..start as usize + moving.len()].copy_from_slice(moving);
         }
-        let fill = DiagonalSource { system, active, reactions, records, units };
         let blocks: Vec<(RangeBatches<B::T>, Vec<B>)> =
-            (0..layout.blocks.len() - 1).into_par_iter().map(|b| layout.pack_block(b, &fill)).collect();
+            (0..layout.blocks.len() - 1).into_par_iter().map(|b| layout.pack_block(b, source, units)).collect();
         let blocks = blocks.into_iter().enumerate().map(|(b, (block, fixed))| {
             let end = layout.starts[b / 2 + 1] as usize - 1;
             lines[end - fixed.len()..end].copy_from_slice(&fixed);
@@ -175,7 +165,7 @@ impl<B: PackedBody> DiagonalProblem<B> {
     }
 
     /// Copies the impulses and moments of the swept rows into `reactions`.
-    pub fn read_back(&self, width: SimdWidth, reactions: &mut ContactReactions) {
+    pub fn read_back_reactions(&self, width: SimdWidth, reactions: &mut ContactReactions) {
         let ContactReactions { impulses, moments } = reactions;
         let unit = self.units.impulse;
         for block in &self.blocks {
@@ -190,7 +180,7 @@ impl<B: PackedBody> DiagonalProblem<B> {
                     .filter_map(|&row| impulses.get(row as usize));
                 later.for_each(|r| width.prefetch(r));
                 let mut r = r.0.map(|column| column.map(|r| r.to_f64() * unit));
-                match (B::HAS_FRICTION, B::STORES_DELTAS) {
+                match (B::HAS_FRICTION, B::T::IS_SINGLE) {
                     (true, false) => (),
                     (true, true) => snap_to_cones(width, &block.cones[batch], &mut r),
                     (false, _) => r = block.cones[batch].n.map(|n| std::array::from_fn(|lane| n[lane] * r[0][lane])),
@@ -206,28 +196,14 @@ impl<B: PackedBody> DiagonalProblem<B> {
 /// Number of batches ahead for which the rows to write are prefetched.
 const PREFETCH_BATCHES: usize = 2;
 
-/// Input for packing the blocks.
-struct DiagonalSource<'a> {
-    system: &'a ContactProblem,
-    active: &'a [u32],
-    reactions: &'a ContactReactions,
-    records: &'a [SolverBody],
-    units: SweepUnits,
-}
-
 /// Layout of contacts and bodies.
 struct BatchLayout {
-    /// Touched moving bodies in spatial order; a body's index here is its rank.
-    bodies: Vec<u32>,
+    partition: BodyPartition,
     /// Line of each rank.
     lines: Vec<u32>,
-    /// First rank of each range, and the number of ranks.
-    cuts: Vec<u32>,
     /// First line of each range, and the number of lines.
     starts: Vec<u32>,
-    /// Ranks of the bodies of each active row, [`NONE`] for a body that does not move.
-    pairs: Vec<[u32; 2]>,
-    /// Indices into `active`, by block, and in spatial order within a block.
+    /// Indices into the active rows, by block, and in spatial order within a block.
     order: Vec<u32>,
     /// Start of each block in `order`, and the end of the last.
     blocks: Vec<u32>,
@@ -235,25 +211,9 @@ struct BatchLayout {
 
 impl BatchLayout {
     fn new(system: &ContactProblem, active: &[u32]) -> Self {
-        let bodies_of = |&k: &u32| system.rows[k as usize].bodies;
-        let mut pairs: Vec<[u32; 2]> = active.par_iter().with_min_len(PAR_MIN_LEN).map(bodies_of).collect();
-        let mut touched = vec![false; system.bodies.len()];
-        pairs.as_flattened().iter().for_each(|&body| touched[body as usize] = true);
-        let moves = |&body: &u32| touched[body as usize] && system.bodies[body as usize].inverse_mass > 0.0;
-        let bodies: Vec<u32> = system.order.par_iter().copied().with_min_len(PAR_MIN_LEN).filter(moves).collect();
-        let mut rank = vec![NONE; system.bodies.len()];
-        for (place, &body) in bodies.iter().enumerate() {
-            rank[body as usize] = place as u32;
-        }
-        pairs.par_iter_mut().with_min_len(PAR_MIN_LEN).for_each(|pair| *pair = pair.map(|body| rank[body as usize]));
-
-        let ranges = (bodies.len() / MIN_BODIES_PER_RANGE).max(1);
-        let ranges = 1 << ranges.ilog2(); // a power of two, so that halves can be halved again
-        let cuts: Vec<u32> = (0..=ranges).map(|r| (r * bodies.len() / ranges) as u32).collect();
-        let mut range_of = vec![0; bodies.len()];
-        for r in 0..ranges {
-            range_of[cuts[r] as usize..cuts[r + 1] as usize].fill(r as u32);
-        }
+        let partition = BodyPartition::new(system, active, PARTITION_RULE);
+        let BodyPartition { bodies, pairs, .. } = &partition;
+        let ranges = partition.range_count();
         let first: Vec<u32> = pairs.iter().map(|[a, b]| *a.min(b).min(&(bodies.len() as u32))).collect();
         let (by_place, starts) = group_by_key(&first, bodies.len() + 1);
         // Contacts between two bodies whose motion is imposed have no solution to find.
@@ -263,13 +223,13 @@ impl BatchLayout {
         let mut fixed = vec![0; ranges];
         let block = |&place: &u32| {
             let [a, b] = pairs[place as usize];
-            let near = range_of[a.min(b) as usize];
+            let near = partition.range_of(a.min(b));
             let far = a.max(b);
             if far == NONE {
                 fixed[near as usize] += 1;
                 return 2 * near;
             }
-            block_index(near, range_of[far as usize])
+            block_index(near, partition.range_of(far))
         };
         let blocks_of: Vec<u32> = by_place.iter().map(block).collect();
         let (mut order, blocks) = group_by_key(&blocks_of, 2 * ranges - 1);
@@ -277,21 +237,27 @@ impl BatchLayout {
 
         let mut starts = vec![0];
         let mut lines = Vec::with_capacity(bodies.len());
-        for r in 0..ranges {
-            let moving = cuts[r + 1] - cuts[r];
+        for (r, fixed) in fixed.into_iter().enumerate() {
+            let moving = partition.ranks(r).len() as u32;
             lines.extend(starts[r]..starts[r] + moving);
-            starts.push(starts[r] + moving + fixed[r] + 1);
+            starts.push(starts[r] + moving + fixed + 1);
         }
-        BatchLayout { bodies, lines, cuts, starts, pairs, order, blocks }
+        BatchLayout { partition, lines, starts, order, blocks }
     }
 
     /// Packs a block, and the lines of the bodies in it that do not move.
-    fn pack_block<B: PackedBody>(&self, block: usize, from: &DiagonalSource) -> (RangeBatches<B::T>, Vec<B>) {
+    fn pack_block<B: PackedBody>(
+        &self,
+        block: usize,
+        from: &PackSource,
+        units: SweepUnits,
+    ) -> (RangeBatches<B::T>, Vec<B>) {
         let (first, last) = block_ranges(block);
+        let BodyPartition { pairs, cuts, .. } = &self.partition;
         let start = self.starts[first];
         let lines = self.starts[last + 1] - start;
         let places = &self.order[self.blocks[block] as usize..self.blocks[block + 1] as usize];
-        let (mut rows, colours) = colour_rows(places, &self.pairs, self.cuts[first], self.cuts[last + 1]);
+        let (mut rows, colours) = batches_by_colour(places, pairs, cuts[first] as usize..cuts[last + 1] as usize);
         let zero = B::T::default();
         let empty = ContactBatch {
             n: [[zero; BATCH_LANES]; 3],
@@ -305,10 +271,10 @@ impl BatchLayout {
         let mut drift = Vec::new();
         let turning = if from.system.rolling_constraints.is_empty() { 0 } else { rows.len() };
         let (mut rolls, mut curvatures) =
-            (vec![RollingConstraintWide::NONE; turning], vec![[[0.0; BATCH_LANES]; 2]; turning]);
-        let mut cones = vec![FrictionCones::NONE; if B::STORES_DELTAS || !B::HAS_FRICTION { rows.len() } else { 0 }];
+            (vec![RollingConstraintWide::NONE; turning], vec![[[zero; BATCH_LANES]; 2]; turning]);
+        let mut cones = vec![FrictionCones::NONE; if B::T::IS_SINGLE || !B::HAS_FRICTION { rows.len() } else { 0 }];
         let mut fixed = Vec::new();
-        let first_fixed = self.starts[first] + self.cuts[first + 1] - self.cuts[first] - start;
+        let first_fixed = self.starts[first] + cuts[first + 1] - cuts[first] - start;
         for (i, ((batch, r), rows)) in batches.iter_mut().zip(&mut r).zip(&mut rows).enumerate() {
             for (lane, slot) in rows.iter_mut().enumerate().filter(|(_, slot)| **slot != NONE) {
                 let place = *slot as usize;
@@ -322,8 +288,7 @@ impl BatchLayout {
                 }
                 batch.arm[lane] = B::T::from_f64(row.arm);
                 batch.friction[lane] = B::T::from_f64(row.friction);
-                for side in 0..2 {
-                    let rank = self.pairs[place][side];
+                for (side, rank) in pairs[place].into_iter().enumerate() {
                     if rank != NONE {
                         batch.bodies[side][lane] = self.lines[rank as usize] - start;
                         continue;
@@ -332,15 +297,12 @@ impl BatchLayout {
                     let sign = if side == 0 { 1.0 } else { -1.0 };
                     let record = &from.records[row.bodies[side] as usize];
                     batch.bodies[side][lane] = first_fixed + fixed.len() as u32;
-                    fixed.push(B::new(&SolverBody { v: record.v + row.shift * sign, ..*record }, &from.units));
+                    fixed.push(B::new(&SolverBody { v: record.v + row.shift * sign, ..*record }, &units));
                 }
-                let moves = self.pairs[place].iter().all(|rank| *rank != NONE);
-                if B::STORES_DELTAS || moves {
-                    let shift = if B::STORES_DELTAS {
-                        row.shifted_velocity(from.records) / from.units.velocity
-                    } else {
-                        row.shift
-                    };
+                let moves = pairs[place].iter().all(|rank| *rank != NONE);
+                if B::T::IS_SINGLE || moves {
+                    let shift =
+                        if B::T::IS_SINGLE { row.shifted_velocity(from.records) / units.velocity } else { row.shift };
                     let along = n.dot(&shift);
                     batch.shift[lane] = B::T::from_f64(along);
                     let rest = shift - n * along;
@@ -354,14 +316,14 @@ impl BatchLayout {
                     rolls.set_lane(lane, from.system, k, &from.reactions.moments);
                     for (curvature, body) in curvatures.iter_mut().zip(row.bodies) {
                         let radius = from.records[body as usize].radius;
-                        curvature[lane] = if radius > 0.0 { 1.0 / radius } else { 0.0 };
+                        curvature[lane] = B::T::from_f64(if radius > 0.0 { 1.0 / radius } else { 0.0 });
                     }
                 }
                 let impulse = &from.reactions.impulses[k as usize];
                 if B::HAS_FRICTION {
-                    set_lane(&mut r.0, lane, &(impulse / from.units.impulse));
+                    set_lane(&mut r.0, lane, &(impulse / units.impulse));
                 } else {
-                    r.0[0][lane] = B::T::from_f64(n.dot(impulse) / from.units.impulse);
+                    r.0[0][lane] = B::T::from_f64(n.dot(impulse) / units.impulse);
                 }
             }
         }
@@ -403,25 +365,10 @@ fn block_ranges(block: usize) -> (usize, usize) {
 
 /// Batches of rows that share no moving body, by colour, and the end of each colour. Rows without a colour form batches of
 /// one.
-///
-/// `low`, `high`: ranks of the bodies.
-fn colour_rows(rows: &[u32], pairs: &[[u32; 2]], low: u32, high: u32) -> (Vec<[u32; BATCH_LANES]>, Vec<usize>) {
-    // Bodies that do not move take no colour.
-    let unmoved = (high - low) as usize;
-    let mut masks = vec![0u64; unmoved + 1];
+fn batches_by_colour(rows: &[u32], pairs: &[[u32; 2]], ranks: Range<usize>) -> (Vec<[u32; BATCH_LANES]>, Vec<usize>) {
+    let colours = colour_pairs(rows.iter().map(|&row| pairs[row as usize]), ranks);
     let mut counts = [0; MAX_COLOURS + 1];
-    let mut colours: Vec<u8> = Vec::with_capacity(rows.len());
-    for &row in rows {
-        let [a, b] = pairs[row as usize].map(|rank| (rank.wrapping_sub(low) as usize).min(unmoved));
-        let free = (masks[a] | masks[b]).trailing_ones() as usize;
-        if free < MAX_COLOURS {
-            masks[a] |= 1 << free;
-            masks[b] |= 1 << free;
-            masks[unmoved] = 0;
-        }
-        counts[free] += 1;
-        colours.push(free as u8);
-    }
+    colours.iter().for_each(|&colour| counts[colour as usize] += 1);
     let mut next = [0; MAX_COLOURS + 1];
     let mut ends = Vec::new();
     let mut batches = 0;

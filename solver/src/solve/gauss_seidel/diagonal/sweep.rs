@@ -3,63 +3,50 @@
 use bytemuck::{cast_slice, cast_slice_mut};
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{
-    Arithmetic, BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, F32Lanes, LaneFloat, SimdWidth,
-};
+use crate::assemble::ContactProblem;
+use crate::math::lanes::{Arithmetic, F32Arithmetic, LaneFloat, LaneOperation, SimdWidth};
 use crate::solve::gauss_seidel::diagonal::batches::{
     BatchVectors, ContactBatch, DiagonalProblem, PackedBody, RangeBatches,
 };
 use crate::solve::gauss_seidel::diagonal::local::{coulomb, signorini, unprojected_impulse};
-use crate::solve::gauss_seidel::packed::{BATCH_LANES, L2_BYTES, SweepSums};
+use crate::solve::gauss_seidel::packed::{
+    ApplyMomentum, BATCH_LANES, L2_BYTES, PackedProblem, SweepStats, SweepSums, load_column, load_vector, store_column,
+};
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
 use crate::solve::gauss_seidel::vector::{LaneVector, cross_add, cross_product, dot_product, triple};
+use crate::solve::types::ContactReactions;
 
 /// Batches processed together in each stage of a sweep, so that no stage waits for the one before.
 const BATCHES_PER_STAGE: usize = 8;
 
-/// Sweeps all contacts once, each from y = r + beta (r - r_before).
-pub fn sweep_contacts<B: SweepKernel<T = f64>>(
-    problem: &mut DiagonalProblem<B>,
-    width: SimdWidth,
-    beta: f64,
-) -> SweepSums<f64> {
-    match width {
-        SimdWidth::One(lanes) => sweep_with(problem, lanes, beta),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Four(simd) => sweep_with(problem, simd, beta),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Eight(simd) => sweep_with(problem, simd, beta),
+impl<B: PackedBody> PackedProblem for DiagonalProblem<B> {
+    fn sweep_contacts(&mut self, width: SimdWidth, beta: f64) -> SweepStats {
+        width.dispatch(ProblemSweep { problem: self, beta })
+    }
+
+    fn read_back(&self, width: SimdWidth, _: &ContactProblem, reactions: &mut ContactReactions) {
+        self.read_back_reactions(width, reactions);
     }
 }
 
-/// Sweeps all contacts once as [`sweep_contacts`], in single precision.
-pub fn sweep_single<B: SweepKernel<T = f32>>(
-    problem: &mut DiagonalProblem<B>,
-    width: SimdWidth,
+struct ProblemSweep<'a, B: PackedBody> {
+    problem: &'a mut DiagonalProblem<B>,
     beta: f64,
-) -> SweepSums<f32> {
-    match width {
-        SimdWidth::One(lanes) => sweep_with(problem, F32Lanes(lanes), beta),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Four(simd) => sweep_with(problem, F32Lanes(simd), beta),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Eight(simd) => sweep_with(problem, F32Lanes(simd), beta),
-    }
 }
 
-fn sweep_with<L: Arithmetic, B: SweepKernel<T = L::T>>(
-    problem: &mut DiagonalProblem<B>,
-    lanes: L,
-    beta: f64,
-) -> SweepSums<L::T> {
-    let DiagonalProblem { lines, previous, blocks, .. } = problem;
-    let batches: usize = blocks.iter().map(|block| block.batches.len()).sum();
-    let far = batches * size_of::<(ContactBatch<L::T>, [BatchVectors<L::T>; 2])>() > L2_BYTES;
-    std::mem::swap(lines, previous);
-    TreeSweep { lanes, beta, exceeds_l2: far }.sweep_subtree(blocks, lines, previous);
-    let mut sums = SweepSums::default();
-    blocks.iter().for_each(|block| sums.accumulate(&block.sums));
-    sums
+impl<B: PackedBody> LaneOperation for ProblemSweep<'_, B> {
+    type Output = SweepStats;
+
+    fn call<L: F32Arithmetic>(self, l: L) -> SweepStats {
+        let ProblemSweep { problem: DiagonalProblem { units, lines, previous, blocks }, beta } = self;
+        let batches: usize = blocks.iter().map(|block| block.batches.len()).sum();
+        let exceeds_l2 = batches * size_of::<(ContactBatch<B::T>, [BatchVectors<B::T>; 2])>() > L2_BYTES;
+        std::mem::swap(lines, previous);
+        TreeSweep { lanes: B::T::lanes(l), beta, exceeds_l2 }.sweep_subtree(blocks, lines, previous);
+        let mut sums = SweepSums::default();
+        blocks.iter().for_each(|block| sums.accumulate(&block.sums));
+        sums.reduce(*units)
+    }
 }
 
 #[derive(Clone, Copy)]
@@ -72,7 +59,7 @@ struct TreeSweep<L> {
 
 impl<L: Arithmetic> TreeSweep<L> {
     /// Sweeps both sides of a joint in parallel, then the joint.
-    fn sweep_subtree<B: SweepKernel<T = L::T>>(
+    fn sweep_subtree<B: PackedBody<T = L::T>>(
         self,
         blocks: &mut [RangeBatches<L::T>],
         lines: &mut [B],
@@ -82,7 +69,8 @@ impl<L: Arithmetic> TreeSweep<L> {
         let (left, rest) = blocks.split_at_mut(half);
         let Some((block, right)) = rest.split_first_mut() else { return };
         if left.is_empty() {
-            self.lanes.run(ApplyMomentum { lanes: self.lanes, lines, previous, beta: self.beta });
+            let (l, beta) = (self.lanes, self.beta);
+            l.run(ApplyMomentum { l, numbers: cast_slice_mut(lines), last: cast_slice(previous), beta });
         } else {
             let cut = left[half / 2].lines;
             let (lines_left, lines_right) = lines.split_at_mut(cut);
@@ -95,46 +83,6 @@ impl<L: Arithmetic> TreeSweep<L> {
         self.lanes.run(SweepBlock { lanes: self.lanes, lines, block, beta: self.beta, exceeds_l2: self.exceeds_l2 });
         std::mem::swap(&mut block.r, &mut block.previous);
     }
-}
-
-/// Velocities are linear in the impulses, so momentum takes one pass over the bodies.
-struct ApplyMomentum<'a, L, B> {
-    lanes: L,
-    /// Lines of the sweep before `previous`, overwritten by the next ones.
-    lines: &'a mut [B],
-    previous: &'a [B],
-    beta: f64,
-}
-
-impl<L: Arithmetic, B: SweepKernel<T = L::T>> NullaryFnOnce for ApplyMomentum<'_, L, B> {
-    type Output = ();
-    #[inline(always)]
-    fn call(self) {
-        let l = self.lanes;
-        let beta = l.splat(self.beta);
-        // Masses do not change.
-        let mut lines = cast_slice_mut::<B, L::T>(self.lines).chunks_exact_mut(L::WIDTH);
-        let mut previous = cast_slice::<B, L::T>(self.previous).chunks_exact(L::WIDTH);
-        for (line, previous) in (&mut lines).zip(&mut previous) {
-            let (before, now) = (l.load(line), l.load(previous));
-            l.store(line, l.mul_add(beta, l.sub(now, before), now));
-        }
-        for (line, now) in lines.into_remainder().iter_mut().zip(previous.remainder()) {
-            *line = L::T::from_f64(self.beta).fused_mul_add(*now - *line, *now);
-        }
-    }
-}
-
-/// Loads the vector of `WIDTH` values from index `from` on.
-macro_rules! load {
-    ($l:ident, $from:ident, $x:expr) => {
-        $l.load(&$x[$from..$from + L::WIDTH])
-    };
-}
-macro_rules! load3 {
-    ($l:ident, $from:ident, $x:expr) => {
-        triple!(k => load!($l, $from, $x[k]))
-    };
 }
 
 /// Columns of the bodies' lines for a vector of contacts.
@@ -152,7 +100,7 @@ struct SweepBlock<'a, L, B: PackedBody> {
     exceeds_l2: bool,
 }
 
-impl<L: Arithmetic, B: SweepKernel<T = L::T>> NullaryFnOnce for SweepBlock<'_, L, B> {
+impl<L: Arithmetic, B: PackedBody<T = L::T>> NullaryFnOnce for SweepBlock<'_, L, B> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
@@ -187,12 +135,13 @@ impl<L: Arithmetic, B: SweepKernel<T = L::T>> NullaryFnOnce for SweepBlock<'_, L
                     beta,
                 };
                 for from in (0..BATCH_LANES).step_by(L::WIDTH) {
-                    B::solve_contacts(l, lines, &mut chunk, from, &mut between, sums);
+                    solve_contacts(l, lines, &mut chunk, from, &mut between, sums);
                     for (batch, change) in chunk.batches.iter().zip(&between.changes) {
-                        let (a, b) = pair!(from, batch);
-                        B::apply_impulse(l, lines, a, b, change);
+                        apply_change(l, lines, pair!(from, batch), change);
                     }
-                    B::solve_rolling(l, lines, &mut chunk, from);
+                    if B::HAS_FRICTION && !chunk.rolls.is_empty() {
+                        solve_rolling(l, cast_slice_mut(lines), &mut chunk, from);
+                    }
                 }
                 first = next;
             }
@@ -207,8 +156,8 @@ pub struct BatchChunk<'a, T> {
     r: &'a [BatchVectors<T>],
     previous: &'a mut [BatchVectors<T>],
     tangential_shift: &'a [BatchVectors<T>],
-    rolls: &'a mut [RollingConstraintWide],
-    curvatures: &'a [[[f64; BATCH_LANES]; 2]],
+    rolls: &'a mut [RollingConstraintWide<T>],
+    curvatures: &'a [[[T; BATCH_LANES]; 2]],
     beta: f64,
 }
 
@@ -249,34 +198,6 @@ pub struct StageBuffers<V> {
     changes: [ImpulseChange<V>; BATCHES_PER_STAGE],
 }
 
-/// Bodies that can be swept.
-pub trait SweepKernel: PackedBody {
-    /// Solves the contacts of the vector from index `from` on of each batch. Returns their impulses, and the changes to be
-    /// given to the bodies.
-    fn solve_contacts<L: Arithmetic<T = Self::T>>(
-        l: L,
-        lines: &[Self],
-        chunk: &mut BatchChunk<Self::T>,
-        from: usize,
-        between: &mut StageBuffers<L::V>,
-        sums: &mut SweepSums<Self::T>,
-    );
-
-    /// Adds a change to the bodies `a` and subtracts it from `b`.
-    fn apply_impulse<L: Arithmetic<T = Self::T>>(
-        l: L,
-        lines: &mut [Self],
-        a: &[u32],
-        b: &[u32],
-        change: &ImpulseChange<L::V>,
-    );
-
-    /// Gives the bodies the moments of these contacts that follow from their new impulses. With rolling friction, bodies are
-    /// whole lines in double precision.
-    #[inline(always)]
-    fn solve_rolling<L: Arithmetic<T = Self::T>>(_: L, _: &mut [Self], _: &mut BatchChunk<Self::T>, _: usize) {}
-}
-
 /// Impulses that would stop the contacts of a vector, N s.
 #[derive(Clone, Copy)]
 pub struct TrialImpulse<V> {
@@ -296,98 +217,62 @@ pub struct ImpulseChange<V> {
     turn: LaneVector<V>,
 }
 
-macro_rules! with_friction {
-    () => {
-        #[inline(always)]
-        fn solve_contacts<L: Arithmetic<T = Self::T>>(
-            l: L,
-            lines: &[Self],
-            chunk: &mut BatchChunk<Self::T>,
-            from: usize,
-            between: &mut StageBuffers<L::V>,
-            sums: &mut SweepSums<Self::T>,
-        ) {
-            trial_impulses(l, lines, chunk, from, &mut between.trials);
-            project_impulses(l, chunk, from, between, sums);
-        }
-
-        #[inline(always)]
-        fn apply_impulse<L: Arithmetic<T = Self::T>>(
-            l: L,
-            lines: &mut [Self],
-            a: &[u32],
-            b: &[u32],
-            change: &ImpulseChange<L::V>,
-        ) {
-            l.apply_impulse(lines, a, b, change.impulse, change.turn);
-        }
-    };
+/// Solves the contacts of the vector from index `from` on of each batch; writes their impulses, and the changes to be given
+/// to the bodies.
+#[inline(always)]
+fn solve_contacts<L: Arithmetic, B: PackedBody<T = L::T>>(
+    l: L,
+    bodies: &[B],
+    chunk: &mut BatchChunk<L::T>,
+    from: usize,
+    between: &mut StageBuffers<L::V>,
+    sums: &mut SweepSums<L::T>,
+) {
+    if B::HAS_FRICTION {
+        trial_impulses(l, cast_slice(bodies), chunk, from, &mut between.trials);
+        project_impulses(l, chunk, from, between, sums);
+    } else {
+        project_normal_impulses(l, cast_slice(bodies), chunk, from, &mut between.changes, sums);
+    }
 }
 
-macro_rules! without_friction {
-    () => {
-        #[inline(always)]
-        fn solve_contacts<L: Arithmetic<T = Self::T>>(
-            l: L,
-            halves: &[Self],
-            chunk: &mut BatchChunk<Self::T>,
-            from: usize,
-            between: &mut StageBuffers<L::V>,
-            sums: &mut SweepSums<Self::T>,
-        ) {
-            project_normal_impulses(l, halves, chunk, from, &mut between.changes, sums);
+/// Adds a change to the bodies `a` and subtracts it from `b`.
+#[inline(always)]
+fn apply_change<L: Arithmetic, B: PackedBody<T = L::T>>(
+    l: L,
+    bodies: &mut [B],
+    (a, b): (&[u32], &[u32]),
+    change: &ImpulseChange<L::V>,
+) {
+    if B::HAS_FRICTION {
+        l.apply_impulse(cast_slice_mut(bodies), a, b, change.impulse, change.turn);
+    } else {
+        l.apply_half_impulse(cast_slice_mut(bodies), a, b, change.impulse);
+    }
+}
+
+/// Gives the bodies the moments of these contacts that follow from their new impulses.
+#[inline(always)]
+fn solve_rolling<L: Arithmetic>(l: L, lines: &mut [[L::T; 8]], chunk: &mut BatchChunk<L::T>, from: usize) {
+    let BatchChunk { batches, previous, rolls, curvatures, beta, .. } = chunk;
+    let beta = l.splat(*beta);
+    // The new impulses are stored in place of those of the sweep before.
+    for (((batch, r), rolls), curvatures) in batches.iter().zip(&**previous).zip(&mut **rolls).zip(*curvatures) {
+        let (a, b) = pair!(from, batch);
+        let (mut of_a, mut of_b) = (l.gather_lines(lines, a), l.gather_lines(lines, b));
+        // Lines contain R w and R^2/I.
+        let (in_a, in_b) = (load_column(l, from, &curvatures[0]), load_column(l, from, &curvatures[1]));
+        let w = triple!(k => l.neg_mul_add(of_b[4 + k], in_b, l.mul(of_a[4 + k], in_a)));
+        let n = load_vector(l, from, &batch.n);
+        let pressing = dot_product(l, n, load_vector(l, from, &r.0));
+        let change = rolls.solve_moments(l, from, beta, n, pressing, w);
+        let (to_a, to_b) = (l.mul(of_a[7], in_a), l.mul(of_b[7], in_b));
+        for k in 0..3 {
+            of_a[4 + k] = l.mul_add(to_a, change[k], of_a[4 + k]);
+            of_b[4 + k] = l.neg_mul_add(to_b, change[k], of_b[4 + k]);
         }
-
-        #[inline(always)]
-        fn apply_impulse<L: Arithmetic<T = Self::T>>(
-            l: L,
-            halves: &mut [Self],
-            a: &[u32],
-            b: &[u32],
-            change: &ImpulseChange<L::V>,
-        ) {
-            l.apply_half_impulse(halves, a, b, change.impulse);
-        }
-    };
-}
-
-impl SweepKernel for BodyLineF32 {
-    with_friction!();
-}
-
-impl SweepKernel for BodyHalfLine {
-    without_friction!();
-}
-
-impl SweepKernel for BodyHalfLineF32 {
-    without_friction!();
-}
-
-impl SweepKernel for BodyLine {
-    with_friction!();
-
-    #[inline(always)]
-    fn solve_rolling<L: Arithmetic<T = f64>>(l: L, lines: &mut [BodyLine], chunk: &mut BatchChunk<f64>, from: usize) {
-        let BatchChunk { batches, previous, rolls, curvatures, beta, .. } = chunk;
-        let (lines, beta) = (cast_slice_mut(lines), l.splat(*beta));
-        // The new impulses are stored in place of those of the sweep before.
-        for (((batch, r), rolls), curvatures) in batches.iter().zip(&**previous).zip(&mut **rolls).zip(*curvatures) {
-            let (a, b) = pair!(from, batch);
-            let (mut of_a, mut of_b) = (l.gather_lines(lines, a), l.gather_lines(lines, b));
-            // Lines contain R w and R^2/I.
-            let (in_a, in_b) = (load!(l, from, curvatures[0]), load!(l, from, curvatures[1]));
-            let w = triple!(k => l.neg_mul_add(of_b[4 + k], in_b, l.mul(of_a[4 + k], in_a)));
-            let n = load3!(l, from, batch.n);
-            let pressing = dot_product(l, n, load3!(l, from, r.0));
-            let change = rolls.solve_moments(l, from..from + L::WIDTH, beta, n, pressing, w);
-            let (to_a, to_b) = (l.mul(of_a[7], in_a), l.mul(of_b[7], in_b));
-            for k in 0..3 {
-                of_a[4 + k] = l.mul_add(to_a, change[k], of_a[4 + k]);
-                of_b[4 + k] = l.neg_mul_add(to_b, change[k], of_b[4 + k]);
-            }
-            l.scatter_lines(lines, a, of_a);
-            l.scatter_lines(lines, b, of_b);
-        }
+        l.scatter_lines(lines, a, of_a);
+        l.scatter_lines(lines, b, of_b);
     }
 }
 
@@ -407,21 +292,21 @@ fn trial_impulses<L: Arithmetic>(
         }
         let (a, b) = pair!(from, batch);
         let [dx, dy, dz, w_n, sx, sy, sz, k] = l.relative_velocity(lines, a, b);
-        let n = load3!(l, from, batch.n);
-        let r = load3!(l, from, r.0);
-        let before = load3!(l, from, previous.0);
+        let n = load_vector(l, from, &batch.n);
+        let r = load_vector(l, from, &r.0);
+        let before = load_vector(l, from, &previous.0);
         let y = triple!(i => l.mul_add(beta, l.sub(r[i], before[i]), r[i]));
-        let arm = load!(l, from, batch.arm);
+        let arm = load_column(l, from, &batch.arm);
         let lever = triple!(i => l.mul(n[i], arm));
         // û = v_a - v_b + n x arm (R_a w_a + R_b w_b) + shift
         let mut u = cross_add(l, lever, [sx, sy, sz], [dx, dy, dz]);
         if let Some(drift) = chunk.tangential_shift.get(i) {
-            let drift = load3!(l, from, drift.0);
+            let drift = load_vector(l, from, &drift.0);
             u = triple!(i => l.add(u[i], drift[i]));
         }
         let u_n = dot_product(l, n, [dx, dy, dz]);
         let w_t = l.mul_add(l.mul(arm, arm), k, w_n);
-        let shift = load!(l, from, batch.shift);
+        let shift = load_column(l, from, &batch.shift);
         let (normal, tangential) = unprojected_impulse(l, n, u, u_n, shift, y, [w_n, w_t]);
         *trial = TrialImpulse { tangential, normal, y, w_n };
     }
@@ -437,30 +322,30 @@ fn project_impulses<L: Arithmetic>(
 ) {
     let BatchChunk { batches, later, r, previous, .. } = chunk;
     let StageBuffers { trials, changes } = between;
-    let mut uphill = load!(l, from, sums.restart_product);
-    let mut change2 = load!(l, from, sums.change2);
+    let mut uphill = load_column(l, from, &sums.restart_product);
+    let mut change2 = load_column(l, from, &sums.change2);
     let columns = batches.iter().zip(*r).zip(&mut **previous).zip(&*trials).zip(changes);
     for (i, ((((batch, r), previous), trial), out)) in columns.enumerate() {
         if from == 0 {
             later.prefetch_impulses(l, i, 3);
         }
-        let n = load3!(l, from, batch.n);
-        let new = coulomb(l, n, trial.normal, trial.tangential, load!(l, from, batch.friction));
+        let n = load_vector(l, from, &batch.n);
+        let new = coulomb(l, n, trial.normal, trial.tangential, load_column(l, from, &batch.friction));
         let change = triple!(k => l.sub(new[k], trial.y[k]));
-        let arm = load!(l, from, batch.arm);
+        let arm = load_column(l, from, &batch.arm);
         let lever = triple!(k => l.mul(n[k], arm));
         let turn = cross_product(l, change, lever);
         *out = ImpulseChange { impulse: change, turn };
-        let r = load3!(l, from, r.0);
+        let r = load_vector(l, from, &r.0);
         for (stored, new) in previous.0.iter_mut().zip(new) {
-            l.store(&mut stored[from..], new);
+            store_column(l, from, stored, new);
         }
         let moved = triple!(k => l.sub(new[k], r[k]));
         uphill = l.neg_mul_add(trial.w_n, dot_product(l, change, moved), uphill);
         change2 = l.add(dot_product(l, change, change), change2);
     }
-    l.store(&mut sums.restart_product[from..], uphill);
-    l.store(&mut sums.change2[from..], change2);
+    store_column(l, from, &mut sums.restart_product, uphill);
+    store_column(l, from, &mut sums.change2, change2);
 }
 
 /// One unknown a contact, r̂_n, kept as the first component; spheres do not turn.
@@ -475,8 +360,8 @@ fn project_normal_impulses<L: Arithmetic>(
 ) {
     let BatchChunk { batches, later, r, previous, beta, .. } = chunk;
     let beta = l.splat(*beta);
-    let mut uphill = load!(l, from, sums.restart_product);
-    let mut change2 = load!(l, from, sums.change2);
+    let mut uphill = load_column(l, from, &sums.restart_product);
+    let mut change2 = load_column(l, from, &sums.change2);
     for (i, (((batch, r), previous), out)) in batches.iter().zip(*r).zip(&mut **previous).zip(changes).enumerate() {
         if from == 0 {
             later.prefetch_constants(l, i);
@@ -484,17 +369,17 @@ fn project_normal_impulses<L: Arithmetic>(
         }
         let (a, b) = pair!(from, batch);
         let [dx, dy, dz, w_n] = l.relative_half_velocity(halves, a, b);
-        let n = load3!(l, from, batch.n);
-        let r = load!(l, from, r.0[0]);
-        let y = l.mul_add(beta, l.sub(r, load!(l, from, previous.0[0])), r);
-        let u_n = l.add(dot_product(l, n, [dx, dy, dz]), load!(l, from, batch.shift));
+        let n = load_vector(l, from, &batch.n);
+        let r = load_column(l, from, &r.0[0]);
+        let y = l.mul_add(beta, l.sub(r, load_column(l, from, &previous.0[0])), r);
+        let u_n = l.add(dot_product(l, n, [dx, dy, dz]), load_column(l, from, &batch.shift));
         let new = signorini(l, u_n, y, w_n);
         let change = l.sub(new, y);
         out.impulse = triple!(k => l.mul(n[k], change));
-        l.store(&mut previous.0[0][from..], new);
+        store_column(l, from, &mut previous.0[0], new);
         uphill = l.neg_mul_add(l.mul(w_n, change), l.sub(new, r), uphill);
         change2 = l.mul_add(change, change, change2);
     }
-    l.store(&mut sums.restart_product[from..], uphill);
-    l.store(&mut sums.change2[from..], change2);
+    store_column(l, from, &mut sums.restart_product, uphill);
+    store_column(l, from, &mut sums.change2, change2);
 }
