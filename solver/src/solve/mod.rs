@@ -4,11 +4,13 @@
 //! |---|---|
 //! | `types` | impulses, solution and stopping criteria |
 //! | `strategy` | choice of the solver, and of the fallback for stagnating sweeps |
+//! | `cost_model` | costs and thresholds of that choice |
 //! | [`gauss_seidel`] | sweeps over the contacts: the solver of all scenes |
 //! | [`matrix`] | solvers of a problem given by its matrix W |
 //! | [`residual`] | residual of a solution |
 //! | [`lmgc90_criteria`] | LMGC90's stopping criteria, for comparison |
 
+mod cost_model;
 pub mod gauss_seidel;
 pub mod lmgc90_criteria;
 pub mod matrix;

@@ -7,9 +7,10 @@ use crate::activity;
 use crate::assemble::{ContactProblem, StoredProblem};
 use crate::math::lanes::SimdWidth;
 use crate::math::{Vec3, to_local, to_world};
+use crate::solve::cost_model::{COSTS, TOO_LARGE_REASON};
 use crate::solve::gauss_seidel::driver::{closing_inactive_rows, solve_nlgs};
 use crate::solve::gauss_seidel::momentum::MOMENTUM_CYCLE;
-use crate::solve::matrix::{self, MatrixProblem, MatrixSolver, SolverLimits, newton_cost, residual, solve};
+use crate::solve::matrix::{self, MatrixProblem, MatrixSolver, SolverLimits, residual, solve};
 use crate::solve::residual::ResidualEvaluator;
 use crate::solve::types::{ContactSolution, StoppingCriteria};
 
@@ -35,30 +36,6 @@ impl SolveRequest {
     }
 }
 
-/// Cost, in Newton steps, of the sweeps that `auto` makes before the fallback, rounded down to whole rounds of their
-/// momentum's caps, at most half of the allowed sweeps and at least one round.
-const SWEEP_BUDGET_NEWTON_STEPS: f64 = 1.5;
-/// Largest cost of the fallback of `auto`, in sweeps of the problem's contacts; of [`MIN_FALLBACK_CONTACTS`] if it has fewer.
-const MAX_FALLBACK_COST_SWEEPS: f64 = 200_000.0;
-const MIN_FALLBACK_CONTACTS: usize = 100;
-/// Smallest number of Newton steps within [`MAX_FALLBACK_COST_SWEEPS`] for which the fallback is started.
-const MIN_FALLBACK_NEWTON_STEPS: f64 = 20.0;
-/// Cost of one contact in one sweep, in units of [`newton_cost`].
-const CONTACT_SWEEP_COST: f64 = 6.0;
-/// Number of contacts from which factors take gigabytes: sweeps replace the solvers that need them.
-const MAX_FACTORED_CONTACTS: usize = 30_000;
-const TOO_LARGE_REASON: &str = "the factors of 30 000 contacts and more take gigabytes";
-/// Tolerance of the stored solvers over that of the step: it is a little lower since the residual is computed by other sums
-/// than theirs.
-const FALLBACK_TOLERANCE_SHARE: f64 = 0.9;
-
-/// Largest exponent k of the back-off: after k failures in a row `auto` attempts the full fallback again 2^k steps later. A
-/// failed attempt costs as much as hundreds of steps.
-const MAX_BACKOFF_FAILURES: u32 = 8;
-/// Reduction of E, relative to that of the sweeps, at which the fallback counts as a success, even if rounding keeps it above
-/// the tolerance.
-const MIN_FALLBACK_GAIN: f64 = 0.1;
-
 /// Updates the back-off of the fallback from the solution of a step that is `units` times `dt` long.
 pub fn update_backoff(
     fallback: &mut FallbackState,
@@ -70,9 +47,10 @@ pub fn update_backoff(
     if task.fallback_suppressed || !task.may_use_fallback() {
         return;
     }
-    let gained = solution.stalled_residual.is_some_and(|stalled| solution.residual <= MIN_FALLBACK_GAIN * stalled);
+    let gained =
+        solution.stalled_residual.is_some_and(|stalled| solution.residual <= COSTS.success_residual_share * stalled);
     if !solution.converged && !gained {
-        let failures = (fallback.failures + 1).min(MAX_BACKOFF_FAILURES);
+        let failures = (fallback.failures + 1).min(COSTS.max_backoff_failures);
         *fallback = FallbackState { failures, due: step + (units << failures) };
     } else if solution.sweeps > MOMENTUM_CYCLE && task.criteria.target_residual == task.criteria.tol {
         // Below `tol` even the easiest step needs many sweeps.
@@ -119,20 +97,17 @@ fn solve_from_warm_start(
     let StoppingCriteria { tol, target_residual: aim, max_sweeps: limit, .. } = task.criteria;
     let limit = if task.skips_fallback() { limit.min(MOMENTUM_CYCLE) } else { limit };
     let contacts = system.rows.iter().filter(|row| row.can_close).count();
-    let newton = newton_cost(contacts) / (CONTACT_SWEEP_COST * contacts as f64); // sweeps of the same cost
-    let pays = contacts < MAX_FACTORED_CONTACTS && MAX_FALLBACK_COST_SWEEPS >= MIN_FALLBACK_NEWTON_STEPS * newton;
     let swept = |max_sweeps| solve_nlgs(system, StoppingCriteria { max_sweeps, ..task.criteria }, task.width);
     let (solver, max_cost) = match task.solver {
         ContactSolver::Nlgs => return swept(limit),
         // The stored problem does not include moments.
         ContactSolver::Auto if task.skips_fallback() || !system.rolling_constraints.is_empty() => return swept(limit),
-        ContactSolver::Auto if !pays => return solve_with_subproblem_corrections(system, task, limit, stored),
-        ContactSolver::Auto => (
-            MatrixSolver::Auto,
-            MAX_FALLBACK_COST_SWEEPS * CONTACT_SWEEP_COST * contacts.max(MIN_FALLBACK_CONTACTS) as f64,
-        ),
+        ContactSolver::Auto if !COSTS.fallback_pays(contacts) => {
+            return solve_with_subproblem_corrections(system, task, limit, stored);
+        }
+        ContactSolver::Auto => (MatrixSolver::Auto, COSTS.fallback_budget(contacts)),
         ContactSolver::NlgsAnderson => (MatrixSolver::NlgsAnderson, f64::INFINITY),
-        _ if contacts >= MAX_FACTORED_CONTACTS => {
+        _ if !COSTS.factors_fit(contacts) => {
             return ContactSolution { replacement_reason: Some(TOO_LARGE_REASON), ..swept(limit) };
         }
         ContactSolver::ProxNewton => (MatrixSolver::ProxNewton, f64::INFINITY),
@@ -140,8 +115,7 @@ fn solve_from_warm_start(
         ContactSolver::InteriorPoint => (MatrixSolver::InteriorPoint, f64::INFINITY),
     };
     // The other solvers continue from the warm start.
-    let rounds = ((SWEEP_BUDGET_NEWTON_STEPS * newton) as u64).min(limit / 2) / MOMENTUM_CYCLE;
-    let sweeps = if solver == MatrixSolver::Auto { limit.min(MOMENTUM_CYCLE * rounds.max(1)) } else { 0 };
+    let sweeps = if solver == MatrixSolver::Auto { COSTS.sweeps_before_fallback(contacts, limit) } else { 0 };
     let start = swept(sweeps);
     let sought = if solver == MatrixSolver::Auto { tol } else { aim };
     if start.converged && start.residual <= sought || start.sweeps >= limit {
@@ -172,7 +146,7 @@ fn solve_with_subproblem_corrections(
         let solved = solve_stalled_subproblem(&system, &last.impulses, task.width, &stored);
         let taken_over = last.fallback_used || solved.is_some();
         let sweeps =
-            (limit - best.sweeps).min(if solved.is_some() { SWEEPS_BETWEEN_SUBPROBLEMS } else { MOMENTUM_CYCLE });
+            (limit - best.sweeps).min(if solved.is_some() { COSTS.sweeps_between_subproblems } else { MOMENTUM_CYCLE });
         for (row, r) in system.rows.iter_mut().zip(solved.unwrap_or(last.impulses)) {
             row.warm_start = r;
             row.can_close |= r != Vec3::zeros();
@@ -185,15 +159,6 @@ fn solve_with_subproblem_corrections(
     }
     best
 }
-
-/// Number of rows that select a stagnating subproblem, those with the largest parts in |F|², and their smallest share of
-/// |F|². Rows that touch the same bodies are added.
-const SUBPROBLEM_ROWS: usize = 64;
-const MIN_SUBPROBLEM_SHARE: f64 = 0.1;
-/// Factor by which the residual of a subproblem is lowered, and number of sweeps after it, which propagate the change to its
-/// neighbours.
-const SUBPROBLEM_TOLERANCE: f64 = 0.1;
-const SWEEPS_BETWEEN_SUBPROBLEMS: u64 = 16;
 
 /// Impulses with those of a stagnating subproblem solved on the stored matrix; `None` if the residual is spread over all
 /// rows.
@@ -209,8 +174,8 @@ fn solve_stalled_subproblem(
     let parts = judge.contributions(impulses, &judge.body_motions(impulses));
     let mut order: Vec<usize> = (0..rows.len()).collect();
     order.sort_by(|a, b| parts[*b].total_cmp(&parts[*a]));
-    order.truncate(SUBPROBLEM_ROWS);
-    if order.iter().map(|k| parts[*k]).sum::<f64>() < MIN_SUBPROBLEM_SHARE * parts.iter().sum::<f64>() {
+    order.truncate(COSTS.subproblem_rows);
+    if order.iter().map(|k| parts[*k]).sum::<f64>() < COSTS.min_subproblem_share * parts.iter().sum::<f64>() {
         return None;
     }
     let bodies = |row: u32| system.rows[row as usize].bodies.map(|body| body as usize);
@@ -223,10 +188,9 @@ fn solve_stalled_subproblem(
     let others: Vec<Vec3> = impulses.iter().zip(&inside).map(of_others).collect();
     let mut part = ContactProblem { bodies: judge.solver_bodies(&judge.body_motions(&others)), ..system.clone() };
     part.rows.iter_mut().zip(&inside).for_each(|(row, inside)| row.can_close = *inside);
-    // At most the cost of a round of sweeps.
-    let max_cost = MOMENTUM_CYCLE as f64 * CONTACT_SWEEP_COST * rows.len() as f64;
+    let max_cost = COSTS.subproblem_budget(rows.len());
     let limits = |matrix: &MatrixProblem, from: &[[f64; 3]]| SolverLimits {
-        tol: SUBPROBLEM_TOLERANCE * residual(matrix, from),
+        tol: COSTS.subproblem_tolerance * residual(matrix, from),
         max_sweeps: u64::MAX,
         max_time: None,
         max_cost,
@@ -254,10 +218,6 @@ fn solve_on_matrix(
     Some((impulses, found))
 }
 
-/// Largest rounding of a stored solver's result over the bodies' momenta: impulses that brace bodies against each other may
-/// grow until the momenta are lost in their rounding.
-const MAX_ROUNDING_SHARE: f64 = 1e-8;
-
 /// Continues from `start` with a solver of stored problems. Returns the better of the two by E; it has converged if it
 /// reaches the task's `tol`.
 fn solve_by_fallback(
@@ -282,7 +242,7 @@ fn solve_by_fallback(
         let balance: Vec<[f64; 3]> =
             rows.iter().map(|row| [system.rows[*row as usize].balancing_impulse(), 0.0, 0.0]).collect();
         let limits_of = |matrix: &MatrixProblem, _: &[[f64; 3]]| SolverLimits {
-            tol: FALLBACK_TOLERANCE_SHARE * limits.tol.max(judge.relative_floor()) * residual(matrix, &balance),
+            tol: COSTS.tolerance_share * limits.tol.max(judge.relative_floor()) * residual(matrix, &balance),
             ..left
         };
         let Some((impulses, found)) = solve_on_matrix(&system, &best.impulses, solver, limits_of, &stored) else {
@@ -293,7 +253,7 @@ fn solve_by_fallback(
         best.sweeps += found.sweeps;
         left.max_sweeps = left.max_sweeps.saturating_sub(found.sweeps);
         left.max_cost -= found.cost;
-        if residual.value < best.residual && judge.rounding_share(&impulses) <= MAX_ROUNDING_SHARE {
+        if residual.value < best.residual && judge.rounding_share(&impulses) <= COSTS.max_rounding_share {
             best = ContactSolution {
                 records: judge.solver_bodies(&motions),
                 impulses,
@@ -418,7 +378,7 @@ mod tests {
         let found = solved(&impulses).unwrap();
         // The residual without them falls from 0.5 to a tenth.
         assert!(
-            (found[7] - Vec3::z()).norm() <= SUBPROBLEM_TOLERANCE * 0.5 && found[999] == impulses[999],
+            (found[7] - Vec3::z()).norm() <= COSTS.subproblem_tolerance * 0.5 && found[999] == impulses[999],
             "{}",
             found[7]
         );
@@ -509,13 +469,15 @@ mod tests {
         // Two balls of mass 1 at 1 m/s have the momentum √2 N s, more than |F(0)|.
         let rounding = judge.rounding_share(&[Vec3::z() * 1e12, Vec3::zeros()]);
         assert!((rounding / (f64::EPSILON * 1e12 / 2f64.sqrt()) - 1.0).abs() < 1e-12, "{rounding}");
-        assert!(rounding > MAX_ROUNDING_SHARE && judge.rounding_share(&[Vec3::z(); 2]) < MAX_ROUNDING_SHARE);
+        assert!(
+            rounding > COSTS.max_rounding_share && judge.rounding_share(&[Vec3::z(); 2]) < COSTS.max_rounding_share
+        );
     }
 
     #[test]
     fn only_solvers_with_factors_are_replaced_and_that_is_said() {
         use ContactSolver::{Admm, Auto, InteriorPoint, Nlgs, NlgsAnderson, ProxNewton};
-        let (few, many) = (balls(10), balls(MAX_FACTORED_CONTACTS as u32));
+        let (few, many) = (balls(10), balls(COSTS.max_factored_contacts as u32));
         for solver in [NlgsAnderson, ProxNewton, Admm, InteriorPoint] {
             assert_eq!(solved(&few, solver), (None, true), "{solver}");
         }
