@@ -107,16 +107,12 @@ mod tests {
             bodies: [0, 1],
             normal: Vec3::z(),
             arm: 1.0,
-            shift: Vec3::zeros(),
             w_n: 2.0,
             w_t: 2.0,
             friction: 0.5,
-            impulse_shift: 0.0,
             acts: true,
             can_close: true,
-            warm_start: Vec3::zeros(),
-            u_before: Vec3::zeros(),
-            bond: None,
+            ..ContactConstraint::default()
         };
         let records = vec![record(Vec3::z() * -6.0, 2.0), record(Vec3::zeros(), 0.0)];
         ContactProblem {
