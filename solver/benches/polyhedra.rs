@@ -7,7 +7,7 @@
 use cd_solve::geometry::{
     CachedFeature, NarrowPhaseMode, PairBatch, PairResult, Polyhedron, PosedPolyhedron, polyhedron_polyhedron,
 };
-use cd_solve::math::lanes::SimdWidth;
+use cd_solve::math::simd::SimdWidth;
 use cd_solve::math::{Quat, Vec3};
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};

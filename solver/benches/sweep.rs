@@ -7,7 +7,7 @@
 mod packing;
 
 use cd_solve::assemble::ContactProblem;
-use cd_solve::math::lanes::SimdWidth;
+use cd_solve::math::simd::SimdWidth;
 use cd_solve::solve::ContactReactions;
 use cd_solve::solve::gauss_seidel::layout::pack_problem;
 use cd_solve::solve::gauss_seidel::packed::PackSource;

@@ -6,7 +6,7 @@ mod packing;
 use cd_formats::compute::SweepPrecision;
 use cd_solve::assemble::{ContactProblem, SolverBody};
 use cd_solve::math::Vec3;
-use cd_solve::math::lanes::SimdWidth;
+use cd_solve::math::simd::SimdWidth;
 use cd_solve::solve::{ContactSolution, StoppingCriteria, solve_nlgs};
 
 /// Enough bodies for four ranges, and sweeps for momentum to grow and, without friction, to start again.

@@ -182,7 +182,7 @@ fn programs_import_formats_and_never_each_other() {
 #[test]
 fn paths_are_found_in_groups_and_in_code() {
     let text = "
-        use crate::math::{Vec3, lanes::{self, Line}};
+        use crate::math::{Vec3, simd::{self, Line}};
         // use crate::comment::Nothing;
         fn f() -> crate::state::State { my_crate::no(); crate::read::case(1) }
         #[cfg(test)]
@@ -190,8 +190,8 @@ fn paths_are_found_in_groups_and_in_code() {
     let found: Vec<String> = paths(text, &["crate"]).into_iter().collect();
     let expected = [
         "crate::math::Vec3",
-        "crate::math::lanes",
-        "crate::math::lanes::Line",
+        "crate::math::simd",
+        "crate::math::simd::Line",
         "crate::read::case",
         "crate::state::State",
     ];

@@ -12,7 +12,7 @@ use super::faces::{Joints, friction_offsets, has_joints};
 use super::history::{BondState, warm_start};
 use crate::integrate::ContactConfiguration;
 use crate::laws::{ContactLaw, GapForecast, LawInput, LawShift, MAX_STEP_OVERLAP, RollingFriction};
-use crate::math::lanes::SimdWidth;
+use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
 use crate::scene::{BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
 use crate::state::{Contact, ContactStatus, SolvedContact, State};

@@ -14,7 +14,7 @@ use crate::geometry::{
     Separated, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_sphere,
 };
 use crate::integrate::ContactConfiguration;
-use crate::math::lanes::SimdWidth;
+use crate::math::simd::SimdWidth;
 use crate::math::{Quat, Vec3, group_by_key};
 use crate::scene::{BodyPart, ContactorShape, InteractionRule, Scene};
 use crate::state::{Contact, DetectionCache, SeparatingAxis};

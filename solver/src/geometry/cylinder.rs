@@ -13,7 +13,7 @@ use super::patch::{
 };
 use super::search::{aligned_face, edge_ends, support_face};
 use super::{ContactPoint, ListingRange, Manifold, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
-use crate::math::lanes::Scalar;
+use crate::math::simd::Scalar;
 use crate::math::{Quat, Vec3};
 
 /// Features of a cylinder: its round side, the end along its axis, the other end, and from this number on the rims.

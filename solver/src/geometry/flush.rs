@@ -4,7 +4,7 @@ use super::patch::ContactPatch;
 use super::search::{PolyhedronPair, SearchAxis, SearchFeature, support_face, support_vertex};
 use super::{ListingRange, Manifold, PosedPolyhedron};
 use crate::math::Vec3;
-use crate::math::lanes::{Scalar, SimdWidth};
+use crate::math::simd::{Scalar, SimdWidth};
 
 impl PosedPolyhedron<'_> {
     /// Returns the largest n·x over the polyhedron, x from its centre, m.

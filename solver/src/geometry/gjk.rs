@@ -3,14 +3,13 @@
 //! Source: E. G. Gilbert, D. W. Johnson, S. S. Keerthi, A fast procedure for computing the distance between complex
 //! objects in three-dimensional space, IEEE J. Robot. Autom. 4 (1988) 193-203.
 
-use pulp::NullaryFnOnce;
 use smallvec::SmallVec;
 
 use super::patch::SAME_CORNER_DISTANCE;
 use super::polyhedron::{FeatureIndex, HalfEdge};
 use super::search::{PolyhedronPair, RIDGE_ANGLE, lowest_vertex, support_vertex};
 use super::{ContactPoint, Manifold, Polyhedron, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
-use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
+use crate::math::simd::{F64Arithmetic, LaneOperation};
 use crate::math::{Vec3, vector_length};
 
 /// Gap between the bounds, over the distance, at which the search ends.
@@ -37,28 +36,21 @@ pub(super) struct NearestPoints {
 
 /// Returns the nearest points of two polyhedra that do not overlap; the search starts from the direction `n` from A to B.
 pub(super) fn nearest_points(pair: &PolyhedronPair, n: Vec3, alert: f64) -> NearestPoints {
-    match pair.width {
-        SimdWidth::One(l) => l.run(GjkSearch { l, pair, n, alert }),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Four(l) => l.run(GjkSearch { l, pair, n, alert }),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Eight(l) => l.run(GjkSearch { l, pair, n, alert }),
-    }
+    pair.width.run(GjkSearch { pair, n, alert })
 }
 
-struct GjkSearch<'a, L> {
-    l: L,
+struct GjkSearch<'a> {
     pair: &'a PolyhedronPair<'a>,
     n: Vec3,
     alert: f64,
 }
 
-impl<L: F64Arithmetic> NullaryFnOnce for GjkSearch<'_, L> {
+impl LaneOperation for GjkSearch<'_> {
     type Output = NearestPoints;
 
     #[inline(always)]
-    fn call(self) -> NearestPoints {
-        let GjkSearch { l, pair, n, alert } = self;
+    fn call<L: F64Arithmetic>(self, l: L) -> NearestPoints {
+        let GjkSearch { pair, n, alert } = self;
         let mut near = GjkSimplex::new(minkowski_support(l, pair, &n));
         let touching = 1e-15 * pair.sum;
         let mut step = 0;

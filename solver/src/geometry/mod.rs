@@ -36,7 +36,7 @@ pub use sphere::polyhedron_sphere;
 use smallvec::SmallVec;
 
 use crate::math::Vec3;
-use crate::math::lanes::SimdWidth;
+use crate::math::simd::SimdWidth;
 use patch::ContactPatch;
 use search::{PolyhedronPair, SearchAxis, SearchFeature, SearchResult, SearchStart};
 use triangles::{BATCH_PAIRS, TriangleBatch};

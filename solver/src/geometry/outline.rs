@@ -3,13 +3,11 @@
 //! A corner is a vertex of either polygon that lies in the other, or a crossing of two sides. Several candidates are
 //! tested at once, so that the program branches only at corners.
 
-use pulp::NullaryFnOnce;
-
 use super::patch::{MIN_FACE_COSINE, PatchCorner};
 use super::polyhedron::{COLUMN_PAD, FeatureIndex};
 use super::search::PolyhedronPair;
 use super::{PosedPolyhedron, edge_feature, face_feature, vertex_feature};
-use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
+use crate::math::simd::{F64Arithmetic, LaneOperation};
 use crate::math::{Vec3, local_frame};
 
 /// Columns of an outline: x, y and height of the corners, and the unit direction of the side from each to the next.
@@ -37,13 +35,7 @@ pub(super) fn collect_common_corners(
         many.resize(all, 0.0);
         &mut many[..]
     };
-    match pair.width {
-        SimdWidth::One(l) => l.run(CommonCorners { l, pair, n, faces, counts, strides, tiny, storage, take }),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Four(l) => l.run(CommonCorners { l, pair, n, faces, counts, strides, tiny, storage, take }),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Eight(l) => l.run(CommonCorners { l, pair, n, faces, counts, strides, tiny, storage, take }),
-    }
+    pair.width.run(CommonCorners { pair, n, faces, counts, strides, tiny, storage, take })
 }
 
 /// Corners found so far.
@@ -214,8 +206,7 @@ fn lane_mask<L: F64Arithmetic>(k: usize, count: usize) -> u32 {
     (1 << L::WIDTH.min(count - k)) - 1
 }
 
-struct CommonCorners<'a, L> {
-    l: L,
+struct CommonCorners<'a> {
     pair: &'a PolyhedronPair<'a>,
     n: &'a Vec3,
     faces: (u32, u32),
@@ -226,12 +217,12 @@ struct CommonCorners<'a, L> {
     take: &'a mut PatchCorners,
 }
 
-impl<L: F64Arithmetic> NullaryFnOnce for CommonCorners<'_, L> {
+impl LaneOperation for CommonCorners<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn call(self) {
-        let CommonCorners { l, pair, n, faces, counts: [na, nb], strides, tiny, storage, take } = self;
+    fn call<L: F64Arithmetic>(self, l: L) {
+        let CommonCorners { pair, n, faces, counts: [na, nb], strides, tiny, storage, take } = self;
         let frame = local_frame(*n);
         let (of_a, of_b) = storage.split_at_mut(OUTLINE_COLUMNS * strides[0]);
         let mut a = FaceOutline::new(pair.pa, faces.0, Vec3::zeros(), false, strides[0], of_a);

@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 pub(super) use cd_formats::faces::{ConvexMesh, FeatureIndex, PolyhedronEdge, PolyhedronPlane};
 use nalgebra::Matrix3;
 
-use crate::math::lanes::SimdWidth;
+use crate::math::simd::SimdWidth;
 use crate::math::{Quat, Vec3};
 
 /// Padding of columns: their length is a multiple of this, so that all vector widths fit.

@@ -9,7 +9,6 @@
 //! leaves only a cone of directions about c. And s(n) <= n·x for every point x of the difference B - A, such as those of
 //! the directions tried before.
 
-use pulp::NullaryFnOnce;
 use smallvec::{Array, SmallVec};
 
 use super::patch::PatchCorner;
@@ -18,7 +17,7 @@ use super::{
     ContactPoint, ListingRange, NarrowPhaseMode, Polyhedron, PosedPolyhedron, edge_feature, face_feature,
     vertex_feature,
 };
-use crate::math::lanes::{Arithmetic, F64Arithmetic, Scalar, SimdWidth};
+use crate::math::simd::{F64Arithmetic, LaneOperation, Scalar, SimdWidth};
 use crate::math::{Vec3, vector_length};
 
 /// Two posed polyhedra.
@@ -130,13 +129,7 @@ pub(super) fn separating_axis(
     narrow: NarrowPhaseMode,
     range: ListingRange,
 ) -> SearchResult {
-    let found = match pair.width {
-        SimdWidth::One(l) => l.run(AxisSearch { l, pair, start, hint, narrow, range }),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Four(l) => l.run(AxisSearch { l, pair, start, hint, narrow, range }),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Eight(l) => l.run(AxisSearch { l, pair, start, hint, narrow, range }),
-    };
+    let found = pair.width.run(AxisSearch { pair, start, hint, narrow, range });
     if found.axis.feature == SearchFeature::None && found.axis.s <= 0.0 {
         // Rounding has led the search astray.
         let axis = exhaustive_search(pair, range.alert);
@@ -163,8 +156,7 @@ impl SearchResult {
     }
 }
 
-struct AxisSearch<'a, L> {
-    l: L,
+struct AxisSearch<'a> {
     pair: &'a PolyhedronPair<'a>,
     start: SearchStart,
     hint: Option<Vec3>,
@@ -172,25 +164,25 @@ struct AxisSearch<'a, L> {
     range: ListingRange,
 }
 
-impl<L: F64Arithmetic> NullaryFnOnce for AxisSearch<'_, L> {
+impl LaneOperation for AxisSearch<'_> {
     type Output = SearchResult;
 
     #[inline(always)]
-    fn call(self) -> SearchResult {
-        let (axis, met, proven) = self.best_axis();
+    fn call<L: F64Arithmetic>(self, l: L) -> SearchResult {
+        let (axis, met, proven) = self.best_axis(l);
         let ListingRange { alert, patch, .. } = self.range;
         let nearest = proven && axis.s > 0.0;
         let asked = axis.s <= if nearest { patch } else { alert };
-        let faces = if asked { support_faces(self.l, self.pair, &axis, met) } else { (0, 0) };
+        let faces = if asked { support_faces(l, self.pair, &axis, met) } else { (0, 0) };
         SearchResult { axis, met, nearest, faces }
     }
 }
 
-impl<L: F64Arithmetic> AxisSearch<'_, L> {
+impl AxisSearch<'_> {
     /// Returns the best axis, the vertex that a face touches, if known, and whether the axis was proven to be the best.
     #[inline(always)]
-    fn best_axis(&self) -> (SearchAxis, Option<u32>, bool) {
-        let &AxisSearch { l, pair, start, hint, narrow, range: ListingRange { alert: enough, .. } } = self;
+    fn best_axis<L: F64Arithmetic>(&self, l: L) -> (SearchAxis, Option<u32>, bool) {
+        let &AxisSearch { pair, start, hint, narrow, range: ListingRange { alert: enough, .. } } = self;
         if let Some(n) = hint {
             let s = separation_along(l, pair, &n);
             if s > enough {

@@ -4,13 +4,11 @@
 //! vertices of A, three of B, and nine crossings of their sides. All are computed without branches, and the valid ones
 //! are taken. If a corner is so near a side that rounding would decide, `outline` decides.
 
-use pulp::NullaryFnOnce;
-
 use super::patch::{ContactPatch, MIN_FACE_COSINE, PatchCorner, SAME_CORNER_DISTANCE};
 use super::search::{PolyhedronPair, SearchAxis};
 use super::{PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::Vec3;
-use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
+use crate::math::simd::{Arithmetic, F64Arithmetic, LaneOperation, SimdWidth};
 
 /// Distance from a side, over the distance up to which two corners count as one, below which `outline` decides.
 const MIN_SIDE_CLEARANCE: f64 = 4.0;
@@ -121,13 +119,7 @@ impl TriangleBatch {
 
     /// Computes the common parts of the pairs that have been added.
     pub fn clip_faces(&mut self, width: SimdWidth) {
-        match width {
-            SimdWidth::One(l) => l.run(ClipKernel { l, of: self }),
-            #[cfg(target_arch = "x86_64")]
-            SimdWidth::Four(l) => l.run(ClipKernel { l, of: self }),
-            #[cfg(target_arch = "x86_64")]
-            SimdWidth::Eight(l) => l.run(ClipKernel { l, of: self }),
-        }
+        width.run(ClipKernel { of: self })
     }
 
     /// Empties the batch.
@@ -165,17 +157,16 @@ impl TriangleBatch {
     }
 }
 
-struct ClipKernel<'a, L> {
-    l: L,
+struct ClipKernel<'a> {
     of: &'a mut TriangleBatch,
 }
 
-impl<L: F64Arithmetic> NullaryFnOnce for ClipKernel<'_, L> {
+impl LaneOperation for ClipKernel<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn call(self) {
-        let ClipKernel { l, of } = self;
+    fn call<L: F64Arithmetic>(self, l: L) {
+        let ClipKernel { of } = self;
         (of.has, of.clear) = ([0; CORNER_SLOTS], 0);
         let mut from = 0;
         while from < of.count {
@@ -457,7 +448,7 @@ mod tests {
         each_pair(1500, 0.3, |_, pair, &SearchResult { ref axis, faces, .. }| {
             let mut triangles = TriangleBatch::new();
             if triangles.push_faces(pair, axis, faces).is_some() {
-                triangles.clip_faces(SimdWidth::One(crate::math::lanes::Scalar));
+                triangles.clip_faces(SimdWidth::One(crate::math::simd::Scalar));
                 let mut patch = ContactPatch::default();
                 assert!(triangles.write_patch(0, axis, f64::INFINITY, &mut patch));
                 alone.push(points(&mut patch, pair.tie_tolerance()));

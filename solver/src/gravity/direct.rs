@@ -1,10 +1,9 @@
 //! The direct sum: every pair, in f64. The reference for any faster method.
 
-use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
 use crate::math::Vec3;
-use crate::math::lanes::{F64Arithmetic, SimdWidth};
+use crate::math::simd::{F64Arithmetic, LaneOperation, SimdWidth};
 
 /// Number of independent partial sums, added in a fixed order: the result is the same for any vector width.
 const PARTIAL_SUMS: usize = 8;
@@ -82,59 +81,50 @@ fn accelerations_at_width(
 
 /// Force on a mass at `p` and its potential energy, without the constant.
 fn source_pull(width: SimdWidth, sources: &SourceColumns, p: &Vec3, mass: f64) -> (Vec3, f64) {
-    let [x, y, z, potential] = match width {
-        SimdWidth::One(lanes) => source_sums(lanes, sources, p, mass),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Four(lanes) => source_sums(lanes, sources, p, mass),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Eight(lanes) => source_sums(lanes, sources, p, mass),
-    };
+    let [x, y, z, potential] = width.run(SourceSums { sources, p, mass });
     (Vec3::new(x, y, z), -potential)
 }
 
 /// Sums of m_p m d/|d|^3 (three components) and m_p m/|d| over all sources.
-fn source_sums<L: F64Arithmetic>(lanes: L, sources: &SourceColumns, p: &Vec3, mass: f64) -> [f64; 4] {
-    struct SumKernel<'a, L> {
-        l: L,
-        sources: &'a SourceColumns,
-        p: &'a Vec3,
-        mass: f64,
-    }
-    impl<L: F64Arithmetic> NullaryFnOnce for SumKernel<'_, L> {
-        type Output = [f64; 4];
-        #[inline(always)]
-        fn call(self) -> [f64; 4] {
-            let SumKernel { l, sources, p, mass } = self;
-            let mut parts = [[0.0; PARTIAL_SUMS]; 4];
-            let (zero, one, mass) = (l.splat(0.0), l.splat(1.0), l.splat(mass));
-            let (px, py, pz) = (l.splat(p.x), l.splat(p.y), l.splat(p.z));
-            for from in (0..PARTIAL_SUMS).step_by(L::WIDTH) {
-                let [mut ax, mut ay, mut az, mut sum] = [zero; 4];
-                for k in 0..sources.x.len() {
-                    let dx = l.sub(l.load(&sources.x[k][from..]), px);
-                    let dy = l.sub(l.load(&sources.y[k][from..]), py);
-                    let dz = l.sub(l.load(&sources.z[k][from..]), pz);
-                    let distance2 = l.mul_add(dx, dx, l.mul_add(dy, dy, l.mul(dz, dz)));
-                    // Sources at the same position, the body itself included, do not attract.
-                    let inverse = l.select_greater(distance2, zero, l.div(one, l.sqrt(distance2)), zero);
-                    // The product is commutative, hence the same to the last bit with the two exchanged.
-                    let masses = l.mul(mass, l.load(&sources.m[k][from..]));
-                    let potential = l.mul(masses, inverse);
-                    let strength = l.mul(potential, l.mul(inverse, inverse));
-                    ax = l.mul_add(dx, strength, ax);
-                    ay = l.mul_add(dy, strength, ay);
-                    az = l.mul_add(dz, strength, az);
-                    sum = l.add(sum, potential);
-                }
-                l.store(&mut parts[0][from..], ax);
-                l.store(&mut parts[1][from..], ay);
-                l.store(&mut parts[2][from..], az);
-                l.store(&mut parts[3][from..], sum);
+struct SourceSums<'a> {
+    sources: &'a SourceColumns,
+    p: &'a Vec3,
+    mass: f64,
+}
+
+impl LaneOperation for SourceSums<'_> {
+    type Output = [f64; 4];
+    #[inline(always)]
+    fn call<L: F64Arithmetic>(self, l: L) -> [f64; 4] {
+        let SourceSums { sources, p, mass } = self;
+        let mut parts = [[0.0; PARTIAL_SUMS]; 4];
+        let (zero, one, mass) = (l.splat(0.0), l.splat(1.0), l.splat(mass));
+        let (px, py, pz) = (l.splat(p.x), l.splat(p.y), l.splat(p.z));
+        for from in (0..PARTIAL_SUMS).step_by(L::WIDTH) {
+            let [mut ax, mut ay, mut az, mut sum] = [zero; 4];
+            for k in 0..sources.x.len() {
+                let dx = l.sub(l.load(&sources.x[k][from..]), px);
+                let dy = l.sub(l.load(&sources.y[k][from..]), py);
+                let dz = l.sub(l.load(&sources.z[k][from..]), pz);
+                let distance2 = l.mul_add(dx, dx, l.mul_add(dy, dy, l.mul(dz, dz)));
+                // Sources at the same position, the body itself included, do not attract.
+                let inverse = l.select_greater(distance2, zero, l.div(one, l.sqrt(distance2)), zero);
+                // The product is commutative, hence the same to the last bit with the two exchanged.
+                let masses = l.mul(mass, l.load(&sources.m[k][from..]));
+                let potential = l.mul(masses, inverse);
+                let strength = l.mul(potential, l.mul(inverse, inverse));
+                ax = l.mul_add(dx, strength, ax);
+                ay = l.mul_add(dy, strength, ay);
+                az = l.mul_add(dz, strength, az);
+                sum = l.add(sum, potential);
             }
-            parts.map(|part| part.iter().sum())
+            l.store(&mut parts[0][from..], ax);
+            l.store(&mut parts[1][from..], ay);
+            l.store(&mut parts[2][from..], az);
+            l.store(&mut parts[3][from..], sum);
         }
+        parts.map(|part| part.iter().sum())
     }
-    lanes.run(SumKernel { l: lanes, sources, p, mass })
 }
 
 #[cfg(test)]

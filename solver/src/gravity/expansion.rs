@@ -20,7 +20,7 @@
 //! D.M. Apalkov, J. Magn. Magn. Mater. 322 (2010) 275.
 
 use super::HIGHEST_ORDER;
-use crate::math::lanes::F64Arithmetic;
+use crate::math::simd::F64Arithmetic;
 
 /// Numbers in a narrow row.
 pub const fn narrow_len(p: usize) -> usize {
@@ -345,7 +345,7 @@ fn evaluate_degree<L: F64Arithmetic, const P: usize, const Q: usize, const C: us
 mod tests {
     use super::*;
     use crate::math::Vec3;
-    use crate::math::lanes::Scalar;
+    use crate::math::simd::Scalar;
 
     fn narrow_row() -> NarrowRow<f64> {
         [0.0; _]

@@ -22,7 +22,7 @@ use super::pairs::{
 use super::settings::{ExpansionSettings, PairPrecision};
 use super::tree::{CellSummary, MAX_BODIES_PER_TASK, MassTree, TreeCell};
 use super::upward::load_part;
-use crate::math::lanes::{F32Arithmetic, Scalar};
+use crate::math::simd::{F64Arithmetic, Scalar};
 
 /// Number of expansion sources, or of cells to classify, per batch.
 const BATCH_CELLS: usize = 8;
@@ -95,7 +95,7 @@ struct AncestorPull {
     from: usize,
 }
 
-impl<L: F32Arithmetic, const P: usize> TreeWalk<'_, L, P> {
+impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
     /// Pull on every body, in the tree's order and units; the potential is invalid unless it was requested.
     pub fn body_pulls(&self) -> Vec<BodyPull> {
         let mut out = vec![[0.0; 4]; self.tree.index.len()];
@@ -186,14 +186,14 @@ impl<L: F32Arithmetic, const P: usize> TreeWalk<'_, L, P> {
             }
         }
         let scale = scale as f32;
-        l.run(PackF32 { l, to: singles, offsets, sources, scale });
+        l.run(PackF32 { l: l.single(), to: singles, offsets, sources, scale });
         targets_f32.clear();
         targets_f32
             .extend(cell.body_range().map(|i| [offsets[0][i] * scale, offsets[1][i] * scale, offsets[2][i] * scale]));
         nearest.resize(targets.len(), 0.0);
         pulls.clear();
         pulls.resize(targets.len(), [0.0; 4]);
-        let pull = PullF32 { l, packed: singles, length, targets: targets_f32, out: pulls, nearest };
+        let pull = PullF32 { l: l.single(), packed: singles, length, targets: targets_f32, out: pulls, nearest };
         match (self.settings.pair, self.potential) {
             (PairPrecision::Coarse, false) => l.run(WithKernel(CoarseKernel, pull)),
             (PairPrecision::Rough, false) => l.run(WithKernel(RoughKernel::<false>, pull)),
@@ -258,7 +258,7 @@ struct ClassifySources<'a, L, const P: usize> {
 const FAR_CODE: f64 = 2.0;
 const SPLIT_CODE: f64 = 1.0;
 
-impl<L: F32Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, P> {
+impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, P> {
     type Output = AncestorPull;
     #[inline(always)]
     fn call(self) -> AncestorPull {
@@ -363,7 +363,7 @@ struct AddFarField<'a, L, const P: usize> {
     local: &'a mut NarrowRow<f64>,
 }
 
-impl<L: F32Arithmetic, const P: usize> NullaryFnOnce for AddFarField<'_, L, P> {
+impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for AddFarField<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
@@ -452,7 +452,7 @@ struct EvaluateLeaf<'a, L, const P: usize> {
     out: &'a mut [BodyPull],
 }
 
-impl<L: F32Arithmetic, const P: usize> NullaryFnOnce for EvaluateLeaf<'_, L, P> {
+impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for EvaluateLeaf<'_, L, P> {
     type Output = ();
     #[inline(always)]
     fn call(self) {

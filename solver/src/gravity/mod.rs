@@ -21,7 +21,7 @@ mod upward;
 pub use balance::balance_accelerations;
 
 use crate::math::Vec3;
-use crate::math::lanes::{F32Arithmetic, SimdWidth};
+use crate::math::simd::{F64Arithmetic, LaneOperation, SimdWidth};
 use fmm::TreeWalk;
 use settings::{ExpansionSettings, crossover_bodies};
 pub use settings::{HIGHEST_ORDER, LOWEST_ORDER, MIN_FMM_ERROR};
@@ -138,18 +138,12 @@ impl GravitySolver {
             }
             return GravityField { acceleration, potential, removed: 0.0 };
         }
-        let mut field = match width {
-            SimdWidth::One(lanes) => self.multipole_field(lanes, positions, masses, constant, asked),
-            #[cfg(target_arch = "x86_64")]
-            SimdWidth::Four(lanes) => self.multipole_field(lanes, positions, masses, constant, asked),
-            #[cfg(target_arch = "x86_64")]
-            SimdWidth::Eight(lanes) => self.multipole_field(lanes, positions, masses, constant, asked),
-        };
+        let mut field = width.dispatch(MultipoleField { settings: self, positions, masses, constant, asked });
         field.removed = balance_accelerations(positions, masses, &mut field.acceleration);
         field
     }
 
-    fn multipole_field<L: F32Arithmetic>(
+    fn multipole_field<L: F64Arithmetic>(
         &self,
         lanes: L,
         positions: &[Vec3],
@@ -170,7 +164,7 @@ impl GravitySolver {
         }
     }
 
-    fn multipole_field_of_order<L: F32Arithmetic, const P: usize>(
+    fn multipole_field_of_order<L: F64Arithmetic, const P: usize>(
         &self,
         lanes: L,
         settings: ExpansionSettings,
@@ -194,6 +188,23 @@ impl GravitySolver {
             }
         }
         GravityField { acceleration, potential, removed: 0.0 }
+    }
+}
+
+/// Field by multipole expansions.
+struct MultipoleField<'a> {
+    settings: &'a GravitySolver,
+    positions: &'a [Vec3],
+    masses: &'a [f64],
+    constant: f64,
+    asked: FieldRequest<'a>,
+}
+
+impl LaneOperation for MultipoleField<'_> {
+    type Output = GravityField;
+
+    fn call<L: F64Arithmetic>(self, l: L) -> GravityField {
+        self.settings.multipole_field(l, self.positions, self.masses, self.constant, self.asked)
     }
 }
 

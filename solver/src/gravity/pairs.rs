@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use pulp::NullaryFnOnce;
 
-use crate::math::lanes::{F32Arithmetic, F64Arithmetic};
+use crate::math::simd::{F32Arithmetic, F64Arithmetic};
 
 /// Number of targets processed at once, so that a source is loaded once for all of them.
 pub const TARGETS_AT_ONCE: usize = 4;
@@ -25,7 +25,7 @@ pub trait PullKernel {
     const ROOT: f64;
 
     /// m x^(-3/2) / ROOT^3, and x^(-1/2) / ROOT if the potential is computed.
-    fn pull_strength<L: F32Arithmetic>(l: L, m: L::S, x: L::S) -> (L::S, L::S);
+    fn pull_strength<L: F32Arithmetic>(l: L, m: L::V, x: L::V) -> (L::V, L::V);
 }
 
 /// Kernel of relative error 1.7e-4: x^(-3/2) = y^3 P(x y^2), without the root.
@@ -52,13 +52,13 @@ impl PullKernel for CoarseKernel {
     const ROOT: f64 = 1.0;
 
     #[inline(always)]
-    fn pull_strength<L: F32Arithmetic>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
+    fn pull_strength<L: F32Arithmetic>(l: L, m: L::V, x: L::V) -> (L::V, L::V) {
         const P: [f32; 3] = [4.384_447, -5.261_206, 1.876_769_3];
-        let y = l.rsqrt_seed_f32(RSQRT_SEED, x);
-        let y2 = l.mul_f32(y, y);
-        let z = l.mul_f32(x, y2);
-        let p = l.mul_add_f32(l.mul_add_f32(l.splat_f32(P[2]), z, l.splat_f32(P[1])), z, l.splat_f32(P[0]));
-        let strength = l.mul_f32(l.mul_f32(l.mul_f32(m, y), y2), p);
+        let y = l.rsqrt_seed(RSQRT_SEED, x);
+        let y2 = l.mul(y, y);
+        let z = l.mul(x, y2);
+        let p = l.mul_add(l.mul_add(l.splat(P[2].into()), z, l.splat(P[1].into())), z, l.splat(P[0].into()));
+        let strength = l.mul(l.mul(l.mul(m, y), y2), p);
         (strength, strength)
     }
 }
@@ -68,13 +68,13 @@ impl<const POTENTIAL: bool> PullKernel for RoughKernel<POTENTIAL> {
     const ROOT: f64 = 1.0;
 
     #[inline(always)]
-    fn pull_strength<L: F32Arithmetic>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
+    fn pull_strength<L: F32Arithmetic>(l: L, m: L::V, x: L::V) -> (L::V, L::V) {
         const P: [f32; 3] = [1.876_622_9, -1.252_149_6, 0.375_526_89];
-        let y = l.rsqrt_seed_f32(RSQRT_SEED, x);
-        let z = l.mul_f32(x, l.mul_f32(y, y));
-        let p = l.mul_add_f32(l.mul_add_f32(l.splat_f32(P[2]), z, l.splat_f32(P[1])), z, l.splat_f32(P[0]));
-        let v = l.mul_f32(y, p);
-        (l.mul_f32(l.mul_f32(m, v), l.mul_f32(v, v)), v)
+        let y = l.rsqrt_seed(RSQRT_SEED, x);
+        let z = l.mul(x, l.mul(y, y));
+        let p = l.mul_add(l.mul_add(l.splat(P[2].into()), z, l.splat(P[1].into())), z, l.splat(P[0].into()));
+        let v = l.mul(y, p);
+        (l.mul(l.mul(m, v), l.mul(v, v)), v)
     }
 }
 
@@ -87,11 +87,11 @@ impl<const POTENTIAL: bool> PullKernel for FineKernel<POTENTIAL> {
     const ROOT: f64 = 0.5 * FIRST_STEP_SCALE * FIRST_STEP_SCALE * FIRST_STEP_SCALE * (1.0 + 3.2e-7);
 
     #[inline(always)]
-    fn pull_strength<L: F32Arithmetic>(l: L, m: L::S, x: L::S) -> (L::S, L::S) {
-        let y = l.rsqrt_seed_f32(0x5f1f_fff9, x);
-        let u = l.mul_f32(y, l.neg_mul_add_f32(x, l.mul_f32(y, y), l.splat_f32(FIRST_STEP_COEFFICIENT)));
-        let v = l.mul_f32(u, l.neg_mul_add_f32(x, l.mul_f32(u, u), l.splat_f32(NEWTON_COEFFICIENT)));
-        (l.mul_f32(l.mul_f32(m, v), l.mul_f32(v, v)), v)
+    fn pull_strength<L: F32Arithmetic>(l: L, m: L::V, x: L::V) -> (L::V, L::V) {
+        let y = l.rsqrt_seed(0x5f1f_fff9, x);
+        let u = l.mul(y, l.neg_mul_add(x, l.mul(y, y), l.splat(FIRST_STEP_COEFFICIENT.into())));
+        let v = l.mul(u, l.neg_mul_add(x, l.mul(u, u), l.splat(NEWTON_COEFFICIENT.into())));
+        (l.mul(l.mul(m, v), l.mul(v, v)), v)
     }
 }
 
@@ -160,18 +160,18 @@ impl<L: F32Arithmetic> NullaryFnOnce for PackF32<'_, L> {
         to.resize(count, PARTIAL_SUMS_F32, 4.0);
         let [to_x, to_y, to_z, to_m] = &mut to.columns;
         let [x, y, z, m] = offsets;
-        let factor = l.splat_f32(scale);
+        let factor = l.splat(scale.into());
         let mut at = 0;
         for (range, centre) in sources {
-            let shift = [l.splat_f32(centre[0]), l.splat_f32(centre[1]), l.splat_f32(centre[2])];
+            let shift = [l.splat(centre[0].into()), l.splat(centre[1].into()), l.splat(centre[2].into())];
             let mut i = 0;
             while i < range.len() {
                 let (from, place) = (range.start + i, at + i);
-                l.store_f32(&mut to_x[place..], l.mul_add_f32(l.load_f32(&x[from..]), factor, shift[0]));
-                l.store_f32(&mut to_y[place..], l.mul_add_f32(l.load_f32(&y[from..]), factor, shift[1]));
-                l.store_f32(&mut to_z[place..], l.mul_add_f32(l.load_f32(&z[from..]), factor, shift[2]));
-                l.store_f32(&mut to_m[place..], l.load_f32(&m[from..]));
-                i += L::WIDTH_F32;
+                l.store(&mut to_x[place..], l.mul_add(l.load(&x[from..]), factor, shift[0]));
+                l.store(&mut to_y[place..], l.mul_add(l.load(&y[from..]), factor, shift[1]));
+                l.store(&mut to_z[place..], l.mul_add(l.load(&z[from..]), factor, shift[2]));
+                l.store(&mut to_m[place..], l.load(&m[from..]));
+                i += L::WIDTH;
             }
             at += range.len();
         }
@@ -233,10 +233,10 @@ impl<L: F32Arithmetic, K: PullKernel> NullaryFnOnce for WithKernel<K, PullF32<'_
         while first < targets.len() {
             let here = (targets.len() - first).min(TARGETS_AT_ONCE);
             // Missing targets are copies of the last.
-            let mut p = [[l.splat_f32(0.0); 3]; TARGETS_AT_ONCE];
+            let mut p = [[l.splat(0.0); 3]; TARGETS_AT_ONCE];
             for t in 0..TARGETS_AT_ONCE {
                 for k in 0..3 {
-                    p[t][k] = l.splat_f32(targets[first + t.min(here - 1)][k]);
+                    p[t][k] = l.splat(targets[first + t.min(here - 1)][k].into());
                 }
             }
             let own = first / PARTIAL_SUMS_F32 * PARTIAL_SUMS_F32;
@@ -244,33 +244,32 @@ impl<L: F32Arithmetic, K: PullKernel> NullaryFnOnce for WithKernel<K, PullF32<'_
             let mut least = [0.0f32; PARTIAL_SUMS_F32];
             let mut from = 0;
             while from < PARTIAL_SUMS_F32 {
-                let mut sums =
-                    PullSums { pulls: [[l.splat_f32(0.0); 4]; TARGETS_AT_ONCE], near: l.splat_f32(f32::MAX) };
+                let mut sums = PullSums { pulls: [[l.splat(0.0); 4]; TARGETS_AT_ONCE], near: l.splat(f32::MAX.into()) };
                 let mut k = from;
                 while k < own {
-                    let source = [l.load_f32(&x[k..]), l.load_f32(&y[k..]), l.load_f32(&z[k..]), l.load_f32(&m[k..])];
-                    add_source_vector::<L, K, false>(l, source, &p, [l.splat_f32(0.0); TARGETS_AT_ONCE], &mut sums);
+                    let source = [l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]), l.load(&m[k..])];
+                    add_source_vector::<L, K, false>(l, source, &p, [l.splat(0.0); TARGETS_AT_ONCE], &mut sums);
                     k += PARTIAL_SUMS_F32;
                 }
-                let mut apart = [l.splat_f32(0.0); TARGETS_AT_ONCE];
+                let mut apart = [l.splat(0.0); TARGETS_AT_ONCE];
                 for t in 0..TARGETS_AT_ONCE {
-                    apart[t] = l.load_f32(&SELF_DISTANCE2[first % PARTIAL_SUMS_F32 + t.min(here - 1)][from..]);
+                    apart[t] = l.load(&SELF_DISTANCE2[first % PARTIAL_SUMS_F32 + t.min(here - 1)][from..]);
                 }
-                let source = [l.load_f32(&x[k..]), l.load_f32(&y[k..]), l.load_f32(&z[k..]), l.load_f32(&m[k..])];
+                let source = [l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]), l.load(&m[k..])];
                 add_source_vector::<L, K, true>(l, source, &p, apart, &mut sums);
                 k += PARTIAL_SUMS_F32;
                 while k < count {
-                    let source = [l.load_f32(&x[k..]), l.load_f32(&y[k..]), l.load_f32(&z[k..]), l.load_f32(&m[k..])];
+                    let source = [l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]), l.load(&m[k..])];
                     add_source_vector::<L, K, false>(l, source, &p, apart, &mut sums);
                     k += PARTIAL_SUMS_F32;
                 }
                 for t in 0..TARGETS_AT_ONCE {
                     for k in 0..4 {
-                        l.store_f32(&mut parts[t][k][from..], sums.pulls[t][k]);
+                        l.store(&mut parts[t][k][from..], sums.pulls[t][k]);
                     }
                 }
-                l.store_f32(&mut least[from..], sums.near);
-                from += L::WIDTH_F32;
+                l.store(&mut least[from..], sums.near);
+                from += L::WIDTH;
             }
             let mut closest = f32::MAX;
             for d2 in &least {
@@ -302,25 +301,25 @@ struct PullSums<S> {
 #[inline(always)]
 fn add_source_vector<L: F32Arithmetic, K: PullKernel, const OWN: bool>(
     l: L,
-    [x, y, z, m]: [L::S; 4],
-    targets: &[[L::S; 3]; TARGETS_AT_ONCE],
-    apart: [L::S; TARGETS_AT_ONCE],
-    sums: &mut PullSums<L::S>,
+    [x, y, z, m]: [L::V; 4],
+    targets: &[[L::V; 3]; TARGETS_AT_ONCE],
+    apart: [L::V; TARGETS_AT_ONCE],
+    sums: &mut PullSums<L::V>,
 ) {
     for t in 0..TARGETS_AT_ONCE {
-        let [dx, dy, dz] = [l.sub_f32(x, targets[t][0]), l.sub_f32(y, targets[t][1]), l.sub_f32(z, targets[t][2])];
-        let mut d2 = l.mul_add_f32(dx, dx, l.mul_add_f32(dy, dy, l.mul_f32(dz, dz)));
+        let [dx, dy, dz] = [l.sub(x, targets[t][0]), l.sub(y, targets[t][1]), l.sub(z, targets[t][2])];
+        let mut d2 = l.mul_add(dx, dx, l.mul_add(dy, dy, l.mul(dz, dz)));
         if OWN {
-            d2 = l.add_f32(d2, apart[t]);
+            d2 = l.add(d2, apart[t]);
         }
-        sums.near = l.min_f32(d2, sums.near);
+        sums.near = l.min(d2, sums.near);
         let (strength, root) = K::pull_strength(l, m, d2);
         let to = &mut sums.pulls[t];
-        to[0] = l.mul_add_f32(dx, strength, to[0]);
-        to[1] = l.mul_add_f32(dy, strength, to[1]);
-        to[2] = l.mul_add_f32(dz, strength, to[2]);
+        to[0] = l.mul_add(dx, strength, to[0]);
+        to[1] = l.mul_add(dy, strength, to[1]);
+        to[2] = l.mul_add(dz, strength, to[2]);
         if K::POTENTIAL {
-            to[3] = l.mul_add_f32(m, root, to[3]);
+            to[3] = l.mul_add(m, root, to[3]);
         }
     }
 }

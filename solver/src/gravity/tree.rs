@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use super::expansion::narrow_len;
 use super::upward::{SubtreeOutput, UpwardPass, axis_derivatives};
 use crate::math::Vec3;
-use crate::math::lanes::F64Arithmetic;
 use crate::math::morton::{self, MortonKey, POINTS_PER_TASK};
+use crate::math::simd::F64Arithmetic;
 
 pub type CellLine = [f64; 8];
 

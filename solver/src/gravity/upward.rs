@@ -7,7 +7,7 @@ use super::expansion::{
     shift_moments, wide_index,
 };
 use super::tree::{CellLine, CellSummary, MAX_BODIES_PER_TASK, TreeCell};
-use crate::math::lanes::{F64Arithmetic, Scalar};
+use crate::math::simd::{F64Arithmetic, Scalar};
 use crate::math::{Vec3, vector_length};
 
 /// Number of bodies up to which a cell gets the exact radius. Larger cells get the bound from their halves, which is

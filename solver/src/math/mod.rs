@@ -1,9 +1,9 @@
 //! Kernel: vectors, rotations, orthonormal frames, spatial order.
 
-pub mod lanes;
 pub mod morton;
 pub mod random;
 pub mod rotation;
+pub mod simd;
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 

@@ -20,7 +20,7 @@ use nalgebra::Matrix3;
 
 use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::Vec3;
-use crate::math::lanes::Scalar;
+use crate::math::simd::Scalar;
 use crate::solve::gauss_seidel::block;
 use crate::solve::gauss_seidel::diagonal::local::signorini_coulomb;
 

@@ -8,11 +8,10 @@
 //!
 //! Source: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), ch. 13.
 
-use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
 use crate::assemble::{ContactProblem, RollingConstraint, SolverBody};
-use crate::math::lanes::{F64Arithmetic, Scalar, SimdWidth};
+use crate::math::simd::{F64Arithmetic, LaneOperation, Scalar, SimdWidth};
 use crate::math::{PAR_MIN_LEN, Vec3};
 
 /// Share of the summed velocities at the contacts, and of those that attractions would cause, below which a residual is
@@ -201,13 +200,7 @@ impl<'a> ResidualEvaluator<'a> {
     fn residual_norm(&self, impulses: &[Vec3], moments: &[Vec3], motions: &[BodyMotion]) -> (f64, Option<u32>) {
         let of_task = |(task, (rows, contacts)): (usize, (&[u32], &[ContactGroup]))| {
             let contacts = (contacts, self.levers.get(task * GROUPS_PER_TASK..).unwrap_or_default());
-            match self.width {
-                SimdWidth::One(lanes) => self.evaluate_groups(lanes, rows, contacts, impulses, motions),
-                #[cfg(target_arch = "x86_64")]
-                SimdWidth::Four(lanes) => self.evaluate_groups(lanes, rows, contacts, impulses, motions),
-                #[cfg(target_arch = "x86_64")]
-                SimdWidth::Eight(lanes) => self.evaluate_groups(lanes, rows, contacts, impulses, motions),
-            }
+            self.evaluate_groups(rows, contacts, impulses, motions)
         };
         let tasks = self
             .rows
@@ -257,17 +250,15 @@ impl<'a> ResidualEvaluator<'a> {
     pub fn contributions(&self, impulses: &[Vec3], motions: &[BodyMotion]) -> Vec<f64> {
         let mut sizes2 = vec![0.0; self.contacts.len() * GROUP_LANES];
         let ResidualEvaluator { rows, rho, contacts, levers, .. } = self;
-        let map =
-            NaturalMap { lanes: Scalar, rows, contacts, levers, impulses, motions, rho: *rho, sizes2: &mut sizes2 };
-        map.call();
+        let map = NaturalMap { rows, contacts, levers, impulses, motions, rho: *rho, sizes2: &mut sizes2 };
+        map.call(Scalar);
         sizes2.truncate(rows.len());
         sizes2
     }
 
     /// Sum of |F|^2 of some contacts, the largest |F|^2 and its row.
-    fn evaluate_groups<L: F64Arithmetic>(
+    fn evaluate_groups(
         &self,
-        lanes: L,
         rows: &[u32],
         (contacts, levers): (&[ContactGroup], &[GroupLevers]),
         impulses: &[Vec3],
@@ -275,7 +266,7 @@ impl<'a> ResidualEvaluator<'a> {
     ) -> (f64, f64, Option<u32>) {
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
         let mut sizes2 = [0.0; GROUP_LANES * GROUPS_PER_TASK];
-        lanes.run(NaturalMap { lanes, rows, contacts, levers, impulses, motions, rho: self.rho, sizes2: &mut sizes2 });
+        self.width.run(NaturalMap { rows, contacts, levers, impulses, motions, rho: self.rho, sizes2: &mut sizes2 });
         for (&k, size2) in rows.iter().zip(sizes2) {
             sum += size2;
             if size2 > largest {
@@ -348,8 +339,7 @@ fn group_levers(system: &ContactProblem, rows: &[u32]) -> GroupLevers {
 }
 
 /// |F|^2 of contacts, N^2 s^2.
-struct NaturalMap<'a, L> {
-    lanes: L,
+struct NaturalMap<'a> {
     rows: &'a [u32],
     contacts: &'a [ContactGroup],
     levers: &'a [GroupLevers],
@@ -359,11 +349,11 @@ struct NaturalMap<'a, L> {
     sizes2: &'a mut [f64],
 }
 
-impl<L: F64Arithmetic> NullaryFnOnce for NaturalMap<'_, L> {
+impl LaneOperation for NaturalMap<'_> {
     type Output = ();
     #[inline(always)]
-    fn call(self) {
-        let NaturalMap { lanes: l, rows, contacts, levers, impulses, motions, rho, sizes2 } = self;
+    fn call<L: F64Arithmetic>(self, l: L) {
+        let NaturalMap { rows, contacts, levers, impulses, motions, rho, sizes2 } = self;
         let of_rows = rows.chunks(GROUP_LANES).zip(sizes2.chunks_mut(GROUP_LANES));
         for (place, (eight, (rows, sizes2))) in contacts.iter().zip(of_rows).enumerate() {
             let mut r = [[0.0; GROUP_LANES]; 3];
@@ -460,7 +450,7 @@ fn inner_product<L: F64Arithmetic>(l: L, a: [L::V; 3], b: [L::V; 3]) -> L::V {
 /// `z_t` >= 0: its normal part and its tangential size.
 ///
 /// ```
-/// # use cd_solve::{math::lanes::Scalar, solve::residual::project_on_cone};
+/// # use cd_solve::{math::simd::Scalar, solve::residual::project_on_cone};
 /// assert_eq!(project_on_cone(Scalar, 2.0, 1.0, 1.0), (2.0, 1.0)); // inside
 /// assert_eq!(project_on_cone(Scalar, -2.0, 1.0, 1.0), (0.0, 0.0)); // in the polar cone
 /// assert_eq!(project_on_cone(Scalar, 0.0, 2.0, 1.0), (1.0, 1.0)); // on the side
@@ -482,7 +472,7 @@ pub fn project_on_cone<L: F64Arithmetic>(l: L, z_n: L::V, z_t: L::V, mu: L::V) -
 mod tests {
     use super::*;
     use crate::assemble::ContactConstraint;
-    use crate::math::lanes::Scalar;
+    use crate::math::simd::Scalar;
     use crate::solve::{StoppingCriteria, solve_nlgs};
     use proptest::prelude::*;
 

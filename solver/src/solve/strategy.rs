@@ -5,7 +5,7 @@ use cd_formats::snapshot::FallbackState;
 
 use crate::activity;
 use crate::assemble::{ContactProblem, StoredProblem};
-use crate::math::lanes::SimdWidth;
+use crate::math::simd::SimdWidth;
 use crate::math::{Vec3, to_local, to_world};
 use crate::solve::cost_model::{COSTS, TOO_LARGE_REASON};
 use crate::solve::gauss_seidel::driver::{closing_inactive_rows, solve_nlgs};

@@ -20,7 +20,7 @@ use crate::detect::{self, NarrowPhaseError};
 use crate::integrate::{self, ContactConfiguration};
 use crate::laws::ContactLaw;
 use crate::math::Vec3;
-use crate::math::lanes::SimdWidth;
+use crate::math::simd::SimdWidth;
 use crate::scene::Scene;
 use crate::solve::{self, SolveRequest, StoppingCriteria};
 use crate::state::{BondingMode, Contact, State, StateBackup};

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::activity;
 use crate::assemble::{ContactProblem, SolverBody};
-use crate::math::lanes::SimdWidth;
+use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::solve::gauss_seidel::layout::pack_problem;
 use crate::solve::gauss_seidel::momentum::{MOMENTUM_CYCLE, SweepMomentum};

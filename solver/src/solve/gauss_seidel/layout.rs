@@ -1,6 +1,6 @@
 //! Choice of the layout in which a contact problem is swept.
 
-use crate::math::lanes::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32};
+use crate::math::simd::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32};
 use crate::solve::gauss_seidel::block::batches::{BlockProblem, FrictionalPoint, FrictionlessPoint};
 use crate::solve::gauss_seidel::diagonal::batches::DiagonalProblem;
 use crate::solve::gauss_seidel::packed::{PackSource, PackedProblem};

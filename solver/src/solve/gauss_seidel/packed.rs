@@ -4,7 +4,7 @@ use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
 use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
-use crate::math::lanes::{Arithmetic, F32Arithmetic, LaneFloat, LaneOperation, SimdWidth};
+use crate::math::simd::{Arithmetic, F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, triple};
 use crate::solve::types::ContactReactions;
@@ -178,7 +178,7 @@ impl LaneOperation for SnapToCones<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn call<L: F32Arithmetic>(self, l: L) {
+    fn call<L: F64Arithmetic>(self, l: L) {
         let SnapToCones { cones, r } = self;
         for from in (0..BATCH_LANES).step_by(L::WIDTH) {
             let (n, whole) = (load_vector(l, from, &cones.n), load_vector(l, from, r));

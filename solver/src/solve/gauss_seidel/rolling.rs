@@ -9,7 +9,7 @@
 
 use crate::assemble::ContactProblem;
 use crate::math::Vec3;
-use crate::math::lanes::{Arithmetic, LaneFloat};
+use crate::math::simd::{Arithmetic, LaneFloat};
 use crate::solve::gauss_seidel::packed::{BATCH_LANES, NONE, load_column, load_vector, set_lane, store_column};
 use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, project_to_ball, triple};
 

@@ -1,6 +1,6 @@
 //! Vectors of three components in lanes.
 
-use crate::math::lanes::Arithmetic;
+use crate::math::simd::Arithmetic;
 
 /// Three components.
 pub type LaneVector<V> = [V; 3];
@@ -71,7 +71,7 @@ pub fn project_to_ball<L: Arithmetic>(l: L, v: LaneVector<L::V>, bound: L::V) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::lanes::Scalar;
+    use crate::math::simd::Scalar;
 
     #[test]
     fn products_of_vectors() {

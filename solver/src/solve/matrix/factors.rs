@@ -10,10 +10,8 @@
 //! Sources: I. S. Duff, J. K. Reid, ACM Trans. Math. Softw. 9 (1983) 302-325 (fronts); P. R. Amestoy, T. A. Davis, I. S. Duff,
 //! SIAM J. Matrix Anal. Appl. 17 (1996) 886-905 (order of elimination).
 
-use pulp::NullaryFnOnce;
-
 use super::{LocalVector, MatrixBlock};
-use crate::math::lanes::{Arithmetic, F64Arithmetic, SimdWidth};
+use crate::math::simd::{F64Arithmetic, LaneOperation, SimdWidth};
 
 /// Number of rows below which one front is always faster.
 const MIN_SPARSE_ROWS: usize = 200;
@@ -126,13 +124,7 @@ impl LuFactors {
     /// x of A x = `right`; may be infinite or NaN if A is nearly singular.
     pub fn solve(&self, right: &[LocalVector]) -> Vec<LocalVector> {
         let mut x = right.to_vec();
-        match self.width {
-            SimdWidth::One(lanes) => lanes.run(BackSubstitution { factors: self, x: &mut x }),
-            #[cfg(target_arch = "x86_64")]
-            SimdWidth::Four(lanes) => lanes.run(BackSubstitution { factors: self, x: &mut x }),
-            #[cfg(target_arch = "x86_64")]
-            SimdWidth::Eight(lanes) => lanes.run(BackSubstitution { factors: self, x: &mut x }),
-        }
+        self.width.run(BackSubstitution { factors: self, x: &mut x });
         x
     }
 }
@@ -224,17 +216,10 @@ fn elimination_fronts(count: usize, entries: &[BlockEntry]) -> Vec<FrontalMatrix
 /// Eliminates the first rows, as many as there are `pivots`, of the columns of `size` rows, in place. Returns false if no
 /// pivot is found.
 fn eliminate_front(width: SimdWidth, a: &mut [f64], stride: usize, size: usize, pivots: &mut [u32]) -> bool {
-    match width {
-        SimdWidth::One(l) => l.run(FrontElimination { l, a, stride, size, pivots }),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Four(l) => l.run(FrontElimination { l, a, stride, size, pivots }),
-        #[cfg(target_arch = "x86_64")]
-        SimdWidth::Eight(l) => l.run(FrontElimination { l, a, stride, size, pivots }),
-    }
+    width.run(FrontElimination { a, stride, size, pivots })
 }
 
-struct FrontElimination<'a, L> {
-    l: L,
+struct FrontElimination<'a> {
     a: &'a mut [f64],
     stride: usize,
     size: usize,
@@ -244,11 +229,11 @@ struct FrontElimination<'a, L> {
 /// Columns that are eliminated before the columns to the right are updated.
 const PANEL_COLUMNS: usize = 24;
 
-impl<L: F64Arithmetic> NullaryFnOnce for FrontElimination<'_, L> {
+impl LaneOperation for FrontElimination<'_> {
     type Output = bool;
     #[inline(always)]
-    fn call(self) -> bool {
-        let FrontElimination { l, a, stride, size, pivots } = self;
+    fn call<L: F64Arithmetic>(self, l: L) -> bool {
+        let FrontElimination { a, stride, size, pivots } = self;
         let own = pivots.len();
         for from in (0..own).step_by(PANEL_COLUMNS) {
             let to = (from + PANEL_COLUMNS).min(own);
@@ -350,10 +335,10 @@ struct BackSubstitution<'a> {
     x: &'a mut [LocalVector],
 }
 
-impl NullaryFnOnce for BackSubstitution<'_> {
+impl LaneOperation for BackSubstitution<'_> {
     type Output = ();
     #[inline(always)]
-    fn call(self) {
+    fn call<L: F64Arithmetic>(self, _: L) {
         let x = self.x;
         let mut y: Vec<f64> = Vec::new();
         for front in &self.factors.fronts {

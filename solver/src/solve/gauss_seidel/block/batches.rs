@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::assemble::{BlockData, ContactProblem, SolverBody};
 use crate::math::Vec3;
-use crate::math::lanes::{F32Arithmetic, F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
+use crate::math::simd::{F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
 use crate::solve::gauss_seidel::block::local::{BlockAxes, BodySide, block_axes, delassus_block, lever_block};
 use crate::solve::gauss_seidel::packed::{
     BATCH_LANES, FrictionCones, NONE, PackSource, SweepSums, SweepUnits, load_column, load_vector, set_lane,
@@ -467,7 +467,7 @@ impl<T: LaneFloat> LaneOperation for PackRows<'_, T> {
     type Output = (FrictionalPoint<T>, FrictionalImpulses<T>);
 
     #[inline(always)]
-    fn call<L: F32Arithmetic>(self, l: L) -> Self::Output {
+    fn call<L: F64Arithmetic>(self, l: L) -> Self::Output {
         let PackRows { seen, units, .. } = self;
         let (mut point, mut impulses) = (FrictionalPoint::zero(), FrictionalImpulses::default());
         let (mass, one) = (l.splat(units.mass_unit()), l.splat(1.0));

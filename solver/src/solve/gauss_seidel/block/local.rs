@@ -4,7 +4,7 @@ use nalgebra::Matrix3;
 
 use crate::assemble::{BlockData, ContactProblem};
 use crate::math::Vec3;
-use crate::math::lanes::{Arithmetic, LaneFloat, Scalar};
+use crate::math::simd::{Arithmetic, LaneFloat, Scalar};
 use crate::solve::gauss_seidel::vector::{cross_add, dot_product, triple};
 
 /// Axes and numbers of a contact's own block W. The normal unknown is eliminated, and the tangents are the principal axes of
@@ -346,7 +346,7 @@ fn sliding_state<L: Arithmetic>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::lanes::{F32Lanes, Scalar};
+    use crate::math::simd::{Scalar, ScalarF32};
     use crate::solve::matrix::LocalSolver;
     use proptest::prelude::*;
 
@@ -373,7 +373,7 @@ mod tests {
         let inverse_s = short(s.map(|s| 1.0 / s));
         let block =
             LocalBlock { inverse_nn: (1.0 / w_nn) as f32, c: short(c), s: short(s), inverse_s, friction: mu as f32 };
-        let (r, _) = signorini_coulomb_block(F32Lanes(Scalar), &block, q.map(|q| q as f32), [0.0; 3], guess as f32);
+        let (r, _) = signorini_coulomb_block(ScalarF32, &block, q.map(|q| q as f32), [0.0; 3], guess as f32);
         r.map(f64::from)
     }
 

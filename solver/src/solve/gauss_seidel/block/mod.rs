@@ -16,7 +16,7 @@ mod tests {
     use nalgebra::Matrix3;
 
     use crate::assemble::{BlockData, ContactConstraint, ContactProblem, SolverBody, stored_problem};
-    use crate::math::lanes::SimdWidth;
+    use crate::math::simd::SimdWidth;
     use crate::math::{Vec3, to_local, to_world};
     use crate::solve::gauss_seidel::block::local::{delassus_block_of_row, full_matrix};
     use crate::solve::residual::ResidualEvaluator;

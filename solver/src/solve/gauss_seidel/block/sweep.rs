@@ -3,7 +3,7 @@
 use pulp::NullaryFnOnce;
 
 use crate::assemble::ContactProblem;
-use crate::math::lanes::{Arithmetic, DoubleWidth, F32Arithmetic, LaneFloat, LaneOperation, SimdWidth};
+use crate::math::simd::{Arithmetic, DoubleWidth, F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
 use crate::solve::gauss_seidel::block::batches::{
     BlockProblem, BodyNumbers, BodyPairBatch, BodyRange, FrictionalImpulses, FrictionalPoint, FrictionlessPoint,
     LeverColumns, NormalImpulses, PairBatches, PairContacts,
@@ -34,7 +34,7 @@ struct ProblemSweep<'a, C: PairContacts> {
 impl<C: PairSweepKernel> LaneOperation for ProblemSweep<'_, C> {
     type Output = SweepStats;
 
-    fn call<L: F32Arithmetic>(self, l: L) -> SweepStats {
+    fn call<L: F64Arithmetic>(self, l: L) -> SweepStats {
         let l = C::T::lanes(l);
         // At most as many lanes as a batch has.
         if const { <C::T as LaneFloat>::Lanes::<L>::WIDTH < BATCH_LANES } {

@@ -11,7 +11,7 @@ use bytemuck::Pod;
 use rayon::prelude::*;
 
 use crate::assemble::{ContactProblem, SolverBody};
-use crate::math::lanes::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, LaneFloat, SimdWidth};
+use crate::math::simd::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, LaneFloat, SimdWidth};
 use crate::math::{PAR_MIN_LEN, group_by_key};
 use crate::solve::gauss_seidel::packed::{
     BATCH_LANES, FrictionCones, NONE, PackSource, SweepSums, SweepUnits, set_lane, snap_to_cones,

@@ -1,6 +1,6 @@
 //! Exact solution of one contact with all other impulses frozen.
 
-use crate::math::lanes::Arithmetic;
+use crate::math::simd::Arithmetic;
 use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, project_to_ball, triple};
 
 /// r̂ that solves one contact with Signorini's condition and Coulomb's law, N s.
@@ -17,7 +17,7 @@ use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, project_to_bal
 /// Source: F. Jourdan, P. Alart, M. Jean, Comput. Methods Appl. Mech. Engrg. 155 (1998) 31-47.
 ///
 /// ```
-/// # use cd_solve::{math::lanes::Scalar, solve::gauss_seidel::diagonal::local::signorini_coulomb};
+/// # use cd_solve::{math::simd::Scalar, solve::gauss_seidel::diagonal::local::signorini_coulomb};
 /// // 2 kg (1/w_n) arriving at 2 m/s is stopped by 4 N s; the tangential 7 m/s would need
 /// // 4 N s too (1/w_t = 4/7), but friction gives 0.5 * 4.
 /// let r = signorini_coulomb(Scalar, [0.0, 0.0, 1.0], [0.0, 7.0, -2.0], [0.0; 3], [0.5, 1.75], 0.5);
@@ -80,7 +80,7 @@ pub fn coulomb<L: Arithmetic>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::lanes::Scalar;
+    use crate::math::simd::Scalar;
     use proptest::prelude::*;
 
     const UP: [f64; 3] = [0.0, 0.0, 1.0];

@@ -4,7 +4,7 @@ use bytemuck::{cast_slice, cast_slice_mut};
 use pulp::NullaryFnOnce;
 
 use crate::assemble::ContactProblem;
-use crate::math::lanes::{Arithmetic, F32Arithmetic, LaneFloat, LaneOperation, SimdWidth};
+use crate::math::simd::{Arithmetic, F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
 use crate::solve::gauss_seidel::diagonal::batches::{
     BatchVectors, ContactBatch, DiagonalProblem, PackedBody, RangeBatches,
 };
@@ -37,7 +37,7 @@ struct ProblemSweep<'a, B: PackedBody> {
 impl<B: PackedBody> LaneOperation for ProblemSweep<'_, B> {
     type Output = SweepStats;
 
-    fn call<L: F32Arithmetic>(self, l: L) -> SweepStats {
+    fn call<L: F64Arithmetic>(self, l: L) -> SweepStats {
         let ProblemSweep { problem: DiagonalProblem { units, lines, previous, blocks }, beta } = self;
         let batches: usize = blocks.iter().map(|block| block.batches.len()).sum();
         let exceeds_l2 = batches * size_of::<(ContactBatch<B::T>, [BatchVectors<B::T>; 2])>() > L2_BYTES;

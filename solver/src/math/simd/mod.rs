@@ -1,0 +1,466 @@
+//! The same arithmetic on 8, 4, 2 or 1 numbers at a time (16, 8, 4 or 1 in single precision), chosen at run time. Every
+//! operation is written once, in one order and with explicit fused multiply-add, so all widths give the same bits.
+//!
+//! | module | contents |
+//! |---|---|
+//! | `scalar` | one number at a time |
+//! | `vectors` | vectors of an instruction set, on pulp's `Simd` |
+//! | `x86`, `neon` | exchange of these vectors with the lines of bodies |
+//! | `adapters` | vectors made of vectors |
+
+mod adapters;
+#[cfg(target_arch = "aarch64")]
+mod neon;
+mod scalar;
+mod vectors;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+use std::ops::{Add, Sub};
+
+use bytemuck::{Pod, Zeroable};
+use pulp::NullaryFnOnce;
+
+pub use adapters::DoubleWidth;
+pub use scalar::{Scalar, ScalarF32};
+pub use vectors::SimdLanes;
+
+/// Eight numbers on one cache line: the data of a body in a sweep.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C, align(64))]
+pub struct BodyLine(pub [f64; 8]);
+
+/// Four numbers, half a cache line: the data of a body in a sweep without friction.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C, align(32))]
+pub struct BodyHalfLine(pub [f64; 4]);
+
+/// The data of a body in a sweep in single precision, as [`BodyLine`].
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C, align(32))]
+pub struct BodyLineF32(pub [f32; 8]);
+
+/// The data of a body in a sweep in single precision without friction, as [`BodyHalfLine`].
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C, align(16))]
+pub struct BodyHalfLineF32(pub [f32; 4]);
+
+/// Numbers in double or single precision.
+pub trait LaneFloat: Pod + Default + Send + Sync + Add<Output = Self> + Sub<Output = Self> {
+    /// Eight and four consecutive numbers.
+    type Line: Pod;
+    type Half: Pod;
+
+    const ZERO: Self;
+    const IS_SINGLE: bool;
+    /// Approximate square root of the spacing of numbers near 1.
+    const SQRT_EPSILON: f64;
+
+    /// Nearest number to `x`.
+    fn from_f64(x: f64) -> Self;
+    fn to_f64(self) -> f64;
+    /// a self + b, rounded once.
+    fn fused_mul_add(self, a: Self, b: Self) -> Self;
+
+    /// Arithmetic in this precision with the vectors of `L`.
+    type Lanes<L: F64Arithmetic>: Arithmetic<T = Self>;
+    fn lanes<L: F64Arithmetic>(l: L) -> Self::Lanes<L>;
+}
+
+impl LaneFloat for f64 {
+    type Line = BodyLine;
+    type Half = BodyHalfLine;
+
+    const ZERO: f64 = 0.0;
+    const IS_SINGLE: bool = false;
+    const SQRT_EPSILON: f64 = 1e-8;
+
+    #[inline(always)]
+    fn from_f64(x: f64) -> f64 {
+        x
+    }
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self
+    }
+    #[inline(always)]
+    fn fused_mul_add(self, a: f64, b: f64) -> f64 {
+        self.mul_add(a, b)
+    }
+
+    type Lanes<L: F64Arithmetic> = L;
+    #[inline(always)]
+    fn lanes<L: F64Arithmetic>(l: L) -> L {
+        l
+    }
+}
+
+impl LaneFloat for f32 {
+    type Line = BodyLineF32;
+    type Half = BodyHalfLineF32;
+
+    const ZERO: f32 = 0.0;
+    const IS_SINGLE: bool = true;
+    const SQRT_EPSILON: f64 = 3e-4;
+
+    #[inline(always)]
+    fn from_f64(x: f64) -> f32 {
+        x as f32
+    }
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+    #[inline(always)]
+    fn fused_mul_add(self, a: f32, b: f32) -> f32 {
+        self.mul_add(a, b)
+    }
+
+    type Lanes<L: F64Arithmetic> = L::Single;
+    #[inline(always)]
+    fn lanes<L: F64Arithmetic>(l: L) -> L::Single {
+        l.single()
+    }
+}
+
+/// Arithmetic on `WIDTH` numbers at once.
+pub trait Arithmetic: Copy + Send + Sync {
+    type T: LaneFloat;
+    const WIDTH: usize;
+    type V: Copy + Send;
+
+    /// Runs `op` compiled for this instruction set; functions that it calls must be inlined into it.
+    fn run<Op: NullaryFnOnce>(self, op: Op) -> Op::Output;
+
+    /// Prefetches the memory of `x` into the L2 cache, so that the latency of far memory overlaps with other work. Small
+    /// requests are best, as only some tens of lines can be in flight. A prefetch into the L1 cache would evict the data in
+    /// use.
+    fn prefetch<X: ?Sized>(self, x: &X);
+
+    /// Nearest number to `x` in all lanes.
+    fn splat(self, x: f64) -> Self::V;
+    /// First `WIDTH` numbers of `x`.
+    fn load(self, x: &[Self::T]) -> Self::V;
+    fn store(self, x: &mut [Self::T], v: Self::V);
+    fn add(self, a: Self::V, b: Self::V) -> Self::V;
+    fn sub(self, a: Self::V, b: Self::V) -> Self::V;
+    fn mul(self, a: Self::V, b: Self::V) -> Self::V;
+    fn div(self, a: Self::V, b: Self::V) -> Self::V;
+    fn sqrt(self, a: Self::V) -> Self::V;
+    #[inline(always)]
+    fn abs(self, a: Self::V) -> Self::V {
+        let zero = self.splat(0.0);
+        self.select_greater(a, zero, a, self.sub(zero, a))
+    }
+    /// a b + c, rounded once.
+    fn mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
+    /// c - a b, rounded once.
+    fn neg_mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
+    /// `a` where x > y, else `b`.
+    fn select_greater(self, x: Self::V, y: Self::V, a: Self::V, b: Self::V) -> Self::V;
+    /// Mask with bit k set where x > y in lane k.
+    fn mask_greater(self, x: Self::V, y: Self::V) -> u32;
+    /// The smaller one; `b` if they are equal.
+    fn min(self, a: Self::V, b: Self::V) -> Self::V;
+    /// Component k of the `WIDTH` lines given by `index`, for each k.
+    fn gather_lines(self, lines: &[[Self::T; 8]], index: &[u32]) -> [Self::V; 8];
+    /// Writes the lines given by `index`, the inverse of [`Self::gather_lines`]; equal indices must have equal lines.
+    fn scatter_lines(self, lines: &mut [[Self::T; 8]], index: &[u32], columns: [Self::V; 8]);
+    /// Difference a - b of the first three components and sums of the others, for pairs of lines.
+    fn relative_velocity(self, lines: &[<Self::T as LaneFloat>::Line], a: &[u32], b: &[u32]) -> [Self::V; 8];
+    /// With lines (v, p, w, q): adds p f to v of a and subtracts it from v of b; adds q g to w of both.
+    fn apply_impulse(
+        self,
+        lines: &mut [<Self::T as LaneFloat>::Line],
+        a: &[u32],
+        b: &[u32],
+        f: [Self::V; 3],
+        g: [Self::V; 3],
+    );
+    /// [`Self::relative_velocity`] for half lines: the first four components.
+    fn relative_half_velocity(self, halves: &[<Self::T as LaneFloat>::Half], a: &[u32], b: &[u32]) -> [Self::V; 4];
+    /// [`Self::apply_impulse`] for half lines (v, p).
+    fn apply_half_impulse(self, halves: &mut [<Self::T as LaneFloat>::Half], a: &[u32], b: &[u32], f: [Self::V; 3]);
+}
+
+/// Arithmetic in double precision.
+pub trait F64Arithmetic: Arithmetic<T = f64> {
+    /// Arithmetic in single precision with the same instruction set, on twice as many numbers at once if it has vectors.
+    type Single: F32Arithmetic;
+    fn single(self) -> Self::Single;
+
+    /// Smallest number of all lanes.
+    fn min_lane(self, a: Self::V) -> f64;
+}
+
+/// Arithmetic in single precision.
+pub trait F32Arithmetic: Arithmetic<T = f32> {
+    /// Number whose bits are those of `magic` minus half those of `a`, as integers: approximately proportional to a^(-1/2).
+    /// It is the same on every machine, unlike the results of instructions that estimate a root.
+    fn rsqrt_seed(self, magic: u32, a: Self::V) -> Self::V;
+}
+
+/// Operation that can be done in vectors of any width.
+pub trait LaneOperation {
+    type Output;
+    fn call<L: F64Arithmetic>(self, l: L) -> Self::Output;
+}
+
+struct RunInLanes<Op>(Op);
+
+impl<Op: LaneOperation> LaneOperation for RunInLanes<Op> {
+    type Output = Op::Output;
+    #[inline(always)]
+    fn call<L: F64Arithmetic>(self, l: L) -> Op::Output {
+        l.run(BoundOperation { l, op: self.0 })
+    }
+}
+
+/// Operation with the arithmetic of one width.
+struct BoundOperation<L, Op> {
+    l: L,
+    op: Op,
+}
+
+impl<L: F64Arithmetic, Op: LaneOperation> NullaryFnOnce for BoundOperation<L, Op> {
+    type Output = Op::Output;
+    #[inline(always)]
+    fn call(self) -> Op::Output {
+        self.op.call(self.l)
+    }
+}
+
+struct PrefetchMemory<'a, X: ?Sized>(&'a X);
+
+impl<X: ?Sized> LaneOperation for PrefetchMemory<'_, X> {
+    type Output = ();
+    #[inline(always)]
+    fn call<L: F64Arithmetic>(self, l: L) {
+        l.prefetch(self.0);
+    }
+}
+
+/// Number of lanes; it never changes a result.
+#[derive(Debug, Clone, Copy)]
+pub enum SimdWidth {
+    One(Scalar),
+    #[cfg(target_arch = "aarch64")]
+    Two(SimdLanes<pulp::aarch64::Neon, f64>),
+    #[cfg(target_arch = "x86_64")]
+    Four(SimdLanes<pulp::x86::V3, f64>),
+    #[cfg(target_arch = "x86_64")]
+    Eight(SimdLanes<pulp::x86::V4, f64>),
+}
+
+impl SimdWidth {
+    /// The largest width of this machine.
+    pub fn detect() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = pulp::x86::V4::try_new() {
+            return SimdWidth::Eight(SimdLanes::new(simd));
+        } else if let Some(simd) = pulp::x86::V3::try_new() {
+            return SimdWidth::Four(SimdLanes::new(simd));
+        }
+        #[cfg(target_arch = "aarch64")]
+        if let Some(simd) = pulp::aarch64::Neon::try_new() {
+            return SimdWidth::Two(SimdLanes::new(simd));
+        }
+        SimdWidth::One(Scalar)
+    }
+
+    /// All widths of this machine, smallest first.
+    pub fn all_widths() -> Vec<Self> {
+        let mut all = vec![SimdWidth::One(Scalar)];
+        #[cfg(target_arch = "x86_64")]
+        {
+            all.extend(pulp::x86::V3::try_new().map(|simd| SimdWidth::Four(SimdLanes::new(simd))));
+            all.extend(pulp::x86::V4::try_new().map(|simd| SimdWidth::Eight(SimdLanes::new(simd))));
+        }
+        #[cfg(target_arch = "aarch64")]
+        all.extend(pulp::aarch64::Neon::try_new().map(|simd| SimdWidth::Two(SimdLanes::new(simd))));
+        all
+    }
+
+    /// Calls `op` with the arithmetic of this width, compiled for its instruction set; functions that `op` calls must be
+    /// inlined into it.
+    pub fn run<Op: LaneOperation>(self, op: Op) -> Op::Output {
+        self.dispatch(RunInLanes(op))
+    }
+
+    /// Calls `op` with the arithmetic of this width, not compiled for its instruction set: for operations that call
+    /// [`Arithmetic::run`] themselves.
+    #[inline(always)]
+    pub fn dispatch<Op: LaneOperation>(self, op: Op) -> Op::Output {
+        match self {
+            SimdWidth::One(l) => op.call(l),
+            #[cfg(target_arch = "aarch64")]
+            SimdWidth::Two(l) => op.call(l),
+            #[cfg(target_arch = "x86_64")]
+            SimdWidth::Four(l) => op.call(l),
+            #[cfg(target_arch = "x86_64")]
+            SimdWidth::Eight(l) => op.call(l),
+        }
+    }
+
+    /// Prefetches `x`, see [`Arithmetic::prefetch`].
+    #[inline(always)]
+    pub fn prefetch<X: ?Sized>(self, x: &X) {
+        self.dispatch(PrefetchMemory(x));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Transposed reading, arithmetic and writing agree with the scalar to the last bit.
+    fn agrees<L: Arithmetic<T = f64>>(lanes: L) {
+        struct Op<'a, L> {
+            lanes: L,
+            lines: &'a mut [BodyLine],
+            halves: &'a mut [BodyHalfLine],
+        }
+        impl<L: Arithmetic<T = f64>> NullaryFnOnce for Op<'_, L> {
+            type Output = ();
+            #[inline(always)]
+            fn call(self) {
+                let Op { lanes: l, lines, halves } = self;
+                let (index, other) = ([3, 0, 5, 7, 1, 8, 2, 6], [18, 4, 9, 10, 12, 11, 17, 13]);
+                for from in (0..8).step_by(L::WIDTH) {
+                    let (index, other) = (&index[from..from + L::WIDTH], &other[from..from + L::WIDTH]);
+                    let c = l.relative_velocity(lines, index, other);
+                    let q = l.div(l.mul_add(c[0], c[1], c[2]), l.sqrt(l.mul(c[3], c[3])));
+                    let q = l.sub(l.add(q, c[4]), l.neg_mul_add(c[5], c[6], c[7]));
+                    let q = l.select_greater(q, l.splat(0.3), q, l.sub(l.splat(0.0), q));
+                    let mut mask = [0.0; 8];
+                    (0..L::WIDTH).for_each(|k| mask[k] = f64::from(l.mask_greater(q, c[1]) >> k & 1));
+                    let q = l.add(l.min(q, c[2]), l.load(&mask));
+                    l.apply_impulse(lines, index, other, [q, c[1], c[2]], [c[4], q, c[6]]);
+                    let [x, y, z, p] = l.relative_half_velocity(halves, index, other);
+                    l.apply_half_impulse(halves, other, index, [z, l.mul(x, p), y]);
+                    let mut rows: Vec<[f64; 8]> = lines.iter().map(|line| line.0).collect();
+                    let moved = l.gather_lines(&rows, index);
+                    l.scatter_lines(&mut rows, other, moved);
+                    let c = l.gather_lines(&rows, other);
+                    l.apply_impulse(lines, other, index, [c[0], c[1], c[2]], [c[3], c[4], c[7]]);
+                }
+            }
+        }
+        let sample = || -> Vec<BodyLine> {
+            (0..19).map(|i| BodyLine(std::array::from_fn(|k| ((i * 8 + k) as f64 * 0.7).sin() + 0.01))).collect()
+        };
+        let halves = || -> Vec<BodyHalfLine> {
+            sample().iter().map(|line| BodyHalfLine([0, 6, 2, 5].map(|k| line.0[k]))).collect()
+        };
+        let (mut expected, mut got) = ((sample(), halves()), (sample(), halves()));
+        Scalar.run(Op { lanes: Scalar, lines: &mut expected.0, halves: &mut expected.1 });
+        lanes.run(Op { lanes, lines: &mut got.0, halves: &mut got.1 });
+        assert_eq!(got, expected);
+    }
+
+    /// Relative velocities read from a pair of lines, and velocities written, in numbers.
+    #[test]
+    fn pairs_of_lines() {
+        let mut lines =
+            [[1.0, 2.0, 3.0, 0.5, 4.0, 5.0, 6.0, 2.0], [7.0, 9.0, 2.0, 1.0, 1.0, 2.0, 3.0, 4.0]].map(BodyLine);
+        assert_eq!(Scalar.relative_velocity(&lines, &[0], &[1]), [-6.0, -7.0, 1.0, 1.5, 5.0, 7.0, 9.0, 6.0]);
+        Scalar.apply_impulse(&mut lines, &[0], &[1], [2.0, 4.0, 6.0], [1.0, 0.0, -1.0]);
+        assert_eq!(lines[0].0, [2.0, 4.0, 6.0, 0.5, 6.0, 5.0, 4.0, 2.0]);
+        assert_eq!(lines[1].0, [5.0, 5.0, -4.0, 1.0, 5.0, 2.0, -1.0, 4.0]);
+    }
+
+    /// As [`agrees`], for single precision.
+    fn agrees_f32<L: F32Arithmetic>(lanes: L) {
+        struct Op<'a, L> {
+            l: L,
+            x: &'a mut [f32; 32],
+        }
+        impl<L: F32Arithmetic> NullaryFnOnce for Op<'_, L> {
+            type Output = ();
+            #[inline(always)]
+            fn call(self) {
+                let Op { l, x } = self;
+                for from in (0..16).step_by(L::WIDTH) {
+                    let (a, b) = (l.load(&x[from..]), l.load(&x[16 + from..]));
+                    let y = l.rsqrt_seed(0x5f1ffff9, l.mul_add(a, a, l.splat(0.1)));
+                    let y = l.sub(l.neg_mul_add(y, b, a), l.mul(y, b));
+                    l.store(&mut x[from..], l.min(y, l.splat(0.8)));
+                }
+            }
+        }
+        let sample = || std::array::from_fn(|i| (i as f32 * 0.7).sin());
+        let (mut expected, mut got) = (sample(), sample());
+        ScalarF32.run(Op { l: ScalarF32, x: &mut expected });
+        lanes.run(Op { l: lanes, x: &mut got });
+        assert_eq!(got, expected);
+    }
+
+    /// As [`agrees`], for bodies in single precision.
+    fn agrees_on_short_bodies<L: Arithmetic<T = f32>>(lanes: L) {
+        struct Op<'a, L> {
+            l: L,
+            lines: &'a mut [BodyLineF32],
+            halves: &'a mut [BodyHalfLineF32],
+        }
+        impl<L: Arithmetic<T = f32>> NullaryFnOnce for Op<'_, L> {
+            type Output = ();
+            #[inline(always)]
+            fn call(self) {
+                let Op { l, lines, halves } = self;
+                let index = [3, 0, 5, 7, 1, 8, 2, 6, 30, 31, 22, 25, 29, 20, 33, 21];
+                let other = [18, 4, 9, 10, 12, 11, 17, 13, 19, 34, 23, 28, 24, 26, 32, 27];
+                for from in (0..16).step_by(L::WIDTH) {
+                    let (a, b) = (&index[from..from + L::WIDTH], &other[from..from + L::WIDTH]);
+                    let c = l.relative_velocity(lines, a, b);
+                    let q = l.div(l.mul_add(c[0], c[1], c[2]), l.sqrt(l.mul(c[3], c[3])));
+                    let q = l.select_greater(q, l.splat(0.3), q, l.sub(c[5], l.min(q, c[4])));
+                    l.apply_impulse(lines, a, b, [q, c[1], c[2]], [c[4], q, c[6]]);
+                    let [x, y, z, p] = l.relative_half_velocity(halves, a, b);
+                    l.apply_half_impulse(halves, b, a, [z, l.mul(x, p), y]);
+                    let mut rows: Vec<[f32; 8]> = lines.iter().map(|line| line.0).collect();
+                    let moved = l.gather_lines(&rows, a);
+                    l.scatter_lines(&mut rows, b, moved);
+                    let c = l.gather_lines(&rows, b);
+                    l.apply_impulse(lines, b, a, [c[0], c[1], c[2]], [c[3], c[4], c[7]]);
+                }
+            }
+        }
+        let number = |i: usize| ((i as f64 * 0.7).sin() + 0.01) as f32;
+        let line = |i: usize| BodyLineF32(std::array::from_fn(|k| number(8 * i + k)));
+        let half = |i: usize| BodyHalfLineF32(std::array::from_fn(|k| number(4 * i + k)));
+        let sample = || ((0..35).map(line).collect::<Vec<_>>(), (0..35).map(half).collect::<Vec<_>>());
+        let (mut expected, mut got) = (sample(), sample());
+        ScalarF32.run(Op { l: ScalarF32, lines: &mut expected.0, halves: &mut expected.1 });
+        lanes.run(Op { l: lanes, lines: &mut got.0, halves: &mut got.1 });
+        assert_eq!(got, expected);
+        assert_ne!(got, sample());
+    }
+
+    /// All of them, for one width.
+    struct AllAgree;
+
+    impl LaneOperation for AllAgree {
+        type Output = ();
+        fn call<L: F64Arithmetic>(self, l: L) {
+            agrees(l);
+            agrees_f32(l.single());
+            agrees_on_short_bodies(l.single());
+            smallest_lane(l);
+            if L::WIDTH < 8 {
+                agrees(DoubleWidth(l));
+            }
+        }
+    }
+
+    fn smallest_lane<L: F64Arithmetic>(l: L) {
+        for k in 0..L::WIDTH {
+            let numbers: [f64; 8] = std::array::from_fn(|i| if i == k { -2.5 } else { 1.0 + i as f64 });
+            assert_eq!(l.min_lane(l.load(&numbers)), -2.5);
+        }
+    }
+
+    #[test]
+    fn all_widths_give_the_same_bits() {
+        SimdWidth::all_widths().into_iter().for_each(|width| width.dispatch(AllAgree));
+    }
+}
