@@ -8,9 +8,8 @@
 
 use smallvec::SmallVec;
 
-use super::patch::{
-    ContactPatch, MIN_FACE_COSINE, ON_SIDE_DISTANCE, PatchCorner, Polygon, clipped_to_gap, share_at_tilt,
-};
+use super::pair::{MIN_FACE_COSINE, PatchCorner};
+use super::patch::{ContactPatch, ON_SIDE_DISTANCE, Polygon, clipped_to_gap, share_at_tilt};
 use super::search::{aligned_face, edge_ends, support_face};
 use super::{ContactPoint, ListingRange, Manifold, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::simd::Scalar;

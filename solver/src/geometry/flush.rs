@@ -1,7 +1,8 @@
 //! Queries of polyhedra for the flush-joint test: heights along a direction, and contact along a given direction.
 
+use super::pair::{PolyhedronPair, SearchAxis, SearchFeature, support_vertex};
 use super::patch::ContactPatch;
-use super::search::{PolyhedronPair, SearchAxis, SearchFeature, support_face, support_vertex};
+use super::search::support_face;
 use super::{ListingRange, Manifold, PosedPolyhedron};
 use crate::math::Vec3;
 use crate::math::simd::{Scalar, SimdWidth};

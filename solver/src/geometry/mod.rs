@@ -6,6 +6,7 @@
 //! | file | what |
 //! |---|---|
 //! | `polyhedron` | shape: polygon faces, edges, neighbours; posed by its body's orientation |
+//! | `pair` | two posed polyhedra, an axis, the corners of their common part |
 //! | `search` | the direction in which two polyhedra are farthest apart, or least overlap |
 //! | `gjk` | distance and direction where vertices or edges are nearest to each other |
 //! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | contact of a polyhedron with other shapes |
@@ -19,6 +20,7 @@ mod flush;
 mod gjk;
 mod hollow_cylinder;
 mod outline;
+mod pair;
 mod patch;
 mod plate;
 mod polyhedron;
@@ -37,8 +39,9 @@ use smallvec::SmallVec;
 
 use crate::math::Vec3;
 use crate::math::simd::SimdWidth;
+use pair::{PolyhedronPair, SearchAxis, SearchFeature};
 use patch::ContactPatch;
-use search::{PolyhedronPair, SearchAxis, SearchFeature, SearchResult, SearchStart};
+use search::{SearchResult, SearchStart};
 use triangles::{BATCH_PAIRS, TriangleBatch};
 
 /// Contact point.

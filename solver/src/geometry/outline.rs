@@ -3,9 +3,8 @@
 //! A corner is a vertex of either polygon that lies in the other, or a crossing of two sides. Several candidates are
 //! tested at once, so that the program branches only at corners.
 
-use super::patch::{MIN_FACE_COSINE, PatchCorner};
+use super::pair::{MIN_FACE_COSINE, PatchCorner, PatchCorners, PolyhedronPair};
 use super::polyhedron::{COLUMN_PAD, FeatureIndex};
-use super::search::PolyhedronPair;
 use super::{PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::simd::{F64Arithmetic, LaneOperation};
 use crate::math::{Vec3, local_frame};
@@ -37,9 +36,6 @@ pub(super) fn collect_common_corners(
     };
     pair.width.run(CommonCorners { pair, n, faces, counts, strides, tiny, storage, take })
 }
-
-/// Corners found so far.
-pub(super) type PatchCorners = smallvec::SmallVec<[PatchCorner; 12]>;
 
 /// Outline of a face seen along the normal, counter-clockwise.
 struct FaceOutline<'a> {

@@ -4,8 +4,8 @@
 
 use smallvec::SmallVec;
 
-use super::outline::{PatchCorners, collect_common_corners};
-use super::search::{PolyhedronPair, SearchAxis};
+use super::outline::collect_common_corners;
+use super::pair::{PatchCorner, PatchCorners, PolyhedronPair, SearchAxis};
 use super::{ContactPoint, ListingRange, Manifold};
 use crate::math::Vec3;
 
@@ -14,8 +14,6 @@ use crate::math::Vec3;
 pub(super) const ON_SIDE_DISTANCE: f64 = 1e-11;
 /// Distance up to which two corners count as one.
 pub(super) const SAME_CORNER_DISTANCE: f64 = 1e-9;
-/// Cosine between a face's normal and the direction of view below which it is seen as a line.
-pub(super) const MIN_FACE_COSINE: f64 = 1e-9;
 /// Distance of a corner from the line between its neighbours, over the size of the patch, up to which it may be left out.
 const FLAT_CORNER_HEIGHT: f64 = 1e-2;
 /// Number of ties by which a corner must be deeper than its neighbours to be kept always.
@@ -32,15 +30,6 @@ pub(super) struct ContactPatch {
     pub normal: Vec3,
     /// Area of the common part within the range of areas, m^2.
     pub area: f64,
-}
-
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct PatchCorner {
-    pub point: [f64; 3],
-    /// Position seen along the normal.
-    pub flat: [f64; 2],
-    pub gap: f64,
-    pub features: (u32, u32),
 }
 
 impl ContactPatch {

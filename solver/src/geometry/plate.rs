@@ -1,6 +1,6 @@
 //! A polyhedron against a rectangular plate, which is a cuboid.
 
-use super::search::support_vertex;
+use super::pair::support_vertex;
 use super::{CachedFeature, Manifold, NarrowPhaseMode, Polyhedron, PosedPolyhedron, polyhedron_polyhedron};
 use crate::math::{Quat, Vec3};
 

@@ -4,8 +4,8 @@
 //! vertices of A, three of B, and nine crossings of their sides. All are computed without branches, and the valid ones
 //! are taken. If a corner is so near a side that rounding would decide, `outline` decides.
 
-use super::patch::{ContactPatch, MIN_FACE_COSINE, PatchCorner, SAME_CORNER_DISTANCE};
-use super::search::{PolyhedronPair, SearchAxis};
+use super::pair::{MIN_FACE_COSINE, PatchCorner, PolyhedronPair, SearchAxis};
+use super::patch::{ContactPatch, SAME_CORNER_DISTANCE};
 use super::{PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::Vec3;
 use crate::math::simd::{Arithmetic, F64Arithmetic, LaneOperation, SimdWidth};
