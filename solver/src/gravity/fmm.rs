@@ -11,6 +11,7 @@
 
 use pulp::NullaryFnOnce;
 
+use super::cell::{CellSummary, MAX_BODIES_PER_TASK, TreeCell};
 use super::expansion::{
     NARROW_LEN, NarrowRow, WideRow, contract_moments, evaluate_expansion, exponential_terms, for_degrees, for_lines,
     kernel_derivatives, narrow_index, narrow_len, widen_row,
@@ -20,7 +21,7 @@ use super::pairs::{
     TARGETS_AT_ONCE, WithKernel,
 };
 use super::settings::{ExpansionSettings, PairPrecision};
-use super::tree::{CellSummary, MAX_BODIES_PER_TASK, MassTree, TreeCell};
+use super::tree::MassTree;
 use super::upward::load_part;
 use crate::math::simd::{F64Arithmetic, Scalar};
 

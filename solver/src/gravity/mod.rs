@@ -1,6 +1,7 @@
 //! Kernel: Newtonian attraction among point masses.
 
 mod balance;
+mod cell;
 pub mod direct;
 pub mod quadrupole;
 pub mod sample;

@@ -2,62 +2,15 @@
 
 use rayon::prelude::*;
 
+use super::cell::{CellLine, CellSummary, TreeCell};
 use super::expansion::narrow_len;
 use super::upward::{SubtreeOutput, UpwardPass, axis_derivatives};
 use crate::math::Vec3;
 use crate::math::morton::{self, MortonKey, POINTS_PER_TASK};
 use crate::math::simd::F64Arithmetic;
 
-pub type CellLine = [f64; 8];
-
-/// Number of bodies below which a subtree is one task: large against the cost of a task, small against a thread's share.
-pub const MAX_BODIES_PER_TASK: usize = 2048;
-
 /// Depth beyond which cells are leaves: positions differ there by less than the last digit of the cloud's size.
 const MAX_DEPTH: usize = 192;
-
-#[derive(Debug, Clone, Copy)]
-pub struct TreeCell {
-    /// Range of the cell's bodies, in the tree's order.
-    pub first: u32,
-    pub count: u32,
-    /// Offset of the second half's cell; 0 for a leaf. The first half is the next cell.
-    pub second: u32,
-}
-
-impl TreeCell {
-    pub fn body_range(&self) -> std::ops::Range<usize> {
-        self.first as usize..(self.first + self.count) as usize
-    }
-
-    pub fn is_leaf(&self) -> bool {
-        self.second == 0
-    }
-}
-
-/// Data of a cell that each interaction reads, in one cache line.
-#[derive(Debug, Clone, Copy)]
-pub struct CellSummary {
-    /// Centre of mass, and the distance of the farthest body from it, in the tree's units.
-    pub centre: [f64; 3],
-    pub radius: f64,
-    pub mass: f64,
-    /// Largest ratio of a squared multipole of degree 2 or more to that of all the mass at the radius: 0 for a point, 1
-    /// at most.
-    pub uneven: f64,
-}
-
-impl CellSummary {
-    pub fn from_line(line: &CellLine) -> Self {
-        let [x, y, z, radius, mass, uneven, ..] = *line;
-        CellSummary { centre: [x, y, z], radius, mass, uneven }
-    }
-
-    pub fn cell_line(&self) -> CellLine {
-        let [x, y, z] = self.centre;
-        [x, y, z, self.radius, self.mass, self.uneven, 0.0, 0.0]
-    }
-}
 
 /// Summary of a cell without mass and size, far from all others.
 const FAR_AWAY: CellSummary = CellSummary { centre: [64.0; 3], radius: 0.0, mass: 0.0, uneven: 0.0 };

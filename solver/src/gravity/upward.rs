@@ -2,11 +2,11 @@
 
 use pulp::NullaryFnOnce;
 
+use super::cell::{CellLine, CellSummary, MAX_BODIES_PER_TASK, TreeCell};
 use super::expansion::{
     NARROW_LEN, NarrowRow, WideRow, exponential_terms, for_degrees, kernel_derivatives, narrow_index, narrow_len,
     shift_moments, wide_index,
 };
-use super::tree::{CellLine, CellSummary, MAX_BODIES_PER_TASK, TreeCell};
 use crate::math::simd::{F64Arithmetic, Scalar};
 use crate::math::{Vec3, vector_length};
 
