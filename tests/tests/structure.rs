@@ -29,8 +29,6 @@ const OUTSIDE: [&str; 6] = ["run", "plan", "cli", "thread_pool", "progress", "li
 
 /// Imports against the table that stand for now, each with what would mend it.
 const EXCEPTIONS: &[(&str, &str)] = &[
-    // The energy of gravity could stand in a kernel, for `assemble` and for the summary.
-    ("write", "crate::assemble::potential_energy"),
     // The search for neighbours could be a kernel, for contacts and for the near field of gravity.
     ("assemble", "crate::detect::broad::near_pairs"),
 ];

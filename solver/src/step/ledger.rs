@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::ITEMS_PER_TASK;
 use super::ends::{Overlap, StepOutcome};
 use super::unforeseen::work_from_start;
-use crate::assemble::{ContactProblem, FreeMotion, GravityReport};
+use crate::assemble::{ContactProblem, FreeMotion, GravityReport, potential_energy};
 use crate::detect::NarrowPhaseError;
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3};
@@ -204,6 +204,43 @@ impl Add for MotionTotals {
             scale: self.scale + other.scale,
             kinetic: self.kinetic + other.kinetic,
             rotational: self.rotational + other.rotational,
+        }
+    }
+}
+
+/// Errors of the balances at the end of a step.
+#[derive(Debug, Clone, Copy)]
+pub struct BalanceErrors {
+    /// Unaccounted energy, E - E_start - work of contacts - work from outside, over `energy_scale`.
+    pub energy: f64,
+    /// Largest of kinetic and potential energy, |E_start| and the works, J.
+    pub energy_scale: f64,
+    /// Change of momentum that no wall, field or event explains, over the largest sum so far of m |v|, or of the impulses in
+    /// a step.
+    pub momentum: f64,
+    /// The same of angular momentum, over that sum times the largest distance from the origin.
+    pub angular_momentum: f64,
+}
+
+impl BalanceErrors {
+    /// Compares the bodies with the ledger.
+    pub fn new(scene: &Scene, state: &State) -> Self {
+        let ledger = &state.ledger;
+        let motion = MotionTotals::from_bodies(scene, &state.q, &state.v, &state.w);
+        let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
+        let (kinetic, potential) = (motion.kinetic + motion.rotational, potential_energy(scene, state, &state.x));
+        let scale = [kinetic, potential, ledger.energy_start, ledger.contact_work, ledger.outside_work];
+        let energy_scale = scale.iter().fold(0.0, |s: f64, e| s.max(e.abs()));
+        let unaccounted = kinetic + potential - ledger.energy_start - ledger.contact_work - ledger.outside_work;
+        let size = scene.free.iter().map(|&i| state.x[i as usize].norm()).fold(0.0, f64::max);
+        let linear = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
+        let angular = MotionTotals::total_angular_momentum(scene, state);
+        let angular = (angular - Vec3::from(ledger.angular_momentum_expected)).norm();
+        BalanceErrors {
+            energy: over(unaccounted, energy_scale),
+            energy_scale,
+            momentum: over(linear, ledger.momentum_scale),
+            angular_momentum: over(angular, ledger.momentum_scale * size),
         }
     }
 }

@@ -9,7 +9,7 @@ mod unforeseen;
 use std::time::{Duration, Instant};
 
 pub use self::ends::{OVERLAP_WARNING_SHARE, Overlap, deeper_overlap};
-pub use self::ledger::{MotionTotals, StepReport, WorstContact};
+pub use self::ledger::{BalanceErrors, MotionTotals, StepReport, WorstContact};
 
 use self::ends::finish_contacts;
 use self::ledger::update_ledger;

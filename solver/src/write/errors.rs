@@ -23,10 +23,9 @@ use cd_formats::error::Faults;
 use crate::math::{Vec3, to_world};
 use crate::scene::Scene;
 use crate::state::{SolvedContact, State};
-use crate::step::StageTimes;
+use crate::step::{BalanceErrors, StageTimes};
 
 use super::log::LogRow;
-use super::summary;
 
 /// File next to OUTBOX; it contains durations.
 pub const ERRORS_FILE: &str = "ERRORS.csv";
@@ -184,14 +183,15 @@ impl ErrorEstimator {
             self.noise_of_samples()
         };
         let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
-        let (drift, scale) = summary::energy_drift(scene, state);
+        let balance = BalanceErrors::new(scene, state);
+        let (drift, scale) = (balance.energy, balance.energy_scale);
         let lost = over(state.ledger.contact_work.abs(), scale);
         let loaded = state.contacts.iter().filter(|solved| solved.impulse != Vec3::zeros());
         // Contacts are ordered by pair.
         let mut pairs: Vec<(u32, u32)> =
             loaded.map(|solved| (solved.contact.candidate, solved.contact.antagonist)).collect();
         pairs.dedup();
-        let stray = summary::momentum_drift(scene, state).0 * state.ledger.momentum_scale;
+        let stray = balance.momentum * state.ledger.momentum_scale;
         let flight = over(self.flight_error(), scale);
         let mass: f64 = scene.free.iter().map(|&i| scene.bodies[i as usize].mass).sum();
         let StageTimes { gravity, detection, assembly, solve, integration, writing } = self.clock;

@@ -5,13 +5,12 @@ use std::time::Duration;
 
 use cd_formats::compute::ContactSolver;
 
-use crate::assemble::potential_energy;
 use crate::detect::NarrowPhaseError;
 use crate::gravity::sample::SampledError;
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::State;
-use crate::step::{MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes};
+use crate::step::{BalanceErrors, OVERLAP_WARNING_SHARE, Overlap, StageTimes};
 
 use super::errors::{self, ErrorEstimator, ErrorSource};
 
@@ -47,34 +46,6 @@ pub struct RunStatistics {
     pub tally: ErrorEstimator,
 }
 
-/// Unaccounted energy relative to the largest of the energies involved, (E - E_start - work of contacts - work from
-/// outside) over the largest of kinetic and potential energy, |E_start| and the works, and that largest energy, J.
-pub fn energy_drift(scene: &Scene, state: &State) -> (f64, f64) {
-    let ledger = &state.ledger;
-    let motion = MotionTotals::from_bodies(scene, &state.q, &state.v, &state.w);
-    let (kinetic, potential) = (motion.kinetic + motion.rotational, potential_energy(scene, state, &state.x));
-    let energy = kinetic + potential;
-    let scale = [kinetic, potential, ledger.energy_start, ledger.contact_work, ledger.outside_work];
-    let scale = scale.iter().fold(0.0, |s: f64, e| s.max(e.abs()));
-    let drift = energy - ledger.energy_start - ledger.contact_work - ledger.outside_work;
-    (if scale > 0.0 { drift / scale } else { 0.0 }, scale)
-}
-
-/// Change of linear and angular momentum that no wall, field or event explains, over the largest sum so far of m |v|, or
-/// of the impulses in a step (times the largest distance from the origin for the angular one).
-pub fn momentum_drift(scene: &Scene, state: &State) -> (f64, f64) {
-    let ledger = &state.ledger;
-    if ledger.momentum_scale == 0.0 {
-        return (0.0, 0.0);
-    }
-    let motion = MotionTotals::from_bodies(scene, &state.q, &state.v, &state.w);
-    let angular = MotionTotals::total_angular_momentum(scene, state);
-    let size = scene.free.iter().map(|&i| state.x[i as usize].norm()).fold(0.0, f64::max);
-    let linear = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm() / ledger.momentum_scale;
-    let angular = (angular - Vec3::from(ledger.angular_momentum_expected)).norm();
-    (linear, if size > 0.0 { angular / (ledger.momentum_scale * size) } else { 0.0 })
-}
-
 /// Returns the text of the summary.
 pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, sources: &[ErrorSource]) -> String {
     let mut text = String::new();
@@ -83,7 +54,7 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
     };
     let ledger = &state.ledger;
     let active = state.contacts.iter().filter(|c| c.impulse != Vec3::zeros()).count();
-    let (linear, angular) = momentum_drift(scene, state);
+    let balance = BalanceErrors::new(scene, state);
     line("models", scene.model_names().join("; "));
     line("steps", format!("{} now, {} in all, t = {} s", course.steps, state.step, state.time));
     let dt = scene.options.dt;
@@ -135,7 +106,7 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
             format!("{}: more than {deep} %; volumes and stresses are off accordingly", overlap.message_text()),
         );
     }
-    line("energy drift", format!("{:.2e}", energy_drift(scene, state).0));
+    line("energy drift", format!("{:.2e}", balance.energy));
     if let Some(SampledError { rms, largest, .. }) = course.gravity {
         let asked = scene.options.gravity_error();
         line("gravity error", format!("{rms:.1e} RMS, {largest:.1e} at most of 64 bodies; {asked:.0e} asked for"));
@@ -147,7 +118,7 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
             format!("{mean:.1e} of the mean radius in the mean of pairs that touch, {largest:.1e} at most"),
         );
     }
-    line("momentum drift", format!("{linear:.2e} linear, {angular:.2e} angular"));
+    line("momentum drift", format!("{:.2e} linear, {:.2e} angular", balance.momentum, balance.angular_momentum));
     for (name, value) in errors::summary_lines(sources) {
         line(name, value);
     }
