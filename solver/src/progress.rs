@@ -112,7 +112,7 @@ impl ProgressDisplay {
         };
         let worst = report.worst.map_or(String::new(), place);
         let solver = solver_text(options.solver, report.replacement_reason.is_some());
-        let why = unconverged_reason(report.residual, options.tol(), report.left_out);
+        let why = unconverged_reason(report.residual, report.tol, report.left_out);
         let message = format!(
             "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, {why}{worst}; continuing",
             state.step, state.time, report.sweeps

@@ -29,6 +29,8 @@ pub struct StepReport {
     /// Whether the sweeps began in single precision.
     pub single_precision: bool,
     pub residual: f64,
+    /// Residual up to which the step counts as converged: `tol`, less in steps of many radii.
+    pub tol: f64,
     pub converged: bool,
     /// Rows outside the solved problem that the solution closes.
     pub left_out: usize,
@@ -135,6 +137,7 @@ pub fn update_ledger(
         sweeps: solution.sweeps,
         single_precision: solution.single_precision,
         residual: solution.residual,
+        tol: scene.options.tol(),
         converged: solution.converged,
         left_out: solution.left_out,
         fallback_used: solution.fallback_used,

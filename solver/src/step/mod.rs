@@ -95,6 +95,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
     let solved = finish_contacts(scene, state, &q_c, &contacts, &free, &system, &solution, motion.as_ref());
     let given_up = task.skips_fallback() && !solution.converged;
     let mut report = StepReport {
+        tol: task.criteria.tol,
         narrow_phase_error: missed,
         fallback_suppressed: given_up,
         ..update_ledger(scene, state, &q_c, &free, &system, &solution, &solved)

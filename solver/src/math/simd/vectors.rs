@@ -5,8 +5,8 @@
 
 use std::marker::PhantomData;
 
-use bytemuck::{Pod, bytes_of, cast_slice, pod_read_unaligned};
-use pulp::{NullaryFnOnce, Simd, WithSimd, cast};
+use bytemuck::{Pod, bytes_of, cast_slice, must_cast as cast, pod_read_unaligned};
+use pulp::{NullaryFnOnce, Simd, WithSimd};
 
 use super::{Arithmetic, F32Arithmetic, F64Arithmetic, LaneFloat};
 

@@ -1,4 +1,4 @@
-//! Columns, units and sums that the layouts of all kinds of bodies share.
+//! Interface of the layouts, and the columns, units and sums that they share.
 
 use pulp::NullaryFnOnce;
 use rayon::prelude::*;

@@ -37,7 +37,7 @@ impl<C: PairSweepKernel> LaneOperation for ProblemSweep<'_, C> {
     fn call<L: F64Arithmetic>(self, l: L) -> SweepStats {
         let l = C::T::lanes(l);
         // At most as many lanes as a batch has.
-        if <C::T as LaneFloat>::Lanes::<L>::WIDTH < BATCH_LANES {
+        if const { <C::T as LaneFloat>::Lanes::<L>::WIDTH < BATCH_LANES } {
             self.sweep_with(DoubleWidth(l))
         } else {
             self.sweep_with(l)
