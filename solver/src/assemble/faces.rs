@@ -32,7 +32,7 @@ use cd_formats::compute::FaceFriction;
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-use super::rows::{BlockData, ContactConstraint, SolverBody};
+use super::problem::{BlockData, ContactConstraint, SolverBody};
 use crate::math::{Vec3, to_world};
 use crate::scene::{BodyPart, ContactorShape, Scene};
 use crate::state::Contact;

@@ -5,7 +5,8 @@ use std::ops::Range;
 use cd_formats::groups::DisjointSets;
 use rayon::prelude::*;
 
-use super::rows::{AssemblyContext, contact_arms, velocity_at_arms};
+use super::context::AssemblyContext;
+use super::kinematics::{contact_arms, velocity_at_arms};
 use crate::laws::{ContactLaw, LawShift, MAX_TOUCHING_GAP};
 use crate::math::{Quat, Vec3, rotate_by_vector};
 use crate::scene::Scene;

@@ -1,18 +1,23 @@
 //! Stage: forces to free velocities; contacts to the rows of the contact problem.
 
+mod context;
+mod events;
 mod faces;
 mod forces;
 mod history;
+mod kinematics;
+mod problem;
+mod rigid_motion;
 mod rows;
+mod self_gravity;
 mod stored;
 mod turning;
 
-pub use forces::{
-    AppliedEvents, FreeMotion, GravityReport, apply_events, apply_torque_and_damping, free_velocity, potential_energy,
-};
+pub use events::{AppliedEvents, apply_events, apply_torque_and_damping};
+pub use forces::{FreeMotion, free_velocity, potential_energy};
 pub use history::connected_bodies;
-pub use rows::{
-    BlockData, ContactConstraint, ContactProblem, RollingConstraint, SolverBody, contact_problem, relative_velocity,
-    velocity_at_arms,
-};
+pub use kinematics::{relative_velocity, velocity_at_arms};
+pub use problem::{BlockData, ContactConstraint, ContactProblem, RollingConstraint, SolverBody};
+pub use rows::contact_problem;
+pub use self_gravity::GravityReport;
 pub use stored::{StoredProblem, stored_problem};

@@ -1,6 +1,6 @@
 //! Contact problem of one step written out with its Delassus matrix, for inspection or for other solvers.
 
-use crate::assemble::ContactProblem;
+use super::problem::ContactProblem;
 use crate::math::{Vec3, to_local};
 use crate::state::Contact;
 
@@ -65,8 +65,8 @@ fn velocity_response(system: &ContactProblem, here: usize, there: usize, r: &Vec
 
 #[cfg(test)]
 mod tests {
+    use super::super::problem::{ContactConstraint, SolverBody};
     use super::*;
-    use crate::assemble::{ContactConstraint, SolverBody};
     use crate::math::local_frame;
 
     /// W r + q equals the relative velocities of the bodies, for a chain of three spheres on the ground.

@@ -1,6 +1,7 @@
 //! Turning and curvature of contacts within a step.
 
-use super::rows::{AssemblyContext, contact_arms};
+use super::context::AssemblyContext;
+use super::kinematics::contact_arms;
 use crate::math::Vec3;
 use crate::scene::ContactorShape;
 use crate::state::Contact;

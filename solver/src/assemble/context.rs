@@ -1,0 +1,143 @@
+//! Input of the assembly of rows, and queries of single contacts.
+
+use super::kinematics::{contact_arms, velocity_at_arms};
+use super::problem::SolverBody;
+use crate::integrate::ContactConfiguration;
+use crate::math::Vec3;
+use crate::math::simd::SimdWidth;
+use crate::scene::{ContactorShape, Scene};
+use crate::state::{Contact, State};
+
+/// Bounds on the motion of a body in the step.
+pub(super) struct MotionBounds {
+    /// |v_free| beyond the common velocity, m/s.
+    pub speed: f64,
+    /// |w_free|, rad/s.
+    pub angular_speed: f64,
+    /// Gap up to which its contacts are solved in any direction of motion, m; infinite for a driven body.
+    pub nearby: f64,
+}
+
+/// Input for the rows.
+pub(super) struct AssemblyContext<'a> {
+    pub scene: &'a Scene,
+    pub state: &'a State,
+    pub q_c: &'a ContactConfiguration,
+    pub v_free: &'a [Vec3],
+    pub w_free: &'a [Vec3],
+    pub bounds: Vec<MotionBounds>,
+    /// Whether each body is a sphere; a packed array, as contacts read it in any order.
+    pub is_sphere: Vec<bool>,
+    pub records: &'a [SolverBody],
+    /// Whether velocities differ from those at the end of the last step.
+    pub changed: bool,
+    pub full: bool,
+    pub width: SimdWidth,
+}
+
+impl AssemblyContext<'_> {
+    /// Whether a contact can close within the step or is within the range of its law.
+    pub(super) fn can_act(&self, contact: &Contact) -> bool {
+        let law = &self.state.laws[contact.law as usize];
+        let is_in_range = || contact.gap <= law.interaction_range(self.effective_radius(contact));
+        self.can_close_gap(contact, &contact_arms(contact, &self.q_c.x)) || (law.cohesion().is_some() && is_in_range())
+    }
+
+    /// Whether the two bodies may close the gap in the step: by their relative free velocities or, if they are near, by their
+    /// speeds beyond the common velocity, as contacts may change the direction of these.
+    #[inline]
+    pub(super) fn can_close_gap(&self, contact: &Contact, arms: &[Vec3; 2]) -> bool {
+        if contact.gap <= 0.0 {
+            return true;
+        }
+        if contact.gap > self.max_approach(contact, arms) {
+            return false;
+        }
+        let AssemblyContext { q_c, v_free, w_free, bounds, .. } = self;
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| bounds[i as usize].nearby);
+        let u = || velocity_at_arms(contact, arms, v_free, w_free);
+        contact.gap <= a.min(b) || contact.gap <= q_c.longest_reach_time(self.scene) * -contact.normal.dot(&u())
+    }
+
+    /// Largest approach of the two bodies at the contact in the step, m, beyond the common motion, for any direction of
+    /// travel.
+    fn max_approach(&self, contact: &Contact, [at_a, at_b]: &[Vec3; 2]) -> f64 {
+        let AssemblyContext { q_c, bounds, .. } = self;
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| &bounds[i as usize]);
+        let plate =
+            if self.on_plate(contact) { (self.plate_velocity(contact) - q_c.mean_velocity).norm() } else { 0.0 };
+        let reach = q_c.longest_reach_time(self.scene);
+        let mut travel = reach * (a.speed + plate.max(b.speed));
+        if self.full {
+            travel += reach * (a.angular_speed * at_a.norm() + b.angular_speed * at_b.norm());
+        }
+        travel
+    }
+
+    /// Velocity of a plate at the contact point, m/s.
+    pub(super) fn plate_velocity(&self, contact: &Contact) -> Vec3 {
+        let b = contact.antagonist as usize;
+        self.v_free[b] + self.w_free[b].cross(&contact_arms(contact, &self.q_c.x)[1])
+    }
+
+    /// Time between the step's end velocities and the next contact configuration for the two bodies of a contact, s.
+    pub(super) fn closing_time(&self, contact: &Contact) -> f64 {
+        if self.q_c.from_start.is_empty() {
+            return self.q_c.h;
+        }
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| self.q_c.reach_time(self.scene, i as usize));
+        a.max(b)
+    }
+
+    /// Radius of the contact, m. A stress acts on the area shared by faces; spheres have their own radius, edges and vertices
+    /// have 0.
+    pub(super) fn contact_radius(&self, contact: &Contact) -> f64 {
+        if contact.area > 0.0 {
+            (contact.area / std::f64::consts::PI).sqrt()
+        } else if self.carries_stress(contact) {
+            self.effective_radius(contact)
+        } else {
+            0.0
+        }
+    }
+
+    /// Whether a cohesive stress of the law of a contact has an area to act on.
+    #[inline]
+    pub(super) fn carries_stress(&self, contact: &Contact) -> bool {
+        let Contact { candidate, antagonist, ranks, .. } = *contact;
+        contact.area > 0.0
+            || !self.state.laws[contact.law as usize].has_stress()
+            || [(candidate, ranks.0), (antagonist, ranks.1)].into_iter().any(|(body, rank)| self.is_round(body, rank))
+    }
+
+    /// Whether a contactor is a sphere.
+    fn is_round(&self, body: u32, rank: u16) -> bool {
+        self.sphere_radius(body, rank).is_some()
+    }
+
+    /// Radius of a contactor that is a sphere, m.
+    #[inline]
+    pub(super) fn sphere_radius(&self, body: u32, rank: u16) -> Option<f64> {
+        if self.is_sphere[body as usize] {
+            return Some(self.records[body as usize].radius);
+        }
+        if !self.scene.has_round_parts {
+            return None;
+        }
+        match self.scene.find_part(body, rank)?.geometry {
+            ContactorShape::Sphere { radius } => Some(radius),
+            _ => None,
+        }
+    }
+
+    /// Effective radius R of the two bodies, m, the scale of distances.
+    pub(super) fn effective_radius(&self, contact: &Contact) -> f64 {
+        let (a, b) = contact.ranks;
+        self.scene.effective_radius((contact.candidate, a), (contact.antagonist, b))
+    }
+
+    /// Whether the antagonist is a plate whose motion is in the row's shift.
+    pub(super) fn on_plate(&self, contact: &Contact) -> bool {
+        !self.full && !self.is_sphere[contact.antagonist as usize]
+    }
+}

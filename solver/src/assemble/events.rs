@@ -1,0 +1,138 @@
+//! Events at the start of a step, with the torque and the damping that they set.
+
+use cd_formats::compute::EventAction;
+
+use super::rigid_motion::{centre_of_mass, rigid_spin};
+use crate::integrate::ContactConfiguration;
+use crate::math::Vec3;
+use crate::math::random::{point_in_ball, splitmix64};
+use crate::scene::{EVENT_SLACK, Scene};
+use crate::state::{BondingMode, State};
+
+/// Effects of the events at a step's start.
+#[derive(Default)]
+pub struct AppliedEvents {
+    /// Whether there were any events.
+    pub any_event: bool,
+    /// Whether events have changed velocities at the step's start.
+    pub velocities_changed: bool,
+    pub shakes: Vec<ShakeEvent>,
+}
+
+/// Random velocities to be added within a step.
+pub struct ShakeEvent {
+    /// Root mean square of the speed, m/s.
+    speed: f64,
+    seed: u64,
+}
+
+/// Applies the events that are due at a step's start.
+pub fn apply_events(scene: &Scene, state: &mut State) -> AppliedEvents {
+    let now = state.time + EVENT_SLACK * scene.options.dt;
+    let mut happened = AppliedEvents::default();
+    while let Some(event) = scene.events.get(state.events_done).filter(|event| event.time <= now) {
+        let gravity = state.gravity;
+        state.apply_setting(&event.action, scene);
+        account_potential(scene, state, state.gravity - gravity);
+        happened.velocities_changed |= matches!(event.action, EventAction::AddVelocity(_) | EventAction::AddSpin(_));
+        match event.action {
+            EventAction::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
+            EventAction::AddSpin(spin) => {
+                add_spin(scene, state, Vec3::from(spin));
+                state.attraction = None; // the history of self-gravity is no longer valid
+            }
+            EventAction::Shake { speed, seed } => {
+                state.attraction = None;
+                let seed = splitmix64(splitmix64(seed) ^ state.events_done as u64);
+                happened.shakes.push(ShakeEvent { speed, seed });
+            }
+            EventAction::Bond => state.bonding = BondingMode::All,
+            EventAction::SetTorque(_)
+            | EventAction::SetGravity(_)
+            | EventAction::SetQuench(_)
+            | EventAction::SetFriction(..)
+            | EventAction::SetCohesion(..) => {}
+        }
+        happened.any_event = true;
+        state.events_done += 1;
+    }
+    happened
+}
+
+/// Applies the torque that events have set, and the option `quench`, at the start of a step of `units` times `dt`.
+pub fn apply_torque_and_damping(scene: &Scene, state: &mut State, units: u64) {
+    if state.torque != Vec3::zeros() {
+        let impulse = state.torque * (units as f64 * scene.options.dt);
+        add_spin(scene, state, rigid_spin(scene, &state.x, &state.q, impulse));
+    }
+    if state.quench > 0.0 {
+        let keep = (1.0 - state.quench).powi(units as i32);
+        change_motion(scene, state, |_, v, w| (v * keep, w * keep));
+    }
+}
+
+/// Adds a rigid rotation (rad/s) of the free bodies about their centre of mass.
+fn add_spin(scene: &Scene, state: &mut State, spin: Vec3) {
+    let centre = centre_of_mass(scene, &state.x);
+    let x = state.x.clone();
+    change_motion(scene, state, |i, v, w| (v + spin.cross(&(x[i] - centre)), w + spin));
+}
+
+/// Forces and moments (N, N m) by body that give the free bodies random velocities in the step, minus the rigid motion that
+/// has their momentum and angular momentum. In a periodic scene the angular momentum is not conserved and is not removed.
+///
+/// They act in the contact configuration, as all forces do: a change of velocity before it would carry grains into their
+/// neighbours.
+pub(super) fn shake_loads(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    &ShakeEvent { speed, seed }: &ShakeEvent,
+) -> Vec<(usize, Vec3, Vec3)> {
+    // The mean square of the distance from the centre of a ball is 3/5 of its radius squared.
+    let radius = speed * (5.0f64 / 3.0).sqrt();
+    let added: Vec<Vec3> =
+        (0..scene.bodies.len() as u64).map(|i| point_in_ball(splitmix64(seed ^ i)) * radius).collect();
+    let shared = centre_of_mass(scene, &added);
+    let (x, centre) = (&q_c.x, centre_of_mass(scene, &q_c.x));
+    let turn = if scene.options.xperiode.is_some() || scene.options.yperiode.is_some() {
+        Vec3::zeros()
+    } else {
+        let about = |&i: &u32| (x[i as usize] - centre).cross(&added[i as usize]) * scene.bodies[i as usize].mass;
+        rigid_spin(scene, x, &q_c.q, scene.free.iter().map(about).sum())
+    };
+    let of_body = |&i: &u32| {
+        let (i, body) = (i as usize, &scene.bodies[i as usize]);
+        let v = added[i] - shared - turn.cross(&(x[i] - centre));
+        (i, v * (body.mass / q_c.h), body.angular_momentum(&q_c.q[i], &turn) / -q_c.h)
+    };
+    scene.free.iter().map(of_body).collect()
+}
+
+/// Gives the free bodies new velocities and records the change of momentum and energy as external in the ledger.
+fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Vec3, Vec3) -> (Vec3, Vec3)) {
+    for &i in &scene.free {
+        let i = i as usize;
+        let body = &scene.bodies[i];
+        let (v, w) = new(i, state.v[i], state.w[i]);
+        let momentum = (v - state.v[i]) * body.mass;
+        let spin = body.angular_momentum(&state.q[i], &(w - state.w[i]));
+        state.ledger.outside_work += 0.5 * (momentum.dot(&(v + state.v[i])) + spin.dot(&(w + state.w[i])));
+        add_vector(&mut state.ledger.momentum_expected, &momentum);
+        add_vector(&mut state.ledger.angular_momentum_expected, &(state.x[i].cross(&momentum) + spin));
+        (state.v[i], state.w[i]) = (v, w);
+    }
+    for (&i, spin) in scene.turning.iter().zip(&mut state.angular_momentum) {
+        let i = i as usize;
+        *spin = scene.bodies[i].angular_momentum(&state.q[i], &state.w[i]);
+    }
+}
+
+/// Records the change of potential energy by a change of uniform gravity as external in the ledger.
+fn account_potential(scene: &Scene, state: &mut State, change: Vec3) {
+    let height = |&i: &u32| scene.bodies[i as usize].mass * change.dot(&state.x[i as usize]);
+    state.ledger.outside_work -= scene.free.iter().map(height).sum::<f64>();
+}
+
+fn add_vector(sum: &mut [f64; 3], term: &Vec3) {
+    sum.iter_mut().zip(term.iter()).for_each(|(s, t)| *s += t);
+}

@@ -1,0 +1,21 @@
+//! Relative motion of two bodies at their contact point.
+
+use crate::math::Vec3;
+use crate::state::Contact;
+
+/// Velocity of the candidate relative to the antagonist at the contact point, world frame, m/s.
+pub fn relative_velocity(contact: &Contact, x: &[Vec3], v: &[Vec3], w: &[Vec3]) -> Vec3 {
+    velocity_at_arms(contact, &contact_arms(contact, x), v, w)
+}
+
+/// [`relative_velocity`] of a contact with these [`contact_arms`].
+#[inline(always)]
+pub fn velocity_at_arms(contact: &Contact, [at_a, at_b]: &[Vec3; 2], v: &[Vec3], w: &[Vec3]) -> Vec3 {
+    let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
+    v[a] + w[a].cross(at_a) - (v[b] + w[b].cross(at_b))
+}
+
+/// Vectors from the centres of the candidate and of the antagonist's image to the contact point, m.
+pub fn contact_arms(contact: &Contact, x: &[Vec3]) -> [Vec3; 2] {
+    [contact.point - x[contact.candidate as usize], contact.point - (x[contact.antagonist as usize] + contact.image)]
+}
