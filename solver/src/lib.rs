@@ -14,6 +14,7 @@ mod activity;
 pub mod assemble;
 mod cli;
 pub mod detect;
+pub mod features;
 pub mod geometry;
 pub mod gravity;
 pub mod integrate;
@@ -31,7 +32,3 @@ mod thread_pool;
 pub mod write;
 
 pub use cli::run;
-
-/// Whether the program is built for spheres and plates alone, without self-gravity, cohesion or rolling resistance, to
-/// measure what these cost other scenes. Such a build rejects scenes that have them.
-pub const BARE: bool = cfg!(feature = "bare");

@@ -5,7 +5,7 @@ use cd_formats::drv_dof::Evolution;
 use cd_formats::field::FieldModel;
 use cd_formats::snapshot::{LawName, MaterialName};
 
-use crate::BARE;
+use crate::features::BARE;
 use crate::geometry::Polyhedron;
 use crate::gravity::{GravitySolver, SummationMethod};
 use crate::laws::ContactLaw;

@@ -16,7 +16,7 @@
 //! | `step` | stages, data, kernels | formats, `read`, `write` |
 //! | `run`, `plan`, `cli`, `thread_pool`, `progress` | all | |
 //! | all | `crate::activity`: what the step is doing, and whether it is given up | |
-//! | all | `crate::BARE`: which models the program is built with | |
+//! | all | `crate::features::BARE`: which models the program is built with | |
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -61,7 +61,7 @@ fn allowed(who: &str, path: &str) -> bool {
     let (root, what) = (words.next().unwrap(), words.next().unwrap_or_default());
     let is = |list: &[&str]| list.contains(&what);
     let step_types = what == "step" && is_type(path);
-    if path == "crate::BARE" || path.starts_with("crate::activity") {
+    if path == "crate::features::BARE" || path.starts_with("crate::activity") {
         return true;
     }
     match root {

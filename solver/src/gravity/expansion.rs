@@ -19,7 +19,7 @@
 //! Sources: J. Applequist, J. Phys. A 22 (1989) 4303; W. Dehnen, J. Comput. Phys. 179 (2002) 27; P.B. Visscher and
 //! D.M. Apalkov, J. Magn. Magn. Mater. 322 (2010) 275.
 
-use super::HIGHEST_ORDER;
+use super::settings::HIGHEST_ORDER;
 use crate::math::simd::F64Arithmetic;
 
 /// Numbers in a narrow row.

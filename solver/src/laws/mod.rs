@@ -47,7 +47,7 @@
 pub use cd_formats::law_table::RollingFriction;
 use cd_formats::law_table::{FrictionPair, LawCohesion, LawModel};
 
-use crate::BARE;
+use crate::features::BARE;
 
 /// Condition along the normal under which a contact resists.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -21,7 +21,7 @@ use cd_formats::snapshot::{FallbackState, Ledger, START_FILE};
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::vloc_rloc::VlocRloc;
 
-use crate::BARE;
+use crate::features::BARE;
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::{BondingMode, DetectionCache, OutputInterval, State};

@@ -2,7 +2,7 @@
 
 use pulp::NullaryFnOnce;
 
-use super::{Arithmetic, LaneFloat};
+use super::arithmetic::{Arithmetic, LaneFloat};
 
 /// Two vectors at once: while one waits for a quotient or a root, the other is computed.
 #[derive(Debug, Clone, Copy)]

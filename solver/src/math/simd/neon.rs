@@ -5,8 +5,8 @@ use std::arch::aarch64::{float32x4_t, float64x2_t};
 use pulp::aarch64::Neon;
 use pulp::cast;
 
+use super::arithmetic::{Arithmetic, BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32};
 use super::vectors::{InstructionSet, LaneMemory, SimdLanes};
-use super::{Arithmetic, BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32};
 
 /// Factors of line b in [`Arithmetic::relative_velocity`].
 const SIGNS: [f64; 8] = [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, 1.0];

@@ -2,7 +2,7 @@
 
 use pulp::NullaryFnOnce;
 
-use super::{
+use super::arithmetic::{
     Arithmetic, BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, F32Arithmetic, F64Arithmetic, LaneFloat,
 };
 

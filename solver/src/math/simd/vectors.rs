@@ -8,7 +8,7 @@ use std::marker::PhantomData;
 use bytemuck::{Pod, bytes_of, cast_slice, must_cast as cast, pod_read_unaligned};
 use pulp::{NullaryFnOnce, Simd, WithSimd};
 
-use super::{Arithmetic, F32Arithmetic, F64Arithmetic, LaneFloat};
+use super::arithmetic::{Arithmetic, F32Arithmetic, F64Arithmetic, LaneFloat};
 
 /// Instruction set with fused multiply-add.
 pub trait InstructionSet: Simd {

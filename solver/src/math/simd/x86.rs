@@ -6,8 +6,8 @@ use pulp::cast;
 use pulp::core_arch::x86::Sse;
 use pulp::x86::{V3, V4};
 
+use super::arithmetic::{Arithmetic, BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32};
 use super::vectors::{InstructionSet, LaneMemory, SimdLanes};
-use super::{Arithmetic, BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32};
 
 /// Predicate of a comparison: greater than, ordered, quiet.
 const GREATER: i32 = 30;

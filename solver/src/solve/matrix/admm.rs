@@ -15,8 +15,9 @@
 use super::anderson::AndersonAcceleration;
 use super::factors::{BlockEntry, LuFactors, solution_cost};
 use super::gauss_seidel::ANDERSON_DEPTH;
+use super::run::SolverRun;
 use super::scaled::ScaledProblem;
-use super::{LocalVector, SolverRun};
+use super::types::LocalVector;
 
 /// The penalty c, relative to the mean diagonal.
 const PENALTY: f64 = 0.1;

@@ -2,7 +2,7 @@
 //!
 //! Source: H. Walker, P. Ni, SIAM J. Numer. Anal. 49 (2011) 1715-1735.
 
-use super::LocalVector;
+use super::types::LocalVector;
 
 /// Anderson's acceleration of x -> g(x). From the residuals f = g - x of the last iterates the next iterate is g - dG y, with
 /// y the least squares solution of dF y = f, d the differences between consecutive iterates.

@@ -10,7 +10,7 @@
 //! Sources: I. S. Duff, J. K. Reid, ACM Trans. Math. Softw. 9 (1983) 302-325 (fronts); P. R. Amestoy, T. A. Davis, I. S. Duff,
 //! SIAM J. Matrix Anal. Appl. 17 (1996) 886-905 (order of elimination).
 
-use super::{LocalVector, MatrixBlock};
+use super::types::{LocalVector, MatrixBlock};
 use crate::math::simd::{F64Arithmetic, LaneOperation, SimdWidth};
 
 /// Number of rows below which one front is always faster.

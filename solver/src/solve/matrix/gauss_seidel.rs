@@ -3,7 +3,10 @@
 //! Source: M. Jean, Comput. Methods Appl. Mech. Engrg. 177 (1999) 235-257.
 
 use super::anderson::AndersonAcceleration;
-use super::{LocalSolver, LocalVector, MatrixProblem, SolverRun};
+use super::local::LocalSolver;
+use super::problem::MatrixProblem;
+use super::run::SolverRun;
+use super::types::LocalVector;
 
 /// Number of past sweeps that Anderson's acceleration combines.
 pub const ANDERSON_DEPTH: usize = 10;

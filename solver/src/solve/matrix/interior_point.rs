@@ -17,8 +17,9 @@
 
 use super::factors::{BlockEntry, LuFactors};
 use super::newton::prox_newton;
+use super::run::SolverRun;
 use super::scaled::ScaledProblem;
-use super::{LocalVector, MatrixBlock, SolverRun};
+use super::types::{LocalVector, MatrixBlock};
 
 /// Length of a step over that at which it reaches the cones' sides.
 const STEP_SHARE: f64 = 0.99;

@@ -1,6 +1,6 @@
 //! Exact solution of one contact of a full 3x3 block with all other impulses frozen.
 
-use super::{LocalVector, MatrixBlock};
+use super::types::{LocalVector, MatrixBlock};
 
 /// A contact's own block prepared for solving: the normal unknown is eliminated, the tangents are the axes of the remaining
 /// block.

@@ -16,8 +16,9 @@
 use super::anderson::AndersonAcceleration;
 use super::factors::{BlockEntry, LuFactors};
 use super::gauss_seidel::ANDERSON_DEPTH;
+use super::run::SolverRun;
 use super::scaled::ScaledProblem;
-use super::{LocalVector, MatrixBlock, SolverRun};
+use super::types::{LocalVector, MatrixBlock};
 
 /// Initial value of the proximal parameter a, its limits, and its change after success and failure.
 const INITIAL_PROXIMAL: f64 = 1e-3;

@@ -1,6 +1,7 @@
 //! Residual of a solution of a stored problem; shares no arithmetic with the solvers.
 
-use super::{LocalVector, MatrixProblem};
+use super::problem::MatrixProblem;
+use super::types::LocalVector;
 
 /// |F| / (rho |q|) of the impulses `r`, with rho = 3N / trace W, the natural map
 ///

@@ -1,6 +1,7 @@
 //! A problem in units in which each diagonal block has trace 3.
 
-use super::{LocalVector, MatrixBlock, MatrixProblem};
+use super::problem::MatrixProblem;
+use super::types::{LocalVector, MatrixBlock};
 
 /// Scaled problem W_ij s_i s_j, q_i s_i and r_i / s_i with s_i = (3 / trace W_ii)^1/2: one factor per contact does not change
 /// the cones.
