@@ -8,7 +8,7 @@ pub fn relative_velocity(contact: &Contact, x: &[Vec3], v: &[Vec3], w: &[Vec3]) 
     velocity_at_arms(contact, &contact_arms(contact, x), v, w)
 }
 
-/// [`relative_velocity`] of a contact with these [`contact_arms`].
+/// [`relative_velocity`] of a contact with these arms from the two centres to the contact point, m.
 #[inline(always)]
 pub fn velocity_at_arms(contact: &Contact, [at_a, at_b]: &[Vec3; 2], v: &[Vec3], w: &[Vec3]) -> Vec3 {
     let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);

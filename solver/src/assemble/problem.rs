@@ -186,7 +186,8 @@ impl ContactProblem {
         }
     }
 
-    /// [`contact_arms`] of row `k`, whose contact is `contact`, with the positions `x` of the bodies.
+    /// Vectors from the two centres to the contact point of row `k`, whose contact is `contact`, with the positions `x` of
+    /// the bodies, m.
     #[inline]
     pub fn arms_of(&self, k: usize, contact: &Contact, x: &[Vec3]) -> [Vec3; 2] {
         self.block_data.as_ref().map_or_else(|| contact_arms(contact, x), |full| full.arms[k])

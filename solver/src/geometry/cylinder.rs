@@ -8,10 +8,11 @@
 
 use smallvec::SmallVec;
 
+use super::manifold::{ContactPoint, ListingRange, Manifold, edge_feature, face_feature, vertex_feature};
 use super::pair::{MIN_FACE_COSINE, PatchCorner};
 use super::patch::{ContactPatch, ON_SIDE_DISTANCE, Polygon, clipped_to_gap, share_at_tilt};
+use super::polyhedron::PosedPolyhedron;
 use super::search::{aligned_face, edge_ends, support_face};
-use super::{ContactPoint, ListingRange, Manifold, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::simd::Scalar;
 use crate::math::{Quat, Vec3};
 

@@ -1,9 +1,10 @@
 //! Queries of polyhedra for the flush-joint test: heights along a direction, and contact along a given direction.
 
+use super::manifold::{ListingRange, Manifold};
 use super::pair::{PolyhedronPair, SearchAxis, SearchFeature, support_vertex};
 use super::patch::ContactPatch;
+use super::polyhedron::PosedPolyhedron;
 use super::search::support_face;
-use super::{ListingRange, Manifold, PosedPolyhedron};
 use crate::math::Vec3;
 use crate::math::simd::{Scalar, SimdWidth};
 

@@ -5,11 +5,12 @@
 
 use smallvec::SmallVec;
 
+use super::manifold::{ContactPoint, Manifold, edge_feature, face_feature, vertex_feature};
 use super::pair::{PolyhedronPair, lowest_vertex, support_vertex};
 use super::patch::SAME_CORNER_DISTANCE;
 use super::polyhedron::{FeatureIndex, HalfEdge};
+use super::polyhedron::{Polyhedron, PosedPolyhedron};
 use super::search::RIDGE_ANGLE;
-use super::{ContactPoint, Manifold, Polyhedron, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::simd::{F64Arithmetic, LaneOperation};
 use crate::math::{Vec3, vector_length};
 

@@ -1,6 +1,7 @@
 //! A polyhedron inside a hollow cylinder, as in a drum.
 
-use super::{ContactPoint, Manifold, PosedPolyhedron, vertex_feature};
+use super::manifold::{ContactPoint, Manifold, vertex_feature};
+use super::polyhedron::PosedPolyhedron;
 use crate::math::{Quat, Vec3};
 
 /// Contacts of polyhedron A in a hollow cylinder of `[half height, radius]` (m) at `c` = x_B - x_A (m) with the

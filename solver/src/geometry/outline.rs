@@ -3,9 +3,10 @@
 //! A corner is a vertex of either polygon that lies in the other, or a crossing of two sides. Several candidates are
 //! tested at once, so that the program branches only at corners.
 
+use super::manifold::{edge_feature, face_feature, vertex_feature};
 use super::pair::{MIN_FACE_COSINE, PatchCorner, PatchCorners, PolyhedronPair};
+use super::polyhedron::PosedPolyhedron;
 use super::polyhedron::{COLUMN_PAD, FeatureIndex};
-use super::{PosedPolyhedron, edge_feature, face_feature, vertex_feature};
 use crate::math::simd::{F64Arithmetic, LaneOperation};
 use crate::math::{Vec3, local_frame};
 

@@ -1,6 +1,7 @@
 //! Two posed polyhedra: the data that the search for their separation and for their common part share.
 
-use super::{Polyhedron, PosedPolyhedron, Separated};
+use super::manifold::Separated;
+use super::polyhedron::{Polyhedron, PosedPolyhedron};
 use crate::math::Vec3;
 use crate::math::simd::{F64Arithmetic, Scalar, SimdWidth};
 

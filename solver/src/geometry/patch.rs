@@ -4,9 +4,9 @@
 
 use smallvec::SmallVec;
 
+use super::manifold::{ContactPoint, ListingRange, Manifold};
 use super::outline::collect_common_corners;
 use super::pair::{PatchCorner, PatchCorners, PolyhedronPair, SearchAxis};
-use super::{ContactPoint, ListingRange, Manifold};
 use crate::math::Vec3;
 
 /// Distance from a side, over the smaller circumradius, up to which a vertex is on the side, so that aligned faces keep
@@ -252,7 +252,8 @@ pub(super) fn clipped_to_gap(polygon: &[[f64; 3]], within: f64) -> Polygon {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{PosedPolyhedron, tests::each_pair};
+    use crate::geometry::PosedPolyhedron;
+    use crate::geometry::polyhedra::tests::each_pair;
     use crate::math::local_frame;
 
     /// Sutherland-Hodgman clipping: each side of `by` cuts the remaining polygon.

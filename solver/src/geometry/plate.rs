@@ -1,7 +1,10 @@
 //! A polyhedron against a rectangular plate, which is a cuboid.
 
+use super::cache::CachedFeature;
+use super::manifold::{Manifold, NarrowPhaseMode};
 use super::pair::support_vertex;
-use super::{CachedFeature, Manifold, NarrowPhaseMode, Polyhedron, PosedPolyhedron, polyhedron_polyhedron};
+use super::polyhedra::polyhedron_polyhedron;
+use super::polyhedron::{Polyhedron, PosedPolyhedron};
 use crate::math::{Quat, Vec3};
 
 /// Contact of polyhedron A with a plate at `c` = x_B - x_A (m) with the orientation `q`; `None` if they are more than

@@ -11,12 +11,10 @@
 
 use smallvec::{Array, SmallVec};
 
+use super::manifold::{ContactPoint, ListingRange, NarrowPhaseMode, edge_feature, face_feature, vertex_feature};
 use super::pair::{PatchCorner, PolyhedronPair, SearchAxis, SearchFeature, lowest_vertex, support_vertex};
 use super::polyhedron::FeatureIndex;
-use super::{
-    ContactPoint, ListingRange, NarrowPhaseMode, Polyhedron, PosedPolyhedron, edge_feature, face_feature,
-    vertex_feature,
-};
+use super::polyhedron::{Polyhedron, PosedPolyhedron};
 use crate::math::simd::{F64Arithmetic, LaneOperation, Scalar};
 use crate::math::{Vec3, vector_length};
 

@@ -1,6 +1,7 @@
 //! Polyhedron against a sphere: the point of the polyhedron that is nearest to the centre.
 
-use super::{ContactPoint, Manifold, PosedPolyhedron, edge_feature, face_feature, vertex_feature};
+use super::manifold::{ContactPoint, Manifold, edge_feature, face_feature, vertex_feature};
+use super::polyhedron::PosedPolyhedron;
 use crate::math::Vec3;
 
 /// Contact of polyhedron A with a sphere of `radius` (m) at `c` = x_B - x_A, m; `None` if they are more than `alert`

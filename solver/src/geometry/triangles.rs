@@ -4,9 +4,10 @@
 //! vertices of A, three of B, and nine crossings of their sides. All are computed without branches, and the valid ones
 //! are taken. If a corner is so near a side that rounding would decide, `outline` decides.
 
+use super::manifold::{edge_feature, face_feature, vertex_feature};
 use super::pair::{MIN_FACE_COSINE, PatchCorner, PolyhedronPair, SearchAxis};
 use super::patch::{ContactPatch, SAME_CORNER_DISTANCE};
-use super::{PosedPolyhedron, edge_feature, face_feature, vertex_feature};
+use super::polyhedron::PosedPolyhedron;
 use crate::math::Vec3;
 use crate::math::simd::{Arithmetic, F64Arithmetic, LaneOperation, SimdWidth};
 
@@ -402,8 +403,9 @@ fn clip_faces<L: F64Arithmetic>(l: L, of: &mut TriangleBatch, from: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::polyhedra::tests::each_pair;
     use crate::geometry::search::{SearchResult, SearchStart, separating_axis};
-    use crate::geometry::{ContactPoint, ListingRange, NarrowPhaseMode, tests::each_pair};
+    use crate::geometry::{ContactPoint, ListingRange, NarrowPhaseMode};
     use crate::math::Quat;
 
     fn points(patch: &mut ContactPatch, tie: f64) -> (Vec<ContactPoint>, f64) {

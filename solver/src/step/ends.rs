@@ -4,7 +4,6 @@ use std::ops::Add;
 
 use rayon::prelude::*;
 
-use super::ITEMS_PER_TASK;
 use super::motion::VelocityErrors;
 use crate::assemble::{ContactProblem, FreeMotion, SolverBody, velocity_at_arms};
 use crate::integrate::ContactConfiguration;
@@ -12,6 +11,9 @@ use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::Scene;
 use crate::solve::ContactSolution;
 use crate::state::{Contact, ContactExchange, ContactStatus, SolvedContact, State};
+
+/// Rows, contacts or bodies summed by one task.
+pub const ITEMS_PER_TASK: usize = 1024;
 
 /// Velocities and contacts at the step's end, and the totals of the contacts.
 pub struct StepOutcome {

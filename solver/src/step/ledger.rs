@@ -4,8 +4,7 @@ use std::ops::Add;
 
 use rayon::prelude::*;
 
-use super::ITEMS_PER_TASK;
-use super::ends::{Overlap, StepOutcome};
+use super::ends::{ITEMS_PER_TASK, Overlap, StepOutcome};
 use super::unforeseen::work_from_start;
 use crate::assemble::{ContactProblem, FreeMotion, GravityReport, potential_energy};
 use crate::detect::NarrowPhaseError;

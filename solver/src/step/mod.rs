@@ -229,9 +229,6 @@ pub fn next_problem(scene: &Scene, state: &State) -> (u64, assemble::StoredProbl
     (units, assemble::stored_problem(&system, &contacts))
 }
 
-/// Rows, contacts or bodies summed by one task.
-const ITEMS_PER_TASK: usize = 1024;
-
 /// Stopwatch over consecutive intervals.
 struct Stopwatch(Instant);
 

@@ -56,7 +56,7 @@ macro_rules! triple {
         ]
     };
 }
-pub(in crate::solve) use triple;
+pub(super) use triple;
 
 /// Nearest point to `v` of the ball of radius `bound` >= 0.
 #[inline(always)]

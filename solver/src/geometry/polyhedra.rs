@@ -1,0 +1,345 @@
+//! Contact of two polyhedra, one pair at a time or in batches.
+
+use super::cache::CachedFeature;
+use super::gjk;
+use super::manifold::{ListingRange, Manifold, NarrowPhaseMode, Separated};
+use super::pair::{PolyhedronPair, SearchAxis, SearchFeature};
+use super::patch::ContactPatch;
+use super::polyhedron::PosedPolyhedron;
+use super::search::{self, SearchResult, SearchStart};
+use super::triangles::{BATCH_PAIRS, TriangleBatch};
+use crate::math::Vec3;
+use crate::math::simd::SimdWidth;
+
+/// Contact of polyhedron A with polyhedron B at `c` = x_B - x_A, m; `None` if they are farther apart than `range` lists.
+///
+/// The normal is the direction of smallest distance, or of the smallest translation that separates overlapping bodies. If
+/// vertices or edges meet in a point without overlap, or if several directions are equal to 1e-11 of the size, the result
+/// is a definite one of those. Source: see the section on polyhedra in docs/method.md.
+pub fn polyhedron_polyhedron(
+    a: &PosedPolyhedron,
+    b: &PosedPolyhedron,
+    c: &Vec3,
+    range: impl Into<ListingRange>,
+    narrow: NarrowPhaseMode,
+    memory: &mut CachedFeature,
+) -> Option<Manifold> {
+    let pair = PolyhedronPair::new(a, b, *c, SimdWidth::detect());
+    let start = memory.search_start(&pair);
+    let (kept, manifold) = pair_manifold(PairQuery { pair, start, hint: None, narrow, range: range.into() });
+    *memory = kept;
+    manifold
+}
+
+fn pair_manifold(asked: PairQuery) -> (CachedFeature, Option<Manifold>) {
+    let mut found = (CachedFeature::default(), None);
+    let mut take = |(), sight: PairResult| {
+        found = match sight {
+            Ok((memory, manifold)) => (memory, Some(manifold.clone())),
+            Err(Separated { n, s }) => {
+                (CachedFeature::from_axis(&SearchAxis { n, s, feature: SearchFeature::None }), None)
+            }
+        };
+    };
+    let mut together = PairBatch::new(asked.pair.width);
+    together.push_query((), asked, &mut take);
+    together.flush(&mut take);
+    found
+}
+
+/// Result for a pair: the feature to cache and the contact, or a separating direction.
+pub type PairResult<'m> = Result<(CachedFeature, &'m Manifold), Separated>;
+
+/// Batch of pairs of polyhedra: bitwise the same results as one by one, and faster.
+///
+/// Each pair is identified by a `T`. Results come in the order of the requests.
+pub struct PairBatch<'a, T> {
+    width: SimdWidth,
+    /// Pairs whose points are not computed yet.
+    waiting: [Option<PendingPair<'a, T>>; MAX_PENDING_PAIRS],
+    count: usize,
+    triangles: TriangleBatch,
+    /// Patch of the current pair.
+    patch: ContactPatch,
+    manifold: Manifold,
+}
+
+struct PendingPair<'a, T> {
+    of: T,
+    asked: PairQuery<'a>,
+    found: SearchResult,
+    /// Index in the triangle batch, if its faces are triangles.
+    triangles: Option<usize>,
+}
+
+/// Largest number of pending pairs; not all of them have triangles.
+const MAX_PENDING_PAIRS: usize = 2 * BATCH_PAIRS;
+
+/// Input for one pair.
+#[derive(Clone, Copy)]
+struct PairQuery<'a> {
+    pair: PolyhedronPair<'a>,
+    start: SearchStart,
+    /// Direction that may show immediately that the bodies are apart; dropped otherwise.
+    hint: Option<Vec3>,
+    narrow: NarrowPhaseMode,
+    range: ListingRange,
+}
+
+impl<'a, T: Copy> PairBatch<'a, T> {
+    pub fn new(width: SimdWidth) -> Self {
+        PairBatch {
+            width,
+            waiting: [const { None }; MAX_PENDING_PAIRS],
+            count: 0,
+            triangles: TriangleBatch::new(),
+            patch: ContactPatch::default(),
+            manifold: Manifold::default(),
+        }
+    }
+
+    /// Requests the result of [`polyhedron_polyhedron`]; `take` is called with `of` and the result, in this or a later
+    /// call.
+    ///
+    /// `hint`: direction along which the bodies may be apart.
+    #[expect(clippy::too_many_arguments, reason = "those of one pair, and who takes what is found")]
+    pub fn push_pair(
+        &mut self,
+        of: T,
+        [a, b]: [&'a PosedPolyhedron; 2],
+        c: &Vec3,
+        range: ListingRange,
+        narrow: NarrowPhaseMode,
+        memory: &CachedFeature,
+        hint: Option<Vec3>,
+        take: &mut impl FnMut(T, PairResult),
+    ) {
+        let pair = PolyhedronPair::new(a, b, *c, self.width);
+        let start = memory.search_start(&pair);
+        self.push_query(of, PairQuery { pair, start, hint, narrow, range }, take);
+    }
+
+    fn push_query(&mut self, of: T, asked: PairQuery<'a>, take: &mut impl FnMut(T, PairResult)) {
+        let PairQuery { pair, start, hint, narrow, range } = &asked;
+        let found = search::separating_axis(pair, *start, *hint, *narrow, *range);
+        let SearchResult { axis, faces, .. } = &found;
+        if axis.s > range.alert {
+            return take(of, Err(axis.as_separated()));
+        }
+        let patch = axis.feature != SearchFeature::None && !found.is_far(range) && !search::is_ridge_pair(pair, axis);
+        let triangles = if patch { self.triangles.push_faces(pair, axis, *faces) } else { None };
+        self.waiting[self.count] = Some(PendingPair { of, asked, found, triangles });
+        self.count += 1;
+        if self.triangles.is_full() || self.count == MAX_PENDING_PAIRS {
+            self.flush(take);
+        }
+    }
+
+    /// Computes all pending results.
+    pub fn flush(&mut self, take: &mut impl FnMut(T, PairResult)) {
+        let PairBatch { width, waiting, count, triangles, patch, manifold } = self;
+        triangles.clip_faces(*width);
+        for PendingPair { of, asked, found, triangles: place } in waiting[..*count].iter().flatten() {
+            let axis = &found.axis;
+            let seen = place.is_some_and(|k| triangles.write_patch(k, axis, asked.range.area, patch));
+            if seen && patch.has_axis_gap(axis.s, asked.pair.tie_tolerance()) {
+                take(*of, patch_result(asked, axis, patch, manifold));
+            } else {
+                manifold_scalar(asked, found, patch, manifold, &mut |sight: PairResult| take(*of, sight));
+            }
+        }
+        *count = 0;
+        triangles.clear();
+    }
+}
+
+/// Returns the points of a patch that are within the range.
+fn patch_result<'m>(
+    asked: &PairQuery,
+    axis: &SearchAxis,
+    patch: &mut ContactPatch,
+    manifold: &'m mut Manifold,
+) -> PairResult<'m> {
+    patch.write_manifold(asked.range, asked.pair.tie_tolerance(), manifold);
+    // Within rounding there may be no point.
+    if manifold.points.is_empty() { Err(axis.as_separated()) } else { Ok((CachedFeature::from_axis(axis), manifold)) }
+}
+
+/// Computes the manifold of a single pair whose direction is known.
+fn manifold_scalar(
+    asked: &PairQuery,
+    found: &SearchResult,
+    patch: &mut ContactPatch,
+    manifold: &mut Manifold,
+    take: &mut impl FnMut(PairResult),
+) {
+    let PairQuery { pair, start, narrow, range, .. } = asked;
+    let SearchResult { axis, faces, met, .. } = found;
+    let kept = CachedFeature::from_axis(axis);
+    let own_point = |area| {
+        let points = search::axis_point(pair, axis, *met).into_iter().collect();
+        Manifold { normal: -axis.n, points, area }
+    };
+    if found.is_far(range) {
+        let nearest = own_point(0.0);
+        if !nearest.points.is_empty() {
+            return take(Ok((kept, &nearest)));
+        }
+    }
+    if search::is_ridge_pair(pair, axis)
+        && let Some(ridges) = gjk::ridge_manifold(pair, &axis.n, axis.s)
+    {
+        return take(Ok((kept, &ridges)));
+    }
+    if axis.feature != SearchFeature::None && !found.is_far(range) {
+        patch.clip_faces(pair, axis, *faces, range.area);
+        if patch.has_axis_gap(axis.s, pair.tie_tolerance()) {
+            return take(patch_result(asked, axis, patch, manifold));
+        }
+        if axis.s <= 0.0 {
+            // The overlap is not proven to be the smallest: the axis's own features give one point.
+            return take(Ok((kept, &own_point(patch.area))));
+        }
+    }
+    let nearest = gjk::nearest_points(pair, axis.n, range.alert);
+    if nearest.on_faces && matches!(start, SearchStart::Direction(_)) {
+        let found = search::separating_axis(pair, SearchStart::Nothing, None, *narrow, *range);
+        if found.axis.s > range.alert {
+            return take(Err(found.axis.as_separated()));
+        }
+        let asked = PairQuery { start: SearchStart::Nothing, ..*asked };
+        return manifold_scalar(&asked, &found, patch, manifold, take);
+    }
+    let along = SearchAxis { n: nearest.n, s: axis.s, feature: SearchFeature::None };
+    match &nearest.manifold {
+        Some(manifold) => take(Ok((CachedFeature::from_axis(&along), manifold))),
+        None => take(Err(along.as_separated())),
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::geometry::Polyhedron;
+    use crate::math::Quat;
+
+    /// A rock: the hull of points on three rings and two poles.
+    pub fn rock(seed: f64) -> Polyhedron {
+        let point = |k: usize| {
+            let (ring, turn) = ((k / 6) as f64 - 1.0, k as f64 * 1.1 + seed);
+            let wide = 1.0 - 0.3 * ring.abs() + 0.1 * (7.0 * turn + seed).sin();
+            parry3d_f64::math::Vector::new(wide * turn.cos(), wide * turn.sin(), 0.7 * ring)
+        };
+        let points: Vec<_> = (0..18).map(point).collect();
+        let (vertices, triangles) = parry3d_f64::transformation::convex_hull(&points);
+        let vertices: Vec<Vec3> = vertices.iter().map(|v| Vec3::new(v.x, v.y, v.z)).collect();
+        Polyhedron::new(&vertices, &triangles).unwrap()
+    }
+
+    /// Calls `take` with pairs of rocks whose direction is given by a feature and that overlap or are within `range` (m)
+    /// of each other, and with the number of each pair.
+    pub(in crate::geometry) fn each_pair(
+        count: u32,
+        range: f64,
+        mut take: impl FnMut(u32, &PolyhedronPair, &SearchResult),
+    ) {
+        let (a, b) = (rock(0.0), rock(1.0));
+        for number in 0..count {
+            let k = f64::from(number);
+            let pa = a.posed_by(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
+            let pb = b.posed_by(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
+            let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * 1.6;
+            let pair = PolyhedronPair::new(&pa, &pb, c, SimdWidth::detect());
+            let found =
+                search::separating_axis(&pair, SearchStart::Nothing, None, NarrowPhaseMode::Accurate, range.into());
+            if found.axis.feature != SearchFeature::None && found.axis.s <= range {
+                take(number, &pair, &found);
+            }
+        }
+    }
+
+    #[test]
+    fn all_widths_give_the_same_bits() {
+        let (a, b) = (rock(0.0), rock(1.0));
+        let mut contacts = 0;
+        for k in 0..500 {
+            let k = f64::from(k);
+            let pa = a.posed_by(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
+            let pb = b.posed_by(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
+            let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * (1.2 + 0.002 * k);
+            for start in [
+                SearchStart::Nothing,
+                SearchStart::Feature(SearchFeature::FaceOfA(3)),
+                SearchStart::Direction(Vec3::x()),
+            ] {
+                let of = |width| {
+                    let pair = PolyhedronPair::new(&pa, &pb, c, width);
+                    pair_manifold(PairQuery {
+                        pair,
+                        start,
+                        hint: None,
+                        narrow: NarrowPhaseMode::Accurate,
+                        range: 0.05.into(),
+                    })
+                };
+                let found: Vec<_> = SimdWidth::all_widths().into_iter().map(of).collect();
+                assert!(found.iter().all(|one| *one == found[0]), "{k}: {found:?}");
+                contacts += usize::from(found[0].1.is_some());
+            }
+        }
+        assert!((300..1300).contains(&contacts), "both apart and in contact: {contacts}");
+    }
+
+    #[test]
+    fn of_a_far_pair_the_nearest_point_is_enough() {
+        let (a, b) = (rock(0.0), rock(1.0));
+        let (mut far, mut near) = (0, 0);
+        for k in 0..1000 {
+            let k = f64::from(k);
+            let pa = a.posed_by(&Quat::from_euler_angles(k, 2.0 * k, 0.3 * k));
+            let pb = b.posed_by(&Quat::from_euler_angles(0.7 * k, -k, 1.9 * k));
+            let c = Vec3::new((1.3 * k).sin(), (2.1 * k).cos(), (0.4 * k).sin()).normalize() * 1.8;
+            let mut memory = CachedFeature::default();
+            let mut run = |range: ListingRange| {
+                polyhedron_polyhedron(&pa, &pb, &c, range, NarrowPhaseMode::Accurate, &mut memory)
+            };
+            let Some(all) = run(0.5.into()) else { continue };
+            let found = run(ListingRange { patch: 0.1, ..0.5.into() }).unwrap();
+            let is_far = all.gap() > 0.1;
+            if !is_far || found.points.len() > 1 {
+                assert!(found.points.len() == all.points.len() && found.area == all.area, "{k}");
+                near += usize::from(!is_far);
+                continue;
+            }
+            far += usize::from(all.points.len() > 1);
+            let same = all.points.iter().find(|point| point.features == found.points[0].features).unwrap();
+            // A few roundings of numbers of the size.
+            assert!((same.gap - all.gap()).abs() < 1e-14 && (found.gap() - all.gap()).abs() < 1e-14, "{k}");
+            assert!((same.position - found.points[0].position).norm() < 1e-13, "{k}: {found:?} {all:?}");
+        }
+        assert!(far > 50 && near > 500, "{far} {near}");
+    }
+
+    #[test]
+    fn memory_goes_through_a_snapshot_and_foreign_words_do_no_harm() {
+        let (a, b) = (rock(0.0), Polyhedron::cuboid(&Vec3::new(1.0, 0.6, 0.4)));
+        let (pa, pb) = (a.posed_by(&Quat::identity()), b.posed_by(&Quat::from_euler_angles(0.1, 0.2, 0.3)));
+        let run = |c: Vec3, memory: &mut CachedFeature| {
+            polyhedron_polyhedron(&pa, &pb, &c, 0.5, NarrowPhaseMode::Accurate, memory)
+        };
+        for far in [1.2, 1.6, 2.0, 4.0] {
+            let mut memory = CachedFeature::default();
+            let first = run(Vec3::new(far, 0.1, 0.2), &mut memory);
+            let mut other = CachedFeature::from_words(memory.to_words());
+            assert_eq!(memory, other);
+            assert_eq!(run(Vec3::new(far, 0.1, 0.2), &mut other).is_some(), first.is_some());
+            for words in
+                [[u64::MAX; 2], [1 << 32 | 999, 0], [3 << 32 | 2, 999 << 32], [4 << 32, 0], [4 << 32 | 0x7fc0_0000, 0]]
+            {
+                let again = run(Vec3::new(far, 0.1, 0.2), &mut CachedFeature::from_words(words));
+                let gaps = (first.as_ref().map(Manifold::gap), again.as_ref().map(Manifold::gap));
+                assert!(gaps.0 == gaps.1 || (gaps.0.unwrap() - gaps.1.unwrap()).abs() < 1e-14, "{words:?}: {gaps:?}");
+            }
+        }
+    }
+}
