@@ -17,8 +17,9 @@
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-use crate::detect::parts::{CandidatePair, PosedContactor, PosedShape};
-use crate::detect::{ListedPair, TravelBounds, contact_geometry};
+use super::posed::{CandidatePair, PosedContactor, PosedShape};
+use super::spheres::{ListedPair, contact_geometry};
+use super::travel::TravelBounds;
 use crate::geometry::{PosedPolyhedron, polyhedra_along};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Quat, Vec3, group_by_key};

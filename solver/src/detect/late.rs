@@ -4,8 +4,10 @@ use std::collections::HashSet;
 
 use rayon::prelude::*;
 
+use super::spheres::{contact_geometry, sphere_contact, visible_pair};
 use super::swept::{SweptBall, least_distance};
-use super::{LISTING_MARGIN, TravelBounds, contact_geometry, joints, parts, periodic, visible_pair};
+use super::travel::{LISTING_MARGIN, TravelBounds};
+use super::{joints, parts, periodic};
 use crate::geometry::NarrowPhaseMode;
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3};
@@ -83,7 +85,7 @@ pub fn late_contacts(
             let BodyShape::Plane { half_lengths } = scene.bodies[plane as usize].shape else { return false };
             let near = contact_geometry(scene, q_c, *pair).gap
                 <= ways.travel[pair[0] as usize] + ways.surface_travel(pair[1] as usize, half_lengths.norm());
-            near && gap_closes(&super::sphere_contact(scene, q_c, *pair, 0), q_c, solved, span)
+            near && gap_closes(&sphere_contact(scene, q_c, *pair, 0), q_c, solved, span)
         }));
     }
     // Inner contacts of flush joints can only be recognised together with the contacts that support the sphere.
@@ -96,7 +98,7 @@ pub fn late_contacts(
     let mut pairs = joints::without_inner_rims(scene, q_c, &ways, of_planes);
     pairs.extend(others);
     pairs.sort_unstable();
-    let found = pairs.into_iter().map(|(pair, law)| super::sphere_contact(scene, q_c, pair, law));
+    let found = pairs.into_iter().map(|(pair, law)| sphere_contact(scene, q_c, pair, law));
     found.filter(|contact| !known.contains(&contactor_pair(contact))).collect()
 }
 

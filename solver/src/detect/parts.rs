@@ -7,57 +7,21 @@ use smallvec::SmallVec;
 
 use cd_formats::compute::NarrowPhase;
 
+use super::neighbours::BoundingBalls;
+use super::posed::{CandidatePair, PosedContactor, PosedShape, posed_contactors};
+use super::swept::SweptBall;
+use super::travel::TravelBounds;
+use super::{joints, narrow, periodic};
 use crate::activity;
-use crate::detect::neighbours::BoundingBalls;
-use crate::detect::swept::SweptBall;
-use crate::detect::{LISTING_MARGIN, TravelBounds, joints, narrow, periodic, swept};
 use crate::geometry::{
-    CachedFeature, ContactPoint, ListingRange, Manifold, NarrowPhaseMode, PairBatch, PairResult, PosedPolyhedron,
-    Separated, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_sphere,
+    CachedFeature, ContactPoint, Manifold, NarrowPhaseMode, PairBatch, PairResult, Separated, polyhedron_cylinder,
+    polyhedron_hollow_cylinder, polyhedron_sphere,
 };
 use crate::integrate::ContactConfiguration;
 use crate::math::simd::SimdWidth;
-use crate::math::{Quat, Vec3, group_by_key};
-use crate::scene::{BodyPart, ContactorShape, InteractionRule, Scene};
+use crate::math::{Vec3, group_by_key};
+use crate::scene::{InteractionRule, Scene};
 use crate::state::{Contact, DetectionCache, SeparatingAxis};
-
-/// Position of a contactor and the scene data that its pairs need, packed so that a pair reads little memory.
-pub(super) struct PosedContactor<'a> {
-    pub centre: Vec3,
-    pub axes: Quat,
-    /// Largest displacement of a point of it in the step, m.
-    pub travel: f64,
-    /// Radius of the bounding ball with travel and half of the listing distance, m.
-    reach: f64,
-    /// Displacement of the centre in the step, m, and rotation, rad.
-    path: Vec3,
-    turn: Vec3,
-    /// Largest distance from the centre of the points that a rotation moves, m: 0 for a sphere.
-    rim: f64,
-    /// Radius of the bounding ball, m.
-    pub radius: f64,
-    /// Largest deviation of the centre's trajectory from a straight line due to the body's rotation, m.
-    bend: f64,
-    /// Accumulated displacement of its surface, m.
-    accumulated_travel: f64,
-    /// Curvature used by cohesion, 1/m.
-    curvature: f64,
-    pub body: u32,
-    /// Row and column in the visibility table.
-    pub class: u16,
-    /// Whether all of its body's motion is imposed.
-    imposed: bool,
-    /// Index among the contactors of its body.
-    rank: u16,
-    pub shape: PosedShape<'a>,
-}
-
-pub(super) enum PosedShape<'a> {
-    Sphere { radius: f64 },
-    Polyhedron(PosedPolyhedron<'a>),
-    Cylinder { half_height: f64, radius: f64, hollow: bool },
-    Plane { half_lengths: Vec3, cuboid: PosedPolyhedron<'a> },
-}
 
 impl DetectionCache {
     /// `bodies`: order in which near bodies follow each other.
@@ -114,8 +78,7 @@ pub fn without_inner_edges(
     ways: &TravelBounds,
     mut contacts: Vec<Contact>,
 ) -> Vec<Contact> {
-    let places: Vec<PosedContactor> =
-        scene.parts.par_iter().with_min_len(64).map(|part| posed_contactor(scene, part, q_c, ways)).collect();
+    let places = posed_contactors(scene, q_c, ways);
     joints::remove_inner_edges(scene, q_c, ways, &places, &mut contacts);
     contacts
 }
@@ -128,8 +91,7 @@ pub fn listed_contacts(
     narrow: NarrowPhase,
     known: &mut DetectionCache,
 ) -> Vec<Contact> {
-    let mut places: Vec<PosedContactor> =
-        scene.parts.par_iter().with_min_len(64).map(|part| posed_contactor(scene, part, q_c, ways)).collect();
+    let mut places = posed_contactors(scene, q_c, ways);
     let nearby = ways.nearby;
     known.rebuild_if_stale(scene, &mut places, &q_c.order);
     let DetectionCache { pairs, memories, separations, .. } = known;
@@ -161,8 +123,7 @@ pub fn swept_contacts(
     narrow: NarrowPhaseMode,
     searched: impl Fn(u32) -> bool + Sync,
 ) -> Vec<Contact> {
-    let places: Vec<PosedContactor> =
-        scene.parts.par_iter().with_min_len(64).map(|part| posed_contactor(scene, part, q_c, ways)).collect();
+    let places = posed_contactors(scene, q_c, ways);
     let ball = |place: &PosedContactor| SweptBall {
         centre: place.centre,
         path: place.path,
@@ -245,130 +206,6 @@ fn narrow_phase_chunk<'a>(
     }
     polyhedra.flush(&mut |meeting, sight| listed.record_result(&meeting, sight, memories, separations));
     listed
-}
-
-/// Gap over the smaller radius up to which a pair gets all its points even if it does not close: faces in contact during
-/// a common fall are pushed together at all their points once something stops them.
-const FULL_MANIFOLD_GAP: f64 = 1e-3;
-
-/// Two contactors that may be near each other.
-#[derive(Clone, Copy)]
-pub(super) struct CandidatePair<'a> {
-    /// Number of the pair in its chunk.
-    pair: usize,
-    pub a: &'a PosedContactor<'a>,
-    pub b: &'a PosedContactor<'a>,
-    /// Vector from the centre of `a` to that of `b`, and the part of it from `b` to its periodic image, m.
-    pub c: Vec3,
-    image: Vec3,
-    pub range: ListingRange,
-    law: u8,
-    /// Gap up to which points are listed whatever the motion, m; infinite if all points are.
-    always: f64,
-    /// Part of the alert distance within which passing bodies are still listed, m.
-    margin: f64,
-}
-
-impl<'a> CandidatePair<'a> {
-    /// Accumulated displacement of the surfaces of two contactors, and their largest possible range, m; cheaper than a
-    /// meeting.
-    #[inline(always)]
-    fn listing_reach(
-        scene: &Scene,
-        places: &[PosedContactor],
-        nearby: f64,
-        (parts, see): &([u32; 2], InteractionRule),
-    ) -> f64 {
-        let [a, b] = parts.map(|k| &places[k as usize]);
-        let held = scene.laws[see.law as usize].interaction_range(1.0 / (a.curvature + b.curvature));
-        let smaller = a.radius.min(b.radius);
-        let range = held.max(a.travel + b.travel).max(nearby.max(FULL_MANIFOLD_GAP) * smaller).max(see.alert);
-        a.accumulated_travel + b.accumulated_travel + range
-    }
-
-    #[inline]
-    pub fn new(
-        scene: &Scene,
-        places: &'a [PosedContactor<'a>],
-        nearby: f64,
-        pair: usize,
-        (parts, see): &([u32; 2], InteractionRule),
-    ) -> Self {
-        let [a, b] = parts.map(|k| &places[k as usize]);
-        let radius = 1.0 / (a.curvature + b.curvature);
-        let law = &scene.laws[see.law as usize];
-        let image = scene.nearest_image_shift(&a.centre, &b.centre);
-        let c = b.centre + image - a.centre;
-        let held = law.interaction_range(radius);
-        // Contactors farther apart than this touch in this step only if a contact pushes them.
-        let (mut travel, mut always) = (a.travel + b.travel, f64::INFINITY);
-        let nearby = nearby * a.radius.min(b.radius);
-        let margin = LISTING_MARGIN * see.alert;
-        if travel > nearby.max(margin) {
-            travel = travel.min(surface_approach(a, b, &c, Vec3::norm) + margin).max(nearby);
-            always = held.max(see.alert).max(nearby);
-        }
-        let patch = held.max(travel).max(FULL_MANIFOLD_GAP * a.radius.min(b.radius));
-        let range = ListingRange { alert: patch.max(see.alert), patch, area: law.range_of_stress(radius) };
-        CandidatePair { pair, a, b, c, image, range, law: see.law, always, margin }
-    }
-
-    /// Whether the bounding balls come within the range in the step.
-    fn is_near(&self) -> bool {
-        let CandidatePair { a, b, c, .. } = self;
-        let reach = a.reach + b.reach;
-        let near = c.norm_squared() <= reach * reach;
-        let rest = reach - (a.travel + b.travel);
-        near && (self.always == f64::INFINITY || swept::least_distance(c, &(b.path - a.path)) <= rest + a.bend + b.bend)
-    }
-
-    /// Gap up to which points with this normal (from the antagonist to the candidate) are listed, m.
-    fn listing_gap(&self, normal: &Vec3) -> f64 {
-        // The inside of a cylinder curves towards a body that moves along it.
-        let curves = matches!(self.b.shape, PosedShape::Cylinder { hollow: true, .. });
-        if self.always == f64::INFINITY || curves {
-            return self.range.alert;
-        }
-        let closing = surface_approach(self.a, self.b, &self.c, |against| (-normal.dot(against)).max(0.0));
-        self.always.max(closing + self.margin).min(self.range.alert)
-    }
-
-    /// Accumulated displacement of both surfaces, m.
-    fn accumulated_travel(&self) -> f64 {
-        self.a.accumulated_travel + self.b.accumulated_travel
-    }
-
-    /// Points of a manifold up to the range; points on its area share the area.
-    pub fn listed_contacts<'m>(&'m self, manifold: &'m Manifold) -> impl Iterator<Item = Contact> + 'm {
-        let CandidatePair { a, b, range, .. } = self;
-        let up_to = self.listing_gap(&manifold.normal);
-        let on_area = |point: &ContactPoint| point.gap <= range.area;
-        let share = manifold.area / manifold.points.iter().filter(|point| on_area(point)).count() as f64;
-        manifold.points.iter().filter(move |point| point.gap <= up_to).map(move |point| Contact {
-            candidate: a.body,
-            antagonist: b.body,
-            ranks: (a.rank, b.rank),
-            features: point.features,
-            point: a.centre + point.position,
-            image: self.image,
-            normal: manifold.normal,
-            gap: point.gap,
-            area: if on_area(point) { share } else { 0.0 },
-            law: self.law,
-        })
-    }
-}
-
-/// Approach of the surfaces of `a` and `b` in the step, with b at `c` from a, m: the component `along` of their relative
-/// displacement, and the contribution of rotation. The smallest of the values seen by observers who turn with a, with b
-/// or not at all: bodies that turn as one do not approach.
-fn surface_approach(a: &PosedContactor, b: &PosedContactor, c: &Vec3, along: impl Fn(&Vec3) -> f64) -> f64 {
-    let path = a.path - b.path;
-    let turn = (a.turn - b.turn).norm();
-    let at_rest = along(&path) + a.turn.norm() * a.rim + b.turn.norm() * b.rim;
-    let with_a = along(&(path + a.turn.cross(c))) + turn * b.rim;
-    let with_b = along(&(path + b.turn.cross(c))) + turn * a.rim;
-    at_rest.min(with_a).min(with_b)
 }
 
 /// Contacts that a task has found.
@@ -483,47 +320,6 @@ impl<'a> Prefetcher<'a> {
                 posed.prefetch(self.width);
             }
         }
-    }
-}
-
-fn posed_contactor<'a>(
-    scene: &Scene,
-    part: &'a BodyPart,
-    q_c: &ContactConfiguration,
-    ways: &TravelBounds,
-) -> PosedContactor<'a> {
-    let i = part.body as usize;
-    let q = &q_c.q[i];
-    let arm = q * part.offset;
-    let axes = q * part.axes;
-    let travel = ways.surface_travel(i, arm.norm() + part.radius);
-    let turn = ways.rotation_vector(i);
-    PosedContactor {
-        centre: q_c.x[i] + arm,
-        axes,
-        travel,
-        reach: part.radius + travel + 0.5 * scene.listing_range,
-        path: ways.centre_path(i) + turn.cross(&arm),
-        turn,
-        rim: if matches!(part.geometry, ContactorShape::Sphere { .. }) { 0.0 } else { part.radius },
-        radius: part.radius,
-        bend: (0.5 * turn.norm_squared() * arm.norm()).min(travel),
-        accumulated_travel: 0.0,
-        curvature: scene.part_curvature(part),
-        body: part.body,
-        class: part.class,
-        imposed: scene.bodies[i].is_imposed(),
-        rank: part.rank,
-        shape: match &part.geometry {
-            ContactorShape::Sphere { radius } => PosedShape::Sphere { radius: *radius },
-            ContactorShape::Polyhedron(shape) => PosedShape::Polyhedron(shape.posed_by(&axes)),
-            ContactorShape::Cylinder { half_height, radius, hollow } => {
-                PosedShape::Cylinder { half_height: *half_height, radius: *radius, hollow: *hollow }
-            }
-            ContactorShape::Plane { half_lengths, cuboid } => {
-                PosedShape::Plane { half_lengths: *half_lengths, cuboid: cuboid.posed_by(&axes) }
-            }
-        },
     }
 }
 

@@ -1,0 +1,152 @@
+//! Pairs and contacts of spheres with spheres and plates.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::neighbours::BoundingBalls;
+use super::travel::{LISTING_MARGIN, TravelBounds};
+use super::{narrow, swept};
+use crate::integrate::ContactConfiguration;
+use crate::math::{PAR_MIN_LEN, Vec3};
+use crate::scene::{BodyShape, InteractionRule, Scene};
+use crate::state::{Contact, DetectionCache};
+
+/// Candidate and antagonist within range of each other, and their law.
+pub type ListedPair = ([u32; 2], u8);
+
+/// Contacts of spheres with spheres, ordered by candidate, then by antagonist.
+pub fn sphere_sphere_pairs(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    ways: &TravelBounds,
+    known: &mut DetectionCache,
+) -> Vec<ListedPair> {
+    let bodies = scene.spheres.par_iter().with_min_len(PAR_MIN_LEN);
+    let centres: Vec<Vec3> = bodies.clone().map(|&i| q_c.x[i as usize]).collect();
+    let travel: Vec<f64> = bodies.clone().map(|&i| ways.travel[i as usize]).collect();
+    let radii: Vec<f64> = bodies.map(|&i| scene.bodies[i as usize].radius).collect();
+    let reach = |(radius, travel): (&f64, &f64)| radius + travel + 0.5 * scene.listing_range;
+    let reach: Vec<f64> = radii.iter().zip(&travel).map(reach).collect();
+    let path = |k: usize| ways.centre_path(scene.spheres[k] as usize);
+    let things = BoundingBalls { centres: &centres, reach: &reach, path, travel: &travel };
+    if known.neighbours.rebuild_if_stale(&things, scene.periods(), scene.mean_radius) {
+        let near = std::mem::take(&mut known.neighbours.pairs);
+        let visible = near.into_par_iter().with_min_len(1024).filter_map(|pair| visible_pair(scene, pair));
+        let mut pairs: Vec<([u32; 2], InteractionRule)> = visible.collect();
+        pairs.par_sort_unstable_by_key(|(pair, _)| *pair);
+        known.pairs = Arc::new(pairs);
+    }
+    let listed = |&([i, j], see): &([u32; 2], InteractionRule)| {
+        let pair = [i, j].map(|k| scene.spheres[k as usize]);
+        let [i, j] = [i as usize, j as usize];
+        let (a, b) = (centres[i], centres[j] + scene.nearest_image_shift(&centres[i], &centres[j]));
+        let gap = narrow::sphere_sphere(&a, radii[i], &b, radii[j]).gap;
+        let approach = ApproachBounds { travel: travel[i] + travel[j], nearby: ways.nearby * radii[i].min(radii[j]) };
+        let closing = || swept::least_distance(&(a - b), &(path(i) - path(j))) - (radii[i] + radii[j]);
+        is_listed(scene, pair, see, gap, approach, closing).then_some((pair, see.law))
+    };
+    known.pairs.par_iter().with_min_len(512).filter_map(listed).collect()
+}
+
+/// Pair with the candidate first, and its visibility rule; `None` if the table has no rule for it, or if the
+/// motion of both bodies is imposed.
+pub fn visible_pair(scene: &Scene, pair: [u32; 2]) -> Option<([u32; 2], InteractionRule)> {
+    let [a, b] = pair.map(|k| &scene.bodies[scene.spheres[k as usize] as usize]);
+    Some((pair, scene.visibility.interaction_rule(a.class, b.class)?)).filter(|_| !(a.is_imposed() && b.is_imposed()))
+}
+
+pub fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, ways: &TravelBounds) -> Vec<ListedPair> {
+    let with = |&plane: &u32| {
+        let p = plane as usize;
+        let BodyShape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
+        // A wall's displacement is that of its farthest corner.
+        let swept = ways.surface_travel(p, half_lengths.norm());
+        let (path, turn) = (ways.centre_path(p), ways.rotation_vector(p));
+        let into_axes = q_c.q[p].inverse().to_rotation_matrix();
+        let near = move |&sphere: &u32| {
+            let (s, pair) = (sphere as usize, [sphere, plane]);
+            let travel = ways.travel[s] + swept;
+            // Most spheres are far from the plate and need neither law nor geometry.
+            let from = q_c.x[s] - q_c.x[p] - scene.nearest_image_shift(&q_c.x[s], &q_c.x[p]);
+            let gap = ((into_axes * from).abs() - half_lengths).max() - scene.bodies[s].radius;
+            let [sphere, plane] = [s, p].map(|i| &scene.bodies[i]);
+            let near = gap <= scene.listing_range + travel && !(sphere.driven && plane.driven);
+            let see = scene.visibility.interaction_rule(sphere.class, plane.class).filter(|_| near)?;
+            let found = contact_geometry(scene, q_c, pair);
+            let approach = ApproachBounds { travel, nearby: ways.nearby * sphere.radius };
+            // A plate is convex: a passing sphere stays beyond the plane through the nearest point. If the plate turns,
+            // its surface bends.
+            let closing = || {
+                let against = ways.centre_path(s) - path - turn.cross(&from);
+                let bend = 0.5 * turn.norm_squared() * from.norm();
+                found.gap - ((-found.normal.dot(&against)).max(0.0) + bend).min(travel)
+            };
+            is_listed(scene, pair, see, found.gap, approach, closing).then_some((pair, see.law))
+        };
+        scene.spheres.par_iter().with_min_len(512).filter_map(near)
+    };
+    scene.planes.par_iter().flat_map(with).collect()
+}
+
+/// Geometry of a sphere against a sphere or plate.
+#[inline]
+pub fn contact_geometry(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    [candidate, antagonist]: [u32; 2],
+) -> narrow::ContactGeometry {
+    let [a, b] = [candidate, antagonist].map(|i| (&scene.bodies[i as usize], q_c.x[i as usize]));
+    let (a, b) = ((a.0, &a.1), (b.0, &(b.1 + scene.nearest_image_shift(&a.1, &b.1))));
+    match &b.0.shape {
+        BodyShape::Plane { half_lengths } => {
+            narrow::sphere_plane(a.1, a.0.radius, b.1, &q_c.q[antagonist as usize], half_lengths)
+        }
+        _ => narrow::sphere_sphere(a.1, a.0.radius, b.1, b.0.radius),
+    }
+}
+
+/// Bounds on the approach of two bodies in the step.
+#[derive(Clone, Copy)]
+struct ApproachBounds {
+    /// Largest approach by their speeds relative to the mean motion, m.
+    travel: f64,
+    /// Gap up to which the pair is listed whatever its motion, m.
+    nearby: f64,
+}
+
+/// Whether a pair with this rule is near enough to be listed; `closing`: smallest gap along the trajectories in the step,
+/// m.
+fn is_listed(
+    scene: &Scene,
+    [candidate, antagonist]: [u32; 2],
+    see: InteractionRule,
+    gap: f64,
+    ApproachBounds { travel, nearby }: ApproachBounds,
+    closing: impl Fn() -> f64,
+) -> bool {
+    // The range of a bond depends on the radii, which other pairs do not read.
+    let law = &scene.laws[see.law as usize];
+    let range = || law.interaction_range(scene.effective_radius((candidate, 0), (antagonist, 0)));
+    gap <= see.alert.max(travel.min(nearby))
+        || (gap <= LISTING_MARGIN * see.alert + travel && closing() <= LISTING_MARGIN * see.alert)
+        || (law.cohesion().is_some() && gap <= range())
+}
+
+#[inline]
+pub fn sphere_contact(scene: &Scene, q_c: &ContactConfiguration, pair: [u32; 2], law: u8) -> Contact {
+    let found = contact_geometry(scene, q_c, pair);
+    let [candidate, antagonist] = pair;
+    Contact {
+        candidate,
+        antagonist,
+        ranks: (0, 0),
+        features: (0, found.feature),
+        point: found.point,
+        image: scene.nearest_image_shift(&q_c.x[candidate as usize], &q_c.x[antagonist as usize]),
+        normal: found.normal,
+        gap: found.gap,
+        area: 0.0,
+        law,
+    }
+}
