@@ -1,0 +1,266 @@
+//! Test whether a contact with one contactor is inside the common surface of two contactors.
+
+use smallvec::SmallVec;
+
+use super::solid::ConvexSolid;
+use crate::math::Vec3;
+
+/// Height over the radius of A's ball up to which surfaces are flush: above the overlaps that a sound solution leaves, and
+/// less than a third of the smallest step that must stop a body, 1e-4 of its size.
+pub const FLUSH_TOLERANCE: f64 = 3e-5;
+
+/// Relative error of numbers in files, which have eight digits.
+const FILE_ROUNDING: f64 = 5e-8;
+
+/// 1 - cos of the angle between a contact's direction and a face's normal up to which the contact keeps A above that
+/// face: 1e-3 rad, more than the tilt that overlaps cause for a body on a face.
+const ON_FACE_TOLERANCE: f64 = 5e-7;
+
+/// 1 - cos of the angle up to which two contacts count as parallel, 1e-4 rad: the side of a joint reduces the speed of A
+/// by at most 1e-8.
+const SAME_DIRECTION_TOLERANCE: f64 = 5e-9;
+
+/// Sine of the angle between two faces beyond which they form no common surface.
+const MAX_FACE_BEND: f64 = 1e-2;
+
+/// Largest free displacement of B relative to C along the normal in the step, over the radius of the ball about A.
+const MAX_RELATIVE_RISE: f64 = 1e-2;
+
+/// Largest number of contacts of one contactor for which all pairs are tested; beyond it only pairs near each other are.
+pub const MAX_CONTACTS_ALL_PAIRS: usize = 64;
+
+/// Contactor near A.
+pub struct NearbyContactor<'a> {
+    pub solid: ConvexSolid<'a>,
+    /// Centre relative to the centre of A, m.
+    pub centre: Vec3,
+    /// Free velocity and angular velocity of its body at the step's end, and the body's centre relative to the centre of
+    /// A.
+    pub v: Vec3,
+    pub w: Vec3,
+    pub body: Vec3,
+}
+
+impl NearbyContactor<'_> {
+    fn velocity_at(&self, at: &Vec3) -> Vec3 {
+        self.v + self.w.cross(&(at - self.body))
+    }
+}
+
+/// Contactor A; lengths in m.
+pub struct UpperContactor<'a> {
+    pub solid: ConvexSolid<'a>,
+    pub centre: Vec3,
+    pub radius: f64,
+    /// Largest displacement in the step, m.
+    pub travel: f64,
+    /// Time for which contacts are predicted, s.
+    pub lookahead: f64,
+}
+
+/// Contact of A with one contactor; positions are relative to the centre of A.
+#[derive(Clone, Copy)]
+pub struct SurfaceContact {
+    /// Index of the contact or pair.
+    pub of: u32,
+    /// Whether A is the antagonist.
+    pub turned: bool,
+    /// Normal from the other contactor to A.
+    pub normal: Vec3,
+    /// Contact point on the other contactor's surface, m.
+    pub at: Vec3,
+    /// Centre of the other contactor, m.
+    pub centre: Vec3,
+    /// Radius of a ball about `at` that contains the other contactor, m.
+    pub reach: f64,
+}
+
+/// Plane of a face of C, below A.
+#[derive(Clone, Copy)]
+pub struct FacePlane {
+    n: Vec3,
+    /// Height n·x of the plane, x from the centre of A, m.
+    height: f64,
+    /// Uncertainty of `height` due to the rounding of numbers in files, m.
+    digits: f64,
+}
+
+impl UpperContactor<'_> {
+    /// Plane of the face of C above which a contact with C keeps A. `gap`: smallest gap of that contact, m.
+    pub fn supporting_plane(&self, touch: &SurfaceContact, c: &NearbyContactor, gap: f64) -> Option<FacePlane> {
+        let (n, face) = c.solid.face_along(&touch.normal)?;
+        if n.dot(&touch.normal) < 1.0 - ON_FACE_TOLERANCE {
+            return None;
+        }
+        let height = n.dot(&c.centre) + face;
+        let digits = self.height_uncertainty(&n, c, face);
+        let below = height + self.solid.support_height(&-n);
+        (below <= (-gap).max(0.0) + 2.0 * (FLUSH_TOLERANCE * self.radius + digits)).then_some(FacePlane {
+            n,
+            height,
+            digits,
+        })
+    }
+
+    /// Whether a contact with B in direction `normal`, at points `at`, is an inner contact below the plane of C.
+    pub fn is_inner(
+        &self,
+        plane: &FacePlane,
+        c: &NearbyContactor,
+        b: &NearbyContactor,
+        normal: &Vec3,
+        at: impl Iterator<Item = Vec3>,
+    ) -> bool {
+        let FacePlane { n, height, digits } = plane;
+        if normal.dot(n) >= 1.0 - SAME_DIRECTION_TOLERANCE {
+            return false;
+        }
+        // Bounds of B's height where A can meet it: the height of all of B, and the plane of its face, which bounds B
+        // from above.
+        let whole = b.solid.support_height(n);
+        let mut top = n.dot(&b.centre) + whole;
+        let tolerance = FLUSH_TOLERANCE * self.radius + digits + self.height_uncertainty(n, b, whole);
+        let at: SmallVec<[Vec3; 6]> = at.collect();
+        if top > height + tolerance
+            && let Some((face, offset)) = b.solid.face_along(n)
+        {
+            let bent = face.cross(n).norm();
+            if bent > MAX_FACE_BEND {
+                return false;
+            }
+            let above = |at: &Vec3| n.dot(at) + (offset - face.dot(&(at - b.centre))) / face.dot(n);
+            top = at.iter().map(above).fold(f64::NEG_INFINITY, f64::max) + bent * self.travel;
+        }
+        let rise = |at: &Vec3| self.lookahead * (b.velocity_at(at) - c.velocity_at(at)).dot(n);
+        top <= height + tolerance && at.iter().all(|at| rise(at) <= MAX_RELATIVE_RISE * self.radius)
+    }
+
+    /// Uncertainty of the height of a face at `distance` from a contactor's centre due to the rounding of numbers in
+    /// files, m.
+    fn height_uncertainty(&self, n: &Vec3, near: &NearbyContactor, distance: f64) -> f64 {
+        FILE_ROUNDING * (n.dot(&(self.centre + near.centre)).abs() + distance.abs())
+    }
+}
+
+/// Whether the point of a contact and the centre of the other contactor are low enough, relative to the surface of
+/// another contact, that the contact may be an inner one.
+#[inline(always)]
+fn may_be_inner(of: &SurfaceContact, by: &SurfaceContact) -> bool {
+    // Tolerance: the largest angle between the contact's direction and the face's normal, and the largest deviation from
+    // flush surfaces.
+    let is_low = |point: &Vec3| {
+        let between = point - by.at;
+        let above = by.normal.dot(&between) - FLUSH_TOLERANCE * (of.reach + by.reach);
+        above <= 0.0 || above * above <= 4.0 * ON_FACE_TOLERANCE * between.norm_squared()
+    };
+    is_low(&of.at) && is_low(&of.centre) && of.normal.dot(&by.normal) < 1.0 - SAME_DIRECTION_TOLERANCE
+}
+
+/// Position of a contact of A, for a necessary condition of [`may_be_inner`] that takes three products per pair; nearly all
+/// contacts of rough bodies fail it. 64 bytes, one cache line.
+pub struct ContactHeight {
+    normal: Vec3,
+    /// Contact point on the other contactor's surface, relative to the centre of A, m.
+    at: Vec3,
+    /// normal·at, m.
+    height: f64,
+    /// Largest height of an inner contact above the plane of another contact, m; the tolerances of both add up.
+    tolerance: f64,
+}
+
+impl ContactHeight {
+    /// `reach`: as in [`SurfaceContact`], m.
+    #[inline(always)]
+    pub fn new(normal: Vec3, at: Vec3, reach: f64) -> Self {
+        // Two points are no farther from each other than both are from A's centre.
+        let angle = 2.0 * ON_FACE_TOLERANCE.sqrt() * (1.0 + 1e-9);
+        let tolerance = angle * at.norm() + FLUSH_TOLERANCE * reach;
+        ContactHeight { normal, at, height: normal.dot(&at), tolerance }
+    }
+
+    /// Whether this contact is low enough for an inner contact relative to the surface of contact `by`.
+    #[inline(always)]
+    fn is_low(&self, by: &ContactHeight) -> bool {
+        by.normal.dot(&self.at) - by.height <= self.tolerance + by.tolerance
+    }
+}
+
+/// Whether some contact is low relative to another one with another direction.
+pub fn any_is_low(heights: &[ContactHeight]) -> bool {
+    let differs = |of: &ContactHeight, by: &ContactHeight| of.normal.dot(&by.normal) < 1.0 - SAME_DIRECTION_TOLERANCE;
+    heights.iter().any(|by| heights.iter().any(|of| of.is_low(by) && differs(of, by)))
+}
+
+/// Scratch memory, reused from contactor to contactor.
+pub struct JointScratch {
+    /// Contacts that may act in the step.
+    pub near: Vec<u32>,
+    pub heights: Vec<ContactHeight>,
+    /// Supporting plane of each contact, computed on first use.
+    pub planes: Vec<Option<Option<FacePlane>>>,
+    /// Inner contacts, the contacts that hide them, and the normals of the hiding planes.
+    pub found: Vec<(usize, usize, Vec3)>,
+}
+
+impl JointScratch {
+    pub const fn new() -> Self {
+        JointScratch { near: Vec::new(), heights: Vec::new(), planes: Vec::new(), found: Vec::new() }
+    }
+
+    /// Appends to `inner` the inner contacts among `count` contacts of A, each with the normal of a plane that hides it.
+    ///
+    /// `touch` returns a contact by its number. `plane` returns the plane of the face that supports A in a contact.
+    /// `test` returns whether one contact is an inner contact below the plane of another.
+    pub fn find_inner_contacts(
+        &mut self,
+        count: usize,
+        touch: impl Fn(usize) -> SurfaceContact,
+        plane: impl Fn(&SurfaceContact) -> Option<FacePlane>,
+        test: impl Fn(&SurfaceContact, &SurfaceContact, &FacePlane) -> bool,
+        inner: &mut Vec<(SurfaceContact, Vec3)>,
+    ) {
+        let JointScratch { heights, planes, found, .. } = self;
+        heights.clear();
+        heights.extend((0..count).map(&touch).map(|touch| ContactHeight::new(touch.normal, touch.at, touch.reach)));
+        planes.clear();
+        planes.resize(count, None);
+        found.clear();
+        let mut try_pair = |of: usize, by: usize| {
+            if !heights[of].is_low(&heights[by]) {
+                return;
+            }
+            let (inner, outer) = (touch(of), touch(by));
+            if may_be_inner(&inner, &outer)
+                && let Some(plane) = *planes[by].get_or_insert_with(|| plane(&outer))
+                && test(&inner, &outer, &plane)
+            {
+                found.push((of, by, plane.n));
+            }
+        };
+        if count <= MAX_CONTACTS_ALL_PAIRS {
+            for by in 0..count {
+                (0..count).filter(|of| *of != by).for_each(|of| try_pair(of, by));
+            }
+        } else {
+            let bounds = |k: usize| [touch(k).at.x - touch(k).reach, touch(k).at.x + touch(k).reach];
+            let bounds: Vec<[f64; 2]> = (0..count).map(bounds).collect();
+            let mut order: Vec<usize> = (0..count).collect();
+            order.sort_by(|&a, &b| bounds[a][0].total_cmp(&bounds[b][0]));
+            for (place, &i) in order.iter().enumerate() {
+                for &j in order[place + 1..].iter().take_while(|&&j| bounds[j][0] <= bounds[i][1]) {
+                    try_pair(i, j);
+                    try_pair(j, i);
+                }
+            }
+        }
+        // An inner contact supports nothing.
+        let stays = |by: usize| found.iter().all(|(of, ..)| *of != by);
+        let first = inner.len();
+        for &(of, by, n) in found.iter() {
+            let hidden = touch(of);
+            if stays(by) && inner[first..].iter().all(|(touch, _)| touch.of != hidden.of) {
+                inner.push((hidden, n));
+            }
+        }
+    }
+}
