@@ -1,5 +1,7 @@
 //! Contactors on flush contactors: contacts with the edges and sides between these.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::inner::{
@@ -9,7 +11,7 @@ use super::inner::{
 use super::solid::ConvexSolid;
 use crate::detect::posed::{CandidatePair, PosedContactor, PosedShape};
 use crate::detect::travel::TravelBounds;
-use crate::geometry::polyhedra_along;
+use crate::geometry::{PosedPolyhedron, polyhedra_along};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Vec3, group_by_key};
 use crate::scene::Scene;
@@ -26,159 +28,270 @@ pub fn remove_inner_edges(
     places: &[PosedContactor],
     contacts: &mut Vec<Contact>,
 ) -> Vec<[u32; 2]> {
-    let posed = |part: u32| match &places[part as usize].shape {
-        PosedShape::Polyhedron(posed) | PosedShape::Plane { cuboid: posed, .. } => Some(posed),
-        PosedShape::Sphere { .. } | PosedShape::Cylinder { .. } => None,
-    };
-    let solid = |part: u32| match &places[part as usize].shape {
-        PosedShape::Cylinder { half_height, radius, hollow: false } => Some(ConvexSolid::Cylinder {
-            axes: &places[part as usize].axes,
-            half_height: *half_height,
-            radius: *radius,
-        }),
-        _ => posed(part).map(ConvexSolid::Polyhedron),
-    };
-    let all = 0..places.len() as u32;
-    // Ends of cylinders alone form no common surface.
-    if all.clone().all(|k| posed(k).is_none()) || all.filter(|&k| solid(k).is_some()).nth(1).is_none() {
+    if !has_common_surfaces(places) {
         return Vec::new();
     }
-    let attracts = scene.laws.iter().any(|law| law.cohesion().is_some());
-    let runs = closing_runs(scene, places, contacts, attracts);
-    let nobody = places.len() as u32;
-    // Contact k has the number 2k seen from its candidate and 2k + 1 from its antagonist; only polyhedra and solid
-    // cylinders count.
-    let keys: Vec<u32> = runs
-        .iter()
-        .flat_map(|ContactRun { parts: [a, b], .. }| [(a, b), (b, a)])
-        .map(|(own, other)| if solid(*other).is_some() { *own } else { nobody })
-        .collect();
-    let (order, starts) = group_by_key(&keys, places.len() + 1);
-    let of_part = |part: usize, scratch: &mut JointScratch, inner: &mut Vec<(SurfaceContact, Vec3)>| {
-        let a = &places[part];
-        let keys = &order[starts[part] as usize..starts[part + 1] as usize];
-        let run = |key: u32| &runs[key as usize / 2];
-        let other = |key: u32| run(key).parts[usize::from(key.is_multiple_of(2))];
-        // B cannot be nearer than C. A contact that cannot close in this step is not an inner contact and hides none.
-        let travel = keys.iter().map(|&key| run(key).travel[key as usize % 2]).fold(0.0, f64::max);
-        let reach = a.travel + travel + 2.0 * FLUSH_TOLERANCE * a.radius;
+    let search = InnerEdgeSearch::new(scene, q_c, ways, places, contacts);
+    let inner = search.inner_contacts();
+    if inner.is_empty() {
+        return Vec::new();
+    }
+    let runs = search.runs;
+    replace_inner_contacts(scene, ways.nearby, places, &runs, &inner, contacts);
+    inner.iter().map(|(touch, _)| runs[touch.of as usize].parts).collect()
+}
+
+/// Whether two contactors may have a common surface. Ends of cylinders alone form none.
+fn has_common_surfaces(places: &[PosedContactor]) -> bool {
+    places.iter().any(|place| polyhedron(place).is_some())
+        && places.iter().filter(|place| covering_solid(place).is_some()).nth(1).is_some()
+}
+
+/// Polyhedron of a contactor, if it is one; a plate is a cuboid.
+fn polyhedron<'a>(place: &'a PosedContactor<'a>) -> Option<&'a PosedPolyhedron<'a>> {
+    match &place.shape {
+        PosedShape::Polyhedron(posed) | PosedShape::Plane { cuboid: posed, .. } => Some(posed),
+        PosedShape::Sphere { .. } | PosedShape::Cylinder { .. } => None,
+    }
+}
+
+/// Shape of a contactor whose faces may be part of a common surface: of a polyhedron or a solid cylinder.
+fn covering_solid<'a>(place: &'a PosedContactor<'a>) -> Option<ConvexSolid<'a>> {
+    match &place.shape {
+        PosedShape::Cylinder { half_height, radius, hollow: false } => {
+            Some(ConvexSolid::Cylinder { axes: &place.axes, half_height: *half_height, radius: *radius })
+        }
+        _ => polyhedron(place).map(ConvexSolid::Polyhedron),
+    }
+}
+
+/// Run of contacts seen from one of its contactors: run k has the number 2k seen from its candidate, and 2k + 1 seen from
+/// its antagonist.
+#[derive(Clone, Copy)]
+struct RunView(u32);
+
+impl RunView {
+    /// Index of the run.
+    fn run(self) -> u32 {
+        self.0 / 2
+    }
+
+    /// Whether the run is seen from its antagonist.
+    fn is_turned(self) -> bool {
+        self.0 % 2 == 1
+    }
+}
+
+/// Contacts of a step among which inner ones are searched.
+struct InnerEdgeSearch<'a> {
+    q_c: &'a ContactConfiguration,
+    ways: &'a TravelBounds<'a>,
+    places: &'a [PosedContactor<'a>],
+    contacts: &'a [Contact],
+    runs: Vec<ContactRun>,
+    /// Whether some law attracts, so that contacts may act without closing.
+    attracts: bool,
+    /// Numbers of [`RunView`] by the contactor that sees, and the start of each contactor; only runs against polyhedra and
+    /// solid cylinders.
+    views: Vec<u32>,
+    starts: Vec<u32>,
+}
+
+impl<'a> InnerEdgeSearch<'a> {
+    fn new(
+        scene: &Scene,
+        q_c: &'a ContactConfiguration,
+        ways: &'a TravelBounds<'a>,
+        places: &'a [PosedContactor<'a>],
+        contacts: &'a [Contact],
+    ) -> Self {
+        let attracts = scene.laws.iter().any(|law| law.cohesion().is_some());
+        let runs = closing_runs(scene, places, contacts, attracts);
+        let nobody = places.len() as u32;
+        let seen_by: Vec<u32> = runs
+            .iter()
+            .flat_map(|ContactRun { parts: [a, b], .. }| [(a, b), (b, a)])
+            .map(|(own, other)| if covering_solid(&places[*other as usize]).is_some() { *own } else { nobody })
+            .collect();
+        let (views, starts) = group_by_key(&seen_by, places.len() + 1);
+        InnerEdgeSearch { q_c, ways, places, contacts, runs, attracts, views, starts }
+    }
+
+    /// All inner contacts in the order of their runs, each with the normal of a plane that hides it.
+    fn inner_contacts(&self) -> Vec<(SurfaceContact, Vec3)> {
+        let count = self.places.len();
+        let of_chunk = |scratch: &mut JointScratch, chunk: usize| {
+            let mut inner = Vec::new();
+            let parts = chunk * CONTACTORS_PER_TASK..count.min((chunk + 1) * CONTACTORS_PER_TASK);
+            let several = parts.filter(|&part| self.starts[part + 1] - self.starts[part] > 1);
+            several.for_each(|part| self.collect_inner_contacts(part, scratch, &mut inner));
+            inner
+        };
+        let chunks = (0..count.div_ceil(CONTACTORS_PER_TASK)).into_par_iter();
+        let mut inner = chunks.map_init(JointScratch::new, of_chunk).collect::<Vec<_>>().concat();
+        // Both contactors of a contact may find it.
+        inner.sort_by_key(|(touch, _)| touch.of);
+        inner.dedup_by_key(|(touch, _)| touch.of);
+        inner
+    }
+
+    /// Appends the inner contacts of contactor A, the one with the number `part`.
+    fn collect_inner_contacts(&self, part: usize, scratch: &mut JointScratch, inner: &mut Vec<(SurfaceContact, Vec3)>) {
+        let a = &self.places[part];
+        self.list_near_contacts(part, scratch);
         let JointScratch { near, heights, .. } = &mut *scratch;
+        if heights.len() <= MAX_CONTACTS_ALL_PAIRS && !any_is_low(heights) {
+            return;
+        }
+        let Some(over) = self.upper_contactor(a) else { return };
+        let near = std::mem::take(near);
+        if near.len() > 1 {
+            let touch = |k: usize| self.surface_contact(a, RunView(near[k]));
+            let plane = |by: &SurfaceContact| {
+                over.supporting_plane(by, &self.nearby_contactor(by)?, self.runs[by.of as usize].gap)
+            };
+            let test = |of: &SurfaceContact, by: &SurfaceContact, plane: &FacePlane| {
+                let (Some(b), Some(c)) = (self.nearby_contactor(of), self.nearby_contactor(by)) else { return false };
+                over.is_inner(plane, &c, &b, &of.normal, self.surface_points(of))
+            };
+            scratch.find_inner_contacts(near.len(), touch, plane, test, inner);
+        }
+        scratch.near = near;
+    }
+
+    /// Lists in `scratch` the contacts of a contactor that can act in this step, and their heights: a contact that cannot
+    /// is not an inner contact and hides none.
+    fn list_near_contacts(&self, part: usize, scratch: &mut JointScratch) {
+        let a = &self.places[part];
+        let views = &self.views[self.starts[part] as usize..self.starts[part + 1] as usize];
+        let run = |view: RunView| &self.runs[view.run() as usize];
+        // B cannot be nearer than C.
+        let travel = views.iter().map(|&view| run(RunView(view)).travel[view as usize % 2]).fold(0.0, f64::max);
+        let reach = a.travel + travel + 2.0 * FLUSH_TOLERANCE * a.radius;
+        let JointScratch { near, heights, .. } = scratch;
         near.clear();
-        near.extend(keys.iter().filter(|&&key| attracts || run(key).gap <= reach));
-        let height = |key: &u32| {
-            let (run, turned) = (run(*key), key % 2 == 1);
+        near.extend(views.iter().filter(|&&view| self.attracts || run(RunView(view)).gap <= reach));
+        let height = |&view: &u32| {
+            let view = RunView(view);
+            let (run, turned) = (run(view), view.is_turned());
             let (normal, at, _) = run.seen_from(turned);
             ContactHeight::new(normal, at - a.centre, run.reach[usize::from(turned)])
         };
         heights.clear();
         heights.extend(near.iter().map(height));
-        if heights.len() <= MAX_CONTACTS_ALL_PAIRS && !any_is_low(heights) {
-            return;
-        }
-        let near = std::mem::take(near);
-        let touch = |k: usize| {
-            let key = near[k];
-            let (of, turned) = (key / 2, key % 2 == 1);
-            let (normal, at, image) = run(key).seen_from(turned);
-            let other = &places[other(key) as usize];
-            SurfaceContact {
-                of,
-                turned,
-                normal,
-                at: at - a.centre,
-                centre: other.centre + image - a.centre,
-                reach: 2.0 * other.radius,
-            }
-        };
-        let own = match &a.shape {
-            PosedShape::Sphere { radius } => ConvexSolid::Sphere { radius: *radius },
-            PosedShape::Polyhedron(posed) | PosedShape::Plane { cuboid: posed, .. } => ConvexSolid::Polyhedron(posed),
-            PosedShape::Cylinder { .. } => return scratch.near = near,
-        };
-        let over = UpperContactor {
-            solid: own,
-            centre: a.centre,
-            radius: a.radius,
-            travel: a.travel,
-            lookahead: ways.lookahead,
-        };
-        let contactor = |touch: &SurfaceContact| {
-            let other = runs[touch.of as usize].parts[usize::from(!touch.turned)];
-            let (b, centre) = (&places[other as usize], touch.centre);
-            let i = b.body as usize;
-            let solid = solid(other)?;
-            Some(NearbyContactor {
-                solid,
-                centre,
-                v: ways.v_free[i],
-                w: ways.w_free[i],
-                body: centre + q_c.x[i] - b.centre,
-            })
-        };
-        let points = |touch: &SurfaceContact| {
-            let run = &runs[touch.of as usize];
-            &contacts[run.start as usize..run.end as usize]
-        };
-        let plane = |by: &SurfaceContact| over.supporting_plane(by, &contactor(by)?, runs[by.of as usize].gap);
-        let test = |of: &SurfaceContact, by: &SurfaceContact, plane: &FacePlane| {
-            let first = points(of)[0];
-            let at = |contact: &Contact| {
-                of.at + (contact.point - first.point) - of.normal * (0.5 * (contact.gap - first.gap))
-            };
-            let (Some(b), Some(c)) = (contactor(of), contactor(by)) else { return false };
-            over.is_inner(plane, &c, &b, &of.normal, points(of).iter().map(at))
-        };
-        if near.len() > 1 {
-            scratch.find_inner_contacts(near.len(), touch, plane, test, inner);
-        }
-        scratch.near = near;
-    };
-    let several = |part: &usize| starts[part + 1] - starts[*part] > 1;
-    let of_some = |scratch: &mut JointScratch, chunk: usize| {
-        let mut inner = Vec::new();
-        let parts = chunk * CONTACTORS_PER_TASK..places.len().min((chunk + 1) * CONTACTORS_PER_TASK);
-        parts.filter(several).for_each(|part| of_part(part, scratch, &mut inner));
-        inner
-    };
-    let chunks = (0..places.len().div_ceil(CONTACTORS_PER_TASK)).into_par_iter();
-    let mut inner = chunks.map_init(JointScratch::new, of_some).collect::<Vec<_>>().concat();
-    if inner.is_empty() {
-        return Vec::new();
     }
-    // Both contactors of a contact may find it.
-    inner.sort_by_key(|(touch, _)| touch.of);
-    inner.dedup_by_key(|(touch, _)| touch.of);
-    let mut pairs = Vec::with_capacity(inner.len());
-    // Contacts before `to` are final; those from `from` on move up into the gaps that inner contacts leave.
-    let (mut to, mut from, mut shift) = (0, 0, 0);
+
+    /// Contactor A for the flush-joint test; `None` for a cylinder.
+    fn upper_contactor(&self, a: &'a PosedContactor<'a>) -> Option<UpperContactor<'a>> {
+        let solid = match &a.shape {
+            PosedShape::Sphere { radius } => ConvexSolid::Sphere { radius: *radius },
+            _ => ConvexSolid::Polyhedron(polyhedron(a)?),
+        };
+        let lookahead = self.ways.lookahead;
+        Some(UpperContactor { solid, centre: a.centre, radius: a.radius, travel: a.travel, lookahead })
+    }
+
+    /// Contact of A in a run.
+    fn surface_contact(&self, a: &PosedContactor, view: RunView) -> SurfaceContact {
+        let (of, turned) = (view.run(), view.is_turned());
+        let run = &self.runs[of as usize];
+        let (normal, at, image) = run.seen_from(turned);
+        let other = &self.places[run.parts[usize::from(!turned)] as usize];
+        SurfaceContact {
+            of,
+            turned,
+            normal,
+            at: at - a.centre,
+            centre: other.centre + image - a.centre,
+            reach: 2.0 * other.radius,
+        }
+    }
+
+    /// Contactor that A touches in a contact.
+    fn nearby_contactor(&self, touch: &SurfaceContact) -> Option<NearbyContactor<'a>> {
+        let other = self.runs[touch.of as usize].parts[usize::from(!touch.turned)];
+        let (b, centre) = (&self.places[other as usize], touch.centre);
+        let i = b.body as usize;
+        Some(NearbyContactor {
+            solid: covering_solid(b)?,
+            centre,
+            v: self.ways.v_free[i],
+            w: self.ways.w_free[i],
+            body: centre + self.q_c.x[i] - b.centre,
+        })
+    }
+
+    /// Points of a contact on the surface of the other contactor, relative to the centre of A, m.
+    fn surface_points(&self, touch: &SurfaceContact) -> impl Iterator<Item = Vec3> {
+        let ContactRun { start, end, .. } = self.runs[touch.of as usize];
+        let points = &self.contacts[start as usize..end as usize];
+        let (first, SurfaceContact { at, normal, .. }) = (points[0], *touch);
+        points.iter().map(move |point| at + (point.point - first.point) - normal * (0.5 * (point.gap - first.gap)))
+    }
+}
+
+/// Replaces each inner contact of two polyhedra by their contact along the normal of the plane that hides it, and removes
+/// the other ones. `inner` is in the order of the runs.
+fn replace_inner_contacts(
+    scene: &Scene,
+    nearby: f64,
+    places: &[PosedContactor],
+    runs: &[ContactRun],
+    inner: &[(SurfaceContact, Vec3)],
+    contacts: &mut Vec<Contact>,
+) {
+    let mut list = RewrittenList { contacts, written: 0, unread: 0, inserted: 0 };
     for (touch, n) in inner {
         let ContactRun { start, end, parts, .. } = runs[touch.of as usize];
-        let (start, end) = (start as usize + shift, end as usize + shift);
-        contacts.copy_within(from..start, to);
-        to += start - from;
-        from = end;
-        pairs.push(parts);
-        let [Some(p), Some(q)] = parts.map(posed) else { continue };
-        let [a, b] = parts.map(|k| places[k as usize].class);
-        let Some(see) = scene.visibility.interaction_rule(a, b) else { continue };
-        let meeting = CandidatePair::new(scene, places, ways.nearby, 0, &(parts, see));
-        let n = if touch.turned { -n } else { n };
+        list.drop_range(start as usize..end as usize);
+        let [a, b] = parts.map(|part| &places[part as usize]);
+        let (Some(p), Some(q)) = (polyhedron(a), polyhedron(b)) else { continue };
+        let Some(see) = scene.visibility.interaction_rule(a.class, b.class) else { continue };
+        let meeting = CandidatePair::new(scene, places, nearby, 0, &(parts, see));
+        let n = if touch.turned { -n } else { *n };
         if let Some(manifold) = polyhedra_along(p, q, &meeting.c, &n, meeting.range) {
-            let count = meeting.listed_contacts(&manifold).count();
-            let room = from - to;
-            if count > room {
-                contacts.splice(from..from, std::iter::repeat_n(contacts[start], count - room));
-                shift += count - room;
-                from += count - room;
-            }
-            contacts[to..to + count].iter_mut().zip(meeting.listed_contacts(&manifold)).for_each(|(to, of)| *to = of);
-            to += count;
+            list.insert(&meeting.listed_contacts(&manifold).collect::<Vec<_>>());
         }
     }
-    let all = contacts.len();
-    contacts.copy_within(from..all, to);
-    contacts.truncate(to + all - from);
-    pairs
+    list.finish();
+}
+
+/// List that is rewritten in place, from its start to its end.
+struct RewrittenList<'a> {
+    contacts: &'a mut Vec<Contact>,
+    /// Items before this index are final.
+    written: usize,
+    /// Items from this index on are still to be read.
+    unread: usize,
+    /// Number of items by which the unread ones have moved up.
+    inserted: usize,
+}
+
+impl RewrittenList<'_> {
+    /// Keeps the unread items before a range of the original list, and drops those of the range.
+    fn drop_range(&mut self, range: Range<usize>) {
+        let start = range.start + self.inserted;
+        self.contacts.copy_within(self.unread..start, self.written);
+        self.written += start - self.unread;
+        self.unread = range.end + self.inserted;
+    }
+
+    /// Adds items after those that are final.
+    fn insert(&mut self, items: &[Contact]) {
+        let missing = items.len().saturating_sub(self.unread - self.written);
+        self.contacts.splice(self.unread..self.unread, std::iter::repeat_n(Contact::default(), missing));
+        self.inserted += missing;
+        self.unread += missing;
+        self.contacts[self.written..self.written + items.len()].copy_from_slice(items);
+        self.written += items.len();
+    }
+
+    /// Keeps the items that are still unread.
+    fn finish(self) {
+        let all = self.contacts.len();
+        self.contacts.copy_within(self.unread..all, self.written);
+        self.contacts.truncate(self.written + all - self.unread);
+    }
 }
 
 /// Consecutive contacts of the same two contactors.

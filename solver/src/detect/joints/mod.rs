@@ -1,16 +1,27 @@
-//! Flush joints: removes contacts with edges and sides that are inside a common surface of two contactors.
+//! Flush joints: removes contacts with edges and sides that are inside the common surface of two contactors.
 //!
 //! The direction of a contact is computed pair by pair. If a contactor A slides over two contactors B and C with flush
 //! surfaces, such as two adjacent plates, the side or edge of B that C covers would stop A. A contact of A and B is such
-//! an **inner contact** if A has a contact with a face of another contactor C, and the plane of that face separates A
-//! from B: A is above it, and B below. The contact with C keeps A above the plane during the whole step, so that A can
-//! touch only those parts of B that are in the plane. A step up, or a wall on a floor, rises above the plane and remains
-//! a contact.
+//! an **inner contact** if
 //!
-//! An inner contact of polyhedra is replaced by the contact of A and B along the normal of the plane if A is over B, and
-//! removed otherwise. An inner contact with a sphere is always removed: a sphere over B has a contact with B's face. An
-//! inner contact with the rim of a cylinder is also removed: a polyhedron whose extent over the end exceeds its overlap
-//! has a contact with the end.
+//! - A has a contact with a face of C, and
+//! - the plane of this face separates A from B: A is above it, and B below.
+//!
+//! The contact with C keeps A above the plane during the whole step, so that A can touch only those parts of B that are in
+//! the plane. A step up, or a wall on a floor, rises above the plane and remains a contact.
+//!
+//! | A | B | an inner contact of A and B |
+//! |---|---|---|
+//! | polyhedron | polyhedron | is replaced by the contact along the normal of the plane if A is over B, else removed |
+//! | sphere | any | is removed: a sphere over B has a contact with B's face |
+//! | polyhedron | rim of a cylinder | is removed: if A's extent over the end exceeds its overlap, A has a contact with the end |
+//!
+//! | file | content |
+//! |---|---|
+//! | `rims` | spheres on plates, in scenes without other shapes |
+//! | `edges` | contactors of any shape |
+//! | `inner` | the test of the contacts of one contactor A |
+//! | `solid` | shapes for this test |
 //!
 //! Known as ghost collisions or internal edges in game physics; see E. Catto, Box2D: ghost collisions (2020).
 
