@@ -4,9 +4,11 @@ use smallvec::SmallVec;
 
 use super::inner::{FacePlane, JointScratch, NearbyContactor, SurfaceContact, UpperContactor};
 use super::solid::ConvexSolid;
+use crate::detect::narrow::ContactGeometry;
 use crate::detect::spheres::{ListedPair, contact_geometry};
 use crate::detect::travel::TravelBounds;
 use crate::integrate::ContactConfiguration;
+use crate::math::Vec3;
 use crate::scene::{BodyShape, Scene};
 
 /// Returns the contacts of spheres with plates without those with rims between flush plates.
@@ -26,50 +28,80 @@ pub fn without_inner_rims(
     listed.sort_unstable_by_key(|(pair, _)| *pair);
     let (mut scratch, mut inner) = (JointScratch::new(), Vec::new());
     for of_one in listed.chunk_by(|(a, _), (b, _)| a[0] == b[0]) {
-        let sphere = of_one[0].0[0] as usize;
-        let (x, radius) = (q_c.x[sphere], scene.bodies[sphere].radius);
-        let over = UpperContactor {
-            solid: ConvexSolid::Sphere { radius },
-            centre: x,
-            radius,
-            travel: ways.travel[sphere],
-            lookahead: ways.lookahead,
-        };
-        let seen: SmallVec<[_; 8]> = of_one.iter().map(|(pair, _)| contact_geometry(scene, q_c, *pair)).collect();
-        let touch = |k: usize| {
-            let found = &seen[k];
-            let BodyShape::Plane { half_lengths } = &scene.bodies[of_one[k].0[1] as usize].shape else {
-                unreachable!("these are plates")
-            };
-            let at = found.point - x - found.normal * (0.5 * found.gap);
-            let plate = of_one[k].0[1] as usize;
-            let centre = q_c.x[plate] + scene.nearest_image_shift(&x, &q_c.x[plate]) - x;
-            SurfaceContact {
-                of: k as u32,
-                turned: false,
-                normal: found.normal,
-                at,
-                centre,
-                reach: 2.0 * half_lengths.norm(),
-            }
-        };
-        let near = |touch: &SurfaceContact| {
-            let plate = of_one[touch.of as usize].0[1] as usize;
-            let BodyShape::Plane { half_lengths } = &scene.bodies[plate].shape else {
-                unreachable!("these are plates")
-            };
-            let solid = ConvexSolid::Cuboid { axes: &q_c.q[plate], half_lengths };
-            let (v, w) = (ways.v_free[plate], ways.w_free[plate]);
-            NearbyContactor { solid, centre: touch.centre, v, w, body: touch.centre }
-        };
-        let plane = |by: &SurfaceContact| over.supporting_plane(by, &near(by), seen[by.of as usize].gap);
-        let test = |of: &SurfaceContact, by: &SurfaceContact, plane: &FacePlane| {
-            over.is_inner(plane, &near(by), &near(of), &of.normal, std::iter::once(of.at))
-        };
         inner.clear();
-        scratch.find_inner_contacts(seen.len(), touch, plane, test, &mut inner);
+        SphereOnPlates::new(scene, q_c, ways, of_one).collect_inner_contacts(&mut scratch, &mut inner);
         let is_inner = |k: usize| inner.iter().any(|(touch, _)| touch.of as usize == k);
         left.extend((0..of_one.len()).filter(|&k| !is_inner(k)).map(|k| of_one[k]));
     }
     left
+}
+
+/// Contacts of one sphere with plates.
+struct SphereOnPlates<'a> {
+    scene: &'a Scene,
+    q_c: &'a ContactConfiguration,
+    ways: &'a TravelBounds<'a>,
+    pairs: &'a [ListedPair],
+    geometries: SmallVec<[ContactGeometry; 8]>,
+}
+
+impl<'a> SphereOnPlates<'a> {
+    fn new(
+        scene: &'a Scene,
+        q_c: &'a ContactConfiguration,
+        ways: &'a TravelBounds<'a>,
+        pairs: &'a [ListedPair],
+    ) -> Self {
+        let geometries = pairs.iter().map(|(pair, _)| contact_geometry(scene, q_c, *pair)).collect();
+        SphereOnPlates { scene, q_c, ways, pairs, geometries }
+    }
+
+    /// Appends the contacts with rims between flush plates; their numbers are indices into `pairs`.
+    fn collect_inner_contacts(&self, scratch: &mut JointScratch, inner: &mut Vec<(SurfaceContact, Vec3)>) {
+        let over = self.upper_contactor();
+        let touch = |k: usize| self.surface_contact(k);
+        let plane = |by: &SurfaceContact| {
+            over.supporting_plane(by, &self.nearby_plate(by), self.geometries[by.of as usize].gap)
+        };
+        let test = |of: &SurfaceContact, by: &SurfaceContact, plane: &FacePlane| {
+            over.is_inner(plane, &self.nearby_plate(by), &self.nearby_plate(of), &of.normal, std::iter::once(of.at))
+        };
+        scratch.find_inner_contacts(self.pairs.len(), touch, plane, test, inner);
+    }
+
+    fn upper_contactor(&self) -> UpperContactor<'a> {
+        let sphere = self.pairs[0].0[0] as usize;
+        let (centre, radius) = (self.q_c.x[sphere], self.scene.bodies[sphere].radius);
+        let (travel, lookahead) = (self.ways.travel[sphere], self.ways.lookahead);
+        UpperContactor { solid: ConvexSolid::Sphere { radius }, centre, radius, travel, lookahead }
+    }
+
+    /// Plate of pair `k`: its body and its half lengths, m.
+    fn plate(&self, k: usize) -> (usize, &'a Vec3) {
+        let plate = self.pairs[k].0[1] as usize;
+        let BodyShape::Plane { half_lengths } = &self.scene.bodies[plate].shape else {
+            unreachable!("these are plates")
+        };
+        (plate, half_lengths)
+    }
+
+    fn surface_contact(&self, k: usize) -> SurfaceContact {
+        let (found, (plate, half_lengths)) = (&self.geometries[k], self.plate(k));
+        let x = self.q_c.x[self.pairs[k].0[0] as usize];
+        SurfaceContact {
+            of: k as u32,
+            turned: false,
+            normal: found.normal,
+            at: found.point - x - found.normal * (0.5 * found.gap),
+            centre: self.q_c.x[plate] + self.scene.nearest_image_shift(&x, &self.q_c.x[plate]) - x,
+            reach: 2.0 * half_lengths.norm(),
+        }
+    }
+
+    fn nearby_plate(&self, touch: &SurfaceContact) -> NearbyContactor<'a> {
+        let (plate, half_lengths) = self.plate(touch.of as usize);
+        let solid = ConvexSolid::Cuboid { axes: &self.q_c.q[plate], half_lengths };
+        let (v, w) = (self.ways.v_free[plate], self.ways.w_free[plate]);
+        NearbyContactor { solid, centre: touch.centre, v, w, body: touch.centre }
+    }
 }
