@@ -262,7 +262,7 @@ fn long_step_warning(scene: &Scene, state: &State) -> Option<String> {
 fn current_contacts(scene: &Scene, state: &State, known: &mut DetectionCache) -> Vec<Contact> {
     // Same lookahead as the first step, so that the cache is valid for it.
     let now = ContactConfiguration { lookahead: scene.options.dt, ..predict_configuration(scene, state, 0) };
-    detect::listed_contacts(scene, &now, [&state.v, &state.w], known)
+    detect::listed_contacts(scene, &now, state.velocities(), known)
 }
 
 /// Returns the deepest overlap relative to the smaller radius.
@@ -309,7 +309,7 @@ fn write_output(results: &mut ResultFiles, scene: &Scene, state: &State) -> Resu
 
 /// Initialises the energy and momentum relative to which the run's drift is measured.
 fn open_ledger(scene: &Scene, state: &mut State) {
-    let motion = MotionTotals::from_bodies(scene, &state.q, &state.v, &state.w);
+    let motion = MotionTotals::from_bodies(scene, &state.q, state.velocities());
     let angular = MotionTotals::total_angular_momentum(scene, state);
     let potential = potential_energy(scene, state, &state.x);
     state.ledger.energy_start = motion.kinetic + motion.rotational + potential;

@@ -15,6 +15,15 @@ use crate::scene::{InteractionRule, Scene};
 /// number. In the next step it is identified with the nearest contact of the same contactors.
 pub const UNKNOWN_FEATURE: u32 = u32::MAX;
 
+/// Velocities of all bodies.
+#[derive(Debug, Clone, Copy)]
+pub struct Velocities<'a> {
+    /// Velocities of the centres of mass, m/s.
+    pub v: &'a [Vec3],
+    /// Angular velocities, rad/s, world frame.
+    pub w: &'a [Vec3],
+}
+
 /// A contact found in the contact configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Contact {
@@ -263,6 +272,10 @@ pub struct State {
 const DIAGNOSTIC_INTERVAL: u64 = 100;
 
 impl State {
+    pub fn velocities(&self) -> Velocities<'_> {
+        Velocities { v: &self.v, w: &self.w }
+    }
+
     /// Whether the errors of self-gravity and of the narrow phase are measured in the next step, which is `units` of `dt`
     /// long.
     pub fn is_diagnostic_step(&self, units: u64) -> bool {

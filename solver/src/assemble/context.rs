@@ -6,7 +6,7 @@ use crate::integrate::ContactConfiguration;
 use crate::math::Vec3;
 use crate::math::simd::SimdWidth;
 use crate::scene::{ContactorShape, Scene};
-use crate::state::{Contact, State};
+use crate::state::{Contact, State, Velocities};
 
 /// Bounds on the motion of a body in the step.
 pub(super) struct MotionBounds {
@@ -23,8 +23,8 @@ pub(super) struct AssemblyContext<'a> {
     pub scene: &'a Scene,
     pub state: &'a State,
     pub q_c: &'a ContactConfiguration,
-    pub v_free: &'a [Vec3],
-    pub w_free: &'a [Vec3],
+    /// Velocities after the step if nothing touched.
+    pub free: Velocities<'a>,
     pub bounds: Vec<MotionBounds>,
     /// Whether each body is a sphere; a packed array, as contacts read it in any order.
     pub is_sphere: Vec<bool>,
@@ -35,7 +35,13 @@ pub(super) struct AssemblyContext<'a> {
     pub width: SimdWidth,
 }
 
-impl AssemblyContext<'_> {
+impl<'a> AssemblyContext<'a> {
+    /// Velocities at the step's start, angular ones predicted by free rotation.
+    #[inline(always)]
+    pub fn start_velocities(&self) -> Velocities<'a> {
+        Velocities { v: &self.state.v, w: &self.q_c.w }
+    }
+
     /// Whether a contact can close within the step or is within the range of its law.
     pub(super) fn can_act(&self, contact: &Contact) -> bool {
         let law = &self.state.laws[contact.law as usize];
@@ -53,9 +59,9 @@ impl AssemblyContext<'_> {
         if contact.gap > self.max_approach(contact, arms) {
             return false;
         }
-        let AssemblyContext { q_c, v_free, w_free, bounds, .. } = self;
+        let AssemblyContext { q_c, free, bounds, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| bounds[i as usize].nearby);
-        let u = || velocity_at_arms(contact, arms, v_free, w_free);
+        let u = || velocity_at_arms(contact, arms, *free);
         contact.gap <= a.min(b) || contact.gap <= q_c.longest_reach_time(self.scene) * -contact.normal.dot(&u())
     }
 
@@ -77,7 +83,7 @@ impl AssemblyContext<'_> {
     /// Velocity of a plate at the contact point, m/s.
     pub(super) fn plate_velocity(&self, contact: &Contact) -> Vec3 {
         let b = contact.antagonist as usize;
-        self.v_free[b] + self.w_free[b].cross(&contact_arms(contact, &self.q_c.x)[1])
+        self.free.v[b] + self.free.w[b].cross(&contact_arms(contact, &self.q_c.x)[1])
     }
 
     /// Time between the step's end velocities and the next contact configuration for the two bodies of a contact, s.

@@ -7,7 +7,7 @@ use super::self_gravity::{GravityReport, near_field, point_mass_energy, point_ma
 use crate::integrate::ContactConfiguration;
 use crate::math::{Quat, Vec3, to_world};
 use crate::scene::Scene;
-use crate::state::{GravityHistory, State};
+use crate::state::{GravityHistory, State, Velocities};
 
 /// Velocities at the step's end without contacts, and the contributions of the forces to the ledger.
 pub struct FreeMotion {
@@ -27,6 +27,12 @@ pub struct FreeMotion {
     /// Forces and moments (N, N m) by body whose work depends on the displacement of the body: imposed ones and Coriolis
     /// forces.
     pub loads: Vec<(usize, Vec3, Vec3)>,
+}
+
+impl FreeMotion {
+    pub fn velocities(&self) -> Velocities<'_> {
+        Velocities { v: &self.v, w: &self.w }
+    }
 }
 
 /// Free velocities: V + h F/m with all forces in the contact configuration; imposed velocities at the step's end.

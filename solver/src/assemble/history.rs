@@ -216,10 +216,10 @@ impl AssemblyContext<'_> {
 
     /// Whether a contact may be bonded, now or where the step began: rotation opens the gap before the contact configuration.
     fn can_bond(&self, contact: &Contact, law: &ContactLaw) -> bool {
-        let AssemblyContext { scene, state, q_c, .. } = self;
+        let AssemblyContext { scene, q_c, .. } = self;
         let arms = contact_arms(contact, &q_c.x);
-        let u =
-            velocity_at_arms(contact, &arms, &state.v, &q_c.w) - self.arm_turning_velocity(contact, &arms, false) * 0.5;
+        let u = velocity_at_arms(contact, &arms, self.start_velocities())
+            - self.arm_turning_velocity(contact, &arms, false) * 0.5;
         let at_start = contact.gap - (1.0 - scene.options.theta) * q_c.h * contact.normal.dot(&u);
         law.bond_gap(contact.gap.min(at_start), self.effective_radius(contact)).is_some()
     }

@@ -1,16 +1,16 @@
 //! Relative motion of two bodies at their contact point.
 
 use crate::math::Vec3;
-use crate::state::Contact;
+use crate::state::{Contact, Velocities};
 
 /// Velocity of the candidate relative to the antagonist at the contact point, world frame, m/s.
-pub fn relative_velocity(contact: &Contact, x: &[Vec3], v: &[Vec3], w: &[Vec3]) -> Vec3 {
-    velocity_at_arms(contact, &contact_arms(contact, x), v, w)
+pub fn relative_velocity(contact: &Contact, x: &[Vec3], velocities: Velocities) -> Vec3 {
+    velocity_at_arms(contact, &contact_arms(contact, x), velocities)
 }
 
 /// [`relative_velocity`] of a contact with these arms from the two centres to the contact point, m.
 #[inline(always)]
-pub fn velocity_at_arms(contact: &Contact, [at_a, at_b]: &[Vec3; 2], v: &[Vec3], w: &[Vec3]) -> Vec3 {
+pub fn velocity_at_arms(contact: &Contact, [at_a, at_b]: &[Vec3; 2], Velocities { v, w }: Velocities) -> Vec3 {
     let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
     v[a] + w[a].cross(at_a) - (v[b] + w[b].cross(at_b))
 }

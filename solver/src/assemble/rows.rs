@@ -14,7 +14,7 @@ use crate::laws::{ContactLaw, GapForecast, LawInput, LawShift, MAX_STEP_OVERLAP,
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
 use crate::scene::{BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
-use crate::state::{Contact, ContactStatus, SolvedContact, State};
+use crate::state::{Contact, ContactStatus, SolvedContact, State, Velocities};
 
 /// Sliding of a contact that begins counts above this multiple of `tol` times the change of velocity that loads it:
 /// unconverged sticking contacts slide less.
@@ -33,14 +33,13 @@ pub fn contact_problem(
     state: &State,
     q_c: &ContactConfiguration,
     contacts: &[Contact],
-    v_free: &[Vec3],
-    w_free: &[Vec3],
+    free: Velocities,
 ) -> ContactProblem {
     let mut full = block_data(scene, q_c);
     let records: Vec<SolverBody> = scene
         .bodies
         .par_iter()
-        .zip(v_free.par_iter().zip(w_free))
+        .zip(free.v.par_iter().zip(free.w))
         .with_min_len(PAR_MIN_LEN)
         .map(|(body, (v, w))| match body.shape {
             BodyShape::Sphere { radius } => SolverBody {
@@ -60,7 +59,7 @@ pub fn contact_problem(
         })
         .collect();
 
-    let bounds = scene.bodies.par_iter().zip(v_free.par_iter().zip(w_free)).with_min_len(PAR_MIN_LEN);
+    let bounds = scene.bodies.par_iter().zip(free.v.par_iter().zip(free.w)).with_min_len(PAR_MIN_LEN);
     let bounds = bounds.map(|(body, (v, w))| MotionBounds {
         speed: (v - q_c.mean_velocity).norm(),
         angular_speed: w.norm(),
@@ -72,8 +71,7 @@ pub fn contact_problem(
         scene,
         state,
         q_c,
-        v_free,
-        w_free,
+        free,
         bounds,
         is_sphere,
         records: &records,
@@ -188,7 +186,7 @@ impl AssemblyContext<'_> {
         let frame = contact.frame();
         let n = frame[0];
         let arms = contact_arms(contact, &q_c.x);
-        let u_before = velocity_at_arms(contact, &arms, &state.v, &q_c.w);
+        let u_before = velocity_at_arms(contact, &arms, self.start_velocities());
         let law = &state.laws[contact.law as usize];
         let radius = if law.depends_on_radius() { self.contact_radius(contact) } else { 0.0 };
         let bodies = [contact.candidate, contact.antagonist];
@@ -298,15 +296,16 @@ impl AssemblyContext<'_> {
         if carried.is_some() && !self.changed {
             return false;
         }
-        let AssemblyContext { scene, q_c, v_free, w_free, .. } = self;
+        let AssemblyContext { scene, q_c, free: free_velocities, .. } = self;
         let n = contact.normal;
         let tangential = |u: Vec3| (u - n * n.dot(&u)).norm();
         // Change of normal velocity by the impulse: all of the closing velocity, and that due to its attraction.
-        let free = relative_velocity(contact, &q_c.x, v_free, w_free).dot(&n) + shift.normal;
+        let free = relative_velocity(contact, &q_c.x, *free_velocities).dot(&n) + shift.normal;
         let alone = (-free).max(0.0) + w_n * shift.impulse.abs();
         // Bodies in free fall together are loaded by other contacts, which balance the change of velocity by forces.
         let bodies = [contact.candidate, contact.antagonist].map(|i| i as usize);
-        let gain = |i: usize| if scene.bodies[i].driven { 0.0 } else { (v_free[i] - self.state.v[i]).norm() };
+        let gain =
+            |i: usize| if scene.bodies[i].driven { 0.0 } else { (free_velocities.v[i] - self.state.v[i]).norm() };
         let loaded = bodies.map(gain).into_iter().fold(alone, f64::max);
         // Without forces, the error of an unconverged solution is at most a share of the speeds.
         let scale = if loaded > 0.0 { loaded } else { bodies.map(|i| self.bounds[i].speed).into_iter().sum() };
@@ -325,14 +324,14 @@ impl AssemblyContext<'_> {
         if !law.acts_on_touch() || contact.gap <= 0.0 {
             return GapForecast::Apart { depth: 0.0 };
         }
-        let AssemblyContext { scene, state, q_c, v_free, w_free, is_sphere, .. } = self;
+        let AssemblyContext { scene, state, q_c, free: free_velocities, is_sphere, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
-        let u_n = contact.normal.dot(&relative_velocity(contact, &q_c.x, &state.v, &q_c.w)).abs();
-        let pull = |i: usize| contact.normal.dot(&(v_free[i] - state.v[i])).abs();
+        let u_n = contact.normal.dot(&relative_velocity(contact, &q_c.x, self.start_velocities())).abs();
+        let pull = |i: usize| contact.normal.dot(&(free_velocities.v[i] - state.v[i])).abs();
         if u_n < RESTING * pushed || u_n.max(contact.gap / reach) < pull(a).max(pull(b)) {
             return GapForecast::Resting;
         }
-        let u = relative_velocity(contact, &q_c.x, v_free, w_free);
+        let u = relative_velocity(contact, &q_c.x, *free_velocities);
         if contact.gap + reach * contact.normal.dot(&u) >= 0.0 {
             let depth = MAX_STEP_OVERLAP
                 * scene.pair_size((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
@@ -341,7 +340,7 @@ impl AssemblyContext<'_> {
         if is_sphere[a] && is_sphere[b] {
             // Smallest distance on the straight trajectory of the centres.
             let radii = scene.bodies[a].radius + scene.bodies[b].radius;
-            let (from, along) = (contact.normal * (radii + contact.gap), v_free[a] - v_free[b]);
+            let (from, along) = (contact.normal * (radii + contact.gap), free_velocities.v[a] - free_velocities.v[b]);
             let time = (-from.dot(&along) / along.norm_squared()).min(reach);
             if (from + along * time).norm() >= radii {
                 return GapForecast::Passing;
@@ -369,7 +368,7 @@ impl AssemblyContext<'_> {
             rolling,
             spinning,
             inverse_w: 1.0 / (self.records[a].inverse_inertia + self.records[b].inverse_inertia),
-            shift: if self.on_plate(contact) { -self.w_free[b] } else { Vec3::zeros() },
+            shift: if self.on_plate(contact) { -self.free.w[b] } else { Vec3::zeros() },
             warm_start: previous.map_or(Vec3::zeros(), |old| to_world(&old.contact.frame(), &old.moment) * scale),
         })
     }

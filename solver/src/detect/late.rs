@@ -12,18 +12,17 @@ use crate::geometry::NarrowPhaseMode;
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::{BodyShape, Scene};
-use crate::state::Contact;
+use crate::state::{Contact, Velocities};
 
 /// Contacts of pairs that are not in `listed` and that the velocities `solved` close in the step, ordered by key.
 ///
-/// `free`, `solved`: velocities (m/s) and angular velocities (rad/s) in the contact configuration without and with
-/// contacts. A pair whose displacements contacts have changed by less than the margin of the list cannot be late. Most
+/// `free`, `solved`: velocities in the contact configuration without and with contacts. A pair whose displacements contacts have changed by less than the margin of the list cannot be late. Most
 /// steps end with that test.
 pub fn late_contacts(
     scene: &Scene,
     q_c: &ContactConfiguration,
-    free: [&[Vec3]; 2],
-    solved: [&[Vec3]; 2],
+    free: Velocities,
+    solved: Velocities,
     listed: &[Contact],
 ) -> Vec<Contact> {
     let alerts = scene.visibility.table.iter().flatten().map(|see| see.alert);
@@ -33,10 +32,10 @@ pub fn late_contacts(
     let extents = rotating_extents(scene);
     let turned = |i: usize| {
         let extent = extents.get(i).copied().unwrap_or(0.0);
-        if extent > 0.0 { extent * (solved[1][i] - free[1][i]).norm() } else { 0.0 }
+        if extent > 0.0 { extent * (solved.w[i] - free.w[i]).norm() } else { 0.0 }
     };
     let span = q_c.longest_reach_time(scene);
-    let changed = |i: usize| span * ((solved[0][i] - free[0][i]).norm() + turned(i)) > margin;
+    let changed = |i: usize| span * ((solved.v[i] - free.v[i]).norm() + turned(i)) > margin;
     let searched: Vec<bool> = (0..scene.bodies.len()).into_par_iter().with_min_len(PAR_MIN_LEN).map(changed).collect();
     if !searched.contains(&true) {
         return Vec::new();
@@ -108,7 +107,7 @@ fn contactor_pair(contact: &Contact) -> (u32, u32, (u16, u16)) {
 }
 
 /// Whether a contact's gap closes at these velocities within `span` (s).
-fn gap_closes(contact: &Contact, q_c: &ContactConfiguration, [v, w]: [&[Vec3]; 2], span: f64) -> bool {
+fn gap_closes(contact: &Contact, q_c: &ContactConfiguration, Velocities { v, w }: Velocities, span: f64) -> bool {
     let [a, b] = [contact.candidate as usize, contact.antagonist as usize];
     let at = |i: usize, centre: Vec3| v[i] + w[i].cross(&(contact.point - centre));
     let u = at(a, q_c.x[a]) - at(b, q_c.x[b] + contact.image);

@@ -27,18 +27,17 @@ use rayon::prelude::*;
 use self::spheres::{sphere_contact, sphere_plate_pairs, sphere_sphere_pairs};
 use self::travel::TravelBounds;
 use crate::integrate::ContactConfiguration;
-use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::state::{Contact, DetectionCache};
+use crate::state::{Contact, DetectionCache, Velocities};
 
 /// All listed contacts, in the order of [`Contact::key`].
 ///
-/// `free`: velocities (m/s) and angular velocities (rad/s) after the step if nothing touched.
+/// `free`: velocities after the step if nothing touched.
 /// `known`: cache of the last step; updated to this step.
 pub fn listed_contacts(
     scene: &Scene,
     q_c: &ContactConfiguration,
-    free: [&[Vec3]; 2],
+    free: Velocities,
     known: &mut DetectionCache,
 ) -> Vec<Contact> {
     let ways = TravelBounds::new(scene, q_c, free, q_c.lookahead);
@@ -68,7 +67,7 @@ pub struct NarrowPhaseError {
 pub fn narrow_phase_error(
     scene: &Scene,
     q_c: &ContactConfiguration,
-    free: [&[Vec3]; 2],
+    free: Velocities,
     known: &DetectionCache,
     contacts: &[Contact],
 ) -> NarrowPhaseError {

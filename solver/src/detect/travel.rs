@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::{NEARBY_GAP, Scene};
+use crate::state::Velocities;
 
 /// Part of the alert distance within which passing bodies are still listed, so that small changes of velocity by contacts
 /// close no pair that is not listed.
@@ -16,8 +17,8 @@ pub struct TravelBounds<'a> {
     pub travel: Vec<f64>,
     /// Mean free velocity of the free bodies, m/s; it changes no distance.
     pub mean_velocity: Vec3,
-    pub v_free: &'a [Vec3],
-    pub w_free: &'a [Vec3],
+    /// Velocities for the displacements.
+    pub velocities: Velocities<'a>,
     /// Time for which contacts are predicted, s.
     pub lookahead: f64,
     /// [`NEARBY_GAP`] scaled to the lookahead.
@@ -25,26 +26,26 @@ pub struct TravelBounds<'a> {
 }
 
 impl<'a> TravelBounds<'a> {
-    pub fn new(scene: &Scene, q_c: &ContactConfiguration, [v_free, w_free]: [&'a [Vec3]; 2], ahead: f64) -> Self {
-        let sum: Vec3 = scene.free.iter().map(|&i| v_free[i as usize]).sum();
+    pub fn new(scene: &Scene, q_c: &ContactConfiguration, velocities: Velocities<'a>, ahead: f64) -> Self {
+        let sum: Vec3 = scene.free.iter().map(|&i| velocities.v[i as usize]).sum();
         let drift = sum / scene.free.len().max(1) as f64;
-        let travel = v_free.par_iter().with_min_len(PAR_MIN_LEN).map(|v| ahead * (v - drift).norm()).collect();
+        let travel = velocities.v.par_iter().with_min_len(PAR_MIN_LEN).map(|v| ahead * (v - drift).norm()).collect();
         let steps = if q_c.h > 0.0 { ahead / q_c.h } else { 1.0 };
-        TravelBounds { travel, mean_velocity: drift, v_free, w_free, lookahead: ahead, nearby: NEARBY_GAP * steps }
+        TravelBounds { travel, mean_velocity: drift, velocities, lookahead: ahead, nearby: NEARBY_GAP * steps }
     }
 
     /// Displacement of the centre of body `i` relative to the mean motion, m.
     pub fn centre_path(&self, i: usize) -> Vec3 {
-        (self.v_free[i] - self.mean_velocity) * self.lookahead
+        (self.velocities.v[i] - self.mean_velocity) * self.lookahead
     }
 
     /// Rotation of body `i`, rad.
     pub fn rotation_vector(&self, i: usize) -> Vec3 {
-        self.w_free[i] * self.lookahead
+        self.velocities.w[i] * self.lookahead
     }
 
     /// Largest displacement by rotation of points of body `i` at most `arm` (m) from its centre, m.
     pub fn surface_travel(&self, i: usize, arm: f64) -> f64 {
-        self.travel[i] + self.lookahead * self.w_free[i].norm() * arm
+        self.travel[i] + self.lookahead * self.velocities.w[i].norm() * arm
     }
 }

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use crate::math::rotation::{angular_momentum, angular_velocity, free_rotation};
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, morton, rotate_by_vector};
 use crate::scene::Scene;
-use crate::state::State;
+use crate::state::{State, Velocities};
 
 /// Configuration in which contacts are detected and forces evaluated.
 pub struct ContactConfiguration {
@@ -174,7 +174,7 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
     for i in (0..q_c.from_start.len()).filter(|&i| q_c.from_start[i] && !scene.bodies[i].driven) {
         state.x[i] = q_c.x[i] + v[i] * h;
     }
-    starts.advance_state(scene, state, q_c, [&v, &w]);
+    starts.advance_state(scene, state, q_c, Velocities { v: &v, w: &w });
     state.v = v;
     state.w = w;
     state.h = h;
@@ -196,7 +196,8 @@ impl StartsOfDriven {
     }
 
     /// Advances them from there to the step's end; along axes along which they are pushed, from the start by h V⁺.
-    fn advance_state(self, scene: &Scene, state: &mut State, q_c: &ContactConfiguration, [v, w]: [&[Vec3]; 2]) {
+    fn advance_state(self, scene: &Scene, state: &mut State, q_c: &ContactConfiguration, end: Velocities) {
+        let Velocities { v, w } = end;
         let after = q_c.h * scene.options.theta;
         for (i, x, q) in self.0 {
             let imposed = x + v[i] * after;

@@ -4,13 +4,14 @@ use std::ops::Add;
 
 use rayon::prelude::*;
 
+use super::context::{SolvedProblem, StepContext};
 use super::motion::VelocityErrors;
 use crate::assemble::{ContactProblem, FreeMotion, SolverBody, velocity_at_arms};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::Scene;
 use crate::solve::ContactSolution;
-use crate::state::{Contact, ContactExchange, ContactStatus, SolvedContact, State};
+use crate::state::{Contact, ContactExchange, ContactStatus, SolvedContact, State, Velocities};
 
 /// Rows, contacts or bodies summed by one task.
 pub const ITEMS_PER_TASK: usize = 1024;
@@ -24,6 +25,12 @@ pub struct StepOutcome {
     pub exchanges: Vec<Vec<ContactExchange>>,
 }
 
+impl StepOutcome {
+    pub fn velocities(&self) -> Velocities<'_> {
+        Velocities { v: &self.v, w: &self.w }
+    }
+}
+
 /// Velocities and angular velocities in the contact configuration with all impulses, m/s and rad/s.
 pub fn solved_velocities(solution: &ContactSolution, free: &FreeMotion) -> (Vec<Vec3>, Vec<Vec3>) {
     // Imposed velocities stay as they were.
@@ -35,24 +42,22 @@ pub fn solved_velocities(solution: &ContactSolution, free: &FreeMotion) -> (Vec<
 }
 
 /// Computes the outcome of the step. Reuses the memory of the contacts of the last step.
-#[expect(clippy::too_many_arguments, reason = "what the stages of a step have found")]
 pub fn finish_contacts(
-    scene: &Scene,
+    context: StepContext,
     state: &mut State,
-    q_c: &ContactConfiguration,
-    contacts: &[Contact],
-    free: &FreeMotion,
-    system: &ContactProblem,
-    solution: &ContactSolution,
+    solved: &SolvedProblem,
     motion: Option<&VelocityErrors>,
 ) -> StepOutcome {
+    let StepContext { scene, q_c, free, contacts } = context;
+    let SolvedProblem { system, solution } = solved;
     let (v, w) = solved_velocities(solution, free);
     let mut ends = std::mem::take(&mut state.contacts);
     ends.resize(contacts.len(), SolvedContact::default());
     let driven: Vec<bool> = scene.bodies.iter().map(|body| body.driven).collect();
     let deep = OVERLAP_WARNING_SHARE * scene.smallest_radius;
+    let velocities = Velocities { v: &v, w: &w };
     let end =
-        PostSolve { scene, state, q_c, system, solution, motion, v: &v, w: &w, driven: &driven, warning_depth: deep };
+        PostSolve { scene, state, q_c, system, solution, motion, velocities, driven: &driven, warning_depth: deep };
     // The division into parts depends only on the number of rows.
     let parts = ends.par_chunks_mut(ITEMS_PER_TASK).zip(contacts.par_chunks(ITEMS_PER_TASK)).enumerate();
     let parts: Vec<(ContactTotals, Vec<ContactExchange>)> =
@@ -71,9 +76,8 @@ struct PostSolve<'a> {
     solution: &'a ContactSolution,
     /// Velocity errors, where contacts lose a bond or static friction once they move.
     motion: Option<&'a VelocityErrors>,
-    /// Velocities and angular velocities at the step's end, m/s and rad/s.
-    v: &'a [Vec3],
-    w: &'a [Vec3],
+    /// Velocities at the step's end.
+    velocities: Velocities<'a>,
     /// Whether each body is driven; a packed array, as contacts read it in any order.
     driven: &'a [bool],
     /// Smallest depth that is worth a warning for the smallest bodies, m. Below it a contact is not compared with its radii.
@@ -156,7 +160,7 @@ impl PostSolve<'_> {
 
     /// Contact `k` at the step's end, with the moment (N m s, world frame) of its rolling resistance, if it has one.
     fn finish_contact(&self, k: usize, contact: &Contact, moment: Option<&Vec3>) -> SolvedContact {
-        let &PostSolve { state, q_c, system, solution, v, w, .. } = self;
+        let &PostSolve { state, q_c, system, solution, velocities, .. } = self;
         let (row, r) = (&system.rows[k], &solution.impulses[k]);
         let frame = contact.frame();
         let local = to_local(&frame, r);
@@ -174,10 +178,10 @@ impl PostSolve<'_> {
             true => ContactStatus::Stick,
         };
         let bond = row.bond.filter(|_| law.keeps_bond(contact.gap, opens, slides));
-        let mut velocity = velocity_at_arms(contact, &system.arms_of(k, contact, &q_c.x), v, w);
+        let mut velocity = velocity_at_arms(contact, &system.arms_of(k, contact, &q_c.x), velocities);
         let lever = system.friction_lever(k);
         if lever != Vec3::zeros() {
-            let [a, b] = row.bodies.map(|body| w[body as usize]);
+            let [a, b] = row.bodies.map(|body| velocities.w[body as usize]);
             velocity += lever * row.normal.dot(&(a - b));
         }
         SolvedContact {
@@ -193,7 +197,7 @@ impl PostSolve<'_> {
     /// Adds the contribution of contact `k` with the impulse `r` of its row to the totals; returns its impulse times its
     /// branch, N m s.
     fn accumulate_totals(&self, k: usize, r: &Vec3, contact: &SolvedContact, given: &mut ContactTotals) -> f64 {
-        let &PostSolve { state, q_c, system, v, w, driven, .. } = self;
+        let &PostSolve { state, q_c, system, velocities: Velocities { v, w }, driven, .. } = self;
         let row = &system.rows[k];
         let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
         if driven[contact.candidate as usize] && driven[contact.antagonist as usize] {

@@ -4,16 +4,15 @@ use std::ops::Add;
 
 use rayon::prelude::*;
 
+use super::context::{SolvedProblem, StepContext};
 use super::ends::{ITEMS_PER_TASK, Overlap, StepOutcome};
 use super::unforeseen::work_from_start;
-use crate::assemble::{ContactProblem, FreeMotion, GravityReport, potential_energy};
+use crate::assemble::{GravityReport, potential_energy};
 use crate::detect::NarrowPhaseError;
-use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3};
 use crate::scene::Scene;
-use crate::solve::ContactSolution;
 use crate::solve::lmgc90_criteria::{Lmgc90Norms, lmgc90_norms};
-use crate::state::{OutputInterval, State};
+use crate::state::{OutputInterval, State, Velocities};
 
 /// Report of a step for the log.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,28 +73,25 @@ pub struct WorstContact {
 
 /// Enters the step in the ledger and reports it; to be called before the state advances.
 pub fn update_ledger(
-    scene: &Scene,
+    StepContext { scene, q_c, free, .. }: StepContext,
     state: &mut State,
-    q_c: &ContactConfiguration,
-    free: &FreeMotion,
-    system: &ContactProblem,
-    solution: &ContactSolution,
-    solved: &StepOutcome,
+    SolvedProblem { system, solution }: &SolvedProblem,
+    outcome: &StepOutcome,
 ) -> StepReport {
     let h = q_c.h;
-    let given = &solved.totals;
+    let given = &outcome.totals;
     if state.step.is_multiple_of(scene.options.output_every) {
         state.interval = OutputInterval { start: state.time, ..OutputInterval::default() };
     }
-    state.interval.add_exchanges(solved.exchanges.iter().flatten());
-    let from_start = work_from_start(scene, state, q_c, free, &solved.v);
+    state.interval.add_exchanges(outcome.exchanges.iter().flatten());
+    let from_start = work_from_start(scene, state, q_c, free, &outcome.v);
     let ledger = &mut state.ledger;
     ledger.contact_work += given.contact_work;
     ledger.friction_work += given.friction_work;
     ledger.outside_work += given.outside_work + from_start;
     for (i, force, moment) in &free.loads {
         ledger.outside_work +=
-            0.5 * h * (force.dot(&(solved.v[*i] + state.v[*i])) + moment.dot(&(solved.w[*i] + q_c.w[*i])));
+            0.5 * h * (force.dot(&(outcome.v[*i] + state.v[*i])) + moment.dot(&(outcome.w[*i] + q_c.w[*i])));
     }
     for k in 0..3 {
         ledger.momentum_expected[k] += free.impulse[k] + given.momentum[k];
@@ -104,14 +100,14 @@ pub fn update_ledger(
 
     let flight = |&i: &u32| {
         let (i, mass) = (i as usize, scene.bodies[i as usize].mass);
-        let flies = solved.v[i] == free.v[i];
+        let flies = outcome.v[i] == free.v[i];
         if flies { 0.25 * mass * (free.v[i] - state.v[i] - state.gravity * h).norm_squared() } else { 0.0 }
     };
     let flights: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(flight).collect();
     // Bodies that rest from the start have only the momentum that forces give and contacts take in a step.
     let pushed = |&i: &u32| scene.bodies[i as usize].mass * (free.v[i as usize] - state.v[i as usize]).norm();
     let pushed: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(pushed).collect();
-    let motion = MotionTotals::from_bodies(scene, &q_c.q, &solved.v, &solved.w);
+    let motion = MotionTotals::from_bodies(scene, &q_c.q, outcome.velocities());
     ledger.momentum_scale = ledger.momentum_scale.max(motion.scale).max(pushed.iter().sum());
     let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
     ledger.penetration_largest = ledger.penetration_largest.max(given.penetration_largest / scene.mean_radius);
@@ -125,12 +121,12 @@ pub fn update_ledger(
         ledger.last_unconverged = Some(state.step + 1);
     }
     let worst = |row: u32| {
-        let (bodies, solved) = (system.rows[row as usize].bodies, &solved.contacts[row as usize]);
+        let (bodies, solved) = (system.rows[row as usize].bodies, &outcome.contacts[row as usize]);
         WorstContact { bodies, point: solved.contact.point }
     };
     StepReport {
         h,
-        contacts_listed: solved.contacts.len(),
+        contacts_listed: outcome.contacts.len(),
         contacts_solved: solution.active_rows,
         contacts_active: given.contacts_active,
         sweeps: solution.sweeps,
@@ -171,7 +167,7 @@ pub struct MotionTotals {
 }
 
 impl MotionTotals {
-    pub fn from_bodies(scene: &Scene, q: &[Quat], v: &[Vec3], w: &[Vec3]) -> Self {
+    pub fn from_bodies(scene: &Scene, q: &[Quat], Velocities { v, w }: Velocities) -> Self {
         let of_some = |bodies: &[u32]| {
             bodies.iter().map(|&i| i as usize).fold(MotionTotals::default(), |sum, i| {
                 let body = &scene.bodies[i];
@@ -228,7 +224,7 @@ impl BalanceErrors {
     /// Compares the bodies with the ledger.
     pub fn new(scene: &Scene, state: &State) -> Self {
         let ledger = &state.ledger;
-        let motion = MotionTotals::from_bodies(scene, &state.q, &state.v, &state.w);
+        let motion = MotionTotals::from_bodies(scene, &state.q, state.velocities());
         let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
         let (kinetic, potential) = (motion.kinetic + motion.rotational, potential_energy(scene, state, &state.x));
         let scale = [kinetic, potential, ledger.energy_start, ledger.contact_work, ledger.outside_work];

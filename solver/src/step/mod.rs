@@ -1,5 +1,6 @@
 //! One time step as the list of its stages; the equations are numbered as in `docs/method.md`.
 
+mod context;
 mod drift;
 mod ends;
 mod ledger;
@@ -11,6 +12,7 @@ use std::time::{Duration, Instant};
 pub use self::ends::{OVERLAP_WARNING_SHARE, Overlap, deeper_overlap};
 pub use self::ledger::{BalanceErrors, MotionTotals, StepReport, WorstContact};
 
+use self::context::{SolvedProblem, StepContext};
 use self::ends::finish_contacts;
 use self::ledger::update_ledger;
 use self::motion::refine_until_decided;
@@ -23,7 +25,7 @@ use crate::math::Vec3;
 use crate::math::simd::SimdWidth;
 use crate::scene::{RigidBody, Scene};
 use crate::solve::{self, SolveRequest, StoppingCriteria};
-use crate::state::{BondingMode, Contact, State, StateBackup};
+use crate::state::{BondingMode, Contact, State, StateBackup, Velocities};
 
 /// Time spent in each stage.
 #[derive(Debug, Clone, Copy, Default)]
@@ -62,13 +64,13 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
     state.attraction = free.attraction.take();
     lap.add_lap(&mut clock.gravity);
     activity::begin_stage(StepStage::Detection, 0);
-    let mut contacts = detect::listed_contacts(scene, &q_c, [&free.v, &free.w], &mut state.detection_cache); // M3  g, (n, t, s)
-    let missed = sample_narrow_phase_error(scene, state, &q_c, [&free.v, &free.w], &contacts);
+    let mut contacts = detect::listed_contacts(scene, &q_c, free.velocities(), &mut state.detection_cache); // M3  g, (n, t, s)
+    let missed = sample_narrow_phase_error(scene, state, &q_c, free.velocities(), &contacts);
     lap.add_lap(&mut clock.detection);
-    let task = solve_request(scene, state, &q_c, &contacts, [&free.v, &free.w]);
+    let task = solve_request(scene, state, &q_c, &contacts, free.velocities());
     let mut sweeps = 0;
-    let (mut system, mut solution) = loop {
-        let system = assemble::contact_problem(scene, state, &q_c, &contacts, &free.v, &free.w); // M4  W, b
+    let mut solved = loop {
+        let system = assemble::contact_problem(scene, state, &q_c, &contacts, free.velocities()); // M4  W, b
         lap.add_lap(&mut clock.assembly);
         activity::begin_stage(StepStage::Solve, contacts.len());
         let solution = solve::solve_contact_problem(&system, task, |s| assemble::stored_problem(s, &contacts)); // M5  r
@@ -76,36 +78,38 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
         lap.add_lap(&mut clock.solve);
         // Bodies pushed by contacts may close pairs that were open before: the problem is solved again with these.
         let (v, w) = ends::solved_velocities(&solution, &free);
-        let late = detect::late_contacts(scene, &q_c, [&free.v, &free.w], [&v, &w], &contacts);
+        let pushed = Velocities { v: &v, w: &w };
+        let late = detect::late_contacts(scene, &q_c, free.velocities(), pushed, &contacts);
         lap.add_lap(&mut clock.detection);
         if activity::is_stopped() {
             before.restore_to(state);
             return None;
         }
         if late.is_empty() {
-            break (system, solution);
+            break SolvedProblem { system, solution };
         }
         contacts.extend(late);
         contacts.sort_unstable_by_key(Contact::key);
     };
-    solution.sweeps = sweeps;
-    let motion = refine_until_decided(scene, &state.laws, &contacts, q_c.h, &mut system, task, &mut solution);
-    solve::update_backoff(&mut state.fallback, task, state.step, units, &solution);
+    solved.solution.sweeps = sweeps;
+    let context = StepContext { scene, q_c: &q_c, free: &free, contacts: &contacts };
+    let motion = refine_until_decided(context, &state.laws, task, &mut solved);
+    solve::update_backoff(&mut state.fallback, task, state.step, units, &solved.solution);
     lap.add_lap(&mut clock.solve);
-    let solved = finish_contacts(scene, state, &q_c, &contacts, &free, &system, &solution, motion.as_ref());
-    let given_up = task.skips_fallback() && !solution.converged;
+    let outcome = finish_contacts(context, state, &solved, motion.as_ref());
+    let given_up = task.skips_fallback() && !solved.solution.converged;
     let mut report = StepReport {
         tol: task.criteria.tol,
         narrow_phase_error: missed,
         fallback_suppressed: given_up,
-        ..update_ledger(scene, state, &q_c, &free, &system, &solution, &solved)
+        ..update_ledger(context, state, &solved, &outcome)
     };
     if !happened.shakes.is_empty() {
         report.flight_error = 0.0; // a shake is an impulse, and exact
     }
-    integrate::advance_state(scene, state, &q_c, solved.v, solved.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
-    (state.contacts, state.order) = (solved.contacts, q_c.order);
-    drift::close_bonds(scene, state, &system);
+    integrate::advance_state(scene, state, &q_c, outcome.v, outcome.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
+    (state.contacts, state.order) = (outcome.contacts, q_c.order);
+    drift::close_bonds(scene, state, &solved.system);
     state.bonding = BondingMode::No;
     lap.add_lap(&mut clock.integration);
     Some(report)
@@ -127,7 +131,7 @@ fn sample_narrow_phase_error(
     scene: &Scene,
     state: &State,
     q_c: &ContactConfiguration,
-    free: [&[Vec3]; 2],
+    free: Velocities,
     contacts: &[Contact],
 ) -> Option<NarrowPhaseError> {
     let looks = scene.narrow_phase_is_fast() && state.is_diagnostic_step(q_c.step_multiple);
@@ -138,17 +142,17 @@ fn sample_narrow_phase_error(
 /// at which a contact closes, and over the step this may be a small share of the radius. Infinite if any residual will do,
 /// as in steps in which bodies move by less than their radius.
 ///
-/// `free`: velocities (m/s) and angular velocities (rad/s) after the step if nothing touched.
-fn travel_tolerance(scene: &Scene, q_c: &ContactConfiguration, contacts: &[Contact], [v, w]: [&[Vec3]; 2]) -> f64 {
+/// `free`: velocities after the step if nothing touched.
+fn travel_tolerance(scene: &Scene, q_c: &ContactConfiguration, contacts: &[Contact], free: Velocities) -> f64 {
     let span = q_c.longest_reach_time(scene);
     let allowed = MAX_TRAVEL_ERROR * scene.smallest_radius;
     // Without fast bodies no contact needs to be looked up.
     let speed = |((body, v), w): ((&RigidBody, &Vec3), &Vec3)| (v - q_c.mean_velocity).norm() + w.norm() * body.radius;
-    let fastest = scene.bodies.iter().zip(v).zip(w).map(speed).fold(0.0, f64::max);
+    let fastest = scene.bodies.iter().zip(free.v).zip(free.w).map(speed).fold(0.0, f64::max);
     if 2.0 * span * fastest * scene.options.tol() <= allowed {
         return f64::INFINITY;
     }
-    let approach = |contact: &Contact| -span * contact.normal.dot(&assemble::relative_velocity(contact, &q_c.x, v, w));
+    let approach = |contact: &Contact| -span * contact.normal.dot(&assemble::relative_velocity(contact, &q_c.x, free));
     // Contacts that cannot close depend on the alert distance and must not change a result.
     let closing = contacts.iter().map(|contact| (approach(contact), contact.gap)).filter(|(way, gap)| way > gap);
     allowed / closing.map(|(way, _)| way).fold(0.0, f64::max)
@@ -163,7 +167,7 @@ fn solve_request(
     state: &State,
     q_c: &ContactConfiguration,
     contacts: &[Contact],
-    free: [&[Vec3]; 2],
+    free: Velocities,
 ) -> SolveRequest {
     let (options, units) = (&scene.options, q_c.step_multiple);
     let tol = options.tol().min(travel_tolerance(scene, q_c, contacts, free));
@@ -224,8 +228,8 @@ pub fn next_problem(scene: &Scene, state: &State) -> (u64, assemble::StoredProbl
     let q_c =
         contact_configuration(scene, &state, units, unforeseen::velocities_are_unbounded(scene, &state, &happened));
     let free = assemble::free_velocity(scene, &state, &q_c, &happened.shakes);
-    let contacts = detect::listed_contacts(scene, &q_c, [&free.v, &free.w], &mut state.detection_cache);
-    let system = assemble::contact_problem(scene, &state, &q_c, &contacts, &free.v, &free.w);
+    let contacts = detect::listed_contacts(scene, &q_c, free.velocities(), &mut state.detection_cache);
+    let system = assemble::contact_problem(scene, &state, &q_c, &contacts, free.velocities());
     (units, assemble::stored_problem(&system, &contacts))
 }
 

@@ -9,11 +9,11 @@
 
 use rayon::prelude::*;
 
+use super::context::{SolvedProblem, StepContext};
 use super::drift::LARGEST_OPENING;
 use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::scene::Scene;
 use crate::solve::{ContactSolution, SolveRequest, StoppingCriteria, solve_nlgs};
 use crate::state::Contact;
 
@@ -90,16 +90,13 @@ impl VelocityErrors {
     }
 }
 
-/// Refines a converged `solution` tenfold as long as it is undecided if some bond breaks, and returns the velocity errors of
+/// Refines a converged solution tenfold as long as it is undecided if some bond breaks, and returns the velocity errors of
 /// the result; `None` if no law has irreversible losses. The number of refinements depends only on the loads of the bonds.
 pub fn refine_until_decided(
-    scene: &Scene,
+    StepContext { scene, q_c, contacts, .. }: StepContext,
     laws: &[ContactLaw],
-    contacts: &[Contact],
-    h: f64,
-    system: &mut ContactProblem,
     task: SolveRequest,
-    solution: &mut ContactSolution,
+    SolvedProblem { system, solution }: &mut SolvedProblem,
 ) -> Option<VelocityErrors> {
     laws.iter().any(ContactLaw::has_irreversible_loss).then(|| {
         let mut motion = VelocityErrors::new(system, solution);
@@ -112,7 +109,7 @@ pub fn refine_until_decided(
                 let bonded = system.rows[k].bond.is_some() && system.rows[k].impulse_shift != 0.0;
                 bonded
                     && laws[contact.law as usize].has_irreversible_loss()
-                    && motion.is_undecided(system, solution, k, h, radius())
+                    && motion.is_undecided(system, solution, k, q_c.h, radius())
             };
             if !solution.converged || !contacts.par_iter().enumerate().with_min_len(PAR_MIN_LEN).any(is_open) {
                 break;

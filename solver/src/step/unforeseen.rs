@@ -8,7 +8,7 @@ use crate::detect;
 use crate::integrate::{ContactConfiguration, MAX_STEP_GROWTH, predict_configuration};
 use crate::math::Vec3;
 use crate::scene::Scene;
-use crate::state::{Contact, State};
+use crate::state::{Contact, State, Velocities};
 
 /// Closing beyond a gap that counts as rounding, over the effective radius: that of laws that act on touching contacts.
 const CLOSING_ROUNDING: f64 = 1e-9;
@@ -36,9 +36,9 @@ pub fn from_start(scene: &Scene, state: &State, units: u64, anew: bool) -> Vec<b
     }
     let start = predict_configuration(scene, state, 0);
     let start = ContactConfiguration { lookahead: h + before, ..start };
-    let contacts = detect::listed_contacts(scene, &start, [&state.v, &state.w], &mut state.detection_cache.clone());
+    let contacts = detect::listed_contacts(scene, &start, state.velocities(), &mut state.detection_cache.clone());
     let closes = |contact: &Contact| {
-        let u = contact.normal.dot(&relative_velocity(contact, &start.x, &state.v, &start.w));
+        let u = contact.normal.dot(&relative_velocity(contact, &start.x, Velocities { v: &state.v, w: &start.w }));
         let radius =
             scene.effective_radius((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
         let known = || state.contacts.binary_search_by_key(&contact.key(), |old| old.contact.key());
@@ -51,7 +51,7 @@ pub fn from_start(scene: &Scene, state: &State, units: u64, anew: bool) -> Vec<b
     }
     // Contacts listed only because they are near do not count, else results would depend on the alert distance.
     let meets = |contact: &Contact| {
-        let u = relative_velocity(contact, &start.x, &state.v, &state.w);
+        let u = relative_velocity(contact, &start.x, state.velocities());
         contact.gap <= (h + before) * u.norm()
     };
     let meeting: Vec<Contact> = contacts.iter().filter(|contact| meets(contact)).copied().collect();

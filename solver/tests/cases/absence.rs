@@ -14,9 +14,11 @@ const POLYHEDRA: &[&str] = &[
     "cd_solve::geometry::gjk::",
     "cd_solve::geometry::outline::",
     "cd_solve::geometry::patch::",
+    "cd_solve::geometry::polyhedra::",
     "cd_solve::geometry::polyhedron::",
     "cd_solve::geometry::search::",
     "cd_solve::detect::parts::",
+    "cd_solve::detect::posed::",
     "cd_solve::solve::gauss_seidel::block::",
 ];
 const GRAVITY: &[&str] = &["cd_solve::gravity::"];

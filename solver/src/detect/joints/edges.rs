@@ -215,8 +215,8 @@ impl<'a> InnerEdgeSearch<'a> {
         Some(NearbyContactor {
             solid: covering_solid(b)?,
             centre,
-            v: self.ways.v_free[i],
-            w: self.ways.w_free[i],
+            v: self.ways.velocities.v[i],
+            w: self.ways.velocities.w[i],
             body: centre + self.q_c.x[i] - b.centre,
         })
     }

@@ -101,7 +101,7 @@ impl<'a> SphereOnPlates<'a> {
     fn nearby_plate(&self, touch: &SurfaceContact) -> NearbyContactor<'a> {
         let (plate, half_lengths) = self.plate(touch.of as usize);
         let solid = ConvexSolid::Cuboid { axes: &self.q_c.q[plate], half_lengths };
-        let (v, w) = (self.ways.v_free[plate], self.ways.w_free[plate]);
+        let (v, w) = (self.ways.velocities.v[plate], self.ways.velocities.w[plate]);
         NearbyContactor { solid, centre: touch.centre, v, w, body: touch.centre }
     }
 }

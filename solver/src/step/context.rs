@@ -1,0 +1,23 @@
+//! Results of the stages of a step that its last stages read.
+
+use crate::assemble::{ContactProblem, FreeMotion};
+use crate::integrate::ContactConfiguration;
+use crate::scene::Scene;
+use crate::solve::ContactSolution;
+use crate::state::Contact;
+
+/// Results of integration, forces and detection.
+#[derive(Clone, Copy)]
+pub struct StepContext<'a> {
+    pub scene: &'a Scene,
+    pub q_c: &'a ContactConfiguration,
+    pub free: &'a FreeMotion,
+    /// Contacts in the order of the rows of the contact problem.
+    pub contacts: &'a [Contact],
+}
+
+/// Contact problem of the step and its solution.
+pub struct SolvedProblem {
+    pub system: ContactProblem,
+    pub solution: ContactSolution,
+}
