@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame};
-use crate::scene::{InteractionRule, Scene};
+use crate::scene::{BodyId, InteractionRule, Scene};
 
 /// First feature of a contact of polyhedra that was read from a text file without features; the second is a running
 /// number. In the next step it is identified with the nearest contact of the same contactors.
@@ -28,8 +28,8 @@ pub struct Velocities<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Contact {
     /// Body indices; n points from the antagonist to the candidate.
-    pub candidate: u32,
-    pub antagonist: u32,
+    pub candidate: BodyId,
+    pub antagonist: BodyId,
     /// Ranks of the contactors of the two bodies.
     pub ranks: (u16, u16),
     /// Touching features; a contact with the same contactors and features in the next step is the same contact.
@@ -140,7 +140,7 @@ impl Contact {
     }
 
     /// Key that identifies the contact in another step; contacts are sorted by it.
-    pub fn key(&self) -> (u32, u32, (u16, u16), (u32, u32)) {
+    pub fn key(&self) -> (BodyId, BodyId, (u16, u16), (u32, u32)) {
         (self.candidate, self.antagonist, self.ranks, self.features)
     }
 }
@@ -190,7 +190,7 @@ pub struct OutputInterval {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactExchange {
     /// Bodies: candidate and antagonist.
-    pub bodies: [u32; 2],
+    pub bodies: [BodyId; 2],
     /// Σ r·l, impulses and branches, J s.
     pub virial: f64,
 }
@@ -371,7 +371,7 @@ mod tests {
     #[test]
     fn an_interval_has_each_pair_of_its_steps_once() {
         let of = |rows: &[([u32; 2], f64)]| -> Vec<ContactExchange> {
-            rows.iter().map(|&(bodies, virial)| ContactExchange { bodies, virial }).collect()
+            rows.iter().map(|&(bodies, virial)| ContactExchange { bodies: bodies.map(BodyId), virial }).collect()
         };
         let mut interval = OutputInterval::default();
         interval.add_exchanges(of(&[([0, 2], 1.0), ([1, 2], 2.0), ([1, 2], 4.0)]).iter());

@@ -43,6 +43,7 @@ fn is_shared_type(path: &str) -> bool {
         "cd_formats::drv_dof::Evolution",
         "cd_formats::field::FieldModel",
         "cd_formats::groups::DisjointSets",
+        "cd_formats::ids::BodyId",
         "cd_formats::snapshot::",
     ]
     .iter()

@@ -9,7 +9,7 @@ use super::context::AssemblyContext;
 use super::kinematics::{contact_arms, velocity_at_arms};
 use crate::laws::{ContactLaw, LawShift, MAX_TOUCHING_GAP};
 use crate::math::{Quat, Vec3, rotate_by_vector};
-use crate::scene::Scene;
+use crate::scene::{BodyId, Scene};
 use crate::state::{BondingMode, Contact, SolvedContact, UNKNOWN_FEATURE};
 
 /// Contacts per task.
@@ -35,7 +35,7 @@ fn previous_by_key(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option
 }
 
 /// Two contactors given by their bodies and ranks.
-type ContactorPair = (u32, u32, (u16, u16));
+type ContactorPair = (BodyId, BodyId, (u16, u16));
 
 fn contactor_pair(contact: &Contact) -> ContactorPair {
     (contact.candidate, contact.antagonist, contact.ranks)
@@ -64,8 +64,8 @@ pub(super) struct BondState {
 /// can close. Bodies that never move are not counted.
 pub fn connected_bodies(scene: &Scene, contacts: &[Contact], chosen: &[&Contact]) -> Vec<bool> {
     let mut rests: Vec<bool> = scene.bodies.iter().map(|body| body.driven && !body.is_driven_in_part()).collect();
-    scene.drives.iter().filter(|drive| drive.ever_moves()).for_each(|drive| rests[drive.body] = false);
-    let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|i| i as usize);
+    scene.drives.iter().filter(|drive| drive.ever_moves()).for_each(|drive| rests[drive.body.index()] = false);
+    let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|i| i.index());
     let mut groups = DisjointSets::new(scene.bodies.len());
     for [a, b] in contacts.iter().map(bodies).filter(|pair| pair.iter().all(|&i| !rests[i])) {
         groups.union(a, b);
@@ -95,7 +95,7 @@ impl AssemblyContext<'_> {
 
     /// Whether a contact can change its key: two spheres have one contact, always with the same key.
     fn has_features(&self, contact: &Contact) -> bool {
-        !self.is_sphere[contact.antagonist as usize]
+        !self.is_sphere[contact.antagonist.index()]
     }
 
     /// Whether each contact of the last step carried an impulse and no longer acts under its key. Nearly always empty.
@@ -170,7 +170,7 @@ impl AssemblyContext<'_> {
     /// Displacement from the position to which the candidate has carried a contact of the last step, to this one of the same
     /// contactors, m.
     fn displacement_from(&self, old: &Contact, contact: &Contact) -> f64 {
-        let (state, a) = (self.state, contact.candidate as usize);
+        let (state, a) = (self.state, contact.candidate.index());
         let centre = state.x[a] - state.v[a] * (self.scene.options.theta * state.h); // at the last contact configuration
         let turn = rotate_by_vector(&Quat::identity(), &(state.w[a] * self.configuration_interval()));
         (contact.point - self.q_c.x[a] - turn * (old.point - centre)).norm()
@@ -200,7 +200,7 @@ impl AssemblyContext<'_> {
         };
         let bonds: Vec<Option<f64>> = contacts.par_iter().zip(history).with_min_len(256).map(bond).collect();
         let mut aggregates = DisjointSets::new(self.scene.bodies.len());
-        let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|body| body as usize);
+        let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|body| body.index());
         let is_rigid = |contact: &Contact| self.state.laws[contact.law as usize].bonds_are_rigid();
         let rigid = contacts.iter().zip(&bonds).filter(|(contact, bond)| bond.is_some() && is_rigid(contact));
         for (contact, _) in rigid {

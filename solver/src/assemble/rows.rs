@@ -134,7 +134,7 @@ pub fn contact_problem(
             }
         });
         for roll in &mut rolls {
-            let [a, b] = rows[roll.row as usize].bodies.map(|body| full.inverse_inertia[body as usize]);
+            let [a, b] = rows[roll.row as usize].bodies.map(|body| full.inverse_inertia[body.index()]);
             roll.inverse_w = 1.0 / (a + b).symmetric_eigenvalues().max();
         }
     }
@@ -168,7 +168,7 @@ impl AssemblyContext<'_> {
     /// Prefetches the data of a contact's antagonist that [`Self::contact_constraint`] reads; candidates are read in order.
     fn prefetch(&self, contact: Option<&Contact>) {
         let AssemblyContext { state, q_c, bounds, records, width, .. } = self;
-        let Some(b) = contact.map(|contact| contact.antagonist as usize) else { return };
+        let Some(b) = contact.map(|contact| contact.antagonist.index()) else { return };
         [&q_c.x[b], &q_c.w[b], &state.v[b], &state.w[b]].into_iter().for_each(|x| width.prefetch(x));
         width.prefetch(&bounds[b]);
         width.prefetch(&records[b]);
@@ -190,7 +190,7 @@ impl AssemblyContext<'_> {
         let law = &state.laws[contact.law as usize];
         let radius = if law.depends_on_radius() { self.contact_radius(contact) } else { 0.0 };
         let bodies = [contact.candidate, contact.antagonist];
-        let [a, b] = bodies.map(|i| i as usize);
+        let [a, b] = bodies.map(|i| i.index());
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
         let reach = self.closing_time(contact);
         let course = self.gap_forecast(contact, law, reach, previous.map_or(0.0, |old| w_n * old.impulse.x));
@@ -265,7 +265,7 @@ impl AssemblyContext<'_> {
     fn shift_friction(&self, full: &BlockData, contacts: &[Contact], rows: &mut [ContactConstraint]) {
         let of_row = |(k, row): (usize, &mut ContactConstraint)| {
             let (contact, lever) = (&contacts[k], full.friction_lever(k, &row.normal));
-            let [a, b] = row.bodies.map(|body| self.q_c.w[body as usize]);
+            let [a, b] = row.bodies.map(|body| self.q_c.w[body.index()]);
             let change = lever * row.normal.dot(&(a - b));
             row.u_before += to_local(&contact.frame(), &change);
             let law = &self.state.laws[contact.law as usize];
@@ -303,7 +303,7 @@ impl AssemblyContext<'_> {
         let free = relative_velocity(contact, &q_c.x, *free_velocities).dot(&n) + shift.normal;
         let alone = (-free).max(0.0) + w_n * shift.impulse.abs();
         // Bodies in free fall together are loaded by other contacts, which balance the change of velocity by forces.
-        let bodies = [contact.candidate, contact.antagonist].map(|i| i as usize);
+        let bodies = [contact.candidate, contact.antagonist].map(|i| i.index());
         let gain =
             |i: usize| if scene.bodies[i].driven { 0.0 } else { (free_velocities.v[i] - self.state.v[i]).norm() };
         let loaded = bodies.map(gain).into_iter().fold(alone, f64::max);
@@ -325,7 +325,7 @@ impl AssemblyContext<'_> {
             return GapForecast::Apart { depth: 0.0 };
         }
         let AssemblyContext { scene, state, q_c, free: free_velocities, is_sphere, .. } = self;
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
         let u_n = contact.normal.dot(&relative_velocity(contact, &q_c.x, self.start_velocities())).abs();
         let pull = |i: usize| contact.normal.dot(&(free_velocities.v[i] - state.v[i])).abs();
         if u_n < RESTING * pushed || u_n.max(contact.gap / reach) < pull(a).max(pull(b)) {
@@ -357,7 +357,7 @@ impl AssemblyContext<'_> {
         previous: Option<&SolvedContact>,
     ) -> Option<RollingConstraint> {
         let RollingFriction { rolling, spinning } = self.state.laws[contact.law as usize].rolling_friction()?;
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
         if self.scene.bodies[a].driven && self.scene.bodies[b].driven {
             return None; // both rotations are imposed
         }

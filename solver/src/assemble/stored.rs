@@ -2,6 +2,7 @@
 
 use super::problem::ContactProblem;
 use crate::math::{Vec3, to_local};
+use crate::scene::BodyId;
 use crate::state::Contact;
 
 /// Problem û = W r̂ + q with Signorini and Coulomb on (û, r̂), components along n, t, s of each contact.
@@ -20,10 +21,10 @@ pub struct StoredProblem {
 pub fn stored_problem(system: &ContactProblem, contacts: &[Contact]) -> StoredProblem {
     let rows: Vec<usize> = (0..system.rows.len()).filter(|&k| system.rows[k].can_close).collect();
     // Bodies that do not move couple no contacts: the contacts of a floor are not paired.
-    let moves = |body: &&u32| system.bodies[**body as usize].inverse_mass > 0.0;
+    let moves = |body: &&BodyId| system.bodies[body.index()].inverse_mass > 0.0;
     let mut on_body = vec![Vec::new(); system.bodies.len()];
     for (i, &k) in rows.iter().enumerate() {
-        system.rows[k].bodies.iter().filter(moves).for_each(|&body| on_body[body as usize].push(i));
+        system.rows[k].bodies.iter().filter(moves).for_each(|&body| on_body[body.index()].push(i));
     }
     let mut problem = StoredProblem::default();
     for (i, &here) in rows.iter().enumerate() {
@@ -32,7 +33,7 @@ pub fn stored_problem(system: &ContactProblem, contacts: &[Contact]) -> StoredPr
         problem.rows.push((here as u32, *frame));
         problem.mu.push(row.friction);
         problem.q.push(to_local(frame, &system.shifted_velocity(here, &system.bodies)).into());
-        let mut neighbours: Vec<usize> = row.bodies.iter().flat_map(|&body| &on_body[body as usize]).copied().collect();
+        let mut neighbours: Vec<usize> = row.bodies.iter().flat_map(|&body| &on_body[body.index()]).copied().collect();
         neighbours.sort_unstable();
         neighbours.dedup();
         for j in neighbours {
@@ -84,8 +85,8 @@ mod tests {
         let pairs = [[0, 1], [1, 2], [0, 3], [2, 3]];
         let frames = normals.map(|n| local_frame(n.normalize()));
         let contact = |k: usize| Contact {
-            candidate: pairs[k][0],
-            antagonist: pairs[k][1],
+            candidate: BodyId(pairs[k][0]),
+            antagonist: BodyId(pairs[k][1]),
             ranks: (0, 0),
             features: (0, 0),
             point: Vec3::zeros(),
@@ -96,7 +97,7 @@ mod tests {
             law: 0,
         };
         let row = |k: usize| ContactConstraint {
-            bodies: pairs[k],
+            bodies: pairs[k].map(BodyId),
             normal: frames[k][0],
             arm: 1.01,
             shift: Vec3::new(0.01, 0.02, k as f64),

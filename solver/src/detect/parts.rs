@@ -20,7 +20,7 @@ use crate::geometry::{
 use crate::integrate::ContactConfiguration;
 use crate::math::simd::SimdWidth;
 use crate::math::{Vec3, group_by_key};
-use crate::scene::{InteractionRule, Scene};
+use crate::scene::{BodyId, InteractionRule, Scene};
 use crate::state::{Contact, DetectionCache, SeparatingAxis};
 
 impl DetectionCache {
@@ -121,7 +121,7 @@ pub fn swept_contacts(
     q_c: &ContactConfiguration,
     ways: &TravelBounds,
     narrow: NarrowPhaseMode,
-    searched: impl Fn(u32) -> bool + Sync,
+    searched: impl Fn(BodyId) -> bool + Sync,
 ) -> Vec<Contact> {
     let places = posed_contactors(scene, q_c, ways);
     let ball = |place: &PosedContactor| SweptBall {
@@ -212,7 +212,7 @@ fn narrow_phase_chunk<'a>(
 struct ListedContacts {
     contacts: Vec<Contact>,
     /// Candidates of consecutive contacts, and the index where each run begins.
-    runs: Vec<(u32, usize)>,
+    runs: Vec<(BodyId, usize)>,
     /// Periods of the scene, m.
     periods: [Option<f64>; 2],
 }
@@ -267,7 +267,7 @@ impl ListedContacts {
 fn contacts_by_key(found: &[ListedContacts], bodies: usize, width: SimdWidth) -> Vec<Contact> {
     let runs: Vec<(&ListedContacts, usize)> =
         found.iter().flat_map(|listed| (0..listed.runs.len()).map(move |k| (listed, k))).collect();
-    let candidates: Vec<u32> = runs.iter().map(|(listed, k)| listed.runs[*k].0).collect();
+    let candidates: Vec<u32> = runs.iter().map(|(listed, k)| listed.runs[*k].0.0).collect();
     let (order, _) = group_by_key(&candidates, bodies);
     let run = |k: u32| {
         let (listed, k) = runs[k as usize];
@@ -344,7 +344,7 @@ fn pairs_by_candidate(
     let mut place = vec![0; bodies.len()];
     bodies.iter().zip(0..).for_each(|(&i, k)| place[i as usize] = k);
     let of_pairs: Vec<u32> =
-        pairs.iter().map(|(parts, _)| place[scene.parts[parts[0] as usize].body as usize]).collect();
+        pairs.iter().map(|(parts, _)| place[scene.parts[parts[0] as usize].body.index()]).collect();
     let (order, starts) = group_by_key(&of_pairs, bodies.len());
     let mut grouped: Vec<([u32; 2], InteractionRule)> = order.iter().map(|&k| pairs[k as usize]).collect();
     for of_one in starts.windows(2) {

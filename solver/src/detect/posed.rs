@@ -7,7 +7,7 @@ use super::travel::{LISTING_MARGIN, TravelBounds};
 use crate::geometry::{ContactPoint, ListingRange, Manifold, PosedPolyhedron};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Quat, Vec3};
-use crate::scene::{BodyPart, ContactorShape, InteractionRule, Scene};
+use crate::scene::{BodyId, BodyPart, ContactorShape, InteractionRule, Scene};
 use crate::state::Contact;
 
 /// Position of a contactor and the scene data that its pairs need, packed so that a pair reads little memory.
@@ -31,7 +31,7 @@ pub struct PosedContactor<'a> {
     pub accumulated_travel: f64,
     /// Curvature used by cohesion, 1/m.
     pub curvature: f64,
-    pub body: u32,
+    pub body: BodyId,
     /// Row and column in the visibility table.
     pub class: u16,
     /// Whether all of its body's motion is imposed.
@@ -63,7 +63,7 @@ fn posed_contactor<'a>(
     q_c: &ContactConfiguration,
     ways: &TravelBounds,
 ) -> PosedContactor<'a> {
-    let i = part.body as usize;
+    let i = part.body.index();
     let q = &q_c.q[i];
     let arm = q * part.offset;
     let axes = q * part.axes;

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use crate::assemble::{ContactProblem, RollingConstraint, SolverBody};
 use crate::math::simd::{F64Arithmetic, LaneOperation, Scalar, SimdWidth};
 use crate::math::{PAR_MIN_LEN, Vec3};
+use crate::scene::BodyId;
 
 /// Share of the summed velocities at the contacts, and of those that attractions would cause, below which a residual is
 /// rounding: steps in which no contact closes count as solved.
@@ -83,7 +84,7 @@ impl<'a> ResidualEvaluator<'a> {
             rows.iter().fold((0.0, 0.0), |(trace, speeds), &k| {
                 let row = &system.rows[k as usize];
                 let at = |side: usize| {
-                    let record = &system.bodies[row.bodies[side] as usize];
+                    let record = &system.bodies[row.bodies[side].index()];
                     record.v.norm() + record.w.norm() * system.contact_arm(k as usize, side).norm()
                 };
                 let speed = at(0) + at(1) + row.shift.norm() + row.w_n * row.impulse_shift.abs();
@@ -166,8 +167,9 @@ impl<'a> ResidualEvaluator<'a> {
             for part in &parts {
                 (0..6).for_each(|k| sum[k] += part[body][k]);
             }
-            let v = record.v + self.system.velocity_change(body as u32, &Vec3::new(sum[0], sum[1], sum[2]));
-            let w = record.w + self.system.angular_velocity_change(body as u32, &Vec3::new(sum[3], sum[4], sum[5]));
+            let v = record.v + self.system.velocity_change(BodyId(body as u32), &Vec3::new(sum[0], sum[1], sum[2]));
+            let w =
+                record.w + self.system.angular_velocity_change(BodyId(body as u32), &Vec3::new(sum[3], sum[4], sum[5]));
             body_motion(&v, &w)
         };
         self.system.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).enumerate().map(moved).collect()
@@ -180,7 +182,7 @@ impl<'a> ResidualEvaluator<'a> {
         for (roll, m) in self.system.rolling_constraints.iter().zip(moments) {
             for (body, m) in self.system.rows[roll.row as usize].bodies.into_iter().zip([*m, -m]) {
                 let turned = self.system.angular_velocity_change(body, &m);
-                (0..3).for_each(|k| motions[body as usize][4 + k] += turned[k]);
+                (0..3).for_each(|k| motions[body.index()][4 + k] += turned[k]);
             }
         }
         motions
@@ -230,7 +232,7 @@ impl<'a> ResidualEvaluator<'a> {
     /// across. Without a normal impulse F is s itself, without the rounding of w.
     fn moment_residual_squared(&self, roll: &RollingConstraint, m: &Vec3, r: &Vec3, motions: &[BodyMotion]) -> f64 {
         let row = &self.system.rows[roll.row as usize];
-        let [a, b] = row.bodies.map(|body| &motions[body as usize]);
+        let [a, b] = row.bodies.map(|body| &motions[body.index()]);
         let n = row.normal;
         let pressed = n.x * r.x + n.y * r.y + n.z * r.z;
         if pressed <= 0.0 {
@@ -319,7 +321,7 @@ fn contact_group(system: &ContactProblem, rows: &[u32]) -> ContactGroup {
         }
         eight.friction[lane] = row.friction;
         for side in 0..2 {
-            eight.bodies[side][lane] = row.bodies[side];
+            eight.bodies[side][lane] = row.bodies[side].0;
             let arm = system.contact_arm(k as usize, side);
             for axis in 0..3 {
                 eight.arms[side][axis][lane] = arm[axis];
@@ -489,7 +491,7 @@ mod tests {
         let plate =
             SolverBody { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 };
         let row = ContactConstraint {
-            bodies: [0, 1],
+            bodies: [BodyId(0), BodyId(1)],
             normal: Vec3::z(),
             arm: 1.0,
             w_n: 1.0,

@@ -178,7 +178,7 @@ fn solve_stalled_subproblem(
     if order.iter().map(|k| parts[*k]).sum::<f64>() < COSTS.min_subproblem_share * parts.iter().sum::<f64>() {
         return None;
     }
-    let bodies = |row: u32| system.rows[row as usize].bodies.map(|body| body as usize);
+    let bodies = |row: u32| system.rows[row as usize].bodies.map(|body| body.index());
     let mut touched = vec![false; system.bodies.len()];
     let moved = order.iter().flat_map(|k| bodies(rows[*k])).filter(|body| system.bodies[*body].inverse_mass > 0.0);
     moved.for_each(|body| touched[body] = true);
@@ -281,6 +281,7 @@ mod tests {
 
     use super::*;
     use crate::assemble::{ContactConstraint, SolverBody};
+    use crate::scene::BodyId;
 
     /// Balls of mass 1 that come down on one floor at 1 m/s.
     fn balls(count: u32) -> ContactProblem {
@@ -292,7 +293,7 @@ mod tests {
             radius: 0.5 * inverse_mass,
         };
         let row = |k: u32| ContactConstraint {
-            bodies: [k, count],
+            bodies: [BodyId(k), BodyId(count)],
             normal: Vec3::z(),
             arm: 1.0,
             w_n: 1.0,

@@ -14,7 +14,7 @@ use crate::detect::travel::TravelBounds;
 use crate::geometry::{PosedPolyhedron, polyhedra_along};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Vec3, group_by_key};
-use crate::scene::Scene;
+use crate::scene::{BodyId, Scene};
 use crate::state::Contact;
 
 /// Contactors per task.
@@ -211,7 +211,7 @@ impl<'a> InnerEdgeSearch<'a> {
     fn nearby_contactor(&self, touch: &SurfaceContact) -> Option<NearbyContactor<'a>> {
         let other = self.runs[touch.of as usize].parts[usize::from(!touch.turned)];
         let (b, centre) = (&self.places[other as usize], touch.centre);
-        let i = b.body as usize;
+        let i = b.body.index();
         Some(NearbyContactor {
             solid: covering_solid(b)?,
             centre,
@@ -335,7 +335,7 @@ fn closing_runs(scene: &Scene, places: &[PosedContactor], contacts: &[Contact], 
     for of_one in contacts.chunk_by(|a, b| pair(a) == pair(b)) {
         let end = start + of_one.len() as u32;
         let first = &of_one[0];
-        let part = |body: u32, rank: u16| scene.part_starts[body as usize] + u32::from(rank);
+        let part = |body: BodyId, rank: u16| scene.part_starts[body.index()] + u32::from(rank);
         let parts = [part(first.candidate, first.ranks.0), part(first.antagonist, first.ranks.1)];
         let [a, b] = parts.map(|part| &places[part as usize]);
         let gap = of_one.iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);

@@ -18,6 +18,7 @@ mod tests {
     use crate::assemble::{BlockData, ContactConstraint, ContactProblem, SolverBody, stored_problem};
     use crate::math::simd::SimdWidth;
     use crate::math::{Vec3, to_local, to_world};
+    use crate::scene::BodyId;
     use crate::solve::gauss_seidel::block::local::{delassus_block_of_row, full_matrix};
     use crate::solve::residual::ResidualEvaluator;
     use crate::solve::{StoppingCriteria, solve_nlgs};
@@ -57,7 +58,7 @@ mod tests {
             let arm = |side: f64| Vec3::new(noise(k, 31), noise(k, 32), side * 0.5 + 0.1 * noise(k, 33));
             full.arms.push([arm(-1.0), arm(1.0)]);
             let row = ContactConstraint {
-                bodies,
+                bodies: bodies.map(BodyId),
                 normal: Vec3::new(0.6 * noise(k, 41), 0.6 * noise(k, 42), 1.0).normalize(),
                 arm: 1.0,
                 shift: Vec3::new(0.0, 0.0, 0.05 * noise(k, 43)),
