@@ -59,6 +59,11 @@ impl ContactorShape {
     }
 }
 
+cd_formats::index_types! {
+    /// Index of a contactor in `Scene::parts`; in a scene of spheres and plates alone, of a sphere in `Scene::spheres`.
+    PartId;
+}
+
 /// Contactor of a body, in scenes with bodies other than spheres and plates.
 #[derive(Debug, Clone)]
 pub struct BodyPart {
@@ -359,15 +364,15 @@ impl Scene {
     }
 
     /// Index in `parts` of the contactor `rank` of a body, if it has that many.
-    pub fn part_index(&self, body: BodyId, rank: u16) -> Option<usize> {
+    pub fn part_index(&self, body: BodyId, rank: u16) -> Option<PartId> {
         let starts = self.part_starts.get(body.index()..body.index() + 2)?;
         let place = starts[0] + u32::from(rank);
-        (place < starts[1]).then_some(place as usize)
+        (place < starts[1]).then_some(PartId(place))
     }
 
     /// Contactor `rank` of a body, in scenes with bodies other than spheres and plates.
     pub fn find_part(&self, body: BodyId, rank: u16) -> Option<&BodyPart> {
-        self.part_index(body, rank).map(|place| &self.parts[place])
+        self.part_index(body, rank).map(|part| &self.parts[part.index()])
     }
 
     /// Shift from the position `of` to its image nearest to `from`, m; 0 if the scene is not periodic.

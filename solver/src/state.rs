@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame};
-use crate::scene::{BodyId, InteractionRule, Scene};
+use crate::scene::{BodyId, InteractionRule, PartId, Scene};
 
 /// First feature of a contact of polyhedra that was read from a text file without features; the second is a running
 /// number. In the next step it is identified with the nearest contact of the same contactors.
@@ -49,11 +49,14 @@ pub struct Contact {
     pub law: u8,
 }
 
+/// Two contactors that the visibility table lists, the candidate first, and their rule.
+pub type VisiblePair = ([PartId; 2], InteractionRule);
+
 /// Cached data of two contactors that were in contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CachedPair {
-    /// Indices into `Scene::parts`, the candidate first.
-    pub parts: [u32; 2],
+    /// The candidate first.
+    pub parts: [PartId; 2],
     pub memory: CachedFeature,
 }
 
@@ -63,7 +66,7 @@ pub struct DetectionCache {
     pub neighbours: NeighbourList,
     /// Neighbour pairs that the visibility table lists, ordered by candidates along Morton's curve, so that the data of
     /// contactors stay in the cache, then by antagonists. Shared with the backup of a step.
-    pub pairs: Arc<Vec<([u32; 2], InteractionRule)>>,
+    pub pairs: Arc<Vec<VisiblePair>>,
     /// Indices of the pairs in the order of candidates.
     pub order: Arc<Vec<u32>>,
     /// Cached feature of each of these pairs that was in contact.

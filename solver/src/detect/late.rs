@@ -67,10 +67,10 @@ pub fn late_contacts(
     let reach: Vec<f64> = balls.iter().map(|ball| ball.reach + ball.path.norm()).collect();
     let near = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
     let spheres = near.into_iter().filter_map(|near| visible_pair(scene, near)).filter_map(|([i, j], see)| {
-        let [a, b] = [i, j].map(|k| &balls[k as usize]);
+        let [a, b] = [i, j].map(|k| &balls[k.index()]);
         let between = a.centre - b.centre - scene.nearest_image_shift(&a.centre, &b.centre);
         let closes = least_distance(&between, &(a.path - b.path)) < a.reach + b.reach;
-        closes.then_some(([i, j].map(|k| scene.spheres[k as usize]), see.law))
+        closes.then_some(([i, j].map(|k| scene.spheres[k.index()]), see.law))
     });
     let mut pairs: Vec<ListedPair> = spheres.collect();
     for &plane in &scene.planes {

@@ -9,8 +9,8 @@ use super::travel::{LISTING_MARGIN, TravelBounds};
 use super::{narrow, swept};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::scene::{BodyId, BodyShape, InteractionRule, Scene};
-use crate::state::{Contact, DetectionCache};
+use crate::scene::{BodyId, BodyShape, InteractionRule, PartId, Scene};
+use crate::state::{Contact, DetectionCache, VisiblePair};
 
 /// Candidate and antagonist within range of each other, and their law.
 pub type ListedPair = ([BodyId; 2], u8);
@@ -33,13 +33,13 @@ pub fn sphere_sphere_pairs(
     if known.neighbours.rebuild_if_stale(&things, scene.periods(), scene.mean_radius) {
         let near = std::mem::take(&mut known.neighbours.pairs);
         let visible = near.into_par_iter().with_min_len(1024).filter_map(|pair| visible_pair(scene, pair));
-        let mut pairs: Vec<([u32; 2], InteractionRule)> = visible.collect();
+        let mut pairs: Vec<VisiblePair> = visible.collect();
         pairs.par_sort_unstable_by_key(|(pair, _)| *pair);
         known.pairs = Arc::new(pairs);
     }
-    let listed = |&([i, j], see): &([u32; 2], InteractionRule)| {
-        let pair = [i, j].map(|k| scene.spheres[k as usize]);
-        let [i, j] = [i as usize, j as usize];
+    let listed = |&([i, j], see): &VisiblePair| {
+        let pair = [i, j].map(|k| scene.spheres[k.index()]);
+        let [i, j] = [i.index(), j.index()];
         let (a, b) = (centres[i], centres[j] + scene.nearest_image_shift(&centres[i], &centres[j]));
         let gap = narrow::sphere_sphere(&a, radii[i], &b, radii[j]).gap;
         let approach = ApproachBounds { travel: travel[i] + travel[j], nearby: ways.nearby * radii[i].min(radii[j]) };
@@ -51,8 +51,9 @@ pub fn sphere_sphere_pairs(
 
 /// Pair with the candidate first, and its visibility rule; `None` if the table has no rule for it, or if the
 /// motion of both bodies is imposed.
-pub fn visible_pair(scene: &Scene, pair: [u32; 2]) -> Option<([u32; 2], InteractionRule)> {
-    let [a, b] = pair.map(|k| &scene.bodies[scene.spheres[k as usize].index()]);
+pub fn visible_pair(scene: &Scene, pair: [u32; 2]) -> Option<VisiblePair> {
+    let pair = pair.map(PartId);
+    let [a, b] = pair.map(|k| &scene.bodies[scene.spheres[k.index()].index()]);
     Some((pair, scene.visibility.interaction_rule(a.class, b.class)?)).filter(|_| !(a.is_imposed() && b.is_imposed()))
 }
 

@@ -316,7 +316,7 @@ fn restored_attraction(scene: &Scene, snapshot: &Snapshot) -> Option<GravityHist
 
 /// Cached data of pairs of contactors that this scene has; `body` returns the body of each row of the snapshot.
 fn restored_pairs(scene: &Scene, shapes: &ShapeArrays, body: impl Fn(u32) -> BodyId) -> Vec<CachedPair> {
-    let part = |row: u32, rank: u32| scene.part_index(body(row), rank.try_into().ok()?).map(|k| k as u32);
+    let part = |row: u32, rank: u32| scene.part_index(body(row), rank.try_into().ok()?);
     let rows = shapes.pairs.pair_body.iter().zip(&shapes.pairs.pair_rank).zip(&shapes.pairs.pair_memory);
     let mut pairs: Vec<CachedPair> = rows
         .filter_map(|((&[a, b], &[r, s]), &words)| {

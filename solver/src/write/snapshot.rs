@@ -10,7 +10,7 @@ use cd_formats::snapshot::{
 
 use crate::laws::{Cohesion, ContactLaw};
 use crate::math::Vec3;
-use crate::scene::{BodyId, BodyPart, BodyShape, RigidBody, Scene};
+use crate::scene::{BodyPart, BodyShape, RigidBody, Scene};
 use crate::state::{ContactStatus, SolvedContact, State};
 
 /// Returns all of the state, with the scene data that its reader needs.
@@ -137,7 +137,7 @@ fn shape_arrays(scene: &Scene, state: &State) -> ShapeArrays {
     shapes.contacts.contact_area = state.contacts.iter().map(|c| c.contact.area).collect();
     let kept = state.detection_cache.cached_pairs();
     let of_pairs = |value: fn(&BodyPart) -> u32| -> Vec<[u32; 2]> {
-        kept.iter().map(|pair| pair.parts.map(|part| value(&scene.parts[part as usize]))).collect()
+        kept.iter().map(|pair| pair.parts.map(|part| value(&scene.parts[part.index()]))).collect()
     };
     shapes.pairs.pair_body = of_pairs(|part| part.body.0);
     shapes.pairs.pair_rank = of_pairs(|part| part.rank.into());

@@ -103,7 +103,7 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
             BodyShape::Plane { .. } => "PLANx",
             BodyShape::Parts => {
                 let place = scene.part_index(body, rank);
-                contactor_name(&scene.parts[place.unwrap_or_default()])
+                contactor_name(&scene.parts[place.unwrap_or_default().index()])
             }
         };
         ContactSide { body: body.index(), contactor: contactor.into(), rank: rank.into() }
