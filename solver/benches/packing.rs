@@ -4,6 +4,7 @@ use cd_solve::assemble::{BlockData, ContactConstraint, ContactProblem, RollingCo
 use cd_solve::math::{Mat3, Vec3};
 use cd_solve::scene::BodyId;
 use cd_solve::solve::gauss_seidel::block::local::{delassus_block_of_row, full_matrix};
+use cd_solve::state::ContactId;
 
 /// The same with cuboids in place of the spheres, four points on each face that touches.
 pub fn blocks(side: usize, friction: f64) -> ContactProblem {
@@ -45,7 +46,7 @@ pub fn resisting(mut system: ContactProblem) -> ContactProblem {
         shift: Vec3::zeros(),
         warm_start: Vec3::zeros(),
     };
-    system.rolling_constraints = (0..system.rows.len() as u32).map(roll).collect();
+    system.rolling_constraints = (0..system.rows.len()).map(ContactId::new).map(roll).collect();
     system
 }
 

@@ -24,6 +24,11 @@ pub struct Velocities<'a> {
     pub w: &'a [Vec3],
 }
 
+cd_formats::index_types! {
+    /// Index of a contact in the list of a step, and of its row in the contact problem.
+    ContactId;
+}
+
 /// A contact found in the contact configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Contact {

@@ -9,7 +9,7 @@ use nalgebra::Matrix3;
 use super::kinematics::contact_arms;
 use crate::math::Vec3;
 use crate::scene::{BodyId, RigidBody};
-use crate::state::Contact;
+use crate::state::{Contact, ContactId};
 
 /// Data of a body that a sweep reads and writes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,8 +58,8 @@ pub struct ContactConstraint {
 /// Resistance of a row's contact to rolling and spinning, see [`crate::laws::RollingFriction`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RollingConstraint {
-    /// Index into the rows.
-    pub row: u32,
+    /// Its row.
+    pub row: ContactId,
     /// 1/(1/R_a + 1/R_b), m.
     pub radius: f64,
     pub rolling: f64,
@@ -130,8 +130,8 @@ impl ContactConstraint {
 
 impl ContactProblem {
     /// Whether one of the rows `active` has friction, or any row has moments.
-    pub fn has_friction(&self, active: &[u32]) -> bool {
-        !self.rolling_constraints.is_empty() || active.iter().any(|&k| self.rows[k as usize].friction > 0.0)
+    pub fn has_friction(&self, active: &[ContactId]) -> bool {
+        !self.rolling_constraints.is_empty() || active.iter().any(|&k| self.rows[k.index()].friction > 0.0)
     }
 
     /// Vector from the centre of the candidate (side 0) or antagonist (1) of row `k` to the contact point, m; 0 for a plate

@@ -14,7 +14,7 @@ use crate::laws::{ContactLaw, GapForecast, LawInput, LawShift, MAX_STEP_OVERLAP,
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
 use crate::scene::{BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
-use crate::state::{Contact, ContactStatus, SolvedContact, State, Velocities};
+use crate::state::{Contact, ContactId, ContactStatus, SolvedContact, State, Velocities};
 
 /// Sliding of a contact that begins counts above this multiple of `tol` times the change of velocity that loads it:
 /// unconverged sticking contacts slide less.
@@ -80,9 +80,9 @@ pub fn contact_problem(
         width: SimdWidth::detect(),
     };
     let history = setting.previous_contacts(contacts);
-    let before = |old: &Option<u32>| old.map(|k| &state.contacts[k as usize]);
+    let before = |old: &Option<ContactId>| old.map(|k| &state.contacts[k.index()]);
     let holds = setting.bond_states(contacts, &history);
-    let of_contact = |(k, (old, hold)): (usize, (&Option<u32>, &BondState))| {
+    let of_contact = |(k, (old, hold)): (usize, (&Option<ContactId>, &BondState))| {
         setting.prefetch(contacts.get(k + PREFETCH_CONTACTS));
         setting.contact_constraint(&contacts[k], before(old), *hold)
     };
@@ -92,7 +92,7 @@ pub fn contact_problem(
         let listed = (0..).zip(contacts).zip(&history).filter(|((k, _), _): &((usize, _), _)| rows[*k].acts);
         listed
             .filter_map(|((k, contact), old)| {
-                setting.rolling_constraint(k, contact, old.map(|k| &state.contacts[k as usize]))
+                setting.rolling_constraint(k, contact, old.map(|k| &state.contacts[k.index()]))
             })
             .collect()
     } else {
@@ -109,7 +109,7 @@ pub fn contact_problem(
             None => -rows[k].impulse_shift,
         };
         let sticks =
-            |k: usize| history[k].is_some_and(|old| state.contacts[old as usize].status == ContactStatus::Stick);
+            |k: usize| history[k].is_some_and(|old| state.contacts[old.index()].status == ContactStatus::Stick);
         full.friction_offsets = friction_offsets(contacts, &rows, full, load, sticks);
         if has_joints(scene) {
             let joints = Joints { contacts, rows: &rows, records: &records, full, scene };
@@ -134,7 +134,7 @@ pub fn contact_problem(
             }
         });
         for roll in &mut rolls {
-            let [a, b] = rows[roll.row as usize].bodies.map(|body| full.inverse_inertia[body.index()]);
+            let [a, b] = rows[roll.row.index()].bodies.map(|body| full.inverse_inertia[body.index()]);
             roll.inverse_w = 1.0 / (a + b).symmetric_eigenvalues().max();
         }
     }
@@ -152,7 +152,7 @@ pub fn contact_problem(
 }
 
 /// Applies the attraction of the contacts, and starts contacts without a history from the impulse that balances it.
-fn apply_cohesion(system: &mut ContactProblem, history: &[Option<u32>]) {
+fn apply_cohesion(system: &mut ContactProblem, history: &[Option<ContactId>]) {
     for (k, old) in history.iter().enumerate() {
         let ContactConstraint { impulse_shift, normal, .. } = system.rows[k];
         if impulse_shift != 0.0 {
@@ -363,7 +363,7 @@ impl AssemblyContext<'_> {
         }
         let scale = self.q_c.h / self.state.h;
         Some(RollingConstraint {
-            row: k as u32,
+            row: ContactId::new(k),
             radius: self.effective_radius(contact),
             rolling,
             spinning,

@@ -3,7 +3,7 @@
 use super::problem::ContactProblem;
 use crate::math::{Vec3, to_local};
 use crate::scene::BodyId;
-use crate::state::Contact;
+use crate::state::{Contact, ContactId};
 
 /// Problem û = W r̂ + q with Signorini and Coulomb on (û, r̂), components along n, t, s of each contact.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -14,7 +14,7 @@ pub struct StoredProblem {
     /// Blocks (i, j, w): response of û of contact i to unit impulses at contact j, 1/kg; those not listed are 0.
     pub blocks: Vec<(usize, usize, [[f64; 3]; 3])>,
     /// Row of the system and frame (n, t, s) of each contact.
-    pub rows: Vec<(u32, [Vec3; 3])>,
+    pub rows: Vec<(ContactId, [Vec3; 3])>,
 }
 
 /// Problem of the rows that can close, in the order of the contacts.
@@ -30,7 +30,7 @@ pub fn stored_problem(system: &ContactProblem, contacts: &[Contact]) -> StoredPr
     for (i, &here) in rows.iter().enumerate() {
         let row = &system.rows[here];
         let frame = &contacts[here].frame();
-        problem.rows.push((here as u32, *frame));
+        problem.rows.push((ContactId::new(here), *frame));
         problem.mu.push(row.friction);
         problem.q.push(to_local(frame, &system.shifted_velocity(here, &system.bodies)).into());
         let mut neighbours: Vec<usize> = row.bodies.iter().flat_map(|&body| &on_body[body.index()]).copied().collect();

@@ -135,11 +135,11 @@ impl PostSolve<'_> {
     ) -> (ContactTotals, Vec<ContactExchange>) {
         let PostSolve { q_c, system, solution, .. } = self;
         let (mut given, mut exchanges) = (ContactTotals::default(), Vec::with_capacity(contacts.len()));
-        let roll = system.rolling_constraints.partition_point(|roll| (roll.row as usize) < first);
+        let roll = system.rolling_constraints.partition_point(|roll| roll.row.index() < first);
         let mut rolls = system.rolling_constraints[roll..].iter().zip(&solution.moments[roll..]).peekable();
         for ((k, contact), end) in (first..).zip(contacts).zip(ends) {
             let (row, r) = (&system.rows[k], &solution.impulses[k]);
-            let moment = rolls.next_if(|(roll, _)| roll.row as usize == k).map(|(_, m)| m);
+            let moment = rolls.next_if(|(roll, _)| roll.row.index() == k).map(|(_, m)| m);
             *end = self.finish_contact(k, contact, moment);
             // Penetration between two driven bodies is imposed, not an error of the contact.
             let depth = if row.acts { (-contact.gap).max(0.0) } else { 0.0 };

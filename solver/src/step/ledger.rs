@@ -12,7 +12,7 @@ use crate::detect::NarrowPhaseError;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3};
 use crate::scene::{BodyId, Scene};
 use crate::solve::lmgc90_criteria::{Lmgc90Norms, lmgc90_norms};
-use crate::state::{OutputInterval, State, Velocities};
+use crate::state::{ContactId, OutputInterval, State, Velocities};
 
 /// Report of a step for the log.
 #[derive(Debug, Clone, PartialEq)]
@@ -121,8 +121,8 @@ pub fn update_ledger(
         ledger.steps_unconverged += 1;
         ledger.last_unconverged = Some(state.step + 1);
     }
-    let worst = |row: u32| {
-        let (bodies, solved) = (system.rows[row as usize].bodies, &outcome.contacts[row as usize]);
+    let worst = |row: ContactId| {
+        let (bodies, solved) = (system.rows[row.index()].bodies, &outcome.contacts[row.index()]);
         WorstContact { bodies, point: solved.contact.point }
     };
     StepReport {

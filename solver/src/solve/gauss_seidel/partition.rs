@@ -11,6 +11,7 @@ use crate::assemble::ContactProblem;
 use crate::math::PAR_MIN_LEN;
 use crate::scene::BodyId;
 use crate::solve::gauss_seidel::packed::NONE;
+use crate::state::ContactId;
 
 /// Rule by which bodies are divided into ranges.
 #[derive(Debug, Clone, Copy)]
@@ -37,8 +38,8 @@ pub struct BodyPartition {
 
 impl BodyPartition {
     /// Divides the moving bodies of the rows `active`.
-    pub fn new(system: &ContactProblem, active: &[u32], rule: PartitionRule) -> Self {
-        let bodies_of = |&k: &u32| system.rows[k as usize].bodies.map(|body| body.0);
+    pub fn new(system: &ContactProblem, active: &[ContactId], rule: PartitionRule) -> Self {
+        let bodies_of = |&k: &ContactId| system.rows[k.index()].bodies.map(|body| body.0);
         let mut pairs: Vec<[u32; 2]> = active.par_iter().with_min_len(PAR_MIN_LEN).map(bodies_of).collect();
         let mut touched = vec![false; system.bodies.len()];
         pairs.as_flattened().iter().for_each(|&body| touched[body as usize] = true);
@@ -122,7 +123,9 @@ mod tests {
             order: vec![6, 5, 4, 3, 2, 1, 0],
             bodies: (0..7).map(body).collect(),
         };
-        let divided = |rounds_up| BodyPartition::new(&system, &[0, 1, 2], PartitionRule { min_bodies: 2, rounds_up });
+        let divided = |rounds_up| {
+            BodyPartition::new(&system, &[0, 1, 2].map(ContactId), PartitionRule { min_bodies: 2, rounds_up })
+        };
         let (down, up) = (divided(false), divided(true));
         assert_eq!(down.bodies, [6, 4, 2, 1, 0].map(BodyId));
         assert_eq!(down.pairs, [[4, NONE], [3, 0], [2, 1]]);

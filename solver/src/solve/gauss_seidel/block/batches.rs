@@ -22,6 +22,7 @@ use crate::solve::gauss_seidel::partition::{BodyPartition, MAX_COLOURS, Partitio
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
 use crate::solve::gauss_seidel::vector::{dot_product, triple};
 use crate::solve::types::ContactReactions;
+use crate::state::ContactId;
 
 const PARTITION_RULE: PartitionRule = PartitionRule { min_bodies: 512, rounds_up: true };
 
@@ -195,7 +196,7 @@ struct PairConstraints {
     bodies: [BodyId; 2],
     /// Ranks of the bodies.
     ranks: [u32; 2],
-    rows: Vec<u32>,
+    rows: Vec<ContactId>,
     lines: [u32; 2],
 }
 
@@ -293,10 +294,10 @@ impl<C: PairContacts> BlockProblem<C> {
     }
 }
 
-fn group_into_pairs(system: &ContactProblem, active: &[u32], partition: &BodyPartition) -> Vec<PairConstraints> {
+fn group_into_pairs(system: &ContactProblem, active: &[ContactId], partition: &BodyPartition) -> Vec<PairConstraints> {
     let mut pairs: Vec<PairConstraints> = Vec::new();
     for (&k, &ranks) in active.iter().zip(&partition.pairs) {
-        let bodies = system.rows[k as usize].bodies;
+        let bodies = system.rows[k.index()].bodies;
         match pairs.last_mut() {
             Some(last) if last.bodies == bodies && last.rows.len() < MAX_PAIR_CONTACTS => last.rows.push(k),
             _ => pairs.push(PairConstraints { bodies, ranks, rows: vec![k], lines: [NONE; 2] }),
@@ -329,7 +330,7 @@ impl<C: PairContacts> PairBatches<C> {
         let most = members.iter().map(|&k| pairs[k as usize].rows.len()).max().unwrap_or(0);
         self.rows.resize(first + most, [NONE; BATCH_LANES]);
         let has_lever =
-            |row: &u32| full.friction_offsets.get(*row as usize).is_some_and(|offset| *offset != Vec3::zeros());
+            |row: &ContactId| full.friction_offsets.get(row.index()).is_some_and(|offset| *offset != Vec3::zeros());
         let levers = members.iter().any(|&k| pairs[k as usize].rows.iter().any(has_lever));
         let mut batch = BodyPairBatch {
             bodies: [[unused; BATCH_LANES]; 2],
@@ -343,7 +344,7 @@ impl<C: PairContacts> PairBatches<C> {
                 batch.bodies[side][lane] = pair.lines[side];
             }
             for (rows, &row) in self.rows[first..].iter_mut().zip(&pair.rows) {
-                rows[lane] = row;
+                rows[lane] = row.0;
             }
         }
         self.batches.push(batch);
@@ -362,7 +363,7 @@ impl<C: PairContacts> PairBatches<C> {
             self.rolls = vec![RollingConstraintWide::NONE; count];
             for (rolls, rows) in self.rolls.iter_mut().zip(&self.rows) {
                 for (lane, row) in occupied_lanes(rows) {
-                    rolls.set_lane(lane, from.start.system, row as u32, &from.start.reactions.moments);
+                    rolls.set_lane(lane, from.start.system, ContactId(row as u32), &from.start.reactions.moments);
                 }
             }
         }

@@ -23,6 +23,7 @@ mod tests {
     use crate::solve::residual::ResidualEvaluator;
     use crate::solve::{StoppingCriteria, solve_nlgs};
     use crate::state::Contact;
+    use crate::state::ContactId;
 
     /// A stack of `count` bodies with arms and inertia from arithmetic alone, on a ground that does not move: up to five
     /// contacts between neighbours, and contacts of every third body with the one two below.
@@ -134,7 +135,7 @@ mod tests {
             let system = heap(60, friction);
             let solution = solve_nlgs(&system, StoppingCriteria::new(tol, 100_000), SimdWidth::detect());
             assert!(solution.converged, "{friction}: {:e} after {}", solution.residual, solution.sweeps);
-            let all: Vec<u32> = (0..system.rows.len() as u32).collect();
+            let all: Vec<ContactId> = (0..system.rows.len()).map(ContactId::new).collect();
             assert!(
                 ResidualEvaluator::new(&system, &all, SimdWidth::detect()).residual(&solution.impulses).value <= tol
             );
@@ -164,7 +165,7 @@ mod tests {
             let system = heap(60, friction);
             let solution = solve_nlgs(&system, in_single(1e-4, 100_000), SimdWidth::detect());
             assert!(solution.single_precision && solution.converged, "{friction}: {:e}", solution.residual);
-            let all: Vec<u32> = (0..system.rows.len() as u32).collect();
+            let all: Vec<ContactId> = (0..system.rows.len()).map(ContactId::new).collect();
             assert!(
                 ResidualEvaluator::new(&system, &all, SimdWidth::detect()).residual(&solution.impulses).value <= 1e-4
             );

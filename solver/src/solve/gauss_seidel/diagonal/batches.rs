@@ -20,6 +20,7 @@ use crate::solve::gauss_seidel::packed::{
 use crate::solve::gauss_seidel::partition::{BodyPartition, MAX_COLOURS, PartitionRule, colour_pairs};
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
 use crate::solve::types::ContactReactions;
+use crate::state::ContactId;
 
 const PARTITION_RULE: PartitionRule = PartitionRule { min_bodies: 1024, rounds_up: false };
 
@@ -211,7 +212,7 @@ struct BatchLayout {
 }
 
 impl BatchLayout {
-    fn new(system: &ContactProblem, active: &[u32]) -> Self {
+    fn new(system: &ContactProblem, active: &[ContactId]) -> Self {
         let partition = BodyPartition::new(system, active, PARTITION_RULE);
         let BodyPartition { bodies, pairs, .. } = &partition;
         let ranges = partition.range_count();
@@ -280,8 +281,8 @@ impl BatchLayout {
             for (lane, slot) in rows.iter_mut().enumerate().filter(|(_, slot)| **slot != NONE) {
                 let place = *slot as usize;
                 let k = from.active[place];
-                *slot = k;
-                let row = &from.system.rows[k as usize];
+                *slot = k.0;
+                let row = &from.system.rows[k.index()];
                 let n = row.normal;
                 set_lane(&mut batch.n, lane, &n);
                 if let Some(cones) = cones.get_mut(i) {
@@ -320,7 +321,7 @@ impl BatchLayout {
                         curvature[lane] = B::T::from_f64(if radius > 0.0 { 1.0 / radius } else { 0.0 });
                     }
                 }
-                let impulse = &from.reactions.impulses[k as usize];
+                let impulse = &from.reactions.impulses[k.index()];
                 if B::HAS_FRICTION {
                     set_lane(&mut r.0, lane, &(impulse / units.impulse));
                 } else {
