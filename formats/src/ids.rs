@@ -14,7 +14,8 @@ macro_rules! index_types {
     ($($(#[doc = $help:literal])+ $name:ident;)+) => {
         $(
             $(#[doc = $help])+
-            #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+            #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+            #[repr(transparent)]
             pub struct $name(pub u32);
 
             impl $name {
@@ -24,8 +25,14 @@ macro_rules! index_types {
                 }
 
                 /// Position in a list.
+                #[inline(always)]
                 pub fn index(self) -> usize {
                     self.0 as usize
+                }
+
+                /// Number counted from 1, for messages.
+                pub fn number(self) -> usize {
+                    self.index() + 1
                 }
             }
         )+
@@ -33,6 +40,6 @@ macro_rules! index_types {
 }
 
 index_types! {
-    /// Row of a body in the body arrays of a snapshot.
+    /// Index of a body: its row in BODIES.DAT and in the body arrays of a snapshot.
     BodyId;
 }

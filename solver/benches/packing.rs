@@ -2,7 +2,9 @@
 
 use cd_solve::assemble::{BlockData, ContactConstraint, ContactProblem, RollingConstraint, SolverBody};
 use cd_solve::math::{Mat3, Vec3};
+use cd_solve::scene::BodyId;
 use cd_solve::solve::gauss_seidel::block::local::{delassus_block_of_row, full_matrix};
+use cd_solve::state::ContactId;
 
 /// The same with cuboids in place of the spheres, four points on each face that touches.
 pub fn blocks(side: usize, friction: f64) -> ContactProblem {
@@ -44,7 +46,7 @@ pub fn resisting(mut system: ContactProblem) -> ContactProblem {
         shift: Vec3::zeros(),
         warm_start: Vec3::zeros(),
     };
-    system.rolling_constraints = (0..system.rows.len() as u32).map(roll).collect();
+    system.rolling_constraints = (0..system.rows.len()).map(ContactId::new).map(roll).collect();
     system
 }
 
@@ -71,7 +73,7 @@ pub fn packing(side: usize, friction: f64) -> ContactProblem {
             let mut normal = Vec3::new(random(k, 3.1), random(k, 5.7), random(k, 7.3)) * 0.2;
             normal[axis] -= 1.0;
             rows.push(ContactConstraint {
-                bodies: [k as u32, (k + stride) as u32],
+                bodies: [BodyId::new(k), BodyId::new(k + stride)],
                 normal: normal.normalize(),
                 arm: 1.0,
                 w_n: 2.0,

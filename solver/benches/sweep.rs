@@ -12,6 +12,7 @@ use cd_solve::solve::ContactReactions;
 use cd_solve::solve::gauss_seidel::layout::pack_problem;
 use cd_solve::solve::gauss_seidel::packed::PackSource;
 use cd_solve::solve::residual::ResidualEvaluator;
+use cd_solve::state::ContactId;
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use packing::{blocks, packing, resisting};
@@ -29,15 +30,15 @@ fn main() {
 /// Input for packing these rows.
 fn source<'a>(
     system: &'a ContactProblem,
-    (active, reactions): &'a (Vec<u32>, ContactReactions),
+    (active, reactions): &'a (Vec<ContactId>, ContactReactions),
     width: SimdWidth,
 ) -> PackSource<'a> {
     PackSource { system, active, reactions, records: &system.bodies, width }
 }
 
 /// All rows of a packing, and impulses of 0.
-fn start(system: &ContactProblem) -> (Vec<u32>, ContactReactions) {
-    ((0..system.rows.len() as u32).collect(), ContactReactions::zeros(system))
+fn start(system: &ContactProblem) -> (Vec<ContactId>, ContactReactions) {
+    ((0..system.rows.len()).map(ContactId::new).collect(), ContactReactions::zeros(system))
 }
 
 fn sweeps(bencher: Bencher, system: ContactProblem, width: SimdWidth, threads: usize) {

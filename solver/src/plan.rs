@@ -8,7 +8,7 @@ use cd_formats::compute::Accuracy;
 
 use crate::integrate::{fastest_turn, shortest_orbit};
 use crate::math::Vec3;
-use crate::scene::{BodyPart, BodyShape, ContactorShape, ImposedVelocity, RigidBody, Scene};
+use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, ImposedVelocity, RigidBody, Scene};
 use crate::solve::gauss_seidel::diagonal::batches::ContactBatch;
 use crate::state::{Contact, ContactExchange, SolvedContact, State};
 use crate::step::{StageTimes, StepReport, step};
@@ -40,7 +40,7 @@ pub struct StepBound {
 
 /// Bounds on h, the smallest first.
 pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
-    let free: Vec<(usize, &RigidBody)> = scene.free.iter().map(|&i| (i as usize, &scene.bodies[i as usize])).collect();
+    let free: Vec<(usize, &RigidBody)> = scene.free.iter().map(|&i| (i.index(), &scene.bodies[i.index()])).collect();
     let mass: f64 = free.iter().map(|(_, body)| body.mass).sum();
     let smallest = free.iter().map(|(_, body)| body.radius).fold(f64::INFINITY, f64::min);
     let mean_velocity = free.iter().map(|(i, body)| state.v[*i] * body.mass).sum::<Vec3>() / mass;
@@ -113,7 +113,7 @@ fn floor_height(scene: &Scene, state: &State) -> f64 {
             BodyShape::Sphere { .. } => scene.bodies[i].radius,
             BodyShape::Plane { half_lengths } => half_lengths.dot(&along.abs()),
             BodyShape::Parts => {
-                let parts = scene.parts_of(i as u32).iter();
+                let parts = scene.parts_of(BodyId::new(i)).iter();
                 // Grains lie inside a hollow cylinder, down to its lower side.
                 let side = |part: &BodyPart| match part.geometry {
                     ContactorShape::Sphere { radius } => radius,
@@ -125,18 +125,18 @@ fn floor_height(scene: &Scene, state: &State) -> f64 {
         };
         state.x[i].dot(&up) + reach
     };
-    let walls = (0..scene.bodies.len()).filter(|&i| scene.free.binary_search(&(i as u32)).is_err());
+    let walls = (0..scene.bodies.len()).filter(|&i| scene.free.binary_search(&BodyId::new(i)).is_err());
     walls.map(top).fold(f64::INFINITY, f64::min)
 }
 
 /// Largest speed of a point of a driven body relative to `v` between two times, m/s; the rotation of a sphere does not
 /// count.
 fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, v: &Vec3, times: [f64; 2]) -> f64 {
-    let reach = match scene.bodies[drive.body].shape {
+    let reach = match scene.bodies[drive.body.index()].shape {
         BodyShape::Sphere { .. } => 0.0,
         BodyShape::Plane { half_lengths } => half_lengths.norm(),
         BodyShape::Parts => {
-            let parts = scene.parts_of(drive.body as u32).iter();
+            let parts = scene.parts_of(drive.body).iter();
             parts.map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max)
         }
     };
@@ -152,14 +152,14 @@ fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, v: &Vec3, times: [f64
 /// along an axis along which none moves.
 pub fn roundoff_warning(scene: &Scene, state: &State) -> Option<String> {
     let steps = scene.last_step().saturating_sub(state.step).max(1);
-    let digit = |i: u32| f64::EPSILON * state.x[i as usize].amax();
-    let share = |i: u32| steps as f64 * digit(i) / scene.bodies[i as usize].radius;
+    let digit = |i: BodyId| f64::EPSILON * state.x[i.index()].amax();
+    let share = |i: BodyId| steps as f64 * digit(i) / scene.bodies[i.index()].radius;
     let worst = scene.free.iter().copied().max_by(|a, b| share(*a).total_cmp(&share(*b)))?;
     (share(worst) > ROUNDOFF_WARNING_SHARE).then(|| {
         format!(
             "body {} is {:.3e} m from the origin, where positions are rounded to {:.1e} m: in {steps} steps round-off may displace it by {:.1e} of its radius",
-            worst + 1,
-            state.x[worst as usize].norm(),
+            worst.number(),
+            state.x[worst.index()].norm(),
             digit(worst),
             share(worst)
         )

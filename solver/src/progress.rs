@@ -108,7 +108,7 @@ impl ProgressDisplay {
     pub fn report_unconverged(&self, state: &State, report: &StepReport, options: &Compute) {
         let place = |WorstContact { bodies: [a, b], point }: WorstContact| {
             let [x, y, z] = [point.x, point.y, point.z];
-            format!(", worst contact bodies {}-{} at ({x:.6e}, {y:.6e}, {z:.6e}) m", a + 1, b + 1)
+            format!(", worst contact bodies {}-{} at ({x:.6e}, {y:.6e}, {z:.6e}) m", a.number(), b.number())
         };
         let worst = report.worst.map_or(String::new(), place);
         let solver = solver_text(options.solver, report.replacement_reason.is_some());

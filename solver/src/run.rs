@@ -20,7 +20,7 @@ use crate::integrate::{ContactConfiguration, predict_configuration};
 use crate::math::Vec3;
 use crate::plan::{StepBound, roundoff_warning, step_bounds};
 use crate::progress::ProgressDisplay;
-use crate::scene::Scene;
+use crate::scene::{BodyId, Scene};
 use crate::state::{Contact, DetectionCache, State};
 use crate::step::{MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes, deeper_overlap, next_problem, step};
 use crate::write::summary::{RunStatistics, summary_text};
@@ -279,7 +279,7 @@ fn initial_overlap_warning(scene: &Scene, state: &State, known: &mut DetectionCa
     let deep = contacts
         .iter()
         .filter(|contact| contact.gap < 0.0 && Overlap::from_contact(scene, contact).share > OVERLAP_WARNING_SHARE);
-    let mut pairs: Vec<[u32; 2]> = deep.map(|contact| [contact.candidate, contact.antagonist]).collect();
+    let mut pairs: Vec<[BodyId; 2]> = deep.map(|contact| [contact.candidate, contact.antagonist]).collect();
     pairs.dedup();
     let count = match pairs.len() {
         1 => "1 pair of bodies overlaps".to_string(),

@@ -3,6 +3,7 @@
 use cd_formats::compute::{Compute, Event, GravityMethod, NarrowPhase};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::field::FieldModel;
+pub use cd_formats::ids::BodyId;
 use cd_formats::snapshot::{LawName, MaterialName};
 
 use crate::features::BARE;
@@ -58,10 +59,15 @@ impl ContactorShape {
     }
 }
 
+cd_formats::index_types! {
+    /// Index of a contactor in `Scene::parts`; in a scene of spheres and plates alone, of a sphere in `Scene::spheres`.
+    PartId;
+}
+
 /// Contactor of a body, in scenes with bodies other than spheres and plates.
 #[derive(Debug, Clone)]
 pub struct BodyPart {
-    pub body: u32,
+    pub body: BodyId,
     /// Index among the contactors of its body, from 0.
     pub rank: u16,
     pub geometry: ContactorShape,
@@ -159,7 +165,7 @@ impl RigidBody {
 /// imposed motion.
 #[derive(Debug, Clone)]
 pub struct ImposedVelocity {
-    pub body: usize,
+    pub body: BodyId,
     pub velocity: [Option<Evolution>; 6],
 }
 
@@ -180,7 +186,7 @@ impl ImposedVelocity {
 /// An imposed force component (0 to 2, N) or moment (3 to 5, about the body's axes, N m).
 #[derive(Debug, Clone)]
 pub struct ImposedLoad {
-    pub body: usize,
+    pub body: BodyId,
     pub component: usize,
     pub value: Evolution,
 }
@@ -242,11 +248,11 @@ pub struct Scene {
     /// Orientations at the start, body to world, unless DOF.INI gives them.
     pub axes: Vec<Quat>,
     /// Free bodies, in order.
-    pub free: Vec<u32>,
+    pub free: Vec<BodyId>,
     /// Spheres, free or driven, in order.
-    pub spheres: Vec<u32>,
+    pub spheres: Vec<BodyId>,
     /// Plates, in order.
-    pub planes: Vec<u32>,
+    pub planes: Vec<BodyId>,
     /// Contactors of all bodies, ordered by body, if some body is neither a sphere nor a plate, or is driven in part;
     /// otherwise empty.
     pub parts: Vec<BodyPart>,
@@ -261,7 +267,7 @@ pub struct Scene {
     /// Probable mistakes in the input.
     pub warnings: Vec<String>,
     /// Free bodies whose moments of inertia differ, in order: their angular velocity changes without a torque.
-    pub turning: Vec<u32>,
+    pub turning: Vec<BodyId>,
     /// Whether the orientation of each body is integrated; a sphere's matters only to moments and rotations in its own
     /// axes.
     pub oriented: Vec<bool>,
@@ -307,34 +313,34 @@ impl Scene {
     /// Radius (m) of the ball that the free bodies would form without pores, and self-gravity at its surface, m/s²;
     /// `None` without self-gravity.
     pub fn surface_gravity(&self) -> Option<(f64, f64)> {
-        let free = || self.free.iter().map(|&i| &self.bodies[i as usize]);
+        let free = || self.free.iter().map(|&i| &self.bodies[i.index()]);
         let radius = free().map(|body| body.radius.powi(3)).sum::<f64>().cbrt();
         let strength = self.options.gravity_constant * free().map(|body| body.mass).sum::<f64>();
         self.has_self_gravity().then_some((radius, strength / (radius * radius)))
     }
 
     /// Effective radius R, 1/R = 1/R_a + 1/R_b, of two contactors, each a body and a rank, m.
-    pub fn effective_radius(&self, a: (u32, u16), b: (u32, u16)) -> f64 {
+    pub fn effective_radius(&self, a: (BodyId, u16), b: (BodyId, u16)) -> f64 {
         1.0 / (self.contactor_curvature(a) + self.contactor_curvature(b))
     }
 
     /// Size of a pair of contactors, each a body and a rank, m: the radius of the smaller free body, limited to the sum
     /// of the inner radii, as a pair that overlaps by twice that sum may separate on the wrong side.
-    pub fn pair_size(&self, a: (u32, u16), b: (u32, u16)) -> f64 {
-        let free = [a, b].map(|(body, _)| &self.bodies[body as usize]).into_iter().filter(|body| !body.driven);
+    pub fn pair_size(&self, a: (BodyId, u16), b: (BodyId, u16)) -> f64 {
+        let free = [a, b].map(|(body, _)| &self.bodies[body.index()]).into_iter().filter(|body| !body.driven);
         free.map(|body| body.radius).fold(self.inner_radius(a) + self.inner_radius(b), f64::min)
     }
 
-    fn inner_radius(&self, (body, rank): (u32, u16)) -> f64 {
-        match self.bodies[body as usize].shape {
+    fn inner_radius(&self, (body, rank): (BodyId, u16)) -> f64 {
+        match self.bodies[body.index()].shape {
             BodyShape::Sphere { radius } => radius,
             BodyShape::Plane { half_lengths } => half_lengths.min(),
             BodyShape::Parts => self.find_part(body, rank).map_or(f64::INFINITY, |part| part.geometry.inner_radius()),
         }
     }
 
-    fn contactor_curvature(&self, (body, rank): (u32, u16)) -> f64 {
-        match self.bodies[body as usize].shape {
+    fn contactor_curvature(&self, (body, rank): (BodyId, u16)) -> f64 {
+        match self.bodies[body.index()].shape {
             BodyShape::Sphere { radius } => 1.0 / radius,
             BodyShape::Plane { .. } => 0.0,
             BodyShape::Parts => self.find_part(body, rank).map_or(0.0, |part| self.part_curvature(part)),
@@ -346,27 +352,27 @@ impl Scene {
     pub fn part_curvature(&self, part: &BodyPart) -> f64 {
         match part.geometry {
             ContactorShape::Sphere { radius } => 1.0 / radius,
-            ContactorShape::Polyhedron(_) => 1.0 / self.bodies[part.body as usize].radius,
+            ContactorShape::Polyhedron(_) => 1.0 / self.bodies[part.body.index()].radius,
             ContactorShape::Cylinder { .. } | ContactorShape::Plane { .. } => 0.0,
         }
     }
 
     /// Contactors of a body in a scene that [`Self::is_general`].
-    pub fn parts_of(&self, body: u32) -> &[BodyPart] {
+    pub fn parts_of(&self, body: BodyId) -> &[BodyPart] {
         let at = |k: usize| self.part_starts[k] as usize;
-        &self.parts[at(body as usize)..at(body as usize + 1)]
+        &self.parts[at(body.index())..at(body.index() + 1)]
     }
 
     /// Index in `parts` of the contactor `rank` of a body, if it has that many.
-    pub fn part_index(&self, body: u32, rank: u16) -> Option<usize> {
-        let starts = self.part_starts.get(body as usize..body as usize + 2)?;
+    pub fn part_index(&self, body: BodyId, rank: u16) -> Option<PartId> {
+        let starts = self.part_starts.get(body.index()..body.index() + 2)?;
         let place = starts[0] + u32::from(rank);
-        (place < starts[1]).then_some(place as usize)
+        (place < starts[1]).then_some(PartId(place))
     }
 
     /// Contactor `rank` of a body, in scenes with bodies other than spheres and plates.
-    pub fn find_part(&self, body: u32, rank: u16) -> Option<&BodyPart> {
-        self.part_index(body, rank).map(|place| &self.parts[place])
+    pub fn find_part(&self, body: BodyId, rank: u16) -> Option<&BodyPart> {
+        self.part_index(body, rank).map(|part| &self.parts[part.index()])
     }
 
     /// Shift from the position `of` to its image nearest to `from`, m; 0 if the scene is not periodic.
@@ -410,21 +416,21 @@ impl Scene {
 
     /// Sort key that determines the candidate of a contact, as in LMGC90: the lower of the two. Spheres come before
     /// polyhedra before cylinders before plates, then in general bodies that are not driven, then the lower number.
-    pub fn candidate_order(&self, body: u32, rank: u16) -> (u8, bool, u32, u16) {
-        let kind = match (self.find_part(body, rank).map(|part| &part.geometry), &self.bodies[body as usize].shape) {
+    pub fn candidate_order(&self, body: BodyId, rank: u16) -> (u8, bool, BodyId, u16) {
+        let kind = match (self.find_part(body, rank).map(|part| &part.geometry), &self.bodies[body.index()].shape) {
             (Some(ContactorShape::Sphere { .. }), _) | (None, BodyShape::Sphere { .. }) => 0,
             (Some(ContactorShape::Polyhedron(_)), _) => 1,
             (Some(ContactorShape::Cylinder { .. }), _) => 2,
             (Some(ContactorShape::Plane { .. }) | None, _) => 3,
         };
-        (kind, self.is_general() && self.bodies[body as usize].driven, body, rank)
+        (kind, self.is_general() && self.bodies[body.index()].driven, body, rank)
     }
 
     /// Class of the contactor `rank` of a body, if it has that many.
-    pub fn contactor_class(&self, body: u32, rank: u16) -> Option<u16> {
-        match self.bodies[body as usize].shape {
+    pub fn contactor_class(&self, body: BodyId, rank: u16) -> Option<u16> {
+        match self.bodies[body.index()].shape {
             BodyShape::Parts => Some(self.find_part(body, rank)?.class),
-            _ => (rank == 0).then_some(self.bodies[body as usize].class),
+            _ => (rank == 0).then_some(self.bodies[body.index()].class),
         }
     }
 
@@ -462,11 +468,11 @@ impl Scene {
 
     /// Names of the models that this scene uses, for the summary.
     pub fn model_names(&self) -> Vec<String> {
-        let driven_spheres = self.spheres.iter().filter(|&&i| self.bodies[i as usize].driven).count();
+        let driven_spheres = self.spheres.iter().filter(|&&i| self.bodies[i.index()].driven).count();
         let parts = |driven: bool, chosen: fn(&ContactorShape) -> bool| {
-            let of_shape = |part: &&BodyPart| self.bodies[part.body as usize].shape == BodyShape::Parts;
+            let of_shape = |part: &&BodyPart| self.bodies[part.body.index()].shape == BodyShape::Parts;
             let parts = self.parts.iter().filter(of_shape);
-            parts.filter(|part| self.bodies[part.body as usize].driven == driven && chosen(&part.geometry)).count()
+            parts.filter(|part| self.bodies[part.body.index()].driven == driven && chosen(&part.geometry)).count()
         };
         let ball = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Sphere { .. });
         let polyhedron = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Polyhedron(_));

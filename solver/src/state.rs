@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame};
-use crate::scene::{InteractionRule, Scene};
+use crate::scene::{BodyId, InteractionRule, PartId, Scene};
 
 /// First feature of a contact of polyhedra that was read from a text file without features; the second is a running
 /// number. In the next step it is identified with the nearest contact of the same contactors.
@@ -24,12 +24,17 @@ pub struct Velocities<'a> {
     pub w: &'a [Vec3],
 }
 
+cd_formats::index_types! {
+    /// Index of a contact in the list of a step, and of its row in the contact problem.
+    ContactId;
+}
+
 /// A contact found in the contact configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Contact {
     /// Body indices; n points from the antagonist to the candidate.
-    pub candidate: u32,
-    pub antagonist: u32,
+    pub candidate: BodyId,
+    pub antagonist: BodyId,
     /// Ranks of the contactors of the two bodies.
     pub ranks: (u16, u16),
     /// Touching features; a contact with the same contactors and features in the next step is the same contact.
@@ -49,11 +54,14 @@ pub struct Contact {
     pub law: u8,
 }
 
+/// Two contactors that the visibility table lists, the candidate first, and their rule.
+pub type VisiblePair = ([PartId; 2], InteractionRule);
+
 /// Cached data of two contactors that were in contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CachedPair {
-    /// Indices into `Scene::parts`, the candidate first.
-    pub parts: [u32; 2],
+    /// The candidate first.
+    pub parts: [PartId; 2],
     pub memory: CachedFeature,
 }
 
@@ -63,7 +71,7 @@ pub struct DetectionCache {
     pub neighbours: NeighbourList,
     /// Neighbour pairs that the visibility table lists, ordered by candidates along Morton's curve, so that the data of
     /// contactors stay in the cache, then by antagonists. Shared with the backup of a step.
-    pub pairs: Arc<Vec<([u32; 2], InteractionRule)>>,
+    pub pairs: Arc<Vec<VisiblePair>>,
     /// Indices of the pairs in the order of candidates.
     pub order: Arc<Vec<u32>>,
     /// Cached feature of each of these pairs that was in contact.
@@ -140,7 +148,7 @@ impl Contact {
     }
 
     /// Key that identifies the contact in another step; contacts are sorted by it.
-    pub fn key(&self) -> (u32, u32, (u16, u16), (u32, u32)) {
+    pub fn key(&self) -> (BodyId, BodyId, (u16, u16), (u32, u32)) {
         (self.candidate, self.antagonist, self.ranks, self.features)
     }
 }
@@ -190,7 +198,7 @@ pub struct OutputInterval {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactExchange {
     /// Bodies: candidate and antagonist.
-    pub bodies: [u32; 2],
+    pub bodies: [BodyId; 2],
     /// Σ r·l, impulses and branches, J s.
     pub virial: f64,
 }
@@ -371,7 +379,7 @@ mod tests {
     #[test]
     fn an_interval_has_each_pair_of_its_steps_once() {
         let of = |rows: &[([u32; 2], f64)]| -> Vec<ContactExchange> {
-            rows.iter().map(|&(bodies, virial)| ContactExchange { bodies, virial }).collect()
+            rows.iter().map(|&(bodies, virial)| ContactExchange { bodies: bodies.map(BodyId), virial }).collect()
         };
         let mut interval = OutputInterval::default();
         interval.add_exchanges(of(&[([0, 2], 1.0), ([1, 2], 2.0), ([1, 2], 4.0)]).iter());

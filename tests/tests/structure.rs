@@ -43,6 +43,7 @@ fn is_shared_type(path: &str) -> bool {
         "cd_formats::drv_dof::Evolution",
         "cd_formats::field::FieldModel",
         "cd_formats::groups::DisjointSets",
+        "cd_formats::ids::BodyId",
         "cd_formats::snapshot::",
     ]
     .iter()
@@ -61,7 +62,7 @@ fn allowed(who: &str, path: &str) -> bool {
     let (root, what) = (words.next().unwrap(), words.next().unwrap_or_default());
     let is = |list: &[&str]| list.contains(&what);
     let step_types = what == "step" && is_type(path);
-    if path == "crate::features::BARE" || path.starts_with("crate::activity") {
+    if path == "crate::features::BARE" || path == "cd_formats::index_types" || path.starts_with("crate::activity") {
         return true;
     }
     match root {

@@ -5,7 +5,7 @@ use super::problem::SolverBody;
 use crate::integrate::ContactConfiguration;
 use crate::math::Vec3;
 use crate::math::simd::SimdWidth;
-use crate::scene::{ContactorShape, Scene};
+use crate::scene::{BodyId, ContactorShape, Scene};
 use crate::state::{Contact, State, Velocities};
 
 /// Bounds on the motion of a body in the step.
@@ -60,7 +60,7 @@ impl<'a> AssemblyContext<'a> {
             return false;
         }
         let AssemblyContext { q_c, free, bounds, .. } = self;
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| bounds[i as usize].nearby);
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| bounds[i.index()].nearby);
         let u = || velocity_at_arms(contact, arms, *free);
         contact.gap <= a.min(b) || contact.gap <= q_c.longest_reach_time(self.scene) * -contact.normal.dot(&u())
     }
@@ -69,7 +69,7 @@ impl<'a> AssemblyContext<'a> {
     /// travel.
     fn max_approach(&self, contact: &Contact, [at_a, at_b]: &[Vec3; 2]) -> f64 {
         let AssemblyContext { q_c, bounds, .. } = self;
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| &bounds[i as usize]);
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| &bounds[i.index()]);
         let plate =
             if self.on_plate(contact) { (self.plate_velocity(contact) - q_c.mean_velocity).norm() } else { 0.0 };
         let reach = q_c.longest_reach_time(self.scene);
@@ -82,7 +82,7 @@ impl<'a> AssemblyContext<'a> {
 
     /// Velocity of a plate at the contact point, m/s.
     pub(super) fn plate_velocity(&self, contact: &Contact) -> Vec3 {
-        let b = contact.antagonist as usize;
+        let b = contact.antagonist.index();
         self.free.v[b] + self.free.w[b].cross(&contact_arms(contact, &self.q_c.x)[1])
     }
 
@@ -91,7 +91,7 @@ impl<'a> AssemblyContext<'a> {
         if self.q_c.from_start.is_empty() {
             return self.q_c.h;
         }
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| self.q_c.reach_time(self.scene, i as usize));
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| self.q_c.reach_time(self.scene, i.index()));
         a.max(b)
     }
 
@@ -117,15 +117,15 @@ impl<'a> AssemblyContext<'a> {
     }
 
     /// Whether a contactor is a sphere.
-    fn is_round(&self, body: u32, rank: u16) -> bool {
+    fn is_round(&self, body: BodyId, rank: u16) -> bool {
         self.sphere_radius(body, rank).is_some()
     }
 
     /// Radius of a contactor that is a sphere, m.
     #[inline]
-    pub(super) fn sphere_radius(&self, body: u32, rank: u16) -> Option<f64> {
-        if self.is_sphere[body as usize] {
-            return Some(self.records[body as usize].radius);
+    pub(super) fn sphere_radius(&self, body: BodyId, rank: u16) -> Option<f64> {
+        if self.is_sphere[body.index()] {
+            return Some(self.records[body.index()].radius);
         }
         if !self.scene.has_round_parts {
             return None;
@@ -144,6 +144,6 @@ impl<'a> AssemblyContext<'a> {
 
     /// Whether the antagonist is a plate whose motion is in the row's shift.
     pub(super) fn on_plate(&self, contact: &Contact) -> bool {
-        !self.full && !self.is_sphere[contact.antagonist as usize]
+        !self.full && !self.is_sphere[contact.antagonist.index()]
     }
 }

@@ -6,7 +6,7 @@ use super::rigid_motion::{centre_of_mass, rigid_spin};
 use crate::integrate::ContactConfiguration;
 use crate::math::Vec3;
 use crate::math::random::{point_in_ball, splitmix64};
-use crate::scene::{EVENT_SLACK, Scene};
+use crate::scene::{BodyId, EVENT_SLACK, Scene};
 use crate::state::{BondingMode, State};
 
 /// Effects of the events at a step's start.
@@ -87,7 +87,7 @@ pub(super) fn shake_loads(
     scene: &Scene,
     q_c: &ContactConfiguration,
     &ShakeEvent { speed, seed }: &ShakeEvent,
-) -> Vec<(usize, Vec3, Vec3)> {
+) -> Vec<(BodyId, Vec3, Vec3)> {
     // The mean square of the distance from the centre of a ball is 3/5 of its radius squared.
     let radius = speed * (5.0f64 / 3.0).sqrt();
     let added: Vec<Vec3> =
@@ -97,13 +97,13 @@ pub(super) fn shake_loads(
     let turn = if scene.options.xperiode.is_some() || scene.options.yperiode.is_some() {
         Vec3::zeros()
     } else {
-        let about = |&i: &u32| (x[i as usize] - centre).cross(&added[i as usize]) * scene.bodies[i as usize].mass;
+        let about = |&i: &BodyId| (x[i.index()] - centre).cross(&added[i.index()]) * scene.bodies[i.index()].mass;
         rigid_spin(scene, x, &q_c.q, scene.free.iter().map(about).sum())
     };
-    let of_body = |&i: &u32| {
-        let (i, body) = (i as usize, &scene.bodies[i as usize]);
+    let of_body = |&i: &BodyId| {
+        let (body_id, i, body) = (i, i.index(), &scene.bodies[i.index()]);
         let v = added[i] - shared - turn.cross(&(x[i] - centre));
-        (i, v * (body.mass / q_c.h), body.angular_momentum(&q_c.q[i], &turn) / -q_c.h)
+        (body_id, v * (body.mass / q_c.h), body.angular_momentum(&q_c.q[i], &turn) / -q_c.h)
     };
     scene.free.iter().map(of_body).collect()
 }
@@ -111,7 +111,7 @@ pub(super) fn shake_loads(
 /// Gives the free bodies new velocities and records the change of momentum and energy as external in the ledger.
 fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Vec3, Vec3) -> (Vec3, Vec3)) {
     for &i in &scene.free {
-        let i = i as usize;
+        let i = i.index();
         let body = &scene.bodies[i];
         let (v, w) = new(i, state.v[i], state.w[i]);
         let momentum = (v - state.v[i]) * body.mass;
@@ -122,14 +122,14 @@ fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Vec3, Vec
         (state.v[i], state.w[i]) = (v, w);
     }
     for (&i, spin) in scene.turning.iter().zip(&mut state.angular_momentum) {
-        let i = i as usize;
+        let i = i.index();
         *spin = scene.bodies[i].angular_momentum(&state.q[i], &state.w[i]);
     }
 }
 
 /// Records the change of potential energy by a change of uniform gravity as external in the ledger.
 fn account_potential(scene: &Scene, state: &mut State, change: Vec3) {
-    let height = |&i: &u32| scene.bodies[i as usize].mass * change.dot(&state.x[i as usize]);
+    let height = |&i: &BodyId| scene.bodies[i.index()].mass * change.dot(&state.x[i.index()]);
     state.ledger.outside_work -= scene.free.iter().map(height).sum::<f64>();
 }
 

@@ -34,7 +34,7 @@ use smallvec::SmallVec;
 
 use super::problem::{BlockData, ContactConstraint, SolverBody};
 use crate::math::{Vec3, to_world};
-use crate::scene::{BodyPart, ContactorShape, Scene};
+use crate::scene::{BodyId, BodyPart, ContactorShape, Scene};
 use crate::state::Contact;
 
 /// Gap over the size of a face up to which corners without load belong to the pressed area: vertices read from text have 7
@@ -108,7 +108,7 @@ fn face_ranges(contacts: &[Contact], rows: &[ContactConstraint]) -> Vec<Range<us
 
 /// Whether a scene may have faces that lie on several contactors of one body or of fixed bodies.
 pub(super) fn has_joints(scene: &Scene) -> bool {
-    let is_fixed = |part: &&BodyPart| scene.bodies[part.body as usize].is_imposed();
+    let is_fixed = |part: &&BodyPart| scene.bodies[part.body.index()].is_imposed();
     let is_piece = |part: &BodyPart| part.rank > 0 && matches!(part.geometry, ContactorShape::Polyhedron(_));
     scene.options.face_friction == FaceFriction::Uniform
         && (scene.parts.iter().any(is_piece) || scene.parts.iter().filter(is_fixed).nth(1).is_some())
@@ -128,13 +128,13 @@ pub(super) struct Joints<'a> {
 /// Rows of two contactors along one normal.
 struct Side {
     /// The two bodies, in order; [`FIXED`] represents all bodies whose motion is imposed.
-    bodies: [u32; 2],
+    bodies: [BodyId; 2],
     rows: Range<usize>,
     /// Normal towards the first of `bodies`.
     normal: Vec3,
 }
 
-const FIXED: u32 = u32::MAX;
+const FIXED: BodyId = BodyId(u32::MAX);
 
 impl Joints<'_> {
     /// Friction offsets of [`BlockData`], including those of faces that lie over joints.
@@ -182,8 +182,8 @@ impl Joints<'_> {
     /// Contacts of two contactors that may have adjacent contacts in the same plane.
     fn polygon_sides(&self) -> Vec<Side> {
         let Joints { contacts, rows, scene, .. } = self;
-        let is_fixed = |body: u32| scene.bodies[body as usize].is_imposed();
-        let has_several = |body: u32| scene.part_starts[body as usize + 1] - scene.part_starts[body as usize] > 1;
+        let is_fixed = |body: BodyId| scene.bodies[body.index()].is_imposed();
+        let has_several = |body: BodyId| scene.part_starts[body.index() + 1] - scene.part_starts[body.index()] > 1;
         let (mut sides, mut from) = (Vec::new(), 0);
         for of_one in contacts.chunk_by(is_same_face) {
             let range = from..from + of_one.len();
@@ -220,8 +220,8 @@ impl Joints<'_> {
         // Velocity of the fixed body at the first contact.
         let of_fixed = |k: usize| {
             let pair = [contacts[k].candidate, contacts[k].antagonist];
-            let side = usize::from(!self.scene.bodies[pair[0] as usize].is_imposed());
-            let record = &records[pair[side] as usize];
+            let side = usize::from(!self.scene.bodies[pair[0].index()].is_imposed());
+            let record = &records[pair[side].index()];
             (record.v + record.w.cross(&(full.arms[k][side] - from_origin(k))), record.w)
         };
         let [(v, w), (u, spin)] = [first, second].map(of_fixed);
@@ -354,7 +354,7 @@ fn steady_centre(
     // For both bodies: the moment x×n of a unit impulse along n at x turns the point back by -m (x - centre).
     let (mut m, mut right) = ([0.0; 3], [0.0; 2]);
     for (body, [x, y]) in row.bodies.into_iter().zip(centres) {
-        let inverse = &full.inverse_inertia[body as usize];
+        let inverse = &full.inverse_inertia[body.index()];
         let [xx, xy, yy] = [s.dot(&(inverse * s)), -s.dot(&(inverse * t)), t.dot(&(inverse * t))];
         m = [m[0] + xx, m[1] + xy, m[2] + yy];
         right = [right[0] + xx * x + xy * y, right[1] + xy * x + yy * y];

@@ -6,7 +6,7 @@ use super::events::{ShakeEvent, shake_loads};
 use super::self_gravity::{GravityReport, near_field, point_mass_energy, point_masses, self_gravity};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Quat, Vec3, to_world};
-use crate::scene::Scene;
+use crate::scene::{BodyId, Scene};
 use crate::state::{GravityHistory, State, Velocities};
 
 /// Velocities at the step's end without contacts, and the contributions of the forces to the ledger.
@@ -26,7 +26,7 @@ pub struct FreeMotion {
     pub angular_impulse: Vec3,
     /// Forces and moments (N, N m) by body whose work depends on the displacement of the body: imposed ones and Coriolis
     /// forces.
-    pub loads: Vec<(usize, Vec3, Vec3)>,
+    pub loads: Vec<(BodyId, Vec3, Vec3)>,
 }
 
 impl FreeMotion {
@@ -53,7 +53,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
         loads: Vec::new(),
     };
     for (k, &i) in scene.free.iter().enumerate() {
-        let i = i as usize;
+        let i = i.index();
         let (mass, x) = (scene.bodies[i].mass, q_c.x[i]);
         let (push, potential) = external_field(&outside, state.gravity, &x);
         free.v[i] += (push + pull.acceleration[k]) * h;
@@ -63,21 +63,24 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
         free.angular_impulse += x.cross(&weight);
     }
     free.potential += tidal_energy(scene, &outside, &q_c.q);
-    for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i].is_driven_in_part()) {
-        free.v[body] += external_field(&outside, state.gravity, &q_c.x[body]).0 * h;
+    for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i.index()].is_driven_in_part()) {
+        let i = body.index();
+        free.v[i] += external_field(&outside, state.gravity, &q_c.x[i]).0 * h;
     }
     let shaking = shakes.iter().flat_map(|shake| shake_loads(scene, q_c, shake));
-    for (i, force, moment) in imposed_loads(scene, state, q_c).into_iter().chain(shaking) {
+    for (body_id, force, moment) in imposed_loads(scene, state, q_c).into_iter().chain(shaking) {
+        let i = body_id.index();
         let body = &scene.bodies[i];
         free.v[i] += force * (h * body.inverse_mass());
         free.w[i] += body.angular_velocity(&q_c.q[i], &(moment * h));
         if !body.driven {
             free.impulse += force * h;
             free.angular_impulse += (q_c.x[i].cross(&force) + moment) * h;
-            free.loads.push((i, force, moment));
+            free.loads.push((body_id, force, moment));
         }
     }
-    for (i, force, torque) in near.loads {
+    for (body_id, force, torque) in near.loads {
+        let i = body_id.index();
         let body = &scene.bodies[i];
         free.v[i] += force * (h * body.inverse_mass());
         free.w[i] += body.angular_velocity(&q_c.q[i], &(torque * h));
@@ -85,7 +88,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
     apply_coriolis(scene, state, q_c, &mut free);
     let end = scene.time_at(state.step + q_c.step_multiple);
     for drive in &scene.drives {
-        let i = drive.body;
+        let i = drive.body.index();
         (free.v[i], free.w[i]) = drive.velocity_at(end, &q_c.q[i], &free.v[i]);
     }
     free
@@ -113,7 +116,7 @@ fn tidal_energy(scene: &Scene, outside: &[FieldModel], q: &[Quat]) -> f64 {
             .map(|field| field.tidal_energy(|rate| scene.bodies[i].angular_momentum(&q[i], rate)))
             .sum::<f64>()
     };
-    scene.free.iter().map(|&i| of(i as usize)).sum()
+    scene.free.iter().map(|&i| of(i.index())).sum()
 }
 
 /// Applies the Coriolis force in turning axes, on the velocity weighted over the step as (1-theta) V + theta V+. V+ includes
@@ -127,8 +130,8 @@ fn apply_coriolis(scene: &Scene, state: &State, q_c: &ContactConfiguration, free
     }
     let (h, theta) = (q_c.h, scene.options.theta);
     let pushed = contact_velocity_changes(scene, state, h);
-    for &i in &scene.free {
-        let i = i as usize;
+    for &body_id in &scene.free {
+        let i = body_id.index();
         let body = &scene.bodies[i];
         let known = state.v[i] * (1.0 - theta) + pushed[i] * theta;
         let v = solve_rotation_equation(&(free.v[i] - rate.cross(&known) * (2.0 * h)), &(rate * (2.0 * theta * h)));
@@ -143,7 +146,7 @@ fn apply_coriolis(scene: &Scene, state: &State, q_c: &ContactConfiguration, free
         (free.v[i], free.w[i]) = (v, w);
         free.impulse += impulse;
         free.angular_impulse += q_c.x[i].cross(&impulse) + turn;
-        free.loads.push((i, impulse / h, turn / h));
+        free.loads.push((body_id, impulse / h, turn / h));
     }
 }
 
@@ -153,7 +156,7 @@ fn contact_velocity_changes(scene: &Scene, state: &State, h: f64) -> Vec<Vec3> {
     for solved in &state.contacts {
         let contact = &solved.contact;
         let impulse = to_world(&contact.frame(), &solved.impulse) * (h / state.h);
-        for (body, impulse) in [(contact.candidate as usize, impulse), (contact.antagonist as usize, -impulse)] {
+        for (body, impulse) in [(contact.candidate.index(), impulse), (contact.antagonist.index(), -impulse)] {
             change[body] += impulse * scene.bodies[body].inverse_mass();
         }
     }
@@ -173,7 +176,7 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
 }
 
 /// Imposed forces and moments, weighted over the step as (1-theta) f(t) + theta f(t+h), world frame.
-fn imposed_loads(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Vec<(usize, Vec3, Vec3)> {
+fn imposed_loads(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Vec<(BodyId, Vec3, Vec3)> {
     let theta = scene.options.theta;
     scene
         .loads
@@ -185,7 +188,7 @@ fn imposed_loads(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Ve
             vector[load.component % 3] = value;
             match load.component {
                 0..3 => (load.body, vector, Vec3::zeros()),
-                _ => (load.body, Vec3::zeros(), q_c.q[load.body] * vector),
+                _ => (load.body, Vec3::zeros(), q_c.q[load.body.index()] * vector),
             }
         })
         .collect()

@@ -9,14 +9,14 @@ use super::context::AssemblyContext;
 use super::kinematics::{contact_arms, velocity_at_arms};
 use crate::laws::{ContactLaw, LawShift, MAX_TOUCHING_GAP};
 use crate::math::{Quat, Vec3, rotate_by_vector};
-use crate::scene::Scene;
-use crate::state::{BondingMode, Contact, SolvedContact, UNKNOWN_FEATURE};
+use crate::scene::{BodyId, Scene};
+use crate::state::{BondingMode, Contact, ContactId, SolvedContact, UNKNOWN_FEATURE};
 
 /// Contacts per task.
 const CONTACTS_PER_TASK: usize = 1024;
 
 /// Index of the contact with the same key in the list of the last step, for each contact. Both lists are sorted by key.
-fn previous_by_key(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<u32>> {
+fn previous_by_key(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<ContactId>> {
     let of_some = |contacts: &[Contact]| {
         let first = contacts[0].key();
         let mut k = before.partition_point(|old| old.contact.key() < first);
@@ -27,7 +27,7 @@ fn previous_by_key(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option
                 while before.get(k).is_some_and(|old| old.contact.key() < key) {
                     k += 1;
                 }
-                before.get(k).filter(|old| old.contact.key() == key).map(|_| k as u32)
+                before.get(k).filter(|old| old.contact.key() == key).map(|_| ContactId::new(k))
             })
             .collect::<Vec<_>>()
     };
@@ -35,7 +35,7 @@ fn previous_by_key(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option
 }
 
 /// Two contactors given by their bodies and ranks.
-type ContactorPair = (u32, u32, (u16, u16));
+type ContactorPair = (BodyId, BodyId, (u16, u16));
 
 fn contactor_pair(contact: &Contact) -> ContactorPair {
     (contact.candidate, contact.antagonist, contact.ranks)
@@ -64,8 +64,8 @@ pub(super) struct BondState {
 /// can close. Bodies that never move are not counted.
 pub fn connected_bodies(scene: &Scene, contacts: &[Contact], chosen: &[&Contact]) -> Vec<bool> {
     let mut rests: Vec<bool> = scene.bodies.iter().map(|body| body.driven && !body.is_driven_in_part()).collect();
-    scene.drives.iter().filter(|drive| drive.ever_moves()).for_each(|drive| rests[drive.body] = false);
-    let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|i| i as usize);
+    scene.drives.iter().filter(|drive| drive.ever_moves()).for_each(|drive| rests[drive.body.index()] = false);
+    let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|i| i.index());
     let mut groups = DisjointSets::new(scene.bodies.len());
     for [a, b] in contacts.iter().map(bodies).filter(|pair| pair.iter().all(|&i| !rests[i])) {
         groups.union(a, b);
@@ -83,7 +83,7 @@ impl AssemblyContext<'_> {
     /// four, rounding may also choose other ones.
     ///
     /// Only contacts that can act, now or before, count: the other listed contacts depend on the alert distance.
-    pub(super) fn previous_contacts(&self, contacts: &[Contact]) -> Vec<Option<u32>> {
+    pub(super) fn previous_contacts(&self, contacts: &[Contact]) -> Vec<Option<ContactId>> {
         let mut found = previous_by_key(&self.state.contacts, contacts);
         let gone = self.lost_contacts(contacts, &found);
         let new = self.new_contacts(contacts, &found, &gone);
@@ -95,11 +95,11 @@ impl AssemblyContext<'_> {
 
     /// Whether a contact can change its key: two spheres have one contact, always with the same key.
     fn has_features(&self, contact: &Contact) -> bool {
-        !self.is_sphere[contact.antagonist as usize]
+        !self.is_sphere[contact.antagonist.index()]
     }
 
     /// Whether each contact of the last step carried an impulse and no longer acts under its key. Nearly always empty.
-    fn lost_contacts(&self, contacts: &[Contact], found: &[Option<u32>]) -> Vec<bool> {
+    fn lost_contacts(&self, contacts: &[Contact], found: &[Option<ContactId>]) -> Vec<bool> {
         let before = &self.state.contacts;
         let may_go = |old: &SolvedContact| self.has_features(&old.contact) && was_loaded(old);
         let mut gone: Vec<bool> = before.par_iter().with_min_len(CONTACTS_PER_TASK).map(may_go).collect();
@@ -107,14 +107,14 @@ impl AssemblyContext<'_> {
             return gone;
         }
         let stays =
-            |(k, contact): (usize, &Contact)| found[k].filter(|&old| gone[old as usize] && self.can_act(contact));
-        let stay: Vec<u32> = contacts.par_iter().enumerate().with_min_len(256).filter_map(stays).collect();
-        stay.into_iter().for_each(|old| gone[old as usize] = false);
+            |(k, contact): (usize, &Contact)| found[k].filter(|&old| gone[old.index()] && self.can_act(contact));
+        let stay: Vec<ContactId> = contacts.par_iter().enumerate().with_min_len(256).filter_map(stays).collect();
+        stay.into_iter().for_each(|old| gone[old.index()] = false);
         gone
     }
 
     /// Contacts that act and have no history, between contactors with a lost or bonded contact, in their order.
-    fn new_contacts(&self, contacts: &[Contact], found: &[Option<u32>], gone: &[bool]) -> Vec<usize> {
+    fn new_contacts(&self, contacts: &[Contact], found: &[Option<ContactId>], gone: &[bool]) -> Vec<usize> {
         let before = &self.state.contacts;
         let shares = |old: &SolvedContact| old.bond.is_some() && self.has_features(&old.contact);
         let concerned = before.iter().zip(gone).filter(|(old, gone)| **gone || shares(old));
@@ -129,7 +129,7 @@ impl AssemblyContext<'_> {
         let is_new = |&k: &usize| {
             self.has_features(&contacts[k])
                 && concerned.binary_search(&contactor_pair(&contacts[k])).is_ok()
-                && !found[k].is_some_and(|old| acted(&before[old as usize]))
+                && !found[k].is_some_and(|old| acted(&before[old.index()]))
                 && self.can_act(&contacts[k])
         };
         (0..contacts.len()).into_par_iter().with_min_len(256).filter(is_new).collect()
@@ -137,7 +137,7 @@ impl AssemblyContext<'_> {
 
     /// Gives `new` contacts the lost histories of the same two contactors, the nearest first and each once. In a bonded face
     /// that is no larger than before, the remaining contacts share the history of the nearest.
-    fn transfer_history(&self, new: &[usize], gone: &[bool], contacts: &[Contact], found: &mut [Option<u32>]) {
+    fn transfer_history(&self, new: &[usize], gone: &[bool], contacts: &[Contact], found: &mut [Option<ContactId>]) {
         let before = &self.state.contacts;
         let pair = contactor_pair(&contacts[new[0]]);
         let now = &contacts[pair_range(contacts, pair, |contact| contact)];
@@ -151,7 +151,7 @@ impl AssemblyContext<'_> {
         let mut left = new.to_vec();
         for &(_, old, k) in &ways {
             if left.contains(&k) && free.contains(&old) {
-                found[k] = Some(old as u32);
+                found[k] = Some(ContactId::new(old));
                 free.retain(|other| *other != old);
                 left.retain(|other| *other != k);
             }
@@ -161,7 +161,7 @@ impl AssemblyContext<'_> {
             area > 0.0 && now.iter().map(|contact| contact.area).sum::<f64>() <= area * (1.0 + MAX_TOUCHING_GAP);
         for (_, old, k) in ways.into_iter().filter(|way| is_same && before[way.1].bond.is_some()) {
             if left.contains(&k) {
-                found[k] = Some(old as u32);
+                found[k] = Some(ContactId::new(old));
                 left.retain(|other| *other != k);
             }
         }
@@ -170,7 +170,7 @@ impl AssemblyContext<'_> {
     /// Displacement from the position to which the candidate has carried a contact of the last step, to this one of the same
     /// contactors, m.
     fn displacement_from(&self, old: &Contact, contact: &Contact) -> f64 {
-        let (state, a) = (self.state, contact.candidate as usize);
+        let (state, a) = (self.state, contact.candidate.index());
         let centre = state.x[a] - state.v[a] * (self.scene.options.theta * state.h); // at the last contact configuration
         let turn = rotate_by_vector(&Quat::identity(), &(state.w[a] * self.configuration_interval()));
         (contact.point - self.q_c.x[a] - turn * (old.point - centre)).norm()
@@ -183,13 +183,13 @@ impl AssemblyContext<'_> {
     }
 
     /// Bond of each contact's bodies, from the bonds of the last step.
-    pub(super) fn bond_states(&self, contacts: &[Contact], history: &[Option<u32>]) -> Vec<BondState> {
+    pub(super) fn bond_states(&self, contacts: &[Contact], history: &[Option<ContactId>]) -> Vec<BondState> {
         if !self.state.laws.iter().any(ContactLaw::can_bond) {
             return vec![BondState::default(); contacts.len()];
         }
-        let bond = |(contact, old): (&Contact, &Option<u32>)| {
+        let bond = |(contact, old): (&Contact, &Option<ContactId>)| {
             let law = &self.state.laws[contact.law as usize];
-            let kept = old.and_then(|k| self.inherited_bond(&self.state.contacts[k as usize], contact, law));
+            let kept = old.and_then(|k| self.inherited_bond(&self.state.contacts[k.index()], contact, law));
             let now = match self.state.bonding {
                 BondingMode::All => true,
                 BondingMode::New => old.is_none(),
@@ -200,7 +200,7 @@ impl AssemblyContext<'_> {
         };
         let bonds: Vec<Option<f64>> = contacts.par_iter().zip(history).with_min_len(256).map(bond).collect();
         let mut aggregates = DisjointSets::new(self.scene.bodies.len());
-        let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|body| body as usize);
+        let bodies = |contact: &Contact| [contact.candidate, contact.antagonist].map(|body| body.index());
         let is_rigid = |contact: &Contact| self.state.laws[contact.law as usize].bonds_are_rigid();
         let rigid = contacts.iter().zip(&bonds).filter(|(contact, bond)| bond.is_some() && is_rigid(contact));
         for (contact, _) in rigid {

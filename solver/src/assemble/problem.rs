@@ -8,8 +8,8 @@ use nalgebra::Matrix3;
 
 use super::kinematics::contact_arms;
 use crate::math::Vec3;
-use crate::scene::RigidBody;
-use crate::state::Contact;
+use crate::scene::{BodyId, RigidBody};
+use crate::state::{Contact, ContactId};
 
 /// Data of a body that a sweep reads and writes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,7 +31,7 @@ pub struct SolverBody {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ContactConstraint {
     /// Records of candidate and antagonist.
-    pub bodies: [u32; 2],
+    pub bodies: [BodyId; 2],
     pub normal: Vec3,
     /// Distance from each centre to the contact point, over the radius of its sphere.
     pub arm: f64,
@@ -58,8 +58,8 @@ pub struct ContactConstraint {
 /// Resistance of a row's contact to rolling and spinning, see [`crate::laws::RollingFriction`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RollingConstraint {
-    /// Index into the rows.
-    pub row: u32,
+    /// Its row.
+    pub row: ContactId,
     /// 1/(1/R_a + 1/R_b), m.
     pub radius: f64,
     pub rolling: f64,
@@ -112,17 +112,17 @@ impl ContactConstraint {
 
     /// û at the records' velocities, world frame, m/s.
     pub fn shifted_velocity(&self, records: &[SolverBody]) -> Vec3 {
-        let [a, b] = self.bodies.map(|i| &records[i as usize]);
+        let [a, b] = self.bodies.map(|i| &records[i.index()]);
         a.v - b.v + self.normal.cross(&(a.w * a.radius + b.w * b.radius)) * self.arm + self.shift
     }
 
     /// Gives the two bodies the impulse `r` on the candidate and -r on the antagonist, N s.
     pub fn apply_impulse(&self, records: &mut [SolverBody], r: &Vec3) {
         let turn = r.cross(&self.normal) * self.arm; // moment over the radius, the same for both sides
-        let a = &mut records[self.bodies[0] as usize];
+        let a = &mut records[self.bodies[0].index()];
         a.v += r * a.inverse_mass;
         a.w += turn * (a.radius * a.inverse_inertia);
-        let b = &mut records[self.bodies[1] as usize];
+        let b = &mut records[self.bodies[1].index()];
         b.v -= r * b.inverse_mass;
         b.w += turn * (b.radius * b.inverse_inertia);
     }
@@ -130,8 +130,8 @@ impl ContactConstraint {
 
 impl ContactProblem {
     /// Whether one of the rows `active` has friction, or any row has moments.
-    pub fn has_friction(&self, active: &[u32]) -> bool {
-        !self.rolling_constraints.is_empty() || active.iter().any(|&k| self.rows[k as usize].friction > 0.0)
+    pub fn has_friction(&self, active: &[ContactId]) -> bool {
+        !self.rolling_constraints.is_empty() || active.iter().any(|&k| self.rows[k.index()].friction > 0.0)
     }
 
     /// Vector from the centre of the candidate (side 0) or antagonist (1) of row `k` to the contact point, m; 0 for a plate
@@ -142,22 +142,22 @@ impl ContactProblem {
             Some(full) => full.arms[k][side],
             None => {
                 let row = &self.rows[k];
-                row.normal * ([-row.arm, row.arm][side] * self.bodies[row.bodies[side] as usize].radius)
+                row.normal * ([-row.arm, row.arm][side] * self.bodies[row.bodies[side].index()].radius)
             }
         }
     }
 
     /// Change of the velocity of `body` by an impulse.
-    pub fn velocity_change(&self, body: u32, impulse: &Vec3) -> Vec3 {
-        let change = impulse * self.bodies[body as usize].inverse_mass;
-        self.block_data.as_ref().map_or(change, |full| change.component_mul(&full.free_axes(body as usize)))
+    pub fn velocity_change(&self, body: BodyId, impulse: &Vec3) -> Vec3 {
+        let change = impulse * self.bodies[body.index()].inverse_mass;
+        self.block_data.as_ref().map_or(change, |full| change.component_mul(&full.free_axes(body.index())))
     }
 
     /// Change of the angular velocity of `body` by an angular impulse, world frame.
-    pub fn angular_velocity_change(&self, body: u32, angular_impulse: &Vec3) -> Vec3 {
+    pub fn angular_velocity_change(&self, body: BodyId, angular_impulse: &Vec3) -> Vec3 {
         match &self.block_data {
-            Some(full) => full.inverse_inertia[body as usize] * angular_impulse,
-            None => angular_impulse * self.bodies[body as usize].inverse_inertia,
+            Some(full) => full.inverse_inertia[body.index()] * angular_impulse,
+            None => angular_impulse * self.bodies[body.index()].inverse_inertia,
         }
     }
 
@@ -212,7 +212,7 @@ impl ContactProblem {
             return row.shifted_velocity(records);
         }
         let at = |side: usize| {
-            let record = &records[row.bodies[side] as usize];
+            let record = &records[row.bodies[side].index()];
             record.v + self.turning_velocity(k, side, &record.w)
         };
         at(0) - at(1) + row.shift
@@ -223,7 +223,7 @@ impl ContactProblem {
     pub fn shifted_normal_velocity(&self, k: usize, records: &[SolverBody]) -> f64 {
         let row = &self.rows[k];
         let Some(full) = &self.block_data else { return row.normal.dot(&row.shifted_velocity(records)) };
-        let [a, b] = row.bodies.map(|body| &records[body as usize]);
+        let [a, b] = row.bodies.map(|body| &records[body.index()]);
         let [at_a, at_b] = &full.arms[k];
         let u = a.v + a.w.cross(at_a) - (b.v + b.w.cross(at_b)) + row.shift;
         row.normal.dot(&u)
@@ -240,7 +240,7 @@ impl ContactProblem {
                 self.velocity_change(body, &r),
                 self.angular_velocity_change(body, &self.angular_impulse(k, side, &r)),
             );
-            let record = &mut self.bodies[body as usize];
+            let record = &mut self.bodies[body.index()];
             record.v += push;
             record.w += turn;
         }
@@ -270,9 +270,9 @@ impl BlockData {
         let (mut w_n, mut trace) = (0.0, 0.0);
         let lever = self.friction_lever(k, &row.normal);
         for (body, arm) in row.bodies.into_iter().zip(&self.arms[k]) {
-            let (inverse_mass, j) = (records[body as usize].inverse_mass, &self.inverse_inertia[body as usize]);
+            let (inverse_mass, j) = (records[body.index()].inverse_mass, &self.inverse_inertia[body.index()]);
             let turn = arm.cross(&row.normal);
-            let held = self.locked_axes.get(body as usize);
+            let held = self.locked_axes.get(body.index());
             let along = held.map_or(1.0, |held| 1.0 - held.dot(&row.normal.component_mul(&row.normal)));
             w_n += inverse_mass * along + turn.dot(&(j * turn));
             let all = held.map_or(3.0, |held| 3.0 - held.sum());
@@ -289,8 +289,8 @@ impl BlockData {
     pub(super) fn can_move_a_body(&self, row: &ContactConstraint, bodies: &[RigidBody]) -> bool {
         self.locked_axes.is_empty()
             || row.bodies.iter().any(|&i| {
-                let body = &bodies[i as usize];
-                let along = self.free_axes(i as usize).dot(&row.normal.component_mul(&row.normal));
+                let body = &bodies[i.index()];
+                let along = self.free_axes(i.index()).dot(&row.normal.component_mul(&row.normal));
                 !body.driven || (!body.is_imposed() && along > MIN_FREE_COSINE_SQUARED)
             })
     }

@@ -6,8 +6,8 @@ use crate::scene::Scene;
 /// Mean over the free bodies, weighted by mass, of positions or velocities.
 pub(super) fn centre_of_mass(scene: &Scene, x: &[Vec3]) -> Vec3 {
     let (moment, mass) = scene.free.iter().fold((Vec3::zeros(), 0.0), |(moment, mass), &i| {
-        let m = scene.bodies[i as usize].mass;
-        (moment + x[i as usize] * m, mass + m)
+        let m = scene.bodies[i.index()].mass;
+        (moment + x[i.index()] * m, mass + m)
     });
     moment / mass
 }
@@ -18,7 +18,7 @@ pub(super) fn centre_of_mass(scene: &Scene, x: &[Vec3]) -> Vec3 {
 pub(super) fn rigid_spin(scene: &Scene, x: &[Vec3], q: &[Quat], impulse: Vec3) -> Vec3 {
     let centre = centre_of_mass(scene, x);
     let momentum = |spin: Vec3| -> Vec3 {
-        scene.free.iter().map(|&i| i as usize).fold(Vec3::zeros(), |sum, i| {
+        scene.free.iter().map(|&i| i.index()).fold(Vec3::zeros(), |sum, i| {
             let (body, arm) = (&scene.bodies[i], x[i] - centre);
             sum + arm.cross(&spin.cross(&arm)) * body.mass + body.angular_momentum(&q[i], &spin)
         })

@@ -14,7 +14,7 @@ use crate::laws::{ContactLaw, GapForecast, LawInput, LawShift, MAX_STEP_OVERLAP,
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
 use crate::scene::{BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
-use crate::state::{Contact, ContactStatus, SolvedContact, State, Velocities};
+use crate::state::{Contact, ContactId, ContactStatus, SolvedContact, State, Velocities};
 
 /// Sliding of a contact that begins counts above this multiple of `tol` times the change of velocity that loads it:
 /// unconverged sticking contacts slide less.
@@ -80,9 +80,9 @@ pub fn contact_problem(
         width: SimdWidth::detect(),
     };
     let history = setting.previous_contacts(contacts);
-    let before = |old: &Option<u32>| old.map(|k| &state.contacts[k as usize]);
+    let before = |old: &Option<ContactId>| old.map(|k| &state.contacts[k.index()]);
     let holds = setting.bond_states(contacts, &history);
-    let of_contact = |(k, (old, hold)): (usize, (&Option<u32>, &BondState))| {
+    let of_contact = |(k, (old, hold)): (usize, (&Option<ContactId>, &BondState))| {
         setting.prefetch(contacts.get(k + PREFETCH_CONTACTS));
         setting.contact_constraint(&contacts[k], before(old), *hold)
     };
@@ -92,7 +92,7 @@ pub fn contact_problem(
         let listed = (0..).zip(contacts).zip(&history).filter(|((k, _), _): &((usize, _), _)| rows[*k].acts);
         listed
             .filter_map(|((k, contact), old)| {
-                setting.rolling_constraint(k, contact, old.map(|k| &state.contacts[k as usize]))
+                setting.rolling_constraint(k, contact, old.map(|k| &state.contacts[k.index()]))
             })
             .collect()
     } else {
@@ -109,7 +109,7 @@ pub fn contact_problem(
             None => -rows[k].impulse_shift,
         };
         let sticks =
-            |k: usize| history[k].is_some_and(|old| state.contacts[old as usize].status == ContactStatus::Stick);
+            |k: usize| history[k].is_some_and(|old| state.contacts[old.index()].status == ContactStatus::Stick);
         full.friction_offsets = friction_offsets(contacts, &rows, full, load, sticks);
         if has_joints(scene) {
             let joints = Joints { contacts, rows: &rows, records: &records, full, scene };
@@ -134,7 +134,7 @@ pub fn contact_problem(
             }
         });
         for roll in &mut rolls {
-            let [a, b] = rows[roll.row as usize].bodies.map(|body| full.inverse_inertia[body as usize]);
+            let [a, b] = rows[roll.row.index()].bodies.map(|body| full.inverse_inertia[body.index()]);
             roll.inverse_w = 1.0 / (a + b).symmetric_eigenvalues().max();
         }
     }
@@ -152,7 +152,7 @@ pub fn contact_problem(
 }
 
 /// Applies the attraction of the contacts, and starts contacts without a history from the impulse that balances it.
-fn apply_cohesion(system: &mut ContactProblem, history: &[Option<u32>]) {
+fn apply_cohesion(system: &mut ContactProblem, history: &[Option<ContactId>]) {
     for (k, old) in history.iter().enumerate() {
         let ContactConstraint { impulse_shift, normal, .. } = system.rows[k];
         if impulse_shift != 0.0 {
@@ -168,7 +168,7 @@ impl AssemblyContext<'_> {
     /// Prefetches the data of a contact's antagonist that [`Self::contact_constraint`] reads; candidates are read in order.
     fn prefetch(&self, contact: Option<&Contact>) {
         let AssemblyContext { state, q_c, bounds, records, width, .. } = self;
-        let Some(b) = contact.map(|contact| contact.antagonist as usize) else { return };
+        let Some(b) = contact.map(|contact| contact.antagonist.index()) else { return };
         [&q_c.x[b], &q_c.w[b], &state.v[b], &state.w[b]].into_iter().for_each(|x| width.prefetch(x));
         width.prefetch(&bounds[b]);
         width.prefetch(&records[b]);
@@ -190,7 +190,7 @@ impl AssemblyContext<'_> {
         let law = &state.laws[contact.law as usize];
         let radius = if law.depends_on_radius() { self.contact_radius(contact) } else { 0.0 };
         let bodies = [contact.candidate, contact.antagonist];
-        let [a, b] = bodies.map(|i| i as usize);
+        let [a, b] = bodies.map(|i| i.index());
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
         let reach = self.closing_time(contact);
         let course = self.gap_forecast(contact, law, reach, previous.map_or(0.0, |old| w_n * old.impulse.x));
@@ -265,7 +265,7 @@ impl AssemblyContext<'_> {
     fn shift_friction(&self, full: &BlockData, contacts: &[Contact], rows: &mut [ContactConstraint]) {
         let of_row = |(k, row): (usize, &mut ContactConstraint)| {
             let (contact, lever) = (&contacts[k], full.friction_lever(k, &row.normal));
-            let [a, b] = row.bodies.map(|body| self.q_c.w[body as usize]);
+            let [a, b] = row.bodies.map(|body| self.q_c.w[body.index()]);
             let change = lever * row.normal.dot(&(a - b));
             row.u_before += to_local(&contact.frame(), &change);
             let law = &self.state.laws[contact.law as usize];
@@ -303,7 +303,7 @@ impl AssemblyContext<'_> {
         let free = relative_velocity(contact, &q_c.x, *free_velocities).dot(&n) + shift.normal;
         let alone = (-free).max(0.0) + w_n * shift.impulse.abs();
         // Bodies in free fall together are loaded by other contacts, which balance the change of velocity by forces.
-        let bodies = [contact.candidate, contact.antagonist].map(|i| i as usize);
+        let bodies = [contact.candidate, contact.antagonist].map(|i| i.index());
         let gain =
             |i: usize| if scene.bodies[i].driven { 0.0 } else { (free_velocities.v[i] - self.state.v[i]).norm() };
         let loaded = bodies.map(gain).into_iter().fold(alone, f64::max);
@@ -325,7 +325,7 @@ impl AssemblyContext<'_> {
             return GapForecast::Apart { depth: 0.0 };
         }
         let AssemblyContext { scene, state, q_c, free: free_velocities, is_sphere, .. } = self;
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
         let u_n = contact.normal.dot(&relative_velocity(contact, &q_c.x, self.start_velocities())).abs();
         let pull = |i: usize| contact.normal.dot(&(free_velocities.v[i] - state.v[i])).abs();
         if u_n < RESTING * pushed || u_n.max(contact.gap / reach) < pull(a).max(pull(b)) {
@@ -357,13 +357,13 @@ impl AssemblyContext<'_> {
         previous: Option<&SolvedContact>,
     ) -> Option<RollingConstraint> {
         let RollingFriction { rolling, spinning } = self.state.laws[contact.law as usize].rolling_friction()?;
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
         if self.scene.bodies[a].driven && self.scene.bodies[b].driven {
             return None; // both rotations are imposed
         }
         let scale = self.q_c.h / self.state.h;
         Some(RollingConstraint {
-            row: k as u32,
+            row: ContactId::new(k),
             radius: self.effective_radius(contact),
             rolling,
             spinning,

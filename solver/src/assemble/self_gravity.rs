@@ -10,7 +10,7 @@ use crate::gravity::sample::{self, SampledError};
 use crate::gravity::{GravityField, GravitySolver, SummationMethod, balance_accelerations};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Mat3, Quat, Vec3};
-use crate::scene::Scene;
+use crate::scene::{BodyId, Scene};
 use crate::state::{GravityHistory, State};
 
 /// Accuracy of self-gravity.
@@ -38,7 +38,7 @@ pub(super) struct SelfGravity {
 #[derive(Default)]
 pub(super) struct NearField {
     /// Forces and torques about the centre by free body, N, N m.
-    pub loads: Vec<(usize, Vec3, Vec3)>,
+    pub loads: Vec<(BodyId, Vec3, Vec3)>,
     /// Potential energy, J.
     pub energy: f64,
 }
@@ -82,12 +82,12 @@ pub(super) fn self_gravity(scene: &Scene, state: &State, q_c: &ContactConfigurat
 }
 
 pub(super) fn point_masses(scene: &Scene, x: &[Vec3]) -> (Vec<Vec3>, Vec<f64>) {
-    scene.free.iter().map(|&i| (x[i as usize], scene.bodies[i as usize].mass)).unzip()
+    scene.free.iter().map(|&i| (x[i.index()], scene.bodies[i.index()].mass)).unzip()
 }
 
 /// Accelerations, energy and removed part, see [`GravityField`]; `order` is the order of all bodies.
 fn evaluate_self_gravity(scene: &Scene, order: &[u32], positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f64, f64) {
-    let place = |body| scene.free.binary_search(body).ok().map(|k| k as u32);
+    let place = |&body: &u32| scene.free.binary_search(&BodyId(body)).ok().map(|k| k as u32);
     let of_free: Vec<u32> = order.iter().filter_map(place).collect();
     let GravityField { acceleration, potential, removed } =
         scene.gravity_solver().full_field(positions, masses, scene.options.gravity_constant, &of_free);
@@ -107,7 +107,7 @@ fn extrapolate_self_gravity(
     let options = &scene.options;
     let now = state.time + (1.0 - options.theta) * q_c.h;
     let mass: f64 = masses.iter().sum();
-    let velocities = || scene.free.iter().map(|&i| state.v[i as usize]);
+    let velocities = || scene.free.iter().map(|&i| state.v[i.index()]);
     let mean = velocities().zip(masses).map(|(v, m)| v * *m).sum::<Vec3>() / mass;
     let fastest = velocities().map(|v| (v - mean).norm_squared()).fold(0.0, f64::max).sqrt();
     let Some(old) = &state.attraction else {
@@ -155,17 +155,17 @@ pub(super) fn near_field(scene: &Scene, x: &[Vec3], q: &[Quat]) -> NearField {
     if !(scene.has_self_gravity() && options.gravity_quadrupole) {
         return NearField::default();
     }
-    let rigid = |&i: &u32| {
-        let (body, turn) = (&scene.bodies[i as usize], q[i as usize].to_rotation_matrix());
+    let rigid = |&i: &BodyId| {
+        let (body, turn) = (&scene.bodies[i.index()], q[i.index()].to_rotation_matrix());
         let inertia = turn * Mat3::from_diagonal(&body.inertia.into()) * turn.transpose();
         BodyInertia { mass: body.mass, inertia }
     };
     let rigids: Vec<BodyInertia> = scene.free.iter().map(rigid).collect();
     let (places, reaches): (Vec<Vec3>, Vec<f64>) =
-        scene.free.iter().map(|&i| (x[i as usize], QUADRUPOLE_RANGE * scene.bodies[i as usize].radius)).unzip();
-    let none = |&i: &u32| (i as usize, Vec3::zeros(), Vec3::zeros());
+        scene.free.iter().map(|&i| (x[i.index()], QUADRUPOLE_RANGE * scene.bodies[i.index()].radius)).unzip();
+    let none = |&i: &BodyId| (i, Vec3::zeros(), Vec3::zeros());
     let mut field = NearField { loads: scene.free.iter().map(none).collect(), energy: 0.0 };
-    let round: Vec<bool> = scene.free.iter().map(|&i| scene.bodies[i as usize].is_isotropic()).collect();
+    let round: Vec<bool> = scene.free.iter().map(|&i| scene.bodies[i.index()].is_isotropic()).collect();
     let mut add = |[i, j]: [usize; 2], reach: f64| {
         let r = places[j] - places[i];
         if (round[i] && round[j]) || r == Vec3::zeros() {

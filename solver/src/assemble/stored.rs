@@ -2,7 +2,8 @@
 
 use super::problem::ContactProblem;
 use crate::math::{Vec3, to_local};
-use crate::state::Contact;
+use crate::scene::BodyId;
+use crate::state::{Contact, ContactId};
 
 /// Problem û = W r̂ + q with Signorini and Coulomb on (û, r̂), components along n, t, s of each contact.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -13,26 +14,26 @@ pub struct StoredProblem {
     /// Blocks (i, j, w): response of û of contact i to unit impulses at contact j, 1/kg; those not listed are 0.
     pub blocks: Vec<(usize, usize, [[f64; 3]; 3])>,
     /// Row of the system and frame (n, t, s) of each contact.
-    pub rows: Vec<(u32, [Vec3; 3])>,
+    pub rows: Vec<(ContactId, [Vec3; 3])>,
 }
 
 /// Problem of the rows that can close, in the order of the contacts.
 pub fn stored_problem(system: &ContactProblem, contacts: &[Contact]) -> StoredProblem {
     let rows: Vec<usize> = (0..system.rows.len()).filter(|&k| system.rows[k].can_close).collect();
     // Bodies that do not move couple no contacts: the contacts of a floor are not paired.
-    let moves = |body: &&u32| system.bodies[**body as usize].inverse_mass > 0.0;
+    let moves = |body: &&BodyId| system.bodies[body.index()].inverse_mass > 0.0;
     let mut on_body = vec![Vec::new(); system.bodies.len()];
     for (i, &k) in rows.iter().enumerate() {
-        system.rows[k].bodies.iter().filter(moves).for_each(|&body| on_body[body as usize].push(i));
+        system.rows[k].bodies.iter().filter(moves).for_each(|&body| on_body[body.index()].push(i));
     }
     let mut problem = StoredProblem::default();
     for (i, &here) in rows.iter().enumerate() {
         let row = &system.rows[here];
         let frame = &contacts[here].frame();
-        problem.rows.push((here as u32, *frame));
+        problem.rows.push((ContactId::new(here), *frame));
         problem.mu.push(row.friction);
         problem.q.push(to_local(frame, &system.shifted_velocity(here, &system.bodies)).into());
-        let mut neighbours: Vec<usize> = row.bodies.iter().flat_map(|&body| &on_body[body as usize]).copied().collect();
+        let mut neighbours: Vec<usize> = row.bodies.iter().flat_map(|&body| &on_body[body.index()]).copied().collect();
         neighbours.sort_unstable();
         neighbours.dedup();
         for j in neighbours {
@@ -84,8 +85,8 @@ mod tests {
         let pairs = [[0, 1], [1, 2], [0, 3], [2, 3]];
         let frames = normals.map(|n| local_frame(n.normalize()));
         let contact = |k: usize| Contact {
-            candidate: pairs[k][0],
-            antagonist: pairs[k][1],
+            candidate: BodyId(pairs[k][0]),
+            antagonist: BodyId(pairs[k][1]),
             ranks: (0, 0),
             features: (0, 0),
             point: Vec3::zeros(),
@@ -96,7 +97,7 @@ mod tests {
             law: 0,
         };
         let row = |k: usize| ContactConstraint {
-            bodies: pairs[k],
+            bodies: pairs[k].map(BodyId),
             normal: frames[k][0],
             arm: 1.01,
             shift: Vec3::new(0.01, 0.02, k as f64),

@@ -15,7 +15,7 @@ impl AssemblyContext<'_> {
     /// arms that turn apart would strain the bond. A bonded sphere has no rolling term, since a bond at one point lets it
     /// roll.
     pub(super) fn arm_turning_velocity(&self, contact: &Contact, [at_a, at_b]: &[Vec3; 2], as_one: bool) -> Vec3 {
-        let bodies = [contact.candidate, contact.antagonist].map(|body| body as usize);
+        let bodies = [contact.candidate, contact.antagonist].map(|body| body.index());
         // Angular velocities at the step's start: bodies that turn as one have the same one then, while free rotation differs
         // from body to body.
         let [mut a, mut b] = bodies.map(|i| self.state.w[i]);
@@ -60,7 +60,7 @@ impl AssemblyContext<'_> {
         if !scene.has_drums {
             return 0.0;
         }
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i as usize);
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
         let Some(drum) = scene.find_part(contact.antagonist, contact.ranks.1) else { return 0.0 };
         let ContactorShape::Cylinder { hollow: true, .. } = drum.geometry else { return 0.0 };
         let axis = q_c.q[b] * drum.axes * Vec3::z();

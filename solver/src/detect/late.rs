@@ -4,14 +4,14 @@ use std::collections::HashSet;
 
 use rayon::prelude::*;
 
-use super::spheres::{contact_geometry, sphere_contact, visible_pair};
+use super::spheres::{ListedPair, contact_geometry, sphere_contact, visible_pair};
 use super::swept::{SweptBall, least_distance};
 use super::travel::{LISTING_MARGIN, TravelBounds};
 use super::{joints, parts, periodic};
 use crate::geometry::NarrowPhaseMode;
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::scene::{BodyShape, Scene};
+use crate::scene::{BodyId, BodyShape, Scene};
 use crate::state::{Contact, Velocities};
 
 /// Contacts of pairs that are not in `listed` and that the velocities `solved` close in the step, ordered by key.
@@ -44,7 +44,7 @@ pub fn late_contacts(
     let ways = TravelBounds { nearby: 0.0, ..TravelBounds::new(scene, q_c, solved, span) };
     if scene.is_general() {
         let mut found =
-            parts::swept_contacts(scene, q_c, &ways, NarrowPhaseMode::Accurate, |body| searched[body as usize]);
+            parts::swept_contacts(scene, q_c, &ways, NarrowPhaseMode::Accurate, |body| searched[body.index()]);
         // All points of a pair are added if one of them closes.
         let closing: HashSet<_> =
             found.iter().filter(|contact| gap_closes(contact, q_c, solved, span)).map(contactor_pair).collect();
@@ -59,36 +59,36 @@ pub fn late_contacts(
         left.retain(|contact| !known.contains(&contactor_pair(contact)));
         return left;
     }
-    let ball = |&i: &u32| {
-        let (i, reach) = (i as usize, scene.bodies[i as usize].radius);
+    let ball = |&i: &BodyId| {
+        let (i, reach) = (i.index(), scene.bodies[i.index()].radius);
         SweptBall { centre: q_c.x[i], path: ways.centre_path(i), reach, searched: searched[i] }
     };
     let balls: Vec<SweptBall> = scene.spheres.iter().map(ball).collect();
     let reach: Vec<f64> = balls.iter().map(|ball| ball.reach + ball.path.norm()).collect();
     let near = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
     let spheres = near.into_iter().filter_map(|near| visible_pair(scene, near)).filter_map(|([i, j], see)| {
-        let [a, b] = [i, j].map(|k| &balls[k as usize]);
+        let [a, b] = [i, j].map(|k| &balls[k.index()]);
         let between = a.centre - b.centre - scene.nearest_image_shift(&a.centre, &b.centre);
         let closes = least_distance(&between, &(a.path - b.path)) < a.reach + b.reach;
-        closes.then_some(([i, j].map(|k| scene.spheres[k as usize]), see.law))
+        closes.then_some(([i, j].map(|k| scene.spheres[k.index()]), see.law))
     });
-    let mut pairs: Vec<([u32; 2], u8)> = spheres.collect();
+    let mut pairs: Vec<ListedPair> = spheres.collect();
     for &plane in &scene.planes {
-        let with = |&sphere: &u32| {
-            let [s, p] = [sphere, plane].map(|i| &scene.bodies[i as usize]);
+        let with = |&sphere: &BodyId| {
+            let [s, p] = [sphere, plane].map(|i| &scene.bodies[i.index()]);
             let see = scene.visibility.interaction_rule(s.class, p.class).filter(|_| !(s.driven && p.driven))?;
             Some(([sphere, plane], see.law))
         };
-        let moved = scene.spheres.iter().filter(|&&sphere| searched[sphere as usize] || searched[plane as usize]);
+        let moved = scene.spheres.iter().filter(|&&sphere| searched[sphere.index()] || searched[plane.index()]);
         pairs.extend(moved.filter_map(with).filter(|(pair, _)| {
-            let BodyShape::Plane { half_lengths } = scene.bodies[plane as usize].shape else { return false };
+            let BodyShape::Plane { half_lengths } = scene.bodies[plane.index()].shape else { return false };
             let near = contact_geometry(scene, q_c, *pair).gap
-                <= ways.travel[pair[0] as usize] + ways.surface_travel(pair[1] as usize, half_lengths.norm());
+                <= ways.travel[pair[0].index()] + ways.surface_travel(pair[1].index(), half_lengths.norm());
             near && gap_closes(&sphere_contact(scene, q_c, *pair, 0), q_c, solved, span)
         }));
     }
     // Inner contacts of flush joints can only be recognised together with the contacts that support the sphere.
-    let is_plane = |body: u32| matches!(scene.bodies[body as usize].shape, BodyShape::Plane { .. });
+    let is_plane = |body: BodyId| matches!(scene.bodies[body.index()].shape, BodyShape::Plane { .. });
     let (mut of_planes, others): (Vec<_>, Vec<_>) = pairs.into_iter().partition(|(pair, _)| is_plane(pair[1]));
     if !of_planes.is_empty() {
         let before = listed.iter().filter(|contact| is_plane(contact.antagonist));
@@ -102,13 +102,13 @@ pub fn late_contacts(
 }
 
 /// Bodies and ranks that identify the pair of contactors.
-fn contactor_pair(contact: &Contact) -> (u32, u32, (u16, u16)) {
+fn contactor_pair(contact: &Contact) -> (BodyId, BodyId, (u16, u16)) {
     (contact.candidate, contact.antagonist, contact.ranks)
 }
 
 /// Whether a contact's gap closes at these velocities within `span` (s).
 fn gap_closes(contact: &Contact, q_c: &ContactConfiguration, Velocities { v, w }: Velocities, span: f64) -> bool {
-    let [a, b] = [contact.candidate as usize, contact.antagonist as usize];
+    let [a, b] = [contact.candidate.index(), contact.antagonist.index()];
     let at = |i: usize, centre: Vec3| v[i] + w[i].cross(&(contact.point - centre));
     let u = at(a, q_c.x[a]) - at(b, q_c.x[b] + contact.image);
     contact.gap + span * contact.normal.dot(&u) < 0.0
@@ -122,7 +122,7 @@ fn rotating_extents(scene: &Scene) -> Vec<f64> {
     }
     let mut extents = vec![0.0f64; scene.bodies.len()];
     for part in &scene.parts {
-        let extent = &mut extents[part.body as usize];
+        let extent = &mut extents[part.body.index()];
         *extent = extent.max(part.offset.norm() + part.radius);
     }
     extents

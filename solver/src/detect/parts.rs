@@ -20,8 +20,8 @@ use crate::geometry::{
 use crate::integrate::ContactConfiguration;
 use crate::math::simd::SimdWidth;
 use crate::math::{Vec3, group_by_key};
-use crate::scene::{InteractionRule, Scene};
-use crate::state::{Contact, DetectionCache, SeparatingAxis};
+use crate::scene::{BodyId, PartId, Scene};
+use crate::state::{Contact, DetectionCache, SeparatingAxis, VisiblePair};
 
 impl DetectionCache {
     /// `bodies`: order in which near bodies follow each other.
@@ -52,7 +52,7 @@ impl DetectionCache {
         let before = self.cached_pairs();
         let apart = |&k: &u32| (self.pairs[k as usize].0, self.separations[k as usize]);
         let near = std::mem::take(&mut self.neighbours.pairs);
-        let near: Vec<([u32; 2], InteractionRule)> =
+        let near: Vec<VisiblePair> =
             near.into_par_iter().with_min_len(1024).filter_map(|ij| visible_pair(scene, places, ij)).collect();
         let pairs = pairs_by_candidate(&near, scene, bodies);
         let order = part_order(&pairs, places.len());
@@ -64,7 +64,7 @@ impl DetectionCache {
 
 impl DetectionCache {
     /// Removes the cached direction of two contactors, so that the next step searches it anew.
-    fn forget_feature(&mut self, parts: &[u32; 2]) {
+    fn forget_feature(&mut self, parts: &[PartId; 2]) {
         if let Ok(place) = self.order.binary_search_by_key(parts, |&k| self.pairs[k as usize].0) {
             self.memories[self.order[place] as usize] = CachedFeature::default();
         }
@@ -121,7 +121,7 @@ pub fn swept_contacts(
     q_c: &ContactConfiguration,
     ways: &TravelBounds,
     narrow: NarrowPhaseMode,
-    searched: impl Fn(u32) -> bool + Sync,
+    searched: impl Fn(BodyId) -> bool + Sync,
 ) -> Vec<Contact> {
     let places = posed_contactors(scene, q_c, ways);
     let ball = |place: &PosedContactor| SweptBall {
@@ -133,13 +133,12 @@ pub fn swept_contacts(
     let balls: Vec<SweptBall> = places.iter().map(ball).collect();
     let reach: Vec<f64> = places.iter().map(|place| place.reach).collect();
     let near = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
-    let mut pairs: Vec<([u32; 2], InteractionRule)> =
-        near.into_iter().filter_map(|ij| visible_pair(scene, &places, ij)).collect();
+    let mut pairs: Vec<VisiblePair> = near.into_iter().filter_map(|ij| visible_pair(scene, &places, ij)).collect();
     pairs.sort_unstable_by_key(|(parts, _)| *parts);
     let width = SimdWidth::detect();
     let mut hands =
         NarrowPhaseScratch { polyhedra: PairBatch::new(width), prefetcher: Prefetcher::new(&places, width) };
-    let look_at = |pairs: &[([u32; 2], InteractionRule)]| {
+    let look_at = |pairs: &[VisiblePair]| {
         let (mut memories, mut separations) =
             ([CachedFeature::default(); PAIRS_PER_TASK], [SeparatingAxis::default(); PAIRS_PER_TASK]);
         let (memories, separations) = (&mut memories[..pairs.len()], &mut separations[..pairs.len()]);
@@ -151,7 +150,7 @@ pub fn swept_contacts(
 
 /// Pairs of one task with their cached data.
 struct PairChunk<'p> {
-    pairs: &'p [([u32; 2], InteractionRule)],
+    pairs: &'p [VisiblePair],
     memories: &'p mut [CachedFeature],
     separations: &'p mut [SeparatingAxis],
 }
@@ -212,7 +211,7 @@ fn narrow_phase_chunk<'a>(
 struct ListedContacts {
     contacts: Vec<Contact>,
     /// Candidates of consecutive contacts, and the index where each run begins.
-    runs: Vec<(u32, usize)>,
+    runs: Vec<(BodyId, usize)>,
     /// Periods of the scene, m.
     periods: [Option<f64>; 2],
 }
@@ -267,7 +266,7 @@ impl ListedContacts {
 fn contacts_by_key(found: &[ListedContacts], bodies: usize, width: SimdWidth) -> Vec<Contact> {
     let runs: Vec<(&ListedContacts, usize)> =
         found.iter().flat_map(|listed| (0..listed.runs.len()).map(move |k| (listed, k))).collect();
-    let candidates: Vec<u32> = runs.iter().map(|(listed, k)| listed.runs[*k].0).collect();
+    let candidates: Vec<u32> = runs.iter().map(|(listed, k)| listed.runs[*k].0.0).collect();
     let (order, _) = group_by_key(&candidates, bodies);
     let run = |k: u32| {
         let (listed, k) = runs[k as usize];
@@ -298,7 +297,7 @@ struct Prefetcher<'a> {
     places: &'a [PosedContactor<'a>],
     width: SimdWidth,
     /// Parts that were prefetched recently, each at the index of its number modulo the length.
-    near: [u32; SHAPES_IN_L2],
+    near: [PartId; SHAPES_IN_L2],
 }
 
 /// Approximate number of shapes that fit in the L2 cache.
@@ -306,15 +305,15 @@ const SHAPES_IN_L2: usize = 256;
 
 impl<'a> Prefetcher<'a> {
     fn new(places: &'a [PosedContactor<'a>], width: SimdWidth) -> Self {
-        Prefetcher { places, width, near: [u32::MAX; SHAPES_IN_L2] }
+        Prefetcher { places, width, near: [PartId(u32::MAX); SHAPES_IN_L2] }
     }
 
     #[inline(always)]
-    fn prefetch(&mut self, parts: [u32; 2]) {
+    fn prefetch(&mut self, parts: [PartId; 2]) {
         for part in parts {
-            let last = &mut self.near[part as usize % SHAPES_IN_L2];
+            let last = &mut self.near[part.index() % SHAPES_IN_L2];
             if *last != part
-                && let PosedShape::Polyhedron(posed) = &self.places[part as usize].shape
+                && let PosedShape::Polyhedron(posed) = &self.places[part.index()].shape
             {
                 *last = part;
                 posed.prefetch(self.width);
@@ -325,8 +324,9 @@ impl<'a> Prefetcher<'a> {
 
 /// The two contactors with the candidate first, and their visibility rule; `None` if the table has no rule, if
 /// both are of one body, or if the motion of both is imposed.
-fn visible_pair(scene: &Scene, places: &[PosedContactor], [i, j]: [u32; 2]) -> Option<([u32; 2], InteractionRule)> {
-    let [a, b] = [i, j].map(|k| &places[k as usize]);
+fn visible_pair(scene: &Scene, places: &[PosedContactor], pair: [u32; 2]) -> Option<VisiblePair> {
+    let [i, j] = pair.map(PartId);
+    let [a, b] = [i, j].map(|part| &places[part.index()]);
     if a.body == b.body || (a.imposed && b.imposed) {
         return None;
     }
@@ -336,17 +336,12 @@ fn visible_pair(scene: &Scene, places: &[PosedContactor], [i, j]: [u32; 2]) -> O
 }
 
 /// Pairs ordered by candidate, in the order of the bodies, then by antagonist.
-fn pairs_by_candidate(
-    pairs: &[([u32; 2], InteractionRule)],
-    scene: &Scene,
-    bodies: &[u32],
-) -> Vec<([u32; 2], InteractionRule)> {
+fn pairs_by_candidate(pairs: &[VisiblePair], scene: &Scene, bodies: &[u32]) -> Vec<VisiblePair> {
     let mut place = vec![0; bodies.len()];
     bodies.iter().zip(0..).for_each(|(&i, k)| place[i as usize] = k);
-    let of_pairs: Vec<u32> =
-        pairs.iter().map(|(parts, _)| place[scene.parts[parts[0] as usize].body as usize]).collect();
+    let of_pairs: Vec<u32> = pairs.iter().map(|(parts, _)| place[scene.parts[parts[0].index()].body.index()]).collect();
     let (order, starts) = group_by_key(&of_pairs, bodies.len());
-    let mut grouped: Vec<([u32; 2], InteractionRule)> = order.iter().map(|&k| pairs[k as usize]).collect();
+    let mut grouped: Vec<VisiblePair> = order.iter().map(|&k| pairs[k as usize]).collect();
     for of_one in starts.windows(2) {
         grouped[of_one[0] as usize..of_one[1] as usize].sort_unstable_by_key(|(parts, _)| *parts);
     }
@@ -354,16 +349,16 @@ fn pairs_by_candidate(
 }
 
 /// Indices of the pairs, which are ordered by candidate, in the order of their parts.
-fn part_order(pairs: &[([u32; 2], InteractionRule)], parts: usize) -> Vec<u32> {
-    let first: Vec<u32> = pairs.iter().map(|(parts, _)| parts[0]).collect();
+fn part_order(pairs: &[VisiblePair], parts: usize) -> Vec<u32> {
+    let first: Vec<u32> = pairs.iter().map(|(parts, _)| parts[0].0).collect();
     group_by_key(&first, parts).0
 }
 
 /// Values of the last step for each of the pairs; `order` and `before` are in the order of the parts.
 fn previous_values<T: Clone + Default>(
-    pairs: &[([u32; 2], InteractionRule)],
+    pairs: &[VisiblePair],
     order: &[u32],
-    before: impl Iterator<Item = ([u32; 2], T)>,
+    before: impl Iterator<Item = ([PartId; 2], T)>,
 ) -> Vec<T> {
     let mut carried = vec![T::default(); pairs.len()];
     let mut before = before.peekable();

@@ -7,8 +7,8 @@ use super::travel::{LISTING_MARGIN, TravelBounds};
 use crate::geometry::{ContactPoint, ListingRange, Manifold, PosedPolyhedron};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Quat, Vec3};
-use crate::scene::{BodyPart, ContactorShape, InteractionRule, Scene};
-use crate::state::Contact;
+use crate::scene::{BodyId, BodyPart, ContactorShape, Scene};
+use crate::state::{Contact, VisiblePair};
 
 /// Position of a contactor and the scene data that its pairs need, packed so that a pair reads little memory.
 pub struct PosedContactor<'a> {
@@ -31,7 +31,7 @@ pub struct PosedContactor<'a> {
     pub accumulated_travel: f64,
     /// Curvature used by cohesion, 1/m.
     pub curvature: f64,
-    pub body: u32,
+    pub body: BodyId,
     /// Row and column in the visibility table.
     pub class: u16,
     /// Whether all of its body's motion is imposed.
@@ -63,7 +63,7 @@ fn posed_contactor<'a>(
     q_c: &ContactConfiguration,
     ways: &TravelBounds,
 ) -> PosedContactor<'a> {
-    let i = part.body as usize;
+    let i = part.body.index();
     let q = &q_c.q[i];
     let arm = q * part.offset;
     let axes = q * part.axes;
@@ -124,13 +124,8 @@ impl<'a> CandidatePair<'a> {
     /// Accumulated displacement of the surfaces of two contactors, and their largest possible range, m; cheaper than a
     /// meeting.
     #[inline(always)]
-    pub fn listing_reach(
-        scene: &Scene,
-        places: &[PosedContactor],
-        nearby: f64,
-        (parts, see): &([u32; 2], InteractionRule),
-    ) -> f64 {
-        let [a, b] = parts.map(|k| &places[k as usize]);
+    pub fn listing_reach(scene: &Scene, places: &[PosedContactor], nearby: f64, (parts, see): &VisiblePair) -> f64 {
+        let [a, b] = parts.map(|k| &places[k.index()]);
         let held = scene.laws[see.law as usize].interaction_range(1.0 / (a.curvature + b.curvature));
         let smaller = a.radius.min(b.radius);
         let range = held.max(a.travel + b.travel).max(nearby.max(FULL_MANIFOLD_GAP) * smaller).max(see.alert);
@@ -143,9 +138,9 @@ impl<'a> CandidatePair<'a> {
         places: &'a [PosedContactor<'a>],
         nearby: f64,
         pair: usize,
-        (parts, see): &([u32; 2], InteractionRule),
+        (parts, see): &VisiblePair,
     ) -> Self {
-        let [a, b] = parts.map(|k| &places[k as usize]);
+        let [a, b] = parts.map(|k| &places[k.index()]);
         let radius = 1.0 / (a.curvature + b.curvature);
         let law = &scene.laws[see.law as usize];
         let image = scene.nearest_image_shift(&a.centre, &b.centre);

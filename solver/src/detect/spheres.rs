@@ -9,11 +9,11 @@ use super::travel::{LISTING_MARGIN, TravelBounds};
 use super::{narrow, swept};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::scene::{BodyShape, InteractionRule, Scene};
-use crate::state::{Contact, DetectionCache};
+use crate::scene::{BodyId, BodyShape, InteractionRule, PartId, Scene};
+use crate::state::{Contact, DetectionCache, VisiblePair};
 
 /// Candidate and antagonist within range of each other, and their law.
-pub type ListedPair = ([u32; 2], u8);
+pub type ListedPair = ([BodyId; 2], u8);
 
 /// Contacts of spheres with spheres, ordered by candidate, then by antagonist.
 pub fn sphere_sphere_pairs(
@@ -23,23 +23,23 @@ pub fn sphere_sphere_pairs(
     known: &mut DetectionCache,
 ) -> Vec<ListedPair> {
     let bodies = scene.spheres.par_iter().with_min_len(PAR_MIN_LEN);
-    let centres: Vec<Vec3> = bodies.clone().map(|&i| q_c.x[i as usize]).collect();
-    let travel: Vec<f64> = bodies.clone().map(|&i| ways.travel[i as usize]).collect();
-    let radii: Vec<f64> = bodies.map(|&i| scene.bodies[i as usize].radius).collect();
+    let centres: Vec<Vec3> = bodies.clone().map(|&i| q_c.x[i.index()]).collect();
+    let travel: Vec<f64> = bodies.clone().map(|&i| ways.travel[i.index()]).collect();
+    let radii: Vec<f64> = bodies.map(|&i| scene.bodies[i.index()].radius).collect();
     let reach = |(radius, travel): (&f64, &f64)| radius + travel + 0.5 * scene.listing_range;
     let reach: Vec<f64> = radii.iter().zip(&travel).map(reach).collect();
-    let path = |k: usize| ways.centre_path(scene.spheres[k] as usize);
+    let path = |k: usize| ways.centre_path(scene.spheres[k].index());
     let things = BoundingBalls { centres: &centres, reach: &reach, path, travel: &travel };
     if known.neighbours.rebuild_if_stale(&things, scene.periods(), scene.mean_radius) {
         let near = std::mem::take(&mut known.neighbours.pairs);
         let visible = near.into_par_iter().with_min_len(1024).filter_map(|pair| visible_pair(scene, pair));
-        let mut pairs: Vec<([u32; 2], InteractionRule)> = visible.collect();
+        let mut pairs: Vec<VisiblePair> = visible.collect();
         pairs.par_sort_unstable_by_key(|(pair, _)| *pair);
         known.pairs = Arc::new(pairs);
     }
-    let listed = |&([i, j], see): &([u32; 2], InteractionRule)| {
-        let pair = [i, j].map(|k| scene.spheres[k as usize]);
-        let [i, j] = [i as usize, j as usize];
+    let listed = |&([i, j], see): &VisiblePair| {
+        let pair = [i, j].map(|k| scene.spheres[k.index()]);
+        let [i, j] = [i.index(), j.index()];
         let (a, b) = (centres[i], centres[j] + scene.nearest_image_shift(&centres[i], &centres[j]));
         let gap = narrow::sphere_sphere(&a, radii[i], &b, radii[j]).gap;
         let approach = ApproachBounds { travel: travel[i] + travel[j], nearby: ways.nearby * radii[i].min(radii[j]) };
@@ -51,21 +51,22 @@ pub fn sphere_sphere_pairs(
 
 /// Pair with the candidate first, and its visibility rule; `None` if the table has no rule for it, or if the
 /// motion of both bodies is imposed.
-pub fn visible_pair(scene: &Scene, pair: [u32; 2]) -> Option<([u32; 2], InteractionRule)> {
-    let [a, b] = pair.map(|k| &scene.bodies[scene.spheres[k as usize] as usize]);
+pub fn visible_pair(scene: &Scene, pair: [u32; 2]) -> Option<VisiblePair> {
+    let pair = pair.map(PartId);
+    let [a, b] = pair.map(|k| &scene.bodies[scene.spheres[k.index()].index()]);
     Some((pair, scene.visibility.interaction_rule(a.class, b.class)?)).filter(|_| !(a.is_imposed() && b.is_imposed()))
 }
 
 pub fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, ways: &TravelBounds) -> Vec<ListedPair> {
-    let with = |&plane: &u32| {
-        let p = plane as usize;
+    let with = |&plane: &BodyId| {
+        let p = plane.index();
         let BodyShape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
         // A wall's displacement is that of its farthest corner.
         let swept = ways.surface_travel(p, half_lengths.norm());
         let (path, turn) = (ways.centre_path(p), ways.rotation_vector(p));
         let into_axes = q_c.q[p].inverse().to_rotation_matrix();
-        let near = move |&sphere: &u32| {
-            let (s, pair) = (sphere as usize, [sphere, plane]);
+        let near = move |&sphere: &BodyId| {
+            let (s, pair) = (sphere.index(), [sphere, plane]);
             let travel = ways.travel[s] + swept;
             // Most spheres are far from the plate and need neither law nor geometry.
             let from = q_c.x[s] - q_c.x[p] - scene.nearest_image_shift(&q_c.x[s], &q_c.x[p]);
@@ -94,13 +95,13 @@ pub fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, ways: &Trav
 pub fn contact_geometry(
     scene: &Scene,
     q_c: &ContactConfiguration,
-    [candidate, antagonist]: [u32; 2],
+    [candidate, antagonist]: [BodyId; 2],
 ) -> narrow::ContactGeometry {
-    let [a, b] = [candidate, antagonist].map(|i| (&scene.bodies[i as usize], q_c.x[i as usize]));
+    let [a, b] = [candidate, antagonist].map(|i| (&scene.bodies[i.index()], q_c.x[i.index()]));
     let (a, b) = ((a.0, &a.1), (b.0, &(b.1 + scene.nearest_image_shift(&a.1, &b.1))));
     match &b.0.shape {
         BodyShape::Plane { half_lengths } => {
-            narrow::sphere_plane(a.1, a.0.radius, b.1, &q_c.q[antagonist as usize], half_lengths)
+            narrow::sphere_plane(a.1, a.0.radius, b.1, &q_c.q[antagonist.index()], half_lengths)
         }
         _ => narrow::sphere_sphere(a.1, a.0.radius, b.1, b.0.radius),
     }
@@ -119,7 +120,7 @@ struct ApproachBounds {
 /// m.
 fn is_listed(
     scene: &Scene,
-    [candidate, antagonist]: [u32; 2],
+    [candidate, antagonist]: [BodyId; 2],
     see: InteractionRule,
     gap: f64,
     ApproachBounds { travel, nearby }: ApproachBounds,
@@ -134,7 +135,7 @@ fn is_listed(
 }
 
 #[inline]
-pub fn sphere_contact(scene: &Scene, q_c: &ContactConfiguration, pair: [u32; 2], law: u8) -> Contact {
+pub fn sphere_contact(scene: &Scene, q_c: &ContactConfiguration, pair: [BodyId; 2], law: u8) -> Contact {
     let found = contact_geometry(scene, q_c, pair);
     let [candidate, antagonist] = pair;
     Contact {
@@ -143,7 +144,7 @@ pub fn sphere_contact(scene: &Scene, q_c: &ContactConfiguration, pair: [u32; 2],
         ranks: (0, 0),
         features: (0, found.feature),
         point: found.point,
-        image: scene.nearest_image_shift(&q_c.x[candidate as usize], &q_c.x[antagonist as usize]),
+        image: scene.nearest_image_shift(&q_c.x[candidate.index()], &q_c.x[antagonist.index()]),
         normal: found.normal,
         gap: found.gap,
         area: 0.0,

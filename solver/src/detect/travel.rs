@@ -27,7 +27,7 @@ pub struct TravelBounds<'a> {
 
 impl<'a> TravelBounds<'a> {
     pub fn new(scene: &Scene, q_c: &ContactConfiguration, velocities: Velocities<'a>, ahead: f64) -> Self {
-        let sum: Vec3 = scene.free.iter().map(|&i| velocities.v[i as usize]).sum();
+        let sum: Vec3 = scene.free.iter().map(|&i| velocities.v[i.index()]).sum();
         let drift = sum / scene.free.len().max(1) as f64;
         let travel = velocities.v.par_iter().with_min_len(PAR_MIN_LEN).map(|v| ahead * (v - drift).norm()).collect();
         let steps = if q_c.h > 0.0 { ahead / q_c.h } else { 1.0 };

@@ -58,7 +58,7 @@ fn contact_time_limit(scene: &Scene, state: &State, solved: &SolvedContact) -> f
     let SolvedContact { contact, velocity, .. } = solved;
     let adaptive = scene.options.adaptive();
     let theta = scene.options.theta;
-    let sides = [contact.candidate, contact.antagonist].map(|i| &scene.bodies[i as usize]);
+    let sides = [contact.candidate, contact.antagonist].map(|i| &scene.bodies[i.index()]);
     let radius = sides.iter().filter(|body| !body.driven).map(|body| body.radius).fold(f64::INFINITY, f64::min);
     let gap = (contact.gap + theta * state.h * velocity.x).max(0.0);
     let travel = (adaptive.travel * radius + 0.5 * gap) / velocity.norm();
@@ -79,7 +79,7 @@ pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
         FieldModel::Turning { rate, .. } => TAU / rate.norm(),
         FieldModel::Primary { strength, centre, .. } => {
             let nearest =
-                scene.free.iter().map(|&i| (state.x[i as usize] - centre).norm()).fold(f64::INFINITY, f64::min);
+                scene.free.iter().map(|&i| (state.x[i.index()] - centre).norm()).fold(f64::INFINITY, f64::min);
             TAU * (nearest.powi(3) / strength).sqrt()
         }
     };

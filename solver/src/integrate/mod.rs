@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use crate::math::rotation::{angular_momentum, angular_velocity, free_rotation};
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, morton, rotate_by_vector};
-use crate::scene::Scene;
+use crate::scene::{BodyId, Scene};
 use crate::state::{State, Velocities};
 
 /// Configuration in which contacts are detected and forces evaluated.
@@ -74,19 +74,19 @@ pub fn predict_configuration(scene: &Scene, state: &State, units: u64) -> Contac
         q[i] = rotate_by_vector(&q[i], &(state.w[i] * before));
     }
     let (rate, mut spin) = (scene.frame_angular_velocity(), state.angular_momentum.clone());
-    let carry = |(&i, momentum): (&u32, &mut Vec3)| {
-        let (i, inertia) = (i as usize, &scene.bodies[i as usize].inertia);
+    let carry = |(&i, momentum): (&BodyId, &mut Vec3)| {
+        let (i, inertia) = (i.index(), &scene.bodies[i.index()].inertia);
         let q = turn_in_axes(&state.q[i], momentum, inertia, &rate, before);
         (q, angular_velocity(&q, inertia, momentum))
     };
     let carried: Vec<_> =
         scene.turning.par_iter().zip(&mut spin).with_min_len(MIN_TURNING_PER_TASK).map(carry).collect();
     for (&i, carried) in scene.turning.iter().zip(carried) {
-        (q[i as usize], w[i as usize]) = carried;
+        (q[i.index()], w[i.index()]) = carried;
     }
     let ahead = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 * h } else { h };
     let order = morton::morton_order(&x, &state.order);
-    let sum: Vec3 = scene.free.iter().map(|&i| state.v[i as usize]).sum();
+    let sum: Vec3 = scene.free.iter().map(|&i| state.v[i.index()]).sum();
     let drift = sum / scene.free.len().max(1) as f64;
     ContactConfiguration {
         x,
@@ -110,7 +110,7 @@ pub fn predict_from_start(scene: &Scene, state: &State, units: u64, from_start: 
     for i in (0..from_start.len()).filter(|&i| from_start[i]) {
         (q_c.x[i], q_c.q[i], q_c.w[i]) = (state.x[i], state.q[i], state.w[i]);
     }
-    for (k, _) in scene.turning.iter().enumerate().filter(|(_, i)| from_start[**i as usize]) {
+    for (k, _) in scene.turning.iter().enumerate().filter(|(_, i)| from_start[i.index()]) {
         q_c.angular_momentum[k] = state.angular_momentum[k];
     }
     if !from_start.is_empty() {
@@ -150,8 +150,8 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
     };
     state.q.par_iter_mut().zip(&scene.oriented).with_min_len(PAR_MIN_LEN).enumerate().for_each(turned);
     let rate = scene.frame_angular_velocity();
-    let turn = |((&i, momentum), carried): ((&u32, &mut Vec3), &Vec3)| {
-        let (i, inertia) = (i as usize, &scene.bodies[i as usize].inertia);
+    let turn = |((&i, momentum), carried): ((&BodyId, &mut Vec3), &Vec3)| {
+        let (i, inertia) = (i.index(), &scene.bodies[i.index()].inertia);
         // A body without impulses keeps its momentum to the last bit.
         let pushed = carried + angular_momentum(&q_c.q[i], inertia, &(w[i] - q_c.w[i]));
         let mut turned = pushed;
@@ -165,7 +165,7 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
     let turned: Vec<_> = turning.with_min_len(MIN_TURNING_PER_TASK).map(turn).collect();
     let mut by_axes = Vec3::zeros();
     for (&i, (q, spin, term)) in scene.turning.iter().zip(turned) {
-        (state.q[i as usize], w[i as usize]) = (q, spin);
+        (state.q[i.index()], w[i.index()]) = (q, spin);
         by_axes += term;
     }
     if rate != Vec3::zeros() {

@@ -17,7 +17,7 @@ use crate::gravity::SummationMethod;
 use crate::laws::{Cohesion, ContactLaw};
 use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
 use crate::scene::{
-    BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, RigidBody, Scene, VisibilityTable,
+    BodyId, BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, RigidBody, Scene, VisibilityTable,
 };
 use crate::state::{Contact, ContactStatus, SolvedContact, UNKNOWN_FEATURE};
 
@@ -42,7 +42,7 @@ fn kind_and_class(scene: &Scene, side: &ContactSide) -> Option<(usize, u16)> {
         BodyShape::Plane { .. } if side.rank == 0 => (1, body.class),
         BodyShape::Sphere { .. } | BodyShape::Plane { .. } => return None,
         BodyShape::Parts => {
-            let part = scene.parts_of(side.body as u32).get(side.rank)?;
+            let part = scene.parts_of(BodyId::new(side.body)).get(side.rank)?;
             (contactor_kind(&part.geometry), part.class)
         }
     };
@@ -141,7 +141,8 @@ pub fn set_laws_and_visibility(datbox: &Path, tact: &TactBehav, scene: &mut Scen
         }
         let is_wall = |class: usize| ![0, 2].contains(&(class / colours));
         if let Some([pushed, other]) = partly_driven_walls(scene, [a, b]).filter(|_| is_wall(a) && is_wall(b)) {
-            let found = format!("body {}, which moves freely along some axis, and body {}", pushed + 1, other + 1);
+            let found =
+                format!("body {}, which moves freely along some axis, and body {}", pushed.number(), other.number());
             let object = format!(
                 "{} {} and {} {}",
                 row.candidate.contactor, row.candidate.colour, row.antagonist.contactor, row.antagonist.colour
@@ -166,9 +167,9 @@ pub fn set_laws_and_visibility(datbox: &Path, tact: &TactBehav, scene: &mut Scen
 }
 
 /// Returns two bodies with contactors of these classes of which the first is partly driven, if there are any.
-fn partly_driven_walls(scene: &Scene, [a, b]: [usize; 2]) -> Option<[u32; 2]> {
+fn partly_driven_walls(scene: &Scene, [a, b]: [usize; 2]) -> Option<[BodyId; 2]> {
     let of_class = |class: usize| scene.parts.iter().filter(move |part| usize::from(part.class) == class);
-    let is_pushed = |part: &&BodyPart| scene.bodies[part.body as usize].is_driven_in_part();
+    let is_pushed = |part: &&BodyPart| scene.bodies[part.body.index()].is_driven_in_part();
     [[a, b], [b, a]].into_iter().find_map(|[first, second]| {
         let pushed = of_class(first).find(is_pushed)?.body;
         let other = of_class(second).find(|part| part.body != pushed)?.body;
@@ -181,7 +182,7 @@ fn check_periods(file: &Path, tact: &TactBehav, scene: &Scene, faults: &mut Faul
     let Some(period) = [scene.options.xperiode, scene.options.yperiode].into_iter().flatten().reduce(f64::min) else {
         return;
     };
-    let largest = scene.free.iter().map(|&i| scene.bodies[i as usize].radius).fold(0.0, f64::max);
+    let largest = scene.free.iter().map(|&i| scene.bodies[i.index()].radius).fold(0.0, f64::max);
     for (law, name) in scene.laws.iter().zip(&scene.law_names) {
         let range = law.interaction_range(largest);
         if range > 0.0 && 2.0 * (2.0 * largest + range) >= period {
@@ -199,7 +200,7 @@ struct ClassMembers {
     /// Number of bodies that have one.
     count: usize,
     /// Last body that has one.
-    last: Option<u32>,
+    last: Option<BodyId>,
     /// Whether one of them is on a body that moves freely, all or in part.
     free: bool,
 }
@@ -209,7 +210,7 @@ struct ClassMembers {
 /// `meant`: pairs of colours that the file declares to have no row.
 fn unseen_contactors_note(scene: &Scene, meant: &[[String; 2]]) -> Option<String> {
     let mut members: BTreeMap<u16, ClassMembers> = BTreeMap::new();
-    let mut count = |class: u16, number: u32, body: &RigidBody| {
+    let mut count = |class: u16, number: BodyId, body: &RigidBody| {
         let members = members.entry(class).or_default();
         // Parts of one body do not touch each other.
         members.count += usize::from(members.last != Some(number));
@@ -217,9 +218,9 @@ fn unseen_contactors_note(scene: &Scene, meant: &[[String; 2]]) -> Option<String
         members.free |= !body.is_imposed();
     };
     if scene.is_general() {
-        scene.parts.iter().for_each(|part| count(part.class, part.body, &scene.bodies[part.body as usize]));
+        scene.parts.iter().for_each(|part| count(part.class, part.body, &scene.bodies[part.body.index()]));
     } else {
-        (0..).zip(&scene.bodies).for_each(|(number, body)| count(body.class, number, body));
+        (0..).zip(&scene.bodies).for_each(|(number, body)| count(body.class, BodyId(number), body));
     }
     let colours = scene.colours.len().max(1);
     let name = |class: u16| {
@@ -426,7 +427,7 @@ pub fn initial_contacts(
             faults.push(Fault::new(&file, Some(record.line), "contact", "a normal of length 0", "expected length 1"));
             continue;
         };
-        let candidacy = sides.map(|side| scene.candidate_order(side.body as u32, side.rank as u16));
+        let candidacy = sides.map(|side| scene.candidate_order(BodyId::new(side.body), side.rank as u16));
         let turned = candidacy[0] > candidacy[1];
         let (sign, [candidate, antagonist], kinds) =
             if turned { (-1.0, [sides[1], sides[0]], [kind_b, kind_a]) } else { (1.0, sides, [kind_a, kind_b]) };
@@ -444,8 +445,8 @@ pub fn initial_contacts(
         let ours = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
         contacts.push(SolvedContact {
             contact: Contact {
-                candidate: candidate.body as u32,
-                antagonist: antagonist.body as u32,
+                candidate: BodyId::new(candidate.body),
+                antagonist: BodyId::new(antagonist.body),
                 ranks: (candidate.rank as u16, antagonist.rank as u16),
                 features,
                 point: Vec3::from(record.point),
@@ -469,7 +470,7 @@ pub fn initial_contacts(
     contacts.sort_by_key(|solved| solved.contact.key());
     for pair in contacts.chunk_by(|a, b| a.contact.key() == b.contact.key()).filter(|same| same.len() > 1) {
         let Contact { candidate, antagonist, .. } = pair[0].contact;
-        let found = format!("bodies {} and {} occur {} times", candidate + 1, antagonist + 1, pair.len());
+        let found = format!("bodies {} and {} occur {} times", candidate.number(), antagonist.number(), pair.len());
         faults.push(Fault::new(&file, None, "contact", found, "expected each contact once"));
     }
     contacts

@@ -14,7 +14,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use crate::math::{Quat, Vec3};
 use crate::read::parts::{PreparedBody, body_from_record};
 use crate::scene::{
-    BodyPart, BodyShape, ContactorShape, ImposedLoad, ImposedVelocity, RigidBody, Scene, VisibilityTable,
+    BodyId, BodyPart, BodyShape, ContactorShape, ImposedLoad, ImposedVelocity, RigidBody, Scene, VisibilityTable,
 };
 
 /// Returns the scene without its laws.
@@ -40,12 +40,12 @@ pub fn scene_without_laws(
             placeholder_body()
         });
         bodies.push(made.body);
-        parts.extend(made.parts.into_iter().map(|part| BodyPart { body: index as u32, ..part }));
+        parts.extend(made.parts.into_iter().map(|part| BodyPart { body: BodyId::new(index), ..part }));
         part_starts.push(parts.len() as u32);
         frames.push((made.shift, made.axes));
     }
     let (drives, loads) = imposed_motion(datbox, driven, &mut bodies, faults);
-    for part in parts.iter().filter(|part: &&BodyPart| !bodies[part.body as usize].driven) {
+    for part in parts.iter().filter(|part: &&BodyPart| !bodies[part.body.index()].driven) {
         let (name, kind) = match part.geometry {
             ContactorShape::Plane { .. } => ("PLANx", "plates"),
             ContactorShape::Cylinder { hollow: false, .. } => ("CYLND", "cylinders"),
@@ -54,7 +54,7 @@ pub fn scene_without_laws(
         };
         let expected =
             format!("expected vlocy lines in DRV_DOF.DAT: {kind} are walls, some or all of their motion is imposed");
-        let (line, object) = (Some(records.0[part.body as usize].line), format!("body {}", part.body + 1));
+        let (line, object) = (Some(records.0[part.body.index()].line), format!("body {}", part.body.number()));
         faults.push(Fault::new(&file, line, object, format!("a {name} that may move freely"), expected));
     }
     for (index, record) in records.0.iter().enumerate().filter(|(index, _)| !bodies[*index].driven) {
@@ -79,17 +79,17 @@ pub fn scene_without_laws(
         part_starts.clear();
     }
 
-    let indices = |chosen: &dyn Fn(&RigidBody) -> bool| -> Vec<u32> {
-        bodies.iter().enumerate().filter(|(_, body)| chosen(body)).map(|(i, _)| i as u32).collect()
+    let indices = |chosen: &dyn Fn(&RigidBody) -> bool| -> Vec<BodyId> {
+        bodies.iter().enumerate().filter(|(_, body)| chosen(body)).map(|(i, _)| BodyId::new(i)).collect()
     };
     let free = indices(&|body| !body.driven);
     let spheres = indices(&RigidBody::is_sphere);
     let planes = indices(&|body| matches!(body.shape, BodyShape::Plane { .. }));
     let mut oriented: Vec<bool> = bodies.iter().map(|body| !body.is_sphere() || options.sphere_orientation).collect();
     let with_moment = loads.iter().filter(|load| load.component >= 3).map(|load| load.body);
-    with_moment.chain(drives.iter().map(|drive| drive.body)).for_each(|body| oriented[body] = true);
+    with_moment.chain(drives.iter().map(|drive| drive.body)).for_each(|body| oriented[body.index()] = true);
     let turning = indices(&|body| !body.driven && !body.is_isotropic());
-    let radii: Vec<f64> = free.iter().map(|&i| bodies[i as usize].radius).collect();
+    let radii: Vec<f64> = free.iter().map(|&i| bodies[i.index()].radius).collect();
     let scene = Scene {
         drives,
         loads,
@@ -121,8 +121,9 @@ pub fn scene_without_laws(
         bodies,
     };
     if scene.frame_angular_velocity() != Vec3::zeros() {
-        for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i].is_driven_in_part()) {
-            let (object, found) = (format!("body {}", body + 1), "driven in part in a rotating frame");
+        for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i.index()].is_driven_in_part())
+        {
+            let (object, found) = (format!("body {}", body.number()), "driven in part in a rotating frame");
             let expected = "expected all six components driven or none: Coriolis' force on such a body is not computed";
             faults.push(Fault::new(&datbox.join("DRV_DOF.DAT"), None, object, found, expected));
         }
@@ -164,7 +165,7 @@ fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)]) -> Option
 pub fn period_gap_notes(scene: &Scene, q: &[Quat]) -> Vec<String> {
     let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
     let missed = periods.into_iter().enumerate().filter_map(|(axis, (name, period))| {
-        let widest = scene.planes.iter().map(|&plate| plate_extent(scene, q, plate as usize, axis)).reduce(f64::max)?;
+        let widest = scene.planes.iter().map(|&plate| plate_extent(scene, q, plate.index(), axis)).reduce(f64::max)?;
         let period = period.filter(|period| widest < period * (1.0 - 1e-6))?; // rounding of files
         Some(format!(
             "{name}: the widest plate spans {widest} m of the period {period} m; grains that miss it fall forever"
@@ -177,7 +178,7 @@ pub fn period_gap_notes(scene: &Scene, q: &[Quat]) -> Vec<String> {
 pub fn check_level(datbox: &Path, records: &Bodies, scene: &Scene, q: &[Quat], faults: &mut Faults) {
     let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
     for &plate in &scene.planes {
-        let plate = plate as usize;
+        let plate = plate.index();
         let slope = q[plate] * Vec3::z();
         for (axis, (name, _)) in periods.iter().enumerate().filter(|(axis, (_, period))| {
             let spans = |period: f64| plate_extent(scene, q, plate, *axis) >= period * (1.0 - 1e-6); // rounding of files
@@ -206,22 +207,28 @@ pub fn check_within(datbox: &Path, records: &Bodies, scene: &Scene, x: &[Vec3], 
         let ContactorShape::Cylinder { half_height, radius, hollow: true } = drum.geometry else { continue };
         let shape = FileShape::Cylinder { half_height, radius, hollow: true };
         let place = |part: &BodyPart| {
-            let i = part.body as usize;
+            let i = part.body.index();
             (x[i] + q[i] * part.offset, q[i] * part.axes)
         };
         let (centre, axes) = place(drum);
         let stands_outside = |part: &&BodyPart| {
             let local = axes.inverse_transform_vector(&(place(part).0 - centre));
             let meets = part.body != drum.body && scene.visibility.interaction_rule(part.class, drum.class).is_some();
-            meets && !scene.bodies[part.body as usize].driven && shape.leaves_out(local.into())
+            meets && !scene.bodies[part.body.index()].driven && shape.leaves_out(local.into())
         };
-        let mut outside: Vec<u32> = scene.parts.iter().filter(stands_outside).map(|part| part.body).collect();
+        let mut outside: Vec<BodyId> = scene.parts.iter().filter(stands_outside).map(|part| part.body).collect();
         outside.dedup();
         for body in outside {
-            let found = format!("is outside the hollow cylinder of body {}", drum.body + 1);
+            let found = format!("is outside the hollow cylinder of body {}", drum.body.number());
             let expected = "expected bodies that can touch it inside: it is closed and has contacts on its inside only";
-            let line = Some(records.0[body as usize].line);
-            faults.push(Fault::new(&datbox.join("BODIES.DAT"), line, format!("body {}", body + 1), found, expected));
+            let line = Some(records.0[body.index()].line);
+            faults.push(Fault::new(
+                &datbox.join("BODIES.DAT"),
+                line,
+                format!("body {}", body.number()),
+                found,
+                expected,
+            ));
         }
     }
 }
@@ -245,7 +252,11 @@ fn imposed_motion(
         }
         match row.kind {
             DrivenKind::Force => {
-                loads.push(ImposedLoad { body: row.body, component: row.component, value: row.evolution.clone() });
+                loads.push(ImposedLoad {
+                    body: BodyId::new(row.body),
+                    component: row.component,
+                    value: row.evolution.clone(),
+                });
             }
             DrivenKind::Velocity => {
                 let slot = match velocities.iter().position(|(body, _, _)| *body == row.body) {
@@ -273,7 +284,7 @@ fn imposed_motion(
         }
         bodies[body].driven = true;
         bodies[body].free_axes = [0, 1, 2].map(|k| velocity[k].is_none());
-        drives.push(ImposedVelocity { body, velocity });
+        drives.push(ImposedVelocity { body: BodyId::new(body), velocity });
     }
     drives.sort_by_key(|drive| drive.body);
     (drives, loads)
@@ -319,7 +330,7 @@ pub fn initial_motion(
         w[i] = q[i] * Vec3::from_row_slice(&row.velocity[3..]);
     }
     for drive in &scene.drives {
-        let i = drive.body;
+        let i = drive.body.index();
         (v[i], w[i]) = drive.velocity_at(dof.time, &q[i], &v[i]);
     }
     debug_assert_eq!(scene.bodies.len(), count);

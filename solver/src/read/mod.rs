@@ -61,7 +61,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     bodies::check_within(&datbox, &bodies, &scene, &x, &q, &mut faults);
     let contacts = behaviour::initial_contacts(&datbox, &history, &mut scene, &q, &mut faults);
     let spin =
-        (scene.turning.iter().map(|&i| i as usize)).map(|i| scene.bodies[i].angular_momentum(&q[i], &w[i])).collect();
+        (scene.turning.iter().map(|&i| i.index())).map(|i| scene.bodies[i].angular_momentum(&q[i], &w[i])).collect();
     let mut state = State {
         step: dof.step,
         time: dof.time,

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use crate::geometry::Polyhedron;
 use crate::math::{Quat, Vec3};
-use crate::scene::{BodyPart, BodyShape, ContactorShape, RigidBody};
+use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, RigidBody};
 
 /// Body as it is computed, and its position in the frame of the file.
 pub struct PreparedBody {
@@ -89,7 +89,7 @@ pub fn body_from_record(
         class: 0,
     };
     let part = |(rank, piece): (usize, ContactorPiece)| BodyPart {
-        body: 0,
+        body: BodyId(0),
         rank: rank as u16,
         geometry: piece.geometry,
         offset: axes.inverse_transform_vector(&piece.centre),

@@ -10,7 +10,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::geometry::CachedFeature;
 use crate::math::{Vec3, to_local, to_world};
-use crate::scene::{EVENT_SLACK, Scene};
+use crate::scene::{BodyId, EVENT_SLACK, Scene};
 use crate::state::{
     BondingMode, CachedPair, Contact, ContactExchange, ContactStatus, DetectionCache, GravityHistory, OutputInterval,
     SolvedContact, State, UNKNOWN_FEATURE,
@@ -30,9 +30,10 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
     let options = snapshot.meta.options.clone();
     state.attraction = restored_attraction(scene, &snapshot);
     let parameters = snapshot.meta.parameters.clone();
-    let kept = snapshot.shapes.as_ref().map_or(Vec::new(), |shapes| restored_pairs(scene, shapes, |row| row));
+    let kept = snapshot.shapes.as_ref().map_or(Vec::new(), |shapes| restored_pairs(scene, shapes, BodyId));
     let complete = snapshot.shapes.as_ref().is_none_or(|shapes| {
-        kept.len() == shapes.pairs.pair_memory.len() && shapes.turning.turning_body == scene.turning
+        kept.len() == shapes.pairs.pair_memory.len()
+            && shapes.turning.turning_body.iter().copied().map(BodyId).eq(scene.turning.iter().copied())
     });
     if !complete || snapshot.shapes.is_some() != scene.is_general() {
         let found = "other contactors or moments of inertia";
@@ -224,7 +225,7 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
         }
     }
     faults.into_result(())?;
-    let body: Vec<u32> = snapshot.bodies.body_id.iter().map(|&id| id as u32 - 1).collect();
+    let body: Vec<BodyId> = snapshot.bodies.body_id.iter().map(|&id| BodyId(id as u32 - 1)).collect();
     let mut started = state.clone();
     let inertia = snapshot.bodies.body_inertia.clone();
     let (kept, turning) = match &snapshot.shapes {
@@ -237,17 +238,17 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
     state.interval.start = started.time;
     state.ledger.penetration_left = started.ledger.penetration_left;
     for (row, &i) in body.iter().enumerate() {
-        let i = i as usize;
+        let i = i.index();
         (state.x[i], state.q[i]) = (started.x[row], started.q[row]);
         (state.v[i], state.w[i]) = (started.v[row], started.w[row]);
     }
     for (&i, spin) in scene.turning.iter().zip(&mut state.angular_momentum) {
-        *spin = scene.bodies[i as usize].angular_momentum(&state.q[i as usize], &state.w[i as usize]);
+        *spin = scene.bodies[i.index()].angular_momentum(&state.q[i.index()], &state.w[i.index()]);
     }
     // A body whose density has changed keeps its angular velocity.
     for (momentum, row) in started.angular_momentum.into_iter().zip(turning) {
         let (i, there) = (body[row as usize], inertia[row as usize]);
-        if let (Ok(place), true) = (scene.turning.binary_search(&i), scene.bodies[i as usize].inertia == there) {
+        if let (Ok(place), true) = (scene.turning.binary_search(&i), scene.bodies[i.index()].inertia == there) {
             state.angular_momentum[place] = momentum;
         }
     }
@@ -255,7 +256,7 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
     state.contacts = started.contacts;
     for solved in &mut state.contacts {
         let contact = &mut solved.contact;
-        (contact.candidate, contact.antagonist) = (body[contact.candidate as usize], body[contact.antagonist as usize]);
+        (contact.candidate, contact.antagonist) = (body[contact.candidate.index()], body[contact.antagonist.index()]);
     }
     let see = |contact: &Contact| {
         let a = scene.contactor_class(contact.candidate, contact.ranks.0)?;
@@ -309,13 +310,13 @@ fn restored_attraction(scene: &Scene, snapshot: &Snapshot) -> Option<GravityHist
         return None; // another constant: cannot be extrapolated
     }
     let (record, gravity) = (snapshot.meta.attraction.clone()?, snapshot.gravity.as_ref()?);
-    let of_free = |rows: &[[f64; 3]]| scene.free.iter().map(|&i| Vec3::from(rows[i as usize])).collect();
+    let of_free = |rows: &[[f64; 3]]| scene.free.iter().map(|&i| Vec3::from(rows[i.index()])).collect();
     Some(GravityHistory { record, last: of_free(&gravity.gravity_last), before: of_free(&gravity.gravity_before) })
 }
 
 /// Cached data of pairs of contactors that this scene has; `body` returns the body of each row of the snapshot.
-fn restored_pairs(scene: &Scene, shapes: &ShapeArrays, body: impl Fn(u32) -> u32) -> Vec<CachedPair> {
-    let part = |row: u32, rank: u32| scene.part_index(body(row), rank.try_into().ok()?).map(|k| k as u32);
+fn restored_pairs(scene: &Scene, shapes: &ShapeArrays, body: impl Fn(u32) -> BodyId) -> Vec<CachedPair> {
+    let part = |row: u32, rank: u32| scene.part_index(body(row), rank.try_into().ok()?);
     let rows = shapes.pairs.pair_body.iter().zip(&shapes.pairs.pair_rank).zip(&shapes.pairs.pair_memory);
     let mut pairs: Vec<CachedPair> = rows
         .filter_map(|((&[a, b], &[r, s]), &words)| {
@@ -351,13 +352,13 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
     let exchanges = interval.interval_body.into_iter().zip(interval.interval_virial);
     state.interval = OutputInterval {
         start: meta.interval_start.unwrap_or(meta.time),
-        exchanges: exchanges.map(|(bodies, virial)| ContactExchange { bodies, virial }).collect(),
+        exchanges: exchanges.map(|(bodies, virial)| ContactExchange { bodies: bodies.map(BodyId), virial }).collect(),
     };
     state.contacts = (0..contacts.contact_body.len())
         .map(|k| SolvedContact {
             contact: Contact {
-                candidate: contacts.contact_body[k][0],
-                antagonist: contacts.contact_body[k][1],
+                candidate: BodyId(contacts.contact_body[k][0]),
+                antagonist: BodyId(contacts.contact_body[k][1]),
                 ranks: ranks(k),
                 features: contacts.contact_feature[k].into(),
                 point: Vec3::from(contacts.contact_point[k]),

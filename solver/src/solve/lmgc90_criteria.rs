@@ -93,6 +93,7 @@ fn solve_local_block(system: &ContactProblem, k: usize, u: &Vec3, r: &Vec3) -> (
 mod tests {
     use super::*;
     use crate::assemble::{BlockData, ContactConstraint};
+    use crate::scene::BodyId;
 
     /// A body of 1/2 kg that does not turn, on the ground, under 3 N s, shared by the contacts.
     fn system(contacts: u32) -> ContactProblem {
@@ -104,7 +105,7 @@ mod tests {
             radius: 0.0,
         };
         let row = |_| ContactConstraint {
-            bodies: [0, 1],
+            bodies: [BodyId(0), BodyId(1)],
             normal: Vec3::z(),
             arm: 1.0,
             w_n: 2.0,

@@ -13,6 +13,8 @@ use rayon::prelude::*;
 use crate::assemble::{ContactProblem, RollingConstraint, SolverBody};
 use crate::math::simd::{F64Arithmetic, LaneOperation, Scalar, SimdWidth};
 use crate::math::{PAR_MIN_LEN, Vec3};
+use crate::scene::BodyId;
+use crate::state::ContactId;
 
 /// Share of the summed velocities at the contacts, and of those that attractions would cause, below which a residual is
 /// rounding: steps in which no contact closes count as solved.
@@ -49,7 +51,7 @@ pub struct ResidualEvaluator<'a> {
     system: &'a ContactProblem,
     pub(super) width: SimdWidth,
     /// Rows that are evaluated.
-    rows: &'a [u32],
+    rows: &'a [ContactId],
     contacts: Vec<ContactGroup>,
     /// Friction levers of the contacts; empty if all are 0.
     levers: Vec<GroupLevers>,
@@ -63,11 +65,11 @@ pub struct ResidualEvaluator<'a> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Residual {
     pub value: f64,
-    pub worst: Option<u32>,
+    pub worst: Option<ContactId>,
 }
 
 impl<'a> ResidualEvaluator<'a> {
-    pub fn new(system: &'a ContactProblem, rows: &'a [u32], width: SimdWidth) -> Self {
+    pub fn new(system: &'a ContactProblem, rows: &'a [ContactId], width: SimdWidth) -> Self {
         let contacts = rows
             .par_chunks(GROUP_LANES)
             .with_min_len(GROUPS_PER_TASK)
@@ -79,12 +81,12 @@ impl<'a> ResidualEvaluator<'a> {
         } else {
             Vec::new()
         };
-        let of_some = |rows: &[u32]| {
+        let of_some = |rows: &[ContactId]| {
             rows.iter().fold((0.0, 0.0), |(trace, speeds), &k| {
-                let row = &system.rows[k as usize];
+                let row = &system.rows[k.index()];
                 let at = |side: usize| {
-                    let record = &system.bodies[row.bodies[side] as usize];
-                    record.v.norm() + record.w.norm() * system.contact_arm(k as usize, side).norm()
+                    let record = &system.bodies[row.bodies[side].index()];
+                    record.v.norm() + record.w.norm() * system.contact_arm(k.index(), side).norm()
                 };
                 let speed = at(0) + at(1) + row.shift.norm() + row.w_n * row.impulse_shift.abs();
                 (trace + row.w_n + 2.0 * row.w_t, speeds + speed * speed)
@@ -96,11 +98,11 @@ impl<'a> ResidualEvaluator<'a> {
         let floor = ROUNDING_FLOOR * rho * speeds.sqrt();
         let mut judge = ResidualEvaluator { system, width, rows, contacts, levers, rho, initial_norm: 0.0, floor };
         let mut balance = vec![Vec3::zeros(); system.rows.len()];
-        let attracting = rows.iter().filter(|&&k| system.rows[k as usize].impulse_shift != 0.0);
+        let attracting = rows.iter().filter(|&&k| system.rows[k.index()].impulse_shift != 0.0);
         let mut attracted = false;
         for &k in attracting {
-            let row = &system.rows[k as usize];
-            (balance[k as usize], attracted) = (row.normal * row.balancing_impulse(), true);
+            let row = &system.rows[k.index()];
+            (balance[k.index()], attracted) = (row.normal * row.balancing_impulse(), true);
         }
         let free = |record: &SolverBody| body_motion(&record.v, &record.w);
         let motions = if attracted {
@@ -119,7 +121,7 @@ impl<'a> ResidualEvaluator<'a> {
 
     /// Rounding of the impulses over the sum of the momenta of the bodies and |F(r_0)|.
     pub fn rounding_share(&self, impulses: &[Vec3]) -> f64 {
-        let given: f64 = self.rows.iter().map(|&k| impulses[k as usize].norm_squared()).sum();
+        let given: f64 = self.rows.iter().map(|&k| impulses[k.index()].norm_squared()).sum();
         let of_body = |record: &&SolverBody| record.inverse_mass > 0.0;
         let momenta =
             self.system.bodies.iter().filter(of_body).map(|record| (record.v / record.inverse_mass).norm_squared());
@@ -155,7 +157,7 @@ impl<'a> ResidualEvaluator<'a> {
         } else {
             self.contacts.len().div_ceil(2)
         };
-        let of_part = |(part, (contacts, rows)): (usize, (&[ContactGroup], &[u32]))| {
+        let of_part = |(part, (contacts, rows)): (usize, (&[ContactGroup], &[ContactId]))| {
             let levers = self.levers.get(part * half..).unwrap_or_default();
             body_impulse_sums(contacts, levers, rows, impulses, bodies)
         };
@@ -166,8 +168,9 @@ impl<'a> ResidualEvaluator<'a> {
             for part in &parts {
                 (0..6).for_each(|k| sum[k] += part[body][k]);
             }
-            let v = record.v + self.system.velocity_change(body as u32, &Vec3::new(sum[0], sum[1], sum[2]));
-            let w = record.w + self.system.angular_velocity_change(body as u32, &Vec3::new(sum[3], sum[4], sum[5]));
+            let v = record.v + self.system.velocity_change(BodyId(body as u32), &Vec3::new(sum[0], sum[1], sum[2]));
+            let w =
+                record.w + self.system.angular_velocity_change(BodyId(body as u32), &Vec3::new(sum[3], sum[4], sum[5]));
             body_motion(&v, &w)
         };
         self.system.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).enumerate().map(moved).collect()
@@ -178,9 +181,9 @@ impl<'a> ResidualEvaluator<'a> {
     pub fn motions_with(&self, impulses: &[Vec3], moments: &[Vec3]) -> Vec<BodyMotion> {
         let mut motions = self.body_motions(impulses);
         for (roll, m) in self.system.rolling_constraints.iter().zip(moments) {
-            for (body, m) in self.system.rows[roll.row as usize].bodies.into_iter().zip([*m, -m]) {
+            for (body, m) in self.system.rows[roll.row.index()].bodies.into_iter().zip([*m, -m]) {
                 let turned = self.system.angular_velocity_change(body, &m);
-                (0..3).for_each(|k| motions[body as usize][4 + k] += turned[k]);
+                (0..3).for_each(|k| motions[body.index()][4 + k] += turned[k]);
             }
         }
         motions
@@ -197,8 +200,8 @@ impl<'a> ResidualEvaluator<'a> {
     }
 
     /// |F| and the row with the largest part in it.
-    fn residual_norm(&self, impulses: &[Vec3], moments: &[Vec3], motions: &[BodyMotion]) -> (f64, Option<u32>) {
-        let of_task = |(task, (rows, contacts)): (usize, (&[u32], &[ContactGroup]))| {
+    fn residual_norm(&self, impulses: &[Vec3], moments: &[Vec3], motions: &[BodyMotion]) -> (f64, Option<ContactId>) {
+        let of_task = |(task, (rows, contacts)): (usize, (&[ContactId], &[ContactGroup]))| {
             let contacts = (contacts, self.levers.get(task * GROUPS_PER_TASK..).unwrap_or_default());
             self.evaluate_groups(rows, contacts, impulses, motions)
         };
@@ -207,14 +210,14 @@ impl<'a> ResidualEvaluator<'a> {
             .par_chunks(GROUP_LANES * GROUPS_PER_TASK)
             .zip(self.contacts.par_chunks(GROUPS_PER_TASK))
             .enumerate();
-        let parts: Vec<(f64, f64, Option<u32>)> = tasks.map(of_task).collect();
+        let parts: Vec<(f64, f64, Option<ContactId>)> = tasks.map(of_task).collect();
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
         let of_moment = |(roll, m): (&RollingConstraint, &Vec3)| {
-            let size2 = self.moment_residual_squared(roll, m, &impulses[roll.row as usize], motions);
+            let size2 = self.moment_residual_squared(roll, m, &impulses[roll.row.index()], motions);
             (size2, size2, Some(roll.row))
         };
         let rolls = self.system.rolling_constraints.par_iter().zip(moments).with_min_len(GROUP_LANES * GROUPS_PER_TASK);
-        let of_moments: Vec<(f64, f64, Option<u32>)> = rolls.map(of_moment).collect();
+        let of_moments: Vec<(f64, f64, Option<ContactId>)> = rolls.map(of_moment).collect();
         for (part, size2, row) in parts.into_iter().chain(of_moments) {
             sum += part;
             if size2 > largest {
@@ -229,8 +232,8 @@ impl<'a> ResidualEvaluator<'a> {
     /// With s = m/R and z = s - rho R w, F is rho R w plus the part of z beyond the bounds: mu_s r_n along n, mu_r r_n
     /// across. Without a normal impulse F is s itself, without the rounding of w.
     fn moment_residual_squared(&self, roll: &RollingConstraint, m: &Vec3, r: &Vec3, motions: &[BodyMotion]) -> f64 {
-        let row = &self.system.rows[roll.row as usize];
-        let [a, b] = row.bodies.map(|body| &motions[body as usize]);
+        let row = &self.system.rows[roll.row.index()];
+        let [a, b] = row.bodies.map(|body| &motions[body.index()]);
         let n = row.normal;
         let pressed = n.x * r.x + n.y * r.y + n.z * r.z;
         if pressed <= 0.0 {
@@ -259,11 +262,11 @@ impl<'a> ResidualEvaluator<'a> {
     /// Sum of |F|^2 of some contacts, the largest |F|^2 and its row.
     fn evaluate_groups(
         &self,
-        rows: &[u32],
+        rows: &[ContactId],
         (contacts, levers): (&[ContactGroup], &[GroupLevers]),
         impulses: &[Vec3],
         motions: &[BodyMotion],
-    ) -> (f64, f64, Option<u32>) {
+    ) -> (f64, f64, Option<ContactId>) {
         let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
         let mut sizes2 = [0.0; GROUP_LANES * GROUPS_PER_TASK];
         self.width.run(NaturalMap { rows, contacts, levers, impulses, motions, rho: self.rho, sizes2: &mut sizes2 });
@@ -281,14 +284,14 @@ impl<'a> ResidualEvaluator<'a> {
 fn body_impulse_sums(
     contacts: &[ContactGroup],
     levers: &[GroupLevers],
-    rows: &[u32],
+    rows: &[ContactId],
     impulses: &[Vec3],
     bodies: usize,
 ) -> Vec<[f64; 6]> {
     let mut sums = vec![[0.0; 6]; bodies];
     for (place, (eight, rows)) in contacts.iter().zip(rows.chunks(GROUP_LANES)).enumerate() {
         for (lane, &k) in rows.iter().enumerate() {
-            let r = &impulses[k as usize];
+            let r = &impulses[k.index()];
             let about = levers.get(place).map(|[x, y, z]| x[lane] * r.x + y[lane] * r.y + z[lane] * r.z);
             for (side, sign) in [(0, 1.0), (1, -1.0)] {
                 let sum = &mut sums[eight.bodies[side][lane] as usize];
@@ -307,20 +310,20 @@ fn body_impulse_sums(
     sums
 }
 
-fn contact_group(system: &ContactProblem, rows: &[u32]) -> ContactGroup {
+fn contact_group(system: &ContactProblem, rows: &[ContactId]) -> ContactGroup {
     let zero = [0.0; GROUP_LANES];
     let (three, bodies) = ([zero; 3], [[0; GROUP_LANES]; 2]);
     let mut eight = ContactGroup { n: three, shift: three, arms: [three; 2], friction: zero, bodies };
     for (lane, &k) in rows.iter().enumerate() {
-        let row = &system.rows[k as usize];
+        let row = &system.rows[k.index()];
         for axis in 0..3 {
             eight.n[axis][lane] = row.normal[axis];
             eight.shift[axis][lane] = row.shift[axis];
         }
         eight.friction[lane] = row.friction;
         for side in 0..2 {
-            eight.bodies[side][lane] = row.bodies[side];
-            let arm = system.contact_arm(k as usize, side);
+            eight.bodies[side][lane] = row.bodies[side].0;
+            let arm = system.contact_arm(k.index(), side);
             for axis in 0..3 {
                 eight.arms[side][axis][lane] = arm[axis];
             }
@@ -329,10 +332,10 @@ fn contact_group(system: &ContactProblem, rows: &[u32]) -> ContactGroup {
     eight
 }
 
-fn group_levers(system: &ContactProblem, rows: &[u32]) -> GroupLevers {
+fn group_levers(system: &ContactProblem, rows: &[ContactId]) -> GroupLevers {
     let mut levers = [[0.0; GROUP_LANES]; 3];
     for (lane, &k) in rows.iter().enumerate() {
-        let lever = system.friction_lever(k as usize);
+        let lever = system.friction_lever(k.index());
         (0..3).for_each(|axis| levers[axis][lane] = lever[axis]);
     }
     levers
@@ -340,7 +343,7 @@ fn group_levers(system: &ContactProblem, rows: &[u32]) -> GroupLevers {
 
 /// |F|^2 of contacts, N^2 s^2.
 struct NaturalMap<'a> {
-    rows: &'a [u32],
+    rows: &'a [ContactId],
     contacts: &'a [ContactGroup],
     levers: &'a [GroupLevers],
     impulses: &'a [Vec3],
@@ -358,7 +361,7 @@ impl LaneOperation for NaturalMap<'_> {
         for (place, (eight, (rows, sizes2))) in contacts.iter().zip(of_rows).enumerate() {
             let mut r = [[0.0; GROUP_LANES]; 3];
             for (lane, &k) in rows.iter().enumerate() {
-                let impulse = &impulses[k as usize];
+                let impulse = &impulses[k.index()];
                 (r[0][lane], r[1][lane], r[2][lane]) = (impulse.x, impulse.y, impulse.z);
             }
             for from in (0..GROUP_LANES).step_by(L::WIDTH) {
@@ -489,7 +492,7 @@ mod tests {
         let plate =
             SolverBody { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 };
         let row = ContactConstraint {
-            bodies: [0, 1],
+            bodies: [BodyId(0), BodyId(1)],
             normal: Vec3::z(),
             arm: 1.0,
             w_n: 1.0,
@@ -499,7 +502,7 @@ mod tests {
             ..ContactConstraint::default()
         };
         let roll = RollingConstraint {
-            row: 0,
+            row: ContactId(0),
             radius: 0.5,
             rolling: 0.1,
             spinning: 0.2,
@@ -519,7 +522,7 @@ mod tests {
     /// E of the impulse 1 N s along n and a moment.
     fn judged(system: &ContactProblem, m: [f64; 3]) -> f64 {
         let (r, m) = ([Vec3::z()], [Vec3::from(m)]);
-        let judge = ResidualEvaluator::new(system, &[0], SimdWidth::detect());
+        let judge = ResidualEvaluator::new(system, &[ContactId(0)], SimdWidth::detect());
         judge.residual_with(&r, &m, &judge.motions_with(&r, &m)).value
     }
 
@@ -551,14 +554,14 @@ mod tests {
         let solved =
             |system: &ContactProblem| solve_nlgs(system, StoppingCriteria::new(1e-12, 100), SimdWidth::detect());
         let e = |solution: &crate::solve::ContactSolution| {
-            let judge = ResidualEvaluator::new(&system, &[0], SimdWidth::detect());
+            let judge = ResidualEvaluator::new(&system, &[ContactId(0)], SimdWidth::detect());
             let motions = judge.motions_with(&solution.impulses, &solution.moments);
             judge.residual_with(&solution.impulses, &solution.moments, &motions)
         };
         assert!(e(&solved(&system)).value < 1e-12);
         other.rolling_constraints[0].rolling *= 1.01;
         let found = e(&solved(&other));
-        assert!(found.value > 1e-3 && found.worst == Some(0), "{found:?}");
+        assert!(found.value > 1e-3 && found.worst == Some(ContactId(0)), "{found:?}");
     }
 
     proptest! {

@@ -13,6 +13,7 @@ use crate::solve::gauss_seidel::momentum::MOMENTUM_CYCLE;
 use crate::solve::matrix::{self, MatrixProblem, MatrixSolver, SolverLimits, residual, solve};
 use crate::solve::residual::ResidualEvaluator;
 use crate::solve::types::{ContactSolution, StoppingCriteria};
+use crate::state::ContactId;
 
 /// Requirements of a step for its solver.
 #[derive(Debug, Clone, Copy)]
@@ -168,8 +169,8 @@ fn solve_stalled_subproblem(
     width: SimdWidth,
     stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> Option<Vec<Vec3>> {
-    let acts = |k: &u32| system.rows[*k as usize].can_close || impulses[*k as usize] != Vec3::zeros();
-    let rows: Vec<u32> = (0..system.rows.len() as u32).filter(acts).collect();
+    let acts = |k: &ContactId| system.rows[k.index()].can_close || impulses[k.index()] != Vec3::zeros();
+    let rows: Vec<ContactId> = (0..system.rows.len()).map(ContactId::new).filter(acts).collect();
     let judge = ResidualEvaluator::new(system, &rows, width);
     let parts = judge.contributions(impulses, &judge.body_motions(impulses));
     let mut order: Vec<usize> = (0..rows.len()).collect();
@@ -178,12 +179,12 @@ fn solve_stalled_subproblem(
     if order.iter().map(|k| parts[*k]).sum::<f64>() < COSTS.min_subproblem_share * parts.iter().sum::<f64>() {
         return None;
     }
-    let bodies = |row: u32| system.rows[row as usize].bodies.map(|body| body as usize);
+    let bodies = |row: ContactId| system.rows[row.index()].bodies.map(|body| body.index());
     let mut touched = vec![false; system.bodies.len()];
     let moved = order.iter().flat_map(|k| bodies(rows[*k])).filter(|body| system.bodies[*body].inverse_mass > 0.0);
     moved.for_each(|body| touched[body] = true);
     let mut inside = vec![false; system.rows.len()];
-    rows.iter().for_each(|row| inside[*row as usize] = bodies(*row).iter().any(|body| touched[*body]));
+    rows.iter().for_each(|row| inside[row.index()] = bodies(*row).iter().any(|body| touched[*body]));
     let of_others = |(r, inside): (&Vec3, &bool)| if *inside { Vec3::zeros() } else { *r };
     let others: Vec<Vec3> = impulses.iter().zip(&inside).map(of_others).collect();
     let mut part = ContactProblem { bodies: judge.solver_bodies(&judge.body_motions(&others)), ..system.clone() };
@@ -207,13 +208,13 @@ fn solve_on_matrix(
     write: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> Option<(Vec<Vec3>, matrix::MatrixSolution)> {
     let problem = write(system);
-    let local = |(row, frame): &(u32, [Vec3; 3])| to_local(frame, &impulses[*row as usize]).into();
+    let local = |(row, frame): &(ContactId, [Vec3; 3])| to_local(frame, &impulses[row.index()]).into();
     let from: Vec<[f64; 3]> = problem.rows.iter().map(local).collect();
     let matrix = MatrixProblem::new(problem.mu, problem.q, problem.blocks).ok()?;
     let found = solve(&matrix, solver, &from, limits(&matrix, &from));
     let mut impulses = impulses.to_vec();
     for ((row, frame), r) in problem.rows.iter().zip(&found.r) {
-        impulses[*row as usize] = to_world(frame, &(*r).into());
+        impulses[row.index()] = to_world(frame, &(*r).into());
     }
     Some((impulses, found))
 }
@@ -236,11 +237,12 @@ fn solve_by_fallback(
     let mut best = ContactSolution { stalled_residual: Some(start.residual), ..start };
     let mut left = limits;
     loop {
-        let rows: Vec<u32> = (0..).zip(&system.rows).filter(|(_, row)| row.can_close).map(|(k, _)| k).collect();
+        let rows: Vec<ContactId> =
+            (0..).zip(&system.rows).filter(|(_, row)| row.can_close).map(|(k, _)| ContactId(k)).collect();
         let judge = ResidualEvaluator::new(&system, &rows, task.width);
         best.residual = judge.residual(&best.impulses).value;
         let balance: Vec<[f64; 3]> =
-            rows.iter().map(|row| [system.rows[*row as usize].balancing_impulse(), 0.0, 0.0]).collect();
+            rows.iter().map(|row| [system.rows[row.index()].balancing_impulse(), 0.0, 0.0]).collect();
         let limits_of = |matrix: &MatrixProblem, _: &[[f64; 3]]| SolverLimits {
             tol: COSTS.tolerance_share * limits.tol.max(judge.relative_floor()) * residual(matrix, &balance),
             ..left
@@ -271,7 +273,7 @@ fn solve_by_fallback(
             best.worst = best.worst.or(missed.first().copied());
             return best;
         }
-        missed.into_iter().for_each(|row| system.rows[row as usize].can_close = true);
+        missed.into_iter().for_each(|row| system.rows[row.index()].can_close = true);
     }
 }
 
@@ -281,6 +283,7 @@ mod tests {
 
     use super::*;
     use crate::assemble::{ContactConstraint, SolverBody};
+    use crate::scene::BodyId;
 
     /// Balls of mass 1 that come down on one floor at 1 m/s.
     fn balls(count: u32) -> ContactProblem {
@@ -292,7 +295,7 @@ mod tests {
             radius: 0.5 * inverse_mass,
         };
         let row = |k: u32| ContactConstraint {
-            bodies: [k, count],
+            bodies: [BodyId(k), BodyId(count)],
             normal: Vec3::z(),
             arm: 1.0,
             w_n: 1.0,
@@ -315,12 +318,13 @@ mod tests {
 
     /// Stored problem of the rows of such balls that can close; they are not coupled.
     fn written(system: &ContactProblem) -> StoredProblem {
-        let rows: Vec<u32> = (0..).zip(&system.rows).filter(|(_, row)| row.can_close).map(|(k, _)| k).collect();
-        let of = |k: &u32| &system.rows[*k as usize];
+        let rows: Vec<ContactId> =
+            (0..).zip(&system.rows).filter(|(_, row)| row.can_close).map(|(k, _)| ContactId(k)).collect();
+        let of = |k: &ContactId| &system.rows[k.index()];
         let diagonal = |row: &ContactConstraint| [[row.w_n, 0.0, 0.0], [0.0, row.w_t, 0.0], [0.0, 0.0, row.w_t]];
         StoredProblem {
             mu: rows.iter().map(|k| of(k).friction).collect(),
-            q: rows.iter().map(|k| [system.bodies[*k as usize].v.z, 0.0, 0.0]).collect(),
+            q: rows.iter().map(|k| [system.bodies[k.index()].v.z, 0.0, 0.0]).collect(),
             blocks: rows.iter().enumerate().map(|(i, k)| (i, i, diagonal(of(k)))).collect(),
             rows: rows.iter().map(|k| (*k, [Vec3::z(), Vec3::x(), Vec3::y()])).collect(),
         }
@@ -464,7 +468,7 @@ mod tests {
     #[test]
     fn impulses_that_leave_nothing_of_momentum_are_not_believed() {
         let system = balls(2);
-        let rows = [0, 1];
+        let rows = [0, 1].map(ContactId);
         let judge = ResidualEvaluator::new(&system, &rows, SimdWidth::detect());
         // Two balls of mass 1 at 1 m/s have the momentum √2 N s, more than |F(0)|.
         let rounding = judge.rounding_share(&[Vec3::z() * 1e12, Vec3::zeros()]);

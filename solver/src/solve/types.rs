@@ -4,6 +4,7 @@ use cd_formats::compute::SweepPrecision;
 
 use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::Vec3;
+use crate::state::ContactId;
 
 /// Impulses and moments of the contacts, world frame, on the candidate.
 #[derive(Debug, Clone)]
@@ -23,13 +24,13 @@ impl ContactReactions {
     }
 
     /// Warm start of the rows `active`: no moment without a normal impulse.
-    pub(super) fn warm_start(system: &ContactProblem, active: &[u32]) -> Self {
+    pub(super) fn warm_start(system: &ContactProblem, active: &[ContactId]) -> Self {
         let mut reactions = ContactReactions::zeros(system);
         for &k in active {
-            reactions.impulses[k as usize] = system.rows[k as usize].warm_start;
+            reactions.impulses[k.index()] = system.rows[k.index()].warm_start;
         }
         for (m, roll) in reactions.moments.iter_mut().zip(&system.rolling_constraints) {
-            *m = if reactions.impulses[roll.row as usize] == Vec3::zeros() { Vec3::zeros() } else { roll.warm_start };
+            *m = if reactions.impulses[roll.row.index()] == Vec3::zeros() { Vec3::zeros() } else { roll.warm_start };
         }
         reactions
     }
@@ -51,7 +52,7 @@ pub struct ContactSolution {
     /// Number of rows outside the problem that the solution closes: the solution has not converged if there are any.
     pub left_out: usize,
     /// Row with the largest part in the residual.
-    pub worst: Option<u32>,
+    pub worst: Option<ContactId>,
     /// Number of rows in the problem.
     pub active_rows: usize,
     /// Whether a solver of stored problems found the solution where the sweeps had stalled.

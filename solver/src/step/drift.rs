@@ -19,7 +19,7 @@ use crate::assemble::{self, ContactProblem};
 use crate::laws::{ContactLaw, MAX_TOUCHING_GAP};
 use crate::math::rotation::angular_velocity;
 use crate::math::{PAR_MIN_LEN, Vec3, rotate_by_vector};
-use crate::scene::Scene;
+use crate::scene::{BodyId, Scene};
 use crate::state::{Contact, SolvedContact, State};
 
 /// Opening of a bond over its effective radius above which positions are corrected. A bond is made at a gap of up to
@@ -55,7 +55,7 @@ pub fn close_bonds(scene: &Scene, state: &mut State, system: &ContactProblem) {
     let too_far: Vec<&Contact> = too_far.map(|(_, contact)| contact).collect();
     let moves = assemble::connected_bodies(scene, &contacts, &too_far);
     let is_corrected =
-        |contact: &Contact| [contact.candidate, contact.antagonist].iter().any(|body| moves[*body as usize]);
+        |contact: &Contact| [contact.candidate, contact.antagonist].iter().any(|body| moves[body.index()]);
     let corrected = bonded.iter().zip(&contacts).filter(|(_, contact)| is_corrected(contact));
     let corrected: Vec<(usize, f64)> = corrected.map(|(bond, _)| *bond).collect();
     let (shifts, turns) = corrections(system, &corrected, scene.bodies.len());
@@ -67,7 +67,7 @@ pub fn close_bonds(scene: &Scene, state: &mut State, system: &ContactProblem) {
     }
     // The angular momentum stays, so bodies with unequal principal moments change their angular velocity.
     for (&i, momentum) in scene.turning.iter().zip(&state.angular_momentum) {
-        let i = i as usize;
+        let i = i.index();
         state.w[i] = angular_velocity(&state.q[i], &scene.bodies[i].inertia, momentum);
     }
 }
@@ -80,12 +80,12 @@ fn corrections(system: &ContactProblem, openings: &[(usize, f64)], bodies: usize
             let row = &system.rows[k];
             let [a, b] = row.bodies;
             let arms = [system.contact_arm(k, 0), system.contact_arm(k, 1)];
-            let moved = |body: u32, arm: &Vec3| shifts[body as usize] + turns[body as usize].cross(arm);
+            let moved = |body: BodyId, arm: &Vec3| shifts[body.index()] + turns[body.index()].cross(arm);
             let left = opening + row.normal.dot(&(moved(a, &arms[0]) - moved(b, &arms[1])));
             for ((body, arm), sign) in [a, b].into_iter().zip(&arms).zip([-1.0, 1.0]) {
                 let push = row.normal * (sign * left / row.w_n);
-                shifts[body as usize] += system.velocity_change(body, &push);
-                turns[body as usize] += system.angular_velocity_change(body, &arm.cross(&push));
+                shifts[body.index()] += system.velocity_change(body, &push);
+                turns[body.index()] += system.angular_velocity_change(body, &arm.cross(&push));
             }
         }
     }

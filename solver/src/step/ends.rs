@@ -9,7 +9,7 @@ use super::motion::VelocityErrors;
 use crate::assemble::{ContactProblem, FreeMotion, SolverBody, velocity_at_arms};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
-use crate::scene::Scene;
+use crate::scene::{BodyId, Scene};
 use crate::solve::ContactSolution;
 use crate::state::{Contact, ContactExchange, ContactStatus, SolvedContact, State, Velocities};
 
@@ -90,7 +90,7 @@ pub const OVERLAP_WARNING_SHARE: f64 = 1e-2;
 /// Two bodies that overlap.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Overlap {
-    pub bodies: [u32; 2],
+    pub bodies: [BodyId; 2],
     /// Depth of the overlap, m.
     pub depth: f64,
     /// Depth over the smaller radius of those of the two bodies that move freely.
@@ -100,8 +100,8 @@ pub struct Overlap {
 impl Overlap {
     pub fn from_contact(scene: &Scene, contact: &Contact) -> Overlap {
         let bodies = [contact.candidate, contact.antagonist];
-        let radius = |body: &u32| {
-            let body = &scene.bodies[*body as usize];
+        let radius = |body: &BodyId| {
+            let body = &scene.bodies[body.index()];
             if body.driven { f64::INFINITY } else { body.radius }
         };
         let (depth, smaller) = (-contact.gap, bodies.iter().map(radius).fold(f64::INFINITY, f64::min));
@@ -111,7 +111,12 @@ impl Overlap {
     /// Text for messages, with bodies counted from 1.
     pub fn message_text(&self) -> String {
         let Overlap { bodies: [a, b], depth, share } = self;
-        format!("bodies {}-{} overlap by {depth:.3e} m, {:.1} % of the smaller radius", a + 1, b + 1, 100.0 * share)
+        format!(
+            "bodies {}-{} overlap by {depth:.3e} m, {:.1} % of the smaller radius",
+            a.number(),
+            b.number(),
+            100.0 * share
+        )
     }
 }
 
@@ -130,11 +135,11 @@ impl PostSolve<'_> {
     ) -> (ContactTotals, Vec<ContactExchange>) {
         let PostSolve { q_c, system, solution, .. } = self;
         let (mut given, mut exchanges) = (ContactTotals::default(), Vec::with_capacity(contacts.len()));
-        let roll = system.rolling_constraints.partition_point(|roll| (roll.row as usize) < first);
+        let roll = system.rolling_constraints.partition_point(|roll| roll.row.index() < first);
         let mut rolls = system.rolling_constraints[roll..].iter().zip(&solution.moments[roll..]).peekable();
         for ((k, contact), end) in (first..).zip(contacts).zip(ends) {
             let (row, r) = (&system.rows[k], &solution.impulses[k]);
-            let moment = rolls.next_if(|(roll, _)| roll.row as usize == k).map(|(_, m)| m);
+            let moment = rolls.next_if(|(roll, _)| roll.row.index() == k).map(|(_, m)| m);
             *end = self.finish_contact(k, contact, moment);
             // Penetration between two driven bodies is imposed, not an error of the contact.
             let depth = if row.acts { (-contact.gap).max(0.0) } else { 0.0 };
@@ -181,7 +186,7 @@ impl PostSolve<'_> {
         let mut velocity = velocity_at_arms(contact, &system.arms_of(k, contact, &q_c.x), velocities);
         let lever = system.friction_lever(k);
         if lever != Vec3::zeros() {
-            let [a, b] = row.bodies.map(|body| velocities.w[body as usize]);
+            let [a, b] = row.bodies.map(|body| velocities.w[body.index()]);
             velocity += lever * row.normal.dot(&(a - b));
         }
         SolvedContact {
@@ -200,11 +205,11 @@ impl PostSolve<'_> {
         let &PostSolve { state, q_c, system, velocities: Velocities { v, w }, driven, .. } = self;
         let row = &system.rows[k];
         let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
-        if driven[contact.candidate as usize] && driven[contact.antagonist as usize] {
+        if driven[contact.candidate.index()] && driven[contact.antagonist.index()] {
             return 0.0; // not counted in the ledger
         }
         let mean = 0.5 * (velocity + row.u_before);
-        let (candidate, antagonist) = (contact.candidate as usize, contact.antagonist as usize);
+        let (candidate, antagonist) = (contact.candidate.index(), contact.antagonist.index());
         let force = r + contact.normal * row.impulse_shift;
         let arms = system.arms_of(k, contact, &q_c.x);
         let turned = |body: usize| w[body] + q_c.w[body];

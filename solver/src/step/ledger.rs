@@ -10,9 +10,9 @@ use super::unforeseen::work_from_start;
 use crate::assemble::{GravityReport, potential_energy};
 use crate::detect::NarrowPhaseError;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3};
-use crate::scene::Scene;
+use crate::scene::{BodyId, Scene};
 use crate::solve::lmgc90_criteria::{Lmgc90Norms, lmgc90_norms};
-use crate::state::{OutputInterval, State, Velocities};
+use crate::state::{ContactId, OutputInterval, State, Velocities};
 
 /// Report of a step for the log.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,7 +67,7 @@ pub struct StepReport {
 /// Contact given by its two bodies and its position in the contact configuration, m: polyhedra share several contacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WorstContact {
-    pub bodies: [u32; 2],
+    pub bodies: [BodyId; 2],
     pub point: Vec3,
 }
 
@@ -89,23 +89,24 @@ pub fn update_ledger(
     ledger.contact_work += given.contact_work;
     ledger.friction_work += given.friction_work;
     ledger.outside_work += given.outside_work + from_start;
-    for (i, force, moment) in &free.loads {
+    for (body, force, moment) in &free.loads {
+        let i = body.index();
         ledger.outside_work +=
-            0.5 * h * (force.dot(&(outcome.v[*i] + state.v[*i])) + moment.dot(&(outcome.w[*i] + q_c.w[*i])));
+            0.5 * h * (force.dot(&(outcome.v[i] + state.v[i])) + moment.dot(&(outcome.w[i] + q_c.w[i])));
     }
     for k in 0..3 {
         ledger.momentum_expected[k] += free.impulse[k] + given.momentum[k];
         ledger.angular_momentum_expected[k] += free.angular_impulse[k] + given.angular_momentum[k];
     }
 
-    let flight = |&i: &u32| {
-        let (i, mass) = (i as usize, scene.bodies[i as usize].mass);
+    let flight = |&i: &BodyId| {
+        let (i, mass) = (i.index(), scene.bodies[i.index()].mass);
         let flies = outcome.v[i] == free.v[i];
         if flies { 0.25 * mass * (free.v[i] - state.v[i] - state.gravity * h).norm_squared() } else { 0.0 }
     };
     let flights: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(flight).collect();
     // Bodies that rest from the start have only the momentum that forces give and contacts take in a step.
-    let pushed = |&i: &u32| scene.bodies[i as usize].mass * (free.v[i as usize] - state.v[i as usize]).norm();
+    let pushed = |&i: &BodyId| scene.bodies[i.index()].mass * (free.v[i.index()] - state.v[i.index()]).norm();
     let pushed: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(pushed).collect();
     let motion = MotionTotals::from_bodies(scene, &q_c.q, outcome.velocities());
     ledger.momentum_scale = ledger.momentum_scale.max(motion.scale).max(pushed.iter().sum());
@@ -120,8 +121,8 @@ pub fn update_ledger(
         ledger.steps_unconverged += 1;
         ledger.last_unconverged = Some(state.step + 1);
     }
-    let worst = |row: u32| {
-        let (bodies, solved) = (system.rows[row as usize].bodies, &outcome.contacts[row as usize]);
+    let worst = |row: ContactId| {
+        let (bodies, solved) = (system.rows[row.index()].bodies, &outcome.contacts[row.index()]);
         WorstContact { bodies, point: solved.contact.point }
     };
     StepReport {
@@ -168,8 +169,8 @@ pub struct MotionTotals {
 
 impl MotionTotals {
     pub fn from_bodies(scene: &Scene, q: &[Quat], Velocities { v, w }: Velocities) -> Self {
-        let of_some = |bodies: &[u32]| {
-            bodies.iter().map(|&i| i as usize).fold(MotionTotals::default(), |sum, i| {
+        let of_some = |bodies: &[BodyId]| {
+            bodies.iter().map(|&i| i.index()).fold(MotionTotals::default(), |sum, i| {
                 let body = &scene.bodies[i];
                 sum + MotionTotals {
                     momentum: v[i] * body.mass,
@@ -185,8 +186,8 @@ impl MotionTotals {
 
     /// Angular momentum of the free bodies about the origin, kg m^2/s.
     pub fn total_angular_momentum(scene: &Scene, state: &State) -> Vec3 {
-        let of = |&i: &u32| {
-            let (i, body) = (i as usize, &scene.bodies[i as usize]);
+        let of = |&i: &BodyId| {
+            let (i, body) = (i.index(), &scene.bodies[i.index()]);
             state.x[i].cross(&state.v[i]) * body.mass + body.angular_momentum(&state.q[i], &state.w[i])
         };
         scene.free.iter().map(of).sum()
@@ -230,7 +231,7 @@ impl BalanceErrors {
         let scale = [kinetic, potential, ledger.energy_start, ledger.contact_work, ledger.outside_work];
         let energy_scale = scale.iter().fold(0.0, |s: f64, e| s.max(e.abs()));
         let unaccounted = kinetic + potential - ledger.energy_start - ledger.contact_work - ledger.outside_work;
-        let size = scene.free.iter().map(|&i| state.x[i as usize].norm()).fold(0.0, f64::max);
+        let size = scene.free.iter().map(|&i| state.x[i.index()].norm()).fold(0.0, f64::max);
         let linear = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
         let angular = MotionTotals::total_angular_momentum(scene, state);
         let angular = (angular - Vec3::from(ledger.angular_momentum_expected)).norm();

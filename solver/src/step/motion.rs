@@ -14,6 +14,7 @@ use super::drift::LARGEST_OPENING;
 use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Vec3};
+use crate::scene::BodyId;
 use crate::solve::{ContactSolution, SolveRequest, StoppingCriteria, solve_nlgs};
 use crate::state::Contact;
 
@@ -46,16 +47,16 @@ impl VelocityErrors {
         let mut errors = vec![0.0f64; system.bodies.len()];
         for (row, error) in system.rows.iter().zip(of_rows) {
             // A body that does not move transmits no error.
-            for body in row.bodies.into_iter().filter(|&body| system.bodies[body as usize].inverse_mass > 0.0) {
-                errors[body as usize] = errors[body as usize].max(error);
+            for body in row.bodies.into_iter().filter(|&body| system.bodies[body.index()].inverse_mass > 0.0) {
+                errors[body.index()] = errors[body.index()].max(error);
             }
         }
         VelocityErrors { errors }
     }
 
     /// Error of the velocity at a contact between `bodies`, m/s.
-    fn contact_error(&self, bodies: [u32; 2]) -> f64 {
-        let [a, b] = bodies.map(|body| self.errors[body as usize]);
+    fn contact_error(&self, bodies: [BodyId; 2]) -> f64 {
+        let [a, b] = bodies.map(|body| self.errors[body.index()]);
         a.max(b)
     }
 
@@ -153,7 +154,7 @@ fn velocity_error(system: &ContactProblem, solution: &ContactSolution, k: usize,
     let row = &system.rows[k];
     let rho = 3.0 / (row.w_n + 2.0 * row.w_t);
     let speed = |side: usize| {
-        let SolverBody { v, w, .. } = &solution.records[row.bodies[side] as usize];
+        let SolverBody { v, w, .. } = &solution.records[row.bodies[side].index()];
         v.norm() + w.norm() * system.contact_arm(k, side).norm()
     };
     let rounding =

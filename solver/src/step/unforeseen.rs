@@ -65,10 +65,10 @@ pub fn work_from_start(scene: &Scene, state: &State, q_c: &ContactConfiguration,
         return 0.0;
     }
     let mut imposed = vec![Vec3::zeros(); scene.bodies.len()];
-    free.loads.iter().for_each(|(i, force, _)| imposed[*i] += force * q_c.h);
+    free.loads.iter().for_each(|(i, force, _)| imposed[i.index()] += force * q_c.h);
     let work = |i: usize| {
         let impulse = (free.v[i] - state.v[i]) * scene.bodies[i].mass - imposed[i];
         -(1.0 - scene.options.theta) * impulse.dot(&(v[i] - state.v[i]))
     };
-    scene.free.iter().map(|&i| i as usize).filter(|&i| q_c.from_start[i]).map(work).sum()
+    scene.free.iter().map(|&i| i.index()).filter(|&i| q_c.from_start[i]).map(work).sum()
 }

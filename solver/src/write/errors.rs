@@ -21,7 +21,7 @@ use cd_formats::atomic;
 use cd_formats::error::Faults;
 
 use crate::math::{Vec3, to_world};
-use crate::scene::Scene;
+use crate::scene::{BodyId, Scene};
 use crate::state::{SolvedContact, State};
 use crate::step::{BalanceErrors, StageTimes};
 
@@ -188,12 +188,12 @@ impl ErrorEstimator {
         let lost = over(state.ledger.contact_work.abs(), scale);
         let loaded = state.contacts.iter().filter(|solved| solved.impulse != Vec3::zeros());
         // Contacts are ordered by pair.
-        let mut pairs: Vec<(u32, u32)> =
+        let mut pairs: Vec<(BodyId, BodyId)> =
             loaded.map(|solved| (solved.contact.candidate, solved.contact.antagonist)).collect();
         pairs.dedup();
         let stray = balance.momentum * state.ledger.momentum_scale;
         let flight = over(self.flight_error(), scale);
-        let mass: f64 = scene.free.iter().map(|&i| scene.bodies[i as usize].mass).sum();
+        let mass: f64 = scene.free.iter().map(|&i| scene.bodies[i.index()].mass).sum();
         let StageTimes { gravity, detection, assembly, solve, integration, writing } = self.clock;
         let of = |name, option, error, seconds: Duration| ErrorSource {
             name,
@@ -263,7 +263,7 @@ fn self_balanced_wall_share(scene: &Scene, state: &State) -> f64 {
     let mut pairs = Vec::new();
     for SolvedContact { contact, impulse, .. } in &state.contacts {
         let bodies = [contact.candidate, contact.antagonist];
-        let [candidate, antagonist] = bodies.map(|body| scene.bodies[body as usize].driven);
+        let [candidate, antagonist] = bodies.map(|body| scene.bodies[body.index()].driven);
         if (candidate || antagonist) && *impulse != Vec3::zeros() {
             let force = to_world(&contact.frame(), impulse);
             each += force.norm();

@@ -130,16 +130,16 @@ fn body_arrays(scene: &Scene, state: &State) -> BodyArrays {
 
 fn shape_arrays(scene: &Scene, state: &State) -> ShapeArrays {
     let mut shapes = ShapeArrays::default();
-    shapes.turning.turning_body = scene.turning.clone();
+    shapes.turning.turning_body = scene.turning.iter().map(|body| body.0).collect();
     shapes.turning.turning_momentum = state.angular_momentum.iter().map(|&l| l.into()).collect();
     shapes.contacts.contact_rank =
         state.contacts.iter().map(|c| [c.contact.ranks.0, c.contact.ranks.1].map(u32::from)).collect();
     shapes.contacts.contact_area = state.contacts.iter().map(|c| c.contact.area).collect();
     let kept = state.detection_cache.cached_pairs();
     let of_pairs = |value: fn(&BodyPart) -> u32| -> Vec<[u32; 2]> {
-        kept.iter().map(|pair| pair.parts.map(|part| value(&scene.parts[part as usize]))).collect()
+        kept.iter().map(|pair| pair.parts.map(|part| value(&scene.parts[part.index()]))).collect()
     };
-    shapes.pairs.pair_body = of_pairs(|part| part.body);
+    shapes.pairs.pair_body = of_pairs(|part| part.body.0);
     shapes.pairs.pair_rank = of_pairs(|part| part.rank.into());
     shapes.pairs.pair_memory = kept.iter().map(|pair| pair.memory.to_words()).collect();
     shapes
@@ -148,7 +148,7 @@ fn shape_arrays(scene: &Scene, state: &State) -> ShapeArrays {
 fn interval_arrays(state: &State) -> IntervalArrays {
     let exchanges = &state.interval.exchanges;
     IntervalArrays {
-        interval_body: exchanges.iter().map(|exchange| exchange.bodies).collect(),
+        interval_body: exchanges.iter().map(|exchange| exchange.bodies.map(|body| body.0)).collect(),
         interval_virial: exchanges.iter().map(|exchange| exchange.virial).collect(),
     }
 }
@@ -157,7 +157,7 @@ fn gravity_arrays(scene: &Scene, state: &State) -> Option<GravityArrays> {
     let attraction = state.attraction.as_ref()?;
     let of_all = |rows: &[Vec3]| {
         let mut all = vec![[0.0; 3]; scene.bodies.len()];
-        scene.free.iter().zip(rows).for_each(|(&i, row)| all[i as usize] = (*row).into());
+        scene.free.iter().zip(rows).for_each(|(&i, row)| all[i.index()] = (*row).into());
         all
     };
     Some(GravityArrays { gravity_last: of_all(&attraction.last), gravity_before: of_all(&attraction.before) })
@@ -168,7 +168,7 @@ fn contact_arrays(state: &State) -> ContactArrays {
     let vectors =
         |value: &dyn Fn(&SolvedContact) -> Vec3| -> Vec<[f64; 3]> { list.iter().map(|c| value(c).into()).collect() };
     ContactArrays {
-        contact_body: list.iter().map(|c| [c.contact.candidate, c.contact.antagonist]).collect(),
+        contact_body: list.iter().map(|c| [c.contact.candidate.0, c.contact.antagonist.0]).collect(),
         contact_feature: list.iter().map(|c| c.contact.features.into()).collect(),
         contact_point: vectors(&|c| c.contact.point),
         contact_frame: list.iter().map(|c| c.contact.frame().map(Into::into)).collect(),

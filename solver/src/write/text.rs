@@ -9,7 +9,7 @@ use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 
 use crate::laws::Cohesion;
 use crate::math::Vec3;
-use crate::scene::{BodyPart, BodyShape, ContactorShape, Scene};
+use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, Scene};
 use crate::state::{ContactStatus, SolvedContact, State};
 
 const DOF_PREFIX: &str = "DOF.OUT.";
@@ -97,16 +97,16 @@ fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
 }
 
 fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
-    let side = |body: u32, rank: u16| {
-        let contactor = match scene.bodies[body as usize].shape {
+    let side = |body: BodyId, rank: u16| {
+        let contactor = match scene.bodies[body.index()].shape {
             BodyShape::Sphere { .. } => "SPHER",
             BodyShape::Plane { .. } => "PLANx",
             BodyShape::Parts => {
                 let place = scene.part_index(body, rank);
-                contactor_name(&scene.parts[place.unwrap_or_default()])
+                contactor_name(&scene.parts[place.unwrap_or_default().index()])
             }
         };
-        ContactSide { body: body as usize, contactor: contactor.into(), rank: rank.into() }
+        ContactSide { body: body.index(), contactor: contactor.into(), rank: rank.into() }
     };
     let record = |SolvedContact { contact, impulse, velocity, status, bond, .. }: &SolvedContact| {
         let candidate = side(contact.candidate, contact.ranks.0);

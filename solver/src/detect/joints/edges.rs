@@ -14,7 +14,7 @@ use crate::detect::travel::TravelBounds;
 use crate::geometry::{PosedPolyhedron, polyhedra_along};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Vec3, group_by_key};
-use crate::scene::Scene;
+use crate::scene::{BodyId, PartId, Scene};
 use crate::state::Contact;
 
 /// Contactors per task.
@@ -27,7 +27,7 @@ pub fn remove_inner_edges(
     ways: &TravelBounds,
     places: &[PosedContactor],
     contacts: &mut Vec<Contact>,
-) -> Vec<[u32; 2]> {
+) -> Vec<[PartId; 2]> {
     if !has_common_surfaces(places) {
         return Vec::new();
     }
@@ -111,7 +111,7 @@ impl<'a> InnerEdgeSearch<'a> {
         let seen_by: Vec<u32> = runs
             .iter()
             .flat_map(|ContactRun { parts: [a, b], .. }| [(a, b), (b, a)])
-            .map(|(own, other)| if covering_solid(&places[*other as usize]).is_some() { *own } else { nobody })
+            .map(|(own, other)| if covering_solid(&places[other.index()]).is_some() { own.0 } else { nobody })
             .collect();
         let (views, starts) = group_by_key(&seen_by, places.len() + 1);
         InnerEdgeSearch { q_c, ways, places, contacts, runs, attracts, views, starts }
@@ -196,7 +196,7 @@ impl<'a> InnerEdgeSearch<'a> {
         let (of, turned) = (view.run(), view.is_turned());
         let run = &self.runs[of as usize];
         let (normal, at, image) = run.seen_from(turned);
-        let other = &self.places[run.parts[usize::from(!turned)] as usize];
+        let other = &self.places[run.parts[usize::from(!turned)].index()];
         SurfaceContact {
             of,
             turned,
@@ -210,8 +210,8 @@ impl<'a> InnerEdgeSearch<'a> {
     /// Contactor that A touches in a contact.
     fn nearby_contactor(&self, touch: &SurfaceContact) -> Option<NearbyContactor<'a>> {
         let other = self.runs[touch.of as usize].parts[usize::from(!touch.turned)];
-        let (b, centre) = (&self.places[other as usize], touch.centre);
-        let i = b.body as usize;
+        let (b, centre) = (&self.places[other.index()], touch.centre);
+        let i = b.body.index();
         Some(NearbyContactor {
             solid: covering_solid(b)?,
             centre,
@@ -244,7 +244,7 @@ fn replace_inner_contacts(
     for (touch, n) in inner {
         let ContactRun { start, end, parts, .. } = runs[touch.of as usize];
         list.drop_range(start as usize..end as usize);
-        let [a, b] = parts.map(|part| &places[part as usize]);
+        let [a, b] = parts.map(|part| &places[part.index()]);
         let (Some(p), Some(q)) = (polyhedron(a), polyhedron(b)) else { continue };
         let Some(see) = scene.visibility.interaction_rule(a.class, b.class) else { continue };
         let meeting = CandidatePair::new(scene, places, nearby, 0, &(parts, see));
@@ -299,7 +299,7 @@ struct ContactRun {
     start: u32,
     end: u32,
     /// Candidate and antagonist.
-    parts: [u32; 2],
+    parts: [PartId; 2],
     /// Smallest gap, m.
     gap: f64,
     /// Normal, point and image of the first contact, and half of its gap, m.
@@ -335,9 +335,9 @@ fn closing_runs(scene: &Scene, places: &[PosedContactor], contacts: &[Contact], 
     for of_one in contacts.chunk_by(|a, b| pair(a) == pair(b)) {
         let end = start + of_one.len() as u32;
         let first = &of_one[0];
-        let part = |body: u32, rank: u16| scene.part_starts[body as usize] + u32::from(rank);
+        let part = |body: BodyId, rank: u16| PartId(scene.part_starts[body.index()] + u32::from(rank));
         let parts = [part(first.candidate, first.ranks.0), part(first.antagonist, first.ranks.1)];
-        let [a, b] = parts.map(|part| &places[part as usize]);
+        let [a, b] = parts.map(|part| &places[part.index()]);
         let gap = of_one.iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);
         if attracts || gap <= a.travel.max(b.travel) + fastest + 2.0 * FLUSH_TOLERANCE * a.radius.max(b.radius) {
             runs.push(ContactRun {

@@ -22,8 +22,8 @@ pub fn without_inner_rims(
         return listed;
     }
     let mut counts = vec![0u32; scene.bodies.len()];
-    listed.iter().for_each(|([sphere, _], _)| counts[*sphere as usize] += 1);
-    let is_alone = |([sphere, _], _): &ListedPair| counts[*sphere as usize] == 1;
+    listed.iter().for_each(|([sphere, _], _)| counts[sphere.index()] += 1);
+    let is_alone = |([sphere, _], _): &ListedPair| counts[sphere.index()] == 1;
     let (mut left, mut listed): (Vec<ListedPair>, Vec<ListedPair>) = listed.into_iter().partition(is_alone);
     listed.sort_unstable_by_key(|(pair, _)| *pair);
     let (mut scratch, mut inner) = (JointScratch::new(), Vec::new());
@@ -70,7 +70,7 @@ impl<'a> SphereOnPlates<'a> {
     }
 
     fn upper_contactor(&self) -> UpperContactor<'a> {
-        let sphere = self.pairs[0].0[0] as usize;
+        let sphere = self.pairs[0].0[0].index();
         let (centre, radius) = (self.q_c.x[sphere], self.scene.bodies[sphere].radius);
         let (travel, lookahead) = (self.ways.travel[sphere], self.ways.lookahead);
         UpperContactor { solid: ConvexSolid::Sphere { radius }, centre, radius, travel, lookahead }
@@ -78,7 +78,7 @@ impl<'a> SphereOnPlates<'a> {
 
     /// Plate of pair `k`: its body and its half lengths, m.
     fn plate(&self, k: usize) -> (usize, &'a Vec3) {
-        let plate = self.pairs[k].0[1] as usize;
+        let plate = self.pairs[k].0[1].index();
         let BodyShape::Plane { half_lengths } = &self.scene.bodies[plate].shape else {
             unreachable!("these are plates")
         };
@@ -87,7 +87,7 @@ impl<'a> SphereOnPlates<'a> {
 
     fn surface_contact(&self, k: usize) -> SurfaceContact {
         let (found, (plate, half_lengths)) = (&self.geometries[k], self.plate(k));
-        let x = self.q_c.x[self.pairs[k].0[0] as usize];
+        let x = self.q_c.x[self.pairs[k].0[0].index()];
         SurfaceContact {
             of: k as u32,
             turned: false,

@@ -16,6 +16,7 @@ use crate::solve::gauss_seidel::momentum::{MOMENTUM_CYCLE, SweepMomentum};
 use crate::solve::gauss_seidel::packed::PackSource;
 use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator};
 use crate::solve::types::{ContactReactions, ContactSolution, StoppingCriteria};
+use crate::state::ContactId;
 
 /// Contacts at rest would creep forever with the E of their impulses of the last step, if these were never swept: E is at
 /// most this share of `tol`. Single precision reaches it.
@@ -39,8 +40,8 @@ const MAX_MASS_RATIO: f64 = 1e9;
 /// become faster than its free velocity - is included, and sweeping continues.
 pub fn solve_nlgs(system: &ContactProblem, until: StoppingCriteria, width: SimdWidth) -> ContactSolution {
     let StoppingCriteria { tol, max_sweeps, .. } = until;
-    let rows = (0..system.rows.len() as u32).into_par_iter().with_min_len(PAR_MIN_LEN);
-    let mut active: Vec<u32> = rows.filter(|&k| system.rows[k as usize].can_close).collect();
+    let rows = (0..system.rows.len() as u32).into_par_iter().with_min_len(PAR_MIN_LEN).map(ContactId);
+    let mut active: Vec<ContactId> = rows.filter(|k| system.rows[k.index()].can_close).collect();
     let mut reactions = ContactReactions::warm_start(system, &active);
     let mut sweeps = 0;
     loop {
@@ -77,7 +78,7 @@ pub fn solve_nlgs(system: &ContactProblem, until: StoppingCriteria, width: SimdW
 fn iterate_sweeps(
     system: &ContactProblem,
     judge: &ResidualEvaluator,
-    active: &[u32],
+    active: &[ContactId],
     reactions: &mut ContactReactions,
     until: StoppingCriteria,
     mut single: bool,
@@ -159,23 +160,23 @@ fn iterate_sweeps(
 }
 
 /// Whether the rows `active` are swept in single precision: for masses that do not differ too much, without moments.
-fn sweeps_in_f32(system: &ContactProblem, active: &[u32], until: StoppingCriteria) -> bool {
+fn sweeps_in_f32(system: &ContactProblem, active: &[ContactId], until: StoppingCriteria) -> bool {
     let asked = match until.precision {
         SweepPrecision::Auto => active.len() >= MIN_F32_CONTACTS && until.target_residual >= MIN_F32_RESIDUAL,
         SweepPrecision::Single => true,
         SweepPrecision::Double => false,
     };
     asked && system.rolling_constraints.is_empty() && {
-        let of_rows = active.iter().map(|&k| system.rows[k as usize].w_n);
+        let of_rows = active.iter().map(|&k| system.rows[k.index()].w_n);
         let (least, most) = of_rows.fold((f64::INFINITY, 0.0f64), |(least, most), w| (least.min(w), most.max(w)));
         most <= least * MAX_MASS_RATIO
     }
 }
 
 /// Whether a contact is at the bound of its friction.
-fn any_contact_slides(system: &ContactProblem, active: &[u32], impulses: &[Vec3]) -> bool {
+fn any_contact_slides(system: &ContactProblem, active: &[ContactId], impulses: &[Vec3]) -> bool {
     active.par_iter().with_min_len(1024).any(|&k| {
-        let (row, r) = (&system.rows[k as usize], &impulses[k as usize]);
+        let (row, r) = (&system.rows[k.index()], &impulses[k.index()]);
         let normal = row.normal.dot(r);
         // On the cone's side to rounding.
         row.friction > 0.0 && normal > 0.0 && (r - row.normal * normal).norm() >= row.friction * normal * (1.0 - 1e-12)
@@ -183,12 +184,13 @@ fn any_contact_slides(system: &ContactProblem, active: &[u32], impulses: &[Vec3]
 }
 
 /// Returns the rows outside `active` (sorted) that these velocities close.
-pub fn closing_inactive_rows(system: &ContactProblem, active: &[u32], records: &[SolverBody]) -> Vec<u32> {
+pub fn closing_inactive_rows(system: &ContactProblem, active: &[ContactId], records: &[SolverBody]) -> Vec<ContactId> {
     let mut inside = active.iter().peekable();
-    let outside: Vec<u32> = (0..system.rows.len() as u32).filter(|k| inside.next_if_eq(&k).is_none()).collect();
-    let closes = |&k: &u32| {
-        let row = &system.rows[k as usize];
-        row.acts && system.shifted_normal_velocity(k as usize, records) < 0.0
+    let all = (0..system.rows.len()).map(ContactId::new);
+    let outside: Vec<ContactId> = all.filter(|k| inside.next_if_eq(&k).is_none()).collect();
+    let closes = |k: &ContactId| {
+        let row = &system.rows[k.index()];
+        row.acts && system.shifted_normal_velocity(k.index(), records) < 0.0
     };
     outside.into_par_iter().with_min_len(1024).filter(closes).collect()
 }
@@ -204,7 +206,7 @@ mod tests {
         let rows = vec![row; MIN_F32_CONTACTS];
         let system =
             ContactProblem { rows, block_data: None, rolling_constraints: vec![], order: vec![], bodies: vec![] };
-        let all: Vec<u32> = (0..MIN_F32_CONTACTS as u32).collect();
+        let all: Vec<ContactId> = (0..MIN_F32_CONTACTS).map(ContactId::new).collect();
         let [auto, single, double] = [SweepPrecision::Auto, SweepPrecision::Single, SweepPrecision::Double]
             .map(|precision| StoppingCriteria { precision, ..StoppingCriteria::new(1e-3, 10) });
         assert!(sweeps_in_f32(&system, &all, auto) && !sweeps_in_f32(&system, &all, double));

@@ -8,6 +8,7 @@ use crate::math::simd::{Arithmetic, F64Arithmetic, LaneFloat, LaneOperation, Sim
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, triple};
 use crate::solve::types::ContactReactions;
+use crate::state::ContactId;
 
 /// Contacts in a batch.
 pub const BATCH_LANES: usize = 16;
@@ -42,7 +43,7 @@ pub struct SweepStats {
 pub struct PackSource<'a> {
     pub system: &'a ContactProblem,
     /// Rows to sweep, sorted.
-    pub active: &'a [u32],
+    pub active: &'a [ContactId],
     /// Initial impulses and moments.
     pub reactions: &'a ContactReactions,
     /// Bodies with the velocities that result from them.
@@ -122,8 +123,8 @@ impl SweepUnits {
             return SweepUnits::SI;
         }
         let PackSource { system, active, reactions, records, .. } = *source;
-        let of_row = |&k: &u32| {
-            let (k, w) = (k as usize, system.rows[k as usize].w_n);
+        let of_row = |k: &ContactId| {
+            let (k, w) = (k.index(), system.rows[k.index()].w_n);
             (w, system.shifted_velocity(k, records).norm() + w * reactions.impulses[k].norm())
         };
         let largest = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));

@@ -9,7 +9,9 @@ use rayon::prelude::*;
 
 use crate::assemble::ContactProblem;
 use crate::math::PAR_MIN_LEN;
+use crate::scene::BodyId;
 use crate::solve::gauss_seidel::packed::NONE;
+use crate::state::ContactId;
 
 /// Rule by which bodies are divided into ranges.
 #[derive(Debug, Clone, Copy)]
@@ -25,7 +27,7 @@ pub struct PartitionRule {
 #[derive(Debug)]
 pub struct BodyPartition {
     /// Moving bodies; the index of a body here is its rank.
-    pub bodies: Vec<u32>,
+    pub bodies: Vec<BodyId>,
     /// Ranks of the bodies of each row, [`NONE`] for a body that does not move.
     pub pairs: Vec<[u32; 2]>,
     /// First rank of each range, and the number of ranks.
@@ -36,16 +38,17 @@ pub struct BodyPartition {
 
 impl BodyPartition {
     /// Divides the moving bodies of the rows `active`.
-    pub fn new(system: &ContactProblem, active: &[u32], rule: PartitionRule) -> Self {
-        let bodies_of = |&k: &u32| system.rows[k as usize].bodies;
+    pub fn new(system: &ContactProblem, active: &[ContactId], rule: PartitionRule) -> Self {
+        let bodies_of = |&k: &ContactId| system.rows[k.index()].bodies.map(|body| body.0);
         let mut pairs: Vec<[u32; 2]> = active.par_iter().with_min_len(PAR_MIN_LEN).map(bodies_of).collect();
         let mut touched = vec![false; system.bodies.len()];
         pairs.as_flattened().iter().for_each(|&body| touched[body as usize] = true);
-        let moves = |&body: &u32| touched[body as usize] && system.bodies[body as usize].inverse_mass > 0.0;
-        let bodies: Vec<u32> = system.order.par_iter().copied().with_min_len(PAR_MIN_LEN).filter(moves).collect();
+        let moves = |body: &BodyId| touched[body.index()] && system.bodies[body.index()].inverse_mass > 0.0;
+        let bodies: Vec<BodyId> =
+            system.order.par_iter().copied().map(BodyId).with_min_len(PAR_MIN_LEN).filter(moves).collect();
         let mut ranks = vec![NONE; system.bodies.len()];
         for (rank, &body) in bodies.iter().enumerate() {
-            ranks[body as usize] = rank as u32;
+            ranks[body.index()] = rank as u32;
         }
         pairs.par_iter_mut().with_min_len(PAR_MIN_LEN).for_each(|pair| *pair = pair.map(|body| ranks[body as usize]));
 
@@ -112,7 +115,7 @@ mod tests {
             inverse_inertia: 0.0,
             radius: 1.0,
         };
-        let row = |bodies| ContactConstraint { bodies, ..ContactConstraint::default() };
+        let row = |bodies: [u32; 2]| ContactConstraint { bodies: bodies.map(BodyId), ..ContactConstraint::default() };
         let system = ContactProblem {
             rows: [[0, 3], [1, 6], [2, 4], [4, 5]].map(row).to_vec(),
             block_data: None,
@@ -120,9 +123,11 @@ mod tests {
             order: vec![6, 5, 4, 3, 2, 1, 0],
             bodies: (0..7).map(body).collect(),
         };
-        let divided = |rounds_up| BodyPartition::new(&system, &[0, 1, 2], PartitionRule { min_bodies: 2, rounds_up });
+        let divided = |rounds_up| {
+            BodyPartition::new(&system, &[0, 1, 2].map(ContactId), PartitionRule { min_bodies: 2, rounds_up })
+        };
         let (down, up) = (divided(false), divided(true));
-        assert_eq!(down.bodies, [6, 4, 2, 1, 0]);
+        assert_eq!(down.bodies, [6, 4, 2, 1, 0].map(BodyId));
         assert_eq!(down.pairs, [[4, NONE], [3, 0], [2, 1]]);
         assert_eq!((down.cuts.clone(), up.cuts), (vec![0, 2, 5], vec![0, 3, 5]));
         assert_eq!([0, 2, NONE].map(|rank| down.range_of(rank)), [0, 1, NONE]);

@@ -12,6 +12,7 @@ use crate::math::Vec3;
 use crate::math::simd::{Arithmetic, LaneFloat};
 use crate::solve::gauss_seidel::packed::{BATCH_LANES, NONE, load_column, load_vector, set_lane, store_column};
 use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, project_to_ball, triple};
+use crate::state::ContactId;
 
 /// Resistance of sixteen contacts to rolling and spinning, [`crate::assemble::RollingConstraint`], and their moments.
 #[derive(Debug, Clone, Copy)]
@@ -43,7 +44,7 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
 
     /// Sets the resistance of row `k` in a lane, if the row has one, with its initial moment.
     #[inline(never)] // so that its cost in scenes can be counted
-    pub fn set_lane(&mut self, lane: usize, system: &ContactProblem, k: u32, moments: &[Vec3]) {
+    pub fn set_lane(&mut self, lane: usize, system: &ContactProblem, k: ContactId, moments: &[Vec3]) {
         let Ok(place) = system.rolling_constraints.binary_search_by_key(&k, |roll| roll.row) else { return };
         let (roll, m) = (&system.rolling_constraints[place], &moments[place]);
         set_lane(&mut self.shift, lane, &roll.shift);

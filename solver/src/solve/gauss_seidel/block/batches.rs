@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use crate::assemble::{BlockData, ContactProblem, SolverBody};
 use crate::math::Vec3;
 use crate::math::simd::{F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
+use crate::scene::BodyId;
 use crate::solve::gauss_seidel::block::local::{BlockAxes, BodySide, block_axes, delassus_block, lever_block};
 use crate::solve::gauss_seidel::packed::{
     BATCH_LANES, FrictionCones, NONE, PackSource, SweepSums, SweepUnits, load_column, load_vector, set_lane,
@@ -21,6 +22,7 @@ use crate::solve::gauss_seidel::partition::{BodyPartition, MAX_COLOURS, Partitio
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
 use crate::solve::gauss_seidel::vector::{dot_product, triple};
 use crate::solve::types::ContactReactions;
+use crate::state::ContactId;
 
 const PARTITION_RULE: PartitionRule = PartitionRule { min_bodies: 512, rounds_up: true };
 
@@ -191,10 +193,10 @@ pub struct BlockProblem<C: PairContacts> {
 
 /// Contacts of two bodies: at most [`MAX_PAIR_CONTACTS`] consecutive rows.
 struct PairConstraints {
-    bodies: [u32; 2],
+    bodies: [BodyId; 2],
     /// Ranks of the bodies.
     ranks: [u32; 2],
-    rows: Vec<u32>,
+    rows: Vec<ContactId>,
     lines: [u32; 2],
 }
 
@@ -234,12 +236,12 @@ impl<C: PairContacts> BlockProblem<C> {
         let (mut lines, mut inertia) = (Vec::new(), Vec::new());
         for (range, fixed) in fixed.iter().enumerate() {
             for &body in partition.bodies[partition.ranks(range)].iter().chain(fixed) {
-                let &SolverBody { v, inverse_mass, w, .. } = &records[body as usize];
+                let &SolverBody { v, inverse_mass, w, .. } = &records[body.index()];
                 let (v, w) = if C::T::IS_SINGLE { (Vec3::zeros(), Vec3::zeros()) } else { (v, w) };
-                let (pushed, mass) = (full.free_axes(body as usize), units.mass_unit());
+                let (pushed, mass) = (full.free_axes(body.index()), units.mass_unit());
                 let line = [v.x, v.y, v.z, inverse_mass * mass, w.x, w.y, w.z, pushed.x];
                 lines.push(line.map(C::T::from_f64));
-                let m = full.inverse_inertia[body as usize] * mass;
+                let m = full.inverse_inertia[body.index()] * mass;
                 let line = [m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)], pushed.y, pushed.z];
                 inertia.push(line.map(C::T::from_f64));
             }
@@ -292,10 +294,10 @@ impl<C: PairContacts> BlockProblem<C> {
     }
 }
 
-fn group_into_pairs(system: &ContactProblem, active: &[u32], partition: &BodyPartition) -> Vec<PairConstraints> {
+fn group_into_pairs(system: &ContactProblem, active: &[ContactId], partition: &BodyPartition) -> Vec<PairConstraints> {
     let mut pairs: Vec<PairConstraints> = Vec::new();
     for (&k, &ranks) in active.iter().zip(&partition.pairs) {
-        let bodies = system.rows[k as usize].bodies;
+        let bodies = system.rows[k.index()].bodies;
         match pairs.last_mut() {
             Some(last) if last.bodies == bodies && last.rows.len() < MAX_PAIR_CONTACTS => last.rows.push(k),
             _ => pairs.push(PairConstraints { bodies, ranks, rows: vec![k], lines: [NONE; 2] }),
@@ -324,11 +326,11 @@ impl<C: PairContacts> PairBatches<C> {
     fn push_batch(&mut self, full: &BlockData, pairs: &[PairConstraints], members: &[u32], unused: u32) {
         let first = self.rows.len();
         let mut bodies = members.iter().flat_map(|&k| pairs[k as usize].bodies);
-        let held = bodies.any(|body| full.has_locked_axes(body as usize));
+        let held = bodies.any(|body| full.has_locked_axes(body.index()));
         let most = members.iter().map(|&k| pairs[k as usize].rows.len()).max().unwrap_or(0);
         self.rows.resize(first + most, [NONE; BATCH_LANES]);
         let has_lever =
-            |row: &u32| full.friction_offsets.get(*row as usize).is_some_and(|offset| *offset != Vec3::zeros());
+            |row: &ContactId| full.friction_offsets.get(row.index()).is_some_and(|offset| *offset != Vec3::zeros());
         let levers = members.iter().any(|&k| pairs[k as usize].rows.iter().any(has_lever));
         let mut batch = BodyPairBatch {
             bodies: [[unused; BATCH_LANES]; 2],
@@ -342,7 +344,7 @@ impl<C: PairContacts> PairBatches<C> {
                 batch.bodies[side][lane] = pair.lines[side];
             }
             for (rows, &row) in self.rows[first..].iter_mut().zip(&pair.rows) {
-                rows[lane] = row;
+                rows[lane] = row.0;
             }
         }
         self.batches.push(batch);
@@ -361,7 +363,7 @@ impl<C: PairContacts> PairBatches<C> {
             self.rolls = vec![RollingConstraintWide::NONE; count];
             for (rolls, rows) in self.rolls.iter_mut().zip(&self.rows) {
                 for (lane, row) in occupied_lanes(rows) {
-                    rolls.set_lane(lane, from.start.system, row as u32, &from.start.reactions.moments);
+                    rolls.set_lane(lane, from.start.system, ContactId(row as u32), &from.start.reactions.moments);
                 }
             }
         }
@@ -575,7 +577,7 @@ impl<T: LaneFloat> PairContacts for FrictionlessPoint<T> {
             for side in 0..2 {
                 let arm = full.arms[k][side].cross(&n);
                 set_lane(&mut point.arms[side], lane, &arm);
-                let answer = full.inverse_inertia[row.bodies[side] as usize] * arm * mass;
+                let answer = full.inverse_inertia[row.bodies[side].index()] * arm * mass;
                 set_lane(&mut point.answers[side], lane, &answer);
             }
             point.shift[lane] = T::from_f64(n.dot(&from.starting_velocity::<T>(k)) / units.velocity);

@@ -41,7 +41,7 @@ pub struct BodySide<V> {
 impl BodySide<f64> {
     /// Data of a body of row `k`, with `side` 0 for the candidate and 1 for the antagonist.
     pub fn from_row(system: &ContactProblem, full: &BlockData, k: usize, side: usize) -> Self {
-        let body = system.rows[k].bodies[side] as usize;
+        let body = system.rows[k].bodies[side].index();
         let inverse_mass = full.free_axes(body) * system.bodies[body].inverse_mass;
         BodySide {
             arm: full.arms[k][side].into(),

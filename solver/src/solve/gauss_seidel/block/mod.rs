@@ -18,10 +18,12 @@ mod tests {
     use crate::assemble::{BlockData, ContactConstraint, ContactProblem, SolverBody, stored_problem};
     use crate::math::simd::SimdWidth;
     use crate::math::{Vec3, to_local, to_world};
+    use crate::scene::BodyId;
     use crate::solve::gauss_seidel::block::local::{delassus_block_of_row, full_matrix};
     use crate::solve::residual::ResidualEvaluator;
     use crate::solve::{StoppingCriteria, solve_nlgs};
     use crate::state::Contact;
+    use crate::state::ContactId;
 
     /// A stack of `count` bodies with arms and inertia from arithmetic alone, on a ground that does not move: up to five
     /// contacts between neighbours, and contacts of every third body with the one two below.
@@ -57,7 +59,7 @@ mod tests {
             let arm = |side: f64| Vec3::new(noise(k, 31), noise(k, 32), side * 0.5 + 0.1 * noise(k, 33));
             full.arms.push([arm(-1.0), arm(1.0)]);
             let row = ContactConstraint {
-                bodies,
+                bodies: bodies.map(BodyId),
                 normal: Vec3::new(0.6 * noise(k, 41), 0.6 * noise(k, 42), 1.0).normalize(),
                 arm: 1.0,
                 shift: Vec3::new(0.0, 0.0, 0.05 * noise(k, 43)),
@@ -133,7 +135,7 @@ mod tests {
             let system = heap(60, friction);
             let solution = solve_nlgs(&system, StoppingCriteria::new(tol, 100_000), SimdWidth::detect());
             assert!(solution.converged, "{friction}: {:e} after {}", solution.residual, solution.sweeps);
-            let all: Vec<u32> = (0..system.rows.len() as u32).collect();
+            let all: Vec<ContactId> = (0..system.rows.len()).map(ContactId::new).collect();
             assert!(
                 ResidualEvaluator::new(&system, &all, SimdWidth::detect()).residual(&solution.impulses).value <= tol
             );
@@ -163,7 +165,7 @@ mod tests {
             let system = heap(60, friction);
             let solution = solve_nlgs(&system, in_single(1e-4, 100_000), SimdWidth::detect());
             assert!(solution.single_precision && solution.converged, "{friction}: {:e}", solution.residual);
-            let all: Vec<u32> = (0..system.rows.len() as u32).collect();
+            let all: Vec<ContactId> = (0..system.rows.len()).map(ContactId::new).collect();
             assert!(
                 ResidualEvaluator::new(&system, &all, SimdWidth::detect()).residual(&solution.impulses).value <= 1e-4
             );

@@ -13,12 +13,14 @@ use rayon::prelude::*;
 use crate::assemble::{ContactProblem, SolverBody};
 use crate::math::simd::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, LaneFloat, SimdWidth};
 use crate::math::{PAR_MIN_LEN, group_by_key};
+use crate::scene::BodyId;
 use crate::solve::gauss_seidel::packed::{
     BATCH_LANES, FrictionCones, NONE, PackSource, SweepSums, SweepUnits, set_lane, snap_to_cones,
 };
 use crate::solve::gauss_seidel::partition::{BodyPartition, MAX_COLOURS, PartitionRule, colour_pairs};
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
 use crate::solve::types::ContactReactions;
+use crate::state::ContactId;
 
 const PARTITION_RULE: PartitionRule = PartitionRule { min_bodies: 1024, rounds_up: false };
 
@@ -145,7 +147,7 @@ impl<B: PackedBody> DiagonalProblem<B> {
     pub fn new(source: &PackSource) -> Self {
         let layout = BatchLayout::new(source.system, source.active);
         let units = SweepUnits::from_source::<B::T>(source);
-        let of_body = |&body: &u32| B::new(&source.records[body as usize], &units);
+        let of_body = |&body: &BodyId| B::new(&source.records[body.index()], &units);
         let bodies = &layout.partition.bodies;
         let moving: Vec<B> = bodies.par_iter().with_min_len(PAR_MIN_LEN).map(of_body).collect();
         let mut lines = vec![B::PADDING; layout.starts[layout.starts.len() - 1] as usize];
@@ -210,7 +212,7 @@ struct BatchLayout {
 }
 
 impl BatchLayout {
-    fn new(system: &ContactProblem, active: &[u32]) -> Self {
+    fn new(system: &ContactProblem, active: &[ContactId]) -> Self {
         let partition = BodyPartition::new(system, active, PARTITION_RULE);
         let BodyPartition { bodies, pairs, .. } = &partition;
         let ranges = partition.range_count();
@@ -279,8 +281,8 @@ impl BatchLayout {
             for (lane, slot) in rows.iter_mut().enumerate().filter(|(_, slot)| **slot != NONE) {
                 let place = *slot as usize;
                 let k = from.active[place];
-                *slot = k;
-                let row = &from.system.rows[k as usize];
+                *slot = k.0;
+                let row = &from.system.rows[k.index()];
                 let n = row.normal;
                 set_lane(&mut batch.n, lane, &n);
                 if let Some(cones) = cones.get_mut(i) {
@@ -295,7 +297,7 @@ impl BatchLayout {
                     }
                     // The shift of a contact with a body that does not move is a velocity of that body.
                     let sign = if side == 0 { 1.0 } else { -1.0 };
-                    let record = &from.records[row.bodies[side] as usize];
+                    let record = &from.records[row.bodies[side].index()];
                     batch.bodies[side][lane] = first_fixed + fixed.len() as u32;
                     fixed.push(B::new(&SolverBody { v: record.v + row.shift * sign, ..*record }, &units));
                 }
@@ -315,11 +317,11 @@ impl BatchLayout {
                 if let (Some(rolls), Some(curvatures)) = (rolls.get_mut(i), curvatures.get_mut(i)) {
                     rolls.set_lane(lane, from.system, k, &from.reactions.moments);
                     for (curvature, body) in curvatures.iter_mut().zip(row.bodies) {
-                        let radius = from.records[body as usize].radius;
+                        let radius = from.records[body.index()].radius;
                         curvature[lane] = B::T::from_f64(if radius > 0.0 { 1.0 / radius } else { 0.0 });
                     }
                 }
-                let impulse = &from.reactions.impulses[k as usize];
+                let impulse = &from.reactions.impulses[k.index()];
                 if B::HAS_FRICTION {
                     set_lane(&mut r.0, lane, &(impulse / units.impulse));
                 } else {
