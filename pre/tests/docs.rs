@@ -116,7 +116,8 @@ fn what_the_guides_show_is_accepted() {
         let (path, text) = page_of(scene);
         cd_pre::read_scene(&path, &text, &[]).unwrap_or_else(|faults| panic!("{scene}\n{faults}"));
     }
-    for changes in ["how-to/flyby.ron", "how-to/heap.ron", "how-to/silo-open.ron", "tutorial/changes.ron"] {
+    let changes = ["flyby", "heap", "planet", "silo-open"].map(|name| format!("how-to/{name}.ron"));
+    for changes in changes.iter().map(String::as_str).chain(["tutorial/changes.ron"]) {
         let (path, text) = page_of(changes);
         from_ron::<Changes>(&path, &text, "changes").unwrap_or_else(|faults| panic!("{changes}\n{faults}"));
     }
