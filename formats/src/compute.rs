@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 pub use crate::accuracy::{Accuracy, Adaptive};
 use crate::error::Faults;
 use crate::report::FaultReport;
+pub use crate::ron_file::from_ron;
 use crate::ron_text;
-pub use crate::ron_text::from_ron;
 
 /// Newtonian constant of gravitation, m^3 kg^-1 s^-2 (CODATA 2018 and 2022).
 pub const GRAVITATIONAL_CONSTANT: f64 = 6.67430e-11;

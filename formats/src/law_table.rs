@@ -677,7 +677,7 @@ mod tests {
             let named = model.parameter_values().into_iter().filter(|(p, _)| *p != LawParameter::UnusedCohesion);
             let fields: Vec<String> = named.map(|(p, value)| format!("{}: {value:?}", p.name())).collect();
             let text = format!("{}({})", entry.label, fields.join(", "));
-            let read: LawModel = crate::ron_text::from_ron(std::path::Path::new("scene.ron"), &text, "law").unwrap();
+            let read: LawModel = crate::ron_file::from_ron(std::path::Path::new("scene.ron"), &text, "law").unwrap();
             assert_eq!(read, model, "{text}");
         }
     }

@@ -46,6 +46,7 @@
 //! | [`error`], [`report`] | faults with file, line, column, object, found and expected; those of RON files by path |
 //! | [`scan`] | text in columns as Fortran reads and writes it |
 //! | [`ron_text`], [`places`] | RON with the position of each mistake; positions and replacement of values |
+//! | [`ron_file`], [`former_names`] | RON files under the names of today and of earlier versions |
 //! | [`atomic`] | files that are complete or absent |
 //! | [`case`] | the folder of a case on a command line |
 //! | [`origin`] | the files that DATBOX is made from |
@@ -76,6 +77,7 @@ pub mod origin;
 pub mod places;
 pub mod presets;
 pub mod report;
+pub mod ron_file;
 pub mod ron_text;
 pub mod scan;
 pub mod snapshot;

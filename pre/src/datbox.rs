@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use cd_formats::error::{Fault, Faults};
-use cd_formats::former_names;
 use cd_formats::origin::SceneOrigin;
 use cd_formats::report::FaultReport;
+use cd_formats::ron_file;
 use cd_formats::{atomic, places};
 
 use crate::grain::Population;
@@ -24,7 +24,7 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     let text = places::apply_settings(&original, settings)?;
     let (scene, population) = read_scene(source, &text, settings)?;
     let mut report = FaultReport::with_settings(source, &text, settings);
-    report.warnings = former_names::warnings(source, &original, settings);
+    report.warnings = ron_file::former_name_warnings(source, &original, settings);
     doubts::report_doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
     cd_formats::doubts::events(&scene.compute.events, "compute.", &mut report);
     attraction::warn_of_attractions(&scene, &population, &mut report);

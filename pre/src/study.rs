@@ -8,9 +8,9 @@ use std::path::{Component, Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::former_names;
 use cd_formats::places::{self, ValueLocations};
 use cd_formats::report::FaultReport;
+use cd_formats::ron_file;
 use cd_formats::ron_text::known_names;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -111,7 +111,7 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
         };
         let Some(original) = original else { continue };
         let case_settings: Vec<String> = case.settings.iter().map(|(setting, _)| setting.clone()).collect();
-        for warning in former_names::warnings(&base, &original, &case_settings).0 {
+        for warning in ron_file::former_name_warnings(&base, &original, &case_settings).0 {
             let warning = case.locate(warning, &report);
             // Cases share their base and most of their settings.
             if !report.warnings.0.contains(&warning) {
@@ -321,7 +321,7 @@ fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<St
     }
     faults.into_result(())?;
     let changed = places::apply_settings(original, &settings)?;
-    let current = former_names::with_current_names(base, &changed)?;
+    let current = ron_file::with_current_names(base, &changed)?;
     let values = case.values.iter().map(|(name, value)| format!("; {name}: {}", value.replace('\n', " ")));
     let head = format!("// Case {} of a study{}.{WRITTEN}\n", case.name, values.collect::<String>());
     let text = with_files(&current, base, path.parent().unwrap_or(Path::new(""))).map(|text| head + &text);

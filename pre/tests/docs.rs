@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use cd_formats::compute::{Compute, from_ron};
+use cd_formats::compute::{Compute, Event, from_ron};
 use cd_formats::law_table::LawModel;
+use cd_pre::from_outbox::Changes;
 use cd_pre::scene;
+use cd_pre::study::Study;
 
 fn page() -> (PathBuf, String) {
     page_of("scene.md")
@@ -77,25 +79,59 @@ fn options_of_the_run_are_those_of_the_solver() {
 #[test]
 fn what_it_shows_is_accepted() {
     let (path, text) = page();
+    assert_eq!(expect_accepted(&path, &text), text.matches("```ron").count());
+}
+
+/// Reads each block `ron KIND` as a value of this kind. Returns their number.
+fn expect_accepted(path: &Path, text: &str) -> usize {
     let mut shown = 0;
     for block in text.split("```ron ").skip(1) {
         let (kind, rest) = block.split_once('\n').unwrap();
         let ron = rest.split("```").next().unwrap();
         let read = match kind {
-            "Scene" => cd_pre::read_scene(&path, ron, &[]).map(drop),
-            "LawKind" => from_ron::<LawModel>(&path, ron, kind).map(drop),
-            "Contact" => from_ron::<scene::Contact>(&path, ron, kind).map(drop),
-            "Sizes" => from_ron::<scene::SizeDistribution>(&path, ron, kind).map(drop),
-            "Placement" => from_ron::<scene::GrainPlacement>(&path, ron, kind).map(drop),
-            "Shape" => from_ron::<scene::GrainShape>(&path, ron, kind).map(drop),
-            "Wall" => from_ron::<scene::SceneWall>(&path, ron, kind).map(drop),
-            "Evolution" => from_ron::<scene::TimeFunction>(&path, ron, kind).map(drop),
+            "Scene" => cd_pre::read_scene(path, ron, &[]).map(drop),
+            "LawKind" => from_ron::<LawModel>(path, ron, kind).map(drop),
+            "Contact" => from_ron::<scene::Contact>(path, ron, kind).map(drop),
+            "Sizes" => from_ron::<scene::SizeDistribution>(path, ron, kind).map(drop),
+            "Placement" => from_ron::<scene::GrainPlacement>(path, ron, kind).map(drop),
+            "Shape" => from_ron::<scene::GrainShape>(path, ron, kind).map(drop),
+            "Wall" => from_ron::<scene::SceneWall>(path, ron, kind).map(drop),
+            "Evolution" => from_ron::<scene::TimeFunction>(path, ron, kind).map(drop),
+            "Events" => from_ron::<Vec<Event>>(path, ron, kind).map(drop),
+            "Changes" => from_ron::<Changes>(path, ron, kind).map(drop),
+            "Study" => from_ron::<Study>(path, ron, kind).map(drop),
             _ => panic!("no type for {kind}"),
         };
         read.unwrap_or_else(|faults| panic!("{ron}\n{faults}"));
         shown += 1;
     }
-    assert_eq!(shown, text.matches("```ron").count());
+    shown
+}
+
+#[test]
+fn what_the_guides_show_is_accepted() {
+    let (path, text) = page_of("how-to.md");
+    assert_eq!(expect_accepted(&path, &text), text.matches("```ron").count());
+    for scene in ["how-to/bed.ron", "how-to/silo.ron", "how-to/tube.ron", "tutorial/scene.ron"] {
+        let (path, text) = page_of(scene);
+        cd_pre::read_scene(&path, &text, &[]).unwrap_or_else(|faults| panic!("{scene}\n{faults}"));
+    }
+    let changes = ["flyby", "heap", "planet", "silo-open"].map(|name| format!("how-to/{name}.ron"));
+    for changes in changes.iter().map(String::as_str).chain(["tutorial/changes.ron"]) {
+        let (path, text) = page_of(changes);
+        from_ron::<Changes>(&path, &text, "changes").unwrap_or_else(|faults| panic!("{changes}\n{faults}"));
+    }
+}
+
+/// The blocks `ron FILE` of the tutorial are the files in docs/tutorial.
+#[test]
+fn the_tutorial_shows_its_files() {
+    let (_, text) = page_of("tutorial.md");
+    for block in text.split("```ron ").skip(1) {
+        let (file, rest) = block.split_once('\n').unwrap();
+        let (_, stored) = page_of(&format!("tutorial/{file}"));
+        assert_eq!(rest.split("```").next().unwrap(), stored, "docs/tutorial/{file}");
+    }
 }
 
 #[test]
@@ -112,7 +148,7 @@ fn changes_of_from_outbox_are_described_and_what_is_shown_is_accepted() {
     assert!(["keep_time", "Largest", "RigidMotion"].iter().all(|known| names.iter().any(|name| name == known)));
     expect_described(names, "docs/from-outbox.md", &text);
     let (_, rest) = text.split_once("```ron Changes\n").unwrap();
-    from_ron::<cd_pre::from_outbox::Changes>(&path, rest.split("```").next().unwrap(), "changes").unwrap();
+    from_ron::<Changes>(&path, rest.split("```").next().unwrap(), "changes").unwrap();
 }
 
 #[test]
@@ -127,6 +163,6 @@ fn studies_are_described_and_what_is_shown_is_accepted() {
     assert!(["groups", "seeds", "with"].iter().all(|known| names.iter().any(|name| name == known)));
     expect_described(names, "docs/study.md", &text);
     for block in text.split("```ron Study\n").skip(1) {
-        from_ron::<cd_pre::study::Study>(&path, block.split("```").next().unwrap(), "study").unwrap();
+        from_ron::<Study>(&path, block.split("```").next().unwrap(), "study").unwrap();
     }
 }

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
 
-use crate::surface::{MassProperties, Surface, SurfaceFaults};
+use super::surface::{MassProperties, Surface, SurfaceFaults};
 
 type Vec3 = Vector3<f64>;
 

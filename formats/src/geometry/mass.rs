@@ -4,10 +4,10 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
+use super::faces::ConvexMesh;
+use super::surface::{MassProperties, Surface, SurfaceFaults};
 use crate::bodies::{Body, Contactor, ShapeRecord};
 use crate::error::RecordFault;
-use crate::faces::ConvexMesh;
-use crate::surface::{MassProperties, Surface, SurfaceFaults};
 
 impl Contactor {
     /// Mass properties in the frame of the file, at density 1; zero for a point.

@@ -12,26 +12,11 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 
 use crate::error::{Fault, Faults};
-use crate::former_names::CurrentText;
 use crate::names::path_in_words;
 pub use crate::names::{known_names, nearest_name};
-use parse::parse_ron;
-pub(crate) use parse::ron_options;
-pub use syntax::{TextFault, line_and_column, syntax_faults};
 
-/// Reads RON.
-///
-/// Fields and values may have [former names](crate::former_names). Errors: all faults of the syntax, or else the first
-/// value that does not fit its type, with line and column. `object` is the name of the text as a whole in faults.
-pub fn from_ron<T: DeserializeOwned>(path: &Path, text: &str, object: &str) -> Result<T, Faults> {
-    let parsed = CurrentText::new(text).and_then(|current| {
-        parse_ron(&current.text).map_err(|mut mistakes| {
-            mistakes.iter_mut().for_each(|mistake| mistake.at = current.original_byte(mistake.at));
-            mistakes
-        })
-    });
-    parsed.map_err(|mistakes| located_faults(path, text, object, mistakes))
-}
+pub(crate) use parse::{parse_ron, ron_options};
+pub use syntax::{TextFault, line_and_column, syntax_faults};
 
 /// Faults of the text of a file, with line and column; `object` is the name of the text as a whole.
 pub(crate) fn located_faults(path: &Path, text: &str, object: &str, mistakes: Vec<TextFault>) -> Faults {

@@ -27,11 +27,11 @@ use cd_formats::compute::{Compute, ROTATION_ABOUT_PERIOD};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::former_names;
 use cd_formats::ids::BodyId;
 use cd_formats::origin::SceneOrigin;
 use cd_formats::places;
 use cd_formats::report::FaultReport;
+use cd_formats::ron_file;
 use cd_formats::snapshot::{self, Ledger, START_FILE, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
 
@@ -63,7 +63,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
         Some(file) => (file, atomic::read_text(file)?),
         None => (Path::new("changes"), "()".to_string()),
     };
-    let former_names = former_names::warnings(file, &text, settings);
+    let former_names = ron_file::former_name_warnings(file, &text, settings);
     let parsed = |text: &str, settings: &[String]| -> Result<(Changes, String), Faults> {
         let text = places::apply_settings(text, settings)?;
         Ok((parse_with_settings(file, &text, settings, "changes")?, text))
