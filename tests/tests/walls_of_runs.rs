@@ -151,8 +151,8 @@ fn grains_outside_of_a_hollow_cylinder_are_refused() {
         )
     };
     let found = refused(&run, &format!("(bodies: [(walls: false)], walls: [{}])", drum(3.0, "WALLx")));
-    let expected = "is outside of wall 1, a hollow cylinder; expected bodies that meet it within: it is closed, and pushes \
-                    inwards alone";
+    let expected = "is outside of wall 1, a hollow cylinder; expected bodies that can touch it inside: it is closed and has \
+                    contacts on its inside only";
     assert!(found.contains("body 1: body 1 ") && found.contains(expected), "{found}");
     // Around them all, and where none meets it.
     let (around, _) = next(&run, &format!("(bodies: [(walls: false)], walls: [{}])", drum(0.0, "WALLx")));
