@@ -4,7 +4,7 @@
 #   @figure FILE NAME CAPTION...            copies the figure to docs/images/paper-NAME.svg and shows it; lines that follow each
 #                                           other make a table of two a row
 #   @table FILE COLUMN,COLUMN...            a table of columns of a CSV file; text as it is, numbers to four digits
-#   @shares FILE GROUP                      a table of the share of each room in the cost against the number of grains, of a group of runs.csv
+#   @shares FILE GROUP                      a table of the share of each stage in the cost against the number of grains, of a group of runs.csv
 #   @columns CLAIM                          heads of a table of claims
 #   @claim LOW HIGH NUMBER | CLAIM | WHERE | REMARK   a row: agrees if LOW <= NUMBER <= HIGH; `-` is no bound
 # NUMBER is one of

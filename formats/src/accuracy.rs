@@ -48,7 +48,7 @@ impl std::fmt::Display for Accuracy {
 pub struct Adaptive {
     /// Longest step over `dt`; 1: all steps are `dt`.
     pub most: u64,
-    /// Way of two neighbours past each other in a step, over the smaller radius; what parts them comes on top by half.
+    /// Relative displacement of two neighbours in a step, over the smaller radius; separation counts half.
     pub travel: f64,
     /// Penetration that a step may cause, over the smaller radius.
     pub penetration: f64,

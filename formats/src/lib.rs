@@ -15,19 +15,7 @@
 //! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
 //! | [`vloc_rloc`] | `DATBOX/Vloc_Rloc.INI`, `OUTBOX/Vloc_Rloc.OUT.k`: contacts at one instant |
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
-//! | [`origin`] | the same: the files that DATBOX is made from |
-//! | [`doubts`] | none: values that are probably mistakes of units |
-//! | [`accuracy`], [`presets`] | the same: its presets of accuracy, and their values |
-//! | [`case`] | none: the folder of a case on a command line |
-//! | [`former_names`] | scenes, changes and settings: names of earlier versions |
-//! | [`groups`] | none: groups of connected items |
-//! | [`ids`] | none: typed indices |
-//! | [`places`] | any RON file: positions and replacement of its values |
-//! | [`names`] | none: names in messages |
-//! | [`report`] | the same: its faults |
-//! | [`ron_text`] | the same: reading it, with the position of each mistake |
-//! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
-//! | [`tell`] | none: messages to people |
+//! | [`accuracy`], [`presets`] | the presets of accuracy of COMPUTE.RON, and their values |
 //! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: the complete state for a restart, bit for bit |
 //! | [`fc3d`] | `NAME.fc3d`: the contact problem of one step as a document |
 //!
@@ -53,7 +41,7 @@
 //! | [`unchanged`] | whether the files of DATBOX still agree with a snapshot |
 //! | [`doubts`] | values that are probably mistakes of units |
 //! | [`tell`] | messages to people |
-//! | [`groups`] | groups of connected items |
+//! | [`groups`], [`ids`], [`names`] | groups of connected items; typed indices; names in messages |
 
 pub mod accuracy;
 pub mod atomic;

@@ -224,10 +224,13 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
         return 2;
     }
     let Arguments { command, options } = &arguments;
-    if matches!(command, Some(Command::AccuracyStudy { .. }))
+    if let Some(Command::AccuracyStudy { output, .. }) = command
         && args.get(1).is_some_and(|name| name == FORMER_ACCURACY_STUDY)
     {
-        print_error(format_args!("cd-post: warning: {FORMER_ACCURACY_STUDY}: renamed; write accuracy-study"));
+        print_error(format_args!(
+            "cd-post: warning: {FORMER_ACCURACY_STUDY}: renamed; write accuracy-study; the table is {}",
+            output.join("accuracy.csv").display()
+        ));
     }
     let pool = match rayon::ThreadPoolBuilder::new().num_threads(options.threads).build() {
         Ok(pool) => pool,

@@ -692,8 +692,10 @@ fn runs_are_measured_by_the_finest() {
     fs::write(once.join("trade.csv"), former).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));
     let done = command.arg("trade").args([&once, &once]).arg("-o").arg(&both).output().unwrap();
-    let warning = "cd-post: warning: trade: renamed; write accuracy-study\n";
-    assert_eq!((done.status.code(), String::from_utf8_lossy(&done.stderr).as_ref()), (Some(0), warning));
+    let written = both.join("accuracy.csv");
+    let warning =
+        format!("cd-post: warning: trade: renamed; write accuracy-study; the table is {}\n", written.display());
+    assert_eq!((done.status.code(), String::from_utf8_lossy(&done.stderr).into_owned()), (Some(0), warning));
     assert_eq!(fs::read_to_string(both.join("accuracy.csv")).unwrap(), table);
 }
 

@@ -472,7 +472,7 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
     if let GrainPlacement::Fragments { .. } = grains.placement {
         let shape = grains.shape == GrainShape::Sphere && is_plain(grains);
         let plain = shape && grains.sizes.is_none() && grains.solid_fraction.is_none();
-        let others = "shape, standing, radius, sizes or solid_fraction given for fragments";
+        let others = "shape, grain_orientation, radius, sizes or solid_fraction given for fragments";
         report.require(plain, path, others, "none of them: fragments fill the envelope");
         let both = grains.number.is_some_and(|number| number <= MAX_FRAGMENTS) && sized;
         let expected = format!("both, and at most {MAX_FRAGMENTS} fragments");

@@ -87,7 +87,7 @@ pub struct Grains {
     /// Left out for grains with a size of their own: `Box`, `Vertices`, `Model`, and `Fragments`.
     #[serde(default)]
     pub sizes: Option<SizeDistribution>,
-    /// Which radius of a polyhedron the sizes are.
+    /// Radius of a polyhedron that the sizes give.
     #[serde(default)]
     pub radius: RadiusKind,
     /// Orientation of polyhedra.
@@ -121,7 +121,7 @@ pub struct Grains {
 pub enum GrainShape {
     #[default]
     Sphere,
-    /// Each grain another convex polyhedron, its vertices on an ellipsoid.
+    /// Random convex polyhedra, a different one for each grain, with vertices on an ellipsoid.
     Random {
         /// The number of vertices, from the first to the second, each equally likely.
         vertices: (usize, usize),
@@ -141,7 +141,7 @@ pub enum GrainShape {
     Box {
         lengths: [f64; 3],
     },
-    /// A regular polygon of so many sides, drawn up along the third axis.
+    /// A regular polygon of so many sides, extruded along the third axis.
     Prism {
         sides: usize,
         /// Height over the diameter of the circle around the polygon.
@@ -151,7 +151,7 @@ pub enum GrainShape {
     Vertices(Vec<[f64; 3]>),
     /// A surface from a file.
     Model {
-        /// .obj, .stl, .vtk or .vtp; beside the scene if the path is not absolute.
+        /// .obj, .stl, .vtk or .vtp; relative to the folder of the scene.
         file: String,
         #[serde(default)]
         scale: ModelScale,
@@ -172,11 +172,11 @@ fn default_angularity() -> f64 {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ModelScale {
-    /// So many times as large as in the file; 1000 for a file in km.
+    /// Factor of all lengths of the file; 1000 for a file in km.
     Factor(f64),
     /// m^3
     Volume(f64),
-    /// Of the sphere of equal volume, m.
+    /// Radius of the sphere of equal volume, m.
     Radius(f64),
     /// The longest side of the box around it, along the axes of the file, m.
     Length(f64),
@@ -200,7 +200,7 @@ pub enum ContactSurface {
     /// Convex pieces that approximate it; mass and inertia are those of the surface itself.
     Pieces {
         max_pieces: u32,
-        /// How far pieces may be from convex, 0 to 1.
+        /// Largest concavity of the pieces, 0 to 1.
         #[serde(default = "default_concavity")]
         concavity: f64,
         /// Largest number of vertices of a piece.
@@ -219,11 +219,11 @@ fn default_hull_vertices() -> usize {
     64
 }
 
-/// Which radius of a polyhedron a size is.
+/// Radius of a polyhedron that a size gives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum RadiusKind {
-    /// Of the sphere of equal volume.
+    /// Radius of the sphere of equal volume.
     #[default]
     EqualVolume,
     /// The farthest vertex from the centre of mass.

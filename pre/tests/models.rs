@@ -489,7 +489,7 @@ fn a_broken_monolith_moves_as_one_and_fills_its_solid() {
         .unwrap_err();
     assert!(
         wrong.contains(
-            "grains 1: shape, standing, radius, sizes or solid_fraction given for fragments; expected none of them"
+            "grains 1: shape, grain_orientation, radius, sizes or solid_fraction given for fragments; expected none of them"
         ),
         "{wrong}"
     );

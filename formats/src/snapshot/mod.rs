@@ -107,11 +107,11 @@ pub struct GravityEvaluations {
     pub age: u64,
     /// Times of the last evaluation and of the one before, s; equal if there was none.
     pub times: [f64; 2],
-    /// Potential energies then, J.
+    /// Potential energies at `times`, J.
     pub potentials: [f64; 2],
     /// As far as a body may have moved since, against the centre of mass, m.
     pub moved: f64,
-    /// What was taken away in the last evaluation, see steps.csv.
+    /// Attraction removed in the last evaluation, see steps.csv.
     pub removed: f64,
     /// RMS relative error of the extrapolation to the last evaluation.
     pub extrapolation_error: f64,
@@ -169,7 +169,7 @@ pub struct RunParameters {
     pub penetration_tol: f64,
     #[serde(default)]
     pub solver: crate::compute::ContactSolver,
-    /// If it is asked for.
+    /// Only if it is set explicitly.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sweep_precision: Option<crate::compute::SweepPrecision>,
     pub max_sweeps: u64,
@@ -227,13 +227,13 @@ pub struct Ledger {
     pub outside_work: f64,
     /// Linear momentum of the free bodies at step 0 plus what walls, uniform gravity, forces and events gave, kg m/s.
     pub momentum_expected: [f64; 3],
-    /// Angular momentum about the origin, likewise, kg m^2/s.
+    /// Expected angular momentum about the origin, kg m^2/s.
     pub angular_momentum_expected: [f64; 3],
-    /// Largest sum so far over the free bodies of m |v|, or of what forces give them in a step, kg m/s.
+    /// Largest sum so far over the free bodies of m |v|, or of the impulses of forces in a step, kg m/s.
     pub momentum_scale: f64,
     /// Largest penetration over the mean radius so far.
     pub penetration_largest: f64,
-    /// Of the mean penetration over the mean radius, what unfinished solutions have left.
+    /// Part of the mean penetration left by unconverged solutions, over the mean radius.
     #[serde(default)]
     pub penetration_left: f64,
     pub steps_unconverged: u64,
@@ -370,7 +370,7 @@ arrays! {
 }
 
 arrays! {
-    /// What laws remember of a contact, one row each.
+    /// Memory of the contact laws, one row for each contact.
     MemoryArrays {
         /// 1 where a bond or a liquid bridge holds, else 0
         contact_bonded: u8,
@@ -412,7 +412,7 @@ arrays! {
 }
 
 arrays! {
-    /// One row a pair of contactors that were in contact: what detection goes on from.
+    /// Start of the next narrow-phase search, one row for each pair of contactors that were in contact.
     PairArrays {
         /// Rows of the two bodies in the body arrays, the candidate first
         pair_body: [u32; 2],

@@ -340,7 +340,7 @@ fn measure_run(case: &Path, name: String, group: String, value: f64) -> Result<M
         SnapshotMeans { time: series["time"][k], interval: series["interval"][k], observables }
     };
     let timer = read_log(&case.join("TIMER.csv"), &TIMED_STAGES)?;
-    let seconds = TIMED_STAGES.iter().flat_map(|room| &timer[*room]).sum();
+    let seconds = TIMED_STAGES.iter().flat_map(|stage| &timer[*stage]).sum();
     let all = list_snapshots(&case.join("OUTBOX"))?;
     let last = Snapshot::read(&all[all.len() - 1].1)?;
     check_series_of_run(case, &series, &last.meta)?;

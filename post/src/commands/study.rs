@@ -330,15 +330,15 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
         })
         .sum::<f64>()
         / taken.len() as f64;
-    let room = |names: &[&str]| names.iter().map(|name| per_step(&timer, name)).sum::<f64>();
+    let stage = |names: &[&str]| names.iter().map(|name| per_step(&timer, name)).sum::<f64>();
     values.push(homogeneous);
     values.push(by_inertia);
     values.push(isostatic_number(mean("n_grains")));
     values.push(per_step(&steps, "sweeps"));
     values.push(weighted(&steps, "contacts_active"));
     values.push(1.0 - per_step(&steps, "converged"));
-    values.extend(STEP_STAGES.iter().map(|(_, names)| room(names)));
-    values.push(room(&timed));
+    values.extend(STEP_STAGES.iter().map(|(_, names)| stage(names)));
+    values.push(stage(&timed));
     Ok(values)
 }
 
@@ -446,17 +446,17 @@ fn study_figures(runs: &[StudyRun], groups: &[&str]) -> (Vec<(String, Figure)>, 
     for (k, group) in groups.iter().enumerate() {
         let name = if groups.len() == 1 { "cost".to_string() } else { format!("cost-{}", k + 1) };
         let mut curves = Vec::new();
-        for (room, _) in STEP_STAGES {
-            let points = of(group, &number, &|run| run.value_of(&format!("seconds_{room}")));
+        for (stage, _) in STEP_STAGES {
+            let points = of(group, &number, &|run| run.value_of(&format!("seconds_{stage}")));
             let points: Vec<(f64, f64)> = points.into_iter().filter(|p| p.0 > 0.0 && p.1 > 0.0).collect();
             let logarithms: Vec<(f64, f64)> = points.iter().map(|p| (p.0.ln(), p.1.ln())).collect();
-            curves.push(dots(room, points.clone()));
+            curves.push(dots(stage, points.clone()));
             let line = FittedLine::least_squares(&logarithms);
             let power = line.map_or(String::new(), |line| format!(", N^{}", three_digits(line.slope)));
             if let Some(line) = line {
-                note(&name, group, &format!("ln(seconds_{room}) = intercept + slope ln(N)"), line);
+                note(&name, group, &format!("ln(seconds_{stage}) = intercept + slope ln(N)"), line);
                 let ends = points.iter().map(|p| p.0).map(|n| (n, (line.intercept + line.slope * n.ln()).exp()));
-                curves.push(fit(&format!("{room}{power}"), ends.collect()));
+                curves.push(fit(&format!("{stage}{power}"), ends.collect()));
             }
         }
         let title = format!("Seconds per step by stage: {group}");

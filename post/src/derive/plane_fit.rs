@@ -2,8 +2,8 @@
 
 use crate::math::{Mat3, Vec3};
 
-/// Default reach of the planes fitted to the heights of an aggregate, in mean radii: the standard error due to single
-/// grains is 1.8 degrees, at 6 radii 5 and at 12 radii 1.3.
+/// Default reach of the planes fitted to the heights of an aggregate, in mean radii. The standard error due to single
+/// grains is 5 degrees at 6 radii, 1.8 at 10 and 1.3 at 12.
 pub const DEFAULT_FIT_REACH: f64 = 10.0;
 
 /// Sums of weighted heights about a point.
@@ -18,8 +18,9 @@ pub struct PlaneFit {
     sums: Vec3,
     /// sum w^2 x (x) x over the parts, from which the variance due to noise follows.
     noise: Mat3,
-    /// sum w, and sum w^2 over the parts.
+    /// sum w over the parts.
     pub weight: f64,
+    /// sum w^2 over the parts.
     square: f64,
 }
 

@@ -17,15 +17,15 @@ pub struct Changes {
     pub grains: Vec<Grains>,
     /// Further walls, as in a scene.
     pub walls: Vec<SceneWall>,
-    /// Seed of what is drawn at random for these.
+    /// Seed of the random numbers for `grains`.
     pub seed: u64,
-    /// New ones, and new densities of those that there are.
+    /// New materials, and new densities of existing ones.
     pub materials: Vec<Material>,
-    /// New ones, and others under a name that there is.
+    /// New laws, and replacements of existing ones under their names.
     pub laws: Vec<Law>,
-    /// Laws between two colours that take the place of what there was.
+    /// Laws between two colours, which replace previous ones.
     pub contacts: Vec<Contact>,
-    /// Step and time go on; else both begin at 0.
+    /// Whether step and time continue; otherwise both start at 0.
     pub keep_time: bool,
     /// Options of the run; left out, those of the first case but for `steps`, `end_time` and `events`.
     pub compute: Option<Compute>,

@@ -108,7 +108,7 @@ pub struct OrientedPolyhedron {
 }
 
 impl OrientedPolyhedron {
-    /// Turned by `turn`, from the axes in which the shape was given to the fixed ones.
+    /// Rotates the solid by `turn`, from the axes in which the shape was given to the fixed ones.
     pub fn new(solid: Rc<PrincipalSolid>, scale: f64, turn: &Matrix3<f64>) -> Self {
         let axes = round_axes(&(solid.axes * turn.transpose()));
         OrientedPolyhedron { solid, scale, axes }

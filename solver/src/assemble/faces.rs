@@ -235,7 +235,7 @@ fn is_same_face(a: &Contact, b: &Contact) -> bool {
 }
 
 /// Friction offsets of the rows of a face; empty if all are 0. `joined`: whether the rows may belong to several adjacent
-/// contactors; the result is then empty if these leave gaps.
+/// contactors; the result is then `None` if these leave gaps.
 fn face_offsets(
     of: &[usize],
     joined: bool,

@@ -234,8 +234,8 @@ fn run_html(dir: &Path, first: u64, last: &Frame, seconds: &[(&str, f64)]) -> St
     for material in &meta.materials {
         row(&format!("material {}", material.name), format!("{} kg/m³", format_six_digits(material.density)));
     }
-    for (room, time) in seconds {
-        row(&format!("seconds, {room}"), format_six_digits(*time));
+    for (stage, time) in seconds {
+        row(&format!("seconds, {stage}"), format_six_digits(*time));
     }
     let mut text = String::from("<table>\n");
     for (name, value) in rows {
@@ -269,7 +269,7 @@ fn stage_seconds(path: &Path) -> Result<Vec<(&'static str, f64)>, Faults> {
     if !atomic::path_exists(path) {
         return Ok(Vec::new());
     }
-    let rooms = [&TIMED_STAGES[..], &["writing"]].concat();
-    let table = read_columns(path, &rooms)?;
-    Ok(rooms.iter().map(|room| (*room, table[*room].iter().sum())).collect())
+    let stages = [&TIMED_STAGES[..], &["writing"]].concat();
+    let table = read_columns(path, &stages)?;
+    Ok(stages.iter().map(|stage| (*stage, table[*stage].iter().sum())).collect())
 }

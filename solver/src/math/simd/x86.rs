@@ -184,7 +184,7 @@ impl LaneMemory<f32> for V4 {
     fn scatter_lines(self, lines: &mut [[f32; 8]], index: &[u32], columns: [__m512; 8]) {
         let l = SimdLanes::<_, f32>::new(self);
         let avx = self.avx512f;
-        // Quarters of the columns of one half and of the other alternately, as in `apply_impulse_f32`.
+        // Quarters of the columns of one half and of the other alternately, as in `apply_impulse`.
         let (first, last): (__m512i, __m512i) = (cast(FIRST_QUARTERS), cast(LAST_QUARTERS));
         let zero = l.splat(0.0);
         let (mut low, mut high) = ([zero; 4], [zero; 4]);
