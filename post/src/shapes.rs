@@ -350,9 +350,12 @@ mod tests {
         assert_eq!(counts(&snapshot(1.0, SHAPE_PARTS)), [0, 6]);
         assert!(counts(&snapshot(1.0, 0)).is_empty());
         // A snapshot from before BODIES.DAT was remade, after another snapshot has been accepted.
-        let told = shapes.solids_of(&path, &snapshot(1.5, SHAPE_PARTS)).unwrap_err().to_string();
-        assert!(told.contains("BODIES.DAT:11: body 2: radius 1 m, mass 4.18") && !told.contains("body 1"), "{told}");
-        assert!(told.contains("; expected radius 1.5 m, mass 14.13"), "{told}");
+        let message = shapes.solids_of(&path, &snapshot(1.5, SHAPE_PARTS)).unwrap_err().to_string();
+        assert!(
+            message.contains("BODIES.DAT:11: body 2: radius 1 m, mass 4.18") && !message.contains("body 1"),
+            "{message}"
+        );
+        assert!(message.contains("; expected radius 1.5 m, mass 14.13"), "{message}");
     }
 
     #[test]

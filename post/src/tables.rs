@@ -20,8 +20,9 @@ pub fn case_names(cases: &[PathBuf]) -> Vec<String> {
         path.components().skip(path.components().count().saturating_sub(count)).collect()
     };
     let name = |path: &PathBuf| {
-        let told = |count: &usize| whole.iter().all(|other| other == path || tail(other, *count) != tail(path, *count));
-        let count = (1..path.components().count()).find(told).unwrap_or(usize::MAX);
+        let message =
+            |count: &usize| whole.iter().all(|other| other == path || tail(other, *count) != tail(path, *count));
+        let count = (1..path.components().count()).find(message).unwrap_or(usize::MAX);
         tail(path, count).display().to_string()
     };
     whole.iter().map(name).collect()

@@ -228,8 +228,8 @@ fn what_all_snapshots_lack_is_told_once() {
         scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), step)).unwrap();
     }
     let output = cd_post(&["--threads", "3"], case.path());
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert_eq!((output.status.code(), told.matches("BODIES.DAT").count()), (Some(2), 1), "{told}");
+    let printed = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((output.status.code(), printed.matches("BODIES.DAT").count()), (Some(2), 1), "{printed}");
 }
 
 #[test]
@@ -257,11 +257,11 @@ fn shapes_of_another_datbox_are_refused_once() {
         fs::write(datbox.join("BODIES.DAT"), now.records().to_text()).unwrap();
         for command in [&["--threads", "2"][..], &["report"], &["state"]] {
             let output = cd_post(command, case.path());
-            let told = String::from_utf8(output.stderr).unwrap();
-            assert_eq!(output.status.code(), Some(if expected.is_empty() { 0 } else { 2 }), "{command:?}: {told}");
-            assert_eq!(told.lines().count(), expected.len(), "{told}");
+            let printed = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(if expected.is_empty() { 0 } else { 2 }), "{command:?}: {printed}");
+            assert_eq!(printed.lines().count(), expected.len(), "{printed}");
             let says = |(line, part): (&str, &&str)| line.contains("DATBOX/BODIES.DAT") && line.contains(part);
-            assert!(told.lines().zip(expected).all(says), "{told}");
+            assert!(printed.lines().zip(expected).all(says), "{printed}");
         }
     }
 }
@@ -275,9 +275,12 @@ fn one_waits_for_another_in_the_same_case() {
         let mut second = Command::new(env!("CARGO_BIN_EXE_cd-post"));
         let second = second.args(command).arg(case.path()).stdout(Stdio::null()).stderr(Stdio::piped());
         let mut second = second.spawn().unwrap();
-        let mut told = String::new();
-        BufReader::new(second.stderr.take().unwrap()).read_line(&mut told).unwrap();
-        assert!(told.ends_with(": another cd-post runs in this case; waiting for its end\n"), "{command:?}: {told}");
+        let mut printed = String::new();
+        BufReader::new(second.stderr.take().unwrap()).read_line(&mut printed).unwrap();
+        assert!(
+            printed.ends_with(": another cd-post runs in this case; waiting for its end\n"),
+            "{command:?}: {printed}"
+        );
         assert!(!case.path().join("POSTPRO").exists() && second.try_wait().unwrap().is_none());
         second.kill().unwrap();
         second.wait().unwrap();
@@ -527,10 +530,10 @@ fn runs_are_compared_in_one_figure() {
     // The same folder twice has no name of its own.
     let mut twice = Command::new(env!("CARGO_BIN_EXE_cd-post"));
     let twice = twice.arg("compare").args([one.path(), one.path()]).arg("-o").arg(output.path()).output().unwrap();
-    let told = String::from_utf8_lossy(&twice.stderr);
+    let printed = String::from_utf8_lossy(&twice.stderr);
     assert_eq!(twice.status.code(), Some(2));
-    assert!(told.starts_with("cd-post: options: runs: '"), "{told}");
-    assert!(told.ends_with("' is given again as number 2; expected each name once\n"), "{told}");
+    assert!(printed.starts_with("cd-post: options: runs: '"), "{printed}");
+    assert!(printed.ends_with("' is given again as number 2; expected each name once\n"), "{printed}");
     for (option, wrong) in [
         ("columns", "no_such"),
         ("labels", "one"),
@@ -541,9 +544,9 @@ fn runs_are_compared_in_one_figure() {
         ("columns", "depth"),
         ("against", "no_such"),
     ] {
-        let told = compare(&[&format!("--{option}"), wrong]);
-        assert_eq!(told.status.code(), Some(2));
-        assert!(String::from_utf8_lossy(&told.stderr).contains(&format!("options: {option}: ")), "{told:?}");
+        let printed = compare(&[&format!("--{option}"), wrong]);
+        assert_eq!(printed.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&printed.stderr).contains(&format!("options: {option}: ")), "{printed:?}");
     }
     // A table that has lost a column, and one that has it twice.
     let series = one.path().join("POSTPRO/series.csv");
@@ -553,16 +556,19 @@ fn runs_are_compared_in_one_figure() {
         ("time,time,", "column 'time': is given again as number 2; expected each name once"),
     ] {
         fs::write(&series, whole.replace("step,time,", header)).unwrap();
-        let told = compare(&["--columns", "Z"]);
-        assert_eq!(told.status.code(), Some(2));
-        assert!(String::from_utf8_lossy(&told.stderr).ends_with(&format!("series.csv:1: {message}\n")), "{told:?}");
+        let printed = compare(&["--columns", "Z"]);
+        assert_eq!(printed.status.code(), Some(2));
+        assert!(
+            String::from_utf8_lossy(&printed.stderr).ends_with(&format!("series.csv:1: {message}\n")),
+            "{printed:?}"
+        );
     }
     // One of no snapshot.
     fs::write(&series, whole.lines().next().unwrap()).unwrap();
-    let told = compare(&[]);
-    assert_eq!(told.status.code(), Some(2));
+    let printed = compare(&[]);
+    assert_eq!(printed.status.code(), Some(2));
     let expected = "series.csv: table: has no snapshot; expected at least one\n";
-    assert!(String::from_utf8_lossy(&told.stderr).ends_with(expected), "{told:?}");
+    assert!(String::from_utf8_lossy(&printed.stderr).ends_with(expected), "{printed:?}");
     fs::write(&series, whole).unwrap();
     // The ways of a body, and the ground around it.
     for case in [&one, &two] {
@@ -580,11 +586,11 @@ fn runs_are_compared_in_one_figure() {
     // The last states, whose steps differ.
     let missing = compare(&["--table", "state/slopes.csv"]);
     assert_eq!(missing.status.code(), Some(2));
-    let told = String::from_utf8_lossy(&missing.stderr);
+    let printed = String::from_utf8_lossy(&missing.stderr);
     let [state, track] = [("state", ""), ("track", " --body N")].map(|(command, more)| {
         format!("expected a table that cd-post {command} {}{more} has written: run it first\n", one.path().display())
     });
-    assert!(told.contains("POSTPRO/state/slopes.csv") && told.contains(&state), "{told}");
+    assert!(printed.contains("POSTPRO/state/slopes.csv") && printed.contains(&state), "{printed}");
     let untracked = compare(&["--table", "track-2/track.csv"]);
     assert!(String::from_utf8_lossy(&untracked.stderr).contains(&track), "{untracked:?}");
     for (case, steps) in [(&one, &["0", "10"][..]), (&two, &["20"])] {
@@ -656,26 +662,29 @@ fn runs_are_measured_by_the_finest() {
     assert_eq!((of("Z"), of("worst"), of("positions"), of("positions_early")), ("0.0", "0.0", "0.0", "0.0"));
     assert_eq!(of("estimated").parse::<f64>().unwrap(), 1e-2 + 2e-2);
     assert_eq!(accuracy_study(&["--values", "1"]).status.code(), Some(2));
-    let told = accuracy_study(&["--groups", "dt,,finest"]);
-    assert!(String::from_utf8_lossy(&told.stderr).contains("groups: '' is given as number 2"), "{told:?}");
+    let printed = accuracy_study(&["--groups", "dt,,finest"]);
+    assert!(String::from_utf8_lossy(&printed.stderr).contains("groups: '' is given as number 2"), "{printed:?}");
     let mut twice = Command::new(env!("CARGO_BIN_EXE_cd-post"));
     let twice = twice.arg("accuracy-study").args([cases[0].path(); 2]).arg("-o").arg(output.path()).output().unwrap();
-    let told = String::from_utf8_lossy(&twice.stderr);
-    assert!(told.contains("' is given again as number 2; expected each name once"), "{told}");
+    let printed = String::from_utf8_lossy(&twice.stderr);
+    assert!(printed.contains("' is given again as number 2; expected each name once"), "{printed}");
     // The last row of a run that was cut off does not count, nor does a series of the run before.
     fs::write(cases[0].path().join("TIMER.csv"), format!("{timer}3,1,2")).unwrap();
     assert_eq!(accuracy_study(&["--groups", "dt,dt,finest", "--values", "2,1,0.5"]).status.code(), Some(0));
     assert_eq!(fs::read_to_string(output.path().join("accuracy.csv")).unwrap(), table);
     let newer = snapshot::snapshot_path(&cases[0].path().join("OUTBOX"), 8);
     scene(8).snapshot.write(&newer).unwrap();
-    let told = accuracy_study(&[]);
-    assert_eq!(told.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&told.stderr).contains("ends at step 4 and 1 s; expected step 8"), "{told:?}");
+    let printed = accuracy_study(&[]);
+    assert_eq!(printed.status.code(), Some(2));
+    assert!(
+        String::from_utf8_lossy(&printed.stderr).contains("ends at step 4 and 1 s; expected step 8"),
+        "{printed:?}"
+    );
     fs::remove_file(newer).unwrap();
-    let told = accuracy_study(&["--from", "3"]);
+    let printed = accuracy_study(&["--from", "3"]);
     let expected = "time: 2 from 0 to 1 s; expected one at the time of --from or later\n";
-    assert_eq!(told.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&told.stderr).ends_with(expected), "{told:?}");
+    assert_eq!(printed.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&printed.stderr).ends_with(expected), "{printed:?}");
     // Of two realisations, here one twice, there are errors of both together, and what is asked of runs is refused.
     let [once, both] = [output.path().to_path_buf(), output.path().join("both")];
     let of_both = |more: &[&str]| {
@@ -727,10 +736,10 @@ fn runs_are_measured_at_the_times_that_they_share() {
         let of = |name: &str| column(&output.path().join("accuracy.csv"), name)[0];
         assert_eq!((of("positions_early"), of("positions"), of("worst")), (1.0, 0.0, 0.0));
     }
-    let told = accuracy_study(&cases);
+    let printed = accuracy_study(&cases);
     let expected = "series.csv: time: 2 from 0 to 0.5 s; expected a time of the snapshots of";
-    assert_eq!(told.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&told.stderr).contains(expected), "{told:?}");
+    assert_eq!(printed.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&printed.stderr).contains(expected), "{printed:?}");
 }
 
 #[test]
@@ -812,14 +821,14 @@ fn many_runs_are_points_of_one_study() {
         assert_eq!(study(times), (0, String::new()));
         assert_eq!(column(&folder.path().join("runs.csv"), "time"), [1.0; 2], "{times:?}");
     }
-    let (status, told) = study(&["--from", "2"]);
-    assert!(status == 2 && told.contains("series.csv: time: ends at 1 s; expected"), "{told}");
-    let (status, told) = study(&["--groups", "one"]);
-    assert!(status == 2 && told.contains("options: groups: 1 names; expected 2"), "{told}");
-    let (status, told) = study(&["--groups", "one,"]);
-    assert!(status == 2 && told.contains("options: groups: '' is given as number 2; expected a name"), "{told}");
-    let (status, told) = study(&[cases[0].path().to_str().unwrap()]);
-    assert!(status == 2 && told.contains("' is given again as number 3; expected each name once"), "{told}");
+    let (status, printed) = study(&["--from", "2"]);
+    assert!(status == 2 && printed.contains("series.csv: time: ends at 1 s; expected"), "{printed}");
+    let (status, printed) = study(&["--groups", "one"]);
+    assert!(status == 2 && printed.contains("options: groups: 1 names; expected 2"), "{printed}");
+    let (status, printed) = study(&["--groups", "one,"]);
+    assert!(status == 2 && printed.contains("options: groups: '' is given as number 2; expected a name"), "{printed}");
+    let (status, printed) = study(&[cases[0].path().to_str().unwrap()]);
+    assert!(status == 2 && printed.contains("' is given again as number 3; expected each name once"), "{printed}");
     // A name is one field of one line.
     assert_eq!(study(&["--groups", "say \"one\",two\n\ttimes"]).0, 0);
     let runs = fs::read_to_string(folder.path().join("runs.csv")).unwrap();
@@ -835,19 +844,22 @@ fn many_runs_are_points_of_one_study() {
     // A series of the run before.
     let newer = snapshot::snapshot_path(&cases[0].path().join("OUTBOX"), 8);
     scene(8).snapshot.write(&newer).unwrap();
-    let (status, told) = study(&[]);
+    let (status, printed) = study(&[]);
     let expected = format!(
         "POSTPRO/series.csv: table: ends at step 4 and 1 s; expected step 8 and 2 s, as the last snapshot of OUTBOX: \
          run cd-post {} again\n",
         cases[0].path().display()
     );
-    assert!(status == 2 && told.ends_with(&expected), "{told}");
+    assert!(status == 2 && printed.ends_with(&expected), "{printed}");
     fs::remove_file(newer).unwrap();
     let series = cases[0].path().join("POSTPRO/series.csv");
     let whole = fs::read_to_string(&series).unwrap();
     fs::write(&series, whole.replace(",mass,", ",weight,")).unwrap();
-    let (status, told) = study(&[]);
-    assert!(status == 2 && told.ends_with("column 'mass': is not there; expected a table that has it\n"), "{told}");
+    let (status, printed) = study(&[]);
+    assert!(
+        status == 2 && printed.ends_with("column 'mass': is not there; expected a table that has it\n"),
+        "{printed}"
+    );
 }
 
 #[test]
@@ -995,15 +1007,15 @@ fn a_body_is_tracked_along_the_first_gravity() {
         let depth = column(&case.path().join("POSTPRO/track-5/track.csv"), "depth");
         (output.status.code(), String::from_utf8(output.stderr).unwrap(), depth, case)
     };
-    let (status, told, depth, case) = tracked(false);
-    assert_eq!((status, told.as_str()), (Some(0), ""));
+    let (status, printed, depth, case) = tracked(false);
+    assert_eq!((status, printed.as_str()), (Some(0), ""));
     // The grain below, of radius 1 at z = 1, is highest at 2, and within 0.375 around at 1.927.
     assert!(depth == [depth[0]; 4] && (-2.573..-2.5).contains(&depth[0]), "{depth:?}");
     let text = fs::read_to_string(case.path().join("POSTPRO/track-5/track.csv")).unwrap();
     assert!(text.lines().skip(1).all(|line| line.ends_with(",0")), "{text}"); // contacts, a whole number
-    let (status, told, same, _) = tracked(true);
+    let (status, printed, same, _) = tracked(true);
     let expected = "cd-post: gravity changes direction at step 3: up is opposite to the gravity of step 1 throughout\n";
-    assert_eq!((status, told.as_str(), same), (Some(1), expected, depth));
+    assert_eq!((status, printed.as_str(), same), (Some(1), expected, depth));
 }
 
 #[test]
@@ -1014,9 +1026,9 @@ fn a_depth_below_nothing_is_told() {
     scene.grain([30.0, 0.0, 5.0], 0.5);
     scene.snapshot.write(&snapshot::snapshot_path(&case.path().join("OUTBOX"), 0)).unwrap();
     let output = cd_post(&["track", "--body", "5"], case.path());
-    let told = String::from_utf8(output.stderr).unwrap();
+    let printed = String::from_utf8(output.stderr).unwrap();
     let expected = "cd-post: no surface is under body 5 in the first snapshot: its depth is empty\n";
-    assert_eq!((output.status.code(), told.as_str()), (Some(1), expected));
+    assert_eq!((output.status.code(), printed.as_str()), (Some(1), expected));
 }
 
 #[cfg(target_os = "linux")]
@@ -1026,8 +1038,8 @@ fn a_folder_that_no_text_names_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let case = folder.path().join(std::ffi::OsStr::from_bytes(b"bad\xff"));
     scene(0).snapshot.write(&snapshot::snapshot_path(&case.join("OUTBOX"), 0)).unwrap();
-    let (status, told) = refused(&case);
-    assert!(status == 1 && told.contains("DISPLAY: the name of the folder is not UTF-8"), "{told}");
+    let (status, printed) = refused(&case);
+    assert!(status == 1 && printed.contains("DISPLAY: the name of the folder is not UTF-8"), "{printed}");
 }
 
 #[test]

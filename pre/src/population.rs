@@ -57,14 +57,14 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
         let room = grains.placement.envelope().map(|envelope| envelope.to_region(folder)).transpose();
         let room = room.map_err(|faults| report_file_faults(faults, &format!("grains.{group}.placement"), report));
         let (Ok(mut shapes), Ok(room)) = (shapes, room) else { continue };
-        let (room, of_room) = room.map_or((None, String::new()), |(room, told)| (Some(room), told));
+        let (room, of_room) = room.map_or((None, String::new()), |(room, message)| (Some(room), message));
         match place::place_grains(grains, &mut shapes, room, scene.seed, group) {
             Ok(placed) => {
                 let alone = placed.grains.len() == 1 && grains.thermal_velocity > 0.0;
                 let expected = "several grains, or 0: a single grain has no motion about the mean";
                 report.require(!alone, &format!("grains.{group}.thermal_velocity"), "given for one grain", expected);
-                let told = [shapes.file_summary(), &of_room].into_iter().filter(|told| !told.is_empty());
-                population.file_summaries.push(told.collect::<Vec<_>>().join(", "));
+                let message = [shapes.file_summary(), &of_room].into_iter().filter(|message| !message.is_empty());
+                population.file_summaries.push(message.collect::<Vec<_>>().join(", "));
                 population.regions.push(placed.region.clone());
                 population.grains.extend(grains_in_motion(scene, group, grains, placed));
             }
@@ -193,15 +193,15 @@ pub(crate) fn nearest_images(options: &Compute, way: &Vector3<f64>) -> Vec<Vecto
 /// Rejects products of numbers of a scene that do not fit the files, whose exponents have two digits.
 fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
-    let mut told = Vec::new();
+    let mut message = Vec::new();
     let mut fault = |path: String, name: &str, x: f64| {
-        if !told.contains(&path) {
+        if !message.contains(&path) {
             report.add_fault(
                 &path,
                 format!("{name} {x:e}"),
                 "numbers below 1e99, and sizes and masses of at least 1e-99",
             );
-            told.push(path);
+            message.push(path);
         }
     };
     for (k, (body, state)) in

@@ -56,7 +56,7 @@ fn every_field_and_variant_is_described() {
     expect_described(names, "docs/scene.md", &text);
 }
 
-/// Each name stands in `code` outside of the examples.
+/// Each name is in `code` outside of the examples.
 fn expect_described(names: Vec<String>, file: &str, text: &str) {
     let prose: String = text.split("```").step_by(2).collect();
     let code = prose.split('`').skip(1).step_by(2);

@@ -1,4 +1,4 @@
-//! DATBOX of polyhedra: what stands in it is sound, to the digits of the files.
+//! DATBOX of polyhedra: its numbers are consistent to the digits of the files.
 
 use std::path::Path;
 

@@ -335,9 +335,9 @@ fn moments_of_contacts_need_a_solver_that_knows_them() {
     let used = ("kind: IQS_CLB(friction: 0.4)", rolling);
     let solver = |name: &str| format!("compute: (solver: {name}, ");
     let said = |law, name: &str| said_of(&[law, ("compute: (", &solver(name))]);
-    for (name, told) in [("admm", "admm"), ("prox_newton", "prox-newton")] {
+    for (name, printed) in [("admm", "admm"), ("prox_newton", "prox-newton")] {
         let expected = format!(
-            "scene.ron:14:23: compute, solver: {told} with law 'iqsc0', IQS_DS_ROLL_CLB; expected auto or nlgs"
+            "scene.ron:14:23: compute, solver: {printed} with law 'iqsc0', IQS_DS_ROLL_CLB; expected auto or nlgs"
         );
         assert_eq!(said(used, name), expected);
     }

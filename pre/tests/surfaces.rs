@@ -382,8 +382,8 @@ fn a_cube_of_few_digits_is_taken_as_its_hull() {
     let mut hulls = 0;
     for k in 1..=10 {
         let side = 0.01 * f64::from(k);
-        let (solid, told) = made(side, 0.0).unwrap();
-        hulls += usize::from(told.contains("taken as its hull: it is convex but for "));
+        let (solid, message) = made(side, 0.0).unwrap();
+        hulls += usize::from(message.contains("taken as its hull: it is convex but for "));
         assert_eq!(solid.pieces.len(), 1);
         assert!((solid.pieces[0].volume() / side.powi(3) - 1.0).abs() < 3e-4);
     }

@@ -1,4 +1,4 @@
-//! Nanoseconds per pair of convex polyhedra, looked at together as in a step: direction and manifold.
+//! Nanoseconds per pair of convex polyhedra, processed together as in a step: direction and manifold.
 //!
 //!     cargo bench -p cd-solve --bench polyhedra
 //!
@@ -67,7 +67,7 @@ fn rock(numbers: &mut Numbers, vertices: usize) -> Polyhedron {
     Polyhedron::new(&vertices, &triangles).expect("points on a sphere have a hull")
 }
 
-/// Pairs at a gap; `moved`: since they were last looked at.
+/// Pairs at a gap; `moved`: since they were last processed.
 fn pairs(vertices: usize, gap: f64, moved: f64) -> Vec<Pair> {
     let mut numbers = Numbers(vertices as f64 * 1e4);
     (0..PAIRS)

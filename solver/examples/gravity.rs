@@ -19,10 +19,10 @@ use clap::Parser;
 struct Arguments {
     /// Table of x, y, z, m[, ...], with or without a header line.
     input: PathBuf,
-    /// RMS relative error asked for.
+    /// Largest RMS relative error.
     #[arg(long, default_value_t = 1e-3)]
     error: f64,
-    /// fmm, direct, or auto: the cheaper of these, which may be far more exact than is asked for.
+    /// fmm, direct, or auto: the cheaper of these, which may be far more exact than required.
     #[arg(long, default_value = "fmm")]
     method: SummationMethod,
     /// Order of the expansions, instead of that of the error.

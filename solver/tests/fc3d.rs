@@ -165,7 +165,7 @@ proptest! {
         prop_assert!(solution.converged, "{:?}", solution);
     }
 
-    /// Whatever stands in W, symmetric or not, solvers end with finite numbers and an honest residual.
+    /// For any W, symmetric or not, solvers end with finite numbers and an honest residual.
     #[test]
     fn any_matrix_leaves_finite_numbers(
         w in prop::collection::vec(prop::array::uniform9(-1e3..1e3f64), 9),

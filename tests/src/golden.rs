@@ -147,7 +147,7 @@ const SOLVE: &[Tolerance] = &[
     within("gravity_removed", 1e-12, ONE),
 ];
 
-/// cd-post adds up what stands in the snapshots: round-off of sums.
+/// cd-post adds up values of the snapshots: round-off of sums.
 const POST: f64 = 1e-12;
 
 fn tolerance(stage: Stage, file: &str, column: &str) -> Tolerance {

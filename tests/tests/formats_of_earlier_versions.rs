@@ -140,7 +140,7 @@ fn results_start_another_run() {
     }
 }
 
-/// What cd-post measures in the snapshots is what it measured when they were written.
+/// Checks that the observables of cd-post equal those stored when the snapshots were written.
 #[test]
 fn results_are_measured() {
     for (_, frozen) in frozen_cases() {

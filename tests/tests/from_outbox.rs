@@ -250,14 +250,14 @@ fn numbers_of_many_digits_go_on() {
     assert_eq!(table, copy);
 
     // Nine digits below a thousandth are one too many.
-    let told = |gravity: &str| {
+    let message = |gravity: &str| {
         let (case, file) = (Case::empty(), unbroken.path().join("changes.ron"));
         fs::write(&file, changes).unwrap();
         cd_pre::from_outbox::write_datbox(solved(gravity).path(), Some(&file), &[], case.path()).unwrap()
     };
     let note = "BULK_BEHAV.DAT: gravity: grv3 -0.000123456789 is written as -1.2345679E-04, all digits that its columns can hold\n";
-    assert!(told("-1.23456789e-4").contains(note));
-    assert!(!told("-1.2345678901").contains("is written as"));
+    assert!(message("-1.23456789e-4").contains(note));
+    assert!(!message("-1.2345678901").contains("is written as"));
 }
 
 #[test]
@@ -614,8 +614,8 @@ fn options_that_are_set_leave_the_others() {
 fn options_after(from: &Case, set: &[&str]) -> (String, Compute) {
     let case = Case::empty();
     let set: Vec<String> = set.iter().map(|setting| setting.to_string()).collect();
-    let told = cd_pre::from_outbox::write_datbox(from.path(), None, &set, case.path()).unwrap();
-    (told, Compute::read(&case.datbox("COMPUTE.RON")).unwrap())
+    let message = cd_pre::from_outbox::write_datbox(from.path(), None, &set, case.path()).unwrap();
+    (message, Compute::read(&case.datbox("COMPUTE.RON")).unwrap())
 }
 
 #[test]
@@ -632,16 +632,16 @@ fn flags_of_the_run_are_options_of_the_next() {
             fs::remove_file(from.datbox("COMPUTE.RON")).unwrap();
         }
         let from = from.solved(&[&flags[..], &["--steps", "4"]].concat());
-        let (told, options) = options_after(&from, &[]);
+        let (message, options) = options_after(&from, &[]);
         assert_eq!((options.dt, options.theta, options.quench, options.steps), (0.5, 1.0, 0.1, None));
         assert!(options.self_gravity && options.gravity_quadrupole);
         // What it does not know is of the file, or the default.
         assert_eq!((options.threads, options.output_every), (usize::from(with_file), 100));
         let dt = if with_file { "COMPUTE.RON has 0.25" } else { "the default is 0.001" };
         for note in [&format!("dt: 0.5 as in the run; {dt}"), "self_gravity: true as in the run; ", "fields: [Point"] {
-            assert!(told.contains(note), "{note}: {told}");
+            assert!(message.contains(note), "{note}: {message}");
         }
-        assert!(!told.contains("threads") && !told.contains("events"), "{told}");
+        assert!(!message.contains("threads") && !message.contains("events"), "{message}");
         let (case, expected) =
             (next(&from, "(bodies: [(snapshot: 3)])").solved(&["--steps", "1"]), from.last_snapshot());
         let found = case.last_snapshot();
@@ -658,9 +658,12 @@ fn flags_of_the_run_are_options_of_the_next() {
 #[test]
 fn changes_win_over_the_flags_of_the_run() {
     let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "")).solved(&["--dt", "0.5", "--theta", "1.0"]);
-    let (told, options) = options_after(&from, &["compute.dt=0.125"]);
+    let (message, options) = options_after(&from, &["compute.dt=0.125"]);
     assert_eq!((options.dt, options.theta), (0.125, 1.0));
-    assert!(told.contains("theta: 1.0 as in the run; COMPUTE.RON has 0.5") && !told.contains("dt: "), "{told}");
+    assert!(
+        message.contains("theta: 1.0 as in the run; COMPUTE.RON has 0.5") && !message.contains("dt: "),
+        "{message}"
+    );
     let case = next(&from, "(compute: (dt: 0.0625))");
     let options = Compute::read(&case.datbox("COMPUTE.RON")).unwrap();
     assert_eq!((options.dt, options.theta), (0.0625, 0.5));
@@ -670,10 +673,10 @@ fn changes_win_over_the_flags_of_the_run() {
 fn options_that_accuracy_decides_stay_open() {
     let from =
         Case::of(&spheres("[(0.0, 0.0, 0.0)]", "accuracy: draft, adaptive: (most: 1)")).solved(&["--accuracy", "fine"]);
-    let (told, options) = options_after(&from, &[]);
+    let (message, options) = options_after(&from, &[]);
     let file = Compute::read(&from.datbox("COMPUTE.RON")).unwrap();
     assert_eq!(options, Compute { accuracy: Some(cd_formats::compute::Accuracy::Fine), steps: None, ..file });
-    assert_eq!(told.matches("as in the run").count(), 1, "{told}");
+    assert_eq!(message.matches("as in the run").count(), 1, "{message}");
 }
 
 #[test]
@@ -682,13 +685,13 @@ fn of_steps_of_several_lengths_the_shortest_is_not_known() {
     let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "adaptive: (most: 4), end_time: 5.0")).solved(&["--steps", "8"]);
     let h = from.last_snapshot().meta.h;
     assert!(h > 0.25, "{h}");
-    let (told, options) = options_after(&from, &[]);
-    assert!(options.dt == 0.25 && !told.contains("dt: "), "{told}");
+    let (message, options) = options_after(&from, &[]);
+    assert!(options.dt == 0.25 && !message.contains("dt: "), "{message}");
     let mut file = Compute::read(&from.datbox("COMPUTE.RON")).unwrap();
     file.dt = 0.2;
     fs::write(from.datbox("COMPUTE.RON"), file.to_text()).unwrap();
-    let (told, options) = options_after(&from, &[]);
-    assert!(options.dt == 0.2 && told.contains("dt: 0.2 as in DATBOX; the last step of the run, "), "{told}");
+    let (message, options) = options_after(&from, &[]);
+    assert!(options.dt == 0.2 && message.contains("dt: 0.2 as in DATBOX; the last step of the run, "), "{message}");
     assert!(!options_after(&from, &["compute.dt=0.25"]).0.contains("dt: "));
 }
 
@@ -712,9 +715,12 @@ fn events_and_gravity_that_datbox_has_not_are_told() {
     for changes in ["()", "(keep_time: true)"] {
         let (case, file) = (Case::empty(), from.path().join("changes.ron"));
         fs::write(&file, changes).unwrap();
-        let told = cd_pre::from_outbox::write_datbox(from.path(), Some(&file), &[], case.path()).unwrap();
-        assert!(told.contains("events: 2 had happened in the run, 0 of DATBOX"), "{told}");
-        assert!(told.contains("uniform gravity: [0.0, 0.0, -0.5] m/s^2 as in the run; BULK_BEHAV.DAT has "), "{told}");
+        let message = cd_pre::from_outbox::write_datbox(from.path(), Some(&file), &[], case.path()).unwrap();
+        assert!(message.contains("events: 2 had happened in the run, 0 of DATBOX"), "{message}");
+        assert!(
+            message.contains("uniform gravity: [0.0, 0.0, -0.5] m/s^2 as in the run; BULK_BEHAV.DAT has "),
+            "{message}"
+        );
         let start = case.solved(&["--steps", "1"]).last_snapshot().meta.parameters;
         assert_eq!((start.quench, start.uniform_gravity), (0.25, [0.0, 0.0, -0.5]), "{changes}");
     }

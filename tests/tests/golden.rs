@@ -31,7 +31,7 @@ fn post_measures_the_expected_series() {
     check(Stage::Post);
 }
 
-/// The comparison itself: a change beyond the tolerance is found, one within is told but allowed.
+/// The comparison itself: a change beyond the tolerance is found, one within is printed but allowed.
 #[test]
 fn a_changed_number_is_found() {
     let scene = &scenes()[0];

@@ -251,11 +251,11 @@ fn a_plan_tells_and_writes_nothing() {
 #[test]
 fn deep_overlaps_at_the_start_are_told() {
     let case = Case::of(&cloud(2, 0.4, 1, "dt: 1.0, steps: 2, output_every: 1")).solved(&[]);
-    let told = |case: &Case| {
+    let message = |case: &Case| {
         let output = process(case, "--force").output().unwrap();
         String::from_utf8([output.stdout, output.stderr].concat()).unwrap()
     };
-    assert!(!told(&case).contains("overlap"));
+    assert!(!message(&case).contains("overlap"));
     // The second 1 m beside the first.
     let bodies = case.snapshot(0).bodies;
     let mut dof = Dof::read(&case.datbox("DOF.INI")).unwrap();
@@ -263,7 +263,7 @@ fn deep_overlaps_at_the_start_are_told() {
         dof.bodies[1].displacement[k] += bodies.body_x[0][k] + beside - bodies.body_x[1][k];
     }
     fs::write(case.datbox("DOF.INI"), dof.to_text()).unwrap();
-    let text = told(&case);
+    let text = message(&case);
     let [a, b] = [bodies.body_radius[0], bodies.body_radius[1]];
     let share = format!("{:.1} % of the smaller radius;", 100.0 * (a + b - 1.0) / a.min(b));
     for words in ["1 pair of bodies overlaps", "bodies 1-2", &share] {

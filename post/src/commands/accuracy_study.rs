@@ -677,10 +677,11 @@ mod tests {
     #[test]
     fn estimates_are_judged_where_there_are_some() {
         let mut runs = [run("dt", 1.0, 1.0, 0.1)];
-        let told = |runs: &[RunErrors]| summary_text(runs, "errors against fine").lines().last().unwrap().to_string();
-        assert_eq!(told(&runs), "  errors against fine");
+        let printed =
+            |runs: &[RunErrors]| summary_text(runs, "errors against fine").lines().last().unwrap().to_string();
+        assert_eq!(printed(&runs), "  errors against fine");
         runs[0].row.single_over_estimated = 2.0;
-        assert_eq!(told(&runs), "  errors against fine; 1 of 1 estimates within a factor of 3");
+        assert_eq!(printed(&runs), "  errors against fine; 1 of 1 estimates within a factor of 3");
     }
 
     #[test]
@@ -717,12 +718,13 @@ mod tests {
         }
         assert_eq!(found.row.worst, found.row.z);
         // Others than the runs of the first, and what is no table of them.
-        let told = over_realisations(&folders, &[vec![one], vec![run("tol", 1.0, 1.0, 1.0)]]).unwrap_err().to_string();
-        let told: Vec<&str> = told.lines().collect();
+        let printed =
+            over_realisations(&folders, &[vec![one], vec![run("tol", 1.0, 1.0, 1.0)]]).unwrap_err().to_string();
+        let printed: Vec<&str> = printed.lines().collect();
         let says = |line: &str, found: &str| {
             line.ends_with(&format!("b/accuracy.csv: run: {found}; expected the runs of {}", folders[0].display()))
         };
-        assert!(told.len() == 2 && says(told[0], "tol1 as well") && says(told[1], "no dt2"), "{told:?}");
+        assert!(printed.len() == 2 && says(printed[0], "tol1 as well") && says(printed[1], "no dt2"), "{printed:?}");
         atomic::write(&table_path(&folders[1]), format!("{}x,y,1\n", table_header()).as_bytes()).unwrap();
         assert!(
             read_table(&table_path(&folders[1]))

@@ -109,8 +109,8 @@ pub fn measure_series<T: Send>(
                 }
                 Err(Faults(found)) => {
                     // A fault of the one BODIES.DAT of several snapshots is reported once.
-                    let told: HashSet<PathBuf> = faults.0.iter().map(|fault| fault.file.clone()).collect();
-                    faults.0.extend(found.into_iter().filter(|fault| !told.contains(&fault.file)));
+                    let message: HashSet<PathBuf> = faults.0.iter().map(|fault| fault.file.clone()).collect();
+                    faults.0.extend(found.into_iter().filter(|fault| !message.contains(&fault.file)));
                 }
             }
         }

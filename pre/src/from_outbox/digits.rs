@@ -100,14 +100,15 @@ mod tests {
 
     #[test]
     fn what_fourteen_columns_hold_is_not_told() {
-        let told = inexact_numbers("gravity", [("grv1", -9.80665), ("grv2", 1.23456789012), ("grv3", 1.2345678e-30)]);
-        assert!(told.is_empty(), "{told:?}");
-        let told = inexact_numbers("gravity", [("grv1", 1.0 / 3.0), ("grv2", -1.23456789e-4), ("grv3", 0.0)]);
+        let message =
+            inexact_numbers("gravity", [("grv1", -9.80665), ("grv2", 1.23456789012), ("grv3", 1.2345678e-30)]);
+        assert!(message.is_empty(), "{message:?}");
+        let message = inexact_numbers("gravity", [("grv1", 1.0 / 3.0), ("grv2", -1.23456789e-4), ("grv3", 0.0)]);
         let expected = [
             "gravity: grv1 0.3333333333333333 is written as 0.33333333333",
             "gravity: grv2 -0.000123456789 is written as -1.2345679E-04",
         ];
-        assert_eq!(told, expected);
+        assert_eq!(message, expected);
     }
 
     #[test]

@@ -146,7 +146,7 @@ fn sample_narrow_phase_error(
 fn travel_tolerance(scene: &Scene, q_c: &ContactConfiguration, contacts: &[Contact], free: Velocities) -> f64 {
     let span = q_c.longest_reach_time(scene);
     let allowed = MAX_TRAVEL_ERROR * scene.smallest_radius;
-    // Without fast bodies no contact needs to be looked up.
+    // Without fast bodies no contact is evaluated.
     let speed = |((body, v), w): ((&RigidBody, &Vec3), &Vec3)| (v - q_c.mean_velocity).norm() + w.norm() * body.radius;
     let fastest = scene.bodies.iter().zip(free.v).zip(free.w).map(speed).fold(0.0, f64::max);
     if 2.0 * span * fastest * scene.options.tol() <= allowed {

@@ -227,7 +227,7 @@ fn satellites_feel_quadrupoles() {
         case.block([1.0, 0.5, 0.25], [20.0, 0.0, 0.0], axes);
         let end = case.run(1);
         let more = end.v(0).x / (end.mass(1) / 400.0 * end.meta.h) - 1.0;
-        // 4.5e-3 of the force; expansions err by less than the thousandth asked for.
+        // 4.5e-3 of the force; expansions err by less than the required thousandth.
         equal(more, share * (1.875 + 1.6875) / 800.0, 1e-4);
     }
 }

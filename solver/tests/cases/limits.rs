@@ -1,4 +1,4 @@
-//! How far a parameter may go; what each test shows is told as a line that docs/limits.md is made of.
+//! Ranges of parameters; each test prints a line with its result, from which docs/limits.md is made.
 
 use std::process::Command;
 
@@ -294,7 +294,7 @@ fn before_a_plate() -> (Case, usize, usize) {
 
 #[test]
 fn a_step_too_long_for_what_moves_is_told() {
-    let told = |case: &mut Case, h: f64, reason: &str| {
+    let printed = |case: &mut Case, h: f64, reason: &str| {
         case.options.dt = 10.0 * h;
         let [run, plan] = said(case);
         // Four times the bound suits a draft.
@@ -311,7 +311,7 @@ fn a_step_too_long_for_what_moves_is_told() {
     let fast = "largest speed 1.000e5 m/s: 0.1 of the smallest radius a step";
     let (mut thrown, ball, _) = before_a_plate();
     thrown.launch(ball, [0.0, 0.0, -1e5], [0.0; 3]);
-    told(&mut thrown, 5e-7, fast);
+    printed(&mut thrown, 5e-7, fast);
     // At rest at first.
     let shaken = Evolution::Harmonic {
         constant: 0.0,
@@ -323,14 +323,14 @@ fn a_step_too_long_for_what_moves_is_told() {
     };
     let (mut struck, _, plate) = before_a_plate();
     struck.drive_along(plate, 2, shaken);
-    told(&mut struck, 5e-7, fast);
+    printed(&mut struck, 5e-7, fast);
     // Where a motion depends on time all steps are `dt`.
     struck.options.accuracy = Some(Accuracy::Draft);
     assert!(!said(&mut struck)[1].contains("of dt"));
     // A corner is 5 m from the centre; the plate's turn by 1e4 rad/s alone would allow 1e-5 s.
     let (mut swept, _, plate) = before_a_plate();
     swept.drive_along(plate, 4, Evolution::constant(2e4));
-    told(&mut swept, 5e-7, fast);
+    printed(&mut swept, 5e-7, fast);
 
     // At rest, high above a floor.
     let mut high = Case::new();
@@ -339,7 +339,7 @@ fn a_step_too_long_for_what_moves_is_told() {
     high.plate([3.0, 4.0, 1.0], [0.0, 0.0, -1.0], AXES);
     high.sphere(0.5, [0.0, 0.0, 100.0]);
     let fall = 1990f64.sqrt();
-    told(
+    printed(
         &mut high,
         0.05 / fall,
         &format!("impact speed of a fall through 9.950e1 m, {fall:.3e} m/s: 0.1 of the smallest radius a step"),
@@ -350,20 +350,20 @@ fn a_step_too_long_for_what_moves_is_told() {
     low.sphere(0.5, [7e6, 0.0, 2.0]);
     low.options.fields = vec![ExternalField::PointMass { mass: 6e24, position: [0.0; 3] }];
     let period = std::f64::consts::TAU * (7e6f64.powi(3) / (6e24 * low.options.gravity_constant)).sqrt();
-    told(&mut low, period / 100.0, &format!("shortest orbital period {period:.3e} s: 100 steps an orbit"));
+    printed(&mut low, period / 100.0, &format!("shortest orbital period {period:.3e} s: 100 steps an orbit"));
     low.options.fields =
         vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, std::f64::consts::TAU], centre: [7e6, 0.0, 0.0] }];
-    told(&mut low, 1e-2, "shortest orbital period 1.000e0 s: 100 steps an orbit");
+    printed(&mut low, 1e-2, "shortest orbital period 1.000e0 s: 100 steps an orbit");
 
     let mut spun = Case::new();
     let cube = spun.block([0.5; 3], [0.0; 3], AXES);
     spun.launch(cube, [0.0; 3], [1000.0, 0.0, 0.0]);
-    told(&mut spun, 1e-4, "fastest rotation 1.000e3 rad/s: 10 steps a radian");
+    printed(&mut spun, 1e-4, "fastest rotation 1.000e3 rad/s: 10 steps a radian");
 }
 
 #[test]
 fn positions_with_too_few_digits_are_told() {
-    let told = |out: f64| {
+    let printed = |out: f64| {
         let mut case = Case::new();
         case.sphere(0.5, [0.0; 3]);
         case.sphere(0.5, [0.0, -out, 0.0]);
@@ -373,8 +373,8 @@ fn positions_with_too_few_digits_are_told() {
         assert_eq!(line(&run), line(&plan));
         line(&run)
     };
-    assert_eq!(told(1e9), None);
+    assert_eq!(printed(1e9), None);
     let message = "1.000e15 m from the origin, where positions are rounded to 2.2e-1 m: \
                    in 10 steps round-off may displace it by 4.4e0 of its radius";
-    assert_eq!(told(1e15).as_deref(), Some(message));
+    assert_eq!(printed(1e15).as_deref(), Some(message));
 }

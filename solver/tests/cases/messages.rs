@@ -168,12 +168,12 @@ fn pairs_that_are_meant_to_have_no_law_are_no_news() {
     case.tact.visibility.clear();
     case.options.steps = Some(1);
     case.write();
-    let told = |case: &Case| of(case, &["--force"]).1.contains("they pass through each other");
-    assert!(told(&case));
+    let message = |case: &Case| of(case, &["--force"]).1.contains("they pass through each other");
+    assert!(message(&case));
     let file = case.path().join("DATBOX/TACT_BEHAV.DAT");
     let text = fs::read_to_string(&file).unwrap();
     fs::write(&file, text + &TactBehav::no_law_comment("GRAIN", "GRAIN")).unwrap();
-    assert!(!told(&case));
+    assert!(!message(&case));
 }
 
 #[test]

@@ -363,7 +363,7 @@ fn far_from_the_origin_only_positions_are_rounded() {
 /// steps have made.
 #[test]
 fn deep_overlaps_are_told() {
-    let told = |case: &mut Case| {
+    let message = |case: &mut Case| {
         case.options.steps = Some(2);
         case.write();
         let output = std::process::Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
@@ -384,26 +384,26 @@ fn deep_overlaps_are_told() {
         ))
     };
     assert_eq!(
-        told(&mut cubes(&[0.0, 0.9])),
+        message(&mut cubes(&[0.0, 0.9])),
         expected("1 pair of bodies overlaps", "1-2 overlap by 1.000e-1 m, 16.1 %")
     );
     assert_eq!(
-        told(&mut cubes(&[0.0, 0.95, 5.0, 5.75])),
+        message(&mut cubes(&[0.0, 0.95, 5.0, 5.75])),
         expected("2 pairs of bodies overlap", "3-4 overlap by 2.500e-1 m, 40.3 %")
     );
     // Of 1 % on either side: 6.2035e-3 m.
     assert_eq!(
-        told(&mut cubes(&[0.0, 0.9937])),
+        message(&mut cubes(&[0.0, 0.9937])),
         expected("1 pair of bodies overlaps", "1-2 overlap by 6.300e-3 m, 1.0 %")
     );
-    assert_eq!(told(&mut cubes(&[0.0, 0.9939])), None);
+    assert_eq!(message(&mut cubes(&[0.0, 0.9939])), None);
     // A blow on a row that one sweep does not solve.
     let struck = |speed: f64, sweeps: u64| {
         let mut case = cubes(&[0.0, 1.0, 2.0, 3.0, 4.1]);
         (case.options.dt, case.options.max_sweeps) = (1e-3, Some(sweeps));
         case.options.solver = cd_formats::compute::ContactSolver::Nlgs;
         case.launch(4, [-speed, 0.0, 0.0], [0.0; 3]);
-        told(&mut case)
+        message(&mut case)
     };
     let deep = struck(2000.0, 1).unwrap();
     assert!(deep.starts_with("cd-solve: warning: step 2, t = 0.002 s: bodies "), "{deep}");
@@ -639,7 +639,7 @@ fn a_stack_an_arch_and_a_card_house_stand() {
     }
 }
 
-/// The same for a minute, told for docs/limits.md.
+/// The same for a minute, printed for docs/limits.md.
 #[test]
 fn a_minute_on_their_feet() {
     BUILDINGS.into_iter().filter(|building| !building.0.starts_with("wall")).for_each(a_minute);

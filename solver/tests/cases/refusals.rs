@@ -527,7 +527,7 @@ fn a_folder_that_cannot_be_written() {
 
 #[test]
 fn a_floor_narrower_than_the_period_is_told_of() {
-    let told = |half: [f64; 3], axes: [[f64; 3]; 3]| {
+    let printed = |half: [f64; 3], axes: [[f64; 3]; 3]| {
         let mut case = Case::new();
         case.law("IQS_CLB", &[0.3]);
         case.plate(half, [0.0, 0.0, -0.5], axes);
@@ -541,11 +541,11 @@ fn a_floor_narrower_than_the_period_is_told_of() {
         text.lines().find(|line| line.contains("widest")).map(String::from)
     };
     let (x, y, z) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
-    assert_eq!(told([2.0, 3.0, 0.5], [x, y, z]), None);
+    assert_eq!(printed([2.0, 3.0, 0.5], [x, y, z]), None);
     // Turned by 90 degrees about z.
-    assert_eq!(told([3.0, 2.0, 0.5], [y, x.map(|c| -c), z]), None);
+    assert_eq!(printed([3.0, 2.0, 0.5], [y, x.map(|c| -c), z]), None);
     let note = "cd-solve: xperiode: the widest plate spans 3.8 m of the period 4 m; grains that miss it fall forever";
-    assert_eq!(told([1.9, 3.0, 0.5], [x, y, z]).as_deref(), Some(note));
+    assert_eq!(printed([1.9, 3.0, 0.5], [x, y, z]).as_deref(), Some(note));
 }
 
 /// A floor that leans along a period, and a baffle that does, which is narrower.
@@ -595,14 +595,14 @@ fn contacts_of_vloc_rloc_that_are_in_doubt() {
         (text.replacen("$steps        2", "$steps        3", 1), "head: step 3, time"),
         (format!("{text}{record}"), "bodies 2 and 1 occur 2 times; expected each contact once"),
     ] {
-        let (code, told) = said(&changed);
-        assert!(code == 2 && told.contains("CASE/DATBOX/Vloc_Rloc.INI") && told.contains(expected), "{told}");
+        let (code, printed) = said(&changed);
+        assert!(code == 2 && printed.contains("CASE/DATBOX/Vloc_Rloc.INI") && printed.contains(expected), "{printed}");
     }
 }
 
 #[test]
 fn contactors_that_no_row_lets_meet_are_told_of() {
-    let told = |spheres: u32, rows: &[&str]| {
+    let printed = |spheres: u32, rows: &[&str]| {
         let mut case = Case::new();
         rows.iter().for_each(|antagonist| case.law_with(antagonist, "IQS_CLB", &[0.3]));
         case.floor();
@@ -614,13 +614,13 @@ fn contactors_that_no_row_lets_meet_are_told_of() {
         let text = String::from_utf8(output.stdout).unwrap();
         text.lines().find_map(|line| Some(line.split_once("no row for ")?.1.to_string()))
     };
-    assert_eq!(told(2, &["SPHER", "PLANx"]), None);
-    assert_eq!(told(2, &["SPHER"]).as_deref(), Some("SPHER GRAIN and PLANx WALLx: they pass through each other"));
-    assert_eq!(told(2, &["PLANx"]).as_deref(), Some("SPHER GRAIN and SPHER GRAIN: they pass through each other"));
+    assert_eq!(printed(2, &["SPHER", "PLANx"]), None);
+    assert_eq!(printed(2, &["SPHER"]).as_deref(), Some("SPHER GRAIN and PLANx WALLx: they pass through each other"));
+    assert_eq!(printed(2, &["PLANx"]).as_deref(), Some("SPHER GRAIN and SPHER GRAIN: they pass through each other"));
     // One alone has none of its own to meet.
-    assert_eq!(told(1, &["PLANx"]), None);
+    assert_eq!(printed(1, &["PLANx"]), None);
     let all = "SPHER GRAIN and SPHER GRAIN, SPHER GRAIN and PLANx WALLx: they pass through each other";
-    assert_eq!(told(2, &[]).as_deref(), Some(all));
+    assert_eq!(printed(2, &[]).as_deref(), Some(all));
 }
 
 #[test]

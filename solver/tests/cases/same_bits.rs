@@ -474,7 +474,7 @@ fn what_goes_on_from_a_snapshot_knows_how_far_it_has_sunk_in() {
     assert_eq!(from.last().bodies.body_x, unbroken.last().bodies.body_x);
 }
 
-/// A run that begins late, from text, has what events before have set, and is told that what they add is not added again.
+/// A run that begins late, from text, has what events before have set, and warns that their additions are not repeated.
 #[test]
 fn events_before_a_late_start_have_happened() {
     let mut case = Case::new();
@@ -491,8 +491,8 @@ fn events_before_a_late_start_have_happened() {
     let text = std::fs::read_to_string(&file).unwrap();
     std::fs::write(&file, text.replacen("time= 0.0000000D+00", "time= 0.1000000D+03", 1)).unwrap();
     let (scene, _) = cd_solve::read::read_case(&case.path(), &ComputeFlags::default()).unwrap();
-    let told = "events: 10 events before the start at 100 s: what they add or bond is not done";
-    assert!(scene.notes.iter().any(|note| note == told), "{:?}", scene.notes);
+    let message = "events: 10 events before the start at 100 s: what they add or bond is not done";
+    assert!(scene.notes.iter().any(|note| note == message), "{:?}", scene.notes);
     assert_eq!(case.solve(&[]), 0);
     // That of 100 s happens.
     assert_eq!(case.last().bodies.body_v[ball], [1.0, 0.0, -40.0]);

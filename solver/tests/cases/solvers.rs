@@ -178,7 +178,7 @@ fn convergence_is_checked_where_it_is_asked_for() {
 }
 
 /// What a run from the beginning tells, and what it warns of.
-fn told(case: &Case) -> [String; 2] {
+fn message(case: &Case) -> [String; 2] {
     case.write();
     let program = env!("CARGO_BIN_EXE_cd-solve");
     let output = Command::new(program).arg(case.path()).args(["--force", "--steps", "3"]).output().unwrap();
@@ -197,7 +197,7 @@ fn the_worst_contact_is_told_with_its_place() {
     let block = case.block([1.0, 0.5, 0.25], [3.0, 2.0, 0.25], axes);
     case.launch(block, [1.0, 0.3, -1.0], [0.5, 0.2, 0.7]);
     (case.options.solver, case.options.max_sweeps) = (Nlgs, Some(1));
-    let [_, warnings] = told(&case);
+    let [_, warnings] = message(&case);
     let line = warnings.lines().next().expect("a step that did not converge");
     let (_, place) = line.split_once(", worst contact bodies 2-1 at (").expect(line);
     let (numbers, rest) = place.split_once(") m").expect(line);
@@ -220,7 +220,7 @@ fn steps_are_solved_further_where_overlap_was_left() {
     };
     for solver in [Auto, Nlgs, ProxNewton] {
         let [plain, coarse, fine] = [None, Some(1.0), Some(1e-12)].map(|tol| run(solver, tol));
-        // Little has been left, and nothing is asked for.
+        // Little has been left, and nothing is required.
         assert_eq!(plain, coarse, "{solver}");
         assert!(1e-9 < plain.2[0] && plain.2[1] < 5e-4, "{solver}: {:?}", plain.2);
         // The first step does not know yet what it leaves; the others go to a hundredth of the tolerance.
@@ -237,6 +237,9 @@ fn what_a_solver_leaves_unsolved_it_has_not_found() {
     (case.options.steps, case.options.max_sweeps) = (Some(3), Some(8));
     case.write();
     let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
-    let told = String::from_utf8(output.stdout).unwrap();
-    assert!(told.contains("unconverged steps      3 in this run") && !told.contains("stored solver"), "{told}");
+    let message = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        message.contains("unconverged steps      3 in this run") && !message.contains("stored solver"),
+        "{message}"
+    );
 }

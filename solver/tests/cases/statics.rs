@@ -161,7 +161,7 @@ fn two_spheres_lean_on_each_other_by_their_own_gravity() {
 
 #[test]
 fn a_run_tells_what_its_errors_are() {
-    let told = |tol: f64| {
+    let message = |tol: f64| {
         let mut case = pyramid(0.5);
         case.options.tol = Some(tol);
         case.run(200);
@@ -173,7 +173,7 @@ fn a_run_tells_what_its_errors_are() {
         };
         text.lines().skip(1).map(row).collect::<Vec<_>>()
     };
-    let (loose, tight) = (told(0.1), told(1e-12));
+    let (loose, tight) = (message(0.1), message(1e-12));
     let names: Vec<&str> = loose.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["contacts", "step", "gravity", "narrow", "chance", "energy", "momentum", "writing"]);
     // Nothing pulls but uniform gravity, and nothing has fallen.

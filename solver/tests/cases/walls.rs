@@ -208,7 +208,7 @@ fn forces_and_moments_accelerate() {
 }
 
 /// A moment about a body's own axis while it turns about another, L = T/ω (sin ωt, 1 - cos ωt): of second order, and the
-/// same for a sphere, whether or not its orientation is asked for.
+/// same for a sphere, whether or not its orientation is requested.
 #[test]
 fn a_moment_turns_with_its_body() {
     let run = |sphere: bool, orientation: bool, steps: u64| {

@@ -472,8 +472,8 @@ mod tests {
         figure.curves = vec![figure.curves[0].clone(); 35];
         assert_eq!(figure.repeated_style_warning(), None);
         figure.curves.push(figure.curves[0].clone());
-        let told = figure.repeated_style_warning().unwrap();
-        assert!(told.starts_with("36 curves") && told.contains(" 35 "), "{told}");
+        let message = figure.repeated_style_warning().unwrap();
+        assert!(message.starts_with("36 curves") && message.contains(" 35 "), "{message}");
         figure.curves = vec![Curve { marks: CurveMarks::Dots, ..figure.curves[0].clone() }; 29];
         assert!(figure.repeated_style_warning().unwrap().contains(" 28 "));
     }
