@@ -22,7 +22,8 @@
 //! along an edge if p̄ lies on this edge, and linear between these along the ray from the centroid.
 //!
 //! Contacts with adjacent flush contactors of one body, or of fixed bodies, form one face: its corners are those of all
-//! parts, its outline is their convex hull, if the parts fill it ([`Joints`]).
+//! parts, its outline is their convex hull, if the parts fill it ([`Joints`]). How its parts share the load is not
+//! determined and changes from step to step, so all its q_i are at the distance τ from p̄.
 //!
 //! Values of τ: 0.3826 a for a square of side a, 2/3 of the radius for a disc, a quarter of the length for an edge.
 
@@ -65,31 +66,45 @@ const WHOLE: f64 = 0.99;
 /// Pairs of bodies per task.
 const MIN_PAIRS_PER_TASK: usize = 64;
 
-/// Friction offset d of each row, world frame, m; empty if all are 0.
+/// Input for the friction of faces.
 ///
 /// * `load`: normal impulse of each row in the last step plus the part due to its attraction, N s; only ratios count.
 /// * `sticks`: whether each row stuck in the last step.
-pub(super) fn friction_offsets(
-    contacts: &[Contact],
-    rows: &[ContactConstraint],
-    full: &BlockData,
-    load: impl Fn(usize) -> f64 + Sync,
-    sticks: impl Fn(usize) -> bool + Sync,
-) -> Vec<Vec3> {
-    let faces = face_ranges(contacts, rows);
-    let of_face = |range: &Range<usize>| {
-        let of: SmallVec<[usize; 8]> = range.clone().collect();
-        face_offsets(&of, false, contacts, rows, full, &load, &sticks).unwrap_or_default()
-    };
-    let found: Vec<SmallVec<[Vec3; 4]>> = faces.par_iter().with_min_len(MIN_PAIRS_PER_TASK).map(of_face).collect();
-    if found.iter().all(SmallVec::is_empty) {
-        return Vec::new();
+pub(super) struct FaceRows<'a, L, S> {
+    pub contacts: &'a [Contact],
+    pub rows: &'a [ContactConstraint],
+    pub full: &'a BlockData,
+    pub load: L,
+    pub sticks: S,
+}
+
+/// Friction of one face.
+#[derive(Default)]
+struct FaceFrictionPoints {
+    /// Friction offset d of its rows, m; empty if all are 0.
+    offsets: SmallVec<[Vec3; 4]>,
+    /// Shares of the load of its acting rows, if none of them carried a load in the last step.
+    first_shares: Option<SmallVec<[f64; 8]>>,
+}
+
+impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S> {
+    /// Friction offset d of each row, world frame, m; empty if all are 0.
+    pub fn friction_offsets(&self) -> Vec<Vec3> {
+        let faces = face_ranges(self.contacts, self.rows);
+        let of_face = |range: &Range<usize>| {
+            let of: SmallVec<[usize; 8]> = range.clone().collect();
+            self.friction_points(&of, false).unwrap_or_default().offsets
+        };
+        let found: Vec<SmallVec<[Vec3; 4]>> = faces.par_iter().with_min_len(MIN_PAIRS_PER_TASK).map(of_face).collect();
+        if found.iter().all(SmallVec::is_empty) {
+            return Vec::new();
+        }
+        let mut offsets = vec![Vec3::zeros(); self.rows.len()];
+        for (range, found) in faces.into_iter().zip(found).filter(|(_, found)| !found.is_empty()) {
+            offsets[range].copy_from_slice(&found);
+        }
+        offsets
     }
-    let mut offsets = vec![Vec3::zeros(); rows.len()];
-    for (range, found) in faces.into_iter().zip(found).filter(|(_, found)| !found.is_empty()) {
-        offsets[range].copy_from_slice(&found);
-    }
-    offsets
 }
 
 /// Ranges of two or more rows of the same two contactors along one normal, of which two or more act with friction.
@@ -117,12 +132,17 @@ pub(super) fn has_joints(scene: &Scene) -> bool {
 /// Faces over flush joints. The friction of a face that lies on several adjacent contactors, of one body or of bodies with
 /// the same imposed motion, acts as that of one face, since the distribution of the load over the contactors is not
 /// determined. On separate bodies that move freely each part has its own friction.
-pub(super) struct Joints<'a> {
-    pub contacts: &'a [Contact],
-    pub rows: &'a [ContactConstraint],
+pub(super) struct Joints<'a, L, S> {
+    pub faces: &'a FaceRows<'a, L, S>,
     pub records: &'a [SolverBody],
-    pub full: &'a BlockData,
     pub scene: &'a Scene,
+}
+
+/// Friction offsets of [`BlockData`], including those of faces over joints, and the normal impulses (N s) of rows in such
+/// faces that carried no load before.
+pub(super) struct JoinedFaces {
+    pub offsets: Vec<Vec3>,
+    pub first_impulses: Vec<(usize, f64)>,
 }
 
 /// Rows of two contactors along one normal.
@@ -136,26 +156,45 @@ struct Side {
 
 const FIXED: BodyId = BodyId(u32::MAX);
 
-impl Joints<'_> {
-    /// Friction offsets of [`BlockData`], including those of faces that lie over joints.
-    pub fn with_joined_faces(
-        &self,
-        load: impl Fn(usize) -> f64 + Sync,
-        sticks: impl Fn(usize) -> bool + Sync,
-    ) -> Vec<Vec3> {
-        let Joints { contacts, rows, full, .. } = self;
-        let mut offsets = full.friction_offsets.clone();
+impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> Joints<'_, L, S> {
+    /// Friction offsets of the rows, and the first impulses of those in new joined faces. The distribution of the load over a
+    /// joined face is not determined: sweeps from a uniform pressure stay near it.
+    pub fn joined_faces(&self) -> JoinedFaces {
+        let FaceRows { rows, full, .. } = self.faces;
+        let (mut offsets, mut first_impulses) = (full.friction_offsets.clone(), Vec::new());
         for face in self.face_ranges() {
-            let Some(found) = face_offsets(&face, true, contacts, rows, full, &load, &sticks) else { continue };
-            if offsets.is_empty() && !found.is_empty() {
+            let Some(found) = self.faces.friction_points(&face, true) else { continue };
+            if offsets.is_empty() && !found.offsets.is_empty() {
                 offsets = vec![Vec3::zeros(); rows.len()];
             }
+            if let Some(shares) = found.first_shares {
+                let acting: SmallVec<[usize; 8]> = face.iter().copied().filter(|&k| rows[k].can_close).collect();
+                let total = self.stopping_impulse(&acting, &shares);
+                first_impulses.extend(acting.into_iter().zip(shares).map(|(k, share)| (k, total * share)));
+            }
             if !offsets.is_empty() {
-                let found = found.into_iter().chain(std::iter::repeat(Vec3::zeros()));
+                let found = found.offsets.into_iter().chain(std::iter::repeat(Vec3::zeros()));
                 face.into_iter().zip(found).for_each(|(k, offset)| offsets[k] = offset);
             }
         }
-        offsets
+        JoinedFaces { offsets, first_impulses }
+    }
+
+    /// Normal impulse that stops the approach of the two bodies of a face, at the mean of its rows by these shares of the
+    /// load, N s; 0 if they do not approach.
+    fn stopping_impulse(&self, acting: &[usize], shares: &[f64]) -> f64 {
+        let FaceRows { rows, full, .. } = self.faces;
+        let approach = |k: usize| {
+            let (row, arms) = (&rows[k], &full.arms[k]);
+            let [a, b] = [0, 1].map(|side| {
+                let record = &self.records[row.bodies[side].index()];
+                record.v + record.w.cross(&arms[side])
+            });
+            -row.normal.dot(&(a - b + row.shift))
+        };
+        let speed: f64 = acting.iter().zip(shares).map(|(&k, share)| share * approach(k)).sum();
+        let inverse: f64 = rows[acting[0]].bodies.map(|body| self.records[body.index()].inverse_mass).iter().sum();
+        if inverse > 0.0 { speed.max(0.0) / inverse } else { 0.0 }
     }
 
     /// Rows of each face that lies on several contactors in one plane.
@@ -172,7 +211,8 @@ impl Joints<'_> {
                 }
             }
             let rows = |plane: Vec<&Side>| plane.iter().flat_map(|side| side.rows.clone()).collect::<Vec<_>>();
-            let acts = |k: &&usize| self.rows[**k].can_close && self.rows[**k].friction > 0.0;
+            let rows_of_faces = self.faces.rows;
+            let acts = |k: &&usize| rows_of_faces[**k].can_close && rows_of_faces[**k].friction > 0.0;
             let several = planes.into_iter().filter(|plane| plane.len() > 1).map(rows);
             faces.extend(several.filter(|face| face.iter().filter(acts).nth(1).is_some()));
         }
@@ -181,7 +221,7 @@ impl Joints<'_> {
 
     /// Contacts of two contactors that may have adjacent contacts in the same plane.
     fn polygon_sides(&self) -> Vec<Side> {
-        let Joints { contacts, rows, scene, .. } = self;
+        let Joints { faces: FaceRows { contacts, rows, .. }, scene, .. } = self;
         let is_fixed = |body: BodyId| scene.bodies[body.index()].is_imposed();
         let has_several = |body: BodyId| scene.part_starts[body.index() + 1] - scene.part_starts[body.index()] > 1;
         let (mut sides, mut from) = (Vec::new(), 0);
@@ -203,7 +243,7 @@ impl Joints<'_> {
 
     /// Whether two sides of the same bodies lie in one plane, on bodies that move as one.
     fn is_flush(&self, one: &Side, other: &Side) -> bool {
-        let Joints { contacts, records, full, .. } = self;
+        let Joints { faces: FaceRows { contacts, full, .. }, records, .. } = self;
         if one.normal.dot(&other.normal) < 1.0 - PARALLEL {
             return false;
         }
@@ -234,83 +274,105 @@ fn is_same_face(a: &Contact, b: &Contact) -> bool {
     (a.antagonist, a.candidate, a.ranks) == (b.antagonist, b.candidate, b.ranks) && a.normal == b.normal
 }
 
-/// Friction offsets of the rows of a face; empty if all are 0. `joined`: whether the rows may belong to several adjacent
-/// contactors; the result is then `None` if these leave gaps.
-fn face_offsets(
-    of: &[usize],
-    joined: bool,
-    contacts: &[Contact],
-    rows: &[ContactConstraint],
-    full: &BlockData,
-    load: &impl Fn(usize) -> f64,
-    sticks: &impl Fn(usize) -> bool,
-) -> Option<SmallVec<[Vec3; 4]>> {
-    // Other listed contacts depend on the alert distance and must not change a bit of the result.
-    let acting: SmallVec<[usize; 8]> = of.iter().copied().filter(|&k| rows[k].can_close).collect();
-    let first = acting[0];
-    let frame = contacts[first].frame();
-    let [_, t, s] = frame;
-    let origin = contacts[first].point;
-    let place = |k: usize| tangent_components(&(contacts[k].point - origin), &frame);
-    let points: SmallVec<[[f64; 2]; 8]> = acting.iter().map(|&k| place(k)).collect();
-    let size = points.iter().map(|p| vector_length(difference_of(*p, points[0]))).fold(0.0, f64::max);
-    let mut loads: SmallVec<[f64; 8]> = acting.iter().map(|&k| load(k).max(0.0)).collect();
-    let gap = |k: &usize| contacts[*k].gap;
-    let area = of.iter().map(|&k| contacts[k].area).sum();
-    let outline =
-        if joined { FaceOutline::of_hull(&points, size, area)? } else { FaceOutline::new(&points, size, area) };
-    let deepest = acting.iter().map(gap).fold(f64::INFINITY, f64::min);
-    let mut pressed_to = deepest + FLUSH_GAP * size;
-    if loads.iter().all(|load| *load == 0.0) {
-        // The load of a face that is not flush is unknown.
-        if !acting.iter().all(|k| gap(k) <= pressed_to) {
-            return Some(SmallVec::new());
+impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S> {
+    /// Friction of the face of the rows `of`. `joined`: whether the rows may belong to several adjacent contactors; the result
+    /// is then `None` if these leave gaps.
+    fn friction_points(&self, of: &[usize], joined: bool) -> Option<FaceFrictionPoints> {
+        let FaceRows { contacts, rows, full, .. } = self;
+        // Other listed contacts depend on the alert distance and must not change a bit of the result.
+        let acting: SmallVec<[usize; 8]> = of.iter().copied().filter(|&k| rows[k].can_close).collect();
+        let first = acting[0];
+        let frame = contacts[first].frame();
+        let [_, t, s] = frame;
+        let origin = contacts[first].point;
+        let place = |k: usize| tangent_components(&(contacts[k].point - origin), &frame);
+        let points: SmallVec<[[f64; 2]; 8]> = acting.iter().map(|&k| place(k)).collect();
+        let size = points.iter().map(|p| vector_length(difference_of(*p, points[0]))).fold(0.0, f64::max);
+        let mut loads: SmallVec<[f64; 8]> = acting.iter().map(|&k| (self.load)(k).max(0.0)).collect();
+        let gap = |k: &usize| contacts[*k].gap;
+        let area = of.iter().map(|&k| contacts[k].area).sum();
+        let outline =
+            if joined { FaceOutline::of_hull(&points, size, area)? } else { FaceOutline::new(&points, size, area) };
+        let deepest = acting.iter().map(gap).fold(f64::INFINITY, f64::min);
+        let mut pressed_to = deepest + FLUSH_GAP * size;
+        let is_new = loads.iter().all(|load| *load == 0.0);
+        if is_new {
+            // The load of a face that is not flush is unknown.
+            if !acting.iter().all(|k| gap(k) <= pressed_to) {
+                return Some(FaceFrictionPoints::default());
+            }
+            let from_origin = full.arms[first].map(|arm| tangent_components(&-arm, &frame));
+            let rest = steady_centre(&rows[first], full, from_origin, &frame);
+            loads =
+                outline.load_shares(rest.filter(|p| outline.ray_intersection(*p).0 < 1.0).unwrap_or(outline.centroid));
+        } else {
+            let loaded = acting.iter().zip(&loads).filter(|(_, load)| **load > 0.0).map(|(k, _)| gap(k));
+            pressed_to = loaded.fold(pressed_to, f64::max);
         }
-        let from_origin = full.arms[first].map(|arm| tangent_components(&-arm, &frame));
-        let rest = steady_centre(&rows[first], full, from_origin, &frame);
-        loads = outline.load_shares(rest.filter(|p| outline.ray_intersection(*p).0 < 1.0).unwrap_or(outline.centroid));
-    } else {
-        let loaded = acting.iter().zip(&loads).filter(|(_, load)| **load > 0.0).map(|(k, _)| gap(k));
-        pressed_to = loaded.fold(pressed_to, f64::max);
-    }
-    let total: f64 = loads.iter().sum();
-    let centre =
-        points.iter().zip(&loads).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w / total, c[1] + p[1] * w / total]);
-    let distance =
-        points.iter().zip(&loads).map(|(p, w)| vector_length(difference_of(*p, centre)) * w / total).sum::<f64>();
-    if distance.is_nan() || distance <= SINGLE_CORNER_DISTANCE * size {
-        return Some(SmallVec::new());
-    }
-    // A bond yields about the point with the least sum of distances; a sliding face turns about any point.
-    let is_bonded = acting.iter().all(|k| rows[*k].bond.is_some());
-    let distance = if is_bonded { least_distance(&points, &loads, centre) / total } else { distance };
-    let pressed = outline.mean_distance(centre);
-    let scale = (pressed / distance).min(MAX_OFFSET_SCALE);
-    let across = match acting.iter().all(|k| sticks(*k)) {
-        true => [0.0; 2],
-        false => {
-            let velocity = |k: &usize| {
-                let (n, u) = (contacts[*k].normal, &rows[*k].u_before);
-                if n == contacts[first].normal {
-                    return u.yz().into();
-                }
-                // Velocity of the other body relative to this one if they have changed sides.
-                let side = 1f64.copysign(n.dot(&contacts[first].normal));
-                tangent_components(&(to_world(&contacts[*k].frame(), u) * side), &frame)
+        let total: f64 = loads.iter().sum();
+        let centre =
+            points.iter().zip(&loads).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w / total, c[1] + p[1] * w / total]);
+        let distance =
+            points.iter().zip(&loads).map(|(p, w)| vector_length(difference_of(*p, centre)) * w / total).sum::<f64>();
+        if distance.is_nan() || distance <= SINGLE_CORNER_DISTANCE * size {
+            return Some(FaceFrictionPoints::default());
+        }
+        // A bond yields about the point with the least sum of distances; a sliding face turns about any point.
+        let is_bonded = acting.iter().all(|k| rows[*k].bond.is_some());
+        let distance = if is_bonded { least_distance(&points, &loads, centre) / total } else { distance };
+        let pressed = outline.mean_distance(centre);
+        let scale = (pressed / distance).min(MAX_OFFSET_SCALE);
+        let middles = if joined { part_middles(&acting, &points, contacts) } else { SmallVec::new() };
+        let across = match acting.iter().all(|k| (self.sticks)(*k)) {
+            true => [0.0; 2],
+            false => {
+                let velocity = |k: &usize| {
+                    let (n, u) = (contacts[*k].normal, &rows[*k].u_before);
+                    if n == contacts[first].normal {
+                        return u.yz().into();
+                    }
+                    // Velocity of the other body relative to this one if they have changed sides.
+                    let side = 1f64.copysign(n.dot(&contacts[first].normal));
+                    tangent_components(&(to_world(&contacts[*k].frame(), u) * side), &frame)
+                };
+                let velocities: SmallVec<[TangentVector; 8]> = acting.iter().map(velocity).collect();
+                across_sliding(&points, &velocities, centre, pressed)
+            }
+        };
+        let mut offsets = SmallVec::from_elem(Vec3::zeros(), of.len());
+        let rows_of_points = of.iter().enumerate().filter(|(_, k)| rows[**k].can_close);
+        for (i, (at, _)) in rows_of_points.enumerate().filter(|(_, (_, k))| gap(k) <= pressed_to) {
+            let arm = difference_of(points[i], centre);
+            let (direction, factor) = match middles.get(i) {
+                Some(middle) => (offset_to_distance(pressed, arm, difference_of(*middle, centre)), 1.0),
+                None => (arm, scale - 1.0),
             };
-            let velocities: SmallVec<[TangentVector; 8]> = acting.iter().map(velocity).collect();
-            across_sliding(&points, &velocities, centre, pressed)
+            let across_part = direction[0] * across[0] + direction[1] * across[1];
+            let [x, y] = difference_of(direction, across.map(|e| e * across_part));
+            offsets[at] = (t * x + s * y) * factor;
         }
-    };
-    let mut offsets = SmallVec::from_elem(Vec3::zeros(), of.len());
-    let pressed = of.iter().enumerate().filter(|(_, k)| rows[**k].can_close).zip(&points);
-    for ((at, _), p) in pressed.filter(|((_, k), _)| gap(k) <= pressed_to) {
-        let arm = difference_of(*p, centre);
-        let across_arm = arm[0] * across[0] + arm[1] * across[1];
-        let [x, y] = difference_of(arm, across.map(|e| e * across_arm));
-        offsets[at] = (t * x + s * y) * (scale - 1.0);
+        Some(FaceFrictionPoints { offsets, first_shares: is_new.then_some(loads) })
     }
-    Some(offsets)
+}
+
+/// Middle of the points on the same contactors as each point of a joined face.
+fn part_middles(acting: &[usize], points: &[TangentVector], contacts: &[Contact]) -> SmallVec<[TangentVector; 8]> {
+    let (mut middles, mut from) = (SmallVec::new(), 0);
+    for part in acting.chunk_by(|&a, &b| is_same_face(&contacts[a], &contacts[b])) {
+        let of_part = &points[from..from + part.len()];
+        from += part.len();
+        let sum = of_part.iter().fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]]);
+        middles.extend(part.iter().map(|_| sum.map(|x| x / part.len() as f64)));
+    }
+    middles
+}
+
+/// Offset from the end of `arm` to the point at `distance` from its start, in the direction halfway between `arm` and
+/// `middle`: corners of parts may lie at the centre of the face, where their own direction is undetermined.
+fn offset_to_distance(distance: f64, arm: TangentVector, middle: TangentVector) -> TangentVector {
+    let along = [arm[0] + middle[0], arm[1] + middle[1]];
+    let length = vector_length(along);
+    if length == 0.0 { [0.0; 2] } else { difference_of(along.map(|x| x / length * distance), arm) }
 }
 
 /// Unit vector across the direction in which a face slides, times the square root of the sliding share |u|²/(|u|² + (ω τ)²).

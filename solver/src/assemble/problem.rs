@@ -37,7 +37,8 @@ pub struct ContactConstraint {
     pub arm: f64,
     /// û = u + shift, world frame, m/s: the law's shifts and the motion of a plate.
     pub shift: Vec3,
-    /// W_nn and W_tt = W_ss, 1/kg.
+    /// W_nn and W_tt = W_ss, 1/kg. With [`BlockData`], only of rows that can close: see
+    /// [`ContactProblem::delassus_diagonal`].
     pub w_n: f64,
     pub w_t: f64,
     pub friction: f64,
@@ -158,6 +159,16 @@ impl ContactProblem {
         match &self.block_data {
             Some(full) => full.inverse_inertia[body.index()] * angular_impulse,
             None => angular_impulse * self.bodies[body.index()].inverse_inertia,
+        }
+    }
+
+    /// W_nn and the mean of W_tt and W_ss of row `k`, 1/kg.
+    #[inline]
+    pub fn delassus_diagonal(&self, k: usize) -> (f64, f64) {
+        let row = &self.rows[k];
+        match &self.block_data {
+            Some(full) if row.w_n == 0.0 => full.delassus_diagonal(k, row, &self.bodies),
+            _ => (row.w_n, row.w_t),
         }
     }
 

@@ -5,7 +5,7 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::context::{AssemblyContext, MotionBounds};
-use super::faces::{Joints, friction_offsets, has_joints};
+use super::faces::{FaceRows, Joints, has_joints};
 use super::history::{BondState, warm_start};
 use super::kinematics::{contact_arms, relative_velocity, velocity_at_arms};
 use super::problem::{BlockData, ContactConstraint, ContactProblem, RollingConstraint, SolverBody};
@@ -110,10 +110,12 @@ pub fn contact_problem(
         };
         let sticks =
             |k: usize| history[k].is_some_and(|old| state.contacts[old.index()].status == ContactStatus::Stick);
-        full.friction_offsets = friction_offsets(contacts, &rows, full, load, sticks);
+        full.friction_offsets = FaceRows { contacts, rows: &rows, full, load, sticks }.friction_offsets();
         if has_joints(scene) {
-            let joints = Joints { contacts, rows: &rows, records: &records, full, scene };
-            full.friction_offsets = joints.with_joined_faces(load, sticks);
+            let faces = FaceRows { contacts, rows: &rows, full, load, sticks };
+            let joined = Joints { faces: &faces, records: &records, scene }.joined_faces();
+            full.friction_offsets = joined.offsets;
+            joined.first_impulses.into_iter().for_each(|(k, r)| rows[k].warm_start = rows[k].normal * r);
         }
         if !full.friction_offsets.is_empty() {
             setting.shift_friction(full, contacts, &mut rows);
@@ -121,7 +123,6 @@ pub fn contact_problem(
     }
     if let Some(full) = &full {
         rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
-            (row.w_n, row.w_t) = full.delassus_diagonal(k, row, &records);
             if !full.can_move_a_body(row, &scene.bodies) {
                 *row = ContactConstraint {
                     acts: false,
@@ -132,6 +133,11 @@ pub fn contact_problem(
                     ..*row
                 };
             }
+            (row.w_n, row.w_t) = if row.can_close || row.impulse_shift != 0.0 {
+                full.delassus_diagonal(k, row, &records)
+            } else {
+                (0.0, 0.0)
+            };
         });
         for roll in &mut rolls {
             let [a, b] = rows[roll.row.index()].bodies.map(|body| full.inverse_inertia[body.index()]);

@@ -88,8 +88,9 @@ impl<'a> ResidualEvaluator<'a> {
                     let record = &system.bodies[row.bodies[side].index()];
                     record.v.norm() + record.w.norm() * system.contact_arm(k.index(), side).norm()
                 };
-                let speed = at(0) + at(1) + row.shift.norm() + row.w_n * row.impulse_shift.abs();
-                (trace + row.w_n + 2.0 * row.w_t, speeds + speed * speed)
+                let (w_n, w_t) = system.delassus_diagonal(k.index());
+                let speed = at(0) + at(1) + row.shift.norm() + w_n * row.impulse_shift.abs();
+                (trace + w_n + 2.0 * w_t, speeds + speed * speed)
             })
         };
         let parts: Vec<(f64, f64)> = rows.par_chunks(GROUPS_PER_TASK * GROUP_LANES).map(of_some).collect();

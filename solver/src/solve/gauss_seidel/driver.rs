@@ -167,7 +167,7 @@ fn sweeps_in_f32(system: &ContactProblem, active: &[ContactId], until: StoppingC
         SweepPrecision::Double => false,
     };
     asked && system.rolling_constraints.is_empty() && {
-        let of_rows = active.iter().map(|&k| system.rows[k.index()].w_n);
+        let of_rows = active.iter().map(|&k| system.delassus_diagonal(k.index()).0);
         let (least, most) = of_rows.fold((f64::INFINITY, 0.0f64), |(least, most), w| (least.min(w), most.max(w)));
         most <= least * MAX_MASS_RATIO
     }

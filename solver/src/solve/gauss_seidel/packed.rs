@@ -124,7 +124,7 @@ impl SweepUnits {
         }
         let PackSource { system, active, reactions, records, .. } = *source;
         let of_row = |k: &ContactId| {
-            let (k, w) = (k.index(), system.rows[k.index()].w_n);
+            let (k, w) = (k.index(), system.delassus_diagonal(k.index()).0);
             (w, system.shifted_velocity(k, records).norm() + w * reactions.impulses[k].norm())
         };
         let largest = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));

@@ -452,7 +452,7 @@ impl RowColumns {
                 (0..3).for_each(|k| (to.arm[k][lane], to.inverse_mass[k][lane]) = (arm[k], inverse_mass[k]));
                 (0..6).for_each(|k| to.inverse_inertia[k][lane] = inverse_inertia[k]);
             }
-            (seen.inverse_nn[lane], seen.friction[lane]) = (1.0 / row.w_n, row.friction);
+            (seen.inverse_nn[lane], seen.friction[lane]) = (1.0 / system.delassus_diagonal(k).0, row.friction);
         }
         seen
     }
@@ -583,8 +583,8 @@ impl<T: LaneFloat> PairContacts for FrictionlessPoint<T> {
             point.shift[lane] = T::from_f64(n.dot(&from.starting_velocity::<T>(k)) / units.velocity);
             values.r[lane] = T::from_f64(n.dot(&reactions.impulses[k]) / units.impulse);
             values.previous[lane] = values.r[lane];
-            (point.inverse_nn[lane], point.weight[lane]) =
-                (T::from_f64(1.0 / row.w_n / mass), T::from_f64(row.w_n * mass));
+            let w_n = system.delassus_diagonal(k).0;
+            (point.inverse_nn[lane], point.weight[lane]) = (T::from_f64(1.0 / w_n / mass), T::from_f64(w_n * mass));
         }
         (point, values)
     }
