@@ -23,7 +23,7 @@ pub(super) fn collect_common_corners(
     tiny: f64,
     take: &mut PatchCorners,
 ) {
-    let counts = [pair.a.face_corners(faces.0 as usize).len(), pair.b.face_corners(faces.1 as usize).len()];
+    let counts = [pair.shape_a.face_corners(faces.0 as usize).len(), pair.shape_b.face_corners(faces.1 as usize).len()];
     // The first corner is repeated after the last; vectors that start at the last may read beyond it.
     let strides = counts.map(|count| count.next_multiple_of(COLUMN_PAD) + COLUMN_PAD);
     // On the stack, except for faces with many corners.
@@ -222,9 +222,15 @@ impl LaneOperation for CommonCorners<'_> {
         let CommonCorners { pair, n, faces, counts: [na, nb], strides, tiny, storage, take } = self;
         let frame = local_frame(*n);
         let (of_a, of_b) = storage.split_at_mut(OUTLINE_COLUMNS * strides[0]);
-        let mut a = FaceOutline::new(pair.pa, faces.0, Vec3::zeros(), false, strides[0], of_a);
-        let mut b =
-            FaceOutline::new(pair.pb, faces.1, pair.c, true, strides[1], &mut of_b[..OUTLINE_COLUMNS * strides[1]]);
+        let mut a = FaceOutline::new(pair.posed_a, faces.0, Vec3::zeros(), false, strides[0], of_a);
+        let mut b = FaceOutline::new(
+            pair.posed_b,
+            faces.1,
+            pair.centre_offset,
+            true,
+            strides[1],
+            &mut of_b[..OUTLINE_COLUMNS * strides[1]],
+        );
         a.project_corners(faces.0, &frame);
         b.project_corners(faces.1, &frame);
         a.compute_side_directions(l, tiny);
@@ -259,7 +265,7 @@ impl LaneOperation for CommonCorners<'_> {
                 let k = from + lane;
                 let (x, y, z) = (b.x[k], b.y[k], b.z[k]);
                 let mut same = first;
-                while same < of_vertices_of_a && !take[same].is_near([x, y], pair.small) {
+                while same < of_vertices_of_a && !take[same].is_near([x, y], pair.smaller_circumradius) {
                     same += 1;
                 }
                 if same < of_vertices_of_a {
@@ -323,7 +329,7 @@ impl LaneOperation for CommonCorners<'_> {
                         let flat = [point.dot(&frame[1]), point.dot(&frame[2])];
                         let gap = n.dot(&(on_b - on_a));
                         let mut same = first;
-                        while same < of_vertices && !take[same].is_near(flat, pair.small) {
+                        while same < of_vertices && !take[same].is_near(flat, pair.smaller_circumradius) {
                             same += 1;
                         }
                         if same < of_vertices {

@@ -74,9 +74,10 @@ impl TriangleBatch {
     /// Adds the faces of a pair, if they are triangles; returns its number.
     #[inline(always)]
     pub fn push_faces(&mut self, pair: &PolyhedronPair, axis: &SearchAxis, faces: (u32, u32)) -> Option<usize> {
-        let (of_a, of_b) = (pair.a.face_corners(faces.0 as usize), pair.b.face_corners(faces.1 as usize));
+        let (of_a, of_b) = (pair.shape_a.face_corners(faces.0 as usize), pair.shape_b.face_corners(faces.1 as usize));
         let (&[a0, a1, a2], &[b0, b1, b2]) = (of_a, of_b) else { return None };
-        let (&[u0, u1, u2], &[v0, v1, v2]) = (pair.a.face_edges(faces.0 as usize), pair.b.face_edges(faces.1 as usize))
+        let (&[u0, u1, u2], &[v0, v1, v2]) =
+            (pair.shape_a.face_edges(faces.0 as usize), pair.shape_b.face_edges(faces.1 as usize))
         else {
             return None;
         };
@@ -88,13 +89,13 @@ impl TriangleBatch {
             edges: [[u0, u1, u2], [v1, v0, v2]].map(|of| of.map(|e| edge_feature(e.into()))),
             faces: [face_feature(faces.0), face_feature(faces.1)],
         };
-        let small = MIN_SIDE_CLEARANCE * SAME_CORNER_DISTANCE * pair.small;
-        self.set_vector(k, CENTRE_ROW, &pair.c);
+        let small = MIN_SIDE_CLEARANCE * SAME_CORNER_DISTANCE * pair.smaller_circumradius;
+        self.set_vector(k, CENTRE_ROW, &pair.centre_offset);
         self.set_vector(k, NORMAL_ROW, &axis.n);
         self.given[SEPARATION_ROW][k] = axis.s;
         self.given[NEAR_ROW][k] = small * small;
-        self.set_face(k, 0, pair.pa, [a0, a1, a2].map(usize::from), faces.0);
-        self.set_face(k, 1, pair.pb, [b2, b1, b0].map(usize::from), faces.1);
+        self.set_face(k, 0, pair.posed_a, [a0, a1, a2].map(usize::from), faces.0);
+        self.set_face(k, 1, pair.posed_b, [b2, b1, b0].map(usize::from), faces.1);
         Some(k)
     }
 
