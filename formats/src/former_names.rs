@@ -1,6 +1,6 @@
 //! Names of earlier versions in `scene.ron`, `changes.ron` and `--set`, which are read as their current names.
 //!
-//! The two tables below are the only list of these names. [`crate::places::ValueLocations`] finds values under their current
+//! The two tables below are the only list of these names. [`crate::value_locations::ValueLocations`] finds values under their current
 //! names, [`crate::ron_file`] parses a text with the current names and reports the former ones.
 
 use std::ops::Range;

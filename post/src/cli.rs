@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::case::{CaseFolder, no_case, parse_arguments};
 use cd_formats::error::Faults;
+use cd_formats::messages::{print_error, print_line};
 use cd_formats::ron_text::nearest_name;
-use cd_formats::tell::{print_error, print_line};
 use clap::{CommandFactory, Parser};
 
 use crate::commands::series::process_case;

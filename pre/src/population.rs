@@ -10,8 +10,8 @@ use cd_formats::report::FaultReport;
 use nalgebra::Vector3;
 
 use crate::grain::{Grain, Population};
-use crate::place::cells::SphereGrid;
-use crate::place::{self, PlacedGrains};
+use crate::placement::cells::SphereGrid;
+use crate::placement::{self, PlacedGrains};
 use crate::random::{RandomStream, StreamPurpose};
 use crate::scene::{GrainPlacement, Grains, Scene, TimeFunction};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
@@ -58,7 +58,7 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
         let room = room.map_err(|faults| report_file_faults(faults, &format!("grains.{group}.placement"), report));
         let (Ok(mut shapes), Ok(room)) = (shapes, room) else { continue };
         let (room, of_room) = room.map_or((None, String::new()), |(room, message)| (Some(room), message));
-        match place::place_grains(grains, &mut shapes, room, scene.seed, group) {
+        match placement::place_grains(grains, &mut shapes, room, scene.seed, group) {
             Ok(placed) => {
                 let alone = placed.grains.len() == 1 && grains.thermal_velocity > 0.0;
                 let expected = "several grains, or 0: a single grain has no motion about the mean";

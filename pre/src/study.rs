@@ -8,10 +8,11 @@ use std::path::{Component, Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::places::{self, ValueLocations};
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
 use cd_formats::ron_text::known_names;
+use cd_formats::settings::{apply_settings, setting_fault};
+use cd_formats::value_locations::ValueLocations;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
@@ -91,7 +92,7 @@ const FILES: [&str; 3] = ["grains.N.shape.file", "grains.N.placement.envelope.fi
 /// Files with the right content are not rewritten, except the rules. Errors: all faults of the study and of its cases;
 /// nothing is written then.
 pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<String, Faults> {
-    let text = places::apply_settings(&atomic::read_text(file)?, settings)?;
+    let text = apply_settings(&atomic::read_text(file)?, settings)?;
     let study: Study = parse_with_settings(file, &text, settings, "study")?;
     let mut report = FaultReport::with_settings(file, &text, settings);
     let cases = cases(&study, &mut report);
@@ -312,15 +313,11 @@ fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<St
     if case.from.is_some() && ValueLocations::from_text(original).text("compute").is_none() {
         // New options would start from defaults, whereas `from-outbox --set` changes those of the continued run.
         for setting in settings.iter().filter(|setting| setting.trim_start().starts_with("compute.")) {
-            faults.push(places::setting_fault(
-                setting,
-                "the base has no options of the run",
-                "expected 'compute' as a whole",
-            ));
+            faults.push(setting_fault(setting, "the base has no options of the run", "expected 'compute' as a whole"));
         }
     }
     faults.into_result(())?;
-    let changed = places::apply_settings(original, &settings)?;
+    let changed = apply_settings(original, &settings)?;
     let current = ron_file::with_current_names(base, &changed)?;
     let values = case.values.iter().map(|(name, value)| format!("; {name}: {}", value.replace('\n', " ")));
     let head = format!("// Case {} of a study{}.{WRITTEN}\n", case.name, values.collect::<String>());
@@ -351,10 +348,10 @@ fn with_files(text: &str, base: &Path, folder: &Path) -> Result<String, Faults> 
     let mut settings = Vec::new();
     for pattern in FILES {
         let (list, rest) = pattern.split_once(".N.").unwrap_or_default();
-        let places = ValueLocations::from_text(text);
-        let items = (0..).take_while(|n| places.text(&format!("{list}.{n}")).is_some());
+        let locations = ValueLocations::from_text(text);
+        let items = (0..).take_while(|n| locations.text(&format!("{list}.{n}")).is_some());
         for n in items {
-            let Some(value) = places.text(&format!("{list}.{n}.{rest}")) else { continue };
+            let Some(value) = locations.text(&format!("{list}.{n}.{rest}")) else { continue };
             let file = Path::new(value.trim_matches('"'));
             // Path out of the folder of the case, if it lies below that of the base.
             let up: Option<PathBuf> = folder.strip_prefix(home).ok().map(|below| below.iter().map(|_| "..").collect());
@@ -365,7 +362,7 @@ fn with_files(text: &str, base: &Path, folder: &Path) -> Result<String, Faults> 
             settings.push(format!("{list}.{}.{rest}={:?}", n + 1, path));
         }
     }
-    places::apply_settings(text, &settings)
+    apply_settings(text, &settings)
 }
 
 /// Table with a row for each case: its folder, the case that it continues, and each parameter, empty where its group has

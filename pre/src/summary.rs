@@ -1,7 +1,7 @@
 //! Summary of the bodies of a scene for the user.
 
 use cd_formats::error::Faults;
-use cd_formats::tell::print_error;
+use cd_formats::messages::print_error;
 use nalgebra::{Rotation3, Vector3};
 
 use crate::grain::{Grain, Population};

@@ -324,7 +324,7 @@ fn brackets_without_end() {
     let deep = format!("{}{}", "(".repeat(100_000), ")".repeat(100_000));
     assert!(said_of(&[("gravity:", &format!("x: {deep}, gravity:"))]).starts_with("scene.ron:"));
     let settings = [format!("seed={deep}")];
-    let text = cd_formats::places::apply_settings(GOOD, &settings).unwrap();
+    let text = cd_formats::settings::apply_settings(GOOD, &settings).unwrap();
     let faults = cd_pre::read_scene(std::path::Path::new("scene.ron"), &text, &settings).err().unwrap();
     assert!(faults.to_string().starts_with("options: set seed"), "{faults}");
 }

@@ -7,7 +7,7 @@ use std::thread::{JoinHandle, spawn};
 use std::time::{Duration, Instant};
 
 use cd_formats::compute::{Compute, ContactSolver};
-use cd_formats::tell::{print_error, print_line};
+use cd_formats::messages::{print_error, print_line};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::activity;

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::messages::{print_error, print_line};
 use cd_formats::snapshot::RunParameters;
-use cd_formats::tell::{print_error, print_line};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 

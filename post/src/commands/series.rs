@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::print_line;
+use cd_formats::messages::print_line;
 use rayon::prelude::*;
 
 use crate::derive::Row;

@@ -29,9 +29,9 @@ use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::ids::BodyId;
 use cd_formats::origin::SceneOrigin;
-use cd_formats::places;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
+use cd_formats::settings::apply_settings;
 use cd_formats::snapshot::{self, Ledger, START_FILE, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
 
@@ -54,7 +54,7 @@ pub const ORIGIN_FILE: &str = "ORIGIN.csv";
 type File = (String, Vec<u8>);
 
 /// Makes `dir/DATBOX` from a snapshot of `case` and the file `changes`, whose values `settings` override, see
-/// [`places::apply_settings`]. Returns a summary for people.
+/// [`apply_settings`]. Returns a summary for people.
 ///
 /// Errors: all faults of the file and of the cases that it names; nothing is written then.
 pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], dir: &Path) -> Result<String, Faults> {
@@ -65,7 +65,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     };
     let former_names = ron_file::former_name_warnings(file, &text, settings);
     let parsed = |text: &str, settings: &[String]| -> Result<(Changes, String), Faults> {
-        let text = places::apply_settings(text, settings)?;
+        let text = apply_settings(text, settings)?;
         Ok((parse_with_settings(file, &text, settings, "changes")?, text))
     };
     // `--set` of options that the file does not have changes those of the first case.

@@ -289,7 +289,7 @@ fn z_order(room: &GrainRegion, points: &[Vector3<f64>]) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::place::cells::SphereGrid;
+    use crate::placement::cells::SphereGrid;
     use crate::rounding::round_8_digits;
     use crate::scene::Rotation;
     use crate::scene::{Envelope, GrainOrientations, GrainShape, RadiusKind};
