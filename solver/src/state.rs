@@ -72,8 +72,8 @@ pub struct DetectionCache {
     /// Neighbour pairs that the visibility table lists, ordered by candidates along Morton's curve, so that the data of
     /// contactors stay in the cache, then by antagonists. Shared with the backup of a step.
     pub pairs: Arc<Vec<VisiblePair>>,
-    /// Indices of the pairs in the order of candidates.
-    pub order: Arc<Vec<u32>>,
+    /// Indices into `pairs`, ordered by the contactors of the pair.
+    pub order_by_parts: Arc<Vec<u32>>,
     /// Cached feature of each of these pairs that was in contact.
     pub memories: Vec<CachedFeature>,
     /// Cached features before there are pairs, ordered by contactors.
@@ -88,10 +88,10 @@ pub struct DetectionCache {
 impl DetectionCache {
     /// Copy of the cached features, without the data that only save time.
     fn features_only(&self) -> Self {
-        let DetectionCache { pairs, order, memories, restored_pairs, .. } = self;
+        let DetectionCache { pairs, order_by_parts, memories, restored_pairs, .. } = self;
         DetectionCache {
             pairs: Arc::clone(pairs),
-            order: Arc::clone(order),
+            order_by_parts: Arc::clone(order_by_parts),
             memories: memories.clone(),
             restored_pairs: restored_pairs.clone(),
             ..DetectionCache::default()
@@ -101,7 +101,7 @@ impl DetectionCache {
     /// Cached features of the pairs that were in contact, ordered by contactors.
     pub fn cached_pairs(&self) -> Vec<CachedPair> {
         let of_pair = |&k: &u32| CachedPair { parts: self.pairs[k as usize].0, memory: self.memories[k as usize] };
-        let kept = self.order.iter().map(of_pair).filter(|kept| kept.memory != CachedFeature::default());
+        let kept = self.order_by_parts.iter().map(of_pair).filter(|kept| kept.memory != CachedFeature::default());
         self.restored_pairs.iter().copied().chain(kept).collect()
     }
 }
@@ -251,8 +251,8 @@ pub struct State {
     /// Angular momenta about the centres of mass, world frame, kg m²/s, of the bodies of `Scene::turning`. Without torque
     /// they remain bitwise constant; `w` follows from them.
     pub angular_momentum: Vec<Vec3>,
-    /// Bodies along Morton's curve in the last step, from which the next step sorts them; empty at the start. It affects
-    /// only time.
+    /// Indices of the bodies along Morton's curve in the last step, from which the next step sorts them; empty at the start.
+    /// It affects only time.
     pub order: Vec<u32>,
     /// Contacts of the last step ordered by key; warm start of the next step.
     pub contacts: Vec<SolvedContact>,
