@@ -135,7 +135,7 @@ pub fn swept_contacts(
         searched: searched(contactor.body),
     };
     let balls: Vec<SweptBall> = contactors.iter().map(ball).collect();
-    let reach: Vec<f64> = contactors.iter().map(|place| place.reach).collect();
+    let reach: Vec<f64> = contactors.iter().map(|contactor| contactor.reach).collect();
     let near = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
     let mut pairs: Vec<VisiblePair> = near.into_iter().filter_map(|ij| visible_pair(scene, &contactors, ij)).collect();
     pairs.sort_unstable_by_key(|(parts, _)| *parts);
