@@ -81,7 +81,7 @@ pub fn with_current_names(path: &Path, text: &str) -> Result<String, Faults> {
 /// let text = "(grains: [(place: List(positions: [])), (place: List(positions: []))])";
 /// let found = former_name_warnings("scene.ron".as_ref(), text, &["walls.1.rotation=Constant(1)".to_string()]).to_string();
 /// assert_eq!(found.lines().next(), Some("scene.ron:1:12: place: renamed, 2 times in this file; write placement"));
-/// assert!(found.ends_with("rotation: renamed; write angular_velocity"), "{found}");
+/// assert!(found.ends_with("rotation: renamed; write spin"), "{found}");
 /// ```
 pub fn former_name_warnings(file: &Path, text: &str, settings: &[String]) -> Faults {
     let mut faults = warnings_of_uses(file, text, ValueLocations::from_text(text).former_names());

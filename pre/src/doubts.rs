@@ -32,17 +32,15 @@ pub fn report_doubts(
     }
     for (k, wall) in walls.iter().enumerate() {
         let (velocity, force, angular): (&[TimeFunction], &[Option<TimeFunction>], &[TimeFunction]) = match wall {
-            SceneWall::Plate { velocity, force, angular_velocity, .. } => (velocity, &**force, angular_velocity),
-            SceneWall::Cylinder { velocity, force, angular_velocity, .. } => {
-                (velocity, &**force, std::slice::from_ref(angular_velocity))
-            }
+            SceneWall::Plate { velocity, force, spin, .. } => (velocity, &**force, spin),
+            SceneWall::Cylinder { velocity, force, spin, .. } => (velocity, &**force, std::slice::from_ref(spin)),
             SceneWall::Box { velocity, .. } => (velocity, &[], &[]),
         };
         let mut check = |name: &str, axis: usize, value: &TimeFunction| {
             check_function(report, &format!("walls.{k}.{name}.{axis}"), value);
         };
         velocity.iter().enumerate().for_each(|(axis, value)| check("velocity", axis, value));
-        angular.iter().enumerate().for_each(|(axis, value)| check("angular_velocity", axis, value));
+        angular.iter().enumerate().for_each(|(axis, value)| check("spin", axis, value));
         let forces = force.iter().enumerate().filter_map(|(axis, value)| Some((axis, value.as_ref()?)));
         forces.for_each(|(axis, value)| check("force", axis, value));
     }

@@ -373,7 +373,7 @@ pub enum SceneWall {
         force: Box<[Option<TimeFunction>; 3]>,
         /// Angular velocity, rad/s, about the plate's first axis, second axis and normal.
         #[serde(default)]
-        angular_velocity: [TimeFunction; 3],
+        spin: [TimeFunction; 3],
     },
     /// Five or six plates around a room; their faces are flush with the room.
     Box {
@@ -420,7 +420,7 @@ pub enum SceneWall {
         force: Box<[Option<TimeFunction>; 3]>,
         /// Angular velocity, rad/s, about the axis.
         #[serde(default)]
-        angular_velocity: TimeFunction,
+        spin: TimeFunction,
     },
 }
 

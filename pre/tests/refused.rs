@@ -412,10 +412,7 @@ fn cylinders() {
     };
     let drum = "centre: (0, 0, 0), half_height: 10.5, radius: 10.5, hollow: true";
     assert_eq!(wall(drum), "nothing");
-    assert_eq!(
-        wall(&drum.replace("true", "true, force: (None, None, Constant(2)), angular_velocity: Constant(1)")),
-        "nothing"
-    );
+    assert_eq!(wall(&drum.replace("true", "true, force: (None, None, Constant(2)), spin: Constant(1)")), "nothing");
     for (fields, message) in [
         ("centre: (0, 0, 0), half_height: 0, radius: 1", "13:90: wall 1, half_height: 0.0; expected a length > 0 m"),
         ("centre: (0, 0, 0), half_height: 1, radius: NaN", "13:101: wall 1, radius: NaN; expected a length > 0 m"),
