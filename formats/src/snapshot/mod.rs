@@ -7,6 +7,7 @@
 mod npz;
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -491,7 +492,7 @@ impl Snapshot {
         let refuse = |found: String| {
             Faults::from(Fault::new(path, None, "snapshot", found, "expected an .npz file of cd-solve"))
         };
-        let mut entries = NpzReader::new(path, bytes).map_err(|found| refuse(found.to_string()))?;
+        let mut entries = NpzReader::new(path, bytes).map_err(|error| refuse(error.to_string()))?;
         let Some(meta_text): Option<Vec<u8>> = entries.read_array("meta", None) else { return Err(entries.faults) };
         let version: serde_json::Value =
             serde_json::from_slice(&meta_text).map_err(|error| refuse(describe_json_error(&error)))?;
@@ -516,7 +517,7 @@ impl Snapshot {
         let interval = has_interval.then(|| IntervalArrays::read(&mut entries));
         entries.faults.into_result(())?;
         let snapshot = Snapshot { meta, bodies, contacts, memory, gravity, shapes, interval };
-        snapshot.check_indices().map_err(refuse)?;
+        snapshot.check_indices().map_err(|error| refuse(error.to_string()))?;
         snapshot.check_quaternions(path)?;
         Ok(snapshot)
     }
@@ -534,11 +535,12 @@ impl Snapshot {
         faults.into_result(())
     }
 
-    fn check_indices(&self) -> Result<(), String> {
+    /// Checks that arrays of the same rows have equal lengths and that indices are those of existing rows.
+    fn check_indices(&self) -> Result<(), IndexError> {
         let Snapshot { meta, bodies, contacts, memory, gravity, shapes, interval } = self;
         let bodies_count = bodies.body_id.len();
         if memory.as_ref().is_some_and(|memory| memory.contact_bonded.len() != contacts.contact_body.len()) {
-            return Err("the arrays of contacts have different numbers of rows".into());
+            return Err(IndexError::ContactRows);
         }
         let in_shapes = |shapes: &ShapeArrays| shapes.are_in_range(bodies_count, contacts.contact_body.len());
         let exchanged = interval.iter().flat_map(|interval| &interval.interval_body);
@@ -548,9 +550,27 @@ impl Snapshot {
             && bodies.body_colour.iter().all(|&c| (c as usize) < meta.colours.len())
             && bodies.body_material.iter().all(|&m| (m as usize) < meta.materials.len())
             && gravity.as_ref().is_none_or(|gravity| gravity.gravity_last.len() == bodies_count);
-        if in_range { Ok(()) } else { Err("an index points outside its table".into()) }
+        if in_range { Ok(()) } else { Err(IndexError::OutOfRange) }
     }
 }
+
+/// Arrays of a snapshot that do not fit together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum IndexError {
+    ContactRows,
+    OutOfRange,
+}
+
+impl fmt::Display for IndexError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            IndexError::ContactRows => "the arrays of contacts have different numbers of rows",
+            IndexError::OutOfRange => "an index points outside its table",
+        })
+    }
+}
+
+impl std::error::Error for IndexError {}
 
 /// Fault of the JSON of `meta`.
 fn describe_json_error(error: &serde_json::Error) -> String {

@@ -104,7 +104,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     for (k, (source, taken)) in sources.iter().zip(&changes.bodies).enumerate() {
         match source.select_bodies(taken) {
             Ok(part) => parts.push(part),
-            Err((found, expected)) => report.add_fault(&format!("bodies.{k}"), found, expected),
+            Err(fault) => report.fault_as(&format!("bodies.{k}"), fault.found, fault.expected),
         }
     }
     if !report.faults.0.is_empty() {

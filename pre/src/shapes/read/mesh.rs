@@ -37,8 +37,8 @@ impl std::fmt::Display for ReadError {
 impl std::error::Error for ReadError {}
 
 impl From<ReadError> for Vec<ReadError> {
-    fn from(refusal: ReadError) -> Self {
-        vec![refusal]
+    fn from(error: ReadError) -> Self {
+        vec![error]
     }
 }
 
@@ -72,11 +72,29 @@ pub fn parse_real(word: &str) -> Option<f64> {
     word.parse().ok().or_else(|| word.replace(['d', 'D'], "e").parse().ok())
 }
 
-/// Reads a coordinate. Errors: the reason why it is not a number.
-pub fn coordinate(word: &str) -> Result<f64, String> {
+/// Word that is not a coordinate.
+#[derive(Debug, PartialEq)]
+pub enum CoordinateError {
+    NotANumber(String),
+    NotFinite(String),
+}
+
+impl std::fmt::Display for CoordinateError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            CoordinateError::NotANumber(word) => write!(f, "'{word}', which is not a number"),
+            CoordinateError::NotFinite(word) => write!(f, "'{word}', which is not finite"),
+        }
+    }
+}
+
+impl std::error::Error for CoordinateError {}
+
+/// Reads a coordinate. Errors: words that are not finite numbers.
+pub fn coordinate(word: &str) -> Result<f64, CoordinateError> {
     match parse_real(word) {
-        None => Err(format!("'{word}', which is not a number")),
-        Some(x) if !x.is_finite() => Err(format!("'{word}', which is not finite")),
+        None => Err(CoordinateError::NotANumber(word.to_string())),
+        Some(x) if !x.is_finite() => Err(CoordinateError::NotFinite(word.to_string())),
         Some(x) => Ok(x),
     }
 }
