@@ -233,8 +233,10 @@ pub struct GravityHistory {
     pub before: Arc<[Vec3]>,
 }
 
+/// Data that change during a run; a snapshot holds all of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
+    /// Number of the last step.
     pub step: u64,
     /// Time, s.
     pub time: f64,
@@ -284,10 +286,10 @@ impl State {
         Velocities { v: &self.v, w: &self.w }
     }
 
-    /// Whether the errors of self-gravity and of the narrow phase are measured in the next step, which is `units` of `dt`
+    /// Whether the errors of self-gravity and of the narrow phase are measured in the next step, which is `step_multiple` of `dt`
     /// long.
-    pub fn is_diagnostic_step(&self, units: u64) -> bool {
-        self.step.next_multiple_of(DIAGNOSTIC_INTERVAL) < self.step + units
+    pub fn is_diagnostic_step(&self, step_multiple: u64) -> bool {
+        self.step.next_multiple_of(DIAGNOSTIC_INTERVAL) < self.step + step_multiple
     }
 
     /// Number of contacts with a bond or a liquid bridge.

@@ -296,7 +296,7 @@ impl CylinderPair<'_> {
             rim.push((fall / fall.norm()).into());
         }
         let offset = normal.dot(&self.vertices[corners[0] as usize]);
-        let place = |k: usize, at: [f64; 2]| {
+        let rim_corner = |k: usize, at: [f64; 2]| {
             let [x, y] = at.map(|x| x * self.radius);
             let inside = |k: usize| {
                 let (p, q) = (outline[k], outline[next(k)]);
@@ -307,7 +307,7 @@ impl CylinderPair<'_> {
                 self.corner_at(on_end(x, y), m, gap, [x, y], (face_feature(f), CYLINDER_RIM + 2 + k as u32))
             })
         };
-        patch.corners.extend(rim.iter().enumerate().filter_map(|(k, at)| place(k, *at)));
+        patch.corners.extend(rim.iter().enumerate().filter_map(|(k, at)| rim_corner(k, *at)));
         // If the common part is a segment between these two: adds the middle of its arc, or a face would rest on a line.
         if let [p, q] = patch.corners[..]
             && p.features.0 == q.features.0
@@ -315,7 +315,7 @@ impl CylinderPair<'_> {
             let (x, y) = (p.flat[1] - q.flat[1], q.flat[0] - p.flat[0]);
             let towards = doubled.signum() / x.hypot(y);
             // One fixed number, whether the face is tilted or not.
-            patch.corners.extend(place(5, [x * towards, y * towards]));
+            patch.corners.extend(rim_corner(5, [x * towards, y * towards]));
         }
         patch.area = area_in_disc(&clipped_to_gap(&outline, area_within), self.radius) * m.z.abs();
         if area_within != f64::INFINITY {

@@ -244,8 +244,8 @@ pub(super) fn ridge_manifold(pair: &PolyhedronPair, n: &Vec3, distance: f64) -> 
             if high.0 - low.0 <= RIDGE_ANGLE * pair.smaller_circumradius {
                 continue;
             }
-            let at = |place: f64| base + along * (place - base.dot(&along)) + across * 0.5;
-            let point = |(place, features)| ContactPoint { position: at(place), gap, features };
+            let at = |height: f64| base + along * (height - base.dot(&along)) + across * 0.5;
+            let point = |(height, features)| ContactPoint { position: at(height), gap, features };
             let mut ends = [point(low), point(high)];
             ends.sort_by_key(|point| point.features);
             return Some(Manifold { normal: -across / gap, points: ends.into_iter().collect(), area: 0.0 });

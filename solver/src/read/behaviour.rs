@@ -297,11 +297,11 @@ pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mu
     let file = datbox.join("TACT_BEHAV.DAT");
     for law in &scene.law_names {
         let line = tact.laws.iter().find(|known| known.nickname == law.nickname).map(|known| known.line);
-        let mut asked = Vec::new();
+        let mut questioned = Vec::new();
         for (parameter, value) in law_parameters(&law.kind).zip(&law.parameters) {
             let Some(question) = law_parameter(parameter, *value) else { continue };
-            if !asked.contains(value) {
-                asked.push(*value);
+            if !questioned.contains(value) {
+                questioned.push(*value);
                 let object = format!("law '{}', {}", law.nickname, parameter.label());
                 questions.push(Fault::new(&file, line, object, format!("{value:?}"), question));
             }
