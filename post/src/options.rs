@@ -68,6 +68,14 @@ impl Default for Measures {
     }
 }
 
+/// Threads of the commands that compute from the snapshots of one case.
+#[derive(Debug, Clone, Copy, Default, clap::Args)]
+pub struct ThreadCount {
+    /// Number of threads; 0: all cores. Results do not depend on it
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(..=1024))]
+    pub threads: usize,
+}
+
 /// Options of the measurement of a case and of its files.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Options {
@@ -88,17 +96,17 @@ pub struct Options {
     pub direct_gravity: bool,
     #[command(flatten)]
     pub measures: Measures,
-    /// Number of threads; 0: all cores. Results do not depend on it
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(..=1024))]
-    pub threads: usize,
+    #[command(flatten)]
+    pub threads: ThreadCount,
 }
 
 impl Default for Options {
     /// Returns the options of a command line without flags.
     fn default() -> Options {
         let dir = PathBuf::new();
-        let (every, no_plots, no_vtk, direct_gravity, threads) = (1, false, false, false, 0);
-        Options { dir, every, no_plots, no_vtk, direct_gravity, measures: Measures::default(), threads }
+        let (every, no_plots, no_vtk, direct_gravity) = (1, false, false, false);
+        let (measures, threads) = (Measures::default(), ThreadCount::default());
+        Options { dir, every, no_plots, no_vtk, direct_gravity, measures, threads }
     }
 }
 

@@ -144,12 +144,23 @@ fn writes_series_plots_picture_and_paraview_files() {
 
 #[test]
 fn threads_change_no_byte() {
-    let case = case(&[0, 1, 2, 3, 4, 5, 6]);
-    let run = |threads: &str| {
-        assert!(cd_post(&["--threads", threads], case.path()).status.success());
-        (files(&case.path().join("POSTPRO")), files(&case.path().join("DISPLAY")))
-    };
-    assert_eq!(run("1"), run("3"));
+    for (command, folders) in [
+        (&[][..], &["POSTPRO", "DISPLAY"][..]),
+        (&["report"], &["POSTPRO"]),
+        (&["state"], &["POSTPRO/state-000006"]),
+        (&["track", "--body", "2"], &["POSTPRO/track-2"]),
+    ] {
+        let case = case(&[0, 1, 2, 3, 4, 5, 6]);
+        let run = |threads: &str| -> Vec<_> {
+            let output = cd_post(&[command, &["--threads", threads]].concat(), case.path());
+            assert!(output.status.success(), "{command:?}: {output:?}");
+            folders.iter().map(|folder| files(&case.path().join(folder))).collect()
+        };
+        let one = run("1");
+        assert!(one == run("3") && one.iter().all(|files| !files.is_empty()), "{command:?}");
+        let refused = cd_post(&[command, &["--threads", "1025"]].concat(), case.path());
+        assert!(String::from_utf8(refused.stderr).unwrap().contains("1025 is not in 0..=1024"), "{command:?}");
+    }
 }
 
 #[test]

@@ -9,6 +9,7 @@ use std::path::{Component, Path, PathBuf};
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::former_names::FormerNameUse;
+use cd_formats::names::count_text;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
 use cd_formats::ron_text::known_names;
@@ -186,7 +187,7 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
             let _ = fs::remove_file(other);
         }
     }
-    Ok(format!("{count} cases, {written} of them new or changed; wrote {}\n", rules.display()))
+    Ok(format!("{}, {written} of them new or changed; wrote {}\n", count_text(count, "case"), rules.display()))
 }
 
 /// All cases, in the order of the groups; faults of the study itself go to `report`.

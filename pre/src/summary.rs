@@ -2,6 +2,7 @@
 
 use cd_formats::error::Faults;
 use cd_formats::messages::print_error;
+use cd_formats::names::count_text;
 use nalgebra::{Rotation3, Vector3};
 
 use crate::grain::{Grain, Population};
@@ -18,7 +19,7 @@ pub fn print_warnings(warnings: &Faults) {
 /// Counts, sizes and masses: a line for each body of grains and one for all.
 pub fn scene_summary(scene: &Scene, population: &Population) -> String {
     let (all, walls) = (population.grains.iter().collect::<Vec<_>>(), population.walls.len());
-    let total = group_line(format!("{} bodies, {walls} of them walls", all.len() + walls), &all);
+    let total = group_line(format!("{}, {walls} of them walls", count_text(all.len() + walls, "body")), &all);
     group_lines(scene, population) + &total + "\n"
 }
 
@@ -29,9 +30,9 @@ fn group_line(name: String, grains: &[&Grain]) -> String {
     let mass: f64 = grains.iter().map(|grain| grain.mass).sum();
     let polyhedra = grains.iter().filter(|grain| grain.polyhedron.is_some()).count();
     let kind = match polyhedra {
-        0 => format!("{count} spheres"),
-        _ if polyhedra == count => format!("{count} polyhedra ({})", vertex_count_text(grains)),
-        _ => format!("{} spheres and {polyhedra} polyhedra", count - polyhedra),
+        0 => count_text(count, "sphere"),
+        _ if polyhedra == count => format!("{} ({})", count_text(count, "polyhedron"), vertex_count_text(grains)),
+        _ => format!("{} and {}", count_text(count - polyhedra, "sphere"), count_text(polyhedra, "polyhedron")),
     };
     // Numbers below 0.01 have five digits.
     let digits = |x: f64| if x < 0.01 { format!("{x:.4e}") } else { format!("{x:.5}") };

@@ -136,7 +136,7 @@ fn given_vertices_elsewhere_are_moved_and_turned_and_it_is_told() {
     let said = cd_pre::write_datbox(&path, &[], &folder.path().join("DATBOX")).unwrap();
     assert!(said.contains("centre of mass at (10.75000000, 0.50000000, 0.25000000) m of the given vertices"), "{said}");
     assert!(said.contains("principal axes rotated by 0."), "{said}");
-    assert!(said.contains("1 polyhedra (4 vertices each)"), "{said}");
+    assert!(said.contains("1 polyhedron (4 vertices each)"), "{said}");
     // Turned back and moved, the vertices are those that were given, less 10 along x.
     let (bodies, dof, _) = files(&text);
     for (found, given) in standing(&bodies.0[0], &dof.bodies[0].axes).iter().zip(vertices) {

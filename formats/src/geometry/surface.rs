@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
+use crate::names::count_text;
+
 type Vec3 = Vector3<f64>;
 
 /// Closed surface in one piece, its triangles counter-clockwise seen from outside.
@@ -233,11 +235,10 @@ fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, SurfaceFaul
                 neighbours[j].push((i, along_i == along_j));
             }
             _ => faults.push(format!(
-                "the edge of vertices {} and {} belongs to {} triangle{}; expected 2",
+                "the edge of vertices {} and {} belongs to {}; expected 2",
                 a + 1,
                 b + 1,
-                sides.len(),
-                if sides.len() == 1 { "" } else { "s" }
+                count_text(sides.len(), "triangle")
             )),
         }
     }

@@ -28,6 +28,7 @@ use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::ids::BodyId;
+use cd_formats::names::count_text;
 use cd_formats::origin::SceneOrigin;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
@@ -196,7 +197,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     summary += &digits::lost_digits(&records.0[..taken], &tables, &driven);
     summary += &group_lines(&new.scene, &new.population);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
-    summary += &format!("{} bodies; wrote {}: {}\n", records.0.len(), datbox.display(), names.join(" "));
+    summary += &format!("{}; wrote {}: {}\n", count_text(records.0.len(), "body"), datbox.display(), names.join(" "));
     Ok(summary)
 }
 

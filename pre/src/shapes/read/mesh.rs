@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use cd_formats::names::count_text;
+
 /// Polygons over points, the common form of all kinds of files.
 #[derive(Debug, Default, PartialEq)]
 pub struct PolygonMesh {
@@ -44,22 +46,11 @@ impl From<ReadError> for Vec<ReadError> {
 
 impl PolygonMesh {
     /// Adds a phrase with a count, unless the count is 0.
-    pub fn add_note(&mut self, verb: &str, count: usize, what: &str, rest: &str) {
+    pub fn add_note(&mut self, verb: &str, count: usize, noun: &str, rest: &str) {
         if count > 0 {
-            self.notes.push(format!("{verb} {}{rest}", count_text(count, what)));
+            self.notes.push(format!("{verb} {}{rest}", count_text(count, noun)));
         }
     }
-}
-
-/// Returns `1 triangle` or `2 triangles`.
-pub fn count_text(count: usize, what: &str) -> String {
-    let plural = match (count, what) {
-        (1, _) => what.to_string(),
-        (_, "vertex") => "vertices".into(),
-        (_, "weight or colour") => "weights or colours".into(),
-        _ => format!("{what}s"),
-    };
-    format!("{count} {plural}")
 }
 
 /// A text with line feeds at the ends of its lines, as old programs write carriage returns alone.

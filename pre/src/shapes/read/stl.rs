@@ -1,6 +1,8 @@
 //! STL, text and binary.
 
-use super::mesh::{PolygonMesh, ReadError, coordinate, count_text, lines, parse_real};
+use cd_formats::names::count_text;
+
+use super::mesh::{PolygonMesh, ReadError, coordinate, lines, parse_real};
 use super::vtk::NumberType;
 
 /// Bytes before the first triangle of a binary file: a header of 80, then the number of triangles.
