@@ -13,8 +13,12 @@ pub fn report_doubts(
     walls: &[SceneWall],
     report: &mut FaultReport,
 ) {
+    // The density of a plate sets its mass: a light one follows the grains at once.
+    let is_of_walls = |name: &str| {
+        walls.iter().any(|wall| wall.material() == name) && !grains.iter().any(|grains| grains.material == name)
+    };
     for (k, material) in materials.iter().enumerate() {
-        if let Some(question) = density(material.density) {
+        if let Some(question) = density(material.density).filter(|_| !is_of_walls(&material.name)) {
             report.add_warning(&format!("materials.{k}.density"), format!("{:?}", material.density), &question);
         }
     }

@@ -223,6 +223,11 @@ fn doubtful_values_are_asked_about_and_accepted() {
         assert_eq!(made(&GOOD.replacen(from, to, 1), &[]), (0, expected), "{to}");
     }
     assert_eq!(made(&GOOD, &[]), (0, String::new()));
+    // A wall may be as light as its user wants.
+    let light = GOOD.replacen("2700.0)", "2700.0), (name: \"LIGHT\", density: 10.0)", 1);
+    let (grains, wall) = light.split_once("walls:").unwrap();
+    let wall = wall.replacen("\"ROCKx\"", "\"LIGHT\"", 1);
+    assert_eq!(made(&format!("{grains}walls:{wall}"), &[]), (0, String::new()));
     // A setting is named in place of a line.
     let (code, said) = made(&GOOD, &["--set", "materials.1.density=3.1"]);
     assert!(
