@@ -41,19 +41,22 @@ pub(super) fn collect_common_corners(
 /// Outline of a face seen along the normal, counter-clockwise.
 struct FaceOutline<'a> {
     posed: &'a PosedPolyhedron<'a>,
+    /// Vertices and edges of the face, in the shape's order.
     corners: &'a [FeatureIndex],
     sides: &'a [FeatureIndex],
-    /// Position of the body, m.
+    /// Position of the body's centre relative to that of A, m.
     moved: Vec3,
     /// Whether the face's normal is opposite to the viewing normal; then corners and sides are in reverse order.
     turned: bool,
+    /// Coordinates of the corners across the viewing normal, and their heights along it, m; the first corner follows the
+    /// last.
     x: &'a mut [f64],
     y: &'a mut [f64],
     z: &'a mut [f64],
     /// Directions of the sides; zero for a side seen end on.
     dx: &'a mut [f64],
     dy: &'a mut [f64],
-    /// Height above the plane's height at 0: h = height - slope·(x, y).
+    /// Height of the face's plane at (0, 0), m, and its slope: at (x, y) the height is height - slope·(x, y).
     height: f64,
     slope: [f64; 2],
 }
@@ -76,11 +79,13 @@ impl<'a> FaceOutline<'a> {
         FaceOutline { posed, corners, sides, moved, turned, x, y, z, dx, dy, height: 0.0, slope: [0.0; 2] }
     }
 
+    /// Vertex of corner `k`, counter-clockwise as seen.
     #[inline(always)]
     fn vertex(&self, k: usize) -> u32 {
         self.corners[if self.turned { self.corners.len() - 1 - k } else { k }].into()
     }
 
+    /// Edge from corner `k` to the next.
     #[inline(always)]
     fn edge(&self, k: usize) -> u32 {
         let count = self.sides.len();
@@ -97,6 +102,7 @@ impl<'a> FaceOutline<'a> {
         if k + 1 == self.corners.len() { 0 } else { k + 1 }
     }
 
+    /// Position of corner `k` relative to A's centre, world frame, m.
     #[inline(always)]
     fn corner_position(&self, k: usize) -> Vec3 {
         self.posed.vertex(self.vertex(k)) + self.moved
