@@ -266,11 +266,11 @@ pub enum GrainPlacement {
     /// Sites of a face-centred cubic lattice, each grain moved at random within its site's ball.
     JitteredLattice {
         envelope: Envelope,
-        /// Share of a grain's free room that the random move may use, 0 to 1.
+        /// Fraction of a grain's free distance that the random displacement may use, 0 to 1.
         #[serde(default = "default_jitter")]
         jitter: f64,
     },
-    /// One after the other, largest first, anywhere in the envelope where there is room.
+    /// One after the other, largest first, at random free positions in the envelope.
     RandomSequential { envelope: Envelope },
     /// Convex fragments that fill a solid without gaps: the cells of points at random (Voronoi).
     Fragments {
@@ -291,7 +291,7 @@ fn default_jitter() -> f64 {
     1.0
 }
 
-/// Shape and size of the room that whole grains must keep within, centred on `centre`; the size is
+/// Shape and size of the region in which whole grains are placed, centred on `centre`; the size is
 /// left out (or the ratios given) where `number` and `solid_fraction` together determine it.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -375,14 +375,14 @@ pub enum SceneWall {
         #[serde(default)]
         spin: [TimeFunction; 3],
     },
-    /// Five or six plates around a room; their faces are flush with the room.
+    /// Five or six plates around an interior, with faces flush with it.
     Box {
         material: String,
         colour: String,
-        /// Centre of the room, m.
+        /// Centre of the interior, m.
         #[serde(default)]
         centre: [f64; 3],
-        /// Whole lengths of the room, m.
+        /// Full edge lengths of the interior, m.
         lengths: [f64; 3],
         /// Turns the box about `centre`.
         #[serde(default)]

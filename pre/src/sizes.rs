@@ -121,7 +121,7 @@ impl SizeDistribution {
                 let (mut grains, mut filled) = (Vec::new(), 0.0);
                 loop {
                     let grain = next()?;
-                    // Half a grain too much is as far from what is wanted as half a grain too little.
+                    // The last grain is added if that brings the volume closer to the target.
                     if filled + 0.5 * volume(&grain) > wanted || grains.len() > MAX_BODIES {
                         return Ok(grains);
                     }

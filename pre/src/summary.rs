@@ -43,7 +43,7 @@ fn group_line(name: String, grains: &[&Grain]) -> String {
 /// A line for each body of grains.
 pub fn group_lines(scene: &Scene, population: &Population) -> String {
     let mut text = String::new();
-    for (group, room) in population.regions.iter().enumerate() {
+    for (group, region) in population.regions.iter().enumerate() {
         let grains: Vec<_> = population.grains.iter().filter(|grain| grain.group == group).collect();
         text += &group_line(format!("grains {}", group + 1), &grains);
         if !population.file_summaries[group].is_empty() {
@@ -54,9 +54,9 @@ pub fn group_lines(scene: &Scene, population: &Population) -> String {
         {
             text += &frame_change_text(&polyhedron.solid);
         }
-        if let Some(room) = room {
+        if let Some(region) = region {
             let filled: f64 = grains.iter().map(|grain| grain.volume()).sum();
-            text += &format!(", solid fraction {:.4} of {room}", filled / room.volume());
+            text += &format!(", solid fraction {:.4} of {region}", filled / region.volume());
         }
         text += if scene.grains[group].driven.is_some() { ", driven\n" } else { "\n" };
     }

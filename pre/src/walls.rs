@@ -236,7 +236,7 @@ mod tests {
     use super::*;
     use crate::scene::Rotation;
 
-    fn room(lid: bool, orientation: Rotation) -> Vec<WallBody> {
+    fn box_walls(lid: bool, orientation: Rotation) -> Vec<WallBody> {
         wall_bodies(&[SceneWall::Box {
             material: "STEEL".into(),
             colour: "WALLx".into(),
@@ -251,9 +251,9 @@ mod tests {
 
     #[test]
     fn a_box_touches_the_ball_that_fills_it() {
-        assert_eq!(room(false, Rotation::default()).len(), 5);
+        assert_eq!(box_walls(false, Rotation::default()).len(), 5);
         for angle in [0.0, 0.3] {
-            let plates = room(true, Rotation { axis: [1.0, 1.0, 0.0], angle });
+            let plates = box_walls(true, Rotation { axis: [1.0, 1.0, 0.0], angle });
             assert_eq!(plates.len(), 6);
             let centre = Vector3::new(1.0, 2.0, 3.0);
             let mut gaps: Vec<f64> = plates.iter().map(|plate| -plate.ball_overlap(&centre, 2.0)).collect();

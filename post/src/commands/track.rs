@@ -225,7 +225,7 @@ fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
             contacts += 1;
         }
     }
-    // A wall that is driven in part falls with what pushes it.
+    // Walls are excluded: a wall with a force does not fall freely.
     let fall = side.grain_id().and_then(|grain| free_fall(frame, grain));
     let record_start = frame.meta.time - frame.interval.length;
     let touched_since = frame.interval.exchanges.iter().any(|exchange| exchange.sides.contains(&side));
@@ -443,7 +443,7 @@ mod tests {
             let lander = scene.grain([4.0 + shift, 4.0 + shift, 3.0], 0.5);
             let frame = scene.frame();
             let seen = find_body(&frame, lander as u64 + 1, &up).unwrap();
-            assert_eq!(seen.x, Vec3::new(4.0 + shift, 4.0 + shift, 3.0), "the way goes on");
+            assert_eq!(seen.x, Vec3::new(4.0 + shift, 4.0 + shift, 3.0), "the trajectory continues");
             let level = ground_level(&frame, lander as u64 + 1, &up, &seen);
             (level, crater_profile(&frame, &frame, lander as u64 + 1, &up, &seen.x, level))
         };

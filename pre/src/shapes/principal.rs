@@ -42,8 +42,8 @@ impl PrincipalSolid {
             shift = Vector3::zeros();
         }
         let inertia = Matrix3::from(properties.inertia);
-        let beside = inertia - Matrix3::from_diagonal(&inertia.diagonal());
-        let (moments, axes) = if beside.amax() <= ALIGNMENT_TOLERANCE * inertia.trace() {
+        let products_of_inertia = inertia - Matrix3::from_diagonal(&inertia.diagonal());
+        let (moments, axes) = if products_of_inertia.amax() <= ALIGNMENT_TOLERANCE * inertia.trace() {
             (inertia.diagonal().into(), Matrix3::identity())
         } else {
             let (moments, axes) = properties.principal_axes();
