@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_is_told_once() {
+    fn a_fault_is_reported_once() {
         let fault = |found: &str| Fault::new(Path::new("z.dat"), Some(2), "point 2", found, "later than point 1");
         let faults = Faults(vec![fault("time 0"), fault("time 1"), fault("time 0")]);
         let expected = "cd-solve: z.dat:2: point 2: time 0; later than point 1\ncd-solve: z.dat:2: point 2: time 1; later than point 1\n";

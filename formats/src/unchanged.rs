@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn densities_laws_and_imposed_motion_that_were_edited_are_told() {
+    fn densities_laws_and_imposed_motion_that_were_edited_are_reported() {
         let (file, path) = (Path::new("FILE.DAT"), Path::new("snapshot-000005.npz"));
         let snapshot = computed(&spheres(&[1.0; 2]));
         let computed = ComputedSnapshot { path, snapshot: &snapshot };

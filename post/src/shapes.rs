@@ -407,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_surface_is_told() {
+    fn a_broken_surface_is_reported() {
         let mut broken = body(0.0, None);
         let ShapeRecord::Polyhedron { triangles, .. } = &mut broken.contactors[0].shape else { unreachable!() };
         triangles.pop();

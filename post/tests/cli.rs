@@ -231,7 +231,7 @@ fn a_snapshot_of_another_run_is_refused() {
 }
 
 #[test]
-fn what_all_snapshots_lack_is_told_once() {
+fn a_lack_of_all_snapshots_is_reported_once() {
     let case = tempfile::tempdir().unwrap();
     for step in 0..3 {
         let mut scene = scene(step);
@@ -1030,7 +1030,7 @@ fn a_body_is_tracked_along_the_first_gravity() {
 }
 
 #[test]
-fn a_depth_below_nothing_is_told() {
+fn a_depth_below_nothing_is_reported() {
     let case = case(&[0]);
     let mut scene = scene(0);
     scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -2.0];
@@ -1044,7 +1044,7 @@ fn a_depth_below_nothing_is_told() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_folder_that_no_text_names_is_told() {
+fn a_folder_that_no_text_names_is_reported() {
     use std::os::unix::ffi::OsStrExt;
     let folder = tempfile::tempdir().unwrap();
     let case = folder.path().join(std::ffi::OsStr::from_bytes(b"bad\xff"));

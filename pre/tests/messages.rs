@@ -146,7 +146,7 @@ fn mistakes_in_the_text_are_placed() {
 }
 
 #[test]
-fn what_was_written_for_another_program_is_told_apart() {
+fn syntax_of_another_program_is_recognized() {
     let json = GOOD.replacen("(\n    gravity", "{\n    \"gravity\"", 1);
     let said = faults(&json);
     let lines: Vec<&str> = said.lines().collect();

@@ -123,7 +123,7 @@ fn given_vertices_about_their_centre_keep_their_digits() {
 }
 
 #[test]
-fn given_vertices_elsewhere_are_moved_and_turned_and_it_is_told() {
+fn given_vertices_are_moved_and_turned_with_a_message() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.ron");
     // The corner tetrahedron: its principal axes are not the given ones.
@@ -145,7 +145,7 @@ fn given_vertices_elsewhere_are_moved_and_turned_and_it_is_told() {
 }
 
 #[test]
-fn listed_polyhedra_stand_as_told_and_may_touch_but_not_overlap() {
+fn listed_polyhedra_have_their_orientations_and_may_touch_but_not_overlap() {
     // Three cubes of side 2: one on the other, and one on its edge beside them, as near as it goes.
     let beside = 1.0 + 2f64.sqrt();
     let stack = |x: f64, z: f64| {

@@ -490,7 +490,7 @@ fn one_grain_may_spin_where_a_scene_repeats() {
 }
 
 #[test]
-fn small_radii_are_told_with_five_digits() {
+fn small_radii_are_printed_with_five_digits() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scene.ron");
     let [from, to] = ["min: 0.5, max: 1.0", "min: 1.2345678e-5, max: 1.2345678e-5"];

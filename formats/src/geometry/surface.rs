@@ -445,7 +445,7 @@ mod tests {
     }
 
     #[test]
-    fn every_fault_is_told() {
+    fn every_fault_is_reported() {
         let cube = corners([1.0; 3], &UnitQuaternion::identity(), Vec3::zeros());
         let faults =
             |vertices: &[[f64; 3]], triangles: &[[u32; 3]]| Surface::new(vertices, triangles).unwrap_err().0.join("\n");

@@ -302,7 +302,7 @@ mod tests {
     fn broken(region: &GrainRegion, number: usize, relaxation: usize, seed: u64) -> (Surface, Vec<Surface>) {
         let solid = region_polyhedron(region, number).unwrap();
         let fragments =
-            voronoi_fragments(&solid, number, relaxation, &mut RandomStream::new(seed, 0, StreamPurpose::Place))
+            voronoi_fragments(&solid, number, relaxation, &mut RandomStream::new(seed, 0, StreamPurpose::Positions))
                 .unwrap();
         (solid, fragments)
     }

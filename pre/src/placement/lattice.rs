@@ -112,7 +112,7 @@ mod tests {
     use crate::random::StreamPurpose;
 
     fn random() -> RandomStream {
-        RandomStream::new(1, 0, StreamPurpose::Place)
+        RandomStream::new(1, 0, StreamPurpose::Positions)
     }
 
     /// Smallest distance of two points, by a search of all pairs.

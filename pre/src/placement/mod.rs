@@ -86,7 +86,7 @@ pub fn place_grains(
     seed: u64,
     group: usize,
 ) -> Result<PlacedGrains, PlacementError> {
-    let mut random = RandomStream::new(seed, group, StreamPurpose::Place);
+    let mut random = RandomStream::new(seed, group, StreamPurpose::Positions);
     let turn = rotation_matrix(&grains.orientation);
     let centre = Vector3::from(grains.centre);
     let polyhedral = grains.is_polyhedral();
@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_too_far_out_for_the_files_is_told() {
+    fn a_position_too_far_out_for_the_files_is_reported() {
         for place in [
             GrainPlacement::RandomSequential { envelope: envelope(0) },
             GrainPlacement::JitteredLattice { envelope: envelope(0), jitter: 0.5 },
@@ -441,7 +441,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_told_with_counts() {
+    fn grains_that_do_not_fit_are_reported_with_counts() {
         let tight = |place| grains(Some(1000), None, SizeDistribution::Single(1.0), place);
         let envelope = || Envelope::Ball { radius: Some(10.0) };
         let lattice =

@@ -42,7 +42,11 @@ mod tests {
     fn equal_spheres_reach_a_solid_fraction_of_030_but_not_040() {
         let radii = |share: f64| vec![1.0; (share * 1000.0) as usize]; // in a ball of radius 10
         let place = |share| {
-            place_spheres(&GrainRegion::Ball(10.0), &radii(share), &mut RandomStream::new(2, 0, StreamPurpose::Place))
+            place_spheres(
+                &GrainRegion::Ball(10.0),
+                &radii(share),
+                &mut RandomStream::new(2, 0, StreamPurpose::Positions),
+            )
         };
         assert!(place(0.28).is_ok());
         // The jamming limit of random sequential placement is 0.385; the wall takes some more.

@@ -136,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parts_too_small_to_be_moved_are_told() {
+    fn parts_too_small_to_be_moved_are_reported() {
         // A cube of a kilometre with a sliver of 1e-14 m on one of its edges, at the origin.
         let corner = |k: usize| [[0, 1, 1, 0][k % 4], [0, 0, 1, 1][k % 4], k / 4].map(|x| 1e3 * x as f64);
         let corners: Vec<[f64; 3]> = (0..8).map(corner).chain([[0.1, 0.0, 0.0], [0.05, 1e-14, 0.0]]).collect();
