@@ -7,8 +7,8 @@ use clap::{Command, Parser};
 
 use crate::atomic;
 use crate::error::Fault;
+use crate::messages::{print_error, usage};
 use crate::ron_text::nearest_name;
-use crate::tell::{print_error, usage};
 
 /// Folder of a case that a program reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -56,8 +56,7 @@ impl Evolution {
         }
     }
 
-    /// Time up to which the value equals that at `time`, s: `time` itself while it changes, infinite if it no longer
-    /// changes.
+    /// Time until which the value at `time` remains, s: `time` itself while it changes, infinite if it never changes again.
     ///
     /// ```
     /// use cd_formats::drv_dof::Evolution;

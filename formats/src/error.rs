@@ -139,7 +139,10 @@ impl Faults {
         };
         let mut lines: HashMap<_, Vec<usize>> = HashMap::new();
         for (sentence, line) in faults.iter().filter_map(|fault| alike(fault)) {
-            lines.entry(sentence).or_default().push(line);
+            let known = lines.entry(sentence).or_default();
+            if !known.contains(&line) {
+                known.push(line);
+            }
         }
         let mut printed = HashSet::new();
         let mut text = String::new();
@@ -225,6 +228,10 @@ mod tests {
         // A few are printed one by one, and so are those of a file as a whole.
         assert_eq!(Faults(many(MAX_ALIKE_FAULTS)).format_report("cd-solve").lines().count(), MAX_ALIKE_FAULTS);
         assert_eq!(Faults(many(MAX_ALIKE_FAULTS)).format_report("cd-solve").lines().next(), Some(first));
+        // As are those of one line, at different columns.
+        let column = |(k, fault)| Fault { line: Some(1), column: Some(k), ..fault };
+        let one_line: Vec<Fault> = (1..).zip(many(6)).map(column).collect();
+        assert_eq!(Faults(one_line).format_report("cd-solve").lines().count(), 6);
         let whole = many(9).into_iter().map(|fault| Fault { line: None, ..fault }).collect();
         assert_eq!(Faults(whole).format_report("cd-solve").lines().count(), 9);
     }
@@ -242,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_is_told_once() {
+    fn a_fault_is_reported_once() {
         let fault = |found: &str| Fault::new(Path::new("z.dat"), Some(2), "point 2", found, "later than point 1");
         let faults = Faults(vec![fault("time 0"), fault("time 1"), fault("time 0")]);
         let expected = "cd-solve: z.dat:2: point 2: time 0; later than point 1\ncd-solve: z.dat:2: point 2: time 1; later than point 1\n";

@@ -1,6 +1,6 @@
 //! Names of earlier versions in `scene.ron`, `changes.ron` and `--set`, which are read as their current names.
 //!
-//! The two tables below are the only list of these names. [`crate::places::ValueLocations`] finds values under their current
+//! The two tables below are the only list of these names. [`crate::value_locations::ValueLocations`] finds values under their current
 //! names, [`crate::ron_file`] parses a text with the current names and reports the former ones.
 
 use std::ops::Range;
@@ -19,7 +19,7 @@ const fn renamed(holder: &'static str, former: &'static str, current: &'static s
 }
 
 /// Former names of fields. Holders have current names.
-pub const FORMER_FIELDS: [FormerName; 11] = [
+pub const FORMER_FIELDS: [FormerName; 12] = [
     renamed("grains.N", "place", "placement"),
     renamed("grains.N", "standing", "grain_orientation"),
     renamed("grains.N.shape", "scaled", "scale"),
@@ -27,7 +27,8 @@ pub const FORMER_FIELDS: [FormerName; 11] = [
     renamed("grains.N.shape.contact_shape", "most", "max_pieces"),
     renamed("grains.N.shape.contact_shape", "vertices", "max_vertices"),
     renamed("grains.N.placement.envelope", "scaled", "scale"),
-    renamed("walls.N", "rotation", "angular_velocity"),
+    renamed("walls.N", "rotation", "spin"),
+    renamed("walls.N", "angular_velocity", "spin"),
     renamed("bodies.N", "keep", "select"),
     renamed("bodies.N", "stop", "remove_motion"),
     renamed("bodies.N", "turn", "rotate"),

@@ -33,14 +33,15 @@
 //! |---|---|
 //! | [`error`], [`report`] | faults with file, line, column, object, found and expected; those of RON files by path |
 //! | [`scan`] | text in columns as Fortran reads and writes it |
-//! | [`ron_text`], [`places`] | RON with the position of each mistake; positions and replacement of values |
+//! | [`ron_text`], [`value_locations`] | RON with the position of each mistake; positions of values |
+//! | [`settings`] | values of RON files that a command line replaces |
 //! | [`ron_file`], [`former_names`] | RON files under the names of today and of earlier versions |
 //! | [`atomic`] | files that are complete or absent |
 //! | [`case`] | the folder of a case on a command line |
 //! | [`origin`] | the files that DATBOX is made from |
 //! | [`unchanged`] | whether the files of DATBOX still agree with a snapshot |
 //! | [`doubts`] | values that are probably mistakes of units |
-//! | [`tell`] | messages to people |
+//! | [`messages`] | messages to people |
 //! | [`groups`], [`ids`], [`names`] | groups of connected items; typed indices; names in messages |
 
 pub mod accuracy;
@@ -60,18 +61,19 @@ pub mod geometry;
 pub mod groups;
 pub mod ids;
 pub mod law_table;
+pub mod messages;
 pub mod names;
 pub mod origin;
-pub mod places;
 pub mod presets;
 pub mod report;
 pub mod ron_file;
 pub mod ron_text;
 pub mod scan;
+pub mod settings;
 pub mod snapshot;
 pub mod tact_behav;
-pub mod tell;
 pub mod unchanged;
+pub mod value_locations;
 pub mod vloc_rloc;
 
 // Other modules and crates name these without their folder.

@@ -1,4 +1,4 @@
-//! Names in messages: suggestions for unknown ones, and paths of values in words.
+//! Names in messages: suggestions for unknown ones, counts with their nouns, and paths of values in words.
 
 /// Question with the known name nearest to an unknown one, if it is near enough: `did you mean output_every?`.
 pub fn nearest_name<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
@@ -19,6 +19,19 @@ pub fn known_names(name: &str, known: &[&str]) -> String {
         (None, [one]) => format!("expected {one}"),
         (None, all) => format!("expected one of {}", all.join(", ")),
     }
+}
+
+/// Count with its noun: `1 body`, `2 bodies`.
+pub fn count_text(count: usize, noun: &str) -> String {
+    let plural = match (count, noun) {
+        (1, _) => noun.to_string(),
+        (_, "body") => "bodies".into(),
+        (_, "polyhedron") => "polyhedra".into(),
+        (_, "vertex") => "vertices".into(),
+        (_, "weight or colour") => "weights or colours".into(),
+        _ => format!("{noun}s"),
+    };
+    format!("{count} {plural}")
 }
 
 /// Converts a path to words: `grains.0.sizes` is `grains 1, sizes`; `materials.2` is `material 3`.

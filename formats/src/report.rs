@@ -4,12 +4,13 @@ use std::path::Path;
 
 use crate::error::{Fault, Faults};
 use crate::names::{known_names, path_in_words};
-use crate::places::{self, ValueLocations};
+use crate::settings::{setting_fault, setting_of_path};
+use crate::value_locations::ValueLocations;
 
 /// Faults of one file, each with the path of its value, e.g. `grains.0.sizes`.
 pub struct FaultReport<'a> {
     file: &'a Path,
-    places: ValueLocations<'a>,
+    locations: ValueLocations<'a>,
     settings: &'a [String],
     pub faults: Faults,
     /// Values that are allowed but probably a mistake.
@@ -21,11 +22,11 @@ impl<'a> FaultReport<'a> {
         FaultReport::with_settings(file, text, &[])
     }
 
-    /// Report on a text in which [`places::apply_settings`] has replaced values: faults of these name the setting.
+    /// Report on a text in which [`crate::settings::apply_settings`] has replaced values: faults of these name the setting.
     pub fn with_settings(file: &'a Path, text: &'a str, settings: &'a [String]) -> Self {
         FaultReport {
             file,
-            places: ValueLocations::from_text(text),
+            locations: ValueLocations::from_text(text),
             settings,
             faults: Faults::default(),
             warnings: Faults::default(),
@@ -44,7 +45,7 @@ impl<'a> FaultReport<'a> {
 
     /// Text of the value at `path`; empty if there is none.
     pub fn text(&self, path: &str) -> &'a str {
-        self.places.text(path).unwrap_or_default()
+        self.locations.text(path).unwrap_or_default()
     }
 
     /// Adds a warning about the value at `path`, with a question or advice.
@@ -54,10 +55,10 @@ impl<'a> FaultReport<'a> {
 
     /// Fault of the value at `path`, with the whole phrase about the expected value.
     pub fn fault_at(&self, path: &str, found: String, expected: String) -> Fault {
-        match places::setting_of_path(self.settings, path) {
-            Some(setting) => places::setting_fault(setting, found, expected),
+        match setting_of_path(self.settings, path) {
+            Some(setting) => setting_fault(setting, found, expected),
             None => {
-                let (line, column) = self.places.position(path).unzip();
+                let (line, column) = self.locations.position(path).unzip();
                 Fault { column, ..Fault::new(self.file, line, path_in_words(path), found, expected) }
             }
         }

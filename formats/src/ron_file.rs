@@ -6,8 +6,9 @@ use serde::de::DeserializeOwned;
 
 use crate::error::{Fault, Faults};
 use crate::former_names::{FormerName, FormerNameUse};
-use crate::places::{self, ValueLocations};
 use crate::ron_text::{TextFault, line_and_column, located_faults, parse_ron};
+use crate::settings::{former_names_of_setting, setting_fault};
+use crate::value_locations::ValueLocations;
 
 /// Reads RON.
 ///
@@ -34,8 +35,8 @@ impl CurrentText {
     ///
     /// Errors: a field under both of its names.
     pub fn new(text: &str) -> Result<CurrentText, Vec<TextFault>> {
-        let places = ValueLocations::from_text(text);
-        let conflicts = places.conflicts();
+        let locations = ValueLocations::from_text(text);
+        let conflicts = locations.conflicts();
         if !conflicts.is_empty() {
             let fault = |(at, path, name): &(usize, String, &FormerName)| TextFault {
                 at: *at,
@@ -45,7 +46,7 @@ impl CurrentText {
             };
             return Err(conflicts.iter().map(fault).collect());
         }
-        let uses = places.former_names().to_vec();
+        let uses = locations.former_names().to_vec();
         let mut current = text.to_string();
         uses.iter().rev().for_each(|one| current.replace_range(one.span.clone(), one.name.current));
         Ok(CurrentText { text: current, uses })
@@ -80,11 +81,20 @@ pub fn with_current_names(path: &Path, text: &str) -> Result<String, Faults> {
 /// let text = "(grains: [(place: List(positions: [])), (place: List(positions: []))])";
 /// let found = former_name_warnings("scene.ron".as_ref(), text, &["walls.1.rotation=Constant(1)".to_string()]).to_string();
 /// assert_eq!(found.lines().next(), Some("scene.ron:1:12: place: renamed, 2 times in this file; write placement"));
-/// assert!(found.ends_with("rotation: renamed; write angular_velocity"), "{found}");
+/// assert!(found.ends_with("rotation: renamed; write spin"), "{found}");
 /// ```
 pub fn former_name_warnings(file: &Path, text: &str, settings: &[String]) -> Faults {
+    let mut faults = warnings_of_uses(file, text, ValueLocations::from_text(text).former_names());
+    for setting in settings {
+        let uses = former_names_of_setting(setting);
+        faults.0.extend(uses.iter().map(|one| setting_warning(setting, one.name)));
+    }
+    faults
+}
+
+/// Warnings about these former names in the text of a file: one for each name, at its first position.
+pub fn warnings_of_uses(file: &Path, text: &str, uses: &[FormerNameUse]) -> Faults {
     let mut faults = Faults::default();
-    let uses = ValueLocations::from_text(text).former_names().to_vec();
     for (k, one) in uses.iter().enumerate() {
         let is_same =
             |other: &&FormerNameUse| (other.name.former, other.name.current) == (one.name.former, one.name.current);
@@ -100,13 +110,12 @@ pub fn former_name_warnings(file: &Path, text: &str, settings: &[String]) -> Fau
         let fault = Fault::new(file, Some(line), one.name.former, found, expected);
         faults.push(Fault { column: Some(column), ..fault });
     }
-    for setting in settings {
-        for name in places::former_names_of_setting(setting) {
-            let found = format!("{}: renamed", name.former);
-            faults.push(places::setting_fault(setting, found, format!("write {}", name.current)));
-        }
-    }
     faults
+}
+
+/// Warning about a former name in a setting.
+pub fn setting_warning(setting: &str, name: &FormerName) -> Fault {
+    setting_fault(setting, format!("{}: renamed", name.former), format!("write {}", name.current))
 }
 
 #[cfg(test)]

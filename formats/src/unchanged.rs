@@ -7,6 +7,7 @@ use crate::bulk_behav::BulkBehav;
 use crate::drv_dof::{DrivenKind, DrvDof};
 use crate::error::{Fault, Faults};
 use crate::mass::InertialProperties;
+use crate::names::count_text;
 use crate::snapshot::Snapshot;
 use crate::surface::MassProperties;
 use crate::tact_behav::TactBehav;
@@ -37,7 +38,7 @@ impl ComputedSnapshot<'_> {
         let there = &self.snapshot.bodies;
         let count = there.body_id.len();
         if bodies.0.len() != count {
-            let (found, expected) = (format!("{} bodies", bodies.0.len()), self.expected_text(&format!("{count}")));
+            let (found, expected) = (count_text(bodies.0.len(), "body"), self.expected_text(&format!("{count}")));
             return Err(Fault::new(file, None, "file", found, expected).into());
         }
         let (mut broken, mut edited, mut all) = (Faults::default(), Vec::new(), Vec::new());
@@ -240,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn densities_laws_and_imposed_motion_that_were_edited_are_told() {
+    fn densities_laws_and_imposed_motion_that_were_edited_are_reported() {
         let (file, path) = (Path::new("FILE.DAT"), Path::new("snapshot-000005.npz"));
         let snapshot = computed(&spheres(&[1.0; 2]));
         let computed = ComputedSnapshot { path, snapshot: &snapshot };

@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::case::{CaseFolder, no_case, parse_arguments};
 use cd_formats::error::Faults;
+use cd_formats::messages::{print_error, print_line};
+use cd_formats::names::count_text;
 use cd_formats::ron_text::nearest_name;
-use cd_formats::tell::{print_error, print_line};
 use clap::{CommandFactory, Parser};
 
 use crate::commands::series::process_case;
 use crate::commands::{accuracy_study, compare, report, state, study, track};
-use crate::options::{Measures, Options, SlopeReach, parse_finite};
+use crate::options::{Measures, Options, SlopeReach, ThreadCount, parse_finite};
 
 /// Computes observables from the snapshots of a case, and writes plots and ParaView files.
 ///
@@ -48,13 +49,15 @@ enum Command {
         mean: u32,
         #[command(flatten)]
         slope: SlopeReach,
+        #[command(flatten)]
+        threads: ThreadCount,
     },
     /// Plots each observable of several runs in one figure, with their values in one table.
     ///
     /// Reads POSTPRO/series.csv of each case: run cd-post on the cases first.
     Compare {
         /// Case folders
-        #[arg(required = true, num_args = 1..)]
+        #[arg(required = true, num_args = 1.., value_name = "DIR")]
         dirs: Vec<PathBuf>,
         /// Folder for NAME.svg and NAME.csv of each observable NAME
         #[arg(short, long, default_value = "compare")]
@@ -78,7 +81,7 @@ enum Command {
     /// Reads POSTPRO/series.csv, OUTBOX/steps.csv, TIMER.csv and the last snapshot of each case.
     Study {
         /// Case folders, or study.csv of `cd-pre study` for all of its cases with their parameters
-        #[arg(required = true, num_args = 1..)]
+        #[arg(required = true, num_args = 1.., value_name = "DIR")]
         dirs: Vec<PathBuf>,
         /// Folder for runs.csv, fits.csv and the figures
         #[arg(short, long, default_value = "study")]
@@ -106,7 +109,7 @@ enum Command {
     AccuracyStudy {
         /// Case folders; errors are relative to the run with `accuracy: reference`, or to the last. Or folders that this
         /// command has written for several realisations of a scene
-        #[arg(required = true, num_args = 2..)]
+        #[arg(required = true, num_args = 2.., value_name = "DIR")]
         dirs: Vec<PathBuf>,
         /// Folder for accuracy.csv, orders.csv and accuracy.svg
         #[arg(short, long, default_value = "accuracy-study")]
@@ -137,6 +140,8 @@ enum Command {
         /// Number of the body in BODIES.DAT
         #[arg(long, value_name = "N")]
         body: u64,
+        #[command(flatten)]
+        threads: ThreadCount,
     },
     /// Writes one HTML page of a run: figures, numbers, options, and the grains in an interactive view.
     ///
@@ -150,6 +155,8 @@ enum Command {
         every: u32,
         #[command(flatten)]
         measures: Measures,
+        #[command(flatten)]
+        threads: ThreadCount,
     },
 }
 
@@ -160,6 +167,17 @@ impl Arguments {
             None => Some(&self.options.dir),
             Some(Command::State { dir, .. } | Command::Track { dir, .. } | Command::Report { dir, .. }) => Some(dir),
             Some(Command::Compare { .. } | Command::Study { .. } | Command::AccuracyStudy { .. }) => None,
+        }
+    }
+
+    /// Number of threads to start; 0: one for each core.
+    fn threads(&self) -> usize {
+        match &self.command {
+            None => self.options.threads.threads,
+            Some(Command::State { threads, .. } | Command::Track { threads, .. } | Command::Report { threads, .. }) => {
+                threads.threads
+            }
+            Some(Command::Compare { .. } | Command::Study { .. } | Command::AccuracyStudy { .. }) => 0,
         }
     }
 
@@ -232,12 +250,12 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
             output.join("accuracy.csv").display()
         ));
     }
-    let pool = match rayon::ThreadPoolBuilder::new().num_threads(options.threads).build() {
+    let threads = arguments.threads();
+    let pool = match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
         Ok(pool) => pool,
         Err(_) => {
             print_error(format_args!(
-                "cd-post: options: threads: {} cannot be started; expected a number that the machine can start",
-                options.threads
+                "cd-post: options: threads: {threads} cannot be started; expected a number that the machine can start"
             ));
             return 2;
         }
@@ -245,15 +263,16 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
     let _alone = arguments.case_dir().and_then(lock_case);
     let done = pool.install(|| match command {
         None => process_case(options),
-        Some(Command::State { dir, snapshot, mean, slope }) => state::write(dir, *snapshot, *mean, slope.slope_reach)
-            .map(|(folder, notes)| {
+        Some(Command::State { dir, snapshot, mean, slope, threads: _ }) => {
+            state::write(dir, *snapshot, *mean, slope.slope_reach).map(|(folder, notes)| {
                 print_line(format_args!("cd-post: {}", folder.display()));
                 notes
-            }),
+            })
+        }
         Some(Command::Compare { dirs, output, labels, table, columns, against }) => {
             let compared = compare::ComparisonOptions { table, columns, against: against.as_deref() };
             compare::write(dirs, labels, &compared, output).map(|(count, notes)| {
-                print_line(format_args!("cd-post: {count} figures in {}", output.display()));
+                print_line(format_args!("cd-post: {} in {}", count_text(count, "figure"), output.display()));
                 notes
             })
         }
@@ -261,25 +280,32 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
             let parameters = parameters.as_deref();
             let selected = study::StudyOptions { groups, by, parameters, from: *from, until: *until };
             study::write(dirs, &selected, output).map(|([runs, figures], notes)| {
-                print_line(format_args!("cd-post: {runs} runs, {figures} figures in {}", output.display()));
+                print_line(format_args!(
+                    "cd-post: {}, {} in {}",
+                    count_text(runs, "run"),
+                    count_text(figures, "figure"),
+                    output.display()
+                ));
                 notes
             })
         }
         Some(Command::AccuracyStudy { dirs, output, groups, values, from, early, title }) => {
-            let asked = accuracy_study::AccuracyStudyOptions { groups, values, from: *from, early: *early };
-            accuracy_study::write(dirs, &asked, title, output).map(|(table, notes)| {
+            let selected = accuracy_study::AccuracyStudyOptions { groups, values, from: *from, early: *early };
+            accuracy_study::write(dirs, &selected, title, output).map(|(table, notes)| {
                 print_line(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
                 notes
             })
         }
-        Some(Command::Track { dir, body }) => track::write(dir, *body).map(|(folder, notes)| {
+        Some(Command::Track { dir, body, threads: _ }) => track::write(dir, *body).map(|(folder, notes)| {
             print_line(format_args!("cd-post: {}", folder.display()));
             notes
         }),
-        Some(Command::Report { dir, every, measures }) => report::write(dir, *every, measures).map(|(page, notes)| {
-            print_line(format_args!("cd-post: {}", page.display()));
-            notes
-        }),
+        Some(Command::Report { dir, every, measures, threads: _ }) => {
+            report::write(dir, *every, measures).map(|(page, notes)| {
+                print_line(format_args!("cd-post: {}", page.display()));
+                notes
+            })
+        }
     });
     match done {
         Ok(notes) => {

@@ -353,12 +353,12 @@ impl PeriodicCell {
         self.0 != [None; 2]
     }
 
-    /// Images of a position in the cell that are in the cell or within `room` (m) of it.
-    pub fn images_near(&self, x: Vec3, room: f64) -> Vec<Vec3> {
+    /// Images of a position in the cell that are in the cell or within `margin` (m) of it.
+    pub fn images_near(&self, x: Vec3, margin: f64) -> Vec<Vec3> {
         let along = |axis: usize| {
             let Some(period) = self.0[axis] else { return vec![0.0] };
             let mut shifts = vec![0.0];
-            shifts.extend([-period, period].into_iter().filter(|d| (x[axis] + d).abs() <= 0.5 * period + room));
+            shifts.extend([-period, period].into_iter().filter(|d| (x[axis] + d).abs() <= 0.5 * period + margin));
             shifts
         };
         let (along_x, along_y) = (along(0), along(1));

@@ -1,5 +1,6 @@
 //! Options of the measurement of a case, as the command line gives them.
 
+use std::fmt;
 use std::path::PathBuf;
 
 use clap::builder::RangedU64ValueParser;
@@ -9,15 +10,35 @@ use crate::derive::energy::PairSummation;
 use crate::derive::free_surface::REACH;
 use crate::derive::probe::Probe;
 
-/// A number of the command line.
-pub fn parse_finite(text: &str) -> Result<f64, String> {
-    let number: f64 = text.parse().map_err(|_| "expected a number".to_string())?;
-    if number.is_finite() { Ok(number) } else { Err("expected a finite number".into()) }
+/// Value of a flag that is not a number of the required kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FlagNumberError {
+    NotANumber,
+    NotFinite,
+    NotPositive,
 }
 
-/// A number of the command line that is positive.
-fn parse_positive(text: &str) -> Result<f64, String> {
-    parse_finite(text).ok().filter(|number| *number > 0.0).ok_or_else(|| "expected a number > 0".to_string())
+impl fmt::Display for FlagNumberError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            FlagNumberError::NotANumber => "expected a number",
+            FlagNumberError::NotFinite => "expected a finite number",
+            FlagNumberError::NotPositive => "expected a number > 0",
+        })
+    }
+}
+
+impl std::error::Error for FlagNumberError {}
+
+/// Reads a finite number of the command line.
+pub fn parse_finite(text: &str) -> Result<f64, FlagNumberError> {
+    let number: f64 = text.parse().map_err(|_| FlagNumberError::NotANumber)?;
+    if number.is_finite() { Ok(number) } else { Err(FlagNumberError::NotFinite) }
+}
+
+/// Reads a positive number of the command line.
+fn parse_positive(text: &str) -> Result<f64, FlagNumberError> {
+    parse_finite(text).ok().filter(|number| *number > 0.0).ok_or(FlagNumberError::NotPositive)
 }
 
 /// Reach of the planes whose angle is the slope of a surface.
@@ -47,6 +68,14 @@ impl Default for Measures {
     }
 }
 
+/// Threads of the commands that compute from the snapshots of one case.
+#[derive(Debug, Clone, Copy, Default, clap::Args)]
+pub struct ThreadCount {
+    /// Number of threads; 0: all cores. Results do not depend on it
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(..=1024))]
+    pub threads: usize,
+}
+
 /// Options of the measurement of a case and of its files.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Options {
@@ -67,17 +96,17 @@ pub struct Options {
     pub direct_gravity: bool,
     #[command(flatten)]
     pub measures: Measures,
-    /// Number of threads; 0: all cores. Results do not depend on it
-    #[arg(long, default_value_t = 0, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(..=1024))]
-    pub threads: usize,
+    #[command(flatten)]
+    pub threads: ThreadCount,
 }
 
 impl Default for Options {
     /// Returns the options of a command line without flags.
     fn default() -> Options {
         let dir = PathBuf::new();
-        let (every, no_plots, no_vtk, direct_gravity, threads) = (1, false, false, false, 0);
-        Options { dir, every, no_plots, no_vtk, direct_gravity, measures: Measures::default(), threads }
+        let (every, no_plots, no_vtk, direct_gravity) = (1, false, false, false);
+        let (measures, threads) = (Measures::default(), ThreadCount::default());
+        Options { dir, every, no_plots, no_vtk, direct_gravity, measures, threads }
     }
 }
 

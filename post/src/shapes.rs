@@ -222,13 +222,13 @@ fn merged_faces(surface: &Surface) -> Vec<Vec<u32>> {
         (b - a).cross(&(c - a)).normalize()
     };
     let normals: Vec<Vec3> = triangles.iter().map(normal).collect();
-    let mut beside: HashMap<[u32; 2], usize> = HashMap::new();
+    let mut triangle_of_side: HashMap<[u32; 2], usize> = HashMap::new();
     for (k, t) in triangles.iter().enumerate() {
-        beside.extend([[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]].map(|side| (side, k)));
+        triangle_of_side.extend([[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]].map(|side| (side, k)));
     }
     let mut groups = DisjointSets::new(triangles.len());
-    for ([a, b], &k) in &beside {
-        if let Some(&other) = beside.get(&[*b, *a])
+    for ([a, b], &k) in &triangle_of_side {
+        if let Some(&other) = triangle_of_side.get(&[*b, *a])
             && (normals[k] - normals[other]).norm() < NORMAL_TOLERANCE
         {
             groups.union(k, other);
@@ -245,7 +245,7 @@ fn merged_faces(surface: &Surface) -> Vec<Vec<u32>> {
             let [a, b, c] = triangles[k];
             [[a, b], [b, c], [c, a]]
         });
-        let mut on_rim = |side: &[u32; 2]| groups.find(beside[&[side[1], side[0]]]) != groups.find(face[0]);
+        let mut on_rim = |side: &[u32; 2]| groups.find(triangle_of_side[&[side[1], side[0]]]) != groups.find(face[0]);
         let rim: BTreeMap<u32, u32> = sides.filter(|side| on_rim(side)).map(|[a, b]| (a, b)).collect();
         let first = rim.keys().next().copied().unwrap_or_default();
         let round = std::iter::successors(Some(first), |k| rim.get(k).copied().filter(|next| *next != first));
@@ -407,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_surface_is_told() {
+    fn a_broken_surface_is_reported() {
         let mut broken = body(0.0, None);
         let ShapeRecord::Polyhedron { triangles, .. } = &mut broken.contactors[0].shape else { unreachable!() };
         triangles.pop();

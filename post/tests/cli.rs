@@ -144,12 +144,23 @@ fn writes_series_plots_picture_and_paraview_files() {
 
 #[test]
 fn threads_change_no_byte() {
-    let case = case(&[0, 1, 2, 3, 4, 5, 6]);
-    let run = |threads: &str| {
-        assert!(cd_post(&["--threads", threads], case.path()).status.success());
-        (files(&case.path().join("POSTPRO")), files(&case.path().join("DISPLAY")))
-    };
-    assert_eq!(run("1"), run("3"));
+    for (command, folders) in [
+        (&[][..], &["POSTPRO", "DISPLAY"][..]),
+        (&["report"], &["POSTPRO"]),
+        (&["state"], &["POSTPRO/state-000006"]),
+        (&["track", "--body", "2"], &["POSTPRO/track-2"]),
+    ] {
+        let case = case(&[0, 1, 2, 3, 4, 5, 6]);
+        let run = |threads: &str| -> Vec<_> {
+            let output = cd_post(&[command, &["--threads", threads]].concat(), case.path());
+            assert!(output.status.success(), "{command:?}: {output:?}");
+            folders.iter().map(|folder| files(&case.path().join(folder))).collect()
+        };
+        let one = run("1");
+        assert!(one == run("3") && one.iter().all(|files| !files.is_empty()), "{command:?}");
+        let refused = cd_post(&[command, &["--threads", "1025"]].concat(), case.path());
+        assert!(String::from_utf8(refused.stderr).unwrap().contains("1025 is not in 0..=1024"), "{command:?}");
+    }
 }
 
 #[test]
@@ -220,7 +231,7 @@ fn a_snapshot_of_another_run_is_refused() {
 }
 
 #[test]
-fn what_all_snapshots_lack_is_told_once() {
+fn a_lack_of_all_snapshots_is_reported_once() {
     let case = tempfile::tempdir().unwrap();
     for step in 0..3 {
         let mut scene = scene(step);
@@ -1019,7 +1030,7 @@ fn a_body_is_tracked_along_the_first_gravity() {
 }
 
 #[test]
-fn a_depth_below_nothing_is_told() {
+fn a_depth_below_nothing_is_reported() {
     let case = case(&[0]);
     let mut scene = scene(0);
     scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -2.0];
@@ -1033,7 +1044,7 @@ fn a_depth_below_nothing_is_told() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_folder_that_no_text_names_is_told() {
+fn a_folder_that_no_text_names_is_reported() {
     use std::os::unix::ffi::OsStrExt;
     let folder = tempfile::tempdir().unwrap();
     let case = folder.path().join(std::ffi::OsStr::from_bytes(b"bad\xff"));

@@ -512,7 +512,7 @@ fn check_direction(report: &mut FaultReport, path: &str, name: &str, vector: &[f
 
 pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall) {
     match wall {
-        SceneWall::Cylinder { centre, axis, half_height, radius, velocity, force, angular_velocity, .. } => {
+        SceneWall::Cylinder { centre, axis, half_height, radius, velocity, force, spin, .. } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_direction(report, path, "axis", axis);
             for (name, length) in [("half_height", half_height), ("radius", radius)] {
@@ -524,9 +524,9 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
                 );
             }
             check_velocity_or_force(report, path, velocity, force);
-            check_evolutions(report, &format!("{path}.angular_velocity"), [angular_velocity], "rad/s");
+            check_evolutions(report, &format!("{path}.spin"), [spin], "rad/s");
         }
-        SceneWall::Plate { centre, normal, first_axis, half_lengths, velocity, force, angular_velocity, .. } => {
+        SceneWall::Plate { centre, normal, first_axis, half_lengths, velocity, force, spin, .. } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_direction(report, path, "normal", normal);
             if let Some(first) = first_axis {
@@ -539,7 +539,7 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             }
             each(report, &format!("{path}.half_lengths"), half_lengths, is_positive, "a length > 0 m");
             check_velocity_or_force(report, path, velocity, force);
-            check_evolutions(report, &format!("{path}.angular_velocity"), angular_velocity, "rad/s");
+            check_evolutions(report, &format!("{path}.spin"), spin, "rad/s");
         }
         SceneWall::Box { centre, lengths, orientation, half_thickness, velocity, .. } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");

@@ -4,8 +4,8 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use cd_formats::case::parse_arguments;
+use cd_formats::messages::{print_error, print_line};
 use cd_formats::ron_text::nearest_name;
-use cd_formats::tell::{print_error, print_line};
 use clap::{CommandFactory, Parser};
 
 use crate::datbox::write_datbox;

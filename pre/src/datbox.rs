@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
+use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::origin::SceneOrigin;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
-use cd_formats::{atomic, places};
+use cd_formats::settings::apply_settings;
 
 use crate::grain::Population;
 use crate::parse::parse_with_settings;
@@ -15,13 +16,13 @@ use crate::summary::{print_warnings, scene_summary};
 use crate::{attraction, check, doubts, from_outbox, population, reread, write};
 
 /// Reads the scene of the file `source`, in which `settings` override values, and writes the files of the folder
-/// `datbox`; see [`places::apply_settings`].
+/// `datbox`; see [`apply_settings`].
 ///
 /// Returns a summary for people. Errors: all faults of the scene (nothing is written then), or a file
 /// that cannot be written.
 pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result<String, Faults> {
     let original = atomic::read_text(source)?;
-    let text = places::apply_settings(&original, settings)?;
+    let text = apply_settings(&original, settings)?;
     let (scene, population) = read_scene(source, &text, settings)?;
     let mut report = FaultReport::with_settings(source, &text, settings);
     report.warnings = ron_file::former_name_warnings(source, &original, settings);

@@ -13,8 +13,12 @@ pub fn report_doubts(
     walls: &[SceneWall],
     report: &mut FaultReport,
 ) {
+    // The density of a plate sets its mass: a light one follows the grains at once.
+    let is_of_walls = |name: &str| {
+        walls.iter().any(|wall| wall.material() == name) && !grains.iter().any(|grains| grains.material == name)
+    };
     for (k, material) in materials.iter().enumerate() {
-        if let Some(question) = density(material.density) {
+        if let Some(question) = density(material.density).filter(|_| !is_of_walls(&material.name)) {
             report.add_warning(&format!("materials.{k}.density"), format!("{:?}", material.density), &question);
         }
     }
@@ -32,17 +36,15 @@ pub fn report_doubts(
     }
     for (k, wall) in walls.iter().enumerate() {
         let (velocity, force, angular): (&[TimeFunction], &[Option<TimeFunction>], &[TimeFunction]) = match wall {
-            SceneWall::Plate { velocity, force, angular_velocity, .. } => (velocity, &**force, angular_velocity),
-            SceneWall::Cylinder { velocity, force, angular_velocity, .. } => {
-                (velocity, &**force, std::slice::from_ref(angular_velocity))
-            }
+            SceneWall::Plate { velocity, force, spin, .. } => (velocity, &**force, spin),
+            SceneWall::Cylinder { velocity, force, spin, .. } => (velocity, &**force, std::slice::from_ref(spin)),
             SceneWall::Box { velocity, .. } => (velocity, &[], &[]),
         };
         let mut check = |name: &str, axis: usize, value: &TimeFunction| {
             check_function(report, &format!("walls.{k}.{name}.{axis}"), value);
         };
         velocity.iter().enumerate().for_each(|(axis, value)| check("velocity", axis, value));
-        angular.iter().enumerate().for_each(|(axis, value)| check("angular_velocity", axis, value));
+        angular.iter().enumerate().for_each(|(axis, value)| check("spin", axis, value));
         let forces = force.iter().enumerate().filter_map(|(axis, value)| Some((axis, value.as_ref()?)));
         forces.for_each(|(axis, value)| check("force", axis, value));
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::place::region::GrainRegion;
+use crate::placement::region::GrainRegion;
 use crate::shapes::OrientedPolyhedron;
 use crate::shapes::overlap::ConvexPiece;
 use crate::sphere::sphere_volume;

@@ -14,7 +14,7 @@
 //! | [`grain`] | grains and walls as bodies |
 //! | [`sizes`] | radii of grains |
 //! | [`shapes`] | polyhedra: hulls, solids at random, mass properties |
-//! | [`place`] | positions of grains |
+//! | [`placement`] | positions of grains |
 //! | [`motion`] | initial velocities |
 //! | [`walls`] | plates and cylinders |
 //! | [`population`] | all bodies of a scene, and checks of their overlaps |
@@ -34,7 +34,7 @@ pub mod from_outbox;
 pub mod grain;
 pub mod motion;
 pub mod parse;
-pub mod place;
+pub mod placement;
 pub mod population;
 pub mod random;
 pub mod reread;

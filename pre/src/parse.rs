@@ -4,10 +4,10 @@ use std::path::Path;
 
 use cd_formats::compute::from_ron;
 use cd_formats::error::Faults;
-use cd_formats::places;
+use cd_formats::settings::{setting_at, setting_fault};
 use serde::de::DeserializeOwned;
 
-/// Reads RON in which [`places::apply_settings`] has replaced values.
+/// Reads RON in which [`cd_formats::settings::apply_settings`] has replaced values.
 pub fn parse_with_settings<T: DeserializeOwned>(
     file: &Path,
     text: &str,
@@ -17,8 +17,8 @@ pub fn parse_with_settings<T: DeserializeOwned>(
     from_ron(file, text, object).map_err(|mut faults| {
         for fault in &mut faults.0 {
             let (line, column) = (fault.line.unwrap_or(1), fault.column.unwrap_or(1));
-            if let Some(setting) = places::setting_at(settings, text, line, column) {
-                *fault = places::setting_fault(setting, fault.found.as_str(), fault.expected.as_str());
+            if let Some(setting) = setting_at(settings, text, line, column) {
+                *fault = setting_fault(setting, fault.found.as_str(), fault.expected.as_str());
             }
         }
         faults

@@ -10,8 +10,8 @@ use cd_formats::report::FaultReport;
 use nalgebra::Vector3;
 
 use crate::grain::{Grain, Population};
-use crate::place::cells::SphereGrid;
-use crate::place::{self, PlacedGrains};
+use crate::placement::cells::SphereGrid;
+use crate::placement::{self, PlacedGrains};
 use crate::random::{RandomStream, StreamPurpose};
 use crate::scene::{GrainPlacement, Grains, Scene, TimeFunction};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
@@ -54,16 +54,16 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
                 report.add_fault(&format!("grains.{group}.shape"), misfit.to_string(), "a shape that can be made");
             }
         });
-        let room = grains.placement.envelope().map(|envelope| envelope.to_region(folder)).transpose();
-        let room = room.map_err(|faults| report_file_faults(faults, &format!("grains.{group}.placement"), report));
-        let (Ok(mut shapes), Ok(room)) = (shapes, room) else { continue };
-        let (room, of_room) = room.map_or((None, String::new()), |(room, message)| (Some(room), message));
-        match place::place_grains(grains, &mut shapes, room, scene.seed, group) {
+        let region = grains.placement.envelope().map(|envelope| envelope.to_region(folder)).transpose();
+        let region = region.map_err(|faults| report_file_faults(faults, &format!("grains.{group}.placement"), report));
+        let (Ok(mut shapes), Ok(region)) = (shapes, region) else { continue };
+        let (region, file_summary) = region.map_or((None, String::new()), |(region, message)| (Some(region), message));
+        match placement::place_grains(grains, &mut shapes, region, scene.seed, group) {
             Ok(placed) => {
                 let alone = placed.grains.len() == 1 && grains.thermal_velocity > 0.0;
                 let expected = "several grains, or 0: a single grain has no motion about the mean";
                 report.require(!alone, &format!("grains.{group}.thermal_velocity"), "given for one grain", expected);
-                let message = [shapes.file_summary(), &of_room].into_iter().filter(|message| !message.is_empty());
+                let message = [shapes.file_summary(), &file_summary].into_iter().filter(|message| !message.is_empty());
                 population.file_summaries.push(message.collect::<Vec<_>>().join(", "));
                 population.regions.push(placed.region.clone());
                 population.grains.extend(grains_in_motion(scene, group, grains, placed));
@@ -175,14 +175,15 @@ pub(crate) fn check_extent(
     }
 }
 
-/// Shifts to the images nearest to the tip of the vector `way`, m, for an object at its foot, in a periodic scene.
-pub(crate) fn nearest_images(options: &Compute, way: &Vector3<f64>) -> Vec<Vector3<f64>> {
+/// Shifts, m, by which an object at the start of the vector `separation` comes nearest to its end in a periodic scene, with
+/// those of the neighbouring cells.
+pub(crate) fn nearest_images(options: &Compute, separation: &Vector3<f64>) -> Vec<Vector3<f64>> {
     let mut shifts = vec![Vector3::zeros()];
     for (axis, period) in [options.xperiode, options.yperiode].into_iter().enumerate() {
         let Some(period) = period else { continue };
         let moved = |shift: &Vector3<f64>, cells: f64| {
             let mut shift = *shift;
-            shift[axis] = (libm::round(way[axis] / period) + cells) * period;
+            shift[axis] = (libm::round(separation[axis] / period) + cells) * period;
             shift
         };
         shifts = shifts.iter().flat_map(|shift| [0.0, 1.0, -1.0].map(|cells| moved(shift, cells))).collect();

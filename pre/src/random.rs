@@ -12,7 +12,7 @@ use rand_chacha::rand_core::{RngCore, SeedableRng};
 #[derive(Debug, Clone, Copy)]
 pub enum StreamPurpose {
     Sizes = 0,
-    Place = 1,
+    Positions = 1,
     Velocity = 2,
     Shape = 3,
 }
@@ -98,8 +98,8 @@ mod tests {
         let drawn: Vec<u64> = (0..3).map(|_| (random.uniform() * 1e6) as u64).collect();
         assert_eq!(drawn, [402485, 80383, 596560]);
         assert_ne!(
-            RandomStream::new(1, 0, StreamPurpose::Place).uniform(),
-            RandomStream::new(1, 1, StreamPurpose::Place).uniform()
+            RandomStream::new(1, 0, StreamPurpose::Positions).uniform(),
+            RandomStream::new(1, 1, StreamPurpose::Positions).uniform()
         );
     }
 

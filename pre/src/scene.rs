@@ -1,6 +1,6 @@
 //! Contents of `scene.ron`: the types, each field with its unit. `docs/scene.md` describes them for users.
 //!
-//! SI units and radians throughout. No meaning is checked here but the shape of the text; see [`crate::check`].
+//! SI units and radians throughout. Only names and types are checked here, values in [`crate::check`].
 
 use cd_formats::compute::Compute;
 use cd_formats::law_table::LawModel;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Deserializer};
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
-    /// Seed of all that is drawn at random; same seed, same files.
+    /// Seed of all random numbers; the same seed gives the same files.
     #[serde(default)]
     pub seed: u64,
     /// Uniform gravity, m/s^2, fixed axes.
@@ -20,9 +20,9 @@ pub struct Scene {
     pub materials: Vec<Material>,
     pub laws: Vec<Law>,
     pub contacts: Vec<Contact>,
-    /// Bodies of grains, in the order of their numbers in the files.
+    /// Bodies of grains, numbered in this order in the files.
     pub grains: Vec<Grains>,
-    /// Walls; their bodies come behind the grains.
+    /// Walls, numbered after the grains.
     #[serde(default)]
     pub walls: Vec<SceneWall>,
     /// Options of the run, written to COMPUTE.RON.
@@ -49,21 +49,21 @@ pub struct Law {
     pub kind: LawModel,
 }
 
-/// Which law holds between two colours.
+/// Contact law between two colours.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Contact {
     /// The two colours, in any order; may be the same.
     pub between: (String, String),
-    /// Name of the law; `None` lets the two pass through each other. Must be given.
+    /// Name of the law; required. `None`: bodies of these colours pass through each other.
     #[serde(deserialize_with = "required_option")]
     pub law: Option<String>,
-    /// Distance surface to surface within which contacts are listed, m.
+    /// Gap up to which contacts are listed, m.
     #[serde(default)]
     pub alert: Option<f64>,
 }
 
-/// A field that serde may not leave out although it is an `Option`.
+/// Reads an `Option` that must be given: by default serde reads a missing field as `None`.
 fn required_option<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
     Option::deserialize(deserializer)
 }
@@ -76,7 +76,7 @@ pub struct Grains {
     pub material: String,
     /// One to five characters.
     pub colour: String,
-    /// How many grains; for lists of sizes or positions their length, if left out.
+    /// Number of grains; default: the length of the list of sizes or positions.
     #[serde(default)]
     pub number: Option<usize>,
     /// Volume of the grains over that of the envelope, 0 to 1.
@@ -84,7 +84,7 @@ pub struct Grains {
     pub solid_fraction: Option<f64>,
     #[serde(default)]
     pub shape: GrainShape,
-    /// Left out for grains with a size of their own: `Box`, `Vertices`, `Model`, and `Fragments`.
+    /// None for grains with a size of their own: `Box`, `Vertices`, `Model`, and `Fragments`.
     #[serde(default)]
     pub sizes: Option<SizeDistribution>,
     /// Radius of a polyhedron that the sizes give.
@@ -110,7 +110,8 @@ pub struct Grains {
     /// Root mean square of an additional random velocity without net momentum, m/s.
     #[serde(default)]
     pub thermal_velocity: f64,
-    /// Imposes the velocity of every grain, m/s, along the fixed axes but those without a function; the grains do not turn.
+    /// Imposed velocity of every grain, m/s, along the fixed axes; free along an axis without a function. The grains do not
+    /// rotate.
     #[serde(default)]
     pub driven: Option<[Option<TimeFunction>; 3]>,
 }
@@ -123,12 +124,12 @@ pub enum GrainShape {
     Sphere,
     /// Random convex polyhedra, a different one for each grain, with vertices on an ellipsoid.
     Random {
-        /// The number of vertices, from the first to the second, each equally likely.
+        /// Smallest and largest number of vertices, uniformly distributed.
         vertices: (usize, usize),
-        /// Semi-axes of the ellipsoid to each other.
+        /// Ratios of the semi-axes of the ellipsoid.
         #[serde(default = "default_ratios")]
         ratios: [f64; 3],
-        /// 0: vertices evenly spread; 1: anywhere on the ellipsoid.
+        /// 0: evenly spread vertices; 1: independent random vertices on the ellipsoid.
         #[serde(default = "default_angularity")]
         angularity: f64,
     },
@@ -137,11 +138,11 @@ pub enum GrainShape {
     Octahedron,
     Dodecahedron,
     Icosahedron,
-    /// Whole lengths, m.
+    /// Full edge lengths, m.
     Box {
         lengths: [f64; 3],
     },
-    /// A regular polygon of so many sides, extruded along the third axis.
+    /// Regular polygon, extruded along the third axis.
     Prism {
         sides: usize,
         /// Height over the diameter of the circle around the polygon.
@@ -168,7 +169,7 @@ fn default_angularity() -> f64 {
     0.5
 }
 
-/// The size of a model.
+/// Size of a model.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ModelScale {
@@ -195,7 +196,7 @@ pub enum ContactSurface {
     /// Its own surface, which must be convex.
     #[default]
     Surface,
-    /// Its convex hull, which is its solid too.
+    /// Its convex hull, which also gives volume and mass.
     Hull,
     /// Convex pieces that approximate it; mass and inertia are those of the surface itself.
     Pieces {
@@ -249,33 +250,33 @@ pub enum GrainOrientations {
 pub enum SizeDistribution {
     /// All the same.
     Single(f64),
-    /// Every radius from `min` to `max` equally likely.
+    /// Radii uniformly distributed from `min` to `max`.
     Uniform { min: f64, max: f64 },
     /// The number of grains larger than r falls as r^-exponent, cut at `min` and `max`.
     PowerLaw { min: f64, max: f64, exponent: f64 },
     /// ln r is normal with mean ln `median` and standard deviation `sigma`, cut at `min` and `max`.
     LogNormal { median: f64, sigma: f64, min: f64, max: f64 },
-    /// These; in this order for listed positions, else shuffled.
+    /// Listed radii, in this order for listed positions, else shuffled.
     List(Vec<f64>),
 }
 
-/// Where grains are put.
+/// Positions of grains.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum GrainPlacement {
     /// Sites of a face-centred cubic lattice, each grain moved at random within its site's ball.
     JitteredLattice {
         envelope: Envelope,
-        /// Share of a grain's free room that the random move may use, 0 to 1.
+        /// Fraction of a grain's free distance that the random displacement may use, 0 to 1.
         #[serde(default = "default_jitter")]
         jitter: f64,
     },
-    /// One after the other, largest first, anywhere in the envelope where there is room.
+    /// One after the other, largest first, at random free positions in the envelope.
     RandomSequential { envelope: Envelope },
     /// Convex fragments that fill a solid without gaps: the cells of points at random (Voronoi).
     Fragments {
         envelope: Envelope,
-        /// How often each point is moved to the centre of its cell, which makes fragments more alike.
+        /// Number of times that each point is moved to the centre of its cell, which makes fragments more alike.
         #[serde(default)]
         relaxation: usize,
     },
@@ -291,7 +292,7 @@ fn default_jitter() -> f64 {
     1.0
 }
 
-/// Shape and size of the room that whole grains must keep within, centred on `centre`; the size is
+/// Shape and size of the region in which whole grains are placed, centred on `centre`; the size is
 /// left out (or the ratios given) where `number` and `solid_fraction` together determine it.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -305,19 +306,19 @@ pub enum Envelope {
         /// m
         #[serde(default)]
         semi_axes: Option<[f64; 3]>,
-        /// Semi-axes to each other.
+        /// Ratios of the semi-axes.
         #[serde(default)]
         ratios: Option<[f64; 3]>,
     },
     Box {
-        /// Whole lengths, m.
+        /// Full edge lengths, m.
         #[serde(default)]
         lengths: Option<[f64; 3]>,
-        /// Lengths to each other.
+        /// Ratios of the lengths.
         #[serde(default)]
         ratios: Option<[f64; 3]>,
     },
-    /// Its axis is the third.
+    /// Cylinder about the third axis.
     Cylinder {
         /// m
         half_height: f64,
@@ -333,7 +334,7 @@ pub enum Envelope {
     },
 }
 
-/// A turn by `angle`, rad, about `axis` (of any length), right-handed.
+/// Right-handed rotation by `angle`, rad, about `axis`, of any length.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rotation {
@@ -347,7 +348,7 @@ impl Default for Rotation {
     }
 }
 
-/// Walls are plates and cylinders; their motion is imposed, but for the components along which a force is.
+/// Plate, box of plates or cylinder. Its motion is imposed, except along axes with a force.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum SceneWall {
@@ -360,7 +361,7 @@ pub enum SceneWall {
         /// Of any length.
         #[serde(default = "default_axis")]
         normal: [f64; 3],
-        /// Direction of the first half length, need not be quite at right angles to `normal`.
+        /// Direction of the first half length; its part along `normal` is dropped.
         #[serde(default)]
         first_axis: Option<[f64; 3]>,
         /// Along the first axis, the second (normal x first) and the normal, m.
@@ -368,28 +369,28 @@ pub enum SceneWall {
         /// Velocity, m/s, along the fixed axes.
         #[serde(default)]
         velocity: [TimeFunction; 3],
-        /// Force, N, along the fixed axes: where there is one the plate moves as this, its weight and contacts push it.
+        /// Force, N, along the fixed axes; along an axis with a force the plate moves freely under it, its weight and contacts.
         #[serde(default)]
         force: Box<[Option<TimeFunction>; 3]>,
         /// Angular velocity, rad/s, about the plate's first axis, second axis and normal.
         #[serde(default)]
-        angular_velocity: [TimeFunction; 3],
+        spin: [TimeFunction; 3],
     },
-    /// Five or six plates around a room; their faces are flush with the room.
+    /// Five or six plates around an interior, with faces flush with it.
     Box {
         material: String,
         colour: String,
-        /// Centre of the room, m.
+        /// Centre of the interior, m.
         #[serde(default)]
         centre: [f64; 3],
-        /// Whole lengths of the room, m.
+        /// Full edge lengths of the interior, m.
         lengths: [f64; 3],
         /// Turns the box about `centre`.
         #[serde(default)]
         orientation: Rotation,
-        /// Of the plates, m.
+        /// Half thickness of the plates, m.
         half_thickness: f64,
-        /// Whether there is a plate on top (the box's own third axis) too.
+        /// Whether a sixth plate closes the top, along the box's own third axis.
         #[serde(default)]
         lid: bool,
         /// Velocity of all plates, m/s, along the fixed axes.
@@ -409,7 +410,7 @@ pub enum SceneWall {
         half_height: f64,
         /// m
         radius: f64,
-        /// Whether grains are within, and not around it.
+        /// Whether the grains are inside.
         #[serde(default)]
         hollow: bool,
         /// As of a plate.
@@ -420,7 +421,7 @@ pub enum SceneWall {
         force: Box<[Option<TimeFunction>; 3]>,
         /// Angular velocity, rad/s, about the axis.
         #[serde(default)]
-        angular_velocity: TimeFunction,
+        spin: TimeFunction,
     },
 }
 
@@ -443,7 +444,7 @@ pub enum TimeFunction {
         /// rad
         #[serde(default)]
         phase: f64,
-        /// 1, or with a rising ramp 0.
+        /// Default: 1, or 0 with a rising ramp.
         #[serde(default)]
         ramp_start: Option<f64>,
         /// 1/s
@@ -473,7 +474,7 @@ impl Law {
 }
 
 impl GrainShape {
-    /// Whether it is given in axes of its own, which need not be the principal ones.
+    /// Whether the shape is given in axes that need not be the principal ones.
     pub fn has_axes(&self) -> bool {
         matches!(self, GrainShape::Vertices(_) | GrainShape::Model { .. })
     }
@@ -491,13 +492,13 @@ impl GrainPlacement {
 }
 
 impl Grains {
-    /// Whether it is a single body.
+    /// Whether there is a single grain.
     pub fn is_single_body(&self) -> bool {
         self.number == Some(1)
             || matches!(&self.placement, GrainPlacement::List { positions, .. } if positions.len() == 1)
     }
 
-    /// Whether they are polyhedra and no spheres.
+    /// Whether the grains are polyhedra.
     pub fn is_polyhedral(&self) -> bool {
         self.shape != GrainShape::Sphere || matches!(self.placement, GrainPlacement::Fragments { .. })
     }

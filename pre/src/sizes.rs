@@ -35,7 +35,7 @@ impl SizeDistribution {
         }
     }
 
-    /// Share of all grains that are smaller than `radius`, m, in the distribution: 0 to 1.
+    /// Distribution function: fraction of the grains with radii below `radius`, m.
     ///
     /// ```
     /// use cd_pre::scene::SizeDistribution;
@@ -66,7 +66,7 @@ impl SizeDistribution {
         }
     }
 
-    /// Radius, m, that a share `u` in [0, 1) of the grains is smaller than: inverse of [`SizeDistribution::share_below`].
+    /// Radius, m, below which the fraction `u` in [0, 1) of the grains is: inverse of [`SizeDistribution::share_below`].
     fn quantile(&self, u: f64) -> f64 {
         let (min, max) = self.radius_range();
         match self {
@@ -84,7 +84,7 @@ impl SizeDistribution {
         }
     }
 
-    /// Inverts the distribution function by bisection to the last bits: as exact as the function itself.
+    /// Inverts the distribution function by bisection to its last bits.
     fn quantile_by_bisection(&self, u: f64) -> f64 {
         let (mut low, mut high) = self.radius_range();
         for _ in 0..60 {
@@ -121,7 +121,7 @@ impl SizeDistribution {
                 let (mut grains, mut filled) = (Vec::new(), 0.0);
                 loop {
                     let grain = next()?;
-                    // Half a grain too much is as far from what is wanted as half a grain too little.
+                    // The last grain is added if that brings the volume closer to the target.
                     if filled + 0.5 * volume(&grain) > wanted || grains.len() > MAX_BODIES {
                         return Ok(grains);
                     }
@@ -133,8 +133,8 @@ impl SizeDistribution {
     }
 }
 
-/// Whether powers of a power law are so near to 1 that their differences from it have lost digits: its radii are then
-/// almost uniform in their logarithm.
+/// Whether (max/min)^exponent is so near to 1 that the difference loses digits: radii are then almost uniform in their
+/// logarithm.
 fn nearly_even(exponent: f64, min: f64, max: f64) -> bool {
     exponent * libm::log(max / min) < 1e-6
 }

@@ -8,10 +8,13 @@ use std::path::{Component, Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::places::{self, ValueLocations};
+use cd_formats::former_names::FormerNameUse;
+use cd_formats::names::count_text;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
 use cd_formats::ron_text::known_names;
+use cd_formats::settings::{apply_settings, former_names_of_setting, setting_fault, setting_of_path};
+use cd_formats::value_locations::ValueLocations;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
@@ -69,8 +72,35 @@ struct Case {
     from: Option<String>,
     /// Values of the parameters by name.
     values: Vec<(String, String)>,
-    /// `PATH=VALUE`, with the path of the value in the study.
-    settings: Vec<(String, String)>,
+    settings: Vec<CaseSetting>,
+}
+
+/// Setting of a case, made from a path and a value of the study.
+#[derive(Clone)]
+struct CaseSetting {
+    /// `PATH=VALUE`
+    text: String,
+    /// Location of `PATH` in the study, as a path in that.
+    path_at: String,
+    /// Location of `VALUE` in the study.
+    value_at: String,
+}
+
+impl CaseSetting {
+    fn new(path: &StudyText, value: &StudyText) -> CaseSetting {
+        CaseSetting {
+            text: format!("{}={}", path.text, value.text),
+            path_at: path.at.clone(),
+            value_at: value.at.clone(),
+        }
+    }
+}
+
+/// Text in the study.
+struct StudyText {
+    text: String,
+    /// Location in the study, as a path in that.
+    at: String,
 }
 
 /// File of a case that starts from a scene.
@@ -91,10 +121,11 @@ const FILES: [&str; 3] = ["grains.N.shape.file", "grains.N.placement.envelope.fi
 /// Files with the right content are not rewritten, except the rules. Errors: all faults of the study and of its cases;
 /// nothing is written then.
 pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<String, Faults> {
-    let text = places::apply_settings(&atomic::read_text(file)?, settings)?;
+    let text = apply_settings(&atomic::read_text(file)?, settings)?;
     let study: Study = parse_with_settings(file, &text, settings, "study")?;
     let mut report = FaultReport::with_settings(file, &text, settings);
     let cases = cases(&study, &mut report);
+    report.warnings = former_name_warnings(file, &text, settings, &cases);
     let home = file.parent().unwrap_or(Path::new(""));
     let output = output.unwrap_or(home);
     let mut files: Vec<(PathBuf, String)> = Vec::new();
@@ -110,10 +141,8 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
             None => (file.to_path_buf(), Some("()".into())),
         };
         let Some(original) = original else { continue };
-        let case_settings: Vec<String> = case.settings.iter().map(|(setting, _)| setting.clone()).collect();
-        for warning in ron_file::former_name_warnings(&base, &original, &case_settings).0 {
-            let warning = case.locate(warning, &report);
-            // Cases share their base and most of their settings.
+        for warning in ron_file::former_name_warnings(&base, &original, &[]).0 {
+            // Cases share their base.
             if !report.warnings.0.contains(&warning) {
                 report.warnings.push(warning);
             }
@@ -158,7 +187,7 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
             let _ = fs::remove_file(other);
         }
     }
-    Ok(format!("{count} cases, {written} of them new or changed; wrote {}\n", rules.display()))
+    Ok(format!("{}, {written} of them new or changed; wrote {}\n", count_text(count, "case"), rules.display()))
 }
 
 /// All cases, in the order of the groups; faults of the study itself go to `report`.
@@ -169,10 +198,10 @@ fn cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
         let (at, before) = (format!("groups.{k}"), report.faults.0.len());
         report.require(group.base.is_some() || group.from.is_some(), &at, "no base", "the file of a scene");
         let set = group.set.iter().enumerate().map(|(n, (path, _))| {
-            let of = format!("{at}.set.{n}.1");
-            (format!("{path}={}", report.text(&of)), of)
+            let path = StudyText { text: path.clone(), at: format!("{at}.set.{n}.0") };
+            CaseSetting::new(&path, &study_text(report, format!("{at}.set.{n}.1")))
         });
-        let set: Vec<(String, String)> = set.collect();
+        let set: Vec<CaseSetting> = set.collect();
         let mut axes: Vec<Vec<Column>> = Vec::new();
         for (n, parameter) in group.parameters.iter().enumerate() {
             let mut axis = Vec::new();
@@ -180,9 +209,9 @@ fn cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
             axes.push(axis);
         }
         if !group.seeds.is_empty() {
-            let values = (0..group.seeds.len()).map(|n| format!("{at}.seeds.{n}"));
-            let values = values.map(|of| (report.text(&of).to_string(), of)).collect();
-            axes.push(vec![Column { name: "seed", paths: vec!["seed"], values }]);
+            let values = (0..group.seeds.len()).map(|n| study_text(report, format!("{at}.seeds.{n}"))).collect();
+            let path = StudyText { text: "seed".into(), at: format!("{at}.seeds") };
+            axes.push(vec![Column { name: "seed", paths: vec![path], values }]);
         }
         let mut names: Vec<&str> = Vec::new();
         for column in axes.iter().flatten() {
@@ -212,11 +241,11 @@ fn cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
             }
             for (axis, n) in axes.iter().zip(picked.into_iter().rev()) {
                 for column in axis {
-                    let (value, of) = &column.values[n];
+                    let value = &column.values[n];
                     if !column.name.is_empty() {
-                        case.values.push((column.name.to_string(), value.clone()));
+                        case.values.push((column.name.to_string(), value.text.clone()));
                     }
-                    case.settings.extend(column.paths.iter().map(|path| (format!("{path}={value}"), of.clone())));
+                    case.settings.extend(column.paths.iter().map(|path| CaseSetting::new(path, value)));
                 }
             }
             case.name = case.filled(&group.name);
@@ -240,11 +269,16 @@ fn cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
     cases
 }
 
-/// Parameter with its values as written in the study, each with its path there.
+/// Text of the value of the study at the path `at`.
+fn study_text(report: &FaultReport, at: String) -> StudyText {
+    StudyText { text: report.text(&at).to_string(), at }
+}
+
+/// Parameter with its paths and its values as written in the study.
 struct Column<'a> {
     name: &'a str,
-    paths: Vec<&'a str>,
-    values: Vec<(String, String)>,
+    paths: Vec<StudyText>,
+    values: Vec<StudyText>,
 }
 
 /// Adds the column of a parameter, whose path in the study is `at`, and the columns of those that vary with it.
@@ -254,15 +288,43 @@ fn columns<'a>(parameter: &'a Parameter, at: String, axis: &mut Vec<Column<'a>>,
     let values = format!("{at}.values");
     let those = if axis.is_empty() { "at least one".into() } else { format!("{expected}, as of the first parameter") };
     report.require(count == expected, &values, format!("{count} values"), &those);
-    let value = |k: usize| {
-        let of = format!("{values}.{k}");
-        (report.text(&of).to_string(), of)
-    };
-    let paths = parameter.paths.iter().map(String::as_str).collect();
-    axis.push(Column { name: &parameter.name, paths, values: (0..count).map(value).collect() });
+    let values = (0..count).map(|k| study_text(report, format!("{values}.{k}"))).collect();
+    let path = |(k, path): (usize, &String)| StudyText { text: path.clone(), at: format!("{at}.paths.{k}") };
+    let paths = parameter.paths.iter().enumerate().map(path).collect();
+    axis.push(Column { name: &parameter.name, paths, values });
     for (n, follower) in parameter.with.iter().enumerate() {
         columns(follower, format!("{at}.with.{n}"), axis, report);
     }
+}
+
+/// Warnings about former names in the paths and values of the study itself: one for each name, at its first position.
+fn former_name_warnings(file: &Path, text: &str, settings: &[String], cases: &[Case]) -> Faults {
+    let locations = ValueLocations::from_text(text);
+    let start = |path: &str| locations.value(path).map_or(0, |value| value.span.start);
+    let (mut uses, mut of_settings): (Vec<FormerNameUse>, _) = (Vec::new(), Faults::default());
+    for case_setting in cases.iter().flat_map(|case| &case.settings) {
+        let length = case_setting.text.find('=').unwrap_or(0);
+        for FormerNameUse { name, span } in former_names_of_setting(&case_setting.text) {
+            let (at, start) = if span.start < length {
+                // Bytes of the path as a string in quotes.
+                let within =
+                    locations.text(&case_setting.path_at).and_then(|text| text.find(&case_setting.text[..length]));
+                (&case_setting.path_at, start(&case_setting.path_at) + within.map_or(0, |quote| quote + span.start))
+            } else {
+                (&case_setting.value_at, start(&case_setting.value_at) + span.start - length - 1)
+            };
+            let one = FormerNameUse { name, span: start..start + name.former.len() };
+            match setting_of_path(settings, at).map(|setting| ron_file::setting_warning(setting, name)) {
+                Some(warning) if !of_settings.0.contains(&warning) => of_settings.push(warning),
+                None if !uses.contains(&one) => uses.push(one),
+                _ => {}
+            }
+        }
+    }
+    uses.sort_by_key(|one| one.span.start);
+    let mut warnings = ron_file::warnings_of_uses(file, text, &uses);
+    warnings.0.extend(of_settings.0);
+    warnings
 }
 
 /// Names in braces in a pattern.
@@ -293,11 +355,11 @@ impl Case {
 
     /// Fault of the case; a fault of a setting gets the position of its value in the study.
     fn locate(&self, fault: Fault, report: &FaultReport) -> Fault {
-        let of = |(setting, _): &&(String, String)| fault.object == format!("set {setting}");
+        let of = |setting: &&CaseSetting| fault.object == format!("set {}", setting.text);
         match self.settings.iter().rfind(of).filter(|_| fault.file == Path::new("options")) {
-            Some((setting, path)) => {
-                let found = format!("{}: {}", setting.split_once('=').map_or("", |(path, _)| path), fault.found);
-                report.fault_at(path, found, fault.expected)
+            Some(setting) => {
+                let found = format!("{}: {}", setting.text.split_once('=').map_or("", |(path, _)| path), fault.found);
+                report.fault_at(&setting.value_at, found, fault.expected)
             }
             None => fault,
         }
@@ -307,20 +369,16 @@ impl Case {
 /// Text of the scene, or of the changes, of a case for the file `path`. It is checked, unless the file already contains
 /// it.
 fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<String, Faults> {
-    let settings: Vec<String> = case.settings.iter().map(|(setting, _)| setting.clone()).collect();
+    let settings: Vec<String> = case.settings.iter().map(|setting| setting.text.clone()).collect();
     let mut faults = Faults::default();
     if case.from.is_some() && ValueLocations::from_text(original).text("compute").is_none() {
         // New options would start from defaults, whereas `from-outbox --set` changes those of the continued run.
         for setting in settings.iter().filter(|setting| setting.trim_start().starts_with("compute.")) {
-            faults.push(places::setting_fault(
-                setting,
-                "the base has no options of the run",
-                "expected 'compute' as a whole",
-            ));
+            faults.push(setting_fault(setting, "the base has no options of the run", "expected 'compute' as a whole"));
         }
     }
     faults.into_result(())?;
-    let changed = places::apply_settings(original, &settings)?;
+    let changed = apply_settings(original, &settings)?;
     let current = ron_file::with_current_names(base, &changed)?;
     let values = case.values.iter().map(|(name, value)| format!("; {name}: {}", value.replace('\n', " ")));
     let head = format!("// Case {} of a study{}.{WRITTEN}\n", case.name, values.collect::<String>());
@@ -351,10 +409,10 @@ fn with_files(text: &str, base: &Path, folder: &Path) -> Result<String, Faults> 
     let mut settings = Vec::new();
     for pattern in FILES {
         let (list, rest) = pattern.split_once(".N.").unwrap_or_default();
-        let places = ValueLocations::from_text(text);
-        let items = (0..).take_while(|n| places.text(&format!("{list}.{n}")).is_some());
+        let locations = ValueLocations::from_text(text);
+        let items = (0..).take_while(|n| locations.text(&format!("{list}.{n}")).is_some());
         for n in items {
-            let Some(value) = places.text(&format!("{list}.{n}.{rest}")) else { continue };
+            let Some(value) = locations.text(&format!("{list}.{n}.{rest}")) else { continue };
             let file = Path::new(value.trim_matches('"'));
             // Path out of the folder of the case, if it lies below that of the base.
             let up: Option<PathBuf> = folder.strip_prefix(home).ok().map(|below| below.iter().map(|_| "..").collect());
@@ -365,7 +423,7 @@ fn with_files(text: &str, base: &Path, folder: &Path) -> Result<String, Faults> 
             settings.push(format!("{list}.{}.{rest}={:?}", n + 1, path));
         }
     }
-    places::apply_settings(text, &settings)
+    apply_settings(text, &settings)
 }
 
 /// Table with a row for each case: its folder, the case that it continues, and each parameter, empty where its group has

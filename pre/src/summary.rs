@@ -1,7 +1,8 @@
 //! Summary of the bodies of a scene for the user.
 
 use cd_formats::error::Faults;
-use cd_formats::tell::print_error;
+use cd_formats::messages::print_error;
+use cd_formats::names::count_text;
 use nalgebra::{Rotation3, Vector3};
 
 use crate::grain::{Grain, Population};
@@ -18,7 +19,7 @@ pub fn print_warnings(warnings: &Faults) {
 /// Counts, sizes and masses: a line for each body of grains and one for all.
 pub fn scene_summary(scene: &Scene, population: &Population) -> String {
     let (all, walls) = (population.grains.iter().collect::<Vec<_>>(), population.walls.len());
-    let total = group_line(format!("{} bodies, {walls} of them walls", all.len() + walls), &all);
+    let total = group_line(format!("{}, {walls} of them walls", count_text(all.len() + walls, "body")), &all);
     group_lines(scene, population) + &total + "\n"
 }
 
@@ -29,9 +30,9 @@ fn group_line(name: String, grains: &[&Grain]) -> String {
     let mass: f64 = grains.iter().map(|grain| grain.mass).sum();
     let polyhedra = grains.iter().filter(|grain| grain.polyhedron.is_some()).count();
     let kind = match polyhedra {
-        0 => format!("{count} spheres"),
-        _ if polyhedra == count => format!("{count} polyhedra ({})", vertex_count_text(grains)),
-        _ => format!("{} spheres and {polyhedra} polyhedra", count - polyhedra),
+        0 => count_text(count, "sphere"),
+        _ if polyhedra == count => format!("{} ({})", count_text(count, "polyhedron"), vertex_count_text(grains)),
+        _ => format!("{} and {}", count_text(count - polyhedra, "sphere"), count_text(polyhedra, "polyhedron")),
     };
     // Numbers below 0.01 have five digits.
     let digits = |x: f64| if x < 0.01 { format!("{x:.4e}") } else { format!("{x:.5}") };
@@ -42,7 +43,7 @@ fn group_line(name: String, grains: &[&Grain]) -> String {
 /// A line for each body of grains.
 pub fn group_lines(scene: &Scene, population: &Population) -> String {
     let mut text = String::new();
-    for (group, room) in population.regions.iter().enumerate() {
+    for (group, region) in population.regions.iter().enumerate() {
         let grains: Vec<_> = population.grains.iter().filter(|grain| grain.group == group).collect();
         text += &group_line(format!("grains {}", group + 1), &grains);
         if !population.file_summaries[group].is_empty() {
@@ -53,9 +54,9 @@ pub fn group_lines(scene: &Scene, population: &Population) -> String {
         {
             text += &frame_change_text(&polyhedron.solid);
         }
-        if let Some(room) = room {
+        if let Some(region) = region {
             let filled: f64 = grains.iter().map(|grain| grain.volume()).sum();
-            text += &format!(", solid fraction {:.4} of {room}", filled / room.volume());
+            text += &format!(", solid fraction {:.4} of {region}", filled / region.volume());
         }
         text += if scene.grains[group].driven.is_some() { ", driven\n" } else { "\n" };
     }

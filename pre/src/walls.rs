@@ -114,19 +114,9 @@ pub fn wall_bodies(walls: &[SceneWall]) -> Vec<WallBody> {
 
 fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
     match wall {
-        SceneWall::Plate {
-            material,
-            colour,
-            centre,
-            normal,
-            first_axis,
-            half_lengths,
-            velocity,
-            force,
-            angular_velocity,
-        } => {
+        SceneWall::Plate { material, colour, centre, normal, first_axis, half_lengths, velocity, force, spin } => {
             let [a, b, c] = velocity.clone();
-            let [d, e, f] = angular_velocity.clone();
+            let [d, e, f] = spin.clone();
             vec![WallBody {
                 wall: number,
                 material: material.clone(),
@@ -138,18 +128,7 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
                 force: *force.clone(),
             }]
         }
-        SceneWall::Cylinder {
-            material,
-            colour,
-            centre,
-            axis,
-            half_height,
-            radius,
-            hollow,
-            velocity,
-            force,
-            angular_velocity,
-        } => {
+        SceneWall::Cylinder { material, colour, centre, axis, half_height, radius, hollow, velocity, force, spin } => {
             let [a, b, c] = velocity.clone();
             vec![WallBody {
                 wall: number,
@@ -162,7 +141,7 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
                     radius: round_8_digits(*radius),
                     hollow: *hollow,
                 },
-                motion: [a, b, c, TimeFunction::default(), TimeFunction::default(), angular_velocity.clone()],
+                motion: [a, b, c, TimeFunction::default(), TimeFunction::default(), spin.clone()],
                 force: *force.clone(),
             }]
         }
@@ -257,7 +236,7 @@ mod tests {
     use super::*;
     use crate::scene::Rotation;
 
-    fn room(lid: bool, orientation: Rotation) -> Vec<WallBody> {
+    fn box_walls(lid: bool, orientation: Rotation) -> Vec<WallBody> {
         wall_bodies(&[SceneWall::Box {
             material: "STEEL".into(),
             colour: "WALLx".into(),
@@ -272,9 +251,9 @@ mod tests {
 
     #[test]
     fn a_box_touches_the_ball_that_fills_it() {
-        assert_eq!(room(false, Rotation::default()).len(), 5);
+        assert_eq!(box_walls(false, Rotation::default()).len(), 5);
         for angle in [0.0, 0.3] {
-            let plates = room(true, Rotation { axis: [1.0, 1.0, 0.0], angle });
+            let plates = box_walls(true, Rotation { axis: [1.0, 1.0, 0.0], angle });
             assert_eq!(plates.len(), 6);
             let centre = Vector3::new(1.0, 2.0, 3.0);
             let mut gaps: Vec<f64> = plates.iter().map(|plate| -plate.ball_overlap(&centre, 2.0)).collect();
@@ -302,7 +281,7 @@ mod tests {
             hollow,
             velocity: Default::default(),
             force: Default::default(),
-            angular_velocity: TimeFunction::Constant(0.5),
+            spin: TimeFunction::Constant(0.5),
         }])
         .try_into()
         .unwrap();

@@ -144,7 +144,7 @@ fn moving_walls_driven_grains_and_tables() {
             walls: [Plate(
                 material: "ROCKx", colour: "PLATE", centre: (0, 0, -0.5), half_lengths: (3, 2, 0.5),
                 velocity: (Constant(0.25), Constant(0), Table([(0, 1), (1, 2)])),
-                angular_velocity: (Constant(0), Constant(0), Constant(1)),
+                spin: (Constant(0), Constant(0), Constant(1)),
             )],
         )"#,
     );

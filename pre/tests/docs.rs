@@ -90,13 +90,13 @@ fn expect_accepted(path: &Path, text: &str) -> usize {
         let ron = rest.split("```").next().unwrap();
         let read = match kind {
             "Scene" => cd_pre::read_scene(path, ron, &[]).map(drop),
-            "LawKind" => from_ron::<LawModel>(path, ron, kind).map(drop),
+            "LawModel" => from_ron::<LawModel>(path, ron, kind).map(drop),
             "Contact" => from_ron::<scene::Contact>(path, ron, kind).map(drop),
             "Sizes" => from_ron::<scene::SizeDistribution>(path, ron, kind).map(drop),
             "Placement" => from_ron::<scene::GrainPlacement>(path, ron, kind).map(drop),
             "Shape" => from_ron::<scene::GrainShape>(path, ron, kind).map(drop),
             "Wall" => from_ron::<scene::SceneWall>(path, ron, kind).map(drop),
-            "Evolution" => from_ron::<scene::TimeFunction>(path, ron, kind).map(drop),
+            "TimeFunction" => from_ron::<scene::TimeFunction>(path, ron, kind).map(drop),
             "Events" => from_ron::<Vec<Event>>(path, ron, kind).map(drop),
             "Changes" => from_ron::<Changes>(path, ron, kind).map(drop),
             "Study" => from_ron::<Study>(path, ron, kind).map(drop),

@@ -23,9 +23,15 @@ const FORMER_SCENE: &str = r#"(
             place: List(positions: [(99, 0, 0)]),
         ),
     ],
-    walls: [Cylinder(
-        material: "ROCKx", colour: "WALLx", centre: (0, 0, -90), half_height: 1, radius: 1, rotation: Constant(0.1),
-    )],
+    walls: [
+        Cylinder(
+            material: "ROCKx", colour: "WALLx", centre: (0, 0, -90), half_height: 1, radius: 1, rotation: Constant(0.1),
+        ),
+        Cylinder(
+            material: "ROCKx", colour: "WALLx", centre: (0, 0, 90), half_height: 1, radius: 1,
+            angular_velocity: Constant(0.2),
+        ),
+    ],
 )
 "#;
 
@@ -78,7 +84,8 @@ fn former_names_are_read_with_a_warning_each() {
         "9:13: standing: renamed; write grain_orientation",
         "10:13: place: renamed, 2 times in this file; write placement",
         "13:89: Whole: renamed; write Surface",
-        "18:93: rotation: renamed; write angular_velocity",
+        "19:97: rotation: renamed; write spin",
+        "23:13: angular_velocity: renamed; write spin",
     ]
     .map(|line| format!("cd-pre: warning: scene.ron:{line}\n"))
     .concat();
@@ -92,11 +99,11 @@ fn former_names_are_read_with_a_warning_each() {
 fn former_names_in_settings_are_read_with_a_warning() {
     let rotation = "walls.1.rotation=Constant(0.2)";
     let (code, said, former) = datbox(&current_scene(), &["--set", rotation]);
-    let warning = format!("cd-pre: warning: options: set {rotation}: rotation: renamed; write angular_velocity\n");
+    let warning = format!("cd-pre: warning: options: set {rotation}: rotation: renamed; write spin\n");
     assert_eq!((code, said), (0, warning));
-    assert_eq!(former, datbox(&current_scene(), &["--set", "walls.1.angular_velocity=Constant(0.2)"]).2);
+    assert_eq!(former, datbox(&current_scene(), &["--set", "walls.1.spin=Constant(0.2)"]).2);
     // A current name in the setting finds the former one in the file.
-    assert_eq!(former, datbox(FORMER_SCENE, &["--set", "walls.1.angular_velocity=Constant(0.2)"]).2);
+    assert_eq!(former, datbox(FORMER_SCENE, &["--set", "walls.1.spin=Constant(0.2)"]).2);
     // Former names in a value.
     let shape = r#"grains.2.shape=Model(file: "rock.obj", scaled: Factor(3.0))"#;
     let (code, said, former) = datbox(&current_scene(), &["--set", shape]);

@@ -146,7 +146,7 @@ fn mistakes_in_the_text_are_placed() {
 }
 
 #[test]
-fn what_was_written_for_another_program_is_told_apart() {
+fn syntax_of_another_program_is_recognized() {
     let json = GOOD.replacen("(\n    gravity", "{\n    \"gravity\"", 1);
     let said = faults(&json);
     let lines: Vec<&str> = said.lines().collect();
@@ -215,14 +215,19 @@ fn doubtful_values_are_asked_about_and_accepted() {
         ),
         (
             "-11.0),",
-            "-11.0), angular_velocity: (Table([(0, 0), (1, 0)]), Constant(0), Constant(0)),",
-            "13:101: wall 1, angular_velocity 1: the function is 0 at all times; give values, or Constant(0.0)",
+            "-11.0), spin: (Table([(0, 0), (1, 0)]), Constant(0), Constant(0)),",
+            "13:101: wall 1, spin 1: the function is 0 at all times; give values, or Constant(0.0)",
         ),
     ] {
         let expected = format!("cd-pre: warning: scene.ron:{warning}\n");
         assert_eq!(made(&GOOD.replacen(from, to, 1), &[]), (0, expected), "{to}");
     }
     assert_eq!(made(&GOOD, &[]), (0, String::new()));
+    // A wall may be as light as its user wants.
+    let light = GOOD.replacen("2700.0)", "2700.0), (name: \"LIGHT\", density: 10.0)", 1);
+    let (grains, wall) = light.split_once("walls:").unwrap();
+    let wall = wall.replacen("\"ROCKx\"", "\"LIGHT\"", 1);
+    assert_eq!(made(&format!("{grains}walls:{wall}"), &[]), (0, String::new()));
     // A setting is named in place of a line.
     let (code, said) = made(&GOOD, &["--set", "materials.1.density=3.1"]);
     assert!(

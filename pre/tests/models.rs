@@ -138,7 +138,7 @@ fn all_kinds_of_files_hold_the_same_cube() {
 }
 
 #[test]
-fn every_fault_of_a_file_is_told() {
+fn every_fault_of_a_file_is_reported() {
     let (v, t) = (corners(), triangles());
     let mut turned = quads();
     turned[3].reverse();
@@ -294,7 +294,7 @@ fn pieces(body: &Body, axes: &[[f64; 3]; 3]) -> Vec<Surface> {
 const STANDING: &str = "grain_orientation: Same((axis: (0, 0, 1), angle: 0)), placement: List(positions: [(0, 0, 0)])";
 
 #[test]
-fn a_model_takes_the_size_it_is_told() {
+fn a_model_has_the_given_size() {
     let folder = cube_files();
     for (scaled, half) in [
         ("", 1.0),

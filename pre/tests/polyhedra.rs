@@ -123,7 +123,7 @@ fn given_vertices_about_their_centre_keep_their_digits() {
 }
 
 #[test]
-fn given_vertices_elsewhere_are_moved_and_turned_and_it_is_told() {
+fn given_vertices_are_moved_and_turned_with_a_message() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.ron");
     // The corner tetrahedron: its principal axes are not the given ones.
@@ -136,7 +136,7 @@ fn given_vertices_elsewhere_are_moved_and_turned_and_it_is_told() {
     let said = cd_pre::write_datbox(&path, &[], &folder.path().join("DATBOX")).unwrap();
     assert!(said.contains("centre of mass at (10.75000000, 0.50000000, 0.25000000) m of the given vertices"), "{said}");
     assert!(said.contains("principal axes rotated by 0."), "{said}");
-    assert!(said.contains("1 polyhedra (4 vertices each)"), "{said}");
+    assert!(said.contains("1 polyhedron (4 vertices each)"), "{said}");
     // Turned back and moved, the vertices are those that were given, less 10 along x.
     let (bodies, dof, _) = files(&text);
     for (found, given) in standing(&bodies.0[0], &dof.bodies[0].axes).iter().zip(vertices) {
@@ -145,7 +145,7 @@ fn given_vertices_elsewhere_are_moved_and_turned_and_it_is_told() {
 }
 
 #[test]
-fn listed_polyhedra_stand_as_told_and_may_touch_but_not_overlap() {
+fn listed_polyhedra_have_their_orientations_and_may_touch_but_not_overlap() {
     // Three cubes of side 2: one on the other, and one on its edge beside them, as near as it goes.
     let beside = 1.0 + 2f64.sqrt();
     let stack = |x: f64, z: f64| {

@@ -324,7 +324,7 @@ fn brackets_without_end() {
     let deep = format!("{}{}", "(".repeat(100_000), ")".repeat(100_000));
     assert!(said_of(&[("gravity:", &format!("x: {deep}, gravity:"))]).starts_with("scene.ron:"));
     let settings = [format!("seed={deep}")];
-    let text = cd_formats::places::apply_settings(GOOD, &settings).unwrap();
+    let text = cd_formats::settings::apply_settings(GOOD, &settings).unwrap();
     let faults = cd_pre::read_scene(std::path::Path::new("scene.ron"), &text, &settings).err().unwrap();
     assert!(faults.to_string().starts_with("options: set seed"), "{faults}");
 }
@@ -412,10 +412,7 @@ fn cylinders() {
     };
     let drum = "centre: (0, 0, 0), half_height: 10.5, radius: 10.5, hollow: true";
     assert_eq!(wall(drum), "nothing");
-    assert_eq!(
-        wall(&drum.replace("true", "true, force: (None, None, Constant(2)), angular_velocity: Constant(1)")),
-        "nothing"
-    );
+    assert_eq!(wall(&drum.replace("true", "true, force: (None, None, Constant(2)), spin: Constant(1)")), "nothing");
     for (fields, message) in [
         ("centre: (0, 0, 0), half_height: 0, radius: 1", "13:90: wall 1, half_height: 0.0; expected a length > 0 m"),
         ("centre: (0, 0, 0), half_height: 1, radius: NaN", "13:101: wall 1, radius: NaN; expected a length > 0 m"),
@@ -493,7 +490,7 @@ fn one_grain_may_spin_where_a_scene_repeats() {
 }
 
 #[test]
-fn small_radii_are_told_with_five_digits() {
+fn small_radii_are_printed_with_five_digits() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scene.ron");
     let [from, to] = ["min: 0.5, max: 1.0", "min: 1.2345678e-5, max: 1.2345678e-5"];

@@ -246,3 +246,39 @@ fn a_fault_of_a_case_is_that_of_its_value() {
     study.write("scene.ron", &SCENE.replace("2700.0", "-2700.0"));
     study.is_refused(&["scene.ron:2:"]);
 }
+
+#[test]
+fn former_names_are_reported_once_each_at_their_position() {
+    let wall = r#"Cylinder(material: "ROCKx", colour: "BLUEx", centre: (0, 0, -90), half_height: 1, radius: 1, spin: Constant(0))"#;
+    let base =
+        SCENE.replace("placement: ", "place: ").replace("    compute:", &format!("    walls: [{wall}],\n    compute:"));
+    let study = Study::new(
+        r#"(groups: [(
+    name: "a{w}-{n}",
+    base: "scene.ron",
+    set: [("grains.1.place.envelope", Ball(radius: 2.0)), ("grains.1.standing", Random)],
+    parameters: [
+        (name: "w", paths: ["walls.1.rotation.1"], values: [0, 1, 2, 3]),
+        (name: "n", paths: ["grains.1.number"], values: [5, 6], with: [(paths: [ r"grains.1.place"], values: [
+            RandomSequential(envelope: Ball()), RandomSequential(envelope: Ball())])]),
+    ],
+)])"#,
+    );
+    study.write("scene.ron", &base);
+    let (status, said) = study.run(&[]);
+    let expected: String = [
+        "study.ron:4:22: place: renamed, 2 times in this file; write placement",
+        "study.ron:4:70: standing: renamed; write grain_orientation",
+        "study.ron:6:38: rotation: renamed; write spin",
+        "scene.ron:5:104: place: renamed; write placement",
+    ]
+    .map(|line| format!("cd-pre: warning: {line}\n"))
+    .concat();
+    assert_eq!((status, said), (Some(0), expected));
+    // Names in a setting of the command line are reported there.
+    let setting = "groups.1.parameters.1.paths=[\"walls.1.rotation.1\"]";
+    let (status, said) = study.run(&["--set", setting]);
+    let warning = format!("options: set {setting}: rotation: renamed; write spin\n");
+    assert!(status == Some(0) && said.ends_with(&warning), "{said}");
+    assert_eq!(said.matches("rotation").count(), 2, "{said}");
+}

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use cd_formats::case::{CaseFolder, no_case, parse_arguments};
 use cd_formats::compute::ComputeFlags;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::{print_error, print_line};
+use cd_formats::messages::{print_error, print_line};
 use clap::Parser;
 
 use crate::run::{RunFailure, account_changed_forces, check_run, run_case};

@@ -17,9 +17,9 @@ use crate::write;
 /// Limits of a trial: number of steps and time, whichever is reached first. The first step, from a cold start, is not
 /// timed.
 const MAX_TRIAL_STEPS: u64 = 20;
-/// Multiple of the sharpest bound on h beyond which no step is tried.
-const MAX_TRIAL_DT_FACTOR: f64 = 100.0;
 const MAX_TRIAL_TIME: Duration = Duration::from_secs(2);
+/// Multiple of the strictest bound on h beyond which no step is tried.
+const MAX_TRIAL_DT_FACTOR: f64 = 100.0;
 
 /// Largest displacement and largest free fall in a step, in radii: they determine penetrations and missed bounces.
 const MAX_TRAVEL_RADII: f64 = 0.1;
@@ -31,10 +31,12 @@ const STEPS_PER_RADIAN: f64 = 10.0;
 /// Position error of a body by rounding in a run, as a fraction of its radius, from which on a warning is printed.
 const ROUNDOFF_WARNING_SHARE: f64 = 1e-2;
 
-/// Largest h that a process allows, s.
+/// Bound on the length of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepBound {
+    /// Largest h, s.
     pub h: f64,
+    /// Process that sets the bound, as text.
     pub reason: String,
 }
 
@@ -48,57 +50,47 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     let times = [state.time, scene.end_time().max(state.time)];
     let of_driven = scene.drives.iter().map(|drive| max_drive_speed(scene, drive, &mean_velocity, times));
     let fastest = of_free.chain(of_driven).fold(0.0, f64::max);
-    let mut bounds = Vec::new();
-    let mut bound = |h: f64, reason: String| {
-        if h.is_finite() && h > 0.0 {
-            bounds.push(StepBound { h, reason });
-        }
-    };
     let travel = MAX_TRAVEL_RADII * smallest;
-    bound(
-        travel / fastest,
-        format!("largest speed {fastest:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"),
-    );
+    // A fall limits travel by its impact speed (m/s), and its first step by its acceleration (m/s²).
+    let fall_bounds = |impact: String, speed: f64, acceleration: f64| {
+        [
+            StepBound {
+                h: travel / speed,
+                reason: format!("{impact}, {speed:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"),
+            },
+            StepBound {
+                h: (MAX_FALL_RADII * scene.mean_radius / acceleration).sqrt(),
+                reason: format!("free fall at {acceleration:.3e} m/s²: {MAX_FALL_RADII} of the mean radius a step"),
+            },
+        ]
+    };
+    let mut bounds = vec![StepBound {
+        h: travel / fastest,
+        reason: format!("largest speed {fastest:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"),
+    }];
     if let Some((radius, surface)) = scene.surface_gravity() {
-        let fall = (2.0 * surface * radius).sqrt();
-        bound(
-            travel / fall,
-            format!(
-                "impact speed of a gravitational collapse, {fall:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"
-            ),
-        );
-        bound(
-            (MAX_FALL_RADII * scene.mean_radius / surface).sqrt(),
-            format!("free fall at {surface:.3e} m/s²: {MAX_FALL_RADII} of the mean radius a step"),
-        );
+        let speed = (2.0 * surface * radius).sqrt();
+        bounds.extend(fall_bounds("impact speed of a gravitational collapse".into(), speed, surface));
     }
     let period = shortest_orbit(scene, state);
-    bound(
-        period / STEPS_PER_ORBIT,
-        format!("shortest orbital period {period:.3e} s: {STEPS_PER_ORBIT} steps an orbit"),
-    );
+    bounds.push(StepBound {
+        h: period / STEPS_PER_ORBIT,
+        reason: format!("shortest orbital period {period:.3e} s: {STEPS_PER_ORBIT} steps an orbit"),
+    });
     let g = state.gravity.norm();
     if g > 0.0 {
         let heights = || free.iter().map(|(i, _)| -state.x[*i].dot(&state.gravity) / g);
         let lowest = heights().fold(floor_height(scene, state) + smallest, f64::min);
         let height = heights().fold(f64::NEG_INFINITY, f64::max) - lowest;
-        let fall = (2.0 * g * height).sqrt();
-        bound(
-            travel / fall,
-            format!(
-                "impact speed of a fall through {height:.3e} m, {fall:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"
-            ),
-        );
-        bound(
-            (MAX_FALL_RADII * scene.mean_radius / g).sqrt(),
-            format!("free fall at {g:.3e} m/s²: {MAX_FALL_RADII} of the mean radius a step"),
-        );
+        let speed = (2.0 * g * height).sqrt();
+        bounds.extend(fall_bounds(format!("impact speed of a fall through {height:.3e} m"), speed, g));
     }
     let turn = fastest_turn(scene, state);
-    bound(
-        1.0 / (STEPS_PER_RADIAN * turn),
-        format!("fastest rotation {turn:.3e} rad/s: {STEPS_PER_RADIAN} steps a radian"),
-    );
+    bounds.push(StepBound {
+        h: 1.0 / (STEPS_PER_RADIAN * turn),
+        reason: format!("fastest rotation {turn:.3e} rad/s: {STEPS_PER_RADIAN} steps a radian"),
+    });
+    bounds.retain(|bound| bound.h.is_finite() && bound.h > 0.0);
     bounds.sort_by(|a, b| a.h.total_cmp(&b.h));
     bounds
 }
@@ -129,9 +121,9 @@ fn floor_height(scene: &Scene, state: &State) -> f64 {
     walls.map(top).fold(f64::INFINITY, f64::min)
 }
 
-/// Largest speed of a point of a driven body relative to `v` between two times, m/s; the rotation of a sphere does not
-/// count.
-fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, v: &Vec3, times: [f64; 2]) -> f64 {
+/// Largest speed of a point of a driven body relative to the velocity `mean_velocity` (m/s) between two times (s), m/s;
+/// the rotation of a sphere does not count.
+fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, mean_velocity: &Vec3, times: [f64; 2]) -> f64 {
     let reach = match scene.bodies[drive.body.index()].shape {
         BodyShape::Sphere { .. } => 0.0,
         BodyShape::Plane { half_lengths } => half_lengths.norm(),
@@ -140,10 +132,11 @@ fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, v: &Vec3, times: [f64
             parts.map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max)
         }
     };
-    let imposed = |k: usize, from: f64| drive.velocity[k].as_ref().map_or(0.0, |v| v.farthest_from(from, times));
-    let past = Vec3::from_fn(|k, _| imposed(k, v[k]));
-    let turn = Vec3::from_fn(|k, _| imposed(3 + k, 0.0));
-    past.norm() + turn.norm() * reach
+    let imposed =
+        |k: usize, from: f64| drive.velocity[k].as_ref().map_or(0.0, |value| value.farthest_from(from, times));
+    let speed = Vec3::from_fn(|k, _| imposed(k, mean_velocity[k])).norm();
+    let spin = Vec3::from_fn(|k, _| imposed(3 + k, 0.0)).norm();
+    speed + spin * reach
 }
 
 /// Warning about positions with too few digits: a step rounds them twice, by up to half a digit.
@@ -153,52 +146,57 @@ fn max_drive_speed(scene: &Scene, drive: &ImposedVelocity, v: &Vec3, times: [f64
 pub fn roundoff_warning(scene: &Scene, state: &State) -> Option<String> {
     let steps = scene.last_step().saturating_sub(state.step).max(1);
     let digit = |i: BodyId| f64::EPSILON * state.x[i.index()].amax();
-    let share = |i: BodyId| steps as f64 * digit(i) / scene.bodies[i.index()].radius;
-    let worst = scene.free.iter().copied().max_by(|a, b| share(*a).total_cmp(&share(*b)))?;
-    (share(worst) > ROUNDOFF_WARNING_SHARE).then(|| {
+    let error_share = |i: BodyId| steps as f64 * digit(i) / scene.bodies[i.index()].radius;
+    let worst = scene.free.iter().copied().max_by(|a, b| error_share(*a).total_cmp(&error_share(*b)))?;
+    (error_share(worst) > ROUNDOFF_WARNING_SHARE).then(|| {
         format!(
             "body {} is {:.3e} m from the origin, where positions are rounded to {:.1e} m: in {steps} steps round-off may displace it by {:.1e} of its radius",
             worst.number(),
             state.x[worst.index()].norm(),
             digit(worst),
-            share(worst)
+            error_share(worst)
         )
     })
 }
 
-/// Models that the scene does not use, and what that saves.
+/// Models that are inactive because the scene does not use them, with the simpler form of the equations that follows.
 pub fn unused_models(scene: &Scene) -> Vec<&'static str> {
     let laws = &scene.laws;
     let rolling = laws.iter().any(|law| law.rolling.is_some());
     let absent = [
-        (scene.bodies.iter().all(RigidBody::is_sphere), "walls"),
-        (!scene.needs_blocks(), "polyhedra (contact blocks are diagonal)"),
+        (!scene.bodies.iter().any(|body| body.driven), "walls"),
+        (!scene.needs_blocks(), "full 3x3 contact blocks of polyhedra (the diagonal suffices)"),
         (!scene.options.sphere_orientation, "orientation of spheres"),
-        (scene.turning.is_empty(), "free rotation (moments of inertia are equal)"),
+        (scene.turning.is_empty(), "change of angular velocity without torque (moments of inertia are equal)"),
         (
             laws.iter().all(|law| law.friction_static == 0.0 && law.friction_dynamic == 0.0),
             // Sweeps with moments keep all three components.
-            if rolling { "friction" } else { "friction (one unknown per contact)" },
+            if rolling { "friction" } else { "friction (one unknown per contact, not three)" },
         ),
         (laws.iter().all(|law| law.cohesion.is_none()), "cohesion"),
         (!rolling, "rolling friction"),
         (!scene.options.self_gravity, "self-gravity"),
         (scene.options.fields.is_empty(), "external fields"),
-        (!scene.drives.iter().any(ImposedVelocity::ever_moves), "motion of walls"),
+        (!scene.drives.iter().any(ImposedVelocity::ever_moves), "imposed motion"),
         (scene.events.is_empty(), "events"),
     ];
-    absent.into_iter().filter(|(absent, _)| *absent).map(|(_, what)| what).collect()
+    absent.into_iter().filter(|(is_absent, _)| *is_absent).map(|(_, model)| model).collect()
 }
 
 /// Number of times at which a plan tests whether imposed motion changes.
-const MOMENTS: u32 = 1000;
+const MOTION_SAMPLES: u32 = 1000;
 
 /// Fraction of the time from `start` (s) to the end of the run in which no imposed velocity or force changes, so that
 /// steps may be longer than dt, to a thousandth.
 fn share_of_constant_motion(scene: &Scene, start: f64) -> f64 {
-    let moment = |k: u32| start + (f64::from(k) + 0.5) / f64::from(MOMENTS) * (scene.end_time() - start);
-    let constant = (0..MOMENTS).map(moment).filter(|time| scene.constant_until(*time) > *time).count();
-    constant as f64 / f64::from(MOMENTS)
+    let moment = |k: u32| start + (f64::from(k) + 0.5) / f64::from(MOTION_SAMPLES) * (scene.end_time() - start);
+    let constant = (0..MOTION_SAMPLES).map(moment).filter(|time| scene.constant_until(*time) > *time).count();
+    constant as f64 / f64::from(MOTION_SAMPLES)
+}
+
+/// Number of things named by a noun that forms its plural with s: "1 row", "2 rows".
+fn count_text(count: u64, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
 /// Largest memory use of this program so far, bytes; known on Linux.
@@ -221,7 +219,7 @@ pub fn plan_text(scene: &Scene, state: &State) -> String {
     let mut lines: Vec<(&str, String)> = vec![("models", scene.model_names().join("; "))];
     lines.push(("inactive", unused_models(scene).join("; ")));
     // Steps that are far too long may take hours.
-    let sane = bounds.first().is_none_or(|sharpest| h <= MAX_TRIAL_DT_FACTOR * sharpest.h);
+    let sane = bounds.first().is_none_or(|strictest| h <= MAX_TRIAL_DT_FACTOR * strictest.h);
     let tried = if sane { trial_run(scene, state) } else { None };
     if let Some(TrialRun { report, .. }) = &tried {
         let (listed, active) = (report.contacts_listed, report.contacts_active);
@@ -237,46 +235,47 @@ pub fn plan_text(scene: &Scene, state: &State) -> String {
         ),
     ));
     lines.push(("time", tried.as_ref().map_or("no trial step: h is far too long".into(), TrialRun::timing_text)));
-    let knob = |(name, value, alone): (&str, String, bool)| {
+    let option_text = |(name, value, is_set): (&str, String, bool)| {
         let value = if name == "gravity_refresh" { scene.gravity_refresh().to_string() } else { value };
-        format!("{name} {value}{}", if alone { " (set)" } else { "" })
+        format!("{name} {value}{}", if is_set { " (set)" } else { "" })
     };
-    let knobs: Vec<String> = scene.options.accuracy_options().into_iter().map(knob).collect();
+    let options: Vec<String> = scene.options.accuracy_options().into_iter().map(option_text).collect();
     let preset = scene.options.accuracy.map_or("none".into(), |accuracy| accuracy.to_string());
-    lines.push(("accuracy", format!("{preset}: {}", knobs.join(", "))));
+    lines.push(("accuracy", format!("{preset}: {}", options.join(", "))));
     let left = scene.last_step().saturating_sub(state.step);
-    let at_once = |TrialRun { steps, dt_count: units, .. }: &TrialRun| (*units).max(1) as f64 / (*steps).max(1) as f64;
     let constant = share_of_constant_motion(scene, state.time);
-    let most = if constant > 0.0 { scene.options.adaptive().most } else { 1 };
-    let longer = match (most, &tried) {
-        (1, _) if scene.options.adaptive().is_on() => ", each dt, because imposed motion changes all the time".into(),
-        (1, _) | (_, None) => String::new(),
-        (most, Some(tried)) => {
+    let max_multiple = if constant > 0.0 { scene.options.adaptive().most } else { 1 };
+    let steps = match (max_multiple, &tried) {
+        (1, _) if scene.options.adaptive().is_on() => {
+            format!("{} of one dt each, because imposed motion changes all the time", count_text(left, "step"))
+        }
+        (1, _) | (_, None) => count_text(left, "step"),
+        (max_multiple, Some(tried)) => {
             let when = if constant < 1.0 {
                 format!(" in the {:.3} % of the time in which imposed motion is constant", 100.0 * constant)
             } else {
                 String::new()
             };
-            format!(" of dt, up to {most} of them in a step{when}, {:.1} at present", at_once(tried))
+            format!("{left} dt, up to {max_multiple} dt per step{when}, at present {:.1}", tried.mean_multiple())
         }
     };
     let seconds = |tried: &TrialRun| {
-        format!(" {:.3e} s at the present rate;", left as f64 * tried.seconds_per_step() / at_once(tried))
+        format!(" {:.3e} s at the present rate;", left as f64 * tried.seconds_per_step() / tried.mean_multiple())
     };
     let seconds = tried.as_ref().map_or(String::new(), seconds);
     if let Some(tried) = &tried {
-        lines.push(("disk", disk_estimate(scene, left, at_once(tried), tried.sizes)));
+        lines.push(("disk", disk_estimate(scene, left, tried)));
     }
-    lines.push(("run", format!("{left} steps{longer};{seconds} t = {:.6e} s", scene.end_time())));
-    let place = match bounds.first() {
-        Some(sharpest) if h > sharpest.h => format!("{h} s is {:.1} times the strictest bound", h / sharpest.h),
+    lines.push(("run", format!("{steps};{seconds} t = {:.6e} s", scene.end_time())));
+    let verdict = match bounds.first() {
+        Some(strictest) if h > strictest.h => format!("{h} s is {:.1} times the strictest bound", h / strictest.h),
         Some(_) => format!("{h} s is within all bounds"),
         None => format!("{h} s; no bound: nothing moves and no force acts"),
     };
-    lines.push(("h", place));
-    if let Some(sharpest) = bounds.first() {
-        let of = |accuracy: Accuracy| format!("{accuracy} up to {:.3e} s", accuracy.step_factor() * sharpest.h);
-        lines.push(("", Accuracy::ALL.map(of).join(", ")));
+    lines.push(("h", verdict));
+    if let Some(strictest) = bounds.first() {
+        let suited = |accuracy: Accuracy| format!("{accuracy} up to {:.3e} s", accuracy.step_factor() * strictest.h);
+        lines.push(("", Accuracy::ALL.map(suited).join(", ")));
     }
     lines.extend(Accuracy::ALL.map(|accuracy| ("", format!("{accuracy}: {}", accuracy.measured_cost_and_error()))));
     lines.extend(bounds.iter().map(|bound| ("", format!("up to {:.3e} s: {}", bound.h, bound.reason))));
@@ -288,46 +287,57 @@ pub fn plan_text(scene: &Scene, state: &State) -> String {
         .collect()
 }
 
-/// Disk space of the files of `left` units of `dt`, if a step takes `at_once` of them.
-fn disk_estimate(scene: &Scene, left: u64, at_once: f64, [row, snapshot]: [usize; 2]) -> String {
+/// Disk space of the files that a run of `left` `dt` still writes, if its steps are like those of the trial.
+fn disk_estimate(scene: &Scene, left: u64, tried: &TrialRun) -> String {
     let options = &scene.options;
+    let [row, snapshot] = tried.sizes;
     let snapshots = left.div_ceil(options.output_every) + 1;
-    let rows = (left as f64 / at_once.max(options.log_every as f64)).max(snapshots.min(left) as f64).ceil();
-    let mb = |count: f64, bytes: usize| count * bytes as f64 / 1e6;
-    let [of_snapshots, of_rows] = [mb(snapshots as f64, snapshot), mb(rows, row)];
+    let rows = left as f64 / tried.mean_multiple().max(options.log_every as f64);
+    let rows = rows.max(snapshots.min(left) as f64).ceil();
+    let megabytes = |count: f64, bytes: usize| count * bytes as f64 / 1e6;
     format!(
-        "{:.3e} MB: {snapshots} snapshots of {:.3} MB, {rows} rows of {row} bytes in steps.csv and TIMER.csv",
-        of_snapshots + of_rows,
-        mb(1.0, snapshot)
+        "{:.3e} MB: {} of {:.3} MB, {} of {row} bytes in steps.csv and TIMER.csv",
+        megabytes(snapshots as f64, snapshot) + megabytes(rows, row),
+        count_text(snapshots, "snapshot"),
+        megabytes(1.0, snapshot),
+        count_text(rows as u64, "row")
     )
 }
 
 /// Trial steps made with a copy of the state.
 struct TrialRun {
     clock: StageTimes,
+    /// Number of timed steps.
     steps: u64,
-    /// Total length of the steps in units of `dt`.
+    /// Total number of `dt` in the timed steps.
     dt_count: u64,
     /// Report of the last step.
     report: StepReport,
-    /// Bytes of a row of the logs and of a snapshot.
+    /// Sizes of a row of the logs and of a snapshot, bytes.
     sizes: [usize; 2],
 }
 
 impl TrialRun {
-    /// Seconds per step.
+    /// Mean number of `dt` in a timed step.
+    fn mean_multiple(&self) -> f64 {
+        self.dt_count.max(1) as f64 / self.steps.max(1) as f64
+    }
+
+    /// Time per step, s.
     fn seconds_per_step(&self) -> f64 {
         let StageTimes { gravity, detection, assembly, solve, integration, .. } = self.clock;
         (gravity + detection + assembly + solve + integration).as_secs_f64() / self.steps.max(1) as f64
     }
 
+    /// Time of a step and of its stages, as text.
     fn timing_text(&self) -> String {
         let StageTimes { gravity, detection, assembly, solve, integration, .. } = self.clock;
         let steps = self.steps;
         let ms = |time: Duration| 1e3 * time.as_secs_f64() / steps.max(1) as f64;
         format!(
-            "{:.3} ms a step ({steps} trial steps): gravity {:.3}, detection {:.3}, assembly {:.3}, solve {:.3}, integration {:.3}",
+            "{:.3} ms a step ({}): gravity {:.3}, detection {:.3}, assembly {:.3}, solve {:.3}, integration {:.3}",
             1e3 * self.seconds_per_step(),
+            count_text(steps, "trial step"),
             ms(gravity),
             ms(detection),
             ms(assembly),

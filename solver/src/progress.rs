@@ -7,7 +7,7 @@ use std::thread::{JoinHandle, spawn};
 use std::time::{Duration, Instant};
 
 use cd_formats::compute::{Compute, ContactSolver};
-use cd_formats::tell::{print_error, print_line};
+use cd_formats::messages::{print_error, print_line};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::activity;
@@ -106,11 +106,11 @@ impl ProgressDisplay {
 
     /// Warns of a step that did not converge.
     pub fn report_unconverged(&self, state: &State, report: &StepReport, options: &Compute) {
-        let place = |WorstContact { bodies: [a, b], point }: WorstContact| {
+        let contact_text = |WorstContact { bodies: [a, b], point }: WorstContact| {
             let [x, y, z] = [point.x, point.y, point.z];
             format!(", worst contact bodies {}-{} at ({x:.6e}, {y:.6e}, {z:.6e}) m", a.number(), b.number())
         };
-        let worst = report.worst.map_or(String::new(), place);
+        let worst = report.worst.map_or(String::new(), contact_text);
         let solver = solver_text(options.solver, report.replacement_reason.is_some());
         let why = unconverged_reason(report.residual, report.tol, report.left_out);
         let message = format!(
@@ -181,13 +181,13 @@ fn spawn_watcher(heard: Arc<Mutex<(Instant, u64)>>, last: u64) -> (Sender<()>, J
 
 /// Formats a rate with at least three digits.
 fn rate_text(rate: f64) -> String {
-    let places = if rate < 100.0 { (2.0 - rate.max(1e-9).log10().floor()) as usize } else { 0 };
-    format!("{rate:.places$}")
+    let decimals = if rate < 100.0 { (2.0 - rate.max(1e-9).log10().floor()) as usize } else { 0 };
+    format!("{rate:.decimals$}")
 }
 
 /// Solver of a step, which may be sweeps that replaced the chosen solver.
 fn solver_text(solver: ContactSolver, replaced: bool) -> String {
-    if replaced { format!("sweeps in place of {solver}") } else { solver.to_string() }
+    if replaced { format!("sweeps in contact_text of {solver}") } else { solver.to_string() }
 }
 
 #[cfg(test)]
@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn a_solver_is_named_that_solved() {
-        assert_eq!(solver_text(ContactSolver::Admm, true), "sweeps in place of admm");
+        assert_eq!(solver_text(ContactSolver::Admm, true), "sweeps in contact_text of admm");
         assert_eq!(solver_text(ContactSolver::Admm, false), "admm");
     }
 

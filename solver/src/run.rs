@@ -7,13 +7,12 @@ use std::time::{Duration, Instant};
 
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::messages::{print_error, print_line};
 use cd_formats::snapshot::RunParameters;
-use cd_formats::tell::{print_error, print_line};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
 use crate::activity;
-
 use crate::assemble::potential_energy;
 use crate::detect;
 use crate::integrate::{ContactConfiguration, predict_configuration};
@@ -60,9 +59,8 @@ impl From<Faults> for RunFailure {
     }
 }
 
-/// Advances the state to the last step and writes the results; returns the summary.
-/// `dump`: step whose contact problem is written, too.
-/// `dump`: the step whose contact problem is written out, too.
+/// Advances the state to the last step and writes the results; returns the summary. `dump`: step whose contact problem is
+/// written, too.
 pub fn run_case(
     case: &Path,
     scene: &Scene,
@@ -73,7 +71,7 @@ pub fn run_case(
     let start = Instant::now();
     let last = scene.last_step();
     let (mut results, tally) = ResultFiles::open(case, scene, &state)?;
-    let mut course = RunStatistics {
+    let mut statistics = RunStatistics {
         threads: rayon::current_num_threads(),
         bonds: state.bond_count(),
         tally,
@@ -89,28 +87,28 @@ pub fn run_case(
     }
 
     let progress = ProgressDisplay::new(state.step, last.max(state.step));
-    course.warnings.extend(long_step_warning(scene, &state));
-    course.warnings.extend(roundoff_warning(scene, &state));
-    course.warnings.iter().for_each(|message| progress.warn(message));
-    let mut known = DetectionCache::default();
-    let (at_start, message) = initial_overlap_warning(scene, &state, &mut known).unzip();
+    statistics.warnings.extend(long_step_warning(scene, &state));
+    statistics.warnings.extend(roundoff_warning(scene, &state));
+    statistics.warnings.iter().for_each(|message| progress.warn(message));
+    let mut cache = DetectionCache::default();
+    let (initial_overlap, message) = initial_overlap_warning(scene, &state, &mut cache).unzip();
     message.filter(|_| !resumed).into_iter().for_each(|message| progress.warn(&message));
     // Overlaps deeper than this fraction of the smaller radius are attributed to the steps.
-    let deep = at_start.map_or(OVERLAP_WARNING_SHARE, |overlap: Overlap| {
+    let reported_share = initial_overlap.map_or(OVERLAP_WARNING_SHARE, |overlap: Overlap| {
         OVERLAP_WARNING_SHARE.max(DEEPER_OVERLAP_FACTOR * overlap.share)
     });
-    course.overlap = at_start;
+    statistics.overlap = initial_overlap;
     // A resumed run has its cache, which decides between equal directions; at the start of a run the cache is empty.
     if state.step == scene.start.0 && state.detection_cache == DetectionCache::default() {
-        state.detection_cache = known;
+        state.detection_cache = cache;
     }
     while state.step < last {
         if let Some(number) =
             dump.filter(|&number| state.step < number && number - state.step <= scene.options.adaptive().most)
         {
-            let (units, problem) = next_problem(scene, &state);
-            if number <= state.step + units {
-                let number = state.step + units;
+            let (step_multiple, problem) = next_problem(scene, &state);
+            if number <= state.step + step_multiple {
+                let number = state.step + step_multiple;
                 let path = crate::write::problem(case, number, problem).map_err(RunFailure::Unwritten)?;
                 print_line(format_args!("cd-solve: contact problem of step {number} in {}", path.display()));
             }
@@ -119,42 +117,43 @@ pub fn run_case(
         let first = state.step;
         progress.begin_step(state.step);
         let Some(report) = step(scene, &mut state, &mut lap) else {
-            results.finish_rows(&mut course.tally).map_err(RunFailure::Unwritten)?;
+            results.finish_rows(&mut statistics.tally).map_err(RunFailure::Unwritten)?;
             write_output(&mut results, scene, &state).map_err(as_unwritten)?;
             return Err(stopped_failure(&state, last, &progress));
         };
         expect_finite(&state).inspect_err(|_| progress.finish())?;
         if let Some(overlap) = report.overlap {
-            if overlap.share > deep && course.overlap.is_none_or(|before| before.share <= deep) {
+            if overlap.share > reported_share && statistics.overlap.is_none_or(|before| before.share <= reported_share)
+            {
                 progress.warn(&deeper_overlap_warning(&state, overlap));
             }
-            course.overlap = deeper_overlap(course.overlap, overlap);
+            statistics.overlap = deeper_overlap(statistics.overlap, overlap);
         }
-        course.steps += 1;
-        course.dt_count += state.step - first;
-        course.longest = course.longest.max(report.h);
-        course.sweeps += report.sweeps;
-        course.gravity = report.gravity.sampled.or(course.gravity);
-        course.narrow_phase_error = report.narrow_phase_error.or(course.narrow_phase_error);
+        statistics.steps += 1;
+        statistics.dt_count += state.step - first;
+        statistics.longest = statistics.longest.max(report.h);
+        statistics.sweeps += report.sweeps;
+        statistics.gravity = report.gravity.sampled.or(statistics.gravity);
+        statistics.narrow_phase_error = report.narrow_phase_error.or(statistics.narrow_phase_error);
         if scene.has_bonds() {
-            course.bonds = course.bonds.max(state.bond_count());
+            statistics.bonds = statistics.bonds.max(state.bond_count());
         }
-        course.single += u64::from(report.single_precision);
-        course.taken_over += u64::from(report.fallback_used && report.converged);
-        course.given_up += u64::from(report.fallback_suppressed);
+        statistics.single += u64::from(report.single_precision);
+        statistics.taken_over += u64::from(report.fallback_used && report.converged);
+        statistics.given_up += u64::from(report.fallback_suppressed);
         if !report.converged {
-            course.unconverged += 1;
-            if course.unconverged <= MAX_REPORTED_STEPS {
+            statistics.unconverged += 1;
+            if statistics.unconverged <= MAX_REPORTED_STEPS {
                 progress.report_unconverged(&state, &report, &scene.options);
             }
         }
         progress.show_step(&state, &report);
-        results.add_step(scene, &state, &report, &lap, &mut course.tally).map_err(RunFailure::Unwritten)?;
-        course.clock.accumulate(&lap);
+        results.add_step(scene, &state, &report, &lap, &mut statistics.tally).map_err(RunFailure::Unwritten)?;
+        statistics.clock.accumulate(&lap);
         let stopped = stop.load(Ordering::Relaxed) && state.step < last;
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last || stopped {
             if state.step == last || stopped {
-                results.finish_rows(&mut course.tally).map_err(RunFailure::Unwritten)?;
+                results.finish_rows(&mut statistics.tally).map_err(RunFailure::Unwritten)?;
             }
             writing = write_output(&mut results, scene, &state).map_err(as_unwritten)?;
             progress.print_status(&state, &report);
@@ -167,30 +166,31 @@ pub fn run_case(
         }
     }
     let last_output = StageTimes { writing, ..StageTimes::default() };
-    course.tally.add_writing_time(&last_output);
-    course.clock.accumulate(&last_output);
+    statistics.tally.add_writing_time(&last_output);
+    statistics.clock.accumulate(&last_output);
     progress.finish();
     // No step has measured the overlaps that the last step made.
-    if course.steps > 0
+    if statistics.steps > 0
         && let Some(overlap) =
             deepest_overlap(&current_contacts(scene, &state, &mut state.detection_cache.clone()), scene)
     {
-        course.penetration_end = overlap.depth;
-        if overlap.share > deep && course.overlap.is_none_or(|before| before.share <= deep) {
+        statistics.penetration_end = overlap.depth;
+        if overlap.share > reported_share && statistics.overlap.is_none_or(|before| before.share <= reported_share) {
             print_error(format_args!("cd-solve: warning: {}", deeper_overlap_warning(&state, overlap)));
         }
-        course.overlap = deeper_overlap(course.overlap, overlap);
+        statistics.overlap = deeper_overlap(statistics.overlap, overlap);
     }
-    course.overlap = course.overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE);
-    course.wall = start.elapsed();
-    let sources = course.tally.error_sources(scene, &state);
+    statistics.overlap = statistics.overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE);
+    statistics.wall = start.elapsed();
+    let sources = statistics.tally.error_sources(scene, &state);
     // Also if a run was killed before it wrote them.
-    if course.steps > 0 || state.step > scene.start.0 && !errors::is_there(case) {
+    if statistics.steps > 0 || state.step > scene.start.0 && !errors::is_there(case) {
         errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;
     }
-    Ok(summary_text(scene, &state, &course, &sources))
+    Ok(summary_text(scene, &state, &statistics, &sources))
 }
 
+/// Failure of a run that was requested to stop.
 fn stopped_failure(state: &State, last: u64, progress: &ProgressDisplay) -> RunFailure {
     progress.finish();
     let State { step, time, .. } = state;
@@ -208,7 +208,7 @@ static STOP_FLAG: LazyLock<&Arc<AtomicBool>> = LazyLock::new(|| {
     stop
 });
 
-/// Files of completed steps remain.
+/// Converts rejected files to files that could not be written any more: those of completed steps remain.
 fn as_unwritten(failure: RunFailure) -> RunFailure {
     if let RunFailure::Files(faults) = failure { RunFailure::Unwritten(faults) } else { failure }
 }
@@ -247,22 +247,22 @@ const DEEPER_OVERLAP_FACTOR: f64 = 1.1;
 
 /// Warning about a step that is too long even for a draft.
 fn long_step_warning(scene: &Scene, state: &State) -> Option<String> {
-    let sharpest = step_bounds(scene, state).into_iter().next()?;
-    let (h, suits) = (scene.options.dt, Accuracy::Draft.step_factor() * sharpest.h);
-    let StepBound { reason, .. } = sharpest;
-    (h > suits).then(|| {
+    let strictest = step_bounds(scene, state).into_iter().next()?;
+    let (h, recommended) = (scene.options.dt, Accuracy::Draft.step_factor() * strictest.h);
+    let StepBound { reason, .. } = strictest;
+    (h > recommended).then(|| {
         format!(
-            "dt = {h} s is {:.1} times the largest step recommended for a draft, {suits:.3e} s ({reason}); see --plan",
-            h / suits
+            "dt = {h} s is {:.1} times the largest step recommended for a draft, {recommended:.3e} s ({reason}); see --plan",
+            h / recommended
         )
     })
 }
 
-/// Contacts of the present state; `known`: cache that detection updates.
-fn current_contacts(scene: &Scene, state: &State, known: &mut DetectionCache) -> Vec<Contact> {
+/// Contacts of the present state; `cache`: cache that detection updates.
+fn current_contacts(scene: &Scene, state: &State, cache: &mut DetectionCache) -> Vec<Contact> {
     // Same lookahead as the first step, so that the cache is valid for it.
     let now = ContactConfiguration { lookahead: scene.options.dt, ..predict_configuration(scene, state, 0) };
-    detect::listed_contacts(scene, &now, state.velocities(), known)
+    detect::listed_contacts(scene, &now, state.velocities(), cache)
 }
 
 /// Returns the deepest overlap relative to the smaller radius.
@@ -273,8 +273,8 @@ fn deepest_overlap(contacts: &[Contact], scene: &Scene) -> Option<Overlap> {
 }
 
 /// Deepest overlap at the start, before any step, and a warning about all deep overlaps.
-fn initial_overlap_warning(scene: &Scene, state: &State, known: &mut DetectionCache) -> Option<(Overlap, String)> {
-    let contacts = current_contacts(scene, state, known);
+fn initial_overlap_warning(scene: &Scene, state: &State, cache: &mut DetectionCache) -> Option<(Overlap, String)> {
+    let contacts = current_contacts(scene, state, cache);
     let deepest = deepest_overlap(&contacts, scene).filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE)?;
     let deep = contacts
         .iter()
@@ -323,6 +323,7 @@ fn expect_finite(state: &State) -> Result<(), RunFailure> {
     check_finite(state.is_finite(), state, "a position, velocity, momentum or energy")
 }
 
+/// Returns an error that names `what` unless `finite`.
 fn check_finite(finite: bool, state: &State, what: &str) -> Result<(), RunFailure> {
     let State { step, time, .. } = state;
     let broken = || format!("step {step}, t = {time:e} s: {what} is not finite; snapshots written before are valid");

@@ -82,6 +82,7 @@ pub struct BodyPart {
     pub class: u16,
 }
 
+/// Constant data of a body.
 #[derive(Debug, Clone)]
 pub struct RigidBody {
     pub shape: BodyShape,
@@ -105,7 +106,7 @@ pub struct RigidBody {
 }
 
 impl RigidBody {
-    /// 1/kg; 0 for a body whose motion is all imposed.
+    /// Inverse mass, 1/kg; 0 for a body whose motion is all imposed.
     pub fn inverse_mass(&self) -> f64 {
         if self.is_imposed() { 0.0 } else { 1.0 / self.mass }
     }
@@ -131,17 +132,18 @@ impl RigidBody {
         if self.driven { (0..3).map(along).sum::<u8>() | 0b11_1000 } else { 0 }
     }
 
-    /// 1/(kg m^2) of a sphere; 0 for a body whose motion is imposed.
+    /// Inverse moment of inertia of a sphere, 1/(kg m^2); 0 for a body whose motion is imposed.
     pub fn inverse_inertia(&self) -> f64 {
         if self.driven { 0.0 } else { 1.0 / self.inertia[0] }
     }
 
-    /// Angular momentum about the centre of mass of the body turned by `q`, whose angular velocity is `w`; world frame.
+    /// Angular momentum about the centre of mass, kg m²/s, world frame, of the body with the orientation `q` and the angular
+    /// velocity `w` (rad/s, world frame).
     pub fn angular_momentum(&self, q: &Quat, w: &Vec3) -> Vec3 {
         if self.is_isotropic() { w * self.inertia[0] } else { rotation::angular_momentum(q, &self.inertia, w) }
     }
 
-    /// Angular velocity from the angular momentum; 0 for a body whose motion is imposed.
+    /// Angular velocity, rad/s, world frame, from the angular momentum; 0 for a body whose motion is imposed.
     pub fn angular_velocity(&self, q: &Quat, momentum: &Vec3) -> Vec3 {
         if self.driven || self.is_isotropic() {
             momentum * self.inverse_inertia()
@@ -156,6 +158,7 @@ impl RigidBody {
         a == b && b == c
     }
 
+    /// Whether the body is a single sphere about its centre of mass.
     pub fn is_sphere(&self) -> bool {
         matches!(self.shape, BodyShape::Sphere { .. })
     }
@@ -194,14 +197,18 @@ pub struct ImposedLoad {
 /// Law and alert distance (m) of a pair of classes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InteractionRule {
+    /// Index into `Scene::laws`.
     pub law: u8,
+    /// Alert distance, m.
     pub alert: f64,
 }
 
 /// Visibility table: which classes interact, and by what law.
 #[derive(Debug, Clone, Default)]
 pub struct VisibilityTable {
+    /// Number of classes.
     pub classes: usize,
+    /// Rule of each pair of classes, row by row; `None` if they do not interact.
     pub table: Vec<Option<InteractionRule>>,
 }
 
@@ -225,6 +232,7 @@ pub const NEARBY_GAP: f64 = 0.1;
 /// Number of bodies below which self-gravity is evaluated at every step.
 const MIN_BODIES_TO_EXTRAPOLATE: usize = 100;
 
+/// Constant data of a run: bodies, laws, imposed motion and options.
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub bodies: Vec<RigidBody>,
@@ -260,7 +268,8 @@ pub struct Scene {
     pub has_round_parts: bool,
     /// Whether some contactor in `parts` is a hollow cylinder.
     pub has_drums: bool,
-    /// Start in `parts` of each body's contactors, and the end of the last body's; empty if there are no parts.
+    /// Index in `parts` ([`PartId`]) of the first contactor of each body, and the length of `parts`; empty if there are no
+    /// parts. Read by [`Self::parts_of`] and [`Self::part_index`].
     pub part_starts: Vec<u32>,
     /// Notes for the user about the bodies in the files.
     pub notes: Vec<String>,
@@ -366,8 +375,8 @@ impl Scene {
     /// Index in `parts` of the contactor `rank` of a body, if it has that many.
     pub fn part_index(&self, body: BodyId, rank: u16) -> Option<PartId> {
         let starts = self.part_starts.get(body.index()..body.index() + 2)?;
-        let place = starts[0] + u32::from(rank);
-        (place < starts[1]).then_some(PartId(place))
+        let index = starts[0] + u32::from(rank);
+        (index < starts[1]).then_some(PartId(index))
     }
 
     /// Contactor `rank` of a body, in scenes with bodies other than spheres and plates.

@@ -72,8 +72,8 @@ pub struct DetectionCache {
     /// Neighbour pairs that the visibility table lists, ordered by candidates along Morton's curve, so that the data of
     /// contactors stay in the cache, then by antagonists. Shared with the backup of a step.
     pub pairs: Arc<Vec<VisiblePair>>,
-    /// Indices of the pairs in the order of candidates.
-    pub order: Arc<Vec<u32>>,
+    /// Indices into `pairs`, ordered by the contactors of the pair.
+    pub order_by_parts: Arc<Vec<u32>>,
     /// Cached feature of each of these pairs that was in contact.
     pub memories: Vec<CachedFeature>,
     /// Cached features before there are pairs, ordered by contactors.
@@ -88,10 +88,10 @@ pub struct DetectionCache {
 impl DetectionCache {
     /// Copy of the cached features, without the data that only save time.
     fn features_only(&self) -> Self {
-        let DetectionCache { pairs, order, memories, restored_pairs, .. } = self;
+        let DetectionCache { pairs, order_by_parts, memories, restored_pairs, .. } = self;
         DetectionCache {
             pairs: Arc::clone(pairs),
-            order: Arc::clone(order),
+            order_by_parts: Arc::clone(order_by_parts),
             memories: memories.clone(),
             restored_pairs: restored_pairs.clone(),
             ..DetectionCache::default()
@@ -101,7 +101,7 @@ impl DetectionCache {
     /// Cached features of the pairs that were in contact, ordered by contactors.
     pub fn cached_pairs(&self) -> Vec<CachedPair> {
         let of_pair = |&k: &u32| CachedPair { parts: self.pairs[k as usize].0, memory: self.memories[k as usize] };
-        let kept = self.order.iter().map(of_pair).filter(|kept| kept.memory != CachedFeature::default());
+        let kept = self.order_by_parts.iter().map(of_pair).filter(|kept| kept.memory != CachedFeature::default());
         self.restored_pairs.iter().copied().chain(kept).collect()
     }
 }
@@ -233,8 +233,10 @@ pub struct GravityHistory {
     pub before: Arc<[Vec3]>,
 }
 
+/// Data that change during a run; a snapshot holds all of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
+    /// Number of the last step.
     pub step: u64,
     /// Time, s.
     pub time: f64,
@@ -251,8 +253,8 @@ pub struct State {
     /// Angular momenta about the centres of mass, world frame, kg m²/s, of the bodies of `Scene::turning`. Without torque
     /// they remain bitwise constant; `w` follows from them.
     pub angular_momentum: Vec<Vec3>,
-    /// Bodies along Morton's curve in the last step, from which the next step sorts them; empty at the start. It affects
-    /// only time.
+    /// Indices of the bodies along Morton's curve in the last step, from which the next step sorts them; empty at the start.
+    /// It affects only time.
     pub order: Vec<u32>,
     /// Contacts of the last step ordered by key; warm start of the next step.
     pub contacts: Vec<SolvedContact>,
@@ -284,10 +286,10 @@ impl State {
         Velocities { v: &self.v, w: &self.w }
     }
 
-    /// Whether the errors of self-gravity and of the narrow phase are measured in the next step, which is `units` of `dt`
+    /// Whether the errors of self-gravity and of the narrow phase are measured in the next step, which is `step_multiple` of `dt`
     /// long.
-    pub fn is_diagnostic_step(&self, units: u64) -> bool {
-        self.step.next_multiple_of(DIAGNOSTIC_INTERVAL) < self.step + units
+    pub fn is_diagnostic_step(&self, step_multiple: u64) -> bool {
+        self.step.next_multiple_of(DIAGNOSTIC_INTERVAL) < self.step + step_multiple
     }
 
     /// Number of contacts with a bond or a liquid bridge.

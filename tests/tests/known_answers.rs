@@ -118,7 +118,7 @@ fn a_ball_slides_along_a_wall_across_the_period() {
 #[test]
 fn a_ball_in_a_drum_rolls() {
     let drum = r#"Cylinder(material: "ROCKx", colour: "WALLx", centre: (0, 0, 0), axis: (0, 1, 0), half_height: 1.0, radius: 1.0,
-        hollow: true, angular_velocity: Constant(1.0))"#;
+        hollow: true, spin: Constant(1.0))"#;
     let ball = ball(0.2, [0.8, 0.0, 0.0], "velocity: (0, 0, -0.8)");
     let parts = parts(&ball, drum, "dt: 2e-3, end_time: 20, output_every: 1000");
     let state = end_of(&scene([0.0; 3], "IQS_CLB(friction: 0.5)", &parts));
@@ -135,8 +135,7 @@ fn a_ball_in_a_drum_rolls() {
 /// A ball that rolls on a turntable of angular velocity Ω goes round a circle at 2/7 Ω.
 #[test]
 fn a_ball_on_a_turntable_goes_round_at_two_sevenths() {
-    let table = FLOOR
-        .replace("(50, 50, 0.5)", "(50, 50, 0.5), angular_velocity: (Constant(0.0), Constant(0.0), Constant(2.0))");
+    let table = FLOOR.replace("(50, 50, 0.5)", "(50, 50, 0.5), spin: (Constant(0.0), Constant(0.0), Constant(2.0))");
     let ball = ball(0.5, [2.0, 0.0, 0.5], "velocity: (0, 1.0, 0), spin: (6.0, 0, 0)");
     let parts = parts(&ball, &table, "dt: 1e-3, end_time: 10.996, output_every: 500");
     let case = solved(&scene(DOWN, "IQS_CLB(friction: 2.0)", &parts));
@@ -407,7 +406,7 @@ fn a_square_drum_of_plates_turns() {
         let (sin, cos) = angle.sin_cos();
         format!(
             r#"Plate(material: "ROCKx", colour: "WALLx", centre: ({:?}, 0, {:?}), normal: ({cos:?}, 0, {sin:?}), first_axis: (0, 1, 0),
-                half_lengths: (1, 1.2, 0.1), angular_velocity: (Constant(0.5), Constant(0.0), Constant(0.0)),
+                half_lengths: (1, 1.2, 0.1), spin: (Constant(0.5), Constant(0.0), Constant(0.0)),
                 velocity: (Harmonic(amplitude: 0.55, omega: 0.5, phase: {:?}), Constant(0.0), Harmonic(amplitude: 0.55, omega: 0.5, phase: {:?})))"#,
             1.1 * cos,
             1.1 * sin,

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
+use crate::names::count_text;
+
 type Vec3 = Vector3<f64>;
 
 /// Closed surface in one piece, its triangles counter-clockwise seen from outside.
@@ -233,11 +235,10 @@ fn orient_triangles(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, SurfaceFaul
                 neighbours[j].push((i, along_i == along_j));
             }
             _ => faults.push(format!(
-                "the edge of vertices {} and {} belongs to {} triangle{}; expected 2",
+                "the edge of vertices {} and {} belongs to {}; expected 2",
                 a + 1,
                 b + 1,
-                sides.len(),
-                if sides.len() == 1 { "" } else { "s" }
+                count_text(sides.len(), "triangle")
             )),
         }
     }
@@ -444,7 +445,7 @@ mod tests {
     }
 
     #[test]
-    fn every_fault_is_told() {
+    fn every_fault_is_reported() {
         let cube = corners([1.0; 3], &UnitQuaternion::identity(), Vec3::zeros());
         let faults =
             |vertices: &[[f64; 3]], triangles: &[[u32; 3]]| Surface::new(vertices, triangles).unwrap_err().0.join("\n");

@@ -7,6 +7,7 @@
 mod npz;
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -70,9 +71,9 @@ pub struct SnapshotMeta {
     pub step: u64,
     /// s
     pub time: f64,
-    /// Length of the last step, s; before the first, that of the first.
+    /// Length of the last step, s; before the first step, the length of the first.
     pub h: f64,
-    /// Step and time (s) from which steps of one length lead here, where they are not those of DATBOX.
+    /// Step and time (s) from which steps of one length lead to `time`, unless they are those of DATBOX.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub counted_from: Option<(u64, f64)>,
     /// Time of the snapshot before or of the start, from which the arrays of the interval count, s.
@@ -82,20 +83,20 @@ pub struct SnapshotMeta {
     /// Names that `body_colour`, `body_material`, `contact_law` are indices of.
     pub colours: Vec<String>,
     pub materials: Vec<MaterialName>,
-    /// In force, as events have set them.
+    /// Laws in force, as events have set them.
     pub laws: Vec<LawName>,
-    /// Those of TACT_BEHAV.DAT, if events have set others.
+    /// Laws of TACT_BEHAV.DAT, if events have changed them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub laws_at_start: Vec<LawName>,
     pub ledger: Ledger,
-    /// Where self-gravity is not evaluated at every step.
+    /// Only if self-gravity is not evaluated at every step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attraction: Option<GravityEvaluations>,
-    /// If any step has failed.
+    /// Only if the fallback has failed in a step.
     #[serde(default, skip_serializing_if = "FallbackState::is_new")]
     pub fallback: FallbackState,
-    /// The options of the run as COMPUTE.RON has them, flags included; see [`crate::compute::Compute::result_options`]. Empty in
-    /// snapshots that were written before there were these.
+    /// Options of the run as in COMPUTE.RON, flags included; see [`crate::compute::Compute::result_options`]. Empty in
+    /// snapshots of versions without this field.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub options: BTreeMap<String, String>,
 }
@@ -109,7 +110,7 @@ pub struct GravityEvaluations {
     pub times: [f64; 2],
     /// Potential energies at `times`, J.
     pub potentials: [f64; 2],
-    /// As far as a body may have moved since, against the centre of mass, m.
+    /// Upper bound of the displacement of a body since, relative to the centre of mass, m.
     pub moved: f64,
     /// Attraction removed in the last evaluation, see steps.csv.
     pub removed: f64,
@@ -117,12 +118,12 @@ pub struct GravityEvaluations {
     pub extrapolation_error: f64,
 }
 
-/// When the solver `auto` next does all that it can in a step that stalls.
+/// State of the fallback of the solver `auto`: after failures it is suspended for some steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct FallbackState {
-    /// Steps in a row in which that was in vain.
+    /// Number of consecutive steps in which the fallback has failed.
     pub failures: u32,
-    /// The step from which on it is tried again.
+    /// First step in which the fallback is tried again.
     pub due: u64,
 }
 
@@ -153,18 +154,18 @@ impl LawName {
     }
 }
 
-/// The options that decide the result.
+/// Options that determine the result.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct RunParameters {
     pub theta: f64,
-    /// If it is given.
+    /// Only if it is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<crate::compute::Accuracy>,
-    /// If steps can differ.
+    /// Only if steps can differ.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub adaptive: Option<crate::compute::Adaptive>,
     pub tol: f64,
-    /// 0 in snapshots that were written before there was such a limit.
+    /// 0 in snapshots of versions without this limit.
     #[serde(default)]
     pub penetration_tol: f64,
     #[serde(default)]
@@ -196,10 +197,10 @@ pub struct RunParameters {
     pub gravity_order: Option<usize>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_opening: Option<f64>,
-    /// If more than 1.
+    /// Only if it is more than 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_refresh: Option<u64>,
-    /// If `gravity_refresh` is there.
+    /// Only with `gravity_refresh`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_moved: Option<f64>,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -213,19 +214,19 @@ pub struct RunParameters {
     pub events_done: u64,
 }
 
-/// Running sums over the steps since step 0, and what they are compared with.
+/// Running sums over the steps since step 0, and the expected momenta.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Ledger {
     /// Kinetic and potential energy at step 0, J.
     pub energy_start: f64,
     /// Work of the contacts, J: the sum of r.(u+ + u-)/2, negative when they dissipate.
     pub contact_work: f64,
-    /// Of it, the work of the tangential forces, J; the rest is that of shocks (and of attraction).
+    /// Part of `contact_work` by the tangential forces, J; the rest is by shocks, and by attraction.
     #[serde(default)]
     pub friction_work: f64,
-    /// Energy put in by events, imposed forces and walls, and taken by `quench`, J.
+    /// Work of events, imposed forces and walls, and of `quench`, which is negative, J.
     pub outside_work: f64,
-    /// Linear momentum of the free bodies at step 0 plus what walls, uniform gravity, forces and events gave, kg m/s.
+    /// Linear momentum of the free bodies at step 0 plus the impulses of walls, uniform gravity, forces and events, kg m/s.
     pub momentum_expected: [f64; 3],
     /// Expected angular momentum about the origin, kg m^2/s.
     pub angular_momentum_expected: [f64; 3],
@@ -491,7 +492,7 @@ impl Snapshot {
         let refuse = |found: String| {
             Faults::from(Fault::new(path, None, "snapshot", found, "expected an .npz file of cd-solve"))
         };
-        let mut entries = NpzReader::new(path, bytes).map_err(|found| refuse(found.to_string()))?;
+        let mut entries = NpzReader::new(path, bytes).map_err(|error| refuse(error.to_string()))?;
         let Some(meta_text): Option<Vec<u8>> = entries.read_array("meta", None) else { return Err(entries.faults) };
         let version: serde_json::Value =
             serde_json::from_slice(&meta_text).map_err(|error| refuse(describe_json_error(&error)))?;
@@ -516,7 +517,7 @@ impl Snapshot {
         let interval = has_interval.then(|| IntervalArrays::read(&mut entries));
         entries.faults.into_result(())?;
         let snapshot = Snapshot { meta, bodies, contacts, memory, gravity, shapes, interval };
-        snapshot.check_indices().map_err(refuse)?;
+        snapshot.check_indices().map_err(|error| refuse(error.to_string()))?;
         snapshot.check_quaternions(path)?;
         Ok(snapshot)
     }
@@ -534,11 +535,12 @@ impl Snapshot {
         faults.into_result(())
     }
 
-    fn check_indices(&self) -> Result<(), String> {
+    /// Checks that arrays of the same rows have equal lengths and that indices are those of existing rows.
+    fn check_indices(&self) -> Result<(), IndexError> {
         let Snapshot { meta, bodies, contacts, memory, gravity, shapes, interval } = self;
         let bodies_count = bodies.body_id.len();
         if memory.as_ref().is_some_and(|memory| memory.contact_bonded.len() != contacts.contact_body.len()) {
-            return Err("the arrays of contacts have different numbers of rows".into());
+            return Err(IndexError::ContactRows);
         }
         let in_shapes = |shapes: &ShapeArrays| shapes.are_in_range(bodies_count, contacts.contact_body.len());
         let exchanged = interval.iter().flat_map(|interval| &interval.interval_body);
@@ -548,9 +550,27 @@ impl Snapshot {
             && bodies.body_colour.iter().all(|&c| (c as usize) < meta.colours.len())
             && bodies.body_material.iter().all(|&m| (m as usize) < meta.materials.len())
             && gravity.as_ref().is_none_or(|gravity| gravity.gravity_last.len() == bodies_count);
-        if in_range { Ok(()) } else { Err("an index points outside its table".into()) }
+        if in_range { Ok(()) } else { Err(IndexError::OutOfRange) }
     }
 }
+
+/// Arrays of a snapshot that do not fit together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum IndexError {
+    ContactRows,
+    OutOfRange,
+}
+
+impl fmt::Display for IndexError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            IndexError::ContactRows => "the arrays of contacts have different numbers of rows",
+            IndexError::OutOfRange => "an index points outside its table",
+        })
+    }
+}
+
+impl std::error::Error for IndexError {}
 
 /// Fault of the JSON of `meta`.
 fn describe_json_error(error: &serde_json::Error) -> String {

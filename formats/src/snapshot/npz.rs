@@ -1,5 +1,6 @@
 //! Archives of npy arrays.
 
+use std::fmt;
 use std::io::{Cursor, Read, Write};
 use std::path::Path;
 
@@ -68,6 +69,50 @@ impl NpzWriter {
     }
 }
 
+/// Defect of an archive or of one of its arrays.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum NpzError {
+    TruncatedFile,
+    NoArchive,
+    MissingArray,
+    UnsupportedArray,
+    DamagedArray,
+    /// Magic bytes or version of another format.
+    OtherVersion,
+    TruncatedArray,
+    BinaryHeader,
+    /// Header of another type or order.
+    OtherHeader(String),
+    Shape {
+        shape: Vec<usize>,
+        bytes: usize,
+    },
+    RowCount {
+        rows: usize,
+        others: usize,
+    },
+}
+
+impl fmt::Display for NpzError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            NpzError::TruncatedFile => f.write_str("the file is truncated"),
+            NpzError::NoArchive => f.write_str("the file is no .npz file"),
+            NpzError::MissingArray => f.write_str("is not there"),
+            NpzError::UnsupportedArray => f.write_str("is compressed or encrypted"),
+            NpzError::DamagedArray => f.write_str("is damaged"),
+            NpzError::OtherVersion => f.write_str("is no npy array of version 1.0"),
+            NpzError::TruncatedArray => f.write_str("is cut short"),
+            NpzError::BinaryHeader => f.write_str("has a header that is no text"),
+            NpzError::OtherHeader(header) => write!(f, "has the header {header}"),
+            NpzError::Shape { shape, bytes } => write!(f, "has shape {shape:?} and {bytes} bytes of data"),
+            NpzError::RowCount { rows, others } => write!(f, "has {rows} rows, others have {others}"),
+        }
+    }
+}
+
+impl std::error::Error for NpzError {}
+
 /// Reader of an archive that gathers faults.
 pub struct NpzReader<'a> {
     path: &'a Path,
@@ -76,12 +121,12 @@ pub struct NpzReader<'a> {
 }
 
 impl<'a> NpzReader<'a> {
-    /// Reader of the `bytes` of the file at `path`. Errors: the reason for which they are no archive.
-    pub fn new(path: &'a Path, bytes: Vec<u8>) -> Result<Self, &'static str> {
+    /// Reader of the `bytes` of the file at `path`. Errors: bytes that are no archive.
+    pub fn new(path: &'a Path, bytes: Vec<u8>) -> Result<Self, NpzError> {
         // The directory of the archive is at its end: without it, the file is incomplete.
         let starts = bytes.starts_with(b"PK");
         let archive = ZipArchive::new(Cursor::new(bytes))
-            .map_err(|_| if starts { "the file is truncated" } else { "the file is no .npz file" })?;
+            .map_err(|_| if starts { NpzError::TruncatedFile } else { NpzError::NoArchive })?;
         Ok(NpzReader { path, archive, faults: Faults::default() })
     }
 
@@ -94,13 +139,13 @@ impl<'a> NpzReader<'a> {
     /// with a number that is not finite are faults too.
     pub fn read_array<T: ArrayElement>(&mut self, name: &str, rows: Option<usize>) -> Option<Vec<T>> {
         let taken = self.read_entry(name).and_then(|bytes| npy_rows::<T>(&bytes)).and_then(|array| match rows {
-            Some(rows) if rows != array.len() => Err(format!("has {} rows, others have {rows}", array.len())),
+            Some(others) if others != array.len() => Err(NpzError::RowCount { rows: array.len(), others }),
             _ => Ok(array),
         });
         taken
-            .map_err(|found| {
+            .map_err(|error| {
                 let expected = format!("expected an npy array of type {} with rows of shape {:?}", T::DESCR, T::ROW);
-                self.faults.push(Fault::new(self.path, None, format!("array {name}"), found, expected));
+                self.faults.push(Fault::new(self.path, None, format!("array {name}"), error.to_string(), expected));
             })
             .ok()
             .inspect(|array| self.expect_finite(name, array))
@@ -119,32 +164,32 @@ impl<'a> NpzReader<'a> {
         }
     }
 
-    fn read_entry(&mut self, name: &str) -> Result<Vec<u8>, String> {
+    fn read_entry(&mut self, name: &str) -> Result<Vec<u8>, NpzError> {
         use zip::result::ZipError;
         let mut entry = self.archive.by_name(&format!("{name}.npy")).map_err(|error| match error {
-            ZipError::FileNotFound => "is not there",
-            ZipError::UnsupportedArchive(_) => "is compressed or encrypted",
-            _ => "is damaged",
+            ZipError::FileNotFound => NpzError::MissingArray,
+            ZipError::UnsupportedArchive(_) => NpzError::UnsupportedArray,
+            _ => NpzError::DamagedArray,
         })?;
         let mut bytes = Vec::new();
         // The checksums detect damage.
-        entry.read_to_end(&mut bytes).map_err(|_| "is damaged")?;
+        entry.read_to_end(&mut bytes).map_err(|_| NpzError::DamagedArray)?;
         Ok(bytes)
     }
 }
 
 /// Rows of an npy file of format version 1, C order.
-fn npy_rows<T: ArrayElement>(bytes: &[u8]) -> Result<Vec<T>, String> {
-    let short = || "is cut short".to_string();
+fn npy_rows<T: ArrayElement>(bytes: &[u8]) -> Result<Vec<T>, NpzError> {
     if bytes.get(..8) != Some(b"\x93NUMPY\x01\x00") {
-        return Err("is no npy array of version 1.0".into());
+        return Err(NpzError::OtherVersion);
     }
-    let length = u16::from_le_bytes([*bytes.get(8).ok_or_else(short)?, *bytes.get(9).ok_or_else(short)?]) as usize;
-    let header = std::str::from_utf8(bytes.get(10..10 + length).ok_or_else(short)?)
-        .map_err(|_| "has a header that is no text".to_string())?;
+    let &[low, high] = bytes.get(8..10).and_then(|two| two.first_chunk()).ok_or(NpzError::TruncatedArray)?;
+    let length = u16::from_le_bytes([low, high]) as usize;
+    let header = std::str::from_utf8(bytes.get(10..10 + length).ok_or(NpzError::TruncatedArray)?)
+        .map_err(|_| NpzError::BinaryHeader)?;
     let data = &bytes[10 + length..];
     if !header.contains(&format!("'descr': '{}'", T::DESCR)) || !header.contains("'fortran_order': False") {
-        return Err(format!("has the header {}", header.trim()));
+        return Err(NpzError::OtherHeader(header.trim().to_string()));
     }
     let shape: Vec<usize> = header
         .split("'shape': (")
@@ -154,7 +199,7 @@ fn npy_rows<T: ArrayElement>(bytes: &[u8]) -> Result<Vec<T>, String> {
         .unwrap_or_default();
     let row_bytes = size_of::<T>();
     if shape.is_empty() || shape[1..] != *T::ROW || shape[0].checked_mul(row_bytes) != Some(data.len()) {
-        return Err(format!("has shape {shape:?} and {} bytes of data", data.len()));
+        return Err(NpzError::Shape { shape, bytes: data.len() });
     }
     Ok(data.chunks_exact(row_bytes).map(bytemuck::pod_read_unaligned).collect())
 }

@@ -192,13 +192,13 @@ pub struct AccuracyStudyOptions<'a> {
 /// and accuracy.svg with this title. Returns the table as text, and messages for the user.
 pub fn write(
     folders: &[PathBuf],
-    asked: &AccuracyStudyOptions,
+    selection: &AccuracyStudyOptions,
     title: &str,
     output: &Path,
 ) -> Result<(String, Vec<String>), Faults> {
     let realisations = folders.iter().any(|folder| known_table(folder).exists());
     let (compared, errors) =
-        if realisations { compare_realisations(folders, asked)? } else { compare_runs(folders, asked)? };
+        if realisations { compare_realisations(folders, selection)? } else { compare_runs(folders, selection)? };
     // The finest has no error.
     let errs = |run: &&RunErrors| run.row.positions != 0.0 || run.row.worst != 0.0;
     let others: Vec<RunErrors> = compared.iter().filter(errs).cloned().collect();
@@ -221,8 +221,8 @@ fn known_table(folder: &Path) -> PathBuf {
 
 /// Compares each case, measured from its series.csv, TIMER.csv, ERRORS.csv and snapshots, with the finest: the one of
 /// `accuracy: reference`, else the last. Also returns a description of the errors.
-fn compare_runs(cases: &[PathBuf], asked: &AccuracyStudyOptions) -> Result<(Vec<RunErrors>, String), Faults> {
-    let &AccuracyStudyOptions { groups, values, from, early } = asked;
+fn compare_runs(cases: &[PathBuf], selection: &AccuracyStudyOptions) -> Result<(Vec<RunErrors>, String), Faults> {
+    let &AccuracyStudyOptions { groups, values, from, early } = selection;
     let mut faults = Faults::default();
     for (name, count) in [("groups", groups.len()), ("values", values.len())] {
         if count != 0 && count != cases.len() {
@@ -248,9 +248,12 @@ fn compare_runs(cases: &[PathBuf], asked: &AccuracyStudyOptions) -> Result<(Vec<
 }
 
 /// Compares realisations with the same runs in each: errors become root mean squares, seconds means.
-fn compare_realisations(folders: &[PathBuf], asked: &AccuracyStudyOptions) -> Result<(Vec<RunErrors>, String), Faults> {
+fn compare_realisations(
+    folders: &[PathBuf],
+    selection: &AccuracyStudyOptions,
+) -> Result<(Vec<RunErrors>, String), Faults> {
     let mut faults = Faults::default();
-    let AccuracyStudyOptions { groups, values, from, early } = asked;
+    let AccuracyStudyOptions { groups, values, from, early } = selection;
     if !groups.is_empty() || !values.is_empty() || from.is_some() || early.is_some() {
         let found = "--groups, --values, --from or --early with folders that this command has written";
         faults.push(Fault::new(Path::new("options"), None, "accuracy-study", found, "expected --title and -o alone"));

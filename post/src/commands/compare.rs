@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn of_several_rows_at_one_place_the_mean_is_told() {
+    fn several_rows_at_one_abscissa_give_their_mean() {
         let run = |name: &str, spin: &[f64], z: &[f64]| SeriesRun {
             name: name.into(),
             columns: [("largest_spin".into(), spin.to_vec()), ("Z".into(), z.to_vec())].into(),

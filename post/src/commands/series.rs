@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::print_line;
+use cd_formats::messages::print_line;
+use cd_formats::names::count_text;
 use rayon::prelude::*;
 
 use crate::derive::Row;
@@ -27,7 +28,11 @@ pub fn process_case(options: &Options) -> Result<Vec<String>, Faults> {
     let last = frames.last().expect("the last snapshot is taken");
     let postpro = options.dir.join("POSTPRO");
     atomic::write(&postpro.join("series.csv"), write::series::series_text(&rows).as_bytes())?;
-    print_line(format_args!("cd-post: {} snapshots of {}", rows.len(), options.dir.join("OUTBOX").display()));
+    print_line(format_args!(
+        "cd-post: {} of {}",
+        count_text(rows.len(), "snapshot"),
+        options.dir.join("OUTBOX").display()
+    ));
     print_line(format_args!("  series   {}", postpro.join("series.csv").display()));
     let regions = write::plots::region_names(&rows);
     if !regions.is_empty() {

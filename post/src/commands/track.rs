@@ -78,14 +78,14 @@ struct TrackedBody {
 }
 
 /// Reads the snapshots of a case and writes `POSTPRO/track-N/`: track.csv, impact.csv, crater.csv and their figures. Returns
-/// the folder and what is worth a report.
+/// the folder and notes for the user.
 ///
 /// `body`: the number of the body in BODIES.DAT, free or with imposed motion.
 pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
     let mut seen: Vec<TrackedBody> = Vec::new();
     let (mut first, mut last) = (None, None);
     let mut up = Vec3::z();
-    // Step and direction of the first uniform gravity, by which all is measured, and the first step of another.
+    // Step and direction of the first uniform gravity, which defines heights, and the first step with another direction.
     let (mut gravity, mut turned) = (None, None);
     let shapes = ShapeCache::default();
     let paths = select_snapshots(&dir.join("OUTBOX"), 1)?;
@@ -101,7 +101,7 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
             (None, Some(direction)) => {
                 gravity = Some((*step, direction));
                 up = direction;
-                // The lowest point of those before is another.
+                // The lowest points of earlier rows were computed for another direction.
                 for (k, (_, path)) in paths[..k].iter().enumerate() {
                     seen[k] = found(&Frame::read(path, &shapes)?, path, &up)?;
                 }
@@ -130,7 +130,7 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
     let rows: Vec<TrackRow> = seen.iter().map(|s| TrackRow::new(s, &up, level)).collect();
     let folder = dir.join(format!("POSTPRO/track-{body}"));
     let put = |name: &str, text: String| atomic::write(&folder.join(name), text.as_bytes());
-    // A plate stands at the side of a bed as well as on it.
+    // A plate may be at the side of a bed as well as on it.
     let plate = |wall: &Wall| wall.id == body && matches!(wall.shape, WallShape::Plate(_));
     if rows.iter().all(|row| row.depth.is_nan()) && !first.walls.iter().any(plate) {
         notes.push(format!("no surface is under body {body} in the first snapshot: its depth is empty"));
@@ -191,7 +191,7 @@ fn free_fall(frame: &Frame, grain: GrainId) -> Option<Vec3> {
 }
 
 fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
-    // Lowest point of balls about the points.
+    // Distance from the centre to the lowest point of these balls.
     let lowest = |points: &mut dyn Iterator<Item = (Vec3, f64)>| {
         points.map(|(point, radius)| radius - point.dot(up)).fold(0.0, f64::max)
     };
@@ -225,7 +225,7 @@ fn find_body(frame: &Frame, body: u64, up: &Vec3) -> Option<TrackedBody> {
             contacts += 1;
         }
     }
-    // A wall that is driven in part falls with what pushes it.
+    // Walls are excluded: a wall with a force does not fall freely.
     let fall = side.grain_id().and_then(|grain| free_fall(frame, grain));
     let record_start = frame.meta.time - frame.interval.length;
     let touched_since = frame.interval.exchanges.iter().any(|exchange| exchange.sides.contains(&side));
@@ -443,7 +443,7 @@ mod tests {
             let lander = scene.grain([4.0 + shift, 4.0 + shift, 3.0], 0.5);
             let frame = scene.frame();
             let seen = find_body(&frame, lander as u64 + 1, &up).unwrap();
-            assert_eq!(seen.x, Vec3::new(4.0 + shift, 4.0 + shift, 3.0), "the way goes on");
+            assert_eq!(seen.x, Vec3::new(4.0 + shift, 4.0 + shift, 3.0), "the trajectory continues");
             let level = ground_level(&frame, lander as u64 + 1, &up, &seen);
             (level, crater_profile(&frame, &frame, lander as u64 + 1, &up, &seen.x, level))
         };

@@ -49,10 +49,10 @@ impl<'a> GrainEnclosure<'a> {
             return None;
         }
         let mass = |grains: &[GrainId]| grains.iter().map(|&i| frame.grains[i].mass).sum::<f64>();
-        // Half of the grains are enough, too: a heavy lander above a bed.
+        // Half of the mass or half of the grains: a lander may be heavier than the bed below it.
         let half =
             |grains: &[GrainId]| 2.0 * mass(grains) >= frame.total_mass() || 2 * grains.len() >= frame.grains.len();
-        // Without walls that touch, what has not been thrown off.
+        // If no wall touches a grain, the largest fragment: ejecta do not count.
         let largest = fragments.first().map_or(&[][..], |first| &first.grains);
         let core = [&held[..], if held.is_empty() { largest } else { &[] }].into_iter().find(|grains| half(grains));
         let core = core.map_or_else(|| frame.grain_ids().collect(), <[GrainId]>::to_vec);
@@ -60,7 +60,7 @@ impl<'a> GrainEnclosure<'a> {
         let faces: Vec<WallFace> = frame.wall_ids().flat_map(|k| bounding_faces(frame, k, &core)).collect();
         let bores: Vec<CylinderBore> = frame.wall_ids().filter_map(|k| bounding_bore(frame, k, &core)).collect();
         let centre = centre_of_mass(grains());
-        // A space that grains nearly fill ends within a few times their extent.
+        // The initial cuboid exceeds all walls by far, so that a side without a wall stays open.
         let far = grains().map(|g| (g.x - centre).norm() + g.bounding_radius()).fold(0.0, f64::max);
         let walls = faces.iter().map(|f| (f.place - f.normal.dot(&centre)).abs()).chain(bores.iter().map(|b| b.radius));
         let open = 64.0 * walls.fold(far, f64::max);

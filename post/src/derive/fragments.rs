@@ -19,7 +19,7 @@ pub struct Fragment {
     pub whole: AggregateSums,
 }
 
-/// The groups of touching grains: the largest remnant, then the others, heaviest first; of equals the one with the first grain.
+/// Groups of touching grains: the largest remnant, then the others by falling mass, equal ones by their first grain.
 ///
 /// The largest remnant is that of [`largest_remnant`].
 ///
@@ -85,7 +85,7 @@ fn join_spheres(frame: &Frame, groups: &mut DisjointSets) {
     }
 }
 
-/// The number of the fragment of each grain, 0 the largest remnant.
+/// Index of the fragment of each grain; 0 is the largest remnant.
 pub fn fragment_numbers(fragments: &[Fragment], grains: usize) -> Vec<u32> {
     let mut number = vec![0; grains];
     for (k, fragment) in fragments.iter().enumerate() {

@@ -139,7 +139,7 @@ impl FreeSurface {
         if !planes.is_empty() {
             let noise = density * mean(&|p| p.variance);
             // Parts of the surface with heights of their own.
-            let parts = (count / mean(&|p| p.effective)).max(1.0);
+            let parts = (count / mean(&|p| p.effective_area)).max(1.0);
             surface.noise = noise.sqrt().atan();
             if !is_plane && let [median] = surface.slopes_below(&[0.5])[..] {
                 (surface.slope, surface.slope_error) = (median, (noise / parts).sqrt().atan());
@@ -264,13 +264,13 @@ impl ColumnGrid {
                 (0..count).contains(&i).then_some(i as usize)
             }
         };
-        let way = move |axis: usize, i: isize| self.from[axis] + (i as f64 + 0.5) * self.widths[axis] - place[axis];
+        let offset = move |axis: usize, i: isize| self.from[axis] + (i as f64 + 0.5) * self.widths[axis] - place[axis];
         let pairs = ends(1).flat_map(move |j| ends(0).map(move |i| [i, j]));
-        let with_ways = pairs.map(move |[i, j]| {
+        let with_offsets = pairs.map(move |[i, j]| {
             let number = index(0, i).zip(index(1, j)).map(|(i, j)| self.column_index([i, j]));
-            (number, [way(0, i), way(1, j)])
+            (number, [offset(0, i), offset(1, j)])
         });
-        with_ways.filter(move |(_, [x, y])| x * x + y * y < reach * reach)
+        with_offsets.filter(move |(_, [x, y])| x * x + y * y < reach * reach)
     }
 
     /// Height of the highest sphere on the vertical of each column, m; NaN without grains.

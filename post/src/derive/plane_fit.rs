@@ -33,17 +33,17 @@ pub struct FittedPlane {
     pub gradient: [f64; 2],
     /// Variance of the gradient's two components together, over the density of the noise.
     pub variance: f64,
-    /// Share that the fit removes from the sum of products of residuals within a patch, over the density of the noise and
-    /// the patch.
-    taken: f64,
-    /// Part of the surface that the weights cover evenly.
-    pub effective: f64,
+    /// Fraction of the sum of products of residuals within a patch that the fit removes, over the density of the noise
+    /// and the patch.
+    removed_fraction: f64,
+    /// Area of equal weights that averages noise as much as the weights of the fit: (sum w)^2 / sum w^2.
+    pub effective_area: f64,
 }
 
 impl FittedPlane {
     /// The plane through `count` heights of equal weight.
     pub fn through_all(height: f64, gradient: [f64; 2], variance: f64, count: f64) -> FittedPlane {
-        FittedPlane { height, gradient, variance, taken: 1.0 / count, effective: count }
+        FittedPlane { height, gradient, variance, removed_fraction: 1.0 / count, effective_area: count }
     }
 }
 
@@ -71,7 +71,7 @@ impl PlaneFit {
 
     /// The plane; None where the heights lie on a line.
     pub fn fitted_plane(&self) -> Option<FittedPlane> {
-        // Coordinates are of order 1: what is thinner than a thousandth of the reach is a line.
+        // Coordinates are of order 1: points in a strip narrower than a thousandth of the reach are a line.
         let inverse = (self.matrix / self.weight).try_inverse().filter(|inverse| inverse.amax() < 1e6)? / self.weight;
         let fit = inverse * self.sums;
         let spread = inverse * self.noise * inverse;
@@ -79,8 +79,8 @@ impl PlaneFit {
             height: fit.x,
             gradient: [fit.y / self.reach, fit.z / self.reach],
             variance: (spread[(1, 1)] + spread[(2, 2)]) / (self.reach * self.reach),
-            taken: 2.0 * inverse[(0, 0)] - spread[(0, 0)],
-            effective: self.weight * self.weight / self.square,
+            removed_fraction: 2.0 * inverse[(0, 0)] - spread[(0, 0)],
+            effective_area: self.weight * self.weight / self.square,
         })
     }
 }
@@ -91,9 +91,12 @@ impl PlaneFit {
 /// Averages over many grains of white noise of this density have the variances of averages of the surface.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NoiseDensity {
-    sum: f64,
-    own: f64,
-    taken: f64,
+    /// Sum of the products of residuals.
+    covariances: f64,
+    /// Sum of the squares of residuals times their parts.
+    variances: f64,
+    /// Sum of the fractions that the fits remove.
+    removed_fractions: f64,
     count: f64,
 }
 
@@ -101,9 +104,9 @@ impl NoiseDensity {
     /// Adds a height that represents `part` of the surface: `residual` from the fit `plane`, and `products`, the sum of it
     /// times the residuals within a diameter times their parts; `patch`, the sum of these parts.
     pub fn add(&mut self, part: f64, residual: f64, products: f64, patch: f64, plane: &FittedPlane) {
-        self.sum += products;
-        self.own += part * residual * residual;
-        self.taken += patch * plane.taken;
+        self.covariances += products;
+        self.variances += part * residual * residual;
+        self.removed_fractions += patch * plane.removed_fraction;
         self.count += 1.0;
     }
 
@@ -113,14 +116,14 @@ impl NoiseDensity {
         if self.count == 0.0 {
             return 0.0;
         }
-        // Patches nearly as large as the reach leave next to nothing.
-        let left = (1.0 - self.taken / self.count).max(0.2);
-        (self.sum / self.count / left).max(self.own / self.count)
+        // In a patch nearly as large as the reach, the fit removes almost all noise.
+        let remaining = (1.0 - self.removed_fractions / self.count).max(0.2);
+        (self.covariances / self.count / remaining).max(self.variances / self.count)
     }
 }
 
-/// Angle whose squared tangent is that of a slope (rad) less the square of a noise of its gradient. The correction is
-/// needed because the mean square of a gradient is too large by that variance. Overhanging slopes are unchanged.
+/// Slope, rad, corrected for noise: its squared tangent is reduced by the square of `noise`, the standard deviation of the
+/// gradient, by which the mean square of a noisy gradient is too large. Overhanging slopes are unchanged.
 pub fn without_noise(slope: f64, noise: f64) -> f64 {
     if slope.cos() <= 0.0 {
         return slope;
@@ -160,7 +163,7 @@ mod tests {
         let expected = 2.0 * (pi * l / 60.0) / (pi * l / 24.0).powi(2);
         let found = fit.fitted_plane().unwrap();
         assert!((found.variance / expected - 1.0).abs() < 1e-2, "{} {expected}", found.variance);
-        assert!((found.effective / (5.0 / 9.0 * pi * 400.0) - 1.0).abs() < 1e-2, "{}", found.effective);
+        assert!((found.effective_area / (5.0 / 9.0 * pi * 400.0) - 1.0).abs() < 1e-2, "{}", found.effective_area);
     }
 
     #[test]

@@ -513,7 +513,7 @@ mod tests {
     }
 
     #[test]
-    fn energies_are_told_by_halves_of_powers_of_ten() {
+    fn energies_are_coloured_by_halves_of_powers_of_ten() {
         let mut scene = Scene::default();
         for (k, v) in [8.0, 8.0 / 2.0, 8.0 / 90.0, 0.0].into_iter().enumerate() {
             let grain = scene.grain([3.0 * k as f64, 0.0, 0.0], 1.0);

@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_fourteen_columns_hold_is_not_told() {
+    fn numbers_that_fit_their_columns_are_not_reported() {
         let message =
             inexact_numbers("gravity", [("grv1", -9.80665), ("grv2", 1.23456789012), ("grv3", 1.2345678e-30)]);
         assert!(message.is_empty(), "{message:?}");

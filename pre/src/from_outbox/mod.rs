@@ -28,10 +28,11 @@ use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenComponent, DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::ids::BodyId;
+use cd_formats::names::count_text;
 use cd_formats::origin::SceneOrigin;
-use cd_formats::places;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
+use cd_formats::settings::apply_settings;
 use cd_formats::snapshot::{self, Ledger, START_FILE, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
 
@@ -54,7 +55,7 @@ pub const ORIGIN_FILE: &str = "ORIGIN.csv";
 type File = (String, Vec<u8>);
 
 /// Makes `dir/DATBOX` from a snapshot of `case` and the file `changes`, whose values `settings` override, see
-/// [`places::apply_settings`]. Returns a summary for people.
+/// [`apply_settings`]. Returns a summary for people.
 ///
 /// Errors: all faults of the file and of the cases that it names; nothing is written then.
 pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], dir: &Path) -> Result<String, Faults> {
@@ -65,7 +66,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     };
     let former_names = ron_file::former_name_warnings(file, &text, settings);
     let parsed = |text: &str, settings: &[String]| -> Result<(Changes, String), Faults> {
-        let text = places::apply_settings(text, settings)?;
+        let text = apply_settings(text, settings)?;
         Ok((parse_with_settings(file, &text, settings, "changes")?, text))
     };
     // `--set` of options that the file does not have changes those of the first case.
@@ -104,7 +105,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     for (k, (source, taken)) in sources.iter().zip(&changes.bodies).enumerate() {
         match source.select_bodies(taken) {
             Ok(part) => parts.push(part),
-            Err((found, expected)) => report.add_fault(&format!("bodies.{k}"), found, expected),
+            Err(fault) => report.fault_as(&format!("bodies.{k}"), fault.found, fault.expected),
         }
     }
     if !report.faults.0.is_empty() {
@@ -196,7 +197,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     summary += &digits::lost_digits(&records.0[..taken], &tables, &driven);
     summary += &group_lines(&new.scene, &new.population);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
-    summary += &format!("{} bodies; wrote {}: {}\n", records.0.len(), datbox.display(), names.join(" "));
+    summary += &format!("{}; wrote {}: {}\n", count_text(records.0.len(), "body"), datbox.display(), names.join(" "));
     Ok(summary)
 }
 

@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use super::changes::Changes;
 use super::source::{SourceCase, SourcePart, unit_quaternion};
 use crate::grain::Population;
-use crate::place::cells::SphereGrid;
+use crate::placement::cells::SphereGrid;
 use crate::population::{check_extent, nearest_images};
 use crate::shapes::overlap::{ConvexPiece, deepest_overlap};
 use crate::walls::{self, WallBody};

@@ -9,7 +9,7 @@ use cd_formats::case::{CaseFolder, no_case};
 use cd_formats::compute::{Compute, Event, EventAction};
 use cd_formats::dof::BodyDof;
 use cd_formats::drv_dof::DrvDof;
-use cd_formats::error::{Fault, Faults};
+use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::groups::{DisjointSets, largest_remnant};
 use cd_formats::ids::BodyId;
 use cd_formats::snapshot::{
@@ -176,8 +176,9 @@ impl SourceCase {
         }
     }
 
-    /// Selects bodies and moves them. Errors: the value found and the value expected.
-    pub fn select_bodies(&self, taken: &Selection) -> Result<SourcePart<'_>, (String, String)> {
+    /// Selects bodies and moves them. Errors: a selection without a free body, of walls that do not exist, or of walls
+    /// that would be moved.
+    pub fn select_bodies(&self, taken: &Selection) -> Result<SourcePart<'_>, RecordFault> {
         let bodies = &self.snapshot.bodies;
         let is_driven = |body: BodyId| bodies.body_driven[body.index()] != 0;
         let largest = match taken.select {
@@ -198,12 +199,12 @@ impl SourceCase {
             .collect();
         let free: Vec<usize> = (0..source_bodies.len()).filter(|&k| !is_driven(source_bodies[k])).collect();
         if free.is_empty() {
-            return Err(("no body is free to move".into(), "at least one".into()));
+            return Err(RecordFault::new("no body is free to move", "expected at least one"));
         }
         let moved = taken.rotate.angle != 0.0 || taken.centre.is_some();
         if moved && free.len() < source_bodies.len() {
-            let found = "bodies with imposed motion are to be moved".to_string();
-            return Err((found, "walls: false, or neither rotate nor centre".into()));
+            let expected = "expected walls: false, or neither rotate nor centre";
+            return Err(RecordFault::new("bodies with imposed motion are to be moved", expected));
         }
         let mut state = Snapshot { meta: self.snapshot.meta.clone(), ..Snapshot::default() };
         state.bodies = bodies.select_rows(&source_bodies.iter().map(|body| body.index()).collect::<Vec<_>>());
@@ -244,7 +245,7 @@ impl SourceCase {
     }
 
     /// Whether each row is one of these bodies with imposed motion. Errors: a selector that matches no body.
-    fn excepted_rows(&self, which: &[WallSelector]) -> Result<Vec<bool>, (String, String)> {
+    fn excepted_rows(&self, which: &[WallSelector]) -> Result<Vec<bool>, RecordFault> {
         let driven = &self.snapshot.bodies.body_driven;
         let walls: Vec<usize> = (0..driven.len()).filter(|&row| driven[row] != 0).collect();
         let colours = |row: usize| self.bodies.0[row].contactors.iter().map(|contactor| contactor.colour.as_str());
@@ -268,15 +269,15 @@ impl SourceCase {
                 known.dedup();
                 let expected = match (walls.first(), walls.last()) {
                     (Some(first), Some(last)) => format!(
-                        "one of {} bodies with imposed motion, numbers {} to {}, colours {}",
+                        "expected one of {} bodies with imposed motion, numbers {} to {}, colours {}",
                         walls.len(),
                         first + 1,
                         last + 1,
                         known.join(", ")
                     ),
-                    _ => "none: the run has no bodies with imposed motion".into(),
+                    _ => "expected none: the run has no bodies with imposed motion".into(),
                 };
-                return Err((found, expected));
+                return Err(RecordFault { found, expected });
             }
             chosen.into_iter().for_each(|row| excepted[row] = true);
         }

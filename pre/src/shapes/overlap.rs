@@ -137,9 +137,9 @@ pub fn deepest_overlap(a: &[ConvexPiece], b: &[ConvexPiece], allowed: f64) -> f6
 /// The candidate separating axes are the normals of the faces of both solids and the cross products of an edge of each
 /// (S. Gottschalk, OBBTree, 1996).
 pub fn overlap_depth(a: &ConvexPiece, b: &ConvexPiece, allowed: f64) -> f64 {
-    let way = b.centre - a.centre;
+    let separation = b.centre - a.centre;
     // a lies on the side against n, b on the side along it.
-    let along = |n: &Vector3<f64>| a.support_distance(n) + b.support_distance(&-n) - way.dot(n);
+    let along = |n: &Vector3<f64>| a.support_distance(n) + b.support_distance(&-n) - separation.dot(n);
     let mut least = f64::INFINITY;
     let faces = a.normals.iter().copied().chain(b.normals.iter().map(|n| -n));
     for n in faces {

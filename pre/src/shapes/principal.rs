@@ -42,8 +42,8 @@ impl PrincipalSolid {
             shift = Vector3::zeros();
         }
         let inertia = Matrix3::from(properties.inertia);
-        let beside = inertia - Matrix3::from_diagonal(&inertia.diagonal());
-        let (moments, axes) = if beside.amax() <= ALIGNMENT_TOLERANCE * inertia.trace() {
+        let products_of_inertia = inertia - Matrix3::from_diagonal(&inertia.diagonal());
+        let (moments, axes) = if products_of_inertia.amax() <= ALIGNMENT_TOLERANCE * inertia.trace() {
             (inertia.diagonal().into(), Matrix3::identity())
         } else {
             let (moments, axes) = properties.principal_axes();
@@ -136,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parts_too_small_to_be_moved_are_told() {
+    fn parts_too_small_to_be_moved_are_reported() {
         // A cube of a kilometre with a sliver of 1e-14 m on one of its edges, at the origin.
         let corner = |k: usize| [[0, 1, 1, 0][k % 4], [0, 0, 1, 1][k % 4], k / 4].map(|x| 1e3 * x as f64);
         let corners: Vec<[f64; 3]> = (0..8).map(corner).chain([[0.1, 0.0, 0.0], [0.05, 1e-14, 0.0]]).collect();

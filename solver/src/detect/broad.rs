@@ -41,12 +41,13 @@ impl GridLevel {
             .map(|&i| level.cell_slot(level.cell_coordinates(&x[i as usize])))
             .collect();
         (level.order, level.starts) = group_by_key(&cells, 1 << (3 * bits));
-        level.order.iter_mut().for_each(|place| *place = members[*place as usize]);
+        level.order.iter_mut().for_each(|member| *member = members[*member as usize]);
         let sphere = |i: &u32| [x[*i as usize].x, x[*i as usize].y, x[*i as usize].z, reach[*i as usize]];
         level.spheres = level.order.par_iter().with_min_len(SPHERES_PER_TASK).map(sphere).collect();
         level
     }
 
+    /// Integer coordinates of the cell of a position, in cell widths.
     fn cell_coordinates(&self, x: &Vec3) -> [i64; 3] {
         // For very distant spheres the conversion saturates and they share a cell: slow, but correct.
         [x.x, x.y, x.z].map(|c| {
@@ -55,6 +56,7 @@ impl GridLevel {
         })
     }
 
+    /// Index of a cell in `starts`: its coordinates modulo the pattern.
     fn cell_slot(&self, cell: [i64; 3]) -> u32 {
         let mask = (1 << self.bits) - 1;
         cell.iter().fold(0, |slot, c| slot << self.bits | (c & mask) as u32)
@@ -90,13 +92,13 @@ pub fn near_pairs(x: &[Vec3], reach: &[f64]) -> Vec<[u32; 2]> {
     let mut found = Vec::new();
     for (l, level) in levels.iter().enumerate() {
         let of_chunk = |chunk: usize| {
-            let places = chunk * SPHERES_PER_TASK..level.order.len().min((chunk + 1) * SPHERES_PER_TASK);
-            let mut pairs = Vec::with_capacity(8 * places.len());
-            for place in places {
-                let (i, sphere) = (level.order[place], level.spheres[place]);
+            let range = chunk * SPHERES_PER_TASK..level.order.len().min((chunk + 1) * SPHERES_PER_TASK);
+            let mut pairs = Vec::with_capacity(8 * range.len());
+            for at in range {
+                let (i, sphere) = (level.order[at], level.spheres[at]);
                 let centre = Vec3::new(sphere[0], sphere[1], sphere[2]);
-                let mut among = |level: &GridLevel, places: Range<usize>| {
-                    for (j, other) in level.order[places.clone()].iter().zip(&level.spheres[places]) {
+                let mut add_near = |level: &GridLevel, range: Range<usize>| {
+                    for (j, other) in level.order[range.clone()].iter().zip(&level.spheres[range]) {
                         if are_near(&sphere, other) {
                             pairs.push([i.min(*j), i.max(*j)]);
                         }
@@ -104,16 +106,16 @@ pub fn near_pairs(x: &[Vec3], reach: &[f64]) -> Vec<[u32; 2]> {
                 };
                 let home = level.cell_coordinates(&centre);
                 let slot = level.cell_slot(home) as usize;
-                among(level, place + 1..level.starts[slot + 1] as usize);
+                add_near(level, at + 1..level.starts[slot + 1] as usize);
                 let next = level.cell_slot([home[0], home[1], home[2].wrapping_add(1)]) as usize;
-                among(level, level.starts[next] as usize..level.starts[next + 1] as usize);
+                add_near(level, level.starts[next] as usize..level.starts[next + 1] as usize);
                 FORWARD_COLUMNS
                     .iter()
-                    .for_each(|step| level.visit_column(&home, *step, &mut |places| among(level, places)));
+                    .for_each(|step| level.visit_column(&home, *step, &mut |range| add_near(level, range)));
                 for coarser in &levels[l + 1..] {
                     let home = coarser.cell_coordinates(&centre);
                     (0..9).for_each(|k| {
-                        coarser.visit_column(&home, [k / 3 - 1, k % 3 - 1], &mut |places| among(coarser, places));
+                        coarser.visit_column(&home, [k / 3 - 1, k % 3 - 1], &mut |range| add_near(coarser, range));
                     });
                 }
             }
@@ -134,6 +136,7 @@ fn are_near(a: &[f64; 4], b: &[f64; 4]) -> bool {
 /// Spheres per task.
 const SPHERES_PER_TASK: usize = 512;
 
+/// Levels of the grid that have spheres, from the finest.
 fn grid_levels(x: &[Vec3], reach: &[f64]) -> Vec<GridLevel> {
     let Some(least) = reach.iter().copied().reduce(f64::min) else { return Vec::new() };
     // Cells grow by a factor of two; spheres of up to twice the least reach share the first level.

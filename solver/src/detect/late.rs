@@ -16,8 +16,8 @@ use crate::state::{Contact, Velocities};
 
 /// Contacts of pairs that are not in `listed` and that the velocities `solved` close in the step, ordered by key.
 ///
-/// `free`, `solved`: velocities in the contact configuration without and with contacts. A pair whose displacements contacts have changed by less than the margin of the list cannot be late. Most
-/// steps end with that test.
+/// `free`, `solved`: velocities in the contact configuration without and with contacts. A pair is not late if contacts have
+/// changed the displacements of its bodies by less than the margin of the list. Most steps end with that test.
 pub fn late_contacts(
     scene: &Scene,
     q_c: &ContactConfiguration,
@@ -25,7 +25,7 @@ pub fn late_contacts(
     solved: Velocities,
     listed: &[Contact],
 ) -> Vec<Contact> {
-    let alerts = scene.visibility.table.iter().flatten().map(|see| see.alert);
+    let alerts = scene.visibility.table.iter().flatten().map(|rule| rule.alert);
     let Some(alert) = alerts.reduce(f64::min).filter(|_| !listed.is_empty()) else { return Vec::new() };
     // Each of the two bodies gets half of the margin.
     let margin = 0.5 * LISTING_MARGIN * alert;
@@ -40,50 +40,52 @@ pub fn late_contacts(
     if !searched.contains(&true) {
         return Vec::new();
     }
-    let known: HashSet<_> = listed.iter().map(contactor_pair).collect();
-    let ways = TravelBounds { nearby: 0.0, ..TravelBounds::new(scene, q_c, solved, span) };
+    let already_listed: HashSet<_> = listed.iter().map(contactor_pair).collect();
+    let bounds = TravelBounds { nearby: 0.0, ..TravelBounds::new(scene, q_c, solved, span) };
     if scene.is_general() {
         let mut found =
-            parts::swept_contacts(scene, q_c, &ways, NarrowPhaseMode::Accurate, |body| searched[body.index()]);
+            parts::swept_contacts(scene, q_c, &bounds, NarrowPhaseMode::Accurate, |body| searched[body.index()]);
         // All points of a pair are added if one of them closes.
         let closing: HashSet<_> =
             found.iter().filter(|contact| gap_closes(contact, q_c, solved, span)).map(contactor_pair).collect();
-        found.retain(|contact| closing.contains(&contactor_pair(contact)) && !known.contains(&contactor_pair(contact)));
+        found.retain(|contact| {
+            closing.contains(&contactor_pair(contact)) && !already_listed.contains(&contactor_pair(contact))
+        });
         if found.is_empty() {
             return found;
         }
         // Inner contacts of flush joints can only be recognised together with the contacts that support the body.
         let mut all = [listed, &found].concat();
         all.sort_unstable_by_key(Contact::key);
-        let mut left = parts::without_inner_edges(scene, q_c, &ways, all);
-        left.retain(|contact| !known.contains(&contactor_pair(contact)));
+        let mut left = parts::without_inner_edges(scene, q_c, &bounds, all);
+        left.retain(|contact| !already_listed.contains(&contactor_pair(contact)));
         return left;
     }
     let ball = |&i: &BodyId| {
         let (i, reach) = (i.index(), scene.bodies[i.index()].radius);
-        SweptBall { centre: q_c.x[i], path: ways.centre_path(i), reach, searched: searched[i] }
+        SweptBall { centre: q_c.x[i], path: bounds.centre_path(i), reach, searched: searched[i] }
     };
     let balls: Vec<SweptBall> = scene.spheres.iter().map(ball).collect();
     let reach: Vec<f64> = balls.iter().map(|ball| ball.reach + ball.path.norm()).collect();
     let near = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
-    let spheres = near.into_iter().filter_map(|near| visible_pair(scene, near)).filter_map(|([i, j], see)| {
+    let spheres = near.into_iter().filter_map(|near| visible_pair(scene, near)).filter_map(|([i, j], rule)| {
         let [a, b] = [i, j].map(|k| &balls[k.index()]);
         let between = a.centre - b.centre - scene.nearest_image_shift(&a.centre, &b.centre);
         let closes = least_distance(&between, &(a.path - b.path)) < a.reach + b.reach;
-        closes.then_some(([i, j].map(|k| scene.spheres[k.index()]), see.law))
+        closes.then_some(([i, j].map(|k| scene.spheres[k.index()]), rule.law))
     });
     let mut pairs: Vec<ListedPair> = spheres.collect();
     for &plane in &scene.planes {
-        let with = |&sphere: &BodyId| {
+        let rule_with_plate = |&sphere: &BodyId| {
             let [s, p] = [sphere, plane].map(|i| &scene.bodies[i.index()]);
-            let see = scene.visibility.interaction_rule(s.class, p.class).filter(|_| !(s.driven && p.driven))?;
-            Some(([sphere, plane], see.law))
+            let rule = scene.visibility.interaction_rule(s.class, p.class).filter(|_| !(s.driven && p.driven))?;
+            Some(([sphere, plane], rule.law))
         };
         let moved = scene.spheres.iter().filter(|&&sphere| searched[sphere.index()] || searched[plane.index()]);
-        pairs.extend(moved.filter_map(with).filter(|(pair, _)| {
+        pairs.extend(moved.filter_map(rule_with_plate).filter(|(pair, _)| {
             let BodyShape::Plane { half_lengths } = scene.bodies[plane.index()].shape else { return false };
             let near = contact_geometry(scene, q_c, *pair).gap
-                <= ways.travel[pair[0].index()] + ways.surface_travel(pair[1].index(), half_lengths.norm());
+                <= bounds.travel[pair[0].index()] + bounds.surface_travel(pair[1].index(), half_lengths.norm());
             near && gap_closes(&sphere_contact(scene, q_c, *pair, 0), q_c, solved, span)
         }));
     }
@@ -94,11 +96,11 @@ pub fn late_contacts(
         let before = listed.iter().filter(|contact| is_plane(contact.antagonist));
         of_planes.extend(before.map(|contact| ([contact.candidate, contact.antagonist], contact.law)));
     }
-    let mut pairs = joints::without_inner_rims(scene, q_c, &ways, of_planes);
+    let mut pairs = joints::without_inner_rims(scene, q_c, &bounds, of_planes);
     pairs.extend(others);
     pairs.sort_unstable();
     let found = pairs.into_iter().map(|(pair, law)| sphere_contact(scene, q_c, pair, law));
-    found.filter(|contact| !known.contains(&contactor_pair(contact))).collect()
+    found.filter(|contact| !already_listed.contains(&contactor_pair(contact))).collect()
 }
 
 /// Bodies and ranks that identify the pair of contactors.

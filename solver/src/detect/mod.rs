@@ -33,19 +33,19 @@ use crate::state::{Contact, DetectionCache, Velocities};
 /// All listed contacts, in the order of [`Contact::key`].
 ///
 /// `free`: velocities after the step if nothing touched.
-/// `known`: cache of the last step; updated to this step.
+/// `cache`: data of the last step; updated to this step.
 pub fn listed_contacts(
     scene: &Scene,
     q_c: &ContactConfiguration,
     free: Velocities,
-    known: &mut DetectionCache,
+    cache: &mut DetectionCache,
 ) -> Vec<Contact> {
-    let ways = TravelBounds::new(scene, q_c, free, q_c.lookahead);
+    let bounds = TravelBounds::new(scene, q_c, free, q_c.lookahead);
     if scene.is_general() {
-        return parts::listed_contacts(scene, q_c, &ways, scene.options.narrow_phase(), known);
+        return parts::listed_contacts(scene, q_c, &bounds, scene.options.narrow_phase(), cache);
     }
-    let mut pairs = sphere_sphere_pairs(scene, q_c, &ways, known);
-    let mut of_planes = joints::without_inner_rims(scene, q_c, &ways, sphere_plate_pairs(scene, q_c, &ways));
+    let mut pairs = sphere_sphere_pairs(scene, q_c, &bounds, cache);
+    let mut of_planes = joints::without_inner_rims(scene, q_c, &bounds, sphere_plate_pairs(scene, q_c, &bounds));
     if !of_planes.is_empty() {
         pairs.append(&mut of_planes);
         pairs.sort(); // fast: merges sorted runs
@@ -59,6 +59,7 @@ pub struct NarrowPhaseError {
     /// Difference of a pair's smallest gap between the fast and the accurate narrow phase, mean over the pairs that touch
     /// in either.
     pub mean: f64,
+    /// Largest of these differences.
     pub largest: f64,
 }
 
@@ -68,7 +69,7 @@ pub fn narrow_phase_error(
     scene: &Scene,
     q_c: &ContactConfiguration,
     free: Velocities,
-    known: &DetectionCache,
+    cache: &DetectionCache,
     contacts: &[Contact],
 ) -> NarrowPhaseError {
     let exact = parts::listed_contacts(
@@ -76,7 +77,7 @@ pub fn narrow_phase_error(
         q_c,
         &TravelBounds::new(scene, q_c, free, q_c.lookahead),
         NarrowPhase::Accurate,
-        &mut known.clone(),
+        &mut cache.clone(),
     );
     let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
     let gaps = |contacts: &[Contact]| {
@@ -89,10 +90,11 @@ pub fn narrow_phase_error(
     };
     let (found, exact) = (gaps(contacts), gaps(&exact));
     let both = found.keys().chain(exact.keys().filter(|pair| !found.contains_key(pair)));
-    let away = both.filter_map(|pair| match (found.get(pair), exact.get(pair)) {
+    let differences = both.filter_map(|pair| match (found.get(pair), exact.get(pair)) {
         (Some(gap), Some(other)) => (gap.min(*other) <= 0.0).then(|| (gap - other).abs()),
         (gap, other) => gap.or(other).filter(|gap| **gap <= 0.0).map(|gap| -gap),
     });
-    let (count, sum, largest) = away.fold((0, 0.0, 0.0f64), |(n, sum, most), x| (n + 1, sum + x, most.max(x)));
+    let (count, sum, largest) =
+        differences.fold((0, 0.0, 0.0f64), |(count, sum, most), x| (count + 1, sum + x, most.max(x)));
     NarrowPhaseError { mean: sum / count.max(1) as f64, largest }
 }

@@ -7,6 +7,7 @@ pub const PLATE_UPPER_FACE: u32 = 0;
 pub const PLATE_LOWER_FACE: u32 = 1;
 pub const PLATE_RIM: u32 = 2;
 
+/// Geometry of one point of contact.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ContactGeometry {
     /// Gap, m, < 0 interpenetrating.
@@ -20,7 +21,8 @@ pub struct ContactGeometry {
     pub feature: u32,
 }
 
-/// Sphere `a` against sphere `b`. Coincident centres part along x.
+/// Contact of sphere `a` (candidate) with sphere `b`: centres in the world frame and radii, m. If the centres coincide, the
+/// normal is x.
 ///
 /// ```
 /// # use cd_solve::{detect::narrow::sphere_sphere, math::Vec3};
@@ -35,7 +37,10 @@ pub fn sphere_sphere(a: &Vec3, radius_a: f64, b: &Vec3, radius_b: f64) -> Contac
     ContactGeometry { gap, normal, point: b + normal * (distance * (radius_b / (radius_a + radius_b))), feature: 0 }
 }
 
-/// Sphere against a plate: the nearest point of the plate; for a centre inside the plate, the nearer contact face.
+/// Contact of a sphere (candidate) with a plate at its nearest point; for a centre inside the plate, with the nearer face.
+///
+/// Centres are in the world frame, m; `orientation` rotates the plate's axes to the world; `half_lengths` are along these
+/// axes, m.
 pub fn sphere_plane(
     centre: &Vec3,
     radius: f64,
@@ -66,15 +71,15 @@ pub const CYLINDER_END: u32 = 1;
 pub const CYLINDER_OTHER_END: u32 = 2;
 pub const CYLINDER_RIM: u32 = 3;
 
-/// Sphere against a cylinder of `[half height, radius]` along its third axis. A solid cylinder has one contact at its
-/// nearest point, or at the nearest face for a centre inside it. A hollow cylinder is closed: its side and the nearer end
-/// are touched from inside.
+/// Contacts of a sphere (candidate) with a cylinder of `[half height, radius]` (m) along its third axis. A solid cylinder has
+/// one contact at its nearest point, or at the nearest face for a centre inside it. A hollow cylinder is closed: its side
+/// and the nearer end are touched from inside.
 pub fn sphere_cylinder(
     centre: &Vec3,
     radius: f64,
     cylinder: &Vec3,
     orientation: &Quat,
-    [half_height, wide]: [f64; 2],
+    [half_height, cylinder_radius]: [f64; 2],
     hollow: bool,
 ) -> [Option<ContactGeometry>; 2] {
     let local = orientation.inverse_transform_vector(&(centre - cylinder));
@@ -82,7 +87,7 @@ pub fn sphere_cylinder(
     let outward = if rho > 0.0 { Vec3::new(local.x / rho, local.y / rho, 0.0) } else { Vec3::x() };
     let up = Vec3::z() * 1f64.copysign(local.z);
     let end = if local.z >= 0.0 { CYLINDER_END } else { CYLINDER_OTHER_END };
-    let (beside, beyond) = (rho - wide, local.z.abs() - half_height);
+    let (beside, beyond) = (rho - cylinder_radius, local.z.abs() - half_height);
     let found = |normal: Vec3, distance: f64, feature: u32| {
         let (normal, gap) = (orientation * normal, distance - radius);
         Some(ContactGeometry { gap, normal, point: centre - normal * (radius + 0.5 * gap), feature })

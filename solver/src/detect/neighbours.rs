@@ -49,6 +49,7 @@ impl<P: Fn(usize) -> Vec3 + Sync> BoundingBalls<'_, P> {
         self.reach.iter().zip(self.travel).map(more).sum::<f64>() > CROWDING_LIMIT * count
     }
 
+    /// Pairs of balls whose paths come near each other.
     fn swept_pairs(&self, periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
         let ball = |k: usize| {
             let reach = self.reach[k] - self.travel[k];
@@ -61,21 +62,21 @@ impl<P: Fn(usize) -> Vec3 + Sync> BoundingBalls<'_, P> {
 }
 
 impl NeighbourList {
-    /// Updates the list to the pairs of `things`; returns whether it was rebuilt.
+    /// Updates the list to the pairs of `balls`; returns whether it was rebuilt.
     ///
-    /// `size`: mean radius, m.
+    /// `periods` and `mean_radius` are in m.
     pub fn rebuild_if_stale<P: Fn(usize) -> Vec3 + Sync>(
         &mut self,
-        things: &BoundingBalls<P>,
+        balls: &BoundingBalls<P>,
         periods: [Option<f64>; 2],
-        size: f64,
+        mean_radius: f64,
     ) -> bool {
-        let &BoundingBalls { centres, reach, travel, .. } = things;
-        if things.are_crowded() {
-            *self = NeighbourList { pairs: things.swept_pairs(periods), ..NeighbourList::default() };
+        let &BoundingBalls { centres, reach, travel, .. } = balls;
+        if balls.are_crowded() {
+            *self = NeighbourList { pairs: balls.swept_pairs(periods), ..NeighbourList::default() };
             return true;
         }
-        let known = self.centres.len() == centres.len();
+        let has_history = self.centres.len() == centres.len();
         let stay = |shift: Vec3| {
             let stays = |k: usize| {
                 let moved = centres[k] - self.centres[k] - shift;
@@ -88,18 +89,18 @@ impl NeighbourList {
             let sum: Vec3 = centres.iter().zip(from).map(|(centre, from)| centre - from).sum();
             sum / centres.len().max(1) as f64
         };
-        if known && (stay(Vec3::zeros()) || stay(shift(&self.centres))) {
+        if has_history && (stay(Vec3::zeros()) || stay(shift(&self.centres))) {
             self.last.copy_from_slice(centres);
             return false;
         }
-        let common = if known { shift(&self.last) } else { Vec3::zeros() };
-        let way = |k: usize| {
-            let way = if known { centres[k] - self.last[k] } else { return travel[k] };
-            way.norm().min((way - common).norm())
+        let common = if has_history { shift(&self.last) } else { Vec3::zeros() };
+        let length = |k: usize| {
+            let displacement = if has_history { centres[k] - self.last[k] } else { return travel[k] };
+            displacement.norm().min((displacement - common).norm())
         };
-        self.skin = (0..centres.len()).map(|k| MIN_SKIN * size + SKIN_STEPS * way(k)).collect();
-        if self.skin.iter().sum::<f64>() > MAX_MEAN_SKIN * size * reach.len() as f64 {
-            self.skin.fill(ROUNDING_SKIN * size);
+        self.skin = (0..centres.len()).map(|k| MIN_SKIN * mean_radius + SKIN_STEPS * length(k)).collect();
+        if self.skin.iter().sum::<f64>() > MAX_MEAN_SKIN * mean_radius * reach.len() as f64 {
+            self.skin.fill(ROUNDING_SKIN * mean_radius);
         }
         (self.centres, self.reach, self.last) = (centres.to_vec(), reach.to_vec(), centres.to_vec());
         let wide: Vec<f64> = reach.iter().zip(&self.skin).map(|(reach, skin)| reach + skin).collect();
@@ -116,8 +117,9 @@ mod tests {
     /// Random balls that move by up to `speed` a step, with varying reaches.
     fn crowd(step: f64, speed: f64) -> (Vec<Vec3>, Vec<f64>) {
         let x = (0..300).map(|k| {
-            let way = Vec3::new((1.7 * k as f64).sin(), (2.3 * k as f64).cos(), (0.9 * k as f64).sin()).normalize();
-            point_in_ball(k) * 8.0 + way * (speed * step)
+            let displacement =
+                Vec3::new((1.7 * k as f64).sin(), (2.3 * k as f64).cos(), (0.9 * k as f64).sin()).normalize();
+            point_in_ball(k) * 8.0 + displacement * (speed * step)
         });
         let reach = (0..300).map(|k| 1.0 + 0.5 * speed * (k as f64 + step).sin());
         (x.collect(), reach.collect())
@@ -129,17 +131,17 @@ mod tests {
     }
 
     #[test]
-    fn what_all_have_in_common_leaves_no_room() {
-        let (mut neighbours, mut looked) = (NeighbourList::default(), 0);
+    fn a_common_displacement_uses_no_skin() {
+        let (mut neighbours, mut rebuilds) = (NeighbourList::default(), 0);
         for step in 0..60 {
             let (mut x, reach) = crowd(f64::from(step), 0.001);
             x.iter_mut().for_each(|x| *x += Vec3::new(7.0, -3.0, 0.1) * f64::from(step * step));
-            looked += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), [None; 2], 1.0));
+            rebuilds += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), [None; 2], 1.0));
             for pair in &periodic::periodic_pairs(&x, &reach, [None; 2]) {
                 assert!(neighbours.pairs.contains(pair), "{step}: {pair:?}");
             }
         }
-        assert!((2..9).contains(&looked), "{looked}");
+        assert!((2..9).contains(&rebuilds), "{rebuilds}");
     }
 
     #[test]
@@ -151,8 +153,8 @@ mod tests {
         let reach: Vec<f64> = reach.iter().map(|reach| reach + 500.0).collect();
         let path = |k: usize| Vec3::x() * if k < 300 { -500.0 } else { 500.0 };
         let mut neighbours = NeighbourList::default();
-        let things = BoundingBalls { centres: &x, reach: &reach, path, travel: &travel };
-        assert!(neighbours.rebuild_if_stale(&things, [None; 2], 1.0));
+        let balls = BoundingBalls { centres: &x, reach: &reach, path, travel: &travel };
+        assert!(neighbours.rebuild_if_stale(&balls, [None; 2], 1.0));
         let rest: Vec<f64> = reach.iter().map(|reach| reach - 500.0).collect();
         let apart =
             |range: std::ops::Range<usize>| periodic::periodic_pairs(&x[range.clone()], &rest[range], [None; 2]).len();
@@ -160,15 +162,15 @@ mod tests {
     }
 
     #[test]
-    fn no_pair_is_missed_and_slow_ones_are_looked_for_seldom() {
+    fn no_pair_is_missed_and_slow_pairs_are_rarely_searched() {
         let free = [None; 2];
-        for (speed, looks, periods) in
+        for (speed, expected, periods) in
             [(0.001, 2..9, free), (0.01, 5..20, free), (1.0, 60..61, free), (0.002, 2..9, [Some(13.0), None])]
         {
-            let (mut neighbours, mut looked) = (NeighbourList::default(), 0);
+            let (mut neighbours, mut rebuilds) = (NeighbourList::default(), 0);
             for step in 0..60 {
                 let (x, reach) = crowd(f64::from(step), speed);
-                looked += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), periods, 1.0));
+                rebuilds += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), periods, 1.0));
                 let pairs = periodic::periodic_pairs(&x, &reach, periods);
                 assert!(!pairs.is_empty());
                 for pair in &pairs {
@@ -176,18 +178,18 @@ mod tests {
                 }
                 assert!(neighbours.pairs.len() < 2 * pairs.len());
             }
-            assert!(looks.contains(&looked), "{speed}: {looked}");
+            assert!(expected.contains(&rebuilds), "{speed}: {rebuilds}");
         }
     }
 
     #[test]
-    fn one_that_flies_off_is_not_looked_for_in_each_step() {
-        let (mut neighbours, mut looked) = (NeighbourList::default(), 0);
+    fn a_ball_that_flies_off_does_not_cause_a_search_in_each_step() {
+        let (mut neighbours, mut rebuilds) = (NeighbourList::default(), 0);
         for step in 0..60 {
             let (mut x, reach) = crowd(0.0, 0.0);
             x[7] += Vec3::new(10.0, 0.5 * f64::from(step), 0.01 * f64::from(step * step));
-            looked += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), [None; 2], 1.0));
+            rebuilds += usize::from(neighbours.rebuild_if_stale(&at_rest(&x, &reach), [None; 2], 1.0));
         }
-        assert!((8..20).contains(&looked), "{looked}");
+        assert!((8..20).contains(&rebuilds), "{rebuilds}");
     }
 }

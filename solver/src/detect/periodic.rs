@@ -15,9 +15,9 @@ pub fn periodic_pairs(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> V
     if periods == [None; 2] {
         return broad::near_pairs(x, reach);
     }
-    let (centres, of) = periodic_images(x, reach, periods);
-    let reaches: Vec<f64> = of.iter().map(|&i| reach[i as usize]).collect();
-    pairs_of_originals(broad::near_pairs(&centres, &reaches), x.len(), &of)
+    let (centres, originals) = periodic_images(x, reach, periods);
+    let reaches: Vec<f64> = originals.iter().map(|&i| reach[i as usize]).collect();
+    pairs_of_originals(broad::near_pairs(&centres, &reaches), x.len(), &originals)
 }
 
 /// Periodic version of [`swept::swept_pairs`]; `reach`: radii plus the whole length of the paths, m.
@@ -26,17 +26,18 @@ pub fn periodic_swept_pairs(balls: &[SweptBall], reach: &[f64], periods: [Option
         return swept::swept_pairs(balls);
     }
     let x: Vec<Vec3> = balls.iter().map(|ball| ball.centre).collect();
-    let (centres, of) = periodic_images(&x, reach, periods);
+    let (centres, originals) = periodic_images(&x, reach, periods);
     let moved = |(centre, &i): (&Vec3, &u32)| SweptBall { centre: *centre, ..balls[i as usize] };
-    let moving: Vec<SweptBall> = centres.iter().zip(&of).map(moved).collect();
-    pairs_of_originals(swept::swept_pairs(&moving), x.len(), &of)
+    let moving: Vec<SweptBall> = centres.iter().zip(&originals).map(moved).collect();
+    pairs_of_originals(swept::swept_pairs(&moving), x.len(), &originals)
 }
 
 /// Converts pairs of images to pairs of originals; the first `count` images are the originals.
-fn pairs_of_originals(found: Vec<[u32; 2]>, count: usize, of: &[u32]) -> Vec<[u32; 2]> {
+fn pairs_of_originals(found: Vec<[u32; 2]>, count: usize, originals: &[u32]) -> Vec<[u32; 2]> {
     // A pair of two images is an image of another pair.
     let own = found.into_iter().filter(|[i, _]| (*i as usize) < count);
-    let mut pairs: Vec<[u32; 2]> = own.map(|pair| pair.map(|k| of[k as usize])).filter(|[i, j]| i != j).collect();
+    let mut pairs: Vec<[u32; 2]> =
+        own.map(|pair| pair.map(|k| originals[k as usize])).filter(|[i, j]| i != j).collect();
     pairs.iter_mut().for_each(|pair| pair.sort_unstable());
     pairs.sort_unstable();
     pairs.dedup();
@@ -58,7 +59,7 @@ fn periodic_images(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> (Vec
         all.filter(allowed).collect::<Vec<_>>()
     };
     let steps = [steps(false), steps(true)];
-    let mut of: Vec<u32> = (0..x.len() as u32).collect();
+    let mut originals: Vec<u32> = (0..x.len() as u32).collect();
     for i in 0..x.len() {
         let wide = is_wide(reach[i]);
         let inside = |at: f64, period: Option<f64>| {
@@ -69,11 +70,11 @@ fn periodic_images(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> (Vec
             let image = centres[i] + move_by;
             if inside(image.x, periods[0]) && inside(image.y, periods[1]) {
                 centres.push(image);
-                of.push(i as u32);
+                originals.push(i as u32);
             }
         }
     }
-    (centres, of)
+    (centres, originals)
 }
 
 #[cfg(test)]

@@ -12,7 +12,9 @@ use crate::state::{Contact, VisiblePair};
 
 /// Position of a contactor and the scene data that its pairs need, packed so that a pair reads little memory.
 pub struct PosedContactor<'a> {
+    /// Centre, world frame, m.
     pub centre: Vec3,
+    /// Orientation, from the contactor's frame to the world.
     pub axes: Quat,
     /// Largest displacement of a point of it in the step, m.
     pub travel: f64,
@@ -41,6 +43,7 @@ pub struct PosedContactor<'a> {
     pub shape: PosedShape<'a>,
 }
 
+/// Shape of a contactor, polyhedra with their orientation; lengths in m.
 pub enum PosedShape<'a> {
     Sphere { radius: f64 },
     Polyhedron(PosedPolyhedron<'a>),
@@ -52,29 +55,29 @@ pub enum PosedShape<'a> {
 pub fn posed_contactors<'a>(
     scene: &'a Scene,
     q_c: &ContactConfiguration,
-    ways: &TravelBounds,
+    bounds: &TravelBounds,
 ) -> Vec<PosedContactor<'a>> {
-    scene.parts.par_iter().with_min_len(64).map(|part| posed_contactor(scene, part, q_c, ways)).collect()
+    scene.parts.par_iter().with_min_len(64).map(|part| posed_contactor(scene, part, q_c, bounds)).collect()
 }
 
 fn posed_contactor<'a>(
     scene: &Scene,
     part: &'a BodyPart,
     q_c: &ContactConfiguration,
-    ways: &TravelBounds,
+    bounds: &TravelBounds,
 ) -> PosedContactor<'a> {
     let i = part.body.index();
     let q = &q_c.q[i];
     let arm = q * part.offset;
     let axes = q * part.axes;
-    let travel = ways.surface_travel(i, arm.norm() + part.radius);
-    let turn = ways.rotation_vector(i);
+    let travel = bounds.surface_travel(i, arm.norm() + part.radius);
+    let turn = bounds.rotation_vector(i);
     PosedContactor {
         centre: q_c.x[i] + arm,
         axes,
         travel,
         reach: part.radius + travel + 0.5 * scene.listing_range,
-        path: ways.centre_path(i) + turn.cross(&arm),
+        path: bounds.centre_path(i) + turn.cross(&arm),
         turn,
         rim: if matches!(part.geometry, ContactorShape::Sphere { .. }) { 0.0 } else { part.radius },
         radius: part.radius,
@@ -105,14 +108,15 @@ const FULL_MANIFOLD_GAP: f64 = 1e-3;
 /// Two contactors that may be near each other.
 #[derive(Clone, Copy)]
 pub struct CandidatePair<'a> {
-    /// Number of the pair in its chunk.
-    pub pair: usize,
+    /// Index of the pair in its chunk.
+    pub index: usize,
     pub a: &'a PosedContactor<'a>,
     pub b: &'a PosedContactor<'a>,
     /// Vector from the centre of `a` to that of `b`, and the part of it from `b` to its periodic image, m.
     pub c: Vec3,
     pub image: Vec3,
     pub range: ListingRange,
+    /// Index into `Scene::laws`.
     pub law: u8,
     /// Gap up to which points are listed whatever the motion, m; infinite if all points are.
     pub always: f64,
@@ -121,42 +125,49 @@ pub struct CandidatePair<'a> {
 }
 
 impl<'a> CandidatePair<'a> {
-    /// Accumulated displacement of the surfaces of two contactors, and their largest possible range, m; cheaper than a
-    /// meeting.
+    /// Sum of the accumulated displacements of the surfaces of two contactors and of their largest possible range, m; cheaper
+    /// than [`Self::new`].
     #[inline(always)]
-    pub fn listing_reach(scene: &Scene, places: &[PosedContactor], nearby: f64, (parts, see): &VisiblePair) -> f64 {
-        let [a, b] = parts.map(|k| &places[k.index()]);
-        let held = scene.laws[see.law as usize].interaction_range(1.0 / (a.curvature + b.curvature));
+    pub fn listing_reach(
+        scene: &Scene,
+        contactors: &[PosedContactor],
+        nearby: f64,
+        (parts, rule): &VisiblePair,
+    ) -> f64 {
+        let [a, b] = parts.map(|k| &contactors[k.index()]);
+        let cohesion_range = scene.laws[rule.law as usize].interaction_range(1.0 / (a.curvature + b.curvature));
         let smaller = a.radius.min(b.radius);
-        let range = held.max(a.travel + b.travel).max(nearby.max(FULL_MANIFOLD_GAP) * smaller).max(see.alert);
+        let range =
+            cohesion_range.max(a.travel + b.travel).max(nearby.max(FULL_MANIFOLD_GAP) * smaller).max(rule.alert);
         a.accumulated_travel + b.accumulated_travel + range
     }
 
+    /// Pair number `index` of a chunk, with the range up to which its points are listed; `nearby` as in [`TravelBounds`].
     #[inline]
     pub fn new(
         scene: &Scene,
-        places: &'a [PosedContactor<'a>],
+        contactors: &'a [PosedContactor<'a>],
         nearby: f64,
-        pair: usize,
-        (parts, see): &VisiblePair,
+        index: usize,
+        (parts, rule): &VisiblePair,
     ) -> Self {
-        let [a, b] = parts.map(|k| &places[k.index()]);
+        let [a, b] = parts.map(|k| &contactors[k.index()]);
         let radius = 1.0 / (a.curvature + b.curvature);
-        let law = &scene.laws[see.law as usize];
+        let law = &scene.laws[rule.law as usize];
         let image = scene.nearest_image_shift(&a.centre, &b.centre);
         let c = b.centre + image - a.centre;
-        let held = law.interaction_range(radius);
+        let cohesion_range = law.interaction_range(radius);
         // Contactors farther apart than this touch in this step only if a contact pushes them.
         let (mut travel, mut always) = (a.travel + b.travel, f64::INFINITY);
         let nearby = nearby * a.radius.min(b.radius);
-        let margin = LISTING_MARGIN * see.alert;
+        let margin = LISTING_MARGIN * rule.alert;
         if travel > nearby.max(margin) {
             travel = travel.min(surface_approach(a, b, &c, Vec3::norm) + margin).max(nearby);
-            always = held.max(see.alert).max(nearby);
+            always = cohesion_range.max(rule.alert).max(nearby);
         }
-        let patch = held.max(travel).max(FULL_MANIFOLD_GAP * a.radius.min(b.radius));
-        let range = ListingRange { alert: patch.max(see.alert), patch, area: law.range_of_stress(radius) };
-        CandidatePair { pair, a, b, c, image, range, law: see.law, always, margin }
+        let patch = cohesion_range.max(travel).max(FULL_MANIFOLD_GAP * a.radius.min(b.radius));
+        let range = ListingRange { alert: patch.max(rule.alert), patch, area: law.range_of_stress(radius) };
+        CandidatePair { index, a, b, c, image, range, law: rule.law, always, margin }
     }
 
     /// Whether the bounding balls come within the range in the step.
@@ -187,10 +198,10 @@ impl<'a> CandidatePair<'a> {
     /// Points of a manifold up to the range; points on its area share the area.
     pub fn listed_contacts<'m>(&'m self, manifold: &'m Manifold) -> impl Iterator<Item = Contact> + 'm {
         let CandidatePair { a, b, range, .. } = self;
-        let up_to = self.listing_gap(&manifold.normal);
+        let max_gap = self.listing_gap(&manifold.normal);
         let on_area = |point: &ContactPoint| point.gap <= range.area;
         let share = manifold.area / manifold.points.iter().filter(|point| on_area(point)).count() as f64;
-        manifold.points.iter().filter(move |point| point.gap <= up_to).map(move |point| Contact {
+        manifold.points.iter().filter(move |point| point.gap <= max_gap).map(move |point| Contact {
             candidate: a.body,
             antagonist: b.body,
             ranks: (a.rank, b.rank),

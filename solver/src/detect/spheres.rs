@@ -15,38 +15,38 @@ use crate::state::{Contact, DetectionCache, VisiblePair};
 /// Candidate and antagonist within range of each other, and their law.
 pub type ListedPair = ([BodyId; 2], u8);
 
-/// Contacts of spheres with spheres, ordered by candidate, then by antagonist.
+/// Listed pairs of spheres, ordered by candidate, then by antagonist.
 pub fn sphere_sphere_pairs(
     scene: &Scene,
     q_c: &ContactConfiguration,
-    ways: &TravelBounds,
-    known: &mut DetectionCache,
+    bounds: &TravelBounds,
+    cache: &mut DetectionCache,
 ) -> Vec<ListedPair> {
     let bodies = scene.spheres.par_iter().with_min_len(PAR_MIN_LEN);
     let centres: Vec<Vec3> = bodies.clone().map(|&i| q_c.x[i.index()]).collect();
-    let travel: Vec<f64> = bodies.clone().map(|&i| ways.travel[i.index()]).collect();
+    let travel: Vec<f64> = bodies.clone().map(|&i| bounds.travel[i.index()]).collect();
     let radii: Vec<f64> = bodies.map(|&i| scene.bodies[i.index()].radius).collect();
     let reach = |(radius, travel): (&f64, &f64)| radius + travel + 0.5 * scene.listing_range;
     let reach: Vec<f64> = radii.iter().zip(&travel).map(reach).collect();
-    let path = |k: usize| ways.centre_path(scene.spheres[k].index());
-    let things = BoundingBalls { centres: &centres, reach: &reach, path, travel: &travel };
-    if known.neighbours.rebuild_if_stale(&things, scene.periods(), scene.mean_radius) {
-        let near = std::mem::take(&mut known.neighbours.pairs);
+    let path = |k: usize| bounds.centre_path(scene.spheres[k].index());
+    let balls = BoundingBalls { centres: &centres, reach: &reach, path, travel: &travel };
+    if cache.neighbours.rebuild_if_stale(&balls, scene.periods(), scene.mean_radius) {
+        let near = std::mem::take(&mut cache.neighbours.pairs);
         let visible = near.into_par_iter().with_min_len(1024).filter_map(|pair| visible_pair(scene, pair));
         let mut pairs: Vec<VisiblePair> = visible.collect();
         pairs.par_sort_unstable_by_key(|(pair, _)| *pair);
-        known.pairs = Arc::new(pairs);
+        cache.pairs = Arc::new(pairs);
     }
-    let listed = |&([i, j], see): &VisiblePair| {
+    let listed = |&([i, j], rule): &VisiblePair| {
         let pair = [i, j].map(|k| scene.spheres[k.index()]);
         let [i, j] = [i.index(), j.index()];
         let (a, b) = (centres[i], centres[j] + scene.nearest_image_shift(&centres[i], &centres[j]));
         let gap = narrow::sphere_sphere(&a, radii[i], &b, radii[j]).gap;
-        let approach = ApproachBounds { travel: travel[i] + travel[j], nearby: ways.nearby * radii[i].min(radii[j]) };
+        let approach = ApproachBounds { travel: travel[i] + travel[j], nearby: bounds.nearby * radii[i].min(radii[j]) };
         let closing = || swept::least_distance(&(a - b), &(path(i) - path(j))) - (radii[i] + radii[j]);
-        is_listed(scene, pair, see, gap, approach, closing).then_some((pair, see.law))
+        is_listed(scene, pair, rule, gap, approach, closing).then_some((pair, rule.law))
     };
-    known.pairs.par_iter().with_min_len(512).filter_map(listed).collect()
+    cache.pairs.par_iter().with_min_len(512).filter_map(listed).collect()
 }
 
 /// Pair with the candidate first, and its visibility rule; `None` if the table has no rule for it, or if the
@@ -57,37 +57,38 @@ pub fn visible_pair(scene: &Scene, pair: [u32; 2]) -> Option<VisiblePair> {
     Some((pair, scene.visibility.interaction_rule(a.class, b.class)?)).filter(|_| !(a.is_imposed() && b.is_imposed()))
 }
 
-pub fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, ways: &TravelBounds) -> Vec<ListedPair> {
-    let with = |&plane: &BodyId| {
+/// Listed pairs of a sphere and a plate, plate by plate.
+pub fn sphere_plate_pairs(scene: &Scene, q_c: &ContactConfiguration, bounds: &TravelBounds) -> Vec<ListedPair> {
+    let pairs_with_plate = |&plane: &BodyId| {
         let p = plane.index();
         let BodyShape::Plane { half_lengths } = scene.bodies[p].shape else { unreachable!("planes lists planes") };
         // A wall's displacement is that of its farthest corner.
-        let swept = ways.surface_travel(p, half_lengths.norm());
-        let (path, turn) = (ways.centre_path(p), ways.rotation_vector(p));
+        let plate_travel = bounds.surface_travel(p, half_lengths.norm());
+        let (path, turn) = (bounds.centre_path(p), bounds.rotation_vector(p));
         let into_axes = q_c.q[p].inverse().to_rotation_matrix();
         let near = move |&sphere: &BodyId| {
             let (s, pair) = (sphere.index(), [sphere, plane]);
-            let travel = ways.travel[s] + swept;
+            let travel = bounds.travel[s] + plate_travel;
             // Most spheres are far from the plate and need neither law nor geometry.
             let from = q_c.x[s] - q_c.x[p] - scene.nearest_image_shift(&q_c.x[s], &q_c.x[p]);
             let gap = ((into_axes * from).abs() - half_lengths).max() - scene.bodies[s].radius;
             let [sphere, plane] = [s, p].map(|i| &scene.bodies[i]);
             let near = gap <= scene.listing_range + travel && !(sphere.driven && plane.driven);
-            let see = scene.visibility.interaction_rule(sphere.class, plane.class).filter(|_| near)?;
+            let rule = scene.visibility.interaction_rule(sphere.class, plane.class).filter(|_| near)?;
             let found = contact_geometry(scene, q_c, pair);
-            let approach = ApproachBounds { travel, nearby: ways.nearby * sphere.radius };
+            let approach = ApproachBounds { travel, nearby: bounds.nearby * sphere.radius };
             // A plate is convex: a passing sphere stays beyond the plane through the nearest point. If the plate turns,
             // its surface bends.
             let closing = || {
-                let against = ways.centre_path(s) - path - turn.cross(&from);
+                let relative_path = bounds.centre_path(s) - path - turn.cross(&from);
                 let bend = 0.5 * turn.norm_squared() * from.norm();
-                found.gap - ((-found.normal.dot(&against)).max(0.0) + bend).min(travel)
+                found.gap - ((-found.normal.dot(&relative_path)).max(0.0) + bend).min(travel)
             };
-            is_listed(scene, pair, see, found.gap, approach, closing).then_some((pair, see.law))
+            is_listed(scene, pair, rule, found.gap, approach, closing).then_some((pair, rule.law))
         };
         scene.spheres.par_iter().with_min_len(512).filter_map(near)
     };
-    scene.planes.par_iter().flat_map(with).collect()
+    scene.planes.par_iter().flat_map(pairs_with_plate).collect()
 }
 
 /// Geometry of a sphere against a sphere or plate.
@@ -121,19 +122,20 @@ struct ApproachBounds {
 fn is_listed(
     scene: &Scene,
     [candidate, antagonist]: [BodyId; 2],
-    see: InteractionRule,
+    rule: InteractionRule,
     gap: f64,
     ApproachBounds { travel, nearby }: ApproachBounds,
     closing: impl Fn() -> f64,
 ) -> bool {
     // The range of a bond depends on the radii, which other pairs do not read.
-    let law = &scene.laws[see.law as usize];
+    let law = &scene.laws[rule.law as usize];
     let range = || law.interaction_range(scene.effective_radius((candidate, 0), (antagonist, 0)));
-    gap <= see.alert.max(travel.min(nearby))
-        || (gap <= LISTING_MARGIN * see.alert + travel && closing() <= LISTING_MARGIN * see.alert)
+    gap <= rule.alert.max(travel.min(nearby))
+        || (gap <= LISTING_MARGIN * rule.alert + travel && closing() <= LISTING_MARGIN * rule.alert)
         || (law.cohesion().is_some() && gap <= range())
 }
 
+/// Contact of a sphere with a sphere or plate under the law of index `law`.
 #[inline]
 pub fn sphere_contact(scene: &Scene, q_c: &ContactConfiguration, pair: [BodyId; 2], law: u8) -> Contact {
     let found = contact_geometry(scene, q_c, pair);

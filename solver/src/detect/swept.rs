@@ -42,21 +42,26 @@ pub fn least_distance(between: &Vec3, path: &Vec3) -> f64 {
     (between + path * (along / path.norm_squared()).min(1.0)).norm()
 }
 
+/// Node of the tree: bounds of the positions and displacements of its balls.
 struct BoxNode {
     /// Ranges of the balls' coordinates, reaches included, and of their displacements, m.
     balls: [[f64; 2]; 3],
     paths: [[f64; 2]; 3],
-    /// Balls by their position in the tree's order.
+    /// Range of its balls in [`BoxTree::order`].
     first: u32,
     end: u32,
     /// Index of the second child; the first follows its parent. 0 for a leaf.
     second: u32,
+    /// Whether a ball of it is searched.
     searched: bool,
 }
 
+/// Binary tree of boxes.
 struct BoxTree<'a> {
     balls: &'a [SweptBall],
+    /// Indices of the balls; those of a node are consecutive.
     order: Vec<u32>,
+    /// Nodes depth first, from the root.
     nodes: Vec<BoxNode>,
 }
 
@@ -91,7 +96,7 @@ impl<'a> BoxTree<'a> {
             node.searched |= ball.searched;
         }
         extent[3..].copy_from_slice(&node.paths);
-        let place = self.nodes.len();
+        let own_index = self.nodes.len();
         self.nodes.push(node);
         if end - first <= MAX_LEAF_BALLS {
             return;
@@ -104,10 +109,10 @@ impl<'a> BoxTree<'a> {
             if axis < 3 { ball.centre[axis] } else { ball.path[axis - 3] }
         };
         let half = (end - first) / 2;
-        let order = |a: &u32, b: &u32| coordinate(a).total_cmp(&coordinate(b)).then(a.cmp(b));
-        self.order[first..end].select_nth_unstable_by(half, order);
+        let by_coordinate = |a: &u32, b: &u32| coordinate(a).total_cmp(&coordinate(b)).then(a.cmp(b));
+        self.order[first..end].select_nth_unstable_by(half, by_coordinate);
         self.build_subtree(first, first + half);
-        self.nodes[place].second = self.nodes.len() as u32;
+        self.nodes[own_index].second = self.nodes.len() as u32;
         self.build_subtree(first + half, end);
     }
 
@@ -123,11 +128,11 @@ impl<'a> BoxTree<'a> {
                 stack.extend([b.second, k + 1]);
                 continue;
             }
-            for place in a.first..a.end {
-                let others = b.first.max(place + 1)..b.end;
-                let [i, others] =
-                    [place..place + 1, others].map(|r| &self.order[r.start as usize..r.end.max(r.start) as usize]);
-                let one = &self.balls[i[0] as usize];
+            for at in a.first..a.end {
+                let i = self.order[at as usize];
+                let start = b.first.max(at + 1) as usize;
+                let others = &self.order[start..start.max(b.end as usize)];
+                let one = &self.balls[i as usize];
                 for &j in others {
                     let other = &self.balls[j as usize];
                     let searched = one.searched || other.searched;
@@ -135,7 +140,7 @@ impl<'a> BoxTree<'a> {
                         && least_distance(&(one.centre - other.centre), &(one.path - other.path))
                             <= one.reach + other.reach
                     {
-                        pairs.push([i[0].min(j), i[0].max(j)]);
+                        pairs.push([i.min(j), i.max(j)]);
                     }
                 }
             }
@@ -219,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn work_goes_with_pairs_where_two_groups_move_apart() {
+    fn work_is_proportional_to_pairs_if_two_groups_move_apart() {
         // Two cubes of 10 x 10 x 10 balls, in each of which neighbours touch.
         let balls: Vec<SweptBall> = (0..2000u32)
             .map(|k| {

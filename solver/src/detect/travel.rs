@@ -21,17 +21,19 @@ pub struct TravelBounds<'a> {
     pub velocities: Velocities<'a>,
     /// Time for which contacts are predicted, s.
     pub lookahead: f64,
-    /// [`NEARBY_GAP`] scaled to the lookahead.
+    /// [`NEARBY_GAP`] scaled to the lookahead: a gap over the smaller radius.
     pub nearby: f64,
 }
 
 impl<'a> TravelBounds<'a> {
-    pub fn new(scene: &Scene, q_c: &ContactConfiguration, velocities: Velocities<'a>, ahead: f64) -> Self {
+    /// Displacements of all bodies at constant `velocities` in the time `lookahead`, s.
+    pub fn new(scene: &Scene, q_c: &ContactConfiguration, velocities: Velocities<'a>, lookahead: f64) -> Self {
         let sum: Vec3 = scene.free.iter().map(|&i| velocities.v[i.index()]).sum();
-        let drift = sum / scene.free.len().max(1) as f64;
-        let travel = velocities.v.par_iter().with_min_len(PAR_MIN_LEN).map(|v| ahead * (v - drift).norm()).collect();
-        let steps = if q_c.h > 0.0 { ahead / q_c.h } else { 1.0 };
-        TravelBounds { travel, mean_velocity: drift, velocities, lookahead: ahead, nearby: NEARBY_GAP * steps }
+        let mean_velocity = sum / scene.free.len().max(1) as f64;
+        let length = |v: &Vec3| lookahead * (v - mean_velocity).norm();
+        let travel = velocities.v.par_iter().with_min_len(PAR_MIN_LEN).map(length).collect();
+        let steps = if q_c.h > 0.0 { lookahead / q_c.h } else { 1.0 };
+        TravelBounds { travel, mean_velocity, velocities, lookahead, nearby: NEARBY_GAP * steps }
     }
 
     /// Displacement of the centre of body `i` relative to the mean motion, m.
@@ -44,7 +46,7 @@ impl<'a> TravelBounds<'a> {
         self.velocities.w[i] * self.lookahead
     }
 
-    /// Largest displacement by rotation of points of body `i` at most `arm` (m) from its centre, m.
+    /// Largest displacement, relative to the mean motion, of points of body `i` at most `arm` (m) from its centre, m.
     pub fn surface_travel(&self, i: usize, arm: f64) -> f64 {
         self.travel[i] + self.lookahead * self.velocities.w[i].norm() * arm
     }

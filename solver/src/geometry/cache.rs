@@ -26,7 +26,7 @@ impl CachedFeature {
     }
 
     pub(super) fn search_start(&self, pair: &PolyhedronPair) -> SearchStart {
-        let (a, b) = (pair.a, pair.b);
+        let (a, b) = (pair.shape_a, pair.shape_b);
         let [first, second, _] = self.data.map(|k| k as usize);
         match self.kind {
             1 if first < a.face_planes().len() => SearchStart::Feature(SearchFeature::FaceOfA(self.data[0])),

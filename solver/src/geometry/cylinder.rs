@@ -54,11 +54,12 @@ pub fn polyhedron_cylinder(
         return None;
     }
     let size = radius.hypot(half_height);
-    let (sum, small) = (a.shape.circumradius() + size, a.shape.circumradius().min(size));
+    let circumradius_sum = a.shape.circumradius() + size;
+    let smaller_circumradius = a.shape.circumradius().min(size);
     let local = |v: Vec3| q.inverse_transform_vector(&(v - c));
     let vertices = (0..a.shape.vertices().len() as u32).map(|k| local(a.vertex(k))).collect();
-    let tie = 4e-12 * small + 32.0 * f64::EPSILON * sum;
-    let pair = CylinderPair { a, c, q, half_height, radius, vertices, small, tie };
+    let tie = 4e-12 * smaller_circumradius + 32.0 * f64::EPSILON * circumradius_sum;
+    let pair = CylinderPair { a, c, q, half_height, radius, vertices, smaller_circumradius, tie };
     let axis = pair.best_axis();
     if axis.s > range.alert {
         return None;
@@ -83,17 +84,21 @@ pub fn polyhedron_cylinder(
     Some(Manifold { normal: -patch.normal, points: [point].into_iter().collect(), area: 0.0 })
 }
 
+/// Polyhedron A and cylinder B.
 struct CylinderPair<'a> {
     a: &'a PosedPolyhedron<'a>,
+    /// Position of B's centre relative to A's, x_B - x_A, world frame, m.
     c: &'a Vec3,
+    /// Orientation of B, from its axes to the world.
     q: &'a Quat,
+    /// Half height and radius of B, m.
     half_height: f64,
     radius: f64,
     /// Vertices of A relative to the cylinder's centre along its axes, m. All vectors here are in this frame unless
     /// stated otherwise.
     vertices: SmallVec<[Vec3; 32]>,
-    /// Smaller circumradius, m.
-    small: f64,
+    /// Smaller of the circumradii of A and B, m.
+    smaller_circumradius: f64,
     /// Smallest improvement by which a direction replaces an earlier one, m.
     tie: f64,
 }
@@ -106,11 +111,14 @@ enum CylinderFeature {
     Vertex,
 }
 
+/// Direction with the separation along it.
 #[derive(Debug, Clone, Copy)]
 struct CylinderSearchAxis {
-    /// Unit direction from the cylinder to A.
+    /// Unit direction from the cylinder to A, along the cylinder's axes.
     m: Vec3,
+    /// Separation s(m), m, < 0 if the two overlap in this direction.
     s: f64,
+    /// Feature of A that determines the direction.
     feature: CylinderFeature,
 }
 
@@ -233,7 +241,7 @@ impl CylinderPair<'_> {
         let (shape, posed) = (self.a.shape, self.a);
         let height = self.half_height.copysign(m.z);
         let end = if m.z > 0.0 { CYLINDER_END } else { CYLINDER_OTHER_END };
-        let tiny = ON_SIDE_DISTANCE * self.small;
+        let tiny = ON_SIDE_DISTANCE * self.smaller_circumradius;
         let (corners, sides) = (shape.face_corners(f as usize), shape.face_edges(f as usize));
         let over = |&v: &u16| {
             let v = self.vertices[v as usize];
@@ -270,7 +278,8 @@ impl CylinderPair<'_> {
                     continue;
                 }
                 let [x, y, gap] = [0, 1, 2].map(|i| p[i] + along[i] * share);
-                if !patch.corners[..of_vertices].iter().any(|corner| corner.is_near([x, y], self.small)) {
+                if !patch.corners[..of_vertices].iter().any(|corner| corner.is_near([x, y], self.smaller_circumradius))
+                {
                     patch.corners.push(self.corner_at(
                         on_end(x, y),
                         m,
@@ -285,7 +294,7 @@ impl CylinderPair<'_> {
             (0..outline.len()).map(|k| outline[k][0] * outline[next(k)][1] - outline[k][1] * outline[next(k)][0]).sum();
         let normal = self.q.inverse_transform_vector(&posed.face_normal(f));
         let rise = normal.dot(m);
-        if rise.abs() < MIN_FACE_COSINE || doubled.abs() <= tiny * self.small {
+        if rise.abs() < MIN_FACE_COSINE || doubled.abs() <= tiny * self.smaller_circumradius {
             return; // seen as a line
         }
         // Points where the rim extends farthest: four fixed ones, and the one over which the face is lowest.
@@ -296,7 +305,7 @@ impl CylinderPair<'_> {
             rim.push((fall / fall.norm()).into());
         }
         let offset = normal.dot(&self.vertices[corners[0] as usize]);
-        let place = |k: usize, at: [f64; 2]| {
+        let rim_corner = |k: usize, at: [f64; 2]| {
             let [x, y] = at.map(|x| x * self.radius);
             let inside = |k: usize| {
                 let (p, q) = (outline[k], outline[next(k)]);
@@ -307,7 +316,7 @@ impl CylinderPair<'_> {
                 self.corner_at(on_end(x, y), m, gap, [x, y], (face_feature(f), CYLINDER_RIM + 2 + k as u32))
             })
         };
-        patch.corners.extend(rim.iter().enumerate().filter_map(|(k, at)| place(k, *at)));
+        patch.corners.extend(rim.iter().enumerate().filter_map(|(k, at)| rim_corner(k, *at)));
         // If the common part is a segment between these two: adds the middle of its arc, or a face would rest on a line.
         if let [p, q] = patch.corners[..]
             && p.features.0 == q.features.0
@@ -315,7 +324,7 @@ impl CylinderPair<'_> {
             let (x, y) = (p.flat[1] - q.flat[1], q.flat[0] - p.flat[0]);
             let towards = doubled.signum() / x.hypot(y);
             // One fixed number, whether the face is tilted or not.
-            patch.corners.extend(place(5, [x * towards, y * towards]));
+            patch.corners.extend(rim_corner(5, [x * towards, y * towards]));
         }
         patch.area = area_in_disc(&clipped_to_gap(&outline, area_within), self.radius) * m.z.abs();
         if area_within != f64::INFINITY {
@@ -329,7 +338,7 @@ impl CylinderPair<'_> {
         let shape = self.a.shape;
         let out = Vec3::new(m.x, m.y, 0.0) / m.xy().norm();
         let across = Vec3::z().cross(&out);
-        let tiny = ON_SIDE_DISTANCE * self.small;
+        let tiny = ON_SIDE_DISTANCE * self.smaller_circumradius;
         let (corners, sides) = (shape.face_corners(f as usize), shape.face_edges(f as usize));
         let over = |v: u16| {
             let v = self.vertices[v as usize];

@@ -54,7 +54,7 @@ impl LaneOperation for GjkSearch<'_> {
     fn call<L: F64Arithmetic>(self, l: L) -> NearestPoints {
         let GjkSearch { pair, n, alert } = self;
         let mut near = GjkSimplex::new(minkowski_support(l, pair, &n));
-        let touching = 1e-15 * pair.sum;
+        let touching = 1e-15 * pair.circumradius_sum;
         let mut step = 0;
         while step < MAX_STEPS {
             step += 1;
@@ -88,9 +88,9 @@ impl LaneOperation for GjkSearch<'_> {
 /// Returns the point of the difference that is lowest along `n`.
 #[inline(always)]
 fn minkowski_support<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, n: &Vec3) -> MinkowskiPoint {
-    let a = lowest_vertex(l, pair.pa, &-n).0;
-    let b = lowest_vertex(l, pair.pb, n).0;
-    MinkowskiPoint { w: pair.pb.vertex(b) + pair.c - pair.pa.vertex(a), a, b }
+    let a = lowest_vertex(l, pair.posed_a, &-n).0;
+    let b = lowest_vertex(l, pair.posed_b, n).0;
+    MinkowskiPoint { w: pair.posed_b.vertex(b) + pair.centre_offset - pair.posed_a.vertex(a), a, b }
 }
 
 /// Simplex of up to three points, and its point nearest to the origin.
@@ -163,12 +163,12 @@ impl GjkSimplex {
         let (mut on_a, mut on_b) = (Vec3::zeros(), Vec3::zeros());
         let corners = &self.corners[..self.count];
         for (p, weight) in corners.iter().zip(&self.weights) {
-            on_a += pair.pa.vertex(p.a) * *weight;
-            on_b += (pair.pb.vertex(p.b) + pair.c) * *weight;
+            on_a += pair.posed_a.vertex(p.a) * *weight;
+            on_b += (pair.posed_b.vertex(p.b) + pair.centre_offset) * *weight;
         }
         let features = (
-            spanned_feature(pair.a, corners.iter().map(|p| p.a)),
-            spanned_feature(pair.b, corners.iter().map(|p| p.b)),
+            spanned_feature(pair.shape_a, corners.iter().map(|p| p.a)),
+            spanned_feature(pair.shape_b, corners.iter().map(|p| p.b)),
         );
         let kind = |feature: u32| feature >> 30;
         let on_faces =
@@ -200,7 +200,7 @@ fn spanned_feature(shape: &Polyhedron, vertices: impl Iterator<Item = u32>) -> u
 /// Returns the ends of the common part of two parallel edges across `n`, and the normal between them.
 pub(super) fn ridge_manifold(pair: &PolyhedronPair, n: &Vec3, distance: f64) -> Option<Manifold> {
     // Accuracy of the direction between points that are `distance` apart.
-    let steep = RIDGE_ANGLE + 1e-11 * pair.small / distance;
+    let steep = RIDGE_ANGLE + 1e-11 * pair.smaller_circumradius / distance;
     let level = |posed: &PosedPolyhedron, n: &Vec3| -> SmallVec<[(u32, [u32; 2], Vec3); 4]> {
         let shape = posed.shape;
         let top = support_vertex(posed, n).0;
@@ -215,36 +215,37 @@ pub(super) fn ridge_manifold(pair: &PolyhedronPair, n: &Vec3, distance: f64) -> 
         }
         level
     };
-    for (ea, ends_a, along) in level(pair.pa, n) {
-        for (eb, ends_b, other) in level(pair.pb, &-n) {
-            let base = pair.pa.vertex(ends_a[0]);
-            let between = pair.pb.vertex(ends_b[0]) + pair.c - base;
+    for (ea, ends_a, along) in level(pair.posed_a, n) {
+        for (eb, ends_b, other) in level(pair.posed_b, &-n) {
+            let base = pair.posed_a.vertex(ends_a[0]);
+            let between = pair.posed_b.vertex(ends_b[0]) + pair.centre_offset - base;
             let across = between - along * between.dot(&along);
             let gap = across.norm();
             if along.cross(&other).norm() > RIDGE_ANGLE
-                || gap <= 1e-15 * pair.sum
+                || gap <= 1e-15 * pair.circumradius_sum
                 || gap > distance + pair.tie_tolerance()
             {
                 continue;
             }
             // Positions along the edge, each with the feature that ends there.
-            let of_a = ends_a.map(|v| (pair.pa.vertex(v).dot(&along), (vertex_feature(v), edge_feature(eb))));
-            let mut of_b =
-                ends_b.map(|v| ((pair.pb.vertex(v) + pair.c).dot(&along), (edge_feature(ea), vertex_feature(v))));
+            let of_a = ends_a.map(|v| (pair.posed_a.vertex(v).dot(&along), (vertex_feature(v), edge_feature(eb))));
+            let mut of_b = ends_b.map(|v| {
+                ((pair.posed_b.vertex(v) + pair.centre_offset).dot(&along), (edge_feature(ea), vertex_feature(v)))
+            });
             of_b.sort_by(|p, q| p.0.total_cmp(&q.0));
             let inner = |k: usize, of_a_is_inner: bool| {
-                if (of_a[k].0 - of_b[k].0).abs() <= SAME_CORNER_DISTANCE * pair.small {
+                if (of_a[k].0 - of_b[k].0).abs() <= SAME_CORNER_DISTANCE * pair.smaller_circumradius {
                     (of_a[k].0, (of_a[k].1.0, of_b[k].1.1))
                 } else {
                     if of_a_is_inner { of_a[k] } else { of_b[k] }
                 }
             };
             let (low, high) = (inner(0, of_a[0].0 > of_b[0].0), inner(1, of_a[1].0 < of_b[1].0));
-            if high.0 - low.0 <= RIDGE_ANGLE * pair.small {
+            if high.0 - low.0 <= RIDGE_ANGLE * pair.smaller_circumradius {
                 continue;
             }
-            let at = |place: f64| base + along * (place - base.dot(&along)) + across * 0.5;
-            let point = |(place, features)| ContactPoint { position: at(place), gap, features };
+            let at = |height: f64| base + along * (height - base.dot(&along)) + across * 0.5;
+            let point = |(height, features)| ContactPoint { position: at(height), gap, features };
             let mut ends = [point(low), point(high)];
             ends.sort_by_key(|point| point.features);
             return Some(Manifold { normal: -across / gap, points: ends.into_iter().collect(), area: 0.0 });

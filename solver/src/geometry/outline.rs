@@ -23,7 +23,7 @@ pub(super) fn collect_common_corners(
     tiny: f64,
     take: &mut PatchCorners,
 ) {
-    let counts = [pair.a.face_corners(faces.0 as usize).len(), pair.b.face_corners(faces.1 as usize).len()];
+    let counts = [pair.shape_a.face_corners(faces.0 as usize).len(), pair.shape_b.face_corners(faces.1 as usize).len()];
     // The first corner is repeated after the last; vectors that start at the last may read beyond it.
     let strides = counts.map(|count| count.next_multiple_of(COLUMN_PAD) + COLUMN_PAD);
     // On the stack, except for faces with many corners.
@@ -41,19 +41,22 @@ pub(super) fn collect_common_corners(
 /// Outline of a face seen along the normal, counter-clockwise.
 struct FaceOutline<'a> {
     posed: &'a PosedPolyhedron<'a>,
+    /// Vertices and edges of the face, in the shape's order.
     corners: &'a [FeatureIndex],
     sides: &'a [FeatureIndex],
-    /// Position of the body, m.
+    /// Position of the body's centre relative to that of A, m.
     moved: Vec3,
     /// Whether the face's normal is opposite to the viewing normal; then corners and sides are in reverse order.
     turned: bool,
+    /// Coordinates of the corners across the viewing normal, and their heights along it, m; the first corner follows the
+    /// last.
     x: &'a mut [f64],
     y: &'a mut [f64],
     z: &'a mut [f64],
     /// Directions of the sides; zero for a side seen end on.
     dx: &'a mut [f64],
     dy: &'a mut [f64],
-    /// Height above the plane's height at 0: h = height - slope·(x, y).
+    /// Height of the face's plane at (0, 0), m, and its slope: at (x, y) the height is height - slope·(x, y).
     height: f64,
     slope: [f64; 2],
 }
@@ -76,11 +79,13 @@ impl<'a> FaceOutline<'a> {
         FaceOutline { posed, corners, sides, moved, turned, x, y, z, dx, dy, height: 0.0, slope: [0.0; 2] }
     }
 
+    /// Vertex of corner `k`, counter-clockwise as seen.
     #[inline(always)]
     fn vertex(&self, k: usize) -> u32 {
         self.corners[if self.turned { self.corners.len() - 1 - k } else { k }].into()
     }
 
+    /// Edge from corner `k` to the next.
     #[inline(always)]
     fn edge(&self, k: usize) -> u32 {
         let count = self.sides.len();
@@ -97,6 +102,7 @@ impl<'a> FaceOutline<'a> {
         if k + 1 == self.corners.len() { 0 } else { k + 1 }
     }
 
+    /// Position of corner `k` relative to A's centre, world frame, m.
     #[inline(always)]
     fn corner_position(&self, k: usize) -> Vec3 {
         self.posed.vertex(self.vertex(k)) + self.moved
@@ -222,9 +228,15 @@ impl LaneOperation for CommonCorners<'_> {
         let CommonCorners { pair, n, faces, counts: [na, nb], strides, tiny, storage, take } = self;
         let frame = local_frame(*n);
         let (of_a, of_b) = storage.split_at_mut(OUTLINE_COLUMNS * strides[0]);
-        let mut a = FaceOutline::new(pair.pa, faces.0, Vec3::zeros(), false, strides[0], of_a);
-        let mut b =
-            FaceOutline::new(pair.pb, faces.1, pair.c, true, strides[1], &mut of_b[..OUTLINE_COLUMNS * strides[1]]);
+        let mut a = FaceOutline::new(pair.posed_a, faces.0, Vec3::zeros(), false, strides[0], of_a);
+        let mut b = FaceOutline::new(
+            pair.posed_b,
+            faces.1,
+            pair.centre_offset,
+            true,
+            strides[1],
+            &mut of_b[..OUTLINE_COLUMNS * strides[1]],
+        );
         a.project_corners(faces.0, &frame);
         b.project_corners(faces.1, &frame);
         a.compute_side_directions(l, tiny);
@@ -259,7 +271,7 @@ impl LaneOperation for CommonCorners<'_> {
                 let k = from + lane;
                 let (x, y, z) = (b.x[k], b.y[k], b.z[k]);
                 let mut same = first;
-                while same < of_vertices_of_a && !take[same].is_near([x, y], pair.small) {
+                while same < of_vertices_of_a && !take[same].is_near([x, y], pair.smaller_circumradius) {
                     same += 1;
                 }
                 if same < of_vertices_of_a {
@@ -323,7 +335,7 @@ impl LaneOperation for CommonCorners<'_> {
                         let flat = [point.dot(&frame[1]), point.dot(&frame[2])];
                         let gap = n.dot(&(on_b - on_a));
                         let mut same = first;
-                        while same < of_vertices && !take[same].is_near(flat, pair.small) {
+                        while same < of_vertices && !take[same].is_near(flat, pair.smaller_circumradius) {
                             same += 1;
                         }
                         if same < of_vertices {

@@ -12,7 +12,7 @@ use crate::math::Vec3;
 /// Distance from a side, over the smaller circumradius, up to which a vertex is on the side, so that aligned faces keep
 /// their vertices and have no crossings next to them.
 pub(super) const ON_SIDE_DISTANCE: f64 = 1e-11;
-/// Distance up to which two corners count as one.
+/// Distance, over the smaller circumradius, up to which two corners count as one.
 pub(super) const SAME_CORNER_DISTANCE: f64 = 1e-9;
 /// Distance of a corner from the line between its neighbours, over the size of the patch, up to which it may be left out.
 const FLAT_CORNER_HEIGHT: f64 = 1e-2;
@@ -23,8 +23,10 @@ const MAX_CORNERS_UNREDUCED: usize = 4;
 /// Number of keys up to which they are sorted by counting.
 const MAX_COUNTING_SORT: usize = 16;
 
+/// Common part of two faces seen along a normal.
 #[derive(Default)]
 pub(super) struct ContactPatch {
+    /// Corners in the order in which they were found.
     pub corners: PatchCorners,
     /// Normal from A to B.
     pub normal: Vec3,
@@ -37,7 +39,7 @@ impl ContactPatch {
     pub fn clip_faces(&mut self, pair: &PolyhedronPair, axis: &SearchAxis, faces: (u32, u32), area_within: f64) {
         self.normal = axis.n;
         self.corners.clear();
-        collect_common_corners(pair, &axis.n, faces, ON_SIDE_DISTANCE * pair.small, &mut self.corners);
+        collect_common_corners(pair, &axis.n, faces, ON_SIDE_DISTANCE * pair.smaller_circumradius, &mut self.corners);
         self.area = polygon_area(&self.corners, area_within);
         for corner in &mut self.corners {
             // Steep planes reach too far if a vertex on a side is outside by rounding.
@@ -93,17 +95,17 @@ impl ContactPatch {
         let length = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
         let size = order.iter().map(|&k| length(between(order[0], k))).fold(0.0, f64::max);
         let gap = |k: u32| self.corners[k as usize].gap;
-        let round = convex_order(&self.corners);
-        let (all, mut count) = (round.len(), round.len());
-        let mut place = SmallVec::<[usize; 12]>::from_elem(0, all);
-        (0..all).for_each(|at| place[round[at] as usize] = at);
+        let outline = convex_order(&self.corners);
+        let (all, mut count) = (outline.len(), outline.len());
+        let mut position = SmallVec::<[usize; 12]>::from_elem(0, all);
+        (0..all).for_each(|at| position[outline[at] as usize] = at);
         let mut is_left = SmallVec::<[bool; 12]>::from_elem(true, all);
         order.retain(|k| {
-            let at = place[*k as usize];
+            let at = position[*k as usize];
             // All removed corners between the present neighbours must lie on the line between these, too.
             let from = (1..all).map(|step| (at + all - step) % all).find(|&at| is_left[at]).unwrap_or(at);
             let to = (1..all).map(|step| (at + step) % all).find(|&at| is_left[at]).unwrap_or(at);
-            let (before, after) = (round[from], round[to]);
+            let (before, after) = (outline[from], outline[to]);
             let side = between(before, after);
             let stands_out = |k: u32| {
                 let to = between(before, k);
@@ -111,7 +113,7 @@ impl ContactPatch {
             };
             let mut within = (1..all).map(|step| (from + step) % all).take_while(|&at| at != to);
             let deeper = gap(*k) < gap(before).min(gap(after)) - DEEPER_TIES * tie;
-            let stays = count <= 3 || deeper || within.any(|at| stands_out(round[at]));
+            let stays = count <= 3 || deeper || within.any(|at| stands_out(outline[at]));
             is_left[at] = stays;
             count -= usize::from(!stays);
             stays
@@ -120,9 +122,10 @@ impl ContactPatch {
 }
 
 impl PatchCorner {
+    /// Whether the corner and the point (x, y), m, coincide seen along the normal; `radius`: the smaller circumradius, m.
     #[inline(always)]
-    pub fn is_near(&self, [x, y]: [f64; 2], small: f64) -> bool {
-        let same = SAME_CORNER_DISTANCE * small;
+    pub fn is_near(&self, [x, y]: [f64; 2], radius: f64) -> bool {
+        let same = SAME_CORNER_DISTANCE * radius;
         (self.flat[0] - x).abs() <= same && (self.flat[1] - y).abs() <= same
     }
 
@@ -322,8 +325,8 @@ mod tests {
                 if turned { corners.rev().collect() } else { corners.collect() }
             };
             let expected = clipped(
-                outline(pair.pa, found.faces.0, Vec3::zeros(), false),
-                &outline(pair.pb, found.faces.1, pair.c, true),
+                outline(pair.posed_a, found.faces.0, Vec3::zeros(), false),
+                &outline(pair.posed_b, found.faces.1, pair.centre_offset, true),
             );
             let doubled: f64 = (0..expected.len())
                 .map(|k| {

@@ -26,24 +26,25 @@ pub fn polyhedron_polyhedron(
 ) -> Option<Manifold> {
     let pair = PolyhedronPair::new(a, b, *c, SimdWidth::detect());
     let start = memory.search_start(&pair);
-    let (kept, manifold) = pair_manifold(PairQuery { pair, start, hint: None, narrow, range: range.into() });
-    *memory = kept;
+    let (feature, manifold) = pair_manifold(PairQuery { pair, start, hint: None, narrow, range: range.into() });
+    *memory = feature;
     manifold
 }
 
-fn pair_manifold(asked: PairQuery) -> (CachedFeature, Option<Manifold>) {
+/// Contact of one pair with the feature to cache.
+fn pair_manifold(query: PairQuery) -> (CachedFeature, Option<Manifold>) {
     let mut found = (CachedFeature::default(), None);
-    let mut take = |(), sight: PairResult| {
-        found = match sight {
+    let mut take = |(), result: PairResult| {
+        found = match result {
             Ok((memory, manifold)) => (memory, Some(manifold.clone())),
             Err(Separated { n, s }) => {
                 (CachedFeature::from_axis(&SearchAxis { n, s, feature: SearchFeature::None }), None)
             }
         };
     };
-    let mut together = PairBatch::new(asked.pair.width);
-    together.push_query((), asked, &mut take);
-    together.flush(&mut take);
+    let mut batch = PairBatch::new(query.pair.width);
+    batch.push_query((), query, &mut take);
+    batch.flush(&mut take);
     found
 }
 
@@ -52,7 +53,7 @@ pub type PairResult<'m> = Result<(CachedFeature, &'m Manifold), Separated>;
 
 /// Batch of pairs of polyhedra: bitwise the same results as one by one, and faster.
 ///
-/// Each pair is identified by a `T`. Results come in the order of the requests.
+/// Each pair is identified by a key of type `T`. Results come in the order of the requests.
 pub struct PairBatch<'a, T> {
     width: SimdWidth,
     /// Pairs whose points are not computed yet.
@@ -64,9 +65,10 @@ pub struct PairBatch<'a, T> {
     manifold: Manifold,
 }
 
+/// Pair whose direction is known and whose points are still to be computed.
 struct PendingPair<'a, T> {
-    of: T,
-    asked: PairQuery<'a>,
+    key: T,
+    query: PairQuery<'a>,
     found: SearchResult,
     /// Index in the triangle batch, if its faces are triangles.
     triangles: Option<usize>,
@@ -87,6 +89,7 @@ struct PairQuery<'a> {
 }
 
 impl<'a, T: Copy> PairBatch<'a, T> {
+    /// Empty batch.
     pub fn new(width: SimdWidth) -> Self {
         PairBatch {
             width,
@@ -98,14 +101,14 @@ impl<'a, T: Copy> PairBatch<'a, T> {
         }
     }
 
-    /// Requests the result of [`polyhedron_polyhedron`]; `take` is called with `of` and the result, in this or a later
+    /// Requests the result of [`polyhedron_polyhedron`]; `take` is called with `key` and the result, in this or a later
     /// call.
     ///
     /// `hint`: direction along which the bodies may be apart.
-    #[expect(clippy::too_many_arguments, reason = "those of one pair, and who takes what is found")]
+    #[expect(clippy::too_many_arguments, reason = "data of one pair, and the consumer of its result")]
     pub fn push_pair(
         &mut self,
-        of: T,
+        key: T,
         [a, b]: [&'a PosedPolyhedron; 2],
         c: &Vec3,
         range: ListingRange,
@@ -116,19 +119,20 @@ impl<'a, T: Copy> PairBatch<'a, T> {
     ) {
         let pair = PolyhedronPair::new(a, b, *c, self.width);
         let start = memory.search_start(&pair);
-        self.push_query(of, PairQuery { pair, start, hint, narrow, range }, take);
+        self.push_query(key, PairQuery { pair, start, hint, narrow, range }, take);
     }
 
-    fn push_query(&mut self, of: T, asked: PairQuery<'a>, take: &mut impl FnMut(T, PairResult)) {
-        let PairQuery { pair, start, hint, narrow, range } = &asked;
+    /// Finds the direction of a pair, and adds the pair to those whose points are computed later.
+    fn push_query(&mut self, key: T, query: PairQuery<'a>, take: &mut impl FnMut(T, PairResult)) {
+        let PairQuery { pair, start, hint, narrow, range } = &query;
         let found = search::separating_axis(pair, *start, *hint, *narrow, *range);
         let SearchResult { axis, faces, .. } = &found;
         if axis.s > range.alert {
-            return take(of, Err(axis.as_separated()));
+            return take(key, Err(axis.as_separated()));
         }
         let patch = axis.feature != SearchFeature::None && !found.is_far(range) && !search::is_ridge_pair(pair, axis);
         let triangles = if patch { self.triangles.push_faces(pair, axis, *faces) } else { None };
-        self.waiting[self.count] = Some(PendingPair { of, asked, found, triangles });
+        self.waiting[self.count] = Some(PendingPair { key, query, found, triangles });
         self.count += 1;
         if self.triangles.is_full() || self.count == MAX_PENDING_PAIRS {
             self.flush(take);
@@ -139,13 +143,13 @@ impl<'a, T: Copy> PairBatch<'a, T> {
     pub fn flush(&mut self, take: &mut impl FnMut(T, PairResult)) {
         let PairBatch { width, waiting, count, triangles, patch, manifold } = self;
         triangles.clip_faces(*width);
-        for PendingPair { of, asked, found, triangles: place } in waiting[..*count].iter().flatten() {
+        for PendingPair { key, query, found, triangles: triangle_index } in waiting[..*count].iter().flatten() {
             let axis = &found.axis;
-            let seen = place.is_some_and(|k| triangles.write_patch(k, axis, asked.range.area, patch));
-            if seen && patch.has_axis_gap(axis.s, asked.pair.tie_tolerance()) {
-                take(*of, patch_result(asked, axis, patch, manifold));
+            let is_clipped = triangle_index.is_some_and(|k| triangles.write_patch(k, axis, query.range.area, patch));
+            if is_clipped && patch.has_axis_gap(axis.s, query.pair.tie_tolerance()) {
+                take(*key, patch_result(query, axis, patch, manifold));
             } else {
-                manifold_scalar(asked, found, patch, manifold, &mut |sight: PairResult| take(*of, sight));
+                manifold_scalar(query, found, patch, manifold, &mut |result: PairResult| take(*key, result));
             }
         }
         *count = 0;
@@ -155,27 +159,27 @@ impl<'a, T: Copy> PairBatch<'a, T> {
 
 /// Returns the points of a patch that are within the range.
 fn patch_result<'m>(
-    asked: &PairQuery,
+    query: &PairQuery,
     axis: &SearchAxis,
     patch: &mut ContactPatch,
     manifold: &'m mut Manifold,
 ) -> PairResult<'m> {
-    patch.write_manifold(asked.range, asked.pair.tie_tolerance(), manifold);
+    patch.write_manifold(query.range, query.pair.tie_tolerance(), manifold);
     // Within rounding there may be no point.
     if manifold.points.is_empty() { Err(axis.as_separated()) } else { Ok((CachedFeature::from_axis(axis), manifold)) }
 }
 
 /// Computes the manifold of a single pair whose direction is known.
 fn manifold_scalar(
-    asked: &PairQuery,
+    query: &PairQuery,
     found: &SearchResult,
     patch: &mut ContactPatch,
     manifold: &mut Manifold,
     take: &mut impl FnMut(PairResult),
 ) {
-    let PairQuery { pair, start, narrow, range, .. } = asked;
+    let PairQuery { pair, start, narrow, range, .. } = query;
     let SearchResult { axis, faces, met, .. } = found;
-    let kept = CachedFeature::from_axis(axis);
+    let feature = CachedFeature::from_axis(axis);
     let own_point = |area| {
         let points = search::axis_point(pair, axis, *met).into_iter().collect();
         Manifold { normal: -axis.n, points, area }
@@ -183,22 +187,22 @@ fn manifold_scalar(
     if found.is_far(range) {
         let nearest = own_point(0.0);
         if !nearest.points.is_empty() {
-            return take(Ok((kept, &nearest)));
+            return take(Ok((feature, &nearest)));
         }
     }
     if search::is_ridge_pair(pair, axis)
         && let Some(ridges) = gjk::ridge_manifold(pair, &axis.n, axis.s)
     {
-        return take(Ok((kept, &ridges)));
+        return take(Ok((feature, &ridges)));
     }
     if axis.feature != SearchFeature::None && !found.is_far(range) {
         patch.clip_faces(pair, axis, *faces, range.area);
         if patch.has_axis_gap(axis.s, pair.tie_tolerance()) {
-            return take(patch_result(asked, axis, patch, manifold));
+            return take(patch_result(query, axis, patch, manifold));
         }
         if axis.s <= 0.0 {
             // The overlap is not proven to be the smallest: the axis's own features give one point.
-            return take(Ok((kept, &own_point(patch.area))));
+            return take(Ok((feature, &own_point(patch.area))));
         }
     }
     let nearest = gjk::nearest_points(pair, axis.n, range.alert);
@@ -207,8 +211,8 @@ fn manifold_scalar(
         if found.axis.s > range.alert {
             return take(Err(found.axis.as_separated()));
         }
-        let asked = PairQuery { start: SearchStart::Nothing, ..*asked };
-        return manifold_scalar(&asked, &found, patch, manifold, take);
+        let query = PairQuery { start: SearchStart::Nothing, ..*query };
+        return manifold_scalar(&query, &found, patch, manifold, take);
     }
     let along = SearchAxis { n: nearest.n, s: axis.s, feature: SearchFeature::None };
     match &nearest.manifold {
@@ -272,7 +276,7 @@ pub(super) mod tests {
                 SearchStart::Feature(SearchFeature::FaceOfA(3)),
                 SearchStart::Direction(Vec3::x()),
             ] {
-                let of = |width| {
+                let key = |width| {
                     let pair = PolyhedronPair::new(&pa, &pb, c, width);
                     pair_manifold(PairQuery {
                         pair,
@@ -282,7 +286,7 @@ pub(super) mod tests {
                         range: 0.05.into(),
                     })
                 };
-                let found: Vec<_> = SimdWidth::all_widths().into_iter().map(of).collect();
+                let found: Vec<_> = SimdWidth::all_widths().into_iter().map(key).collect();
                 assert!(found.iter().all(|one| *one == found[0]), "{k}: {found:?}");
                 contacts += usize::from(found[0].1.is_some());
             }

@@ -12,7 +12,7 @@
 use smallvec::{Array, SmallVec};
 
 use super::manifold::{ContactPoint, ListingRange, NarrowPhaseMode, edge_feature, face_feature, vertex_feature};
-use super::pair::{PatchCorner, PolyhedronPair, SearchAxis, SearchFeature, lowest_vertex, support_vertex};
+use super::pair::{PatchCorner, PolyhedronPair, SearchAxis, SearchFeature, dot_columns, lowest_vertex, support_vertex};
 use super::polyhedron::FeatureIndex;
 use super::polyhedron::{Polyhedron, PosedPolyhedron};
 use crate::math::simd::{F64Arithmetic, LaneOperation, Scalar};
@@ -91,8 +91,8 @@ impl LaneOperation for AxisSearch<'_> {
         let (axis, met, proven) = self.best_axis(l);
         let ListingRange { alert, patch, .. } = self.range;
         let nearest = proven && axis.s > 0.0;
-        let asked = axis.s <= if nearest { patch } else { alert };
-        let faces = if asked { support_faces(l, self.pair, &axis, met) } else { (0, 0) };
+        let needs_faces = axis.s <= if nearest { patch } else { alert };
+        let faces = if needs_faces { support_faces(l, self.pair, &axis, met) } else { (0, 0) };
         SearchResult { axis, met, nearest, faces }
     }
 }
@@ -117,7 +117,7 @@ impl AxisSearch<'_> {
         if is_best(l, pair, &best, &witnesses.points[0], narrow) {
             return (best, met, true);
         }
-        let (a, b) = (pair.pa, pair.pb);
+        let (a, b) = (pair.posed_a, pair.posed_b);
         match (best.feature, met) {
             (SearchFeature::FaceOfA(f), Some(v)) => add_face_witnesses(l, pair, [a, b], f, v, 1.0, &mut witnesses),
             (SearchFeature::FaceOfB(f), Some(v)) => add_face_witnesses(l, pair, [b, a], f, v, -1.0, &mut witnesses),
@@ -186,7 +186,7 @@ fn add_face_witnesses<L: F64Arithmetic>(
             own.vertex(face_support_vertex(own, f, &direction)),
             other.vertex(face_support_vertex(other, g, &-direction)),
         );
-        witnesses.add((on_other - on_own) * sign + pair.c);
+        witnesses.add((on_other - on_own) * sign + pair.centre_offset);
     }
 }
 
@@ -209,10 +209,10 @@ fn face_support_vertex(posed: &PosedPolyhedron, f: u32, n: &Vec3) -> FeatureInde
 #[inline(always)]
 fn push_mask_lanes(kept: &mut SmallVec<impl Array<Item = u32>>, mut mask: u32, k: usize, count: usize) {
     while mask != 0 {
-        let place = k + mask.trailing_zeros() as usize;
+        let index = k + mask.trailing_zeros() as usize;
         mask &= mask - 1;
-        if place < count {
-            kept.push(place as u32);
+        if index < count {
+            kept.push(index as u32);
         }
     }
 }
@@ -228,44 +228,50 @@ fn starting_axis<L: F64Arithmetic>(
 ) -> (SearchAxis, Option<u32>) {
     let n = match start {
         SearchStart::Feature(SearchFeature::FaceOfA(f)) => {
-            let n = pair.pa.face_normal(f);
-            let (v, low) = lowest_vertex(l, pair.pb, &n);
-            witnesses.add(pair.pb.vertex(v) + pair.c - pair.pa.vertex(pair.a.face_corners(f as usize)[0]));
-            let s = n.dot(&pair.c) - pair.a.face_planes()[f as usize].offset + low;
+            let n = pair.posed_a.face_normal(f);
+            let (v, low) = lowest_vertex(l, pair.posed_b, &n);
+            witnesses.add(
+                pair.posed_b.vertex(v) + pair.centre_offset
+                    - pair.posed_a.vertex(pair.shape_a.face_corners(f as usize)[0]),
+            );
+            let s = n.dot(&pair.centre_offset) - pair.shape_a.face_planes()[f as usize].offset + low;
             return (SearchAxis { n, s, feature: SearchFeature::FaceOfA(f) }, Some(v));
         }
         SearchStart::Feature(SearchFeature::FaceOfB(f)) => {
-            let n = pair.pb.face_normal(f);
-            let (v, low) = lowest_vertex(l, pair.pa, &n);
-            witnesses.add(pair.pb.vertex(pair.b.face_corners(f as usize)[0]) + pair.c - pair.pa.vertex(v));
-            let s = -n.dot(&pair.c) - pair.b.face_planes()[f as usize].offset + low;
+            let n = pair.posed_b.face_normal(f);
+            let (v, low) = lowest_vertex(l, pair.posed_a, &n);
+            witnesses.add(
+                pair.posed_b.vertex(pair.shape_b.face_corners(f as usize)[0]) + pair.centre_offset
+                    - pair.posed_a.vertex(v),
+            );
+            let s = -n.dot(&pair.centre_offset) - pair.shape_b.face_planes()[f as usize].offset + low;
             return (SearchAxis { n: -n, s, feature: SearchFeature::FaceOfB(f) }, Some(v));
         }
         SearchStart::Feature(SearchFeature::Edges(ea, eb)) => {
             let (n, s, crossed) = edge_axis(pair, ea, eb);
             if crossed && true_separation(l, pair, &n, s) == s {
-                let [a, b] = [pair.a.edges()[ea as usize].ends[0], pair.b.edges()[eb as usize].ends[0]];
-                witnesses.add(pair.pb.vertex(b) + pair.c - pair.pa.vertex(a));
+                let [a, b] = [pair.shape_a.edges()[ea as usize].ends[0], pair.shape_b.edges()[eb as usize].ends[0]];
+                witnesses.add(pair.posed_b.vertex(b) + pair.centre_offset - pair.posed_a.vertex(a));
                 return (SearchAxis { n, s, feature: SearchFeature::Edges(ea, eb) }, None);
             }
             n
         }
         SearchStart::Direction(n) => n,
-        _ => pair.c,
+        _ => pair.centre_offset,
     };
     let length = vector_length(&n);
     let n = if length > 0.0 && length.is_finite() { n / length } else { Vec3::x() };
-    let (b, low) = lowest_vertex(l, pair.pb, &n);
-    let (a, high) = lowest_vertex(l, pair.pa, &-n);
-    witnesses.add(pair.pb.vertex(b) + pair.c - pair.pa.vertex(a));
-    (SearchAxis { n, s: n.dot(&pair.c) + low + high, feature: SearchFeature::None }, None)
+    let (b, low) = lowest_vertex(l, pair.posed_b, &n);
+    let (a, high) = lowest_vertex(l, pair.posed_a, &-n);
+    witnesses.add(pair.posed_b.vertex(b) + pair.centre_offset - pair.posed_a.vertex(a));
+    (SearchAxis { n, s: n.dot(&pair.centre_offset) + low + high, feature: SearchFeature::None }, None)
 }
 
 /// Returns s(n).
 #[inline(always)]
 fn separation_along<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, n: &Vec3) -> f64 {
-    let low = lowest_vertex(l, pair.pb, n).1;
-    n.dot(&pair.c) + low + lowest_vertex(l, pair.pa, &-n).1
+    let low = lowest_vertex(l, pair.posed_b, n).1;
+    n.dot(&pair.centre_offset) + low + lowest_vertex(l, pair.posed_a, &-n).1
 }
 
 /// Returns the true separation of two edges whose arcs cross with the separation `s`. Shapes rounded in files are convex
@@ -291,11 +297,11 @@ fn is_best<L: F64Arithmetic>(
     narrow: NarrowPhaseMode,
 ) -> bool {
     let rho = match axis.feature {
-        SearchFeature::FaceOfA(f) => inside_distance(pair.a, f, &pair.pa.local_vector(x)),
-        SearchFeature::FaceOfB(f) => inside_distance(pair.b, f, &pair.pb.local_vector(&-x)),
+        SearchFeature::FaceOfA(f) => inside_distance(pair.shape_a, f, &pair.posed_a.local_vector(x)),
+        SearchFeature::FaceOfB(f) => inside_distance(pair.shape_b, f, &pair.posed_b.local_vector(&-x)),
         SearchFeature::Edges(ea, eb) => {
-            let ([a0, a1], [b0, b1]) = (edge_ends(pair.pa, ea), edge_ends(pair.pb, eb));
-            let (u, v, w) = (a1 - a0, b1 - b0, b0 + pair.c - a0);
+            let ([a0, a1], [b0, b1]) = (edge_ends(pair.posed_a, ea), edge_ends(pair.posed_b, eb));
+            let (u, v, w) = (a1 - a0, b1 - b0, b0 + pair.centre_offset - a0);
             let across = u.cross(&v);
             let square = across.norm_squared();
             let (p, q) = (w.cross(&v).dot(&across) / square, w.cross(&u).dot(&across) / square);
@@ -313,13 +319,13 @@ fn is_best<L: F64Arithmetic>(
     }
     if narrow == NarrowPhaseMode::Fast {
         // Accepts n unless the direction between the centres shows that the bodies have left this side of each other.
-        let n = pair.c / vector_length(&pair.c);
+        let n = pair.centre_offset / vector_length(&pair.centre_offset);
         return separation_along(l, pair, &n) <= axis.s;
     }
     let r = rho / -axis.s * (1.0 - 1e-9);
     let cos_disc = (1.0 - r * r) / (1.0 + r * r);
-    let distance = vector_length(&pair.c);
-    let (cos_cone, cos_n) = ((axis.s + pair.inradius_sum()) / distance, axis.n.dot(&pair.c) / distance);
+    let distance = vector_length(&pair.centre_offset);
+    let (cos_cone, cos_n) = ((axis.s + pair.inradius_sum()) / distance, axis.n.dot(&pair.centre_offset) / distance);
     if cos_cone.is_nan() || cos_cone.abs() >= 1.0 {
         return cos_cone >= 1.0;
     }
@@ -364,7 +370,7 @@ fn search_faces<L: F64Arithmetic>(
     let tie = pair.tie_tolerance();
     let [vx, vy, vz] = other.shape.vertex_columns();
     let count = other.shape.vertices().len();
-    let c = pair.c * sign;
+    let c = pair.centre_offset * sign;
     let mut changed = false;
     let mut from = 0;
     while from < kept.len() {
@@ -424,7 +430,7 @@ fn search_faces<L: F64Arithmetic>(
         let (SearchFeature::FaceOfA(f) | SearchFeature::FaceOfB(f)) = best.feature else { return false };
         let (v, _) = lowest_vertex(l, other, &(best.n * sign));
         let corner = own.vertex(own.shape.face_corners(f as usize)[0]);
-        witnesses.add((other.vertex(v) - corner) * sign + pair.c);
+        witnesses.add((other.vertex(v) - corner) * sign + pair.centre_offset);
     }
     false
 }
@@ -442,7 +448,7 @@ fn collect_faces_in_cone<L: F64Arithmetic>(
 ) {
     // In the frame of the body that owns the faces.
     let shape = own.shape;
-    let c = own.local_vector(&pair.c) * sign;
+    let c = own.local_vector(&pair.centre_offset) * sign;
     let witness = witnesses.to_local(own, sign);
     let pad = shape.normals.len() / 3;
     let (x, y, z) = (&shape.normals[..pad], &shape.normals[pad..2 * pad], &shape.normals[2 * pad..]);
@@ -450,16 +456,11 @@ fn collect_faces_in_cone<L: F64Arithmetic>(
     let count = shape.face_planes().len();
     let mut k = 0;
     while k < count {
-        let (nx, ny, nz) = (l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..]));
-        macro_rules! along {
-            ($v:expr) => {
-                l.mul_add(nz, l.splat($v.z), l.mul_add(ny, l.splat($v.y), l.mul(nx, l.splat($v.x))))
-            };
-        }
-        let mut mask = l.mask_greater(along!(c), l.splat(least + pair.inradius_sum()));
+        let normals = [l.load(&x[k..]), l.load(&y[k..]), l.load(&z[k..])];
+        let mut mask = l.mask_greater(dot_columns(l, &c, normals), l.splat(least + pair.inradius_sum()));
         let mut i = 0;
         while i < witnesses.count {
-            mask &= l.mask_greater(along!(witness[i]), l.splat(least));
+            mask &= l.mask_greater(dot_columns(l, &witness[i], normals), l.splat(least));
             i += 1;
         }
         push_mask_lanes(kept, mask, k, count);
@@ -495,11 +496,11 @@ fn search_edges<L: F64Arithmetic>(
 ) {
     let tie = pair.tie_tolerance();
     let (mut of_a, mut of_b): (SmallVec<[u32; 64]>, SmallVec<[u32; 64]>) = (SmallVec::new(), SmallVec::new());
-    collect_arcs(l, pair, pair.pa, 1.0, best, witnesses, &mut of_a);
+    collect_arcs(l, pair, pair.posed_a, 1.0, best, witnesses, &mut of_a);
     if of_a.is_empty() {
         return;
     }
-    collect_arcs(l, pair, pair.pb, -1.0, best, witnesses, &mut of_b);
+    collect_arcs(l, pair, pair.posed_b, -1.0, best, witnesses, &mut of_b);
     let mut from = 0;
     while from < of_b.len() {
         // Columns: a point, the direction and the two normals of up to eight edges of B; unused lanes cannot cross.
@@ -507,10 +508,11 @@ fn search_edges<L: F64Arithmetic>(
         let mut count = 0;
         while count < COLUMN_BLOCK && from + count < of_b.len() {
             let e = of_b[from + count];
-            let edge = &pair.b.edges()[e as usize];
-            let [b0, b1] = edge_ends(pair.pb, e);
-            let (along, n0, n1) = (b1 - b0, pair.pb.face_normal(edge.faces[0]), pair.pb.face_normal(edge.faces[1]));
-            let b0 = b0 + pair.c;
+            let edge = &pair.shape_b.edges()[e as usize];
+            let [b0, b1] = edge_ends(pair.posed_b, e);
+            let (along, n0, n1) =
+                (b1 - b0, pair.posed_b.face_normal(edge.faces[0]), pair.posed_b.face_normal(edge.faces[1]));
+            let b0 = b0 + pair.centre_offset;
             let row = [b0.x, b0.y, b0.z, along.x, along.y, along.z, n0.x, n0.y, n0.z, n1.x, n1.y, n1.z];
             let mut column = 0;
             while column < 12 {
@@ -523,9 +525,10 @@ fn search_edges<L: F64Arithmetic>(
         let mut i = 0;
         while i < of_a.len() {
             let ea = of_a[i];
-            let edge = &pair.a.edges()[ea as usize];
-            let [a0, a1] = edge_ends(pair.pa, ea);
-            let (along, n0, n1) = (a1 - a0, pair.pa.face_normal(edge.faces[0]), pair.pa.face_normal(edge.faces[1]));
+            let edge = &pair.shape_a.edges()[ea as usize];
+            let [a0, a1] = edge_ends(pair.posed_a, ea);
+            let (along, n0, n1) =
+                (a1 - a0, pair.posed_a.face_normal(edge.faces[0]), pair.posed_a.face_normal(edge.faces[1]));
             let mut k = 0;
             while k < count {
                 let (mask, s) =
@@ -578,11 +581,7 @@ fn crossing_arcs<L: F64Arithmetic>(
     }
     macro_rules! dot {
         ($v:expr, $column:expr) => {
-            l.mul_add(
-                l.splat($v.z),
-                at!($column + 2),
-                l.mul_add(l.splat($v.y), at!($column + 1), l.mul(l.splat($v.x), at!($column))),
-            )
+            dot_columns(l, $v, [at!($column), at!($column + 1), at!($column + 2)])
         };
     }
     let (p0, p1) = (dot!(along, 6), dot!(along, 9));
@@ -622,7 +621,7 @@ fn collect_arcs<L: F64Arithmetic>(
 ) {
     let slack = bound_slack(pair, best);
     let shape = posed.shape;
-    let c = posed.local_vector(&pair.c) * sign;
+    let c = posed.local_vector(&pair.centre_offset) * sign;
     let witness = witnesses.to_local(posed, sign);
     let cone = l.splat(best.s + pair.inradius_sum() - slack);
     let limit = l.splat(best.s.min(0.0) - slack);
@@ -639,21 +638,17 @@ fn collect_arcs<L: F64Arithmetic>(
         }
         macro_rules! dot {
             ($v:expr, $column:expr) => {
-                l.mul_add(
-                    l.splat($v.z),
-                    at!($column + 2),
-                    l.mul_add(l.splat($v.y), at!($column + 1), l.mul(l.splat($v.x), at!($column))),
-                )
+                dot_columns(l, $v, [at!($column), at!($column + 1), at!($column + 2)])
             };
         }
         // If c lies between the normals, the nearer normal is at most at half the angle between them.
-        let (d0, d1) = (dot!(c, 0), dot!(c, 3));
+        let (d0, d1) = (dot!(&c, 0), dot!(&c, 3));
         let beyond = l.select_greater(cone, zero, l.mul(cone, at!(6)), cone);
         let mut mask = l.mask_greater(l.select_greater(d0, d1, d0, d1), beyond);
         let mut i = 0;
         while mask != 0 && i < witnesses.count {
             // If both ends are below, the whole arc is: s <= 0 or, for separated bodies, no direction at all.
-            let (e0, e1) = (dot!(witness[i], 0), dot!(witness[i], 3));
+            let (e0, e1) = (dot!(&witness[i], 0), dot!(&witness[i], 3));
             mask &= l.mask_greater(l.select_greater(e0, e1, e0, e1), limit);
             i += 1;
         }
@@ -673,18 +668,18 @@ fn exhaustive_search(pair: &PolyhedronPair, enough: f64) -> SearchAxis {
         }
         best.s > enough
     };
-    for f in 0..pair.a.face_planes().len() as u32 {
-        if take(pair.pa.face_normal(f), SearchFeature::FaceOfA(f)) {
+    for f in 0..pair.shape_a.face_planes().len() as u32 {
+        if take(pair.posed_a.face_normal(f), SearchFeature::FaceOfA(f)) {
             return best;
         }
     }
-    for f in 0..pair.b.face_planes().len() as u32 {
-        if take(-pair.pb.face_normal(f), SearchFeature::FaceOfB(f)) {
+    for f in 0..pair.shape_b.face_planes().len() as u32 {
+        if take(-pair.posed_b.face_normal(f), SearchFeature::FaceOfB(f)) {
             return best;
         }
     }
-    for ea in 0..pair.a.edges().len() as u32 {
-        for eb in 0..pair.b.edges().len() as u32 {
+    for ea in 0..pair.shape_a.edges().len() as u32 {
+        for eb in 0..pair.shape_b.edges().len() as u32 {
             if let (n, _, true) = edge_axis(pair, ea, eb)
                 && take(n, SearchFeature::Edges(ea, eb))
             {
@@ -702,11 +697,11 @@ fn exhaustive_search(pair: &PolyhedronPair, enough: f64) -> SearchAxis {
 /// are nearly parallel. Source of the test: D. Gregorius, The separating axis test between convex polyhedra, GDC (2013).
 #[inline(always)]
 fn edge_axis(pair: &PolyhedronPair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
-    let (a, b) = (&pair.a.edges()[ea as usize], &pair.b.edges()[eb as usize]);
-    let ([a0, a1], [b0, b1]) = (edge_ends(pair.pa, ea), edge_ends(pair.pb, eb));
+    let (a, b) = (&pair.shape_a.edges()[ea as usize], &pair.shape_b.edges()[eb as usize]);
+    let ([a0, a1], [b0, b1]) = (edge_ends(pair.posed_a, ea), edge_ends(pair.posed_b, eb));
     let (along_a, along_b) = (a1 - a0, b1 - b0);
-    let (na0, na1) = (pair.pa.face_normal(a.faces[0]), pair.pa.face_normal(a.faces[1]));
-    let (nb0, nb1) = (pair.pb.face_normal(b.faces[0]), pair.pb.face_normal(b.faces[1]));
+    let (na0, na1) = (pair.posed_a.face_normal(a.faces[0]), pair.posed_a.face_normal(a.faces[1]));
+    let (nb0, nb1) = (pair.posed_b.face_normal(b.faces[0]), pair.posed_b.face_normal(b.faces[1]));
     let (p0, p1) = (nb0.dot(&along_a), nb1.dot(&along_a));
     let (q0, q1) = (na0.dot(&along_b), na1.dot(&along_b));
     let crossed = p0 * p1 < -PARALLEL_EDGE_PRODUCT * along_a.norm_squared()
@@ -715,7 +710,7 @@ fn edge_axis(pair: &PolyhedronPair, ea: u32, eb: u32) -> (Vec3, f64, bool) {
     let n = na0 * q1.abs() + na1 * q0.abs();
     let length = vector_length(&n);
     let n = if length > 0.0 { n / length } else { na0 };
-    (n, n.dot(&(b0 + pair.c - a0)), crossed)
+    (n, n.dot(&(b0 + pair.centre_offset - a0)), crossed)
 }
 
 /// Whether the nearest features of two separated bodies are parallel edges.
@@ -725,7 +720,7 @@ pub(super) fn is_ridge_pair(pair: &PolyhedronPair, axis: &SearchAxis) -> bool {
 
 /// Whether two edges are parallel up to noise.
 pub(super) fn are_parallel(pair: &PolyhedronPair, ea: u32, eb: u32) -> bool {
-    let ([a0, a1], [b0, b1]) = (edge_ends(pair.pa, ea), edge_ends(pair.pb, eb));
+    let ([a0, a1], [b0, b1]) = (edge_ends(pair.posed_a, ea), edge_ends(pair.posed_b, eb));
     let (along_a, along_b) = (a1 - a0, b1 - b0);
     let squares = along_a.norm_squared() * along_b.norm_squared();
     along_a.cross(&along_b).norm_squared() <= RIDGE_ANGLE * RIDGE_ANGLE * squares
@@ -741,7 +736,7 @@ pub(super) fn edge_ends(posed: &PosedPolyhedron, e: u32) -> [Vec3; 2] {
 /// Returns the faces whose common part is computed; `met`: the vertex that a face touches, if known.
 #[inline(always)]
 fn support_faces<L: F64Arithmetic>(l: L, pair: &PolyhedronPair, axis: &SearchAxis, met: Option<u32>) -> (u32, u32) {
-    let (a, b) = (pair.pa, pair.pb);
+    let (a, b) = (pair.posed_a, pair.posed_b);
     match axis.feature {
         SearchFeature::FaceOfA(f) => (f, support_face(l, b, &-axis.n, met)),
         SearchFeature::FaceOfB(f) => (support_face(l, a, &axis.n, met), f),
@@ -790,19 +785,29 @@ fn aligned_face_local(shape: &Polyhedron, e: u32, n: &Vec3) -> u32 {
 /// Contact point of an axis's own features; `met` is the vertex that a face touches, if known.
 pub(super) fn axis_point(pair: &PolyhedronPair, axis: &SearchAxis, met: Option<u32>) -> Option<ContactPoint> {
     let vertex_of = |posed: &PosedPolyhedron, n: &Vec3| met.unwrap_or_else(|| support_vertex(posed, n).0);
-    let of_a = || pair.pa.vertex(vertex_of(pair.pa, &axis.n));
-    let of_b = || pair.pb.vertex(vertex_of(pair.pb, &-axis.n)) + pair.c;
+    let of_a = || pair.posed_a.vertex(vertex_of(pair.posed_a, &axis.n));
+    let of_b = || pair.posed_b.vertex(vertex_of(pair.posed_b, &-axis.n)) + pair.centre_offset;
     let half = axis.n * (0.5 * axis.s);
     let (position, features) = match axis.feature {
-        SearchFeature::FaceOfA(f) => (of_b() - half, (face_feature(f), vertex_feature(vertex_of(pair.pb, &-axis.n)))),
-        SearchFeature::FaceOfB(f) => (of_a() + half, (vertex_feature(vertex_of(pair.pa, &axis.n)), face_feature(f))),
+        SearchFeature::FaceOfA(f) => {
+            (of_b() - half, (face_feature(f), vertex_feature(vertex_of(pair.posed_b, &-axis.n))))
+        }
+        SearchFeature::FaceOfB(f) => {
+            (of_a() + half, (vertex_feature(vertex_of(pair.posed_a, &axis.n)), face_feature(f)))
+        }
         SearchFeature::Edges(ea, eb) => {
-            let ([a0, a1], [b0, b1]) = (edge_ends(pair.pa, ea), edge_ends(pair.pb, eb));
-            (PatchCorner::line_crossing([a0, a1], [b0 + pair.c, b1 + pair.c]), (edge_feature(ea), edge_feature(eb)))
+            let ([a0, a1], [b0, b1]) = (edge_ends(pair.posed_a, ea), edge_ends(pair.posed_b, eb));
+            (
+                PatchCorner::line_crossing([a0, a1], [b0 + pair.centre_offset, b1 + pair.centre_offset]),
+                (edge_feature(ea), edge_feature(eb)),
+            )
         }
         SearchFeature::None => {
             let (_, a, b) = pair.separation_along(&axis.n);
-            ((pair.pa.vertex(a) + pair.pb.vertex(b) + pair.c) * 0.5, (vertex_feature(a), vertex_feature(b)))
+            (
+                (pair.posed_a.vertex(a) + pair.posed_b.vertex(b) + pair.centre_offset) * 0.5,
+                (vertex_feature(a), vertex_feature(b)),
+            )
         }
     };
     position.iter().all(|x| x.is_finite()).then_some(ContactPoint { position, gap: axis.s, features })

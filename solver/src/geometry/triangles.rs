@@ -36,7 +36,7 @@ pub(super) struct TriangleBatch {
     given: [[f64; BATCH_PAIRS]; INPUT_ROWS],
     names: [FaceFeatures; BATCH_PAIRS],
     /// For each candidate the point in the middle of the gap, the gap, and x and y seen along the normal.
-    places: [[[f64; BATCH_PAIRS]; 6]; CORNER_SLOTS],
+    corners: [[[f64; BATCH_PAIRS]; 6]; CORNER_SLOTS],
     /// Bit k: whether the common part of pair k has this corner.
     has: [u32; CORNER_SLOTS],
     area: [f64; BATCH_PAIRS],
@@ -58,7 +58,7 @@ impl TriangleBatch {
         TriangleBatch {
             given: [[0.0; BATCH_PAIRS]; INPUT_ROWS],
             names: [FaceFeatures::default(); BATCH_PAIRS],
-            places: [[[0.0; BATCH_PAIRS]; 6]; CORNER_SLOTS],
+            corners: [[[0.0; BATCH_PAIRS]; 6]; CORNER_SLOTS],
             has: [0; CORNER_SLOTS],
             area: [0.0; BATCH_PAIRS],
             clear: 0,
@@ -74,9 +74,10 @@ impl TriangleBatch {
     /// Adds the faces of a pair, if they are triangles; returns its number.
     #[inline(always)]
     pub fn push_faces(&mut self, pair: &PolyhedronPair, axis: &SearchAxis, faces: (u32, u32)) -> Option<usize> {
-        let (of_a, of_b) = (pair.a.face_corners(faces.0 as usize), pair.b.face_corners(faces.1 as usize));
+        let (of_a, of_b) = (pair.shape_a.face_corners(faces.0 as usize), pair.shape_b.face_corners(faces.1 as usize));
         let (&[a0, a1, a2], &[b0, b1, b2]) = (of_a, of_b) else { return None };
-        let (&[u0, u1, u2], &[v0, v1, v2]) = (pair.a.face_edges(faces.0 as usize), pair.b.face_edges(faces.1 as usize))
+        let (&[u0, u1, u2], &[v0, v1, v2]) =
+            (pair.shape_a.face_edges(faces.0 as usize), pair.shape_b.face_edges(faces.1 as usize))
         else {
             return None;
         };
@@ -88,13 +89,13 @@ impl TriangleBatch {
             edges: [[u0, u1, u2], [v1, v0, v2]].map(|of| of.map(|e| edge_feature(e.into()))),
             faces: [face_feature(faces.0), face_feature(faces.1)],
         };
-        let small = MIN_SIDE_CLEARANCE * SAME_CORNER_DISTANCE * pair.small;
-        self.set_vector(k, CENTRE_ROW, &pair.c);
+        let small = MIN_SIDE_CLEARANCE * SAME_CORNER_DISTANCE * pair.smaller_circumradius;
+        self.set_vector(k, CENTRE_ROW, &pair.centre_offset);
         self.set_vector(k, NORMAL_ROW, &axis.n);
         self.given[SEPARATION_ROW][k] = axis.s;
         self.given[NEAR_ROW][k] = small * small;
-        self.set_face(k, 0, pair.pa, [a0, a1, a2].map(usize::from), faces.0);
-        self.set_face(k, 1, pair.pb, [b2, b1, b0].map(usize::from), faces.1);
+        self.set_face(k, 0, pair.posed_a, [a0, a1, a2].map(usize::from), faces.0);
+        self.set_face(k, 1, pair.posed_b, [b2, b1, b0].map(usize::from), faces.1);
         Some(k)
     }
 
@@ -137,19 +138,19 @@ impl TriangleBatch {
         }
         patch.corners.clear();
         let mut has = 0;
-        for place in 0..CORNER_SLOTS {
-            has |= (self.has[place] >> k & 1) << place;
+        for slot in 0..CORNER_SLOTS {
+            has |= (self.has[slot] >> k & 1) << slot;
         }
         let names = &self.names[k];
         while has != 0 {
-            let place = has.trailing_zeros() as usize % 16;
+            let slot = has.trailing_zeros() as usize % 16;
             has &= has - 1;
-            let at = &self.places[place];
+            let at = &self.corners[slot];
             let (point, gap, flat) = ([at[0][k], at[1][k], at[2][k]], at[3][k], [at[4][k], at[5][k]]);
-            let features = match place {
-                0..3 => (names.vertices[0][place], names.faces[1]),
-                3..6 => (names.faces[0], names.vertices[1][place - 3]),
-                _ => (names.edges[0][(place - 6) / 3], names.edges[1][(place - 6) % 3]),
+            let features = match slot {
+                0..3 => (names.vertices[0][slot], names.faces[1]),
+                3..6 => (names.faces[0], names.vertices[1][slot - 3]),
+                _ => (names.edges[0][(slot - 6) / 3], names.edges[1][(slot - 6) % 3]),
             };
             patch.corners.push(PatchCorner { point, flat, gap, features });
         }
@@ -319,9 +320,9 @@ fn clip_faces<L: F64Arithmetic>(l: L, of: &mut TriangleBatch, from: usize) {
         & l.mask_greater(l.abs(b.rise), edge_on);
     of.clear |= clear << from;
     macro_rules! put {
-        ($place:expr, $x:expr, $y:expr, $z:expr, $gap:expr) => {
+        ($slot:expr, $x:expr, $y:expr, $z:expr, $gap:expr) => {
             let gap = l.select_greater($gap, separation, $gap, separation);
-            let at = &mut of.places[$place];
+            let at = &mut of.corners[$slot];
             let mut axis = 0;
             while axis < 3 {
                 let point = l.mul_add(t[axis], $x, l.mul_add(s[axis], $y, l.mul(n[axis], $z)));
@@ -376,9 +377,9 @@ fn clip_faces<L: F64Arithmetic>(l: L, of: &mut TriangleBatch, from: usize) {
                 gap = l.sub(v, u);
                 axis += 1;
             }
-            let place = 6 + 3 * i + j;
-            put!(place, middle[0], middle[1], middle[2], gap);
-            of.has[place] |= ((in_b[i][j] ^ in_b[next_i][j]) & (in_a[j][i] ^ in_a[next_j][i])) << from;
+            let slot = 6 + 3 * i + j;
+            put!(slot, middle[0], middle[1], middle[2], gap);
+            of.has[slot] |= ((in_b[i][j] ^ in_b[next_i][j]) & (in_a[j][i] ^ in_a[next_j][i])) << from;
             j += 1;
         }
         i += 1;

@@ -29,23 +29,23 @@ pub fn balance_accelerations(positions: &[Vec3], masses: &[f64], acceleration: &
     let inverse = (inertia + Matrix3::identity() * (1e-13 * inertia.trace())).try_inverse().unwrap_or_default();
     let centre = origin + offset;
     let motion = |force: Vec3, torque: Vec3| (force / mass, inverse * torque);
-    let share = |(push, spin): (Vec3, Vec3)| mass * push.norm_squared() + spin.dot(&(inertia * spin)).max(0.0);
+    let square_of = |(push, spin): (Vec3, Vec3)| mass * push.norm_squared() + spin.dot(&(inertia * spin)).max(0.0);
     let first = motion(force, torque - offset.cross(&force));
     let [force, torque] = subtract_motion(&centre, first, positions, masses, acceleration);
     let second = motion(force, torque);
     subtract_motion(&centre, second, positions, masses, acceleration);
-    if square > 0.0 { ((share(first) + share(second)) / square).sqrt() } else { 0.0 }
+    if square > 0.0 { ((square_of(first) + square_of(second)) / square).sqrt() } else { 0.0 }
 }
 
 /// Sums over bodies at r from an origin.
 #[derive(Default)]
 struct ForceSums {
-    /// m (r r^T | r)
+    /// Sum of m (r r^T | r).
     second: Matrix3x4<f64>,
     mass: f64,
     force: Vec3,
     torque: Vec3,
-    /// m a^2
+    /// Sum of m a^2.
     square: f64,
 }
 

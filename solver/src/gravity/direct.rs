@@ -50,11 +50,11 @@ pub fn accelerations(positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<
     accelerations_at_width(positions, masses, constant, SimdWidth::detect())
 }
 
-/// Acceleration (m/s^2) and potential (J/kg) as from [`accelerations`] at arbitrary positions.
-pub fn field_at(places: &[Vec3], positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
+/// Acceleration (m/s^2) and potential (J/kg) as from [`accelerations`] at the arbitrary positions `targets`, m.
+pub fn field_at(targets: &[Vec3], positions: &[Vec3], masses: &[f64], constant: f64) -> (Vec<Vec3>, Vec<f64>) {
     let sources = SourceColumns::new(positions, masses);
     let pull = |p: &Vec3| source_pull(SimdWidth::detect(), &sources, p, 1.0);
-    places.par_iter().with_min_len(16).map(pull).map(|(a, phi)| (a * constant, phi * constant)).unzip()
+    targets.par_iter().with_min_len(16).map(pull).map(|(a, phi)| (a * constant, phi * constant)).unzip()
 }
 
 fn accelerations_at_width(

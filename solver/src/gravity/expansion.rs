@@ -32,10 +32,13 @@ pub const fn wide_len(p: usize) -> usize {
     1 + 3 * p * (p + 1) / 2
 }
 
-/// Rows with space for the highest order: narrow, narrow in whole lines, and wide.
+/// Narrow row with space for the highest order.
 pub type NarrowRow<V> = [V; NARROW_LEN];
+/// Wide row with space for the highest order.
 pub type WideRow<V> = [V; WIDE_LEN];
+/// Length of a [`NarrowRow`], in whole lines.
 pub const NARROW_LEN: usize = narrow_len(HIGHEST_ORDER).next_multiple_of(8);
+/// Length of a [`WideRow`].
 pub const WIDE_LEN: usize = wide_len(HIGHEST_ORDER);
 
 /// Start of the coefficients of degree q with c derivatives along z in a narrow row, ordered by j.
@@ -49,6 +52,13 @@ pub const fn narrow_index(q: usize, c: usize) -> usize {
 pub const fn wide_index(q: usize, c: usize) -> usize {
     let degree = if q == 0 { 0 } else { 1 + 3 * q * (q - 1) / 2 };
     degree + [0, q + 1, 2 * q + 1][c]
+}
+
+/// Sum of eight numbers in one fixed order.
+#[inline(always)]
+pub fn pairwise_sum(parts: &[f64; 8]) -> f64 {
+    let [a, b, c, d, e, f, g, h] = *parts;
+    ((a + b) + (c + d)) + ((e + f) + (g + h))
 }
 
 /// Repeats `$body` for each degree `$q` up to `$last` as a constant, so that the body unrolls without branches.
@@ -78,6 +88,18 @@ macro_rules! for_lines {
     };
 }
 pub(super) use for_lines;
+
+/// Writes the numbers of a narrow row to order P into columns of eight, from lane `from` on.
+#[inline(always)]
+pub fn store_row<L: F64Arithmetic, const P: usize>(l: L, row: &NarrowRow<L::V>, from: usize, columns: &mut [[f64; 8]]) {
+    for_degrees!(Q <= P, {
+        let mut k = narrow_index(Q, 0);
+        while k < narrow_index(Q + 1, 0) {
+            l.store(&mut columns[k][from..], row[k]);
+            k += 1;
+        }
+    });
+}
 
 /// E(v) to order P, narrow: degree q is (v . derivative) E_{q-1} / q, reduced.
 #[inline(always)]

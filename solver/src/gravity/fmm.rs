@@ -13,8 +13,8 @@ use pulp::NullaryFnOnce;
 
 use super::cell::{CellSummary, MAX_BODIES_PER_TASK, TreeCell};
 use super::expansion::{
-    NARROW_LEN, NarrowRow, WideRow, contract_moments, evaluate_expansion, exponential_terms, for_degrees, for_lines,
-    kernel_derivatives, narrow_index, narrow_len, widen_row,
+    NARROW_LEN, NarrowRow, WideRow, contract_moments, evaluate_expansion, exponential_terms, for_lines,
+    kernel_derivatives, narrow_len, pairwise_sum, store_row, widen_row,
 };
 use super::pairs::{
     BodyPull, CoarseKernel, FineKernel, PackF32, PackF64, PackedBodies, PullF32, PullF64, RoughKernel, SourceLeaf,
@@ -28,7 +28,9 @@ use crate::math::simd::{F64Arithmetic, Scalar};
 /// Number of expansion sources, or of cells to classify, per batch.
 const BATCH_CELLS: usize = 8;
 
+/// Walk over the tree that computes the pull on each body by expansions of order P and pairs.
 pub struct TreeWalk<'a, L, const P: usize> {
+    /// Arithmetic of the vectors.
     pub lanes: L,
     pub tree: &'a MassTree,
     pub settings: ExpansionSettings,
@@ -71,9 +73,11 @@ impl std::ops::Deref for IndexList {
 struct WalkScratch {
     /// Open sources by level, each level's after its parent's.
     open: IndexList,
+    /// Sources to classify for the present cell, and those found far and near.
     todo: IndexList,
     far: IndexList,
     near: IndexList,
+    /// Partial sums of the far field.
     sums: Vec<[f64; 8]>,
     sources: Vec<SourceLeaf>,
     singles: PackedBodies<f32>,
@@ -240,12 +244,6 @@ fn index_batch(items: &[u32], first: usize, filler: u32) -> ([u32; BATCH_CELLS],
     (index, here)
 }
 
-#[inline(always)]
-fn pairwise_sum(parts: &[f64; BATCH_CELLS]) -> f64 {
-    let [a, b, c, d, e, f, g, h] = *parts;
-    ((a + b) + (c + d)) + ((e + f) + (g + h))
-}
-
 /// Classifies the open sources of cell `a` as far, near, or still open for its halves; returns the data that the halves
 /// inherit.
 struct ClassifySources<'a, L, const P: usize> {
@@ -256,7 +254,10 @@ struct ClassifySources<'a, L, const P: usize> {
     work: &'a mut WalkScratch,
 }
 
+/// Code of a source that is far: its expansion is used.
 const FAR_CODE: f64 = 2.0;
+/// Code of a near source that is larger than the target cell, or of any near source of a leaf: it is split unless it is a
+/// leaf itself.
 const SPLIT_CODE: f64 = 1.0;
 
 impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for ClassifySources<'_, L, P> {
@@ -400,13 +401,7 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for AddFarField<'_, L, P> {
                 contract_moments::<L, P, false>(l, &moments, &field, &mut sums);
                 first += BATCH_CELLS;
             }
-            for_degrees!(Q <= P, {
-                let mut k = narrow_index(Q, 0);
-                while k < narrow_index(Q + 1, 0) {
-                    l.store(&mut parts[k][from..], sums[k]);
-                    k += 1;
-                }
-            });
+            store_row::<L, P>(l, &sums, from, parts);
             from += L::WIDTH;
         }
         let mut k = 0;

@@ -78,13 +78,16 @@ pub struct GravityField {
 /// Requested outputs of a sum, and the order from which sorting starts.
 #[derive(Clone, Copy)]
 struct FieldRequest<'a> {
+    /// Whether the potential is computed, too.
     potential: bool,
+    /// Indices of the bodies in an order near that along Morton's curve; may be empty.
     about: &'a [u32],
 }
 
 /// Solver for attraction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GravitySolver {
+    /// Method, or `Auto`.
     pub method: SummationMethod,
     /// Target RMS relative error of the fast multipole method; determines order and opening.
     pub error: f64,
@@ -98,10 +101,12 @@ pub struct GravitySolver {
 }
 
 impl GravitySolver {
+    /// Solver whose settings follow from the target error.
     pub fn new(method: SummationMethod, error: f64) -> Self {
         GravitySolver { method, error, order: None, opening: None, leaf: None }
     }
 
+    /// Settings of the fast multipole method for this number of bodies.
     fn expansion_settings(&self, bodies: usize) -> ExpansionSettings {
         let measured = ExpansionSettings::for_error(self.error, bodies);
         ExpansionSettings {
@@ -122,7 +127,10 @@ impl GravitySolver {
         }
     }
 
-    /// a_i = G sum_j m_j (x_j - x_i)/|x_j - x_i|^3 and phi_i = -G sum_j m_j/|x_j - x_i|.
+    /// Accelerations (m/s²) and potentials (J/kg) of all bodies: a_i = G sum_j m_j (x_j - x_i)/|x_j - x_i|^3 and
+    /// phi_i = -G sum_j m_j/|x_j - x_i|.
+    ///
+    /// `positions` are in m, `masses` in kg, one of each per body; `constant` is G, m³/(kg s²).
     ///
     /// Bodies are sorted along Morton's curve starting from the order `about`, which is faster if that is close to
     /// theirs, as [`morton::morton_order`](crate::math::morton::morton_order) of the step before is. It changes no
@@ -141,17 +149,17 @@ impl GravitySolver {
         positions: &[Vec3],
         masses: &[f64],
         constant: f64,
-        asked: FieldRequest,
+        request: FieldRequest,
         width: SimdWidth,
     ) -> GravityField {
         if positions.len() < 2 || self.method_for(positions.len()) == SummationMethod::Direct {
             let (acceleration, mut potential) = direct::accelerations(positions, masses, constant);
-            if !asked.potential {
+            if !request.potential {
                 potential = Vec::new();
             }
             return GravityField { acceleration, potential, removed: 0.0 };
         }
-        let mut field = width.dispatch(MultipoleField { settings: self, positions, masses, constant, asked });
+        let mut field = width.dispatch(MultipoleField { settings: self, positions, masses, constant, request });
         field.removed = balance_accelerations(positions, masses, &mut field.acceleration);
         field
     }
@@ -162,17 +170,17 @@ impl GravitySolver {
         positions: &[Vec3],
         masses: &[f64],
         constant: f64,
-        asked: FieldRequest,
+        request: FieldRequest,
     ) -> GravityField {
         let settings = self.expansion_settings(positions.len());
         match settings.order {
-            2 => self.multipole_field_of_order::<L, 2>(lanes, settings, positions, masses, constant, asked),
-            3 => self.multipole_field_of_order::<L, 3>(lanes, settings, positions, masses, constant, asked),
-            4 => self.multipole_field_of_order::<L, 4>(lanes, settings, positions, masses, constant, asked),
-            5 => self.multipole_field_of_order::<L, 5>(lanes, settings, positions, masses, constant, asked),
-            6 => self.multipole_field_of_order::<L, 6>(lanes, settings, positions, masses, constant, asked),
-            7 => self.multipole_field_of_order::<L, 7>(lanes, settings, positions, masses, constant, asked),
-            8 => self.multipole_field_of_order::<L, 8>(lanes, settings, positions, masses, constant, asked),
+            2 => self.multipole_field_of_order::<L, 2>(lanes, settings, positions, masses, constant, request),
+            3 => self.multipole_field_of_order::<L, 3>(lanes, settings, positions, masses, constant, request),
+            4 => self.multipole_field_of_order::<L, 4>(lanes, settings, positions, masses, constant, request),
+            5 => self.multipole_field_of_order::<L, 5>(lanes, settings, positions, masses, constant, request),
+            6 => self.multipole_field_of_order::<L, 6>(lanes, settings, positions, masses, constant, request),
+            7 => self.multipole_field_of_order::<L, 7>(lanes, settings, positions, masses, constant, request),
+            8 => self.multipole_field_of_order::<L, 8>(lanes, settings, positions, masses, constant, request),
             _ => unreachable!("the order is clamped"),
         }
     }
@@ -184,18 +192,18 @@ impl GravitySolver {
         positions: &[Vec3],
         masses: &[f64],
         constant: f64,
-        asked: FieldRequest,
+        request: FieldRequest,
     ) -> GravityField {
-        let tree = MassTree::new::<L, P>(lanes, positions, masses, settings.leaf, asked.about);
-        let pulls = TreeWalk::<L, P> { lanes, tree: &tree, settings, potential: asked.potential }.body_pulls();
+        let tree = MassTree::new::<L, P>(lanes, positions, masses, settings.leaf, request.about);
+        let pulls = TreeWalk::<L, P> { lanes, tree: &tree, settings, potential: request.potential }.body_pulls();
         let potential_unit = constant * tree.mass / tree.length;
         let unit = potential_unit / tree.length;
         let mut acceleration = vec![Vec3::zeros(); positions.len()];
         for (&i, [x, y, z, _]) in tree.index.iter().zip(&pulls) {
             acceleration[i as usize] = Vec3::new(*x, *y, *z) * unit;
         }
-        let mut potential = vec![0.0; if asked.potential { positions.len() } else { 0 }];
-        if asked.potential {
+        let mut potential = vec![0.0; if request.potential { positions.len() } else { 0 }];
+        if request.potential {
             for (&i, [_, _, _, sum]) in tree.index.iter().zip(&pulls) {
                 potential[i as usize] = -sum * potential_unit;
             }
@@ -210,14 +218,14 @@ struct MultipoleField<'a> {
     positions: &'a [Vec3],
     masses: &'a [f64],
     constant: f64,
-    asked: FieldRequest<'a>,
+    request: FieldRequest<'a>,
 }
 
 impl LaneOperation for MultipoleField<'_> {
     type Output = GravityField;
 
     fn call<L: F64Arithmetic>(self, l: L) -> GravityField {
-        self.settings.multipole_field(l, self.positions, self.masses, self.constant, self.asked)
+        self.settings.multipole_field(l, self.positions, self.masses, self.constant, self.request)
     }
 }
 
@@ -281,8 +289,8 @@ mod tests {
 
     fn clumps(n: usize) -> Cloud {
         let (mut x, m) = ball(n);
-        let places: Vec<Vec3> = x[..20].iter().map(|x| x * 100.0).collect();
-        x.iter_mut().enumerate().for_each(|(i, x)| *x = *x * 0.1 * 3f64.powi(i as i32 % 5) + places[i % 20]);
+        let centres: Vec<Vec3> = x[..20].iter().map(|x| x * 100.0).collect();
+        x.iter_mut().enumerate().for_each(|(i, x)| *x = *x * 0.1 * 3f64.powi(i as i32 % 5) + centres[i % 20]);
         (x, m)
     }
 
@@ -310,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn delivers_the_error_asked_for_and_keeps_momentum() {
+    fn reaches_the_target_error_and_conserves_momentum() {
         let clouds = |n| [("ball", ball(n)), ("rubble", rubble(n)), ("binary", binary(n))];
         for (name, (x, m)) in clouds(1000).into_iter().chain(clouds(6000)) {
             let (exact, potential) = direct::accelerations(&x, &m, 1.0);
@@ -329,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn attraction_alone_is_as_exact_and_where_sorting_starts_changes_no_bit() {
+    fn attraction_alone_is_as_exact_and_the_initial_order_changes_no_bit() {
         for (name, (x, m)) in [("ball", ball(5000)), ("rubble", rubble(5000)), ("binary", binary(5000))] {
             let (exact, _) = direct::accelerations(&x, &m, 1.0);
             for error in [1e-2, 1e-3, 1e-4, 1e-5, 1e-6] {
@@ -361,15 +369,15 @@ mod tests {
     fn same_bits_for_all_widths_and_threads() {
         let (x, m) = clumps(5000);
         for (error, potential) in [1e-2, 1e-4, 1e-6].into_iter().flat_map(|error| [(error, false), (error, true)]) {
-            let asked = FieldRequest { potential, about: &[] };
-            let expected = fmm(error).field_at_width(&x, &m, 1.5, asked, SimdWidth::all_widths()[0]);
+            let request = FieldRequest { potential, about: &[] };
+            let expected = fmm(error).field_at_width(&x, &m, 1.5, request, SimdWidth::all_widths()[0]);
             for width in SimdWidth::all_widths() {
-                assert_eq!(fmm(error).field_at_width(&x, &m, 1.5, asked, width), expected);
+                assert_eq!(fmm(error).field_at_width(&x, &m, 1.5, request, width), expected);
             }
             for threads in 1..4 {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
                 assert_eq!(
-                    pool.install(|| fmm(error).field_at_width(&x, &m, 1.5, asked, SimdWidth::detect())),
+                    pool.install(|| fmm(error).field_at_width(&x, &m, 1.5, request, SimdWidth::detect())),
                     expected
                 );
             }
@@ -410,9 +418,9 @@ mod tests {
         agrees("none", &(vec![], vec![]));
         agrees("one", &(vec![Vec3::x()], vec![2.0]));
         agrees("two", &(vec![Vec3::x(), Vec3::y()], vec![2.0, 1.0]));
-        agrees("all in one place", &with(&|_, _| Vec3::repeat(0.3)));
-        agrees("pairs in one place", &with(&|i, _| x[i / 2]));
-        agrees("a hundred in one place", &with(&|i, x| if i < 100 { Vec3::zeros() } else { x }));
+        agrees("all at one position", &with(&|_, _| Vec3::repeat(0.3)));
+        agrees("pairs at one position", &with(&|i, _| x[i / 2]));
+        agrees("a hundred at one position", &with(&|i, x| if i < 100 { Vec3::zeros() } else { x }));
         agrees("line", &with(&|_, x| Vec3::new(x.x, 0.0, 0.0)));
         agrees("oblique line", &with(&|_, x| Vec3::new(1.0, 2.0, 3.0) * x.x));
         agrees("plane", &with(&|_, x| Vec3::new(x.x, x.y, 0.0)));

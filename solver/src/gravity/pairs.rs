@@ -15,7 +15,7 @@ const PARTIAL_SUMS: usize = 8;
 
 /// Squared distance, in the tree's units, below which bodies are at the same position and do not attract each other; the
 /// inverse cube of larger distances is finite.
-const SAME_PLACE_DISTANCE2: f64 = 1e-200;
+const COINCIDENCE_DISTANCE2: f64 = 1e-200;
 
 /// Approximation in single precision of the pull of a mass m at the squared distance x.
 pub trait PullKernel {
@@ -166,11 +166,11 @@ impl<L: F32Arithmetic> NullaryFnOnce for PackF32<'_, L> {
             let shift = [l.splat(centre[0].into()), l.splat(centre[1].into()), l.splat(centre[2].into())];
             let mut i = 0;
             while i < range.len() {
-                let (from, place) = (range.start + i, at + i);
-                l.store(&mut to_x[place..], l.mul_add(l.load(&x[from..]), factor, shift[0]));
-                l.store(&mut to_y[place..], l.mul_add(l.load(&y[from..]), factor, shift[1]));
-                l.store(&mut to_z[place..], l.mul_add(l.load(&z[from..]), factor, shift[2]));
-                l.store(&mut to_m[place..], l.load(&m[from..]));
+                let (from, target) = (range.start + i, at + i);
+                l.store(&mut to_x[target..], l.mul_add(l.load(&x[from..]), factor, shift[0]));
+                l.store(&mut to_y[target..], l.mul_add(l.load(&y[from..]), factor, shift[1]));
+                l.store(&mut to_z[target..], l.mul_add(l.load(&z[from..]), factor, shift[2]));
+                l.store(&mut to_m[target..], l.load(&m[from..]));
                 i += L::WIDTH;
             }
             at += range.len();
@@ -352,7 +352,7 @@ impl<L: F64Arithmetic> NullaryFnOnce for PullF64<'_, L> {
     fn call(self) {
         let PullF64 { l, packed, targets, out } = self;
         let ([x, y, z, m], count) = (packed.source_columns(), packed.count);
-        let (zero, one, same) = (l.splat(0.0), l.splat(1.0), l.splat(SAME_PLACE_DISTANCE2));
+        let (zero, one, same) = (l.splat(0.0), l.splat(1.0), l.splat(COINCIDENCE_DISTANCE2));
         let mut first = 0;
         while first < targets.len() {
             let here = (targets.len() - first).min(TARGETS_AT_ONCE);

@@ -10,7 +10,7 @@ const SAMPLED_BODIES: u64 = 64;
 /// Errors relative to the direct sum.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SampledError {
-    /// sqrt(sum |da|^2 / sum |a|^2)
+    /// RMS error sqrt(sum |da|^2 / sum |a|^2).
     pub rms: f64,
     /// Largest |da|/|a|.
     pub largest: f64,
@@ -32,8 +32,8 @@ pub fn sampled_error(
     let picked: Vec<usize> = (0..SAMPLED_BODIES.min(positions.len() as u64))
         .map(|k| (splitmix64(seed.wrapping_mul(SAMPLED_BODIES).wrapping_add(k)) % positions.len() as u64) as usize)
         .collect();
-    let places: Vec<Vec3> = picked.iter().map(|&i| positions[i]).collect();
-    let (exact, _) = direct::field_at(&places, positions, masses, constant);
+    let targets: Vec<Vec3> = picked.iter().map(|&i| positions[i]).collect();
+    let (exact, _) = direct::field_at(&targets, positions, masses, constant);
     let mass: f64 = masses.iter().sum();
     let centre: Vec3 = positions.iter().zip(masses).map(|(x, m)| x * (m / mass)).sum();
     let (mut error, mut scale, mut largest) = (0.0, 0.0, 0.0f64);
@@ -42,15 +42,15 @@ pub fn sampled_error(
         let arm = (positions[i] - centre) * masses[i];
         virial += arm.dot(exact);
         virial_error += arm.dot(&(acceleration[i] - exact));
-        let away = (acceleration[i] - exact).norm_squared();
-        error += away;
+        let error2 = (acceleration[i] - exact).norm_squared();
+        error += error2;
         scale += exact.norm_squared();
         if exact.norm_squared() > 0.0 {
-            largest = largest.max((away / exact.norm_squared()).sqrt());
+            largest = largest.max((error2 / exact.norm_squared()).sqrt());
         }
     }
-    let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
-    SampledError { rms: over(error, scale).sqrt(), largest, virial: over(virial_error, virial.abs()) }
+    let ratio = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
+    SampledError { rms: ratio(error, scale).sqrt(), largest, virial: ratio(virial_error, virial.abs()) }
 }
 
 #[cfg(test)]

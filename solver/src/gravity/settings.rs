@@ -1,7 +1,8 @@
 //! Settings for a target error: order, opening and error share, from a table of measurements.
 
-/// Range of orders of an expansion.
+/// Lowest order of an expansion.
 pub const LOWEST_ORDER: usize = 2;
+/// Highest order of an expansion.
 pub const HIGHEST_ORDER: usize = 8;
 
 /// Smallest target error that the fast multipole method supports.
@@ -32,19 +33,22 @@ pub struct ExpansionSettings {
 pub enum PairPrecision {
     /// 1.7e-4 without a potential, 2.5e-5 with it.
     Coarse,
-    /// 2.5e-5
+    /// 2.5e-5.
     Rough,
-    /// 3e-7
+    /// 3e-7.
     Fine,
 }
 
+/// Measured settings for a target error.
 struct SettingsRow {
+    /// Target error.
     error: f64,
+    /// Total order of the expansions.
     order: usize,
     /// Largest error of one expansion over the target error, for 1e5 bodies.
     share: f64,
     /// Relative increase of `share` for a thousand bodies, which have few cells far enough away to err.
-    few: f64,
+    few_bodies_gain: f64,
     /// Number of bodies from which on the fast method is faster than the direct sum.
     crossover: usize,
 }
@@ -53,11 +57,11 @@ struct SettingsRow {
 /// error, sqrt(sum |da|^2 / sum |a|^2), is an eighth to 0.94 of the target error, largest for pairs of lattices. Of the
 /// orders that reach an error, the fastest is used.
 const SETTINGS: [SettingsRow; 5] = [
-    SettingsRow { error: 1e-2, order: 3, share: 0.7, few: 0.8, crossover: 500 },
-    SettingsRow { error: 1e-3, order: 5, share: 0.7, few: 0.7, crossover: 600 },
-    SettingsRow { error: 1e-4, order: 7, share: 0.58, few: 1.5, crossover: 800 },
-    SettingsRow { error: 1e-5, order: 8, share: 0.49, few: 2.2, crossover: 1000 },
-    SettingsRow { error: 1e-6, order: 8, share: 0.32, few: 4.0, crossover: 6000 },
+    SettingsRow { error: 1e-2, order: 3, share: 0.7, few_bodies_gain: 0.8, crossover: 500 },
+    SettingsRow { error: 1e-3, order: 5, share: 0.7, few_bodies_gain: 0.7, crossover: 600 },
+    SettingsRow { error: 1e-4, order: 7, share: 0.58, few_bodies_gain: 1.5, crossover: 800 },
+    SettingsRow { error: 1e-5, order: 8, share: 0.49, few_bodies_gain: 2.2, crossover: 1000 },
+    SettingsRow { error: 1e-6, order: 8, share: 0.32, few_bodies_gain: 4.0, crossover: 6000 },
 ];
 
 /// Returns the row of the largest error that does not exceed the target error.
@@ -74,14 +78,14 @@ impl ExpansionSettings {
     /// Settings that reach the target RMS relative error.
     pub fn for_error(error: f64, bodies: usize) -> Self {
         let row = settings_row(error);
-        let reached = error.clamp(row.error, 10.0 * row.error);
+        let target = error.clamp(row.error, 10.0 * row.error);
         let bodies = bodies.max(1000) as f64;
         // The errors of many cells cancel in part, but more bodies interact with more cells.
-        let by_number = (1e5 / bodies).powf(0.25) * (1.0 + row.few * (1000.0 / bodies).powi(2));
+        let number_factor = (1e5 / bodies).powf(0.25) * (1.0 + row.few_bodies_gain * (1000.0 / bodies).powi(2));
         ExpansionSettings {
             order: row.order,
             opening: MAX_OPENING,
-            share: row.share * reached * by_number,
+            share: row.share * target * number_factor,
             leaf: if bodies < 3e4 { 40 } else { 48 },
             // Beyond this fraction of the radii, rounded positions spoil no pair by more than half the target error.
             single: (error > 2.0 * MIN_FMM_ERROR).then_some(2e-7 / error),

@@ -18,13 +18,14 @@ const FAR_AWAY: CellSummary = CellSummary { centre: [64.0; 3], radius: 0.0, mass
 /// Cells in the order of a depth-first walk from the root, first half before second. Lengths are divided by `length` and
 /// relative to `origin`, masses divided by `mass`: numbers of order 1 in any units.
 pub struct MassTree {
+    /// Cells, the root first.
     pub cells: Vec<TreeCell>,
     /// [`CellSummary`] of each cell; one more, far away, pads batches.
     pub outlines: Vec<CellLine>,
     /// Narrow moments of each cell in whole lines, with its centre instead of the dipole; one cell more, as in
     /// `outlines`.
     pub moments: Vec<CellLine>,
-    /// Number of the body in the input, by position in the tree.
+    /// Index of the body in the input, by position in the tree.
     pub index: Vec<u32>,
     /// x, y, z, m by position in the tree.
     pub bodies: [Vec<f64>; 4],
@@ -50,7 +51,7 @@ fn divide_cell(
     first: usize,
     depth: usize,
 ) {
-    let me = cells.len();
+    let own_index = cells.len();
     cells.push(TreeCell { first: first as u32, count: keys.len() as u32, second: 0 });
     let ends = |keys: &[MortonKey]| (keys[0].key, keys[keys.len() - 1].key);
     let small = keys.len() <= leaf || depth == MAX_DEPTH;
@@ -60,10 +61,10 @@ fn divide_cell(
     let (low, high) = ends(keys);
     let bit = (low ^ high).ilog2();
     let middle = keys.partition_point(|k| k.key >> bit == low >> bit);
-    let (one, two) = keys.split_at_mut(middle);
-    divide_cell(cells, one, positions, leaf, first, depth + 1);
-    cells[me].second = (cells.len() - me) as u32;
-    divide_cell(cells, two, positions, leaf, first + middle, depth + 1);
+    let (first_half, second_half) = keys.split_at_mut(middle);
+    divide_cell(cells, first_half, positions, leaf, first, depth + 1);
+    cells[own_index].second = (cells.len() - own_index) as u32;
+    divide_cell(cells, second_half, positions, leaf, first + middle, depth + 1);
 }
 
 impl MassTree {

@@ -5,7 +5,7 @@ use pulp::NullaryFnOnce;
 use super::cell::{CellLine, CellSummary, MAX_BODIES_PER_TASK, TreeCell};
 use super::expansion::{
     NARROW_LEN, NarrowRow, WideRow, exponential_terms, for_degrees, kernel_derivatives, narrow_index, narrow_len,
-    shift_moments, wide_index,
+    pairwise_sum, shift_moments, store_row, wide_index,
 };
 use crate::math::simd::{F64Arithmetic, Scalar};
 use crate::math::{Vec3, vector_length};
@@ -17,14 +17,17 @@ const EXACT_RADIUS: usize = 4096;
 /// Upward pass: centres, radii and moments from the leaves to the root.
 #[derive(Clone, Copy)]
 pub struct UpwardPass<'a, L, const P: usize> {
+    /// Arithmetic of the vectors.
     pub lanes: L,
+    /// Number of lines of a cell's moments.
     pub lines: usize,
+    /// x, y, z, m in the tree's order.
     pub bodies: &'a [Vec<f64>; 4],
-    /// [`axis_derivatives`]
+    /// Result of [`axis_derivatives`].
     pub axes: &'a [CellLine; NARROW_LEN],
 }
 
-/// Output of a subtree.
+/// Parts of a [`MassTree`](super::tree::MassTree) that belong to a subtree.
 pub struct SubtreeOutput<'a> {
     pub outlines: &'a mut [CellLine],
     pub moments: &'a mut [CellLine],
@@ -41,17 +44,17 @@ impl<L: F64Arithmetic, const P: usize> UpwardPass<'_, L, P> {
             self.lanes.run(LeafMoments { up: self, cell, outline, moments: mine, offsets: out.offsets });
             return;
         }
-        let (one, two) = below.split_at(cell.second as usize - 1);
-        let (o_one, o_two) = outlines.split_at_mut(one.len());
-        let (m_one, m_two) = moments.split_at_mut(one.len() * self.lines);
-        let [x, y, z, m] = out.offsets.map(|column| column.split_at_mut(one[0].count as usize));
+        let (first_half, second_half) = below.split_at(cell.second as usize - 1);
+        let (o_one, o_two) = outlines.split_at_mut(first_half.len());
+        let (m_one, m_two) = moments.split_at_mut(first_half.len() * self.lines);
+        let [x, y, z, m] = out.offsets.map(|column| column.split_at_mut(first_half[0].count as usize));
         let first = SubtreeOutput { outlines: &mut *o_one, moments: &mut *m_one, offsets: [x.0, y.0, z.0, m.0] };
         let second = SubtreeOutput { outlines: &mut *o_two, moments: &mut *m_two, offsets: [x.1, y.1, z.1, m.1] };
         if cell.count as usize > MAX_BODIES_PER_TASK {
-            rayon::join(|| self.visit_subtree(one, first), || self.visit_subtree(two, second));
+            rayon::join(|| self.visit_subtree(first_half, first), || self.visit_subtree(second_half, second));
         } else {
-            self.visit_subtree(one, first);
-            self.visit_subtree(two, second);
+            self.visit_subtree(first_half, first);
+            self.visit_subtree(second_half, second);
         }
         let halves = [(CellSummary::from_line(&o_one[0]), &*m_one), (CellSummary::from_line(&o_two[0]), &*m_two)];
         self.lanes.run(ParentMoments { up: self, cell, outline, moments: mine, halves });
@@ -77,9 +80,8 @@ impl<L: F64Arithmetic, const P: usize> UpwardPass<'_, L, P> {
                     l.store(&mut squares[from..], l.mul(sum, sum));
                     from += L::WIDTH;
                 }
-                let [a, b, c, d, e, f, g, h] = squares;
                 // Legendre's polynomial of degree q has the mean square 1/(2q + 1).
-                let square = (((a + b) + (c + d)) + ((e + f) + (g + h))) * ((2 * Q + 1) as f64 / 8.0);
+                let square = pairwise_sum(&squares) * ((2 * Q + 1) as f64 / 8.0);
                 unit *= area;
                 if square > largest * unit {
                     largest = square / unit;
@@ -193,6 +195,7 @@ fn read_moments(moments: &[CellLine]) -> NarrowRow<f64> {
     row
 }
 
+/// Computes the summary, the moments and the offsets of a leaf from its bodies.
 struct LeafMoments<'a, L, const P: usize> {
     up: UpwardPass<'a, L, P>,
     cell: &'a TreeCell,
@@ -242,20 +245,13 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for LeafMoments<'_, L, P> {
                 });
                 first += 8;
             }
-            for_degrees!(Q <= P, {
-                let mut k = narrow_index(Q, 0);
-                while k < narrow_index(Q + 1, 0) {
-                    l.store(&mut parts[k][from..], sums[k]);
-                    k += 1;
-                }
-            });
+            store_row::<L, P>(l, &sums, from, &mut parts);
             from += L::WIDTH;
         }
         let mut row: NarrowRow<f64> = [0.0; _];
         let mut k = 0;
         while k < narrow_len(P) {
-            let [a, b, c, d, e, f, g, h] = parts[k];
-            row[k] = ((a + b) + (c + d)) + ((e + f) + (g + h));
+            row[k] = pairwise_sum(&parts[k]);
             k += 1;
         }
         *outline =
@@ -264,6 +260,7 @@ impl<L: F64Arithmetic, const P: usize> NullaryFnOnce for LeafMoments<'_, L, P> {
     }
 }
 
+/// Computes the summary and the moments of a cell from its halves.
 struct ParentMoments<'a, L, const P: usize> {
     up: UpwardPass<'a, L, P>,
     cell: &'a TreeCell,

@@ -63,9 +63,9 @@ impl ContactConfiguration {
 /// Smallest number of freely rotating bodies per task; each takes half a microsecond.
 const MIN_TURNING_PER_TASK: usize = 64;
 
-/// Contact configuration of a step of `units` times `dt`, from the velocities at the step's start.
-pub fn predict_configuration(scene: &Scene, state: &State, units: u64) -> ContactConfiguration {
-    let h = units as f64 * scene.options.dt;
+/// Contact configuration of a step of `step_multiple` times `dt`, from the velocities at the step's start.
+pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -> ContactConfiguration {
+    let h = step_multiple as f64 * scene.options.dt;
     let before = h * (1.0 - scene.options.theta);
     let x: Vec<Vec3> =
         state.x.par_iter().zip(&state.v).with_min_len(PAR_MIN_LEN).map(|(x, v)| x + v * before).collect();
@@ -73,29 +73,29 @@ pub fn predict_configuration(scene: &Scene, state: &State, units: u64) -> Contac
     for (i, _) in scene.oriented.iter().enumerate().filter(|(_, oriented)| **oriented) {
         q[i] = rotate_by_vector(&q[i], &(state.w[i] * before));
     }
-    let (rate, mut spin) = (scene.frame_angular_velocity(), state.angular_momentum.clone());
-    let carry = |(&i, momentum): (&BodyId, &mut Vec3)| {
+    let (rate, mut momenta) = (scene.frame_angular_velocity(), state.angular_momentum.clone());
+    let predicted = |(&i, momentum): (&BodyId, &mut Vec3)| {
         let (i, inertia) = (i.index(), &scene.bodies[i.index()].inertia);
         let q = turn_in_axes(&state.q[i], momentum, inertia, &rate, before);
         (q, angular_velocity(&q, inertia, momentum))
     };
     let carried: Vec<_> =
-        scene.turning.par_iter().zip(&mut spin).with_min_len(MIN_TURNING_PER_TASK).map(carry).collect();
+        scene.turning.par_iter().zip(&mut momenta).with_min_len(MIN_TURNING_PER_TASK).map(predicted).collect();
     for (&i, carried) in scene.turning.iter().zip(carried) {
         (q[i.index()], w[i.index()]) = carried;
     }
     let ahead = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 * h } else { h };
     let order = morton::morton_order(&x, &state.order);
     let sum: Vec3 = scene.free.iter().map(|&i| state.v[i.index()]).sum();
-    let drift = sum / scene.free.len().max(1) as f64;
+    let mean_velocity = sum / scene.free.len().max(1) as f64;
     ContactConfiguration {
         x,
         q,
         w,
-        angular_momentum: spin,
-        mean_velocity: drift,
+        angular_momentum: momenta,
+        mean_velocity,
         order,
-        step_multiple: units,
+        step_multiple,
         h,
         lookahead: ahead,
         changed: false,
@@ -105,8 +105,13 @@ pub fn predict_configuration(scene: &Scene, state: &State, units: u64) -> Contac
 
 /// Contact configuration as from [`predict_configuration`], with the bodies of `from_start` at their positions at the
 /// step's start.
-pub fn predict_from_start(scene: &Scene, state: &State, units: u64, from_start: Vec<bool>) -> ContactConfiguration {
-    let mut q_c = predict_configuration(scene, state, units);
+pub fn predict_from_start(
+    scene: &Scene,
+    state: &State,
+    step_multiple: u64,
+    from_start: Vec<bool>,
+) -> ContactConfiguration {
+    let mut q_c = predict_configuration(scene, state, step_multiple);
     for i in (0..from_start.len()).filter(|&i| from_start[i]) {
         (q_c.x[i], q_c.q[i], q_c.w[i]) = (state.x[i], state.q[i], state.w[i]);
     }

@@ -58,7 +58,7 @@ pub enum UnilateralLaw {
     Gap,
     /// The contact acts only once touching, and then without regard to the gap.
     Velocity,
-    /// Newton's restitution.
+    /// Newton's restitution with the coefficients e_n and e_t.
     Restitution { normal: f64, tangential: f64 },
 }
 
@@ -80,14 +80,17 @@ pub const MAX_TOUCHING_GAP: f64 = 1e-3;
 /// flat are within this gap, to rounding.
 const CLOSED_GAP: f64 = 1e-9;
 
+/// Contact law: condition along the normal, cohesion and friction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactLaw {
+    /// Condition along the normal.
     pub unilateral: UnilateralLaw,
     pub cohesion: Option<Cohesion>,
     /// Coefficient of friction of a contact that does not slide yet.
     pub friction_static: f64,
     /// Coefficient of friction of a contact that slid in the last step.
     pub friction_dynamic: f64,
+    /// Rolling and spinning friction.
     pub rolling: Option<RollingFriction>,
 }
 
@@ -107,7 +110,9 @@ pub struct LawInput {
     /// 1/(1/R_a + 1/R_b) of the two surfaces; where faces share an area S, √(S/π), and where edges or vertices meet under a
     /// stress 0, m.
     pub radius: f64,
+    /// Whether the contact slid in the last step.
     pub slid_before: bool,
+    /// Whether the contact has a bond or a liquid bridge.
     pub bonded: bool,
 }
 
@@ -137,6 +142,7 @@ pub struct LawShift {
     pub tangential: f64,
     /// Impulse shift c = r_n - r̂_n, N s; negative for an attraction.
     pub impulse: f64,
+    /// Coefficient of friction mu on û and r̂.
     pub friction: f64,
     /// Whether the contact, if it can close, is solved from the first sweep; otherwise it is included if other contacts push
     /// it together.
@@ -178,15 +184,15 @@ impl ContactLaw {
     /// Returns the law's shifts for a contact; `None` if it cannot act in this step.
     #[inline]
     pub fn contact_shift(&self, at: &LawInput) -> Option<LawShift> {
-        let LawInput { gap, h, closing_time: reach, u_n, .. } = *at;
+        let LawInput { gap, h, closing_time, u_n, .. } = *at;
         let mut solved = true;
         let (normal, tangential) = match self.unilateral {
             // Bonds are rigid: a redundant set of bonds cannot close gaps opened by errors.
             UnilateralLaw::InelasticShock if at.bonded && matches!(self.cohesion, Some(Cohesion::Bond { .. })) => {
                 (0.0, 0.0)
             }
-            UnilateralLaw::InelasticShock => ((gap / reach).max(0.0), 0.0),
-            UnilateralLaw::Gap => (gap / reach, 0.0),
+            UnilateralLaw::InelasticShock => ((gap / closing_time).max(0.0), 0.0),
+            UnilateralLaw::Gap => (gap / closing_time, 0.0),
             UnilateralLaw::Velocity if self.is_closed(at) => (0.0, 0.0),
             UnilateralLaw::Restitution { normal, tangential } if self.is_closed(at) => {
                 (normal * u_n, if u_n < 0.0 { tangential } else { 0.0 })
@@ -198,9 +204,9 @@ impl ContactLaw {
                 }
                 (_, GapForecast::Apart { depth }) if self.has_restitution() => {
                     solved = false;
-                    ((gap + depth) / reach, 0.0)
+                    ((gap + depth) / closing_time, 0.0)
                 }
-                _ => (gap / reach, 0.0),
+                _ => (gap / closing_time, 0.0),
             },
         };
         let friction = if at.slid_before { self.friction_dynamic } else { self.friction_static };
@@ -360,12 +366,12 @@ mod tests {
     #[test]
     fn shifts_follow_the_table() {
         let h = 0.5;
-        let course = GapForecast::Apart { depth: 0.25 };
+        let gap_forecast = GapForecast::Apart { depth: 0.25 };
         let at = |gap, u_n, slid_before| LawInput {
             gap,
             h,
             closing_time: h,
-            gap_forecast: course,
+            gap_forecast,
             u_n,
             radius: 2.0,
             slid_before,
@@ -386,7 +392,7 @@ mod tests {
         let shock = LawShift { normal: -0.5, tangential: 0.25, impulse: 0.0, friction: 0.4, solved: true };
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.0, -1.0, false), Some(shock));
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 0.0, 1.0, false), plain(0.5, 0.4));
-        // A face that lies flat has all its corners closed, whatever their last digits: R = 2 here.
+        // A face that lies flat has all its corners closed to rounding: R = 2 here.
         assert_eq!(shift("VEL_SGR_CLB", &[0.4], 1.9e-9, 0.0, false), plain(0.0, 0.4));
         assert_eq!(shift("RST_CLB", &[0.5, 0.25, 0.4], 2.1e-9, -0.25, false), waiting((2.1e-9 + 0.25) / h));
         let wet = LawShift { normal: 0.02, tangential: 0.0, impulse: -5.0, friction: 0.3, solved: true };
@@ -397,12 +403,12 @@ mod tests {
     }
 
     fn touching() -> LawInput {
-        let course = GapForecast::Apart { depth: 0.0 };
+        let gap_forecast = GapForecast::Apart { depth: 0.0 };
         LawInput {
             gap: 0.0,
             h: 0.5,
             closing_time: 0.5,
-            gap_forecast: course,
+            gap_forecast,
             u_n: 0.0,
             radius: 2.0,
             slid_before: false,
@@ -415,7 +421,7 @@ mod tests {
     }
 
     #[test]
-    fn laws_on_what_touches_act_before_a_step_would_close_a_pair() {
+    fn laws_of_touching_contacts_act_before_a_step_would_close_a_pair() {
         let law = |kind, parameters: &[f64]| new_law(kind, parameters);
         let due = |u_n| LawInput { gap: 1.0, u_n, gap_forecast: GapForecast::Due, ..touching() };
         let thrown = LawShift { normal: -2.0, tangential: 0.25, ..acting() };
@@ -432,7 +438,7 @@ mod tests {
     }
 
     #[test]
-    fn bonds_are_made_of_what_touches_and_lost_as_the_law_says() {
+    fn bonds_join_touching_bodies_and_break_by_their_law() {
         let bonded = LawInput { gap: 0.015625, u_n: 0.0, slid_before: true, bonded: true, ..touching() };
         let mohr = new_law("IQS_MOHR_DS_CLB", &[10.0, 5.0, 0.2, 0.3]);
         let impulse = -0.5 * (10.0 * std::f64::consts::PI * 2.0 * 2.0);

@@ -88,8 +88,8 @@ pub fn group_by_key(keys: &[u32], groups: usize) -> (Vec<u32>, Vec<u32>) {
     }
     let mut next = starts.clone();
     let mut order = vec![0; keys.len()];
-    for (place, &key) in keys.iter().enumerate() {
-        order[next[key as usize] as usize] = place as u32;
+    for (index, &key) in keys.iter().enumerate() {
+        order[next[key as usize] as usize] = index as u32;
         next[key as usize] += 1;
     }
     (order, starts)

@@ -277,7 +277,7 @@ pub fn check_events(scene: &Scene, report: &mut FaultReport) {
     }
 }
 
-/// Warns of probable mistakes of units: densities of bodies, friction of laws in use and friction set by events.
+/// Warns of probable mistakes of units: densities of free bodies, friction of laws in use and friction set by events.
 ///
 /// The density 1 is that of scenes without units.
 pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mut FaultReport) {
@@ -286,7 +286,8 @@ pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mu
     let text = AsciiText::read_file(&file).ok();
     for (k, material) in scene.materials.iter().enumerate() {
         let question = density(material.density).filter(|_| material.density != 1.0);
-        if let Some(question) = question.filter(|_| scene.bodies.iter().any(|body| usize::from(body.material) == k)) {
+        let is_free = |body: &RigidBody| !body.driven && usize::from(body.material) == k;
+        if let Some(question) = question.filter(|_| scene.bodies.iter().any(is_free)) {
             let is_record =
                 |line: &TextLine| line.columns(2, 6).trim() == material.name && !line.columns(46, 59).is_empty();
             let line = text.as_ref().and_then(|text| text.lines().find(is_record)).map(|line| line.number);
@@ -297,11 +298,11 @@ pub fn doubts(datbox: &Path, tact: &TactBehav, scene: &mut Scene, of_events: &mu
     let file = datbox.join("TACT_BEHAV.DAT");
     for law in &scene.law_names {
         let line = tact.laws.iter().find(|known| known.nickname == law.nickname).map(|known| known.line);
-        let mut asked = Vec::new();
+        let mut questioned = Vec::new();
         for (parameter, value) in law_parameters(&law.kind).zip(&law.parameters) {
             let Some(question) = law_parameter(parameter, *value) else { continue };
-            if !asked.contains(value) {
-                asked.push(*value);
+            if !questioned.contains(value) {
+                questioned.push(*value);
                 let object = format!("law '{}', {}", law.nickname, parameter.label());
                 questions.push(Fault::new(&file, line, object, format!("{value:?}"), question));
             }

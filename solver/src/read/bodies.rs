@@ -206,13 +206,13 @@ pub fn check_within(datbox: &Path, records: &Bodies, scene: &Scene, x: &[Vec3], 
     for drum in &scene.parts {
         let ContactorShape::Cylinder { half_height, radius, hollow: true } = drum.geometry else { continue };
         let shape = FileShape::Cylinder { half_height, radius, hollow: true };
-        let place = |part: &BodyPart| {
+        let pose = |part: &BodyPart| {
             let i = part.body.index();
             (x[i] + q[i] * part.offset, q[i] * part.axes)
         };
-        let (centre, axes) = place(drum);
+        let (centre, axes) = pose(drum);
         let stands_outside = |part: &&BodyPart| {
-            let local = axes.inverse_transform_vector(&(place(part).0 - centre));
+            let local = axes.inverse_transform_vector(&(pose(part).0 - centre));
             let meets = part.body != drum.body && scene.visibility.interaction_rule(part.class, drum.class).is_some();
             meets && !scene.bodies[part.body.index()].driven && shape.leaves_out(local.into())
         };

@@ -248,8 +248,8 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
     // A body whose density has changed keeps its angular velocity.
     for (momentum, row) in started.angular_momentum.into_iter().zip(turning) {
         let (i, there) = (body[row as usize], inertia[row as usize]);
-        if let (Ok(place), true) = (scene.turning.binary_search(&i), scene.bodies[i.index()].inertia == there) {
-            state.angular_momentum[place] = momentum;
+        if let (Ok(index), true) = (scene.turning.binary_search(&i), scene.bodies[i.index()].inertia == there) {
+            state.angular_momentum[index] = momentum;
         }
     }
     state.detection_cache = DetectionCache { restored_pairs: kept, ..DetectionCache::default() };

@@ -47,28 +47,35 @@ fn body_motion(v: &Vec3, w: &Vec3) -> BodyMotion {
     [v.x, v.y, v.z, 0.0, w.x, w.y, w.z, 0.0]
 }
 
+/// Evaluator of the residual E of some rows of a contact problem.
 pub struct ResidualEvaluator<'a> {
     system: &'a ContactProblem,
+    /// Width of the vectors.
     pub(super) width: SimdWidth,
     /// Rows that are evaluated.
     rows: &'a [ContactId],
     contacts: Vec<ContactGroup>,
     /// Friction levers of the contacts; empty if all are 0.
     levers: Vec<GroupLevers>,
+    /// Scale 3N/trace W of the natural map, kg.
     rho: f64,
-    /// Norm |F(r_0)|.
+    /// Norm |F(r_0)|, N s.
     initial_norm: f64,
+    /// Norm |F| below which it is rounding, N s.
     floor: f64,
 }
 
 /// Residual E and the row with the largest part in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Residual {
+    /// E, dimensionless.
     pub value: f64,
+    /// Row with the largest part; `None` if E is 0.
     pub worst: Option<ContactId>,
 }
 
 impl<'a> ResidualEvaluator<'a> {
+    /// Evaluator for the rows `rows` of `system`.
     pub fn new(system: &'a ContactProblem, rows: &'a [ContactId], width: SimdWidth) -> Self {
         let contacts = rows
             .par_chunks(GROUP_LANES)
@@ -97,7 +104,7 @@ impl<'a> ResidualEvaluator<'a> {
         let (trace, speeds) = parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
         let rho = if rows.is_empty() { 0.0 } else { 3.0 * rows.len() as f64 / trace };
         let floor = ROUNDING_FLOOR * rho * speeds.sqrt();
-        let mut judge = ResidualEvaluator { system, width, rows, contacts, levers, rho, initial_norm: 0.0, floor };
+        let mut evaluator = ResidualEvaluator { system, width, rows, contacts, levers, rho, initial_norm: 0.0, floor };
         let mut balance = vec![Vec3::zeros(); system.rows.len()];
         let attracting = rows.iter().filter(|&&k| system.rows[k.index()].impulse_shift != 0.0);
         let mut attracted = false;
@@ -107,12 +114,12 @@ impl<'a> ResidualEvaluator<'a> {
         }
         let free = |record: &SolverBody| body_motion(&record.v, &record.w);
         let motions = if attracted {
-            judge.body_motions(&balance)
+            evaluator.body_motions(&balance)
         } else {
             system.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(free).collect()
         };
-        judge.initial_norm = judge.residual_norm(&balance, &[], &motions).0;
-        judge
+        evaluator.initial_norm = evaluator.residual_norm(&balance, &[], &motions).0;
+        evaluator
     }
 
     /// Share of |F(r_0)| that is rounding.
@@ -290,16 +297,16 @@ fn body_impulse_sums(
     bodies: usize,
 ) -> Vec<[f64; 6]> {
     let mut sums = vec![[0.0; 6]; bodies];
-    for (place, (eight, rows)) in contacts.iter().zip(rows.chunks(GROUP_LANES)).enumerate() {
+    for (group, (columns, rows)) in contacts.iter().zip(rows.chunks(GROUP_LANES)).enumerate() {
         for (lane, &k) in rows.iter().enumerate() {
             let r = &impulses[k.index()];
-            let about = levers.get(place).map(|[x, y, z]| x[lane] * r.x + y[lane] * r.y + z[lane] * r.z);
+            let about = levers.get(group).map(|[x, y, z]| x[lane] * r.x + y[lane] * r.y + z[lane] * r.z);
             for (side, sign) in [(0, 1.0), (1, -1.0)] {
-                let sum = &mut sums[eight.bodies[side][lane] as usize];
-                let [x, y, z] = [0, 1, 2].map(|axis| eight.arms[side][axis][lane]);
+                let sum = &mut sums[columns.bodies[side][lane] as usize];
+                let [x, y, z] = [0, 1, 2].map(|axis| columns.arms[side][axis][lane]);
                 let mut moment = [y * r.z - z * r.y, z * r.x - x * r.z, x * r.y - y * r.x];
                 if let Some(about) = about {
-                    (0..3).for_each(|axis| moment[axis] += eight.n[axis][lane] * about);
+                    (0..3).for_each(|axis| moment[axis] += columns.n[axis][lane] * about);
                 }
                 for axis in 0..3 {
                     sum[axis] += sign * r[axis];
@@ -314,23 +321,23 @@ fn body_impulse_sums(
 fn contact_group(system: &ContactProblem, rows: &[ContactId]) -> ContactGroup {
     let zero = [0.0; GROUP_LANES];
     let (three, bodies) = ([zero; 3], [[0; GROUP_LANES]; 2]);
-    let mut eight = ContactGroup { n: three, shift: three, arms: [three; 2], friction: zero, bodies };
+    let mut columns = ContactGroup { n: three, shift: three, arms: [three; 2], friction: zero, bodies };
     for (lane, &k) in rows.iter().enumerate() {
         let row = &system.rows[k.index()];
         for axis in 0..3 {
-            eight.n[axis][lane] = row.normal[axis];
-            eight.shift[axis][lane] = row.shift[axis];
+            columns.n[axis][lane] = row.normal[axis];
+            columns.shift[axis][lane] = row.shift[axis];
         }
-        eight.friction[lane] = row.friction;
+        columns.friction[lane] = row.friction;
         for side in 0..2 {
-            eight.bodies[side][lane] = row.bodies[side].0;
+            columns.bodies[side][lane] = row.bodies[side].0;
             let arm = system.contact_arm(k.index(), side);
             for axis in 0..3 {
-                eight.arms[side][axis][lane] = arm[axis];
+                columns.arms[side][axis][lane] = arm[axis];
             }
         }
     }
-    eight
+    columns
 }
 
 fn group_levers(system: &ContactProblem, rows: &[ContactId]) -> GroupLevers {
@@ -359,14 +366,14 @@ impl LaneOperation for NaturalMap<'_> {
     fn call<L: F64Arithmetic>(self, l: L) {
         let NaturalMap { rows, contacts, levers, impulses, motions, rho, sizes2 } = self;
         let of_rows = rows.chunks(GROUP_LANES).zip(sizes2.chunks_mut(GROUP_LANES));
-        for (place, (eight, (rows, sizes2))) in contacts.iter().zip(of_rows).enumerate() {
+        for (group, (columns, (rows, sizes2))) in contacts.iter().zip(of_rows).enumerate() {
             let mut r = [[0.0; GROUP_LANES]; 3];
             for (lane, &k) in rows.iter().enumerate() {
                 let impulse = &impulses[k.index()];
                 (r[0][lane], r[1][lane], r[2][lane]) = (impulse.x, impulse.y, impulse.z);
             }
             for from in (0..GROUP_LANES).step_by(L::WIDTH) {
-                natural_map_squared(l, (eight, levers.get(place)), &r, motions, rho, from, &mut sizes2[from..]);
+                natural_map_squared(l, (columns, levers.get(group)), &r, motions, rho, from, &mut sizes2[from..]);
             }
         }
     }
@@ -377,34 +384,35 @@ impl LaneOperation for NaturalMap<'_> {
 #[inline(always)]
 fn natural_map_squared<L: F64Arithmetic>(
     l: L,
-    (eight, levers): (&ContactGroup, Option<&GroupLevers>),
+    (columns, levers): (&ContactGroup, Option<&GroupLevers>),
     r: &[[f64; GROUP_LANES]; 3],
     motions: &[BodyMotion],
     rho: f64,
     from: usize,
     size2: &mut [f64],
 ) {
-    let places = from..from + L::WIDTH;
+    let range = from..from + L::WIDTH;
     let mut n = [l.splat(0.0); 3];
     let mut u = n;
     let mut impulse = n;
-    let a = l.gather_lines(motions, &eight.bodies[0][places.clone()]);
-    let b = l.gather_lines(motions, &eight.bodies[1][places.clone()]);
+    let a = l.gather_lines(motions, &columns.bodies[0][range.clone()]);
+    let b = l.gather_lines(motions, &columns.bodies[1][range.clone()]);
     for k in 0..3 {
-        n[k] = l.load(&eight.n[k][places.clone()]);
-        impulse[k] = l.load(&r[k][places.clone()]);
+        n[k] = l.load(&columns.n[k][range.clone()]);
+        impulse[k] = l.load(&r[k][range.clone()]);
     }
     for (k, u) in u.iter_mut().enumerate() {
-        let shift = l.load(&eight.shift[k][places.clone()]);
-        *u = l.add(l.sub(point_velocity(l, eight, &a, 0, k, from), point_velocity(l, eight, &b, 1, k, from)), shift);
+        let shift = l.load(&columns.shift[k][range.clone()]);
+        *u =
+            l.add(l.sub(point_velocity(l, columns, &a, 0, k, from), point_velocity(l, columns, &b, 1, k, from)), shift);
     }
     if let Some(levers) = levers {
         let about = inner_product(l, n, [4, 5, 6].map(|k| l.sub(a[k], b[k])));
         for (k, u) in u.iter_mut().enumerate() {
-            *u = l.add(*u, l.mul(about, l.load(&levers[k][places.clone()])));
+            *u = l.add(*u, l.mul(about, l.load(&levers[k][range.clone()])));
         }
     }
-    let (zero, rho, mu) = (l.splat(0.0), l.splat(rho), l.load(&eight.friction[places]));
+    let (zero, rho, mu) = (l.splat(0.0), l.splat(rho), l.load(&columns.friction[range]));
     let u_n = inner_product(l, n, u);
     let mut z = n;
     let mut u_t2 = zero;
@@ -433,15 +441,15 @@ fn natural_map_squared<L: F64Arithmetic>(
 #[inline(always)]
 fn point_velocity<L: F64Arithmetic>(
     l: L,
-    eight: &ContactGroup,
+    columns: &ContactGroup,
     motion: &[L::V; 8],
     side: usize,
     k: usize,
     from: usize,
 ) -> L::V {
     let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-    let arm_i = l.load(&eight.arms[side][i][from..from + L::WIDTH]);
-    let arm_j = l.load(&eight.arms[side][j][from..from + L::WIDTH]);
+    let arm_i = l.load(&columns.arms[side][i][from..from + L::WIDTH]);
+    let arm_j = l.load(&columns.arms[side][j][from..from + L::WIDTH]);
     l.add(motion[k], l.sub(l.mul(motion[4 + i], arm_j), l.mul(motion[4 + j], arm_i)))
 }
 
@@ -523,8 +531,8 @@ mod tests {
     /// E of the impulse 1 N s along n and a moment.
     fn judged(system: &ContactProblem, m: [f64; 3]) -> f64 {
         let (r, m) = ([Vec3::z()], [Vec3::from(m)]);
-        let judge = ResidualEvaluator::new(system, &[ContactId(0)], SimdWidth::detect());
-        judge.residual_with(&r, &m, &judge.motions_with(&r, &m)).value
+        let evaluator = ResidualEvaluator::new(system, &[ContactId(0)], SimdWidth::detect());
+        evaluator.residual_with(&r, &m, &evaluator.motions_with(&r, &m)).value
     }
 
     #[test]
@@ -555,9 +563,9 @@ mod tests {
         let solved =
             |system: &ContactProblem| solve_nlgs(system, StoppingCriteria::new(1e-12, 100), SimdWidth::detect());
         let e = |solution: &crate::solve::ContactSolution| {
-            let judge = ResidualEvaluator::new(&system, &[ContactId(0)], SimdWidth::detect());
-            let motions = judge.motions_with(&solution.impulses, &solution.moments);
-            judge.residual_with(&solution.impulses, &solution.moments, &motions)
+            let evaluator = ResidualEvaluator::new(&system, &[ContactId(0)], SimdWidth::detect());
+            let motions = evaluator.motions_with(&solution.impulses, &solution.moments);
+            evaluator.residual_with(&solution.impulses, &solution.moments, &motions)
         };
         assert!(e(&solved(&system)).value < 1e-12);
         other.rolling_constraints[0].rolling *= 1.01;

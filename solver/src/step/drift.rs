@@ -79,11 +79,12 @@ fn corrections(system: &ContactProblem, openings: &[(usize, f64)], bodies: usize
         for &(k, opening) in openings {
             let row = &system.rows[k];
             let [a, b] = row.bodies;
+            let (w_n, _) = system.delassus_diagonal(k);
             let arms = [system.contact_arm(k, 0), system.contact_arm(k, 1)];
             let moved = |body: BodyId, arm: &Vec3| shifts[body.index()] + turns[body.index()].cross(arm);
             let left = opening + row.normal.dot(&(moved(a, &arms[0]) - moved(b, &arms[1])));
             for ((body, arm), sign) in [a, b].into_iter().zip(&arms).zip([-1.0, 1.0]) {
-                let push = row.normal * (sign * left / row.w_n);
+                let push = row.normal * (sign * left / w_n);
                 shifts[body.index()] += system.velocity_change(body, &push);
                 turns[body.index()] += system.angular_velocity_change(body, &arm.cross(&push));
             }

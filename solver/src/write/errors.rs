@@ -86,8 +86,8 @@ impl<const N: usize> ThinnedRows<N> {
     fn push(&mut self, row: [f64; N]) {
         if self.seen.is_multiple_of(self.stride) {
             if self.rows.len() == MAX_ROWS {
-                let mut place = 0..;
-                self.rows.retain(|_| place.next().is_some_and(|k: usize| k.is_multiple_of(2)));
+                let mut indices = 0..;
+                self.rows.retain(|_| indices.next().is_some_and(|k: usize| k.is_multiple_of(2)));
                 self.stride *= 2;
             }
             if self.seen.is_multiple_of(self.stride) {

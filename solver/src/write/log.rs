@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
-use cd_formats::tell::print_line;
+use cd_formats::messages::print_line;
 
 use crate::scene::Scene;
 use crate::solve::lmgc90_criteria::Lmgc90Norms;
@@ -97,8 +97,8 @@ pub struct LogRow<'a> {
 impl LogRow<'_> {
     /// Returns the figure; NaN for an empty field or an unknown column.
     pub fn get(&self, name: &str) -> f64 {
-        let place = self.names.iter().position(|column| *column == name);
-        place.map_or(f64::NAN, |k| self.cells[k].to_f64())
+        let index = self.names.iter().position(|column| *column == name);
+        index.map_or(f64::NAN, |k| self.cells[k].to_f64())
     }
 }
 
@@ -139,7 +139,7 @@ impl LogTable {
         let own = names.len();
         let others = known.iter().filter(|name| !name.is_empty() && !columns.iter().any(|(own, _)| own == *name));
         names.extend(others);
-        let places: Vec<Option<usize>> =
+        let indices: Vec<Option<usize>> =
             names.iter().map(|column| known.iter().position(|name| name == column)).collect();
         let (mut last, mut before) = (first, first);
         let mut held: Option<(String, Vec<LogCell>)> = None;
@@ -153,7 +153,7 @@ impl LogTable {
                     writeln!(file, "{text}")?;
                     take(&LogRow { names: &names, cells: &cells });
                 }
-                let fields: Vec<&str> = places.iter().map(|place| place.map_or("", |k| fields[k])).collect();
+                let fields: Vec<&str> = indices.iter().map(|index| index.map_or("", |k| fields[k])).collect();
                 held = Some((fields.join(","), fields.iter().map(|field| LogCell::from_text(field)).collect()));
                 (before, last) = (last, number);
             }

@@ -111,8 +111,8 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
     }
     line("energy drift", format!("{:.2e}", balance.energy));
     if let Some(SampledError { rms, largest, .. }) = course.gravity {
-        let asked = scene.options.gravity_error();
-        line("gravity error", format!("RMS {rms:.1e}, largest {largest:.1e} of 64 bodies; gravity_error {asked:.0e}"));
+        let target = scene.options.gravity_error();
+        line("gravity error", format!("RMS {rms:.1e}, largest {largest:.1e} of 64 bodies; gravity_error {target:.0e}"));
     }
     if let Some(NarrowPhaseError { mean, largest }) = course.narrow_phase_error {
         let [mean, largest] = [mean, largest].map(|miss| miss / scene.mean_radius);

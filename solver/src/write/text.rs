@@ -102,8 +102,8 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
             BodyShape::Sphere { .. } => "SPHER",
             BodyShape::Plane { .. } => "PLANx",
             BodyShape::Parts => {
-                let place = scene.part_index(body, rank);
-                contactor_name(&scene.parts[place.unwrap_or_default().index()])
+                let part = scene.part_index(body, rank);
+                contactor_name(&scene.parts[part.unwrap_or_default().index()])
             }
         };
         ContactSide { body: body.index(), contactor: contactor.into(), rank: rank.into() }

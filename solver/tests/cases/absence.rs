@@ -156,8 +156,8 @@ fn a_plan_makes_no_step_that_is_far_too_long() {
 fn a_plan_names_the_unknowns_that_friction_adds() {
     for (cubes, law, parameters, expected) in [
         (false, "IQS_CLB", &[0.5][..], None),
-        (false, "IQS_CLB", &[0.0], Some("friction (one unknown per contact)")),
-        (true, "IQS_CLB", &[0.0], Some("friction (one unknown per contact)")),
+        (false, "IQS_CLB", &[0.0], Some("friction (one unknown per contact, not three)")),
+        (true, "IQS_CLB", &[0.0], Some("friction (one unknown per contact, not three)")),
         // Their sweeps keep three components.
         (false, "IQS_DS_ROLL_CLB", &[0.0, 0.0, 0.1, 0.1], Some("friction")),
     ] {
@@ -177,9 +177,9 @@ fn a_plan_says_in_what_share_of_the_time_steps_may_be_longer() {
     let table = |points: &[[f64; 2]]| Evolution::Table { name: "speed.dat".into(), points: points.to_vec() };
     for (points, expected) in [
         // The wall starts in the first second of four.
-        (&[[0.0, 0.0], [1.0, 1.0], [2.0, 1.0]][..], "of dt, up to 16 of them in a step in the 75.000 % of the time"),
-        (&[[0.0, 0.0], [9.0, 1.0]], "400 steps, each dt, because imposed motion changes all the time;"),
-        (&[[0.0, 1.0], [9.0, 1.0]], "of dt, up to 16 of them in a step, "),
+        (&[[0.0, 0.0], [1.0, 1.0], [2.0, 1.0]][..], "400 dt, up to 16 dt per step in the 75.000 % of the time"),
+        (&[[0.0, 0.0], [9.0, 1.0]], "400 steps of one dt each, because imposed motion changes all the time;"),
+        (&[[0.0, 1.0], [9.0, 1.0]], "400 dt, up to 16 dt per step, at present "),
     ] {
         let mut case = Case::new();
         case.law("IQS_CLB", &[0.0]);

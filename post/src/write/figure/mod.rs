@@ -467,7 +467,7 @@ mod tests {
     }
 
     #[test]
-    fn more_curves_than_styles_are_told() {
+    fn more_curves_than_styles_are_reported() {
         let mut figure = figure(vec![(0.0, 1.0)], false);
         figure.curves = vec![figure.curves[0].clone(); 35];
         assert_eq!(figure.repeated_style_warning(), None);

@@ -12,7 +12,7 @@ pub fn read(bytes: &[u8]) -> Result<PolygonMesh, ReadError> {
     let whole = |big_endian: bool| {
         let piece = LegacyReader { bytes, at: 0, line: 1 }.read_piece(big_endian)?;
         let mut mesh = PolygonMesh::default();
-        piece.add_to(&mut mesh).map_err(|found| ReadError::new(None, found, FILE_KIND))?;
+        piece.add_to(&mut mesh).map_err(|error| ReadError::new(None, error.to_string(), FILE_KIND))?;
         Ok(mesh)
     };
     whole(true).or_else(|refusal| {
@@ -99,7 +99,8 @@ impl<'a> LegacyReader<'a> {
         let (count, size) = (self.read_count("the number of cells")?, self.read_count("the number of corners")?);
         if !offsets {
             let numbers = self.read_numbers(size, NumberType::Signed(4), form, "corners")?;
-            return CellLists::from_counted(&numbers, count).map_err(|found| self.error_here(found, FILE_KIND));
+            return CellLists::from_counted(&numbers, count)
+                .map_err(|error| self.error_here(error.to_string(), FILE_KIND));
         }
         let mut lists = [("OFFSETS", count), ("CONNECTIVITY", size)].map(|(name, count)| (name, count, Vec::new()));
         for (name, count, list) in &mut lists {
@@ -167,7 +168,7 @@ impl<'a> LegacyReader<'a> {
             let value = match what {
                 // Fields are not used, and may contain NaN.
                 FIELD if parse_real(&word).is_some() => 0.0,
-                _ => coordinate(&word).map_err(|found| self.error_here(found, what))?,
+                _ => coordinate(&word).map_err(|error| self.error_here(error.to_string(), what))?,
             };
             numbers.push(value);
         }

@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use cd_formats::names::count_text;
+
 /// Polygons over points, the common form of all kinds of files.
 #[derive(Debug, Default, PartialEq)]
 pub struct PolygonMesh {
@@ -37,29 +39,18 @@ impl std::fmt::Display for ReadError {
 impl std::error::Error for ReadError {}
 
 impl From<ReadError> for Vec<ReadError> {
-    fn from(refusal: ReadError) -> Self {
-        vec![refusal]
+    fn from(error: ReadError) -> Self {
+        vec![error]
     }
 }
 
 impl PolygonMesh {
     /// Adds a phrase with a count, unless the count is 0.
-    pub fn add_note(&mut self, verb: &str, count: usize, what: &str, rest: &str) {
+    pub fn add_note(&mut self, verb: &str, count: usize, noun: &str, rest: &str) {
         if count > 0 {
-            self.notes.push(format!("{verb} {}{rest}", count_text(count, what)));
+            self.notes.push(format!("{verb} {}{rest}", count_text(count, noun)));
         }
     }
-}
-
-/// Returns `1 triangle` or `2 triangles`.
-pub fn count_text(count: usize, what: &str) -> String {
-    let plural = match (count, what) {
-        (1, _) => what.to_string(),
-        (_, "vertex") => "vertices".into(),
-        (_, "weight or colour") => "weights or colours".into(),
-        _ => format!("{what}s"),
-    };
-    format!("{count} {plural}")
 }
 
 /// A text with line feeds at the ends of its lines, as old programs write carriage returns alone.
@@ -72,11 +63,29 @@ pub fn parse_real(word: &str) -> Option<f64> {
     word.parse().ok().or_else(|| word.replace(['d', 'D'], "e").parse().ok())
 }
 
-/// Reads a coordinate. Errors: the reason why it is not a number.
-pub fn coordinate(word: &str) -> Result<f64, String> {
+/// Word that is not a coordinate.
+#[derive(Debug, PartialEq)]
+pub enum CoordinateError {
+    NotANumber(String),
+    NotFinite(String),
+}
+
+impl std::fmt::Display for CoordinateError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            CoordinateError::NotANumber(word) => write!(f, "'{word}', which is not a number"),
+            CoordinateError::NotFinite(word) => write!(f, "'{word}', which is not finite"),
+        }
+    }
+}
+
+impl std::error::Error for CoordinateError {}
+
+/// Reads a coordinate. Errors: words that are not finite numbers.
+pub fn coordinate(word: &str) -> Result<f64, CoordinateError> {
     match parse_real(word) {
-        None => Err(format!("'{word}', which is not a number")),
-        Some(x) if !x.is_finite() => Err(format!("'{word}', which is not finite")),
+        None => Err(CoordinateError::NotANumber(word.to_string())),
+        Some(x) if !x.is_finite() => Err(CoordinateError::NotFinite(word.to_string())),
         Some(x) => Ok(x),
     }
 }

@@ -35,58 +35,56 @@ const FREE_FORM_STATEMENTS: [&str; 16] = [
 /// free-form surfaces. Errors: every statement that cannot be read.
 pub fn read(text: &str) -> Result<PolygonMesh, Vec<ReadError>> {
     let mut mesh = PolygonMesh::default();
-    let mut refusals = Vec::new();
+    let mut errors = Vec::new();
     let (mut weights, mut elements) = (0, 0);
     let mut lines_of_polygons = Vec::new();
     for (line, statement) in logical_lines(text) {
         let mut words = statement.split_whitespace();
         let Some(keyword) = words.next().map(str::to_ascii_lowercase) else { continue };
         match keyword.as_str() {
-            "v" => match parse_vertex(words) {
+            "v" => match parse_vertex(words, line) {
                 Ok((point, more)) => {
                     mesh.points.push(point);
                     weights += usize::from(more);
                 }
-                Err(found) => {
+                Err(error) => {
                     // A point is added so that later vertices keep their numbers.
                     mesh.points.push([0.0; 3]);
-                    refusals.push(ReadError::new(line, found, "three coordinates, with decimal points"));
+                    errors.push(error);
                 }
             },
-            "f" | "fo" => match words.map(|word| parse_corner(word, mesh.points.len())).collect() {
+            "f" | "fo" => match words.map(|word| parse_corner(word, mesh.points.len(), line)).collect() {
                 Ok(corners) => {
                     mesh.polygons.push(corners);
                     lines_of_polygons.push(line);
                 }
-                Err(found) => {
-                    refusals.push(ReadError::new(line, found, "numbers of vertices, from 1, or from -1 back"))
-                }
+                Err(error) => errors.push(error),
             },
             "l" | "p" => elements += 1,
             unused if IGNORED_STATEMENTS.contains(&unused) => {}
             "call" | "csh" => {
                 let found = format!("'{keyword}', which includes other files");
-                refusals.push(ReadError::new(line, found, "all vertices and polygons in this file"));
+                errors.push(ReadError::new(line, found, "all vertices and polygons in this file"));
             }
             free if FREE_FORM_STATEMENTS.contains(&free) => {
                 let found = format!("'{free}', a statement of free-form geometry");
-                refusals.push(ReadError::new(line, found, "polygons; let the program that wrote it triangulate"));
+                errors.push(ReadError::new(line, found, "polygons; let the program that wrote it triangulate"));
             }
-            other => refusals.push(ReadError::new(line, format!("the word '{other}'"), EXPECTED_STATEMENTS)),
+            other => errors.push(ReadError::new(line, format!("the word '{other}'"), EXPECTED_STATEMENTS)),
         }
     }
     for (polygon, line) in mesh.polygons.iter().zip(lines_of_polygons) {
         if let Some(beyond) = polygon.iter().find(|&&corner| corner >= mesh.points.len()) {
             let found = format!("vertex {}", beyond + 1);
-            refusals.push(ReadError::new(line, found, format!("1 to {}", mesh.points.len())));
+            errors.push(ReadError::new(line, found, format!("1 to {}", mesh.points.len())));
         }
     }
-    if refusals.is_empty() && mesh.polygons.is_empty() {
-        refusals.push(ReadError::new(None, "no polygons", "f lines"));
+    if errors.is_empty() && mesh.polygons.is_empty() {
+        errors.push(ReadError::new(None, "no polygons", "f lines"));
     }
     mesh.add_note("ignored", elements, "line or point element", "");
     mesh.add_note("ignored", weights, "weight or colour", " after coordinates");
-    if refusals.is_empty() { Ok(mesh) } else { Err(refusals) }
+    if errors.is_empty() { Ok(mesh) } else { Err(errors) }
 }
 
 /// Lines without comments, each joined with its continuations, and the number of the first.
@@ -105,12 +103,14 @@ fn logical_lines(text: &str) -> Vec<(usize, String)> {
     all
 }
 
-/// Coordinates, and whether a weight other than 1 or a colour follows them.
-fn parse_vertex<'a>(words: impl Iterator<Item = &'a str>) -> Result<([f64; 3], bool), String> {
+/// Coordinates of the vertex on a line, and whether a weight other than 1 or a colour follows them.
+fn parse_vertex<'a>(words: impl Iterator<Item = &'a str>, line: usize) -> Result<([f64; 3], bool), ReadError> {
     let words: Vec<&str> = words.collect();
+    let error = |found: String| ReadError::new(line, found, "three coordinates, with decimal points");
     let [x, y, z, more @ ..] = words.as_slice() else {
-        return Err(format!("a vertex of {} numbers", words.len()));
+        return Err(error(format!("a vertex of {} numbers", words.len())));
     };
+    let coordinate = |word: &str| coordinate(word).map_err(|found| error(found.to_string()));
     let point = [coordinate(x)?, coordinate(y)?, coordinate(z)?];
     for word in more {
         coordinate(word)?;
@@ -118,11 +118,12 @@ fn parse_vertex<'a>(words: impl Iterator<Item = &'a str>) -> Result<([f64; 3], b
     Ok((point, !more.is_empty() && more != ["1"] && more.iter().any(|word| parse_real(word) != Some(1.0))))
 }
 
-/// Vertex number of a corner, from 0, from a word such as `7`, `7/1`, `7//3` or `-2/1/1`; `known` is the number of
-/// vertices before it.
-fn parse_corner(word: &str, known: usize) -> Result<usize, String> {
+/// Vertex number of a corner on a line, from 0, from a word such as `7`, `7/1`, `7//3` or `-2/1/1`; `known` is the number
+/// of vertices before it.
+fn parse_corner(word: &str, known: usize, line: usize) -> Result<usize, ReadError> {
+    let error = |found: String| ReadError::new(line, found, "numbers of vertices, from 1, or from -1 back");
     let number: i64 =
-        (word.split('/').next().unwrap_or_default()).parse().map_err(|_| format!("the corner '{word}'"))?;
+        (word.split('/').next().unwrap_or_default()).parse().map_err(|_| error(format!("the corner '{word}'")))?;
     let vertex = if number < 0 { number.saturating_add(known as i64) } else { number - 1 };
-    usize::try_from(vertex).map_err(|_| format!("the corner '{word}' with {known} vertices before it"))
+    usize::try_from(vertex).map_err(|_| error(format!("the corner '{word}' with {known} vertices before it")))
 }

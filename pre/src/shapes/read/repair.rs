@@ -2,10 +2,11 @@
 //! position are merged, triangles without area are dropped, and points of an open surface that differ in their last
 //! digits only are welded.
 
+use cd_formats::names::count_text;
 use nalgebra::Vector3;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::mesh::{PolygonMesh, count_text};
+use super::mesh::PolygonMesh;
 
 /// Distances up to which points of an open surface are welded, over the largest coordinate: the last digit of numbers in
 /// single precision, of seven, six and five digits.

@@ -1,6 +1,8 @@
 //! STL, text and binary.
 
-use super::mesh::{PolygonMesh, ReadError, coordinate, count_text, lines, parse_real};
+use cd_formats::names::count_text;
+
+use super::mesh::{PolygonMesh, ReadError, coordinate, lines, parse_real};
 use super::vtk::NumberType;
 
 /// Bytes before the first triangle of a binary file: a header of 80, then the number of triangles.
@@ -171,11 +173,11 @@ fn read_facet(words: &mut WordReader, line: usize, mesh: &mut PolygonMesh) -> Re
         let of_vertex = word.0;
         for (k, x) in point.iter_mut().enumerate() {
             let (line, word) = words.next_word().ok_or_else(ends)?;
-            *x = coordinate(&word).map_err(|found| {
+            *x = coordinate(&word).map_err(|error| {
                 // The next word may be that of the next line.
                 let (line, found) = match line {
                     line if line > of_vertex => (of_vertex, format!("a vertex of {}", count_text(k, "number"))),
-                    line => (line, found),
+                    line => (line, error.to_string()),
                 };
                 ReadError::new(line, found, "vertex and three coordinates")
             })?;

@@ -59,6 +59,42 @@ impl NumberType {
     }
 }
 
+/// Points and cells that do not fit together.
+#[derive(Debug, PartialEq)]
+pub enum CellError {
+    /// Number of coordinates that is not a multiple of 3.
+    CoordinateCount(usize),
+    /// Lists of corners end at `cell` of `count` cells.
+    MissingCells { cell: usize, count: usize },
+    /// Number of corners of a cell that exceeds the numbers left.
+    CornerCount { cell: usize, count: usize, corners: f64, left: usize },
+    /// End of a cell outside of the list of corners.
+    CellEnd { cell: usize, end: f64, corners: usize },
+    /// Index of a point that does not exist.
+    PointIndex { cell: usize, index: f64, points: usize },
+    /// More corners than the cells use.
+    UnusedCorners { corners: usize, used: usize },
+}
+
+impl std::fmt::Display for CellError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            CellError::CoordinateCount(count) => write!(f, "{count} coordinates, which is not a multiple of 3"),
+            CellError::MissingCells { cell, count } => write!(f, "lists of corners that end at cell {cell} of {count}"),
+            CellError::CornerCount { cell, count, corners, left } => {
+                write!(f, "cell {cell} of {count} with {corners} corners where {left} numbers follow")
+            }
+            CellError::CellEnd { cell, end, corners } => write!(f, "cell {cell} ends at corner {end} of {corners}"),
+            CellError::PointIndex { cell, index, points } => {
+                write!(f, "cell {cell} names point {index}, where points are 0 to {}", *points as f64 - 1.0)
+            }
+            CellError::UnusedCorners { corners, used } => write!(f, "{corners} corners, of which the cells use {used}"),
+        }
+    }
+}
+
+impl std::error::Error for CellError {}
+
 /// One piece of polygonal data of VTK.
 #[derive(Debug, Default)]
 pub struct PolyDataPiece {
@@ -78,19 +114,16 @@ pub struct CellLists {
 
 impl CellLists {
     /// Converts the lists of legacy files before version 5: for each cell a count, then that number of corners.
-    pub fn from_counted(numbers: &[f64], count: usize) -> Result<CellLists, String> {
+    pub fn from_counted(numbers: &[f64], count: usize) -> Result<CellLists, CellError> {
         let mut cells = CellLists::default();
         let mut rest = numbers;
-        for k in 1..=count {
+        for cell in 1..=count {
             let Some((&corners, behind)) = rest.split_first() else {
-                return Err(format!("lists of corners that end at cell {k} of {count}"));
+                return Err(CellError::MissingCells { cell, count });
             };
             let fits = corners >= 0.0 && corners <= behind.len() as f64;
             if !fits {
-                return Err(format!(
-                    "cell {k} of {count} with {corners} corners where {} numbers follow",
-                    behind.len()
-                ));
+                return Err(CellError::CornerCount { cell, count, corners, left: behind.len() });
             }
             let (own, behind) = behind.split_at(corners as usize);
             cells.corners.extend(own);
@@ -101,23 +134,23 @@ impl CellLists {
     }
 
     /// Corners of each cell; `points` is the number of points.
-    fn corner_lists(&self, points: usize) -> Result<Vec<Vec<usize>>, String> {
+    fn corner_lists(&self, points: usize) -> Result<Vec<Vec<usize>>, CellError> {
         let (mut lists, mut begin) = (Vec::new(), 0);
         // Lists of legacy files from version 5 on begin with the start of the first cell, 0.
         let ends = self.ends.strip_prefix(&[0.0]).unwrap_or(&self.ends);
-        for (k, &end) in (1..).zip(ends) {
+        for (cell, &end) in (1..).zip(ends) {
             if !(end >= begin as f64 && end <= self.corners.len() as f64) {
-                return Err(format!("cell {k} ends at corner {end} of {}", self.corners.len()));
+                return Err(CellError::CellEnd { cell, end, corners: self.corners.len() });
             }
             let corners = &self.corners[begin..end as usize];
-            if let Some(wrong) = corners.iter().find(|&&corner| !(corner >= 0.0 && corner < points as f64)) {
-                return Err(format!("cell {k} names point {wrong}, where points are 0 to {}", points as f64 - 1.0));
+            if let Some(&index) = corners.iter().find(|&&corner| !(corner >= 0.0 && corner < points as f64)) {
+                return Err(CellError::PointIndex { cell, index, points });
             }
             lists.push(corners.iter().map(|&corner| corner as usize).collect());
             begin = end as usize;
         }
         if begin < self.corners.len() {
-            return Err(format!("{} corners, of which the cells use {begin}", self.corners.len()));
+            return Err(CellError::UnusedCorners { corners: self.corners.len(), used: begin });
         }
         Ok(lists)
     }
@@ -125,9 +158,9 @@ impl CellLists {
 
 impl PolyDataPiece {
     /// Appends the piece to a mesh. Errors: lists that do not fit together.
-    pub fn add_to(&self, mesh: &mut PolygonMesh) -> Result<(), String> {
+    pub fn add_to(&self, mesh: &mut PolygonMesh) -> Result<(), CellError> {
         if !self.coordinates.len().is_multiple_of(3) {
-            return Err(format!("{} coordinates, which is not a multiple of 3", self.coordinates.len()));
+            return Err(CellError::CoordinateCount(self.coordinates.len()));
         }
         let (first, points) = (mesh.points.len(), self.coordinates.len() / 3);
         mesh.points.extend(self.coordinates.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));

@@ -13,7 +13,7 @@ pub fn read(bytes: &[u8]) -> Result<PolygonMesh, ReadError> {
     let mut file = VtpFile::from_bytes(bytes)?;
     let mut mesh = PolygonMesh::default();
     for piece in file.read_pieces()? {
-        piece.add_to(&mut mesh).map_err(|found| ReadError::new(None, found, FILE_KIND))?;
+        piece.add_to(&mut mesh).map_err(|error| ReadError::new(None, error.to_string(), FILE_KIND))?;
     }
     if mesh.polygons.is_empty() {
         return Err(ReadError::new(None, "no polygons", "Polys or Strips"));
@@ -186,7 +186,7 @@ impl<'a> VtpFile<'a> {
             .ok_or_else(|| refuse(format!("numbers of the type '{kind}'"), "Float64, Int64 or alike"))?;
         let bytes = match tag.attribute("format").unwrap_or("ascii") {
             "ascii" => {
-                let number = |word| coordinate(word).map_err(|found| refuse(found, FILE_KIND));
+                let number = |word| coordinate(word).map_err(|error| refuse(error.to_string(), FILE_KIND));
                 return tag.content.split_whitespace().map(number).collect();
             }
             "binary" => self.decode_binary(&decode_base64(tag.content.as_bytes())),
@@ -198,24 +198,24 @@ impl<'a> VtpFile<'a> {
             other => return Err(refuse(format!("format=\"{other}\""), "ascii, binary or appended")),
         };
         let name = tag.attribute("Name").unwrap_or("Points");
-        let bytes = bytes.map_err(|found| refuse(format!("array '{name}': {found}"), COMPLETE_FILE))?;
+        let bytes = bytes.map_err(|error| refuse(format!("array '{name}': {error}"), COMPLETE_FILE))?;
         Ok(number.decode_all(&bytes, self.big_endian))
     }
 
     /// Bytes of an array, after its header: their number, or the sizes of compressed blocks.
-    fn decode_binary(&self, data: &[u8]) -> Result<Vec<u8>, String> {
+    fn decode_binary(&self, data: &[u8]) -> Result<Vec<u8>, ArrayDataError> {
         let mut at = 0;
         let number = if self.head == 8 { NumberType::Unsigned(8) } else { NumberType::Unsigned(4) };
         let mut head = || {
-            let bytes = data.get(at..at + self.head).ok_or_else(|| "it has no head".to_string())?;
+            let bytes = data.get(at..at + self.head).ok_or(ArrayDataError::NoHeader)?;
             at += self.head;
-            Ok::<usize, String>(number.decode_all(bytes, self.big_endian)[0] as usize)
+            Ok::<usize, ArrayDataError>(number.decode_all(bytes, self.big_endian)[0] as usize)
         };
         let first = head()?;
         if !self.compressed {
             let rest = &data[at..];
-            let own = rest.get(..first);
-            return own.map(<[u8]>::to_vec).ok_or(format!("{first} bytes announced, {} found", rest.len()));
+            let own = rest.get(..first).map(<[u8]>::to_vec);
+            return own.ok_or(ArrayDataError::ByteCount { announced: first, found: rest.len() });
         }
         let (size, rest) = (head()?, head()?);
         let mut lengths = Vec::new();
@@ -227,12 +227,34 @@ impl<'a> VtpFile<'a> {
             let most = if k + 1 == first && rest > 0 { rest } else { size };
             let end = at.saturating_add(length);
             let block = data.get(at..end).and_then(|block| decompress_to_vec_zlib_with_limit(block, most).ok());
-            bytes.extend(block.ok_or(format!("block {} of {first} is not a complete zlib stream", k + 1))?);
+            bytes.extend(block.ok_or(ArrayDataError::ZlibBlock { block: k + 1, count: first })?);
             at = end;
         }
         Ok(bytes)
     }
 }
+
+/// Bytes of an array that do not agree with its header.
+#[derive(Debug)]
+enum ArrayDataError {
+    NoHeader,
+    ByteCount { announced: usize, found: usize },
+    ZlibBlock { block: usize, count: usize },
+}
+
+impl std::fmt::Display for ArrayDataError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            ArrayDataError::NoHeader => f.write_str("it has no head"),
+            ArrayDataError::ByteCount { announced, found } => write!(f, "{announced} bytes announced, {found} found"),
+            ArrayDataError::ZlibBlock { block, count } => {
+                write!(f, "block {block} of {count} is not a complete zlib stream")
+            }
+        }
+    }
+}
+
+impl std::error::Error for ArrayDataError {}
 
 /// Checks that a piece has the numbers of points and cells that its tag announces.
 fn expect_complete(pieces: &[PolyDataPiece], tag: &XmlTag) -> Result<(), ReadError> {

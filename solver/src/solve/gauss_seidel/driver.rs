@@ -26,6 +26,7 @@ const REST_TOLERANCE_SHARE: f64 = 1e-2;
 /// 1e-5 and less.
 const MIN_F32_CONTACTS: usize = 256;
 const MIN_F32_RESIDUAL: f64 = 1e-4;
+
 /// Number of sweeps in single precision after which they restart from their result, as rounding accumulates; in double
 /// precision if there was no gain. Where no contact slides, E falls except for rounding: once it is [`F32_DIVERGENCE`] times
 /// the best E, the sweeps return to the best result, in double precision and with a new momentum.
@@ -45,10 +46,11 @@ pub fn solve_nlgs(system: &ContactProblem, until: StoppingCriteria, width: SimdW
     let mut reactions = ContactReactions::warm_start(system, &active);
     let mut sweeps = 0;
     loop {
-        let judge = ResidualEvaluator::new(system, &active, width);
+        let evaluator = ResidualEvaluator::new(system, &active, width);
         let single = sweeps_in_f32(system, &active, until);
-        let (residual, motions) = iterate_sweeps(system, &judge, &active, &mut reactions, until, single, &mut sweeps);
-        let records = judge.solver_bodies(&motions);
+        let (residual, motions) =
+            iterate_sweeps(system, &evaluator, &active, &mut reactions, until, single, &mut sweeps);
+        let records = evaluator.solver_bodies(&motions);
         let missed = closing_inactive_rows(system, &active, &records);
         if missed.is_empty() || sweeps >= max_sweeps || activity::is_stopped() {
             let ContactReactions { impulses, moments } = reactions;
@@ -77,21 +79,23 @@ pub fn solve_nlgs(system: &ContactProblem, until: StoppingCriteria, width: SimdW
 /// motions that result from the impulses.
 fn iterate_sweeps(
     system: &ContactProblem,
-    judge: &ResidualEvaluator,
+    evaluator: &ResidualEvaluator,
     active: &[ContactId],
     reactions: &mut ContactReactions,
     until: StoppingCriteria,
     mut single: bool,
     sweeps: &mut u64,
 ) -> (Residual, Vec<BodyMotion>) {
-    let StoppingCriteria { tol, target_residual: aim, min_sweeps: least_sweeps, max_sweeps, check_every, .. } = until;
-    let judged = |ContactReactions { impulses, moments }: &ContactReactions| {
-        let motions = judge.motions_with(impulses, moments);
-        (judge.residual_with(impulses, moments, &motions), motions)
+    let StoppingCriteria { tol, target_residual, min_sweeps, max_sweeps, check_every, .. } = until;
+    let evaluated = |ContactReactions { impulses, moments }: &ContactReactions| {
+        let motions = evaluator.motions_with(impulses, moments);
+        (evaluator.residual_with(impulses, moments, &motions), motions)
     };
-    let mut best = judged(reactions);
-    let enough = |e: f64, sweeps: u64| e <= aim && (sweeps >= least_sweeps || e <= REST_TOLERANCE_SHARE * tol);
-    let solved = enough(best.0.value, *sweeps) && (check_every.is_none() || active.is_empty());
+    let mut best = evaluated(reactions);
+    let is_enough = |residual: f64, sweeps: u64| {
+        residual <= target_residual && (sweeps >= min_sweeps || residual <= REST_TOLERANCE_SHARE * tol)
+    };
+    let solved = is_enough(best.0.value, *sweeps) && (check_every.is_none() || active.is_empty());
     if solved || *sweeps >= max_sweeps {
         return best;
     }
@@ -99,50 +103,55 @@ fn iterate_sweeps(
         |residual: f64, sweeps: u64| if residual <= tol { max_sweeps.min(sweeps + MOMENTUM_CYCLE) } else { max_sweeps };
     let mut end = end_of(best.0.value, *sweeps);
     let pack = |reactions: &ContactReactions, motions: &[BodyMotion], single| {
-        let records = &judge.solver_bodies(motions);
-        pack_problem(&PackSource { system, active, reactions, records, width: judge.width }, single)
+        let records = &evaluator.solver_bodies(motions);
+        pack_problem(&PackSource { system, active, reactions, records, width: evaluator.width }, single)
     };
     let mut problem = pack(reactions, &best.1, single);
-    let mut laid = (*sweeps, best.0.value);
-    let turns = !system.rolling_constraints.is_empty();
+    // Number of sweeps and smallest residual when the problem was packed.
+    let mut packed_at = (*sweeps, best.0.value);
+    let has_moments = !system.rolling_constraints.is_empty();
     let frictional = system.has_friction(active);
     let mut momentum = SweepMomentum::new(frictional);
     let mut capped = false;
     let mut trial = reactions.clone();
-    // Computing the residual costs several sweeps. The change made by a sweep falls as the residual does: it shows when a
-    // check is worth while. `patience` bounds the wait where it misleads.
+    // Computing the residual costs several sweeps. The change made by a sweep falls as the residual does and shows when to
+    // compute it. `scale` is the ratio of the two at the last check; the number of sweeps since then is limited in case the
+    // ratio has changed.
     let mut scale = None;
-    let mut patience = 0;
+    let mut sweeps_since_check = 0;
     loop {
-        let swept = problem.sweep_contacts(judge.width, momentum.beta);
+        let swept = problem.sweep_contacts(evaluator.width, momentum.beta);
         momentum.update_after_sweep(swept.needs_restart, swept.change);
         activity::count_sweep();
         *sweeps += 1;
-        patience += 1;
+        sweeps_since_check += 1;
         if activity::is_stopped() {
             return best; // not used
         }
         let due = match check_every {
-            Some(block) => patience >= block,
-            None if *sweeps < least_sweeps => false,
-            None => scale.is_none_or(|scale| swept.change <= scale * aim) || patience > 20 + *sweeps / 10,
+            Some(block) => sweeps_since_check >= block,
+            None if *sweeps < min_sweeps => false,
+            None => {
+                scale.is_none_or(|scale| swept.change <= scale * target_residual)
+                    || sweeps_since_check > 20 + *sweeps / 10
+            }
         };
         if due || *sweeps >= end {
-            problem.read_back(judge.width, system, &mut trial);
-            let found = judged(&trial);
+            problem.read_back(evaluator.width, system, &mut trial);
+            let found = evaluated(&trial);
             let residual = found.0;
-            momentum.sliding = frictional && (turns || any_contact_slides(system, active, &trial.impulses));
+            momentum.sliding = frictional && (has_moments || any_contact_slides(system, active, &trial.impulses));
             capped |= momentum.sliding || frictional && residual.value >= best.0.value;
             momentum.frictional = capped;
             scale = Some(swept.change / residual.value);
-            patience = 0;
-            let lost = !momentum.sliding && residual.value > F32_DIVERGENCE * best.0.value;
-            if single && (lost || *sweeps >= laid.0 + F32_REBASE_SWEEPS) {
+            sweeps_since_check = 0;
+            let diverges = !momentum.sliding && residual.value > F32_DIVERGENCE * best.0.value;
+            if single && (diverges || *sweeps >= packed_at.0 + F32_REBASE_SWEEPS) {
                 let least = residual.value.min(best.0.value);
-                single = !lost && least < laid.1;
-                let (from, at) = if lost { (&*reactions, &best.1) } else { (&trial, &found.1) };
+                single = !diverges && least < packed_at.1;
+                let (from, at) = if diverges { (&*reactions, &best.1) } else { (&trial, &found.1) };
                 problem = pack(from, at, single);
-                laid = (*sweeps, least);
+                packed_at = (*sweeps, least);
                 if !single && !momentum.sliding {
                     (momentum, capped) = (SweepMomentum::new(frictional), false);
                 }
@@ -152,7 +161,7 @@ fn iterate_sweeps(
                 std::mem::swap(reactions, &mut trial);
             }
             end = end.min(end_of(residual.value, *sweeps));
-            if enough(residual.value, *sweeps) || *sweeps >= end {
+            if is_enough(residual.value, *sweeps) || *sweeps >= end {
                 return best;
             }
         }
@@ -161,12 +170,12 @@ fn iterate_sweeps(
 
 /// Whether the rows `active` are swept in single precision: for masses that do not differ too much, without moments.
 fn sweeps_in_f32(system: &ContactProblem, active: &[ContactId], until: StoppingCriteria) -> bool {
-    let asked = match until.precision {
+    let is_requested = match until.precision {
         SweepPrecision::Auto => active.len() >= MIN_F32_CONTACTS && until.target_residual >= MIN_F32_RESIDUAL,
         SweepPrecision::Single => true,
         SweepPrecision::Double => false,
     };
-    asked && system.rolling_constraints.is_empty() && {
+    is_requested && system.rolling_constraints.is_empty() && {
         let of_rows = active.iter().map(|&k| system.delassus_diagonal(k.index()).0);
         let (least, most) = of_rows.fold((f64::INFINITY, 0.0f64), |(least, most), w| (least.min(w), most.max(w)));
         most <= least * MAX_MASS_RATIO
@@ -178,7 +187,7 @@ fn any_contact_slides(system: &ContactProblem, active: &[ContactId], impulses: &
     active.par_iter().with_min_len(1024).any(|&k| {
         let (row, r) = (&system.rows[k.index()], &impulses[k.index()]);
         let normal = row.normal.dot(r);
-        // On the cone's side to rounding.
+        // On the side of its cone to rounding.
         row.friction > 0.0 && normal > 0.0 && (r - row.normal * normal).norm() >= row.friction * normal * (1.0 - 1e-12)
     })
 }

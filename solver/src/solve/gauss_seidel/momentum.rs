@@ -12,6 +12,7 @@
 /// momentum is reduced, then set to 0, and then restored. Without friction the problem is convex and needs no cap; with
 /// friction no cap is needed as long as no contact slides and E falls.
 const FRICTIONAL_CAPS: [(u64, f64); 3] = [(600, 0.8), (800, 0.5), (MOMENTUM_CYCLE, 0.0)];
+/// Number of sweeps in a round of caps.
 pub const MOMENTUM_CYCLE: u64 = 1000;
 
 /// Sweeps of the first two windows for the detection of cycling; each next window is half as long as all before: where the
@@ -21,15 +22,17 @@ const STAGNATION_WINDOW: u64 = 16;
 
 /// Momentum: share of the last sweep's change with which the next one starts.
 pub(super) struct SweepMomentum {
+    /// Nesterov's sequence t_0 = 1, t_k+1 = (1 + sqrt(1 + 4 t_k²))/2.
     t: f64,
+    /// Momentum beta = (t_k - 1)/t_k+1, at most the cap.
     pub(super) beta: f64,
     /// Whether the momentum is capped.
     pub(super) frictional: bool,
     /// Whether any contact slides. Without sliding the sweeps do not cycle, however slow they are.
     pub(super) sliding: bool,
-    /// Index of the sweep in the round and in its part.
+    /// Index of the sweep in the round, and in the present part of the round.
     position: u64,
-    since: u64,
+    part_position: u64,
     /// Begin and end of this window in its part of the round.
     window: [u64; 2],
     /// Sum of the changes in this window, and their mean in the one before it under the same cap.
@@ -46,14 +49,14 @@ impl SweepMomentum {
             frictional,
             sliding: frictional,
             position: 0,
-            since: 0,
+            part_position: 0,
             window,
             changes: 0.0,
             before: None,
         }
     }
 
-    /// Updates the momentum after a sweep that has made a `change` of this size.
+    /// Updates the momentum after a sweep whose changes of the impulses have the norm `change`, N s; restarts it if `uphill`.
     pub(super) fn update_after_sweep(&mut self, uphill: bool, change: f64) {
         if uphill {
             (self.t, self.beta) = (1.0, 0.0);
@@ -64,17 +67,17 @@ impl SweepMomentum {
         }
         let (end, _) = self.cycle_part();
         self.position += 1;
-        self.since += 1;
+        self.part_position += 1;
         self.changes += change;
         let [from, to] = self.window;
-        if self.since == to {
+        if self.part_position == to {
             let mean = std::mem::take(&mut self.changes) / (to - from) as f64;
-            let circles = self.sliding && self.before.is_some_and(|before| mean >= before);
-            self.position = if circles { end } else { self.position };
+            let cycles = self.sliding && self.before.is_some_and(|before| mean >= before);
+            self.position = if cycles { end } else { self.position };
             (self.window, self.before) = ([to, to + STAGNATION_WINDOW.max(to / 2)], Some(mean));
         }
         if self.position == end {
-            (self.position, self.since, self.window, self.changes, self.before) =
+            (self.position, self.part_position, self.window, self.changes, self.before) =
                 (end % MOMENTUM_CYCLE, 0, [0, STAGNATION_WINDOW], 0.0, None);
         }
     }
@@ -84,6 +87,7 @@ impl SweepMomentum {
         FRICTIONAL_CAPS.into_iter().find(|(end, _)| self.position < *end).unwrap_or((MOMENTUM_CYCLE, 0.0))
     }
 
+    /// Largest momentum of the next sweep.
     fn momentum_cap(&self) -> f64 {
         if self.frictional { self.cycle_part().1 } else { 1.0 }
     }
@@ -105,19 +109,19 @@ mod tests {
     }
 
     #[test]
-    fn sweeps_in_circles_lose_their_momentum_and_others_keep_it() {
+    fn sweeps_that_cycle_lose_their_momentum_and_others_keep_it() {
         let falls = carried(true, 2000, |k| 0.999f64.powi(k as i32));
-        let circles = carried(true, 200, |k| 1.0 + (k % 4) as f64);
+        let cycles = carried(true, 200, |k| 1.0 + (k % 4) as f64);
         // An oscillation with a period of two windows of 16 sweeps is larger than the decrease from one window to the next.
         let slow = carried(true, 601, |k| 0.999f64.powi(k as i32) * (1.0 + 0.05 * (k as f64 * 0.2).cos()));
-        let ends: Vec<usize> = (1..200).filter(|&k| circles[k] != circles[k - 1] && k > 20).collect();
+        let ends: Vec<usize> = (1..200).filter(|&k| cycles[k] != cycles[k - 1] && k > 20).collect();
         assert_eq!(falls[599..=600], [0.8, 0.5]);
         assert_eq!(falls[799..=800], [0.5, 0.0]);
         assert_eq!(slow[599..=600], [0.8, 0.5]);
         assert_eq!(falls[999..=1000], [0.0, 0.8]);
         // Two windows detect a cycle; the momentum is then reduced.
         assert_eq!(ends, [32, 64, 96, 128, 160, 192]);
-        assert_eq!([32, 64, 96].map(|k| circles[k]), [0.5, 0.0, 0.8]);
+        assert_eq!([32, 64, 96].map(|k| cycles[k]), [0.5, 0.0, 0.8]);
         // Without friction there is no cap that could change the momentum.
         assert!(carried(false, 200, |_| 1.0)[199] > 0.98);
     }

@@ -10,7 +10,7 @@ use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, triple};
 use crate::solve::types::ContactReactions;
 use crate::state::ContactId;
 
-/// Contacts in a batch.
+/// Number of contacts in a batch.
 pub const BATCH_LANES: usize = 16;
 
 /// Approximate number of bytes that stay in the L2 cache from one sweep to the next; larger problems are prefetched.
@@ -54,11 +54,14 @@ pub struct PackSource<'a> {
 /// Sums over the contacts of a sweep, by lane of the batch, so that their order is the same at all widths.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SweepSums<T = f64> {
+    /// Sums of w_n (y - r).(r - r_before), see [`SweepStats::needs_restart`].
     pub restart_product: [T; BATCH_LANES],
+    /// Sums of |r - y|².
     pub change2: [T; BATCH_LANES],
 }
 
 impl<T: LaneFloat> SweepSums<T> {
+    /// Adds other sums, lane by lane.
     pub fn accumulate(&mut self, other: &Self) {
         for lane in 0..BATCH_LANES {
             self.restart_product[lane] = self.restart_product[lane] + other.restart_product[lane];
@@ -115,6 +118,7 @@ pub struct SweepUnits {
 }
 
 impl SweepUnits {
+    /// SI units, of sweeps in double precision.
     pub const SI: SweepUnits = SweepUnits { velocity: 1.0, impulse: 1.0 };
 
     /// Units for sweeps in precision `T`.
@@ -148,13 +152,17 @@ fn power_of_two(x: f64) -> f64 {
 /// Normals and friction of the contacts of a batch, in double precision for any precision of the sweeps.
 #[derive(Debug, Clone, Copy)]
 pub struct FrictionCones {
+    /// Unit normals, world frame; 0 in unused lanes.
     pub n: [[f64; BATCH_LANES]; 3],
+    /// Coefficients mu.
     pub friction: [f64; BATCH_LANES],
 }
 
 impl FrictionCones {
+    /// Cones of no contacts.
     pub const NONE: Self = FrictionCones { n: [[0.0; BATCH_LANES]; 3], friction: [0.0; BATCH_LANES] };
 
+    /// Sets the cone of `row` in a lane.
     pub fn set_lane(&mut self, lane: usize, row: &ContactConstraint) {
         set_lane(&mut self.n, lane, &row.normal);
         self.friction[lane] = row.friction;
@@ -164,8 +172,8 @@ impl FrictionCones {
 /// Rounding of an impulse in single precision over its normal part: some units in the last place of each component.
 const F32_ROUNDING: f64 = 1e-6;
 
-/// Converts impulses of single precision: those on the side of their cone to the rounding of single precision are moved onto
-/// it to that of double precision.
+/// Moves the impulses `r` that are on the side of their cone up to the rounding of single precision onto the side up to that
+/// of double precision.
 pub fn snap_to_cones(width: SimdWidth, cones: &FrictionCones, r: &mut [[f64; BATCH_LANES]; 3]) {
     width.run(SnapToCones { cones, r });
 }

@@ -18,8 +18,9 @@ use crate::state::ContactId;
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub struct RollingConstraintWide<T = f64> {
+    /// Shift of the relative angular velocity, rad/s.
     shift: [[T; BATCH_LANES]; 3],
-    /// Inverse of W_r; 0 for contacts without resistance, as all other data.
+    /// Inverse of W_r, kg m²; 0 for contacts without resistance, as all other data.
     inverse_w: [T; BATCH_LANES],
     /// Largest moment over the normal impulse against rolling and against spinning, m.
     rolling: [T; BATCH_LANES],
@@ -32,6 +33,7 @@ pub struct RollingConstraintWide<T = f64> {
 }
 
 impl<T: LaneFloat> RollingConstraintWide<T> {
+    /// Sixteen contacts without resistance.
     pub const NONE: Self = RollingConstraintWide {
         shift: [[T::ZERO; BATCH_LANES]; 3],
         inverse_w: [T::ZERO; BATCH_LANES],
@@ -45,21 +47,21 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
     /// Sets the resistance of row `k` in a lane, if the row has one, with its initial moment.
     #[inline(never)] // so that its cost in scenes can be counted
     pub fn set_lane(&mut self, lane: usize, system: &ContactProblem, k: ContactId, moments: &[Vec3]) {
-        let Ok(place) = system.rolling_constraints.binary_search_by_key(&k, |roll| roll.row) else { return };
-        let (roll, m) = (&system.rolling_constraints[place], &moments[place]);
+        let Ok(index) = system.rolling_constraints.binary_search_by_key(&k, |roll| roll.row) else { return };
+        let (roll, m) = (&system.rolling_constraints[index], &moments[index]);
         set_lane(&mut self.shift, lane, &roll.shift);
         self.inverse_w[lane] = T::from_f64(roll.inverse_w);
         self.rolling[lane] = T::from_f64(roll.rolling * roll.radius);
         self.spinning[lane] = T::from_f64(roll.spinning * roll.radius);
         set_lane(&mut self.m, lane, m);
         set_lane(&mut self.previous, lane, m);
-        self.indices[lane] = place as u32;
+        self.indices[lane] = index as u32;
     }
 
     /// Copies the moments into `moments`, one per rolling constraint of the system.
     pub fn read_back(&self, moments: &mut [Vec3]) {
-        for (lane, &place) in self.indices.iter().enumerate().filter(|(_, place)| **place != NONE) {
-            moments[place as usize] = Vec3::from(self.m.map(|m| m[lane].to_f64()));
+        for (lane, &index) in self.indices.iter().enumerate().filter(|(_, index)| **index != NONE) {
+            moments[index as usize] = Vec3::from(self.m.map(|m| m[lane].to_f64()));
         }
     }
 

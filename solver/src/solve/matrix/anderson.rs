@@ -7,12 +7,14 @@ use super::types::LocalVector;
 /// Anderson's acceleration of x -> g(x). From the residuals f = g - x of the last iterates the next iterate is g - dG y, with
 /// y the least squares solution of dF y = f, d the differences between consecutive iterates.
 pub struct AndersonAcceleration {
+    /// Length of the history.
     depth: usize,
     /// Differences of f and of g, a ring of `depth` entries.
     df: Vec<Vec<f64>>,
     dg: Vec<Vec<f64>>,
     /// Gram matrix dF' dF.
     gram: Vec<Vec<f64>>,
+    /// f and g of the last iterate.
     f: Vec<f64>,
     g: Vec<f64>,
     /// Number of iterates since the last restart.
@@ -25,6 +27,7 @@ pub struct AndersonAcceleration {
 const MAX_RESIDUAL_GROWTH: f64 = 1.5;
 
 impl AndersonAcceleration {
+    /// Acceleration with a history of `depth` differences, none if 0, for `n` numbers.
     pub fn new(depth: usize, n: usize) -> Self {
         let ring = || vec![vec![0.0; n]; depth];
         let (f, g) = (vec![0.0; n], vec![0.0; n]);

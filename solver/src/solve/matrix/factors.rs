@@ -80,28 +80,28 @@ impl LuFactors {
         let mut entries_of = vec![Vec::new(); fronts.len()];
         entries.iter().for_each(|entry| entries_of[front_of[entry.0].min(front_of[entry.1])].push(entry));
         let mut remains: Vec<Vec<(usize, Vec<f64>)>> = vec![Vec::new(); fronts.len()];
-        let mut place = vec![0; count];
+        let mut first_row = vec![0; count];
         let mut a = Vec::new();
         for k in 0..fronts.len() {
             let front = &mut fronts[k];
             let (own, size) = front.row_counts();
             let stride = column_stride(size);
-            front.own.iter().chain(&front.later).enumerate().for_each(|(at, &i)| place[i as usize] = 3 * at);
+            front.own.iter().chain(&front.later).enumerate().for_each(|(at, &i)| first_row[i as usize] = 3 * at);
             a.clear();
             a.resize(stride * size, 0.0);
             for (i, j, block) in entries_of[k].drain(..) {
                 for (row, values) in block.iter().enumerate() {
                     for (column, value) in values.iter().enumerate() {
-                        a[(place[*j] + column) * stride + place[*i] + row] += value;
+                        a[(first_row[*j] + column) * stride + first_row[*i] + row] += value;
                     }
                 }
             }
             for (child, left) in std::mem::take(&mut remains[k]) {
                 let later = &fronts[child].later;
                 for (column, values) in left.chunks_exact(3 * later.len()).enumerate() {
-                    let to = (place[later[column / 3] as usize] + column % 3) * stride;
+                    let to = (first_row[later[column / 3] as usize] + column % 3) * stride;
                     for (values, &i) in values.chunks_exact(3).zip(later) {
-                        let to = &mut a[to + place[i as usize]..][..3];
+                        let to = &mut a[to + first_row[i as usize]..][..3];
                         to.iter_mut().zip(values).for_each(|(to, value)| *to += value);
                     }
                 }
@@ -170,23 +170,23 @@ fn elimination_fronts(count: usize, entries: &[BlockEntry]) -> Vec<FrontalMatrix
     let mut fronts: Vec<(Vec<u32>, f64)> = Vec::new();
     for k in 0..count {
         seen[k] = k;
-        let mut felt = Vec::new();
+        let mut coupled = Vec::new();
         let near = neighbours[starts[order[k]]..starts[order[k] + 1]].iter().map(|&j| rank[j] as u32);
         let from = children[k].iter().flat_map(|&child| later[child as usize].iter().copied());
         for j in near.filter(|&j| j as usize > k).chain(from) {
             if seen[j as usize] != k {
                 seen[j as usize] = k;
-                felt.push(j);
+                coupled.push(j);
             }
         }
-        if let Some(&next) = felt.iter().min() {
+        if let Some(&next) = coupled.iter().min() {
             children[next as usize].push(k as u32);
         }
         let joined = children[k].iter().map(|&child| child as usize).max_by_key(|&child| later[child].len());
         let front = joined.map(|child| (front_of[child], later[child].len())).and_then(|(front, before)| {
             let (own, zeros) = &fronts[front];
-            let zeros = zeros + (own.len() * (felt.len() + 1 - before)) as f64;
-            let all = ((own.len() + 1) * (felt.len() + 1 + own.len() / 2)) as f64;
+            let zeros = zeros + (own.len() * (coupled.len() + 1 - before)) as f64;
+            let all = ((own.len() + 1) * (coupled.len() + 1 + own.len() / 2)) as f64;
             (zeros <= MAX_FRONT_ZEROS * all).then_some((front, zeros))
         });
         match front {
@@ -200,7 +200,7 @@ fn elimination_fronts(count: usize, entries: &[BlockEntry]) -> Vec<FrontalMatrix
                 fronts.push((vec![k as u32], 0.0));
             }
         }
-        later.push(felt);
+        later.push(coupled);
     }
     fronts.sort_unstable_by_key(|(own, _)| own.last().copied());
     let contacts = |ranks: &[u32]| ranks.iter().map(|&k| order[k as usize] as u32).collect();

@@ -39,10 +39,11 @@ pub fn interior_point(run: &mut SolverRun, steps: u64) {
     let mut x = vec![[middle, 0.0, 0.0]; sizes.len()];
     let mut y = x.clone();
     let end = run.sweeps.saturating_add(steps);
-    let mut least = vec![f64::INFINITY];
+    let mut smallest_residuals = vec![f64::INFINITY];
     while !run.is_over() && run.sweeps < end {
-        let before = least.len().saturating_sub(STALL_STEPS);
-        if least[least.len() - 1] > STALL_REDUCTION * least[before] && before > 0 {
+        let before = smallest_residuals.len().saturating_sub(STALL_STEPS);
+        if smallest_residuals[smallest_residuals.len() - 1] > STALL_REDUCTION * smallest_residuals[before] && before > 0
+        {
             break;
         }
         run.count_pass(run.problem.newton_cost());
@@ -55,7 +56,7 @@ pub fn interior_point(run: &mut SolverRun, steps: u64) {
         advance_iterate(&mut y, &dy, share);
         let r: Vec<LocalVector> = x.iter().zip(&sizes).map(|(x, size)| apply_cone_scaling(*size, *x)).collect();
         let residual = run.record_iterate(&scaled.impulses_out(&r));
-        least.push(residual.min(least[least.len() - 1]));
+        smallest_residuals.push(residual.min(smallest_residuals[smallest_residuals.len() - 1]));
     }
     let best = run.best.0.clone();
     prox_newton(run, &best, end.saturating_sub(run.sweeps));
@@ -141,6 +142,7 @@ fn duality_gap(x: &[LocalVector], y: &[LocalVector], dx: &[LocalVector], dy: &[L
     (0..x.len()).map(|i| dot_product(&at(&x[i], &dx[i]), &at(&y[i], &dy[i]))).sum::<f64>() / x.len() as f64
 }
 
+/// Adds a share of the step `d` to `v`.
 fn advance_iterate(v: &mut [LocalVector], d: &[LocalVector], share: f64) {
     v.as_flattened_mut().iter_mut().zip(d.as_flattened()).for_each(|(v, d)| *v += share * d);
 }
@@ -218,6 +220,7 @@ impl NesterovToddScaling {
         [(along * n - u[0]) / self.beta, (u[1] - along * s) / self.beta, (u[2] - along * t) / self.beta]
     }
 
+    /// Matrix T².
     fn squared_matrix(&self) -> MatrixBlock {
         let factor = self.beta * self.beta;
         std::array::from_fn(|k| {
@@ -248,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn scaling_makes_the_two_one() {
+    fn scaling_maps_both_points_to_one() {
         let scaling = NesterovToddScaling::new(&X, &Y).unwrap();
         let point = scaling.apply_scaling(&X);
         close(&point, &scaling.apply_inverse_scaling(&Y));
@@ -260,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn the_way_ends_on_the_side_of_a_cone() {
+    fn the_longest_step_ends_on_the_side_of_a_cone() {
         for d in [[-1.0, 0.0, 0.0], [0.0, 3.0, 0.1], [1.0, 5.0, 0.0], X.map(|c| -0.3 * c)] {
             let share = max_step_share(&[X], &[d]);
             let end: LocalVector = std::array::from_fn(|k| X[k] + share * d[k]);

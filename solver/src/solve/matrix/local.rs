@@ -15,11 +15,14 @@ use super::types::{LocalVector, MatrixBlock};
 /// k], [-k, b]] with a >= b: there is no cancellation if b is 0.
 #[derive(Debug, Clone, Copy)]
 pub struct LocalSolver {
+    /// 1/W_nn, kg.
     inverse_nn: f64,
+    /// c and d along the axes, dimensionless.
     c: [f64; 2],
     d: [f64; 2],
-    /// The first axis.
+    /// First axis, cosine and sine of its angle to t1.
     axis: [f64; 2],
+    /// Numbers of S on its axes, 1/kg.
     a: f64,
     b: f64,
     k: f64,

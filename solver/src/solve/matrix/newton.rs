@@ -32,7 +32,7 @@ pub fn prox_newton(run: &mut SolverRun, start: &[LocalVector], steps: u64) {
     let mut x = scaled.impulses_in(start);
     let mut anderson = AndersonAcceleration::new(ANDERSON_DEPTH, 3 * x.len());
     let mut a = INITIAL_PROXIMAL;
-    let mut wins = 0;
+    let mut successes = 0;
     let end = run.sweeps.saturating_add(steps);
     while !run.is_over() && run.sweeps < end && a <= PROXIMAL_RANGE.1 {
         let before = run.sweeps;
@@ -56,15 +56,15 @@ pub fn prox_newton(run: &mut SolverRun, start: &[LocalVector], steps: u64) {
         let g = std::mem::take(&mut state.r);
         if solved {
             anderson.next_iterate(&mut x, &g);
-            wins += 1;
-            if run.sweeps - before <= 3 && wins >= 4 {
+            successes += 1;
+            if run.sweeps - before <= 3 && successes >= 4 {
                 a = (a * 0.2).max(PROXIMAL_RANGE.0);
-                wins = 0;
+                successes = 0;
                 anderson.clear_history();
             }
         } else {
             a *= 10.0;
-            wins = 0;
+            successes = 0;
             anderson.clear_history();
         }
     }
@@ -73,7 +73,9 @@ pub fn prox_newton(run: &mut SolverRun, start: &[LocalVector], steps: u64) {
 /// Iterate with the data of Newton's method.
 struct NewtonIterate<'a> {
     scaled: &'a ScaledProblem,
+    /// Iterate r_k of the outer loop.
     center: &'a [LocalVector],
+    /// Proximal parameter.
     a: f64,
     r: Vec<LocalVector>,
     tau: Vec<LocalVector>,
@@ -81,6 +83,7 @@ struct NewtonIterate<'a> {
 }
 
 impl<'a> NewtonIterate<'a> {
+    /// Evaluates tau and Phi at `r`.
     fn new(scaled: &'a ScaledProblem, r: &[LocalVector], center: &'a [LocalVector], a: f64) -> Self {
         let u = scaled.relative_velocities(r);
         let tau: Vec<LocalVector> =
@@ -101,9 +104,10 @@ impl<'a> NewtonIterate<'a> {
     fn newton_step(&self) -> Option<Vec<LocalVector>> {
         // Contacts that part have r = 0 after the step and leave the system.
         let closed: Vec<usize> = (0..self.r.len()).filter(|&i| self.tau[i][0] > 0.0).collect();
-        let mut place = vec![usize::MAX; self.r.len()];
-        closed.iter().enumerate().for_each(|(k, &i)| place[i] = k);
-        let mut j: Vec<BlockEntry> = Vec::new();
+        // Index of each contact in the system.
+        let mut index = vec![usize::MAX; self.r.len()];
+        closed.iter().enumerate().for_each(|(k, &i)| index[i] = k);
+        let mut jacobian: Vec<BlockEntry> = Vec::new();
         let mut right = vec![[0.0; 3]; closed.len()];
         for (row, &i) in closed.iter().enumerate() {
             let [n, t1, t2] = self.tau[i];
@@ -131,7 +135,7 @@ impl<'a> NewtonIterate<'a> {
                 }
                 let mut block: MatrixBlock =
                     std::array::from_fn(|k| std::array::from_fn(|l| (0..3).map(|m| to_u[k][m] * w[m][l]).sum()));
-                if place[column] == usize::MAX {
+                if index[column] == usize::MAX {
                     let r = self.r[column];
                     (0..3).for_each(|k| right[row][k] += (0..3).map(|l| block[k][l] * r[l]).sum::<f64>());
                     continue;
@@ -139,12 +143,12 @@ impl<'a> NewtonIterate<'a> {
                 if column == i {
                     (0..9).for_each(|k| block.as_flattened_mut()[k] += to_r.as_flattened()[k]);
                 }
-                j.push((row, place[column], block));
+                jacobian.push((row, index[column], block));
             }
         }
-        let solution = LuFactors::new(closed.len(), &j)?.solve(&right);
+        let solution = LuFactors::new(closed.len(), &jacobian)?.solve(&right);
         let step: Vec<LocalVector> = (0..self.r.len())
-            .map(|i| match place[i] {
+            .map(|i| match index[i] {
                 usize::MAX => self.r[i].map(|x| -x),
                 k => solution[k],
             })
@@ -152,6 +156,7 @@ impl<'a> NewtonIterate<'a> {
         step.as_flattened().iter().all(|x| x.is_finite()).then_some(step)
     }
 
+    /// Iterate after the given share of a step.
     fn advanced_by(&self, step: &[LocalVector], share: f64) -> Self {
         let r: Vec<LocalVector> =
             self.r.iter().zip(step).map(|(r, d)| std::array::from_fn(|k| r[k] + share * d[k])).collect();

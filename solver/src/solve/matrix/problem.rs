@@ -71,8 +71,8 @@ impl MatrixProblem {
 
     /// Columns and blocks of row `i`.
     pub fn row_blocks(&self, i: usize) -> impl Iterator<Item = (usize, &MatrixBlock)> {
-        let place = self.starts[i]..self.starts[i + 1];
-        self.columns[place.clone()].iter().map(|&j| j as usize).zip(&self.blocks[place])
+        let range = self.starts[i]..self.starts[i + 1];
+        self.columns[range.clone()].iter().map(|&j| j as usize).zip(&self.blocks[range])
     }
 
     /// Relative velocities u = W r + q.
@@ -111,6 +111,7 @@ pub fn newton_cost(contacts: usize) -> f64 {
     step_cost(contacts, BLOCKS_PER_CONTACT * contacts)
 }
 
+/// Cost of one Newton step with this number of blocks of W.
 fn step_cost(contacts: usize, blocks: usize) -> f64 {
     5e4 + factor_cost(3 * contacts, 9 * blocks)
 }

@@ -23,12 +23,16 @@ pub(super) struct SolverRun<'a> {
     pub problem: &'a MatrixProblem,
     pub limits: SolverLimits,
     pub start: Instant,
+    /// Number of passes over the contacts.
     pub sweeps: u64,
+    /// Total cost, see [`super::newton_cost`].
     pub cost: f64,
+    /// Best impulses and their residual.
     pub best: (Vec<LocalVector>, f64),
 }
 
 impl<'a> SolverRun<'a> {
+    /// Run from zero impulses.
     pub fn new(problem: &'a MatrixProblem, limits: SolverLimits) -> Self {
         let r = vec![[0.0; 3]; problem.len()];
         let residual = residual(problem, &r);
@@ -52,6 +56,7 @@ impl<'a> SolverRun<'a> {
         self.cost += cost;
     }
 
+    /// Whether the tolerance or a limit is reached, or the program was requested to stop.
     pub fn is_over(&self) -> bool {
         activity::is_stopped()
             || self.best.1 <= self.limits.tol

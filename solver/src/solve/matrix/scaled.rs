@@ -7,11 +7,14 @@ use super::types::{LocalVector, MatrixBlock};
 /// the cones.
 pub struct ScaledProblem {
     problem: MatrixProblem,
+    /// Factor s_i of each contact, kg^1/2.
     pub s: Vec<f64>,
+    /// Friction of each contact.
     pub mu: Vec<f64>,
 }
 
 impl ScaledProblem {
+    /// Scales a problem.
     pub fn new(problem: &MatrixProblem) -> Self {
         let s: Vec<f64> = problem
             .diagonal_blocks()
@@ -44,10 +47,12 @@ impl ScaledProblem {
         self.problem.relative_velocities(r)
     }
 
+    /// Scaled relative velocity of contact `i` without impulses.
     pub fn q(&self, i: usize) -> LocalVector {
         self.problem.q[i]
     }
 
+    /// Columns and scaled blocks of row `i`.
     pub fn row_blocks(&self, i: usize) -> impl Iterator<Item = (usize, &MatrixBlock)> {
         self.problem.row_blocks(i)
     }

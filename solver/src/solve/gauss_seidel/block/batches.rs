@@ -113,6 +113,7 @@ pub struct FrictionalPoint<T> {
     pub arms: [[BatchColumn<T>; 3]; 2],
     /// û = u + shift, along the axes, m/s.
     pub shift: [BatchColumn<T>; 3],
+    /// Numbers of [`LocalBlock`](crate::solve::gauss_seidel::block::local::LocalBlock).
     pub inverse_nn: BatchColumn<T>,
     pub c: [BatchColumn<T>; 2],
     pub s: [BatchColumn<T>; 2],
@@ -144,6 +145,7 @@ pub struct FrictionlessPoint<T> {
     pub answers: [[BatchColumn<T>; 3]; 2],
     /// û = u + shift, along the normal, m/s.
     pub shift: BatchColumn<T>,
+    /// 1/W_nn, kg.
     pub inverse_nn: BatchColumn<T>,
     /// W_nn, 1/kg.
     pub weight: BatchColumn<T>,
@@ -294,6 +296,7 @@ impl<C: PairContacts> BlockProblem<C> {
     }
 }
 
+/// Groups consecutive rows of the same two bodies, at most [`MAX_PAIR_CONTACTS`] in a group.
 fn group_into_pairs(system: &ContactProblem, active: &[ContactId], partition: &BodyPartition) -> Vec<PairConstraints> {
     let mut pairs: Vec<PairConstraints> = Vec::new();
     for (&k, &ranks) in active.iter().zip(&partition.pairs) {
@@ -326,7 +329,7 @@ impl<C: PairContacts> PairBatches<C> {
     fn push_batch(&mut self, full: &BlockData, pairs: &[PairConstraints], members: &[u32], unused: u32) {
         let first = self.rows.len();
         let mut bodies = members.iter().flat_map(|&k| pairs[k as usize].bodies);
-        let held = bodies.any(|body| full.has_locked_axes(body.index()));
+        let has_locked_axes = bodies.any(|body| full.has_locked_axes(body.index()));
         let most = members.iter().map(|&k| pairs[k as usize].rows.len()).max().unwrap_or(0);
         self.rows.resize(first + most, [NONE; BATCH_LANES]);
         let has_lever =
@@ -335,7 +338,7 @@ impl<C: PairContacts> PairBatches<C> {
         let mut batch = BodyPairBatch {
             bodies: [[unused; BATCH_LANES]; 2],
             points: [first, first + most],
-            has_locked_axes: held,
+            has_locked_axes,
             levers,
         };
         for (lane, &k) in members.iter().enumerate() {

@@ -17,10 +17,12 @@ use crate::solve::gauss_seidel::vector::{cross_add, dot_product, triple};
 pub struct LocalBlock<V> {
     /// Inverse of W_nn, kg.
     pub inverse_nn: V,
+    /// c = W_nT/W_nn, dimensionless.
     pub c: [V; 2],
     /// s1, s2, 1/kg, at least `MIN_TANGENT_SHARE` of w_nn; and their inverses, kg.
     pub s: [V; 2],
     pub inverse_s: [V; 2],
+    /// Coefficient mu.
     pub friction: V,
 }
 
@@ -51,6 +53,7 @@ impl BodySide<f64> {
     }
 }
 
+/// Components of a symmetric matrix, from its upper triangle.
 pub fn symmetric_components(m: &Matrix3<f64>) -> Symmetric<f64> {
     [m.m11, m.m12, m.m13, m.m22, m.m23, m.m33]
 }
@@ -62,6 +65,7 @@ pub fn delassus_block<L: Arithmetic>(l: L, [a, b]: [BodySide<L::V>; 2]) -> Symme
     [l.add(a[0], b[0]), l.add(a[1], b[1]), l.add(a[2], b[2]), l.add(a[3], b[3]), l.add(a[4], b[4]), l.add(a[5], b[5])]
 }
 
+/// Part of one body in [`delassus_block`].
 #[inline(always)]
 fn side_block<L: Arithmetic>(l: L, side: BodySide<L::V>) -> Symmetric<L::V> {
     let BodySide { arm: [x, y, z], inverse_mass, inverse_inertia: [xx, xy, xz, yy, yz, zz] } = side;
@@ -123,6 +127,7 @@ fn difference_of_products<L: Arithmetic>(l: L, a: [L::V; 2], b: [L::V; 2]) -> L:
     l.neg_mul_add(b[0], b[1], l.mul(a[0], a[1]))
 }
 
+/// Product of a symmetric matrix with a vector.
 #[inline(always)]
 fn symmetric_product<L: Arithmetic>(l: L, [xx, xy, xz, yy, yz, zz]: Symmetric<L::V>, v: [L::V; 3]) -> [L::V; 3] {
     [dot_product(l, [xx, xy, xz], v), dot_product(l, [xy, yy, yz], v), dot_product(l, [xz, yz, zz], v)]
@@ -200,6 +205,7 @@ pub fn solve_contact_block(w: Symmetric<f64>, normal: Vec3, friction: f64, u: &V
     axes[0] * new[0] + axes[1] * new[1] + axes[2] * new[2]
 }
 
+/// Matrix of the six components of a symmetric one.
 pub fn full_matrix([xx, xy, xz, yy, yz, zz]: Symmetric<f64>) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }

@@ -50,13 +50,13 @@ impl<C: PairSweepKernel> ProblemSweep<'_, C> {
         let ProblemSweep { problem, beta } = self;
         let BlockProblem { units, lines, previous, inertia, ranges, between } = problem;
         let points = between.points.len() + ranges.iter().map(|range| range.inside.points.len()).sum::<usize>();
-        let far = points * size_of::<(C, C::Impulses)>() > L2_BYTES;
+        let exceeds_l2 = points * size_of::<(C, C::Impulses)>() > L2_BYTES;
         std::mem::swap(lines, previous);
-        sweep_ranges(ranges, lines, previous, inertia, lanes, (beta, far));
+        sweep_ranges(ranges, lines, previous, inertia, lanes, (beta, exceeds_l2));
         let mut sums = SweepSums::default();
         ranges.iter().for_each(|range| sums.accumulate(&range.sums));
         let mut last = SweepSums::default();
-        lanes.run(SweepBatches { lanes, lines, inertia, batches: between, beta, exceeds_l2: far, sums: &mut last });
+        lanes.run(SweepBatches { lanes, lines, inertia, batches: between, beta, exceeds_l2, sums: &mut last });
         sums.accumulate(&last);
         sums.reduce(*units)
     }
@@ -69,14 +69,14 @@ fn sweep_ranges<L: Arithmetic, C: PairSweepKernel<T = L::T>>(
     previous: &[BodyNumbers<L::T>],
     inertia: &[BodyNumbers<L::T>],
     lanes: L,
-    (beta, far): (f64, bool),
+    (beta, exceeds_l2): (f64, bool),
 ) {
     if let [range] = ranges {
         let (numbers, last) = (lines.as_flattened_mut(), previous.as_flattened());
         lanes.run(ApplyMomentum { l: lanes, numbers, last, beta });
         range.sums = SweepSums::default();
         let batches = &mut range.inside;
-        lanes.run(SweepBatches { lanes, lines, inertia, batches, beta, exceeds_l2: far, sums: &mut range.sums });
+        lanes.run(SweepBatches { lanes, lines, inertia, batches, beta, exceeds_l2, sums: &mut range.sums });
         return;
     }
     let (left, right) = ranges.split_at_mut(ranges.len() / 2);
@@ -85,8 +85,8 @@ fn sweep_ranges<L: Arithmetic, C: PairSweepKernel<T = L::T>>(
     let (previous_left, previous_right) = previous.split_at(cut);
     let (inertia_left, inertia_right) = inertia.split_at(cut);
     rayon::join(
-        || sweep_ranges(left, lines_left, previous_left, inertia_left, lanes, (beta, far)),
-        || sweep_ranges(right, lines_right, previous_right, inertia_right, lanes, (beta, far)),
+        || sweep_ranges(left, lines_left, previous_left, inertia_left, lanes, (beta, exceeds_l2)),
+        || sweep_ranges(right, lines_right, previous_right, inertia_right, lanes, (beta, exceeds_l2)),
     );
 }
 
@@ -105,7 +105,7 @@ impl<L: Arithmetic, C: PairSweepKernel<T = L::T>> NullaryFnOnce for SweepBatches
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let SweepBatches { lanes, lines, inertia, batches, beta, exceeds_l2: far, sums } = self;
+        let SweepBatches { lanes, lines, inertia, batches, beta, exceeds_l2, sums } = self;
         let PairBatches { batches, points, impulses, rolls, levers, .. } = batches;
         for batch in batches.iter() {
             let [first, end] = batch.points;
@@ -116,7 +116,7 @@ impl<L: Arithmetic, C: PairSweepKernel<T = L::T>> NullaryFnOnce for SweepBatches
                 let rolls = rolls.get_mut(first..end).unwrap_or_default();
                 let levers = if batch.levers { &levers[first..end] } else { &[] };
                 let pairs = PairLanes { batch, points, impulses, later, rolls, levers, from };
-                match (batch.has_locked_axes, far) {
+                match (batch.has_locked_axes, exceeds_l2) {
                     (true, true) => solve_pairs::<true, true, _, _>(lanes, lines, inertia, pairs, beta, sums),
                     (true, false) => solve_pairs::<true, false, _, _>(lanes, lines, inertia, pairs, beta, sums),
                     (false, true) => solve_pairs::<false, true, _, _>(lanes, lines, inertia, pairs, beta, sums),
@@ -159,7 +159,7 @@ pub trait PairSweepKernel: PairContacts {
         from: usize,
         beta: L::V,
         pair: &mut PairVelocities<L::V>,
-        moved: &mut LaneSums<L::V>,
+        sums_of_lanes: &mut LaneSums<L::V>,
     );
 
     /// Normals, world frame, and r̂_n, N s, of the contacts from lane `from` on.
@@ -197,7 +197,7 @@ impl<T: LaneFloat> PairSweepKernel for FrictionalPoint<T> {
         from: usize,
         beta: L::V,
         pair: &mut PairVelocities<L::V>,
-        moved: &mut LaneSums<L::V>,
+        sums_of_lanes: &mut LaneSums<L::V>,
     ) {
         let PairVelocities { va, wa, vb, wb, inverse_mass, free_axes: pushed, inertia } = pair;
         let axes = [
@@ -244,10 +244,13 @@ impl<T: LaneFloat> PairSweepKernel for FrictionalPoint<T> {
         *vb = triple!(k => l.neg_mul_add(to_b[k], inverse_mass[1], vb[k]));
         *wa = apply_inverse_inertia(l, inertia[0], cross_add(l, arm_a, world, couple_a), *wa);
         *wb = apply_inverse_inertia(l, inertia[1], cross_add(l, world, arm_b, couple_b), *wb);
-        let way = triple!(k => l.sub(new[k], r[k]));
-        moved.restart_product =
-            l.neg_mul_add(load_column(l, from, &self.weight), dot_product(l, change, way), moved.restart_product);
-        moved.change2 = l.add(dot_product(l, change, change), moved.change2);
+        let change_of_r = triple!(k => l.sub(new[k], r[k]));
+        sums_of_lanes.restart_product = l.neg_mul_add(
+            load_column(l, from, &self.weight),
+            dot_product(l, change, change_of_r),
+            sums_of_lanes.restart_product,
+        );
+        sums_of_lanes.change2 = l.add(dot_product(l, change, change), sums_of_lanes.change2);
     }
 
     #[inline(always)]
@@ -271,7 +274,7 @@ impl<T: LaneFloat> PairSweepKernel for FrictionlessPoint<T> {
         from: usize,
         beta: L::V,
         pair: &mut PairVelocities<L::V>,
-        moved: &mut LaneSums<L::V>,
+        sums_of_lanes: &mut LaneSums<L::V>,
     ) {
         let PairVelocities { va, wa, vb, wb, inverse_mass, free_axes: pushed, .. } = pair;
         let n = load_vector(l, from, &self.normal);
@@ -295,9 +298,12 @@ impl<T: LaneFloat> PairSweepKernel for FrictionlessPoint<T> {
         *vb = triple!(k => l.neg_mul_add(to_b[k], push_b, vb[k]));
         *wa = triple!(k => l.mul_add(load_column(l, from, &self.answers[0][k]), change, wa[k]));
         *wb = triple!(k => l.neg_mul_add(load_column(l, from, &self.answers[1][k]), change, wb[k]));
-        moved.restart_product =
-            l.neg_mul_add(l.mul(load_column(l, from, &self.weight), change), l.sub(new, r), moved.restart_product);
-        moved.change2 = l.mul_add(change, change, moved.change2);
+        sums_of_lanes.restart_product = l.neg_mul_add(
+            l.mul(load_column(l, from, &self.weight), change),
+            l.sub(new, r),
+            sums_of_lanes.restart_product,
+        );
+        sums_of_lanes.change2 = l.mul_add(change, change, sums_of_lanes.change2);
     }
 
     #[inline(always)]
@@ -349,7 +355,7 @@ fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: PairSweepKer
         free_axes: pushed,
         inertia: [inertia_a, inertia_b],
     };
-    let mut moved = LaneSums {
+    let mut sums_of_lanes = LaneSums {
         restart_product: load_column(l, from, &sums.restart_product),
         change2: load_column(l, from, &sums.change2),
     };
@@ -359,7 +365,7 @@ fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: PairSweepKer
             l.prefetch(&later.0[i]);
             l.prefetch(&later.1[i]);
         }
-        point.solve_contacts::<HELD, L>(l, values, levers.get(i), from, beta, &mut pair, &mut moved);
+        point.solve_contacts::<HELD, L>(l, values, levers.get(i), from, beta, &mut pair, &mut sums_of_lanes);
         if let Some(rolls) = rolls.next() {
             let (n, pressing) = point.normal_impulse(l, values, from);
             let w = triple!(k => l.sub(pair.wa[k], pair.wb[k]));
@@ -369,8 +375,8 @@ fn solve_pairs<const HELD: bool, const FAR: bool, L: Arithmetic, C: PairSweepKer
             pair.wb = apply_inverse_inertia(l, pair.inertia[1], triple!(k => l.sub(zero, change[k])), pair.wb);
         }
     }
-    store_column(l, from, &mut sums.restart_product, moved.restart_product);
-    store_column(l, from, &mut sums.change2, moved.change2);
+    store_column(l, from, &mut sums.restart_product, sums_of_lanes.restart_product);
+    store_column(l, from, &mut sums.change2, sums_of_lanes.change2);
     let PairVelocities { va, wa, vb, wb, .. } = pair;
     l.scatter_lines(lines, index[0], [va[0], va[1], va[2], a[3], wa[0], wa[1], wa[2], a[7]]);
     l.scatter_lines(lines, index[1], [vb[0], vb[1], vb[2], b[3], wb[0], wb[1], wb[2], b[7]]);

@@ -28,6 +28,7 @@ const PARTITION_RULE: PartitionRule = PartitionRule { min_bodies: 1024, rounds_u
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub struct ContactBatch<T> {
+    /// Unit normals from the antagonists to the candidates, world frame.
     pub n: [[T; BATCH_LANES]; 3],
     /// Shift along n, m/s.
     pub shift: [T; BATCH_LANES],
@@ -75,11 +76,14 @@ pub struct RangeBatches<T> {
 /// In single precision small changes of large velocities would be lost: there the stored velocity is only the change by the
 /// sweeps, and each contact has the initial one.
 pub trait PackedBody: Pod + Send + Sync {
+    /// Type of its numbers.
     type T: LaneFloat;
+    /// Whether it has the angular velocity that friction changes.
     const HAS_FRICTION: bool;
     /// Body of unused lanes: no impulse acts on it, and no division by zero occurs.
     const PADDING: Self;
 
+    /// Packs a body of the contact problem in these units.
     fn new(record: &SolverBody, units: &SweepUnits) -> Self;
 }
 
@@ -212,19 +216,20 @@ struct BatchLayout {
 }
 
 impl BatchLayout {
+    /// Divides the bodies of the rows `active` into ranges and these rows into blocks.
     fn new(system: &ContactProblem, active: &[ContactId]) -> Self {
         let partition = BodyPartition::new(system, active, PARTITION_RULE);
         let BodyPartition { bodies, pairs, .. } = &partition;
         let ranges = partition.range_count();
         let first: Vec<u32> = pairs.iter().map(|[a, b]| *a.min(b).min(&(bodies.len() as u32))).collect();
-        let (by_place, starts) = group_by_key(&first, bodies.len() + 1);
+        let (by_rank, starts) = group_by_key(&first, bodies.len() + 1);
         // Contacts between two bodies whose motion is imposed have no solution to find.
-        let by_place = &by_place[..starts[bodies.len()] as usize];
+        let by_rank = &by_rank[..starts[bodies.len()] as usize];
         // Every contact with a body that does not move has a line of its own for that body, so that
         // lines shared by many contacts do not exist.
         let mut fixed = vec![0; ranges];
-        let block = |&place: &u32| {
-            let [a, b] = pairs[place as usize];
+        let block = |&active_index: &u32| {
+            let [a, b] = pairs[active_index as usize];
             let near = partition.range_of(a.min(b));
             let far = a.max(b);
             if far == NONE {
@@ -233,9 +238,9 @@ impl BatchLayout {
             }
             block_index(near, partition.range_of(far))
         };
-        let blocks_of: Vec<u32> = by_place.iter().map(block).collect();
+        let blocks_of: Vec<u32> = by_rank.iter().map(block).collect();
         let (mut order, blocks) = group_by_key(&blocks_of, 2 * ranges - 1);
-        order.iter_mut().for_each(|place| *place = by_place[*place as usize]);
+        order.iter_mut().for_each(|index| *index = by_rank[*index as usize]);
 
         let mut starts = vec![0];
         let mut lines = Vec::with_capacity(bodies.len());
@@ -258,8 +263,8 @@ impl BatchLayout {
         let BodyPartition { pairs, cuts, .. } = &self.partition;
         let start = self.starts[first];
         let lines = self.starts[last + 1] - start;
-        let places = &self.order[self.blocks[block] as usize..self.blocks[block + 1] as usize];
-        let (mut rows, colours) = batches_by_colour(places, pairs, cuts[first] as usize..cuts[last + 1] as usize);
+        let of_block = &self.order[self.blocks[block] as usize..self.blocks[block + 1] as usize];
+        let (mut rows, colours) = batches_by_colour(of_block, pairs, cuts[first] as usize..cuts[last + 1] as usize);
         let zero = B::T::default();
         let empty = ContactBatch {
             n: [[zero; BATCH_LANES]; 3],
@@ -270,7 +275,7 @@ impl BatchLayout {
         };
         let mut batches = vec![empty; rows.len()];
         let mut r = vec![BatchVectors::default(); rows.len()];
-        let mut drift = Vec::new();
+        let mut tangential_shift = Vec::new();
         let turning = if from.system.rolling_constraints.is_empty() { 0 } else { rows.len() };
         let (mut rolls, mut curvatures) =
             (vec![RollingConstraintWide::NONE; turning], vec![[[zero; BATCH_LANES]; 2]; turning]);
@@ -279,8 +284,8 @@ impl BatchLayout {
         let first_fixed = self.starts[first] + cuts[first + 1] - cuts[first] - start;
         for (i, ((batch, r), rows)) in batches.iter_mut().zip(&mut r).zip(&mut rows).enumerate() {
             for (lane, slot) in rows.iter_mut().enumerate().filter(|(_, slot)| **slot != NONE) {
-                let place = *slot as usize;
-                let k = from.active[place];
+                let active_index = *slot as usize;
+                let k = from.active[active_index];
                 *slot = k.0;
                 let row = &from.system.rows[k.index()];
                 let n = row.normal;
@@ -290,7 +295,7 @@ impl BatchLayout {
                 }
                 batch.arm[lane] = B::T::from_f64(row.arm);
                 batch.friction[lane] = B::T::from_f64(row.friction);
-                for (side, rank) in pairs[place].into_iter().enumerate() {
+                for (side, rank) in pairs[active_index].into_iter().enumerate() {
                     if rank != NONE {
                         batch.bodies[side][lane] = self.lines[rank as usize] - start;
                         continue;
@@ -301,17 +306,17 @@ impl BatchLayout {
                     batch.bodies[side][lane] = first_fixed + fixed.len() as u32;
                     fixed.push(B::new(&SolverBody { v: record.v + row.shift * sign, ..*record }, &units));
                 }
-                let moves = pairs[place].iter().all(|rank| *rank != NONE);
+                let moves = pairs[active_index].iter().all(|rank| *rank != NONE);
                 if B::T::IS_SINGLE || moves {
                     let shift =
                         if B::T::IS_SINGLE { row.shifted_velocity(from.records) / units.velocity } else { row.shift };
                     let along = n.dot(&shift);
                     batch.shift[lane] = B::T::from_f64(along);
-                    let rest = shift - n * along;
+                    let tangential = shift - n * along;
                     // Larger than rounding.
-                    if B::HAS_FRICTION && rest.norm_squared() > 1e-30 * shift.norm_squared() {
-                        drift.resize(colours[colours.len() - 1], BatchVectors::default());
-                        set_lane(&mut drift[i].0, lane, &rest);
+                    if B::HAS_FRICTION && tangential.norm_squared() > 1e-30 * shift.norm_squared() {
+                        tangential_shift.resize(colours[colours.len() - 1], BatchVectors::default());
+                        set_lane(&mut tangential_shift[i].0, lane, &tangential);
                     }
                 }
                 if let (Some(rolls), Some(curvatures)) = (rolls.get_mut(i), curvatures.get_mut(i)) {
@@ -339,7 +344,7 @@ impl BatchLayout {
                 colours,
                 r,
                 previous,
-                tangential_shift: drift,
+                tangential_shift,
                 rolls,
                 curvatures,
                 rows,

@@ -104,9 +104,8 @@ impl<L: Arithmetic, B: PackedBody<T = L::T>> NullaryFnOnce for SweepBlock<'_, L,
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let SweepBlock { lanes: l, lines, block, beta, exceeds_l2: far } = self;
-        let RangeBatches { batches, colours, r, previous, tangential_shift: drift, rolls, curvatures, sums, .. } =
-            block;
+        let SweepBlock { lanes: l, lines, block, beta, exceeds_l2 } = self;
+        let RangeBatches { batches, colours, r, previous, tangential_shift, rolls, curvatures, sums, .. } = block;
         *sums = SweepSums::default();
         let zero = l.splat(0.0);
         let mut between = StageBuffers {
@@ -119,17 +118,17 @@ impl<L: Arithmetic, B: PackedBody<T = L::T>> NullaryFnOnce for SweepBlock<'_, L,
                 let next = end.min(first + BATCHES_PER_STAGE);
                 let (previous, previous_later) = previous.split_at_mut(next);
                 let later = PrefetchWindow {
-                    batches: if far { &batches[next..] } else { &[] },
+                    batches: if exceeds_l2 { &batches[next..] } else { &[] },
                     r: &r[next..],
                     previous: previous_later,
-                    tangential_shift: drift.get(next..).unwrap_or_default(),
+                    tangential_shift: tangential_shift.get(next..).unwrap_or_default(),
                 };
                 let mut chunk = BatchChunk {
                     batches: &batches[first..next],
                     later,
                     r: &r[first..next],
                     previous: &mut previous[first..],
-                    tangential_shift: drift.get(first..next).unwrap_or_default(),
+                    tangential_shift: tangential_shift.get(first..next).unwrap_or_default(),
                     rolls: rolls.get_mut(first..next).unwrap_or_default(),
                     curvatures: curvatures.get(first..next).unwrap_or_default(),
                     beta,
@@ -300,9 +299,9 @@ fn trial_impulses<L: Arithmetic>(
         let lever = triple!(i => l.mul(n[i], arm));
         // û = v_a - v_b + n x arm (R_a w_a + R_b w_b) + shift
         let mut u = cross_add(l, lever, [sx, sy, sz], [dx, dy, dz]);
-        if let Some(drift) = chunk.tangential_shift.get(i) {
-            let drift = load_vector(l, from, &drift.0);
-            u = triple!(i => l.add(u[i], drift[i]));
+        if let Some(tangential_shift) = chunk.tangential_shift.get(i) {
+            let tangential_shift = load_vector(l, from, &tangential_shift.0);
+            u = triple!(i => l.add(u[i], tangential_shift[i]));
         }
         let u_n = dot_product(l, n, [dx, dy, dz]);
         let w_t = l.mul_add(l.mul(arm, arm), k, w_n);

@@ -19,20 +19,20 @@ const SYMMETRIC_OFFSETS: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5
 ///
 /// `Err` gives the number of sites at the distance `closest`, if they are too few.
 pub fn lattice_sites(
-    room: &GrainRegion,
+    region: &GrainRegion,
     number: usize,
     closest: f64,
     random: &mut RandomStream,
 ) -> Result<(Vec<Vector3<f64>>, f64), usize> {
     let mut offsets: Vec<[f64; 3]> = SYMMETRIC_OFFSETS.to_vec();
-    match room {
+    match region {
         GrainRegion::Box(_) => offsets.truncate(1), // lies against the box's corner
         _ => offsets.extend((0..RANDOM_OFFSETS).map(|_| <[f64; 3]>::from(random.in_cube()))),
     }
     let (mut best, mut most) = (None, 0);
     let mut distance = closest;
     for offset in offsets {
-        let lattice = |d| FccLattice { room, d, offset };
+        let lattice = |d| FccLattice { region, d, offset };
         let fit = |d| lattice(d).lattice_sites(number).len();
         let count = fit(distance);
         most = most.max(count);
@@ -40,7 +40,7 @@ pub fn lattice_sites(
             continue;
         }
         // Bisection between a distance at which enough sites fit and one at which no site fits.
-        let (mut low, mut high) = (distance, 2.001 * room.half_extents().min());
+        let (mut low, mut high) = (distance, 2.001 * region.half_extents().min());
         while high - low > 1e-6 * low {
             let middle = 0.5 * (low + high);
             if fit(middle) >= number { low = middle } else { high = middle }
@@ -49,14 +49,14 @@ pub fn lattice_sites(
         best = Some(offset);
     }
     let offset = best.ok_or(most)?;
-    let mut sites = FccLattice { room, d: distance, offset }.lattice_sites(usize::MAX);
+    let mut sites = FccLattice { region, d: distance, offset }.lattice_sites(usize::MAX);
     random.shuffle(&mut sites);
     sites.truncate(number);
     Ok((sites, distance))
 }
 
 struct FccLattice<'a> {
-    room: &'a GrainRegion,
+    region: &'a GrainRegion,
     /// Distance of neighbours, m.
     d: f64,
     /// Offset in half edges of the cubic cell.
@@ -68,19 +68,19 @@ impl FccLattice<'_> {
     fn lattice_sites(&self, at_most: usize) -> Vec<Vector3<f64>> {
         // The sites are the points of a cubic lattice of this edge whose indices have an even sum.
         let edge = self.d * std::f64::consts::FRAC_1_SQRT_2;
-        let reach = self.room.half_extents().map(|half| (half - 0.5 * self.d) / edge);
+        let reach = self.region.half_extents().map(|half| (half - 0.5 * self.d) / edge);
         let mut sites = Vec::new();
         if reach.min() < 0.0 {
             return sites;
         }
-        let offset = match self.room {
+        let offset = match self.region {
             GrainRegion::Box(_) => reach.map(|reach| 0.5 * (2.0 * reach).floor()), // layers 0, 1 ... fill the box evenly
             _ => self.offset.into(),
         };
         // Limits a row to the inside of an ellipsoid; `taken` is the sum of the squares of the other coordinates over the
         // semi-axes.
-        let outer = self.room.half_extents().map(|half| half / edge);
-        let share = |k: usize, index: i64| match self.room {
+        let outer = self.region.half_extents().map(|half| half / edge);
+        let share = |k: usize, index: i64| match self.region {
             GrainRegion::Ball(_) | GrainRegion::Ellipsoid(_) => ((index as f64 - offset[k]) / outer[k]).powi(2),
             _ => 0.0,
         };
@@ -93,7 +93,7 @@ impl FccLattice<'_> {
             for j in indices(1, share(0, i)) {
                 for k in indices(2, share(0, i) + share(1, j)).filter(|k| (i + j + k) % 2 == 0) {
                     let site = (Vector3::new(i as f64, j as f64, k as f64) - offset) * edge;
-                    if self.room.contains_ball(&site, 0.5 * self.d) {
+                    if self.region.contains_ball(&site, 0.5 * self.d) {
                         sites.push(site);
                         if sites.len() >= at_most {
                             return sites;
@@ -112,7 +112,7 @@ mod tests {
     use crate::random::StreamPurpose;
 
     fn random() -> RandomStream {
-        RandomStream::new(1, 0, StreamPurpose::Place)
+        RandomStream::new(1, 0, StreamPurpose::Positions)
     }
 
     /// Smallest distance of two points, by a search of all pairs.
@@ -123,15 +123,15 @@ mod tests {
 
     #[test]
     fn exact_numbers_apart_and_inside() {
-        for room in
+        for region in
             [GrainRegion::Ball(10.0), GrainRegion::Ellipsoid([20.0, 10.0, 5.0]), GrainRegion::Box([10.0, 8.0, 12.0])]
         {
             for number in [1, 2, 13, 100, 1000] {
-                let (sites, d) = lattice_sites(&room, number, 0.1, &mut random()).unwrap();
+                let (sites, d) = lattice_sites(&region, number, 0.1, &mut random()).unwrap();
                 assert_eq!(sites.len(), number);
                 // Round-off of coordinates of about 10.
-                assert!(nearest(&sites) >= d * (1.0 - 1e-13), "{room} {number}");
-                assert!(sites.iter().all(|site| room.contains_ball(site, 0.5 * d)), "{room} {number}");
+                assert!(nearest(&sites) >= d * (1.0 - 1e-13), "{region} {number}");
+                assert!(sites.iter().all(|site| region.contains_ball(site, 0.5 * d)), "{region} {number}");
             }
         }
     }
@@ -139,8 +139,8 @@ mod tests {
     #[test]
     fn a_few_grains_in_a_large_room_take_no_time() {
         // A box around it would have 10^15 sites.
-        for room in [GrainRegion::Ball(1e4), GrainRegion::Ellipsoid([1e4, 2e4, 5e3])] {
-            assert_eq!(lattice_sites(&room, 4, 0.1, &mut random()).unwrap().0.len(), 4);
+        for region in [GrainRegion::Ball(1e4), GrainRegion::Ellipsoid([1e4, 2e4, 5e3])] {
+            assert_eq!(lattice_sites(&region, 4, 0.1, &mut random()).unwrap().0.len(), 4);
         }
     }
 

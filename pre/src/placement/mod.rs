@@ -82,11 +82,11 @@ impl PlacementError {
 pub fn place_grains(
     grains: &Grains,
     shapes: &mut GrainSampler,
-    room: Option<GrainRegion>,
+    region: Option<GrainRegion>,
     seed: u64,
     group: usize,
 ) -> Result<PlacedGrains, PlacementError> {
-    let mut random = RandomStream::new(seed, group, StreamPurpose::Place);
+    let mut random = RandomStream::new(seed, group, StreamPurpose::Positions);
     let turn = rotation_matrix(&grains.orientation);
     let centre = Vector3::from(grains.centre);
     let polyhedral = grains.is_polyhedral();
@@ -102,24 +102,24 @@ pub fn place_grains(
             &mut RandomStream::new(seed, group, StreamPurpose::Sizes),
         )
     };
-    let (mut room, sized) = match (&grains.placement, room) {
+    let (mut region, sized) = match (&grains.placement, region) {
         (GrainPlacement::List { positions, .. }, _) => {
             let points = positions.iter().map(|&p| p.into()).collect();
             let grains = draw(SampleTarget::Number(positions.len()))?;
             return Ok(PlacedGrains { grains, positions: to_fixed_axes(points), region: None });
         }
-        (GrainPlacement::Fragments { relaxation, .. }, Some(room)) => {
-            return place_fragments(&room, grains.number.unwrap_or(0), *relaxation, &turn, &centre, &mut random);
+        (GrainPlacement::Fragments { relaxation, .. }, Some(region)) => {
+            return place_fragments(&region, grains.number.unwrap_or(0), *relaxation, &turn, &centre, &mut random);
         }
         (
             GrainPlacement::JitteredLattice { envelope, .. } | GrainPlacement::RandomSequential { envelope },
-            Some(room),
-        ) => (room, envelope.has_size()),
+            Some(region),
+        ) => (region, envelope.has_size()),
         (_, None) => return Err(PlacementError { found: "no envelope".to_string(), expected: "an envelope" }),
     };
 
     let until = match (grains.number, grains.solid_fraction) {
-        (None, Some(share)) => SampleTarget::Volume(share * room.volume()),
+        (None, Some(share)) => SampleTarget::Volume(share * region.volume()),
         (number, _) => SampleTarget::Number(number.unwrap_or(0)),
     };
     // No grain is larger than the ball of the largest radius.
@@ -131,50 +131,52 @@ pub fn place_grains(
     let many = least > MAX_BODIES as f64 || drawn.len() > MAX_BODIES;
     if drawn.is_empty() || many {
         let count = if many { format!("more than {MAX_BODIES} grains") } else { "no grain".to_string() };
-        let found = format!("{count} for a solid fraction of {:?} in {room}", grains.solid_fraction.unwrap_or(0.0));
+        let found = format!("{count} for a solid fraction of {:?} in {region}", grains.solid_fraction.unwrap_or(0.0));
         return Err(PlacementError { found, expected: "another solid fraction, envelope or size of grains" });
     }
     if let (false, Some(share)) = (sized, grains.solid_fraction) {
-        room = room.scaled_to(drawn.iter().map(SampledGrain::volume).sum::<f64>() / share);
+        region = region.scaled_to(drawn.iter().map(SampledGrain::volume).sum::<f64>() / share);
     }
     // Positions are rounded to 8 digits later, by at most sqrt(3) 5e-8 of the largest coordinate. Grains keep slightly
     // more than that from each other and from the envelope.
-    expect_smaller(&room, &drawn)?;
-    let margin = 1e-7 * (room.half_extents().norm() + centre.amax());
+    expect_smaller(&region, &drawn)?;
+    let margin = 1e-7 * (region.half_extents().norm() + centre.amax());
     let in_envelope = match &grains.placement {
-        GrainPlacement::JitteredLattice { jitter, .. } => jittered_lattice(&room, &drawn, margin, *jitter, &mut random),
-        _ => random_sequential(&room, &mut drawn, margin, &mut random),
+        GrainPlacement::JitteredLattice { jitter, .. } => {
+            jittered_lattice(&region, &drawn, margin, *jitter, &mut random)
+        }
+        _ => random_sequential(&region, &mut drawn, margin, &mut random),
     };
     let in_envelope = in_envelope
         .map_err(|misfit| if margin < 0.1 * largest_reach(&drawn) { misfit } else { misfit.with_margin(margin) })?;
-    Ok(PlacedGrains { grains: drawn, positions: to_fixed_axes(in_envelope), region: Some(room) })
+    Ok(PlacedGrains { grains: drawn, positions: to_fixed_axes(in_envelope), region: Some(region) })
 }
 
 /// Fragments of a solid at their positions in it, the solid turned about its centre and moved to `centre`.
 fn place_fragments(
-    room: &GrainRegion,
+    region: &GrainRegion,
     number: usize,
     relaxation: usize,
     turn: &Matrix3<f64>,
     centre: &Vector3<f64>,
     random: &mut RandomStream,
 ) -> Result<PlacedGrains, PlacementError> {
-    let solid = fragments::region_polyhedron(room, number).map_err(PlacementError::from_shape)?;
+    let solid = fragments::region_polyhedron(region, number).map_err(PlacementError::from_shape)?;
     let cells = fragments::voronoi_fragments(&solid, number, relaxation, random).map_err(PlacementError::from_shape)?;
     let solids = cells.iter().map(PrincipalSolid::from_convex).collect::<Result<Vec<PrincipalSolid>, _>>();
     let solids = solids.map_err(PlacementError::from_shape)?;
     let centres: Vec<Vector3<f64>> = solids.iter().map(|solid| solid.shift).collect();
-    let order = z_order(room, &centres);
+    let order = z_order(region, &centres);
     let positions = order.iter().map(|&k| (turn * centres[k] + centre).map(round_14_columns)).collect();
     let drawn =
         |k: usize| SampledGrain::from_polyhedron(OrientedPolyhedron::new(Rc::new(solids[k].clone()), 1.0, turn));
     let grains = order.iter().map(|&k| drawn(k)).collect();
-    let room = if let GrainRegion::Inside(_) = room {
+    let region = if let GrainRegion::Inside(_) = region {
         GrainRegion::Inside(SurfaceRegion::new(&solid).map_err(PlacementError::from_shape)?)
     } else {
-        room.clone()
+        region.clone()
     };
-    Ok(PlacedGrains { grains, positions, region: Some(room) })
+    Ok(PlacedGrains { grains, positions, region: Some(region) })
 }
 
 /// Draws grains with their sizes one after the other; without `sizes` all have the shape's own size.
@@ -204,12 +206,12 @@ fn draw_grains(
 }
 
 /// Errors: grains that are larger than the region itself.
-fn expect_smaller(room: &GrainRegion, grains: &[SampledGrain]) -> Result<(), PlacementError> {
-    let half = room.half_extents().min();
+fn expect_smaller(region: &GrainRegion, grains: &[SampledGrain]) -> Result<(), PlacementError> {
+    let half = region.half_extents().min();
     let sizes = grains.iter().map(|grain| grain.reach);
     let (smallest, largest) = (sizes.clone().fold(f64::INFINITY, f64::min), sizes.fold(0.0, f64::max));
     let larger = |which: &str, radius: f64| PlacementError {
-        found: format!("the {which} grain, of radius {radius:?} m, is larger than {room}"),
+        found: format!("the {which} grain, of radius {radius:?} m, is larger than {region}"),
         expected: "smaller grains or a larger envelope, lengths in m",
     };
     if smallest > half {
@@ -227,7 +229,7 @@ fn largest_reach(grains: &[SampledGrain]) -> f64 {
 
 /// Positions each grain at random in its site's ball, within the share `jitter` of the free distance.
 fn jittered_lattice(
-    room: &GrainRegion,
+    region: &GrainRegion,
     grains: &[SampledGrain],
     margin: f64,
     jitter: f64,
@@ -235,14 +237,14 @@ fn jittered_lattice(
 ) -> Result<Vec<Vector3<f64>>, PlacementError> {
     let largest = largest_reach(grains);
     let closest = 2.0 * (largest + margin);
-    let (mut sites, distance) = lattice::lattice_sites(room, grains.len(), closest, random).map_err(|sites| PlacementError {
+    let (mut sites, distance) = lattice::lattice_sites(region, grains.len(), closest, random).map_err(|sites| PlacementError {
         found: format!(
-            "{} grains, the largest of radius {largest:?} m, in {room}: the lattice has {sites} sites",
+            "{} grains, the largest of radius {largest:?} m, in {region}: the lattice has {sites} sites",
             grains.len()
         ),
         expected: "fewer or smaller grains, a larger envelope (a smaller solid fraction), or RandomSequential for very unequal grains",
     })?;
-    let order = z_order(room, &sites);
+    let order = z_order(region, &sites);
     sites = order.into_iter().map(|k| sites[k]).collect();
     let move_in_ball = |(site, grain): (&Vector3<f64>, &SampledGrain)| {
         site + random.in_ball() * (jitter * (0.5 * distance - grain.reach - margin).max(0.0))
@@ -252,30 +254,30 @@ fn jittered_lattice(
 
 /// Places grains by falling size; reorders the grains like the returned positions.
 fn random_sequential(
-    room: &GrainRegion,
+    region: &GrainRegion,
     grains: &mut Vec<SampledGrain>,
     margin: f64,
     random: &mut RandomStream,
 ) -> Result<Vec<Vector3<f64>>, PlacementError> {
     grains.sort_by(|a, b| b.reach.total_cmp(&a.reach));
     let padded: Vec<f64> = grains.iter().map(|grain| grain.reach + margin).collect();
-    let centres = sequential::place_spheres(room, &padded, random).map_err(|placed| PlacementError {
+    let centres = sequential::place_spheres(region, &padded, random).map_err(|placed| PlacementError {
         found: format!(
-            "{placed} of {} grains (largest first) could be placed in {room} before {} tries found no free position for the next",
+            "{placed} of {} grains (largest first) could be placed in {region} before {} tries found no free position for the next",
             grains.len(),
             sequential::MAX_ATTEMPTS
         ),
         expected: "fewer or smaller grains, or a larger envelope (a smaller solid fraction)",
     })?;
-    let order = z_order(room, &centres);
+    let order = z_order(region, &centres);
     *grains = order.iter().map(|&k| grains[k].clone()).collect();
     Ok(order.into_iter().map(|k| centres[k]).collect())
 }
 
 /// Order of the points along the Z-curve (Morton 1966) through the region's box.
-fn z_order(room: &GrainRegion, points: &[Vector3<f64>]) -> Vec<usize> {
+fn z_order(region: &GrainRegion, points: &[Vector3<f64>]) -> Vec<usize> {
     const BITS: u32 = 20; // a millionth of the region's length
-    let halves = room.half_extents();
+    let halves = region.half_extents();
     let code = |point: &Vector3<f64>| {
         let cell = |k: usize| ((0.5 + 0.5 * point[k] / halves[k]) * f64::from(1u32 << BITS)) as u64;
         let cells = [cell(0), cell(1), cell(2)];
@@ -289,7 +291,7 @@ fn z_order(room: &GrainRegion, points: &[Vector3<f64>]) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::place::cells::SphereGrid;
+    use crate::placement::cells::SphereGrid;
     use crate::rounding::round_8_digits;
     use crate::scene::Rotation;
     use crate::scene::{Envelope, GrainOrientations, GrainShape, RadiusKind};
@@ -322,12 +324,12 @@ mod tests {
 
     fn spot(grains: &Grains, seed: u64, group: usize) -> Result<PlacedGrains, PlacementError> {
         let folder = std::path::Path::new("");
-        let room = grains.placement.envelope().map(|envelope| envelope.to_region(folder).unwrap().0);
-        place_grains(grains, &mut GrainSampler::from_grains(grains, folder, seed, group).unwrap(), room, seed, group)
+        let region = grains.placement.envelope().map(|envelope| envelope.to_region(folder).unwrap().0);
+        place_grains(grains, &mut GrainSampler::from_grains(grains, folder, seed, group).unwrap(), region, seed, group)
     }
 
     #[test]
-    fn a_place_too_far_out_for_the_files_is_told() {
+    fn a_position_too_far_out_for_the_files_is_reported() {
         for place in [
             GrainPlacement::RandomSequential { envelope: envelope(0) },
             GrainPlacement::JitteredLattice { envelope: envelope(0), jitter: 0.5 },
@@ -354,7 +356,7 @@ mod tests {
 
     /// Checks that grains lie within the envelope without overlaps, by the numbers that the files hold.
     fn sound(grains: &Grains, placed: &PlacedGrains) -> Result<(), TestCaseError> {
-        let (turn, room) = (rotation_matrix(&grains.orientation), placed.region.clone().unwrap());
+        let (turn, region) = (rotation_matrix(&grains.orientation), placed.region.clone().unwrap());
         let mut order: Vec<usize> = (0..placed.grains.len()).collect();
         order.sort_by(|&a, &b| placed.grains[b].reach.total_cmp(&placed.grains[a].reach));
         let mut cells = SphereGrid::new(placed.grains[order[0]].reach);
@@ -362,7 +364,7 @@ mod tests {
             let (position, radius) = (placed.positions[k], placed.grains[k].reach);
             prop_assert!(position == round_point(&position) && radius == round_8_digits(radius));
             let local = turn.transpose() * (position - Vector3::from(grains.centre));
-            prop_assert!(room.contains_ball(&local, radius), "grain {k} reaches out of {room}");
+            prop_assert!(region.contains_ball(&local, radius), "grain {k} reaches out of {region}");
             prop_assert!(cells.is_free(&position, radius), "grain {k} overlaps another");
             cells.add(position, radius);
         }
@@ -439,7 +441,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_told_with_counts() {
+    fn grains_that_do_not_fit_are_reported_with_counts() {
         let tight = |place| grains(Some(1000), None, SizeDistribution::Single(1.0), place);
         let envelope = || Envelope::Ball { radius: Some(10.0) };
         let lattice =

@@ -40,8 +40,8 @@ impl std::error::Error for FragmentError {}
 
 /// Solid to be broken, about its centre of mass, in the axes of the region. A round region becomes a polyhedron of equal
 /// volume with enough faces for `number` fragments, a surface its convex hull.
-pub fn region_polyhedron(room: &GrainRegion, number: usize) -> Result<Surface, HullError> {
-    let solid = match room {
+pub fn region_polyhedron(region: &GrainRegion, number: usize) -> Result<Surface, HullError> {
+    let solid = match region {
         GrainRegion::Ball(radius) => ellipsoid_surface([*radius; 3], number)?,
         GrainRegion::Ellipsoid(axes) => ellipsoid_surface(*axes, number)?,
         GrainRegion::Box(halves) => {
@@ -299,31 +299,31 @@ mod tests {
     use super::*;
     use crate::random::StreamPurpose;
 
-    fn broken(room: &GrainRegion, number: usize, relaxation: usize, seed: u64) -> (Surface, Vec<Surface>) {
-        let solid = region_polyhedron(room, number).unwrap();
+    fn broken(region: &GrainRegion, number: usize, relaxation: usize, seed: u64) -> (Surface, Vec<Surface>) {
+        let solid = region_polyhedron(region, number).unwrap();
         let fragments =
-            voronoi_fragments(&solid, number, relaxation, &mut RandomStream::new(seed, 0, StreamPurpose::Place))
+            voronoi_fragments(&solid, number, relaxation, &mut RandomStream::new(seed, 0, StreamPurpose::Positions))
                 .unwrap();
         (solid, fragments)
     }
 
     #[test]
     fn fragments_fill_the_solid_and_are_convex() {
-        let rooms = [
+        let regions = [
             GrainRegion::Ball(100.0),
             GrainRegion::Ellipsoid([3.0, 2.0, 1.0]),
             GrainRegion::Box([0.5, 1.0, 0.01]),
             GrainRegion::Cylinder { half_height: 2.0, radius: 1.0 },
         ];
-        for (k, room) in rooms.iter().enumerate() {
+        for (k, region) in regions.iter().enumerate() {
             for (number, relaxation) in [(1, 0), (2, 0), (50, 0), (300, 0), (60, 5)] {
-                let (solid, fragments) = broken(room, number, relaxation, k as u64);
+                let (solid, fragments) = broken(region, number, relaxation, k as u64);
                 assert_eq!(fragments.len(), number);
                 let sum: f64 = fragments.iter().map(Surface::volume).sum();
                 // Round-off of a few hundred sums of some hundred terms.
-                assert!((sum / solid.volume() - 1.0).abs() < 1e-12, "{room}, {number}: {sum} {}", solid.volume());
-                assert!((solid.volume() / room.volume() - 1.0).abs() < 1e-12, "{room}");
-                assert!(fragments.iter().all(|fragment| fragment.is_convex(1e-11)), "{room}, {number}");
+                assert!((sum / solid.volume() - 1.0).abs() < 1e-12, "{region}, {number}: {sum} {}", solid.volume());
+                assert!((solid.volume() / region.volume() - 1.0).abs() < 1e-12, "{region}");
+                assert!(fragments.iter().all(|fragment| fragment.is_convex(1e-11)), "{region}, {number}");
             }
         }
     }

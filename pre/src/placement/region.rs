@@ -44,7 +44,7 @@ impl Envelope {
     pub fn to_region(&self, folder: &Path) -> Result<(GrainRegion, String), Faults> {
         let half = |lengths: [f64; 3]| lengths.map(|length| 0.5 * length);
         let mut message = String::new();
-        let room = match self {
+        let region = match self {
             Envelope::Ball { radius } => GrainRegion::Ball(radius.unwrap_or(1.0)),
             Envelope::Ellipsoid { semi_axes, ratios } => {
                 GrainRegion::Ellipsoid(semi_axes.or(*ratios).unwrap_or([1.0; 3]))
@@ -65,7 +65,7 @@ impl Envelope {
                 GrainRegion::Inside(inside)
             }
         };
-        Ok((room, message))
+        Ok((region, message))
     }
 }
 
@@ -110,11 +110,11 @@ impl GrainRegion {
     /// Whether the whole ball of `radius`, m, about `centre` lies in the region.
     pub fn contains_ball(&self, centre: &Vector3<f64>, radius: f64) -> bool {
         match self {
-            GrainRegion::Ball(room) => centre.norm() + radius <= *room,
+            GrainRegion::Ball(outer) => centre.norm() + radius <= *outer,
             GrainRegion::Ellipsoid(axes) => ellipsoid_contains_ball(axes, centre, radius),
             GrainRegion::Box(halves) => (0..3).all(|k| centre[k].abs() + radius <= halves[k]),
-            GrainRegion::Cylinder { half_height, radius: room } => {
-                centre.xy().norm() + radius <= *room && centre.z.abs() + radius <= *half_height
+            GrainRegion::Cylinder { half_height, radius: outer } => {
+                centre.xy().norm() + radius <= *outer && centre.z.abs() + radius <= *half_height
             }
             GrainRegion::Inside(inside) => inside.contains_ball(centre, radius),
         }
@@ -190,9 +190,10 @@ mod tests {
 
     #[test]
     fn scaling_gives_the_volume() {
-        for room in [GrainRegion::Ball(2.0), GrainRegion::Ellipsoid([1.0, 2.0, 3.0]), GrainRegion::Box([1.0, 2.0, 3.0])]
+        for region in
+            [GrainRegion::Ball(2.0), GrainRegion::Ellipsoid([1.0, 2.0, 3.0]), GrainRegion::Box([1.0, 2.0, 3.0])]
         {
-            assert!((room.scaled_to(7.0).volume() - 7.0).abs() < 1e-14 * 7.0); // a cube root and its cube
+            assert!((region.scaled_to(7.0).volume() - 7.0).abs() < 1e-14 * 7.0); // a cube root and its cube
         }
     }
 

@@ -31,8 +31,8 @@ impl SphereGrid {
     pub fn for_each_overlap(&self, centre: &Vector3<f64>, radius: f64, mut meet: impl FnMut(usize, f64)) {
         for octave in 0..self.octaves {
             let cell = self.cell_index(octave, centre);
-            for beside in (0..27).map(|k| [k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1]) {
-                let cell = [0, 1, 2].map(|k| cell[k].saturating_add(beside[k]));
+            for offset in (0..27).map(|k| [k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1]) {
+                let cell = [0, 1, 2].map(|k| cell[k].saturating_add(offset[k]));
                 for &number in self.cells.get(&(octave, cell)).into_iter().flatten() {
                     let (other, other_radius) = &self.spheres[number as usize];
                     let overlap = radius + other_radius - (centre - other).norm();

@@ -119,7 +119,7 @@ mod tests {
         let inside = SurfaceRegion::new(&surface).unwrap();
         assert!((inside.volume() / surface.volume() - 1.0).abs() < 1e-14);
         let vertices = inside.vertices();
-        let mut random = RandomStream::new(8, 0, StreamPurpose::Place);
+        let mut random = RandomStream::new(8, 0, StreamPurpose::Positions);
         let mut counts = [0, 0];
         for k in 0..4000 {
             // Points anywhere, and points close to vertices, edges and faces.

@@ -13,15 +13,19 @@ pub const MAX_ATTEMPTS: usize = 10_000;
 /// Centres of balls of `radii`, m, by falling radius, without overlap and completely in the region.
 ///
 /// `Err` gives the number of balls that were placed before one found no position in [`MAX_ATTEMPTS`] tries.
-pub fn place_spheres(room: &GrainRegion, radii: &[f64], random: &mut RandomStream) -> Result<Vec<Vector3<f64>>, usize> {
+pub fn place_spheres(
+    region: &GrainRegion,
+    radii: &[f64],
+    random: &mut RandomStream,
+) -> Result<Vec<Vector3<f64>>, usize> {
     let mut cells = SphereGrid::new(radii.first().copied().unwrap_or(1.0));
     let mut centres = Vec::with_capacity(radii.len());
-    let halves = room.half_extents();
+    let halves = region.half_extents();
     for &radius in radii {
         let range = halves.map(|half| (half - radius).max(0.0));
         let place = (0..MAX_ATTEMPTS)
             .map(|_| random.in_cube().component_mul(&range))
-            .find(|place| room.contains_ball(place, radius) && cells.is_free(place, radius));
+            .find(|place| region.contains_ball(place, radius) && cells.is_free(place, radius));
         let Some(place) = place else { return Err(centres.len()) };
         cells.add(place, radius);
         centres.push(place);
@@ -38,7 +42,11 @@ mod tests {
     fn equal_spheres_reach_a_solid_fraction_of_030_but_not_040() {
         let radii = |share: f64| vec![1.0; (share * 1000.0) as usize]; // in a ball of radius 10
         let place = |share| {
-            place_spheres(&GrainRegion::Ball(10.0), &radii(share), &mut RandomStream::new(2, 0, StreamPurpose::Place))
+            place_spheres(
+                &GrainRegion::Ball(10.0),
+                &radii(share),
+                &mut RandomStream::new(2, 0, StreamPurpose::Positions),
+            )
         };
         assert!(place(0.28).is_ok());
         // The jamming limit of random sequential placement is 0.385; the wall takes some more.

@@ -1,0 +1,194 @@
+//! Settings of a command line, `PATH=VALUE`, which replace values of a RON text. A path consists of field names and
+//! positions in lists, counted from 1.
+
+use std::path::Path;
+
+use crate::error::{Fault, Faults, RecordFault};
+use crate::former_names::{FormerNameUse, former_field};
+use crate::ron_text;
+use crate::value_locations::{ValueLocation, ValueLocations};
+
+/// Replaces values in a RON text: each of `settings` is `PATH=VALUE`, as in `grains.1.number=2000`. A field that was left
+/// out is inserted. Lines keep their numbers.
+///
+/// Errors: settings that are not such pairs, and paths that do not exist.
+pub fn apply_settings(text: &str, settings: &[String]) -> Result<String, Faults> {
+    let mut text = text.to_string();
+    let mut faults = Faults::default();
+    for setting in settings {
+        match apply_setting(&text, setting) {
+            Ok(changed) => text = changed,
+            Err(fault) => faults.push(setting_fault(setting, fault.found, fault.expected)),
+        }
+    }
+    faults.into_result(text)
+}
+
+/// Fault of a setting.
+pub fn setting_fault(setting: &str, found: impl Into<String>, expected: impl Into<String>) -> Fault {
+    Fault::new(Path::new("options"), None, format!("set {setting}"), found, expected)
+}
+
+/// Last of `settings` that sets the value at `path`, if any.
+pub fn setting_of_path<'a>(settings: &'a [String], path: &str) -> Option<&'a str> {
+    let is_part = |setting: &&String| {
+        let rest = setting.split_once('=').and_then(|(of, _)| path.strip_prefix(&path_keys(of.trim())?.join(".")));
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+    };
+    settings.iter().rfind(is_part).map(String::as_str)
+}
+
+/// Last of `settings` that sets the value at a line and column of `text`, 1-based, if any.
+pub fn setting_at<'a>(settings: &'a [String], text: &str, line: usize, column: usize) -> Option<&'a str> {
+    let before: usize = text.split_inclusive('\n').take(line - 1).map(str::len).sum();
+    let within: usize = text[before..].chars().take(column - 1).map(char::len_utf8).sum();
+    // RON reports some missing values where the blank before them begins.
+    let byte = text.len() - text[before + within..].trim_start().len();
+    setting_of_path(settings, ValueLocations::from_text(text).path_at(byte)?)
+}
+
+/// Current names and 0-based positions of a path in which positions in lists count from 1; none if a position is 0.
+fn path_keys(path: &str) -> Option<Vec<String>> {
+    Some(path_with_current_names(path)?.0)
+}
+
+/// [`path_keys`], and the former names in the path, with their bytes there.
+fn path_with_current_names(path: &str) -> Option<(Vec<String>, Vec<FormerNameUse>)> {
+    let (mut keys, mut former): (Vec<String>, _) = (Vec::new(), Vec::new());
+    let mut start = 0;
+    for key in path.split('.') {
+        let current = match (key.parse::<usize>(), former_field(&keys.join("."), key)) {
+            (Ok(index), _) => index.checked_sub(1)?.to_string(),
+            (Err(_), Some(name)) => {
+                former.push(FormerNameUse { name, span: start..start + key.len() });
+                name.current.to_string()
+            }
+            (Err(_), None) => key.to_string(),
+        };
+        keys.push(current);
+        start += key.len() + 1;
+    }
+    Some((keys, former))
+}
+
+/// Former names in the path and in the value of a setting, with their bytes in the setting.
+pub fn former_names_of_setting(setting: &str) -> Vec<FormerNameUse> {
+    let Some((path, value)) = setting.split_once('=') else { return Vec::new() };
+    let Some((keys, in_path)) = path_with_current_names(path.trim()) else { return Vec::new() };
+    let (locations, _) = ValueLocations::from_value(value, &keys.join("."));
+    let shifted = |one: &FormerNameUse, by: usize| {
+        let span = one.span.start + by..one.span.end + by;
+        FormerNameUse { name: one.name, span }
+    };
+    let blank = path.len() - path.trim_start().len();
+    let in_path = in_path.iter().map(|one| shifted(one, blank));
+    in_path.chain(locations.former_names().iter().map(|one| shifted(one, path.len() + 1))).collect()
+}
+
+fn apply_setting(text: &str, setting: &str) -> Result<String, RecordFault> {
+    let fault = |found: &str, expected: &str| RecordFault::new(found, format!("expected {expected}"));
+    let pair = setting.split_once('=').map(|(path, value)| (path.trim(), value.trim().replace('\n', " ")));
+    let Some((path, value)) = pair.filter(|(path, _)| !path.is_empty()) else {
+        return Err(fault("is no pair", "PATH=VALUE, such as grains.1.number=2000"));
+    };
+    if let Some(mistake) = ron_text::syntax_faults(&value).into_iter().next().filter(|_| !value.is_empty()) {
+        return Err(RecordFault::new(format!("value: {}", mistake.found), mistake.expected));
+    }
+    let (whole, end) = ValueLocations::from_value(&value, "");
+    let ends_early = whole.value("").is_none_or(|location| location.span.end < value.len());
+    if end < value.len() || ends_early || value.is_empty() {
+        return Err(fault(&format!("'{value}'"), "one value in RON"));
+    }
+    let Some(keys) = path_keys(path) else {
+        return Err(fault("0", "positions in lists counted from 1"));
+    };
+    let locations = ValueLocations::from_text(text);
+    if let Some(location) = locations.value(&keys.join(".")) {
+        return Ok(format!("{}{value}{}", &text[..location.span.start], &text[location.span.end..]));
+    }
+    // A field that was left out is inserted behind the bracket of its holder.
+    let has_value = |k: &usize| locations.value(&keys[..*k].join(".")).is_some();
+    let known = (0..keys.len()).rev().find(has_value).unwrap_or(0);
+    let new = &keys[known..];
+    let is_name = |key: &String| key.starts_with(|c: char| c.is_alphabetic() || c == '_');
+    let holder = locations.value(&keys[..known].join("."));
+    let has_names = |holder: &&ValueLocation| {
+        let first = format!("{}0", keys[..known].iter().map(|key| format!("{key}.")).collect::<String>());
+        text.as_bytes()[holder.content_start.unwrap_or(1) - 1] == b'(' && locations.value(&first).is_none()
+    };
+    let content_start = holder.filter(has_names).and_then(|holder| holder.content_start);
+    let Some(inside) = content_start.filter(|_| new.iter().all(is_name)) else {
+        let shown: Vec<&str> = path.split('.').take(known + 1).collect();
+        let found = format!("no '{}' in the file", shown.join("."));
+        return Err(match ron_text::nearest_name(&new[0], &locations.fields(&keys[..known].join("."))) {
+            Some(near) => {
+                RecordFault::new(found, format!("did you mean {}?", [&shown[..known], &[near]].concat().join(".")))
+            }
+            None => fault(&found, "the path of a value"),
+        });
+    };
+    let value =
+        new.iter().rev().skip(1).fold(format!("{}: {value}", new[new.len() - 1]), |v, key| format!("{key}: ({v})"));
+    Ok(format!("{}{value}, {}", &text[..inside], &text[inside..]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn set_to(text: &str, setting: &str) -> Result<String, String> {
+        apply_settings(text, &[setting.to_string()]).map_err(|faults| faults.to_string())
+    }
+
+    #[test]
+    fn values_are_those_of_the_last_setting() {
+        let settings = ["list.1.b=x", "list.1=(b: 1)", "a=2", "no pair"].map(String::from);
+        let of = |path| setting_of_path(&settings, path);
+        assert_eq!(["list.0.b", "list.0", "a"].map(of), ["list.1=(b: 1)", "list.1=(b: 1)", "a=2"].map(Some));
+        assert_eq!([of("list"), of("list.1.b"), of("ab"), of("")], [None; 4]);
+        let text = "(\n  ä: 1,\n  a: x)";
+        let found = [(2, 5), (3, 4), (3, 5), (3, 6)].map(|(line, column)| setting_at(&settings, text, line, column));
+        assert_eq!(found, [None, Some("a=2"), Some("a=2"), Some("a=2")]);
+    }
+
+    #[test]
+    fn values_are_replaced_or_inserted() {
+        let text = "( // a (b: 1)\n a: 1, list: [(b: \"x, y\" /* b */), Kind(c: 2)], pair: Single(3.0),\n)";
+        for (setting, from, to) in [
+            ("a=7", "a: 1,", "a: 7,"),
+            ("list.1.b = \"z\"", "\"x, y\"", "\"z\""),
+            ("list.2.c=[1, (2)]", "c: 2", "c: [1, (2)]"),
+            ("list.2=Other", "Kind(c: 2)", "Other"),
+            ("pair.1=4", "Single(3.0)", "Single(4)"),
+            ("list.2.d=5", "Kind(", "Kind(d: 5, "),
+            ("new=5", "( // a", "(new: 5,  // a"),
+            ("new.x.y=5", "( // a", "(new: (x: (y: 5)),  // a"),
+        ] {
+            assert_eq!(set_to(text, setting).as_deref(), Ok(text.replacen(from, to, 1).as_str()), "{setting}");
+        }
+        let both = apply_settings(text, &["new.x=1".into(), "new.y=2".into()]).unwrap();
+        assert!(both.contains("new: (y: 2, x: 1)"), "{both}");
+    }
+
+    #[test]
+    fn paths_without_a_value_are_errors() {
+        let text = "(a: 1, list: [(b: 1)], pair: (1.0, 2.0))";
+        for setting in [
+            "a",
+            "=1",
+            "a=",
+            "a=1)",
+            "a=1, 2",
+            "a.b=1",
+            "list.2=(b: 2)",
+            "list.0=1",
+            "list.b=1",
+            "pair.x=1",
+            "9=1",
+            "=",
+            ".",
+        ] {
+            assert!(set_to(text, setting).is_err(), "{setting}");
+        }
+    }
+}
