@@ -248,7 +248,7 @@ pub struct LawEntry {
     pub lines: &'static [&'static [LawParameter]],
     /// Whether the programs compute with the law; else its file can only be read and written.
     pub computed: bool,
-    /// Beginning of the law's row in docs/scene.md; empty if the law is not computed.
+    /// Beginning of the law's section in docs/reference/laws.md; empty if the law is not computed.
     pub description: &'static str,
 }
 

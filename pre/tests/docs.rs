@@ -146,7 +146,7 @@ fn changes_of_from_outbox_are_described_and_what_is_shown_is_accepted() {
         .map(of)
         .concat();
     assert!(["keep_time", "Largest", "RigidMotion"].iter().all(|known| names.iter().any(|name| name == known)));
-    expect_described(names, "docs/from-outbox.md", &text);
+    expect_described(names, "docs/reference/from-outbox.md", &text);
     let (_, rest) = text.split_once("```ron Changes\n").unwrap();
     from_ron::<Changes>(&path, rest.split("```").next().unwrap(), "changes").unwrap();
 }
@@ -161,7 +161,7 @@ fn studies_are_described_and_what_is_shown_is_accepted() {
     };
     let names = ["Study", "Group", "Parameter"].map(of).concat();
     assert!(["groups", "seeds", "with"].iter().all(|known| names.iter().any(|name| name == known)));
-    expect_described(names, "docs/study.md", &text);
+    expect_described(names, "docs/reference/study.md", &text);
     for block in text.split("```ron Study\n").skip(1) {
         from_ron::<Study>(&path, block.split("```").next().unwrap(), "study").unwrap();
     }
