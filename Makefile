@@ -7,9 +7,12 @@ BIN := $(TARGET)/release
 SIDE_BY_SIDE = $(MAKE) --no-print-directory --jobs=$(shell getconf _NPROCESSORS_ONLN) SOLVE_FLAGS="--threads 1"
 # The programs as the tests have built them: tests give some libraries more features, and without them all is built again.
 TESTED = $(CARGO) test --workspace --no-run --quiet
+MDBOOK_VERSION := 0.5.4
+MDBOOK := $(TARGET)/mdbook-$(MDBOOK_VERSION)/bin/mdbook
+MANUAL := $(TARGET)/manual
 EXTREMES := extremes envelope limits thousand_periods a_minute a_wall_stands
 
-.PHONY: help build demo paper accuracy-study trade extremes test vtk browser golden lint fmt doc check clean
+.PHONY: help build demo paper accuracy-study trade extremes test vtk browser golden lint fmt doc docs check clean
 .DEFAULT_GOAL := help
 
 help: ## lists the targets
@@ -95,7 +98,20 @@ fmt: ## formats the code
 doc: ## documentation of the code, without warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps
 
-check: lint doc test ## lint, doc and test
+# Files from which pages are generated lie next to the pages, but are not part of the site.
+docs: $(MDBOOK) ## the manual as a site, in target/manual; warnings and broken links are errors
+	rm -rf $(MANUAL)
+	$(MDBOOK) build docs --dest-dir $(MANUAL) 2> $(MANUAL).log || { cat $(MANUAL).log; exit 1; }
+	@! grep -E 'WARN|ERROR' $(MANUAL).log
+	rm -r $(addprefix $(MANUAL)/,accuracy joss limits paper book.toml site/check.py site/links.py site/style.css)
+	python3 docs/site/check.py $(MANUAL)
+
+$(MDBOOK):
+	$(CARGO) install mdbook --version $(MDBOOK_VERSION) --locked --quiet --profile dev --no-default-features --features search \
+	    --root $(TARGET)/mdbook-$(MDBOOK_VERSION) --target-dir $(TARGET)/mdbook-build
+	rm -r $(TARGET)/mdbook-build
+
+check: lint doc docs test ## lint, doc, docs and test
 
 clean: ## removes build files and the results of the examples
 	$(CARGO) clean
