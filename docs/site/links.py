@@ -46,6 +46,7 @@ def main():
         page, code, lines = chapter["source_path"], False, []
         for line in chapter["content"].split("\n"):
             code ^= line.lstrip().startswith("```")
+            line = re.sub(r"^```ron\b.*", "```rust", line)  # close enough for colours
             lines.append(line if code else LINK.sub(lambda m: m[1] + target(page, m[2]) + m[3], line))
         chapter["content"] = "\n".join(lines)
     if faults:

@@ -268,5 +268,5 @@ fn what_is_shown_is_accepted() {
             shown += 1;
         }
     }
-    assert_eq!(shown, 3);
+    assert_eq!(shown, 5);
 }

@@ -90,6 +90,7 @@ fn expect_accepted(path: &Path, text: &str) -> usize {
         let read = match kind {
             "Scene" => cd_pre::read_scene(path, ron, &[]).map(drop),
             "LawKind" => from_ron::<LawModel>(path, ron, kind).map(drop),
+            "Compute" => from_ron::<Compute>(path, ron, kind).map(drop),
             "Contact" => from_ron::<scene::Contact>(path, ron, kind).map(drop),
             "Grains" => from_ron::<scene::Grains>(path, ron, kind).map(drop),
             "Sizes" => from_ron::<scene::SizeDistribution>(path, ron, kind).map(drop),
