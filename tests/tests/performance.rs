@@ -114,5 +114,8 @@ fn a_machine_without_measurements_has_a_page() {
     fs::write(&page, text).unwrap();
     let again = drawn(&page, &["-v", &format!("machine={machine}")]).unwrap();
     assert!(again.starts_with(&format!("<!-- machine {machine} -->\n")), "{again}");
-    assert!(again.contains("Not measured") && again.ends_with("<!-- end -->\nnew\n") && !again.contains("old"), "{again}");
+    assert!(
+        again.contains("Not measured") && again.ends_with("<!-- end -->\nnew\n") && !again.contains("old"),
+        "{again}"
+    );
 }
