@@ -18,6 +18,6 @@ class CdToolchain(PythonPackage):
     depends_on("py-hatchling@1.27:", type="build")
     depends_on("py-packaging", type="build")
     depends_on("python@3.10:", type=("build", "run"))
-    depends_on("py-numpy@1.23:", type=("build", "run"))
+    depends_on("py-numpy@1.24:", type=("build", "run"))
 
     import_modules = ["cd_toolchain"]
