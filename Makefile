@@ -12,7 +12,7 @@ MDBOOK := $(TARGET)/mdbook-$(MDBOOK_VERSION)/bin/mdbook
 MANUAL := $(TARGET)/manual
 EXTREMES := extremes envelope limits thousand_periods a_minute a_wall_stands
 
-.PHONY: help build demo paper accuracy-study trade extremes test vtk browser golden lint fmt doc docs check clean
+.PHONY: help build demo paper accuracy-study trade extremes test python vtk browser golden lint fmt doc docs check clean
 .DEFAULT_GOAL := help
 
 help: ## lists the targets
@@ -76,6 +76,13 @@ test: ## all tests; with CD_REQUIRE_VTK=1, CD_REQUIRE_CHROMIUM=1 and CD_REQUIRE_
 	$(CARGO) test --workspace --no-fail-fast
 	$(MAKE) --no-print-directory vtk
 	$(MAKE) --no-print-directory browser
+
+# The programs are those of `make build`, with symbols; with CD_BIN those of another folder.
+python: ## installs the Python package in target/python-venv and runs its tests and mypy there
+	python3 -m venv $(TARGET)/python-venv
+	CARGO_PROFILE_RELEASE_STRIP=none $(TARGET)/python-venv/bin/pip install --quiet . mypy
+	$(TARGET)/python-venv/bin/python -m unittest discover --start-directory python/tests
+	$(TARGET)/python-venv/bin/mypy python/cd_toolchain python/tests
 
 vtk: ## reads the ParaView files of two small cases back with VTK
 	$(TESTED)
