@@ -7,9 +7,12 @@ BIN := $(TARGET)/release
 SIDE_BY_SIDE = $(MAKE) --no-print-directory --jobs=$(shell getconf _NPROCESSORS_ONLN) SOLVE_FLAGS="--threads 1"
 # The programs as the tests have built them: tests give some libraries more features, and without them all is built again.
 TESTED = $(CARGO) test --workspace --no-run --quiet
+MDBOOK_VERSION := 0.5.4
+MDBOOK := $(TARGET)/mdbook-$(MDBOOK_VERSION)/bin/mdbook
+MANUAL := $(TARGET)/manual
 EXTREMES := extremes envelope limits thousand_periods a_minute a_wall_stands
 
-.PHONY: help build demo paper accuracy-study trade extremes test vtk browser golden lint fmt doc check clean
+.PHONY: help build demo paper accuracy-study trade extremes test python vtk browser golden lint fmt doc docs check clean
 .DEFAULT_GOAL := help
 
 help: ## lists the targets
@@ -21,17 +24,19 @@ build: ## cd-pre, cd-solve and cd-post, in release mode, in target/release
 demo: build ## runs examples/accretion: the collapse of a thousand grains
 	$(MAKE) --no-print-directory -C examples/accretion CD_BIN=$(BIN)
 	@echo "Results, in examples/accretion:"
-	@echo "  POSTPRO/series.csv     a row a snapshot; docs/observables.md names the columns"
+	@echo "  POSTPRO/series.csv     a row a snapshot; docs/reference/observables/series.md names the columns"
 	@echo "  POSTPRO/*.svg          energy, coordination, solid fraction, pressure, semi-axes against time"
 	@echo "  POSTPRO/aggregate.svg  the aggregate at the end"
 	@echo "  DISPLAY/view.py        in ParaView: paraview --script=examples/accretion/DISPLAY/view.py"
 	@echo "  OUTBOX/steps.csv       cost and error of every step"
 
-paper: build ## runs the studies, one run on each core, and writes docs/paper.md
+paper: build ## runs the studies, one run on each core, and writes docs/explanation/paper
 	$(SIDE_BY_SIDE) $(STUDIES:%=study-of-%) CD_BIN=$(BIN) STAGES="pre solve post"
 	$(SIDE_BY_SIDE) $(STUDIES:%=study-of-%) CD_BIN=$(BIN)
-	awk -f docs/paper/paper.awk docs/paper/paper.md.in > docs/paper.md.part
-	mv docs/paper.md.part docs/paper.md
+	for page in $(notdir $(wildcard docs/paper/*.md.in)); do \
+	    awk -f docs/paper/paper.awk docs/paper/$$page > docs/paper/$$page.part \
+	        && mv docs/paper/$$page.part docs/explanation/paper/$${page%.in} || exit 1; \
+	done
 
 # What runs longest begins first. Figures, which may show runs of two studies, come after all runs.
 STUDIES := accretion-polyhedra spin-up accretion regolith triaxial shape-model
@@ -47,30 +52,37 @@ study-of-spin-up: study-of-%:
 	+$(STUDY)
 	+$(STUDY) fluid
 
-accuracy-study: build ## runs examples/accuracy-study, in some minutes, and writes its figures into docs/accuracy.md
+accuracy-study: build ## runs examples/accuracy-study, in some minutes, and writes its figures into docs/explanation/accuracy.md
 	$(MAKE) --no-print-directory -C examples/accuracy-study CD_BIN=$(BIN)
 	$(SIDE_BY_SIDE) -C examples/accuracy-study again CD_BIN=$(BIN)
 	$(SIDE_BY_SIDE) -C examples/accuracy-study many CD_BIN=$(BIN)
-	awk -f docs/accuracy/accuracy.awk docs/accuracy.md > docs/accuracy.md.part
-	mv docs/accuracy.md.part docs/accuracy.md
+	awk -f docs/accuracy/accuracy.awk docs/explanation/accuracy.md > docs/explanation/accuracy.md.part
+	mv docs/explanation/accuracy.md.part docs/explanation/accuracy.md
 
 # Name of earlier versions.
 trade: accuracy-study
 
-extremes: ## runs scenes at the limits of the parameters, with 1 and 2 threads, with and without optimisation, and writes docs/limits.md
+extremes: ## runs scenes at the limits of the parameters, with 1 and 2 threads, with and without optimisation, and writes docs/explanation/limits.md
 	for profile in dev release; do for threads in 1 2; do \
 	    CD_TESTS_LONG=1 CD_TESTS_THREADS=$$threads $(CARGO) test --profile $$profile --package cd-solve --test cases -- --nocapture $(EXTREMES) \
 	        > docs/limits-$$profile-$$threads.log 2> docs/limits.err \
 	        || { grep -h panicked -A3 docs/limits-$$profile-$$threads.log docs/limits.err; exit 1; }; \
 	done; done
-	LC_ALL=C awk -f docs/limits/limits.awk docs/limits-*.log docs/limits/limits.md.in > docs/limits.md.part
-	mv docs/limits.md.part docs/limits.md
+	LC_ALL=C awk -f docs/limits/limits.awk docs/limits-*.log docs/limits/limits.md.in > docs/explanation/limits.md.part
+	mv docs/explanation/limits.md.part docs/explanation/limits.md
 	rm docs/limits-*.log docs/limits.err
 
 test: ## all tests; with CD_REQUIRE_VTK=1, CD_REQUIRE_CHROMIUM=1 and CD_REQUIRE_VALGRIND=1 missing tools are errors
 	$(CARGO) test --workspace --no-fail-fast
 	$(MAKE) --no-print-directory vtk
 	$(MAKE) --no-print-directory browser
+
+# The programs are those of `make build`, with symbols; with CD_BIN those of another folder.
+python: ## installs the Python package in target/python-venv and runs its tests and mypy there
+	python3 -m venv $(TARGET)/python-venv
+	CARGO_PROFILE_RELEASE_STRIP=none $(TARGET)/python-venv/bin/pip install --quiet . mypy
+	$(TARGET)/python-venv/bin/python -m unittest discover --start-directory python/tests
+	$(TARGET)/python-venv/bin/mypy python/cd_toolchain python/tests
 
 vtk: ## reads the ParaView files of two small cases back with VTK
 	$(TESTED)
@@ -93,7 +105,20 @@ fmt: ## formats the code
 doc: ## documentation of the code, without warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps
 
-check: lint doc test ## lint, doc and test
+# Files from which pages are generated lie next to the pages, but are not part of the site.
+docs: $(MDBOOK) ## the manual as a site, in target/manual; warnings and broken links are errors
+	rm -rf $(MANUAL)
+	$(MDBOOK) build docs --dest-dir $(MANUAL) 2> $(MANUAL).log || { cat $(MANUAL).log; exit 1; }
+	@! grep -E 'WARN|ERROR' $(MANUAL).log
+	rm -r $(addprefix $(MANUAL)/,accuracy joss limits paper book.toml site/check.py site/links.py site/style.css)
+	python3 docs/site/check.py $(MANUAL)
+
+$(MDBOOK):
+	$(CARGO) install mdbook --version $(MDBOOK_VERSION) --locked --quiet --profile dev --no-default-features --features search \
+	    --root $(TARGET)/mdbook-$(MDBOOK_VERSION) --target-dir $(TARGET)/mdbook-build
+	rm -r $(TARGET)/mdbook-build
+
+check: lint doc docs test ## lint, doc, docs and test
 
 clean: ## removes build files and the results of the examples
 	$(CARGO) clean

@@ -1,15 +1,19 @@
 #!/usr/bin/env bash
-# What a scene of spheres pays for polyhedra, self-gravity, cohesion and resistance to rolling, which it has not: the program
-# against one that is built without them. Seconds a step of both in turn, instructions a step counted by valgrind, and
-# whether the results are the same to the last bit.
+# Cost of the models that a scene of spheres does not have (polyhedra, self-gravity, cohesion, rolling resistance); into
+# absence.csv.
 #
 #     bench/absence.sh CASE STEPS [OPTIONS OF cd-solve]
 #
-# CASE holds DATBOX of spheres and plates. FULL and BARE name programs that are already built; TURNS another number of runs.
+# Compares the program with one that is built without these models: milliseconds a step in alternating runs, instructions a
+# step counted by valgrind, and whether results are the same to the last bit. CASE holds a DATBOX of spheres and plates; its
+# name, or SCENE, is that of the rows. FULL and BARE name programs that are already built; TURNS another number of runs.
+# MACHINE and RESULTS: see bench/record.sh.
 set -euo pipefail
 from=$1 steps=$2
 shift 2
-root=$(cd "$(dirname "$0")/.." && pwd)
+bench=$(cd "$(dirname "$0")" && pwd)
+root=$bench/..
+scene=${SCENE:-$(basename "$from")} size=$(grep -c '^ *RBDY3' "$from/DATBOX/BODIES.DAT")
 if [ -z "${FULL:-}${BARE:-}" ]; then
     target=${CARGO_TARGET_DIR:-$root/target}
     cargo build --quiet --release --manifest-path "$root/Cargo.toml" -p cd-solve --bin cd-solve
@@ -41,10 +45,18 @@ for turn in $(seq "${TURNS:-7}"); do
     run bare "$BARE" "$steps"
     echo "$(seconds full) $(seconds bare)"
 done > "$scratch/times"
-middle() { awk "{ print $1 }" "$scratch/times" | sort -g | awk '{ x[NR] = $1 } END { print x[int((NR + 1) / 2)], x[1], x[NR] }'; }
-echo "time: $(middle "1000 * \$1 / $steps" | cut -d ' ' -f 1) ms a step, bare $(middle "1000 * \$2 / $steps" | cut -d ' ' -f 1);" \
-    "median, least and largest ratio of two in turn: $(middle '$1 / $2')"
-cmp "$scratch/full/OUTBOX/steps.csv" "$scratch/bare/OUTBOX/steps.csv" && echo "results: the same bits in steps.csv"
+row() { # row QUANTITY VALUE UNIT: a line of absence.csv
+    echo "$scene,$size,$1,$2,$3,1" >> "$scratch/rows"
+}
+
+median() { # median EXPRESSION: of the alternating runs
+    awk "{ print $1 }" "$scratch/times" | sort -g | awk '{ x[NR] = $1 } END { printf "%.4g", x[int((NR + 1) / 2)] }'
+}
+
+row "the program" "$(median "1000 * \$1 / $steps")" "ms a step"
+row "without the models" "$(median "1000 * \$2 / $steps")" "ms a step"
+row "ratio of times" "$(median '$1 / $2')" ""
+cmp "$scratch/full/OUTBOX/steps.csv" "$scratch/bare/OUTBOX/steps.csv"
 
 counted() { # counted NAME PROGRAM: instructions of ten steps
     local few many
@@ -56,4 +68,6 @@ counted() { # counted NAME PROGRAM: instructions of ten steps
 }
 
 full=$(counted full "$FULL") bare=$(counted bare "$BARE")
-awk -v full="$full" -v bare="$bare" 'BEGIN { printf "instructions: %d a step, bare %d; ratio %.4f\n", full, bare, full / bare }'
+row "ratio of instructions" "$(awk -v full="$full" -v bare="$bare" 'BEGIN { printf "%.4f", full / bare }')" ""
+row "instructions a step" "$full" ""
+"$bench/record.sh" absence < "$scratch/rows"

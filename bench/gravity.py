@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
-"""Self-gravity of cd-solve against pytreegrav, on one core and the same input, at equal measured error.
+"""Self-gravity of cd-solve compared with pytreegrav, on one core and the same input, at equal measured error.
 
     pip install numpy pytreegrav
     cargo build --release -p cd-solve --example gravity
     python3 bench/gravity.py target/release/examples/gravity [BODIES ...]
 
-For a uniform ball and a jittered lattice of each number of bodies: cd-solve at 1e-2, 1e-3 and 1e-4 asked for, then
-pytreegrav's tree with quadrupoles at the opening that errs as much, found by bisection. Both with building of the tree,
-the least of five evaluations; pytreegrav compiled beforehand. The error is sqrt(sum |da|^2 / sum |a|^2) on 2000 bodies
-(all, if there are fewer), against the direct sum.
+For a uniform ball and a jittered lattice of each number of bodies: cd-solve at the requested errors 1e-2, 1e-3 and 1e-4,
+then pytreegrav's tree with quadrupoles at the opening that has the same error, found by bisection. Both include building
+the tree; pytreegrav is compiled beforehand; the least of five evaluations, in cd-solve their median. The error is
+sqrt(sum |da|^2 / sum |a|^2) on 2000 bodies (all, if there are fewer), relative to the direct sum. Writes pytreegrav.csv;
+MACHINE and RESULTS: see bench/record.sh.
 """
 
 import os
@@ -63,7 +64,7 @@ def theirs(x, m, theta):
     seconds = []
     for _ in range(REPEAT):
         start = time.perf_counter()
-        # A softening of 0 is what point masses have.
+        # Point masses: a softening of 0.
         a = pytreegrav.Accel(x, m, np.zeros(len(m)), theta=theta, method="tree", quadrupole=True, parallel=False)
         seconds.append(time.perf_counter() - start)
     return a, min(seconds)
@@ -73,7 +74,7 @@ def main():
     program, sizes = sys.argv[1], [int(n) for n in sys.argv[2:]] or [8000, 100_000]
     random = np.random.default_rng(1)
     theirs(*ball(100, random), 0.5)  # compiles
-    print("input bodies | cd-solve: error, us a body | pytreegrav: theta, error, us a body | ratio")
+    rows = []
     with tempfile.TemporaryDirectory() as folder:
         for n in sizes:
             for cloud in (ball, rubble):
@@ -93,12 +94,13 @@ def main():
                         low, high = (theta, high) if found < goal else (low, theta)
                         if 0.9 < found / goal < 1.1:
                             break
-                    us = 1e6 / n
-                    print(
-                        f"{cloud.__name__} {n} | {goal:.1e} {fast * us:.3f} | {theta:.2f} {found:.1e} {slow * us:.2f}"
-                        f" | {slow / fast:.0f}",
-                        flush=True,
-                    )
+                    rows += [
+                        f"{cloud.__name__},{n},cd-solve at {asked:.0e},{1e6 * fast / n:.3g},us per body,1",
+                        f"{cloud.__name__},{n},pytreegrav at {asked:.0e},{1e6 * slow / n:.3g},us per body,1",
+                        f"{cloud.__name__},{n},times as fast at {asked:.0e},{slow / fast:.0f},,1",
+                    ]
+    record = os.path.join(os.path.dirname(os.path.abspath(__file__)), "record.sh")
+    subprocess.run([record, "pytreegrav"], check=True, text=True, input="\n".join(rows) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,21 +1,23 @@
 #!/usr/bin/env python3
-"""Steps of cd-solve against those of LMGC90, on one core, from the same DATBOX, in turn.
+"""Steps of cd-solve compared with those of LMGC90, on one core, from the same DATBOX, in alternating runs.
 
     pip install numpy && pip install --no-deps compas_lmgc90==0.1.11
     cargo build --release
     python3 bench/lmgc90.py CASE H STEPS [--self-gravity] [OPTIONS OF cd-solve]
 
-That package carries LMGC90 as a library without threads; what a script for it would call in each step is called in
-it, in the same order, here: theta = 0.5; polyhedra by the common plane (500 iterations, neighbour distance 0.1);
-nonlinear Gauss-Seidel with stored Delassus loops, norm QM/16 at 1.666e-4, looked at every 50 sweeps. H: step, s.
-With --self-gravity LMGC90 gets the attraction that its bodies had in the first step, and its time is not counted.
+The package contains LMGC90 as a library without threads. Its procedures are called here in the order of a user's script:
+theta = 0.5; polyhedra by the common plane (500 iterations, neighbour distance 0.1); nonlinear Gauss-Seidel with stored
+Delassus loops, norm QM/16 at 1.666e-4, evaluated every 50 sweeps. H: step, s. With --self-gravity LMGC90 gets the
+attraction that its bodies had in the first step, and the time of computing it is not counted.
 
-Prints milliseconds a step by room, writing left out, and how many times as fast cd-solve is.
+Writes milliseconds a step by stage, without writing, sweeps, and the ratio of the times, into lmgc90.csv; the name of
+CASE, or SCENE, is that of the rows. MACHINE and RESULTS: see bench/record.sh.
 """
 
 import ctypes
 import csv
 import glob
+import importlib.metadata
 import importlib.util
 import os
 import shutil
@@ -27,17 +29,18 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
+PACKAGE_VERSION = importlib.metadata.version("compas_lmgc90")
 GRAVITATIONAL_CONSTANT = 6.6743e-11  # m^3 / (kg s^2)
 ITERATIONS, NEIGHBOUR = 500, 0.1
 NORM, TOLERANCE, RELAXATION = "QM/16", 1.666e-4, 1.0
-LOOKS, SWEEPS = 500, 50
+CHECKS, SWEEPS = 500, 50
 
 # Kinds of contact, by the contactors of candidate and antagonist.
 KINDS = ["spspx", "spplx", "prprx", "prplx"]
 
 
 class Fortran:
-    """Procedures of Fortran modules: everything goes by reference, lengths of words come last."""
+    """Procedures of Fortran modules: arguments are passed by reference, lengths of strings come last."""
 
     def __init__(self):
         folders = importlib.util.find_spec("compas_lmgc90").submodule_search_locations
@@ -55,7 +58,7 @@ class Fortran:
             for x in arguments
         ]
         lengths = [ctypes.c_size_t(len(x)) for x in arguments if isinstance(x, str)]
-        # What may be left out is left out by null.
+        # Optional arguments are absent by a null pointer.
         return procedure(*passed, *lengths, *[None] * (0 if lengths else 6))
 
 
@@ -96,7 +99,7 @@ class Lmgc90:
             call(kind, f"read_ini_vloc_rloc_{kind}", 0)
         call("rbdy3", "comp_mass_rbdy3")
         for kind in self.kinds:
-            if kind != "prplx":  # which has no boxes
+            if kind != "prplx":  # prplx has no boxes
                 call(kind, f"compute_box_{kind}")
         self.forces = None
 
@@ -117,7 +120,7 @@ class Lmgc90:
             self.forces.append((i, (ctypes.c_double * 6)(*force)))
 
     def step(self):
-        """Seconds by room, contacts, sweeps, whether they converged."""
+        """Seconds by stage, contacts, sweeps, whether they converged."""
         call, clock = self.fortran.call, time.perf_counter
         begin = clock()
         call("overall", "clean_writing_flags")
@@ -151,15 +154,15 @@ class Lmgc90:
         call("rbdy3", "comp_dof_rbdy3")
         call("overall", "updt_time_begin")
         call("rbdy3", "update_dof_rbdy3")
-        rooms = {"detection": detected - free, "solve": solved - detected, "rest": free - begin + clock() - solved}
-        return rooms, contacts, sweeps, converged
+        stages = {"detection": detected - free, "solve": solved - detected, "rest": free - begin + clock() - solved}
+        return stages, contacts, sweeps, converged
 
     def sweep(self):
         call, left = self.fortran.call, ctypes.c_int(0)
         solve = self.fortran.procedure("nlgs_3d", "solve_nlgs")
         sweep, compare, end = [ctypes.byref(ctypes.c_int(k)) for k in (1, 2, 3)]
         sweeps = 0
-        for _ in range(LOOKS):
+        for _ in range(CHECKS):
             for _ in range(SWEEPS):
                 solve(sweep)
             sweeps += SWEEPS
@@ -185,9 +188,9 @@ def theirs(case, h, steps, self_gravity):
     if self_gravity:
         lmgc90.attract()
     made = [lmgc90.step() for _ in range(steps)]
-    rooms = {room: 1e3 * sum(step[0][room] for step in made) / steps for room in made[0][0]}
+    stages = {stage: 1e3 * sum(step[0][stage] for step in made) / steps for stage in made[0][0]}
     contacts, sweeps, converged = [sum(step[k] for step in made) for k in (1, 2, 3)]
-    return rooms, contacts / steps, sweeps / steps, steps - converged
+    return stages, contacts / steps, sweeps / steps, steps - converged
 
 
 def ours(case, h, steps, options):
@@ -200,31 +203,35 @@ def ours(case, h, steps, options):
     def mean(rows, name):
         return sum(float(row[name]) for row in rows) / steps
 
-    rooms = {name: 1e3 * mean(timer, name) for name in timer[0] if name not in ("step", "writing")}
-    return rooms, mean(log, "contacts_listed"), mean(log, "sweeps"), sum(row["converged"] == "0" for row in log)
+    stages = {name: 1e3 * mean(timer, name) for name in timer[0] if name not in ("step", "writing")}
+    return stages, mean(log, "contacts_listed"), mean(log, "sweeps"), sum(row["converged"] == "0" for row in log)
 
 
 def main():
     case, h, steps, *options = sys.argv[1:]
     h, steps = float(h), int(steps)
-    together = []
-    for name in ["LMGC90", "cd-solve"]:
+    scene = os.environ.get("SCENE", os.path.basename(os.path.normpath(case)))
+    with open(os.path.join(case, "DATBOX/BODIES.DAT")) as bodies:
+        size = sum(line.split()[:1] == ["RBDY3"] for line in bodies)
+    together, rows = [], []
+    for name, program in [("LMGC90", f",compas_lmgc90 {PACKAGE_VERSION}"), ("cd-solve", "")]:
         with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(1, initializer=hush) as process:
             shutil.copytree(os.path.join(case, "DATBOX"), os.path.join(folder, "DATBOX"))
-            # In a process of its own, as it changes the folder and writes to the terminal.
+            # In a process of its own, because LMGC90 changes the folder and writes to the terminal.
             if name == "LMGC90":
                 found = process.submit(theirs, folder, h, steps, "--self-gravity" in options).result()
             else:
                 found = ours(folder, h, steps, options)
-        rooms, contacts, sweeps, unconverged = found
-        together.append(sum(rooms.values()))
-        listed = ", ".join(f"{room} {ms:.3f}" for room, ms in rooms.items())
-        print(
-            f"{name}: {listed}, together {together[-1]:.3f} ms a step; {contacts:.0f} contacts, {sweeps:.1f} sweeps,"
-            f" {unconverged} unconverged steps",
-            flush=True,
-        )
-    print(f"ratio {together[0] / together[1]:.1f}")
+        stages, contacts, sweeps, unconverged = found
+        together.append(sum(stages.values()))
+        values = [(stage, f"{ms:.3g}", "ms a step") for stage, ms in stages.items()]
+        values += [("all", f"{together[-1]:.3g}", "ms a step"), ("contacts", f"{contacts:.0f}", "")]
+        values += [("sweeps a step", f"{sweeps:.1f}", ""), ("unconverged steps", f"{unconverged}", "")]
+        if name == "cd-solve":
+            values.append(("times as fast", f"{together[0] / together[1]:.3g}", ""))
+        rows += [f"{scene},{size},{quantity},{value},{unit},1{program}" for quantity, value, unit in values]
+    record = os.path.join(os.path.dirname(os.path.abspath(__file__)), "record.sh")
+    subprocess.run([record, "lmgc90"], check=True, text=True, input="\n".join(rows) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
-# Seconds that the three programs take for scenes of growing size: a table.
+# Seconds, memory and files of the three programs for scenes of growing size; into size.csv and footprint.csv.
 #
 #     bench/size.sh [SPHERES...]
 #
 # Clouds of so many spheres (10 000, 100 000) and monoliths of a hundredth as many fragments: all of cd-pre, cd-solve with
-# two steps, of which the steps themselves are in brackets, and cd-post with its two snapshots. CD_BIN: where the
-# programs are.
+# two steps, and cd-post with its two snapshots. Bytes per body do not depend on the load of the machine. CD_BIN: folder of
+# the programs. MACHINE and RESULTS: see bench/record.sh.
 set -euo pipefail
 [ $# -gt 0 ] || set -- 10000 100000
-top=$(cd "$(dirname "$0")/.." && pwd)
-bin=${CD_BIN:-$top/target/release}
+bench=$(cd "$(dirname "$0")" && pwd)
+bin=${CD_BIN:-${CARGO_TARGET_DIR:-$bench/../target}/release}
 work=$(mktemp -d)
 trap 'status=$?; [ $status = 0 ] || cat "$work/log" >&2; rm -rf "$work"' EXIT
 cat > "$work/monolith.ron" << 'SCENE'
@@ -21,26 +21,52 @@ cat > "$work/monolith.ron" << 'SCENE'
     compute: (dt: 1.0, self_gravity: true),
 )
 SCENE
+cat > "$work/measure.py" << 'PYTHON'
+# Seconds and peak of memory, in bytes, of a command.
+import resource, subprocess, sys, time
+start = time.perf_counter()
+subprocess.run(sys.argv[1:], check=True, stdout=sys.stderr)
+seconds = time.perf_counter() - start
+peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+print(f"{seconds:.2g} {peak}")
+PYTHON
 
-timed() { # timed COMMAND...: its seconds
-    local start=$EPOCHREALTIME
-    "$@" > "$work/log" 2>&1
-    echo "$start $EPOCHREALTIME" | awk '{ printf "%.1f", $2 - $1 }'
+row() { # row FILE SCENE NUMBER QUANTITY VALUE UNIT: a line of FILE
+    echo "$2,$3,$4,$5,$6,$threads" >> "$work/$1"
 }
 
-row() { # row NAME SCENE NUMBER
-    local pre solve steps post
-    pre=$(timed "$bin/cd-pre" "$2" -o "$work/case" --set "grains.1.number=$3")
-    solve=$(timed "$bin/cd-solve" "$work/case" --steps 2)
-    steps=$(awk -F, 'NR > 1 { for (i = 2; i <= NF; i++) sum += $i } END { printf "%.1f", sum }' "$work/case/TIMER.csv")
-    post=$(timed "$bin/cd-post" "$work/case")
+per_body() { # per_body QUANTITY BYTES
+    row footprint "$name" "$number" "$1" "$(awk -v bytes="$2" -v n="$number" 'BEGIN { printf "%.2g", bytes / n }')" "bytes per body"
+}
+
+measured() { # measured PROGRAM ARGUMENTS...: its seconds and memory as lines
+    local program=$1 found
+    shift
+    found=$(python3 "$work/measure.py" "$bin/$program" "$@" 2> "$work/log")
+    row size "$name" "$number" "$program" "${found% *}" s
+    per_body "memory of $program" "${found#* }"
+}
+
+bytes() { # bytes PATHS...: their sum
+    find "$@" -type f -exec cat {} + | wc -c
+}
+
+threads=$(getconf _NPROCESSORS_ONLN)
+scene() { # scene NAME SCENE NUMBER
+    name=$1 number=$3
+    measured cd-pre "$2" -o "$work/case" --set "grains.1.number=$number"
+    measured cd-solve "$work/case" --steps 2
+    row size "$name" "$number" "two steps" \
+        "$(awk -F, 'NR > 1 { for (i = 2; i <= NF; i++) sum += $i } END { printf "%.2g", sum }' "$work/case/TIMER.csv")" s
+    measured cd-post "$work/case"
+    per_body DATBOX "$(bytes "$work/case/DATBOX")"
+    per_body snapshot "$(bytes "$work/case/OUTBOX/"snapshot-*2.npz)"
+    per_body "DISPLAY of a snapshot" "$(($(bytes "$work/case/DISPLAY") / 2))"
     rm -r "$work/case"
-    echo "| $3 $1 | $pre | $solve ($steps) | $post |"
 }
 
-echo "| scene | cd-pre, s | cd-solve, s | cd-post, s |"
-echo "|---|---|---|---|"
 for number in "$@"; do
-    row spheres "$top/examples/accretion/scene.ron" "$number"
-    row fragments "$work/monolith.ron" $((number / 100))
+    scene spheres "$bench/../examples/accretion/scene.ron" "$number"
+    scene fragments "$work/monolith.ron" $((number / 100))
 done
+for file in size footprint; do "$bench/record.sh" "$file" < "$work/$file"; done

@@ -1,6 +1,6 @@
-# Writes the results of `make -C examples/accuracy-study` into docs/accuracy.md, between its marks, and the help texts of the
+# Writes the results of `make -C examples/accuracy-study` into docs/explanation/accuracy.md, between its marks, and the help texts of the
 # presets into formats/src/accuracy/PRESET.txt; at the top folder of the project:
-#   awk -f docs/accuracy/accuracy.awk docs/accuracy.md > docs/accuracy.md.part
+#   awk -f docs/accuracy/accuracy.awk docs/explanation/accuracy.md > docs/explanation/accuracy.md.part
 # Numbers come from examples/accuracy-study/SCENE/{all,errors}/{accuracy,orders}.csv alone: those of all realisations together, and of each, SCENE
 # also with their suffixes.
 # A missing file or column is a fault.
@@ -198,7 +198,7 @@ function honesty(    s, file, k, x, all, good, small, large, sum, sums, lone, ho
 function figures(    s) {
     for (s = 1; s <= scenes; s++) {
         if (system("cp " tables(s) "accuracy.svg docs/images/accuracy-" scene[s] ".svg") != 0) fault("no figure of " scene[s])
-        print "\n![Error against time: " scene[s] "](images/accuracy-" scene[s] ".svg)"
+        print "\n![Error against time: " scene[s] "](../images/accuracy-" scene[s] ".svg)"
     }
 }
 

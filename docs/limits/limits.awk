@@ -1,5 +1,5 @@
-# Writes docs/limits.md from docs/limits/limits.md.in and the output of the tests, run in the top folder of the project:
-#   awk -f docs/limits/limits.awk docs/limits-*.log docs/limits/limits.md.in > docs/limits.md
+# Writes docs/explanation/limits.md from docs/limits/limits.md.in and the output of the tests, run in the top folder of the project:
+#   awk -f docs/limits/limits.awk docs/limits-*.log docs/limits/limits.md.in > docs/explanation/limits.md
 # A test prints a line: limit | PARAMETER | RANGE | PROPERTY | RESULT | `TEST` |
 # Each log holds the output of all tests, with another number of threads or another build. All logs must hold the same
 # lines.

@@ -1,5 +1,5 @@
-# Writes docs/paper.md from docs/paper/paper.md.in, at the top folder of the project:
-#   awk -f docs/paper/paper.awk docs/paper/paper.md.in > docs/paper.md
+# Writes a page of docs/explanation/paper from docs/paper/NAME.md.in, at the top folder of the project:
+#   awk -f docs/paper/paper.awk docs/paper/NAME.md.in > docs/explanation/paper/NAME.md
 # Lines pass as they are, but
 #   @figure FILE NAME CAPTION...            copies the figure to docs/images/paper-NAME.svg and shows it; lines that follow each
 #                                           other make a table of two a row
@@ -139,7 +139,7 @@ function shown(text) { return text ~ /^-?[0-9.]+(e[-+]?[0-9]+)?$/ ? sprintf("%.4
 $1 == "@figure" {
     caption = $0; sub(/^@figure +[^ ]+ +[^ ]+ +/, "", caption)
     if (system("cp " $2 " docs/images/paper-" $3 ".svg") != 0) fault("no figure " $2)
-    pictures[++figures] = "![" caption "](images/paper-" $3 ".svg)"; captions[figures] = caption
+    pictures[++figures] = "![" caption "](../../images/paper-" $3 ".svg)"; captions[figures] = caption
     next
 }
 

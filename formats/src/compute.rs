@@ -214,7 +214,7 @@ pub const MIN_FMM_ERROR: f64 = 1e-6;
 
 macro_rules! options {
     ($($(#[doc = $help:literal])+ $name:ident : $type:ty = $default:expr, $flag:ty, [$($arg:tt)*];)+) => {
-        /// The options of a run; see the table in `docs/files.md`.
+        /// The options of a run; see `docs/reference/options.md`.
         #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
         #[serde(deny_unknown_fields, default)]
         pub struct Compute { $($(#[doc = $help])+ pub $name: $type,)+ }

@@ -248,7 +248,7 @@ pub struct LawEntry {
     pub lines: &'static [&'static [LawParameter]],
     /// Whether the programs compute with the law; else its file can only be read and written.
     pub computed: bool,
-    /// Beginning of the law's row in docs/scene.md; empty if the law is not computed.
+    /// Beginning of the law's section in docs/reference/laws.md; empty if the law is not computed.
     pub description: &'static str,
 }
 
@@ -367,7 +367,7 @@ contact_laws! {
             lines: [[friction: Friction]],
             friction: FrictionPair::equal(friction)
         }
-        /// the same with two coefficients
+        /// as `IQS_CLB`, with dynamic and static friction
         IqsDsClb "IQS_DS_CLB" {
             lines: [[dynamic_friction: DynamicFriction, static_friction: StaticFriction]],
             friction: FrictionPair { static_friction, dynamic_friction }
@@ -382,7 +382,7 @@ contact_laws! {
             friction: FrictionPair { static_friction, dynamic_friction },
             cohesion: LawCohesion::Liquid { force: cohesion, range, remembers: false }
         }
-        /// the same for contacts within `range` at the start of the run or at an event `Bond`, until the gap first exceeds `range`
+        /// as `IQS_WET_DS_CLB`, for contacts within `range` at the start of the run or at an event `Bond`, until the gap first exceeds `range`
         XqsWetDsClb "xQS_WET_DS_CLB" {
             lines: [
                 [cohesion: LiquidCohesion; UnusedCohesion],
@@ -430,7 +430,7 @@ contact_laws! {
             ],
             friction: FrictionPair::equal(friction)
         }
-        /// the same with two coefficients
+        /// as `RST_CLB`, with dynamic and static friction
         RstDsClb "RST_DS_CLB" {
             lines: [
                 [normal_restitution: NormalRestitution, tangential_restitution: TangentialRestitution],

@@ -1,17 +1,17 @@
-//! docs/files.md is complete, and what it shows is accepted.
+//! The reference of files, laws and options is complete, and what it shows is accepted.
 
 use std::path::{Path, PathBuf};
 
 use cd_formats::compute::{Accuracy, Compute, Event, from_ron};
-use cd_formats::law_table::{ContactMemory, LAW_TABLE, LawCohesion, LawEntry, LawModel, LawParameter, law_entry};
+use cd_formats::law_table::{ContactMemory, LAW_TABLE, LawCohesion, LawEntry, LawModel, LawParameter};
 use cd_formats::snapshot::{
     BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, IntervalArrays, LawName, MaterialName, MemoryArrays,
     PairArrays, SnapshotMeta, TurningArrays,
 };
 
-fn page() -> (PathBuf, String) {
-    page_of("docs/files.md")
-}
+const OPTIONS: &str = "docs/reference/options.md";
+const LAWS: &str = "docs/reference/laws.md";
+const SNAPSHOTS: &str = "docs/reference/files/snapshots.md";
 
 fn page_of(name: &str) -> (PathBuf, String) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name);
@@ -19,10 +19,20 @@ fn page_of(name: &str) -> (PathBuf, String) {
     (path, text)
 }
 
-/// The section under a heading of the second level, without its subsections.
+/// The section under a heading such as `## Presets`, without its subsections.
 fn section<'a>(page: &'a str, heading: &str) -> &'a str {
-    let (_, rest) = page.split_once(&format!("\n## {heading}\n")).unwrap();
+    let (_, rest) = page.split_once(&format!("\n{heading}\n")).unwrap_or_else(|| panic!("no section {heading}"));
     rest.split("\n## ").next().unwrap().split("\n### ").next().unwrap()
+}
+
+/// Names in the headings of the third level, in their order.
+fn names_of_sections(page: &str) -> Vec<&str> {
+    page.lines().filter_map(|line| line.strip_prefix("### ")).collect()
+}
+
+/// The text in one line.
+fn in_one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// The cells of the table rows whose first cell is one name in code and that have `cells` cells.
@@ -36,24 +46,26 @@ fn rows(section: &str, cells: usize) -> Vec<Vec<String>> {
 
 #[test]
 fn options_are_those_of_compute_ron() {
-    let (_, text) = page();
-    let documented: Vec<[String; 3]> = rows(section(&text, "COMPUTE.RON"), 4)
-        .into_iter()
-        .map(|row| {
-            assert!(!row[1].trim().is_empty(), "{} has no unit", row[0]);
-            [row[0].clone(), row[2].clone(), row[3].clone()]
-        })
-        .collect();
-    let options: Vec<[String; 3]> =
-        Compute::option_table().into_iter().map(|(name, default, help)| [format!("`{name}`"), default, help]).collect();
-    assert_eq!(documented, options);
+    let (path, text) = page_of(OPTIONS);
+    let options = Compute::option_table();
+    assert_eq!(names_of_sections(&text), options.iter().map(|(name, ..)| *name).collect::<Vec<_>>());
+    for (name, default, help) in options {
+        let section = in_one_line(section(&text, &format!("### {name}")));
+        assert!(section.starts_with(&help), "{name}: `{section}` does not begin with `{help}`");
+        assert!(section.contains(" Unit: ") && section.contains(&format!(" Default: `{default}`.")), "{name}");
+        let (_, example) = section.split_once("Example: `").unwrap();
+        let example = example.strip_suffix("`.").unwrap();
+        assert!(example.starts_with(&format!("{name}: ")), "{name}: {example}");
+        let compute = from_ron::<Compute>(&path, &format!("({example})"), name).unwrap();
+        compute.check(&path).unwrap();
+        assert_ne!(compute, Compute::default(), "{example}");
+    }
 }
 
 #[test]
 fn presets_are_those_of_accuracy() {
-    let (_, text) = page();
-    let (_, rest) = text.split_once("\n### Accuracy\n").unwrap();
-    let documented = rows(rest.split("\n### ").next().unwrap(), 6);
+    let (_, text) = page_of(OPTIONS);
+    let documented = rows(section(&text, "## Presets"), 6);
     let of = |accuracy| Compute { accuracy, ..Compute::default() }.accuracy_options();
     let [draft, standard, fine, reference] = Accuracy::ALL.map(|accuracy| of(Some(accuracy)));
     let presets = [of(None), draft, standard, fine, reference];
@@ -67,8 +79,8 @@ fn presets_are_those_of_accuracy() {
 /// Name, type, shape and meaning of every array; the page may say more behind the first clause.
 #[test]
 fn arrays_are_those_of_snapshots() {
-    let (_, text) = page();
-    let documented = rows(section(&text, "snapshot-NNNNNN.npz"), 5);
+    let (_, text) = page_of(SNAPSHOTS);
+    let documented = rows(section(&text, "## snapshot-NNNNNN.npz"), 5);
     let arrays: Vec<_> = BodyArrays::array_table()
         .into_iter()
         .map(|array| ("N", array))
@@ -103,8 +115,8 @@ fn meta_is_described_field_by_field() {
             _ => {}
         }
     }
-    let (_, text) = page();
-    let section = section(&text, "snapshot-NNNNNN.npz");
+    let (_, text) = page_of(SNAPSHOTS);
+    let section = section(&text, "## snapshot-NNNNNN.npz");
     let mut meta = SnapshotMeta::default();
     meta.materials.push(MaterialName { name: String::new(), density: 1.0 });
     meta.laws.push(LawName { nickname: String::new(), kind: String::new(), parameters: vec![] });
@@ -123,7 +135,7 @@ fn meta_is_described_field_by_field() {
     names(&serde_json::to_value(&meta).unwrap(), &mut fields);
     assert!(fields.len() > 30, "{fields:?}"); // a check of the check
     for field in fields {
-        assert!(section.contains(&format!("`{field}`")), "docs/files.md does not describe {field}");
+        assert!(section.contains(&format!("`{field}`")), "{SNAPSHOTS} does not describe {field}");
     }
 }
 
@@ -142,7 +154,7 @@ fn with_unit(text: String, parameter: LawParameter) -> String {
     if unit.is_empty() { text } else { format!("{text} ({unit})") }
 }
 
-/// Parameters of a law by lines, as docs/files.md lists them.
+/// Parameters of a law by lines, as the page lists them.
 fn parameter_lines(entry: &LawEntry) -> String {
     let symbol = |parameter: &LawParameter| with_unit(parameter.symbol().to_string(), *parameter);
     let line = |line: &&[LawParameter]| line.iter().map(symbol).collect::<Vec<_>>().join(", ");
@@ -150,76 +162,71 @@ fn parameter_lines(entry: &LawEntry) -> String {
     if lines.is_empty() { "none".into() } else { lines.join(" / ") }
 }
 
-/// The page may say more behind the description.
-#[test]
-fn laws_of_scenes_are_those_of_the_table() {
-    let (_, text) = page_of("docs/scene.md");
-    let (_, table) = section(&text, "Laws").split_once("\n| kind | parameters | |\n").unwrap();
-    let documented: Vec<Vec<String>> = rows(table, 3);
-    let names = |entry: &LawEntry| -> Vec<String> {
-        let used = entry.parameters().filter(|parameter| *parameter != LawParameter::UnusedCohesion);
-        used.map(|parameter| with_unit(format!("`{}`", parameter.name()), parameter)).collect()
+/// Largest friction force of a law, in words.
+fn friction_limit(cohesion: Option<LawCohesion>) -> &'static str {
+    match cohesion {
+        None => "μ f_n",
+        Some(LawCohesion::Liquid { remembers: false, .. }) => "μ (f_n + cohesion) while g ≤ range, else μ f_n",
+        Some(LawCohesion::Liquid { remembers: true, .. }) => "μ (f_n + cohesion) while wet, else μ f_n",
+        Some(LawCohesion::Bond { .. }) => "c_t S + (c_t/c_n) f_n with a bond, else μ f_n",
+    }
+}
+
+/// State of a contact that a law keeps, in words.
+fn kept_state(model: &LawModel) -> String {
+    let word = |memory: ContactMemory| match memory {
+        ContactMemory::Sliding => "sliding",
+        ContactMemory::LiquidBridge => "liquid bridge",
+        ContactMemory::Bond => "bond",
+        ContactMemory::Moment => "moment",
     };
+    let kept: Vec<&str> = model.memory().into_iter().map(word).collect();
+    if kept.is_empty() { "-".into() } else { kept.join(", ") }
+}
+
+/// A section may say more behind the description.
+#[test]
+fn laws_are_those_of_the_table() {
+    let (path, text) = page_of(LAWS);
     let laws = computed_laws();
-    assert_eq!(documented.len(), laws.len(), "rows of laws in docs/scene.md");
-    for (row, entry) in documented.iter().zip(laws) {
-        assert_eq!(row[..2], [format!("`{}`", entry.label), names(entry).join(", ")]);
-        assert!(row[2].starts_with(entry.description), "`{}` does not begin with `{}`", row[2], entry.description);
+    let (mut documented, mut labels) = (names_of_sections(&text), laws.iter().map(|law| law.label).collect::<Vec<_>>());
+    documented.sort_unstable();
+    labels.sort_unstable();
+    assert_eq!(documented, labels);
+    for entry in laws {
+        let section = section(&text, &format!("### {}", entry.label));
+        let (description, line) = (entry.description, in_one_line(section));
+        let begins = line.to_lowercase().starts_with(&description.to_lowercase());
+        assert!(begins, "{}: `{line}` does not begin with `{description}`", entry.label);
+        let used = entry.parameters().filter(|parameter| *parameter != LawParameter::UnusedCohesion);
+        let names: Vec<String> =
+            used.map(|parameter| with_unit(format!("`{}`", parameter.name()), parameter)).collect();
+        let model = example_of(entry);
+        for row in [
+            format!("| parameters | {} |", names.join(", ")),
+            format!("| lines | {} |", parameter_lines(entry)),
+            format!("| largest friction force | {} |", friction_limit(model.cohesion())),
+            format!("| kept | {} |", kept_state(&model)),
+        ] {
+            assert!(section.contains(&row), "{}: no row {row}", entry.label);
+        }
+        let (_, example) = section.split_once("```ron LawModel\n").unwrap();
+        let shown = from_ron::<LawModel>(&path, example.split("```").next().unwrap(), "kind").unwrap();
+        assert_eq!(shown.label(), entry.label);
     }
 }
 
 #[test]
-fn laws_of_files_are_those_of_the_table() {
-    let (_, text) = page();
-    let (_, rest) = text.split_once("\n### Laws\n").unwrap();
-    let section = rest.split("\n## ").next().unwrap();
-    let mut parts = section.split("\n\n").map(|part| [rows(part, 2), rows(part, 3)]);
-    let mut next = |cells: usize| {
-        parts.find_map(|[two, three]| Some(if cells == 2 { two } else { three }).filter(|rows| !rows.is_empty()))
-    };
-    let (parameters, limits, exchanged) = (next(3).unwrap(), next(3).unwrap(), next(2).unwrap());
-
-    let mut documented: Vec<&str> = parameters.iter().map(|row| row[0].trim_matches('`')).collect();
-    let mut labels: Vec<&str> = computed_laws().iter().map(|entry| entry.label).collect();
-    for row in &parameters {
-        let entry = law_entry(row[0].trim_matches('`')).unwrap_or_else(|| panic!("{} is no law", row[0]));
-        assert_eq!(row[1], parameter_lines(entry), "{}", entry.label);
-    }
-    documented.sort_unstable();
-    labels.sort_unstable();
-    assert_eq!(documented, labels);
-
-    let expected: Vec<Vec<String>> = computed_laws()
-        .into_iter()
-        .map(|entry| {
-            let model = example_of(entry);
-            let limit = match model.cohesion() {
-                None => "μ f_n",
-                Some(LawCohesion::Liquid { remembers: false, .. }) => "μ (f_n + cohesion) while g ≤ range, else μ f_n",
-                Some(LawCohesion::Liquid { remembers: true, .. }) => "μ (f_n + cohesion) while wet, else μ f_n",
-                Some(LawCohesion::Bond { .. }) => "c_t S + (c_t/c_n) f_n with a bond, else μ f_n",
-            };
-            let kept = |memory: ContactMemory| match memory {
-                ContactMemory::Sliding => "sliding",
-                ContactMemory::LiquidBridge => "liquid bridge",
-                ContactMemory::Bond => "bond",
-                ContactMemory::Moment => "moment",
-            };
-            let kept: Vec<&str> = model.memory().into_iter().map(kept).collect();
-            let kept = if kept.is_empty() { "-".into() } else { kept.join(", ") };
-            vec![format!("`{}`", entry.label), limit.into(), kept]
-        })
-        .collect();
-    assert_eq!(limits, expected);
-
-    let named = |row: &Vec<String>| -> Vec<(String, String)> {
+fn laws_for_exchange_are_those_of_the_table() {
+    let (_, text) = page_of(LAWS);
+    let named = |row: Vec<String>| -> Vec<(String, String)> {
         row[0].split(", ").map(|name| (name.trim_matches('`').to_string(), row[1].clone())).collect()
     };
-    let documented: Vec<(String, String)> = exchanged.iter().flat_map(named).collect();
+    let mut documented: Vec<_> =
+        rows(section(&text, "## Exchange with LMGC90"), 2).into_iter().flat_map(named).collect();
     let others = LAW_TABLE.iter().filter(|entry| !entry.computed);
     let mut expected: Vec<(String, String)> =
         others.map(|entry| (entry.label.to_string(), parameter_lines(entry))).collect();
-    let mut documented = documented;
     documented.sort();
     expected.sort();
     assert_eq!(documented, expected);
@@ -227,37 +234,39 @@ fn laws_of_files_are_those_of_the_table() {
 
 #[test]
 fn other_pages_name_every_law() {
-    let (_, files) = page();
+    let (_, snapshots) = page_of(SNAPSHOTS);
     let keeps_arrays =
         |entry: &&LawEntry| example_of(entry).memory().iter().any(|kind| *kind != ContactMemory::Sliding);
     let names: Vec<String> =
         computed_laws().into_iter().filter(keeps_arrays).map(|entry| format!("`{}`", entry.label)).collect();
     let sentence = format!("If a law has memory or rolling moments ({}), also:", names.join(", "));
-    assert!(files.replace('\n', " ").contains(&sentence), "docs/files.md: {sentence}");
-    let (_, method) = page_of("docs/method.md");
+    assert!(in_one_line(&snapshots).contains(&sentence), "{SNAPSHOTS}: {sentence}");
+    let (_, method) = page_of("docs/explanation/method/laws.md");
     let (_, readme) = page_of("README.md");
     for entry in computed_laws() {
         let name = format!("`{}`", entry.label);
-        assert!(section(&method, "Laws: M4").contains(&name), "docs/method.md, Laws: no {name}");
+        assert!(section(&method, "## Laws: M4").contains(&name), "the method, Laws: no {name}");
         assert!(readme.contains(&name), "README.md: no {name}");
     }
 }
 
 #[test]
-fn what_it_shows_is_accepted() {
-    let (path, text) = page();
+fn what_is_shown_is_accepted() {
     let mut shown = 0;
-    for block in text.split("```ron ").skip(1) {
-        let (kind, rest) = block.split_once('\n').unwrap();
-        let ron = rest.split("```").next().unwrap();
-        let read = match kind {
-            "Compute" => from_ron::<Compute>(&path, ron, kind).and_then(|compute| compute.check(&path)),
-            "Events" => from_ron::<Vec<Event>>(&path, ron, kind)
-                .and_then(|events| Compute { events, ..Compute::default() }.check(&path)),
-            _ => panic!("no type for {kind}"),
-        };
-        read.unwrap_or_else(|faults| panic!("{ron}\n{faults}"));
-        shown += 1;
+    for page in [OPTIONS, "docs/reference/fields.md", "docs/reference/events.md"] {
+        let (path, text) = page_of(page);
+        for block in text.split("```ron ").skip(1) {
+            let (kind, rest) = block.split_once('\n').unwrap();
+            let ron = rest.split("```").next().unwrap();
+            let read = match kind {
+                "Compute" => from_ron::<Compute>(&path, ron, kind).and_then(|compute| compute.check(&path)),
+                "Events" => from_ron::<Vec<Event>>(&path, ron, kind)
+                    .and_then(|events| Compute { events, ..Compute::default() }.check(&path)),
+                _ => panic!("no type for {kind}"),
+            };
+            read.unwrap_or_else(|faults| panic!("{ron}\n{faults}"));
+            shown += 1;
+        }
     }
-    assert_eq!((shown, text.matches("```ron").count()), (3, 3));
+    assert_eq!(shown, 5);
 }

@@ -19,7 +19,7 @@ use crate::options::{Measures, Options, SlopeReach, ThreadCount, parse_finite};
 ///
 /// Reads DIR/OUTBOX/snapshot-*.npz and, for shapes, DIR/DATBOX/BODIES.DAT. Writes DIR/POSTPRO (series.csv,
 /// plots, pictures) and DIR/DISPLAY (ParaView files; show them with paraview --script=DIR/DISPLAY/view.py).
-/// docs/observables.md defines all observables. Write ./NAME for a folder that has the name of a command.
+/// docs/reference/observables/ defines all observables. Write ./NAME for a folder that has the name of a command.
 #[derive(Debug, Clone, Parser)]
 #[command(name = "cd-post", version, args_conflicts_with_subcommands = true)]
 struct Arguments {

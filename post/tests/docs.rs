@@ -1,4 +1,4 @@
-//! `docs/observables.md` lists what is written, no more and no less.
+//! `docs/reference/observables` lists what is written, no more and no less.
 
 mod samples;
 
@@ -12,13 +12,13 @@ use cd_post::shapes::ShapeCache;
 use cd_post::write::{display, plots};
 use samples::Scene;
 
-fn page() -> String {
-    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/observables.md")).unwrap()
+fn page_of(name: &str) -> String {
+    fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/reference/observables").join(name)).unwrap()
 }
 
-/// The cells of the table rows under a heading whose first cell is a `name`.
-fn table(heading: &str) -> Vec<Vec<String>> {
-    let page = page();
+/// The cells of the table rows under a heading of a page whose first cell is a `name`.
+fn table(page: &str, heading: &str) -> Vec<Vec<String>> {
+    let page = page_of(page);
     let lines = page.lines().skip_while(|line| *line != heading).skip(1).take_while(|line| !line.starts_with('#'));
     lines
         .filter(|line| line.starts_with("| `"))
@@ -29,7 +29,7 @@ fn table(heading: &str) -> Vec<Vec<String>> {
 #[test]
 fn columns_of_the_series() {
     let documented: Vec<(String, String)> =
-        table("## Columns of series.csv").into_iter().map(|row| (row[0].clone(), row[1].clone())).collect();
+        table("series.md", "# Columns of series.csv").into_iter().map(|row| (row[0].clone(), row[1].clone())).collect();
     let written: Vec<(String, String)> =
         Row::COLUMNS.iter().map(|(name, unit, _)| (name.to_string(), unit.to_string())).collect();
     assert_eq!(documented, written);
@@ -37,7 +37,7 @@ fn columns_of_the_series() {
 
 #[test]
 fn columns_of_a_study() {
-    let documented: Vec<(String, String)> = table("## Many runs")
+    let documented: Vec<(String, String)> = table("runs.md", "## Many runs")
         .into_iter()
         .filter(|row| !row[0].contains('.'))
         .map(|row| (row[0].clone(), row[1].clone()))
@@ -49,7 +49,7 @@ fn columns_of_a_study() {
 
 #[test]
 fn columns_of_an_accuracy_study() {
-    let documented: Vec<[String; 3]> = table("## Error against run time")
+    let documented: Vec<[String; 3]> = table("runs.md", "## Error against run time")
         .into_iter()
         .filter(|row| !row[0].contains('.'))
         .map(|row| [row[0].clone(), row[1].clone(), row[2].clone()])
@@ -95,7 +95,7 @@ fn arrays_of_the_paraview_files() {
                 Some((name, format!("{components}, {short}")))
             })
             .collect();
-        let documented: Vec<(String, String)> = table(&format!("### {kind}-NNNNNN.vtp"))
+        let documented: Vec<(String, String)> = table("paraview.md", &format!("## {kind}-NNNNNN.vtp"))
             .into_iter()
             .map(|row| (row[0].clone(), row[1].split(", of ").next().unwrap().to_string()))
             .collect();
@@ -105,7 +105,7 @@ fn arrays_of_the_paraview_files() {
 
 #[test]
 fn plots() {
-    let page = page();
+    let page = page_of("README.md");
     for plot in plots::PLOTS {
         assert!(page.contains(plot.file), "{}", plot.file);
     }

@@ -14,7 +14,7 @@ use crate::{from_outbox, study};
 /// Converts a scene to DATBOX, the input of cd-solve.
 ///
 /// A scene contains materials, contact laws, bodies of grains (sizes, positions, initial motion), walls and
-/// the options of the run; docs/scene.md describes all fields. All errors of a scene are reported together,
+/// the options of the run; docs/reference/scene/ describes all fields. All errors of a scene are reported together,
 /// and nothing is written then.
 #[derive(Debug, Parser)]
 #[command(name = "cd-pre", version, args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
@@ -37,7 +37,7 @@ enum Command {
     /// Makes DATBOX from a snapshot of another case, with its bodies, laws and contacts, bit for bit.
     ///
     /// A file of changes can select the largest remnant, move and rotate it, add bodies of other runs and new bodies,
-    /// and set other laws and options; docs/from-outbox.md describes all fields.
+    /// and set other laws and options; docs/reference/from-outbox.md describes all fields.
     FromOutbox {
         /// Folder of the case, with DATBOX and OUTBOX.
         case: PathBuf,
@@ -53,7 +53,7 @@ enum Command {
     /// Writes a folder with a scene for each combination of parameters.
     ///
     /// A study contains a base scene, parameters with their paths and values, and a pattern for the names of the folders;
-    /// docs/study.md describes all fields. All cases are checked first; if one has an error, nothing is written.
+    /// docs/reference/study.md describes all fields. All cases are checked first; if one has an error, nothing is written.
     Study {
         /// Study, in RON.
         #[arg(value_name = "study.ron")]

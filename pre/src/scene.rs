@@ -1,4 +1,4 @@
-//! Contents of `scene.ron`: the types, each field with its unit. `docs/scene.md` describes them for users.
+//! Contents of `scene.ron`: the types, each field with its unit. `docs/reference/scene/` describes them for users.
 //!
 //! SI units and radians throughout. Only names and types are checked here, values in [`crate::check`].
 

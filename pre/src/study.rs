@@ -1,6 +1,6 @@
 //! `cd-pre study study.ron`: a folder with a scene for each combination of parameters.
 //!
-//! `docs/study.md` describes [`Study`] for users.
+//! `docs/reference/study.md` describes [`Study`] for users.
 
 use std::collections::HashMap;
 use std::fs;

@@ -1,4 +1,4 @@
-//! docs/scene.md is complete, and what it shows is accepted.
+//! The reference of scenes is complete, and what the guides and the reference show is accepted.
 
 use std::path::{Path, PathBuf};
 
@@ -8,9 +8,16 @@ use cd_pre::from_outbox::Changes;
 use cd_pre::scene;
 use cd_pre::study::Study;
 
-fn page() -> (PathBuf, String) {
-    page_of("scene.md")
-}
+/// Pages that describe scenes.
+const SCENE_PAGES: [&str; 7] = [
+    "reference/scene/README.md",
+    "reference/scene/grains.md",
+    "reference/scene/models.md",
+    "reference/scene/placement.md",
+    "reference/scene/walls.md",
+    "reference/scene/periodic.md",
+    "reference/laws.md",
+];
 
 fn page_of(name: &str) -> (PathBuf, String) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs").join(name);
@@ -47,13 +54,13 @@ fn names_in(types: &str) -> Vec<String> {
 
 #[test]
 fn every_field_and_variant_is_described() {
-    let (_, text) = page();
+    let text = SCENE_PAGES.map(|page| page_of(page).1).concat();
     let names = names();
     // A check of the check: one of each sort.
     for known in ["solid_fraction", "min", "Ellipsoid", "Constant", "ramp_start"] {
         assert!(names.iter().any(|name| name == known), "{known} is not among {names:?}");
     }
-    expect_described(names, "docs/scene.md", &text);
+    expect_described(names, "docs/reference/scene", &text);
 }
 
 /// Each name is in `code` outside of the examples.
@@ -67,19 +74,11 @@ fn expect_described(names: Vec<String>, file: &str, text: &str) {
 }
 
 #[test]
-fn options_of_the_run_are_those_of_the_solver() {
-    let (_, text) = page();
-    let row = |(name, default, help): (&str, String, String)| {
-        format!("| `{name}` | {default} | {} |\n", help.replace('|', "\\|"))
-    };
-    let table: String = Compute::option_table().into_iter().map(row).collect();
-    assert!(text.contains(&table), "docs/scene.md should hold the rows\n{table}");
-}
-
-#[test]
-fn what_it_shows_is_accepted() {
-    let (path, text) = page();
-    assert_eq!(expect_accepted(&path, &text), text.matches("```ron").count());
+fn what_is_shown_is_accepted() {
+    for page in SCENE_PAGES {
+        let (path, text) = page_of(page);
+        assert_eq!(expect_accepted(&path, &text), text.matches("```ron").count(), "{page}");
+    }
 }
 
 /// Reads each block `ron KIND` as a value of this kind. Returns their number.
@@ -91,7 +90,9 @@ fn expect_accepted(path: &Path, text: &str) -> usize {
         let read = match kind {
             "Scene" => cd_pre::read_scene(path, ron, &[]).map(drop),
             "LawModel" => from_ron::<LawModel>(path, ron, kind).map(drop),
+            "Compute" => from_ron::<Compute>(path, ron, kind).map(drop),
             "Contact" => from_ron::<scene::Contact>(path, ron, kind).map(drop),
+            "Grains" => from_ron::<scene::Grains>(path, ron, kind).map(drop),
             "Sizes" => from_ron::<scene::SizeDistribution>(path, ron, kind).map(drop),
             "Placement" => from_ron::<scene::GrainPlacement>(path, ron, kind).map(drop),
             "Shape" => from_ron::<scene::GrainShape>(path, ron, kind).map(drop),
@@ -110,8 +111,10 @@ fn expect_accepted(path: &Path, text: &str) -> usize {
 
 #[test]
 fn what_the_guides_show_is_accepted() {
-    let (path, text) = page_of("how-to.md");
-    assert_eq!(expect_accepted(&path, &text), text.matches("```ron").count());
+    for page in ["set-up", "run", "results"] {
+        let (path, text) = page_of(&format!("how-to/{page}.md"));
+        assert_eq!(expect_accepted(&path, &text), text.matches("```ron").count(), "{page}");
+    }
     for scene in ["how-to/bed.ron", "how-to/silo.ron", "how-to/tube.ron", "tutorial/scene.ron"] {
         let (path, text) = page_of(scene);
         cd_pre::read_scene(&path, &text, &[]).unwrap_or_else(|faults| panic!("{scene}\n{faults}"));
@@ -126,7 +129,7 @@ fn what_the_guides_show_is_accepted() {
 /// The blocks `ron FILE` of the tutorial are the files in docs/tutorial.
 #[test]
 fn the_tutorial_shows_its_files() {
-    let (_, text) = page_of("tutorial.md");
+    let (_, text) = page_of("tutorial/README.md");
     for block in text.split("```ron ").skip(1) {
         let (file, rest) = block.split_once('\n').unwrap();
         let (_, stored) = page_of(&format!("tutorial/{file}"));
@@ -136,7 +139,7 @@ fn the_tutorial_shows_its_files() {
 
 #[test]
 fn changes_of_from_outbox_are_described_and_what_is_shown_is_accepted() {
-    let (path, text) = page_of("from-outbox.md");
+    let (path, text) = page_of("reference/from-outbox.md");
     let source = include_str!("../src/from_outbox/changes.rs");
     let of = |name: &str| {
         let (_, rest) = source.split_once(&format!("pub {name} {{")).unwrap();
@@ -146,14 +149,14 @@ fn changes_of_from_outbox_are_described_and_what_is_shown_is_accepted() {
         .map(of)
         .concat();
     assert!(["keep_time", "Largest", "RigidMotion"].iter().all(|known| names.iter().any(|name| name == known)));
-    expect_described(names, "docs/from-outbox.md", &text);
+    expect_described(names, "docs/reference/from-outbox.md", &text);
     let (_, rest) = text.split_once("```ron Changes\n").unwrap();
     from_ron::<Changes>(&path, rest.split("```").next().unwrap(), "changes").unwrap();
 }
 
 #[test]
 fn studies_are_described_and_what_is_shown_is_accepted() {
-    let (path, text) = page_of("study.md");
+    let (path, text) = page_of("reference/study.md");
     let source = include_str!("../src/study.rs");
     let of = |name: &str| {
         let (_, rest) = source.split_once(&format!("pub struct {name} {{")).unwrap();
@@ -161,7 +164,7 @@ fn studies_are_described_and_what_is_shown_is_accepted() {
     };
     let names = ["Study", "Group", "Parameter"].map(of).concat();
     assert!(["groups", "seeds", "with"].iter().all(|known| names.iter().any(|name| name == known)));
-    expect_described(names, "docs/study.md", &text);
+    expect_described(names, "docs/reference/study.md", &text);
     for block in text.split("```ron Study\n").skip(1) {
         from_ron::<Study>(&path, block.split("```").next().unwrap(), "study").unwrap();
     }

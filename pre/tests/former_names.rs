@@ -148,7 +148,8 @@ fn former_names_of_changes_are_read() {
 
 #[test]
 fn docs_list_the_former_names() {
-    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/scene.md")).unwrap();
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/reference/scene/README.md");
+    let page = std::fs::read_to_string(page).unwrap();
     let (_, section) = page.split_once("## Names of earlier versions").unwrap();
     let mut names: Vec<String> = FORMER_FIELDS
         .iter()

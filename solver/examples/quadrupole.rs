@@ -1,6 +1,6 @@
 //! When the shape of long rocks matters for their attraction: errors of point masses and of quadrupoles by distance.
 //!
-//! `cargo run --release -p cd-solve --example quadrupole` writes the table of `docs/accuracy.md` and
+//! `cargo run --release -p cd-solve --example quadrupole` writes the table of `docs/explanation/accuracy.md` and
 //! `docs/images/quadrupole.svg` anew.
 
 mod page;

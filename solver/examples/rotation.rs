@@ -1,6 +1,6 @@
 //! Torque-free rotation for 150 minutes by the steps of cd-solve: how well energy, angular momentum and phase are kept.
 //!
-//! `cargo run --release -p cd-solve --example rotation` writes the tables of `docs/accuracy.md` and
+//! `cargo run --release -p cd-solve --example rotation` writes the tables of `docs/explanation/accuracy.md` and
 //! `docs/images/rotation.svg` anew. The phase is compared with the exact solution by elliptic functions.
 
 #[path = "../tests/cases/elliptic.rs"]

@@ -16,7 +16,7 @@ const PROGRAM: &str = "cd-solve";
 
 /// Simulates rigid grains in contact: reads DIR/DATBOX, writes DIR/OUTBOX.
 ///
-/// The method is Non-Smooth Contact Dynamics. Files and units are described in docs/files.md.
+/// The method is Non-Smooth Contact Dynamics. Files and units are described in docs/reference/.
 #[derive(Debug, Parser)]
 #[command(name = PROGRAM, version)]
 struct CommandLine {

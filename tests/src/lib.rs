@@ -6,7 +6,9 @@
 //! | [`case`] | a case in a temporary folder, and the programs on it |
 //! | [`columns`] | a file of results as named columns of numbers |
 //! | [`golden`] | the expected files of `tests/golden`: stages, tolerances, changes |
+//! | [`pages`] | pages of the documentation as text |
 
 pub mod case;
 pub mod columns;
 pub mod golden;
+pub mod pages;

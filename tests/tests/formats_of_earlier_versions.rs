@@ -1,4 +1,5 @@
-//! Files of earlier formats, kept in `tests/fixtures/formats/NUMBER`, are still read; see `docs/format-policy.md`.
+//! Files of earlier formats, kept in `tests/fixtures/formats/NUMBER`, are still read; see
+//! `docs/development/format-policy.md`.
 //!
 //! NUMBER is the format number of the snapshots. Each folder in it is a case: a scene, and the files that the programs
 //! made from it when that number was the current one. These files never change.

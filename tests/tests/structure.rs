@@ -163,9 +163,9 @@ fn the_solver_keeps_its_table_of_imports() {
 fn the_step_in_the_docs_is_that_of_the_source() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let read = |path: &str| fs::read_to_string(root.join(path)).unwrap();
-    let (docs, source) = (read("docs/architecture.md"), read("solver/src/step/mod.rs"));
+    let (docs, source) = (read("docs/development/architecture.md"), read("solver/src/step/mod.rs"));
     let quote = docs.split("```rust\n").nth(1).unwrap().split("```").next().unwrap();
-    assert!(quote.contains("pub fn step(") && source.contains(quote), "docs/architecture.md: {quote}");
+    assert!(quote.contains("pub fn step(") && source.contains(quote), "docs/development/architecture.md: {quote}");
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! Lines, fixed columns and numbers of LMGC90's text files, with file and line for errors.
 //!
-//! Columns are 1-based and inclusive, as in `docs/files.md`. A reader requests a field from [`LineScanner`] by its first
-//! column and continues in any case. A faulty field is reported, and its value fails no later comparison (NaN, `None`, an
-//! empty name), so that one mistake gives one message.
+//! Columns are 1-based and inclusive, as in `docs/reference/files/`. A reader requests a field from [`LineScanner`] by
+//! its first column and continues in any case. A faulty field is reported, and its value fails no later comparison (NaN,
+//! `None`, an empty name), so that one mistake gives one message.
 //!
 //! Most lines of all files share a grid:
 //!

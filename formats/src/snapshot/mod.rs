@@ -586,7 +586,7 @@ fn describe_json_error(error: &serde_json::Error) -> String {
     }
 }
 
-/// `DATBOX/START.npz`: exact initial state, if present. See `docs/files.md`.
+/// `DATBOX/START.npz`: exact initial state, if present. See `docs/reference/files/snapshots.md`.
 pub const START_FILE: &str = "START.npz";
 
 /// Path of `OUTBOX/snapshot-NNNNNN.npz` for a step.

@@ -108,7 +108,7 @@ pub fn write(
     let against = against.unwrap_or(kind.find_column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
     let asked = columns.iter().map(|name| ("columns", name.as_str())).chain([("against", against)]);
     for (asking, name) in asked.clone().filter(|(_, name)| kind.find_column(name).is_none()) {
-        let expected = format!("expected a column of {}, see docs/observables.md", table.display());
+        let expected = format!("expected a column of {}, see docs/reference/observables/", table.display());
         faults.push(option(asking, format!("'{name}'"), expected));
     }
     let known: Vec<&str> = asked.map(|(_, name)| name).filter(|name| kind.find_column(name).is_some()).collect();

@@ -9,7 +9,7 @@
 //!
 //! `view.py` shows them all in ParaView.
 //!
-//! The arrays, with units, are in `docs/observables.md`. vtkio writes no time into a file; the
+//! The arrays, with units, are in `docs/reference/observables/paraview.md`. vtkio writes no time into a file; the
 //! collections `grains.pvd`, `polyhedra.pvd`, `contacts.pvd`, `walls.pvd` do.
 
 use std::fmt::Write;

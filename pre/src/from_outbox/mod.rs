@@ -9,7 +9,7 @@
 //! | [`source`] | a case with one of its snapshots; selection and motion of its bodies |
 //! | [`tables`] | merged materials, laws and visibility of several cases |
 //!
-//! `docs/from-outbox.md` describes [`Changes`] for users.
+//! `docs/reference/from-outbox.md` describes [`Changes`] for users.
 
 pub mod changes;
 pub mod digits;

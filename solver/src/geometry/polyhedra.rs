@@ -15,7 +15,7 @@ use crate::math::simd::SimdWidth;
 ///
 /// The normal is the direction of smallest distance, or of the smallest translation that separates overlapping bodies. If
 /// vertices or edges meet in a point without overlap, or if several directions are equal to 1e-11 of the size, the result
-/// is a definite one of those. Source: see the section on polyhedra in docs/method.md.
+/// is a definite one of those. Source: see the section on polyhedra in docs/explanation/method/contacts.md.
 pub fn polyhedron_polyhedron(
     a: &PosedPolyhedron,
     b: &PosedPolyhedron,

@@ -6,7 +6,8 @@
 use crate::solve::gauss_seidel::momentum::MOMENTUM_CYCLE;
 use crate::solve::matrix::newton_cost;
 
-/// Costs, budgets and thresholds. Each comment says how the value was found; measurements are in docs/performance.md.
+/// Costs, budgets and thresholds. Each comment says how the value was found; measurements are in
+/// docs/explanation/performance.md.
 pub struct CostModel {
     /// Cost of one contact in one sweep. Measured with `cargo bench --bench sweep`: 2 to 14 ns.
     pub contact_sweep_cost: f64,

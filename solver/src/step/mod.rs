@@ -1,4 +1,4 @@
-//! One time step as the list of its stages; the equations are numbered as in `docs/method.md`.
+//! One time step as the list of its stages; the equations are numbered as in `docs/explanation/method/`.
 
 mod context;
 mod drift;

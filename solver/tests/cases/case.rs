@@ -457,8 +457,8 @@ impl Envelope {
     }
 }
 
-/// Tells what the test that calls it has shown, for docs/limits.md: a parameter, the range of it, what holds there and
-/// how well.
+/// Tells what the test that calls it has shown, for docs/explanation/limits.md: a parameter, the range of it, what holds
+/// there and how well.
 pub fn shown(parameter: &str, range: &str, holds: &str, found: f64) {
     let test = std::thread::current().name().unwrap_or_default().to_string();
     println!("limit | {parameter} | {range} | {holds} | {found:.1e} | `{test}` |");

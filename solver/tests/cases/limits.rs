@@ -1,4 +1,4 @@
-//! Ranges of parameters; each test prints a line with its result, from which docs/limits.md is made.
+//! Ranges of parameters; each test prints a line with its result, from which docs/explanation/limits.md is made.
 
 use std::process::Command;
 

@@ -639,7 +639,7 @@ fn a_stack_an_arch_and_a_card_house_stand() {
     }
 }
 
-/// The same for a minute, printed for docs/limits.md.
+/// The same for a minute, printed for docs/explanation/limits.md.
 #[test]
 fn a_minute_on_their_feet() {
     BUILDINGS.into_iter().filter(|building| !building.0.starts_with("wall")).for_each(a_minute);

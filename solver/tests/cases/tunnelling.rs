@@ -235,7 +235,7 @@ fn nothing_passes_at_the_default_tolerance() {
 fn throw_on(tol: Option<f64>, densities: &[f64]) {
     let mut faults = Vec::new();
     for ((kind, parameters, _), &density) in LAWS.into_iter().flat_map(|law| densities.iter().map(move |d| (law, d))) {
-        // Steps of rolling laws do not converge there (docs/limits.md).
+        // Steps of rolling laws do not converge there (docs/explanation/limits.md).
         let stalls = |travel: f64| kind.contains("ROLL") && density > 100.0 && travel > 3.0;
         for travel in TRAVELS.into_iter().filter(|&travel| !stalls(travel)) {
             let mut case = Case::new();

@@ -21,7 +21,7 @@ fn errs_to_the_fourth_order_against_a_sum_over_points() {
 
 #[test]
 fn rocks_of_two_to_one() {
-    // End to end, end to side, side by side, as docs/accuracy.md has them; touching, and twice as far.
+    // End to end, end to side, side by side, as docs/explanation/accuracy.md has them; touching, and twice as far.
     let quarter = std::f64::consts::FRAC_PI_2;
     let long = [2.0, 1.0, 1.0];
     let cases = [

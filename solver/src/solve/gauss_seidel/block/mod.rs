@@ -128,7 +128,8 @@ mod tests {
         assert!(seen > 50);
     }
 
-    /// Friction stops sweeps short of the last digits in such heaps, see docs/performance.md; without it they converge.
+    /// Friction stops sweeps short of the last digits in such heaps, see docs/explanation/performance.md; without it they
+    /// converge.
     #[test]
     fn a_judge_that_solves_nothing_finds_it_solved() {
         for (friction, tol) in [(0.0, 1e-9), (0.3, 1e-6)] {
