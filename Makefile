@@ -77,16 +77,6 @@ performance-page: ## draws docs/performance.md from bench/results, for its machi
 	LC_ALL=C awk $(MACHINE:%=-v machine=%) -f bench/performance.awk docs/performance.md > docs/performance.md.part
 	mv docs/performance.md.part docs/performance.md
 
-performance: build ## runs the quick benchmarks on this machine and draws docs/performance.md for it; MACHINE: its name
-	$(CARGO) build --release --package cd-solve --example gravity --example fc3d
-	set -e; export MACHINE=$$(bench/machine.sh) CD_BIN=$(BIN) CARGO_TARGET_DIR=$(TARGET); \
-	for command in run gravity size fc3d; do bench/$$command.sh; done
-	$(MAKE) --no-print-directory performance-page MACHINE=$$(bench/machine.sh)
-
-performance-page: ## draws docs/performance.md from bench/results, for its machine or for MACHINE
-	LC_ALL=C awk $(MACHINE:%=-v machine=%) -f bench/performance.awk docs/performance.md > docs/performance.md.part
-	mv docs/performance.md.part docs/performance.md
-
 test: ## all tests; with CD_REQUIRE_VTK=1, CD_REQUIRE_CHROMIUM=1 and CD_REQUIRE_VALGRIND=1 missing tools are errors
 	$(CARGO) test --workspace --no-fail-fast
 	$(MAKE) --no-print-directory vtk
