@@ -12,11 +12,11 @@ MDBOOK := $(TARGET)/mdbook-$(MDBOOK_VERSION)/bin/mdbook
 MANUAL := $(TARGET)/manual
 EXTREMES := extremes envelope limits thousand_periods a_minute a_wall_stands
 
-.PHONY: help build demo paper accuracy-study trade extremes test python vtk browser golden lint fmt doc docs check clean
+.PHONY: help build demo paper accuracy-study trade extremes performance performance-page test python vtk browser golden dist lint fmt doc docs check clean
 .DEFAULT_GOAL := help
 
 help: ## lists the targets
-	@awk -F ' ## ' '/^[a-z-]+:.* ## / { sub(/:.*/, "", $$1); printf "  make %-14s %s\n", $$1, $$2 }' Makefile
+	@awk -F ' ## ' '/^[a-z-]+:.* ## / { sub(/:.*/, "", $$1); printf "  make %-16s %s\n", $$1, $$2 }' Makefile
 
 build: ## cd-pre, cd-solve and cd-post, in release mode, in target/release
 	$(CARGO) build --release --bins
@@ -72,6 +72,16 @@ extremes: ## runs scenes at the limits of the parameters, with 1 and 2 threads, 
 	mv docs/explanation/limits.md.part docs/explanation/limits.md
 	rm docs/limits-*.log docs/limits.err
 
+performance: build ## runs the quick benchmarks on this machine and draws docs/explanation/performance.md for it; MACHINE: its name
+	$(CARGO) build --release --package cd-solve --example gravity --example fc3d
+	set -e; export MACHINE=$$(bench/machine.sh) CD_BIN=$(BIN) CARGO_TARGET_DIR=$(TARGET); \
+	for command in run gravity size fc3d; do bench/$$command.sh; done
+	$(MAKE) --no-print-directory performance-page MACHINE=$$(bench/machine.sh)
+
+performance-page: ## draws docs/explanation/performance.md from bench/results, for its machine or for MACHINE
+	LC_ALL=C awk $(MACHINE:%=-v machine=%) -f bench/performance.awk docs/explanation/performance.md > docs/explanation/performance.md.part
+	mv docs/explanation/performance.md.part docs/explanation/performance.md
+
 test: ## all tests; with CD_REQUIRE_VTK=1, CD_REQUIRE_CHROMIUM=1 and CD_REQUIRE_VALGRIND=1 missing tools are errors
 	$(CARGO) test --workspace --no-fail-fast
 	$(MAKE) --no-print-directory vtk
@@ -93,7 +103,10 @@ browser: ## opens the report of a small case in Chromium, without a screen
 	TARGET=$(TARGET) tests/report_in_browser.sh
 
 golden: ## regenerates the expected files of tests/golden, of all scenes or of SCENE=name, and prints the largest changes
-	$(CARGO) run --quiet --package cd-tests --bin golden -- $(SCENE)
+	$(CARGO) run --quiet --package cd-tests --example golden -- $(SCENE)
+
+dist: ## the archive of a release for this machine, in target/dist: programs, manual pages, completions, licences
+	.ci/archive
 
 lint: ## formatting, clippy without warnings
 	$(CARGO) fmt --all --check

@@ -122,7 +122,7 @@ function print_table(file, rows,    fields, n, j, k, line, rule, column, key, co
         for (j = 1; j <= column_count; j++) {
             if (!(column_names[j] in unit)) continue
             key = row_names[k] SUBSEP column_names[j]
-            line = line (key in least ? " " least[key] (least[key] + 0 < largest[key] + 0 ? " to " largest[key] : "") : "") " |"
+            line = line (key in least ? " " grouped(least[key]) (least[key] + 0 < largest[key] + 0 ? " to " grouped(largest[key]) : "") : "") " |"
         }
         print line
     }

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Seconds of whole runs by stage: clouds of an example, from their collapse to rest; into runs.csv.
+# Seconds of whole runs by stage, and size of the last snapshot: clouds of an example, from their collapse to rest; into runs.csv.
 #
 #     bench/run.sh [EXAMPLE [GRAINS...]]
 #
@@ -19,6 +19,9 @@ for size in "$@"; do
         "$bin/cd-solve" "$work/case" --force --threads "$threads" > "$work/log" 2>&1
         awk -F, -v scene="$example" -v size="$size" -v threads="$threads" -v unit=s -f "$bench/stages.awk" \
             "$work/case/TIMER.csv" "$work/case/OUTBOX/steps.csv"
+        find "$work/case/OUTBOX" -name 'snapshot-*' | sort | tail -n 1 | xargs cat | wc -c |
+            awk -v scene="$example" -v size="$size" -v threads="$threads" \
+                '{ printf "%s,%d,last snapshot,%.2g,kB per body,%d\n", scene, size, $1 / 1000 / size, threads }'
     done
     rm -r "$work/case"
 done > "$work/rows"

@@ -4,7 +4,7 @@
 #     bench/size.sh [SPHERES...]
 #
 # Clouds of so many spheres (10 000, 100 000) and monoliths of a hundredth as many fragments: all of cd-pre, cd-solve with
-# two steps, and cd-post with its two snapshots. Bytes per body do not depend on the load of the machine. CD_BIN: folder of
+# two steps, and cd-post with its two snapshots. Memory and files do not depend on the load of the machine. CD_BIN: folder of
 # the programs. MACHINE and RESULTS: see bench/record.sh.
 set -euo pipefail
 [ $# -gt 0 ] || set -- 10000 100000
@@ -28,7 +28,7 @@ start = time.perf_counter()
 subprocess.run(sys.argv[1:], check=True, stdout=sys.stderr)
 seconds = time.perf_counter() - start
 peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-print(f"{seconds:.2g} {peak}")
+print(f"{seconds:.2g}" if seconds < 99.5 else f"{seconds:.0f}", peak)
 PYTHON
 
 row() { # row FILE SCENE NUMBER QUANTITY VALUE UNIT: a line of FILE
@@ -36,7 +36,8 @@ row() { # row FILE SCENE NUMBER QUANTITY VALUE UNIT: a line of FILE
 }
 
 per_body() { # per_body QUANTITY BYTES
-    row footprint "$name" "$number" "$1" "$(awk -v bytes="$2" -v n="$number" 'BEGIN { printf "%.2g", bytes / n }')" "bytes per body"
+    row footprint "$name" "$number" "$1" \
+        "$(awk -v x="$2" -v n="$number" 'BEGIN { x /= 1000 * n; printf (x < 99.5 ? "%.2g" : "%.0f"), x }')" "kB per body"
 }
 
 measured() { # measured PROGRAM ARGUMENTS...: its seconds and memory as lines
@@ -57,7 +58,7 @@ scene() { # scene NAME SCENE NUMBER
     measured cd-pre "$2" -o "$work/case" --set "grains.1.number=$number"
     measured cd-solve "$work/case" --steps 2
     row size "$name" "$number" "two steps" \
-        "$(awk -F, 'NR > 1 { for (i = 2; i <= NF; i++) sum += $i } END { printf "%.2g", sum }' "$work/case/TIMER.csv")" s
+        "$(awk -F, 'NR > 1 { for (i = 2; i <= NF; i++) sum += $i } END { printf (sum < 99.5 ? "%.2g" : "%.0f"), sum }' "$work/case/TIMER.csv")" s
     measured cd-post "$work/case"
     per_body DATBOX "$(bytes "$work/case/DATBOX")"
     per_body snapshot "$(bytes "$work/case/OUTBOX/"snapshot-*2.npz)"

@@ -2,8 +2,9 @@
 
 use std::ffi::OsString;
 use std::path::Path;
+use std::sync::OnceLock;
 
-use clap::{Command, Parser};
+use clap::{ArgMatches, Command, Parser};
 
 use crate::atomic;
 use crate::error::Fault;
@@ -111,12 +112,25 @@ fn inner(path: &Path) -> Option<&'static str> {
     }
 }
 
+/// Version with the commit, which only the program itself is compiled with.
+static VERSION: OnceLock<&'static str> = OnceLock::new();
+
+/// Sets the text that `--version` prints after the name of the program; by default the version of the package alone. To be
+/// called once, at the start of a program. Files that the program writes do not contain it.
+pub fn set_version(version: &'static str) {
+    VERSION.set(version).expect("called once");
+}
+
 /// Reads the command line of a program, its name first.
 ///
 /// Errors: the exit code of a command line that is not accepted, or asks for help or the version; the message is printed.
 pub fn parse_arguments<T: Parser>(args: &[OsString]) -> Result<T, i32> {
-    T::try_parse_from(args).map_err(|error| {
-        let program = T::command();
+    let program = match VERSION.get() {
+        Some(version) => T::command().version(*version),
+        None => T::command(),
+    };
+    let read = |matches: ArgMatches| T::from_arg_matches(&matches).map_err(|error| error.format(&mut program.clone()));
+    program.clone().try_get_matches_from(args).and_then(read).map_err(|error| {
         match misplaced(&program, args).filter(|_| error.use_stderr()) {
             Some(mistake) => {
                 print_error(format_args!("{}: {mistake}", program.get_name()));

@@ -223,6 +223,11 @@ fn lock_case(case: &Path) -> Option<File> {
     Some(folder)
 }
 
+/// Definition of the command line, from which manual pages and completions are made.
+pub fn command() -> clap::Command {
+    Arguments::command()
+}
+
 /// Runs the program: reads the command line, does the work, prints messages.
 ///
 /// Returns the exit status: 0 success; 1 success with messages; 2 input rejected, each fault on a line of stderr as

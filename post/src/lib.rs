@@ -27,7 +27,7 @@ pub mod snapshots;
 pub mod tables;
 pub mod write;
 
-pub use cli::run;
+pub use cli::{command, run};
 
 #[cfg(test)]
 #[path = "../tests/samples/mod.rs"]

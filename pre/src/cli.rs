@@ -67,6 +67,11 @@ enum Command {
     },
 }
 
+/// Definition of the command line, from which manual pages and completions are made.
+pub fn command() -> clap::Command {
+    Arguments::command()
+}
+
 /// Runs the program; `args` as from [`std::env::args_os`], the program's name first.
 ///
 /// Returns the exit code: 0 done, 2 input rejected (faults on stderr, no file written).

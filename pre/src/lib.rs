@@ -49,5 +49,5 @@ pub mod summary;
 pub mod walls;
 pub mod write;
 
-pub use cli::run;
+pub use cli::{command, run};
 pub use datbox::{read_scene, write_datbox};

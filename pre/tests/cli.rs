@@ -317,6 +317,9 @@ fn help_and_version_are_no_fault_but_unknown_flags_are() {
     let code = |argument: &str| cd_pre(&[Path::new(argument)]).status.code();
     assert_eq!((code("--help"), code("--version"), code("--nonsense")), (Some(0), Some(0), Some(2)));
     assert!(text(&cd_pre(&[Path::new("--help")]).stdout).contains("scene.ron"));
+    let version = text(&cd_pre(&[Path::new("--version")]).stdout);
+    let commit = version.trim_end().strip_prefix(concat!("cd-pre ", env!("CARGO_PKG_VERSION"))).unwrap();
+    assert!(commit.is_empty() || commit.starts_with(" (") && commit.ends_with(')'), "{version}");
 }
 
 /// An attraction per contact point depends on the corners of faces: the scene is made, with one warning for each law.

@@ -22,7 +22,7 @@ def find_program(name: str) -> str:
     Raises
     ------
     CdError
-        If it is found in neither place.
+        If it is in neither.
     """
     # An interpreter may run without its environment being activated: then its scripts are not on PATH.
     found = shutil.which(name, path=sysconfig.get_path("scripts")) or shutil.which(name)

@@ -321,4 +321,4 @@ class Contacts:
 
 def _names(names: list[str], indices: NDArray[Any]) -> NDArray[np.str_]:
     """Returns the names at these indices."""
-    return np.array([names[index] for index in indices.tolist()], dtype=np.str_)
+    return np.asarray(np.array(names, dtype=np.str_)[indices])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -13,6 +14,8 @@ from ._error import CdError, file_error
 
 Table: TypeAlias = dict[str, NDArray[Any]]
 """Columns of a table by name, all of the same length."""
+
+_EMPTY_FIELD = re.compile(r"(?<![^,])(?![^,])")
 
 
 def read_table(path: str | os.PathLike[str]) -> Table:
@@ -41,11 +44,30 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         raise file_error(path, error) from error
     except UnicodeDecodeError as error:
         raise CdError(f"{path}: table: is not text; expected a CSV file of the programs") from error
-    # The last piece is empty, or a row that is being written.
-    rows = [line.split(",") for line in lines[:-1]]
-    if not rows:
+    lines.pop()  # empty, or a row that is being written
+    if not lines:
         raise CdError(f"{path}: table: is empty; expected the names of the columns in the first line")
-    names = rows.pop(0)
+    names = lines.pop(0).split(",")
+    return _numbers(names, lines) or _columns(path, names, lines)
+
+
+def _numbers(names: list[str], lines: list[str]) -> Table | None:
+    """Returns the columns of a table of numbers, each of the type of its first row; None for other tables."""
+    first = lines[0].split(",") if lines else []
+    types = [np.int64 if field.lstrip("-").isdigit() else np.float64 for field in first]
+    filled = (_EMPTY_FIELD.sub("nan", line) for line in lines)
+    if len(first) != len(names):
+        return None
+    try:
+        rows = np.loadtxt(filled, dtype=list(zip(names, types)), delimiter=",", comments=None, ndmin=1)
+    except ValueError:
+        return None
+    return {name: np.ascontiguousarray(rows[name]) for name in names}
+
+
+def _columns(path: Path, names: list[str], lines: list[str]) -> Table:
+    """Returns the columns of any table, each of the type that suits all of its fields."""
+    rows = [line.split(",") for line in lines]
     for number, row in enumerate(rows, 2):
         if len(row) != len(names):
             raise CdError(f"{path}:{number}: row: {len(row)} fields; expected {len(names)}, as in the first line")

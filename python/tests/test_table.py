@@ -21,6 +21,14 @@ class TableTest(CaseTest):
         np.testing.assert_array_equal(table["gap"], [np.nan, 0.1])
         self.assertEqual(table["name"].tolist(), ["tol", ""])
 
+    def test_tables_of_numbers(self) -> None:
+        table = self.read("n,x,y,z\n-1,1e-1,,\n2,,3,0.30000000000000004\n")
+        self.assertEqual([column.dtype.kind for column in table.values()], ["i", "f", "f", "f"])
+        rows = np.array(list(table.values())).T
+        np.testing.assert_array_equal(rows, [[-1, 0.1, np.nan, np.nan], [2, np.nan, 3, 0.30000000000000004]])
+        # A column that begins as integers.
+        self.assertEqual(self.read("x\n1\n0.5\n")["x"].tolist(), [1.0, 0.5])
+
     def test_an_incomplete_last_row_is_left_out(self) -> None:
         self.assertEqual(self.read("step,x\n1,0.5\n2,0.")["step"].tolist(), [1])
         self.assertEqual(len(self.read("step,x\n")["x"]), 0)

@@ -7,7 +7,7 @@ use cd_formats::case::{CaseFolder, no_case, parse_arguments};
 use cd_formats::compute::ComputeFlags;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::messages::{print_error, print_line};
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 
 use crate::run::{RunFailure, account_changed_forces, check_run, run_case};
 use crate::{plan, read, thread_pool, write};
@@ -36,6 +36,11 @@ struct CommandLine {
     dump_problem: Option<u64>,
     #[command(flatten)]
     flags: ComputeFlags,
+}
+
+/// Definition of the command line, from which manual pages and completions are made.
+pub fn command() -> clap::Command {
+    CommandLine::command()
 }
 
 /// Runs the program; returns its exit code: 0 done, 2 input rejected, 3 internal error, 4 stopped by the user.

@@ -31,4 +31,4 @@ pub mod step;
 mod thread_pool;
 pub mod write;
 
-pub use cli::run;
+pub use cli::{command, run};

@@ -171,12 +171,14 @@ fn the_step_in_the_docs_is_that_of_the_source() {
 #[test]
 fn programs_import_formats_and_never_each_other() {
     let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    for (krate, may) in [("formats", ""), ("pre", "cd-formats"), ("solver", "cd-formats"), ("post", "cd-formats")] {
+    let of_programs = ["cd-formats", "cd-version"];
+    for (krate, may) in [("formats", &[][..]), ("pre", &of_programs), ("solver", &of_programs), ("post", &of_programs)]
+    {
         let text = fs::read_to_string(workspace.join(krate).join("Cargo.toml")).unwrap();
         let dependencies = text.split("[dependencies]").nth(1).unwrap().split("\n[").next().unwrap();
         for line in dependencies.lines().filter(|line| line.starts_with("cd-")) {
             let name = line.split(['.', ' ', '=']).next().unwrap();
-            assert_eq!(name, may, "{krate}/Cargo.toml");
+            assert!(may.contains(&name), "{krate}/Cargo.toml: {name}");
         }
     }
 }

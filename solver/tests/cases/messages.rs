@@ -35,6 +35,14 @@ fn falling() -> Case {
 }
 
 #[test]
+fn the_version_may_have_a_commit() {
+    let folder = tempfile::tempdir().unwrap();
+    let (code, version, _) = ran(Path::new("--version"), folder.path(), &[]);
+    let commit = version.trim_end().strip_prefix(concat!("cd-solve ", env!("CARGO_PKG_VERSION"))).unwrap();
+    assert!(code == 0 && (commit.is_empty() || commit.starts_with(" (") && commit.ends_with(')')), "{version}");
+}
+
+#[test]
 fn what_is_no_case_says_what_to_run() {
     let folder = tempfile::tempdir().unwrap();
     let case = folder.path();
