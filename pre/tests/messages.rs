@@ -216,7 +216,7 @@ fn doubtful_values_are_asked_about_and_accepted() {
         (
             "-11.0),",
             "-11.0), spin: (Table([(0, 0), (1, 0)]), Constant(0), Constant(0)),",
-            "13:101: wall 1, spin 1: the function is 0 at all times; give values, or Constant(0.0)",
+            "13:89: wall 1, spin 1: the function is 0 at all times; give values, or Constant(0.0)",
         ),
     ] {
         let expected = format!("cd-pre: warning: scene.ron:{warning}\n");
