@@ -23,7 +23,8 @@
 //!
 //! Contacts with adjacent flush contactors of one body, or of fixed bodies, form one face: its corners are those of all
 //! parts, its outline is their convex hull, if the parts fill it ([`Joints`]). How its parts share the load is not
-//! determined and changes from step to step, so all its q_i are at the distance τ from p̄.
+//! determined: a face that is new, slides or spins starts the step from the load of a uniform pressure with the same sum and
+//! centre, and the sweeps find a solution near it.
 //!
 //! Values of τ: 0.3826 a for a square of side a, 2/3 of the radius for a disc, a quarter of the length for an edge.
 
@@ -83,8 +84,8 @@ pub(super) struct FaceRows<'a, L, S> {
 struct FaceFrictionPoints {
     /// Friction offset d of its rows, m; empty if all are 0.
     offsets: SmallVec<[Vec3; 4]>,
-    /// Shares of the load of its acting rows, if none of them carried a load in the last step.
-    first_shares: Option<SmallVec<[f64; 8]>>,
+    /// Shares of the load with which its acting rows start, if they do not start from the impulses of the last step.
+    start_shares: Option<SmallVec<[f64; 8]>>,
 }
 
 impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S> {
@@ -138,11 +139,11 @@ pub(super) struct Joints<'a, L, S> {
     pub scene: &'a Scene,
 }
 
-/// Friction offsets of [`BlockData`], including those of faces over joints, and the normal impulses (N s) of rows in such
-/// faces that carried no load before.
+/// Friction offsets of [`BlockData`], including those of faces over joints, and the initial impulses (world frame, N s) of
+/// rows in such faces that do not start from those of the last step.
 pub(super) struct JoinedFaces {
     pub offsets: Vec<Vec3>,
-    pub first_impulses: Vec<(usize, f64)>,
+    pub warm_starts: Vec<(usize, Vec3)>,
 }
 
 /// Rows of two contactors along one normal.
@@ -157,27 +158,31 @@ struct Side {
 const FIXED: BodyId = BodyId(u32::MAX);
 
 impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> Joints<'_, L, S> {
-    /// Friction offsets of the rows, and the first impulses of those in new joined faces. The distribution of the load over a
-    /// joined face is not determined: sweeps from a uniform pressure stay near it.
+    /// Friction offsets of the rows, and the initial impulses of those in joined faces that are new, slide or spin. The
+    /// distribution of the load over a joined face is not determined: sweeps from a uniform pressure stay near it.
     pub fn joined_faces(&self) -> JoinedFaces {
         let FaceRows { rows, full, .. } = self.faces;
-        let (mut offsets, mut first_impulses) = (full.friction_offsets.clone(), Vec::new());
+        let (mut offsets, mut warm_starts) = (full.friction_offsets.clone(), Vec::new());
         for face in self.face_ranges() {
             let Some(found) = self.faces.friction_points(&face, true) else { continue };
             if offsets.is_empty() && !found.offsets.is_empty() {
                 offsets = vec![Vec3::zeros(); rows.len()];
             }
-            if let Some(shares) = found.first_shares {
+            if let Some(shares) = found.start_shares {
                 let acting: SmallVec<[usize; 8]> = face.iter().copied().filter(|&k| rows[k].can_close).collect();
-                let total = self.stopping_impulse(&acting, &shares);
-                first_impulses.extend(acting.into_iter().zip(shares).map(|(k, share)| (k, total * share)));
+                let carried: Vec3 = acting.iter().map(|&k| rows[k].warm_start).sum();
+                let total = match carried == Vec3::zeros() {
+                    true => rows[acting[0]].normal * self.stopping_impulse(&acting, &shares),
+                    false => carried,
+                };
+                warm_starts.extend(acting.into_iter().zip(shares).map(|(k, share)| (k, total * share)));
             }
             if !offsets.is_empty() {
                 let found = found.offsets.into_iter().chain(std::iter::repeat(Vec3::zeros()));
                 face.into_iter().zip(found).for_each(|(k, offset)| offsets[k] = offset);
             }
         }
-        JoinedFaces { offsets, first_impulses }
+        JoinedFaces { offsets, warm_starts }
     }
 
     /// Normal impulse that stops the approach of the two bodies of a face, at the mean of its rows by these shares of the
@@ -312,6 +317,12 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
         let total: f64 = loads.iter().sum();
         let centre =
             points.iter().zip(&loads).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w / total, c[1] + p[1] * w / total]);
+        let at_rest = acting.iter().all(|k| (self.sticks)(*k));
+        let starts_uniform = joined
+            && (is_new || !at_rest)
+            && outline.corners.len() > 2
+            && acting.iter().all(|&k| rows[k].impulse_shift == 0.0 && gap(&k) <= deepest + FLUSH_GAP * size);
+        let (loads, total) = if starts_uniform { (outline.load_shares(centre), 1.0) } else { (loads, total) };
         let distance =
             points.iter().zip(&loads).map(|(p, w)| vector_length(difference_of(*p, centre)) * w / total).sum::<f64>();
         if distance.is_nan() || distance <= SINGLE_CORNER_DISTANCE * size {
@@ -322,8 +333,7 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
         let distance = if is_bonded { least_distance(&points, &loads, centre) / total } else { distance };
         let pressed = outline.mean_distance(centre);
         let scale = (pressed / distance).min(MAX_OFFSET_SCALE);
-        let middles = if joined { part_middles(&acting, &points, contacts) } else { SmallVec::new() };
-        let across = match acting.iter().all(|k| (self.sticks)(*k)) {
+        let across = match at_rest {
             true => [0.0; 2],
             false => {
                 let velocity = |k: &usize| {
@@ -340,39 +350,15 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
             }
         };
         let mut offsets = SmallVec::from_elem(Vec3::zeros(), of.len());
-        let rows_of_points = of.iter().enumerate().filter(|(_, k)| rows[**k].can_close);
-        for (i, (at, _)) in rows_of_points.enumerate().filter(|(_, (_, k))| gap(k) <= pressed_to) {
-            let arm = difference_of(points[i], centre);
-            let (direction, factor) = match middles.get(i) {
-                Some(middle) => (offset_to_distance(pressed, arm, difference_of(*middle, centre)), 1.0),
-                None => (arm, scale - 1.0),
-            };
-            let across_part = direction[0] * across[0] + direction[1] * across[1];
-            let [x, y] = difference_of(direction, across.map(|e| e * across_part));
-            offsets[at] = (t * x + s * y) * factor;
+        let pressed = of.iter().enumerate().filter(|(_, k)| rows[**k].can_close).zip(&points);
+        for ((at, _), p) in pressed.filter(|((_, k), _)| gap(k) <= pressed_to) {
+            let arm = difference_of(*p, centre);
+            let across_arm = arm[0] * across[0] + arm[1] * across[1];
+            let [x, y] = difference_of(arm, across.map(|e| e * across_arm));
+            offsets[at] = (t * x + s * y) * (scale - 1.0);
         }
-        Some(FaceFrictionPoints { offsets, first_shares: is_new.then_some(loads) })
+        Some(FaceFrictionPoints { offsets, start_shares: starts_uniform.then_some(loads) })
     }
-}
-
-/// Middle of the points on the same contactors as each point of a joined face.
-fn part_middles(acting: &[usize], points: &[TangentVector], contacts: &[Contact]) -> SmallVec<[TangentVector; 8]> {
-    let (mut middles, mut from) = (SmallVec::new(), 0);
-    for part in acting.chunk_by(|&a, &b| is_same_face(&contacts[a], &contacts[b])) {
-        let of_part = &points[from..from + part.len()];
-        from += part.len();
-        let sum = of_part.iter().fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]]);
-        middles.extend(part.iter().map(|_| sum.map(|x| x / part.len() as f64)));
-    }
-    middles
-}
-
-/// Offset from the end of `arm` to the point at `distance` from its start, in the direction halfway between `arm` and
-/// `middle`: corners of parts may lie at the centre of the face, where their own direction is undetermined.
-fn offset_to_distance(distance: f64, arm: TangentVector, middle: TangentVector) -> TangentVector {
-    let along = [arm[0] + middle[0], arm[1] + middle[1]];
-    let length = vector_length(along);
-    if length == 0.0 { [0.0; 2] } else { difference_of(along.map(|x| x / length * distance), arm) }
 }
 
 /// Unit vector across the direction in which a face slides, times the square root of the sliding share |u|²/(|u|² + (ω τ)²).

@@ -115,7 +115,7 @@ pub fn contact_problem(
             let faces = FaceRows { contacts, rows: &rows, full, load, sticks };
             let joined = Joints { faces: &faces, records: &records, scene }.joined_faces();
             full.friction_offsets = joined.offsets;
-            joined.first_impulses.into_iter().for_each(|(k, r)| rows[k].warm_start = rows[k].normal * r);
+            joined.warm_starts.into_iter().for_each(|(k, r)| rows[k].warm_start = r);
         }
         if !full.friction_offsets.is_empty() {
             setting.shift_friction(full, contacts, &mut rows);
