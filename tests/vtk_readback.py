@@ -3,7 +3,7 @@
 
     python3 tests/vtk_readback.py CASE
 
-For each step that CASE/DISPLAY/grains.pvd names, every array of the .vtp files is compared with
+For each step that CASE/DISPLAY/grains.pvd names, or that grains.vtkhdf contains, every array is compared with
 the value that numpy computes from CASE/OUTBOX/snapshot-NNNNNN.npz: what a snapshot holds bit for
 bit, sums within round-off. Prints a line a case; exits 1 if anything differs. Needs vtk and numpy.
 """
@@ -15,6 +15,8 @@ from pathlib import Path
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+from vtkmodules.vtkIOHDF import vtkHDFReader
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 NO_CONTACT = 0
@@ -38,22 +40,52 @@ def check(where, found, expected, scale=None):
             faults.append(f"{where}: differs by {error:.3e}, more than {bound:.3e}")
 
 
-def collection(path):
-    """Times and files that a .pvd names."""
-    sets = ElementTree.parse(path).getroot().iter("DataSet")
-    return [(float(s.get("timestep")), path.parent / s.get("file")) for s in sets]
+class DisplayData:
+    """The data of one kind at one time: a .vtp file, or a time of a .vtkhdf file."""
+
+    def __init__(self, path, time, snapshot):
+        self.path, self.time, self.snapshot = path, time, snapshot
+        self.name = path.name if path.suffix == ".vtp" else f"{path.name} at {time} s"
+        self.parent = path.parent
+
+    def output(self):
+        if self.path.suffix == ".vtp":
+            return read(vtkXMLPolyDataReader(), self.path)
+        return read(vtkHDFReader(), self.path, self.time)
+
+
+def read(reader, path, time=None):
+    """Output of a reader of VTK; its errors are faults."""
+    for speaker in (reader, reader.GetExecutive()):
+        speaker.AddObserver("ErrorEvent", lambda *_: faults.append(f"{path}: VTK cannot read it"))
+    reader.SetFileName(str(path))
+    reader.Update() if time is None else reader.UpdateTimeStep(time)
+    return reader.GetOutput()
+
+
+def collection(display, kind):
+    """The data of one kind at all times, in the format that is there; None if there are none."""
+    outbox = display.parent / "OUTBOX"
+    pvd, hdf = display / f"{kind}.pvd", display / f"{kind}.vtkhdf"
+    if pvd.exists():
+        sets = ElementTree.parse(pvd).getroot().iter("DataSet")
+        paths = [(float(s.get("timestep")), display / s.get("file")) for s in sets]
+        return [DisplayData(path, time, outbox / f"snapshot-{path.stem.split('-')[1]}.npz") for time, path in paths]
+    if hdf.exists():
+        reader = vtkHDFReader()
+        read(reader, hdf)
+        times = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS()) or ()
+        snapshots = sorted(outbox.glob("snapshot-*.npz"))
+        check(f"{hdf.name} number of times", [len(times)], [len(snapshots)])
+        return [DisplayData(hdf, time, snapshot) for time, snapshot in zip(times, snapshots)]
+    return None
 
 
 class Polydata:
-    """A .vtp file as numpy arrays."""
+    """Data of ParaView files as numpy arrays."""
 
-    def __init__(self, path):
-        reader = vtkXMLPolyDataReader()
-        for speaker in (reader, reader.GetExecutive()):
-            speaker.AddObserver("ErrorEvent", lambda *_: faults.append(f"{path}: VTK cannot read it"))
-        reader.SetFileName(str(path))
-        reader.Update()
-        data = self.data = reader.GetOutput()
+    def __init__(self, file):
+        data = self.data = file.output()
         points = data.GetPoints()
         self.points = vtk_to_numpy(points.GetData()) if points and points.GetNumberOfPoints() else np.zeros((0, 3))
         self.point, self.cell = (
@@ -307,19 +339,19 @@ def main():
     case = Path(sys.argv[1])
     checked = 0
     for kind, compare in (("grains", check_grains), ("polyhedra", check_polyhedra), ("contacts", check_contacts), ("walls", check_walls)):
-        pvd = case / "DISPLAY" / f"{kind}.pvd"
-        if kind in ("walls", "polyhedra") and not pvd.exists():
+        files = collection(case / "DISPLAY", kind)
+        if files is None and kind in ("walls", "polyhedra"):
             continue
-        for time, path in collection(pvd):
-            snapshot = Snapshot(case / "OUTBOX" / f"snapshot-{path.stem.split('-')[1]}.npz")
-            check(f"{pvd.name} time", [time], [snapshot.meta["time"]])
-            compare(path, snapshot)
+        for file in files or []:
+            snapshot = Snapshot(file.snapshot)
+            check(f"{file.name} time", [file.time], [snapshot.meta["time"]])
+            compare(file, snapshot)
             checked += 1
     if checked == 0:
         faults.append(f"{case}: nothing to check")
     for fault in faults:
         print(f"vtk_readback: {fault}", file=sys.stderr)
-    print(f"vtk_readback: {case}: {checked} files, {len(faults)} faults")
+    print(f"vtk_readback: {case}: {checked} states, {len(faults)} faults")
     sys.exit(bool(faults))
 
 

@@ -25,7 +25,7 @@ if [ "$(cat "$VENV/.done" 2> /dev/null)" != "$PACKAGES" ]; then
     # Readers need nothing of what the vtk package depends on.
     # shellcheck disable=SC2086
     "$VENV/bin/pip" install --quiet --disable-pip-version-check --no-deps $PACKAGES || not_run "pip install $PACKAGES failed"
-    "$VENV/bin/python" -c "import numpy, vtkmodules.vtkIOXML" || not_run "the installed VTK cannot be loaded"
+    "$VENV/bin/python" -c "import numpy, vtkmodules.vtkIOHDF, vtkmodules.vtkIOXML" || not_run "the installed VTK cannot be loaded"
     echo "$PACKAGES" > "$VENV/.done"
 fi
 
@@ -47,5 +47,7 @@ for scene in tests/golden/*/scene.ron; do
         xvfb-run -a pvbatch "$case/DISPLAY/view.py" "$case/view.png" > "$case/log" 2>&1 || true
         if [ ! -s "$case/view.png" ] || grep -E "ERR|Error|Traceback" "$case/log"; then cat "$case/log" >&2; exit 1; fi
     fi
+    "$TARGET/debug/cd-post" --no-plots --vtk-format vtkhdf "$case" > "$case/log" 2>&1 || { cat "$case/log" >&2; exit 1; }
+    "$VENV/bin/python" tests/vtk_readback.py "$case"
 done
 $PARAVIEW || echo "view.py NOT run: there is no ParaView (on Debian: apt-get install paraview python3-paraview xvfb xauth)" >&2

@@ -1,7 +1,7 @@
 //! Files that appear complete or not at all: written to a temporary file, synced, renamed.
 
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use crate::error::{Fault, Faults};
@@ -32,6 +32,44 @@ pub fn write_all<'a>(files: impl IntoIterator<Item = (PathBuf, &'a [u8])>) -> Re
     parts?.into_iter().try_for_each(PendingFile::move_into_place)
 }
 
+/// File that grows while the program runs, and appears complete at its path or not at all, like that of [`write`].
+pub struct GrowingFile {
+    part: PendingFile,
+    file: File,
+    length: u64,
+}
+
+impl GrowingFile {
+    /// Starts a file of `length` zeros, to be replaced by [`GrowingFile::finish`].
+    pub fn create(path: &Path, length: usize) -> Result<GrowingFile, Faults> {
+        let (part, file) = PendingFile::create(path)?;
+        let mut growing = GrowingFile { part, file, length: 0 };
+        growing.append(&vec![0; length])?;
+        Ok(growing)
+    }
+
+    /// Number of bytes so far.
+    pub fn length(&self) -> u64 {
+        self.length
+    }
+
+    /// Appends bytes; returns their position in the file.
+    pub fn append(&mut self, bytes: &[u8]) -> Result<u64, Faults> {
+        self.file.write_all(bytes).map_err(|error| self.part.fault(&error))?;
+        let position = self.length;
+        self.length += bytes.len() as u64;
+        Ok(position)
+    }
+
+    /// Replaces the first bytes, and moves the file to its path.
+    pub fn finish(mut self, start: &[u8]) -> Result<(), Faults> {
+        let file = &mut self.file;
+        let written = file.seek(SeekFrom::Start(0)).and_then(|_| file.write_all(start)).and_then(|()| file.sync_all());
+        written.map_err(|error| self.part.fault(&error))?;
+        self.part.move_into_place()
+    }
+}
+
 /// File that is written but not renamed yet; removed when dropped before.
 struct PendingFile {
     path: PathBuf,
@@ -45,6 +83,17 @@ impl PendingFile {
     }
 
     fn write_with(path: &Path, put: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<PendingFile, Faults> {
+        let (part, mut file) = PendingFile::create(path)?;
+        put(&mut file).and_then(|()| file.sync_all()).map_err(|error| part.fault(&error))?;
+        Ok(part)
+    }
+
+    fn fault(&self, error: &std::io::Error) -> Faults {
+        Fault::from_io(&self.path, "written", error).into()
+    }
+
+    /// Creates the folder and the empty temporary file.
+    fn create(path: &Path) -> Result<(PendingFile, File), Faults> {
         let fault = |error: std::io::Error| Faults::from(Fault::from_io(path, "written", &error));
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder.to_path_buf(),
@@ -57,11 +106,8 @@ impl PendingFile {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let part =
             PendingFile { path: path.to_path_buf(), temporary_path: folder.join(format!(".{name}.part")), folder };
-        let written = File::create(&part.temporary_path).and_then(|mut file| {
-            put(&mut file)?;
-            file.sync_all()
-        });
-        written.map_err(fault).map(|()| part)
+        let file = File::create(&part.temporary_path).map_err(fault)?;
+        Ok((part, file))
     }
 
     fn move_into_place(self) -> Result<(), Faults> {
@@ -162,6 +208,23 @@ mod tests {
         fs::remove_dir(&second).unwrap();
         write_all(both()).unwrap();
         assert_eq!((fs::read(&first).unwrap(), fs::read(&second).unwrap()), (b"new".to_vec(), b"new".to_vec()));
+    }
+
+    #[test]
+    fn a_growing_file_appears_when_it_is_finished() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        let grow = || {
+            let mut file = GrowingFile::create(&path, 2).unwrap();
+            assert_eq!((file.append(b"cde"), file.append(b"f"), file.length()), (Ok(2), Ok(5), 6));
+            file
+        };
+        drop(grow());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        let file = grow();
+        assert!(!path.exists());
+        file.finish(b"ab").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"abcdef");
     }
 
     #[test]

@@ -76,6 +76,15 @@ pub struct ThreadCount {
     pub threads: usize,
 }
 
+/// Format of the ParaView files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum VtkFormat {
+    /// A file for each snapshot, kind.pvd with their times
+    Vtp,
+    /// A file for all snapshots, on HDF5; ParaView 5.12 or later
+    Vtkhdf,
+}
+
 /// Options of the measurement of a case and of its files.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Options {
@@ -91,6 +100,9 @@ pub struct Options {
     /// Write no ParaView files
     #[arg(long)]
     pub no_vtk: bool,
+    /// Format of the ParaView files
+    #[arg(long, value_enum, default_value_t = VtkFormat::Vtp, value_name = "FORMAT", conflicts_with = "no_vtk")]
+    pub vtk_format: VtkFormat,
     /// Compute the potential energy by the sum over all pairs, for any number of grains
     #[arg(long)]
     pub direct_gravity: bool,
@@ -105,8 +117,8 @@ impl Default for Options {
     fn default() -> Options {
         let dir = PathBuf::new();
         let (every, no_plots, no_vtk, direct_gravity) = (1, false, false, false);
-        let (measures, threads) = (Measures::default(), ThreadCount::default());
-        Options { dir, every, no_plots, no_vtk, direct_gravity, measures, threads }
+        let (vtk_format, measures, threads) = (VtkFormat::Vtp, Measures::default(), ThreadCount::default());
+        Options { dir, every, no_plots, no_vtk, vtk_format, direct_gravity, measures, threads }
     }
 }
 

@@ -185,6 +185,34 @@ fn every_takes_some_and_the_last_and_leaves_no_stale_file() {
 }
 
 #[test]
+fn each_format_of_paraview_files_replaces_the_other() {
+    let case = case(&[0, 10, 20]);
+    let display = case.path().join("DISPLAY");
+    let run = |flags: &[&str]| {
+        assert!(cd_post(&[&["--no-plots"], flags].concat(), case.path()).status.success());
+        (names(&display), files(&display))
+    };
+    let (vtp, _) = run(&[]);
+    let (hdf, bytes) = run(&["--vtk-format", "vtkhdf", "--threads", "1"]);
+    assert_eq!(hdf, ["contacts.vtkhdf", "grains.vtkhdf", "view.py", "walls.vtkhdf"]);
+    assert_eq!(run(&["--vtk-format", "vtkhdf", "--threads", "3"]).1, bytes);
+    assert_eq!(run(&["--vtk-format", "vtp"]).0, vtp);
+    let both = cd_post(&["--no-vtk", "--vtk-format", "vtkhdf"], case.path());
+    assert_eq!(both.status.code(), Some(2));
+}
+
+#[test]
+fn a_rejected_snapshot_leaves_the_vtkhdf_files_as_they_were() {
+    let case = case(&[0, 1, 2]);
+    let run = || cd_post(&["--no-plots", "--vtk-format", "vtkhdf"], case.path()).status.code();
+    assert_eq!(run(), Some(0));
+    let before = files(&case.path().join("DISPLAY"));
+    fs::write(snapshot::snapshot_path(&case.path().join("OUTBOX"), 2), "").unwrap();
+    assert_eq!(run(), Some(2));
+    assert_eq!(files(&case.path().join("DISPLAY")), before);
+}
+
+#[test]
 fn parts_can_be_left_out() {
     let case = case(&[0]);
     assert!(cd_post(&["--no-vtk", "--no-plots"], case.path()).status.success());
@@ -347,6 +375,10 @@ fn a_wrong_command_line_is_refused() {
         assert_eq!(output.status.code(), Some(2));
         assert!(String::from_utf8(output.stderr).unwrap().contains("invalid value"), "{args:?}");
     }
+    let version = Command::new(env!("CARGO_BIN_EXE_cd-post")).arg("--version").output().unwrap();
+    let version = String::from_utf8(version.stdout).unwrap();
+    let commit = version.trim_end().strip_prefix(concat!("cd-post ", env!("CARGO_PKG_VERSION"))).unwrap();
+    assert!(commit.is_empty() || commit.starts_with(" (") && commit.ends_with(')'), "{version}");
     let help = Command::new(env!("CARGO_BIN_EXE_cd-post")).arg("--help").output().unwrap();
     assert_eq!(help.status.code(), Some(0));
     assert!(String::from_utf8(help.stdout).unwrap().contains("--no-vtk"));

@@ -73,12 +73,8 @@ fn arrays_of_the_paraview_files() {
     let frame = Frame::read(&path, &ShapeCache::default()).unwrap();
     assert!(frame.grains[1].solid.is_some() && frame.grains[1].id == cube as u64 + 1);
     let types = [("Float64", "f64"), ("UInt64", "u64"), ("UInt32", "u32"), ("UInt16", "u16"), ("UInt8", "u8")];
-    for (kind, bytes) in [
-        ("grains", display::grains_vtp(&frame)),
-        ("polyhedra", display::polyhedra_vtp(&frame)),
-        ("contacts", display::contacts_vtp(&frame)),
-        ("walls", display::walls_vtp(&frame)),
-    ] {
+    for kind in display::FILE_KINDS {
+        let bytes = display::vtp_bytes(display::display_piece(&frame, kind).unwrap());
         let text = String::from_utf8(bytes).unwrap();
         let attribute = |tag: &str, name: &str| -> Option<String> {
             Some(tag.split(&format!(" {name}=\"")).nth(1)?.split('"').next()?.to_string())

@@ -9,15 +9,17 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::messages::print_line;
 use cd_formats::names::count_text;
 use rayon::prelude::*;
+use vtkio::model::PolyDataPiece;
 
 use crate::derive::Row;
 use crate::frame::Frame;
-use crate::options::Options;
+use crate::options::{Options, VtkFormat};
 use crate::shapes::ShapeCache;
 use crate::snapshots::{is_evenly_chosen, progress_bar, select_snapshots};
 use crate::write;
 use crate::write::display;
 use crate::write::picture::PictureColouring;
+use crate::write::vtkhdf::VtkhdfFile;
 
 /// Measures a case and writes the files selected by the options; returns messages for the user.
 ///
@@ -53,7 +55,7 @@ pub fn process_case(options: &Options) -> Result<Vec<String>, Faults> {
     notes.extend(outside_of_layers(&rows));
     notes.extend(empty_region(options, &rows, last));
     if !options.no_vtk {
-        notes.extend(finish_display(&options.dir, &rows, last)?);
+        notes.extend(finish_display(options, &rows, last)?);
         print_line(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
     }
     Ok(notes)
@@ -86,6 +88,7 @@ pub fn measure_series<T: Send>(
     let mut kept = Vec::new();
     let mut masses: Option<Vec<f64>> = None;
     let shapes = ShapeCache::default();
+    let mut growing: Vec<(&str, VtkhdfFile)> = Vec::new();
     for batch in selected.chunks(rayon::current_num_threads()) {
         let first = rows.len();
         let measured: Vec<Result<_, Faults>> = batch
@@ -94,21 +97,20 @@ pub fn measure_series<T: Send>(
             .map(|(k, (_, path))| {
                 let frame = Frame::read(path, &shapes)?;
                 let row = Row::with_options(&frame, &choices);
-                if !options.no_vtk {
-                    write_display(&options.dir, &frame)?;
-                }
+                let pieces = if options.no_vtk { vec![] } else { display_pieces(options, &frame)? };
                 let own: Vec<f64> = frame.grains.iter().map(|grain| grain.mass).collect();
-                Ok((row, own, keep(first + k, selected.len(), frame)))
+                Ok((row, own, pieces, keep(first + k, selected.len(), frame)))
             })
             .collect();
         let mut faults = Faults::default();
         for (result, (_, path)) in measured.into_iter().zip(batch) {
             match result {
-                Ok((row, own, for_later)) => {
+                Ok((row, own, pieces, for_later)) => {
                     if *masses.get_or_insert_with(|| own.clone()) != own {
                         let expected = format!("expected those of {}, of the same run", selected[0].1.display());
                         faults.push(Fault::new(path, None, "snapshot", "other bodies", expected));
                     }
+                    append_pieces(&options.dir, &mut growing, row.time, pieces)?;
                     kept.extend(for_later);
                     rows.push(row);
                 }
@@ -122,6 +124,7 @@ pub fn measure_series<T: Send>(
         faults.into_result(())?;
         bar.inc(batch.len() as u64);
     }
+    growing.into_iter().try_for_each(|(_, file)| file.finish())?;
     bar.finish_and_clear();
     Ok((rows, kept))
 }
@@ -129,37 +132,56 @@ pub fn measure_series<T: Send>(
 /// Snapshots in one picture: the first, the last and two between.
 const PICTURE_COUNT: usize = 4;
 
-/// Whether the frame has anything of this kind to draw.
-fn has_kind(frame: &Frame, kind: &str) -> bool {
-    match kind {
-        "walls" => !frame.walls.is_empty(),
-        "polyhedra" => frame.grains.iter().any(|grain| grain.solid.is_some()),
-        _ => true,
+/// Data of one kind, by its name.
+type NamedPiece = (&'static str, PolyDataPiece);
+
+/// Writes the ParaView files of one frame, or returns their data if files contain several frames.
+fn display_pieces(options: &Options, frame: &Frame) -> Result<Vec<NamedPiece>, Faults> {
+    let kinds = display::FILE_KINDS.into_iter();
+    let mut pieces = kinds.filter_map(|kind| Some((kind, display::display_piece(frame, kind)?)));
+    match options.vtk_format {
+        VtkFormat::Vtkhdf => Ok(pieces.collect()),
+        VtkFormat::Vtp => pieces
+            .try_for_each(|(kind, piece)| {
+                let name = display::file_name(kind, frame.meta.step);
+                atomic::write(&options.dir.join("DISPLAY").join(name), &display::vtp_bytes(piece))
+            })
+            .map(|()| vec![]),
     }
 }
 
-/// Writes the ParaView files of one frame.
-fn write_display(dir: &Path, frame: &Frame) -> Result<(), Faults> {
-    let path = |kind| dir.join("DISPLAY").join(display::file_name(kind, frame.meta.step));
-    atomic::write(&path("grains"), &display::grains_vtp(frame))?;
-    atomic::write(&path("contacts"), &display::contacts_vtp(frame))?;
-    if has_kind(frame, "polyhedra") {
-        atomic::write(&path("polyhedra"), &display::polyhedra_vtp(frame))?;
-    }
-    if has_kind(frame, "walls") {
-        atomic::write(&path("walls"), &display::walls_vtp(frame))?;
+/// Appends the data at `time`, s, to the file of each kind, which the first data start.
+fn append_pieces(
+    dir: &Path,
+    growing: &mut Vec<(&str, VtkhdfFile)>,
+    time: f64,
+    pieces: Vec<NamedPiece>,
+) -> Result<(), Faults> {
+    for (kind, piece) in pieces {
+        let k = match growing.iter().position(|(name, _)| *name == kind) {
+            Some(k) => k,
+            None => {
+                growing.push((kind, VtkhdfFile::create(&dir.join("DISPLAY").join(display::vtkhdf_name(kind)))?));
+                growing.len() - 1
+            }
+        };
+        growing[k].1.append(time, piece)?;
     }
     Ok(())
 }
 
-/// Writes the collections, and removes the files of an earlier run that they do not name; returns messages for the user.
-fn finish_display(dir: &Path, rows: &[Row], last: &Frame) -> Result<Option<String>, Faults> {
-    let display = dir.join("DISPLAY");
+/// Writes the collections of `.vtp` files, and removes the files of an earlier run; returns messages for the user.
+fn finish_display(options: &Options, rows: &[Row], last: &Frame) -> Result<Option<String>, Faults> {
+    let display = options.dir.join("DISPLAY");
     let times: Vec<(u64, f64)> = rows.iter().map(|row| (row.step, row.time)).collect();
     let mut current = HashSet::new();
     let folder = fs::canonicalize(&display).map_err(|error| Fault::from_io(&display, "read", &error))?;
     atomic::write(&display.join("view.py"), display::view_script(&folder).as_bytes())?;
-    for kind in display::FILE_KINDS.into_iter().filter(|kind| has_kind(last, kind)) {
+    for kind in display::FILE_KINDS.into_iter().filter(|kind| display::display_piece(last, kind).is_some()) {
+        if options.vtk_format == VtkFormat::Vtkhdf {
+            current.insert(display::vtkhdf_name(kind));
+            continue;
+        }
         let name = format!("{kind}.pvd");
         atomic::write(&display.join(&name), display::pvd_collection(kind, &times).as_bytes())?;
         current.insert(name);

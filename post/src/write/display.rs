@@ -1,4 +1,5 @@
-//! `DISPLAY/`: VTK files of polygonal data for ParaView, and the collections that give their times.
+//! `DISPLAY/`: VTK files of polygonal data for ParaView, and the collections that give their times; or a VTKHDF file for
+//! each kind, `KIND.vtkhdf`, with the same data at all times.
 //!
 //! | file | cells |
 //! |---|---|
@@ -36,28 +37,44 @@ pub fn file_name(kind: &str, step: u64) -> String {
     format!("{kind}-{step:06}.vtp")
 }
 
+/// `grains.vtkhdf`
+pub fn vtkhdf_name(kind: &str) -> String {
+    format!("{kind}.vtkhdf")
+}
+
 /// Whether this program writes a file of this name in `DISPLAY`.
 pub fn is_display_file(name: &str) -> bool {
     FILE_KINDS.iter().any(|kind| {
         let rest = name.strip_prefix(kind).unwrap_or_default();
         let step = rest.strip_prefix('-').and_then(|rest| rest.strip_suffix(".vtp"));
-        rest == ".pvd" || step.is_some_and(|step| step.len() >= 6 && step.bytes().all(|b| b.is_ascii_digit()))
+        [".pvd", ".vtkhdf"].contains(&rest)
+            || step.is_some_and(|step| step.len() >= 6 && step.bytes().all(|b| b.is_ascii_digit()))
     })
 }
 
+/// Data of one kind; `None` if the frame has none of polyhedra or walls. There are always grains and contacts, possibly none.
+pub fn display_piece(frame: &Frame, kind: &str) -> Option<PolyDataPiece> {
+    match kind {
+        "grains" => Some(grains_piece(frame)),
+        "polyhedra" => frame.grains.iter().any(|grain| grain.solid.is_some()).then(|| polyhedra_piece(frame)),
+        "contacts" => Some(contacts_piece(frame)),
+        _ => (!frame.walls.is_empty()).then(|| walls_piece(frame)),
+    }
+}
+
 /// The grains as points with their state, contact count and stress.
-pub fn grains_vtp(frame: &Frame) -> Vec<u8> {
+fn grains_piece(frame: &Frame) -> PolyDataPiece {
     let rows: Vec<usize> = (0..frame.grains.len()).collect();
-    vtp_bytes(PolyDataPiece {
+    PolyDataPiece {
         points: flat_components(frame.grains.iter().map(|g| g.x)).into(),
         verts: vertex_numbers(rows.iter().map(|&k| [k as u64])),
         data: Attributes { point: grain_arrays(frame, &rows), cell: vec![] },
         ..Default::default()
-    })
+    }
 }
 
-/// The faces of the polyhedral grains; each has the arrays of its grain in [`grains_vtp`].
-pub fn polyhedra_vtp(frame: &Frame) -> Vec<u8> {
+/// The faces of the polyhedral grains; each has the arrays of its grain in [`grains_piece`].
+fn polyhedra_piece(frame: &Frame) -> PolyDataPiece {
     let (mut points, mut faces, mut rows) = (vec![], vec![], vec![]);
     for (row, grain) in frame.grains.iter().enumerate() {
         let Some(solid) = &grain.solid else { continue };
@@ -67,12 +84,12 @@ pub fn polyhedra_vtp(frame: &Frame) -> Vec<u8> {
         faces.extend(polygons.iter().map(|face| face.iter().map(|&k| first + u64::from(k)).collect::<Vec<u64>>()));
         rows.resize(faces.len(), row);
     }
-    vtp_bytes(PolyDataPiece {
+    PolyDataPiece {
         points: flat_components(points.into_iter()).into(),
         polys: vertex_numbers(faces.into_iter()),
         data: Attributes { point: vec![], cell: grain_arrays(frame, &rows) },
         ..Default::default()
-    })
+    }
 }
 
 /// Arrays of the grains in `rows`.
@@ -146,7 +163,7 @@ fn contact_lines(frame: &Frame) -> (Vec<Vec3>, Vec<[u64; 2]>) {
 }
 
 /// The contacts as lines between the centres of two grains, or from a grain to the point on a wall.
-pub fn contacts_vtp(frame: &Frame) -> Vec<u8> {
+fn contacts_piece(frame: &Frame) -> PolyDataPiece {
     let (points, lines) = contact_lines(frame);
     let id = |side: BodyIndex| match side {
         BodyIndex::Grain(grain) => frame.grains[grain].id,
@@ -169,12 +186,12 @@ pub fn contacts_vtp(frame: &Frame) -> Vec<u8> {
         scalar_attribute("candidate", all.iter().map(|c| id(c.candidate)).collect::<Vec<u64>>()),
         scalar_attribute("antagonist", all.iter().map(|c| id(c.antagonist)).collect::<Vec<u64>>()),
     ];
-    vtp_bytes(PolyDataPiece {
+    PolyDataPiece {
         points: flat_components(points.into_iter()).into(),
         lines: vertex_numbers(lines.into_iter()),
         data: Attributes { point: vec![], cell },
         ..Default::default()
-    })
+    }
 }
 
 /// Faces of a box, outward, by corners; the bits of a corner's number are its sides along x, y and z.
@@ -194,7 +211,7 @@ fn drawn_position(wall: &Wall, cell: &PeriodicCell) -> Vec3 {
 }
 
 /// The walls: plates as boxes, driven polyhedra by their faces, driven balls as points with a radius.
-pub fn walls_vtp(frame: &Frame) -> Vec<u8> {
+fn walls_piece(frame: &Frame) -> PolyDataPiece {
     let cell = frame.cell();
     let (mut points, mut radii, mut balls, mut faces) = (vec![], vec![], vec![], vec![]);
     let (mut ball_ids, mut face_ids) = (vec![], vec![]);
@@ -229,7 +246,7 @@ pub fn walls_vtp(frame: &Frame) -> Vec<u8> {
     }
     // Cell data go in the order of VTK's cells: vertices, then polygons.
     ball_ids.extend(face_ids);
-    vtp_bytes(PolyDataPiece {
+    PolyDataPiece {
         points: flat_components(points.into_iter()).into(),
         verts: vertex_numbers(balls.into_iter()),
         polys: vertex_numbers(faces.into_iter()),
@@ -238,7 +255,7 @@ pub fn walls_vtp(frame: &Frame) -> Vec<u8> {
             cell: vec![scalar_attribute("id", ball_ids)],
         },
         ..Default::default()
-    })
+    }
 }
 
 /// `view.py`: script that shows the files of this folder in ParaView. If the name of the folder is not UTF-8, the script
@@ -299,7 +316,8 @@ pub(crate) fn vertex_numbers<C: AsRef<[u64]>>(cells: impl Iterator<Item = C>) ->
     Some(VertexNumbers::XML { connectivity, offsets })
 }
 
-pub(crate) fn vtp_bytes(piece: PolyDataPiece) -> Vec<u8> {
+/// File of one time, in VTK's XML format.
+pub fn vtp_bytes(piece: PolyDataPiece) -> Vec<u8> {
     let no_points = piece.points.is_empty();
     let vtk = Vtk {
         version: Version::Auto,
@@ -331,16 +349,24 @@ mod tests {
     #[test]
     fn an_empty_file_still_says_that_it_has_no_points() {
         let frame = Scene::default().frame();
-        for bytes in [grains_vtp(&frame), polyhedra_vtp(&frame), contacts_vtp(&frame), walls_vtp(&frame)] {
-            let text = String::from_utf8(bytes).unwrap();
+        for piece in [grains_piece(&frame), polyhedra_piece(&frame), contacts_piece(&frame), walls_piece(&frame)] {
+            let text = String::from_utf8(vtp_bytes(piece)).unwrap();
             assert_eq!(text.matches("NumberOfPoints=\"0\"").count(), 1, "{text}");
         }
     }
 
     #[test]
     fn only_files_of_this_program_are_its_own() {
-        let ours = ["grains-000012.vtp", "walls-1234567.vtp", "contacts.pvd"];
-        let others = ["grains.vtp", "grains-12.vtp", "grains-a00012.vtp", "view.pvsm", "grains-000012.vtu", "my.pvd"];
+        let ours = ["grains-000012.vtp", "walls-1234567.vtp", "contacts.pvd", "walls.vtkhdf"];
+        let others = [
+            "grains.vtp",
+            "grains-12.vtp",
+            "grains-a00012.vtp",
+            "view.pvsm",
+            "grains-000012.vtu",
+            "my.pvd",
+            "my.vtkhdf",
+        ];
         assert!(ours.into_iter().all(is_display_file) && !others.into_iter().any(is_display_file));
     }
 

@@ -7,13 +7,16 @@
 //! | [`figure`] | none: curves in a plot, as SVG |
 //! | [`picture`] | `POSTPRO/aggregate.svg`, `aggregate_energy.svg`, the last state; `snapshots.svg`, four |
 //! | [`display`] | `DISPLAY/*.vtp` and `*.pvd` |
+//! | [`vtkhdf`], [`hdf5`] | `DISPLAY/*.vtkhdf`, and the format that it is based on |
 //! | [`map`] | `POSTPRO/state-NNNNNN/surface_*.svg` |
 //! | [`scale`] | none: units and round numbers for the eye |
 
 pub mod display;
 pub mod figure;
+pub mod hdf5;
 pub mod map;
 pub mod picture;
 pub mod plots;
 pub mod scale;
 pub mod series;
+pub mod vtkhdf;

@@ -14,9 +14,12 @@ HERE = os.path.dirname(os.path.abspath(__file__)) if "__file__" in globals() els
 
 
 def read(kind):
-    """The collection of this kind; None if there is none."""
+    """The data of this kind at all times, in either format; None if there are none."""
     path = os.path.join(HERE, kind + ".pvd")
-    return PVDReader(registrationName=kind, FileName=path) if os.path.exists(path) else None
+    if os.path.exists(path):
+        return PVDReader(registrationName=kind, FileName=path)
+    path = os.path.join(HERE, kind + ".vtkhdf")
+    return VTKHDFReader(registrationName=kind, FileName=[path]) if os.path.exists(path) else None
 
 
 def colour(display, where, array, seen=True):
