@@ -23,8 +23,9 @@
 //!
 //! Contacts with adjacent flush contactors of one body, or of fixed bodies, form one face: its corners are those of all
 //! parts, its outline is their convex hull, if the parts fill it ([`Joints`]). How its parts share the load is not
-//! determined: a face that is new, slides or spins starts the step from the load of a uniform pressure with the same sum and
-//! centre, and the sweeps find a solution near it.
+//! determined. A face that is new, or spins faster than it slides and than friction can stop in the step, therefore starts
+//! from the load of a uniform pressure with the same sum and centre, and the sweeps find a solution near it; in a face that
+//! spins all q_i are at the distance τ from p̄.
 //!
 //! Values of τ: 0.3826 a for a square of side a, 2/3 of the radius for a disc, a quarter of the length for an edge.
 
@@ -74,6 +75,7 @@ const MIN_PAIRS_PER_TASK: usize = 64;
 pub(super) struct FaceRows<'a, L, S> {
     pub contacts: &'a [Contact],
     pub rows: &'a [ContactConstraint],
+    pub records: &'a [SolverBody],
     pub full: &'a BlockData,
     pub load: L,
     pub sticks: S,
@@ -135,7 +137,6 @@ pub(super) fn has_joints(scene: &Scene) -> bool {
 /// determined. On separate bodies that move freely each part has its own friction.
 pub(super) struct Joints<'a, L, S> {
     pub faces: &'a FaceRows<'a, L, S>,
-    pub records: &'a [SolverBody],
     pub scene: &'a Scene,
 }
 
@@ -158,7 +159,7 @@ struct Side {
 const FIXED: BodyId = BodyId(u32::MAX);
 
 impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> Joints<'_, L, S> {
-    /// Friction offsets of the rows, and the initial impulses of those in joined faces that are new, slide or spin. The
+    /// Friction offsets of the rows, and the initial impulses of those in joined faces that are new or spin. The
     /// distribution of the load over a joined face is not determined: sweeps from a uniform pressure stay near it.
     pub fn joined_faces(&self) -> JoinedFaces {
         let FaceRows { rows, full, .. } = self.faces;
@@ -188,17 +189,17 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> Joints<'_, L, S> {
     /// Normal impulse that stops the approach of the two bodies of a face, at the mean of its rows by these shares of the
     /// load, N s; 0 if they do not approach.
     fn stopping_impulse(&self, acting: &[usize], shares: &[f64]) -> f64 {
-        let FaceRows { rows, full, .. } = self.faces;
+        let FaceRows { rows, records, full, .. } = self.faces;
         let approach = |k: usize| {
             let (row, arms) = (&rows[k], &full.arms[k]);
             let [a, b] = [0, 1].map(|side| {
-                let record = &self.records[row.bodies[side].index()];
+                let record = &records[row.bodies[side].index()];
                 record.v + record.w.cross(&arms[side])
             });
             -row.normal.dot(&(a - b + row.shift))
         };
         let speed: f64 = acting.iter().zip(shares).map(|(&k, share)| share * approach(k)).sum();
-        let inverse: f64 = rows[acting[0]].bodies.map(|body| self.records[body.index()].inverse_mass).iter().sum();
+        let inverse: f64 = rows[acting[0]].bodies.map(|body| records[body.index()].inverse_mass).iter().sum();
         if inverse > 0.0 { speed.max(0.0) / inverse } else { 0.0 }
     }
 
@@ -248,7 +249,7 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> Joints<'_, L, S> {
 
     /// Whether two sides of the same bodies lie in one plane, on bodies that move as one.
     fn is_flush(&self, one: &Side, other: &Side) -> bool {
-        let Joints { faces: FaceRows { contacts, full, .. }, records, .. } = self;
+        let FaceRows { contacts, records, full, .. } = self.faces;
         if one.normal.dot(&other.normal) < 1.0 - PARALLEL {
             return false;
         }
@@ -317,24 +318,9 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
         let total: f64 = loads.iter().sum();
         let centre =
             points.iter().zip(&loads).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w / total, c[1] + p[1] * w / total]);
-        let at_rest = acting.iter().all(|k| (self.sticks)(*k));
-        let starts_uniform = joined
-            && (is_new || !at_rest)
-            && outline.corners.len() > 2
-            && acting.iter().all(|&k| rows[k].impulse_shift == 0.0 && gap(&k) <= deepest + FLUSH_GAP * size);
-        let (loads, total) = if starts_uniform { (outline.load_shares(centre), 1.0) } else { (loads, total) };
-        let distance =
-            points.iter().zip(&loads).map(|(p, w)| vector_length(difference_of(*p, centre)) * w / total).sum::<f64>();
-        if distance.is_nan() || distance <= SINGLE_CORNER_DISTANCE * size {
-            return Some(FaceFrictionPoints::default());
-        }
-        // A bond yields about the point with the least sum of distances; a sliding face turns about any point.
-        let is_bonded = acting.iter().all(|k| rows[*k].bond.is_some());
-        let distance = if is_bonded { least_distance(&points, &loads, centre) / total } else { distance };
         let pressed = outline.mean_distance(centre);
-        let scale = (pressed / distance).min(MAX_OFFSET_SCALE);
-        let across = match at_rest {
-            true => [0.0; 2],
+        let motion = match acting.iter().all(|k| (self.sticks)(*k)) {
+            true => FaceMotion::default(),
             false => {
                 let velocity = |k: &usize| {
                     let (n, u) = (contacts[*k].normal, &rows[*k].u_before);
@@ -346,47 +332,101 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
                     tangent_components(&(to_world(&contacts[*k].frame(), u) * side), &frame)
                 };
                 let velocities: SmallVec<[TangentVector; 8]> = acting.iter().map(velocity).collect();
-                across_sliding(&points, &velocities, centre, pressed)
+                FaceMotion::new(&points, &velocities, centre, pressed)
             }
         };
+        let across = motion.across_sliding();
+        let mobility: f64 = rows[first].bodies.map(|body| self.records[body.index()].inverse_mass).iter().sum();
+        let stopped = if is_new { 0.0 } else { rows[first].friction * total * mobility };
+        let spins = motion.spin > vector_length(motion.u).max(stopped);
+        let starts_uniform = joined
+            && (is_new || spins)
+            && outline.corners.len() > 2
+            && acting.iter().all(|&k| rows[k].impulse_shift == 0.0 && gap(&k) <= deepest + FLUSH_GAP * size);
+        let (loads, total) = if starts_uniform { (outline.load_shares(centre), 1.0) } else { (loads, total) };
+        let distance =
+            points.iter().zip(&loads).map(|(p, w)| vector_length(difference_of(*p, centre)) * w / total).sum::<f64>();
+        if distance.is_nan() || distance <= SINGLE_CORNER_DISTANCE * size {
+            return Some(FaceFrictionPoints::default());
+        }
+        // A bond yields about the point with the least sum of distances; a sliding face turns about any point.
+        let is_bonded = acting.iter().all(|k| rows[*k].bond.is_some());
+        let distance = if is_bonded { least_distance(&points, &loads, centre) / total } else { distance };
+        let scale = (pressed / distance).min(MAX_OFFSET_SCALE);
+        let at_distance = match starts_uniform && spins {
+            true => part_middles(&acting, &points, contacts),
+            false => SmallVec::new(),
+        };
         let mut offsets = SmallVec::from_elem(Vec3::zeros(), of.len());
-        let pressed = of.iter().enumerate().filter(|(_, k)| rows[**k].can_close).zip(&points);
-        for ((at, _), p) in pressed.filter(|((_, k), _)| gap(k) <= pressed_to) {
-            let arm = difference_of(*p, centre);
-            let across_arm = arm[0] * across[0] + arm[1] * across[1];
-            let [x, y] = difference_of(arm, across.map(|e| e * across_arm));
-            offsets[at] = (t * x + s * y) * (scale - 1.0);
+        let rows_of_points = of.iter().enumerate().filter(|(_, k)| rows[**k].can_close);
+        for (i, (at, _)) in rows_of_points.enumerate().filter(|(_, (_, k))| gap(k) <= pressed_to) {
+            let arm = difference_of(points[i], centre);
+            let (direction, factor) = match at_distance.get(i) {
+                Some(middle) => (offset_to_distance(pressed, arm, difference_of(*middle, centre)), 1.0),
+                None => (arm, scale - 1.0),
+            };
+            let across_part = direction[0] * across[0] + direction[1] * across[1];
+            let [x, y] = difference_of(direction, across.map(|e| e * across_part));
+            offsets[at] = (t * x + s * y) * factor;
         }
         Some(FaceFrictionPoints { offsets, start_shares: starts_uniform.then_some(loads) })
     }
 }
 
-/// Unit vector across the direction in which a face slides, times the square root of the sliding share |u|²/(|u|² + (ω τ)²).
-///
-/// `velocities`: velocities of the points, m/s; `centre`: point at which u is taken; `pressed`: τ, m.
-fn across_sliding(
-    points: &[TangentVector],
-    velocities: &[TangentVector],
-    centre: TangentVector,
-    pressed: f64,
-) -> TangentVector {
-    let mean = |values: &[TangentVector]| {
-        let sum = values.iter().fold([0.0; 2], |sum, v| [sum[0] + v[0], sum[1] + v[1]]);
-        sum.map(|sum| sum / values.len() as f64)
-    };
-    let (middle, u) = (mean(points), mean(velocities));
-    let (mut turning, mut inertia) = (0.0, 0.0);
-    for (p, v) in points.iter().zip(velocities) {
-        let arm = difference_of(*p, middle);
-        turning += cross_product(arm, *v);
-        inertia += arm[0] * arm[0] + arm[1] * arm[1];
+/// Middle of the points on the same contactors as each point of a joined face.
+fn part_middles(acting: &[usize], points: &[TangentVector], contacts: &[Contact]) -> SmallVec<[TangentVector; 8]> {
+    let (mut middles, mut from) = (SmallVec::new(), 0);
+    for part in acting.chunk_by(|&a, &b| is_same_face(&contacts[a], &contacts[b])) {
+        let of_part = &points[from..from + part.len()];
+        from += part.len();
+        let sum = of_part.iter().fold([0.0; 2], |sum, p| [sum[0] + p[0], sum[1] + p[1]]);
+        middles.extend(part.iter().map(|_| sum.map(|x| x / part.len() as f64)));
     }
-    let spin = turning / inertia;
-    let arm = difference_of(centre, middle);
-    let u = [u[0] - spin * arm[1], u[1] + spin * arm[0]];
-    let all = vector_length([vector_length(u), spin * pressed]);
-    // A face at rest has no direction of sliding.
-    if all > 0.0 { [-u[1] / all, u[0] / all] } else { [0.0; 2] }
+    middles
+}
+
+/// Offset from the end of `arm` to the point at `distance` from its start, in the direction halfway between `arm` and
+/// `middle`: corners of parts may lie at the centre of the face, where their own direction is undetermined.
+fn offset_to_distance(distance: f64, arm: TangentVector, middle: TangentVector) -> TangentVector {
+    let along = [arm[0] + middle[0], arm[1] + middle[1]];
+    let length = vector_length(along);
+    if length == 0.0 { [0.0; 2] } else { difference_of(along.map(|x| x / length * distance), arm) }
+}
+
+/// Relative motion of a face in its plane.
+#[derive(Debug, Clone, Copy, Default)]
+struct FaceMotion {
+    /// Velocity at the centre of pressure, m/s.
+    u: TangentVector,
+    /// |ω| τ, m/s.
+    spin: f64,
+}
+
+impl FaceMotion {
+    /// * `velocities`: velocities of the points, m/s; `centre`: point at which u is taken; `pressed`: τ, m.
+    fn new(points: &[TangentVector], velocities: &[TangentVector], centre: TangentVector, pressed: f64) -> Self {
+        let mean = |values: &[TangentVector]| {
+            let sum = values.iter().fold([0.0; 2], |sum, v| [sum[0] + v[0], sum[1] + v[1]]);
+            sum.map(|sum| sum / values.len() as f64)
+        };
+        let (middle, u) = (mean(points), mean(velocities));
+        let (mut turning, mut inertia) = (0.0, 0.0);
+        for (p, v) in points.iter().zip(velocities) {
+            let arm = difference_of(*p, middle);
+            turning += cross_product(arm, *v);
+            inertia += arm[0] * arm[0] + arm[1] * arm[1];
+        }
+        let spin = turning / inertia;
+        let arm = difference_of(centre, middle);
+        FaceMotion { u: [u[0] - spin * arm[1], u[1] + spin * arm[0]], spin: (spin * pressed).abs() }
+    }
+
+    /// Unit vector across the direction of sliding, times the square root of the sliding share |u|²/(|u|² + (ω τ)²).
+    fn across_sliding(&self) -> TangentVector {
+        let all = vector_length([vector_length(self.u), self.spin]);
+        // A face at rest has no direction of sliding.
+        if all > 0.0 { [-self.u[1] / all, self.u[0] / all] } else { [0.0; 2] }
+    }
 }
 
 /// Centre of pressure, along t and s, of a face that closes without turning: the point at which a normal impulse turns the

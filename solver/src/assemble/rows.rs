@@ -110,10 +110,11 @@ pub fn contact_problem(
         };
         let sticks =
             |k: usize| history[k].is_some_and(|old| state.contacts[old.index()].status == ContactStatus::Stick);
-        full.friction_offsets = FaceRows { contacts, rows: &rows, full, load, sticks }.friction_offsets();
+        full.friction_offsets =
+            FaceRows { contacts, rows: &rows, records: &records, full, load, sticks }.friction_offsets();
         if has_joints(scene) {
-            let faces = FaceRows { contacts, rows: &rows, full, load, sticks };
-            let joined = Joints { faces: &faces, records: &records, scene }.joined_faces();
+            let faces = FaceRows { contacts, rows: &rows, records: &records, full, load, sticks };
+            let joined = Joints { faces: &faces, scene }.joined_faces();
             full.friction_offsets = joined.offsets;
             joined.warm_starts.into_iter().for_each(|(k, r)| rows[k].warm_start = r);
         }
