@@ -304,6 +304,13 @@ impl ContactLaw {
         matches!(self.unilateral, UnilateralLaw::Restitution { normal, .. } if normal > 0.0)
     }
 
+    /// Sets the coefficients of restitution to 0.
+    pub fn remove_restitution(&mut self) {
+        if let UnilateralLaw::Restitution { normal, tangential } = &mut self.unilateral {
+            (*normal, *tangential) = (0.0, 0.0);
+        }
+    }
+
     /// Whether moving contacts lose an active bond or static friction.
     pub fn has_irreversible_loss(&self) -> bool {
         self.has_two_frictions() || matches!(self.cohesion(), Some(Cohesion::Bond { .. }))

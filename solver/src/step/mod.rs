@@ -68,7 +68,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
     let missed = sample_narrow_phase_error(scene, state, &q_c, free.velocities(), &contacts);
     lap.add_lap(&mut clock.detection);
     let task = solve_request(scene, state, &q_c, &contacts, free.velocities());
-    let mut sweeps = 0;
+    let (mut sweeps, mut with_rebound) = (0, None);
     let mut solved = loop {
         let system = assemble::contact_problem(scene, state, &q_c, &contacts, free.velocities()); // M4  W, b
         lap.add_lap(&mut clock.assembly);
@@ -86,7 +86,13 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
             return None;
         }
         if late.is_empty() {
-            break SolvedProblem { system, solution };
+            if solution.converged || with_rebound.is_some() || !rebound_passes(scene, state, &q_c, &contacts, pushed) {
+                break SolvedProblem { system, solution };
+            }
+            // A rebound that ends beyond another surface has no solution.
+            with_rebound = Some(state.laws.clone());
+            state.laws.iter_mut().for_each(ContactLaw::remove_restitution);
+            continue;
         }
         contacts.extend(late);
         contacts.sort_unstable_by_key(Contact::key);
@@ -106,6 +112,9 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
     };
     if !happened.shakes.is_empty() {
         report.flight_error = 0.0; // a shake is an impulse, and exact
+    }
+    if let Some(laws) = with_rebound {
+        state.laws = laws;
     }
     integrate::advance_state(scene, state, &q_c, outcome.v, outcome.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
     (state.contacts, state.order) = (outcome.contacts, q_c.order);
@@ -152,10 +161,28 @@ fn travel_tolerance(scene: &Scene, q_c: &ContactConfiguration, contacts: &[Conta
     if 2.0 * span * fastest * scene.options.tol() <= allowed {
         return f64::INFINITY;
     }
-    let approach = |contact: &Contact| -span * contact.normal.dot(&assemble::relative_velocity(contact, &q_c.x, free));
     // Contacts that cannot close depend on the alert distance and must not change a result.
-    let closing = contacts.iter().map(|contact| (approach(contact), contact.gap)).filter(|(way, gap)| way > gap);
-    allowed / closing.map(|(way, _)| way).fold(0.0, f64::max)
+    let approaches = contacts.iter().map(|contact| (approach(q_c, span, contact, free), contact.gap));
+    allowed / approaches.filter(|(way, gap)| way > gap).map(|(way, _)| way).fold(0.0, f64::max)
+}
+
+/// Displacement in the time `span` (s) by which these velocities close a contact, m.
+fn approach(q_c: &ContactConfiguration, span: f64, contact: &Contact, velocities: Velocities) -> f64 {
+    -span * contact.normal.dot(&assemble::relative_velocity(contact, &q_c.x, velocities))
+}
+
+/// Whether bodies with restitution pass through a surface at these velocities of an unfinished solution: a contact closes
+/// deeper than the smallest radius.
+fn rebound_passes(
+    scene: &Scene,
+    state: &State,
+    q_c: &ContactConfiguration,
+    contacts: &[Contact],
+    velocities: Velocities,
+) -> bool {
+    let span = q_c.longest_reach_time(scene);
+    let passes = |contact: &Contact| approach(q_c, span, contact, velocities) - contact.gap > scene.smallest_radius;
+    state.laws.iter().any(ContactLaw::has_restitution) && contacts.iter().any(passes)
 }
 
 /// Largest error of a displacement by unfinished solutions, over the smallest radius. The residual is a mean over contacts: a

@@ -486,3 +486,26 @@ fn what_slides_already_has_dynamic_friction_in_its_first_step() {
         }
     }
 }
+
+/// A ball between two walls, whose rebound from one ends beyond the other in the same step, stays between them.
+#[test]
+fn a_rebound_does_not_pass_the_opposite_wall() {
+    for e in [0.3, 0.5, 0.8, 1.0] {
+        for (speed, z) in [(330.0, -0.9), (600.0, -0.9), (900.0, -0.9), (420.0, 1.2), (2000.0, 0.0)] {
+            let mut case = Case::new();
+            case.law_of_all("RST_CLB", &[e, 0.0, 0.0]);
+            case.options.dt = 0.01;
+            let ball = case.sphere(0.5, [0.0, 0.0, z]);
+            case.launch(ball, [0.0, 0.0, -speed], [0.0; 3]);
+            for height in [-2.05, 2.05] {
+                case.plate([1000.0, 1000.0, 0.05], [0.0, 0.0, height], [X, Y, Z]);
+            }
+            case.event(0.05, EventAction::AddVelocity([0.0, 0.0, 2.0 * speed]));
+            for state in case.states(12, 1) {
+                let height = state.x(ball).z;
+                // The tolerance of a position is 0.01 of the radius.
+                assert!(height.abs() < 1.5 + 0.01, "e {e}, {speed} m/s from {z}: {height}");
+            }
+        }
+    }
+}
