@@ -58,6 +58,7 @@ fn mistakes_in_the_text_are_placed() {
         ("number: 20", "number:", "8:16: grains 1, number: ','; expected a value before it"),
         ("number: 20", "numbr: 20", "8:9: grains 1: unknown field 'numbr'; did you mean number?"),
         ("min: 0.5", "min: 0,5", "9:29: grains 1, sizes: 0,5; expected a decimal point, 0.5"),
+        ("min: 0.5", "min: 1,000.5", "9:29: grains 1, sizes: 1,000.5; expected digits without separators, 1000.5"),
         ("min: 0.5", "min: 0.5, min: 0.6", "9:34: grains 1, sizes: 'min' occurs twice; expected it once"),
         (", max: 1.0)", ")", "9:16: grains 1, sizes: no field 'max'; expected the field max of Uniform"),
         ("max: 1.0)", "max: 1.0", "9:23: scene: '(' without ')'; expected ')' in this line"),

@@ -503,7 +503,12 @@ impl<'a> RonParser<'a> {
         if before.ends_with(',') && before[..item - 1].ends_with(digit) && value.starts_with(digit) {
             let number = before.rfind(|c: char| !(digit(c) || c == ',' || c == '-')).map_or(0, |at| at + 1);
             let found = self.text[number..item + value.len()].to_string();
-            self.add_fault(number, path, &found, &format!("expected a decimal point, {}", found.replace(',', ".")));
+            let with_point = found.replace(',', ".");
+            let expected = match with_point.matches('.').count() {
+                1 => format!("expected a decimal point, {with_point}"),
+                _ => format!("expected digits without separators, {}", found.replace(',', "")),
+            };
+            self.add_fault(number, path, &found, &expected);
         } else if !self.mistakes.iter().any(|mistake| mistake.path == path && mistake.found.ends_with("without a name"))
         {
             self.add_fault(item, path, &format!("{} without a name", display_text(value)), "expected name: value");
