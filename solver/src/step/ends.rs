@@ -93,7 +93,7 @@ pub struct Overlap {
     pub bodies: [BodyId; 2],
     /// Depth of the overlap, m.
     pub depth: f64,
-    /// Depth over the smaller radius of those of the two bodies that move freely.
+    /// Depth over the smaller radius of those of the two bodies whose motion is not all imposed.
     pub share: f64,
 }
 
@@ -102,7 +102,7 @@ impl Overlap {
         let bodies = [contact.candidate, contact.antagonist];
         let radius = |body: &BodyId| {
             let body = &scene.bodies[body.index()];
-            if body.driven { f64::INFINITY } else { body.radius }
+            if body.is_imposed() { f64::INFINITY } else { body.radius }
         };
         let (depth, smaller) = (-contact.gap, bodies.iter().map(radius).fold(f64::INFINITY, f64::min));
         Overlap { bodies, depth, share: depth / smaller }
