@@ -3,6 +3,7 @@
 Arguments: browser, page, and a folder for the files, which must not exist. The browser runs in real time, since a film
 records the page as time passes; it is driven by its debugging pipe: messages in JSON that end with a zero byte.
 """
+import atexit
 import base64
 import json
 import os
@@ -28,6 +29,7 @@ class Browser:
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=open(folder / "stderr", "w"))
         os.close(from_here)
         os.close(to_here)
+        atexit.register(self.end)
         limit = threading.Timer(SECONDS, self.process.kill)
         limit.daemon = True
         limit.start()
@@ -36,6 +38,10 @@ class Browser:
         self.session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log"):
             self.call(f"{domain}.enable")
+
+    def end(self):
+        self.process.kill()
+        self.process.wait()
 
     def message(self):
         while b"\0" not in self.unread:
@@ -70,13 +76,13 @@ class Browser:
         assert "exceptionDetails" not in result, result["exceptionDetails"]
         return result["result"].get("value")
 
-    def faults(self):
-        """Errors that the page has thrown or printed."""
+    def check_errors(self):
+        """Fails if the page has thrown or printed an error since the last action."""
         for event in self.events:
             parameters = event.get("params", {})
             level = parameters.get("type") or parameters.get("entry", {}).get("level")
-            if event.get("method") == "Runtime.exceptionThrown" or level == "error":
-                yield json.dumps(parameters)[:500]
+            thrown = event.get("method") == "Runtime.exceptionThrown" or level == "error"
+            assert not thrown, f"the page has printed an error: {json.dumps(parameters)[:500]}"
 
 
 def pixel_rows(data):
@@ -123,8 +129,6 @@ def main(program, page, folder):
                  eventsEnabled=True)
     browser.call("Emulation.setDeviceMetricsOverride", width=1280, height=900, deviceScaleFactor=1, mobile=False)
 
-    faults = []
-
     def screenshot(name):
         data = base64.b64decode(browser.call("Page.captureScreenshot")["data"])
         (folder / name).write_bytes(data)
@@ -136,11 +140,11 @@ def main(program, page, folder):
         browser.value(f"document.querySelector({json.dumps(button)}).click()")
         while not any(event.get("params", {}).get("state") == "completed" for event in browser.events):
             browser.events.append(browser.message())
-        faults.extend(browser.faults())
+            browser.check_errors()
         return (folder / name).read_bytes()
 
     browser.open(page)
-    faults.extend(browser.faults())
+    browser.check_errors()
     assert browser.value("document.body.dataset.drawn") == "yes", "nothing was drawn"
     last = screenshot("last.screenshot.png")
     check_picture("the screen", last, 50)
@@ -166,8 +170,7 @@ def main(program, page, folder):
     assert clock == "t = 0 s, step 0", f"the slider leads to {clock}, not to the first state"
     first = screenshot("first.screenshot.png")
     assert first != last, "the first state looks like the last"
-    faults.extend(browser.faults())
-    assert not faults, "\n".join(["the page has printed errors:", *faults])
+    browser.check_errors()
 
     browser.open(folder / f"{case}.webm")
     seconds, width, height = browser.value("""new Promise((done) => {
@@ -177,8 +180,6 @@ def main(program, page, folder):
     })""")
     print(f"report.html: film of {count} states: {seconds:.2f} s, {width} x {height}, {len(film)} bytes")
     assert seconds > 0.1 * count - 0.05, f"a film of {count} states takes {seconds} s"
-    browser.call("Browser.close")
-    browser.process.wait()
 
 
 try:
