@@ -41,11 +41,12 @@
   const view = document.getElementById("view"), slider = document.getElementById("view-time");
   const bar = document.getElementById("view-exports");
   if (!document.body.dataset.drawn) return;
+  bar.append("Save as");
   addButton(bar, "PNG", "Save this view", () => view.toBlob((blob) => save("-view.png", blob)));
   if (Number(slider.max) < 1) return;
   const type = window.MediaRecorder && view.captureStream &&
     ["video/webm", "video/mp4"].find((type) => MediaRecorder.isTypeSupported(type));
-  if (!type) { bar.append(" This browser cannot record a film."); return; }
+  if (!type) { bar.append(" (this browser cannot record a film)"); return; }
 
   const show = (k) => { slider.value = k; slider.dispatchEvent(new Event("input")); };
   // A state is on the screen before the next one is drawn, however long that takes.
