@@ -2,7 +2,7 @@
 // case, which is the title of the page.
 (function () {
   "use strict";
-  const FRAME_MILLISECONDS = 100;
+  const FRAME_MILLISECONDS = 100, DRAIN_MILLISECONDS = 1000;
   const FIGURE_SCALE = 2;
   const save = (name, blob) => {
     const link = document.createElement("a");
@@ -49,11 +49,9 @@
   if (!type) { bar.append(" (this browser cannot record a film)"); return; }
 
   const show = (k) => { slider.value = k; slider.dispatchEvent(new Event("input")); };
-  // A state is on the screen before the next one is drawn, however long that takes.
-  const frameTime = () => Promise.all([
-    new Promise((done) => setTimeout(done, FRAME_MILLISECONDS)),
-    new Promise((done) => requestAnimationFrame(done)),
-  ]);
+  const pause = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
+  // A callback of requestAnimationFrame comes before the frame, the next one after it: the state has then been recorded.
+  const frameShown = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
   const film = async (button) => {
     const before = Number(slider.value), count = Number(slider.max) + 1, text = button.textContent;
     button.disabled = true;
@@ -62,10 +60,10 @@
     const track = stream.getVideoTracks()[0];
     if (!track.requestFrame) stream = view.captureStream();
     const recorder = new MediaRecorder(stream, { mimeType: type, videoBitsPerSecond: 8e6 }), parts = [];
-    recorder.addEventListener("dataavailable", (e) => parts.push(e.data));
+    recorder.addEventListener("dataavailable", (e) => { if (e.data.size > 0) parts.push(e.data); });
     const stopped = new Promise((done) => recorder.addEventListener("stop", done));
     const record = async (k) => {
-      const shown = Math.min(k, count - 1), next = frameTime();
+      const shown = Math.min(k, count - 1), next = Promise.all([pause(FRAME_MILLISECONDS), frameShown()]);
       show(shown);
       if (track.requestFrame) track.requestFrame();
       button.textContent = `Film: ${shown + 1} of ${count}`;
@@ -73,9 +71,14 @@
     };
     recorder.start(FRAME_MILLISECONDS);
     // An encoder that starts loses frames: the first state lasts until there are data.
-    for (let tries = 0; tries < 50 && !parts.some((part) => part.size > 0); tries++) await record(0);
-    // The last state comes three times: a frame lasts until the next, and one that is still encoded at the end is lost.
-    for (let k = 1; k < count + 2; k++) await record(k);
+    for (let tries = 0; tries < 50 && parts.length === 0; tries++) await record(0);
+    // The last state comes twice: a frame lasts until the next.
+    for (let k = 1; k <= count; k++) await record(k);
+    // A slow encoder loses the frames that it has when it is stopped: it gets time until there are no more data.
+    for (let known = 0, tries = 0; known < parts.length && tries < 30; tries++) {
+      known = parts.length;
+      await pause(DRAIN_MILLISECONDS);
+    }
     recorder.stop();
     await stopped;
     save(type === "video/webm" ? ".webm" : ".mp4", new Blob(parts, { type }));
