@@ -1,6 +1,30 @@
 //! The model that cd-pre, cd-solve and cd-post share: the files that link the programs, and the geometry and physics that
 //! more than one of them needs.
 //!
+//! ```
+//! use std::path::Path;
+//!
+//! use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
+//! use cd_formats::scan::AsciiText;
+//!
+//! let sphere = Contactor { colour: "BLUEx".into(), shape: ShapeRecord::Sphere { radius: 0.5 }, local_frame: None };
+//! let grain = Body {
+//!     line: 0,
+//!     material: "ROCKx".into(),
+//!     equivalent_radius: 0.5,
+//!     inertia: None,
+//!     position: [0.0, 0.0, 2.0],
+//!     contactors: vec![sphere],
+//! };
+//! let text = Bodies(vec![grain.clone()]).to_text();
+//! let Bodies(read) = Bodies::parse(Path::new("BODIES.DAT"), &AsciiText::new(text.as_bytes()))?;
+//! assert_eq!((read[0].position, &read[0].contactors), (grain.position, &grain.contactors));
+//! # Ok::<(), cd_formats::error::Faults>(())
+//! ```
+//!
+//! This API is internal and may change with any version. The stable interface of the toolchain is its programs and their
+//! files, described in the [manual](https://github.com/cd-toolchain/cd-toolchain/blob/main/docs/README.md).
+//!
 //! A module is here if two programs must agree on it to the last bit, or if both would otherwise write it again. Steps,
 //! placement and observables are in the programs.
 //!

@@ -1,5 +1,36 @@
 //! cd-post: from the snapshots of cd-solve to tables, plots and pictures.
 //!
+//! ```
+//! use cd_formats::snapshot::{BodyArrays, SHAPE_SPHERE, Snapshot};
+//! use cd_post::derive::fragments::find_fragments;
+//! use cd_post::frame::Frame;
+//!
+//! // Three spheres of 1 kg and radius 1 m, two of which touch and move at 3 m/s.
+//! let bodies = BodyArrays {
+//!     body_id: vec![1, 2, 3],
+//!     body_x: vec![[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [9.0, 0.0, 0.0]],
+//!     body_q: vec![[1.0, 0.0, 0.0, 0.0]; 3],
+//!     body_v: vec![[0.0, 0.0, 3.0], [0.0, 0.0, 3.0], [0.0, 0.0, 0.0]],
+//!     body_w: vec![[0.0; 3]; 3],
+//!     body_w_world: vec![[0.0; 3]; 3],
+//!     body_mass: vec![1.0; 3],
+//!     body_inertia: vec![[0.4; 3]; 3],
+//!     body_radius: vec![1.0; 3],
+//!     body_half_lengths: vec![[1.0; 3]; 3],
+//!     body_shape: vec![SHAPE_SPHERE; 3],
+//!     body_driven: vec![0; 3],
+//!     body_colour: vec![0; 3],
+//!     body_material: vec![0; 3],
+//! };
+//! let frame = Frame::with_solids(Snapshot { bodies, ..Snapshot::default() }, Vec::new(), Vec::new());
+//! let fragments = find_fragments(&frame);
+//! assert_eq!(fragments.len(), 2);
+//! assert_eq!(fragments[0].whole.velocity().z, 3.0);
+//! ```
+//!
+//! This API is internal and may change with any version. The stable interface of the toolchain is its programs and their
+//! files, described in the [manual](https://github.com/cd-toolchain/cd-toolchain/blob/main/docs/README.md).
+//!
 //! `read` ([`frame`]) -> `derive` ([`mod@derive`]) -> `write` ([`mod@write`]): each snapshot of `DIR/OUTBOX` becomes a
 //! [`Frame`](frame::Frame), a [`Row`](derive::Row) of `POSTPRO/series.csv` and the files of `DISPLAY/`; the rows together
 //! become plots, the last frame a picture.

@@ -929,7 +929,14 @@ fn a_report_is_one_page_that_needs_nothing_else() {
     let page = fs::read_to_string(case.path().join("POSTPRO/report.html")).unwrap();
     let addresses = page.split("http").skip(1).filter(|rest| !rest.starts_with("://www.w3.org/2000/svg")).count();
     assert_eq!(addresses, 0, "no address but the name of SVG");
-    for wanted in ["<canvas", "Mean kinetic energy per grain", "largest_period", "iqsc0", "\"gravity_constant\""] {
+    for wanted in [
+        "<canvas",
+        "Mean kinetic energy per grain",
+        "largest_period",
+        "iqsc0",
+        "\"gravity_constant\"",
+        "data-name=\"energy\"",
+    ] {
         assert!(page.contains(wanted), "{wanted}");
     }
     assert!(!page.contains("NaN"));

@@ -1,6 +1,31 @@
-//! `cd-pre scene.ron`: reads a scene, places its grains and walls, and writes DATBOX.
-//! `cd-pre from-outbox CASE DIR`: the state of one run becomes the DATBOX of the next.
-//! `cd-pre study study.ron`: a folder with a scene for each combination of parameters.
+//! cd-pre: from a scene in RON to the files of `DATBOX/`, with sizes, positions and motion of all grains.
+//!
+//! `cd-pre from-outbox CASE DIR` makes the DATBOX of the next run from the results of one; `cd-pre study study.ron` makes
+//! a folder with a scene for each combination of parameters.
+//!
+//! ```
+//! let text = r#"(
+//!     materials: [(name: "ROCKx", density: 2700.0)],
+//!     laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.5))],
+//!     contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0")],
+//!     grains: [(
+//!         material: "ROCKx",
+//!         colour: "BLUEx",
+//!         number: 20,
+//!         solid_fraction: 0.2,
+//!         sizes: Uniform(min: 0.8, max: 1.2), // radii, m
+//!         placement: RandomSequential(envelope: Ball()),
+//!     )],
+//!     compute: (dt: 1.0, steps: 10),
+//! )"#;
+//! let (_, population) = cd_pre::read_scene("scene.ron".as_ref(), text, &[])?;
+//! assert_eq!(population.grains.len(), 20);
+//! assert!(population.grains.iter().all(|grain| (0.8..=1.2).contains(&grain.radius)));
+//! # Ok::<(), cd_formats::error::Faults>(())
+//! ```
+//!
+//! This API is internal and may change with any version. The stable interface of the toolchain is its programs and their
+//! files, described in the [manual](https://github.com/cd-toolchain/cd-toolchain/blob/main/docs/README.md).
 //!
 //! | module | |
 //! |---|---|

@@ -121,7 +121,8 @@ fn page_html(
     let name = escape_html(&whole.file_name().map_or("case".into(), |name| name.to_string_lossy().into_owned()));
     let meta = &last.meta;
     let mut page = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{name}</title>\n<style>\n{}</style></head><body>\n\
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><title>{name}</title>\n<style>\n{}</style></head><body>\n\
          <h1>{name}</h1>\n<p>{} grains, {} walls, {} snapshots to t = {} s (step {}), by {}.</p>\n",
         include_str!("page.css"),
         last.grains.len(),
@@ -140,7 +141,7 @@ fn page_html(
         "<canvas id=\"view\" tabindex=\"0\"></canvas>\n<p id=\"view-note\">A script of this page draws the grains.</p>\n",
     );
     put("<p id=\"view-player\"><button id=\"view-play\">Play</button> \
-         <input type=\"range\" id=\"view-time\" min=\"0\" step=\"1\" aria-label=\"time\"> <output id=\"view-clock\"></output></p>\n");
+         <input type=\"range\" id=\"view-time\" min=\"0\" step=\"1\" aria-label=\"time\"> <output id=\"view-clock\"></output></p>\n<p id=\"view-exports\"></p>\n");
     put(
         "<p>Drag to rotate, wheel or + and - to zoom, shift and drag to pan, double-click to reset, space bar to play. z points up.</p>\n",
     );
@@ -152,7 +153,7 @@ fn page_html(
     for plot in &PLOTS {
         let caption =
             PLOT_CAPTIONS.iter().find(|(file, _)| *file == plot.file).map_or(plot.title, |(_, caption)| caption);
-        put(&figure_html(&plot.to_figure(rows).to_svg(), caption));
+        put(&figure_html(plot.file, &plot.to_figure(rows).to_svg(), caption));
     }
     put("</div>\n");
     if !last.grains.is_empty() {
@@ -166,11 +167,12 @@ fn page_html(
             let table = files.get(file.replace(".svg", ".csv").as_str());
             let empty = table.is_some_and(|csv| csv.iter().filter(|byte| **byte == b'\n').count() < 2);
             if let Some(svg) = files.get(file).filter(|_| !empty) {
-                put(&figure_html(&String::from_utf8_lossy(svg), &caption.replace("REACH", &reach_text)));
+                put(&figure_html(file, &String::from_utf8_lossy(svg), &caption.replace("REACH", &reach_text)));
             }
         }
         // The gradients of this picture have names that only one picture of a page may use.
         put(&figure_html(
+            "aggregate.svg",
             &write::picture::svg(last, write::picture::PictureColouring::Neighbours),
             "Grains coloured by number of neighbours, seen from the front, slightly from the right and above.",
         ));
@@ -178,12 +180,14 @@ fn page_html(
     }
     put("<h2>The run</h2>\n");
     put(&run_html(dir, rows[0].step, last, seconds));
-    put("</body></html>\n");
+    put(&format!("<script>\n{}</script>\n</body></html>\n", include_str!("exports.js")));
     page
 }
 
-fn figure_html(svg: &str, caption: &str) -> String {
-    format!("<figure>{svg}<figcaption>{caption}</figcaption></figure>\n")
+/// Figure with its caption; without its ending, the name of `file` is part of the name under which the page saves it.
+fn figure_html(file: &str, svg: &str, caption: &str) -> String {
+    let name = file.trim_end_matches(".svg");
+    format!("<figure data-name=\"{name}\">{svg}<figcaption>{caption}</figcaption></figure>\n")
 }
 
 /// Columns of the series at the end, with unit and meaning.
