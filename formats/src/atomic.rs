@@ -32,7 +32,7 @@ pub fn write_all<'a>(files: impl IntoIterator<Item = (PathBuf, &'a [u8])>) -> Re
     parts?.into_iter().try_for_each(PendingFile::move_into_place)
 }
 
-/// File that grows while the program runs, and appears complete at its path or not at all, like that of [`write`].
+/// File that grows while the program runs, and appears complete at its path or not at all, like that of [`write()`].
 pub struct GrowingFile {
     part: PendingFile,
     file: File,
