@@ -308,29 +308,19 @@ fn checksum(bytes: &[u8]) -> u32 {
         b = b.wrapping_add(word(1));
         c = c.wrapping_add(word(2));
         if blocks.peek().is_some() {
-            a = a.wrapping_sub(c) ^ c.rotate_left(4);
-            c = c.wrapping_add(b);
-            b = b.wrapping_sub(a) ^ a.rotate_left(6);
-            a = a.wrapping_add(c);
-            c = c.wrapping_sub(b) ^ b.rotate_left(8);
-            b = b.wrapping_add(a);
-            a = a.wrapping_sub(c) ^ c.rotate_left(16);
-            c = c.wrapping_add(b);
-            b = b.wrapping_sub(a) ^ a.rotate_left(19);
-            a = a.wrapping_add(c);
-            c = c.wrapping_sub(b) ^ b.rotate_left(4);
-            b = b.wrapping_add(a);
+            for shift in [4, 6, 8, 16, 19, 4] {
+                a = a.wrapping_sub(c) ^ c.rotate_left(shift);
+                c = c.wrapping_add(b);
+                [a, b, c] = [b, c, a];
+            }
         } else {
-            c = (c ^ b).wrapping_sub(b.rotate_left(14));
-            a = (a ^ c).wrapping_sub(c.rotate_left(11));
-            b = (b ^ a).wrapping_sub(a.rotate_left(25));
-            c = (c ^ b).wrapping_sub(b.rotate_left(16));
-            a = (a ^ c).wrapping_sub(c.rotate_left(4));
-            b = (b ^ a).wrapping_sub(a.rotate_left(14));
-            c = (c ^ b).wrapping_sub(b.rotate_left(24));
+            for shift in [14, 11, 25, 16, 4, 14, 24] {
+                c = (c ^ b).wrapping_sub(b.rotate_left(shift));
+                [a, b, c] = [b, c, a];
+            }
         }
     }
-    c
+    b // the last c
 }
 
 #[cfg(test)]

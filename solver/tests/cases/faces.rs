@@ -378,7 +378,7 @@ fn a_face_over_joints_rests_on_a_slope() {
     }
 }
 
-/// A block that spins over the corner of four plates stays in its place.
+/// A block that spins over the corner of four plates does not move sideways.
 #[test]
 fn a_face_that_spins_over_joints_stays() {
     let mut case = Case::new();
