@@ -56,15 +56,15 @@ const LARGEST_AREA_RATIO: f64 = 1.6;
 /// within 1 %.
 const WEISZFELD_ITERATIONS: usize = 30;
 /// Largest 1 - cos of the angle between the normals of contacts of one face: 1e-4 rad.
-const PARALLEL: f64 = 5e-9;
+const MAX_NORMAL_DEVIATION: f64 = 5e-9;
 /// Height over distance up to which points are in one plane: larger than the overlaps of solutions.
-const LEVEL: f64 = 1e-4;
+const MAX_HEIGHT_RATIO: f64 = 1e-4;
 /// Relative difference of velocities up to which driven bodies move as one.
-const SAME_SPEED: f64 = 1e-9;
+const MAX_SPEED_DIFFERENCE: f64 = 1e-9;
 /// Twice the area of a triangle over the square of its size, up to which its corners are collinear.
-const ON_LINE: f64 = 1e-9;
+const MAX_COLLINEAR_AREA: f64 = 1e-9;
 /// Area of the contacts of a face over that of their hull, below which the contactors under it leave gaps.
-const WHOLE: f64 = 0.99;
+const MIN_FILLED_SHARE: f64 = 0.99;
 /// Pairs of bodies per task.
 const MIN_PAIRS_PER_TASK: usize = 64;
 
@@ -250,14 +250,14 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> Joints<'_, L, S> {
     /// Whether two sides of the same bodies lie in one plane, on bodies that move as one.
     fn is_flush(&self, one: &Side, other: &Side) -> bool {
         let FaceRows { contacts, records, full, .. } = self.faces;
-        if one.normal.dot(&other.normal) < 1.0 - PARALLEL {
+        if one.normal.dot(&other.normal) < 1.0 - MAX_NORMAL_DEVIATION {
             return false;
         }
         let [first, second] = [one, other].map(|side| side.rows.start);
         let origin = contacts[first].point;
         let from_origin = |k: usize| contacts[k].point - origin;
         let reach = other.rows.clone().map(|k| from_origin(k).norm()).fold(0.0, f64::max);
-        if other.rows.clone().any(|k| one.normal.dot(&from_origin(k)).abs() > LEVEL * reach) {
+        if other.rows.clone().any(|k| one.normal.dot(&from_origin(k)).abs() > MAX_HEIGHT_RATIO * reach) {
             return false;
         }
         if one.bodies[1] != FIXED {
@@ -271,7 +271,7 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> Joints<'_, L, S> {
             (record.v + record.w.cross(&(full.arms[k][side] - from_origin(k))), record.w)
         };
         let [(v, w), (u, spin)] = [first, second].map(of_fixed);
-        w == spin && (v - u).norm() <= SAME_SPEED * (v.norm() + u.norm())
+        w == spin && (v - u).norm() <= MAX_SPEED_DIFFERENCE * (v.norm() + u.norm())
     }
 }
 
@@ -361,12 +361,12 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
         let rows_of_points = of.iter().enumerate().filter(|(_, k)| rows[**k].can_close);
         for (i, (at, _)) in rows_of_points.enumerate().filter(|(_, (_, k))| gap(k) <= pressed_to) {
             let arm = difference_of(points[i], centre);
-            let (direction, factor) = match at_distance.get(i) {
+            let (vector, factor) = match at_distance.get(i) {
                 Some(middle) => (offset_to_distance(pressed, arm, difference_of(*middle, centre)), 1.0),
                 None => (arm, scale - 1.0),
             };
-            let across_part = direction[0] * across[0] + direction[1] * across[1];
-            let [x, y] = difference_of(direction, across.map(|e| e * across_part));
+            let across_part = vector[0] * across[0] + vector[1] * across[1];
+            let [x, y] = difference_of(vector, across.map(|e| e * across_part));
             offsets[at] = (t * x + s * y) * factor;
         }
         Some(FaceFrictionPoints { offsets, start_shares: starts_uniform.then_some(loads) })
@@ -557,7 +557,7 @@ impl FaceOutline {
             for k in order {
                 while let [.., a, b] = chain[..]
                     && cross_product(difference_of(points[b], points[a]), difference_of(points[k], points[a]))
-                        <= ON_LINE * size * size
+                        <= MAX_COLLINEAR_AREA * size * size
                 {
                     chain.pop();
                 }
@@ -573,7 +573,7 @@ impl FaceOutline {
             * polygon_sides(&corners)
                 .map(|[a, b]| cross_product(difference_of(a, corners[0]), difference_of(b, corners[0])))
                 .sum::<f64>();
-        if corners.len() < 3 || area < WHOLE * enclosed {
+        if corners.len() < 3 || area < MIN_FILLED_SHARE * enclosed {
             return None;
         }
         let outline = FaceOutline::new(&corners, size, area);
