@@ -57,6 +57,20 @@ impl ContactorShape {
             ContactorShape::Plane { half_lengths, .. } => half_lengths.min(),
         }
     }
+
+    /// Largest n·x of the shape with the orientation `axes`, x from its centre, m; a hollow cylinder counts as solid.
+    pub fn support_height(&self, axes: &Quat, n: &Vec3) -> f64 {
+        match self {
+            ContactorShape::Sphere { radius } => *radius,
+            ContactorShape::Polyhedron(shape) | ContactorShape::Plane { cuboid: shape, .. } => {
+                shape.posed_by(axes).support_height(n)
+            }
+            ContactorShape::Cylinder { half_height, radius, .. } => {
+                let local = axes.inverse_transform_vector(n);
+                half_height * local.z.abs() + radius * local.xy().norm()
+            }
+        }
+    }
 }
 
 cd_formats::index_types! {

@@ -16,7 +16,7 @@ mod turning;
 pub use events::{AppliedEvents, apply_events, apply_torque_and_damping};
 pub use forces::{FreeMotion, free_velocity, potential_energy};
 pub use history::connected_bodies;
-pub use kinematics::{relative_velocity, velocity_at_arms};
+pub use kinematics::{contact_arms, relative_velocity, velocity_at_arms};
 pub use problem::{BlockData, ContactConstraint, ContactProblem, RollingConstraint, SolverBody};
 pub use rows::contact_problem;
 pub use self_gravity::GravityReport;

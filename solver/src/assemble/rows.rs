@@ -13,7 +13,7 @@ use crate::integrate::ContactConfiguration;
 use crate::laws::{ContactLaw, GapForecast, LawInput, LawShift, MAX_STEP_OVERLAP, RollingFriction};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
-use crate::scene::{BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
+use crate::scene::{BodyId, BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
 use crate::state::{Contact, ContactId, ContactStatus, SolvedContact, State, Velocities};
 
 /// Sliding of a contact that begins counts above this multiple of `tol` times the change of velocity that loads it:
@@ -383,8 +383,8 @@ impl AssemblyContext<'_> {
 
 /// Per-body part of [`BlockData`], if a scene needs it.
 fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
-    let of = |(body, q): (&RigidBody, &Quat)| {
-        if body.driven {
+    let of = |(i, (body, q)): (usize, (&RigidBody, &Quat))| {
+        if body.driven || q_c.unturned.contains(&BodyId::new(i)) {
             return Matrix3::zeros();
         }
         if body.is_isotropic() {
@@ -398,7 +398,7 @@ fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
         arms: Vec::new(),
         friction_offsets: Vec::new(),
         locked_axes: if scene.bodies.iter().any(RigidBody::is_driven_in_part) { held() } else { Vec::new() },
-        inverse_inertia: scene.bodies.iter().zip(&q_c.q).map(of).collect(),
+        inverse_inertia: scene.bodies.iter().zip(&q_c.q).enumerate().map(of).collect(),
     };
     scene.needs_blocks().then(full)
 }

@@ -40,6 +40,8 @@ pub struct ContactConfiguration {
     pub changed: bool,
     /// Whether each body takes the step with θ = 1, x_c = x and x⁺ = x + h V⁺; empty if all have the scene's θ.
     pub from_start: Vec<bool>,
+    /// Bodies that contacts push but do not turn in this step.
+    pub unturned: Vec<BodyId>,
 }
 
 impl ContactConfiguration {
@@ -100,6 +102,7 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
         lookahead: ahead,
         changed: false,
         from_start: Vec::new(),
+        unturned: Vec::new(),
     }
 }
 

@@ -5,6 +5,7 @@ mod drift;
 mod ends;
 mod ledger;
 mod motion;
+mod turning;
 mod unforeseen;
 
 use std::time::{Duration, Instant};
@@ -58,7 +59,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
     let units = integrate::choose_step_multiple(scene, state, happened.any_event);
     assemble::apply_torque_and_damping(scene, state, units);
     let anew = unforeseen::velocities_are_unbounded(scene, state, &happened);
-    let q_c = contact_configuration(scene, state, units, anew); // M1  x_c = x + (1-θ) h V
+    let mut q_c = contact_configuration(scene, state, units, anew); // M1  x_c = x + (1-θ) h V
     lap.add_lap(&mut clock.integration);
     let mut free = assemble::free_velocity(scene, state, &q_c, &happened.shakes); // M2  V_free = V + h M⁻¹ F(x_c)
     state.attraction = free.attraction.take();
@@ -86,6 +87,11 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
             return None;
         }
         if late.is_empty() {
+            let turned = turning::turned_through(scene, &q_c, &contacts, free.velocities(), pushed);
+            if !turned.is_empty() {
+                q_c.unturned.extend(turned);
+                continue;
+            }
             if solution.converged || with_rebound.is_some() || !rebound_passes(scene, state, &q_c, &contacts, pushed) {
                 break SolvedProblem { system, solution };
             }

@@ -5,6 +5,8 @@ use cd_formats::compute::{Adaptive, EventAction};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
+use cd_solve::math::{Quat, Vec3};
+
 use crate::case::{BOX, Case, Figures, equal};
 
 const X: [f64; 3] = [1.0, 0.0, 0.0];
@@ -505,6 +507,36 @@ fn a_rebound_does_not_pass_the_opposite_wall() {
                 let height = state.x(ball).z;
                 // The tolerance of a position is 0.01 of the radius.
                 assert!(height.abs() < 1.5 + 0.01, "e {e}, {speed} m/s from {z}: {height}");
+            }
+        }
+    }
+}
+
+/// A thin flake that hits a plate obliquely at 80 to 1700 times its thickness in a step does not pass, although the impact would
+/// turn it by radians within the step.
+#[test]
+fn a_flake_that_an_impact_turns_does_not_pass() {
+    const SLAB: f64 = 0.01;
+    let laws: [(&str, &[f64]); 3] = [("IQS_CLB", &[0.5]), ("RST_CLB", &[0.5, 0.0, 0.5]), ("RST_CLB", &[1.0, 0.0, 0.0])];
+    for (half_thickness, half_width) in [(0.0025, 0.3), (0.005, 0.1), (0.05, 0.3)] {
+        for (kind, parameters) in laws {
+            for (k, speed) in [80.0, 200.0, 400.0, 1000.0].into_iter().cycle().take(12).enumerate() {
+                // Directions spread over the ball by the golden angle.
+                let (height, longitude) = (1.0 - (2 * k + 1) as f64 / 12.0, 2.4 * k as f64);
+                let axis = Vec3::new(longitude.cos(), longitude.sin(), 0.0) * (1.0 - height * height).sqrt()
+                    + Vec3::z() * height;
+                let turned = Quat::from_scaled_axis(axis * (0.3 + 0.25 * k as f64));
+                let axes = [X, Y, Z].map(|axis| (turned * Vec3::from(axis)).into());
+                let mut case = Case::new();
+                case.law_of_all(kind, parameters);
+                case.options.dt = 0.01;
+                let flake = case.block([0.3, half_width, half_thickness], [0.0, 0.0, 0.6 + 0.4 * k as f64], axes);
+                case.launch(flake, [0.5 * speed, 0.0, -speed], [0.0; 3]);
+                case.plate([1000.0, 1000.0, SLAB], [0.0, 0.0, -SLAB], [X, Y, Z]);
+                for state in case.states(25, 1) {
+                    let z = state.x(flake).z;
+                    assert!(z > 0.0, "{kind}, thickness {}, {speed} m/s, {k}: {z}", 2.0 * half_thickness);
+                }
             }
         }
     }

@@ -1,0 +1,78 @@
+//! Bodies that an impact turns through a surface within one step.
+//!
+//! Contacts bound the velocities of the points that are listed, at the orientation of the contact configuration. A body that
+//! an impact turns by a large angle within the step brings other points to the surface, or beyond it. In such a step the
+//! impulses of contacts push the body without turning it: it is brought to touch, and turns in the steps after, which begin
+//! at the surface. Mechanical energy does not grow by this.
+
+use crate::assemble::contact_arms;
+use crate::integrate::ContactConfiguration;
+use crate::math::rotate_by_vector;
+use crate::scene::{BodyId, BodyPart, Scene};
+use crate::state::{Contact, Velocities};
+
+/// Smallest change of a body's rotation by the contacts of a step that is examined, rad. Up to this angle the error of the
+/// displacements at constant velocities, half its square times the radius, is below a hundredth of the radius.
+const MIN_TURN: f64 = 0.1;
+
+/// Bodies that contacts turn in this step until a contactor ends deeper behind a surface that it has met than half its own
+/// thickness or that of the other contactor. Deeper overlaps may be resolved to the wrong side.
+///
+/// `free`, `solved`: velocities in the contact configuration without and with contacts.
+pub fn turned_through(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    contacts: &[Contact],
+    free: Velocities,
+    solved: Velocities,
+) -> Vec<BodyId> {
+    if !scene.is_general() {
+        return Vec::new();
+    }
+    let span = q_c.longest_reach_time(scene);
+    let is_turned = |body: &&BodyId| {
+        let i = body.index();
+        span * (solved.w[i] - free.w[i]).norm() > MIN_TURN && !q_c.unturned.contains(body)
+    };
+    let mut turned: Vec<BodyId> = scene.turning.iter().filter(is_turned).copied().collect();
+    if turned.is_empty() {
+        return turned;
+    }
+    let passes = |body: BodyId, contact: &Contact| {
+        let sides = [(contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1)];
+        let [own, other] = if body == contact.candidate { sides } else { [sides[1], sides[0]] };
+        let parts = [own, other].map(|(body, rank)| scene.find_part(body, rank));
+        let [Some(part), Some(surface)] = parts else { return false };
+        let thickness = part.geometry.inner_radius().min(surface.geometry.inner_radius());
+        depth_behind_surface(q_c, span, contact, (part, surface), solved) > thickness
+    };
+    turned.retain(|&body| {
+        contacts
+            .iter()
+            .filter(|contact| [contact.candidate, contact.antagonist].contains(&body))
+            .any(|contact| passes(body, contact))
+    });
+    turned
+}
+
+/// Largest depth of a point of `part` behind the tangent plane of a contact with `surface`, m, after the time `span` (s) at
+/// these velocities, with the full rotation of its body.
+fn depth_behind_surface(
+    q_c: &ContactConfiguration,
+    span: f64,
+    contact: &Contact,
+    (part, surface): (&BodyPart, &BodyPart),
+    Velocities { v, w }: Velocities,
+) -> f64 {
+    let (i, k) = (part.body.index(), surface.body.index());
+    let [at_candidate, at_antagonist] = contact_arms(contact, &q_c.x);
+    // Arms to the point of the other surface, which lies on the antagonist at the gap from the contact point.
+    let (outward, own, other) = if part.body == contact.candidate {
+        (contact.normal, at_candidate - contact.normal * contact.gap, at_antagonist)
+    } else {
+        (-contact.normal, at_antagonist, at_candidate)
+    };
+    let q = rotate_by_vector(&q_c.q[i], &(w[i] * span));
+    let below = own + (v[k] + w[k].cross(&other) - v[i]) * span - q * part.offset;
+    outward.dot(&below) + part.geometry.support_height(&(q * part.axes), &-outward)
+}
