@@ -30,29 +30,28 @@ pub fn turned_through(
         return Vec::new();
     }
     let span = q_c.longest_reach_time(scene);
-    let is_turned = |body: &&BodyId| {
-        let i = body.index();
-        span * (solved.w[i] - free.w[i]).norm() > MIN_TURN && !q_c.unturned.contains(body)
-    };
-    let mut turned: Vec<BodyId> = scene.turning.iter().filter(is_turned).copied().collect();
-    if turned.is_empty() {
-        return turned;
+    let mut turned = vec![false; scene.bodies.len()];
+    for body in scene.turning.iter().filter(|body| !q_c.unturned.contains(body)).map(|body| body.index()) {
+        turned[body] = span * (solved.w[body] - free.w[body]).norm() > MIN_TURN;
     }
-    let passes = |body: BodyId, contact: &Contact| {
-        let sides = [(contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1)];
-        let [own, other] = if body == contact.candidate { sides } else { [sides[1], sides[0]] };
-        let parts = [own, other].map(|(body, rank)| scene.find_part(body, rank));
-        let [Some(part), Some(surface)] = parts else { return false };
+    let passes = |contact: &Contact, own: (BodyId, u16), other: (BodyId, u16)| {
+        let [Some(part), Some(surface)] = [own, other].map(|(body, rank)| scene.find_part(body, rank)) else {
+            return false;
+        };
         let thickness = part.geometry.inner_radius().min(surface.geometry.inner_radius());
         depth_behind_surface(q_c, span, contact, (part, surface), solved) > thickness
     };
-    turned.retain(|&body| {
-        contacts
-            .iter()
-            .filter(|contact| [contact.candidate, contact.antagonist].contains(&body))
-            .any(|contact| passes(body, contact))
-    });
-    turned
+    let mut through = Vec::new();
+    for contact in contacts {
+        let [a, b] = [(contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1)];
+        for (own, other) in [(a, b), (b, a)] {
+            if turned[own.0.index()] && passes(contact, own, other) {
+                turned[own.0.index()] = false;
+                through.push(own.0);
+            }
+        }
+    }
+    through
 }
 
 /// Largest depth of a point of `part` behind the tangent plane of a contact with `surface`, m, after the time `span` (s) at
