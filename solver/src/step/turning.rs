@@ -5,9 +5,11 @@
 //! impulses of contacts push the body without turning it: it is brought to touch, and turns in the steps after, which begin
 //! at the surface. Mechanical energy does not grow by this.
 
+use std::collections::BTreeSet;
+
 use crate::assemble::contact_arms;
 use crate::integrate::ContactConfiguration;
-use crate::math::rotate_by_vector;
+use crate::math::{Vec3, rotate_by_vector};
 use crate::scene::{BodyId, BodyPart, Scene};
 use crate::state::{Contact, Velocities};
 
@@ -31,7 +33,7 @@ pub fn turned_through(
     }
     let span = q_c.longest_reach_time(scene);
     let mut turned = vec![false; scene.bodies.len()];
-    for body in scene.turning.iter().filter(|body| !q_c.unturned.contains(body)).map(|body| body.index()) {
+    for body in scene.free.iter().filter(|body| !q_c.unturned.contains(body)).map(|body| body.index()) {
         turned[body] = span * (solved.w[body] - free.w[body]).norm() > MIN_TURN;
     }
     let passes = |contact: &Contact, own: (BodyId, u16), other: (BodyId, u16)| {
@@ -39,28 +41,28 @@ pub fn turned_through(
             return false;
         };
         let thickness = part.geometry.inner_radius().min(surface.geometry.inner_radius());
-        depth_behind_surface(q_c, span, contact, (part, surface), solved) > thickness
+        let turns = turned[surface.body.index()];
+        depth_behind_surface(q_c, span, contact, (part, surface), turns, solved) > thickness
     };
-    let mut through = Vec::new();
+    let mut through = BTreeSet::new();
     for contact in contacts {
         let [a, b] = [(contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1)];
-        for (own, other) in [(a, b), (b, a)] {
-            if turned[own.0.index()] && passes(contact, own, other) {
-                turned[own.0.index()] = false;
-                through.push(own.0);
-            }
-        }
+        let pushed_through =
+            [(a, b), (b, a)].into_iter().filter(|(own, other)| turned[own.0.index()] && passes(contact, *own, *other));
+        through.extend(pushed_through.map(|(own, _)| own.0));
     }
-    through
+    through.into_iter().collect()
 }
 
 /// Largest depth of a point of `part` behind the tangent plane of a contact with `surface`, m, after the time `span` (s) at
-/// these velocities, with the full rotation of its body.
+/// these velocities, with the full rotation of its body. `turns`: whether contacts turn the other body as well; its surface
+/// then counts as not rotated, since its direction at the end is unknown.
 fn depth_behind_surface(
     q_c: &ContactConfiguration,
     span: f64,
     contact: &Contact,
     (part, surface): (&BodyPart, &BodyPart),
+    turns: bool,
     Velocities { v, w }: Velocities,
 ) -> f64 {
     let (i, k) = (part.body.index(), surface.body.index());
@@ -72,6 +74,7 @@ fn depth_behind_surface(
         (-contact.normal, at_antagonist, at_candidate)
     };
     let q = rotate_by_vector(&q_c.q[i], &(w[i] * span));
-    let below = own + (v[k] + w[k].cross(&other) - v[i]) * span - q * part.offset;
+    let turning = if turns { Vec3::zeros() } else { w[k].cross(&other) };
+    let below = own + (v[k] + turning - v[i]) * span - q * part.offset;
     outward.dot(&below) + part.geometry.support_height(&(q * part.axes), &-outward)
 }
