@@ -2,6 +2,7 @@
 
 use super::context::AssemblyContext;
 use super::kinematics::contact_arms;
+use crate::geometry::FAR_WALL;
 use crate::math::Vec3;
 use crate::scene::ContactorShape;
 use crate::state::Contact;
@@ -63,6 +64,9 @@ impl AssemblyContext<'_> {
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
         let Some(drum) = scene.find_part(contact.antagonist, contact.ranks.1) else { return 0.0 };
         let ContactorShape::Cylinder { hollow: true, .. } = drum.geometry else { return 0.0 };
+        if contact.features.1 >= FAR_WALL {
+            return 0.0; // a plane
+        }
         let axis = q_c.q[b] * drum.axes * Vec3::z();
         if contact.normal.dot(&axis).abs() > 0.5 {
             return 0.0; // a flat end
@@ -79,11 +83,18 @@ impl AssemblyContext<'_> {
         let turning = state.w[b] - axis * axis.dot(&state.w[b]);
         let u = state.v[a] + q_c.w[a].cross(&at_a) - state.v[b] - turning.cross(&at_b);
         let way = q_c.h * u.dot(&axis.cross(&contact.normal));
+        if way.abs() > MAX_CURVED_SHARE * distance {
+            return 0.0; // tangent planes ahead of the body bound its displacement
+        }
         let sagitta = distance - (distance * distance - way * way).max(0.0).sqrt();
         let turned = q_c.w[a].cross(&q_c.w[a].cross(&at_a)).dot(&contact.normal);
         (sagitta / q_c.h - 0.5 * q_c.h * turned).max(0.0)
     }
 }
+
+/// Largest displacement along the inside of a cylinder in a step over the distance from its axis, for which the curvature is
+/// corrected: about two tangent planes of [`far_walls`](crate::geometry::far_walls) apart.
+const MAX_CURVED_SHARE: f64 = 0.75;
 
 /// τ(ω, l) = ω×(l⁺ - l), m/s: change of the velocity ω×l of the end of an arm as it turns. l⁺ = l + ½ h ω×l⁺ is the arm after
 /// half a step `half`, as for a rigid body that turns by the theta-scheme with θ = ½. To first order τ = ½ h ω×(ω×l).

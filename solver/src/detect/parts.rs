@@ -14,8 +14,8 @@ use super::travel::TravelBounds;
 use super::{joints, narrow, periodic};
 use crate::activity;
 use crate::geometry::{
-    CachedFeature, ContactPoint, Manifold, NarrowPhaseMode, PairBatch, PairResult, Separated, polyhedron_cylinder,
-    polyhedron_hollow_cylinder, polyhedron_sphere,
+    CachedFeature, ContactPoint, Manifold, NarrowPhaseMode, PairBatch, PairResult, Separated, far_walls,
+    polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_sphere, vertices_at_far_walls,
 };
 use crate::integrate::ContactConfiguration;
 use crate::math::simd::SimdWidth;
@@ -420,10 +420,16 @@ fn narrow_phase_pair<'a>(
         }
         (PosedShape::Sphere { radius: r }, PosedShape::Cylinder { half_height, radius, hollow }) => {
             let found = narrow::sphere_cylinder(&zero, *r, &c, &b.axes, [*half_height, *radius], *hollow);
-            found.into_iter().flatten().map(one_point).collect()
+            let near = found.into_iter().flatten().map(one_point);
+            let displacement = if *hollow { a.travel + b.travel } else { 0.0 };
+            let far = far_walls(&zero, *r, 0, (&c, &b.axes), [*half_height, *radius], displacement);
+            near.chain(far).collect()
         }
         (PosedShape::Polyhedron(p), PosedShape::Cylinder { half_height, radius, hollow: true }) => {
-            polyhedron_hollow_cylinder(p, &c, &b.axes, [*half_height, *radius], range.alert).into_iter().collect()
+            let mut found = polyhedron_hollow_cylinder(p, &c, &b.axes, [*half_height, *radius], range.alert);
+            let travel = a.travel + b.travel;
+            found.extend(vertices_at_far_walls(p, &c, &b.axes, [*half_height, *radius], travel));
+            found.into_iter().collect()
         }
         (PosedShape::Polyhedron(p), PosedShape::Cylinder { half_height, radius, hollow: false }) => {
             polyhedron_cylinder(p, &c, &b.axes, [*half_height, *radius], range).into_iter().collect()

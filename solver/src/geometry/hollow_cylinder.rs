@@ -1,4 +1,4 @@
-//! A polyhedron inside a hollow cylinder, as in a drum.
+//! Bodies inside a hollow cylinder, as in a drum.
 
 use super::manifold::{ContactPoint, Manifold, vertex_feature};
 use super::polyhedron::PosedPolyhedron;
@@ -49,4 +49,58 @@ pub fn polyhedron_hollow_cylinder(
         touch(v, Vec3::z() * 1f64.copysign(at.z), half_height - at.z.abs(), (vertex_feature(k), end));
     }
     found
+}
+
+/// Tangent planes of the side of [`far_walls`]. The polygon of their faces is at most 2 % wider than the cylinder.
+const TANGENT_PLANES: u32 = 16;
+
+/// Displacement in a step over the smaller of the cylinder's radius and half height, above which the wall ahead of a body
+/// differs from the one nearest to it.
+const FAR_DISPLACEMENT: f64 = 0.25;
+
+/// First feature of a hollow cylinder that is a tangent plane of its side or the farther end.
+pub const FAR_WALL: u32 = 4;
+
+/// Contacts of a ball of `radius` about `at` (m, candidate) with all walls of a hollow cylinder at `c` with the orientation
+/// `q`, as [`polyhedron_hollow_cylinder`] has them, in steps in which the distance closes by more than a quarter of the
+/// cylinder's size: tangent planes of its side all around, and the farther end. Empty in shorter steps.
+///
+/// `feature`: feature of the candidate.
+pub fn far_walls(
+    at: &Vec3,
+    radius: f64,
+    feature: u32,
+    (c, q): (&Vec3, &Quat),
+    [half_height, cylinder_radius]: [f64; 2],
+    displacement: f64,
+) -> Vec<Manifold> {
+    if displacement < FAR_DISPLACEMENT * half_height.min(cylinder_radius) {
+        return Vec::new();
+    }
+    let local = q.inverse_transform_vector(&(at - c));
+    let side = |k: u32| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(TANGENT_PLANES)).sin_cos();
+        (Vec3::new(cos, sin, 0.0), cylinder_radius, FAR_WALL + 1 + k)
+    };
+    let farther_end = (Vec3::z() * -1f64.copysign(local.z), half_height, FAR_WALL);
+    let walls = (0..TANGENT_PLANES).map(side).chain([farther_end]);
+    let touch = |(outward, distance, wall): (Vec3, f64, u32)| {
+        let gap = distance - outward.dot(&local) - radius;
+        let outward = q * outward;
+        let point = ContactPoint { position: at + outward * (radius + 0.5 * gap), gap, features: (feature, wall) };
+        Manifold { normal: -outward, points: [point].into_iter().collect(), area: 0.0 }
+    };
+    walls.map(touch).filter(|manifold| manifold.gap() <= displacement).collect()
+}
+
+/// [`far_walls`] of the vertices of polyhedron A.
+pub fn vertices_at_far_walls(
+    a: &PosedPolyhedron,
+    c: &Vec3,
+    q: &Quat,
+    size: [f64; 2],
+    displacement: f64,
+) -> impl Iterator<Item = Manifold> {
+    let of_vertex = move |k: u32| far_walls(&a.vertex(k), 0.0, vertex_feature(k), (c, q), size, displacement);
+    (0..a.shape.vertices().len() as u32).flat_map(of_vertex)
 }

@@ -37,7 +37,7 @@ mod triangles;
 pub use cache::CachedFeature;
 pub use cylinder::polyhedron_cylinder;
 pub use flush::polyhedra_along;
-pub use hollow_cylinder::polyhedron_hollow_cylinder;
+pub use hollow_cylinder::{FAR_WALL, far_walls, polyhedron_hollow_cylinder, vertices_at_far_walls};
 pub use manifold::{
     ContactPoint, ContactPoints, ListingRange, Manifold, NarrowPhaseMode, Separated, edge_feature, face_feature,
     vertex_feature,

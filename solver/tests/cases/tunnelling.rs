@@ -541,3 +541,37 @@ fn a_flake_that_an_impact_turns_does_not_pass() {
         }
     }
 }
+
+/// Nothing leaves a drum that is crossed in less than a step, from its axis, along it and aslant, with rebounds that cross it
+/// many times. The positions are bounded by tangent planes of the side, within 2 % of its radius.
+#[test]
+fn nothing_leaves_a_drum_that_it_crosses_in_a_step() {
+    const RADIUS: f64 = 5.0;
+    const HALF_HEIGHT: f64 = 4.0;
+    for (kind, parameters) in [("IQS_CLB", &[0.5][..]), ("VEL_SGR_CLB", &[0.5]), ("RST_CLB", &[1.0, 0.0, 0.0])] {
+        for is_cube in [false, true] {
+            for travel in [2.5, 7.5, 15.0, 50.0] {
+                for (x, direction) in [
+                    ([0.0; 3], [0.8, 0.6, 0.0]),
+                    ([2.0, 0.0, 1.0], [0.0, 1.0, 0.0]),
+                    ([-1.0, 0.5, 2.0], [0.1, 0.0, -1.0]),
+                    ([0.0, 3.0, 0.0], [0.6, -0.48, 0.64]),
+                ] {
+                    let mut case = Case::new();
+                    case.law_of_all(kind, parameters);
+                    case.options.dt = 0.01;
+                    let body = if is_cube { case.block([0.4; 3], x, [X, Y, Z]) } else { case.sphere(R, x) };
+                    case.launch(body, direction.map(|e| e * travel / 0.01), [0.0; 3]);
+                    let drum = case.plate([8.0, R, R], [0.0; 3], [X, Y, Z]);
+                    case.bodies[drum].contactors[0].shape =
+                        ShapeRecord::Cylinder { half_height: HALF_HEIGHT, radius: RADIUS, hollow: true };
+                    for state in case.states(12, 1) {
+                        let x = state.x(body);
+                        let inside = x.xy().norm() < 1.02 * RADIUS - 0.4 && x.z.abs() < HALF_HEIGHT - 0.39;
+                        assert!(inside, "{kind}, cube {is_cube}, {travel} m a step along {direction:?}: {x}");
+                    }
+                }
+            }
+        }
+    }
+}
