@@ -134,11 +134,18 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
     TactBehav { laws: scene.laws.iter().map(Law::to_record).collect(), visibility }
 }
 
-/// Default alert distance: a tenth of the mean radius, m. cd-solve also finds contacts of bodies farther apart that
-/// collide within a step.
+/// Default alert distance of these grains, m; see [`alert_of_radii`].
 pub fn default_alert(population: &Population) -> f64 {
-    let grains = &population.grains;
-    0.1 * grains.iter().map(|grain| grain.radius).sum::<f64>() / grains.len() as f64
+    alert_of_radii(population.grains.iter().map(|grain| grain.radius).collect())
+}
+
+/// A tenth of the mean of the radii, at most of three times their median, m: a few large grains do not widen the distance
+/// at which small ones are listed. cd-solve also finds contacts of bodies farther apart that collide within a step.
+pub fn alert_of_radii(mut radii: Vec<f64>) -> f64 {
+    let mean = radii.iter().sum::<f64>() / radii.len() as f64;
+    let middle = radii.len() / 2;
+    let median = if radii.is_empty() { 0.0 } else { *radii.select_nth_unstable_by(middle, f64::total_cmp).1 };
+    0.1 * mean.min(3.0 * median)
 }
 
 /// Imposed components of every wall and every driven grain, and the tables of their files.

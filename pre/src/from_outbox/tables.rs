@@ -14,6 +14,7 @@ use super::source::SourcePart;
 use crate::check;
 use crate::grain::Grain;
 use crate::rounding::round_8_digits;
+use crate::write::alert_of_radii;
 
 pub struct BehaviourTables {
     pub bulk: BulkBehav,
@@ -326,17 +327,13 @@ fn expect_all_pairs(
     }
 }
 
-/// Alert distance as for a scene: a tenth of the mean radius, m, to eight digits.
+/// Alert distance as for a scene, m, to eight digits.
 fn default_alert(parts: &[SourcePart], grains: &[Grain]) -> f64 {
-    let radii: Vec<f64> = parts
-        .iter()
-        .flat_map(|part| {
-            let bodies = &part.state.bodies;
-            bodies.body_radius.iter().zip(&bodies.body_driven).filter(|(_, d)| **d == 0).map(|(r, _)| *r)
-        })
-        .collect();
-    let new = grains.iter().map(|grain| &grain.radius);
-    round_8_digits(0.1 * radii.iter().chain(new).sum::<f64>() / (radii.len() + grains.len()) as f64)
+    let of_parts = parts.iter().flat_map(|part| {
+        let bodies = &part.state.bodies;
+        bodies.body_radius.iter().zip(&bodies.body_driven).filter(|(_, d)| **d == 0).map(|(r, _)| *r)
+    });
+    round_8_digits(alert_of_radii(of_parts.chain(grains.iter().map(|grain| grain.radius)).collect()))
 }
 
 impl SourcePart<'_> {
