@@ -77,7 +77,13 @@ impl PreviousRun {
                 let cut = value.chars().count() > MAX_SHOWN_CHARS;
                 value.chars().take(MAX_SHOWN_CHARS).collect::<String>() + if cut { "..." } else { "" }
             };
-            let change = format!("{name} was {} in the run so far and is {} from here on", short(then), short(now));
+            // An option without a value follows from others, such as `tol` from `accuracy`.
+            let with_verb = |verb: &str, value: &str| match value {
+                "None" => format!("{verb} not given"),
+                value => format!("{verb} {}", short(value)),
+            };
+            let (before, after) = (with_verb("was", then), with_verb("is", now));
+            let change = format!("{name} {before} in the run so far and {after} from here on");
             if given.contains(&name.as_str()) {
                 notes.push(change);
                 continue;

@@ -82,7 +82,7 @@ fn options_that_a_resumed_run_has_no_longer_are_named() {
         warnings,
         [
             "cd-solve: warning: dt was 0.002 in the run so far and is 0.001 from here on; --dt=0.002 keeps it",
-            "cd-solve: warning: gravity_error was 1e-5 in the run so far and is None from here on; --gravity-error=1e-5 keeps it",
+            "cd-solve: warning: gravity_error was 1e-5 in the run so far and is not given from here on; --gravity-error=1e-5 keeps it",
             "cd-solve: warning: tol was 1e-6 in the run so far and is 1e-12 from here on; --tol=1e-6 keeps it",
         ],
         "{text}"
