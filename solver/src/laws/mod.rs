@@ -313,12 +313,7 @@ impl ContactLaw {
 
     /// Whether moving contacts lose an active bond or static friction.
     pub fn has_irreversible_loss(&self) -> bool {
-        self.has_two_frictions() || self.bonds()
-    }
-
-    /// Whether contacts of this law can be bonds.
-    pub fn bonds(&self) -> bool {
-        matches!(self.cohesion(), Some(Cohesion::Bond { .. }))
+        self.has_two_frictions() || matches!(self.cohesion(), Some(Cohesion::Bond { .. }))
     }
 
     /// Greatest speed at which a contact with force may close at the step's end, having parted with `u_n` at its start, m/s.

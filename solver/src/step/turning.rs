@@ -17,8 +17,12 @@ use crate::state::{Contact, Velocities};
 /// displacements at constant velocities, half its square times the radius, is below a hundredth of the radius.
 const MIN_TURN: f64 = 0.1;
 
-/// Bodies that contacts turn in this step until a contactor ends deeper behind a surface that it has met than half its own
-/// thickness or that of the other contactor. Deeper overlaps may be resolved to the wrong side.
+/// Largest change of a body's rotation by the contacts of a step, rad: a body that turns by more between two steps may meet the
+/// surface in any orientation.
+const MAX_TURN: f64 = 1.0;
+
+/// Bodies that contacts turn in this step by more than [`MAX_TURN`], or until a contactor ends deeper behind a surface that it
+/// has met than half its own thickness or that of the other contactor. Deeper overlaps may be resolved to the wrong side.
 ///
 /// `free`, `solved`: velocities in the contact configuration without and with contacts.
 pub fn turned_through(
@@ -32,9 +36,15 @@ pub fn turned_through(
         return Vec::new();
     }
     let span = q_c.longest_reach_time(scene);
-    let mut turned = vec![false; scene.bodies.len()];
-    for body in scene.free.iter().filter(|body| !q_c.unturned.contains(body)).map(|body| body.index()) {
-        turned[body] = span * (solved.w[body] - free.w[body]).norm() > MIN_TURN;
+    let (mut turned, mut through) = (vec![false; scene.bodies.len()], BTreeSet::new());
+    // The orientation of a sphere changes no gap.
+    let can_turn = |body: &&BodyId| !scene.bodies[body.index()].is_sphere() && !q_c.unturned.contains(body);
+    for &body in scene.free.iter().filter(can_turn) {
+        let turn = span * (solved.w[body.index()] - free.w[body.index()]).norm();
+        turned[body.index()] = turn > MIN_TURN;
+        if turn > MAX_TURN {
+            through.insert(body);
+        }
     }
     let passes = |contact: &Contact, own: (BodyId, u16), other: (BodyId, u16)| {
         let [Some(part), Some(surface)] = [own, other].map(|(body, rank)| scene.find_part(body, rank)) else {
@@ -44,7 +54,6 @@ pub fn turned_through(
         let turns = turned[surface.body.index()];
         depth_behind_surface(q_c, span, contact, (part, surface), turns, solved) > thickness
     };
-    let mut through = BTreeSet::new();
     for contact in contacts {
         let [a, b] = [(contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1)];
         let pushed_through =
