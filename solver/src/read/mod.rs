@@ -79,6 +79,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
         quench: scene.options.quench,
         torque: Vec3::zeros(),
         laws: scene.laws.clone(),
+        loads: Vec::new(),
         bonding: BondingMode::New,
         events_done: 0,
         attraction: None,

@@ -30,6 +30,7 @@ mod rotation;
 mod same_bits;
 mod solvers;
 mod statics;
+mod step_loop;
 mod symmetry;
 mod tunnelling;
 mod walls;
