@@ -9,6 +9,7 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::messages::{print_error, print_line, reserve_stdout};
 use clap::{CommandFactory, Parser};
 
+use crate::read::driver::DriverSettings;
 use crate::run::{RunFailure, account_changed_forces, check_run, run_case};
 use crate::{plan, read, thread_pool, write};
 
@@ -34,6 +35,9 @@ struct CommandLine {
     /// Write the contact problem of this step of the run to DIR/problem-STEP.fc3d.
     #[arg(long, value_name = "STEP")]
     dump_problem: Option<u64>,
+    /// Take the options from a command script of LMGC90, which is read without running Python; options given here override it.
+    #[arg(long, value_name = "SCRIPT")]
+    lmgc90: Option<PathBuf>,
     /// Exchange states and forces of each step with another program on standard output and input, in binary; see docs/reference/running.md.
     #[arg(long, conflicts_with_all = ["plan", "dump_problem"])]
     step_loop: bool,
@@ -86,11 +90,20 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     if let Some(fault) = no_case(case, CaseFolder::Datbox, PROGRAM) {
         return Err(RunFailure::Files(fault.into()));
     }
-    let (mut scene, mut state) = read::read_case(case, &arguments.flags)?;
+    let driver = match &arguments.lmgc90 {
+        Some(script) => read::driver::read_driver(script, &arguments.flags)?,
+        None => DriverSettings::default(),
+    };
+    let flags = arguments.flags.or(&driver.options);
+    let (mut scene, mut state) = read::read_case(case, &flags)?;
     if arguments.step_loop && scene.options.adaptive().is_on() {
         scene.options.adaptive = Some(Adaptive { most: 1, ..scene.options.adaptive() });
         scene.notes.push("adaptive: steps are dt in a step loop, whose forces may change in each of them".into());
     }
+    if let Some(gravity) = driver.gravity {
+        read::replace_gravity(gravity, &scene, &mut state);
+    }
+    scene.notes.splice(0..0, driver.notes);
     let _lock = if arguments.plan { None } else { Some(write::lock_outbox(case)?) };
     scene.notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
     let warn = |warning: &String| print_error(format_args!("{PROGRAM}: warning: {warning}"));
@@ -104,7 +117,7 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
             // The initial state is in DATBOX.
             let text =
                 (state.step > 0).then(|| write::text::is_written(&write::outbox_path(case), &state)).transpose()?;
-            let (warnings, notes) = before.option_changes(&scene, text, &arguments.flags.given_names());
+            let (warnings, notes) = before.option_changes(&scene, text, &flags.given_names());
             warnings.iter().for_each(warn);
             notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
         } else {

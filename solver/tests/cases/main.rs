@@ -8,6 +8,7 @@ mod breaking;
 mod case;
 mod clusters;
 mod driven_in_part;
+mod driver;
 mod elliptic;
 mod envelope;
 mod extremes;

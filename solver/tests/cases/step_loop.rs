@@ -12,7 +12,7 @@ fn flying() -> Case {
     case.floor();
     case.sphere(0.5, [0.0, 0.0, 10.0]);
     case.sphere(0.5, [5.0, 0.0, 10.0]);
-    case.launch(1, [1.0, 2.0, 3.0], [0.0; 3]);
+    case.launch(2, [1.0, 2.0, 3.0], [0.0; 3]);
     case.options.steps = Some(50);
     case.write();
     case
