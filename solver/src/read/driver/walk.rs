@@ -342,7 +342,11 @@ impl<'a> ScriptWalker<'a> {
 
     /// Records the calls in a statement, arguments before the call that they belong to.
     fn find_calls(&mut self, tokens: &[Lexeme]) {
-        let mut at = 0;
+        self.find_nested_calls(tokens, 0);
+    }
+
+    fn find_nested_calls(&mut self, tokens: &[Lexeme], depth: usize) {
+        let mut at = if depth < MAX_DEPTH { 0 } else { tokens.len() };
         while at < tokens.len() {
             let of_object = at > 0 && tokens[at - 1].token.is(".");
             if tokens[at].token.name().is_empty() {
@@ -356,7 +360,7 @@ impl<'a> ScriptWalker<'a> {
             }
             let close = after_bracket(tokens, end);
             let inside = &tokens[end + 1..(close - 1).max(end + 1)];
-            self.find_calls(inside);
+            self.find_nested_calls(inside, depth + 1);
             if !of_object {
                 self.record(&name, tokens[at].line, inside);
             }
@@ -574,6 +578,8 @@ mod tests {
                 let _ = logical_lines(&format!("{}{rest}", &text[..at])).map(walk);
             }
         }
+        walked(&("c.F(".repeat(3_000) + &")".repeat(3_000)));
+        walked(&("x = ".to_string() + &"[".repeat(3_000) + &"]".repeat(3_000)));
         let nested: String = (0..200).map(|k| " ".repeat(k) + "if x:\n").collect();
         walked(&nested);
         let doubling: String = (0..40).map(|k| format!("def f{k}():\n f{}()\n f{}()\n", k + 1, k + 1)).collect();
