@@ -495,8 +495,10 @@ mod tests {
         walk(logical_lines(text).unwrap())
     }
 
-    /// Name, line, first argument, line of the condition and ends of the loops of each call.
-    fn calls(text: &str) -> Vec<(String, usize, Option<Evaluation>, Option<usize>, Vec<LoopEnd>)> {
+    /// Name, line, first argument, line of the condition and ends of the loops of a call.
+    type CallRow = (String, usize, Option<Evaluation>, Option<usize>, Vec<LoopEnd>);
+
+    fn calls(text: &str) -> Vec<CallRow> {
         let row = |call: ScriptCall| {
             let ends = call.loops.into_iter().map(|around| around.end).collect();
             (call.name, call.line, call.positional.into_iter().next(), call.condition, ends)
