@@ -225,9 +225,15 @@ pub const COMMANDS: &[ChipyCommand] = &[
     ),
 ];
 
+/// Length of a name beyond which it is no command; LMGC90's are shorter than 60.
+const MAX_NAME_BYTES: usize = 100;
+
 /// Command with this name.
 pub fn find_command(name: &str) -> Option<&'static ChipyCommand> {
-    COMMANDS.iter().find(|command| command.names.iter().any(|pattern| matches(pattern, name)))
+    COMMANDS
+        .iter()
+        .filter(|_| name.len() <= MAX_NAME_BYTES)
+        .find(|command| command.names.iter().any(|pattern| matches(pattern, name)))
 }
 
 /// Whether a name has the form of a pattern, in which `*` stands for any characters and `?` for one.
