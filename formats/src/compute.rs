@@ -235,6 +235,11 @@ macro_rules! options {
                 $(if self.$name.is_some() { given.push(stringify!($name)); })+
                 given
             }
+
+            /// Options that are given here, and those of `other` for the rest.
+            pub fn or(&self, other: &ComputeFlags) -> ComputeFlags {
+                ComputeFlags { $($name: self.$name.clone().or_else(|| other.$name.clone()),)+ }
+            }
         }
 
         impl Compute {

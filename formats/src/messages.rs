@@ -4,12 +4,24 @@ use std::error::Error;
 use std::fmt::Display;
 use std::io::Write;
 use std::num::{IntErrorKind, ParseFloatError, ParseIntError};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
+/// Whether stdout is used for data, and lines of text go to stderr.
+static STDOUT_IS_DATA: AtomicBool = AtomicBool::new(false);
+
 /// Prints a message and a line end on stdout. A closed output, as after `| head`, is not a fault: the program continues.
 pub fn print_line(message: impl Display) {
+    if STDOUT_IS_DATA.load(Ordering::Relaxed) {
+        return print_error(message);
+    }
     let _ = writeln!(std::io::stdout(), "{message}");
+}
+
+/// Prints all further lines of [`print_line`] on stderr, so that stdout is free for data.
+pub fn reserve_stdout() {
+    STDOUT_IS_DATA.store(true, Ordering::Relaxed);
 }
 
 /// Prints a message about a problem on stderr. A closed stderr does not end a run.

@@ -11,6 +11,7 @@ SI: m, kg, s, N, Pa, J, rad. Axes are fixed and right-handed.
 
 from ._case import Case, Law, Material, SnapshotList
 from ._error import CdError, CdWarning
+from ._loop import Loop, Step
 from ._program import find_program, run_program
 from ._ron import Variant, ron
 from ._run import Run, Scene, run, start
@@ -23,11 +24,13 @@ __all__ = [
     "CdWarning",
     "Contacts",
     "Law",
+    "Loop",
     "Material",
     "Run",
     "Scene",
     "Snapshot",
     "SnapshotList",
+    "Step",
     "Table",
     "Variant",
     "find_program",

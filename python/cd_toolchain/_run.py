@@ -197,12 +197,14 @@ def start(
             raise CdError(f"{folder}: results: exist; use force=True to remove them, or scene None with resume=True")
         changes = [f"--set={path}={ron(value)}" for path, value in (settings or {}).items()]
         run_program("cd-pre", _scene_file(scene, folder, force), "-o", folder, *changes)
-    arguments = ["--resume"] * resume + ["--force"] * force
-    for name, value in options.items():
-        if value is not None:
-            text = value if isinstance(value, str) else ron(value)
-            arguments.append(f"--{name.replace('_', '-')}={text}")
+    arguments = ["--resume"] * resume + ["--force"] * force + option_flags(options)
     return Run(Case(folder), arguments)
+
+
+def option_flags(options: Mapping[str, object]) -> list[str]:
+    """Returns the flags of cd-solve for options by their names; None leaves an option out."""
+    given = {name.replace("_", "-"): value for name, value in options.items() if value is not None}
+    return [f"--{name}={value if isinstance(value, str) else ron(value)}" for name, value in given.items()]
 
 
 def run(

@@ -4,11 +4,12 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use cd_formats::case::{CaseFolder, no_case, parse_arguments};
-use cd_formats::compute::ComputeFlags;
+use cd_formats::compute::{Adaptive, ComputeFlags};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::messages::{print_error, print_line};
+use cd_formats::messages::{print_error, print_line, reserve_stdout};
 use clap::{CommandFactory, Parser};
 
+use crate::read::driver::DriverSettings;
 use crate::run::{RunFailure, account_changed_forces, check_run, run_case};
 use crate::{plan, read, thread_pool, write};
 
@@ -34,6 +35,12 @@ struct CommandLine {
     /// Write the contact problem of this step of the run to DIR/problem-STEP.fc3d.
     #[arg(long, value_name = "STEP")]
     dump_problem: Option<u64>,
+    /// Take the options from a command script of LMGC90, which is read without running Python; options given here override it.
+    #[arg(long, value_name = "SCRIPT")]
+    lmgc90: Option<PathBuf>,
+    /// Exchange states and forces of each step with another program on standard output and input, in binary; see docs/reference/running.md.
+    #[arg(long, conflicts_with_all = ["plan", "dump_problem"])]
+    step_loop: bool,
     #[command(flatten)]
     flags: ComputeFlags,
 }
@@ -50,6 +57,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
         Ok(arguments) => arguments,
         Err(code) => return code,
     };
+    if arguments.step_loop {
+        reserve_stdout();
+    }
     match solve_case(&arguments) {
         Ok(summary) => {
             let title = if arguments.plan { "plan" } else { "done" };
@@ -80,7 +90,20 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     if let Some(fault) = no_case(case, CaseFolder::Datbox, PROGRAM) {
         return Err(RunFailure::Files(fault.into()));
     }
-    let (mut scene, mut state) = read::read_case(case, &arguments.flags)?;
+    let driver = match &arguments.lmgc90 {
+        Some(script) => read::driver::read_driver(script, &arguments.flags)?,
+        None => DriverSettings::default(),
+    };
+    let flags = arguments.flags.or(&driver.options);
+    let (mut scene, mut state) = read::read_case(case, &flags)?;
+    if arguments.step_loop && scene.options.adaptive().is_on() {
+        scene.options.adaptive = Some(Adaptive { most: 1, ..scene.options.adaptive() });
+        scene.notes.push("adaptive: steps are dt in a step loop, whose forces may change in each of them".into());
+    }
+    if let Some(gravity) = driver.gravity {
+        read::replace_gravity(gravity, &scene, &mut state);
+    }
+    scene.notes.splice(0..0, driver.notes);
     let _lock = if arguments.plan { None } else { Some(write::lock_outbox(case)?) };
     scene.notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
     let warn = |warning: &String| print_error(format_args!("{PROGRAM}: warning: {warning}"));
@@ -94,7 +117,7 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
             // The initial state is in DATBOX.
             let text =
                 (state.step > 0).then(|| write::text::is_written(&write::outbox_path(case), &state)).transpose()?;
-            let (warnings, notes) = before.option_changes(&scene, text, &arguments.flags.given_names());
+            let (warnings, notes) = before.option_changes(&scene, text, &flags.given_names());
             warnings.iter().for_each(warn);
             notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
         } else {
@@ -126,7 +149,7 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     if arguments.force {
         write::remove_results(case)?;
     }
-    let advance = || run_case(case, &scene, state, resumed, arguments.dump_problem);
+    let advance = || run_case(case, &scene, state, resumed, arguments.dump_problem, arguments.step_loop);
     let large = scene.bodies.len() >= thread_pool::MIN_BODIES_TO_BUSY_WAIT;
     pool.install(|| if large { thread_pool::with_busy_waiting_workers(advance) } else { advance() })
 }

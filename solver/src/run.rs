@@ -22,6 +22,7 @@ use crate::progress::ProgressDisplay;
 use crate::scene::{BodyId, Scene};
 use crate::state::{Contact, DetectionCache, State};
 use crate::step::{MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes, deeper_overlap, next_problem, step};
+use crate::write::exchange::{ExchangeEnd, StepExchange};
 use crate::write::summary::{RunStatistics, summary_text};
 use crate::write::{ResultFiles, errors};
 
@@ -60,13 +61,14 @@ impl From<Faults> for RunFailure {
 }
 
 /// Advances the state to the last step and writes the results; returns the summary. `dump`: step whose contact problem is
-/// written, too.
+/// written, too. `step_loop`: forces of each step are exchanged on standard input and output.
 pub fn run_case(
     case: &Path,
     scene: &Scene,
     mut state: State,
     resumed: bool,
     dump: Option<u64>,
+    step_loop: bool,
 ) -> Result<String, RunFailure> {
     let start = Instant::now();
     let last = scene.last_step();
@@ -102,7 +104,20 @@ pub fn run_case(
     if state.step == scene.start.0 && state.detection_cache == DetectionCache::default() {
         state.detection_cache = cache;
     }
+    let mut exchange = None;
+    if step_loop {
+        let opened = StepExchange::open(std::io::stdin().lock(), std::io::stdout().lock(), state.x.len());
+        exchange = Some(opened.map_err(|end| exchange_failure(end, &state, last, &progress))?);
+    }
     while state.step < last {
+        if let Some(exchange) = &mut exchange
+            && let Err(end) = exchange.read_loads(scene, &mut state)
+        {
+            state.loads.clear();
+            results.finish_rows(&mut statistics.tally).map_err(RunFailure::Unwritten)?;
+            write_output(&mut results, scene, &state).map_err(as_unwritten)?;
+            return Err(exchange_failure(end, &state, last, &progress));
+        }
         if let Some(number) =
             dump.filter(|&number| state.step < number && number - state.step <= scene.options.adaptive().most)
         {
@@ -195,6 +210,17 @@ fn stopped_failure(state: &State, last: u64, progress: &ProgressDisplay) -> RunF
     progress.finish();
     let State { step, time, .. } = state;
     RunFailure::Stopped(format!("stopped after step {step}, t = {time} s, of {last}; --resume continues"))
+}
+
+/// Failure of a run whose exchange of forces has ended.
+fn exchange_failure(end: ExchangeEnd, state: &State, last: u64, progress: &ProgressDisplay) -> RunFailure {
+    match end {
+        ExchangeEnd::Closed => stopped_failure(state, last, progress),
+        ExchangeEnd::Rejected(faults) => {
+            progress.finish();
+            RunFailure::Unwritten(faults)
+        }
+    }
 }
 
 /// The flag that is set when the user or the system requests the program to stop. At a second request it ends at once.

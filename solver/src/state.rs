@@ -233,7 +233,17 @@ pub struct GravityHistory {
     pub before: Arc<[Vec3]>,
 }
 
-/// Data that change during a run; a snapshot holds all of them.
+/// Force and torque on a body in one step, world frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyLoad {
+    pub body: BodyId,
+    /// At the centre of mass, N.
+    pub force: Vec3,
+    /// N m
+    pub torque: Vec3,
+}
+
+/// Data that change during a run; a snapshot holds all of them except `loads`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     /// Number of the last step.
@@ -268,6 +278,8 @@ pub struct State {
     pub torque: Vec3,
     /// Present laws, as `Scene::laws`.
     pub laws: Vec<ContactLaw>,
+    /// Loads in the next step, set before each step of a step loop; not in snapshots.
+    pub loads: Vec<BodyLoad>,
     /// Whether the next step bonds touching contacts: all, as an event requests, or those that no file knows at the
     /// start.
     pub bonding: BondingMode,

@@ -174,6 +174,9 @@ pub struct RunParameters {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sweep_precision: Option<crate::compute::SweepPrecision>,
     pub max_sweeps: u64,
+    /// Only if it is set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub check_every: Option<u64>,
     pub alert: Option<f64>,
     pub self_gravity: bool,
     #[serde(default)]

@@ -68,7 +68,8 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
         free.v[i] += external_field(&outside, state.gravity, &q_c.x[i]).0 * h;
     }
     let shaking = shakes.iter().flat_map(|shake| shake_loads(scene, q_c, shake));
-    for (body_id, force, moment) in imposed_loads(scene, state, q_c).into_iter().chain(shaking) {
+    let of_loop = state.loads.iter().map(|load| (load.body, load.force, load.torque));
+    for (body_id, force, moment) in imposed_loads(scene, state, q_c).into_iter().chain(of_loop).chain(shaking) {
         let i = body_id.index();
         let body = &scene.bodies[i];
         free.v[i] += force * (h * body.inverse_mass());

@@ -1,6 +1,7 @@
 //! Stage: writes state and reports to the files of OUTBOX.
 
 pub mod errors;
+pub mod exchange;
 mod log;
 mod problem;
 mod snapshot;

@@ -49,6 +49,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
             solver: options.solver,
             sweep_precision: Some(options.sweep_precision).filter(|precision| *precision != SweepPrecision::Auto),
             max_sweeps: options.max_sweeps(),
+            check_every: options.check_every,
             alert: options.alert,
             self_gravity: options.self_gravity,
             gravity: options.gravity,

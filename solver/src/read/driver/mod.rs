@@ -1,0 +1,434 @@
+//! Reads the options of a run from a script of LMGC90, without running Python.
+
+mod commands;
+mod tokens;
+mod values;
+mod walk;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use cd_formats::compute::ComputeFlags;
+use cd_formats::error::{Fault, Faults};
+
+pub use commands::table_rows;
+use commands::{CommandMeaning, DriverSetting, find_command};
+use tokens::logical_lines;
+use values::{Evaluation, ScriptValue};
+use walk::{LoopEnd, ScriptCall, walk};
+
+/// Tolerance of cd-solve over that of LMGC90's norms `Quad ` and `QM/16`: with 1.666e-4, the value of LMGC90's examples,
+/// `tol` is 1e-3. The norm is 1/20 to 1/400 of the residual in masonry and about equal to it in granular matter; with the
+/// sweeps between two checks it is met in 88 % to 100 % of the steps, see docs/reference/lmgc90.md.
+const QUAD_TOL_FACTOR: f64 = 6.0;
+
+/// The same for the norm `Maxm `, which is 3 to 20 times `Quad ` in the same scenes.
+const MAXM_TOL_FACTOR: f64 = 1.0;
+
+/// Largest tolerance that is set.
+const MAX_TOL: f64 = 0.5;
+
+/// Options of a script.
+#[derive(Debug, Default)]
+pub struct DriverSettings {
+    pub options: ComputeFlags,
+    /// m/s^2
+    pub gravity: Option<[f64; 3]>,
+    /// Lines about the values that were taken and the calls that were not.
+    pub notes: Vec<String>,
+}
+
+/// Reads a script. `given`: options of the command line, which need no value in the script and override it.
+///
+/// Rejected are calls that change the mechanics without a counterpart, and scripts whose time step, number of steps,
+/// theta, tolerance, periods or gravity cannot be computed and are not given.
+pub fn read_driver(path: &Path, given: &ComputeFlags) -> Result<DriverSettings, Faults> {
+    let bytes = std::fs::read(path).map_err(|error| Fault::from_io(path, "read", &error))?;
+    let text = String::from_utf8_lossy(&bytes);
+    let lines = logical_lines(text.trim_start_matches('\u{feff}'))
+        .map_err(|(line, what)| Fault::new(path, Some(line), what, "is not closed", "expected a script of Python"))?;
+    let walk = walk(lines);
+    let mut reader = DriverReader {
+        path,
+        pictures: None,
+        given: given.given_names(),
+        settings: DriverSettings::default(),
+        faults: Faults::default(),
+        lines: walk.remarks,
+        taken: BTreeMap::new(),
+        without_counterpart: BTreeMap::new(),
+    };
+    walk.calls.iter().for_each(|call| reader.read_call(call));
+    reader.read_pictures();
+    reader.read_steps(&walk.calls);
+    reader.finish()
+}
+
+struct DriverReader<'a> {
+    path: &'a Path,
+    /// First call that writes pictures.
+    pictures: Option<&'a ScriptCall>,
+    /// Names of the options on the command line.
+    given: Vec<&'static str>,
+    settings: DriverSettings,
+    faults: Faults,
+    /// Lines of the script with what is reported about them.
+    lines: Vec<(usize, String)>,
+    /// Value and line of each option that was taken, by its name.
+    taken: BTreeMap<&'static str, (String, usize)>,
+    /// Calls without counterpart, by the reason: names and lines.
+    without_counterpart: BTreeMap<&'static str, Vec<(String, usize)>>,
+}
+
+impl<'a> DriverReader<'a> {
+    fn read_call(&mut self, call: &'a ScriptCall) {
+        let Some(command) = find_command(&call.name) else {
+            self.lines.push((call.line, format!("{}: not understood, and without effect here", call.name)));
+            return;
+        };
+        match command.meaning {
+            CommandMeaning::Implied => {}
+            CommandMeaning::Replaced => {
+                let known = self.without_counterpart.entry(command.counterpart).or_default();
+                if known.iter().all(|(name, _)| *name != call.name) {
+                    known.push((call.name.clone(), call.line));
+                }
+            }
+            CommandMeaning::Rejected => self.reject(call, "is not supported", command.counterpart),
+            CommandMeaning::Sets(setting) => self.read_setting(call, setting),
+        }
+    }
+
+    fn read_setting(&mut self, call: &'a ScriptCall, setting: DriverSetting) {
+        match setting {
+            DriverSetting::TimeStep => {
+                let value = self.number(call, 0, "dt", "dt");
+                self.take(call, "dt", value, |options, x| options.dt = Some(x));
+            }
+            DriverSetting::Theta => {
+                let value = self.number(call, 0, "theta", "theta");
+                self.take(call, "theta", value, |options, x| options.theta = Some(x));
+            }
+            DriverSetting::Steps => {} // by the loop
+            DriverSetting::Solver => {
+                self.read_tolerance(call, [1, 2, 3]);
+                let block = self.output_number(call, 4, &["gsit1", "nb_iter_check"], "check_every");
+                self.take(call, "check_every", block, |options, n| options.check_every = Some(n));
+                let blocks = self.output_number(call, 5, &["gsit2", "nb_block_iter"], "max_sweeps");
+                let most = block.zip(blocks).map(|(sweeps, checks)| sweeps.saturating_mul(checks));
+                self.take(call, "max_sweeps", most, |options, n| options.max_sweeps = Some(n));
+            }
+            DriverSetting::SolverCheck => self.read_tolerance(call, [0, 1, 2]),
+            DriverSetting::TextOutput | DriverSetting::Output => {
+                self.read_output(call);
+                let text = (setting == DriverSetting::TextOutput).then_some(true);
+                self.take(call, "text", text, |options, text| options.text = Some(text));
+            }
+            DriverSetting::Pictures => self.pictures = self.pictures.or(Some(call)),
+            DriverSetting::Periods => {
+                let x = self.period(call, 0, "xperiod", "xperiode");
+                self.take(call, "xperiode", x, |options, x| options.xperiode = Some(x));
+                let y = self.period(call, 1, "yperiod", "yperiode");
+                self.take(call, "yperiode", y, |options, y| options.yperiode = Some(y));
+            }
+            DriverSetting::PeriodX => {
+                let value = self.number(call, 0, "xperiod", "xperiode");
+                self.take(call, "xperiode", value, |options, x| options.xperiode = Some(x));
+            }
+            DriverSetting::PeriodY => {
+                let value = self.number(call, 0, "yperiod", "yperiode");
+                self.take(call, "yperiode", value, |options, y| options.yperiode = Some(y));
+            }
+            DriverSetting::Gravity => self.read_gravity(call),
+            DriverSetting::Dimension => {
+                let value = argument(call, 0, &["dim", "idim"]);
+                if let Some(Ok(value)) = value.filter(|value| *value != Ok(ScriptValue::Int(3))) {
+                    let found = format!("{} dimensions", value.number().map_or("other".into(), |x| x.to_string()));
+                    self.reject(call, &found, "expected a script for three");
+                }
+            }
+            DriverSetting::Record => {
+                let value = argument(call, 0, &["record", "num"]);
+                if !matches!(value, None | Some(Ok(ScriptValue::Int(0)))) {
+                    self.reject(
+                        call,
+                        "does not start from DATBOX",
+                        "expected record 0; to start from record k, copy OUTBOX/DOF.OUT.k to DATBOX/DOF.INI and \
+                         OUTBOX/Vloc_Rloc.OUT.k to DATBOX/Vloc_Rloc.INI",
+                    );
+                }
+            }
+        }
+    }
+
+    fn read_output(&mut self, call: &ScriptCall) {
+        let value = self.output_number(call, 0, &["nsteps", "freq", "Nstep_writeDof", "nstep"], "output_every");
+        self.take(call, "output_every", value, |options, n| options.output_every = Some(n));
+    }
+
+    /// Takes the interval of pictures as that of the output, if no call sets it.
+    fn read_pictures(&mut self) {
+        if let Some(call) = self.pictures.filter(|_| !self.taken.contains_key("output_every")) {
+            self.read_output(call);
+        }
+    }
+
+    /// Sets `tol` from norm, tolerance and relaxation, the arguments at these positions.
+    fn read_tolerance(&mut self, call: &ScriptCall, [norm, tolerance, relaxation]: [usize; 3]) {
+        let norm = match argument(call, norm, &["norm", "checktype", "check_type"]) {
+            Some(Ok(ScriptValue::Text(norm))) => format!("'{norm}'"),
+            Some(Err(why)) => format!("(not known: {why})"),
+            _ => "(not given)".into(),
+        };
+        let factor = if norm == "'Maxm '" { MAXM_TOL_FACTOR } else { QUAD_TOL_FACTOR };
+        if !["'Quad '", "'QM/16'", "'Maxm '"].contains(&norm.as_str()) {
+            let line = format!("{}: norm {norm} is none of 'Quad ', 'QM/16', 'Maxm ': read as 'Quad '", call.name);
+            self.remark(call.line, line);
+        }
+        let value = self.number_of(call, tolerance, &["conv", "tol", "tolerance"], "tol");
+        let value = value.map(|x| (factor * x).min(MAX_TOL));
+        // Without the digits of the product's rounding.
+        let value = value.map(|x| format!("{x:.6e}").parse().unwrap_or(x));
+        self.take(call, "tol", value, |options, x| options.tol = Some(x));
+        let relaxed =
+            argument(call, relaxation, &["relax", "relaxation"]).and_then(Result::ok).and_then(|x| x.number());
+        if let Some(x) = relaxed.filter(|&x| x != 1.0) {
+            self.remark(
+                call.line,
+                format!("{}: relaxation {x} has no counterpart, and the solution does not depend on it", call.name),
+            );
+        }
+    }
+
+    fn read_gravity(&mut self, call: &ScriptCall) {
+        let found = match argument(call, 0, &["gravity"]) {
+            Some(Ok(ScriptValue::List(list))) if list.len() == 3 => {
+                let numbers: Vec<f64> = list.iter().filter_map(ScriptValue::number).collect();
+                <[f64; 3]>::try_from(numbers).map_err(|_| "has other values than numbers".to_string())
+            }
+            Some(Err(why)) => Err(format!("its value is not known: {why}")),
+            _ => Err("has no three numbers".to_string()),
+        };
+        let expected = "expected three numbers (m/s²), or the gravity in BULK_BEHAV.DAT and no call";
+        match (found, call.condition) {
+            (Ok(gravity), None) if self.settings.gravity.is_none_or(|before| before == gravity) => {
+                self.settings.gravity = Some(gravity);
+                let [x, y, z] = gravity;
+                self.remark(call.line, format!("{}: gravity = ({x}, {y}, {z}) m/s²", call.name));
+            }
+            (Ok(_), None) => {
+                self.reject(call, "sets another gravity than a call before it", "expected events `SetGravity`")
+            }
+            (_, Some(line)) => self.reject(call, &format!("depends on the condition in line {line}"), expected),
+            (Err(found), _) => self.reject(call, &found, expected),
+        }
+    }
+
+    /// Sets the number of steps from the loops around the calls that begin a step.
+    fn read_steps(&mut self, calls: &[ScriptCall]) {
+        let of_steps = |call: &&ScriptCall| {
+            find_command(&call.name)
+                .is_some_and(|command| command.meaning == CommandMeaning::Sets(DriverSetting::Steps))
+        };
+        let steps: Vec<&ScriptCall> = calls.iter().filter(of_steps).collect();
+        self.expect_set("dt", "TimeEvolution_SetTimeStep");
+        if self.given.iter().any(|name| ["steps", "end_time"].contains(name)) {
+            return;
+        }
+        let Some(&first) = steps.first() else {
+            self.reject_length(None, "steps", "no call of IncrementStep is found");
+            return;
+        };
+        let line = first.loops.last().map_or(first.line, |inner| inner.line);
+        let mut total = 0u64;
+        for call in &steps {
+            let mut count = 1u64;
+            for around in &call.loops {
+                match &around.end {
+                    LoopEnd::Count(times) => count = count.saturating_mul(*times),
+                    LoopEnd::Time(time) if steps.len() == 1 && call.loops.len() == 1 && call.condition.is_none() => {
+                        self.take(call, "end_time", Some(*time), |options, x| options.end_time = Some(x));
+                        return;
+                    }
+                    LoopEnd::Time(_) => {
+                        self.reject_length(Some(around.line), "loop", "ends at a time, next to other loops of steps");
+                        return;
+                    }
+                    LoopEnd::Unknown(why) => {
+                        self.reject_length(Some(around.line), "loop", &format!("its length is not known: {why}"));
+                        return;
+                    }
+                }
+            }
+            if let Some(condition) = call.condition {
+                let found = format!("depends on the condition in line {condition}");
+                self.reject_length(Some(call.line), &call.name, &found);
+                return;
+            }
+            total = total.saturating_add(count);
+        }
+        self.settings.options.steps = Some(total);
+        self.remark(line, format!("loop of {}: steps = {total}", first.name));
+    }
+
+    /// Adds a fault of the number of steps.
+    fn reject_length(&mut self, line: Option<usize>, object: &str, found: &str) {
+        let expected = "expected the option --steps N or --end-time S";
+        self.faults.push(Fault::new(self.path, line, object, found, expected));
+    }
+
+    /// Adds a fault if an option has no value.
+    fn expect_set(&mut self, option: &'static str, command: &str) {
+        let known = self.taken.contains_key(option) || self.given.contains(&option);
+        if !known && self.faults.0.iter().all(|fault| fault.object != command) {
+            let expected = format!("expected the option --{option}");
+            self.faults.push(Fault::new(self.path, None, option, format!("no call of {command} is found"), expected));
+        }
+    }
+
+    fn period(
+        &mut self,
+        call: &ScriptCall,
+        position: usize,
+        keyword: &'static str,
+        option: &'static str,
+    ) -> Option<f64> {
+        let value = argument(call, position, &[keyword]);
+        if matches!(value, None | Some(Ok(ScriptValue::None))) {
+            None
+        } else {
+            self.number(call, position, keyword, option)
+        }
+    }
+
+    fn number(
+        &mut self,
+        call: &ScriptCall,
+        position: usize,
+        keyword: &'static str,
+        option: &'static str,
+    ) -> Option<f64> {
+        self.number_of(call, position, &[keyword], option)
+    }
+
+    /// Number that an argument states; otherwise a fault, unless the option is given on the command line.
+    fn number_of(
+        &mut self,
+        call: &ScriptCall,
+        position: usize,
+        keywords: &[&str],
+        option: &'static str,
+    ) -> Option<f64> {
+        match stated_number(call, position, keywords) {
+            Ok(value) => Some(value),
+            Err(found) => {
+                if !self.given.contains(&option) {
+                    let expected = format!("expected a number, or the option --{}", option.replace('_', "-"));
+                    self.reject(call, &found, &expected);
+                }
+                None
+            }
+        }
+    }
+
+    /// Positive integer that an argument states; otherwise a remark, since results do not depend on it.
+    fn output_number(
+        &mut self,
+        call: &ScriptCall,
+        position: usize,
+        keywords: &[&str],
+        option: &'static str,
+    ) -> Option<u64> {
+        let found = match stated_number(call, position, keywords) {
+            Ok(value) if value >= 1.0 && value.fract() == 0.0 && value < 1e15 => return Some(value as u64),
+            Ok(value) => format!("{value}"),
+            Err(_)
+                if position == 0
+                    && call.positional.is_empty()
+                    && call.keywords.is_empty()
+                    && call.condition.is_none() =>
+            {
+                return Some(1);
+            }
+            Err(found) => found,
+        };
+        if !self.given.contains(&option) {
+            let flag = option.replace('_', "-");
+            self.remark(call.line, format!("{}: {option} is not taken: {found}; --{flag} N sets it", call.name));
+        }
+        None
+    }
+
+    /// Sets an option. A second value that differs is a fault, unless the option is given on the command line.
+    fn take<T: std::fmt::Display>(
+        &mut self,
+        call: &ScriptCall,
+        option: &'static str,
+        value: Option<T>,
+        set: impl FnOnce(&mut ComputeFlags, T),
+    ) {
+        let Some(value) = value else { return };
+        let (text, flag) = (value.to_string(), option.replace('_', "-"));
+        if let Some((before, line)) = self.taken.get(option) {
+            if *before != text && !self.given.contains(&option) {
+                let found = format!("{option} is {text}, and {before} in line {line}");
+                self.reject(call, &found, &format!("expected one value, or the option --{flag}"));
+            }
+            return;
+        }
+        if self.given.contains(&option) {
+            self.remark(call.line, format!("{}: {option} = {text} is overridden by --{flag}", call.name));
+        } else {
+            self.remark(call.line, format!("{}: {option} = {text}", call.name));
+            set(&mut self.settings.options, value);
+        }
+        self.taken.insert(option, (text, call.line));
+    }
+
+    fn remark(&mut self, line: usize, text: String) {
+        if !self.lines.contains(&(line, text.clone())) {
+            self.lines.push((line, text));
+        }
+    }
+
+    fn reject(&mut self, call: &ScriptCall, found: &str, expected: &str) {
+        let fault = Fault::new(self.path, Some(call.line), call.name.as_str(), found, expected);
+        if !self.faults.0.contains(&fault) {
+            self.faults.push(fault);
+        }
+    }
+
+    fn finish(mut self) -> Result<DriverSettings, Faults> {
+        let file = self.path.display();
+        self.lines.sort();
+        let mut notes: Vec<String> = self.lines.iter().map(|(line, text)| format!("{file}:{line}: {text}")).collect();
+        for (reason, calls) in &self.without_counterpart {
+            let calls: Vec<String> = calls.iter().map(|(name, line)| format!("{name} (line {line})")).collect();
+            notes.push(format!("{file}: without counterpart: {}: {reason}", calls.join(", ")));
+        }
+        if !self.taken.contains_key("theta") && !self.given.contains(&"theta") {
+            notes
+                .push(format!("{file}: no call of Integrator_InitTheta is found: theta is that of COMPUTE.RON or 0.5"));
+        }
+        self.settings.notes = notes;
+        self.faults.into_result(self.settings)
+    }
+}
+
+/// Argument of a call, by its position or one of its names.
+fn argument<'a>(call: &'a ScriptCall, position: usize, keywords: &[&str]) -> Option<Evaluation> {
+    let named = |call: &'a ScriptCall| call.keywords.iter().find(|(name, _)| keywords.contains(&name.as_str()));
+    call.positional.get(position).or_else(|| named(call).map(|(_, value)| value)).cloned()
+}
+
+/// Number that an argument states, or the reason why there is none.
+fn stated_number(call: &ScriptCall, position: usize, keywords: &[&str]) -> Result<f64, String> {
+    if let Some(line) = call.condition {
+        return Err(format!("depends on the condition in line {line}"));
+    }
+    match argument(call, position, keywords) {
+        None => Err(format!("has no argument {}", keywords.join(" or "))),
+        Some(Err(why)) => Err(format!("its value is not known: {why}")),
+        Some(Ok(value)) => value.number().ok_or_else(|| "its value is no number".to_string()),
+    }
+}

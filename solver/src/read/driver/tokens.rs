@@ -1,0 +1,226 @@
+//! Lexical analysis of Python: logical lines with indentation.
+
+/// Unit of a line.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ScriptToken {
+    Name(String),
+    /// Number as it is written.
+    Number(String),
+    /// String without its quotes; escapes are not replaced.
+    Text(String),
+    /// Operator or bracket; an f-string is the symbol `f-string`.
+    Symbol(String),
+}
+
+impl ScriptToken {
+    pub fn is(&self, symbol: &str) -> bool {
+        matches!(self, ScriptToken::Symbol(found) if found == symbol)
+    }
+
+    /// The name, or the empty string.
+    pub fn name(&self) -> &str {
+        if let ScriptToken::Name(name) = self { name } else { "" }
+    }
+
+    /// Text of the token, for messages.
+    pub fn source(&self) -> String {
+        match self {
+            ScriptToken::Name(text) | ScriptToken::Number(text) | ScriptToken::Symbol(text) => text.clone(),
+            ScriptToken::Text(text) => format!("'{text}'"),
+        }
+    }
+}
+
+/// Token with its line, from 1.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lexeme {
+    pub token: ScriptToken,
+    pub line: usize,
+}
+
+/// Logical line: brackets and backslashes join lines, semicolons separate them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LogicalLine {
+    /// Columns before the first token; a tab extends to the next multiple of 8.
+    pub indent: usize,
+    /// At least one.
+    pub tokens: Vec<Lexeme>,
+}
+
+/// Line and kind of a bracket or string that is not closed.
+pub type Unclosed = (usize, &'static str);
+
+/// Operators of more than one character, longer ones first.
+const LONG_OPERATORS: [&str; 23] = [
+    "**=", "//=", "<<=", ">>=", "...", "**", "//", "==", "!=", "<=", ">=", "+=", "-=", "*=", "/=", "%=", "&=", "|=",
+    "^=", "->", ":=", "<<", ">>",
+];
+
+/// Splits a script into its logical lines.
+pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, Unclosed> {
+    let mut scanner = LineScanner { rest: text, line: 1 };
+    let (mut lines, mut tokens) = (Vec::new(), Vec::new());
+    let (mut indent, mut open) = (scanner.indentation(), Vec::new());
+    while let Some(next) = scanner.rest.chars().next() {
+        let line = scanner.line;
+        match next {
+            '#' => scanner.skip(scanner.rest.find('\n').unwrap_or(scanner.rest.len())),
+            '\\' if scanner.rest[1..].trim_start_matches('\r').starts_with('\n') => {
+                scanner.skip(1 + scanner.rest[1..].find('\n').map_or(0, |at| at + 1));
+            }
+            '\n' | ';' if open.is_empty() => {
+                scanner.skip(1);
+                if !tokens.is_empty() {
+                    lines.push(LogicalLine { indent, tokens: std::mem::take(&mut tokens) });
+                }
+                if next == '\n' {
+                    indent = scanner.indentation();
+                }
+            }
+            _ if next.is_whitespace() => scanner.skip(next.len_utf8()),
+            _ => {
+                let token = scanner.token()?;
+                if let ScriptToken::Symbol(symbol) = &token {
+                    match symbol.as_str() {
+                        "(" | "[" | "{" => open.push(line),
+                        ")" | "]" | "}" => drop(open.pop()),
+                        _ => {}
+                    }
+                }
+                tokens.push(Lexeme { token, line });
+            }
+        }
+    }
+    if let Some(&line) = open.first() {
+        return Err((line, "bracket"));
+    }
+    if !tokens.is_empty() {
+        lines.push(LogicalLine { indent, tokens });
+    }
+    Ok(lines)
+}
+
+struct LineScanner<'a> {
+    rest: &'a str,
+    line: usize,
+}
+
+impl LineScanner<'_> {
+    fn skip(&mut self, bytes: usize) {
+        let (skipped, rest) = self.rest.split_at(bytes);
+        self.line += skipped.matches('\n').count();
+        self.rest = rest;
+    }
+
+    /// Skips the blanks at the start of a line; returns the column after them.
+    fn indentation(&mut self) -> usize {
+        let blanks = self.rest.len() - self.rest.trim_start_matches([' ', '\t', '\r', '\u{c}']).len();
+        let columns = self.rest[..blanks].chars().fold(0, |column, c| match c {
+            '\t' => (column / 8 + 1) * 8,
+            ' ' => column + 1,
+            _ => 0,
+        });
+        self.skip(blanks);
+        columns
+    }
+
+    /// Reads the token at the start of the rest, which is neither empty nor begins with a blank.
+    fn token(&mut self) -> Result<ScriptToken, Unclosed> {
+        let text = self.rest;
+        let word = text.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(text.len());
+        let first = text.chars().next().unwrap_or_default();
+        if text[word..].starts_with(['"', '\'']) && text[..word].chars().all(|c| "rRbBuUfF".contains(c)) {
+            return self.string(word);
+        }
+        if first.is_ascii_digit() || first == '.' && text[1..].starts_with(|c: char| c.is_ascii_digit()) {
+            let mut end = 0;
+            let mut before = ' ';
+            for c in text.chars() {
+                let exponent_sign = matches!(before, 'e' | 'E') && !text.starts_with("0x") && "+-".contains(c);
+                if !(c.is_ascii_alphanumeric() || c == '_' || c == '.' || exponent_sign) {
+                    break;
+                }
+                (end, before) = (end + c.len_utf8(), c);
+            }
+            self.skip(end);
+            return Ok(ScriptToken::Number(text[..end].to_string()));
+        }
+        if word > 0 {
+            self.skip(word);
+            return Ok(ScriptToken::Name(text[..word].to_string()));
+        }
+        let symbol = LONG_OPERATORS.into_iter().find(|operator| text.starts_with(operator));
+        let length = symbol.map_or(first.len_utf8(), str::len);
+        self.skip(length);
+        Ok(ScriptToken::Symbol(text[..length].to_string()))
+    }
+
+    /// Reads a string whose prefix has `prefix` bytes.
+    fn string(&mut self, prefix: usize) -> Result<ScriptToken, Unclosed> {
+        let (line, text) = (self.line, self.rest);
+        let quote = &text[prefix..=prefix];
+        let triple = quote.repeat(3);
+        let quotes = if text[prefix..].starts_with(&triple) { triple } else { quote.to_string() };
+        let start = prefix + quotes.len();
+        let mut escaped = false;
+        for (at, c) in text[start..].char_indices() {
+            if !escaped && text[start + at..].starts_with(&quotes) {
+                self.skip(start + at + quotes.len());
+                let content = text[start..start + at].to_string();
+                let formatted = text[..prefix].contains(['f', 'F']);
+                return Ok(if formatted { ScriptToken::Symbol("f-string".into()) } else { ScriptToken::Text(content) });
+            }
+            if c == '\n' && quotes.len() == 1 && !escaped {
+                break;
+            }
+            escaped = c == '\\' && !escaped;
+        }
+        Err((line, "string"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sources(text: &str) -> Vec<(usize, usize, Vec<String>)> {
+        let lines = logical_lines(text).unwrap();
+        let source = |line: LogicalLine| {
+            (line.indent, line.tokens[0].line, line.tokens.iter().map(|lexeme| lexeme.token.source()).collect())
+        };
+        lines.into_iter().map(source).collect()
+    }
+
+    #[test]
+    fn lines_of_python() {
+        let text = "dt = 1.e-3 # s\n\nif x:\n\tf(a,\n  .5, 'a#b')\nx=1_0; y = 2**3\nz = 1 + \\\n  2\n\"\"\"doc\nx = 3\n\"\"\"\n";
+        let words = |line: &str| line.split(' ').map(str::to_string).collect::<Vec<_>>();
+        assert_eq!(
+            sources(text),
+            [
+                (0, 1, words("dt = 1.e-3")),
+                (0, 3, words("if x :")),
+                (8, 4, words("f ( a , .5 , 'a#b' )")),
+                (0, 6, words("x = 1_0")),
+                (0, 6, words("y = 2 ** 3")),
+                (0, 7, words("z = 1 + 2")),
+                (0, 9, vec!["'doc\nx = 3\n'".to_string()]),
+            ]
+        );
+        assert_eq!(
+            sources("a = f'{x}' # é\r\n b=0x1e+3"),
+            [(0, 1, words("a = f-string")), (1, 2, words("b = 0x1e + 3"))]
+        );
+    }
+
+    #[test]
+    fn lines_that_do_not_end() {
+        assert_eq!(logical_lines("a = 1\nf(2,\n3"), Err((2, "bracket")));
+        assert_eq!(logical_lines("a = 'b\nc'"), Err((1, "string")));
+        assert_eq!(logical_lines("'''a\n"), Err((1, "string")));
+        // Bytes of no meaning are symbols.
+        for text in ["$", "é$\u{1}", ")", "\\", "1e", ".", "'", "\u{feff}a"] {
+            let _ = logical_lines(text);
+        }
+    }
+}

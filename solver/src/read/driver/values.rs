@@ -1,0 +1,464 @@
+//! Values of Python expressions that can be computed without running Python.
+
+use std::collections::BTreeMap;
+
+use super::tokens::{Lexeme, ScriptToken};
+
+/// Value of an expression.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ScriptValue {
+    None,
+    Bool(bool),
+    Int(i64),
+    Real(f64),
+    Text(String),
+    /// List or tuple.
+    List(Vec<ScriptValue>),
+    /// `range` of this many integers.
+    Range(u64),
+}
+
+impl ScriptValue {
+    /// Number, if it is one.
+    pub fn number(&self) -> Option<f64> {
+        match self {
+            ScriptValue::Int(x) => Some(*x as f64),
+            ScriptValue::Real(x) => Some(*x),
+            _ => None,
+        }
+    }
+
+    /// Whether Python takes the value as true.
+    pub fn is_true(&self) -> bool {
+        match self {
+            ScriptValue::None => false,
+            ScriptValue::Bool(x) => *x,
+            ScriptValue::Int(_) | ScriptValue::Real(_) => self.number() != Some(0.0),
+            ScriptValue::Text(text) => !text.is_empty(),
+            ScriptValue::List(list) => !list.is_empty(),
+            ScriptValue::Range(count) => *count > 0,
+        }
+    }
+}
+
+/// Value, or the part of the expression that is not known.
+pub type Evaluation = Result<ScriptValue, String>;
+
+/// Values of the variables, by their names; those of attributes as `self.dt`.
+pub type Variables = BTreeMap<String, Evaluation>;
+
+/// Deepest nesting of brackets and signs.
+const MAX_DEPTH: usize = 100;
+
+/// Value of an expression.
+pub fn evaluate(tokens: &[Lexeme], variables: &Variables) -> Evaluation {
+    let mut parser = ExpressionParser { tokens, at: 0, variables, depth: 0 };
+    let value = parser.tuple()?;
+    match parser.peek() {
+        None => Ok(value),
+        Some(token) => Err(format!("'{}'", token.source())),
+    }
+}
+
+/// Index after the bracket that closes the one at `open`.
+pub fn after_bracket(tokens: &[Lexeme], open: usize) -> usize {
+    let mut depth = 0usize;
+    for (at, lexeme) in tokens.iter().enumerate().skip(open) {
+        match &lexeme.token {
+            ScriptToken::Symbol(symbol) if ["(", "[", "{"].contains(&symbol.as_str()) => depth += 1,
+            ScriptToken::Symbol(symbol) if [")", "]", "}"].contains(&symbol.as_str()) => {
+                depth = depth.saturating_sub(1)
+            }
+            _ => {}
+        }
+        if depth == 0 {
+            return at + 1;
+        }
+    }
+    tokens.len()
+}
+
+/// Parts of a list of tokens between the symbols `separator` outside of brackets; empty if there are no tokens.
+pub fn split_at<'a>(tokens: &'a [Lexeme], separator: &str) -> Vec<&'a [Lexeme]> {
+    let (mut parts, mut start, mut at) = (Vec::new(), 0, 0);
+    while at < tokens.len() {
+        let token = &tokens[at].token;
+        if token.is(separator) {
+            parts.push(&tokens[start..at]);
+            start = at + 1;
+        }
+        at = if ["(", "[", "{"].iter().any(|open| token.is(open)) { after_bracket(tokens, at) } else { at + 1 };
+    }
+    if start < tokens.len() {
+        parts.push(&tokens[start..]);
+    }
+    parts
+}
+
+/// Name with points that begins at `at`, and the index after it.
+pub fn dotted_name(tokens: &[Lexeme], at: usize) -> (String, usize) {
+    let (mut name, mut end) = (tokens[at].token.name().to_string(), at + 1);
+    while end + 1 < tokens.len() && tokens[end].token.is(".") && !tokens[end + 1].token.name().is_empty() {
+        name = format!("{name}.{}", tokens[end + 1].token.name());
+        end += 2;
+    }
+    (name, end)
+}
+
+struct ExpressionParser<'a> {
+    tokens: &'a [Lexeme],
+    at: usize,
+    variables: &'a Variables,
+    depth: usize,
+}
+
+impl ExpressionParser<'_> {
+    fn peek(&self) -> Option<&ScriptToken> {
+        self.tokens.get(self.at).map(|lexeme| &lexeme.token)
+    }
+
+    /// Reads the symbol or keyword `word`, if it comes next.
+    fn take(&mut self, word: &str) -> bool {
+        let found = self.peek().is_some_and(|token| token.is(word) || token.name() == word);
+        self.at += usize::from(found);
+        found
+    }
+
+    fn take_any(&mut self, words: &[&'static str]) -> Option<&'static str> {
+        words.iter().copied().find(|word| self.take(word))
+    }
+
+    fn tuple(&mut self) -> Evaluation {
+        let first = self.disjunction()?;
+        if !self.peek().is_some_and(|token| token.is(",")) {
+            return Ok(first);
+        }
+        let mut list = vec![first];
+        while self.take(",") && self.peek().is_some_and(|token| !token.is(")") && !token.is("]")) {
+            list.push(self.disjunction()?);
+        }
+        Ok(ScriptValue::List(list))
+    }
+
+    fn disjunction(&mut self) -> Evaluation {
+        let mut value = self.conjunction()?;
+        while self.take("or") {
+            let other = self.conjunction()?;
+            value = if value.is_true() { value } else { other };
+        }
+        Ok(value)
+    }
+
+    fn conjunction(&mut self) -> Evaluation {
+        let mut value = self.comparison()?;
+        while self.take("and") {
+            let other = self.comparison()?;
+            value = if value.is_true() { other } else { value };
+        }
+        Ok(value)
+    }
+
+    fn comparison(&mut self) -> Evaluation {
+        if self.take("not") {
+            return Ok(ScriptValue::Bool(!self.nested(Self::comparison)?.is_true()));
+        }
+        let left = self.sum()?;
+        let Some(operator) = self.take_any(&["==", "!=", "<=", ">=", "<", ">", "is"]) else { return Ok(left) };
+        let negated = operator == "is" && self.take("not") || operator == "!=";
+        let right = self.sum()?;
+        let holds = match (operator, left.number(), right.number()) {
+            ("<", Some(a), Some(b)) => a < b,
+            (">", Some(a), Some(b)) => a > b,
+            ("<=", Some(a), Some(b)) => a <= b,
+            (">=", Some(a), Some(b)) => a >= b,
+            ("==" | "!=" | "is", Some(a), Some(b)) => (a == b) != negated,
+            ("==" | "!=" | "is", _, _) => (left == right) != negated,
+            _ => return Err(format!("'{operator}'")),
+        };
+        Ok(ScriptValue::Bool(holds))
+    }
+
+    fn sum(&mut self) -> Evaluation {
+        let mut value = self.product()?;
+        while let Some(operator) = self.take_any(&["+", "-"]) {
+            value = apply_operator(operator, value, self.product()?)?;
+        }
+        Ok(value)
+    }
+
+    fn product(&mut self) -> Evaluation {
+        let mut value = self.sign()?;
+        while let Some(operator) = self.take_any(&["*", "//", "/", "%"]) {
+            value = apply_operator(operator, value, self.sign()?)?;
+        }
+        Ok(value)
+    }
+
+    fn sign(&mut self) -> Evaluation {
+        match self.take_any(&["-", "+"]) {
+            Some("-") => {
+                let value = self.nested(Self::sign)?;
+                apply_operator("*", ScriptValue::Int(-1), value)
+            }
+            Some(_) => self.nested(Self::sign),
+            None => self.power(),
+        }
+    }
+
+    fn power(&mut self) -> Evaluation {
+        let base = self.atom()?;
+        if self.take("**") {
+            let exponent = self.nested(Self::sign)?;
+            return apply_operator("**", base, exponent);
+        }
+        Ok(base)
+    }
+
+    fn nested(&mut self, read: fn(&mut Self) -> Evaluation) -> Evaluation {
+        self.depth += 1;
+        let value = if self.depth < MAX_DEPTH { read(self) } else { Err("an expression of many levels".into()) };
+        self.depth -= 1;
+        value
+    }
+
+    fn atom(&mut self) -> Evaluation {
+        let Some(token) = self.peek().cloned() else { return Err("an incomplete expression".into()) };
+        if !token.name().is_empty() {
+            return self.named();
+        }
+        self.at += 1;
+        match token {
+            ScriptToken::Number(text) => parse_number(&text),
+            ScriptToken::Text(mut text) => {
+                while let Some(ScriptToken::Text(more)) = self.peek() {
+                    text += more;
+                    self.at += 1;
+                }
+                Ok(ScriptValue::Text(text))
+            }
+            ScriptToken::Symbol(symbol) if symbol == "(" || symbol == "[" => {
+                let close = if symbol == "(" { ")" } else { "]" };
+                if self.take(close) {
+                    return Ok(ScriptValue::List(Vec::new()));
+                }
+                let alone = split_at(&self.tokens[self.at..after_bracket(self.tokens, self.at - 1) - 1], ",").len() < 2;
+                let value = self.nested(Self::tuple)?;
+                if !self.take(close) {
+                    return Err(self.peek().map_or("a bracket".into(), |token| format!("'{}'", token.source())));
+                }
+                let is_list = matches!(value, ScriptValue::List(_));
+                Ok(if symbol == "[" && alone && !is_list { ScriptValue::List(vec![value]) } else { value })
+            }
+            other => Err(format!("'{}'", other.source())),
+        }
+    }
+
+    /// Value of a variable, constant or call.
+    fn named(&mut self) -> Evaluation {
+        let (name, end) = dotted_name(self.tokens, self.at);
+        let called = self.tokens.get(end).is_some_and(|lexeme| lexeme.token.is("("));
+        if called {
+            let close = after_bracket(self.tokens, end);
+            let inside = &self.tokens[end + 1..(close - 1).max(end + 1)];
+            self.at = close;
+            let arguments = split_at(inside, ",").into_iter().map(|part| {
+                self.depth += 1;
+                let mut inner = ExpressionParser { tokens: part, at: 0, variables: self.variables, depth: self.depth };
+                let value = inner.nested(ExpressionParser::disjunction);
+                self.depth -= 1;
+                if inner.at < part.len() { value.and(Err(format!("the call of {name}"))) } else { value }
+            });
+            let arguments = arguments.collect::<Result<Vec<_>, _>>()?;
+            return call_function(&name, &arguments).unwrap_or_else(|| Err(format!("the call of {name}")));
+        }
+        self.at = end;
+        if self.peek().is_some_and(|token| token.is("[")) {
+            return Err(format!("{name}[...]"));
+        }
+        match (self.variables.get(&name), name.as_str()) {
+            (Some(Ok(value)), _) => Ok(value.clone()),
+            (Some(Err(why)), _) if why.is_empty() => Err(name),
+            (Some(Err(why)), _) => Err(format!("{name}, {why}")),
+            (None, "True" | "False") => Ok(ScriptValue::Bool(name == "True")),
+            (None, "None") => Ok(ScriptValue::None),
+            (None, "__name__") => Ok(ScriptValue::Text("__main__".into())),
+            (None, "pi" | "math.pi" | "np.pi" | "numpy.pi") => Ok(ScriptValue::Real(std::f64::consts::PI)),
+            (None, _) => Err(name),
+        }
+    }
+}
+
+/// Value of a number of Python; the letter L of old integers is ignored.
+fn parse_number(text: &str) -> Evaluation {
+    let digits = text.trim_end_matches(['l', 'L']).replace('_', "");
+    let integer = match digits.get(..2) {
+        Some("0x" | "0X") => i64::from_str_radix(&digits[2..], 16).ok(),
+        _ => digits.parse().ok(),
+    };
+    let real = || digits.parse::<f64>().ok().filter(|x| x.is_finite() && digits.starts_with(|c: char| c != 'i'));
+    integer.map(ScriptValue::Int).or_else(|| real().map(ScriptValue::Real)).ok_or_else(|| format!("'{text}'"))
+}
+
+/// Result of an arithmetic operator, as in Python 3.
+fn apply_operator(operator: &str, left: ScriptValue, right: ScriptValue) -> Evaluation {
+    let unknown = || Err(format!("the result of '{operator}'"));
+    if let (ScriptValue::Int(a), ScriptValue::Int(b)) = (&left, &right) {
+        let (a, b) = (*a, *b);
+        let whole = match operator {
+            "+" => a.checked_add(b),
+            "-" => a.checked_sub(b),
+            "*" => a.checked_mul(b),
+            "//" => a.checked_div_euclid(b).filter(|_| b > 0),
+            "%" => a.checked_rem_euclid(b).filter(|_| b > 0),
+            "**" => u32::try_from(b).ok().and_then(|b| a.checked_pow(b)),
+            _ => None,
+        };
+        if let Some(whole) = whole {
+            return Ok(ScriptValue::Int(whole));
+        }
+    }
+    match (left, right) {
+        (ScriptValue::Text(a), ScriptValue::Text(b)) if operator == "+" => Ok(ScriptValue::Text(a + &b)),
+        (left, right) => {
+            let (Some(a), Some(b)) = (left.number(), right.number()) else { return unknown() };
+            let value = match operator {
+                "+" => a + b,
+                "-" => a - b,
+                "*" => a * b,
+                "/" => a / b,
+                "//" => (a / b).floor(),
+                "%" => a - b * (a / b).floor(),
+                _ => a.powf(b),
+            };
+            if value.is_finite() { Ok(ScriptValue::Real(value)) } else { unknown() }
+        }
+    }
+}
+
+/// Result of a function of Python, math or numpy; none if it is not one of those that are known.
+fn call_function(name: &str, arguments: &[ScriptValue]) -> Option<Evaluation> {
+    let (module, function) = name.rsplit_once('.').unwrap_or(("", name));
+    if !["", "math", "np", "numpy"].contains(&module) {
+        return None;
+    }
+    let x = || arguments.first()?.number();
+    let integer = |x: f64| (x.abs() < 9e15).then_some(ScriptValue::Int(x as i64));
+    let value = match (function, arguments) {
+        ("int", [ScriptValue::Text(text)]) => {
+            parse_number(text.trim()).ok().filter(|value| matches!(value, ScriptValue::Int(_)))
+        }
+        ("float", [ScriptValue::Text(text)]) => parse_number(text.trim()).ok()?.number().map(ScriptValue::Real),
+        ("int", [_]) => integer(x()?.trunc()),
+        ("round", [_]) => integer(x()?.round_ties_even()),
+        ("ceil", [_]) => integer(x()?.ceil()),
+        ("floor", [_]) => integer(x()?.floor()),
+        ("float", [_]) => Some(ScriptValue::Real(x()?)),
+        ("abs" | "fabs", [ScriptValue::Int(x)]) => x.checked_abs().map(ScriptValue::Int),
+        ("abs" | "fabs", [_]) => Some(ScriptValue::Real(x()?.abs())),
+        ("sqrt", [_]) => Some(ScriptValue::Real(x()?.sqrt())).filter(|_| x() >= Some(0.0)),
+        ("array" | "list" | "tuple", [ScriptValue::List(list)]) => Some(ScriptValue::List(list.clone())),
+        ("list", [ScriptValue::Range(count)]) => Some(ScriptValue::Range(*count)),
+        ("len", [ScriptValue::List(list)]) => i64::try_from(list.len()).ok().map(ScriptValue::Int),
+        ("bool", [value]) => Some(ScriptValue::Bool(value.is_true())),
+        ("min" | "max", [_, _, ..]) => {
+            let sign = if function == "min" { 1.0 } else { -1.0 };
+            let numbers: Option<Vec<f64>> = arguments.iter().map(ScriptValue::number).collect();
+            let order = |a: &(f64, &ScriptValue), b: &(f64, &ScriptValue)| (sign * a.0).total_cmp(&(sign * b.0));
+            numbers?.into_iter().zip(arguments).min_by(order).map(|(_, value)| value.clone())
+        }
+        ("range" | "xrange" | "arange", _) => range_value(arguments),
+        _ => None,
+    };
+    value.map(Ok)
+}
+
+/// Range of integers with the arguments of Python's `range`.
+fn range_value(arguments: &[ScriptValue]) -> Option<ScriptValue> {
+    let whole = |value: &ScriptValue| if let ScriptValue::Int(x) = value { Some(i128::from(*x)) } else { None };
+    let whole: Vec<i128> = arguments.iter().map(whole).collect::<Option<_>>()?;
+    let (start, stop, step) = match whole[..] {
+        [stop] => (0, stop, 1),
+        [start, stop] => (start, stop, 1),
+        [start, stop, step] if step != 0 => (start, stop, step),
+        _ => return None,
+    };
+    let length = if step > 0 { stop - start } else { start - stop };
+    let count = (length + step.abs() - 1) / step.abs();
+    u64::try_from(count.max(0)).ok().map(ScriptValue::Range)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tokens::logical_lines;
+    use super::*;
+
+    fn value(text: &str) -> Evaluation {
+        let variables = [
+            ("t", Ok(ScriptValue::Real(2.0))),
+            ("n", Ok(ScriptValue::Int(4))),
+            ("u", Err("set in line 3".to_string())),
+        ];
+        let variables = variables.into_iter().map(|(name, value)| (name.to_string(), value)).collect();
+        let lines = logical_lines(text).unwrap();
+        evaluate(&lines[0].tokens, &variables)
+    }
+
+    #[test]
+    fn expressions_have_the_values_of_python() {
+        let real = |text: &str, expected: f64| assert_eq!(value(text), Ok(ScriptValue::Real(expected)), "{text}");
+        let int = |text: &str, expected: i64| assert_eq!(value(text), Ok(ScriptValue::Int(expected)), "{text}");
+        real("1.e-3", 1e-3);
+        real("0.1666e-3*10/ t", 0.1666e-3 * 10.0 / 2.0);
+        real("-t**2", -4.0);
+        real("1/n", 0.25);
+        real("2*np.pi/t", std::f64::consts::PI);
+        real("math.sqrt(16.)", 4.0);
+        real("7 // 2.", 3.0);
+        int("1_000", 1000);
+        int("int(1.0/1e-3) + 1", 1001);
+        int("7//2*2 - -7 % 4", 6 - 1);
+        int("2**3**2", 512);
+        int("round(2.5)", 2);
+        int("max(3, n, 1)", 4);
+        int("int('12')", 12);
+        for (text, count) in [("range(1, n+1)", 4), ("xrange(10)", 10), ("range(0,10,3)", 4), ("range(5,0,-2)", 3)] {
+            assert_eq!(value(text), Ok(ScriptValue::Range(count)), "{text}");
+        }
+        assert_eq!(value("'Quad' ' '"), Ok(ScriptValue::Text("Quad ".into())));
+        assert_eq!(
+            value("[0., 0, -t]"),
+            Ok(ScriptValue::List(vec![ScriptValue::Real(0.0), ScriptValue::Int(0), ScriptValue::Real(-2.0)]))
+        );
+        assert_eq!(value("[t]"), Ok(ScriptValue::List(vec![ScriptValue::Real(2.0)])));
+        assert_eq!(value("(t)"), Ok(ScriptValue::Real(2.0)));
+        assert_eq!(value("1, t"), Ok(ScriptValue::List(vec![ScriptValue::Int(1), ScriptValue::Real(2.0)])));
+        assert_eq!(value("not n == 4 or t >= 2 and n != 3"), Ok(ScriptValue::Bool(true)));
+        assert_eq!(value("__name__ == '__main__'"), Ok(ScriptValue::Bool(true)));
+        assert_eq!(value("None is not None"), Ok(ScriptValue::Bool(false)));
+    }
+
+    #[test]
+    fn the_part_without_a_value_is_named() {
+        let why = |text: &str| value(text).unwrap_err();
+        assert_eq!(why("1.0 / dt"), "dt");
+        assert_eq!(why("u + 1"), "u, set in line 3");
+        assert_eq!(why("len(sys.argv)"), "sys.argv");
+        assert_eq!(why("float(input())"), "the call of input");
+        assert_eq!(why("x[3]"), "x[...]");
+        assert_eq!(why("1 if n else 2"), "'if'");
+        assert_eq!(why("1/0"), "the result of '/'");
+        assert_eq!(why("10.0**1000"), "the result of '**'");
+        assert_eq!(why("lambda: 1"), "lambda");
+        assert_eq!(why("{1: 2}"), "'{'");
+        let deep = "(".repeat(500) + "1" + &")".repeat(500);
+        assert_eq!(why(&deep), "an expression of many levels");
+        assert_eq!(why(&("-".repeat(500) + "1")), "an expression of many levels");
+        assert!(value(&("int(".repeat(500) + "1" + &")".repeat(500))).is_err());
+        for text in [")", "(", "[,]", "1 +", "a.b(", "f(,)", "int(1 2)", "range(1,2,0)", "min()", "2**99999999999"] {
+            let variables = Variables::new();
+            for line in logical_lines(text).unwrap_or_default() {
+                let _ = evaluate(&line.tokens, &variables);
+            }
+        }
+    }
+}

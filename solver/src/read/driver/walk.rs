@@ -1,0 +1,590 @@
+//! Order of the calls in a script: its statements are followed without running Python.
+//!
+//! Both branches of a condition without a known value are followed, and what they call is marked. Bodies of loops are
+//! followed once. Functions of the script are followed where they are called.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::tokens::{Lexeme, LogicalLine, ScriptToken};
+use super::values::{Evaluation, ScriptValue, Variables, after_bracket, dotted_name, evaluate, split_at};
+
+/// Call of a command of LMGC90.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScriptCall {
+    pub name: String,
+    pub line: usize,
+    pub positional: Vec<Evaluation>,
+    pub keywords: Vec<(String, Evaluation)>,
+    /// Line of the condition on which the call depends, if the condition has no known value.
+    pub condition: Option<usize>,
+    /// Loops around the call, the outermost first.
+    pub loops: Vec<ScriptLoop>,
+}
+
+/// Loop with its line and end.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScriptLoop {
+    pub line: usize,
+    pub end: LoopEnd,
+}
+
+/// End of a loop.
+#[derive(Debug, Clone, PartialEq)]
+pub enum LoopEnd {
+    /// After this many iterations.
+    Count(u64),
+    /// When the time of LMGC90 reaches this value, s.
+    Time(f64),
+    /// Not known, for the part of the expression that is given.
+    Unknown(String),
+}
+
+/// Calls and remarks of a script.
+#[derive(Debug, Default)]
+pub struct ScriptCalls {
+    pub calls: Vec<ScriptCall>,
+    /// Lines with remarks on parts that were not followed.
+    pub remarks: Vec<(usize, String)>,
+}
+
+/// Name with which LMGC90 reports its time.
+const TIME: &str = "TimeEvolution_GetTime";
+
+/// Deepest nesting of calls and blocks that is followed.
+const MAX_DEPTH: usize = 32;
+
+/// Number of statements that are followed; functions that call each other repeat them.
+const MAX_STATEMENTS: usize = 20_000;
+
+/// Statement, with the block below it.
+#[derive(Debug)]
+struct ScriptStatement {
+    tokens: Vec<Lexeme>,
+    body: Vec<ScriptStatement>,
+}
+
+impl ScriptStatement {
+    fn line(&self) -> usize {
+        self.tokens[0].line
+    }
+
+    fn keyword(&self) -> &str {
+        self.tokens[0].token.name()
+    }
+}
+
+const BLOCKS: [&str; 12] =
+    ["if", "elif", "else", "for", "while", "def", "class", "try", "except", "finally", "with", "async"];
+
+/// Follows the statements of a script.
+pub fn walk(lines: Vec<LogicalLine>) -> ScriptCalls {
+    let mut lines = lines.into_iter().peekable();
+    let statements = read_block(&mut lines, 0, 0);
+    let mut walker = ScriptWalker::default();
+    walker.find_functions(&statements);
+    walker.follow(&statements);
+    walker.report_uncalled();
+    if walker.statements >= MAX_STATEMENTS {
+        walker.walk.remarks.push((1, format!("more than {MAX_STATEMENTS} statements: the rest is not read")));
+    }
+    walker.walk
+}
+
+type Lines = std::iter::Peekable<std::vec::IntoIter<LogicalLine>>;
+
+/// Reads the statements of a block that is indented by at least `indent`.
+fn read_block(lines: &mut Lines, indent: usize, depth: usize) -> Vec<ScriptStatement> {
+    let mut block = Vec::new();
+    while let Some(line) = lines.next_if(|line| line.indent >= indent) {
+        let own = line.indent;
+        let mut statement = split_header(line.tokens);
+        let deeper = lines.peek().is_some_and(|next| next.indent > own);
+        if deeper && depth < MAX_DEPTH {
+            statement.body.extend(read_block(lines, own + 1, depth + 1));
+        }
+        block.push(statement);
+    }
+    block
+}
+
+/// Separates a statement on the line of its header, as in `if x: y = 1`.
+fn split_header(tokens: Vec<Lexeme>) -> ScriptStatement {
+    if !BLOCKS.contains(&tokens[0].token.name()) {
+        return ScriptStatement { tokens, body: Vec::new() };
+    }
+    let header = split_at(&tokens, ":").first().map_or(0, |header| header.len());
+    let rest = tokens.get(header + 1..).unwrap_or_default().to_vec();
+    let body = if rest.is_empty() { Vec::new() } else { vec![ScriptStatement { tokens: rest, body: Vec::new() }] };
+    ScriptStatement { tokens: tokens[..header.max(1)].to_vec(), body }
+}
+
+#[derive(Default)]
+struct ScriptWalker<'a> {
+    walk: ScriptCalls,
+    variables: Variables,
+    /// Functions of the script by name, and the lines of classes.
+    functions: BTreeMap<String, &'a ScriptStatement>,
+    classes: BTreeSet<String>,
+    called: BTreeSet<String>,
+    /// Names by which the module `chipy` is imported.
+    modules: BTreeSet<String>,
+    /// Whether all names of `chipy` are imported without prefix.
+    all_names: bool,
+    condition: Option<usize>,
+    loops: Vec<ScriptLoop>,
+    depth: usize,
+    statements: usize,
+}
+
+impl<'a> ScriptWalker<'a> {
+    fn find_functions(&mut self, block: &'a [ScriptStatement]) {
+        for statement in block {
+            let name = statement.tokens.get(1).map_or("", |lexeme| lexeme.token.name()).to_string();
+            match statement.keyword() {
+                "def" => drop(self.functions.insert(name, statement)),
+                "class" => drop(self.classes.insert(name)),
+                _ => self.find_functions(&statement.body),
+            }
+        }
+    }
+
+    fn follow(&mut self, block: &'a [ScriptStatement]) {
+        self.depth += 1;
+        // Value of the last condition of a chain of `if` and `elif`: whether a branch was taken, unless it is not known.
+        let mut taken = Some(true);
+        for statement in block {
+            self.statements += 1;
+            if self.depth > MAX_DEPTH || self.statements >= MAX_STATEMENTS {
+                break;
+            }
+            let line = statement.line();
+            match statement.keyword() {
+                "def" => {}
+                "class" => self.report_unread(statement, "class"),
+                keyword @ ("if" | "elif" | "else") => {
+                    if keyword == "if" {
+                        taken = Some(false);
+                    }
+                    self.find_calls(&statement.tokens[1..]);
+                    if taken == Some(true) {
+                        continue;
+                    }
+                    let condition = if keyword == "else" {
+                        Some(true)
+                    } else {
+                        evaluate(&statement.tokens[1..], &self.variables).ok().map(|value| value.is_true())
+                    };
+                    match (taken, condition) {
+                        (_, Some(false)) => {}
+                        (Some(false), Some(true)) => {
+                            self.follow(&statement.body);
+                            taken = Some(true);
+                        }
+                        _ => {
+                            self.follow_conditional(&statement.body, line);
+                            taken = None;
+                        }
+                    }
+                }
+                "except" => self.follow_conditional(&statement.body, line),
+                "for" | "while" | "async" => {
+                    taken = Some(false); // an `else` after a loop is followed
+                    self.follow_loop(statement);
+                }
+                "try" | "with" | "finally" => {
+                    taken = Some(false);
+                    self.find_calls(&statement.tokens[1..]);
+                    self.follow(&statement.body);
+                }
+                "import" | "from" => self.import(&statement.tokens),
+                "break" if self.condition.is_some() && !self.loops.is_empty() => {
+                    self.walk.remarks.push((line, "the loop may end here before its last step".into()));
+                }
+                _ => self.assign(&statement.tokens),
+            }
+        }
+        self.depth -= 1;
+    }
+
+    fn follow_conditional(&mut self, block: &'a [ScriptStatement], line: usize) {
+        let outer = self.condition.replace(self.condition.unwrap_or(line));
+        self.follow(block);
+        self.condition = outer;
+    }
+
+    fn follow_loop(&mut self, statement: &'a ScriptStatement) {
+        let (line, tokens) = (statement.line(), &statement.tokens[1..]);
+        self.find_calls(tokens);
+        let place = tokens.iter().position(|lexeme| lexeme.token.name() == "in");
+        let unknown = |why: String| LoopEnd::Unknown(why);
+        let end = match (statement.keyword(), place) {
+            ("for", Some(place)) => {
+                let names = tokens[..place].iter().map(|lexeme| lexeme.token.name()).filter(|name| !name.is_empty());
+                for name in names {
+                    self.variables.insert(name.to_string(), Err(format!("which changes in the loop of line {line}")));
+                }
+                match evaluate(&tokens[place + 1..], &self.variables) {
+                    Ok(ScriptValue::Range(count)) => LoopEnd::Count(count),
+                    Ok(ScriptValue::List(list)) => LoopEnd::Count(list.len() as u64),
+                    Ok(_) => unknown("no range".into()),
+                    Err(why) => unknown(why),
+                }
+            }
+            ("while", _) => self.time_limit(tokens).unwrap_or_else(|| {
+                unknown(tokens.iter().map(|lexeme| lexeme.token.source()).collect::<Vec<_>>().join(" "))
+            }),
+            _ => unknown("an asynchronous loop".into()),
+        };
+        let mut changed = BTreeSet::new();
+        assigned_names(&statement.body, &mut changed);
+        for name in changed {
+            self.variables.insert(name, Err(format!("which changes in the loop of line {line}")));
+        }
+        self.loops.push(ScriptLoop { line, end });
+        self.follow(&statement.body);
+        self.loops.pop();
+    }
+
+    /// End of a loop with the condition that LMGC90's time is before a value.
+    fn time_limit(&self, tokens: &[Lexeme]) -> Option<LoopEnd> {
+        let place = tokens.iter().position(|lexeme| ["<", "<=", ">", ">="].iter().any(|sign| lexeme.token.is(sign)))?;
+        let (left, right) = (&tokens[..place], &tokens[place + 1..]);
+        let earlier = tokens[place].token.source().starts_with('<');
+        let (time, limit) = if earlier { (left, right) } else { (right, left) };
+        let (name, end) = dotted_name(time, time.iter().position(|lexeme| !lexeme.token.name().is_empty())?);
+        if self.command(&name)? != TIME || time.len() < end + 2 {
+            return None;
+        }
+        evaluate(limit, &self.variables).ok()?.number().map(LoopEnd::Time)
+    }
+
+    /// Records the names by which `chipy` is imported.
+    fn import(&mut self, tokens: &[Lexeme]) {
+        let place = tokens.iter().position(|lexeme| lexeme.token.name() == "import").unwrap_or(0);
+        let module = if place == 0 { String::new() } else { dotted_name(tokens, 1.min(tokens.len() - 1)).0 };
+        for part in split_at(&tokens[place + 1..], ",").into_iter().filter(|part| !part.is_empty()) {
+            let (name, end) = dotted_name(part, 0);
+            let alias = part.get(end).filter(|lexeme| lexeme.token.name() == "as").and(part.get(end + 1));
+            let alias = alias.map_or(name.clone(), |lexeme| lexeme.token.name().to_string());
+            if module.ends_with("chipy") {
+                self.all_names = true;
+            } else if name.ends_with("chipy") {
+                self.modules.insert(alias);
+            }
+        }
+    }
+
+    /// Follows an assignment, or the calls of any other statement.
+    fn assign(&mut self, tokens: &[Lexeme]) {
+        self.find_calls(tokens);
+        let parts = split_at(tokens, "=");
+        let augmented = tokens.iter().position(|lexeme| {
+            matches!(&lexeme.token, ScriptToken::Symbol(symbol) if symbol.len() > 1 && symbol.ends_with('=')
+                && !["==", "!=", "<=", ">=", ":="].contains(&symbol.as_str()))
+        });
+        if let Some(place) = augmented.filter(|&place| place > 0) {
+            let (name, _) = dotted_name(tokens, 0);
+            let mut sum = tokens[..place].to_vec();
+            let operator = tokens[place].token.source();
+            let symbol = |text: &str| Lexeme { token: ScriptToken::Symbol(text.into()), line: tokens[0].line };
+            sum.push(symbol(operator.trim_end_matches('=')));
+            sum.push(symbol("("));
+            sum.extend_from_slice(&tokens[place + 1..]);
+            sum.push(symbol(")"));
+            let value = evaluate(&sum, &self.variables);
+            self.set(&name, value, tokens[0].line);
+        } else if let Some((&value, targets)) = parts.split_last().filter(|(_, targets)| !targets.is_empty()) {
+            let value = evaluate(value, &self.variables);
+            for target in targets {
+                // `dt: float = 1e-3`
+                let target = split_at(target, ":").first().copied().unwrap_or(target);
+                let names = split_at(target, ",");
+                match &value {
+                    Ok(ScriptValue::List(list)) if names.len() > 1 && names.len() == list.len() => {
+                        let pairs = names.into_iter().zip(list);
+                        pairs.for_each(|(name, item)| self.set_target(name, Ok(item.clone())));
+                    }
+                    value if names.len() == 1 => self.set_target(target, value.clone()),
+                    _ => names.into_iter().for_each(|name| self.set_target(name, Err("a part of a value".into()))),
+                }
+            }
+        }
+    }
+
+    fn set_target(&mut self, target: &[Lexeme], value: Evaluation) {
+        let Some(first) = target.iter().position(|lexeme| !lexeme.token.name().is_empty()) else { return };
+        let (name, end) = dotted_name(target, first);
+        let changed_in_part = target.get(end).is_some_and(|lexeme| lexeme.token.is("["));
+        let value = if changed_in_part { Err("which changes in part".into()) } else { value };
+        self.set(&name, value, target[first].line);
+    }
+
+    fn set(&mut self, name: &str, value: Evaluation, line: usize) {
+        let value = match (value, self.condition) {
+            (_, Some(condition)) => Err(format!("which depends on the condition in line {condition}")),
+            (Ok(value), None) => Ok(value),
+            (Err(why), None) => Err(format!("set in line {line} from {why}")),
+        };
+        self.variables.insert(name.to_string(), value);
+    }
+
+    /// Name of the command of LMGC90 that a name in the script means, if it means one.
+    fn command<'n>(&self, name: &'n str) -> Option<&'n str> {
+        match name.rsplit_once('.') {
+            Some((module, command)) => self.modules.contains(module).then_some(command),
+            None => (self.all_names
+                && looks_like_command(name)
+                && !self.functions.contains_key(name)
+                && !self.classes.contains(name))
+            .then_some(name),
+        }
+    }
+
+    /// Records the calls in a statement, arguments before the call that they belong to.
+    fn find_calls(&mut self, tokens: &[Lexeme]) {
+        self.find_nested_calls(tokens, 0);
+    }
+
+    fn find_nested_calls(&mut self, tokens: &[Lexeme], depth: usize) {
+        let mut at = if depth < MAX_DEPTH { 0 } else { tokens.len() };
+        while at < tokens.len() {
+            let of_object = at > 0 && tokens[at - 1].token.is(".");
+            if tokens[at].token.name().is_empty() {
+                at += 1;
+                continue;
+            }
+            let (name, end) = dotted_name(tokens, at);
+            if !tokens.get(end).is_some_and(|lexeme| lexeme.token.is("(")) {
+                at = end;
+                continue;
+            }
+            let close = after_bracket(tokens, end);
+            let inside = &tokens[end + 1..(close - 1).max(end + 1)];
+            self.find_nested_calls(inside, depth + 1);
+            if !of_object {
+                self.record(&name, tokens[at].line, inside);
+            }
+            at = close;
+        }
+    }
+
+    fn record(&mut self, name: &str, line: usize, inside: &[Lexeme]) {
+        let (mut positional, mut keywords) = (Vec::new(), Vec::new());
+        for part in split_at(inside, ",") {
+            let keyword = part.get(1).is_some_and(|lexeme| lexeme.token.is("="));
+            match part.first().map(|lexeme| lexeme.token.name()) {
+                Some(name) if keyword => keywords.push((name.to_string(), evaluate(&part[2..], &self.variables))),
+                Some(_) => positional.push(evaluate(part, &self.variables)),
+                None => {}
+            }
+        }
+        if let Some(&function) = self.functions.get(name) {
+            self.follow_function(name, function, positional, keywords);
+        } else if let Some(command) = self.command(name) {
+            let (name, condition, loops) = (command.to_string(), self.condition, self.loops.clone());
+            self.walk.calls.push(ScriptCall { name, line, positional, keywords, condition, loops });
+        }
+    }
+
+    /// Follows a function of the script with these arguments.
+    fn follow_function(
+        &mut self,
+        name: &str,
+        function: &'a ScriptStatement,
+        positional: Vec<Evaluation>,
+        mut keywords: Vec<(String, Evaluation)>,
+    ) {
+        self.called.insert(name.to_string());
+        if self.depth >= MAX_DEPTH {
+            return;
+        }
+        let outer = self.variables.clone();
+        let open = function.tokens.iter().position(|lexeme| lexeme.token.is("(")).unwrap_or(0);
+        let close = after_bracket(&function.tokens, open);
+        let parameters = split_at(&function.tokens[open + 1..(close - 1).max(open + 1)], ",");
+        let mut positional = positional.into_iter();
+        for parameter in parameters.into_iter().filter(|parameter| !parameter[..].is_empty()) {
+            let name = parameter[0].token.name();
+            let given = keywords.iter().position(|(keyword, _)| keyword == name).map(|k| keywords.swap_remove(k).1);
+            let default = split_at(parameter, "=").get(1).map(|value| evaluate(value, &outer));
+            let value = positional.next().or(given).or(default).unwrap_or(Err("an argument".into()));
+            self.variables.insert(name.to_string(), value);
+        }
+        self.follow(&function.body);
+        let of_function = std::mem::replace(&mut self.variables, outer);
+        for statement in function.body.iter().filter(|statement| statement.keyword() == "global") {
+            for name in statement.tokens[1..].iter().map(|lexeme| lexeme.token.name()) {
+                if let Some(value) = of_function.get(name) {
+                    self.variables.insert(name.to_string(), value.clone());
+                }
+            }
+        }
+    }
+
+    /// Remarks on functions with commands of LMGC90 that are not called in the script.
+    fn report_uncalled(&mut self) {
+        let uncalled = self.functions.iter().filter(|(name, _)| !self.called.contains(*name));
+        let uncalled: Vec<_> = uncalled.map(|(name, &function)| (name.clone(), function)).collect();
+        for (name, function) in uncalled {
+            self.report_unread(function, &format!("function {name}, which the script does not call,"));
+        }
+    }
+
+    fn report_unread(&mut self, statement: &ScriptStatement, what: &str) {
+        let mut names = BTreeSet::new();
+        self.commands_in(&statement.body, &mut names);
+        if !names.is_empty() {
+            let names: Vec<String> = names.into_iter().collect();
+            self.walk
+                .remarks
+                .push((statement.line(), format!("the {what} is not read; it calls {}", names.join(", "))));
+        }
+    }
+
+    /// Commands of LMGC90 that a block calls.
+    fn commands_in(&self, block: &[ScriptStatement], names: &mut BTreeSet<String>) {
+        for statement in block {
+            for at in 0..statement.tokens.len() {
+                let starts = at == 0 || !statement.tokens[at - 1].token.is(".");
+                if starts && !statement.tokens[at].token.name().is_empty() {
+                    let (name, end) = dotted_name(&statement.tokens, at);
+                    let called = statement.tokens.get(end).is_some_and(|lexeme| lexeme.token.is("("));
+                    names.extend(self.command(&name).filter(|_| called).map(str::to_string));
+                }
+            }
+            self.commands_in(&statement.body, names);
+        }
+    }
+}
+
+/// Whether a name without prefix has the form of a command: `SetDimension`, `nlgs_3D_ExSolver`, `utilities_logMes`.
+fn looks_like_command(name: &str) -> bool {
+    let (module, rest) = name.split_once('_').unwrap_or(("", name));
+    name.starts_with(char::is_uppercase)
+        || ["checkDirectories", "checkInteractiveCommand", "getInteractions", "registerInterInternals"].contains(&name)
+        || ["utilities", "timer"].contains(&module)
+        || !module.is_empty() && rest.contains(char::is_uppercase)
+}
+
+/// Names to which a block assigns values.
+fn assigned_names(block: &[ScriptStatement], names: &mut BTreeSet<String>) {
+    for statement in block {
+        let assigns = |lexeme: &Lexeme| {
+            matches!(&lexeme.token, ScriptToken::Symbol(symbol) if symbol.ends_with('=')
+                && !["==", "!=", "<=", ">="].contains(&symbol.as_str()))
+        };
+        let is_block = BLOCKS.contains(&statement.keyword());
+        if let Some(end) = statement.tokens.iter().position(assigns).filter(|_| !is_block) {
+            let mut at = 0;
+            while at < end {
+                let (name, after) = dotted_name(&statement.tokens, at);
+                names.extend(Some(name).filter(|name| !name.is_empty()));
+                at = if statement.tokens[at].token.name().is_empty() { at + 1 } else { after };
+            }
+        }
+        assigned_names(&statement.body, names);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tokens::logical_lines;
+    use super::*;
+
+    fn walked(text: &str) -> ScriptCalls {
+        walk(logical_lines(text).unwrap())
+    }
+
+    /// Name, line, first argument, line of the condition and ends of the loops of a call.
+    type CallRow = (String, usize, Option<Evaluation>, Option<usize>, Vec<LoopEnd>);
+
+    fn calls(text: &str) -> Vec<CallRow> {
+        let row = |call: ScriptCall| {
+            let ends = call.loops.into_iter().map(|around| around.end).collect();
+            (call.name, call.line, call.positional.into_iter().next(), call.condition, ends)
+        };
+        walked(text).calls.into_iter().map(row).collect()
+    }
+
+    fn real(x: f64) -> Option<Evaluation> {
+        Some(Ok(ScriptValue::Real(x)))
+    }
+
+    #[test]
+    fn conditions_with_values_choose_a_branch() {
+        let text = "from pylmgc90.chipy import *\nfine = False\nif fine:\n  dt = 1e-4\nelif 2 > 1: dt = 1e-3\nelse:\n  dt = 1\nSetTimeStep(dt)\n";
+        assert_eq!(calls(text), [("SetTimeStep".to_string(), 8, real(1e-3), None, vec![])]);
+        let text = "from pylmgc90 import chipy as lm\nimport sys\ndt = 1e-3\nif len(sys.argv) > 1:\n  dt = 1e-4\n  lm.F(2.)\nelse:\n  lm.G(3.)\nlm.SetTimeStep(dt)\nlmgc.H(dt)\n";
+        let why = "dt, which depends on the condition in line 4".to_string();
+        let expected = [
+            ("F".to_string(), 6, real(2.0), Some(4), vec![]),
+            ("G".to_string(), 8, real(3.0), Some(7), vec![]),
+            ("SetTimeStep".to_string(), 9, Some(Err(why)), None, vec![]),
+        ];
+        assert_eq!(calls(text), expected);
+    }
+
+    #[test]
+    fn loops_have_their_ends() {
+        let head = "from pylmgc90 import chipy\nt, n = 0.5, 20\n";
+        let end = |text: &str| calls(&format!("{head}{text}")).pop().unwrap().4.pop().unwrap();
+        assert_eq!(end("for k in range(1, n + 1):\n  chipy.A()\n"), LoopEnd::Count(20));
+        assert_eq!(end("for k in xrange(int(t/1e-3)): chipy.A()\n"), LoopEnd::Count(500));
+        assert_eq!(end("while chipy.TimeEvolution_GetTime() < 2*t:\n  chipy.A()\n"), LoopEnd::Time(1.0));
+        assert_eq!(end("while t > chipy.TimeEvolution_GetTime():\n  chipy.A()\n"), LoopEnd::Time(0.5));
+        assert_eq!(end("while True:\n  chipy.A()\n"), LoopEnd::Unknown("True".into()));
+        assert_eq!(end("for f in files:\n  chipy.A()\n"), LoopEnd::Unknown("files".into()));
+        // A value that a loop changes is not that of its first iteration.
+        let text = format!("{head}for k in range(n):\n  chipy.A(t)\n  t *= 0.5\n");
+        assert_eq!(calls(&text)[0].2, Some(Err("t, which changes in the loop of line 3".into())));
+        let broken = walked(&format!("{head}for k in range(n):\n  if stop(): break\n  chipy.A()\n"));
+        assert_eq!(broken.remarks, [(4, "the loop may end here before its last step".to_string())]);
+    }
+
+    #[test]
+    fn functions_are_followed_where_they_are_called() {
+        let text = "from pylmgc90 import chipy\ndef init(dt, theta=0.5, *, n=3):\n  chipy.A(dt)\n  chipy.B(theta*2, n)\ndef never():\n  chipy.C()\ndef again():\n  again()\ninit(1e-3, n=4)\nagain()\nclass Model:\n  def step(self): chipy.D()\n";
+        let walk = walked(text);
+        let names: Vec<_> = walk.calls.iter().map(|call| (call.name.as_str(), call.positional.clone())).collect();
+        assert_eq!(
+            names,
+            [
+                ("A", vec![Ok(ScriptValue::Real(1e-3))]),
+                ("B", vec![Ok(ScriptValue::Real(1.0)), Ok(ScriptValue::Int(4))])
+            ]
+        );
+        let remarks: Vec<_> = walk.remarks.iter().map(|(line, text)| format!("{line}: {text}")).collect();
+        assert_eq!(
+            remarks,
+            [
+                "11: the class is not read; it calls D",
+                "5: the function never, which the script does not call, is not read; it calls C"
+            ]
+        );
+    }
+
+    #[test]
+    fn names_without_prefix_are_commands_by_their_form() {
+        let text = "from pylmgc90.chipy import *\nfrom numpy import *\nx = array([1.])\nprint(zeros(3))\nutilities_logMes('a')\nclass Box: pass\nBox()\nnlgs_3D_DiagonalResolution()\nRBDY3_PutBodyVector('Fext_', 1, [0.])\n";
+        let names: Vec<_> = calls(text).into_iter().map(|call| call.0).collect();
+        assert_eq!(names, ["utilities_logMes", "nlgs_3D_DiagonalResolution", "RBDY3_PutBodyVector"]);
+    }
+
+    /// Any text is read to its end, without a panic.
+    #[test]
+    fn damaged_scripts_are_read() {
+        let text = "from pylmgc90 import chipy as c\ndt: float = 1e-3\na, b = (1, [2, 3])\na.b[3] = c.F(x=-dt, *a)\nfor k, l in range(3):\n\tif not a == (b := 2): c.G(dt)\n\telse:\n\t  b //= 2; c.H(b)[0].I(1)\ndef f(x=1, *y): return lambda z: z\nf(\n)\nwhile c.TimeEvolution_GetTime() <= dt: pass\n";
+        for at in (0..text.len()).filter(|&at| text.is_char_boundary(at)) {
+            for end in [at, at + 1, at + 3, text.len()] {
+                let rest = text.get(end..).unwrap_or_default();
+                let _ = logical_lines(&format!("{}{rest}", &text[..at])).map(walk);
+            }
+        }
+        walked(&("c.F(".repeat(3_000) + &")".repeat(3_000)));
+        walked(&("x = ".to_string() + &"[".repeat(3_000) + &"]".repeat(3_000)));
+        let nested: String = (0..200).map(|k| " ".repeat(k) + "if x:\n").collect();
+        walked(&nested);
+        let doubling: String = (0..40).map(|k| format!("def f{k}():\n f{}()\n f{}()\n", k + 1, k + 1)).collect();
+        walked(&(doubling + "f0()\n"));
+    }
+}

@@ -1,0 +1,275 @@
+//! Command scripts of LMGC90: options that are taken from them, lines that say so, and scripts that are rejected.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command;
+
+use cd_formats::compute::ComputeFlags;
+use cd_solve::read::driver::{read_driver, table_rows};
+
+use crate::case::{Case, Figures};
+
+const SCRIPT: &str = "\
+from pylmgc90 import chipy
+chipy.checkDirectories()
+dim = 3
+dt = 1.e-3
+nb_steps = 20
+tol, relax = 1.666e-4, 1.0
+norm = 'QM/16'
+solver_type = 'Stored_Delassus_Loops         '
+chipy.PRPRx_UseCpCundallDetection(200)
+chipy.SetDimension(dim, 0)
+chipy.TimeEvolution_SetTimeStep(dt)
+chipy.Integrator_InitTheta(0.5)
+chipy.ReadDatbox(deformable=False)
+chipy.ComputeMass()
+for k in range(0, nb_steps):
+    chipy.IncrementStep()
+    chipy.ComputeFext()
+    chipy.ComputeFreeVelocity()
+    chipy.SelectProxTactors()
+    chipy.RecupRloc(5.e-2)
+    chipy.ExSolver(solver_type, norm, tol, relax, 50, 500)
+    chipy.StockRloc()
+    chipy.ComputeDof()
+    chipy.UpdateStep()
+    chipy.WriteOut(10)
+chipy.Finalize()
+";
+
+/// A ball that falls on a floor, in a folder without COMPUTE.RON.
+fn falling() -> Case {
+    let mut case = Case::new();
+    case.law("IQS_CLB", &[0.3]);
+    case.floor();
+    case.sphere(0.5, [0.0, 0.0, 0.5001]);
+    case.gravity = [0.0, 0.0, -9.81];
+    case.write();
+    fs::remove_file(case.path().join("DATBOX/COMPUTE.RON")).unwrap();
+    case
+}
+
+fn write_script(case: &Case, text: &str) -> PathBuf {
+    let path = case.path().join("command.py");
+    fs::write(&path, text).unwrap();
+    path
+}
+
+/// Exit code, stdout and stderr of a run with the script, with CASE for the case's folder.
+fn ran(case: &Case, text: &str, flags: &[&str]) -> (i32, String, String) {
+    let script = write_script(case, text);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cd-solve"));
+    let output = command.arg(case.path()).arg("--lmgc90").arg(script).args(flags).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap().replace(case.path().to_str().unwrap(), "CASE");
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+/// Options of a script, with these options on the command line, or the lines of its faults.
+fn options(text: &str, given: &ComputeFlags) -> Result<ComputeFlags, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let script = folder.path().join("command.py");
+    fs::write(&script, text).unwrap();
+    let read = read_driver(&script, given).map(|settings| settings.options);
+    read.map_err(|faults| faults.to_string().replace(&format!("{}:", script.display()), ""))
+}
+
+fn rejected(text: &str) -> String {
+    options(text, &ComputeFlags::default()).unwrap_err()
+}
+
+#[test]
+fn a_run_says_what_it_takes_from_a_script() {
+    let case = falling();
+    let (code, output, errors) = ran(&case, SCRIPT, &["--threads", "1"]);
+    assert_eq!((code, errors.as_str()), (0, ""));
+    let expected = "\
+cd-solve: CASE/command.py:11: TimeEvolution_SetTimeStep: dt = 0.001
+cd-solve: CASE/command.py:12: Integrator_InitTheta: theta = 0.5
+cd-solve: CASE/command.py:15: loop of IncrementStep: steps = 20
+cd-solve: CASE/command.py:21: ExSolver: check_every = 50
+cd-solve: CASE/command.py:21: ExSolver: max_sweeps = 25000
+cd-solve: CASE/command.py:21: ExSolver: tol = 0.0009996
+cd-solve: CASE/command.py:25: WriteOut: output_every = 10
+cd-solve: CASE/command.py:25: WriteOut: text = true
+cd-solve: CASE/command.py: without counterpart: PRPRx_UseCpCundallDetection (line 9): one exact detection for convex bodies, without settings
+";
+    assert!(output.starts_with(expected), "{output}");
+    let last = case.last();
+    assert_eq!((last.meta.step, last.meta.h, last.meta.parameters.tol), (20, 1e-3, 9.996e-4));
+    assert!(case.path().join("OUTBOX/DOF.OUT.20").exists() || case.path().join("OUTBOX/DOF.OUT.2").exists());
+}
+
+#[test]
+fn a_resumed_run_repeats_the_options_of_its_script() {
+    let (whole, parts) = (falling(), falling());
+    assert_eq!(ran(&whole, SCRIPT, &["--threads", "1"]).0, 0);
+    // An option of the command line wins over the script.
+    let (code, output, _) = ran(&parts, SCRIPT, &["--threads", "1", "--steps", "10", "--output-every", "5"]);
+    assert!(code == 0 && output.contains("WriteOut: output_every = 10 is overridden by --output-every"), "{output}");
+    assert_eq!(parts.last().meta.step, 10);
+    let script = parts.path().join("command.py");
+    let (code, _, errors) = ran(&parts, SCRIPT, &["--resume", "--threads", "1"]);
+    assert_eq!((code, errors.as_str()), (0, ""));
+    let [a, b] = [&whole, &parts].map(|case| fs::read(case.path().join("OUTBOX/snapshot-000020.npz")).unwrap());
+    assert_eq!(a, b);
+    // Without the script its options differ, and each is reported.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cd-solve"));
+    let output = command.arg(parts.path()).args(["--resume", "--steps", "30", "--dt", "2e-3"]).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        said.contains("max_sweeps was Some(25000) in the run so far") || said.contains("max_sweeps was 25000"),
+        "{said}"
+    );
+    assert!(script.exists());
+}
+
+#[test]
+fn scripts_of_both_forms_mean_the_same() {
+    let given = ComputeFlags::default();
+    let prefixed = options(SCRIPT, &given).unwrap();
+    let star = SCRIPT.replace("from pylmgc90 import chipy\n", "from pylmgc90.chipy import *\n").replace("chipy.", "");
+    let star = star.replace("pylmgc90import", "pylmgc90.chipy import").replace("pylmgc90import *", "");
+    let star = star.replace("from pylmgc90.import *", "from pylmgc90.chipy import *");
+    assert_eq!(format!("{:?}", options(&star, &given).unwrap()), format!("{prefixed:?}"));
+    let flat = SCRIPT
+        .replace("import chipy", "import chipy as lm")
+        .replace("chipy.", "lm.")
+        .replace("lm.IncrementStep()", "lm.TimeEvolution_IncrementStep(); lm.RBDY3_IncrementStep()")
+        .replace(
+            "lm.ExSolver(solver_type, norm, tol, relax, 50, 500)",
+            "lm.nlgs_3D_ExSolver(solver_type, norm, conv=tol, relax=relax, gsit1=50, gsit2=500)",
+        )
+        .replace("lm.WriteOut(10)", "lm.TimeEvolution_WriteOutDof(10)");
+    assert_eq!(format!("{:?}", options(&flat, &given).unwrap()), format!("{prefixed:?}"));
+    let in_time = SCRIPT.replace("for k in range(0, nb_steps):", "while chipy.TimeEvolution_GetTime() < nb_steps*dt:");
+    let read = options(&in_time, &given).unwrap();
+    assert_eq!((read.steps, read.end_time), (None, Some(0.02)));
+    let maxm = options(&SCRIPT.replace("QM/16", "Maxm "), &given).unwrap();
+    assert_eq!(maxm.tol, Some(1.666e-4));
+}
+
+#[test]
+fn periods_and_gravity_are_taken() {
+    let more = "chipy.SetPeriodicCondition(yperiod=25., xperiod=5*5)\nchipy.bulk_behav_SetGravity([0., 0., -1.62])\n";
+    let text = SCRIPT.replace("chipy.ComputeMass()\n", more);
+    let read = options(&text, &ComputeFlags::default()).unwrap();
+    assert_eq!((read.xperiode, read.yperiode), (Some(25.0), Some(25.0)));
+    let case = falling();
+    let (code, output, _) = ran(&case, &text.replace("xperiod=5*5", "xperiod=None"), &["--theta=1.0"]);
+    assert!(code == 0 && output.contains("bulk_behav_SetGravity: gravity = (0, 0, -1.62) m/s²"), "{output}");
+    let fallen = case.written()[0].meta.parameters.uniform_gravity;
+    assert_eq!(fallen, [0.0, 0.0, -1.62]);
+}
+
+#[test]
+fn calls_that_change_the_mechanics_are_rejected() {
+    let with = |line: &str| SCRIPT.replace("chipy.ComputeMass()", line);
+    let lines = [
+        ("chipy.SetDimension(2)", "14: SetDimension: 2 dimensions; expected a script for three"),
+        ("chipy.ReadIni(3)", "14: ReadIni: does not start from DATBOX; expected record 0"),
+        ("chipy.RBDY3_SetInvisible(3)", "14: RBDY3_SetInvisible: is not supported; expected a DATBOX without"),
+        ("if x: chipy.FatalDamping()", "14: FatalDamping: is not supported; expected the option `quench`"),
+        ("chipy.RBDY3_PutBodyVector('Fext_', 1, f)", "14: RBDY3_PutBodyVector: is not supported; expected forces"),
+        ("chipy.Integrator_InitGear()", "14: Integrator_InitGear: is not supported"),
+        ("chipy.tact_behav_SetParam(1, 1, 0.)", "14: tact_behav_SetParam: is not supported"),
+        ("chipy.bulk_behav_SetGravity([0., g, 0.])", "14: bulk_behav_SetGravity: its value is not known: g"),
+    ];
+    for (line, expected) in lines {
+        let found = rejected(&with(line));
+        assert!(found.starts_with(expected) && !found.trim_end().contains('\n'), "{found}");
+    }
+    // All faults at once, and a line about each call without meaning here.
+    let found = rejected(&with("chipy.RBDY3_SetInvisible(3); chipy.FatalDamping()"));
+    assert_eq!(found.lines().count(), 2, "{found}");
+    let case = falling();
+    let (code, output, _) = ran(&case, &with("chipy.RBDY3_Fly(3)"), &[]);
+    assert!(
+        code == 0 && output.contains("command.py:14: RBDY3_Fly: not understood, and without effect here"),
+        "{output}"
+    );
+    let (code, _, errors) = ran(&case, &with("chipy.RBDY3_Fly((3)"), &["--force"]);
+    assert_eq!(
+        (code, errors.as_str()),
+        (2, "cd-solve: CASE/command.py:14: bracket: is not closed; expected a script of Python\n")
+    );
+}
+
+#[test]
+fn values_that_a_script_does_not_state_are_options() {
+    let text = SCRIPT.replace("dt = 1.e-3", "dt = float(input())").replace("nb_steps = 20", "nb_steps = len(files)");
+    let found = rejected(&text);
+    let expected = "\
+11: TimeEvolution_SetTimeStep: its value is not known: dt, set in line 4 from the call of input; expected a number, or the option --dt
+15: loop: its length is not known: nb_steps, set in line 5 from files; expected the option --steps N or --end-time S";
+    assert_eq!(found.trim_end(), expected);
+    let given = ComputeFlags { dt: Some(1e-3), end_time: Some(0.1), ..ComputeFlags::default() };
+    let read = options(&text, &given).unwrap();
+    assert_eq!((read.dt, read.steps, read.theta), (None, None, Some(0.5)));
+    let twice = SCRIPT.replace("chipy.ComputeMass()", "chipy.TimeEvolution_SetTimeStep(2*dt)");
+    assert!(
+        rejected(&twice).starts_with("14: TimeEvolution_SetTimeStep: dt is 0.002, and 0.001 in line 11; expected one")
+    );
+    let none = rejected("import numpy\n");
+    assert!(none.contains("steps: no call of IncrementStep is found") && none.contains("dt: no call of"), "{none}");
+    let soft = SCRIPT.replace("    chipy.WriteOut(10)", "    if k % 7 == 0: chipy.WriteOut()");
+    assert_eq!(options(&soft, &ComputeFlags::default()).unwrap().output_every, None);
+}
+
+#[test]
+fn the_page_lists_all_commands() {
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/reference/lmgc90.md");
+    let page = fs::read_to_string(page).unwrap();
+    for row in table_rows() {
+        assert!(page.contains(&row), "docs/reference/lmgc90.md does not have the row\n{row}");
+    }
+}
+
+/// A semicircular arch of so many blocks, 0.5 m thick and 2 m in inner radius, between two fixed ones.
+fn arch(blocks: usize) -> Case {
+    let mut case = Case::new();
+    case.law_between("POLYR", "POLYR", "IQS_CLB", &[0.6]);
+    case.gravity = [0.0, 0.0, -9.81];
+    case.materials[0].density = 2000.0;
+    let triangles: Vec<[u32; 3]> = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+        .iter()
+        .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
+        .collect();
+    let angle = std::f64::consts::PI / blocks as f64;
+    for k in 0..blocks + 2 {
+        // The first and the last block are below the springings.
+        let angles = [k as f64 - 1.0, k as f64].map(|at| at * angle);
+        let corner = |n: usize| {
+            let (t, r, y) = (angles[n / 2 % 2], [2.0, 2.5][n % 2], [-0.5, 0.5][n / 4]);
+            [r * t.cos(), y, r * t.sin()].map(|c| format!("{c:.7e}").parse().unwrap())
+        };
+        let vertices: Vec<[f64; 3]> = (0..8).map(corner).collect();
+        let block = case.polyhedron(&vertices, &triangles, [0.0; 3]);
+        if k == 0 || k == blocks + 1 {
+            case.drive(block, [0.0; 6].map(cd_formats::drv_dof::Evolution::constant));
+        }
+    }
+    // In the fixed axes of BODIES.DAT, as LMGC90's folders without axes.
+    case.dof.clear();
+    case
+}
+
+/// In a folder without COMPUTE.RON an arch comes to rest, as it does in LMGC90; at the tolerance of other folders it creeps.
+#[test]
+fn an_arch_rests_with_the_defaults_of_folders_of_lmgc90() {
+    let case = arch(9);
+    let speed = |flags: &[&str]| {
+        let flags = [&["--dt=1e-3", "--steps=150", "--threads=1", "--force"], flags].concat();
+        assert_eq!(case.solve(&flags), 0);
+        case.last().bodies.body_v.iter().map(|v| v.iter().map(|c| c * c).sum::<f64>().sqrt()).fold(0.0, f64::max)
+    };
+    case.write();
+    let compute = case.path().join("DATBOX/COMPUTE.RON");
+    fs::write(&compute, "()").unwrap();
+    let creeping = speed(&[]);
+    fs::remove_file(compute).unwrap();
+    let resting = speed(&[]);
+    // 1e-9 m/s is 3 cm in a year; the tolerance alone allows 1e-2 of g dt.
+    assert!(resting < 1e-9 && creeping > 1e-6, "{resting:e} m/s, {creeping:e} m/s");
+    assert!((0..11).all(|body| case.last().x(body).norm() < 3.0));
+}
