@@ -208,8 +208,7 @@ fn solve_request(
     let shock = if state.laws.iter().any(ContactLaw::has_restitution) { MIN_TOLERANCE_FACTOR } else { 1.0 };
     // Errors in breaking bonds or starting to slide are not corrected either.
     let lost = if state.laws.iter().any(ContactLaw::has_irreversible_loss) {
-        let bonded = state.bonding != BondingMode::No || state.contacts.iter().any(|contact| contact.bond.is_some());
-        LOSS_TOLERANCE_FACTOR.min(if bonded { MAX_BOND_RESIDUAL } else { MAX_LOSS_RESIDUAL } / tol)
+        LOSS_TOLERANCE_FACTOR.min(MAX_LOSS_RESIDUAL / tol)
     } else {
         1.0
     };
@@ -243,9 +242,6 @@ const LOSS_TOLERANCE_FACTOR: f64 = 0.1;
 
 /// Largest residual with which irreversible losses are decided: a load of 0.9 or 1.1 of a limit is then on its side of it.
 const MAX_LOSS_RESIDUAL: f64 = 1e-3;
-
-/// The same with bonds: errors add up over the steps, and tilt a body that hangs from an area of a hundredth of its size.
-const MAX_BOND_RESIDUAL: f64 = 1e-4;
 
 /// Factor on `tol` for the residual sought, <= 1.
 ///
