@@ -1,7 +1,6 @@
 //! Assembly of the contact problem: one row per contact, from its geometry, its law and its history.
 
 use cd_formats::compute::FaceFriction;
-use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::context::{AssemblyContext, MotionBounds};
@@ -12,7 +11,7 @@ use super::problem::{BlockData, ContactConstraint, ContactProblem, RollingConstr
 use crate::integrate::ContactConfiguration;
 use crate::laws::{ContactLaw, GapForecast, LawInput, LawShift, MAX_STEP_OVERLAP, RollingFriction};
 use crate::math::simd::SimdWidth;
-use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
+use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::{BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
 use crate::state::{Contact, ContactId, ContactStatus, SolvedContact, State, Velocities};
 
@@ -124,7 +123,7 @@ pub fn contact_problem(
     }
     if let Some(full) = &full {
         rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
-            if !full.can_move_a_body(row, &scene.bodies) {
+            if !full.can_move_a_body(k, row, &scene.bodies) {
                 *row = ContactConstraint {
                     acts: false,
                     can_close: false,
@@ -365,7 +364,7 @@ impl AssemblyContext<'_> {
     ) -> Option<RollingConstraint> {
         let RollingFriction { rolling, spinning } = self.state.laws[contact.law as usize].rolling_friction()?;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
-        if self.scene.bodies[a].driven && self.scene.bodies[b].driven {
+        if ![a, b].iter().any(|&i| self.scene.bodies[i].can_rotate()) {
             return None; // both rotations are imposed
         }
         let scale = self.q_c.h / self.state.h;
@@ -383,22 +382,12 @@ impl AssemblyContext<'_> {
 
 /// Per-body part of [`BlockData`], if a scene needs it.
 fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
-    let of = |(body, q): (&RigidBody, &Quat)| {
-        if body.driven {
-            return Matrix3::zeros();
-        }
-        if body.is_isotropic() {
-            return Matrix3::from_diagonal_element(1.0 / body.inertia[0]);
-        }
-        let axes = q.to_rotation_matrix();
-        axes * Matrix3::from_diagonal(&Vec3::from(body.inertia.map(|j| 1.0 / j))) * axes.transpose()
-    };
     let held = || scene.bodies.iter().map(RigidBody::locked_axes).collect();
     let full = || BlockData {
         arms: Vec::new(),
         friction_offsets: Vec::new(),
         locked_axes: if scene.bodies.iter().any(RigidBody::is_driven_in_part) { held() } else { Vec::new() },
-        inverse_inertia: scene.bodies.iter().zip(&q_c.q).map(of).collect(),
+        inverse_inertia: scene.bodies.iter().zip(&q_c.q).map(|(body, q)| body.inverse_inertia_matrix(q)).collect(),
     };
     scene.needs_blocks().then(full)
 }
