@@ -146,6 +146,11 @@ impl RigidBody {
         self.can_rotate() && !self.rotates_freely()
     }
 
+    /// Whether its plates and cylinders count as walls of infinite radius: it is driven and does not rotate by moments.
+    fn is_flat_wall(&self) -> bool {
+        !self.can_rotate()
+    }
+
     /// 1 for each axis of the body about which moments turn it, else 0.
     fn free_rotations(&self) -> Vec3 {
         Vec3::from_fn(|k, _| if self.free_components[3 + k] { 1.0 } else { 0.0 })
@@ -261,6 +266,13 @@ impl VisibilityTable {
     }
 }
 
+/// Effective radius of two curvatures (1/m), m; `flat` of two flat walls.
+#[inline(always)]
+pub fn radius_of_curvatures([a, b]: [f64; 2], flat: impl Fn() -> f64) -> f64 {
+    let sum = a + b;
+    if sum > 0.0 { 1.0 / sum } else { flat() }
+}
+
 /// Steps made when neither `steps` nor `end_time` is given.
 pub const DEFAULT_STEPS: u64 = 1000;
 
@@ -303,11 +315,13 @@ pub struct Scene {
     pub spheres: Vec<BodyId>,
     /// Plates, in order.
     pub planes: Vec<BodyId>,
-    /// Contactors of all bodies, ordered by body, if some body is neither a sphere nor a plate, or is driven in part;
-    /// otherwise empty.
+    /// Contactors of all bodies, ordered by body, if some body is neither a sphere nor a plate, is driven in part, or is a
+    /// plate that moves; otherwise empty.
     pub parts: Vec<BodyPart>,
     /// Whether some contactor in `parts` is a sphere.
     pub has_round_parts: bool,
+    /// Whether some contactor in `parts` is a solid cylinder of a body that moves.
+    pub has_rollers: bool,
     /// Whether some contactor in `parts` is a hollow cylinder.
     pub has_drums: bool,
     /// Index in `parts` ([`PartId`]) of the first contactor of each body, and the length of `parts`; empty if there are no
@@ -376,13 +390,19 @@ impl Scene {
 
     /// Free bodies, or those driven in part if none is free: the bodies of which the run computes the motion.
     pub fn moving_bodies(&self) -> Vec<BodyId> {
-        let in_part = || (0..self.bodies.len()).filter(|&i| self.bodies[i].is_driven_in_part()).map(BodyId::new).collect();
+        let in_part =
+            || (0..self.bodies.len()).filter(|&i| self.bodies[i].is_driven_in_part()).map(BodyId::new).collect();
         if self.free.is_empty() { in_part() } else { self.free.clone() }
     }
 
     /// Effective radius R, 1/R = 1/R_a + 1/R_b, of two contactors, each a body and a rank, m.
     pub fn effective_radius(&self, a: (BodyId, u16), b: (BodyId, u16)) -> f64 {
-        1.0 / (self.contactor_curvature(a) + self.contactor_curvature(b))
+        let curvatures = [a, b].map(|contactor| self.contactor_curvature(contactor));
+        radius_of_curvatures(curvatures, || {
+            let extent =
+                |(body, rank): (BodyId, u16)| self.find_part(body, rank).map_or(f64::INFINITY, |part| part.radius);
+            extent(a).min(extent(b))
+        })
     }
 
     /// Size of a pair of contactors, each a body and a rank, m: the radius of the smaller free body, limited to the sum
@@ -403,18 +423,21 @@ impl Scene {
     fn contactor_curvature(&self, (body, rank): (BodyId, u16)) -> f64 {
         match self.bodies[body.index()].shape {
             BodyShape::Sphere { radius } => 1.0 / radius,
-            BodyShape::Plane { .. } => 0.0,
+            BodyShape::Plane { .. } if self.bodies[body.index()].is_flat_wall() => 0.0,
+            BodyShape::Plane { .. } => 1.0 / self.bodies[body.index()].radius,
             BodyShape::Parts => self.find_part(body, rank).map_or(0.0, |part| self.part_curvature(part)),
         }
     }
 
-    /// Curvature 1/R of a contactor, 1/m: a polyhedron has that of the sphere of its body's volume; plates and cylinders
-    /// are flat.
+    /// Curvature 1/R of a contactor, 1/m: a polyhedron, and a plate or cylinder that is not a wall, has that of the sphere of
+    /// its body's volume; walls are flat.
     pub fn part_curvature(&self, part: &BodyPart) -> f64 {
+        let body = &self.bodies[part.body.index()];
         match part.geometry {
             ContactorShape::Sphere { radius } => 1.0 / radius,
-            ContactorShape::Polyhedron(_) => 1.0 / self.bodies[part.body.index()].radius,
-            ContactorShape::Cylinder { .. } | ContactorShape::Plane { .. } => 0.0,
+            ContactorShape::Polyhedron(_) => 1.0 / body.radius,
+            ContactorShape::Cylinder { .. } | ContactorShape::Plane { .. } if body.is_flat_wall() => 0.0,
+            ContactorShape::Cylinder { .. } | ContactorShape::Plane { .. } => 1.0 / body.radius,
         }
     }
 
@@ -448,7 +471,7 @@ impl Scene {
         [self.options.xperiode, self.options.yperiode]
     }
 
-    /// Whether there are shapes other than spheres and plates, or bodies driven in part.
+    /// Whether there are shapes other than spheres and plates, bodies driven in part, or plates that move.
     pub fn is_general(&self) -> bool {
         !BARE && !self.parts.is_empty()
     }
@@ -535,6 +558,7 @@ impl Scene {
             let parts = self.parts.iter().filter(of_shape);
             parts.filter(|part| self.bodies[part.body.index()].driven == driven && chosen(&part.geometry)).count()
         };
+        let free_planes = self.planes.iter().filter(|&&i| !self.bodies[i.index()].driven).count();
         let ball = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Sphere { .. });
         let polyhedron = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Polyhedron(_));
         let cylinder = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Cylinder { .. });
@@ -545,7 +569,9 @@ impl Scene {
             (parts(true, polyhedron), "driven polyhedral contactor"),
             (parts(false, ball) + parts(true, ball), "spherical contactor"),
             (parts(true, cylinder), "cylinder"),
-            (self.planes.len(), "plane"),
+            (parts(false, cylinder), "free cylinder"),
+            (self.planes.len() - free_planes, "plane"),
+            (free_planes, "free plane"),
             (self.bodies.iter().filter(|body| body.is_driven_in_part()).count(), "partly driven wall"),
             (self.loads.len(), "imposed force"),
         ];

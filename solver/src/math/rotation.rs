@@ -197,7 +197,8 @@ mod tests {
         // The error of the phase is (h rate)²/12 of it; with rounding.
         assert!((own - expected).norm() < 1e-7, "{own} {expected}");
         // Two imposed rates: a constant acceleration (J_2 - J_3)/J_1 Ω_2 Ω_3 about the first axis.
-        let (q, w) = guided_rotation(&Quat::identity(), &Vec3::new(0.0, 1.0, 0.5), &inertia, [true, false, false], 0.25);
+        let (q, w) =
+            guided_rotation(&Quat::identity(), &Vec3::new(0.0, 1.0, 0.5), &inertia, [true, false, false], 0.25);
         let own = q.inverse_transform_vector(&w);
         assert!((own - Vec3::new(-0.5 * 0.5 * 0.25, 1.0, 0.5)).norm() < 1e-15, "{own}");
     }

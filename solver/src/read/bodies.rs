@@ -46,16 +46,11 @@ pub fn scene_without_laws(
     }
     let (drives, loads) = imposed_motion(datbox, driven, &mut bodies, faults);
     for part in parts.iter().filter(|part: &&BodyPart| !bodies[part.body.index()].driven) {
-        let (name, kind) = match part.geometry {
-            ContactorShape::Plane { .. } => ("PLANx", "plates"),
-            ContactorShape::Cylinder { hollow: false, .. } => ("CYLND", "cylinders"),
-            ContactorShape::Cylinder { hollow: true, .. } => ("DNLYC", "hollow cylinders"),
-            ContactorShape::Sphere { .. } | ContactorShape::Polyhedron(_) => continue,
-        };
-        let expected =
-            format!("expected vlocy lines in DRV_DOF.DAT: {kind} are walls, some or all of their motion is imposed");
+        let ContactorShape::Cylinder { hollow: true, .. } = part.geometry else { continue };
+        let expected = "expected vlocy lines in DRV_DOF.DAT that impose some or all of its motion: a hollow cylinder is a \
+                        wall, as its outside has no contacts";
         let (line, object) = (Some(records.0[part.body.index()].line), format!("body {}", part.body.number()));
-        faults.push(Fault::new(&file, line, object, format!("a {name} that may move freely"), expected));
+        faults.push(Fault::new(&file, line, object, "a DNLYC that may move freely", expected));
     }
     for (index, record) in records.0.iter().enumerate().filter(|(index, _)| !bodies[*index].driven) {
         // A larger body would be met by more than its nearest image.
@@ -74,7 +69,12 @@ pub fn scene_without_laws(
             ));
         }
     }
-    if !bodies.iter().any(|body| body.shape == BodyShape::Parts || body.is_driven_in_part()) {
+    let needs_parts = |body: &RigidBody| match body.shape {
+        BodyShape::Parts => true,
+        BodyShape::Plane { .. } => !body.is_imposed(),
+        BodyShape::Sphere { .. } => body.is_driven_in_part(),
+    };
+    if !bodies.iter().any(needs_parts) {
         parts.clear();
         part_starts.clear();
     }
@@ -108,6 +108,10 @@ pub fn scene_without_laws(
         spheres,
         planes,
         has_round_parts: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Sphere { .. })),
+        has_rollers: parts.iter().any(|part| {
+            let solid = matches!(part.geometry, ContactorShape::Cylinder { hollow: false, .. });
+            solid && !bodies[part.body.index()].is_imposed()
+        }),
         has_drums: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Cylinder { hollow: true, .. })),
         parts,
         part_starts,
