@@ -173,7 +173,8 @@ fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)]) -> Option
 pub fn period_gap_notes(scene: &Scene, q: &[Quat]) -> Vec<String> {
     let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
     let missed = periods.into_iter().enumerate().filter_map(|(axis, (name, period))| {
-        let widest = scene.planes.iter().map(|&plate| plate_extent(scene, q, plate.index(), axis)).reduce(f64::max)?;
+        let walls = scene.planes.iter().filter(|plate| scene.bodies[plate.index()].driven);
+        let widest = walls.map(|&plate| plate_extent(scene, q, plate.index(), axis)).reduce(f64::max)?;
         let period = period.filter(|period| widest < period * (1.0 - 1e-6))?; // rounding of files
         Some(format!(
             "{name}: the widest plate spans {widest} m of the period {period} m; grains that miss it fall forever"
