@@ -178,7 +178,7 @@ fn pairs_that_have_no_contact() {
     case.plate([1.0; 3], [0.0, 0.0, 4.0], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
     case.driven.truncate(6); // the plate moves
     case.law_between("PLANx", "PLANx", "IQS_CLB", &[0.3]);
-    let line = "CASE/DATBOX/TACT_BEHAV.DAT:18: PLANx WALLx and PLANx WALLx: body 3, which is not all driven, and body 1; \
+    let line = "CASE/DATBOX/TACT_BEHAV.DAT:15: PLANx WALLx and PLANx WALLx: body 3, which is not all driven, and body 1; \
                 expected no such row: LMGC90 has no contact of two plates; make one of them a POLYR with the eight \
                 corners of the plate";
     written_refused(&case, &[], &[line]);
