@@ -42,7 +42,8 @@ pub struct StepBound {
 
 /// Bounds on h, the smallest first.
 pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
-    let free: Vec<(usize, &RigidBody)> = scene.free.iter().map(|&i| (i.index(), &scene.bodies[i.index()])).collect();
+    let moving = scene.moving_bodies();
+    let free: Vec<(usize, &RigidBody)> = moving.iter().map(|&i| (i.index(), &scene.bodies[i.index()])).collect();
     let mass: f64 = free.iter().map(|(_, body)| body.mass).sum();
     let smallest = free.iter().map(|(_, body)| body.radius).fold(f64::INFINITY, f64::min);
     let mean_velocity = free.iter().map(|(i, body)| state.v[*i] * body.mass).sum::<Vec3>() / mass;

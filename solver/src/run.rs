@@ -359,8 +359,8 @@ fn check_finite(finite: bool, state: &State, what: &str) -> Result<(), RunFailur
 /// Rejects options that do not allow a run from this state.
 pub fn check_run(case: &Path, scene: &Scene, state: &State) -> Result<(), Faults> {
     let mut faults = Faults::default();
-    if scene.free.is_empty() {
-        let expected = "expected at least one whose motion is not imposed";
+    if scene.moving_bodies().is_empty() {
+        let expected = "expected at least one whose motion is not all imposed";
         faults.push(Fault::new(&case.join("DATBOX/BODIES.DAT"), None, "bodies", "none is free to move", expected));
     }
     let end = scene.options.end_time.filter(|_| scene.options.steps.is_none());

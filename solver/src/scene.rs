@@ -11,7 +11,7 @@ use crate::geometry::Polyhedron;
 use crate::gravity::{GravitySolver, SummationMethod};
 use crate::laws::ContactLaw;
 use crate::math::rotation;
-use crate::math::{Quat, Vec3};
+use crate::math::{Mat3, Quat, Vec3};
 
 /// Shape of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,11 +106,11 @@ pub struct RigidBody {
     pub mass: f64,
     /// Principal moments of inertia, kg m^2; a sphere's are equal.
     pub inertia: [f64; 3],
-    /// Whether some or all of its motion is imposed: a wall, or a driven sphere. Driven bodies do not count in the ledger
-    /// and rotate as imposed.
+    /// Whether some or all of its motion is imposed: a wall, or a driven sphere. Driven bodies do not count in the ledger.
     pub driven: bool,
-    /// Fixed axes along which a driven body is pushed by forces; without any it has no inverse mass.
-    pub free_axes: [bool; 3],
+    /// Components of the velocity that forces and moments change: along the fixed axes, then about the body's axes. A body
+    /// without any has no inverse mass; a body that is not driven has all.
+    pub free_components: [bool; 6],
     /// Index into `Scene::materials`.
     pub material: u16,
     /// Index into `Scene::colours`.
@@ -132,23 +132,62 @@ impl RigidBody {
 
     /// Whether some components of the velocity are imposed, and others are not.
     pub fn is_driven_in_part(&self) -> bool {
-        self.driven && self.free_axes.contains(&true)
+        self.driven && self.free_components.contains(&true)
     }
 
     /// 1 for each fixed axis along which the velocity of a body driven in part is imposed, else 0.
     pub fn locked_axes(&self) -> Vec3 {
-        Vec3::from(self.free_axes.map(|pushed| if self.is_driven_in_part() && !pushed { 1.0 } else { 0.0 }))
+        Vec3::from_fn(|k, _| if self.is_driven_in_part() && !self.free_components[k] { 1.0 } else { 0.0 })
     }
 
     /// Imposed components of the velocity as in the snapshots: bit k for component k.
     pub fn imposed_components(&self) -> u8 {
-        let along = |k: usize| if self.free_axes[k] { 0 } else { 1 << k };
-        if self.driven { (0..3).map(along).sum::<u8>() | 0b11_1000 } else { 0 }
+        (0..6).map(|k| if self.free_components[k] { 0 } else { 1 << k }).sum()
     }
 
-    /// Inverse moment of inertia of a sphere, 1/(kg m^2); 0 for a body whose motion is imposed.
+    /// Whether moments change all components of its angular velocity.
+    pub fn rotates_freely(&self) -> bool {
+        self.free_components[3..] == [true; 3]
+    }
+
+    /// Whether moments change some component of its angular velocity.
+    pub fn can_rotate(&self) -> bool {
+        self.free_components[3..].contains(&true)
+    }
+
+    /// Whether some components of its angular velocity are imposed, and others are not.
+    pub fn rotates_in_part(&self) -> bool {
+        self.can_rotate() && !self.rotates_freely()
+    }
+
+    /// Whether its plates and cylinders count as walls of infinite radius: it is driven and does not rotate by moments.
+    fn is_flat_wall(&self) -> bool {
+        !self.can_rotate()
+    }
+
+    /// 1 for each axis of the body about which moments turn it, else 0.
+    fn free_rotations(&self) -> Vec3 {
+        Vec3::from_fn(|k, _| if self.free_components[3 + k] { 1.0 } else { 0.0 })
+    }
+
+    /// Inverse moment of inertia of a sphere that [rotates freely](Self::rotates_freely), 1/(kg m^2), else 0.
     pub fn inverse_inertia(&self) -> f64 {
-        if self.driven { 0.0 } else { 1.0 / self.inertia[0] }
+        if self.rotates_freely() { 1.0 / self.inertia[0] } else { 0.0 }
+    }
+
+    /// Inverse inertia in the world frame of the body with the orientation `q`, 1/(kg m²): the inverse of the block of the
+    /// inertia of the components that are not imposed, 0 in all others. The body's axes are principal, so that the block is
+    /// diagonal in them.
+    pub fn inverse_inertia_matrix(&self, q: &Quat) -> Mat3 {
+        if !self.can_rotate() {
+            return Mat3::zeros();
+        }
+        if self.rotates_freely() && self.is_isotropic() {
+            return Mat3::from_diagonal_element(1.0 / self.inertia[0]);
+        }
+        let axes = q.to_rotation_matrix();
+        let own = Vec3::from(self.inertia.map(|j| 1.0 / j)).component_mul(&self.free_rotations());
+        axes * Mat3::from_diagonal(&own) * axes.transpose()
     }
 
     /// Angular momentum about the centre of mass, kg m²/s, world frame, of the body with the orientation `q` and the angular
@@ -157,12 +196,15 @@ impl RigidBody {
         if self.is_isotropic() { w * self.inertia[0] } else { rotation::angular_momentum(q, &self.inertia, w) }
     }
 
-    /// Angular velocity, rad/s, world frame, from the angular momentum; 0 for a body whose motion is imposed.
-    pub fn angular_velocity(&self, q: &Quat, momentum: &Vec3) -> Vec3 {
-        if self.driven || self.is_isotropic() {
-            momentum * self.inverse_inertia()
+    /// Change of the angular velocity, rad/s, world frame, by an angular impulse; 0 about axes of imposed rotation.
+    pub fn angular_velocity(&self, q: &Quat, impulse: &Vec3) -> Vec3 {
+        if self.rotates_in_part() {
+            let own = q.inverse_transform_vector(impulse).component_mul(&self.free_rotations());
+            q * own.component_div(&Vec3::from(self.inertia))
+        } else if self.is_isotropic() || !self.can_rotate() {
+            impulse * self.inverse_inertia()
         } else {
-            rotation::angular_velocity(q, &self.inertia, momentum)
+            rotation::angular_velocity(q, &self.inertia, impulse)
         }
     }
 
@@ -193,10 +235,15 @@ impl ImposedVelocity {
     }
 
     /// Velocity (m/s) and angular velocity (rad/s, world frame) at a time (s) of the body with the orientation `q`.
-    /// Components that are not imposed are those of `v`.
-    pub fn velocity_at(&self, time: f64, q: &Quat, v: &Vec3) -> (Vec3, Vec3) {
+    /// Components that are not imposed are those of `v` and `w`.
+    pub fn velocity_at(&self, time: f64, q: &Quat, v: &Vec3, w: &Vec3) -> (Vec3, Vec3) {
         let imposed = |k: usize, pushed: f64| self.velocity[k].as_ref().map_or(pushed, |value| value.value_at(time));
-        (Vec3::from_fn(|k, _| imposed(k, v[k])), q * Vec3::from_fn(|k, _| imposed(3 + k, 0.0)))
+        let moved = Vec3::from_fn(|k, _| imposed(k, v[k]));
+        if self.velocity[3..].iter().all(Option::is_none) {
+            return (moved, *w);
+        }
+        let own = q.inverse_transform_vector(w);
+        (moved, q * Vec3::from_fn(|k, _| imposed(3 + k, own[k])))
     }
 }
 
@@ -231,6 +278,13 @@ impl VisibilityTable {
     pub fn interaction_rule(&self, a: u16, b: u16) -> Option<InteractionRule> {
         self.table[a as usize * self.classes + b as usize]
     }
+}
+
+/// Effective radius of two curvatures (1/m), m; `flat` of two flat walls.
+#[inline(always)]
+pub fn radius_of_curvatures([a, b]: [f64; 2], flat: impl Fn() -> f64) -> f64 {
+    let sum = a + b;
+    if sum > 0.0 { 1.0 / sum } else { flat() }
 }
 
 /// Steps made when neither `steps` nor `end_time` is given.
@@ -275,11 +329,13 @@ pub struct Scene {
     pub spheres: Vec<BodyId>,
     /// Plates, in order.
     pub planes: Vec<BodyId>,
-    /// Contactors of all bodies, ordered by body, if some body is neither a sphere nor a plate, or is driven in part;
-    /// otherwise empty.
+    /// Contactors of all bodies, ordered by body, if some body is neither a sphere nor a plate, is driven in part, or is a
+    /// plate that moves; otherwise empty.
     pub parts: Vec<BodyPart>,
     /// Whether some contactor in `parts` is a sphere.
     pub has_round_parts: bool,
+    /// Whether some contactor in `parts` is a solid cylinder of a body that moves.
+    pub has_rollers: bool,
     /// Whether some contactor in `parts` is a hollow cylinder.
     pub has_drums: bool,
     /// Index in `parts` ([`PartId`]) of the first contactor of each body, and the length of `parts`; empty if there are no
@@ -289,14 +345,18 @@ pub struct Scene {
     pub notes: Vec<String>,
     /// Probable mistakes in the input.
     pub warnings: Vec<String>,
-    /// Free bodies whose moments of inertia differ, in order: their angular velocity changes without a torque.
+    /// Bodies whose rotation is not imposed and whose moments of inertia differ, in order: their angular velocity changes
+    /// without a torque.
     pub turning: Vec<BodyId>,
+    /// Bodies whose rotation is imposed about some of their axes and whose moments of inertia differ, in order.
+    pub guided: Vec<BodyId>,
     /// Whether the orientation of each body is integrated; a sphere's matters only to moments and rotations in its own
     /// axes.
     pub oriented: Vec<bool>,
-    /// Mean radius of the free spheres, m; the length that penetrations are compared with.
+    /// Mean radius of the free bodies, m, or of those driven in part if none is free; the length that penetrations are
+    /// compared with.
     pub mean_radius: f64,
-    /// Smallest radius of the free bodies, m.
+    /// Smallest radius of the same bodies, m.
     pub smallest_radius: f64,
     /// Largest gap (m) at which a pair is listed, over all rows of the visibility table.
     pub listing_range: f64,
@@ -342,9 +402,21 @@ impl Scene {
         self.has_self_gravity().then_some((radius, strength / (radius * radius)))
     }
 
+    /// Free bodies, or those driven in part if none is free: the bodies of which the run computes the motion.
+    pub fn moving_bodies(&self) -> Vec<BodyId> {
+        let in_part =
+            || (0..self.bodies.len()).filter(|&i| self.bodies[i].is_driven_in_part()).map(BodyId::new).collect();
+        if self.free.is_empty() { in_part() } else { self.free.clone() }
+    }
+
     /// Effective radius R, 1/R = 1/R_a + 1/R_b, of two contactors, each a body and a rank, m.
     pub fn effective_radius(&self, a: (BodyId, u16), b: (BodyId, u16)) -> f64 {
-        1.0 / (self.contactor_curvature(a) + self.contactor_curvature(b))
+        let curvatures = [a, b].map(|contactor| self.contactor_curvature(contactor));
+        radius_of_curvatures(curvatures, || {
+            let extent =
+                |(body, rank): (BodyId, u16)| self.find_part(body, rank).map_or(f64::INFINITY, |part| part.radius);
+            extent(a).min(extent(b))
+        })
     }
 
     /// Size of a pair of contactors, each a body and a rank, m: the radius of the smaller free body, limited to the sum
@@ -365,18 +437,21 @@ impl Scene {
     fn contactor_curvature(&self, (body, rank): (BodyId, u16)) -> f64 {
         match self.bodies[body.index()].shape {
             BodyShape::Sphere { radius } => 1.0 / radius,
-            BodyShape::Plane { .. } => 0.0,
+            BodyShape::Plane { .. } if self.bodies[body.index()].is_flat_wall() => 0.0,
+            BodyShape::Plane { .. } => 1.0 / self.bodies[body.index()].radius,
             BodyShape::Parts => self.find_part(body, rank).map_or(0.0, |part| self.part_curvature(part)),
         }
     }
 
-    /// Curvature 1/R of a contactor, 1/m: a polyhedron has that of the sphere of its body's volume; plates and cylinders
-    /// are flat.
+    /// Curvature 1/R of a contactor, 1/m: a polyhedron, and a plate or cylinder that is not a wall, has that of the sphere of
+    /// its body's volume; walls are flat.
     pub fn part_curvature(&self, part: &BodyPart) -> f64 {
+        let body = &self.bodies[part.body.index()];
         match part.geometry {
             ContactorShape::Sphere { radius } => 1.0 / radius,
-            ContactorShape::Polyhedron(_) => 1.0 / self.bodies[part.body.index()].radius,
-            ContactorShape::Cylinder { .. } | ContactorShape::Plane { .. } => 0.0,
+            ContactorShape::Polyhedron(_) => 1.0 / body.radius,
+            ContactorShape::Cylinder { .. } | ContactorShape::Plane { .. } if body.is_flat_wall() => 0.0,
+            ContactorShape::Cylinder { .. } | ContactorShape::Plane { .. } => 1.0 / body.radius,
         }
     }
 
@@ -410,7 +485,7 @@ impl Scene {
         [self.options.xperiode, self.options.yperiode]
     }
 
-    /// Whether there are shapes other than spheres and plates, or bodies driven in part.
+    /// Whether there are shapes other than spheres and plates, bodies driven in part, or plates that move.
     pub fn is_general(&self) -> bool {
         !BARE && !self.parts.is_empty()
     }
@@ -497,6 +572,7 @@ impl Scene {
             let parts = self.parts.iter().filter(of_shape);
             parts.filter(|part| self.bodies[part.body.index()].driven == driven && chosen(&part.geometry)).count()
         };
+        let free_planes = self.planes.iter().filter(|&&i| !self.bodies[i.index()].driven).count();
         let ball = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Sphere { .. });
         let polyhedron = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Polyhedron(_));
         let cylinder = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Cylinder { .. });
@@ -507,7 +583,9 @@ impl Scene {
             (parts(true, polyhedron), "driven polyhedral contactor"),
             (parts(false, ball) + parts(true, ball), "spherical contactor"),
             (parts(true, cylinder), "cylinder"),
-            (self.planes.len(), "plane"),
+            (parts(false, cylinder), "free cylinder"),
+            (self.planes.len() - free_planes, "plane"),
+            (free_planes, "free plane"),
             (self.bodies.iter().filter(|body| body.is_driven_in_part()).count(), "partly driven wall"),
             (self.loads.len(), "imposed force"),
         ];

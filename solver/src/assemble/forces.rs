@@ -90,7 +90,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
     let end = scene.time_at(state.step + q_c.step_multiple);
     for drive in &scene.drives {
         let i = drive.body.index();
-        (free.v[i], free.w[i]) = drive.velocity_at(end, &q_c.q[i], &free.v[i]);
+        (free.v[i], free.w[i]) = drive.velocity_at(end, &q_c.q[i], &free.v[i], &free.w[i]);
     }
     free
 }

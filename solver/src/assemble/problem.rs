@@ -98,8 +98,8 @@ pub struct BlockData {
     /// 1 for each fixed axis along which the velocity of a partly driven body is imposed, else 0; by body. Empty if there is
     /// no such body.
     pub locked_axes: Vec<Vec3>,
-    /// Inverse inertia about the centre of mass in the contact configuration, by body, world frame, 1/(kg m²); 0 for a body
-    /// whose motion is imposed.
+    /// Inverse inertia about the centre of mass in the contact configuration, by body, world frame, 1/(kg m²); 0 about axes
+    /// of imposed rotation.
     pub inverse_inertia: Vec<Matrix3<f64>>,
 }
 
@@ -296,18 +296,22 @@ impl BlockData {
         (w_n, 0.5 * (trace - w_n))
     }
 
-    /// Whether an impulse along the normal of a row can move one of its bodies. It turns all bodies that are not driven.
-    pub(super) fn can_move_a_body(&self, row: &ContactConstraint, bodies: &[RigidBody]) -> bool {
+    /// Whether an impulse along the normal of row `k` can move one of its bodies at the contact point. It moves all bodies
+    /// that are not driven.
+    pub(super) fn can_move_a_body(&self, k: usize, row: &ContactConstraint, bodies: &[RigidBody]) -> bool {
         self.locked_axes.is_empty()
-            || row.bodies.iter().any(|&i| {
+            || row.bodies.iter().zip(&self.arms[k]).any(|(&i, arm)| {
                 let body = &bodies[i.index()];
                 let along = self.free_axes(i.index()).dot(&row.normal.component_mul(&row.normal));
-                !body.driven || (!body.is_imposed() && along > MIN_FREE_COSINE_SQUARED)
+                let turn = arm.cross(&row.normal);
+                let turned = body.mass * turn.dot(&(self.inverse_inertia[i.index()] * turn));
+                !body.driven || (!body.is_imposed() && along.max(turned) > MIN_FREE_MOBILITY)
             })
     }
 }
 
-/// Smallest square of the cosine between the normal and a free direction of one of two partly driven bodies at which their
-/// contact acts. Within 1e-3 rad of the plane of the imposed components the normal differs from this plane only by rounding,
+/// Smallest velocity along the normal that an impulse along it gives to one of two partly driven bodies at their contact
+/// point, over that of the free mass, at which the contact acts: the square of the cosine between the normal and a free
+/// direction. Within 1e-3 rad of the plane of the imposed components the normal differs from this plane only by rounding,
 /// and an impulse along it would accelerate the body along the free axis.
-const MIN_FREE_COSINE_SQUARED: f64 = 1e-6;
+const MIN_FREE_MOBILITY: f64 = 1e-6;

@@ -124,7 +124,7 @@ pub fn contact_problem(
     }
     if let Some(full) = &full {
         rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
-            if !full.can_move_a_body(row, &scene.bodies) {
+            if !full.can_move_a_body(k, row, &scene.bodies) {
                 *row = ContactConstraint {
                     acts: false,
                     can_close: false,
@@ -365,7 +365,7 @@ impl AssemblyContext<'_> {
     ) -> Option<RollingConstraint> {
         let RollingFriction { rolling, spinning } = self.state.laws[contact.law as usize].rolling_friction()?;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
-        if self.scene.bodies[a].driven && self.scene.bodies[b].driven {
+        if ![a, b].iter().any(|&i| self.scene.bodies[i].can_rotate()) {
             return None; // both rotations are imposed
         }
         let scale = self.q_c.h / self.state.h;
@@ -383,22 +383,15 @@ impl AssemblyContext<'_> {
 
 /// Per-body part of [`BlockData`], if a scene needs it.
 fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
-    let of = |(i, (body, q)): (usize, (&RigidBody, &Quat))| {
-        if body.driven || q_c.unturned.contains(&BodyId::new(i)) {
-            return Matrix3::zeros();
-        }
-        if body.is_isotropic() {
-            return Matrix3::from_diagonal_element(1.0 / body.inertia[0]);
-        }
-        let axes = q.to_rotation_matrix();
-        axes * Matrix3::from_diagonal(&Vec3::from(body.inertia.map(|j| 1.0 / j))) * axes.transpose()
+    let inverse_inertia = |(i, (body, q)): (usize, (&RigidBody, &Quat))| {
+        if q_c.unturned.contains(&BodyId::new(i)) { Matrix3::zeros() } else { body.inverse_inertia_matrix(q) }
     };
     let held = || scene.bodies.iter().map(RigidBody::locked_axes).collect();
     let full = || BlockData {
         arms: Vec::new(),
         friction_offsets: Vec::new(),
         locked_axes: if scene.bodies.iter().any(RigidBody::is_driven_in_part) { held() } else { Vec::new() },
-        inverse_inertia: scene.bodies.iter().zip(&q_c.q).enumerate().map(of).collect(),
+        inverse_inertia: scene.bodies.iter().zip(&q_c.q).enumerate().map(inverse_inertia).collect(),
     };
     scene.needs_blocks().then(full)
 }

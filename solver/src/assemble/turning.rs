@@ -4,7 +4,7 @@ use super::context::AssemblyContext;
 use super::kinematics::contact_arms;
 use crate::geometry::FAR_WALL;
 use crate::math::Vec3;
-use crate::scene::ContactorShape;
+use crate::scene::{BodyId, ContactorShape};
 use crate::state::Contact;
 
 impl AssemblyContext<'_> {
@@ -39,8 +39,32 @@ impl AssemblyContext<'_> {
             let free = if before > 0.0 { change.cross(arm) * (half / before) } else { Vec3::zeros() };
             lever_velocity_change(w, arm, half) + free
         };
-        let rolling = rolling_velocity_change(&a, &b, &(contact.normal * radius), half);
+        let ([roll_a, roll_b], radius) = match self.rolling_cylinder(contact) {
+            // Only the rotation about its axis moves the line of contact over its surface.
+            Some((axis, radius)) => ([a, b].map(|w| axis * axis.dot(&w)), radius),
+            None => ([a, b], radius),
+        };
+        let rolling = rolling_velocity_change(&roll_a, &roll_b, &(contact.normal * radius), half);
         at(0, &a, at_a) - at(1, &b, at_b) + rolling
+    }
+
+    /// Axis of a cylinder whose round side is the candidate's surface at a contact, and 1/(1/R_a + 1/R_b), m, with the radius
+    /// of the antagonist if that is the side of a parallel cylinder. `None` at other contacts.
+    fn rolling_cylinder(&self, contact: &Contact) -> Option<(Vec3, f64)> {
+        let &AssemblyContext { scene, q_c, .. } = self;
+        if !scene.has_rollers {
+            return None;
+        }
+        let side = |body: BodyId, rank: u16| {
+            let part = scene.find_part(body, rank)?;
+            let ContactorShape::Cylinder { radius, hollow: false, .. } = part.geometry else { return None };
+            let axis = q_c.q[body.index()] * part.axes * Vec3::z();
+            (axis.dot(&contact.normal).abs() < MAX_SIDE_COSINE).then_some((axis, radius))
+        };
+        let (axis, own) = side(contact.candidate, contact.ranks.0)?;
+        let of_antagonist = side(contact.antagonist, contact.ranks.1);
+        let parallel = of_antagonist.filter(|(other, _)| axis.cross(other).norm() < MAX_SIDE_COSINE);
+        Some((axis, 1.0 / (1.0 / own + parallel.map_or(0.0, |(_, radius)| 1.0 / radius))))
     }
 
     /// 1/(1/R_a + 1/R_b) of a sphere and the surface on which it rolls, m; 0 for corners and edges, which are fixed on their
@@ -95,6 +119,10 @@ impl AssemblyContext<'_> {
 /// Largest displacement along the inside of a cylinder in a step over the distance from its axis, for which the curvature is
 /// corrected: about two tangent planes of [`far_walls`](crate::geometry::far_walls) apart.
 const MAX_CURVED_SHARE: f64 = 0.75;
+
+/// Cosine between the normal and the axis up to which a contact is on the round side of a cylinder: 0 up to rounding there,
+/// and near 1 at an end.
+const MAX_SIDE_COSINE: f64 = 1e-6;
 
 /// τ(ω, l) = ω×(l⁺ - l), m/s: change of the velocity ω×l of the end of an arm as it turns. l⁺ = l + ½ h ω×l⁺ is the arm after
 /// half a step `half`, as for a rigid body that turns by the theta-scheme with θ = ½. To first order τ = ½ h ω×(ω×l).

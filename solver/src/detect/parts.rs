@@ -14,8 +14,8 @@ use super::travel::TravelBounds;
 use super::{joints, narrow, periodic};
 use crate::activity;
 use crate::geometry::{
-    CachedFeature, ContactPoint, Manifold, NarrowPhaseMode, PairBatch, PairResult, Separated, far_walls,
-    polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_sphere, vertices_at_far_walls,
+    CachedFeature, ContactPoint, Manifold, NarrowPhaseMode, PairBatch, PairResult, Separated, cylinder_cylinder,
+    far_walls, polyhedron_cylinder, polyhedron_hollow_cylinder, polyhedron_sphere, vertices_at_far_walls,
 };
 use crate::integrate::ContactConfiguration;
 use crate::math::simd::SimdWidth;
@@ -434,7 +434,15 @@ fn narrow_phase_pair<'a>(
         (PosedShape::Polyhedron(p), PosedShape::Cylinder { half_height, radius, hollow: false }) => {
             polyhedron_cylinder(p, &c, &b.axes, [*half_height, *radius], range).into_iter().collect()
         }
-        // Rows between cylinders and plates of which one moves freely along some axis are rejected on input.
+        (PosedShape::Cylinder { half_height, radius, hollow: false }, PosedShape::Plane { cuboid: q, .. }) => {
+            let found = polyhedron_cylinder(q, &-c, &a.axes, [*half_height, *radius], range);
+            found.map(|found| swapped_manifold(&found, &c)).into_iter().collect()
+        }
+        (
+            PosedShape::Cylinder { half_height: h, radius: r, hollow: false },
+            PosedShape::Cylinder { half_height, radius, hollow: false },
+        ) => cylinder_cylinder(&a.axes, [*h, *r], &c, &b.axes, [*half_height, *radius], range).into_iter().collect(),
+        // Rows between plates, or with hollow cylinders, of which one can move are rejected on input.
         _ => SmallVec::new(),
     };
     let nearest = found.iter().min_by(|a, b| a.gap().total_cmp(&b.gap()));
@@ -446,7 +454,7 @@ fn narrow_phase_pair<'a>(
     }
 }
 
-/// Manifold of a polyhedron and a sphere at -`c` with the sides exchanged, so that the sphere is the candidate.
+/// Manifold of a polyhedron and a body at -`c` with the sides exchanged, so that the body is the candidate.
 fn swapped_manifold(found: &Manifold, c: &Vec3) -> Manifold {
     let turned = |point: &ContactPoint| ContactPoint {
         position: point.position + c,

@@ -7,7 +7,7 @@ use super::travel::{LISTING_MARGIN, TravelBounds};
 use crate::geometry::{ContactPoint, ListingRange, Manifold, PosedPolyhedron};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Quat, Vec3};
-use crate::scene::{BodyId, BodyPart, ContactorShape, Scene};
+use crate::scene::{BodyId, BodyPart, ContactorShape, Scene, radius_of_curvatures};
 use crate::state::{Contact, VisiblePair};
 
 /// Position of a contactor and the scene data that its pairs need, packed so that a pair reads little memory.
@@ -135,7 +135,7 @@ impl<'a> CandidatePair<'a> {
         (parts, rule): &VisiblePair,
     ) -> f64 {
         let [a, b] = parts.map(|k| &contactors[k.index()]);
-        let cohesion_range = scene.laws[rule.law as usize].interaction_range(1.0 / (a.curvature + b.curvature));
+        let cohesion_range = scene.laws[rule.law as usize].interaction_range(Self::effective_radius(a, b));
         let smaller = a.radius.min(b.radius);
         let range =
             cohesion_range.max(a.travel + b.travel).max(nearby.max(FULL_MANIFOLD_GAP) * smaller).max(rule.alert);
@@ -152,7 +152,7 @@ impl<'a> CandidatePair<'a> {
         (parts, rule): &VisiblePair,
     ) -> Self {
         let [a, b] = parts.map(|k| &contactors[k.index()]);
-        let radius = 1.0 / (a.curvature + b.curvature);
+        let radius = Self::effective_radius(a, b);
         let law = &scene.laws[rule.law as usize];
         let image = scene.nearest_image_shift(&a.centre, &b.centre);
         let c = b.centre + image - a.centre;
@@ -168,6 +168,12 @@ impl<'a> CandidatePair<'a> {
         let patch = cohesion_range.max(travel).max(FULL_MANIFOLD_GAP * a.radius.min(b.radius));
         let range = ListingRange { alert: patch.max(rule.alert), patch, area: law.range_of_stress(radius) };
         CandidatePair { index, a, b, c, image, range, law: rule.law, always, margin }
+    }
+
+    /// Effective radius of two contactors, m.
+    #[inline(always)]
+    fn effective_radius(a: &PosedContactor, b: &PosedContactor) -> f64 {
+        radius_of_curvatures([a.curvature, b.curvature], || a.radius.min(b.radius))
     }
 
     /// Whether the bounding balls come within the range in the step.

@@ -407,7 +407,7 @@ impl CylinderPair<'_> {
 /// k <= 1. `None` if f is largest at an end of the quadrant.
 ///
 /// Newton's method in a bracket, on t = tan(angle / 2).
-fn rim_maximum(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> {
+pub(super) fn rim_maximum(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> {
     let flat = 1.0 - k * k;
     let at = |t: f64| ((1.0 - t * t) / (1.0 + t * t), 2.0 * t / (1.0 + t * t));
     // First and second derivative with respect to the angle.

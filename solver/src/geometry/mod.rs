@@ -1,4 +1,4 @@
-//! Kernel: contact geometry of convex polyhedra - with each other, with spheres, plates and cylinders.
+//! Kernel: contact geometry of convex polyhedra - with each other, with spheres, plates and cylinders - and of cylinders.
 //!
 //! All lengths are relative to the centre of body A, so that precision does not depend on the distance from the origin:
 //! `c` is x_B - x_A. Normals point from B, the antagonist, to A, the candidate.
@@ -13,6 +13,7 @@
 //! | `search` | the direction in which two polyhedra are farthest apart, or least overlap |
 //! | `gjk` | distance and direction where vertices or edges are nearest to each other |
 //! | `sphere`, `plate`, `cylinder`, `hollow_cylinder` | contact of a polyhedron with other shapes |
+//! | `cylinders` | contact of two cylinders |
 //! | `flush` | heights and contact along a given direction |
 //! | `outline` | the corners of the common part of two faces seen along the normal |
 //! | `triangles` | corners of the common part of two triangles, for several pairs at once |
@@ -20,6 +21,7 @@
 
 mod cache;
 mod cylinder;
+mod cylinders;
 mod flush;
 mod gjk;
 mod hollow_cylinder;
@@ -36,6 +38,7 @@ mod triangles;
 
 pub use cache::CachedFeature;
 pub use cylinder::polyhedron_cylinder;
+pub use cylinders::cylinder_cylinder;
 pub use flush::polyhedra_along;
 pub use hollow_cylinder::{FAR_WALL, far_walls, polyhedron_hollow_cylinder, vertices_at_far_walls};
 pub use manifold::{

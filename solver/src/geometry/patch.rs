@@ -190,7 +190,7 @@ fn convex_order(corners: &[PatchCorner]) -> SmallVec<[u32; 12]> {
 
 /// Tilt of two faces, rad, from which on they have no common area if a range counts: an edge on a face. The part of a
 /// tilted face that is within the range of a bond, a thousandth of the size over the tilt, is 1 % of the face there.
-const MAX_AREA_TILT: f64 = 0.1;
+pub(super) const MAX_AREA_TILT: f64 = 0.1;
 
 /// Fraction of the area of a convex polygon of corners x, y and gap that counts at the tilt θ of its gap: 1 - (θ/0.1)²,
 /// at least 0.

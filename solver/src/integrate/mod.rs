@@ -13,9 +13,9 @@ pub use length::{MAX_STEP_GROWTH, choose_step_multiple, fastest_turn, shortest_o
 
 use rayon::prelude::*;
 
-use crate::math::rotation::{angular_momentum, angular_velocity, free_rotation};
+use crate::math::rotation::{angular_momentum, angular_velocity, free_rotation, guided_rotation};
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, morton, rotate_by_vector};
-use crate::scene::{BodyId, Scene};
+use crate::scene::{BodyId, RigidBody, Scene};
 use crate::state::{State, Velocities};
 
 /// Configuration in which contacts are detected and forces evaluated.
@@ -86,6 +86,10 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
     for (&i, carried) in scene.turning.iter().zip(carried) {
         (q[i.index()], w[i.index()]) = carried;
     }
+    for &body in &scene.guided {
+        let i = body.index();
+        (q[i], w[i]) = turn_guided(&scene.bodies[i], &state.q[i], &state.w[i], before);
+    }
     let ahead = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 * h } else { h };
     let order = morton::morton_order(&x, &state.order);
     let sum: Vec3 = scene.free.iter().map(|&i| state.v[i.index()]).sum();
@@ -142,6 +146,12 @@ fn turn_in_axes(q: &Quat, momentum: &mut Vec3, inertia: &[f64; 3], rate: &Vec3, 
     q
 }
 
+/// [`guided_rotation`] of a body.
+fn turn_guided(body: &RigidBody, q: &Quat, w: &Vec3, h: f64) -> (Quat, Vec3) {
+    let [_, _, _, free @ ..] = body.free_components;
+    guided_rotation(q, w, &body.inertia, free, h)
+}
+
 /// Advances the state to the step's end with the velocities `v`, `w` of the bodies in the contact configuration after all
 /// impulses.
 pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguration, v: Vec<Vec3>, mut w: Vec<Vec3>) {
@@ -179,6 +189,11 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
     if rate != Vec3::zeros() {
         state.ledger.angular_momentum_expected.iter_mut().zip(&by_axes).for_each(|(sum, term)| *sum += term);
     }
+    for &body in &scene.guided {
+        let i = body.index();
+        let after = if q_c.is_from_start(i) { h } else { after };
+        (state.q[i], w[i]) = turn_guided(&scene.bodies[i], &q_c.q[i], &w[i], after);
+    }
     for i in (0..q_c.from_start.len()).filter(|&i| q_c.from_start[i] && !scene.bodies[i].driven) {
         state.x[i] = q_c.x[i] + v[i] * h;
     }
@@ -191,28 +206,49 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
 }
 
 /// Driven bodies of a step that they take with θ = 1; their imposed motion is the same as in any step.
-struct StartsOfDriven(Vec<(usize, Vec3, Quat)>);
+struct StartsOfDriven(Vec<DrivenStart>);
+
+/// A driven body of such a step.
+struct DrivenStart {
+    body: usize,
+    /// Position (m) and orientation that it would have in the contact configuration.
+    x: Vec3,
+    q: Quat,
+    /// Angular velocity at the step's start along its own axes, rad/s.
+    rate: Vec3,
+}
 
 impl StartsOfDriven {
     /// Positions and orientations that they would have in the contact configuration with the scene's θ.
     fn new(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Self {
         let before = q_c.h * (1.0 - scene.options.theta);
         let driven = (0..q_c.from_start.len()).filter(|&i| q_c.from_start[i] && scene.bodies[i].driven);
-        let start =
-            |i: usize| (i, state.x[i] + state.v[i] * before, rotate_by_vector(&state.q[i], &(state.w[i] * before)));
+        let start = |i: usize| DrivenStart {
+            body: i,
+            x: state.x[i] + state.v[i] * before,
+            q: rotate_by_vector(&state.q[i], &(state.w[i] * before)),
+            rate: state.q[i].inverse_transform_vector(&state.w[i]),
+        };
         StartsOfDriven(driven.map(start).collect())
     }
 
-    /// Advances them from there to the step's end; along axes along which they are pushed, from the start by h V⁺.
+    /// Advances them from there to the step's end; along and about axes of which the motion is not imposed, from the start by
+    /// h V⁺.
     fn advance_state(self, scene: &Scene, state: &mut State, q_c: &ContactConfiguration, end: Velocities) {
         let Velocities { v, w } = end;
         let after = q_c.h * scene.options.theta;
-        for (i, x, q) in self.0 {
+        for DrivenStart { body: i, x, q, rate } in self.0 {
             let imposed = x + v[i] * after;
             let pushed = q_c.x[i] + v[i] * q_c.h;
-            let along = scene.bodies[i].free_axes;
-            state.x[i] = Vec3::from_fn(|k, _| if along[k] { pushed[k] } else { imposed[k] });
-            if scene.oriented[i] {
+            let body = &scene.bodies[i];
+            state.x[i] = Vec3::from_fn(|k, _| if body.free_components[k] { pushed[k] } else { imposed[k] });
+            if body.rotates_in_part() {
+                // The state has turned by h W⁺, but its imposed rates began with those at the step's start.
+                let change = rate - state.q[i].inverse_transform_vector(&w[i]);
+                let missing = Vec3::from_fn(|k, _| if body.free_components[3 + k] { 0.0 } else { change[k] });
+                let turn = state.q[i] * (missing * (q_c.h - after));
+                state.q[i] = rotate_by_vector(&state.q[i], &turn);
+            } else if scene.oriented[i] && !body.rotates_freely() {
                 state.q[i] = rotate_by_vector(&q, &(w[i] * after));
             }
         }

@@ -46,16 +46,11 @@ pub fn scene_without_laws(
     }
     let (drives, loads) = imposed_motion(datbox, driven, &mut bodies, faults);
     for part in parts.iter().filter(|part: &&BodyPart| !bodies[part.body.index()].driven) {
-        let (name, kind) = match part.geometry {
-            ContactorShape::Plane { .. } => ("PLANx", "plates"),
-            ContactorShape::Cylinder { hollow: false, .. } => ("CYLND", "cylinders"),
-            ContactorShape::Cylinder { hollow: true, .. } => ("DNLYC", "hollow cylinders"),
-            ContactorShape::Sphere { .. } | ContactorShape::Polyhedron(_) => continue,
-        };
-        let expected =
-            format!("expected vlocy lines in DRV_DOF.DAT: {kind} are walls, some or all of their motion is imposed");
+        let ContactorShape::Cylinder { hollow: true, .. } = part.geometry else { continue };
+        let expected = "expected vlocy lines in DRV_DOF.DAT that impose some or all of its motion: a hollow cylinder is a \
+                        wall, as its outside has no contacts";
         let (line, object) = (Some(records.0[part.body.index()].line), format!("body {}", part.body.number()));
-        faults.push(Fault::new(&file, line, object, format!("a {name} that may move freely"), expected));
+        faults.push(Fault::new(&file, line, object, "a DNLYC that may move freely", expected));
     }
     for (index, record) in records.0.iter().enumerate().filter(|(index, _)| !bodies[*index].driven) {
         // A larger body would be met by more than its nearest image.
@@ -74,7 +69,12 @@ pub fn scene_without_laws(
             ));
         }
     }
-    if !bodies.iter().any(|body| body.shape == BodyShape::Parts || body.is_driven_in_part()) {
+    let needs_parts = |body: &RigidBody| match body.shape {
+        BodyShape::Parts => true,
+        BodyShape::Plane { .. } => !body.is_imposed(),
+        BodyShape::Sphere { .. } => body.is_driven_in_part(),
+    };
+    if !bodies.iter().any(needs_parts) {
         parts.clear();
         part_starts.clear();
     }
@@ -88,9 +88,9 @@ pub fn scene_without_laws(
     let mut oriented: Vec<bool> = bodies.iter().map(|body| !body.is_sphere() || options.sphere_orientation).collect();
     let with_moment = loads.iter().filter(|load| load.component >= 3).map(|load| load.body);
     with_moment.chain(drives.iter().map(|drive| drive.body)).for_each(|body| oriented[body.index()] = true);
-    let turning = indices(&|body| !body.driven && !body.is_isotropic());
-    let radii: Vec<f64> = free.iter().map(|&i| bodies[i.index()].radius).collect();
-    let scene = Scene {
+    let turning = indices(&|body| body.rotates_freely() && !body.is_isotropic());
+    let guided = indices(&|body| body.rotates_in_part() && !body.is_isotropic());
+    let mut scene = Scene {
         drives,
         loads,
         laws: Vec::new(),
@@ -108,18 +108,26 @@ pub fn scene_without_laws(
         spheres,
         planes,
         has_round_parts: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Sphere { .. })),
+        has_rollers: parts.iter().any(|part| {
+            let solid = matches!(part.geometry, ContactorShape::Cylinder { hollow: false, .. });
+            solid && !bodies[part.body.index()].is_imposed()
+        }),
         has_drums: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Cylinder { hollow: true, .. })),
         parts,
         part_starts,
         notes: shifted_centres_note(&bodies, &frames).into_iter().collect(),
         turning,
+        guided,
         oriented,
-        mean_radius: radii.iter().sum::<f64>() / radii.len().max(1) as f64,
-        smallest_radius: radii.iter().copied().fold(f64::INFINITY, f64::min),
+        mean_radius: 0.0,
+        smallest_radius: 0.0,
         warnings: Vec::new(),
         listing_range: 0.0,
         bodies,
     };
+    let radii: Vec<f64> = scene.moving_bodies().iter().map(|&i| scene.bodies[i.index()].radius).collect();
+    scene.mean_radius = radii.iter().sum::<f64>() / radii.len().max(1) as f64;
+    scene.smallest_radius = radii.iter().copied().fold(f64::INFINITY, f64::min);
     if scene.frame_angular_velocity() != Vec3::zeros() {
         for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i.index()].is_driven_in_part())
         {
@@ -140,7 +148,7 @@ fn placeholder_body() -> PreparedBody {
         mass: 1.0,
         inertia: [1.0; 3],
         driven: false,
-        free_axes: [true; 3],
+        free_components: [true; 6],
         material: 0,
         colour: 0,
         class: 0,
@@ -165,7 +173,8 @@ fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)]) -> Option
 pub fn period_gap_notes(scene: &Scene, q: &[Quat]) -> Vec<String> {
     let periods = [("xperiode", scene.options.xperiode), ("yperiode", scene.options.yperiode)];
     let missed = periods.into_iter().enumerate().filter_map(|(axis, (name, period))| {
-        let widest = scene.planes.iter().map(|&plate| plate_extent(scene, q, plate.index(), axis)).reduce(f64::max)?;
+        let walls = scene.planes.iter().filter(|plate| scene.bodies[plate.index()].driven);
+        let widest = walls.map(|&plate| plate_extent(scene, q, plate.index(), axis)).reduce(f64::max)?;
         let period = period.filter(|period| widest < period * (1.0 - 1e-6))?; // rounding of files
         Some(format!(
             "{name}: the widest plate spans {widest} m of the period {period} m; grains that miss it fall forever"
@@ -240,7 +249,7 @@ fn imposed_motion(
     faults: &mut Faults,
 ) -> (Vec<ImposedVelocity>, Vec<ImposedLoad>) {
     let file = datbox.join("DRV_DOF.DAT");
-    let mut velocities: Vec<(usize, usize, [Option<Evolution>; 6])> = Vec::new();
+    let mut velocities: Vec<(usize, [Option<Evolution>; 6])> = Vec::new();
     let mut loads = Vec::new();
     for row in &driven.0 {
         let mut refuse = |found: String, expected: &str| {
@@ -259,31 +268,23 @@ fn imposed_motion(
                 });
             }
             DrivenKind::Velocity => {
-                let slot = match velocities.iter().position(|(body, _, _)| *body == row.body) {
+                let slot = match velocities.iter().position(|(body, _)| *body == row.body) {
                     Some(k) => k,
                     None => {
-                        velocities.push((row.body, row.line, Default::default()));
+                        velocities.push((row.body, Default::default()));
                         velocities.len() - 1
                     }
                 };
-                if velocities[slot].2[row.component].replace(row.evolution.clone()).is_some() {
+                if velocities[slot].1[row.component].replace(row.evolution.clone()).is_some() {
                     refuse(format!("component {} is driven twice", row.component + 1), "expected once");
                 }
             }
         }
     }
     let mut drives = Vec::new();
-    for (body, line, velocity) in velocities {
-        let missing: Vec<String> = (3..6).filter(|&k| velocity[k].is_none()).map(|k| (k + 1).to_string()).collect();
-        if !missing.is_empty() {
-            let found = format!("velocity components {} are free while others are driven", missing.join(", "));
-            let expected =
-                "expected 4 to 6 driven, which may be at 0: the rotation of a partly driven body must be imposed";
-            faults.push(Fault::new(&file, Some(line), format!("body {}", body + 1), found, expected));
-            continue;
-        }
+    for (body, velocity) in velocities {
         bodies[body].driven = true;
-        bodies[body].free_axes = [0, 1, 2].map(|k| velocity[k].is_none());
+        bodies[body].free_components = std::array::from_fn(|k| velocity[k].is_none());
         drives.push(ImposedVelocity { body: BodyId::new(body), velocity });
     }
     drives.sort_by_key(|drive| drive.body);
@@ -331,7 +332,7 @@ pub fn initial_motion(
     }
     for drive in &scene.drives {
         let i = drive.body.index();
-        (v[i], w[i]) = drive.velocity_at(dof.time, &q[i], &v[i]);
+        (v[i], w[i]) = drive.velocity_at(dof.time, &q[i], &v[i], &w[i]);
     }
     debug_assert_eq!(scene.bodies.len(), count);
     (x, q, v, w)

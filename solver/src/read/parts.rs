@@ -83,7 +83,7 @@ pub fn body_from_record(
         mass,
         inertia,
         driven: false,
-        free_axes: [true; 3],
+        free_components: [true; 6],
         material: material as u16,
         colour: pieces[0].colour,
         class: 0,

@@ -89,6 +89,8 @@ fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
         ("POLYR", "PLANx") => "PRPLx",
         ("POLYR", _) => "PRPRx",
         (_, "SPHER" | "SPHEb") => "SPSPx",
+        ("CYLND", "PLANx") => "CDPLx",
+        ("CYLND", "CYLND") => "CDCDx",
         (_, "PLANx") => "SPPLx",
         (_, "POLYR") => "SPPRx",
         (_, "CYLND") => "SPCDx",

@@ -127,7 +127,7 @@ fn nobody_is_free() {
     let mut case = Case::new();
     case.floor();
     let lines =
-        ["CASE/DATBOX/BODIES.DAT: bodies: none is free to move; expected at least one whose motion is not imposed"];
+        ["CASE/DATBOX/BODIES.DAT: bodies: none is free to move; expected at least one whose motion is not all imposed"];
     written_refused(&case, &[], &lines);
     let mut case = Case::new();
     written_refused(&case, &[], &["CASE/DATBOX/BODIES.DAT: file: no body; expected a $bdyty for each"]);
@@ -138,15 +138,6 @@ fn nobody_is_free() {
 
 #[test]
 fn motion_imposed_in_part() {
-    let mut case = sound();
-    case.driven.truncate(4);
-    let partial = "CASE/DATBOX/DRV_DOF.DAT:6: body 1: velocity components 5, 6 are free while others are driven; \
-                   expected 4 to 6 driven, which may be at 0: the rotation of a partly driven body must be imposed";
-    let free = "CASE/DATBOX/BODIES.DAT:1: body 1: a PLANx that may move freely; \
-                expected vlocy lines in DRV_DOF.DAT: plates are walls, some or all of their motion is imposed";
-    written_refused(&case, &[], &[partial, free]);
-    case.driven.clear();
-    written_refused(&case, &[], &[free]);
     // Coriolis' force acts on grains alone.
     let mut case = sound();
     case.press(0, 2, 1.0);
@@ -175,14 +166,22 @@ fn shapes_that_are_not_computed() {
     case.bodies[1].contactors[0].shape = ShapeRecord::Point { offset: [0.0; 3] };
     let expected = "computed are SPHER, SPHEb, PLANx, POLYR, CYLND and DNLYC";
     written_refused(&case, &[], &[&format!("CASE/DATBOX/BODIES.DAT:11: body 2: contactor PT3Dx; {expected}")]);
-    for (hollow, name, kind) in [(false, "CYLND", "cylinders"), (true, "DNLYC", "hollow cylinders")] {
-        case.bodies[1].contactors[0].shape = ShapeRecord::Cylinder { half_height: 1.0, radius: 1.0, hollow };
-        let line = format!(
-            "CASE/DATBOX/BODIES.DAT:11: body 2: a {name} that may move freely; expected vlocy lines in DRV_DOF.DAT: \
-             {kind} are walls, some or all of their motion is imposed"
-        );
-        written_refused(&case, &[], &[&line]);
-    }
+    case.bodies[1].contactors[0].shape = ShapeRecord::Cylinder { half_height: 1.0, radius: 1.0, hollow: true };
+    let line = "CASE/DATBOX/BODIES.DAT:11: body 2: a DNLYC that may move freely; expected vlocy lines in DRV_DOF.DAT \
+                that impose some or all of its motion: a hollow cylinder is a wall, as its outside has no contacts";
+    written_refused(&case, &[], &[line]);
+}
+
+#[test]
+fn pairs_that_have_no_contact() {
+    let mut case = sound();
+    case.plate([1.0; 3], [0.0, 0.0, 4.0], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    case.driven.truncate(6); // the plate moves
+    case.law_between("PLANx", "PLANx", "IQS_CLB", &[0.3]);
+    let line = "CASE/DATBOX/TACT_BEHAV.DAT:15: PLANx WALLx and PLANx WALLx: body 3, which is not all driven, and body 1; \
+                expected no such row: LMGC90 has no contact of two plates; make one of them a POLYR with the eight \
+                corners of the plate";
+    written_refused(&case, &[], &[line]);
 }
 
 #[test]

@@ -1,0 +1,505 @@
+//! Two solid cylinders.
+//!
+//! As for a [polyhedron and a cylinder](super::cylinder), s(m) = min_A m·a - max_B m·b for a unit m from B to A is a lower
+//! bound of their distance, and -s a translation that separates them if they overlap. With d = x_A - x_B, axes u, half heights
+//! H and radii R
+//!
+//! ```text
+//! s(m) = m·d - Σ (R |m x u| + H |m·u|).
+//! ```
+//!
+//! It is the smallest of four functions, one for each pair of ends, that are smooth except at m = ±u. Its maximum is therefore
+//! at the normal of an end, at the common perpendicular of the axes, on the circle m·u = 0 of one of the two, where the side
+//! meets a rim, or where two rims meet. All of these are tried.
+
+use super::cylinder::{CYLINDER_END, CYLINDER_OTHER_END, CYLINDER_RIM, CYLINDER_SIDE, rim_maximum};
+use super::manifold::{ContactPoint, ListingRange, Manifold};
+use super::pair::PatchCorner;
+use super::patch::{ContactPatch, MAX_AREA_TILT};
+use crate::math::{Mat3, Quat, Vec3};
+
+/// Contact of solid cylinder A with solid cylinder B at `c` = x_B - x_A (m), both of `[half height, radius]` (m) with their
+/// orientations, the axis the third; `None` if they are farther apart than `range` lists.
+///
+/// An end on an end gives points on the outline of their common part and its area; a side on an end, or sides of parallel
+/// cylinders, the ends of their common line; all others one point. Points are relative to A's centre, the normal is from B
+/// to A. Features: 0 for a side, 1 for the end along the axis, 2 for the other end, more for points on a rim.
+///
+/// ```
+/// # use cd_solve::geometry::cylinder_cylinder;
+/// # use cd_solve::math::{Quat, Vec3};
+/// // Two that stand on each other, and two next to each other.
+/// let q = Quat::identity();
+/// let on_top = cylinder_cylinder(&q, [1.0, 0.5], &Vec3::new(0.0, 0.0, -2.25), &q, [1.0, 0.5], 0.5).unwrap();
+/// assert_eq!((on_top.normal, on_top.gap(), on_top.points.len()), (Vec3::z(), 0.25, 4));
+/// let beside = cylinder_cylinder(&q, [1.0, 0.5], &Vec3::new(1.25, 0.0, 1.0), &q, [1.0, 0.5], 0.5).unwrap();
+/// assert_eq!((beside.normal, beside.gap(), beside.points.len()), (-Vec3::x(), 0.25, 2));
+/// ```
+pub fn cylinder_cylinder(
+    axes_a: &Quat,
+    [half_a, radius_a]: [f64; 2],
+    c: &Vec3,
+    axes_b: &Quat,
+    [half_b, radius_b]: [f64; 2],
+    range: impl Into<ListingRange>,
+) -> Option<Manifold> {
+    let range = range.into();
+    let a = PosedCylinder { centre: Vec3::zeros(), axes: axes_a, half_height: half_a, radius: radius_a };
+    let b = PosedCylinder { centre: *c, axes: axes_b, half_height: half_b, radius: radius_b };
+    if c.norm() - a.size() - b.size() > range.alert {
+        return None;
+    }
+    let smaller = a.size().min(b.size());
+    let tie = 4e-12 * smaller + 32.0 * f64::EPSILON * (a.size() + b.size());
+    let pair = CylinderPair { a, b, smaller, tie };
+    let axis = pair.best_axis();
+    if axis.s > range.alert {
+        return None;
+    }
+    let mut patch = ContactPatch { normal: -axis.m, ..ContactPatch::default() };
+    pair.collect_corners(&axis, range.area, &mut patch);
+    for corner in &mut patch.corners {
+        // The gap of the direction itself, if the two differ by rounding only.
+        corner.gap = if corner.gap <= axis.s + tie { axis.s } else { corner.gap };
+    }
+    if patch.has_axis_gap(axis.s, tie) {
+        let mut manifold = Manifold::default();
+        patch.write_manifold(range, tie, &mut manifold);
+        return (!manifold.points.is_empty()).then_some(manifold);
+    }
+    Some(Manifold { normal: axis.m, points: [pair.axis_point(&axis)].into_iter().collect(), area: 0.0 })
+}
+
+/// Cylinder in the world's axes, relative to the centre of A.
+struct PosedCylinder<'a> {
+    centre: Vec3,
+    axes: &'a Quat,
+    half_height: f64,
+    radius: f64,
+}
+
+impl PosedCylinder<'_> {
+    /// Unit vector along the axis.
+    fn axis(&self) -> Vec3 {
+        self.axes * Vec3::z()
+    }
+
+    /// Radius of the bounding ball, m.
+    fn size(&self) -> f64 {
+        self.radius.hypot(self.half_height)
+    }
+
+    /// Largest m·x of its points x from the centre, m.
+    fn reach(&self, m: &Vec3) -> f64 {
+        let along = self.axis().dot(m);
+        self.radius * (m - self.axis() * along).norm() + self.half_height * along.abs()
+    }
+
+    /// Centre of the end along `m`, relative to the centre of A.
+    fn end_centre(&self, m: &Vec3) -> Vec3 {
+        self.centre + self.axis() * self.half_height.copysign(self.axis().dot(m))
+    }
+
+    /// Feature of the end along `m`.
+    fn end_feature(&self, m: &Vec3) -> u32 {
+        if self.axis().dot(m) >= 0.0 { CYLINDER_END } else { CYLINDER_OTHER_END }
+    }
+
+    /// Unit vector from the axis towards `m`; 0 if `m` is along the axis.
+    fn radial(&self, m: &Vec3) -> Vec3 {
+        let across = m - self.axis() * self.axis().dot(m);
+        across.try_normalize(1e-12).unwrap_or(Vec3::zeros())
+    }
+}
+
+/// Cylinders A and B.
+struct CylinderPair<'a> {
+    a: PosedCylinder<'a>,
+    b: PosedCylinder<'a>,
+    /// Smaller of the circumradii of A and B, m.
+    smaller: f64,
+    /// Smallest improvement by which a direction replaces an earlier one, m.
+    tie: f64,
+}
+
+/// Features that meet along a direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum CylinderMeeting {
+    /// An end of A, or of B, with anything.
+    EndOfA,
+    EndOfB,
+    /// Two sides.
+    Sides,
+    /// The side of A with a rim of B, or the reverse.
+    SideOfA,
+    SideOfB,
+    /// Two rims.
+    Rims,
+}
+
+/// Direction with the separation along it.
+#[derive(Debug, Clone, Copy)]
+struct MeetingAxis {
+    /// Unit direction from B to A.
+    m: Vec3,
+    /// Separation s(m), m, < 0 if the two overlap in this direction.
+    s: f64,
+    meeting: CylinderMeeting,
+}
+
+/// Number of steps of the search between two rims: Newton's method needs less than ten.
+const MAX_RIM_STEPS: usize = 50;
+/// Sideways distance of the ends of two nearly parallel sides over the smaller radius up to which they touch along a line: the
+/// gap at these ends exceeds that of the middle by half its square of the radius.
+const MAX_SIDE_SKEW: f64 = 1e-2;
+
+impl CylinderPair<'_> {
+    /// Separation s(m), m.
+    fn separation(&self, m: &Vec3) -> f64 {
+        -m.dot(&self.b.centre) - self.a.reach(m) - self.b.reach(m)
+    }
+
+    /// Returns the best direction.
+    fn best_axis(&self) -> MeetingAxis {
+        let (u, w, d) = (self.a.axis(), self.b.axis(), -self.b.centre);
+        let mut best = MeetingAxis { m: Vec3::z(), s: f64::NEG_INFINITY, meeting: CylinderMeeting::EndOfB };
+        let mut attempt = |m: Vec3, meeting: CylinderMeeting| {
+            let s = self.separation(&m);
+            if s > best.s + self.tie {
+                best = MeetingAxis { m, s, meeting };
+            }
+        };
+        let towards = |m: Vec3| m * 1f64.copysign(m.dot(&d));
+        attempt(towards(w), CylinderMeeting::EndOfB);
+        attempt(towards(u), CylinderMeeting::EndOfA);
+        // Of parallel axes every radial direction is perpendicular to both.
+        [self.a.radial(&d), self.b.radial(&d)]
+            .into_iter()
+            .filter(|m| *m != Vec3::zeros())
+            .for_each(|m| attempt(m, CylinderMeeting::Sides));
+        if let Some(m) = u.cross(&w).try_normalize(1e-9) {
+            attempt(towards(m), CylinderMeeting::Sides);
+        }
+        for m in rim_to_side(&self.a, &self.b, &d).into_iter().flatten() {
+            attempt(m, CylinderMeeting::SideOfA);
+        }
+        for m in rim_to_side(&self.b, &self.a, &d).into_iter().flatten() {
+            attempt(m, CylinderMeeting::SideOfB);
+        }
+        for signs in [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]] {
+            if let Some(m) = self.rim_to_rim(signs, &d) {
+                attempt(m, CylinderMeeting::Rims);
+            }
+        }
+        best
+    }
+
+    /// Direction of the largest separation of the rim of A at -`signs`[0] along its axis and that of B at `signs`[1], if the
+    /// two rims are what is nearest along it.
+    ///
+    /// Newton's method on the sphere for f = m·D - Σ R |m x u|, which is homogeneous: at the maximum its gradient is f m.
+    fn rim_to_rim(&self, signs: [f64; 2], d: &Vec3) -> Option<Vec3> {
+        let [u, w] = [self.a.axis(), self.b.axis()];
+        let between = d - u * (signs[0] * self.a.half_height) - w * (signs[1] * self.b.half_height);
+        let discs = [(u, self.a.radius), (w, self.b.radius)];
+        let value = |m: &Vec3| between.dot(m) - discs.iter().map(|(u, r)| r * u.cross(m).norm()).sum::<f64>();
+        let mut m = between.try_normalize(0.0)?;
+        for _ in 0..MAX_RIM_STEPS {
+            let (mut slope, mut bend, mut reach) = (between, -Mat3::identity() * value(&m), 1.0f64);
+            for (u, r) in &discs {
+                let across = m - u * u.dot(&m);
+                let length = across.norm();
+                if length < 1e-9 {
+                    return None; // the normal of an end
+                }
+                let out = across / length;
+                slope -= out * *r;
+                bend -= (Mat3::identity() - u * u.transpose() - out * out.transpose()) * (*r / length);
+                reach = reach.min(0.5 * length);
+            }
+            let slope = slope - m * m.dot(&slope);
+            // Along m itself the matrix is -1, so that the step stays tangential.
+            let tangent = Mat3::identity() - m * m.transpose();
+            let on_sphere = tangent * bend * tangent - m * m.transpose() * self.smaller;
+            let newton = on_sphere.try_inverse().map(|inverse| inverse * -slope).filter(|step| step.dot(&slope) > 0.0);
+            let mut step = newton.unwrap_or(slope / self.smaller);
+            // Not past the normal of an end, where f has a corner.
+            step *= (reach / step.norm()).min(1.0);
+            let before = value(&m);
+            let mut next = (m + step).normalize();
+            for _ in 0..30 {
+                if value(&next) >= before {
+                    break;
+                }
+                step *= 0.5;
+                next = (m + step).normalize();
+            }
+            let moved = (next - m).norm();
+            m = next;
+            if moved <= 4.0 * f64::EPSILON {
+                break;
+            }
+        }
+        (signs[0] * u.dot(&m) > 0.0 && signs[1] * w.dot(&m) > 0.0).then_some(m)
+    }
+
+    /// Collects the corners of the common part of the two surfaces that meet; none if they meet in one point.
+    fn collect_corners(&self, axis: &MeetingAxis, area_within: f64, patch: &mut ContactPatch) {
+        let m = &axis.m;
+        match axis.meeting {
+            CylinderMeeting::EndOfB => self.collect_on_end([&self.b, &self.a], m, false, area_within, patch),
+            CylinderMeeting::EndOfA => self.collect_on_end([&self.a, &self.b], &-m, true, area_within, patch),
+            CylinderMeeting::Sides => self.collect_along_sides(axis, patch),
+            CylinderMeeting::SideOfA | CylinderMeeting::SideOfB | CylinderMeeting::Rims => {}
+        }
+    }
+
+    /// Corners of what lies on the end of `below` along its outer normal `n`. `turned`: whether `below` is A.
+    fn collect_on_end(
+        &self,
+        [below, above]: [&PosedCylinder; 2],
+        n: &Vec3,
+        turned: bool,
+        area_within: f64,
+        patch: &mut ContactPatch,
+    ) {
+        let centre = below.end_centre(n);
+        let own_end = below.end_feature(n);
+        let [e, f] = [below.axes * Vec3::x(), below.axes * Vec3::y()];
+        let mut add = |on_above: Vec3, of_above: u32, of_below: u32| {
+            let gap = n.dot(&(on_above - centre));
+            let from = on_above - centre;
+            let features = if turned { (of_below, of_above) } else { (of_above, of_below) };
+            let point = (on_above - n * (0.5 * gap)).into();
+            patch.corners.push(PatchCorner { point, flat: [e.dot(&from), f.dot(&from)], gap, features });
+        };
+        let within = |x: &Vec3, of: &Vec3, radius: f64| {
+            let from = x - of;
+            (from - n * n.dot(&from)).norm() <= radius + 1e-11 * self.smaller
+        };
+        let tilt = above.axis().dot(n);
+        if tilt.abs() < std::f64::consts::FRAC_1_SQRT_2 {
+            // Its side: the lowest line between its ends and the outline of the end below.
+            let (along, low) = (above.axis(), above.centre + above.radial(&-n) * above.radius);
+            let [x, y] = [e, f].map(|axis| axis.dot(&along));
+            let [x0, y0] = [e, f].map(|axis| axis.dot(&(low - centre)));
+            let (square, half) = (x * x + y * y, x * x0 + y * y0);
+            let root = half * half - square * (x0 * x0 + y0 * y0 - below.radius * below.radius);
+            if root <= 0.0 {
+                return;
+            }
+            let ends = [-1.0, 1.0].map(|side| (side * root.sqrt() - half) / square);
+            let (from, to) = (ends[0].max(-above.half_height), ends[1].min(above.half_height));
+            if from <= to {
+                add(low + along * from, CYLINDER_SIDE, CYLINDER_RIM);
+                add(low + along * to, CYLINDER_SIDE, CYLINDER_RIM + 1);
+            }
+            return;
+        }
+        let (end, of_above) = (above.end_centre(&-n), above.end_feature(&-n));
+        // Points of the end above: the plane of the end over a point of the end below.
+        let over = |x: Vec3| x - n * (above.axis().dot(&(x - end)) / tilt);
+        let four = |of: &PosedCylinder, k: u32| {
+            let axis = if k.is_multiple_of(2) { Vec3::x() } else { Vec3::y() };
+            of.axes * (axis * if k < 2 { of.radius } else { -of.radius })
+        };
+        for k in 0..4 {
+            let rim = end + four(above, k);
+            if within(&rim, &centre, below.radius) {
+                add(rim, CYLINDER_RIM + k, own_end);
+            }
+        }
+        let lowest = above.radial(&-n);
+        if lowest != Vec3::zeros() && within(&(end + lowest * above.radius), &centre, below.radius) {
+            add(end + lowest * above.radius, CYLINDER_RIM + 4, own_end);
+        }
+        for k in 0..4 {
+            let rim = over(centre + four(below, k));
+            // On the end above, not on its outline, which is there already.
+            let from = rim - end;
+            if from.norm() < above.radius - 1e-9 * self.smaller {
+                add(rim, of_above, CYLINDER_RIM + k);
+            }
+        }
+        let angle = (1.0 - tilt * tilt).max(0.0).sqrt();
+        // Where outlines cross, seen along n: circles up to half the square of the tilt.
+        let between = end - centre - n * n.dot(&(end - centre));
+        let distance = between.norm();
+        let [r, big] = [above.radius, below.radius];
+        let cross = distance > 1e-9 * self.smaller && distance < r + big && distance > (r - big).abs();
+        if cross && angle < MAX_AREA_TILT {
+            let along = (distance * distance + big * big - r * r) / (2.0 * distance);
+            let across = (big * big - along * along).max(0.0).sqrt();
+            let (out, side) = (between / distance, n.cross(&between) / distance);
+            for (k, sign) in [(0, -1.0), (1, 1.0)] {
+                let at = over(centre + out * along + side * (sign * across));
+                add(at, CYLINDER_RIM + 5 + k, CYLINDER_RIM + 5);
+            }
+        }
+        let share = if area_within == f64::INFINITY { 1.0 } else { (1.0 - (angle / MAX_AREA_TILT).powi(2)).max(0.0) };
+        patch.area = share * common_disc_area(distance, r, big);
+    }
+
+    /// Corners of two sides that are nearly parallel, seen along the direction: the ends of their common line.
+    fn collect_along_sides(&self, axis: &MeetingAxis, patch: &mut ContactPatch) {
+        let (m, u, w) = (&axis.m, self.a.axis(), self.b.axis());
+        let along = (u - m * m.dot(&u)).normalize();
+        let opposite = 1f64.copysign(w.dot(&u));
+        let skew = along.cross(&w).dot(m).abs();
+        // Heights along A's axis.
+        let (middle, reach) = (along.dot(&self.b.centre), self.b.half_height * w.dot(&along).abs());
+        let (from, to) = ((middle - reach).max(-self.a.half_height), (middle + reach).min(self.a.half_height));
+        if from > to || (to - from).max(self.smaller) * skew > MAX_SIDE_SKEW * self.a.radius.min(self.b.radius) {
+            return;
+        }
+        for (k, z) in [from, to].into_iter().enumerate() {
+            let on_a = u * z - m * self.a.radius;
+            let on_b = self.b.centre + w * (opposite * (z - middle)) + m * self.b.radius;
+            let gap = m.dot(&(on_a - on_b));
+            let point = (on_a - m * (0.5 * gap)).into();
+            let features = (CYLINDER_SIDE, CYLINDER_RIM + k as u32);
+            patch.corners.push(PatchCorner { point, flat: [z, 0.0], gap, features });
+        }
+    }
+
+    /// Contact point of the direction's own features.
+    fn axis_point(&self, axis: &MeetingAxis) -> ContactPoint {
+        let MeetingAxis { m, s, .. } = axis;
+        let rim = |of: &PosedCylinder, m: &Vec3| of.end_centre(m) + of.radial(m) * of.radius;
+        let (on_a, on_b) = (rim(&self.a, &-m) - m * (0.5 * s), rim(&self.b, m) + m * (0.5 * s));
+        let (position, features) = match axis.meeting {
+            CylinderMeeting::EndOfA => (on_b, (self.a.end_feature(&-m), CYLINDER_RIM)),
+            CylinderMeeting::EndOfB => (on_a, (CYLINDER_RIM, self.b.end_feature(m))),
+            CylinderMeeting::SideOfA => (on_b, (CYLINDER_SIDE, CYLINDER_RIM)),
+            CylinderMeeting::SideOfB => (on_a, (CYLINDER_RIM, CYLINDER_SIDE)),
+            CylinderMeeting::Rims => ((on_a + on_b) * 0.5, (CYLINDER_RIM, CYLINDER_RIM)),
+            CylinderMeeting::Sides => {
+                // The point of A's axis nearest to that of B, seen along m.
+                let (u, w) = (self.a.axis(), self.b.axis());
+                let across = w.cross(m);
+                let z = self.b.centre.dot(&across) / u.dot(&across);
+                let z = if z.is_finite() { z.clamp(-self.a.half_height, self.a.half_height) } else { 0.0 };
+                (u * z - m * (self.a.radius + 0.5 * s), (CYLINDER_SIDE, CYLINDER_SIDE))
+            }
+        };
+        ContactPoint { position, gap: *s, features }
+    }
+}
+
+/// Directions perpendicular to the axis of `side` in which the separation from the rims of `rim` is largest: one for each end
+/// of `rim`. `d`: x_A - x_B, m.
+fn rim_to_side(side: &PosedCylinder, rim: &PosedCylinder, d: &Vec3) -> [Option<Vec3>; 2] {
+    let (u, w) = (side.axis(), rim.axis());
+    // On m = x e + y f the rim is a x + b y - R sqrt(x² + k² y²) with k = |u·w|, e across both axes.
+    let Some(f) = (w - u * u.dot(&w)).try_normalize(1e-9) else { return [None; 2] };
+    let e = f.cross(&u);
+    let (a, k) = (d.dot(&e), u.dot(&w).abs().min(1.0));
+    [1.0, -1.0].map(|sign| {
+        let b = sign * d.dot(&f) - rim.half_height * w.dot(&f);
+        let (x, y) = rim_maximum(a.abs(), b, rim.radius, k)?;
+        (e * x.copysign(a) + f * (sign * y)).try_normalize(0.0)
+    })
+}
+
+/// Area of the common part of two discs whose centres are `distance` apart, m².
+fn common_disc_area(distance: f64, r: f64, s: f64) -> f64 {
+    if distance >= r + s {
+        return 0.0;
+    }
+    if distance <= (r - s).abs() {
+        return std::f64::consts::PI * r.min(s).powi(2);
+    }
+    let segment = |own: f64, other: f64| {
+        let cos = ((distance * distance + own * own - other * other) / (2.0 * distance * own)).clamp(-1.0, 1.0);
+        own * own * (cos.acos() - cos * (1.0 - cos * cos).sqrt())
+    };
+    segment(r, s) + segment(s, r)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Separation along a direction.
+    fn separation(a: &Quat, [h, r]: [f64; 2], c: &Vec3, b: &Quat, [k, s]: [f64; 2], m: &Vec3) -> f64 {
+        let reach = |q: &Quat, h: f64, r: f64| {
+            let local = q.inverse_transform_vector(m);
+            h * local.z.abs() + r * local.xy().norm()
+        };
+        -m.dot(c) - reach(a, h, r) - reach(b, k, s)
+    }
+
+    proptest! {
+        /// No direction separates the two by more than the one that is found, if they are apart; the contact point is in the
+        /// middle between them.
+        #[test]
+        fn no_direction_is_better(
+            turns in prop::array::uniform2(prop::array::uniform3(-3.0..3.0f64)),
+            sizes in prop::array::uniform2(prop::array::uniform2(0.2..2.0f64)),
+            away in prop::array::uniform3(-5.0..5.0f64),
+            tried in prop::collection::vec(prop::array::uniform3(-1.0..1.0f64), 200),
+        ) {
+            let [a, b] = turns.map(|turn| Quat::from_scaled_axis(Vec3::from(turn)));
+            let c = Vec3::from(away);
+            let Some(found) = cylinder_cylinder(&a, sizes[0], &c, &b, sizes[1], 100.0) else { return Ok(()) };
+            let m = found.normal;
+            let s = separation(&a, sizes[0], &c, &b, sizes[1], &m);
+            prop_assert!((m.norm() - 1.0).abs() < 1e-12 && (found.gap() - s).abs() < 1e-9, "{found:?} {s}");
+            if s <= 0.0 {
+                return Ok(());
+            }
+            // Steps of all sizes from the direction that was found.
+            for (k, step) in tried.iter().enumerate() {
+                let other = (m + Vec3::from(*step) * 10f64.powi(-(k as i32 % 8))).normalize();
+                let better = separation(&a, sizes[0], &c, &b, sizes[1], &other);
+                prop_assert!(better <= s + 1e-9, "{better} {s} {found:?}");
+            }
+            for point in &found.points {
+                let inside = |q: &Quat, from: Vec3, [h, r]: [f64; 2]| {
+                    let local = q.inverse_transform_vector(&from);
+                    (local.z.abs() - h).max(local.xy().norm() - r)
+                };
+                // Half of its gap away from each of the two; half the square of the tilt of ends is neglected.
+                let most = 0.5 * point.gap + 5e-3 * sizes[0][1].max(sizes[1][1]);
+                let (of_a, of_b) = (inside(&a, point.position, sizes[0]), inside(&b, point.position - c, sizes[1]));
+                prop_assert!(of_a <= most && of_b <= most, "{point:?} {of_a} {of_b}");
+            }
+        }
+    }
+
+    #[test]
+    fn crossed_cylinders_touch_in_one_point() {
+        let across = Quat::from_scaled_axis(Vec3::y() * std::f64::consts::FRAC_PI_2);
+        let found =
+            cylinder_cylinder(&across, [2.0, 0.5], &Vec3::new(0.5, 1.25, 0.25), &Quat::identity(), [2.0, 0.5], 0.5);
+        let found = found.unwrap();
+        // A few roundings of numbers near 1.
+        assert!((found.normal + Vec3::y()).norm() < 1e-15 && (found.gap() - 0.25).abs() < 1e-15, "{found:?}");
+        assert_eq!(found.points.len(), 1);
+        assert!((found.points[0].position - Vec3::new(0.5, 0.625, 0.0)).norm() < 1e-15, "{found:?}");
+    }
+
+    #[test]
+    fn ends_meet_in_the_common_part() {
+        let q = Quat::identity();
+        // Centres 1 apart, radii 1: the lens has the area 2π/3 - √3/2.
+        let found = cylinder_cylinder(&q, [1.0, 1.0], &Vec3::new(1.0, 0.0, -2.0), &q, [1.0, 1.0], 0.5).unwrap();
+        assert!((found.area - (2.0 * std::f64::consts::PI / 3.0 - 0.75f64.sqrt())).abs() < 1e-14, "{found:?}");
+        assert!(found.points.iter().all(|point| point.gap == 0.0 && point.position.z == -1.0), "{found:?}");
+        let extent = |k: usize| {
+            found
+                .points
+                .iter()
+                .map(|point| point.position[k])
+                .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)))
+        };
+        assert!((extent(0).0 - 0.0).abs() < 1e-12 && (extent(0).1 - 1.0).abs() < 1e-12, "{found:?}");
+        assert!((extent(1).1 - 0.75f64.sqrt()).abs() < 1e-12, "{found:?}");
+        // One that lies on the end of another touches along a line of the length of the disc.
+        let lying = Quat::from_scaled_axis(Vec3::y() * std::f64::consts::FRAC_PI_2);
+        let found = cylinder_cylinder(&lying, [4.0, 1.0], &Vec3::new(0.0, 0.0, -2.0), &q, [1.0, 1.0], 0.5).unwrap();
+        assert_eq!((found.points.len(), found.normal), (2, Vec3::z()));
+        assert!(found.points.iter().all(|point| (point.position.x.abs() - 1.0).abs() < 1e-12), "{found:?}");
+    }
+}
