@@ -1,0 +1,231 @@
+//! Deviations from the form of the files that are read as LMGC90 reads them, with a notice each.
+
+use std::collections::BTreeMap;
+
+use super::{LineScanner, NumberError, REAL_WIDTH, TextLine, fortran_real, free_real};
+use crate::bodies::CONTACTOR_TYPES;
+use crate::names::count_text;
+
+/// Form that deviates and has one reading only.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum LenientForm {
+    /// Line outside of all records.
+    OutsideLine,
+    /// Comment whose `!` or `#` is not in column 1.
+    IndentedComment,
+    /// Number of the step or time not in its columns.
+    ShiftedHead,
+    /// Body whose number is not its position.
+    BodyNumber,
+    /// POLYF, a POLYR in patches.
+    PatchedSurface,
+    /// Law that is not in the table of laws.
+    UnknownLaw,
+    /// Row for bodies or contactors of deformable bodies or of 2D.
+    ForeignRow,
+    /// Left-handed axes of a body.
+    LeftHandedAxes,
+}
+
+impl LenientForm {
+    /// Sentence about the places where the form was found.
+    fn sentence(self, count: usize) -> String {
+        let one = count == 1;
+        let are = if one { "is" } else { "are" };
+        match self {
+            LenientForm::OutsideLine => format!("{} outside of the records {are} skipped", count_text(count, "line")),
+            LenientForm::IndentedComment => {
+                format!(
+                    "{} that {} with ! or # {are} skipped",
+                    count_text(count, "line"),
+                    if one { "begins" } else { "begin" }
+                )
+            }
+            LenientForm::ShiftedHead => "step number and time are read next to $steps and time=".into(),
+            LenientForm::BodyNumber => format!(
+                "{} {} a number other than the position; bodies are counted by position",
+                count_text(count, "body"),
+                if one { "has" } else { "have" }
+            ),
+            LenientForm::PatchedSurface => {
+                format!("{count} POLYF {are} read as POLYR, with the patches joined at their common vertices")
+            }
+            LenientForm::UnknownLaw => {
+                format!(
+                    "{} of unknown kind {are} skipped unless a contact needs {}",
+                    count_text(count, "law"),
+                    if one { "it" } else { "them" }
+                )
+            }
+            LenientForm::ForeignRow => {
+                format!("{} for 2D or deformable bodies {are} skipped", count_text(count, "see row"))
+            }
+            LenientForm::LeftHandedAxes => {
+                format!("{} {} left-handed axes", count_text(count, "body"), if one { "has" } else { "have" })
+            }
+        }
+    }
+}
+
+/// Deviations found in a file: number of places and line of the first, by form.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct LenientForms(BTreeMap<LenientForm, (usize, usize)>);
+
+impl LenientForms {
+    /// Counts one more place.
+    pub fn add(&mut self, form: LenientForm, line: usize) {
+        self.0.entry(form).or_insert((0, line)).0 += 1;
+    }
+
+    /// Notices for the user about the file `name`, one a form: `BODIES.DAT:12: 2 bodies have a number ...`.
+    pub fn notices(&self, name: &str) -> Vec<String> {
+        let notice = |(form, (count, line)): (&LenientForm, &(usize, usize))| {
+            format!("{name}:{line}: {}", form.sentence(*count))
+        };
+        self.0.iter().map(notice).collect()
+    }
+}
+
+/// Words of data lines that are not names of contactors.
+const DATA_WORDS: [&str; 10] =
+    ["RBDY3", "RBDY2", "MAILx", "PLAIN", "NO6xx", "NO3xx", "POLYF", "vlocy", "force", "localframe"];
+
+/// Whether a line may belong to a record whose head is damaged: it has a keyword, a word of data lines, a labelled value
+/// or a real with an exponent.
+fn may_be_data(line: TextLine) -> bool {
+    let text = line.text().trim();
+    let is_real = |word: &str| word.contains('.') && word.contains(['E', 'e', 'D', 'd']) && free_real(word).is_ok();
+    (text.starts_with('$') && text.contains(|letter: char| letter != '$'))
+        || text.contains('=')
+        || text
+            .split_ascii_whitespace()
+            .any(|word| DATA_WORDS.contains(&word) || CONTACTOR_TYPES.contains(&word) || is_real(word))
+}
+
+impl<'a> LineScanner<'a> {
+    /// Skips lines up to the next with this keyword, which LMGC90 searches for, or to the end of the file. A line that may
+    /// be part of a damaged record stays, for the caller to report.
+    pub fn skip_to_keyword(&mut self, keyword: &str) {
+        while let Some(line) = self.next_line_if(|line| line.keyword() != keyword && !may_be_data(line)) {
+            self.forms.add(LenientForm::OutsideLine, line.number);
+        }
+    }
+
+    /// Whether a comment that is not in column 1 is on the line before this one: LMGC90 takes it for a line of titles.
+    pub fn follows_indented_comment(&self, line: TextLine) -> bool {
+        self.indented_comments.contains(&(line.number - 1))
+    }
+
+    /// Reads the `$steps` line of a state file: number of the step, time in s.
+    ///
+    /// Numbers that are not in their columns are read next to `$steps` and `time=`, unless LMGC90 reads others.
+    pub fn read_steps(&mut self) -> (u64, f64) {
+        self.skip_to_keyword("steps");
+        let Some(line) = self.next_line_if(|line| line.keyword() == "steps") else {
+            self.unexpected_line("expected $steps with the number of the step and the time");
+            return (0, f64::NAN);
+        };
+        let text = line.before_comment();
+        let label = text.find("time=").unwrap_or(TIME_LABEL);
+        let word = |from: usize, to: usize| text.get(from..to).unwrap_or("").trim();
+        let (step, time) = (word("$steps".len(), label), word(label + "time=".len(), text.len()));
+        let is_shifted = label != TIME_LABEL;
+        let in_columns = line.columns(STEP_COLUMNS.0, STEP_COLUMNS.1).replace(' ', "");
+        let step = match step.parse::<u64>() {
+            // LMGC90 reads 0 from blank columns.
+            Ok(number) if in_columns.is_empty() || in_columns.parse() == Ok(number) => {
+                self.expect_same_number(line, "step number", number as f64, in_columns.parse().ok().or(Some(0.0)));
+                number
+            }
+            Ok(number) if is_shifted && in_columns.parse::<u64>().is_err() => number,
+            _ => self.read_integer(line, STEP_COLUMNS, "step number").unwrap_or(0),
+        };
+        let first = TIME_LABEL + "time=".len() + 1;
+        let time = match fortran_real(time) {
+            Ok(value) if is_shifted => {
+                let theirs = lmgc90_real(line.columns(first, first + REAL_WIDTH - 1)).ok();
+                self.expect_same_number(line, "time", value, theirs);
+                self.forms.add(LenientForm::ShiftedHead, line.number);
+                value
+            }
+            _ => self.read_real(line, first, "time"),
+        };
+        (step, time)
+    }
+
+    /// Adds a fault if LMGC90 reads another number from its columns; it reads none where it stops with an error.
+    fn expect_same_number(&mut self, line: TextLine, what: &str, value: f64, theirs: Option<f64>) {
+        if let Some(theirs) = theirs.filter(|theirs| (theirs - value).abs() > 1e-12 * value.abs()) {
+            let found = format!("{what} is {value}, but LMGC90 reads {theirs} from its columns");
+            self.add_fault(
+                line.number,
+                found,
+                "expected the number in its columns: the step in 9 to 15, the time in 35 to 48",
+            );
+        }
+    }
+}
+
+/// Columns of the number of the step.
+const STEP_COLUMNS: (usize, usize) = (9, 15);
+/// Number of columns before `time=`.
+const TIME_LABEL: usize = 29;
+
+/// Real that Fortran's `D14.7` takes from these columns: blank columns are 0, and the last seven digits of a number without
+/// point are decimals.
+fn lmgc90_real(field: &str) -> Result<f64, NumberError> {
+    if field.trim().is_empty() {
+        return Ok(0.0);
+    }
+    let value = free_real(field)?;
+    Ok(if field.contains('.') { value } else { 1e-7 * value })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::super::AsciiText;
+    use super::*;
+
+    fn head(text: &str) -> Result<(u64, f64), String> {
+        let text = AsciiText::new(text.as_bytes());
+        let mut scan = LineScanner::new(Path::new("f"), &text);
+        let read = scan.read_steps();
+        scan.finish(read).map_err(|faults| faults.to_string())
+    }
+
+    #[test]
+    fn the_head_is_read_where_it_has_one_reading() {
+        let at = |shift: i32, time: &str| format!("$steps       12{:1$}time={time}\n", "", (14 + shift) as usize);
+        assert_eq!(head(&at(0, " 0.5000000D+00")), Ok((12, 0.5)));
+        assert_eq!(head(&at(0, "  .5000000D+00")), Ok((12, 0.5)));
+        for shift in [-3, -2, -1, 1, 2, 3] {
+            // Without the point LMGC90 takes the last seven digits for decimals.
+            assert_eq!(head(&at(shift, " 0.5000000D+00")), Ok((12, 0.5)), "{shift}");
+            assert_eq!(head(&at(shift, " 0.0000000D+00")), Ok((12, 0.0)), "{shift}");
+        }
+        let refused = head(&at(-2, " 1.5000000E+00")).unwrap_err();
+        assert!(refused.contains("time is 1.5, but LMGC90 reads 0.5 from its columns"), "{refused}");
+        // Behind column 15 LMGC90 reads 0.
+        assert_eq!(head("$steps          0             time= 0.0000000D+00\n"), Ok((0, 0.0)));
+        let refused = head("$steps          7             time= 0.0000000D+00\n").unwrap_err();
+        assert!(refused.contains("step number is 7, but LMGC90 reads 0 from its columns"), "{refused}");
+    }
+
+    #[test]
+    fn only_lines_that_are_no_data_are_skipped() {
+        let skipped = |text: &str| {
+            let text = AsciiText::new(text.as_bytes());
+            let mut scan = LineScanner::new(Path::new("f"), &text);
+            scan.skip_to_keyword("bdyty");
+            scan.next_line().is_none_or(|line| line.keyword() == "bdyty")
+        };
+        for text in ["$$$$$$\n", "  two bodies, version 1.2\n$bdyty\n", " ! RBDY3\n", "-----\n", ""] {
+            assert!(skipped(text), "{text}");
+        }
+        for text in [" $bdyty\n", "$bdytx\n", " RBDY3      1\n", " xxx 1.0E+00\n", "   coo1= 1\n", "a SPHER\n"] {
+            assert!(!skipped(text), "{text}");
+        }
+    }
+}
