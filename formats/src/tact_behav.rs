@@ -214,9 +214,7 @@ fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
     scan.set_object(format!("law '{nickname}'"));
     let mut law = LawRecord { line: first.number, nickname, kind, parameters: Vec::new() };
     let Some(&LawEntry { lines, .. }) = law_entry(&law.kind) else {
-        if !law.kind.is_empty() {
-            scan.add_form(LenientForm::UnknownLaw, first.number);
-        }
+        // Refused where a contact needs it.
         return Some(law);
     };
     let mut line = first;

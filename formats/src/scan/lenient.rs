@@ -19,12 +19,8 @@ pub enum LenientForm {
     BodyNumber,
     /// POLYF, a POLYR in patches.
     PatchedSurface,
-    /// Law that is not in the table of laws.
-    UnknownLaw,
     /// Row for bodies or contactors of deformable bodies or of 2D.
     ForeignRow,
-    /// Left-handed axes of a body.
-    LeftHandedAxes,
 }
 
 impl LenientForm {
@@ -50,18 +46,8 @@ impl LenientForm {
             LenientForm::PatchedSurface => {
                 format!("{count} POLYF {are} read as POLYR, with the patches joined at their common vertices")
             }
-            LenientForm::UnknownLaw => {
-                format!(
-                    "{} of unknown kind {are} skipped unless a contact needs {}",
-                    count_text(count, "law"),
-                    if one { "it" } else { "them" }
-                )
-            }
             LenientForm::ForeignRow => {
                 format!("{} for 2D or deformable bodies {are} skipped", count_text(count, "see row"))
-            }
-            LenientForm::LeftHandedAxes => {
-                format!("{} {} left-handed axes", count_text(count, "body"), if one { "has" } else { "have" })
             }
         }
     }
