@@ -10,6 +10,7 @@ use crate::ron_text::known_names;
 use crate::scan::{
     AsciiText, GRID_COLUMNS, LenientForm, LineScanner, TextLine, format_e14, format_long14, put_grid, put_text,
 };
+use crate::words::CONTACTOR_TYPES;
 
 /// Bodies in the order of the file, which gives their numbers.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -89,8 +90,6 @@ impl ShapeRecord {
     }
 }
 
-/// Contactors that can be read.
-pub(crate) const CONTACTOR_TYPES: [&str; 7] = ["SPHER", "SPHEb", "PLANx", "CYLND", "DNLYC", "POLYR", "PT3Dx"];
 const COORDINATE_LABELS: [&str; 3] = ["coo1", "coo2", "coo3"];
 /// Largest relative difference of a sphere's `avrd` and `byrd` that counts as rounding of the file.
 const RADIUS_ROUNDING: f64 = 1e-5;

@@ -65,7 +65,7 @@ impl BulkBehav {
                     }
                     materials.push(Material { name, density });
                 }
-                _ => {}
+                _ => scan.reject_unknown_keyword(begin, "expected $gravy or $behav"),
             }
         }
         if gravity.is_none() {

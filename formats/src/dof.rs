@@ -121,6 +121,11 @@ fn read_record(scan: &mut LineScanner) -> Option<BodyDof> {
             0 => scan.expect_line("expected NO6xx", |line| line.keyword() == "NO6xx")?,
             _ => scan.expect_continuation(&labels.join(" "))?,
         };
+        // LMGC90 reads by position, whatever the label: lines in another order would be read as others.
+        let shown = line.columns(30, 34);
+        if shown != labels[0] && LINE_LABELS.iter().any(|row| row[0] == shown) {
+            scan.add_fault(line.number, format!("'{shown}' is in columns 30 to 34"), format!("expected {}", labels[0]));
+        }
         *row = scan.read_grid(line, labels.map(|label| label.trim_end_matches('=')));
     }
     scan.expect_keyword("$$$$$")?;

@@ -277,7 +277,7 @@ fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
     scan.set_object("table");
     let mut points = Vec::new();
     while let Some(line) = scan.next_line() {
-        let words: Vec<_> = line.text().split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect();
+        let words: Vec<_> = line.before_comment().split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect();
         // Free format: an integer is accepted as a real here.
         let numbers: Vec<_> = words.iter().map_while(|word| free_real(word).ok()).collect();
         match numbers.as_slice() {

@@ -101,6 +101,7 @@ pub mod tact_behav;
 pub mod unchanged;
 pub mod value_locations;
 pub mod vloc_rloc;
+mod words;
 
 // Other modules and crates name these without their folder.
 pub use geometry::{convex_pieces, faces, mass, surface};

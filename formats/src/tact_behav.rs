@@ -3,12 +3,11 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::bodies::CONTACTOR_TYPES;
 use crate::error::Faults;
-use crate::foreign::is_foreign_name;
 use crate::law_table::{FileLimit, LawEntry, LawError, LawModel, law_entry};
 use crate::ron_text::known_names;
 use crate::scan::{AsciiText, LenientForm, LineScanner, TextLine, format_e14, format_long14, fortran_real, put_text};
+use crate::words::{CONTACTOR_TYPES, is_foreign_row};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TactBehav {
@@ -123,7 +122,7 @@ impl TactBehav {
                     );
                     rows.push(None);
                 }
-                _ => {}
+                _ => scan.reject_unknown_keyword(begin, "expected $behav or $seety"),
             }
         }
         if laws.is_empty() && rows.is_empty() && !text.lines().any(|line| line.text().starts_with(NO_LAWS)) {
@@ -264,9 +263,9 @@ fn read_row(scan: &mut LineScanner) -> Option<VisibilityRow> {
     } else {
         scan.expect_line("expected a row of the visibility table", TextLine::is_data)?
     };
-    let mut names =
-        [CANDIDATE_COLUMNS, ANTAGONIST_COLUMNS].into_iter().flat_map(|[body, contactor, _]| [body, contactor]);
-    if names.any(|first| is_foreign_name(line.columns(first, first + 4))) {
+    let name = |first: usize| line.columns(first, first + 4);
+    let sides = [CANDIDATE_COLUMNS, ANTAGONIST_COLUMNS].map(|[body, contactor, _]| [name(body), name(contactor)]);
+    if is_foreign_row(sides) {
         scan.add_form(LenientForm::ForeignRow, line.number);
         return None;
     }

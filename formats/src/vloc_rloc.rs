@@ -374,7 +374,7 @@ fn read_components(scan: &mut LineScanner, kind: &ContactKind, letter: char) -> 
     let mut values = [0.0; 3];
     for ((component, label), first) in kind.components.chars().zip(&labels).zip(GRID_COLUMNS) {
         let shown = line.columns(first - 5, first - 3);
-        if shown.starts_with(&label[..2]) && shown != label {
+        if ["rl", "vl"].iter().any(|known| shown.starts_with(known)) && shown != label {
             let found = format!("'{shown}' is in columns {} to {}", first - 5, first - 3);
             scan.add_fault(line.number, found, format!("expected {label}, which LMGC90 reads there"));
         }

@@ -15,8 +15,9 @@ type Vec3 = Vector3<f64>;
 
 /// Largest number of pieces of a polyhedron.
 pub const MAX_CONVEX_PIECES: usize = 32;
-/// Largest number of triangles of a polyhedron that is split: a step takes time proportional to its square.
-const MAX_SPLIT_TRIANGLES: usize = 1000;
+/// Largest number of triangles of a polyhedron that is split: each of its cuts takes time proportional to the square, about
+/// a second at this number.
+const MAX_SPLIT_TRIANGLES: usize = 500;
 /// Largest number of planes that are tried for a cut.
 const MAX_TRIED_PLANES: usize = 24;
 /// Depth over the size up to which a surface counts as convex but for the digits of its coordinates, and is not split.
@@ -345,5 +346,124 @@ impl Splitter<'_> {
         }
         let vertices = kept.iter().map(|vertex| (vertex + centre).into()).collect();
         (triangles.len() >= 4).then_some(ConvexPiece { vertices, triangles })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::faces::ConvexMesh;
+    use crate::surface::MassProperties;
+    use nalgebra::{Matrix3, UnitQuaternion};
+
+    /// Surface of a prism from z = 0 to 1: vertices below, then above; `rims` are counter-clockwise, those of holes
+    /// clockwise.
+    fn prism(corners: &[[f64; 2]], rims: &[&[u32]], caps: &[[u32; 3]]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+        let count = corners.len() as u32;
+        let vertices = [0.0, 1.0].into_iter().flat_map(|z| corners.iter().map(move |[x, y]| [*x, *y, z])).collect();
+        let above = caps.iter().map(|t| t.map(|v| v + count));
+        let below = caps.iter().map(|[a, b, c]| [*a, *c, *b]);
+        let sides = rims.iter().flat_map(|rim| {
+            (0..rim.len()).flat_map(move |k| {
+                let [a, b] = [rim[k], rim[(k + 1) % rim.len()]];
+                [[a, b, b + count], [a, b + count, a + count]]
+            })
+        });
+        (vertices, below.chain(above).chain(sides).collect())
+    }
+
+    /// Profiles of masonry: corners, rims, triangles, smallest number of convex pieces.
+    type Profile = (Vec<[f64; 2]>, Vec<Vec<u32>>, Vec<[u32; 3]>, usize);
+
+    fn profiles() -> Vec<Profile> {
+        let one = |n: u32| vec![(0..n).collect::<Vec<u32>>()];
+        let l = vec![[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]];
+        let u = vec![[0., 0.], [3., 0.], [3., 2.], [2., 2.], [2., 1.], [1., 1.], [1., 2.], [0., 2.]];
+        let t = vec![[1., 0.], [2., 0.], [2., 2.], [3., 2.], [3., 3.], [0., 3.], [0., 2.], [1., 2.]];
+        let frame = vec![[0., 0.], [3., 0.], [3., 3.], [0., 3.], [1., 1.], [2., 1.], [2., 2.], [1., 2.]];
+        let ring = (0..4).flat_map(|k| [[k, (k + 1) % 4, 4 + (k + 1) % 4], [k, 4 + (k + 1) % 4, 4 + k]]).collect();
+        vec![
+            (l, one(6), vec![[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]], 2),
+            (u, one(8), vec![[0, 1, 4], [1, 2, 3], [1, 3, 4], [0, 4, 5], [0, 5, 6], [0, 6, 7]], 3),
+            (t, one(8), vec![[0, 1, 2], [0, 2, 7], [7, 2, 4], [2, 3, 4], [7, 4, 5], [5, 6, 7]], 2),
+            (frame, vec![vec![0, 1, 2, 3], vec![7, 6, 5, 4]], ring, 4),
+        ]
+    }
+
+    /// Pieces of a surface, after checking that they are convex and have together its mass, centre and inertia, with
+    /// relative errors up to `allowed`.
+    #[track_caller]
+    fn checked(vertices: &[[f64; 3]], triangles: &[[u32; 3]], allowed: f64) -> usize {
+        let surface = Surface::new(vertices, triangles).unwrap();
+        assert!(ConvexMesh::from_contactor(vertices, triangles).is_err());
+        let pieces = split_into_convex(&surface).unwrap();
+        let parts: Vec<MassProperties> = (pieces.iter())
+            .map(|piece| ConvexMesh::from_contactor(&piece.vertices, &piece.triangles).unwrap().1)
+            .collect();
+        let (sum, whole) = (MassProperties::composite(&parts), surface.mass_properties());
+        let size = whole.volume.cbrt();
+        assert!((sum.volume / whole.volume - 1.0).abs() < allowed, "{sum:?} {whole:?}");
+        assert!((Vec3::from(sum.centre) - Vec3::from(whole.centre)).norm() < allowed * size, "{sum:?} {whole:?}");
+        let inertia = Matrix3::from(whole.inertia);
+        assert!((Matrix3::from(sum.inertia) - inertia).norm() < allowed * inertia.norm(), "{sum:?} {whole:?}");
+        pieces.len()
+    }
+
+    #[test]
+    fn profiles_of_masonry_are_exact() {
+        for (corners, rims, caps, count) in profiles() {
+            let rims: Vec<&[u32]> = rims.iter().map(Vec::as_slice).collect();
+            let (vertices, triangles) = prism(&corners, &rims, &caps);
+            // A few roundings.
+            assert_eq!(checked(&vertices, &triangles, 1e-14), count);
+            let turn = UnitQuaternion::from_scaled_axis(Vec3::new(0.3, -1.1, 0.7));
+            for size in [1e-3, 1e3] {
+                let moved = |v: &[f64; 3]| (turn * (Vec3::from(*v) * size) + Vec3::new(5.0, -7.0, 2.0) * size).into();
+                let turned: Vec<[f64; 3]> = vertices.iter().map(moved).collect();
+                assert_eq!(checked(&turned, &triangles, 1e-13), count, "{size}");
+                // In a file: eight digits.
+                let written = turned.iter().map(|v| v.map(|x| format!("{x:.7e}").parse().unwrap())).collect::<Vec<_>>();
+                assert_eq!(checked(&written, &triangles, 2e-6), count, "{size}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_dent_no_deeper_than_the_digits_is_not_split() {
+        let dented = |depth: f64| {
+            let third = 1.0 / 3.0 - depth;
+            let vertices = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [third; 3]];
+            let triangles = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 4], [2, 3, 4], [3, 1, 4]];
+            split_into_convex(&Surface::new(&vertices, &triangles).unwrap())
+        };
+        assert_eq!(dented(1e-5), Err("by no more than its digits".into()));
+        let pieces = dented(0.1).unwrap();
+        // Three tetrahedra would do; cuts along planes of faces make at most one more each.
+        assert!((3..=6).contains(&pieces.len()), "{}", pieces.len());
+    }
+
+    #[test]
+    fn more_pieces_than_allowed_are_refused() {
+        // A comb: each tooth is a piece.
+        let teeth = MAX_CONVEX_PIECES + 1;
+        let mut corners = vec![[0.0, 0.0], [teeth as f64, 0.0]];
+        let mut caps = Vec::new();
+        for k in (0..teeth).rev() {
+            let x = k as f64;
+            corners.extend([[x + 1.0, 1.0], [x + 0.5, 2.0], [x, 1.0]]);
+        }
+        // The corners between teeth occur once.
+        let mut profile: Vec<[f64; 2]> = corners;
+        profile.dedup();
+        let right = |k: usize| (2 + 2 * k) as u32;
+        for k in 0..teeth {
+            caps.push([right(k), right(k) + 1, right(k) + 2]);
+            caps.push([0, right(k), right(k) + 2]);
+        }
+        caps.push([0, 1, 2]);
+        let rim: Vec<u32> = (0..profile.len() as u32).collect();
+        let (vertices, triangles) = prism(&profile, &[&rim], &caps);
+        let refused = split_into_convex(&Surface::new(&vertices, &triangles).unwrap()).unwrap_err();
+        assert_eq!(refused, format!("of more than {MAX_CONVEX_PIECES} convex pieces"));
     }
 }

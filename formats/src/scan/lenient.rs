@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::{LineScanner, NumberError, REAL_WIDTH, TextLine, fortran_real, free_real};
-use crate::bodies::CONTACTOR_TYPES;
 use crate::names::count_text;
+use crate::words::is_data_word;
 
 /// Form that deviates and has one reading only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -72,10 +72,6 @@ impl LenientForms {
     }
 }
 
-/// Words of data lines that are not names of contactors.
-const DATA_WORDS: [&str; 10] =
-    ["RBDY3", "RBDY2", "MAILx", "PLAIN", "NO6xx", "NO3xx", "POLYF", "vlocy", "force", "localframe"];
-
 /// Whether a line may belong to a record whose head is damaged: it has a keyword, a word of data lines, a labelled value
 /// or a real with an exponent.
 fn may_be_data(line: TextLine) -> bool {
@@ -83,9 +79,7 @@ fn may_be_data(line: TextLine) -> bool {
     let is_real = |word: &str| word.contains('.') && word.contains(['E', 'e', 'D', 'd']) && free_real(word).is_ok();
     (text.starts_with('$') && text.contains(|letter: char| letter != '$'))
         || text.contains('=')
-        || text
-            .split_ascii_whitespace()
-            .any(|word| DATA_WORDS.contains(&word) || CONTACTOR_TYPES.contains(&word) || is_real(word))
+        || text.split_ascii_whitespace().any(|word| is_data_word(word) || is_real(word))
 }
 
 impl<'a> LineScanner<'a> {
@@ -94,6 +88,14 @@ impl<'a> LineScanner<'a> {
     pub fn skip_to_keyword(&mut self, keyword: &str) {
         while let Some(line) = self.next_line_if(|line| line.keyword() != keyword && !may_be_data(line)) {
             self.forms.add(LenientForm::OutsideLine, line.number);
+        }
+    }
+
+    /// Rejects a `$` line with another keyword; other lines are skipped, as in LMGC90.
+    pub fn reject_unknown_keyword(&mut self, line: TextLine, expected: &str) {
+        if line.text().starts_with('$') && line.keyword() != "$$$$$" {
+            self.set_object("file");
+            self.add_fault(line.number, format!("keyword '${}' is not known", line.keyword().trim()), expected);
         }
     }
 

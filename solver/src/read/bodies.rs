@@ -174,7 +174,8 @@ impl ShapeCounts {
 
     fn notes(&self) -> Vec<String> {
         let Self { points, split, pieces } = *self;
-        let (are, carry) = if split == 1 { ("is", "carries") } else { ("are", "carry") };
+        let carry = if points == 1 { "carries" } else { "carry" };
+        let are = if split == 1 { "is" } else { "are" };
         let of_points = format!("BODIES.DAT: {points} PT3Dx {carry} nothing: contacts of points are not computed");
         let of_split = format!("BODIES.DAT: {split} POLYR {are} not convex and split into {pieces} convex pieces");
         [(points, of_points), (split, of_split)]

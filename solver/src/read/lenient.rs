@@ -36,12 +36,12 @@ impl<'a> FolderReader<'a> {
         Some(value)
     }
 
-    /// Value of a file, or the default if there is none; `meaning`: the consequence, for the notice.
-    pub fn read_optional<T: Default>(&mut self, name: &str, parse: Parser<T>, meaning: &str) -> Option<T> {
+    /// Value of a file, or the default if there is none; `notice`: that of the default, if it is not expected.
+    pub fn read_optional<T: Default>(&mut self, name: &str, parse: Parser<T>, notice: Option<&str>) -> Option<T> {
         if path_exists(&self.datbox.join(name)) {
             return self.read(name, parse);
         }
-        self.notices.push(format!("{name}: absent: {meaning}"));
+        self.notices.extend(notice.map(|notice| format!("{name}: absent; {notice}")));
         Some(T::default())
     }
 }

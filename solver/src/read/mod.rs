@@ -43,11 +43,10 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let bodies = files.read("BODIES.DAT", Bodies::parse_with_notices);
     let bulk = files.read("BULK_BEHAV.DAT", BulkBehav::parse_with_notices);
     let tact = files.read("TACT_BEHAV.DAT", TactBehav::parse_with_notices);
-    let driven = files.read_optional("DRV_DOF.DAT", DrvDof::parse_with_notices, "no body is driven");
-    let at_rest = "all bodies are at rest at step 0, time 0, with the positions and axes of BODIES.DAT";
+    let driven = files.read_optional("DRV_DOF.DAT", DrvDof::parse_with_notices, None);
+    let at_rest = Some("all bodies are at rest at step 0, time 0, with the positions and axes of BODIES.DAT");
     let dof = files.read_optional("DOF.INI", Dof::parse_with_notices, at_rest);
-    let history =
-        files.read_optional("Vloc_Rloc.INI", VlocRloc::parse_with_notices, "no contact has a force at the start");
+    let history = files.read_optional("Vloc_Rloc.INI", VlocRloc::parse_with_notices, None);
     faults.0.append(&mut files.faults.0);
     let (Some(options), Some(bulk), Some(tact), Some(bodies), Some(driven), Some(dof), Some(history)) =
         (options, bulk, tact, bodies, driven, dof, history)
