@@ -72,12 +72,16 @@ impl LenientForms {
     }
 }
 
+/// Least number of `$` of an end of record.
+const END_OF_RECORD: usize = 5;
+
 /// Whether a line may belong to a record whose head is damaged: it has a keyword, a word of data lines, a labelled value
 /// or a real with an exponent.
 fn may_be_data(line: TextLine) -> bool {
     let text = line.text().trim();
     let is_real = |word: &str| word.contains('.') && word.contains(['E', 'e', 'D', 'd']) && free_real(word).is_ok();
-    (text.starts_with('$') && text.contains(|letter: char| letter != '$'))
+    let is_end = text.len() >= END_OF_RECORD && text.chars().all(|letter| letter == '$');
+    (text.starts_with('$') && !is_end)
         || text.contains('=')
         || text.split_ascii_whitespace().any(|word| is_data_word(word) || is_real(word))
 }

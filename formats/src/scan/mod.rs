@@ -124,7 +124,8 @@ impl<'a> TextLine<'a> {
         if (digits_across && !only_zero) || ["-", "+", "."].contains(&before) {
             return Err(NumberError("which begins before its columns"));
         }
-        if !["", "!"].contains(&self.columns(last + 1, last + 1).trim()) {
+        let is_comment = self.before_comment().len() <= last;
+        if !is_comment && !["", "!"].contains(&self.columns(last + 1, last + 1).trim()) {
             return Err(NumberError("which continues beyond its columns"));
         }
         if self.before_comment().len() + 2 < first && self.before_comment().len() < self.text.len() {
@@ -318,7 +319,7 @@ impl<'a> LineScanner<'a> {
 
     /// Reads the integer in columns `first` to `last`, blanks ignored; `None` and a fault if there is none.
     pub fn read_integer(&mut self, line: TextLine, columns: (usize, usize), what: impl Display) -> Option<u64> {
-        let digits = line.columns(columns.0, columns.1).replace(' ', "");
+        let digits = line.columns(columns.0, columns.1.min(line.before_comment().len())).replace(' ', "");
         let fault = |_| number_fault(&digits).unwrap_or(NumberError("not an integer of 0 or more"));
         let number = digits.parse().map_err(fault);
         match number.and_then(|value| line.expect_isolated(columns, value)) {

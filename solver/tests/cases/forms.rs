@@ -184,7 +184,7 @@ fn left_handed_axes_of_symmetric_shapes_are_accepted() {
     });
     let (code, text) = messages(case.path());
     assert!(
-        code == 2 && text.contains("DOF.INI:13: body 2: axes a, b, g are left-handed; expected a right-handed"),
+        code == 2 && text.contains("DOF.INI:14: body 2: axes a, b, g are left-handed; expected a right-handed"),
         "{text}"
     );
     // So is an imposed rotation about the axis.

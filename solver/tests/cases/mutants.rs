@@ -74,7 +74,7 @@ fn change_form(dice: &mut Dice<impl FnMut() -> f64>, name: &str, text: &str) -> 
             all.get_mut(at)?.push_str("     ");
             "blanks at the end"
         }
-        4 => return Some((text.replace('\n', "\r\n"), "line ends")),
+        4 if !text.contains('\r') => return Some((text.replace('\n', "\r\n"), "line ends")),
         5 if !is_table && name != "TACT_BEHAV.DAT" && name != "BULK_BEHAV.DAT" => {
             // Outside of records: first, or behind an end of record.
             let ends: Vec<usize> = (0..all.len()).filter(|&k| all[k].starts_with("$$$$$$")).map(|k| k + 1).collect();
