@@ -4,8 +4,8 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
-use crate::faces::FLATNESS_OF_FILES;
 use crate::foreign::foreign_bodies;
+use crate::geometry::faces::FLATNESS_OF_FILES;
 use crate::ron_text::known_names;
 use crate::scan::{
     AsciiText, GRID_COLUMNS, LenientForm, LineScanner, TextLine, format_e14, format_long14, put_grid, put_text,

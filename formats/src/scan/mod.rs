@@ -16,6 +16,7 @@
 //! reached.
 
 mod columns;
+mod forms;
 mod lenient;
 mod numbers;
 
@@ -26,7 +27,7 @@ use std::path::Path;
 
 use crate::error::{Fault, Faults};
 pub use columns::{DASHED_LINE, GRID_COLUMNS, put_grid, put_steps, put_text};
-pub use lenient::{LenientForm, LenientForms};
+pub use forms::{LenientForm, LenientForms};
 pub use numbers::{NumberError, format_d14, format_e14, format_integer, format_long14, fortran_real, free_real};
 use numbers::{REAL_WIDTH, number_fault};
 
