@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
-use super::faces::FLATNESS_OF_FILES;
+use super::faces::{ConvexMesh, FLATNESS_OF_FILES};
 use super::surface::Surface;
 
 type Vec3 = Vector3<f64>;
@@ -70,6 +70,16 @@ pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, String> 
         return Err(format!("whose faces cut each other: its pieces have {sum} m^3 of {volume} m^3"));
     }
     Ok(pieces)
+}
+
+/// Convex pieces of a POLYR: one that is convex, or cannot be split, is its own piece.
+pub fn convex_surfaces(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<ConvexPiece> {
+    let own = || vec![ConvexPiece { vertices: vertices.to_vec(), triangles: triangles.to_vec() }];
+    if ConvexMesh::from_contactor(vertices, triangles).is_ok() {
+        return own();
+    }
+    let split = Surface::new(vertices, triangles).ok().and_then(|surface| split_into_convex(&surface).ok());
+    split.unwrap_or_else(own)
 }
 
 /// Half space n·x <= offset.
@@ -352,7 +362,6 @@ impl Splitter<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::faces::ConvexMesh;
     use crate::surface::MassProperties;
     use nalgebra::{Matrix3, UnitQuaternion};
 
