@@ -136,7 +136,7 @@ impl Polygon {
                 }
             }
             let area = doubled_area(&kept).norm();
-            (area > 0.0).then(|| Polygon { corners: kept, plane: self.plane, area })
+            (area > 0.0).then_some(Polygon { corners: kept, plane: self.plane, area })
         })
     }
 }

@@ -21,10 +21,12 @@ pub struct FolderReader<'a> {
 
 impl<'a> FolderReader<'a> {
     /// Errors: a folder of 2D or deformable bodies, of which each line would be a fault.
-    pub fn new(datbox: &'a Path) -> Result<FolderReader<'a>, Fault> {
+    pub fn new(datbox: &'a Path) -> Result<FolderReader<'a>, Faults> {
         let path = datbox.join("BODIES.DAT");
         let foreign = AsciiText::read_file(&path).ok().and_then(|text| foreign_bodies(&path, &text));
-        foreign.map_or(Ok(FolderReader { datbox, faults: Faults::default(), notices: Vec::new() }), Err)
+        foreign.map_or(Ok(FolderReader { datbox, faults: Faults::default(), notices: Vec::new() }), |fault| {
+            Err(fault.into())
+        })
     }
 
     /// Value of a file; `None` after a fault.
