@@ -4,8 +4,13 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::Faults;
+use crate::foreign::foreign_bodies;
+use crate::geometry::faces::FLATNESS_OF_FILES;
 use crate::ron_text::known_names;
-use crate::scan::{AsciiText, GRID_COLUMNS, LineScanner, TextLine, format_e14, format_long14, put_grid, put_text};
+use crate::scan::{
+    AsciiText, GRID_COLUMNS, LenientForm, LineScanner, TextLine, format_e14, format_long14, put_grid, put_text,
+};
+use crate::words::CONTACTOR_TYPES;
 
 /// Bodies in the order of the file, which gives their numbers.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -85,8 +90,6 @@ impl ShapeRecord {
     }
 }
 
-/// Contactors that can be read.
-pub(crate) const CONTACTOR_TYPES: [&str; 7] = ["SPHER", "SPHEb", "PLANx", "CYLND", "DNLYC", "POLYR", "PT3Dx"];
 const COORDINATE_LABELS: [&str; 3] = ["coo1", "coo2", "coo3"];
 /// Largest relative difference of a sphere's `avrd` and `byrd` that counts as rounding of the file.
 const RADIUS_ROUNDING: f64 = 1e-5;
@@ -94,32 +97,48 @@ const RADIUS_ROUNDING: f64 = 1e-5;
 impl Bodies {
     /// Reads the file; reports all its faults at once.
     ///
-    /// Stricter than LMGC90: bodies must be numbered in their order (LMGC90 ignores the number), lengths must be
-    /// positive, a lone sphere's `avrd` must equal its radius, and a polyhedron must have the announced number of lines.
+    /// Stricter than LMGC90: lengths must be positive, a lone sphere's `avrd` must equal its radius, and a polyhedron must
+    /// have the announced number of lines. Bodies are counted by position, whatever their number, as in LMGC90.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         Self::parse(path, &AsciiText::read_file(path)?)
     }
 
     /// Reads the text of a file; `path` is for messages.
     pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
+        Ok(Self::parse_with_notices(path, text)?.0)
+    }
+
+    /// Reads the text of a file like [`Bodies::parse`]; also returns notices about deviations from its form.
+    pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
         let scan = &mut LineScanner::new(path, text);
-        let is_empty = scan.peek_line().is_none();
+        if let Some(fault) = foreign_bodies(path, text) {
+            return Err(fault.into());
+        }
         let mut bodies = Bodies::default();
-        let mut number = 0; // as written, so that one gap is one fault
         let mut position = 0;
-        while let Some(begin) = scan.peek_line() {
+        loop {
+            scan.skip_to_keyword("bdyty");
+            let Some(begin) = scan.peek_line() else { break };
             position += u64::from(begin.keyword() == "bdyty");
             scan.set_object(if position == 0 { "file".into() } else { format!("body {position}") });
-            let body = scan.expect_keyword("bdyty").and_then(|_| read_body(scan, begin.number, position, &mut number));
+            let body = scan.expect_keyword("bdyty").and_then(|_| read_body(scan, begin.number, position));
             if body.is_none() {
                 scan.skip_record();
             }
             bodies.0.extend(body);
         }
-        if is_empty {
+        if position == 0 && !scan.has_faults() {
             scan.add_file_fault("no body", "expected a $bdyty for each");
         }
-        scan.finish(bodies)
+        scan.finish_with_notices(bodies)
+    }
+
+    /// Position, from 1, of the body with a number in the file `path` that is not that of another position.
+    pub fn position_of_number(path: &Path, number: usize) -> Option<usize> {
+        let text = AsciiText::read_file(path).ok()?;
+        let numbers =
+            text.lines().filter(|line| line.keyword() == "RBDY3").map(|line| line.columns(7, 15).trim().parse());
+        Some(numbers.into_iter().position(|written| written == Ok(number))? + 1)
     }
 
     /// Line of the material of a body of the file `path`; that of the body if it cannot be found.
@@ -152,20 +171,16 @@ impl Bodies {
 }
 
 /// Reads the record after `$bdyty`; `None` after a fault that leaves the scan inside the record.
-fn read_body(scan: &mut LineScanner, begin: usize, position: u64, number: &mut u64) -> Option<Body> {
+fn read_body(scan: &mut LineScanner, begin: usize, position: u64) -> Option<Body> {
     let line = scan.expect_line("expected RBDY3 and the number of the body", TextLine::is_data)?;
     if !scan.expect_rigid_body(line, 2) {
         return None;
     }
-    let written = scan.read_integer(line, (7, 15), "number");
-    if let Some(written) = written.filter(|&written| written != *number + 1 && written != position) {
-        let expected = format!(
-            "expected {}: bodies are counted by their position in the file, whatever their number",
-            *number + 1
-        );
-        scan.add_fault(line.number, format!("the number is {written}"), expected);
+    // LMGC90 ignores the number, and writes stars for bodies above 99 999.
+    let is_stars = !line.columns(7, 15).trim().is_empty() && line.columns(7, 15).trim().chars().all(|c| c == '*');
+    if is_stars || scan.read_integer(line, (7, 15), "number").is_some_and(|written| written != position) {
+        scan.add_form(LenientForm::BodyNumber, line.number);
     }
-    *number = written.unwrap_or(*number + 1);
 
     scan.expect_keyword("blmty")?;
     let plain = scan.expect_line("expected PLAIN", |line| line.keyword() == "PLAIN")?;
@@ -239,10 +254,15 @@ fn read_contactor(scan: &mut LineScanner, line: TextLine) -> Option<Contactor> {
             hollow: line.keyword() == "DNLYC",
         },
         "POLYR" => read_polyhedron(scan, line)?,
+        "POLYF" => read_patches(scan, line)?,
         "PT3Dx" => ShapeRecord::Point { offset: scan.read_grid(line, COORDINATE_LABELS) },
         _ => {
             let found = format!("a contactor of type '{}'", line.keyword().trim());
-            scan.add_fault(line.number, found, known_names(line.keyword().trim(), &CONTACTOR_TYPES));
+            scan.add_fault(
+                line.number,
+                found,
+                known_names(line.keyword().trim(), &[&CONTACTOR_TYPES[..], &["POLYF"]].concat()),
+            );
             return None;
         }
     };
@@ -273,22 +293,95 @@ const LOCAL_FRAME_LABELS: [[&str; 3]; 4] =
     [["alp1", "alp2", "alp3"], ["bet1", "bet2", "bet3"], ["gam1", "gam2", "gam3"], COORDINATE_LABELS];
 
 fn read_polyhedron(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord> {
-    let vertex_count = scan.read_integer(line, (40, 47), "number of vertices")?;
-    let triangle_count = scan.read_integer(line, (60, 67), "number of triangles")?;
+    let counts = read_counts(scan, line)?;
     // All lines are taken first, so that a missing line does not make every later line look wrong.
     let lines: Vec<_> = std::iter::from_fn(|| scan.next_line_if(TextLine::is_continuation)).collect();
-    if vertex_count.checked_add(triangle_count) != Some(lines.len() as u64) {
-        let seen = lines.iter().take_while(|line| line.columns(35, 90).contains('.')).count();
-        let found = format!("vertices {seen}, triangles {} follow", lines.len() - seen);
-        let expected = format!("expected vertices {vertex_count}, triangles {triangle_count}, as announced");
-        scan.add_fault(line.number, found, expected);
+    if counts.iter().try_fold(0u64, |sum, count| sum.checked_add(*count)) != Some(lines.len() as u64) {
+        report_counts(scan, line, counts, &lines);
         return None;
     }
-    if vertex_count < 4 || triangle_count < 4 {
-        let found = format!("vertices {vertex_count}, triangles {triangle_count}");
+    if counts.iter().any(|count| *count < 4) {
+        let found = format!("vertices {}, triangles {}", counts[0], counts[1]);
         scan.add_fault(line.number, found, "expected at least 4 of each: a closed surface");
         return None;
     }
+    let (vertices, triangles) = read_mesh(scan, counts[0], &lines);
+    Some(ShapeRecord::Polyhedron { vertices, triangles })
+}
+
+/// Reads a POLYF: patches, each with its own numbers of vertices. Patches share the vertices on their rims.
+fn read_patches(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord> {
+    let patch_count = scan.read_integer(line, (40, 47), "number of patches")?;
+    let lines: Vec<_> = std::iter::from_fn(|| scan.next_line_if(TextLine::is_continuation)).collect();
+    let (mut left, mut patches) = (lines.as_slice(), Vec::new());
+    while let Some((head, rest)) = left.split_first() {
+        let counts = read_counts(scan, *head)?;
+        let end = counts[0].saturating_add(counts[1]).try_into().unwrap_or(usize::MAX);
+        let Some((own, next)) = rest.split_at_checked(end) else {
+            report_counts(scan, *head, counts, rest);
+            return None;
+        };
+        patches.push(read_mesh(scan, counts[0], own));
+        left = next;
+    }
+    if patches.len() as u64 != patch_count {
+        let found = format!("patches {} follow", patches.len());
+        scan.add_fault(line.number, found, format!("expected {patch_count}, as announced"));
+        return None;
+    }
+    scan.add_form(LenientForm::PatchedSurface, line.number);
+    let (vertices, triangles) = join_patches(&patches);
+    Some(ShapeRecord::Polyhedron { vertices, triangles })
+}
+
+/// Vertices and triangles of a surface or patch.
+type Mesh = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+
+/// Surface of patches: vertices of different patches that are equal up to the digits of files become one.
+fn join_patches(patches: &[Mesh]) -> Mesh {
+    let all = || patches.iter().flat_map(|(vertices, _)| vertices);
+    let extent = |k: usize| {
+        let of = |start: f64, choose: fn(f64, f64) -> f64| all().map(|v| v[k]).fold(start, choose);
+        of(f64::NEG_INFINITY, f64::max) - of(f64::INFINITY, f64::min)
+    };
+    let near = FLATNESS_OF_FILES * (0..3).map(extent).fold(0.0, f64::max);
+    let (mut vertices, mut triangles): Mesh = Default::default();
+    for (of_patch, of_triangles) in patches {
+        let earlier = vertices.len();
+        let is_same = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= near);
+        let numbers: Vec<u32> = of_patch
+            .iter()
+            .map(|vertex| {
+                let known = vertices[..earlier].iter().position(|other| is_same(other, vertex));
+                known.unwrap_or_else(|| {
+                    vertices.push(*vertex);
+                    vertices.len() - 1
+                }) as u32
+            })
+            .collect();
+        // Triangles with missing vertices are reported.
+        let joined = |triangle: &[u32; 3]| triangle.map(|v| numbers.get(v as usize).copied().unwrap_or(v));
+        triangles.extend(of_triangles.iter().map(joined));
+    }
+    (vertices, triangles)
+}
+
+/// Reads the numbers of vertices and triangles.
+fn read_counts(scan: &mut LineScanner, line: TextLine) -> Option<[u64; 2]> {
+    let vertex_count = scan.read_integer(line, (40, 47), "number of vertices")?;
+    Some([vertex_count, scan.read_integer(line, (60, 67), "number of triangles")?])
+}
+
+/// Reports that `lines` are fewer or more than the vertices and triangles that `head` announces.
+fn report_counts(scan: &mut LineScanner, head: TextLine, [vertices, triangles]: [u64; 2], lines: &[TextLine]) {
+    let seen = lines.iter().take_while(|line| line.columns(35, 90).contains('.')).count();
+    let found = format!("vertices {seen}, triangles {} follow", lines.len() - seen);
+    let expected = format!("expected vertices {vertices}, triangles {triangles}, as announced");
+    scan.add_fault(head.number, found, expected);
+}
+
+/// Reads `vertex_count` lines of vertices, then lines of triangles.
+fn read_mesh(scan: &mut LineScanner, vertex_count: u64, lines: &[TextLine]) -> Mesh {
     let (vertex_lines, triangle_lines) = lines.split_at(vertex_count as usize);
     let vertices = (1..).zip(vertex_lines);
     let vertices = vertices
@@ -313,7 +406,7 @@ fn read_polyhedron(scan: &mut LineScanner, line: TextLine) -> Option<ShapeRecord
         }
         triangles.push([a, b, c].map(|n| (n as u32).wrapping_sub(1)));
     }
-    Some(ShapeRecord::Polyhedron { vertices, triangles })
+    (vertices, triangles)
 }
 
 fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> String) {

@@ -30,6 +30,11 @@ impl BulkBehav {
 
     /// Reads the text of a file; `path` is for messages.
     pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
+        Ok(Self::parse_with_notices(path, text)?.0)
+    }
+
+    /// Reads the text of a file like [`BulkBehav::parse`]; also returns notices about deviations from its form.
+    pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
         let scan = &mut LineScanner::new(path, text);
         let mut gravity = None;
         let mut materials: Vec<Material> = Vec::new();
@@ -60,13 +65,13 @@ impl BulkBehav {
                     }
                     materials.push(Material { name, density });
                 }
-                _ => {}
+                _ => scan.reject_unknown_keyword(begin, "expected $gravy or $behav"),
             }
         }
         if gravity.is_none() {
             scan.add_file_fault("no $gravy", "expected it with grv1 grv2 grv3 on the next line");
         }
-        scan.finish(BulkBehav { gravity: gravity.unwrap_or_default(), materials })
+        scan.finish_with_notices(BulkBehav { gravity: gravity.unwrap_or_default(), materials })
     }
 
     /// Text of the file, numbers with eight digits.

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use crate::error::Faults;
 use crate::scan::{
-    AsciiText, DASHED_LINE, LineScanner, TextLine, format_d14, format_integer, format_long14, fortran_real, put_grid,
-    put_steps,
+    AsciiText, DASHED_LINE, FRAME_TOLERANCE, LineScanner, TextLine, format_d14, format_integer, format_long14,
+    fortran_real, frame_defect, put_grid, put_steps,
 };
 
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -27,7 +27,7 @@ pub struct BodyDof {
     pub displacement: [f64; 6],
     /// `V(1..6)`: velocity in fixed axes, m/s; angular velocity along the body's axes, rad/s.
     pub velocity: [f64; 6],
-    /// `a`, `b`, `g`: the body's principal axes in fixed axes, one a row.
+    /// `a`, `b`, `g`: the body's principal axes in fixed axes, one a row; orthonormal, and perhaps left-handed.
     pub axes: [[f64; 3]; 3],
 }
 
@@ -50,12 +50,18 @@ impl Dof {
 
     /// Reads the text of a file; `path` is for messages.
     pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
+        Ok(Self::parse_with_notices(path, text)?.0)
+    }
+
+    /// Reads the text of a file like [`Dof::parse`]; also returns notices about deviations from its form.
+    pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
         let scan = &mut LineScanner::new(path, text);
         let (step, time) = scan.read_steps();
         let mut bodies = Vec::new();
         let mut lines = HashMap::new();
         for record in 1.. {
             scan.set_object(format!("record {record}"));
+            scan.skip_to_keyword("bdyty");
             if scan.peek_line().is_none() {
                 break;
             }
@@ -68,7 +74,7 @@ impl Dof {
             }
             bodies.push(body);
         }
-        scan.finish(Dof { step, time, bodies })
+        scan.finish_with_notices(Dof { step, time, bodies })
     }
 
     /// Text of the file as LMGC90 writes it, numbers with seven digits; axes that need more have more, see
@@ -115,12 +121,21 @@ fn read_record(scan: &mut LineScanner) -> Option<BodyDof> {
             0 => scan.expect_line("expected NO6xx", |line| line.keyword() == "NO6xx")?,
             _ => scan.expect_continuation(&labels.join(" "))?,
         };
+        // LMGC90 reads by position, whatever the label: lines in another order would be read as others.
+        let shown = line.columns(30, 34);
+        if shown != labels[0] && LINE_LABELS.iter().any(|row| row[0] == shown) {
+            scan.add_fault(line.number, format!("'{shown}' is in columns 30 to 34"), format!("expected {}", labels[0]));
+        }
         *row = scan.read_grid(line, labels.map(|label| label.trim_end_matches('=')));
     }
     scan.expect_keyword("$$$$$")?;
     let [[x1, x2, x3], [x4, x5, x6], [v1, v2, v3], [v4, v5, v6], a, b, g] = rows;
     let axes = [a, b, g];
-    scan.check_orthonormal(line.number, "the axes a, b, g", &axes);
+    // cd-solve knows whether the shape of the body is its own mirror image.
+    let is_left_handed = frame_defect(&[a, b, g.map(|x| -x)]) <= FRAME_TOLERANCE;
+    if !is_left_handed {
+        scan.check_orthonormal(line.number, "the axes a, b, g", &axes);
+    }
     let (displacement, velocity) = ([x1, x2, x3, x4, x5, x6], [v1, v2, v3, v4, v5, v6]);
     Some(BodyDof { line: line.number, body, displacement, velocity, axes })
 }

@@ -139,12 +139,18 @@ impl DrvDof {
 
     /// Reads the text of a file; `path` is for messages and to find tables.
     pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
+        Ok(Self::parse_with_notices(path, text)?.0)
+    }
+
+    /// Reads the text of a file like [`DrvDof::parse`]; also returns notices about deviations from its form.
+    pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
         let scan = &mut LineScanner::new(path, text);
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut all = Vec::new();
         let mut lines = HashMap::new();
         for record in 1.. {
             scan.set_object(format!("record {record}"));
+            scan.skip_to_keyword("bdyty");
             if scan.peek_line().is_none() {
                 break;
             }
@@ -152,7 +158,7 @@ impl DrvDof {
                 scan.skip_record();
             }
         }
-        scan.finish(DrvDof(all))
+        scan.finish_with_notices(DrvDof(all))
     }
 
     /// Text of the file, numbers with eight digits; tables are files of their own, see [`table_text`].
@@ -271,7 +277,7 @@ fn read_table(path: &Path) -> Result<Vec<[f64; 2]>, Faults> {
     scan.set_object("table");
     let mut points = Vec::new();
     while let Some(line) = scan.next_line() {
-        let words: Vec<_> = line.text().split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect();
+        let words: Vec<_> = line.before_comment().split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect();
         // Free format: an integer is accepted as a real here.
         let numbers: Vec<_> = words.iter().map_while(|word| free_real(word).ok()).collect();
         match numbers.as_slice() {

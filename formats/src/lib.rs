@@ -62,6 +62,7 @@
 //! | [`ron_file`], [`former_names`] | RON files under the names of today and of earlier versions |
 //! | [`atomic`] | files that are complete or absent |
 //! | [`case`] | the folder of a case on a command line |
+//! | [`foreign`] | folders of LMGC90 with 2D or deformable bodies |
 //! | [`origin`] | the files that DATBOX is made from |
 //! | [`unchanged`] | whether the files of DATBOX still agree with a snapshot |
 //! | [`doubts`] | values that are probably mistakes of units |
@@ -80,6 +81,7 @@ pub mod drv_dof;
 pub mod error;
 pub mod fc3d;
 pub mod field;
+pub mod foreign;
 pub mod former_names;
 pub mod geometry;
 pub mod groups;
@@ -99,6 +101,7 @@ pub mod tact_behav;
 pub mod unchanged;
 pub mod value_locations;
 pub mod vloc_rloc;
+mod words;
 
 // Other modules and crates name these without their folder.
-pub use geometry::{faces, mass, surface};
+pub use geometry::{convex_pieces, faces, mass, surface};

@@ -3,11 +3,11 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::bodies::CONTACTOR_TYPES;
 use crate::error::Faults;
-use crate::law_table::{FileLimit, LAW_TABLE, LawEntry, LawError, LawModel, law_entry};
+use crate::law_table::{FileLimit, LawEntry, LawError, LawModel, law_entry};
 use crate::ron_text::known_names;
-use crate::scan::{AsciiText, LineScanner, TextLine, format_e14, format_long14, fortran_real, put_text};
+use crate::scan::{AsciiText, LenientForm, LineScanner, TextLine, format_e14, format_long14, fortran_real, put_text};
+use crate::words::{CONTACTOR_TYPES, is_foreign_row};
 
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TactBehav {
@@ -85,6 +85,13 @@ impl TactBehav {
 
     /// Reads the text of a file; `path` is for messages.
     pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
+        Ok(Self::parse_with_notices(path, text)?.0)
+    }
+
+    /// Reads the text of a file like [`TactBehav::parse`]; also returns notices about deviations from its form.
+    ///
+    /// Laws of unknown kind are kept without parameters; rows for 2D and deformable bodies are left out.
+    pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
         let scan = &mut LineScanner::new(path, text);
         let mut laws: Vec<LawRecord> = Vec::new();
         let mut rows = Vec::new();
@@ -115,7 +122,7 @@ impl TactBehav {
                     );
                     rows.push(None);
                 }
-                _ => {}
+                _ => scan.reject_unknown_keyword(begin, "expected $behav or $seety"),
             }
         }
         if laws.is_empty() && rows.is_empty() && !text.lines().any(|line| line.text().starts_with(NO_LAWS)) {
@@ -123,7 +130,7 @@ impl TactBehav {
             scan.add_file_fault("no contact laws", expected);
         }
         let visibility = check_rows(scan, &laws, rows);
-        scan.finish(TactBehav { laws, visibility })
+        scan.finish_with_notices(TactBehav { laws, visibility })
     }
 
     /// Text of the file, numbers with eight digits.
@@ -198,7 +205,7 @@ impl TactBehav {
     }
 }
 
-/// Reads the law after `$behav`; its parameters are left empty after a fault in its kind.
+/// Reads the law after `$behav`; its parameters are left empty if its kind is not known.
 fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
     let first = scan.expect_line("expected a law", TextLine::is_data)?;
     let nickname = scan.read_name5(first, 2, "nickname");
@@ -206,11 +213,7 @@ fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
     scan.set_object(format!("law '{nickname}'"));
     let mut law = LawRecord { line: first.number, nickname, kind, parameters: Vec::new() };
     let Some(&LawEntry { lines, .. }) = law_entry(&law.kind) else {
-        if !law.kind.is_empty() {
-            let known: Vec<_> = LAW_TABLE.iter().map(|entry| entry.label).collect();
-            let expected = known_names(&law.kind, &known);
-            scan.add_fault(first.number, format!("its kind '{}' is not known", law.kind), expected);
-        }
+        // Refused where a contact needs it.
         return Some(law);
     };
     let mut line = first;
@@ -246,18 +249,26 @@ fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
 }
 
 fn has_real(line: TextLine, first: usize) -> bool {
-    fortran_real(line.columns(first, first + 13)).is_ok()
+    line.before_comment().len() >= first && fortran_real(line.columns(first, first + 13)).is_ok()
 }
 
 /// Reads the row after `$seety`.
 fn read_row(scan: &mut LineScanner) -> Option<VisibilityRow> {
     let title = scan.expect_line("expected a line of titles, then a row", TextLine::is_data)?;
-    let line = if title.keyword() == "RBDY3" {
+    let line = if title.keyword() == "RBDY3" && scan.follows_indented_comment(title) {
+        title
+    } else if title.keyword() == "RBDY3" {
         scan.add_fault(title.number, "a row that LMGC90 would skip", "expected a line of titles between $seety and it");
         title
     } else {
         scan.expect_line("expected a row of the visibility table", TextLine::is_data)?
     };
+    let name = |first: usize| line.columns(first, first + 4);
+    let sides = [CANDIDATE_COLUMNS, ANTAGONIST_COLUMNS].map(|[body, contactor, _]| [name(body), name(contactor)]);
+    if is_foreign_row(sides) {
+        scan.add_form(LenientForm::ForeignRow, line.number);
+        return None;
+    }
     if !(scan.expect_rigid_body(line, CANDIDATE_COLUMNS[0]) && scan.expect_rigid_body(line, ANTAGONIST_COLUMNS[0])) {
         return None;
     }

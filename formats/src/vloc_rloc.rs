@@ -240,11 +240,17 @@ impl VlocRloc {
 
     /// Reads the text of a file; `path` is for messages.
     pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
+        Ok(Self::parse_with_notices(path, text)?.0)
+    }
+
+    /// Reads the text of a file like [`VlocRloc::parse`]; also returns notices about deviations from its form.
+    pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
         let scan = &mut LineScanner::new(path, text);
         let (step, time) = scan.read_steps();
         let mut contacts = Vec::new();
         for record in 1.. {
             scan.set_object(format!("contact {record}"));
+            scan.skip_to_keyword("icdan");
             if scan.peek_line().is_none() {
                 break;
             }
@@ -254,7 +260,7 @@ impl VlocRloc {
             }
             contacts.extend(contact);
         }
-        scan.finish(VlocRloc { step, time, contacts })
+        scan.finish_with_notices(VlocRloc { step, time, contacts })
     }
 
     /// Text of the file as LMGC90 writes it, numbers with seven digits: kind by kind in its order, contacts of a kind in
@@ -299,8 +305,11 @@ fn read_contact(scan: &mut LineScanner) -> Option<ContactRecord> {
         scan.add_fault(begin.number, format!("a contact of type '{name}'"), known_names(name, &known));
         return None;
     };
-    let title = scan.expect_line("expected a line of titles", TextLine::is_data)?;
-    if title.keyword() == "RBDY3" {
+    let next_is_pair =
+        scan.peek_line().is_some_and(|line| line.keyword() == "RBDY3" && scan.follows_indented_comment(line));
+    let title =
+        if next_is_pair { None } else { Some(scan.expect_line("expected a line of titles", TextLine::is_data)?) };
+    if let Some(title) = title.filter(|title| title.keyword() == "RBDY3") {
         scan.add_fault(
             title.number,
             "a pair that LMGC90 would skip",
@@ -309,7 +318,11 @@ fn read_contact(scan: &mut LineScanner) -> Option<ContactRecord> {
         return None;
     }
     let line = scan.expect_line("expected the pair in contact", TextLine::is_data)?;
-    let pair = if kind.name == "SPSPx" && title.used_width() > 80 { &WIDE_COLUMNS } else { kind.pair };
+    let pair = if kind.name == "SPSPx" && title.is_some_and(|title| title.used_width() > 80) {
+        &WIDE_COLUMNS
+    } else {
+        kind.pair
+    };
     let candidate = read_side(scan, line, &pair.candidate, "candidate");
     let antagonist = read_side(scan, line, &pair.antagonist, "antagonist");
     let law = scan.read_name5(line, pair.law, "law");
@@ -361,7 +374,7 @@ fn read_components(scan: &mut LineScanner, kind: &ContactKind, letter: char) -> 
     let mut values = [0.0; 3];
     for ((component, label), first) in kind.components.chars().zip(&labels).zip(GRID_COLUMNS) {
         let shown = line.columns(first - 5, first - 3);
-        if shown.starts_with(&label[..2]) && shown != label {
+        if ["rl", "vl"].iter().any(|known| shown.starts_with(known)) && shown != label {
             let found = format!("'{shown}' is in columns {} to {}", first - 5, first - 3);
             scan.add_fault(line.number, found, format!("expected {label}, which LMGC90 reads there"));
         }

@@ -82,8 +82,10 @@ cd_formats::index_types! {
 #[derive(Debug, Clone)]
 pub struct BodyPart {
     pub body: BodyId,
-    /// Index among the contactors of its body, from 0.
+    /// Index among the parts of its body, from 0.
     pub rank: u16,
+    /// Index of its contactor in BODIES.DAT, from 0, of which it may be one of several convex pieces.
+    pub contactor: u16,
     pub geometry: ContactorShape,
     /// Centre and axes in the body's frame, m.
     pub offset: Vec3,

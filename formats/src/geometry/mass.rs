@@ -4,7 +4,8 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use super::faces::ConvexMesh;
+use super::convex_pieces::{ConvexPiece, split_into_convex};
+use super::faces::{ConvexMesh, MeshError};
 use super::surface::{MassProperties, Surface, SurfaceFaults};
 use crate::bodies::{Body, Contactor, ShapeRecord};
 use crate::error::RecordFault;
@@ -64,13 +65,22 @@ pub struct InertialProperties {
     pub radius: f64,
 }
 
+/// Contactor, or convex piece of one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SolidPiece {
+    /// Index of the contactor in its body.
+    pub contactor: usize,
+    /// Faces of a polyhedron, about its own centre of mass.
+    pub faces: Option<ConvexMesh>,
+    /// Mass properties in the frame of the file, at density 1.
+    pub mass: MassProperties,
+}
+
 /// Body that can be computed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckedBody {
-    /// Faces of each polyhedron among the contactors, about its own centre of mass.
-    pub faces: Vec<Option<ConvexMesh>>,
-    /// Mass properties of each contactor, in the frame of the file, at density 1.
-    pub parts: Vec<MassProperties>,
+    /// Shapes that touch others, in the order of the contactors: none of a PT3Dx, several of a POLYR that is not convex.
+    pub pieces: Vec<SolidPiece>,
     /// Mass properties of all contactors together.
     pub whole: MassProperties,
     pub inertial: InertialProperties,
@@ -81,16 +91,15 @@ impl CheckedBody {
     /// was made of.
     pub fn bounding_radius(&self, body: &Body) -> f64 {
         let shift = Vector3::from(body.centre_of_mass_offset(&self.whole));
-        let parts = body.contactors.iter().zip(&self.faces).zip(&self.parts);
-        let reach = parts.map(|((contactor, faces), part)| {
-            let radius = match (&contactor.shape, faces) {
+        let reach = self.pieces.iter().map(|piece| {
+            let radius = match (&body.contactors[piece.contactor].shape, &piece.faces) {
                 (_, Some(faces)) => faces.circumradius,
                 (ShapeRecord::Sphere { radius } | ShapeRecord::OffsetSphere { radius, .. }, _) => *radius,
                 (ShapeRecord::Plane { half_lengths }, _) => Vector3::from(*half_lengths).norm(),
                 (ShapeRecord::Cylinder { half_height, radius, .. }, _) => radius.hypot(*half_height),
                 (ShapeRecord::Polyhedron { .. } | ShapeRecord::Point { .. }, _) => 0.0,
             };
-            (Vector3::from(part.centre) - shift).norm() + radius
+            (Vector3::from(piece.mass.centre) - shift).norm() + radius
         });
         reach.fold(0.0, f64::max)
     }
@@ -108,25 +117,27 @@ impl Body {
     ///
     /// Errors: the first fault of the body.
     pub fn check_at_density(&self, density: f64) -> Result<CheckedBody, RecordFault> {
-        let refuse = |fault: &dyn std::error::Error| {
-            RecordFault::new(format!("contactor POLYR: {fault}"), "expected a closed convex surface")
-        };
-        let (mut faces, mut parts) = (Vec::new(), Vec::new());
-        for contactor in &self.contactors {
-            let (of_contactor, part) = match &contactor.shape {
+        let (mut pieces, mut parts) = (Vec::new(), Vec::new());
+        for (index, contactor) in self.contactors.iter().enumerate() {
+            let piece = |(faces, mass)| SolidPiece { contactor: index, faces, mass };
+            match &contactor.shape {
                 ShapeRecord::Polyhedron { vertices, triangles } => {
-                    let (faces, part) =
-                        ConvexMesh::from_contactor(vertices, triangles).map_err(|fault| refuse(&fault))?;
-                    (Some(faces), part)
+                    let (convex, whole) = convex_meshes(vertices, triangles)?;
+                    pieces.extend(convex.into_iter().map(|(faces, mass)| piece((Some(faces), mass))));
+                    parts.push(whole);
                 }
-                ShapeRecord::Point { .. } => {
-                    let expected = "computed are SPHER, SPHEb, PLANx, POLYR, CYLND and DNLYC";
-                    return Err(RecordFault::new("contactor PT3Dx", expected));
+                shape => {
+                    let mass = contactor.mass_properties().map_err(|fault| polyhedron_fault(&fault))?;
+                    if !matches!(shape, ShapeRecord::Point { .. }) {
+                        pieces.push(piece((None, mass)));
+                    }
+                    parts.push(mass);
                 }
-                _ => (None, contactor.mass_properties().map_err(|faults| refuse(&faults))?),
-            };
-            faces.push(of_contactor);
-            parts.push(part);
+            }
+        }
+        if pieces.is_empty() {
+            let expected = "expected SPHER, SPHEb, PLANx, POLYR, CYLND or DNLYC: points have no mass and no surface";
+            return Err(RecordFault::new("no contactor but PT3Dx", expected));
         }
         if let [Contactor { shape: ShapeRecord::Sphere { radius }, .. }] = self.contactors.as_slice() {
             let avrd = self.equivalent_radius;
@@ -152,7 +163,7 @@ impl Body {
             let expected = "expected each to be at most the sum of the others, as every body has them";
             return Err(RecordFault::new(found, expected));
         }
-        Ok(CheckedBody { faces, parts, whole, inertial: inert })
+        Ok(CheckedBody { pieces, whole, inertial: inert })
     }
 
     /// Mass properties of all contactors together. Errors: those of any contactor.
@@ -199,6 +210,32 @@ impl Body {
         let alike = inertia.iter().all(|moment| (moment - inertia[0]).abs() <= EQUAL_MOMENTS * inertia[0]);
         InertialProperties { mass: density * volume, inertia: if alike { [inertia[0]; 3] } else { inertia }, radius }
     }
+}
+
+fn polyhedron_fault(fault: &dyn std::error::Error) -> RecordFault {
+    RecordFault::new(format!("contactor POLYR: {fault}"), "expected a closed surface")
+}
+
+/// Faces of the convex pieces of a POLYR, each with its mass properties, and the mass properties of the whole.
+fn convex_meshes(
+    vertices: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+) -> Result<(Vec<(ConvexMesh, MassProperties)>, MassProperties), RecordFault> {
+    let reason = match ConvexMesh::from_contactor(vertices, triangles) {
+        Ok((faces, mass)) => return Ok((vec![(faces, mass)], mass)),
+        Err(MeshError::NotConvex(reason)) => reason,
+        Err(fault) => return Err(polyhedron_fault(&fault)),
+    };
+    let surface = Surface::new(vertices, triangles).map_err(|fault| polyhedron_fault(&fault))?;
+    let refuse = |why: String| {
+        let found = format!("contactor POLYR: {reason}; it cannot be split into convex pieces: {why}");
+        RecordFault::new(found, "expected a convex surface, or a body of several convex POLYR")
+    };
+    let pieces = split_into_convex(&surface).map_err(|why| refuse(format!("it is {why}")))?;
+    let mesh = |piece: &ConvexPiece| ConvexMesh::from_contactor(&piece.vertices, &piece.triangles);
+    let meshes =
+        pieces.iter().map(mesh).collect::<Result<_, _>>().map_err(|fault| refuse(format!("one is {fault}")))?;
+    Ok((meshes, surface.mass_properties()))
 }
 
 impl MassProperties {

@@ -16,14 +16,18 @@
 //! reached.
 
 mod columns;
+mod forms;
+mod lenient;
 mod numbers;
 
+use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::fs;
 use std::path::Path;
 
 use crate::error::{Fault, Faults};
 pub use columns::{DASHED_LINE, GRID_COLUMNS, put_grid, put_steps, put_text};
+pub use forms::{LenientForm, LenientForms};
 pub use numbers::{NumberError, format_d14, format_e14, format_integer, format_long14, fortran_real, free_real};
 use numbers::{REAL_WIDTH, number_fault};
 
@@ -87,9 +91,14 @@ impl<'a> TextLine<'a> {
         self.keyword().trim().is_empty()
     }
 
-    /// Number of columns up to the last that is not blank.
+    /// Number of columns up to the last that is not blank, without a comment at the end.
     pub fn used_width(self) -> usize {
-        self.text.trim_end().len()
+        self.before_comment().trim_end().len()
+    }
+
+    /// Text up to a comment, a `!` after a blank.
+    pub fn before_comment(self) -> &'a str {
+        &self.text[..self.text.find(" !").unwrap_or(self.text.len())]
     }
 
     /// The whole line.
@@ -100,26 +109,40 @@ impl<'a> TextLine<'a> {
     /// Whether neither of two columns is blank: one word extends across them.
     fn is_joined_across(self, left: usize, right: usize) -> bool {
         // Column 1 belongs to the keyword's sign.
-        left > 1 && [left, right].iter().all(|&column| !self.columns(column, column).trim().is_empty())
+        left > 1
+            && !self.columns(left, left).trim().is_empty()
+            && !["", "!"].contains(&self.columns(right, right).trim())
     }
 
-    /// Returns `value`, unless the number in the columns begins before them or extends beyond them: LMGC90 would read a
-    /// part.
+    /// Returns `value`, unless the number in the columns begins before them or extends beyond them, of which LMGC90 would
+    /// read a part, or is in a comment, which LMGC90 would read.
     fn expect_isolated<T>(self, (first, last): (usize, usize), value: T) -> Result<T, NumberError> {
         let before = self.columns(first - 1, first - 1);
         let digits_across = before.starts_with(|c: char| c.is_ascii_digit())
             && self.columns(first, first).starts_with(|c: char| c.is_ascii_digit() || c == '.');
-        if digits_across || ["-", "+", "."].contains(&before) {
+        // Without its 0 the number is the same.
+        let only_zero = before == "0" && self.columns(first, first) == "." && self.begins_in(first - 1);
+        if (digits_across && !only_zero) || ["-", "+", "."].contains(&before) {
             return Err(NumberError("which begins before its columns"));
         }
-        if !self.columns(last + 1, last + 1).trim().is_empty() {
+        let is_comment = self.before_comment().len() <= last;
+        if !is_comment && !["", "!"].contains(&self.columns(last + 1, last + 1).trim()) {
             return Err(NumberError("which continues beyond its columns"));
+        }
+        if self.before_comment().len() + 2 < first && self.before_comment().len() < self.text.len() {
+            return Err(NumberError("which is behind a '!', in a comment that LMGC90 would read"));
         }
         Ok(value)
     }
 
-    fn is_skipped(self) -> bool {
-        self.text.starts_with(['!', '#']) || self.text.trim().is_empty()
+    /// Whether a word or value begins in a column: a blank or the label's `=` is before it.
+    fn begins_in(self, column: usize) -> bool {
+        column > 1 && ["", "="].contains(&self.columns(column - 1, column - 1).trim())
+    }
+
+    /// Whether it is a comment, in any column.
+    fn is_comment(self) -> bool {
+        self.text.trim_start().starts_with(['!', '#'])
     }
 }
 
@@ -132,19 +155,44 @@ pub struct LineScanner<'a> {
     last: usize,
     object: String,
     faults: Faults,
+    forms: LenientForms,
+    indented_comments: BTreeSet<usize>,
 }
 
 impl<'a> LineScanner<'a> {
     /// Scanner at the first line of `text`; `path` is for messages.
     pub fn new(path: &'a Path, text: &'a AsciiText) -> Self {
-        let lines: Vec<_> = text.lines().filter(|line| !line.is_skipped()).collect();
+        let (comments, lines): (Vec<TextLine>, Vec<_>) =
+            text.lines().filter(|line| !line.text.trim().is_empty()).partition(|line| line.is_comment());
+        let indented = comments.iter().filter(|line| !line.text.starts_with(['!', '#'])).map(|line| line.number);
+        let indented_comments: BTreeSet<usize> = indented.collect();
+        let mut forms = LenientForms::default();
+        indented_comments.iter().for_each(|&line| forms.add(LenientForm::IndentedComment, line));
         let last = lines.last().map_or(1, |line| line.number);
-        LineScanner { path, lines, next: 0, last, object: "file".into(), faults: Faults::default() }
+        let (object, faults) = ("file".into(), Faults::default());
+        LineScanner { path, lines, next: 0, last, object, faults, forms, indented_comments }
     }
 
     /// Returns the value that was read, or all faults.
     pub fn finish<T>(&mut self, value: T) -> Result<T, Faults> {
         std::mem::take(&mut self.faults).into_result(value)
+    }
+
+    /// Returns the value that was read and the notices about the form of the file, or all faults.
+    pub fn finish_with_notices<T>(&mut self, value: T) -> Result<(T, Vec<String>), Faults> {
+        let name = self.path.file_name().unwrap_or_default().to_string_lossy();
+        let notices = self.forms.notices(&name);
+        self.finish((value, notices))
+    }
+
+    /// Whether a fault has been found.
+    pub fn has_faults(&self) -> bool {
+        !self.faults.0.is_empty()
+    }
+
+    /// Counts a form that is read although it deviates.
+    pub fn add_form(&mut self, form: LenientForm, line: usize) {
+        self.forms.add(form, line);
     }
 
     /// Adds the faults of another file that this one names.
@@ -272,7 +320,7 @@ impl<'a> LineScanner<'a> {
 
     /// Reads the integer in columns `first` to `last`, blanks ignored; `None` and a fault if there is none.
     pub fn read_integer(&mut self, line: TextLine, columns: (usize, usize), what: impl Display) -> Option<u64> {
-        let digits = line.columns(columns.0, columns.1).replace(' ', "");
+        let digits = line.columns(columns.0, columns.1.min(line.before_comment().len())).replace(' ', "");
         let fault = |_| number_fault(&digits).unwrap_or(NumberError("not an integer of 0 or more"));
         let number = digits.parse().map_err(fault);
         match number.and_then(|value| line.expect_isolated(columns, value)) {
@@ -313,6 +361,7 @@ impl<'a> LineScanner<'a> {
     /// Reads the name in columns `first` to `last`, trimmed; empty and a fault if there is none.
     pub fn read_name(&mut self, line: TextLine, (first, last): (usize, usize), what: &str) -> String {
         let field = line.columns(first, last);
+        let field = &field[..field.find(" !").unwrap_or(field.len())];
         let shown = display_text(field.trim_matches(' '));
         let (found, expected) = if field.trim_matches(' ').is_empty() {
             (format!("{what} is blank"), format!("expected a name in columns {first} to {last}"))
@@ -350,15 +399,6 @@ impl<'a> LineScanner<'a> {
             let found = format!("{what} are off by {defect:.1e} from an orthonormal right-handed triad");
             self.add_fault(line, found, format!("expected at most {FRAME_TOLERANCE:e}"));
         }
-    }
-
-    /// Reads the `$steps` line of a state file: number of the step, time in s.
-    pub fn read_steps(&mut self) -> (u64, f64) {
-        let Some(line) = self.next_line_if(|line| line.keyword() == "steps") else {
-            self.unexpected_line("expected $steps with the number of the step and the time");
-            return (0, f64::NAN);
-        };
-        (self.read_integer(line, (9, 15), "step number").unwrap_or(0), self.read_real(line, 35, "time"))
     }
 }
 

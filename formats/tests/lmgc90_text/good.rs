@@ -7,6 +7,8 @@ use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::{DrivenKind, DrvDof, Evolution};
 use cd_formats::law_table::law_parameters;
+use cd_formats::scan::AsciiText;
+use cd_formats::surface::Surface;
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::vloc_rloc::VlocRloc;
 
@@ -85,6 +87,26 @@ fn bodies_in_all_shapes() {
     };
     assert_eq!(vertices[3], [0.0, 0.0, 1.0]);
     assert_eq!(triangles[1], [0, 1, 3]);
+}
+
+/// A cube in six patches: their vertices become one where they are the same.
+#[test]
+fn patches_are_joined() {
+    let path = folder("good/by-hand/BODIES.patches.DAT");
+    let text = AsciiText::read_file(&path).unwrap();
+    let (Bodies(bodies), notices) = Bodies::parse_with_notices(&path, &text).unwrap();
+    let expected = "BODIES.patches.DAT:9: 1 POLYF is read as POLYR, with the patches joined at their common vertices";
+    assert_eq!(
+        notices[0],
+        "BODIES.patches.DAT:2: 1 body has a number other than the position; bodies are counted by position"
+    );
+    assert_eq!(notices[1..], [expected]);
+    let ShapeRecord::Polyhedron { vertices, triangles } = &bodies[0].contactors[0].shape else {
+        panic!("no polyhedron")
+    };
+    assert_eq!((vertices.len(), triangles.len()), (8, 12));
+    let volume = Surface::new(vertices, triangles).unwrap().volume();
+    assert!((volume - 8e-3).abs() < 1e-17, "{volume}");
 }
 
 #[test]

@@ -4,6 +4,7 @@ use std::cell::OnceCell;
 
 use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::compute::Compute;
+use cd_formats::convex_pieces::convex_surfaces;
 use cd_formats::drv_dof::{DrivenKind, DrvDof};
 use cd_formats::ids::BodyId;
 use cd_formats::report::FaultReport;
@@ -55,8 +56,10 @@ impl PosedBody {
                 ShapeRecord::Sphere { radius } => solid.balls.push((if lone { *x } else { at(offset) }, *radius)),
                 ShapeRecord::OffsetSphere { radius, offset } => solid.balls.push((at(Vec3::from(*offset)), *radius)),
                 ShapeRecord::Polyhedron { vertices, triangles } => {
-                    let vertices = vertices.iter().map(|v| at(Vec3::from(*v)) - x).collect();
-                    solid.pieces.push(ConvexPiece::new(*x, vertices, triangles));
+                    for piece in convex_surfaces(vertices, triangles) {
+                        let vertices = piece.vertices.iter().map(|v| at(Vec3::from(*v)) - x).collect();
+                        solid.pieces.push(ConvexPiece::new(*x, vertices, &piece.triangles));
+                    }
                 }
                 ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } => {
                     let columns = frame.map_or(Matrix3::identity(), |f| Matrix3::from_columns(&f.axes.map(Vec3::from)));

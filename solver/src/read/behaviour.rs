@@ -3,19 +3,22 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use cd_formats::bodies::Bodies;
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, MAX_EVENTS, too_frequent};
 use cd_formats::doubts::{self, density, law_parameter};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::law_table::{ParameterFault, law_parameters};
+use cd_formats::names::count_text;
 use cd_formats::report::FaultReport;
 use cd_formats::scan::{AsciiText, TextLine};
 use cd_formats::snapshot::LawName;
-use cd_formats::tact_behav::{TactBehav, VisibilitySide};
+use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilitySide};
 use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
 
 use crate::gravity::SummationMethod;
 use crate::laws::{Cohesion, ContactLaw};
 use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
+use crate::read::contactors::{ContactorNumbers, ContactorTable, NamedContactor, rank_in_scene};
 use crate::scene::{
     BodyId, BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, RigidBody, Scene, VisibilityTable,
 };
@@ -34,19 +37,16 @@ fn contactor_kind(geometry: &ContactorShape) -> usize {
     }
 }
 
-/// Kind and class of the contactor named on a side of a contact, if the body has it.
-fn kind_and_class(scene: &Scene, side: &ContactSide) -> Option<(usize, u16)> {
-    let body = &scene.bodies[side.body];
-    let (kind, class) = match body.shape {
-        BodyShape::Sphere { .. } if side.rank == 0 => (0, body.class),
-        BodyShape::Plane { .. } if side.rank == 0 => (1, body.class),
-        BodyShape::Sphere { .. } | BodyShape::Plane { .. } => return None,
+/// Kind and class of a contactor by its body and rank.
+fn kind_and_class(scene: &Scene, body: BodyId, rank: u16) -> (usize, u16) {
+    match scene.bodies[body.index()].shape {
+        BodyShape::Sphere { .. } => (0, scene.bodies[body.index()].class),
+        BodyShape::Plane { .. } => (1, scene.bodies[body.index()].class),
         BodyShape::Parts => {
-            let part = scene.parts_of(BodyId::new(side.body)).get(side.rank)?;
+            let part = &scene.parts_of(body)[usize::from(rank)];
             (contactor_kind(&part.geometry), part.class)
         }
-    };
-    CONTACTOR_NAMES[kind].contains(&side.contactor.as_str()).then_some((kind, class))
+    }
 }
 
 /// Parses a status of LMGC90. Some laws prefix the status with one of four letters. `None` for an unknown word.
@@ -61,18 +61,30 @@ fn parse_status(word: &str) -> Option<ContactStatus> {
 }
 
 /// Sets laws and visibility of the scene.
-pub fn set_laws_and_visibility(datbox: &Path, tact: &TactBehav, scene: &mut Scene, faults: &mut Faults) {
+pub fn set_laws_and_visibility(
+    datbox: &Path,
+    tact: &TactBehav,
+    contactors: &ContactorTable,
+    scene: &mut Scene,
+    faults: &mut Faults,
+) {
     let file = datbox.join("TACT_BEHAV.DAT");
     // Only laws used by some row of the table are needed.
     let mut number = vec![None; tact.laws.len()];
     let mut looked_at = vec![false; tact.laws.len()];
+    let mut idle = Vec::new();
     for see in &tact.visibility {
         let Some(k) = tact.laws.iter().position(|law| law.nickname == see.law) else { continue };
         if std::mem::replace(&mut looked_at[k], true) {
             continue;
         }
         let record = &tact.laws[k];
+        let is_needed = tact.visibility.iter().any(|row| row.law == see.law && contactors.can_meet(row));
         let mut refuse = |found: String, expected: String| {
+            if !is_needed {
+                idle.push(record);
+                return;
+            }
             faults.push(Fault::new(&file, Some(record.line), format!("law '{}'", record.nickname), found, expected));
         };
         let model = match record.model() {
@@ -104,6 +116,12 @@ pub fn set_laws_and_visibility(datbox: &Path, tact: &TactBehav, scene: &mut Scen
             });
         }
     }
+
+    idle.extend(
+        (0..tact.laws.len()).filter(|&k| !looked_at[k] && tact.laws[k].model().is_err()).map(|k| &tact.laws[k]),
+    );
+    scene.notes.extend(idle_laws_note(&idle));
+    check_points(&file, tact, contactors, scene, faults);
 
     let colours = scene.colours.len().max(1);
     let class = |kind: usize, colour: u16| (kind * colours + colour as usize) as u16;
@@ -175,6 +193,37 @@ fn uncomputed_pair(names: [&str; 2]) -> Option<&'static str> {
             "expected no such row: a hollow cylinder has contacts with SPHER and POLYR alone; make the other a POLYR",
         ),
         _ => None,
+    }
+}
+
+/// Note about laws that are not computed and that no contact needs.
+fn idle_laws_note(idle: &[&LawRecord]) -> Option<String> {
+    let mut idle: Vec<&&LawRecord> = idle.iter().collect();
+    idle.sort_by_key(|law| law.line);
+    idle.dedup_by_key(|law| law.line);
+    let names: Vec<String> = idle.iter().map(|law| format!("{} ({})", law.nickname, law.kind)).collect();
+    let law = idle.first()?;
+    let (are, uses) = if idle.len() == 1 { ("is", "it") } else { ("are", "them") };
+    Some(format!(
+        "TACT_BEHAV.DAT:{}: {} {are} not computed: {}; no contact needs {uses}",
+        law.line,
+        count_text(idle.len(), "law"),
+        names.join(", ")
+    ))
+}
+
+/// Rejects rows for points that can meet; reports rows for contactors that no body has.
+fn check_points(file: &Path, tact: &TactBehav, contactors: &ContactorTable, scene: &mut Scene, faults: &mut Faults) {
+    for row in tact.visibility.iter().filter(|row| contactors.is_of_points(row)) {
+        let object = format!("PT3Dx {} and PT3Dx {}", row.candidate.colour, row.antagonist.colour);
+        let expected = "expected no such row, and points that carry nothing";
+        faults.push(Fault::new(file, Some(row.line), object, "contacts of points are not computed", expected));
+    }
+    let unused: Vec<usize> =
+        tact.visibility.iter().filter(|row| !contactors.has_both(row)).map(|row| row.line).collect();
+    if let Some(first) = unused.first() {
+        let (rows, are) = (count_text(unused.len(), "see row"), if unused.len() == 1 { "is" } else { "are" });
+        scene.notes.push(format!("TACT_BEHAV.DAT:{first}: {rows} {are} for contactors or colours that no body has"));
     }
 }
 
@@ -385,9 +434,9 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
 /// Returns the contacts of Vloc_Rloc.INI that this scene can have, to start the first step from; warns of the others.
 pub fn initial_contacts(
     datbox: &Path,
-    history: &VlocRloc,
+    (records, history): (&Bodies, &VlocRloc),
     scene: &mut Scene,
-    orientations: &[Quat],
+    (positions, orientations): (&[Vec3], &[Quat]),
     faults: &mut Faults,
 ) -> Vec<SolvedContact> {
     let file = datbox.join("Vloc_Rloc.INI");
@@ -401,7 +450,8 @@ pub fn initial_contacts(
         faults.push(Fault::new(&file, None, "head", found, expected));
     }
     let mut contacts = Vec::new();
-    let mut unseen = 0;
+    let (mut unseen, mut renumbered, mut unnumbered) = (0, 0, 0);
+    let numbers = ContactorNumbers::of(records, history);
     for (number, record) in (0..).zip(&history.contacts) {
         let sides = [&record.candidate, &record.antagonist];
         if let Some(side) = sides.iter().find(|side| side.body >= scene.bodies.len()) {
@@ -415,12 +465,29 @@ pub fn initial_contacts(
             ));
             continue;
         }
-        let [Some((kind_a, class_a)), Some((kind_b, class_b))] = sides.map(|side| kind_and_class(scene, side)) else {
-            let found = format!("{} of bodies {} and {}", record.kind, sides[0].body + 1, sides[1].body + 1);
-            let expected = "expected a kind of the bodies' own contactors";
+        let named = sides.map(|side| numbers.find(records, side));
+        let bonds = record.status == "Mstck" || record.status.starts_with('C') || !record.internals.is_empty();
+        if named.contains(&NamedContactor::Ambiguous) && !named.contains(&NamedContactor::OtherKind) && !bonds {
+            unnumbered += 1;
+            continue;
+        }
+        let rank = |k: usize| {
+            let NamedContactor::Found(index) = named[k] else { return None };
+            let body = sides[k].body;
+            let point = orientations[body].inverse_transform_vector(&(Vec3::from(record.point) - positions[body]));
+            rank_in_scene(scene, BodyId::new(body), index, &point)
+        };
+        let [Some(rank_a), Some(rank_b)] = [0, 1].map(rank) else {
+            let name = |side: &ContactSide| format!("{} {} of body {}", side.contactor, side.rank + 1, side.body + 1);
+            let found = format!("{} of {} and {}", record.kind, name(sides[0]), name(sides[1]));
+            let expected = "expected numbers and kinds of the bodies' own contactors";
             faults.push(Fault::new(&file, Some(record.line), "contact", found, expected));
             continue;
         };
+        renumbered += usize::from(sides.iter().any(|side| !numbers.is_in_body(records, side)));
+        let ranks = [rank_a, rank_b];
+        let [(kind_a, class_a), (kind_b, class_b)] =
+            [0, 1].map(|k| kind_and_class(scene, BodyId::new(sides[k].body), ranks[k]));
         let Some(see) = scene.visibility.interaction_rule(class_a, class_b) else {
             unseen += 1;
             continue;
@@ -440,10 +507,11 @@ pub fn initial_contacts(
             faults.push(Fault::new(&file, Some(record.line), "contact", "a normal of length 0", "expected length 1"));
             continue;
         };
-        let candidacy = sides.map(|side| scene.candidate_order(BodyId::new(side.body), side.rank as u16));
+        let candidacy = [0, 1].map(|k| scene.candidate_order(BodyId::new(sides[k].body), ranks[k]));
         let turned = candidacy[0] > candidacy[1];
         let (sign, [candidate, antagonist], kinds) =
             if turned { (-1.0, [sides[1], sides[0]], [kind_b, kind_a]) } else { (1.0, sides, [kind_a, kind_b]) };
+        let ranks = if turned { (rank_b, rank_a) } else { (rank_a, rank_b) };
         let normal = normal * sign;
         // A plate's face is identified by the normal, all other features by the position.
         let features = match kinds.map(|kind| CONTACTOR_NAMES[kind][0]) {
@@ -460,7 +528,7 @@ pub fn initial_contacts(
             contact: Contact {
                 candidate: BodyId::new(candidate.body),
                 antagonist: BodyId::new(antagonist.body),
-                ranks: (candidate.rank as u16, antagonist.rank as u16),
+                ranks,
                 features,
                 point: Vec3::from(record.point),
                 image: Vec3::zeros(),
@@ -479,6 +547,20 @@ pub fn initial_contacts(
     if unseen > 0 {
         let what = if unseen == 1 { "contact is" } else { "contacts are" };
         scene.notes.push(format!("Vloc_Rloc.INI: {unseen} {what} left out: TACT_BEHAV.DAT has no row for the pair"));
+    }
+    let contacts_are = |count: usize| if count == 1 { "1 contact is".into() } else { format!("{count} contacts are") };
+    if unnumbered > 0 {
+        scene.notes.push(format!(
+            "Vloc_Rloc.INI: {} left out: the number of a contactor is none of its body's",
+            contacts_are(unnumbered)
+        ));
+    }
+    if renumbered > 0 {
+        let how = match numbers {
+            ContactorNumbers::OverAll(_) => "numbered over the contactors of all bodies",
+            ContactorNumbers::InBody => "assigned to the only contactor of the kind, whatever its number",
+        };
+        scene.notes.push(format!("Vloc_Rloc.INI: {} {how}", contacts_are(renumbered)));
     }
     contacts.sort_by_key(|solved| solved.contact.key());
     for pair in contacts.chunk_by(|a, b| a.contact.key() == b.contact.key()).filter(|same| same.len() > 1) {

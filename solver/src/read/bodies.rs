@@ -2,16 +2,18 @@
 
 use std::path::Path;
 
-use cd_formats::bodies::{Bodies, ShapeRecord as FileShape};
+use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord as FileShape};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::{DrivenKind, DrvDof, Evolution};
 use cd_formats::error::{Fault, Faults, RecordFault};
+use cd_formats::names::count_text;
 use cd_formats::snapshot::MaterialName;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use crate::math::{Quat, Vec3};
+use crate::read::mirror;
 use crate::read::parts::{PreparedBody, body_from_record};
 use crate::scene::{
     BodyId, BodyPart, BodyShape, ContactorShape, ImposedLoad, ImposedVelocity, RigidBody, Scene, VisibilityTable,
@@ -32,6 +34,7 @@ pub fn scene_without_laws(
     let mut parts = Vec::new();
     let mut part_starts = vec![0];
     let mut frames = Vec::new();
+    let mut shapes = ShapeCounts::default();
     for (index, record) in records.0.iter().enumerate() {
         let made = body_from_record(record, bulk, &mut colours).unwrap_or_else(|RecordFault { found, expected }| {
             let of_material = found.starts_with("material ");
@@ -40,6 +43,7 @@ pub fn scene_without_laws(
             placeholder_body()
         });
         bodies.push(made.body);
+        shapes.add(record, &made.parts);
         parts.extend(made.parts.into_iter().map(|part| BodyPart { body: BodyId::new(index), ..part }));
         part_starts.push(parts.len() as u32);
         frames.push((made.shift, made.axes));
@@ -115,7 +119,7 @@ pub fn scene_without_laws(
         has_drums: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Cylinder { hollow: true, .. })),
         parts,
         part_starts,
-        notes: shifted_centres_note(&bodies, &frames).into_iter().collect(),
+        notes: shifted_centres_note(&bodies, &frames).into_iter().chain(shapes.notes()).collect(),
         turning,
         guided,
         oriented,
@@ -154,6 +158,40 @@ fn placeholder_body() -> PreparedBody {
         class: 0,
     };
     PreparedBody { body, parts: Vec::new(), shift: Vec3::zeros(), axes: Quat::identity() }
+}
+
+/// Contactors of BODIES.DAT that are not computed as they are.
+#[derive(Default)]
+struct ShapeCounts {
+    /// PT3Dx, of which no contact is computed.
+    points: usize,
+    /// POLYR that are not convex, and their pieces.
+    split: usize,
+    pieces: usize,
+}
+
+impl ShapeCounts {
+    fn add(&mut self, record: &Body, parts: &[BodyPart]) {
+        let is_point = |contactor: &&Contactor| matches!(contactor.shape, FileShape::Point { .. });
+        self.points += record.contactors.iter().filter(is_point).count();
+        for pieces in parts.chunk_by(|a, b| a.contactor == b.contactor).filter(|pieces| pieces.len() > 1) {
+            self.split += 1;
+            self.pieces += pieces.len();
+        }
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let Self { points, split, pieces } = *self;
+        let carry = if points == 1 { "carries" } else { "carry" };
+        let are = if split == 1 { "is" } else { "are" };
+        let of_points = format!("BODIES.DAT: {points} PT3Dx {carry} nothing: contacts of points are not computed");
+        let of_split = format!("BODIES.DAT: {split} POLYR {are} not convex and split into {pieces} convex pieces");
+        [(points, of_points), (split, of_split)]
+            .into_iter()
+            .filter(|(count, _)| *count > 0)
+            .map(|(_, note)| note)
+            .collect()
+    }
 }
 
 /// Note about centres of mass that differ from the file by more than its digits.
@@ -256,7 +294,7 @@ fn imposed_motion(
             faults.push(Fault::new(&file, Some(row.line), format!("body {}", row.body + 1), found, expected));
         };
         if row.body >= bodies.len() {
-            refuse("does not exist".into(), &format!("expected 1 to {}", bodies.len()));
+            refuse("does not exist".into(), &expected_number(datbox, row.body, bodies.len()));
             continue;
         }
         match row.kind {
@@ -291,12 +329,25 @@ fn imposed_motion(
     (drives, loads)
 }
 
+/// Numbers of bodies that are expected instead of one, from 0, that is too large. BODIES.DAT may give that number to a body
+/// at another position.
+fn expected_number(datbox: &Path, body: usize, count: usize) -> String {
+    match Bodies::position_of_number(&datbox.join("BODIES.DAT"), body + 1) {
+        Some(position) => format!(
+            "expected 1 to {count}: bodies are counted by position, and the one with the number {} in BODIES.DAT is body \
+             {position}",
+            body + 1
+        ),
+        None => format!("expected 1 to {count}"),
+    }
+}
+
 /// Positions, orientations, velocities and angular velocities (world frame); imposed components are those of DRV_DOF.DAT.
 pub fn initial_motion(
     datbox: &Path,
     records: &Bodies,
     dof: &Dof,
-    scene: &Scene,
+    scene: &mut Scene,
     faults: &mut Faults,
 ) -> (Vec<Vec3>, Vec<Quat>, Vec<Vec3>, Vec<Vec3>) {
     let file = datbox.join("DOF.INI");
@@ -305,18 +356,32 @@ pub fn initial_motion(
     let mut q = scene.axes.clone();
     let mut v = vec![Vec3::zeros(); count];
     let mut w = vec![Vec3::zeros(); count];
+    let mut left_handed = 0;
     for row in &dof.bodies {
         let mut refuse = |found: String, expected: &str| {
             faults.push(Fault::new(&file, Some(row.line), format!("body {}", row.body + 1), found, expected));
         };
         if row.body >= count {
-            refuse("does not exist".into(), &format!("expected 1 to {count}"));
+            refuse("does not exist".into(), &expected_number(datbox, row.body, count));
             continue;
         }
-        let axes = Matrix3::from_fn(|i, j| row.axes[j][i]); // a, b, g are columns of body -> world
+        let mut axes = row.axes.map(Vec3::from);
+        let mut spin = Vec3::from_row_slice(&row.velocity[3..]);
+        if axes[0].cross(&axes[1]).dot(&axes[2]) < 0.0 {
+            let Some(axis) = mirror::reversible_axis(scene, BodyId::new(row.body)) else {
+                refuse(
+                    "axes a, b, g are left-handed".into(),
+                    "expected a right-handed triad, as the shape, or what is imposed on it, is not its own mirror image",
+                );
+                continue;
+            };
+            (axes, spin) = mirror::reversed(axes, axis, &spin);
+            left_handed += 1;
+        }
+        let axes = Matrix3::from_columns(&axes); // body -> world
         let defect = (axes.transpose() * axes - Matrix3::identity()).norm();
         // Frames are written with 7 digits; their drift between writings is smaller.
-        if defect > 1e-4 || axes.determinant() < 0.0 {
+        if defect > 1e-4 {
             refuse(
                 format!("axes a, b, g that miss a right-handed unit triad by {defect:.1e}"),
                 "expected less than 1e-4",
@@ -328,12 +393,18 @@ pub fn initial_motion(
         q[i] =
             UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_eps(&axes, 1e-15, 100, Rotation3::identity()));
         v[i] = Vec3::from_row_slice(&row.velocity[..3]);
-        w[i] = q[i] * Vec3::from_row_slice(&row.velocity[3..]);
+        w[i] = q[i] * spin;
     }
     for drive in &scene.drives {
         let i = drive.body.index();
         (v[i], w[i]) = drive.velocity_at(dof.time, &q[i], &v[i], &w[i]);
     }
     debug_assert_eq!(scene.bodies.len(), count);
+    if left_handed > 0 {
+        let bodies = count_text(left_handed, "body");
+        scene
+            .notes
+            .push(format!("DOF.INI: left-handed axes of {bodies}: one is reversed, which leaves the shape as it is"));
+    }
     (x, q, v, w)
 }

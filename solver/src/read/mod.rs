@@ -3,7 +3,10 @@
 
 mod behaviour;
 mod bodies;
+mod contactors;
 pub mod driver;
+mod lenient;
+mod mirror;
 mod parts;
 pub mod resume;
 
@@ -24,6 +27,8 @@ use cd_formats::vloc_rloc::VlocRloc;
 
 use crate::features::BARE;
 use crate::math::Vec3;
+use crate::read::contactors::ContactorTable;
+use crate::read::lenient::FolderReader;
 use crate::scene::Scene;
 use crate::state::{BondingMode, DetectionCache, OutputInterval, State};
 
@@ -35,32 +40,36 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let datbox = case.join("DATBOX");
     let mut faults = Faults::default();
     let options = faults.gather_result(read_options(&datbox, flags));
-    let bulk = faults.gather_result(BulkBehav::read(&datbox.join("BULK_BEHAV.DAT")));
-    let tact = faults.gather_result(TactBehav::read(&datbox.join("TACT_BEHAV.DAT")));
-    let bodies = faults.gather_result(Bodies::read(&datbox.join("BODIES.DAT")));
-    let driven = faults.gather_result(DrvDof::read(&datbox.join("DRV_DOF.DAT")));
-    let dof = faults.gather_result(Dof::read(&datbox.join("DOF.INI")));
-    let history = datbox.join("Vloc_Rloc.INI");
-    let history =
-        if path_exists(&history) { faults.gather_result(VlocRloc::read(&history)) } else { Some(VlocRloc::default()) };
+    let mut files = FolderReader::new(&datbox)?;
+    let bodies = files.read("BODIES.DAT", Bodies::parse_with_notices);
+    let bulk = files.read("BULK_BEHAV.DAT", BulkBehav::parse_with_notices);
+    let tact = files.read("TACT_BEHAV.DAT", TactBehav::parse_with_notices);
+    let driven = files.read_optional("DRV_DOF.DAT", DrvDof::parse_with_notices, None);
+    let at_rest = Some("all bodies are at rest at step 0, time 0, with the positions and axes of BODIES.DAT");
+    let dof = files.read_optional("DOF.INI", Dof::parse_with_notices, at_rest);
+    let history = files.read_optional("Vloc_Rloc.INI", VlocRloc::parse_with_notices, None);
+    faults.0.append(&mut files.faults.0);
     let (Some(options), Some(bulk), Some(tact), Some(bodies), Some(driven), Some(dof), Some(history)) =
         (options, bulk, tact, bodies, driven, dof, history)
     else {
         return Err(faults);
     };
+    lenient::check_absent_axes(&datbox, &bodies, &mut faults);
 
     let mut scene = bodies::scene_without_laws(&datbox, &bodies, &bulk, &driven, options, &mut faults);
     (scene.start, scene.from) = ((dof.step, dof.time), (dof.step, dof.time));
-    behaviour::set_laws_and_visibility(&datbox, &tact, &mut scene, &mut faults);
+    scene.notes.splice(0..0, files.notices);
+    let contactors = ContactorTable::new(&bodies, &scene);
+    behaviour::set_laws_and_visibility(&datbox, &tact, &contactors, &mut scene, &mut faults);
     let (source, text) = faults.gather_result(events_text(&datbox, flags)).unwrap_or_default();
     let mut of_events = FaultReport::new(&source, &text);
     behaviour::check_events(&scene, &mut of_events);
     behaviour::check_text(&mut scene);
-    let (x, q, v, w) = bodies::initial_motion(&datbox, &bodies, &dof, &scene, &mut faults);
+    let (x, q, v, w) = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);
     scene.notes.extend(bodies::period_gap_notes(&scene, &q));
     bodies::check_level(&datbox, &bodies, &scene, &q, &mut faults);
     bodies::check_within(&datbox, &bodies, &scene, &x, &q, &mut faults);
-    let contacts = behaviour::initial_contacts(&datbox, &history, &mut scene, &q, &mut faults);
+    let contacts = behaviour::initial_contacts(&datbox, (&bodies, &history), &mut scene, (&x, &q), &mut faults);
     let spin =
         (scene.turning.iter().map(|&i| i.index())).map(|i| scene.bodies[i].angular_momentum(&q[i], &w[i])).collect();
     let mut state = State {

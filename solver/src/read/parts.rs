@@ -3,8 +3,7 @@
 use cd_formats::bodies::{self, Contactor, LocalFrame};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::error::RecordFault;
-use cd_formats::faces::ConvexMesh;
-use cd_formats::mass::{CheckedBody, InertialProperties};
+use cd_formats::mass::{CheckedBody, InertialProperties, SolidPiece};
 use cd_formats::ron_text::known_names;
 use cd_formats::surface::MassProperties;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
@@ -26,6 +25,7 @@ pub struct PreparedBody {
 
 /// Contactor in the frame of its body.
 struct ContactorPiece {
+    contactor: u16,
     geometry: ContactorShape,
     /// Centre in the frame of the file.
     centre: Vec3,
@@ -53,11 +53,11 @@ pub fn body_from_record(
         let found = format!("material '{}' has the density {density}", record.material);
         return Err(RecordFault::new(found, "expected more than 0"));
     }
-    let CheckedBody { faces, parts, whole: own, inertial: inert } = record.check_at_density(density)?;
+    let CheckedBody { pieces: solids, whole: own, inertial: inert } = record.check_at_density(density)?;
     let lone = record.contactors.len() == 1;
-    let solids = record.contactors.iter().zip(faces).zip(parts);
+    let is_only_solid = solids.len() == 1 && solids[0].contactor == 0;
     let mut pieces: Vec<ContactorPiece> =
-        solids.map(|((contactor, faces), mass)| contactor_piece(contactor, faces, mass, colours)).collect();
+        solids.into_iter().map(|solid| contactor_piece(&record.contactors, solid, colours)).collect();
     let simple = lone && !matches!(pieces[0].geometry, ContactorShape::Polyhedron(_));
 
     // Position of the centre of mass in the frame of the file.
@@ -72,8 +72,12 @@ pub fn body_from_record(
     };
     let InertialProperties { mass, inertia, radius } = inert;
 
+    // A sphere with marks is one, if it has its own moments.
+    let is_ball = inertia[0] == inertia[1] && inertia[1] == inertia[2] && pieces[0].centre == Vec3::zeros();
     let shape = match &pieces[0].geometry {
-        ContactorShape::Sphere { radius } if lone && !off_centre => BodyShape::Sphere { radius: *radius },
+        ContactorShape::Sphere { radius } if !off_centre && (lone || is_only_solid && is_ball) => {
+            BodyShape::Sphere { radius: *radius }
+        }
         ContactorShape::Plane { half_lengths, .. } if lone => BodyShape::Plane { half_lengths: *half_lengths },
         _ => BodyShape::Parts,
     };
@@ -91,6 +95,7 @@ pub fn body_from_record(
     let part = |(rank, piece): (usize, ContactorPiece)| BodyPart {
         body: BodyId(0),
         rank: rank as u16,
+        contactor: piece.contactor,
         geometry: piece.geometry,
         offset: axes.inverse_transform_vector(&piece.centre),
         axes: axes.inverse() * piece.axes,
@@ -101,13 +106,10 @@ pub fn body_from_record(
     Ok(PreparedBody { body, parts: pieces.into_iter().enumerate().map(part).collect(), shift, axes })
 }
 
-/// `faces`: those of a polyhedron; `mass`: mass properties at density 1 in the frame of the file.
-fn contactor_piece(
-    contactor: &Contactor,
-    faces: Option<ConvexMesh>,
-    mass: MassProperties,
-    colours: &mut Vec<String>,
-) -> ContactorPiece {
+fn contactor_piece(contactors: &[Contactor], solid: SolidPiece, colours: &mut Vec<String>) -> ContactorPiece {
+    let SolidPiece { contactor: index, faces, mass } = solid;
+    let contactor = &contactors[index];
+    let index = index as u16;
     let colour = colours.iter().position(|c| *c == contactor.colour).unwrap_or_else(|| {
         colours.push(contactor.colour.clone());
         colours.len() - 1
@@ -124,7 +126,8 @@ fn contactor_piece(
     if let Some(faces) = faces {
         let shape = Polyhedron::from(faces);
         let (centre, radius) = (Vec3::from(mass.centre), shape.circumradius());
-        return ContactorPiece { geometry: ContactorShape::Polyhedron(shape), centre, axes, radius, colour };
+        let geometry = ContactorShape::Polyhedron(shape);
+        return ContactorPiece { contactor: index, geometry, centre, axes, radius, colour };
     }
     let (geometry, centre, radius) = match &contactor.shape {
         bodies::ShapeRecord::Sphere { radius } => (ContactorShape::Sphere { radius: *radius }, centre, *radius),
@@ -141,10 +144,10 @@ fn contactor_piece(
             (ContactorShape::Cylinder { half_height, radius, hollow }, centre, radius.hypot(half_height))
         }
         bodies::ShapeRecord::Polyhedron { .. } | bodies::ShapeRecord::Point { .. } => {
-            unreachable!("checked has faces or an error")
+            unreachable!("a polyhedron has faces, and a point is no solid")
         }
     };
-    ContactorPiece { geometry, centre, axes, radius, colour }
+    ContactorPiece { contactor: index, geometry, centre, axes, radius, colour }
 }
 
 /// Principal axes, ordered by ascending moments.

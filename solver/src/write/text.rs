@@ -100,12 +100,12 @@ fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
 
 fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
     let side = |body: BodyId, rank: u16| {
-        let contactor = match scene.bodies[body.index()].shape {
-            BodyShape::Sphere { .. } => "SPHER",
-            BodyShape::Plane { .. } => "PLANx",
+        let (contactor, rank) = match scene.bodies[body.index()].shape {
+            BodyShape::Sphere { .. } => ("SPHER", 0),
+            BodyShape::Plane { .. } => ("PLANx", 0),
             BodyShape::Parts => {
-                let part = scene.part_index(body, rank);
-                contactor_name(&scene.parts[part.unwrap_or_default().index()])
+                let part = &scene.parts[scene.part_index(body, rank).unwrap_or_default().index()];
+                (contactor_name(part), part.contactor)
             }
         };
         ContactSide { body: body.index(), contactor: contactor.into(), rank: rank.into() }

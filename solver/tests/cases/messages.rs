@@ -261,7 +261,8 @@ fn a_misspelt_material_is_placed_in_its_line() {
 
 #[test]
 fn misspelt_kinds_and_laws_get_the_nearest() {
-    let case = falling();
+    let mut case = falling();
+    case.sphere(0.5, [4.0, 0.0, 0.6]);
     case.write();
     let file = case.path().join("DATBOX/TACT_BEHAV.DAT");
     let text = fs::read_to_string(&file).unwrap();

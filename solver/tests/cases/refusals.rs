@@ -97,7 +97,7 @@ fn what_is_sound_is_not_refused() {
 #[test]
 fn files_that_are_not_there() {
     refused(&sound(), &[], &["CASE: folder: has no DATBOX; expected the files of cd-pre or LMGC90 in it"]);
-    for name in ["BODIES.DAT", "BULK_BEHAV.DAT", "TACT_BEHAV.DAT", "DOF.INI"] {
+    for name in ["BODIES.DAT", "BULK_BEHAV.DAT", "TACT_BEHAV.DAT"] {
         let message = format!("CASE/DATBOX/{name}: file: cannot be read: there is no such file");
         refused(&with_file(name, None), &[], &[&message]);
     }
@@ -114,10 +114,10 @@ fn files_that_are_not_there() {
 #[test]
 fn all_faults_of_all_files_are_told_at_once() {
     let case = with_file("BULK_BEHAV.DAT", Some("nothing"));
-    fs::remove_file(case.path().join("DATBOX/DOF.INI")).unwrap();
+    fs::remove_file(case.path().join("DATBOX/TACT_BEHAV.DAT")).unwrap();
     let lines = [
         "CASE/DATBOX/BULK_BEHAV.DAT: file: no $gravy; expected it with grv1 grv2 grv3 on the next line",
-        "CASE/DATBOX/DOF.INI: file: cannot be read: there is no such file",
+        "CASE/DATBOX/TACT_BEHAV.DAT: file: cannot be read: there is no such file",
     ];
     refused(&case, &[], &lines);
 }
@@ -164,8 +164,8 @@ fn bodies_that_do_not_exist() {
 fn shapes_that_are_not_computed() {
     let mut case = sound();
     case.bodies[1].contactors[0].shape = ShapeRecord::Point { offset: [0.0; 3] };
-    let expected = "computed are SPHER, SPHEb, PLANx, POLYR, CYLND and DNLYC";
-    written_refused(&case, &[], &[&format!("CASE/DATBOX/BODIES.DAT:11: body 2: contactor PT3Dx; {expected}")]);
+    let expected = "expected SPHER, SPHEb, PLANx, POLYR, CYLND or DNLYC: points have no mass and no surface";
+    written_refused(&case, &[], &[&format!("CASE/DATBOX/BODIES.DAT:11: body 2: no contactor but PT3Dx; {expected}")]);
     case.bodies[1].contactors[0].shape = ShapeRecord::Cylinder { half_height: 1.0, radius: 1.0, hollow: true };
     let line = "CASE/DATBOX/BODIES.DAT:11: body 2: a DNLYC that may move freely; expected vlocy lines in DRV_DOF.DAT \
                 that impose some or all of its motion: a hollow cylinder is a wall, as its outside has no contacts";
@@ -186,7 +186,7 @@ fn pairs_that_have_no_contact() {
 
 #[test]
 fn polyhedra_that_are_none() {
-    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.1, 0.1, 0.1]];
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.33332; 3]];
     let refusal = |triangles: Vec<[u32; 3]>| {
         let mut case = sound();
         let vertices = corners[..triangles.iter().flatten().max().map_or(0, |&v| v as usize + 1)].to_vec();
@@ -197,10 +197,11 @@ fn polyhedra_that_are_none() {
         assert!(text.starts_with("cd-solve: CASE/DATBOX/BODIES.DAT:11: body 2: contactor POLYR: "), "{text}");
         text
     };
-    // A side is missing; one is pushed in.
+    // A side is missing; one is pushed in by no more than the digits of files.
     refusal(vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 1]]);
     let pushed_in = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 4], [2, 3, 4], [3, 1, 4]];
-    assert!(refusal(pushed_in).contains("convex"));
+    let text = refusal(pushed_in);
+    assert!(text.contains("not convex: ") && text.ends_with("or a body of several convex POLYR\n"), "{text}");
 }
 
 #[test]
@@ -228,6 +229,7 @@ fn materials_and_masses() {
 #[test]
 fn laws() {
     let mut case = sound();
+    case.sphere(0.5, [4.0, 0.0, 0.5]);
     case.tact.laws[0].kind = "IQS_GLUE".into();
     case.write();
     let (code, text) = spawn(&case, &[]);
@@ -267,11 +269,14 @@ fn rows_that_contradict_and_laws_that_are_too_many() {
     written_refused(&case, &[], &[line]);
 
     let mut case = sound();
-    for k in 0..256 {
+    for k in 0..256u32 {
         case.law_with("SPHER", "IQS_CLB", &[0.3]);
         let (row, law) = (case.tact.visibility.last_mut().unwrap(), case.tact.laws.last_mut().unwrap());
         (row.antagonist.colour, law.nickname) = (format!("C{k:04}"), format!("L{k:04}"));
         row.law.clone_from(&law.nickname);
+        let colour = row.antagonist.colour.clone();
+        let sphere = case.sphere(0.5, [2.0 * f64::from(k + 1), 0.0, 0.5]);
+        case.bodies[sphere].contactors[0].colour = colour;
     }
     case.write();
     let (code, text) = spawn(&case, &[]);

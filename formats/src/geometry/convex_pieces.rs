@@ -1,0 +1,478 @@
+//! Splitting of a closed polyhedron that is not convex into convex pieces, by cuts along the planes of its reflex edges.
+//!
+//! A convex cell around the solid is halved by the plane of a face that other faces are in front of, and each half again,
+//! until no face of a cell is in front of another. Within such a cell the solid is convex: the cell behind all of its
+//! faces. Planes are those of faces, so the pieces of an L, a U or a T are exact.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+
+use super::faces::{ConvexMesh, FLATNESS_OF_FILES};
+use super::surface::Surface;
+
+type Vec3 = Vector3<f64>;
+
+/// Largest number of pieces of a polyhedron.
+pub const MAX_CONVEX_PIECES: usize = 32;
+/// Largest number of triangles of a polyhedron that is split: each of its cuts takes time proportional to the square, about
+/// a second at this number.
+const MAX_SPLIT_TRIANGLES: usize = 500;
+/// Largest number of planes that are tried for a cut.
+const MAX_TRIED_PLANES: usize = 24;
+/// Depth over the size up to which a surface counts as convex but for the digits of its coordinates, and is not split.
+const MIN_REFLEX_DEPTH: f64 = 1e-4;
+/// Largest difference of the volume of all pieces from that of the whole, over the latter: flatness of files, per face.
+const VOLUME_TOLERANCE: f64 = 1e-5;
+
+/// Vertices and triangles of a piece, counter-clockwise seen from outside.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ConvexPiece {
+    pub vertices: Vec<[f64; 3]>,
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// Convex pieces that together fill the inside of a surface, without overlaps.
+///
+/// Errors: the reason why there are no such pieces, at most [`MAX_CONVEX_PIECES`].
+///
+/// ```
+/// # use cd_formats::{convex_pieces::split_into_convex, surface::Surface};
+/// // An arrow head: the corner in the middle of its base is pushed in.
+/// let corners = [[-1.0, 0.0, 0.0], [0.0, 0.5, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.5, 1.0]];
+/// let triangles = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [0, 3, 1], [1, 3, 2]];
+/// let pieces = split_into_convex(&Surface::new(&corners, &triangles).unwrap()).unwrap();
+/// assert_eq!(pieces.len(), 2);
+/// ```
+pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, String> {
+    let count = surface.triangles().len();
+    if count > MAX_SPLIT_TRIANGLES {
+        return Err(format!("of {count} triangles, and at most {MAX_SPLIT_TRIANGLES} are split"));
+    }
+    let centre = Vec3::from(surface.mass_properties().centre);
+    let vertices: Vec<Vec3> = surface.vertices().iter().map(|&v| Vec3::from(v) - centre).collect();
+    let size = vertices.iter().map(|v| v.norm()).fold(0.0, f64::max);
+    let splitter =
+        Splitter { vertices: &vertices, triangles: surface.triangles(), tolerance: FLATNESS_OF_FILES * size };
+    let faces: Vec<Polygon> =
+        surface.triangles().iter().map(|t| Polygon::new(t.map(|v| vertices[v as usize]).into())).collect();
+    let deepest = faces.iter().flat_map(|face| faces.iter().map(|other| other.height_over(face))).fold(0.0, f64::max);
+    if deepest <= MIN_REFLEX_DEPTH * size {
+        return Err("by no more than its digits".into());
+    }
+    let mut cells = CellCount::default();
+    splitter.split_cell(Cell::cube(2.0 * size), faces, &mut cells)?;
+    let pieces: Vec<ConvexPiece> = cells.inside.iter().filter_map(|cell| splitter.piece(cell, &centre)).collect();
+    let sum: f64 =
+        pieces.iter().map(|piece| Surface::new(&piece.vertices, &piece.triangles).map_or(0.0, |s| s.volume())).sum();
+    let volume = surface.volume();
+    if (sum - volume).abs() > VOLUME_TOLERANCE * volume {
+        return Err(format!("whose faces cut each other: its pieces have {sum} m^3 of {volume} m^3"));
+    }
+    Ok(pieces)
+}
+
+/// Convex pieces of a POLYR: one that is convex, or cannot be split, is its own piece.
+pub fn convex_surfaces(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<ConvexPiece> {
+    let own = || vec![ConvexPiece { vertices: vertices.to_vec(), triangles: triangles.to_vec() }];
+    if ConvexMesh::from_contactor(vertices, triangles).is_ok() {
+        return own();
+    }
+    let split = Surface::new(vertices, triangles).ok().and_then(|surface| split_into_convex(&surface).ok());
+    split.unwrap_or_else(own)
+}
+
+/// Half space n·x <= offset.
+#[derive(Debug, Clone, Copy)]
+struct HalfSpace {
+    normal: Vec3,
+    offset: f64,
+}
+
+impl HalfSpace {
+    fn height(&self, point: &Vec3) -> f64 {
+        self.normal.dot(point) - self.offset
+    }
+}
+
+/// Convex part of a face, counter-clockwise seen from outside of the solid.
+#[derive(Debug, Clone)]
+struct Polygon {
+    corners: Vec<Vec3>,
+    plane: HalfSpace,
+    area: f64,
+}
+
+impl Polygon {
+    fn new(corners: Vec<Vec3>) -> Polygon {
+        let area = doubled_area(&corners);
+        let normal = area / area.norm();
+        Polygon { plane: HalfSpace { normal, offset: normal.dot(&corners[0]) }, area: area.norm(), corners }
+    }
+
+    /// Largest height of its corners over the plane of another, m.
+    fn height_over(&self, other: &Polygon) -> f64 {
+        self.corners.iter().map(|corner| other.plane.height(corner)).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Parts behind and in front of a plane, as far as they are wider than the tolerance.
+    fn split(&self, plane: &HalfSpace, tolerance: f64) -> [Option<Polygon>; 2] {
+        [1.0, -1.0].map(|side| {
+            let heights: Vec<f64> = self.corners.iter().map(|corner| side * plane.height(corner)).collect();
+            if heights.iter().all(|height| *height >= -tolerance) {
+                return None;
+            }
+            if heights.iter().all(|height| *height <= tolerance) {
+                return Some(self.clone());
+            }
+            let mut kept = Vec::new();
+            for (k, corner) in self.corners.iter().enumerate() {
+                let next = (k + 1) % heights.len();
+                if heights[k] <= tolerance {
+                    kept.push(*corner);
+                }
+                if heights[k].min(heights[next]) < -tolerance && heights[k].max(heights[next]) > tolerance {
+                    kept.push(corner + (self.corners[next] - corner) * (heights[k] / (heights[k] - heights[next])));
+                }
+            }
+            let area = doubled_area(&kept).norm();
+            (area > 0.0).then_some(Polygon { corners: kept, plane: self.plane, area })
+        })
+    }
+}
+
+/// Twice the area of a plane polygon, along its normal.
+fn doubled_area(corners: &[Vec3]) -> Vec3 {
+    corners.windows(2).map(|pair| (pair[0] - corners[0]).cross(&(pair[1] - corners[0]))).sum()
+}
+
+/// Convex polyhedron; corners of its faces are counter-clockwise seen from outside.
+#[derive(Debug, Clone)]
+struct Cell {
+    vertices: Vec<Vec3>,
+    faces: Vec<Vec<usize>>,
+}
+
+impl Cell {
+    /// Cube about the origin with this half side.
+    fn cube(half: f64) -> Cell {
+        let vertices = (0..8).map(|k| Vec3::from_fn(|i, _| if k >> i & 1 == 1 { half } else { -half })).collect();
+        let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        Cell { vertices, faces: faces.map(Vec::from).into() }
+    }
+
+    /// Part behind a plane; vertices up to `tolerance` in front of it stay. `None` if nothing is behind it.
+    fn clip(mut self, plane: &HalfSpace, tolerance: f64) -> Option<Cell> {
+        let mut heights: Vec<f64> = self.vertices.iter().map(|vertex| plane.height(vertex)).collect();
+        let used = |heights: &[f64], chosen: fn(f64, f64) -> bool| {
+            self.faces.iter().flatten().any(|&v| chosen(heights[v], tolerance))
+        };
+        if !used(&heights, |height, tolerance| height < -tolerance) {
+            return None;
+        }
+        if !used(&heights, |height, tolerance| height > tolerance) {
+            return Some(self);
+        }
+        let mut cuts: BTreeMap<[usize; 2], usize> = BTreeMap::new();
+        let mut faces = Vec::new();
+        for face in &self.faces {
+            let mut kept = Vec::new();
+            for (k, &a) in face.iter().enumerate() {
+                let b = face[(k + 1) % face.len()];
+                if heights[a] <= tolerance {
+                    kept.push(a);
+                }
+                if heights[a].min(heights[b]) < -tolerance && heights[a].max(heights[b]) > tolerance {
+                    let [low, high] = [a.min(b), a.max(b)];
+                    kept.push(*cuts.entry([low, high]).or_insert_with(|| {
+                        let share = heights[low] / (heights[low] - heights[high]);
+                        self.vertices.push(self.vertices[low] + (self.vertices[high] - self.vertices[low]) * share);
+                        heights.push(0.0);
+                        self.vertices.len() - 1
+                    }));
+                }
+            }
+            if kept.len() >= 3 && kept.iter().any(|&v| heights[v] < -tolerance) {
+                faces.push(kept);
+            }
+        }
+        let mut rim: Vec<usize> = faces.iter().flatten().copied().filter(|&v| heights[v] >= -tolerance).collect();
+        rim.sort_unstable();
+        rim.dedup();
+        self.faces = faces;
+        if rim.len() >= 3 {
+            self.order_around(&plane.normal, &mut rim);
+            self.faces.push(rim);
+        }
+        Some(self)
+    }
+
+    /// Orders vertices of a convex polygon counter-clockwise about a normal.
+    fn order_around(&self, normal: &Vec3, rim: &mut [usize]) {
+        let middle = rim.iter().map(|&v| self.vertices[v]).sum::<Vec3>() / rim.len() as f64;
+        let first = self.vertices[rim[0]] - middle;
+        let second = normal.cross(&first);
+        let angle = |v: usize| {
+            let arm = self.vertices[v] - middle;
+            arm.dot(&second).atan2(arm.dot(&first))
+        };
+        rim.sort_by(|&a, &b| angle(a).total_cmp(&angle(b)).then(a.cmp(&b)));
+    }
+
+    /// Mean of its vertices.
+    fn middle(&self) -> Vec3 {
+        let mut used: Vec<usize> = self.faces.iter().flatten().copied().collect();
+        used.sort_unstable();
+        used.dedup();
+        used.iter().map(|&v| self.vertices[v]).sum::<Vec3>() / used.len().max(1) as f64
+    }
+}
+
+/// Cells that need no cut.
+#[derive(Default)]
+struct CellCount {
+    inside: Vec<Cell>,
+    outside: usize,
+}
+
+struct Splitter<'a> {
+    /// Vertices of the whole, m.
+    vertices: &'a [Vec3],
+    triangles: &'a [[u32; 3]],
+    /// Distance from a plane that counts as none, m.
+    tolerance: f64,
+}
+
+impl Splitter<'_> {
+    /// Adds the convex parts of the solid in a cell. `faces`: parts of its surface inside of the cell.
+    fn split_cell(&self, cell: Cell, faces: Vec<Polygon>, cells: &mut CellCount) -> Result<(), String> {
+        let Some(cut) = self.best_cut(&faces) else {
+            if faces.is_empty() && !self.contains(&cell.middle()) {
+                cells.outside += 1;
+            } else {
+                let mut planes: Vec<&Polygon> = faces.iter().collect();
+                planes.sort_by(|a, b| b.area.total_cmp(&a.area));
+                cells.inside.extend(planes.iter().try_fold(cell, |cell, face| cell.clip(&face.plane, self.tolerance)));
+            }
+            if cells.inside.len() > MAX_CONVEX_PIECES || cells.outside > 8 * MAX_CONVEX_PIECES {
+                return Err(format!("of more than {MAX_CONVEX_PIECES} convex pieces"));
+            }
+            return Ok(());
+        };
+        let [behind, front] = self.split_faces(&faces, &cut);
+        let opposite = HalfSpace { normal: -cut.normal, offset: -cut.offset };
+        for (plane, faces) in [(cut, behind), (opposite, front)] {
+            if let Some(half) = cell.clone().clip(&plane, self.tolerance) {
+                self.split_cell(half, faces, cells)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Faces behind and in front of a plane. Those in the plane bound a half of the cell, as the plane does.
+    fn split_faces(&self, faces: &[Polygon], cut: &HalfSpace) -> [Vec<Polygon>; 2] {
+        let (mut behind, mut front) = (Vec::new(), Vec::new());
+        for face in faces {
+            let [back, ahead] = face.split(cut, self.tolerance);
+            behind.extend(back);
+            front.extend(ahead);
+        }
+        [behind, front]
+    }
+
+    /// Number of pairs of a face and one in front of it.
+    fn reflex_pairs(&self, faces: &[Polygon]) -> usize {
+        faces.iter().map(|face| self.in_front(faces, face)).sum()
+    }
+
+    fn in_front(&self, faces: &[Polygon], face: &Polygon) -> usize {
+        faces.iter().filter(|other| other.height_over(face) > self.tolerance).count()
+    }
+
+    /// Plane of a face with others in front of it that leaves the fewest such pairs, then the fewest faces; `None` if
+    /// there is none.
+    fn best_cut(&self, faces: &[Polygon]) -> Option<HalfSpace> {
+        let mut tried: Vec<(usize, &Polygon)> = Vec::new();
+        for face in faces {
+            let is_known = |(_, known): &(usize, &Polygon)| {
+                known.plane.normal.dot(&face.plane.normal).abs() > 0.5
+                    && face.corners.iter().all(|corner| known.plane.height(corner).abs() <= self.tolerance)
+            };
+            let pairs = self.in_front(faces, face);
+            if pairs > 0 && !tried.iter().any(is_known) {
+                tried.push((pairs, face));
+            }
+        }
+        tried.sort_by_key(|(pairs, _)| std::cmp::Reverse(*pairs));
+        tried.truncate(MAX_TRIED_PLANES);
+        let cost = |plane: &HalfSpace| {
+            let halves = self.split_faces(faces, plane);
+            (
+                halves.iter().map(|half| self.reflex_pairs(half)).sum::<usize>(),
+                halves.iter().map(Vec::len).sum::<usize>(),
+            )
+        };
+        tried.into_iter().map(|(_, face)| face.plane).min_by_key(cost)
+    }
+
+    /// Whether a point is inside of the whole: the surface is seen from it under a solid angle of 4 pi, otherwise 0.
+    /// Source: A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125-126.
+    fn contains(&self, point: &Vec3) -> bool {
+        let half_angle: f64 = (self.triangles.iter())
+            .map(|triangle| {
+                let [a, b, c] = triangle.map(|v| self.vertices[v as usize] - point);
+                let [la, lb, lc] = [a.norm(), b.norm(), c.norm()];
+                let below = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
+                a.dot(&b.cross(&c)).atan2(below)
+            })
+            .sum();
+        half_angle > std::f64::consts::PI
+    }
+
+    /// Surface of a cell in the frame of the file, `centre` away. Vertices closer than the tolerance become one, if
+    /// possible that of the whole. `None` for a cell that is flat.
+    fn piece(&self, cell: &Cell, centre: &Vec3) -> Option<ConvexPiece> {
+        let is_near = |a: &Vec3, b: &Vec3| (a - b).amax() <= 4.0 * self.tolerance;
+        let mut kept: Vec<Vec3> = Vec::new();
+        let mut number = vec![u32::MAX; cell.vertices.len()];
+        for &v in cell.faces.iter().flatten() {
+            if number[v] == u32::MAX {
+                let vertex = &cell.vertices[v];
+                let vertex = *self.vertices.iter().find(|known| is_near(known, vertex)).unwrap_or(vertex);
+                number[v] = kept.iter().position(|known| is_near(known, &vertex)).unwrap_or_else(|| {
+                    kept.push(vertex);
+                    kept.len() - 1
+                }) as u32;
+            }
+        }
+        let mut triangles = Vec::new();
+        for face in &cell.faces {
+            let mut corners: Vec<u32> = face.iter().map(|&v| number[v]).collect();
+            corners.dedup();
+            if corners.len() > 1 && corners.first() == corners.last() {
+                corners.pop();
+            }
+            triangles.extend((1..corners.len().saturating_sub(1)).map(|k| [corners[0], corners[k], corners[k + 1]]));
+        }
+        let vertices = kept.iter().map(|vertex| (vertex + centre).into()).collect();
+        (triangles.len() >= 4).then_some(ConvexPiece { vertices, triangles })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::surface::MassProperties;
+    use nalgebra::{Matrix3, UnitQuaternion};
+
+    /// Surface of a prism from z = 0 to 1: vertices below, then above; `rims` are counter-clockwise, those of holes
+    /// clockwise.
+    fn prism(corners: &[[f64; 2]], rims: &[&[u32]], caps: &[[u32; 3]]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+        let count = corners.len() as u32;
+        let vertices = [0.0, 1.0].into_iter().flat_map(|z| corners.iter().map(move |[x, y]| [*x, *y, z])).collect();
+        let above = caps.iter().map(|t| t.map(|v| v + count));
+        let below = caps.iter().map(|[a, b, c]| [*a, *c, *b]);
+        let sides = rims.iter().flat_map(|rim| {
+            (0..rim.len()).flat_map(move |k| {
+                let [a, b] = [rim[k], rim[(k + 1) % rim.len()]];
+                [[a, b, b + count], [a, b + count, a + count]]
+            })
+        });
+        (vertices, below.chain(above).chain(sides).collect())
+    }
+
+    /// Profiles of masonry: corners, rims, triangles, smallest number of convex pieces.
+    type Profile = (Vec<[f64; 2]>, Vec<Vec<u32>>, Vec<[u32; 3]>, usize);
+
+    fn profiles() -> Vec<Profile> {
+        let one = |n: u32| vec![(0..n).collect::<Vec<u32>>()];
+        let l = vec![[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]];
+        let u = vec![[0., 0.], [3., 0.], [3., 2.], [2., 2.], [2., 1.], [1., 1.], [1., 2.], [0., 2.]];
+        let t = vec![[1., 0.], [2., 0.], [2., 2.], [3., 2.], [3., 3.], [0., 3.], [0., 2.], [1., 2.]];
+        let frame = vec![[0., 0.], [3., 0.], [3., 3.], [0., 3.], [1., 1.], [2., 1.], [2., 2.], [1., 2.]];
+        let ring = (0..4).flat_map(|k| [[k, (k + 1) % 4, 4 + (k + 1) % 4], [k, 4 + (k + 1) % 4, 4 + k]]).collect();
+        vec![
+            (l, one(6), vec![[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]], 2),
+            (u, one(8), vec![[0, 1, 4], [1, 2, 3], [1, 3, 4], [0, 4, 5], [0, 5, 6], [0, 6, 7]], 3),
+            (t, one(8), vec![[0, 1, 2], [0, 2, 7], [7, 2, 4], [2, 3, 4], [7, 4, 5], [5, 6, 7]], 2),
+            (frame, vec![vec![0, 1, 2, 3], vec![7, 6, 5, 4]], ring, 4),
+        ]
+    }
+
+    /// Pieces of a surface, after checking that they are convex and have together its mass, centre and inertia, with
+    /// relative errors up to `allowed`.
+    #[track_caller]
+    fn checked(vertices: &[[f64; 3]], triangles: &[[u32; 3]], allowed: f64) -> usize {
+        let surface = Surface::new(vertices, triangles).unwrap();
+        assert!(ConvexMesh::from_contactor(vertices, triangles).is_err());
+        let pieces = split_into_convex(&surface).unwrap();
+        let parts: Vec<MassProperties> = (pieces.iter())
+            .map(|piece| ConvexMesh::from_contactor(&piece.vertices, &piece.triangles).unwrap().1)
+            .collect();
+        let (sum, whole) = (MassProperties::composite(&parts), surface.mass_properties());
+        let size = whole.volume.cbrt();
+        assert!((sum.volume / whole.volume - 1.0).abs() < allowed, "{sum:?} {whole:?}");
+        assert!((Vec3::from(sum.centre) - Vec3::from(whole.centre)).norm() < allowed * size, "{sum:?} {whole:?}");
+        let inertia = Matrix3::from(whole.inertia);
+        assert!((Matrix3::from(sum.inertia) - inertia).norm() < allowed * inertia.norm(), "{sum:?} {whole:?}");
+        pieces.len()
+    }
+
+    #[test]
+    fn profiles_of_masonry_are_exact() {
+        for (corners, rims, caps, count) in profiles() {
+            let rims: Vec<&[u32]> = rims.iter().map(Vec::as_slice).collect();
+            let (vertices, triangles) = prism(&corners, &rims, &caps);
+            // A few roundings.
+            assert_eq!(checked(&vertices, &triangles, 1e-14), count);
+            let turn = UnitQuaternion::from_scaled_axis(Vec3::new(0.3, -1.1, 0.7));
+            for size in [1e-3, 1e3] {
+                let moved = |v: &[f64; 3]| (turn * (Vec3::from(*v) * size) + Vec3::new(5.0, -7.0, 2.0) * size).into();
+                let turned: Vec<[f64; 3]> = vertices.iter().map(moved).collect();
+                assert_eq!(checked(&turned, &triangles, 1e-13), count, "{size}");
+                // In a file: eight digits.
+                let written = turned.iter().map(|v| v.map(|x| format!("{x:.7e}").parse().unwrap())).collect::<Vec<_>>();
+                assert_eq!(checked(&written, &triangles, 2e-6), count, "{size}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_dent_no_deeper_than_the_digits_is_not_split() {
+        let dented = |depth: f64| {
+            let third = 1.0 / 3.0 - depth;
+            let vertices = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [third; 3]];
+            let triangles = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 4], [2, 3, 4], [3, 1, 4]];
+            split_into_convex(&Surface::new(&vertices, &triangles).unwrap())
+        };
+        assert_eq!(dented(1e-5), Err("by no more than its digits".into()));
+        let pieces = dented(0.1).unwrap();
+        // Three tetrahedra would do; cuts along planes of faces make at most one more each.
+        assert!((3..=6).contains(&pieces.len()), "{}", pieces.len());
+    }
+
+    #[test]
+    fn more_pieces_than_allowed_are_refused() {
+        // A comb: each tooth is a piece.
+        let teeth = MAX_CONVEX_PIECES + 1;
+        let mut corners = vec![[0.0, 0.0], [teeth as f64, 0.0]];
+        let mut caps = Vec::new();
+        for k in (0..teeth).rev() {
+            let x = k as f64;
+            corners.extend([[x + 1.0, 1.0], [x + 0.5, 2.0], [x, 1.0]]);
+        }
+        // The corners between teeth occur once.
+        let mut profile: Vec<[f64; 2]> = corners;
+        profile.dedup();
+        let right = |k: usize| (2 + 2 * k) as u32;
+        for k in 0..teeth {
+            caps.push([right(k), right(k) + 1, right(k) + 2]);
+            caps.push([0, right(k), right(k) + 2]);
+        }
+        caps.push([0, 1, 2]);
+        let rim: Vec<u32> = (0..profile.len() as u32).collect();
+        let (vertices, triangles) = prism(&profile, &[&rim], &caps);
+        let refused = split_into_convex(&Surface::new(&vertices, &triangles).unwrap()).unwrap_err();
+        assert_eq!(refused, format!("of more than {MAX_CONVEX_PIECES} convex pieces"));
+    }
+}

@@ -1,0 +1,71 @@
+//! Deviations from the form of the files that are read as LMGC90 reads them, with a notice each.
+
+use std::collections::BTreeMap;
+
+use crate::names::count_text;
+
+/// Form that deviates and has one reading only.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum LenientForm {
+    /// Line outside of all records.
+    OutsideLine,
+    /// Comment whose `!` or `#` is not in column 1.
+    IndentedComment,
+    /// Number of the step or time not in its columns.
+    ShiftedHead,
+    /// Body whose number is not its position.
+    BodyNumber,
+    /// POLYF, a POLYR in patches.
+    PatchedSurface,
+    /// Row for bodies or contactors of deformable bodies or of 2D.
+    ForeignRow,
+}
+
+impl LenientForm {
+    /// Sentence about the places where the form was found.
+    fn sentence(self, count: usize) -> String {
+        let one = count == 1;
+        let are = if one { "is" } else { "are" };
+        match self {
+            LenientForm::OutsideLine => format!("{} outside of the records {are} skipped", count_text(count, "line")),
+            LenientForm::IndentedComment => {
+                format!(
+                    "{} that {} with ! or # {are} skipped",
+                    count_text(count, "line"),
+                    if one { "begins" } else { "begin" }
+                )
+            }
+            LenientForm::ShiftedHead => "step number and time are read next to $steps and time=".into(),
+            LenientForm::BodyNumber => format!(
+                "{} {} a number other than the position; bodies are counted by position",
+                count_text(count, "body"),
+                if one { "has" } else { "have" }
+            ),
+            LenientForm::PatchedSurface => {
+                format!("{count} POLYF {are} read as POLYR, with the patches joined at their common vertices")
+            }
+            LenientForm::ForeignRow => {
+                format!("{} for 2D or deformable bodies {are} skipped", count_text(count, "see row"))
+            }
+        }
+    }
+}
+
+/// Deviations found in a file: number of places and line of the first, by form.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct LenientForms(BTreeMap<LenientForm, (usize, usize)>);
+
+impl LenientForms {
+    /// Counts one more place.
+    pub fn add(&mut self, form: LenientForm, line: usize) {
+        self.0.entry(form).or_insert((0, line)).0 += 1;
+    }
+
+    /// Notices for the user about the file `name`, one a form: `BODIES.DAT:12: 2 bodies have a number ...`.
+    pub fn notices(&self, name: &str) -> Vec<String> {
+        let notice = |(form, (count, line)): (&LenientForm, &(usize, usize))| {
+            format!("{name}:{line}: {}", form.sentence(*count))
+        };
+        self.0.iter().map(notice).collect()
+    }
+}

@@ -1,0 +1,154 @@
+//! Lines outside of records, and heads of state files whose numbers are not in their columns.
+
+use super::{LenientForm, LineScanner, NumberError, REAL_WIDTH, TextLine, fortran_real, free_real};
+use crate::words::is_data_word;
+
+/// Least number of `$` of an end of record.
+const END_OF_RECORD: usize = 5;
+
+/// Whether a line may belong to a record whose head is damaged: it has a keyword, a word of data lines, a labelled value
+/// or a real with an exponent.
+fn may_be_data(line: TextLine) -> bool {
+    let text = line.text().trim();
+    let is_real = |word: &str| word.contains('.') && word.contains(['E', 'e', 'D', 'd']) && free_real(word).is_ok();
+    let is_end = text.len() >= END_OF_RECORD && text.chars().all(|letter| letter == '$');
+    (text.starts_with('$') && !is_end)
+        || text.contains('=')
+        || text.split_ascii_whitespace().any(|word| is_data_word(word) || is_real(word))
+}
+
+impl<'a> LineScanner<'a> {
+    /// Skips lines up to the next with this keyword, which LMGC90 searches for, or to the end of the file. A line that may
+    /// be part of a damaged record stays, for the caller to report.
+    pub fn skip_to_keyword(&mut self, keyword: &str) {
+        while let Some(line) = self.next_line_if(|line| line.keyword() != keyword && !may_be_data(line)) {
+            self.forms.add(LenientForm::OutsideLine, line.number);
+        }
+    }
+
+    /// Rejects a `$` line with another keyword; other lines are skipped, as in LMGC90.
+    pub fn reject_unknown_keyword(&mut self, line: TextLine, expected: &str) {
+        if line.text().starts_with('$') && line.keyword() != "$$$$$" {
+            self.set_object("file");
+            self.add_fault(line.number, format!("keyword '${}' is not known", line.keyword().trim()), expected);
+        }
+    }
+
+    /// Whether a comment that is not in column 1 is on the line before this one: LMGC90 takes it for a line of titles.
+    pub fn follows_indented_comment(&self, line: TextLine) -> bool {
+        self.indented_comments.contains(&(line.number - 1))
+    }
+
+    /// Reads the `$steps` line of a state file: number of the step, time in s.
+    ///
+    /// Numbers that are not in their columns are read next to `$steps` and `time=`, unless LMGC90 reads others.
+    pub fn read_steps(&mut self) -> (u64, f64) {
+        self.skip_to_keyword("steps");
+        let Some(line) = self.next_line_if(|line| line.keyword() == "steps") else {
+            self.unexpected_line("expected $steps with the number of the step and the time");
+            return (0, f64::NAN);
+        };
+        let text = line.before_comment();
+        let label = text.find("time=").unwrap_or(TIME_LABEL);
+        let word = |from: usize, to: usize| text.get(from..to).unwrap_or("").trim();
+        let (step, time) = (word("$steps".len(), label), word(label + "time=".len(), text.len()));
+        let is_shifted = label != TIME_LABEL;
+        let in_columns = line.columns(STEP_COLUMNS.0, STEP_COLUMNS.1).replace(' ', "");
+        let step = match step.parse::<u64>() {
+            // LMGC90 reads 0 from blank columns.
+            Ok(number) if in_columns.is_empty() || in_columns.parse() == Ok(number) => {
+                self.expect_same_number(line, "step number", number as f64, in_columns.parse().ok().or(Some(0.0)));
+                number
+            }
+            Ok(number) if is_shifted && in_columns.parse::<u64>().is_err() => number,
+            _ => self.read_integer(line, STEP_COLUMNS, "step number").unwrap_or(0),
+        };
+        let first = TIME_LABEL + "time=".len() + 1;
+        let time = match fortran_real(time) {
+            Ok(value) if is_shifted => {
+                let theirs = lmgc90_real(line.columns(first, first + REAL_WIDTH - 1)).ok();
+                self.expect_same_number(line, "time", value, theirs);
+                self.forms.add(LenientForm::ShiftedHead, line.number);
+                value
+            }
+            _ => self.read_real(line, first, "time"),
+        };
+        (step, time)
+    }
+
+    /// Adds a fault if LMGC90 reads another number from its columns; it reads none where it stops with an error.
+    fn expect_same_number(&mut self, line: TextLine, what: &str, value: f64, theirs: Option<f64>) {
+        if let Some(theirs) = theirs.filter(|theirs| (theirs - value).abs() > 1e-12 * value.abs()) {
+            let found = format!("{what} is {value}, but LMGC90 reads {theirs} from its columns");
+            self.add_fault(
+                line.number,
+                found,
+                "expected the number in its columns: the step in 9 to 15, the time in 35 to 48",
+            );
+        }
+    }
+}
+
+/// Columns of the number of the step.
+const STEP_COLUMNS: (usize, usize) = (9, 15);
+/// Number of columns before `time=`.
+const TIME_LABEL: usize = 29;
+
+/// Real that Fortran's `D14.7` takes from these columns: blank columns are 0, and the last seven digits of a number without
+/// point are decimals.
+fn lmgc90_real(field: &str) -> Result<f64, NumberError> {
+    if field.trim().is_empty() {
+        return Ok(0.0);
+    }
+    let value = free_real(field)?;
+    Ok(if field.contains('.') { value } else { 1e-7 * value })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::super::AsciiText;
+    use super::*;
+
+    fn head(text: &str) -> Result<(u64, f64), String> {
+        let text = AsciiText::new(text.as_bytes());
+        let mut scan = LineScanner::new(Path::new("f"), &text);
+        let read = scan.read_steps();
+        scan.finish(read).map_err(|faults| faults.to_string())
+    }
+
+    #[test]
+    fn the_head_is_read_where_it_has_one_reading() {
+        let at = |shift: i32, time: &str| format!("$steps       12{:1$}time={time}\n", "", (14 + shift) as usize);
+        assert_eq!(head(&at(0, " 0.5000000D+00")), Ok((12, 0.5)));
+        assert_eq!(head(&at(0, "  .5000000D+00")), Ok((12, 0.5)));
+        for shift in [-3, -2, -1, 1, 2, 3] {
+            // Without the point LMGC90 takes the last seven digits for decimals.
+            assert_eq!(head(&at(shift, " 0.5000000D+00")), Ok((12, 0.5)), "{shift}");
+            assert_eq!(head(&at(shift, " 0.0000000D+00")), Ok((12, 0.0)), "{shift}");
+        }
+        let refused = head(&at(-2, " 1.5000000E+00")).unwrap_err();
+        assert!(refused.contains("time is 1.5, but LMGC90 reads 0.5 from its columns"), "{refused}");
+        // Behind column 15 LMGC90 reads 0.
+        assert_eq!(head("$steps          0             time= 0.0000000D+00\n"), Ok((0, 0.0)));
+        let refused = head("$steps          7             time= 0.0000000D+00\n").unwrap_err();
+        assert!(refused.contains("step number is 7, but LMGC90 reads 0 from its columns"), "{refused}");
+    }
+
+    #[test]
+    fn only_lines_that_are_no_data_are_skipped() {
+        let skipped = |text: &str| {
+            let text = AsciiText::new(text.as_bytes());
+            let mut scan = LineScanner::new(Path::new("f"), &text);
+            scan.skip_to_keyword("bdyty");
+            scan.next_line().is_none_or(|line| line.keyword() == "bdyty")
+        };
+        for text in ["$$$$$$\n", "  two bodies, version 1.2\n$bdyty\n", " ! RBDY3\n", "-----\n", ""] {
+            assert!(skipped(text), "{text}");
+        }
+        for text in [" $bdyty\n", "$bdytx\n", " RBDY3      1\n", " xxx 1.0E+00\n", "   coo1= 1\n", "a SPHER\n"] {
+            assert!(!skipped(text), "{text}");
+        }
+    }
+}

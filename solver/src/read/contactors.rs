@@ -1,0 +1,158 @@
+//! Contactors of BODIES.DAT as the other files name them: in rows of TACT_BEHAV.DAT by kind and colour, in Vloc_Rloc.INI by
+//! kind and number.
+
+use std::collections::BTreeMap;
+
+use cd_formats::bodies::Bodies;
+use cd_formats::tact_behav::{VisibilityRow, VisibilitySide};
+use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
+
+use crate::math::Vec3;
+use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, Scene};
+
+/// Names that are one kind of contactor.
+fn kind_name(name: &str) -> &str {
+    if name == "SPHEb" { "SPHER" } else { name }
+}
+
+/// Bodies that have a contactor of some kind and colour.
+#[derive(Debug, Default)]
+struct ContactorOwners {
+    first: usize,
+    /// Whether a second body has one.
+    several: bool,
+    /// Whether a body that is not imposed in all its motion has one.
+    moves: bool,
+}
+
+/// Contactors of all bodies by kind and colour.
+pub struct ContactorTable(BTreeMap<(String, String), ContactorOwners>);
+
+impl ContactorTable {
+    pub fn new(records: &Bodies, scene: &Scene) -> ContactorTable {
+        let mut table: BTreeMap<(String, String), ContactorOwners> = BTreeMap::new();
+        for (index, (record, body)) in records.0.iter().zip(&scene.bodies).enumerate() {
+            for contactor in &record.contactors {
+                let key = (kind_name(contactor.shape.type_name()).to_string(), contactor.colour.clone());
+                let owners = table.entry(key).or_insert_with(|| ContactorOwners { first: index, ..Default::default() });
+                owners.several |= owners.first != index;
+                owners.moves |= !body.is_imposed();
+            }
+        }
+        ContactorTable(table)
+    }
+
+    fn owners(&self, side: &VisibilitySide) -> Option<&ContactorOwners> {
+        self.0.get(&(kind_name(&side.contactor).to_string(), side.colour.clone()))
+    }
+
+    /// Whether both contactors of a row exist.
+    pub fn has_both(&self, row: &VisibilityRow) -> bool {
+        self.owners(&row.candidate).is_some() && self.owners(&row.antagonist).is_some()
+    }
+
+    /// Whether two bodies with the contactors of a row can meet: not both are imposed in all their motion. Points meet
+    /// points only, as in LMGC90.
+    pub fn can_meet(&self, row: &VisibilityRow) -> bool {
+        let (Some(a), Some(b)) = (self.owners(&row.candidate), self.owners(&row.antagonist)) else { return false };
+        let points = [&row.candidate, &row.antagonist].map(|side| side.contactor == "PT3Dx");
+        points[0] == points[1] && (a.moves || b.moves) && (a.first != b.first || a.several || b.several)
+    }
+
+    /// Whether a row is for points that can meet.
+    pub fn is_of_points(&self, row: &VisibilityRow) -> bool {
+        row.candidate.contactor == "PT3Dx" && self.can_meet(row)
+    }
+}
+
+/// Numbers of contactors in Vloc_Rloc.INI.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ContactorNumbers {
+    /// Counted in each body.
+    InBody,
+    /// Counted over all bodies, as in files of earlier versions of LMGC90; numbers before the first of each body.
+    OverAll(Vec<usize>),
+}
+
+/// Contactor that a side of a contact names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NamedContactor {
+    /// Index in its body.
+    Found(usize),
+    /// The number is none of the body's, and there are several of its kind.
+    Ambiguous,
+    /// The body has no contactor of this kind.
+    OtherKind,
+}
+
+impl ContactorNumbers {
+    /// Numbers of a file: over all bodies if that, and not their count in each body, fits all contacts.
+    pub fn of(records: &Bodies, history: &VlocRloc) -> ContactorNumbers {
+        let sides = || {
+            let all = history.contacts.iter().flat_map(|contact| [&contact.candidate, &contact.antagonist]);
+            all.filter(|side| side.body < records.0.len())
+        };
+        let fits = |numbers: &ContactorNumbers| sides().all(|side| numbers.exact(records, side).is_some());
+        let mut before = 0;
+        let starts = records.0.iter().map(|body| {
+            before += body.contactors.len();
+            before - body.contactors.len()
+        });
+        let over_all = ContactorNumbers::OverAll(starts.collect());
+        if !fits(&ContactorNumbers::InBody) && fits(&over_all) { over_all } else { ContactorNumbers::InBody }
+    }
+
+    /// Index of the contactor with the number and the kind of a side.
+    fn exact(&self, records: &Bodies, side: &ContactSide) -> Option<usize> {
+        let index = match self {
+            ContactorNumbers::InBody => side.rank,
+            ContactorNumbers::OverAll(starts) => side.rank.checked_sub(starts[side.body])?,
+        };
+        let contactor = records.0[side.body].contactors.get(index)?;
+        (kind_name(contactor.shape.type_name()) == kind_name(&side.contactor)).then_some(index)
+    }
+
+    /// Contactor of a side. If the number does not fit it is the only one of its kind.
+    pub fn find(&self, records: &Bodies, side: &ContactSide) -> NamedContactor {
+        if let Some(index) = self.exact(records, side) {
+            return NamedContactor::Found(index);
+        }
+        let contactors = records.0[side.body].contactors.iter().enumerate();
+        let alike = |(index, contactor): (usize, &cd_formats::bodies::Contactor)| {
+            (kind_name(contactor.shape.type_name()) == kind_name(&side.contactor)).then_some(index)
+        };
+        match contactors.filter_map(alike).collect::<Vec<_>>()[..] {
+            [] => NamedContactor::OtherKind,
+            [only] => NamedContactor::Found(only),
+            _ => NamedContactor::Ambiguous,
+        }
+    }
+
+    /// Whether the number of a side is that of its contactor in its body.
+    pub fn is_in_body(&self, records: &Bodies, side: &ContactSide) -> bool {
+        ContactorNumbers::InBody.exact(records, side).is_some() && *self == ContactorNumbers::InBody
+    }
+}
+
+/// Rank in the scene of a contactor of BODIES.DAT; of its convex pieces that in which a point in the body's frame lies
+/// deepest. `None` for a point.
+pub fn rank_in_scene(scene: &Scene, body: BodyId, contactor: usize, point: &Vec3) -> Option<u16> {
+    if scene.bodies[body.index()].shape != BodyShape::Parts {
+        return (contactor == 0).then_some(0);
+    }
+    let pieces = scene.parts_of(body).iter().filter(|part| usize::from(part.contactor) == contactor);
+    let nearest = pieces.min_by(|a, b| height_over(a, point).total_cmp(&height_over(b, point)));
+    nearest.map(|part| part.rank)
+}
+
+/// Largest height of a point in the body's frame over the faces of a polyhedron, m; 0 for other shapes.
+fn height_over(part: &BodyPart, point: &Vec3) -> f64 {
+    let ContactorShape::Polyhedron(shape) = &part.geometry else { return 0.0 };
+    let local = part.axes.inverse_transform_vector(&(point - part.offset));
+    let height = |face: &[u16]| {
+        let corner = |k: usize| shape.vertices()[usize::from(face[k])];
+        let normal = (corner(1) - corner(0)).cross(&(corner(2) - corner(0))).normalize();
+        normal.dot(&(local - corner(0)))
+    };
+    shape.faces().map(height).fold(f64::NEG_INFINITY, f64::max)
+}

@@ -1,0 +1,62 @@
+//! Files of DATBOX with the notices of their readers, and files that may be absent.
+
+use std::path::Path;
+
+use cd_formats::atomic::path_exists;
+use cd_formats::bodies::{Bodies, ShapeRecord};
+use cd_formats::error::{Fault, Faults};
+use cd_formats::foreign::foreign_bodies;
+use cd_formats::scan::AsciiText;
+
+/// Reader of a text of DATBOX; the path is for messages.
+type Parser<T> = fn(&Path, &AsciiText) -> Result<(T, Vec<String>), Faults>;
+
+/// Reads the files of a folder and collects faults and notices.
+pub struct FolderReader<'a> {
+    datbox: &'a Path,
+    pub faults: Faults,
+    /// Notices for the user: deviations from the form of the files, and files that are absent.
+    pub notices: Vec<String>,
+}
+
+impl<'a> FolderReader<'a> {
+    /// Errors: a folder of 2D or deformable bodies, of which each line would be a fault.
+    pub fn new(datbox: &'a Path) -> Result<FolderReader<'a>, Faults> {
+        let path = datbox.join("BODIES.DAT");
+        let foreign = AsciiText::read_file(&path).ok().and_then(|text| foreign_bodies(&path, &text));
+        foreign.map_or(Ok(FolderReader { datbox, faults: Faults::default(), notices: Vec::new() }), |fault| {
+            Err(fault.into())
+        })
+    }
+
+    /// Value of a file; `None` after a fault.
+    pub fn read<T>(&mut self, name: &str, parse: Parser<T>) -> Option<T> {
+        let path = self.datbox.join(name);
+        let read = AsciiText::read_file(&path).and_then(|text| parse(&path, &text));
+        let (value, notices) = self.faults.gather_result(read)?;
+        self.notices.extend(notices);
+        Some(value)
+    }
+
+    /// Value of a file, or the default if there is none; `notice`: that of the default, if it is not expected.
+    pub fn read_optional<T: Default>(&mut self, name: &str, parse: Parser<T>, notice: Option<&str>) -> Option<T> {
+        if path_exists(&self.datbox.join(name)) {
+            return self.read(name, parse);
+        }
+        self.notices.extend(notice.map(|notice| format!("{name}: absent; {notice}")));
+        Some(T::default())
+    }
+}
+
+/// Rejects an absent DOF.INI if shapes are given in their principal axes, whose directions are in that file only.
+pub fn check_absent_axes(datbox: &Path, bodies: &Bodies, faults: &mut Faults) {
+    let path = datbox.join("DOF.INI");
+    let needs_axes = |body: &&cd_formats::bodies::Body| {
+        let is_sphere = |shape: &ShapeRecord| matches!(shape, ShapeRecord::Sphere { .. } | ShapeRecord::Point { .. });
+        let given = body.inertia.is_some_and(|inertia| inertia != [0.0; 3]);
+        given && !body.contactors.iter().all(|contactor| is_sphere(&contactor.shape))
+    };
+    let Some(body) = bodies.0.iter().position(|body| needs_axes(&body)).filter(|_| !path_exists(&path)) else { return };
+    let found = format!("absent, and body {} is given in its principal axes", body + 1);
+    faults.push(Fault::new(&path, None, "file", found, "expected the directions of these axes, a, b, g"));
+}
