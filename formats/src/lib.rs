@@ -101,4 +101,4 @@ pub mod value_locations;
 pub mod vloc_rloc;
 
 // Other modules and crates name these without their folder.
-pub use geometry::{faces, mass, surface};
+pub use geometry::{faces, mass, principal, surface};

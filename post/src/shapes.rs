@@ -173,14 +173,13 @@ pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
     if !body.contactors.iter().any(|contactor| is_solid(&contactor.shape)) {
         return Ok(None);
     }
-    let given = body.inertia.is_some_and(|moments| moments != [0.0; 3]);
     let simple = lone && !matches!(body.contactors[0].shape, ShapeRecord::Polyhedron { .. });
     let (mut centre, mut axes) = (Vec3::zeros(), Matrix3::identity());
     if !simple {
         let properties = body.mass_properties()?;
         centre = body.centre_of_mass_offset(&properties).into();
-        if !given {
-            axes = Matrix3::from_rows(&properties.principal_axes().1.map(|axis| Vec3::from(axis).transpose()));
+        if let Some(frame) = body.computed_frame(&properties) {
+            axes = Matrix3::from_rows(&frame.axes.map(|axis| Vec3::from(axis).transpose()));
         }
     }
     let mut solid = SolidShape::default();

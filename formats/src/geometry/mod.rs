@@ -2,4 +2,5 @@
 
 pub mod faces;
 pub mod mass;
+pub mod principal;
 pub mod surface;

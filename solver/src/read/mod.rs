@@ -48,7 +48,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
         return Err(faults);
     };
 
-    let mut scene = bodies::scene_without_laws(&datbox, &bodies, &bulk, &driven, options, &mut faults);
+    let mut scene = bodies::scene_without_laws(&datbox, &bodies, &bulk, &driven, &dof, options, &mut faults);
     (scene.start, scene.from) = ((dof.step, dof.time), (dof.step, dof.time));
     behaviour::set_laws_and_visibility(&datbox, &tact, &mut scene, &mut faults);
     let (source, text) = faults.gather_result(events_text(&datbox, flags)).unwrap_or_default();
