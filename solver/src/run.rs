@@ -119,6 +119,7 @@ pub fn run_case(
         let Some(report) = step(scene, &mut state, &mut lap) else {
             results.finish_rows(&mut statistics.tally).map_err(RunFailure::Unwritten)?;
             write_output(&mut results, scene, &state).map_err(as_unwritten)?;
+            results.write_last(scene, &state).map_err(RunFailure::Unwritten)?;
             return Err(stopped_failure(&state, last, &progress));
         };
         expect_finite(&state).inspect_err(|_| progress.finish())?;
@@ -156,6 +157,9 @@ pub fn run_case(
                 results.finish_rows(&mut statistics.tally).map_err(RunFailure::Unwritten)?;
             }
             writing = write_output(&mut results, scene, &state).map_err(as_unwritten)?;
+            if state.step == last || stopped {
+                results.write_last(scene, &state).map_err(RunFailure::Unwritten)?;
+            }
             progress.print_status(&state, &report);
         } else if progress.is_silent() {
             results.flush_to_file().map_err(RunFailure::Unwritten)?;

@@ -89,7 +89,7 @@ pub fn scene_without_laws(
     let free = indices(&|body| !body.driven);
     let spheres = indices(&RigidBody::is_sphere);
     let planes = indices(&|body| matches!(body.shape, BodyShape::Plane { .. }));
-    let mut oriented: Vec<bool> = bodies.iter().map(|body| !body.is_sphere() || options.sphere_orientation).collect();
+    let mut oriented: Vec<bool> = bodies.iter().map(|body| !body.is_sphere() || options.orients_spheres()).collect();
     let with_moment = loads.iter().filter(|load| load.component >= 3).map(|load| load.body);
     with_moment.chain(drives.iter().map(|drive| drive.body)).for_each(|body| oriented[body.index()] = true);
     let turning = indices(&|body| !body.driven && !body.is_isotropic());

@@ -6,6 +6,7 @@ mod problem;
 mod snapshot;
 pub mod summary;
 pub mod text;
+mod text_inputs;
 
 use std::fs::{File, TryLockError};
 use std::io::ErrorKind;
@@ -82,10 +83,10 @@ pub fn check_no_results(case: &Path, text: bool) -> Result<(), Faults> {
             let found = format!("{} exists", last.file_name().unwrap_or_default().display());
             (found, "use --resume to continue from it, --force to overwrite all results")
         }
-        None if text && path_exists(&outbox.join("DOF.OUT.1")) => {
-            ("DOF.OUT.1 exists".into(), "--text would overwrite it; use --force to remove such files")
-        }
-        None => return Ok(()),
+        None => match text::first_names().into_iter().find(|name| text && path_exists(&outbox.join(name))) {
+            Some(name) => (format!("{name} exists"), "--text would overwrite it; use --force to remove such files"),
+            None => return Ok(()),
+        },
     };
     Err(Fault::new(&outbox, None, "results", found, expected).into())
 }
@@ -96,12 +97,12 @@ pub fn remove_results(case: &Path) -> Result<(), Faults> {
     let ours = |name: &str| {
         (name.starts_with("snapshot-") && name.ends_with(".npz"))
             || name == log::STEPS_FILE
-            || name.starts_with("DOF.OUT.")
-            || name.starts_with("Vloc_Rloc.OUT.")
+            || text::is_state_name(name)
     };
     let mut doomed = vec![case.join(log::TIMER_FILE), case.join(errors::ERRORS_FILE)];
     let is_ours = |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(ours);
     doomed.extend(folder_entries(&outbox)?.into_iter().filter(is_ours));
+    doomed.extend(text_inputs::written_copies(&outbox));
     for path in doomed.iter().filter(|path| path_exists(path)) {
         std::fs::remove_file(path).map_err(|error| Fault::from_io(path, "removed", &error))?;
     }
@@ -137,6 +138,9 @@ impl ResultFiles {
         let log = LogTable::open(&outbox.join(log::STEPS_FILE), &columns, steps, due, |row| tally.add_figures(row))?;
         let timer = LogTable::open(&case.join(log::TIMER_FILE), &seconds, steps, due, |row| tally.add_seconds(row))?;
         let numbered = if options.text { text::number_offset(&outbox, scene, state)? } else { 0 };
+        if options.text {
+            text_inputs::write_input_copies(&case.join("DATBOX"), &outbox)?;
+        }
         Ok((ResultFiles { outbox, steps: log, timer, due, number_offset: numbered }, tally))
     }
 
@@ -164,6 +168,11 @@ impl ResultFiles {
     pub fn flush_to_file(&mut self) -> Result<(), Faults> {
         self.steps.flush_to_file()?;
         self.timer.flush_to_file()
+    }
+
+    /// Writes DOF.LAST and Vloc_Rloc.LAST, at the end of a run.
+    pub fn write_last(&self, scene: &Scene, state: &State) -> Result<(), Faults> {
+        if scene.options.text { text::write_last(&self.outbox, scene, state) } else { Ok(()) }
     }
 
     /// Writes the state, after the log of the steps that led to it.

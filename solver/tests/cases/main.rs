@@ -21,6 +21,7 @@ mod limits;
 mod listing;
 mod long_runs;
 mod messages;
+mod outbox_text;
 mod peer;
 mod periodic;
 mod polyhedra;
