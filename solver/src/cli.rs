@@ -99,11 +99,11 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
             warnings.iter().for_each(warn);
             notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
         } else {
-            write::check_no_results(case, scene.options.text)?;
+            write::check_no_results(case, &scene)?;
             print_line(format_args!("{PROGRAM}: no snapshot to resume from: starting from DATBOX"));
         }
     } else if !arguments.force && !arguments.plan {
-        write::check_no_results(case, scene.options.text)?;
+        write::check_no_results(case, &scene)?;
     }
     check_run(case, &scene, &state)?;
     if let Some(step) = arguments.dump_problem {

@@ -149,6 +149,7 @@ pub fn run_case(
             }
         }
         progress.show_step(&state, &report);
+        results.add_postpro(scene, &mut state, &report, first).map_err(RunFailure::Unwritten)?;
         results.add_step(scene, &state, &report, &lap, &mut statistics.tally).map_err(RunFailure::Unwritten)?;
         statistics.clock.accumulate(&lap);
         let stopped = stop.load(Ordering::Relaxed) && state.step < last;

@@ -121,6 +121,7 @@ pub fn scene_without_laws(
         mean_radius: radii.iter().sum::<f64>() / radii.len().max(1) as f64,
         smallest_radius: radii.iter().copied().fold(f64::INFINITY, f64::min),
         warnings: Vec::new(),
+        postpro: Vec::new(),
         listing_range: 0.0,
         bodies,
     };

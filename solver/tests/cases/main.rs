@@ -25,6 +25,7 @@ mod outbox_text;
 mod peer;
 mod periodic;
 mod polyhedra;
+mod postpro;
 mod refusals;
 mod rolling;
 mod rotation;
