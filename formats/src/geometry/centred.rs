@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::surface::SurfaceFaults;
 use crate::bodies::{Bodies, Body, Contactor, LocalFrame, ShapeRecord};
-use crate::surface::SurfaceFaults;
 
 type Vec3 = Vector3<f64>;
 

@@ -5,7 +5,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::surface::MassProperties;
+use super::surface::MassProperties;
 
 /// Ratio of a product of inertia to the moment of its row below which LMGC90 takes it as zero.
 const ROUNDING: f64 = 1e-14;
