@@ -373,6 +373,11 @@ impl Compute {
         report.faults.into_result(compute)
     }
 
+    /// Whether frames of spheres turn: for pictures, or because LMGC90 reads them.
+    pub fn orients_spheres(&self) -> bool {
+        self.sphere_orientation || self.text
+    }
+
     /// Name and value of every option that results depend on: all except the length of the run, the number of threads and
     /// additional output.
     pub fn result_options(&self) -> BTreeMap<String, String> {

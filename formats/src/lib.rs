@@ -38,6 +38,7 @@
 //! | [`drv_dof`] | `DATBOX/DRV_DOF.DAT`: imposed velocities and forces |
 //! | [`dof`] | `DATBOX/DOF.INI`, `OUTBOX/DOF.OUT.k`: positions and velocities at one instant |
 //! | [`vloc_rloc`] | `DATBOX/Vloc_Rloc.INI`, `OUTBOX/Vloc_Rloc.OUT.k`: contacts at one instant |
+//! | [`postpro`] | `DATBOX/POSTPRO.DAT`: files with rows of figures, requested as in LMGC90 |
 //! | [`compute`] | `DATBOX/COMPUTE.RON`: options of a run |
 //! | [`accuracy`], [`presets`] | the presets of accuracy of COMPUTE.RON, and their values |
 //! | [`snapshot`] | `OUTBOX/snapshot-NNNNNN.npz`: the complete state for a restart, bit for bit |
@@ -90,6 +91,7 @@ pub mod law_table;
 pub mod messages;
 pub mod names;
 pub mod origin;
+pub mod postpro;
 pub mod presets;
 pub mod report;
 pub mod ron_file;
@@ -104,4 +106,4 @@ pub mod vloc_rloc;
 mod words;
 
 // Other modules and crates name these without their folder.
-pub use geometry::{convex_pieces, faces, mass, surface};
+pub use geometry::{convex_pieces, faces, mass, principal, surface};

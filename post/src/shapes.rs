@@ -173,14 +173,13 @@ pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
     if !body.contactors.iter().any(|contactor| is_solid(&contactor.shape)) {
         return Ok(None);
     }
-    let given = body.inertia.is_some_and(|moments| moments != [0.0; 3]);
     let simple = lone && !matches!(body.contactors[0].shape, ShapeRecord::Polyhedron { .. });
     let (mut centre, mut axes) = (Vec3::zeros(), Matrix3::identity());
     if !simple {
         let properties = body.mass_properties()?;
         centre = body.centre_of_mass_offset(&properties).into();
-        if !given {
-            axes = Matrix3::from_rows(&properties.principal_axes().1.map(|axis| Vec3::from(axis).transpose()));
+        if let Some(frame) = body.computed_frame(&properties) {
+            axes = Matrix3::from_rows(&frame.axes.map(|axis| Vec3::from(axis).transpose()));
         }
     }
     let mut solid = SolidShape::default();
@@ -292,9 +291,9 @@ mod tests {
     }
 
     #[test]
-    fn without_inertia_the_longest_axis_comes_first() {
+    fn axes_of_the_file_that_are_principal_stay() {
         let solid = body_solid(&body(0.0, None)).unwrap().unwrap();
-        assert!(solid.vertices.iter().all(|v| (v.abs() - Vec3::new(3.0, 2.0, 1.0)).norm() < 1e-14));
+        assert!(solid.vertices.iter().all(|v| (v.abs() - Vec3::new(1.0, 2.0, 3.0)).norm() < 1e-14));
     }
 
     #[test]
@@ -304,14 +303,14 @@ mod tests {
         let ShapeRecord::Polyhedron { vertices, .. } = &mut other.shape else { unreachable!() };
         vertices.iter_mut().for_each(|v| v[2] += 10.0);
         pair.contactors.push(other);
-        // The longest axis first, then that of the middle moment.
+        // The axes of the file are principal.
         let found = body_solid(&pair).unwrap().unwrap();
-        let mut along: Vec<f64> = found.vertices.iter().map(|v| v.x).collect();
+        let mut along: Vec<f64> = found.vertices.iter().map(|v| v.z).collect();
         along.sort_by(f64::total_cmp);
         assert!(
             along.iter().zip([-8.0, -2.0, 2.0, 8.0].iter().flat_map(|x| [x; 4])).all(|(x, y)| (x - y).abs() < 1e-13)
         );
-        assert!(found.vertices.iter().all(|v| (v.y.abs() - 2.0).abs() < 1e-13 && (v.z.abs() - 1.0).abs() < 1e-13));
+        assert!(found.vertices.iter().all(|v| (v.y.abs() - 2.0).abs() < 1e-13 && (v.x.abs() - 1.0).abs() < 1e-13));
         // With it, as it stands.
         pair.inertia = Some([1.0; 3]);
         assert!(body_solid(&pair).unwrap().unwrap().vertices.iter().any(|v| v.z == 13.0));
@@ -387,8 +386,8 @@ mod tests {
         };
         pair.contactors = vec![ball(-2.0), ball(4.0)];
         let found = body_solid(&pair).unwrap().unwrap();
-        // Its long axis comes first.
-        assert!(found.balls.iter().all(|(centre, _)| (centre.map(f64::abs) - Vec3::x() * 3.0).norm() < 1e-14));
+        // It stays along y.
+        assert!(found.balls.iter().all(|(centre, _)| (centre.map(f64::abs) - Vec3::y() * 3.0).norm() < 1e-14));
         assert!((found.bounding_radius() - 3.5).abs() < 1e-14);
         let (vertices, faces) = found.drawn_mesh();
         let cone = |face: &Vec<u32>| -> f64 {

@@ -115,17 +115,18 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
         if let Some(before) = before {
             account_changed_forces(&scene, &before.parameters, &mut state);
             // The initial state is in DATBOX.
-            let text =
-                (state.step > 0).then(|| write::text::is_written(&write::outbox_path(case), &state)).transpose()?;
+            let text = (state.step > scene.start.0)
+                .then(|| write::text::is_written(&write::outbox_path(case), &state))
+                .transpose()?;
             let (warnings, notes) = before.option_changes(&scene, text, &flags.given_names());
             warnings.iter().for_each(warn);
             notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
         } else {
-            write::check_no_results(case, scene.options.text)?;
+            write::check_no_results(case, &scene)?;
             print_line(format_args!("{PROGRAM}: no snapshot to resume from: starting from DATBOX"));
         }
     } else if !arguments.force && !arguments.plan {
-        write::check_no_results(case, scene.options.text)?;
+        write::check_no_results(case, &scene)?;
     }
     check_run(case, &scene, &state)?;
     if let Some(step) = arguments.dump_problem {

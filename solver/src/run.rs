@@ -134,6 +134,7 @@ pub fn run_case(
         let Some(report) = step(scene, &mut state, &mut lap) else {
             results.finish_rows(&mut statistics.tally).map_err(RunFailure::Unwritten)?;
             write_output(&mut results, scene, &state).map_err(as_unwritten)?;
+            results.write_last(scene, &state).map_err(RunFailure::Unwritten)?;
             return Err(stopped_failure(&state, last, &progress));
         };
         expect_finite(&state).inspect_err(|_| progress.finish())?;
@@ -163,6 +164,7 @@ pub fn run_case(
             }
         }
         progress.show_step(&state, &report);
+        results.add_postpro(scene, &mut state, &report, first).map_err(RunFailure::Unwritten)?;
         results.add_step(scene, &state, &report, &lap, &mut statistics.tally).map_err(RunFailure::Unwritten)?;
         statistics.clock.accumulate(&lap);
         let stopped = stop.load(Ordering::Relaxed) && state.step < last;
@@ -171,6 +173,9 @@ pub fn run_case(
                 results.finish_rows(&mut statistics.tally).map_err(RunFailure::Unwritten)?;
             }
             writing = write_output(&mut results, scene, &state).map_err(as_unwritten)?;
+            if state.step == last || stopped {
+                results.write_last(scene, &state).map_err(RunFailure::Unwritten)?;
+            }
             progress.print_status(&state, &report);
         } else if progress.is_silent() {
             results.flush_to_file().map_err(RunFailure::Unwritten)?;

@@ -4,6 +4,7 @@ use cd_formats::compute::{Compute, Event, GravityMethod, NarrowPhase};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::field::FieldModel;
 pub use cd_formats::ids::BodyId;
+use cd_formats::postpro::{PostproCommand, PostproKind};
 use cd_formats::snapshot::{LawName, MaterialName};
 
 use crate::features::BARE;
@@ -343,6 +344,8 @@ pub struct Scene {
     /// Index in `parts` ([`PartId`]) of the first contactor of each body, and the length of `parts`; empty if there are no
     /// parts. Read by [`Self::parts_of`] and [`Self::part_index`].
     pub part_starts: Vec<u32>,
+    /// Commands of POSTPRO.DAT.
+    pub postpro: Vec<PostproCommand>,
     /// Notes for the user about the bodies in the files.
     pub notes: Vec<String>,
     /// Probable mistakes in the input.
@@ -365,6 +368,11 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Whether a command of POSTPRO.DAT needs the solver's criteria.
+    pub fn has_solver_file(&self) -> bool {
+        self.postpro.iter().any(|command| command.kind == PostproKind::SolverInformations)
+    }
+
     /// Last step of the run.
     pub fn last_step(&self) -> u64 {
         self.options.last_step(self.start.0, self.from).unwrap_or(self.start.0 + DEFAULT_STEPS)

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use cd_formats::compute::EventAction;
-use cd_formats::snapshot::{FallbackState, Ledger};
+use cd_formats::snapshot::{FallbackState, Ledger, PostproSums};
 use rayon::prelude::*;
 
 use crate::geometry::CachedFeature;
@@ -288,6 +288,8 @@ pub struct State {
     pub attraction: Option<GravityHistory>,
     pub fallback: FallbackState,
     pub ledger: Ledger,
+    /// Sums for the files of POSTPRO.DAT.
+    pub postpro: PostproSums,
 }
 
 /// Steps between two measurements of the errors of shortcuts.

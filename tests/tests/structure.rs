@@ -44,6 +44,7 @@ fn is_shared_type(path: &str) -> bool {
         "cd_formats::field::FieldModel",
         "cd_formats::groups::DisjointSets",
         "cd_formats::ids::BodyId",
+        "cd_formats::postpro::",
         "cd_formats::snapshot::",
     ]
     .iter()

@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 
 use super::convex_pieces::{ConvexPiece, split_into_convex};
 use super::faces::{ConvexMesh, MeshError};
+use super::principal::PrincipalFrame;
 use super::surface::{MassProperties, Surface, SurfaceFaults};
 use crate::bodies::{Body, Contactor, ShapeRecord};
 use crate::error::RecordFault;
@@ -183,6 +184,16 @@ impl Body {
         if about_centre { [0.0; 3] } else { own.centre }
     }
 
+    /// Principal axes in the frame of the file, if they have to be found: of a polyhedron or of several contactors without
+    /// given inertia. `own` are the mass properties of all contactors together. A lone sphere, plate or cylinder keeps its
+    /// own axes; with a given inertia the axes of the file are the principal ones.
+    pub fn computed_frame(&self, own: &MassProperties) -> Option<PrincipalFrame> {
+        let simple =
+            matches!(self.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::Polyhedron { .. }));
+        let given = self.inertia.is_some_and(|inertia| inertia != [0.0; 3]);
+        (!simple && !given).then(|| own.lmgc90_frame())
+    }
+
     /// Mass properties at a density (kg/m^3); `own` are those of all contactors together. Given values of `avrd` and
     /// `I1 I2 I3` are used, except for the moments of a lone sphere, plate or cylinder, about its own axes, and the mass of
     /// a sphere.
@@ -190,7 +201,7 @@ impl Body {
         let lone = if let [lone] = self.contactors.as_slice() { Some(lone) } else { None };
         let simple = lone.filter(|contactor| !matches!(contactor.shape, ShapeRecord::Polyhedron { .. }));
         let given = self.inertia.filter(|inertia| simple.is_none() && *inertia != [0.0; 3]);
-        let own_moments = || simple.map_or_else(|| own.principal_axes().0, |contactor| contactor.own_moments(own));
+        let own_moments = || simple.map_or_else(|| own.lmgc90_frame().moments, |contactor| contactor.own_moments(own));
         let inertia = given.unwrap_or_else(own_moments);
         let declared = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
         let counts = match simple.map(|contactor| &contactor.shape) {

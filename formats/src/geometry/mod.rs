@@ -1,6 +1,8 @@
 //! Geometry of the bodies in the files: closed surfaces, convex faces and pieces, mass properties.
 
+mod centred;
 pub mod convex_pieces;
 pub mod faces;
 pub mod mass;
+pub mod principal;
 pub mod surface;

@@ -95,6 +95,9 @@ pub struct SnapshotMeta {
     /// Only if the fallback has failed in a step.
     #[serde(default, skip_serializing_if = "FallbackState::is_new")]
     pub fallback: FallbackState,
+    /// Only if POSTPRO.DAT requests such sums.
+    #[serde(default, skip_serializing_if = "PostproSums::is_zero")]
+    pub postpro: PostproSums,
     /// Options of the run as in COMPUTE.RON, flags included; see [`crate::compute::Compute::result_options`]. Empty in
     /// snapshots of versions without this field.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -130,6 +133,21 @@ pub struct FallbackState {
 impl FallbackState {
     fn is_new(&self) -> bool {
         *self == FallbackState::default()
+    }
+}
+
+/// Sums over the steps of a run for the files of POSTPRO.DAT.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct PostproSums {
+    /// Energy that contacts have taken, J.
+    pub dissipated: f64,
+    /// Work of all forces at the end velocities of the steps, J.
+    pub outside_work: f64,
+}
+
+impl PostproSums {
+    fn is_zero(&self) -> bool {
+        *self == PostproSums::default()
     }
 }
 
@@ -271,6 +289,7 @@ impl Default for SnapshotMeta {
             ledger: Ledger::default(),
             attraction: None,
             fallback: FallbackState::default(),
+            postpro: PostproSums::default(),
             options: BTreeMap::new(),
         }
     }

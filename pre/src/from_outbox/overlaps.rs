@@ -122,14 +122,8 @@ impl PosedBody {
 /// Axes of a body in the frame of its file, as columns, as in cd-solve: the fixed axes if its inertia is given or it is a
 /// lone wall or sphere, else its principal axes.
 fn own_axes(body: &Body) -> Matrix3<f64> {
-    let simple = matches!(body.contactors.as_slice(), [lone] if !matches!(lone.shape, ShapeRecord::Polyhedron { .. }));
-    if simple || body.inertia.is_some_and(|inertia| inertia != [0.0; 3]) {
-        return Matrix3::identity();
-    }
-    let axes = body
-        .mass_properties()
-        .map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], |own| own.principal_axes().1);
-    Matrix3::from_fn(|i, j| axes[j][i])
+    let frame = body.mass_properties().ok().and_then(|own| body.computed_frame(&own));
+    frame.map_or(Matrix3::identity(), |frame| Matrix3::from_fn(|i, j| frame.axes[j][i]))
 }
 
 /// Largest overlap of two bodies in contact at the end of a run, m, over all its bodies, kept or not.

@@ -9,6 +9,7 @@ use cd_formats::dof::Dof;
 use cd_formats::drv_dof::{DrivenKind, DrvDof, Evolution};
 use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::names::count_text;
+use cd_formats::principal::AxesMatch;
 use cd_formats::snapshot::MaterialName;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
@@ -25,6 +26,7 @@ pub fn scene_without_laws(
     records: &Bodies,
     bulk: &BulkBehav,
     driven: &DrvDof,
+    dof: &Dof,
     options: Compute,
     faults: &mut Faults,
 ) -> Scene {
@@ -35,6 +37,7 @@ pub fn scene_without_laws(
     let mut part_starts = vec![0];
     let mut frames = Vec::new();
     let mut shapes = ShapeCounts::default();
+    let mut axes_matches = Vec::new();
     for (index, record) in records.0.iter().enumerate() {
         let made = body_from_record(record, bulk, &mut colours).unwrap_or_else(|RecordFault { found, expected }| {
             let of_material = found.starts_with("material ");
@@ -47,6 +50,7 @@ pub fn scene_without_laws(
         parts.extend(made.parts.into_iter().map(|part| BodyPart { body: BodyId::new(index), ..part }));
         part_starts.push(parts.len() as u32);
         frames.push((made.shift, made.axes));
+        axes_matches.push(made.axes_match);
     }
     let (drives, loads) = imposed_motion(datbox, driven, &mut bodies, faults);
     for part in parts.iter().filter(|part: &&BodyPart| !bodies[part.body.index()].driven) {
@@ -89,7 +93,7 @@ pub fn scene_without_laws(
     let free = indices(&|body| !body.driven);
     let spheres = indices(&RigidBody::is_sphere);
     let planes = indices(&|body| matches!(body.shape, BodyShape::Plane { .. }));
-    let mut oriented: Vec<bool> = bodies.iter().map(|body| !body.is_sphere() || options.sphere_orientation).collect();
+    let mut oriented: Vec<bool> = bodies.iter().map(|body| !body.is_sphere() || options.orients_spheres()).collect();
     let with_moment = loads.iter().filter(|load| load.component >= 3).map(|load| load.body);
     with_moment.chain(drives.iter().map(|drive| drive.body)).for_each(|body| oriented[body.index()] = true);
     let turning = indices(&|body| body.rotates_freely() && !body.is_isotropic());
@@ -119,13 +123,18 @@ pub fn scene_without_laws(
         has_drums: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Cylinder { hollow: true, .. })),
         parts,
         part_starts,
-        notes: shifted_centres_note(&bodies, &frames).into_iter().chain(shapes.notes()).collect(),
+        notes: shifted_centres_note(&bodies, &frames)
+            .into_iter()
+            .chain(axes_notes(dof, &axes_matches))
+            .chain(shapes.notes())
+            .collect(),
         turning,
         guided,
         oriented,
         mean_radius: 0.0,
         smallest_radius: 0.0,
         warnings: Vec::new(),
+        postpro: Vec::new(),
         listing_range: 0.0,
         bodies,
     };
@@ -157,7 +166,8 @@ fn placeholder_body() -> PreparedBody {
         colour: 0,
         class: 0,
     };
-    PreparedBody { body, parts: Vec::new(), shift: Vec3::zeros(), axes: Quat::identity() }
+    let (shift, axes, axes_match) = (Vec3::zeros(), Quat::identity(), AxesMatch::Same);
+    PreparedBody { body, parts: Vec::new(), shift, axes, axes_match }
 }
 
 /// Contactors of BODIES.DAT that are not computed as they are.
@@ -205,6 +215,25 @@ fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)]) -> Option
         "BODIES.DAT: {} {bodies} shifted from coo1 to coo3 to the centre of mass of the shape, by up to {most:.3e} m (body {body})",
         moved.len()
     ))
+}
+
+/// Notes about bodies of DOF.INI whose axes LMGC90 may have chosen otherwise.
+fn axes_notes(dof: &Dof, matches: &[AxesMatch]) -> Vec<String> {
+    let note = |wanted: AxesMatch, reason: &str| {
+        let listed = dof.bodies.iter().filter(|row| matches.get(row.body) == Some(&wanted));
+        let numbers: Vec<String> = listed.map(|row| (row.body + 1).to_string()).collect();
+        let (first, bodies) = (numbers.first()?, if numbers.len() == 1 { "body" } else { "bodies" });
+        Some(format!(
+            "DOF.INI: {} {bodies} without an inertia line in BODIES.DAT (first: {first}) {reason}: in a file of LMGC90 axes \
+             may have other signs; start from the BODIES.OUT beside it",
+            numbers.len()
+        ))
+    };
+    let reasons = [
+        (AxesMatch::Arbitrary, "with equal moments of inertia, where rounding decides about axes"),
+        (AxesMatch::TooSmall, "too small for LMGC90 to find principal axes"),
+    ];
+    reasons.into_iter().filter_map(|(wanted, reason)| note(wanted, reason)).collect()
 }
 
 /// Notes about periods that the widest plate does not span: bodies next to it would fall forever. `q`: orientations.

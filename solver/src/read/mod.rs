@@ -20,8 +20,9 @@ use cd_formats::dof::Dof;
 use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::origin::SceneOrigin;
+use cd_formats::postpro::Postpro;
 use cd_formats::report::FaultReport;
-use cd_formats::snapshot::{FallbackState, Ledger, START_FILE};
+use cd_formats::snapshot::{FallbackState, Ledger, PostproSums, START_FILE};
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::vloc_rloc::VlocRloc;
 
@@ -56,8 +57,17 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     };
     lenient::check_absent_axes(&datbox, &bodies, &mut faults);
 
-    let mut scene = bodies::scene_without_laws(&datbox, &bodies, &bulk, &driven, options, &mut faults);
+    let mut scene = bodies::scene_without_laws(&datbox, &bodies, &bulk, &driven, &dof, options, &mut faults);
     (scene.start, scene.from) = ((dof.step, dof.time), (dof.step, dof.time));
+    let requests = datbox.join("POSTPRO.DAT");
+    if path_exists(&requests)
+        && let Some(postpro) = faults.gather_result(Postpro::read(&requests, bodies.0.len()))
+    {
+        scene.postpro = postpro.commands;
+        // Their columns have components along the axes of bodies, which turn in LMGC90.
+        scene.oriented.iter_mut().for_each(|oriented| *oriented |= !scene.postpro.is_empty());
+        scene.notes.extend(postpro.notices);
+    }
     scene.notes.splice(0..0, files.notices);
     let contactors = ContactorTable::new(&bodies, &scene);
     behaviour::set_laws_and_visibility(&datbox, &tact, &contactors, &mut scene, &mut faults);
@@ -95,6 +105,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
         attraction: None,
         fallback: FallbackState::default(),
         ledger: Ledger::default(),
+        postpro: PostproSums::default(),
     };
     let start = datbox.join(START_FILE);
     let started = path_exists(&start) && faults.0.is_empty();

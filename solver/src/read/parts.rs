@@ -4,8 +4,8 @@ use cd_formats::bodies::{self, Contactor, LocalFrame};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::error::RecordFault;
 use cd_formats::mass::{CheckedBody, InertialProperties, SolidPiece};
+use cd_formats::principal::{AxesMatch, PrincipalFrame};
 use cd_formats::ron_text::known_names;
-use cd_formats::surface::MassProperties;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use crate::geometry::Polyhedron;
@@ -21,6 +21,8 @@ pub struct PreparedBody {
     pub shift: Vec3,
     /// Orientation, body to world, if DOF.INI does not give it.
     pub axes: Quat,
+    /// Whether LMGC90 has the same axes.
+    pub axes_match: AxesMatch,
 }
 
 /// Contactor in the frame of its body.
@@ -64,12 +66,10 @@ pub fn body_from_record(
     let off_centre = matches!(record.contactors[0].shape, bodies::ShapeRecord::OffsetSphere { .. });
     let shift = Vec3::from(record.centre_of_mass_offset(&own));
     pieces.iter_mut().for_each(|piece| piece.centre -= shift);
-    let axes = match record.inertia {
-        // A lone sphere, plate or cylinder keeps its own axes, so that its orientation keeps its meaning.
-        _ if simple => pieces[0].axes,
-        Some(inertia) if inertia != [0.0; 3] => Quat::identity(),
-        _ => principal_axes(&own),
-    };
+    let frame = record.computed_frame(&own);
+    // A lone sphere, plate or cylinder keeps its own axes, so that its orientation keeps its meaning.
+    let given = || if simple { pieces[0].axes } else { Quat::identity() };
+    let axes = frame.as_ref().map_or_else(given, frame_rotation);
     let InertialProperties { mass, inertia, radius } = inert;
 
     // A sphere with marks is one, if it has its own moments.
@@ -103,7 +103,8 @@ pub fn body_from_record(
         colour: piece.colour,
         class: 0,
     };
-    Ok(PreparedBody { body, parts: pieces.into_iter().enumerate().map(part).collect(), shift, axes })
+    let axes_match = frame.map_or(AxesMatch::Same, |frame| frame.lmgc90);
+    Ok(PreparedBody { body, parts: pieces.into_iter().enumerate().map(part).collect(), shift, axes, axes_match })
 }
 
 fn contactor_piece(contactors: &[Contactor], solid: SolidPiece, colours: &mut Vec<String>) -> ContactorPiece {
@@ -150,10 +151,8 @@ fn contactor_piece(contactors: &[Contactor], solid: SolidPiece, colours: &mut Ve
     ContactorPiece { contactor: index, geometry, centre, axes, radius, colour }
 }
 
-/// Principal axes, ordered by ascending moments.
-fn principal_axes(mass: &MassProperties) -> Quat {
-    let (_, axes) = mass.principal_axes();
-    let columns = Matrix3::from_fn(|i, j| axes[j][i]);
-    let turn = Rotation3::from_matrix_eps(&columns, 1e-15, 100, Rotation3::identity());
-    UnitQuaternion::from_rotation_matrix(&turn)
+/// Rotation from the principal axes to the axes of the file.
+fn frame_rotation(frame: &PrincipalFrame) -> Quat {
+    let columns = Matrix3::from_fn(|i, j| frame.axes[j][i]);
+    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(columns))
 }

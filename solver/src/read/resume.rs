@@ -354,6 +354,7 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
     state.angular_momentum = vectors(shapes.turning.turning_momentum);
     state.events_done = meta.parameters.events_done as usize;
     state.ledger = meta.ledger;
+    state.postpro = meta.postpro;
     state.fallback = meta.fallback;
     let exchanges = interval.interval_body.into_iter().zip(interval.interval_virial);
     state.interval = OutputInterval {

@@ -12,7 +12,7 @@ use crate::detect::NarrowPhaseError;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3};
 use crate::scene::{BodyId, Scene};
 use crate::solve::lmgc90_criteria::{Lmgc90Norms, lmgc90_norms};
-use crate::state::{ContactId, OutputInterval, State, Velocities};
+use crate::state::{ContactId, OutputInterval, SolvedContact, State, Velocities};
 
 /// Report of a step for the log.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,6 +62,28 @@ pub struct StepReport {
     pub gravity: GravityReport,
     /// |momentum - expected| over the largest sum of m |v| so far.
     pub momentum_drift: f64,
+    /// Bodies as the step began, if commands of POSTPRO.DAT need them.
+    pub start: Option<StepStart>,
+}
+
+/// Bodies in the contact configuration, with their velocities at the begin of the step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StepStart {
+    /// Centres, m, and orientations.
+    pub x: Vec<Vec3>,
+    pub q: Vec<Quat>,
+    /// Velocities, m/s, and angular velocities, rad/s, fixed axes.
+    pub v: Vec<Vec3>,
+    pub w: Vec<Vec3>,
+}
+
+impl StepStart {
+    /// Body, arm from its centre (m, fixed axes) and sign of the force of a contact on it, for candidate and antagonist.
+    pub fn arms(&self, SolvedContact { contact, .. }: &SolvedContact) -> [(BodyId, Vec3, f64); 2] {
+        let [a, b] = [contact.candidate, contact.antagonist];
+        let other = self.x[b.index()] + contact.image;
+        [(a, contact.point - self.x[a.index()], 1.0), (b, contact.point - other, -1.0)]
+    }
 }
 
 /// Contact given by its two bodies and its position in the contact configuration, m: polyhedra share several contacts.
@@ -138,7 +160,8 @@ pub fn update_ledger(
         left_out: solution.left_out,
         fallback_used: solution.fallback_used,
         replacement_reason: solution.replacement_reason,
-        norms: scene.options.lmgc90_norms.then(|| lmgc90_norms(system, &solution.impulses, &solution.records)),
+        norms: (scene.options.lmgc90_norms || scene.has_solver_file())
+            .then(|| lmgc90_norms(system, &solution.impulses, &solution.records)),
         worst: solution.worst.map(worst),
         overlap: given.overlap,
         penetration_largest: given.penetration_largest,
@@ -151,6 +174,12 @@ pub fn update_ledger(
         rotational: motion.rotational,
         potential: free.potential,
         gravity: free.gravity,
+        start: (!scene.postpro.is_empty()).then(|| StepStart {
+            x: q_c.x.clone(),
+            q: q_c.q.clone(),
+            v: state.v.clone(),
+            w: q_c.w.clone(),
+        }),
         momentum_drift: if ledger.momentum_scale > 0.0 { drift / ledger.momentum_scale } else { 0.0 },
     }
 }

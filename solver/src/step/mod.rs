@@ -11,7 +11,7 @@ mod unforeseen;
 use std::time::{Duration, Instant};
 
 pub use self::ends::{OVERLAP_WARNING_SHARE, Overlap, deeper_overlap};
-pub use self::ledger::{BalanceErrors, MotionTotals, StepReport, WorstContact};
+pub use self::ledger::{BalanceErrors, MotionTotals, StepReport, StepStart, WorstContact};
 
 use self::context::{SolvedProblem, StepContext};
 use self::ends::finish_contacts;

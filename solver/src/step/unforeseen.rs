@@ -7,8 +7,8 @@ use crate::assemble::{self, AppliedEvents, FreeMotion, relative_velocity};
 use crate::detect;
 use crate::integrate::{ContactConfiguration, MAX_STEP_GROWTH, predict_configuration};
 use crate::math::Vec3;
-use crate::scene::Scene;
-use crate::state::{Contact, State, Velocities};
+use crate::scene::{BodyId, Scene};
+use crate::state::{Contact, SolvedContact, State, UNKNOWN_FEATURE, Velocities};
 
 /// Closing beyond a gap that counts as rounding, over the effective radius: that of laws that act on touching contacts.
 const CLOSING_ROUNDING: f64 = 1e-9;
@@ -42,7 +42,13 @@ pub fn from_start(scene: &Scene, state: &State, units: u64, anew: bool) -> Vec<b
         let radius =
             scene.effective_radius((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
         let known = || state.contacts.binary_search_by_key(&contact.key(), |old| old.contact.key());
-        let bounded = || !longer && known().is_ok_and(|k| u >= state.contacts[k].velocity.x - SPEED_DIGITS * u.abs());
+        let bounded = || {
+            !longer
+                && match known() {
+                    Ok(k) => u >= state.contacts[k].velocity.x - SPEED_DIGITS * u.abs(),
+                    Err(_) => bounded_by_file(state, &start, contact, u, before),
+                }
+        };
         -before * u - contact.gap.max(0.0) > CLOSING_ROUNDING * radius && !bounded()
     };
     let closing: Vec<&Contact> = contacts.iter().filter(|contact| closes(contact)).collect();
@@ -56,6 +62,27 @@ pub fn from_start(scene: &Scene, state: &State, units: u64, anew: bool) -> Vec<b
     };
     let meeting: Vec<Contact> = contacts.iter().filter(|contact| meets(contact)).copied().collect();
     assemble::connected_bodies(scene, &meeting, &closing)
+}
+
+/// Whether a contact between polyhedra, cylinders or plates that a file lists, without their features, bounds the approach
+/// speed u (m/s, < 0) of a contact: the nearest in the file between the two contactors does not close more slowly.
+///
+/// The file has velocities in the contact configuration of its last step, from which the bodies have turned by up to
+/// ω `before`, so that points at the distance r move by ω² r `before` faster.
+fn bounded_by_file(state: &State, start: &ContactConfiguration, contact: &Contact, u: f64, before: f64) -> bool {
+    let pair = |c: &Contact| (c.candidate, c.antagonist, c.ranks);
+    let first = state.contacts.partition_point(|old| pair(&old.contact) < pair(contact));
+    let of_pair = state.contacts[first..].iter().take_while(|old| pair(&old.contact) == pair(contact));
+    let of_file = of_pair.filter(|old| old.contact.features.0 == UNKNOWN_FEATURE);
+    let distance = |old: &SolvedContact| (old.contact.point - contact.point).norm_squared();
+    let Some(nearest) = of_file.min_by(|a, b| distance(a).total_cmp(&distance(b))) else { return false };
+    let turned = |body: BodyId| {
+        let i = body.index();
+        start.w[i].norm_squared() * (contact.point - start.x[i]).norm()
+    };
+    let velocities = Velocities { v: &state.v, w: &start.w };
+    let digits = SPEED_DIGITS * relative_velocity(contact, &start.x, velocities).norm();
+    u >= nearest.velocity.x - digits - before * (turned(contact.candidate) + turned(contact.antagonist))
 }
 
 /// Work that the choice of θ = 1 adds for the bodies that take the step with it, compared with the scene's θ, J: their

@@ -3,10 +3,12 @@
 pub mod errors;
 pub mod exchange;
 mod log;
+pub mod postpro;
 mod problem;
 mod snapshot;
 pub mod summary;
 pub mod text;
+mod text_inputs;
 
 use std::fs::{File, TryLockError};
 use std::io::ErrorKind;
@@ -21,6 +23,7 @@ use crate::scene::Scene;
 use crate::state::State;
 use crate::step::{StageTimes, StepReport};
 
+use self::postpro::PostproFiles;
 use errors::ErrorEstimator;
 use log::{LogCell, LogTable, RowSchedule};
 pub use problem::{check_dump_step as expect_problem, write_problem as problem};
@@ -34,6 +37,7 @@ pub struct ResultFiles {
     due: RowSchedule,
     /// Offset of the numbers of text files.
     number_offset: u64,
+    postpro: PostproFiles,
 }
 
 /// Path of a case's OUTBOX.
@@ -75,20 +79,25 @@ pub fn lock_outbox(case: &Path) -> Result<OutboxLock, Faults> {
     Ok(OutboxLock { folder, made })
 }
 
-/// Rejects a case that has results; files of LMGC90 count only if this run would overwrite them (`text`).
-pub fn check_no_results(case: &Path, text: bool) -> Result<(), Faults> {
+/// Rejects a case that has results; files of LMGC90 count only if this run would overwrite them.
+pub fn check_no_results(case: &Path, scene: &Scene) -> Result<(), Faults> {
     let outbox = outbox_path(case);
-    let (found, expected) = match list_snapshots(&outbox)?.last() {
-        Some((_, last)) => {
-            let found = format!("{} exists", last.file_name().unwrap_or_default().display());
-            (found, "use --resume to continue from it, --force to overwrite all results")
+    let shown = |path: &Path| path.file_name().unwrap_or_default().display().to_string();
+    if let Some((_, last)) = list_snapshots(&outbox)?.last() {
+        let expected = "use --resume to continue from it, --force to overwrite all results";
+        return Err(Fault::new(&outbox, None, "results", format!("{} exists", shown(last)), expected).into());
+    }
+    let texts = text::first_names().into_iter().map(|name| outbox.join(name)).filter(|_| scene.options.text);
+    let of_texts = texts.map(|path| (path, "--text would overwrite it; use --force to remove such files"));
+    let of_commands = postpro::paths(case, scene).into_iter();
+    let of_commands = of_commands.map(|path| (path, "POSTPRO.DAT would overwrite it; use --force to do so"));
+    match of_texts.chain(of_commands).find(|(path, _)| path_exists(path)) {
+        Some((path, expected)) => {
+            let folder = path.parent().unwrap_or(case);
+            Err(Fault::new(folder, None, "results", format!("{} exists", shown(&path)), expected).into())
         }
-        None if text && path_exists(&outbox.join("DOF.OUT.1")) => {
-            ("DOF.OUT.1 exists".into(), "--text would overwrite it; use --force to remove such files")
-        }
-        None => return Ok(()),
-    };
-    Err(Fault::new(&outbox, None, "results", found, expected).into())
+        None => Ok(()),
+    }
 }
 
 /// Removes the files that an earlier run wrote, and nothing else.
@@ -97,12 +106,12 @@ pub fn remove_results(case: &Path) -> Result<(), Faults> {
     let ours = |name: &str| {
         (name.starts_with("snapshot-") && name.ends_with(".npz"))
             || name == log::STEPS_FILE
-            || name.starts_with("DOF.OUT.")
-            || name.starts_with("Vloc_Rloc.OUT.")
+            || text::is_state_name(name)
     };
     let mut doomed = vec![case.join(log::TIMER_FILE), case.join(errors::ERRORS_FILE)];
     let is_ours = |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(ours);
     doomed.extend(folder_entries(&outbox)?.into_iter().filter(is_ours));
+    doomed.extend(text_inputs::written_copies(&outbox));
     for path in doomed.iter().filter(|path| path_exists(path)) {
         std::fs::remove_file(path).map_err(|error| Fault::from_io(path, "removed", &error))?;
     }
@@ -138,7 +147,11 @@ impl ResultFiles {
         let log = LogTable::open(&outbox.join(log::STEPS_FILE), &columns, steps, due, |row| tally.add_figures(row))?;
         let timer = LogTable::open(&case.join(log::TIMER_FILE), &seconds, steps, due, |row| tally.add_seconds(row))?;
         let numbered = if options.text { text::number_offset(&outbox, scene, state)? } else { 0 };
-        Ok((ResultFiles { outbox, steps: log, timer, due, number_offset: numbered }, tally))
+        if options.text {
+            text_inputs::write_input_copies(&case.join("DATBOX"), &outbox)?;
+        }
+        let postpro = PostproFiles::open(case, scene, state)?;
+        Ok((ResultFiles { outbox, steps: log, timer, due, number_offset: numbered, postpro }, tally))
     }
 
     /// Adds a step to the logs, and the rows that they write to `tally`.
@@ -155,6 +168,17 @@ impl ResultFiles {
         self.timer.add_step(seconds, self.due, |row| tally.add_seconds(row))
     }
 
+    /// Adds a step, which began after step `first`, to the files of POSTPRO.DAT.
+    pub fn add_postpro(
+        &mut self,
+        scene: &Scene,
+        state: &mut State,
+        report: &StepReport,
+        first: u64,
+    ) -> Result<(), Faults> {
+        self.postpro.add_step(scene, state, report, first)
+    }
+
     /// Writes the rows of the steps since the last ones at the end of the run.
     pub fn finish_rows(&mut self, tally: &mut ErrorEstimator) -> Result<(), Faults> {
         self.steps.finish_rows(|row| tally.add_figures(row))?;
@@ -164,13 +188,20 @@ impl ResultFiles {
     /// Flushes the rows so far, so that other programs can read them.
     pub fn flush_to_file(&mut self) -> Result<(), Faults> {
         self.steps.flush_to_file()?;
-        self.timer.flush_to_file()
+        self.timer.flush_to_file()?;
+        self.postpro.flush_to_file()
+    }
+
+    /// Writes DOF.LAST and Vloc_Rloc.LAST, at the end of a run.
+    pub fn write_last(&self, scene: &Scene, state: &State) -> Result<(), Faults> {
+        if scene.options.text { text::write_last(&self.outbox, scene, state) } else { Ok(()) }
     }
 
     /// Writes the state, after the log of the steps that led to it.
     pub fn write_state(&mut self, scene: &Scene, state: &State) -> Result<(), Faults> {
         self.steps.sync_to_disk()?;
         self.timer.sync_to_disk()?;
+        self.postpro.sync_to_disk()?;
         if scene.options.text {
             text::write_text(&self.outbox, scene, state, self.number_offset)?;
         }
@@ -191,7 +222,9 @@ fn log_cells(scene: &Scene, state: &State, report: &StepReport, lap: &StageTimes
     if scene.narrow_phase_is_fast() {
         figures.extend(log::missed(scene, report));
     }
-    figures.extend(report.norms.iter().flat_map(log::norms));
+    if options.lmgc90_norms {
+        figures.extend(report.norms.iter().flat_map(log::norms));
+    }
     if options.log_every > 1 {
         figures.extend(log::group());
         seconds.extend(log::group());

@@ -76,6 +76,7 @@ fn snapshot_meta(scene: &Scene, state: &State) -> SnapshotMeta {
         ledger: state.ledger.clone(),
         attraction: state.attraction.as_ref().map(|attraction| attraction.record.clone()),
         fallback: state.fallback,
+        postpro: state.postpro,
         options: options.result_options(),
     }
 }

@@ -7,16 +7,33 @@ use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::error::Faults;
 use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 
+use super::text_inputs::INPUT_COPIES;
 use crate::laws::Cohesion;
 use crate::math::Vec3;
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, Scene};
 use crate::state::{ContactStatus, SolvedContact, State};
 
 const DOF_PREFIX: &str = "DOF.OUT.";
+const CONTACTS_PREFIX: &str = "Vloc_Rloc.OUT.";
+/// State at the end of a run: motion and contacts.
+const LAST_NAMES: [&str; 2] = ["DOF.LAST", "Vloc_Rloc.LAST"];
 
-/// Number of the output of a step, counted from 1.
+/// Whether a file of OUTBOX holds a state.
+pub fn is_state_name(name: &str) -> bool {
+    name.starts_with(DOF_PREFIX) || name.starts_with(CONTACTS_PREFIX) || LAST_NAMES.contains(&name)
+}
+
+/// Names of files that a run from the start writes.
+pub fn first_names() -> Vec<String> {
+    let mut names = vec![format!("{DOF_PREFIX}1"), format!("{CONTACTS_PREFIX}1")];
+    names.extend(LAST_NAMES.iter().chain(&INPUT_COPIES).map(ToString::to_string));
+    names
+}
+
+/// Number of the output of a step, counted from 1 for the first after the start.
 fn output_number(scene: &Scene, step: u64) -> u64 {
-    step.div_ceil(scene.options.output_every)
+    let every = scene.options.output_every;
+    step.div_ceil(every).saturating_sub(scene.start.0 / every)
 }
 
 /// Offset that a run continuing from `state` adds to its output numbers; an earlier part may have had outputs closer
@@ -44,12 +61,22 @@ fn last(outbox: &Path, state: &State) -> Result<Option<(u64, u64)>, Faults> {
 
 /// Writes DOF.OUT.k and Vloc_Rloc.OUT.k, where k is the number of the output plus `numbered`.
 pub fn write_text(outbox: &Path, scene: &Scene, state: &State, numbered: u64) -> Result<(), Faults> {
-    if state.step == 0 {
+    if state.step == scene.start.0 {
         return Ok(()); // the initial state is in DATBOX
     }
     let k = output_number(scene, state.step) + numbered;
-    atomic::write(&outbox.join(format!("Vloc_Rloc.OUT.{k}")), contact_records(scene, state).to_text().as_bytes())?;
-    atomic::write(&outbox.join(format!("{DOF_PREFIX}{k}")), dof_file(scene, state).to_text().as_bytes())
+    let names = [DOF_PREFIX, CONTACTS_PREFIX].map(|prefix| format!("{prefix}{k}"));
+    write_state(outbox, names.each_ref().map(String::as_str), scene, state)
+}
+
+/// Writes the state at the end of a run.
+pub fn write_last(outbox: &Path, scene: &Scene, state: &State) -> Result<(), Faults> {
+    write_state(outbox, LAST_NAMES, scene, state)
+}
+
+fn write_state(outbox: &Path, [dof, contacts]: [&str; 2], scene: &Scene, state: &State) -> Result<(), Faults> {
+    atomic::write(&outbox.join(contacts), contact_records(scene, state).to_text().as_bytes())?;
+    atomic::write(&outbox.join(dof), dof_file(scene, state).to_text().as_bytes())
 }
 
 fn dof_file(scene: &Scene, state: &State) -> Dof {
@@ -81,6 +108,12 @@ fn contactor_name(part: &BodyPart) -> &'static str {
         ContactorShape::Cylinder { hollow: false, .. } => "CYLND",
         ContactorShape::Cylinder { hollow: true, .. } => "DNLYC",
     }
+}
+
+/// Number of internal variables that LMGC90 reads with a contact of a law but does not use for rigid bodies: the size of an
+/// element of a deformable one.
+fn unused_internals(kind: &str) -> usize {
+    usize::from(["GAP_SGR_CLB", "VEL_SGR_CLB"].contains(&kind))
 }
 
 /// Contact kind in LMGC90. It has none between a polyhedron and a cylinder: PRPRx is the nearest.
@@ -134,7 +167,7 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
             gap: contact.gap + state.h * velocity.x,
             frame: contact.frame().map(Into::into),
             point: contact.point.into(),
-            internals: Vec::new(),
+            internals: vec![0.0; unused_internals(&scene.law_names[contact.law as usize].kind)],
         }
     };
     VlocRloc { step: state.step, time: state.time, contacts: state.contacts.iter().map(record).collect() }

@@ -102,9 +102,13 @@ pub fn same(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) {
 fn threads_change_nothing() {
     let one = files(&scene(7), &[&["--threads", "1"]]);
     let names: Vec<&str> = one.keys().map(String::as_str).collect();
-    let text = ["DOF.OUT", "Vloc_Rloc.OUT"].map(|name| (1..5).map(|k| format!("{name}.{k}")).collect::<Vec<_>>());
-    let snapshots = [0, 15, 30, 45, 60].map(|k| format!("snapshot-{k:06}.npz")).to_vec();
-    assert_eq!(names, [text[0].clone(), text[1].clone(), snapshots, vec!["steps.csv".into()]].concat());
+    let numbered = |name: &str| (1..5).map(|k| format!("{name}.OUT.{k}")).collect::<Vec<_>>();
+    let copies = ["BODIES", "BULK_BEHAV", "DRV_DOF", "TACT_BEHAV"].map(|name| format!("{name}.OUT"));
+    let mut expected = [0, 15, 30, 45, 60].map(|k| format!("snapshot-{k:06}.npz")).to_vec();
+    expected.extend(copies.into_iter().chain(numbered("DOF")).chain(numbered("Vloc_Rloc")));
+    expected.extend(["DOF.LAST", "Vloc_Rloc.LAST", "steps.csv"].map(String::from));
+    expected.sort();
+    assert_eq!(names, expected);
     for threads in ["2", "3", "5"] {
         same(&one, &files(&scene(7), &[&["--threads", threads]]));
     }

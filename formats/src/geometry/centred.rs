@@ -1,0 +1,150 @@
+//! Bodies about their centres of mass, in their principal axes, with inertia lines: as LMGC90 writes BODIES.OUT.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::surface::SurfaceFaults;
+use crate::bodies::{Bodies, Body, Contactor, LocalFrame, ShapeRecord};
+
+type Vec3 = Vector3<f64>;
+
+impl Bodies {
+    /// All bodies as [`Body::centred`] gives them.
+    pub fn centred(&self) -> Result<Bodies, SurfaceFaults> {
+        Ok(Bodies(self.0.iter().map(Body::centred).collect::<Result<_, _>>()?))
+    }
+}
+
+impl Body {
+    /// The same body with its position at the centre of mass, its contactors about it in the axes of its DOF file, and its
+    /// `avrd` and inertia filled in. Written to BODIES.DAT it is read with the same axes whatever program reads it.
+    ///
+    /// A hollow cylinder among other contactors has no place for a frame in the file: such a body is returned as it is.
+    /// Errors: those of [`Body::mass_properties`].
+    ///
+    /// ```
+    /// use cd_formats::bodies::{Body, Contactor, ShapeRecord};
+    /// let vertices = vec![[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 4.0]];
+    /// let shape = ShapeRecord::Polyhedron { vertices, triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] };
+    /// let contactors = vec![Contactor { colour: "BLUEx".into(), shape, local_frame: None }];
+    /// let material = "ROCKx".into();
+    /// let body = Body { line: 0, material, equivalent_radius: 0.0, inertia: None, position: [0.0; 3], contactors };
+    /// assert_eq!(body.centred().unwrap().position, [1.0; 3]);
+    /// ```
+    pub fn centred(&self) -> Result<Body, SurfaceFaults> {
+        let lone = self.contactors.len() == 1;
+        let hollow = |c: &Contactor| matches!(c.shape, ShapeRecord::Cylinder { hollow: true, .. });
+        if !lone && self.contactors.iter().any(hollow) {
+            return Ok(self.clone());
+        }
+        let own = self.mass_properties()?;
+        let offset = Vec3::from(self.centre_of_mass_offset(&own));
+        let inertial = self.inertial_properties(&own, 1.0);
+        let frame = self.computed_frame(&own);
+        let axes =
+            frame.map_or(Matrix3::identity(), |f| Matrix3::from_rows(&f.axes.map(|a| Vec3::from(a).transpose())));
+        let contactors = self.contactors.iter().map(|contactor| contactor.seen_from(lone, &offset, &axes)).collect();
+        Ok(Body {
+            equivalent_radius: if self.equivalent_radius == 0.0 { inertial.radius } else { self.equivalent_radius },
+            inertia: Some(inertial.inertia),
+            position: (Vec3::from(self.position) + offset).into(),
+            contactors,
+            ..self.clone()
+        })
+    }
+}
+
+impl Contactor {
+    /// The contactor in a frame with this origin, m, and these axes, one a row.
+    fn seen_from(&self, lone: bool, origin: &Vec3, axes: &Matrix3<f64>) -> Contactor {
+        let at = |point: [f64; 3]| -> [f64; 3] { (axes * (Vec3::from(point) - origin)).into() };
+        let (mut shape, mut local_frame) = (self.shape.clone(), self.local_frame.clone());
+        match &mut shape {
+            ShapeRecord::Sphere { radius } => {
+                let offset = at([0.0; 3]);
+                if offset != [0.0; 3] {
+                    shape = ShapeRecord::OffsetSphere { radius: *radius, offset };
+                }
+            }
+            ShapeRecord::OffsetSphere { offset, .. } | ShapeRecord::Point { offset } => *offset = at(*offset),
+            ShapeRecord::Polyhedron { vertices, .. } => vertices.iter_mut().for_each(|vertex| *vertex = at(*vertex)),
+            // A lone one lends its frame to the body.
+            ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } if lone => local_frame = None,
+            ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. } => {
+                let fixed = LocalFrame { axes: Matrix3::identity().into(), offset: [0.0; 3] };
+                let frame = local_frame.unwrap_or(fixed);
+                let axes = frame.axes.map(|axis| (axes * Vec3::from(axis)).into());
+                local_frame = Some(LocalFrame { axes, offset: at(frame.offset) });
+            }
+        }
+        Contactor { colour: self.colour.clone(), shape, local_frame }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::scan::AsciiText;
+
+    fn bodies(path: &str) -> Bodies {
+        Bodies::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap()
+    }
+
+    /// A centred body has the mass, the centre and the moments of the body it was made of, and stays as it is.
+    #[test]
+    fn centred_bodies_are_the_same_bodies() {
+        for path in ["tests/lmgc90_axes/BODIES.DAT", "tests/good/two-spheres/DATBOX/BODIES.DAT"] {
+            let given = bodies(path);
+            let text = AsciiText::new(given.centred().unwrap().to_long_text().as_bytes());
+            let read = Bodies::parse("BODIES.OUT".as_ref(), &text).unwrap();
+            for (body, centred) in given.0.iter().zip(&read.0) {
+                let own = body.mass_properties().unwrap();
+                let again = centred.mass_properties().unwrap();
+                let size = body.inertial_properties(&own, 1.0).radius;
+                let [a, b] = [body.inertial_properties(&own, 1.0), centred.inertial_properties(&again, 1.0)];
+                // Nine digits and more in the file.
+                assert!(
+                    (a.mass / b.mass - 1.0).abs() < 1e-7 && (a.radius / b.radius - 1.0).abs() < 1e-7,
+                    "{a:?} {b:?}"
+                );
+                assert!(a.inertia.iter().zip(&b.inertia).all(|(a, b)| (a / b - 1.0).abs() < 1e-7), "{a:?} {b:?}");
+                assert!(Vec3::from(again.centre).norm() < 1e-8 * size, "{again:?}");
+                let moments = Matrix3::from(again.inertia);
+                let off = moments - Matrix3::from_diagonal(&moments.diagonal());
+                assert!(off.amax() < 1e-7 * moments.amax(), "{moments}");
+            }
+        }
+    }
+
+    #[test]
+    fn plates_and_balls_of_a_cluster_keep_their_places() {
+        let contactor = |shape, local_frame| Contactor { colour: "BLUEx".into(), shape, local_frame };
+        let plate = ShapeRecord::Plane { half_lengths: [1.0, 1.0, 0.5] };
+        let frame = LocalFrame { axes: [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], offset: [4.0, 0.0, 0.0] };
+        let ball = contactor(ShapeRecord::Sphere { radius: 1.0 }, None);
+        let contactors = vec![contactor(plate, Some(frame)), ball];
+        let body = Body {
+            line: 0,
+            material: "ROCKx".into(),
+            equivalent_radius: 0.0,
+            inertia: None,
+            position: [1.0, 2.0, 3.0],
+            contactors,
+        };
+        let centred = body.centred().unwrap();
+        let ShapeRecord::OffsetSphere { offset, .. } = centred.contactors[1].shape else { panic!("{centred:?}") };
+        let placed = centred.contactors[0].local_frame.clone().unwrap();
+        // The axes of the file are principal, so that only the origin moves: by the centre, along x.
+        let shift = Vec3::from(centred.position) - Vec3::new(1.0, 2.0, 3.0);
+        let volumes = [4.0, 4.0 / 3.0 * std::f64::consts::PI];
+        assert!((shift - Vec3::new(16.0 / (volumes[0] + volumes[1]), 0.0, 0.0)).norm() < 1e-15);
+        assert!((Vec3::from(offset) + shift).norm() < 1e-15);
+        assert!((Vec3::from(placed.offset) - Vec3::new(4.0, 0.0, 0.0) + shift).norm() < 1e-15);
+        assert_eq!(placed.axes, [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]);
+        // A lone plate lends its frame to the body.
+        let alone = Body { contactors: vec![body.contactors[0].clone()], ..body };
+        let centred = alone.centred().unwrap();
+        assert_eq!((centred.position, &centred.contactors[0].local_frame), ([5.0, 2.0, 3.0], &None));
+    }
+}

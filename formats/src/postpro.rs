@@ -1,0 +1,242 @@
+//! `POSTPRO.DAT`: commands that request files with a row every few steps.
+
+use std::path::Path;
+
+use crate::error::Faults;
+use crate::ron_text::known_names;
+use crate::scan::{AsciiText, LineScanner, TextLine};
+
+/// Requests of a file, and notices about those that are left out.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Postpro {
+    pub commands: Vec<PostproCommand>,
+    pub notices: Vec<String>,
+}
+
+/// One request.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PostproCommand {
+    /// Line of the command, 1-based.
+    pub line: usize,
+    /// Steps between two rows; 0 requests a file without rows.
+    pub period: u64,
+    pub kind: PostproKind,
+}
+
+/// Contents of a request. Bodies are counted from 0 (from 1 in the file).
+#[derive(Debug, Clone, PartialEq)]
+pub enum PostproKind {
+    SolverInformations,
+    ViolationEvolution,
+    KineticEnergy,
+    DissipatedEnergy,
+    CoordinationNumber,
+    BodyTracking(Vec<usize>),
+    TorqueEvolution(Vec<usize>),
+    NewRigidSets(Vec<Vec<usize>>),
+}
+
+/// Commands of LMGC90 that are computed.
+const COMPUTED: [&str; 8] = [
+    "SOLVER INFORMATIONS",
+    "VIOLATION EVOLUTION",
+    "KINETIC ENERGY",
+    "DISSIPATED ENERGY",
+    "COORDINATION NUMBER",
+    "BODY TRACKING",
+    "TORQUE EVOLUTION",
+    "NEW RIGID SETS",
+];
+
+/// Commands of LMGC90 that are left out.
+const LEFT_OUT: [&str; 28] = [
+    "AVERAGE VELOCITY EVOLUTION",
+    "SPECIES KINETIC ENERGY",
+    "SNAPSHOT SAMPLE",
+    "MP SNAPSHOT SAMPLE",
+    "NORMAL CONTACT DISTRIBUTION",
+    "CONTACT FORCE DISTRIBUTION",
+    "MP VALUE TRACKING",
+    "TRIAXIAL COMPACITY",
+    "DOUBLET INTERACTIONS",
+    "QUASI SLIDING CONTACT",
+    "NEW MECAx SETS",
+    "Fint EVOLUTION",
+    "Dep EVOLUTION",
+    "NEW DIST SETS",
+    "MAILx DIST",
+    "NEW BOUNDED SETS",
+    "DRY CONTACT NATURE",
+    "WET CONTACT NATURE",
+    "INTER ANALYSIS",
+    "THERMAL EVOLUTION",
+    "NETWORK EVOLUTION",
+    "ELECTRO EVOLUTION",
+    "CLOUD ANALYSIS",
+    "DISPLAY TENSORS",
+    "HEAT BOUND PROFILE",
+    "VISIBILITY STATE",
+    "PRxxx DETECTION",
+    "DOUBLETS TORQUE EVOLUTION",
+];
+
+/// Columns of a name of a command.
+const NAME_COLUMNS: (usize, usize) = (1, 30);
+/// Number of columns of a count or of the number of a body.
+const NUMBER_WIDTH: usize = 7;
+
+impl Postpro {
+    /// Reads the file; reports all its faults at once. `bodies`: number of bodies of the scene.
+    ///
+    /// A command of LMGC90 that is not computed is left out with a notice; any other name is a fault. A file without `END`
+    /// is read to its end, with a notice.
+    pub fn read(path: &Path, bodies: usize) -> Result<Self, Faults> {
+        Self::parse(path, &AsciiText::read_file(path)?, bodies)
+    }
+
+    /// Reads the text of a file; `path` is for messages.
+    pub fn parse(path: &Path, text: &AsciiText, bodies: usize) -> Result<Self, Faults> {
+        let scan = &mut LineScanner::new(path, text);
+        let mut postpro = Postpro::default();
+        let mut ended = scan.peek_line().is_none();
+        while let Some(line) = scan.next_line() {
+            let name = name_of(line);
+            scan.set_object(format!("command '{name}'"));
+            if name.starts_with("END") {
+                ended = true;
+                break;
+            }
+            if COMPUTED.contains(&name) {
+                let command = read_command(scan, line, name, bodies);
+                if command.is_none() {
+                    skip_data(scan);
+                }
+                postpro.commands.extend(command);
+            } else {
+                if LEFT_OUT.contains(&name) {
+                    let (file, number) = (path.display(), line.number);
+                    postpro.notices.push(format!("{file}:{number}: command '{name}' is not computed: it is left out"));
+                } else {
+                    let expected = format!("{}, or another of LMGC90", known_names(name, &COMPUTED));
+                    scan.add_fault(line.number, "is not a command of LMGC90", expected);
+                }
+                skip_data(scan);
+            }
+        }
+        if !ended {
+            postpro.notices.push(format!("{}: no END: the file is read to its last line", path.display()));
+        }
+        scan.finish(postpro)
+    }
+}
+
+fn name_of(line: TextLine<'_>) -> &str {
+    line.columns(NAME_COLUMNS.0, NAME_COLUMNS.1).trim_end()
+}
+
+/// Skips the period and the data of a command.
+fn skip_data(scan: &mut LineScanner) {
+    let ends = |line: TextLine| {
+        let name = name_of(line);
+        name.starts_with("END") || COMPUTED.contains(&name) || LEFT_OUT.contains(&name)
+    };
+    while scan.next_line_if(|line| !ends(line)).is_some() {}
+}
+
+/// Reads the lines after the name of a command; `None` after a fault.
+fn read_command(scan: &mut LineScanner, line: TextLine, name: &str, bodies: usize) -> Option<PostproCommand> {
+    let step = scan.expect_line("expected STEP and a number of steps", |line| line.text().starts_with("STEP"))?;
+    let Ok(period) = step.columns(5, 30).trim().parse() else {
+        scan.add_fault(
+            step.number,
+            format!("the period '{}'", step.columns(5, 30).trim()),
+            "expected a number of steps",
+        );
+        return None;
+    };
+    let kind = match name {
+        "SOLVER INFORMATIONS" => PostproKind::SolverInformations,
+        "VIOLATION EVOLUTION" => PostproKind::ViolationEvolution,
+        "KINETIC ENERGY" => PostproKind::KineticEnergy,
+        "DISSIPATED ENERGY" => PostproKind::DissipatedEnergy,
+        "COORDINATION NUMBER" => PostproKind::CoordinationNumber,
+        "BODY TRACKING" => PostproKind::BodyTracking(read_bodies(scan, bodies)?),
+        "TORQUE EVOLUTION" => PostproKind::TorqueEvolution(read_bodies(scan, bodies)?),
+        _ => {
+            let count = read_number(scan, "number of sets")?;
+            PostproKind::NewRigidSets((0..count).map(|_| read_bodies(scan, bodies)).collect::<Option<_>>()?)
+        }
+    };
+    Some(PostproCommand { line: line.number, period, kind })
+}
+
+/// Reads a count and as many numbers of bodies.
+fn read_bodies(scan: &mut LineScanner, bodies: usize) -> Option<Vec<usize>> {
+    let count = read_number(scan, "number of bodies")?;
+    (0..count).map(|_| read_body(scan, bodies)).collect()
+}
+
+fn read_body(scan: &mut LineScanner, bodies: usize) -> Option<usize> {
+    let number = scan.peek_line().map(|line| line.number);
+    let body = read_number(scan, "body")?;
+    if !(1..=bodies as u64).contains(&body) {
+        let expected = format!("expected 1 to {bodies}");
+        scan.add_fault(number.unwrap_or_default(), format!("body {body} does not exist"), expected);
+        return None;
+    }
+    Some(body as usize - 1)
+}
+
+fn read_number(scan: &mut LineScanner, what: &str) -> Option<u64> {
+    let numeric = |line: TextLine| line.text().trim_start().starts_with(|c: char| c.is_ascii_digit());
+    let line = scan.expect_line(&format!("expected the {what}"), numeric)?;
+    let text = line.text().trim();
+    if line.used_width() > NUMBER_WIDTH {
+        let found = format!("the {what} '{text}' ends in column {}", line.used_width());
+        scan.add_fault(line.number, found, "expected it in columns 1 to 7, which LMGC90 reads");
+        return None;
+    }
+    let number = text.parse().ok();
+    if number.is_none() {
+        scan.add_fault(line.number, format!("the {what} is '{text}'"), "expected an integer");
+    }
+    number
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Postpro, Faults> {
+        Postpro::parse("POSTPRO.DAT".as_ref(), &AsciiText::new(text.as_bytes()), 3)
+    }
+
+    #[test]
+    fn commands_with_their_data() {
+        let text = "# a comment\nSOLVER INFORMATIONS           \nSTEP 1\nBODY TRACKING\nSTEP         10\n      2\n      3\n      1\n\
+                    DISPLAY TENSORS\nSTEP 5\nNEW RIGID SETS\nSTEP 0\n      1\n      2\n      1\n      2\nEND\n";
+        let postpro = parse(text).unwrap();
+        let expected = [
+            (2, 1, PostproKind::SolverInformations),
+            (4, 10, PostproKind::BodyTracking(vec![2, 0])),
+            (11, 0, PostproKind::NewRigidSets(vec![vec![0, 1]])),
+        ];
+        let expected: Vec<_> =
+            expected.into_iter().map(|(line, period, kind)| PostproCommand { line, period, kind }).collect();
+        assert_eq!(postpro.commands, expected);
+        assert_eq!(postpro.notices, ["POSTPRO.DAT:9: command 'DISPLAY TENSORS' is not computed: it is left out"]);
+        assert_eq!(parse("KINETIC ENERGY\nSTEP 1\n").unwrap().notices.len(), 1);
+        assert_eq!(parse("").unwrap(), Postpro::default());
+    }
+
+    #[test]
+    fn mistakes_have_their_lines() {
+        let text = "KINETIC ENERGIE\nSTEP 1\nBODY TRACKING\nSTEP 1\n      1\n      4\nTORQUE EVOLUTION\n      1\n      1\n\
+                    KINETIC ENERGY\nSTEP x\nBODY TRACKING\nSTEP 1\n         1\n      1\nEND\n";
+        let faults = parse(text).unwrap_err();
+        let lines: Vec<_> = faults.0.iter().map(|fault| fault.line).collect();
+        assert_eq!(lines, [1, 6, 8, 11, 14].map(Some), "{faults}");
+        let text = faults.to_string();
+        assert!(text.contains("KINETIC ENERGY") && text.contains("body 4 does not exist; expected 1 to 3"), "{text}");
+    }
+}

@@ -1,0 +1,418 @@
+//! Files of POSTPRO.DAT: rows of figures in LMGC90's columns, in the folder POSTPRO beside OUTBOX.
+
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead, BufReader, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use cd_formats::atomic;
+use cd_formats::error::{Fault, Faults};
+use cd_formats::postpro::{PostproCommand, PostproKind};
+
+use crate::math::{Vec3, to_local, to_world};
+use crate::scene::{BodyId, BodyShape, ContactorShape, Scene};
+use crate::state::{SolvedContact, State};
+use crate::step::{StepReport, StepStart};
+
+/// Folder of the files, beside DATBOX.
+const FOLDER: &str = "POSTPRO";
+
+/// Names of the files of a command.
+fn file_names(kind: &PostproKind) -> Vec<String> {
+    let numbered = |prefixes: &[&str], numbers: &mut dyn Iterator<Item = usize>| {
+        numbers.flat_map(|k| prefixes.iter().map(move |prefix| format!("{prefix}_{k:07}.DAT"))).collect()
+    };
+    match kind {
+        PostproKind::SolverInformations => vec!["SOLVER_INFORMATIONS.DAT".into()],
+        PostproKind::ViolationEvolution => vec!["VIOLATION_EVOLUTION.DAT".into()],
+        PostproKind::KineticEnergy => vec!["KINETIC_ENERGY.DAT".into()],
+        PostproKind::DissipatedEnergy => vec!["DISSIPATED_ENERGY.DAT".into()],
+        PostproKind::CoordinationNumber => vec!["COORDINATION_NUMBER.DAT".into()],
+        PostproKind::BodyTracking(bodies) => numbered(&["BODY"], &mut bodies.iter().map(|body| body + 1)),
+        PostproKind::TorqueEvolution(bodies) => {
+            numbered(&["REAC", "Fext", "Fine"], &mut bodies.iter().map(|body| body + 1))
+        }
+        PostproKind::NewRigidSets(sets) => {
+            let prefixes = ["EVOL_RIGID_SET", "REAC_RIGID_SET", "Fext_RIGID_SET", "Fine_RIGID_SET"];
+            numbered(&prefixes, &mut (1..=sets.len()))
+        }
+    }
+}
+
+/// Paths of all files that the commands of a scene request.
+pub fn paths(case: &Path, scene: &Scene) -> Vec<PathBuf> {
+    let names = scene.postpro.iter().flat_map(|command| file_names(&command.kind));
+    names.map(|name| case.join(FOLDER).join(name)).collect()
+}
+
+/// Open files of all commands.
+pub struct PostproFiles {
+    /// Command, and its files.
+    commands: Vec<(PostproCommand, Vec<RowFile>)>,
+}
+
+impl PostproFiles {
+    /// Opens the files for a run that continues from `state`: rows up to its time are kept.
+    pub fn open(case: &Path, scene: &Scene, state: &State) -> Result<Self, Faults> {
+        let resumed = state.step > scene.start.0;
+        let open = |command: &PostproCommand| {
+            let paths = file_names(&command.kind).into_iter().map(|name| case.join(FOLDER).join(name));
+            let files: Result<Vec<RowFile>, Faults> =
+                paths.map(|path| RowFile::open(path, resumed.then_some(state.time))).collect();
+            Ok((command.clone(), files?))
+        };
+        Ok(PostproFiles { commands: scene.postpro.iter().map(open).collect::<Result<_, Faults>>()? })
+    }
+
+    /// Adds a step, which began after step `first`, to the sums of `state`, and its rows to the files that are due.
+    pub fn add_step(
+        &mut self,
+        scene: &Scene,
+        state: &mut State,
+        report: &StepReport,
+        first: u64,
+    ) -> Result<(), Faults> {
+        let Some(start) = &report.start else { return Ok(()) };
+        let figures = StepFigures::new(scene, state, report, start);
+        let wants = |kind: PostproKind| scene.postpro.iter().any(|command| command.kind == kind);
+        let dissipated = if wants(PostproKind::DissipatedEnergy) { figures.dissipated_energy() } else { 0.0 };
+        let outside = if wants(PostproKind::KineticEnergy) { figures.work_of_forces() } else { 0.0 };
+        let mut sums = state.postpro;
+        sums.dissipated += dissipated;
+        sums.outside_work += outside;
+        for (command, files) in &mut self.commands {
+            let is_due = command.period > 0 && state.step / command.period > first / command.period;
+            if !is_due {
+                continue;
+            }
+            let rows: Vec<Vec<f64>> = match &command.kind {
+                PostproKind::SolverInformations => {
+                    files[0].add_text(&figures.solver_row())?;
+                    continue;
+                }
+                PostproKind::ViolationEvolution => vec![figures.violation().to_vec()],
+                PostproKind::KineticEnergy => {
+                    let (kinetic, potential) = (figures.kinetic_energy(), figures.potential_energy());
+                    vec![vec![kinetic, kinetic, -sums.outside_work, potential, 0.0]]
+                }
+                PostproKind::DissipatedEnergy => vec![vec![sums.dissipated, dissipated]],
+                PostproKind::CoordinationNumber => figures.coordination().into_iter().map(|row| row.to_vec()).collect(),
+                PostproKind::BodyTracking(bodies) => bodies.iter().map(|&i| figures.track(i, false).to_vec()).collect(),
+                PostproKind::TorqueEvolution(bodies) => {
+                    bodies.iter().flat_map(|&i| figures.forces(i)).map(|row| row.to_vec()).collect()
+                }
+                PostproKind::NewRigidSets(sets) => sets.iter().flat_map(|set| figures.set_rows(set)).collect(),
+            };
+            for (file, row) in files.iter_mut().zip(rows) {
+                let mut text = es(state.time, 8);
+                row.iter().for_each(|&x| text += &format!(" {}", es(x, 7)));
+                file.add_text(&text)?;
+            }
+        }
+        state.postpro = sums;
+        Ok(())
+    }
+
+    /// Writes the rows so far, so that other programs can read them.
+    pub fn flush_to_file(&mut self) -> Result<(), Faults> {
+        self.files().try_for_each(|file| file.file.flush().map_err(|error| file.fault(&error)))
+    }
+
+    /// Writes the rows so far and waits until they are on the disk.
+    pub fn sync_to_disk(&mut self) -> Result<(), Faults> {
+        self.flush_to_file()?;
+        self.files().try_for_each(|file| file.file.get_ref().sync_data().map_err(|error| file.fault(&error)))
+    }
+
+    fn files(&mut self) -> impl Iterator<Item = &mut RowFile> {
+        self.commands.iter_mut().flat_map(|(_, files)| files)
+    }
+}
+
+/// File that begins each row with the time.
+struct RowFile {
+    path: PathBuf,
+    file: BufWriter<File>,
+}
+
+impl RowFile {
+    /// Opens the file; with a time (s) its complete rows up to it are kept.
+    fn open(path: PathBuf, until: Option<f64>) -> Result<Self, Faults> {
+        let last: Option<f64> = until.and_then(|time| es(time, 8).trim().parse().ok());
+        let old = last.and_then(|last| Some((last, File::open(&path).ok()?)));
+        atomic::write_with(&path, |file| {
+            let Some((last, old)) = old else { return Ok(()) };
+            let mut old = BufReader::new(old);
+            let mut row = String::new();
+            while old.read_line(&mut row)? > 0 {
+                let time = row.get(..TIME_WIDTH).and_then(|time| time.trim().parse::<f64>().ok());
+                if !row.ends_with('\n') || time.is_none_or(|time| time > last) {
+                    break;
+                }
+                file.write_all(row.as_bytes())?;
+                row.clear();
+            }
+            Ok(())
+        })?;
+        match OpenOptions::new().append(true).open(&path) {
+            Ok(file) => Ok(RowFile { path, file: BufWriter::new(file) }),
+            Err(error) => Err(Fault::from_io(&path, "written", &error).into()),
+        }
+    }
+
+    fn add_text(&mut self, row: &str) -> Result<(), Faults> {
+        writeln!(self.file, "{row}").map_err(|error| self.fault(&error))
+    }
+
+    fn fault(&self, error: &std::io::Error) -> Faults {
+        Fault::from_io(&self.path, "written", error).into()
+    }
+}
+
+/// Columns of the time.
+const TIME_WIDTH: usize = 15;
+
+/// Number as Fortran's `ES` writes it with so many digits after the point, `digits + 7` columns wide.
+fn es(x: f64, digits: usize) -> String {
+    let text = format!("{:.digits$e}", x + 0.0); // without a negative zero
+    let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+    let exponent: i32 = exponent.parse().unwrap_or(0);
+    let sign = if exponent < 0 { '-' } else { '+' };
+    // A third digit replaces the letter.
+    let letter = if exponent.abs() < 100 { "E" } else { "" };
+    format!("{:>width$}", format!("{mantissa}{letter}{sign}{:02}", exponent.abs()), width = digits + 7)
+}
+
+/// A step from which figures are computed.
+struct StepFigures<'a> {
+    scene: &'a Scene,
+    state: &'a State,
+    report: &'a StepReport,
+    start: &'a StepStart,
+    /// Force (N, fixed axes) and moment (N m, axes of the body) of all contacts on each body.
+    reaction: Vec<[Vec3; 2]>,
+}
+
+impl<'a> StepFigures<'a> {
+    fn new(scene: &'a Scene, state: &'a State, report: &'a StepReport, start: &'a StepStart) -> Self {
+        let mut reaction = vec![[Vec3::zeros(); 2]; state.x.len()];
+        for solved in &state.contacts {
+            let frame = solved.contact.frame();
+            let (force, couple) =
+                (to_world(&frame, &solved.impulse) / state.h, to_world(&frame, &solved.moment) / state.h);
+            for (body, arm, sign) in start.arms(solved) {
+                let [sum, moment] = &mut reaction[body.index()];
+                *sum += force * sign;
+                *moment += (arm.cross(&force) + couple) * sign;
+            }
+        }
+        for (i, [_, moment]) in reaction.iter_mut().enumerate() {
+            *moment = start.q[i].inverse_transform_vector(moment);
+        }
+        StepFigures { scene, state, report, start, reaction }
+    }
+
+    /// Velocity, m/s, and angular velocity in the axes of the body, rad/s.
+    fn velocity(&self, i: usize) -> [Vec3; 2] {
+        [self.state.v[i], self.state.q[i].inverse_transform_vector(&self.state.w[i])]
+    }
+
+    fn inertia(&self, i: usize) -> Vec3 {
+        self.scene.bodies[i].inertia.into()
+    }
+
+    /// Force and moment on a body other than by contacts: for a free body the rest of its change of momentum, for a driven
+    /// one its weight and imposed loads; imposed and gyroscopic moments.
+    fn external_force(&self, i: usize) -> [Vec3; 2] {
+        let (scene, state) = (self.scene, self.state);
+        let body = &scene.bodies[i];
+        let mut loads = [Vec3::zeros(); 2];
+        let (theta, before) = (scene.options.theta, state.time - state.h);
+        for load in scene.loads.iter().filter(|load| load.body.index() == i) {
+            let value = (1.0 - theta) * load.value.value_at(before) + theta * load.value.value_at(state.time);
+            loads[load.component / 3][load.component % 3] += value;
+        }
+        let [mut force, mut moment] = loads;
+        if body.driven {
+            force += state.gravity * body.mass;
+        } else {
+            force = (state.v[i] - self.start.v[i]) * (body.mass / state.h) - self.reaction[i][0];
+        }
+        let w = self.start.q[i].inverse_transform_vector(&self.start.w[i]);
+        moment -= w.cross(&self.inertia(i).component_mul(&w));
+        [force, moment]
+    }
+
+    /// Rows of contact force, other force, and rate of change of momentum.
+    fn forces(&self, i: usize) -> [[f64; 6]; 3] {
+        let body = &self.scene.bodies[i];
+        let [_, spin] = self.velocity(i);
+        let before = self.start.q[i].inverse_transform_vector(&self.start.w[i]);
+        let inertial = [
+            (self.state.v[i] - self.start.v[i]) * (body.mass / self.state.h),
+            self.inertia(i).component_mul(&(spin - before)) / self.state.h,
+        ];
+        [self.reaction[i], self.external_force(i), inertial].map(|[a, b]| six(&a, &b))
+    }
+
+    /// Position, displacement and velocity of a body; the position is that of its first contactor if `at_contactor`.
+    fn track(&self, i: usize, at_contactor: bool) -> [f64; 12] {
+        let (scene, state) = (self.scene, self.state);
+        let mut x = state.x[i];
+        if at_contactor && let Some(part) = scene.find_part(BodyId::new(i), 0) {
+            x += state.q[i] * part.offset;
+        }
+        for (axis, period) in [scene.options.xperiode, scene.options.yperiode].into_iter().enumerate() {
+            x[axis] = period.map_or(x[axis], |period| x[axis].rem_euclid(period));
+        }
+        let [v, spin] = self.velocity(i);
+        let [moved, velocity] = [six(&x, &(state.x[i] - scene.reference[i])), six(&v, &spin)];
+        std::array::from_fn(|k| if k < 6 { moved[k] } else { velocity[k - 6] })
+    }
+
+    /// Rows of a set: mean motion, and sums of forces.
+    fn set_rows(&self, bodies: &[usize]) -> [Vec<f64>; 4] {
+        let mut motion = vec![0.0; 12];
+        let mut sums = [0; 3].map(|_| vec![0.0; 6]);
+        for &i in bodies {
+            motion.iter_mut().zip(self.track(i, true)).for_each(|(sum, x)| *sum += x);
+            for (sum, row) in sums.iter_mut().zip(self.forces(i)) {
+                sum.iter_mut().zip(row).for_each(|(sum, x)| *sum += x);
+            }
+        }
+        motion.iter_mut().for_each(|x| *x /= bodies.len().max(1) as f64);
+        let [reaction, external, inertial] = sums;
+        [motion, reaction, external, inertial]
+    }
+
+    /// Kinetic energy of all bodies, J.
+    fn kinetic_energy(&self) -> f64 {
+        let of = |i: usize| {
+            let [v, spin] = self.velocity(i);
+            0.5 * (self.scene.bodies[i].mass * v.norm_squared() + spin.dot(&self.inertia(i).component_mul(&spin)))
+        };
+        (0..self.state.x.len()).map(of).sum()
+    }
+
+    /// Energy of the displacements in uniform gravity, J.
+    fn potential_energy(&self) -> f64 {
+        let (scene, state) = (self.scene, self.state);
+        let of = |i: usize| -scene.bodies[i].mass * (state.x[i] - scene.reference[i]).dot(&state.gravity);
+        (0..state.x.len()).map(of).sum()
+    }
+
+    /// Work of all forces over the step at its end velocities, J.
+    fn work_of_forces(&self) -> f64 {
+        let of = |i: usize| {
+            let ([v, spin], [force, moment]) = (self.velocity(i), self.external_force(i));
+            let [reaction, couple] = self.reaction[i];
+            self.state.h * ((reaction + force).dot(&v) + (couple + moment).dot(&spin))
+        };
+        (0..self.state.x.len()).map(of).sum()
+    }
+
+    /// Energy that the contacts take in the step, J: −Σ r·((1−θ) u⁻ + θ u⁺).
+    fn dissipated_energy(&self) -> f64 {
+        let (start, theta) = (self.start, self.scene.options.theta);
+        let of = |solved: &SolvedContact| {
+            let frame = solved.contact.frame();
+            let [mut u, mut turning] = [Vec3::zeros(), Vec3::zeros()];
+            for (body, arm, sign) in start.arms(solved) {
+                let i = body.index();
+                u += (start.v[i] + start.w[i].cross(&arm)) * sign;
+                turning += (start.w[i] * (1.0 - theta) + self.state.w[i] * theta) * sign;
+            }
+            let mean = to_local(&frame, &u) * (1.0 - theta) + solved.velocity * theta;
+            solved.impulse.dot(&mean) + solved.moment.dot(&to_local(&frame, &turning))
+        };
+        -self.state.contacts.iter().map(of).sum::<f64>()
+    }
+
+    /// Mean penetration in the contact configuration and in the next, and the largest of both, m.
+    fn violation(&self) -> [f64; 4] {
+        let mut found = [0.0f64; 4];
+        for solved in &self.state.contacts {
+            let gap = solved.contact.gap;
+            for (k, depth) in
+                [-gap, -gap - self.state.h * solved.velocity.x].map(|depth| depth.max(0.0)).into_iter().enumerate()
+            {
+                found[k] += depth;
+                found[k + 2] = found[k + 2].max(depth);
+            }
+        }
+        let count = self.state.contacts.len().max(1) as f64;
+        [found[0] / count, found[1] / count, found[2], found[3]]
+    }
+
+    /// Contacts per grain: all listed, then compressive, tensile and either per grain that has such a contact. Pairs of
+    /// contactors count once; grains are spheres and polyhedra. None without grains.
+    fn coordination(&self) -> Option<[f64; 4]> {
+        let scene = self.scene;
+        let is_grain = |body: BodyId, rank: u16| match scene.bodies[body.index()].shape {
+            BodyShape::Sphere { .. } => true,
+            BodyShape::Plane { .. } => false,
+            BodyShape::Parts => matches!(
+                scene.find_part(body, rank).map(|part| &part.geometry),
+                Some(ContactorShape::Sphere { .. } | ContactorShape::Polyhedron(_))
+            ),
+        };
+        let contactors = |i: usize| if scene.is_general() { scene.parts_of(BodyId::new(i)).len() } else { 1 };
+        let mut ends = std::collections::BTreeMap::<(BodyId, u16), [u32; 3]>::new();
+        for i in 0..scene.bodies.len() {
+            let ranks = (0..contactors(i) as u16).filter(|&rank| is_grain(BodyId::new(i), rank));
+            ends.extend(ranks.map(|rank| ((BodyId::new(i), rank), [0; 3])));
+        }
+        let pair = |a: &SolvedContact| (a.contact.candidate, a.contact.antagonist, a.contact.ranks);
+        for contacts in self.state.contacts.chunk_by(|a, b| pair(a) == pair(b)) {
+            let (candidate, antagonist, ranks) = pair(&contacts[0]);
+            let any = |holds: fn(f64) -> bool| u32::from(contacts.iter().any(|solved| holds(solved.impulse.x)));
+            let counts = [1, any(|r| r > 0.0), any(|r| r < 0.0)];
+            for end in [(candidate, ranks.0), (antagonist, ranks.1)] {
+                let Some(sums) = ends.get_mut(&end) else { continue };
+                sums.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+            }
+        }
+        let sum = |k: usize| ends.values().map(|counts| counts[k]).sum::<u32>();
+        let with = |holds: fn(&[u32; 3]) -> bool| ends.values().filter(|counts| holds(counts)).count();
+        let mean = |sum: u32, grains: usize| if grains > 0 { f64::from(sum) / grains as f64 } else { 0.0 };
+        (!ends.is_empty()).then(|| {
+            [
+                mean(sum(0), ends.len()),
+                mean(sum(1), with(|counts| counts[1] > 0)),
+                mean(sum(2), with(|counts| counts[2] > 0)),
+                mean(sum(1) + sum(2), with(|counts| counts[1] + counts[2] > 0)),
+            ]
+        })
+    }
+
+    /// Sweeps, criteria over the tolerance, and the number of contacts.
+    fn solver_row(&self) -> String {
+        let norms = self.report.norms.unwrap_or_default();
+        let criteria = [norms.mean_dvor, norms.quad_dv, norms.quad_dvr].map(|norm| es(norm / self.report.tol, 7));
+        let (sweeps, contacts) = (self.report.sweeps, self.report.contacts_listed);
+        format!("{} {sweeps:8} {} {contacts:8}", es(self.state.time, 8), criteria.join(" "))
+    }
+}
+
+fn six(a: &Vec3, b: &Vec3) -> [f64; 6] {
+    [a.x, a.y, a.z, b.x, b.y, b.z]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::es;
+
+    #[test]
+    fn numbers_are_those_of_fortran() {
+        let written = [0.03, -41.092_033, 0.0, -0.0, 1e-123, -2.5e100].map(|x| es(x, 7));
+        let expected = [
+            " 3.0000000E-02",
+            "-4.1092033E+01",
+            " 0.0000000E+00",
+            " 0.0000000E+00",
+            " 1.0000000-123",
+            "-2.5000000+100",
+        ];
+        assert_eq!(written, expected);
+        assert_eq!(es(0.03, 8), " 3.00000000E-02");
+    }
+}

@@ -1,0 +1,52 @@
+//! Copies of DATBOX in OUTBOX, for `--text`: with them and a state, OUTBOX is the DATBOX of a continued run of LMGC90.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use cd_formats::atomic;
+use cd_formats::bodies::Bodies;
+use cd_formats::bulk_behav::BulkBehav;
+use cd_formats::drv_dof::{DrvDof, Evolution, table_text};
+use cd_formats::error::{Fault, Faults};
+use cd_formats::tact_behav::TactBehav;
+
+const DRIVEN_COPY: &str = "DRV_DOF.OUT";
+
+/// Names in OUTBOX, apart from those of tables.
+pub const INPUT_COPIES: [&str; 4] = ["BODIES.OUT", "BULK_BEHAV.OUT", "TACT_BEHAV.OUT", DRIVEN_COPY];
+
+/// Writes BODIES.OUT, with centred bodies in the axes of DOF.OUT.k, BULK_BEHAV.OUT, TACT_BEHAV.OUT, DRV_DOF.OUT and the
+/// tables that it names, all with as many digits as their columns hold.
+pub fn write_input_copies(datbox: &Path, outbox: &Path) -> Result<(), Faults> {
+    let file = datbox.join("BODIES.DAT");
+    let bodies = Bodies::read(&file)?
+        .centred()
+        .map_err(|found| Fault::new(&file, None, "bodies", found.to_string(), "expected closed surfaces"))?;
+    let driven = DrvDof::read(&datbox.join("DRV_DOF.DAT"))?;
+    let texts = [
+        bodies.to_long_text(),
+        BulkBehav::read(&datbox.join("BULK_BEHAV.DAT"))?.to_long_text(),
+        TactBehav::read(&datbox.join("TACT_BEHAV.DAT"))?.to_long_text(),
+        driven.to_long_text(),
+    ];
+    let mut files: Vec<(PathBuf, String)> = tables(&driven).map(|(name, text)| (outbox.join(name), text)).collect();
+    files.extend(INPUT_COPIES.iter().map(|name| outbox.join(name)).zip(texts));
+    atomic::write_all(files.iter().map(|(path, text)| (path.clone(), text.as_bytes())))
+}
+
+/// Files of an earlier run by [`write_input_copies`].
+pub fn written_copies(outbox: &Path) -> BTreeSet<PathBuf> {
+    let driven = outbox.join(DRIVEN_COPY);
+    let driven =
+        if atomic::path_exists(&driven) { DrvDof::read(&driven).unwrap_or_default() } else { DrvDof::default() };
+    let of_tables = tables(&driven).map(|(name, _)| outbox.join(name));
+    INPUT_COPIES.iter().map(|name| outbox.join(name)).chain(of_tables).collect()
+}
+
+/// Names and texts of the tables of imposed motion.
+fn tables(driven: &DrvDof) -> impl Iterator<Item = (&str, String)> {
+    driven.0.iter().filter_map(|row| match &row.evolution {
+        Evolution::Table { name, points } => Some((name.as_str(), table_text(points))),
+        Evolution::Harmonic { .. } => None,
+    })
+}
