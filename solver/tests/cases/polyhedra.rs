@@ -362,7 +362,7 @@ fn far_from_the_origin_only_positions_are_rounded() {
 /// A run tells of bodies that overlap from its start: how many, which most, and by how much; and once of deep ones that
 /// steps have made.
 #[test]
-fn deep_overlaps_are_told() {
+fn deep_overlaps_are_reported() {
     let message = |case: &mut Case| {
         case.options.steps = Some(2);
         case.write();
