@@ -107,7 +107,7 @@ fn parse_columns(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Fa
         names.iter().position(|known| known == old).filter(|_| !names.contains(&"region"))
     };
     for name in needed.iter().filter(|name| !names.contains(name) && renamed(name).is_none()) {
-        column(name, "is missing", "expected a table that has it; run the command of cd-post that writes it again");
+        column(name, "is missing", "write the table again with this version");
     }
     let finite = |field: &str| field.parse().ok().filter(|x: &f64| x.is_finite());
     for (number, line) in (2..).zip(lines) {

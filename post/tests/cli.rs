@@ -595,7 +595,7 @@ fn runs_are_compared_in_one_figure() {
     let series = one.path().join("POSTPRO/series.csv");
     let whole = fs::read_to_string(&series).unwrap();
     for (header, message) in [
-        ("step,tim,", "column 'time': is missing; expected a table that has it"),
+        ("step,tim,", "column 'time': is missing; write the table again with this version"),
         ("time,time,", "column 'time': is given again as number 2; expected each name once"),
     ] {
         fs::write(&series, whole.replace("step,time,", header)).unwrap();
@@ -900,7 +900,7 @@ fn many_runs_are_points_of_one_study() {
     fs::write(&series, whole.replace(",mass,", ",weight,")).unwrap();
     let (status, printed) = study(&[]);
     assert!(
-        status == 2 && printed.ends_with("column 'mass': is missing; expected a table that has it; run the command of cd-post that writes it again\n"),
+        status == 2 && printed.ends_with("column 'mass': is missing; write the table again with this version\n"),
         "{printed}"
     );
 }
