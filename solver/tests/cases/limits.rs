@@ -305,7 +305,7 @@ fn a_step_too_long_for_what_moves_is_reported() {
         assert!(plan.contains("is 10.0 times the strictest bound"), "{plan}");
         assert!(plan.contains(&format!("up to {h:.3e} s: {reason}")), "{plan}");
     };
-    let fast = "largest speed 1.000e5 m/s: 0.1 of the smallest radius a step";
+    let fast = "largest speed 1.000e5 m/s: 0.1 of the smallest radius per step";
     let (mut thrown, ball, _) = before_a_plate();
     thrown.launch(ball, [0.0, 0.0, -1e5], [0.0; 3]);
     printed(&mut thrown, 5e-7, fast);
@@ -339,7 +339,7 @@ fn a_step_too_long_for_what_moves_is_reported() {
     printed(
         &mut high,
         0.05 / fall,
-        &format!("impact speed of a fall through 9.950e1 m, {fall:.3e} m/s: 0.1 of the smallest radius a step"),
+        &format!("impact speed of a fall through 9.950e1 m, {fall:.3e} m/s: 0.1 of the smallest radius per step"),
     );
 
     let mut low = Case::new();
