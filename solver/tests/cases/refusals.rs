@@ -173,7 +173,7 @@ fn bodies_that_do_not_exist() {
 fn shapes_that_are_not_computed() {
     let mut case = sound();
     case.bodies[1].contactors[0].shape = ShapeRecord::Point { offset: [0.0; 3] };
-    let expected = "computed are SPHER, SPHEb, PLANx, POLYR, CYLND and DNLYC";
+    let expected = "expected SPHER, SPHEb, PLANx, POLYR, CYLND or DNLYC";
     written_refused(&case, &[], &[&format!("CASE/DATBOX/BODIES.DAT:11: body 2: contactor PT3Dx; {expected}")]);
     for (hollow, name, kind) in [(false, "CYLND", "cylinders"), (true, "DNLYC", "hollow cylinders")] {
         case.bodies[1].contactors[0].shape = ShapeRecord::Cylinder { half_height: 1.0, radius: 1.0, hollow };
@@ -215,14 +215,14 @@ fn materials_and_masses() {
     case.materials[0].density = 1e90;
     case.bodies[1].contactors[0].shape = shape;
     let line =
-        "CASE/DATBOX/BODIES.DAT:11: body 2: mass inf kg; expected mass and inertia above 0 that a number can hold";
+        "CASE/DATBOX/BODIES.DAT:11: body 2: mass inf kg; expected mass and inertia to be finite and > 0";
     written_refused(&case, &[], &[line]);
     let mut case = Case::new();
     case.law("IQS_CLB", &[0.5]);
     let block = case.block([0.5; 3], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
     case.bodies[block].inertia = Some([0.25, 0.0, 0.0]);
     let line = "CASE/DATBOX/BODIES.DAT:1: body 1: principal inertia [0.25, 0.0, 0.0] kg m²; \
-                expected mass and inertia above 0 that a number can hold";
+                expected mass and inertia to be finite and > 0";
     written_refused(&case, &[], &[line]);
 }
 
