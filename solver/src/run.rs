@@ -287,7 +287,7 @@ fn initial_overlap_warning(scene: &Scene, state: &State, cache: &mut DetectionCa
         count => format!("{count} pairs of bodies overlap"),
     };
     let message = format!(
-        "{count} by more than {} % of the smaller radius from the start, the deepest {}; laws other than GAP_SGR_CLB keep these overlaps",
+        "{count} by more than {} % of the smaller radius from the start, the deepest: {}; laws other than GAP_SGR_CLB keep these overlaps",
         100.0 * OVERLAP_WARNING_SHARE,
         deepest.message_text(),
     );

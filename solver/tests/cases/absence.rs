@@ -150,8 +150,7 @@ fn a_plan_makes_no_step_that_is_far_too_long() {
     let plan = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).arg("--plan").output().unwrap();
     let text = String::from_utf8(plan.stdout).unwrap();
     assert!(
-        text.contains("no trial step: dt is more than 100 times the strictest bound")
-            && text.contains("  1000 s is "),
+        text.contains("no trial step: dt is more than 100 times the strictest bound") && text.contains("  1000 s is "),
         "{text}"
     );
 }

@@ -379,7 +379,7 @@ fn deep_overlaps_are_reported() {
     };
     let expected = |pairs: &str, most: &str| {
         Some(format!(
-            "cd-solve: warning: {pairs} by more than 1 % of the smaller radius from the start, the deepest \
+            "cd-solve: warning: {pairs} by more than 1 % of the smaller radius from the start, the deepest: \
              bodies {most} of the smaller radius; laws other than GAP_SGR_CLB keep these overlaps"
         ))
     };

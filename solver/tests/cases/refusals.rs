@@ -214,8 +214,7 @@ fn materials_and_masses() {
     let shape = ShapeRecord::Sphere { radius: 1e99 };
     case.materials[0].density = 1e90;
     case.bodies[1].contactors[0].shape = shape;
-    let line =
-        "CASE/DATBOX/BODIES.DAT:11: body 2: mass inf kg; expected mass and inertia to be finite and > 0";
+    let line = "CASE/DATBOX/BODIES.DAT:11: body 2: mass inf kg; expected mass and inertia to be finite and > 0";
     written_refused(&case, &[], &[line]);
     let mut case = Case::new();
     case.law("IQS_CLB", &[0.5]);
