@@ -1,5 +1,5 @@
-# The figures that a case ends with:  awk -f figures.awk OUTBOX/steps.csv POSTPRO/series.csv
-# Columns go by their names in the first line; units are SI.
+# Final figures of a case:  awk -f figures.awk OUTBOX/steps.csv POSTPRO/series.csv
+# Columns are found by their names in the first line; units are SI.
 #
 # Reads: steps.csv: step, sweeps, converged, penetration_largest, momentum_drift; series.csv: time, n_grains, mass, pressure, pressure_virial,
 #   pressure_kinetic, pressure_sphere, E_grav, R_enclosing, Z, Z_no_rattlers, n_contacts, nu, nu_sphere, region, region_volume, a, b, c,

@@ -8,5 +8,5 @@ help:
 	    FILENAME ~ /ron$$/ { if (FNR == 1) { sub("^// *", ""); printf "  %-28s %s\n", FILENAME, $$0 }; next } \
 	    /^## / { text = text (text == "" ? "" : " ") substr($$0, 4); next } \
 	    text != "" && match($$0, /^[A-Za-z_][A-Za-z_ -]*(\?=|:)/) { \
-	        name = $$0; sub(/ *\?= */, "=", name); sub(/[:$$].*/, "", name); printf "  make %-23s %s\n", name, text } \
+	        name = $$0; sub(/ *\?= */, "=", name); sub(/[:$$].*/, "", name); printf "  make %-23s%s%s\n", name, (length(name) > 22 ? sprintf("\n%31s", "") : " "), text } \
 	    { text = "" }' $(wildcard *.ron) $(MAKEFILE_LIST)

@@ -31,7 +31,7 @@ $(if $(word 2,$(CD_BIN)),$(error CD_BIN: $(CD_BIN): expected a path without blan
 ifneq ($(and $(STUDY),$(filter-out clean help,$(or $(MAKECMDGOALS),all))),)
 include $(STUDY:.ron=.mk)
 endif
-## Folders of the cases to run; default: all cases of study.ron.
+## Folders of the cases to run; default: all cases of the study, or the folder of the example.
 CASES ?= .
 FIGURES ?= @set -e; $(foreach case,$(CASES),awk -f $(EXAMPLES)/figures.awk $(case)/OUTBOX/steps.csv $(case)/POSTPRO/series.csv;)
 include $(EXAMPLES)/help.mk

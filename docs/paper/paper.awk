@@ -98,7 +98,7 @@ function periodic(file, name, period, from, to,    k, d, place, n, sum, squares,
     return (between - sum * sum / n) / (squares - sum * sum / n)
 }
 
-# With the k-th of what stands in each pair of braces; the text itself if there is none.
+# Text with the k-th alternative of each pair of braces; the text itself if there is none.
 function variant(text, k,    parts) {
     while (match(text, /\{[^}]*\}/)) {
         split(substr(text, RSTART + 1, RLENGTH - 2), parts, ",")

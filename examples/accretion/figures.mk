@@ -24,7 +24,7 @@ FIGURES = set -e; \
 	$(call shown,study $(RUNS) --from $(FROM) --until $(END) $(by_law)); \
 	$(call shown,study $(RUNS) $(by_law),/rest); \
 	$(if $(STILLED),$(call shown,study $(STILLED),/still);) \
-	$(if $(OTHERS),$(call shown,study $(RUNS) $(OTHERS) --groups $(call listed,$(RUNS:%=$(OWN_NAME)) $(OTHERS:%=$(OTHERS_NAME))),/beside);) \
+	$(if $(OTHERS),$(call shown,study $(RUNS) $(OTHERS) --groups $(call listed,$(RUNS:%=$(OWN_NAME)) $(OTHERS:%=$(OTHERS_NAME))),/compared);) \
 	$(if $(BY_NUMBER),$(call shown,compare $(BY_NUMBER) --columns $(TIMES),/by-number);) \
 	$(if $(BY_LAW),$(call shown,compare $(BY_LAW) --columns $(TIMES),/by-law))
 endif

@@ -1,4 +1,4 @@
-# How the bed of a drum about the y axis stands, from its centre of mass, and what turning it takes; columns go by their names.
+# Slope of the bed of a drum about the y axis, from its centre of mass, and the torque that turns it; columns are found by their names.
 #
 #   awk -v speed=0.5 -f drum.awk POSTPRO/series.csv
 #

@@ -1,6 +1,6 @@
 # Table and picture of pressure over that of the homogeneous sphere, a case for each series.csv:
 #   awk -v svg=ratio.svg -f ratio.awk N250/POSTPRO/series.csv N500/POSTPRO/series.csv ...
-# The last row of each counts; columns go by their names; SI units.
+# The last row of each counts; columns are found by their names; SI units.
 #
 # Reads: series.csv: n_grains, mass, R_enclosing, nu_sphere, Z, pressure, pressure_sphere, pressure_virial, a, b, c, Ec_mean, E_grav
 # Writes: a table on stdout: N, R (m), nu, Z, P (Pa), P of the virial (Pa), P/virial - 1, P/P0, R/R_i, E_kin/E_grav; the figure P/P0 against N (svg)

@@ -1,7 +1,7 @@
-# Gathers what cd-post has measured of several cases into tables, a row a case:
+# Tables of the results of cd-post, one row per case:
 #   awk -v mass=200 -v folder=study/figures -f impacts.awk study/g9.81e-4/bed study/g9.81e-4/strike-f0 ...
 # FOLDER/rest.csv has the beds, FOLDER/impacts.csv the strikes, FOLDER/touches.csv the first seconds of them with a snapshot at
-# every step. Columns go by their names; SI units.
+# every step. Columns are found by their names; SI units.
 #
 # Reads: series.csv: mass, n_grains, Ec_mean, com_z, bed_nu, bed_stress_ratio; layers.csv: vertical_stress, weight; of the lander track.csv: time,
 #   v_x, v_y, v_z, force, impact.csv: impact_speed, restitution, largest_depth, final_depth, largest_force, contact_time, crater.csv: before,

@@ -1,4 +1,4 @@
-# The orbit of an aggregate past a planet at the origin, in the plane z = 0 with the pericentre on the x axis, and what comes of it.
+# The orbit of an aggregate past a planet at the origin, in the plane z = 0 with the pericentre on the x axis, and its outcome.
 #
 #   awk -v start=1 -v mass=5.972e24 -v radius=6.371e6 -v speed=0 -v before=12000 -v q=1.5 -f orbit.awk
 #
@@ -7,7 +7,7 @@
 #
 #   awk -v mass=... -v radius=... -v speed=0 -v before=12000 -v csv=outcome.csv -f orbit.awk q1.5/POSTPRO/series.csv q1.5/.../fragments.csv ...
 #
-# makes the tables of what becomes of the aggregates and of their orbits. Columns go by their names; SI units.
+# makes the tables of the outcomes and of the orbits. Columns are found by their names; SI units.
 #
 # Reads: series.csv: time, mass, com_x, com_y, com_z, P_x, P_y, L_z, a, b, c, largest_a, largest_b, largest_c, largest_fraction, largest_period,
 #   bound_fraction, escaping_fraction, n_fragments; fragments.csv: grains

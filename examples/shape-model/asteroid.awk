@@ -1,4 +1,4 @@
-# The surface of an asteroid that never was, as an OBJ file in m: an ellipsoid of 230 by 150 by 120 m with a neck, a ridge
+# The surface of a fictitious asteroid, as an OBJ file in m: an ellipsoid of 230 by 150 by 120 m with a neck, a ridge
 # round its waist and bumps. Made by this project, under its licences.
 #
 #     awk -f asteroid.awk > asteroid.obj

@@ -2,10 +2,10 @@
 #
 #   awk -v svg=friction.svg -f friction.awk v0.01 v0.03 ...
 #
-# Reads CASE/POSTPRO/plate/track.csv (way of the plate and force of the rocks on it) and CASE/DATBOX/BODIES.DAT (their volume). Means
+# Reads CASE/POSTPRO/plate/track.csv (displacement of the plate and force of the rocks on it) and CASE/DATBOX/BODIES.DAT (their volume). Means
 # are over the states in which the plate has gone farther than START m. Shear and normal stress are the forces over the area of the
 # cell, I = V/H d sqrt(density/normal stress) with V/H the speed over the height between the plates. The table goes to friction.csv
-# beside the figure too. Errors: a standard deviation of means over tenths of the way, over the root of ten.
+# next to the figure. Errors: a standard deviation of means over tenths of the displacement, over the root of ten.
 #
 # Reads: plate/track.csv: time, x, z, f_x, f_z; BODIES.DAT
 # Writes: friction.csv: speed (m/s), inertial_number, friction, friction_error, solid_fraction, normal_stress (Pa), height (m); the same on stdout;

@@ -6,9 +6,9 @@
 # The friction angle is that of the mean stress of the aggregate without cohesion, `friction_angle`, mean from where it yields to
 # where it fails. The cohesion k of the whole comes from it and from the force f between two grains: the tensile strength of
 # grains of Z neighbours that touch or pull and solid fraction nu is nu Z f / (pi d^2) (Rumpf 1970), and Drucker and Prager's cone, sqrt(J2) = s tr + k,
-# has its apex there, k = 3 s times that. Beside it is what the mean stress asks of the whole, sqrt(J2) - s tr, mean while the
+# has its apex there, k = 3 s times that. The next column is the cohesion that the mean stress requires, sqrt(J2) - s tr, mean while the
 # spin is within a hundredth of the largest before it fails.
-# With svg=FOLDER/limit.svg the table is written to FOLDER/limit.csv too. Columns go by their names; SI units.
+# With svg=FOLDER/limit.svg the table is written to FOLDER/limit.csv too. Columns are found by their names; SI units.
 #
 # Reads: series.csv: n_grains, R_enclosing, Z_all, nu_sphere, n_pulling, pressure, friction_angle, region_volume, largest_a, largest_b, largest_c,
 #   largest_fraction, largest_mass, largest_spin

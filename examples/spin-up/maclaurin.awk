@@ -1,13 +1,13 @@
-# The figure of a frictionless aggregate against its spin, beside that of a fluid (Maclaurin):
+# The figure of a frictionless aggregate against its spin, and that of a fluid (Maclaurin):
 #   awk -v svg=maclaurin.svg -f maclaurin.awk window=0 fluid/POSTPRO/series.csv window=24000 shaken/POSTPRO/series.csv
-# A point is a state, or the mean over a window of time, s: what is shaken fluctuates.
+# A point is a state, or the mean over a window of time, s: shaken runs fluctuate.
 # w^2 / (pi G rho) = 2 sqrt(1 - e^2) / e^3 (3 - 2 e^2) asin(e) - 6 (1 - e^2) / e^2, e^2 = 1 - (c/a)^2; a is sqrt(a b) here,
 # rho the mass over the volume of the ellipsoid of equal inertia.
 #
-# And beside the limit of Drucker and Prager for the mean stress of an oblate body with a friction angle phi (Holsapple 2004),
+# Also drawn: the limit of Drucker and Prager for the mean stress of an oblate body with a friction angle phi (Holsapple 2004),
 #   w^2 / (pi G rho) = 2 A_x - 2 A_z (c/a)^2 (1 - q) / (1 + 2 q), q = 2 sin(phi) / (3 - sin(phi)),
 # A the coefficients of the potential within an ellipsoid; phi = 0 is the fluid. Spheres without friction have a friction angle
-# of 5.8 degrees, by their arrangement alone (Peyneau & Roux 2008). Columns go by their names; SI units.
+# of 5.8 degrees, by their arrangement alone (Peyneau & Roux 2008). Columns are found by their names; SI units.
 #
 # Reads: series.csv: time, friction_angle, largest_a, largest_b, largest_c, largest_fraction, largest_mass, largest_spin
 # Writes: a table on stdout and in a CSV file with the name of the figure; the figure c/a against spin (svg)

@@ -1,7 +1,7 @@
-# What goes round, or has left, the largest remnant at the end, by orbits of two bodies:
+# Two-body orbits of the fragments about the largest remnant at the end:
 #   awk -v csv=secondaries.csv -f secondaries.awk left-f0/POSTPRO/state-020000/fragments.csv ...
-# A row a group of two grains or more, or a grain that is bound; distances over the remnant's radius (a b c)^(1/3), angles in degrees, periods in hours.
-# Columns go by their names.
+# One row per group of two or more grains, or per bound grain; distances over the remnant's radius (a b c)^(1/3), angles in degrees, periods in hours.
+# Columns are found by their names.
 #
 # Reads: fragments.csv: grains, mass, a, b, c, bound, orbit_a, orbit_e, inclination, pericentre, orbit_period
 # Writes: secondaries.csv: cohesion (N), grains, mass_over_largest, bound, orbit_a, orbit_e, inclination, pericentre, period; the same on stdout

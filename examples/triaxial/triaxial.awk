@@ -5,9 +5,9 @@
 # Reads CASE/POSTPRO/track-N/track.csv of the plates at x, at y and on top, the last three bodies of CASE/DATBOX/BODIES.DAT, and the
 # friction_angle of the mean stress in CASE/POSTPRO/series.csv. Stresses are forces over areas, sin(phi) = (s_1 - s_3) / (s_1 + s_3) with
 # s_1 on top and s_3 the mean of the sides. Means are over axial strains of FROM to TO, strain from START s on, with the error of the mean: a
-# standard deviation of means over tenths, over the root of ten. q = 2 sin(phi) / (3 - sin(phi)) is what Drucker and Prager ask, and
+# standard deviation of means over tenths, over the root of ten. q = 2 sin(phi) / (3 - sin(phi)) is the slope of Drucker and Prager's cone, and
 # spin2 = 3 q / (1 + 2 q) the square of the spin at which a ball of such grains yields under its own gravity, over 4 pi G rho / 3.
-# Lengths in m; the plates are 0.2 m thick. Columns go by their names.
+# Lengths in m; the plates are 0.2 m thick. Columns are found by their names.
 #
 # Reads: track.csv: time, x, y, z, f_x, f_y, f_z; series.csv: friction_angle (rad); BODIES.DAT
 # Writes: triaxial.csv: friction, friction_angle, error, of_mean_stress (degrees), solid_fraction_at_first, solid_fraction, q, spin2; the same on

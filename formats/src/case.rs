@@ -90,7 +90,7 @@ pub fn no_case(path: &Path, part: CaseFolder, program: &str) -> Option<Fault> {
         }
         _ => {
             let expected = "expected snapshot-*.npz, the results of cd-solve";
-            Some(Fault::new(&path.join("OUTBOX"), None, "folder", "is not there", expected))
+            Some(Fault::new(&path.join("OUTBOX"), None, "folder", "is missing", expected))
         }
     }
 }
@@ -185,7 +185,7 @@ mod tests {
             text.replace(&case.display().to_string(), "CASE")
         };
         let outbox = |name: &str| said(name, CaseFolder::Outbox);
-        assert_eq!(outbox(""), "CASE/OUTBOX: folder: is not there; expected snapshot-*.npz, the results of cd-solve");
+        assert_eq!(outbox(""), "CASE/OUTBOX: folder: is missing; expected snapshot-*.npz, the results of cd-solve");
         let absent = "CASE/absent: folder: there is no such folder; expected the folder of a case, with OUTBOX in it";
         assert_eq!(outbox("absent"), absent);
         fs::write(case.join("scene.ron"), "()").unwrap();

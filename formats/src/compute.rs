@@ -303,7 +303,7 @@ options! {
     /// Search for the direction of contact of two polyhedra. accurate: proves that the direction is the best of all; fast: searches near the direction of the last step. Default: set by accuracy.
     narrow_phase: Option<NarrowPhase> = None, NarrowPhase, [value_enum, value_name = "METHOD"];
     /// Points at which the friction of faces and edges of polyhedra acts about their normal. uniform: as under a uniform pressure; corners: at their corners, as in LMGC90, where a square resists spinning 1.85 times as much.
-    face_friction: FaceFriction = FaceFriction::Uniform, FaceFriction, [value_enum, value_name = "PLACE"];
+    face_friction: FaceFriction = FaceFriction::Uniform, FaceFriction, [value_enum, value_name = "POINTS"];
     /// Period along x, m (periodic boundary); excludes self-gravity and fields. Positions are not wrapped.
     xperiode: Option<f64> = None, f64, [value_name = "M"];
     /// Period along y, m.
@@ -386,7 +386,7 @@ impl Compute {
         values.map(|(name, value)| (name.to_string(), value)).collect()
     }
 
-    /// Text of the file, each option after its help text.
+    /// Text of the file: all options.
     pub fn to_text(&self) -> String {
         let pretty = ron::ser::PrettyConfig::new().new_line("\n").depth_limit(2);
         let mut text = String::from("// Options of cd-solve; a flag of the same name wins.\n");

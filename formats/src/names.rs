@@ -34,6 +34,20 @@ pub fn count_text(count: usize, noun: &str) -> String {
     format!("{count} {plural}")
 }
 
+/// Number with at most ten significant digits, without the rounding errors of sums: `0.819` for 0.8190000000000001.
+pub fn rounded_number(x: f64) -> String {
+    format!("{x:.9e}").parse().map_or_else(|_| x.to_string(), |rounded: f64| rounded.to_string())
+}
+
+/// Number with three significant digits; with an exponent below 1e-3 and from 1e4 on.
+pub fn short_number(x: f64) -> String {
+    match x.abs() {
+        size if (1e-3..1e4).contains(&size) => format!("{:.*}", (2.0 - size.log10().floor()).max(0.0) as usize, x),
+        0.0 => "0".into(),
+        _ => format!("{x:.2e}"),
+    }
+}
+
 /// Converts a path to words: `grains.0.sizes` is `grains 1, sizes`; `materials.2` is `material 3`.
 pub(crate) fn path_in_words(path: &str) -> String {
     let mut words: Vec<String> = Vec::new();

@@ -124,12 +124,23 @@ fn apply_setting(text: &str, setting: &str) -> Result<String, RecordFault> {
             Some(near) => {
                 RecordFault::new(found, format!("did you mean {}?", [&shown[..known], &[near]].concat().join(".")))
             }
-            None => fault(&found, "the path of a value"),
+            None => fault(&found, &expected_path(&shown[..known], &keys[..known], &locations)),
         });
     };
     let value =
         new.iter().rev().skip(1).fold(format!("{}: {value}", new[new.len() - 1]), |v, key| format!("{key}: ({v})"));
     Ok(format!("{}{value}, {}", &text[..inside], &text[inside..]))
+}
+
+/// Values that a path can name below a holder, given as in the path (`shown`) and by its keys: the items of a list.
+fn expected_path(shown: &[&str], keys: &[String], locations: &ValueLocations) -> String {
+    let is_item = |n: &usize| locations.value(&[keys, &[n.to_string()]].concat().join(".")).is_some();
+    let item = |n: usize| [shown, &[n.to_string().as_str()]].concat().join(".");
+    match (0..).take_while(is_item).count() {
+        0 => "the path of a value".into(),
+        1 => item(1),
+        count => format!("{} to {}", item(1), item(count)),
+    }
 }
 
 #[cfg(test)]

@@ -35,35 +35,35 @@ impl ComputedSnapshot<'_> {
     ///
     /// Errors: surfaces without mass properties, and the bodies that differ, first five, then the count of the others.
     pub fn expect_bodies(&self, file: &Path, bodies: &Bodies) -> Result<Vec<MassProperties>, Faults> {
-        let there = &self.snapshot.bodies;
-        let count = there.body_id.len();
+        let stored = &self.snapshot.bodies;
+        let count = stored.body_id.len();
         if bodies.0.len() != count {
             let (found, expected) = (count_text(bodies.0.len(), "body"), self.expected_text(&format!("{count}")));
             return Err(Fault::new(file, None, "file", found, expected).into());
         }
-        let (mut broken, mut edited, mut all) = (Faults::default(), Vec::new(), Vec::new());
+        let (mut surface_faults, mut differences, mut all) = (Faults::default(), Vec::new(), Vec::new());
         for (k, body) in bodies.0.iter().enumerate() {
             let fault = |found, expected| Fault::new(file, Some(body.line), format!("body {}", k + 1), found, expected);
             let own = match body.mass_properties() {
                 Ok(own) => own,
                 Err(found) => {
-                    broken.push(fault(found.to_string(), "expected closed surfaces".into()));
+                    surface_faults.push(fault(found.to_string(), "expected closed surfaces".into()));
                     continue;
                 }
             };
-            let material = &self.snapshot.meta.materials[there.body_material[k] as usize];
-            let here = body.inertial_properties(&own, material.density);
-            let known = InertialProperties {
-                mass: there.body_mass[k],
-                inertia: there.body_inertia[k],
-                radius: there.body_radius[k],
+            let material = &self.snapshot.meta.materials[stored.body_material[k] as usize];
+            let computed = body.inertial_properties(&own, material.density);
+            let recorded = InertialProperties {
+                mass: stored.body_mass[k],
+                inertia: stored.body_inertia[k],
+                radius: stored.body_radius[k],
             };
             all.push(own);
             let same = [
                 body.material == material.name,
-                nearly_equal(&[here.radius], &[known.radius]),
-                nearly_equal(&[here.mass], &[known.mass]),
-                nearly_equal(&here.inertia, &known.inertia),
+                nearly_equal(&[computed.radius], &[recorded.radius]),
+                nearly_equal(&[computed.mass], &[recorded.mass]),
+                nearly_equal(&computed.inertia, &recorded.inertia),
             ];
             let text = |material: &str, InertialProperties { mass, inertia, radius }: &InertialProperties| {
                 let all = [
@@ -76,11 +76,12 @@ impl ComputedSnapshot<'_> {
                 differ.collect::<Vec<_>>().join(", ")
             };
             if same.contains(&false) {
-                edited.push(fault(text(&body.material, &here), self.expected_text(&text(&material.name, &known))));
+                differences
+                    .push(fault(text(&body.material, &computed), self.expected_text(&text(&material.name, &recorded))));
             }
         }
-        broken.0.extend(self.first_faults(file, edited));
-        broken.into_result(all)
+        surface_faults.0.extend(self.first_faults(file, differences));
+        surface_faults.into_result(all)
     }
 
     /// First few faults of a file, and the count of the others.
@@ -102,12 +103,13 @@ impl ComputedSnapshot<'_> {
     /// Compares the densities of BULK_BEHAV.DAT. Errors: each material of the bodies that differs or is missing.
     pub fn expect_materials(&self, file: &Path, bulk: &BulkBehav) -> Result<(), Faults> {
         let mut faults = Faults::default();
-        for (number, known) in (0..).zip(&self.snapshot.meta.materials) {
-            let here = bulk.materials.iter().find(|material| material.name == known.name).map(|m| m.density);
-            if here != Some(known.density) && self.snapshot.bodies.body_material.contains(&number) {
-                let found = here.map_or("is not there".into(), |density| format!("density {density} kg/m^3"));
-                let expected = self.expected_text(&format!("{} kg/m^3", known.density));
-                faults.push(Fault::new(file, None, format!("material {}", known.name), found, expected));
+        for (number, stored) in (0..).zip(&self.snapshot.meta.materials) {
+            let density_in_file =
+                bulk.materials.iter().find(|material| material.name == stored.name).map(|m| m.density);
+            if density_in_file != Some(stored.density) && self.snapshot.bodies.body_material.contains(&number) {
+                let found = density_in_file.map_or("is missing".into(), |density| format!("density {density} kg/m^3"));
+                let expected = self.expected_text(&format!("{} kg/m^3", stored.density));
+                faults.push(Fault::new(file, None, format!("material {}", stored.name), found, expected));
             }
         }
         faults.into_result(())
@@ -116,21 +118,27 @@ impl ComputedSnapshot<'_> {
     /// Compares the laws of TACT_BEHAV.DAT that its table uses. Errors: each law that differs, is new or missing.
     pub fn expect_laws(&self, file: &Path, tact: &TactBehav) -> Result<(), Faults> {
         let mut faults = Faults::default();
-        let known = self.snapshot.meta.laws_of_file();
+        let stored = self.snapshot.meta.laws_of_file();
         let text = |kind: &str, parameters: &[f64]| format!("{kind} {parameters:?}");
         let used = |nickname: &str| tact.visibility.iter().any(|row| row.law == nickname);
         for law in tact.laws.iter().filter(|law| used(&law.nickname)) {
-            let there = known.iter().find(|there| there.nickname == law.nickname);
-            let there = there.map(|there| text(&there.kind, &there.parameters));
-            let here = text(&law.kind, &law.parameters);
-            if there.as_ref() != Some(&here) {
-                let expected = self.expected_text(there.as_deref().unwrap_or("no such law in use"));
-                faults.push(Fault::new(file, Some(law.line), format!("law '{}'", law.nickname), here, expected));
+            let stored_text = stored.iter().find(|stored| stored.nickname == law.nickname);
+            let stored_text = stored_text.map(|stored| text(&stored.kind, &stored.parameters));
+            let text_in_file = text(&law.kind, &law.parameters);
+            if stored_text.as_ref() != Some(&text_in_file) {
+                let expected = self.expected_text(stored_text.as_deref().unwrap_or("no such law in use"));
+                faults.push(Fault::new(
+                    file,
+                    Some(law.line),
+                    format!("law '{}'", law.nickname),
+                    text_in_file,
+                    expected,
+                ));
             }
         }
-        for law in known.iter().filter(|law| !used(&law.nickname)) {
+        for law in stored.iter().filter(|law| !used(&law.nickname)) {
             let expected = self.expected_text(&text(&law.kind, &law.parameters));
-            faults.push(Fault::new(file, None, format!("law '{}'", law.nickname), "is not in use", expected));
+            faults.push(Fault::new(file, None, format!("law '{}'", law.nickname), "is not used by any pair", expected));
         }
         faults.into_result(())
     }
@@ -278,7 +286,7 @@ mod tests {
         assert_eq!(messages(computed.expect_laws(file, &tact(law(2, "iqsc0", 0.4)))), [expected]);
         let expected = [
             "FILE.DAT:2: law 'iqsc1': IQS_CLB [0.5]; expected no such law in use as in snapshot-000005.npz",
-            "FILE.DAT: law 'iqsc0': is not in use; expected IQS_CLB [0.5] as in snapshot-000005.npz",
+            "FILE.DAT: law 'iqsc0': is not used by any pair; expected IQS_CLB [0.5] as in snapshot-000005.npz",
         ];
         assert_eq!(messages(computed.expect_laws(file, &tact(law(2, "iqsc1", 0.5)))), expected);
 

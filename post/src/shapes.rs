@@ -66,7 +66,7 @@ impl SolidShape {
         self.vertices.iter().map(|v| v.norm()).chain(balls).fold(0.0, f64::max)
     }
 
-    /// Vertices and faces, including polyhedra with their corners on the spheres.
+    /// Vertices and faces for pictures; spheres are replaced by inscribed polyhedra.
     pub fn drawn_mesh(&self) -> (Vec<Vec3>, Vec<Vec<u32>>) {
         let (mut vertices, mut faces) = (self.vertices.clone(), self.faces.clone());
         let pi = std::f64::consts::PI;
@@ -161,19 +161,19 @@ impl ShapeCache {
     }
 }
 
-/// Polyhedra of a body as in cd-solve. A single one is taken about its centre of mass. Without I1 I2 I3 all are taken about
-/// the centre of mass of all contactors and in their principal axes. Otherwise they are unchanged.
+/// Polyhedra of a body as in cd-solve. Coordinates of a single polyhedron are relative to its centre of mass. Those of
+/// several are relative to the common centre of mass, in principal axes unless I1 I2 I3 are given.
 pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
-    let lone = body.contactors.len() == 1;
+    let single = body.contactors.len() == 1;
     let is_solid = |shape: &ShapeRecord| match shape {
         ShapeRecord::Cylinder { .. } | ShapeRecord::Polyhedron { .. } | ShapeRecord::OffsetSphere { .. } => true,
-        ShapeRecord::Sphere { .. } => !lone,
+        ShapeRecord::Sphere { .. } => !single,
         ShapeRecord::Plane { .. } | ShapeRecord::Point { .. } => false,
     };
     if !body.contactors.iter().any(|contactor| is_solid(&contactor.shape)) {
         return Ok(None);
     }
-    let simple = lone && !matches!(body.contactors[0].shape, ShapeRecord::Polyhedron { .. });
+    let simple = single && !matches!(body.contactors[0].shape, ShapeRecord::Polyhedron { .. });
     let (mut centre, mut axes) = (Vec3::zeros(), Matrix3::identity());
     if !simple {
         let properties = body.mass_properties()?;
@@ -187,8 +187,8 @@ pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
         match &contactor.shape {
             ShapeRecord::Cylinder { half_height, radius, hollow } => {
                 solid.hollow = hollow.then_some(Hollow { radius: *radius, half_height: *half_height });
-                // A lone one's frame is the body's.
-                let frame = contactor.local_frame.as_ref().filter(|_| !lone);
+                // The frame of a single cylinder is that of its body.
+                let frame = contactor.local_frame.as_ref().filter(|_| !single);
                 let turn = frame.map_or(Matrix3::identity(), |frame| Matrix3::from_fn(|i, j| frame.axes[j][i]));
                 let offset = frame.map_or(Vec3::zeros(), |frame| frame.offset.into());
                 solid.add_cylinder(*half_height, *radius, |v| axes * (turn * v + offset - centre));
@@ -197,8 +197,8 @@ pub fn body_solid(body: &Body) -> Result<Option<SolidShape>, SurfaceFaults> {
                 let surface = Surface::new(vertices, triangles)?;
                 let first = solid.vertices.len() as u32;
                 solid.vertices.extend(surface.vertices().iter().map(|&v| axes * (Vec3::from(v) - centre)));
-                let moved = |face: Vec<u32>| face.into_iter().map(|k| first + k).collect();
-                solid.faces.extend(merged_faces(&surface).into_iter().map(moved));
+                let shifted_indices = |face: Vec<u32>| face.into_iter().map(|k| first + k).collect();
+                solid.faces.extend(merged_faces(&surface).into_iter().map(shifted_indices));
             }
             ShapeRecord::Sphere { radius } => {
                 let offset = contactor.local_frame.as_ref().map_or(Vec3::zeros(), |frame| frame.offset.into());
@@ -247,8 +247,8 @@ fn merged_faces(surface: &Surface) -> Vec<Vec<u32>> {
         let mut on_rim = |side: &[u32; 2]| groups.find(triangle_of_side[&[side[1], side[0]]]) != groups.find(face[0]);
         let rim: BTreeMap<u32, u32> = sides.filter(|side| on_rim(side)).map(|[a, b]| (a, b)).collect();
         let first = rim.keys().next().copied().unwrap_or_default();
-        let round = std::iter::successors(Some(first), |k| rim.get(k).copied().filter(|next| *next != first));
-        let polygon: Vec<u32> = round.take(rim.len() + 1).collect();
+        let cycle = std::iter::successors(Some(first), |k| rim.get(k).copied().filter(|next| *next != first));
+        let polygon: Vec<u32> = cycle.take(rim.len() + 1).collect();
         // Every corner of the triangles lies on a single rim, or the face is left in triangles.
         if polygon.len() == rim.len() && rim.len() == face.len() + 2 {
             polygons.push(polygon);
@@ -311,7 +311,7 @@ mod tests {
             along.iter().zip([-8.0, -2.0, 2.0, 8.0].iter().flat_map(|x| [x; 4])).all(|(x, y)| (x - y).abs() < 1e-13)
         );
         assert!(found.vertices.iter().all(|v| (v.y.abs() - 2.0).abs() < 1e-13 && (v.x.abs() - 1.0).abs() < 1e-13));
-        // With it, as it stands.
+        // With given inertia the coordinates are unchanged.
         pair.inertia = Some([1.0; 3]);
         assert!(body_solid(&pair).unwrap().unwrap().vertices.iter().any(|v| v.z == 13.0));
     }

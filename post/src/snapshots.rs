@@ -12,7 +12,7 @@ pub fn list_snapshots(outbox: &Path) -> Result<Vec<(u64, PathBuf)>, Faults> {
     let expected = "expected snapshot-*.npz, the results of cd-solve";
     let refuse = |found: &str| Err(Fault::new(outbox, None, "folder", found, expected).into());
     match snapshot::list_snapshots(outbox)? {
-        _ if !atomic::path_exists(outbox) => refuse("is not there"),
+        _ if !atomic::path_exists(outbox) => refuse("is missing"),
         all if all.is_empty() => refuse("has no snapshot"),
         all => Ok(all),
     }

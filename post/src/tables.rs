@@ -20,9 +20,9 @@ pub fn case_names(cases: &[PathBuf]) -> Vec<String> {
         path.components().skip(path.components().count().saturating_sub(count)).collect()
     };
     let name = |path: &PathBuf| {
-        let message =
+        let is_unique =
             |count: &usize| whole.iter().all(|other| other == path || tail(other, *count) != tail(path, *count));
-        let count = (1..path.components().count()).find(message).unwrap_or(usize::MAX);
+        let count = (1..path.components().count()).find(is_unique).unwrap_or(usize::MAX);
         tail(path, count).display().to_string()
     };
     whole.iter().map(name).collect()
@@ -107,7 +107,7 @@ fn parse_columns(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Fa
         names.iter().position(|known| known == old).filter(|_| !names.contains(&"region"))
     };
     for name in needed.iter().filter(|name| !names.contains(name) && renamed(name).is_none()) {
-        column(name, "is not there", "expected a table that has it");
+        column(name, "is missing", "write the table again with this version");
     }
     let finite = |field: &str| field.parse().ok().filter(|x: &f64| x.is_finite());
     for (number, line) in (2..).zip(lines) {
@@ -163,7 +163,7 @@ mod tests {
         let old = parse_columns(path, "time,nu,pressure\n1.0,0.5,3.0\n", &needed).unwrap();
         assert_eq!((old["nu_sphere"][0], old["pressure_sphere"][0], old["nu"][0]), (0.5, 3.0, 0.5));
         let faults = parse_columns(path, "time,region,nu,pressure\n1.0,1,0.5,3.0\n", &needed).unwrap_err().to_string();
-        assert!(faults.contains("column 'nu_sphere': is not there"), "{faults}");
+        assert!(faults.contains("column 'nu_sphere': is missing"), "{faults}");
     }
 
     #[test]

@@ -226,7 +226,7 @@ fn a_case_without_results_is_refused() {
     let outbox = case.path().join("OUTBOX");
     let expected = "expected snapshot-*.npz, the results of cd-solve";
     let message = |found: &str| format!("cd-post: {}: folder: {found}; {expected}\n", outbox.display());
-    assert_eq!(refused(case.path()), (2, message("is not there")));
+    assert_eq!(refused(case.path()), (2, message("is missing")));
     fs::create_dir(&outbox).unwrap();
     assert_eq!(refused(case.path()), (2, message("has no snapshot")));
 }
@@ -595,7 +595,7 @@ fn runs_are_compared_in_one_figure() {
     let series = one.path().join("POSTPRO/series.csv");
     let whole = fs::read_to_string(&series).unwrap();
     for (header, message) in [
-        ("step,tim,", "column 'time': is not there; expected a table that has it"),
+        ("step,tim,", "column 'time': is missing; write the table again with this version"),
         ("time,time,", "column 'time': is given again as number 2; expected each name once"),
     ] {
         fs::write(&series, whole.replace("step,time,", header)).unwrap();
@@ -900,7 +900,7 @@ fn many_runs_are_points_of_one_study() {
     fs::write(&series, whole.replace(",mass,", ",weight,")).unwrap();
     let (status, printed) = study(&[]);
     assert!(
-        status == 2 && printed.ends_with("column 'mass': is not there; expected a table that has it\n"),
+        status == 2 && printed.ends_with("column 'mass': is missing; write the table again with this version\n"),
         "{printed}"
     );
 }

@@ -57,14 +57,20 @@ pub fn populate(scene: &Scene, folder: &Path, report: &mut FaultReport) -> Popul
         let region = grains.placement.envelope().map(|envelope| envelope.to_region(folder)).transpose();
         let region = region.map_err(|faults| report_file_faults(faults, &format!("grains.{group}.placement"), report));
         let (Ok(mut shapes), Ok(region)) = (shapes, region) else { continue };
-        let (region, file_summary) = region.map_or((None, String::new()), |(region, message)| (Some(region), message));
+        let (region, file_summary) = region.map_or((None, String::new()), |(region, summary)| (Some(region), summary));
         match placement::place_grains(grains, &mut shapes, region, scene.seed, group) {
             Ok(placed) => {
-                let alone = placed.grains.len() == 1 && grains.thermal_velocity > 0.0;
+                let is_single = placed.grains.len() == 1 && grains.thermal_velocity > 0.0;
                 let expected = "several grains, or 0: a single grain has no motion about the mean";
-                report.require(!alone, &format!("grains.{group}.thermal_velocity"), "given for one grain", expected);
-                let message = [shapes.file_summary(), &file_summary].into_iter().filter(|message| !message.is_empty());
-                population.file_summaries.push(message.collect::<Vec<_>>().join(", "));
+                report.require(
+                    !is_single,
+                    &format!("grains.{group}.thermal_velocity"),
+                    "given for one grain",
+                    expected,
+                );
+                let summaries =
+                    [shapes.file_summary(), &file_summary].into_iter().filter(|summary| !summary.is_empty());
+                population.file_summaries.push(summaries.collect::<Vec<_>>().join(", "));
                 population.regions.push(placed.region.clone());
                 population.grains.extend(grains_in_motion(scene, group, grains, placed));
             }
@@ -92,7 +98,7 @@ fn check_drums(scene: &Scene, population: &Population, report: &mut FaultReport)
         if !matches!(drum.shape, ShapeRecord::Cylinder { hollow: true, .. }) {
             continue;
         }
-        let meets = |colour: &str| {
+        let has_law = |colour: &str| {
             scene.contacts.iter().any(|contact| {
                 let (a, b) = (contact.between.0.as_str(), contact.between.1.as_str());
                 contact.law.is_some() && ((a, b) == (colour, &drum.colour) || (b, a) == (colour, &drum.colour))
@@ -100,8 +106,8 @@ fn check_drums(scene: &Scene, population: &Population, report: &mut FaultReport)
         };
         let outside = population.grains.iter().enumerate().find(|(_, grain)| {
             let local = drum.axes * (grain.position - drum.centre);
-            let of_scene = &scene.grains[grain.group];
-            drum.shape.leaves_out(local.into()) && of_scene.driven.is_none() && meets(&of_scene.colour)
+            let group = &scene.grains[grain.group];
+            drum.shape.leaves_out(local.into()) && group.driven.is_none() && has_law(&group.colour)
         });
         if let Some((k, grain)) = outside {
             let found = format!("body {} is outside of wall {}, a hollow cylinder", k + 1, drum.wall + 1);
@@ -121,7 +127,10 @@ fn check_level(scene: &Scene, population: &Population, report: &mut FaultReport)
             let normal = plate.axes[(2, axis)];
             // Same test as in cd-solve: the files have 8 digits.
             if period.is_some_and(|period| width >= period * (1.0 - 1e-6)) && normal.abs() > 1e-6 {
-                let found = format!("a plate as wide as {name} whose normal is inclined along it by {normal:.4}");
+                let found = format!(
+                    "a plate spans {name}, but its normal has the component {normal:.4} along {}",
+                    ["x", "y"][axis]
+                );
                 let expected = format!(
                     "{} 0 of the normal: images of an inclined plate form stairs; incline gravity instead",
                     ["x", "y"][axis]
@@ -169,8 +178,8 @@ pub(crate) fn check_extent(
         let ends = balls.clone().flat_map(|(centre, radius)| [centre[axis] - radius, centre[axis] + radius]);
         let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
         if let Some(period) = period.filter(|period| high - low > period * (1.0 + TOUCHING_TOLERANCE)) {
-            let found = format!("{period} with grains over {:.6} m", high - low);
-            report.add_fault(&format!("compute.{name}"), found, "at least as much");
+            let found = format!("{period}, but the grains extend over {:.6} m", high - low);
+            report.add_fault(&format!("compute.{name}"), found, "at least that");
         }
     }
 }
@@ -194,15 +203,15 @@ pub(crate) fn nearest_images(options: &Compute, separation: &Vector3<f64>) -> Ve
 /// Rejects products of numbers of a scene that do not fit the files, whose exponents have two digits.
 fn check_numbers(scene: &Scene, population: &Population, report: &mut FaultReport) {
     let grains = &population.grains;
-    let mut message = Vec::new();
+    let mut reported_paths = Vec::new();
     let mut fault = |path: String, name: &str, x: f64| {
-        if !message.contains(&path) {
+        if !reported_paths.contains(&path) {
             report.add_fault(
                 &path,
                 format!("{name} {x:e}"),
                 "numbers below 1e99, and sizes and masses of at least 1e-99",
             );
-            message.push(path);
+            reported_paths.push(path);
         }
     };
     for (k, (body, state)) in
@@ -235,21 +244,21 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
     let grains = &population.grains;
     let allowed: Vec<bool> =
         scene.grains.iter().map(|g| matches!(g.placement, GrainPlacement::List { allow_overlap: true, .. })).collect();
-    let firsts: Vec<usize> =
+    let group_starts: Vec<usize> =
         (0..scene.grains.len()).map(|group| grains.partition_point(|grain| grain.group < group)).collect();
-    let name = |k: usize| format!("grain {} of grains {}", k + 1 - firsts[grains[k].group], grains[k].group + 1);
+    let name = |k: usize| format!("grain {} of grains {}", k + 1 - group_starts[grains[k].group], grains[k].group + 1);
     let mut overlaps: Vec<(usize, String)> = Vec::new();
     // Pieces are made once, and only for grains that are near another.
-    let made: Vec<OnceCell<Vec<ConvexPiece>>> = vec![OnceCell::new(); grains.len()];
-    let pieces = |k: usize| made[k].get_or_init(|| grains[k].convex_pieces()).as_slice();
-    let with_ball = |k: usize, ball: &Grain| {
+    let piece_cache: Vec<OnceCell<Vec<ConvexPiece>>> = vec![OnceCell::new(); grains.len()];
+    let pieces = |k: usize| piece_cache[k].get_or_init(|| grains[k].convex_pieces()).as_slice();
+    let overlap_with_ball = |k: usize, ball: &Grain| {
         pieces(k).iter().map(|piece| piece.overlap_of_ball(&ball.position, ball.radius)).fold(0.0, f64::max)
     };
     // Penetration of two grains, m, whose bounding balls overlap by `overlap`.
-    let deep = |a: usize, b: usize, overlap: f64| match [a, b].map(|k| grains[k].polyhedron.is_some()) {
+    let penetration = |a: usize, b: usize, overlap: f64| match [a, b].map(|k| grains[k].polyhedron.is_some()) {
         [false, false] => overlap,
-        [true, false] => with_ball(a, &grains[b]),
-        [false, true] => with_ball(b, &grains[a]),
+        [true, false] => overlap_with_ball(a, &grains[b]),
+        [false, true] => overlap_with_ball(b, &grains[a]),
         [true, true] => {
             deepest_overlap(pieces(a), pieces(b), TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius))
         }
@@ -265,14 +274,14 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
             if allowed[grains[a].group] || allowed[grains[b].group] || overlap <= TOUCHING_TOLERANCE * grain.radius {
                 return;
             }
-            let overlap = deep(k, order[number], overlap);
+            let overlap = penetration(k, order[number], overlap);
             if overlap > TOUCHING_TOLERANCE * grains[a].radius.min(grains[b].radius) {
                 overlaps.push((a, format!("{} and {} overlap by {overlap:.3e} m", name(a), name(b))));
             }
         });
         cells.add(grain.position, grain.reach);
         for wall in population.walls.iter().filter(|_| !allowed[grain.group]) {
-            let of_image = |shift: Vector3<f64>| {
+            let image_overlap = |shift: Vector3<f64>| {
                 let overlap = wall.ball_overlap(&(grain.position - shift), grain.reach);
                 if overlap <= TOUCHING_TOLERANCE * grain.radius || grain.polyhedron.is_none() {
                     return overlap;
@@ -280,7 +289,7 @@ fn check_overlaps(scene: &Scene, population: &Population, report: &mut FaultRepo
                 wall.pieces_overlap(pieces(k), &shift, TOUCHING_TOLERANCE * grain.radius)
             };
             let shifts = nearest_images(&scene.compute, &(grain.position - wall.centre));
-            let overlap = shifts.into_iter().map(of_image).fold(f64::NEG_INFINITY, f64::max);
+            let overlap = shifts.into_iter().map(image_overlap).fold(f64::NEG_INFINITY, f64::max);
             if overlap > TOUCHING_TOLERANCE * grain.radius {
                 overlaps.push((k, format!("{} and wall {} overlap by {overlap:.3e} m", name(k), wall.wall + 1)));
             }

@@ -61,7 +61,7 @@ impl RandomStream {
             let point = self.in_ball();
             let length = point.norm();
             if length > 0.1 {
-                return point / length; // nearer to the middle, rounding would show
+                return point / length; // closer to 0 the rounding of the length matters
             }
         }
     }

@@ -19,7 +19,7 @@ pub struct Scene {
     pub gravity: [f64; 3],
     pub materials: Vec<Material>,
     pub laws: Vec<Law>,
-    pub contacts: Vec<Contact>,
+    pub contacts: Vec<ColourPairLaw>,
     /// Bodies of grains, numbered in this order in the files.
     pub grains: Vec<Grains>,
     /// Walls, numbered after the grains.
@@ -52,7 +52,7 @@ pub struct Law {
 /// Contact law between two colours.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Contact {
+pub struct ColourPairLaw {
     /// The two colours, in any order; may be the same.
     pub between: (String, String),
     /// Name of the law; required. `None`: bodies of these colours pass through each other.

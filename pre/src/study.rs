@@ -34,7 +34,7 @@ pub struct Study {
 pub struct Group {
     /// Folder of a case; `{NAME}` stands for the value of a parameter.
     pub name: String,
-    /// Scene or, with `from`, changes; seen from the file of the study.
+    /// File of the scene (with `from`: of the changes), relative to the file of the study.
     pub base: Option<PathBuf>,
     /// Folder of the case that these continue by `from-outbox`; may hold `{NAME}`.
     pub from: Option<String>,
@@ -80,9 +80,9 @@ struct Case {
 struct CaseSetting {
     /// `PATH=VALUE`
     text: String,
-    /// Location of `PATH` in the study, as a path in that.
+    /// Path of `PATH` within the study.
     path_at: String,
-    /// Location of `VALUE` in the study.
+    /// Path of `VALUE` within the study.
     value_at: String,
 }
 
@@ -99,21 +99,21 @@ impl CaseSetting {
 /// Text in the study.
 struct StudyText {
     text: String,
-    /// Location in the study, as a path in that.
+    /// Path of the text within the study.
     at: String,
 }
 
 /// File of a case that starts from a scene.
-const SCENE: &str = "scene.ron";
+const SCENE_FILE: &str = "scene.ron";
 
 /// File of a case that continues another.
-const CHANGES: &str = "changes.ron";
+const CHANGES_FILE: &str = "changes.ron";
 
 /// End of the first line of files that are written here.
-const WRITTEN: &str = " Written by cd-pre study.";
+const WRITTEN_MARK: &str = " Written by cd-pre study.";
 
 /// Paths in scenes and changes whose values are names of files, in which `N` is any item of a list.
-const FILES: [&str; 3] = ["grains.N.shape.file", "grains.N.placement.envelope.file", "bodies.N.case"];
+const FILE_VALUE_PATHS: [&str; 3] = ["grains.N.shape.file", "grains.N.placement.envelope.file", "bodies.N.case"];
 
 /// Writes the scene or the changes of each case of the study `file`, with the overrides `settings`, below `output`. Also
 /// writes the table `NAME.csv` of the parameters and the rules `NAME.mk` for make, NAME being that of the file.
@@ -124,7 +124,7 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
     let text = apply_settings(&atomic::read_text(file)?, settings)?;
     let study: Study = parse_with_settings(file, &text, settings, "study")?;
     let mut report = FaultReport::with_settings(file, &text, settings);
-    let cases = cases(&study, &mut report);
+    let cases = expand_cases(&study, &mut report);
     report.warnings = former_name_warnings(file, &text, settings, &cases);
     let home = file.parent().unwrap_or(Path::new(""));
     let output = output.unwrap_or(home);
@@ -147,10 +147,16 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
                 report.warnings.push(warning);
             }
         }
-        let path = output.join(&case.name).join(case.kind());
+        let path = output.join(&case.name).join(case.file_name());
         if path.exists() && !is_written_here(&path) {
-            let expected = "expected another name of the case: its file would be replaced";
-            report.faults.push(Fault::new(&path, None, "file", "is not from a study", expected));
+            let expected = "expected another name for the case";
+            report.faults.push(Fault::new(
+                &path,
+                None,
+                "file",
+                "was not written by a study and would be replaced",
+                expected,
+            ));
         }
         match case_text(case, &base, &original, &path) {
             Ok(text) => files.push((path, text)),
@@ -173,7 +179,7 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
     }
     let count = files.len();
     files.push((output.join(file.with_extension("csv").file_name().unwrap_or_default()), table(&cases)));
-    files.retain(|(path, text)| !is_as(path, text));
+    files.retain(|(path, text)| !has_text(path, text));
     let written = files.iter().filter(|(path, _)| path.extension().is_some_and(|ending| ending == "ron")).count();
     // Written last, as make compares its time with that of the study.
     let rules = output.join(file.with_extension("mk").file_name().unwrap_or_default());
@@ -182,7 +188,8 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
     crate::summary::print_warnings(&report.warnings);
     for case in &cases {
         // File that another study left in the folder.
-        let other = output.join(&case.name).join(if case.kind() == SCENE { CHANGES } else { SCENE });
+        let other =
+            output.join(&case.name).join(if case.file_name() == SCENE_FILE { CHANGES_FILE } else { SCENE_FILE });
         if is_written_here(&other) {
             let _ = fs::remove_file(other);
         }
@@ -191,7 +198,7 @@ pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<
 }
 
 /// All cases, in the order of the groups; faults of the study itself go to `report`.
-fn cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
+fn expand_cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
     let mut cases: Vec<Case> = Vec::new();
     report.require(!study.groups.is_empty(), "groups", "none", "at least one group");
     for (k, group) in study.groups.iter().enumerate() {
@@ -202,21 +209,21 @@ fn cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
             CaseSetting::new(&path, &study_text(report, format!("{at}.set.{n}.1")))
         });
         let set: Vec<CaseSetting> = set.collect();
-        let mut axes: Vec<Vec<Column>> = Vec::new();
+        let mut axes: Vec<Vec<StudyColumn>> = Vec::new();
         for (n, parameter) in group.parameters.iter().enumerate() {
             let mut axis = Vec::new();
-            columns(parameter, format!("{at}.parameters.{n}"), &mut axis, report);
+            add_columns(parameter, format!("{at}.parameters.{n}"), &mut axis, report);
             axes.push(axis);
         }
         if !group.seeds.is_empty() {
             let values = (0..group.seeds.len()).map(|n| study_text(report, format!("{at}.seeds.{n}"))).collect();
             let path = StudyText { text: "seed".into(), at: format!("{at}.seeds") };
-            axes.push(vec![Column { name: "seed", paths: vec![path], values }]);
+            axes.push(vec![StudyColumn { name: "seed", paths: vec![path], values }]);
         }
         let mut names: Vec<&str> = Vec::new();
         for column in axes.iter().flatten() {
-            let found = format!("two parameters are {}", column.name);
-            report.require(!names.contains(&column.name), &at, found, "another name for each");
+            let found = format!("two parameters are named '{}'", column.name);
+            report.require(!names.contains(&column.name), &at, found, "different names");
             names.extend(Some(column.name).filter(|name| !name.is_empty()));
         }
         let patterns = [("name", Some(&group.name)), ("from", group.from.as_ref())];
@@ -248,21 +255,21 @@ fn cases(study: &Study, report: &mut FaultReport) -> Vec<Case> {
                     case.settings.extend(column.paths.iter().map(|path| CaseSetting::new(path, value)));
                 }
             }
-            case.name = case.filled(&group.name);
-            case.from = group.from.as_ref().map(|pattern| case.filled(pattern));
+            case.name = case.fill_pattern(&group.name);
+            case.from = group.from.as_ref().map(|pattern| case.fill_pattern(pattern));
             for (field, name) in [("name", Some(&case.name)), ("from", case.from.as_ref())] {
                 let found = format!("'{}'", name.map_or("", String::as_str));
-                let holds = name.is_none_or(|name| is_folder(name));
+                let is_valid = name.is_none_or(|name| is_folder(name));
                 report.require(
-                    holds,
+                    is_valid,
                     &format!("{at}.{field}"),
                     found,
                     "a folder below, of letters, digits and . _ + - /",
                 );
             }
-            let again = cases.iter().any(|other| other.name == case.name);
-            let found = format!("two cases are {}", case.name);
-            report.require(!again, &format!("{at}.name"), found, "a name that has all parameters, as {NAME}");
+            let is_duplicate = cases.iter().any(|other| other.name == case.name);
+            let found = format!("two cases are named '{}'", case.name);
+            report.require(!is_duplicate, &format!("{at}.name"), found, "a pattern with every parameter, as {NAME}");
             cases.push(case);
         }
     }
@@ -275,25 +282,29 @@ fn study_text(report: &FaultReport, at: String) -> StudyText {
 }
 
 /// Parameter with its paths and its values as written in the study.
-struct Column<'a> {
+struct StudyColumn<'a> {
     name: &'a str,
     paths: Vec<StudyText>,
     values: Vec<StudyText>,
 }
 
 /// Adds the column of a parameter, whose path in the study is `at`, and the columns of those that vary with it.
-fn columns<'a>(parameter: &'a Parameter, at: String, axis: &mut Vec<Column<'a>>, report: &mut FaultReport) {
+fn add_columns<'a>(parameter: &'a Parameter, at: String, axis: &mut Vec<StudyColumn<'a>>, report: &mut FaultReport) {
     let count = parameter.values.len();
-    let expected = axis.first().map_or(count.max(1), |first: &Column| first.values.len());
+    let expected = axis.first().map_or(count.max(1), |first: &StudyColumn| first.values.len());
     let values = format!("{at}.values");
-    let those = if axis.is_empty() { "at least one".into() } else { format!("{expected}, as of the first parameter") };
+    let those = if axis.is_empty() {
+        "at least one".into()
+    } else {
+        format!("{expected} values, as the parameter it varies with")
+    };
     report.require(count == expected, &values, format!("{count} values"), &those);
     let values = (0..count).map(|k| study_text(report, format!("{values}.{k}"))).collect();
     let path = |(k, path): (usize, &String)| StudyText { text: path.clone(), at: format!("{at}.paths.{k}") };
     let paths = parameter.paths.iter().enumerate().map(path).collect();
-    axis.push(Column { name: &parameter.name, paths, values });
+    axis.push(StudyColumn { name: &parameter.name, paths, values });
     for (n, follower) in parameter.with.iter().enumerate() {
-        columns(follower, format!("{at}.with.{n}"), axis, report);
+        add_columns(follower, format!("{at}.with.{n}"), axis, report);
     }
 }
 
@@ -341,12 +352,12 @@ fn is_folder(name: &str) -> bool {
 
 impl Case {
     /// Name of the file in its folder.
-    fn kind(&self) -> &'static str {
-        if self.from.is_some() { CHANGES } else { SCENE }
+    fn file_name(&self) -> &'static str {
+        if self.from.is_some() { CHANGES_FILE } else { SCENE_FILE }
     }
 
     /// Pattern with the values of the parameters filled in.
-    fn filled(&self, pattern: &str) -> String {
+    fn fill_pattern(&self, pattern: &str) -> String {
         let fill = |text: String, (name, value): &(String, String)| {
             text.replace(&format!("{{{name}}}"), value.trim_matches('"'))
         };
@@ -381,9 +392,9 @@ fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<St
     let changed = apply_settings(original, &settings)?;
     let current = ron_file::with_current_names(base, &changed)?;
     let values = case.values.iter().map(|(name, value)| format!("; {name}: {}", value.replace('\n', " ")));
-    let head = format!("// Case {} of a study{}.{WRITTEN}\n", case.name, values.collect::<String>());
-    let text = with_files(&current, base, path.parent().unwrap_or(Path::new(""))).map(|text| head + &text);
-    if text.as_ref().is_ok_and(|text| is_as(path, text)) {
+    let head = format!("// Case {} of a study{}.{WRITTEN_MARK}\n", case.name, values.collect::<String>());
+    let text = rebase_file_paths(&current, base, path.parent().unwrap_or(Path::new(""))).map(|text| head + &text);
+    if text.as_ref().is_ok_and(|text| has_text(path, text)) {
         return text;
     }
     match case.from {
@@ -395,19 +406,19 @@ fn case_text(case: &Case, base: &Path, original: &str, path: &Path) -> Result<St
 
 /// Whether a study wrote the file, according to its first line.
 fn is_written_here(path: &Path) -> bool {
-    fs::read_to_string(path).is_ok_and(|text| text.lines().next().is_some_and(|line| line.ends_with(WRITTEN)))
+    fs::read_to_string(path).is_ok_and(|text| text.lines().next().is_some_and(|line| line.ends_with(WRITTEN_MARK)))
 }
 
 /// Whether a file contains exactly this text.
-fn is_as(path: &Path, text: &str) -> bool {
+fn has_text(path: &Path, text: &str) -> bool {
     fs::read(path).is_ok_and(|bytes| bytes == text.as_bytes())
 }
 
 /// Scene or changes for another folder than their base; paths of files in it are made relative to that folder.
-fn with_files(text: &str, base: &Path, folder: &Path) -> Result<String, Faults> {
+fn rebase_file_paths(text: &str, base: &Path, folder: &Path) -> Result<String, Faults> {
     let home = base.parent().unwrap_or(Path::new(""));
     let mut settings = Vec::new();
-    for pattern in FILES {
+    for pattern in FILE_VALUE_PATHS {
         let (list, rest) = pattern.split_once(".N.").unwrap_or_default();
         let locations = ValueLocations::from_text(text);
         let items = (0..).take_while(|n| locations.text(&format!("{list}.{n}")).is_some());
@@ -454,24 +465,24 @@ fn rules_for_make(file: &Path, rules: &Path, study: &Study, cases: &[Case]) -> S
     let home = file.parent().unwrap_or(Path::new(""));
     let folder = rules.parent().unwrap_or(Path::new(""));
     // Paths relative to the folder of the rules, where make runs.
-    let seen = |path: &Path| match path.strip_prefix(folder) {
+    let relative = |path: &Path| match path.strip_prefix(folder) {
         Ok(below) => below.to_path_buf(),
         Err(_) => std::path::absolute(path).unwrap_or(path.to_path_buf()),
     };
-    let mut read: Vec<PathBuf> = vec![seen(file)];
-    for base in study.groups.iter().filter_map(|group| group.base.as_ref()).map(|base| seen(&home.join(base))) {
+    let mut read: Vec<PathBuf> = vec![relative(file)];
+    for base in study.groups.iter().filter_map(|group| group.base.as_ref()).map(|base| relative(&home.join(base))) {
         if !read.contains(&base) {
             read.push(base);
         }
     }
     let read: Vec<String> = read.iter().map(|path| path.display().to_string()).collect();
     let names: Vec<&str> = cases.iter().map(|case| case.name.as_str()).collect();
-    let mut text = format!("# Cases of {}.{WRITTEN}\n", read[0]);
+    let mut text = format!("# Cases of {}.{WRITTEN_MARK}\n", read[0]);
     text += &format!("CASES := {}\n", names.join(" "));
-    text += &format!("{}: {}\n", seen(rules).display(), read.join(" "));
+    text += &format!("{}: {}\n", relative(rules).display(), read.join(" "));
     for case in cases {
         let from = case.from.as_ref().map_or(String::new(), |from| format!(" {from}/OUTBOX/.done"));
-        text += &format!("{}/DATBOX/.done: {}/{}{from}\n", case.name, case.name, case.kind());
+        text += &format!("{}/DATBOX/.done: {}/{}{from}\n", case.name, case.name, case.file_name());
     }
     text
 }

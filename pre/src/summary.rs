@@ -56,7 +56,7 @@ pub fn group_lines(scene: &Scene, population: &Population) -> String {
         }
         if let Some(region) = region {
             let filled: f64 = grains.iter().map(|grain| grain.volume()).sum();
-            text += &format!(", solid fraction {:.4} of {region}", filled / region.volume());
+            text += &format!(", solid fraction {:.4} in {region}", filled / region.volume());
         }
         text += if scene.grains[group].driven.is_some() { ", driven\n" } else { "\n" };
     }

@@ -1,7 +1,7 @@
 //! Walls as bodies: plates and cylinders.
 
 use cd_formats::bodies::{Contactor, ShapeRecord};
-use cd_formats::drv_dof::{Evolution as Written, table_text};
+use cd_formats::drv_dof::{Evolution as FileFunction, table_text};
 use cd_formats::surface::MassProperties;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -51,8 +51,8 @@ impl WallBody {
     }
 }
 
-/// Penetration of convex pieces into a plate or cylinder with the axes `axes` (rows), m; any value up to `allowed` as
-/// soon as the depth is known not to exceed it.
+/// Penetration of convex pieces into a plate or cylinder with the axes `axes` (rows), m; if the depth is at
+/// most `allowed`, any value up to `allowed` may be returned.
 pub fn pieces_overlap(
     wall: &ShapeRecord,
     centre: &Vector3<f64>,
@@ -65,7 +65,7 @@ pub fn pieces_overlap(
             deepest_overlap(pieces, &[ConvexPiece::cuboid(*centre, axes, &half_lengths.into())], allowed)
         }
         ShapeRecord::Cylinder { half_height, radius, hollow } => {
-            let into = |piece: &ConvexPiece| {
+            let penetration = |piece: &ConvexPiece| {
                 if hollow {
                     // The inside is convex: no point is farther out than some vertex.
                     let vertices = piece.vertices().map(|v| axes * (v - centre));
@@ -74,7 +74,7 @@ pub fn pieces_overlap(
                     piece.overlap_of_cylinder(centre, axes, [half_height, radius], allowed)
                 }
             };
-            pieces.iter().map(into).fold(0.0, f64::max)
+            pieces.iter().map(penetration).fold(0.0, f64::max)
         }
         _ => 0.0,
     }
@@ -158,7 +158,7 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
                 let local = [unit(first), -sign * unit(second), -sign * unit(axis)];
                 let rows = local.map(|axis| (turn * axis).add_scalar(0.0).transpose()); // no negative zeros
                 // Plates overlap along the edges of the box, so that no grain slips through there.
-                let reach = |k: usize| halves[k] + 2.0 * half_thickness;
+                let half_length = |k: usize| halves[k] + 2.0 * half_thickness;
                 let [a, b, c] = velocity.clone();
                 let offset = sign * (halves[axis] + half_thickness) * unit(axis);
                 WallBody {
@@ -168,7 +168,12 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
                     centre: round_point(&(Vector3::from(*centre) + turn * offset)),
                     axes: Matrix3::from_rows(&rows),
                     shape: ShapeRecord::Plane {
-                        half_lengths: round_point(&Vector3::new(reach(first), reach(second), *half_thickness)).into(),
+                        half_lengths: round_point(&Vector3::new(
+                            half_length(first),
+                            half_length(second),
+                            *half_thickness,
+                        ))
+                        .into(),
                     },
                     motion: [a, b, c, TimeFunction::default(), TimeFunction::default(), TimeFunction::default()],
                     force: [None, None, None],
@@ -193,12 +198,12 @@ fn axes_about(normal: &Vector3<f64>, first: Option<Vector3<f64>>) -> Matrix3<f64
 pub struct FunctionTables(Vec<Vec<[f64; 2]>>);
 
 impl FunctionTables {
-    pub fn add_function(&mut self, evolution: &TimeFunction) -> Written {
+    pub fn add_function(&mut self, evolution: &TimeFunction) -> FileFunction {
         match evolution {
-            TimeFunction::Constant(value) => Written::constant(*value),
+            TimeFunction::Constant(value) => FileFunction::constant(*value),
             &TimeFunction::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
                 let ramp_start = ramp_start.unwrap_or(if ramp_rate > 0.0 { 0.0 } else { 1.0 });
-                Written::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate }
+                FileFunction::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate }
             }
             TimeFunction::Table(points) => {
                 let points: Vec<[f64; 2]> = points.iter().map(|&(t, v)| [t, v]).collect();
@@ -206,7 +211,7 @@ impl FunctionTables {
                     self.0.push(points.clone());
                     self.0.len() - 1
                 });
-                Written::Table { name: table_name(place), points }
+                FileFunction::Table { name: table_name(place), points }
             }
         }
     }
@@ -340,8 +345,8 @@ mod tests {
         let names: Vec<String> = [1.0, 2.0, 1.0]
             .iter()
             .map(|&end| match tables.add_function(&table(end)) {
-                Written::Table { name, .. } => name,
-                Written::Harmonic { .. } => unreachable!(),
+                FileFunction::Table { name, .. } => name,
+                FileFunction::Harmonic { .. } => unreachable!(),
             })
             .collect();
         assert_eq!(names, ["evolution-1.dat", "evolution-2.dat", "evolution-1.dat"]);

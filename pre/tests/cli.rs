@@ -260,7 +260,7 @@ fn values_are_set_from_the_command_line() {
     let refused = run(&["grains.2.number=5", "compute.dt", "seed=1, 2"]);
     assert_eq!(
         text(&refused.stderr),
-        "cd-pre: options: set grains.2.number=5: no 'grains.2' in the file; expected the path of a value\n\
+        "cd-pre: options: set grains.2.number=5: no 'grains.2' in the file; expected grains.1\n\
          cd-pre: options: set compute.dt: is no pair; expected PATH=VALUE, such as grains.1.number=2000\n\
          cd-pre: options: set seed=1, 2: value: ', 2' behind the end; expected nothing more\n"
     );

@@ -176,7 +176,9 @@ fn scenes_from_elsewhere_are_not_replaced() {
     study.succeeds();
     assert_eq!(study.read("a/changes.ron"), "()");
     study.write("a/scene.ron", SCENE);
-    study.is_refused(&["a/scene.ron: file: is not from a study; expected another name of the case"]);
+    study.is_refused(&[
+        "a/scene.ron: file: was not written by a study and would be replaced; expected another name for the case",
+    ]);
 }
 
 #[test]
@@ -213,11 +215,11 @@ fn faults_of_the_form_have_their_line_and_column() {
     .is_refused(&[
         "study.ron:2:2: group 1: no base; expected the file of a scene",
         "study.ron:3:9: group 2, name: '../b'; expected a folder below, of letters, digits and . _ + - /",
-        "study.ron:5:60: group 3, parameter 1, with 1, values: 1 values; expected 2, as of the first parameter",
+        "study.ron:5:60: group 3, parameter 1, with 1, values: 1 values; expected 2 values, as the parameter it varies with",
         "study.ron:5:88: group 3, parameter 2, values: 0 values; expected at least one",
     ]);
     study("(groups: [(name: \"a\", base: \"scene.ron\", parameters: [(name: \"mu\", values: [1, 2])])])").is_refused(
-        &["study.ron:1:18: group 1, name: two cases are a; expected a name that has all parameters, as {NAME}"],
+        &["study.ron:1:18: group 1, name: two cases are named 'a'; expected a pattern with every parameter, as {NAME}"],
     );
     study("(groups: [(name: \"first\", base: \"scene.ron\"), (name: \"b\", from: \"frist\")])")
         .is_refused(&["study.ron:1:65: group 2, from: frist is not a case; did you mean first?"]);
@@ -236,7 +238,9 @@ fn a_fault_of_a_case_is_that_of_its_value() {
     ],
 )])"#,
     );
-    study.is_refused(&["study.ron:7:58: group 1, parameter 2, value 1: grains.2.number: no 'grains.2' in the file; expected the path of a value"]);
+    study.is_refused(&[
+        "study.ron:7:58: group 1, parameter 2, value 1: grains.2.number: no 'grains.2' in the file; expected grains.1",
+    ]);
     study.write("study.ron", &study.read("study.ron").replace("grains.2", "grains.1"));
     study.is_refused(&["study.ron:4:28: group 1, set 1.2: compute.stps: unknown field 'stps'; did you mean steps?"]);
     study.write("study.ron", &study.read("study.ron").replace("stps", "steps"));

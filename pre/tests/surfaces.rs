@@ -383,7 +383,7 @@ fn a_cube_of_few_digits_is_taken_as_its_hull() {
     for k in 1..=10 {
         let side = 0.01 * f64::from(k);
         let (solid, message) = made(side, 0.0).unwrap();
-        hulls += usize::from(message.contains("taken as its hull: it is convex but for "));
+        hulls += usize::from(message.contains("replaced by its convex hull, from which it deviates by "));
         assert_eq!(solid.pieces.len(), 1);
         assert!((solid.pieces[0].volume() / side.powi(3) - 1.0).abs() < 3e-4);
     }

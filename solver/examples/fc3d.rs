@@ -49,7 +49,13 @@ fn run(arguments: &Arguments) -> Result<bool, Faults> {
     let path = &arguments.file;
     let Fc3d { mu, free_velocities: q, blocks, .. } = Fc3d::read(path)?;
     let problem = MatrixProblem::new(mu, q, blocks.iter().map(|b| (b.row, b.column, b.w))).map_err(|found| {
-        Fault::new(path, None, "problem", found, "expected finite numbers below 1e100, and frictions of 0 or more")
+        Fault::new(
+            path,
+            None,
+            "problem",
+            found.to_string(),
+            "expected finite numbers below 1e100, and frictions of 0 or more",
+        )
     })?;
     let limits = SolverLimits {
         tol: arguments.tol,

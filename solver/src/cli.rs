@@ -130,7 +130,7 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     }
     check_run(case, &scene, &state)?;
     if let Some(step) = arguments.dump_problem {
-        write::expect_problem(&scene, &state, step)?;
+        write::check_dump_step(&scene, &state, step)?;
     }
     let threads = scene.options.threads;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|_| {

@@ -3,7 +3,7 @@
 //! The contact problem of a body that comes down at 2 m/s and slides at 3 m/s, with W = 1/kg and a friction of 0.5:
 //!
 //! ```
-//! use cd_solve::solve::matrix::{MatrixProblem, MatrixSolver, SolverLimits, solve};
+//! use cd_solve::solve::matrix::{MatrixProblem, MatrixProblemError, MatrixSolver, SolverLimits, solve};
 //!
 //! let w = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 //! let problem = MatrixProblem::new(vec![0.5], vec![[-2.0, 0.0, 3.0]], [(0, 0, w)])?;
@@ -12,7 +12,7 @@
 //! // 2 N s stop the body; friction, at most 0.5 times 2 N s, slows it down to 2 m/s.
 //! assert!(solution.converged);
 //! assert!(solution.r[0].iter().zip([2.0, 0.0, -1.0]).all(|(r, expected)| (r - expected).abs() < 1e-9));
-//! # Ok::<(), String>(())
+//! # Ok::<(), MatrixProblemError>(())
 //! ```
 //!
 //! This API is internal and may change with any version. The stable interface of the toolchain is its programs and their

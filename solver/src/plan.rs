@@ -5,6 +5,7 @@
 use std::time::{Duration, Instant};
 
 use cd_formats::compute::Accuracy;
+use cd_formats::names::{count_text, rounded_number, short_number};
 
 use crate::integrate::{fastest_turn, shortest_orbit};
 use crate::math::Vec3;
@@ -24,7 +25,7 @@ const MAX_TRIAL_DT_FACTOR: f64 = 100.0;
 /// Largest displacement and largest free fall in a step, in radii: they determine penetrations and missed bounces.
 const MAX_TRAVEL_RADII: f64 = 0.1;
 const MAX_FALL_RADII: f64 = 1e-3;
-/// Steps in the shortest orbit, and in a radian of the fastest spin: phase errors of 2e-4 per orbit and 1e-3 per radian.
+/// Steps in the shortest orbit, and in a radian of the fastest rotation: phase errors of 2e-4 per orbit and 1e-3 per radian.
 const STEPS_PER_ORBIT: f64 = 100.0;
 const STEPS_PER_RADIAN: f64 = 10.0;
 
@@ -57,17 +58,17 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
         [
             StepBound {
                 h: travel / speed,
-                reason: format!("{impact}, {speed:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"),
+                reason: format!("{impact}, {speed:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius per step"),
             },
             StepBound {
                 h: (MAX_FALL_RADII * scene.mean_radius / acceleration).sqrt(),
-                reason: format!("free fall at {acceleration:.3e} m/s²: {MAX_FALL_RADII} of the mean radius a step"),
+                reason: format!("free fall at {acceleration:.3e} m/s²: {MAX_FALL_RADII} of the mean radius per step"),
             },
         ]
     };
     let mut bounds = vec![StepBound {
         h: travel / fastest,
-        reason: format!("largest speed {fastest:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius a step"),
+        reason: format!("largest speed {fastest:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius per step"),
     }];
     if let Some((radius, surface)) = scene.surface_gravity() {
         let speed = (2.0 * surface * radius).sqrt();
@@ -76,7 +77,7 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     let period = shortest_orbit(scene, state);
     bounds.push(StepBound {
         h: period / STEPS_PER_ORBIT,
-        reason: format!("shortest orbital period {period:.3e} s: {STEPS_PER_ORBIT} steps an orbit"),
+        reason: format!("shortest orbital period {period:.3e} s: {STEPS_PER_ORBIT} steps per orbit"),
     });
     let g = state.gravity.norm();
     if g > 0.0 {
@@ -89,7 +90,7 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     let turn = fastest_turn(scene, state);
     bounds.push(StepBound {
         h: 1.0 / (STEPS_PER_RADIAN * turn),
-        reason: format!("fastest rotation {turn:.3e} rad/s: {STEPS_PER_RADIAN} steps a radian"),
+        reason: format!("fastest rotation {turn:.3e} rad/s: {STEPS_PER_RADIAN} steps per radian"),
     });
     bounds.retain(|bound| bound.h.is_finite() && bound.h > 0.0);
     bounds.sort_by(|a, b| a.h.total_cmp(&b.h));
@@ -195,11 +196,6 @@ fn share_of_constant_motion(scene: &Scene, start: f64) -> f64 {
     constant as f64 / f64::from(MOTION_SAMPLES)
 }
 
-/// Number of things named by a noun that forms its plural with s: "1 row", "2 rows".
-fn count_text(count: u64, noun: &str) -> String {
-    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
-}
-
 /// Largest memory use of this program so far, bytes; known on Linux.
 fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
@@ -235,45 +231,57 @@ pub fn plan_text(scene: &Scene, state: &State) -> String {
             size_of::<ContactExchange>()
         ),
     ));
-    lines.push(("time", tried.as_ref().map_or("no trial step: h is far too long".into(), TrialRun::timing_text)));
+    lines.push((
+        "time",
+        tried.as_ref().map_or(
+            format!("no trial step: dt is more than {MAX_TRIAL_DT_FACTOR} times the strictest bound"),
+            TrialRun::timing_text,
+        ),
+    ));
     let option_text = |(name, value, is_set): (&str, String, bool)| {
         let value = if name == "gravity_refresh" { scene.gravity_refresh().to_string() } else { value };
         format!("{name} {value}{}", if is_set { " (set)" } else { "" })
     };
     let options: Vec<String> = scene.options.accuracy_options().into_iter().map(option_text).collect();
-    let preset = scene.options.accuracy.map_or("none".into(), |accuracy| accuracy.to_string());
+    let preset = scene.options.accuracy.map_or("no preset".into(), |accuracy| accuracy.to_string());
     lines.push(("accuracy", format!("{preset}: {}", options.join(", "))));
     let left = scene.last_step().saturating_sub(state.step);
     let constant = share_of_constant_motion(scene, state.time);
     let max_multiple = if constant > 0.0 { scene.options.adaptive().most } else { 1 };
     let steps = match (max_multiple, &tried) {
         (1, _) if scene.options.adaptive().is_on() => {
-            format!("{} of one dt each, because imposed motion changes all the time", count_text(left, "step"))
+            format!("{} of one dt, because imposed motion changes at all times", count_text(left as usize, "step"))
         }
-        (1, _) | (_, None) => count_text(left, "step"),
+        (1, _) | (_, None) => count_text(left as usize, "step"),
         (max_multiple, Some(tried)) => {
             let when = if constant < 1.0 {
                 format!(" in the {:.3} % of the time in which imposed motion is constant", 100.0 * constant)
             } else {
                 String::new()
             };
-            format!("{left} dt, up to {max_multiple} dt per step{when}, at present {:.1}", tried.mean_multiple())
+            format!("{left} dt, up to {max_multiple} dt per step{when}, {:.1} in the trial", tried.mean_multiple())
         }
     };
     let seconds = |tried: &TrialRun| {
-        format!(" {:.3e} s at the present rate;", left as f64 * tried.seconds_per_step() / tried.mean_multiple())
+        let seconds = left as f64 * tried.seconds_per_step() / tried.mean_multiple();
+        format!(" {} s at the rate of the trial;", short_number(seconds))
     };
     let seconds = tried.as_ref().map_or(String::new(), seconds);
     if let Some(tried) = &tried {
         lines.push(("disk", disk_estimate(scene, left, tried)));
     }
-    lines.push(("run", format!("{steps};{seconds} t = {:.6e} s", scene.end_time())));
+    lines.push(("run", format!("{steps};{seconds} to t = {} s", rounded_number(scene.end_time()))));
     let verdict = match bounds.first() {
         Some(strictest) if h > strictest.h => format!("{h} s is {:.1} times the strictest bound", h / strictest.h),
-        Some(_) => format!("{h} s is within all bounds"),
+        Some(_) if max_multiple > 1 => {
+            format!(
+                "{h} s is within all bounds on a step; longer steps are limited by adaptive's travel and penetration"
+            )
+        }
+        Some(_) => format!("{h} s is within all bounds on a step"),
         None => format!("{h} s; no bound: nothing moves and no force acts"),
     };
-    lines.push(("h", verdict));
+    lines.push(("dt", verdict));
     if let Some(strictest) = bounds.first() {
         let suited = |accuracy: Accuracy| format!("{accuracy} up to {:.3e} s", accuracy.step_factor() * strictest.h);
         lines.push(("", Accuracy::ALL.map(suited).join(", ")));
@@ -297,11 +305,11 @@ fn disk_estimate(scene: &Scene, left: u64, tried: &TrialRun) -> String {
     let rows = rows.max(snapshots.min(left) as f64).ceil();
     let megabytes = |count: f64, bytes: usize| count * bytes as f64 / 1e6;
     format!(
-        "{:.3e} MB: {} of {:.3} MB, {} of {row} bytes in steps.csv and TIMER.csv",
-        megabytes(snapshots as f64, snapshot) + megabytes(rows, row),
-        count_text(snapshots, "snapshot"),
-        megabytes(1.0, snapshot),
-        count_text(rows as u64, "row")
+        "{} MB: {} of {} MB, {} of {row} bytes in steps.csv and TIMER.csv",
+        short_number(megabytes(snapshots as f64, snapshot) + megabytes(rows, row)),
+        count_text(snapshots as usize, "snapshot"),
+        short_number(megabytes(1.0, snapshot)),
+        count_text(rows as usize, "row")
     )
 }
 
@@ -336,9 +344,9 @@ impl TrialRun {
         let steps = self.steps;
         let ms = |time: Duration| 1e3 * time.as_secs_f64() / steps.max(1) as f64;
         format!(
-            "{:.3} ms a step ({}): gravity {:.3}, detection {:.3}, assembly {:.3}, solve {:.3}, integration {:.3}",
+            "{:.3} ms per step ({}): gravity {:.3}, detection {:.3}, assembly {:.3}, solve {:.3}, integration {:.3}",
             1e3 * self.seconds_per_step(),
-            count_text(steps, "trial step"),
+            count_text(steps as usize, "trial step"),
             ms(gravity),
             ms(detection),
             ms(assembly),

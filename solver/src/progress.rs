@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use cd_formats::compute::{Compute, ContactSolver};
 use cd_formats::messages::{print_error, print_line};
+use cd_formats::names::{count_text, rounded_number};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::activity;
@@ -62,7 +63,11 @@ impl ProgressDisplay {
     pub fn show_step(&self, state: &State, report: &StepReport) {
         self.bar.set_position(state.step);
         if state.step.is_multiple_of(10) {
-            self.bar.set_message(format!("{} contacts, {} sweeps", report.contacts_active, report.sweeps));
+            self.bar.set_message(format!(
+                "{}, {}",
+                count_text(report.contacts_active, "contact"),
+                count_text(report.sweeps as usize, "sweep")
+            ));
         }
         self.first_replacement_message(state.step, report.replacement_reason)
             .into_iter()
@@ -91,12 +96,12 @@ impl ProgressDisplay {
         let rate = (state.step - self.first) as f64 / self.start.elapsed().as_secs_f64().max(1e-9);
         let left = (self.last - state.step) as f64 / rate.max(1e-9);
         print_line(format_args!(
-            "step {}/{}  t = {:.6} s  {} contacts carry force  {} sweeps, residual {:.1e}  kinetic {:.3e} J  {} steps/s, {:.0} s left",
+            "step {}/{}  t = {:.6} s  {} contacts carry force  {}, residual {:.1e}  kinetic {:.3e} J  {} steps/s, {:.0} s left",
             state.step,
             self.last,
             state.time,
             report.contacts_active,
-            report.sweeps,
+            count_text(report.sweeps as usize, "sweep"),
             report.residual,
             report.kinetic + report.rotational,
             rate_text(rate),
@@ -114,8 +119,10 @@ impl ProgressDisplay {
         let solver = solver_text(options.solver, report.replacement_reason.is_some());
         let why = unconverged_reason(report.residual, report.tol, report.left_out);
         let message = format!(
-            "cd-solve: step {}, t = {} s: {solver} stopped after {} sweeps, {why}{worst}; continuing",
-            state.step, state.time, report.sweeps
+            "cd-solve: step {}, t = {} s: {solver} stopped after {}, {why}{worst}; continuing",
+            state.step,
+            rounded_number(state.time),
+            count_text(report.sweeps as usize, "sweep")
         );
         self.bar.suspend(|| print_error(&message));
     }
@@ -187,7 +194,7 @@ fn rate_text(rate: f64) -> String {
 
 /// Solver of a step, which may be sweeps that replaced the chosen solver.
 fn solver_text(solver: ContactSolver, replaced: bool) -> String {
-    if replaced { format!("sweeps in contact_text of {solver}") } else { solver.to_string() }
+    if replaced { format!("sweeps in place of {solver}") } else { solver.to_string() }
 }
 
 #[cfg(test)]
@@ -213,12 +220,12 @@ mod tests {
 
     #[test]
     fn a_solver_is_named_that_solved() {
-        assert_eq!(solver_text(ContactSolver::Admm, true), "sweeps in contact_text of admm");
+        assert_eq!(solver_text(ContactSolver::Admm, true), "sweeps in place of admm");
         assert_eq!(solver_text(ContactSolver::Admm, false), "admm");
     }
 
     #[test]
-    fn that_sweeps_take_its_place_is_told_once() {
+    fn a_replacement_by_sweeps_is_reported_once() {
         let progress = ProgressDisplay::new(0, 5);
         assert_eq!(progress.first_replacement_message(1, None), None);
         let message = progress.first_replacement_message(2, Some("it is large")).unwrap();

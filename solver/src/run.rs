@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::messages::{print_error, print_line};
+use cd_formats::names::rounded_number;
 use cd_formats::snapshot::RunParameters;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -72,11 +73,11 @@ pub fn run_case(
 ) -> Result<String, RunFailure> {
     let start = Instant::now();
     let last = scene.last_step();
-    let (mut results, tally) = ResultFiles::open(case, scene, &state)?;
+    let (mut results, estimator) = ResultFiles::open(case, scene, &state)?;
     let mut statistics = RunStatistics {
         threads: rayon::current_num_threads(),
         bonds: state.bond_count(),
-        tally,
+        estimator,
         ..RunStatistics::default()
     };
     let stop = &*STOP_FLAG;
@@ -114,7 +115,7 @@ pub fn run_case(
             && let Err(end) = exchange.read_loads(scene, &mut state)
         {
             state.loads.clear();
-            results.finish_rows(&mut statistics.tally).map_err(RunFailure::Unwritten)?;
+            results.finish_rows(&mut statistics.estimator).map_err(RunFailure::Unwritten)?;
             write_output(&mut results, scene, &state).map_err(as_unwritten)?;
             return Err(exchange_failure(end, &state, last, &progress));
         }
@@ -124,7 +125,7 @@ pub fn run_case(
             let (step_multiple, problem) = next_problem(scene, &state);
             if number <= state.step + step_multiple {
                 let number = state.step + step_multiple;
-                let path = crate::write::problem(case, number, problem).map_err(RunFailure::Unwritten)?;
+                let path = crate::write::write_problem(case, number, problem).map_err(RunFailure::Unwritten)?;
                 print_line(format_args!("cd-solve: contact problem of step {number} in {}", path.display()));
             }
         }
@@ -132,7 +133,7 @@ pub fn run_case(
         let first = state.step;
         progress.begin_step(state.step);
         let Some(report) = step(scene, &mut state, &mut lap) else {
-            results.finish_rows(&mut statistics.tally).map_err(RunFailure::Unwritten)?;
+            results.finish_rows(&mut statistics.estimator).map_err(RunFailure::Unwritten)?;
             write_output(&mut results, scene, &state).map_err(as_unwritten)?;
             results.write_last(scene, &state).map_err(RunFailure::Unwritten)?;
             return Err(stopped_failure(&state, last, &progress));
@@ -165,12 +166,12 @@ pub fn run_case(
         }
         progress.show_step(&state, &report);
         results.add_postpro(scene, &mut state, &report, first).map_err(RunFailure::Unwritten)?;
-        results.add_step(scene, &state, &report, &lap, &mut statistics.tally).map_err(RunFailure::Unwritten)?;
+        results.add_step(scene, &state, &report, &lap, &mut statistics.estimator).map_err(RunFailure::Unwritten)?;
         statistics.clock.accumulate(&lap);
         let stopped = stop.load(Ordering::Relaxed) && state.step < last;
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last || stopped {
             if state.step == last || stopped {
-                results.finish_rows(&mut statistics.tally).map_err(RunFailure::Unwritten)?;
+                results.finish_rows(&mut statistics.estimator).map_err(RunFailure::Unwritten)?;
             }
             writing = write_output(&mut results, scene, &state).map_err(as_unwritten)?;
             if state.step == last || stopped {
@@ -186,7 +187,7 @@ pub fn run_case(
         }
     }
     let last_output = StageTimes { writing, ..StageTimes::default() };
-    statistics.tally.add_writing_time(&last_output);
+    statistics.estimator.add_writing_time(&last_output);
     statistics.clock.accumulate(&last_output);
     progress.finish();
     // No step has measured the overlaps that the last step made.
@@ -202,7 +203,7 @@ pub fn run_case(
     }
     statistics.overlap = statistics.overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE);
     statistics.wall = start.elapsed();
-    let sources = statistics.tally.error_sources(scene, &state);
+    let sources = statistics.estimator.error_sources(scene, &state);
     // Also if a run was killed before it wrote them.
     if statistics.steps > 0 || state.step > scene.start.0 && !errors::is_there(case) {
         errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;
@@ -213,7 +214,7 @@ pub fn run_case(
 /// Failure of a run that was requested to stop.
 fn stopped_failure(state: &State, last: u64, progress: &ProgressDisplay) -> RunFailure {
     progress.finish();
-    let State { step, time, .. } = state;
+    let (step, time) = (state.step, rounded_number(state.time));
     RunFailure::Stopped(format!("stopped after step {step}, t = {time} s, of {last}; --resume continues"))
 }
 
@@ -283,7 +284,7 @@ fn long_step_warning(scene: &Scene, state: &State) -> Option<String> {
     let StepBound { reason, .. } = strictest;
     (h > recommended).then(|| {
         format!(
-            "dt = {h} s is {:.1} times the largest step recommended for a draft, {recommended:.3e} s ({reason}); see --plan",
+            "dt = {h} s is {:.1} times the largest step for the preset draft, {recommended:.3e} s ({reason}); see --plan",
             h / recommended
         )
     })
@@ -317,7 +318,7 @@ fn initial_overlap_warning(scene: &Scene, state: &State, cache: &mut DetectionCa
         count => format!("{count} pairs of bodies overlap"),
     };
     let message = format!(
-        "{count} by more than {} % of the smaller radius from the start, at most {}; laws other than GAP_SGR_CLB keep these overlaps",
+        "{count} by more than {} % of the smaller radius from the start, the deepest: {}; laws other than GAP_SGR_CLB keep these overlaps",
         100.0 * OVERLAP_WARNING_SHARE,
         deepest.message_text(),
     );
@@ -326,7 +327,7 @@ fn initial_overlap_warning(scene: &Scene, state: &State, cache: &mut DetectionCa
 
 /// Warning about deep overlaps made by steps.
 fn deeper_overlap_warning(state: &State, overlap: Overlap) -> String {
-    let State { step, time, .. } = state;
+    let (step, time) = (state.step, rounded_number(state.time));
     format!("step {step}, t = {time} s: {}; use a smaller dt or tol", overlap.message_text())
 }
 

@@ -75,8 +75,10 @@ impl ContactorShape {
 }
 
 cd_formats::index_types! {
-    /// Index of a contactor in `Scene::parts`; in a scene of spheres and plates alone, of a sphere in `Scene::spheres`.
+    /// Index of a contactor in `Scene::parts`.
     PartId;
+    /// Index of a sphere in `Scene::spheres`, in a scene of spheres and plates alone.
+    SphereId;
 }
 
 /// Contactor of a body, in scenes with bodies other than spheres and plates.
@@ -267,7 +269,7 @@ pub struct InteractionRule {
     pub alert: f64,
 }
 
-/// Visibility table: which classes interact, and by what law.
+/// Visibility table: classes that interact, and their laws.
 #[derive(Debug, Clone, Default)]
 pub struct VisibilityTable {
     /// Number of classes.
@@ -391,15 +393,15 @@ impl Scene {
 
     /// Whether an imposed velocity or force depends on time.
     pub fn changes_in_time(&self) -> bool {
-        let of_drives = self.drives.iter().flat_map(|drive| drive.velocity.iter().flatten());
-        !of_drives.chain(self.loads.iter().map(|load| &load.value)).all(Evolution::is_constant)
+        let velocities = self.drives.iter().flat_map(|drive| drive.velocity.iter().flatten());
+        !velocities.chain(self.loads.iter().map(|load| &load.value)).all(Evolution::is_constant)
     }
 
     /// Time (s) up to which all imposed velocities and forces remain as they are at `time`: `time` itself while one
     /// changes, infinite if none changes any more.
     pub fn constant_until(&self, time: f64) -> f64 {
-        let of_drives = self.drives.iter().flat_map(|drive| drive.velocity.iter().flatten());
-        let all = of_drives.chain(self.loads.iter().map(|load| &load.value));
+        let velocities = self.drives.iter().flat_map(|drive| drive.velocity.iter().flatten());
+        let all = velocities.chain(self.loads.iter().map(|load| &load.value));
         all.map(|value| value.constant_until(time)).fold(f64::INFINITY, f64::min)
     }
 
@@ -512,7 +514,7 @@ impl Scene {
         !BARE && self.options.self_gravity
     }
 
-    /// Whether directions of contact are found without a proof of optimality.
+    /// Whether the fast narrow phase is used (directions may not be optimal).
     pub fn narrow_phase_is_fast(&self) -> bool {
         self.is_general() && self.options.narrow_phase() == NarrowPhase::Fast
     }

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame};
-use crate::scene::{BodyId, InteractionRule, PartId, Scene};
+use crate::scene::{BodyId, InteractionRule, PartId, Scene, SphereId};
 
 /// First feature of a contact of polyhedra that was read from a text file without features; the second is a running
 /// number. In the next step it is identified with the nearest contact of the same contactors.
@@ -54,8 +54,8 @@ pub struct Contact {
     pub law: u8,
 }
 
-/// Two contactors that the visibility table lists, the candidate first, and their rule.
-pub type VisiblePair = ([PartId; 2], InteractionRule);
+/// Two contactors that the visibility table lists, the candidate first, and their rule. `I`: type of their indices.
+pub type VisiblePair<I = PartId> = ([I; 2], InteractionRule);
 
 /// Cached data of two contactors that were in contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,6 +69,8 @@ pub struct CachedPair {
 #[derive(Debug, Clone, Default)]
 pub struct DetectionCache {
     pub neighbours: NeighbourList,
+    /// Neighbour pairs of a scene of spheres and plates alone, in the order of their indices.
+    pub sphere_pairs: Vec<VisiblePair<SphereId>>,
     /// Neighbour pairs that the visibility table lists, ordered by candidates along Morton's curve, so that the data of
     /// contactors stay in the cache, then by antagonists. Shared with the backup of a step.
     pub pairs: Arc<Vec<VisiblePair>>,
@@ -115,7 +117,7 @@ impl PartialEq for DetectionCache {
 /// List of near pairs (Verlet list), valid as long as no body has moved by more than its skin.
 #[derive(Debug, Clone, Default)]
 pub struct NeighbourList {
-    /// All pairs i < j within the distance of [`crate::detect::broad::near_pairs`], and others.
+    /// All pairs i < j within the distance of [`crate::geometry::near_pairs`], and others.
     pub pairs: Vec<[u32; 2]>,
     /// Centres and reaches at the last rebuild, and the skin of each ball, m.
     pub centres: Vec<Vec3>,

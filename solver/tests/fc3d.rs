@@ -60,7 +60,7 @@ fn real_problems_reach_the_tolerance() {
 }
 
 #[test]
-fn what_is_not_reached_is_told_with_the_best_found() {
+fn an_unreached_tolerance_is_reported_with_the_best_solution() {
     let problem = load("oneobject-499");
     let few = solved(&problem, MatrixSolver::Nlgs, 300);
     assert!(!few.converged && few.sweeps == 300 && few.residual < 0.1, "{}", few.residual);

@@ -28,7 +28,14 @@ fn neither_threads_nor_vectors_change_a_solution() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let until = StoppingCriteria { precision, ..StoppingCriteria::new(1e-12, sweeps) };
             let solution = pool.install(|| solve_nlgs(system, until, width));
-            (solution.impulses, solution.moments, solution.records, solution.residual, solution.sweeps, solution.worst)
+            (
+                solution.impulses,
+                solution.moments,
+                solution.solver_bodies,
+                solution.residual,
+                solution.sweeps,
+                solution.worst,
+            )
         };
         let plain = solve(SimdWidth::all_widths()[0], 1);
         assert!(plain.3 < 0.5, "{}", plain.3); // of 1 where nothing is solved
@@ -42,7 +49,7 @@ fn neither_threads_nor_vectors_change_a_solution() {
 
 /// Velocities of all bodies, m/s.
 fn velocities(solution: &ContactSolution) -> Vec<f64> {
-    solution.records.iter().flat_map(|record| [record.v, record.w]).flat_map(|v| [v.x, v.y, v.z]).collect()
+    solution.solver_bodies.iter().flat_map(|record| [record.v, record.w]).flat_map(|v| [v.x, v.y, v.z]).collect()
 }
 
 fn in_precision(system: &ContactProblem, precision: SweepPrecision, tol: f64) -> ContactSolution {
@@ -73,7 +80,7 @@ fn single_precision_finds_the_solution_of_double_precision() {
             }
             // Impulses are equal and opposite to the last bit, so only their sums are rounded.
             let momentum = |records: &[SolverBody]| records.iter().map(|record| record.v).sum::<Vec3>();
-            let drift = (momentum(&found.records) - momentum(&system.bodies)).norm();
+            let drift = (momentum(&found.solver_bodies) - momentum(&system.bodies)).norm();
             assert!(drift <= 1e-12, "{drift}"); // of 5000 velocities of 0.1 m/s
         }
     }

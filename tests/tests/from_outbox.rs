@@ -387,7 +387,7 @@ fn a_twin_an_impactor_and_other_laws_come_together() {
 }
 
 #[test]
-fn a_sampler_moves_as_it_is_told() {
+fn a_sampler_moves_as_imposed() {
     let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "")).solved(&[]);
     let sampler = |motion: &str| {
         let contacts = r#"[(between: ("BLUEx", "IRONx"), law: "iqsc0")]"#;
@@ -708,7 +708,7 @@ fn a_start_has_the_step_of_the_run_before() {
 }
 
 #[test]
-fn events_and_gravity_that_datbox_has_not_are_told() {
+fn events_and_gravity_that_datbox_has_not_are_reported() {
     let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", ""));
     let events = "[(time: 0.25, action: SetGravity((0.0, 0.0, -0.5))), (time: 0.5, action: SetQuench(0.25))]";
     let from = from.solved(&["--steps", "4", "--events", events]);

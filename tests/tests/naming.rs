@@ -1,4 +1,4 @@
-//! Names and comments of the code as CONTRIBUTING.md asks for: counted over all crates, tests left out.
+//! Names and comments of the code as CONTRIBUTING.md requires: counted over all crates, tests left out.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -29,15 +29,62 @@ fn source_files(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// Lines of code and comments of all crates before their tests.
-fn lines() -> Vec<String> {
+/// Source files of all crates, with their texts.
+fn sources() -> Vec<(PathBuf, String)> {
+    CRATES.iter().flat_map(|name| crate_sources(name)).collect()
+}
+
+/// Source files of a crate, with their texts.
+fn crate_sources(name: &str) -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut files = Vec::new();
-    CRATES.iter().for_each(|name| source_files(&root.join(name).join("src"), &mut files));
-    assert!(files.len() > 100);
-    let text = |file: &PathBuf| fs::read_to_string(file).unwrap();
-    let code = |text: String| text.split("#[cfg(test)]").next().unwrap().to_string();
-    files.iter().map(text).map(code).flat_map(|code| code.lines().map(str::to_string).collect::<Vec<_>>()).collect()
+    source_files(&root.join(name).join("src"), &mut files);
+    assert!(files.len() > 20);
+    files.into_iter().map(|file| (file.clone(), fs::read_to_string(file).unwrap())).collect()
+}
+
+/// Lines of code and comments of all crates before their tests.
+fn lines() -> Vec<String> {
+    CRATES.iter().flat_map(|name| crate_lines(name)).collect()
+}
+
+/// Lines of a crate before its tests.
+fn crate_lines(name: &str) -> Vec<String> {
+    let code = |(_, text): (PathBuf, String)| text.split("#[cfg(test)]").next().unwrap().to_string();
+    crate_sources(name)
+        .into_iter()
+        .map(code)
+        .flat_map(|code| code.lines().map(str::to_string).collect::<Vec<_>>())
+        .collect()
+}
+
+/// Comments of a line and its strings of several words, without quoted code and placeholders.
+fn prose(line: &str) -> Vec<String> {
+    let (code, comment) = match line.find("//") {
+        Some(at) if at == 0 || line[..at].ends_with(' ') => (&line[..at], Some(&line[at..])),
+        _ => (line, None),
+    };
+    let strings = code.split('"').skip(1).step_by(2).filter(|text| text.contains(' '));
+    let without_code = |text: &str| {
+        let outside = text.split('`').step_by(2).collect::<Vec<_>>().join("`");
+        let pieces = outside.split(['[', '{']).enumerate();
+        pieces
+            .map(|(k, piece)| piece.split_once([']', '}']).filter(|_| k > 0).map_or(piece, |(_, rest)| rest))
+            .collect()
+    };
+    comment.into_iter().chain(strings).map(without_code).collect()
+}
+
+/// Whether a text has the name of a variable where a word belongs, as renaming tools leave it: `sweeps in new_text of`.
+fn has_name_as_word(text: &str) -> bool {
+    let words: Vec<&str> = text.split_whitespace().collect();
+    // Symbols with an index, as x_i, have parts of one letter.
+    let is_part = |part: &str| part.len() > 1 && part.bytes().all(|b| b.is_ascii_lowercase());
+    let is_name = |word: &str| word.contains('_') && word.split('_').all(is_part);
+    let is_word = |word: &str| word.bytes().all(|b| b.is_ascii_alphabetic());
+    words
+        .windows(3)
+        .any(|three| is_word(three[0]) && is_name(three[1]) && ["of", "at", "the", "all", "most"].contains(&three[2]))
 }
 
 /// Names that follow one of the keywords, sorted; each as often as it is defined.
@@ -76,10 +123,34 @@ fn types_have_two_words_unless_they_are_terms_of_the_field() {
 }
 
 #[test]
+fn a_name_is_that_of_one_type_in_its_crate() {
+    for name in CRATES {
+        let lines = crate_lines(name);
+        let mut names = defined_names(&lines, &["struct", "enum", "trait"]);
+        names.retain(|name| name.starts_with(char::is_uppercase));
+        names.sort();
+        let repeated: Vec<&str> = names.windows(2).filter(|two| two[0] == two[1]).map(|two| two[0].as_str()).collect();
+        assert!(repeated.is_empty(), "{name}: {repeated:?}");
+    }
+}
+
+#[test]
 fn functions_have_two_words_unless_they_are_verbs_of_rust() {
     let names = defined_names(&lines(), &["fn"]);
     let found = share(&names, |name| !name.contains('_'));
     assert!(names.len() > 1500 && found <= ONE_WORD_FUNCTIONS, "{:.0} % of {} functions", 100.0 * found, names.len());
+}
+
+#[test]
+fn comments_and_messages_have_words_not_names_of_variables() {
+    assert!(has_name_as_word(&prose("    // Every subset from_frame at most four")[0]));
+    assert!(has_name_as_word(&prose(r#"    format!("sweeps in contact_text of {solver}")"#)[0]));
+    assert!(!has_name_as_word(&prose("/// Value of `output_every` of the run")[0]));
+    for (file, text) in sources() {
+        for (number, line) in (1..).zip(text.lines()) {
+            assert!(!prose(line).iter().any(|text| has_name_as_word(text)), "{}:{number}: {line}", file.display());
+        }
+    }
 }
 
 #[test]

@@ -249,7 +249,7 @@ fn a_plan_tells_and_writes_nothing() {
 }
 
 #[test]
-fn deep_overlaps_at_the_start_are_told() {
+fn deep_overlaps_at_the_start_are_reported() {
     let case = Case::of(&cloud(2, 0.4, 1, "dt: 1.0, steps: 2, output_every: 1")).solved(&[]);
     let message = |case: &Case| {
         let output = process(case, "--force").output().unwrap();

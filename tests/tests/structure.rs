@@ -9,14 +9,14 @@
 //!
 //! | who | may import | never |
 //! |---|---|---|
-//! | kernel: `laws`, `gravity`, `geometry`, `math` | `math`; `geometry` types of `formats::faces`, whose verdict on a shape cd-pre shares; `laws` types of `formats::law_table` | data, stages, other formats |
+//! | kernel: `laws`, `gravity`, `geometry`, `math` | `math`; `geometry` types of `formats::faces`, with which cd-pre checks shapes; `laws` types of `formats::law_table` | data, stages, other formats |
 //! | data: `scene`, `state` | kernels, types of formats | stages |
 //! | stage: `integrate`, `detect`, `assemble`, `solve` | data, kernels, types of stages earlier in the step, types of options | functions of another stage, other formats |
 //! | stage: `read`, `write` | data, kernels, formats, types of `step` | functions of another stage |
 //! | `step` | stages, data, kernels | formats, `read`, `write` |
 //! | `run`, `plan`, `cli`, `thread_pool`, `progress` | all | |
-//! | all | `crate::activity`: what the step is doing, and whether it is given up | |
-//! | all | `crate::features::BARE`: which models the program is built with | |
+//! | all | `crate::activity`: the current stage of the step, and whether it is abandoned | |
+//! | all | `crate::features::BARE`: models with which the program is built | |
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -26,14 +26,8 @@ const KERNELS: [&str; 4] = ["laws", "gravity", "geometry", "math"];
 const DATA: [&str; 2] = ["scene", "state"];
 /// In the order in which a step first enters them.
 const STAGES: [&str; 4] = ["integrate", "detect", "assemble", "solve"];
-const DOORS: [&str; 2] = ["read", "write"];
+const FILE_STAGES: [&str; 2] = ["read", "write"];
 const OUTSIDE: [&str; 6] = ["run", "plan", "cli", "thread_pool", "progress", "lib"];
-
-/// Imports against the table that stand for now, each with what would mend it.
-const EXCEPTIONS: &[(&str, &str)] = &[
-    // The search for neighbours could be a kernel, for contacts and for the near field of gravity.
-    ("assemble", "crate::detect::broad::near_pairs"),
-];
 
 /// Types of formats that the data and the stages may name: options, events, functions of time and fields from outside are
 /// the same there as in the files; and disjoint sets.
@@ -67,20 +61,20 @@ fn allowed(who: &str, path: &str) -> bool {
         return true;
     }
     match root {
-        "cd_formats" if OUTSIDE.contains(&who) || DOORS.contains(&who) => true,
+        "cd_formats" if OUTSIDE.contains(&who) || FILE_STAGES.contains(&who) => true,
         "cd_formats" if who == "laws" => path.starts_with("cd_formats::law_table::") && is_type(path),
         "cd_formats" if who == "geometry" => path.starts_with("cd_formats::faces::") && is_type(path),
         "cd_formats" => (DATA.contains(&who) || STAGES.contains(&who)) && is_shared_type(path),
         _ if what == who || OUTSIDE.contains(&who) => true,
         _ if KERNELS.contains(&who) => what == "math",
         _ if DATA.contains(&who) => is(&KERNELS) || is(&DATA),
-        _ if DOORS.contains(&who) => is(&KERNELS) || is(&DATA) || step_types || (is(&STAGES) && is_type(path)),
+        _ if FILE_STAGES.contains(&who) => is(&KERNELS) || is(&DATA) || step_types || (is(&STAGES) && is_type(path)),
         _ if who == "step" => is(&KERNELS) || is(&DATA) || is(&STAGES),
         _ => {
             let place = |stage: &str| STAGES.iter().position(|r| *r == stage);
             let mine =
                 place(who).unwrap_or_else(|| panic!("'{who}' is neither stage, kernel nor data: extend the table"));
-            // The two halves of `assemble` stand on either side of `detect`.
+            // The two halves of `assemble` are on either side of `detect`.
             let earlier = place(what).is_some_and(|theirs| theirs < mine);
             is(&KERNELS) || is(&DATA) || (earlier && is_type(path))
         }
@@ -140,7 +134,6 @@ fn expand(prefix: &str, text: &str, found: &mut BTreeSet<String>) -> usize {
 fn the_solver_keeps_its_table_of_imports() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../solver/src");
     let mut faults = Vec::new();
-    let mut used = BTreeSet::new();
     for file in sources(&root) {
         let inside = file.strip_prefix(&root).unwrap();
         let who = inside.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs");
@@ -148,16 +141,12 @@ fn the_solver_keeps_its_table_of_imports() {
             continue;
         }
         for path in paths(&fs::read_to_string(&file).unwrap(), &["crate", "cd_formats"]) {
-            if let Some(exception) = EXCEPTIONS.iter().find(|(stage, import)| *stage == who && *import == path) {
-                used.insert(exception);
-            } else if !allowed(who, &path) {
+            if !allowed(who, &path) {
                 faults.push(format!("solver/src/{}: {who} imports {path}", inside.display()));
             }
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
-    let unused: Vec<_> = EXCEPTIONS.iter().filter(|exception| !used.contains(exception)).collect();
-    assert!(unused.is_empty(), "no longer needed: {unused:?}");
 }
 
 #[test]
@@ -262,16 +251,16 @@ fn the_table_refuses_what_it_should() {
     for (who, path) in [
         ("laws", "crate::state::Contact"),
         ("laws", "cd_formats::snapshot::LawName"),
-        ("gravity", "crate::laws::Law"),
+        ("gravity", "crate::laws::ContactLaw"),
         ("math", "cd_formats::snapshot::Ledger"),
-        ("scene", "crate::detect::narrow"),
+        ("scene", "crate::detect::listed_contacts"),
         ("scene", "cd_formats::bodies::Bodies"),
-        ("integrate", "crate::solve::Solution"),
+        ("integrate", "crate::solve::ContactSolution"),
         ("solve", "crate::assemble::contact_problem"),
         ("solve", "cd_formats::error::Fault"),
         ("step", "cd_formats::compute::Compute"),
-        ("step", "crate::write::Results"),
-        ("write", "crate::read::case"),
+        ("step", "crate::write::ResultFiles"),
+        ("write", "crate::read::read_case"),
     ] {
         assert!(!allowed(who, path), "{who} imports {path}");
     }
@@ -279,11 +268,11 @@ fn the_table_refuses_what_it_should() {
         ("laws", "crate::math::Vec3"),
         ("laws", "cd_formats::law_table::LawModel"),
         ("scene", "cd_formats::compute::Compute"),
-        ("solve", "crate::assemble::System"),
+        ("solve", "crate::assemble::ContactProblem"),
         ("read", "cd_formats::error::Fault"),
         ("write", "crate::step::StepReport"),
         ("step", "crate::assemble::relative_velocity"),
-        ("run", "crate::write::Results"),
+        ("run", "crate::write::ResultFiles"),
     ] {
         assert!(allowed(who, path), "{who} may import {path}");
     }

@@ -25,7 +25,7 @@ impl Contactor {
             let inertia = Matrix3::from_diagonal_element(0.4 * volume * radius * radius);
             MassProperties { volume, centre, inertia: inertia.into() }
         };
-        let turned = |volume: f64, moments: [f64; 3]| {
+        let rotated = |volume: f64, moments: [f64; 3]| {
             let inertia = axes * Matrix3::from_diagonal(&Vector3::from(moments)) * axes.transpose();
             MassProperties { volume, centre: offset, inertia: inertia.into() }
         };
@@ -34,19 +34,19 @@ impl Contactor {
             ShapeRecord::OffsetSphere { radius, offset } => ball(*radius, *offset),
             ShapeRecord::Plane { half_lengths: [a, b, c] } => {
                 let volume = 8.0 * a * b * c;
-                turned(volume, [b * b + c * c, a * a + c * c, a * a + b * b].map(|square| volume / 3.0 * square))
+                rotated(volume, [b * b + c * c, a * a + c * c, a * a + b * b].map(|square| volume / 3.0 * square))
             }
             ShapeRecord::Cylinder { half_height, radius, .. } => {
                 let volume = 2.0 * PI * radius * radius * half_height;
                 let across = volume * (radius * radius / 4.0 + half_height * half_height / 3.0);
-                turned(volume, [across, across, volume * radius * radius / 2.0])
+                rotated(volume, [across, across, volume * radius * radius / 2.0])
             }
             ShapeRecord::Polyhedron { vertices, triangles } => Surface::new(vertices, triangles)?.mass_properties(),
             ShapeRecord::Point { offset } => MassProperties { volume: 0.0, centre: *offset, inertia: [[0.0; 3]; 3] },
         })
     }
 
-    /// Moments about its own axes; `own` are its mass properties.
+    /// Moments of inertia of a contactor about its own axes; `own` are its mass properties.
     fn own_moments(&self, own: &MassProperties) -> [f64; 3] {
         let axes = self.local_frame.as_ref().map_or(Matrix3::identity(), |f| Matrix3::from_fn(|i, j| f.axes[j][i]));
         let turn = Rotation3::from_matrix_eps(&axes, 1e-15, 100, Rotation3::identity());
@@ -62,7 +62,7 @@ pub struct InertialProperties {
     pub mass: f64,
     /// Principal moments, kg m^2.
     pub inertia: [f64; 3],
-    /// Radius of a lone sphere, else of the sphere of equal volume, m.
+    /// Radius of a single sphere, else of the sphere of equal volume, m.
     pub radius: f64,
 }
 
@@ -77,19 +77,20 @@ pub struct SolidPiece {
     pub mass: MassProperties,
 }
 
-/// Body that can be computed.
+/// Body whose shape and mass cd-solve accepts, with its mass properties.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckedBody {
     /// Shapes that touch others, in the order of the contactors: none of a PT3Dx, several of a POLYR that is not convex.
     pub pieces: Vec<SolidPiece>,
     /// Mass properties of all contactors together.
     pub whole: MassProperties,
+    /// Mass, moments and radius at the given density.
     pub inertial: InertialProperties,
 }
 
 impl CheckedBody {
-    /// Reach of the contactors from the centre of mass, m, by the bounding ball of each. `body` must be the one that this
-    /// was made of.
+    /// Radius of a ball about the centre of mass that contains the bounding balls of all contactors, m. `body`: body from
+    /// which this was made.
     pub fn bounding_radius(&self, body: &Body) -> f64 {
         let shift = Vector3::from(body.centre_of_mass_offset(&self.whole));
         let reach = self.pieces.iter().map(|piece| {
@@ -150,21 +151,24 @@ impl Body {
             }
         }
         let whole = MassProperties::composite(&parts);
-        let inert = self.inertial_properties(&whole, density);
-        let InertialProperties { mass, inertia, .. } = inert;
-        let sound = |x: f64| x.is_finite() && x > 0.0;
-        if !sound(mass) || !inertia.into_iter().all(sound) {
-            let found =
-                if sound(mass) { format!("principal inertia {inertia:?} kg m²") } else { format!("mass {mass} kg") };
-            return Err(RecordFault::new(found, "expected mass and inertia above 0 that a number can hold"));
+        let inertial = self.inertial_properties(&whole, density);
+        let InertialProperties { mass, inertia, .. } = inertial;
+        let is_positive = |x: f64| x.is_finite() && x > 0.0;
+        if !is_positive(mass) || !inertia.into_iter().all(is_positive) {
+            let found = if is_positive(mass) {
+                format!("principal inertia {inertia:?} kg m²")
+            } else {
+                format!("mass {mass} kg")
+            };
+            return Err(RecordFault::new(found, "expected mass and inertia to be finite and > 0"));
         }
         let [i, j, k] = inertia;
         if i + j < 0.999_999 * k || j + k < 0.999_999 * i || k + i < 0.999_999 * j {
             let found = format!("principal inertia {i:e}, {j:e}, {k:e} kg m²");
-            let expected = "expected each to be at most the sum of the others, as every body has them";
+            let expected = "expected each principal moment to be at most the sum of the other two";
             return Err(RecordFault::new(found, expected));
         }
-        Ok(CheckedBody { pieces, whole, inertial: inert })
+        Ok(CheckedBody { pieces, whole, inertial })
     }
 
     /// Mass properties of all contactors together. Errors: those of any contactor.
@@ -173,12 +177,12 @@ impl Body {
         Ok(MassProperties::composite(&of_each.collect::<Result<Vec<_>, _>>()?))
     }
 
-    /// Vector from `position` to the centre of mass, m; `own` are the mass properties of all contactors together. It
-    /// points to their centre. It is 0 for a lone SPHEb, and for several contactors with a given inertia, which are
-    /// relative to the centre.
+    /// Vector from `position` to the centre of mass, m; `own` are the mass properties of all contactors together. Zero
+    /// for a single SPHEb, and for several contactors with given inertia, whose coordinates are relative to the centre of
+    /// mass.
     pub fn centre_of_mass_offset(&self, own: &MassProperties) -> [f64; 3] {
         let about_centre = match self.contactors.as_slice() {
-            [lone] => matches!(lone.shape, ShapeRecord::OffsetSphere { .. }),
+            [single] => matches!(single.shape, ShapeRecord::OffsetSphere { .. }),
             _ => self.inertia.is_some_and(|inertia| inertia != [0.0; 3]),
         };
         if about_centre { [0.0; 3] } else { own.centre }
@@ -195,31 +199,35 @@ impl Body {
     }
 
     /// Mass properties at a density (kg/m^3); `own` are those of all contactors together. Given values of `avrd` and
-    /// `I1 I2 I3` are used, except for the moments of a lone sphere, plate or cylinder, about its own axes, and the mass of
-    /// a sphere.
+    /// `I1 I2 I3` are used, except for the moments of a single sphere, plate or cylinder, about its own axes, and the mass
+    /// of a sphere.
     pub fn inertial_properties(&self, own: &MassProperties, density: f64) -> InertialProperties {
-        let lone = if let [lone] = self.contactors.as_slice() { Some(lone) } else { None };
-        let simple = lone.filter(|contactor| !matches!(contactor.shape, ShapeRecord::Polyhedron { .. }));
+        let single = if let [single] = self.contactors.as_slice() { Some(single) } else { None };
+        let simple = single.filter(|contactor| !matches!(contactor.shape, ShapeRecord::Polyhedron { .. }));
         let given = self.inertia.filter(|inertia| simple.is_none() && *inertia != [0.0; 3]);
         let own_moments = || simple.map_or_else(|| own.lmgc90_frame().moments, |contactor| contactor.own_moments(own));
         let inertia = given.unwrap_or_else(own_moments);
         let declared = 4.0 / 3.0 * PI * self.equivalent_radius.powi(3);
-        let counts = match simple.map(|contactor| &contactor.shape) {
+        let uses_declared_volume = match simple.map(|contactor| &contactor.shape) {
             // Computed directly, the volume has more digits.
             Some(ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. }) => {
                 (declared / own.volume - 1.0).abs() > VOLUME_ROUNDING
             }
             Some(_) => false,
-            None => lone.is_some() || given.is_some(),
+            None => single.is_some() || given.is_some(),
         };
-        let volume = if counts && declared != 0.0 { declared } else { own.volume };
-        let radius = match lone.map(|contactor| &contactor.shape) {
+        let volume = if uses_declared_volume && declared != 0.0 { declared } else { own.volume };
+        let radius = match single.map(|contactor| &contactor.shape) {
             Some(ShapeRecord::Sphere { radius }) => *radius,
             _ => (volume * 0.75 / PI).cbrt(),
         };
         let inertia = inertia.map(|moment| density * moment);
-        let alike = inertia.iter().all(|moment| (moment - inertia[0]).abs() <= EQUAL_MOMENTS * inertia[0]);
-        InertialProperties { mass: density * volume, inertia: if alike { [inertia[0]; 3] } else { inertia }, radius }
+        let equal_moments = inertia.iter().all(|moment| (moment - inertia[0]).abs() <= EQUAL_MOMENTS * inertia[0]);
+        InertialProperties {
+            mass: density * volume,
+            inertia: if equal_moments { [inertia[0]; 3] } else { inertia },
+            radius,
+        }
     }
 }
 

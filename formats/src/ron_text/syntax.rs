@@ -13,6 +13,14 @@ pub struct TextFault {
     pub expected: String,
 }
 
+impl std::fmt::Display for TextFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}; {}", self.found, self.expected)
+    }
+}
+
+impl std::error::Error for TextFault {}
+
 /// Line and column of a byte, 1-based, columns in characters.
 pub fn line_and_column(text: &str, at: usize) -> (usize, usize) {
     let before = &text[..at.min(text.len())];

@@ -98,7 +98,7 @@ impl fmt::Display for NpzError {
         match self {
             NpzError::TruncatedFile => f.write_str("the file is truncated"),
             NpzError::NoArchive => f.write_str("the file is no .npz file"),
-            NpzError::MissingArray => f.write_str("is not there"),
+            NpzError::MissingArray => f.write_str("is missing"),
             NpzError::UnsupportedArray => f.write_str("is compressed or encrypted"),
             NpzError::DamagedArray => f.write_str("is damaged"),
             NpzError::OtherVersion => f.write_str("is no npy array of version 1.0"),

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::names::nearest_name;
 
 use crate::commands::state;
 use crate::commands::track;
@@ -108,7 +109,11 @@ pub fn write(
     let against = against.unwrap_or(kind.find_column("time").map_or(kind.columns[0].0, |(time, _, _)| time));
     let asked = columns.iter().map(|name| ("columns", name.as_str())).chain([("against", against)]);
     for (asking, name) in asked.clone().filter(|(_, name)| kind.find_column(name).is_none()) {
-        let expected = format!("expected a column of {}, see docs/reference/observables/", table.display());
+        let columns: Vec<&str> = kind.columns.iter().map(|(name, ..)| *name).collect();
+        let expected = match nearest_name(name, &columns) {
+            Some(near) => format!("did you mean {near}?"),
+            None => format!("expected a column of {}, see docs/reference/observables/", table.display()),
+        };
         faults.push(option(asking, format!("'{name}'"), expected));
     }
     let known: Vec<&str> = asked.map(|(_, name)| name).filter(|name| kind.find_column(name).is_some()).collect();

@@ -116,8 +116,8 @@ pub fn measure_series<T: Send>(
                 }
                 Err(Faults(found)) => {
                     // A fault of the one BODIES.DAT of several snapshots is reported once.
-                    let message: HashSet<PathBuf> = faults.0.iter().map(|fault| fault.file.clone()).collect();
-                    faults.0.extend(found.into_iter().filter(|fault| !message.contains(&fault.file)));
+                    let reported_files: HashSet<PathBuf> = faults.0.iter().map(|fault| fault.file.clone()).collect();
+                    faults.0.extend(found.into_iter().filter(|fault| !reported_files.contains(&fault.file)));
                 }
             }
         }

@@ -283,7 +283,12 @@ fn measure_run(case: &Path, from: Option<f64>, until: Option<f64>) -> Result<Vec
     let taken: Vec<usize> = (0..times.len()).filter(|&k| counts.contains(&times[k])).collect();
     if taken.is_empty() {
         let found = times.last().map_or("has no snapshot".into(), |time| format!("ends at {time} s"));
-        return Err(Fault::new(&path, None, "time", found, "expected a snapshot in the time of the means").into());
+        let end = if until.is_finite() { format!(" to --until {until} s") } else { String::new() };
+        let expected = match from {
+            Some(from) => format!("expected a snapshot from --from {from} s{end}"),
+            None => format!("expected a snapshot{end}"),
+        };
+        return Err(Fault::new(&path, None, "time", found, expected).into());
     }
     let mean = |name: &str| {
         let column = series.get(name).map_or(&[][..], |column| column);

@@ -89,10 +89,11 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
     let (mut gravity, mut turned) = (None, None);
     let shapes = ShapeCache::default();
     let paths = select_snapshots(&dir.join("OUTBOX"), 1)?;
-    let found = |frame: &Frame, path: &Path, up: &Vec3| -> Result<TrackedBody, Faults> {
+    let found = |frame: &Frame, up: &Vec3| -> Result<TrackedBody, Faults> {
         find_body(frame, body, up).ok_or_else(|| {
-            let expected = "expected the number of a sphere or polyhedron in BODIES.DAT";
-            Fault::new(path, None, format!("body {body}"), "is not there", expected).into()
+            let count = frame.grains.len() + frame.walls.len();
+            let expected = format!("expected the number of a body in BODIES.DAT, 1 to {count}");
+            Fault::new(Path::new("options"), None, "body", format!("{body}"), expected).into()
         })
     };
     for (k, (step, path)) in paths.iter().enumerate() {
@@ -103,7 +104,7 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
                 up = direction;
                 // The lowest points of earlier rows were computed for another direction.
                 for (k, (_, path)) in paths[..k].iter().enumerate() {
-                    seen[k] = found(&Frame::read(path, &shapes)?, path, &up)?;
+                    seen[k] = found(&Frame::read(path, &shapes)?, &up)?;
                 }
             }
             (Some((_, direction)), Some(other)) if (other - direction).norm() > SAME_DIRECTION => {
@@ -116,7 +117,7 @@ pub fn write(dir: &Path, body: u64) -> Result<(PathBuf, Vec<String>), Faults> {
             up = gravity.map(|(_, direction)| direction).or(upward_direction(&frame, body)).unwrap_or(up);
             first = Some(frame.clone());
         }
-        seen.push(found(&frame, path, &up)?);
+        seen.push(found(&frame, &up)?);
         last = Some(frame);
     }
     let (Some(first), Some(last)) = (first, last) else { unreachable!("select gives at least one") };

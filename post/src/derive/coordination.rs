@@ -18,8 +18,15 @@ pub struct Coordination {
     pub z_constraints: f64,
     /// Rattlers over grains.
     pub rattler_fraction: f64,
-    /// Share of the touching pairs that touch in a face, in an edge, in a point.
-    pub shares: [f64; 3],
+    pub shares: ContactShares,
+}
+
+/// Shares of the touching pairs that touch in a face, in an edge and in a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactShares {
+    pub face: f64,
+    pub edge: f64,
+    pub point: f64,
 }
 
 /// Whether the bodies of a contact touch with force: it carries force, and the solver has found it closed, sticking or sliding.
@@ -66,20 +73,20 @@ impl TouchingPair {
 
 /// The pairs of bodies that touch with force, each once, in the order of their first contact.
 pub fn touching_pairs(frame: &Frame) -> Vec<TouchingPair> {
-    let mut places: HashMap<[BodyIndex; 2], usize> = HashMap::new();
+    let mut indices: HashMap<[BodyIndex; 2], usize> = HashMap::new();
     let mut touches: Vec<TouchingPair> = Vec::new();
     for contact in touching_contacts(frame) {
         let sides = sorted_sides(contact);
-        places.entry(sides).or_insert_with(|| {
+        indices.entry(sides).or_insert_with(|| {
             touches.push(TouchingPair { sides, points: 0 });
             touches.len() - 1
         });
     }
     for contact in &frame.contacts {
-        if let Some(&place) = places.get(&sorted_sides(contact))
+        if let Some(&index) = indices.get(&sorted_sides(contact))
             && (touches_with_force(contact) || contact.gap <= touching_distance(frame, contact))
         {
-            touches[place].points += 1;
+            touches[index].points += 1;
         }
     }
     touches
@@ -92,7 +99,7 @@ fn sorted_sides(contact: &Contact) -> [BodyIndex; 2] {
 }
 
 /// Number of pairs of bodies whose contacts carry force, but only pull at a distance ([`touches_with_force`]).
-pub fn distant_pulls(frame: &Frame) -> usize {
+pub fn count_distant_pairs(frame: &Frame) -> usize {
     let touching: HashSet<[BodyIndex; 2]> = touching_contacts(frame).map(sorted_sides).collect();
     frame.active_contacts().map(sorted_sides).filter(|sides| !touching.contains(sides)).collect::<HashSet<_>>().len()
 }
@@ -115,8 +122,8 @@ pub fn contact_counts(frame: &Frame) -> Vec<u32> {
     counts
 }
 
-/// Mean number of neighbours that the grains `members` (rising) have touched with force in a step since the snapshot
-/// before.
+/// Mean number of neighbours that the grains `members` (rising) have touched with force in a step since the previous
+/// snapshot.
 ///
 /// Neighbours are counted as in [`mean_coordination`]. Between moving grains, contacts carry force in some steps and none
 /// in others, so the number of neighbours in a single step falls with the step length; the number in an interval does not.
@@ -146,7 +153,7 @@ pub fn interval_coordination(frame: &Frame, members: &[GrainId]) -> f64 {
 /// A load (gravity, uniform or of the grains) replaces one of them. With friction two are enough to balance a force, along
 /// the line between them or parallel to it. A snapshot counts as frictional if one of its contacts carries a tangential
 /// force that exceeds the rounding of a normal force under a change of frame.
-pub fn stable_number(frame: &Frame) -> u32 {
+pub fn min_stable_constraints(frame: &Frame) -> u32 {
     let parameters = &frame.meta.parameters;
     let loaded = parameters.self_gravity || parameters.uniform_gravity != [0.0; 3];
     let friction = frame.active_contacts().any(|contact| contact.tangential_force > 1e-12 * contact.normal_force.abs());
@@ -195,29 +202,30 @@ pub fn mean_coordination(frame: &Frame, members: &[GrainId]) -> Coordination {
     let member = |grain: &GrainId| members.binary_search(grain).is_ok();
     let total = members.len() as f64;
     let touches = touching_pairs(frame);
-    let rattler = find_rattlers(frame, &touches, stable_number(frame));
-    let held = members.iter().filter(|&&grain| !rattler[grain.index()]).count() as f64;
-    let (mut ends, mut ends_held, mut constraints) = (0.0, 0.0, 0.0);
-    let (mut kinds, mut pairs) = ([0.0; 3], 0.0);
+    let rattler = find_rattlers(frame, &touches, min_stable_constraints(frame));
+    let non_rattlers = members.iter().filter(|&&grain| !rattler[grain.index()]).count() as f64;
+    let (mut contact_ends, mut contact_ends_without_rattlers, mut constraints) = (0.0, 0.0, 0.0);
+    let (mut counts_by_points, mut pairs) = ([0.0; 3], 0.0);
     for touch in &touches {
         let grains = touch.grains().filter(member).count() as f64;
         if grains == 0.0 {
             continue;
         }
         pairs += 1.0;
-        ends += grains;
+        contact_ends += grains;
         constraints += grains * f64::from(touch.constraint_count());
-        kinds[3 - touch.constraint_count() as usize] += 1.0;
+        counts_by_points[3 - touch.constraint_count() as usize] += 1.0;
         if touch.grains().all(|grain| !rattler[grain.index()]) {
-            ends_held += grains;
+            contact_ends_without_rattlers += grains;
         }
     }
+    let [face, edge, point] = counts_by_points.map(|count| count / pairs);
     Coordination {
-        z: ends / total,
-        z_no_rattlers: ends_held / held,
+        z: contact_ends / total,
+        z_no_rattlers: contact_ends_without_rattlers / non_rattlers,
         z_constraints: constraints / total,
-        rattler_fraction: (total - held) / total,
-        shares: kinds.map(|count| count / pairs),
+        rattler_fraction: (total - non_rattlers) / total,
+        shares: ContactShares { face, edge, point },
     }
 }
 
@@ -273,7 +281,7 @@ mod tests {
         assert_eq!((loaded.z_no_rattlers, loaded.rattler_fraction), (3.0, 0.2));
         // With friction two contacts are stable.
         scene.contact(3, 2, Vec3::new(0.3, 0.1, 0.0));
-        assert_eq!(stable_number(&scene.frame()), 2);
+        assert_eq!(min_stable_constraints(&scene.frame()), 2);
     }
 
     #[test]
@@ -290,7 +298,7 @@ mod tests {
         scene.snapshot.contacts.contact_status[1] = STATUS_NO_CONTACT;
         let frame = scene.frame();
         assert_eq!(neighbour_counts(&frame), [1, 1, 0]);
-        assert_eq!((coordination(&frame).z, distant_pulls(&frame)), (2.0 / 3.0, 1));
+        assert_eq!((coordination(&frame).z, count_distant_pairs(&frame)), (2.0 / 3.0, 1));
         // The mobilised share is that of the first: 1/4 over 1/2 (4 - 3).
         assert_eq!(crate::derive::fabric::mean_mobilisation(&frame), (0.5, 1.0));
         let row = crate::derive::Row::from_frame(&frame);
@@ -352,7 +360,7 @@ mod tests {
         assert_eq!(contact_counts(&frame), [5, 2, 1]);
         let found = coordination(&frame);
         assert_eq!((found.z, found.z_constraints), (5.0 / 3.0, (3.0 + 4.0 + 2.0) / 3.0));
-        assert_eq!(found.shares, [1.0 / 3.0; 3]);
+        assert_eq!(found.shares, ContactShares { face: 1.0 / 3.0, edge: 1.0 / 3.0, point: 1.0 / 3.0 });
         // Without friction or load four constraints are stable: first the sphere and the upper cube go, then the lower.
         assert_eq!(found.rattler_fraction, 1.0);
         scene.snapshot.meta.parameters.self_gravity = true;
@@ -362,7 +370,12 @@ mod tests {
     #[test]
     fn nothing_gives_nothing() {
         let none = coordination(&Scene::default().frame());
-        assert!(none.shares.iter().all(|share| share.is_nan()) && none.z_constraints.is_nan());
+        assert!(
+            none.shares.face.is_nan()
+                && none.shares.edge.is_nan()
+                && none.shares.point.is_nan()
+                && none.z_constraints.is_nan()
+        );
         assert!(none.z.is_nan() && none.z_no_rattlers.is_nan() && none.rattler_fraction.is_nan());
     }
 }

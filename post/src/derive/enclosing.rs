@@ -38,7 +38,7 @@ const RELATIVE_ROUNDING: f64 = 1e-13;
 
 /// Returns the smallest ball that contains `balls`, to round-off, at any position.
 ///
-/// At most four of them, the basis, determine it. The search begins with one ball. Each turn adds the ball that sticks out
+/// At most four of them, the basis, determine it. The search begins with one ball. Each iteration adds the ball that sticks out
 /// most and finds the smallest enclosing ball of these at most five by trying every subset of at most four (`tangent_ball`). The
 /// radius grows at each turn, so the search ends, in practice after some ten turns, each of which checks every ball once.
 ///
@@ -76,7 +76,7 @@ fn smallest_of_near(balls: &[EnclosingBall]) -> EnclosingBall {
     }
 }
 
-/// The smallest ball around at most five balls and the subset that decides it, by trying all subsets.
+/// The smallest ball around at most five balls and the subset that determines it, by trying all subsets.
 fn smallest_of_few(balls: &[EnclosingBall]) -> Option<(Vec<EnclosingBall>, EnclosingBall)> {
     (1..1u32 << balls.len())
         .filter(|subset| subset.count_ones() <= 4)
@@ -109,16 +109,16 @@ fn tangent_ball(balls: &[EnclosingBall]) -> Option<EnclosingBall> {
         let e = others[j].radius - first.radius;
         if column == 0 { arms[j].norm_squared() - e * e } else { 2.0 * e }
     });
-    let solved = gram.lu().solve(&right)?;
-    let combine = |column: usize| arms.iter().enumerate().map(|(j, d)| *d * solved[(j, column)]).sum::<Vec3>();
+    let coefficients = gram.lu().solve(&right)?;
+    let combine = |column: usize| arms.iter().enumerate().map(|(j, d)| *d * coefficients[(j, column)]).sum::<Vec3>();
     let (p, q) = (combine(0), combine(1));
     // |p + q s|^2 = s^2
     let (a, half_b, c) = (q.norm_squared() - 1.0, p.dot(&q), p.norm_squared());
     let root = (half_b * half_b - a * c).max(0.0).sqrt();
     let smallest = balls.iter().map(|b| b.radius - first.radius).fold(0.0, f64::max);
     // c / (..) avoids the cancellation of -b + root, and also serves a = 0.
-    let far = -half_b - root.copysign(half_b);
-    [far / a, c / far]
+    let denominator = -half_b - root.copysign(half_b);
+    [denominator / a, c / denominator]
         .into_iter()
         .filter(|s| s.is_finite() && *s >= smallest * (1.0 - RELATIVE_ROUNDING))
         .min_by(f64::total_cmp)
@@ -213,9 +213,9 @@ mod tests {
         assert_ball(enclosing_ball(&scene.frame().grains), ball(1.0, 2.0, 3.0, 2.0 * 3f64.sqrt()));
         // A sphere on top: from the corner below to its far side, along the diagonal.
         scene.grain([3.0, 4.0, 5.0], 1.0);
-        let far = 2.0 * 3f64.sqrt() + 1.0; // from the cube's centre
-        let middle = (far - 2.0 * 3f64.sqrt()) / 2.0 / 3f64.sqrt();
-        let radius = (far + 2.0 * 3f64.sqrt()) / 2.0;
+        let denominator = 2.0 * 3f64.sqrt() + 1.0; // from the cube's centre
+        let middle = (denominator - 2.0 * 3f64.sqrt()) / 2.0 / 3f64.sqrt();
+        let radius = (denominator + 2.0 * 3f64.sqrt()) / 2.0;
         assert_ball(enclosing_ball(&scene.frame().grains), ball(1.0 + middle, 2.0 + middle, 3.0 + middle, radius));
     }
 
@@ -233,7 +233,7 @@ mod tests {
     proptest! {
         #[test]
         fn equals_the_best_of_all_subsets(balls in balls(1..9)) {
-            // Every subset from_frame at most four from_frame all the balls, without the walk from basis to basis.
+            // Every subset of at most four of all the balls, without the walk from basis to basis.
             let found = smallest_enclosing(&balls);
             let mut best = f64::INFINITY;
             for subset in (1..1u32 << balls.len()).filter(|s| s.count_ones() <= 4) {
@@ -254,7 +254,7 @@ mod tests {
             for b in &balls {
                 prop_assert!(found.excess(b) <= 1e-12 * found.radius);
             }
-            // A pattern search can stall in the creases from_frame the maximum, so it is only a bound.
+            // A pattern search can stall in the creases of the maximum, so it is only a bound.
             prop_assert!(found.radius <= by_search(&balls) * (1.0 + 1e-12));
         }
     }

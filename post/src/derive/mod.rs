@@ -105,7 +105,7 @@ macro_rules! columns {
 columns! {
     step: u64, "1", "number of the step";
     time: f64, "s", "time";
-    n_contacts: u64, "1", "contacts that touch with force";
+    n_contacts: u64, "1", "contacts between bodies that touch with force";
     Z: f64, "1", "mean number of neighbours that a grain of the region touches with force";
     Z_no_rattlers: f64, "1", "mean number of neighbours without rattlers, in the region";
     rattler_fraction: f64, "1", "share of the region's grains held by too few contacts";
@@ -132,7 +132,7 @@ columns! {
     n_grains: u64, "1", "grains";
     mass: f64, "kg", "mass of the grains";
     pressure_kinetic: f64, "Pa", "pressure of the motion in the region about its mean";
-    Ec_rigid_mean: f64, "J", "kinetic energy of the rigid motion of the whole per grain";
+    Ec_rigid_mean: f64, "J", "kinetic energy of the rigid motion of all grains together, per grain";
     E_uniform: f64, "J", "potential energy in the uniform gravity, 0 at the origin";
     E_fields: f64, "J", "potential energy in external fields";
     com_x: f64, "m", "centre of mass along x";
@@ -184,11 +184,11 @@ columns! {
     bed_stress_ratio: f64, "1", "horizontal over vertical stress of the bed";
     n_bonds: u64, "1", "contacts that a bond or a liquid bridge holds";
     surface_slope: f64, "rad", "slope of the free surface of a heap or bed";
-    interval: f64, "s", "time since the snapshot before";
-    Z_interval: f64, "1", "mean number of neighbours that a grain of the region has touched with force in that time";
-    pressure_interval: f64, "Pa", "mean pressure of the region in that time";
-    bed_pressure_interval: f64, "Pa", "mean pressure of the bed in that time";
-    surface_slope_error: f64, "rad", "standard error of that slope, which single grains leave";
+    interval: f64, "s", "time since the previous snapshot";
+    Z_interval: f64, "1", "mean number of neighbours that a grain of the region has touched with force since the previous snapshot";
+    pressure_interval: f64, "Pa", "mean pressure of the region since the previous snapshot";
+    bed_pressure_interval: f64, "Pa", "mean pressure of the bed since the previous snapshot";
+    surface_slope_error: f64, "rad", "standard error of surface_slope due to single grains";
     nu_sphere: f64, "1", "solid fraction of the smallest enclosing ball of all grains";
     pressure_sphere: f64, "Pa", "pressure of the contacts between grains in the smallest enclosing ball of all grains";
     Z_all: f64, "1", "mean number of neighbours that a grain touches with force, of all grains";
@@ -263,7 +263,7 @@ impl Row {
             step: frame.meta.step,
             time: frame.meta.time,
             n_contacts: coordination::touching_contacts(frame).count() as u64,
-            n_pulling: coordination::distant_pulls(frame) as u64,
+            n_pulling: coordination::count_distant_pairs(frame) as u64,
             region: region.kind.column_value(),
             region_volume: region.volume,
             Z: coordination.z,
@@ -303,9 +303,9 @@ impl Row {
             P_y: whole.momentum.y,
             P_z: whole.momentum.z,
             Z_constraints: coordination.z_constraints,
-            share_face: coordination.shares[0],
-            share_edge: coordination.shares[1],
-            share_point: coordination.shares[2],
+            share_face: coordination.shares.face,
+            share_edge: coordination.shares.edge,
+            share_point: coordination.shares.point,
             penetration: frame.contacts.iter().map(|c| -c.gap).fold(0.0, f64::max) / mean_radius,
             sigma_xx: sigma[(0, 0)],
             sigma_yy: sigma[(1, 1)],

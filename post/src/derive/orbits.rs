@@ -56,15 +56,15 @@ impl Orbit {
     }
 }
 
-/// The orbits of all fragments but the first about the first; `constant`: G, m^3 kg^-1 s^-2.
+/// The orbits of all fragments but the first about the first; `gravitational_constant`: G, m^3 kg^-1 s^-2.
 ///
-/// Inclinations are counted from the spin of the largest, from z if it does not turn.
-pub fn fragment_orbits(fragments: &[Fragment], constant: f64) -> Vec<Orbit> {
+/// Inclinations are measured from the spin axis of the largest remnant, or from z if it does not rotate.
+pub fn fragment_orbits(fragments: &[Fragment], gravitational_constant: f64) -> Vec<Orbit> {
     let Some((largest, others)) = fragments.split_first() else { return Vec::new() };
     let axis = spin_axis(&largest.whole);
     let of = |other: &Fragment| {
         let (r, v) = (other.whole.x - largest.whole.x, other.whole.velocity() - largest.whole.velocity());
-        Orbit::new(r, v, constant * (largest.whole.mass + other.whole.mass), axis)
+        Orbit::new(r, v, gravitational_constant * (largest.whole.mass + other.whole.mass), axis)
     };
     others.iter().map(of).collect()
 }
@@ -119,14 +119,14 @@ mod tests {
 
     #[test]
     fn fragments_go_round_the_largest() {
-        let constant = 0.5;
-        let mut scene = Scene::self_gravitating(constant);
+        let gravitational_constant = 0.5;
+        let mut scene = Scene::self_gravitating(gravitational_constant);
         scene.grain([1.0, 2.0, 3.0], 1.0);
         scene.grain([11.0, 2.0, 3.0], 0.5);
         let b = &mut scene.snapshot.bodies;
-        let speed = (constant * (b.body_mass[0] + b.body_mass[1]) / 10.0).sqrt();
+        let speed = (gravitational_constant * (b.body_mass[0] + b.body_mass[1]) / 10.0).sqrt();
         (b.body_v[0], b.body_v[1]) = ([0.0, 0.0, 7.0], [0.0, speed, 7.0]);
-        let found = fragment_orbits(&find_fragments(&scene.frame()), constant);
+        let found = fragment_orbits(&find_fragments(&scene.frame()), gravitational_constant);
         assert_eq!(found.len(), 1);
         assert!(found[0].e < 1e-14);
         assert_close(found[0].a, 10.0);
@@ -136,15 +136,15 @@ mod tests {
     #[test]
     fn what_rests_in_turning_axes_goes_round() {
         // At k times the speed of the circle, v^2 = k^2 mu / r: e = k^2 - 1, and far away (k^2 - 2) mu / r is left of v^2.
-        let (constant, distance, k) = (0.5, 10.0, 1.6);
-        let mut scene = Scene::self_gravitating(constant);
+        let (gravitational_constant, distance, k) = (0.5, 10.0, 1.6);
+        let mut scene = Scene::self_gravitating(gravitational_constant);
         scene.grain([1.0, 2.0, 3.0], 1.0);
         scene.grain([1.0 + distance, 2.0, 3.0], 1.0);
-        let mu = 2.0 * constant * scene.snapshot.bodies.body_mass[0];
+        let mu = 2.0 * gravitational_constant * scene.snapshot.bodies.body_mass[0];
         let rate = k * (mu / distance.powi(3)).sqrt();
         scene.snapshot.meta.parameters.fields =
             vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, rate], centre: [-3.0, 4.0, 0.0] }];
-        let found = fragment_orbits(&find_fragments(&scene.frame()), constant)[0];
+        let found = fragment_orbits(&find_fragments(&scene.frame()), gravitational_constant)[0];
         assert_close(found.speed, rate * distance);
         assert_close(found.e, k * k - 1.0);
         assert_close(found.speed_at_infinity, ((k * k - 2.0) * mu / distance).sqrt());

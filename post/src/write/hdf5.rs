@@ -13,7 +13,7 @@ const CHUNK_BYTES: usize = 1 << 18;
 /// Children of a node of a B-tree of chunks: twice the default rank of HDF5.
 const MAX_CHILDREN: usize = 64;
 
-/// Address of an object that is not there.
+/// Address of an object that does not exist.
 const UNDEFINED: u64 = u64::MAX;
 
 /// Size of the superblock, the first bytes of a file.

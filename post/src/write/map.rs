@@ -54,7 +54,7 @@ impl MapSheet {
         let step = round_below(longest / 5.0);
         let ticks = |k: usize| {
             let ends = [from[k], from[k] + spans[k]].map(|end| end / step);
-            // Not -0.
+            // + 0.0 turns -0 into 0.
             let at =
                 |i: i64| ((i as f64 * step - from[k]) / spans[k], format_digits(i as f64 * step / factor + 0.0, 6));
             (ends[0].ceil() as i64..=ends[1].floor() as i64).map(at).collect()
@@ -72,12 +72,12 @@ impl MapSheet {
 pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &MapSheet) -> String {
     let [wide, high] = [0, 1].map(|k| sheet.cell[k] * sheet.counts[k] as f64);
     let [cell_x, cell_y] = sheet.cell;
-    let known = || values.iter().copied().filter(|v| v.is_finite());
-    let (low, top) = known().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, top), v| (low.min(v), top.max(v)));
+    let finite_values = || values.iter().copied().filter(|v| v.is_finite());
+    let (low, top) = finite_values().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, top), v| (low.min(v), top.max(v)));
     // Values that are equal within round-off are one value, in the middle.
     let equal = low.abs().max(top.abs());
-    let room = if equal > 0.0 { 0.1 * equal } else { 0.5 };
-    let (low, top) = if top - low > 1e-9 * equal { (low, top) } else { (low - room, low + room) };
+    let margin = if equal > 0.0 { 0.1 * equal } else { 0.5 };
+    let (low, top) = if top - low > 1e-9 * equal { (low, top) } else { (low - margin, low + margin) };
     let (factor, unit) = if low.is_finite() { unit_prefix(low.abs().max(top.abs()), unit) } else { (1.0, unit.into()) };
     // On a narrow strip the title and the bar need more width than the map.
     let titled = TITLE_LETTER * title.chars().count() as f64 + 40.0;

@@ -227,12 +227,12 @@ fn value_range(values: impl Iterator<Item = f64>) -> [f64; 2] {
 /// Text of the SVG file of one state.
 ///
 /// Seen from the front, a little from the right and from above; z points up. The scale is set by most of the grains.
-/// Distant outliers, one in twenty grains, or more if they have less than a third of the mass, are left out, and a line
-/// reports that. No grain is smaller than a pixel.
-pub fn svg(frame: &Frame, shade: PictureColouring) -> String {
+/// Outliers are omitted and counted in a line of text: up to one grain in twenty, or more if together they have less than
+/// a third of the mass. No grain is smaller than a pixel.
+pub fn svg(frame: &Frame, colouring: PictureColouring) -> String {
     let mut text = svg_head(PICTURE_SIDE + STRIP_WIDTH, PICTURE_SIDE);
     let mut put = |line: String| writeln!(text, "{line}").expect("writing to a string");
-    let scale = ColourScale::new(shade, &[frame]);
+    let scale = ColourScale::new(colouring, &[frame]);
     draw_state(frame, &scale, 0, 1.0, &mut put);
     scale.draw_legend(PICTURE_SIDE + 20.0, &mut put);
     put("</svg>".into());
@@ -342,20 +342,20 @@ fn draw_state(frame: &Frame, scale: &ColourScale, number: usize, pixel: f64, put
 /// Least value up to which the grains have `share` of the mass.
 fn weighted_quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let wanted = share * values.iter().map(|(_, mass)| mass).sum::<f64>();
+    let target = share * values.iter().map(|(_, mass)| mass).sum::<f64>();
     let mut below = 0.0;
-    let reached = values.iter().find(|(_, mass)| {
+    let quantile = values.iter().find(|(_, mass)| {
         below += mass;
-        below >= wanted
+        below >= target
     });
-    reached.or(values.last()).map_or(f64::NAN, |(value, _)| *value)
+    quantile.or(values.last()).map_or(f64::NAN, |(value, _)| *value)
 }
 
-/// Grains on the picture's plane, with a radius of at least `least` pixels, and pixels per metre (NaN without grains).
-fn project_grains(frame: &Frame, classes: &[u32], least: f64) -> (Vec<GrainDisc>, f64) {
+/// Projections of the grains, with radii of at least `min_radius` pixels, and pixels per metre (NaN without grains).
+fn project_grains(frame: &Frame, classes: &[u32], min_radius: f64) -> (Vec<GrainDisc>, f64) {
     let view = Rotation3::from_axis_angle(&Vec3::x_axis(), 0.35) * Rotation3::from_axis_angle(&Vec3::z_axis(), -0.5);
-    let seen: Vec<Vec3> = frame.grains.iter().map(|g| view * g.x).collect();
-    if seen.is_empty() {
+    let positions_in_view: Vec<Vec3> = frame.grains.iter().map(|g| view * g.x).collect();
+    if positions_in_view.is_empty() {
         return (vec![], f64::NAN);
     }
     let share = |values: &mut Vec<f64>, share: f64| {
@@ -363,27 +363,35 @@ fn project_grains(frame: &Frame, classes: &[u32], least: f64) -> (Vec<GrainDisc>
         values[((values.len() - 1) as f64 * share).round() as usize]
     };
     let with_mass = |values: &mut dyn Iterator<Item = f64>| values.zip(frame.grains.iter().map(|g| g.mass)).collect();
-    let middle = |axis: usize| weighted_quantile(with_mass(&mut seen.iter().map(|x| x[axis])), 0.5);
+    let middle = |axis: usize| weighted_quantile(with_mass(&mut positions_in_view.iter().map(|x| x[axis])), 0.5);
     let (x, z) = (middle(0), middle(2));
-    // Distance of each grain from the middle; all grains count if the farthest is no outlier. Two thirds of a line are
-    // within two thirds of its half length, of a ball within more of its radius: three times that distance is beyond a
-    // connected aggregate.
-    let mut reach: Vec<f64> = seen
+    // Distance of each grain from the middle; all grains count if the farthest is no outlier. Two thirds of the
+    // mass of a line are within two thirds of its half length, those of a ball within a larger part of its radius. So three
+    // times this distance contains every connected aggregate.
+    let mut reach: Vec<f64> = positions_in_view
         .iter()
         .zip(&frame.grains)
-        .map(|(seen, g)| (seen.x - x).abs().max((seen.z - z).abs()) + g.bounding_radius())
+        .map(|(positions_in_view, g)| {
+            (positions_in_view.x - x).abs().max((positions_in_view.z - z).abs()) + g.bounding_radius()
+        })
         .collect();
     let most = 3.0 * weighted_quantile(with_mass(&mut reach.iter().copied()), 2.0 / 3.0);
     let most = share(&mut reach, 1.0).min(1.5 * share(&mut reach, 0.95)).min(most);
     let half = reach.iter().copied().filter(|reach| *reach <= most).fold(0.0, f64::max);
     let scale = (PICTURE_SIDE / 2.0 - BORDER_MARGIN) / half;
-    let at = |seen: &Vec3| [PICTURE_SIDE / 2.0 + scale * (seen.x - x), PICTURE_SIDE / 2.0 - scale * (seen.z - z)];
-    let disc = |((seen, grain), &class): ((&Vec3, &Grain), &u32)| {
-        let [x, y] = at(seen);
-        let radius = (scale * grain.bounding_radius()).max(least);
+    let at = |positions_in_view: &Vec3| {
+        [PICTURE_SIDE / 2.0 + scale * (positions_in_view.x - x), PICTURE_SIDE / 2.0 - scale * (positions_in_view.z - z)]
+    };
+    let disc = |((positions_in_view, grain), &class): ((&Vec3, &Grain), &u32)| {
+        let [x, y] = at(positions_in_view);
+        let radius = (scale * grain.bounding_radius()).max(min_radius);
         let mut shapes = Vec::new();
-        if scale * grain.bounding_radius() <= least {
-            shapes.push(PaintedShape { depth: seen.y, class, outline: ShapeOutline::Circle { x, y, radius } });
+        if scale * grain.bounding_radius() <= min_radius {
+            shapes.push(PaintedShape {
+                depth: positions_in_view.y,
+                class,
+                outline: ShapeOutline::Circle { x, y, radius },
+            });
             return GrainDisc { x, y, radius, shapes };
         }
         if let Some(solid) = &grain.solid {
@@ -392,21 +400,21 @@ fn project_grains(frame: &Frame, classes: &[u32], least: f64) -> (Vec<GrainDisc>
                 let corners: Vec<Vec3> = face.iter().map(|&k| turn(&solid.vertices[k as usize])).collect();
                 let normal = face_normal(&corners);
                 if normal.y < 0.0 {
-                    let depth = seen.y + corners.iter().map(|c| c.y).fold(f64::NEG_INFINITY, f64::max);
+                    let depth = positions_in_view.y + corners.iter().map(|c| c.y).fold(f64::NEG_INFINITY, f64::max);
                     let light = normal.dot(&Vec3::from(LIGHT_DIRECTION)).max(0.0);
-                    let corners = corners.iter().map(|c| at(&(seen + c))).collect();
+                    let corners = corners.iter().map(|c| at(&(positions_in_view + c))).collect();
                     shapes.push(PaintedShape { depth, class, outline: ShapeOutline::Face { corners, light } });
                 }
             }
         }
         for (centre, radius) in grain.balls() {
-            let centre = seen + view * (centre - grain.x);
+            let centre = positions_in_view + view * (centre - grain.x);
             let ([x, y], radius) = (at(&centre), scale * radius);
             shapes.push(PaintedShape { depth: centre.y, class, outline: ShapeOutline::Circle { x, y, radius } });
         }
         GrainDisc { x, y, radius, shapes }
     };
-    (seen.iter().zip(&frame.grains).zip(classes).map(disc).collect(), scale)
+    (positions_in_view.iter().zip(&frame.grains).zip(classes).map(disc).collect(), scale)
 }
 
 /// Unit normal of a polygon whose corners are counter-clockwise seen from outside.
@@ -427,7 +435,7 @@ fn shaded_colour(colour: [f64; 3], light: f64) -> [f64; 3] {
 fn visible_shapes(mut shapes: Vec<PaintedShape>) -> Vec<PaintedShape> {
     const CELLS: usize = 2 * PICTURE_SIDE as usize;
     let place = |c: f64| c / PICTURE_SIDE * CELLS as f64 - 0.5; // of the middle of a cell
-    // The cells whose middles lie between, or the one that is nearest.
+    // Cells whose centres are in the range, or the nearest cell if there is none.
     let cells = |[from, to]: [f64; 2]| {
         let cell = |c: f64| c.clamp(0.0, CELLS as f64 - 1.0) as usize;
         let (first, last) = (place(from).ceil(), place(to).floor());

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use cd_formats::compute::Compute;
 use serde::Deserialize;
 
-use crate::scene::{Contact, Grains, Law, Material, Rotation, SceneWall};
+use crate::scene::{ColourPairLaw, Grains, Law, Material, Rotation, SceneWall};
 
 /// Changes against the run that is continued; by default none.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
@@ -24,7 +24,7 @@ pub struct Changes {
     /// New laws, and replacements of existing ones under their names.
     pub laws: Vec<Law>,
     /// Laws between two colours, which replace previous ones.
-    pub contacts: Vec<Contact>,
+    pub contacts: Vec<ColourPairLaw>,
     /// Whether step and time continue; otherwise both start at 0.
     pub keep_time: bool,
     /// Options of the run; left out, those of the first case but for `steps`, `end_time` and `events`.

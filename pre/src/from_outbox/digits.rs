@@ -17,7 +17,7 @@ const MAX_REPORTED_NUMBERS: usize = 5;
 ///
 /// `bodies` are the bodies of other runs. Their positions do not count, since START.npz has them.
 pub fn lost_digits(bodies: &[Body], tables: &BehaviourTables, driven: &DrvDof) -> String {
-    let of_bodies =
+    let body_texts =
         (1..).zip(bodies).flat_map(|(k, body)| inexact_numbers(format_args!("body {k}"), body_numbers(body)));
     let gravity = inexact_numbers("gravity", ["grv1", "grv2", "grv3"].into_iter().zip(tables.bulk.gravity));
     let materials = tables.bulk.materials.iter();
@@ -40,7 +40,7 @@ pub fn lost_digits(bodies: &[Body], tables: &BehaviourTables, driven: &DrvDof) -
         Evolution::Table { .. } => Vec::new(),
     });
     let files: [(&str, Vec<String>); 4] = [
-        ("BODIES.DAT", of_bodies.collect()),
+        ("BODIES.DAT", body_texts.collect()),
         ("BULK_BEHAV.DAT", gravity.into_iter().chain(materials).collect()),
         ("TACT_BEHAV.DAT", laws.chain(rows).collect()),
         ("DRV_DOF.DAT", functions.collect()),
@@ -49,7 +49,7 @@ pub fn lost_digits(bodies: &[Body], tables: &BehaviourTables, driven: &DrvDof) -
     for (file, lost) in files {
         lost.iter()
             .take(MAX_REPORTED_NUMBERS)
-            .for_each(|lost| text += &format!("{file}: {lost}, all digits that its columns can hold\n"));
+            .for_each(|lost| text += &format!("{file}: {lost}, the largest number of digits that fits its columns\n"));
         if lost.len() > MAX_REPORTED_NUMBERS {
             text += &format!(
                 "{file}: {} more numbers are written with fewer digits than they have\n",
@@ -100,15 +100,15 @@ mod tests {
 
     #[test]
     fn numbers_that_fit_their_columns_are_not_reported() {
-        let message =
+        let messages =
             inexact_numbers("gravity", [("grv1", -9.80665), ("grv2", 1.23456789012), ("grv3", 1.2345678e-30)]);
-        assert!(message.is_empty(), "{message:?}");
-        let message = inexact_numbers("gravity", [("grv1", 1.0 / 3.0), ("grv2", -1.23456789e-4), ("grv3", 0.0)]);
+        assert!(messages.is_empty(), "{messages:?}");
+        let messages = inexact_numbers("gravity", [("grv1", 1.0 / 3.0), ("grv2", -1.23456789e-4), ("grv3", 0.0)]);
         let expected = [
             "gravity: grv1 0.3333333333333333 is written as 0.33333333333",
             "gravity: grv2 -0.000123456789 is written as -1.2345679E-04",
         ];
-        assert_eq!(message, expected);
+        assert_eq!(messages, expected);
     }
 
     #[test]

@@ -308,7 +308,7 @@ fn expect_all_pairs(
     }
     free.push(BTreeSet::new());
     driven.push(changes.walls.iter().map(|wall| wall.colour()).collect());
-    let mut message: BTreeSet<(&str, &str)> = BTreeSet::new();
+    let mut reported_pairs: BTreeSet<(&str, &str)> = BTreeSet::new();
     for (i, mine) in free.iter().enumerate() {
         for a in mine {
             for (j, theirs) in free.iter().zip(&driven).enumerate() {
@@ -317,7 +317,7 @@ fn expect_all_pairs(
                     let seen = i == j && i < parts.len()
                         || named.contains(&both)
                         || rows.iter().any(|row| row_colours(row) == both);
-                    if !seen && message.insert(both) {
+                    if !seen && reported_pairs.insert(both) {
                         let found = format!("no law between '{}' and '{}'", both.0, both.1);
                         report.add_fault("contacts", found, "one for each pair that can meet (law: None for none)");
                     }

@@ -12,7 +12,7 @@ const RANDOM_OFFSETS: usize = 12;
 /// two, and in the holes between four and between six.
 const SYMMETRIC_OFFSETS: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5, 0.5, 0.5], [1.0, 0.0, 0.0]];
 
-/// Exactly `number` sites with the largest distance d that the region allows, at least `closest`, m; and d.
+/// Returns exactly `number` sites and their distance d (m), the largest that the region allows, at least `closest`.
 ///
 /// The balls of diameter d about the sites touch at most and lie in the region: a grain within its site's ball overlaps
 /// no other. If more than `number` sites fit, some are left out at random.
@@ -77,21 +77,25 @@ impl FccLattice<'_> {
             GrainRegion::Box(_) => reach.map(|reach| 0.5 * (2.0 * reach).floor()), // layers 0, 1 ... fill the box evenly
             _ => self.offset.into(),
         };
-        // Limits a row to the inside of an ellipsoid; `taken` is the sum of the squares of the other coordinates over the
+        // Limits a row to the inside of an ellipsoid; `used_squares` is the sum of the squares of the other coordinates over the
         // semi-axes.
         let outer = self.region.half_extents().map(|half| half / edge);
-        let share = |k: usize, index: i64| match self.region {
+        let squared_share = |k: usize, index: i64| match self.region {
             GrainRegion::Ball(_) | GrainRegion::Ellipsoid(_) => ((index as f64 - offset[k]) / outer[k]).powi(2),
             _ => 0.0,
         };
         // Slightly more than the reach, so that round-off loses no layer; the exact test follows.
-        let indices = |k: usize, taken: f64| {
-            let reach = if taken > 0.0 { reach[k].min(outer[k] * (1.0 - taken).max(0.0).sqrt()) } else { reach[k] };
+        let indices = |k: usize, used_squares: f64| {
+            let reach = if used_squares > 0.0 {
+                reach[k].min(outer[k] * (1.0 - used_squares).max(0.0).sqrt())
+            } else {
+                reach[k]
+            };
             (offset[k] - reach - 1e-9).ceil() as i64..=(offset[k] + reach + 1e-9).floor() as i64
         };
         for i in indices(0, 0.0) {
-            for j in indices(1, share(0, i)) {
-                for k in indices(2, share(0, i) + share(1, j)).filter(|k| (i + j + k) % 2 == 0) {
+            for j in indices(1, squared_share(0, i)) {
+                for k in indices(2, squared_share(0, i) + squared_share(1, j)).filter(|k| (i + j + k) % 2 == 0) {
                     let site = (Vector3::new(i as f64, j as f64, k as f64) - offset) * edge;
                     if self.region.contains_ball(&site, 0.5 * self.d) {
                         sites.push(site);
@@ -165,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn tells_how_many_sites_there_are() {
+    fn errors_give_the_number_of_sites() {
         assert_eq!(lattice_sites(&GrainRegion::Ball(0.9), 1, 2.0, &mut random()), Err(0));
         assert_eq!(lattice_sites(&GrainRegion::Ball(1.5), 5, 2.0, &mut random()), Err(1));
     }

@@ -43,7 +43,7 @@ impl Envelope {
     /// Errors: faults of a model's file.
     pub fn to_region(&self, folder: &Path) -> Result<(GrainRegion, String), Faults> {
         let half = |lengths: [f64; 3]| lengths.map(|length| 0.5 * length);
-        let mut message = String::new();
+        let mut summary = String::new();
         let region = match self {
             Envelope::Ball { radius } => GrainRegion::Ball(radius.unwrap_or(1.0)),
             Envelope::Ellipsoid { semi_axes, ratios } => {
@@ -56,7 +56,7 @@ impl Envelope {
                 let turned = (read.flipped > 0).then(|| format!("{} triangles turned outward", read.flipped));
                 let changes: Vec<String> = turned.into_iter().chain(read.repairs).collect();
                 if !changes.is_empty() {
-                    message = format!("{file}: {}", changes.join(", "));
+                    summary = format!("{file}: {}", changes.join(", "));
                 }
                 let inside = SurfaceRegion::new(&read.surface).map_err(|found| {
                     let expected = "expected a surface that encloses a volume";
@@ -65,7 +65,7 @@ impl Envelope {
                 GrainRegion::Inside(inside)
             }
         };
-        Ok((region, message))
+        Ok((region, summary))
     }
 }
 

@@ -154,7 +154,7 @@ fn convex(surface: &Surface) -> Option<(Surface, String)> {
     let share = ROUNDED.into_iter().find(|share| surface.is_convex(*share))?;
     let hull = hull::convex_hull(surface.vertices()).ok()?;
     let note = format!(
-        ", taken as its hull: it is convex but for {share:.0e} of its size, as coordinates of few digits leave it"
+        ", replaced by its convex hull, from which it deviates by {share:.0e} of its size (rounded coordinates)"
     );
     Some((hull, note))
 }

@@ -29,12 +29,12 @@ pub struct ShakeEvent {
 /// Applies the events that are due at a step's start.
 pub fn apply_events(scene: &Scene, state: &mut State) -> AppliedEvents {
     let now = state.time + EVENT_SLACK * scene.options.dt;
-    let mut happened = AppliedEvents::default();
+    let mut applied = AppliedEvents::default();
     while let Some(event) = scene.events.get(state.events_done).filter(|event| event.time <= now) {
         let gravity = state.gravity;
         state.apply_setting(&event.action, scene);
         account_potential(scene, state, state.gravity - gravity);
-        happened.velocities_changed |= matches!(event.action, EventAction::AddVelocity(_) | EventAction::AddSpin(_));
+        applied.velocities_changed |= matches!(event.action, EventAction::AddVelocity(_) | EventAction::AddSpin(_));
         match event.action {
             EventAction::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
             EventAction::AddSpin(spin) => {
@@ -44,7 +44,7 @@ pub fn apply_events(scene: &Scene, state: &mut State) -> AppliedEvents {
             EventAction::Shake { speed, seed } => {
                 state.attraction = None;
                 let seed = splitmix64(splitmix64(seed) ^ state.events_done as u64);
-                happened.shakes.push(ShakeEvent { speed, seed });
+                applied.shakes.push(ShakeEvent { speed, seed });
             }
             EventAction::Bond => state.bonding = BondingMode::All,
             EventAction::SetTorque(_)
@@ -53,20 +53,20 @@ pub fn apply_events(scene: &Scene, state: &mut State) -> AppliedEvents {
             | EventAction::SetFriction(..)
             | EventAction::SetCohesion(..) => {}
         }
-        happened.any_event = true;
+        applied.any_event = true;
         state.events_done += 1;
     }
-    happened
+    applied
 }
 
-/// Applies the torque that events have set, and the option `quench`, at the start of a step of `units` times `dt`.
-pub fn apply_torque_and_damping(scene: &Scene, state: &mut State, units: u64) {
+/// Applies the torque that events have set, and the option `quench`, at the start of a step of `step_multiple` times `dt`.
+pub fn apply_torque_and_damping(scene: &Scene, state: &mut State, step_multiple: u64) {
     if state.torque != Vec3::zeros() {
-        let impulse = state.torque * (units as f64 * scene.options.dt);
+        let impulse = state.torque * (step_multiple as f64 * scene.options.dt);
         add_spin(scene, state, rigid_spin(scene, &state.x, &state.q, impulse));
     }
     if state.quench > 0.0 {
-        let keep = (1.0 - state.quench).powi(units as i32);
+        let keep = (1.0 - state.quench).powi(step_multiple as i32);
         change_motion(scene, state, |_, v, w| (v * keep, w * keep));
     }
 }

@@ -291,14 +291,14 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
         let frame = contacts[first].frame();
         let [_, t, s] = frame;
         let origin = contacts[first].point;
-        let place = |k: usize| tangent_components(&(contacts[k].point - origin), &frame);
-        let points: SmallVec<[[f64; 2]; 8]> = acting.iter().map(|&k| place(k)).collect();
+        let position = |k: usize| tangent_components(&(contacts[k].point - origin), &frame);
+        let points: SmallVec<[[f64; 2]; 8]> = acting.iter().map(|&k| position(k)).collect();
         let size = points.iter().map(|p| vector_length(difference_of(*p, points[0]))).fold(0.0, f64::max);
         let mut loads: SmallVec<[f64; 8]> = acting.iter().map(|&k| (self.load)(k).max(0.0)).collect();
         let gap = |k: &usize| contacts[*k].gap;
         let area = of.iter().map(|&k| contacts[k].area).sum();
         let outline =
-            if joined { FaceOutline::of_hull(&points, size, area)? } else { FaceOutline::new(&points, size, area) };
+            if joined { FrictionFace::of_hull(&points, size, area)? } else { FrictionFace::new(&points, size, area) };
         let deepest = acting.iter().map(gap).fold(f64::INFINITY, f64::min);
         let mut pressed_to = deepest + FLUSH_GAP * size;
         let is_new = loads.iter().all(|load| *load == 0.0);
@@ -496,7 +496,7 @@ fn least_distance(points: &[TangentVector], weights: &[f64], start: TangentVecto
 }
 
 /// The convex polygon of a face, or the segment of an edge.
-struct FaceOutline {
+struct FrictionFace {
     /// Corners, counter-clockwise; the ends of an edge.
     corners: SmallVec<[TangentVector; 8]>,
     /// Indices of the corners in the list of points.
@@ -508,7 +508,7 @@ struct FaceOutline {
     mean_distance: f64,
 }
 
-impl FaceOutline {
+impl FrictionFace {
     /// `size`: largest distance from the first point, m; `area`: area of the common part, m², 0 if unknown.
     fn new(points: &[TangentVector], size: f64, area: f64) -> Self {
         let mut order: SmallVec<[usize; 8]> = (0..points.len()).collect();
@@ -526,7 +526,7 @@ impl FaceOutline {
         let doubled = triangles(mean);
         let whole: f64 = doubled.iter().sum();
         if points.len() < 3 || whole < MIN_FACE_AREA * size * size {
-            return FaceOutline::from_edge(points, corners[0]);
+            return FrictionFace::from_edge(points, corners[0]);
         }
         let mut centroid = [0.0; 2];
         for ([a, b], doubled) in polygon_sides(&corners).zip(&doubled) {
@@ -545,7 +545,7 @@ impl FaceOutline {
         // the area are rounded to single precision, which gives the same result for any number of them.
         let ratio = f64::from((2.0 * area / whole) as f32);
         let larger = if (1.0..=LARGEST_AREA_RATIO).contains(&ratio) { ratio.sqrt() } else { 1.0 };
-        FaceOutline { corners, order, weights, centroid, mean_distance: larger * 2.0 / 3.0 * sum / whole }
+        FrictionFace { corners, order, weights, centroid, mean_distance: larger * 2.0 / 3.0 * sum / whole }
     }
 
     /// Outline of the convex hull of the points, if the contacts fill its area.
@@ -576,11 +576,11 @@ impl FaceOutline {
         if corners.len() < 3 || area < MIN_FILLED_SHARE * enclosed {
             return None;
         }
-        let outline = FaceOutline::new(&corners, size, area);
+        let outline = FrictionFace::new(&corners, size, area);
         let mut weights = SmallVec::from_elem(0.0, points.len());
         hull.iter().zip(&outline.weights).for_each(|(&k, weight)| weights[k] = *weight);
         let order = outline.order.iter().map(|&k| hull[k]).collect();
-        Some(FaceOutline { order, weights, ..outline })
+        Some(FrictionFace { order, weights, ..outline })
     }
 
     /// The edge between the two points that are farthest apart.
@@ -596,7 +596,7 @@ impl FaceOutline {
         let weights = SmallVec::from_elem(1.0 / points.len() as f64, points.len());
         let centroid = [0, 1].map(|i| 0.5 * (one[i] + other[i]));
         let order = SmallVec::new(); // not used for an edge
-        FaceOutline { corners: SmallVec::from_slice(&[one, other]), order, weights, centroid, mean_distance: 0.0 }
+        FrictionFace { corners: SmallVec::from_slice(&[one, other]), order, weights, centroid, mean_distance: 0.0 }
     }
 
     /// Relative distance of a point from the centroid along its ray, 1 on the side that the ray meets; the index of the first
@@ -680,9 +680,9 @@ fn mean_side_distance(a: TangentVector, b: TangentVector, c: TangentVector) -> f
 mod tests {
     use super::*;
 
-    fn outline(points: &[TangentVector]) -> FaceOutline {
+    fn outline(points: &[TangentVector]) -> FrictionFace {
         let size = points.iter().map(|p| vector_length(difference_of(*p, points[0]))).fold(0.0, f64::max);
-        FaceOutline::new(points, size, 0.0)
+        FrictionFace::new(points, size, 0.0)
     }
 
     fn ring(count: usize) -> Vec<TangentVector> {
@@ -692,7 +692,7 @@ mod tests {
 
     /// Mean distance from the centroid of a fine grid of points in the polygon.
     fn by_grid(corners: &[TangentVector]) -> f64 {
-        let (mut sum, mut count, mut places) = ([0.0; 2], 0.0, Vec::new());
+        let (mut sum, mut count, mut points_of_face) = ([0.0; 2], 0.0, Vec::new());
         let n = 400;
         for i in 0..n {
             for j in 0..n {
@@ -700,12 +700,12 @@ mod tests {
                 if polygon_sides(corners).all(|[a, b]| cross_product(difference_of(b, a), difference_of(p, a)) > 0.0) {
                     (0..2).for_each(|i| sum[i] += p[i]);
                     count += 1.0;
-                    places.push(p);
+                    points_of_face.push(p);
                 }
             }
         }
         let centroid = sum.map(|x| x / count);
-        places.iter().map(|p| vector_length(difference_of(*p, centroid))).sum::<f64>() / count
+        points_of_face.iter().map(|p| vector_length(difference_of(*p, centroid))).sum::<f64>() / count
     }
 
     #[test]

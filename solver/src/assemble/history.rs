@@ -142,14 +142,14 @@ impl AssemblyContext<'_> {
         let pair = contactor_pair(&contacts[new[0]]);
         let now = &contacts[pair_range(contacts, pair, |contact| contact)];
         let old = pair_range(before, pair, |old| &old.contact);
-        let ways =
+        let candidates_of =
             |old: usize| new.iter().map(move |&k| (self.displacement_from(&before[old].contact, &contacts[k]), old, k));
-        let mut ways: Vec<(f64, usize, usize)> =
-            old.clone().filter(|&k| was_loaded(&before[k])).flat_map(ways).collect();
-        ways.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut candidates: Vec<(f64, usize, usize)> =
+            old.clone().filter(|&k| was_loaded(&before[k])).flat_map(candidates_of).collect();
+        candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut free: Vec<usize> = old.clone().filter(|&k| gone[k]).collect();
         let mut left = new.to_vec();
-        for &(_, old, k) in &ways {
+        for &(_, old, k) in &candidates {
             if left.contains(&k) && free.contains(&old) {
                 found[k] = Some(ContactId::new(old));
                 free.retain(|other| *other != old);
@@ -159,7 +159,7 @@ impl AssemblyContext<'_> {
         let area = before[old].iter().map(|old| old.contact.area).sum::<f64>();
         let is_same =
             area > 0.0 && now.iter().map(|contact| contact.area).sum::<f64>() <= area * (1.0 + MAX_TOUCHING_GAP);
-        for (_, old, k) in ways.into_iter().filter(|way| is_same && before[way.1].bond.is_some()) {
+        for (_, old, k) in candidates.into_iter().filter(|candidate| is_same && before[candidate.1].bond.is_some()) {
             if left.contains(&k) {
                 found[k] = Some(ContactId::new(old));
                 left.retain(|other| *other != k);
@@ -230,8 +230,8 @@ impl AssemblyContext<'_> {
         let (bond, radius) = (old.bond?, self.effective_radius(contact));
         let known = old.contact.key() == contact.key() || old.contact.features.0 == UNKNOWN_FEATURE;
         // Smaller distances are within the gap that counts as touching.
-        let place = || MAX_TOUCHING_GAP * radius;
-        if known || self.displacement_from(&old.contact, contact) <= place() {
+        let tolerance = MAX_TOUCHING_GAP * radius;
+        if known || self.displacement_from(&old.contact, contact) <= tolerance {
             return Some(bond);
         }
         let foreseen = old.contact.gap + old.velocity.x * self.configuration_interval();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use cd_formats::snapshot::GravityEvaluations as Record;
 
-use crate::detect::broad::near_pairs;
+use crate::geometry::near_pairs;
 use crate::gravity::quadrupole::{BodyInertia, quadrupole_correction};
 use crate::gravity::sample::{self, SampledError};
 use crate::gravity::{GravityField, GravitySolver, SummationMethod, balance_accelerations};
@@ -87,8 +87,8 @@ pub(super) fn point_masses(scene: &Scene, x: &[Vec3]) -> (Vec<Vec3>, Vec<f64>) {
 
 /// Accelerations, energy and removed part, see [`GravityField`]; `order` is the order of all bodies.
 fn evaluate_self_gravity(scene: &Scene, order: &[u32], positions: &[Vec3], masses: &[f64]) -> (Vec<Vec3>, f64, f64) {
-    let place = |&body: &u32| scene.free.binary_search(&BodyId(body)).ok().map(|k| k as u32);
-    let of_free: Vec<u32> = order.iter().filter_map(place).collect();
+    let free_index = |&body: &u32| scene.free.binary_search(&BodyId(body)).ok().map(|k| k as u32);
+    let of_free: Vec<u32> = order.iter().filter_map(free_index).collect();
     let GravityField { acceleration, potential, removed } =
         scene.gravity_solver().full_field(positions, masses, scene.options.gravity_constant, &of_free);
     (acceleration, 0.5 * potential.iter().zip(masses).map(|(p, m)| p * m).sum::<f64>(), removed)

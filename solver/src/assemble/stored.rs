@@ -18,28 +18,29 @@ pub struct StoredProblem {
 }
 
 /// Problem of the rows that can close, in the order of the contacts.
-pub fn stored_problem(system: &ContactProblem, contacts: &[Contact]) -> StoredProblem {
-    let rows: Vec<usize> = (0..system.rows.len()).filter(|&k| system.rows[k].can_close).collect();
+pub fn stored_problem(contact_problem: &ContactProblem, contacts: &[Contact]) -> StoredProblem {
+    let rows: Vec<usize> = (0..contact_problem.rows.len()).filter(|&k| contact_problem.rows[k].can_close).collect();
     // Bodies that do not move couple no contacts: the contacts of a floor are not paired.
-    let moves = |body: &&BodyId| system.bodies[body.index()].inverse_mass > 0.0;
-    let mut on_body = vec![Vec::new(); system.bodies.len()];
+    let moves = |body: &&BodyId| contact_problem.bodies[body.index()].inverse_mass > 0.0;
+    let mut on_body = vec![Vec::new(); contact_problem.bodies.len()];
     for (i, &k) in rows.iter().enumerate() {
-        system.rows[k].bodies.iter().filter(moves).for_each(|&body| on_body[body.index()].push(i));
+        contact_problem.rows[k].bodies.iter().filter(moves).for_each(|&body| on_body[body.index()].push(i));
     }
     let mut problem = StoredProblem::default();
     for (i, &here) in rows.iter().enumerate() {
-        let row = &system.rows[here];
+        let row = &contact_problem.rows[here];
         let frame = &contacts[here].frame();
         problem.rows.push((ContactId::new(here), *frame));
         problem.mu.push(row.friction);
-        problem.q.push(to_local(frame, &system.shifted_velocity(here, &system.bodies)).into());
+        problem.q.push(to_local(frame, &contact_problem.shifted_velocity(here, &contact_problem.bodies)).into());
         let mut neighbours: Vec<usize> = row.bodies.iter().flat_map(|&body| &on_body[body.index()]).copied().collect();
         neighbours.sort_unstable();
         neighbours.dedup();
         for j in neighbours {
             let other = &contacts[rows[j]].frame();
             // Column k: response at contact i to a unit impulse along axis k of contact j.
-            let columns = [0, 1, 2].map(|k| to_local(frame, &velocity_response(system, here, rows[j], &other[k])));
+            let columns =
+                [0, 1, 2].map(|k| to_local(frame, &velocity_response(contact_problem, here, rows[j], &other[k])));
             if columns.iter().any(|column| column.norm_squared() > 0.0) {
                 problem.blocks.push((i, j, [0, 1, 2].map(|a| [0, 1, 2].map(|k| columns[k][a]))));
             }
@@ -49,15 +50,17 @@ pub fn stored_problem(system: &ContactProblem, contacts: &[Contact]) -> StoredPr
 }
 
 /// Change of velocity at row `here` by the impulse `r` at row `there`, world frame, m/s.
-fn velocity_response(system: &ContactProblem, here: usize, there: usize, r: &Vec3) -> Vec3 {
+fn velocity_response(contact_problem: &ContactProblem, here: usize, there: usize, r: &Vec3) -> Vec3 {
     let sides = [(0, 1.0), (1, -1.0)];
-    let body = |row: usize, side: usize| system.rows[row].bodies[side];
+    let body = |row: usize, side: usize| contact_problem.rows[row].bodies[side];
     let mut change = Vec3::zeros();
     for at in sides {
         for by in sides.into_iter().filter(|by| body(there, by.0) == body(here, at.0)) {
             let impulse = r * by.1;
-            let spin = system.angular_velocity_change(body(here, at.0), &system.angular_impulse(there, by.0, &impulse));
-            change += (system.velocity_change(body(here, at.0), &impulse) + system.turning_velocity(here, at.0, &spin))
+            let spin = contact_problem
+                .angular_velocity_change(body(here, at.0), &contact_problem.angular_impulse(there, by.0, &impulse));
+            change += (contact_problem.velocity_change(body(here, at.0), &impulse)
+                + contact_problem.turning_velocity(here, at.0, &spin))
                 * at.1;
         }
     }
@@ -112,21 +115,21 @@ mod tests {
             bond: None,
         };
         let contacts: Vec<Contact> = (0..4).map(contact).collect();
-        let system = ContactProblem {
+        let contact_problem = ContactProblem {
             rows: (0..4).map(row).collect(),
             rolling_constraints: vec![],
             block_data: None,
             bodies: records,
             order: vec![0, 1, 2, 3],
         };
-        let problem = stored_problem(&system, &contacts);
+        let problem = stored_problem(&contact_problem, &contacts);
 
         let local = |k: usize| Vec3::new(1.0 + k as f64, -0.5, 0.3 * k as f64);
-        let mut moved = system.bodies.clone();
-        for (k, row) in system.rows.iter().enumerate() {
+        let mut moved = contact_problem.bodies.clone();
+        for (k, row) in contact_problem.rows.iter().enumerate() {
             row.apply_impulse(&mut moved, &crate::math::to_world(&frames[k], &local(k)));
         }
-        for (i, row) in system.rows.iter().enumerate() {
+        for (i, row) in contact_problem.rows.iter().enumerate() {
             let mut u = Vec3::from(problem.q[i]);
             for (_, j, w) in problem.blocks.iter().filter(|(row, _, _)| *row == i) {
                 u += Vec3::from_fn(|a, _| Vec3::from(w[a]).dot(&local(*j)));

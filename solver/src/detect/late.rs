@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use rayon::prelude::*;
 
-use super::spheres::{ListedPair, contact_geometry, sphere_contact, visible_pair};
+use super::spheres::{ListedPair, contact_geometry, sphere_contact, visible_spheres};
 use super::swept::{SweptBall, least_distance};
 use super::travel::{LISTING_MARGIN, TravelBounds};
 use super::{joints, parts, periodic};
@@ -68,7 +68,7 @@ pub fn late_contacts(
     let balls: Vec<SweptBall> = scene.spheres.iter().map(ball).collect();
     let reach: Vec<f64> = balls.iter().map(|ball| ball.reach + ball.path.norm()).collect();
     let near = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
-    let spheres = near.into_iter().filter_map(|near| visible_pair(scene, near)).filter_map(|([i, j], rule)| {
+    let spheres = near.into_iter().filter_map(|near| visible_spheres(scene, near)).filter_map(|([i, j], rule)| {
         let [a, b] = [i, j].map(|k| &balls[k.index()]);
         let between = a.centre - b.centre - scene.nearest_image_shift(&a.centre, &b.centre);
         let closes = least_distance(&between, &(a.path - b.path)) < a.reach + b.reach;

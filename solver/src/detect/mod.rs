@@ -5,7 +5,6 @@
 //! therefore listed, however short the alert distance. Common or separating motion lists no pair. Contact impulses may
 //! turn bodies towards others: `late` detects the pairs that the solved velocities close.
 
-pub mod broad;
 mod joints;
 mod late;
 pub mod narrow;

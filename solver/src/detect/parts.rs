@@ -54,7 +54,7 @@ impl DetectionCache {
         let separation_of = |&k: &u32| (self.pairs[k as usize].0, self.separations[k as usize]);
         let near = std::mem::take(&mut self.neighbours.pairs);
         let near: Vec<VisiblePair> =
-            near.into_par_iter().with_min_len(1024).filter_map(|ij| visible_pair(scene, contactors, ij)).collect();
+            near.into_par_iter().with_min_len(1024).filter_map(|ij| visible_parts(scene, contactors, ij)).collect();
         let pairs = pairs_by_candidate(&near, scene, bodies);
         let order = part_order(&pairs, contactors.len());
         self.separations = previous_values(&pairs, &order, self.order_by_parts.iter().map(separation_of));
@@ -137,7 +137,7 @@ pub fn swept_contacts(
     let balls: Vec<SweptBall> = contactors.iter().map(ball).collect();
     let reach: Vec<f64> = contactors.iter().map(|contactor| contactor.reach).collect();
     let near = periodic::periodic_swept_pairs(&balls, &reach, scene.periods());
-    let mut pairs: Vec<VisiblePair> = near.into_iter().filter_map(|ij| visible_pair(scene, &contactors, ij)).collect();
+    let mut pairs: Vec<VisiblePair> = near.into_iter().filter_map(|ij| visible_parts(scene, &contactors, ij)).collect();
     pairs.sort_unstable_by_key(|(parts, _)| *parts);
     let width = SimdWidth::detect();
     let mut scratch =
@@ -337,7 +337,7 @@ impl<'a> Prefetcher<'a> {
 
 /// The two contactors with the candidate first, and their visibility rule; `None` if the table has no rule, if
 /// both are of one body, or if the motion of both is imposed.
-fn visible_pair(scene: &Scene, contactors: &[PosedContactor], pair: [u32; 2]) -> Option<VisiblePair> {
+fn visible_parts(scene: &Scene, contactors: &[PosedContactor], pair: [u32; 2]) -> Option<VisiblePair> {
     let [i, j] = pair.map(PartId);
     let [a, b] = [i, j].map(|part| &contactors[part.index()]);
     if a.body == b.body || (a.imposed && b.imposed) {

@@ -1,23 +1,23 @@
 //! Near pairs in a space that is periodic along x, y or both.
 
-use crate::detect::broad;
 use crate::detect::swept::{self, SweptBall};
+use crate::geometry::near_pairs;
 use crate::math::Vec3;
 
 /// Steps to images such that each pair of neighbouring cells occurs once.
 const IMAGE_STEPS: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]];
 
-/// All pairs i < j with images within the distance of [`broad::near_pairs`], each once, in an order that does not depend
+/// All pairs i < j with images within the distance of [`near_pairs`], each once, in an order that does not depend
 /// on threads.
 ///
 /// Positions may be anywhere; bodies near a cell's border get images beyond the opposite border.
 pub fn periodic_pairs(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> Vec<[u32; 2]> {
     if periods == [None; 2] {
-        return broad::near_pairs(x, reach);
+        return near_pairs(x, reach);
     }
     let (centres, originals) = periodic_images(x, reach, periods);
     let reaches: Vec<f64> = originals.iter().map(|&i| reach[i as usize]).collect();
-    pairs_of_originals(broad::near_pairs(&centres, &reaches), x.len(), &originals)
+    pairs_of_originals(near_pairs(&centres, &reaches), x.len(), &originals)
 }
 
 /// Periodic version of [`swept::swept_pairs`]; `reach`: radii plus the whole length of the paths, m.
@@ -35,9 +35,9 @@ pub fn periodic_swept_pairs(balls: &[SweptBall], reach: &[f64], periods: [Option
 /// Converts pairs of images to pairs of originals; the first `count` images are the originals.
 fn pairs_of_originals(found: Vec<[u32; 2]>, count: usize, originals: &[u32]) -> Vec<[u32; 2]> {
     // A pair of two images is an image of another pair.
-    let own = found.into_iter().filter(|[i, _]| (*i as usize) < count);
+    let of_originals = found.into_iter().filter(|[i, _]| (*i as usize) < count);
     let mut pairs: Vec<[u32; 2]> =
-        own.map(|pair| pair.map(|k| originals[k as usize])).filter(|[i, j]| i != j).collect();
+        of_originals.map(|pair| pair.map(|k| originals[k as usize])).filter(|[i, j]| i != j).collect();
     pairs.iter_mut().for_each(|pair| pair.sort_unstable());
     pairs.sort_unstable();
     pairs.dedup();
@@ -46,9 +46,9 @@ fn pairs_of_originals(found: Vec<[u32; 2]>, count: usize, originals: &[u32]) -> 
 
 /// Centres within the cell, then those of the images that may be near, and the original of each.
 fn periodic_images(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> (Vec<Vec3>, Vec<u32>) {
-    let within = |x: f64, period: Option<f64>| period.map_or(x, |period| x - period * (x / period).round());
+    let wrap = |x: f64, period: Option<f64>| period.map_or(x, |period| x - period * (x / period).round());
     let mut centres: Vec<Vec3> =
-        x.iter().map(|x| Vec3::new(within(x.x, periods[0]), within(x.y, periods[1]), x.z)).collect();
+        x.iter().map(|x| Vec3::new(wrap(x.x, periods[0]), wrap(x.y, periods[1]), x.z)).collect();
     // A body that reaches across half a cell, such as a floor, gets images all around, so that small bodies need few.
     let is_wide = |reach: f64| periods.iter().flatten().any(|period| reach > 0.25 * period);
     let widest = reach.iter().copied().filter(|reach| !is_wide(*reach)).fold(0.0, f64::max);
@@ -62,13 +62,13 @@ fn periodic_images(x: &[Vec3], reach: &[f64], periods: [Option<f64>; 2]) -> (Vec
     let mut originals: Vec<u32> = (0..x.len() as u32).collect();
     for i in 0..x.len() {
         let wide = is_wide(reach[i]);
-        let inside = |at: f64, period: Option<f64>| {
+        let is_near_cell = |at: f64, period: Option<f64>| {
             wide || period.is_none_or(|period| at.abs() <= 0.5 * period + reach[i] + widest)
         };
         for step in &steps[usize::from(wide)] {
             let move_by = Vec3::new(step[0] * periods[0].unwrap_or(0.0), step[1] * periods[1].unwrap_or(0.0), 0.0);
             let image = centres[i] + move_by;
-            if inside(image.x, periods[0]) && inside(image.y, periods[1]) {
+            if is_near_cell(image.x, periods[0]) && is_near_cell(image.y, periods[1]) {
                 centres.push(image);
                 originals.push(i as u32);
             }

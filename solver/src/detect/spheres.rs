@@ -1,7 +1,5 @@
 //! Pairs and contacts of spheres with spheres and plates.
 
-use std::sync::Arc;
-
 use rayon::prelude::*;
 
 use super::neighbours::BoundingBalls;
@@ -9,7 +7,7 @@ use super::travel::{LISTING_MARGIN, TravelBounds};
 use super::{narrow, swept};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3};
-use crate::scene::{BodyId, BodyShape, InteractionRule, PartId, Scene};
+use crate::scene::{BodyId, BodyShape, InteractionRule, Scene, SphereId};
 use crate::state::{Contact, DetectionCache, VisiblePair};
 
 /// Candidate and antagonist within range of each other, and their law.
@@ -32,12 +30,12 @@ pub fn sphere_sphere_pairs(
     let balls = BoundingBalls { centres: &centres, reach: &reach, path, travel: &travel };
     if cache.neighbours.rebuild_if_stale(&balls, scene.periods(), scene.mean_radius) {
         let near = std::mem::take(&mut cache.neighbours.pairs);
-        let visible = near.into_par_iter().with_min_len(1024).filter_map(|pair| visible_pair(scene, pair));
-        let mut pairs: Vec<VisiblePair> = visible.collect();
+        let visible = near.into_par_iter().with_min_len(1024).filter_map(|pair| visible_spheres(scene, pair));
+        let mut pairs: Vec<VisiblePair<SphereId>> = visible.collect();
         pairs.par_sort_unstable_by_key(|(pair, _)| *pair);
-        cache.pairs = Arc::new(pairs);
+        cache.sphere_pairs = pairs;
     }
-    let listed = |&([i, j], rule): &VisiblePair| {
+    let listed = |&([i, j], rule): &VisiblePair<SphereId>| {
         let pair = [i, j].map(|k| scene.spheres[k.index()]);
         let [i, j] = [i.index(), j.index()];
         let (a, b) = (centres[i], centres[j] + scene.nearest_image_shift(&centres[i], &centres[j]));
@@ -46,13 +44,13 @@ pub fn sphere_sphere_pairs(
         let closing = || swept::least_distance(&(a - b), &(path(i) - path(j))) - (radii[i] + radii[j]);
         is_listed(scene, pair, rule, gap, approach, closing).then_some((pair, rule.law))
     };
-    cache.pairs.par_iter().with_min_len(512).filter_map(listed).collect()
+    cache.sphere_pairs.par_iter().with_min_len(512).filter_map(listed).collect()
 }
 
 /// Pair with the candidate first, and its visibility rule; `None` if the table has no rule for it, or if the
 /// motion of both bodies is imposed.
-pub fn visible_pair(scene: &Scene, pair: [u32; 2]) -> Option<VisiblePair> {
-    let pair = pair.map(PartId);
+pub fn visible_spheres(scene: &Scene, pair: [u32; 2]) -> Option<VisiblePair<SphereId>> {
+    let pair = pair.map(SphereId);
     let [a, b] = pair.map(|k| &scene.bodies[scene.spheres[k.index()].index()]);
     Some((pair, scene.visibility.interaction_rule(a.class, b.class)?)).filter(|_| !(a.is_imposed() && b.is_imposed()))
 }

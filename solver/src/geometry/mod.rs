@@ -1,4 +1,5 @@
-//! Kernel: contact geometry of convex polyhedra - with each other, with spheres, plates and cylinders - and of cylinders.
+//! Kernel: contact geometry of convex polyhedra - with each other, with spheres, plates and cylinders - and of cylinders;
+//! and the search for near pairs.
 //!
 //! All lengths are relative to the centre of body A, so that precision does not depend on the distance from the origin:
 //! `c` is x_B - x_A. Normals point from B, the antagonist, to A, the candidate.
@@ -17,6 +18,7 @@
 //! | `flush` | heights and contact along a given direction |
 //! | `outline` | the corners of the common part of two faces seen along the normal |
 //! | `triangles` | corners of the common part of two triangles, for several pairs at once |
+//! | `near_pairs` | near pairs among spheres of any sizes, by cells |
 //! | `patch` | contact points and area from these corners |
 
 mod cache;
@@ -26,6 +28,7 @@ mod flush;
 mod gjk;
 mod hollow_cylinder;
 mod manifold;
+mod near_pairs;
 mod outline;
 mod pair;
 mod patch;
@@ -45,6 +48,7 @@ pub use manifold::{
     ContactPoint, ContactPoints, ListingRange, Manifold, NarrowPhaseMode, Separated, edge_feature, face_feature,
     vertex_feature,
 };
+pub use near_pairs::near_pairs;
 pub use plate::polyhedron_plane;
 pub use polyhedra::{PairBatch, PairResult, polyhedron_polyhedron};
 pub use polyhedron::{Polyhedron, PosedPolyhedron};

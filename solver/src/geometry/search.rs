@@ -123,8 +123,8 @@ impl AxisSearch<'_> {
             (SearchFeature::FaceOfB(f), Some(v)) => add_face_witnesses(l, pair, [b, a], f, v, -1.0, &mut witnesses),
             _ => {}
         }
-        if search_faces(l, pair, a, b, 1.0, &mut best, &mut witnesses, enough)
-            || search_faces(l, pair, b, a, -1.0, &mut best, &mut witnesses, enough)
+        if search_faces(l, pair, [a, b], 1.0, &mut best, &mut witnesses, enough)
+            || search_faces(l, pair, [b, a], -1.0, &mut best, &mut witnesses, enough)
         {
             return (best, None, false);
         }
@@ -354,12 +354,10 @@ fn inside_distance(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
 /// Tries the faces of `own` against the vertices of `other`; `sign` is -1 if `own` is B. Returns whether `enough` is
 /// reached.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
 fn search_faces<L: F64Arithmetic>(
     l: L,
     pair: &PolyhedronPair,
-    own: &PosedPolyhedron,
-    other: &PosedPolyhedron,
+    [own, other]: [&PosedPolyhedron; 2],
     sign: f64,
     best: &mut SearchAxis,
     witnesses: &mut WitnessPoints,
@@ -531,8 +529,8 @@ fn search_edges<L: F64Arithmetic>(
                 (a1 - a0, pair.posed_a.face_normal(edge.faces[0]), pair.posed_a.face_normal(edge.faces[1]));
             let mut k = 0;
             while k < count {
-                let (mask, s) =
-                    crossing_arcs(l, &block, k, &a0, &along, &n0, &n1, PARALLEL_EDGE_PRODUCT * along.norm_squared());
+                let arc = EdgeArc { start: &a0, along: &along, normals: [&n0, &n1] };
+                let (mask, s) = crossing_arcs(l, &block, k, arc);
                 let mut mask = mask & l.mask_greater(s, l.splat(separation_to_beat(best, tie)));
                 if mask != 0 {
                     let mut values = [0.0; 8];
@@ -561,19 +559,23 @@ fn search_edges<L: F64Arithmetic>(
     }
 }
 
+/// Edge whose arc on the Gauss map leads from the normal of one of its faces to that of the other.
+struct EdgeArc<'a> {
+    start: &'a Vec3,
+    /// Vector from the start to the end, m.
+    along: &'a Vec3,
+    normals: [&'a Vec3; 2],
+}
+
 /// Tests an edge of A against edges of B from column `k` on; returns which arcs cross, and the separations.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
 fn crossing_arcs<L: F64Arithmetic>(
     l: L,
     block: &[[f64; COLUMN_BLOCK]; 13],
     k: usize,
-    a0: &Vec3,
-    along: &Vec3,
-    n0: &Vec3,
-    n1: &Vec3,
-    parallel: f64,
+    EdgeArc { start: a0, along, normals: [n0, n1] }: EdgeArc,
 ) -> (u32, L::V) {
+    let parallel = PARALLEL_EDGE_PRODUCT * along.norm_squared();
     macro_rules! at {
         ($column:expr) => {
             l.load(&block[$column][k..])

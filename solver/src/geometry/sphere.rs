@@ -22,16 +22,16 @@ pub fn polyhedron_sphere(a: &PosedPolyhedron, c: &Vec3, radius: f64, alert: f64)
     let in_frame = a.local_vector(c);
     let (mut nearest, mut height) = (0, f64::NEG_INFINITY);
     for (f, plane) in a.shape.face_planes().iter().enumerate() {
-        let above = plane.normal.dot(&in_frame) - plane.offset;
-        if above > height {
-            (nearest, height) = (f as u32, above);
+        let is_above_face = plane.normal.dot(&in_frame) - plane.offset;
+        if is_above_face > height {
+            (nearest, height) = (f as u32, is_above_face);
         }
     }
     if height - radius > alert {
         return None;
     }
     let n = a.face_normal(nearest);
-    let (n, distance, on_a, feature) = match nearest_beside_faces(a, c) {
+    let (n, distance, on_a, feature) = match nearest_on_edges(a, c) {
         Some((point, feature)) if height > 0.0 => {
             let between = c - point;
             let distance = between.norm();
@@ -46,7 +46,7 @@ pub fn polyhedron_sphere(a: &PosedPolyhedron, c: &Vec3, radius: f64, alert: f64)
 
 /// Returns the nearest point on an edge or vertex, unless the centre is directly above or below a face that it is in
 /// front of.
-fn nearest_beside_faces(posed: &PosedPolyhedron, c: &Vec3) -> Option<(Vec3, u32)> {
+fn nearest_on_edges(posed: &PosedPolyhedron, c: &Vec3) -> Option<(Vec3, u32)> {
     let shape = posed.shape;
     let mut best: Option<(f64, Vec3, u32)> = None;
     for (f, plane) in shape.face_planes().iter().enumerate() {
@@ -55,7 +55,7 @@ fn nearest_beside_faces(posed: &PosedPolyhedron, c: &Vec3) -> Option<(Vec3, u32)
             continue;
         }
         let (corners, sides) = (shape.face_corners(f), shape.face_edges(f));
-        let mut above = true;
+        let mut is_above_face = true;
         for (k, &side) in sides.iter().enumerate() {
             let from = posed.vertex(corners[k]);
             let along = posed.vertex(corners[if k + 1 == corners.len() { 0 } else { k + 1 }]) - from;
@@ -63,7 +63,7 @@ fn nearest_beside_faces(posed: &PosedPolyhedron, c: &Vec3) -> Option<(Vec3, u32)
             if n.cross(&along).dot(&(c - from)) >= 0.0 {
                 continue;
             }
-            above = false;
+            is_above_face = false;
             let share = (c - from).dot(&along) / along.norm_squared();
             let (point, feature) = if share <= 0.0 {
                 (from, vertex_feature(corners[k].into()))
@@ -72,14 +72,15 @@ fn nearest_beside_faces(posed: &PosedPolyhedron, c: &Vec3) -> Option<(Vec3, u32)
             } else {
                 (from + along * share, edge_feature(side.into()))
             };
-            let far = (c - point).norm_squared();
-            if best.is_none_or(|(least, ..)| far < least) {
-                best = Some((far, point, feature));
+            let squared_distance = (c - point).norm_squared();
+            if best.is_none_or(|(least, ..)| squared_distance < least) {
+                best = Some((squared_distance, point, feature));
             }
         }
-        if above {
+        if is_above_face {
             return None;
         }
     }
-    best.filter(|(far, ..)| *far > 0.0).map(|(_, point, feature)| (point, feature))
+    // 0: on the surface, where the direction is undefined.
+    best.filter(|(squared_distance, ..)| *squared_distance > 0.0).map(|(_, point, feature)| (point, feature))
 }

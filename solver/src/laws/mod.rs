@@ -27,8 +27,8 @@
 //! contact slides at mu (r_n/h + f). Names, parameters, friction and cohesion are in [`cd_formats::law_table`].
 //!
 //! Two laws remember. A contact of xQS_WET_DS_CLB is wet if g <= range at the start of the run or when
-//! an event bonds it, and dry for good once g > range. A bond of IQS_MOHR_DS_CLB joins what touches at these
-//! moments, carries a traction up to c_n S and a shear up to c_t S + (c_t/c_n) r_n/h, and is gone for good once it
+//! an event bonds it, and dry for good once g > range. A bond of IQS_MOHR_DS_CLB joins bodies that touch then,
+//! carries a traction up to c_n S and a shear up to c_t S + (c_t/c_n) r_n/h, and is gone for good once it
 //! parts or slides. S = pi R², 1/R = 1/R_a + 1/R_b.
 //!
 //! IQS_DS_ROLL_CLB and IQS_WET_DS_ROLL_CLB, which LMGC90 does not have, are IQS_DS_CLB and IQS_WET_DS_CLB with moments
@@ -217,7 +217,7 @@ impl ContactLaw {
             Some(Cohesion::Bond { normal, tangential, now }) if at.bonded && now > 0.0 => {
                 (now * std::f64::consts::PI * at.radius * at.radius, tangential / normal)
             }
-            _ => (0.0, friction),
+            None | Some(Cohesion::Wet { .. } | Cohesion::Bond { .. }) => (0.0, friction),
         };
         // Not -h f, which would be -0 without an attraction.
         Some(LawShift { normal, tangential, impulse: 0.0 - h * attraction, friction, solved })
@@ -320,7 +320,7 @@ impl ContactLaw {
     pub fn max_closing_speed(&self, u_n: f64) -> f64 {
         match self.unilateral {
             UnilateralLaw::Restitution { normal, .. } => normal * u_n.max(0.0),
-            _ => 0.0,
+            UnilateralLaw::InelasticShock | UnilateralLaw::Gap | UnilateralLaw::Velocity => 0.0,
         }
     }
 
@@ -355,7 +355,7 @@ impl ContactLaw {
         match &mut self.cohesion {
             Some(Cohesion::Wet { force, .. }) => *force = value,
             Some(Cohesion::Bond { normal, now, .. }) if *normal > 0.0 => *now = value,
-            _ => return false,
+            None | Some(Cohesion::Bond { .. }) => return false,
         }
         true
     }

@@ -152,7 +152,7 @@ pub fn set_laws_and_visibility(
                 row.candidate.contactor, row.candidate.colour, row.antagonist.contactor, row.antagonist.colour
             );
             let expected = format!(
-                "expected law '{}' and alert {}, as before for the same: SPHEb is SPHER",
+                "expected law '{}' and alert {}, as in the earlier row of this pair (SPHEb counts as SPHER)",
                 scene.law_names[known.law as usize].nickname, known.alert
             );
             faults.push(Fault::new(&file, Some(row.line), object, found, expected));
@@ -312,7 +312,8 @@ pub fn check_text(scene: &mut Scene) {
         of_polyhedra.iter().any(|&class| scene.visibility.interaction_rule(class, part.class).is_some())
     };
     if scene.options.text && cylinders.into_iter().any(sees) {
-        let note = "Vloc_Rloc.OUT.k: contacts of polyhedra with cylinders are written as PRPRx: LMGC90 has none such";
+        let note =
+            "Vloc_Rloc.OUT.k: contacts of polyhedra with cylinders are written as PRPRx: LMGC90 has no type for them";
         scene.notes.push(note.into());
     }
 }

@@ -159,7 +159,9 @@ fn passed_events_note(scene: &Scene, state: &State) -> Option<String> {
     let count = scene.events[..state.events_done].iter().filter(adds).count();
     let events = if count == 1 { "1 event".to_string() } else { format!("{count} events") };
     let time = state.time;
-    (count > 0).then(|| format!("events: {events} before the start at {time} s: what they add or bond is not done"))
+    (count > 0).then(|| {
+        format!("events: {events} before the start at {time} s have no effect (AddSpin, AddVelocity, Shake, Bond)")
+    })
 }
 
 /// Rejects features that the program is built without.

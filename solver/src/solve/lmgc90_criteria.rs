@@ -37,19 +37,19 @@ pub struct Lmgc90Norms {
 /// Scales below this count as no load, as in LMGC90.
 const NEGLIGIBLE_SCALE: f64 = 1e-18;
 
-/// Criteria for the impulses `impulses` (one per row, N s) and the velocities `records` that result from them. As in a sweep,
+/// Criteria for the impulses `impulses` (one per row, N s) and the velocities `solver_bodies` that result from them. As in a sweep,
 /// each contact uses the velocities changed by those before it.
-pub fn lmgc90_norms(system: &ContactProblem, impulses: &[Vec3], records: &[SolverBody]) -> Lmgc90Norms {
-    let mut system = ContactProblem { bodies: records.to_vec(), ..system.clone() };
+pub fn lmgc90_norms(problem: &ContactProblem, impulses: &[Vec3], solver_bodies: &[SolverBody]) -> Lmgc90Norms {
+    let mut problem = ContactProblem { bodies: solver_bodies.to_vec(), ..problem.clone() };
     let (mut count, mut q2, mut m, mut mean) = (0, 0.0, 0.0, 0.0);
     let (mut dv2, mut dvr2, mut largest_dv, mut largest_dvr) = (0.0, 0.0, 0.0f64, 0.0f64);
     for (k, r) in impulses.iter().enumerate() {
-        if !system.rows[k].can_close {
+        if !problem.rows[k].can_close {
             continue;
         }
-        let u = system.shifted_velocity(k, &system.bodies);
-        let (w, new) = solve_local_block(&system, k, &u, r);
-        system.apply_impulse(k, &(new - r));
+        let u = problem.shifted_velocity(k, &problem.bodies);
+        let (w, new) = solve_local_block(&problem, k, &u, r);
+        problem.apply_impulse(k, &(new - r));
         let (change, middle) = (w * (r - new), (r + new) * 0.5);
         count += 1;
         q2 += 0.5 * ((w * r).norm_squared() + (w * new).norm_squared());
@@ -76,11 +76,11 @@ pub fn lmgc90_norms(system: &ContactProblem, impulses: &[Vec3], records: &[Solve
 }
 
 /// Own block of row `k`, and the impulse that solves it alone, if û is `u` with the impulse `r`.
-fn solve_local_block(system: &ContactProblem, k: usize, u: &Vec3, r: &Vec3) -> (Matrix3<f64>, Vec3) {
-    let row = &system.rows[k];
+fn solve_local_block(problem: &ContactProblem, k: usize, u: &Vec3, r: &Vec3) -> (Matrix3<f64>, Vec3) {
+    let row = &problem.rows[k];
     let n = row.normal;
-    if let Some(bodies) = &system.block_data {
-        let w = block::local::delassus_block_of_row(system, bodies, k);
+    if let Some(bodies) = &problem.block_data {
+        let w = block::local::delassus_block_of_row(problem, bodies, k);
         return (block::local::full_matrix(w), block::local::solve_contact_block(w, n, row.friction, u, r));
     }
     let along = n * n.transpose();
@@ -96,7 +96,7 @@ mod tests {
     use crate::scene::BodyId;
 
     /// A body of 1/2 kg that does not turn, on the ground, under 3 N s, shared by the contacts.
-    fn system(contacts: u32) -> ContactProblem {
+    fn problem(contacts: u32) -> ContactProblem {
         let record = |v: Vec3, inverse_mass: f64| SolverBody {
             v,
             inverse_mass,
@@ -115,31 +115,31 @@ mod tests {
             can_close: true,
             ..ContactConstraint::default()
         };
-        let records = vec![record(Vec3::z() * -6.0, 2.0), record(Vec3::zeros(), 0.0)];
+        let solver_bodies = vec![record(Vec3::z() * -6.0, 2.0), record(Vec3::zeros(), 0.0)];
         ContactProblem {
             rows: (0..contacts).map(row).collect(),
             rolling_constraints: vec![],
             block_data: None,
-            bodies: records,
+            bodies: solver_bodies,
             order: vec![0, 1],
         }
     }
 
-    fn velocities(system: &ContactProblem, impulses: &[Vec3]) -> Vec<SolverBody> {
-        let mut records = system.bodies.clone();
-        system.rows.iter().zip(impulses).for_each(|(row, r)| row.apply_impulse(&mut records, r));
-        records
+    fn velocities(problem: &ContactProblem, impulses: &[Vec3]) -> Vec<SolverBody> {
+        let mut solver_bodies = problem.bodies.clone();
+        problem.rows.iter().zip(impulses).for_each(|(row, r)| row.apply_impulse(&mut solver_bodies, r));
+        solver_bodies
     }
 
     #[test]
     fn one_contact_by_hand() {
-        let system = system(1);
+        let problem = problem(1);
         let solved = [Vec3::z() * 3.0];
-        let velocities = |r: &[Vec3]| velocities(&system, r);
-        assert_eq!(lmgc90_norms(&system, &solved, &velocities(&solved)), Lmgc90Norms::default());
+        let velocities = |r: &[Vec3]| velocities(&problem, r);
+        assert_eq!(lmgc90_norms(&problem, &solved, &velocities(&solved)), Lmgc90Norms::default());
         // From 1 N s the next local solution is 3: du = 2 (1 - 3) = -4, m = 2, Q² = ½ (2² + 6²) = 20, M = ½ (2 + 18) = 10.
         let early = [Vec3::z()];
-        let found = lmgc90_norms(&system, &early, &velocities(&early));
+        let found = lmgc90_norms(&problem, &early, &velocities(&early));
         let quad_dv = 4.0 / 20f64.sqrt();
         assert_eq!((found.quad_dv, found.maxm_dv), (quad_dv, quad_dv));
         assert_eq!((found.quad_dvr, found.maxm_dvr, found.mean_dvor), (0.8, 0.8, -0.8));
@@ -147,9 +147,9 @@ mod tests {
 
     #[test]
     fn the_second_contact_sees_what_the_first_has_changed() {
-        let system = system(2);
+        let problem = problem(2);
         let early = [Vec3::z(), Vec3::z()];
-        let found = lmgc90_norms(&system, &early, &velocities(&system, &early));
+        let found = lmgc90_norms(&problem, &early, &velocities(&problem, &early));
         // The first contact takes all of the missing 1 N s and leaves none for the second. du = -2, m = 3/2.
         let (q, m) = (((0.5 * (4.0 + 16.0) + 4.0) / 2f64).sqrt(), (0.5 * (2.0 + 8.0) + 2.0) / 2.0);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a} {b}"); // a few roundings
@@ -163,7 +163,7 @@ mod tests {
     #[test]
     fn a_sphere_is_a_body_of_any_shape() {
         // Arms along the normal and equal moments of inertia make the diagonal block of a sphere.
-        let mut sphere = system(1);
+        let mut sphere = problem(1);
         sphere.rows[0].w_t = 2.0 + 5.0;
         (sphere.bodies[0].radius, sphere.bodies[0].inverse_inertia) = (1.0, 5.0);
         (sphere.bodies[0].v, sphere.bodies[0].w) = (Vec3::new(0.5, -1.0, -6.0), Vec3::new(0.3, 0.2, 0.1));

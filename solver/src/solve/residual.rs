@@ -49,7 +49,7 @@ fn body_motion(v: &Vec3, w: &Vec3) -> BodyMotion {
 
 /// Evaluator of the residual E of some rows of a contact problem.
 pub struct ResidualEvaluator<'a> {
-    system: &'a ContactProblem,
+    problem: &'a ContactProblem,
     /// Width of the vectors.
     pub(super) width: SimdWidth,
     /// Rows that are evaluated.
@@ -75,27 +75,27 @@ pub struct Residual {
 }
 
 impl<'a> ResidualEvaluator<'a> {
-    /// Evaluator for the rows `rows` of `system`.
-    pub fn new(system: &'a ContactProblem, rows: &'a [ContactId], width: SimdWidth) -> Self {
+    /// Evaluator for the rows `rows` of `problem`.
+    pub fn new(problem: &'a ContactProblem, rows: &'a [ContactId], width: SimdWidth) -> Self {
         let contacts = rows
             .par_chunks(GROUP_LANES)
             .with_min_len(GROUPS_PER_TASK)
-            .map(|rows| contact_group(system, rows))
+            .map(|rows| contact_group(problem, rows))
             .collect();
-        let has_levers = system.block_data.as_ref().is_some_and(|full| !full.friction_offsets.is_empty());
+        let has_levers = problem.block_data.as_ref().is_some_and(|full| !full.friction_offsets.is_empty());
         let levers = if has_levers {
-            rows.chunks(GROUP_LANES).map(|rows| group_levers(system, rows)).collect()
+            rows.chunks(GROUP_LANES).map(|rows| group_levers(problem, rows)).collect()
         } else {
             Vec::new()
         };
         let of_some = |rows: &[ContactId]| {
             rows.iter().fold((0.0, 0.0), |(trace, speeds), &k| {
-                let row = &system.rows[k.index()];
+                let row = &problem.rows[k.index()];
                 let at = |side: usize| {
-                    let record = &system.bodies[row.bodies[side].index()];
-                    record.v.norm() + record.w.norm() * system.contact_arm(k.index(), side).norm()
+                    let record = &problem.bodies[row.bodies[side].index()];
+                    record.v.norm() + record.w.norm() * problem.contact_arm(k.index(), side).norm()
                 };
-                let (w_n, w_t) = system.delassus_diagonal(k.index());
+                let (w_n, w_t) = problem.delassus_diagonal(k.index());
                 let speed = at(0) + at(1) + row.shift.norm() + w_n * row.impulse_shift.abs();
                 (trace + w_n + 2.0 * w_t, speeds + speed * speed)
             })
@@ -104,19 +104,19 @@ impl<'a> ResidualEvaluator<'a> {
         let (trace, speeds) = parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
         let rho = if rows.is_empty() { 0.0 } else { 3.0 * rows.len() as f64 / trace };
         let floor = ROUNDING_FLOOR * rho * speeds.sqrt();
-        let mut evaluator = ResidualEvaluator { system, width, rows, contacts, levers, rho, initial_norm: 0.0, floor };
-        let mut balance = vec![Vec3::zeros(); system.rows.len()];
-        let attracting = rows.iter().filter(|&&k| system.rows[k.index()].impulse_shift != 0.0);
+        let mut evaluator = ResidualEvaluator { problem, width, rows, contacts, levers, rho, initial_norm: 0.0, floor };
+        let mut balance = vec![Vec3::zeros(); problem.rows.len()];
+        let attracting = rows.iter().filter(|&&k| problem.rows[k.index()].impulse_shift != 0.0);
         let mut attracted = false;
         for &k in attracting {
-            let row = &system.rows[k.index()];
+            let row = &problem.rows[k.index()];
             (balance[k.index()], attracted) = (row.normal * row.balancing_impulse(), true);
         }
         let free = |record: &SolverBody| body_motion(&record.v, &record.w);
         let motions = if attracted {
             evaluator.body_motions(&balance)
         } else {
-            system.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(free).collect()
+            problem.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(free).collect()
         };
         evaluator.initial_norm = evaluator.residual_norm(&balance, &[], &motions).0;
         evaluator
@@ -132,7 +132,7 @@ impl<'a> ResidualEvaluator<'a> {
         let given: f64 = self.rows.iter().map(|&k| impulses[k.index()].norm_squared()).sum();
         let of_body = |record: &&SolverBody| record.inverse_mass > 0.0;
         let momenta =
-            self.system.bodies.iter().filter(of_body).map(|record| (record.v / record.inverse_mass).norm_squared());
+            self.problem.bodies.iter().filter(of_body).map(|record| (record.v / record.inverse_mass).norm_squared());
         f64::EPSILON * given.sqrt() / momenta.sum::<f64>().sqrt().max(self.initial_norm).max(self.floor)
     }
 
@@ -159,7 +159,7 @@ impl<'a> ResidualEvaluator<'a> {
     pub fn body_motions(&self, impulses: &[Vec3]) -> Vec<BodyMotion> {
         // Sums of the impulses on each body and of their moments about its centre; the division into parts depends only on
         // the number of contacts.
-        let bodies = self.system.bodies.len();
+        let bodies = self.problem.bodies.len();
         let half = if self.contacts.len() < GROUPS_PER_TASK {
             self.contacts.len().max(1)
         } else {
@@ -176,21 +176,21 @@ impl<'a> ResidualEvaluator<'a> {
             for part in &parts {
                 (0..6).for_each(|k| sum[k] += part[body][k]);
             }
-            let v = record.v + self.system.velocity_change(BodyId(body as u32), &Vec3::new(sum[0], sum[1], sum[2]));
-            let w =
-                record.w + self.system.angular_velocity_change(BodyId(body as u32), &Vec3::new(sum[3], sum[4], sum[5]));
+            let v = record.v + self.problem.velocity_change(BodyId(body as u32), &Vec3::new(sum[0], sum[1], sum[2]));
+            let w = record.w
+                + self.problem.angular_velocity_change(BodyId(body as u32), &Vec3::new(sum[3], sum[4], sum[5]));
             body_motion(&v, &w)
         };
-        self.system.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).enumerate().map(moved).collect()
+        self.problem.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).enumerate().map(moved).collect()
     }
 
     /// V_free + M⁻¹ (H r̂ + m), computed anew; `moments` has one moment per rolling constraint of the system, world frame, on
     /// the candidate, N m s.
     pub fn motions_with(&self, impulses: &[Vec3], moments: &[Vec3]) -> Vec<BodyMotion> {
         let mut motions = self.body_motions(impulses);
-        for (roll, m) in self.system.rolling_constraints.iter().zip(moments) {
-            for (body, m) in self.system.rows[roll.row.index()].bodies.into_iter().zip([*m, -m]) {
-                let turned = self.system.angular_velocity_change(body, &m);
+        for (roll, m) in self.problem.rolling_constraints.iter().zip(moments) {
+            for (body, m) in self.problem.rows[roll.row.index()].bodies.into_iter().zip([*m, -m]) {
+                let turned = self.problem.angular_velocity_change(body, &m);
                 (0..3).for_each(|k| motions[body.index()][4 + k] += turned[k]);
             }
         }
@@ -204,7 +204,7 @@ impl<'a> ResidualEvaluator<'a> {
             w: Vec3::new(m[4], m[5], m[6]),
             ..*record
         };
-        self.system.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).zip(motions).map(of).collect()
+        self.problem.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).zip(motions).map(of).collect()
     }
 
     /// |F| and the row with the largest part in it.
@@ -224,7 +224,8 @@ impl<'a> ResidualEvaluator<'a> {
             let size2 = self.moment_residual_squared(roll, m, &impulses[roll.row.index()], motions);
             (size2, size2, Some(roll.row))
         };
-        let rolls = self.system.rolling_constraints.par_iter().zip(moments).with_min_len(GROUP_LANES * GROUPS_PER_TASK);
+        let rolls =
+            self.problem.rolling_constraints.par_iter().zip(moments).with_min_len(GROUP_LANES * GROUPS_PER_TASK);
         let of_moments: Vec<(f64, f64, Option<ContactId>)> = rolls.map(of_moment).collect();
         for (part, size2, row) in parts.into_iter().chain(of_moments) {
             sum += part;
@@ -240,7 +241,7 @@ impl<'a> ResidualEvaluator<'a> {
     /// With s = m/R and z = s - rho R w, F is rho R w plus the part of z beyond the bounds: mu_s r_n along n, mu_r r_n
     /// across. Without a normal impulse F is s itself, without the rounding of w.
     fn moment_residual_squared(&self, roll: &RollingConstraint, m: &Vec3, r: &Vec3, motions: &[BodyMotion]) -> f64 {
-        let row = &self.system.rows[roll.row.index()];
+        let row = &self.problem.rows[roll.row.index()];
         let [a, b] = row.bodies.map(|body| &motions[body.index()]);
         let n = row.normal;
         let pressed = n.x * r.x + n.y * r.y + n.z * r.z;
@@ -318,12 +319,12 @@ fn body_impulse_sums(
     sums
 }
 
-fn contact_group(system: &ContactProblem, rows: &[ContactId]) -> ContactGroup {
+fn contact_group(problem: &ContactProblem, rows: &[ContactId]) -> ContactGroup {
     let zero = [0.0; GROUP_LANES];
     let (three, bodies) = ([zero; 3], [[0; GROUP_LANES]; 2]);
     let mut columns = ContactGroup { n: three, shift: three, arms: [three; 2], friction: zero, bodies };
     for (lane, &k) in rows.iter().enumerate() {
-        let row = &system.rows[k.index()];
+        let row = &problem.rows[k.index()];
         for axis in 0..3 {
             columns.n[axis][lane] = row.normal[axis];
             columns.shift[axis][lane] = row.shift[axis];
@@ -331,7 +332,7 @@ fn contact_group(system: &ContactProblem, rows: &[ContactId]) -> ContactGroup {
         columns.friction[lane] = row.friction;
         for side in 0..2 {
             columns.bodies[side][lane] = row.bodies[side].0;
-            let arm = system.contact_arm(k.index(), side);
+            let arm = problem.contact_arm(k.index(), side);
             for axis in 0..3 {
                 columns.arms[side][axis][lane] = arm[axis];
             }
@@ -340,10 +341,10 @@ fn contact_group(system: &ContactProblem, rows: &[ContactId]) -> ContactGroup {
     columns
 }
 
-fn group_levers(system: &ContactProblem, rows: &[ContactId]) -> GroupLevers {
+fn group_levers(problem: &ContactProblem, rows: &[ContactId]) -> GroupLevers {
     let mut levers = [[0.0; GROUP_LANES]; 3];
     for (lane, &k) in rows.iter().enumerate() {
-        let lever = system.friction_lever(k.index());
+        let lever = problem.friction_lever(k.index());
         (0..3).for_each(|axis| levers[axis][lane] = lever[axis]);
     }
     levers
@@ -529,19 +530,19 @@ mod tests {
     }
 
     /// E of the impulse 1 N s along n and a moment.
-    fn judged(system: &ContactProblem, m: [f64; 3]) -> f64 {
+    fn judged(problem: &ContactProblem, m: [f64; 3]) -> f64 {
         let (r, m) = ([Vec3::z()], [Vec3::from(m)]);
-        let evaluator = ResidualEvaluator::new(system, &[ContactId(0)], SimdWidth::detect());
+        let evaluator = ResidualEvaluator::new(problem, &[ContactId(0)], SimdWidth::detect());
         evaluator.residual_with(&r, &m, &evaluator.motions_with(&r, &m)).value
     }
 
     #[test]
     fn moments_are_judged_by_their_law() {
         for turning in [Vec3::zeros(), Vec3::new(3.0, -1.0, 2.0)] {
-            let system = ball_on_plate(turning);
+            let problem = ball_on_plate(turning);
             // The ball continues to roll, against the bound, and stops spinning. |F(0)| = rho 1 m/s, rho = 3/8; numbers up to
             // 10.
-            assert!(judged(&system, [0.0, -0.05, -0.01]) < 1e-14);
+            assert!(judged(&problem, [0.0, -0.05, -0.01]) < 1e-14);
             for (m, expected) in [
                 ([0.0; 3], 0.1f64.hypot(0.375 * 0.05)), // z = -rho R w = -(0, 0.375, 0.01875)
                 ([0.0, -0.1, -0.01], 0.1),              // twice the bound
@@ -550,7 +551,7 @@ mod tests {
                 ([0.0, -0.05, -0.02], 0.375 * 0.05),    // spins in the opposite direction
                 ([0.0, -0.05, -2.0], 3.8),              // beyond the other: s = -4, z = -4 + 0.375 * 9.95 = -0.26875
             ] {
-                let found = judged(&system, m);
+                let found = judged(&problem, m);
                 assert!((found - expected / 0.375).abs() < 1e-13, "{m:?}: {found} {}", expected / 0.375);
             }
         }
@@ -558,16 +559,16 @@ mod tests {
 
     #[test]
     fn a_solver_that_takes_another_law_is_seen() {
-        let system = ball_on_plate(Vec3::zeros());
-        let mut other = system.clone();
+        let problem = ball_on_plate(Vec3::zeros());
+        let mut other = problem.clone();
         let solved =
-            |system: &ContactProblem| solve_nlgs(system, StoppingCriteria::new(1e-12, 100), SimdWidth::detect());
+            |problem: &ContactProblem| solve_nlgs(problem, StoppingCriteria::new(1e-12, 100), SimdWidth::detect());
         let e = |solution: &crate::solve::ContactSolution| {
-            let evaluator = ResidualEvaluator::new(&system, &[ContactId(0)], SimdWidth::detect());
+            let evaluator = ResidualEvaluator::new(&problem, &[ContactId(0)], SimdWidth::detect());
             let motions = evaluator.motions_with(&solution.impulses, &solution.moments);
             evaluator.residual_with(&solution.impulses, &solution.moments, &motions)
         };
-        assert!(e(&solved(&system)).value < 1e-12);
+        assert!(e(&solved(&problem)).value < 1e-12);
         other.rolling_constraints[0].rolling *= 1.01;
         let found = e(&solved(&other));
         assert!(found.value > 1e-3 && found.worst == Some(ContactId(0)), "{found:?}");

@@ -42,12 +42,12 @@ impl SolveRequest {
 /// Updates the back-off of the fallback from the solution of a step that is `step_multiple` times `dt` long.
 pub fn update_backoff(
     fallback: &mut FallbackState,
-    task: SolveRequest,
+    request: SolveRequest,
     step: u64,
     step_multiple: u64,
     solution: &ContactSolution,
 ) {
-    if task.fallback_suppressed || !task.may_use_fallback() {
+    if request.fallback_suppressed || !request.may_use_fallback() {
         return;
     }
     let gained =
@@ -55,7 +55,7 @@ pub fn update_backoff(
     if !solution.converged && !gained {
         let failures = (fallback.failures + 1).min(COSTS.max_backoff_failures);
         *fallback = FallbackState { failures, due: step + (step_multiple << failures) };
-    } else if solution.sweeps > MOMENTUM_CYCLE && task.criteria.target_residual == task.criteria.tol {
+    } else if solution.sweeps > MOMENTUM_CYCLE && request.criteria.target_residual == request.criteria.tol {
         // Below `tol` even the easiest step needs many sweeps.
         *fallback = FallbackState::default();
     }
@@ -68,22 +68,22 @@ pub fn update_backoff(
 /// `stored` converts the rows that can close to a problem with its Delassus matrix. A result worse than zero impulses is
 /// replaced by that of a round of sweeps from these.
 pub fn solve_contact_problem(
-    system: &ContactProblem,
-    task: SolveRequest,
+    contact_problem: &ContactProblem,
+    request: SolveRequest,
     stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> ContactSolution {
-    let found = solve_from_warm_start(system, task, stored);
+    let found = solve_from_warm_start(contact_problem, request, stored);
     if found.residual < 1.0 {
         return found;
     }
     // E of zero impulses is 1; they are kept if no result is better.
-    let mut system = system.clone();
-    system.rows.iter_mut().for_each(|row| row.warm_start = row.normal * row.balancing_impulse());
-    system.rolling_constraints.iter_mut().for_each(|roll| roll.warm_start = Vec3::zeros());
+    let mut contact_problem = contact_problem.clone();
+    contact_problem.rows.iter_mut().for_each(|row| row.warm_start = row.normal * row.balancing_impulse());
+    contact_problem.rolling_constraints.iter_mut().for_each(|roll| roll.warm_start = Vec3::zeros());
     let again = solve_nlgs(
-        &system,
-        StoppingCriteria { max_sweeps: task.criteria.max_sweeps.min(MOMENTUM_CYCLE), ..task.criteria },
-        task.width,
+        &contact_problem,
+        StoppingCriteria { max_sweeps: request.criteria.max_sweeps.min(MOMENTUM_CYCLE), ..request.criteria },
+        request.width,
     );
     ContactSolution {
         sweeps: found.sweeps + again.sweeps,
@@ -95,22 +95,23 @@ pub fn solve_contact_problem(
 
 /// Solves with the solver of the task, from the warm start of the rows.
 fn solve_from_warm_start(
-    system: &ContactProblem,
-    task: SolveRequest,
+    contact_problem: &ContactProblem,
+    request: SolveRequest,
     stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> ContactSolution {
-    let StoppingCriteria { tol, target_residual, max_sweeps, .. } = task.criteria;
-    let max_sweeps = if task.skips_fallback() { max_sweeps.min(MOMENTUM_CYCLE) } else { max_sweeps };
-    let contacts = system.rows.iter().filter(|row| row.can_close).count();
-    let swept = |max_sweeps| solve_nlgs(system, StoppingCriteria { max_sweeps, ..task.criteria }, task.width);
-    let (solver, max_cost) = match task.solver {
+    let StoppingCriteria { tol, target_residual, max_sweeps, .. } = request.criteria;
+    let max_sweeps = if request.skips_fallback() { max_sweeps.min(MOMENTUM_CYCLE) } else { max_sweeps };
+    let contacts = contact_problem.rows.iter().filter(|row| row.can_close).count();
+    let swept =
+        |max_sweeps| solve_nlgs(contact_problem, StoppingCriteria { max_sweeps, ..request.criteria }, request.width);
+    let (solver, max_cost) = match request.solver {
         ContactSolver::Nlgs => return swept(max_sweeps),
         // The stored problem does not include moments.
-        ContactSolver::Auto if task.skips_fallback() || !system.rolling_constraints.is_empty() => {
+        ContactSolver::Auto if request.skips_fallback() || !contact_problem.rolling_constraints.is_empty() => {
             return swept(max_sweeps);
         }
         ContactSolver::Auto if !COSTS.fallback_pays(contacts) => {
-            return solve_with_subproblem_corrections(system, task, max_sweeps, stored);
+            return solve_with_subproblem_corrections(contact_problem, request, max_sweeps, stored);
         }
         ContactSolver::Auto => (MatrixSolver::Auto, COSTS.fallback_budget(contacts)),
         ContactSolver::NlgsAnderson => (MatrixSolver::NlgsAnderson, f64::INFINITY),
@@ -129,36 +130,36 @@ fn solve_from_warm_start(
         return start;
     }
     let limits = SolverLimits { tol: target, max_sweeps: max_sweeps - start.sweeps, max_time: None, max_cost };
-    solve_by_fallback(system, start, solver, limits, task, stored)
+    solve_by_fallback(contact_problem, start, solver, limits, request, stored)
 }
 
 /// Alternates sweeps with the direct solution of stagnating subproblems: the contacts in which the sweeps of a large scene
 /// cycle, against the impulses of all others. If there is no such subproblem, the sweeps are just slow, and continue.
 fn solve_with_subproblem_corrections(
-    system: &ContactProblem,
-    task: SolveRequest,
+    contact_problem: &ContactProblem,
+    request: SolveRequest,
     max_sweeps: u64,
     stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> ContactSolution {
-    let swept = |system: &ContactProblem, max_sweeps| {
-        solve_nlgs(system, StoppingCriteria { max_sweeps, ..task.criteria }, task.width)
+    let swept = |contact_problem: &ContactProblem, max_sweeps| {
+        solve_nlgs(contact_problem, StoppingCriteria { max_sweeps, ..request.criteria }, request.width)
     };
-    let mut last = swept(system, max_sweeps.min(MOMENTUM_CYCLE));
+    let mut last = swept(contact_problem, max_sweeps.min(MOMENTUM_CYCLE));
     if last.converged || last.sweeps >= max_sweeps {
         return last;
     }
-    let mut system = system.clone();
+    let mut contact_problem = contact_problem.clone();
     let mut best = last.clone();
     while !best.converged && best.sweeps < max_sweeps && !activity::is_stopped() {
-        let solved = solve_stalled_subproblem(&system, &last.impulses, task.width, &stored);
+        let solved = solve_stalled_subproblem(&contact_problem, &last.impulses, request.width, &stored);
         let fallback_used = last.fallback_used || solved.is_some();
         let round = if solved.is_some() { COSTS.sweeps_between_subproblems } else { MOMENTUM_CYCLE };
         let sweeps = round.min(max_sweeps - best.sweeps);
-        for (row, r) in system.rows.iter_mut().zip(solved.unwrap_or(last.impulses)) {
+        for (row, r) in contact_problem.rows.iter_mut().zip(solved.unwrap_or(last.impulses)) {
             row.warm_start = r;
             row.can_close |= r != Vec3::zeros();
         }
-        last = ContactSolution { fallback_used, ..swept(&system, sweeps) };
+        last = ContactSolution { fallback_used, ..swept(&contact_problem, sweeps) };
         let sweeps = best.sweeps + last.sweeps;
         // A converged solution takes no more sweeps and ends the loop.
         best = if last.converged || last.residual < best.residual { last.clone() } else { best };
@@ -170,14 +171,14 @@ fn solve_with_subproblem_corrections(
 /// Impulses with those of a stagnating subproblem solved on the stored matrix; `None` if the residual is spread over all
 /// rows.
 fn solve_stalled_subproblem(
-    system: &ContactProblem,
+    contact_problem: &ContactProblem,
     impulses: &[Vec3],
     width: SimdWidth,
     stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> Option<Vec<Vec3>> {
-    let can_act = |k: &ContactId| system.rows[k.index()].can_close || impulses[k.index()] != Vec3::zeros();
-    let rows: Vec<ContactId> = (0..system.rows.len()).map(ContactId::new).filter(can_act).collect();
-    let evaluator = ResidualEvaluator::new(system, &rows, width);
+    let can_act = |k: &ContactId| contact_problem.rows[k.index()].can_close || impulses[k.index()] != Vec3::zeros();
+    let rows: Vec<ContactId> = (0..contact_problem.rows.len()).map(ContactId::new).filter(can_act).collect();
+    let evaluator = ResidualEvaluator::new(contact_problem, &rows, width);
     // Rows with their contributions to |F|², the largest first.
     let contributions = evaluator.contributions(impulses, &evaluator.body_motions(impulses));
     let total = contributions.iter().sum::<f64>();
@@ -188,16 +189,17 @@ fn solve_stalled_subproblem(
         return None;
     }
     // The subproblem is all rows of the moving bodies of these.
-    let bodies = |row: ContactId| system.rows[row.index()].bodies.map(|body| body.index());
-    let mut touched = vec![false; system.bodies.len()];
-    let moved = worst.iter().flat_map(|(row, _)| bodies(*row)).filter(|body| system.bodies[*body].inverse_mass > 0.0);
+    let bodies = |row: ContactId| contact_problem.rows[row.index()].bodies.map(|body| body.index());
+    let mut touched = vec![false; contact_problem.bodies.len()];
+    let moved =
+        worst.iter().flat_map(|(row, _)| bodies(*row)).filter(|body| contact_problem.bodies[*body].inverse_mass > 0.0);
     moved.for_each(|body| touched[body] = true);
-    let mut inside = vec![false; system.rows.len()];
+    let mut inside = vec![false; contact_problem.rows.len()];
     rows.iter().for_each(|row| inside[row.index()] = bodies(*row).iter().any(|body| touched[*body]));
     let outer_impulse = |(r, inside): (&Vec3, &bool)| if *inside { Vec3::zeros() } else { *r };
     let others: Vec<Vec3> = impulses.iter().zip(&inside).map(outer_impulse).collect();
     let mut part =
-        ContactProblem { bodies: evaluator.solver_bodies(&evaluator.body_motions(&others)), ..system.clone() };
+        ContactProblem { bodies: evaluator.solver_bodies(&evaluator.body_motions(&others)), ..contact_problem.clone() };
     part.rows.iter_mut().zip(&inside).for_each(|(row, inside)| row.can_close = *inside);
     let max_cost = COSTS.subproblem_budget(rows.len());
     let limits = |matrix: &MatrixProblem, from: &[[f64; 3]]| SolverLimits {
@@ -212,13 +214,13 @@ fn solve_stalled_subproblem(
 /// Solves the rows that can close by a solver of stored problems, from `impulses`. Returns all impulses, with those of these
 /// rows replaced, and the solver's result; `None` if the stored problem is rejected.
 fn solve_on_matrix(
-    system: &ContactProblem,
+    contact_problem: &ContactProblem,
     impulses: &[Vec3],
     solver: MatrixSolver,
     limits: impl FnOnce(&MatrixProblem, &[[f64; 3]]) -> SolverLimits,
     stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> Option<(Vec<Vec3>, matrix::MatrixSolution)> {
-    let problem = stored(system);
+    let problem = stored(contact_problem);
     let local = |(row, frame): &(ContactId, [Vec3; 3])| to_local(frame, &impulses[row.index()]).into();
     let from: Vec<[f64; 3]> = problem.rows.iter().map(local).collect();
     let matrix = MatrixProblem::new(problem.mu, problem.q, problem.blocks).ok()?;
@@ -233,32 +235,33 @@ fn solve_on_matrix(
 /// Continues from `start` with a solver of stored problems. Returns the better of the two by E; it has converged if it
 /// reaches the task's `tol`.
 fn solve_by_fallback(
-    system: &ContactProblem,
+    contact_problem: &ContactProblem,
     start: ContactSolution,
     solver: MatrixSolver,
     limits: SolverLimits,
-    task: SolveRequest,
+    request: SolveRequest,
     stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> ContactSolution {
-    let mut system = system.clone();
+    let mut contact_problem = contact_problem.clone();
     // Rows that the sweeps have included are part of the problem.
-    for (row, r) in system.rows.iter_mut().zip(&start.impulses) {
+    for (row, r) in contact_problem.rows.iter_mut().zip(&start.impulses) {
         row.can_close |= *r != Vec3::zeros();
     }
     let mut best = ContactSolution { stalled_residual: Some(start.residual), ..start };
     let mut left = limits;
     loop {
         let rows: Vec<ContactId> =
-            (0..).zip(&system.rows).filter(|(_, row)| row.can_close).map(|(k, _)| ContactId(k)).collect();
-        let evaluator = ResidualEvaluator::new(&system, &rows, task.width);
+            (0..).zip(&contact_problem.rows).filter(|(_, row)| row.can_close).map(|(k, _)| ContactId(k)).collect();
+        let evaluator = ResidualEvaluator::new(&contact_problem, &rows, request.width);
         best.residual = evaluator.residual(&best.impulses).value;
         let balance: Vec<[f64; 3]> =
-            rows.iter().map(|row| [system.rows[row.index()].balancing_impulse(), 0.0, 0.0]).collect();
+            rows.iter().map(|row| [contact_problem.rows[row.index()].balancing_impulse(), 0.0, 0.0]).collect();
         let limits_of = |matrix: &MatrixProblem, _: &[[f64; 3]]| SolverLimits {
             tol: COSTS.tolerance_share * limits.tol.max(evaluator.relative_floor()) * residual(matrix, &balance),
             ..left
         };
-        let Some((impulses, found)) = solve_on_matrix(&system, &best.impulses, solver, limits_of, &stored) else {
+        let Some((impulses, found)) = solve_on_matrix(&contact_problem, &best.impulses, solver, limits_of, &stored)
+        else {
             return best;
         };
         let motions = evaluator.body_motions(&impulses);
@@ -268,7 +271,7 @@ fn solve_by_fallback(
         left.max_cost -= found.cost;
         if residual.value < best.residual && evaluator.rounding_share(&impulses) <= COSTS.max_rounding_share {
             best = ContactSolution {
-                records: evaluator.solver_bodies(&motions),
+                solver_bodies: evaluator.solver_bodies(&motions),
                 impulses,
                 residual: residual.value,
                 worst: residual.worst,
@@ -277,14 +280,14 @@ fn solve_by_fallback(
             };
         }
         best.active_rows = rows.len();
-        let missed = closing_inactive_rows(&system, &rows, &best.records);
-        best.converged = best.residual <= task.criteria.tol && missed.is_empty();
+        let missed = closing_inactive_rows(&contact_problem, &rows, &best.solver_bodies);
+        best.converged = best.residual <= request.criteria.tol && missed.is_empty();
         best.left_out = missed.len();
         if missed.is_empty() || activity::is_stopped() || left.max_sweeps == 0 || left.max_cost <= 0.0 {
             best.worst = best.worst.or(missed.first().copied());
             return best;
         }
-        missed.into_iter().for_each(|row| system.rows[row.index()].can_close = true);
+        missed.into_iter().for_each(|row| contact_problem.rows[row.index()].can_close = true);
     }
 }
 
@@ -316,78 +319,80 @@ mod tests {
             can_close: true,
             ..ContactConstraint::default()
         };
-        let mut records = vec![record(-1.0, 1.0); count as usize];
-        records.push(record(0.0, 0.0));
+        let mut solver_bodies = vec![record(-1.0, 1.0); count as usize];
+        solver_bodies.push(record(0.0, 0.0));
         ContactProblem {
             rows: (0..count).map(row).collect(),
             block_data: None,
             rolling_constraints: vec![],
             order: (0..=count).collect(),
-            bodies: records,
+            bodies: solver_bodies,
         }
     }
 
     /// Stored problem of the rows of such balls that can close; they are not coupled.
-    fn diagonal_problem(system: &ContactProblem) -> StoredProblem {
+    fn diagonal_problem(contact_problem: &ContactProblem) -> StoredProblem {
         let rows: Vec<ContactId> =
-            (0..).zip(&system.rows).filter(|(_, row)| row.can_close).map(|(k, _)| ContactId(k)).collect();
-        let of = |k: &ContactId| &system.rows[k.index()];
+            (0..).zip(&contact_problem.rows).filter(|(_, row)| row.can_close).map(|(k, _)| ContactId(k)).collect();
+        let of = |k: &ContactId| &contact_problem.rows[k.index()];
         let diagonal = |row: &ContactConstraint| [[row.w_n, 0.0, 0.0], [0.0, row.w_t, 0.0], [0.0, 0.0, row.w_t]];
         StoredProblem {
             mu: rows.iter().map(|k| of(k).friction).collect(),
-            q: rows.iter().map(|k| [system.bodies[k.index()].v.z, 0.0, 0.0]).collect(),
+            q: rows.iter().map(|k| [contact_problem.bodies[k.index()].v.z, 0.0, 0.0]).collect(),
             blocks: rows.iter().enumerate().map(|(i, k)| (i, i, diagonal(of(k)))).collect(),
             rows: rows.iter().map(|k| (*k, [Vec3::z(), Vec3::x(), Vec3::y()])).collect(),
         }
     }
 
     /// Reason why sweeps replaced the requested solver, and whether the problem was written out.
-    fn solved(system: &ContactProblem, solver: ContactSolver) -> (Option<&'static str>, bool) {
+    fn solved(contact_problem: &ContactProblem, solver: ContactSolver) -> (Option<&'static str>, bool) {
         let is_written = Cell::new(false);
-        let stored = |system: &ContactProblem| {
+        let stored = |contact_problem: &ContactProblem| {
             is_written.set(true);
-            diagonal_problem(system)
+            diagonal_problem(contact_problem)
         };
-        let task = SolveRequest {
+        let request = SolveRequest {
             solver,
             criteria: StoppingCriteria::new(1e-9, 50),
             width: SimdWidth::detect(),
             fallback_suppressed: false,
         };
-        let solution = solve_contact_problem(system, task, stored);
+        let solution = solve_contact_problem(contact_problem, request, stored);
         assert!(solution.converged && solution.residual <= 1e-9, "{solver}");
         (solution.replacement_reason, is_written.get())
     }
 
     #[test]
     fn rows_that_sweeps_included_are_solved_again() {
-        let mut system = balls(2);
+        let mut contact_problem = balls(2);
         // The second ball flies off; the sweeps nevertheless gave it an impulse.
-        system.bodies[1].v = Vec3::z();
-        system.rows[1].can_close = false;
-        let swept = solve_nlgs(&system, StoppingCriteria::new(1e-9, 0), SimdWidth::detect());
+        contact_problem.bodies[1].v = Vec3::z();
+        contact_problem.rows[1].can_close = false;
+        let swept = solve_nlgs(&contact_problem, StoppingCriteria::new(1e-9, 0), SimdWidth::detect());
         let start = ContactSolution { impulses: vec![Vec3::zeros(), Vec3::z()], ..swept };
         let limits = SolverLimits { tol: 1e-9, max_sweeps: 50, max_time: None, max_cost: f64::INFINITY };
         let until = StoppingCriteria::new(1e-9, 50);
-        let task = SolveRequest {
+        let request = SolveRequest {
             solver: ContactSolver::ProxNewton,
             criteria: until,
             width: SimdWidth::detect(),
             fallback_suppressed: false,
         };
-        let solution = solve_by_fallback(&system, start, MatrixSolver::ProxNewton, limits, task, diagonal_problem);
+        let solution =
+            solve_by_fallback(&contact_problem, start, MatrixSolver::ProxNewton, limits, request, diagonal_problem);
         assert!(solution.converged && solution.active_rows == 2);
         for (k, r) in [1.0, 0.0].into_iter().enumerate() {
             assert!((solution.impulses[k] - Vec3::z() * r).norm() < 1e-9, "{k}: {}", solution.impulses[k]);
-            assert_eq!(solution.records[k].v, system.bodies[k].v + solution.impulses[k]); // of mass 1
+            assert_eq!(solution.solver_bodies[k].v, contact_problem.bodies[k].v + solution.impulses[k]); // of mass 1
         }
     }
 
     #[test]
     fn a_stagnating_subproblem_is_solved_and_a_spread_residual_is_left_to_sweeps() {
-        let system = balls(1000);
-        let solved =
-            |impulses: &[Vec3]| solve_stalled_subproblem(&system, impulses, SimdWidth::detect(), diagonal_problem);
+        let contact_problem = balls(1000);
+        let solved = |impulses: &[Vec3]| {
+            solve_stalled_subproblem(&contact_problem, impulses, SimdWidth::detect(), diagonal_problem)
+        };
         // Each of mass 1 must lose 1 m/s.
         let mut impulses = vec![Vec3::z(); 1000];
         impulses[7] *= 0.5;
@@ -401,13 +406,13 @@ mod tests {
         impulses.fill(Vec3::z() * 0.5);
         assert_eq!(solved(&impulses), None);
         // Too large for the stored solvers as a whole, and solved in one check of the sweeps.
-        let task = SolveRequest {
+        let request = SolveRequest {
             solver: ContactSolver::Auto,
             criteria: StoppingCriteria::new(1e-9, 5000),
             width: SimdWidth::detect(),
             fallback_suppressed: false,
         };
-        let solution = solve_with_subproblem_corrections(&system, task, 5000, diagonal_problem);
+        let solution = solve_with_subproblem_corrections(&contact_problem, request, 5000, diagonal_problem);
         assert!(solution.converged && !solution.fallback_used);
     }
 
@@ -418,7 +423,7 @@ mod tests {
             ContactSolution { converged, sweeps, ..solved }
         };
         let until = |max_sweeps| StoppingCriteria::new(1e-9, max_sweeps);
-        let task = SolveRequest {
+        let request = SolveRequest {
             solver: ContactSolver::Auto,
             criteria: until(5000),
             width: SimdWidth::detect(),
@@ -426,50 +431,50 @@ mod tests {
         };
         let mut fallback = FallbackState::default();
         for (step, due) in [(10, 16), (16, 28), (28, 52)] {
-            update_backoff(&mut fallback, task, step, 3, &solution(false, 5000)); // steps of three units
+            update_backoff(&mut fallback, request, step, 3, &solution(false, 5000)); // steps of three units
             assert_eq!(fallback.due, due);
         }
         // A step that sweeps solve at once gives no information on steps that stall.
-        update_backoff(&mut fallback, task, 52, 3, &solution(true, MOMENTUM_CYCLE));
+        update_backoff(&mut fallback, request, 52, 3, &solution(true, MOMENTUM_CYCLE));
         assert_eq!(fallback.failures, 3);
-        (0..9).for_each(|_| update_backoff(&mut fallback, task, 55, 1, &solution(false, 5000)));
+        (0..9).for_each(|_| update_backoff(&mut fallback, request, 55, 1, &solution(false, 5000)));
         assert_eq!(fallback, FallbackState { failures: 8, due: 55 + 256 });
-        let onwards = SolveRequest { criteria: StoppingCriteria { target_residual: 1e-10, ..until(5000) }, ..task };
+        let onwards = SolveRequest { criteria: StoppingCriteria { target_residual: 1e-10, ..until(5000) }, ..request };
         update_backoff(&mut fallback, onwards, 199, 1, &solution(true, MOMENTUM_CYCLE + 1));
         assert_eq!(fallback.failures, 8);
-        update_backoff(&mut fallback, task, 200, 1, &solution(true, MOMENTUM_CYCLE + 1));
+        update_backoff(&mut fallback, request, 200, 1, &solution(true, MOMENTUM_CYCLE + 1));
         assert_eq!(fallback, FallbackState::default());
         // A tenfold reduction of E counts as a success.
         let solved =
             |stalled, residual| ContactSolution { stalled_residual: Some(stalled), residual, ..solution(false, 5000) };
-        update_backoff(&mut fallback, task, 250, 1, &solved(1e-2, 9e-4));
+        update_backoff(&mut fallback, request, 250, 1, &solved(1e-2, 9e-4));
         assert_eq!(fallback, FallbackState::default());
-        update_backoff(&mut fallback, task, 260, 1, &solved(1e-2, 2e-3));
+        update_backoff(&mut fallback, request, 260, 1, &solved(1e-2, 2e-3));
         assert_eq!(fallback, FallbackState { failures: 1, due: 262 });
         fallback = FallbackState::default();
         // With at most one round allowed there is no fallback to suppress and no failure to record.
-        let short = SolveRequest { criteria: until(MOMENTUM_CYCLE), ..task };
+        let short = SolveRequest { criteria: until(MOMENTUM_CYCLE), ..request };
         update_backoff(&mut fallback, short, 300, 1, &solution(false, MOMENTUM_CYCLE));
         assert_eq!(fallback, FallbackState::default());
         assert!(
-            SolveRequest { fallback_suppressed: true, ..task }.skips_fallback()
+            SolveRequest { fallback_suppressed: true, ..request }.skips_fallback()
                 && !SolveRequest { fallback_suppressed: true, ..short }.skips_fallback()
         );
     }
 
     #[test]
     fn no_result_worse_than_zero_impulses_is_kept() {
-        let mut system = balls(3);
+        let mut contact_problem = balls(3);
         // Warm start of a step without a solution.
-        system.rows.iter_mut().for_each(|row| row.warm_start = Vec3::z() * 1e17);
+        contact_problem.rows.iter_mut().for_each(|row| row.warm_start = Vec3::z() * 1e17);
         for (solver, sweeps) in [(ContactSolver::Auto, 0), (ContactSolver::Nlgs, 0), (ContactSolver::Nlgs, 100)] {
-            let task = SolveRequest {
+            let request = SolveRequest {
                 solver,
                 criteria: StoppingCriteria::new(1e-9, sweeps),
                 width: SimdWidth::detect(),
                 fallback_suppressed: false,
             };
-            let solution = solve_contact_problem(&system, task, diagonal_problem);
+            let solution = solve_contact_problem(&contact_problem, request, diagonal_problem);
             // Each must lose 1 m/s.
             let expected = if sweeps == 0 { 1.0 } else { 0.0 };
             assert!(solution.residual <= expected + 1e-9, "{solver}: {}", solution.residual);
@@ -479,9 +484,9 @@ mod tests {
 
     #[test]
     fn impulses_that_round_the_momenta_away_are_rejected() {
-        let system = balls(2);
+        let contact_problem = balls(2);
         let rows = [0, 1].map(ContactId);
-        let evaluator = ResidualEvaluator::new(&system, &rows, SimdWidth::detect());
+        let evaluator = ResidualEvaluator::new(&contact_problem, &rows, SimdWidth::detect());
         // Two balls of mass 1 at 1 m/s have the momentum √2 N s, more than |F(0)|.
         let rounding = evaluator.rounding_share(&[Vec3::z() * 1e12, Vec3::zeros()]);
         assert!((rounding / (f64::EPSILON * 1e12 / 2f64.sqrt()) - 1.0).abs() < 1e-12, "{rounding}");

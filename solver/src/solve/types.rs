@@ -1,4 +1,4 @@
-//! Types of the stage: impulses, solution and stopping criteria.
+//! Types of the solve stage: impulses, solution and stopping criteria.
 
 use cd_formats::compute::SweepPrecision;
 
@@ -9,27 +9,27 @@ use crate::state::ContactId;
 /// Impulses and moments of the contacts, world frame, on the candidate.
 #[derive(Debug, Clone)]
 pub struct ContactReactions {
-    /// r̂ of each row of the system, N s.
+    /// r̂ of each row of the contact problem, N s.
     pub impulses: Vec<Vec3>,
     /// Moment of each rolling constraint, N m s.
     pub moments: Vec<Vec3>,
 }
 
 impl ContactReactions {
-    pub fn zeros(system: &ContactProblem) -> Self {
+    pub fn zeros(problem: &ContactProblem) -> Self {
         ContactReactions {
-            impulses: vec![Vec3::zeros(); system.rows.len()],
-            moments: vec![Vec3::zeros(); system.rolling_constraints.len()],
+            impulses: vec![Vec3::zeros(); problem.rows.len()],
+            moments: vec![Vec3::zeros(); problem.rolling_constraints.len()],
         }
     }
 
     /// Warm start of the rows `active`: no moment without a normal impulse.
-    pub(super) fn warm_start(system: &ContactProblem, active: &[ContactId]) -> Self {
-        let mut reactions = ContactReactions::zeros(system);
+    pub(super) fn warm_start(problem: &ContactProblem, active: &[ContactId]) -> Self {
+        let mut reactions = ContactReactions::zeros(problem);
         for &k in active {
-            reactions.impulses[k.index()] = system.rows[k.index()].warm_start;
+            reactions.impulses[k.index()] = problem.rows[k.index()].warm_start;
         }
-        for (m, roll) in reactions.moments.iter_mut().zip(&system.rolling_constraints) {
+        for (m, roll) in reactions.moments.iter_mut().zip(&problem.rolling_constraints) {
             *m = if reactions.impulses[roll.row.index()] == Vec3::zeros() { Vec3::zeros() } else { roll.warm_start };
         }
         reactions
@@ -42,12 +42,15 @@ pub struct ContactSolution {
     pub impulses: Vec<Vec3>,
     /// Moments of all rolling constraints, world frame, N m s.
     pub moments: Vec<Vec3>,
-    pub records: Vec<SolverBody>,
+    /// Bodies with the velocities after these impulses.
+    pub solver_bodies: Vec<SolverBody>,
+    /// Number of sweeps.
     pub sweeps: u64,
     /// Whether the last sweeps began in single precision.
     pub single_precision: bool,
     /// Residual E of [`crate::solve::residual`].
     pub residual: f64,
+    /// Whether the residual is at most `tol` and no row is left out.
     pub converged: bool,
     /// Number of rows outside the problem that the solution closes: the solution has not converged if there are any.
     pub left_out: usize,

@@ -37,7 +37,7 @@ pub fn solved_velocities(solution: &ContactSolution, free: &FreeMotion) -> (Vec<
     let motion = |((record, v), w): ((&SolverBody, &Vec3), &Vec3)| {
         if record.inverse_mass > 0.0 { (record.v, record.w) } else { (*v, *w) }
     };
-    let bodies = solution.records.par_iter().zip(&free.v).zip(&free.w);
+    let bodies = solution.solver_bodies.par_iter().zip(&free.v).zip(&free.w);
     bodies.with_min_len(PAR_MIN_LEN).map(motion).unzip()
 }
 
@@ -172,7 +172,7 @@ impl PostSolve<'_> {
         let law = &state.laws[contact.law as usize];
         let motion = self.motion.filter(|_| law.has_irreversible_loss());
         let (opens, slides) = motion.map_or((false, false), |motion| {
-            motion.opens_or_slides(row, &system.shifted_velocity(k, &solution.records))
+            motion.opens_or_slides(row, &system.shifted_velocity(k, &solution.solver_bodies))
         });
         // On the cone's side to rounding.
         let bound = row.friction * local.x * (1.0 - 1e-12);

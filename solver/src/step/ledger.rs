@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::context::{SolvedProblem, StepContext};
 use super::ends::{ITEMS_PER_TASK, Overlap, StepOutcome};
-use super::unforeseen::work_from_start;
+use super::unforeseen::implicit_step_work;
 use crate::assemble::{GravityReport, potential_energy};
 use crate::detect::NarrowPhaseError;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3};
@@ -101,43 +101,45 @@ pub fn update_ledger(
     outcome: &StepOutcome,
 ) -> StepReport {
     let h = q_c.h;
-    let given = &outcome.totals;
+    let contact_totals = &outcome.totals;
     if state.step.is_multiple_of(scene.options.output_every) {
         state.interval = OutputInterval { start: state.time, ..OutputInterval::default() };
     }
     state.interval.add_exchanges(outcome.exchanges.iter().flatten());
-    let from_start = work_from_start(scene, state, q_c, free, &outcome.v);
+    let implicit_work = implicit_step_work(scene, state, q_c, free, &outcome.v);
     let ledger = &mut state.ledger;
-    ledger.contact_work += given.contact_work;
-    ledger.friction_work += given.friction_work;
-    ledger.outside_work += given.outside_work + from_start;
+    ledger.contact_work += contact_totals.contact_work;
+    ledger.friction_work += contact_totals.friction_work;
+    ledger.outside_work += contact_totals.outside_work + implicit_work;
     for (body, force, moment) in &free.loads {
         let i = body.index();
         ledger.outside_work +=
             0.5 * h * (force.dot(&(outcome.v[i] + state.v[i])) + moment.dot(&(outcome.w[i] + q_c.w[i])));
     }
     for k in 0..3 {
-        ledger.momentum_expected[k] += free.impulse[k] + given.momentum[k];
-        ledger.angular_momentum_expected[k] += free.angular_impulse[k] + given.angular_momentum[k];
+        ledger.momentum_expected[k] += free.impulse[k] + contact_totals.momentum[k];
+        ledger.angular_momentum_expected[k] += free.angular_impulse[k] + contact_totals.angular_momentum[k];
     }
 
     let flight = |&i: &BodyId| {
         let (i, mass) = (i.index(), scene.bodies[i.index()].mass);
-        let flies = outcome.v[i] == free.v[i];
-        if flies { 0.25 * mass * (free.v[i] - state.v[i] - state.gravity * h).norm_squared() } else { 0.0 }
+        let is_in_flight = outcome.v[i] == free.v[i];
+        if is_in_flight { 0.25 * mass * (free.v[i] - state.v[i] - state.gravity * h).norm_squared() } else { 0.0 }
     };
     let flights: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(flight).collect();
     // Bodies that rest from the start have only the momentum that forces give and contacts take in a step.
-    let pushed = |&i: &BodyId| scene.bodies[i.index()].mass * (free.v[i.index()] - state.v[i.index()]).norm();
-    let pushed: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(pushed).collect();
+    let impulse_of_forces =
+        |&i: &BodyId| scene.bodies[i.index()].mass * (free.v[i.index()] - state.v[i.index()]).norm();
+    let impulse_of_forces: Vec<f64> = scene.free.par_iter().with_min_len(PAR_MIN_LEN).map(impulse_of_forces).collect();
     let motion = MotionTotals::from_bodies(scene, &q_c.q, outcome.velocities());
-    ledger.momentum_scale = ledger.momentum_scale.max(motion.scale).max(pushed.iter().sum());
+    ledger.momentum_scale = ledger.momentum_scale.max(motion.scale).max(impulse_of_forces.iter().sum());
     let drift = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
-    ledger.penetration_largest = ledger.penetration_largest.max(given.penetration_largest / scene.mean_radius);
-    let active = given.contacts_active.max(1) as f64;
+    ledger.penetration_largest = ledger.penetration_largest.max(contact_totals.penetration_largest / scene.mean_radius);
+    let active = contact_totals.contacts_active.max(1) as f64;
     let mean = |sum: f64| sum / active / scene.mean_radius.max(f64::MIN_POSITIVE); // there may be no grains
     // At most the penetration that exists now.
-    ledger.penetration_left = ledger.penetration_left.min(mean(given.penetration_sum)) + mean(given.penetration_added);
+    ledger.penetration_left =
+        ledger.penetration_left.min(mean(contact_totals.penetration_sum)) + mean(contact_totals.penetration_added);
     ledger.sweeps += solution.sweeps;
     if !solution.converged {
         ledger.steps_unconverged += 1;
@@ -151,7 +153,7 @@ pub fn update_ledger(
         h,
         contacts_listed: outcome.contacts.len(),
         contacts_solved: solution.active_rows,
-        contacts_active: given.contacts_active,
+        contacts_active: contact_totals.contacts_active,
         sweeps: solution.sweeps,
         single_precision: solution.single_precision,
         residual: solution.residual,
@@ -161,14 +163,14 @@ pub fn update_ledger(
         fallback_used: solution.fallback_used,
         replacement_reason: solution.replacement_reason,
         norms: (scene.options.lmgc90_norms || scene.has_solver_file())
-            .then(|| lmgc90_norms(system, &solution.impulses, &solution.records)),
+            .then(|| lmgc90_norms(system, &solution.impulses, &solution.solver_bodies)),
         worst: solution.worst.map(worst),
-        overlap: given.overlap,
-        penetration_largest: given.penetration_largest,
-        penetration_mean: given.penetration_sum / active,
+        overlap: contact_totals.overlap,
+        penetration_largest: contact_totals.penetration_largest,
+        penetration_mean: contact_totals.penetration_sum / active,
         narrow_phase_error: None,
         fallback_suppressed: false,
-        virial: given.virial / h,
+        virial: contact_totals.virial / h,
         flight_error: flights.iter().sum(),
         kinetic: motion.kinetic,
         rotational: motion.rotational,
@@ -198,7 +200,7 @@ pub struct MotionTotals {
 
 impl MotionTotals {
     pub fn from_bodies(scene: &Scene, q: &[Quat], Velocities { v, w }: Velocities) -> Self {
-        let of_some = |bodies: &[BodyId]| {
+        let sum_of_chunk = |bodies: &[BodyId]| {
             bodies.iter().map(|&i| i.index()).fold(MotionTotals::default(), |sum, i| {
                 let body = &scene.bodies[i];
                 sum + MotionTotals {
@@ -209,7 +211,7 @@ impl MotionTotals {
                 }
             })
         };
-        let parts: Vec<MotionTotals> = scene.free.par_chunks(ITEMS_PER_TASK).map(of_some).collect();
+        let parts: Vec<MotionTotals> = scene.free.par_chunks(ITEMS_PER_TASK).map(sum_of_chunk).collect();
         parts.into_iter().fold(MotionTotals::default(), MotionTotals::add)
     }
 
@@ -255,20 +257,20 @@ impl BalanceErrors {
     pub fn new(scene: &Scene, state: &State) -> Self {
         let ledger = &state.ledger;
         let motion = MotionTotals::from_bodies(scene, &state.q, state.velocities());
-        let over = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
+        let ratio = |error: f64, scale: f64| if scale > 0.0 { error / scale } else { 0.0 };
         let (kinetic, potential) = (motion.kinetic + motion.rotational, potential_energy(scene, state, &state.x));
         let scale = [kinetic, potential, ledger.energy_start, ledger.contact_work, ledger.outside_work];
         let energy_scale = scale.iter().fold(0.0, |s: f64, e| s.max(e.abs()));
         let unaccounted = kinetic + potential - ledger.energy_start - ledger.contact_work - ledger.outside_work;
-        let size = scene.free.iter().map(|&i| state.x[i.index()].norm()).fold(0.0, f64::max);
+        let largest_distance = scene.free.iter().map(|&i| state.x[i.index()].norm()).fold(0.0, f64::max);
         let linear = (motion.momentum - Vec3::from(ledger.momentum_expected)).norm();
         let angular = MotionTotals::total_angular_momentum(scene, state);
         let angular = (angular - Vec3::from(ledger.angular_momentum_expected)).norm();
         BalanceErrors {
-            energy: over(unaccounted, energy_scale),
+            energy: ratio(unaccounted, energy_scale),
             energy_scale,
-            momentum: over(linear, ledger.momentum_scale),
-            angular_momentum: over(angular, ledger.momentum_scale * size),
+            momentum: ratio(linear, ledger.momentum_scale),
+            angular_momentum: ratio(angular, ledger.momentum_scale * largest_distance),
         }
     }
 }

@@ -133,7 +133,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
 /// Configuration in which contacts are detected, in a step of `units` times `dt`. `anew`: velocities are not bounded by a
 /// step.
 fn contact_configuration(scene: &Scene, state: &State, units: u64, anew: bool) -> ContactConfiguration {
-    let from_start = unforeseen::from_start(scene, state, units, anew);
+    let from_start = unforeseen::select_implicit_bodies(scene, state, units, anew);
     let q_c = match from_start.is_empty() {
         true => integrate::predict_configuration(scene, state, units),
         false => integrate::predict_from_start(scene, state, units, from_start),

@@ -74,7 +74,7 @@ impl VelocityErrors {
     fn is_undecided(&self, system: &ContactProblem, solution: &ContactSolution, k: usize, h: f64, radius: f64) -> bool {
         let row = &system.rows[k];
         let error = self.contact_error(row.bodies);
-        let (opens, slides) = self.opens_or_slides(row, &system.shifted_velocity(k, &solution.records));
+        let (opens, slides) = self.opens_or_slides(row, &system.shifted_velocity(k, &solution.solver_bodies));
         if opens || slides {
             return false;
         }
@@ -96,7 +96,7 @@ impl VelocityErrors {
 pub fn refine_until_decided(
     StepContext { scene, q_c, contacts, .. }: StepContext,
     laws: &[ContactLaw],
-    task: SolveRequest,
+    request: SolveRequest,
     SolvedProblem { system, solution }: &mut SolvedProblem,
 ) -> Option<VelocityErrors> {
     laws.iter().any(ContactLaw::has_irreversible_loss).then(|| {
@@ -117,11 +117,11 @@ pub fn refine_until_decided(
             }
             system.rows.iter_mut().zip(&solution.impulses).for_each(|(row, r)| row.warm_start = *r);
             system.rolling_constraints.iter_mut().zip(&solution.moments).for_each(|(roll, m)| roll.warm_start = *m);
-            let aim = 0.1 * solution.residual.min(task.criteria.target_residual);
+            let target_residual = 0.1 * solution.residual.min(request.criteria.target_residual);
             let further = solve_nlgs(
                 system,
-                StoppingCriteria { target_residual: aim, min_sweeps: 0, ..task.criteria },
-                task.width,
+                StoppingCriteria { target_residual, min_sweeps: 0, ..request.criteria },
+                request.width,
             );
             let stalls = further.residual > 0.5 * solution.residual;
             let ContactSolution {
@@ -154,12 +154,12 @@ fn velocity_error(system: &ContactProblem, solution: &ContactSolution, k: usize,
     let row = &system.rows[k];
     let rho = 3.0 / (row.w_n + 2.0 * row.w_t);
     let speed = |side: usize| {
-        let SolverBody { v, w, .. } = &solution.records[row.bodies[side].index()];
+        let SolverBody { v, w, .. } = &solution.solver_bodies[row.bodies[side].index()];
         v.norm() + w.norm() * system.contact_arm(k, side).norm()
     };
     let rounding =
         ROUNDING_SHARE * (speed(0) + speed(1) + row.shift.norm() + (r.norm() + row.impulse_shift.abs()) / rho);
-    natural_map(&row.normal, row.friction, rho, &system.shifted_velocity(k, &solution.records), r).norm() / rho
+    natural_map(&row.normal, row.friction, rho, &system.shifted_velocity(k, &solution.solver_bodies), r).norm() / rho
         + rounding
 }
 

@@ -17,39 +17,39 @@ const CLOSING_ROUNDING: f64 = 1e-9;
 const SPEED_DIGITS: f64 = 1e-6;
 
 /// Whether velocities differ from those at the end of the last step and are not bounded by it.
-pub fn velocities_are_unbounded(scene: &Scene, state: &State, happened: &AppliedEvents) -> bool {
-    state.step == scene.start.0 || happened.velocities_changed
+pub fn velocities_are_unbounded(scene: &Scene, state: &State, applied: &AppliedEvents) -> bool {
+    state.step == scene.start.0 || applied.velocities_changed
 }
 
-/// Whether each body takes the next step, of `units` times `dt`, with θ = 1: with x_c = x + (1-θ) h V the body, or one that
+/// Whether each body takes the next step, of `step_multiple` times `dt`, with θ = 1: with x_c = x + (1-θ) h V the body, or one that
 /// it can meet, would close a gap before the contact configuration. Empty if no gap would close.
-pub fn from_start(scene: &Scene, state: &State, units: u64, anew: bool) -> Vec<bool> {
-    let h = units as f64 * scene.options.dt;
-    let most = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 } else { 1.0 };
-    let longer = h > most * state.h * (1.0 + SPEED_DIGITS);
+pub fn select_implicit_bodies(scene: &Scene, state: &State, step_multiple: u64, unbounded: bool) -> Vec<bool> {
+    let h = step_multiple as f64 * scene.options.dt;
+    let max_growth = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 } else { 1.0 };
+    let longer = h > max_growth * state.h * (1.0 + SPEED_DIGITS);
     let moving_walls = || scene.drives.iter().any(|drive| drive.ever_moves());
-    // A torque or damping in every step changes free bodies alike, but not walls.
+    // A torque or damping in every step changes all free bodies equally, but not walls.
     let pushed = state.torque != Vec3::zeros() && !scene.drives.is_empty() || state.quench > 0.0 && moving_walls();
-    let before = (1.0 - scene.options.theta) * h;
-    if before == 0.0 || !(anew || longer || pushed) {
+    let time_before = (1.0 - scene.options.theta) * h;
+    if time_before == 0.0 || !(unbounded || longer || pushed) {
         return Vec::new();
     }
     let start = predict_configuration(scene, state, 0);
-    let start = ContactConfiguration { lookahead: h + before, ..start };
+    let start = ContactConfiguration { lookahead: h + time_before, ..start };
     let contacts = detect::listed_contacts(scene, &start, state.velocities(), &mut state.detection_cache.clone());
     let closes = |contact: &Contact| {
         let u = contact.normal.dot(&relative_velocity(contact, &start.x, Velocities { v: &state.v, w: &start.w }));
         let radius =
             scene.effective_radius((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
-        let known = || state.contacts.binary_search_by_key(&contact.key(), |old| old.contact.key());
+        let find_old = || state.contacts.binary_search_by_key(&contact.key(), |old| old.contact.key());
         let bounded = || {
             !longer
-                && match known() {
+                && match find_old() {
                     Ok(k) => u >= state.contacts[k].velocity.x - SPEED_DIGITS * u.abs(),
-                    Err(_) => bounded_by_file(state, &start, contact, u, before),
+                    Err(_) => bounded_by_file(state, &start, contact, u, time_before),
                 }
         };
-        -before * u - contact.gap.max(0.0) > CLOSING_ROUNDING * radius && !bounded()
+        -time_before * u - contact.gap.max(0.0) > CLOSING_ROUNDING * radius && !bounded()
     };
     let closing: Vec<&Contact> = contacts.iter().filter(|contact| closes(contact)).collect();
     if closing.is_empty() {
@@ -58,7 +58,7 @@ pub fn from_start(scene: &Scene, state: &State, units: u64, anew: bool) -> Vec<b
     // Contacts listed only because they are near do not count, else results would depend on the alert distance.
     let meets = |contact: &Contact| {
         let u = relative_velocity(contact, &start.x, state.velocities());
-        contact.gap <= (h + before) * u.norm()
+        contact.gap <= (h + time_before) * u.norm()
     };
     let meeting: Vec<Contact> = contacts.iter().filter(|contact| meets(contact)).copied().collect();
     assemble::connected_bodies(scene, &meeting, &closing)
@@ -87,7 +87,13 @@ fn bounded_by_file(state: &State, start: &ContactConfiguration, contact: &Contac
 
 /// Work that the choice of θ = 1 adds for the bodies that take the step with it, compared with the scene's θ, J: their
 /// displacement is longer by (1-θ) h (V⁺ - V), on which the forces that have a potential work.
-pub fn work_from_start(scene: &Scene, state: &State, q_c: &ContactConfiguration, free: &FreeMotion, v: &[Vec3]) -> f64 {
+pub fn implicit_step_work(
+    scene: &Scene,
+    state: &State,
+    q_c: &ContactConfiguration,
+    free: &FreeMotion,
+    v: &[Vec3],
+) -> f64 {
     if q_c.from_start.is_empty() {
         return 0.0;
     }

@@ -25,7 +25,7 @@ use crate::scene::{BodyId, Scene};
 use crate::state::{SolvedContact, State};
 use crate::step::{BalanceErrors, StageTimes};
 
-use super::log::LogRow;
+use super::log::{LogRow, figures, group, missed, seconds};
 
 /// File next to OUTBOX; it contains durations.
 pub const ERRORS_FILE: &str = "ERRORS.csv";
@@ -36,16 +36,16 @@ const SAMPLING_FACTOR: f64 = 0.35;
 /// Figures of the steps so far, in bounded memory.
 #[derive(Debug, Clone, Default)]
 pub struct ErrorEstimator {
-    /// Rows in which contacts carry force: time (s), Σ f·l (J), mean penetration over the mean radius, number of the
-    /// step, change of Σ f·l since the row before (J).
-    loaded: ThinnedRows<5>,
-    /// Intervals between snapshots in these rows: time (s), mean of Σ f·l (J), number of rows, change of the mean (J).
-    intervals: ThinnedRows<4>,
-    interval: Option<IntervalMean>,
-    /// Σ f·l of the previous row, and its mean in the previous interval.
-    before: [Option<f64>; 2],
-    /// Time (s), error of the row's steps in the kinetic energy of bodies in flight (J), and number of those steps.
-    flights: ThinnedRows<3>,
+    /// Rows in which contacts carry force.
+    loaded: ThinnedRows<LoadedRow>,
+    /// Intervals between snapshots in these rows.
+    intervals: ThinnedRows<IntervalMean>,
+    interval: Option<IntervalSum>,
+    /// Σ f·l of the previous row in which contacts carry force, J.
+    previous_virial: Option<f64>,
+    /// Mean of Σ f·l in the previous interval, J.
+    previous_mean: Option<f64>,
+    flights: ThinnedRows<FlightRow>,
     /// Relative errors of the virial in the diagnostic steps: sum and number.
     virials: [f64; 2],
     /// Error of the fast narrow phase in the diagnostic steps, mean of touching pairs over the mean radius: sum and
@@ -55,9 +55,67 @@ pub struct ErrorEstimator {
     output_every: f64,
 }
 
-/// Mean of Σ f·l in the current interval.
+/// Row of steps.csv in which contacts carry force.
+#[derive(Debug, Clone, Copy)]
+struct LoadedRow {
+    step: f64,
+    /// Time, s.
+    time: f64,
+    /// Σ f·l, J, and its change since the previous such row; the change is NaN in the first.
+    virial: f64,
+    virial_change: f64,
+    /// Mean penetration over the mean radius.
+    penetration_mean: f64,
+}
+
+/// Interval between two snapshots, with the mean of Σ f·l.
 #[derive(Debug, Clone, Copy)]
 struct IntervalMean {
+    /// Time of the last row, s.
+    time: f64,
+    /// Change of the mean since the previous interval, J; NaN in the first.
+    change: f64,
+    /// Number of rows.
+    count: f64,
+}
+
+/// Error of the steps of a row in the kinetic energy of bodies in flight.
+#[derive(Debug, Clone, Copy)]
+struct FlightRow {
+    /// Time, s.
+    time: f64,
+    /// Error, J, and number of the steps.
+    error: f64,
+    steps: f64,
+}
+
+/// Row with a time.
+trait TimedRow {
+    /// Time, s.
+    fn time(&self) -> f64;
+}
+
+impl TimedRow for LoadedRow {
+    fn time(&self) -> f64 {
+        self.time
+    }
+}
+
+impl TimedRow for IntervalMean {
+    fn time(&self) -> f64 {
+        self.time
+    }
+}
+
+impl TimedRow for FlightRow {
+    fn time(&self) -> f64 {
+        self.time
+    }
+}
+
+/// Sum of Σ f·l in the current interval.
+#[derive(Debug, Clone, Copy)]
+struct IntervalSum {
     interval: f64,
     time: f64,
     sum: f64,
@@ -69,21 +127,21 @@ const MAX_ROWS: usize = 1 << 14;
 
 /// Sample of consecutive rows; if there are too many, every second one is dropped, repeatedly.
 #[derive(Debug, Clone)]
-struct ThinnedRows<const N: usize> {
-    rows: Vec<[f64; N]>,
+struct ThinnedRows<T> {
+    rows: Vec<T>,
     /// Number of rows per kept row, and number of rows so far.
     stride: u64,
     seen: u64,
 }
 
-impl<const N: usize> Default for ThinnedRows<N> {
+impl<T> Default for ThinnedRows<T> {
     fn default() -> Self {
         ThinnedRows { rows: Vec::new(), stride: 1, seen: 0 }
     }
 }
 
-impl<const N: usize> ThinnedRows<N> {
-    fn push(&mut self, row: [f64; N]) {
+impl<T> ThinnedRows<T> {
+    fn push(&mut self, row: T) {
         if self.seen.is_multiple_of(self.stride) {
             if self.rows.len() == MAX_ROWS {
                 let mut indices = 0..;
@@ -108,6 +166,17 @@ pub struct ErrorSource {
     pub seconds: f64,
 }
 
+impl ErrorSource {
+    /// Name in the summary.
+    fn title(&self) -> &'static str {
+        match self.name {
+            "narrow" => "narrow phase",
+            "step" => "time step",
+            name => name,
+        }
+    }
+}
+
 impl ErrorEstimator {
     pub fn new(output_every: u64) -> Self {
         ErrorEstimator { output_every: output_every as f64, ..ErrorEstimator::default() }
@@ -115,26 +184,28 @@ impl ErrorEstimator {
 
     /// Adds a row of steps.csv.
     pub fn add_figures(&mut self, row: &LogRow) {
-        let [time, step, virial] = ["time", "step", "virial"].map(|name| row.get(name));
-        if row.get("contacts_active") > 0.0 && !virial.is_nan() {
-            let change = self.before[0].map_or(f64::NAN, |before| (virial - before).abs());
-            self.before[0] = Some(virial);
-            self.loaded.push([time, virial, row.get("penetration_mean"), step, change]);
+        let [time, step, virial] = [figures::time, figures::step, figures::virial].map(|name| row.get(name));
+        if row.get(figures::contacts_active) > 0.0 && !virial.is_nan() {
+            let virial_change = self.previous_virial.map_or(f64::NAN, |previous| (virial - previous).abs());
+            self.previous_virial = Some(virial);
+            let penetration_mean = row.get(figures::penetration_mean);
+            self.loaded.push(LoadedRow { step, time, virial, virial_change, penetration_mean });
             let interval = ((step - 1.0) / self.output_every).floor();
             match &mut self.interval {
                 Some(mean) if mean.interval == interval => {
                     (mean.time, mean.sum, mean.count) = (time, mean.sum + virial, mean.count + 1.0);
                 }
                 open => {
-                    let done = open.replace(IntervalMean { interval, time, sum: virial, count: 1.0 });
+                    let done = open.replace(IntervalSum { interval, time, sum: virial, count: 1.0 });
                     done.into_iter().for_each(|done| self.end_interval(done));
                 }
             }
         }
-        let steps = row.get("steps");
-        self.flights.push([time, row.get("flight_error"), if steps.is_nan() { 1.0 } else { steps }]);
+        let steps = row.get(group::steps);
+        let steps = if steps.is_nan() { 1.0 } else { steps };
+        self.flights.push(FlightRow { time, error: row.get(figures::flight_error), steps });
         for (sum, name) in
-            [(&mut self.virials, "gravity_sampled_virial"), (&mut self.narrow_phase_error, "narrow_error")]
+            [(&mut self.virials, figures::gravity_sampled_virial), (&mut self.narrow_phase_error, missed::narrow_error)]
         {
             let value = row.get(name);
             if !value.is_nan() {
@@ -143,41 +214,41 @@ impl ErrorEstimator {
         }
     }
 
-    fn end_interval(&mut self, IntervalMean { time, sum, count, .. }: IntervalMean) {
+    fn end_interval(&mut self, IntervalSum { time, sum, count, .. }: IntervalSum) {
         let mean = sum / count;
-        let change = self.before[1].map_or(f64::NAN, |before| (mean - before).abs());
-        self.before[1] = Some(mean);
-        self.intervals.push([time, mean, count, change]);
+        let change = self.previous_mean.map_or(f64::NAN, |previous| (mean - previous).abs());
+        self.previous_mean = Some(mean);
+        self.intervals.push(IntervalMean { time, change, count });
     }
 
     /// Adds a row of TIMER.csv.
     pub fn add_seconds(&mut self, row: &LogRow) {
         let spent = |name: &str| Duration::try_from_secs_f64(row.get(name)).unwrap_or_default();
         self.clock.accumulate(&StageTimes {
-            gravity: spent("gravity"),
-            detection: spent("detection"),
-            assembly: spent("assembly"),
-            solve: spent("solve"),
-            integration: spent("integration"),
-            writing: spent("writing"),
+            gravity: spent(seconds::gravity),
+            detection: spent(seconds::detection),
+            assembly: spent(seconds::assembly),
+            solve: spent(seconds::solve),
+            integration: spent(seconds::integration),
+            writing: spent(seconds::writing),
         });
     }
 
     /// Adds seconds that belong to no step.
-    pub fn add_writing_time(&mut self, lap: &StageTimes) {
-        self.clock.accumulate(lap);
+    pub fn add_writing_time(&mut self, times: &StageTimes) {
+        self.clock.accumulate(times);
     }
 
     /// Returns the sources of error, each with its cost.
     pub fn error_sources(&self, scene: &Scene, state: &State) -> Vec<ErrorSource> {
         let recent = second_half(&self.loaded.rows);
-        let depth = mean_of(recent.iter().map(|figures| figures[2]));
-        let virials: Vec<f64> = recent.iter().map(|figures| figures[1]).collect();
+        let depth = mean_of(recent.iter().map(|row| row.penetration_mean));
+        let virials: Vec<f64> = recent.iter().map(|row| row.virial).collect();
         let typical = median(virials.iter().map(|virial| virial.abs()));
         let noise = if self.loaded.stride == 1 {
-            let interval = |figures: &[f64; 5]| ((figures[3] - 1.0) / self.output_every).floor();
+            let interval = |row: &LoadedRow| ((row.step - 1.0) / self.output_every).floor();
             let intervals = recent.chunk_by(|a, b| interval(a) == interval(b));
-            let means: Vec<f64> = intervals.map(|steps| mean_of(steps.iter().map(|figures| figures[1]))).collect();
+            let means: Vec<f64> = intervals.map(|steps| mean_of(steps.iter().map(|row| row.virial))).collect();
             step_noise(&virials, &means)
         } else {
             self.noise_of_samples()
@@ -224,17 +295,17 @@ impl ErrorEstimator {
     /// Error of a step in the kinetic energy of bodies in flight, mean of the second half, J.
     fn flight_error(&self) -> f64 {
         let recent = second_half(&self.flights.rows);
-        let steps: f64 = recent.iter().map(|figures| figures[2]).sum();
-        recent.iter().map(|figures| figures[1]).sum::<f64>() / steps.max(1.0)
+        let steps: f64 = recent.iter().map(|row| row.steps).sum();
+        recent.iter().map(|row| row.error).sum::<f64>() / steps.max(1.0)
     }
 
     /// [`step_noise`] if some rows are omitted: uses the changes of the kept rows from their neighbours.
     fn noise_of_samples(&self) -> f64 {
         let changes = |values: &mut dyn Iterator<Item = f64>| median(values.filter(|change| !change.is_nan()));
-        let of_steps = 2.0 * changes(&mut second_half(&self.loaded.rows).iter().map(|figures| figures[4]));
+        let of_steps = 2.0 * changes(&mut second_half(&self.loaded.rows).iter().map(|row| row.virial_change));
         let intervals = second_half(&self.intervals.rows);
-        let number = mean_of(intervals.iter().map(|figures| figures[2])).max(1.0);
-        let of_means = changes(&mut intervals.iter().map(|figures| figures[3])) / number.sqrt();
+        let number = mean_of(intervals.iter().map(|interval| interval.count)).max(1.0);
+        let of_means = changes(&mut intervals.iter().map(|interval| interval.change)) / number.sqrt();
         if intervals.len() < MIN_INTERVALS { of_steps } else { of_steps.min(of_means) }
     }
 }
@@ -275,12 +346,11 @@ fn self_balanced_wall_share(scene: &Scene, state: &State) -> f64 {
     if each > 0.0 { (1.0 - all.norm() / each).max(0.0) / (pairs.len() as f64).sqrt() } else { 0.0 }
 }
 
-/// Rows of the second half of the time that they span; the first figure of a row is the time. With steps of varying
-/// length that is not half of the rows.
-fn second_half<const N: usize>(rows: &[[f64; N]]) -> &[[f64; N]] {
+/// Rows of the second half of the time that they span. With steps of varying length that is not half of the rows.
+fn second_half<T: TimedRow>(rows: &[T]) -> &[T] {
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return rows };
-    let half = 0.5 * (first[0] + last[0]);
-    &rows[rows.partition_point(|row| row[0] < half)..]
+    let half = 0.5 * (first.time() + last.time());
+    &rows[rows.partition_point(|row| row.time() < half)..]
 }
 
 /// Mean; 0 without values.
@@ -303,26 +373,36 @@ pub fn summary_lines(sources: &[ErrorSource]) -> [(&'static str, String); 2] {
     let most = |of: fn(&ErrorSource) -> f64| {
         let largest = sources.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
         largest.map_or(String::new(), |source| match source.option {
-            "" => source.name.to_string(),
-            option => format!("{} ({option})", source.name),
+            "" => source.title().to_string(),
+            option => format!("{} ({option})", source.title()),
         })
     };
     let each: Vec<String> = sources
         .iter()
         .filter(|source| source.error > 0.0)
-        .map(|source| format!("{} {:.1e}", source.name, source.error))
+        .map(|source| format!("{} {}", source.title(), percent(source.error)))
         .collect();
     let error = match each.len() {
-        0 => "none seen".into(),
-        _ => format!("{all:.1e} of the pressure, mostly {}: {}", most(|source| source.error), each.join(", ")),
+        0 => "none: no contact carried force".into(),
+        _ => {
+            let advice = if all > 1.0 { "; more than 100 % is not a meaningful estimate: lower tol" } else { "" };
+            let main = most(|source| source.error);
+            format!("{} of the pressure, mainly {main}: {}{advice}", percent(all), each.join(", "))
+        }
     };
-    let share = |source: &ErrorSource| format!("{} {:.0} %", source.name, 100.0 * source.seconds / seconds);
+    let share = |source: &ErrorSource| format!("{} {:.0} %", source.title(), 100.0 * source.seconds / seconds);
     let shares: Vec<String> = sources.iter().filter(|source| source.seconds > 0.005 * seconds).map(share).collect();
     let cost = match shares.len() {
         0 => "none".into(),
-        _ => format!("mostly {}: {}", most(|source| source.seconds), shares.join(", ")),
+        _ => format!("mainly {}: {}", most(|source| source.seconds), shares.join(", ")),
     };
-    [("error, estimated", error), ("cost", cost)]
+    [("estimated error", error), ("cost", cost)]
+}
+
+/// Fraction in percent with two digits.
+fn percent(x: f64) -> String {
+    let digits = (1.0 - (100.0 * x).abs().max(1e-99).log10().floor()).max(0.0) as usize;
+    if x >= 1e-4 { format!("{:.digits$} %", 100.0 * x) } else { format!("{:.1e} %", 100.0 * x) }
 }
 
 /// Whether the case has an [`ERRORS_FILE`].
@@ -344,7 +424,10 @@ mod tests {
 
     #[test]
     fn the_second_half_is_one_of_time() {
-        let of = |times: &[f64]| second_half(&times.iter().map(|t| [*t]).collect::<Vec<_>>()).len();
+        let of = |times: &[f64]| {
+            let row = |&time: &f64| FlightRow { time, error: 0.0, steps: 1.0 };
+            second_half(&times.iter().map(row).collect::<Vec<_>>()).len()
+        };
         assert_eq!(of(&[]), 0);
         assert_eq!(of(&[3.0]), 1);
         assert_eq!(of(&[1.0, 2.0, 3.0, 4.0]), 2);
@@ -356,16 +439,16 @@ mod tests {
     fn a_sample_is_even_and_bounded() {
         let mut sample = ThinnedRows::default();
         for k in 0..10 * MAX_ROWS {
-            sample.push([k as f64]);
+            sample.push(k);
         }
         assert!(sample.rows.len() > MAX_ROWS / 2 && sample.rows.len() <= MAX_ROWS);
         assert_eq!(sample.stride, 16);
-        assert!((0..).zip(&sample.rows).all(|(k, row)| row[0] == f64::from(k * 16)));
+        assert!((0..).zip(&sample.rows).all(|(k, row): (usize, &usize)| *row == k * 16));
     }
 
     #[test]
     fn noise_is_the_smaller_bound() {
-        // Values that alternate by 2 each step and average out: four intervals of four steps.
+        // Values that alternate by 2 every step and average out: four intervals of four steps.
         assert_eq!(step_noise(&[1.0, 3.0].repeat(8), &[2.0, 2.5, 2.0, 2.5]), 0.25);
         // Values that increase by 0.1 a step, 1 an interval.
         assert_eq!(step_noise(&[1.0, 1.125, 1.25], &[1.0, 2.0, 3.0, 4.0]), 0.25);
@@ -382,7 +465,7 @@ mod tests {
             source("gravity", "gravity_error", 0.0, 8.5),
         ];
         let [(_, error), (_, cost)] = summary_lines(&sources);
-        assert_eq!(error, "5.0e-2 of the pressure, mostly step (dt): contacts 1.0e-2, step 4.0e-2");
-        assert_eq!(cost, "mostly gravity (gravity_error): contacts 10 %, step 5 %, gravity 85 %");
+        assert_eq!(error, "5.0 % of the pressure, mainly time step (dt): contacts 1.0 %, time step 4.0 %");
+        assert_eq!(cost, "mainly gravity (gravity_error): contacts 10 %, time step 5 %, gravity 85 %");
     }
 }

@@ -240,6 +240,11 @@ pub fn row_size(cells: &[LogCell]) -> usize {
 macro_rules! columns {
     ($columns:ident, $cells:ident($($name:ident : $type:ty),*), $($column:ident: $kind:ident = $value:expr,)+) => {
         pub const $columns: &[Column] = &[$((stringify!($column), ColumnKind::$kind)),+];
+        /// Names of the columns.
+        #[allow(non_upper_case_globals, dead_code, reason = "constants that are named like the columns")]
+        pub mod $cells {
+            $(pub const $column: &str = stringify!($column);)+
+        }
         pub fn $cells($($name: $type),*) -> Vec<LogCell> { vec![$(LogCell::from($value)),+] }
     };
 }
@@ -321,14 +326,14 @@ columns! {
 }
 
 columns! {
-    SECONDS, seconds(step: u64, lap: &StageTimes),
+    SECONDS, seconds(step: u64, times: &StageTimes),
     step: Last = step,
-    gravity: Sum = lap.gravity.as_secs_f64(),
-    detection: Sum = lap.detection.as_secs_f64(),
-    assembly: Sum = lap.assembly.as_secs_f64(),
-    solve: Sum = lap.solve.as_secs_f64(),
-    integration: Sum = lap.integration.as_secs_f64(),
-    writing: Sum = lap.writing.as_secs_f64(),
+    gravity: Sum = times.gravity.as_secs_f64(),
+    detection: Sum = times.detection.as_secs_f64(),
+    assembly: Sum = times.assembly.as_secs_f64(),
+    solve: Sum = times.solve.as_secs_f64(),
+    integration: Sum = times.integration.as_secs_f64(),
+    writing: Sum = times.writing.as_secs_f64(),
 }
 
 #[cfg(test)]

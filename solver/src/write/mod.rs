@@ -26,7 +26,7 @@ use crate::step::{StageTimes, StepReport};
 use self::postpro::PostproFiles;
 use errors::ErrorEstimator;
 use log::{LogCell, LogTable, RowSchedule};
-pub use problem::{check_dump_step as expect_problem, write_problem as problem};
+pub use problem::{check_dump_step, write_problem};
 
 /// Results of a case: snapshots and `steps.csv` in OUTBOX, `TIMER.csv` next to it. Durations are kept apart, so that
 /// equal runs have equal bytes in OUTBOX.
@@ -69,12 +69,12 @@ pub fn lock_outbox(case: &Path) -> Result<OutboxLock, Faults> {
     let made = match std::fs::create_dir(&path) {
         Ok(()) => Some(path.clone()),
         Err(error) if error.kind() == ErrorKind::AlreadyExists => None,
-        Err(error) => return Err(Fault::from_io(&path, "made", &error).into()),
+        Err(error) => return Err(Fault::from_io(&path, "created", &error).into()),
     };
     let folder = File::open(&path).ok();
     if folder.as_ref().is_some_and(|folder| matches!(folder.try_lock(), Err(TryLockError::WouldBlock))) {
-        let expected = "expected one run of a case at a time";
-        return Err(Fault::new(case, None, "folder", "another run is at work in it", expected).into());
+        let expected = "wait for it, or use another folder";
+        return Err(Fault::new(case, None, "folder", "another run is writing to it", expected).into());
     }
     Ok(OutboxLock { folder, made })
 }
@@ -103,16 +103,16 @@ pub fn check_no_results(case: &Path, scene: &Scene) -> Result<(), Faults> {
 /// Removes the files that an earlier run wrote, and nothing else.
 pub fn remove_results(case: &Path) -> Result<(), Faults> {
     let outbox = outbox_path(case);
-    let ours = |name: &str| {
+    let is_output = |name: &str| {
         (name.starts_with("snapshot-") && name.ends_with(".npz"))
             || name == log::STEPS_FILE
             || text::is_state_name(name)
     };
-    let mut doomed = vec![case.join(log::TIMER_FILE), case.join(errors::ERRORS_FILE)];
-    let is_ours = |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(ours);
-    doomed.extend(folder_entries(&outbox)?.into_iter().filter(is_ours));
-    doomed.extend(text_inputs::written_copies(&outbox));
-    for path in doomed.iter().filter(|path| path_exists(path)) {
+    let mut removed = vec![case.join(log::TIMER_FILE), case.join(errors::ERRORS_FILE)];
+    let is_old = |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(is_output);
+    removed.extend(folder_entries(&outbox)?.into_iter().filter(is_old));
+    removed.extend(text_inputs::written_copies(&outbox));
+    for path in removed.iter().filter(|path| path_exists(path)) {
         std::fs::remove_file(path).map_err(|error| Fault::from_io(path, "removed", &error))?;
     }
     Ok(())
@@ -143,29 +143,31 @@ impl ResultFiles {
             seconds.extend(log::GROUP);
         }
         let steps = [scene.start.0, state.step];
-        let mut tally = ErrorEstimator::new(options.output_every);
-        let log = LogTable::open(&outbox.join(log::STEPS_FILE), &columns, steps, due, |row| tally.add_figures(row))?;
-        let timer = LogTable::open(&case.join(log::TIMER_FILE), &seconds, steps, due, |row| tally.add_seconds(row))?;
+        let mut estimator = ErrorEstimator::new(options.output_every);
+        let log =
+            LogTable::open(&outbox.join(log::STEPS_FILE), &columns, steps, due, |row| estimator.add_figures(row))?;
+        let timer =
+            LogTable::open(&case.join(log::TIMER_FILE), &seconds, steps, due, |row| estimator.add_seconds(row))?;
         let numbered = if options.text { text::number_offset(&outbox, scene, state)? } else { 0 };
         if options.text {
             text_inputs::write_input_copies(&case.join("DATBOX"), &outbox)?;
         }
         let postpro = PostproFiles::open(case, scene, state)?;
-        Ok((ResultFiles { outbox, steps: log, timer, due, number_offset: numbered, postpro }, tally))
+        Ok((ResultFiles { outbox, steps: log, timer, due, number_offset: numbered, postpro }, estimator))
     }
 
-    /// Adds a step to the logs, and the rows that they write to `tally`.
+    /// Adds a step to the logs, and the rows that they write to `estimator`.
     pub fn add_step(
         &mut self,
         scene: &Scene,
         state: &State,
         report: &StepReport,
-        lap: &StageTimes,
-        tally: &mut ErrorEstimator,
+        times: &StageTimes,
+        estimator: &mut ErrorEstimator,
     ) -> Result<(), Faults> {
-        let [figures, seconds] = log_cells(scene, state, report, lap);
-        self.steps.add_step(figures, self.due, |row| tally.add_figures(row))?;
-        self.timer.add_step(seconds, self.due, |row| tally.add_seconds(row))
+        let [figures, seconds] = log_cells(scene, state, report, times);
+        self.steps.add_step(figures, self.due, |row| estimator.add_figures(row))?;
+        self.timer.add_step(seconds, self.due, |row| estimator.add_seconds(row))
     }
 
     /// Adds a step, which began after step `first`, to the files of POSTPRO.DAT.
@@ -180,9 +182,9 @@ impl ResultFiles {
     }
 
     /// Writes the rows of the steps since the last ones at the end of the run.
-    pub fn finish_rows(&mut self, tally: &mut ErrorEstimator) -> Result<(), Faults> {
-        self.steps.finish_rows(|row| tally.add_figures(row))?;
-        self.timer.finish_rows(|row| tally.add_seconds(row))
+    pub fn finish_rows(&mut self, estimator: &mut ErrorEstimator) -> Result<(), Faults> {
+        self.steps.finish_rows(|row| estimator.add_figures(row))?;
+        self.timer.finish_rows(|row| estimator.add_seconds(row))
     }
 
     /// Flushes the rows so far, so that other programs can read them.
@@ -210,9 +212,9 @@ impl ResultFiles {
 }
 
 /// Figures and seconds of a step.
-fn log_cells(scene: &Scene, state: &State, report: &StepReport, lap: &StageTimes) -> [Vec<LogCell>; 2] {
+fn log_cells(scene: &Scene, state: &State, report: &StepReport, times: &StageTimes) -> [Vec<LogCell>; 2] {
     let options = &scene.options;
-    let [mut figures, mut seconds] = [log::figures(scene, state, report), log::seconds(state.step, lap)];
+    let [mut figures, mut seconds] = [log::figures(scene, state, report), log::seconds(state.step, times)];
     if options.adaptive().is_on() {
         figures.extend(log::length(report));
     }
@@ -237,7 +239,7 @@ pub fn output_sizes(scene: &Scene, state: &State, report: &StepReport) -> [usize
     // Durations have more digits than zero.
     let second = Duration::from_nanos(123_456);
     let [gravity, detection, assembly, solve, integration, writing] = [second; 6];
-    let lap = StageTimes { gravity, detection, assembly, solve, integration, writing };
-    let rows = log_cells(scene, state, report, &lap).iter().map(|cells| log::row_size(cells)).sum();
+    let times = StageTimes { gravity, detection, assembly, solve, integration, writing };
+    let rows = log_cells(scene, state, report, &times).iter().map(|cells| log::row_size(cells)).sum();
     [rows, snapshot::state_snapshot(scene, state).to_bytes().len()]
 }

@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::time::Duration;
 
 use cd_formats::compute::ContactSolver;
+use cd_formats::names::{count_text, rounded_number};
 
 use crate::detect::NarrowPhaseError;
 use crate::gravity::sample::SampledError;
@@ -43,11 +44,11 @@ pub struct RunStatistics {
     pub wall: Duration,
     pub clock: StageTimes,
     /// Estimates of all steps, including those before a resume.
-    pub tally: ErrorEstimator,
+    pub estimator: ErrorEstimator,
 }
 
 /// Returns the text of the summary.
-pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, sources: &[ErrorSource]) -> String {
+pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, sources: &[ErrorSource]) -> String {
     let mut text = String::new();
     let mut line = |name: &str, value: String| {
         let _ = writeln!(text, "  {name:<22} {value}");
@@ -56,40 +57,46 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
     let active = state.contacts.iter().filter(|c| c.impulse != Vec3::zeros()).count();
     let balance = BalanceErrors::new(scene, state);
     line("models", scene.model_names().join("; "));
-    line("steps", format!("{} in this run, {} in total, t = {} s", course.steps, state.step, state.time));
+    line(
+        "steps",
+        format!("{} in this run, to step {}, t = {} s", statistics.steps, state.step, rounded_number(state.time)),
+    );
     let dt = scene.options.dt;
     if scene.options.adaptive().is_on() {
-        let mean = (course.dt_count as f64 / course.steps.max(1) as f64) * dt;
-        line("step length", format!("min {dt:.3e} s, mean {mean:.3e} s, max {:.3e} s", course.longest));
+        let mean = (statistics.dt_count as f64 / statistics.steps.max(1) as f64) * dt;
+        line("step length", format!("min {dt:.3e} s, mean {mean:.3e} s, max {:.3e} s", statistics.longest));
     }
     line("contacts", format!("{} listed, {active} carry force", state.contacts.len()));
     if scene.has_bonds() {
-        line("bonds", format!("{} at the end, largest number in this run {}", state.bond_count(), course.bonds));
+        line("bonds", format!("{} at the end, largest number in this run {}", state.bond_count(), statistics.bonds));
     }
-    let single =
-        if course.single > 0 { format!(", in single precision in {} steps", course.single) } else { String::new() };
-    line("sweeps per step", format!("{:.1}{single}", course.sweeps as f64 / course.steps.max(1) as f64));
+    let single = if statistics.single > 0 {
+        format!(", in single precision in {} steps", statistics.single)
+    } else {
+        String::new()
+    };
+    line("sweeps per step", format!("{:.1}{single}", statistics.sweeps as f64 / statistics.steps.max(1) as f64));
     let last = ledger.last_unconverged.map_or(String::new(), |step| format!(", the last at step {step}"));
     line(
         "unconverged steps",
-        format!("{} in this run, {} in total{last}", course.unconverged, ledger.steps_unconverged),
+        format!("{} in this run, {} in total{last}", statistics.unconverged, ledger.steps_unconverged),
     );
-    if course.taken_over > 0 {
+    if statistics.taken_over > 0 {
         let name = if scene.options.solver == ContactSolver::Auto { "fallback solver" } else { "stored solver" };
-        let steps = if course.taken_over == 1 { "step" } else { "steps" };
-        line(name, format!("converged in {} {steps}", course.taken_over));
+        let steps = count_text(statistics.taken_over as usize, "step");
+        line(name, format!("converged in {steps}"));
     }
-    if course.given_up > 0 {
+    if statistics.given_up > 0 {
         line(
-            "no fallback",
+            "fallback skipped",
             format!(
-                "{} steps ended after one round of sweeps, because the fallback had failed before",
-                course.given_up
+                "{} ended after one round of sweeps, because the fallback had failed before",
+                count_text(statistics.given_up as usize, "step")
             ),
         );
     }
     // Over all steps in which contacts were detected, including those of the start, and the last state.
-    let ended = course.penetration_end / scene.mean_radius.max(f64::MIN_POSITIVE);
+    let ended = statistics.penetration_end / scene.mean_radius.max(f64::MIN_POSITIVE);
     let largest = ledger.penetration_largest.max(ended);
     line(
         "largest penetration",
@@ -99,10 +106,10 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
             ledger.penetration_left
         ),
     );
-    for warning in &course.warnings {
+    for warning in &statistics.warnings {
         line("warning", warning.clone());
     }
-    if let Some(overlap) = course.overlap {
+    if let Some(overlap) = statistics.overlap {
         let deep = 100.0 * OVERLAP_WARNING_SHARE;
         line(
             "warning",
@@ -110,22 +117,22 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
         );
     }
     line("energy drift", format!("{:.2e}", balance.energy));
-    if let Some(SampledError { rms, largest, .. }) = course.gravity {
+    line("momentum drift", format!("{:.2e} linear, {:.2e} angular", balance.momentum, balance.angular_momentum));
+    if let Some(SampledError { rms, largest, .. }) = statistics.gravity {
         let target = scene.options.gravity_error();
         line("gravity error", format!("RMS {rms:.1e}, largest {largest:.1e} of 64 bodies; gravity_error {target:.0e}"));
     }
-    if let Some(NarrowPhaseError { mean, largest }) = course.narrow_phase_error {
+    if let Some(NarrowPhaseError { mean, largest }) = statistics.narrow_phase_error {
         let [mean, largest] = [mean, largest].map(|miss| miss / scene.mean_radius);
         line(
             "narrow phase error",
             format!("mean {mean:.1e} of the mean radius over touching pairs, largest {largest:.1e}"),
         );
     }
-    line("momentum drift", format!("{:.2e} linear, {:.2e} angular", balance.momentum, balance.angular_momentum));
     for (name, value) in errors::summary_lines(sources) {
         line(name, value);
     }
-    let &StageTimes { gravity, detection, assembly, solve, integration, writing } = &course.clock;
+    let &StageTimes { gravity, detection, assembly, solve, integration, writing } = &statistics.clock;
     let stages = [
         ("gravity", gravity),
         ("detection", detection),
@@ -135,7 +142,7 @@ pub fn summary_text(scene: &Scene, state: &State, course: &RunStatistics, source
         ("writing", writing),
     ];
     let stages: Vec<String> = stages.iter().map(|(name, time)| format!("{name} {:.2}", time.as_secs_f64())).collect();
-    let threads = if course.threads == 1 { "1 thread".to_string() } else { format!("{} threads", course.threads) };
-    line("seconds", format!("{:.2} on {threads}: {}", course.wall.as_secs_f64(), stages.join(", ")));
+    let threads = count_text(statistics.threads, "thread");
+    line("seconds", format!("{:.2} on {threads}: {}", statistics.wall.as_secs_f64(), stages.join(", ")));
     text
 }

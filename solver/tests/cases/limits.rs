@@ -293,22 +293,19 @@ fn before_a_plate() -> (Case, usize, usize) {
 }
 
 #[test]
-fn a_step_too_long_for_what_moves_is_told() {
+fn a_step_too_long_for_what_moves_is_reported() {
     let printed = |case: &mut Case, h: f64, reason: &str| {
         case.options.dt = 10.0 * h;
         let [run, plan] = said(case);
         // Four times the bound suits a draft.
         assert!(
-            run.contains(&format!(
-                "is 2.5 times the largest step recommended for a draft, {:.3e} s ({reason})",
-                4.0 * h
-            )),
+            run.contains(&format!("is 2.5 times the largest step for the preset draft, {:.3e} s ({reason})", 4.0 * h)),
             "{run}"
         );
         assert!(plan.contains("is 10.0 times the strictest bound"), "{plan}");
         assert!(plan.contains(&format!("up to {h:.3e} s: {reason}")), "{plan}");
     };
-    let fast = "largest speed 1.000e5 m/s: 0.1 of the smallest radius a step";
+    let fast = "largest speed 1.000e5 m/s: 0.1 of the smallest radius per step";
     let (mut thrown, ball, _) = before_a_plate();
     thrown.launch(ball, [0.0, 0.0, -1e5], [0.0; 3]);
     printed(&mut thrown, 5e-7, fast);
@@ -342,7 +339,7 @@ fn a_step_too_long_for_what_moves_is_told() {
     printed(
         &mut high,
         0.05 / fall,
-        &format!("impact speed of a fall through 9.950e1 m, {fall:.3e} m/s: 0.1 of the smallest radius a step"),
+        &format!("impact speed of a fall through 9.950e1 m, {fall:.3e} m/s: 0.1 of the smallest radius per step"),
     );
 
     let mut low = Case::new();
@@ -350,19 +347,19 @@ fn a_step_too_long_for_what_moves_is_told() {
     low.sphere(0.5, [7e6, 0.0, 2.0]);
     low.options.fields = vec![ExternalField::PointMass { mass: 6e24, position: [0.0; 3] }];
     let period = std::f64::consts::TAU * (7e6f64.powi(3) / (6e24 * low.options.gravity_constant)).sqrt();
-    printed(&mut low, period / 100.0, &format!("shortest orbital period {period:.3e} s: 100 steps an orbit"));
+    printed(&mut low, period / 100.0, &format!("shortest orbital period {period:.3e} s: 100 steps per orbit"));
     low.options.fields =
         vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, std::f64::consts::TAU], centre: [7e6, 0.0, 0.0] }];
-    printed(&mut low, 1e-2, "shortest orbital period 1.000e0 s: 100 steps an orbit");
+    printed(&mut low, 1e-2, "shortest orbital period 1.000e0 s: 100 steps per orbit");
 
     let mut spun = Case::new();
     let cube = spun.block([0.5; 3], [0.0; 3], AXES);
     spun.launch(cube, [0.0; 3], [1000.0, 0.0, 0.0]);
-    printed(&mut spun, 1e-4, "fastest rotation 1.000e3 rad/s: 10 steps a radian");
+    printed(&mut spun, 1e-4, "fastest rotation 1.000e3 rad/s: 10 steps per radian");
 }
 
 #[test]
-fn positions_with_too_few_digits_are_told() {
+fn positions_with_too_few_digits_are_reported() {
     let printed = |out: f64| {
         let mut case = Case::new();
         case.sphere(0.5, [0.0; 3]);

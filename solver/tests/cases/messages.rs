@@ -148,8 +148,8 @@ fn overlaps_and_steps_that_are_too_long_are_in_the_summary() {
     case.write();
     let (code, out, text) = of(&case, &[]);
     assert_eq!(code, 0);
-    let start = "cd-solve: warning: 1 pair of bodies overlaps by more than 1 % of the smaller radius from the start, at \
-                 most bodies 1-2 overlap by 5.000e-2 m, 10.0 % of the smaller radius; laws other than GAP_SGR_CLB keep \
+    let start = "cd-solve: warning: 1 pair of bodies overlaps by more than 1 % of the smaller radius from the start, the \
+                 deepest: bodies 1-2 overlap by 5.000e-2 m, 10.0 % of the smaller radius; laws other than GAP_SGR_CLB keep \
                  these overlaps\n";
     let start = start.replace("bodies 1-2", if text.contains("bodies 2-1") { "bodies 2-1" } else { "bodies 1-2" });
     assert_eq!(text, start);

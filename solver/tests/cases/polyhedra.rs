@@ -362,7 +362,7 @@ fn far_from_the_origin_only_positions_are_rounded() {
 /// A run tells of bodies that overlap from its start: how many, which most, and by how much; and once of deep ones that
 /// steps have made.
 #[test]
-fn deep_overlaps_are_told() {
+fn deep_overlaps_are_reported() {
     let message = |case: &mut Case| {
         case.options.steps = Some(2);
         case.write();
@@ -379,7 +379,7 @@ fn deep_overlaps_are_told() {
     };
     let expected = |pairs: &str, most: &str| {
         Some(format!(
-            "cd-solve: warning: {pairs} by more than 1 % of the smaller radius from the start, at most \
+            "cd-solve: warning: {pairs} by more than 1 % of the smaller radius from the start, the deepest: \
              bodies {most} of the smaller radius; laws other than GAP_SGR_CLB keep these overlaps"
         ))
     };

@@ -55,7 +55,7 @@ fn with_file(name: &str, text: Option<&str>) -> Case {
 }
 
 #[test]
-fn options_without_effect_are_told() {
+fn options_without_effect_are_reported() {
     let mut case = sound();
     case.options.gravity_error = Some(1e-4);
     case.options.narrow_phase = Some(cd_formats::compute::NarrowPhase::Fast);
@@ -112,7 +112,7 @@ fn files_that_are_not_there() {
 }
 
 #[test]
-fn all_faults_of_all_files_are_told_at_once() {
+fn all_faults_of_all_files_are_reported_at_once() {
     let case = with_file("BULK_BEHAV.DAT", Some("nothing"));
     fs::remove_file(case.path().join("DATBOX/TACT_BEHAV.DAT")).unwrap();
     let lines = [
@@ -214,15 +214,14 @@ fn materials_and_masses() {
     let shape = ShapeRecord::Sphere { radius: 1e99 };
     case.materials[0].density = 1e90;
     case.bodies[1].contactors[0].shape = shape;
-    let line =
-        "CASE/DATBOX/BODIES.DAT:11: body 2: mass inf kg; expected mass and inertia above 0 that a number can hold";
+    let line = "CASE/DATBOX/BODIES.DAT:11: body 2: mass inf kg; expected mass and inertia to be finite and > 0";
     written_refused(&case, &[], &[line]);
     let mut case = Case::new();
     case.law("IQS_CLB", &[0.5]);
     let block = case.block([0.5; 3], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
     case.bodies[block].inertia = Some([0.25, 0.0, 0.0]);
     let line = "CASE/DATBOX/BODIES.DAT:1: body 1: principal inertia [0.25, 0.0, 0.0] kg m²; \
-                expected mass and inertia above 0 that a number can hold";
+                expected mass and inertia to be finite and > 0";
     written_refused(&case, &[], &[line]);
 }
 
@@ -265,7 +264,7 @@ fn rows_that_contradict_and_laws_that_are_too_many() {
     (row.candidate.contactor, row.law) = ("SPHEb".into(), "law00".into());
     case.tact.visibility.push(row);
     let line = "CASE/DATBOX/TACT_BEHAV.DAT:13: SPHEb GRAIN and PLANx WALLx: law 'law00', alert 0.001; \
-                expected law 'law01' and alert 0.001, as before for the same: SPHEb is SPHER";
+                expected law 'law01' and alert 0.001, as in the earlier row of this pair (SPHEb counts as SPHER)";
     written_refused(&case, &[], &[line]);
 
     let mut case = sound();
@@ -530,7 +529,7 @@ fn a_folder_that_cannot_be_written() {
 }
 
 #[test]
-fn a_floor_narrower_than_the_period_is_told_of() {
+fn a_floor_narrower_than_the_period_is_reported() {
     let printed = |half: [f64; 3], axes: [[f64; 3]; 3]| {
         let mut case = Case::new();
         case.law("IQS_CLB", &[0.3]);
@@ -605,7 +604,7 @@ fn contacts_of_vloc_rloc_that_are_in_doubt() {
 }
 
 #[test]
-fn contactors_that_no_row_lets_meet_are_told_of() {
+fn contactors_that_no_row_lets_meet_are_reported() {
     let printed = |spheres: u32, rows: &[&str]| {
         let mut case = Case::new();
         rows.iter().for_each(|antagonist| case.law_with(antagonist, "IQS_CLB", &[0.3]));
@@ -628,7 +627,7 @@ fn contactors_that_no_row_lets_meet_are_told_of() {
 }
 
 #[test]
-fn a_law_of_several_pairs_is_told_once() {
+fn a_law_of_several_pairs_is_reported_once() {
     let mut case = sound();
     case.law("RST_CLB", &[1.5, 0.0, 0.3]);
     // One law for spheres among each other and with walls.

@@ -146,7 +146,7 @@ fn a_resumed_run_states_the_errors_of_the_unbroken_one() {
 
 #[test]
 #[cfg(unix)]
-fn a_run_that_is_told_to_stop_goes_on_where_it_was() {
+fn a_stopped_run_continues_where_it_was() {
     let case = scene(4);
     case.write();
     let flags = ["--steps", "1000000", "--output-every", "15"];
@@ -495,7 +495,7 @@ fn events_before_a_late_start_have_happened() {
     let text = std::fs::read_to_string(&file).unwrap();
     std::fs::write(&file, text.replacen("time= 0.0000000D+00", "time= 0.1000000D+03", 1)).unwrap();
     let (scene, _) = cd_solve::read::read_case(&case.path(), &ComputeFlags::default()).unwrap();
-    let message = "events: 10 events before the start at 100 s: what they add or bond is not done";
+    let message = "events: 10 events before the start at 100 s have no effect (AddSpin, AddVelocity, Shake, Bond)";
     assert!(scene.notes.iter().any(|note| note == message), "{:?}", scene.notes);
     assert_eq!(case.solve(&[]), 0);
     // That of 100 s happens.

@@ -187,7 +187,7 @@ fn message(case: &Case) -> [String; 2] {
 }
 
 #[test]
-fn the_worst_contact_is_told_with_its_place() {
+fn the_worst_contact_is_reported_with_its_position() {
     // A block on a floor, pushed askew: four contacts of one pair.
     let mut case = Case::new();
     case.law_of_all("IQS_CLB", &[0.3]);

@@ -43,16 +43,20 @@ impl PageState {
         let turning = grains.iter().any(|grain| grain.solid.is_some());
         // A text in base 64 is a third longer.
         let floats = 3 + TIME_DEPENDENT.len() + if turning { 4 } else { 0 };
-        let room = MAX_PAGE_BYTES / (grains.len() * floats * 16 / 3).max(1);
-        if k + 1 < count && !is_evenly_chosen(k, count, room.min(MAX_STATES)) {
+        let max_states = MAX_PAGE_BYTES / (grains.len() * floats * 16 / 3).max(1);
+        if k + 1 < count && !is_evenly_chosen(k, count, max_states.min(MAX_STATES)) {
             return None;
         }
         let options = &frame.meta.parameters;
-        let apart = frame.walls.is_empty() && options.xperiode.is_none() && options.yperiode.is_none();
+        let is_isolated = frame.walls.is_empty() && options.xperiode.is_none() && options.yperiode.is_none();
         Some(PageState {
             step: frame.meta.step,
             time: frame.meta.time,
-            centre: if apart && !grains.is_empty() { AggregateSums::from_grains(grains).x } else { Vec3::zeros() },
+            centre: if is_isolated && !grains.is_empty() {
+                AggregateSums::from_grains(grains).x
+            } else {
+                Vec3::zeros()
+            },
             positions: grains.iter().map(|grain| grain.x).collect(),
             rotations: grains.iter().filter(|_| turning).flat_map(grain_rotation).collect(),
             values: [
@@ -99,42 +103,43 @@ pub fn page_json(states: &[PageState], last: &Frame) -> String {
     let largest = find_fragments(last);
     let members = largest.first().map_or(Vec::new(), |largest| largest.grains.clone());
     let mut chosen: Vec<_> = members.iter().map(|&i| grains[i].clone()).collect();
-    // A fragment that is but a part is seen with the rest.
+    // If the largest fragment has less than half of the grains, the view covers all grains.
     if 2 * chosen.len() < grains.len() {
         chosen.clone_from(grains);
     }
     let ball = enclosing_ball(&chosen);
     let (middle, radius) = if chosen.is_empty() { (Vec3::zeros(), 1.0) } else { (ball.centre, ball.radius) };
     // Relative to the middle of the last state, shifted in the other states by the motion of the centre.
-    let end = states.last().map_or(Vec3::zeros(), |state| state.centre);
-    let seen = |state: &PageState| -> Vec<Vec3> {
-        let origin = middle - end + state.centre;
+    let last_centre = states.last().map_or(Vec3::zeros(), |state| state.centre);
+    let relative_positions = |state: &PageState| -> Vec<Vec3> {
+        let origin = middle - last_centre + state.centre;
         state.positions.iter().map(|x| x - origin).collect()
     };
-    let seen: Vec<Vec<Vec3>> = states.iter().map(seen).collect();
+    let relative_positions: Vec<Vec<Vec3>> = states.iter().map(relative_positions).collect();
     let farthest = |places: &Vec<Vec3>| {
         places.iter().zip(grains).map(|(x, grain)| x.norm() + 2.0 * grain.bounding_radius()).fold(radius, f64::max)
     };
-    let reach = seen.iter().map(farthest).fold(radius, f64::max);
+    let reach = relative_positions.iter().map(farthest).fold(radius, f64::max);
 
-    let changing = (0..TIME_DEPENDENT.len()).map(|k| {
+    let time_dependent = (0..TIME_DEPENDENT.len()).map(|k| {
         let values: Vec<&[f64]> = states.iter().map(|state| &state.values[k][..]).collect();
         quantity_json(TIME_DEPENDENT[k], &values)
     });
     let of_grains = |value: &dyn Fn(&Grain) -> f64| -> Vec<f64> { grains.iter().map(value).collect() };
-    let lasting = [
+    let constant = [
         (("radius", "m"), of_grains(&|grain| grain.radius)),
         (("colour", "1"), of_grains(&|grain| f64::from(grain.colour))),
         (("number", "1"), of_grains(&|grain| grain.id as f64)),
     ];
-    let lasting = lasting.iter().map(|(name, values)| quantity_json(*name, &[values]));
-    let distances: Vec<Vec<f64>> = seen.iter().map(|places| places.iter().map(|x| x.norm()).collect()).collect();
+    let constant = constant.iter().map(|(name, values)| quantity_json(*name, &[values]));
+    let distances: Vec<Vec<f64>> =
+        relative_positions.iter().map(|places| places.iter().map(|x| x.norm()).collect()).collect();
     let distances: Vec<&[f64]> = distances.iter().map(|values| &values[..]).collect();
-    let from_the_middle = quantity_json(("distance from the middle", "m"), &distances);
-    let quantities: Vec<Value> = changing.chain([from_the_middle]).chain(lasting).collect();
+    let from_centre = quantity_json(("distance from the centre", "m"), &distances);
+    let quantities: Vec<Value> = time_dependent.chain([from_centre]).chain(constant).collect();
     let in_time: Vec<Value> = states
         .iter()
-        .zip(&seen)
+        .zip(&relative_positions)
         .map(|(state, places)| {
             let places = places.iter().flat_map(|x| [x.x, x.y, x.z]);
             json!({ "step": state.step, "time": state.time, "places": base64_of_f64(places), "turns": base64_of_f32(&state.rotations) })
@@ -161,7 +166,7 @@ fn base64_of_f32(values: &[f32]) -> String {
     STANDARD.encode(values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>())
 }
 
-/// Values of the grains in each state, or in all alike.
+/// JSON of a quantity: values of the grains in each state, or one list for all states.
 fn quantity_json((name, unit): (&str, &str), states: &[&[f64]]) -> Value {
     let (low, high) = central_range(states.concat());
     let in_time = |values: &&[f64]| {

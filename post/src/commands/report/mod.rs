@@ -33,10 +33,13 @@ const STATE_FIGURES: [(&str, &str); 12] = [
         "profile_nu.svg",
         "Solid fraction by distance from the centre of mass of the largest remnant; polyhedra count as spheres of equal volume.",
     ),
-    ("profile_Z.svg", "Neighbours per grain by distance from that centre: bodies that it touches with force."),
+    (
+        "profile_Z.svg",
+        "Neighbours per grain by distance from the centre of mass of the largest remnant: bodies that it touches with force.",
+    ),
     (
         "profile_stress.svg",
-        "Stress by distance from that centre: pressure, radial component, mean tangential component.",
+        "Stress by distance from the centre of mass of the largest remnant: pressure, radial component, mean tangential component.",
     ),
     ("forces.svg", "Probability density of the contact forces between grains, each normalised by its mean."),
     (

@@ -5,7 +5,7 @@ use crate::derive::coordination::touches_with_force;
 use crate::derive::fabric::{anisotropy, eigenvalues, fabric_tensor, mobilised_share, probability_density};
 use crate::frame::{Contact, Frame};
 use crate::write::figure::{Curve, Figure, FigureAxis};
-use crate::write::series::{Column, csv_table, csv_text};
+use crate::write::series::{Column, csv_table};
 
 /// Columns of forces.csv.
 pub const FORCE_COLUMNS: [Column; 4] = [
@@ -27,26 +27,27 @@ const FORCE_BIN_WIDTH: f64 = 0.25;
 /// Distributions of the forces between grains, and of the mobilised friction.
 pub fn force_files(frame: &Frame) -> Vec<StateFile> {
     let between = || frame.active_contacts().filter(|c| c.grain_pair().is_some());
-    let over_mean = |of: fn(&Contact) -> f64| probability_density(between().map(of), FORCE_BIN_WIDTH);
+    let over_mean = |force: fn(&Contact) -> f64| probability_density(between().map(force), FORCE_BIN_WIDTH);
     let densities = [over_mean(|c| c.normal_force), over_mean(|c| c.tangential_force), over_mean(|c| -c.normal_force)];
     // A contact that only pulls at a distance carries no pressure.
     let touching = between().filter(|contact| touches_with_force(contact));
     let shares: Vec<f64> = touching.filter_map(|c| mobilised_share(c, &frame.laws)).collect();
-    // Twenty bins from 0 to 1; what round-off puts beyond is all of it.
+    // Twenty bins from 0 to 1; a share above 1 by round-off counts as 1.
     let mut bins = [0.0; 20];
     shares.iter().for_each(|share| bins[((share * 20.0) as usize).min(19)] += 20.0 / shares.len() as f64);
     let mobilised: Vec<(f64, f64)> = (0..20).map(|k| ((k as f64 + 0.5) / 20.0, bins[k])).collect();
     let longest = densities.iter().map(Vec::len).max().unwrap_or(0);
     let rows = (0..longest).map(|k| {
-        let [normal, tangential, tension] = [0, 1, 2].map(|of: usize| densities[of].get(k).map_or(0.0, |bin| bin.1));
+        let [normal, tangential, tension] =
+            [0, 1, 2].map(|force: usize| densities[force].get(k).map_or(0.0, |bin| bin.1));
         [(k as f64 + 0.5) * FORCE_BIN_WIDTH, normal, tangential, tension]
     });
-    let carried = ["normal", "tangential", "tension"].into_iter().zip(&densities).filter(|(_, bins)| !bins.is_empty());
+    let present = ["normal", "tangential", "tension"].into_iter().zip(&densities).filter(|(_, bins)| !bins.is_empty());
     let forces = Figure {
         title: "Forces between grains".into(),
         x: FigureAxis::linear("force / mean", "1"),
         y: FigureAxis::logarithmic("probability density", "1"),
-        curves: carried.map(|(name, bins)| Curve::line(name, bins.clone())).collect(),
+        curves: present.map(|(name, bins)| Curve::line(name, bins.clone())).collect(),
     };
     let friction = Figure {
         title: "Mobilised friction".into(),
@@ -54,21 +55,35 @@ pub fn force_files(frame: &Frame) -> Vec<StateFile> {
         y: FigureAxis::linear("probability density", "1"),
         curves: vec![Curve::line("contacts", if shares.is_empty() { Vec::new() } else { mobilised.clone() })],
     };
-    let of_friction = mobilised.iter().filter(|_| !shares.is_empty()).map(|(x, p)| [*x, *p]);
+    let friction_rows = mobilised.iter().filter(|_| !shares.is_empty()).map(|(x, p)| [*x, *p]);
     vec![
         text_file("forces.csv", csv_table(&FORCE_COLUMNS, rows)),
         text_file("forces.svg", forces.to_svg()),
-        text_file("mobilisation.csv", csv_table(&MOBILISATION_COLUMNS, of_friction)),
+        text_file("mobilisation.csv", csv_table(&MOBILISATION_COLUMNS, friction_rows)),
         text_file("mobilisation.svg", friction.to_svg()),
     ]
 }
 
+/// Columns of fabric.csv.
+pub const FABRIC_COLUMNS: [Column; 10] = [
+    ("F_xx", "1", "fabric tensor, xx"),
+    ("F_yy", "1", "fabric tensor, yy"),
+    ("F_zz", "1", "fabric tensor, zz"),
+    ("F_xy", "1", "fabric tensor, xy"),
+    ("F_xz", "1", "fabric tensor, xz"),
+    ("F_yz", "1", "fabric tensor, yz"),
+    ("F_1", "1", "largest eigenvalue"),
+    ("F_2", "1", "middle eigenvalue"),
+    ("F_3", "1", "smallest eigenvalue"),
+    ("anisotropy", "1", "(5/2) (F_1 - F_3)"),
+];
+
+/// Fabric tensor, its eigenvalues and its anisotropy, as the text of fabric.csv.
 pub fn fabric_table(frame: &Frame) -> String {
     let f = fabric_tensor(frame);
     let [first, second, third] = eigenvalues(&f);
-    let header = ["F_xx", "F_yy", "F_zz", "F_xy", "F_xz", "F_yz", "F_1", "F_2", "F_3", "anisotropy"];
     let row = [f[(0, 0)], f[(1, 1)], f[(2, 2)], f[(0, 1)], f[(0, 2)], f[(1, 2)], first, second, third, anisotropy(&f)];
-    csv_text(&header, [row.to_vec()])
+    csv_table(&FABRIC_COLUMNS, [row])
 }
 
 #[cfg(test)]

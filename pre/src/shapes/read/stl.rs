@@ -13,10 +13,10 @@ const TRIANGLE_BYTES: usize = 50;
 /// Reads a file. Its length and its bytes decide between text and binary. The word `solid` alone does not: some binary
 /// files begin with it.
 pub fn read(bytes: &[u8]) -> Result<PolygonMesh, Vec<ReadError>> {
-    let announced =
+    let declared_count =
         bytes.get(80..HEADER_BYTES).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
     let length = |count: u32| HEADER_BYTES as u64 + TRIANGLE_BYTES as u64 * u64::from(count);
-    let exact = announced.is_some_and(|count| bytes.len() as u64 == length(count));
+    let exact = declared_count.is_some_and(|count| bytes.len() as u64 == length(count));
     let text = &bytes[bytes.iter().take_while(|&&byte| byte <= b' ').count()..];
     let begins = |word: &str| text.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word.as_bytes()));
     if is_utf_16(bytes) {
@@ -26,7 +26,7 @@ pub fn read(bytes: &[u8]) -> Result<PolygonMesh, Vec<ReadError>> {
     if !exact && printable && (begins("solid") || begins("facet")) {
         return read_text(&String::from_utf8_lossy(bytes)).map_err(Into::into);
     }
-    let Some(count) = announced else {
+    let Some(count) = declared_count else {
         let found = format!("{} that do not begin with 'solid'", count_text(bytes.len(), "byte"));
         return Err(ReadError::new(None, found, "an STL file: text, or at least 84 bytes").into());
     };
@@ -34,16 +34,16 @@ pub fn read(bytes: &[u8]) -> Result<PolygonMesh, Vec<ReadError>> {
         let found = "text that does not begin with 'solid'";
         return Err(ReadError::new(None, found, "an STL file, text or binary").into());
     }
-    if !exact && let Some(mesh) = shifted(bytes) {
+    if !exact && let Some(mesh) = read_after_extra_bytes(bytes) {
         return Ok(mesh);
     }
     let big_endian = !exact && length(count.swap_bytes()) == bytes.len() as u64;
     let count = if big_endian { count.swap_bytes() } else { count };
-    let whole = (bytes.len() - HEADER_BYTES) / TRIANGLE_BYTES;
+    let complete = (bytes.len() - HEADER_BYTES) / TRIANGLE_BYTES;
     // Some programs leave the number at 0.
-    let unset = count == 0 && whole > 0 && (bytes.len() - HEADER_BYTES).is_multiple_of(TRIANGLE_BYTES);
-    let count = if unset { whole } else { count as usize };
-    if whole < count {
+    let unset = count == 0 && complete > 0 && (bytes.len() - HEADER_BYTES).is_multiple_of(TRIANGLE_BYTES);
+    let count = if unset { complete } else { count as usize };
+    if complete < count {
         // Text with a stray control character, such as the end mark of DOS.
         if begins("solid")
             && let Ok(mut mesh) = read_text(&String::from_utf8_lossy(bytes).replace(['\0', '\u{1a}'], " "))
@@ -52,7 +52,7 @@ pub fn read(bytes: &[u8]) -> Result<PolygonMesh, Vec<ReadError>> {
             mesh.add_note("ignored", marks, "control character", "");
             return Ok(mesh);
         }
-        let found = format!("{} triangles announced, {whole} found: {} bytes", count, bytes.len());
+        let found = format!("{} triangles announced, {complete} found: {} bytes", count, bytes.len());
         return Err(ReadError::new(None, found, "an STL file, text or binary, that is complete").into());
     }
     if count == 0 {
@@ -96,7 +96,7 @@ fn is_utf_16(bytes: &[u8]) -> bool {
 
 /// Reads a binary file after a few extra bytes, such as a line end, if the remaining length then fits the number of
 /// triangles.
-fn shifted(bytes: &[u8]) -> Option<PolygonMesh> {
+fn read_after_extra_bytes(bytes: &[u8]) -> Option<PolygonMesh> {
     const MOST: usize = 8;
     let fits = |first: &usize| {
         let count = bytes.get(first + 80..first + HEADER_BYTES)?;
@@ -139,7 +139,7 @@ fn read_text(text: &str) -> Result<PolygonMesh, ReadError> {
     Ok(mesh)
 }
 
-/// Reads what follows `facet`; returns whether the normal consists of numbers.
+/// Reads a facet after the word `facet`; returns whether the normal consists of numbers.
 fn read_facet(words: &mut WordReader, line: usize, mesh: &mut PolygonMesh) -> Result<bool, ReadError> {
     let number = mesh.polygons.len() + 1;
     let ends = || ReadError::new(None, format!("the end of the file within facet {number}"), "a complete file");
@@ -170,13 +170,13 @@ fn read_facet(words: &mut WordReader, line: usize, mesh: &mut PolygonMesh) -> Re
     let mut corners = Vec::new();
     while word.1 == "vertex" {
         let mut point = [0.0; 3];
-        let of_vertex = word.0;
+        let vertex_line = word.0;
         for (k, x) in point.iter_mut().enumerate() {
             let (line, word) = words.next_word().ok_or_else(ends)?;
             *x = coordinate(&word).map_err(|error| {
                 // The next word may be that of the next line.
                 let (line, found) = match line {
-                    line if line > of_vertex => (of_vertex, format!("a vertex of {}", count_text(k, "number"))),
+                    line if line > vertex_line => (vertex_line, format!("a vertex of {}", count_text(k, "number"))),
                     line => (line, error.to_string()),
                 };
                 ReadError::new(line, found, "vertex and three coordinates")
@@ -194,8 +194,8 @@ fn read_facet(words: &mut WordReader, line: usize, mesh: &mut PolygonMesh) -> Re
         ));
     }
     if corners.len() < 3 {
-        let found = format!("facet {number} of {}", count_text(corners.len(), "vertex"));
-        return Err(ReadError::new(word.0, found, "three"));
+        let found = format!("facet {number} with {}", count_text(corners.len(), "vertex"));
+        return Err(ReadError::new(word.0, found, "at least three"));
     }
     let (line, word) = words.next_word().ok_or_else(ends)?;
     if word != "endfacet" {

@@ -39,7 +39,7 @@ impl NumberType {
 
     /// Numbers in `bytes`; a remainder at the end is ignored.
     pub fn decode_all(self, bytes: &[u8], big_endian: bool) -> Vec<f64> {
-        let of_one = |chunk: &[u8]| {
+        let decode = |chunk: &[u8]| {
             let mut word = [0; 8];
             for (k, byte) in chunk.iter().enumerate() {
                 word[if big_endian { chunk.len() - 1 - k } else { k }] = *byte;
@@ -55,7 +55,7 @@ impl NumberType {
                 NumberType::Double => f64::from_bits(bits),
             }
         };
-        bytes.chunks_exact(self.byte_size()).map(of_one).collect()
+        bytes.chunks_exact(self.byte_size()).map(decode).collect()
     }
 }
 
@@ -80,7 +80,7 @@ impl std::fmt::Display for CellError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             CellError::CoordinateCount(count) => write!(f, "{count} coordinates, which is not a multiple of 3"),
-            CellError::MissingCells { cell, count } => write!(f, "lists of corners that end at cell {cell} of {count}"),
+            CellError::MissingCells { cell, count } => write!(f, "the lists of corners end at cell {cell} of {count}"),
             CellError::CornerCount { cell, count, corners, left } => {
                 write!(f, "cell {cell} of {count} with {corners} corners where {left} numbers follow")
             }
@@ -118,17 +118,17 @@ impl CellLists {
         let mut cells = CellLists::default();
         let mut rest = numbers;
         for cell in 1..=count {
-            let Some((&corners, behind)) = rest.split_first() else {
+            let Some((&corners, following)) = rest.split_first() else {
                 return Err(CellError::MissingCells { cell, count });
             };
-            let fits = corners >= 0.0 && corners <= behind.len() as f64;
+            let fits = corners >= 0.0 && corners <= following.len() as f64;
             if !fits {
-                return Err(CellError::CornerCount { cell, count, corners, left: behind.len() });
+                return Err(CellError::CornerCount { cell, count, corners, left: following.len() });
             }
-            let (own, behind) = behind.split_at(corners as usize);
+            let (own, following) = following.split_at(corners as usize);
             cells.corners.extend(own);
             cells.ends.push(cells.corners.len() as f64);
-            rest = behind;
+            rest = following;
         }
         Ok(cells)
     }
@@ -167,7 +167,7 @@ impl PolyDataPiece {
         let moved = |list: Vec<usize>| -> Vec<usize> { list.into_iter().map(|k| first + k).collect() };
         mesh.polygons.extend(self.polygons.corner_lists(points)?.into_iter().map(moved));
         for strip in self.strips.corner_lists(points)?.into_iter().map(moved) {
-            // Every other triangle runs against the strip.
+            // Every second triangle of a strip has the opposite orientation.
             let turned = |(k, t): (usize, &[usize])| if k % 2 == 0 { t.to_vec() } else { vec![t[1], t[0], t[2]] };
             mesh.polygons.extend(strip.windows(3).enumerate().map(turned));
         }

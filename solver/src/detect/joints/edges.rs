@@ -24,44 +24,44 @@ const CONTACTORS_PER_TASK: usize = 256;
 pub fn remove_inner_edges(
     scene: &Scene,
     q_c: &ContactConfiguration,
-    ways: &TravelBounds,
-    places: &[PosedContactor],
+    travel_bounds: &TravelBounds,
+    contactors: &[PosedContactor],
     contacts: &mut Vec<Contact>,
 ) -> Vec<[PartId; 2]> {
-    if !has_common_surfaces(places) {
+    if !has_common_surfaces(contactors) {
         return Vec::new();
     }
-    let search = InnerEdgeSearch::new(scene, q_c, ways, places, contacts);
+    let search = InnerEdgeSearch::new(scene, q_c, travel_bounds, contactors, contacts);
     let inner = search.inner_contacts();
     if inner.is_empty() {
         return Vec::new();
     }
     let runs = search.runs;
-    replace_inner_contacts(scene, ways.nearby, places, &runs, &inner, contacts);
-    inner.iter().map(|(touch, _)| runs[touch.of as usize].parts).collect()
+    replace_inner_contacts(scene, travel_bounds.nearby, contactors, &runs, &inner, contacts);
+    inner.iter().map(|(touch, _)| runs[touch.index as usize].parts).collect()
 }
 
 /// Whether two contactors may have a common surface. Ends of cylinders alone form none.
-fn has_common_surfaces(places: &[PosedContactor]) -> bool {
-    places.iter().any(|place| polyhedron(place).is_some())
-        && places.iter().filter(|place| covering_solid(place).is_some()).nth(1).is_some()
+fn has_common_surfaces(contactors: &[PosedContactor]) -> bool {
+    contactors.iter().any(|contactor| polyhedron(contactor).is_some())
+        && contactors.iter().filter(|contactor| covering_solid(contactor).is_some()).nth(1).is_some()
 }
 
 /// Polyhedron of a contactor, if it is one; a plate is a cuboid.
-fn polyhedron<'a>(place: &'a PosedContactor<'a>) -> Option<&'a PosedPolyhedron<'a>> {
-    match &place.shape {
+fn polyhedron<'a>(contactor: &'a PosedContactor<'a>) -> Option<&'a PosedPolyhedron<'a>> {
+    match &contactor.shape {
         PosedShape::Polyhedron(posed) | PosedShape::Plane { cuboid: posed, .. } => Some(posed),
         PosedShape::Sphere { .. } | PosedShape::Cylinder { .. } => None,
     }
 }
 
 /// Shape of a contactor whose faces may be part of a common surface: of a polyhedron or a solid cylinder.
-fn covering_solid<'a>(place: &'a PosedContactor<'a>) -> Option<ConvexSolid<'a>> {
-    match &place.shape {
+fn covering_solid<'a>(contactor: &'a PosedContactor<'a>) -> Option<ConvexSolid<'a>> {
+    match &contactor.shape {
         PosedShape::Cylinder { half_height, radius, hollow: false } => {
-            Some(ConvexSolid::Cylinder { axes: &place.axes, half_height: *half_height, radius: *radius })
+            Some(ConvexSolid::Cylinder { axes: &contactor.axes, half_height: *half_height, radius: *radius })
         }
-        _ => polyhedron(place).map(ConvexSolid::Polyhedron),
+        _ => polyhedron(contactor).map(ConvexSolid::Polyhedron),
     }
 }
 
@@ -85,8 +85,8 @@ impl RunView {
 /// Contacts of a step among which inner ones are searched.
 struct InnerEdgeSearch<'a> {
     q_c: &'a ContactConfiguration,
-    ways: &'a TravelBounds<'a>,
-    places: &'a [PosedContactor<'a>],
+    travel_bounds: &'a TravelBounds<'a>,
+    contactors: &'a [PosedContactor<'a>],
     contacts: &'a [Contact],
     runs: Vec<ContactRun>,
     /// Whether some law attracts, so that contacts may act without closing.
@@ -101,25 +101,25 @@ impl<'a> InnerEdgeSearch<'a> {
     fn new(
         scene: &Scene,
         q_c: &'a ContactConfiguration,
-        ways: &'a TravelBounds<'a>,
-        places: &'a [PosedContactor<'a>],
+        travel_bounds: &'a TravelBounds<'a>,
+        contactors: &'a [PosedContactor<'a>],
         contacts: &'a [Contact],
     ) -> Self {
         let attracts = scene.laws.iter().any(|law| law.cohesion().is_some());
-        let runs = closing_runs(scene, places, contacts, attracts);
-        let nobody = places.len() as u32;
+        let runs = closing_runs(scene, contactors, contacts, attracts);
+        let no_contactor = contactors.len() as u32;
         let seen_by: Vec<u32> = runs
             .iter()
             .flat_map(|ContactRun { parts: [a, b], .. }| [(a, b), (b, a)])
-            .map(|(own, other)| if covering_solid(&places[other.index()]).is_some() { own.0 } else { nobody })
+            .map(|(own, other)| if covering_solid(&contactors[other.index()]).is_some() { own.0 } else { no_contactor })
             .collect();
-        let (views, starts) = group_by_key(&seen_by, places.len() + 1);
-        InnerEdgeSearch { q_c, ways, places, contacts, runs, attracts, views, starts }
+        let (views, starts) = group_by_key(&seen_by, contactors.len() + 1);
+        InnerEdgeSearch { q_c, travel_bounds, contactors, contacts, runs, attracts, views, starts }
     }
 
     /// All inner contacts in the order of their runs, each with the normal of a plane that hides it.
     fn inner_contacts(&self) -> Vec<(SurfaceContact, Vec3)> {
-        let count = self.places.len();
+        let count = self.contactors.len();
         let of_chunk = |scratch: &mut JointScratch, chunk: usize| {
             let mut inner = Vec::new();
             let parts = chunk * CONTACTORS_PER_TASK..count.min((chunk + 1) * CONTACTORS_PER_TASK);
@@ -130,14 +130,14 @@ impl<'a> InnerEdgeSearch<'a> {
         let chunks = (0..count.div_ceil(CONTACTORS_PER_TASK)).into_par_iter();
         let mut inner = chunks.map_init(JointScratch::new, of_chunk).collect::<Vec<_>>().concat();
         // Both contactors of a contact may find it.
-        inner.sort_by_key(|(touch, _)| touch.of);
-        inner.dedup_by_key(|(touch, _)| touch.of);
+        inner.sort_by_key(|(touch, _)| touch.index);
+        inner.dedup_by_key(|(touch, _)| touch.index);
         inner
     }
 
     /// Appends the inner contacts of contactor A, the one with the number `part`.
     fn collect_inner_contacts(&self, part: usize, scratch: &mut JointScratch, inner: &mut Vec<(SurfaceContact, Vec3)>) {
-        let a = &self.places[part];
+        let a = &self.contactors[part];
         self.list_near_contacts(part, scratch);
         let JointScratch { near, heights, .. } = &mut *scratch;
         if heights.len() <= MAX_CONTACTS_ALL_PAIRS && !any_is_low(heights) {
@@ -148,11 +148,13 @@ impl<'a> InnerEdgeSearch<'a> {
         if near.len() > 1 {
             let touch = |k: usize| self.surface_contact(a, RunView(near[k]));
             let plane = |by: &SurfaceContact| {
-                over.supporting_plane(by, &self.nearby_contactor(by)?, self.runs[by.of as usize].gap)
+                over.supporting_plane(by, &self.nearby_contactor(by)?, self.runs[by.index as usize].gap)
             };
-            let test = |of: &SurfaceContact, by: &SurfaceContact, plane: &FacePlane| {
-                let (Some(b), Some(c)) = (self.nearby_contactor(of), self.nearby_contactor(by)) else { return false };
-                over.is_inner(plane, &c, &b, &of.normal, self.surface_points(of))
+            let test = |hidden: &SurfaceContact, covering: &SurfaceContact, plane: &FacePlane| {
+                let (Some(b), Some(c)) = (self.nearby_contactor(hidden), self.nearby_contactor(covering)) else {
+                    return false;
+                };
+                over.is_inner(plane, &c, &b, &hidden.normal, self.surface_points(hidden))
             };
             scratch.find_inner_contacts(near.len(), touch, plane, test, inner);
         }
@@ -162,7 +164,7 @@ impl<'a> InnerEdgeSearch<'a> {
     /// Lists in `scratch` the contacts of a contactor that can act in this step, and their heights: a contact that cannot
     /// is not an inner contact and hides none.
     fn list_near_contacts(&self, part: usize, scratch: &mut JointScratch) {
-        let a = &self.places[part];
+        let a = &self.contactors[part];
         let views = &self.views[self.starts[part] as usize..self.starts[part + 1] as usize];
         let run = |view: RunView| &self.runs[view.run() as usize];
         // B cannot be nearer than C.
@@ -187,18 +189,18 @@ impl<'a> InnerEdgeSearch<'a> {
             PosedShape::Sphere { radius } => ConvexSolid::Sphere { radius: *radius },
             _ => ConvexSolid::Polyhedron(polyhedron(a)?),
         };
-        let lookahead = self.ways.lookahead;
+        let lookahead = self.travel_bounds.lookahead;
         Some(UpperContactor { solid, centre: a.centre, radius: a.radius, travel: a.travel, lookahead })
     }
 
     /// Contact of A in a run.
     fn surface_contact(&self, a: &PosedContactor, view: RunView) -> SurfaceContact {
-        let (of, turned) = (view.run(), view.is_turned());
-        let run = &self.runs[of as usize];
+        let (index, turned) = (view.run(), view.is_turned());
+        let run = &self.runs[index as usize];
         let (normal, at, image) = run.seen_from(turned);
-        let other = &self.places[run.parts[usize::from(!turned)].index()];
+        let other = &self.contactors[run.parts[usize::from(!turned)].index()];
         SurfaceContact {
-            of,
+            index,
             turned,
             normal,
             at: at - a.centre,
@@ -209,21 +211,21 @@ impl<'a> InnerEdgeSearch<'a> {
 
     /// Contactor that A touches in a contact.
     fn nearby_contactor(&self, touch: &SurfaceContact) -> Option<NearbyContactor<'a>> {
-        let other = self.runs[touch.of as usize].parts[usize::from(!touch.turned)];
-        let (b, centre) = (&self.places[other.index()], touch.centre);
+        let other = self.runs[touch.index as usize].parts[usize::from(!touch.turned)];
+        let (b, centre) = (&self.contactors[other.index()], touch.centre);
         let i = b.body.index();
         Some(NearbyContactor {
             solid: covering_solid(b)?,
             centre,
-            v: self.ways.velocities.v[i],
-            w: self.ways.velocities.w[i],
+            v: self.travel_bounds.velocities.v[i],
+            w: self.travel_bounds.velocities.w[i],
             body: centre + self.q_c.x[i] - b.centre,
         })
     }
 
     /// Points of a contact on the surface of the other contactor, relative to the centre of A, m.
     fn surface_points(&self, touch: &SurfaceContact) -> impl Iterator<Item = Vec3> {
-        let ContactRun { start, end, .. } = self.runs[touch.of as usize];
+        let ContactRun { start, end, .. } = self.runs[touch.index as usize];
         let points = &self.contacts[start as usize..end as usize];
         let (first, SurfaceContact { at, normal, .. }) = (points[0], *touch);
         points.iter().map(move |point| at + (point.point - first.point) - normal * (0.5 * (point.gap - first.gap)))
@@ -235,19 +237,19 @@ impl<'a> InnerEdgeSearch<'a> {
 fn replace_inner_contacts(
     scene: &Scene,
     nearby: f64,
-    places: &[PosedContactor],
+    contactors: &[PosedContactor],
     runs: &[ContactRun],
     inner: &[(SurfaceContact, Vec3)],
     contacts: &mut Vec<Contact>,
 ) {
     let mut list = RewrittenList { contacts, written: 0, unread: 0, inserted: 0 };
     for (touch, n) in inner {
-        let ContactRun { start, end, parts, .. } = runs[touch.of as usize];
+        let ContactRun { start, end, parts, .. } = runs[touch.index as usize];
         list.drop_range(start as usize..end as usize);
-        let [a, b] = parts.map(|part| &places[part.index()]);
+        let [a, b] = parts.map(|part| &contactors[part.index()]);
         let (Some(p), Some(q)) = (polyhedron(a), polyhedron(b)) else { continue };
-        let Some(see) = scene.visibility.interaction_rule(a.class, b.class) else { continue };
-        let meeting = CandidatePair::new(scene, places, nearby, 0, &(parts, see));
+        let Some(rule) = scene.visibility.interaction_rule(a.class, b.class) else { continue };
+        let meeting = CandidatePair::new(scene, contactors, nearby, 0, &(parts, rule));
         let n = if touch.turned { -n } else { *n };
         if let Some(manifold) = polyhedra_along(p, q, &meeting.c, &n, meeting.range) {
             list.insert(&meeting.listed_contacts(&manifold).collect::<Vec<_>>());
@@ -327,8 +329,8 @@ impl ContactRun {
 
 /// Runs of contacts without those that cannot close in the step whatever other contactors do. With laws that attract, all
 /// can act.
-fn closing_runs(scene: &Scene, places: &[PosedContactor], contacts: &[Contact], attracts: bool) -> Vec<ContactRun> {
-    let fastest = places.iter().map(|place| place.travel).fold(0.0, f64::max);
+fn closing_runs(scene: &Scene, contactors: &[PosedContactor], contacts: &[Contact], attracts: bool) -> Vec<ContactRun> {
+    let largest_travel = contactors.iter().map(|contactor| contactor.travel).fold(0.0, f64::max);
     let mut runs = Vec::with_capacity(contacts.len() / 2);
     let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
     let mut start = 0;
@@ -337,9 +339,9 @@ fn closing_runs(scene: &Scene, places: &[PosedContactor], contacts: &[Contact], 
         let first = &of_one[0];
         let part = |body: BodyId, rank: u16| PartId(scene.part_starts[body.index()] + u32::from(rank));
         let parts = [part(first.candidate, first.ranks.0), part(first.antagonist, first.ranks.1)];
-        let [a, b] = parts.map(|part| &places[part.index()]);
+        let [a, b] = parts.map(|part| &contactors[part.index()]);
         let gap = of_one.iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);
-        if attracts || gap <= a.travel.max(b.travel) + fastest + 2.0 * FLUSH_TOLERANCE * a.radius.max(b.radius) {
+        if attracts || gap <= a.travel.max(b.travel) + largest_travel + 2.0 * FLUSH_TOLERANCE * a.radius.max(b.radius) {
             runs.push(ContactRun {
                 start,
                 end,

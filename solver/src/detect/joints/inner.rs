@@ -1,4 +1,4 @@
-//! Test whether a contact with one contactor is inside the common surface of two contactors.
+//! Test whether a contact with one contactor is inside the common surface of two contactors; see [`super`] for A, B and C.
 
 use smallvec::SmallVec;
 
@@ -62,7 +62,7 @@ pub struct UpperContactor<'a> {
 #[derive(Clone, Copy)]
 pub struct SurfaceContact {
     /// Index of the contact or pair.
-    pub of: u32,
+    pub index: u32,
     /// Whether A is the antagonist.
     pub turned: bool,
     /// Normal from the other contactor to A.
@@ -82,7 +82,7 @@ pub struct FacePlane {
     /// Height n·x of the plane, x from the centre of A, m.
     height: f64,
     /// Uncertainty of `height` due to the rounding of numbers in files, m.
-    digits: f64,
+    rounding: f64,
 }
 
 impl UpperContactor<'_> {
@@ -93,12 +93,12 @@ impl UpperContactor<'_> {
             return None;
         }
         let height = n.dot(&c.centre) + face;
-        let digits = self.height_uncertainty(&n, c, face);
+        let rounding = self.height_uncertainty(&n, c, face);
         let below = height + self.solid.support_height(&-n);
-        (below <= (-gap).max(0.0) + 2.0 * (FLUSH_TOLERANCE * self.radius + digits)).then_some(FacePlane {
+        (below <= (-gap).max(0.0) + 2.0 * (FLUSH_TOLERANCE * self.radius + rounding)).then_some(FacePlane {
             n,
             height,
-            digits,
+            rounding,
         })
     }
 
@@ -111,7 +111,7 @@ impl UpperContactor<'_> {
         normal: &Vec3,
         at: impl Iterator<Item = Vec3>,
     ) -> bool {
-        let FacePlane { n, height, digits } = plane;
+        let FacePlane { n, height, rounding } = plane;
         if normal.dot(n) >= 1.0 - SAME_DIRECTION_TOLERANCE {
             return false;
         }
@@ -119,7 +119,7 @@ impl UpperContactor<'_> {
         // from above.
         let whole = b.solid.support_height(n);
         let mut top = n.dot(&b.centre) + whole;
-        let tolerance = FLUSH_TOLERANCE * self.radius + digits + self.height_uncertainty(n, b, whole);
+        let tolerance = FLUSH_TOLERANCE * self.radius + rounding + self.height_uncertainty(n, b, whole);
         let at: SmallVec<[Vec3; 6]> = at.collect();
         if top > height + tolerance
             && let Some((face, offset)) = b.solid.face_along(n)
@@ -145,15 +145,15 @@ impl UpperContactor<'_> {
 /// Whether the point of a contact and the centre of the other contactor are low enough, relative to the surface of
 /// another contact, that the contact may be an inner one.
 #[inline(always)]
-fn may_be_inner(of: &SurfaceContact, by: &SurfaceContact) -> bool {
+fn may_be_inner(hidden: &SurfaceContact, covering: &SurfaceContact) -> bool {
     // Tolerance: the largest angle between the contact's direction and the face's normal, and the largest deviation from
     // flush surfaces.
     let is_low = |point: &Vec3| {
-        let between = point - by.at;
-        let above = by.normal.dot(&between) - FLUSH_TOLERANCE * (of.reach + by.reach);
+        let between = point - covering.at;
+        let above = covering.normal.dot(&between) - FLUSH_TOLERANCE * (hidden.reach + covering.reach);
         above <= 0.0 || above * above <= 4.0 * ON_FACE_TOLERANCE * between.norm_squared()
     };
-    is_low(&of.at) && is_low(&of.centre) && of.normal.dot(&by.normal) < 1.0 - SAME_DIRECTION_TOLERANCE
+    is_low(&hidden.at) && is_low(&hidden.centre) && hidden.normal.dot(&covering.normal) < 1.0 - SAME_DIRECTION_TOLERANCE
 }
 
 /// Position of a contact of A, for a necessary condition of [`may_be_inner`] that takes three products per pair; nearly all
@@ -196,7 +196,7 @@ pub struct JointScratch {
     /// Contacts that may act in the step.
     pub near: Vec<u32>,
     pub heights: Vec<ContactHeight>,
-    /// Supporting plane of each contact, computed on first use.
+    /// Supporting plane of each contact. `None`: not computed yet; `Some(None)`: the contact has no supporting face.
     pub planes: Vec<Option<Option<FacePlane>>>,
     /// Inner contacts, the contacts that hide them, and the normals of the hiding planes.
     pub found: Vec<(usize, usize, Vec3)>,
@@ -246,19 +246,19 @@ impl JointScratch {
             let bounds: Vec<[f64; 2]> = (0..count).map(bounds).collect();
             let mut order: Vec<usize> = (0..count).collect();
             order.sort_by(|&a, &b| bounds[a][0].total_cmp(&bounds[b][0]));
-            for (place, &i) in order.iter().enumerate() {
-                for &j in order[place + 1..].iter().take_while(|&&j| bounds[j][0] <= bounds[i][1]) {
+            for (rank, &i) in order.iter().enumerate() {
+                for &j in order[rank + 1..].iter().take_while(|&&j| bounds[j][0] <= bounds[i][1]) {
                     try_pair(i, j);
                     try_pair(j, i);
                 }
             }
         }
         // An inner contact supports nothing.
-        let stays = |by: usize| found.iter().all(|(of, ..)| *of != by);
+        let is_not_inner = |by: usize| found.iter().all(|(of, ..)| *of != by);
         let first = inner.len();
         for &(of, by, n) in found.iter() {
             let hidden = touch(of);
-            if stays(by) && inner[first..].iter().all(|(touch, _)| touch.of != hidden.of) {
+            if is_not_inner(by) && inner[first..].iter().all(|(touch, _)| touch.index != hidden.index) {
                 inner.push((hidden, n));
             }
         }

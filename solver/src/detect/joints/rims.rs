@@ -15,7 +15,7 @@ use crate::scene::{BodyShape, Scene};
 pub fn without_inner_rims(
     scene: &Scene,
     q_c: &ContactConfiguration,
-    ways: &TravelBounds,
+    travel_bounds: &TravelBounds,
     listed: Vec<ListedPair>,
 ) -> Vec<ListedPair> {
     if scene.planes.len() < 2 {
@@ -27,11 +27,11 @@ pub fn without_inner_rims(
     let (mut left, mut listed): (Vec<ListedPair>, Vec<ListedPair>) = listed.into_iter().partition(is_alone);
     listed.sort_unstable_by_key(|(pair, _)| *pair);
     let (mut scratch, mut inner) = (JointScratch::new(), Vec::new());
-    for of_one in listed.chunk_by(|(a, _), (b, _)| a[0] == b[0]) {
+    for plates in listed.chunk_by(|(a, _), (b, _)| a[0] == b[0]) {
         inner.clear();
-        SphereOnPlates::new(scene, q_c, ways, of_one).collect_inner_contacts(&mut scratch, &mut inner);
-        let is_inner = |k: usize| inner.iter().any(|(touch, _)| touch.of as usize == k);
-        left.extend((0..of_one.len()).filter(|&k| !is_inner(k)).map(|k| of_one[k]));
+        SphereOnPlates::new(scene, q_c, travel_bounds, plates).collect_inner_contacts(&mut scratch, &mut inner);
+        let is_inner = |k: usize| inner.iter().any(|(touch, _)| touch.index as usize == k);
+        left.extend((0..plates.len()).filter(|&k| !is_inner(k)).map(|k| plates[k]));
     }
     left
 }
@@ -40,7 +40,7 @@ pub fn without_inner_rims(
 struct SphereOnPlates<'a> {
     scene: &'a Scene,
     q_c: &'a ContactConfiguration,
-    ways: &'a TravelBounds<'a>,
+    travel_bounds: &'a TravelBounds<'a>,
     pairs: &'a [ListedPair],
     geometries: SmallVec<[ContactGeometry; 8]>,
 }
@@ -49,11 +49,11 @@ impl<'a> SphereOnPlates<'a> {
     fn new(
         scene: &'a Scene,
         q_c: &'a ContactConfiguration,
-        ways: &'a TravelBounds<'a>,
+        travel_bounds: &'a TravelBounds<'a>,
         pairs: &'a [ListedPair],
     ) -> Self {
         let geometries = pairs.iter().map(|(pair, _)| contact_geometry(scene, q_c, *pair)).collect();
-        SphereOnPlates { scene, q_c, ways, pairs, geometries }
+        SphereOnPlates { scene, q_c, travel_bounds, pairs, geometries }
     }
 
     /// Appends the contacts with rims between flush plates; their numbers are indices into `pairs`.
@@ -61,10 +61,11 @@ impl<'a> SphereOnPlates<'a> {
         let over = self.upper_contactor();
         let touch = |k: usize| self.surface_contact(k);
         let plane = |by: &SurfaceContact| {
-            over.supporting_plane(by, &self.nearby_plate(by), self.geometries[by.of as usize].gap)
+            over.supporting_plane(by, &self.nearby_plate(by), self.geometries[by.index as usize].gap)
         };
-        let test = |of: &SurfaceContact, by: &SurfaceContact, plane: &FacePlane| {
-            over.is_inner(plane, &self.nearby_plate(by), &self.nearby_plate(of), &of.normal, std::iter::once(of.at))
+        let test = |hidden: &SurfaceContact, covering: &SurfaceContact, plane: &FacePlane| {
+            let (b, c) = (self.nearby_plate(hidden), self.nearby_plate(covering));
+            over.is_inner(plane, &c, &b, &hidden.normal, std::iter::once(hidden.at))
         };
         scratch.find_inner_contacts(self.pairs.len(), touch, plane, test, inner);
     }
@@ -72,7 +73,7 @@ impl<'a> SphereOnPlates<'a> {
     fn upper_contactor(&self) -> UpperContactor<'a> {
         let sphere = self.pairs[0].0[0].index();
         let (centre, radius) = (self.q_c.x[sphere], self.scene.bodies[sphere].radius);
-        let (travel, lookahead) = (self.ways.travel[sphere], self.ways.lookahead);
+        let (travel, lookahead) = (self.travel_bounds.travel[sphere], self.travel_bounds.lookahead);
         UpperContactor { solid: ConvexSolid::Sphere { radius }, centre, radius, travel, lookahead }
     }
 
@@ -89,7 +90,7 @@ impl<'a> SphereOnPlates<'a> {
         let (found, (plate, half_lengths)) = (&self.geometries[k], self.plate(k));
         let x = self.q_c.x[self.pairs[k].0[0].index()];
         SurfaceContact {
-            of: k as u32,
+            index: k as u32,
             turned: false,
             normal: found.normal,
             at: found.point - x - found.normal * (0.5 * found.gap),
@@ -99,9 +100,9 @@ impl<'a> SphereOnPlates<'a> {
     }
 
     fn nearby_plate(&self, touch: &SurfaceContact) -> NearbyContactor<'a> {
-        let (plate, half_lengths) = self.plate(touch.of as usize);
+        let (plate, half_lengths) = self.plate(touch.index as usize);
         let solid = ConvexSolid::Cuboid { axes: &self.q_c.q[plate], half_lengths };
-        let (v, w) = (self.ways.velocities.v[plate], self.ways.velocities.w[plate]);
+        let (v, w) = (self.travel_bounds.velocities.v[plate], self.travel_bounds.velocities.w[plate]);
         NearbyContactor { solid, centre: touch.centre, v, w, body: touch.centre }
     }
 }

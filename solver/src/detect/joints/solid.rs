@@ -1,9 +1,9 @@
-//! Convex shapes, reduced to what the flush-joint test needs.
+//! Convex shapes, with only the data of the flush-joint test.
 
 use crate::geometry::PosedPolyhedron;
 use crate::math::{Quat, Vec3};
 
-/// Convex shape, reduced to what the flush-joint test needs.
+/// Convex shape, with only the data of the flush-joint test.
 pub enum ConvexSolid<'a> {
     Sphere {
         radius: f64,

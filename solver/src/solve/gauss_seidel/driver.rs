@@ -39,25 +39,25 @@ const MAX_MASS_RATIO: f64 = 1e9;
 ///
 /// Only rows that can close within the step are swept. A row left out that the solution would close nevertheless - a body may
 /// become faster than its free velocity - is included, and sweeping continues.
-pub fn solve_nlgs(system: &ContactProblem, until: StoppingCriteria, width: SimdWidth) -> ContactSolution {
-    let StoppingCriteria { tol, max_sweeps, .. } = until;
-    let rows = (0..system.rows.len() as u32).into_par_iter().with_min_len(PAR_MIN_LEN).map(ContactId);
-    let mut active: Vec<ContactId> = rows.filter(|k| system.rows[k.index()].can_close).collect();
-    let mut reactions = ContactReactions::warm_start(system, &active);
+pub fn solve_nlgs(contact_problem: &ContactProblem, criteria: StoppingCriteria, width: SimdWidth) -> ContactSolution {
+    let StoppingCriteria { tol, max_sweeps, .. } = criteria;
+    let rows = (0..contact_problem.rows.len() as u32).into_par_iter().with_min_len(PAR_MIN_LEN).map(ContactId);
+    let mut active: Vec<ContactId> = rows.filter(|k| contact_problem.rows[k.index()].can_close).collect();
+    let mut reactions = ContactReactions::warm_start(contact_problem, &active);
     let mut sweeps = 0;
     loop {
-        let evaluator = ResidualEvaluator::new(system, &active, width);
-        let single = sweeps_in_f32(system, &active, until);
+        let evaluator = ResidualEvaluator::new(contact_problem, &active, width);
+        let single = sweeps_in_f32(contact_problem, &active, criteria);
         let (residual, motions) =
-            iterate_sweeps(system, &evaluator, &active, &mut reactions, until, single, &mut sweeps);
-        let records = evaluator.solver_bodies(&motions);
-        let missed = closing_inactive_rows(system, &active, &records);
+            iterate_sweeps(contact_problem, &evaluator, &active, &mut reactions, criteria, single, &mut sweeps);
+        let solver_bodies = evaluator.solver_bodies(&motions);
+        let missed = closing_inactive_rows(contact_problem, &active, &solver_bodies);
         if missed.is_empty() || sweeps >= max_sweeps || activity::is_stopped() {
             let ContactReactions { impulses, moments } = reactions;
             return ContactSolution {
                 impulses,
                 moments,
-                records,
+                solver_bodies,
                 sweeps,
                 single_precision: single && sweeps > 0,
                 residual: residual.value,
@@ -78,15 +78,15 @@ pub fn solve_nlgs(system: &ContactProblem, until: StoppingCriteria, width: SimdW
 /// Sweeps the rows `active`, in single precision as long as that gains, and increments `sweeps`. Returns the residual and the
 /// motions that result from the impulses.
 fn iterate_sweeps(
-    system: &ContactProblem,
+    contact_problem: &ContactProblem,
     evaluator: &ResidualEvaluator,
     active: &[ContactId],
     reactions: &mut ContactReactions,
-    until: StoppingCriteria,
+    criteria: StoppingCriteria,
     mut single: bool,
     sweeps: &mut u64,
 ) -> (Residual, Vec<BodyMotion>) {
-    let StoppingCriteria { tol, target_residual, min_sweeps, max_sweeps, check_every, .. } = until;
+    let StoppingCriteria { tol, target_residual, min_sweeps, max_sweeps, check_every, .. } = criteria;
     let evaluated = |ContactReactions { impulses, moments }: &ContactReactions| {
         let motions = evaluator.motions_with(impulses, moments);
         (evaluator.residual_with(impulses, moments, &motions), motions)
@@ -103,14 +103,17 @@ fn iterate_sweeps(
         |residual: f64, sweeps: u64| if residual <= tol { max_sweeps.min(sweeps + MOMENTUM_CYCLE) } else { max_sweeps };
     let mut end = end_of(best.0.value, *sweeps);
     let pack = |reactions: &ContactReactions, motions: &[BodyMotion], single| {
-        let records = &evaluator.solver_bodies(motions);
-        pack_problem(&PackSource { system, active, reactions, records, width: evaluator.width }, single)
+        let solver_bodies = &evaluator.solver_bodies(motions);
+        pack_problem(
+            &PackSource { problem: contact_problem, active, reactions, solver_bodies, width: evaluator.width },
+            single,
+        )
     };
     let mut problem = pack(reactions, &best.1, single);
     // Number of sweeps and smallest residual when the problem was packed.
     let mut packed_at = (*sweeps, best.0.value);
-    let has_moments = !system.rolling_constraints.is_empty();
-    let frictional = system.has_friction(active);
+    let has_moments = !contact_problem.rolling_constraints.is_empty();
+    let frictional = contact_problem.has_friction(active);
     let mut momentum = SweepMomentum::new(frictional);
     let mut capped = false;
     let mut trial = reactions.clone();
@@ -137,10 +140,11 @@ fn iterate_sweeps(
             }
         };
         if due || *sweeps >= end {
-            problem.read_back(evaluator.width, system, &mut trial);
+            problem.read_back(evaluator.width, contact_problem, &mut trial);
             let found = evaluated(&trial);
             let residual = found.0;
-            momentum.sliding = frictional && (has_moments || any_contact_slides(system, active, &trial.impulses));
+            momentum.sliding =
+                frictional && (has_moments || any_contact_slides(contact_problem, active, &trial.impulses));
             capped |= momentum.sliding || frictional && residual.value >= best.0.value;
             momentum.frictional = capped;
             scale = Some(swept.change / residual.value);
@@ -169,23 +173,23 @@ fn iterate_sweeps(
 }
 
 /// Whether the rows `active` are swept in single precision: for masses that do not differ too much, without moments.
-fn sweeps_in_f32(system: &ContactProblem, active: &[ContactId], until: StoppingCriteria) -> bool {
-    let is_requested = match until.precision {
-        SweepPrecision::Auto => active.len() >= MIN_F32_CONTACTS && until.target_residual >= MIN_F32_RESIDUAL,
+fn sweeps_in_f32(contact_problem: &ContactProblem, active: &[ContactId], criteria: StoppingCriteria) -> bool {
+    let is_requested = match criteria.precision {
+        SweepPrecision::Auto => active.len() >= MIN_F32_CONTACTS && criteria.target_residual >= MIN_F32_RESIDUAL,
         SweepPrecision::Single => true,
         SweepPrecision::Double => false,
     };
-    is_requested && system.rolling_constraints.is_empty() && {
-        let of_rows = active.iter().map(|&k| system.delassus_diagonal(k.index()).0);
+    is_requested && contact_problem.rolling_constraints.is_empty() && {
+        let of_rows = active.iter().map(|&k| contact_problem.delassus_diagonal(k.index()).0);
         let (least, most) = of_rows.fold((f64::INFINITY, 0.0f64), |(least, most), w| (least.min(w), most.max(w)));
         most <= least * MAX_MASS_RATIO
     }
 }
 
 /// Whether a contact is at the bound of its friction.
-fn any_contact_slides(system: &ContactProblem, active: &[ContactId], impulses: &[Vec3]) -> bool {
+fn any_contact_slides(contact_problem: &ContactProblem, active: &[ContactId], impulses: &[Vec3]) -> bool {
     active.par_iter().with_min_len(1024).any(|&k| {
-        let (row, r) = (&system.rows[k.index()], &impulses[k.index()]);
+        let (row, r) = (&contact_problem.rows[k.index()], &impulses[k.index()]);
         let normal = row.normal.dot(r);
         // On the side of its cone to rounding.
         row.friction > 0.0 && normal > 0.0 && (r - row.normal * normal).norm() >= row.friction * normal * (1.0 - 1e-12)
@@ -193,13 +197,17 @@ fn any_contact_slides(system: &ContactProblem, active: &[ContactId], impulses: &
 }
 
 /// Returns the rows outside `active` (sorted) that these velocities close.
-pub fn closing_inactive_rows(system: &ContactProblem, active: &[ContactId], records: &[SolverBody]) -> Vec<ContactId> {
+pub fn closing_inactive_rows(
+    contact_problem: &ContactProblem,
+    active: &[ContactId],
+    solver_bodies: &[SolverBody],
+) -> Vec<ContactId> {
     let mut inside = active.iter().peekable();
-    let all = (0..system.rows.len()).map(ContactId::new);
+    let all = (0..contact_problem.rows.len()).map(ContactId::new);
     let outside: Vec<ContactId> = all.filter(|k| inside.next_if_eq(&k).is_none()).collect();
     let closes = |k: &ContactId| {
-        let row = &system.rows[k.index()];
-        row.acts && system.shifted_normal_velocity(k.index(), records) < 0.0
+        let row = &contact_problem.rows[k.index()];
+        row.acts && contact_problem.shifted_normal_velocity(k.index(), solver_bodies) < 0.0
     };
     outside.into_par_iter().with_min_len(1024).filter(closes).collect()
 }
@@ -213,21 +221,23 @@ mod tests {
     fn single_precision_is_for_many_contacts() {
         let row = ContactConstraint { w_n: 1.0, can_close: true, ..ContactConstraint::default() };
         let rows = vec![row; MIN_F32_CONTACTS];
-        let system =
+        let contact_problem =
             ContactProblem { rows, block_data: None, rolling_constraints: vec![], order: vec![], bodies: vec![] };
         let all: Vec<ContactId> = (0..MIN_F32_CONTACTS).map(ContactId::new).collect();
         let [auto, single, double] = [SweepPrecision::Auto, SweepPrecision::Single, SweepPrecision::Double]
             .map(|precision| StoppingCriteria { precision, ..StoppingCriteria::new(1e-3, 10) });
-        assert!(sweeps_in_f32(&system, &all, auto) && !sweeps_in_f32(&system, &all, double));
-        assert!(!sweeps_in_f32(&system, &all[1..], auto) && sweeps_in_f32(&system, &all[1..], single));
-        assert!(!sweeps_in_f32(&system, &all, StoppingCriteria { target_residual: 1e-5, ..auto }));
-        let mut uneven = system.clone();
+        assert!(sweeps_in_f32(&contact_problem, &all, auto) && !sweeps_in_f32(&contact_problem, &all, double));
+        assert!(
+            !sweeps_in_f32(&contact_problem, &all[1..], auto) && sweeps_in_f32(&contact_problem, &all[1..], single)
+        );
+        assert!(!sweeps_in_f32(&contact_problem, &all, StoppingCriteria { target_residual: 1e-5, ..auto }));
+        let mut uneven = contact_problem.clone();
         uneven.rows[7].w_n = 1e10;
         assert!(!sweeps_in_f32(&uneven, &all, single));
         uneven.rows[7].w_n = 0.0; // between two bodies whose motion is imposed
         assert!(!sweeps_in_f32(&uneven, &all, single));
         let full = BlockData { arms: vec![], friction_offsets: vec![], locked_axes: vec![], inverse_inertia: vec![] };
-        let system = ContactProblem { block_data: Some(full), ..system };
-        assert!(sweeps_in_f32(&system, &all, auto) && !sweeps_in_f32(&system, &all[1..], auto));
+        let contact_problem = ContactProblem { block_data: Some(full), ..contact_problem };
+        assert!(sweeps_in_f32(&contact_problem, &all, auto) && !sweeps_in_f32(&contact_problem, &all[1..], auto));
     }
 }

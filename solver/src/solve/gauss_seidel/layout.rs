@@ -10,8 +10,8 @@ use crate::solve::gauss_seidel::packed::{PackSource, PackedProblem};
 /// Spheres and plates have diagonal blocks, bodies of any shape full ones. Without friction a contact has one unknown, and
 /// spheres do not turn.
 pub fn pack_problem(source: &PackSource, single: bool) -> Box<dyn PackedProblem> {
-    let has_friction = source.system.has_friction(source.active);
-    match (&source.system.block_data, has_friction, single) {
+    let has_friction = source.problem.has_friction(source.active);
+    match (&source.problem.block_data, has_friction, single) {
         (None, true, false) => Box::new(DiagonalProblem::<BodyLine>::new(source)),
         (None, true, true) => Box::new(DiagonalProblem::<BodyLineF32>::new(source)),
         (None, false, false) => Box::new(DiagonalProblem::<BodyHalfLine>::new(source)),

@@ -16,17 +16,17 @@ pub const BATCH_LANES: usize = 16;
 /// Approximate number of bytes that stay in the L2 cache from one sweep to the next; larger problems are prefetched.
 pub const L2_BYTES: usize = 1 << 20;
 
-/// Index of a row, rank or line that is not there.
-pub const NONE: u32 = u32::MAX;
+/// Index in place of a row, rank or line that does not exist.
+pub const NO_INDEX: u32 = u32::MAX;
 
-/// The rows of a step packed for sweeps, with the data that these change. Each layout of bodies and contacts implements it;
+/// The rows of a step packed for sweeps, with the data that sweeps change. Each layout of bodies and contacts implements it;
 /// a call per sweep chooses the layout and the width of its vectors.
 pub trait PackedProblem: Send {
     /// Sweeps all contacts once, each from y = r + beta (r - r_before).
     fn sweep_contacts(&mut self, width: SimdWidth, beta: f64) -> SweepStats;
 
-    /// Copies the impulses and moments of the swept rows, which belong to `system`, into `reactions`.
-    fn read_back(&self, width: SimdWidth, system: &ContactProblem, reactions: &mut ContactReactions);
+    /// Copies the impulses and moments of the swept rows, which belong to `problem`, into `reactions`.
+    fn read_back(&self, width: SimdWidth, problem: &ContactProblem, reactions: &mut ContactReactions);
 }
 
 /// Statistics of a sweep.
@@ -41,13 +41,13 @@ pub struct SweepStats {
 /// Input for packing: the rows to sweep, and the state from which the sweeps start.
 #[derive(Clone, Copy)]
 pub struct PackSource<'a> {
-    pub system: &'a ContactProblem,
+    pub problem: &'a ContactProblem,
     /// Rows to sweep, sorted.
     pub active: &'a [ContactId],
     /// Initial impulses and moments.
     pub reactions: &'a ContactReactions,
     /// Bodies with the velocities that result from them.
-    pub records: &'a [SolverBody],
+    pub solver_bodies: &'a [SolverBody],
     pub width: SimdWidth,
 }
 
@@ -126,13 +126,13 @@ impl SweepUnits {
         if !T::IS_SINGLE {
             return SweepUnits::SI;
         }
-        let PackSource { system, active, reactions, records, .. } = *source;
-        let of_row = |k: &ContactId| {
-            let (k, w) = (k.index(), system.delassus_diagonal(k.index()).0);
-            (w, system.shifted_velocity(k, records).norm() + w * reactions.impulses[k].norm())
+        let PackSource { problem, active, reactions, solver_bodies, .. } = *source;
+        let magnitudes = |k: &ContactId| {
+            let (k, w) = (k.index(), problem.delassus_diagonal(k.index()).0);
+            (w, problem.shifted_velocity(k, solver_bodies).norm() + w * reactions.impulses[k].norm())
         };
         let largest = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
-        let (w, u) = active.par_iter().with_min_len(PAR_MIN_LEN).map(of_row).reduce(|| (0.0, 0.0), largest);
+        let (w, u) = active.par_iter().with_min_len(PAR_MIN_LEN).map(magnitudes).reduce(|| (0.0, 0.0), largest);
         let velocity = power_of_two(u);
         SweepUnits { velocity, impulse: velocity / power_of_two(w) }
     }
@@ -172,8 +172,8 @@ impl FrictionCones {
 /// Rounding of an impulse in single precision over its normal part: some units in the last place of each component.
 const F32_ROUNDING: f64 = 1e-6;
 
-/// Moves the impulses `r` that are on the side of their cone up to the rounding of single precision onto the side up to that
-/// of double precision.
+/// Moves the impulses `r` that single precision has put on the surface of their friction cone, to its rounding, onto the
+/// surface in double precision.
 pub fn snap_to_cones(width: SimdWidth, cones: &FrictionCones, r: &mut [[f64; BATCH_LANES]; 3]) {
     width.run(SnapToCones { cones, r });
 }

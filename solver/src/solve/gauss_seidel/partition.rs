@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use crate::assemble::ContactProblem;
 use crate::math::PAR_MIN_LEN;
 use crate::scene::BodyId;
-use crate::solve::gauss_seidel::packed::NONE;
+use crate::solve::gauss_seidel::packed::NO_INDEX;
 use crate::state::ContactId;
 
 /// Rule by which bodies are divided into ranges.
@@ -28,7 +28,7 @@ pub struct PartitionRule {
 pub struct BodyPartition {
     /// Moving bodies; the index of a body here is its rank.
     pub bodies: Vec<BodyId>,
-    /// Ranks of the bodies of each row, [`NONE`] for a body that does not move.
+    /// Ranks of the bodies of each row, [`NO_INDEX`] for a body that does not move.
     pub pairs: Vec<[u32; 2]>,
     /// First rank of each range, and the number of ranks.
     pub cuts: Vec<u32>,
@@ -38,15 +38,15 @@ pub struct BodyPartition {
 
 impl BodyPartition {
     /// Divides the moving bodies of the rows `active`.
-    pub fn new(system: &ContactProblem, active: &[ContactId], rule: PartitionRule) -> Self {
-        let bodies_of = |&k: &ContactId| system.rows[k.index()].bodies.map(|body| body.0);
+    pub fn new(problem: &ContactProblem, active: &[ContactId], rule: PartitionRule) -> Self {
+        let bodies_of = |&k: &ContactId| problem.rows[k.index()].bodies.map(|body| body.0);
         let mut pairs: Vec<[u32; 2]> = active.par_iter().with_min_len(PAR_MIN_LEN).map(bodies_of).collect();
-        let mut touched = vec![false; system.bodies.len()];
+        let mut touched = vec![false; problem.bodies.len()];
         pairs.as_flattened().iter().for_each(|&body| touched[body as usize] = true);
-        let moves = |body: &BodyId| touched[body.index()] && system.bodies[body.index()].inverse_mass > 0.0;
+        let moves = |body: &BodyId| touched[body.index()] && problem.bodies[body.index()].inverse_mass > 0.0;
         let bodies: Vec<BodyId> =
-            system.order.par_iter().copied().map(BodyId).with_min_len(PAR_MIN_LEN).filter(moves).collect();
-        let mut ranks = vec![NONE; system.bodies.len()];
+            problem.order.par_iter().copied().map(BodyId).with_min_len(PAR_MIN_LEN).filter(moves).collect();
+        let mut ranks = vec![NO_INDEX; problem.bodies.len()];
         for (rank, &body) in bodies.iter().enumerate() {
             ranks[body.index()] = rank as u32;
         }
@@ -72,9 +72,9 @@ impl BodyPartition {
         self.cuts[range] as usize..self.cuts[range + 1] as usize
     }
 
-    /// Range of a body; [`NONE`] for a body that does not move.
+    /// Range of a body; [`NO_INDEX`] for a body that does not move.
     pub fn range_of(&self, rank: u32) -> u32 {
-        if rank == NONE { NONE } else { self.ranges[rank as usize] }
+        if rank == NO_INDEX { NO_INDEX } else { self.ranges[rank as usize] }
     }
 }
 
@@ -116,7 +116,7 @@ mod tests {
             radius: 1.0,
         };
         let row = |bodies: [u32; 2]| ContactConstraint { bodies: bodies.map(BodyId), ..ContactConstraint::default() };
-        let system = ContactProblem {
+        let problem = ContactProblem {
             rows: [[0, 3], [1, 6], [2, 4], [4, 5]].map(row).to_vec(),
             block_data: None,
             rolling_constraints: vec![],
@@ -124,21 +124,21 @@ mod tests {
             bodies: (0..7).map(body).collect(),
         };
         let divided = |rounds_up| {
-            BodyPartition::new(&system, &[0, 1, 2].map(ContactId), PartitionRule { min_bodies: 2, rounds_up })
+            BodyPartition::new(&problem, &[0, 1, 2].map(ContactId), PartitionRule { min_bodies: 2, rounds_up })
         };
         let (down, up) = (divided(false), divided(true));
         assert_eq!(down.bodies, [6, 4, 2, 1, 0].map(BodyId));
-        assert_eq!(down.pairs, [[4, NONE], [3, 0], [2, 1]]);
+        assert_eq!(down.pairs, [[4, NO_INDEX], [3, 0], [2, 1]]);
         assert_eq!((down.cuts.clone(), up.cuts), (vec![0, 2, 5], vec![0, 3, 5]));
-        assert_eq!([0, 2, NONE].map(|rank| down.range_of(rank)), [0, 1, NONE]);
+        assert_eq!([0, 2, NO_INDEX].map(|rank| down.range_of(rank)), [0, 1, NO_INDEX]);
     }
 
     #[test]
     fn pairs_of_a_colour_share_no_moving_body() {
-        let pairs = [[4, 5], [5, 6], [4, NONE], [6, NONE], [5, NONE], [4, 6]];
+        let pairs = [[4, 5], [5, 6], [4, NO_INDEX], [6, NO_INDEX], [5, NO_INDEX], [4, 6]];
         assert_eq!(colour_pairs(pairs.into_iter(), 4..7), [0, 1, 1, 0, 2, 2]);
         // Bodies that do not move have any number of pairs, others one a colour.
-        let many = colour_pairs([[0, NONE]; 70].into_iter(), 0..1);
+        let many = colour_pairs([[0, NO_INDEX]; 70].into_iter(), 0..1);
         assert_eq!(many[..64], std::array::from_fn::<u8, 64, _>(|k| k as u8));
         assert_eq!(many[64..], [64; 6]);
     }

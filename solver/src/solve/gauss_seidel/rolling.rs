@@ -10,7 +10,7 @@
 use crate::assemble::ContactProblem;
 use crate::math::Vec3;
 use crate::math::simd::{Arithmetic, LaneFloat};
-use crate::solve::gauss_seidel::packed::{BATCH_LANES, NONE, load_column, load_vector, set_lane, store_column};
+use crate::solve::gauss_seidel::packed::{BATCH_LANES, NO_INDEX, load_column, load_vector, set_lane, store_column};
 use crate::solve::gauss_seidel::vector::{LaneVector, dot_product, project_to_ball, triple};
 use crate::state::ContactId;
 
@@ -28,7 +28,7 @@ pub struct RollingConstraintWide<T = f64> {
     /// Moments on the candidates of the last sweep and of the one before, N m s.
     m: [[T; BATCH_LANES]; 3],
     previous: [[T; BATCH_LANES]; 3],
-    /// Index of the system's rolling constraint, or [`NONE`].
+    /// Index of the system's rolling constraint, or [`NO_INDEX`].
     indices: [u32; BATCH_LANES],
 }
 
@@ -41,14 +41,14 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
         spinning: [T::ZERO; BATCH_LANES],
         m: [[T::ZERO; BATCH_LANES]; 3],
         previous: [[T::ZERO; BATCH_LANES]; 3],
-        indices: [NONE; BATCH_LANES],
+        indices: [NO_INDEX; BATCH_LANES],
     };
 
     /// Sets the resistance of row `k` in a lane, if the row has one, with its initial moment.
     #[inline(never)] // so that its cost in scenes can be counted
-    pub fn set_lane(&mut self, lane: usize, system: &ContactProblem, k: ContactId, moments: &[Vec3]) {
-        let Ok(index) = system.rolling_constraints.binary_search_by_key(&k, |roll| roll.row) else { return };
-        let (roll, m) = (&system.rolling_constraints[index], &moments[index]);
+    pub fn set_lane(&mut self, lane: usize, problem: &ContactProblem, k: ContactId, moments: &[Vec3]) {
+        let Ok(index) = problem.rolling_constraints.binary_search_by_key(&k, |roll| roll.row) else { return };
+        let (roll, m) = (&problem.rolling_constraints[index], &moments[index]);
         set_lane(&mut self.shift, lane, &roll.shift);
         self.inverse_w[lane] = T::from_f64(roll.inverse_w);
         self.rolling[lane] = T::from_f64(roll.rolling * roll.radius);
@@ -60,7 +60,7 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
 
     /// Copies the moments into `moments`, one per rolling constraint of the system.
     pub fn read_back(&self, moments: &mut [Vec3]) {
-        for (lane, &index) in self.indices.iter().enumerate().filter(|(_, index)| **index != NONE) {
+        for (lane, &index) in self.indices.iter().enumerate().filter(|(_, index)| **index != NO_INDEX) {
             moments[index as usize] = Vec3::from(self.m.map(|m| m[lane].to_f64()));
         }
     }

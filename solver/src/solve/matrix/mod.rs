@@ -32,7 +32,7 @@ mod scaled;
 mod types;
 
 pub use local::LocalSolver;
-pub use problem::{MatrixProblem, newton_cost};
+pub use problem::{MatrixProblem, MatrixProblemError, newton_cost};
 pub use residual::residual;
 pub use run::SolverLimits;
 use run::SolverRun;

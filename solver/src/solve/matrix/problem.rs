@@ -20,6 +20,35 @@ pub struct MatrixProblem {
     pub(super) blocks: Vec<MatrixBlock>,
 }
 
+/// Reason why numbers are no [`MatrixProblem`].
+#[derive(Debug, Clone, PartialEq)]
+pub enum MatrixProblemError {
+    /// The number of frictions is not that of contacts.
+    FrictionCount { frictions: usize, contacts: usize },
+    /// A block of a contact out of range, or with a number that is not finite or too large.
+    Block { row: usize, column: usize, contacts: usize, w: MatrixBlock },
+    /// A contact with a negative friction, or with a number that is not finite or too large.
+    Contact { contact: usize, mu: f64, q: LocalVector },
+}
+
+impl std::fmt::Display for MatrixProblemError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            MatrixProblemError::FrictionCount { frictions, contacts } => {
+                write!(f, "{frictions} frictions for {contacts} contacts")
+            }
+            MatrixProblemError::Block { row, column, contacts, w } => {
+                write!(f, "block ({row}, {column}) of {contacts} contacts is {w:?}")
+            }
+            MatrixProblemError::Contact { contact, mu, q } => {
+                write!(f, "contact {contact} has friction {mu:?} and q = {q:?}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for MatrixProblemError {}
+
 impl MatrixProblem {
     /// Builds the problem from the blocks (row, column, block) of W in any order; blocks at the same position are added up.
     /// Numbers that are not finite or as large as 1e100, a negative friction and a contact out of range are rejected.
@@ -27,10 +56,10 @@ impl MatrixProblem {
         mu: Vec<f64>,
         q: Vec<LocalVector>,
         blocks: impl IntoIterator<Item = (usize, usize, MatrixBlock)>,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, MatrixProblemError> {
         let n = q.len();
         if mu.len() != n {
-            return Err(format!("{} frictions for {n} contacts", mu.len()));
+            return Err(MatrixProblemError::FrictionCount { frictions: mu.len(), contacts: n });
         }
         let mut blocks: Vec<_> = blocks.into_iter().collect();
         // One block on every diagonal, as solvers require.
@@ -40,7 +69,7 @@ impl MatrixProblem {
         let mut last = None;
         for (i, j, w) in blocks {
             if i >= n || j >= n || !w.as_flattened().iter().all(|x| x.abs() < MAX_MAGNITUDE) {
-                return Err(format!("block ({i}, {j}) of {n} contacts is {w:?}"));
+                return Err(MatrixProblemError::Block { row: i, column: j, contacts: n, w });
             }
             if last == Some((i, j)) {
                 let sum = problem.blocks.last_mut().into_iter().flat_map(|sum| sum.as_flattened_mut());
@@ -54,7 +83,7 @@ impl MatrixProblem {
         }
         for (k, (mu, q)) in problem.mu.iter().zip(&problem.q).enumerate() {
             if !(mu.abs() < MAX_MAGNITUDE && *mu >= 0.0 && q.iter().all(|x| x.abs() < MAX_MAGNITUDE)) {
-                return Err(format!("contact {k} has friction {mu:?} and q = {q:?}"));
+                return Err(MatrixProblemError::Contact { contact: k, mu: *mu, q: *q });
             }
         }
         Ok(problem)

@@ -14,7 +14,7 @@ use super::types::LocalVector;
 ///
 /// Source: V. Acary, M. Bremond, O. Huber, in Advanced Topics in Nonsmooth Dynamics, Springer (2018).
 pub fn residual(problem: &MatrixProblem, r: &[LocalVector]) -> f64 {
-    let (rho, scale) = residual_scales(problem);
+    let (rho, rho_q) = residual_scales(problem);
     let mut sum = 0.0;
     for (i, r_i) in r.iter().enumerate() {
         let mut u = problem.q[i];
@@ -28,7 +28,7 @@ pub fn residual(problem: &MatrixProblem, r: &[LocalVector]) -> f64 {
         let p = project_to_cone(z, mu);
         sum += (0..3).map(|k| (r_i[k] - p[k]) * (r_i[k] - p[k])).sum::<f64>();
     }
-    sum.sqrt() / scale
+    sum.sqrt() / rho_q
 }
 
 /// Residual that rounding of r alone may cause: impulses so large that rho u is lost in them are no solution, though F is
@@ -55,6 +55,6 @@ fn project_to_cone([n, t1, t2]: LocalVector, mu: f64) -> LocalVector {
         return [0.0; 3];
     }
     let normal = (n + mu * t) / (1.0 + mu * mu);
-    let scale = mu * normal / t;
-    [normal, scale * t1, scale * t2]
+    let rho_q = mu * normal / t;
+    [normal, rho_q * t1, rho_q * t2]
 }

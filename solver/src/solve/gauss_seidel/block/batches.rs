@@ -15,7 +15,7 @@ use crate::math::simd::{F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
 use crate::scene::BodyId;
 use crate::solve::gauss_seidel::block::local::{BlockAxes, BodySide, block_axes, delassus_block, lever_block};
 use crate::solve::gauss_seidel::packed::{
-    BATCH_LANES, FrictionCones, NONE, PackSource, SweepSums, SweepUnits, load_column, load_vector, set_lane,
+    BATCH_LANES, FrictionCones, NO_INDEX, PackSource, SweepSums, SweepUnits, load_column, load_vector, set_lane,
     snap_to_cones,
 };
 use crate::solve::gauss_seidel::partition::{BodyPartition, MAX_COLOURS, PartitionRule, colour_pairs};
@@ -70,12 +70,12 @@ pub trait PairContacts: Clone + Send + Sync {
     fn world_impulses(&self, from: &UnpackContext, rows: &LaneRows, values: &Self::Impulses) -> [BatchColumn<f64>; 3];
 }
 
-/// Rows of the system, or [`NONE`].
+/// Rows of the system, or [`NO_INDEX`].
 pub type LaneRows = [u32; BATCH_LANES];
 
 /// Lanes that are occupied, with their rows.
 fn occupied_lanes(rows: &LaneRows) -> impl Iterator<Item = (usize, usize)> + '_ {
-    rows.iter().enumerate().filter(|(_, row)| **row != NONE).map(|(lane, &row)| (lane, row as usize))
+    rows.iter().enumerate().filter(|(_, row)| **row != NO_INDEX).map(|(lane, &row)| (lane, row as usize))
 }
 
 /// Input for packing the batches.
@@ -87,7 +87,7 @@ pub struct BlockSource<'a> {
 
 /// Context for reading back the impulses of the batches.
 pub struct UnpackContext<'a> {
-    system: &'a ContactProblem,
+    problem: &'a ContactProblem,
     units: SweepUnits,
     width: SimdWidth,
 }
@@ -98,8 +98,8 @@ impl BlockSource<'_> {
     /// Lines in single precision contain only these changes, as those of a
     /// [`PackedBody`](crate::solve::gauss_seidel::diagonal::batches::PackedBody).
     fn starting_velocity<T: LaneFloat>(&self, k: usize) -> Vec3 {
-        let PackSource { system, records, .. } = self.start;
-        if T::IS_SINGLE { system.shifted_velocity(k, records) } else { system.rows[k].shift }
+        let PackSource { problem, solver_bodies, .. } = self.start;
+        if T::IS_SINGLE { problem.shifted_velocity(k, solver_bodies) } else { problem.rows[k].shift }
     }
 }
 
@@ -168,7 +168,7 @@ pub struct PairBatches<C: PairContacts> {
     pub rolls: Vec<RollingConstraintWide<C::T>>,
     /// Friction levers by point; empty if no friction of a batch has a lever.
     pub levers: Vec<LeverColumns<C::T>>,
-    /// Rows of the system, or [`NONE`], by point.
+    /// Rows of the system, or [`NO_INDEX`], by point.
     rows: Vec<LaneRows>,
 }
 
@@ -206,11 +206,11 @@ impl<C: PairContacts> BlockProblem<C> {
     /// Packs the rows of `source`; `full` is its block data.
     pub fn new(source: &PackSource, full: &BlockData) -> Self {
         let units = SweepUnits::from_source::<C::T>(source);
-        let PackSource { system, active, records, .. } = *source;
+        let PackSource { problem, active, solver_bodies, .. } = *source;
         let fill = BlockSource { start: *source, full, units };
-        let partition = BodyPartition::new(system, active, PARTITION_RULE);
+        let partition = BodyPartition::new(problem, active, PARTITION_RULE);
         let count = partition.range_count();
-        let mut pairs = group_into_pairs(system, active, &partition);
+        let mut pairs = group_into_pairs(problem, active, &partition);
         // Pairs by range, those between ranges last; a body that does not move has a line of its own in every pair.
         let mut groups: Vec<Vec<u32>> = vec![Vec::new(); count + 1];
         let mut sizes: Vec<u32> = (0..count).map(|range| partition.ranks(range).len() as u32).collect();
@@ -218,14 +218,14 @@ impl<C: PairContacts> BlockProblem<C> {
         for (k, pair) in pairs.iter_mut().enumerate() {
             let ranges = pair.ranks.map(|rank| partition.range_of(rank));
             let group = match ranges {
-                [NONE, NONE] => continue,
-                [a, NONE] | [NONE, a] => a,
+                [NO_INDEX, NO_INDEX] => continue,
+                [a, NO_INDEX] | [NO_INDEX, a] => a,
                 [a, b] if a == b => a,
                 _ => count as u32,
             };
             groups[group as usize].push(k as u32);
             for (side, range) in ranges.into_iter().enumerate() {
-                if range == NONE {
+                if range == NO_INDEX {
                     pair.lines[side] = sizes[group as usize];
                     sizes[group as usize] += 1;
                     fixed[group as usize].push(pair.bodies[side]);
@@ -238,7 +238,7 @@ impl<C: PairContacts> BlockProblem<C> {
         let (mut lines, mut inertia) = (Vec::new(), Vec::new());
         for (range, fixed) in fixed.iter().enumerate() {
             for &body in partition.bodies[partition.ranks(range)].iter().chain(fixed) {
-                let &SolverBody { v, inverse_mass, w, .. } = &records[body.index()];
+                let &SolverBody { v, inverse_mass, w, .. } = &solver_bodies[body.index()];
                 let (v, w) = if C::T::IS_SINGLE { (Vec3::zeros(), Vec3::zeros()) } else { (v, w) };
                 let (pushed, mass) = (full.free_axes(body.index()), units.mass_unit());
                 let line = [v.x, v.y, v.z, inverse_mass * mass, w.x, w.y, w.z, pushed.x];
@@ -281,9 +281,9 @@ impl<C: PairContacts> BlockProblem<C> {
     }
 
     /// Copies the impulses and moments of the swept rows, which belong to this system, into `reactions`.
-    pub fn read_back_reactions(&self, width: SimdWidth, system: &ContactProblem, reactions: &mut ContactReactions) {
+    pub fn read_back_reactions(&self, width: SimdWidth, problem: &ContactProblem, reactions: &mut ContactReactions) {
         let ContactReactions { impulses, moments } = reactions;
-        let back = UnpackContext { system, units: self.units, width };
+        let back = UnpackContext { problem, units: self.units, width };
         for batches in self.ranges.iter().map(|range| &range.inside).chain([&self.between]) {
             batches.rolls.iter().for_each(|rolls| rolls.read_back(moments));
             for ((point, values), rows) in batches.points.iter().zip(&batches.impulses).zip(&batches.rows) {
@@ -297,13 +297,13 @@ impl<C: PairContacts> BlockProblem<C> {
 }
 
 /// Groups consecutive rows of the same two bodies, at most [`MAX_PAIR_CONTACTS`] in a group.
-fn group_into_pairs(system: &ContactProblem, active: &[ContactId], partition: &BodyPartition) -> Vec<PairConstraints> {
+fn group_into_pairs(problem: &ContactProblem, active: &[ContactId], partition: &BodyPartition) -> Vec<PairConstraints> {
     let mut pairs: Vec<PairConstraints> = Vec::new();
     for (&k, &ranks) in active.iter().zip(&partition.pairs) {
-        let bodies = system.rows[k.index()].bodies;
+        let bodies = problem.rows[k.index()].bodies;
         match pairs.last_mut() {
             Some(last) if last.bodies == bodies && last.rows.len() < MAX_PAIR_CONTACTS => last.rows.push(k),
-            _ => pairs.push(PairConstraints { bodies, ranks, rows: vec![k], lines: [NONE; 2] }),
+            _ => pairs.push(PairConstraints { bodies, ranks, rows: vec![k], lines: [NO_INDEX; 2] }),
         }
     }
     pairs
@@ -331,7 +331,7 @@ impl<C: PairContacts> PairBatches<C> {
         let mut bodies = members.iter().flat_map(|&k| pairs[k as usize].bodies);
         let has_locked_axes = bodies.any(|body| full.has_locked_axes(body.index()));
         let most = members.iter().map(|&k| pairs[k as usize].rows.len()).max().unwrap_or(0);
-        self.rows.resize(first + most, [NONE; BATCH_LANES]);
+        self.rows.resize(first + most, [NO_INDEX; BATCH_LANES]);
         let has_lever =
             |row: &ContactId| full.friction_offsets.get(row.index()).is_some_and(|offset| *offset != Vec3::zeros());
         let levers = members.iter().any(|&k| pairs[k as usize].rows.iter().any(has_lever));
@@ -362,11 +362,11 @@ impl<C: PairContacts> PairBatches<C> {
             let points = self.points.par_iter().zip(&self.rows).with_min_len(MIN_POINTS_PER_TASK);
             self.levers = points.map(|(point, rows)| point.friction_levers(from, rows)).collect();
         }
-        if !from.start.system.rolling_constraints.is_empty() {
+        if !from.start.problem.rolling_constraints.is_empty() {
             self.rolls = vec![RollingConstraintWide::NONE; count];
             for (rolls, rows) in self.rolls.iter_mut().zip(&self.rows) {
                 for (lane, row) in occupied_lanes(rows) {
-                    rolls.set_lane(lane, from.start.system, ContactId(row as u32), &from.start.reactions.moments);
+                    rolls.set_lane(lane, from.start.problem, ContactId(row as u32), &from.start.reactions.moments);
                 }
             }
         }
@@ -386,7 +386,7 @@ impl<T: LaneFloat> PairContacts for FrictionalPoint<T> {
     fn friction_levers(&self, from: &BlockSource, rows: &LaneRows) -> LeverColumns<T> {
         let mut levers = [[T::ZERO; BATCH_LANES]; 2];
         for (lane, k) in occupied_lanes(rows) {
-            let lever = from.full.friction_lever(k, &from.start.system.rows[k].normal);
+            let lever = from.full.friction_lever(k, &from.start.problem.rows[k].normal);
             for (axis, to) in self.axes[1..].iter().zip(&mut levers) {
                 to[lane] = T::from_f64((0..3).map(|k| axis[k][lane].to_f64() * lever[k]).sum());
             }
@@ -409,7 +409,7 @@ impl<T: LaneFloat> PairContacts for FrictionalPoint<T> {
         if T::IS_SINGLE {
             let mut cones = FrictionCones::NONE;
             for (lane, row) in occupied_lanes(rows) {
-                cones.set_lane(lane, &from.system.rows[row]);
+                cones.set_lane(lane, &from.problem.rows[row]);
             }
             snap_to_cones(from.width, &cones, &mut r);
         }
@@ -441,9 +441,9 @@ impl RowColumns {
         let levers = (!from.full.friction_offsets.is_empty()).then_some([zero; 3]);
         let (u, r) = ([zero; 3], [zero; 3]);
         let mut seen = RowColumns { normal, sides: [side; 2], u, r, inverse_nn: zero, friction: zero, levers };
-        let PackSource { system, reactions, .. } = from.start;
+        let PackSource { problem, reactions, .. } = from.start;
         for (lane, k) in occupied_lanes(rows) {
-            let row = &system.rows[k];
+            let row = &problem.rows[k];
             set_lane(&mut seen.normal, lane, &row.normal);
             if let Some(levers) = &mut seen.levers {
                 set_lane(levers, lane, &from.full.friction_lever(k, &row.normal));
@@ -451,11 +451,11 @@ impl RowColumns {
             set_lane(&mut seen.u, lane, &from.starting_velocity::<T>(k));
             set_lane(&mut seen.r, lane, &reactions.impulses[k]);
             for (side, to) in seen.sides.iter_mut().enumerate() {
-                let BodySide { arm, inverse_mass, inverse_inertia } = BodySide::from_row(system, from.full, k, side);
+                let BodySide { arm, inverse_mass, inverse_inertia } = BodySide::from_row(problem, from.full, k, side);
                 (0..3).for_each(|k| (to.arm[k][lane], to.inverse_mass[k][lane]) = (arm[k], inverse_mass[k]));
                 (0..6).for_each(|k| to.inverse_inertia[k][lane] = inverse_inertia[k]);
             }
-            (seen.inverse_nn[lane], seen.friction[lane]) = (1.0 / system.delassus_diagonal(k).0, row.friction);
+            (seen.inverse_nn[lane], seen.friction[lane]) = (1.0 / problem.delassus_diagonal(k).0, row.friction);
         }
         seen
     }
@@ -572,9 +572,9 @@ impl<T: LaneFloat> PairContacts for FrictionlessPoint<T> {
             weight: zero,
         };
         let mut values = NormalImpulses::default();
-        let BlockSource { start: PackSource { system, reactions, .. }, full, units } = from;
+        let BlockSource { start: PackSource { problem, reactions, .. }, full, units } = from;
         for (lane, k) in occupied_lanes(rows) {
-            let row = &system.rows[k];
+            let row = &problem.rows[k];
             let (n, mass) = (row.normal, units.mass_unit());
             set_lane(&mut point.normal, lane, &n);
             for side in 0..2 {
@@ -586,7 +586,7 @@ impl<T: LaneFloat> PairContacts for FrictionlessPoint<T> {
             point.shift[lane] = T::from_f64(n.dot(&from.starting_velocity::<T>(k)) / units.velocity);
             values.r[lane] = T::from_f64(n.dot(&reactions.impulses[k]) / units.impulse);
             values.previous[lane] = values.r[lane];
-            let w_n = system.delassus_diagonal(k).0;
+            let w_n = problem.delassus_diagonal(k).0;
             (point.inverse_nn[lane], point.weight[lane]) = (T::from_f64(1.0 / w_n / mass), T::from_f64(w_n * mass));
         }
         (point, values)
@@ -605,7 +605,7 @@ impl<T: LaneFloat> PairContacts for FrictionlessPoint<T> {
         let mut r = [[0.0; BATCH_LANES]; 3];
         for (lane, row) in occupied_lanes(rows) {
             let size = values.r[lane].to_f64() * from.units.impulse;
-            set_lane(&mut r, lane, &(from.system.rows[row].normal * size));
+            set_lane(&mut r, lane, &(from.problem.rows[row].normal * size));
         }
         r
     }

@@ -42,9 +42,9 @@ pub struct BodySide<V> {
 
 impl BodySide<f64> {
     /// Data of a body of row `k`, with `side` 0 for the candidate and 1 for the antagonist.
-    pub fn from_row(system: &ContactProblem, full: &BlockData, k: usize, side: usize) -> Self {
-        let body = system.rows[k].bodies[side].index();
-        let inverse_mass = full.free_axes(body) * system.bodies[body].inverse_mass;
+    pub fn from_row(problem: &ContactProblem, full: &BlockData, k: usize, side: usize) -> Self {
+        let body = problem.rows[k].bodies[side].index();
+        let inverse_mass = full.free_axes(body) * problem.bodies[body].inverse_mass;
         BodySide {
             arm: full.arms[k][side].into(),
             inverse_mass: inverse_mass.into(),
@@ -110,9 +110,9 @@ pub fn lever_block<L: Arithmetic>(l: L, sides: &[BodySide<L::V>; 2], n: [L::V; 3
 }
 
 /// Block W of row `k`.
-pub fn delassus_block_of_row(system: &ContactProblem, full: &BlockData, k: usize) -> Symmetric<f64> {
-    let sides = [0, 1].map(|side| BodySide::from_row(system, full, k, side));
-    let n = system.rows[k].normal;
+pub fn delassus_block_of_row(problem: &ContactProblem, full: &BlockData, k: usize) -> Symmetric<f64> {
+    let sides = [0, 1].map(|side| BodySide::from_row(problem, full, k, side));
+    let n = problem.rows[k].normal;
     let w = delassus_block(Scalar, sides);
     if full.friction_offsets.is_empty() {
         return w;

@@ -52,7 +52,7 @@ mod tests {
             locked_axes: (0..count).map(held).collect(),
             inverse_inertia: (0..count).map(inertia).collect(),
         };
-        let records: Vec<SolverBody> = (0..count).map(record).collect();
+        let solver_bodies: Vec<SolverBody> = (0..count).map(record).collect();
         let mut rows = Vec::new();
         for (k, bodies) in pairs.into_iter().enumerate() {
             let k = k as u32;
@@ -74,43 +74,45 @@ mod tests {
             full.friction_offsets.push(offset - row.normal * row.normal.dot(&offset));
             rows.push(row);
         }
-        let mut system = ContactProblem {
+        let mut contact_problem = ContactProblem {
             rows,
             rolling_constraints: vec![],
             block_data: Some(full),
-            bodies: records,
+            bodies: solver_bodies,
             order: (0..count).collect(),
         };
-        for k in 0..system.rows.len() {
-            let full = system.block_data.as_ref().unwrap();
-            let w = full_matrix(delassus_block_of_row(&system, full, k));
-            let row = &mut system.rows[k];
+        for k in 0..contact_problem.rows.len() {
+            let full = contact_problem.block_data.as_ref().unwrap();
+            let w = full_matrix(delassus_block_of_row(&contact_problem, full, k));
+            let row = &mut contact_problem.rows[k];
             row.w_n = row.normal.dot(&(w * row.normal));
             row.w_t = 0.5 * (w.trace() - row.w_n);
         }
-        system
+        contact_problem
     }
 
     /// The own block of each row, its diagonal and all of the stored matrix are the responses of the bodies, friction offsets
     /// included.
     #[test]
     fn blocks_are_what_bodies_do() {
-        let mut system = heap(12, 0.3);
+        let mut contact_problem = heap(12, 0.3);
         let contact = |k: usize| Contact {
-            candidate: system.rows[k].bodies[0],
-            antagonist: system.rows[k].bodies[1],
-            normal: system.rows[k].normal,
+            candidate: contact_problem.rows[k].bodies[0],
+            antagonist: contact_problem.rows[k].bodies[1],
+            normal: contact_problem.rows[k].normal,
             ..Contact::default()
         };
-        let contacts: Vec<Contact> = (0..system.rows.len()).map(contact).collect();
-        let problem = stored_problem(&system, &contacts);
-        let free = system.clone();
+        let contacts: Vec<Contact> = (0..contact_problem.rows.len()).map(contact).collect();
+        let problem = stored_problem(&contact_problem, &contacts);
+        let free = contact_problem.clone();
         let mut seen = 0;
         for (k, contact) in contacts.iter().enumerate() {
             let r = to_world(&contact.frame(), &Vec3::new(0.7, -0.4, 0.9));
-            system.bodies.clone_from(&free.bodies);
-            system.apply_impulse(k, &r);
-            let change = |i: usize| system.shifted_velocity(i, &system.bodies) - free.shifted_velocity(i, &free.bodies);
+            contact_problem.bodies.clone_from(&free.bodies);
+            contact_problem.apply_impulse(k, &r);
+            let change = |i: usize| {
+                contact_problem.shifted_velocity(i, &contact_problem.bodies) - free.shifted_velocity(i, &free.bodies)
+            };
             let full = free.block_data.as_ref().unwrap();
             let w = full_matrix(delassus_block_of_row(&free, full, k));
             // Some roundings of numbers up to 10.
@@ -133,12 +135,13 @@ mod tests {
     #[test]
     fn a_judge_that_solves_nothing_finds_it_solved() {
         for (friction, tol) in [(0.0, 1e-9), (0.3, 1e-6)] {
-            let system = heap(60, friction);
-            let solution = solve_nlgs(&system, StoppingCriteria::new(tol, 100_000), SimdWidth::detect());
+            let contact_problem = heap(60, friction);
+            let solution = solve_nlgs(&contact_problem, StoppingCriteria::new(tol, 100_000), SimdWidth::detect());
             assert!(solution.converged, "{friction}: {:e} after {}", solution.residual, solution.sweeps);
-            let all: Vec<ContactId> = (0..system.rows.len()).map(ContactId::new).collect();
+            let all: Vec<ContactId> = (0..contact_problem.rows.len()).map(ContactId::new).collect();
             assert!(
-                ResidualEvaluator::new(&system, &all, SimdWidth::detect()).residual(&solution.impulses).value <= tol
+                ResidualEvaluator::new(&contact_problem, &all, SimdWidth::detect()).residual(&solution.impulses).value
+                    <= tol
             );
         }
     }
@@ -147,7 +150,7 @@ mod tests {
     #[test]
     fn one_unknown_finds_what_three_find() {
         let solved = |friction: f64| {
-            solve_nlgs(&heap(40, friction), StoppingCriteria::new(1e-11, 100_000), SimdWidth::detect()).records
+            solve_nlgs(&heap(40, friction), StoppingCriteria::new(1e-11, 100_000), SimdWidth::detect()).solver_bodies
         };
         let (one, three) = (solved(0.0), solved(1e-13));
         for (a, b) in one.iter().zip(&three) {
@@ -163,14 +166,15 @@ mod tests {
     #[test]
     fn single_precision_reaches_what_is_sought_with_it() {
         for friction in [0.0, 0.3] {
-            let system = heap(60, friction);
-            let solution = solve_nlgs(&system, in_single(1e-4, 100_000), SimdWidth::detect());
+            let contact_problem = heap(60, friction);
+            let solution = solve_nlgs(&contact_problem, in_single(1e-4, 100_000), SimdWidth::detect());
             assert!(solution.single_precision && solution.converged, "{friction}: {:e}", solution.residual);
-            let all: Vec<ContactId> = (0..system.rows.len()).map(ContactId::new).collect();
+            let all: Vec<ContactId> = (0..contact_problem.rows.len()).map(ContactId::new).collect();
             assert!(
-                ResidualEvaluator::new(&system, &all, SimdWidth::detect()).residual(&solution.impulses).value <= 1e-4
+                ResidualEvaluator::new(&contact_problem, &all, SimdWidth::detect()).residual(&solution.impulses).value
+                    <= 1e-4
             );
-            let double = solve_nlgs(&system, StoppingCriteria::new(1e-4, 100_000), SimdWidth::detect());
+            let double = solve_nlgs(&contact_problem, StoppingCriteria::new(1e-4, 100_000), SimdWidth::detect());
             // Noise of 1e-7 is small against the remaining residual: about as many sweeps.
             assert!(solution.sweeps < 2 * double.sweeps, "{friction}: {} {}", solution.sweeps, double.sweeps);
         }
@@ -179,10 +183,10 @@ mod tests {
     /// Sliding contacts are on their cone to the rounding of double precision.
     #[test]
     fn impulses_of_single_precision_keep_to_their_cones() {
-        let system = heap(60, 0.3);
-        let solution = solve_nlgs(&system, in_single(1e-4, 100_000), SimdWidth::detect());
+        let contact_problem = heap(60, 0.3);
+        let solution = solve_nlgs(&contact_problem, in_single(1e-4, 100_000), SimdWidth::detect());
         let mut sliding = 0;
-        for (row, r) in system.rows.iter().zip(&solution.impulses) {
+        for (row, r) in contact_problem.rows.iter().zip(&solution.impulses) {
             let normal = row.normal.dot(r);
             let share = (r - row.normal * normal).norm() / (0.3 * normal);
             assert!(normal >= -1e-6 && (normal <= 1e-6 || share <= 1.0 + 1e-12), "{normal} {share}");
@@ -196,17 +200,17 @@ mod tests {
     #[test]
     fn no_unit_matters_in_single_precision() {
         let solved = |mass: f64, speed: f64| {
-            let mut system = heap(60, 0.3);
-            for record in &mut system.bodies {
+            let mut contact_problem = heap(60, 0.3);
+            for record in &mut contact_problem.bodies {
                 (record.v, record.w) = (record.v * speed, record.w * speed);
                 record.inverse_mass /= mass;
             }
-            system.block_data.as_mut().unwrap().inverse_inertia.iter_mut().for_each(|m| *m /= mass);
-            for row in &mut system.rows {
+            contact_problem.block_data.as_mut().unwrap().inverse_inertia.iter_mut().for_each(|m| *m /= mass);
+            for row in &mut contact_problem.rows {
                 (row.w_n, row.w_t, row.shift) = (row.w_n / mass, row.w_t / mass, row.shift * speed);
             }
             let unit = mass * speed;
-            solve_nlgs(&system, in_single(1e-4, 50), SimdWidth::detect())
+            solve_nlgs(&contact_problem, in_single(1e-4, 50), SimdWidth::detect())
                 .impulses
                 .into_iter()
                 .map(|r| r / unit)
@@ -222,18 +226,18 @@ mod tests {
     /// 1500 bodies are divided into ranges.
     #[test]
     fn no_width_and_no_number_of_threads_changes_a_bit() {
-        for until in [StoppingCriteria::new(1e-12, 30), in_single(1e-12, 30)] {
+        for criteria in [StoppingCriteria::new(1e-12, 30), in_single(1e-12, 30)] {
             [0.4, 0.0]
                 .into_iter()
-                .for_each(|friction| no_width_and_no_number_of_threads_changes_a_bit_at(friction, until));
+                .for_each(|friction| no_width_and_no_number_of_threads_changes_a_bit_at(friction, criteria));
         }
     }
 
-    fn no_width_and_no_number_of_threads_changes_a_bit_at(friction: f64, until: StoppingCriteria) {
-        let system = heap(1500, friction);
+    fn no_width_and_no_number_of_threads_changes_a_bit_at(friction: f64, criteria: StoppingCriteria) {
+        let contact_problem = heap(1500, friction);
         let solve = |width, threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| solve_nlgs(&system, until, width).impulses)
+            pool.install(|| solve_nlgs(&contact_problem, criteria, width).impulses)
         };
         let first = solve(SimdWidth::all_widths()[0], 1);
         assert!(first.iter().any(|r| r.norm() > 0.1));

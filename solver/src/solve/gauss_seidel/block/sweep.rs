@@ -18,20 +18,20 @@ use crate::solve::types::ContactReactions;
 
 impl<C: PairSweepKernel> PackedProblem for BlockProblem<C> {
     fn sweep_contacts(&mut self, width: SimdWidth, beta: f64) -> SweepStats {
-        width.dispatch(ProblemSweep { problem: self, beta })
+        width.dispatch(BlockSweep { problem: self, beta })
     }
 
-    fn read_back(&self, width: SimdWidth, system: &ContactProblem, reactions: &mut ContactReactions) {
-        self.read_back_reactions(width, system, reactions);
+    fn read_back(&self, width: SimdWidth, contact_problem: &ContactProblem, reactions: &mut ContactReactions) {
+        self.read_back_reactions(width, contact_problem, reactions);
     }
 }
 
-struct ProblemSweep<'a, C: PairContacts> {
+struct BlockSweep<'a, C: PairContacts> {
     problem: &'a mut BlockProblem<C>,
     beta: f64,
 }
 
-impl<C: PairSweepKernel> LaneOperation for ProblemSweep<'_, C> {
+impl<C: PairSweepKernel> LaneOperation for BlockSweep<'_, C> {
     type Output = SweepStats;
 
     fn call<L: F64Arithmetic>(self, l: L) -> SweepStats {
@@ -45,9 +45,9 @@ impl<C: PairSweepKernel> LaneOperation for ProblemSweep<'_, C> {
     }
 }
 
-impl<C: PairSweepKernel> ProblemSweep<'_, C> {
+impl<C: PairSweepKernel> BlockSweep<'_, C> {
     fn sweep_with<L: Arithmetic<T = C::T>>(self, lanes: L) -> SweepStats {
-        let ProblemSweep { problem, beta } = self;
+        let BlockSweep { problem, beta } = self;
         let BlockProblem { units, lines, previous, inertia, ranges, between } = problem;
         let points = between.points.len() + ranges.iter().map(|range| range.inside.points.len()).sum::<usize>();
         let exceeds_l2 = points * size_of::<(C, C::Impulses)>() > L2_BYTES;

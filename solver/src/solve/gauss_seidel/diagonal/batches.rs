@@ -15,7 +15,7 @@ use crate::math::simd::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, La
 use crate::math::{PAR_MIN_LEN, group_by_key};
 use crate::scene::BodyId;
 use crate::solve::gauss_seidel::packed::{
-    BATCH_LANES, FrictionCones, NONE, PackSource, SweepSums, SweepUnits, set_lane, snap_to_cones,
+    BATCH_LANES, FrictionCones, NO_INDEX, PackSource, SweepSums, SweepUnits, set_lane, snap_to_cones,
 };
 use crate::solve::gauss_seidel::partition::{BodyPartition, MAX_COLOURS, PartitionRule, colour_pairs};
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
@@ -63,7 +63,7 @@ pub struct RangeBatches<T> {
     pub rolls: Vec<RollingConstraintWide<T>>,
     /// 1/radius of candidate and antagonist, 1/m; 0 for a plate, whose rotation is in the shift.
     pub curvatures: Vec<[[T; BATCH_LANES]; 2]>,
-    /// Row of the system, or [`NONE`].
+    /// Row of the system, or [`NO_INDEX`].
     pub rows: Vec<[u32; BATCH_LANES]>,
     /// Friction cones to which the impulses are snapped when read back, if needed; else empty.
     pub cones: Vec<FrictionCones>,
@@ -149,9 +149,9 @@ pub struct DiagonalProblem<B: PackedBody> {
 impl<B: PackedBody> DiagonalProblem<B> {
     /// Packs the rows of `source`.
     pub fn new(source: &PackSource) -> Self {
-        let layout = BatchLayout::new(source.system, source.active);
+        let layout = BatchLayout::new(source.problem, source.active);
         let units = SweepUnits::from_source::<B::T>(source);
-        let of_body = |&body: &BodyId| B::new(&source.records[body.index()], &units);
+        let of_body = |&body: &BodyId| B::new(&source.solver_bodies[body.index()], &units);
         let bodies = &layout.partition.bodies;
         let moving: Vec<B> = bodies.par_iter().with_min_len(PAR_MIN_LEN).map(of_body).collect();
         let mut lines = vec![B::PADDING; layout.starts[layout.starts.len() - 1] as usize];
@@ -191,7 +191,7 @@ impl<B: PackedBody> DiagonalProblem<B> {
                     (true, true) => snap_to_cones(width, &block.cones[batch], &mut r),
                     (false, _) => r = block.cones[batch].n.map(|n| std::array::from_fn(|lane| n[lane] * r[0][lane])),
                 }
-                for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NONE) {
+                for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NO_INDEX) {
                     impulses[row as usize] = r.map(|column| column[lane]).into();
                 }
             }
@@ -217,8 +217,8 @@ struct BatchLayout {
 
 impl BatchLayout {
     /// Divides the bodies of the rows `active` into ranges and these rows into blocks.
-    fn new(system: &ContactProblem, active: &[ContactId]) -> Self {
-        let partition = BodyPartition::new(system, active, PARTITION_RULE);
+    fn new(problem: &ContactProblem, active: &[ContactId]) -> Self {
+        let partition = BodyPartition::new(problem, active, PARTITION_RULE);
         let BodyPartition { bodies, pairs, .. } = &partition;
         let ranges = partition.range_count();
         let first: Vec<u32> = pairs.iter().map(|[a, b]| *a.min(b).min(&(bodies.len() as u32))).collect();
@@ -232,7 +232,7 @@ impl BatchLayout {
             let [a, b] = pairs[active_index as usize];
             let near = partition.range_of(a.min(b));
             let far = a.max(b);
-            if far == NONE {
+            if far == NO_INDEX {
                 fixed[near as usize] += 1;
                 return 2 * near;
             }
@@ -276,18 +276,18 @@ impl BatchLayout {
         let mut batches = vec![empty; rows.len()];
         let mut r = vec![BatchVectors::default(); rows.len()];
         let mut tangential_shift = Vec::new();
-        let turning = if from.system.rolling_constraints.is_empty() { 0 } else { rows.len() };
+        let turning = if from.problem.rolling_constraints.is_empty() { 0 } else { rows.len() };
         let (mut rolls, mut curvatures) =
             (vec![RollingConstraintWide::NONE; turning], vec![[[zero; BATCH_LANES]; 2]; turning]);
         let mut cones = vec![FrictionCones::NONE; if B::T::IS_SINGLE || !B::HAS_FRICTION { rows.len() } else { 0 }];
         let mut fixed = Vec::new();
         let first_fixed = self.starts[first] + cuts[first + 1] - cuts[first] - start;
         for (i, ((batch, r), rows)) in batches.iter_mut().zip(&mut r).zip(&mut rows).enumerate() {
-            for (lane, slot) in rows.iter_mut().enumerate().filter(|(_, slot)| **slot != NONE) {
+            for (lane, slot) in rows.iter_mut().enumerate().filter(|(_, slot)| **slot != NO_INDEX) {
                 let active_index = *slot as usize;
                 let k = from.active[active_index];
                 *slot = k.0;
-                let row = &from.system.rows[k.index()];
+                let row = &from.problem.rows[k.index()];
                 let n = row.normal;
                 set_lane(&mut batch.n, lane, &n);
                 if let Some(cones) = cones.get_mut(i) {
@@ -296,20 +296,23 @@ impl BatchLayout {
                 batch.arm[lane] = B::T::from_f64(row.arm);
                 batch.friction[lane] = B::T::from_f64(row.friction);
                 for (side, rank) in pairs[active_index].into_iter().enumerate() {
-                    if rank != NONE {
+                    if rank != NO_INDEX {
                         batch.bodies[side][lane] = self.lines[rank as usize] - start;
                         continue;
                     }
                     // The shift of a contact with a body that does not move is a velocity of that body.
                     let sign = if side == 0 { 1.0 } else { -1.0 };
-                    let record = &from.records[row.bodies[side].index()];
+                    let record = &from.solver_bodies[row.bodies[side].index()];
                     batch.bodies[side][lane] = first_fixed + fixed.len() as u32;
                     fixed.push(B::new(&SolverBody { v: record.v + row.shift * sign, ..*record }, &units));
                 }
-                let moves = pairs[active_index].iter().all(|rank| *rank != NONE);
+                let moves = pairs[active_index].iter().all(|rank| *rank != NO_INDEX);
                 if B::T::IS_SINGLE || moves {
-                    let shift =
-                        if B::T::IS_SINGLE { row.shifted_velocity(from.records) / units.velocity } else { row.shift };
+                    let shift = if B::T::IS_SINGLE {
+                        row.shifted_velocity(from.solver_bodies) / units.velocity
+                    } else {
+                        row.shift
+                    };
                     let along = n.dot(&shift);
                     batch.shift[lane] = B::T::from_f64(along);
                     let tangential = shift - n * along;
@@ -320,9 +323,9 @@ impl BatchLayout {
                     }
                 }
                 if let (Some(rolls), Some(curvatures)) = (rolls.get_mut(i), curvatures.get_mut(i)) {
-                    rolls.set_lane(lane, from.system, k, &from.reactions.moments);
+                    rolls.set_lane(lane, from.problem, k, &from.reactions.moments);
                     for (curvature, body) in curvatures.iter_mut().zip(row.bodies) {
-                        let radius = from.records[body.index()].radius;
+                        let radius = from.solver_bodies[body.index()].radius;
                         curvature[lane] = B::T::from_f64(if radius > 0.0 { 1.0 / radius } else { 0.0 });
                     }
                 }
@@ -389,7 +392,7 @@ fn batches_by_colour(rows: &[u32], pairs: &[[u32; 2]], ranks: Range<usize>) -> (
             batches += count;
         }
     }
-    let mut batched = vec![[NONE; BATCH_LANES]; batches];
+    let mut batched = vec![[NO_INDEX; BATCH_LANES]; batches];
     for (&row, &colour) in rows.iter().zip(&colours) {
         let slot = &mut next[colour as usize];
         batched[*slot / BATCH_LANES][*slot % BATCH_LANES] = row;

@@ -21,7 +21,7 @@ const BATCHES_PER_STAGE: usize = 8;
 
 impl<B: PackedBody> PackedProblem for DiagonalProblem<B> {
     fn sweep_contacts(&mut self, width: SimdWidth, beta: f64) -> SweepStats {
-        width.dispatch(ProblemSweep { problem: self, beta })
+        width.dispatch(DiagonalSweep { problem: self, beta })
     }
 
     fn read_back(&self, width: SimdWidth, _: &ContactProblem, reactions: &mut ContactReactions) {
@@ -29,16 +29,16 @@ impl<B: PackedBody> PackedProblem for DiagonalProblem<B> {
     }
 }
 
-struct ProblemSweep<'a, B: PackedBody> {
+struct DiagonalSweep<'a, B: PackedBody> {
     problem: &'a mut DiagonalProblem<B>,
     beta: f64,
 }
 
-impl<B: PackedBody> LaneOperation for ProblemSweep<'_, B> {
+impl<B: PackedBody> LaneOperation for DiagonalSweep<'_, B> {
     type Output = SweepStats;
 
     fn call<L: F64Arithmetic>(self, l: L) -> SweepStats {
-        let ProblemSweep { problem: DiagonalProblem { units, lines, previous, blocks }, beta } = self;
+        let DiagonalSweep { problem: DiagonalProblem { units, lines, previous, blocks }, beta } = self;
         let batches: usize = blocks.iter().map(|block| block.batches.len()).sum();
         let exceeds_l2 = batches * size_of::<(ContactBatch<B::T>, [BatchVectors<B::T>; 2])>() > L2_BYTES;
         std::mem::swap(lines, previous);
