@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use cd_formats::compute::{Accuracy, Compute, Event, from_ron};
 use cd_formats::law_table::{ContactMemory, LAW_TABLE, LawCohesion, LawEntry, LawModel, LawParameter};
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, IntervalArrays, LawName, MaterialName, MemoryArrays,
-    PairArrays, SnapshotMeta, TurningArrays,
+    BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, IntervalArrays, LawArrays, LawName, MaterialName,
+    MemoryArrays, PairArrays, SnapshotMeta, TurningArrays,
 };
 
 const OPTIONS: &str = "docs/reference/options.md";
@@ -86,6 +86,7 @@ fn arrays_are_those_of_snapshots() {
         .map(|array| ("N", array))
         .chain(ContactArrays::array_table().into_iter().map(|array| ("C", array)))
         .chain(MemoryArrays::array_table().into_iter().map(|array| ("C", array)))
+        .chain(LawArrays::array_table().into_iter().map(|array| ("C", array)))
         .chain(GravityArrays::array_table().into_iter().map(|array| ("N", array)))
         .chain(TurningArrays::array_table().into_iter().map(|array| ("U", array)))
         .chain(ContactPartArrays::array_table().into_iter().map(|array| ("C", array)))
@@ -179,6 +180,7 @@ fn kept_state(model: &LawModel) -> String {
         ContactMemory::LiquidBridge => "liquid bridge",
         ContactMemory::Bond => "bond",
         ContactMemory::Moment => "moment",
+        ContactMemory::ReferenceGap => "reference gap",
     };
     let kept: Vec<&str> = model.memory().into_iter().map(word).collect();
     if kept.is_empty() { "-".into() } else { kept.join(", ") }
@@ -235,12 +237,17 @@ fn laws_for_exchange_are_those_of_the_table() {
 #[test]
 fn other_pages_name_every_law() {
     let (_, snapshots) = page_of(SNAPSHOTS);
-    let keeps_arrays =
-        |entry: &&LawEntry| example_of(entry).memory().iter().any(|kind| *kind != ContactMemory::Sliding);
-    let names: Vec<String> =
-        computed_laws().into_iter().filter(keeps_arrays).map(|entry| format!("`{}`", entry.label)).collect();
-    let sentence = format!("If a law has memory or rolling moments ({}), also:", names.join(", "));
-    assert!(in_one_line(&snapshots).contains(&sentence), "{SNAPSHOTS}: {sentence}");
+    use ContactMemory::{Bond, LiquidBridge, Moment, ReferenceGap};
+    for (condition, kinds) in [
+        ("memory or rolling moments", &[LiquidBridge, Bond, Moment][..]),
+        ("[reference gaps](../laws.md#reference-gaps)", &[ReferenceGap]),
+    ] {
+        let keeps = |entry: &&LawEntry| example_of(entry).memory().iter().any(|kind| kinds.contains(kind));
+        let names: Vec<String> =
+            computed_laws().into_iter().filter(keeps).map(|entry| format!("`{}`", entry.label)).collect();
+        let sentence = format!("If a law has {condition} ({}), also:", names.join(", "));
+        assert!(in_one_line(&snapshots).contains(&sentence), "{SNAPSHOTS}: {sentence}");
+    }
     let (_, method) = page_of("docs/explanation/method/laws.md");
     let (_, readme) = page_of("README.md");
     for entry in computed_laws() {

@@ -9,7 +9,7 @@ use nalgebra::Matrix3;
 use super::kinematics::contact_arms;
 use crate::math::Vec3;
 use crate::scene::{BodyId, RigidBody};
-use crate::state::{Contact, ContactId};
+use crate::state::{Contact, ContactId, LawMemory};
 
 /// Data of a body that a sweep reads and writes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,6 +80,8 @@ pub struct ContactProblem {
     pub block_data: Option<BlockData>,
     /// Rolling constraints in the order of the rows; empty in most scenes.
     pub rolling_constraints: Vec<RollingConstraint>,
+    /// Memory of the law of each row at the start of the step; empty if no law has one.
+    pub memories: Vec<LawMemory>,
     /// All bodies in spatial order, neighbours near each other.
     pub order: Vec<u32>,
     /// Velocities if every r̂ were 0.
@@ -133,6 +135,11 @@ impl ContactProblem {
     /// Whether one of the rows `active` has friction, or any row has moments.
     pub fn has_friction(&self, active: &[ContactId]) -> bool {
         !self.rolling_constraints.is_empty() || active.iter().any(|&k| self.rows[k.index()].friction > 0.0)
+    }
+
+    /// Memory of the law of row `k` at the start of the step.
+    pub fn law_memory(&self, k: usize) -> LawMemory {
+        self.memories.get(k).copied().unwrap_or_default()
     }
 
     /// Vector from the centre of the candidate (side 0) or antagonist (1) of row `k` to the contact point, m; 0 for a plate

@@ -82,9 +82,11 @@ pub fn contact_problem(
     let history = setting.previous_contacts(contacts);
     let before = |old: &Option<ContactId>| old.map(|k| &state.contacts[k.index()]);
     let holds = setting.bond_states(contacts, &history);
+    let memories = setting.law_memories(contacts, &history);
     let of_contact = |(k, (old, hold)): (usize, (&Option<ContactId>, &BondState))| {
         setting.prefetch(contacts.get(k + PREFETCH_CONTACTS));
-        setting.contact_constraint(&contacts[k], before(old), *hold)
+        let reference_gap = memories.get(k).map_or(0.0, |memory| memory.reference_gap);
+        setting.contact_constraint(&contacts[k], before(old), *hold, reference_gap)
     };
     let mut rows: Vec<ContactConstraint> =
         history.par_iter().zip(&holds).enumerate().with_min_len(256).map(of_contact).collect();
@@ -149,6 +151,7 @@ pub fn contact_problem(
         rows,
         rolling_constraints: rolls,
         block_data: full,
+        memories,
         bodies: records,
         order: q_c.order.clone(),
     };
@@ -181,12 +184,13 @@ impl AssemblyContext<'_> {
         width.prefetch(&records[b]);
     }
 
-    /// Row of a contact, with its history of the last step and the bond of its bodies.
+    /// Row of a contact, with its history of the last step, the bond of its bodies and the gap (m) from which its law counts.
     fn contact_constraint(
         &self,
         contact: &Contact,
         previous: Option<&SolvedContact>,
         hold: BondState,
+        reference_gap: f64,
     ) -> ContactConstraint {
         let &AssemblyContext { scene, state, q_c, records, full, .. } = self;
         let h = q_c.h;
@@ -215,16 +219,8 @@ impl AssemblyContext<'_> {
         let u_n = n.dot(&u_before) + curve;
         let bonded = hold.bond.is_some();
         let slid_before = previous.is_some_and(|old| old.status == ContactStatus::Slide);
-        let at = LawInput {
-            gap: contact.gap,
-            h,
-            closing_time: reach,
-            gap_forecast: course,
-            u_n,
-            radius,
-            slid_before,
-            bonded,
-        };
+        let gap = contact.gap - reference_gap;
+        let at = LawInput { gap, h, closing_time: reach, gap_forecast: course, u_n, radius, slid_before, bonded };
         let shift = law.contact_shift(&at);
         let slides = |shift: &LawShift| {
             law.has_two_frictions() && !slid_before && self.is_sliding(contact, previous, &u_before, shift, w_n)
@@ -261,7 +257,7 @@ impl AssemblyContext<'_> {
             friction: shift.friction,
             impulse_shift: shift.impulse,
             acts,
-            can_close: shift.solved && (shift.impulse != 0.0 || self.can_close_gap(contact, &arms)),
+            can_close: shift.solved && (shift.impulse != 0.0 || self.can_close_gap(contact, gap, &arms)),
             warm_start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, &shift, h / state.h)),
             u_before: to_local(&frame, &u_before),
             bond: hold.bond.filter(|_| acts),

@@ -115,6 +115,7 @@ mod tests {
         let system = ContactProblem {
             rows: (0..4).map(row).collect(),
             rolling_constraints: vec![],
+            memories: vec![],
             block_data: None,
             bodies: records,
             order: vec![0, 1, 2, 3],

@@ -6,6 +6,8 @@
 //! | IQS_CLB, inelastic quasi-shock | max(0, g/h) | 0 | 0 | mu |
 //! | IQS_DS_CLB | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
 //! | GAP_SGR_CLB, Signorini on the gap | g/h | 0 | 0 | mu |
+//! | IQS_CLB_g0, with the reference gap g_0 | max(0, (g - g_0)/h) | 0 | 0 | mu |
+//! | GAP_SGR_CLB_g0, with the reference gap g_0 | (g - g_0)/h | 0 | 0 | mu |
 //! | VEL_SGR_CLB, Signorini on the velocity, if g <= 1e-9 R | 0 | 0 | 0 | mu |
 //! | RST_CLB, restitution, if g <= 1e-9 R, or if e_n > 0 and u_n⁻ and the free velocities close g | e_n u_n⁻ | e_t u_T⁻ where u_n⁻ < 0 | 0 | mu |
 //! | RST_CLB with e_n > 0 otherwise, if at rest or closed by the free velocities | g/T | 0 | 0 | mu |
@@ -31,6 +33,9 @@
 //! moments, carries a traction up to c_n S and a shear up to c_t S + (c_t/c_n) r_n/h, and is gone for good once it
 //! parts or slides. S = pi R², 1/R = 1/R_a + 1/R_b.
 //!
+//! The reference gap g_0 = max(0, g) of the laws `_g0` is that of contacts within the alert distance at these moments; of
+//! contacts that begin later it is 0. [`LawInput::gap`] is g - g_0.
+//!
 //! IQS_DS_ROLL_CLB and IQS_WET_DS_ROLL_CLB, which LMGC90 does not have, are IQS_DS_CLB and IQS_WET_DS_CLB with moments
 //! on top: up to mu_r R r̂_n against rolling and mu_s R r̂_n against spinning. Common models have such limits, e.g.
 //! J. Ai et al., Powder Technol. 206 (2011) 269-282; rigid here, without a spring.
@@ -45,7 +50,7 @@
 //! contact and dry friction in finite freedom dynamics, CISM 302 (1988).
 
 pub use cd_formats::law_table::RollingFriction;
-use cd_formats::law_table::{FrictionPair, LawCohesion, LawModel};
+use cd_formats::law_table::{ContactMemory, FrictionPair, LawCohesion, LawModel};
 
 use crate::features::BARE;
 
@@ -92,12 +97,14 @@ pub struct ContactLaw {
     pub friction_dynamic: f64,
     /// Rolling and spinning friction.
     pub rolling: Option<RollingFriction>,
+    /// Whether gaps count from a reference gap.
+    pub has_reference_gap: bool,
 }
 
 /// Input of a law for one contact and step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LawInput {
-    /// Gap, m.
+    /// Gap, m, less the reference gap of the contact.
     pub gap: f64,
     /// Length of the step, s.
     pub h: f64,
@@ -154,13 +161,14 @@ impl ContactLaw {
     pub fn new(model: &LawModel) -> ContactLaw {
         let unilateral = match *model {
             LawModel::IqsClb { .. }
+            | LawModel::IqsClbG0 { .. }
             | LawModel::IqsDsClb { .. }
             | LawModel::IqsDsRollClb { .. }
             | LawModel::IqsWetDsClb { .. }
             | LawModel::IqsWetDsRollClb { .. }
             | LawModel::XqsWetDsClb { .. }
             | LawModel::IqsMohrDsClb { .. } => UnilateralLaw::InelasticShock,
-            LawModel::GapSgrClb { .. } => UnilateralLaw::Gap,
+            LawModel::GapSgrClb { .. } | LawModel::GapSgrClbG0 { .. } => UnilateralLaw::Gap,
             LawModel::VelSgrClb { .. } => UnilateralLaw::Velocity,
             LawModel::RstClb { normal_restitution: normal, tangential_restitution: tangential, .. }
             | LawModel::RstDsClb { normal_restitution: normal, tangential_restitution: tangential, .. } => {
@@ -178,6 +186,7 @@ impl ContactLaw {
             friction_static: static_friction,
             friction_dynamic: dynamic_friction,
             rolling: model.rolling(),
+            has_reference_gap: model.memory().contains(&ContactMemory::ReferenceGap),
         }
     }
 
@@ -268,7 +277,17 @@ impl ContactLaw {
         matches!(self.cohesion(), Some(Cohesion::Bond { tangential, .. }) if tangential > 0.0)
     }
 
-    /// Whether a contact's history determines more than its friction, or includes more than its impulse.
+    /// Whether contacts have a [`LawMemory`](crate::state::LawMemory).
+    pub fn has_law_memory(&self) -> bool {
+        self.has_reference_gap
+    }
+
+    /// Reference gap of a contact with this gap at the start or at an event, m; 0 if the law counts gaps from 0.
+    pub fn reference_gap(&self, gap: f64) -> f64 {
+        if self.has_reference_gap { gap.max(0.0) } else { 0.0 }
+    }
+
+    /// Whether a contact may be bonded or have a moment, which snapshots hold.
     pub fn has_memory(&self) -> bool {
         self.can_bond() || self.rolling_friction().is_some()
     }
@@ -364,7 +383,7 @@ impl ContactLaw {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use cd_formats::law_table::{ContactLoad, ContactMemory, LAW_TABLE};
+    use cd_formats::law_table::{ContactLoad, LAW_TABLE};
 
     fn new_law(label: &str, parameters: &[f64]) -> ContactLaw {
         ContactLaw::new(&LawModel::from_values(label, parameters).unwrap())
@@ -523,7 +542,9 @@ mod tests {
             let bonds = memory.iter().any(|kind| [ContactMemory::LiquidBridge, ContactMemory::Bond].contains(kind));
             assert_eq!(law.can_bond(), bonds, "{}", entry.label);
             assert_eq!(law.has_two_frictions(), memory.contains(&ContactMemory::Sliding), "{}", entry.label);
-            assert_eq!(law.has_memory(), memory.iter().any(|kind| *kind != ContactMemory::Sliding), "{}", entry.label);
+            let moment = memory.contains(&ContactMemory::Moment);
+            assert_eq!(law.has_memory(), bonds || moment, "{}", entry.label);
+            assert_eq!(law.has_reference_gap, memory.contains(&ContactMemory::ReferenceGap), "{}", entry.label);
         }
     }
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, MAX_EVENTS, too_frequent};
 use cd_formats::doubts::{self, density, law_parameter};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::law_table::{ParameterFault, law_parameters};
+use cd_formats::law_table::{ParameterFault, law_parameters, reference_gap_position};
 use cd_formats::report::FaultReport;
 use cd_formats::scan::{AsciiText, TextLine};
 use cd_formats::snapshot::LawName;
@@ -19,7 +19,7 @@ use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
 use crate::scene::{
     BodyId, BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, RigidBody, Scene, VisibilityTable,
 };
-use crate::state::{Contact, ContactStatus, SolvedContact, UNKNOWN_FEATURE};
+use crate::state::{Contact, ContactStatus, LawMemory, SolvedContact, UNKNOWN_FEATURE};
 
 /// Names of the contactors that the visibility table distinguishes.
 const CONTACTOR_NAMES: [[&str; 2]; 5] = [["SPHER", "SPHEb"], ["PLANx"; 2], ["POLYR"; 2], ["CYLND"; 2], ["DNLYC"; 2]];
@@ -361,7 +361,9 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
             _ if event.time > begin + EVENT_SLACK * dt && end > start => {
                 format!("no step begins at {} s or later, the last begins at {begin} s", event.time)
             }
-            EventAction::Bond if !scene.has_bonds() => "Bond needs a law whose bonds or bridges can break".into(),
+            EventAction::Bond if !scene.has_bonds() && !scene.laws.iter().any(ContactLaw::has_law_memory) => {
+                "Bond needs a law with bonds, liquid bridges or reference gaps".into()
+            }
             _ => return None,
         };
         Some(format!("event {}: without effect; {why}", k + 1))
@@ -377,7 +379,7 @@ pub fn initial_contacts(
     scene: &mut Scene,
     orientations: &[Quat],
     faults: &mut Faults,
-) -> Vec<SolvedContact> {
+) -> (Vec<SolvedContact>, Vec<LawMemory>) {
     let file = datbox.join("Vloc_Rloc.INI");
     let h = scene.options.dt;
     let (step, time) = scene.start;
@@ -444,7 +446,8 @@ pub fn initial_contacts(
         };
         // LMGC90's tangents differ from ours.
         let ours = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
-        contacts.push(SolvedContact {
+        let memory = law_memory(&scene.law_names[see.law as usize].kind, &record.internals);
+        let solved = SolvedContact {
             contact: Contact {
                 candidate: BodyId::new(candidate.body),
                 antagonist: BodyId::new(antagonist.body),
@@ -462,17 +465,28 @@ pub fn initial_contacts(
             velocity: ours(record.velocity),
             status,
             bond: bonded.then(|| scene.laws[see.law as usize].bonded_at(record.gap)),
-        });
+        };
+        contacts.push((solved, memory));
     }
     if unseen > 0 {
         let what = if unseen == 1 { "contact is" } else { "contacts are" };
         scene.notes.push(format!("Vloc_Rloc.INI: {unseen} {what} left out: TACT_BEHAV.DAT has no row for the pair"));
     }
-    contacts.sort_by_key(|solved| solved.contact.key());
+    contacts.sort_by_key(|(solved, _)| solved.contact.key());
+    let (contacts, mut memories): (Vec<SolvedContact>, Vec<LawMemory>) = contacts.into_iter().unzip();
+    if !scene.laws.iter().any(ContactLaw::has_law_memory) {
+        memories.clear();
+    }
     for pair in contacts.chunk_by(|a, b| a.contact.key() == b.contact.key()).filter(|same| same.len() > 1) {
         let Contact { candidate, antagonist, .. } = pair[0].contact;
         let found = format!("bodies {} and {} occur {} times", candidate.number(), antagonist.number(), pair.len());
         faults.push(Fault::new(&file, None, "contact", found, "expected each contact once"));
     }
-    contacts
+    (contacts, memories)
+}
+
+/// Memory of a law of a kind, from the internal variables of a contact of Vloc_Rloc.INI.
+fn law_memory(kind: &str, internals: &[f64]) -> LawMemory {
+    let reference_gap = reference_gap_position(kind).and_then(|k| internals.get(k));
+    LawMemory { reference_gap: reference_gap.copied().unwrap_or(0.0) }
 }

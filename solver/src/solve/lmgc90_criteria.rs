@@ -119,6 +119,7 @@ mod tests {
         ContactProblem {
             rows: (0..contacts).map(row).collect(),
             rolling_constraints: vec![],
+            memories: vec![],
             block_data: None,
             bodies: records,
             order: vec![0, 1],

@@ -523,6 +523,7 @@ mod tests {
             rows: vec![row],
             block_data: None,
             rolling_constraints: vec![roll],
+            memories: vec![],
             order: vec![0, 1],
             bodies: vec![record, plate],
         }

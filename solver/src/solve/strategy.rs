@@ -322,6 +322,7 @@ mod tests {
             rows: (0..count).map(row).collect(),
             block_data: None,
             rolling_constraints: vec![],
+            memories: vec![],
             order: (0..=count).collect(),
             bodies: records,
         }

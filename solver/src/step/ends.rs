@@ -142,7 +142,8 @@ impl PostSolve<'_> {
             let moment = rolls.next_if(|(roll, _)| roll.row.index() == k).map(|(_, m)| m);
             *end = self.finish_contact(k, contact, moment);
             // Penetration between two driven bodies is imposed, not an error of the contact.
-            let depth = if row.acts { (-contact.gap).max(0.0) } else { 0.0 };
+            let gap = contact.gap - system.law_memory(k).reference_gap;
+            let depth = if row.acts { (-gap).max(0.0) } else { 0.0 };
             given.penetration_largest = given.penetration_largest.max(depth);
             given.penetration_sum += depth;
             if depth > self.warning_depth {
@@ -151,7 +152,7 @@ impl PostSolve<'_> {
             if end.impulse != Vec3::zeros() {
                 given.contacts_active += 1;
                 let may_close = self.state.laws[contact.law as usize].max_closing_speed(row.u_before.x);
-                given.penetration_added += (-contact.gap - q_c.h * (end.velocity.x + may_close) - depth).max(0.0);
+                given.penetration_added += (-gap - q_c.h * (end.velocity.x + may_close) - depth).max(0.0);
                 let virial = self.accumulate_totals(k, r, end, &mut given);
                 given.virial += virial;
                 exchanges.push(ContactExchange { bodies: row.bodies, virial });

@@ -3,15 +3,15 @@
 use cd_formats::compute::{Adaptive, SweepPrecision};
 use cd_formats::law_table::{LawParameter, law_parameters};
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, FORMAT_VERSION, GravityArrays, IntervalArrays, LawName, MemoryArrays, RunParameters,
-    SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, ShapeArrays, Snapshot,
-    SnapshotMeta,
+    BodyArrays, ContactArrays, FORMAT_VERSION, GravityArrays, IntervalArrays, LawArrays, LawName, MemoryArrays,
+    RunParameters, SHAPE_PARTS, SHAPE_PLANE, SHAPE_SPHERE, STATUS_NO_CONTACT, STATUS_SLIDE, STATUS_STICK, ShapeArrays,
+    Snapshot, SnapshotMeta,
 };
 
 use crate::laws::{Cohesion, ContactLaw};
 use crate::math::Vec3;
 use crate::scene::{BodyPart, BodyShape, RigidBody, Scene};
-use crate::state::{ContactStatus, SolvedContact, State};
+use crate::state::{ContactId, ContactStatus, SolvedContact, State};
 
 /// Returns all of the state, with the scene data that its reader needs.
 pub fn state_snapshot(scene: &Scene, state: &State) -> Snapshot {
@@ -21,6 +21,7 @@ pub fn state_snapshot(scene: &Scene, state: &State) -> Snapshot {
         bodies: body_arrays(scene, state),
         contacts: contact_arrays(state),
         memory,
+        laws: state.laws.iter().any(ContactLaw::has_law_memory).then(|| law_arrays(state)),
         gravity: gravity_arrays(scene, state),
         shapes: scene.is_general().then(|| shape_arrays(scene, state)),
         interval: Some(interval_arrays(state)),
@@ -194,6 +195,11 @@ fn memory_arrays(state: &State) -> MemoryArrays {
         contact_moment: state.contacts.iter().map(|c| c.moment.into()).collect(),
         contact_bond_gap: state.contacts.iter().map(|c| c.bond.unwrap_or(0.0)).collect(),
     }
+}
+
+fn law_arrays(state: &State) -> LawArrays {
+    let memories = (0..state.contacts.len()).map(|k| state.law_memory(ContactId::new(k)));
+    LawArrays { contact_reference_gap: memories.map(|memory| memory.reference_gap).collect() }
 }
 
 #[cfg(test)]

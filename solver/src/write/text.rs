@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic::{self, folder_entries};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::error::Faults;
+use cd_formats::law_table::reference_gap_position;
 use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 
 use crate::laws::Cohesion;
 use crate::math::Vec3;
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, Scene};
-use crate::state::{ContactStatus, SolvedContact, State};
+use crate::state::{ContactId, ContactStatus, LawMemory, SolvedContact, State};
 
 const DOF_PREFIX: &str = "DOF.OUT.";
 
@@ -108,7 +109,8 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
         };
         ContactSide { body: body.index(), contactor: contactor.into(), rank: rank.into() }
     };
-    let record = |SolvedContact { contact, impulse, velocity, status, bond, .. }: &SolvedContact| {
+    let record = |(k, solved): (usize, &SolvedContact)| {
+        let SolvedContact { contact, impulse, velocity, status, bond, .. } = solved;
         let candidate = side(contact.candidate, contact.ranks.0);
         let antagonist = side(contact.antagonist, contact.ranks.1);
         ContactRecord {
@@ -132,8 +134,18 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
             gap: contact.gap + state.h * velocity.x,
             frame: contact.frame().map(Into::into),
             point: contact.point.into(),
-            internals: Vec::new(),
+            internals: law_internals(&scene.law_names[contact.law as usize].kind, &state.law_memory(ContactId::new(k))),
         }
     };
-    VlocRloc { step: state.step, time: state.time, contacts: state.contacts.iter().map(record).collect() }
+    VlocRloc { step: state.step, time: state.time, contacts: state.contacts.iter().enumerate().map(record).collect() }
+}
+
+/// Internal variables of a contact with a law of a kind, in LMGC90's order; unused ones are 0.
+fn law_internals(kind: &str, memory: &LawMemory) -> Vec<f64> {
+    let mut internals = Vec::new();
+    if let Some(position) = reference_gap_position(kind) {
+        internals.resize(position, 0.0);
+        internals.push(memory.reference_gap);
+    }
+    internals
 }

@@ -12,6 +12,7 @@ mod elliptic;
 mod envelope;
 mod extremes;
 mod faces;
+mod first_gaps;
 mod flight;
 mod gravity;
 mod invariants;

@@ -66,7 +66,7 @@ fn options_without_effect_are_told() {
     case.write();
     let expected = "cd-solve: gravity_error: without effect; needs self_gravity\n\
                     cd-solve: narrow_phase: without effect; needs polyhedra\n\
-                    cd-solve: event 1: without effect; Bond needs a law whose bonds or bridges can break\n\
+                    cd-solve: event 1: without effect; Bond needs a law with bonds, liquid bridges or reference gaps\n\
                     cd-solve: event 2: without effect; no step begins at 1 s or later, the last begins at 0.001 s\n\
                     cd-solve: event 4: without effect; no step begins at 0.0015 s or later, the last begins at 0.001 s\n";
     let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();

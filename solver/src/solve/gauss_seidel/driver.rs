@@ -213,8 +213,14 @@ mod tests {
     fn single_precision_is_for_many_contacts() {
         let row = ContactConstraint { w_n: 1.0, can_close: true, ..ContactConstraint::default() };
         let rows = vec![row; MIN_F32_CONTACTS];
-        let system =
-            ContactProblem { rows, block_data: None, rolling_constraints: vec![], order: vec![], bodies: vec![] };
+        let system = ContactProblem {
+            rows,
+            block_data: None,
+            rolling_constraints: vec![],
+            memories: vec![],
+            order: vec![],
+            bodies: vec![],
+        };
         let all: Vec<ContactId> = (0..MIN_F32_CONTACTS).map(ContactId::new).collect();
         let [auto, single, double] = [SweepPrecision::Auto, SweepPrecision::Single, SweepPrecision::Double]
             .map(|precision| StoppingCriteria { precision, ..StoppingCriteria::new(1e-3, 10) });

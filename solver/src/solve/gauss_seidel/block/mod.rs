@@ -77,6 +77,7 @@ mod tests {
         let mut system = ContactProblem {
             rows,
             rolling_constraints: vec![],
+            memories: vec![],
             block_data: Some(full),
             bodies: records,
             order: (0..count).collect(),
