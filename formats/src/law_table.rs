@@ -53,6 +53,8 @@ impl ParameterQuantity {
 pub enum ParameterLimit {
     NonNegative,
     ZeroToOne,
+    Positive,
+    NonPositive,
     /// Any finite number.
     Finite,
 }
@@ -134,13 +136,13 @@ law_parameters! {
     /// Largest compression of a capped bond.
     CompressionCap: "scom", "compression_cap", "limit in compression", Stress, Finite, Finite;
     /// Relaxation of a gap: period over the time step.
-    RelaxationSteps: "T/H", "relaxation_steps", "T/h", Number, Finite, Finite;
-    /// Gap at which relaxation begins.
-    RelaxationGap: "gtol", "relaxation_gap", "gap", Length, Finite, Finite;
+    RelaxationSteps: "T/H", "relaxation_steps", "T/h", Number, Positive, Finite;
+    /// Gap below which relaxation begins, at most 0.
+    RelaxationGap: "gtol", "relaxation_gap", "gap", Length, NonPositive, Finite;
     /// Force over gap.
-    Stiffness: "F/gp", "stiffness", "stiffness", Stiffness, NonNegative, NonNegative;
+    Stiffness: "F/gp", "stiffness", "stiffness", Stiffness, Positive, NonNegative;
     /// Force over velocity of the gap.
-    NormalViscosity: "etan", "normal_viscosity", "viscosity", Viscosity, Finite, Finite;
+    NormalViscosity: "etan", "normal_viscosity", "viscosity", Viscosity, NonNegative, Finite;
     /// Force of a wire or rod over velocity.
     WireViscosity: "F/vl", "wire_viscosity", "viscosity", Viscosity, Finite, Finite;
     /// Strain of a wire or rod without force.
@@ -154,6 +156,8 @@ impl LawParameter {
             && match self.limit() {
                 ParameterLimit::NonNegative => value >= 0.0,
                 ParameterLimit::ZeroToOne => (0.0..=1.0).contains(&value),
+                ParameterLimit::Positive => value > 0.0,
+                ParameterLimit::NonPositive => value <= 0.0,
                 ParameterLimit::Finite => true,
             }
     }
@@ -170,6 +174,8 @@ impl LawParameter {
         };
         let text = match self.limit() {
             ParameterLimit::NonNegative => format!("a {noun} >= 0 {}", self.quantity().unit()),
+            ParameterLimit::Positive => format!("a {noun} > 0 {}", self.quantity().unit()),
+            ParameterLimit::NonPositive => format!("a {noun} <= 0 {}", self.quantity().unit()),
             ParameterLimit::ZeroToOne => "0 to 1".into(),
             ParameterLimit::Finite => {
                 format!("a finite {} {}", noun.trim_start_matches("finite "), self.quantity().unit())
@@ -278,6 +284,7 @@ pub fn reference_gap_position(label: &str) -> Option<usize> {
         "IQS_CLB_g0" => Some(0),
         // Behind the size of the contact.
         "GAP_SGR_CLB_g0" => Some(1),
+        "ELASTIC_REPELL_CLB_g0" => Some(0),
         _ => None,
     }
 }
@@ -457,6 +464,22 @@ contact_laws! {
             ],
             friction: FrictionPair { static_friction, dynamic_friction }
         }
+        /// as `RST_DS_CLB`, with attraction by the constant force `cohesion` while the gap is at most `range`
+        RstWetClb "RST_WET_CLB" {
+            lines: [
+                [cohesion: LiquidCohesion; UnusedCohesion],
+                [normal_restitution: NormalRestitution, tangential_restitution: TangentialRestitution],
+                [range: LiquidRange],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Liquid { force: cohesion, range, remembers: false }
+        }
+        /// as `IQS_CLB`, with overlaps deeper than -`relaxation_gap` pushed out in about `relaxation_steps` steps
+        IqsClbRgr "IQS_CLB_RGR" {
+            lines: [[relaxation_steps: RelaxationSteps, relaxation_gap: RelaxationGap], [friction: Friction]],
+            friction: FrictionPair::equal(friction)
+        }
         /// Signorini's condition on the gap: removes a penetration in one step
         GapSgrClb "GAP_SGR_CLB" {
             lines: [[friction: Friction]],
@@ -474,6 +497,27 @@ contact_laws! {
             friction: FrictionPair::equal(friction),
             remembers: ReferenceGap
         }
+        /// linear spring on the overlap at the end of the step
+        ElasticRepellClb "ELASTIC_REPELL_CLB" {
+            lines: [[stiffness: Stiffness], [friction: Friction]],
+            friction: FrictionPair::equal(friction)
+        }
+        /// as `ELASTIC_REPELL_CLB`, with gaps counted from those at the start of the run or at an event `Bond`
+        ElasticRepellClbG0 "ELASTIC_REPELL_CLB_g0" {
+            lines: [[stiffness: Stiffness], [friction: Friction]],
+            friction: FrictionPair::equal(friction),
+            remembers: ReferenceGap
+        }
+        /// linear spring and damper on overlaps
+        ViscoElasticRepellClb "VISCO_ELASTIC_REPELL_CLB" {
+            lines: [[stiffness: Stiffness, normal_viscosity: NormalViscosity], [friction: Friction]],
+            friction: FrictionPair::equal(friction)
+        }
+        /// no relative velocity within the alert distance, whatever the force
+        CoupledDof "COUPLED_DOF" {
+            lines: [],
+            friction: FrictionPair::equal(0.0)
+        }
         /// Signorini's condition on the velocity
         VelSgrClb "VEL_SGR_CLB" {
             lines: [[friction: Friction]],
@@ -481,22 +525,11 @@ contact_laws! {
         }
     }
     exchanged {
-        "RST_WET_CLB" [
-            [LiquidCohesion, UnusedCohesion],
-            [NormalRestitution, TangentialRestitution],
-            [LiquidRange],
-            [DynamicFriction, StaticFriction]
-        ];
         "IQS_CAP_MOHR_DS_CLB" [
             [NormalCohesion, TangentialCohesion],
             [DynamicFriction, StaticFriction],
             [TensionCap, CompressionCap]
         ];
-        "IQS_CLB_RGR" [[RelaxationSteps, RelaxationGap], [Friction]];
-        "ELASTIC_REPELL_CLB" [[Stiffness], [Friction]];
-        "ELASTIC_REPELL_CLB_g0" [[Stiffness], [Friction]];
-        "VISCO_ELASTIC_REPELL_CLB" [[Stiffness, NormalViscosity], [Friction]];
-        "COUPLED_DOF" [];
         "ELASTIC_WIRE" [[Stiffness, Prestrain]];
         "ELASTIC_ROD" [[Stiffness, Prestrain]];
         "VOIGT_WIRE" [[Stiffness, Prestrain], [WireViscosity]];

@@ -45,7 +45,7 @@ impl<'a> AssemblyContext<'a> {
     /// Whether a contact can close within the step or is within the range of its law.
     pub(super) fn can_act(&self, contact: &Contact) -> bool {
         let law = &self.state.laws[contact.law as usize];
-        if law.has_reference_gap {
+        if law.acts_apart() {
             return true; // the gap that counts is not known yet
         }
         let is_in_range = || contact.gap <= law.interaction_range(self.effective_radius(contact));

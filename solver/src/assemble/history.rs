@@ -229,7 +229,7 @@ impl AssemblyContext<'_> {
     }
 
     /// Alert distance of the visibility table for a contact, m.
-    fn alert_distance(&self, contact: &Contact) -> Option<f64> {
+    pub(super) fn alert_distance(&self, contact: &Contact) -> Option<f64> {
         let Contact { candidate, antagonist, ranks, .. } = *contact;
         let a = self.scene.contactor_class(candidate, ranks.0)?;
         let b = self.scene.contactor_class(antagonist, ranks.1)?;

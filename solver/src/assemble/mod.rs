@@ -17,7 +17,7 @@ pub use events::{AppliedEvents, apply_events, apply_torque_and_damping};
 pub use forces::{FreeMotion, free_velocity, potential_energy};
 pub use history::connected_bodies;
 pub use kinematics::{relative_velocity, velocity_at_arms};
-pub use problem::{BlockData, ContactConstraint, ContactProblem, RollingConstraint, SolverBody};
+pub use problem::{BlockData, ContactConstraint, ContactProblem, RegularisedRow, RollingConstraint, SolverBody};
 pub use rows::contact_problem;
 pub use self_gravity::GravityReport;
 pub use stored::{StoredProblem, stored_problem};

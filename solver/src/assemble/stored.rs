@@ -116,6 +116,7 @@ mod tests {
             rows: (0..4).map(row).collect(),
             rolling_constraints: vec![],
             memories: vec![],
+            regularised: vec![],
             block_data: None,
             bodies: records,
             order: vec![0, 1, 2, 3],

@@ -87,7 +87,7 @@ pub fn set_laws_and_visibility(datbox: &Path, tact: &TactBehav, scene: &mut Scen
             for ParameterFault { parameter, found, expected } in invalid {
                 refuse(format!("{} ({}) {found}", parameter.name(), parameter.label()), format!("expected {expected}"));
             }
-        } else if model.rolling().is_some()
+        } else if (model.rolling().is_some() || ContactLaw::new(&model).is_regularised())
             && !matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs)
         {
             let solver = scene.options.solver;
@@ -103,6 +103,15 @@ pub fn set_laws_and_visibility(datbox: &Path, tact: &TactBehav, scene: &mut Scen
                 parameters: record.parameters.clone(),
             });
         }
+    }
+
+    let position = |wanted: fn(&ContactLaw) -> bool| scene.laws.iter().position(wanted);
+    if let (Some(roll), Some(spring)) = (position(|law| law.rolling.is_some()), position(ContactLaw::is_regularised)) {
+        let [roll, spring] = [roll, spring].map(|k| &scene.law_names[k]);
+        let line = tact.laws.iter().find(|law| law.nickname == roll.nickname).map(|law| law.line);
+        let found = format!("{} beside law '{}', {}", roll.kind, spring.nickname, spring.kind);
+        let expected = "expected laws without rolling friction where a law has springs or couples bodies";
+        faults.push(Fault::new(&file, line, format!("law '{}'", roll.nickname), found, expected));
     }
 
     let colours = scene.colours.len().max(1);
@@ -271,6 +280,9 @@ pub fn check_events(scene: &Scene, report: &mut FaultReport) {
                     && !scene.laws[law].clone().set_cohesion(0.0) =>
             {
                 report.add_fault(&path, format!("law '{name}' has no cohesion"), "a law with cohesion");
+            }
+            Some(law) if matches!(event.action, EventAction::SetFriction(..)) && scene.laws[law].is_coupled() => {
+                report.add_fault(&path, format!("law '{name}' has no friction"), "a law with friction");
             }
             Some(_) => {}
         }

@@ -72,6 +72,9 @@ pub fn solve_contact_problem(
     task: SolveRequest,
     stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> ContactSolution {
+    if !system.regularised.is_empty() {
+        return solve_nlgs(system, task.criteria, task.width);
+    }
     let found = solve_from_warm_start(system, task, stored);
     if found.residual < 1.0 {
         return found;
@@ -323,6 +326,7 @@ mod tests {
             block_data: None,
             rolling_constraints: vec![],
             memories: vec![],
+            regularised: vec![],
             order: (0..=count).collect(),
             bodies: records,
         }

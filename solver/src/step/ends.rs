@@ -146,13 +146,17 @@ impl PostSolve<'_> {
             let depth = if row.acts { (-gap).max(0.0) } else { 0.0 };
             given.penetration_largest = given.penetration_largest.max(depth);
             given.penetration_sum += depth;
-            if depth > self.warning_depth {
+            let law = &self.state.laws[contact.law as usize];
+            // Springs overlap by law.
+            if depth > self.warning_depth && !law.is_regularised() {
                 given.overlap = deeper_overlap(given.overlap, Overlap::from_contact(self.scene, contact));
             }
             if end.impulse != Vec3::zeros() {
                 given.contacts_active += 1;
-                let may_close = self.state.laws[contact.law as usize].max_closing_speed(row.u_before.x);
-                given.penetration_added += (-gap - q_c.h * (end.velocity.x + may_close) - depth).max(0.0);
+                if !law.is_regularised() {
+                    let may_close = law.max_closing_speed(row.u_before.x);
+                    given.penetration_added += (-gap - q_c.h * (end.velocity.x + may_close) - depth).max(0.0);
+                }
                 let virial = self.accumulate_totals(k, r, end, &mut given);
                 given.virial += virial;
                 exchanges.push(ContactExchange { bodies: row.bodies, virial });
@@ -179,6 +183,7 @@ impl PostSolve<'_> {
         let bound = row.friction * local.x * (1.0 - 1e-12);
         let at_limit = if motion.is_some() && row.friction > 0.0 { slides } else { local.yz().norm() >= bound };
         let status = match local.x > 0.0 {
+            _ if law.is_coupled() => ContactStatus::Stick,
             false => ContactStatus::NoContact,
             true if at_limit => ContactStatus::Slide,
             true => ContactStatus::Stick,

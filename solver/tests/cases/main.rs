@@ -18,6 +18,7 @@ mod gravity;
 mod invariants;
 mod joints;
 mod laws;
+mod laws_of_lmgc90;
 mod limits;
 mod listing;
 mod long_runs;

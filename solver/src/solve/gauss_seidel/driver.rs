@@ -14,6 +14,7 @@ use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::solve::gauss_seidel::layout::pack_problem;
 use crate::solve::gauss_seidel::momentum::{MOMENTUM_CYCLE, SweepMomentum};
 use crate::solve::gauss_seidel::packed::PackSource;
+use crate::solve::regularised::solve_regularised;
 use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator};
 use crate::solve::types::{ContactReactions, ContactSolution, StoppingCriteria};
 use crate::state::ContactId;
@@ -41,6 +42,9 @@ const MAX_MASS_RATIO: f64 = 1e9;
 /// become faster than its free velocity - is included, and sweeping continues.
 pub fn solve_nlgs(system: &ContactProblem, until: StoppingCriteria, width: SimdWidth) -> ContactSolution {
     let StoppingCriteria { tol, max_sweeps, .. } = until;
+    if !system.regularised.is_empty() {
+        return solve_regularised(system, until);
+    }
     let rows = (0..system.rows.len() as u32).into_par_iter().with_min_len(PAR_MIN_LEN).map(ContactId);
     let mut active: Vec<ContactId> = rows.filter(|k| system.rows[k.index()].can_close).collect();
     let mut reactions = ContactReactions::warm_start(system, &active);
@@ -218,6 +222,7 @@ mod tests {
             block_data: None,
             rolling_constraints: vec![],
             memories: vec![],
+            regularised: vec![],
             order: vec![],
             bodies: vec![],
         };

@@ -121,6 +121,7 @@ mod tests {
             block_data: None,
             rolling_constraints: vec![],
             memories: vec![],
+            regularised: vec![],
             order: vec![6, 5, 4, 3, 2, 1, 0],
             bodies: (0..7).map(body).collect(),
         };

@@ -78,6 +78,7 @@ mod tests {
             rows,
             rolling_constraints: vec![],
             memories: vec![],
+            regularised: vec![],
             block_data: Some(full),
             bodies: records,
             order: (0..count).collect(),
