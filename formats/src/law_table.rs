@@ -15,9 +15,13 @@
 //! that is not handled is an error of the compiler. Tests compare friction limit, memory and changes by events with the
 //! solver for each law of the table.
 
+mod refused;
+
 use std::fmt;
 
 use serde::Deserialize;
+
+pub use refused::refusal_reason;
 
 use crate::ron_text::known_names;
 
@@ -658,19 +662,19 @@ impl LawError {
     /// Description of the law that was found.
     pub fn found(&self) -> String {
         let LawError { label, count } = self;
-        match law_entry(label) {
-            None => format!("its kind '{label}' is not known"),
-            Some(LawEntry { computed: false, .. }) => format!("its kind {label} can be read and written, not computed"),
-            Some(_) => format!("{label} with {count} parameters"),
+        match (law_entry(label), refusal_reason(label)) {
+            (_, Some(reason)) => format!("its kind {label} is not computed: {reason}"),
+            (None, None) => format!("its kind '{label}' is not known"),
+            (Some(_), None) => format!("{label} with {count} parameters"),
         }
     }
 
     /// Laws or parameters that are expected, in words.
     pub fn expected(&self) -> String {
-        match law_entry(&self.label) {
-            None => known_names(&self.label, &computed_labels()),
-            Some(LawEntry { computed: false, .. }) => format!("computed are {}", computed_labels().join(", ")),
-            Some(entry) => {
+        match (law_entry(&self.label), refusal_reason(&self.label)) {
+            (_, Some(_)) => format!("computed are {}", computed_labels().join(", ")),
+            (None, None) => known_names(&self.label, &computed_labels()),
+            (Some(entry), None) => {
                 let names: Vec<&str> = entry.parameters().map(LawParameter::label).collect();
                 format!("expected {}: {}", names.len(), names.join(", "))
             }

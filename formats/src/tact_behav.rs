@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::bodies::CONTACTOR_TYPES;
 use crate::error::Faults;
-use crate::law_table::{FileLimit, LAW_TABLE, LawEntry, LawError, LawModel, law_entry};
+use crate::law_table::{FileLimit, LawEntry, LawError, LawModel, computed_labels, law_entry, refusal_reason};
 use crate::ron_text::known_names;
 use crate::scan::{AsciiText, LineScanner, TextLine, format_e14, format_long14, fortran_real, put_text};
 
@@ -206,9 +206,12 @@ fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
     scan.set_object(format!("law '{nickname}'"));
     let mut law = LawRecord { line: first.number, nickname, kind, parameters: Vec::new() };
     let Some(&LawEntry { lines, .. }) = law_entry(&law.kind) else {
-        if !law.kind.is_empty() {
-            let known: Vec<_> = LAW_TABLE.iter().map(|entry| entry.label).collect();
-            let expected = known_names(&law.kind, &known);
+        if refusal_reason(&law.kind).is_some() {
+            // Whether a contact needs it is known later; its parameters are of no use.
+            let is_parameter = |line: TextLine| line.is_continuation() && has_real(line, PARAMETER_COLUMNS[0]);
+            while scan.next_line_if(is_parameter).is_some() {}
+        } else if !law.kind.is_empty() {
+            let expected = known_names(&law.kind, &computed_labels());
             scan.add_fault(first.number, format!("its kind '{}' is not known", law.kind), expected);
         }
         return Some(law);

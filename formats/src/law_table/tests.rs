@@ -74,7 +74,8 @@ fn unknown_laws_and_values_out_of_range_are_reported() {
     let error = |label: &str, values: &[f64]| LawModel::from_values(label, values).unwrap_err().to_string();
     assert_eq!(error("IQS_CBL", &[0.1]), "its kind 'IQS_CBL' is not known; did you mean IQS_CLB?");
     assert_eq!(error("RST_CLB", &[0.1]), "RST_CLB with 1 parameters; expected 3: rstn, rstt, fric");
-    let start = "its kind ELASTIC_WIRE can be read and written, not computed; computed are IQS_CLB, ";
+    let start = "its kind ELASTIC_WIRE is not computed: it acts between points PT3Dx, between which no contacts are computed; \
+                 computed are IQS_CLB, ";
     assert!(error("ELASTIC_WIRE", &[1.0, 0.0]).starts_with(start));
     let faults = |label: &str, values: &[f64]| -> Vec<String> {
         let faults = LawModel::from_values(label, values).unwrap().parameter_faults();

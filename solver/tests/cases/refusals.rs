@@ -236,10 +236,11 @@ fn laws() {
     let line = "cd-solve: CASE/DATBOX/TACT_BEHAV.DAT:2: law 'law00': its kind 'IQS_GLUE' is not known; expected one of IQS_CLB, ";
     assert!(text.starts_with(line) && text.lines().count() == 1, "{text}");
 
-    case.law("ELASTIC_REPELL_CLB", &[1e6, 0.3]);
-    let computed = "computed are IQS_CLB, IQS_DS_CLB, IQS_WET_DS_CLB, xQS_WET_DS_CLB, IQS_MOHR_DS_CLB, IQS_DS_ROLL_CLB, IQS_WET_DS_ROLL_CLB, RST_CLB, RST_DS_CLB, GAP_SGR_CLB, VEL_SGR_CLB";
+    case.law("ELASTIC_WIRE", &[1e6, 0.3]);
+    let computed = format!("computed are {}", cd_formats::law_table::computed_labels().join(", "));
+    let reason = "it acts between points PT3Dx, between which no contacts are computed";
     let lines = [("2", "law00"), ("5", "law01")].map(|(line, name)| {
-        format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': its kind ELASTIC_REPELL_CLB can be read and written, not computed; {computed}")
+        format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': its kind ELASTIC_WIRE is not computed: {reason}; {computed}")
     });
     written_refused(&case, &[], &lines.each_ref().map(String::as_str));
 
@@ -251,7 +252,7 @@ fn laws() {
 
     // A law that no row uses is nobody's concern.
     let mut case = sound();
-    case.law_with("SPHER", "ELASTIC_REPELL_CLB", &[1e6, 0.3]);
+    case.law_with("SPHER", "ELASTIC_WIRE", &[1e6, 0.3]);
     case.tact.visibility.pop();
     case.write();
     assert_eq!(spawn(&case, &[]).0, 0);
