@@ -239,7 +239,7 @@ fn laws() {
     case.law("ELASTIC_WIRE", &[1e6, 0.3]);
     let computed = format!("computed are {}", cd_formats::law_table::computed_labels().join(", "));
     let reason = "it acts between points PT3Dx, between which no contacts are computed";
-    let lines = [("2", "law00"), ("5", "law01")].map(|(line, name)| {
+    let lines = [("2", "law00"), ("4", "law01")].map(|(line, name)| {
         format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': its kind ELASTIC_WIRE is not computed: {reason}; {computed}")
     });
     written_refused(&case, &[], &lines.each_ref().map(String::as_str));
