@@ -15,12 +15,14 @@
 //! that is not handled is an error of the compiler. Tests compare friction limit, memory and changes by events with the
 //! solver for each law of the table.
 
+mod interface;
 mod refused;
 
 use std::fmt;
 
 use serde::Deserialize;
 
+pub use interface::{DamageLaw, LawInterface, ModePair};
 pub use refused::refusal_reason;
 
 use crate::ron_text::known_names;
@@ -36,6 +38,9 @@ pub enum ParameterQuantity {
     Stress,
     Stiffness,
     Viscosity,
+    StiffnessPerArea,
+    SurfaceEnergy,
+    DamageViscosity,
 }
 
 impl ParameterQuantity {
@@ -48,6 +53,9 @@ impl ParameterQuantity {
             ParameterQuantity::Stress => "Pa",
             ParameterQuantity::Stiffness => "N/m",
             ParameterQuantity::Viscosity => "N s/m",
+            ParameterQuantity::StiffnessPerArea => "Pa/m",
+            ParameterQuantity::SurfaceEnergy => "J/m²",
+            ParameterQuantity::DamageViscosity => "J s/m²",
         }
     }
 }
@@ -147,6 +155,28 @@ law_parameters! {
     Stiffness: "F/gp", "stiffness", "stiffness", Stiffness, Positive, NonNegative;
     /// Force over velocity of the gap.
     NormalViscosity: "etan", "normal_viscosity", "viscosity", Viscosity, NonNegative, Finite;
+    /// Traction of an interface over opening.
+    NormalStiffness: "cn", "normal_stiffness", "k_n", StiffnessPerArea, Positive, NonNegative;
+    /// Shear of an interface over sliding.
+    TangentialStiffness: "ct", "tangential_stiffness", "k_t", StiffnessPerArea, Positive, NonNegative;
+    /// Largest traction of an interface.
+    NormalStrength: "s1", "normal_strength", "s_n", Stress, Positive, NonNegative;
+    /// Largest shear of an interface.
+    TangentialStrength: "s2", "tangential_strength", "s_t", Stress, Positive, NonNegative;
+    /// Energy that breaks an interface by opening.
+    NormalEnergy: "G1", "normal_energy", "G_n", SurfaceEnergy, Positive, NonNegative;
+    /// Energy that breaks an interface by sliding.
+    TangentialEnergy: "G2", "tangential_energy", "G_t", SurfaceEnergy, Positive, NonNegative;
+    /// Share of the strength at which an exponential interface is broken.
+    RestShare: "eta", "rest_share", "η", Number, Positive, NonNegative;
+    /// Opening at which the traction begins to fall.
+    NormalPlateau: "dp1", "normal_plateau", "d_n", Length, Positive, NonNegative;
+    /// Sliding at which the shear begins to fall.
+    TangentialPlateau: "dp2", "tangential_plateau", "d_t", Length, Positive, NonNegative;
+    /// Viscosity of the loss of adhesion.
+    DamageViscosity: "visc", "damage_viscosity", "b", DamageViscosity, NonNegative, Finite;
+    /// Energy of adhesion.
+    AdhesionEnergy: "dupr", "adhesion_energy", "w", SurfaceEnergy, NonNegative, Finite;
     /// Force of a wire or rod over velocity.
     WireViscosity: "F/vl", "wire_viscosity", "viscosity", Viscosity, Finite, Finite;
     /// Strain of a wire or rod without force.
@@ -174,7 +204,9 @@ impl LawParameter {
             ParameterQuantity::Length => "distance",
             ParameterQuantity::Stress => "stress",
             ParameterQuantity::Stiffness => "stiffness",
-            ParameterQuantity::Viscosity => "viscosity",
+            ParameterQuantity::Viscosity | ParameterQuantity::DamageViscosity => "viscosity",
+            ParameterQuantity::StiffnessPerArea => "stiffness",
+            ParameterQuantity::SurfaceEnergy => "energy",
         };
         let text = match self.limit() {
             ParameterLimit::NonNegative => format!("a {noun} >= 0 {}", self.quantity().unit()),
@@ -236,6 +268,8 @@ pub enum ContactMemory {
     Moment,
     /// Gap from which its law counts: that of the start.
     ReferenceGap,
+    /// Damage of its interface, and how far it has slid.
+    Damage,
 }
 
 /// State of a contact that determines its friction limit.
@@ -281,6 +315,14 @@ pub fn law_parameters(label: &str) -> impl Iterator<Item = LawParameter> {
     law_entry(label).into_iter().flat_map(LawEntry::parameters)
 }
 
+/// Laws with an interface, and positions of its state among the internal variables of a contact in Vloc_Rloc files, where
+/// LMGC90 has them: sliding along t and s, and soundness.
+pub const INTERFACE_KINDS: [&str; 4] = ["IQS_MAL_CZM", "IQS_EXPO_CZM", "IQS_TH_CZM", "IQS_MAC_CZM"];
+pub const INTERFACE_SLIDING: [usize; 2] = [1, 3];
+pub const INTERFACE_SOUNDNESS: usize = 4;
+/// Number of these internal variables.
+pub const INTERFACE_INTERNALS: usize = 7;
+
 /// Position of the reference gap among the internal variables of a contact in Vloc_Rloc files, where LMGC90 has it; `None` for
 /// laws without a reference gap.
 pub fn reference_gap_position(label: &str) -> Option<usize> {
@@ -319,6 +361,7 @@ macro_rules! contact_laws {
         $(, cohesion: $cohesion:expr)?
         $(, rolling: $rolling:expr)?
         $(, remembers: $memory:ident)?
+        $(, interface: $interface:expr)?
     })+ } exchanged { $($other:literal [$([$($other_parameter:ident),*]),*];)+ }) => {
         /// Contact law with the values of its parameters, in SI units. A scene gives it by the name of the table, as
         /// `IQS_CLB(friction: 0.4)`.
@@ -378,6 +421,12 @@ macro_rules! contact_laws {
             #[allow(unused_variables)]
             pub fn rolling(&self) -> Option<RollingFriction> {
                 match *self { $(LawModel::$law { $($($field,)*)* } => None$(.or(Some($rolling)))?,)+ }
+            }
+
+            /// Elastic interface with damage, if the law has one.
+            #[allow(unused_variables)]
+            pub fn interface(&self) -> Option<LawInterface> {
+                match *self { $(LawModel::$law { $($($field,)*)* } => None$(.or(Some($interface)))?,)+ }
             }
 
             /// State of a contact that the row of the law names.
@@ -521,6 +570,71 @@ contact_laws! {
         CoupledDof "COUPLED_DOF" {
             lines: [],
             friction: FrictionPair::equal(0.0)
+        }
+        /// as `IQS_DS_CLB`, over an elastic interface whose stress falls as a parabola
+        IqsMalCzm "IQS_MAL_CZM" {
+            lines: [
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction],
+                [normal_stiffness: NormalStiffness, tangential_stiffness: TangentialStiffness],
+                [normal_strength: NormalStrength, tangential_strength: TangentialStrength],
+                [normal_energy: NormalEnergy, tangential_energy: TangentialEnergy]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            remembers: Damage,
+            interface: LawInterface {
+                normal_stiffness,
+                tangential_stiffness,
+                damage: DamageLaw::Parabolic { strength: ModePair { opening: normal_strength, sliding: tangential_strength }, energy: ModePair { opening: normal_energy, sliding: tangential_energy } }
+            }
+        }
+        /// as `IQS_DS_CLB`, over an elastic interface whose stress falls exponentially
+        IqsExpoCzm "IQS_EXPO_CZM" {
+            lines: [
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction],
+                [normal_stiffness: NormalStiffness, tangential_stiffness: TangentialStiffness],
+                [normal_strength: NormalStrength, tangential_strength: TangentialStrength],
+                [normal_energy: NormalEnergy, tangential_energy: TangentialEnergy],
+                [rest_share: RestShare]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            remembers: Damage,
+            interface: LawInterface {
+                normal_stiffness,
+                tangential_stiffness,
+                damage: DamageLaw::Exponential { strength: ModePair { opening: normal_strength, sliding: tangential_strength }, energy: ModePair { opening: normal_energy, sliding: tangential_energy }, rest: rest_share }
+            }
+        }
+        /// as `IQS_DS_CLB`, over an elastic interface whose stress falls linearly behind a plateau
+        IqsThCzm "IQS_TH_CZM" {
+            lines: [
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction],
+                [normal_stiffness: NormalStiffness, tangential_stiffness: TangentialStiffness],
+                [normal_strength: NormalStrength, tangential_strength: TangentialStrength],
+                [normal_energy: NormalEnergy, tangential_energy: TangentialEnergy],
+                [normal_plateau: NormalPlateau, tangential_plateau: TangentialPlateau]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            remembers: Damage,
+            interface: LawInterface {
+                normal_stiffness,
+                tangential_stiffness,
+                damage: DamageLaw::Trapezoidal { strength: ModePair { opening: normal_strength, sliding: tangential_strength }, energy: ModePair { opening: normal_energy, sliding: tangential_energy }, plateau: ModePair { opening: normal_plateau, sliding: tangential_plateau } }
+            }
+        }
+        /// as `IQS_DS_CLB`, over an elastic interface whose adhesion is lost with a viscosity
+        IqsMacCzm "IQS_MAC_CZM" {
+            lines: [
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction],
+                [normal_stiffness: NormalStiffness, tangential_stiffness: TangentialStiffness],
+                [damage_viscosity: DamageViscosity, adhesion_energy: AdhesionEnergy]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            remembers: Damage,
+            interface: LawInterface {
+                normal_stiffness,
+                tangential_stiffness,
+                damage: DamageLaw::Viscous { energy: adhesion_energy, viscosity: damage_viscosity }
+            }
         }
         /// Signorini's condition on the velocity
         VelSgrClb "VEL_SGR_CLB" {

@@ -181,6 +181,7 @@ fn kept_state(model: &LawModel) -> String {
         ContactMemory::Bond => "bond",
         ContactMemory::Moment => "moment",
         ContactMemory::ReferenceGap => "reference gap",
+        ContactMemory::Damage => "damage",
     };
     let kept: Vec<&str> = model.memory().into_iter().map(word).collect();
     if kept.is_empty() { "-".into() } else { kept.join(", ") }
@@ -237,10 +238,10 @@ fn laws_for_exchange_are_those_of_the_table() {
 #[test]
 fn other_pages_name_every_law() {
     let (_, snapshots) = page_of(SNAPSHOTS);
-    use ContactMemory::{Bond, LiquidBridge, Moment, ReferenceGap};
+    use ContactMemory::{Bond, Damage, LiquidBridge, Moment, ReferenceGap};
     for (condition, kinds) in [
         ("memory or rolling moments", &[LiquidBridge, Bond, Moment][..]),
-        ("[reference gaps](../laws.md#reference-gaps)", &[ReferenceGap]),
+        ("[reference gaps](../laws.md#reference-gaps) or [interfaces](../laws.md#interfaces)", &[ReferenceGap, Damage]),
     ] {
         let keeps = |entry: &&LawEntry| example_of(entry).memory().iter().any(|kind| kinds.contains(kind));
         let names: Vec<String> =

@@ -190,6 +190,10 @@ pub struct SolvedContact {
 pub struct LawMemory {
     /// Gap from which the law counts, m.
     pub reference_gap: f64,
+    /// Soundness of the interface, 1 without damage; 0 if it is broken or there is none.
+    pub soundness: f64,
+    /// Sliding of the candidate on the interface, world frame, m.
+    pub sliding: Vec3,
 }
 
 /// Sums over contacts since the last step after which a snapshot was due.

@@ -77,15 +77,11 @@ const REFUSED_LAWS: &[(&str, &[&str])] = &[
         "cohesive zones with a damage of their own are not among the models of cd-solve",
         &[
             "IQS_ABP_CZM",
-            "IQS_EXPO_CZM",
             "IQS_EXPO_CZM_P",
             "IQS_EXPO_CZM_SPRING",
             "IQS_EXPO_CZM_SPRING_P",
-            "IQS_MAC_CZM",
             "IQS_MAC_CZM_noslds",
             "IQS_MAC_CZM_nosldt",
-            "IQS_MAL_CZM",
-            "IQS_TH_CZM",
         ],
     ),
     (

@@ -389,6 +389,10 @@ arrays! {
     LawArrays {
         /// Gap from which the law counts, m; 0 for laws that count from 0
         contact_reference_gap: f64,
+        /// Soundness of the interface, 1 without damage, 0 broken or without an interface
+        contact_soundness: f64,
+        /// Sliding of the candidate on the interface, world frame, m
+        contact_sliding: [f64; 3],
     }
 }
 

@@ -358,6 +358,9 @@ fn move_rows(state: &mut Snapshot, free: &[usize], taken: &Selection) {
         for frame in &mut state.contacts.contact_frame {
             *frame = frame.map(|axis| (turn * Vec3::from(axis)).into());
         }
+        for sliding in state.laws.iter_mut().flat_map(|laws| &mut laws.contact_sliding) {
+            *sliding = (turn * Vec3::from(*sliding)).into();
+        }
     }
     if let Some(centre) = taken.centre {
         let shift = Vec3::from(centre) - com;
@@ -440,7 +443,11 @@ impl SourcePart<'_> {
             }
             start.memory.get_or_insert_with(|| unbonded(before)).append(memory);
         }
-        let unchanged = |count| LawArrays { contact_reference_gap: vec![0.0; count] };
+        let unchanged = |count| LawArrays {
+            contact_reference_gap: vec![0.0; count],
+            contact_soundness: vec![0.0; count],
+            contact_sliding: vec![[0.0; 3]; count],
+        };
         if start.laws.is_some() || self.state.laws.is_some() {
             let laws = self.state.laws.clone().unwrap_or_else(|| unchanged(count));
             start.laws.get_or_insert_with(|| unchanged(before)).append(laws);

@@ -212,10 +212,19 @@ impl AssemblyContext<'_> {
             }
             let is_within = || self.alert_distance(contact).is_some_and(|alert| contact.gap <= alert);
             if self.begins_history(*old) && is_within() {
-                return LawMemory { reference_gap: law.reference_gap(contact.gap) };
+                let soundness = if law.interface.is_some() { 1.0 } else { 0.0 };
+                return LawMemory { reference_gap: law.reference_gap(contact.gap), soundness, sliding: Vec3::zeros() };
             }
             let old = old.or_else(|| self.nearest_before(contact));
-            old.map_or(LawMemory::default(), |k| self.state.law_memory(k))
+            old.map_or(LawMemory::default(), |k| {
+                let memory = self.state.law_memory(k);
+                if law.interface.is_none() {
+                    return memory;
+                }
+                // Carried with the normal; what the bodies turn about it is not seen.
+                let turn = Quat::rotation_between(&self.state.contacts[k.index()].contact.normal, &contact.normal);
+                LawMemory { sliding: turn.map_or(memory.sliding, |turn| turn * memory.sliding), ..memory }
+            })
         };
         contacts.par_iter().zip(history).with_min_len(256).map(of_contact).collect()
     }

@@ -6,6 +6,7 @@
 
 use nalgebra::Matrix3;
 
+use super::interface_row::InterfaceRow;
 use super::kinematics::contact_arms;
 use crate::math::Vec3;
 use crate::scene::{BodyId, RigidBody};
@@ -80,12 +81,16 @@ pub enum RegularisedRow {
     Spring { row: ContactId, compliance: f64 },
     /// u = 0 for any impulse.
     Coupled { row: ContactId },
+    /// An elastic interface next to the contact.
+    Interface { row: ContactId, interface: InterfaceRow },
 }
 
 impl RegularisedRow {
     pub fn row(&self) -> ContactId {
         match *self {
-            RegularisedRow::Spring { row, .. } | RegularisedRow::Coupled { row } => row,
+            RegularisedRow::Spring { row, .. }
+            | RegularisedRow::Coupled { row }
+            | RegularisedRow::Interface { row, .. } => row,
         }
     }
 }

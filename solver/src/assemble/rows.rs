@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::context::{AssemblyContext, MotionBounds};
 use super::faces::{FaceRows, Joints, has_joints};
 use super::history::{BondState, warm_start};
+use super::interface_row::InterfaceRow;
 use super::kinematics::{contact_arms, relative_velocity, velocity_at_arms};
 use super::problem::{BlockData, ContactConstraint, ContactProblem, RegularisedRow, RollingConstraint, SolverBody};
 use crate::integrate::ContactConfiguration;
@@ -85,8 +86,8 @@ pub fn contact_problem(
     let memories = setting.law_memories(contacts, &history);
     let of_contact = |(k, (old, hold)): (usize, (&Option<ContactId>, &BondState))| {
         setting.prefetch(contacts.get(k + PREFETCH_CONTACTS));
-        let reference_gap = memories.get(k).map_or(0.0, |memory| memory.reference_gap);
-        setting.contact_constraint(&contacts[k], before(old), *hold, reference_gap)
+        let memory = memories.get(k).copied().unwrap_or_default();
+        setting.contact_constraint(&contacts[k], before(old), *hold, memory)
     };
     let mut rows: Vec<ContactConstraint> =
         history.par_iter().zip(&holds).enumerate().with_min_len(256).map(of_contact).collect();
@@ -216,9 +217,23 @@ impl AssemblyContext<'_> {
         }
         let of_row = |(k, contact): (usize, &Contact)| {
             let law = &self.state.laws[contact.law as usize];
-            let gap = contact.gap - memories.get(k).map_or(0.0, |memory| memory.reference_gap);
+            let memory = memories.get(k).copied().unwrap_or_default();
+            let (gap, row) = (contact.gap - memory.reference_gap, ContactId::new(k));
+            if let Some(of_law) = law.interface {
+                let n = contact.normal;
+                let interface = InterfaceRow {
+                    law: of_law,
+                    area: std::f64::consts::PI * self.contact_radius(contact).powi(2),
+                    h: self.q_c.h,
+                    opening: gap.max(0.0),
+                    sliding: memory.sliding - n * n.dot(&memory.sliding),
+                    soundness: memory.soundness,
+                    shift: gap.max(0.0) / self.closing_time(contact),
+                };
+                let holds = rows[k].acts && memory.soundness > 0.0 && interface.area > 0.0;
+                return holds.then_some(RegularisedRow::Interface { row, interface });
+            }
             let found = law.regularisation(gap, self.q_c.h, self.closing_time(contact)).filter(|_| rows[k].acts)?;
-            let row = ContactId::new(k);
             Some(match found {
                 LawRegularisation::Compliance(compliance) => RegularisedRow::Spring { row, compliance },
                 LawRegularisation::Coupling => RegularisedRow::Coupled { row },
@@ -227,13 +242,13 @@ impl AssemblyContext<'_> {
         contacts.iter().enumerate().filter_map(of_row).collect()
     }
 
-    /// Row of a contact, with its history of the last step, the bond of its bodies and the gap (m) from which its law counts.
+    /// Row of a contact, with its history of the last step, the bond of its bodies and the memory of its law.
     fn contact_constraint(
         &self,
         contact: &Contact,
         previous: Option<&SolvedContact>,
         hold: BondState,
-        reference_gap: f64,
+        memory: LawMemory,
     ) -> ContactConstraint {
         let &AssemblyContext { scene, state, q_c, records, full, .. } = self;
         let h = q_c.h;
@@ -262,7 +277,7 @@ impl AssemblyContext<'_> {
         let u_n = n.dot(&u_before) + curve;
         let bonded = hold.bond.is_some();
         let slid_before = previous.is_some_and(|old| old.status == ContactStatus::Slide);
-        let gap = contact.gap - reference_gap;
+        let gap = contact.gap - memory.reference_gap;
         let at = LawInput { gap, h, closing_time: reach, gap_forecast: course, u_n, radius, slid_before, bonded };
         // Bodies are held together within the alert distance, as in LMGC90.
         let is_coupled = law.is_coupled() && self.alert_distance(contact).is_some_and(|alert| contact.gap <= alert);
@@ -302,7 +317,9 @@ impl AssemblyContext<'_> {
             friction: shift.friction,
             impulse_shift: shift.impulse,
             acts,
-            can_close: is_coupled || shift.solved && (shift.impulse != 0.0 || self.can_close_gap(contact, gap, &arms)),
+            can_close: is_coupled
+                || memory.soundness > 0.0
+                || shift.solved && (shift.impulse != 0.0 || self.can_close_gap(contact, gap, &arms)),
             warm_start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, &shift, h / state.h)),
             u_before: to_local(&frame, &u_before),
             bond: hold.bond.filter(|_| acts),

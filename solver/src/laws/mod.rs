@@ -11,6 +11,7 @@
 //! | ELASTIC_REPELL_CLB and ELASTIC_REPELL_CLB_g0, g less g_0, with the compliance 1/(k h²) | g/h | 0 | 0 | mu |
 //! | VISCO_ELASTIC_REPELL_CLB, if g <= 0, with the compliance 1/(k h² + η h) | k g/(k h + η) | 0 | 0 | mu |
 //! | COUPLED_DOF: u = 0 for any r | 0 | 0 | 0 | none |
+//! | IQS_MAL_CZM, IQS_EXPO_CZM, IQS_TH_CZM, IQS_MAC_CZM: r less the impulse of the interface, see `interface` | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
 //! | VEL_SGR_CLB, Signorini on the velocity, if g <= 1e-9 R | 0 | 0 | 0 | mu |
 //! | RST_CLB, restitution, if g <= 1e-9 R, or if e_n > 0 and u_n⁻ and the free velocities close g | e_n u_n⁻ | e_t u_T⁻ where u_n⁻ < 0 | 0 | mu |
 //! | RST_CLB with e_n > 0 otherwise, if at rest or closed by the free velocities | g/T | 0 | 0 | mu |
@@ -55,8 +56,10 @@
 //! Sources: M. Jean, Comput. Methods Appl. Mech. Engrg. 177 (1999) 235-257; J.J. Moreau, Unilateral
 //! contact and dry friction in finite freedom dynamics, CISM 302 (1988).
 
-pub use cd_formats::law_table::RollingFriction;
+pub mod interface;
+
 use cd_formats::law_table::{ContactMemory, FrictionPair, LawCohesion, LawModel};
+pub use cd_formats::law_table::{LawInterface, RollingFriction};
 
 use crate::features::BARE;
 
@@ -121,6 +124,8 @@ pub struct ContactLaw {
     pub has_reference_gap: bool,
     /// Push against deep overlaps.
     pub rescue: Option<GapRescue>,
+    /// Elastic interface with damage.
+    pub interface: Option<LawInterface>,
 }
 
 /// Push against overlaps that are deeper than a bound, as of an oscillator that closes them.
@@ -204,6 +209,10 @@ impl ContactLaw {
             LawModel::IqsClb { .. }
             | LawModel::IqsClbG0 { .. }
             | LawModel::IqsClbRgr { .. }
+            | LawModel::IqsMalCzm { .. }
+            | LawModel::IqsExpoCzm { .. }
+            | LawModel::IqsThCzm { .. }
+            | LawModel::IqsMacCzm { .. }
             | LawModel::IqsDsClb { .. }
             | LawModel::IqsDsRollClb { .. }
             | LawModel::IqsWetDsClb { .. }
@@ -242,6 +251,7 @@ impl ContactLaw {
             rolling: model.rolling(),
             has_reference_gap: model.memory().contains(&ContactMemory::ReferenceGap),
             rescue,
+            interface: model.interface(),
         }
     }
 
@@ -346,7 +356,7 @@ impl ContactLaw {
 
     /// Whether contacts have a [`LawMemory`](crate::state::LawMemory).
     pub fn has_law_memory(&self) -> bool {
-        self.has_reference_gap
+        self.has_reference_gap || self.interface.is_some()
     }
 
     /// Reference gap of a contact with this gap at the start or at an event, m; 0 if the law counts gaps from 0. A spring
@@ -361,7 +371,7 @@ impl ContactLaw {
 
     /// Whether the law adds to the row of a contact more than shifts.
     pub fn is_regularised(&self) -> bool {
-        matches!(self.unilateral, UnilateralLaw::Spring { .. } | UnilateralLaw::Coupling)
+        matches!(self.unilateral, UnilateralLaw::Spring { .. } | UnilateralLaw::Coupling) || self.interface.is_some()
     }
 
     /// Whether contacts have no relative velocity.
@@ -371,7 +381,7 @@ impl ContactLaw {
 
     /// Whether contacts within the alert distance may carry force although they are apart.
     pub fn acts_apart(&self) -> bool {
-        self.has_reference_gap || self.is_coupled()
+        self.has_reference_gap || self.is_coupled() || self.interface.is_some()
     }
 
     /// Regularisation of a contact in a step of `h`, whose next contact configuration is after `closing_time` (s).
@@ -458,12 +468,13 @@ impl ContactLaw {
 
     /// Largest gap at which an area of contact counts, m: beyond it no cohesive stress acts.
     pub fn range_of_stress(&self, radius: f64) -> f64 {
-        if self.has_stress() { self.interaction_range(radius) } else { f64::INFINITY }
+        let is_bond = self.has_stress() && self.interface.is_none();
+        if is_bond { self.interaction_range(radius) } else { f64::INFINITY }
     }
 
     /// Whether the cohesion is a stress, which acts on the area of a contact.
     pub fn has_stress(&self) -> bool {
-        matches!(self.cohesion(), Some(Cohesion::Bond { .. }))
+        matches!(self.cohesion(), Some(Cohesion::Bond { .. })) || self.interface.is_some()
     }
 
     /// Gives friction, static and dynamic, a new value, if the law has friction.
@@ -651,6 +662,7 @@ mod tests {
             let moment = memory.contains(&ContactMemory::Moment);
             assert_eq!(law.has_memory(), bonds || moment, "{}", entry.label);
             assert_eq!(law.has_reference_gap, memory.contains(&ContactMemory::ReferenceGap), "{}", entry.label);
+            assert_eq!(law.interface.is_some(), memory.contains(&ContactMemory::Damage), "{}", entry.label);
         }
     }
 }

@@ -6,7 +6,9 @@ use std::path::Path;
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, MAX_EVENTS, too_frequent};
 use cd_formats::doubts::{self, density, law_parameter};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::law_table::{ParameterFault, law_parameters, reference_gap_position};
+use cd_formats::law_table::{
+    INTERFACE_KINDS, INTERFACE_SLIDING, INTERFACE_SOUNDNESS, ParameterFault, law_parameters, reference_gap_position,
+};
 use cd_formats::report::FaultReport;
 use cd_formats::scan::{AsciiText, TextLine};
 use cd_formats::snapshot::LawName;
@@ -458,7 +460,8 @@ pub fn initial_contacts(
         };
         // LMGC90's tangents differ from ours.
         let ours = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
-        let memory = law_memory(&scene.law_names[see.law as usize].kind, &record.internals);
+        let memory =
+            law_memory(&scene.law_names[see.law as usize].kind, &record.internals, &record.frame.map(Vec3::from));
         let solved = SolvedContact {
             contact: Contact {
                 candidate: BodyId::new(candidate.body),
@@ -497,8 +500,13 @@ pub fn initial_contacts(
     (contacts, memories)
 }
 
-/// Memory of a law of a kind, from the internal variables of a contact of Vloc_Rloc.INI.
-fn law_memory(kind: &str, internals: &[f64]) -> LawMemory {
-    let reference_gap = reference_gap_position(kind).and_then(|k| internals.get(k));
-    LawMemory { reference_gap: reference_gap.copied().unwrap_or(0.0) }
+/// Memory of a law of a kind, from the internal variables of a contact of Vloc_Rloc.INI, with its frame.
+fn law_memory(kind: &str, internals: &[f64], frame: &[Vec3; 3]) -> LawMemory {
+    let value = |k: usize| internals.get(k).copied().unwrap_or(0.0);
+    if INTERFACE_KINDS.contains(&kind) {
+        // LMGC90's s is opposite.
+        let sliding = frame[1] * value(INTERFACE_SLIDING[0]) - frame[2] * value(INTERFACE_SLIDING[1]);
+        return LawMemory { soundness: value(INTERFACE_SOUNDNESS), sliding, ..LawMemory::default() };
+    }
+    LawMemory { reference_gap: reference_gap_position(kind).map_or(0.0, value), ..LawMemory::default() }
 }

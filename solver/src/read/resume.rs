@@ -387,6 +387,12 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
             bond: memory.as_ref().filter(|m| m.contact_bonded[k] != 0).map(|m| m.contact_bond_gap[k]),
         })
         .collect();
-    let law_memory = |reference_gap: f64| LawMemory { reference_gap };
-    state.memories = laws.map_or(Vec::new(), |laws| laws.contact_reference_gap.into_iter().map(law_memory).collect());
+    state.memories = laws.map_or(Vec::new(), |laws| {
+        let of_contact = |k: usize| LawMemory {
+            reference_gap: laws.contact_reference_gap[k],
+            soundness: laws.contact_soundness[k],
+            sliding: laws.contact_sliding[k].into(),
+        };
+        (0..laws.contact_reference_gap.len()).map(of_contact).collect()
+    });
 }

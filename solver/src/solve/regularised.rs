@@ -2,7 +2,8 @@
 //!
 //! A spring of the law adds its compliance C to the normal unknown, û_n = u_n + shift + C r̂_n, so that the force at the end of
 //! the step is that of the gap at the end of the step, for any stiffness and length of the step. A coupled row has u = 0 for
-//! any impulse. The sweeps are those of [`gauss_seidel`](super::gauss_seidel), one contact after the other: such rows are few,
+//! any impulse. An interface acts next to the contact: its impulse, with the damage of the start of the step, is linear in the
+//! velocity of the row. The sweeps are those of [`gauss_seidel`](super::gauss_seidel), one contact after the other: such rows are few,
 //! and all other scenes keep the sweeps in vectors, which know neither.
 //!
 //! E is |F(r)|/|F(r_0)| as in [`residual`](super::residual), with the ρ = 3/trace W of each row, W including C: the rows of
@@ -11,7 +12,7 @@
 use nalgebra::Matrix3;
 
 use crate::activity;
-use crate::assemble::{ContactProblem, RegularisedRow, SolverBody};
+use crate::assemble::{ContactProblem, InterfaceRow, RegularisedRow, SolverBody};
 use crate::math::Vec3;
 use crate::math::simd::Scalar;
 use crate::solve::gauss_seidel::block::local::{
@@ -43,6 +44,35 @@ enum RowKind {
     Contact { compliance: f64 },
     /// No relative velocity.
     Coupled,
+    /// Signorini and Coulomb next to an elastic interface.
+    Interface(InterfaceRow),
+}
+
+/// Contact next to an elastic interface: ρ = r - H + K v is the impulse of the contact alone.
+struct InterfaceBlock {
+    /// K, kg.
+    stiffness: Matrix3<f64>,
+    /// Effective W of ρ, (1 + W K)⁻¹ W, 1/kg.
+    whole: Matrix3<f64>,
+    /// H, N s.
+    at_rest: Vec3,
+}
+
+impl InterfaceBlock {
+    fn new(block: &Matrix3<f64>, n: &Vec3, interface: &InterfaceRow) -> InterfaceBlock {
+        let (at_rest, [k_n, k_t]) = interface.stiffness(n);
+        let along = n * n.transpose();
+        let stiffness = (Matrix3::identity() - along) * k_t + along * k_n;
+        // W and K are not negative, so that 1 + W K has an inverse.
+        let inverse = (Matrix3::identity() + block * stiffness).try_inverse().unwrap_or_else(Matrix3::identity);
+        let whole = inverse * block;
+        InterfaceBlock { stiffness, whole: (whole + whole.transpose()) * 0.5, at_rest }
+    }
+
+    /// Impulse of the contact alone, at the velocity `v` of the interface.
+    fn contact_impulse(&self, r: &Vec3, v: &Vec3) -> Vec3 {
+        r - self.at_rest + self.stiffness * v
+    }
 }
 
 impl SweptRow {
@@ -57,6 +87,7 @@ impl SweptRow {
             None => RowKind::Contact { compliance: 0.0 },
             Some(RegularisedRow::Spring { compliance, .. }) => RowKind::Contact { compliance: *compliance },
             Some(RegularisedRow::Coupled { .. }) => RowKind::Coupled,
+            Some(RegularisedRow::Interface { interface, .. }) => RowKind::Interface(*interface),
         };
         SweptRow { row, block, kind }
     }
@@ -65,7 +96,7 @@ impl SweptRow {
     fn whole_block(&self, n: &Vec3) -> Matrix3<f64> {
         match self.kind {
             RowKind::Contact { compliance } => self.block + n * n.transpose() * compliance,
-            RowKind::Coupled => self.block,
+            RowKind::Coupled | RowKind::Interface(_) => self.block,
         }
     }
 
@@ -73,7 +104,7 @@ impl SweptRow {
     fn whole_velocity(&self, n: &Vec3, u: &Vec3, r: &Vec3) -> Vec3 {
         match self.kind {
             RowKind::Contact { compliance } => u + n * (compliance * n.dot(r)),
-            RowKind::Coupled => *u,
+            RowKind::Coupled | RowKind::Interface(_) => *u,
         }
     }
 
@@ -85,6 +116,15 @@ impl SweptRow {
             RowKind::Contact { .. } => solve_contact_block(symmetric_components(&w), row.normal, row.friction, &u, r),
             // Where neither body can move along some direction, the impulse along it stays.
             RowKind::Coupled => w.try_inverse().map_or(*r, |inverse| r - inverse * u),
+            RowKind::Interface(interface) => {
+                let n = &row.normal;
+                let held = InterfaceBlock::new(&self.block, n, &interface);
+                let v = interface.velocity(n, &u);
+                let before = held.contact_impulse(r, &v);
+                let alone = solve_contact_block(symmetric_components(&held.whole), *n, row.friction, &u, &before);
+                let v = v + held.whole * (alone - before);
+                alone + held.at_rest - held.stiffness * v
+            }
         }
     }
 
@@ -92,9 +132,16 @@ impl SweptRow {
     fn natural_map(&self, system: &ContactProblem, u: &Vec3, r: &Vec3) -> Vec3 {
         let row = &system.rows[self.row.index()];
         let n = row.normal;
-        let (rho, u) = (3.0 / self.whole_block(&n).trace(), self.whole_velocity(&n, u, r));
-        if let RowKind::Coupled = self.kind {
-            return u * rho;
+        let (mut rho, u) = (3.0 / self.whole_block(&n).trace(), self.whole_velocity(&n, u, r));
+        let mut r = *r;
+        match &self.kind {
+            RowKind::Coupled => return u * rho,
+            RowKind::Interface(interface) => {
+                let held = InterfaceBlock::new(&self.block, &n, interface);
+                r = held.contact_impulse(&r, &interface.velocity(&n, &u));
+                rho = 3.0 / held.whole.trace();
+            }
+            RowKind::Contact { .. } => {}
         }
         let u_t = u - n * n.dot(&u);
         let z = r - (u + n * (row.friction * u_t.norm())) * rho;

@@ -11,7 +11,7 @@ use cd_formats::snapshot::{
 use crate::laws::{Cohesion, ContactLaw};
 use crate::math::Vec3;
 use crate::scene::{BodyPart, BodyShape, RigidBody, Scene};
-use crate::state::{ContactId, ContactStatus, SolvedContact, State};
+use crate::state::{ContactId, ContactStatus, LawMemory, SolvedContact, State};
 
 /// Returns all of the state, with the scene data that its reader needs.
 pub fn state_snapshot(scene: &Scene, state: &State) -> Snapshot {
@@ -198,8 +198,12 @@ fn memory_arrays(state: &State) -> MemoryArrays {
 }
 
 fn law_arrays(state: &State) -> LawArrays {
-    let memories = (0..state.contacts.len()).map(|k| state.law_memory(ContactId::new(k)));
-    LawArrays { contact_reference_gap: memories.map(|memory| memory.reference_gap).collect() }
+    let memories: Vec<LawMemory> = (0..state.contacts.len()).map(|k| state.law_memory(ContactId::new(k))).collect();
+    LawArrays {
+        contact_reference_gap: memories.iter().map(|memory| memory.reference_gap).collect(),
+        contact_soundness: memories.iter().map(|memory| memory.soundness).collect(),
+        contact_sliding: memories.iter().map(|memory| memory.sliding.into()).collect(),
+    }
 }
 
 #[cfg(test)]

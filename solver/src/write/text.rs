@@ -5,13 +5,15 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic::{self, folder_entries};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::error::Faults;
-use cd_formats::law_table::reference_gap_position;
+use cd_formats::law_table::{
+    INTERFACE_INTERNALS, INTERFACE_KINDS, INTERFACE_SLIDING, INTERFACE_SOUNDNESS, reference_gap_position,
+};
 use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 
 use crate::laws::Cohesion;
 use crate::math::Vec3;
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, Scene};
-use crate::state::{ContactId, ContactStatus, LawMemory, SolvedContact, State};
+use crate::state::{Contact, ContactId, ContactStatus, LawMemory, SolvedContact, State};
 
 const DOF_PREFIX: &str = "DOF.OUT.";
 
@@ -134,16 +136,27 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
             gap: contact.gap + state.h * velocity.x,
             frame: contact.frame().map(Into::into),
             point: contact.point.into(),
-            internals: law_internals(&scene.law_names[contact.law as usize].kind, &state.law_memory(ContactId::new(k))),
+            internals: law_internals(
+                &scene.law_names[contact.law as usize].kind,
+                &state.law_memory(ContactId::new(k)),
+                contact,
+            ),
         }
     };
     VlocRloc { step: state.step, time: state.time, contacts: state.contacts.iter().enumerate().map(record).collect() }
 }
 
 /// Internal variables of a contact with a law of a kind, in LMGC90's order; unused ones are 0.
-fn law_internals(kind: &str, memory: &LawMemory) -> Vec<f64> {
+fn law_internals(kind: &str, memory: &LawMemory, contact: &Contact) -> Vec<f64> {
     let mut internals = Vec::new();
-    if let Some(position) = reference_gap_position(kind) {
+    if INTERFACE_KINDS.contains(&kind) {
+        internals.resize(INTERFACE_INTERNALS, 0.0);
+        internals[INTERFACE_SOUNDNESS] = memory.soundness;
+        let frame = contact.frame();
+        // LMGC90's s is opposite.
+        let along = [frame[1].dot(&memory.sliding), -frame[2].dot(&memory.sliding)];
+        INTERFACE_SLIDING.into_iter().zip(along).for_each(|(k, value)| internals[k] = value);
+    } else if let Some(position) = reference_gap_position(kind) {
         internals.resize(position, 0.0);
         internals.push(memory.reference_gap);
     }

@@ -2,6 +2,9 @@
 
 use std::f64::consts::{PI, TAU};
 
+use cd_formats::law_table::{LawInterface, LawModel};
+use cd_solve::laws::interface::{soundness, stiffness_share};
+
 use crate::case::{Case, Figures, near};
 
 /// Mass of a ball of radius 1/2 and density 1.
@@ -134,4 +137,78 @@ fn springs_refuse_solvers_and_laws_that_do_not_know_them() {
     case.law_with("PLANx", "IQS_DS_ROLL_CLB", &[0.3, 0.3, 0.1, 0.1]);
     case.tact.visibility.remove(1);
     assert!(case.attempt(1).is_none());
+}
+
+/// Parameters of the cohesive zones: k = 2^14 Pa/m, strength 4 Pa, energy 2^-9 J/m² along n, in LMGC90's order.
+fn interfaces() -> [(&'static str, Vec<f64>); 3] {
+    let (k, strength, energy) = (16384.0, 4.0, 1.0 / 512.0);
+    let with = |more: &[f64]| [&[0.3, 0.3, k, k, strength, strength, energy, energy][..], more].concat();
+    [("IQS_MAL_CZM", with(&[])), ("IQS_EXPO_CZM", with(&[1e-3])), ("IQS_TH_CZM", with(&[3e-4, 3e-4]))]
+}
+
+/// The ball is pulled off at the force `pull` (N) by an explicit share s of the stiffness: v' = v + h (f - S s k (z + h v'))/m. Returns gap,
+/// speed and soundness.
+fn pulled_off(interface: &LawInterface, pull: f64, h: f64, steps: u64) -> [f64; 3] {
+    let area = PI / 4.0; // π R² of the ball on a plate
+    let (mut z, mut v, mut beta) = (0.0, 0.0, 1.0);
+    for _ in 0..steps {
+        let middle: f64 = z + 0.5 * h * v;
+        let spring = h * area * stiffness_share(interface, beta) * interface.normal_stiffness;
+        v = (MASS * v + h * pull - spring * middle) / (MASS + spring * h);
+        beta = soundness(interface, beta, middle + h * v, 0.0, h);
+        z = middle + 0.5 * h * v;
+    }
+    [z, v, beta]
+}
+
+#[test]
+fn cohesive_zones_hold_and_break_by_their_curve() {
+    let viscous = ("IQS_MAC_CZM", vec![0.3, 0.3, 16384.0, 16384.0, 1e-4, 1.0 / 4096.0]);
+    for (kind, parameters) in interfaces().into_iter().chain([viscous]) {
+        let interface = LawModel::from_values(kind, &parameters).unwrap().interface().unwrap();
+        // 1.5 N on π/4 m² is below half of 4 Pa, as the ball swings to twice its displacement; 4 N is above all of it.
+        for (pull, breaks) in [(1.5, false), (4.0, true)] {
+            let mut case = ball(kind, &parameters, 0.0, 0.0, 0.0);
+            case.options.dt = 1.0 / 16384.0;
+            case.pull(1, 2, pull);
+            let end = case.run(400);
+            let h = case.options.dt;
+            let [z, v, beta] = pulled_off(&interface, pull, h, 400);
+            // Eight digits of the files.
+            near(end.x(1), [0.0, 0.0, 0.5 + z], 1e-7 * z.abs().max(1e-3));
+            near(end.v(1), [0.0, 0.0, v], 1e-6 * v.abs().max(0.01));
+            let found = end.laws.unwrap().contact_soundness[0];
+            assert!((found - beta).abs() < 1e-6, "{kind}: {found} {beta}");
+            assert!(kind == "IQS_MAC_CZM" || (found < 1.0) == breaks, "{kind} under {pull} N: {found}");
+        }
+    }
+}
+
+#[test]
+fn damage_survives_a_resume_and_a_restart_from_text() {
+    for (kind, parameters) in interfaces() {
+        let scene = || {
+            let mut case = ball(kind, &parameters, 0.0, 0.0, -1.0);
+            case.options.dt = 1.0 / 16384.0;
+            case.launch(1, [0.02, 0.01, 0.0], [0.0; 3]);
+            case.pull(1, 2, 2.0);
+            case
+        };
+        let unbroken = scene().run(300);
+        let mut case = scene();
+        case.options.text = true;
+        case.run(150);
+        let [dof, contacts] =
+            ["DOF.OUT.1", "Vloc_Rloc.OUT.1"].map(|name| std::fs::read(case.path().join("OUTBOX").join(name)).unwrap());
+        assert_eq!(case.solve(&["--resume", "--steps", "300"]), 0);
+        assert!(case.last().bodies == unbroken.bodies && case.last().laws == unbroken.laws, "{kind}");
+        std::fs::write(case.path().join("DATBOX/DOF.INI"), dof).unwrap();
+        std::fs::write(case.path().join("DATBOX/Vloc_Rloc.INI"), contacts).unwrap();
+        assert_eq!(case.solve(&["--force", "--steps", "150"]), 0);
+        near(case.last().x(1), unbroken.x(1), 1e-6);
+        let soundness = |state: &cd_formats::snapshot::Snapshot| state.laws.as_ref().unwrap().contact_soundness[0];
+        let (again, before) = (soundness(&case.last()), soundness(&unbroken));
+        // Seven digits of displacements of 1e-4 m, over the lengths of the interfaces.
+        assert!((again - before).abs() < 1e-3, "{kind}: {again} {before}");
+    }
 }
