@@ -11,6 +11,7 @@ use cd_formats::snapshot::{
 
 const OPTIONS: &str = "docs/reference/options.md";
 const LAWS: &str = "docs/reference/laws.md";
+const SPRING_LAWS: &str = "docs/reference/laws-springs.md";
 const SNAPSHOTS: &str = "docs/reference/files/snapshots.md";
 
 fn page_of(name: &str) -> (PathBuf, String) {
@@ -191,6 +192,7 @@ fn kept_state(model: &LawModel) -> String {
 #[test]
 fn laws_are_those_of_the_table() {
     let (path, text) = page_of(LAWS);
+    let text = text + &page_of(SPRING_LAWS).1;
     let laws = computed_laws();
     let (mut documented, mut labels) = (names_of_sections(&text), laws.iter().map(|law| law.label).collect::<Vec<_>>());
     documented.sort_unstable();
@@ -241,7 +243,10 @@ fn other_pages_name_every_law() {
     use ContactMemory::{Bond, Damage, LiquidBridge, Moment, ReferenceGap};
     for (condition, kinds) in [
         ("memory or rolling moments", &[LiquidBridge, Bond, Moment][..]),
-        ("[reference gaps](../laws.md#reference-gaps) or [interfaces](../laws.md#interfaces)", &[ReferenceGap, Damage]),
+        (
+            "[reference gaps](../laws-springs.md#reference-gaps) or [interfaces](../laws-springs.md#interfaces)",
+            &[ReferenceGap, Damage],
+        ),
     ] {
         let keeps = |entry: &&LawEntry| example_of(entry).memory().iter().any(|kind| kinds.contains(kind));
         let names: Vec<String> =
