@@ -15,11 +15,15 @@
 //! that is not handled is an error of the compiler. Tests compare friction limit, memory and changes by events with the
 //! solver for each law of the table.
 
-use std::fmt;
+mod error;
+mod interface;
+mod refused;
 
 use serde::Deserialize;
 
-use crate::ron_text::known_names;
+pub use error::{LawError, ParameterFault};
+pub use interface::{DamageLaw, LawInterface, ModePair};
+pub use refused::refusal_reason;
 
 /// Physical quantity of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,6 +36,9 @@ pub enum ParameterQuantity {
     Stress,
     Stiffness,
     Viscosity,
+    StiffnessPerArea,
+    SurfaceEnergy,
+    DamageViscosity,
 }
 
 impl ParameterQuantity {
@@ -44,6 +51,9 @@ impl ParameterQuantity {
             ParameterQuantity::Stress => "Pa",
             ParameterQuantity::Stiffness => "N/m",
             ParameterQuantity::Viscosity => "N s/m",
+            ParameterQuantity::StiffnessPerArea => "Pa/m",
+            ParameterQuantity::SurfaceEnergy => "J/m²",
+            ParameterQuantity::DamageViscosity => "J s/m²",
         }
     }
 }
@@ -53,6 +63,8 @@ impl ParameterQuantity {
 pub enum ParameterLimit {
     NonNegative,
     ZeroToOne,
+    Positive,
+    NonPositive,
     /// Any finite number.
     Finite,
 }
@@ -134,13 +146,35 @@ law_parameters! {
     /// Largest compression of a capped bond.
     CompressionCap: "scom", "compression_cap", "limit in compression", Stress, Finite, Finite;
     /// Relaxation of a gap: period over the time step.
-    RelaxationSteps: "T/H", "relaxation_steps", "T/h", Number, Finite, Finite;
-    /// Gap at which relaxation begins.
-    RelaxationGap: "gtol", "relaxation_gap", "gap", Length, Finite, Finite;
+    RelaxationSteps: "T/H", "relaxation_steps", "T/h", Number, Positive, Finite;
+    /// Gap below which relaxation begins, at most 0.
+    RelaxationGap: "gtol", "relaxation_gap", "gap", Length, NonPositive, Finite;
     /// Force over gap.
-    Stiffness: "F/gp", "stiffness", "stiffness", Stiffness, NonNegative, NonNegative;
+    Stiffness: "F/gp", "stiffness", "stiffness", Stiffness, Positive, NonNegative;
     /// Force over velocity of the gap.
-    NormalViscosity: "etan", "normal_viscosity", "viscosity", Viscosity, Finite, Finite;
+    NormalViscosity: "etan", "normal_viscosity", "viscosity", Viscosity, NonNegative, Finite;
+    /// Traction of an interface over opening.
+    NormalStiffness: "cn", "normal_stiffness", "k_n", StiffnessPerArea, Positive, NonNegative;
+    /// Shear of an interface over sliding.
+    TangentialStiffness: "ct", "tangential_stiffness", "k_t", StiffnessPerArea, Positive, NonNegative;
+    /// Largest traction of an interface.
+    NormalStrength: "s1", "normal_strength", "s_n", Stress, Positive, NonNegative;
+    /// Largest shear of an interface.
+    TangentialStrength: "s2", "tangential_strength", "s_t", Stress, Positive, NonNegative;
+    /// Energy that breaks an interface by opening.
+    NormalEnergy: "G1", "normal_energy", "G_n", SurfaceEnergy, Positive, NonNegative;
+    /// Energy that breaks an interface by sliding.
+    TangentialEnergy: "G2", "tangential_energy", "G_t", SurfaceEnergy, Positive, NonNegative;
+    /// Share of the strength at which an exponential interface is broken.
+    RestShare: "eta", "rest_share", "η", Number, Positive, NonNegative;
+    /// Opening at which the traction begins to fall.
+    NormalPlateau: "dp1", "normal_plateau", "d_n", Length, Positive, NonNegative;
+    /// Sliding at which the shear begins to fall.
+    TangentialPlateau: "dp2", "tangential_plateau", "d_t", Length, Positive, NonNegative;
+    /// Viscosity of the loss of adhesion.
+    DamageViscosity: "visc", "damage_viscosity", "b", DamageViscosity, NonNegative, Finite;
+    /// Energy of adhesion.
+    AdhesionEnergy: "dupr", "adhesion_energy", "w", SurfaceEnergy, NonNegative, Finite;
     /// Force of a wire or rod over velocity.
     WireViscosity: "F/vl", "wire_viscosity", "viscosity", Viscosity, Finite, Finite;
     /// Strain of a wire or rod without force.
@@ -154,6 +188,8 @@ impl LawParameter {
             && match self.limit() {
                 ParameterLimit::NonNegative => value >= 0.0,
                 ParameterLimit::ZeroToOne => (0.0..=1.0).contains(&value),
+                ParameterLimit::Positive => value > 0.0,
+                ParameterLimit::NonPositive => value <= 0.0,
                 ParameterLimit::Finite => true,
             }
     }
@@ -166,10 +202,14 @@ impl LawParameter {
             ParameterQuantity::Length => "distance",
             ParameterQuantity::Stress => "stress",
             ParameterQuantity::Stiffness => "stiffness",
-            ParameterQuantity::Viscosity => "viscosity",
+            ParameterQuantity::Viscosity | ParameterQuantity::DamageViscosity => "viscosity",
+            ParameterQuantity::StiffnessPerArea => "stiffness",
+            ParameterQuantity::SurfaceEnergy => "energy",
         };
         let text = match self.limit() {
             ParameterLimit::NonNegative => format!("a {noun} >= 0 {}", self.quantity().unit()),
+            ParameterLimit::Positive => format!("a {noun} > 0 {}", self.quantity().unit()),
+            ParameterLimit::NonPositive => format!("a {noun} <= 0 {}", self.quantity().unit()),
             ParameterLimit::ZeroToOne => "0 to 1".into(),
             ParameterLimit::Finite => {
                 format!("a finite {} {}", noun.trim_start_matches("finite "), self.quantity().unit())
@@ -224,6 +264,10 @@ pub enum ContactMemory {
     Bond,
     /// Angular impulse of rolling and spinning friction, for the warm start.
     Moment,
+    /// Gap from which its law counts: that of the start.
+    ReferenceGap,
+    /// Damage of its interface, and how far it has slid.
+    Damage,
 }
 
 /// State of a contact that determines its friction limit.
@@ -269,6 +313,26 @@ pub fn law_parameters(label: &str) -> impl Iterator<Item = LawParameter> {
     law_entry(label).into_iter().flat_map(LawEntry::parameters)
 }
 
+/// Laws with an interface, and positions of its state among the internal variables of a contact in Vloc_Rloc files, where
+/// LMGC90 has them: sliding along t and s, and soundness.
+pub const INTERFACE_KINDS: [&str; 4] = ["IQS_MAL_CZM", "IQS_EXPO_CZM", "IQS_TH_CZM", "IQS_MAC_CZM"];
+pub const INTERFACE_SLIDING: [usize; 2] = [1, 3];
+pub const INTERFACE_SOUNDNESS: usize = 4;
+/// Number of these internal variables.
+pub const INTERFACE_INTERNALS: usize = 7;
+
+/// Position of the reference gap among the internal variables of a contact in Vloc_Rloc files, where LMGC90 has it; `None` for
+/// laws without a reference gap.
+pub fn reference_gap_position(label: &str) -> Option<usize> {
+    match label {
+        "IQS_CLB_g0" => Some(0),
+        // Behind the size of the contact.
+        "GAP_SGR_CLB_g0" => Some(1),
+        "ELASTIC_REPELL_CLB_g0" => Some(0),
+        _ => None,
+    }
+}
+
 /// Names of the laws that the programs compute with.
 pub fn computed_labels() -> Vec<&'static str> {
     LAW_TABLE.iter().filter(|entry| entry.computed).map(|entry| entry.label).collect()
@@ -294,6 +358,8 @@ macro_rules! contact_laws {
         friction: $friction:expr
         $(, cohesion: $cohesion:expr)?
         $(, rolling: $rolling:expr)?
+        $(, remembers: $memory:ident)?
+        $(, interface: $interface:expr)?
     })+ } exchanged { $($other:literal [$([$($other_parameter:ident),*]),*];)+ }) => {
         /// Contact law with the values of its parameters, in SI units. A scene gives it by the name of the table, as
         /// `IQS_CLB(friction: 0.4)`.
@@ -354,12 +420,23 @@ macro_rules! contact_laws {
             pub fn rolling(&self) -> Option<RollingFriction> {
                 match *self { $(LawModel::$law { $($($field,)*)* } => None$(.or(Some($rolling)))?,)+ }
             }
+
+            /// Elastic interface with damage, if the law has one.
+            #[allow(unused_variables)]
+            pub fn interface(&self) -> Option<LawInterface> {
+                match *self { $(LawModel::$law { $($($field,)*)* } => None$(.or(Some($interface)))?,)+ }
+            }
+
+            /// State of a contact that the row of the law names.
+            fn named_memory(&self) -> Option<ContactMemory> {
+                match self { $(LawModel::$law { .. } => None$(.or(Some(ContactMemory::$memory)))?,)+ }
+            }
         }
     };
 }
 
 // A row: lines of TACT_BEHAV.DAT, `field: parameter` where the field has the name of the parameter, behind `;` one that is
-// not used; then the friction, cohesion and rolling friction, made of the fields.
+// not used; then the friction, cohesion and rolling friction, made of the fields, and memory of its own.
 contact_laws! {
     computed {
         /// inelastic quasi-shock with Coulomb friction
@@ -438,10 +515,124 @@ contact_laws! {
             ],
             friction: FrictionPair { static_friction, dynamic_friction }
         }
+        /// as `RST_DS_CLB`, with attraction by the constant force `cohesion` while the gap is at most `range`
+        RstWetClb "RST_WET_CLB" {
+            lines: [
+                [cohesion: LiquidCohesion; UnusedCohesion],
+                [normal_restitution: NormalRestitution, tangential_restitution: TangentialRestitution],
+                [range: LiquidRange],
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            cohesion: LawCohesion::Liquid { force: cohesion, range, remembers: false }
+        }
+        /// as `IQS_CLB`, with overlaps deeper than -`relaxation_gap` pushed out in about `relaxation_steps` steps
+        IqsClbRgr "IQS_CLB_RGR" {
+            lines: [[relaxation_steps: RelaxationSteps, relaxation_gap: RelaxationGap], [friction: Friction]],
+            friction: FrictionPair::equal(friction)
+        }
         /// Signorini's condition on the gap: removes a penetration in one step
         GapSgrClb "GAP_SGR_CLB" {
             lines: [[friction: Friction]],
             friction: FrictionPair::equal(friction)
+        }
+        /// as `IQS_CLB`, with gaps counted from those at the start of the run or at an event `Bond`
+        IqsClbG0 "IQS_CLB_g0" {
+            lines: [[friction: Friction]],
+            friction: FrictionPair::equal(friction),
+            remembers: ReferenceGap
+        }
+        /// as `GAP_SGR_CLB`, with gaps counted from those at the start of the run or at an event `Bond`
+        GapSgrClbG0 "GAP_SGR_CLB_g0" {
+            lines: [[friction: Friction]],
+            friction: FrictionPair::equal(friction),
+            remembers: ReferenceGap
+        }
+        /// linear spring on the overlap at the end of the step
+        ElasticRepellClb "ELASTIC_REPELL_CLB" {
+            lines: [[stiffness: Stiffness], [friction: Friction]],
+            friction: FrictionPair::equal(friction)
+        }
+        /// as `ELASTIC_REPELL_CLB`, with gaps counted from those at the start of the run or at an event `Bond`
+        ElasticRepellClbG0 "ELASTIC_REPELL_CLB_g0" {
+            lines: [[stiffness: Stiffness], [friction: Friction]],
+            friction: FrictionPair::equal(friction),
+            remembers: ReferenceGap
+        }
+        /// linear spring and damper on overlaps
+        ViscoElasticRepellClb "VISCO_ELASTIC_REPELL_CLB" {
+            lines: [[stiffness: Stiffness, normal_viscosity: NormalViscosity], [friction: Friction]],
+            friction: FrictionPair::equal(friction)
+        }
+        /// no relative velocity within the alert distance, whatever the force
+        CoupledDof "COUPLED_DOF" {
+            lines: [],
+            friction: FrictionPair::equal(0.0)
+        }
+        /// as `IQS_DS_CLB`, over an elastic interface whose stress falls as a parabola
+        IqsMalCzm "IQS_MAL_CZM" {
+            lines: [
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction],
+                [normal_stiffness: NormalStiffness, tangential_stiffness: TangentialStiffness],
+                [normal_strength: NormalStrength, tangential_strength: TangentialStrength],
+                [normal_energy: NormalEnergy, tangential_energy: TangentialEnergy]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            remembers: Damage,
+            interface: LawInterface {
+                normal_stiffness,
+                tangential_stiffness,
+                damage: DamageLaw::Parabolic { strength: ModePair { opening: normal_strength, sliding: tangential_strength }, energy: ModePair { opening: normal_energy, sliding: tangential_energy } }
+            }
+        }
+        /// as `IQS_DS_CLB`, over an elastic interface whose stress falls exponentially
+        IqsExpoCzm "IQS_EXPO_CZM" {
+            lines: [
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction],
+                [normal_stiffness: NormalStiffness, tangential_stiffness: TangentialStiffness],
+                [normal_strength: NormalStrength, tangential_strength: TangentialStrength],
+                [normal_energy: NormalEnergy, tangential_energy: TangentialEnergy],
+                [rest_share: RestShare]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            remembers: Damage,
+            interface: LawInterface {
+                normal_stiffness,
+                tangential_stiffness,
+                damage: DamageLaw::Exponential { strength: ModePair { opening: normal_strength, sliding: tangential_strength }, energy: ModePair { opening: normal_energy, sliding: tangential_energy }, rest: rest_share }
+            }
+        }
+        /// as `IQS_DS_CLB`, over an elastic interface whose stress falls linearly behind a plateau
+        IqsThCzm "IQS_TH_CZM" {
+            lines: [
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction],
+                [normal_stiffness: NormalStiffness, tangential_stiffness: TangentialStiffness],
+                [normal_strength: NormalStrength, tangential_strength: TangentialStrength],
+                [normal_energy: NormalEnergy, tangential_energy: TangentialEnergy],
+                [normal_plateau: NormalPlateau, tangential_plateau: TangentialPlateau]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            remembers: Damage,
+            interface: LawInterface {
+                normal_stiffness,
+                tangential_stiffness,
+                damage: DamageLaw::Trapezoidal { strength: ModePair { opening: normal_strength, sliding: tangential_strength }, energy: ModePair { opening: normal_energy, sliding: tangential_energy }, plateau: ModePair { opening: normal_plateau, sliding: tangential_plateau } }
+            }
+        }
+        /// as `IQS_DS_CLB`, over an elastic interface whose adhesion is lost with a viscosity
+        IqsMacCzm "IQS_MAC_CZM" {
+            lines: [
+                [dynamic_friction: DynamicFriction, static_friction: StaticFriction],
+                [normal_stiffness: NormalStiffness, tangential_stiffness: TangentialStiffness],
+                [damage_viscosity: DamageViscosity, adhesion_energy: AdhesionEnergy]
+            ],
+            friction: FrictionPair { static_friction, dynamic_friction },
+            remembers: Damage,
+            interface: LawInterface {
+                normal_stiffness,
+                tangential_stiffness,
+                damage: DamageLaw::Viscous { energy: adhesion_energy, viscosity: damage_viscosity }
+            }
         }
         /// Signorini's condition on the velocity
         VelSgrClb "VEL_SGR_CLB" {
@@ -450,24 +641,11 @@ contact_laws! {
         }
     }
     exchanged {
-        "IQS_CLB_g0" [[Friction]];
-        "GAP_SGR_CLB_g0" [[Friction]];
-        "RST_WET_CLB" [
-            [LiquidCohesion, UnusedCohesion],
-            [NormalRestitution, TangentialRestitution],
-            [LiquidRange],
-            [DynamicFriction, StaticFriction]
-        ];
         "IQS_CAP_MOHR_DS_CLB" [
             [NormalCohesion, TangentialCohesion],
             [DynamicFriction, StaticFriction],
             [TensionCap, CompressionCap]
         ];
-        "IQS_CLB_RGR" [[RelaxationSteps, RelaxationGap], [Friction]];
-        "ELASTIC_REPELL_CLB" [[Stiffness], [Friction]];
-        "ELASTIC_REPELL_CLB_g0" [[Stiffness], [Friction]];
-        "VISCO_ELASTIC_REPELL_CLB" [[Stiffness, NormalViscosity], [Friction]];
-        "COUPLED_DOF" [];
         "ELASTIC_WIRE" [[Stiffness, Prestrain]];
         "ELASTIC_ROD" [[Stiffness, Prestrain]];
         "VOIGT_WIRE" [[Stiffness, Prestrain], [WireViscosity]];
@@ -523,7 +701,7 @@ impl LawModel {
         };
         let sliding = two_coefficients.then_some(ContactMemory::Sliding);
         let moment = self.rolling().map(|_| ContactMemory::Moment);
-        [sliding, cohesion, moment].into_iter().flatten().collect()
+        [sliding, cohesion, moment, self.named_memory()].into_iter().flatten().collect()
     }
 
     /// Largest gap at which a liquid attracts, m; 0 for other laws.
@@ -584,166 +762,5 @@ impl LawModel {
     }
 }
 
-/// Name or number of parameters of which the programs have no law.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LawError {
-    pub label: String,
-    /// Number of parameters.
-    pub count: usize,
-}
-
-impl LawError {
-    /// Description of the law that was found.
-    pub fn found(&self) -> String {
-        let LawError { label, count } = self;
-        match law_entry(label) {
-            None => format!("its kind '{label}' is not known"),
-            Some(LawEntry { computed: false, .. }) => format!("its kind {label} can be read and written, not computed"),
-            Some(_) => format!("{label} with {count} parameters"),
-        }
-    }
-
-    /// Laws or parameters that are expected, in words.
-    pub fn expected(&self) -> String {
-        match law_entry(&self.label) {
-            None => known_names(&self.label, &computed_labels()),
-            Some(LawEntry { computed: false, .. }) => format!("computed are {}", computed_labels().join(", ")),
-            Some(entry) => {
-                let names: Vec<&str> = entry.parameters().map(LawParameter::label).collect();
-                format!("expected {}: {}", names.len(), names.join(", "))
-            }
-        }
-    }
-}
-
-impl fmt::Display for LawError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}; {}", self.found(), self.expected())
-    }
-}
-
-impl std::error::Error for LawError {}
-
-/// Value of a parameter that a law in use cannot have.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ParameterFault {
-    pub parameter: LawParameter,
-    pub found: String,
-    /// Values that are expected, without the word.
-    pub expected: String,
-}
-
-impl fmt::Display for ParameterFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {}; expected {}", self.parameter.name(), self.found, self.expected)
-    }
-}
-
-impl std::error::Error for ParameterFault {}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Every computed law with distinct values: 1/64, 2/64 ...
-    fn examples() -> impl Iterator<Item = (&'static LawEntry, LawModel, Vec<f64>)> {
-        LAW_TABLE.iter().filter(|entry| entry.computed).map(|entry| {
-            let values: Vec<f64> = (1..).take(entry.parameters().count()).map(|k| f64::from(k) / 64.0).collect();
-            (entry, LawModel::from_values(entry.label, &values).unwrap(), values)
-        })
-    }
-
-    #[test]
-    fn names_are_unique_and_fit_the_file() {
-        for (k, entry) in LAW_TABLE.iter().enumerate() {
-            assert!(LAW_TABLE[..k].iter().all(|known| known.label != entry.label), "{}", entry.label);
-            assert!(entry.label.len() <= 30 && entry.lines.iter().all(|line| (1..=2).contains(&line.len())));
-            assert!(entry.parameters().all(|parameter| parameter.label().len() <= 4));
-            let mut names: Vec<&str> = entry.parameters().map(LawParameter::name).collect();
-            names.sort_unstable();
-            names.dedup();
-            assert_eq!(names.len(), entry.parameters().count(), "{}", entry.label);
-            assert_eq!(entry.computed, !entry.description.is_empty());
-        }
-    }
-
-    #[test]
-    fn values_and_fields_are_in_the_order_of_the_file() {
-        for (entry, model, values) in examples() {
-            let used = |(parameter, value)| if parameter == LawParameter::UnusedCohesion { 0.0 } else { value };
-            let expected: Vec<f64> = entry.parameters().zip(values).map(used).collect();
-            assert_eq!((model.label(), model.values()), (entry.label, expected));
-            // A scene names the fields as the parameters are named.
-            let named = model.parameter_values().into_iter().filter(|(p, _)| *p != LawParameter::UnusedCohesion);
-            let fields: Vec<String> = named.map(|(p, value)| format!("{}: {value:?}", p.name())).collect();
-            let text = format!("{}({})", entry.label, fields.join(", "));
-            let read: LawModel = crate::ron_file::from_ron(std::path::Path::new("scene.ron"), &text, "law").unwrap();
-            assert_eq!(read, model, "{text}");
-        }
-    }
-
-    #[test]
-    fn friction_is_that_of_the_named_parameters() {
-        for (_, model, _) in examples() {
-            let value = |wanted| model.parameter_values().into_iter().find(|(p, _)| *p == wanted).map(|(_, x)| x);
-            let one = value(LawParameter::Friction);
-            let FrictionPair { static_friction, dynamic_friction } = model.friction();
-            assert_eq!(Some(static_friction), one.or(value(LawParameter::StaticFriction)));
-            assert_eq!(Some(dynamic_friction), one.or(value(LawParameter::DynamicFriction)));
-            let rolling = value(LawParameter::RollingFriction).zip(value(LawParameter::SpinningFriction));
-            assert_eq!(model.rolling().map(|r| (r.rolling, r.spinning)), rolling);
-        }
-    }
-
-    #[test]
-    fn a_bond_has_a_limit_of_its_own() {
-        let law = LawModel::from_values("IQS_MOHR_DS_CLB", &[4.0, 2.0, 0.3, 0.4]).unwrap();
-        // c_t S + (c_t/c_n) f_n, also under traction.
-        let load = ContactLoad { gap: 0.0, normal_force: -1.0, area: 3.0, bonded: true };
-        assert_eq!(law.friction_limit(&load), 2.0 * 3.0 - 0.5);
-        assert_eq!(law.friction_limit(&ContactLoad { bonded: false, normal_force: 5.0, ..load }), 0.4 * 5.0);
-        let bridge = LawModel::from_values("xQS_WET_DS_CLB", &[4.0, 0.0, 0.1, 0.4, 0.5]).unwrap();
-        assert_eq!(bridge.friction_limit(&ContactLoad { normal_force: 2.0, ..load }), 0.5 * 6.0);
-        assert_eq!(bridge.friction_limit(&ContactLoad { normal_force: 2.0, bonded: false, ..load }), 0.5 * 2.0);
-    }
-
-    #[test]
-    fn unknown_laws_and_values_out_of_range_are_reported() {
-        let error = |label: &str, values: &[f64]| LawModel::from_values(label, values).unwrap_err().to_string();
-        assert_eq!(error("IQS_CBL", &[0.1]), "its kind 'IQS_CBL' is not known; did you mean IQS_CLB?");
-        assert_eq!(error("RST_CLB", &[0.1]), "RST_CLB with 1 parameters; expected 3: rstn, rstt, fric");
-        let start = "its kind ELASTIC_WIRE can be read and written, not computed; computed are IQS_CLB, ";
-        assert!(error("ELASTIC_WIRE", &[1.0, 0.0]).starts_with(start));
-        let faults = |label: &str, values: &[f64]| -> Vec<String> {
-            let faults = LawModel::from_values(label, values).unwrap().parameter_faults();
-            faults.iter().map(ParameterFault::to_string).collect()
-        };
-        assert_eq!(faults("RST_CLB", &[1.5, 0.0, 0.3]), ["normal_restitution 1.5; expected 0 to 1"]);
-        assert_eq!(faults("RST_CLB", &[0.5, -0.5, 0.3]), ["tangential_restitution -0.5; expected 0 to 1"]);
-        assert_eq!(faults("IQS_CLB", &[-0.1]), ["friction -0.1; expected a finite number >= 0"]);
-        assert_eq!(faults("IQS_CLB", &[f64::NAN]).len() + faults("IQS_CLB", &[f64::INFINITY]).len(), 2);
-        assert!(faults("IQS_CLB", &[0.0]).is_empty());
-        let sliding =
-            "dynamic_friction 0.5 is larger than static_friction 0.3; expected dynamic_friction <= static_friction";
-        assert_eq!(faults("IQS_DS_CLB", &[0.5, 0.3]), [sliding]);
-        let bond = |normal, tangential| faults("IQS_MOHR_DS_CLB", &[normal, tangential, 0.2, 0.3]);
-        assert_eq!(bond(0.0, 1.0), ["tangential_cohesion 1.0 without normal_cohesion; expected both, or none"]);
-        assert_eq!(bond(1.0, -1.0), ["tangential_cohesion -1.0; expected a stress >= 0 Pa"]);
-        assert!(bond(0.0, 0.0).is_empty() && bond(1.0, 0.0).is_empty());
-        assert_eq!(faults("IQS_WET_DS_CLB", &[-1.0, -9.0, -1.0, 0.1, 0.2]).len(), 2, "one is not used");
-    }
-
-    #[test]
-    fn memory_follows_from_the_parameters() {
-        use ContactMemory::*;
-        let memory = |label: &str| {
-            let count = law_parameters(label).count();
-            LawModel::from_values(label, &vec![0.5; count]).unwrap().memory()
-        };
-        assert_eq!(memory("RST_CLB"), []);
-        assert_eq!(memory("RST_DS_CLB"), [Sliding]);
-        assert_eq!(memory("xQS_WET_DS_CLB"), [Sliding, LiquidBridge]);
-        assert_eq!(memory("IQS_MOHR_DS_CLB"), [Sliding, Bond]);
-        assert_eq!(memory("IQS_WET_DS_ROLL_CLB"), [Sliding, Moment]);
-    }
-}
+mod tests;

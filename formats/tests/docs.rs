@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use cd_formats::compute::{Accuracy, Compute, Event, from_ron};
 use cd_formats::law_table::{ContactMemory, LAW_TABLE, LawCohesion, LawEntry, LawModel, LawParameter};
 use cd_formats::snapshot::{
-    BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, IntervalArrays, LawName, MaterialName, MemoryArrays,
-    PairArrays, SnapshotMeta, TurningArrays,
+    BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, IntervalArrays, LawArrays, LawName, MaterialName,
+    MemoryArrays, PairArrays, SnapshotMeta, TurningArrays,
 };
 
 const OPTIONS: &str = "docs/reference/options.md";
 const LAWS: &str = "docs/reference/laws.md";
+const SPRING_LAWS: &str = "docs/reference/laws-springs.md";
 const SNAPSHOTS: &str = "docs/reference/files/snapshots.md";
 
 fn page_of(name: &str) -> (PathBuf, String) {
@@ -86,6 +87,7 @@ fn arrays_are_those_of_snapshots() {
         .map(|array| ("N", array))
         .chain(ContactArrays::array_table().into_iter().map(|array| ("C", array)))
         .chain(MemoryArrays::array_table().into_iter().map(|array| ("C", array)))
+        .chain(LawArrays::array_table().into_iter().map(|array| ("C", array)))
         .chain(GravityArrays::array_table().into_iter().map(|array| ("N", array)))
         .chain(TurningArrays::array_table().into_iter().map(|array| ("U", array)))
         .chain(ContactPartArrays::array_table().into_iter().map(|array| ("C", array)))
@@ -177,6 +179,8 @@ fn kept_state(model: &LawModel) -> String {
         ContactMemory::LiquidBridge => "liquid bridge",
         ContactMemory::Bond => "bond",
         ContactMemory::Moment => "moment",
+        ContactMemory::ReferenceGap => "reference gap",
+        ContactMemory::Damage => "damage",
     };
     let kept: Vec<&str> = model.memory().into_iter().map(word).collect();
     if kept.is_empty() { "-".into() } else { kept.join(", ") }
@@ -186,6 +190,7 @@ fn kept_state(model: &LawModel) -> String {
 #[test]
 fn laws_are_those_of_the_table() {
     let (path, text) = page_of(LAWS);
+    let text = text + &page_of(SPRING_LAWS).1;
     let laws = computed_laws();
     let (mut documented, mut labels) = (names_of_sections(&text), laws.iter().map(|law| law.label).collect::<Vec<_>>());
     documented.sort_unstable();
@@ -233,12 +238,20 @@ fn laws_for_exchange_are_those_of_the_table() {
 #[test]
 fn other_pages_name_every_law() {
     let (_, snapshots) = page_of(SNAPSHOTS);
-    let keeps_arrays =
-        |entry: &&LawEntry| example_of(entry).memory().iter().any(|kind| *kind != ContactMemory::Sliding);
-    let names: Vec<String> =
-        computed_laws().into_iter().filter(keeps_arrays).map(|entry| format!("`{}`", entry.label)).collect();
-    let sentence = format!("If a law has memory or rolling moments ({}), also:", names.join(", "));
-    assert!(in_one_line(&snapshots).contains(&sentence), "{SNAPSHOTS}: {sentence}");
+    use ContactMemory::{Bond, Damage, LiquidBridge, Moment, ReferenceGap};
+    for (condition, kinds) in [
+        ("memory or rolling moments", &[LiquidBridge, Bond, Moment][..]),
+        (
+            "[reference gaps](../laws-springs.md#reference-gaps) or [interfaces](../laws-springs.md#interfaces)",
+            &[ReferenceGap, Damage],
+        ),
+    ] {
+        let keeps = |entry: &&LawEntry| example_of(entry).memory().iter().any(|kind| kinds.contains(kind));
+        let names: Vec<String> =
+            computed_laws().into_iter().filter(keeps).map(|entry| format!("`{}`", entry.label)).collect();
+        let sentence = format!("If a law has {condition} ({}), also:", names.join(", "));
+        assert!(in_one_line(&snapshots).contains(&sentence), "{SNAPSHOTS}: {sentence}");
+    }
     let (_, method) = page_of("docs/explanation/method/laws.md");
     let (_, readme) = page_of("README.md");
     for entry in computed_laws() {

@@ -91,5 +91,13 @@ pub fn packing(side: usize, friction: f64) -> ContactProblem {
     };
     let mut order: Vec<u32> = (0..count as u32).collect();
     order.sort_by_cached_key(key);
-    ContactProblem { rows, rolling_constraints: Vec::new(), block_data: None, bodies: records, order }
+    ContactProblem {
+        rows,
+        rolling_constraints: Vec::new(),
+        regularised: Vec::new(),
+        memories: Vec::new(),
+        block_data: None,
+        bodies: records,
+        order,
+    }
 }

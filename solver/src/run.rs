@@ -297,10 +297,17 @@ fn current_contacts(scene: &Scene, state: &State, cache: &mut DetectionCache) ->
     detect::listed_contacts(scene, &now, state.velocities(), cache)
 }
 
+/// Whether two bodies overlap against the law of their contact: springs overlap by law.
+fn is_overlap(contact: &Contact, scene: &Scene) -> bool {
+    contact.gap < 0.0 && !scene.laws[contact.law as usize].is_regularised()
+}
+
 /// Returns the deepest overlap relative to the smaller radius.
 fn deepest_overlap(contacts: &[Contact], scene: &Scene) -> Option<Overlap> {
-    let overlaps =
-        contacts.iter().filter(|contact| contact.gap < 0.0).map(|contact| Overlap::from_contact(scene, contact));
+    let overlaps = contacts
+        .iter()
+        .filter(|contact| is_overlap(contact, scene))
+        .map(|contact| Overlap::from_contact(scene, contact));
     overlaps.fold(None, deeper_overlap)
 }
 
@@ -308,9 +315,9 @@ fn deepest_overlap(contacts: &[Contact], scene: &Scene) -> Option<Overlap> {
 fn initial_overlap_warning(scene: &Scene, state: &State, cache: &mut DetectionCache) -> Option<(Overlap, String)> {
     let contacts = current_contacts(scene, state, cache);
     let deepest = deepest_overlap(&contacts, scene).filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE)?;
-    let deep = contacts
-        .iter()
-        .filter(|contact| contact.gap < 0.0 && Overlap::from_contact(scene, contact).share > OVERLAP_WARNING_SHARE);
+    let deep = contacts.iter().filter(|contact| {
+        is_overlap(contact, scene) && Overlap::from_contact(scene, contact).share > OVERLAP_WARNING_SHARE
+    });
     let mut pairs: Vec<[BodyId; 2]> = deep.map(|contact| [contact.candidate, contact.antagonist]).collect();
     pairs.dedup();
     let count = match pairs.len() {

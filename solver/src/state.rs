@@ -187,6 +187,17 @@ pub struct SolvedContact {
     pub bond: Option<f64>,
 }
 
+/// State of the law of a contact, besides its bond, that a step hands to the next.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LawMemory {
+    /// Gap from which the law counts, m.
+    pub reference_gap: f64,
+    /// Soundness of the interface, 1 without damage; 0 if it is broken or there is none.
+    pub soundness: f64,
+    /// Sliding of the candidate on the interface, world frame, m.
+    pub sliding: Vec3,
+}
+
 /// Sums over contacts since the last step after which a snapshot was due.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct OutputInterval {
@@ -270,6 +281,8 @@ pub struct State {
     pub order: Vec<u32>,
     /// Contacts of the last step ordered by key; warm start of the next step.
     pub contacts: Vec<SolvedContact>,
+    /// Memory of the laws of these contacts; empty if no law of the scene has one.
+    pub memories: Vec<LawMemory>,
     pub detection_cache: DetectionCache,
     pub interval: OutputInterval,
     /// Present uniform gravity, m/s^2.
@@ -306,6 +319,11 @@ impl State {
     /// long.
     pub fn is_diagnostic_step(&self, step_multiple: u64) -> bool {
         self.step.next_multiple_of(DIAGNOSTIC_INTERVAL) < self.step + step_multiple
+    }
+
+    /// Memory of the law of a contact of the last step.
+    pub fn law_memory(&self, contact: ContactId) -> LawMemory {
+        self.memories.get(contact.index()).copied().unwrap_or_default()
     }
 
     /// Number of contacts with a bond or a liquid bridge.

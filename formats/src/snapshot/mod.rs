@@ -45,6 +45,8 @@ pub struct Snapshot {
     pub contacts: ContactArrays,
     /// Memory of contacts; only if a law needs it.
     pub memory: Option<MemoryArrays>,
+    /// Other state of the laws of contacts; only if a law has it.
+    pub laws: Option<LawArrays>,
     /// Evaluations of self-gravity; only where it is not evaluated at every step.
     pub gravity: Option<GravityArrays>,
     /// Only in scenes with other bodies than spheres and plates.
@@ -405,6 +407,18 @@ arrays! {
 }
 
 arrays! {
+    /// Other state of the contact laws, one row for each contact; there only if a law has it.
+    LawArrays {
+        /// Gap from which the law counts, m; 0 for laws that count from 0
+        contact_reference_gap: f64,
+        /// Soundness of the interface, 1 without damage, 0 broken or without an interface
+        contact_soundness: f64,
+        /// Sliding of the candidate on the interface, world frame, m
+        contact_sliding: [f64; 3],
+    }
+}
+
+arrays! {
     /// One row a body; there only where self-gravity is not evaluated at every step.
     GravityArrays {
         /// Acceleration by self-gravity when it was last evaluated, m/s^2
@@ -495,6 +509,7 @@ impl Snapshot {
             self.bodies.write(&mut archive)?;
             self.contacts.write(&mut archive)?;
             self.memory.as_ref().map_or(Ok(()), |memory| memory.write(&mut archive))?;
+            self.laws.as_ref().map_or(Ok(()), |laws| laws.write(&mut archive))?;
             self.gravity.as_ref().map_or(Ok(()), |gravity| gravity.write(&mut archive))?;
             self.shapes.as_ref().map_or(Ok(()), |shapes| shapes.write(&mut archive))?;
             self.interval.as_ref().map_or(Ok(()), |interval| interval.write(&mut archive))?;
@@ -531,6 +546,8 @@ impl Snapshot {
         let contacts = ContactArrays::read(&mut entries);
         let remembers = entries.has_array("contact_bonded");
         let memory = remembers.then(|| MemoryArrays::read(&mut entries));
+        let has_laws = entries.has_array("contact_reference_gap");
+        let laws = has_laws.then(|| LawArrays::read(&mut entries));
         let extrapolates = entries.has_array("gravity_last");
         let gravity = extrapolates.then(|| GravityArrays::read(&mut entries));
         let has_shapes = entries.has_array("turning_body");
@@ -538,7 +555,7 @@ impl Snapshot {
         let has_interval = entries.has_array("interval_body");
         let interval = has_interval.then(|| IntervalArrays::read(&mut entries));
         entries.faults.into_result(())?;
-        let snapshot = Snapshot { meta, bodies, contacts, memory, gravity, shapes, interval };
+        let snapshot = Snapshot { meta, bodies, contacts, memory, laws, gravity, shapes, interval };
         snapshot.check_indices().map_err(|error| refuse(error.to_string()))?;
         snapshot.check_quaternions(path)?;
         Ok(snapshot)
@@ -559,9 +576,11 @@ impl Snapshot {
 
     /// Checks that arrays of the same rows have equal lengths and that indices are those of existing rows.
     fn check_indices(&self) -> Result<(), IndexError> {
-        let Snapshot { meta, bodies, contacts, memory, gravity, shapes, interval } = self;
+        let Snapshot { meta, bodies, contacts, memory, laws, gravity, shapes, interval } = self;
         let bodies_count = bodies.body_id.len();
-        if memory.as_ref().is_some_and(|memory| memory.contact_bonded.len() != contacts.contact_body.len()) {
+        let rows = memory.iter().map(|memory| memory.contact_bonded.len());
+        let rows = rows.chain(laws.iter().map(|laws| laws.contact_reference_gap.len()));
+        if rows.into_iter().any(|rows| rows != contacts.contact_body.len()) {
             return Err(IndexError::ContactRows);
         }
         let in_shapes = |shapes: &ShapeArrays| shapes.are_in_range(bodies_count, contacts.contact_body.len());

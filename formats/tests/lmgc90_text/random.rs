@@ -137,7 +137,7 @@ fn distinct<T>(values: Vec<T>, key: impl Fn(&T) -> String) -> Vec<T> {
 }
 
 fn tact_behav() -> impl Strategy<Value = TactBehav> {
-    let law = (name(), select(LAW_TABLE), vec(size(), 8)).prop_map(|(nickname, entry, mut parameters)| {
+    let law = (name(), select(LAW_TABLE), vec(size(), 10)).prop_map(|(nickname, entry, mut parameters)| {
         parameters.truncate(entry.parameters().count());
         LawRecord { line: 0, nickname, kind: entry.label.to_string(), parameters }
     });

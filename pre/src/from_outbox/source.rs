@@ -13,8 +13,8 @@ use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::groups::{DisjointSets, largest_remnant};
 use cd_formats::ids::BodyId;
 use cd_formats::snapshot::{
-    self, BodyArrays, ContactPartArrays, LawName, MemoryArrays, PairArrays, START_FILE, ShapeArrays, Snapshot,
-    TurningArrays,
+    self, BodyArrays, ContactPartArrays, LawArrays, LawName, MemoryArrays, PairArrays, START_FILE, ShapeArrays,
+    Snapshot, TurningArrays,
 };
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::unchanged::ComputedSnapshot;
@@ -214,6 +214,7 @@ impl SourceCase {
         state.contacts = self.snapshot.contacts.select_rows(&kept);
         state.contacts.contact_body = pairs;
         state.memory = self.snapshot.memory.as_ref().map(|memory| memory.select_rows(&kept));
+        state.laws = self.snapshot.laws.as_ref().map(|laws| laws.select_rows(&kept));
         move_rows(&mut state, &free, taken);
         state.shapes = self.snapshot.shapes.as_ref().map(|shapes| {
             // If a body's rotation has changed, its angular momentum is computed from its angular velocity.
@@ -357,6 +358,9 @@ fn move_rows(state: &mut Snapshot, free: &[usize], taken: &Selection) {
         for frame in &mut state.contacts.contact_frame {
             *frame = frame.map(|axis| (turn * Vec3::from(axis)).into());
         }
+        for sliding in state.laws.iter_mut().flat_map(|laws| &mut laws.contact_sliding) {
+            *sliding = (turn * Vec3::from(*sliding)).into();
+        }
     }
     if let Some(centre) = taken.centre {
         let shift = Vec3::from(centre) - com;
@@ -438,6 +442,15 @@ impl SourcePart<'_> {
                 memory.contact_moment.iter_mut().flatten().for_each(|m| *m *= scale);
             }
             start.memory.get_or_insert_with(|| unbonded(before)).append(memory);
+        }
+        let unchanged = |count| LawArrays {
+            contact_reference_gap: vec![0.0; count],
+            contact_soundness: vec![0.0; count],
+            contact_sliding: vec![[0.0; 3]; count],
+        };
+        if start.laws.is_some() || self.state.laws.is_some() {
+            let laws = self.state.laws.clone().unwrap_or_else(|| unchanged(count));
+            start.laws.get_or_insert_with(|| unchanged(before)).append(laws);
         }
         // Parts with spheres and plates only have contacts of first contactors, with area 0.
         let plain = |count| ShapeArrays {

@@ -45,24 +45,28 @@ impl<'a> AssemblyContext<'a> {
     /// Whether a contact can close within the step or is within the range of its law.
     pub(super) fn can_act(&self, contact: &Contact) -> bool {
         let law = &self.state.laws[contact.law as usize];
+        if law.acts_apart() {
+            return true; // the gap that counts is not known yet
+        }
         let is_in_range = || contact.gap <= law.interaction_range(self.effective_radius(contact));
-        self.can_close_gap(contact, &contact_arms(contact, &self.q_c.x)) || (law.cohesion().is_some() && is_in_range())
+        self.can_close_gap(contact, contact.gap, &contact_arms(contact, &self.q_c.x))
+            || (law.cohesion().is_some() && is_in_range())
     }
 
-    /// Whether the two bodies may close the gap in the step: by their relative free velocities or, if they are near, by their
+    /// Whether the two bodies may close `gap` (m) in the step: by their relative free velocities or, if they are near, by their
     /// speeds beyond the common velocity, as contacts may change the direction of these.
     #[inline]
-    pub(super) fn can_close_gap(&self, contact: &Contact, arms: &[Vec3; 2]) -> bool {
-        if contact.gap <= 0.0 {
+    pub(super) fn can_close_gap(&self, contact: &Contact, gap: f64, arms: &[Vec3; 2]) -> bool {
+        if gap <= 0.0 {
             return true;
         }
-        if contact.gap > self.max_approach(contact, arms) {
+        if gap > self.max_approach(contact, arms) {
             return false;
         }
         let AssemblyContext { q_c, free, bounds, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| bounds[i.index()].nearby);
         let u = || velocity_at_arms(contact, arms, *free);
-        contact.gap <= a.min(b) || contact.gap <= q_c.longest_reach_time(self.scene) * -contact.normal.dot(&u())
+        gap <= a.min(b) || gap <= q_c.longest_reach_time(self.scene) * -contact.normal.dot(&u())
     }
 
     /// Largest approach of the two bodies at the contact in the step, m, beyond the common motion, for any direction of

@@ -10,7 +10,7 @@ use super::kinematics::{contact_arms, velocity_at_arms};
 use crate::laws::{ContactLaw, LawShift, MAX_TOUCHING_GAP};
 use crate::math::{Quat, Vec3, rotate_by_vector};
 use crate::scene::{BodyId, Scene};
-use crate::state::{BondingMode, Contact, ContactId, SolvedContact, UNKNOWN_FEATURE};
+use crate::state::{BondingMode, Contact, ContactId, LawMemory, SolvedContact, UNKNOWN_FEATURE};
 
 /// Contacts per task.
 const CONTACTS_PER_TASK: usize = 1024;
@@ -45,10 +45,6 @@ fn contactor_pair(contact: &Contact) -> ContactorPair {
 fn pair_range<T>(list: &[T], pair: ContactorPair, contact: impl Fn(&T) -> &Contact) -> Range<usize> {
     let from = list.partition_point(|item| contactor_pair(contact(item)) < pair);
     from..from + list[from..].iter().take_while(|item| contactor_pair(contact(item)) == pair).count()
-}
-
-fn was_loaded(old: &SolvedContact) -> bool {
-    old.bond.is_some() || old.impulse != Vec3::zeros()
 }
 
 /// Bond between the bodies of a contact.
@@ -93,6 +89,18 @@ impl AssemblyContext<'_> {
         found
     }
 
+    /// Whether a contact of the last step, by its index, had a bond, an impulse or another state that its law remembers.
+    fn has_history(&self, k: usize) -> bool {
+        let old = &self.state.contacts[k];
+        let remembered = || self.state.law_memory(ContactId::new(k)) != LawMemory::default();
+        old.bond.is_some() || old.impulse != Vec3::zeros() || remembered()
+    }
+
+    /// Whether a contact of the last step, by its index, has a state that the contacts of a face share.
+    fn has_shared_history(&self, k: usize) -> bool {
+        self.state.contacts[k].bond.is_some() || self.state.law_memory(ContactId::new(k)) != LawMemory::default()
+    }
+
     /// Whether a contact can change its key: two spheres have one contact, always with the same key.
     fn has_features(&self, contact: &Contact) -> bool {
         !self.is_sphere[contact.antagonist.index()]
@@ -101,8 +109,8 @@ impl AssemblyContext<'_> {
     /// Whether each contact of the last step carried an impulse and no longer acts under its key. Nearly always empty.
     fn lost_contacts(&self, contacts: &[Contact], found: &[Option<ContactId>]) -> Vec<bool> {
         let before = &self.state.contacts;
-        let may_go = |old: &SolvedContact| self.has_features(&old.contact) && was_loaded(old);
-        let mut gone: Vec<bool> = before.par_iter().with_min_len(CONTACTS_PER_TASK).map(may_go).collect();
+        let may_go = |(k, old): (usize, &SolvedContact)| self.has_features(&old.contact) && self.has_history(k);
+        let mut gone: Vec<bool> = before.par_iter().enumerate().with_min_len(CONTACTS_PER_TASK).map(may_go).collect();
         if !gone.contains(&true) {
             return gone;
         }
@@ -116,20 +124,21 @@ impl AssemblyContext<'_> {
     /// Contacts that act and have no history, between contactors with a lost or bonded contact, in their order.
     fn new_contacts(&self, contacts: &[Contact], found: &[Option<ContactId>], gone: &[bool]) -> Vec<usize> {
         let before = &self.state.contacts;
-        let shares = |old: &SolvedContact| old.bond.is_some() && self.has_features(&old.contact);
-        let concerned = before.iter().zip(gone).filter(|(old, gone)| **gone || shares(old));
-        let concerned: Vec<ContactorPair> = concerned.map(|(old, _)| contactor_pair(&old.contact)).collect();
+        let shares = |k: usize| self.has_shared_history(k) && self.has_features(&before[k].contact);
+        let concerned = (0..before.len()).filter(|&k| gone[k] || shares(k));
+        let concerned: Vec<ContactorPair> = concerned.map(|k| contactor_pair(&before[k].contact)).collect();
         if concerned.is_empty() {
             return Vec::new();
         }
-        let acted = |old: &SolvedContact| {
+        let acted = |k: ContactId| {
+            let old = &before[k.index()];
             let law = &self.state.laws[old.contact.law as usize];
-            was_loaded(old) || old.contact.gap <= law.interaction_range(self.effective_radius(&old.contact))
+            self.has_history(k.index()) || old.contact.gap <= law.interaction_range(self.effective_radius(&old.contact))
         };
         let is_new = |&k: &usize| {
             self.has_features(&contacts[k])
                 && concerned.binary_search(&contactor_pair(&contacts[k])).is_ok()
-                && !found[k].is_some_and(|old| acted(&before[old.index()]))
+                && !found[k].is_some_and(acted)
                 && self.can_act(&contacts[k])
         };
         (0..contacts.len()).into_par_iter().with_min_len(256).filter(is_new).collect()
@@ -145,7 +154,7 @@ impl AssemblyContext<'_> {
         let candidates_of =
             |old: usize| new.iter().map(move |&k| (self.displacement_from(&before[old].contact, &contacts[k]), old, k));
         let mut candidates: Vec<(f64, usize, usize)> =
-            old.clone().filter(|&k| was_loaded(&before[k])).flat_map(candidates_of).collect();
+            old.clone().filter(|&k| self.has_history(k)).flat_map(candidates_of).collect();
         candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut free: Vec<usize> = old.clone().filter(|&k| gone[k]).collect();
         let mut left = new.to_vec();
@@ -159,7 +168,7 @@ impl AssemblyContext<'_> {
         let area = before[old].iter().map(|old| old.contact.area).sum::<f64>();
         let is_same =
             area > 0.0 && now.iter().map(|contact| contact.area).sum::<f64>() <= area * (1.0 + MAX_TOUCHING_GAP);
-        for (_, old, k) in candidates.into_iter().filter(|candidate| is_same && before[candidate.1].bond.is_some()) {
+        for (_, old, k) in candidates.into_iter().filter(|pair| is_same && self.has_shared_history(pair.1)) {
             if left.contains(&k) {
                 found[k] = Some(ContactId::new(old));
                 left.retain(|other| *other != k);
@@ -182,6 +191,61 @@ impl AssemblyContext<'_> {
         theta * self.state.h + (1.0 - theta) * self.q_c.h
     }
 
+    /// Whether a contact with the history `old` is bonded, or has its law's other memory set, in this step.
+    fn begins_history(&self, old: Option<ContactId>) -> bool {
+        match self.state.bonding {
+            BondingMode::All => true,
+            BondingMode::New => old.is_none(),
+            BondingMode::No => false,
+        }
+    }
+
+    /// Memory of the law of each contact in this step; empty if no law has one. Contacts within the alert distance have a
+    /// reference gap, as in LMGC90.
+    pub(super) fn law_memories(&self, contacts: &[Contact], history: &[Option<ContactId>]) -> Vec<LawMemory> {
+        if !self.state.laws.iter().any(ContactLaw::has_law_memory) {
+            return Vec::new();
+        }
+        let of_contact = |(contact, old): (&Contact, &Option<ContactId>)| {
+            let law = &self.state.laws[contact.law as usize];
+            if !law.has_law_memory() {
+                return LawMemory::default();
+            }
+            let is_within = || self.alert_distance(contact).is_some_and(|alert| contact.gap <= alert);
+            if self.begins_history(*old) && is_within() {
+                let soundness = if law.interface.is_some() { 1.0 } else { 0.0 };
+                return LawMemory { reference_gap: law.reference_gap(contact.gap), soundness, sliding: Vec3::zeros() };
+            }
+            let old = old.or_else(|| self.nearest_before(contact));
+            old.map_or(LawMemory::default(), |k| {
+                let memory = self.state.law_memory(k);
+                if law.interface.is_none() {
+                    return memory;
+                }
+                // Carried with the normal; what the bodies turn about it is not seen.
+                let turn = Quat::rotation_between(&self.state.contacts[k.index()].contact.normal, &contact.normal);
+                LawMemory { sliding: turn.map_or(memory.sliding, |turn| turn * memory.sliding), ..memory }
+            })
+        };
+        contacts.par_iter().zip(history).with_min_len(256).map(of_contact).collect()
+    }
+
+    /// Contact of the last step of the same two contactors nearest to a new one; faces may touch at other corners in each step.
+    fn nearest_before(&self, contact: &Contact) -> Option<ContactId> {
+        let before = &self.state.contacts;
+        let of_pair = pair_range(before, contactor_pair(contact), |old| &old.contact);
+        let distance = |k: &usize| self.displacement_from(&before[*k].contact, contact);
+        of_pair.min_by(|a, b| distance(a).total_cmp(&distance(b))).map(ContactId::new)
+    }
+
+    /// Alert distance of the visibility table for a contact, m.
+    pub(super) fn alert_distance(&self, contact: &Contact) -> Option<f64> {
+        let Contact { candidate, antagonist, ranks, .. } = *contact;
+        let a = self.scene.contactor_class(candidate, ranks.0)?;
+        let b = self.scene.contactor_class(antagonist, ranks.1)?;
+        self.scene.visibility.interaction_rule(a, b).map(|rule| rule.alert)
+    }
+
     /// Bond of each contact's bodies, from the bonds of the last step.
     pub(super) fn bond_states(&self, contacts: &[Contact], history: &[Option<ContactId>]) -> Vec<BondState> {
         if !self.state.laws.iter().any(ContactLaw::can_bond) {
@@ -190,11 +254,7 @@ impl AssemblyContext<'_> {
         let bond = |(contact, old): (&Contact, &Option<ContactId>)| {
             let law = &self.state.laws[contact.law as usize];
             let kept = old.and_then(|k| self.inherited_bond(&self.state.contacts[k.index()], contact, law));
-            let now = match self.state.bonding {
-                BondingMode::All => true,
-                BondingMode::New => old.is_none(),
-                BondingMode::No => false,
-            };
+            let now = self.begins_history(*old);
             let bond = kept.or_else(|| (now && self.can_bond(contact, law)).then(|| law.bonded_at(contact.gap)));
             bond.filter(|_| self.carries_stress(contact))
         };

@@ -6,10 +6,11 @@
 
 use nalgebra::Matrix3;
 
+use super::interface_row::InterfaceRow;
 use super::kinematics::contact_arms;
 use crate::math::Vec3;
 use crate::scene::{BodyId, RigidBody};
-use crate::state::{Contact, ContactId};
+use crate::state::{Contact, ContactId, LawMemory};
 
 /// Data of a body that a sweep reads and writes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,6 +74,27 @@ pub struct RollingConstraint {
     pub warm_start: Vec3,
 }
 
+/// Regularisation of a row; only some laws have one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RegularisedRow {
+    /// û_n has the additional term `compliance` r̂_n, 1/kg.
+    Spring { row: ContactId, compliance: f64 },
+    /// u = 0 for any impulse.
+    Coupled { row: ContactId },
+    /// An elastic interface next to the contact.
+    Interface { row: ContactId, interface: InterfaceRow },
+}
+
+impl RegularisedRow {
+    pub fn row(&self) -> ContactId {
+        match *self {
+            RegularisedRow::Spring { row, .. }
+            | RegularisedRow::Coupled { row }
+            | RegularisedRow::Interface { row, .. } => row,
+        }
+    }
+}
+
 #[derive(Debug, Clone)]
 pub struct ContactProblem {
     pub rows: Vec<ContactConstraint>,
@@ -80,6 +102,10 @@ pub struct ContactProblem {
     pub block_data: Option<BlockData>,
     /// Rolling constraints in the order of the rows; empty in most scenes.
     pub rolling_constraints: Vec<RollingConstraint>,
+    /// Regularisations in the order of the rows; empty in most scenes.
+    pub regularised: Vec<RegularisedRow>,
+    /// Memory of the law of each row at the start of the step; empty if no law has one.
+    pub memories: Vec<LawMemory>,
     /// All bodies in spatial order, neighbours near each other.
     pub order: Vec<u32>,
     /// Velocities if every r̂ were 0.
@@ -107,7 +133,7 @@ impl ContactConstraint {
     /// r̂_n that keeps the row's own attraction from moving the bodies, as far as its shift leaves the contact closed, N s; 0
     /// without an attraction. It is the solution of a contact without other loads.
     pub fn balancing_impulse(&self) -> f64 {
-        let attraction = -self.impulse_shift;
+        let attraction = (-self.impulse_shift).max(0.0);
         (attraction - self.shift.dot(&self.normal) / self.w_n).clamp(0.0, attraction)
     }
 
@@ -133,6 +159,17 @@ impl ContactProblem {
     /// Whether one of the rows `active` has friction, or any row has moments.
     pub fn has_friction(&self, active: &[ContactId]) -> bool {
         !self.rolling_constraints.is_empty() || active.iter().any(|&k| self.rows[k.index()].friction > 0.0)
+    }
+
+    /// Regularisation of row `k`, if it has one.
+    pub fn regularised_row(&self, k: usize) -> Option<&RegularisedRow> {
+        let position = self.regularised.binary_search_by_key(&ContactId::new(k), RegularisedRow::row).ok()?;
+        self.regularised.get(position)
+    }
+
+    /// Memory of the law of row `k` at the start of the step.
+    pub fn law_memory(&self, k: usize) -> LawMemory {
+        self.memories.get(k).copied().unwrap_or_default()
     }
 
     /// Vector from the centre of the candidate (side 0) or antagonist (1) of row `k` to the contact point, m; 0 for a plate

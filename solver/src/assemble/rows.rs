@@ -7,14 +7,15 @@ use rayon::prelude::*;
 use super::context::{AssemblyContext, MotionBounds};
 use super::faces::{FaceRows, Joints, has_joints};
 use super::history::{BondState, warm_start};
+use super::interface_row::InterfaceRow;
 use super::kinematics::{contact_arms, relative_velocity, velocity_at_arms};
-use super::problem::{BlockData, ContactConstraint, ContactProblem, RollingConstraint, SolverBody};
+use super::problem::{BlockData, ContactConstraint, ContactProblem, RegularisedRow, RollingConstraint, SolverBody};
 use crate::integrate::ContactConfiguration;
-use crate::laws::{ContactLaw, GapForecast, LawInput, LawShift, MAX_STEP_OVERLAP, RollingFriction};
+use crate::laws::{ContactLaw, GapForecast, LawInput, LawRegularisation, LawShift, MAX_STEP_OVERLAP, RollingFriction};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
 use crate::scene::{BodyId, BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
-use crate::state::{Contact, ContactId, ContactStatus, SolvedContact, State, Velocities};
+use crate::state::{Contact, ContactId, ContactStatus, LawMemory, SolvedContact, State, Velocities};
 
 /// Sliding of a contact that begins counts above this multiple of `tol` times the change of velocity that loads it:
 /// unconverged sticking contacts slide less.
@@ -82,9 +83,11 @@ pub fn contact_problem(
     let history = setting.previous_contacts(contacts);
     let before = |old: &Option<ContactId>| old.map(|k| &state.contacts[k.index()]);
     let holds = setting.bond_states(contacts, &history);
+    let memories = setting.law_memories(contacts, &history);
     let of_contact = |(k, (old, hold)): (usize, (&Option<ContactId>, &BondState))| {
         setting.prefetch(contacts.get(k + PREFETCH_CONTACTS));
-        setting.contact_constraint(&contacts[k], before(old), *hold)
+        let memory = memories.get(k).copied().unwrap_or_default();
+        setting.contact_constraint(&contacts[k], before(old), *hold, memory)
     };
     let mut rows: Vec<ContactConstraint> =
         history.par_iter().zip(&holds).enumerate().with_min_len(256).map(of_contact).collect();
@@ -145,17 +148,38 @@ pub fn contact_problem(
             roll.inverse_w = 1.0 / (a + b).symmetric_eigenvalues().max();
         }
     }
+    let regularised = setting.regularised_rows(contacts, &rows, &memories);
     let mut system = ContactProblem {
         rows,
         rolling_constraints: rolls,
         block_data: full,
+        regularised,
+        memories,
         bodies: records,
         order: q_c.order.clone(),
     };
-    if state.laws.iter().any(|law| law.cohesion().is_some()) {
+    let rescues = state.laws.iter().any(|law| law.rescue.is_some());
+    if rescues {
+        push_out_overlaps(state, q_c.h, contacts, &mut system);
+    }
+    if rescues || state.laws.iter().any(|law| law.cohesion().is_some()) {
         apply_cohesion(&mut system, &history);
     }
     system
+}
+
+/// Sets the impulse with which laws push out deep overlaps, and starts the remaining impulse from what is left.
+fn push_out_overlaps(state: &State, h: f64, contacts: &[Contact], system: &mut ContactProblem) {
+    for (k, contact) in contacts.iter().enumerate() {
+        let Some(rescue) = state.laws[contact.law as usize].rescue else { continue };
+        let (push, w_n) = (rescue.velocity(contact.gap, h), system.delassus_diagonal(k).0);
+        let row = &mut system.rows[k];
+        if push > 0.0 && row.can_close && w_n > 0.0 {
+            row.impulse_shift = push / w_n;
+            let normal = row.normal.dot(&row.warm_start);
+            row.warm_start += row.normal * ((normal - row.impulse_shift).max(0.0) - normal);
+        }
+    }
 }
 
 /// Applies the attraction of the contacts, and starts contacts without a history from the impulse that balances it.
@@ -181,12 +205,50 @@ impl AssemblyContext<'_> {
         width.prefetch(&records[b]);
     }
 
-    /// Row of a contact, with its history of the last step and the bond of its bodies.
+    /// Regularisations of the rows that act, by the laws of their contacts.
+    fn regularised_rows(
+        &self,
+        contacts: &[Contact],
+        rows: &[ContactConstraint],
+        memories: &[LawMemory],
+    ) -> Vec<RegularisedRow> {
+        if !self.state.laws.iter().any(ContactLaw::is_regularised) {
+            return Vec::new();
+        }
+        let of_row = |(k, contact): (usize, &Contact)| {
+            let law = &self.state.laws[contact.law as usize];
+            let memory = memories.get(k).copied().unwrap_or_default();
+            let (gap, row) = (contact.gap - memory.reference_gap, ContactId::new(k));
+            if let Some(of_law) = law.interface {
+                let n = contact.normal;
+                let interface = InterfaceRow {
+                    law: of_law,
+                    area: std::f64::consts::PI * self.contact_radius(contact).powi(2),
+                    h: self.q_c.h,
+                    opening: gap.max(0.0),
+                    sliding: memory.sliding - n * n.dot(&memory.sliding),
+                    soundness: memory.soundness,
+                    shift: gap.max(0.0) / self.closing_time(contact),
+                };
+                let holds = rows[k].acts && memory.soundness > 0.0 && interface.area > 0.0;
+                return holds.then_some(RegularisedRow::Interface { row, interface });
+            }
+            let found = law.regularisation(gap, self.q_c.h, self.closing_time(contact)).filter(|_| rows[k].acts)?;
+            Some(match found {
+                LawRegularisation::Compliance(compliance) => RegularisedRow::Spring { row, compliance },
+                LawRegularisation::Coupling => RegularisedRow::Coupled { row },
+            })
+        };
+        contacts.iter().enumerate().filter_map(of_row).collect()
+    }
+
+    /// Row of a contact, with its history of the last step, the bond of its bodies and the memory of its law.
     fn contact_constraint(
         &self,
         contact: &Contact,
         previous: Option<&SolvedContact>,
         hold: BondState,
+        memory: LawMemory,
     ) -> ContactConstraint {
         let &AssemblyContext { scene, state, q_c, records, full, .. } = self;
         let h = q_c.h;
@@ -215,17 +277,11 @@ impl AssemblyContext<'_> {
         let u_n = n.dot(&u_before) + curve;
         let bonded = hold.bond.is_some();
         let slid_before = previous.is_some_and(|old| old.status == ContactStatus::Slide);
-        let at = LawInput {
-            gap: contact.gap,
-            h,
-            closing_time: reach,
-            gap_forecast: course,
-            u_n,
-            radius,
-            slid_before,
-            bonded,
-        };
-        let shift = law.contact_shift(&at);
+        let gap = contact.gap - memory.reference_gap;
+        let at = LawInput { gap, h, closing_time: reach, gap_forecast: course, u_n, radius, slid_before, bonded };
+        // Bodies are held together within the alert distance, as in LMGC90.
+        let is_coupled = law.is_coupled() && self.alert_distance(contact).is_some_and(|alert| contact.gap <= alert);
+        let shift = law.contact_shift(&at).filter(|_| is_coupled || !law.is_coupled());
         let slides = |shift: &LawShift| {
             law.has_two_frictions() && !slid_before && self.is_sliding(contact, previous, &u_before, shift, w_n)
         };
@@ -261,7 +317,9 @@ impl AssemblyContext<'_> {
             friction: shift.friction,
             impulse_shift: shift.impulse,
             acts,
-            can_close: shift.solved && (shift.impulse != 0.0 || self.can_close_gap(contact, &arms)),
+            can_close: is_coupled
+                || memory.soundness > 0.0
+                || shift.solved && (shift.impulse != 0.0 || self.can_close_gap(contact, gap, &arms)),
             warm_start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, &shift, h / state.h)),
             u_before: to_local(&frame, &u_before),
             bond: hold.bond.filter(|_| acts),

@@ -118,6 +118,8 @@ mod tests {
         let contact_problem = ContactProblem {
             rows: (0..4).map(row).collect(),
             rolling_constraints: vec![],
+            memories: vec![],
+            regularised: vec![],
             block_data: None,
             bodies: records,
             order: vec![0, 1, 2, 3],

@@ -165,7 +165,9 @@ impl<'a> CandidatePair<'a> {
             travel = travel.min(surface_approach(a, b, &c, Vec3::norm) + margin).max(nearby);
             always = cohesion_range.max(rule.alert).max(nearby);
         }
-        let patch = cohesion_range.max(travel).max(FULL_MANIFOLD_GAP * a.radius.min(b.radius));
+        // Faces may rest on each other at the gap that they had at the start.
+        let mortar = if law.acts_apart() { rule.alert } else { 0.0 };
+        let patch = cohesion_range.max(travel).max(mortar).max(FULL_MANIFOLD_GAP * a.radius.min(b.radius));
         let range = ListingRange { alert: patch.max(rule.alert), patch, area: law.range_of_stress(radius) };
         CandidatePair { index, a, b, c, image, range, law: rule.law, always, margin }
     }

@@ -7,7 +7,9 @@ use cd_formats::bodies::Bodies;
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, MAX_EVENTS, too_frequent};
 use cd_formats::doubts::{self, density, law_parameter};
 use cd_formats::error::{Fault, Faults};
-use cd_formats::law_table::{ParameterFault, law_parameters};
+use cd_formats::law_table::{
+    INTERFACE_KINDS, INTERFACE_SLIDING, INTERFACE_SOUNDNESS, ParameterFault, law_parameters, reference_gap_position,
+};
 use cd_formats::names::count_text;
 use cd_formats::report::FaultReport;
 use cd_formats::scan::{AsciiText, TextLine};
@@ -22,7 +24,7 @@ use crate::read::contactors::{ContactorNumbers, ContactorTable, NamedContactor, 
 use crate::scene::{
     BodyId, BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, RigidBody, Scene, VisibilityTable,
 };
-use crate::state::{Contact, ContactStatus, SolvedContact, UNKNOWN_FEATURE};
+use crate::state::{Contact, ContactStatus, LawMemory, SolvedContact, UNKNOWN_FEATURE};
 
 /// Names of the contactors that the visibility table distinguishes.
 const CONTACTOR_NAMES: [[&str; 2]; 5] = [["SPHER", "SPHEb"], ["PLANx"; 2], ["POLYR"; 2], ["CYLND"; 2], ["DNLYC"; 2]];
@@ -99,7 +101,7 @@ pub fn set_laws_and_visibility(
             for ParameterFault { parameter, found, expected } in invalid {
                 refuse(format!("{} ({}) {found}", parameter.name(), parameter.label()), format!("expected {expected}"));
             }
-        } else if model.rolling().is_some()
+        } else if (model.rolling().is_some() || ContactLaw::new(&model).is_regularised())
             && !matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs)
         {
             let solver = scene.options.solver;
@@ -122,6 +124,14 @@ pub fn set_laws_and_visibility(
     );
     scene.notes.extend(idle_laws_note(&idle));
     check_points(&file, tact, contactors, scene, faults);
+    let position = |wanted: fn(&ContactLaw) -> bool| scene.laws.iter().position(wanted);
+    if let (Some(roll), Some(spring)) = (position(|law| law.rolling.is_some()), position(ContactLaw::is_regularised)) {
+        let [roll, spring] = [roll, spring].map(|k| &scene.law_names[k]);
+        let line = tact.laws.iter().find(|law| law.nickname == roll.nickname).map(|law| law.line);
+        let found = format!("{} beside law '{}', {}", roll.kind, spring.nickname, spring.kind);
+        let expected = "expected laws without rolling friction where a law has springs or couples bodies";
+        faults.push(Fault::new(&file, line, format!("law '{}'", roll.nickname), found, expected));
+    }
 
     let colours = scene.colours.len().max(1);
     let class = |kind: usize, colour: u16| (kind * colours + colour as usize) as u16;
@@ -334,6 +344,9 @@ pub fn check_events(scene: &Scene, report: &mut FaultReport) {
             {
                 report.add_fault(&path, format!("law '{name}' has no cohesion"), "a law with cohesion");
             }
+            Some(law) if matches!(event.action, EventAction::SetFriction(..)) && scene.laws[law].is_coupled() => {
+                report.add_fault(&path, format!("law '{name}' has no friction"), "a law with friction");
+            }
             Some(_) => {}
         }
     }
@@ -423,7 +436,9 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
             _ if event.time > begin + EVENT_SLACK * dt && end > start => {
                 format!("no step begins at {} s or later, the last begins at {begin} s", event.time)
             }
-            EventAction::Bond if !scene.has_bonds() => "Bond needs a law whose bonds or bridges can break".into(),
+            EventAction::Bond if !scene.has_bonds() && !scene.laws.iter().any(ContactLaw::has_law_memory) => {
+                "Bond needs a law with bonds, liquid bridges or reference gaps".into()
+            }
             _ => return None,
         };
         Some(format!("event {}: without effect; {why}", k + 1))
@@ -439,7 +454,7 @@ pub fn initial_contacts(
     scene: &mut Scene,
     (positions, orientations): (&[Vec3], &[Quat]),
     faults: &mut Faults,
-) -> Vec<SolvedContact> {
+) -> (Vec<SolvedContact>, Vec<LawMemory>) {
     let file = datbox.join("Vloc_Rloc.INI");
     let h = scene.options.dt;
     let (step, time) = scene.start;
@@ -525,7 +540,9 @@ pub fn initial_contacts(
         };
         // LMGC90's tangents differ from ours.
         let ours = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
-        contacts.push(SolvedContact {
+        let memory =
+            law_memory(&scene.law_names[see.law as usize].kind, &record.internals, &record.frame.map(Vec3::from));
+        let solved = SolvedContact {
             contact: Contact {
                 candidate: BodyId::new(candidate.body),
                 antagonist: BodyId::new(antagonist.body),
@@ -543,7 +560,8 @@ pub fn initial_contacts(
             velocity: ours(record.velocity),
             status,
             bond: bonded.then(|| scene.laws[see.law as usize].bonded_at(record.gap)),
-        });
+        };
+        contacts.push((solved, memory));
     }
     if unseen > 0 {
         let what = if unseen == 1 { "contact is" } else { "contacts are" };
@@ -563,11 +581,26 @@ pub fn initial_contacts(
         };
         scene.notes.push(format!("Vloc_Rloc.INI: {} {how}", contacts_are(renumbered)));
     }
-    contacts.sort_by_key(|solved| solved.contact.key());
+    contacts.sort_by_key(|(solved, _)| solved.contact.key());
+    let (contacts, mut memories): (Vec<SolvedContact>, Vec<LawMemory>) = contacts.into_iter().unzip();
+    if !scene.laws.iter().any(ContactLaw::has_law_memory) {
+        memories.clear();
+    }
     for pair in contacts.chunk_by(|a, b| a.contact.key() == b.contact.key()).filter(|same| same.len() > 1) {
         let Contact { candidate, antagonist, .. } = pair[0].contact;
         let found = format!("bodies {} and {} occur {} times", candidate.number(), antagonist.number(), pair.len());
         faults.push(Fault::new(&file, None, "contact", found, "expected each contact once"));
     }
-    contacts
+    (contacts, memories)
+}
+
+/// Memory of a law of a kind, from the internal variables of a contact of Vloc_Rloc.INI, with its frame.
+fn law_memory(kind: &str, internals: &[f64], frame: &[Vec3; 3]) -> LawMemory {
+    let value = |k: usize| internals.get(k).copied().unwrap_or(0.0);
+    if INTERFACE_KINDS.contains(&kind) {
+        // LMGC90's s is opposite.
+        let sliding = frame[1] * value(INTERFACE_SLIDING[0]) - frame[2] * value(INTERFACE_SLIDING[1]);
+        return LawMemory { soundness: value(INTERFACE_SOUNDNESS), sliding, ..LawMemory::default() };
+    }
+    LawMemory { reference_gap: reference_gap_position(kind).map_or(0.0, value), ..LawMemory::default() }
 }

@@ -79,7 +79,8 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     scene.notes.extend(bodies::period_gap_notes(&scene, &q));
     bodies::check_level(&datbox, &bodies, &scene, &q, &mut faults);
     bodies::check_within(&datbox, &bodies, &scene, &x, &q, &mut faults);
-    let contacts = behaviour::initial_contacts(&datbox, (&bodies, &history), &mut scene, (&x, &q), &mut faults);
+    let (contacts, memories) =
+        behaviour::initial_contacts(&datbox, (&bodies, &history), &mut scene, (&x, &q), &mut faults);
     let spin =
         (scene.turning.iter().map(|&i| i.index())).map(|i| scene.bodies[i].angular_momentum(&q[i], &w[i])).collect();
     let mut state = State {
@@ -94,6 +95,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
         order: Vec::new(),
         detection_cache: DetectionCache::default(),
         contacts,
+        memories,
         interval: OutputInterval { start: dof.time, ..OutputInterval::default() },
         gravity: Vec3::from(bulk.gravity),
         quench: scene.options.quench,

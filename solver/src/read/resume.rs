@@ -9,11 +9,12 @@ use cd_formats::snapshot::{self, LawName, RunParameters, STATUS_NO_CONTACT, STAT
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::geometry::CachedFeature;
+use crate::laws::ContactLaw;
 use crate::math::{Vec3, to_local, to_world};
 use crate::scene::{BodyId, EVENT_SLACK, Scene};
 use crate::state::{
-    BondingMode, CachedPair, Contact, ContactExchange, ContactStatus, DetectionCache, GravityHistory, OutputInterval,
-    SolvedContact, State, UNKNOWN_FEATURE,
+    BondingMode, CachedPair, Contact, ContactExchange, ContactStatus, DetectionCache, GravityHistory, LawMemory,
+    OutputInterval, SolvedContact, State, UNKNOWN_FEATURE,
 };
 
 /// Restores the last snapshot of `outbox` into `state`, if there is one. A snapshot with other bodies or laws than the
@@ -259,8 +260,9 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
         }
     }
     state.detection_cache = DetectionCache { restored_pairs: kept, ..DetectionCache::default() };
-    state.contacts = started.contacts;
-    for solved in &mut state.contacts {
+    let memories = started.memories.into_iter().chain(std::iter::repeat(LawMemory::default()));
+    let mut contacts: Vec<(SolvedContact, LawMemory)> = started.contacts.into_iter().zip(memories).collect();
+    for (solved, _) in &mut contacts {
         let contact = &mut solved.contact;
         (contact.candidate, contact.antagonist) = (body[contact.candidate.index()], body[contact.antagonist.index()]);
     }
@@ -269,16 +271,18 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
         let b = scene.contactor_class(contact.antagonist, contact.ranks.1)?;
         scene.visibility.interaction_rule(a, b)
     };
-    state.contacts.retain_mut(|solved| {
+    contacts.retain_mut(|(solved, memory)| {
         let Some(see) = see(&solved.contact) else { return false };
         let kinds = [&names[solved.contact.law as usize], &scene.law_names[see.law as usize]].map(|law| &law.kind);
         // A liquid bridge is not a solid bond.
-        solved.bond = solved.bond.filter(|_| kinds[0] == kinds[1]);
+        if kinds[0] != kinds[1] {
+            (solved.bond, *memory) = (None, LawMemory::default());
+        }
         solved.contact.law = see.law;
         true
     });
     // Bodies may have other numbers, or be combined with other shapes.
-    for (number, solved) in (0..).zip(&mut state.contacts) {
+    for (number, (solved, _)) in (0..).zip(&mut contacts) {
         let Contact { candidate, antagonist, ranks, .. } = solved.contact;
         let sides = [scene.candidate_order(candidate, ranks.0), scene.candidate_order(antagonist, ranks.1)];
         if sides[0] > sides[1] {
@@ -288,11 +292,15 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
             solved.contact.features = if spheres { (0, 0) } else { (UNKNOWN_FEATURE, number) };
         }
     }
-    for solved in &mut state.contacts {
+    for (solved, _) in &mut contacts {
         let law = &scene.laws[solved.contact.law as usize];
         solved.moment = if law.rolling.is_some() { solved.moment } else { Vec3::zeros() };
     }
-    state.contacts.sort_by_key(|solved| solved.contact.key());
+    contacts.sort_by_key(|(solved, _)| solved.contact.key());
+    (state.contacts, state.memories) = contacts.into_iter().unzip();
+    if !scene.laws.iter().any(ContactLaw::has_law_memory) {
+        state.memories.clear();
+    }
     state.bonding = BondingMode::No;
     Ok(())
 }
@@ -334,7 +342,7 @@ fn restored_pairs(scene: &Scene, shapes: &ShapeArrays, body: impl Fn(u32) -> Bod
 }
 
 fn restore_state(snapshot: Snapshot, state: &mut State) {
-    let Snapshot { meta, bodies, contacts, memory, shapes, interval, .. } = snapshot;
+    let Snapshot { meta, bodies, contacts, memory, laws, shapes, interval, .. } = snapshot;
     let shapes = shapes.unwrap_or_default();
     let interval = interval.unwrap_or_default();
     let ranks = |k: usize| {
@@ -386,4 +394,12 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
             bond: memory.as_ref().filter(|m| m.contact_bonded[k] != 0).map(|m| m.contact_bond_gap[k]),
         })
         .collect();
+    state.memories = laws.map_or(Vec::new(), |laws| {
+        let of_contact = |k: usize| LawMemory {
+            reference_gap: laws.contact_reference_gap[k],
+            soundness: laws.contact_soundness[k],
+            sliding: laws.contact_sliding[k].into(),
+        };
+        (0..laws.contact_reference_gap.len()).map(of_contact).collect()
+    });
 }

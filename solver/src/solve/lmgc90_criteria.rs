@@ -119,6 +119,8 @@ mod tests {
         ContactProblem {
             rows: (0..contacts).map(row).collect(),
             rolling_constraints: vec![],
+            memories: vec![],
+            regularised: vec![],
             block_data: None,
             bodies: solver_bodies,
             order: vec![0, 1],

@@ -7,6 +7,7 @@
 //! | `cost_model` | costs and thresholds of that choice |
 //! | [`gauss_seidel`] | sweeps over the contacts: the solver of all scenes |
 //! | [`matrix`] | solvers of a problem given by its matrix W |
+//! | `regularised` | sweeps of scenes whose laws have springs or hold bodies together |
 //! | [`residual`] | residual of a solution |
 //! | [`lmgc90_criteria`] | LMGC90's stopping criteria, for comparison |
 
@@ -14,6 +15,7 @@ mod cost_model;
 pub mod gauss_seidel;
 pub mod lmgc90_criteria;
 pub mod matrix;
+mod regularised;
 pub mod residual;
 mod strategy;
 mod types;

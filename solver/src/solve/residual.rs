@@ -524,6 +524,8 @@ mod tests {
             rows: vec![row],
             block_data: None,
             rolling_constraints: vec![roll],
+            memories: vec![],
+            regularised: vec![],
             order: vec![0, 1],
             bodies: vec![record, plate],
         }

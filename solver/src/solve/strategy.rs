@@ -72,6 +72,9 @@ pub fn solve_contact_problem(
     request: SolveRequest,
     stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> ContactSolution {
+    if !contact_problem.regularised.is_empty() {
+        return solve_nlgs(contact_problem, request.criteria, request.width);
+    }
     let found = solve_from_warm_start(contact_problem, request, stored);
     if found.residual < 1.0 {
         return found;
@@ -325,6 +328,8 @@ mod tests {
             rows: (0..count).map(row).collect(),
             block_data: None,
             rolling_constraints: vec![],
+            memories: vec![],
+            regularised: vec![],
             order: (0..=count).collect(),
             bodies: solver_bodies,
         }

@@ -6,12 +6,12 @@ use rayon::prelude::*;
 
 use super::context::{SolvedProblem, StepContext};
 use super::motion::VelocityErrors;
-use crate::assemble::{ContactProblem, FreeMotion, SolverBody, velocity_at_arms};
+use crate::assemble::{ContactProblem, FreeMotion, RegularisedRow, SolverBody, velocity_at_arms};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::{BodyId, Scene};
 use crate::solve::ContactSolution;
-use crate::state::{Contact, ContactExchange, ContactStatus, SolvedContact, State, Velocities};
+use crate::state::{Contact, ContactExchange, ContactStatus, LawMemory, SolvedContact, State, Velocities};
 
 /// Rows, contacts or bodies summed by one task.
 pub const ITEMS_PER_TASK: usize = 1024;
@@ -65,6 +65,20 @@ pub fn finish_contacts(
     let given = parts.iter().fold(ContactTotals::default(), |sum, (given, _)| sum + *given);
     let exchanges = parts.into_iter().map(|(_, exchanges)| exchanges).collect();
     StepOutcome { v, w, contacts: ends, totals: given, exchanges }
+}
+
+/// Memories of the laws at the step's end: interfaces have opened and slid.
+pub fn end_memories(SolvedProblem { system, solution }: &mut SolvedProblem) -> Vec<LawMemory> {
+    let mut memories = std::mem::take(&mut system.memories);
+    for regularised in &system.regularised {
+        if let RegularisedRow::Interface { row, interface } = regularised {
+            let (k, n) = (row.index(), system.rows[row.index()].normal);
+            let v = interface.velocity(&n, &system.shifted_velocity(k, &solution.solver_bodies));
+            memories[k].soundness = interface.end_soundness(&n, &v);
+            memories[k].sliding = interface.displacement(&n, &v).1;
+        }
+    }
+    memories
 }
 
 /// Input for the contacts at the step's end.
@@ -142,16 +156,21 @@ impl PostSolve<'_> {
             let moment = rolls.next_if(|(roll, _)| roll.row.index() == k).map(|(_, m)| m);
             *end = self.finish_contact(k, contact, moment);
             // Penetration between two driven bodies is imposed, not an error of the contact.
-            let depth = if row.acts { (-contact.gap).max(0.0) } else { 0.0 };
+            let gap = contact.gap - system.law_memory(k).reference_gap;
+            let depth = if row.acts { (-gap).max(0.0) } else { 0.0 };
             given.penetration_largest = given.penetration_largest.max(depth);
             given.penetration_sum += depth;
-            if depth > self.warning_depth {
+            let law = &self.state.laws[contact.law as usize];
+            // Springs overlap by law.
+            if depth > self.warning_depth && !law.is_regularised() {
                 given.overlap = deeper_overlap(given.overlap, Overlap::from_contact(self.scene, contact));
             }
             if end.impulse != Vec3::zeros() {
                 given.contacts_active += 1;
-                let may_close = self.state.laws[contact.law as usize].max_closing_speed(row.u_before.x);
-                given.penetration_added += (-contact.gap - q_c.h * (end.velocity.x + may_close) - depth).max(0.0);
+                if !law.is_regularised() {
+                    let may_close = law.max_closing_speed(row.u_before.x);
+                    given.penetration_added += (-gap - q_c.h * (end.velocity.x + may_close) - depth).max(0.0);
+                }
                 let virial = self.accumulate_totals(k, r, end, &mut given);
                 given.virial += virial;
                 exchanges.push(ContactExchange { bodies: row.bodies, virial });
@@ -177,7 +196,9 @@ impl PostSolve<'_> {
         // On the cone's side to rounding.
         let bound = row.friction * local.x * (1.0 - 1e-12);
         let at_limit = if motion.is_some() && row.friction > 0.0 { slides } else { local.yz().norm() >= bound };
+        let holds = matches!(system.regularised_row(k), Some(RegularisedRow::Interface { .. }));
         let status = match local.x > 0.0 {
+            _ if law.is_coupled() || holds => ContactStatus::Stick,
             false => ContactStatus::NoContact,
             true if at_limit => ContactStatus::Slide,
             true => ContactStatus::Stick,

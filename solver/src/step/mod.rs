@@ -124,6 +124,7 @@ pub fn step(scene: &Scene, state: &mut State, clock: &mut StageTimes) -> Option<
     }
     integrate::advance_state(scene, state, &q_c, outcome.v, outcome.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
     (state.contacts, state.order) = (outcome.contacts, q_c.order);
+    state.memories = ends::end_memories(&mut solved);
     drift::close_bonds(scene, state, &solved.system);
     state.bonding = BondingMode::No;
     lap.add_lap(&mut clock.integration);

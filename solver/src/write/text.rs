@@ -5,13 +5,16 @@ use std::path::{Path, PathBuf};
 use cd_formats::atomic::{self, folder_entries};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::error::Faults;
+use cd_formats::law_table::{
+    INTERFACE_INTERNALS, INTERFACE_KINDS, INTERFACE_SLIDING, INTERFACE_SOUNDNESS, reference_gap_position,
+};
 use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 
 use super::text_inputs::INPUT_COPIES;
 use crate::laws::Cohesion;
 use crate::math::Vec3;
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, Scene};
-use crate::state::{ContactStatus, SolvedContact, State};
+use crate::state::{Contact, ContactId, ContactStatus, LawMemory, SolvedContact, State};
 
 const DOF_PREFIX: &str = "DOF.OUT.";
 const CONTACTS_PREFIX: &str = "Vloc_Rloc.OUT.";
@@ -110,12 +113,6 @@ fn contactor_name(part: &BodyPart) -> &'static str {
     }
 }
 
-/// Number of internal variables that LMGC90 reads with a contact of a law but does not use for rigid bodies: the size of an
-/// element of a deformable one.
-fn unused_internals(kind: &str) -> usize {
-    usize::from(["GAP_SGR_CLB", "VEL_SGR_CLB"].contains(&kind))
-}
-
 /// Contact kind in LMGC90. It has none between a polyhedron and a cylinder: PRPRx is the nearest.
 fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
     match (candidate, antagonist) {
@@ -143,7 +140,8 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
         };
         ContactSide { body: body.index(), contactor: contactor.into(), rank: rank.into() }
     };
-    let record = |SolvedContact { contact, impulse, velocity, status, bond, .. }: &SolvedContact| {
+    let record = |(k, solved): (usize, &SolvedContact)| {
+        let SolvedContact { contact, impulse, velocity, status, bond, .. } = solved;
         let candidate = side(contact.candidate, contact.ranks.0);
         let antagonist = side(contact.antagonist, contact.ranks.1);
         ContactRecord {
@@ -167,8 +165,32 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
             gap: contact.gap + state.h * velocity.x,
             frame: contact.frame().map(Into::into),
             point: contact.point.into(),
-            internals: vec![0.0; unused_internals(&scene.law_names[contact.law as usize].kind)],
+            internals: law_internals(
+                &scene.law_names[contact.law as usize].kind,
+                &state.law_memory(ContactId::new(k)),
+                contact,
+            ),
         }
     };
-    VlocRloc { step: state.step, time: state.time, contacts: state.contacts.iter().map(record).collect() }
+    VlocRloc { step: state.step, time: state.time, contacts: state.contacts.iter().enumerate().map(record).collect() }
+}
+
+/// Internal variables of a contact with a law of a kind, in LMGC90's order; unused ones are 0.
+fn law_internals(kind: &str, memory: &LawMemory, contact: &Contact) -> Vec<f64> {
+    let mut internals = Vec::new();
+    if INTERFACE_KINDS.contains(&kind) {
+        internals.resize(INTERFACE_INTERNALS, 0.0);
+        internals[INTERFACE_SOUNDNESS] = memory.soundness;
+        let frame = contact.frame();
+        // LMGC90's s is opposite.
+        let along = [frame[1].dot(&memory.sliding), -frame[2].dot(&memory.sliding)];
+        INTERFACE_SLIDING.into_iter().zip(along).for_each(|(k, value)| internals[k] = value);
+    } else if let Some(position) = reference_gap_position(kind) {
+        internals.resize(position, 0.0);
+        internals.push(memory.reference_gap);
+    } else if ["GAP_SGR_CLB", "VEL_SGR_CLB"].contains(&kind) {
+        // The size of an element of a deformable body, which LMGC90 reads for rigid ones, too.
+        internals.push(0.0);
+    }
+    internals
 }

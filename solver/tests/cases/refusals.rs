@@ -66,7 +66,7 @@ fn options_without_effect_are_reported() {
     case.write();
     let expected = "cd-solve: gravity_error: without effect; needs self_gravity\n\
                     cd-solve: narrow_phase: without effect; needs polyhedra\n\
-                    cd-solve: event 1: without effect; Bond needs a law whose bonds or bridges can break\n\
+                    cd-solve: event 1: without effect; Bond needs a law with bonds, liquid bridges or reference gaps\n\
                     cd-solve: event 2: without effect; no step begins at 1 s or later, the last begins at 0.001 s\n\
                     cd-solve: event 4: without effect; no step begins at 0.0015 s or later, the last begins at 0.001 s\n";
     let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
@@ -236,10 +236,11 @@ fn laws() {
     let line = "cd-solve: CASE/DATBOX/TACT_BEHAV.DAT:2: law 'law00': its kind 'IQS_GLUE' is not known; expected one of IQS_CLB, ";
     assert!(text.starts_with(line) && text.lines().count() == 1, "{text}");
 
-    case.law("ELASTIC_REPELL_CLB", &[1e6, 0.3]);
-    let computed = "computed are IQS_CLB, IQS_DS_CLB, IQS_WET_DS_CLB, xQS_WET_DS_CLB, IQS_MOHR_DS_CLB, IQS_DS_ROLL_CLB, IQS_WET_DS_ROLL_CLB, RST_CLB, RST_DS_CLB, GAP_SGR_CLB, VEL_SGR_CLB";
-    let lines = [("2", "law00"), ("5", "law01")].map(|(line, name)| {
-        format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': its kind ELASTIC_REPELL_CLB can be read and written, not computed; {computed}")
+    case.law("ELASTIC_WIRE", &[1e6, 0.3]);
+    let computed = format!("computed are {}", cd_formats::law_table::computed_labels().join(", "));
+    let reason = "it acts between points PT3Dx, between which no contacts are computed";
+    let lines = [("2", "law00"), ("4", "law01")].map(|(line, name)| {
+        format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': its kind ELASTIC_WIRE is not computed: {reason}; {computed}")
     });
     written_refused(&case, &[], &lines.each_ref().map(String::as_str));
 
@@ -251,7 +252,7 @@ fn laws() {
 
     // A law that no row uses is nobody's concern.
     let mut case = sound();
-    case.law_with("SPHER", "ELASTIC_REPELL_CLB", &[1e6, 0.3]);
+    case.law_with("SPHER", "ELASTIC_WIRE", &[1e6, 0.3]);
     case.tact.visibility.pop();
     case.write();
     assert_eq!(spawn(&case, &[]).0, 0);

@@ -14,6 +14,7 @@ use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::solve::gauss_seidel::layout::pack_problem;
 use crate::solve::gauss_seidel::momentum::{MOMENTUM_CYCLE, SweepMomentum};
 use crate::solve::gauss_seidel::packed::PackSource;
+use crate::solve::regularised::solve_regularised;
 use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator};
 use crate::solve::types::{ContactReactions, ContactSolution, StoppingCriteria};
 use crate::state::ContactId;
@@ -41,6 +42,9 @@ const MAX_MASS_RATIO: f64 = 1e9;
 /// become faster than its free velocity - is included, and sweeping continues.
 pub fn solve_nlgs(contact_problem: &ContactProblem, criteria: StoppingCriteria, width: SimdWidth) -> ContactSolution {
     let StoppingCriteria { tol, max_sweeps, .. } = criteria;
+    if !contact_problem.regularised.is_empty() {
+        return solve_regularised(contact_problem, criteria);
+    }
     let rows = (0..contact_problem.rows.len() as u32).into_par_iter().with_min_len(PAR_MIN_LEN).map(ContactId);
     let mut active: Vec<ContactId> = rows.filter(|k| contact_problem.rows[k.index()].can_close).collect();
     let mut reactions = ContactReactions::warm_start(contact_problem, &active);
@@ -221,8 +225,15 @@ mod tests {
     fn single_precision_is_for_many_contacts() {
         let row = ContactConstraint { w_n: 1.0, can_close: true, ..ContactConstraint::default() };
         let rows = vec![row; MIN_F32_CONTACTS];
-        let contact_problem =
-            ContactProblem { rows, block_data: None, rolling_constraints: vec![], order: vec![], bodies: vec![] };
+        let contact_problem = ContactProblem {
+            rows,
+            block_data: None,
+            rolling_constraints: vec![],
+            memories: vec![],
+            regularised: vec![],
+            order: vec![],
+            bodies: vec![],
+        };
         let all: Vec<ContactId> = (0..MIN_F32_CONTACTS).map(ContactId::new).collect();
         let [auto, single, double] = [SweepPrecision::Auto, SweepPrecision::Single, SweepPrecision::Double]
             .map(|precision| StoppingCriteria { precision, ..StoppingCriteria::new(1e-3, 10) });

@@ -120,6 +120,8 @@ mod tests {
             rows: [[0, 3], [1, 6], [2, 4], [4, 5]].map(row).to_vec(),
             block_data: None,
             rolling_constraints: vec![],
+            memories: vec![],
+            regularised: vec![],
             order: vec![6, 5, 4, 3, 2, 1, 0],
             bodies: (0..7).map(body).collect(),
         };

@@ -77,6 +77,8 @@ mod tests {
         let mut contact_problem = ContactProblem {
             rows,
             rolling_constraints: vec![],
+            memories: vec![],
+            regularised: vec![],
             block_data: Some(full),
             bodies: solver_bodies,
             order: (0..count).collect(),

@@ -1,0 +1,241 @@
+//! Sweeps for problems with regularised rows: contacts with springs, and contacts that hold their bodies together.
+//!
+//! A spring of the law adds its compliance C to the normal unknown, û_n = u_n + shift + C r̂_n, so that the force at the end of
+//! the step is that of the gap at the end of the step, for any stiffness and length of the step. A coupled row has u = 0 for
+//! any impulse. An interface acts next to the contact: its impulse, with the damage of the start of the step, is linear in the
+//! velocity of the row. The sweeps are those of [`gauss_seidel`](super::gauss_seidel), one contact after the other: such rows are few,
+//! and all other scenes keep the sweeps in vectors, which know neither.
+//!
+//! E is |F(r)|/|F(r_0)| as in [`residual`](super::residual), with the ρ = 3/trace W of each row, W including C: the rows of
+//! soft and of stiff springs differ by many orders of magnitude.
+
+use nalgebra::Matrix3;
+
+use crate::activity;
+use crate::assemble::{ContactProblem, InterfaceRow, RegularisedRow, SolverBody};
+use crate::math::Vec3;
+use crate::math::simd::Scalar;
+use crate::solve::gauss_seidel::block::local::{
+    delassus_block_of_row, full_matrix, solve_contact_block, symmetric_components,
+};
+use crate::solve::gauss_seidel::driver::closing_inactive_rows;
+use crate::solve::residual::project_on_cone;
+use crate::solve::types::{ContactSolution, StoppingCriteria};
+use crate::state::ContactId;
+
+/// Sweeps between two checks of E: a check costs about two sweeps.
+const SWEEPS_BETWEEN_CHECKS: u64 = 10;
+
+/// Share of the summed velocities of the rows below which a residual is rounding, as in `residual`.
+const ROUNDING_FLOOR: f64 = 1e-15;
+
+/// Row of the sweeps, with its own block of W.
+struct SweptRow {
+    row: ContactId,
+    /// W without regularisation, 1/kg.
+    block: Matrix3<f64>,
+    kind: RowKind,
+}
+
+/// Condition of a row.
+#[derive(Clone, Copy)]
+enum RowKind {
+    /// Signorini and Coulomb, with a compliance along the normal, 1/kg; 0 for most rows.
+    Contact { compliance: f64 },
+    /// No relative velocity.
+    Coupled,
+    /// Signorini and Coulomb next to an elastic interface.
+    Interface(InterfaceRow),
+}
+
+/// Contact next to an elastic interface: ρ = r - H + K v is the impulse of the contact alone.
+struct InterfaceBlock {
+    /// K, kg.
+    stiffness: Matrix3<f64>,
+    /// Effective W of ρ, (1 + W K)⁻¹ W, 1/kg.
+    whole: Matrix3<f64>,
+    /// H, N s.
+    at_rest: Vec3,
+}
+
+impl InterfaceBlock {
+    fn new(block: &Matrix3<f64>, n: &Vec3, interface: &InterfaceRow) -> InterfaceBlock {
+        let (at_rest, [k_n, k_t]) = interface.stiffness(n);
+        let along = n * n.transpose();
+        let stiffness = (Matrix3::identity() - along) * k_t + along * k_n;
+        // W and K are not negative, so that 1 + W K has an inverse.
+        let inverse = (Matrix3::identity() + block * stiffness).try_inverse().unwrap_or_else(Matrix3::identity);
+        let whole = inverse * block;
+        InterfaceBlock { stiffness, whole: (whole + whole.transpose()) * 0.5, at_rest }
+    }
+
+    /// Impulse of the contact alone, at the velocity `v` of the interface.
+    fn contact_impulse(&self, r: &Vec3, v: &Vec3) -> Vec3 {
+        r - self.at_rest + self.stiffness * v
+    }
+}
+
+impl SweptRow {
+    fn new(system: &ContactProblem, row: ContactId) -> Self {
+        let (k, constraint) = (row.index(), &system.rows[row.index()]);
+        let along = constraint.normal * constraint.normal.transpose();
+        let block = match &system.block_data {
+            Some(full) => full_matrix(delassus_block_of_row(system, full, k)),
+            None => (Matrix3::identity() - along) * constraint.w_t + along * constraint.w_n,
+        };
+        let kind = match system.regularised_row(k) {
+            None => RowKind::Contact { compliance: 0.0 },
+            Some(RegularisedRow::Spring { compliance, .. }) => RowKind::Contact { compliance: *compliance },
+            Some(RegularisedRow::Coupled { .. }) => RowKind::Coupled,
+            Some(RegularisedRow::Interface { interface, .. }) => RowKind::Interface(*interface),
+        };
+        SweptRow { row, block, kind }
+    }
+
+    /// W with the compliance, 1/kg.
+    fn whole_block(&self, n: &Vec3) -> Matrix3<f64> {
+        match self.kind {
+            RowKind::Contact { compliance } => self.block + n * n.transpose() * compliance,
+            RowKind::Coupled | RowKind::Interface(_) => self.block,
+        }
+    }
+
+    /// û of the impulse `r`, if it is `u` without the compliance.
+    fn whole_velocity(&self, n: &Vec3, u: &Vec3, r: &Vec3) -> Vec3 {
+        match self.kind {
+            RowKind::Contact { compliance } => u + n * (compliance * n.dot(r)),
+            RowKind::Coupled | RowKind::Interface(_) => *u,
+        }
+    }
+
+    /// r̂ that solves the row alone, where û without compliance is `u` with the impulse `r`.
+    fn solve(&self, system: &ContactProblem, u: &Vec3, r: &Vec3) -> Vec3 {
+        let row = &system.rows[self.row.index()];
+        let (w, u) = (self.whole_block(&row.normal), self.whole_velocity(&row.normal, u, r));
+        match self.kind {
+            RowKind::Contact { .. } => solve_contact_block(symmetric_components(&w), row.normal, row.friction, &u, r),
+            // Where neither body can move along some direction, the impulse along it stays.
+            RowKind::Coupled => w.try_inverse().map_or(*r, |inverse| r - inverse * u),
+            RowKind::Interface(interface) => {
+                let n = &row.normal;
+                let held = InterfaceBlock::new(&self.block, n, &interface);
+                let v = interface.velocity(n, &u);
+                let before = held.contact_impulse(r, &v);
+                let alone = solve_contact_block(symmetric_components(&held.whole), *n, row.friction, &u, &before);
+                let v = v + held.whole * (alone - before);
+                alone + held.at_rest - held.stiffness * v
+            }
+        }
+    }
+
+    /// Natural map F of the row, N s.
+    fn natural_map(&self, system: &ContactProblem, u: &Vec3, r: &Vec3) -> Vec3 {
+        let row = &system.rows[self.row.index()];
+        let n = row.normal;
+        let (mut rho, u) = (3.0 / self.whole_block(&n).trace(), self.whole_velocity(&n, u, r));
+        let mut r = *r;
+        match &self.kind {
+            RowKind::Coupled => return u * rho,
+            RowKind::Interface(interface) => {
+                let held = InterfaceBlock::new(&self.block, &n, interface);
+                r = held.contact_impulse(&r, &interface.velocity(&n, &u));
+                rho = 3.0 / held.whole.trace();
+            }
+            RowKind::Contact { .. } => {}
+        }
+        let u_t = u - n * n.dot(&u);
+        let z = r - (u + n * (row.friction * u_t.norm())) * rho;
+        let z_n = n.dot(&z);
+        let z_t = z - n * z_n;
+        let size = z_t.norm();
+        let (p_n, p_t) = project_on_cone(Scalar, z_n, size, row.friction);
+        r - n * p_n - if size > 0.0 { z_t * (p_t / size) } else { Vec3::zeros() }
+    }
+}
+
+/// Norm of F over the swept rows, N s, and the row with the largest part.
+fn residual_norm(system: &ContactProblem, rows: &[SweptRow], impulses: &[Vec3]) -> (f64, Option<ContactId>) {
+    let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
+    for swept in rows {
+        let k = swept.row.index();
+        let size2 = swept.natural_map(system, &system.shifted_velocity(k, &system.bodies), &impulses[k]).norm_squared();
+        sum += size2;
+        if size2 > largest {
+            (largest, worst) = (size2, Some(swept.row));
+        }
+    }
+    (sum.sqrt(), worst)
+}
+
+/// Solves as [`solve_nlgs`](super::solve_nlgs) does a problem with regularised rows.
+pub fn solve_regularised(system: &ContactProblem, until: StoppingCriteria) -> ContactSolution {
+    let mut active: Vec<ContactId> =
+        (0..system.rows.len()).map(ContactId::new).filter(|k| system.rows[k.index()].can_close).collect();
+    let mut impulses = vec![Vec3::zeros(); system.rows.len()];
+    active.iter().for_each(|k| impulses[k.index()] = system.rows[k.index()].warm_start);
+    let mut sweeps = 0;
+    loop {
+        let rows: Vec<SweptRow> = active.iter().map(|&k| SweptRow::new(system, k)).collect();
+        // Bodies with the impulses of a list applied.
+        let with = |impulses: &[Vec3]| {
+            let mut work = system.clone();
+            active.iter().for_each(|k| work.apply_impulse(k.index(), &impulses[k.index()]));
+            work
+        };
+        let mut balance = vec![Vec3::zeros(); system.rows.len()];
+        for k in &active {
+            let row = &system.rows[k.index()];
+            balance[k.index()] = row.normal * row.balancing_impulse();
+        }
+        let speeds = |k: &ContactId| {
+            let row = &system.rows[k.index()];
+            let (w_n, w_t) = system.delassus_diagonal(k.index());
+            let of_bodies: f64 = row.bodies.iter().map(|i| system.bodies[i.index()].v.norm()).sum();
+            (of_bodies + row.shift.norm() + w_n * row.impulse_shift.abs()) * 3.0 / (w_n + 2.0 * w_t)
+        };
+        let floor = ROUNDING_FLOOR * active.iter().map(|k| speeds(k).powi(2)).sum::<f64>().sqrt();
+        let initial = residual_norm(&with(&balance), &rows, &balance).0.max(floor);
+        let mut work = with(&impulses);
+        let evaluate = |work: &ContactProblem, impulses: &[Vec3]| {
+            let (norm, worst) = residual_norm(work, &rows, impulses);
+            if norm <= floor { (0.0, None) } else { (norm / initial, worst) }
+        };
+        let (mut residual, mut worst) = evaluate(&work, &impulses);
+        while residual > until.target_residual && sweeps < until.max_sweeps && !activity::is_stopped() {
+            for _ in 0..SWEEPS_BETWEEN_CHECKS.min(until.max_sweeps - sweeps) {
+                for swept in &rows {
+                    let k = swept.row.index();
+                    let new = swept.solve(&work, &work.shifted_velocity(k, &work.bodies), &impulses[k]);
+                    work.apply_impulse(k, &(new - impulses[k]));
+                    impulses[k] = new;
+                }
+                sweeps += 1;
+                activity::count_sweep();
+            }
+            // Rounding accumulates in the velocities.
+            work = with(&impulses);
+            (residual, worst) = evaluate(&work, &impulses);
+        }
+        let solver_bodies: Vec<SolverBody> = work.bodies;
+        let missed = closing_inactive_rows(system, &active, &solver_bodies);
+        if missed.is_empty() || sweeps >= until.max_sweeps || activity::is_stopped() {
+            return ContactSolution {
+                impulses,
+                moments: vec![],
+                solver_bodies,
+                sweeps,
+                single_precision: false,
+                residual,
+                converged: residual <= until.tol && missed.is_empty(),
+                left_out: missed.len(),
+                worst: worst.or(missed.first().copied()),
+                active_rows: active.len(),
+                fallback_used: false,
+                stalled_residual: None,
+                replacement_reason: None,
+            };
+        }
+        active.extend(missed);
+        active.sort_unstable();
+    }
+}
