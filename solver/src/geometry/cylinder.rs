@@ -53,36 +53,44 @@ pub fn polyhedron_cylinder(
     if away - a.shape.circumradius() > range.alert {
         return None;
     }
-    let size = radius.hypot(half_height);
-    let circumradius_sum = a.shape.circumradius() + size;
-    let smaller_circumradius = a.shape.circumradius().min(size);
-    let local = |v: Vec3| q.inverse_transform_vector(&(v - c));
-    let vertices = (0..a.shape.vertices().len() as u32).map(|k| local(a.vertex(k))).collect();
-    let tie = 4e-12 * smaller_circumradius + 32.0 * f64::EPSILON * circumradius_sum;
-    let pair = CylinderPair { a, c, q, half_height, radius, vertices, smaller_circumradius, tie };
+    let pair = CylinderPair::new(a, c, q, [half_height, radius]);
     let axis = pair.best_axis();
     if axis.s > range.alert {
         return None;
     }
-    let mut patch = ContactPatch { normal: -(q * axis.m), ..ContactPatch::default() };
-    let f = pair.contact_face(&axis);
-    if axis.m.z.abs() >= axis.m.xy().norm() {
-        pair.collect_end_corners(&axis.m, f, range.area, &mut patch);
-    } else {
-        pair.collect_side_corners(&axis.m, f, &mut patch);
-    }
-    for corner in &mut patch.corners {
-        // The gap of the direction itself, if the two differ by rounding only.
-        corner.gap = if corner.gap <= axis.s + tie { axis.s } else { corner.gap };
-    }
-    if patch.has_axis_gap(axis.s, tie) {
-        let mut manifold = Manifold::default();
-        patch.write_manifold(range, tie, &mut manifold);
-        return (!manifold.points.is_empty()).then_some(manifold);
+    let patch = pair.common_part(&axis, range.area);
+    if patch.has_axis_gap(axis.s, pair.tie) {
+        return pair.manifold(patch, range);
     }
     let point = pair.axis_point(&axis);
-    Some(Manifold { normal: -patch.normal, points: [point].into_iter().collect(), area: 0.0 })
+    Some(Manifold { normal: q * axis.m, points: [point].into_iter().collect(), area: 0.0 })
 }
+
+/// Contact of polyhedron A with the end of a solid cylinder along the given unit normal `n`, from B to A, which is that of
+/// the end: the corners of the common part of the end and the face of A that faces it. `None` if there is no common part
+/// within the range, or if `n` is not along the axis to 10⁻³ rad. Other arguments as in [`polyhedron_cylinder`].
+///
+/// No search is made: the caller knows that a plane across `n` separates the two.
+pub fn polyhedron_end_along(
+    a: &PosedPolyhedron,
+    c: &Vec3,
+    q: &Quat,
+    size: [f64; 2],
+    n: &Vec3,
+    range: ListingRange,
+) -> Option<Manifold> {
+    let along = q.inverse_transform_vector(n);
+    if along.xy().norm() > MAX_END_DEVIATION {
+        return None;
+    }
+    let pair = CylinderPair::new(a, c, q, size);
+    let m = Vec3::z() * 1f64.copysign(along.z);
+    let axis = CylinderSearchAxis { m, s: pair.separation(&m), feature: CylinderFeature::Vertex };
+    pair.manifold(pair.common_part(&axis, range.area), range)
+}
+
+/// Largest sine of the angle between the axis and the normal of a flush surface, as for faces of flush joints.
+const MAX_END_DEVIATION: f64 = 1e-3;
 
 /// Polyhedron A and cylinder B.
 struct CylinderPair<'a> {
@@ -122,7 +130,46 @@ struct CylinderSearchAxis {
     feature: CylinderFeature,
 }
 
-impl CylinderPair<'_> {
+impl<'a> CylinderPair<'a> {
+    fn new(a: &'a PosedPolyhedron<'a>, c: &'a Vec3, q: &'a Quat, [half_height, radius]: [f64; 2]) -> Self {
+        let size = radius.hypot(half_height);
+        let circumradius_sum = a.shape.circumradius() + size;
+        let smaller_circumradius = a.shape.circumradius().min(size);
+        let local = |v: Vec3| q.inverse_transform_vector(&(v - c));
+        let vertices = (0..a.shape.vertices().len() as u32).map(|k| local(a.vertex(k))).collect();
+        let tie = 4e-12 * smaller_circumradius + 32.0 * f64::EPSILON * circumradius_sum;
+        CylinderPair { a, c, q, half_height, radius, vertices, smaller_circumradius, tie }
+    }
+
+    /// Corners of the common part along a direction.
+    fn common_part(&self, axis: &CylinderSearchAxis, area_within: f64) -> ContactPatch {
+        let mut patch = ContactPatch { normal: -(self.q * axis.m), ..ContactPatch::default() };
+        let f = self.contact_face(axis);
+        if axis.m.z.abs() >= axis.m.xy().norm() {
+            self.collect_end_corners(&axis.m, f, area_within, &mut patch);
+        } else {
+            self.collect_side_corners(&axis.m, f, &mut patch);
+        }
+        for corner in &mut patch.corners {
+            // The gap of the direction itself, if the two differ by rounding only.
+            corner.gap = if corner.gap <= axis.s + self.tie { axis.s } else { corner.gap };
+        }
+        patch
+    }
+
+    /// Manifold of a common part; `None` if no point is within the range.
+    fn manifold(&self, mut patch: ContactPatch, range: ListingRange) -> Option<Manifold> {
+        let mut manifold = Manifold::default();
+        patch.write_manifold(range, self.tie, &mut manifold);
+        (!manifold.points.is_empty()).then_some(manifold)
+    }
+
+    /// Separation of the two along the unit direction `m`, m.
+    fn separation(&self, m: &Vec3) -> f64 {
+        let reach = self.radius * m.xy().norm() + self.half_height * m.z.abs();
+        m.dot(&self.vertices[self.lowest_vertex(m)]) - reach
+    }
+
     /// Returns the best direction.
     fn best_axis(&self) -> CylinderSearchAxis {
         let (shape, posed) = (self.a.shape, self.a);
@@ -162,11 +209,10 @@ impl CylinderPair<'_> {
 
     /// Replaces `best` by a direction that is clearly better.
     fn try_axis(&self, best: &mut CylinderSearchAxis, m: Vec3, feature: CylinderFeature) {
-        let reach = self.radius * m.xy().norm() + self.half_height * m.z.abs();
-        let least = m.dot(&self.vertices[self.lowest_vertex(&m)]);
-        let s = least - reach;
+        let s = self.separation(&m);
         if s > best.s + self.tie {
             // An edge on the far side gives the same direction.
+            let least = m.dot(&self.vertices[self.lowest_vertex(&m)]);
             let is_lowest = |end: u16| m.dot(&self.vertices[usize::from(end)]) <= least + self.tie;
             let feature = match feature {
                 CylinderFeature::Edge(e) if !self.a.shape.edges()[e as usize].ends.into_iter().any(is_lowest) => {

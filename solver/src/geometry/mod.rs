@@ -40,7 +40,7 @@ mod sphere;
 mod triangles;
 
 pub use cache::CachedFeature;
-pub use cylinder::polyhedron_cylinder;
+pub use cylinder::{polyhedron_cylinder, polyhedron_end_along};
 pub use cylinders::cylinder_cylinder;
 pub use flush::polyhedra_along;
 pub use hollow_cylinder::{FAR_WALL, far_walls, polyhedron_hollow_cylinder, vertices_at_far_walls};

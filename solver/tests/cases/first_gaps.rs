@@ -66,11 +66,11 @@ fn a_resumed_run_and_one_from_text_keep_first_gaps() {
         let thrown = || {
             let mut case = over_floor(kind, FIRST);
             case.launch(1, [0.25, 0.0, 0.125], [0.0; 3]);
+            case.options.text = true;
             case
         };
         let unbroken = thrown().run(100);
         let mut case = thrown();
-        case.options.text = true;
         let before = case.run(16).laws.unwrap().contact_reference_gap[0];
         let (datbox, outbox) = (case.path().join("DATBOX"), case.path().join("OUTBOX"));
         let [dof, contacts] = ["DOF.OUT.1", "Vloc_Rloc.OUT.1"].map(|name| std::fs::read(outbox.join(name)).unwrap());

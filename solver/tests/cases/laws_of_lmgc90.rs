@@ -192,11 +192,11 @@ fn damage_survives_a_resume_and_a_restart_from_text() {
             case.options.dt = 1.0 / 16384.0;
             case.launch(1, [0.02, 0.01, 0.0], [0.0; 3]);
             case.pull(1, 2, 2.0);
+            case.options.text = true;
             case
         };
         let unbroken = scene().run(300);
         let mut case = scene();
-        case.options.text = true;
         case.run(150);
         let [dof, contacts] =
             ["DOF.OUT.1", "Vloc_Rloc.OUT.1"].map(|name| std::fs::read(case.path().join("OUTBOX").join(name)).unwrap());

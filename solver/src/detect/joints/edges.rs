@@ -11,7 +11,7 @@ use super::inner::{
 use super::solid::ConvexSolid;
 use crate::detect::posed::{CandidatePair, PosedContactor, PosedShape};
 use crate::detect::travel::TravelBounds;
-use crate::geometry::{PosedPolyhedron, polyhedra_along};
+use crate::geometry::{PosedPolyhedron, polyhedra_along, polyhedron_end_along};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Vec3, group_by_key};
 use crate::scene::{BodyId, PartId, Scene};
@@ -232,8 +232,8 @@ impl<'a> InnerEdgeSearch<'a> {
     }
 }
 
-/// Replaces each inner contact of two polyhedra by their contact along the normal of the plane that hides it, and removes
-/// the other ones. `inner` is in the order of the runs.
+/// Replaces each inner contact of a polyhedron by the contact along the normal of the plane that hides it, and removes those
+/// of spheres. `inner` is in the order of the runs.
 fn replace_inner_contacts(
     scene: &Scene,
     nearby: f64,
@@ -247,11 +247,17 @@ fn replace_inner_contacts(
         let ContactRun { start, end, parts, .. } = runs[touch.index as usize];
         list.drop_range(start as usize..end as usize);
         let [a, b] = parts.map(|part| &contactors[part.index()]);
-        let (Some(p), Some(q)) = (polyhedron(a), polyhedron(b)) else { continue };
+        let Some(p) = polyhedron(a) else { continue };
         let Some(rule) = scene.visibility.interaction_rule(a.class, b.class) else { continue };
         let meeting = CandidatePair::new(scene, contactors, nearby, 0, &(parts, rule));
         let n = if touch.turned { -n } else { *n };
-        if let Some(manifold) = polyhedra_along(p, q, &meeting.c, &n, meeting.range) {
+        let along = match &b.shape {
+            PosedShape::Cylinder { half_height, radius, hollow: false } => {
+                polyhedron_end_along(p, &meeting.c, &b.axes, [*half_height, *radius], &n, meeting.range)
+            }
+            _ => polyhedron(b).and_then(|q| polyhedra_along(p, q, &meeting.c, &n, meeting.range)),
+        };
+        if let Some(manifold) = along {
             list.insert(&meeting.listed_contacts(&manifold).collect::<Vec<_>>());
         }
     }
