@@ -21,7 +21,9 @@ mod refused;
 
 use serde::Deserialize;
 
-pub use error::{LawError, ParameterFault};
+use crate::ron_text::known_names;
+
+pub use error::LawError;
 pub use interface::{DamageLaw, LawInterface, ModePair};
 pub use refused::refusal_reason;
 
@@ -338,6 +340,39 @@ pub fn computed_labels() -> Vec<&'static str> {
     LAW_TABLE.iter().filter(|entry| entry.computed).map(|entry| entry.label).collect()
 }
 
+/// Value of a parameter that a law in use cannot have.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ParameterFault {
+    pub parameter: LawParameter,
+    pub found: String,
+    /// Values that are expected, without the word.
+    pub expected: String,
+}
+
+impl std::fmt::Display for ParameterFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} {}; expected {}", self.parameter.name(), self.found, self.expected)
+    }
+}
+
+impl std::error::Error for ParameterFault {}
+
+/// Error of a law by its name and the number of parameters.
+fn law_error(label: &str, count: usize) -> LawError {
+    let computed = computed_labels();
+    let (found, expected) = match (law_entry(label), refusal_reason(label)) {
+        (_, Some(reason)) => {
+            (format!("its kind {label} is not computed: {reason}"), format!("computed are {}", computed.join(", ")))
+        }
+        (None, None) => (format!("its kind '{label}' is not known"), known_names(label, &computed)),
+        (Some(entry), None) => {
+            let names: Vec<&str> = entry.parameters().map(LawParameter::label).collect();
+            (format!("{label} with {count} parameters"), format!("expected {}: {}", names.len(), names.join(", ")))
+        }
+    };
+    LawError { found, expected }
+}
+
 /// Pattern that ignores the value of a parameter that no law uses.
 macro_rules! ignored {
     ($unused:ident) => {
@@ -389,7 +424,7 @@ macro_rules! contact_laws {
             pub fn from_values(label: &str, values: &[f64]) -> Result<LawModel, LawError> {
                 match (label, values) {
                     $(($label, &[$($($field,)* $(ignored!($unused),)?)*]) => Ok(LawModel::$law { $($($field,)*)* }),)+
-                    _ => Err(LawError { label: label.to_string(), count: values.len() }),
+                    _ => Err(law_error(label, values.len())),
                 }
             }
 

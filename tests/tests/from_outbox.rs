@@ -255,7 +255,7 @@ fn numbers_of_many_digits_go_on() {
         fs::write(&file, changes).unwrap();
         cd_pre::from_outbox::write_datbox(solved(gravity).path(), Some(&file), &[], case.path()).unwrap()
     };
-    let note = "BULK_BEHAV.DAT: gravity: grv3 -0.000123456789 is written as -1.2345679E-04, all digits that its columns can hold\n";
+    let note = "BULK_BEHAV.DAT: gravity: grv3 -0.000123456789 is written as -1.2345679E-04, the largest number of digits that fits its columns\n";
     assert!(message("-1.23456789e-4").contains(note));
     assert!(!message("-1.2345678901").contains("is written as"));
 }

@@ -239,7 +239,7 @@ fn a_plan_tells_and_writes_nothing() {
         "inactive",
         "polyhedra",
         "kB for each further contact",
-        "ms a step",
+        "ms per step",
         "300 steps",
         "shortest orbital period",
     ] {

@@ -51,7 +51,7 @@ pub fn cylinder_cylinder(
     }
     let smaller = a.size().min(b.size());
     let tie = 4e-12 * smaller + 32.0 * f64::EPSILON * (a.size() + b.size());
-    let pair = CylinderPair { a, b, smaller, tie };
+    let pair = TwoCylinders { a, b, smaller, tie };
     let axis = pair.best_axis();
     if axis.s > range.alert {
         return None;
@@ -113,7 +113,7 @@ impl PosedCylinder<'_> {
 }
 
 /// Cylinders A and B.
-struct CylinderPair<'a> {
+struct TwoCylinders<'a> {
     a: PosedCylinder<'a>,
     b: PosedCylinder<'a>,
     /// Smaller of the circumradii of A and B, m.
@@ -153,7 +153,7 @@ const MAX_RIM_STEPS: usize = 50;
 /// gap at these ends exceeds that of the middle by half its square of the radius.
 const MAX_SIDE_SKEW: f64 = 1e-2;
 
-impl CylinderPair<'_> {
+impl TwoCylinders<'_> {
     /// Separation s(m), m.
     fn separation(&self, m: &Vec3) -> f64 {
         -m.dot(&self.b.centre) - self.a.reach(m) - self.b.reach(m)

@@ -92,7 +92,7 @@ pub fn set_laws_and_visibility(
         let model = match record.model() {
             Ok(model) => model,
             Err(error) => {
-                refuse(error.found(), error.expected());
+                refuse(error.found().to_string(), error.expected().to_string());
                 continue;
             }
         };
