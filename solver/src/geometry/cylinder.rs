@@ -424,6 +424,19 @@ impl<'a> CylinderPair<'a> {
         }
     }
 
+    /// Point of the outline of face `f`, seen along `m`, that is nearest to `point`.
+    fn nearest_on_outline(&self, f: u32, point: &Vec3, m: &Vec3) -> Vec3 {
+        let corners = self.a.shape.face_corners(f as usize);
+        let on_side = |k: usize| {
+            let [from, to] = [corners[k], corners[(k + 1) % corners.len()]].map(|v| self.vertices[v as usize]);
+            let share = (point - from).dot(&(to - from)) / (to - from).norm_squared();
+            from + (to - from) * share.clamp(0.0, 1.0)
+        };
+        let off = |on_a: &Vec3| (point - on_a - m * m.dot(&(point - on_a))).norm_squared();
+        let sides = (0..corners.len()).map(on_side);
+        sides.min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(*point)
+    }
+
     /// Contact point of the direction's own features.
     fn axis_point(&self, axis: &CylinderSearchAxis) -> ContactPoint {
         let m = &axis.m;
@@ -438,7 +451,12 @@ impl<'a> CylinderPair<'a> {
                 let share = (on_b - from).dot(&(to - from)) / (to - from).norm_squared();
                 (from + (to - from) * share.clamp(0.0, 1.0), edge_feature(e))
             }
-            CylinderFeature::Face(f) => (self.vertices[lowest], face_feature(f)),
+            CylinderFeature::Face(f) => {
+                if m.z == 0.0 {
+                    on_b.z = self.vertices[lowest].z.clamp(-self.half_height, self.half_height);
+                }
+                (self.nearest_on_outline(f, &on_b, m), face_feature(f))
+            }
             CylinderFeature::Vertex => (self.vertices[lowest], vertex_feature(lowest as u32)),
         };
         ContactPoint {

@@ -91,7 +91,7 @@ fn forms_that_lmgc90_reads_give_its_force() {
         ),
         (
             "unknown-law-without-row",
-            &["TACT_BEHAV.DAT:5: 1 law is not computed: mac01 (IQS_MAC_CZM); no contact needs it"],
+            &["TACT_BEHAV.DAT:5: 1 law is not computed: mac01 (IQS_BW_CLB); no contact needs it"],
         ),
         ("wire-without-row", &["TACT_BEHAV.DAT:5: 1 law is not computed: wire0 (ELASTIC_WIRE); no contact needs it"]),
         ("contactor-number-over-all", &["Vloc_Rloc.INI: 1 contact is numbered over the contactors of all bodies"]),
@@ -216,7 +216,7 @@ fn rows_and_laws_that_no_contact_needs_do_not_stop_a_run() {
     });
     let notices = [
         "TACT_BEHAV.DAT:21: 1 see row for 2D or deformable bodies is skipped",
-        "TACT_BEHAV.DAT:5: 1 law is not computed: mac01 (IQS_MAC_CZM); no contact needs it",
+        "TACT_BEHAV.DAT:5: 1 law is not computed: mac01 (IQS_BW_CLB); no contact needs it",
         "TACT_BEHAV.DAT:15: 1 see row is for contactors or colours that no body has",
     ];
     weighs(runs(&case, &notices), SPHERE_WEIGHT, 1);

@@ -442,3 +442,28 @@ fn a_cube_slides_over_the_flush_end_of_a_cylinder() {
         }
     }
 }
+
+/// Pillars smaller than the cube, side by side: between their round tops the cube is carried by what is flush.
+#[test]
+fn a_cube_slides_over_the_flush_ends_of_many_cylinders() {
+    const RADIUS: f64 = 0.125;
+    for (law, parameters) in LAWS {
+        for spacing in [2.0 * RADIUS, 1.5 * RADIUS] {
+            let mut case = scene(law, parameters, NARROW[0], 1e-3);
+            for i in 0..(6.0 / spacing) as i32 {
+                for j in -2..=2 {
+                    let x = [f64::from(i) * spacing - 0.5, f64::from(j) * spacing, -0.5];
+                    let pillar = case.plate([RADIUS; 3], x, [X, Y, Z]);
+                    let shape = ShapeRecord::Cylinder { half_height: 0.5, radius: RADIUS, hollow: false };
+                    case.bodies[pillar].contactors[0].shape = shape;
+                }
+            }
+            let cube = case.block([0.25; 3], [0.0, 0.02, 0.25], [X, Y, Z]);
+            case.launch(cube, [6.0, 0.0, 0.0], [0.0; 3]);
+            let steps = steps(&case, 1.6);
+            let state = case.run(steps);
+            equal(state.x(cube).x, 4.5, 4.5e-3);
+            assert!((state.x(cube).z - 0.25).abs() < 1e-4 && state.w(cube).norm() < 1e-2, "{law} {spacing}");
+        }
+    }
+}

@@ -103,7 +103,7 @@ fn change_form(dice: &mut Dice<impl FnMut() -> f64>, name: &str, text: &str) -> 
         }
         9 if name == "TACT_BEHAV.DAT" => {
             let more = [
-                "$behav\n law99  IQS_MAC_CZM                     cn  = 1.0000000E+08  ct  = 1.0000000E+06\n",
+                "$behav\n law99  IQS_BW_CLB                      cn  = 1.0000000E+08  ct  = 1.0000000E+06\n",
                 "$behav\n law98  SOME_LAW\n                                        par1= 1.0000000E+08\n",
                 "$seety\n cdbdy\n RBDY3  DNLYC  NOBDY  iqsc0  RBDY3  POLYR  NOBDY       1.0000000E-02\n",
                 "$seety\n cdbdy\n MAILx  CSpxx  BLUEx  iqsc0  RBDY3  PLANx  FLOOR       1.0000000E-02\n",
