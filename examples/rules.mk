@@ -11,8 +11,10 @@
 
 EXAMPLES := $(patsubst %/,%,$(dir $(lastword $(MAKEFILE_LIST))))
 TOP := $(abspath $(EXAMPLES)/..)
-## Folder of the programs.
-CD_BIN ?= $(or $(CARGO_TARGET_DIR),$(TOP)/target)/release
+BUILT := $(or $(CARGO_TARGET_DIR),$(TOP)/target)/release
+ON_PATH := $(shell command -v cd-solve 2>/dev/null)
+## Folder of the programs; default: those built here, else those on PATH.
+CD_BIN ?= $(if $(wildcard $(BUILT)/cd-solve),$(BUILT),$(or $(patsubst %/,%,$(dir $(ON_PATH))),$(BUILT)))
 ## Flags of cd-pre for scenes, such as "--set grains.1.number=500".
 PRE_FLAGS ?=
 ## Flags of cd-solve, such as "--threads 1".

@@ -24,7 +24,7 @@ use serde::Deserialize;
 use crate::ron_text::known_names;
 
 pub use error::LawError;
-pub use interface::{DamageLaw, LawInterface, ModePair};
+pub use interface::{DamageLaw, InterfaceParameter, LawInterface, ModePair};
 pub use refused::refusal_reason;
 
 /// Physical quantity of a parameter.
@@ -793,6 +793,18 @@ impl LawModel {
             }),
             None | Some(LawCohesion::Liquid { .. } | LawCohesion::Bond { .. }) => {}
         }
+        let contradictions = self.interface().map(|interface| interface.contradictions()).unwrap_or_default();
+        faults.extend(contradictions.into_iter().map(|(parameter, found, expected)| ParameterFault {
+            parameter: match parameter {
+                InterfaceParameter::Energy { sliding: false } => LawParameter::NormalEnergy,
+                InterfaceParameter::Energy { sliding: true } => LawParameter::TangentialEnergy,
+                InterfaceParameter::Plateau { sliding: false } => LawParameter::NormalPlateau,
+                InterfaceParameter::Plateau { sliding: true } => LawParameter::TangentialPlateau,
+                InterfaceParameter::Rest => LawParameter::RestShare,
+            },
+            found,
+            expected,
+        }));
         faults
     }
 }

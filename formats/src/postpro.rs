@@ -190,9 +190,11 @@ fn read_body(scan: &mut LineScanner, bodies: usize) -> Option<usize> {
 fn read_number(scan: &mut LineScanner, what: &str) -> Option<u64> {
     let numeric = |line: TextLine| line.text().trim_start().starts_with(|c: char| c.is_ascii_digit());
     let line = scan.expect_line(&format!("expected the {what}"), numeric)?;
-    let text = line.text().trim();
-    if line.used_width() > NUMBER_WIDTH {
-        let found = format!("the {what} '{text}' ends in column {}", line.used_width());
+    // What follows the columns that LMGC90 reads, such as a colon, is a comment.
+    let (columns, rest) = line.text().split_at_checked(NUMBER_WIDTH).unwrap_or((line.text(), ""));
+    let text = columns.trim();
+    if rest.starts_with(|c: char| c.is_ascii_digit()) || text.is_empty() {
+        let found = format!("the {what} '{}' ends beyond column {NUMBER_WIDTH}", line.text().trim());
         scan.add_fault(line.number, found, "expected it in columns 1 to 7, which LMGC90 reads");
         return None;
     }

@@ -28,3 +28,45 @@ pub enum DamageLaw {
     /// Adhesion of the energy `energy` (J/m²) that is lost with the viscosity `viscosity` (J s/m²).
     Viscous { energy: f64, viscosity: f64 },
 }
+
+/// Parameter of an interface that contradicts others; `sliding` is the mode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InterfaceParameter {
+    Energy { sliding: bool },
+    Plateau { sliding: bool },
+    Rest,
+}
+
+impl LawInterface {
+    /// Parameters with which the stress would not fall continuously from its strength to 0, each with the value found and the
+    /// values expected.
+    pub fn contradictions(&self) -> Vec<(InterfaceParameter, String, String)> {
+        let mut found = Vec::new();
+        let modes = |of: ModePair| [(false, of.opening), (true, of.sliding)];
+        let stiffness = |sliding: bool| if sliding { self.tangential_stiffness } else { self.normal_stiffness };
+        let (strength, energy, plateau, rest) = match self.damage {
+            DamageLaw::Viscous { .. } => return found,
+            DamageLaw::Parabolic { strength, energy } => (strength, energy, None, None),
+            DamageLaw::Exponential { strength, energy, rest } => (strength, energy, None, Some(rest)),
+            DamageLaw::Trapezoidal { strength, energy, plateau } => (strength, energy, Some(plateau), None),
+        };
+        for ((sliding, strength), (_, energy)) in modes(strength).into_iter().zip(modes(energy)) {
+            // Displacement of the sound interface at its strength, and the energy taken up to the fall.
+            let elastic = strength / stiffness(sliding);
+            let start = plateau.map_or(elastic, |plateau| if sliding { plateau.sliding } else { plateau.opening });
+            if start < elastic {
+                let expected = format!("at least strength over stiffness, {elastic:e} m");
+                found.push((InterfaceParameter::Plateau { sliding }, format!("{start:?}"), expected));
+            }
+            let taken = strength * (start.max(elastic) - 0.5 * elastic);
+            if energy <= taken {
+                let expected = format!("more than {taken:e} J/m², which the interface takes before its stress falls");
+                found.push((InterfaceParameter::Energy { sliding }, format!("{energy:?}"), expected));
+            }
+        }
+        if let Some(rest) = rest.filter(|rest| *rest >= 1.0) {
+            found.push((InterfaceParameter::Rest, format!("{rest:?}"), "less than 1".into()));
+        }
+        found
+    }
+}

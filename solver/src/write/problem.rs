@@ -24,6 +24,11 @@ pub fn check_dump_step(scene: &Scene, state: &State, step: u64) -> Result<(), Fa
         let expected = "expected laws without rolling friction: the format cannot hold moments";
         fault(format!("{step}"), expected.into());
     }
+    if state.laws.iter().any(|law| law.is_regularised() || law.interface.is_some()) {
+        let expected =
+            "expected laws without springs, coupling and interfaces: the format holds rigid contacts with friction";
+        fault(format!("{step}"), expected.into());
+    }
     faults.into_result(())
 }
 
