@@ -21,5 +21,5 @@ mod strategy;
 mod types;
 
 pub use gauss_seidel::driver::solve_nlgs;
-pub use strategy::{SolveRequest, solve_contact_problem, update_backoff};
+pub use strategy::{SolveRequest, solve_by_sweeps, solve_contact_problem, update_backoff};
 pub use types::{ContactReactions, ContactSolution, StoppingCriteria};

@@ -11,6 +11,7 @@ use crate::solve::cost_model::{COSTS, TOO_LARGE_REASON};
 use crate::solve::gauss_seidel::driver::{closing_inactive_rows, solve_nlgs};
 use crate::solve::gauss_seidel::momentum::MOMENTUM_CYCLE;
 use crate::solve::matrix::{self, MatrixProblem, MatrixSolver, SolverLimits, residual, solve};
+use crate::solve::regularised::solve_regularised;
 use crate::solve::residual::ResidualEvaluator;
 use crate::solve::types::{ContactSolution, StoppingCriteria};
 use crate::state::ContactId;
@@ -61,6 +62,19 @@ pub fn update_backoff(
     }
 }
 
+/// Solves by sweeps alone: those of problems with regularised rows, or [`solve_nlgs`].
+pub fn solve_by_sweeps(
+    contact_problem: &ContactProblem,
+    criteria: StoppingCriteria,
+    width: SimdWidth,
+) -> ContactSolution {
+    if contact_problem.regularised.is_empty() {
+        solve_nlgs(contact_problem, criteria, width)
+    } else {
+        solve_regularised(contact_problem, criteria)
+    }
+}
+
 /// Solves the contact problem of a step to E <= `tol`, or as far as the limits allow; the decisions depend only on the
 /// problem. Sweeps then continue towards `target_residual`, as does a requested solver of stored problems; the fallback
 /// after sweeps stops at `tol`, because a smaller residual is not worth its cost.
@@ -73,7 +87,7 @@ pub fn solve_contact_problem(
     stored: impl Fn(&ContactProblem) -> StoredProblem,
 ) -> ContactSolution {
     if !contact_problem.regularised.is_empty() {
-        return solve_nlgs(contact_problem, request.criteria, request.width);
+        return solve_by_sweeps(contact_problem, request.criteria, request.width);
     }
     let found = solve_from_warm_start(contact_problem, request, stored);
     if found.residual < 1.0 {

@@ -15,7 +15,7 @@ use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::BodyId;
-use crate::solve::{ContactSolution, SolveRequest, StoppingCriteria, solve_nlgs};
+use crate::solve::{ContactSolution, SolveRequest, StoppingCriteria, solve_by_sweeps};
 use crate::state::Contact;
 
 /// Errors of its bodies by which a contact must move. A face at rest has at least one point whose error is its own velocity.
@@ -123,7 +123,7 @@ pub fn refine_until_decided(
             system.rows.iter_mut().zip(&solution.impulses).for_each(|(row, r)| row.warm_start = *r);
             system.rolling_constraints.iter_mut().zip(&solution.moments).for_each(|(roll, m)| roll.warm_start = *m);
             let target_residual = 0.1 * solution.residual.min(request.criteria.target_residual);
-            let further = solve_nlgs(
+            let further = solve_by_sweeps(
                 system,
                 StoppingCriteria { target_residual, min_sweeps: 0, ..request.criteria },
                 request.width,

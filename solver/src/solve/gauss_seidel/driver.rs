@@ -14,7 +14,6 @@ use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::solve::gauss_seidel::layout::pack_problem;
 use crate::solve::gauss_seidel::momentum::{MOMENTUM_CYCLE, SweepMomentum};
 use crate::solve::gauss_seidel::packed::PackSource;
-use crate::solve::regularised::solve_regularised;
 use crate::solve::residual::{BodyMotion, Residual, ResidualEvaluator};
 use crate::solve::types::{ContactReactions, ContactSolution, StoppingCriteria};
 use crate::state::ContactId;
@@ -42,9 +41,6 @@ const MAX_MASS_RATIO: f64 = 1e9;
 /// become faster than its free velocity - is included, and sweeping continues.
 pub fn solve_nlgs(contact_problem: &ContactProblem, criteria: StoppingCriteria, width: SimdWidth) -> ContactSolution {
     let StoppingCriteria { tol, max_sweeps, .. } = criteria;
-    if !contact_problem.regularised.is_empty() {
-        return solve_regularised(contact_problem, criteria);
-    }
     let rows = (0..contact_problem.rows.len() as u32).into_par_iter().with_min_len(PAR_MIN_LEN).map(ContactId);
     let mut active: Vec<ContactId> = rows.filter(|k| contact_problem.rows[k.index()].can_close).collect();
     let mut reactions = ContactReactions::warm_start(contact_problem, &active);
