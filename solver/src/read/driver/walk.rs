@@ -197,9 +197,6 @@ impl<'a> ScriptWalker<'a> {
                     self.follow(&statement.body);
                 }
                 "import" | "from" => self.import(&statement.tokens),
-                "break" if self.condition.is_some() && !self.loops.is_empty() => {
-                    self.walk.remarks.push((line, "the loop may end here before its last step".into()));
-                }
                 _ => self.assign(&statement.tokens),
             }
         }
@@ -235,6 +232,8 @@ impl<'a> ScriptWalker<'a> {
             }),
             _ => unknown("an asynchronous loop".into()),
         };
+        // The condition of a `break` is not followed from step to step.
+        let end = break_line(&statement.body).map_or(end, |line| unknown(format!("break in line {line}")));
         let mut changed = BTreeSet::new();
         assigned_names(&statement.body, &mut changed);
         for name in changed {
@@ -266,7 +265,7 @@ impl<'a> ScriptWalker<'a> {
             let (name, end) = dotted_name(part, 0);
             let alias = part.get(end).filter(|lexeme| lexeme.token.name() == "as").and(part.get(end + 1));
             let alias = alias.map_or(name.clone(), |lexeme| lexeme.token.name().to_string());
-            if module.ends_with("chipy") {
+            if module.split('.').any(|part| part == "chipy") {
                 self.all_names = true;
             } else if name.ends_with("chipy") {
                 self.modules.insert(alias);
@@ -486,6 +485,15 @@ fn assigned_names(block: &[ScriptStatement], names: &mut BTreeSet<String>) {
     }
 }
 
+/// Line of the first `break` that ends the loop with this body.
+fn break_line(body: &[ScriptStatement]) -> Option<usize> {
+    body.iter().find_map(|statement| match statement.keyword() {
+        "break" => Some(statement.line()),
+        "for" | "while" | "async" | "def" | "class" => None,
+        _ => break_line(&statement.body),
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::tokens::logical_lines;
@@ -537,8 +545,10 @@ mod tests {
         // A value that a loop changes is not that of its first iteration.
         let text = format!("{head}for k in range(n):\n  chipy.A(t)\n  t *= 0.5\n");
         assert_eq!(calls(&text)[0].2, Some(Err("t, which changes in the loop of line 3".into())));
-        let broken = walked(&format!("{head}for k in range(n):\n  if stop(): break\n  chipy.A()\n"));
-        assert_eq!(broken.remarks, [(4, "the loop may end here before its last step".to_string())]);
+        let broken = "for k in range(n):\n  if stop(): break\n  chipy.A()\n";
+        assert_eq!(end(broken), LoopEnd::Unknown("break in line 4".into()));
+        let inner = "for k in range(n):\n  for l in range(2):\n    break\n  chipy.A()\n";
+        assert_eq!(end(inner), LoopEnd::Count(20));
     }
 
     #[test]
