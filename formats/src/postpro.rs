@@ -190,7 +190,7 @@ fn read_body(scan: &mut LineScanner, bodies: usize) -> Option<usize> {
 fn read_number(scan: &mut LineScanner, what: &str) -> Option<u64> {
     let numeric = |line: TextLine| line.text().trim_start().starts_with(|c: char| c.is_ascii_digit());
     let line = scan.expect_line(&format!("expected the {what}"), numeric)?;
-    // What follows the columns that LMGC90 reads, such as a colon, is a comment.
+    // Text behind the columns that LMGC90 reads, such as a colon, is a comment.
     let (columns, rest) = line.text().split_at_checked(NUMBER_WIDTH).unwrap_or((line.text(), ""));
     let text = columns.trim();
     if rest.starts_with(|c: char| c.is_ascii_digit()) || text.is_empty() {
@@ -229,6 +229,10 @@ mod tests {
         assert_eq!(postpro.notices, ["POSTPRO.DAT:9: command 'DISPLAY TENSORS' is not computed: it is left out"]);
         assert_eq!(parse("KINETIC ENERGY\nSTEP 1\n").unwrap().notices.len(), 1);
         assert_eq!(parse("").unwrap(), Postpro::default());
+        // LMGC90 reads seven columns of a number and thirty of a command.
+        let text = "BODY TRACKING                 :\nSTEP 1                        :\n1                             :\n\
+                    3                             : \nEND                           :\n";
+        assert_eq!(parse(text).unwrap().commands[0].kind, PostproKind::BodyTracking(vec![2]));
     }
 
     #[test]

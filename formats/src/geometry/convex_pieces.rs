@@ -47,7 +47,7 @@ pub struct ConvexPiece {
 pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, String> {
     let count = surface.triangles().len();
     if count > MAX_SPLIT_TRIANGLES {
-        return Err(format!("of {count} triangles, and at most {MAX_SPLIT_TRIANGLES} are split"));
+        return Err(format!("it has {count} triangles, and at most {MAX_SPLIT_TRIANGLES} are split"));
     }
     let centre = Vec3::from(surface.mass_properties().centre);
     let vertices: Vec<Vec3> = surface.vertices().iter().map(|&v| Vec3::from(v) - centre).collect();
@@ -58,7 +58,7 @@ pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, String> 
         surface.triangles().iter().map(|t| Polygon::new(t.map(|v| vertices[v as usize]).into())).collect();
     let deepest = faces.iter().flat_map(|face| faces.iter().map(|other| other.height_over(face))).fold(0.0, f64::max);
     if deepest <= MIN_REFLEX_DEPTH * size {
-        return Err("by no more than its digits".into());
+        return Err("its dents are no deeper than its digits".into());
     }
     let mut cells = CellCount::default();
     splitter.split_cell(Cell::cube(2.0 * size), faces, &mut cells)?;
@@ -67,7 +67,7 @@ pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, String> 
         pieces.iter().map(|piece| Surface::new(&piece.vertices, &piece.triangles).map_or(0.0, |s| s.volume())).sum();
     let volume = surface.volume();
     if (sum - volume).abs() > VOLUME_TOLERANCE * volume {
-        return Err(format!("whose faces cut each other: its pieces have {sum} m^3 of {volume} m^3"));
+        return Err(format!("its faces cut each other: its pieces have {sum} m^3 of {volume} m^3"));
     }
     Ok(pieces)
 }
@@ -255,7 +255,7 @@ impl Splitter<'_> {
                 cells.inside.extend(planes.iter().try_fold(cell, |cell, face| cell.clip(&face.plane, self.tolerance)));
             }
             if cells.inside.len() > MAX_CONVEX_PIECES || cells.outside > 8 * MAX_CONVEX_PIECES {
-                return Err(format!("of more than {MAX_CONVEX_PIECES} convex pieces"));
+                return Err(format!("it has more than {MAX_CONVEX_PIECES} convex pieces"));
             }
             return Ok(());
         };
@@ -445,7 +445,7 @@ mod tests {
             let triangles = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 4], [2, 3, 4], [3, 1, 4]];
             split_into_convex(&Surface::new(&vertices, &triangles).unwrap())
         };
-        assert_eq!(dented(1e-5), Err("by no more than its digits".into()));
+        assert_eq!(dented(1e-5), Err("its dents are no deeper than its digits".into()));
         let pieces = dented(0.1).unwrap();
         // Three tetrahedra would do; cuts along planes of faces make at most one more each.
         assert!((3..=6).contains(&pieces.len()), "{}", pieces.len());
@@ -473,6 +473,6 @@ mod tests {
         let rim: Vec<u32> = (0..profile.len() as u32).collect();
         let (vertices, triangles) = prism(&profile, &[&rim], &caps);
         let refused = split_into_convex(&Surface::new(&vertices, &triangles).unwrap()).unwrap_err();
-        assert_eq!(refused, format!("of more than {MAX_CONVEX_PIECES} convex pieces"));
+        assert_eq!(refused, format!("it has more than {MAX_CONVEX_PIECES} convex pieces"));
     }
 }

@@ -250,7 +250,7 @@ fn convex_meshes(
         let found = format!("contactor POLYR: {reason}; it cannot be split into convex pieces: {why}");
         RecordFault::new(found, "expected a convex surface, or a body of several convex POLYR")
     };
-    let pieces = split_into_convex(&surface).map_err(|why| refuse(format!("it is {why}")))?;
+    let pieces = split_into_convex(&surface).map_err(refuse)?;
     let mesh = |piece: &ConvexPiece| ConvexMesh::from_contactor(&piece.vertices, &piece.triangles);
     let meshes =
         pieces.iter().map(mesh).collect::<Result<_, _>>().map_err(|fault| refuse(format!("one is {fault}")))?;

@@ -73,11 +73,11 @@ pub fn set_laws_and_visibility(
     let file = datbox.join("TACT_BEHAV.DAT");
     // Only laws used by some row of the table are needed.
     let mut number = vec![None; tact.laws.len()];
-    let mut looked_at = vec![false; tact.laws.len()];
+    let mut is_checked = vec![false; tact.laws.len()];
     let mut idle = Vec::new();
     for see in &tact.visibility {
         let Some(k) = tact.laws.iter().position(|law| law.nickname == see.law) else { continue };
-        if std::mem::replace(&mut looked_at[k], true) {
+        if std::mem::replace(&mut is_checked[k], true) {
             continue;
         }
         let record = &tact.laws[k];
@@ -120,7 +120,7 @@ pub fn set_laws_and_visibility(
     }
 
     idle.extend(
-        (0..tact.laws.len()).filter(|&k| !looked_at[k] && tact.laws[k].model().is_err()).map(|k| &tact.laws[k]),
+        (0..tact.laws.len()).filter(|&k| !is_checked[k] && tact.laws[k].model().is_err()).map(|k| &tact.laws[k]),
     );
     scene.notes.extend(idle_laws_note(&idle));
     check_points(&file, tact, contactors, scene, faults);
