@@ -135,8 +135,8 @@ impl TactBehav {
 
     /// Text of the file, numbers with eight digits.
     ///
-    /// Names must have at most five characters. A law of a kind that is not in [`LAW_TABLE`] is written with its
-    /// parameters one a line.
+    /// Names must have at most five characters. A law of a kind that is not in
+    /// [`LAW_TABLE`](crate::law_table::LAW_TABLE) is written with its parameters one a line.
     pub fn to_text(&self) -> String {
         self.text_with(format_e14)
     }
