@@ -172,7 +172,7 @@ impl TwoCylinders<'_> {
         let towards = |m: Vec3| m * 1f64.copysign(m.dot(&d));
         attempt(towards(w), CylinderMeeting::EndOfB);
         attempt(towards(u), CylinderMeeting::EndOfA);
-        // Of parallel axes every radial direction is perpendicular to both.
+        // Every radial direction is perpendicular to two parallel axes.
         [self.a.radial(&d), self.b.radial(&d)]
             .into_iter()
             .filter(|m| *m != Vec3::zeros())

@@ -189,7 +189,7 @@ fn left_handed_axes_of_symmetric_shapes_are_accepted() {
         code == 2 && text.contains("DOF.INI:14: body 2: axes a, b, g are left-handed; expected a right-handed"),
         "{text}"
     );
-    // So is an imposed rotation about the axis.
+    // Left-handed axes are also rejected if the rotation about the axis is imposed.
     let case = folder("base");
     edit(&case, "DOF.INI", left_handed);
     for component in 4..=6 {

@@ -130,7 +130,7 @@ fn a_guided_gyroscope_swings() {
         (own_rates(&end, body) - Vec3::from(expected)).norm()
     };
     let (long, short) = (error(1.0 / 128.0), error(1.0 / 256.0));
-    // Of second order.
+    // The error of the time step is of second order.
     assert!(long < 1e-4 && short < 0.3 * long, "{long} {short}");
 }
 
