@@ -21,7 +21,10 @@ help: ## lists the targets
 build: ## cd-pre, cd-solve and cd-post, in release mode, in target/release
 	$(CARGO) build --release --bins
 
-demo: build ## runs examples/accretion: the collapse of a thousand grains
+demo: ## runs examples/accretion: the collapse of a thousand grains
+	$(CARGO) build --release --bin cd-pre --bin cd-solve
+	$(MAKE) --no-print-directory -C examples/accretion CD_BIN=$(BIN) STAGES="pre solve"
+	$(MAKE) --no-print-directory build
 	$(MAKE) --no-print-directory -C examples/accretion CD_BIN=$(BIN)
 	@echo "Results, in examples/accretion:"
 	@echo "  POSTPRO/series.csv     a row a snapshot; docs/reference/observables/series.md names the columns"
