@@ -92,7 +92,7 @@ impl<'a> AssemblyContext<'a> {
 
     /// Time between the step's end velocities and the next contact configuration for the two bodies of a contact, s.
     pub(super) fn closing_time(&self, contact: &Contact) -> f64 {
-        if self.q_c.from_start.is_empty() {
+        if self.q_c.implicit.is_empty() {
             return self.q_c.h;
         }
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| self.q_c.reach_time(self.scene, i.index()));

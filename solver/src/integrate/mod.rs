@@ -39,26 +39,26 @@ pub struct ContactConfiguration {
     /// Whether the velocities of bodies have changed since the end of the last step.
     pub changed: bool,
     /// Whether each body takes the step with θ = 1, x_c = x and x⁺ = x + h V⁺; empty if all have the scene's θ.
-    pub from_start: Vec<bool>,
+    pub implicit: Vec<bool>,
     /// Bodies that contacts push but do not turn in this step.
     pub unturned: Vec<BodyId>,
 }
 
 impl ContactConfiguration {
     /// Whether body `i` takes the step with θ = 1.
-    pub fn is_from_start(&self, i: usize) -> bool {
-        self.from_start.get(i).is_some_and(|from_start| *from_start)
+    pub fn is_implicit(&self, i: usize) -> bool {
+        self.implicit.get(i).is_some_and(|implicit| *implicit)
     }
 
     /// Longest of [`Self::reach_time`], s.
     pub fn longest_reach_time(&self, scene: &Scene) -> f64 {
-        if self.from_start.is_empty() { self.h } else { self.h * (2.0 - scene.options.theta) }
+        if self.implicit.is_empty() { self.h } else { self.h * (2.0 - scene.options.theta) }
     }
 
     /// Time in which the step's end velocity takes body `i` from this contact configuration to the next if the next step
     /// is as long, s: h, and (2-θ) h for bodies that take this step with θ = 1.
     pub fn reach_time(&self, scene: &Scene, i: usize) -> f64 {
-        if self.is_from_start(i) { self.h * (2.0 - scene.options.theta) } else { self.h }
+        if self.is_implicit(i) { self.h * (2.0 - scene.options.theta) } else { self.h }
     }
 }
 
@@ -105,31 +105,34 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
         h,
         lookahead: ahead,
         changed: false,
-        from_start: Vec::new(),
+        implicit: Vec::new(),
         unturned: Vec::new(),
     }
 }
 
-/// Contact configuration as from [`predict_configuration`], with the bodies of `from_start` at their positions at the
-/// step's start.
-pub fn predict_from_start(
+/// Contact configuration as from [`predict_configuration`], with the bodies of `implicit` at their positions at the step's
+/// start.
+///
+/// `implicit`: whether each body takes the step with θ = 1; empty if none does.
+pub fn predict_with_implicit(
     scene: &Scene,
     state: &State,
     step_multiple: u64,
-    from_start: Vec<bool>,
+    implicit: Vec<bool>,
 ) -> ContactConfiguration {
     let mut q_c = predict_configuration(scene, state, step_multiple);
-    for i in (0..from_start.len()).filter(|&i| from_start[i]) {
+    if implicit.is_empty() {
+        return q_c;
+    }
+    for i in (0..implicit.len()).filter(|&i| implicit[i]) {
         (q_c.x[i], q_c.q[i], q_c.w[i]) = (state.x[i], state.q[i], state.w[i]);
     }
-    for (k, _) in scene.turning.iter().enumerate().filter(|(_, i)| from_start[i.index()]) {
+    for (k, _) in scene.turning.iter().enumerate().filter(|(_, i)| implicit[i.index()]) {
         q_c.angular_momentum[k] = state.angular_momentum[k];
     }
-    if !from_start.is_empty() {
-        q_c.order = morton::morton_order(&q_c.x, &state.order);
-        q_c.lookahead *= 2.0 - scene.options.theta;
-    }
-    ContactConfiguration { from_start, ..q_c }
+    q_c.order = morton::morton_order(&q_c.x, &state.order);
+    q_c.lookahead *= 2.0 - scene.options.theta;
+    ContactConfiguration { implicit, ..q_c }
 }
 
 /// [`free_rotation`] in axes that rotate at `rate` (rad/s), in which orientation and `momentum` are given before and
@@ -162,7 +165,7 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
     state.x.par_iter_mut().zip(&q_c.x).zip(&v).with_min_len(PAR_MIN_LEN).for_each(moved);
     let turned = |(i, (q, oriented)): (usize, (&mut Quat, &bool))| {
         if *oriented {
-            let after = if q_c.is_from_start(i) { h } else { after };
+            let after = if q_c.is_implicit(i) { h } else { after };
             *q = rotate_by_vector(&q_c.q[i], &(w[i] * after));
         }
     };
@@ -173,7 +176,7 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
         // A body without impulses keeps its momentum to the last bit.
         let pushed = carried + angular_momentum(&q_c.q[i], inertia, &(w[i] - q_c.w[i]));
         let mut turned = pushed;
-        let after = if q_c.is_from_start(i) { h } else { after };
+        let after = if q_c.is_implicit(i) { h } else { after };
         let q = turn_in_axes(&q_c.q[i], &mut turned, inertia, &rate, after);
         let by_axes = (carried - *momentum) + (turned - pushed);
         *momentum = turned;
@@ -191,10 +194,10 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
     }
     for &body in &scene.guided {
         let i = body.index();
-        let after = if q_c.is_from_start(i) { h } else { after };
+        let after = if q_c.is_implicit(i) { h } else { after };
         (state.q[i], w[i]) = turn_guided(&scene.bodies[i], &q_c.q[i], &w[i], after);
     }
-    for i in (0..q_c.from_start.len()).filter(|&i| q_c.from_start[i] && !scene.bodies[i].driven) {
+    for i in (0..q_c.implicit.len()).filter(|&i| q_c.implicit[i] && !scene.bodies[i].driven) {
         state.x[i] = q_c.x[i] + v[i] * h;
     }
     starts.advance_state(scene, state, q_c, Velocities { v: &v, w: &w });
@@ -222,7 +225,7 @@ impl StartsOfDriven {
     /// Positions and orientations that they would have in the contact configuration with the scene's θ.
     fn new(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Self {
         let before = q_c.h * (1.0 - scene.options.theta);
-        let driven = (0..q_c.from_start.len()).filter(|&i| q_c.from_start[i] && scene.bodies[i].driven);
+        let driven = (0..q_c.implicit.len()).filter(|&i| q_c.implicit[i] && scene.bodies[i].driven);
         let start = |i: usize| DrivenStart {
             body: i,
             x: state.x[i] + state.v[i] * before,

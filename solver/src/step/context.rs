@@ -2,8 +2,9 @@
 
 use crate::assemble::{ContactProblem, FreeMotion};
 use crate::integrate::ContactConfiguration;
+use crate::laws::ContactLaw;
 use crate::scene::Scene;
-use crate::solve::ContactSolution;
+use crate::solve::{ContactSolution, SolveRequest};
 use crate::state::Contact;
 
 /// Results of integration, forces and detection.
@@ -18,6 +19,9 @@ pub struct StepContext<'a> {
 
 /// Contact problem of the step and its solution.
 pub struct SolvedProblem {
+    pub request: SolveRequest,
     pub system: ContactProblem,
     pub solution: ContactSolution,
+    /// Laws of the state, if the step is solved without their restitution; they return at its end.
+    pub replaced_laws: Option<Vec<ContactLaw>>,
 }

@@ -49,7 +49,7 @@ pub fn finish_contacts(
     motion: Option<&VelocityErrors>,
 ) -> StepOutcome {
     let StepContext { scene, q_c, free, contacts } = context;
-    let SolvedProblem { system, solution } = solved;
+    let SolvedProblem { system, solution, .. } = solved;
     let (v, w) = solved_velocities(solution, free);
     let mut ends = std::mem::take(&mut state.contacts);
     ends.resize(contacts.len(), SolvedContact::default());
@@ -68,7 +68,7 @@ pub fn finish_contacts(
 }
 
 /// Memories of the laws at the step's end: interfaces have opened and slid.
-pub fn end_memories(SolvedProblem { system, solution }: &mut SolvedProblem) -> Vec<LawMemory> {
+pub fn end_memories(SolvedProblem { system, solution, .. }: &mut SolvedProblem) -> Vec<LawMemory> {
     let mut memories = std::mem::take(&mut system.memories);
     for regularised in &system.regularised {
         if let RegularisedRow::Interface { row, interface } = regularised {

@@ -97,7 +97,7 @@ pub struct WorstContact {
 pub fn update_ledger(
     StepContext { scene, q_c, free, .. }: StepContext,
     state: &mut State,
-    SolvedProblem { system, solution }: &SolvedProblem,
+    SolvedProblem { request, system, solution, .. }: &SolvedProblem,
     outcome: &StepOutcome,
 ) -> StepReport {
     let h = q_c.h;
@@ -157,7 +157,7 @@ pub fn update_ledger(
         sweeps: solution.sweeps,
         single_precision: solution.single_precision,
         residual: solution.residual,
-        tol: scene.options.tol(),
+        tol: request.criteria.tol,
         converged: solution.converged,
         left_out: solution.left_out,
         fallback_used: solution.fallback_used,
@@ -169,7 +169,7 @@ pub fn update_ledger(
         penetration_largest: contact_totals.penetration_largest,
         penetration_mean: contact_totals.penetration_sum / active,
         narrow_phase_error: None,
-        fallback_suppressed: false,
+        fallback_suppressed: request.skips_fallback() && !solution.converged,
         virial: contact_totals.virial / h,
         flight_error: flights.iter().sum(),
         kinetic: motion.kinetic,

@@ -102,7 +102,7 @@ pub fn refine_until_decided(
     StepContext { scene, q_c, contacts, .. }: StepContext,
     laws: &[ContactLaw],
     request: SolveRequest,
-    SolvedProblem { system, solution }: &mut SolvedProblem,
+    SolvedProblem { system, solution, .. }: &mut SolvedProblem,
 ) -> Option<VelocityErrors> {
     laws.iter().any(ContactLaw::has_irreversible_loss).then(|| {
         let mut motion = VelocityErrors::new(system, solution);

@@ -25,7 +25,7 @@ const MAX_TURN: f64 = 1.0;
 /// has met than half its own thickness or that of the other contactor. Deeper overlaps may be resolved to the wrong side.
 ///
 /// `free`, `solved`: velocities in the contact configuration without and with contacts.
-pub fn turned_through(
+pub fn overturned_bodies(
     scene: &Scene,
     q_c: &ContactConfiguration,
     contacts: &[Contact],

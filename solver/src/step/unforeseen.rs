@@ -94,7 +94,7 @@ pub fn implicit_step_work(
     free: &FreeMotion,
     v: &[Vec3],
 ) -> f64 {
-    if q_c.from_start.is_empty() {
+    if q_c.implicit.is_empty() {
         return 0.0;
     }
     let mut imposed = vec![Vec3::zeros(); scene.bodies.len()];
@@ -103,5 +103,5 @@ pub fn implicit_step_work(
         let impulse = (free.v[i] - state.v[i]) * scene.bodies[i].mass - imposed[i];
         -(1.0 - scene.options.theta) * impulse.dot(&(v[i] - state.v[i]))
     };
-    scene.free.iter().map(|&i| i.index()).filter(|&i| q_c.from_start[i]).map(work).sum()
+    scene.free.iter().map(|&i| i.index()).filter(|&i| q_c.implicit[i]).map(work).sum()
 }

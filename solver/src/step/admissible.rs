@@ -1,0 +1,90 @@
+//! Contact problem of a step, solved until the step can take the solution.
+//!
+//! A contact problem has the contacts that velocities without contacts could close, and assumes that bodies keep their
+//! orientation. Its solution may close other pairs, turn a body through a surface, or, if it is unfinished, throw a body
+//! with restitution through one. Then the problem is changed and solved again.
+
+use super::clock::StageClock;
+use super::context::SolvedProblem;
+use super::ends::solved_velocities;
+use super::turning::overturned_bodies;
+use crate::activity::{self, StepStage};
+use crate::assemble::{self, FreeMotion};
+use crate::detect;
+use crate::integrate::ContactConfiguration;
+use crate::laws::ContactLaw;
+use crate::scene::Scene;
+use crate::solve::{self, SolveRequest};
+use crate::state::{Contact, State, Velocities};
+
+/// Solves the contact problem of the step, and again after each of these changes, until none is needed:
+///
+/// 1. `contacts` gains the pairs that were open and that the solution closes;
+/// 2. `q_c.unturned` gains the bodies that the solution turns through a surface;
+/// 3. the laws of `state` lose their restitution, once, if an unfinished solution takes a rebounding body through a surface.
+///
+/// The first two are finite, since a pair or body enters once. Returns `None` if the program was requested to stop.
+pub fn solve_until_admissible(
+    scene: &Scene,
+    state: &mut State,
+    q_c: &mut ContactConfiguration,
+    free: &FreeMotion,
+    contacts: &mut Vec<Contact>,
+    request: SolveRequest,
+    clock: &mut StageClock,
+) -> Option<SolvedProblem> {
+    let (mut sweeps, mut replaced_laws) = (0, None);
+    loop {
+        let system = assemble::contact_problem(scene, state, q_c, contacts, free.velocities()); // M4  W, b
+        clock.add_lap(|times| &mut times.assembly);
+        activity::begin_stage(StepStage::Solve, contacts.len());
+        let write_out = |system: &_| assemble::stored_problem(system, contacts);
+        let mut solution = solve::solve_contact_problem(&system, request, write_out); // M5  r
+        sweeps += solution.sweeps;
+        clock.add_lap(|times| &mut times.solve);
+        let (v, w) = solved_velocities(&solution, free);
+        let velocities = Velocities { v: &v, w: &w };
+        let late = detect::late_contacts(scene, q_c, free.velocities(), velocities, contacts);
+        clock.add_lap(|times| &mut times.detection);
+        if activity::is_stopped() {
+            return None;
+        }
+        if !late.is_empty() {
+            contacts.extend(late);
+            contacts.sort_unstable_by_key(Contact::key);
+            continue;
+        }
+        let overturned = overturned_bodies(scene, q_c, contacts, free.velocities(), velocities);
+        if !overturned.is_empty() {
+            q_c.unturned.extend(overturned);
+            continue;
+        }
+        let may_replace = !solution.converged && replaced_laws.is_none();
+        if may_replace && rebound_passes(scene, state, q_c, contacts, velocities) {
+            replaced_laws = Some(state.laws.clone());
+            state.laws.iter_mut().for_each(ContactLaw::remove_restitution);
+            continue;
+        }
+        solution.sweeps = sweeps;
+        return Some(SolvedProblem { request, system, solution, replaced_laws });
+    }
+}
+
+/// Displacement in the time `span` (s) by which these velocities close a contact, m.
+pub fn approach(q_c: &ContactConfiguration, span: f64, contact: &Contact, velocities: Velocities) -> f64 {
+    -span * contact.normal.dot(&assemble::relative_velocity(contact, &q_c.x, velocities))
+}
+
+/// Whether bodies with restitution pass through a surface at these velocities of an unfinished solution: a contact closes
+/// deeper than the smallest radius.
+fn rebound_passes(
+    scene: &Scene,
+    state: &State,
+    q_c: &ContactConfiguration,
+    contacts: &[Contact],
+    velocities: Velocities,
+) -> bool {
+    let span = q_c.longest_reach_time(scene);
+    let passes = |contact: &Contact| approach(q_c, span, contact, velocities) - contact.gap > scene.smallest_radius;
+    state.laws.iter().any(ContactLaw::has_restitution) && contacts.iter().any(passes)
+}
