@@ -37,7 +37,7 @@ pub enum PostproKind {
 }
 
 /// Commands of LMGC90 that are computed.
-const COMPUTED: [&str; 8] = [
+const COMPUTED_COMMANDS: [&str; 8] = [
     "SOLVER INFORMATIONS",
     "VIOLATION EVOLUTION",
     "KINETIC ENERGY",
@@ -49,7 +49,7 @@ const COMPUTED: [&str; 8] = [
 ];
 
 /// Commands of LMGC90 that are left out.
-const LEFT_OUT: [&str; 28] = [
+const OMITTED_COMMANDS: [&str; 28] = [
     "AVERAGE VELOCITY EVOLUTION",
     "SPECIES KINETIC ENERGY",
     "SNAPSHOT SAMPLE",
@@ -100,24 +100,24 @@ impl Postpro {
         let mut postpro = Postpro::default();
         let mut ended = scan.peek_line().is_none();
         while let Some(line) = scan.next_line() {
-            let name = name_of(line);
+            let name = command_name(line);
             scan.set_object(format!("command '{name}'"));
             if name.starts_with("END") {
                 ended = true;
                 break;
             }
-            if COMPUTED.contains(&name) {
+            if COMPUTED_COMMANDS.contains(&name) {
                 let command = read_command(scan, line, name, bodies);
                 if command.is_none() {
                     skip_data(scan);
                 }
                 postpro.commands.extend(command);
             } else {
-                if LEFT_OUT.contains(&name) {
+                if OMITTED_COMMANDS.contains(&name) {
                     let (file, number) = (path.display(), line.number);
                     postpro.notices.push(format!("{file}:{number}: command '{name}' is not computed: it is left out"));
                 } else {
-                    let expected = format!("{}, or another of LMGC90", known_names(name, &COMPUTED));
+                    let expected = format!("{}, or another of LMGC90", known_names(name, &COMPUTED_COMMANDS));
                     scan.add_fault(line.number, "is not a command of LMGC90", expected);
                 }
                 skip_data(scan);
@@ -130,15 +130,16 @@ impl Postpro {
     }
 }
 
-fn name_of(line: TextLine<'_>) -> &str {
+/// Name of the command in a line, without the blanks after it.
+fn command_name(line: TextLine<'_>) -> &str {
     line.columns(NAME_COLUMNS.0, NAME_COLUMNS.1).trim_end()
 }
 
 /// Skips the period and the data of a command.
 fn skip_data(scan: &mut LineScanner) {
     let ends = |line: TextLine| {
-        let name = name_of(line);
-        name.starts_with("END") || COMPUTED.contains(&name) || LEFT_OUT.contains(&name)
+        let name = command_name(line);
+        name.starts_with("END") || COMPUTED_COMMANDS.contains(&name) || OMITTED_COMMANDS.contains(&name)
     };
     while scan.next_line_if(|line| !ends(line)).is_some() {}
 }
@@ -149,7 +150,7 @@ fn read_command(scan: &mut LineScanner, line: TextLine, name: &str, bodies: usiz
     let Ok(period) = step.columns(5, 30).trim().parse() else {
         scan.add_fault(
             step.number,
-            format!("the period '{}'", step.columns(5, 30).trim()),
+            format!("the period is '{}'", step.columns(5, 30).trim()),
             "expected a number of steps",
         );
         return None;
@@ -176,6 +177,7 @@ fn read_bodies(scan: &mut LineScanner, bodies: usize) -> Option<Vec<usize>> {
     (0..count).map(|_| read_body(scan, bodies)).collect()
 }
 
+/// Reads the number of a body; returns it counted from 0, or `None` after a fault.
 fn read_body(scan: &mut LineScanner, bodies: usize) -> Option<usize> {
     let number = scan.peek_line().map(|line| line.number);
     let body = read_number(scan, "body")?;
@@ -187,6 +189,7 @@ fn read_body(scan: &mut LineScanner, bodies: usize) -> Option<usize> {
     Some(body as usize - 1)
 }
 
+/// Reads a line with one integer of 0 or more; `None` after a fault.
 fn read_number(scan: &mut LineScanner, what: &str) -> Option<u64> {
     let numeric = |line: TextLine| line.text().trim_start().starts_with(|c: char| c.is_ascii_digit());
     let line = scan.expect_line(&format!("expected the {what}"), numeric)?;

@@ -18,9 +18,10 @@ pub const MAX_CONVEX_PIECES: usize = 32;
 /// Largest number of triangles of a polyhedron that is split: each of its cuts takes time proportional to the square, about
 /// a second at this number.
 const MAX_SPLIT_TRIANGLES: usize = 500;
-/// Largest number of planes that are tried for a cut.
+/// Largest number of planes that are tried for a cut, those with the most faces in front of them: the time of a cut is
+/// proportional to it.
 const MAX_TRIED_PLANES: usize = 24;
-/// Depth over the size up to which a surface counts as convex but for the digits of its coordinates, and is not split.
+/// Depth of dents over the size of a surface up to which they are attributed to the digits of its coordinates, and not split.
 const MIN_REFLEX_DEPTH: f64 = 1e-4;
 /// Largest difference of the volume of all pieces from that of the whole, over the latter: flatness of files, per face.
 const VOLUME_TOLERANCE: f64 = 1e-5;
@@ -53,16 +54,17 @@ pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, String> 
     let vertices: Vec<Vec3> = surface.vertices().iter().map(|&v| Vec3::from(v) - centre).collect();
     let size = vertices.iter().map(|v| v.norm()).fold(0.0, f64::max);
     let splitter =
-        Splitter { vertices: &vertices, triangles: surface.triangles(), tolerance: FLATNESS_OF_FILES * size };
+        SolidSplitter { vertices: &vertices, triangles: surface.triangles(), tolerance: FLATNESS_OF_FILES * size };
     let faces: Vec<Polygon> =
         surface.triangles().iter().map(|t| Polygon::new(t.map(|v| vertices[v as usize]).into())).collect();
     let deepest = faces.iter().flat_map(|face| faces.iter().map(|other| other.height_over(face))).fold(0.0, f64::max);
     if deepest <= MIN_REFLEX_DEPTH * size {
         return Err("its dents are no deeper than its digits".into());
     }
-    let mut cells = CellCount::default();
+    let mut cells = UncutCells::default();
     splitter.split_cell(Cell::cube(2.0 * size), faces, &mut cells)?;
-    let pieces: Vec<ConvexPiece> = cells.inside.iter().filter_map(|cell| splitter.piece(cell, &centre)).collect();
+    let pieces: Vec<ConvexPiece> =
+        cells.inside.iter().filter_map(|cell| splitter.convex_piece(cell, &centre)).collect();
     let sum: f64 =
         pieces.iter().map(|piece| Surface::new(&piece.vertices, &piece.triangles).map_or(0.0, |s| s.volume())).sum();
     let volume = surface.volume();
@@ -90,6 +92,7 @@ struct HalfSpace {
 }
 
 impl HalfSpace {
+    /// Signed distance of a point from the plane, m, positive outside.
     fn height(&self, point: &Vec3) -> f64 {
         self.normal.dot(point) - self.offset
     }
@@ -100,14 +103,15 @@ impl HalfSpace {
 struct Polygon {
     corners: Vec<Vec3>,
     plane: HalfSpace,
-    area: f64,
+    /// Twice its area, m².
+    doubled_area: f64,
 }
 
 impl Polygon {
     fn new(corners: Vec<Vec3>) -> Polygon {
         let area = doubled_area(&corners);
         let normal = area / area.norm();
-        Polygon { plane: HalfSpace { normal, offset: normal.dot(&corners[0]) }, area: area.norm(), corners }
+        Polygon { plane: HalfSpace { normal, offset: normal.dot(&corners[0]) }, doubled_area: area.norm(), corners }
     }
 
     /// Largest height of its corners over the plane of another, m.
@@ -136,7 +140,7 @@ impl Polygon {
                 }
             }
             let area = doubled_area(&kept).norm();
-            (area > 0.0).then_some(Polygon { corners: kept, plane: self.plane, area })
+            (area > 0.0).then_some(Polygon { corners: kept, plane: self.plane, doubled_area: area })
         })
     }
 }
@@ -228,14 +232,15 @@ impl Cell {
     }
 }
 
-/// Cells that need no cut.
+/// Cells that need no cut: those that the solid fills in part or wholly, and the number of those outside of it.
 #[derive(Default)]
-struct CellCount {
+struct UncutCells {
     inside: Vec<Cell>,
     outside: usize,
 }
 
-struct Splitter<'a> {
+/// Solid whose cells are cut.
+struct SolidSplitter<'a> {
     /// Vertices of the whole, m.
     vertices: &'a [Vec3],
     triangles: &'a [[u32; 3]],
@@ -243,15 +248,15 @@ struct Splitter<'a> {
     tolerance: f64,
 }
 
-impl Splitter<'_> {
+impl SolidSplitter<'_> {
     /// Adds the convex parts of the solid in a cell. `faces`: parts of its surface inside of the cell.
-    fn split_cell(&self, cell: Cell, faces: Vec<Polygon>, cells: &mut CellCount) -> Result<(), String> {
+    fn split_cell(&self, cell: Cell, faces: Vec<Polygon>, cells: &mut UncutCells) -> Result<(), String> {
         let Some(cut) = self.best_cut(&faces) else {
             if faces.is_empty() && !self.contains(&cell.middle()) {
                 cells.outside += 1;
             } else {
                 let mut planes: Vec<&Polygon> = faces.iter().collect();
-                planes.sort_by(|a, b| b.area.total_cmp(&a.area));
+                planes.sort_by(|a, b| b.doubled_area.total_cmp(&a.doubled_area));
                 cells.inside.extend(planes.iter().try_fold(cell, |cell, face| cell.clip(&face.plane, self.tolerance)));
             }
             if cells.inside.len() > MAX_CONVEX_PIECES || cells.outside > 8 * MAX_CONVEX_PIECES {
@@ -282,10 +287,11 @@ impl Splitter<'_> {
 
     /// Number of pairs of a face and one in front of it.
     fn reflex_pairs(&self, faces: &[Polygon]) -> usize {
-        faces.iter().map(|face| self.in_front(faces, face)).sum()
+        faces.iter().map(|face| self.count_in_front(faces, face)).sum()
     }
 
-    fn in_front(&self, faces: &[Polygon], face: &Polygon) -> usize {
+    /// Number of faces in front of a face.
+    fn count_in_front(&self, faces: &[Polygon], face: &Polygon) -> usize {
         faces.iter().filter(|other| other.height_over(face) > self.tolerance).count()
     }
 
@@ -298,7 +304,7 @@ impl Splitter<'_> {
                 known.plane.normal.dot(&face.plane.normal).abs() > 0.5
                     && face.corners.iter().all(|corner| known.plane.height(corner).abs() <= self.tolerance)
             };
-            let pairs = self.in_front(faces, face);
+            let pairs = self.count_in_front(faces, face);
             if pairs > 0 && !tried.iter().any(is_known) {
                 tried.push((pairs, face));
             }
@@ -331,7 +337,7 @@ impl Splitter<'_> {
 
     /// Surface of a cell in the frame of the file, `centre` away. Vertices closer than the tolerance become one, if
     /// possible that of the whole. `None` for a cell that is flat.
-    fn piece(&self, cell: &Cell, centre: &Vec3) -> Option<ConvexPiece> {
+    fn convex_piece(&self, cell: &Cell, centre: &Vec3) -> Option<ConvexPiece> {
         let is_near = |a: &Vec3, b: &Vec3| (a - b).amax() <= 4.0 * self.tolerance;
         let mut kept: Vec<Vec3> = Vec::new();
         let mut number = vec![u32::MAX; cell.vertices.len()];

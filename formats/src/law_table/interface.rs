@@ -42,7 +42,7 @@ impl LawInterface {
     /// values expected.
     pub fn contradictions(&self) -> Vec<(InterfaceParameter, String, String)> {
         let mut found = Vec::new();
-        let modes = |of: ModePair| [(false, of.opening), (true, of.sliding)];
+        let modes = |pair: ModePair| [(false, pair.opening), (true, pair.sliding)];
         let stiffness = |sliding: bool| if sliding { self.tangential_stiffness } else { self.normal_stiffness };
         let (strength, energy, plateau, rest) = match self.damage {
             DamageLaw::Viscous { .. } => return found,

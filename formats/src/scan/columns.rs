@@ -9,12 +9,12 @@ pub const GRID_COLUMNS: [usize; 3] = [35, 56, 77];
 
 /// Writes `text` at a column of the last line of `out`, padded with blanks.
 pub fn put_text(out: &mut String, column: usize, text: impl Display) {
-    let begun = out.rfind('\n').map_or(0, |end| end + 1);
-    let blanks = (column - 1).saturating_sub(out.len() - begun);
+    let line_start = out.rfind('\n').map_or(0, |end| end + 1);
+    let blanks = (column - 1).saturating_sub(out.len() - line_start);
     write!(out, "{:blanks$}{text}", "").expect("a String takes all");
 }
 
-/// Writes a grid line: `head` in columns 1-29, then up to three reals after their labels.
+/// Writes a grid line: `head` in columns 1-29, then up to three reals, formatted by `real`, after their labels.
 pub fn put_grid(out: &mut String, head: &str, labels: &[&str], values: &[f64], real: fn(f64) -> String) {
     out.push_str(head);
     for ((&value, label), column) in values.iter().zip(labels).zip(GRID_COLUMNS) {
@@ -26,7 +26,7 @@ pub fn put_grid(out: &mut String, head: &str, labels: &[&str], values: &[f64], r
 /// Dashed comment line of state files.
 pub const DASHED_LINE: &str = "!-----------------------------------------------------------------------\n";
 
-/// Writes the head of a state file, in the form that LMGC90 can read.
+/// Writes the head of a state file, with the number of the step and the time (s), in the form that LMGC90 can read.
 pub fn put_steps(out: &mut String, title: &str, step: u64, time: f64) {
     let step = format_integer(step, 7);
     let time = format_d14(time);
