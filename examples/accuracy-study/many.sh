@@ -1,9 +1,12 @@
 #!/bin/sh
-# many.sh FOLDER DT EVERY FROM: runs with FOLDER/DATBOX for the presets but `reference`, for `standard` with a looser tolerance, and for
-# LMGC90's parameters; FOLDER/runs.csv has a row of means each, FOLDER/times.csv the seconds of all stages except
-# writing. The runs themselves are removed. DT, EVERY, FROM and CD_BIN as in sweep.sh.
+# many.sh FOLDER SCENE: runs with FOLDER/DATBOX for the presets but `reference`, for `standard` with a looser tolerance, and
+# for LMGC90's parameters; FOLDER/runs.csv has a row of means each, FOLDER/times.csv the seconds of all stages except
+# writing. The runs themselves are removed. SCENE and CD_BIN as in sweep.sh.
 set -eu
-folder=$1 dt=$2 every=$3 from=$4
+folder=$1
+read -r _ dt every from _ <<EOF
+$(grep "^$2 " scenes.txt)
+EOF
 cases=
 # Exit status 1 of cd-post: done, with something reported.
 mkdir -p "$folder"

@@ -1,9 +1,11 @@
 #!/bin/sh
-# sweep.sh FOLDER DT EVERY FROM EARLY [WITHOUT]: makes all runs of runs.txt with FOLDER/DATBOX and compares them.
-# DT: the scene's time step, s; EVERY: steps of that length between two snapshots; FROM: time from which means are taken,
-# s; EARLY: time at which positions are compared, s; WITHOUT: pattern of the groups of runs without effect in the scene. CD_BIN: folder of the programs.
+# sweep.sh FOLDER SCENE: makes all runs of runs.txt with FOLDER/DATBOX and compares them. SCENE: name of its row in
+# scenes.txt. CD_BIN: folder of the programs.
 set -eu
-folder=$1 dt=$2 every=$3 from=$4 early=$5 without=${6:-none}
+folder=$1
+read -r _ dt every from early without <<EOF
+$(grep "^$2 " scenes.txt)
+EOF
 # Exit status 1 of cd-post: done, with something reported.
 cases= groups= values=
 while read -r name group value factor flags; do
