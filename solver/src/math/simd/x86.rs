@@ -1,4 +1,7 @@
 //! Exchange of vectors with the lines of bodies in AVX-512 and AVX2.
+//!
+//! Transposes are shuffles of the instruction set, which pulp's `Simd` does not have; through arrays in memory a sweep takes
+//! almost twice as long, see docs/development/log.md.
 
 use std::arch::x86_64::{__m128, __m256, __m256d, __m512, __m512d, __m512i, _MM_HINT_T1};
 
