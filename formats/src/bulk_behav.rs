@@ -6,6 +6,7 @@ use std::path::Path;
 use crate::error::Faults;
 use crate::scan::{AsciiText, LineScanner, TextLine, format_e14, format_long14, put_text};
 
+/// Content of the file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct BulkBehav {
     /// Gravity, m/s^2, fixed axes.
@@ -13,6 +14,7 @@ pub struct BulkBehav {
     pub materials: Vec<Material>,
 }
 
+/// Material of bodies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Material {
     /// Name, trimmed, at most five characters.
@@ -84,6 +86,7 @@ impl BulkBehav {
         self.text_with(format_long14)
     }
 
+    /// Text of the file with numbers formatted by `real`.
     fn text_with(&self, real: fn(f64) -> String) -> String {
         let mut out = String::from("$gravy\n");
         for (k, column) in GRAVITY_COLUMNS.iter().enumerate() {

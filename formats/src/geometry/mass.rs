@@ -111,6 +111,10 @@ impl CheckedBody {
 /// rotation.
 const EQUAL_MOMENTS: f64 = 1e-7;
 
+/// Relative excess of a moment over the sum of the other two that counts as rounding of the file, whose numbers have 7 or 8
+/// digits: those of a flat body are equal to it.
+const MOMENT_ROUNDING: f64 = 1e-6;
+
 /// Largest relative error of the volume of a radius that has been rounded to 7 digits.
 const VOLUME_ROUNDING: f64 = 1e-6;
 
@@ -143,7 +147,7 @@ impl Body {
         }
         if let [Contactor { shape: ShapeRecord::Sphere { radius }, .. }] = self.contactors.as_slice() {
             let avrd = self.equivalent_radius;
-            // The files have 7 or 8 digits.
+            // The file has 7 or 8 digits of both.
             if avrd != 0.0 && (avrd - radius).abs() > 1e-6 * radius {
                 let expected =
                     format!("expected 0 or the contactor's radius {radius}: a sphere's mass follows from its own size");
@@ -163,7 +167,8 @@ impl Body {
             return Err(RecordFault::new(found, "expected mass and inertia to be finite and > 0"));
         }
         let [i, j, k] = inertia;
-        if i + j < 0.999_999 * k || j + k < 0.999_999 * i || k + i < 0.999_999 * j {
+        let is_too_large = |moment: f64, others: f64| others < (1.0 - MOMENT_ROUNDING) * moment;
+        if is_too_large(k, i + j) || is_too_large(i, j + k) || is_too_large(j, k + i) {
             let found = format!("principal inertia {i:e}, {j:e}, {k:e} kg m²");
             let expected = "expected each principal moment to be at most the sum of the other two";
             return Err(RecordFault::new(found, expected));
@@ -231,6 +236,7 @@ impl Body {
     }
 }
 
+/// Fault of a contactor POLYR.
 fn polyhedron_fault(fault: &dyn std::error::Error) -> RecordFault {
     RecordFault::new(format!("contactor POLYR: {fault}"), "expected a closed surface")
 }

@@ -32,7 +32,8 @@ pub struct MapSheet {
 }
 
 impl MapSheet {
-    pub fn of_directions(grid: DirectionGrid) -> MapSheet {
+    /// Sheet for directions: longitude to the right, latitude up.
+    pub fn from_directions(grid: DirectionGrid) -> MapSheet {
         let every = |step: usize, half: i32| {
             let degrees = (-half..=half).step_by(step);
             degrees.map(|d| (f64::from(d + half) / f64::from(2 * half), d.to_string())).collect()
@@ -45,6 +46,7 @@ impl MapSheet {
         }
     }
 
+    /// Sheet for a surface seen from above, with lengths along both axes.
     pub fn from_above(surface: &FreeSurface) -> MapSheet {
         let FreeSurface { counts, from, widths, .. } = surface;
         let spans = [0, 1].map(|k| widths[k] * counts[k] as f64);
@@ -68,7 +70,7 @@ impl MapSheet {
     }
 }
 
-/// Text of the SVG file; `values` by cell of the sheet in `unit`, white if not finite.
+/// Text of the SVG file; `values` by cell of the sheet in `unit`. Cells without a finite value stay white.
 pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &MapSheet) -> String {
     let [wide, high] = [0, 1].map(|k| sheet.cell[k] * sheet.counts[k] as f64);
     let [cell_x, cell_y] = sheet.cell;
@@ -149,9 +151,9 @@ pub fn svg(title: &str, quantity: &str, unit: &str, values: &[f64], sheet: &MapS
 
 /// Colour of a share from 0 to 1.
 fn colour_ramp(share: f64) -> String {
-    let place = share.clamp(0.0, 1.0) * (VIRIDIS_COLOURS.len() - 1) as f64;
-    let low = (place as usize).min(VIRIDIS_COLOURS.len() - 2);
-    let part = place - low as f64;
+    let position = share.clamp(0.0, 1.0) * (VIRIDIS_COLOURS.len() - 1) as f64;
+    let low = (position as usize).min(VIRIDIS_COLOURS.len() - 2);
+    let part = position - low as f64;
     let [r, g, b]: [f64; 3] =
         std::array::from_fn(|k| (1.0 - part) * VIRIDIS_COLOURS[low][k] + part * VIRIDIS_COLOURS[low + 1][k]);
     format!("rgb({r:.0},{g:.0},{b:.0})")
@@ -190,7 +192,7 @@ mod tests {
 
     #[test]
     fn every_known_cell_is_drawn_in_its_place() {
-        let grid = &MapSheet::of_directions(DirectionGrid { latitudes: 2, longitudes: 4 });
+        let grid = &MapSheet::from_directions(DirectionGrid { latitudes: 2, longitudes: 4 });
         let text = svg("Slope", "slope", "1", &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, f64::NAN], grid);
         assert_eq!(text.matches("width=\"10\" height=\"10\"").count(), 7);
         // The first cell is in the south-west, in the colour of the least value.

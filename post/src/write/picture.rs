@@ -85,6 +85,7 @@ impl ColourScale {
         }
     }
 
+    /// Class of the highest values.
     fn max_class(&self) -> u32 {
         self.labels.len() as u32 - 1
     }
@@ -266,6 +267,7 @@ pub fn snapshots_svg(frames: &[&Frame]) -> String {
     text
 }
 
+/// Begin of an SVG file with a white background.
 fn svg_head(width: f64, height: f64) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
@@ -371,27 +373,19 @@ fn project_grains(frame: &Frame, classes: &[u32], min_radius: f64) -> (Vec<Grain
     let mut reach: Vec<f64> = positions_in_view
         .iter()
         .zip(&frame.grains)
-        .map(|(positions_in_view, g)| {
-            (positions_in_view.x - x).abs().max((positions_in_view.z - z).abs()) + g.bounding_radius()
-        })
+        .map(|(at, g)| (at.x - x).abs().max((at.z - z).abs()) + g.bounding_radius())
         .collect();
     let most = 3.0 * weighted_quantile(with_mass(&mut reach.iter().copied()), 2.0 / 3.0);
     let most = share(&mut reach, 1.0).min(1.5 * share(&mut reach, 0.95)).min(most);
     let half = reach.iter().copied().filter(|reach| *reach <= most).fold(0.0, f64::max);
     let scale = (PICTURE_SIDE / 2.0 - BORDER_MARGIN) / half;
-    let at = |positions_in_view: &Vec3| {
-        [PICTURE_SIDE / 2.0 + scale * (positions_in_view.x - x), PICTURE_SIDE / 2.0 - scale * (positions_in_view.z - z)]
-    };
-    let disc = |((positions_in_view, grain), &class): ((&Vec3, &Grain), &u32)| {
-        let [x, y] = at(positions_in_view);
+    let to_pixels = |at: &Vec3| [PICTURE_SIDE / 2.0 + scale * (at.x - x), PICTURE_SIDE / 2.0 - scale * (at.z - z)];
+    let disc = |((at, grain), &class): ((&Vec3, &Grain), &u32)| {
+        let [x, y] = to_pixels(at);
         let radius = (scale * grain.bounding_radius()).max(min_radius);
         let mut shapes = Vec::new();
         if scale * grain.bounding_radius() <= min_radius {
-            shapes.push(PaintedShape {
-                depth: positions_in_view.y,
-                class,
-                outline: ShapeOutline::Circle { x, y, radius },
-            });
+            shapes.push(PaintedShape { depth: at.y, class, outline: ShapeOutline::Circle { x, y, radius } });
             return GrainDisc { x, y, radius, shapes };
         }
         if let Some(solid) = &grain.solid {
@@ -400,16 +394,16 @@ fn project_grains(frame: &Frame, classes: &[u32], min_radius: f64) -> (Vec<Grain
                 let corners: Vec<Vec3> = face.iter().map(|&k| turn(&solid.vertices[k as usize])).collect();
                 let normal = face_normal(&corners);
                 if normal.y < 0.0 {
-                    let depth = positions_in_view.y + corners.iter().map(|c| c.y).fold(f64::NEG_INFINITY, f64::max);
+                    let depth = at.y + corners.iter().map(|c| c.y).fold(f64::NEG_INFINITY, f64::max);
                     let light = normal.dot(&Vec3::from(LIGHT_DIRECTION)).max(0.0);
-                    let corners = corners.iter().map(|c| at(&(positions_in_view + c))).collect();
+                    let corners = corners.iter().map(|c| to_pixels(&(at + c))).collect();
                     shapes.push(PaintedShape { depth, class, outline: ShapeOutline::Face { corners, light } });
                 }
             }
         }
         for (centre, radius) in grain.balls() {
-            let centre = positions_in_view + view * (centre - grain.x);
-            let ([x, y], radius) = (at(&centre), scale * radius);
+            let centre = at + view * (centre - grain.x);
+            let ([x, y], radius) = (to_pixels(&centre), scale * radius);
             shapes.push(PaintedShape { depth: centre.y, class, outline: ShapeOutline::Circle { x, y, radius } });
         }
         GrainDisc { x, y, radius, shapes }
@@ -434,12 +428,13 @@ fn shaded_colour(colour: [f64; 3], light: f64) -> [f64; 3] {
 /// remaining cell are kept. A file then contains only the surface, for any number of grains.
 fn visible_shapes(mut shapes: Vec<PaintedShape>) -> Vec<PaintedShape> {
     const CELLS: usize = 2 * PICTURE_SIDE as usize;
-    let place = |c: f64| c / PICTURE_SIDE * CELLS as f64 - 0.5; // of the middle of a cell
+    // Number of the cell with its middle at this pixel, as a real.
+    let cell_number = |c: f64| c / PICTURE_SIDE * CELLS as f64 - 0.5;
     // Cells whose centres are in the range, or the nearest cell if there is none.
     let cells = |[from, to]: [f64; 2]| {
         let cell = |c: f64| c.clamp(0.0, CELLS as f64 - 1.0) as usize;
-        let (first, last) = (place(from).ceil(), place(to).floor());
-        let middle = place(0.5 * (from + to)).round();
+        let (first, last) = (cell_number(from).ceil(), cell_number(to).floor());
+        let middle = cell_number(0.5 * (from + to)).round();
         if first <= last { cell(first)..=cell(last) } else { cell(middle)..=cell(middle) }
     };
     shapes.sort_by(|a, b| b.depth.total_cmp(&a.depth));
@@ -461,9 +456,9 @@ fn visible_shapes(mut shapes: Vec<PaintedShape>) -> Vec<PaintedShape> {
 
 /// Red, green and blue of a class from 0 to `most`.
 fn class_colour(class: u32, most: u32) -> [f64; 3] {
-    let place = f64::from(class) / f64::from(most.max(1)) * (VIRIDIS_COLOURS.len() - 1) as f64;
-    let low = (place as usize).min(VIRIDIS_COLOURS.len() - 2);
-    let share = place - low as f64;
+    let position = f64::from(class) / f64::from(most.max(1)) * (VIRIDIS_COLOURS.len() - 1) as f64;
+    let low = (position as usize).min(VIRIDIS_COLOURS.len() - 2);
+    let share = position - low as f64;
     std::array::from_fn(|k| (1.0 - share) * VIRIDIS_COLOURS[low][k] + share * VIRIDIS_COLOURS[low + 1][k])
 }
 

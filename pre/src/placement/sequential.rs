@@ -23,12 +23,12 @@ pub fn place_spheres(
     let halves = region.half_extents();
     for &radius in radii {
         let range = halves.map(|half| (half - radius).max(0.0));
-        let place = (0..MAX_ATTEMPTS)
+        let position = (0..MAX_ATTEMPTS)
             .map(|_| random.in_cube().component_mul(&range))
-            .find(|place| region.contains_ball(place, radius) && cells.is_free(place, radius));
-        let Some(place) = place else { return Err(centres.len()) };
-        cells.add(place, radius);
-        centres.push(place);
+            .find(|position| region.contains_ball(position, radius) && cells.is_free(position, radius));
+        let Some(position) = position else { return Err(centres.len()) };
+        cells.add(position, radius);
+        centres.push(position);
     }
     Ok(centres)
 }

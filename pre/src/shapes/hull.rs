@@ -12,11 +12,11 @@ const OUTSIDE_TOLERANCE: f64 = 1e-9;
 /// Volume over that of the cube around the points, or thickness over length, below which points count as coplanar.
 const FLATNESS_LIMIT: f64 = 1e-9;
 
-/// Largest number of rotations of the points that are tried until a sound hull is found.
+/// Largest number of rotations of the points that are tried until a hull is found that contains all of them.
 const MAX_TURNS: usize = 20;
 
-/// Factor of the outward shift of points of size 1, times the square of their distance. The shift puts points in faces
-/// and edges behind the corners.
+/// Relative outward shift of a point, over the square of its distance from the middle of points that have size 1. The shift
+/// puts points in faces and edges behind the corners.
 const BULGE_FACTOR: f64 = 1e-10;
 
 /// Reason why points have no hull, or a hull or surface makes no body.
@@ -100,12 +100,12 @@ fn try_hull(points: &[Vector3<f64>], bulge: f64, turn: usize) -> Result<Vec<[u32
     let turned: Vec<Vector3<f64>> = points.iter().map(|p| rotation * (p * (1.0 + bulge * p.norm_squared()))).collect();
     let given: Vec<Point> = turned.iter().map(|p| Point::new(p.x, p.y, p.z)).collect();
     let (vertices, triangles) = try_convex_hull(&given).map_err(|error| HullError::Unsound(error.to_string()))?;
-    let place: FxHashMap<[u64; 3], u32> =
+    let indices: FxHashMap<[u64; 3], u32> =
         given.iter().enumerate().rev().map(|(k, p)| ([p.x, p.y, p.z].map(f64::to_bits), k as u32)).collect();
     let number = |k: u32| {
         let p = vertices[k as usize];
         let same = || [p.x, p.y, p.z].map(f64::to_bits);
-        place.get(&same()).copied().or_else(|| {
+        indices.get(&same()).copied().or_else(|| {
             let distance = |k: &usize| (turned[*k] - Vector3::new(p.x, p.y, p.z)).norm_squared();
             (0..turned.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).map(|k| k as u32)
         })

@@ -48,7 +48,7 @@ pub fn surface_files(frame: &Frame, largest: &Fragment, slope_reach: f64) -> Vec
     };
     let heights: Vec<f64> = facets.iter().map(|f| f.height).collect();
     let slopes: Vec<f64> = facets.iter().map(|f| f.slope.to_degrees()).collect();
-    let sheet = MapSheet::of_directions(grid);
+    let sheet = MapSheet::from_directions(grid);
     let x: Vec<Vec3> = facets.iter().map(|f| f.x).collect();
     let gravity: Vec<Vec3> = facets.iter().map(|f| f.gravity).collect();
     let counts = [grid.longitudes, grid.latitudes];
