@@ -343,9 +343,9 @@ pub struct Scene {
     pub has_rollers: bool,
     /// Whether some contactor in `parts` is a hollow cylinder.
     pub has_drums: bool,
-    /// Index in `parts` ([`PartId`]) of the first contactor of each body, and the length of `parts`; empty if there are no
+    /// Index in `parts` of the first contactor of each body, and the length of `parts`; empty if there are no
     /// parts. Read by [`Self::parts_of`] and [`Self::part_index`].
-    pub part_starts: Vec<u32>,
+    pub part_starts: Vec<PartId>,
     /// Commands of POSTPRO.DAT.
     pub postpro: Vec<PostproCommand>,
     /// Notes for the user about the bodies in the files.
@@ -469,15 +469,15 @@ impl Scene {
 
     /// Contactors of a body in a scene that [`Self::is_general`].
     pub fn parts_of(&self, body: BodyId) -> &[BodyPart] {
-        let at = |k: usize| self.part_starts[k] as usize;
+        let at = |k: usize| self.part_starts[k].index();
         &self.parts[at(body.index())..at(body.index() + 1)]
     }
 
     /// Index in `parts` of the contactor `rank` of a body, if it has that many.
     pub fn part_index(&self, body: BodyId, rank: u16) -> Option<PartId> {
         let starts = self.part_starts.get(body.index()..body.index() + 2)?;
-        let index = starts[0] + u32::from(rank);
-        (index < starts[1]).then_some(PartId(index))
+        let part = PartId(starts[0].0 + u32::from(rank));
+        (part < starts[1]).then_some(part)
     }
 
     /// Contactor `rank` of a body, in scenes with bodies other than spheres and plates.

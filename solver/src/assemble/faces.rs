@@ -229,7 +229,7 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> Joints<'_, L, S> {
     fn polygon_sides(&self) -> Vec<Side> {
         let Joints { faces: FaceRows { contacts, rows, .. }, scene, .. } = self;
         let is_fixed = |body: BodyId| scene.bodies[body.index()].is_imposed();
-        let has_several = |body: BodyId| scene.part_starts[body.index() + 1] - scene.part_starts[body.index()] > 1;
+        let has_several = |body: BodyId| scene.parts_of(body).len() > 1;
         let (mut sides, mut from) = (Vec::new(), 0);
         for of_one in contacts.chunk_by(is_same_face) {
             let range = from..from + of_one.len();

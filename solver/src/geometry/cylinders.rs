@@ -194,8 +194,8 @@ impl TwoCylinders<'_> {
         best
     }
 
-    /// Direction of the largest separation of the rim of A at -`signs`[0] along its axis and that of B at `signs`[1], if the
-    /// two rims are what is nearest along it.
+    /// Direction of the largest separation of the rim of A at -`signs`[0] along its axis and that of B at `signs`[1], if no
+    /// other parts of the cylinders are nearer along it.
     ///
     /// Newton's method on the sphere for f = m·D - Σ R |m x u|, which is homogeneous: at the maximum its gradient is f m.
     fn rim_to_rim(&self, signs: [f64; 2], d: &Vec3) -> Option<Vec3> {
@@ -254,12 +254,13 @@ impl TwoCylinders<'_> {
         }
     }
 
-    /// Corners of what lies on the end of `below` along its outer normal `n`. `turned`: whether `below` is A.
+    /// Collects the corners of the common part of the end of `below`, with the outer normal `n`, and the surface of `above`.
+    /// `below_is_a`: whether `below` is A.
     fn collect_on_end(
         &self,
         [below, above]: [&PosedCylinder; 2],
         n: &Vec3,
-        turned: bool,
+        below_is_a: bool,
         area_within: f64,
         patch: &mut ContactPatch,
     ) {
@@ -269,7 +270,7 @@ impl TwoCylinders<'_> {
         let mut add = |on_above: Vec3, of_above: u32, of_below: u32| {
             let gap = n.dot(&(on_above - centre));
             let from = on_above - centre;
-            let features = if turned { (of_below, of_above) } else { (of_above, of_below) };
+            let features = if below_is_a { (of_below, of_above) } else { (of_above, of_below) };
             let point = (on_above - n * (0.5 * gap)).into();
             patch.corners.push(PatchCorner { point, flat: [e.dot(&from), f.dot(&from)], gap, features });
         };

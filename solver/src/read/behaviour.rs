@@ -128,7 +128,7 @@ pub fn set_laws_and_visibility(
     if let (Some(roll), Some(spring)) = (position(|law| law.rolling.is_some()), position(ContactLaw::is_regularised)) {
         let [roll, spring] = [roll, spring].map(|k| &scene.law_names[k]);
         let line = tact.laws.iter().find(|law| law.nickname == roll.nickname).map(|law| law.line);
-        let found = format!("{} beside law '{}', {}", roll.kind, spring.nickname, spring.kind);
+        let found = format!("{} next to law '{}', {}", roll.kind, spring.nickname, spring.kind);
         let expected = "expected laws without rolling friction where a law has springs or couples bodies";
         faults.push(Fault::new(&file, line, format!("law '{}'", roll.nickname), found, expected));
     }
@@ -467,7 +467,7 @@ pub fn initial_contacts(
     }
     let mut contacts = Vec::new();
     let (mut unseen, mut renumbered, mut unnumbered) = (0, 0, 0);
-    let numbers = ContactorNumbers::of(records, history);
+    let numbers = ContactorNumbers::from_contacts(records, history);
     for (number, record) in (0..).zip(&history.contacts) {
         let sides = [&record.candidate, &record.antagonist];
         if let Some(side) = sides.iter().find(|side| side.body >= scene.bodies.len()) {

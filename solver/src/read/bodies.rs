@@ -17,7 +17,8 @@ use crate::math::{Quat, Vec3};
 use crate::read::mirror;
 use crate::read::parts::{PreparedBody, body_from_record};
 use crate::scene::{
-    BodyId, BodyPart, BodyShape, ContactorShape, ImposedLoad, ImposedVelocity, RigidBody, Scene, VisibilityTable,
+    BodyId, BodyPart, BodyShape, ContactorShape, ImposedLoad, ImposedVelocity, PartId, RigidBody, Scene,
+    VisibilityTable,
 };
 
 /// Returns the scene without its laws.
@@ -34,7 +35,7 @@ pub fn scene_without_laws(
     let mut colours: Vec<String> = Vec::new();
     let mut bodies = Vec::new();
     let mut parts = Vec::new();
-    let mut part_starts = vec![0];
+    let mut part_starts = vec![PartId(0)];
     let mut frames = Vec::new();
     let mut shapes = ShapeCounts::default();
     let mut axes_matches = Vec::new();
@@ -48,7 +49,7 @@ pub fn scene_without_laws(
         bodies.push(made.body);
         shapes.add(record, &made.parts);
         parts.extend(made.parts.into_iter().map(|part| BodyPart { body: BodyId::new(index), ..part }));
-        part_starts.push(parts.len() as u32);
+        part_starts.push(PartId::new(parts.len()));
         frames.push((made.shift, made.axes));
         axes_matches.push(made.axes_match);
     }
@@ -62,7 +63,7 @@ pub fn scene_without_laws(
     }
     for (index, record) in records.0.iter().enumerate().filter(|(index, _)| !bodies[*index].driven) {
         // A larger body would be met by more than its nearest image.
-        let of_body = &parts[part_starts[index] as usize..part_starts[index + 1] as usize];
+        let of_body = &parts[part_starts[index].index()..part_starts[index + 1].index()];
         let extent = 2.0 * of_body.iter().map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max);
         for period in
             [options.xperiode, options.yperiode].into_iter().flatten().filter(|period| 2.0 * extent >= *period)
@@ -225,7 +226,7 @@ fn axes_notes(dof: &Dof, matches: &[AxesMatch]) -> Vec<String> {
         let (first, bodies) = (numbers.first()?, if numbers.len() == 1 { "body" } else { "bodies" });
         Some(format!(
             "DOF.INI: {} {bodies} without an inertia line in BODIES.DAT (first: {first}) {reason}: in a file of LMGC90 axes \
-             may have other signs; start from the BODIES.OUT beside it",
+             may have other signs; start from the BODIES.OUT next to it",
             numbers.len()
         ))
     };
@@ -404,7 +405,7 @@ pub fn initial_motion(
                 );
                 continue;
             };
-            (axes, spin) = mirror::reversed(axes, axis, &spin);
+            (axes, spin) = mirror::reverse_axis(axes, axis, &spin);
             left_handed += 1;
         }
         let axes = Matrix3::from_columns(&axes); // body -> world

@@ -29,6 +29,7 @@ struct ContactorOwners {
 pub struct ContactorTable(BTreeMap<(String, String), ContactorOwners>);
 
 impl ContactorTable {
+    /// Table of the contactors in BODIES.DAT; `scene` has the bodies in their order.
     pub fn new(records: &Bodies, scene: &Scene) -> ContactorTable {
         let mut table: BTreeMap<(String, String), ContactorOwners> = BTreeMap::new();
         for (index, (record, body)) in records.0.iter().zip(&scene.bodies).enumerate() {
@@ -42,6 +43,7 @@ impl ContactorTable {
         ContactorTable(table)
     }
 
+    /// Bodies with the contactor of a side of a row; `None` if no body has one.
     fn owners(&self, side: &VisibilitySide) -> Option<&ContactorOwners> {
         self.0.get(&(kind_name(&side.contactor).to_string(), side.colour.clone()))
     }
@@ -59,7 +61,7 @@ impl ContactorTable {
         points[0] == points[1] && (a.moves || b.moves) && (a.first != b.first || a.several || b.several)
     }
 
-    /// Whether a row is for points that can meet.
+    /// Whether a row is for points PT3Dx that can meet.
     pub fn is_of_points(&self, row: &VisibilityRow) -> bool {
         row.candidate.contactor == "PT3Dx" && self.can_meet(row)
     }
@@ -87,12 +89,12 @@ pub enum NamedContactor {
 
 impl ContactorNumbers {
     /// Numbers of a file: over all bodies if that, and not their count in each body, fits all contacts.
-    pub fn of(records: &Bodies, history: &VlocRloc) -> ContactorNumbers {
+    pub fn from_contacts(records: &Bodies, history: &VlocRloc) -> ContactorNumbers {
         let sides = || {
             let all = history.contacts.iter().flat_map(|contact| [&contact.candidate, &contact.antagonist]);
             all.filter(|side| side.body < records.0.len())
         };
-        let fits = |numbers: &ContactorNumbers| sides().all(|side| numbers.exact(records, side).is_some());
+        let fits = |numbers: &ContactorNumbers| sides().all(|side| numbers.exact_index(records, side).is_some());
         let mut before = 0;
         let starts = records.0.iter().map(|body| {
             before += body.contactors.len();
@@ -103,7 +105,7 @@ impl ContactorNumbers {
     }
 
     /// Index of the contactor with the number and the kind of a side.
-    fn exact(&self, records: &Bodies, side: &ContactSide) -> Option<usize> {
+    fn exact_index(&self, records: &Bodies, side: &ContactSide) -> Option<usize> {
         let index = match self {
             ContactorNumbers::InBody => side.rank,
             ContactorNumbers::OverAll(starts) => side.rank.checked_sub(starts[side.body])?,
@@ -114,7 +116,7 @@ impl ContactorNumbers {
 
     /// Contactor of a side. If the number does not fit it is the only one of its kind.
     pub fn find(&self, records: &Bodies, side: &ContactSide) -> NamedContactor {
-        if let Some(index) = self.exact(records, side) {
+        if let Some(index) = self.exact_index(records, side) {
             return NamedContactor::Found(index);
         }
         let contactors = records.0[side.body].contactors.iter().enumerate();
@@ -130,7 +132,7 @@ impl ContactorNumbers {
 
     /// Whether the number of a side is that of its contactor in its body.
     pub fn is_in_body(&self, records: &Bodies, side: &ContactSide) -> bool {
-        ContactorNumbers::InBody.exact(records, side).is_some() && *self == ContactorNumbers::InBody
+        ContactorNumbers::InBody.exact_index(records, side).is_some() && *self == ContactorNumbers::InBody
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use cd_formats::atomic::path_exists;
-use cd_formats::bodies::{Bodies, ShapeRecord};
+use cd_formats::bodies::{Bodies, Body, ShapeRecord};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::foreign::foreign_bodies;
 use cd_formats::scan::AsciiText;
@@ -20,13 +20,15 @@ pub struct FolderReader<'a> {
 }
 
 impl<'a> FolderReader<'a> {
+    /// Reader of the folder `datbox`.
+    ///
     /// Errors: a folder of 2D or deformable bodies, of which each line would be a fault.
     pub fn new(datbox: &'a Path) -> Result<FolderReader<'a>, Faults> {
         let path = datbox.join("BODIES.DAT");
-        let foreign = AsciiText::read_file(&path).ok().and_then(|text| foreign_bodies(&path, &text));
-        foreign.map_or(Ok(FolderReader { datbox, faults: Faults::default(), notices: Vec::new() }), |fault| {
-            Err(fault.into())
-        })
+        match AsciiText::read_file(&path).ok().and_then(|text| foreign_bodies(&path, &text)) {
+            Some(fault) => Err(fault.into()),
+            None => Ok(FolderReader { datbox, faults: Faults::default(), notices: Vec::new() }),
+        }
     }
 
     /// Value of a file; `None` after a fault.
@@ -51,7 +53,7 @@ impl<'a> FolderReader<'a> {
 /// Rejects an absent DOF.INI if shapes are given in their principal axes, whose directions are in that file only.
 pub fn check_absent_axes(datbox: &Path, bodies: &Bodies, faults: &mut Faults) {
     let path = datbox.join("DOF.INI");
-    let needs_axes = |body: &&cd_formats::bodies::Body| {
+    let needs_axes = |body: &&Body| {
         let is_sphere = |shape: &ShapeRecord| matches!(shape, ShapeRecord::Sphere { .. } | ShapeRecord::Point { .. });
         let given = body.inertia.is_some_and(|inertia| inertia != [0.0; 3]);
         given && !body.contactors.iter().all(|contactor| is_sphere(&contactor.shape))

@@ -19,6 +19,7 @@ pub fn reversible_axis(scene: &Scene, body: BodyId) -> Option<usize> {
     (0..3).rev().find(|&axis| is_symmetric(scene, body, axis) && !imposed(axis))
 }
 
+/// Whether the shape of a body is its own mirror image across this of its axes; always so for spheres.
 fn is_symmetric(scene: &Scene, body: BodyId, axis: usize) -> bool {
     if scene.bodies[body.index()].shape != BodyShape::Parts {
         return true;
@@ -37,6 +38,7 @@ fn is_symmetric(scene: &Scene, body: BodyId, axis: usize) -> bool {
     })
 }
 
+/// Whether two contactors have the same kind, colour and bounding radius.
 fn is_same_shape(a: &BodyPart, b: &BodyPart) -> bool {
     std::mem::discriminant(&a.geometry) == std::mem::discriminant(&b.geometry)
         && a.colour == b.colour
@@ -62,8 +64,8 @@ fn corners(part: &BodyPart) -> Vec<Vec3> {
     }
 }
 
-/// Orientation from axes of which one is reversed, and the components of a vector along the axes as they were.
-pub fn reversed(axes: [Vec3; 3], axis: usize, components: &Vec3) -> ([Vec3; 3], Vec3) {
+/// Reverses one of three axes. Returns the axes, and the same vector in components along them.
+pub fn reverse_axis(axes: [Vec3; 3], axis: usize, components: &Vec3) -> ([Vec3; 3], Vec3) {
     let (mut axes, mut components) = (axes, *components);
     axes[axis] = -axes[axis];
     components[axis] = -components[axis];
@@ -83,7 +85,7 @@ mod tests {
             axes[0] * components.x + axes[1] * components.y + axes[2] * components.z
         };
         for axis in 0..3 {
-            let (turned, along) = reversed(axes, axis, &components);
+            let (turned, along) = reverse_axis(axes, axis, &components);
             assert!((sum(turned, along) - sum(axes, components)).norm() < 1e-15);
             assert!((turned[0].cross(&turned[1]).dot(&turned[2]) - 1.0).abs() < 1e-15);
         }

@@ -176,8 +176,8 @@ pub fn solve_regularised(system: &ContactProblem, until: StoppingCriteria) -> Co
     let mut sweeps = 0;
     loop {
         let rows: Vec<SweptRow> = active.iter().map(|&k| SweptRow::new(system, k)).collect();
-        // Bodies with the impulses of a list applied.
-        let with = |impulses: &[Vec3]| {
+        // The problem with the impulses of a list applied to its bodies.
+        let with_impulses = |impulses: &[Vec3]| {
             let mut work = system.clone();
             active.iter().for_each(|k| work.apply_impulse(k.index(), &impulses[k.index()]));
             work
@@ -194,8 +194,8 @@ pub fn solve_regularised(system: &ContactProblem, until: StoppingCriteria) -> Co
             (of_bodies + row.shift.norm() + w_n * row.impulse_shift.abs()) * 3.0 / (w_n + 2.0 * w_t)
         };
         let floor = ROUNDING_FLOOR * active.iter().map(|k| speeds(k).powi(2)).sum::<f64>().sqrt();
-        let initial = residual_norm(&with(&balance), &rows, &balance).0.max(floor);
-        let mut work = with(&impulses);
+        let initial = residual_norm(&with_impulses(&balance), &rows, &balance).0.max(floor);
+        let mut work = with_impulses(&impulses);
         let evaluate = |work: &ContactProblem, impulses: &[Vec3]| {
             let (norm, worst) = residual_norm(work, &rows, impulses);
             if norm <= floor { (0.0, None) } else { (norm / initial, worst) }
@@ -213,7 +213,7 @@ pub fn solve_regularised(system: &ContactProblem, until: StoppingCriteria) -> Co
                 activity::count_sweep();
             }
             // Rounding accumulates in the velocities.
-            work = with(&impulses);
+            work = with_impulses(&impulses);
             (residual, worst) = evaluate(&work, &impulses);
         }
         let solver_bodies: Vec<SolverBody> = work.bodies;

@@ -1,4 +1,4 @@
-//! Files of POSTPRO.DAT: rows of figures in LMGC90's columns, in the folder POSTPRO beside OUTBOX.
+//! Files of POSTPRO.DAT: rows of figures in LMGC90's columns, in the folder POSTPRO next to OUTBOX.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, BufWriter, Write};
@@ -13,7 +13,7 @@ use crate::scene::{BodyId, BodyShape, ContactorShape, Scene};
 use crate::state::{SolvedContact, State};
 use crate::step::{StepReport, StepStart};
 
-/// Folder of the files, beside DATBOX.
+/// Folder of the files, next to DATBOX.
 const FOLDER: &str = "POSTPRO";
 
 /// Names of the files of a command.
@@ -123,6 +123,7 @@ impl PostproFiles {
         self.files().try_for_each(|file| file.file.get_ref().sync_data().map_err(|error| file.fault(&error)))
     }
 
+    /// All files, in the order of their commands.
     fn files(&mut self) -> impl Iterator<Item = &mut RowFile> {
         self.commands.iter_mut().flat_map(|(_, files)| files)
     }
@@ -163,6 +164,7 @@ impl RowFile {
         writeln!(self.file, "{row}").map_err(|error| self.fault(&error))
     }
 
+    /// Fault of a file that cannot be written.
     fn fault(&self, error: &std::io::Error) -> Faults {
         Fault::from_io(&self.path, "written", error).into()
     }
@@ -216,6 +218,7 @@ impl<'a> StepFigures<'a> {
         [self.state.v[i], self.state.q[i].inverse_transform_vector(&self.state.w[i])]
     }
 
+    /// Moments of inertia about the axes of the body, kg m².
     fn inertia(&self, i: usize) -> Vec3 {
         self.scene.bodies[i].inertia.into()
     }

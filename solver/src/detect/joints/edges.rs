@@ -343,7 +343,7 @@ fn closing_runs(scene: &Scene, contactors: &[PosedContactor], contacts: &[Contac
     for of_one in contacts.chunk_by(|a, b| pair(a) == pair(b)) {
         let end = start + of_one.len() as u32;
         let first = &of_one[0];
-        let part = |body: BodyId, rank: u16| PartId(scene.part_starts[body.index()] + u32::from(rank));
+        let part = |body: BodyId, rank: u16| PartId(scene.part_starts[body.index()].0 + u32::from(rank));
         let parts = [part(first.candidate, first.ranks.0), part(first.antagonist, first.ranks.1)];
         let [a, b] = parts.map(|part| &contactors[part.index()]);
         let gap = of_one.iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);

@@ -152,7 +152,7 @@ pub const COMMANDS: &[ChipyCommand] = &[
     row(
         &["nlgs_3D_*", "cpg_3D_*", "Siconos*", "nlgs_SetWithQuickScramble"],
         Replaced,
-        "the way to the solution is that of `solver`",
+        "the algorithm is that of `solver`",
     ),
     row(&["RBDY3_NewRotationScheme"], Replaced, "the rotation of a step is exact"),
     row(&["InitHDF5"], Replaced, "results are snapshots and, with `text`, the text files"),

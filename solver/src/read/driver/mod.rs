@@ -32,7 +32,7 @@ const MAX_TOL: f64 = 0.5;
 #[derive(Debug, Default)]
 pub struct DriverSettings {
     pub options: ComputeFlags,
-    /// m/s^2
+    /// Gravity, m/s².
     pub gravity: Option<[f64; 3]>,
     /// Lines about the values that were taken and the calls that were not.
     pub notes: Vec<String>,
@@ -64,6 +64,7 @@ pub fn read_driver(path: &Path, given: &ComputeFlags) -> Result<DriverSettings, 
     reader.finish()
 }
 
+/// Reader of a script: sets options from its calls, and collects faults and notes.
 struct DriverReader<'a> {
     path: &'a Path,
     /// First call that writes pictures.
@@ -83,7 +84,7 @@ struct DriverReader<'a> {
 impl<'a> DriverReader<'a> {
     fn read_call(&mut self, call: &'a ScriptCall) {
         let Some(command) = find_command(&call.name) else {
-            self.lines.push((call.line, format!("{}: not understood, and without effect here", call.name)));
+            self.lines.push((call.line, format!("{}: is no known command, and is ignored", call.name)));
             return;
         };
         match command.meaning {
@@ -102,19 +103,19 @@ impl<'a> DriverReader<'a> {
     fn read_setting(&mut self, call: &'a ScriptCall, setting: DriverSetting) {
         match setting {
             DriverSetting::TimeStep => {
-                let value = self.number(call, 0, "dt", "dt");
+                let value = self.read_number(call, 0, "dt", "dt");
                 self.take(call, "dt", value, |options, x| options.dt = Some(x));
             }
             DriverSetting::Theta => {
-                let value = self.number(call, 0, "theta", "theta");
+                let value = self.read_number(call, 0, "theta", "theta");
                 self.take(call, "theta", value, |options, x| options.theta = Some(x));
             }
             DriverSetting::Steps => {} // by the loop
             DriverSetting::Solver => {
                 self.read_tolerance(call, [1, 2, 3]);
-                let block = self.output_number(call, 4, &["gsit1", "nb_iter_check"], "check_every");
+                let block = self.read_output_number(call, 4, &["gsit1", "nb_iter_check"], "check_every");
                 self.take(call, "check_every", block, |options, n| options.check_every = Some(n));
-                let blocks = self.output_number(call, 5, &["gsit2", "nb_block_iter"], "max_sweeps");
+                let blocks = self.read_output_number(call, 5, &["gsit2", "nb_block_iter"], "max_sweeps");
                 let most = block.zip(blocks).map(|(sweeps, checks)| sweeps.saturating_mul(checks));
                 self.take(call, "max_sweeps", most, |options, n| options.max_sweeps = Some(n));
             }
@@ -126,17 +127,17 @@ impl<'a> DriverReader<'a> {
             }
             DriverSetting::Pictures => self.pictures = self.pictures.or(Some(call)),
             DriverSetting::Periods => {
-                let x = self.period(call, 0, "xperiod", "xperiode");
+                let x = self.read_period(call, 0, "xperiod", "xperiode");
                 self.take(call, "xperiode", x, |options, x| options.xperiode = Some(x));
-                let y = self.period(call, 1, "yperiod", "yperiode");
+                let y = self.read_period(call, 1, "yperiod", "yperiode");
                 self.take(call, "yperiode", y, |options, y| options.yperiode = Some(y));
             }
             DriverSetting::PeriodX => {
-                let value = self.number(call, 0, "xperiod", "xperiode");
+                let value = self.read_number(call, 0, "xperiod", "xperiode");
                 self.take(call, "xperiode", value, |options, x| options.xperiode = Some(x));
             }
             DriverSetting::PeriodY => {
-                let value = self.number(call, 0, "yperiod", "yperiode");
+                let value = self.read_number(call, 0, "yperiod", "yperiode");
                 self.take(call, "yperiode", value, |options, y| options.yperiode = Some(y));
             }
             DriverSetting::Gravity => self.read_gravity(call),
@@ -162,7 +163,7 @@ impl<'a> DriverReader<'a> {
     }
 
     fn read_output(&mut self, call: &ScriptCall) {
-        let value = self.output_number(call, 0, &["nsteps", "freq", "Nstep_writeDof", "nstep"], "output_every");
+        let value = self.read_output_number(call, 0, &["nsteps", "freq", "Nstep_writeDof", "nstep"], "output_every");
         self.take(call, "output_every", value, |options, n| options.output_every = Some(n));
     }
 
@@ -185,7 +186,7 @@ impl<'a> DriverReader<'a> {
             let line = format!("{}: norm {norm} is none of 'Quad ', 'QM/16', 'Maxm ': read as 'Quad '", call.name);
             self.remark(call.line, line);
         }
-        let value = self.number_of(call, tolerance, &["conv", "tol", "tolerance"], "tol");
+        let value = self.read_number_of(call, tolerance, &["conv", "tol", "tolerance"], "tol");
         let value = value.map(|x| (factor * x).min(MAX_TOL));
         // Without the digits of the product's rounding.
         let value = value.map(|x| format!("{x:.6e}").parse().unwrap_or(x));
@@ -286,7 +287,8 @@ impl<'a> DriverReader<'a> {
         }
     }
 
-    fn period(
+    /// Period of the argument `keyword`; `None` if there is none or it is Python's `None`.
+    fn read_period(
         &mut self,
         call: &ScriptCall,
         position: usize,
@@ -297,22 +299,23 @@ impl<'a> DriverReader<'a> {
         if matches!(value, None | Some(Ok(ScriptValue::None))) {
             None
         } else {
-            self.number(call, position, keyword, option)
+            self.read_number(call, position, keyword, option)
         }
     }
 
-    fn number(
+    /// Number of the argument `keyword`, as from [`Self::read_number_of`].
+    fn read_number(
         &mut self,
         call: &ScriptCall,
         position: usize,
         keyword: &'static str,
         option: &'static str,
     ) -> Option<f64> {
-        self.number_of(call, position, &[keyword], option)
+        self.read_number_of(call, position, &[keyword], option)
     }
 
     /// Number that an argument states; otherwise a fault, unless the option is given on the command line.
-    fn number_of(
+    fn read_number_of(
         &mut self,
         call: &ScriptCall,
         position: usize,
@@ -332,7 +335,7 @@ impl<'a> DriverReader<'a> {
     }
 
     /// Positive integer that an argument states; otherwise a remark, since results do not depend on it.
-    fn output_number(
+    fn read_output_number(
         &mut self,
         call: &ScriptCall,
         position: usize,

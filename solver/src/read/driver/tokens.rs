@@ -13,6 +13,7 @@ pub enum ScriptToken {
 }
 
 impl ScriptToken {
+    /// Whether it is this operator or bracket.
     pub fn is(&self, symbol: &str) -> bool {
         matches!(self, ScriptToken::Symbol(found) if found == symbol)
     }
@@ -58,7 +59,7 @@ const LONG_OPERATORS: [&str; 23] = [
 
 /// Splits a script into its logical lines.
 pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, Unclosed> {
-    let mut scanner = LineScanner { rest: text, line: 1 };
+    let mut scanner = TokenScanner { rest: text, line: 1 };
     let (mut lines, mut tokens) = (Vec::new(), Vec::new());
     let (mut indent, mut open) = (scanner.indentation(), Vec::new());
     while let Some(next) = scanner.rest.chars().next() {
@@ -100,12 +101,13 @@ pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, Unclosed> {
     Ok(lines)
 }
 
-struct LineScanner<'a> {
+/// Rest of a script and the number of its first line.
+struct TokenScanner<'a> {
     rest: &'a str,
     line: usize,
 }
 
-impl LineScanner<'_> {
+impl TokenScanner<'_> {
     fn skip(&mut self, bytes: usize) {
         let (skipped, rest) = self.rest.split_at(bytes);
         self.line += skipped.matches('\n').count();

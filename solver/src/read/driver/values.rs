@@ -105,6 +105,7 @@ pub fn dotted_name(tokens: &[Lexeme], at: usize) -> (String, usize) {
     (name, end)
 }
 
+/// Recursive descent through the grammar of expressions, with a function for each level of precedence.
 struct ExpressionParser<'a> {
     tokens: &'a [Lexeme],
     at: usize,
@@ -160,7 +161,7 @@ impl ExpressionParser<'_> {
 
     fn comparison(&mut self) -> Evaluation {
         if self.take("not") {
-            return Ok(ScriptValue::Bool(!self.nested(Self::comparison)?.is_true()));
+            return Ok(ScriptValue::Bool(!self.read_nested(Self::comparison)?.is_true()));
         }
         let left = self.sum()?;
         let Some(operator) = self.take_any(&["==", "!=", "<=", ">=", "<", ">", "is"]) else { return Ok(left) };
@@ -197,10 +198,10 @@ impl ExpressionParser<'_> {
     fn sign(&mut self) -> Evaluation {
         match self.take_any(&["-", "+"]) {
             Some("-") => {
-                let value = self.nested(Self::sign)?;
+                let value = self.read_nested(Self::sign)?;
                 apply_operator("*", ScriptValue::Int(-1), value)
             }
-            Some(_) => self.nested(Self::sign),
+            Some(_) => self.read_nested(Self::sign),
             None => self.power(),
         }
     }
@@ -208,13 +209,14 @@ impl ExpressionParser<'_> {
     fn power(&mut self) -> Evaluation {
         let base = self.atom()?;
         if self.take("**") {
-            let exponent = self.nested(Self::sign)?;
+            let exponent = self.read_nested(Self::sign)?;
             return apply_operator("**", base, exponent);
         }
         Ok(base)
     }
 
-    fn nested(&mut self, read: fn(&mut Self) -> Evaluation) -> Evaluation {
+    /// Reads a part one level deeper; an error beyond [`MAX_DEPTH`].
+    fn read_nested(&mut self, read: fn(&mut Self) -> Evaluation) -> Evaluation {
         self.depth += 1;
         let value = if self.depth < MAX_DEPTH { read(self) } else { Err("an expression of many levels".into()) };
         self.depth -= 1;
@@ -224,7 +226,7 @@ impl ExpressionParser<'_> {
     fn atom(&mut self) -> Evaluation {
         let Some(token) = self.peek().cloned() else { return Err("an incomplete expression".into()) };
         if !token.name().is_empty() {
-            return self.named();
+            return self.named_value();
         }
         self.at += 1;
         match token {
@@ -241,20 +243,21 @@ impl ExpressionParser<'_> {
                 if self.take(close) {
                     return Ok(ScriptValue::List(Vec::new()));
                 }
-                let alone = split_at(&self.tokens[self.at..after_bracket(self.tokens, self.at - 1) - 1], ",").len() < 2;
-                let value = self.nested(Self::tuple)?;
+                let is_single =
+                    split_at(&self.tokens[self.at..after_bracket(self.tokens, self.at - 1) - 1], ",").len() < 2;
+                let value = self.read_nested(Self::tuple)?;
                 if !self.take(close) {
                     return Err(self.peek().map_or("a bracket".into(), |token| format!("'{}'", token.source())));
                 }
                 let is_list = matches!(value, ScriptValue::List(_));
-                Ok(if symbol == "[" && alone && !is_list { ScriptValue::List(vec![value]) } else { value })
+                Ok(if symbol == "[" && is_single && !is_list { ScriptValue::List(vec![value]) } else { value })
             }
             other => Err(format!("'{}'", other.source())),
         }
     }
 
     /// Value of a variable, constant or call.
-    fn named(&mut self) -> Evaluation {
+    fn named_value(&mut self) -> Evaluation {
         let (name, end) = dotted_name(self.tokens, self.at);
         let called = self.tokens.get(end).is_some_and(|lexeme| lexeme.token.is("("));
         if called {
@@ -264,7 +267,7 @@ impl ExpressionParser<'_> {
             let arguments = split_at(inside, ",").into_iter().map(|part| {
                 self.depth += 1;
                 let mut inner = ExpressionParser { tokens: part, at: 0, variables: self.variables, depth: self.depth };
-                let value = inner.nested(ExpressionParser::disjunction);
+                let value = inner.read_nested(ExpressionParser::disjunction);
                 self.depth -= 1;
                 if inner.at < part.len() { value.and(Err(format!("the call of {name}"))) } else { value }
             });

@@ -48,7 +48,7 @@ pub struct ScriptCalls {
 }
 
 /// Name with which LMGC90 reports its time.
-const TIME: &str = "TimeEvolution_GetTime";
+const TIME_COMMAND: &str = "TimeEvolution_GetTime";
 
 /// Deepest nesting of calls and blocks that is followed.
 const MAX_DEPTH: usize = 32;
@@ -73,7 +73,8 @@ impl ScriptStatement {
     }
 }
 
-const BLOCKS: [&str; 12] =
+/// Keywords of statements with a block below them.
+const BLOCK_KEYWORDS: [&str; 12] =
     ["if", "elif", "else", "for", "while", "def", "class", "try", "except", "finally", "with", "async"];
 
 /// Follows the statements of a script.
@@ -109,7 +110,7 @@ fn read_block(lines: &mut Lines, indent: usize, depth: usize) -> Vec<ScriptState
 
 /// Separates a statement on the line of its header, as in `if x: y = 1`.
 fn split_header(tokens: Vec<Lexeme>) -> ScriptStatement {
-    if !BLOCKS.contains(&tokens[0].token.name()) {
+    if !BLOCK_KEYWORDS.contains(&tokens[0].token.name()) {
         return ScriptStatement { tokens, body: Vec::new() };
     }
     let header = split_at(&tokens, ":").first().map_or(0, |header| header.len());
@@ -118,6 +119,7 @@ fn split_header(tokens: Vec<Lexeme>) -> ScriptStatement {
     ScriptStatement { tokens: tokens[..header.max(1)].to_vec(), body }
 }
 
+/// State of following a script: its variables, functions, loops and conditions, and the calls that were found.
 #[derive(Default)]
 struct ScriptWalker<'a> {
     walk: ScriptCalls,
@@ -137,6 +139,7 @@ struct ScriptWalker<'a> {
 }
 
 impl<'a> ScriptWalker<'a> {
+    /// Records the functions and classes that a block defines.
     fn find_functions(&mut self, block: &'a [ScriptStatement]) {
         for statement in block {
             let name = statement.tokens.get(1).map_or("", |lexeme| lexeme.token.name()).to_string();
@@ -148,6 +151,7 @@ impl<'a> ScriptWalker<'a> {
         }
     }
 
+    /// Follows the statements of a block in their order.
     fn follow(&mut self, block: &'a [ScriptStatement]) {
         self.depth += 1;
         // Value of the last condition of a chain of `if` and `elif`: whether a branch was taken, unless it is not known.
@@ -203,24 +207,26 @@ impl<'a> ScriptWalker<'a> {
         self.depth -= 1;
     }
 
+    /// Follows a block whose condition, in `line`, has no known value.
     fn follow_conditional(&mut self, block: &'a [ScriptStatement], line: usize) {
         let outer = self.condition.replace(self.condition.unwrap_or(line));
         self.follow(block);
         self.condition = outer;
     }
 
+    /// Follows the body of a loop once; variables that it changes are not known in it.
     fn follow_loop(&mut self, statement: &'a ScriptStatement) {
         let (line, tokens) = (statement.line(), &statement.tokens[1..]);
         self.find_calls(tokens);
-        let place = tokens.iter().position(|lexeme| lexeme.token.name() == "in");
+        let position = tokens.iter().position(|lexeme| lexeme.token.name() == "in");
         let unknown = |why: String| LoopEnd::Unknown(why);
-        let end = match (statement.keyword(), place) {
-            ("for", Some(place)) => {
-                let names = tokens[..place].iter().map(|lexeme| lexeme.token.name()).filter(|name| !name.is_empty());
+        let end = match (statement.keyword(), position) {
+            ("for", Some(position)) => {
+                let names = tokens[..position].iter().map(|lexeme| lexeme.token.name()).filter(|name| !name.is_empty());
                 for name in names {
                     self.variables.insert(name.to_string(), Err(format!("which changes in the loop of line {line}")));
                 }
-                match evaluate(&tokens[place + 1..], &self.variables) {
+                match evaluate(&tokens[position + 1..], &self.variables) {
                     Ok(ScriptValue::Range(count)) => LoopEnd::Count(count),
                     Ok(ScriptValue::List(list)) => LoopEnd::Count(list.len() as u64),
                     Ok(_) => unknown("no range".into()),
@@ -246,12 +252,13 @@ impl<'a> ScriptWalker<'a> {
 
     /// End of a loop with the condition that LMGC90's time is before a value.
     fn time_limit(&self, tokens: &[Lexeme]) -> Option<LoopEnd> {
-        let place = tokens.iter().position(|lexeme| ["<", "<=", ">", ">="].iter().any(|sign| lexeme.token.is(sign)))?;
-        let (left, right) = (&tokens[..place], &tokens[place + 1..]);
-        let earlier = tokens[place].token.source().starts_with('<');
+        let position =
+            tokens.iter().position(|lexeme| ["<", "<=", ">", ">="].iter().any(|sign| lexeme.token.is(sign)))?;
+        let (left, right) = (&tokens[..position], &tokens[position + 1..]);
+        let earlier = tokens[position].token.source().starts_with('<');
         let (time, limit) = if earlier { (left, right) } else { (right, left) };
         let (name, end) = dotted_name(time, time.iter().position(|lexeme| !lexeme.token.name().is_empty())?);
-        if self.command(&name)? != TIME || time.len() < end + 2 {
+        if self.command(&name)? != TIME_COMMAND || time.len() < end + 2 {
             return None;
         }
         evaluate(limit, &self.variables).ok()?.number().map(LoopEnd::Time)
@@ -259,9 +266,9 @@ impl<'a> ScriptWalker<'a> {
 
     /// Records the names by which `chipy` is imported.
     fn import(&mut self, tokens: &[Lexeme]) {
-        let place = tokens.iter().position(|lexeme| lexeme.token.name() == "import").unwrap_or(0);
-        let module = if place == 0 { String::new() } else { dotted_name(tokens, 1.min(tokens.len() - 1)).0 };
-        for part in split_at(&tokens[place + 1..], ",").into_iter().filter(|part| !part.is_empty()) {
+        let position = tokens.iter().position(|lexeme| lexeme.token.name() == "import").unwrap_or(0);
+        let module = if position == 0 { String::new() } else { dotted_name(tokens, 1.min(tokens.len() - 1)).0 };
+        for part in split_at(&tokens[position + 1..], ",").into_iter().filter(|part| !part.is_empty()) {
             let (name, end) = dotted_name(part, 0);
             let alias = part.get(end).filter(|lexeme| lexeme.token.name() == "as").and(part.get(end + 1));
             let alias = alias.map_or(name.clone(), |lexeme| lexeme.token.name().to_string());
@@ -281,17 +288,17 @@ impl<'a> ScriptWalker<'a> {
             matches!(&lexeme.token, ScriptToken::Symbol(symbol) if symbol.len() > 1 && symbol.ends_with('=')
                 && !["==", "!=", "<=", ">=", ":="].contains(&symbol.as_str()))
         });
-        if let Some(place) = augmented.filter(|&place| place > 0) {
+        if let Some(position) = augmented.filter(|&position| position > 0) {
             let (name, _) = dotted_name(tokens, 0);
-            let mut sum = tokens[..place].to_vec();
-            let operator = tokens[place].token.source();
+            let mut sum = tokens[..position].to_vec();
+            let operator = tokens[position].token.source();
             let symbol = |text: &str| Lexeme { token: ScriptToken::Symbol(text.into()), line: tokens[0].line };
             sum.push(symbol(operator.trim_end_matches('=')));
             sum.push(symbol("("));
-            sum.extend_from_slice(&tokens[place + 1..]);
+            sum.extend_from_slice(&tokens[position + 1..]);
             sum.push(symbol(")"));
             let value = evaluate(&sum, &self.variables);
-            self.set(&name, value, tokens[0].line);
+            self.set_variable(&name, value, tokens[0].line);
         } else if let Some((&value, targets)) = parts.split_last().filter(|(_, targets)| !targets.is_empty()) {
             let value = evaluate(value, &self.variables);
             for target in targets {
@@ -310,15 +317,17 @@ impl<'a> ScriptWalker<'a> {
         }
     }
 
+    /// Sets a target of an assignment, `x`, `a.b` or `a[k]`; of the last no value is known.
     fn set_target(&mut self, target: &[Lexeme], value: Evaluation) {
         let Some(first) = target.iter().position(|lexeme| !lexeme.token.name().is_empty()) else { return };
         let (name, end) = dotted_name(target, first);
         let changed_in_part = target.get(end).is_some_and(|lexeme| lexeme.token.is("["));
         let value = if changed_in_part { Err("which changes in part".into()) } else { value };
-        self.set(&name, value, target[first].line);
+        self.set_variable(&name, value, target[first].line);
     }
 
-    fn set(&mut self, name: &str, value: Evaluation, line: usize) {
+    /// Sets a variable; its value is not known if it depends on a condition.
+    fn set_variable(&mut self, name: &str, value: Evaluation, line: usize) {
         let value = match (value, self.condition) {
             (_, Some(condition)) => Err(format!("which depends on the condition in line {condition}")),
             (Ok(value), None) => Ok(value),
@@ -332,7 +341,7 @@ impl<'a> ScriptWalker<'a> {
         match name.rsplit_once('.') {
             Some((module, command)) => self.modules.contains(module).then_some(command),
             None => (self.all_names
-                && looks_like_command(name)
+                && has_command_form(name)
                 && !self.functions.contains_key(name)
                 && !self.classes.contains(name))
             .then_some(name),
@@ -344,6 +353,7 @@ impl<'a> ScriptWalker<'a> {
         self.find_nested_calls(tokens, 0);
     }
 
+    /// Records the calls in a part of a statement that is inside of `depth` calls.
     fn find_nested_calls(&mut self, tokens: &[Lexeme], depth: usize) {
         let mut at = if depth < MAX_DEPTH { 0 } else { tokens.len() };
         while at < tokens.len() {
@@ -361,13 +371,14 @@ impl<'a> ScriptWalker<'a> {
             let inside = &tokens[end + 1..(close - 1).max(end + 1)];
             self.find_nested_calls(inside, depth + 1);
             if !of_object {
-                self.record(&name, tokens[at].line, inside);
+                self.record_call(&name, tokens[at].line, inside);
             }
             at = close;
         }
     }
 
-    fn record(&mut self, name: &str, line: usize, inside: &[Lexeme]) {
+    /// Records a call of a command of LMGC90, or follows one of a function of the script. `inside`: its arguments.
+    fn record_call(&mut self, name: &str, line: usize, inside: &[Lexeme]) {
         let (mut positional, mut keywords) = (Vec::new(), Vec::new());
         for part in split_at(inside, ",") {
             let keyword = part.get(1).is_some_and(|lexeme| lexeme.token.is("="));
@@ -429,6 +440,7 @@ impl<'a> ScriptWalker<'a> {
         }
     }
 
+    /// Adds a remark on a class or function that is not followed, with the commands of LMGC90 that it calls.
     fn report_unread(&mut self, statement: &ScriptStatement, what: &str) {
         let mut names = BTreeSet::new();
         self.commands_in(&statement.body, &mut names);
@@ -457,7 +469,7 @@ impl<'a> ScriptWalker<'a> {
 }
 
 /// Whether a name without prefix has the form of a command: `SetDimension`, `nlgs_3D_ExSolver`, `utilities_logMes`.
-fn looks_like_command(name: &str) -> bool {
+fn has_command_form(name: &str) -> bool {
     let (module, rest) = name.split_once('_').unwrap_or(("", name));
     name.starts_with(char::is_uppercase)
         || ["checkDirectories", "checkInteractiveCommand", "getInteractions", "registerInterInternals"].contains(&name)
@@ -472,7 +484,7 @@ fn assigned_names(block: &[ScriptStatement], names: &mut BTreeSet<String>) {
             matches!(&lexeme.token, ScriptToken::Symbol(symbol) if symbol.ends_with('=')
                 && !["==", "!=", "<=", ">="].contains(&symbol.as_str()))
         };
-        let is_block = BLOCKS.contains(&statement.keyword());
+        let is_block = BLOCK_KEYWORDS.contains(&statement.keyword());
         if let Some(end) = statement.tokens.iter().position(assigns).filter(|_| !is_block) {
             let mut at = 0;
             while at < end {
