@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::ron_file::option_from_flag;
+
 /// How accurate a run is to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
@@ -47,7 +49,7 @@ impl std::fmt::Display for Accuracy {
 #[serde(deny_unknown_fields, default)]
 pub struct Adaptive {
     /// Longest step over `dt`; 1: all steps are `dt`.
-    pub most: u64,
+    pub max_multiple: u64,
     /// Relative displacement of two neighbours in a step, over the smaller radius; separation counts half.
     pub travel: f64,
     /// Penetration that a step may cause, over the smaller radius.
@@ -56,7 +58,7 @@ pub struct Adaptive {
 
 impl Default for Adaptive {
     fn default() -> Self {
-        Adaptive { most: 1, travel: 0.1, penetration: 1e-3 }
+        Adaptive { max_multiple: 1, travel: 0.1, penetration: 1e-3 }
     }
 }
 
@@ -65,19 +67,21 @@ impl Adaptive {
 
     /// Whether steps may be longer than `dt`.
     pub fn is_on(&self) -> bool {
-        self.most > 1
+        self.max_multiple > 1
     }
 
     /// Whether the values are in range.
     pub(crate) fn is_sound(&self) -> bool {
         let positive = |x: f64| x.is_finite() && x > 0.0;
-        (1..=Self::MAX_STEP_MULTIPLE).contains(&self.most) && positive(self.travel) && positive(self.penetration)
+        (1..=Self::MAX_STEP_MULTIPLE).contains(&self.max_multiple)
+            && positive(self.travel)
+            && positive(self.penetration)
     }
 }
 
 impl std::str::FromStr for Adaptive {
     type Err = crate::ron_text::FlagError;
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        crate::ron_text::from_flag(text)
+        option_from_flag("adaptive", text)
     }
 }

@@ -282,7 +282,7 @@ options! {
     theta: f64 = 0.5, f64, [value_name = "X"];
     /// Preset for the options that trade speed for accuracy and are not set explicitly: draft, standard, fine or reference. Without a preset these options are those of standard, except that all steps are dt and tol is 1e-2.
     accuracy: Option<Accuracy> = None, Accuracy, [value_enum, value_name = "PRESET"];
-    /// Adaptive steps: at most `most` times dt, as long as bodies move past their neighbours by at most `travel` and into each other by at most `penetration`, in radii: (most: 16, travel: 0.1, penetration: 1e-3). Default: set by accuracy.
+    /// Adaptive steps: at most `max_multiple` times dt, as long as bodies move past their neighbours by at most `travel` and into each other by at most `penetration`, in radii: (max_multiple: 16, travel: 0.1, penetration: 1e-3). Default: set by accuracy.
     adaptive: Option<Adaptive> = None, Adaptive, [value_name = "RON"];
     /// Relative tolerance of the contact solver, |F(r)|/|F(r_0)|; divided by n in steps of n times dt. Default: set by accuracy.
     tol: Option<f64> = None, f64, [value_name = "X"];
@@ -417,7 +417,12 @@ impl Compute {
         );
         expect((0.5..=1.0).contains(&self.theta), "theta", format!("{}", self.theta), "0.5 to 1");
         let sound = self.adaptive().is_sound();
-        expect(sound, "adaptive", to_ron(&self.adaptive()), "most from 1 to 1000000, travel and penetration > 0");
+        expect(
+            sound,
+            "adaptive",
+            to_ron(&self.adaptive()),
+            "max_multiple from 1 to 1000000, travel and penetration > 0",
+        );
         expect(
             positive(self.tol()) && self.tol() < 1.0,
             "tol",
@@ -587,20 +592,21 @@ mod tests {
     #[test]
     fn an_option_set_alone_wins_over_the_preset() {
         let path = Path::new("COMPUTE.RON");
-        let file: Compute = from_ron(path, "(accuracy: draft, tol: 0.5, adaptive: (most: 3))", "options").unwrap();
+        let file: Compute =
+            from_ron(path, "(accuracy: draft, tol: 0.5, adaptive: (max_multiple: 3))", "options").unwrap();
         let flags =
             ComputeFlags { accuracy: Some(Accuracy::Fine), gravity_refresh: Some(7), ..ComputeFlags::default() };
         let [read, flagged] = [file.clone(), file.with_flags(&flags)];
         assert_eq!((read.tol(), read.max_sweeps(), read.gravity_refresh()), (0.5, 500, 16));
         assert_eq!((flagged.tol(), flagged.max_sweeps(), flagged.gravity_refresh()), (0.5, 20_000, 7));
-        assert_eq!(flagged.adaptive(), Adaptive { most: 3, ..Adaptive::default() });
+        assert_eq!(flagged.adaptive(), Adaptive { max_multiple: 3, ..Adaptive::default() });
         let again: Compute = from_ron(path, &flagged.to_text(), "options").unwrap();
         assert_eq!(again, flagged);
         let alone = |knob: &&(&str, String, bool)| knob.2;
         let alone: Vec<&str> = flagged.accuracy_options().iter().filter(alone).map(|knob| knob.0).collect();
         assert_eq!(alone, ["adaptive", "tol", "gravity_refresh"]);
-        for most in [0, u64::MAX] {
-            let adaptive = Some(Adaptive { most, ..Adaptive::default() });
+        for max_multiple in [0, u64::MAX] {
+            let adaptive = Some(Adaptive { max_multiple, ..Adaptive::default() });
             assert_eq!(Compute { adaptive, ..Compute::default() }.check(path).unwrap_err().0.len(), 1);
         }
     }

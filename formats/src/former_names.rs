@@ -1,4 +1,4 @@
-//! Names of earlier versions in `scene.ron`, `changes.ron` and `--set`, which are read as their current names.
+//! Names of earlier versions in `scene.ron`, `changes.ron`, `--set`, COMPUTE.RON and flags, which are read as their current names.
 //!
 //! The two tables below are the only list of these names. [`crate::value_locations::ValueLocations`] finds values under their current
 //! names, [`crate::ron_file`] parses a text with the current names and reports the former ones.
@@ -19,7 +19,7 @@ const fn renamed(holder: &'static str, former: &'static str, current: &'static s
 }
 
 /// Former names of fields. Holders have current names.
-pub const FORMER_FIELDS: [FormerName; 12] = [
+pub const FORMER_FIELDS: [FormerName; 14] = [
     renamed("grains.N", "place", "placement"),
     renamed("grains.N", "standing", "grain_orientation"),
     renamed("grains.N.shape", "scaled", "scale"),
@@ -32,6 +32,9 @@ pub const FORMER_FIELDS: [FormerName; 12] = [
     renamed("bodies.N", "keep", "select"),
     renamed("bodies.N", "stop", "remove_motion"),
     renamed("bodies.N", "turn", "rotate"),
+    renamed("compute.adaptive", "most", "max_multiple"),
+    // In COMPUTE.RON and on the command line of cd-solve.
+    renamed("adaptive", "most", "max_multiple"),
 ];
 
 /// Former names of values. Holders have current names.

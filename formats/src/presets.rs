@@ -24,9 +24,9 @@ macro_rules! knobs {
     };
 }
 
-/// Adaptive steps of up to `most` times `dt`.
-const fn up_to(most: u64, travel: f64, penetration: f64) -> Adaptive {
-    Adaptive { most, travel, penetration }
+/// Adaptive steps of up to `max_multiple` times `dt`.
+const fn up_to(max_multiple: u64, travel: f64, penetration: f64) -> Adaptive {
+    Adaptive { max_multiple, travel, penetration }
 }
 
 const FIXED_STEP: Adaptive = up_to(1, 0.1, 1e-3);

@@ -6,7 +6,7 @@ use serde::de::DeserializeOwned;
 
 use crate::error::{Fault, Faults};
 use crate::former_names::{FormerName, FormerNameUse};
-use crate::ron_text::{TextFault, line_and_column, located_faults, parse_ron};
+use crate::ron_text::{FlagError, TextFault, line_and_column, located_faults, parse_ron};
 use crate::settings::{former_names_of_setting, setting_fault};
 use crate::value_locations::ValueLocations;
 
@@ -15,13 +15,17 @@ use crate::value_locations::ValueLocations;
 /// Fields and values may have [former names](crate::former_names). Errors: all faults of the syntax, or else the first
 /// value that does not fit its type, with line and column. `object` is the name of the text as a whole in faults.
 pub fn from_ron<T: DeserializeOwned>(path: &Path, text: &str, object: &str) -> Result<T, Faults> {
-    let parsed = CurrentText::new(text).and_then(|current| {
-        parse_ron(&current.text).map_err(|mut mistakes| {
-            mistakes.iter_mut().for_each(|mistake| mistake.at = current.original_byte(mistake.at));
-            mistakes
-        })
-    });
+    let parsed = CurrentText::new(text).and_then(|current| current.parse());
     parsed.map_err(|mistakes| located_faults(path, text, object, mistakes))
+}
+
+/// Reads the value of the option `name` from a flag. Its fields may have [former names](crate::former_names).
+///
+/// Errors: one line with columns, without a position in a file.
+pub fn option_from_flag<T: DeserializeOwned>(name: &str, text: &str) -> Result<T, FlagError> {
+    let (locations, _) = ValueLocations::from_value(text, name);
+    let parsed = CurrentText::from_locations(text, &locations).and_then(|current| current.parse());
+    parsed.map_err(|mistakes| FlagError::new(text, &mistakes))
 }
 
 /// Text with current names in place of former ones.
@@ -35,7 +39,10 @@ impl CurrentText {
     ///
     /// Errors: a field under both of its names.
     pub fn new(text: &str) -> Result<CurrentText, Vec<TextFault>> {
-        let locations = ValueLocations::from_text(text);
+        Self::from_locations(text, &ValueLocations::from_text(text))
+    }
+
+    fn from_locations(text: &str, locations: &ValueLocations) -> Result<CurrentText, Vec<TextFault>> {
         let conflicts = locations.conflicts();
         if !conflicts.is_empty() {
             let fault = |(at, path, name): &(usize, String, &FormerName)| TextFault {
@@ -50,6 +57,14 @@ impl CurrentText {
         let mut current = text.to_string();
         uses.iter().rev().for_each(|one| current.replace_range(one.span.clone(), one.name.current));
         Ok(CurrentText { text: current, uses })
+    }
+
+    /// Parses the text. Errors: all mistakes, at their bytes in the original text.
+    fn parse<T: DeserializeOwned>(&self) -> Result<T, Vec<TextFault>> {
+        parse_ron(&self.text).map_err(|mut mistakes| {
+            mistakes.iter_mut().for_each(|mistake| mistake.at = self.original_byte(mistake.at));
+            mistakes
+        })
     }
 
     /// Returns the byte of the original text for a byte of this one.
@@ -72,6 +87,18 @@ impl CurrentText {
 pub fn with_current_names(path: &Path, text: &str) -> Result<String, Faults> {
     let faults = |mistakes| located_faults(path, text, "text", mistakes);
     CurrentText::new(text).map(|current| current.text).map_err(faults)
+}
+
+/// Value of the option `name`, in RON, with current names in place of former ones; as it is if it has a field under both of
+/// its names.
+///
+/// ```
+/// # use cd_formats::ron_file::value_with_current_names;
+/// assert_eq!(value_with_current_names("adaptive", "(most:16)"), "(max_multiple:16)");
+/// ```
+pub fn value_with_current_names(name: &str, value: &str) -> String {
+    let (locations, _) = ValueLocations::from_value(value, name);
+    CurrentText::from_locations(value, &locations).map_or_else(|_| value.to_string(), |current| current.text)
 }
 
 /// Warnings about the former names in the text of a file and in `settings`: one for each name, at its first position.

@@ -204,6 +204,10 @@ impl<'a> LocationWalker<'a> {
         loop {
             self.skip_blank();
             match self.current_byte() {
+                b'(' if word == "Some" => {
+                    self.skip_optional(path, start);
+                    value.content_start = self.values.get(path).and_then(|inner| inner.content_start);
+                }
                 b'(' | b'[' | b'{' => {
                     value.content_start = Some(self.at + 1);
                     self.skip_items(path);
@@ -217,6 +221,23 @@ impl<'a> LocationWalker<'a> {
             value.span.end = self.at;
         }
         self.values.insert(path.to_string(), value);
+    }
+
+    /// Moves from the bracket of `Some(...)` to after its closing one. The value in it has the path of the whole.
+    fn skip_optional(&mut self, path: &str, start: usize) {
+        if self.depth == MAX_DEPTH {
+            self.advance(self.text.len());
+            return;
+        }
+        self.depth += 1;
+        self.advance(1);
+        self.skip_value(path, start);
+        if self.current_byte() == b',' {
+            self.advance(1);
+            self.skip_blank();
+        }
+        self.advance(1);
+        self.depth -= 1;
     }
 
     /// Returns the current name of the field `name` of the value at `holder`; `start` is the byte of the name.
@@ -301,6 +322,12 @@ mod tests {
         assert_eq!(at("grains.0.sizes.max"), Some((6, 11))); // left out: the value around it
         assert_eq!(at("grains.1.x.1"), Some((9, 2)));
         assert_eq!(at("walls"), None);
+        // Fields of an optional value have the same path with and without `Some`, which belongs to the value.
+        for text in ["(a: (b: 1), c: 2)", "(a: Some((b: 1)), c: 2)", "(a: Some ( (b: 1) , ), c: Some(2))"] {
+            let locations = ValueLocations::from_text(text);
+            assert!(locations.position("a.b").is_some() && locations.position("c").is_some(), "{text}");
+            assert_eq!(apply_settings(text, &["a=None".into()]).unwrap().replace("Some(2)", "2"), "(a: None, c: 2)");
+        }
         // Columns are characters.
         assert_eq!(ValueLocations::from_text("(ä: \"é\", b: 1)").position("b"), Some((1, 13)));
     }

@@ -32,6 +32,7 @@ const FORMER_SCENE: &str = r#"(
             angular_velocity: Constant(0.2),
         ),
     ],
+    compute: (adaptive: (most: 4)),
 )
 "#;
 
@@ -47,7 +48,8 @@ fn current_scene() -> String {
             former => scene.replace(&format!(" {former}: "), &format!(" {}: ", name.current)),
         };
     }
-    scene.replace("(most: ", "(max_pieces: ").replace(": Whole", ": Surface")
+    let scene = scene.replace("Pieces(most: ", "Pieces(max_pieces: ").replace("(most: ", "(max_multiple: ");
+    scene.replace(": Whole", ": Surface")
 }
 
 /// Runs cd-pre on a scene; returns the exit code, stderr without the folder's name, and the files of DATBOX.
@@ -86,6 +88,7 @@ fn former_names_are_read_with_a_warning_each() {
         "13:89: Whole: renamed; write Surface",
         "19:97: rotation: renamed; write spin",
         "23:13: angular_velocity: renamed; write spin",
+        "26:26: most: renamed; write max_multiple",
     ]
     .map(|line| format!("cd-pre: warning: scene.ron:{line}\n"))
     .concat();

@@ -118,7 +118,7 @@ fn mistakes_in_the_text_are_placed() {
         (
             "self_gravity: true",
             "adaptive: 16",
-            "14:55: compute, adaptive: 16; expected ( ) around fields of most, travel, penetration",
+            "14:55: compute, adaptive: 16; expected ( ) around fields of max_multiple, travel, penetration",
         ),
         (
             "self_gravity: true",

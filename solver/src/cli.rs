@@ -6,7 +6,9 @@ use std::path::PathBuf;
 use cd_formats::case::{CaseFolder, no_case, parse_arguments};
 use cd_formats::compute::{Adaptive, ComputeFlags};
 use cd_formats::error::{Fault, Faults};
+use cd_formats::former_names::FormerNameUse;
 use cd_formats::messages::{print_error, print_line, reserve_stdout};
+use cd_formats::settings::former_names_of_setting;
 use clap::{CommandFactory, Parser};
 
 use crate::read::driver::DriverSettings;
@@ -60,6 +62,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     if arguments.step_loop {
         reserve_stdout();
     }
+    former_names_in_flags(&args).iter().for_each(print_warning);
     match solve_case(&arguments) {
         Ok(summary) => {
             let title = if arguments.plan { "plan" } else { "done" };
@@ -85,6 +88,25 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     }
 }
 
+fn print_warning(warning: &String) {
+    print_error(format_args!("{PROGRAM}: warning: {warning}"));
+}
+
+/// Warnings about former names in the values of flags: `--adaptive: most: renamed; write max_multiple`.
+fn former_names_in_flags(args: &[OsString]) -> Vec<String> {
+    let flags = args.iter().enumerate().filter_map(|(k, arg)| {
+        let flag = arg.to_str()?.strip_prefix("--")?;
+        flag.split_once('=').or_else(|| Some((flag, args.get(k + 1)?.to_str()?)))
+    });
+    let warnings = flags.flat_map(|(flag, value)| {
+        let uses = former_names_of_setting(&format!("{}={value}", flag.replace('-', "_")));
+        uses.into_iter().map(move |FormerNameUse { name, .. }| {
+            format!("--{flag}: {}: renamed; write {}", name.former, name.current)
+        })
+    });
+    warnings.collect()
+}
+
 fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     let case = &arguments.dir;
     if let Some(fault) = no_case(case, CaseFolder::Datbox, PROGRAM) {
@@ -97,7 +119,7 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     let flags = arguments.flags.or(&driver.options);
     let (mut scene, mut state) = read::read_case(case, &flags)?;
     if arguments.step_loop && scene.options.adaptive().is_on() {
-        scene.options.adaptive = Some(Adaptive { most: 1, ..scene.options.adaptive() });
+        scene.options.adaptive = Some(Adaptive { max_multiple: 1, ..scene.options.adaptive() });
         scene.notes.push("adaptive: steps are dt in a step loop, whose forces may change in each of them".into());
     }
     if let Some(gravity) = driver.gravity {
@@ -106,8 +128,7 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     scene.notes.splice(0..0, driver.notes);
     let _lock = if arguments.plan { None } else { Some(write::lock_outbox(case)?) };
     scene.notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
-    let warn = |warning: &String| print_error(format_args!("{PROGRAM}: warning: {warning}"));
-    scene.warnings.iter().for_each(warn);
+    scene.warnings.iter().for_each(print_warning);
     let mut resumed = false;
     if arguments.resume {
         let before = read::resume::restore_last(&write::outbox_path(case), &mut scene, &mut state)?;
@@ -119,7 +140,7 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
                 .then(|| write::text::is_written(&write::outbox_path(case), &state))
                 .transpose()?;
             let (warnings, notes) = before.option_changes(&scene, text, &flags.given_names());
-            warnings.iter().for_each(warn);
+            warnings.iter().for_each(print_warning);
             notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
         } else {
             write::check_no_results(case, &scene)?;

@@ -247,7 +247,7 @@ pub fn plan_text(scene: &Scene, state: &State) -> String {
     lines.push(("accuracy", format!("{preset}: {}", options.join(", "))));
     let left = scene.last_step().saturating_sub(state.step);
     let constant = share_of_constant_motion(scene, state.time);
-    let max_multiple = if constant > 0.0 { scene.options.adaptive().most } else { 1 };
+    let max_multiple = if constant > 0.0 { scene.options.adaptive().max_multiple } else { 1 };
     let steps = match (max_multiple, &tried) {
         (1, _) if scene.options.adaptive().is_on() => {
             format!("{} of one dt, because imposed motion changes at all times", count_text(left as usize, "step"))

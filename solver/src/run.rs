@@ -120,7 +120,7 @@ pub fn run_case(
             return Err(exchange_failure(end, &state, last, &progress));
         }
         if let Some(number) =
-            dump.filter(|&number| state.step < number && number - state.step <= scene.options.adaptive().most)
+            dump.filter(|&number| state.step < number && number - state.step <= scene.options.adaptive().max_multiple)
         {
             let (step_multiple, problem) = next_problem(scene, &state);
             if number <= state.step + step_multiple {

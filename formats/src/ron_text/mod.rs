@@ -32,6 +32,17 @@ pub(crate) fn located_faults(path: &Path, text: &str, object: &str, mistakes: Ve
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FlagError(String);
 
+impl FlagError {
+    /// Error of the value `text` with these mistakes.
+    pub(crate) fn new(text: &str, mistakes: &[TextFault]) -> FlagError {
+        let one = |TextFault { at, path, found, expected }: &TextFault| {
+            let of = if path.is_empty() { String::new() } else { format!("{}: ", path_in_words(path)) };
+            format!("column {}: {of}{found}; {expected}", line_and_column(text, *at).1)
+        };
+        FlagError(mistakes.iter().map(one).collect::<Vec<_>>().join("; "))
+    }
+}
+
 impl std::fmt::Display for FlagError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(&self.0)
@@ -42,11 +53,5 @@ impl std::error::Error for FlagError {}
 
 /// Reads the value of a flag; the error is one line without a position in a file.
 pub fn from_flag<T: DeserializeOwned>(text: &str) -> Result<T, FlagError> {
-    parse_ron(text).map_err(|mistakes| {
-        let one = |TextFault { at, path, found, expected }: &TextFault| {
-            let of = if path.is_empty() { String::new() } else { format!("{}: ", path_in_words(path)) };
-            format!("column {}: {of}{found}; {expected}", line_and_column(text, *at).1)
-        };
-        FlagError(mistakes.iter().map(one).collect::<Vec<_>>().join("; "))
-    })
+    parse_ron(text).map_err(|mistakes| FlagError::new(text, &mistakes))
 }

@@ -174,6 +174,32 @@ impl LawName {
     }
 }
 
+/// [`Adaptive`](crate::compute::Adaptive) under the names of format 1.
+mod adaptive_fields {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use crate::compute::Adaptive;
+
+    #[derive(Serialize, Deserialize)]
+    struct AdaptiveFields {
+        most: u64,
+        travel: f64,
+        penetration: f64,
+    }
+
+    pub fn serialize<S: Serializer>(adaptive: &Option<Adaptive>, serializer: S) -> Result<S::Ok, S::Error> {
+        let fields =
+            |Adaptive { max_multiple: most, travel, penetration }| AdaptiveFields { most, travel, penetration };
+        adaptive.map(fields).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Adaptive>, D::Error> {
+        let adaptive =
+            |AdaptiveFields { most, travel, penetration }| Adaptive { max_multiple: most, travel, penetration };
+        Ok(Option::deserialize(deserializer)?.map(adaptive))
+    }
+}
+
 /// Options that determine the result.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct RunParameters {
@@ -182,7 +208,7 @@ pub struct RunParameters {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<crate::compute::Accuracy>,
     /// Only if steps can differ.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", with = "adaptive_fields")]
     pub adaptive: Option<crate::compute::Adaptive>,
     pub tol: f64,
     /// 0 in snapshots of versions without this limit.

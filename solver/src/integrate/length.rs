@@ -41,7 +41,7 @@ pub fn choose_step_multiple(scene: &Scene, state: &State, disturbed: bool) -> u6
     }
     let dt = scene.options.dt;
     let before = (state.h / dt).round().max(1.0);
-    let most = (MAX_STEP_GROWTH as f64 * before).min(adaptive.most as f64);
+    let most = (MAX_STEP_GROWTH as f64 * before).min(adaptive.max_multiple as f64);
     let of_contact = |contact: &SolvedContact| contact_time_limit(scene, state, contact);
     let contacts = state.contacts.par_iter().with_min_len(1024).map(of_contact).reduce(|| f64::INFINITY, f64::min);
     let turn = adaptive.travel / fastest_turn(scene, state);

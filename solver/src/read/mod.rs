@@ -22,6 +22,7 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::origin::SceneOrigin;
 use cd_formats::postpro::Postpro;
 use cd_formats::report::FaultReport;
+use cd_formats::ron_file::former_name_warnings;
 use cd_formats::snapshot::{FallbackState, Ledger, PostproSums, START_FILE};
 use cd_formats::tact_behav::TactBehav;
 use cd_formats::vloc_rloc::VlocRloc;
@@ -127,6 +128,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     scene.notes.extend(lmgc90_defaults_note(&datbox, flags));
     behaviour::doubts(&datbox, &tact, &mut scene, &mut of_events);
     scene.warnings.extend(origin_change_warning(case));
+    scene.warnings.extend(former_option_names(&datbox));
     scene.events = event_schedule(&scene.options.events, scene.end_time());
     let dt = scene.options.dt.min(state.h);
     resume::pass_events(&scene, &mut state, dt);
@@ -220,6 +222,13 @@ fn lmgc90_defaults_note(datbox: &Path, flags: &ComputeFlags) -> Option<String> {
     let defaults: Vec<String> = tol.into_iter().chain(checks).collect();
     (!path_exists(&datbox.join(COMPUTE_FILE)) && !defaults.is_empty())
         .then(|| format!("DATBOX has no {COMPUTE_FILE}: {} as in LMGC90's examples", defaults.join(", ")))
+}
+
+/// Warnings about former names in COMPUTE.RON.
+fn former_option_names(datbox: &Path) -> Vec<String> {
+    let path = datbox.join(COMPUTE_FILE);
+    let text = if path_exists(&path) { read_text(&path).unwrap_or_default() } else { String::new() };
+    former_name_warnings(&path, &text, &[]).0.iter().map(Fault::to_string).collect()
 }
 
 fn read_options(datbox: &Path, flags: &ComputeFlags) -> Result<Compute, Faults> {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use cd_formats::compute::event_schedule;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::ron_file::value_with_current_names;
 use cd_formats::snapshot::{self, LawName, RunParameters, STATUS_NO_CONTACT, STATUS_SLIDE, ShapeArrays, Snapshot};
 use nalgebra::{Quaternion, UnitQuaternion};
 
@@ -28,7 +29,8 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
     }
     let snapshot = Snapshot::read(path).map_err(|faults| unreadable_snapshot_faults(faults, &snapshots))?;
     check_snapshot(path, scene, &snapshot)?;
-    let options = snapshot.meta.options.clone();
+    let current = |(name, value): (&String, &String)| (name.clone(), value_with_current_names(name, value));
+    let options = snapshot.meta.options.iter().map(current).collect();
     state.attraction = restored_attraction(scene, &snapshot);
     let parameters = snapshot.meta.parameters.clone();
     let kept = snapshot.shapes.as_ref().map_or(Vec::new(), |shapes| restored_pairs(scene, shapes, BodyId));
@@ -56,7 +58,7 @@ pub fn restore_last(outbox: &Path, scene: &mut Scene, state: &mut State) -> Resu
 /// Parameters and options of a run's last step.
 pub struct PreviousRun {
     pub parameters: RunParameters,
-    /// Options as from [`cd_formats::compute::Compute::result_options`].
+    /// Options as from [`cd_formats::compute::Compute::result_options`], under the names of today.
     pub options: BTreeMap<String, String>,
 }
 

@@ -191,7 +191,7 @@ fn a_plan_says_in_what_share_of_the_time_steps_may_be_longer() {
         let wall = case.plate([2.0, 2.0, 0.5], [0.0, 0.0, -9.0], axes);
         case.drive_along(wall, 0, table(points));
         (case.options.dt, case.options.steps) = (0.01, Some(400));
-        case.options.adaptive = Some(Adaptive { most: 16, ..Adaptive::default() });
+        case.options.adaptive = Some(Adaptive { max_multiple: 16, ..Adaptive::default() });
         case.write();
         let plan = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).arg("--plan").output().unwrap();
         let text = String::from_utf8(plan.stdout).unwrap();

@@ -7,7 +7,7 @@ use cd_formats::snapshot::Snapshot;
 use crate::case::{Case, Figures, equal, near, shaken_lattice};
 use crate::same_bits::{files, same};
 
-const UP_TO_16: Adaptive = Adaptive { most: 16, travel: 0.3, penetration: 1e-2 };
+const UP_TO_16: Adaptive = Adaptive { max_multiple: 16, travel: 0.3, penetration: 1e-2 };
 
 /// A cloud that falls together under its own attraction, with spins: at rest at first.
 fn cloud(adaptive: Adaptive) -> Case {
@@ -47,7 +47,7 @@ fn free_fall_is_exact_in_few_steps() {
 fn an_orbit_in_long_steps_keeps_its_energy() {
     let mut case = Case::new();
     (case.options.self_gravity, case.options.gravity_constant) = (true, 1.0);
-    (case.options.dt, case.options.adaptive) = (1e-3, Some(Adaptive { most: 1000, ..UP_TO_16 }));
+    (case.options.dt, case.options.adaptive) = (1e-3, Some(Adaptive { max_multiple: 1000, ..UP_TO_16 }));
     for side in [-1.0, 1.0] {
         let ball = case.sphere_of(1.0, 0.5, [side, 0.0, 0.0]);
         case.launch(ball, [0.0, side * (0.25 * std::f64::consts::PI / 6.0).sqrt(), 0.0], [0.0; 3]);
@@ -123,7 +123,7 @@ fn threads_and_restarts_change_nothing() {
 #[test]
 fn a_cube_turns_by_no_more_than_its_share_in_a_step() {
     let mut case = Case::new();
-    let adaptive = Adaptive { most: 1000, ..UP_TO_16 };
+    let adaptive = Adaptive { max_multiple: 1000, ..UP_TO_16 };
     (case.options.dt, case.options.adaptive) = (1.0 / 1024.0, Some(adaptive));
     let cube = case.block([0.5; 3], [0.0; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
     case.launch(cube, [0.0; 3], [0.0, 0.0, 8.0]);
@@ -160,7 +160,7 @@ fn a_draft_is_a_draft_but_for_what_is_set_alone() {
     assert_eq!(case.solve(&["--accuracy", "draft", "--gravity-refresh", "3", "--steps", "4"]), 0);
     let parameters = case.last().meta.parameters;
     assert_eq!((parameters.tol, parameters.max_sweeps, parameters.gravity_refresh), (0.02, 77, Some(3)));
-    assert_eq!(parameters.adaptive.map(|adaptive| adaptive.most), Some(16));
+    assert_eq!(parameters.adaptive.map(|adaptive| adaptive.max_multiple), Some(16));
 }
 
 #[test]

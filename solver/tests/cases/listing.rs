@@ -70,7 +70,7 @@ fn common_motion_and_acceleration_list_no_pair() {
             let mut falling = scene(blocks, at_rest);
             falling.gravity = [0.3 * gravity, 0.0, -gravity];
             expect_few(blocks, &mut falling, 4, 3.0);
-            falling.options.adaptive = Some(Adaptive { most: 16, ..Adaptive::default() });
+            falling.options.adaptive = Some(Adaptive { max_multiple: 16, ..Adaptive::default() });
             expect_few(blocks, &mut falling, 20, 3.0);
         }
     }

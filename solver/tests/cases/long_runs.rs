@@ -110,7 +110,7 @@ fn rows(case: &Case, columns: &[&str]) -> Vec<Vec<f64>> {
 fn a_thinned_log_loses_no_sum_and_no_maximum() {
     const NAMES: [&str; 8] =
         ["step", "time", "sweeps", "converged", "flight_error", "residual", "penetration_largest", "kinetic_energy"];
-    for adaptive in [None, Some(Adaptive { most: 4, ..Adaptive::default() })] {
+    for adaptive in [None, Some(Adaptive { max_multiple: 4, ..Adaptive::default() })] {
         let (mut all, mut thinned) = (heap(), heap());
         for case in [&mut all, &mut thinned] {
             (case.options.output_every, case.options.adaptive) = (100, adaptive);

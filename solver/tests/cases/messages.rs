@@ -194,7 +194,7 @@ fn steps_are_long_while_a_table_is_constant() {
     let points = [(0.0, 0.0), (100.0, 0.0), (110.0, 1.0), (120.0, 0.0), (130.0, 0.0)].map(|(t, v)| [t * dt, v]);
     case.drive_along(plate, 2, Evolution::Table { name: "gate.dat".into(), points: points.to_vec() });
     case.options.dt = dt;
-    case.options.adaptive = Some(Adaptive { most: 16, ..Adaptive::default() });
+    case.options.adaptive = Some(Adaptive { max_multiple: 16, ..Adaptive::default() });
     case.run(400);
     let (steps, lengths) = (case.column("step"), case.column("h"));
     let ends = |k: usize| (steps[k], (lengths[k] / dt).round());
@@ -206,6 +206,25 @@ fn steps_are_long_while_a_table_is_constant() {
     assert!(all.iter().any(|&(step, units)| step > 120.0 && units == 16.0), "{all:?}");
     let (_, out, _) = of(&case, &["--force", "--steps", "1"]);
     assert!(out.contains("cd-solve: adaptive: steps are dt while an imposed velocity or force changes\n"), "{out}");
+}
+
+#[test]
+fn former_names_of_options_are_read_with_a_warning() {
+    let mut case = falling();
+    case.options.adaptive = Some(Adaptive { max_multiple: 16, ..Adaptive::default() });
+    case.write();
+    let path = case.path().join("DATBOX/COMPUTE.RON");
+    let former = fs::read_to_string(&path).unwrap().replace("max_multiple", "most");
+    fs::write(&path, former).unwrap();
+    let (code, _, text) = of(&case, &["--steps", "40", "--adaptive", "(most: 4)"]);
+    assert_eq!(code, 0, "{text}");
+    let [flag, file] = text.lines().collect::<Vec<_>>()[..] else { panic!("{text}") };
+    assert_eq!(flag, "cd-solve: warning: --adaptive: most: renamed; write max_multiple");
+    assert!(file.starts_with("cd-solve: warning: CASE/DATBOX/COMPUTE.RON:"), "{text}");
+    assert!(file.ends_with(": most: renamed; write max_multiple"), "{text}");
+    assert_eq!(case.last().meta.parameters.adaptive.map(|adaptive| adaptive.max_multiple), Some(4));
+    let (code, _, text) = of(&case, &["--resume", "--steps", "41", "--adaptive=(max_multiple: 4)"]);
+    assert!(code == 0 && text.lines().count() == 1, "{text}");
 }
 
 #[test]

@@ -329,8 +329,8 @@ fn values_of_flags() {
         (&["--theta", "1.01"], "theta: 1.01; expected 0.5 to 1"),
         (&["--tol", "0"], "tol: 0; expected more than 0 and less than 1"),
         (
-            &["--adaptive", "(most: 0)"],
-            "adaptive: (most:0,travel:0.1,penetration:0.001); expected most from 1 to 1000000, travel and penetration > 0",
+            &["--adaptive", "(max_multiple: 0)"],
+            "adaptive: (max_multiple:0,travel:0.1,penetration:0.001); expected max_multiple from 1 to 1000000, travel and penetration > 0",
         ),
         (&["--max-sweeps", "0"], "max_sweeps: 0; expected at least 1"),
         (&["--alert", "-1"], "alert: -1.0; expected a finite distance >= 0 m"),

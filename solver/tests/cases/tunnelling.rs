@@ -348,7 +348,8 @@ fn nothing_passes_when_a_body_is_thrown_within_long_steps() {
     for (((kind, parameters, _), by_event), travel) in cases.flat_map(|case| [1.0, 30.0].map(|travel| (case, travel))) {
         let mut case = Case::new();
         case.law_of_all(kind, parameters);
-        (case.options.dt, case.options.adaptive) = (0.01, Some(Adaptive { most: 16, travel: 1e9, penetration: 1e-2 }));
+        (case.options.dt, case.options.adaptive) =
+            (0.01, Some(Adaptive { max_multiple: 16, travel: 1e9, penetration: 1e-2 }));
         let way = travel * R;
         let wall = case.plate([8.0, 8.0, R], [0.0; 3], [X, Y, Z]);
         let ball = case.sphere(R, [0.0, 0.0, 2.1 * R]);
