@@ -389,7 +389,7 @@ impl Compute {
     /// Text of the file: all options.
     pub fn to_text(&self) -> String {
         let pretty = ron::ser::PrettyConfig::new().new_line("\n").depth_limit(2);
-        let mut text = String::from("// Options of cd-solve; a flag of the same name wins.\n");
+        let mut text = String::from("// Options of cd-solve; a flag of the same name takes precedence.\n");
         text += &ron::ser::to_string_pretty(self, pretty).unwrap_or_default();
         text.push('\n');
         text
