@@ -15,12 +15,13 @@ type Vec3 = Vector3<f64>;
 
 /// Largest number of pieces of a polyhedron.
 pub const MAX_CONVEX_PIECES: usize = 32;
-/// Largest number of triangles of a polyhedron that is split: each of its cuts takes time proportional to the square, about
-/// a second at this number.
-const MAX_SPLIT_TRIANGLES: usize = 500;
-/// Largest number of planes that are tried for a cut, those with the most faces in front of them: the time of a cut is
-/// proportional to it.
+/// Largest number of comparisons of a face with a plane while a polyhedron is split, about a third of a second. A cut of
+/// n faces in p planes takes n p of them for each plane that is tried, and n p to choose these planes.
+const MAX_SPLIT_COMPARISONS: u64 = 40_000_000;
+/// Largest number of planes that are tried for a cut; at least two are tried.
 const MAX_TRIED_PLANES: usize = 24;
+/// Number of comparisons beyond which fewer planes are tried for a cut: those of 500 faces in as many planes.
+const MAX_CUT_COMPARISONS: usize = MAX_TRIED_PLANES * 500 * 500;
 /// Depth of dents over the size of a surface up to which they are attributed to the digits of its coordinates, and not split.
 const MIN_REFLEX_DEPTH: f64 = 1e-4;
 /// Largest difference of the volume of all pieces from that of the whole, over the latter: flatness of files, per face.
@@ -46,25 +47,27 @@ pub struct ConvexPiece {
 /// assert_eq!(pieces.len(), 2);
 /// ```
 pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, String> {
-    let count = surface.triangles().len();
-    if count > MAX_SPLIT_TRIANGLES {
-        return Err(format!("it has {count} triangles, and at most {MAX_SPLIT_TRIANGLES} are split"));
-    }
     let centre = Vec3::from(surface.mass_properties().centre);
     let vertices: Vec<Vec3> = surface.vertices().iter().map(|&v| Vec3::from(v) - centre).collect();
     let size = vertices.iter().map(|v| v.norm()).fold(0.0, f64::max);
-    let splitter =
-        SolidSplitter { vertices: &vertices, triangles: surface.triangles(), tolerance: FLATNESS_OF_FILES * size };
-    let faces: Vec<Polygon> =
+    let splitter = SolidSplitter {
+        vertices: &vertices,
+        triangles: surface.triangles(),
+        tolerance: FLATNESS_OF_FILES * size,
+        comparisons: std::cell::Cell::new(0),
+    };
+    let mut faces: Vec<Polygon> =
         surface.triangles().iter().map(|t| Polygon::new(t.map(|v| vertices[v as usize]).into())).collect();
-    let deepest = faces.iter().flat_map(|face| faces.iter().map(|other| other.height_over(face))).fold(0.0, f64::max);
+    let firsts = splitter.join_planes(&mut faces)?;
+    splitter.count_comparisons(firsts.len() * faces.len())?;
+    let depth = |face: &Polygon| faces.iter().map(|other| other.height_over(face)).fold(0.0, f64::max);
+    let deepest = firsts.iter().map(|&first| depth(&faces[first])).fold(0.0, f64::max);
     if deepest <= MIN_REFLEX_DEPTH * size {
         return Err("its dents are no deeper than its digits".into());
     }
     let mut cells = UncutCells::default();
     splitter.split_cell(Cell::cube(2.0 * size), faces, &mut cells)?;
-    let pieces: Vec<ConvexPiece> =
-        cells.inside.iter().filter_map(|cell| splitter.convex_piece(cell, &centre)).collect();
+    let pieces: Vec<ConvexPiece> = cells.inside.iter().filter_map(|cell| splitter.convex_piece(cell, &centre)).collect();
     let sum: f64 =
         pieces.iter().map(|piece| Surface::new(&piece.vertices, &piece.triangles).map_or(0.0, |s| s.volume())).sum();
     let volume = surface.volume();
@@ -92,7 +95,6 @@ struct HalfSpace {
 }
 
 impl HalfSpace {
-    /// Signed distance of a point from the plane, m, positive outside.
     fn height(&self, point: &Vec3) -> f64 {
         self.normal.dot(point) - self.offset
     }
@@ -103,6 +105,8 @@ impl HalfSpace {
 struct Polygon {
     corners: Vec<Vec3>,
     plane: HalfSpace,
+    /// Number of the plane, which faces of the whole that are coplanar share.
+    plane_number: usize,
     /// Twice its area, m².
     doubled_area: f64,
 }
@@ -111,7 +115,8 @@ impl Polygon {
     fn new(corners: Vec<Vec3>) -> Polygon {
         let area = doubled_area(&corners);
         let normal = area / area.norm();
-        Polygon { plane: HalfSpace { normal, offset: normal.dot(&corners[0]) }, doubled_area: area.norm(), corners }
+        let plane = HalfSpace { normal, offset: normal.dot(&corners[0]) };
+        Polygon { plane, plane_number: 0, doubled_area: area.norm(), corners }
     }
 
     /// Largest height of its corners over the plane of another, m.
@@ -140,7 +145,7 @@ impl Polygon {
                 }
             }
             let area = doubled_area(&kept).norm();
-            (area > 0.0).then_some(Polygon { corners: kept, plane: self.plane, doubled_area: area })
+            (area > 0.0).then_some(Polygon { corners: kept, doubled_area: area, ..*self })
         })
     }
 }
@@ -246,12 +251,45 @@ struct SolidSplitter<'a> {
     triangles: &'a [[u32; 3]],
     /// Distance from a plane that counts as none, m.
     tolerance: f64,
+    /// Comparisons of a face with a plane so far.
+    comparisons: std::cell::Cell<u64>,
 }
 
 impl SolidSplitter<'_> {
+    /// Numbers the planes of the faces; coplanar faces get the plane of the first of them. Returns the first faces.
+    fn join_planes(&self, faces: &mut [Polygon]) -> Result<Vec<usize>, String> {
+        let mut firsts: Vec<usize> = Vec::new();
+        for k in 0..faces.len() {
+            self.count_comparisons(firsts.len())?;
+            let shares = |&first: &usize| self.is_in_plane(&faces[k], &faces[first]);
+            let known = firsts.iter().position(shares);
+            let number = known.unwrap_or_else(|| {
+                firsts.push(k);
+                firsts.len() - 1
+            });
+            (faces[k].plane, faces[k].plane_number) = (faces[firsts[number]].plane, number);
+        }
+        Ok(firsts)
+    }
+
+    /// Whether a face lies in the plane of another and faces the same side.
+    fn is_in_plane(&self, face: &Polygon, other: &Polygon) -> bool {
+        other.plane.normal.dot(&face.plane.normal) > 0.5
+            && face.corners.iter().all(|corner| other.plane.height(corner).abs() <= self.tolerance)
+    }
+
+    /// Counts comparisons; errors beyond the largest number.
+    fn count_comparisons(&self, count: usize) -> Result<(), String> {
+        self.comparisons.set(self.comparisons.get() + count as u64);
+        if self.comparisons.get() <= MAX_SPLIT_COMPARISONS {
+            return Ok(());
+        }
+        Err(format!("its {} triangles have too many dents", self.triangles.len()))
+    }
+
     /// Adds the convex parts of the solid in a cell. `faces`: parts of its surface inside of the cell.
     fn split_cell(&self, cell: Cell, faces: Vec<Polygon>, cells: &mut UncutCells) -> Result<(), String> {
-        let Some(cut) = self.best_cut(&faces) else {
+        let Some(cut) = self.best_cut(&faces)? else {
             if faces.is_empty() && !self.contains(&cell.middle()) {
                 cells.outside += 1;
             } else {
@@ -285,40 +323,52 @@ impl SolidSplitter<'_> {
         [behind, front]
     }
 
-    /// Number of pairs of a face and one in front of it.
-    fn reflex_pairs(&self, faces: &[Polygon]) -> usize {
-        faces.iter().map(|face| self.count_in_front(faces, face)).sum()
+    /// Faces of each plane: the first of them, their number, and the number of faces in front of them.
+    fn planes_with_front<'f>(&self, faces: &'f [Polygon]) -> Result<Vec<(&'f Polygon, usize, usize)>, String> {
+        let mut planes: BTreeMap<usize, (&Polygon, usize)> = BTreeMap::new();
+        for face in faces {
+            planes.entry(face.plane_number).or_insert((face, 0)).1 += 1;
+        }
+        let in_front = |(first, count): (&'f Polygon, usize)| {
+            self.count_comparisons(faces.len())?;
+            let is_in_front = |other: &&Polygon| other.height_over(first) > self.tolerance;
+            Ok((first, count, faces.iter().filter(is_in_front).count()))
+        };
+        planes.into_values().map(in_front).collect()
     }
 
-    /// Number of faces in front of a face.
-    fn count_in_front(&self, faces: &[Polygon], face: &Polygon) -> usize {
-        faces.iter().filter(|other| other.height_over(face) > self.tolerance).count()
+    /// Number of pairs of a face and one in front of it.
+    fn reflex_pairs(&self, faces: &[Polygon]) -> Result<usize, String> {
+        Ok(self.planes_with_front(faces)?.into_iter().map(|(_, count, front)| count * front).sum())
     }
 
     /// Plane of a face with others in front of it that leaves the fewest such pairs, then the fewest faces; `None` if
     /// there is none.
-    fn best_cut(&self, faces: &[Polygon]) -> Option<HalfSpace> {
+    fn best_cut(&self, faces: &[Polygon]) -> Result<Option<HalfSpace>, String> {
         let mut tried: Vec<(usize, &Polygon)> = Vec::new();
-        for face in faces {
+        let planes = self.planes_with_front(faces)?;
+        let most = MAX_CUT_COMPARISONS / (planes.len() * faces.len()).max(1);
+        for (face, _, front) in planes {
             let is_known = |(_, known): &(usize, &Polygon)| {
                 known.plane.normal.dot(&face.plane.normal).abs() > 0.5
                     && face.corners.iter().all(|corner| known.plane.height(corner).abs() <= self.tolerance)
             };
-            let pairs = self.count_in_front(faces, face);
-            if pairs > 0 && !tried.iter().any(is_known) {
-                tried.push((pairs, face));
+            if front > 0 && !tried.iter().any(is_known) {
+                tried.push((front, face));
             }
         }
         tried.sort_by_key(|(pairs, _)| std::cmp::Reverse(*pairs));
-        tried.truncate(MAX_TRIED_PLANES);
-        let cost = |plane: &HalfSpace| {
-            let halves = self.split_faces(faces, plane);
-            (
-                halves.iter().map(|half| self.reflex_pairs(half)).sum::<usize>(),
-                halves.iter().map(Vec::len).sum::<usize>(),
-            )
-        };
-        tried.into_iter().map(|(_, face)| face.plane).min_by_key(cost)
+        tried.truncate(most.clamp(2, MAX_TRIED_PLANES));
+        let mut best: Option<((usize, usize), HalfSpace)> = None;
+        for (_, face) in tried {
+            let halves = self.split_faces(faces, &face.plane);
+            let [behind, front] = [self.reflex_pairs(&halves[0])?, self.reflex_pairs(&halves[1])?];
+            let cost = (behind + front, halves.iter().map(Vec::len).sum());
+            if best.is_none_or(|(least, _)| cost < least) {
+                best = Some((cost, face.plane));
+            }
+        }
+        Ok(best.map(|(_, plane)| plane))
     }
 
     /// Whether a point is inside of the whole: the surface is seen from it under a solid angle of 4 pi, otherwise 0.
