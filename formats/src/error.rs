@@ -169,12 +169,15 @@ const MAX_ALIKE_FAULTS: usize = 5;
 /// Largest number of lines listed for a repeated fault.
 const MAX_LISTED_LINES: usize = 3;
 
-/// Sentence with each number replaced by `#`.
+/// Sentence with each number, with its sign, replaced by `#`.
 fn without_numbers(text: &str) -> String {
     let mut plain = String::new();
     let mut number = false;
     for letter in text.chars() {
         let digit = letter.is_ascii_digit() || number && (letter == '.' || letter == 'e' || letter == 'E');
+        if digit && !number && (plain.ends_with(" -") || plain.ends_with("(-")) {
+            plain.pop();
+        }
         if digit && !number {
             plain.push('#');
         } else if !digit {

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::error::Faults;
+use crate::error::{Fault, Faults};
 use crate::law_table::{FileLimit, LawEntry, LawError, LawModel, law_entry};
 use crate::ron_text::known_names;
 use crate::scan::{AsciiText, LenientForm, LineScanner, TextLine, format_e14, format_long14, fortran_real, put_text};
@@ -46,6 +46,14 @@ pub struct VisibilityRow {
     pub alert: f64,
 }
 
+impl VisibilityRow {
+    /// Both contactors with their colours, for messages: `SPHER BLUEx and PLANx FLOOR`.
+    pub fn pair_name(&self) -> String {
+        let [a, b] = [&self.candidate, &self.antagonist];
+        format!("{} {} and {} {}", a.contactor, a.colour, b.contactor, b.colour)
+    }
+}
+
 /// One side of a row; the names are five characters, trimmed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VisibilitySide {
@@ -83,14 +91,16 @@ impl TactBehav {
         Self::parse(path, &AsciiText::read_file(path)?)
     }
 
-    /// Reads the text of a file; `path` is for messages.
+    /// Reads the text of a file; `path` is for messages. A row with a law that is not defined is a fault.
     pub fn parse(path: &Path, text: &AsciiText) -> Result<Self, Faults> {
-        Ok(Self::parse_with_notices(path, text)?.0)
+        let (tact, _) = Self::parse_with_notices(path, text)?;
+        tact.check_laws(path, |_| true).into_result(tact)
     }
 
     /// Reads the text of a file like [`TactBehav::parse`]; also returns notices about deviations from its form.
     ///
-    /// Laws of unknown kind are kept without parameters; rows for 2D and deformable bodies are left out.
+    /// Laws of unknown kind are kept without parameters; rows for 2D and deformable bodies are left out. Whether the laws of
+    /// rows are defined is not checked, see [`TactBehav::check_laws`].
     pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
         let scan = &mut LineScanner::new(path, text);
         let mut laws: Vec<LawRecord> = Vec::new();
@@ -129,8 +139,28 @@ impl TactBehav {
             let expected = format!("expected a $behav for each law; a file without laws says so by a line '{NO_LAWS}'");
             scan.add_file_fault("no contact laws", expected);
         }
-        let visibility = check_rows(scan, &laws, rows);
+        let visibility = check_rows(scan, rows);
         scan.finish_with_notices(TactBehav { laws, visibility })
+    }
+
+    /// Faults of rows with a law that is not defined, where `is_needed`.
+    pub fn check_laws(&self, path: &Path, is_needed: impl Fn(&VisibilityRow) -> bool) -> Faults {
+        let defined: Vec<_> = self.laws.iter().map(|law| law.nickname.as_str()).collect();
+        let mut faults = Faults::default();
+        for row in self.rows_without_law().filter(|row| is_needed(row)) {
+            let expected = match defined.as_slice() {
+                [] => "expected a law before it: none is defined".to_string(),
+                names => known_names(&row.law, names),
+            };
+            let found = format!("law '{}' is not defined", row.law);
+            faults.push(Fault::new(path, Some(row.line), row.pair_name(), found, expected));
+        }
+        faults
+    }
+
+    /// Rows with a law that is not defined.
+    pub fn rows_without_law(&self) -> impl Iterator<Item = &VisibilityRow> {
+        self.visibility.iter().filter(|row| !row.law.is_empty() && self.laws.iter().all(|law| law.nickname != row.law))
     }
 
     /// Text of the file, numbers with eight digits.
@@ -284,8 +314,8 @@ fn read_row(scan: &mut LineScanner) -> Option<VisibilityRow> {
     Some(VisibilityRow { line: line.number, candidate, law, antagonist, alert })
 }
 
-/// Rows that name an existing law and do not contradict an earlier row, without repetitions.
-fn check_rows(scan: &mut LineScanner, laws: &[LawRecord], rows: Vec<Option<VisibilityRow>>) -> Vec<VisibilityRow> {
+/// Rows that do not contradict an earlier row, without repetitions.
+fn check_rows(scan: &mut LineScanner, rows: Vec<Option<VisibilityRow>>) -> Vec<VisibilityRow> {
     let mut kept: Vec<(usize, VisibilityRow)> = Vec::new();
     for (number, row) in (1..).zip(rows) {
         let Some(row) = row else { continue };
@@ -295,14 +325,6 @@ fn check_rows(scan: &mut LineScanner, laws: &[LawRecord], rows: Vec<Option<Visib
                 let expected = known_names(contactor, &CONTACTOR_TYPES);
                 scan.add_fault(row.line, format!("a contactor of type '{contactor}'"), expected);
             }
-        }
-        if !row.law.is_empty() && laws.iter().all(|law| law.nickname != row.law) {
-            let defined: Vec<_> = laws.iter().map(|law| law.nickname.as_str()).collect();
-            let expected = match defined.as_slice() {
-                [] => "expected a law before it: none is defined".to_string(),
-                names => known_names(&row.law, names),
-            };
-            scan.add_fault(row.line, format!("law '{}' is not defined", row.law), expected);
         }
         let sides = |row: &VisibilityRow| [row.candidate.clone(), row.antagonist.clone()];
         let [a, b] = sides(&row);

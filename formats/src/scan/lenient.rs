@@ -6,21 +6,26 @@ use crate::words::is_data_word;
 /// Least number of `$` of an end of record.
 const END_OF_RECORD: usize = 5;
 
-/// Whether a line may belong to a record whose head is damaged: it has a keyword, a word of data lines, a labelled value
-/// or a real with an exponent.
-fn may_be_data(line: TextLine) -> bool {
+/// Whether a line has a keyword or a word of data lines: it may belong to a record whose head is damaged.
+fn names_data(line: TextLine) -> bool {
     let text = line.text().trim();
-    let is_real = |word: &str| word.contains('.') && word.contains(['E', 'e', 'D', 'd']) && free_real(word).is_ok();
     let is_end = text.len() >= END_OF_RECORD && text.chars().all(|letter| letter == '$');
-    (text.starts_with('$') && !is_end)
-        || text.contains('=')
-        || text.split_ascii_whitespace().any(|word| is_data_word(word) || is_real(word))
+    (text.starts_with('$') && !is_end) || text.split_ascii_whitespace().any(is_data_word)
+}
+
+/// Whether a line has a labelled value or a real with an exponent, as lines of records have.
+fn has_value(line: TextLine) -> bool {
+    let is_real = |word: &str| word.contains('.') && word.contains(['E', 'e', 'D', 'd']) && free_real(word).is_ok();
+    line.text().contains('=') || line.text().split_ascii_whitespace().any(is_real)
 }
 
 impl<'a> LineScanner<'a> {
     /// Skips lines up to the next with this keyword, which LMGC90 searches for, or to the end of the file. A line that may
-    /// be part of a damaged record stays, for the caller to report.
+    /// be part of a damaged record stays, for the caller to report. Behind the end of a record these are only lines with a
+    /// keyword or a word of data lines: values alone belong to no record, whose lines are all before its end.
     pub fn skip_to_keyword(&mut self, keyword: &str) {
+        let follows_record = self.last_line().is_some_and(|line| line.keyword() == "$$$$$");
+        let may_be_data = |line: TextLine| names_data(line) || (has_value(line) && !follows_record);
         while let Some(line) = self.next_line_if(|line| line.keyword() != keyword && !may_be_data(line)) {
             self.forms.add(LenientForm::OutsideLine, line.number);
         }
@@ -146,6 +151,20 @@ mod tests {
         };
         for text in ["$$$$$$\n", "  two bodies, version 1.2\n$bdyty\n", " ! RBDY3\n", "-----\n", ""] {
             assert!(skipped(text), "{text}");
+        }
+        // Behind a record only what names data stays.
+        let behind = |text: &str| {
+            let text = AsciiText::new(format!("$$$$$$\n{text}").as_bytes());
+            let mut scan = LineScanner::new(Path::new("f"), &text);
+            scan.next_line();
+            scan.skip_to_keyword("bdyty");
+            scan.peek_line().is_none_or(|line| line.keyword() == "bdyty")
+        };
+        for text in [" xxx 1.0E+00\n", "   coo1= 1\n$$$$$$\n$bdyty\n", "t_end = 3\n"] {
+            assert!(behind(text), "{text}");
+        }
+        for text in ["$bdytx\n", " RBDY3      1\n", " vlocy      1  0.0000000e+00\n"] {
+            assert!(!behind(text), "{text}");
         }
         for text in [" $bdyty\n", "$bdytx\n", " RBDY3      1\n", " xxx 1.0E+00\n", "   coo1= 1\n", "a SPHER\n"] {
             assert!(!skipped(text), "{text}");

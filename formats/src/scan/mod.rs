@@ -225,6 +225,11 @@ impl<'a> LineScanner<'a> {
         self.lines.get(self.next).copied()
     }
 
+    /// Returns the line that was consumed last.
+    fn last_line(&self) -> Option<TextLine<'a>> {
+        self.lines[..self.next].last().copied()
+    }
+
     /// Consumes and returns the next line.
     pub fn next_line(&mut self) -> Option<TextLine<'a>> {
         let line = self.peek_line();

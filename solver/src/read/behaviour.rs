@@ -123,6 +123,8 @@ pub fn set_laws_and_visibility(
         (0..tact.laws.len()).filter(|&k| !is_checked[k] && tact.laws[k].model().is_err()).map(|k| &tact.laws[k]),
     );
     scene.notes.extend(idle_laws_note(&idle));
+    faults.0.extend(tact.check_laws(&file, |row| contactors.can_meet(row)).0);
+    scene.notes.extend(rows_without_law_note(tact, contactors));
     check_points(&file, tact, contactors, scene, faults);
     let position = |wanted: fn(&ContactLaw) -> bool| scene.laws.iter().position(wanted);
     if let (Some(roll), Some(spring)) = (position(|law| law.rolling.is_some()), position(ContactLaw::is_regularised)) {
@@ -157,25 +159,17 @@ pub fn set_laws_and_visibility(
         let see = InteractionRule { law, alert: scene.options.alert.unwrap_or(row.alert) };
         if let Some(known) = table[a * classes + b].filter(|known| *known != see) {
             let found = format!("law '{}', alert {}", row.law, row.alert);
-            let object = format!(
-                "{} {} and {} {}",
-                row.candidate.contactor, row.candidate.colour, row.antagonist.contactor, row.antagonist.colour
-            );
             let expected = format!(
                 "expected law '{}' and alert {}, as in the earlier row of this pair (SPHEb counts as SPHER)",
                 scene.law_names[known.law as usize].nickname, known.alert
             );
-            faults.push(Fault::new(&file, Some(row.line), object, found, expected));
+            faults.push(Fault::new(&file, Some(row.line), row.pair_name(), found, expected));
         }
         if let Some(expected) = uncomputed_pair([a, b].map(|class| CONTACTOR_NAMES[class / colours][0]))
             && let Some([moved, other]) = moving_bodies_of(scene, [a, b])
         {
             let found = format!("body {}, which is not all driven, and body {}", moved.number(), other.number());
-            let object = format!(
-                "{} {} and {} {}",
-                row.candidate.contactor, row.candidate.colour, row.antagonist.contactor, row.antagonist.colour
-            );
-            faults.push(Fault::new(&file, Some(row.line), object, found, expected));
+            faults.push(Fault::new(&file, Some(row.line), row.pair_name(), found, expected));
         }
         table[a * classes + b] = Some(see);
         table[b * classes + a] = Some(see);
@@ -219,6 +213,20 @@ fn idle_laws_note(idle: &[&LawRecord]) -> Option<String> {
         law.line,
         count_text(idle.len(), "law"),
         names.join(", ")
+    ))
+}
+
+/// Note about rows of laws that are not defined, for contactors of which no two can meet.
+fn rows_without_law_note(tact: &TactBehav, contactors: &ContactorTable) -> Option<String> {
+    let rows: Vec<_> =
+        tact.rows_without_law().filter(|row| contactors.has_both(row) && !contactors.can_meet(row)).collect();
+    let first = rows.first()?;
+    let (have, need) = if rows.len() == 1 { ("has", "it") } else { ("have", "them") };
+    Some(format!(
+        "TACT_BEHAV.DAT:{}: {} {have} a law that is not defined: {} (first); no contact needs {need}",
+        first.line,
+        count_text(rows.len(), "see row"),
+        first.law
     ))
 }
 

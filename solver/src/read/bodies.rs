@@ -47,7 +47,7 @@ pub fn scene_without_laws(
             placeholder_body()
         });
         bodies.push(made.body);
-        shapes.add(record, &made.parts);
+        shapes.add(index, record, &made.parts);
         parts.extend(made.parts.into_iter().map(|part| BodyPart { body: BodyId::new(index), ..part }));
         part_starts.push(PartId::new(parts.len()));
         frames.push((made.shift, made.axes));
@@ -176,27 +176,31 @@ fn placeholder_body() -> PreparedBody {
 struct ShapeCounts {
     /// PT3Dx, of which no contact is computed.
     points: usize,
-    /// POLYR that are not convex, and their pieces.
+    /// POLYR that are not convex, their pieces, and the first body that has one.
     split: usize,
     pieces: usize,
+    first_split: usize,
 }
 
 impl ShapeCounts {
-    fn add(&mut self, record: &Body, parts: &[BodyPart]) {
+    fn add(&mut self, index: usize, record: &Body, parts: &[BodyPart]) {
         let is_point = |contactor: &&Contactor| matches!(contactor.shape, FileShape::Point { .. });
         self.points += record.contactors.iter().filter(is_point).count();
         for pieces in parts.chunk_by(|a, b| a.contactor == b.contactor).filter(|pieces| pieces.len() > 1) {
             self.split += 1;
+            self.first_split = if self.split == 1 { index + 1 } else { self.first_split };
             self.pieces += pieces.len();
         }
     }
 
     fn notes(&self) -> Vec<String> {
-        let Self { points, split, pieces } = *self;
+        let Self { points, split, pieces, first_split } = *self;
         let carry = if points == 1 { "carries" } else { "carry" };
         let are = if split == 1 { "is" } else { "are" };
         let of_points = format!("BODIES.DAT: {points} PT3Dx {carry} nothing: contacts of points are not computed");
-        let of_split = format!("BODIES.DAT: {split} POLYR {are} not convex and split into {pieces} convex pieces");
+        let of_split = format!(
+            "BODIES.DAT: {split} POLYR {are} not convex and split into {pieces} convex pieces (first: body {first_split})"
+        );
         [(points, of_points), (split, of_split)]
             .into_iter()
             .filter(|(count, _)| *count > 0)

@@ -8,6 +8,7 @@ use cd_formats::bodies::Bodies;
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::drv_dof::{DrvDof, Evolution, table_text};
 use cd_formats::error::{Fault, Faults};
+use cd_formats::scan::AsciiText;
 use cd_formats::tact_behav::TactBehav;
 
 const DRIVEN_COPY: &str = "DRV_DOF.OUT";
@@ -23,10 +24,13 @@ pub fn write_input_copies(datbox: &Path, outbox: &Path) -> Result<(), Faults> {
         .centred()
         .map_err(|found| Fault::new(&file, None, "bodies", found.to_string(), "expected closed surfaces"))?;
     let driven = DrvDof::read(&datbox.join("DRV_DOF.DAT"))?;
+    // With rows of laws that are not defined, which the run has reported.
+    let tact = datbox.join("TACT_BEHAV.DAT");
+    let (tact, _) = TactBehav::parse_with_notices(&tact, &AsciiText::read_file(&tact)?)?;
     let texts = [
         bodies.to_long_text(),
         BulkBehav::read(&datbox.join("BULK_BEHAV.DAT"))?.to_long_text(),
-        TactBehav::read(&datbox.join("TACT_BEHAV.DAT"))?.to_long_text(),
+        tact.to_long_text(),
         driven.to_long_text(),
     ];
     let mut files: Vec<(PathBuf, String)> = tables(&driven).map(|(name, text)| (outbox.join(name), text)).collect();

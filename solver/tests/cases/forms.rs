@@ -102,6 +102,34 @@ fn forms_that_lmgc90_reads_give_its_force() {
     }
 }
 
+/// LMGC90 ignores values behind the end of a record, and laws of rows that no contact needs.
+#[test]
+fn what_no_record_and_no_contact_has_is_skipped() {
+    let case = folder("base");
+    let vertex = "                             coo1= 9.3000000E-02  coo2=-1.4000000E-01  coo3= 8.2000000E-02\n";
+    edit(&case, "BODIES.DAT", |text| text.replacen("$$$$$$\n", &format!("$$$$$$\n{vertex}{vertex}$$$$$$\n"), 1));
+    let row = "$seety\n cdbdy  cdtac  cdcol  behav  anbdy  antac  ancol       alert\n \
+               RBDY3  PLANx  FLOOR  nolaw  RBDY3  PLANx  FLOOR       1.0000000E-02\n";
+    edit(&case, "TACT_BEHAV.DAT", |text| format!("{text}{row}"));
+    let lines = fs::read_to_string(file(&case, "TACT_BEHAV.DAT")).unwrap().lines().count();
+    let end = fs::read_to_string(file(&case, "BODIES.DAT")).unwrap();
+    let end = end.lines().position(|line| line == "$$$$$$").unwrap() + 2;
+    let skipped = format!("BODIES.DAT:{end}: 3 lines outside of the records are skipped");
+    let undefined =
+        format!("TACT_BEHAV.DAT:{lines}: 1 see row has a law that is not defined: nolaw (first); no contact needs it");
+    weighs(runs(&case, &[&skipped, &undefined]), SPHERE_WEIGHT, 1);
+    // With a body that moves the row is needed.
+    edit(&case, "TACT_BEHAV.DAT", |text| text.replace("iqsc0  RBDY3", "iqsc9  RBDY3"));
+    let sides = fs::read_to_string(file(&case, "TACT_BEHAV.DAT")).unwrap();
+    let line = sides.lines().position(|line| line.contains("iqsc9")).unwrap() + 1;
+    let (code, text) = messages(case.path());
+    let fault = format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: ");
+    assert!(
+        code == 2 && text.contains(&fault) && text.contains(": law 'iqsc9' is not defined; did you mean iqsc0?"),
+        "{text}"
+    );
+}
+
 #[test]
 fn files_may_be_absent() {
     let case = folder("base");
@@ -131,7 +159,7 @@ fn patches_and_pieces_carry_the_weight_of_the_whole() {
     let patches = "BODIES.DAT:19: 1 POLYF is read as POLYR, with the patches joined at their common vertices";
     weighs(runs(&folder("patches"), &[patches]), 78.48, 4);
     // An L of two legs of 0.2 and 0.1, each 0.1 wide and high: 3 kg; its pieces have four corners each.
-    let split = "BODIES.DAT: 1 POLYR is not convex and split into 2 convex pieces";
+    let split = "BODIES.DAT: 1 POLYR is not convex and split into 2 convex pieces (first: body 2)";
     let case = folder("not-convex");
     weighs(runs(&case, &[split]), 29.43, 8);
     // All contacts are those of contactor 1 of the file.
