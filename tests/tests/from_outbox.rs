@@ -671,8 +671,8 @@ fn changes_win_over_the_flags_of_the_run() {
 
 #[test]
 fn options_that_accuracy_decides_stay_open() {
-    let from =
-        Case::of(&spheres("[(0.0, 0.0, 0.0)]", "accuracy: draft, adaptive: (max_multiple: 1)")).solved(&["--accuracy", "fine"]);
+    let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "accuracy: draft, adaptive: (max_multiple: 1)"))
+        .solved(&["--accuracy", "fine"]);
     let (message, options) = options_after(&from, &[]);
     let file = Compute::read(&from.datbox("COMPUTE.RON")).unwrap();
     assert_eq!(options, Compute { accuracy: Some(cd_formats::compute::Accuracy::Fine), steps: None, ..file });
@@ -682,7 +682,8 @@ fn options_that_accuracy_decides_stay_open() {
 #[test]
 fn of_steps_of_several_lengths_the_shortest_is_not_known() {
     // Two steps of 0.25 s, then one of two of these.
-    let from = Case::of(&spheres("[(0.0, 0.0, 0.0)]", "adaptive: (max_multiple: 4), end_time: 5.0")).solved(&["--steps", "8"]);
+    let from =
+        Case::of(&spheres("[(0.0, 0.0, 0.0)]", "adaptive: (max_multiple: 4), end_time: 5.0")).solved(&["--steps", "8"]);
     let h = from.last_snapshot().meta.h;
     assert!(h > 0.25, "{h}");
     let (message, options) = options_after(&from, &[]);

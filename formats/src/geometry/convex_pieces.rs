@@ -67,7 +67,8 @@ pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, String> 
     }
     let mut cells = UncutCells::default();
     splitter.split_cell(Cell::cube(2.0 * size), faces, &mut cells)?;
-    let pieces: Vec<ConvexPiece> = cells.inside.iter().filter_map(|cell| splitter.convex_piece(cell, &centre)).collect();
+    let pieces: Vec<ConvexPiece> =
+        cells.inside.iter().filter_map(|cell| splitter.convex_piece(cell, &centre)).collect();
     let sum: f64 =
         pieces.iter().map(|piece| Surface::new(&piece.vertices, &piece.triangles).map_or(0.0, |s| s.volume())).sum();
     let volume = surface.volume();

@@ -149,6 +149,94 @@ fn scripts_of_both_forms_mean_the_same() {
     assert_eq!(maxm.tol, Some(1.666e-4));
 }
 
+/// Forms in which LMGC90's users write the same run; each has a time step of 1e-3 s, theta 0.5, 20 steps, the norm `Quad `
+/// with 1e-4, 10 blocks of 50 sweeps and output every 10 steps.
+#[test]
+fn forms_of_scripts_mean_the_same() {
+    let setup = "c.SetDimension(3); c.TimeEvolution_SetTimeStep(1e-3); c.Integrator_InitTheta(0.5); c.ReadDatbox()\n";
+    let step = "c.IncrementStep(); c.ExSolver('SDL', 'Quad ', 1e-4, 1., 50, 10); c.WriteOut(10)";
+    let looped = |import: &str, before: &str, head: &str, after: &str| {
+        format!("{import}\n{setup}{before}\n{head}\n    {step}\n    {after}\n")
+    };
+    let c = "from pylmgc90 import chipy as c";
+    let plain = looped(c, "", "for k in range(20):", "pass");
+    let expected = format!("{:?}", options(&plain, &ComputeFlags::default()).unwrap());
+    let computation = |import: &str, name: &str| {
+        format!(
+            "{import}\n{name}.initialize(3, 1e-3, 0.5, logmes=True)\nfor k in range(20):\n  \
+             {name}.one_step('SDL', 'Quad ', 1e-4, 1.0, 50, 10, 10, 0)\n{name}.finalize()\n"
+        )
+    };
+    let without = |import: &str| plain.replace(c, import).replace("c.", "");
+    let scripts = [
+        // Counters and times of loops.
+        looped(c, "k = 0", "while k < 20:", "k += 1"),
+        looped(c, "k = 20", "while 0 < k:", "k = k - 1"),
+        looped(c, "dt = 1e-3; t = 0.", "while t < 0.02 - dt/2:", "t += dt"),
+        looped(c, "k, n = 1, 20", "while k <= n:", "k += 1; x = 0"),
+        looped(c, "from tqdm import tqdm", "for k in tqdm(range(20), desc='steps'):", "pass"),
+        looped(c, "", "for k, t in enumerate(np.linspace(0., 0.02, 20)):", "pass"),
+        looped(c, "", "for t in np.arange(0., 0.02, 1e-3):", "pass"),
+        looped(c, "p = dict(n=20 if True else 5)\np['m'] = 3", "for k in range(p['n']):", "pass"),
+        looped(c, "a = {'n': [5, 20]}", "for k in range(a['n'][-1]):", "pass"),
+        looped(c, "", "for k in range(20):", "if k % 5: continue\n    c.WriteDisplayFiles(1)"),
+        looped(c, "", "for k in range(20):", "pass") + "import sys\nsys.exit(0)\nc.TimeEvolution_SetTimeStep(7.)\n",
+        // Names of the module and its commands.
+        plain.replace(c, "import pylmgc90.chipy as c"),
+        plain.replace(c, "import pylmgc90").replace("c.", "pylmgc90.chipy."),
+        plain.replace(c, "import pylmgc90.chipy").replace("c.", "pylmgc90.chipy."),
+        plain.replace(c, "import pylmgc90\nc = pylmgc90.chipy"),
+        plain.replace(c, "from pylmgc90.chipy import lmgc90 as c"),
+        without("from pylmgc90.chipy import *"),
+        without(
+            "from pylmgc90.chipy import (SetDimension, ReadDatbox, IncrementStep, ExSolver, WriteOut,\n  Integrator_InitTheta, TimeEvolution_SetTimeStep)",
+        ),
+        plain.replace(c, &format!("{c}\nadvance = c.IncrementStep")).replace("    c.IncrementStep()", "    advance()"),
+        plain
+            .replace("c.ExSolver('SDL', 'Quad ', 1e-4, 1., 50, 10)", "c.ExSolver(*args)")
+            .replace(c, &format!("{c}\nargs = ('SDL', 'Quad', 1e-4, 1., 50, 10)")),
+        // The module that makes several calls.
+        computation("from pylmgc90.chipy import computation", "computation"),
+        computation("import pylmgc90.chipy.computation as run", "run"),
+        computation("from pylmgc90 import chipy", "chipy.computation"),
+        computation("from pylmgc90.chipy.computation import *", "x").replace("x.", ""),
+        computation(c, "c.computation")
+            .replace("'SDL', 'Quad ', 1e-4, 1.0, 50, 10, 10, 0", "f_write=10, f_display=1, **p")
+            .replace(
+                c,
+                &format!(
+                    "{c}\np = {{'stype': 'SDL', 'norm': 'Quad ', 'tol': 1e-4, 'relax': 1., 'gs_it1': 50, 'gs_it2': 10}}"
+                ),
+            ),
+    ];
+    for script in scripts {
+        let read = options(&script, &ComputeFlags::default()).map(|options| format!("{options:?}"));
+        assert_eq!(read.as_deref(), Ok(expected.as_str()), "{script}");
+    }
+}
+
+/// Loops of unknown length, and steps that a condition may skip, need an option.
+#[test]
+fn steps_that_are_not_counted_are_rejected() {
+    let head = "from pylmgc90 import chipy as c\nc.TimeEvolution_SetTimeStep(1e-3)\n";
+    let loops = [
+        ("k = 0\nwhile k < 20:\n  c.IncrementStep()\n", "its length is not known"),
+        ("k = 0\nwhile k < n:\n  c.IncrementStep()\n  k += 1\n", "its length is not known"),
+        ("k = 0\nwhile k < 20:\n  c.IncrementStep()\n  if f(): k += 1\n", "its length is not known"),
+        ("k = 0\nwhile k < 20:\n  c.IncrementStep()\n  k += 1\n  k *= 2\n", "its length is not known"),
+        ("k = 0.5\nwhile k != 20:\n  c.IncrementStep()\n  k += 1\n", "its length is not known"),
+        ("for k in range(20):\n  if f(k): continue\n  c.IncrementStep()\n", "depends on the condition in line 4"),
+        ("def s():\n  if f(): return\n  c.IncrementStep()\ns()\n", "depends on the condition in line 4"),
+    ];
+    for (text, why) in loops {
+        let found = rejected(&format!("{head}{text}"));
+        assert!(
+            found.contains(why) && found.contains("expected the option --steps N or --end-time S"),
+            "{text}{found}"
+        );
+    }
+}
+
 #[test]
 fn periods_and_gravity_are_taken() {
     let more = "chipy.SetPeriodicCondition(yperiod=25., xperiod=5*5)\nchipy.bulk_behav_SetGravity([0., 0., -1.62])\n";

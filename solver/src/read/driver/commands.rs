@@ -39,6 +39,8 @@ pub enum DriverSetting {
     Gravity,
     Dimension,
     Record,
+    Start,
+    WholeStep,
 }
 
 use CommandMeaning::{Implied, Rejected, Replaced, Sets};
@@ -83,6 +85,17 @@ pub const COMMANDS: &[ChipyCommand] = &[
         Sets(DriverSetting::Record),
         "record 0, the files of DATBOX, is expected",
     ),
+    row(
+        &["computation.initialize"],
+        Sets(DriverSetting::Start),
+        "`dt` and `theta`; 3 dimensions and no restart are expected",
+    ),
+    row(
+        &["computation.one_step"],
+        Sets(DriverSetting::WholeStep),
+        "as `IncrementStep`, `ExSolver` and `WriteOut` with the same arguments",
+    ),
+    row(&["computation.*_non_linear"], Rejected, "expected `computation.one_step`: bodies are rigid"),
     row(
         &["io_hdf5_read"],
         Rejected,
@@ -207,7 +220,12 @@ pub const COMMANDS: &[ChipyCommand] = &[
             "Open*",
             "Close*",
             "*_Close*",
-            "postpro_3D_*",
+            "postpro_*",
+            "post3D_*",
+            "display_3D_*",
+            "Init*ToVTK",
+            "startCollection",
+            "stopCollection",
             "addRegistersToDisplay",
         ],
         Implied,
@@ -218,8 +236,20 @@ pub const COMMANDS: &[ChipyCommand] = &[
         Implied,
         "reads values only",
     ),
+    row(&["DDM_*"], Replaced, "threads share the work, without an effect on results"),
     row(
-        &["Initialize", "Finalize", "*_Initialize", "*_Finalize", "check*", "utilities_*", "timer_*", "*CleanMemory"],
+        &[
+            "Initialize",
+            "Finalize",
+            "*_Initialize",
+            "*_Finalize",
+            "computation.finalize",
+            "check*",
+            "utilities_*",
+            "logMes",
+            "timer_*",
+            "*CleanMemory",
+        ],
         Implied,
         "no meaning here",
     ),

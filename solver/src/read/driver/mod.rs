@@ -58,6 +58,7 @@ pub fn read_driver(path: &Path, given: &ComputeFlags) -> Result<DriverSettings, 
         taken: BTreeMap::new(),
         without_counterpart: BTreeMap::new(),
     };
+    reader.report_unread_files(&walk.imports);
     walk.calls.iter().for_each(|call| reader.read_call(call));
     reader.read_pictures();
     reader.read_steps(&walk.calls);
@@ -82,6 +83,16 @@ struct DriverReader<'a> {
 }
 
 impl<'a> DriverReader<'a> {
+    /// Reports imported modules that are files next to the script.
+    fn report_unread_files(&mut self, imports: &[(usize, String)]) {
+        for (line, module) in imports {
+            let file = format!("{}.py", module.replace('.', "/"));
+            if cd_formats::atomic::path_exists(&self.path.with_file_name(&file)) {
+                self.remark(*line, format!("{file} is not read: what it defines is not known here"));
+            }
+        }
+    }
+
     fn read_call(&mut self, call: &'a ScriptCall) {
         let Some(command) = find_command(&call.name) else {
             self.lines.push((call.line, format!("{}: is no known command, and is ignored", call.name)));
@@ -111,17 +122,23 @@ impl<'a> DriverReader<'a> {
                 self.take(call, "theta", value, |options, x| options.theta = Some(x));
             }
             DriverSetting::Steps => {} // by the loop
-            DriverSetting::Solver => {
-                self.read_tolerance(call, [1, 2, 3]);
-                let block = self.read_output_number(call, 4, &["gsit1", "nb_iter_check"], "check_every");
-                self.take(call, "check_every", block, |options, n| options.check_every = Some(n));
-                let blocks = self.read_output_number(call, 5, &["gsit2", "nb_block_iter"], "max_sweeps");
-                let most = block.zip(blocks).map(|(sweeps, checks)| sweeps.saturating_mul(checks));
-                self.take(call, "max_sweeps", most, |options, n| options.max_sweeps = Some(n));
+            DriverSetting::Solver => self.read_solver(call),
+            DriverSetting::WholeStep => {
+                self.read_solver(call);
+                self.read_output(call, 6);
+                self.take(call, "text", Some(true), |options, text| options.text = Some(text));
+            }
+            DriverSetting::Start => {
+                self.check_dimension(call);
+                let dt = self.read_number(call, 1, "dt", "dt");
+                self.take(call, "dt", dt, |options, x| options.dt = Some(x));
+                let theta = self.read_number(call, 2, "theta", "theta");
+                self.take(call, "theta", theta, |options, x| options.theta = Some(x));
+                self.check_record(call, 7, &["restart"]);
             }
             DriverSetting::SolverCheck => self.read_tolerance(call, [0, 1, 2]),
             DriverSetting::TextOutput | DriverSetting::Output => {
-                self.read_output(call);
+                self.read_output(call, 0);
                 let text = (setting == DriverSetting::TextOutput).then_some(true);
                 self.take(call, "text", text, |options, text| options.text = Some(text));
             }
@@ -141,43 +158,61 @@ impl<'a> DriverReader<'a> {
                 self.take(call, "yperiode", value, |options, y| options.yperiode = Some(y));
             }
             DriverSetting::Gravity => self.read_gravity(call),
-            DriverSetting::Dimension => {
-                let value = argument(call, 0, &["dim", "idim"]);
-                if let Some(Ok(value)) = value.filter(|value| *value != Ok(ScriptValue::Int(3))) {
-                    let found = format!("{} dimensions", value.number().map_or("other".into(), |x| x.to_string()));
-                    self.reject(call, &found, "expected a script for three");
-                }
-            }
-            DriverSetting::Record => {
-                let value = argument(call, 0, &["record", "num"]);
-                if !matches!(value, None | Some(Ok(ScriptValue::Int(0)))) {
-                    self.reject(
-                        call,
-                        "does not start from DATBOX",
-                        "expected record 0; to start from record k, copy OUTBOX/DOF.OUT.k to DATBOX/DOF.INI and \
-                         OUTBOX/Vloc_Rloc.OUT.k to DATBOX/Vloc_Rloc.INI",
-                    );
-                }
-            }
+            DriverSetting::Dimension => self.check_dimension(call),
+            DriverSetting::Record => self.check_record(call, 0, &["record", "num"]),
         }
     }
 
-    fn read_output(&mut self, call: &ScriptCall) {
-        let value = self.read_output_number(call, 0, &["nsteps", "freq", "Nstep_writeDof", "nstep"], "output_every");
+    /// Rejects other than three dimensions.
+    fn check_dimension(&mut self, call: &ScriptCall) {
+        let value = argument(call, 0, &["dim", "idim"]);
+        if let Some(Ok(value)) = value.filter(|value| *value != Ok(ScriptValue::Int(3))) {
+            let found = format!("{} dimensions", value.number().map_or("other".into(), |x| x.to_string()));
+            self.reject(call, &found, "expected a script for three");
+        }
+    }
+
+    /// Rejects a start from another record than the files of DATBOX, which is record 0.
+    fn check_record(&mut self, call: &ScriptCall, position: usize, keywords: &[&str]) {
+        let value = argument(call, position, keywords);
+        if !matches!(value, None | Some(Ok(ScriptValue::Int(0) | ScriptValue::None))) {
+            self.reject(
+                call,
+                "does not start from DATBOX",
+                "expected record 0; to start from record k, copy OUTBOX/DOF.OUT.k to DATBOX/DOF.INI and \
+                 OUTBOX/Vloc_Rloc.OUT.k to DATBOX/Vloc_Rloc.INI",
+            );
+        }
+    }
+
+    fn read_solver(&mut self, call: &ScriptCall) {
+        self.read_tolerance(call, [1, 2, 3]);
+        let block = self.read_output_number(call, 4, &["gsit1", "nb_iter_check", "gs_it1"], "check_every");
+        self.take(call, "check_every", block, |options, n| options.check_every = Some(n));
+        let blocks = self.read_output_number(call, 5, &["gsit2", "nb_block_iter", "gs_it2"], "max_sweeps");
+        let most = block.zip(blocks).map(|(sweeps, checks)| sweeps.saturating_mul(checks));
+        self.take(call, "max_sweeps", most, |options, n| options.max_sweeps = Some(n));
+    }
+
+    /// Takes the interval of the output from the argument at a position.
+    fn read_output(&mut self, call: &ScriptCall, position: usize) {
+        let keywords = ["nsteps", "freq", "Nstep_writeDof", "nstep", "f_write"];
+        let value = self.read_output_number(call, position, &keywords, "output_every");
         self.take(call, "output_every", value, |options, n| options.output_every = Some(n));
     }
 
     /// Takes the interval of pictures as that of the output, if no call sets it.
     fn read_pictures(&mut self) {
         if let Some(call) = self.pictures.filter(|_| !self.taken.contains_key("output_every")) {
-            self.read_output(call);
+            self.read_output(call, 0);
         }
     }
 
     /// Sets `tol` from norm, tolerance and relaxation, the arguments at these positions.
     fn read_tolerance(&mut self, call: &ScriptCall, [norm, tolerance, relaxation]: [usize; 3]) {
         let norm = match argument(call, norm, &["norm", "checktype", "check_type"]) {
-            Some(Ok(ScriptValue::Text(norm))) => format!("'{norm}'"),
+            // LMGC90 pads texts with blanks.
+            Some(Ok(ScriptValue::Text(norm))) => format!("'{norm:<5}'"),
             Some(Err(why)) => format!("(not known: {why})"),
             _ => "(not given)".into(),
         };
@@ -228,8 +263,9 @@ impl<'a> DriverReader<'a> {
     /// Sets the number of steps from the loops around the calls that begin a step.
     fn read_steps(&mut self, calls: &[ScriptCall]) {
         let of_steps = |call: &&ScriptCall| {
-            find_command(&call.name)
-                .is_some_and(|command| command.meaning == CommandMeaning::Sets(DriverSetting::Steps))
+            let makes_step =
+                |meaning| matches!(meaning, CommandMeaning::Sets(DriverSetting::Steps | DriverSetting::WholeStep));
+            find_command(&call.name).is_some_and(|command| makes_step(command.meaning))
         };
         let steps: Vec<&ScriptCall> = calls.iter().filter(of_steps).collect();
         self.expect_set("dt", "TimeEvolution_SetTimeStep");
@@ -281,7 +317,9 @@ impl<'a> DriverReader<'a> {
     /// Adds a fault if an option has no value.
     fn expect_set(&mut self, option: &'static str, command: &str) {
         let known = self.taken.contains_key(option) || self.given.contains(&option);
-        if !known && self.faults.0.iter().all(|fault| fault.object != command) {
+        if !known
+            && self.faults.0.iter().all(|fault| ![command, "computation.initialize"].contains(&fault.object.as_str()))
+        {
             let expected = format!("expected the option --{option}");
             self.faults.push(Fault::new(self.path, None, option, format!("no call of {command} is found"), expected));
         }

@@ -14,6 +14,8 @@ pub enum ScriptValue {
     Text(String),
     /// List or tuple.
     List(Vec<ScriptValue>),
+    /// Dictionary with texts as keys.
+    Map(BTreeMap<String, ScriptValue>),
     /// `range` of this many integers.
     Range(u64),
 }
@@ -36,6 +38,7 @@ impl ScriptValue {
             ScriptValue::Int(_) | ScriptValue::Real(_) => self.number() != Some(0.0),
             ScriptValue::Text(text) => !text.is_empty(),
             ScriptValue::List(list) => !list.is_empty(),
+            ScriptValue::Map(map) => !map.is_empty(),
             ScriptValue::Range(count) => *count > 0,
         }
     }
@@ -130,15 +133,29 @@ impl ExpressionParser<'_> {
     }
 
     fn tuple(&mut self) -> Evaluation {
-        let first = self.disjunction()?;
+        let first = self.choice()?;
         if !self.peek().is_some_and(|token| token.is(",")) {
             return Ok(first);
         }
         let mut list = vec![first];
         while self.take(",") && self.peek().is_some_and(|token| !token.is(")") && !token.is("]")) {
-            list.push(self.disjunction()?);
+            list.push(self.choice()?);
         }
         Ok(ScriptValue::List(list))
+    }
+
+    /// Value of `a if condition else b`, or of its first part is_single.
+    fn choice(&mut self) -> Evaluation {
+        let first = self.disjunction();
+        if !self.take("if") {
+            return first;
+        }
+        let condition = self.disjunction()?.is_true();
+        if !self.take("else") {
+            return Err("'if'".into());
+        }
+        let other = self.read_nested(Self::choice);
+        if condition { first } else { other }
     }
 
     fn disjunction(&mut self) -> Evaluation {
@@ -252,8 +269,41 @@ impl ExpressionParser<'_> {
                 let is_list = matches!(value, ScriptValue::List(_));
                 Ok(if symbol == "[" && is_single && !is_list { ScriptValue::List(vec![value]) } else { value })
             }
+            ScriptToken::Symbol(symbol) if symbol == "{" => {
+                let mut map = BTreeMap::new();
+                while !self.take("}") {
+                    let ScriptValue::Text(key) = self.read_nested(Self::disjunction)? else {
+                        return Err("a dictionary whose keys are no texts".into());
+                    };
+                    if !self.take(":") {
+                        return Err("a set".into());
+                    }
+                    map.insert(key, self.read_nested(Self::choice)?);
+                    if !self.take(",") && !self.peek().is_some_and(|token| token.is("}")) {
+                        return Err("a dictionary".into());
+                    }
+                }
+                Ok(ScriptValue::Map(map))
+            }
             other => Err(format!("'{}'", other.source())),
         }
+    }
+
+    /// Item of a list or dictionary, for each `[...]` that follows; `name` is for messages.
+    fn items(&mut self, name: &str, mut value: ScriptValue) -> Evaluation {
+        while self.take("[") {
+            let key = self.read_nested(Self::disjunction)?;
+            let item = match (&value, &key) {
+                (ScriptValue::List(list), ScriptValue::Int(k)) => {
+                    let count = list.len() as i64;
+                    usize::try_from(if *k < 0 { k.saturating_add(count) } else { *k }).ok().and_then(|k| list.get(k))
+                }
+                (ScriptValue::Map(map), ScriptValue::Text(key)) => map.get(key),
+                _ => None,
+            };
+            value = item.cloned().filter(|_| self.take("]")).ok_or_else(|| format!("{name}[...]"))?;
+        }
+        Ok(value)
     }
 
     /// Value of a variable, constant or call.
@@ -264,22 +314,39 @@ impl ExpressionParser<'_> {
             let close = after_bracket(self.tokens, end);
             let inside = &self.tokens[end + 1..(close - 1).max(end + 1)];
             self.at = close;
-            let arguments = split_at(inside, ",").into_iter().map(|part| {
+            let mut argument = |part: &[Lexeme]| {
                 self.depth += 1;
                 let mut inner = ExpressionParser { tokens: part, at: 0, variables: self.variables, depth: self.depth };
-                let value = inner.read_nested(ExpressionParser::disjunction);
+                let value = inner.read_nested(ExpressionParser::choice);
                 self.depth -= 1;
                 if inner.at < part.len() { value.and(Err(format!("the call of {name}"))) } else { value }
-            });
-            let arguments = arguments.collect::<Result<Vec<_>, _>>()?;
+            };
+            // Settings of a progress bar, or the first number of `enumerate`.
+            let is_setting = |part: &&[Lexeme]| part.get(1).is_some_and(|lexeme| lexeme.token.is("="));
+            let counts_items = ["tqdm", "trange", "enumerate"].contains(&name.rsplit('.').next().unwrap_or(&name));
+            let parts = split_at(inside, ",").into_iter().filter(|part| !(counts_items && is_setting(part)));
+            if name == "dict" {
+                let pair = |part: &[Lexeme]| match part {
+                    [key, equal, value @ ..] if equal.token.is("=") => {
+                        Ok((key.token.name().to_string(), argument(value)?))
+                    }
+                    _ => Err("the call of dict".to_string()),
+                };
+                return parts.map(pair).collect::<Result<_, _>>().map(ScriptValue::Map);
+            }
+            let arguments = parts.map(&mut argument).collect::<Result<Vec<_>, _>>()?;
             return call_function(&name, &arguments).unwrap_or_else(|| Err(format!("the call of {name}")));
         }
         self.at = end;
-        if self.peek().is_some_and(|token| token.is("[")) {
+        let known = self.variables.get(&name);
+        if self.peek().is_some_and(|token| token.is("[")) && !matches!(known, Some(Ok(_))) {
             return Err(format!("{name}[...]"));
         }
-        match (self.variables.get(&name), name.as_str()) {
-            (Some(Ok(value)), _) => Ok(value.clone()),
+        match (known, name.as_str()) {
+            (Some(Ok(value)), _) => {
+                let value = value.clone();
+                self.items(&name, value)
+            }
             (Some(Err(why)), _) if why.is_empty() => Err(name),
             (Some(Err(why)), _) => Err(format!("{name}, {why}")),
             (None, "True" | "False") => Ok(ScriptValue::Bool(name == "True")),
@@ -341,7 +408,7 @@ fn apply_operator(operator: &str, left: ScriptValue, right: ScriptValue) -> Eval
 /// Result of a function of Python, math or numpy; none if it is not one of those that are known.
 fn call_function(name: &str, arguments: &[ScriptValue]) -> Option<Evaluation> {
     let (module, function) = name.rsplit_once('.').unwrap_or(("", name));
-    if !["", "math", "np", "numpy"].contains(&module) {
+    if !["", "math", "np", "numpy", "tqdm", "tqdm.auto"].contains(&module) {
         return None;
     }
     let x = || arguments.first()?.number();
@@ -359,6 +426,17 @@ fn call_function(name: &str, arguments: &[ScriptValue]) -> Option<Evaluation> {
         ("abs" | "fabs", [ScriptValue::Int(x)]) => x.checked_abs().map(ScriptValue::Int),
         ("abs" | "fabs", [_]) => Some(ScriptValue::Real(x()?.abs())),
         ("sqrt", [_]) => Some(ScriptValue::Real(x()?.sqrt())).filter(|_| x() >= Some(0.0)),
+        ("exp" | "log" | "sin" | "cos" | "tan" | "log10", [_]) => {
+            let apply = match function {
+                "exp" => f64::exp,
+                "log" => f64::ln,
+                "sin" => f64::sin,
+                "cos" => f64::cos,
+                "tan" => f64::tan,
+                _ => f64::log10,
+            };
+            Some(ScriptValue::Real(apply(x()?))).filter(|value| value.number().is_some_and(f64::is_finite))
+        }
         ("array" | "list" | "tuple", [ScriptValue::List(list)]) => Some(ScriptValue::List(list.clone())),
         ("list", [ScriptValue::Range(count)]) => Some(ScriptValue::Range(*count)),
         ("len", [ScriptValue::List(list)]) => i64::try_from(list.len()).ok().map(ScriptValue::Int),
@@ -369,7 +447,16 @@ fn call_function(name: &str, arguments: &[ScriptValue]) -> Option<Evaluation> {
             let order = |a: &(f64, &ScriptValue), b: &(f64, &ScriptValue)| (sign * a.0).total_cmp(&(sign * b.0));
             numbers?.into_iter().zip(arguments).min_by(order).map(|(_, value)| value.clone())
         }
-        ("range" | "xrange" | "arange", _) => range_value(arguments),
+        // Progress bars and the like: as many items as those of their argument.
+        ("tqdm" | "enumerate" | "reversed" | "sorted", [ScriptValue::Range(count), ..]) => {
+            Some(ScriptValue::Range(*count))
+        }
+        ("tqdm" | "enumerate" | "reversed", [ScriptValue::List(list), ..]) => {
+            Some(ScriptValue::Range(list.len() as u64))
+        }
+        ("linspace", [_, _]) => Some(ScriptValue::Range(50)),
+        ("linspace", [_, _, ScriptValue::Int(count)]) => u64::try_from(*count).ok().map(ScriptValue::Range),
+        ("range" | "xrange" | "arange" | "trange", _) => range_value(arguments).or_else(|| real_range(arguments)),
         _ => None,
     };
     value.map(Ok)
@@ -388,6 +475,19 @@ fn range_value(arguments: &[ScriptValue]) -> Option<ScriptValue> {
     let length = if step > 0 { stop - start } else { start - stop };
     let count = (length + step.abs() - 1) / step.abs();
     u64::try_from(count.max(0)).ok().map(ScriptValue::Range)
+}
+
+/// Range with the arguments of numpy's `arange`, of which at least one is no integer.
+fn real_range(arguments: &[ScriptValue]) -> Option<ScriptValue> {
+    let numbers: Vec<f64> = arguments.iter().map(ScriptValue::number).collect::<Option<_>>()?;
+    let (start, stop, step) = match numbers[..] {
+        [stop] => (0.0, stop, 1.0),
+        [start, stop] => (start, stop, 1.0),
+        [start, stop, step] => (start, stop, step),
+        _ => return None,
+    };
+    let count = ((stop - start) / step).ceil();
+    (count.is_finite() && count < 9e15).then_some(ScriptValue::Range(count.max(0.0) as u64))
 }
 
 #[cfg(test)]

@@ -45,10 +45,21 @@ pub struct ScriptCalls {
     pub calls: Vec<ScriptCall>,
     /// Lines with remarks on parts that were not followed.
     pub remarks: Vec<(usize, String)>,
+    /// Lines and names of imported modules that are not LMGC90's.
+    pub imports: Vec<(usize, String)>,
 }
 
 /// Name with which LMGC90 reports its time.
 const TIME_COMMAND: &str = "TimeEvolution_GetTime";
+
+/// Functions of LMGC90's module `chipy.computation`, which make several calls of `chipy`.
+const COMPUTATION: [&str; 5] = ["initialize", "one_step", "finalize", "initialize_non_linear", "one_step_non_linear"];
+
+/// Largest number of iterations of a `while` loop that are counted, far above the steps of any run.
+const MAX_COUNTED_ITERATIONS: u64 = 100_000_000;
+
+/// Functions that end a script.
+const EXITS: [&str; 4] = ["exit", "quit", "sys.exit", "os._exit"];
 
 /// Deepest nesting of calls and blocks that is followed.
 const MAX_DEPTH: usize = 32;
@@ -128,11 +139,20 @@ struct ScriptWalker<'a> {
     functions: BTreeMap<String, &'a ScriptStatement>,
     classes: BTreeSet<String>,
     called: BTreeSet<String>,
-    /// Names by which the module `chipy` is imported.
+    /// Names by which the module `chipy` is known, and those of its module `computation`.
     modules: BTreeSet<String>,
+    computation: BTreeSet<String>,
+    /// Commands that are known by a name without prefix.
+    imported: BTreeMap<String, String>,
     /// Whether all names of `chipy` are imported without prefix.
     all_names: bool,
     condition: Option<usize>,
+    /// Line of a condition under which a `continue` or `return` skips the rest of the loop or function.
+    skipped: Option<usize>,
+    /// Whether the rest of the block is not reached.
+    ended: bool,
+    /// Whether the rest of the script is not reached.
+    exited: bool,
     loops: Vec<ScriptLoop>,
     depth: usize,
     statements: usize,
@@ -158,10 +178,11 @@ impl<'a> ScriptWalker<'a> {
         let mut taken = Some(true);
         for statement in block {
             self.statements += 1;
-            if self.depth > MAX_DEPTH || self.statements >= MAX_STATEMENTS {
+            if self.depth > MAX_DEPTH || self.statements >= MAX_STATEMENTS || self.ended || self.exited {
                 break;
             }
             let line = statement.line();
+            self.condition = self.condition.or(self.skipped);
             match statement.keyword() {
                 "def" => {}
                 "class" => self.report_unread(statement, "class"),
@@ -201,10 +222,40 @@ impl<'a> ScriptWalker<'a> {
                     self.follow(&statement.body);
                 }
                 "import" | "from" => self.import(&statement.tokens),
-                _ => self.assign(&statement.tokens),
+                "continue" | "return" => {
+                    self.find_calls(&statement.tokens[1..]);
+                    match self.condition {
+                        Some(line) => self.skipped = self.skipped.or(Some(line)),
+                        None => self.ended = true,
+                    }
+                }
+                _ => {
+                    self.assign(&statement.tokens);
+                    self.note_exit(statement);
+                }
             }
         }
         self.depth -= 1;
+    }
+
+    /// Ends the script at an exit that is not in a condition; others are for errors.
+    fn note_exit(&mut self, statement: &ScriptStatement) {
+        let (name, end) = dotted_name(&statement.tokens, 0);
+        let called = statement.tokens.get(end).is_some_and(|lexeme| lexeme.token.is("("));
+        if called && ["exec", "execfile", "runpy.run_path"].contains(&name.as_str()) {
+            self.walk.remarks.push((statement.line(), format!("{name}: the code that it runs is not read")));
+        }
+        if called && EXITS.contains(&name.as_str()) && self.condition.is_none() && self.loops.is_empty() {
+            self.walk.remarks.push((statement.line(), format!("{name}: the rest of the script is not read")));
+            self.exited = true;
+        }
+    }
+
+    /// Follows the body of a loop or function, whose `continue` or `return` ends there.
+    fn follow_closed(&mut self, block: &'a [ScriptStatement]) {
+        let (condition, skipped) = (self.condition, self.skipped.take());
+        self.follow(block);
+        (self.condition, self.skipped, self.ended) = (condition, skipped, false);
     }
 
     /// Follows a block whose condition, in `line`, has no known value.
@@ -233,9 +284,11 @@ impl<'a> ScriptWalker<'a> {
                     Err(why) => unknown(why),
                 }
             }
-            ("while", _) => self.time_limit(tokens).unwrap_or_else(|| {
-                unknown(tokens.iter().map(|lexeme| lexeme.token.source()).collect::<Vec<_>>().join(" "))
-            }),
+            ("while", _) => {
+                self.time_limit(tokens).or_else(|| self.counted(tokens, &statement.body)).unwrap_or_else(|| {
+                    unknown(tokens.iter().map(|lexeme| lexeme.token.source()).collect::<Vec<_>>().join(" "))
+                })
+            }
             _ => unknown("an asynchronous loop".into()),
         };
         // The condition of a `break` is not followed from step to step.
@@ -246,7 +299,7 @@ impl<'a> ScriptWalker<'a> {
             self.variables.insert(name, Err(format!("which changes in the loop of line {line}")));
         }
         self.loops.push(ScriptLoop { line, end });
-        self.follow(&statement.body);
+        self.follow_closed(&statement.body);
         self.loops.pop();
     }
 
@@ -264,19 +317,125 @@ impl<'a> ScriptWalker<'a> {
         evaluate(limit, &self.variables).ok()?.number().map(LoopEnd::Time)
     }
 
-    /// Records the names by which `chipy` is imported.
+    /// Number of iterations of a loop whose condition compares a variable with a value, and whose body adds to the variable
+    /// once in each iteration, as in `while k < 20: ...; k += 1`.
+    fn counted(&self, tokens: &[Lexeme], body: &[ScriptStatement]) -> Option<LoopEnd> {
+        const SIGNS: [&str; 5] = ["<", "<=", ">", ">=", "!="];
+        let position = tokens.iter().position(|lexeme| SIGNS.iter().any(|sign| lexeme.token.is(sign)))?;
+        let (left, right) = (&tokens[..position], &tokens[position + 1..]);
+        let mut changed = Vec::new();
+        all_assigned_names(body, &mut changed);
+        let is_fixed = |tokens: &[Lexeme]| {
+            let names = (0..tokens.len()).filter(|&at| !tokens[at].token.name().is_empty());
+            names.map(|at| dotted_name(tokens, at).0).all(|name| !changed.contains(&name))
+        };
+        let number = |tokens: &[Lexeme]| evaluate(tokens, &self.variables).ok()?.number();
+        let counter_first = !is_fixed(left);
+        let (counter, limit) = if counter_first { (left, right) } else { (right, left) };
+        let (name, end) = counter.first().map(|_| dotted_name(counter, 0))?;
+        if counter.len() != end || name.is_empty() || !is_fixed(limit) {
+            return None;
+        }
+        let [once] = changed.iter().filter(|known| **known == name).collect::<Vec<_>>()[..] else { return None };
+        let step = body.iter().find_map(|statement| {
+            let added = added_to(&statement.tokens, once)?;
+            is_fixed(&added.1).then(|| number(&added.1)).flatten().map(|x| added.0 * x)
+        })?;
+        let (mut value, limit) = (number(counter)?, number(limit)?);
+        let sign = tokens[position].token.source();
+        let holds = |value: f64| {
+            let (a, b) = if counter_first { (value, limit) } else { (limit, value) };
+            match sign.as_str() {
+                "<" => a < b,
+                "<=" => a <= b,
+                ">" => a > b,
+                ">=" => a >= b,
+                _ => a != b,
+            }
+        };
+        let mut count = 0;
+        // Added step by step, with the roundings of Python.
+        while holds(value) {
+            (count, value) = (count + 1, value + step);
+            if count > MAX_COUNTED_ITERATIONS || step == 0.0 {
+                return None;
+            }
+        }
+        Some(LoopEnd::Count(count))
+    }
+
+    /// Records the names by which `chipy`, its modules and its commands are imported.
     fn import(&mut self, tokens: &[Lexeme]) {
         let position = tokens.iter().position(|lexeme| lexeme.token.name() == "import").unwrap_or(0);
-        let module = if position == 0 { String::new() } else { dotted_name(tokens, 1.min(tokens.len() - 1)).0 };
-        for part in split_at(&tokens[position + 1..], ",").into_iter().filter(|part| !part.is_empty()) {
+        let from = (position > 1).then(|| dotted_name(tokens, 1).0);
+        let mut names = &tokens[position + 1..];
+        if names.first().is_some_and(|lexeme| lexeme.token.is("(")) {
+            names = &names[1..names.len().max(2) - 1];
+        }
+        for part in split_at(names, ",").into_iter().filter(|part| !part.is_empty()) {
             let (name, end) = dotted_name(part, 0);
+            let name = if part[0].token.is("*") { "*".to_string() } else { name };
             let alias = part.get(end).filter(|lexeme| lexeme.token.name() == "as").and(part.get(end + 1));
             let alias = alias.map_or(name.clone(), |lexeme| lexeme.token.name().to_string());
-            if module.split('.').any(|part| part == "chipy") {
-                self.all_names = true;
-            } else if name.ends_with("chipy") {
-                self.modules.insert(alias);
+            let whole = from.as_ref().map_or(name.clone(), |module| format!("{module}.{name}"));
+            self.bind(&whole, &alias, tokens[0].line);
+            let module = from.as_ref().unwrap_or(&name);
+            if !module.contains("chipy") && !module.contains("pylmgc90") {
+                self.walk.imports.push((tokens[0].line, module.clone()));
             }
+        }
+    }
+
+    /// Gives an object of LMGC90, as `pylmgc90.chipy.SetDimension`, another name.
+    fn bind(&mut self, whole: &str, alias: &str, line: usize) {
+        let parts: Vec<&str> = whole.split('.').filter(|part| !["lmgc90", "macro"].contains(part)).collect();
+        let Some(chipy) = parts.iter().position(|part| *part == "chipy") else {
+            if ["pylmgc90", "pylmgc90.*"].contains(&whole) {
+                let module = if alias == "*" { "chipy".to_string() } else { format!("{alias}.chipy") };
+                self.bind("pylmgc90.chipy", &module, line);
+            }
+            return;
+        };
+        match parts[chipy + 1..] {
+            [] => {
+                self.modules.insert(alias.to_string());
+                self.computation.insert(format!("{alias}.computation"));
+                for part in ["lmgc90", "macro"] {
+                    self.modules.insert(format!("{alias}.{part}"));
+                }
+            }
+            ["*"] => {
+                self.all_names = true;
+                self.computation.insert("computation".to_string());
+            }
+            ["computation"] => drop(self.computation.insert(alias.to_string())),
+            ["computation", "*"] => {
+                let named = |name: &str| (name.to_string(), format!("computation.{name}"));
+                self.imported.extend(COMPUTATION.map(named));
+            }
+            [.., name] => {
+                let module = if parts[chipy + 1] == "computation" { "computation." } else { "" };
+                self.imported.insert(alias.to_string(), format!("{module}{name}"));
+            }
+        }
+    }
+
+    /// Records another name for the module or a command, as in `step = chipy.IncrementStep`.
+    fn bind_assigned(&mut self, target: &[Lexeme], value: &[Lexeme]) {
+        let [name] = target else { return };
+        let name = name.token.name().to_string();
+        self.imported.remove(&name);
+        let Some(first) = value.first().filter(|lexeme| !lexeme.token.name().is_empty()) else { return };
+        let (whole, end) = dotted_name(value, 0);
+        if end != value.len() || name.is_empty() {
+            return;
+        }
+        if self.modules.contains(&whole) {
+            self.bind("pylmgc90.chipy", &name, first.line);
+        } else if self.computation.contains(&whole) {
+            self.computation.insert(name);
+        } else if let Some(command) = self.command(&whole) {
+            self.imported.insert(name, command);
         }
     }
 
@@ -300,6 +459,7 @@ impl<'a> ScriptWalker<'a> {
             let value = evaluate(&sum, &self.variables);
             self.set_variable(&name, value, tokens[0].line);
         } else if let Some((&value, targets)) = parts.split_last().filter(|(_, targets)| !targets.is_empty()) {
+            targets.iter().for_each(|target| self.bind_assigned(target, value));
             let value = evaluate(value, &self.variables);
             for target in targets {
                 // `dt: float = 1e-3`
@@ -317,16 +477,27 @@ impl<'a> ScriptWalker<'a> {
         }
     }
 
-    /// Sets a target of an assignment, `x`, `a.b` or `a[k]`; of the last no value is known.
     fn set_target(&mut self, target: &[Lexeme], value: Evaluation) {
         let Some(first) = target.iter().position(|lexeme| !lexeme.token.name().is_empty()) else { return };
         let (name, end) = dotted_name(target, first);
         let changed_in_part = target.get(end).is_some_and(|lexeme| lexeme.token.is("["));
-        let value = if changed_in_part { Err("which changes in part".into()) } else { value };
+        let value = if changed_in_part { self.with_item(&name, &target[end..], value) } else { value };
         self.set_variable(&name, value, target[first].line);
     }
 
-    /// Sets a variable; its value is not known if it depends on a condition.
+    /// Dictionary `name` with the item in brackets set; an error for other values, which change in part.
+    fn with_item(&self, name: &str, brackets: &[Lexeme], item: Evaluation) -> Evaluation {
+        let key = brackets.get(1..brackets.len().saturating_sub(1)).map(|key| evaluate(key, &self.variables));
+        match (self.variables.get(name), key, item) {
+            (Some(Ok(ScriptValue::Map(map))), Some(Ok(ScriptValue::Text(key))), Ok(item)) => {
+                let mut map = map.clone();
+                map.insert(key, item);
+                Ok(ScriptValue::Map(map))
+            }
+            _ => Err("which changes in part".into()),
+        }
+    }
+
     fn set_variable(&mut self, name: &str, value: Evaluation, line: usize) {
         let value = match (value, self.condition) {
             (_, Some(condition)) => Err(format!("which depends on the condition in line {condition}")),
@@ -337,14 +508,18 @@ impl<'a> ScriptWalker<'a> {
     }
 
     /// Name of the command of LMGC90 that a name in the script means, if it means one.
-    fn command<'n>(&self, name: &'n str) -> Option<&'n str> {
+    fn command(&self, name: &str) -> Option<String> {
+        if let Some(command) = self.imported.get(name) {
+            return Some(command.clone());
+        }
         match name.rsplit_once('.') {
-            Some((module, command)) => self.modules.contains(module).then_some(command),
+            Some((module, command)) if self.computation.contains(module) => Some(format!("computation.{command}")),
+            Some((module, command)) => self.modules.contains(module).then(|| command.to_string()),
             None => (self.all_names
                 && has_command_form(name)
                 && !self.functions.contains_key(name)
                 && !self.classes.contains(name))
-            .then_some(name),
+            .then(|| name.to_string()),
         }
     }
 
@@ -382,17 +557,31 @@ impl<'a> ScriptWalker<'a> {
         let (mut positional, mut keywords) = (Vec::new(), Vec::new());
         for part in split_at(inside, ",") {
             let keyword = part.get(1).is_some_and(|lexeme| lexeme.token.is("="));
+            let unpacked = |symbol: &str| part.first().filter(|lexeme| lexeme.token.is(symbol)).map(|_| &part[1..]);
+            if let Some(map) = unpacked("**") {
+                if let Ok(ScriptValue::Map(map)) = evaluate(map, &self.variables) {
+                    keywords.extend(map.into_iter().map(|(name, value)| (name, Ok(value))));
+                }
+                continue;
+            }
+            if let Some(list) = unpacked("*") {
+                match evaluate(list, &self.variables) {
+                    Ok(ScriptValue::List(list)) => positional.extend(list.into_iter().map(Ok)),
+                    value => positional.push(value.and(Err("an unpacked value".into()))),
+                }
+                continue;
+            }
             match part.first().map(|lexeme| lexeme.token.name()) {
                 Some(name) if keyword => keywords.push((name.to_string(), evaluate(&part[2..], &self.variables))),
                 Some(_) => positional.push(evaluate(part, &self.variables)),
                 None => {}
             }
         }
-        if let Some(&function) = self.functions.get(name) {
+        if let Some(&function) = self.functions.get(name).filter(|_| !self.imported.contains_key(name)) {
             self.follow_function(name, function, positional, keywords);
         } else if let Some(command) = self.command(name) {
-            let (name, condition, loops) = (command.to_string(), self.condition, self.loops.clone());
-            self.walk.calls.push(ScriptCall { name, line, positional, keywords, condition, loops });
+            let (condition, loops) = (self.condition, self.loops.clone());
+            self.walk.calls.push(ScriptCall { name: command, line, positional, keywords, condition, loops });
         }
     }
 
@@ -420,7 +609,7 @@ impl<'a> ScriptWalker<'a> {
             let value = positional.next().or(given).or(default).unwrap_or(Err("an argument".into()));
             self.variables.insert(name.to_string(), value);
         }
-        self.follow(&function.body);
+        self.follow_closed(&function.body);
         let of_function = std::mem::replace(&mut self.variables, outer);
         for statement in function.body.iter().filter(|statement| statement.keyword() == "global") {
             for name in statement.tokens[1..].iter().map(|lexeme| lexeme.token.name()) {
@@ -460,7 +649,7 @@ impl<'a> ScriptWalker<'a> {
                 if starts && !statement.tokens[at].token.name().is_empty() {
                     let (name, end) = dotted_name(&statement.tokens, at);
                     let called = statement.tokens.get(end).is_some_and(|lexeme| lexeme.token.is("("));
-                    names.extend(self.command(&name).filter(|_| called).map(str::to_string));
+                    names.extend(self.command(&name).filter(|_| called));
                 }
             }
             self.commands_in(&statement.body, names);
@@ -479,13 +668,24 @@ fn has_command_form(name: &str) -> bool {
 
 /// Names to which a block assigns values.
 fn assigned_names(block: &[ScriptStatement], names: &mut BTreeSet<String>) {
+    let mut all = Vec::new();
+    all_assigned_names(block, &mut all);
+    names.extend(all);
+}
+
+/// Names to which a block assigns values, one for each assignment.
+fn all_assigned_names(block: &[ScriptStatement], names: &mut Vec<String>) {
     for statement in block {
         let assigns = |lexeme: &Lexeme| {
             matches!(&lexeme.token, ScriptToken::Symbol(symbol) if symbol.ends_with('=')
                 && !["==", "!=", "<=", ">="].contains(&symbol.as_str()))
         };
-        let is_block = BLOCK_KEYWORDS.contains(&statement.keyword());
-        if let Some(end) = statement.tokens.iter().position(assigns).filter(|_| !is_block) {
+        let position = if statement.keyword() == "for" {
+            statement.tokens.iter().position(|lexeme| lexeme.token.name() == "in")
+        } else {
+            statement.tokens.iter().position(assigns).filter(|_| !BLOCK_KEYWORDS.contains(&statement.keyword()))
+        };
+        if let Some(end) = position {
             let mut at = 0;
             while at < end {
                 let (name, after) = dotted_name(&statement.tokens, at);
@@ -493,8 +693,28 @@ fn assigned_names(block: &[ScriptStatement], names: &mut BTreeSet<String>) {
                 at = if statement.tokens[at].token.name().is_empty() { at + 1 } else { after };
             }
         }
-        assigned_names(&statement.body, names);
+        all_assigned_names(&statement.body, names);
     }
+}
+
+/// Sign and expression of what a statement adds to a variable: `k += 1`, `k -= 1`, `k = k + 1`.
+fn added_to(tokens: &[Lexeme], name: &str) -> Option<(f64, Vec<Lexeme>)> {
+    let (target, end) = dotted_name(tokens, 0);
+    let rest = tokens.get(end..).filter(|_| target == name)?;
+    let operator = &rest.first()?.token;
+    let sign = |token: &ScriptToken| if token.is("+") { Some(1.0) } else { token.is("-").then_some(-1.0) };
+    if operator.is("+=") {
+        return Some((1.0, rest[1..].to_vec()));
+    }
+    if operator.is("-=") {
+        return Some((-1.0, rest[1..].to_vec()));
+    }
+    let value = rest.get(1..).filter(|_| operator.is("="))?;
+    let (again, end) = dotted_name(value.get(..1).and(Some(value))?, 0);
+    let added = value.get(end + 1..).filter(|_| again == name)?;
+    // One term only: `k = k - 1 + 2` has another sign.
+    let one_term = added.iter().all(|lexeme| sign(&lexeme.token).is_none());
+    Some((sign(&value[end].token)?, added.to_vec())).filter(|_| one_term)
 }
 
 /// Line of the first `break` that ends the loop with this body.
