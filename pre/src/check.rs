@@ -50,8 +50,13 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
         check_wall(report, &path, wall);
     }
     check_contacts(scene, report);
-    let free = scene.grains.is_empty() || scene.grains.iter().any(|grains| grains.driven.is_none());
-    report.require(free, "grains", "none is free to move", "at least one body of grains whose motion is not imposed");
+    let free = scene.grains.is_empty() || scene.grains.iter().any(|grains| !grains.is_imposed());
+    report.require(
+        free,
+        "grains",
+        "none is free to move",
+        "at least one body of grains whose motion is not all imposed",
+    );
     scene.compute.check_in(report, "compute.");
     check_turning(report, &scene.compute, driven_in_part(&scene.grains, &scene.walls));
     let used = |law: &&Law| scene.contacts.iter().any(|contact| contact.law.as_ref() == Some(&law.name));
@@ -69,15 +74,19 @@ pub(crate) fn check_moments(report: &mut FaultReport, solver: ContactSolver, law
     }
 }
 
-/// Paths of the motions of grains and walls that are imposed along some axes only.
+/// Paths of the motions of grains and walls that are imposed in some components only.
 pub(crate) fn driven_in_part<'a>(
     grains: &'a [Grains],
     walls: &'a [SceneWall],
 ) -> impl Iterator<Item = String> + use<'a> {
-    let some = |driven: &[Option<TimeFunction>; 3]| driven.iter().any(Option::is_none);
-    let of_grains = (0..).zip(grains).filter(move |(_, grains)| grains.driven.as_ref().is_some_and(some));
+    let in_part = |grains: &Grains| !grains.is_imposed() && (grains.driven.is_some() || grains.driven_spin.is_some());
+    let of_grains = (0..).zip(grains).filter(move |(_, grains)| in_part(grains));
     let of_walls = (0..).zip(walls).filter(move |(_, wall)| wall.is_pushed());
-    of_grains.map(|(k, _)| format!("grains.{k}.driven")).chain(of_walls.map(|(k, _)| format!("walls.{k}.force")))
+    let name = |grains: &Grains| if grains.driven.is_some() { "driven" } else { "driven_spin" };
+    let load = |wall: &SceneWall| if wall.has_force() { "force" } else { "moment" };
+    of_grains
+        .map(move |(k, grains)| format!("grains.{k}.{}", name(grains)))
+        .chain(of_walls.map(move |(k, wall)| format!("walls.{k}.{}", load(wall))))
 }
 
 /// Rejects bodies with partly imposed motion, given by their paths, in rotating axes.
@@ -203,6 +212,12 @@ pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains
             "the grains have a velocity, spin or thermal_velocity as well",
             "their motion imposed or initial, not both",
         );
+    }
+    if let Some(spin) = &grains.driven_spin {
+        let path = format!("{path}.driven_spin");
+        check_evolutions(report, &path, spin.iter().map(Option::as_ref), "rad/s");
+        let at_rest = grains.driven.is_some() || grains.spin == [0.0; 3];
+        report.require(at_rest, &path, "the grains have a spin as well", "their rotation imposed or initial, not both");
     }
 }
 
@@ -512,7 +527,7 @@ fn check_direction(report: &mut FaultReport, path: &str, name: &str, vector: &[f
 
 pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall) {
     match wall {
-        SceneWall::Cylinder { centre, axis, half_height, radius, velocity, force, spin, .. } => {
+        SceneWall::Cylinder { centre, axis, half_height, radius, velocity, force, spin, moment, .. } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_direction(report, path, "axis", axis);
             for (name, length) in [("half_height", half_height), ("radius", radius)] {
@@ -525,8 +540,12 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             }
             check_velocity_or_force(report, path, velocity, force);
             check_evolutions(report, &format!("{path}.spin"), [spin], "rad/s");
+            check_evolutions(report, &format!("{path}.moment"), [moment.as_ref()], "N m");
+            let found = format!("{spin:?}, and a moment about the axis");
+            let one = moment.is_none() || *spin == TimeFunction::default();
+            report.require(one, &format!("{path}.spin"), found, "one of the two");
         }
-        SceneWall::Plate { centre, normal, first_axis, half_lengths, velocity, force, spin, .. } => {
+        SceneWall::Plate { centre, normal, first_axis, half_lengths, velocity, force, spin, moment, .. } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_direction(report, path, "normal", normal);
             if let Some(first) = first_axis {
@@ -540,6 +559,12 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             each(report, &format!("{path}.half_lengths"), half_lengths, is_positive, "a length > 0 m");
             check_velocity_or_force(report, path, velocity, force);
             check_evolutions(report, &format!("{path}.spin"), spin, "rad/s");
+            check_evolutions(report, &format!("{path}.moment"), moment.iter().map(Option::as_ref), "N m");
+            for (k, spin) in spin.iter().enumerate().filter(|(k, _)| moment[*k].is_some()) {
+                let found = format!("{spin:?}, and a moment about the same axis");
+                let still = *spin == TimeFunction::default();
+                report.require(still, &format!("{path}.spin.{k}"), found, "one of the two");
+            }
         }
         SceneWall::Box { centre, lengths, orientation, half_thickness, velocity, .. } => {
             check_vector(report, &format!("{path}.centre"), centre, "m");
@@ -663,10 +688,9 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
     }
     // Bodies with fully imposed motion do not collide with each other.
     let imposed = |colour: &str| {
-        let all = |driven: &[Option<TimeFunction>; 3]| driven.iter().all(Option::is_some);
         let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
         let mut walls = scene.walls.iter().filter(|wall| wall.colour() == colour);
-        worn.all(|grains| grains.driven.as_ref().is_some_and(all)) && !walls.any(SceneWall::is_pushed)
+        worn.all(Grains::is_imposed) && !walls.any(SceneWall::is_pushed)
     };
     // A single body does not collide with itself, even if it has several pieces.
     let alone = |colour: &str| {
@@ -708,11 +732,21 @@ impl SceneWall {
     }
 
     /// Whether a force acts on the wall along some axis.
-    pub fn is_pushed(&self) -> bool {
+    pub fn has_force(&self) -> bool {
         match self {
             SceneWall::Plate { force, .. } | SceneWall::Cylinder { force, .. } => force.iter().any(Option::is_some),
             SceneWall::Box { .. } => false,
         }
+    }
+
+    /// Whether a force or moment acts on the wall, so that not all of its motion is imposed.
+    pub fn is_pushed(&self) -> bool {
+        let turns = match self {
+            SceneWall::Plate { moment, .. } => moment.iter().any(Option::is_some),
+            SceneWall::Cylinder { moment, .. } => moment.is_some(),
+            SceneWall::Box { .. } => false,
+        };
+        turns || self.has_force()
     }
 
     /// Name of its contactor in the files.

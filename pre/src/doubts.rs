@@ -30,23 +30,30 @@ pub fn report_doubts(
         }
     }
     for (k, grains) in grains.iter().enumerate() {
-        for (axis, value) in grains.driven.iter().flatten().enumerate() {
-            value.iter().for_each(|value| check_function(report, &format!("grains.{k}.driven.{axis}"), value));
+        for (name, functions) in [("driven", &grains.driven), ("driven_spin", &grains.driven_spin)] {
+            for (axis, value) in functions.iter().flatten().enumerate() {
+                value.iter().for_each(|value| check_function(report, &format!("grains.{k}.{name}.{axis}"), value));
+            }
         }
     }
     for (k, wall) in walls.iter().enumerate() {
-        let (velocity, force, angular): (&[TimeFunction], &[Option<TimeFunction>], &[TimeFunction]) = match wall {
-            SceneWall::Plate { velocity, force, spin, .. } => (velocity, &**force, spin),
-            SceneWall::Cylinder { velocity, force, spin, .. } => (velocity, &**force, std::slice::from_ref(spin)),
-            SceneWall::Box { velocity, .. } => (velocity, &[], &[]),
+        type Functions<'a> = (&'a [TimeFunction], &'a [Option<TimeFunction>]);
+        let ((velocity, force), (angular, moment)): (Functions, Functions) = match wall {
+            SceneWall::Plate { velocity, force, spin, moment, .. } => ((velocity, &**force), (spin, &**moment)),
+            SceneWall::Cylinder { velocity, force, spin, moment, .. } => {
+                ((velocity, &**force), (std::slice::from_ref(spin), std::slice::from_ref(moment)))
+            }
+            SceneWall::Box { velocity, .. } => ((velocity, &[]), (&[], &[])),
         };
         let mut check = |name: &str, axis: usize, value: &TimeFunction| {
             check_function(report, &format!("walls.{k}.{name}.{axis}"), value);
         };
         velocity.iter().enumerate().for_each(|(axis, value)| check("velocity", axis, value));
         angular.iter().enumerate().for_each(|(axis, value)| check("spin", axis, value));
-        let forces = force.iter().enumerate().filter_map(|(axis, value)| Some((axis, value.as_ref()?)));
-        forces.for_each(|(axis, value)| check("force", axis, value));
+        for (name, loads) in [("force", force), ("moment", moment)] {
+            let given = loads.iter().enumerate().filter_map(|(axis, value)| Some((axis, value.as_ref()?)));
+            given.for_each(|(axis, value)| check(name, axis, value));
+        }
     }
 }
 

@@ -153,15 +153,24 @@ fn grains_in_motion(scene: &Scene, group: usize, grains: &Grains, placed: Placed
     let rigid = motion::rigid_velocities(&velocity, &spin, &placed.positions, &masses);
     let mut random = RandomStream::new(scene.seed, group, StreamPurpose::Velocity);
     let thermal = motion::thermal_velocities(grains.thermal_velocity, &masses, &mut random);
-    let grain = |(k, drawn): (usize, SampledGrain)| Grain {
-        group,
-        radius: drawn.radius,
-        reach: drawn.reach,
-        polyhedron: drawn.polyhedron,
-        mass: masses[k],
-        position: placed.positions[k],
-        velocity: rigid[k] + thermal[k],
-        spin,
+    // About the axes of each grain.
+    let imposed = grains.imposed_components();
+    let own_spin = Vector3::from_fn(|k, _| imposed[3 + k].map_or(0.0, TimeFunction::initial_value));
+    let grain = |(k, drawn): (usize, SampledGrain)| {
+        let mut grain = Grain {
+            group,
+            radius: drawn.radius,
+            reach: drawn.reach,
+            polyhedron: drawn.polyhedron,
+            mass: masses[k],
+            position: placed.positions[k],
+            velocity: rigid[k] + thermal[k],
+            spin,
+        };
+        if grains.driven_spin.is_some() {
+            grain.spin = grain.axes().tr_mul(&own_spin);
+        }
+        grain
     };
     placed.grains.into_iter().enumerate().map(grain).collect()
 }

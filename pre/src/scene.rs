@@ -110,10 +110,13 @@ pub struct Grains {
     /// Root mean square of an additional random velocity without net momentum, m/s.
     #[serde(default)]
     pub thermal_velocity: f64,
-    /// Imposed velocity of every grain, m/s, along the fixed axes; free along an axis without a function. The grains do not
-    /// rotate.
+    /// Imposed velocity of every grain, m/s, along the fixed axes; free along an axis without a function. Without
+    /// `driven_spin` the grains do not rotate.
     #[serde(default)]
     pub driven: Option<[Option<TimeFunction>; 3]>,
+    /// Imposed angular velocity of every grain, rad/s, about its principal axes; free about an axis without a function.
+    #[serde(default)]
+    pub driven_spin: Option<[Option<TimeFunction>; 3]>,
 }
 
 /// Shape of the grains.
@@ -348,7 +351,7 @@ impl Default for Rotation {
     }
 }
 
-/// Plate, box of plates or cylinder. Its motion is imposed, except along axes with a force.
+/// Plate, box of plates or cylinder. Its motion is imposed, except along axes with a force and about axes with a moment.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum SceneWall {
@@ -375,6 +378,9 @@ pub enum SceneWall {
         /// Angular velocity, rad/s, about the plate's first axis, second axis and normal.
         #[serde(default)]
         spin: [TimeFunction; 3],
+        /// Moment, N m, about the same axes; about an axis with a moment the plate turns freely under it and its contacts.
+        #[serde(default)]
+        moment: Box<[Option<TimeFunction>; 3]>,
     },
     /// Five or six plates around an interior, with faces flush with it.
     Box {
@@ -422,6 +428,9 @@ pub enum SceneWall {
         /// Angular velocity, rad/s, about the axis.
         #[serde(default)]
         spin: TimeFunction,
+        /// Moment, N m, about the axis, under which and its contacts the cylinder turns freely.
+        #[serde(default)]
+        moment: Option<TimeFunction>,
     },
 }
 
@@ -492,6 +501,22 @@ impl GrainPlacement {
 }
 
 impl Grains {
+    /// Imposed components: velocity along the fixed axes, angular velocity about the principal axes.
+    pub fn imposed_components(&self) -> [Option<&TimeFunction>; 6] {
+        const STILL: &TimeFunction = &TimeFunction::Constant(0.0);
+        let turned_by = |k: usize| match &self.driven_spin {
+            Some(spin) => spin[k].as_ref(),
+            None => self.driven.as_ref().map(|_| STILL),
+        };
+        let moved_by = |k: usize| self.driven.as_ref().and_then(|velocity| velocity[k].as_ref());
+        [0, 1, 2, 3, 4, 5].map(|k| if k < 3 { moved_by(k) } else { turned_by(k - 3) })
+    }
+
+    /// Whether all of the motion is imposed.
+    pub fn is_imposed(&self) -> bool {
+        self.imposed_components().iter().all(Option::is_some)
+    }
+
     /// Whether there is a single grain.
     pub fn is_single_body(&self) -> bool {
         self.number == Some(1)

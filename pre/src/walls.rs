@@ -25,8 +25,8 @@ pub struct WallBody {
     pub shape: ShapeRecord,
     /// Velocities along the fixed axes, m/s, and angular velocities about its own axes, rad/s.
     pub motion: [TimeFunction; 6],
-    /// Forces along the fixed axes, N; each replaces a velocity.
-    pub force: [Option<TimeFunction>; 3],
+    /// Forces along the fixed axes, N, and moments about its own axes, N m; each replaces a velocity.
+    pub loads: [Option<TimeFunction>; 6],
 }
 
 impl WallBody {
@@ -114,9 +114,21 @@ pub fn wall_bodies(walls: &[SceneWall]) -> Vec<WallBody> {
 
 fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
     match wall {
-        SceneWall::Plate { material, colour, centre, normal, first_axis, half_lengths, velocity, force, spin } => {
+        SceneWall::Plate {
+            material,
+            colour,
+            centre,
+            normal,
+            first_axis,
+            half_lengths,
+            velocity,
+            force,
+            spin,
+            moment,
+        } => {
             let [a, b, c] = velocity.clone();
             let [d, e, f] = spin.clone();
+            let ([fx, fy, fz], [mx, my, mz]) = (*force.clone(), *moment.clone());
             vec![WallBody {
                 wall: number,
                 material: material.clone(),
@@ -125,11 +137,24 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
                 axes: axes_about(&(*normal).into(), first_axis.map(Vector3::from)),
                 shape: ShapeRecord::Plane { half_lengths: round_point(&(*half_lengths).into()).into() },
                 motion: [a, b, c, d, e, f],
-                force: *force.clone(),
+                loads: [fx, fy, fz, mx, my, mz],
             }]
         }
-        SceneWall::Cylinder { material, colour, centre, axis, half_height, radius, hollow, velocity, force, spin } => {
+        SceneWall::Cylinder {
+            material,
+            colour,
+            centre,
+            axis,
+            half_height,
+            radius,
+            hollow,
+            velocity,
+            force,
+            spin,
+            moment,
+        } => {
             let [a, b, c] = velocity.clone();
+            let [fx, fy, fz] = *force.clone();
             vec![WallBody {
                 wall: number,
                 material: material.clone(),
@@ -142,7 +167,7 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
                     hollow: *hollow,
                 },
                 motion: [a, b, c, TimeFunction::default(), TimeFunction::default(), spin.clone()],
-                force: *force.clone(),
+                loads: [fx, fy, fz, None, None, moment.clone()],
             }]
         }
         SceneWall::Box { material, colour, centre, lengths, orientation, half_thickness, lid, velocity } => {
@@ -176,7 +201,7 @@ fn bodies_of_wall(number: usize, wall: &SceneWall) -> Vec<WallBody> {
                         .into(),
                     },
                     motion: [a, b, c, TimeFunction::default(), TimeFunction::default(), TimeFunction::default()],
-                    force: [None, None, None],
+                    loads: Default::default(),
                 }
             };
             sides.into_iter().map(plate).collect()
@@ -287,6 +312,7 @@ mod tests {
             velocity: Default::default(),
             force: Default::default(),
             spin: TimeFunction::Constant(0.5),
+            moment: None,
         }])
         .try_into()
         .unwrap();

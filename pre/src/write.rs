@@ -157,18 +157,15 @@ pub fn drv_dof(scene: &Scene, population: &Population) -> (DrvDof, FunctionTable
         driven.push(DrivenComponent { line: 0, body, component, kind, evolution });
     };
     for (body, grain) in population.grains.iter().enumerate() {
-        if let Some(motion) = &scene.grains[grain.group].driven {
-            let still = Some(TimeFunction::default());
-            for (component, velocity) in motion.iter().chain([&still; 3]).enumerate() {
-                velocity.iter().for_each(|velocity| drive(body, component, DrivenKind::Velocity, velocity));
-            }
+        for (component, velocity) in scene.grains[grain.group].imposed_components().into_iter().enumerate() {
+            velocity.iter().for_each(|velocity| drive(body, component, DrivenKind::Velocity, velocity));
         }
     }
     for (k, wall) in population.walls.iter().enumerate() {
         for (component, velocity) in wall.motion.iter().enumerate() {
-            let (kind, evolution) = match wall.force.get(component) {
-                Some(Some(force)) => (DrivenKind::Force, force),
-                _ => (DrivenKind::Velocity, velocity),
+            let (kind, evolution) = match &wall.loads[component] {
+                Some(load) => (DrivenKind::Force, load),
+                None => (DrivenKind::Velocity, velocity),
             };
             drive(population.grains.len() + k, component, kind, evolution);
         }

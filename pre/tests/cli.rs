@@ -193,6 +193,49 @@ fn presses_and_guided_grains_are_driven_in_part() {
 }
 
 #[test]
+fn any_of_the_six_components_may_be_imposed() {
+    let scene = |grains: &str, moment: &str| {
+        format!(
+            r#"(
+            materials: [(name: "ROCKx", density: 2700)],
+            laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.5))],
+            contacts: [(between: ("BALLx", "BALLx"), law: "iqsc0"), (between: ("PLATE", "BALLx"), law: "iqsc0")],
+            grains: [(
+                material: "ROCKx", colour: "BALLx", sizes: Single(0.1), placement: List(positions: [(0, 0, 0.1)]),
+                {grains}
+            )],
+            walls: [
+                Plate(material: "ROCKx", colour: "PLATE", centre: (0, 0, 9), half_lengths: (3, 2, 0.5), {moment}),
+                Cylinder(material: "ROCKx", colour: "PLATE", centre: (0, 0, -9), half_height: 1, radius: 1, moment: Constant(3)),
+            ],
+        )"#
+        )
+    };
+    let lines = |grains: &str, moment: &str, body: usize| {
+        let (_folder, datbox) = made(&scene(grains, moment));
+        let driven = DrvDof::read(&datbox.join("DRV_DOF.DAT")).unwrap().0;
+        let of = |kind: DrivenKind| -> Vec<(usize, f64)> {
+            let rows = driven.iter().filter(|row| row.body == body && row.kind == kind);
+            rows.map(|row| (row.component, row.evolution.value_at(0.0))).collect()
+        };
+        let velocity = Dof::read(&datbox.join("DOF.INI")).unwrap().bodies[body].velocity;
+        (of(DrivenKind::Velocity), of(DrivenKind::Force), velocity)
+    };
+    // A plane problem, rotation about one axis, and no rotation.
+    let plane = "driven: (None, Constant(0), None), driven_spin: (Constant(0), None, Constant(0))";
+    assert_eq!(lines(plane, "", 0), (vec![(1, 0.0), (3, 0.0), (5, 0.0)], vec![], [0.0; 6]));
+    let spun = "driven_spin: (None, None, Constant(7)), velocity: (1, 2, 3)";
+    assert_eq!(lines(spun, "", 0), (vec![(5, 7.0)], vec![], [1.0, 2.0, 3.0, 0.0, 0.0, 7.0]));
+    let still = "driven_spin: (Constant(0), Constant(0), Constant(0))";
+    assert_eq!(lines(still, "", 0), (vec![(3, 0.0), (4, 0.0), (5, 0.0)], vec![], [0.0; 6]));
+    // A hinged plate, and a cylinder with a motor.
+    let hinge = "moment: (None, Constant(0), None), spin: (Constant(0), Constant(0), Constant(1))";
+    let (velocities, moments, _) = lines(still, hinge, 1);
+    assert_eq!((velocities.len(), velocities[4], moments), (5, (5, 1.0), vec![(4, 0.0)]));
+    assert_eq!(lines(still, hinge, 2).1, [(5, 3.0)]);
+}
+
+#[test]
 fn the_seed_decides_every_byte() {
     let scene = std::fs::read_to_string(example("two-aggregates")).unwrap();
     let bytes = |scene: &str| {

@@ -185,7 +185,12 @@ fn places_and_motion() {
         (
             "0.1),",
             "0.1), driven: (Constant(0), Constant(0), Constant(0))",
-            "11:40: grains 1, driven: the grains have a velocity, spin or thermal_velocity as well; expected their motion imposed or initial, not both\nscene.ron:6:13: grains: none is free to move; expected at least one body of grains whose motion is not imposed",
+            "11:40: grains 1, driven: the grains have a velocity, spin or thermal_velocity as well; expected their motion imposed or initial, not both\nscene.ron:6:13: grains: none is free to move; expected at least one body of grains whose motion is not all imposed",
+        ),
+        (
+            "0.1),",
+            "0.1), driven_spin: (None, Constant(1), None)",
+            "11:45: grains 1, driven_spin: the grains have a spin as well; expected their rotation imposed or initial, not both",
         ),
         (
             "half_lengths: (9.0, 9.0, 0.5)",

@@ -319,6 +319,7 @@ mod tests {
             spin: [0.0; 3],
             thermal_velocity: 0.0,
             driven: None,
+            driven_spin: None,
         }
     }
 
