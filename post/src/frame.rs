@@ -254,12 +254,13 @@ impl Frame {
         let Snapshot { meta, bodies, contacts, memory, shapes, interval, .. } = snapshot;
         let to_contact = -meta.parameters.theta * meta.h;
         let cell = PeriodicCell([meta.parameters.xperiode, meta.parameters.yperiode]);
+        let is_wall = wall_rows(&bodies);
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
         let sides: Vec<BodyIndex> = solids
             .into_iter()
             .enumerate()
             .map(|(row, solid)| {
-                if is_wall(&bodies, row) {
+                if is_wall[row] {
                     walls.push(wall_of_row(&bodies, row, solid));
                     BodyIndex::Wall(WallId::new(walls.len() - 1))
                 } else {
@@ -372,8 +373,20 @@ impl PeriodicCell {
     }
 }
 
-fn is_wall(bodies: &BodyArrays, row: usize) -> bool {
-    bodies.body_driven[row] != 0 || bodies.body_shape[row] == SHAPE_PLANE
+/// Bits of [`BodyArrays::body_driven`] of the translation.
+const TRANSLATION: u8 = 0b111;
+
+/// Whether each body is a wall: a plane, or a body of which some translation is imposed.
+///
+/// Without any other body, as in a plane problem of grains that cannot leave their plane, those that are free along two axes
+/// at least are no walls.
+fn wall_rows(bodies: &BodyArrays) -> Vec<bool> {
+    let with_free_axes = |fewest: u32| -> Vec<bool> {
+        let rows = bodies.body_driven.iter().zip(&bodies.body_shape);
+        rows.map(|(driven, shape)| (driven & TRANSLATION).count_ones() > 3 - fewest || *shape == SHAPE_PLANE).collect()
+    };
+    let walls = with_free_axes(3);
+    if walls.contains(&false) { walls } else { with_free_axes(2) }
 }
 
 fn body_rotation(bodies: &BodyArrays, row: usize) -> UnitQuaternion<f64> {
@@ -429,6 +442,7 @@ fn wall_of_row(bodies: &BodyArrays, row: usize, solid: Option<Arc<SolidShape>>) 
 /// Reason for which a valid snapshot cannot be measured: object, found.
 fn out_of_range(bodies: &BodyArrays) -> Vec<(String, String)> {
     let mut faults = Vec::new();
+    let is_wall = wall_rows(bodies);
     for row in 0..bodies.body_id.len() {
         let mut expect_positive = |name: &str, values: &[f64]| {
             if values.iter().any(|v| *v <= 0.0) {
@@ -437,7 +451,7 @@ fn out_of_range(bodies: &BodyArrays) -> Vec<(String, String)> {
         };
         if bodies.body_shape[row] == SHAPE_PLANE {
             expect_positive("half_lengths", &bodies.body_half_lengths[row]);
-        } else if !is_wall(bodies, row) {
+        } else if !is_wall[row] {
             expect_positive("mass", &[bodies.body_mass[row]]);
             expect_positive("inertia", &bodies.body_inertia[row]);
             expect_positive("radius", &[bodies.body_radius[row]]);
@@ -475,6 +489,21 @@ mod tests {
         assert_eq!(sides, [(grain, walls[0]), (walls[1], grain)]);
         // Force on the candidate is against the grain's own when that is the antagonist.
         assert_eq!(frame.contacts[1].on_grains().collect::<Vec<_>>(), [(GrainId(0), -Vec3::x(), Vec3::zeros())]);
+    }
+
+    #[test]
+    fn bodies_whose_translation_is_free_are_grains() {
+        let mut scene = Scene::default();
+        scene.plate([0.0; 3], [1.0, 1.0, 0.1]);
+        let rows = [0.0, 2.0, 4.0].map(|x| scene.grain([x, 0.0, 2.0], 1.0));
+        let mut grains = |driven: [u8; 3]| {
+            rows.iter().zip(driven).for_each(|(&row, driven)| scene.snapshot.bodies.body_driven[row] = driven);
+            scene.frame().grains.iter().map(|grain| grain.id).collect::<Vec<_>>()
+        };
+        assert_eq!(grains([0, 0b11_1000, 0b11_1111]), [2, 3]);
+        // A stirrer among grains is a wall; in a plane problem all are grains but those that move along one axis only.
+        assert_eq!(grains([0, 0b10_1010, 0b10_1010]), [2]);
+        assert_eq!(grains([0b10_1010, 0b10_1010, 0b11_1011]), [2, 3]);
     }
 
     #[test]
