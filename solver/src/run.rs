@@ -6,6 +6,7 @@ use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
 use cd_formats::compute::Accuracy;
+use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::messages::{print_error, print_line};
 use cd_formats::names::rounded_number;
@@ -374,7 +375,9 @@ pub fn check_run(case: &Path, scene: &Scene, state: &State) -> Result<(), Faults
     let mut faults = Faults::default();
     if scene.moving_bodies().is_empty() {
         let expected = "expected at least one whose motion is not all imposed";
-        faults.push(Fault::new(&case.join("DATBOX/BODIES.DAT"), None, "bodies", "none is free to move", expected));
+        let file = case.join("DATBOX/DRV_DOF.DAT");
+        let first = DrvDof::read(&file).ok().and_then(|driven| Some(driven.0.first()?.line));
+        faults.push(Fault::new(&file, first, "bodies", "none is free to move", expected));
     }
     let end = scene.options.end_time.filter(|_| scene.options.steps.is_none());
     // A run passes its end by less than a step, with the tolerance of its last step.

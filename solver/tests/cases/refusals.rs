@@ -126,8 +126,8 @@ fn all_faults_of_all_files_are_reported_at_once() {
 fn nobody_is_free() {
     let mut case = Case::new();
     case.floor();
-    let lines =
-        ["CASE/DATBOX/BODIES.DAT: bodies: none is free to move; expected at least one whose motion is not all imposed"];
+    let line = "CASE/DATBOX/DRV_DOF.DAT:6: bodies: none is free to move; expected at least one whose motion is not all imposed";
+    let lines = [line];
     written_refused(&case, &[], &lines);
     let mut case = Case::new();
     written_refused(&case, &[], &["CASE/DATBOX/BODIES.DAT: file: no body; expected a $bdyty for each"]);
