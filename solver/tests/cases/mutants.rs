@@ -168,6 +168,10 @@ fn damage(dice: &mut Dice<impl FnMut() -> f64>, name: &str, text: &str) -> Optio
                 1 => all[at].insert(column, letter),
                 _ => drop(all[at].remove(column)),
             }
+            // A line that becomes a comment is taken out on purpose, and reported.
+            if all[at].trim_start().starts_with(['!', '#']) {
+                return None;
+            }
             "letter"
         }
         6 if !is_table => {
