@@ -207,6 +207,7 @@ fn laws_are_those_of_the_table() {
         let model = example_of(entry);
         let friction = match model {
             LawModel::CoupledDof { .. } => "none: contacts do not slide".to_string(),
+            _ if model.interface().is_some() => "(1 - β) μ f_n".to_string(),
             _ => friction_limit(model.cohesion()).to_string(),
         };
         for row in [

@@ -292,6 +292,9 @@ impl AssemblyContext<'_> {
         let shift = shift.unwrap_or_default();
         let shift = LawShift { normal: shift.normal - curve, ..shift };
 
+        // The sound part of an interface does not rub.
+        let sound_share = if law.interface.is_some() && radius > 0.0 { memory.soundness } else { 0.0 };
+
         let on_plate = self.on_plate(contact);
         // The arms end in one point: it divides the distance in the ratio of the radii, and is the middle of the gap on flat
         // surfaces.
@@ -314,7 +317,7 @@ impl AssemblyContext<'_> {
             shift: n * shift.normal + (turning - n * turning.dot(&n)) + u_tangent * shift.tangential - plate,
             w_n,
             w_t,
-            friction: shift.friction,
+            friction: shift.friction * (1.0 - sound_share),
             impulse_shift: shift.impulse,
             acts,
             can_close: is_coupled

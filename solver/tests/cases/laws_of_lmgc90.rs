@@ -185,6 +185,34 @@ fn cohesive_zones_hold_and_break_by_their_curve() {
 }
 
 #[test]
+fn friction_grows_as_an_interface_loses_its_soundness() {
+    for (kind, parameters) in interfaces() {
+        let interface = LawModel::from_values(kind, &parameters).unwrap().interface().unwrap();
+        let mut case = ball(kind, &parameters, 0.0, 0.0, 0.0);
+        case.options.dt = 1.0 / 16384.0;
+        case.pull(1, 2, -2.0);
+        case.launch(1, [0.25, 0.0, 0.0], [0.0; 3]);
+        let (h, area) = (case.options.dt, PI / 4.0);
+        // An impulse r along t changes the velocity of the point of contact of a ball by 7/2 r/m, and that of its centre by r/m.
+        let (mut slid, mut u, mut beta, mut v) = (0.0, 0.25, 1.0, 0.25);
+        for (k, state) in (0..).zip(&case.states(60, 1)[1..]) {
+            let spring = h * area * stiffness_share(&interface, beta) * interface.tangential_stiffness;
+            let rubbing = h * 0.3 * (1.0 - beta) * 2.0;
+            let next = (u - 3.5 / MASS * (spring * slid + rubbing)) / (1.0 + 3.5 / MASS * spring * h);
+            v += (next - u) / 3.5;
+            u = next;
+            slid += h * u;
+            beta = soundness(&interface, beta, 0.0, slid, h);
+            // Eight digits of the files, and the turning of the tangents.
+            near(state.v(1), [v, 0.0, 0.0], 1e-6);
+            let found = state.laws.as_ref().unwrap().contact_soundness[0];
+            assert!((found - beta).abs() < 1e-5, "{kind}, step {k}: {found} {beta}");
+        }
+        assert!(beta < 0.5, "{kind}: {beta}");
+    }
+}
+
+#[test]
 fn damage_survives_a_resume_and_a_restart_from_text() {
     for (kind, parameters) in interfaces() {
         let scene = || {
