@@ -41,6 +41,8 @@ pub enum ParameterQuantity {
     StiffnessPerArea,
     SurfaceEnergy,
     DamageViscosity,
+    /// Force over rate of strain.
+    StrainViscosity,
 }
 
 impl ParameterQuantity {
@@ -56,6 +58,7 @@ impl ParameterQuantity {
             ParameterQuantity::StiffnessPerArea => "Pa/m",
             ParameterQuantity::SurfaceEnergy => "J/m²",
             ParameterQuantity::DamageViscosity => "J s/m²",
+            ParameterQuantity::StrainViscosity => "N s",
         }
     }
 }
@@ -177,8 +180,10 @@ law_parameters! {
     DamageViscosity: "visc", "damage_viscosity", "b", DamageViscosity, NonNegative, Finite;
     /// Energy of adhesion.
     AdhesionEnergy: "dupr", "adhesion_energy", "w", SurfaceEnergy, NonNegative, Finite;
-    /// Force of a wire or rod over velocity.
-    WireViscosity: "F/vl", "wire_viscosity", "viscosity", Viscosity, Finite, Finite;
+    /// Force of a wire or rod over strain.
+    WireStiffness: "F/gp", "stiffness", "stiffness", Force, Positive, NonNegative;
+    /// Force of a wire or rod over rate of strain.
+    WireViscosity: "F/vl", "viscosity", "viscosity", StrainViscosity, NonNegative, Finite;
     /// Strain of a wire or rod without force.
     Prestrain: "prst", "prestrain", "prestrain", Number, Finite, Finite;
 }
@@ -204,7 +209,9 @@ impl LawParameter {
             ParameterQuantity::Length => "distance",
             ParameterQuantity::Stress => "stress",
             ParameterQuantity::Stiffness => "stiffness",
-            ParameterQuantity::Viscosity | ParameterQuantity::DamageViscosity => "viscosity",
+            ParameterQuantity::Viscosity | ParameterQuantity::DamageViscosity | ParameterQuantity::StrainViscosity => {
+                "viscosity"
+            }
             ParameterQuantity::StiffnessPerArea => "stiffness",
             ParameterQuantity::SurfaceEnergy => "energy",
         };
@@ -313,6 +320,11 @@ pub fn law_entry(label: &str) -> Option<&'static LawEntry> {
 /// Parameters of a law in the order of the file; none for an unknown name.
 pub fn law_parameters(label: &str) -> impl Iterator<Item = LawParameter> {
     law_entry(label).into_iter().flat_map(LawEntry::parameters)
+}
+
+/// Whether a law is one of wires and rods, which act between points `PT3Dx` and between nothing else.
+pub fn is_law_of_points(label: &str) -> bool {
+    law_parameters(label).any(|parameter| parameter == LawParameter::WireStiffness)
 }
 
 /// Laws with an interface, and positions of its state among the internal variables of a contact in Vloc_Rloc files, where
@@ -599,6 +611,26 @@ contact_laws! {
             lines: [[stiffness: Stiffness, normal_viscosity: NormalViscosity], [friction: Friction]],
             friction: FrictionPair::equal(friction)
         }
+        /// spring between two points `PT3Dx` that pulls where it is longer than at rest, and is slack where it is shorter
+        ElasticWire "ELASTIC_WIRE" {
+            lines: [[stiffness: WireStiffness, prestrain: Prestrain]],
+            friction: FrictionPair::equal(0.0)
+        }
+        /// spring between two points `PT3Dx` that pulls and pushes
+        ElasticRod "ELASTIC_ROD" {
+            lines: [[stiffness: WireStiffness, prestrain: Prestrain]],
+            friction: FrictionPair::equal(0.0)
+        }
+        /// as `ELASTIC_WIRE`, with a damper
+        VoigtWire "VOIGT_WIRE" {
+            lines: [[stiffness: WireStiffness, prestrain: Prestrain], [viscosity: WireViscosity]],
+            friction: FrictionPair::equal(0.0)
+        }
+        /// as `ELASTIC_ROD`, with a damper
+        VoigtRod "VOIGT_ROD" {
+            lines: [[stiffness: WireStiffness, prestrain: Prestrain], [viscosity: WireViscosity]],
+            friction: FrictionPair::equal(0.0)
+        }
         /// no relative velocity within the alert distance, whatever the force
         CoupledDof "COUPLED_DOF" {
             lines: [],
@@ -681,10 +713,6 @@ contact_laws! {
             [DynamicFriction, StaticFriction],
             [TensionCap, CompressionCap]
         ];
-        "ELASTIC_WIRE" [[Stiffness, Prestrain]];
-        "ELASTIC_ROD" [[Stiffness, Prestrain]];
-        "VOIGT_WIRE" [[Stiffness, Prestrain], [WireViscosity]];
-        "VOIGT_ROD" [[Stiffness, Prestrain], [WireViscosity]];
     }
 }
 

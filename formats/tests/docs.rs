@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use cd_formats::compute::{Accuracy, Compute, Event, from_ron};
-use cd_formats::law_table::{ContactMemory, LAW_TABLE, LawCohesion, LawEntry, LawModel, LawParameter};
+use cd_formats::law_table::{
+    ContactMemory, LAW_TABLE, LawCohesion, LawEntry, LawModel, LawParameter, is_law_of_points,
+};
 use cd_formats::snapshot::{
     BodyArrays, ContactArrays, ContactPartArrays, GravityArrays, IntervalArrays, LawArrays, LawName, MaterialName,
     MemoryArrays, PairArrays, SnapshotMeta, TurningArrays,
@@ -207,6 +209,7 @@ fn laws_are_those_of_the_table() {
         let model = example_of(entry);
         let friction = match model {
             LawModel::CoupledDof { .. } => "none: contacts do not slide".to_string(),
+            _ if is_law_of_points(entry.label) => "none: forces act along the line".to_string(),
             _ if model.interface().is_some() => "(1 - β) μ f_n".to_string(),
             _ => friction_limit(model.cohesion()).to_string(),
         };

@@ -1,7 +1,7 @@
 //! Checks of the values of a scene. All faults are reported at once, before any grain is placed.
 
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, ExternalField, ROTATION_ABOUT_PERIOD};
-use cd_formats::law_table::LawModel;
+use cd_formats::law_table::{LawModel, is_law_of_points};
 use cd_formats::report::FaultReport;
 use nalgebra::Vector3;
 
@@ -172,6 +172,10 @@ pub(crate) fn check_vector(report: &mut FaultReport, path: &str, vector: &[f64; 
 }
 
 pub(crate) fn check_law(report: &mut FaultReport, path: &str, law: &LawModel) {
+    if is_law_of_points(law.label()) {
+        let expected = "another law: it acts between points PT3Dx, which scenes do not have";
+        report.add_fault(path, law.label(), expected);
+    }
     for (parameter, x) in law.parameter_values() {
         check_value(report, path, parameter.name(), x, parameter.accepts(x), &parameter.expected());
     }

@@ -101,6 +101,21 @@ pub struct BodyPart {
     pub class: u16,
 }
 
+/// Wire or rod between points of two bodies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointLink {
+    /// Bodies; the candidate is the first in BODIES.DAT.
+    pub bodies: [BodyId; 2],
+    /// Points in the frames of the bodies, m.
+    pub offsets: [Vec3; 2],
+    /// Ranks of the points, which follow those of the parts of their bodies.
+    pub ranks: (u16, u16),
+    /// Distance of the points in BODIES.DAT, m: the length without strain.
+    pub rest_length: f64,
+    /// Index into `Scene::laws`.
+    pub law: u8,
+}
+
 /// Constant data of a body.
 #[derive(Debug, Clone)]
 pub struct RigidBody {
@@ -346,6 +361,8 @@ pub struct Scene {
     /// Index in `parts` of the first contactor of each body, and the length of `parts`; empty if there are no
     /// parts. Read by [`Self::parts_of`] and [`Self::part_index`].
     pub part_starts: Vec<PartId>,
+    /// Wires and rods, ordered by bodies and ranks; a scene that has some has `parts`.
+    pub links: Vec<PointLink>,
     /// Commands of POSTPRO.DAT.
     pub postpro: Vec<PostproCommand>,
     /// Notes for the user about the bodies in the files.
@@ -485,6 +502,12 @@ impl Scene {
         self.part_index(body, rank).map(|part| &self.parts[part.index()])
     }
 
+    /// Wire or rod between two points, given by their bodies and ranks.
+    pub fn find_link(&self, bodies: [BodyId; 2], ranks: (u16, u16)) -> Option<&PointLink> {
+        let position = self.links.binary_search_by_key(&(bodies, ranks), |link| (link.bodies, link.ranks)).ok()?;
+        self.links.get(position)
+    }
+
     /// Shift from the position `of` to its image nearest to `from`, m; 0 if the scene is not periodic.
     pub fn nearest_image_shift(&self, from: &Vec3, of: &Vec3) -> Vec3 {
         let [x, y] = self.periods();
@@ -502,11 +525,11 @@ impl Scene {
         !BARE && !self.parts.is_empty()
     }
 
-    /// Whether there are bodies whose contacts need full blocks. The block of a sphere with a sphere, or with any body
+    /// Whether there are contacts that need full blocks, as those of points. The block of a sphere with a sphere, or with any body
     /// whose motion is all imposed, is diagonal.
     pub fn needs_blocks(&self) -> bool {
         let not_diagonal = |body: &RigidBody| body.is_driven_in_part() || (!body.is_sphere() && !body.driven);
-        !BARE && self.bodies.iter().any(not_diagonal)
+        !BARE && (!self.links.is_empty() || self.bodies.iter().any(not_diagonal))
     }
 
     /// Whether the free bodies attract each other.
@@ -600,6 +623,7 @@ impl Scene {
             (free_planes, "free plane"),
             (self.bodies.iter().filter(|body| body.is_driven_in_part()).count(), "partly driven wall"),
             (self.loads.len(), "imposed force"),
+            (self.links.len(), "link"),
         ];
         let plural = |n: usize| if n == 1 { "" } else { "s" };
         let present = counts.into_iter().filter(|(n, _)| *n > 0);

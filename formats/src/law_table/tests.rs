@@ -74,9 +74,9 @@ fn unknown_laws_and_values_out_of_range_are_reported() {
     let error = |label: &str, values: &[f64]| LawModel::from_values(label, values).unwrap_err().to_string();
     assert_eq!(error("IQS_CBL", &[0.1]), "its kind 'IQS_CBL' is not known; did you mean IQS_CLB?");
     assert_eq!(error("RST_CLB", &[0.1]), "RST_CLB with 1 parameters; expected 3: rstn, rstt, fric");
-    let start = "its kind ELASTIC_WIRE is not computed: it acts between points PT3Dx, between which no contacts are computed; \
-                 computed are IQS_CLB, ";
-    assert!(error("ELASTIC_WIRE", &[1.0, 0.0]).starts_with(start));
+    let start =
+        "its kind IQS_STICK is not computed: LMGC90's 3D solver stops at its first contact; computed are IQS_CLB, ";
+    assert!(error("IQS_STICK", &[]).starts_with(start));
     let faults = |label: &str, values: &[f64]| -> Vec<String> {
         let faults = LawModel::from_values(label, values).unwrap().parameter_faults();
         faults.iter().map(ParameterFault::to_string).collect()

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic::path_exists;
-use cd_formats::bodies::{Bodies, Body};
+use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::case::{CaseFolder, no_case};
 use cd_formats::compute::{Compute, Event, EventAction};
@@ -12,6 +12,7 @@ use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::groups::{DisjointSets, largest_remnant};
 use cd_formats::ids::BodyId;
+use cd_formats::law_table::is_law_of_points;
 use cd_formats::snapshot::{
     self, BodyArrays, ContactPartArrays, LawArrays, LawName, MemoryArrays, PairArrays, START_FILE, ShapeArrays,
     Snapshot, TurningArrays,
@@ -108,6 +109,16 @@ impl SourceCase {
         faults.gather_result(computed.expect_materials(&of_bulk, &bulk));
         faults.gather_result(computed.expect_laws(&of_tact, &tact));
         faults.gather_result(computed.expect_driven(&of_driven, &driven));
+        let is_point = |contactor: &Contactor| matches!(contactor.shape, ShapeRecord::Point { .. });
+        if let Some(law) = snapshot.meta.laws.iter().find(|law| is_law_of_points(&law.kind))
+            && bodies.0.iter().any(|body| body.contactors.iter().any(is_point))
+        {
+            let line = tact.laws.iter().find(|known| known.nickname == law.nickname).map(|known| known.line);
+            let (object, found) = (format!("law '{}'", law.nickname), format!("{} between PT3Dx", law.kind));
+            let expected = "expected a run without wires and rods: their length at rest is that of the positions in \
+                            BODIES.DAT, which would change; cd-solve --resume continues the run";
+            faults.push(Fault::new(&of_tact, line, object, found, expected));
+        }
         faults.into_result(())?;
         let shifts = bodies.0.iter().zip(&own).map(|(body, own)| body.centre_of_mass_offset(own).into()).collect();
         let is_first = all.first().is_some_and(|first| first.1 == *path);

@@ -81,6 +81,8 @@ pub enum RegularisedRow {
     Spring { row: ContactId, compliance: f64 },
     /// u = 0 for any impulse.
     Coupled { row: ContactId },
+    /// û_n + `compliance` r̂_n = 0 (1/kg), of a wire only while it pulls, and no other impulse.
+    Link { row: ContactId, compliance: f64, is_wire: bool },
     /// An elastic interface next to the contact.
     Interface { row: ContactId, interface: InterfaceRow },
 }
@@ -90,6 +92,7 @@ impl RegularisedRow {
         match *self {
             RegularisedRow::Spring { row, .. }
             | RegularisedRow::Coupled { row }
+            | RegularisedRow::Link { row, .. }
             | RegularisedRow::Interface { row, .. } => row,
         }
     }

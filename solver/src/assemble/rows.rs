@@ -11,7 +11,9 @@ use super::interface_row::InterfaceRow;
 use super::kinematics::{contact_arms, relative_velocity, velocity_at_arms};
 use super::problem::{BlockData, ContactConstraint, ContactProblem, RegularisedRow, RollingConstraint, SolverBody};
 use crate::integrate::ContactConfiguration;
-use crate::laws::{ContactLaw, GapForecast, LawInput, LawRegularisation, LawShift, MAX_STEP_OVERLAP, RollingFriction};
+use crate::laws::{
+    ContactLaw, GapForecast, LawInput, LawRegularisation, LawShift, MAX_STEP_OVERLAP, RollingFriction, StrainSpring,
+};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
 use crate::scene::{BodyId, BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
@@ -219,6 +221,10 @@ impl AssemblyContext<'_> {
             let law = &self.state.laws[contact.law as usize];
             let memory = memories.get(k).copied().unwrap_or_default();
             let (gap, row) = (contact.gap - memory.reference_gap, ContactId::new(k));
+            if let Some(spring) = law.strain_spring() {
+                let (_, compliance) = self.link_terms(contact, spring);
+                return rows[k].acts.then_some(RegularisedRow::Link { row, compliance, is_wire: spring.is_wire });
+            }
             if let Some(of_law) = law.interface {
                 let n = contact.normal;
                 let interface = InterfaceRow {
@@ -257,6 +263,9 @@ impl AssemblyContext<'_> {
         let arms = contact_arms(contact, &q_c.x);
         let u_before = velocity_at_arms(contact, &arms, self.start_velocities());
         let law = &state.laws[contact.law as usize];
+        if let Some(spring) = law.strain_spring() {
+            return self.link_constraint(contact, previous, spring, to_local(&frame, &u_before));
+        }
         let radius = if law.depends_on_radius() { self.contact_radius(contact) } else { 0.0 };
         let bodies = [contact.candidate, contact.antagonist];
         let [a, b] = bodies.map(|i| i.index());
@@ -327,6 +336,34 @@ impl AssemblyContext<'_> {
             u_before: to_local(&frame, &u_before),
             bond: hold.bond.filter(|_| acts),
         }
+    }
+
+    /// Row of a wire or rod.
+    fn link_constraint(
+        &self,
+        contact: &Contact,
+        previous: Option<&SolvedContact>,
+        spring: &StrainSpring,
+        u_before: Vec3,
+    ) -> ContactConstraint {
+        let n = contact.normal;
+        ContactConstraint {
+            bodies: [contact.candidate, contact.antagonist],
+            normal: n,
+            shift: n * self.link_terms(contact, spring).0,
+            acts: true,
+            can_close: true,
+            warm_start: previous.map_or(Vec3::zeros(), |old| n * (old.impulse.x * self.q_c.h / self.state.h)),
+            u_before,
+            ..ContactConstraint::default()
+        }
+    }
+
+    /// Normal shift, m/s, and compliance, 1/kg, of a wire or rod.
+    fn link_terms(&self, contact: &Contact, spring: &StrainSpring) -> (f64, f64) {
+        let link = self.scene.find_link([contact.candidate, contact.antagonist], contact.ranks);
+        let rest_length = link.map_or(contact.gap, |link| link.rest_length);
+        spring.shift_and_compliance(contact.gap, rest_length, self.q_c.h, self.closing_time(contact))
     }
 
     /// Sets the velocities before the step, and the shift by restitution, at the points where friction acts.

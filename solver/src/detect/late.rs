@@ -55,7 +55,9 @@ pub fn late_contacts(
             return found;
         }
         // Inner contacts of flush joints can only be recognised together with the contacts that support the body.
-        let mut all = [listed, &found].concat();
+        let is_surface =
+            |contact: &&Contact| scene.find_link([contact.candidate, contact.antagonist], contact.ranks).is_none();
+        let mut all: Vec<Contact> = listed.iter().filter(is_surface).chain(&found).copied().collect();
         all.sort_unstable_by_key(Contact::key);
         let mut left = parts::without_inner_edges(scene, q_c, &bounds, all);
         left.retain(|contact| !already_listed.contains(&contactor_pair(contact)));

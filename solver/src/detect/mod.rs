@@ -7,6 +7,7 @@
 
 mod joints;
 mod late;
+mod links;
 pub mod narrow;
 mod neighbours;
 mod parts;
@@ -34,6 +35,21 @@ use crate::state::{Contact, DetectionCache, Velocities};
 /// `free`: velocities after the step if nothing touched.
 /// `cache`: data of the last step; updated to this step.
 pub fn listed_contacts(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    free: Velocities,
+    cache: &mut DetectionCache,
+) -> Vec<Contact> {
+    let mut contacts = surface_contacts(scene, q_c, free, cache);
+    if !scene.links.is_empty() {
+        contacts.extend(links::link_contacts(scene, q_c));
+        contacts.sort_unstable_by_key(Contact::key);
+    }
+    contacts
+}
+
+/// Listed contacts of surfaces; arguments and order are those of [`listed_contacts`].
+fn surface_contacts(
     scene: &Scene,
     q_c: &ContactConfiguration,
     free: Velocities,

@@ -10,6 +10,7 @@
 //! | GAP_SGR_CLB_g0, with the reference gap g_0 | (g - g_0)/h | 0 | 0 | mu |
 //! | ELASTIC_REPELL_CLB and ELASTIC_REPELL_CLB_g0, g less g_0, with the compliance 1/(k h²) | g/h | 0 | 0 | mu |
 //! | VISCO_ELASTIC_REPELL_CLB, if g <= 0, with the compliance 1/(k h² + η h) | k g/(k h + η) | 0 | 0 | mu |
+//! | ELASTIC_WIRE, ELASTIC_ROD, VOIGT_WIRE, VOIGT_ROD, between points, see [`StrainSpring`] | - | - | - | none |
 //! | COUPLED_DOF: u = 0 for any r | 0 | 0 | 0 | none |
 //! | IQS_MAL_CZM, IQS_EXPO_CZM, IQS_TH_CZM, IQS_MAC_CZM: r less the impulse of the interface, see `interface` | max(0, g/h) | 0 | 0 | mu_d after sliding, else mu_s |
 //! | VEL_SGR_CLB, Signorini on the velocity, if g <= 1e-9 R | 0 | 0 | 0 | mu |
@@ -79,6 +80,35 @@ pub enum UnilateralLaw {
     Spring { stiffness: f64, damper: Option<f64> },
     /// No relative velocity, whatever the impulse.
     Coupling,
+    /// Spring along the line between two points, which has no unilateral contact.
+    Link(StrainSpring),
+}
+
+/// Wire or rod between two points. Its tension at the end of a step is k (ε - ε_0) + η dε/dt with the strain ε = L/L_0 - 1 of its
+/// length L; a wire without tension is slack.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StrainSpring {
+    /// k, N.
+    pub stiffness: f64,
+    /// ε_0.
+    pub prestrain: f64,
+    /// η, N s.
+    pub viscosity: f64,
+    /// Whether it pulls only.
+    pub is_wire: bool,
+}
+
+impl StrainSpring {
+    /// Normal shift, m/s, and compliance, 1/kg, of a spring of the length `length` in the contact configuration and of the length
+    /// `rest_length` without strain, in a step of `h`, whose next contact configuration is after `closing_time` (s).
+    ///
+    /// The normal impulse r_n = -h (k (L + T u_n - L_0 (1 + ε_0)) + η u_n)/L_0 is û_n = u_n + shift + compliance r_n = 0. With
+    /// 1000 N, 2 m long and stretched to 2.002 m, without a damper, in steps of 1 ms: 2 m/s and 2000 /kg, hence 1 N without motion.
+    pub fn shift_and_compliance(&self, length: f64, rest_length: f64, h: f64, closing_time: f64) -> (f64, f64) {
+        let stiffened = self.stiffness * closing_time + self.viscosity;
+        let elongation = length - rest_length * (1.0 + self.prestrain);
+        (self.stiffness * elongation / stiffened, rest_length / (h * stiffened))
+    }
 }
 
 /// Regularisation of the row of a contact.
@@ -227,6 +257,18 @@ impl ContactLaw {
                 UnilateralLaw::Spring { stiffness, damper: Some(normal_viscosity) }
             }
             LawModel::CoupledDof {} => UnilateralLaw::Coupling,
+            LawModel::ElasticWire { stiffness, prestrain } => {
+                UnilateralLaw::Link(StrainSpring { stiffness, prestrain, viscosity: 0.0, is_wire: true })
+            }
+            LawModel::ElasticRod { stiffness, prestrain } => {
+                UnilateralLaw::Link(StrainSpring { stiffness, prestrain, viscosity: 0.0, is_wire: false })
+            }
+            LawModel::VoigtWire { stiffness, prestrain, viscosity } => {
+                UnilateralLaw::Link(StrainSpring { stiffness, prestrain, viscosity, is_wire: true })
+            }
+            LawModel::VoigtRod { stiffness, prestrain, viscosity } => {
+                UnilateralLaw::Link(StrainSpring { stiffness, prestrain, viscosity, is_wire: false })
+            }
             LawModel::VelSgrClb { .. } => UnilateralLaw::Velocity,
             LawModel::RstClb { normal_restitution: normal, tangential_restitution: tangential, .. }
             | LawModel::RstDsClb { normal_restitution: normal, tangential_restitution: tangential, .. }
@@ -273,6 +315,8 @@ impl ContactLaw {
                 (stiffness * gap / stiffened, 0.0)
             }
             UnilateralLaw::Coupling => (0.0, 0.0),
+            // Its row is made from the two points.
+            UnilateralLaw::Link(_) => return None,
             UnilateralLaw::Velocity if self.is_closed(at) => (0.0, 0.0),
             UnilateralLaw::Restitution { normal, tangential } if self.is_closed(at) => {
                 (normal * u_n, if u_n < 0.0 { tangential } else { 0.0 })
@@ -371,7 +415,14 @@ impl ContactLaw {
 
     /// Whether the law adds to the row of a contact more than shifts.
     pub fn is_regularised(&self) -> bool {
-        matches!(self.unilateral, UnilateralLaw::Spring { .. } | UnilateralLaw::Coupling) || self.interface.is_some()
+        let is_spring =
+            matches!(self.unilateral, UnilateralLaw::Spring { .. } | UnilateralLaw::Coupling | UnilateralLaw::Link(_));
+        is_spring || self.interface.is_some()
+    }
+
+    /// Wire or rod of the law, if it is one.
+    pub fn strain_spring(&self) -> Option<&StrainSpring> {
+        if let UnilateralLaw::Link(spring) = &self.unilateral { Some(spring) } else { None }
     }
 
     /// Whether contacts have no relative velocity.
@@ -381,7 +432,7 @@ impl ContactLaw {
 
     /// Whether contacts within the alert distance may carry force although they are apart.
     pub fn acts_apart(&self) -> bool {
-        self.has_reference_gap || self.is_coupled() || self.interface.is_some()
+        self.has_reference_gap || self.is_coupled() || self.interface.is_some() || self.strain_spring().is_some()
     }
 
     /// Regularisation of a contact in a step of `h`, whose next contact configuration is after `closing_time` (s).
@@ -456,7 +507,8 @@ impl ContactLaw {
             | UnilateralLaw::Gap
             | UnilateralLaw::Velocity
             | UnilateralLaw::Spring { .. }
-            | UnilateralLaw::Coupling => 0.0,
+            | UnilateralLaw::Coupling
+            | UnilateralLaw::Link(_) => 0.0,
         }
     }
 
@@ -483,7 +535,7 @@ impl ContactLaw {
 
     /// Gives friction, static and dynamic, a new value, if the law has friction.
     pub fn set_friction(&mut self, friction: f64) {
-        if self.is_coupled() {
+        if self.is_coupled() || self.strain_spring().is_some() {
             return;
         }
         (self.friction_static, self.friction_dynamic) = (friction, friction);

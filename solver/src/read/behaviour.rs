@@ -8,7 +8,8 @@ use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, MAX_EVENTS
 use cd_formats::doubts::{self, density, law_parameter};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::law_table::{
-    INTERFACE_KINDS, INTERFACE_SLIDING, INTERFACE_SOUNDNESS, ParameterFault, law_parameters, reference_gap_position,
+    INTERFACE_KINDS, INTERFACE_SLIDING, INTERFACE_SOUNDNESS, ParameterFault, is_law_of_points, law_parameters,
+    reference_gap_position,
 };
 use cd_formats::names::count_text;
 use cd_formats::report::FaultReport;
@@ -20,7 +21,7 @@ use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
 use crate::gravity::SummationMethod;
 use crate::laws::{Cohesion, ContactLaw};
 use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
-use crate::read::contactors::{ContactorNumbers, ContactorTable, NamedContactor, rank_in_scene};
+use crate::read::contactors::{ContactorNumbers, ContactorTable, NamedContactor, POINT_NAME, rank_in_scene};
 use crate::scene::{
     BodyId, BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, RigidBody, Scene, VisibilityTable,
 };
@@ -125,7 +126,8 @@ pub fn set_laws_and_visibility(
     scene.notes.extend(idle_laws_note(&idle));
     faults.0.extend(tact.check_laws(&file, |row| contactors.can_meet(row)).0);
     scene.notes.extend(rows_without_law_note(tact, contactors));
-    check_points(&file, tact, contactors, scene, faults);
+    scene.notes.extend(idle_rows_note(tact, contactors));
+    check_laws_of_points(&file, tact, contactors, faults);
     let position = |wanted: fn(&ContactLaw) -> bool| scene.laws.iter().position(wanted);
     if let (Some(roll), Some(spring)) = (position(|law| law.rolling.is_some()), position(ContactLaw::is_regularised)) {
         let [roll, spring] = [roll, spring].map(|k| &scene.law_names[k]);
@@ -230,19 +232,33 @@ fn rows_without_law_note(tact: &TactBehav, contactors: &ContactorTable) -> Optio
     ))
 }
 
-/// Rejects rows for points that can meet; reports rows for contactors that no body has.
-fn check_points(file: &Path, tact: &TactBehav, contactors: &ContactorTable, scene: &mut Scene, faults: &mut Faults) {
-    for row in tact.visibility.iter().filter(|row| contactors.is_of_points(row)) {
-        let object = format!("PT3Dx {} and PT3Dx {}", row.candidate.colour, row.antagonist.colour);
-        let expected = "expected no such row, and points that carry nothing";
-        faults.push(Fault::new(file, Some(row.line), object, "contacts of points are not computed", expected));
+/// Rejects laws of wires and rods for other contactors than points, and other laws for points.
+fn check_laws_of_points(file: &Path, tact: &TactBehav, contactors: &ContactorTable, faults: &mut Faults) {
+    for row in tact.visibility.iter().filter(|row| contactors.can_meet(row)) {
+        let Some(law) = tact.laws.iter().find(|law| law.nickname == row.law) else { continue };
+        let expected = match (contactors.is_of_points(row), is_law_of_points(&law.kind)) {
+            (true, false) if law.model().is_ok() => "expected no such row, or a law of wires or rods, as ELASTIC_WIRE",
+            (false, true) => "expected PT3Dx on both sides",
+            _ => continue,
+        };
+        let [a, b] = [&row.candidate, &row.antagonist].map(|side| format!("{} {}", side.contactor, side.colour));
+        faults.push(Fault::new(
+            file,
+            Some(row.line),
+            format!("{a} and {b}"),
+            format!("law '{}', {}", row.law, law.kind),
+            expected,
+        ));
     }
+}
+
+/// Note about rows for contactors or colours that no body has.
+fn idle_rows_note(tact: &TactBehav, contactors: &ContactorTable) -> Option<String> {
     let unused: Vec<usize> =
         tact.visibility.iter().filter(|row| !contactors.has_both(row)).map(|row| row.line).collect();
-    if let Some(first) = unused.first() {
-        let (rows, are) = (count_text(unused.len(), "see row"), if unused.len() == 1 { "is" } else { "are" });
-        scene.notes.push(format!("TACT_BEHAV.DAT:{first}: {rows} {are} for contactors or colours that no body has"));
-    }
+    let first = unused.first()?;
+    let (rows, are) = (count_text(unused.len(), "see row"), if unused.len() == 1 { "is" } else { "are" });
+    Some(format!("TACT_BEHAV.DAT:{first}: {rows} {are} for contactors or colours that no body has"))
 }
 
 /// Returns two bodies with contactors of these classes of which the motion of the first is not all imposed, if there are any.
@@ -352,7 +368,10 @@ pub fn check_events(scene: &Scene, report: &mut FaultReport) {
             {
                 report.add_fault(&path, format!("law '{name}' has no cohesion"), "a law with cohesion");
             }
-            Some(law) if matches!(event.action, EventAction::SetFriction(..)) && scene.laws[law].is_coupled() => {
+            Some(law)
+                if matches!(event.action, EventAction::SetFriction(..))
+                    && (scene.laws[law].is_coupled() || scene.laws[law].strain_spring().is_some()) =>
+            {
                 report.add_fault(&path, format!("law '{name}' has no friction"), "a law with friction");
             }
             Some(_) => {}
@@ -474,7 +493,7 @@ pub fn initial_contacts(
         faults.push(Fault::new(&file, None, "head", found, expected));
     }
     let mut contacts = Vec::new();
-    let (mut unseen, mut renumbered, mut unnumbered) = (0, 0, 0);
+    let (mut unseen, mut renumbered, mut unnumbered, mut of_points) = (0, 0, 0, 0);
     let numbers = ContactorNumbers::from_contacts(records, history);
     for (number, record) in (0..).zip(&history.contacts) {
         let sides = [&record.candidate, &record.antagonist];
@@ -487,6 +506,10 @@ pub fn initial_contacts(
                 "does not exist",
                 expected,
             ));
+            continue;
+        }
+        if sides.iter().all(|side| side.contactor == POINT_NAME) {
+            of_points += 1;
             continue;
         }
         let named = sides.map(|side| numbers.find(records, side));
@@ -576,6 +599,12 @@ pub fn initial_contacts(
         scene.notes.push(format!("Vloc_Rloc.INI: {unseen} {what} left out: TACT_BEHAV.DAT has no row for the pair"));
     }
     let contacts_are = |count: usize| if count == 1 { "1 contact is".into() } else { format!("{count} contacts are") };
+    if of_points > 0 {
+        let are = contacts_are(of_points);
+        scene
+            .notes
+            .push(format!("Vloc_Rloc.INI: {are} of PT3Dx: the state of wires and rods is that of the positions"));
+    }
     if unnumbered > 0 {
         scene.notes.push(format!(
             "Vloc_Rloc.INI: {} left out: the number of a contactor is none of its body's",

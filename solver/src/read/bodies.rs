@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use cd_formats::bodies::{Bodies, Body, Contactor, ShapeRecord as FileShape};
+use cd_formats::bodies::{Bodies, ShapeRecord as FileShape};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
@@ -21,10 +21,10 @@ use crate::scene::{
     VisibilityTable,
 };
 
-/// Returns the scene without its laws.
+/// Returns the scene without its laws. `has_links`: whether wires or rods may join its points.
 pub fn scene_without_laws(
     datbox: &Path,
-    records: &Bodies,
+    (records, has_links): (&Bodies, bool),
     bulk: &BulkBehav,
     driven: &DrvDof,
     dof: &Dof,
@@ -47,7 +47,7 @@ pub fn scene_without_laws(
             placeholder_body()
         });
         bodies.push(made.body);
-        shapes.add(index, record, &made.parts);
+        shapes.add(index, &made.parts);
         parts.extend(made.parts.into_iter().map(|part| BodyPart { body: BodyId::new(index), ..part }));
         part_starts.push(PartId::new(parts.len()));
         frames.push((made.shift, made.axes));
@@ -83,7 +83,7 @@ pub fn scene_without_laws(
         BodyShape::Plane { .. } => !body.is_imposed(),
         BodyShape::Sphere { .. } => body.is_driven_in_part(),
     };
-    if !bodies.iter().any(needs_parts) {
+    if !has_links && !bodies.iter().any(needs_parts) {
         parts.clear();
         part_starts.clear();
     }
@@ -127,7 +127,7 @@ pub fn scene_without_laws(
         notes: shifted_centres_note(&bodies, &frames)
             .into_iter()
             .chain(axes_notes(dof, &axes_matches))
-            .chain(shapes.notes())
+            .chain(shapes.note())
             .collect(),
         turning,
         guided,
@@ -136,6 +136,7 @@ pub fn scene_without_laws(
         smallest_radius: 0.0,
         warnings: Vec::new(),
         postpro: Vec::new(),
+        links: Vec::new(),
         listing_range: 0.0,
         bodies,
     };
@@ -174,8 +175,6 @@ fn placeholder_body() -> PreparedBody {
 /// Contactors of BODIES.DAT that are not computed as they are.
 #[derive(Default)]
 struct ShapeCounts {
-    /// PT3Dx, of which no contact is computed.
-    points: usize,
     /// POLYR that are not convex, their pieces, and the first body that has one.
     split: usize,
     pieces: usize,
@@ -183,9 +182,7 @@ struct ShapeCounts {
 }
 
 impl ShapeCounts {
-    fn add(&mut self, index: usize, record: &Body, parts: &[BodyPart]) {
-        let is_point = |contactor: &&Contactor| matches!(contactor.shape, FileShape::Point { .. });
-        self.points += record.contactors.iter().filter(is_point).count();
+    fn add(&mut self, index: usize, parts: &[BodyPart]) {
         for pieces in parts.chunk_by(|a, b| a.contactor == b.contactor).filter(|pieces| pieces.len() > 1) {
             self.split += 1;
             self.first_split = if self.split == 1 { index + 1 } else { self.first_split };
@@ -193,19 +190,14 @@ impl ShapeCounts {
         }
     }
 
-    fn notes(&self) -> Vec<String> {
-        let Self { points, split, pieces, first_split } = *self;
-        let carry = if points == 1 { "carries" } else { "carry" };
+    fn note(&self) -> Option<String> {
+        let Self { split, pieces, first_split } = *self;
         let are = if split == 1 { "is" } else { "are" };
-        let of_points = format!("BODIES.DAT: {points} PT3Dx {carry} nothing: contacts of points are not computed");
-        let of_split = format!(
-            "BODIES.DAT: {split} POLYR {are} not convex and split into {pieces} convex pieces (first: body {first_split})"
-        );
-        [(points, of_points), (split, of_split)]
-            .into_iter()
-            .filter(|(count, _)| *count > 0)
-            .map(|(_, note)| note)
-            .collect()
+        (split > 0).then(|| {
+            format!(
+                "BODIES.DAT: {split} POLYR {are} not convex and split into {pieces} convex pieces (first: body {first_split})"
+            )
+        })
     }
 }
 

@@ -10,6 +10,9 @@ use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
 use crate::math::Vec3;
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, Scene};
 
+/// Name of the contactors between which wires and rods act.
+pub const POINT_NAME: &str = "PT3Dx";
+
 /// Names that are one kind of contactor.
 fn kind_name(name: &str) -> &str {
     if name == "SPHEb" { "SPHER" } else { name }
@@ -57,13 +60,13 @@ impl ContactorTable {
     /// points only, as in LMGC90.
     pub fn can_meet(&self, row: &VisibilityRow) -> bool {
         let (Some(a), Some(b)) = (self.owners(&row.candidate), self.owners(&row.antagonist)) else { return false };
-        let points = [&row.candidate, &row.antagonist].map(|side| side.contactor == "PT3Dx");
+        let points = [&row.candidate, &row.antagonist].map(|side| side.contactor == POINT_NAME);
         points[0] == points[1] && (a.moves || b.moves) && (a.first != b.first || a.several || b.several)
     }
 
     /// Whether a row is for points PT3Dx that can meet.
     pub fn is_of_points(&self, row: &VisibilityRow) -> bool {
-        row.candidate.contactor == "PT3Dx" && self.can_meet(row)
+        row.candidate.contactor == POINT_NAME && self.can_meet(row)
     }
 }
 

@@ -6,8 +6,8 @@ use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, Scene};
 /// Distance over the size up to which a vertex is the mirror image of another: files have seven digits.
 const MIRROR_TOLERANCE: f64 = 1e-5;
 
-/// Axis that can be reversed without changing the shape of a body: its shape is symmetric to the plane across that axis,
-/// and no rotation or moment about it is imposed. `None` if there is none.
+/// Axis that can be reversed without changing the shape of a body: its shape, with the points of wires and rods, is symmetric to
+/// the plane across that axis, and no rotation or moment about it is imposed. `None` if there is none.
 pub fn reversible_axis(scene: &Scene, body: BodyId) -> Option<usize> {
     let is_zero = |value: &cd_formats::drv_dof::Evolution| value.is_constant() && value.value_at(0.0) == 0.0;
     let imposed = |axis: usize| {
@@ -16,7 +16,12 @@ pub fn reversible_axis(scene: &Scene, body: BodyId) -> Option<usize> {
         let loads = scene.loads.iter().filter(|load| load.body == body && load.component == 3 + axis);
         driven || loads.into_iter().any(|load| !is_zero(&load.value))
     };
-    (0..3).rev().find(|&axis| is_symmetric(scene, body, axis) && !imposed(axis))
+    // A point of a wire or rod would be moved.
+    let linked = |axis: usize| {
+        let ends = scene.links.iter().flat_map(|link| link.bodies.into_iter().zip(link.offsets));
+        ends.into_iter().any(|(of, offset)| of == body && offset[axis] != 0.0)
+    };
+    (0..3).rev().find(|&axis| is_symmetric(scene, body, axis) && !imposed(axis) && !linked(axis))
 }
 
 /// Whether the shape of a body is its own mirror image across this of its axes; always so for spheres.

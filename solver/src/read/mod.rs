@@ -6,6 +6,7 @@ mod bodies;
 mod contactors;
 pub mod driver;
 mod lenient;
+mod links;
 mod mirror;
 mod parts;
 pub mod resume;
@@ -58,7 +59,8 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     };
     lenient::check_absent_axes(&datbox, &bodies, &mut faults);
 
-    let mut scene = bodies::scene_without_laws(&datbox, &bodies, &bulk, &driven, &dof, options, &mut faults);
+    let with_links = (&bodies, links::has_links(&bodies, &tact));
+    let mut scene = bodies::scene_without_laws(&datbox, with_links, &bulk, &driven, &dof, options, &mut faults);
     (scene.start, scene.from) = ((dof.step, dof.time), (dof.step, dof.time));
     let requests = datbox.join("POSTPRO.DAT");
     if path_exists(&requests)
@@ -72,6 +74,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     scene.notes.splice(0..0, files.notices);
     let contactors = ContactorTable::new(&bodies, &scene);
     behaviour::set_laws_and_visibility(&datbox, &tact, &contactors, &mut scene, &mut faults);
+    links::set_links(&datbox, (&bodies, &tact), &mut scene, &mut faults);
     let (source, text) = faults.gather_result(events_text(&datbox, flags)).unwrap_or_default();
     let mut of_events = FaultReport::new(&source, &text);
     behaviour::check_events(&scene, &mut of_events);

@@ -2,7 +2,7 @@
 //!
 //! A spring of the law adds its compliance C to the normal unknown, û_n = u_n + shift + C r̂_n, so that the force at the end of
 //! the step is that of the gap at the end of the step, for any stiffness and length of the step. A coupled row has u = 0 for
-//! any impulse. An interface acts next to the contact: its impulse, with the damage of the start of the step, is linear in the
+//! any impulse. A wire or rod has a spring, too, and pulls. An interface acts next to the contact: its impulse, with the damage of the start of the step, is linear in the
 //! velocity of the row. The sweeps are those of [`gauss_seidel`](super::gauss_seidel), one contact after the other: such rows are few,
 //! and all other scenes keep the sweeps in vectors, which know neither.
 //!
@@ -44,6 +44,8 @@ enum RowKind {
     Contact { compliance: f64 },
     /// No relative velocity.
     Coupled,
+    /// Wire or rod with a compliance, 1/kg, along the normal, and no impulse across.
+    Link { compliance: f64, is_wire: bool },
     /// Signorini and Coulomb next to an elastic interface.
     Interface(InterfaceRow),
 }
@@ -87,6 +89,7 @@ impl SweptRow {
             None => RowKind::Contact { compliance: 0.0 },
             Some(RegularisedRow::Spring { compliance, .. }) => RowKind::Contact { compliance: *compliance },
             Some(RegularisedRow::Coupled { .. }) => RowKind::Coupled,
+            Some(&RegularisedRow::Link { compliance, is_wire, .. }) => RowKind::Link { compliance, is_wire },
             Some(RegularisedRow::Interface { interface, .. }) => RowKind::Interface(*interface),
         };
         SweptRow { row, block, kind }
@@ -95,7 +98,9 @@ impl SweptRow {
     /// W with the compliance, 1/kg.
     fn whole_block(&self, n: &Vec3) -> Matrix3<f64> {
         match self.kind {
-            RowKind::Contact { compliance } => self.block + n * n.transpose() * compliance,
+            RowKind::Contact { compliance } | RowKind::Link { compliance, .. } => {
+                self.block + n * n.transpose() * compliance
+            }
             RowKind::Coupled | RowKind::Interface(_) => self.block,
         }
     }
@@ -103,7 +108,7 @@ impl SweptRow {
     /// û of the impulse `r`, if it is `u` without the compliance.
     fn whole_velocity(&self, n: &Vec3, u: &Vec3, r: &Vec3) -> Vec3 {
         match self.kind {
-            RowKind::Contact { compliance } => u + n * (compliance * n.dot(r)),
+            RowKind::Contact { compliance } | RowKind::Link { compliance, .. } => u + n * (compliance * n.dot(r)),
             RowKind::Coupled | RowKind::Interface(_) => *u,
         }
     }
@@ -114,6 +119,10 @@ impl SweptRow {
         let (w, u) = (self.whole_block(&row.normal), self.whole_velocity(&row.normal, u, r));
         match self.kind {
             RowKind::Contact { .. } => solve_contact_block(symmetric_components(&w), row.normal, row.friction, &u, r),
+            RowKind::Link { is_wire, .. } => {
+                let n = &row.normal;
+                n * link_impulse(n.dot(r), n.dot(&u), 1.0 / n.dot(&(w * n)), is_wire)
+            }
             // Where neither body can move along some direction, the impulse along it stays.
             RowKind::Coupled => w.try_inverse().map_or(*r, |inverse| r - inverse * u),
             RowKind::Interface(interface) => {
@@ -136,6 +145,10 @@ impl SweptRow {
         let mut r = *r;
         match &self.kind {
             RowKind::Coupled => return u * rho,
+            RowKind::Link { is_wire, .. } => {
+                let along = n.dot(&r);
+                return n * (along - link_impulse(along, n.dot(&u), rho, *is_wire));
+            }
             RowKind::Interface(interface) => {
                 let held = InterfaceBlock::new(&self.block, &n, interface);
                 r = held.contact_impulse(&r, &interface.velocity(&n, &u));
@@ -151,6 +164,13 @@ impl SweptRow {
         let (p_n, p_t) = project_on_cone(Scalar, z_n, size, row.friction);
         r - n * p_n - if size > 0.0 { z_t * (p_t / size) } else { Vec3::zeros() }
     }
+}
+
+/// Impulse of a wire or rod along the normal, N s, of a row with the impulse `r` and û_n = `u`, corrected by `rho` (kg): a wire only
+/// pulls.
+fn link_impulse(r: f64, u: f64, rho: f64, is_wire: bool) -> f64 {
+    let new = r - rho * u;
+    if is_wire { new.min(0.0) } else { new }
 }
 
 /// Norm of F over the swept rows, N s, and the row with the largest part.

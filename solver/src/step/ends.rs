@@ -199,6 +199,7 @@ impl PostSolve<'_> {
         let holds = matches!(system.regularised_row(k), Some(RegularisedRow::Interface { .. }));
         let status = match local.x > 0.0 {
             _ if law.is_coupled() || holds => ContactStatus::Stick,
+            _ if law.strain_spring().is_some() && local.x != 0.0 => ContactStatus::Stick,
             false => ContactStatus::NoContact,
             true if at_limit => ContactStatus::Slide,
             true => ContactStatus::Stick,

@@ -116,6 +116,7 @@ fn contactor_name(part: &BodyPart) -> &'static str {
 /// Contact kind in LMGC90. It has none between a polyhedron and a cylinder: PRPRx is the nearest.
 fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
     match (candidate, antagonist) {
+        ("PT3Dx", _) => "PTPT3",
         ("POLYR", "PLANx") => "PRPLx",
         ("POLYR", _) => "PRPRx",
         (_, "SPHER" | "SPHEb") => "SPSPx",
@@ -130,6 +131,10 @@ fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
 
 fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
     let side = |body: BodyId, rank: u16| {
+        let parts = if scene.is_general() { scene.parts_of(body).len() } else { 1 };
+        if let Some(point) = usize::from(rank).checked_sub(parts) {
+            return ContactSide { body: body.index(), contactor: "PT3Dx".into(), rank: point };
+        }
         let (contactor, rank) = match scene.bodies[body.index()].shape {
             BodyShape::Sphere { .. } => ("SPHER", 0),
             BodyShape::Plane { .. } => ("PLANx", 0),
@@ -142,6 +147,7 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
     };
     let record = |(k, solved): (usize, &SolvedContact)| {
         let SolvedContact { contact, impulse, velocity, status, bond, .. } = solved;
+        let link = scene.find_link([contact.candidate, contact.antagonist], contact.ranks);
         let candidate = side(contact.candidate, contact.ranks.0);
         let antagonist = side(contact.antagonist, contact.ranks.1);
         ContactRecord {
@@ -152,6 +158,7 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
             law: scene.law_names[contact.law as usize].nickname.clone(),
             status: match (status, bond, scene.laws[contact.law as usize].cohesion) {
                 (_, Some(_), Some(Cohesion::Bond { .. })) => "Mstck",
+                (ContactStatus::NoContact, ..) if link.is_some() => "vnish",
                 (ContactStatus::NoContact, Some(_), _) => "Wnctc",
                 (ContactStatus::Stick, Some(_), _) => "Wstck",
                 (ContactStatus::Slide, Some(_), _) => "Wslid",
@@ -165,11 +172,13 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
             gap: contact.gap + state.h * velocity.x,
             frame: contact.frame().map(Into::into),
             point: contact.point.into(),
-            internals: law_internals(
-                &scene.law_names[contact.law as usize].kind,
-                &state.law_memory(ContactId::new(k)),
-                contact,
-            ),
+            internals: match link {
+                Some(link) => vec![link.rest_length],
+                None => {
+                    let kind = &scene.law_names[contact.law as usize].kind;
+                    law_internals(kind, &state.law_memory(ContactId::new(k)), contact)
+                }
+            },
         }
     };
     VlocRloc { step: state.step, time: state.time, contacts: state.contacts.iter().enumerate().map(record).collect() }

@@ -93,9 +93,9 @@ fn forms_that_lmgc90_reads_give_its_force() {
             "unknown-law-without-row",
             &["TACT_BEHAV.DAT:5: 1 law is not computed: mac01 (IQS_BW_CLB); no contact needs it"],
         ),
-        ("wire-without-row", &["TACT_BEHAV.DAT:5: 1 law is not computed: wire0 (ELASTIC_WIRE); no contact needs it"]),
+        ("wire-without-row", &[]),
         ("contactor-number-over-all", &["Vloc_Rloc.INI: 1 contact is numbered over the contactors of all bodies"]),
-        ("point", &["BODIES.DAT: 1 PT3Dx carries nothing: contacts of points are not computed"]),
+        ("point", &["BODIES.DAT: 1 PT3Dx carries nothing: no row of TACT_BEHAV.DAT joins it by wires or rods"]),
     ] {
         println!("{variant}");
         weighs(runs(&folder(variant), notices), SPHERE_WEIGHT, 1);

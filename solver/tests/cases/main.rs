@@ -43,3 +43,4 @@ mod step_loop;
 mod symmetry;
 mod tunnelling;
 mod walls;
+mod wires;

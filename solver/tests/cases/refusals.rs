@@ -236,17 +236,28 @@ fn laws() {
     let line = "cd-solve: CASE/DATBOX/TACT_BEHAV.DAT:2: law 'law00': its kind 'IQS_GLUE' is not known; expected one of IQS_CLB, ";
     assert!(text.starts_with(line) && text.lines().count() == 1, "{text}");
 
-    case.law("ELASTIC_WIRE", &[1e6, 0.3]);
+    case.law("IQS_STICK", &[]);
     let computed = format!("computed are {}", cd_formats::law_table::computed_labels().join(", "));
-    let reason = "it acts between points PT3Dx, between which no contacts are computed";
+    let reason = "LMGC90's 3D solver stops at its first contact";
     let lines = [("2", "law00"), ("4", "law01")].map(|(line, name)| {
-        format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': its kind ELASTIC_WIRE is not computed: {reason}; {computed}")
+        format!(
+            "CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': its kind IQS_STICK is not computed: {reason}; {computed}"
+        )
     });
     written_refused(&case, &[], &lines.each_ref().map(String::as_str));
 
     case.law("RST_CLB", &[1.25, 0.0, 0.3]);
     let lines = [("2", "law00"), ("5", "law01")].map(|(line, name)| {
         format!("CASE/DATBOX/TACT_BEHAV.DAT:{line}: law '{name}': normal_restitution (rstn) 1.25; expected 0 to 1")
+    });
+    written_refused(&case, &[], &lines.each_ref().map(String::as_str));
+
+    case.law("ELASTIC_WIRE", &[1e6, 0.3]);
+    let lines = [("7", "SPHER GRAIN", "law00"), ("10", "PLANx WALLx", "law01")].map(|(line, other, name)| {
+        format!(
+            "CASE/DATBOX/TACT_BEHAV.DAT:{line}: SPHER GRAIN and {other}: law '{name}', ELASTIC_WIRE; expected PT3Dx on \
+             both sides"
+        )
     });
     written_refused(&case, &[], &lines.each_ref().map(String::as_str));
 

@@ -134,6 +134,11 @@ pub const COMMANDS: &[ChipyCommand] = &[
     ),
     row(&["POLYR_ModifyRadius", "PTPT3_Load*"], Rejected, "expected shapes and laws in the files of DATBOX"),
     row(
+        &["PTPT3_UseCurrent*", "PTPT3_SetExplicit*"],
+        Rejected,
+        "expected wires and rods whose length at rest is the distance in BODIES.DAT",
+    ),
+    row(
         &["SetDomainBoundary", "RBDY3_Set?m*Boundary"],
         Replaced,
         "bodies beyond a boundary of the domain are not removed",
