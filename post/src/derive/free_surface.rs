@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use crate::derive::fragments::Fragment;
 use crate::derive::plane_fit::{FittedPlane, NoiseDensity, PlaneFit, without_noise};
-use crate::derive::walls::supported_grains;
-use crate::frame::{Frame, Grain, PeriodicCell};
+use crate::derive::walls::{CylinderBore, WallFace, bounding_bore, bounding_faces, supported_grains};
+use crate::frame::{Frame, Grain, GrainId, PeriodicCell};
 use crate::math::Vec3;
 
 /// Largest number of columns along one direction; distant grains make the columns wider.
@@ -29,6 +29,10 @@ const SIGNIFICANCE_FACTOR: f64 = 1.5;
 /// Threshold of the same deviations times the reach over the mean radius, above which a surface may not be a plane: at 12
 /// radii tan 6°, 1.7 times the largest value from undulations of eight level beds of 1000 and 3000 grains.
 const UNDULATION: f64 = 12.0 * 0.105;
+
+/// Distance from a leaning wall, in mean radii, up to which a column may stand on the side of the grains along it: between
+/// the grains at the wall those of the second layer are seen, whose centres are 1 + √3 radii from it.
+const SIDE_DEPTH: f64 = 3.0;
 
 /// Columns about verticals, a mean radius wide, row by row.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,7 +81,8 @@ impl FreeSurface {
     /// gravity.
     ///
     /// The height of a column is the height of the highest sphere on its vertical; a polyhedron counts as the sphere of
-    /// equal volume. Position and normal are those of the least-squares plane through the heights within `reach` mean radii
+    /// equal volume. Columns under a wall that leans over the grains next to it have none: in a tilted box they stand on the
+    /// side of the bed along the wall, not on its free surface. Position and normal are those of the least-squares plane through the heights within `reach` mean radii
     /// ([`PlaneFit`]); both are NaN if less than half of the weight has a height. Verticals are against gravity. In a
     /// periodic scene verticals are along z, as a slope is modelled there by inclined gravity.
     ///
@@ -86,14 +91,16 @@ impl FreeSurface {
     /// slopes. Both are corrected for the contribution of noise to the square of a gradient.
     pub fn from_frame(frame: &Frame, fragments: &[Fragment], reach: f64) -> Option<FreeSurface> {
         let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
-        let grains: Vec<&Grain> = supported_grains(frame, fragments).into_iter().map(|i| &frame.grains[i]).collect();
+        let members = supported_grains(frame, fragments);
+        let grains: Vec<&Grain> = members.iter().map(|&i| &frame.grains[i]).collect();
         if grains.is_empty() {
             return None;
         }
         let up = if frame.cell().is_periodic() { Vec3::z() } else { against };
         let grid = ColumnGrid::covering(&grains, &frame.cell(), up);
-        let heights = grid.column_heights(&grains);
+        let mut heights = grid.column_heights(&grains);
         let lowest = grains.iter().map(|g| g.x.dot(&up) - g.radius).fold(f64::INFINITY, f64::min);
+        grid.remove_sides(&mut heights, lowest, &LeaningSide::of_walls(frame, &members, &up));
         let whole = grid.whole_plane(&heights)?;
         let fits: Vec<Option<FittedPlane>> =
             (0..heights.len()).into_par_iter().map(|k| grid.plane_at(&heights, k, reach * grid.width)).collect();
@@ -164,6 +171,37 @@ impl FreeSurface {
         known.sort_by(f64::total_cmp);
         let at = |share: &f64| known.get(((share * known.len() as f64).ceil() as usize).saturating_sub(1)).copied();
         shares.iter().filter_map(at).collect()
+    }
+}
+
+/// Inner side of a wall that bounds the grains, of which a part leans over them.
+enum LeaningSide {
+    Face(WallFace),
+    Bore(CylinderBore),
+}
+
+impl LeaningSide {
+    /// Sides that lean over grains.
+    fn of_walls(frame: &Frame, grains: &[GrainId], up: &Vec3) -> Vec<LeaningSide> {
+        let leans = |face: &WallFace| face.normal.dot(up) < 0.0;
+        let of_wall = |k| {
+            let faces = bounding_faces(frame, k, grains).into_iter().filter(leans).map(LeaningSide::Face);
+            faces.chain(bounding_bore(frame, k, grains).map(LeaningSide::Bore))
+        };
+        frame.wall_ids().flat_map(of_wall).collect()
+    }
+
+    /// Distance of a point from the side, m, and the sine of the angle from the vertical by which the side there leans over
+    /// the point; negative if it leans away.
+    fn distance_and_lean(&self, x: &Vec3, up: &Vec3) -> (f64, f64) {
+        match self {
+            LeaningSide::Face(face) => (x.dot(&face.normal) - face.place, -face.normal.dot(up)),
+            LeaningSide::Bore(bore) => {
+                let outwards = bore.offset_from_axis(x);
+                let reach = outwards.norm();
+                (bore.radius - reach, if reach > 0.0 { outwards.dot(up) / reach } else { 0.0 })
+            }
+        }
     }
 }
 
@@ -286,6 +324,31 @@ impl ColumnGrid {
             }
         }
         heights
+    }
+
+    /// Removes the heights of columns that stand on the side of the grains along a leaning wall, with `lowest` the lowest
+    /// point of the grains. A wall over most of the columns is a lid, under which all is surface.
+    ///
+    /// The side of grains of depth H has the width H sin(lean) seen from above.
+    fn remove_sides(&self, heights: &mut [f64], lowest: f64, sides: &[LeaningSide]) {
+        let depth = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max) - lowest;
+        let known: Vec<usize> = (0..heights.len()).filter(|&k| heights[k].is_finite()).collect();
+        let point = |k: usize, height: f64| {
+            let [a, b] = self.column_middle(k);
+            a * self.axes[0] + b * self.axes[1] + height * self.up
+        };
+        let is_on_side = |side: &LeaningSide, x: Vec3| {
+            let (distance, lean) = side.distance_and_lean(&x, &self.up);
+            lean > 0.0 && distance <= (SIDE_DEPTH * self.width).min(depth * lean)
+        };
+        let mut hidden: Vec<usize> = Vec::new();
+        for side in sides {
+            let of_side = || known.iter().copied().filter(|&k| is_on_side(side, point(k, heights[k])));
+            if 2 * of_side().count() <= known.len() {
+                hidden.extend(of_side());
+            }
+        }
+        hidden.into_iter().for_each(|k| heights[k] = f64::NAN);
     }
 
     /// Plane about the middle of column k through the heights within `reach`.
@@ -442,6 +505,33 @@ mod tests {
                 let found = surface(22, &|x, y| angle.to_radians().tan() * shape(x, y)).slope.to_degrees();
                 assert!((found - angle).abs() < 2.5, "{angle}: {found}");
             }
+        }
+    }
+
+    /// A level bed in a tilted box: seen along gravity, the side of the bed along the upper wall is part of its outline.
+    #[test]
+    fn the_side_of_a_bed_along_a_wall_is_no_free_surface() {
+        let (half, layers) = (12, 8);
+        for (angle, about) in [(0.0f64, 0.0f64), (10.0, 0.0), (20.0, 0.7), (35.0, 0.0), (35.0, 0.7)] {
+            let mut scene = Scene::default();
+            let (sin, cos) = angle.to_radians().sin_cos();
+            scene.snapshot.meta.parameters.uniform_gravity = [sin * about.cos(), sin * about.sin(), -cos];
+            let (floor, wall) = (scene.plate([0.0, 0.0, -16.5], [90.0, 90.0, 0.5]), f64::from(half) + 1.5);
+            for (x, y) in [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)] {
+                let along = |part: f64| if part == 0.0 { 90.0 } else { 0.5 };
+                scene.plate([x * wall, y * wall, 0.0], [along(x), along(y), 90.0]);
+            }
+            for (i, j) in (-half..=half).flat_map(|i| (-half..=half).map(move |j| (f64::from(i), f64::from(j)))) {
+                for k in 0..layers {
+                    let z = -2.0 * f64::from(k) + if k == 0 { rough(i, j) - 1.0 } else { 0.0 };
+                    let grain = scene.grain([i, j, z], 1.0);
+                    scene.contact_at(grain, floor, [i, j, -16.0], Vec3::z());
+                }
+            }
+            let frame = scene.frame();
+            let surface = FreeSurface::from_frame(&frame, &find_fragments(&frame), REACH).unwrap();
+            let [found, error] = [surface.slope, surface.slope_error].map(f64::to_degrees);
+            assert!((found - angle).abs() < 1f64.max(2.0 * error) && error < 2.0, "{angle} {about}: {found} {error}");
         }
     }
 

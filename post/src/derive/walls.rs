@@ -97,6 +97,12 @@ impl CylinderBore {
         (x - self.x).cross(&self.axis).norm() <= self.radius
     }
 
+    /// Shortest vector from the axis to a point, m.
+    pub fn offset_from_axis(&self, x: &Vec3) -> Vec3 {
+        let offset = x - self.x;
+        offset - self.axis * offset.dot(&self.axis)
+    }
+
     /// Flat ends, seen from inside.
     pub fn ends(&self, wall: WallId) -> [WallFace; 2] {
         [self.axis, -self.axis].map(|normal| WallFace { wall, normal, place: normal.dot(&self.x) - self.half_height })
