@@ -646,6 +646,17 @@ fn scene_colours(scene: &Scene) -> (Vec<&str>, Vec<&str>) {
 /// Expected value instead of a law between walls.
 pub(crate) const NO_WALL_LAW: &str = "no law: walls do not touch each other";
 
+/// Expected value instead of a law between bodies that are imposed in all their motion.
+pub(crate) const NO_IMPOSED_LAW: &str = "no law: bodies whose motion is all imposed do not meet";
+
+/// Whether all bodies of a colour are imposed in all their motion.
+fn is_imposed(scene: &Scene, colour: &str) -> bool {
+    let all = |driven: &[Option<TimeFunction>; 3]| driven.iter().all(Option::is_some);
+    let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
+    let mut walls = scene.walls.iter().filter(|wall| wall.colour() == colour);
+    worn.all(|grains| grains.driven.as_ref().is_some_and(all)) && !walls.any(SceneWall::is_pushed)
+}
+
 fn check_contacts(scene: &Scene, report: &mut FaultReport) {
     let (spheres, plates) = scene_colours(scene);
     let mut all = [spheres.clone(), plates.clone()].concat();
@@ -677,6 +688,12 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
         let of_walls = |colour: &String| plates.contains(&&colour[..]) && !spheres.contains(&&colour[..]);
         let walls = contact.law.is_some() && of_walls(a) && of_walls(b);
         report.require(!walls, &path, format!("a law between the walls '{a}' and '{b}'"), NO_WALL_LAW);
+        let exist = [a, b].iter().all(|colour| all.contains(&colour.as_str()));
+        let imposed = exist && is_imposed(scene, a) && is_imposed(scene, b);
+        // If nothing is free, that is the fault.
+        let others_move = scene.grains.iter().any(|grains| grains.driven.is_none());
+        let idle = contact.law.is_some() && imposed && !walls && others_move;
+        report.require(!idle, &path, format!("a law between '{a}' and '{b}'"), NO_IMPOSED_LAW);
         if let Some(alert) = contact.alert {
             let path = format!("{path}.alert");
             report.require(contact.law.is_some(), &path, "given without a law", "none, or a law");
@@ -690,12 +707,6 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
             }
         }
     }
-    // Bodies with fully imposed motion do not collide with each other.
-    let imposed = |colour: &str| {
-        let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
-        let mut walls = scene.walls.iter().filter(|wall| wall.colour() == colour);
-        worn.all(Grains::is_imposed) && !walls.any(SceneWall::is_pushed)
-    };
     // A single body does not collide with itself, even if it has several pieces.
     let alone = |colour: &str| {
         let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
@@ -706,7 +717,8 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
         let beyond = plates.iter().filter(|plate| !spheres[..k].contains(plate));
         for b in spheres[k..].iter().chain(beyond) {
             let alone = a == b && alone(a) && !plates.contains(a);
-            if !(known.contains(&sorted(a, b)) || alone || imposed(a) && imposed(b)) {
+            // Bodies whose motion is all imposed do not meet.
+            if !(known.contains(&sorted(a, b)) || alone || is_imposed(scene, a) && is_imposed(scene, b)) {
                 known.push(sorted(a, b));
                 report.add_fault(
                     "contacts",

@@ -27,6 +27,11 @@ pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result
     let mut report = FaultReport::with_settings(source, &text, settings);
     report.warnings = ron_file::former_name_warnings(source, &original, settings);
     doubts::report_doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
+    let is_used = |name: &str| scene.contacts.iter().any(|contact| contact.law.as_deref() == Some(name));
+    // A scene has at least one law, also if no bodies touch each other.
+    if scene.laws.len() > 1 {
+        doubts::report_unused_laws(&scene.laws, is_used, &mut report);
+    }
     cd_formats::doubts::events(&scene.compute.events, "compute.", &mut report);
     attraction::warn_of_attractions(&scene, &population, &mut report);
     let mut files = write::datbox_files(&scene, &population);

@@ -1,4 +1,4 @@
-//! Values of a scene that are allowed but probably mistakes: units, functions that are 0 at all times.
+//! Values of a scene that are allowed but probably mistakes: units, functions that are 0 at all times, unused laws.
 
 use cd_formats::doubts::{density, law_parameter};
 use cd_formats::report::FaultReport;
@@ -54,6 +54,14 @@ pub fn report_doubts(
             let given = loads.iter().enumerate().filter_map(|(axis, value)| Some((axis, value.as_ref()?)));
             given.for_each(|(axis, value)| check(name, axis, value));
         }
+    }
+}
+
+/// Reports the laws that no contact uses.
+pub fn report_unused_laws(laws: &[Law], is_used: impl Fn(&str) -> bool, report: &mut FaultReport) {
+    for (k, law) in laws.iter().enumerate().filter(|(_, law)| !is_used(&law.name)) {
+        let found = format!("no contact uses the law '{}'", law.name);
+        report.add_warning(&format!("laws.{k}.name"), found, "name it in a row of contacts, or remove it");
     }
 }
 

@@ -219,6 +219,11 @@ fn doubtful_values_are_asked_about_and_accepted() {
             "-11.0), spin: (Table([(0, 0), (1, 0)]), Constant(0), Constant(0)),",
             "13:89: wall 1, spin 1: the function is 0 at all times; give values, or Constant(0.0)",
         ),
+        (
+            "(friction: 0.4))",
+            "(friction: 0.4)), (name: \"iqsc1\", kind: IQS_CLB(friction: 0.5))",
+            "4:66: law 2, name: no contact uses the law 'iqsc1'; name it in a row of contacts, or remove it",
+        ),
     ] {
         let expected = format!("cd-pre: warning: scene.ron:{warning}\n");
         assert_eq!(made(&GOOD.replacen(from, to, 1), &[]), (0, expected), "{to}");

@@ -96,6 +96,22 @@ fn materials_laws_and_colours() {
         ),
         ("2700.0", "1e-120", "3:42: material 1, density: 1e-120; expected a density > 0 kg/m^3"),
     ]);
+    // A law between bodies of which none can move; with one that can, it acts.
+    let held = |axes: &str| {
+        let driven = format!("driven: ({axes}), number: 1,");
+        let more = "grains: [(material: \"ROCKx\", colour: \"REDxx\", DRIVEN sizes: Single(0.5), \
+                    placement: List(positions: [(0.0, 0.0, 30.0)])), (";
+        let contacts = "contacts: [(between: (\"REDxx\", \"WALLx\"), law: \"iqsc0\"), \
+                        (between: (\"REDxx\", \"BLUEx\"), law: \"iqsc0\"), ";
+        let scene = GOOD.replacen("contacts: [", contacts, 1);
+        faults(&scene.replacen("grains: [(", &more.replace("DRIVEN", &driven), 1))
+    };
+    assert_eq!(
+        held("Constant(0.0), Constant(0.0), Constant(0.0)"),
+        "scene.ron:5:16: contact 1: a law between 'REDxx' and 'WALLx'; expected no law: bodies whose motion is all imposed \
+         do not meet"
+    );
+    assert_eq!(held("Constant(0.0), Constant(0.0), None"), "nothing");
     // A law that reaches further than contacts are listed.
     let cohesive = "IQS_WET_DS_CLB(cohesion: 1.0, range: 0.2, dynamic_friction: 0.1, static_friction: 0.1)";
     let scene =

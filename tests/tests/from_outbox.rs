@@ -817,6 +817,28 @@ fn what_cannot_be_is_refused_and_nothing_written() {
     refused(from.path(), &format!("({press}, {})", turning("1")));
     let pressed = next(&from, &format!("({press})")).solved(&["--steps", "1"]);
     refused(pressed.path(), &format!("({})", turning("1")));
+    // Grains imposed along one axis meet held ones; bodies of which none can move have no law.
+    let grains = |colour: &str, x: f64, axis: &str| {
+        let driven = format!("driven: (Constant(0), Constant(0), {axis})");
+        format!(
+            "(material: \"ROCKx\", colour: \"{colour}\", sizes: Single(1.0), placement: List(positions: [({x}, 0, 90)]), {driven})"
+        )
+    };
+    let rows = |law: &str| {
+        let row = |a: &str, b: &str, law: &str| format!("(between: (\"{a}\", \"{b}\"), law: {law})");
+        [row("BLUEx", "REDxx", "None"), row("BLUEx", "GREEN", "None"), row("REDxx", "REDxx", "None"), law.into()]
+            .join(", ")
+    };
+    let changes = |axis: &str, law: &str| {
+        let grains = [grains("REDxx", 0.0, "Constant(0)"), grains("GREEN", 9.0, axis)].join(", ");
+        format!("(grains: [{grains}], contacts: [{}])", rows(law))
+    };
+    let own = "(between: (\"GREEN\", \"GREEN\"), law: None)";
+    let between = "(between: (\"GREEN\", \"REDxx\"), law: \"iqsc0\")";
+    next(&from, &changes("None", &format!("{own}, {between}")));
+    refused(from.path(), &changes("None", own));
+    next(&from, &changes("Constant(0)", own));
+    refused(from.path(), &changes("Constant(0)", &format!("{own}, {between}")));
     // Into the case itself.
     assert_eq!(from_outbox(from.path(), from.path(), ""), 2);
 }

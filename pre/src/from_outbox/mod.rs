@@ -141,6 +141,8 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     }
     crate::doubts::report_doubts(&changes.materials, &changes.laws, &changes.grains, &changes.walls, &mut report);
     let tables = BehaviourTables::from_parts(&changes, &parts, &new.population.grains, &records, &mut report);
+    let is_used = |name: &str| tables.tact.visibility.iter().any(|row| row.law == name);
+    crate::doubts::report_unused_laws(&changes.laws, is_used, &mut report);
     if changes.compute.is_some() || !of_run.is_empty() {
         tables.check_events(&options.events, &mut report);
     }

@@ -7,6 +7,7 @@ use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::compute::{ContactSolver, Event};
 use cd_formats::law_table::LawModel;
 use cd_formats::report::FaultReport;
+use cd_formats::snapshot::DRIVEN_ALL;
 use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
 
 use super::changes::Changes;
@@ -212,6 +213,7 @@ fn merge_visibility(
     rows.extend(rows_of_new_shapes(parts, &all, &rows, report));
     let is_worn = |side: &VisibilitySide| all.contains(&(&side.colour[..], &side.contactor[..]));
     rows.retain(|row| is_worn(&row.candidate) && is_worn(&row.antagonist));
+    let groups = GroupColours::of_all(changes, parts);
     for (k, contact) in changes.contacts.iter().enumerate() {
         let path = format!("contacts.{k}");
         let (a, b) = named[k];
@@ -244,9 +246,12 @@ fn merge_visibility(
         let met = contact_pairs(&all, named[k]);
         let walls = met.is_empty() && [a, b].iter().all(|colour| all.iter().any(|(known, _)| known == colour));
         report.require(!walls, &path, format!("a law between the walls '{a}' and '{b}'"), check::NO_WALL_LAW);
+        let moves = |colour: &str| groups.iter().any(|group| group.moving.contains(colour));
+        let idle = !met.is_empty() && !moves(a) && !moves(b);
+        report.require(!idle, &path, format!("a law between '{a}' and '{b}'"), check::NO_IMPOSED_LAW);
         rows.extend(met.into_iter().map(|sides| visibility_row(sides, name, alert)));
     }
-    expect_all_pairs(changes, parts, &rows, &named, report);
+    expect_all_pairs(&groups, parts.len(), &all, &rows, &named, report);
     rows
 }
 
@@ -280,43 +285,65 @@ fn rows_of_new_shapes(
     new
 }
 
+/// Colours of the bodies of one part, of new grains or of new walls.
+#[derive(Default)]
+struct GroupColours<'a> {
+    /// Colours of bodies that are not imposed in all their motion.
+    moving: BTreeSet<&'a str>,
+    imposed: BTreeSet<&'a str>,
+}
+
+impl<'a> GroupColours<'a> {
+    fn insert(&mut self, colour: &'a str, is_imposed: bool) {
+        if is_imposed {
+            self.imposed.insert(colour)
+        } else {
+            self.moving.insert(colour)
+        };
+    }
+
+    /// Colours of each part, then of the new grains of each group and of the new walls.
+    fn of_all(changes: &'a Changes, parts: &'a [SourcePart]) -> Vec<Self> {
+        let mut groups = Vec::new();
+        for part in parts {
+            let mut group = GroupColours::default();
+            for (body, driven) in part.records.iter().zip(&part.state.bodies.body_driven) {
+                body.contactors.iter().for_each(|contactor| group.insert(&contactor.colour, *driven == DRIVEN_ALL));
+            }
+            groups.push(group);
+        }
+        for grains in &changes.grains {
+            let mut group = GroupColours::default();
+            group.insert(&grains.colour, grains.driven.as_ref().is_some_and(|axes| axes.iter().all(Option::is_some)));
+            groups.push(group);
+        }
+        let mut of_walls = GroupColours::default();
+        changes.walls.iter().for_each(|wall| of_walls.insert(wall.colour(), !wall.is_pushed()));
+        groups.push(of_walls);
+        groups
+    }
+}
+
 /// Requires a law or a `None` for colours that were never together in one case, so that no bodies pass through each other
-/// by mistake.
+/// by mistake. The first `parts` of the groups are those of the cases.
 fn expect_all_pairs(
-    changes: &Changes,
-    parts: &[SourcePart],
+    groups: &[GroupColours],
+    parts: usize,
+    all: &ColouredContactors,
     rows: &[VisibilityRow],
     named: &[(&str, &str)],
     report: &mut FaultReport,
 ) {
-    let mut free: Vec<BTreeSet<&str>> = Vec::new();
-    let mut driven: Vec<BTreeSet<&str>> = Vec::new();
-    for part in parts {
-        let of = |moves: bool| {
-            let records = part.records.iter().zip(&part.state.bodies.body_driven);
-            let chosen = records.filter(move |(_, driven)| (**driven == 0) == moves);
-            chosen.flat_map(|(body, _)| body.contactors.iter().map(|c| c.colour.as_str())).collect::<BTreeSet<_>>()
-        };
-        free.push(of(true));
-        driven.push(of(false));
-    }
-    for grains in &changes.grains {
-        let (colour, none) = ([grains.colour.as_str()].into(), BTreeSet::new());
-        let (moving, imposed) = if grains.driven.is_some() { (none, colour) } else { (colour, none) };
-        free.push(moving);
-        driven.push(imposed);
-    }
-    free.push(BTreeSet::new());
-    driven.push(changes.walls.iter().map(|wall| wall.colour()).collect());
     let mut reported_pairs: BTreeSet<(&str, &str)> = BTreeSet::new();
-    for (i, mine) in free.iter().enumerate() {
-        for a in mine {
-            for (j, theirs) in free.iter().zip(&driven).enumerate() {
-                for b in theirs.0.iter().chain(theirs.1) {
+    for (i, mine) in groups.iter().enumerate() {
+        for a in &mine.moving {
+            for (j, theirs) in groups.iter().enumerate() {
+                for b in theirs.moving.iter().chain(&theirs.imposed) {
                     let both = ordered_pair(a, b);
-                    let seen = i == j && i < parts.len()
+                    let seen = i == j && i < parts
                         || named.contains(&both)
-                        || rows.iter().any(|row| row_colours(row) == both);
+                        || rows.iter().any(|row| row_colours(row) == both)
+                        || contact_pairs(all, both).is_empty();
                     if !seen && reported_pairs.insert(both) {
                         let found = format!("no law between '{}' and '{}'", both.0, both.1);
                         report.add_fault("contacts", found, "one for each pair that can meet (law: None for none)");
