@@ -40,6 +40,7 @@ impl BulkBehav {
         let scan = &mut LineScanner::new(path, text);
         let mut gravity = None;
         let mut materials: Vec<Material> = Vec::new();
+        let mut first_material = None;
         while let Some(begin) = scan.next_line() {
             match begin.keyword() {
                 "gravy" => {
@@ -54,6 +55,7 @@ impl BulkBehav {
                     }
                 }
                 "behav" => {
+                    first_material = first_material.or(Some(begin.number));
                     scan.set_object(format!("material {}", materials.len() + 1));
                     let Some(line) = scan.expect_line("expected a material", TextLine::is_data) else {
                         continue;
@@ -71,7 +73,12 @@ impl BulkBehav {
             }
         }
         if gravity.is_none() {
-            scan.add_file_fault("no $gravy", "expected it with grv1 grv2 grv3 on the next line");
+            let (found, expected) = ("no $gravy", "expected it with grv1 grv2 grv3 on the next line");
+            scan.set_object("file");
+            match first_material {
+                Some(line) => scan.add_fault(line, found, expected),
+                None => scan.add_file_fault(found, expected),
+            }
         }
         scan.finish_with_notices(BulkBehav { gravity: gravity.unwrap_or_default(), materials })
     }

@@ -651,10 +651,9 @@ pub(crate) const NO_IMPOSED_LAW: &str = "no law: bodies whose motion is all impo
 
 /// Whether all bodies of a colour are imposed in all their motion.
 fn is_imposed(scene: &Scene, colour: &str) -> bool {
-    let all = |driven: &[Option<TimeFunction>; 3]| driven.iter().all(Option::is_some);
     let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
     let mut walls = scene.walls.iter().filter(|wall| wall.colour() == colour);
-    worn.all(|grains| grains.driven.as_ref().is_some_and(all)) && !walls.any(SceneWall::is_pushed)
+    worn.all(Grains::is_imposed) && !walls.any(SceneWall::is_pushed)
 }
 
 fn check_contacts(scene: &Scene, report: &mut FaultReport) {
@@ -691,7 +690,7 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
         let exist = [a, b].iter().all(|colour| all.contains(&colour.as_str()));
         let imposed = exist && is_imposed(scene, a) && is_imposed(scene, b);
         // If nothing is free, that is the fault.
-        let others_move = scene.grains.iter().any(|grains| grains.driven.is_none());
+        let others_move = scene.grains.iter().any(|grains| !grains.is_imposed());
         let idle = contact.law.is_some() && imposed && !walls && others_move;
         report.require(!idle, &path, format!("a law between '{a}' and '{b}'"), NO_IMPOSED_LAW);
         if let Some(alert) = contact.alert {

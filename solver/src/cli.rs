@@ -149,7 +149,7 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     } else if !arguments.force && !arguments.plan {
         write::check_no_results(case, &scene)?;
     }
-    check_run(case, &scene, &state)?;
+    check_run(&scene, &state)?;
     if let Some(step) = arguments.dump_problem {
         write::check_dump_step(&scene, &state, step)?;
     }

@@ -6,7 +6,6 @@ use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
 use cd_formats::compute::Accuracy;
-use cd_formats::drv_dof::DrvDof;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::messages::{print_error, print_line};
 use cd_formats::names::rounded_number;
@@ -371,14 +370,8 @@ fn check_finite(finite: bool, state: &State, what: &str) -> Result<(), RunFailur
 }
 
 /// Rejects options that do not allow a run from this state.
-pub fn check_run(case: &Path, scene: &Scene, state: &State) -> Result<(), Faults> {
+pub fn check_run(scene: &Scene, state: &State) -> Result<(), Faults> {
     let mut faults = Faults::default();
-    if scene.moving_bodies().is_empty() {
-        let expected = "expected at least one whose motion is not all imposed";
-        let file = case.join("DATBOX/DRV_DOF.DAT");
-        let first = DrvDof::read(&file).ok().and_then(|driven| Some(driven.0.first()?.line));
-        faults.push(Fault::new(&file, first, "bodies", "none is free to move", expected));
-    }
     let end = scene.options.end_time.filter(|_| scene.options.steps.is_none());
     // A run passes its end by less than a step, with the tolerance of its last step.
     if let Some(end) = end.filter(|end| state.time - end > (1.0 - 1e-3) * scene.options.dt.max(state.h)) {

@@ -15,8 +15,8 @@ use cd_formats::names::count_text;
 use cd_formats::report::FaultReport;
 use cd_formats::scan::{AsciiText, TextLine};
 use cd_formats::snapshot::LawName;
-use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilitySide};
-use cd_formats::vloc_rloc::{ContactSide, VlocRloc};
+use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
+use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 
 use crate::gravity::SummationMethod;
 use crate::laws::{Cohesion, ContactLaw};
@@ -126,7 +126,7 @@ pub fn set_laws_and_visibility(
     scene.notes.extend(idle_laws_note(&idle));
     faults.0.extend(tact.check_laws(&file, |row| contactors.can_meet(row)).0);
     scene.notes.extend(rows_without_law_note(tact, contactors));
-    scene.notes.extend(idle_rows_note(tact, contactors));
+    scene.notes.extend(idle_rows_notes(tact, contactors));
     check_laws_of_points(&file, tact, contactors, faults);
     let position = |wanted: fn(&ContactLaw) -> bool| scene.laws.iter().position(wanted);
     if let (Some(roll), Some(spring)) = (position(|law| law.rolling.is_some()), position(ContactLaw::is_regularised)) {
@@ -252,13 +252,17 @@ fn check_laws_of_points(file: &Path, tact: &TactBehav, contactors: &ContactorTab
     }
 }
 
-/// Note about rows for contactors or colours that no body has.
-fn idle_rows_note(tact: &TactBehav, contactors: &ContactorTable) -> Option<String> {
-    let unused: Vec<usize> =
-        tact.visibility.iter().filter(|row| !contactors.has_both(row)).map(|row| row.line).collect();
-    let first = unused.first()?;
-    let (rows, are) = (count_text(unused.len(), "see row"), if unused.len() == 1 { "is" } else { "are" });
-    Some(format!("TACT_BEHAV.DAT:{first}: {rows} {are} for contactors or colours that no body has"))
+/// Notes about rows that no contact can use.
+fn idle_rows_notes(tact: &TactBehav, contactors: &ContactorTable) -> Vec<String> {
+    let note = |is_idle: &dyn Fn(&VisibilityRow) -> bool, reason: &str| {
+        let idle: Vec<usize> = tact.visibility.iter().filter(|row| is_idle(row)).map(|row| row.line).collect();
+        let first = idle.first()?;
+        let (rows, are) = (count_text(idle.len(), "see row"), if idle.len() == 1 { "is" } else { "are" });
+        Some(format!("TACT_BEHAV.DAT:{first}: {rows} {are} for {reason}"))
+    };
+    let missing = note(&|row| !contactors.has_both(row), "contactors or colours that no body has");
+    let imposed = note(&|row| contactors.is_of_imposed(row), "bodies whose motion is all imposed: these do not meet");
+    missing.into_iter().chain(imposed).collect()
 }
 
 /// Returns two bodies with contactors of these classes of which the motion of the first is not all imposed, if there are any.
@@ -626,7 +630,12 @@ pub fn initial_contacts(
     for pair in contacts.chunk_by(|a, b| a.contact.key() == b.contact.key()).filter(|same| same.len() > 1) {
         let Contact { candidate, antagonist, .. } = pair[0].contact;
         let found = format!("bodies {} and {} occur {} times", candidate.number(), antagonist.number(), pair.len());
-        faults.push(Fault::new(&file, None, "contact", found, "expected each contact once"));
+        let is_of_pair = |record: &&ContactRecord| {
+            let bodies = [record.candidate.body, record.antagonist.body];
+            bodies == [candidate.index(), antagonist.index()] || bodies == [antagonist.index(), candidate.index()]
+        };
+        let line = history.contacts.iter().filter(is_of_pair).nth(1).map(|record| record.line);
+        faults.push(Fault::new(&file, line, "contact", found, "expected each contact once"));
     }
     (contacts, memories)
 }

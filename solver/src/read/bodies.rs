@@ -148,8 +148,14 @@ pub fn scene_without_laws(
         {
             let (object, found) = (format!("body {}", body.number()), "driven in part in a rotating frame");
             let expected = "expected all six components driven or none: Coriolis' force on such a body is not computed";
-            faults.push(Fault::new(&datbox.join("DRV_DOF.DAT"), None, object, found, expected));
+            let line = driven.0.iter().find(|row| row.body == body.index()).map(|row| row.line);
+            faults.push(Fault::new(&datbox.join("DRV_DOF.DAT"), line, object, found, expected));
         }
+    }
+    if scene.moving_bodies().is_empty() {
+        let (line, expected) =
+            (driven.0.first().map(|row| row.line), "expected at least one whose motion is not all imposed");
+        faults.push(Fault::new(&datbox.join("DRV_DOF.DAT"), line, "bodies", "none is free to move", expected));
     }
     scene
 }

@@ -64,6 +64,12 @@ impl ContactorTable {
         points[0] == points[1] && (a.moves || b.moves) && (a.first != b.first || a.several || b.several)
     }
 
+    /// Whether both contactors of a row exist and are on bodies that are imposed in all their motion.
+    pub fn is_of_imposed(&self, row: &VisibilityRow) -> bool {
+        let of_imposed = |side| self.owners(side).is_some_and(|owners| !owners.moves);
+        of_imposed(&row.candidate) && of_imposed(&row.antagonist)
+    }
+
     /// Whether a row is for points PT3Dx that can meet.
     pub fn is_of_points(&self, row: &VisibilityRow) -> bool {
         row.candidate.contactor == POINT_NAME && self.can_meet(row)

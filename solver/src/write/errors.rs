@@ -370,9 +370,9 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 pub fn summary_lines(sources: &[ErrorSource]) -> [(&'static str, String); 2] {
     let all: f64 = sources.iter().map(|source| source.error).sum();
     let seconds: f64 = sources.iter().map(|source| source.seconds).sum();
+    let largest = |of: fn(&ErrorSource) -> f64| sources.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
     let most = |of: fn(&ErrorSource) -> f64| {
-        let largest = sources.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
-        largest.map_or(String::new(), |source| match source.option {
+        largest(of).map_or(String::new(), |source| match source.option {
             "" => source.title().to_string(),
             option => format!("{} ({option})", source.title()),
         })
@@ -385,7 +385,18 @@ pub fn summary_lines(sources: &[ErrorSource]) -> [(&'static str, String); 2] {
     let error = match each.len() {
         0 => "none: no contact carried force".into(),
         _ => {
-            let advice = if all > 1.0 { "; more than 100 % is not a meaningful estimate: lower tol" } else { "" };
+            let remedy = match largest(|source| source.error).map_or("", |source| source.option) {
+                option @ ("tol" | "dt" | "gravity_error") => format!(": lower {option}"),
+                // The energy of motion in fields drifts with the length of the step.
+                "theta" => ": lower dt".into(),
+                "narrow_phase" => ": set it to accurate".into(),
+                _ => String::new(),
+            };
+            let advice = if all > 1.0 {
+                format!("; more than 100 % is not a meaningful estimate{remedy}")
+            } else {
+                String::new()
+            };
             let main = most(|source| source.error);
             format!("{} of the pressure, mainly {main}: {}{advice}", percent(all), each.join(", "))
         }
@@ -467,5 +478,9 @@ mod tests {
         let [(_, error), (_, cost)] = summary_lines(&sources);
         assert_eq!(error, "5.0 % of the pressure, mainly time step (dt): contacts 1.0 %, time step 4.0 %");
         assert_eq!(cost, "mainly gravity (gravity_error): contacts 10 %, time step 5 %, gravity 85 %");
+        for (option, remedy) in [("tol", ": lower tol"), ("theta", ": lower dt"), ("", "")] {
+            let [(_, error), _] = summary_lines(&[source("part", option, 2.0, 1.0), source("step", "dt", 0.5, 1.0)]);
+            assert!(error.ends_with(&format!("; more than 100 % is not a meaningful estimate{remedy}")), "{error}");
+        }
     }
 }

@@ -120,14 +120,19 @@ fn all_faults_of_all_files_are_reported_at_once() {
         "CASE/DATBOX/TACT_BEHAV.DAT: file: cannot be read: there is no such file",
     ];
     refused(&case, &[], &lines);
+    let materials = "$behav  lawty\n STONE  RIGID                           Umas= 2.5000000E+03\n";
+    let case = with_file("BULK_BEHAV.DAT", Some(materials));
+    let line = "CASE/DATBOX/BULK_BEHAV.DAT:1: file: no $gravy; expected it with grv1 grv2 grv3 on the next line";
+    refused(&case, &[], &[line]);
 }
 
 #[test]
 fn nobody_is_free() {
     let mut case = Case::new();
     case.floor();
-    let line = "CASE/DATBOX/DRV_DOF.DAT:6: bodies: none is free to move; expected at least one whose motion is not all imposed";
-    let lines = [line];
+    let lines = [
+        "CASE/DATBOX/DRV_DOF.DAT:6: bodies: none is free to move; expected at least one whose motion is not all imposed",
+    ];
     written_refused(&case, &[], &lines);
     let mut case = Case::new();
     written_refused(&case, &[], &["CASE/DATBOX/BODIES.DAT: file: no body; expected a $bdyty for each"]);
@@ -142,7 +147,7 @@ fn motion_imposed_in_part() {
     let mut case = sound();
     case.press(0, 2, 1.0);
     case.options.fields = vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, 1.0], centre: [0.0; 3] }];
-    let turning = "CASE/DATBOX/DRV_DOF.DAT: body 1: driven in part in a rotating frame; \
+    let turning = "CASE/DATBOX/DRV_DOF.DAT:6: body 1: driven in part in a rotating frame; \
                    expected all six components driven or none: Coriolis' force on such a body is not computed";
     written_refused(&case, &[], &[turning]);
 }
