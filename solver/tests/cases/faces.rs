@@ -258,6 +258,27 @@ fn edges_and_vertices_without_an_area_are_not_bonded() {
     }
 }
 
+/// A wet face holds the attraction times the number of its contact points. The corners of a regular 40-gon of diameter 1
+/// stand out from the line between their neighbours by 0.006, and every second has no point.
+#[test]
+fn a_wet_face_holds_by_each_of_its_points() {
+    for (corners, points) in [(4, 4), (6, 6), (12, 12), (40, 20)] {
+        for (load, holds) in [(-0.5, true), (0.5, false)] {
+            let mut case = Case::new();
+            case.law_of_all("IQS_WET_DS_CLB", &[1.0, 0.0, 0.01, 0.3, 0.3]);
+            case.floor();
+            let body = prism(&mut case, &polygon(&ring(corners)));
+            case.options.dt = 1e-3;
+            case.options.tol = Some(1e-8);
+            let mass = case.states(0, 1)[0].mass(body);
+            case.gravity = [0.0, 0.0, (f64::from(points) + load) / mass];
+            let state = case.run(4);
+            assert_eq!(state.contacts.contact_body.len(), points as usize);
+            assert_eq!(state.v(body).z < 1e-3 * case.gravity[2] * case.options.dt, holds, "{corners} corners");
+        }
+    }
+}
+
 /// Checks that the friction torque about the normal is that of a uniform pressure within 5 %, in the first step and over 40,
 /// of a cube of 1 m that spins on what `build` makes, which returns the cube.
 fn assert_uniform_torque(build: impl Fn(&mut Case) -> usize, label: &str) {
