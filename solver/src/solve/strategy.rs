@@ -147,7 +147,42 @@ fn solve_from_warm_start(
         return start;
     }
     let limits = SolverLimits { tol: target, max_sweeps: max_sweeps - start.sweeps, max_time: None, max_cost };
-    solve_by_fallback(contact_problem, start, solver, limits, request, stored)
+    let found = solve_by_fallback(contact_problem, start, solver, limits, request, stored);
+    if solver == MatrixSolver::Auto { continue_sweeps(contact_problem, found, max_sweeps, request) } else { found }
+}
+
+/// Continues with sweeps from a solution that the fallback has left above `tol`, up to `max_sweeps` in all; returns the better
+/// of the two by E.
+///
+/// Sweeps of a hyperstatic wall with friction are slow without stagnating, and its stored problem is hard for all solvers.
+/// The default of `max_sweeps` is a tenth of the cost of the fallback that failed.
+fn continue_sweeps(
+    contact_problem: &ContactProblem,
+    found: ContactSolution,
+    max_sweeps: u64,
+    request: SolveRequest,
+) -> ContactSolution {
+    if found.converged || found.sweeps >= max_sweeps || activity::is_stopped() {
+        return found;
+    }
+    let mut contact_problem = contact_problem.clone();
+    start_from(&mut contact_problem, &found.impulses);
+    let criteria = StoppingCriteria { max_sweeps: max_sweeps - found.sweeps, ..request.criteria };
+    let swept = solve_nlgs(&contact_problem, criteria, request.width);
+    let sweeps = found.sweeps + swept.sweeps;
+    if swept.converged || swept.residual < found.residual {
+        ContactSolution { sweeps, stalled_residual: found.stalled_residual, ..swept }
+    } else {
+        ContactSolution { sweeps, ..found }
+    }
+}
+
+/// Makes these impulses the warm start, and the rows that have one part of the problem.
+fn start_from(contact_problem: &mut ContactProblem, impulses: &[Vec3]) {
+    for (row, r) in contact_problem.rows.iter_mut().zip(impulses) {
+        row.warm_start = *r;
+        row.can_close |= *r != Vec3::zeros();
+    }
 }
 
 /// Alternates sweeps with the direct solution of stagnating subproblems: the contacts in which the sweeps of a large scene
@@ -172,10 +207,7 @@ fn solve_with_subproblem_corrections(
         let fallback_used = last.fallback_used || solved.is_some();
         let round = if solved.is_some() { COSTS.sweeps_between_subproblems } else { MOMENTUM_CYCLE };
         let sweeps = round.min(max_sweeps - best.sweeps);
-        for (row, r) in contact_problem.rows.iter_mut().zip(solved.unwrap_or(last.impulses)) {
-            row.warm_start = r;
-            row.can_close |= r != Vec3::zeros();
-        }
+        start_from(&mut contact_problem, &solved.unwrap_or(last.impulses));
         last = ContactSolution { fallback_used, ..swept(&contact_problem, sweeps) };
         let sweeps = best.sweeps + last.sweeps;
         // A converged solution takes no more sweeps and ends the loop.
@@ -404,6 +436,25 @@ mod tests {
             assert!((solution.impulses[k] - Vec3::z() * r).norm() < 1e-9, "{k}: {}", solution.impulses[k]);
             assert_eq!(solution.solver_bodies[k].v, contact_problem.bodies[k].v + solution.impulses[k]); // of mass 1
         }
+    }
+
+    #[test]
+    fn sweeps_continue_where_the_fallback_has_failed() {
+        let contact_problem = balls(3);
+        let request = SolveRequest {
+            solver: ContactSolver::Auto,
+            criteria: StoppingCriteria::new(1e-9, 50),
+            width: SimdWidth::detect(),
+            fallback_suppressed: false,
+        };
+        let start = solve_nlgs(&contact_problem, StoppingCriteria::new(1e-9, 0), request.width);
+        let failed = ContactSolution { sweeps: 40, stalled_residual: Some(0.5), fallback_used: true, ..start };
+        let solution = continue_sweeps(&contact_problem, failed.clone(), 50, request);
+        assert!(solution.converged && !solution.fallback_used && solution.stalled_residual == Some(0.5));
+        assert!((41..=50).contains(&solution.sweeps), "{}", solution.sweeps);
+        // Without sweeps left the result of the fallback is kept.
+        let kept = continue_sweeps(&contact_problem, failed, 40, request);
+        assert!(!kept.converged && kept.fallback_used && kept.sweeps == 40);
     }
 
     #[test]
