@@ -191,7 +191,7 @@ impl PostSolve<'_> {
         let law = &state.laws[contact.law as usize];
         let motion = self.motion.filter(|_| law.has_irreversible_loss());
         let (opens, slides) = motion.map_or((false, false), |motion| {
-            motion.opens_or_slides(row, &system.shifted_velocity(k, &solution.solver_bodies))
+            motion.opens_or_slides(k, row, &system.shifted_velocity(k, &solution.solver_bodies))
         });
         // On the cone's side to rounding.
         let bound = row.friction * local.x * (1.0 - 1e-12);

@@ -5,6 +5,7 @@ mod clock;
 mod context;
 mod drift;
 mod ends;
+mod error_loads;
 mod ledger;
 mod motion;
 mod turning;

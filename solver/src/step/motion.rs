@@ -6,16 +6,21 @@
 //! an error. Each body has an error of velocity: the largest |F|/ρ over its contacts, with the natural map F of the contact
 //! and its own ρ = 3/trace W. A contact moves if its velocity exceeds [`ERROR_MARGIN`] times the error of its two bodies. No
 //! property of the load or the law is in this scale.
+//!
+//! Errors of a step are also loads of the next one, in which bonds stop them ([`super::error_loads`]). A load that is at work
+//! cannot be undone in the step in which it breaks a bond, so each step with bonds is refined until its errors are small
+//! loads.
 
 use rayon::prelude::*;
 
 use super::context::{SolvedProblem, StepContext};
 use super::drift::LARGEST_OPENING;
-use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
+use super::error_loads::largest_error_load;
+use crate::assemble::{ContactConstraint, ContactProblem, SolverBody, stored_problem};
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::BodyId;
-use crate::solve::{ContactSolution, SolveRequest, StoppingCriteria, solve_by_sweeps};
+use crate::solve::{ContactSolution, SolveRequest, StoppingCriteria, solve_contact_problem};
 use crate::state::Contact;
 
 /// Errors of its bodies by which a contact must move. A face at rest has at least one point whose error is its own velocity.
@@ -29,12 +34,19 @@ const ROUNDING_SHARE: f64 = 1e-13;
 /// bodies: a load that is off by three times as much, [`ERROR_MARGIN`], is still distinguished from the strength.
 const MIN_RESOLVED_SHARE: f64 = 0.01;
 
+/// Largest load of a bond in the next step by velocity errors, over its strength: bonds that are loaded by 0.95 or 1.05 of
+/// their strength are then still on their side of it.
+const MAX_ERROR_LOAD: f64 = 0.02;
+
 /// Largest number of tenfold refinements of a step for its bonds: to 1e-9 of the residual of the unsolved problem.
 const MAX_REFINEMENTS: usize = 6;
 
-/// Errors of velocity by body, m/s; 0 for a body without contact impulses.
+/// Errors of velocity.
 pub struct VelocityErrors {
+    /// Error by body, m/s; 0 for a body without contact impulses.
     errors: Vec<f64>,
+    /// Error of the tangential velocity at each row over that of the velocity; empty if no face is bonded.
+    leverages: Vec<f64>,
 }
 
 impl VelocityErrors {
@@ -56,7 +68,12 @@ impl VelocityErrors {
                 errors[body.index()] = errors[body.index()].max(error);
             }
         }
-        VelocityErrors { errors }
+        VelocityErrors { errors, leverages: tangential_leverages(system) }
+    }
+
+    /// Error of the tangential velocity at row `k`, m/s.
+    fn tangential_error(&self, k: usize, row: &ContactConstraint) -> f64 {
+        self.contact_error(row.bodies) * self.leverages.get(k).copied().unwrap_or(1.0)
     }
 
     /// Error of the velocity at a contact between `bodies`, m/s.
@@ -65,11 +82,12 @@ impl VelocityErrors {
         a.max(b)
     }
 
-    /// Whether the contact of a row opens, and whether it slides, at the velocity `u` = û.
-    pub fn opens_or_slides(&self, row: &ContactConstraint, u: &Vec3) -> (bool, bool) {
-        let least = ERROR_MARGIN * self.contact_error(row.bodies);
+    /// Whether the contact of row `k` opens, and whether it slides, at the velocity `u` = û.
+    pub fn opens_or_slides(&self, k: usize, row: &ContactConstraint, u: &Vec3) -> (bool, bool) {
         let opening = row.normal.dot(u);
-        (opening > least, (u - row.normal * opening).norm() > least)
+        let sliding = (u - row.normal * opening).norm();
+        let (least, least_sliding) = (self.contact_error(row.bodies), self.tangential_error(k, row));
+        (opening > ERROR_MARGIN * least, sliding > ERROR_MARGIN * least_sliding)
     }
 
     /// Whether the solution leaves open if the bond of row `k` with the impulse `r` breaks. This is so if the bond is at its
@@ -79,79 +97,154 @@ impl VelocityErrors {
     fn is_undecided(&self, system: &ContactProblem, solution: &ContactSolution, k: usize, h: f64, radius: f64) -> bool {
         let row = &system.rows[k];
         let error = self.contact_error(row.bodies);
-        let (opens, slides) = self.opens_or_slides(row, &system.shifted_velocity(k, &solution.solver_bodies));
+        let (opens, slides) = self.opens_or_slides(k, row, &system.shifted_velocity(k, &solution.solver_bodies));
         if opens || slides {
             return false;
         }
+        let sliding_error = self.tangential_error(k, row);
         let r = &solution.impulses[k];
         let normal = row.normal.dot(r);
         let tangential = (r - row.normal * normal).norm();
         let traction = row.w_n * row.impulse_shift.abs();
         // Where all traction is used up, the limit of shear is 0.
         let shear = row.w_t * row.friction * normal.max(MIN_RESOLVED_SHARE * row.impulse_shift.abs());
-        let near = |left: f64, w: f64| w * left <= ERROR_MARGIN * error;
-        near(normal, row.w_n) && error > MIN_RESOLVED_SHARE * traction
-            || near(row.friction * normal - tangential, row.w_t) && error > MIN_RESOLVED_SHARE * shear
+        let near = |left: f64, error: f64| left <= ERROR_MARGIN * error;
+        near(row.w_n * normal, error) && error > MIN_RESOLVED_SHARE * traction
+            || near(row.w_t * (row.friction * normal - tangential), sliding_error)
+                && sliding_error > MIN_RESOLVED_SHARE * shear
             || error * h > LARGEST_OPENING * radius
     }
 }
 
-/// Refines a converged solution tenfold as long as it is undecided if some bond breaks, and returns the velocity errors of
-/// the result; `None` if no law has irreversible losses. The number of refinements depends only on the loads of the bonds.
+/// Contacts of a step and the laws of their bonds.
+struct StepBonds<'a> {
+    context: StepContext<'a>,
+    laws: &'a [ContactLaw],
+}
+
+impl StepBonds<'_> {
+    /// Rows with a bond that is lost if it moves in any direction.
+    fn rigid(&self, system: &ContactProblem) -> Vec<usize> {
+        let is_rigid = |&k: &usize| {
+            let law = &self.laws[self.context.contacts[k].law as usize];
+            has_active_bond(&system.rows[k]) && law.has_stress() && law.bonds_are_rigid()
+        };
+        (0..system.rows.len()).into_par_iter().with_min_len(PAR_MIN_LEN).filter(is_rigid).collect()
+    }
+
+    /// Whether the solution leaves open which bonds break, in this step or, by its errors, in the next. `rigid` and `broken`:
+    /// rows with rigid bonds, and those of them that break.
+    fn are_undecided(
+        &self,
+        SolvedProblem { system, solution, .. }: &SolvedProblem,
+        motion: &VelocityErrors,
+        rigid: &[usize],
+        broken: &[usize],
+    ) -> bool {
+        let StepContext { scene, q_c, contacts, .. } = self.context;
+        let is_undecided = |(k, contact): (usize, &Contact)| {
+            let radius = || {
+                let (a, b) = contact.ranks;
+                scene.effective_radius((contact.candidate, a), (contact.antagonist, b))
+            };
+            has_active_bond(&system.rows[k])
+                && self.laws[contact.law as usize].has_irreversible_loss()
+                && motion.is_undecided(system, solution, k, q_c.h, radius())
+        };
+        contacts.par_iter().enumerate().with_min_len(PAR_MIN_LEN).any(is_undecided)
+            || largest_error_load(system, solution, rigid, broken) > MAX_ERROR_LOAD
+    }
+}
+
+/// Whether a row has a bond that carries traction.
+fn has_active_bond(row: &ContactConstraint) -> bool {
+    row.bond.is_some() && row.impulse_shift != 0.0
+}
+
+/// Refines a converged solution tenfold as long as it is undecided which bonds break, and returns the velocity errors of the
+/// result; `None` if no law has irreversible losses. Bonds that break must do so in two solutions. The number of refinements
+/// depends only on the loads of the bonds.
 pub fn refine_until_decided(
-    StepContext { scene, q_c, contacts, .. }: StepContext,
+    context: StepContext,
     laws: &[ContactLaw],
     request: SolveRequest,
-    SolvedProblem { system, solution, .. }: &mut SolvedProblem,
+    solved: &mut SolvedProblem,
 ) -> Option<VelocityErrors> {
-    laws.iter().any(ContactLaw::has_irreversible_loss).then(|| {
-        let mut motion = VelocityErrors::new(system, solution);
-        for _ in 0..MAX_REFINEMENTS {
-            let is_open = |(k, contact): (usize, &Contact)| {
-                let radius = || {
-                    let (a, b) = contact.ranks;
-                    scene.effective_radius((contact.candidate, a), (contact.antagonist, b))
-                };
-                let bonded = system.rows[k].bond.is_some() && system.rows[k].impulse_shift != 0.0;
-                bonded
-                    && laws[contact.law as usize].has_irreversible_loss()
-                    && motion.is_undecided(system, solution, k, q_c.h, radius())
-            };
-            if !solution.converged || !contacts.par_iter().enumerate().with_min_len(PAR_MIN_LEN).any(is_open) {
-                break;
-            }
-            system.rows.iter_mut().zip(&solution.impulses).for_each(|(row, r)| row.warm_start = *r);
-            system.rolling_constraints.iter_mut().zip(&solution.moments).for_each(|(roll, m)| roll.warm_start = *m);
-            let target_residual = 0.1 * solution.residual.min(request.criteria.target_residual);
-            let further = solve_by_sweeps(
-                system,
-                StoppingCriteria { target_residual, min_sweeps: 0, ..request.criteria },
-                request.width,
-            );
-            let stalls = further.residual > 0.5 * solution.residual;
-            let ContactSolution {
-                fallback_used: taken_over,
-                stalled_residual: stalled,
-                replacement_reason: replaced,
-                single_precision: single,
-                ..
-            } = *solution;
-            let sweeps = solution.sweeps + further.sweeps;
-            *solution = ContactSolution {
-                sweeps,
-                fallback_used: taken_over,
-                stalled_residual: stalled,
-                replacement_reason: replaced,
-                single_precision: single || further.single_precision,
-                ..further
-            };
-            motion = VelocityErrors::new(system, solution);
-            if stalls {
-                break;
-            }
+    if !laws.iter().any(ContactLaw::has_irreversible_loss) {
+        return None;
+    }
+    let bonds = StepBonds { context, laws };
+    let mut motion = VelocityErrors::new(&solved.system, &solved.solution);
+    let rigid = bonds.rigid(&solved.system);
+    let mut broken_before = Vec::new();
+    for _ in 0..MAX_REFINEMENTS {
+        let SolvedProblem { system, solution, .. } = &*solved;
+        let moves = |&k: &usize| {
+            let u = system.shifted_velocity(k, &solution.solver_bodies);
+            motion.opens_or_slides(k, &system.rows[k], &u) != (false, false)
+        };
+        let broken: Vec<usize> = rigid.iter().copied().filter(moves).collect();
+        let is_decided = broken == broken_before && !bonds.are_undecided(solved, &motion, &rigid, &broken);
+        if !solution.converged || is_decided {
+            break;
         }
-        motion
-    })
+        broken_before = broken;
+        let residual = solution.residual;
+        refine(context, request, solved);
+        motion = VelocityErrors::new(&solved.system, &solved.solution);
+        if solved.solution.residual > 0.5 * residual {
+            break;
+        }
+    }
+    Some(motion)
+}
+
+/// Continues from a converged solution to a tenth of its residual. Sweeps need thousands where a body turns about a short
+/// arm, so the fallback continues from them as in any step that stalls.
+fn refine(context: StepContext, request: SolveRequest, SolvedProblem { system, solution, .. }: &mut SolvedProblem) {
+    system.rows.iter_mut().zip(&solution.impulses).for_each(|(row, r)| row.warm_start = *r);
+    system.rolling_constraints.iter_mut().zip(&solution.moments).for_each(|(roll, m)| roll.warm_start = *m);
+    let target_residual = 0.1 * solution.residual.min(request.criteria.target_residual);
+    let criteria = StoppingCriteria { tol: target_residual, target_residual, min_sweeps: 0, ..request.criteria };
+    let stored = |problem: &ContactProblem| stored_problem(problem, context.contacts);
+    let further = solve_contact_problem(system, SolveRequest { criteria, ..request }, stored);
+    *solution = ContactSolution {
+        sweeps: solution.sweeps + further.sweeps,
+        converged: further.residual <= request.criteria.tol && further.left_out == 0,
+        fallback_used: solution.fallback_used,
+        stalled_residual: solution.stalled_residual,
+        replacement_reason: solution.replacement_reason,
+        single_precision: solution.single_precision || further.single_precision,
+        ..further
+    };
+}
+
+/// Error of the tangential velocity at each row over that of the velocity; empty if no face is bonded.
+///
+/// Errors of the normal velocity at the bonds of a face, at distances s from its centre, turn a body by as much over s. About
+/// its centre of mass, at a distance l, this is a tangential velocity of l/s times the error.
+fn tangential_leverages(system: &ContactProblem) -> Vec<f64> {
+    if system.block_data.is_none() || !system.rows.iter().any(has_active_bond) {
+        return Vec::new();
+    }
+    let mut leverages = vec![1.0; system.rows.len()];
+    let mut first = 0;
+    for rows in system.rows.chunk_by(|a, b| a.bodies == b.bodies) {
+        let bonded: Vec<usize> = (first..first + rows.len()).filter(|&k| has_active_bond(&system.rows[k])).collect();
+        first += rows.len();
+        if bonded.len() < 3 {
+            continue;
+        }
+        let moving = |side: &usize| system.bodies[rows[0].bodies[*side].index()].inverse_mass > 0.0;
+        for side in [0, 1].into_iter().filter(moving) {
+            let arms = bonded.iter().map(|&k| system.contact_arm(k, side));
+            let centre = arms.clone().sum::<Vec3>() / bonded.len() as f64;
+            let spread = arms.map(|arm| (arm - centre).norm_squared()).sum::<f64>() / bonded.len() as f64;
+            let leverage = centre.norm() / spread.sqrt();
+            bonded.iter().for_each(|&k| leverages[k] = leverage.max(leverages[k]));
+        }
+    }
+    leverages
 }
 
 /// |F|/ρ of row `k` with the impulse `r`, and the rounding part of its velocity, m/s.

@@ -59,23 +59,71 @@ fn bonds(Setting { cube, load, ratio, dt, tol }: Setting, share: f64, steps: u64
     case.column("bonds")
 }
 
-/// A cube that hangs from an area of a hundredth to a tenth of its edge: the bond holds a load below its strength at a `tol` of
-/// 1e-4, and breaks above it. Errors of the load are magnified by the arm of the cube's weight over that of the area.
+/// Load of a bond on a patch of a cube.
+#[derive(Debug, Clone, Copy)]
+enum PatchLoad {
+    Pull,
+    Shear,
+    Bend,
+}
+
+/// Smallest number of bonds in some steps of a cube of edge 1 at the default `tol`. A patch of its upper face, a square of edge
+/// `size` (m) at the distance `off` (m) from the middle, carries a share of its strength.
+fn patch_bonds(load: PatchLoad, size: f64, off: f64, ratio: f64, share: f64, steps: u64) -> f64 {
+    const FORCE: f64 = 9.81;
+    let mut case = Case::new();
+    let area = size * size;
+    // Bent, two corners pull with all of their strength against the two others.
+    let (normal, force, moment) = match load {
+        PatchLoad::Pull => (FORCE / (area * share), [0.0, 0.0, -FORCE], 0.0),
+        PatchLoad::Shear => (ratio * FORCE / (area * share), [FORCE, 0.0, 0.0], 0.0),
+        PatchLoad::Bend => (FORCE / (0.5 * size * area * share), [0.0; 3], FORCE),
+    };
+    case.law_of_all("IQS_MOHR_DS_CLB", &[normal, normal / ratio, 0.2, 0.3]);
+    case.plate([0.5 * size, 0.5 * size, 0.5], [off, 0.0, 1.0], AXES);
+    let cube = case.block([0.5; 3], [0.0; 3], AXES);
+    // The force acts at the middle of the patch.
+    let about_y = 0.5 * force[0] - off * force[2] + moment;
+    for (component, value) in [(0, force[0]), (2, force[2]), (4, about_y)] {
+        case.pull(cube, component, value);
+    }
+    (case.options.dt, case.options.tol) = (1e-3, None);
+    case.run(steps);
+    case.column("bonds").into_iter().fold(f64::INFINITY, f64::min)
+}
+
+/// Errors of the load are magnified by the arm of the cube's inertia over that of the area.
 #[test]
 fn a_bond_on_a_small_area_holds_its_strength() {
-    for (a, b) in [(0.01, 0.01), (0.02, 0.02), (0.03, 0.03), (0.1, 1.0)] {
-        for (share, steps) in [(0.33, 60), (0.5, 60), (0.83, 60), (1.05, 1)] {
-            let mut case = Case::new();
-            let strength = 9.81 / (a * b * share);
-            case.law_of_all("IQS_MOHR_DS_CLB", &[strength, 10.0 * strength, 0.2, 0.3]);
-            case.gravity = [0.0, 0.0, -9.81];
-            case.plate([0.5 * a, 0.5 * b, 0.5], [0.0, 0.0, 1.0], AXES);
-            case.block([0.5; 3], [0.0; 3], AXES);
-            (case.options.dt, case.options.tol) = (1e-3, Some(1e-4));
-            case.run(steps);
-            let bonds = *case.column("bonds").last().expect("a step");
-            assert_eq!(bonds > 0.0, share < 1.0, "{a} x {b} m, {share} of the strength: {bonds} bonds");
+    for (size, off, ratio) in [(0.01, 0.3, 1.0), (0.03, 0.0, 1e3), (0.03, 0.3, 1.0), (0.3, 0.3, 10.0)] {
+        for load in [PatchLoad::Pull, PatchLoad::Shear, PatchLoad::Bend] {
+            let bonds = |share, steps| patch_bonds(load, size, off, ratio, share, steps);
+            let what = format!("{load:?} on {size} m at {off} m, c_n/c_t {ratio}");
+            assert_eq!(bonds(0.95, 8), 4.0, "{what}");
+            assert!(bonds(1.05, 1) < 4.0, "{what}");
         }
+    }
+}
+
+/// The last cubes of a chain turn about the first bond.
+#[test]
+fn a_chain_holds_its_strength() {
+    for ratio in [1.0, 1e3] {
+        let bonds = |share: f64, steps: u64| {
+            let mut case = Case::new();
+            let normal = 20.0 * 9.81 / share;
+            case.law_of_all("IQS_MOHR_DS_CLB", &[normal, normal / ratio, 0.2, 0.3]);
+            case.gravity = [0.0, 0.0, -9.81];
+            case.plate([0.5; 3], [0.0, 0.0, 0.5], AXES);
+            for k in 0..20 {
+                case.block([0.5; 3], [0.0, 0.0, -0.5 - f64::from(k)], AXES);
+            }
+            (case.options.dt, case.options.tol) = (1e-2, None);
+            case.run(steps);
+            case.column("bonds").into_iter().fold(f64::INFINITY, f64::min)
+        };
+        assert_eq!(bonds(0.95, 5), 80.0, "c_n/c_t {ratio}");
+        assert!(bonds(1.05, 1) < 80.0, "c_n/c_t {ratio}");
     }
 }
 

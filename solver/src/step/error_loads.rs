@@ -1,0 +1,245 @@
+//! Loads by which the errors of a step's velocities strain its bonds in the next step.
+//!
+//! Bonds stop in the next step the velocities that an unfinished solution leaves them. The momentum of these velocities is a
+//! load like any other, and far from small where it has a long arm: a cube that hangs from an area of a hundredth of its edge
+//! loads its corners by 2 m g if they move by 1e-3 of what gravity gives in a step, and the last cube of a chain turns about
+//! the first bond.
+//!
+//! The motion that bonds must stop is found pair by pair: bonds of two bodies move by ū at their centre and turn by φ,
+//! the least squares of û_k = ū + φ × x_k with the positions x_k of the bonds from their centre. Along a tree of the strongest
+//! bonds, from the walls or from any body of a free cluster, these motions add up to those of the bodies; those of a free
+//! cluster are relative to its rigid motion. A pair of the tree carries momentum P and angular momentum L of all bodies
+//! beyond it, as impulses
+//!
+//! ```text
+//! f_k = P/n + (T⁻¹ L) × x_k,   T = Σ (x_k² 1 - x_k x_kᵀ)
+//! ```
+//!
+//! on its n bonds, the least ones that do it. Bonds outside of the tree are weaker, and need not carry anything.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use crate::assemble::ContactProblem;
+use crate::math::{Mat3, Vec3};
+use crate::solve::ContactSolution;
+
+/// Share of its strength below which shear is not judged where traction uses up the strength of a bond.
+const MIN_SHEAR_SHARE: f64 = 0.01;
+
+/// Determinant of T over the cube of its trace below which bonds are in a line, to rounding: an area of 1:1000 has 1e-7.
+const MIN_SPREAD: f64 = 1e-12;
+
+/// Bonds between two bodies.
+struct BondedPair {
+    /// Candidate and antagonist; all walls are one node, after those of the bodies.
+    nodes: [usize; 2],
+    rows: Vec<usize>,
+    /// Vectors from the centres of the two bodies to the centre of the bonds, m.
+    arms: [Vec3; 2],
+    /// T⁻¹, 1/m²; `None` if the bonds do not keep the bodies from turning.
+    inverse_spread: Option<Mat3>,
+    /// Traction that it carries, N s.
+    strength: f64,
+}
+
+/// Velocity (m/s) and angular velocity (rad/s) of a body, or momentum and angular momentum of several.
+#[derive(Debug, Clone, Copy, Default)]
+struct Twist {
+    linear: Vec3,
+    angular: Vec3,
+}
+
+impl BondedPair {
+    /// Pair of the bonded `rows` of two bodies.
+    fn new(system: &ContactProblem, rows: Vec<usize>) -> BondedPair {
+        let ground = system.bodies.len();
+        let node = |side: usize| {
+            let body = system.rows[rows[0]].bodies[side].index();
+            if system.bodies[body].inverse_mass > 0.0 { body } else { ground }
+        };
+        let nodes = [0, 1].map(node);
+        let mean = |side| rows.iter().map(|&k| system.contact_arm(k, side)).sum::<Vec3>() / rows.len() as f64;
+        let strength = rows.iter().map(|&k| system.rows[k].impulse_shift.abs()).sum();
+        let arms = [0, 1].map(mean);
+        let mut pair = BondedPair { nodes, rows, arms, inverse_spread: None, strength };
+        let of_bond = |k: &usize| {
+            let x = pair.position(system, *k);
+            Mat3::identity() * x.norm_squared() - x * x.transpose()
+        };
+        let spread: Mat3 = pair.rows.iter().map(of_bond).sum();
+        if spread.determinant() > MIN_SPREAD * spread.trace().powi(3) {
+            pair.inverse_spread = spread.try_inverse();
+        }
+        pair
+    }
+
+    /// Position of bond `k` from the centre of the bonds, m.
+    fn position(&self, system: &ContactProblem, k: usize) -> Vec3 {
+        // A wall may have no arms.
+        let side = usize::from(self.nodes[0] == system.bodies.len());
+        system.contact_arm(k, side) - self.arms[side]
+    }
+
+    /// Velocity of the candidate relative to the antagonist at the centre of the bonds.
+    fn motion(&self, system: &ContactProblem, solution: &ContactSolution) -> Twist {
+        let (mut linear, mut turning) = (Vec3::zeros(), Vec3::zeros());
+        for &k in &self.rows {
+            let u = system.shifted_velocity(k, &solution.solver_bodies);
+            linear += u / self.rows.len() as f64;
+            turning += self.position(system, k).cross(&u);
+        }
+        Twist { linear, angular: self.inverse_spread.map_or(Vec3::zeros(), |inverse| inverse * turning) }
+    }
+
+    /// Largest impulse with which a bond carries the momentum `load` about the centre of the bonds, over its limit.
+    fn load_share(&self, system: &ContactProblem, solution: &ContactSolution, load: Twist) -> f64 {
+        let count = self.rows.len() as f64;
+        let turn = self.inverse_spread.map_or(Vec3::zeros(), |inverse| inverse * load.angular);
+        // A face shares the traction among its corners in many ways.
+        let pressure = |k: &usize| system.rows[*k].normal.dot(&solution.impulses[*k]);
+        let pressure = self.rows.iter().map(pressure).sum::<f64>() / count;
+        let share = |&k: &usize| {
+            let row = &system.rows[k];
+            let impulse = load.linear / count + turn.cross(&self.position(system, k));
+            let along = row.normal.dot(&impulse);
+            let strength = row.impulse_shift.abs();
+            let shear = row.friction * pressure.max(MIN_SHEAR_SHARE * strength);
+            (along.abs() / strength).max((impulse - row.normal * along).norm() / shear)
+        };
+        self.rows.iter().map(share).fold(0.0, f64::max)
+    }
+}
+
+/// Pairs of bodies with bonds in the `bonded` rows, the strongest first, without those of which a bond is `broken` (sorted).
+fn bonded_pairs(system: &ContactProblem, bonded: &[usize], broken: &[usize]) -> Vec<BondedPair> {
+    let of_pair = |rows: &[usize]| {
+        let holds = rows.iter().all(|k| broken.binary_search(k).is_err());
+        holds.then(|| BondedPair::new(system, rows.to_vec()))
+    };
+    let same_bodies = |a: &usize, b: &usize| system.rows[*a].bodies == system.rows[*b].bodies;
+    let mut pairs: Vec<BondedPair> = bonded.chunk_by(same_bodies).filter_map(of_pair).collect();
+    pairs.sort_by(|a, b| b.strength.total_cmp(&a.strength));
+    pairs
+}
+
+/// Body of a tree of bonds.
+struct Branch {
+    body: usize,
+    /// Node that carries it, and the pair by which it does; `None` for the root of a free cluster.
+    carrier: Option<(usize, usize)>,
+    /// Position from the root, m.
+    position: Vec3,
+    /// Motion that the bonds must stop.
+    motion: Twist,
+}
+
+/// Largest impulse by which the velocity errors load one of the `bonded` rows in the next step, over its strength. Those that
+/// are `broken` carry nothing; both are sorted.
+pub fn largest_error_load(
+    system: &ContactProblem,
+    solution: &ContactSolution,
+    bonded: &[usize],
+    broken: &[usize],
+) -> f64 {
+    let pairs = bonded_pairs(system, bonded, broken);
+    if pairs.is_empty() {
+        return 0.0;
+    }
+    let ground = system.bodies.len();
+    let mut pairs_of = vec![Vec::new(); ground + 1];
+    for (p, pair) in pairs.iter().enumerate() {
+        pair.nodes.iter().for_each(|&node| pairs_of[node].push(p));
+    }
+    let mut largest = 0.0f64;
+    let mut is_reached = vec![false; ground + 1];
+    // Walls come first: bodies that are not reached from them are free.
+    for root in std::iter::once(ground).chain(0..ground) {
+        if is_reached[root] || pairs_of[root].is_empty() {
+            continue;
+        }
+        is_reached[root] = true;
+        let origin = Branch { body: root, carrier: None, position: Vec3::zeros(), motion: Twist::default() };
+        let mut tree = vec![origin];
+        let from_root = pairs_of[root].iter().map(|&p| Reverse((p, 0)));
+        let mut next: BinaryHeap<Reverse<(usize, usize)>> = from_root.collect();
+        while let Some(Reverse((p, at))) = next.pop() {
+            let (pair, from) = (&pairs[p], &tree[at]);
+            let side = usize::from(pair.nodes[0] == from.body);
+            let body = pair.nodes[side];
+            if std::mem::replace(&mut is_reached[body], true) {
+                continue;
+            }
+            let sign = if side == 0 { 1.0 } else { -1.0 };
+            let relative = pair.motion(system, solution);
+            let angular = from.motion.angular + relative.angular * sign;
+            let of_carrier = if from.body == ground { Vec3::zeros() } else { pair.arms[1 - side] };
+            let arm = pair.arms[side];
+            let at_bonds = from.motion.linear + from.motion.angular.cross(&of_carrier) + relative.linear * sign;
+            let motion = Twist { linear: at_bonds - angular.cross(&arm), angular };
+            let position = from.position + of_carrier - arm;
+            next.extend(pairs_of[body].iter().map(|&p| Reverse((p, tree.len()))));
+            tree.push(Branch { body, carrier: Some((at, p)), position, motion });
+        }
+        if root != ground {
+            subtract_rigid_motion(system, &mut tree);
+        }
+        largest = largest.max(tree_load(system, solution, &pairs, &tree, root == ground));
+    }
+    largest
+}
+
+/// Makes the motions of a free cluster relative to the motion of a rigid body that has their momentum and angular momentum.
+fn subtract_rigid_motion(system: &ContactProblem, tree: &mut [Branch]) {
+    let mass = |branch: &Branch| 1.0 / system.bodies[branch.body].inverse_mass;
+    let total: f64 = tree.iter().map(mass).sum();
+    let centre = tree.iter().map(|branch| branch.position * mass(branch)).sum::<Vec3>() / total;
+    let mean = tree.iter().map(|branch| branch.motion.linear * mass(branch)).sum::<Vec3>() / total;
+    let (mut inertia, mut angular_momentum) = (Mat3::zeros(), Vec3::zeros());
+    for branch in tree.iter() {
+        let (x, own) = (branch.position - centre, inertia_of(system, branch.body));
+        inertia += own + (Mat3::identity() * x.norm_squared() - x * x.transpose()) * mass(branch);
+        angular_momentum += own * branch.motion.angular + x.cross(&branch.motion.linear) * mass(branch);
+    }
+    let turning = inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * angular_momentum);
+    for branch in tree {
+        branch.motion.linear -= mean + turning.cross(&(branch.position - centre));
+        branch.motion.angular -= turning;
+    }
+}
+
+/// Largest load share of the pairs of a tree. `on_walls`: whether the first node is that of the walls.
+fn tree_load(
+    system: &ContactProblem,
+    solution: &ContactSolution,
+    pairs: &[BondedPair],
+    tree: &[Branch],
+    on_walls: bool,
+) -> f64 {
+    // Momentum and angular momentum about the root of each body and those that it carries.
+    let mut carried = vec![Twist::default(); tree.len()];
+    let mut largest = 0.0f64;
+    for at in (usize::from(on_walls)..tree.len()).rev() {
+        let Branch { body, carrier, position, motion } = &tree[at];
+        let momentum = motion.linear / system.bodies[*body].inverse_mass;
+        carried[at].linear += momentum;
+        carried[at].angular += position.cross(&momentum) + inertia_of(system, *body) * motion.angular;
+        let Some((below, p)) = *carrier else { continue };
+        let (pair, Twist { linear, angular }) = (&pairs[p], carried[at]);
+        let centre = position + pair.arms[usize::from(pair.nodes[1] == *body)];
+        let load = Twist { linear, angular: angular - centre.cross(&linear) };
+        largest = largest.max(pair.load_share(system, solution, load));
+        carried[below].linear += linear;
+        carried[below].angular += angular;
+    }
+    largest
+}
+
+/// Inertia about the centre of mass, world frame, kg m²; 0 if some rotation is imposed.
+fn inertia_of(system: &ContactProblem, body: usize) -> Mat3 {
+    let inverse = match &system.block_data {
+        Some(full) => full.inverse_inertia[body],
+        None => Mat3::identity() * system.bodies[body].inverse_inertia,
+    };
+    inverse.try_inverse().unwrap_or_default()
+}
