@@ -261,7 +261,10 @@ fn idle_rows_notes(tact: &TactBehav, contactors: &ContactorTable) -> Vec<String>
         Some(format!("TACT_BEHAV.DAT:{first}: {rows} {are} for {reason}"))
     };
     let missing = note(&|row| !contactors.has_both(row), "contactors or colours that no body has");
-    let imposed = note(&|row| contactors.is_of_imposed(row), "bodies whose motion is all imposed: these do not meet");
+    // Rows without a law have a note of their own.
+    let has_law = |row: &VisibilityRow| tact.laws.iter().any(|law| law.nickname == row.law);
+    let of_imposed = |row: &VisibilityRow| contactors.is_of_imposed(row) && has_law(row);
+    let imposed = note(&of_imposed, "bodies whose motion is all imposed: these do not meet");
     missing.into_iter().chain(imposed).collect()
 }
 

@@ -151,8 +151,8 @@ fn solve_from_warm_start(
     if solver == MatrixSolver::Auto { continue_sweeps(contact_problem, found, max_sweeps, request) } else { found }
 }
 
-/// Continues with sweeps from a solution that the fallback has left above `tol`, up to `max_sweeps` in all; returns the better
-/// of the two by E.
+/// Continues with sweeps from a solution that the fallback has left above `tol`, up to `max_sweeps` in all; returns that
+/// solution if these do not converge either.
 ///
 /// Sweeps of a hyperstatic wall with friction are slow without stagnating, and its stored problem is hard for all solvers.
 /// The default of `max_sweeps` is a tenth of the cost of the fallback that failed.
@@ -170,7 +170,7 @@ fn continue_sweeps(
     let criteria = StoppingCriteria { max_sweeps: max_sweeps - found.sweeps, ..request.criteria };
     let swept = solve_nlgs(&contact_problem, criteria, request.width);
     let sweeps = found.sweeps + swept.sweeps;
-    if swept.converged || swept.residual < found.residual {
+    if swept.converged {
         ContactSolution { sweeps, stalled_residual: found.stalled_residual, ..swept }
     } else {
         ContactSolution { sweeps, ..found }
