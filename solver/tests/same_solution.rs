@@ -7,9 +7,13 @@ use cd_formats::compute::SweepPrecision;
 use cd_solve::assemble::{ContactProblem, SolverBody};
 use cd_solve::math::Vec3;
 use cd_solve::math::simd::SimdWidth;
-use cd_solve::solve::{ContactSolution, StoppingCriteria, solve_nlgs};
+use cd_solve::solve::gauss_seidel::layout::pack_in_blocks;
+use cd_solve::solve::gauss_seidel::packed::PackSource;
+use cd_solve::solve::residual::ResidualEvaluator;
+use cd_solve::solve::{ContactReactions, ContactSolution, StoppingCriteria, solve_nlgs};
+use cd_solve::state::ContactId;
 
-/// Enough bodies for four ranges, and sweeps for momentum to grow and, without friction, to start again.
+/// Enough bodies for four blocks of spheres and eight of cuboids, and sweeps for momentum to grow and, without friction, to start again.
 #[test]
 fn neither_threads_nor_vectors_change_a_solution() {
     let (spheres, smooth, cuboids) = (packing::packing(17, 0.4), packing::packing(17, 0.0), packing::blocks(17, 0.4));
@@ -22,6 +26,7 @@ fn neither_threads_nor_vectors_change_a_solution() {
         (&resisting, 120, double),
         (&spheres, 120, single),
         (&smooth, 120, single),
+        (&cuboids, 40, single),
     ];
     for (system, sweeps, precision) in problems {
         let solve = |width, threads| {
@@ -44,6 +49,41 @@ fn neither_threads_nor_vectors_change_a_solution() {
                 assert!(solve(width, threads) == plain, "{width:?} on {threads} threads");
             }
         }
+    }
+}
+
+/// Number of sweeps without momentum from no impulses to a residual of 0.1, in blocks of `min_bodies` or more.
+fn sweeps_in_blocks(system: &ContactProblem, single: bool, min_bodies: usize) -> usize {
+    let width = SimdWidth::detect();
+    let active: Vec<ContactId> = (0..system.rows.len()).map(ContactId::new).collect();
+    let evaluator = ResidualEvaluator::new(system, &active, width);
+    let mut reactions = ContactReactions::zeros(system);
+    let source = PackSource {
+        problem: system,
+        active: &active,
+        reactions: &reactions.clone(),
+        solver_bodies: &system.bodies,
+        width,
+    };
+    let mut problem = pack_in_blocks(&source, single, min_bodies);
+    for sweeps in 1..1000 {
+        problem.sweep_contacts(width, 0.0);
+        problem.read_back(width, system, &mut reactions);
+        if evaluator.residual(&reactions.impulses).value <= 0.1 {
+            return sweeps;
+        }
+    }
+    panic!("no residual of 0.1 in 1000 sweeps");
+}
+
+/// The order of contacts in sixteen blocks of 578 spheres, and in four of 686 cuboids, costs no more than a twentieth of the
+/// sweeps.
+#[test]
+fn blocks_take_as_many_sweeps_as_one() {
+    for (system, single) in [(packing::packing(21, 0.4), false), (packing::blocks(14, 0.4), true)] {
+        let [one, many] = [usize::MAX, 512].map(|min_bodies| sweeps_in_blocks(&system, single, min_bodies));
+        // Sweeps are counted to the next whole one.
+        assert!(many as f64 <= 1.05 * one as f64 + 1.0, "{many} sweeps, and {one} of one block");
     }
 }
 

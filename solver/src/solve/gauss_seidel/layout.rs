@@ -5,20 +5,31 @@ use crate::solve::gauss_seidel::block::batches::{BlockProblem, FrictionalPoint, 
 use crate::solve::gauss_seidel::diagonal::batches::DiagonalProblem;
 use crate::solve::gauss_seidel::packed::{PackSource, PackedProblem};
 
+/// Smallest number of bodies in a block: tasks with fewer would wait for each other more than they work.
+const MIN_SPHERES_IN_BLOCK: usize = 1024;
+/// The same for bodies of any shape, which have several contacts with each neighbour.
+const MIN_BODIES_IN_BLOCK: usize = 512;
+
 /// Packs a problem for sweeps, in single precision if `single`.
+pub fn pack_problem(source: &PackSource, single: bool) -> Box<dyn PackedProblem> {
+    let is_full = source.problem.block_data.is_some();
+    pack_in_blocks(source, single, if is_full { MIN_BODIES_IN_BLOCK } else { MIN_SPHERES_IN_BLOCK })
+}
+
+/// Packs a problem in blocks of `min_bodies` bodies or more.
 ///
 /// Spheres and plates have diagonal blocks, bodies of any shape full ones. Without friction a contact has one unknown, and
 /// spheres do not turn.
-pub fn pack_problem(source: &PackSource, single: bool) -> Box<dyn PackedProblem> {
+pub fn pack_in_blocks(source: &PackSource, single: bool, min_bodies: usize) -> Box<dyn PackedProblem> {
     let has_friction = source.problem.has_friction(source.active);
     match (&source.problem.block_data, has_friction, single) {
-        (None, true, false) => Box::new(DiagonalProblem::<BodyLine>::new(source)),
-        (None, true, true) => Box::new(DiagonalProblem::<BodyLineF32>::new(source)),
-        (None, false, false) => Box::new(DiagonalProblem::<BodyHalfLine>::new(source)),
-        (None, false, true) => Box::new(DiagonalProblem::<BodyHalfLineF32>::new(source)),
-        (Some(data), true, false) => Box::new(BlockProblem::<FrictionalPoint<f64>>::new(source, data)),
-        (Some(data), true, true) => Box::new(BlockProblem::<FrictionalPoint<f32>>::new(source, data)),
-        (Some(data), false, false) => Box::new(BlockProblem::<FrictionlessPoint<f64>>::new(source, data)),
-        (Some(data), false, true) => Box::new(BlockProblem::<FrictionlessPoint<f32>>::new(source, data)),
+        (None, true, false) => Box::new(DiagonalProblem::<BodyLine>::new(source, min_bodies)),
+        (None, true, true) => Box::new(DiagonalProblem::<BodyLineF32>::new(source, min_bodies)),
+        (None, false, false) => Box::new(DiagonalProblem::<BodyHalfLine>::new(source, min_bodies)),
+        (None, false, true) => Box::new(DiagonalProblem::<BodyHalfLineF32>::new(source, min_bodies)),
+        (Some(data), true, false) => Box::new(BlockProblem::<FrictionalPoint<f64>>::new(source, data, min_bodies)),
+        (Some(data), true, true) => Box::new(BlockProblem::<FrictionalPoint<f32>>::new(source, data, min_bodies)),
+        (Some(data), false, false) => Box::new(BlockProblem::<FrictionlessPoint<f64>>::new(source, data, min_bodies)),
+        (Some(data), false, true) => Box::new(BlockProblem::<FrictionlessPoint<f32>>::new(source, data, min_bodies)),
     }
 }

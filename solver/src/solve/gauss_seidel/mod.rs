@@ -5,7 +5,8 @@
 //! | `driver` | iteration, stopping criteria, precision |
 //! | `momentum` | momentum of the sweeps and its restarts |
 //! | [`layout`] | choice of the layout that a problem needs |
-//! | [`partition`] | division of bodies into ranges and of contacts into colours |
+//! | [`partition`] | division of bodies into blocks and of constraints into tasks and colours |
+//! | [`blocked`] | blocks with their constraints, and the order of a sweep |
 //! | [`packed`] | interface, columns, units and sums of all layouts |
 //! | `vector` | vectors of three components in lanes |
 //! | [`diagonal`] | spheres and plates: the own block of a contact is diagonal |
@@ -13,6 +14,7 @@
 //! | `rolling` | contacts with rolling and spinning friction |
 
 pub mod block;
+pub mod blocked;
 pub mod diagonal;
 pub(super) mod driver;
 pub mod layout;

@@ -19,6 +19,9 @@ pub const L2_BYTES: usize = 1 << 20;
 /// Index in place of a row, rank or line that does not exist.
 pub const NO_INDEX: u32 = u32::MAX;
 
+/// Rows of the system in the lanes of a batch, or [`NO_INDEX`].
+pub type LaneRows = [u32; BATCH_LANES];
+
 /// The rows of a step packed for sweeps, with the data that sweeps change. Each layout of bodies and contacts implements it;
 /// a call per sweep chooses the layout and the width of its vectors.
 pub trait PackedProblem: Send {

@@ -1,11 +1,8 @@
 //! The contact problem of general bodies laid out for sweeping: sixteen pairs of bodies at once. The contacts of a pair
 //! follow each other, while the velocities of its bodies stay loaded.
-//!
-//! Pairs of bodies in one range are swept in parallel with those of other ranges, pairs between ranges after all of these.
 
 use std::array;
 use std::marker::PhantomData;
-use std::ops::Range;
 
 use rayon::prelude::*;
 
@@ -14,17 +11,18 @@ use crate::math::Vec3;
 use crate::math::simd::{F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
 use crate::scene::BodyId;
 use crate::solve::gauss_seidel::block::local::{BlockAxes, BodySide, block_axes, delassus_block, lever_block};
+use crate::solve::gauss_seidel::blocked::{BlockJoints, BlockedProblem, BodyBlock, ConstraintGroup};
 use crate::solve::gauss_seidel::packed::{
-    BATCH_LANES, FrictionCones, NO_INDEX, PackSource, SweepSums, SweepUnits, load_column, load_vector, set_lane,
+    BATCH_LANES, FrictionCones, LaneRows, NO_INDEX, PackSource, SweepUnits, load_column, load_vector, set_lane,
     snap_to_cones,
 };
-use crate::solve::gauss_seidel::partition::{BodyPartition, MAX_COLOURS, PartitionRule, colour_pairs};
+use crate::solve::gauss_seidel::partition::{
+    BodyPartition, GroupBodies, JointTask, MAX_COLOURS, SweepTasks, colour_pairs,
+};
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
 use crate::solve::gauss_seidel::vector::{dot_product, triple};
 use crate::solve::types::ContactReactions;
 use crate::state::ContactId;
-
-const PARTITION_RULE: PartitionRule = PartitionRule { min_bodies: 512, rounds_up: true };
 
 /// Largest number of contacts of a pair that are solved in one batch; further ones form another batch.
 const MAX_PAIR_CONTACTS: usize = 4;
@@ -41,7 +39,7 @@ pub type BatchColumn<T> = [T; BATCH_LANES];
 /// Batch of sixteen pairs of bodies.
 #[derive(Debug, Clone)]
 pub struct BodyPairBatch {
-    /// Lines of candidate and antagonist, counted in the range (in all lines for pairs between ranges).
+    /// Lines of candidate and antagonist in their block, or in the border of their blocks.
     pub bodies: [[u32; BATCH_LANES]; 2],
     /// First and last + 1 of its points.
     pub points: [usize; 2],
@@ -70,9 +68,6 @@ pub trait PairContacts: Clone + Send + Sync {
     fn world_impulses(&self, from: &UnpackContext, rows: &LaneRows, values: &Self::Impulses) -> [BatchColumn<f64>; 3];
 }
 
-/// Rows of the system, or [`NO_INDEX`].
-pub type LaneRows = [u32; BATCH_LANES];
-
 /// Lanes that are occupied, with their rows.
 fn occupied_lanes(rows: &LaneRows) -> impl Iterator<Item = (usize, usize)> + '_ {
     rows.iter().enumerate().filter(|(_, row)| **row != NO_INDEX).map(|(lane, &row)| (lane, row as usize))
@@ -93,6 +88,18 @@ pub struct UnpackContext<'a> {
 }
 
 impl BlockSource<'_> {
+    /// Lines of a body, see [`BlockProblem`].
+    fn body_lines<T: LaneFloat>(&self, body: BodyId) -> (BodyNumbers<T>, BodyNumbers<T>) {
+        let BlockSource { start: PackSource { solver_bodies, .. }, full, units } = self;
+        let &SolverBody { v, inverse_mass, w, .. } = &solver_bodies[body.index()];
+        let (v, w) = if T::IS_SINGLE { (Vec3::zeros(), Vec3::zeros()) } else { (v, w) };
+        let (pushed, mass) = (full.free_axes(body.index()), units.mass_unit());
+        let line = [v.x, v.y, v.z, inverse_mass * mass, w.x, w.y, w.z, pushed.x];
+        let m = full.inverse_inertia[body.index()] * mass;
+        let inertia = [m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)], pushed.y, pushed.z];
+        (line.map(T::from_f64), inertia.map(T::from_f64))
+    }
+
     /// û at the start of row `k`, without the changes of the velocities by sweeps, m/s.
     ///
     /// Lines in single precision contain only these changes, as those of a
@@ -172,181 +179,165 @@ pub struct PairBatches<C: PairContacts> {
     rows: Vec<LaneRows>,
 }
 
-/// Range of bodies with the pairs inside it.
-pub struct BodyRange<C: PairContacts> {
-    /// Number of lines: the moving bodies, those that do not move, and one for unused lanes.
-    pub lines: usize,
-    pub inside: PairBatches<C>,
-    /// Sums of the last sweep.
-    pub sums: SweepSums<C::T>,
+/// Pairs of bodies inside a block or between blocks, with constants of the bodies' lines.
+pub struct PairGroup<C: PairContacts> {
+    pub inertia: Vec<BodyNumbers<C::T>>,
+    pub batches: PairBatches<C>,
 }
 
-/// Lines of the touched bodies, range by range: v, 1/m, w and an unused number; inverse inertia xx, xy, xz, yy, yz, zz, and
-/// two unused numbers. For bodies with [locked axes](BlockData::locked_axes) three numbers are 1 for x, y and z along which
-/// impulses move the body, else 0. In single precision v and w are the changes by the sweeps, in [`SweepUnits`].
+/// Contact problem of a step in the form used by the sweeps.
+///
+/// Lines of bodies: v, 1/m, w and an unused number; inverse inertia xx, xy, xz, yy, yz, zz, and two unused numbers. For bodies
+/// with [locked axes](BlockData::locked_axes) three numbers are 1 for x, y and z along which impulses move the body, else 0.
+/// In single precision v and w are the changes by the sweeps, in [`SweepUnits`].
 pub struct BlockProblem<C: PairContacts> {
     pub units: SweepUnits,
-    pub lines: Vec<BodyNumbers<C::T>>,
-    pub previous: Vec<BodyNumbers<C::T>>,
-    pub inertia: Vec<BodyNumbers<C::T>>,
-    pub ranges: Vec<BodyRange<C>>,
-    pub between: PairBatches<C>,
+    pub bodies: BlockedProblem<BodyNumbers<C::T>, PairGroup<C>, C::T>,
 }
 
 /// Contacts of two bodies: at most [`MAX_PAIR_CONTACTS`] consecutive rows.
-struct PairConstraints {
+struct PairConstraints<'a> {
     bodies: [BodyId; 2],
-    /// Ranks of the bodies.
-    ranks: [u32; 2],
-    rows: Vec<ContactId>,
-    lines: [u32; 2],
+    rows: &'a [ContactId],
 }
 
 impl<C: PairContacts> BlockProblem<C> {
-    /// Packs the rows of `source`; `full` is its block data.
-    pub fn new(source: &PackSource, full: &BlockData) -> Self {
+    /// Packs the rows of `source`, whose block data are `full`, in blocks of `min_bodies` bodies or more.
+    pub fn new(source: &PackSource, full: &BlockData, min_bodies: usize) -> Self {
         let units = SweepUnits::from_source::<C::T>(source);
-        let PackSource { problem, active, solver_bodies, .. } = *source;
         let fill = BlockSource { start: *source, full, units };
-        let partition = BodyPartition::new(problem, active, PARTITION_RULE);
-        let count = partition.range_count();
-        let mut pairs = group_into_pairs(problem, active, &partition);
-        // Pairs by range, those between ranges last; a body that does not move has a line of its own in every pair.
-        let mut groups: Vec<Vec<u32>> = vec![Vec::new(); count + 1];
-        let mut sizes: Vec<u32> = (0..count).map(|range| partition.ranks(range).len() as u32).collect();
-        let mut fixed = vec![Vec::new(); count];
-        for (k, pair) in pairs.iter_mut().enumerate() {
-            let ranges = pair.ranks.map(|rank| partition.range_of(rank));
-            let group = match ranges {
-                [NO_INDEX, NO_INDEX] => continue,
-                [a, NO_INDEX] | [NO_INDEX, a] => a,
-                [a, b] if a == b => a,
-                _ => count as u32,
+        let partition = BodyPartition::new(source.problem, source.active, min_bodies);
+        let (pairs, ranks) = group_into_pairs(source.problem, source.active, &partition);
+        let SweepTasks { inside, joints, colours } = partition.sweep_tasks(&ranks);
+        let blocks = inside.par_iter().enumerate().with_max_len(1).map(|(block, members)| {
+            let bodies = GroupBodies::Block(partition.ranks(block));
+            let mut lines: Vec<_> =
+                partition.bodies_of(block).iter().map(|&body| fill.body_lines::<C::T>(body)).collect();
+            // A body that does not move has a line of its own in every pair.
+            let mut line_of = |&k: &u32| {
+                let (pair, ranks) = (&pairs[k as usize], ranks[k as usize]);
+                [0, 1].map(|side| {
+                    if ranks[side] == NO_INDEX {
+                        lines.push(fill.body_lines::<C::T>(pair.bodies[side]));
+                        lines.len() as u32 - 1
+                    } else {
+                        bodies.index_of(ranks[side])
+                    }
+                })
             };
-            groups[group as usize].push(k as u32);
-            for (side, range) in ranges.into_iter().enumerate() {
-                if range == NO_INDEX {
-                    pair.lines[side] = sizes[group as usize];
-                    sizes[group as usize] += 1;
-                    fixed[group as usize].push(pair.bodies[side]);
-                } else {
-                    pair.lines[side] = pair.ranks[side] - partition.cuts[range as usize];
-                }
-            }
-        }
-        let mut starts = vec![0];
-        let (mut lines, mut inertia) = (Vec::new(), Vec::new());
-        for (range, fixed) in fixed.iter().enumerate() {
-            for &body in partition.bodies[partition.ranks(range)].iter().chain(fixed) {
-                let &SolverBody { v, inverse_mass, w, .. } = &solver_bodies[body.index()];
-                let (v, w) = if C::T::IS_SINGLE { (Vec3::zeros(), Vec3::zeros()) } else { (v, w) };
-                let (pushed, mass) = (full.free_axes(body.index()), units.mass_unit());
-                let line = [v.x, v.y, v.z, inverse_mass * mass, w.x, w.y, w.z, pushed.x];
-                lines.push(line.map(C::T::from_f64));
-                let m = full.inverse_inertia[body.index()] * mass;
-                let line = [m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)], pushed.y, pushed.z];
-                inertia.push(line.map(C::T::from_f64));
-            }
-            lines.push([C::T::ZERO; 8]);
-            inertia.push([C::T::ZERO; 8]);
-            starts.push(lines.len() as u32);
-        }
-        // Pairs between ranges are indexed in all lines.
-        for &k in &groups[count] {
-            let pair = &mut pairs[k as usize];
-            for side in 0..2 {
-                pair.lines[side] += starts[partition.range_of(pair.ranks[side]) as usize];
-            }
-        }
-        let layout = |group: &[u32], ranks: Range<usize>, unused: u32| {
-            let mut batches = PairBatches::new();
-            for (size, mut members) in pairs_by_colour(group, &pairs, ranks) {
-                members.sort_by_key(|&k| std::cmp::Reverse(pairs[k as usize].rows.len()));
-                for chunk in members.chunks(size) {
-                    batches.push_batch(full, &pairs, chunk, unused);
-                }
-            }
-            batches.pack_batches(&fill);
-            batches
-        };
-        let ranges = (0..count)
-            .map(|range| {
-                let lines = (starts[range + 1] - starts[range]) as usize;
-                let inside = layout(&groups[range], partition.ranks(range), lines as u32 - 1);
-                BodyRange { lines, inside, sums: SweepSums::default() }
-            })
-            .collect();
-        let between = layout(&groups[count], 0..partition.bodies.len(), lines.len() as u32 - 1);
-        BlockProblem { units, previous: lines.clone(), lines, inertia, ranges, between }
+            let indices: Vec<[u32; 2]> = members.iter().map(&mut line_of).collect();
+            lines.push(([C::T::ZERO; 8], [C::T::ZERO; 8]));
+            let (lines, inertia): (Vec<_>, _) = lines.into_iter().unzip();
+            let batches = PairBatches::new(&fill, &pairs, members, &indices, (bodies.len(), lines.len() - 1));
+            BodyBlock::new(lines, PairGroup { inertia, batches })
+        });
+        let joints = joints.par_iter().with_max_len(1).map(|JointTask { constraints, ranks: border }| {
+            let bodies = GroupBodies::Border(border);
+            let indices = constraints.iter().map(|&k| ranks[k as usize].map(|rank| bodies.index_of(rank)));
+            let lines = border.iter().map(|&rank| fill.body_lines::<C::T>(partition.bodies[rank as usize]).1);
+            let inertia = lines.chain([[C::T::ZERO; 8]]).collect();
+            let indices: Vec<[u32; 2]> = indices.collect();
+            let batches = PairBatches::new(&fill, &pairs, constraints, &indices, (border.len(), border.len()));
+            BlockJoints::new(&partition, border, [C::T::ZERO; 8], PairGroup { inertia, batches })
+        });
+        let rows = source.problem.rows.len();
+        let bodies = BlockedProblem::new(blocks.collect(), joints.collect(), colours, rows);
+        BlockProblem { units, bodies }
     }
 
     /// Copies the impulses and moments of the swept rows, which belong to this system, into `reactions`.
     pub fn read_back_reactions(&self, width: SimdWidth, problem: &ContactProblem, reactions: &mut ContactReactions) {
         let ContactReactions { impulses, moments } = reactions;
         let back = UnpackContext { problem, units: self.units, width };
-        for batches in self.ranges.iter().map(|range| &range.inside).chain([&self.between]) {
-            batches.rolls.iter().for_each(|rolls| rolls.read_back(moments));
-            for ((point, values), rows) in batches.points.iter().zip(&batches.impulses).zip(&batches.rows) {
-                let r = point.world_impulses(&back, rows, values);
-                for (lane, row) in occupied_lanes(rows) {
-                    impulses[row] = r.map(|column| column[lane]).into();
-                }
-            }
-        }
+        let rolls = self.bodies.groups().flat_map(|group| &group.batches.rolls);
+        rolls.for_each(|rolls| rolls.read_back(moments));
+        self.bodies.read_back(impulses, |PairGroup { batches: PairBatches { points, impulses, rows, .. }, .. }| {
+            let of_points = points.iter().zip(impulses).zip(rows);
+            of_points.map(|((point, values), rows)| point.world_impulses(&back, rows, values)).collect()
+        });
     }
 }
 
-/// Groups consecutive rows of the same two bodies, at most [`MAX_PAIR_CONTACTS`] in a group.
-fn group_into_pairs(problem: &ContactProblem, active: &[ContactId], partition: &BodyPartition) -> Vec<PairConstraints> {
-    let mut pairs: Vec<PairConstraints> = Vec::new();
-    for (&k, &ranks) in active.iter().zip(&partition.pairs) {
-        let bodies = problem.rows[k.index()].bodies;
-        match pairs.last_mut() {
-            Some(last) if last.bodies == bodies && last.rows.len() < MAX_PAIR_CONTACTS => last.rows.push(k),
-            _ => pairs.push(PairConstraints { bodies, ranks, rows: vec![k], lines: [NO_INDEX; 2] }),
-        }
+impl<C: PairContacts> ConstraintGroup for PairGroup<C> {
+    fn rows(&self) -> &[LaneRows] {
+        &self.batches.rows
     }
-    pairs
 }
 
-/// Pairs by colour, each with the number of pairs that a batch of this colour may have.
-fn pairs_by_colour(group: &[u32], pairs: &[PairConstraints], ranks: Range<usize>) -> Vec<(usize, Vec<u32>)> {
-    let colours = colour_pairs(group.iter().map(|&k| pairs[k as usize].ranks), ranks);
-    let mut members = vec![(BATCH_LANES, Vec::new()); MAX_COLOURS];
-    members.push((1, Vec::new()));
-    for (&k, colour) in group.iter().zip(colours) {
-        members[colour as usize].1.push(k);
+/// Groups consecutive rows of the same two bodies, at most [`MAX_PAIR_CONTACTS`] in a group, and returns the ranks of the
+/// bodies of each.
+fn group_into_pairs<'a>(
+    problem: &ContactProblem,
+    active: &'a [ContactId],
+    partition: &BodyPartition,
+) -> (Vec<PairConstraints<'a>>, Vec<[u32; 2]>) {
+    let bodies = |k: &ContactId| problem.rows[k.index()].bodies;
+    let (mut pairs, mut ranks) = (Vec::new(), Vec::new());
+    let mut first = 0;
+    for rows in active.chunk_by(|a, b| bodies(a) == bodies(b)) {
+        for rows in rows.chunks(MAX_PAIR_CONTACTS) {
+            pairs.push(PairConstraints { bodies: bodies(&rows[0]), rows });
+            ranks.push(partition.pairs[first]);
+        }
+        first += rows.len();
     }
-    members
+    (pairs, ranks)
 }
 
 impl<C: PairContacts> PairBatches<C> {
-    fn new() -> Self {
-        PairBatches { batches: vec![], points: vec![], impulses: vec![], rolls: vec![], levers: vec![], rows: vec![] }
+    /// Packs the pairs `members`, between lines with the given indices, those below `moving` of moving bodies; `unused` is the
+    /// line of unused lanes.
+    fn new(
+        from: &BlockSource,
+        pairs: &[PairConstraints],
+        members: &[u32],
+        indices: &[[u32; 2]],
+        (moving, unused): (usize, usize),
+    ) -> Self {
+        let mut batches = PairBatches {
+            batches: vec![],
+            points: vec![],
+            impulses: vec![],
+            rolls: vec![],
+            levers: vec![],
+            rows: vec![],
+        };
+        // Pairs by colour; those without a colour form batches of one.
+        let mut by_colour = vec![Vec::new(); MAX_COLOURS + 1];
+        for (k, colour) in colour_pairs(indices.iter().copied(), moving).into_iter().enumerate() {
+            by_colour[colour as usize].push((&pairs[members[k] as usize], indices[k]));
+        }
+        for (colour, mut members) in by_colour.into_iter().enumerate() {
+            members.sort_by_key(|(pair, _)| std::cmp::Reverse(pair.rows.len()));
+            for chunk in members.chunks(if colour < MAX_COLOURS { BATCH_LANES } else { 1 }) {
+                batches.push_batch(from.full, chunk, unused as u32);
+            }
+        }
+        batches.pack_batches(from);
+        batches
     }
 
-    /// Adds a batch of the pairs `members`: assigns rows to lanes.
-    fn push_batch(&mut self, full: &BlockData, pairs: &[PairConstraints], members: &[u32], unused: u32) {
+    /// Adds a batch of the pairs `members` with their lines: assigns rows to lanes.
+    fn push_batch(&mut self, full: &BlockData, members: &[(&PairConstraints, [u32; 2])], unused: u32) {
         let first = self.rows.len();
-        let mut bodies = members.iter().flat_map(|&k| pairs[k as usize].bodies);
+        let mut bodies = members.iter().flat_map(|(pair, _)| pair.bodies);
         let has_locked_axes = bodies.any(|body| full.has_locked_axes(body.index()));
-        let most = members.iter().map(|&k| pairs[k as usize].rows.len()).max().unwrap_or(0);
+        let most = members.iter().map(|(pair, _)| pair.rows.len()).max().unwrap_or(0);
         self.rows.resize(first + most, [NO_INDEX; BATCH_LANES]);
         let has_lever =
             |row: &ContactId| full.friction_offsets.get(row.index()).is_some_and(|offset| *offset != Vec3::zeros());
-        let levers = members.iter().any(|&k| pairs[k as usize].rows.iter().any(has_lever));
+        let levers = members.iter().any(|(pair, _)| pair.rows.iter().any(has_lever));
         let mut batch = BodyPairBatch {
             bodies: [[unused; BATCH_LANES]; 2],
             points: [first, first + most],
             has_locked_axes,
             levers,
         };
-        for (lane, &k) in members.iter().enumerate() {
-            let pair = &pairs[k as usize];
+        for (lane, (pair, lines)) in members.iter().enumerate() {
             for side in 0..2 {
-                batch.bodies[side][lane] = pair.lines[side];
+                batch.bodies[side][lane] = lines[side];
             }
-            for (rows, &row) in self.rows[first..].iter_mut().zip(&pair.rows) {
+            for (rows, &row) in self.rows[first..].iter_mut().zip(pair.rows) {
                 rows[lane] = row.0;
             }
         }

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`local`] | one contact, exactly |
 //! | [`batches`] | bodies and contacts laid out for sweeping |
-//! | [`sweep`] | one sweep, in vectors of pairs of bodies and side by side |
+//! | [`sweep`] | one sweep, in vectors of pairs of bodies |
 
 pub mod batches;
 pub mod local;

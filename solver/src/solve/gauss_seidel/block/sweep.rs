@@ -5,10 +5,11 @@ use pulp::NullaryFnOnce;
 use crate::assemble::ContactProblem;
 use crate::math::simd::{Arithmetic, DoubleWidth, F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
 use crate::solve::gauss_seidel::block::batches::{
-    BlockProblem, BodyNumbers, BodyPairBatch, BodyRange, FrictionalImpulses, FrictionalPoint, FrictionlessPoint,
-    LeverColumns, NormalImpulses, PairBatches, PairContacts,
+    BlockProblem, BodyNumbers, BodyPairBatch, FrictionalImpulses, FrictionalPoint, FrictionlessPoint, LeverColumns,
+    NormalImpulses, PairBatches, PairContacts, PairGroup,
 };
 use crate::solve::gauss_seidel::block::local::{LocalBlock, signorini_coulomb_block};
+use crate::solve::gauss_seidel::blocked::SweepOperations;
 use crate::solve::gauss_seidel::packed::{
     ApplyMomentum, BATCH_LANES, L2_BYTES, PackedProblem, SweepStats, SweepSums, load_column, load_vector, store_column,
 };
@@ -47,47 +48,35 @@ impl<C: PairSweepKernel> LaneOperation for BlockSweep<'_, C> {
 
 impl<C: PairSweepKernel> BlockSweep<'_, C> {
     fn sweep_with<L: Arithmetic<T = C::T>>(self, lanes: L) -> SweepStats {
-        let BlockSweep { problem, beta } = self;
-        let BlockProblem { units, lines, previous, inertia, ranges, between } = problem;
-        let points = between.points.len() + ranges.iter().map(|range| range.inside.points.len()).sum::<usize>();
+        let BlockSweep { problem: BlockProblem { units, bodies }, beta } = self;
+        let points: usize = bodies.groups().map(|group| group.batches.points.len()).sum();
         let exceeds_l2 = points * size_of::<(C, C::Impulses)>() > L2_BYTES;
-        std::mem::swap(lines, previous);
-        sweep_ranges(ranges, lines, previous, inertia, lanes, (beta, exceeds_l2));
-        let mut sums = SweepSums::default();
-        ranges.iter().for_each(|range| sums.accumulate(&range.sums));
-        let mut last = SweepSums::default();
-        lanes.run(SweepBatches { lanes, lines, inertia, batches: between, beta, exceeds_l2, sums: &mut last });
-        sums.accumulate(&last);
-        sums.reduce(*units)
+        bodies.sweep_once(&BlockOperations { lanes, beta, exceeds_l2 }).reduce(*units)
     }
 }
 
-/// Halves the ranges until one is left for each task.
-fn sweep_ranges<L: Arithmetic, C: PairSweepKernel<T = L::T>>(
-    ranges: &mut [BodyRange<C>],
-    lines: &mut [BodyNumbers<L::T>],
-    previous: &[BodyNumbers<L::T>],
-    inertia: &[BodyNumbers<L::T>],
+struct BlockOperations<L> {
     lanes: L,
-    (beta, exceeds_l2): (f64, bool),
-) {
-    if let [range] = ranges {
-        let (numbers, last) = (lines.as_flattened_mut(), previous.as_flattened());
-        lanes.run(ApplyMomentum { l: lanes, numbers, last, beta });
-        range.sums = SweepSums::default();
-        let batches = &mut range.inside;
-        lanes.run(SweepBatches { lanes, lines, inertia, batches, beta, exceeds_l2, sums: &mut range.sums });
-        return;
+    beta: f64,
+    /// Whether the problem exceeds the L2 cache.
+    exceeds_l2: bool,
+}
+
+impl<L: Arithmetic, C: PairSweepKernel<T = L::T>> SweepOperations<BodyNumbers<L::T>, PairGroup<C>, L::T>
+    for BlockOperations<L>
+{
+    fn apply_momentum(&self, lines: &mut [BodyNumbers<L::T>], last: &[BodyNumbers<L::T>]) {
+        let (l, beta) = (self.lanes, self.beta);
+        l.run(ApplyMomentum { l, numbers: lines.as_flattened_mut(), last: last.as_flattened(), beta });
     }
-    let (left, right) = ranges.split_at_mut(ranges.len() / 2);
-    let cut = left.iter().map(|range| range.lines).sum();
-    let (lines_left, lines_right) = lines.split_at_mut(cut);
-    let (previous_left, previous_right) = previous.split_at(cut);
-    let (inertia_left, inertia_right) = inertia.split_at(cut);
-    rayon::join(
-        || sweep_ranges(left, lines_left, previous_left, inertia_left, lanes, (beta, exceeds_l2)),
-        || sweep_ranges(right, lines_right, previous_right, inertia_right, lanes, (beta, exceeds_l2)),
-    );
+
+    fn sweep_group(&self, lines: &mut [BodyNumbers<L::T>], group: &mut PairGroup<C>) -> SweepSums<L::T> {
+        let &BlockOperations { lanes, beta, exceeds_l2 } = self;
+        let PairGroup { inertia, batches } = group;
+        let mut sums = SweepSums::default();
+        lanes.run(SweepBatches { lanes, lines, inertia, batches, beta, exceeds_l2, sums: &mut sums });
+        sums
+    }
 }
 
 struct SweepBatches<'a, L, C: PairContacts> {

@@ -1,28 +1,22 @@
 //! The contact problem laid out for sweeping: bodies in spatial order, one cache line each, half a line in scenes without
 //! friction; contacts in batches that share no moving body.
-//!
-//! Ranges of bodies are joined two by two up to the whole: a tree. Each range has a block of the contacts inside it, each
-//! joint a block of those across it, which is swept after both its sides. So the sides can be swept in parallel, and contacts
-//! swept together are stored together.
-
-use std::ops::Range;
 
 use bytemuck::Pod;
 use rayon::prelude::*;
 
-use crate::assemble::{ContactProblem, SolverBody};
+use crate::assemble::SolverBody;
+use crate::math::group_by_key;
 use crate::math::simd::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, LaneFloat, SimdWidth};
-use crate::math::{PAR_MIN_LEN, group_by_key};
 use crate::scene::BodyId;
+use crate::solve::gauss_seidel::blocked::{BlockJoints, BlockedProblem, BodyBlock, ConstraintGroup};
 use crate::solve::gauss_seidel::packed::{
-    BATCH_LANES, FrictionCones, NO_INDEX, PackSource, SweepSums, SweepUnits, set_lane, snap_to_cones,
+    BATCH_LANES, FrictionCones, LaneRows, NO_INDEX, PackSource, SweepUnits, set_lane, snap_to_cones,
 };
-use crate::solve::gauss_seidel::partition::{BodyPartition, MAX_COLOURS, PartitionRule, colour_pairs};
+use crate::solve::gauss_seidel::partition::{
+    BodyPartition, GroupBodies, JointTask, MAX_COLOURS, SweepTasks, colour_pairs,
+};
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
 use crate::solve::types::ContactReactions;
-use crate::state::ContactId;
-
-const PARTITION_RULE: PartitionRule = PartitionRule { min_bodies: 1024, rounds_up: false };
 
 /// Constant data of sixteen contacts. Unused lanes have no normal and no friction, and stay at rest.
 #[derive(Debug, Clone, Copy)]
@@ -35,7 +29,7 @@ pub struct ContactBatch<T> {
     /// Arm, see [`crate::assemble::ContactConstraint`].
     pub arm: [T; BATCH_LANES],
     pub friction: [T; BATCH_LANES],
-    /// Lines of candidate and antagonist, counted from the first of the block.
+    /// Lines of candidate and antagonist in their block, or in the border of their blocks.
     pub bodies: [[u32; BATCH_LANES]; 2],
 }
 
@@ -44,12 +38,9 @@ pub struct ContactBatch<T> {
 #[repr(align(64))]
 pub struct BatchVectors<T>(pub [[T; BATCH_LANES]; 3]);
 
-/// Contacts in the order in which they are swept: those inside a range of bodies, or between two groups of ranges.
+/// Contacts in the order in which they are swept: those inside a block of bodies, or between blocks.
 #[derive(Debug, Clone, Default)]
-pub struct RangeBatches<T> {
-    /// Number of lines. A range has its moving bodies, then those that do not move, one for each contact with them, then one
-    /// for unused lanes. Two groups have all of their lines.
-    pub lines: usize,
+pub struct GroupBatches<T> {
     pub batches: Vec<ContactBatch<T>>,
     /// Index of the end of the batches of each colour.
     pub colours: Vec<usize>,
@@ -63,12 +54,10 @@ pub struct RangeBatches<T> {
     pub rolls: Vec<RollingConstraintWide<T>>,
     /// 1/radius of candidate and antagonist, 1/m; 0 for a plate, whose rotation is in the shift.
     pub curvatures: Vec<[[T; BATCH_LANES]; 2]>,
-    /// Row of the system, or [`NO_INDEX`].
-    pub rows: Vec<[u32; BATCH_LANES]>,
+    /// Rows of the system.
+    pub rows: Vec<LaneRows>,
     /// Friction cones to which the impulses are snapped when read back, if needed; else empty.
     pub cones: Vec<FrictionCones>,
-    /// Sums of the last sweep.
-    pub sums: SweepSums<T>,
 }
 
 /// Data of a body in the sweeps.
@@ -138,245 +127,164 @@ impl PackedBody for BodyHalfLineF32 {
 /// Contact problem of a step in the form used by the sweeps.
 pub struct DiagonalProblem<B: PackedBody> {
     pub units: SweepUnits,
-    /// Every touched body, range by range.
-    pub lines: Vec<B>,
-    /// Bodies of the sweep before.
-    pub previous: Vec<B>,
-    /// Nodes of the tree in order: the block of a range, the joint to the next, the block of the next, ...
-    pub blocks: Vec<RangeBatches<B::T>>,
+    pub bodies: BlockedProblem<B, GroupBatches<B::T>, B::T>,
 }
 
 impl<B: PackedBody> DiagonalProblem<B> {
-    /// Packs the rows of `source`.
-    pub fn new(source: &PackSource) -> Self {
-        let layout = BatchLayout::new(source.problem, source.active);
+    /// Packs the rows of `source` in blocks of `min_bodies` bodies or more.
+    pub fn new(source: &PackSource, min_bodies: usize) -> Self {
         let units = SweepUnits::from_source::<B::T>(source);
-        let of_body = |&body: &BodyId| B::new(&source.solver_bodies[body.index()], &units);
-        let bodies = &layout.partition.bodies;
-        let moving: Vec<B> = bodies.par_iter().with_min_len(PAR_MIN_LEN).map(of_body).collect();
-        let mut lines = vec![B::PADDING; layout.starts[layout.starts.len() - 1] as usize];
-        for (range, &start) in (0..layout.partition.range_count()).zip(&layout.starts) {
-            let moving = &moving[layout.partition.ranks(range)];
-            lines[start as usize..start as usize + moving.len()].copy_from_slice(moving);
-        }
-        let blocks: Vec<(RangeBatches<B::T>, Vec<B>)> =
-            (0..layout.blocks.len() - 1).into_par_iter().map(|b| layout.pack_block(b, source, units)).collect();
-        let blocks = blocks.into_iter().enumerate().map(|(b, (block, fixed))| {
-            let end = layout.starts[b / 2 + 1] as usize - 1;
-            lines[end - fixed.len()..end].copy_from_slice(&fixed);
-            block
+        let partition = BodyPartition::new(source.problem, source.active, min_bodies);
+        let order = spatial_order(&partition);
+        let pairs: Vec<[u32; 2]> = order.iter().map(|&row| partition.pairs[row as usize]).collect();
+        let SweepTasks { inside, joints, colours } = partition.sweep_tasks(&pairs);
+        let pack = |constraints: &[u32], bodies: &GroupBodies| {
+            let rows: Vec<u32> = constraints.iter().map(|&k| order[k as usize]).collect();
+            pack_group::<B>(&rows, &partition.pairs, bodies, source, units)
+        };
+        let blocks = inside.par_iter().enumerate().with_max_len(1).map(|(block, constraints)| {
+            let (batches, fixed) = pack(constraints, &GroupBodies::Block(partition.ranks(block)));
+            let of_body = |body: &BodyId| B::new(&source.solver_bodies[body.index()], &units);
+            let moving = partition.bodies_of(block).iter().map(of_body);
+            BodyBlock::new(moving.chain(fixed).chain([B::PADDING]).collect(), batches)
         });
-        let blocks = blocks.collect();
-        DiagonalProblem { units, previous: lines.clone(), lines, blocks }
+        let joints = joints.par_iter().with_max_len(1).map(|JointTask { constraints, ranks }| {
+            let (batches, _) = pack(constraints, &GroupBodies::Border(ranks));
+            BlockJoints::new(&partition, ranks, B::PADDING, batches)
+        });
+        let rows = source.problem.rows.len();
+        let bodies = BlockedProblem::new(blocks.collect(), joints.collect(), colours, rows);
+        DiagonalProblem { units, bodies }
     }
 
     /// Copies the impulses and moments of the swept rows into `reactions`.
     pub fn read_back_reactions(&self, width: SimdWidth, reactions: &mut ContactReactions) {
         let ContactReactions { impulses, moments } = reactions;
         let unit = self.units.impulse;
-        for block in &self.blocks {
-            block.rolls.iter().for_each(|rolls| rolls.read_back(moments));
-            for (batch, (r, rows)) in block.r.iter().zip(&block.rows).enumerate() {
-                // The order of rows differs from that in which contacts are swept.
-                let later = block
-                    .rows
-                    .get(batch + PREFETCH_BATCHES)
-                    .into_iter()
-                    .flatten()
-                    .filter_map(|&row| impulses.get(row as usize));
-                later.for_each(|r| width.prefetch(r));
+        let rolls = self.bodies.groups().flat_map(|group| &group.rolls);
+        rolls.for_each(|rolls| rolls.read_back(moments));
+        self.bodies.read_back(impulses, |group| {
+            let of_batch = |(batch, r): (usize, &BatchVectors<B::T>)| {
                 let mut r = r.0.map(|column| column.map(|r| r.to_f64() * unit));
                 match (B::HAS_FRICTION, B::T::IS_SINGLE) {
-                    (true, false) => (),
-                    (true, true) => snap_to_cones(width, &block.cones[batch], &mut r),
-                    (false, _) => r = block.cones[batch].n.map(|n| std::array::from_fn(|lane| n[lane] * r[0][lane])),
+                    (true, false) => r,
+                    (true, true) => {
+                        snap_to_cones(width, &group.cones[batch], &mut r);
+                        r
+                    }
+                    (false, _) => group.cones[batch].n.map(|n| std::array::from_fn(|lane| n[lane] * r[0][lane])),
                 }
-                for (lane, &row) in rows.iter().enumerate().filter(|(_, row)| **row != NO_INDEX) {
-                    impulses[row as usize] = r.map(|column| column[lane]).into();
+            };
+            group.r.iter().enumerate().map(of_batch).collect()
+        });
+    }
+}
+
+impl<T: LaneFloat> ConstraintGroup for GroupBatches<T> {
+    fn rows(&self) -> &[LaneRows] {
+        &self.rows
+    }
+}
+
+/// Indices into the active rows, in the order of the first of their bodies, without rows of two bodies that do not move.
+fn spatial_order(BodyPartition { bodies, pairs, .. }: &BodyPartition) -> Vec<u32> {
+    let first: Vec<u32> = pairs.iter().map(|[a, b]| *a.min(b).min(&(bodies.len() as u32))).collect();
+    let (mut order, starts) = group_by_key(&first, bodies.len() + 1);
+    order.truncate(starts[bodies.len()] as usize);
+    order
+}
+
+/// Packs the active rows `rows`, and the lines of the bodies in them that do not move: every contact with such a body has a
+/// line of its own for that body, so that lines shared by many contacts do not exist.
+fn pack_group<B: PackedBody>(
+    rows: &[u32],
+    pairs: &[[u32; 2]],
+    bodies: &GroupBodies,
+    from: &PackSource,
+    units: SweepUnits,
+) -> (GroupBatches<B::T>, Vec<B>) {
+    let local: Vec<[u32; 2]> = rows.iter().map(|&row| pairs[row as usize].map(|rank| bodies.index_of(rank))).collect();
+    let moving = bodies.len() as u32;
+    let fixed_count = local.as_flattened().iter().filter(|&&index| index == NO_INDEX).count() as u32;
+    let (slots, colours) = batches_by_colour(&local, bodies.len());
+    let zero = B::T::default();
+    let empty = ContactBatch {
+        n: [[zero; BATCH_LANES]; 3],
+        shift: [zero; BATCH_LANES],
+        arm: [zero; BATCH_LANES],
+        friction: [zero; BATCH_LANES],
+        bodies: [[moving + fixed_count; BATCH_LANES]; 2],
+    };
+    let mut batches = vec![empty; slots.len()];
+    let mut r = vec![BatchVectors::default(); slots.len()];
+    let mut tangential_shift = Vec::new();
+    let turning = if from.problem.rolling_constraints.is_empty() { 0 } else { slots.len() };
+    let (mut rolls, mut curvatures) =
+        (vec![RollingConstraintWide::NONE; turning], vec![[[zero; BATCH_LANES]; 2]; turning]);
+    let mut cones = vec![FrictionCones::NONE; if B::T::IS_SINGLE || !B::HAS_FRICTION { slots.len() } else { 0 }];
+    let mut fixed = Vec::new();
+    let mut rows_of_lanes = vec![[NO_INDEX; BATCH_LANES]; slots.len()];
+    for (i, ((batch, r), slots)) in batches.iter_mut().zip(&mut r).zip(&slots).enumerate() {
+        for (lane, &slot) in slots.iter().enumerate().filter(|(_, slot)| **slot != NO_INDEX) {
+            let pair = local[slot as usize];
+            let k = from.active[rows[slot as usize] as usize];
+            rows_of_lanes[i][lane] = k.0;
+            let row = &from.problem.rows[k.index()];
+            let n = row.normal;
+            set_lane(&mut batch.n, lane, &n);
+            if let Some(cones) = cones.get_mut(i) {
+                cones.set_lane(lane, row);
+            }
+            batch.arm[lane] = B::T::from_f64(row.arm);
+            batch.friction[lane] = B::T::from_f64(row.friction);
+            for (side, index) in pair.into_iter().enumerate() {
+                if index != NO_INDEX {
+                    batch.bodies[side][lane] = index;
+                    continue;
                 }
+                // The shift of a contact with a body that does not move is a velocity of that body.
+                let sign = if side == 0 { 1.0 } else { -1.0 };
+                let record = &from.solver_bodies[row.bodies[side].index()];
+                batch.bodies[side][lane] = moving + fixed.len() as u32;
+                fixed.push(B::new(&SolverBody { v: record.v + row.shift * sign, ..*record }, &units));
+            }
+            let moves = !pair.contains(&NO_INDEX);
+            if B::T::IS_SINGLE || moves {
+                let shift =
+                    if B::T::IS_SINGLE { row.shifted_velocity(from.solver_bodies) / units.velocity } else { row.shift };
+                let along = n.dot(&shift);
+                batch.shift[lane] = B::T::from_f64(along);
+                let tangential = shift - n * along;
+                // Larger than rounding.
+                if B::HAS_FRICTION && tangential.norm_squared() > 1e-30 * shift.norm_squared() {
+                    tangential_shift.resize(colours[colours.len() - 1], BatchVectors::default());
+                    set_lane(&mut tangential_shift[i].0, lane, &tangential);
+                }
+            }
+            if let (Some(rolls), Some(curvatures)) = (rolls.get_mut(i), curvatures.get_mut(i)) {
+                rolls.set_lane(lane, from.problem, k, &from.reactions.moments);
+                for (curvature, body) in curvatures.iter_mut().zip(row.bodies) {
+                    let radius = from.solver_bodies[body.index()].radius;
+                    curvature[lane] = B::T::from_f64(if radius > 0.0 { 1.0 / radius } else { 0.0 });
+                }
+            }
+            let impulse = &from.reactions.impulses[k.index()];
+            if B::HAS_FRICTION {
+                set_lane(&mut r.0, lane, &(impulse / units.impulse));
+            } else {
+                r.0[0][lane] = B::T::from_f64(n.dot(impulse) / units.impulse);
             }
         }
     }
+    let previous = r.clone();
+    let rows = rows_of_lanes;
+    (GroupBatches { batches, colours, r, previous, tangential_shift, rolls, curvatures, rows, cones }, fixed)
 }
 
-/// Number of batches ahead for which the rows to write are prefetched.
-const PREFETCH_BATCHES: usize = 2;
-
-/// Layout of contacts and bodies.
-struct BatchLayout {
-    partition: BodyPartition,
-    /// Line of each rank.
-    lines: Vec<u32>,
-    /// First line of each range, and the number of lines.
-    starts: Vec<u32>,
-    /// Indices into the active rows, by block, and in spatial order within a block.
-    order: Vec<u32>,
-    /// Start of each block in `order`, and the end of the last.
-    blocks: Vec<u32>,
-}
-
-impl BatchLayout {
-    /// Divides the bodies of the rows `active` into ranges and these rows into blocks.
-    fn new(problem: &ContactProblem, active: &[ContactId]) -> Self {
-        let partition = BodyPartition::new(problem, active, PARTITION_RULE);
-        let BodyPartition { bodies, pairs, .. } = &partition;
-        let ranges = partition.range_count();
-        let first: Vec<u32> = pairs.iter().map(|[a, b]| *a.min(b).min(&(bodies.len() as u32))).collect();
-        let (by_rank, starts) = group_by_key(&first, bodies.len() + 1);
-        // Contacts between two bodies whose motion is imposed have no solution to find.
-        let by_rank = &by_rank[..starts[bodies.len()] as usize];
-        // Every contact with a body that does not move has a line of its own for that body, so that
-        // lines shared by many contacts do not exist.
-        let mut fixed = vec![0; ranges];
-        let block = |&active_index: &u32| {
-            let [a, b] = pairs[active_index as usize];
-            let near = partition.range_of(a.min(b));
-            let far = a.max(b);
-            if far == NO_INDEX {
-                fixed[near as usize] += 1;
-                return 2 * near;
-            }
-            block_index(near, partition.range_of(far))
-        };
-        let blocks_of: Vec<u32> = by_rank.iter().map(block).collect();
-        let (mut order, blocks) = group_by_key(&blocks_of, 2 * ranges - 1);
-        order.iter_mut().for_each(|index| *index = by_rank[*index as usize]);
-
-        let mut starts = vec![0];
-        let mut lines = Vec::with_capacity(bodies.len());
-        for (r, fixed) in fixed.into_iter().enumerate() {
-            let moving = partition.ranks(r).len() as u32;
-            lines.extend(starts[r]..starts[r] + moving);
-            starts.push(starts[r] + moving + fixed + 1);
-        }
-        BatchLayout { partition, lines, starts, order, blocks }
-    }
-
-    /// Packs a block, and the lines of the bodies in it that do not move.
-    fn pack_block<B: PackedBody>(
-        &self,
-        block: usize,
-        from: &PackSource,
-        units: SweepUnits,
-    ) -> (RangeBatches<B::T>, Vec<B>) {
-        let (first, last) = block_ranges(block);
-        let BodyPartition { pairs, cuts, .. } = &self.partition;
-        let start = self.starts[first];
-        let lines = self.starts[last + 1] - start;
-        let of_block = &self.order[self.blocks[block] as usize..self.blocks[block + 1] as usize];
-        let (mut rows, colours) = batches_by_colour(of_block, pairs, cuts[first] as usize..cuts[last + 1] as usize);
-        let zero = B::T::default();
-        let empty = ContactBatch {
-            n: [[zero; BATCH_LANES]; 3],
-            shift: [zero; BATCH_LANES],
-            arm: [zero; BATCH_LANES],
-            friction: [zero; BATCH_LANES],
-            bodies: [[lines - 1; BATCH_LANES]; 2],
-        };
-        let mut batches = vec![empty; rows.len()];
-        let mut r = vec![BatchVectors::default(); rows.len()];
-        let mut tangential_shift = Vec::new();
-        let turning = if from.problem.rolling_constraints.is_empty() { 0 } else { rows.len() };
-        let (mut rolls, mut curvatures) =
-            (vec![RollingConstraintWide::NONE; turning], vec![[[zero; BATCH_LANES]; 2]; turning]);
-        let mut cones = vec![FrictionCones::NONE; if B::T::IS_SINGLE || !B::HAS_FRICTION { rows.len() } else { 0 }];
-        let mut fixed = Vec::new();
-        let first_fixed = self.starts[first] + cuts[first + 1] - cuts[first] - start;
-        for (i, ((batch, r), rows)) in batches.iter_mut().zip(&mut r).zip(&mut rows).enumerate() {
-            for (lane, slot) in rows.iter_mut().enumerate().filter(|(_, slot)| **slot != NO_INDEX) {
-                let active_index = *slot as usize;
-                let k = from.active[active_index];
-                *slot = k.0;
-                let row = &from.problem.rows[k.index()];
-                let n = row.normal;
-                set_lane(&mut batch.n, lane, &n);
-                if let Some(cones) = cones.get_mut(i) {
-                    cones.set_lane(lane, row);
-                }
-                batch.arm[lane] = B::T::from_f64(row.arm);
-                batch.friction[lane] = B::T::from_f64(row.friction);
-                for (side, rank) in pairs[active_index].into_iter().enumerate() {
-                    if rank != NO_INDEX {
-                        batch.bodies[side][lane] = self.lines[rank as usize] - start;
-                        continue;
-                    }
-                    // The shift of a contact with a body that does not move is a velocity of that body.
-                    let sign = if side == 0 { 1.0 } else { -1.0 };
-                    let record = &from.solver_bodies[row.bodies[side].index()];
-                    batch.bodies[side][lane] = first_fixed + fixed.len() as u32;
-                    fixed.push(B::new(&SolverBody { v: record.v + row.shift * sign, ..*record }, &units));
-                }
-                let moves = pairs[active_index].iter().all(|rank| *rank != NO_INDEX);
-                if B::T::IS_SINGLE || moves {
-                    let shift = if B::T::IS_SINGLE {
-                        row.shifted_velocity(from.solver_bodies) / units.velocity
-                    } else {
-                        row.shift
-                    };
-                    let along = n.dot(&shift);
-                    batch.shift[lane] = B::T::from_f64(along);
-                    let tangential = shift - n * along;
-                    // Larger than rounding.
-                    if B::HAS_FRICTION && tangential.norm_squared() > 1e-30 * shift.norm_squared() {
-                        tangential_shift.resize(colours[colours.len() - 1], BatchVectors::default());
-                        set_lane(&mut tangential_shift[i].0, lane, &tangential);
-                    }
-                }
-                if let (Some(rolls), Some(curvatures)) = (rolls.get_mut(i), curvatures.get_mut(i)) {
-                    rolls.set_lane(lane, from.problem, k, &from.reactions.moments);
-                    for (curvature, body) in curvatures.iter_mut().zip(row.bodies) {
-                        let radius = from.solver_bodies[body.index()].radius;
-                        curvature[lane] = B::T::from_f64(if radius > 0.0 { 1.0 / radius } else { 0.0 });
-                    }
-                }
-                let impulse = &from.reactions.impulses[k.index()];
-                if B::HAS_FRICTION {
-                    set_lane(&mut r.0, lane, &(impulse / units.impulse));
-                } else {
-                    r.0[0][lane] = B::T::from_f64(n.dot(impulse) / units.impulse);
-                }
-            }
-        }
-        let previous = r.clone();
-        let lines = lines as usize;
-        let sums = SweepSums::default();
-        (
-            RangeBatches {
-                lines,
-                batches,
-                colours,
-                r,
-                previous,
-                tangential_shift,
-                rolls,
-                curvatures,
-                rows,
-                cones,
-                sums,
-            },
-            fixed,
-        )
-    }
-}
-
-/// Block of contacts between two ranges: that of the range, or of the joint above both.
-fn block_index(a: u32, b: u32) -> u32 {
-    match (a ^ b).checked_ilog2() {
-        None => 2 * a,
-        Some(level) => (a.max(b) >> level << (level + 1)) - 1,
-    }
-}
-
-/// First and last range of a block.
-fn block_ranges(block: usize) -> (usize, usize) {
-    let side = (1 << block.trailing_ones()) - 1; // blocks before it, and behind it
-    ((block - side) / 2, (block + side) / 2)
-}
-
-/// Batches of rows that share no moving body, by colour, and the end of each colour. Rows without a colour form batches of
-/// one.
-fn batches_by_colour(rows: &[u32], pairs: &[[u32; 2]], ranks: Range<usize>) -> (Vec<[u32; BATCH_LANES]>, Vec<usize>) {
-    let colours = colour_pairs(rows.iter().map(|&row| pairs[row as usize]), ranks);
+/// Batches of `pairs` of `bodies` moving bodies that share none of these, by colour, and the end of each colour. Pairs without
+/// a colour form batches of one.
+fn batches_by_colour(pairs: &[[u32; 2]], bodies: usize) -> (Vec<[u32; BATCH_LANES]>, Vec<usize>) {
+    let colours = colour_pairs(pairs.iter().copied(), bodies);
     let mut counts = [0; MAX_COLOURS + 1];
     colours.iter().for_each(|&colour| counts[colour as usize] += 1);
     let mut next = [0; MAX_COLOURS + 1];
@@ -393,23 +301,10 @@ fn batches_by_colour(rows: &[u32], pairs: &[[u32; 2]], ranks: Range<usize>) -> (
         }
     }
     let mut batched = vec![[NO_INDEX; BATCH_LANES]; batches];
-    for (&row, &colour) in rows.iter().zip(&colours) {
+    for (pair, &colour) in colours.iter().enumerate() {
         let slot = &mut next[colour as usize];
-        batched[*slot / BATCH_LANES][*slot % BATCH_LANES] = row;
+        batched[*slot / BATCH_LANES][*slot % BATCH_LANES] = pair as u32;
         *slot += if (colour as usize) < MAX_COLOURS { 1 } else { BATCH_LANES };
     }
     (batched, ends)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// For four ranges: blocks 0, 2, 4, 6 are theirs, 1 joins the first two, 5 the last two, 3 all.
-    #[test]
-    fn blocks_and_their_spans() {
-        assert_eq!([0, 1, 2, 3].map(|r| block_index(r, r)), [0, 2, 4, 6]);
-        assert_eq!([block_index(0, 1), block_index(3, 2), block_index(1, 2), block_index(3, 0)], [1, 5, 3, 3]);
-        assert_eq!([0, 1, 2, 3, 4, 5].map(block_ranges), [(0, 0), (0, 1), (1, 1), (0, 3), (2, 2), (2, 3)]);
-    }
 }

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`local`] | one contact, exactly |
 //! | [`batches`] | bodies and contacts packed for sweeps |
-//! | [`sweep`] | one sweep, in vectors of contacts and in ranges side by side |
+//! | [`sweep`] | one sweep, in vectors of contacts |
 
 pub mod batches;
 pub mod local;

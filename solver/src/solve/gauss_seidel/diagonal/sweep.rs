@@ -5,8 +5,9 @@ use pulp::NullaryFnOnce;
 
 use crate::assemble::ContactProblem;
 use crate::math::simd::{Arithmetic, F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
+use crate::solve::gauss_seidel::blocked::SweepOperations;
 use crate::solve::gauss_seidel::diagonal::batches::{
-    BatchVectors, ContactBatch, DiagonalProblem, PackedBody, RangeBatches,
+    BatchVectors, ContactBatch, DiagonalProblem, GroupBatches, PackedBody,
 };
 use crate::solve::gauss_seidel::diagonal::local::{coulomb, signorini, unprojected_impulse};
 use crate::solve::gauss_seidel::packed::{
@@ -38,50 +39,32 @@ impl<B: PackedBody> LaneOperation for DiagonalSweep<'_, B> {
     type Output = SweepStats;
 
     fn call<L: F64Arithmetic>(self, l: L) -> SweepStats {
-        let DiagonalSweep { problem: DiagonalProblem { units, lines, previous, blocks }, beta } = self;
-        let batches: usize = blocks.iter().map(|block| block.batches.len()).sum();
+        let DiagonalSweep { problem: DiagonalProblem { units, bodies }, beta } = self;
+        let batches: usize = bodies.groups().map(|group| group.batches.len()).sum();
         let exceeds_l2 = batches * size_of::<(ContactBatch<B::T>, [BatchVectors<B::T>; 2])>() > L2_BYTES;
-        std::mem::swap(lines, previous);
-        TreeSweep { lanes: B::T::lanes(l), beta, exceeds_l2 }.sweep_subtree(blocks, lines, previous);
-        let mut sums = SweepSums::default();
-        blocks.iter().for_each(|block| sums.accumulate(&block.sums));
-        sums.reduce(*units)
+        bodies.sweep_once(&DiagonalOperations { lanes: B::T::lanes(l), beta, exceeds_l2 }).reduce(*units)
     }
 }
 
-#[derive(Clone, Copy)]
-struct TreeSweep<L> {
+struct DiagonalOperations<L> {
     lanes: L,
     beta: f64,
     /// Whether the problem exceeds the L2 cache.
     exceeds_l2: bool,
 }
 
-impl<L: Arithmetic> TreeSweep<L> {
-    /// Sweeps both sides of a joint in parallel, then the joint.
-    fn sweep_subtree<B: PackedBody<T = L::T>>(
-        self,
-        blocks: &mut [RangeBatches<L::T>],
-        lines: &mut [B],
-        previous: &[B],
-    ) {
-        let half = blocks.len() / 2;
-        let (left, rest) = blocks.split_at_mut(half);
-        let Some((block, right)) = rest.split_first_mut() else { return };
-        if left.is_empty() {
-            let (l, beta) = (self.lanes, self.beta);
-            l.run(ApplyMomentum { l, numbers: cast_slice_mut(lines), last: cast_slice(previous), beta });
-        } else {
-            let cut = left[half / 2].lines;
-            let (lines_left, lines_right) = lines.split_at_mut(cut);
-            let (previous_left, previous_right) = previous.split_at(cut);
-            rayon::join(
-                || self.sweep_subtree(left, lines_left, previous_left),
-                || self.sweep_subtree(right, lines_right, previous_right),
-            );
-        }
-        self.lanes.run(SweepBlock { lanes: self.lanes, lines, block, beta: self.beta, exceeds_l2: self.exceeds_l2 });
-        std::mem::swap(&mut block.r, &mut block.previous);
+impl<L: Arithmetic, B: PackedBody<T = L::T>> SweepOperations<B, GroupBatches<L::T>, L::T> for DiagonalOperations<L> {
+    fn apply_momentum(&self, lines: &mut [B], last: &[B]) {
+        let (l, beta) = (self.lanes, self.beta);
+        l.run(ApplyMomentum { l, numbers: cast_slice_mut(lines), last: cast_slice(last), beta });
+    }
+
+    fn sweep_group(&self, lines: &mut [B], group: &mut GroupBatches<L::T>) -> SweepSums<L::T> {
+        let &DiagonalOperations { lanes, beta, exceeds_l2 } = self;
+        let mut sums = SweepSums::default();
+        lanes.run(SweepGroup { lanes, lines, group, beta, exceeds_l2, sums: &mut sums });
+        std::mem::swap(&mut group.r, &mut group.previous);
+        sums
     }
 }
 
@@ -92,21 +75,21 @@ macro_rules! pair {
     };
 }
 
-struct SweepBlock<'a, L, B: PackedBody> {
+struct SweepGroup<'a, L, B: PackedBody> {
     lanes: L,
     lines: &'a mut [B],
-    block: &'a mut RangeBatches<B::T>,
+    group: &'a mut GroupBatches<B::T>,
     beta: f64,
     exceeds_l2: bool,
+    sums: &'a mut SweepSums<B::T>,
 }
 
-impl<L: Arithmetic, B: PackedBody<T = L::T>> NullaryFnOnce for SweepBlock<'_, L, B> {
+impl<L: Arithmetic, B: PackedBody<T = L::T>> NullaryFnOnce for SweepGroup<'_, L, B> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
-        let SweepBlock { lanes: l, lines, block, beta, exceeds_l2 } = self;
-        let RangeBatches { batches, colours, r, previous, tangential_shift, rolls, curvatures, sums, .. } = block;
-        *sums = SweepSums::default();
+        let SweepGroup { lanes: l, lines, group, beta, exceeds_l2, sums } = self;
+        let GroupBatches { batches, colours, r, previous, tangential_shift, rolls, curvatures, .. } = group;
         let zero = l.splat(0.0);
         let mut between = StageBuffers {
             trials: [TrialImpulse { tangential: [zero; 3], normal: zero, y: [zero; 3], w_n: zero }; BATCHES_PER_STAGE],

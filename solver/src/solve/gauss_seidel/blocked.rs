@@ -1,0 +1,192 @@
+//! Bodies in blocks with the constraints inside and between them, and the order in which a sweep solves these.
+//!
+//! All blocks are swept in parallel, then the joints, colour by colour, those of a colour in parallel. A task of a joint copies
+//! the bodies that it needs from their blocks, sweeps, and copies them back.
+
+use std::mem;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use rayon::prelude::*;
+
+use crate::math::simd::LaneFloat;
+use crate::math::{PAR_MIN_LEN, Vec3};
+use crate::solve::gauss_seidel::packed::{BATCH_LANES, LaneRows, NO_INDEX, SweepSums};
+use crate::solve::gauss_seidel::partition::BodyPartition;
+
+/// Packed bodies in blocks, with lines of type `N`, and groups of constraints of type `G`.
+pub struct BlockedProblem<N, G, T> {
+    blocks: Vec<BodyBlock<N, G, T>>,
+    /// Tasks of the joints, colour by colour.
+    joints: Vec<BlockJoints<N, G, T>>,
+    /// End of each colour in `joints`.
+    colours: Vec<usize>,
+    /// Group of each row of the system and its lane among all of the group; [`NO_INDEX`] for rows that are not swept.
+    slots: Vec<[u32; 2]>,
+}
+
+/// A group of constraints in batches.
+pub trait ConstraintGroup: Send + Sync {
+    /// Rows of the system in the lanes of each batch.
+    fn rows(&self) -> &[LaneRows];
+}
+
+/// A block of bodies and the constraints inside it.
+pub struct BodyBlock<N, G, T> {
+    /// Moving bodies, those that do not move, one for each constraint with them, and one for unused lanes. At most one task
+    /// of a colour uses a block, so no task waits for the lock.
+    lines: Mutex<Vec<N>>,
+    /// Lines of the sweep before.
+    previous: Vec<N>,
+    inside: G,
+    /// Sums of the last sweep.
+    sums: SweepSums<T>,
+}
+
+/// Constraints between blocks that one task sweeps.
+pub struct BlockJoints<N, G, T> {
+    border: BlockBorder,
+    /// Copies of the lines of the border, and one for unused lanes.
+    lines: Vec<N>,
+    across: G,
+    /// Sums of the last sweep.
+    sums: SweepSums<T>,
+}
+
+/// Bodies of several blocks.
+pub struct BlockBorder {
+    /// Each block with the end of its bodies.
+    blocks: Vec<(u32, usize)>,
+    /// Indices of the bodies in their blocks.
+    bodies: Vec<u32>,
+}
+
+/// Operations of a sweep on the lines of bodies and on a group of constraints.
+pub trait SweepOperations<N, G, T>: Sync {
+    /// Replaces lines of before the last sweep by those from which the next starts; `last` are those after it.
+    fn apply_momentum(&self, lines: &mut [N], last: &[N]);
+
+    /// Sweeps a group of constraints of the bodies in `lines`.
+    fn sweep_group(&self, lines: &mut [N], group: &mut G) -> SweepSums<T>;
+}
+
+impl<N: Copy + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G, T> {
+    /// Blocks and joints, with the end of each colour of these, for a system of `rows` rows.
+    pub fn new(
+        blocks: Vec<BodyBlock<N, G, T>>,
+        joints: Vec<BlockJoints<N, G, T>>,
+        colours: Vec<usize>,
+        rows: usize,
+    ) -> Self {
+        let mut problem = BlockedProblem { blocks, joints, colours, slots: Vec::new() };
+        let mut slots = vec![[NO_INDEX; 2]; rows];
+        for (group, of_group) in (0..).zip(problem.groups()) {
+            for (lane, &row) in (0..).zip(of_group.rows().as_flattened()).filter(|(_, row)| **row != NO_INDEX) {
+                slots[row as usize] = [group, lane];
+            }
+        }
+        problem.slots = slots;
+        problem
+    }
+
+    /// Sweeps all constraints once. Sums are added block by block, then joint by joint.
+    pub fn sweep_once(&mut self, operations: &impl SweepOperations<N, G, T>) -> SweepSums<T> {
+        let BlockedProblem { blocks, joints, colours, .. } = self;
+        blocks.par_iter_mut().with_max_len(1).for_each(|block| {
+            let lines = block.lines.get_mut().unwrap_or_else(PoisonError::into_inner);
+            mem::swap(lines, &mut block.previous);
+            operations.apply_momentum(lines, &block.previous);
+            block.sums = operations.sweep_group(lines, &mut block.inside);
+        });
+        let mut first = 0;
+        for &end in &*colours {
+            joints[first..end].par_iter_mut().with_max_len(1).for_each(|joint| {
+                let BlockJoints { border, lines, across, sums } = joint;
+                border.copy_lines(blocks, |lines_of_block, bodies, range| {
+                    for (to, &body) in lines[range].iter_mut().zip(bodies) {
+                        *to = lines_of_block[body as usize];
+                    }
+                });
+                *sums = operations.sweep_group(lines, across);
+                border.copy_lines(blocks, |lines_of_block, bodies, range| {
+                    for (from, &body) in lines[range].iter().zip(bodies) {
+                        lines_of_block[body as usize] = *from;
+                    }
+                });
+            });
+            first = end;
+        }
+        let mut sums = SweepSums::default();
+        blocks.iter().for_each(|block| sums.accumulate(&block.sums));
+        joints.iter().for_each(|joint| sums.accumulate(&joint.sums));
+        sums
+    }
+
+    /// Copies the impulses of the swept rows into `impulses`; `of_group` returns those of the batches of a group, world frame.
+    pub fn read_back(
+        &self,
+        impulses: &mut [Vec3],
+        of_group: impl Fn(&G) -> Vec<[[f64; BATCH_LANES]; 3]> + Send + Sync,
+    ) {
+        let groups: Vec<&G> = self.groups().collect();
+        let groups: Vec<_> = groups.into_par_iter().with_max_len(1).map(of_group).collect();
+        let copy = |(impulse, &[group, lane]): (&mut Vec3, &[u32; 2])| {
+            if group != NO_INDEX {
+                let lane = lane as usize;
+                let batch: &[[f64; BATCH_LANES]; 3] = &groups[group as usize][lane / BATCH_LANES];
+                *impulse = Vec3::from(batch.map(|column| column[lane % BATCH_LANES]));
+            }
+        };
+        impulses.par_iter_mut().zip(&self.slots).with_min_len(PAR_MIN_LEN).for_each(copy);
+    }
+
+    /// All groups of constraints.
+    pub fn groups(&self) -> impl Iterator<Item = &G> {
+        let inside = self.blocks.iter().map(|block| &block.inside);
+        inside.chain(self.joints.iter().map(|joint| &joint.across))
+    }
+}
+
+impl<N: Clone, G, T: LaneFloat> BodyBlock<N, G, T> {
+    /// A block with these lines.
+    pub fn new(lines: Vec<N>, inside: G) -> Self {
+        BodyBlock { previous: lines.clone(), lines: Mutex::new(lines), inside, sums: SweepSums::default() }
+    }
+}
+
+impl<N: Clone, G, T: LaneFloat> BlockJoints<N, G, T> {
+    /// A task for the constraints `across` of the bodies `ranks`, ascending; `padding` is the line of unused lanes.
+    pub fn new(partition: &BodyPartition, ranks: &[u32], padding: N, across: G) -> Self {
+        let border = BlockBorder::new(partition, ranks);
+        BlockJoints { border, lines: vec![padding; ranks.len() + 1], across, sums: SweepSums::default() }
+    }
+}
+
+impl BlockBorder {
+    fn new(partition: &BodyPartition, ranks: &[u32]) -> Self {
+        let (mut blocks, mut bodies) = (Vec::<(u32, usize)>::new(), Vec::with_capacity(ranks.len()));
+        for &rank in ranks {
+            let (block, body) = partition.position(rank);
+            bodies.push(body);
+            match blocks.last_mut() {
+                Some((last, end)) if *last == block => *end = bodies.len(),
+                _ => blocks.push((block, bodies.len())),
+            }
+        }
+        BlockBorder { blocks, bodies }
+    }
+
+    /// Calls `copy` with the lines of each block, the indices of its bodies, and their range in the border.
+    fn copy_lines<N, G, T>(
+        &self,
+        blocks: &[BodyBlock<N, G, T>],
+        mut copy: impl FnMut(&mut [N], &[u32], std::ops::Range<usize>),
+    ) {
+        let mut first = 0;
+        for &(block, end) in &self.blocks {
+            let mut lines: MutexGuard<Vec<N>> =
+                blocks[block as usize].lines.lock().unwrap_or_else(PoisonError::into_inner);
+            copy(&mut lines, &self.bodies[first..end], first..end);
+            first = end;
+        }
+    }
+}
