@@ -485,12 +485,11 @@ fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
         if q_c.unturned.contains(&BodyId::new(i)) { Matrix3::zeros() } else { body.inverse_inertia_matrix(q) }
     };
     let held = || scene.bodies.iter().map(RigidBody::locked_axes).collect();
-    let bodies = scene.bodies.par_iter().zip(&q_c.q);
     let full = || BlockData {
         arms: Vec::new(),
         friction_offsets: Vec::new(),
         locked_axes: if scene.bodies.iter().any(RigidBody::is_driven_in_part) { held() } else { Vec::new() },
-        inverse_inertia: bodies.enumerate().with_min_len(256).map(inverse_inertia).collect(),
+        inverse_inertia: scene.bodies.iter().zip(&q_c.q).enumerate().map(inverse_inertia).collect(),
     };
     scene.needs_blocks().then(full)
 }

@@ -1,6 +1,5 @@
 //! Contacts between contactors of any shape: a broad phase on bounding balls, then the narrow phase of each pair.
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -113,7 +112,7 @@ pub fn listed_contacts(
     let found: Vec<ListedContacts> = chunks
         .map_init(scratch, |scratch, chunk| narrow_phase_chunk(scene, &contactors, nearby, narrow, scratch, chunk))
         .collect();
-    let mut contacts = contacts_by_key(&found, scene.bodies.len());
+    let mut contacts = contacts_by_key(&found, scene.bodies.len(), width);
     let inner = joints::remove_inner_edges(scene, q_c, bounds, &contactors, &mut contacts);
     inner.iter().for_each(|parts| cache.forget_feature(parts));
     contacts
@@ -157,7 +156,7 @@ pub fn swept_contacts(
         )
     };
     let found: Vec<ListedContacts> = pairs.chunks(PAIRS_PER_TASK).map(narrow_phase_of).collect();
-    contacts_by_key(&found, scene.bodies.len())
+    contacts_by_key(&found, scene.bodies.len(), width)
 }
 
 /// Pairs of one task with their cached data.
@@ -269,37 +268,38 @@ impl ListedContacts {
         self.contacts.extend(pair.listed_contacts(manifold));
     }
 
-    /// Indices of the contacts of run `k`.
-    fn run_range(&self, k: usize) -> Range<usize> {
-        self.runs[k].1..self.runs.get(k + 1).map_or(self.contacts.len(), |(_, start)| *start)
+    /// Contacts of run `k`.
+    fn run_contacts(&self, k: usize) -> &[Contact] {
+        let end = self.runs.get(k + 1).map_or(self.contacts.len(), |(_, start)| *start);
+        &self.contacts[self.runs[k].1..end]
     }
 }
 
 /// All contacts, ordered by key.
-fn contacts_by_key(found: &[ListedContacts], bodies: usize) -> Vec<Contact> {
-    let runs: Vec<(u32, usize)> =
-        (0..).zip(found).flat_map(|(task, listed)| (0..listed.runs.len()).map(move |k| (task, k))).collect();
-    let candidates: Vec<u32> = runs.iter().map(|&(task, k)| found[task as usize].runs[k].0.0).collect();
+fn contacts_by_key(found: &[ListedContacts], bodies: usize, width: SimdWidth) -> Vec<Contact> {
+    let runs: Vec<(&ListedContacts, usize)> =
+        found.iter().flat_map(|listed| (0..listed.runs.len()).map(move |k| (listed, k))).collect();
+    let candidates: Vec<u32> = runs.iter().map(|(listed, k)| listed.runs[*k].0.0).collect();
     let (order, _) = group_by_key(&candidates, bodies);
-    // Candidate, task and index of each contact.
-    let mut positions = Vec::with_capacity(found.iter().map(|listed| listed.contacts.len()).sum());
-    for k in order {
-        let (task, of_task) = runs[k as usize];
-        let range = found[task as usize].run_range(of_task);
-        positions.extend(range.map(|index| [candidates[k as usize], task, index as u32]));
-    }
-    let contact = |&[_, task, index]: &[u32; 3]| &found[task as usize].contacts[index as usize];
-    // The contacts of one candidate may come from several tasks or several parts.
-    positions.par_chunk_by_mut(|a, b| a[0] == b[0]).for_each(|of_one| {
-        if !of_one.is_sorted_by_key(|position| contact(position).key()) {
-            of_one.sort_unstable_by_key(|position| contact(position).key());
+    let run = |k: u32| {
+        let (listed, k) = runs[k as usize];
+        listed.run_contacts(k)
+    };
+    let mut contacts = Vec::with_capacity(found.iter().map(|listed| listed.contacts.len()).sum());
+    for (at, &k) in order.iter().enumerate() {
+        if let Some(&later) = order.get(at + 1) {
+            width.prefetch(run(later));
         }
-    });
-    positions.par_iter().with_min_len(MIN_CONTACTS_PER_TASK).map(|position| *contact(position)).collect()
+        contacts.extend_from_slice(run(k));
+    }
+    // The contacts of one candidate may come from several tasks or several parts.
+    for of_one in contacts.chunk_by_mut(|a, b| a.candidate == b.candidate) {
+        if !of_one.is_sorted_by_key(Contact::key) {
+            of_one.sort_unstable_by_key(Contact::key);
+        }
+    }
+    contacts
 }
-
-/// Smallest number of contacts that a task copies.
-const MIN_CONTACTS_PER_TASK: usize = 512;
 
 /// Number of pairs by which the prefetch is ahead: a few microseconds, and less than the L1 cache contains.
 const PREFETCH_DISTANCE: usize = 16;

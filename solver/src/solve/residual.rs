@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::assemble::{ContactProblem, RollingConstraint, SolverBody};
 use crate::math::simd::{F64Arithmetic, LaneOperation, Scalar, SimdWidth};
-use crate::math::{PAR_MIN_LEN, Vec3, group_by_key};
+use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::BodyId;
 use crate::state::ContactId;
 
@@ -25,9 +25,6 @@ const GROUP_LANES: usize = 8;
 
 /// Groups of eight contacts per task.
 const GROUPS_PER_TASK: usize = 128;
-
-/// Smallest number of bodies whose impulses a task adds.
-const BODIES_PER_TASK: usize = 512;
 
 /// Data of eight contacts by columns; unused lanes of the last group have no n, shift and friction.
 #[derive(Debug, Clone, Copy)]
@@ -60,7 +57,6 @@ pub struct ResidualEvaluator<'a> {
     contacts: Vec<ContactGroup>,
     /// Friction levers of the contacts; empty if all are 0.
     levers: Vec<GroupLevers>,
-    sides: ContactSides,
     /// Scale 3N/trace W of the natural map, kg.
     rho: f64,
     /// Norm |F(r_0)|, N s.
@@ -88,7 +84,7 @@ impl<'a> ResidualEvaluator<'a> {
             .collect();
         let has_levers = problem.block_data.as_ref().is_some_and(|full| !full.friction_offsets.is_empty());
         let levers = if has_levers {
-            rows.par_chunks(GROUP_LANES).with_min_len(GROUPS_PER_TASK).map(|rows| group_levers(problem, rows)).collect()
+            rows.chunks(GROUP_LANES).map(|rows| group_levers(problem, rows)).collect()
         } else {
             Vec::new()
         };
@@ -108,9 +104,7 @@ impl<'a> ResidualEvaluator<'a> {
         let (trace, speeds) = parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
         let rho = if rows.is_empty() { 0.0 } else { 3.0 * rows.len() as f64 / trace };
         let floor = ROUNDING_FLOOR * rho * speeds.sqrt();
-        let sides = ContactSides::new(problem, rows);
-        let mut evaluator =
-            ResidualEvaluator { problem, width, rows, contacts, levers, sides, rho, initial_norm: 0.0, floor };
+        let mut evaluator = ResidualEvaluator { problem, width, rows, contacts, levers, rho, initial_norm: 0.0, floor };
         let mut balance = vec![Vec3::zeros(); problem.rows.len()];
         let attracting = rows.iter().filter(|&&k| problem.rows[k.index()].impulse_shift != 0.0);
         let mut attracted = false;
@@ -163,14 +157,31 @@ impl<'a> ResidualEvaluator<'a> {
 
     /// V_free + M⁻¹ H r̂, computed anew.
     pub fn body_motions(&self, impulses: &[Vec3]) -> Vec<BodyMotion> {
+        // Sums of the impulses on each body and of their moments about its centre; the division into parts depends only on
+        // the number of contacts.
+        let bodies = self.problem.bodies.len();
+        let half = if self.contacts.len() < GROUPS_PER_TASK {
+            self.contacts.len().max(1)
+        } else {
+            self.contacts.len().div_ceil(2)
+        };
+        let of_part = |(part, (contacts, rows)): (usize, (&[ContactGroup], &[ContactId]))| {
+            let levers = self.levers.get(part * half..).unwrap_or_default();
+            body_impulse_sums(contacts, levers, rows, impulses, bodies)
+        };
+        let parts = self.contacts.par_chunks(half).zip(self.rows.par_chunks(half * GROUP_LANES)).enumerate();
+        let parts: Vec<Vec<[f64; 6]>> = parts.map(of_part).collect();
         let moved = |(body, record): (usize, &SolverBody)| {
-            let sum = self.sides.impulse_sum(body, impulses);
+            let mut sum = [0.0; 6];
+            for part in &parts {
+                (0..6).for_each(|k| sum[k] += part[body][k]);
+            }
             let v = record.v + self.problem.velocity_change(BodyId(body as u32), &Vec3::new(sum[0], sum[1], sum[2]));
             let w = record.w
                 + self.problem.angular_velocity_change(BodyId(body as u32), &Vec3::new(sum[3], sum[4], sum[5]));
             body_motion(&v, &w)
         };
-        self.problem.bodies.par_iter().with_min_len(BODIES_PER_TASK).enumerate().map(moved).collect()
+        self.problem.bodies.par_iter().with_min_len(GROUPS_PER_TASK * GROUP_LANES).enumerate().map(moved).collect()
     }
 
     /// V_free + M⁻¹ (H r̂ + m), computed anew; `moments` has one moment per rolling constraint of the system, world frame, on
@@ -278,79 +289,34 @@ impl<'a> ResidualEvaluator<'a> {
     }
 }
 
-/// The two sides of each evaluated row, by body.
-struct ContactSides {
-    /// First side of each body, and the number of sides.
-    starts: Vec<u32>,
-    /// Sides in the order of the rows.
-    sides: Vec<ContactSide>,
-    /// n and n×d of the rows of the sides, d their friction offsets, m; empty if all are 0.
-    levers: Vec<[Vec3; 2]>,
-    /// First row that belongs to the second half of the sums.
-    middle: ContactId,
-}
-
-/// A row as seen from one of its bodies.
-#[derive(Debug, Clone, Copy)]
-struct ContactSide {
-    row: ContactId,
-    /// 1 for the candidate, -1 for the antagonist.
-    sign: f64,
-    /// Vector from the centre of the body to the contact point, m.
-    arm: Vec3,
-}
-
-impl ContactSides {
-    fn new(problem: &ContactProblem, rows: &[ContactId]) -> Self {
-        let bodies_of = |k: &ContactId| problem.rows[k.index()].bodies.map(|body| body.0);
-        let bodies: Vec<[u32; 2]> = rows.par_iter().with_min_len(PAR_MIN_LEN).map(bodies_of).collect();
-        let (order, starts) = group_by_key(bodies.as_flattened(), problem.bodies.len());
-        let row_of = |&side: &u32| (rows[side as usize / 2], side as usize % 2);
-        let side = |side: &u32| {
-            let (row, side) = row_of(side);
-            ContactSide { row, sign: [1.0, -1.0][side], arm: problem.contact_arm(row.index(), side) }
-        };
-        let has_levers = problem.block_data.as_ref().is_some_and(|full| !full.friction_offsets.is_empty());
-        let lever = |side: &u32| {
-            let k = row_of(side).0.index();
-            [problem.rows[k].normal, problem.friction_lever(k)]
-        };
-        let with_levers = if has_levers { &order[..] } else { &[] };
-        ContactSides {
-            starts,
-            sides: order.par_iter().with_min_len(PAR_MIN_LEN).map(side).collect(),
-            levers: with_levers.par_iter().with_min_len(PAR_MIN_LEN).map(lever).collect(),
-            middle: middle_row(rows),
-        }
-    }
-
-    /// Sum of the impulses on a body and of their moments about its centre.
-    fn impulse_sum(&self, body: usize, impulses: &[Vec3]) -> [f64; 6] {
-        let range = self.starts[body] as usize..self.starts[body + 1] as usize;
-        let (sides, levers) = (&self.sides[range.clone()], self.levers.get(range).unwrap_or_default());
-        let mut halves = [[0.0; 6]; 2];
-        for (k, ContactSide { row, sign, arm }) in sides.iter().enumerate() {
-            let r = &impulses[row.index()];
-            let mut moment = [arm.y * r.z - arm.z * r.y, arm.z * r.x - arm.x * r.z, arm.x * r.y - arm.y * r.x];
-            if let Some([n, lever]) = levers.get(k) {
-                let about = lever.x * r.x + lever.y * r.y + lever.z * r.z;
-                (0..3).for_each(|axis| moment[axis] += n[axis] * about);
-            }
-            let sum = &mut halves[usize::from(*row >= self.middle)];
-            for axis in 0..3 {
-                sum[axis] += sign * r[axis];
-                sum[3 + axis] += sign * moment[axis];
+/// Sums of the impulses on each of `bodies` and of their moments about its centre.
+fn body_impulse_sums(
+    contacts: &[ContactGroup],
+    levers: &[GroupLevers],
+    rows: &[ContactId],
+    impulses: &[Vec3],
+    bodies: usize,
+) -> Vec<[f64; 6]> {
+    let mut sums = vec![[0.0; 6]; bodies];
+    for (group, (columns, rows)) in contacts.iter().zip(rows.chunks(GROUP_LANES)).enumerate() {
+        for (lane, &k) in rows.iter().enumerate() {
+            let r = &impulses[k.index()];
+            let about = levers.get(group).map(|[x, y, z]| x[lane] * r.x + y[lane] * r.y + z[lane] * r.z);
+            for (side, sign) in [(0, 1.0), (1, -1.0)] {
+                let sum = &mut sums[columns.bodies[side][lane] as usize];
+                let [x, y, z] = [0, 1, 2].map(|axis| columns.arms[side][axis][lane]);
+                let mut moment = [y * r.z - z * r.y, z * r.x - x * r.z, x * r.y - y * r.x];
+                if let Some(about) = about {
+                    (0..3).for_each(|axis| moment[axis] += columns.n[axis][lane] * about);
+                }
+                for axis in 0..3 {
+                    sum[axis] += sign * r[axis];
+                    sum[3 + axis] += sign * moment[axis];
+                }
             }
         }
-        std::array::from_fn(|k| halves[0][k] + halves[1][k])
     }
-}
-
-/// Row from which on impulses are added to the second half of a sum, so that long sums round less. Few rows have one half.
-fn middle_row(rows: &[ContactId]) -> ContactId {
-    let groups = rows.len().div_ceil(GROUP_LANES);
-    let half = if groups < GROUPS_PER_TASK { groups } else { groups.div_ceil(2) };
-    rows.get(half * GROUP_LANES).copied().unwrap_or(ContactId(u32::MAX))
+    sums
 }
 
 fn contact_group(problem: &ContactProblem, rows: &[ContactId]) -> ContactGroup {
