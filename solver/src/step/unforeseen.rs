@@ -3,7 +3,7 @@
 //! A step bounds its end velocities V⁺ by the gaps on the path to the next contact configuration, x_c + h V⁺. If velocities
 //! are changed when a step begins, the path (1-θ) h V to its contact configuration is not bounded.
 
-use crate::assemble::{self, AppliedEvents, FreeMotion, relative_velocity};
+use crate::assemble::{AppliedEvents, FreeMotion, relative_velocity};
 use crate::detect;
 use crate::integrate::{ContactConfiguration, MAX_STEP_GROWTH, predict_configuration};
 use crate::math::Vec3;
@@ -21,8 +21,8 @@ pub fn velocities_are_unbounded(scene: &Scene, state: &State, applied: &AppliedE
     state.step == scene.start.0 || applied.velocities_changed
 }
 
-/// Whether each body takes the next step, of `step_multiple` times `dt`, with θ = 1: with x_c = x + (1-θ) h V the body, or one that
-/// it can meet, would close a gap before the contact configuration. Empty if no gap would close.
+/// Whether each body takes the next step, of `step_multiple` times `dt`, with θ = 1: all do if with x_c = x + (1-θ) h V some
+/// would close a gap before the contact configuration. Empty if no gap would close.
 pub fn select_implicit_bodies(scene: &Scene, state: &State, step_multiple: u64, unbounded: bool) -> Vec<bool> {
     let h = step_multiple as f64 * scene.options.dt;
     let max_growth = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 } else { 1.0 };
@@ -51,17 +51,9 @@ pub fn select_implicit_bodies(scene: &Scene, state: &State, step_multiple: u64, 
         };
         -time_before * u - contact.gap.max(0.0) > CLOSING_ROUNDING * radius && !bounded()
     };
-    let closing: Vec<&Contact> = contacts.iter().filter(|contact| closes(contact)).collect();
-    if closing.is_empty() {
-        return Vec::new();
-    }
-    // Contacts listed only because they are near do not count, else results would depend on the alert distance.
-    let meets = |contact: &Contact| {
-        let u = relative_velocity(contact, &start.x, state.velocities());
-        contact.gap <= (h + time_before) * u.norm()
-    };
-    let meeting: Vec<Contact> = contacts.iter().filter(|contact| meets(contact)).copied().collect();
-    assemble::connected_bodies(scene, &meeting, &closing)
+    // All bodies or none: between a body at x and one at x + (1-θ) h V, gaps would be wrong by (1-θ) h V, and bodies at rest
+    // relative to each other would be pushed apart.
+    if contacts.iter().any(closes) { vec![true; scene.bodies.len()] } else { Vec::new() }
 }
 
 /// Whether a contact between polyhedra, cylinders or plates that a file lists, without their features, bounds the approach

@@ -9,6 +9,8 @@ use cd_formats::snapshot::Snapshot;
 
 use crate::case::{Case, Figures, Vec3, equal, near, solve};
 
+const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
 /// c_n, Pa, of the bonds below; c_t is half of it.
 const COHESION: f64 = 32.0;
 
@@ -462,7 +464,6 @@ fn bonds_go_on_where_other_shapes_have_come() {
 /// A bond at one point carries no moment: a ball that rolls on a free plank neither sinks in nor lifts.
 #[test]
 fn a_bonded_ball_rolls_on_a_free_body_at_its_height() {
-    const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     for driven in [false, true] {
         let mut case = Case::new();
         case.law_of_all("IQS_MOHR_DS_CLB", &[1e-3, 1e-3, 0.5, 0.6]);
@@ -495,4 +496,25 @@ fn bonded_wheels_of_a_gear_stay_where_they_are() {
     // Up to third order of the angles of 1000 steps.
     near(end.x(1) - end.x(0), [0.75, 0.0, 0.0], 1e-6);
     assert_eq!(bonded(&end), [1]);
+}
+
+/// A body at the start of the step beside one in the middle of it would be pushed by half of the common displacement.
+#[test]
+fn events_move_an_aggregate_as_one() {
+    let mut case = Case::new();
+    case.law_of_all("IQS_MOHR_DS_CLB", &[1e6, 1e6, 0.2, 0.3]);
+    case.gravity = [0.0; 3];
+    for k in 0..27 {
+        let [x, y, z] = [k / 9, k / 3 % 3, k % 3].map(f64::from);
+        case.block([0.5; 3], [x, y, z], AXES);
+    }
+    case.event(0.05, EventAction::AddSpin([0.0, 0.0, 0.15]));
+    case.event(0.10, EventAction::AddSpin([0.0, 0.0, 0.15]));
+    case.event(0.15, EventAction::AddVelocity([10.0, 0.0, 0.0]));
+    (case.options.dt, case.options.tol) = (1e-2, None);
+    case.run(25);
+    // 54 pairs of faces with four bonds each; their load is a thousandth of the strength.
+    assert_eq!(case.column("bonds").last(), Some(&216.0));
+    let deepest = case.column("penetration_largest").into_iter().fold(0.0, f64::max);
+    assert!(deepest < 1e-6, "{deepest} radii");
 }

@@ -60,7 +60,7 @@ fn newtons_method_finds_what_auto_finds_where_sweeps_stall() {
         (all_converged(&case), end)
     };
     let (auto, newton) = (run(Auto), run(ProxNewton));
-    assert!(auto.0 && newton.0 && !run(Nlgs).0);
+    assert_eq!([auto.0, newton.0, run(Nlgs).0], [true, true, false]);
     // Velocities of 1 m/s solved to 1e-8, in a system that may amplify that a hundred times.
     assert!(difference(&auto.1, &newton.1) < 1e-6, "{}", difference(&auto.1, &newton.1));
 }

@@ -334,8 +334,8 @@ impl<C: PairContacts> PairBatches<C> {
             levers,
         };
         for (lane, (pair, lines)) in members.iter().enumerate() {
-            for side in 0..2 {
-                batch.bodies[side][lane] = lines[side];
+            for (bodies, line) in batch.bodies.iter_mut().zip(lines) {
+                bodies[lane] = *line;
             }
             for (rows, &row) in self.rows[first..].iter_mut().zip(pair.rows) {
                 rows[lane] = row.0;
