@@ -301,6 +301,69 @@ fn values_that_a_script_does_not_state_are_options() {
     assert_eq!(options(&soft, &ComputeFlags::default()).unwrap().output_every, None);
 }
 
+/// Values that change by another name, in a function or by a method are rejected, never those before the change.
+#[test]
+fn values_that_change_indirectly_are_rejected() {
+    let head = "from pylmgc90 import chipy as c\nc.TimeEvolution_SetTimeStep(1e-3)\n";
+    let steps = "for k in range(n):\n  c.IncrementStep()\n";
+    let looped = |before: &str| format!("{head}{before}\n{steps}");
+    let part = "which changes in part; expected the option --steps N or --end-time S";
+    let scripts = [
+        // A function changes its argument, or a dictionary outside of it.
+        (looped("p = {'n': 4}\ndef f(q):\n  q['n'] = 8\nf(p); n = p['n']"), part),
+        (looped("p = {'n': 4}\ndef f(): p['n'] = 8\nf(); n = p['n']"), part),
+        (looped("p = {'n': 4}\nread(p); n = p['n']"), part),
+        (looped("p = {'n': 4}\ndef f(): return p\nq = f(); q['n'] = 8; n = p['n']"), part),
+        // Other names.
+        (looped("p = {'s': {'n': 4}}\ns = p['s']; s['n'] = 8; n = p['s']['n']"), part),
+        (looped("p = [4]\nq = p; q[0] = 8; n = p[0]"), part),
+        (looped("p = [{'n': 4}]\nfor q in p: q['n'] = 8\nn = p[0]['n']"), part),
+        // A first iteration reads what it changes later.
+        (
+            format!(
+                "{head}p = {{'n': 4}}\nq = p\nfor l in range(3):\n  for k in range(p['n']): c.IncrementStep()\n  \
+                 q['n'] = 8\n"
+            ),
+            part,
+        ),
+        // Methods.
+        (looped("l = [3]\nl.clear(); l.append(5); n = l[0]"), part),
+        (looped("p = {'l': [3]}\np['l'].append(5); n = len(p['l'])"), part),
+        (looped("p = {'n': 4}\nq = p\ndel q['n']; n = p['n']"), part),
+        (looped("p = {'n': 4}\np.clear(); p['m'] = 1; n = p['n']"), "from p[...]; expected the option"),
+        // Functions that set a counter, calls of unknown number, and more than one meaning of a name.
+        (
+            format!(
+                "{head}k = 0\ndef f():\n  global k\n  k += 2\nwhile k < 10:\n  c.IncrementStep()\n  k += 1\n  f()\n"
+            ),
+            "its length is not known: k < 10",
+        ),
+        (format!("{head}x = [c.IncrementStep() for k in range(6)]\n"), "its length is not known: a comprehension"),
+        (format!("{head}f = lambda: c.IncrementStep()\n"), "its length is not known: a lambda"),
+        (
+            format!("{head}def f(): c.IncrementStep()\nf = lambda: None\nf()\nc.IncrementStep()\n"),
+            "3: f: is a function with more than one meaning; expected",
+        ),
+        (looped("n = 4; c.IncrementStep = print"), "3: c.IncrementStep: is a command of LMGC90 with another value"),
+        (looped("n = 4; vars()['n'] = 6"), "3: vars: changes or reads variables by other means than their names"),
+    ];
+    for (script, why) in scripts {
+        let found = rejected(&script);
+        assert!(found.contains(why), "{script}{found}");
+    }
+    // Read by functions and changed by one name, they are known.
+    let known = [
+        "p = {'n': 4}\nprint(p); p['n'] = 8; n = p['n']",
+        "p = {'n': 8}\ndef f(q): return q['n'] + 1\nx = f(p); n = p['n']",
+        "p = {'s': {'n': 8}}\ns = p['s']; n = s['n']; m = f(s['n'])",
+        "p = {'n': 4}\nt = []\nfor k in range(3): t.append(p['n'])\np['n'] += 4; n = p['n']",
+    ];
+    for before in known {
+        let read = options(&looped(before), &ComputeFlags::default()).map(|options| options.steps);
+        assert_eq!(read, Ok(Some(8)), "{before}");
+    }
+}
+
 #[test]
 fn the_page_lists_all_commands() {
     let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/reference/lmgc90.md");

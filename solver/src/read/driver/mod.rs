@@ -58,6 +58,10 @@ pub fn read_driver(path: &Path, given: &ComputeFlags) -> Result<DriverSettings, 
         taken: BTreeMap::new(),
         without_counterpart: BTreeMap::new(),
     };
+    for (line, name, found) in walk.refused {
+        let expected = "expected assignments and functions of one meaning, or the values as options instead of the script";
+        reader.faults.push(Fault::new(path, Some(line), name, found, expected));
+    }
     reader.report_unread_files(&walk.imports);
     walk.calls.iter().for_each(|call| reader.read_call(call));
     reader.read_pictures();

@@ -1,8 +1,41 @@
 //! Values of Python expressions that can be computed without running Python.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
+use std::ops::Deref;
+use std::rc::Rc;
 
 use super::tokens::{Lexeme, ScriptToken};
+
+/// Content of a list or dictionary, which all names of the same object share, as in Python.
+#[derive(Debug, Clone)]
+pub struct ScriptObject<T>(Rc<(T, Cell<bool>)>);
+
+impl<T> ScriptObject<T> {
+    /// Object that has no name yet.
+    pub fn new(content: T) -> Self {
+        Self(Rc::new((content, Cell::new(false))))
+    }
+
+    /// Whether another name or object holds it too.
+    pub fn is_shared(&self) -> bool {
+        Rc::strong_count(&self.0) > 1
+    }
+}
+
+impl<T> Deref for ScriptObject<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.0.0
+    }
+}
+
+impl<T: PartialEq> PartialEq for ScriptObject<T> {
+    fn eq(&self, other: &Self) -> bool {
+        **self == **other
+    }
+}
 
 /// Value of an expression.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,14 +46,54 @@ pub enum ScriptValue {
     Real(f64),
     Text(String),
     /// List or tuple.
-    List(Vec<ScriptValue>),
+    List(ScriptObject<Vec<ScriptValue>>),
     /// Dictionary with texts as keys.
-    Map(BTreeMap<String, ScriptValue>),
+    Map(ScriptObject<BTreeMap<String, ScriptValue>>),
     /// `range` of this many integers.
     Range(u64),
 }
 
 impl ScriptValue {
+    /// List of these items.
+    pub fn list(items: Vec<ScriptValue>) -> Self {
+        ScriptValue::List(ScriptObject::new(items))
+    }
+
+    /// Dictionary of these items.
+    pub fn map(items: BTreeMap<String, ScriptValue>) -> Self {
+        ScriptValue::Map(ScriptObject::new(items))
+    }
+
+    /// Makes the content of a list or dictionary unknown by all its names, with those inside.
+    pub fn forget(&self) {
+        let changed = match self {
+            ScriptValue::List(list) => &list.0.1,
+            ScriptValue::Map(map) => &map.0.1,
+            _ => return,
+        };
+        if !changed.replace(true) {
+            self.forget_items();
+        }
+    }
+
+    /// Makes the content of lists and dictionaries inside of this one unknown.
+    pub fn forget_items(&self) {
+        match self {
+            ScriptValue::List(list) => list.iter().for_each(ScriptValue::forget),
+            ScriptValue::Map(map) => map.values().for_each(ScriptValue::forget),
+            _ => {}
+        }
+    }
+
+    /// Whether the content of this list or dictionary has become unknown.
+    pub fn is_forgotten(&self) -> bool {
+        match self {
+            ScriptValue::List(list) => list.0.1.get(),
+            ScriptValue::Map(map) => map.0.1.get(),
+            _ => false,
+        }
+    }
+
     /// Number, if it is one.
     pub fn number(&self) -> Option<f64> {
         match self {
@@ -141,7 +214,7 @@ impl ExpressionParser<'_> {
         while self.take(",") && self.peek().is_some_and(|token| !token.is(")") && !token.is("]")) {
             list.push(self.choice()?);
         }
-        Ok(ScriptValue::List(list))
+        Ok(ScriptValue::list(list))
     }
 
     /// Value of `a if condition else b`, or of its first part is_single.
@@ -258,7 +331,7 @@ impl ExpressionParser<'_> {
             ScriptToken::Symbol(symbol) if symbol == "(" || symbol == "[" => {
                 let close = if symbol == "(" { ")" } else { "]" };
                 if self.take(close) {
-                    return Ok(ScriptValue::List(Vec::new()));
+                    return Ok(ScriptValue::list(Vec::new()));
                 }
                 let is_single =
                     split_at(&self.tokens[self.at..after_bracket(self.tokens, self.at - 1) - 1], ",").len() < 2;
@@ -267,7 +340,7 @@ impl ExpressionParser<'_> {
                     return Err(self.peek().map_or("a bracket".into(), |token| format!("'{}'", token.source())));
                 }
                 let is_list = matches!(value, ScriptValue::List(_));
-                Ok(if symbol == "[" && is_single && !is_list { ScriptValue::List(vec![value]) } else { value })
+                Ok(if symbol == "[" && is_single && !is_list { ScriptValue::list(vec![value]) } else { value })
             }
             ScriptToken::Symbol(symbol) if symbol == "{" => {
                 let mut map = BTreeMap::new();
@@ -283,7 +356,7 @@ impl ExpressionParser<'_> {
                         return Err("a dictionary".into());
                     }
                 }
-                Ok(ScriptValue::Map(map))
+                Ok(ScriptValue::map(map))
             }
             other => Err(format!("'{}'", other.source())),
         }
@@ -291,6 +364,11 @@ impl ExpressionParser<'_> {
 
     /// Item of a list or dictionary, for each `[...]` that follows; `name` is for messages.
     fn items(&mut self, name: &str, mut value: ScriptValue) -> Evaluation {
+        let known = |value: ScriptValue| match value.is_forgotten() {
+            true => Err(format!("{name}, which changes in part")),
+            false => Ok(value),
+        };
+        value = known(value)?;
         while self.take("[") {
             let key = self.read_nested(Self::disjunction)?;
             let item = match (&value, &key) {
@@ -302,6 +380,7 @@ impl ExpressionParser<'_> {
                 _ => None,
             };
             value = item.cloned().filter(|_| self.take("]")).ok_or_else(|| format!("{name}[...]"))?;
+            value = known(value)?;
         }
         Ok(value)
     }
@@ -332,7 +411,7 @@ impl ExpressionParser<'_> {
                     }
                     _ => Err("the call of dict".to_string()),
                 };
-                return parts.map(pair).collect::<Result<_, _>>().map(ScriptValue::Map);
+                return parts.map(pair).collect::<Result<_, _>>().map(ScriptValue::map);
             }
             let arguments = parts.map(&mut argument).collect::<Result<Vec<_>, _>>()?;
             return call_function(&name, &arguments).unwrap_or_else(|| Err(format!("the call of {name}")));
@@ -437,7 +516,7 @@ fn call_function(name: &str, arguments: &[ScriptValue]) -> Option<Evaluation> {
             };
             Some(ScriptValue::Real(apply(x()?))).filter(|value| value.number().is_some_and(f64::is_finite))
         }
-        ("array" | "list" | "tuple", [ScriptValue::List(list)]) => Some(ScriptValue::List(list.clone())),
+        ("array" | "list" | "tuple", [ScriptValue::List(list)]) => Some(ScriptValue::list(list.to_vec())),
         ("list", [ScriptValue::Range(count)]) => Some(ScriptValue::Range(*count)),
         ("len", [ScriptValue::List(list)]) => i64::try_from(list.len()).ok().map(ScriptValue::Int),
         ("bool", [value]) => Some(ScriptValue::Bool(value.is_true())),
@@ -530,11 +609,11 @@ mod tests {
         assert_eq!(value("'Quad' ' '"), Ok(ScriptValue::Text("Quad ".into())));
         assert_eq!(
             value("[0., 0, -t]"),
-            Ok(ScriptValue::List(vec![ScriptValue::Real(0.0), ScriptValue::Int(0), ScriptValue::Real(-2.0)]))
+            Ok(ScriptValue::list(vec![ScriptValue::Real(0.0), ScriptValue::Int(0), ScriptValue::Real(-2.0)]))
         );
-        assert_eq!(value("[t]"), Ok(ScriptValue::List(vec![ScriptValue::Real(2.0)])));
+        assert_eq!(value("[t]"), Ok(ScriptValue::list(vec![ScriptValue::Real(2.0)])));
         assert_eq!(value("(t)"), Ok(ScriptValue::Real(2.0)));
-        assert_eq!(value("1, t"), Ok(ScriptValue::List(vec![ScriptValue::Int(1), ScriptValue::Real(2.0)])));
+        assert_eq!(value("1, t"), Ok(ScriptValue::list(vec![ScriptValue::Int(1), ScriptValue::Real(2.0)])));
         assert_eq!(value("not n == 4 or t >= 2 and n != 3"), Ok(ScriptValue::Bool(true)));
         assert_eq!(value("__name__ == '__main__'"), Ok(ScriptValue::Bool(true)));
         assert_eq!(value("None is not None"), Ok(ScriptValue::Bool(false)));

@@ -5,6 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::commands::find_command;
 use super::tokens::{Lexeme, LogicalLine, ScriptToken};
 use super::values::{Evaluation, ScriptValue, Variables, after_bracket, dotted_name, evaluate, split_at};
 
@@ -47,6 +48,8 @@ pub struct ScriptCalls {
     pub remarks: Vec<(usize, String)>,
     /// Lines and names of imported modules that are not LMGC90's.
     pub imports: Vec<(usize, String)>,
+    /// Lines, names and findings of what changes values or functions in ways that are not followed.
+    pub refused: BTreeSet<(usize, String, &'static str)>,
 }
 
 /// Name with which LMGC90 reports its time.
@@ -57,6 +60,16 @@ const COMPUTATION: [&str; 5] = ["initialize", "one_step", "finalize", "initializ
 
 /// Largest number of iterations of a `while` loop that are counted, far above the steps of any run.
 const MAX_COUNTED_ITERATIONS: u64 = 100_000_000;
+
+/// Functions that leave lists and dictionaries as they are, and return neither of them.
+const PURE: [&str; 12] =
+    ["len", "int", "float", "str", "bool", "print", "range", "sum", "abs", "repr", "isinstance", "type"];
+
+/// Methods that leave lists and dictionaries as they are.
+const PURE_METHODS: [&str; 7] = ["get", "keys", "values", "items", "index", "count", "copy"];
+
+/// Names by which a script changes variables and functions that its statements do not name.
+const INDIRECT: [&str; 7] = ["vars", "globals", "locals", "setattr", "delattr", "__setitem__", "__dict__"];
 
 /// Functions that end a script.
 const EXITS: [&str; 4] = ["exit", "quit", "sys.exit", "os._exit"];
@@ -94,6 +107,9 @@ pub fn walk(lines: Vec<LogicalLine>) -> ScriptCalls {
     let statements = read_block(&mut lines, 0, 0);
     let mut walker = ScriptWalker::default();
     walker.find_functions(&statements);
+    let mut assigned = BTreeSet::new();
+    assigned_names(&statements, &mut assigned);
+    walker.redefined.extend(assigned.into_iter().filter(|name| walker.functions.contains_key(name)));
     walker.follow(&statements);
     walker.report_uncalled();
     if walker.statements >= MAX_STATEMENTS {
@@ -139,6 +155,9 @@ struct ScriptWalker<'a> {
     functions: BTreeMap<String, &'a ScriptStatement>,
     classes: BTreeSet<String>,
     called: BTreeSet<String>,
+    /// Functions with more than one definition, and variables that a function declares as global or nonlocal.
+    redefined: BTreeSet<String>,
+    globals: BTreeSet<String>,
     /// Names by which the module `chipy` is known, and those of its module `computation`.
     modules: BTreeSet<String>,
     computation: BTreeSet<String>,
@@ -159,12 +178,24 @@ struct ScriptWalker<'a> {
 }
 
 impl<'a> ScriptWalker<'a> {
-    /// Records the functions and classes that a block defines.
+    /// Records the functions, classes and global variables of a block, and names that change variables indirectly.
     fn find_functions(&mut self, block: &'a [ScriptStatement]) {
         for statement in block {
+            for lexeme in statement.tokens.iter().filter(|lexeme| INDIRECT.contains(&lexeme.token.name())) {
+                let found = "changes or reads variables by other means than their names";
+                self.walk.refused.insert((lexeme.line, lexeme.token.name().to_string(), found));
+            }
             let name = statement.tokens.get(1).map_or("", |lexeme| lexeme.token.name()).to_string();
             match statement.keyword() {
-                "def" => drop(self.functions.insert(name, statement)),
+                "def" => {
+                    if self.functions.insert(name.clone(), statement).is_some() {
+                        self.redefined.insert(name);
+                    }
+                    self.find_functions(&statement.body);
+                }
+                "global" | "nonlocal" => {
+                    self.globals.extend(statement.tokens[1..].iter().map(|lexeme| lexeme.token.name().to_string()));
+                }
                 "class" => drop(self.classes.insert(name)),
                 _ => self.find_functions(&statement.body),
             }
@@ -197,7 +228,7 @@ impl<'a> ScriptWalker<'a> {
                     let condition = if keyword == "else" {
                         Some(true)
                     } else {
-                        evaluate(&statement.tokens[1..], &self.variables).ok().map(|value| value.is_true())
+                        self.value(&statement.tokens[1..]).ok().map(|value| value.is_true())
                     };
                     match (taken, condition) {
                         (_, Some(false)) => {}
@@ -219,11 +250,15 @@ impl<'a> ScriptWalker<'a> {
                 "try" | "with" | "finally" => {
                     taken = Some(false);
                     self.find_calls(&statement.tokens[1..]);
+                    self.release(&statement.tokens[1..]);
                     self.follow(&statement.body);
                 }
+                "del" => statement.tokens[1..].iter().for_each(|lexeme| self.lose(lexeme.token.name(), "deleted")),
                 "import" | "from" => self.import(&statement.tokens),
                 "continue" | "return" => {
                     self.find_calls(&statement.tokens[1..]);
+                    // The caller may change what is returned by another name.
+                    self.release(&statement.tokens[1..]);
                     match self.condition {
                         Some(line) => self.skipped = self.skipped.or(Some(line)),
                         None => self.ended = true,
@@ -271,17 +306,24 @@ impl<'a> ScriptWalker<'a> {
         self.find_calls(tokens);
         let position = tokens.iter().position(|lexeme| lexeme.token.name() == "in");
         let unknown = |why: String| LoopEnd::Unknown(why);
+        let iterable = position.map(|position| self.value(&tokens[position + 1..]));
+        if let Some(Ok(list)) = &iterable {
+            list.forget_items();
+        }
+        if self.loops.is_empty() {
+            self.find_changes(statement);
+        }
+        let changing = format!("which changes in the loop of line {line}");
         let end = match (statement.keyword(), position) {
             ("for", Some(position)) => {
-                let names = tokens[..position].iter().map(|lexeme| lexeme.token.name()).filter(|name| !name.is_empty());
-                for name in names {
-                    self.variables.insert(name.to_string(), Err(format!("which changes in the loop of line {line}")));
+                for name in target_names(&tokens[..position]) {
+                    self.lose(&name, &changing);
                 }
-                match evaluate(&tokens[position + 1..], &self.variables) {
-                    Ok(ScriptValue::Range(count)) => LoopEnd::Count(count),
-                    Ok(ScriptValue::List(list)) => LoopEnd::Count(list.len() as u64),
-                    Ok(_) => unknown("no range".into()),
-                    Err(why) => unknown(why),
+                match iterable {
+                    Some(Ok(ScriptValue::Range(count))) => LoopEnd::Count(count),
+                    Some(Ok(ScriptValue::List(list))) => LoopEnd::Count(list.len() as u64),
+                    Some(Err(why)) => unknown(why),
+                    _ => unknown("no range".into()),
                 }
             }
             ("while", _) => {
@@ -295,12 +337,23 @@ impl<'a> ScriptWalker<'a> {
         let end = break_line(&statement.body).map_or(end, |line| unknown(format!("break in line {line}")));
         let mut changed = BTreeSet::new();
         assigned_names(&statement.body, &mut changed);
-        for name in changed {
-            self.variables.insert(name, Err(format!("which changes in the loop of line {line}")));
-        }
+        changed.iter().for_each(|name| self.lose(name, &changing));
         self.loops.push(ScriptLoop { line, end });
         self.follow_closed(&statement.body);
         self.loops.pop();
+    }
+
+    /// Follows the body of a loop for the lists and dictionaries that it changes; all else is as before. A first iteration
+    /// may read what it changes later.
+    fn find_changes(&mut self, statement: &'a ScriptStatement) {
+        let (variables, imported) = (self.variables.clone(), self.imported.clone());
+        let (calls, remarks) = (self.walk.calls.len(), self.walk.remarks.len());
+        self.loops.push(ScriptLoop { line: statement.line(), end: LoopEnd::Count(1) });
+        self.follow_closed(&statement.body);
+        self.loops.pop();
+        self.walk.calls.truncate(calls);
+        self.walk.remarks.truncate(remarks);
+        (self.variables, self.imported) = (variables, imported);
     }
 
     /// End of a loop with the condition that LMGC90's time is before a value.
@@ -325,6 +378,7 @@ impl<'a> ScriptWalker<'a> {
         let (left, right) = (&tokens[..position], &tokens[position + 1..]);
         let mut changed = Vec::new();
         all_assigned_names(body, &mut changed);
+        changed.extend(self.globals.iter().cloned());
         let is_fixed = |tokens: &[Lexeme]| {
             let names = (0..tokens.len()).filter(|&at| !tokens[at].token.name().is_empty());
             names.map(|at| dotted_name(tokens, at).0).all(|name| !changed.contains(&name))
@@ -442,6 +496,9 @@ impl<'a> ScriptWalker<'a> {
     /// Follows an assignment, or the calls of any other statement.
     fn assign(&mut self, tokens: &[Lexeme]) {
         self.find_calls(tokens);
+        if tokens.iter().any(|lexeme| lexeme.token.name() == "yield") {
+            self.release(tokens);
+        }
         let parts = split_at(tokens, "=");
         let augmented = tokens.iter().position(|lexeme| {
             matches!(&lexeme.token, ScriptToken::Symbol(symbol) if symbol.len() > 1 && symbol.ends_with('=')
@@ -456,22 +513,33 @@ impl<'a> ScriptWalker<'a> {
             sum.push(symbol("("));
             sum.extend_from_slice(&tokens[position + 1..]);
             sum.push(symbol(")"));
-            let value = evaluate(&sum, &self.variables);
-            self.set_variable(&name, value, tokens[0].line);
+            let value = self.value(&sum);
+            // A list is extended in place.
+            if value.is_err() {
+                self.lose(&name, "which changes in part");
+            }
+            self.set_target(&tokens[..position], value);
         } else if let Some((&value, targets)) = parts.split_last().filter(|(_, targets)| !targets.is_empty()) {
-            targets.iter().for_each(|target| self.bind_assigned(target, value));
-            let value = evaluate(value, &self.variables);
+            for target in targets {
+                self.check_command(target, value);
+                self.bind_assigned(target, value);
+            }
+            let value_tokens = value;
+            let value = self.value(value_tokens);
             for target in targets {
                 // `dt: float = 1e-3`
                 let target = split_at(target, ":").first().copied().unwrap_or(target);
                 let names = split_at(target, ",");
                 match &value {
                     Ok(ScriptValue::List(list)) if names.len() > 1 && names.len() == list.len() => {
-                        let pairs = names.into_iter().zip(list);
+                        let pairs = names.into_iter().zip(list.iter());
                         pairs.for_each(|(name, item)| self.set_target(name, Ok(item.clone())));
                     }
                     value if names.len() == 1 => self.set_target(target, value.clone()),
-                    _ => names.into_iter().for_each(|name| self.set_target(name, Err("a part of a value".into()))),
+                    _ => {
+                        self.release(value_tokens);
+                        names.into_iter().for_each(|name| self.set_target(name, Err("a part of a value".into())));
+                    }
                 }
             }
         }
@@ -489,17 +557,83 @@ impl<'a> ScriptWalker<'a> {
     fn with_item(&self, name: &str, brackets: &[Lexeme], item: Evaluation) -> Evaluation {
         let key = brackets.get(1..brackets.len().saturating_sub(1)).map(|key| evaluate(key, &self.variables));
         match (self.variables.get(name), key, item) {
-            (Some(Ok(ScriptValue::Map(map))), Some(Ok(ScriptValue::Text(key))), Ok(item)) => {
-                let mut map = map.clone();
+            (Some(Ok(known @ ScriptValue::Map(map))), Some(Ok(ScriptValue::Text(key))), Ok(item))
+                if !map.is_shared() && !known.is_forgotten() =>
+            {
+                let mut map = BTreeMap::clone(map);
                 map.insert(key, item);
-                Ok(ScriptValue::Map(map))
+                Ok(ScriptValue::map(map))
             }
-            _ => Err("which changes in part".into()),
+            (before, _, item) => {
+                before.into_iter().flatten().chain(&item.ok()).for_each(ScriptValue::forget);
+                Err("which changes in part".into())
+            }
+        }
+    }
+
+    /// Value of an expression; lists and dictionaries in one that is not known may have other names after it.
+    fn value(&self, tokens: &[Lexeme]) -> Evaluation {
+        let value = evaluate(tokens, &self.variables);
+        if value.is_err() {
+            self.release(tokens);
+        }
+        value
+    }
+
+    /// Makes lists and dictionaries unknown that code which is not followed may change through this expression.
+    fn release(&self, tokens: &[Lexeme]) {
+        let mut at = 0;
+        while at < tokens.len() {
+            let (start, whole) = (at, dotted_name(tokens, at));
+            at = if whole.0.is_empty() { at + 1 } else { whole.1 };
+            let called = tokens.get(at).is_some_and(|lexeme| lexeme.token.is("("));
+            if whole.0.is_empty() || start > 0 && tokens[start - 1].token.is(".") {
+                continue;
+            }
+            // Functions of the script are followed.
+            if called && (PURE.contains(&whole.0.as_str()) || self.functions.contains_key(&whole.0)) {
+                at = after_bracket(tokens, at);
+                continue;
+            }
+            let mut end = at;
+            while tokens.get(end).is_some_and(|lexeme| lexeme.token.is("[")) {
+                end = after_bracket(tokens, end);
+            }
+            let prefixes = whole.0.match_indices('.').map(|(point, _)| &whole.0[..point]).chain([whole.0.as_str()]);
+            for known in prefixes.filter_map(|name| self.variables.get(name)).flatten() {
+                match evaluate(&tokens[start..end], &self.variables) {
+                    Ok(item) => item.forget(),
+                    Err(_) if end > at || is_pure_method(&whole.0) => known.forget_items(),
+                    Err(_) => known.forget(),
+                }
+            }
+        }
+    }
+
+    /// Makes a variable unknown, and the list or dictionary that it is by its other names too.
+    fn lose(&mut self, name: &str, why: &str) {
+        if let Some(Ok(before)) = self.variables.insert(name.to_string(), Err(why.to_string())) {
+            before.forget();
+        }
+    }
+
+    /// Refuses another meaning for a command of LMGC90.
+    fn check_command(&mut self, target: &[Lexeme], value: &[Lexeme]) {
+        let [first, ..] = target else { return };
+        let (name, end) = dotted_name(target, 0);
+        let command = self.command(&name).filter(|command| end == target.len() && find_command(command).is_some());
+        let same = value.first().is_some_and(|_| self.command(&dotted_name(value, 0).0) == command);
+        if command.is_some() && !same {
+            self.walk.refused.insert((first.line, name, "is a command of LMGC90 with another value"));
         }
     }
 
     fn set_variable(&mut self, name: &str, value: Evaluation, line: usize) {
+        if let (Ok(value), true) = (&value, self.condition.is_some() || self.globals.contains(name)) {
+            value.forget();
+        }
         let value = match (value, self.condition) {
+            _ if self.globals.contains(name) => Err("which a function sets as a global variable".into()),
             (_, Some(condition)) => Err(format!("which depends on the condition in line {condition}")),
             (Ok(value), None) => Ok(value),
             (Err(why), None) => Err(format!("set in line {line} from {why}")),
@@ -525,7 +659,32 @@ impl<'a> ScriptWalker<'a> {
 
     /// Records the calls in a statement, arguments before the call that they belong to.
     fn find_calls(&mut self, tokens: &[Lexeme]) {
+        let has = |word: &str| tokens.iter().any(|lexeme| lexeme.token.name() == word);
+        let Some(line) = tokens.first().map(|lexeme| lexeme.line) else { return };
+        for pair in tokens.windows(2).filter(|pair| pair[1].token.is(":=")) {
+            self.release(tokens);
+            self.lose(pair[0].token.name(), "which is set in an expression");
+        }
+        let outer = (self.condition, self.loops.len());
+        let unknown = |what: &str| ScriptLoop { line, end: LoopEnd::Unknown(what.into()) };
+        if has("lambda") {
+            self.release(tokens);
+            self.loops.push(unknown("a lambda"));
+            self.condition = self.condition.or(Some(line));
+        }
+        // Not the `for` of a statement.
+        if tokens.iter().skip(1).any(|lexeme| lexeme.token.name() == "for") {
+            self.release(tokens);
+            self.loops.push(unknown("a comprehension"));
+            for (start, _) in tokens.iter().enumerate().filter(|(_, lexeme)| lexeme.token.name() == "for") {
+                let names = tokens[start + 1..].split(|lexeme| lexeme.token.name() == "in").next();
+                let names = target_names(names.unwrap_or_default());
+                names.iter().for_each(|name| self.lose(name, "which changes in a comprehension"));
+            }
+        }
         self.find_nested_calls(tokens, 0);
+        self.condition = outer.0;
+        self.loops.truncate(outer.1);
     }
 
     /// Records the calls in a part of a statement that is inside of `depth` calls.
@@ -534,6 +693,10 @@ impl<'a> ScriptWalker<'a> {
         while at < tokens.len() {
             let of_object = at > 0 && tokens[at - 1].token.is(".");
             if tokens[at].token.name().is_empty() {
+                let closes = |lexeme: &Lexeme| lexeme.token.is(")") || lexeme.token.is("]");
+                if tokens[at].token.is("(") && at > 0 && closes(&tokens[at - 1]) {
+                    self.release(&tokens[..after_bracket(tokens, at)]);
+                }
                 at += 1;
                 continue;
             }
@@ -547,6 +710,10 @@ impl<'a> ScriptWalker<'a> {
             self.find_nested_calls(inside, depth + 1);
             if !of_object {
                 self.record_call(&name, tokens[at].line, inside);
+            } else if !is_pure_method(&format!(".{name}")) {
+                // A method of a part changes the whole.
+                self.release(&tokens[..at - 1]);
+                self.release(inside);
             }
             at = close;
         }
@@ -554,26 +721,29 @@ impl<'a> ScriptWalker<'a> {
 
     /// Records a call of a command of LMGC90, or follows one of a function of the script. `inside`: its arguments.
     fn record_call(&mut self, name: &str, line: usize, inside: &[Lexeme]) {
+        if PURE.contains(&name) && !self.functions.contains_key(name) {
+            return;
+        }
         let (mut positional, mut keywords) = (Vec::new(), Vec::new());
         for part in split_at(inside, ",") {
             let keyword = part.get(1).is_some_and(|lexeme| lexeme.token.is("="));
             let unpacked = |symbol: &str| part.first().filter(|lexeme| lexeme.token.is(symbol)).map(|_| &part[1..]);
             if let Some(map) = unpacked("**") {
-                if let Ok(ScriptValue::Map(map)) = evaluate(map, &self.variables) {
-                    keywords.extend(map.into_iter().map(|(name, value)| (name, Ok(value))));
+                if let Ok(ScriptValue::Map(map)) = self.value(map) {
+                    keywords.extend(map.iter().map(|(name, value)| (name.clone(), Ok(value.clone()))));
                 }
                 continue;
             }
             if let Some(list) = unpacked("*") {
-                match evaluate(list, &self.variables) {
-                    Ok(ScriptValue::List(list)) => positional.extend(list.into_iter().map(Ok)),
+                match self.value(list) {
+                    Ok(ScriptValue::List(list)) => positional.extend(list.iter().cloned().map(Ok)),
                     value => positional.push(value.and(Err("an unpacked value".into()))),
                 }
                 continue;
             }
             match part.first().map(|lexeme| lexeme.token.name()) {
-                Some(name) if keyword => keywords.push((name.to_string(), evaluate(&part[2..], &self.variables))),
-                Some(_) => positional.push(evaluate(part, &self.variables)),
+                Some(name) if keyword => keywords.push((name.to_string(), self.value(&part[2..]))),
+                Some(_) => positional.push(self.value(part)),
                 None => {}
             }
         }
@@ -582,6 +752,16 @@ impl<'a> ScriptWalker<'a> {
         } else if let Some(command) = self.command(name) {
             let (condition, loops) = (self.condition, self.loops.clone());
             self.walk.calls.push(ScriptCall { name: command, line, positional, keywords, condition, loops });
+        } else {
+            let object = name.rsplit_once('.').and_then(|(object, _)| self.variables.get(object));
+            match object {
+                Some(Ok(object)) if !is_pure_method(name) => object.forget(),
+                _ => {}
+            }
+            // These count their items, or copy them into a new object.
+            if !["enumerate", "tqdm", "dict", "list", "tuple", "min", "max"].contains(&name) {
+                self.release(inside);
+            }
         }
     }
 
@@ -594,6 +774,9 @@ impl<'a> ScriptWalker<'a> {
         mut keywords: Vec<(String, Evaluation)>,
     ) {
         self.called.insert(name.to_string());
+        if self.redefined.contains(name) {
+            self.walk.refused.insert((function.line(), name.to_string(), "is a function with more than one meaning"));
+        }
         if self.depth >= MAX_DEPTH {
             return;
         }
@@ -606,18 +789,23 @@ impl<'a> ScriptWalker<'a> {
             let name = parameter[0].token.name();
             let given = keywords.iter().position(|(keyword, _)| keyword == name).map(|k| keywords.swap_remove(k).1);
             let default = split_at(parameter, "=").get(1).map(|value| evaluate(value, &outer));
+            // `*args` and `**kwargs` take any others; a single star takes none.
+            if let [star, others, ..] = parameter
+                && name.is_empty()
+            {
+                if star.token.is("*") {
+                    positional.by_ref().flatten().for_each(|value| value.forget());
+                } else {
+                    keywords.drain(..).flat_map(|(_, value)| value).for_each(|value| value.forget());
+                }
+                self.variables.insert(others.token.name().to_string(), Err("other arguments".into()));
+                continue;
+            }
             let value = positional.next().or(given).or(default).unwrap_or(Err("an argument".into()));
             self.variables.insert(name.to_string(), value);
         }
         self.follow_closed(&function.body);
-        let of_function = std::mem::replace(&mut self.variables, outer);
-        for statement in function.body.iter().filter(|statement| statement.keyword() == "global") {
-            for name in statement.tokens[1..].iter().map(|lexeme| lexeme.token.name()) {
-                if let Some(value) = of_function.get(name) {
-                    self.variables.insert(name.to_string(), value.clone());
-                }
-            }
-        }
+        self.variables = outer;
     }
 
     /// Remarks on functions with commands of LMGC90 that are not called in the script.
@@ -655,6 +843,17 @@ impl<'a> ScriptWalker<'a> {
             self.commands_in(&statement.body, names);
         }
     }
+}
+
+/// Whether a name with points ends in a method that leaves lists and dictionaries as they are.
+fn is_pure_method(name: &str) -> bool {
+    name.rsplit_once('.').is_some_and(|(_, method)| PURE_METHODS.contains(&method))
+}
+
+/// Names with points in the targets of a loop or comprehension.
+fn target_names(tokens: &[Lexeme]) -> Vec<String> {
+    let starts = (0..tokens.len()).filter(|&at| at == 0 || !tokens[at - 1].token.is("."));
+    starts.map(|at| dotted_name(tokens, at).0).filter(|name| !name.is_empty()).collect()
 }
 
 /// Whether a name without prefix has the form of a command: `SetDimension`, `nlgs_3D_ExSolver`, `utilities_logMes`.
