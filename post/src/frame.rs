@@ -24,6 +24,8 @@ pub struct Frame {
     pub grains: Vec<Grain>,
     /// Walls, in the order of the snapshot's bodies.
     pub walls: Vec<Wall>,
+    /// Whether components of the velocity of a grain are imposed: the ledger counts the bodies without any.
+    pub has_driven_grains: bool,
     /// Contacts, in the order of the snapshot; those between two walls are left out.
     pub contacts: Vec<Contact>,
     pub interval: SnapshotInterval,
@@ -255,6 +257,7 @@ impl Frame {
         let to_contact = -meta.parameters.theta * meta.h;
         let cell = PeriodicCell([meta.parameters.xperiode, meta.parameters.yperiode]);
         let is_wall = wall_rows(&bodies);
+        let has_driven_grains = is_wall.iter().zip(&bodies.body_driven).any(|(wall, driven)| !wall && *driven != 0);
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
         let sides: Vec<BodyIndex> = solids
             .into_iter()
@@ -315,7 +318,7 @@ impl Frame {
             length: meta.interval_start.map_or(f64::NAN, |start| meta.time - start),
             exchanges: exchanges.collect(),
         };
-        Frame { meta, laws, grains, walls, contacts, interval }
+        Frame { meta, laws, grains, walls, has_driven_grains, contacts, interval }
     }
 
     /// Periodic cell of the scene.
@@ -463,6 +466,7 @@ fn out_of_range(bodies: &BodyArrays) -> Vec<(String, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::derive::Row;
     use crate::samples::Scene;
 
     #[test]
@@ -504,6 +508,10 @@ mod tests {
         // A stirrer among grains is a wall; in a plane problem all are grains but those that move along one axis only.
         assert_eq!(grains([0, 0b10_1010, 0b10_1010]), [2]);
         assert_eq!(grains([0b10_1010, 0b10_1010, 0b11_1011]), [2, 3]);
+        // The solver's ledger leaves them out.
+        assert!(Row::from_frame(&scene.frame()).has_no_energy_balance());
+        scene.snapshot.bodies.body_driven[rows[0]] = 0;
+        assert!(!Row::from_frame(&scene.frame()).has_no_energy_balance()); // walls alone are driven
     }
 
     #[test]

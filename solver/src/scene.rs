@@ -4,6 +4,7 @@ use cd_formats::compute::{Compute, Event, GravityMethod, NarrowPhase};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::field::FieldModel;
 pub use cd_formats::ids::BodyId;
+use cd_formats::names::count_text;
 use cd_formats::postpro::{PostproCommand, PostproKind};
 use cd_formats::snapshot::{LawName, MaterialName};
 
@@ -601,7 +602,8 @@ impl Scene {
 
     /// Names of the models that this scene uses, for the summary.
     pub fn model_names(&self) -> Vec<String> {
-        let driven_spheres = self.spheres.iter().filter(|&&i| self.bodies[i.index()].driven).count();
+        let spheres =
+            |chosen: fn(&RigidBody) -> bool| self.spheres.iter().filter(|&&i| chosen(&self.bodies[i.index()])).count();
         let parts = |driven: bool, chosen: fn(&ContactorShape) -> bool| {
             let of_shape = |part: &&BodyPart| self.bodies[part.body.index()].shape == BodyShape::Parts;
             let parts = self.parts.iter().filter(of_shape);
@@ -612,8 +614,8 @@ impl Scene {
         let polyhedron = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Polyhedron(_));
         let cylinder = |geometry: &ContactorShape| matches!(geometry, ContactorShape::Cylinder { .. });
         let counts = [
-            (self.spheres.len() - driven_spheres, "sphere"),
-            (driven_spheres, "driven sphere"),
+            (spheres(|body| !body.driven), "sphere"),
+            (spheres(RigidBody::is_imposed), "driven sphere"),
             (parts(false, polyhedron), "polyhedral contactor"),
             (parts(true, polyhedron), "driven polyhedral contactor"),
             (parts(false, ball) + parts(true, ball), "spherical contactor"),
@@ -621,13 +623,16 @@ impl Scene {
             (parts(false, cylinder), "free cylinder"),
             (self.planes.len() - free_planes, "plane"),
             (free_planes, "free plane"),
-            (self.bodies.iter().filter(|body| body.is_driven_in_part()).count(), "partly driven wall"),
             (self.loads.len(), "imposed force"),
             (self.links.len(), "link"),
         ];
         let plural = |n: usize| if n == 1 { "" } else { "s" };
         let present = counts.into_iter().filter(|(n, _)| *n > 0);
         let mut models: Vec<String> = present.map(|(n, what)| format!("{n} {what}{}", plural(n))).collect();
+        let in_part = spheres(RigidBody::is_driven_in_part);
+        let all_in_part = self.bodies.iter().filter(|body| body.is_driven_in_part()).count();
+        let in_part = [(in_part, "sphere"), (all_in_part - in_part, "body")].into_iter().filter(|(n, _)| *n > 0);
+        models.extend(in_part.map(|(n, what)| format!("{} driven in part", count_text(n, what))));
         models.extend(self.law_names.iter().map(|law| {
             let parameters: Vec<String> = law.parameters.iter().map(|p| p.to_string()).collect();
             format!("{} {} ({})", law.nickname, law.kind, parameters.join(", "))

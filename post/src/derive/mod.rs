@@ -174,9 +174,9 @@ columns! {
     bound_fraction: f64, "1", "fraction of the mass in other groups bound to the largest remnant";
     escaping_fraction: f64, "1", "fraction of the mass in other groups not bound to the largest remnant";
     E_total: f64, "J", "kinetic and potential energy";
-    E_contacts: f64, "J", "work of all contacts since the start";
-    E_friction: f64, "J", "work of the tangential forces of all contacts since the start";
-    E_shocks: f64, "J", "work of the normal forces of all contacts since the start";
+    E_contacts: f64, "J", "work of all contacts of grains since the start";
+    E_friction: f64, "J", "work of the tangential forces of these contacts since the start";
+    E_shocks: f64, "J", "work of the normal forces of these contacts since the start";
     E_outside: f64, "J", "external work since the start";
     bed_height: f64, "m", "thickness of the uniform bed of equal centre of mass";
     bed_nu: f64, "1", "solid fraction of the bed";
@@ -352,7 +352,21 @@ impl Row {
             bed_pressure_interval: of_bed(&bed::Bed::interval_pressure),
         };
         row.clear_origin_dependent(&cell);
+        if frame.has_driven_grains {
+            row.clear_energy_balance();
+        }
         row
+    }
+
+    /// Clears the energy balance, whose parts would be of different bodies.
+    fn clear_energy_balance(&mut self) {
+        let works = [&mut self.E_contacts, &mut self.E_friction, &mut self.E_shocks, &mut self.E_outside];
+        works.into_iter().chain([&mut self.E_total]).for_each(|value| *value = f64::NAN);
+    }
+
+    /// Whether the energy balance is left out.
+    pub fn has_no_energy_balance(&self) -> bool {
+        self.E_outside.is_nan()
     }
 
     /// Clears the values that would depend on the position of the cell's border through arms from a centre.

@@ -116,8 +116,11 @@ pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, so
             format!("{}: more than {deep} %; volumes and stresses have errors of that order", overlap.message_text()),
         );
     }
-    line("energy drift", format!("{:.2e}", balance.energy));
-    line("momentum drift", format!("{:.2e} linear, {:.2e} angular", balance.momentum, balance.angular_momentum));
+    // Energies, momenta and estimates of errors count the bodies without imposed components.
+    if !scene.free.is_empty() {
+        line("energy drift", format!("{:.2e}", balance.energy));
+        line("momentum drift", format!("{:.2e} linear, {:.2e} angular", balance.momentum, balance.angular_momentum));
+    }
     if let Some(SampledError { rms, largest, .. }) = statistics.gravity {
         let target = scene.options.gravity_error();
         line("gravity error", format!("RMS {rms:.1e}, largest {largest:.1e} of 64 bodies; gravity_error {target:.0e}"));
@@ -129,9 +132,10 @@ pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, so
             format!("mean {mean:.1e} of the mean radius over touching pairs, largest {largest:.1e}"),
         );
     }
-    for (name, value) in errors::summary_lines(sources) {
-        line(name, value);
-    }
+    let [(error, estimate), (cost, of_stages)] = errors::summary_lines(sources);
+    let unknown = || "not known: components of the velocities of all bodies are imposed".into();
+    line(error, if scene.free.is_empty() { unknown() } else { estimate });
+    line(cost, of_stages);
     let &StageTimes { gravity, detection, assembly, solve, integration, writing } = &statistics.clock;
     let stages = [
         ("gravity", gravity),
