@@ -234,7 +234,7 @@ fn rows_without_law_note(tact: &TactBehav, contactors: &ContactorTable) -> Optio
 
 /// Rejects laws of wires and rods for other contactors than points, and other laws for points.
 fn check_laws_of_points(file: &Path, tact: &TactBehav, contactors: &ContactorTable, faults: &mut Faults) {
-    for row in tact.visibility.iter().filter(|row| contactors.can_meet(row)) {
+    for row in tact.visibility.iter().filter(|row| contactors.has_bodies_that_meet(row)) {
         let Some(law) = tact.laws.iter().find(|law| law.nickname == row.law) else { continue };
         let expected = match (contactors.is_of_points(row), is_law_of_points(&law.kind)) {
             (true, false) if law.model().is_ok() => "expected no such row, or a law of wires or rods, as ELASTIC_WIRE",

@@ -56,12 +56,16 @@ impl ContactorTable {
         self.owners(&row.candidate).is_some() && self.owners(&row.antagonist).is_some()
     }
 
-    /// Whether two bodies with the contactors of a row can meet: not both are imposed in all their motion. Points meet
-    /// points only, as in LMGC90.
+    /// Whether contactors of a row can meet: those of bodies that can, but points only with points, as in LMGC90.
     pub fn can_meet(&self, row: &VisibilityRow) -> bool {
-        let (Some(a), Some(b)) = (self.owners(&row.candidate), self.owners(&row.antagonist)) else { return false };
         let points = [&row.candidate, &row.antagonist].map(|side| side.contactor == POINT_NAME);
-        points[0] == points[1] && (a.moves || b.moves) && (a.first != b.first || a.several || b.several)
+        points[0] == points[1] && self.has_bodies_that_meet(row)
+    }
+
+    /// Whether two bodies have the contactors of a row and are not both imposed in all their motion.
+    pub fn has_bodies_that_meet(&self, row: &VisibilityRow) -> bool {
+        let (Some(a), Some(b)) = (self.owners(&row.candidate), self.owners(&row.antagonist)) else { return false };
+        (a.moves || b.moves) && (a.first != b.first || a.several || b.several)
     }
 
     /// Whether both contactors of a row exist and are on bodies that are imposed in all their motion.

@@ -59,6 +59,8 @@ pub fn set_links(datbox: &Path, (records, tact): (&Bodies, &TactBehav), scene: &
     let mut is_joined = vec![false; points.len()];
     let mut along_x: Vec<usize> = (0..points.len()).collect();
     along_x.sort_by(|&a, &b| points[a].position.x.total_cmp(&points[b].position.x));
+    // Largest alert distance of a row that could join the point, m.
+    let mut reach: Vec<Option<f64>> = vec![None; points.len()];
     let mut links: Vec<(PointLink, &VisibilityRow)> = Vec::new();
     for row in link_rows(tact) {
         let Some(law) = scene.law_names.iter().position(|law| law.nickname == row.law) else { continue };
@@ -98,6 +100,11 @@ pub fn set_links(datbox: &Path, (records, tact): (&Bodies, &TactBehav), scene: &
                 links.push((link, row));
             }
         }
+        for (k, point) in points.iter().enumerate().filter(|(k, _)| !is_joined[*k]) {
+            if points.iter().any(|other| joins(point, other)) {
+                reach[k] = Some(reach[k].map_or(row.alert, |known| known.max(row.alert)));
+            }
+        }
     }
     let file = datbox.join("TACT_BEHAV.DAT");
     links.sort_by_key(|(link, _)| (link.bodies, link.ranks));
@@ -120,15 +127,22 @@ pub fn set_links(datbox: &Path, (records, tact): (&Bodies, &TactBehav), scene: &
     for body in scene.links.iter().flat_map(|link| link.bodies) {
         scene.oriented[body.index()] = true;
     }
-    scene.notes.extend(idle_points_note(is_joined.iter().filter(|joined| !**joined).count()));
+    let idle = || reach.iter().zip(&is_joined).filter(|(_, joined)| !**joined).map(|(reach, _)| reach);
+    scene.notes.extend(idle_points_note(idle().filter(|reach| reach.is_none()).count(), None));
+    let alert = idle().flatten().copied().reduce(f64::max);
+    scene.notes.extend(idle_points_note(idle().flatten().count(), alert));
 }
 
-/// Note about points that nothing joins.
-fn idle_points_note(points: usize) -> Option<String> {
+/// Note about points that nothing joins; `alert`: largest alert distance (m) of the rows that could join them, if there are any.
+fn idle_points_note(points: usize, alert: Option<f64>) -> Option<String> {
     let (carry, them) = if points == 1 { ("carries", "it") } else { ("carry", "them") };
-    (points > 0).then(|| {
-        format!("BODIES.DAT: {points} PT3Dx {carry} nothing: no row of TACT_BEHAV.DAT joins {them} by wires or rods")
-    })
+    let reason = match alert {
+        None => format!("no row of TACT_BEHAV.DAT joins {them} by wires or rods"),
+        Some(alert) => format!(
+            "all points that a row of TACT_BEHAV.DAT could join with {them} are farther away than its alert, at most {alert} m"
+        ),
+    };
+    (points > 0).then(|| format!("BODIES.DAT: {points} PT3Dx {carry} nothing: {reason}"))
 }
 
 /// Position of a point in the frame of its body, from its centre of mass, m.

@@ -4,7 +4,7 @@
 use std::fs;
 use std::process::Command;
 
-use cd_formats::bodies::ShapeRecord;
+use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::compute::{Compute, Event, EventAction, ExternalField};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, Evolution};
 
@@ -265,6 +265,27 @@ fn laws() {
         )
     });
     written_refused(&case, &[], &lines.each_ref().map(String::as_str));
+
+    // A point meets points only.
+    let mut case = sound();
+    let shape = ShapeRecord::Point { offset: [0.0; 3] };
+    case.bodies[0].contactors.push(Contactor { colour: "WALLx".into(), shape, local_frame: None });
+    case.law_between("PT3Dx", "SPHER", "ELASTIC_WIRE", &[1e6, 0.3]);
+    case.write();
+    let (code, text) = spawn(&case, &[]);
+    assert!(code == 2 && text.contains("ELASTIC_WIRE; expected PT3Dx on both sides"), "{text}");
+
+    // Points that are farther apart than alert.
+    let mut case = sound();
+    for body in &mut case.bodies {
+        let shape = ShapeRecord::Point { offset: [0.0; 3] };
+        body.contactors.push(Contactor { colour: "WALLx".into(), shape, local_frame: None });
+    }
+    case.law_between("PT3Dx", "PT3Dx", "ELASTIC_WIRE", &[1e6, 0.3]);
+    case.write();
+    let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("could join with them are farther away than its alert, at most 0.001 m"), "{text}");
 
     // A law that no row uses is nobody's concern.
     let mut case = sound();
