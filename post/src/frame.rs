@@ -445,8 +445,7 @@ fn wall_of_row(bodies: &BodyArrays, row: usize, solid: Option<Arc<SolidShape>>) 
 /// Reason for which a valid snapshot cannot be measured: object, found.
 fn out_of_range(bodies: &BodyArrays) -> Vec<(String, String)> {
     let mut faults = Vec::new();
-    let is_wall = wall_rows(bodies);
-    for row in 0..bodies.body_id.len() {
+    for (row, is_wall) in wall_rows(bodies).into_iter().enumerate() {
         let mut expect_positive = |name: &str, values: &[f64]| {
             if values.iter().any(|v| *v <= 0.0) {
                 faults.push((format!("body {}, body_{name}", bodies.body_id[row]), format!("{values:?}")));
@@ -454,7 +453,7 @@ fn out_of_range(bodies: &BodyArrays) -> Vec<(String, String)> {
         };
         if bodies.body_shape[row] == SHAPE_PLANE {
             expect_positive("half_lengths", &bodies.body_half_lengths[row]);
-        } else if !is_wall[row] {
+        } else if !is_wall {
             expect_positive("mass", &[bodies.body_mass[row]]);
             expect_positive("inertia", &bodies.body_inertia[row]);
             expect_positive("radius", &[bodies.body_radius[row]]);

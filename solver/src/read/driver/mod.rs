@@ -59,7 +59,8 @@ pub fn read_driver(path: &Path, given: &ComputeFlags) -> Result<DriverSettings, 
         without_counterpart: BTreeMap::new(),
     };
     for (line, name, found) in walk.refused {
-        let expected = "expected assignments and functions of one meaning, or the values as options instead of the script";
+        let expected =
+            "expected assignments and functions of one meaning, or the values as options instead of the script";
         reader.faults.push(Fault::new(path, Some(line), name, found, expected));
     }
     reader.report_unread_files(&walk.imports);

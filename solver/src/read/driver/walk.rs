@@ -432,7 +432,7 @@ impl<'a> ScriptWalker<'a> {
             let alias = part.get(end).filter(|lexeme| lexeme.token.name() == "as").and(part.get(end + 1));
             let alias = alias.map_or(name.clone(), |lexeme| lexeme.token.name().to_string());
             let whole = from.as_ref().map_or(name.clone(), |module| format!("{module}.{name}"));
-            self.bind(&whole, &alias, tokens[0].line);
+            self.bind(&whole, &alias);
             let module = from.as_ref().unwrap_or(&name);
             if !module.contains("chipy") && !module.contains("pylmgc90") {
                 self.walk.imports.push((tokens[0].line, module.clone()));
@@ -441,12 +441,12 @@ impl<'a> ScriptWalker<'a> {
     }
 
     /// Gives an object of LMGC90, as `pylmgc90.chipy.SetDimension`, another name.
-    fn bind(&mut self, whole: &str, alias: &str, line: usize) {
+    fn bind(&mut self, whole: &str, alias: &str) {
         let parts: Vec<&str> = whole.split('.').filter(|part| !["lmgc90", "macro"].contains(part)).collect();
         let Some(chipy) = parts.iter().position(|part| *part == "chipy") else {
             if ["pylmgc90", "pylmgc90.*"].contains(&whole) {
                 let module = if alias == "*" { "chipy".to_string() } else { format!("{alias}.chipy") };
-                self.bind("pylmgc90.chipy", &module, line);
+                self.bind("pylmgc90.chipy", &module);
             }
             return;
         };
@@ -485,7 +485,7 @@ impl<'a> ScriptWalker<'a> {
             return;
         }
         if self.modules.contains(&whole) {
-            self.bind("pylmgc90.chipy", &name, first.line);
+            self.bind("pylmgc90.chipy", &name);
         } else if self.computation.contains(&whole) {
             self.computation.insert(name);
         } else if let Some(command) = self.command(&whole) {

@@ -199,7 +199,7 @@ impl BodyPartition {
 
 impl GroupBodies<'_> {
     /// Number of bodies.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         match self {
             GroupBodies::Block(ranks) => ranks.len(),
             GroupBodies::Border(ranks) => ranks.len(),

@@ -228,7 +228,7 @@ impl<C: PairContacts> BlockProblem<C> {
             let indices: Vec<[u32; 2]> = members.iter().map(&mut line_of).collect();
             lines.push(([C::T::ZERO; 8], [C::T::ZERO; 8]));
             let (lines, inertia): (Vec<_>, _) = lines.into_iter().unzip();
-            let batches = PairBatches::new(&fill, &pairs, members, &indices, (bodies.len(), lines.len() - 1));
+            let batches = PairBatches::new(&fill, &pairs, members, &indices, (bodies.count(), lines.len() - 1));
             BodyBlock::new(lines, PairGroup { inertia, batches })
         });
         let joints = joints.par_iter().with_max_len(1).map(|JointTask { constraints, ranks: border }| {

@@ -204,9 +204,9 @@ fn pack_group<B: PackedBody>(
     units: SweepUnits,
 ) -> (GroupBatches<B::T>, Vec<B>) {
     let local: Vec<[u32; 2]> = rows.iter().map(|&row| pairs[row as usize].map(|rank| bodies.index_of(rank))).collect();
-    let moving = bodies.len() as u32;
+    let moving = bodies.count() as u32;
     let fixed_count = local.as_flattened().iter().filter(|&&index| index == NO_INDEX).count() as u32;
-    let (slots, colours) = batches_by_colour(&local, bodies.len());
+    let (slots, colours) = batches_by_colour(&local, bodies.count());
     let zero = B::T::default();
     let empty = ContactBatch {
         n: [[zero; BATCH_LANES]; 3],
