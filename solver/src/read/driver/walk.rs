@@ -479,9 +479,11 @@ impl<'a> ScriptWalker<'a> {
         let [name] = target else { return };
         let name = name.token.name().to_string();
         self.imported.remove(&name);
-        let Some(first) = value.first().filter(|lexeme| !lexeme.token.name().is_empty()) else { return };
+        if name.is_empty() || value.first().is_none_or(|lexeme| lexeme.token.name().is_empty()) {
+            return;
+        }
         let (whole, end) = dotted_name(value, 0);
-        if end != value.len() || name.is_empty() {
+        if end != value.len() {
             return;
         }
         if self.modules.contains(&whole) {
