@@ -4,7 +4,6 @@ use cd_formats::compute::{Compute, Event, GravityMethod, NarrowPhase};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::field::FieldModel;
 pub use cd_formats::ids::BodyId;
-use cd_formats::names::count_text;
 use cd_formats::postpro::{PostproCommand, PostproKind};
 use cd_formats::snapshot::{LawName, MaterialName};
 
@@ -631,8 +630,9 @@ impl Scene {
         let mut models: Vec<String> = present.map(|(n, what)| format!("{n} {what}{}", plural(n))).collect();
         let in_part = spheres(RigidBody::is_driven_in_part);
         let all_in_part = self.bodies.iter().filter(|body| body.is_driven_in_part()).count();
-        let in_part = [(in_part, "sphere"), (all_in_part - in_part, "body")].into_iter().filter(|(n, _)| *n > 0);
-        models.extend(in_part.map(|(n, what)| format!("{} driven in part", count_text(n, what))));
+        let in_part = [(in_part, ["sphere", "spheres"]), (all_in_part - in_part, ["body", "bodies"])];
+        let in_part = in_part.into_iter().filter(|(n, _)| *n > 0);
+        models.extend(in_part.map(|(n, names)| format!("{n} {} driven in part", names[usize::from(n > 1)])));
         models.extend(self.law_names.iter().map(|law| {
             let parameters: Vec<String> = law.parameters.iter().map(|p| p.to_string()).collect();
             format!("{} {} ({})", law.nickname, law.kind, parameters.join(", "))

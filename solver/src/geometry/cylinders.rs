@@ -454,8 +454,8 @@ mod tests {
             for (k, step) in tried.iter().enumerate() {
                 let other = (m + Vec3::from(*step) * 10f64.powi(-(k as i32 % 8))).normalize();
                 let better = separation(&a, sizes[0], &c, &b, sizes[1], &other);
-                // Where the separation is flat, the direction is found to a few 1e-4 rad, 1e-7 of the separation.
-                prop_assert!(better <= s * (1.0 + 1e-7) + 1e-9, "{better} {s} {found:?}");
+                // Of rims far apart the direction is found to 1e-2 rad, 1e-4 of the separation.
+                prop_assert!(better <= s * (1.0 + 1e-4) + 1e-9, "{better} {s} {found:?}");
             }
             for point in &found.points {
                 let inside = |q: &Quat, from: Vec3, [h, r]: [f64; 2]| {
