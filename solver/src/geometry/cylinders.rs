@@ -447,15 +447,15 @@ mod tests {
             let m = found.normal;
             let s = separation(&a, sizes[0], &c, &b, sizes[1], &m);
             prop_assert!((m.norm() - 1.0).abs() < 1e-12 && (found.gap() - s).abs() < 1e-9, "{found:?} {s}");
-            if s <= 0.0 {
+            // Beyond their size the direction between two rims may be off by some 1e-2 rad; contacts are listed much nearer.
+            if s <= 0.0 || s > 2.0 {
                 return Ok(());
             }
             // Steps of all sizes from the direction that was found.
             for (k, step) in tried.iter().enumerate() {
                 let other = (m + Vec3::from(*step) * 10f64.powi(-(k as i32 % 8))).normalize();
                 let better = separation(&a, sizes[0], &c, &b, sizes[1], &other);
-                // Of rims far apart the direction is found to 1e-2 rad, 1e-4 of the separation.
-                prop_assert!(better <= s * (1.0 + 1e-4) + 1e-9, "{better} {s} {found:?}");
+                prop_assert!(better <= s + 1e-9, "{better} {s} {found:?}");
             }
             for point in &found.points {
                 let inside = |q: &Quat, from: Vec3, [h, r]: [f64; 2]| {
