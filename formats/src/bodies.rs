@@ -9,6 +9,7 @@ use crate::geometry::faces::FLATNESS_OF_FILES;
 use crate::ron_text::known_names;
 use crate::scan::{
     AsciiText, GRID_COLUMNS, LenientForm, LineScanner, TextLine, format_e14, format_long14, put_grid, put_text,
+    read_records, text_of_records,
 };
 use crate::words::CONTACTOR_TYPES;
 
@@ -110,27 +111,11 @@ impl Bodies {
 
     /// Reads the text of a file like [`Bodies::parse`]; also returns notices about deviations from its form.
     pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
-        let scan = &mut LineScanner::new(path, text);
         if let Some(fault) = foreign_bodies(path, text) {
             return Err(fault.into());
         }
-        let mut bodies = Bodies::default();
-        let mut position = 0;
-        loop {
-            scan.skip_to_keyword("bdyty");
-            let Some(begin) = scan.peek_line() else { break };
-            position += u64::from(begin.keyword() == "bdyty");
-            scan.set_object(if position == 0 { "file".into() } else { format!("body {position}") });
-            let body = scan.expect_keyword("bdyty").and_then(|_| read_body(scan, begin.number, position));
-            if body.is_none() {
-                scan.skip_record();
-            }
-            bodies.0.extend(body);
-        }
-        if position == 0 && !scan.has_faults() {
-            scan.add_file_fault("no body", "expected a $bdyty for each");
-        }
-        scan.finish_with_notices(bodies)
+        let (parts, notices) = read_records(path, text, "bdyty", read_bodies)?;
+        Ok((Bodies(parts.into_iter().flatten().collect()), notices))
     }
 
     /// Position, from 1, of the body with a number in the file `path` that is not that of another position.
@@ -162,12 +147,28 @@ impl Bodies {
     }
 
     fn text_with(&self, real: fn(f64) -> String) -> String {
-        let mut out = String::new();
-        for (k, body) in self.0.iter().enumerate() {
-            write_body(&mut out, k + 1, body, real);
-        }
-        out
+        text_of_records(&self.0, |out, k, body| write_body(out, k + 1, body, real))
     }
+}
+
+/// Reads bodies up to the end of the text; `position` of them come before.
+fn read_bodies(scan: &mut LineScanner, mut position: usize) -> Vec<Body> {
+    let mut bodies = Vec::new();
+    loop {
+        scan.skip_to_keyword("bdyty");
+        let Some(begin) = scan.peek_line() else { break };
+        position += usize::from(begin.keyword() == "bdyty");
+        scan.set_object(if position == 0 { "file".into() } else { format!("body {position}") });
+        let body = scan.expect_keyword("bdyty").and_then(|_| read_body(scan, begin.number, position as u64));
+        if body.is_none() {
+            scan.skip_record();
+        }
+        bodies.extend(body);
+    }
+    if position == 0 && !scan.has_faults() {
+        scan.add_file_fault("no body", "expected a $bdyty for each");
+    }
+    bodies
 }
 
 /// Reads the record after `$bdyty`; `None` after a fault that leaves the scan inside the record.

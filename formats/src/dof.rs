@@ -4,10 +4,10 @@ use std::collections::HashMap;
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::error::Faults;
+use crate::error::{Fault, Faults};
 use crate::scan::{
     AsciiText, DASHED_LINE, FRAME_TOLERANCE, LineScanner, TextLine, format_d14, format_integer, format_long14,
-    fortran_real, frame_defect, put_grid, put_steps,
+    fortran_real, frame_defect, put_grid, put_steps, read_records, text_of_records,
 };
 
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -55,26 +55,19 @@ impl Dof {
 
     /// Reads the text of a file like [`Dof::parse`]; also returns notices about deviations from its form.
     pub fn parse_with_notices(path: &Path, text: &AsciiText) -> Result<(Self, Vec<String>), Faults> {
-        let scan = &mut LineScanner::new(path, text);
-        let (step, time) = scan.read_steps();
-        let mut bodies = Vec::new();
-        let mut lines = HashMap::new();
-        for record in 1.. {
-            scan.set_object(format!("record {record}"));
-            scan.skip_to_keyword("bdyty");
-            if scan.peek_line().is_none() {
-                break;
+        let (parts, notices) = read_records(path, text, "bdyty", |scan, before| {
+            let head = (before == 0).then(|| scan.read_steps());
+            (head, read_bodies(scan, before))
+        })?;
+        let (step, time) = parts[0].0.expect("the first part has the head");
+        let bodies: Vec<BodyDof> = parts.into_iter().flat_map(|(_, bodies)| bodies).collect();
+        let (mut faults, mut lines) = (Faults::default(), HashMap::with_capacity(bodies.len()));
+        for body in &bodies {
+            if let Some(found) = repetition(&mut lines, body) {
+                faults.push(Fault::new(path, Some(body.line), object_name(body.body), found, ONCE));
             }
-            let Some(body) = read_record(scan) else {
-                scan.skip_record();
-                continue;
-            };
-            if let Some(earlier) = lines.insert(body.body, body.line) {
-                scan.add_fault(body.line, format!("the body is on line {earlier}, too"), "expected each body once");
-            }
-            bodies.push(body);
         }
-        scan.finish_with_notices(Dof { step, time, bodies })
+        Ok((faults.into_result(Dof { step, time, bodies })?, notices))
     }
 
     /// Text of the file as LMGC90 writes it, numbers with seven digits; axes that need more have more, see
@@ -82,27 +75,61 @@ impl Dof {
     ///
     /// Numbers must be finite and below 1e100; step and bodies have seven columns.
     pub fn to_text(&self) -> String {
-        let mut out = String::new();
-        put_steps(&mut out, "DOF", self.step, self.time);
-        for BodyDof { body, displacement, velocity, axes, .. } in &self.bodies {
-            let number = format_integer(body + 1, 7);
-            let _ = write!(out, "$bdyty\n RBDY3  {number}\n$nodty\n");
-            let [x, v] = [displacement, velocity].map(|six| six.split_at(3));
-            let [a, b, g] = axes.each_ref().map(|axis| axis.as_slice());
-            for (k, values) in [x.0, x.1, v.0, v.1, a, b, g].into_iter().enumerate() {
-                let real = if k < 4 { format_d14 } else { format_axis };
-                put_grid(&mut out, if k == 0 { " NO6xx      1" } else { "" }, &LINE_LABELS[k], values, real);
-            }
-            out.push_str("$$$$$$\n      \n");
-        }
-        out + DASHED_LINE + DASHED_LINE
+        let mut head = String::new();
+        put_steps(&mut head, "DOF", self.step, self.time);
+        head + &text_of_records(&self.bodies, |out, _, body| write_record(out, body)) + DASHED_LINE + DASHED_LINE
     }
+}
+
+fn write_record(out: &mut String, BodyDof { body, displacement, velocity, axes, .. }: &BodyDof) {
+    let number = format_integer(body + 1, 7);
+    let _ = write!(out, "$bdyty\n RBDY3  {number}\n$nodty\n");
+    let [x, v] = [displacement, velocity].map(|six| six.split_at(3));
+    let [a, b, g] = axes.each_ref().map(|axis| axis.as_slice());
+    for (k, values) in [x.0, x.1, v.0, v.1, a, b, g].into_iter().enumerate() {
+        let real = if k < 4 { format_d14 } else { format_axis };
+        put_grid(out, if k == 0 { " NO6xx      1" } else { "" }, &LINE_LABELS[k], values, real);
+    }
+    out.push_str("$$$$$$\n      \n");
 }
 
 /// Formats by [`format_d14`] if that is exact.
 fn format_axis(x: f64) -> String {
     let short = format_d14(x);
     if fortran_real(&short) == Ok(x) { short } else { format_long14(x) }
+}
+
+/// Reads bodies up to the end of the text; `before` records come before.
+fn read_bodies(scan: &mut LineScanner, before: usize) -> Vec<BodyDof> {
+    let mut bodies = Vec::new();
+    let mut lines = HashMap::new();
+    for record in before + 1.. {
+        scan.set_object(format!("record {record}"));
+        scan.skip_to_keyword("bdyty");
+        if scan.peek_line().is_none() {
+            break;
+        }
+        let Some(body) = read_record(scan) else {
+            scan.skip_record();
+            continue;
+        };
+        if let Some(found) = repetition(&mut lines, &body) {
+            scan.add_fault(body.line, found, ONCE);
+        }
+        bodies.push(body);
+    }
+    bodies
+}
+
+const ONCE: &str = "expected each body once";
+
+/// What is wrong with a body that has been on one of the `lines`, by body.
+fn repetition(lines: &mut HashMap<usize, usize>, body: &BodyDof) -> Option<String> {
+    lines.insert(body.body, body.line).map(|earlier| format!("the body is on line {earlier}, too"))
+}
+
+fn object_name(body: usize) -> String {
+    format!("body {}", body + 1)
 }
 
 /// Reads one body; `None` after a fault that leaves the scan inside the record.
@@ -113,7 +140,7 @@ fn read_record(scan: &mut LineScanner) -> Option<BodyDof> {
         return None;
     }
     let body = scan.read_index(line, (9, 15), "number")?;
-    scan.set_object(format!("body {}", body + 1));
+    scan.set_object(object_name(body));
     scan.expect_keyword("nodty")?;
     let mut rows = [[0.0; 3]; 7];
     for (k, (row, labels)) in rows.iter_mut().zip(LINE_LABELS).enumerate() {

@@ -61,6 +61,13 @@ impl LenientForms {
         self.0.entry(form).or_insert((0, line)).0 += 1;
     }
 
+    /// Adds the places of a later part of the same file.
+    pub(super) fn append(&mut self, later: LenientForms) {
+        for (form, (count, line)) in later.0 {
+            self.0.entry(form).or_insert((0, line)).0 += count;
+        }
+    }
+
     /// Notices for the user about the file `name`, one a form: `BODIES.DAT:12: 2 bodies have a number ...`.
     pub fn notices(&self, name: &str) -> Vec<String> {
         let notice = |(form, (count, line)): (&LenientForm, &(usize, usize))| {

@@ -19,6 +19,7 @@ mod columns;
 mod forms;
 mod lenient;
 mod numbers;
+mod parts;
 
 use std::collections::BTreeSet;
 use std::fmt::Display;
@@ -30,9 +31,12 @@ pub use columns::{DASHED_LINE, GRID_COLUMNS, put_grid, put_steps, put_text};
 pub use forms::{LenientForm, LenientForms};
 pub use numbers::{NumberError, format_d14, format_e14, format_integer, format_long14, fortran_real, free_real};
 use numbers::{REAL_WIDTH, number_fault};
+pub use parts::{TextPart, read_records, text_of_records};
 
 /// Largest error of an axis or frame in the files against an orthonormal one; they have seven digits.
 pub const FRAME_TOLERANCE: f64 = 1e-4;
+
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Text of a file as ASCII, so that bytes are columns. Any other byte becomes a control character, which is allowed in
 /// comments only.
@@ -46,18 +50,39 @@ impl AsciiText {
             let found = "no text, or with two bytes a letter (UTF-16)";
             return Err(Fault::new(path, None, "file", found, "expected text in ASCII or UTF-8").into());
         }
-        Ok(AsciiText::new(&bytes))
+        Ok(match bytes.starts_with(BYTE_ORDER_MARK) {
+            true => AsciiText::new(&bytes),
+            false => String::from_utf8(bytes).map_or_else(|error| AsciiText::new(error.as_bytes()), AsciiText::of),
+        })
     }
 
     /// Text of a file with these bytes, without a byte order mark.
     pub fn new(bytes: &[u8]) -> Self {
-        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-        AsciiText(bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '\x1a' }).collect())
+        let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
+        let ascii = |&byte: &u8| if byte.is_ascii() { byte } else { b'\x1a' };
+        AsciiText::of(String::from_utf8(bytes.iter().map(ascii).collect()).expect("all bytes are ASCII"))
+    }
+
+    /// The text if it is ASCII, else with one byte for each of its bytes.
+    fn of(text: String) -> Self {
+        if text.is_ascii() { AsciiText(text) } else { AsciiText::new(text.as_bytes()) }
     }
 
     /// All lines with their numbers.
     pub fn lines(&self) -> impl Iterator<Item = TextLine<'_>> {
-        self.0.lines().enumerate().map(|(k, text)| TextLine { number: k + 1, text })
+        self.whole().lines()
+    }
+}
+
+impl<'a> TextPart<'a> {
+    /// All lines with their numbers in the file.
+    fn lines(self) -> impl Iterator<Item = TextLine<'a>> {
+        let has_comments = self.text.contains('!');
+        let line = move |(k, text): (usize, &'a str)| {
+            let width = if has_comments { without_comment(text).len() } else { text.len() };
+            TextLine { number: self.lines_before + k + 1, text, width_before_comment: width }
+        };
+        self.text.lines().enumerate().map(line)
     }
 }
 
@@ -67,6 +92,7 @@ pub struct TextLine<'a> {
     /// Number, 1-based.
     pub number: usize,
     text: &'a str,
+    width_before_comment: usize,
 }
 
 impl<'a> TextLine<'a> {
@@ -98,7 +124,7 @@ impl<'a> TextLine<'a> {
 
     /// Text up to a comment, a `!` after a blank.
     pub fn before_comment(self) -> &'a str {
-        without_comment(self.text)
+        &self.text[..self.width_before_comment]
     }
 
     /// The whole line.
@@ -162,8 +188,13 @@ pub struct LineScanner<'a> {
 impl<'a> LineScanner<'a> {
     /// Scanner at the first line of `text`; `path` is for messages.
     pub fn new(path: &'a Path, text: &'a AsciiText) -> Self {
+        LineScanner::of_part(path, text.whole())
+    }
+
+    /// Scanner at the first line of a part of a text.
+    fn of_part(path: &'a Path, part: TextPart<'a>) -> Self {
         let (comments, lines): (Vec<TextLine>, Vec<_>) =
-            text.lines().filter(|line| !line.text.trim().is_empty()).partition(|line| line.is_comment());
+            part.lines().filter(|line| !line.text.trim().is_empty()).partition(|line| line.is_comment());
         let indented = comments.iter().filter(|line| !line.text.starts_with(['!', '#'])).map(|line| line.number);
         let indented_comments: BTreeSet<usize> = indented.collect();
         let mut forms = LenientForms::default();

@@ -46,6 +46,9 @@ pub fn fortran_real(field: &str) -> Result<f64, NumberError> {
 
 /// Reads a real in free format: as [`fortran_real`], and the point may be missing.
 pub fn free_real(field: &str) -> Result<f64, NumberError> {
+    if let Some(value) = plain_real(field) {
+        return Ok(value);
+    }
     let text: String = field.chars().filter(|&c| c != ' ').map(|c| c.to_ascii_lowercase()).collect();
     if let Some(fault) = number_fault(&text) {
         return Err(fault);
@@ -63,6 +66,22 @@ pub fn free_real(field: &str) -> Result<f64, NumberError> {
         return Err(NumberError("too large a number"));
     }
     Ok(if text.starts_with('-') { -value } else { value })
+}
+
+/// Real in the form in which almost all are written: digits with a point between, behind E or D a signed exponent, blanks
+/// only around them. `None` for all others.
+fn plain_real(field: &str) -> Option<f64> {
+    let field = field.trim_matches(' ');
+    let mut copy = [0; 2 * REAL_WIDTH];
+    let copy = copy.get_mut(..field.len())?;
+    for (to, byte) in copy.iter_mut().zip(field.bytes()) {
+        *to = match byte {
+            b'0'..=b'9' | b'.' | b'+' | b'-' | b'E' => byte,
+            b'D' => b'E',
+            _ => return None,
+        };
+    }
+    std::str::from_utf8(copy).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
 /// Formats a real in 14 columns as C's `%14.7E`, eight digits: ` 1.2345679E+00`. For input files.

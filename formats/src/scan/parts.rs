@@ -1,0 +1,159 @@
+//! Long files in parts of whole records, which are read and written in parallel.
+
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::{AsciiText, LenientForms, LineScanner};
+use crate::error::Faults;
+
+/// Number of bytes from which a part of a text ends with its record: enough to hide the cost of a task.
+const PART_SIZE: usize = 1 << 20;
+/// Number of records of one task of writing, for the same reason.
+const RECORDS_PER_TASK: usize = 1024;
+
+/// Consecutive whole records of a text; the first part has the head of the file, too.
+#[derive(Debug, Clone, Copy)]
+pub struct TextPart<'a> {
+    pub(super) text: &'a str,
+    /// Number of lines before it.
+    pub(super) lines_before: usize,
+    /// Number of records before it.
+    pub records_before: usize,
+}
+
+impl AsciiText {
+    /// The whole text as one part.
+    pub fn whole(&self) -> TextPart<'_> {
+        TextPart { text: &self.0, lines_before: 0, records_before: 0 }
+    }
+
+    /// The text in parts, each of which but the first begins with a line `$keyword`.
+    fn parts(&self, keyword: &str) -> Vec<TextPart<'_>> {
+        let begin = format!("\n${keyword}");
+        let mut texts = Vec::new();
+        let mut rest = self.0.as_str();
+        // Cut where a line begins: behind its end of line.
+        while let Some(at) = rest.get(PART_SIZE..).and_then(|behind| behind.find(&begin)) {
+            let (part, behind) = rest.split_at(PART_SIZE + at + 1);
+            texts.push(part);
+            rest = behind;
+        }
+        texts.push(rest);
+        let count = |text: &&str| {
+            let is_record = |line: &&str| line.get(1..6) == Some(keyword);
+            (text.bytes().filter(|&byte| byte == b'\n').count(), text.lines().filter(is_record).count())
+        };
+        let counts: Vec<(usize, usize)> = texts.par_iter().map(count).collect();
+        let mut before = (0, 0);
+        let part = |(text, (lines, records))| {
+            let part = TextPart { text, lines_before: before.0, records_before: before.1 };
+            before = (before.0 + lines, before.1 + records);
+            part
+        };
+        texts.into_iter().zip(counts).map(part).collect()
+    }
+}
+
+/// Reads the records that begin with a line `$keyword`; returns what `read` makes of each part, in order, and the notices
+/// about the form of the file.
+///
+/// `read` gets a scanner at the start of a part and the number of records before it. A text with a fault is read again as
+/// one part, so that faults are what one scanner finds.
+pub fn read_records<T: Send>(
+    path: &Path,
+    text: &AsciiText,
+    keyword: &str,
+    read: impl Fn(&mut LineScanner, usize) -> T + Sync,
+) -> Result<(Vec<T>, Vec<String>), Faults> {
+    let parts = text.parts(keyword);
+    if parts.len() > 1 {
+        let read_part = |part: &TextPart| {
+            let scan = &mut LineScanner::of_part(path, *part);
+            let value = read(scan, part.records_before);
+            (!scan.has_faults()).then(|| (value, std::mem::take(&mut scan.forms)))
+        };
+        if let Some(read) = parts.par_iter().map(read_part).collect::<Option<Vec<(T, LenientForms)>>>() {
+            let mut forms = LenientForms::default();
+            let values = read.into_iter().map(|(value, of_part)| {
+                forms.append(of_part);
+                value
+            });
+            let values = values.collect();
+            return Ok((values, forms.notices(&path.file_name().unwrap_or_default().to_string_lossy())));
+        }
+    }
+    let scan = &mut LineScanner::new(path, text);
+    let value = read(scan, 0);
+    scan.finish_with_notices(vec![value])
+}
+
+/// Text of records one behind the other; `write` appends that of the record with this position, counted from 0.
+pub fn text_of_records<T: Sync>(records: &[T], write: impl Fn(&mut String, usize, &T) + Sync) -> String {
+    let of_task = |(task, records): (usize, &[T])| {
+        let mut out = String::new();
+        for (k, record) in records.iter().enumerate() {
+            write(&mut out, task * RECORDS_PER_TASK + k, record);
+        }
+        out
+    };
+    records.par_chunks(RECORDS_PER_TASK).enumerate().map(of_task).collect::<Vec<String>>().concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Records of a number each, long enough for several parts.
+    fn numbers(count: usize, wrong: Option<usize>) -> AsciiText {
+        let records: Vec<usize> = (0..count).collect();
+        let text = text_of_records(&records, |out, k, record| {
+            let word = if wrong == Some(k) { "wrong".into() } else { format!("{record:12}.0") };
+            *out += &format!("$numbr\n{:34}{word}\n$$$$$$\n", "");
+        });
+        AsciiText::new(format!("! head\n{text}").as_bytes())
+    }
+
+    fn read(text: &AsciiText) -> Result<(Vec<Vec<f64>>, Vec<String>), Faults> {
+        read_records(Path::new("f"), text, "numbr", |scan, before| {
+            let mut values = Vec::new();
+            while scan.peek_line().is_some() {
+                scan.set_object(format!("number {}", before + values.len() + 1));
+                scan.skip_to_keyword("numbr");
+                scan.expect_keyword("numbr");
+                let Some(line) = scan.next_line() else { break };
+                values.push(scan.read_length(line, 35, "it"));
+                scan.skip_record();
+            }
+            values
+        })
+    }
+
+    #[test]
+    fn parts_hold_all_records_with_their_lines() {
+        let text = numbers(100_000, None);
+        let parts = text.parts("numbr");
+        assert!(parts.len() > 4);
+        assert_eq!(parts.iter().map(|part| part.text).collect::<String>(), text.0);
+        for part in &parts[1..] {
+            assert!(part.text.starts_with("$numbr\n"));
+            assert_eq!(part.lines_before, 1 + 3 * part.records_before);
+        }
+        let none = numbers(0, None);
+        assert_eq!((none.parts("numbr").len(), none.whole().text), (1, "! head\n"));
+    }
+
+    #[test]
+    fn a_text_in_parts_is_read_like_one() {
+        let (values, notices) = read(&numbers(100_000, None)).unwrap();
+        assert!(values.len() > 4 && notices.is_empty());
+        assert!(values.iter().flatten().copied().eq((0..100_000).map(f64::from)));
+    }
+
+    #[test]
+    fn faults_are_those_of_one_reading() {
+        let faults = read(&numbers(100_000, Some(70_000))).unwrap_err().to_string();
+        assert_eq!(faults.lines().count(), 1, "{faults}");
+        assert!(faults.starts_with("f:210003: number 70001: it is 'wrong', not a number"), "{faults}");
+    }
+}
