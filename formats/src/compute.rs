@@ -19,7 +19,7 @@ use crate::ron_text;
 pub const GRAVITATIONAL_CONSTANT: f64 = 6.67430e-11;
 
 /// Largest number of threads; a larger one is probably a mistake, since a machine would spend its time starting them.
-const MAX_THREADS: usize = 1024;
+pub const MAX_THREADS: usize = 1024;
 
 /// Event at the start of the first step whose time is not before `time`; occurs once or repeatedly.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

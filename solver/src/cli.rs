@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use cd_formats::case::{CaseFolder, no_case, parse_arguments};
-use cd_formats::compute::{Adaptive, ComputeFlags};
+use cd_formats::compute::{Adaptive, ComputeFlags, MAX_THREADS};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::former_names::FormerNameUse;
 use cd_formats::messages::{print_error, print_line, reserve_stdout};
@@ -117,7 +117,8 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
         None => DriverSettings::default(),
     };
     let flags = arguments.flags.or(&driver.options);
-    let (mut scene, mut state) = read::read_case(case, &flags)?;
+    let reading_threads = flags.threads.filter(|&threads| threads <= MAX_THREADS).unwrap_or(0);
+    let (mut scene, mut state) = start_threads(reading_threads)?.install(|| read::read_case(case, &flags))?;
     if arguments.step_loop && scene.options.adaptive().is_on() {
         scene.options.adaptive = Some(Adaptive { max_multiple: 1, ..scene.options.adaptive() });
         scene.notes.push("adaptive: steps are dt in a step loop, whose forces may change in each of them".into());
@@ -153,17 +154,7 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     if let Some(step) = arguments.dump_problem {
         write::check_dump_step(&scene, &state, step)?;
     }
-    let threads = scene.options.threads;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|_| {
-        let found = format!("{threads} cannot be started");
-        RunFailure::Files(Faults::from(Fault::new(
-            "options".as_ref(),
-            None,
-            "threads",
-            found,
-            "expected a number of threads that the machine can start",
-        )))
-    })?;
+    let pool = start_threads(scene.options.threads)?;
     if arguments.plan {
         return Ok(pool.install(|| plan::plan_text(&scene, &state)));
     }
@@ -174,4 +165,18 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     let advance = || run_case(case, &scene, state, resumed, arguments.dump_problem, arguments.step_loop);
     let large = scene.bodies.len() >= thread_pool::MIN_BODIES_TO_BUSY_WAIT;
     pool.install(|| if large { thread_pool::with_busy_waiting_workers(advance) } else { advance() })
+}
+
+/// Starts so many threads, or as many as there are processors for 0.
+fn start_threads(threads: usize) -> Result<rayon::ThreadPool, RunFailure> {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|_| {
+        let found = format!("{threads} cannot be started");
+        RunFailure::Files(Faults::from(Fault::new(
+            "options".as_ref(),
+            None,
+            "threads",
+            found,
+            "expected a number of threads that the machine can start",
+        )))
+    })
 }

@@ -1,4 +1,4 @@
-//! Long files in parts of whole records, which are read and written in parallel.
+//! Long files in parts of whole records, which are read and written in parallel. Short files start no threads.
 
 use std::path::Path;
 
@@ -40,6 +40,9 @@ impl AsciiText {
             rest = behind;
         }
         texts.push(rest);
+        if texts.len() == 1 {
+            return vec![self.whole()];
+        }
         let count = |text: &&str| {
             let is_record = |line: &&str| line.get(1..6) == Some(keyword);
             (text.bytes().filter(|&byte| byte == b'\n').count(), text.lines().filter(is_record).count())
@@ -97,6 +100,9 @@ pub fn text_of_records<T: Sync>(records: &[T], write: impl Fn(&mut String, usize
         }
         out
     };
+    if records.len() <= RECORDS_PER_TASK {
+        return of_task((0, records));
+    }
     records.par_chunks(RECORDS_PER_TASK).enumerate().map(of_task).collect::<Vec<String>>().concat()
 }
 
