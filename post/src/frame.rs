@@ -8,7 +8,7 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::ids::BodyId;
 use cd_formats::index_types;
 use cd_formats::law_table::LawModel;
-use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, SHAPE_PLANE, Snapshot, SnapshotMeta};
+use cd_formats::snapshot::{BodyArrays, DRIVEN_ALL, SHAPE_PLANE, Snapshot, SnapshotMeta, are_walls};
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::math::{Mat3, Vec3};
@@ -24,8 +24,6 @@ pub struct Frame {
     pub grains: Vec<Grain>,
     /// Walls, in the order of the snapshot's bodies.
     pub walls: Vec<Wall>,
-    /// Whether components of the velocity of a grain are imposed: the ledger counts the bodies without any.
-    pub has_driven_grains: bool,
     /// Contacts, in the order of the snapshot; those between two walls are left out.
     pub contacts: Vec<Contact>,
     pub interval: SnapshotInterval,
@@ -49,7 +47,7 @@ pub struct ImpulseExchange {
     pub virial: f64,
 }
 
-/// A body that can move: not fully driven, and not a plane.
+/// A body that moves freely, in translation at least, or along two axes in a plane problem.
 #[derive(Debug, Clone)]
 pub struct Grain {
     pub id: u64,
@@ -110,10 +108,10 @@ impl Grain {
     }
 }
 
-/// A body that supports or pushes the grains: all its motion is imposed, or it is a plane.
+/// A body that supports or pushes the grains: some of its translation is imposed, or it is a plane with an imposed
+/// component.
 ///
-/// A plane that moves freely in some direction (a piston under load) is a wall too: its force on the grains is an external
-/// load.
+/// A piston that moves freely along one axis under a load is a wall too: its force on the grains is an external load.
 #[derive(Debug, Clone)]
 pub struct Wall {
     pub id: u64,
@@ -257,7 +255,6 @@ impl Frame {
         let to_contact = -meta.parameters.theta * meta.h;
         let cell = PeriodicCell([meta.parameters.xperiode, meta.parameters.yperiode]);
         let is_wall = wall_rows(&bodies);
-        let has_driven_grains = is_wall.iter().zip(&bodies.body_driven).any(|(wall, driven)| !wall && *driven != 0);
         let (mut grains, mut walls) = (Vec::new(), Vec::new());
         let sides: Vec<BodyIndex> = solids
             .into_iter()
@@ -273,7 +270,7 @@ impl Frame {
             })
             .collect();
         let curvature = |body: BodyId| match bodies.body_shape[body.index()] {
-            SHAPE_PLANE => 0.0,
+            SHAPE_PLANE if is_wall[body.index()] => 0.0,
             _ => 1.0 / bodies.body_radius[body.index()],
         };
         let contacts = (0..contacts.contact_body.len())
@@ -318,7 +315,7 @@ impl Frame {
             length: meta.interval_start.map_or(f64::NAN, |start| meta.time - start),
             exchanges: exchanges.collect(),
         };
-        Frame { meta, laws, grains, walls, has_driven_grains, contacts, interval }
+        Frame { meta, laws, grains, walls, contacts, interval }
     }
 
     /// Periodic cell of the scene.
@@ -376,20 +373,10 @@ impl PeriodicCell {
     }
 }
 
-/// Bits of [`BodyArrays::body_driven`] of the translation.
-const TRANSLATION: u8 = 0b111;
-
-/// Whether each body is a wall: a plane, or a body of which some translation is imposed.
-///
-/// Without any other body, as in a plane problem of grains that cannot leave their plane, those that are free along two axes
-/// at least are no walls.
+/// Whether each body is a wall, as in the solver's energies.
 fn wall_rows(bodies: &BodyArrays) -> Vec<bool> {
-    let with_free_axes = |fewest: u32| -> Vec<bool> {
-        let rows = bodies.body_driven.iter().zip(&bodies.body_shape);
-        rows.map(|(driven, shape)| (driven & TRANSLATION).count_ones() > 3 - fewest || *shape == SHAPE_PLANE).collect()
-    };
-    let walls = with_free_axes(3);
-    if walls.contains(&false) { walls } else { with_free_axes(2) }
+    let rows = bodies.body_driven.iter().zip(&bodies.body_shape);
+    are_walls(&rows.map(|(driven, shape)| (*driven, *shape == SHAPE_PLANE)).collect::<Vec<_>>())
 }
 
 fn body_rotation(bodies: &BodyArrays, row: usize) -> UnitQuaternion<f64> {
@@ -415,6 +402,8 @@ fn grain_of_row(
         let axes = body_rotation(bodies, row).to_rotation_matrix();
         axes.matrix() * Mat3::from_diagonal(&Vec3::new(j1, j2, j3)) * axes.matrix().transpose()
     };
+    let plate = || SolidShape::from_half_lengths(bodies.body_half_lengths[row].into()).into();
+    let solid = solid.or_else(|| (bodies.body_shape[row] == SHAPE_PLANE).then(plate));
     Grain {
         id: bodies.body_id[row],
         x,
@@ -453,7 +442,8 @@ fn out_of_range(bodies: &BodyArrays) -> Vec<(String, String)> {
         };
         if bodies.body_shape[row] == SHAPE_PLANE {
             expect_positive("half_lengths", &bodies.body_half_lengths[row]);
-        } else if !is_wall {
+        }
+        if !is_wall {
             expect_positive("mass", &[bodies.body_mass[row]]);
             expect_positive("inertia", &bodies.body_inertia[row]);
             expect_positive("radius", &[bodies.body_radius[row]]);
@@ -465,7 +455,6 @@ fn out_of_range(bodies: &BodyArrays) -> Vec<(String, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::derive::Row;
     use crate::samples::Scene;
 
     #[test]
@@ -507,10 +496,19 @@ mod tests {
         // A stirrer among grains is a wall; in a plane problem all are grains but those that move along one axis only.
         assert_eq!(grains([0, 0b10_1010, 0b10_1010]), [2]);
         assert_eq!(grains([0b10_1010, 0b10_1010, 0b11_1011]), [2, 3]);
-        // The solver's ledger leaves them out.
-        assert!(Row::from_frame(&scene.frame()).has_no_energy_balance());
-        scene.snapshot.bodies.body_driven[rows[0]] = 0;
-        assert!(!Row::from_frame(&scene.frame()).has_no_energy_balance()); // walls alone are driven
+    }
+
+    #[test]
+    fn a_plate_without_imposed_components_is_a_grain() {
+        let mut scene = Scene::default();
+        let plates = [0.0, 3.0, 6.0].map(|z| scene.plate([0.0, 0.0, z], [1.0, 2.0, 0.5]));
+        scene.snapshot.bodies.body_driven[plates[1]] = 0;
+        scene.snapshot.bodies.body_driven[plates[2]] = 0b11_1000; // a lid that cannot tilt
+        let frame = scene.frame();
+        assert_eq!(frame.grains.iter().map(|grain| grain.id).collect::<Vec<_>>(), [2]);
+        assert!((frame.grains[0].volume() - 8.0).abs() < 1e-14); // some roundings
+        assert!((frame.grains[0].bounding_radius() - 5.25f64.sqrt()).abs() < 1e-15);
+        assert_eq!(frame.walls.len(), 2);
     }
 
     #[test]

@@ -46,6 +46,17 @@ const SPHERE_RINGS: u32 = 10;
 const SPHERE_SECTORS: u32 = 20;
 
 impl SolidShape {
+    /// Plate with the half lengths (m) along its axes.
+    pub fn from_half_lengths(half: Vec3) -> SolidShape {
+        let corner = |k: usize| Vec3::from_fn(|axis, _| if k >> axis & 1 == 0 { -half[axis] } else { half[axis] });
+        let sides = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+        SolidShape {
+            vertices: (0..8).map(corner).collect(),
+            faces: sides.map(Vec::from).into(),
+            ..SolidShape::default()
+        }
+    }
+
     /// Adds a cylinder about the third axis, as a prism with its edges on the cylinder; `place` maps its points to the
     /// body's frame.
     fn add_cylinder(&mut self, half_height: f64, radius: f64, place: impl Fn(Vec3) -> Vec3) {
@@ -261,6 +272,8 @@ fn merged_faces(surface: &Surface) -> Vec<Vec<u32>> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
     use cd_formats::bodies::Contactor;
     use cd_formats::snapshot::MaterialName;
@@ -282,6 +295,9 @@ mod tests {
         let solid = body_solid(&body(7.0, Some([1.0; 3]))).unwrap().unwrap();
         assert_eq!((solid.vertices.len(), solid.faces.len()), (8, 6));
         assert!((solid.bounding_radius() - 14f64.sqrt()).abs() < 1e-14);
+        let plate = SolidShape::from_half_lengths(Vec3::new(1.0, 2.0, 3.0));
+        let ordered = |faces: &[Vec<u32>]| faces.iter().map(|face| face.iter().sum()).collect::<BTreeSet<u32>>();
+        assert_eq!((&plate.vertices, ordered(&plate.faces)), (&solid.vertices, ordered(&solid.faces)));
         for face in &solid.faces {
             let corner: Vec<Vec3> = face.iter().map(|&k| solid.vertices[k as usize]).collect();
             assert_eq!(corner.len(), 4);

@@ -126,7 +126,7 @@ pub struct RigidBody {
     pub mass: f64,
     /// Principal moments of inertia, kg m^2; a sphere's are equal.
     pub inertia: [f64; 3],
-    /// Whether some or all of its motion is imposed: a wall, or a driven sphere. Driven bodies do not count in the ledger.
+    /// Whether some or all of its motion is imposed: a wall, or a grain that is held in part.
     pub driven: bool,
     /// Components of the velocity that forces and moments change: along the fixed axes, then about the body's axes. A body
     /// without any has no inverse mass; a body that is not driven has all.
@@ -158,6 +158,26 @@ impl RigidBody {
     /// 1 for each fixed axis along which the velocity of a body driven in part is imposed, else 0.
     pub fn locked_axes(&self) -> Vec3 {
         Vec3::from_fn(|k, _| if self.is_driven_in_part() && !self.free_components[k] { 1.0 } else { 0.0 })
+    }
+
+    /// The part of a vector along the fixed axes along which the velocity is imposed.
+    pub fn imposed_part(&self, vector: &Vec3) -> Vec3 {
+        Vec3::from_fn(|k, _| if self.free_components[k] { 0.0 } else { vector[k] })
+    }
+
+    /// The part of a vector in fixed axes along the axes of the body, with the orientation `q`, about which its rotation is
+    /// imposed.
+    pub fn imposed_rotation_part(&self, q: &Quat, vector: &Vec3) -> Vec3 {
+        if self.rotates_freely() {
+            return Vec3::zeros();
+        }
+        let own = q.inverse_transform_vector(vector);
+        q * Vec3::from_fn(|k, _| if self.free_components[3 + k] { 0.0 } else { own[k] })
+    }
+
+    /// Energy of the rotation with the angular velocity `w` (rad/s, fixed axes), J.
+    pub fn rotational_energy(&self, q: &Quat, w: &Vec3) -> f64 {
+        0.5 * self.angular_momentum(q, w).dot(w)
     }
 
     /// Imposed components of the velocity as in the snapshots: bit k for component k.
@@ -345,6 +365,10 @@ pub struct Scene {
     pub axes: Vec<Quat>,
     /// Free bodies, in order.
     pub free: Vec<BodyId>,
+    /// Whether each body is a [wall](cd_formats::snapshot::are_walls): one that the energies do not count.
+    pub walls: Vec<bool>,
+    /// Bodies driven in part that are no walls, in order.
+    pub held_grains: Vec<BodyId>,
     /// Spheres, free or driven, in order.
     pub spheres: Vec<BodyId>,
     /// Plates, in order.

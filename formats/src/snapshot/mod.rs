@@ -33,6 +33,25 @@ pub const SHAPE_PARTS: u8 = 2;
 /// [`BodyArrays::body_driven`] of a body with all six components of its velocity imposed: a wall.
 pub const DRIVEN_ALL: u8 = 0b11_1111;
 
+/// Components of the translation in [`BodyArrays::body_driven`].
+const TRANSLATION: u8 = 0b111;
+
+/// Whether each body is a wall, from its imposed components, as in [`BodyArrays::body_driven`], and whether it is a plane.
+///
+/// A wall has some imposed translation; a plane is also a wall if any component is imposed. All other bodies are grains.
+/// Without any grain, as in a plane problem of grains that cannot leave their plane, bodies but planes that are free along
+/// two axes at least are grains.
+pub fn are_walls(bodies: &[(u8, bool)]) -> Vec<bool> {
+    let with_free_axes = |fewest: u32| -> Vec<bool> {
+        let is_wall = |&(driven, is_plane): &(u8, bool)| {
+            (driven & TRANSLATION).count_ones() > 3 - fewest || is_plane && driven != 0
+        };
+        bodies.iter().map(is_wall).collect()
+    };
+    let walls = with_free_axes(3);
+    if walls.contains(&false) { walls } else { with_free_axes(2) }
+}
+
 /// Values of [`ContactArrays::contact_status`].
 pub const STATUS_NO_CONTACT: u8 = 0;
 pub const STATUS_STICK: u8 = 1;

@@ -40,12 +40,6 @@ pub fn process_case(options: &Options) -> Result<Vec<String>, Faults> {
     if !regions.is_empty() {
         print_line(format_args!("  region   {regions}: Z, ν, pressure, stress"));
     }
-    if rows.iter().any(Row::has_no_energy_balance) {
-        print_line(format_args!(
-            "  empty    E_total, E_contacts, E_friction, E_shocks, E_outside: velocities of grains are imposed in part, and \
-             the works that cd-solve sums are of the contacts of free bodies"
-        ));
-    }
     if !options.no_plots {
         for plot in &write::plots::PLOTS {
             atomic::write(&postpro.join(plot.file), plot.to_figure(&rows).to_svg().as_bytes())?;

@@ -352,21 +352,7 @@ impl Row {
             bed_pressure_interval: of_bed(&bed::Bed::interval_pressure),
         };
         row.clear_origin_dependent(&cell);
-        if frame.has_driven_grains {
-            row.clear_energy_balance();
-        }
         row
-    }
-
-    /// Clears the energy balance, whose parts would be of different bodies.
-    fn clear_energy_balance(&mut self) {
-        let works = [&mut self.E_contacts, &mut self.E_friction, &mut self.E_shocks, &mut self.E_outside];
-        works.into_iter().chain([&mut self.E_total]).for_each(|value| *value = f64::NAN);
-    }
-
-    /// Whether the energy balance is left out.
-    pub fn has_no_energy_balance(&self) -> bool {
-        self.E_outside.is_nan()
     }
 
     /// Clears the values that would depend on the position of the cell's border through arms from a centre.

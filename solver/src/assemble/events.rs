@@ -130,7 +130,7 @@ fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Vec3, Vec
 /// Records the change of potential energy by a change of uniform gravity as external in the ledger.
 fn account_potential(scene: &Scene, state: &mut State, change: Vec3) {
     let height = |&i: &BodyId| scene.bodies[i.index()].mass * change.dot(&state.x[i.index()]);
-    state.ledger.outside_work -= scene.free.iter().map(height).sum::<f64>();
+    state.ledger.outside_work -= scene.free.iter().chain(&scene.held_grains).map(height).sum::<f64>();
 }
 
 fn add_vector(sum: &mut [f64; 3], term: &Vec3) {

@@ -15,7 +15,7 @@ pub struct FreeMotion {
     pub v: Vec<Vec3>,
     /// Angular velocities, rad/s, world frame.
     pub w: Vec<Vec3>,
-    /// Potential energy in self-gravity, uniform gravity and outer fields, in the contact configuration, J.
+    /// Potential energy of the grains in self-gravity, uniform gravity and outer fields, in the contact configuration, J.
     pub potential: f64,
     pub gravity: GravityReport,
     /// Self-gravity for the following steps, see [`GravityHistory`].
@@ -25,8 +25,10 @@ pub struct FreeMotion {
     /// Angular impulse of these about the origin, N m s.
     pub angular_impulse: Vec3,
     /// Forces and moments (N, N m) by body whose work depends on the displacement of the body: imposed ones and Coriolis
-    /// forces.
+    /// forces. Those on grains driven in part are without the imposed components.
     pub loads: Vec<(BodyId, Vec3, Vec3)>,
+    /// Work of the reactions that impose components of the velocities of grains driven in part, without those to contacts, J.
+    pub reaction_work: f64,
 }
 
 impl FreeMotion {
@@ -51,6 +53,7 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
         impulse: Vec3::zeros(),
         angular_impulse: Vec3::zeros(),
         loads: Vec::new(),
+        reaction_work: 0.0,
     };
     for (k, &i) in scene.free.iter().enumerate() {
         let i = i.index();
@@ -65,7 +68,11 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
     free.potential += tidal_energy(scene, &outside, &q_c.q);
     for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i.index()].is_driven_in_part()) {
         let i = body.index();
-        free.v[i] += external_field(&outside, state.gravity, &q_c.x[i]).0 * h;
+        let (push, potential) = external_field(&outside, state.gravity, &q_c.x[i]);
+        free.v[i] += push * h;
+        if !scene.walls[i] {
+            free.potential += scene.bodies[i].mass * potential;
+        }
     }
     let shaking = shakes.iter().flat_map(|shake| shake_loads(scene, q_c, shake));
     let of_loop = state.loads.iter().map(|load| (load.body, load.force, load.torque));
@@ -78,6 +85,10 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
             free.impulse += force * h;
             free.angular_impulse += (q_c.x[i].cross(&force) + moment) * h;
             free.loads.push((body_id, force, moment));
+        } else if !scene.walls[i] {
+            let q = &q_c.q[i];
+            let applied = (force - body.imposed_part(&force), moment - body.imposed_rotation_part(q, &moment));
+            free.loads.push((body_id, applied.0, applied.1));
         }
     }
     for (body_id, force, torque) in near.loads {
@@ -92,7 +103,22 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
         let i = drive.body.index();
         (free.v[i], free.w[i]) = drive.velocity_at(end, &q_c.q[i], &free.v[i], &free.w[i]);
     }
+    free.reaction_work = scene.held_grains.iter().map(|i| reaction_work(scene, state, q_c, &free, i.index())).sum();
     free
+}
+
+/// Work (J) in a step of the reactions that impose components of the velocity of body `i`, without those to contacts: the
+/// change of the kinetic energy of these components, less the work of the outer fields on them. Their displacement is
+/// h ((1-θ) V + θ V⁺), whichever θ the free components take.
+fn reaction_work(scene: &Scene, state: &State, q_c: &ContactConfiguration, free: &FreeMotion, i: usize) -> f64 {
+    let (body, theta) = (&scene.bodies[i], scene.options.theta);
+    let (before, after) = (body.imposed_part(&state.v[i]), body.imposed_part(&free.v[i]));
+    let (push, _) = external_field(&scene.external_fields(), state.gravity, &q_c.x[i]);
+    let of_fields = push.dot(&(before * (1.0 - theta) + after * theta)) * q_c.h;
+    let q = &q_c.q[i];
+    let rotational = |w: &Vec3| body.rotational_energy(q, &body.imposed_rotation_part(q, w));
+    body.mass * (0.5 * (after.norm_squared() - before.norm_squared()) - of_fields) + rotational(&free.w[i])
+        - rotational(&q_c.w[i])
 }
 
 /// Acceleration and potential by uniform gravity and outer fields on a body at rest.
@@ -164,12 +190,14 @@ fn contact_velocity_changes(scene: &Scene, state: &State, h: f64) -> Vec<Vec3> {
     change
 }
 
-/// Potential energy of the free bodies at `x` in self-gravity, uniform gravity (zero at the origin) and outer fields, J.
+/// Potential energy of the grains at `x` in self-gravity, uniform gravity (zero at the origin) and outer fields, J.
 pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     let (positions, masses) = point_masses(scene, x);
     let outside = scene.external_fields();
-    let outer: f64 = positions.iter().zip(&masses).map(|(x, m)| m * external_field(&outside, state.gravity, x).1).sum();
-    let outer = outer + tidal_energy(scene, &outside, &state.q);
+    let at = |x: &Vec3, mass: f64| mass * external_field(&outside, state.gravity, x).1;
+    let outer: f64 = positions.iter().zip(&masses).map(|(x, m)| at(x, *m)).sum();
+    let held: f64 = scene.held_grains.iter().map(|i| at(&x[i.index()], scene.bodies[i.index()].mass)).sum();
+    let outer = outer + held + tidal_energy(scene, &outside, &state.q);
     if !scene.has_self_gravity() {
         return outer;
     }

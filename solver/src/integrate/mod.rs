@@ -161,6 +161,7 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
     let h = q_c.h;
     let after = h * scene.options.theta;
     let starts = StartsOfDriven::new(scene, state, q_c);
+    let energy_before = held_rotational_energy(scene, &q_c.q, &w);
     let moved = |((x, x_c), v): ((&mut Vec3, &Vec3), &Vec3)| *x = x_c + v * after;
     state.x.par_iter_mut().zip(&q_c.x).zip(&v).with_min_len(PAR_MIN_LEN).for_each(moved);
     let turned = |(i, (q, oriented)): (usize, (&mut Quat, &bool))| {
@@ -201,11 +202,19 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
         state.x[i] = q_c.x[i] + v[i] * h;
     }
     starts.advance_state(scene, state, q_c, Velocities { v: &v, w: &w });
+    // As these turn without impulses, their energy changes by the moments that impose their rotation.
+    state.ledger.outside_work += held_rotational_energy(scene, &state.q, &w) - energy_before;
     state.v = v;
     state.w = w;
     state.h = h;
     state.step += q_c.step_multiple;
     state.time = scene.time_at(state.step);
+}
+
+/// Energy of the rotation of grains that is imposed about some of their axes, J.
+pub fn held_rotational_energy(scene: &Scene, q: &[Quat], w: &[Vec3]) -> f64 {
+    let in_part = scene.held_grains.iter().map(|i| i.index()).filter(|&i| scene.bodies[i].rotates_in_part());
+    in_part.map(|i| scene.bodies[i].rotational_energy(&q[i], &w[i])).sum()
 }
 
 /// Driven bodies of a step that they take with θ = 1; their imposed motion is the same as in any step.

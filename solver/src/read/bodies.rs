@@ -10,7 +10,7 @@ use cd_formats::drv_dof::{DrivenKind, DrvDof, Evolution};
 use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::names::count_text;
 use cd_formats::principal::AxesMatch;
-use cd_formats::snapshot::MaterialName;
+use cd_formats::snapshot::{MaterialName, are_walls};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use crate::math::{Quat, Vec3};
@@ -93,7 +93,7 @@ pub fn scene_without_laws(
     };
     let free = indices(&|body| !body.driven);
     let spheres = indices(&RigidBody::is_sphere);
-    let planes = indices(&|body| matches!(body.shape, BodyShape::Plane { .. }));
+    let planes = indices(&is_plane);
     let mut oriented: Vec<bool> = bodies.iter().map(|body| !body.is_sphere() || options.orients_spheres()).collect();
     let with_moment = loads.iter().filter(|load| load.component >= 3).map(|load| load.body);
     with_moment.chain(drives.iter().map(|drive| drive.body)).for_each(|body| oriented[body.index()] = true);
@@ -101,6 +101,10 @@ pub fn scene_without_laws(
     let guided = indices(&|body| body.rotates_in_part() && !body.is_isotropic());
     let mut scene = Scene {
         drives,
+    let is_plane = |body: &RigidBody| matches!(body.shape, BodyShape::Plane { .. });
+    let kinds: Vec<(u8, bool)> = bodies.iter().map(|body| (body.imposed_components(), is_plane(body))).collect();
+    let walls = are_walls(&kinds);
+    let held_grains = indices(&RigidBody::is_driven_in_part).into_iter().filter(|i| !walls[i.index()]).collect();
         loads,
         laws: Vec::new(),
         visibility: VisibilityTable::default(),
@@ -123,6 +127,8 @@ pub fn scene_without_laws(
         }),
         has_drums: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Cylinder { hollow: true, .. })),
         parts,
+        walls,
+        held_grains,
         part_starts,
         notes: shifted_centres_note(&bodies, &frames)
             .into_iter()

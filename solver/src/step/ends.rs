@@ -53,11 +53,9 @@ pub fn finish_contacts(
     let (v, w) = solved_velocities(solution, free);
     let mut ends = std::mem::take(&mut state.contacts);
     ends.resize(contacts.len(), SolvedContact::default());
-    let driven: Vec<bool> = scene.bodies.iter().map(|body| body.driven).collect();
     let deep = OVERLAP_WARNING_SHARE * scene.smallest_radius;
     let velocities = Velocities { v: &v, w: &w };
-    let end =
-        PostSolve { scene, state, q_c, system, solution, motion, velocities, driven: &driven, warning_depth: deep };
+    let end = PostSolve { scene, state, q_c, system, solution, motion, velocities, warning_depth: deep };
     // The division into parts depends only on the number of rows.
     let parts = ends.par_chunks_mut(ITEMS_PER_TASK).zip(contacts.par_chunks(ITEMS_PER_TASK)).enumerate();
     let parts: Vec<(ContactTotals, Vec<ContactExchange>)> =
@@ -92,8 +90,6 @@ struct PostSolve<'a> {
     motion: Option<&'a VelocityErrors>,
     /// Velocities at the step's end.
     velocities: Velocities<'a>,
-    /// Whether each body is driven; a packed array, as contacts read it in any order.
-    driven: &'a [bool],
     /// Smallest depth that is worth a warning for the smallest bodies, m. Below it a contact is not compared with its radii.
     warning_depth: f64,
 }
@@ -224,10 +220,11 @@ impl PostSolve<'_> {
     /// Adds the contribution of contact `k` with the impulse `r` of its row to the totals; returns its impulse times its
     /// branch, N m s.
     fn accumulate_totals(&self, k: usize, r: &Vec3, contact: &SolvedContact, given: &mut ContactTotals) -> f64 {
-        let &PostSolve { state, q_c, system, velocities: Velocities { v, w }, driven, .. } = self;
+        let &PostSolve { scene, state, q_c, system, velocities: Velocities { v, w }, .. } = self;
+        let (bodies, walls) = (&scene.bodies, &scene.walls);
         let row = &system.rows[k];
         let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
-        if driven[contact.candidate.index()] && driven[contact.antagonist.index()] {
+        if walls[contact.candidate.index()] && walls[contact.antagonist.index()] {
             return 0.0; // not counted in the ledger
         }
         let mean = 0.5 * (velocity + row.u_before);
@@ -240,22 +237,32 @@ impl PostSolve<'_> {
         let turning_work = if rolls { 0.5 * moment.dot(&(turned(candidate) - turned(antagonist))) } else { 0.0 };
         let moment = if system.has_friction_offsets() { moment + system.friction_couple(k, r) } else { moment };
         // A wall's centre has no meaning for the stress of the grains: for a wall the branch ends at the contact point.
-        let to_point = |body: usize, arm: Vec3| if driven[body] { Vec3::zeros() } else { arm };
+        let to_point = |body: usize, arm: Vec3| if walls[body] { Vec3::zeros() } else { arm };
         let branch = to_point(antagonist, arms[1]) - to_point(candidate, arms[0]);
         given.contact_work += impulse.dot(&mean) + turning_work;
         given.friction_work += impulse.y * mean.y + impulse.z * mean.z + turning_work;
-        if !driven[antagonist] {
+        if !bodies[antagonist].driven {
             // The impulse on the antagonist acts at its own position, not at that of the image.
             given.angular_momentum += contact.image.cross(&force);
         }
-        let sides = [(candidate, 1.0), (antagonist, -1.0)].into_iter().zip(arms);
-        for ((body, sign), arm) in sides.filter(|((body, _), _)| driven[*body]) {
-            // The impulse of a driven body on the free one: minus the impulse on the driven body.
+        let sides = [(candidate, antagonist, 1.0), (antagonist, candidate, -1.0)].into_iter().zip(arms);
+        for ((body, other, sign), arm) in sides.filter(|((body, ..), _)| bodies[*body].driven) {
+            // The impulse of a driven body on the other one: minus the impulse on the driven body.
             let force = force * -sign;
-            let moved = (v[body] + state.v[body]) + turned(body).cross(&arm);
-            given.outside_work += 0.5 * (force.dot(&moved) - sign * moment.dot(&turned(body)));
-            given.momentum += force;
-            given.angular_momentum += contact.point.cross(&force) - moment * sign;
+            if walls[body] {
+                let moved = (v[body] + state.v[body]) + turned(body).cross(&arm);
+                given.outside_work += 0.5 * (force.dot(&moved) - sign * moment.dot(&turned(body)));
+            } else {
+                // The reactions of its imposed components balance these of the impulse on it.
+                let (held, couple) = (&bodies[body], arm.cross(&force) - moment * sign);
+                let couple = held.imposed_rotation_part(&q_c.q[body], &couple);
+                given.outside_work +=
+                    0.5 * (held.imposed_part(&force).dot(&(v[body] + state.v[body])) + couple.dot(&turned(body)));
+            }
+            if !bodies[other].driven {
+                given.momentum += force;
+                given.angular_momentum += contact.point.cross(&force) - moment * sign;
+            }
         }
         force.dot(&branch)
     }
@@ -277,8 +284,9 @@ pub struct ContactTotals {
     pub friction_work: f64,
     /// Sum of impulses times branches, N m s.
     pub virial: f64,
-    /// Effect of driven bodies on free ones: work, impulse and its moment about the origin.
+    /// Work of walls on grains and of the reactions of grains driven in part to contacts, J.
     pub outside_work: f64,
+    /// Impulse of driven bodies on free ones, and its moment about the origin.
     pub momentum: Vec3,
     pub angular_momentum: Vec3,
 }

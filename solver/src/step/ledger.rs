@@ -9,6 +9,7 @@ use super::ends::{ITEMS_PER_TASK, Overlap, StepOutcome};
 use super::unforeseen::implicit_step_work;
 use crate::assemble::{GravityReport, potential_energy};
 use crate::detect::NarrowPhaseError;
+use crate::integrate::held_rotational_energy;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3};
 use crate::scene::{BodyId, Scene};
 use crate::solve::lmgc90_criteria::{Lmgc90Norms, lmgc90_norms};
@@ -54,7 +55,7 @@ pub struct StepReport {
     /// Σ ¼ m |h a|² over the bodies on which no contact acts, J; a is the acceleration beyond uniform gravity. It is the error
     /// of their kinetic energy in a step that takes a as constant.
     pub flight_error: f64,
-    /// Translational and rotational kinetic energy of the free bodies at the step's end, J.
+    /// Translational and rotational kinetic energy of the grains at the step's end, J.
     pub kinetic: f64,
     pub rotational: f64,
     /// Potential energy in the contact configuration, J.
@@ -107,10 +108,12 @@ pub fn update_ledger(
     }
     state.interval.add_exchanges(outcome.exchanges.iter().flatten());
     let implicit_work = implicit_step_work(scene, state, q_c, free, &outcome.v);
+    let predicted_work =
+        held_rotational_energy(scene, &q_c.q, &q_c.w) - held_rotational_energy(scene, &state.q, &state.w);
     let ledger = &mut state.ledger;
     ledger.contact_work += contact_totals.contact_work;
     ledger.friction_work += contact_totals.friction_work;
-    ledger.outside_work += contact_totals.outside_work + implicit_work;
+    ledger.outside_work += contact_totals.outside_work + implicit_work + free.reaction_work + predicted_work;
     for (body, force, moment) in &free.loads {
         let i = body.index();
         ledger.outside_work +=
@@ -186,7 +189,7 @@ pub fn update_ledger(
     }
 }
 
-/// Sums over the free bodies.
+/// Sums over the bodies: momenta of the free ones, energies of the grains, which are these and [`Scene::held_grains`].
 #[derive(Debug, Clone, Copy, Default)]
 pub struct MotionTotals {
     /// Momentum, kg m/s.
@@ -207,12 +210,13 @@ impl MotionTotals {
                     momentum: v[i] * body.mass,
                     scale: v[i].norm() * body.mass,
                     kinetic: 0.5 * body.mass * v[i].norm_squared(),
-                    rotational: 0.5 * body.angular_momentum(&q[i], &w[i]).dot(&w[i]),
+                    rotational: body.rotational_energy(&q[i], &w[i]),
                 }
             })
         };
         let parts: Vec<MotionTotals> = scene.free.par_chunks(ITEMS_PER_TASK).map(sum_of_chunk).collect();
-        parts.into_iter().fold(MotionTotals::default(), MotionTotals::add)
+        let held = MotionTotals { momentum: Vec3::zeros(), scale: 0.0, ..sum_of_chunk(&scene.held_grains) };
+        parts.into_iter().fold(MotionTotals::default(), MotionTotals::add) + held
     }
 
     /// Angular momentum of the free bodies about the origin, kg m^2/s.

@@ -93,7 +93,8 @@ pub fn implicit_step_work(
     free.loads.iter().for_each(|(i, force, _)| imposed[i.index()] += force * q_c.h);
     let work = |i: usize| {
         let impulse = (free.v[i] - state.v[i]) * scene.bodies[i].mass - imposed[i];
+        let impulse = impulse - scene.bodies[i].imposed_part(&impulse);
         -(1.0 - scene.options.theta) * impulse.dot(&(v[i] - state.v[i]))
     };
-    scene.free.iter().map(|&i| i.index()).filter(|&i| q_c.implicit[i]).map(work).sum()
+    scene.free.iter().chain(&scene.held_grains).map(|&i| i.index()).filter(|&i| q_c.implicit[i]).map(work).sum()
 }

@@ -116,9 +116,11 @@ pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, so
             format!("{}: more than {deep} %; volumes and stresses have errors of that order", overlap.message_text()),
         );
     }
-    // Energies, momenta and estimates of errors count the bodies without imposed components.
-    if !scene.free.is_empty() {
+    if scene.walls.contains(&false) {
         line("energy drift", format!("{:.2e}", balance.energy));
+    }
+    // Momenta and estimates of errors count the bodies without imposed components.
+    if !scene.free.is_empty() {
         line("momentum drift", format!("{:.2e} linear, {:.2e} angular", balance.momentum, balance.angular_momentum));
     }
     if let Some(SampledError { rms, largest, .. }) = statistics.gravity {

@@ -18,6 +18,7 @@ mod flight;
 mod forms;
 mod gravity;
 mod guided;
+mod held_energies;
 mod invariants;
 mod joints;
 mod laws;
