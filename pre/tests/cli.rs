@@ -162,13 +162,20 @@ fn moving_walls_driven_grains_and_tables() {
     assert_eq!(see[0].alert, 0.01);
 }
 
-#[test]
-fn presses_and_guided_grains_are_driven_in_part() {
-    let (_folder, datbox) = made(
-        r#"(
+/// Scene with a law for balls BALLx and plates PLATE; `bodies`: its grains and walls.
+fn scene_of_balls_and_plates(bodies: &str) -> String {
+    let head = r#"
             materials: [(name: "ROCKx", density: 2700)],
             laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.5))],
             contacts: [(between: ("BALLx", "BALLx"), law: "iqsc0"), (between: ("PLATE", "BALLx"), law: "iqsc0")],
+        "#;
+    format!("({head}{bodies})")
+}
+
+#[test]
+fn presses_and_guided_grains_are_driven_in_part() {
+    let (_folder, datbox) = made(&scene_of_balls_and_plates(
+        r#"
             grains: [(
                 material: "ROCKx", colour: "BALLx", sizes: Single(0.1), placement: List(positions: [(0, 0, 0.1)]),
                 driven: (Constant(2), None, Constant(0)),
@@ -178,8 +185,8 @@ fn presses_and_guided_grains_are_driven_in_part() {
                 velocity: (Constant(0.25), Constant(0), Constant(0)),
                 force: (None, None, Table([(0, -1), (1, -50)])),
             )],
-        )"#,
-    );
+        "#,
+    ));
     let driven = DrvDof::read(&datbox.join("DRV_DOF.DAT")).unwrap().0;
     let of = |body: usize, kind: DrivenKind| -> Vec<(usize, f64)> {
         let rows = driven.iter().filter(|row| row.body == body && row.kind == kind);
@@ -195,11 +202,8 @@ fn presses_and_guided_grains_are_driven_in_part() {
 #[test]
 fn any_of_the_six_components_may_be_imposed() {
     let scene = |grains: &str, moment: &str| {
-        format!(
-            r#"(
-            materials: [(name: "ROCKx", density: 2700)],
-            laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.5))],
-            contacts: [(between: ("BALLx", "BALLx"), law: "iqsc0"), (between: ("PLATE", "BALLx"), law: "iqsc0")],
+        scene_of_balls_and_plates(&format!(
+            r#"
             grains: [(
                 material: "ROCKx", colour: "BALLx", sizes: Single(0.1), placement: List(positions: [(0, 0, 0.1)]),
                 {grains}
@@ -208,8 +212,8 @@ fn any_of_the_six_components_may_be_imposed() {
                 Plate(material: "ROCKx", colour: "PLATE", centre: (0, 0, 9), half_lengths: (3, 2, 0.5), {moment}),
                 Cylinder(material: "ROCKx", colour: "PLATE", centre: (0, 0, -9), half_height: 1, radius: 1, moment: Constant(3)),
             ],
-        )"#
-        )
+        "#
+        ))
     };
     let lines = |grains: &str, moment: &str, body: usize| {
         let (_folder, datbox) = made(&scene(grains, moment));
