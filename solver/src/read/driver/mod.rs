@@ -57,6 +57,7 @@ pub fn read_driver(path: &Path, given: &ComputeFlags) -> Result<DriverSettings, 
         lines: walk.remarks,
         taken: BTreeMap::new(),
         without_counterpart: BTreeMap::new(),
+        has_stepped: false,
     };
     for (line, name, found) in walk.refused {
         let expected =
@@ -85,6 +86,8 @@ struct DriverReader<'a> {
     taken: BTreeMap<&'static str, (String, usize)>,
     /// Calls without counterpart, by the reason: names and lines.
     without_counterpart: BTreeMap<&'static str, Vec<(String, usize)>>,
+    /// Whether a call that makes a step has been read.
+    has_stepped: bool,
 }
 
 impl<'a> DriverReader<'a> {
@@ -117,6 +120,7 @@ impl<'a> DriverReader<'a> {
     }
 
     fn read_setting(&mut self, call: &'a ScriptCall, setting: DriverSetting) {
+        self.has_stepped |= matches!(setting, DriverSetting::Steps | DriverSetting::WholeStep);
         match setting {
             DriverSetting::TimeStep => {
                 let value = self.read_number(call, 0, "dt", "dt");
@@ -252,6 +256,9 @@ impl<'a> DriverReader<'a> {
         };
         let expected = "expected three numbers (m/s²), or the gravity in BULK_BEHAV.DAT and no call";
         match (found, call.condition) {
+            (Ok(_), None) if self.has_stepped => {
+                self.reject(call, "sets the gravity after a step", "expected events `SetGravity`")
+            }
             (Ok(gravity), None) if self.settings.gravity.is_none_or(|before| before == gravity) => {
                 self.settings.gravity = Some(gravity);
                 let [x, y, z] = gravity;

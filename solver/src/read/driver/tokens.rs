@@ -1,5 +1,9 @@
 //! Lexical analysis of Python: logical lines with indentation.
 
+/// Keywords of statements with a block below them.
+pub const BLOCK_KEYWORDS: [&str; 12] =
+    ["if", "elif", "else", "for", "while", "def", "class", "try", "except", "finally", "with", "async"];
+
 /// Unit of a line.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ScriptToken {
@@ -42,7 +46,8 @@ pub struct Lexeme {
 /// Logical line: brackets and backslashes join lines, semicolons separate them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LogicalLine {
-    /// Columns before the first token; a tab extends to the next multiple of 8.
+    /// Columns before the first token; a tab extends to the next multiple of 8. One more behind the first statement on the
+    /// line of a block's header.
     pub indent: usize,
     /// At least one.
     pub tokens: Vec<Lexeme>,
@@ -60,7 +65,7 @@ const LONG_OPERATORS: [&str; 23] = [
 /// Splits a script into its logical lines.
 pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, Unclosed> {
     let mut scanner = TokenScanner { rest: text, line: 1 };
-    let (mut lines, mut tokens) = (Vec::new(), Vec::new());
+    let (mut lines, mut tokens) = (Vec::new(), Vec::<Lexeme>::new());
     let (mut indent, mut open) = (scanner.indentation(), Vec::new());
     while let Some(next) = scanner.rest.chars().next() {
         let line = scanner.line;
@@ -72,7 +77,10 @@ pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, Unclosed> {
             '\n' | ';' if open.is_empty() => {
                 scanner.skip(1);
                 if !tokens.is_empty() {
+                    let is_header = next == ';' && BLOCK_KEYWORDS.contains(&tokens[0].token.name());
                     lines.push(LogicalLine { indent, tokens: std::mem::take(&mut tokens) });
+                    // All statements on the line of a header are below it: `if x: y = 1; z = 2`.
+                    indent += usize::from(is_header);
                 }
                 if next == '\n' {
                     indent = scanner.indentation();
@@ -191,6 +199,12 @@ mod tests {
             (line.indent, line.tokens[0].line, line.tokens.iter().map(|lexeme| lexeme.token.source()).collect())
         };
         lines.into_iter().map(source).collect()
+    }
+
+    #[test]
+    fn statements_on_the_line_of_a_header_are_below_it() {
+        let indents = |text: &str| sources(text).into_iter().map(|(indent, ..)| indent).collect::<Vec<_>>();
+        assert_eq!(indents("if x: y = 1; z = 2; u = 3\nv = 4; w = 5\n"), [0, 1, 1, 0, 0]);
     }
 
     #[test]

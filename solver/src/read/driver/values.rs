@@ -414,7 +414,10 @@ impl ExpressionParser<'_> {
                 return parts.map(pair).collect::<Result<_, _>>().map(ScriptValue::map);
             }
             let arguments = parts.map(&mut argument).collect::<Result<Vec<_>, _>>()?;
-            return call_function(&name, &arguments).unwrap_or_else(|| Err(format!("the call of {name}")));
+            // A name with another value is no function that is known.
+            let is_redefined = name.split('.').next().is_some_and(|root| self.variables.contains_key(root));
+            let value = call_function(&name, &arguments).filter(|_| !is_redefined);
+            return value.unwrap_or_else(|| Err(format!("the call of {name}")));
         }
         self.at = end;
         let known = self.variables.get(&name);

@@ -5,8 +5,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::commands::find_command;
-use super::tokens::{Lexeme, LogicalLine, ScriptToken};
+use super::commands::{CommandMeaning, find_command};
+use super::tokens::{BLOCK_KEYWORDS, Lexeme, LogicalLine, ScriptToken};
 use super::values::{Evaluation, ScriptValue, Variables, after_bracket, dotted_name, evaluate, split_at};
 
 /// Call of a command of LMGC90.
@@ -71,6 +71,18 @@ const PURE_METHODS: [&str; 7] = ["get", "keys", "values", "items", "index", "cou
 /// Names by which a script changes variables and functions that its statements do not name.
 const INDIRECT: [&str; 7] = ["vars", "globals", "locals", "setattr", "delattr", "__setitem__", "__dict__"];
 
+/// Functions that run code which is not read.
+const RUNNERS: [&str; 4] = ["exec", "execfile", "runpy.run_path", "runpy.run_module"];
+
+/// Functions that leave a module of LMGC90 that is passed to them as it is.
+const READERS: [&str; 7] = ["print", "hasattr", "help", "dir", "id", "type", "isinstance"];
+
+/// Modules whose functions and constants are known by their names.
+const KNOWN_MODULES: [&str; 5] = ["math", "numpy", "tqdm", "pylmgc90", "chipy"];
+
+/// Value of a name that is a function or class of the script.
+const DEFINITION: &str = "a function or class of the script";
+
 /// Functions that end a script.
 const EXITS: [&str; 4] = ["exit", "quit", "sys.exit", "os._exit"];
 
@@ -96,10 +108,6 @@ impl ScriptStatement {
         self.tokens[0].token.name()
     }
 }
-
-/// Keywords of statements with a block below them.
-const BLOCK_KEYWORDS: [&str; 12] =
-    ["if", "elif", "else", "for", "while", "def", "class", "try", "except", "finally", "with", "async"];
 
 /// Follows the statements of a script.
 pub fn walk(lines: Vec<LogicalLine>) -> ScriptCalls {
@@ -151,10 +159,12 @@ fn split_header(tokens: Vec<Lexeme>) -> ScriptStatement {
 struct ScriptWalker<'a> {
     walk: ScriptCalls,
     variables: Variables,
-    /// Functions of the script by name, and the lines of classes.
+    /// Functions and classes of the script by name.
     functions: BTreeMap<String, &'a ScriptStatement>,
-    classes: BTreeSet<String>,
+    classes: BTreeMap<String, &'a ScriptStatement>,
     called: BTreeSet<String>,
+    /// Functions with a decorator, which may call them any number of times.
+    decorated: BTreeSet<String>,
     /// Functions with more than one definition, and variables that a function declares as global or nonlocal.
     redefined: BTreeSet<String>,
     globals: BTreeSet<String>,
@@ -180,6 +190,7 @@ struct ScriptWalker<'a> {
 impl<'a> ScriptWalker<'a> {
     /// Records the functions, classes and global variables of a block, and names that change variables indirectly.
     fn find_functions(&mut self, block: &'a [ScriptStatement]) {
+        let mut has_decorator = false;
         for statement in block {
             for lexeme in statement.tokens.iter().filter(|lexeme| INDIRECT.contains(&lexeme.token.name())) {
                 let found = "changes or reads variables by other means than their names";
@@ -188,6 +199,10 @@ impl<'a> ScriptWalker<'a> {
             let name = statement.tokens.get(1).map_or("", |lexeme| lexeme.token.name()).to_string();
             match statement.keyword() {
                 "def" => {
+                    self.variables.insert(name.clone(), Err(DEFINITION.into()));
+                    if has_decorator {
+                        self.decorated.insert(name.clone());
+                    }
                     if self.functions.insert(name.clone(), statement).is_some() {
                         self.redefined.insert(name);
                     }
@@ -196,9 +211,13 @@ impl<'a> ScriptWalker<'a> {
                 "global" | "nonlocal" => {
                     self.globals.extend(statement.tokens[1..].iter().map(|lexeme| lexeme.token.name().to_string()));
                 }
-                "class" => drop(self.classes.insert(name)),
+                "class" => {
+                    self.variables.insert(name.clone(), Err(DEFINITION.into()));
+                    self.classes.insert(name, statement);
+                }
                 _ => self.find_functions(&statement.body),
             }
+            has_decorator = statement.tokens[0].token.is("@");
         }
     }
 
@@ -215,16 +234,25 @@ impl<'a> ScriptWalker<'a> {
             let line = statement.line();
             self.condition = self.condition.or(self.skipped);
             match statement.keyword() {
-                "def" => {}
+                "def" => {
+                    for parameter in parameters(statement) {
+                        self.check_values(split_at(parameter, "=").get(1).copied().unwrap_or_default());
+                    }
+                }
                 "class" => self.report_unread(statement, "class"),
                 keyword @ ("if" | "elif" | "else") => {
                     if keyword == "if" {
                         taken = Some(false);
                     }
-                    self.find_calls(&statement.tokens[1..]);
                     if taken == Some(true) {
                         continue;
                     }
+                    let outer = self.condition;
+                    if taken.is_none() {
+                        self.condition = outer.or(Some(line));
+                    }
+                    self.find_calls(&statement.tokens[1..]);
+                    self.condition = outer;
                     let condition = if keyword == "else" {
                         Some(true)
                     } else {
@@ -251,6 +279,11 @@ impl<'a> ScriptWalker<'a> {
                     taken = Some(false);
                     self.find_calls(&statement.tokens[1..]);
                     self.release(&statement.tokens[1..]);
+                    for (at, _) in statement.tokens.iter().enumerate().filter(|(_, word)| word.token.name() == "as") {
+                        let names = statement.tokens[at + 1..].split(|lexeme| lexeme.token.is(",")).next();
+                        let names = target_names(names.unwrap_or_default());
+                        names.iter().for_each(|name| self.lose(name, "which a context sets"));
+                    }
                     self.follow(&statement.body);
                 }
                 "del" => statement.tokens[1..].iter().for_each(|lexeme| self.lose(lexeme.token.name(), "deleted")),
@@ -277,9 +310,6 @@ impl<'a> ScriptWalker<'a> {
     fn note_exit(&mut self, statement: &ScriptStatement) {
         let (name, end) = dotted_name(&statement.tokens, 0);
         let called = statement.tokens.get(end).is_some_and(|lexeme| lexeme.token.is("("));
-        if called && ["exec", "execfile", "runpy.run_path"].contains(&name.as_str()) {
-            self.walk.remarks.push((statement.line(), format!("{name}: the code that it runs is not read")));
-        }
         if called && EXITS.contains(&name.as_str()) && self.condition.is_none() && self.loops.is_empty() {
             self.walk.remarks.push((statement.line(), format!("{name}: the rest of the script is not read")));
             self.exited = true;
@@ -333,8 +363,8 @@ impl<'a> ScriptWalker<'a> {
             }
             _ => unknown("an asynchronous loop".into()),
         };
-        // The condition of a `break` is not followed from step to step.
-        let end = break_line(&statement.body).map_or(end, |line| unknown(format!("break in line {line}")));
+        // The condition of a `break` or `return` is not followed from step to step.
+        let end = break_line(&statement.body).map_or(end, |(word, line)| unknown(format!("{word} in line {line}")));
         let mut changed = BTreeSet::new();
         assigned_names(&statement.body, &mut changed);
         changed.iter().for_each(|name| self.lose(name, &changing));
@@ -434,6 +464,13 @@ impl<'a> ScriptWalker<'a> {
             let whole = from.as_ref().map_or(name.clone(), |module| format!("{module}.{name}"));
             self.bind(&whole, &alias);
             let module = from.as_ref().unwrap_or(&name);
+            let is_known = KNOWN_MODULES.contains(&module.split('.').next().unwrap_or_default());
+            if name == "*" && !is_known {
+                let names: Vec<String> = self.variables.keys().cloned().collect();
+                names.iter().for_each(|name| self.lose(name, "which a module may set"));
+            } else if !is_known {
+                self.lose(&alias, "which is imported");
+            }
             if !module.contains("chipy") && !module.contains("pylmgc90") {
                 self.walk.imports.push((tokens[0].line, module.clone()));
             }
@@ -654,7 +691,7 @@ impl<'a> ScriptWalker<'a> {
             None => (self.all_names
                 && has_command_form(name)
                 && !self.functions.contains_key(name)
-                && !self.classes.contains(name))
+                && !self.classes.contains_key(name))
             .then(|| name.to_string()),
         }
     }
@@ -684,6 +721,7 @@ impl<'a> ScriptWalker<'a> {
                 names.iter().for_each(|name| self.lose(name, "which changes in a comprehension"));
             }
         }
+        self.check_values(tokens);
         self.find_nested_calls(tokens, 0);
         self.condition = outer.0;
         self.loops.truncate(outer.1);
@@ -691,6 +729,10 @@ impl<'a> ScriptWalker<'a> {
 
     /// Records the calls in a part of a statement that is inside of `depth` calls.
     fn find_nested_calls(&mut self, tokens: &[Lexeme], depth: usize) {
+        let outer = self.condition;
+        if depends_on_values(tokens) {
+            self.condition = outer.or(Some(tokens[0].line));
+        }
         let mut at = if depth < MAX_DEPTH { 0 } else { tokens.len() };
         while at < tokens.len() {
             let of_object = at > 0 && tokens[at - 1].token.is(".");
@@ -699,7 +741,13 @@ impl<'a> ScriptWalker<'a> {
                 if tokens[at].token.is("(") && at > 0 && closes(&tokens[at - 1]) {
                     self.release(&tokens[..after_bracket(tokens, at)]);
                 }
-                at += 1;
+                if ["(", "[", "{"].iter().any(|open| tokens[at].token.is(open)) {
+                    let close = after_bracket(tokens, at);
+                    self.find_nested_calls(&tokens[at + 1..(close - 1).max(at + 1)], depth + 1);
+                    at = close;
+                } else {
+                    at += 1;
+                }
                 continue;
             }
             let (name, end) = dotted_name(tokens, at);
@@ -719,12 +767,79 @@ impl<'a> ScriptWalker<'a> {
             }
             at = close;
         }
+        self.condition = outer;
+    }
+
+    /// Rejects functions with commands, commands and the module `chipy` that a statement uses as values: what calls them is not
+    /// followed.
+    fn check_values(&mut self, tokens: &[Lexeme]) {
+        // `step = chipy.IncrementStep` is another name.
+        let parts = split_at(tokens, "=");
+        let is_alias = parts.split_last().is_some_and(|(value, targets)| {
+            let is_name = !value.is_empty() && dotted_name(value, 0).1 == value.len();
+            is_name && !targets.is_empty() && targets.iter().all(|target| target.len() == 1)
+        });
+        let mut at = 0;
+        while at < tokens.len() {
+            let (start, (name, end)) = (at, dotted_name(tokens, at));
+            at = end;
+            if name.is_empty() || start > 0 && tokens[start - 1].token.is(".") {
+                continue;
+            }
+            let next = |symbol: &str| tokens.get(end).is_some_and(|lexeme| lexeme.token.is(symbol));
+            let of_command = |name: &str| self.command(name).is_some_and(|command| is_effective(&command)) && !is_alias;
+            let found = if name.match_indices('.').any(|(point, _)| of_command(&name[..point])) {
+                "is an attribute of a command of LMGC90: what it does is not known"
+            } else if next("(") || next("=") {
+                continue;
+            } else if self.definition(&name).is_some_and(|definition| self.has_effect(&definition.body)) {
+                "has commands of LMGC90 and is passed on: how often it is called is not known"
+            } else if of_command(&name) {
+                "is a command of LMGC90 that is passed on: how often it is called is not known"
+            } else if self.modules.contains(&name) && !is_alias && !is_argument_of(tokens, start, &READERS) {
+                "is LMGC90's module, which is passed on: what is called of it is not known"
+            } else {
+                continue;
+            };
+            self.walk.refused.insert((tokens[start].line, name, found));
+        }
+    }
+
+    /// Function or class of the script that a name means, if it means one.
+    fn definition(&self, name: &str) -> Option<&'a ScriptStatement> {
+        let is_definition =
+            self.variables.get(name).is_some_and(|value| value.as_ref().is_err_and(|why| why == DEFINITION));
+        self.functions.get(name).or_else(|| self.classes.get(name)).copied().filter(|_| is_definition)
+    }
+
+    /// Whether a block calls commands of LMGC90 with an effect on a run, itself or by functions of the script.
+    fn has_effect(&self, block: &[ScriptStatement]) -> bool {
+        let (mut names, mut blocks, mut next) = (BTreeSet::new(), vec![block], 0);
+        let mut followed = BTreeSet::new();
+        while let Some(&block) = blocks.get(next) {
+            next += 1;
+            self.commands_in(block, &mut names);
+            let mut called = BTreeSet::new();
+            called_names(block, &mut called);
+            let functions = called.iter().filter_map(|name| self.functions.get_key_value(name));
+            blocks.extend(
+                functions.filter(|(name, _)| followed.insert(name.as_str())).map(|(_, function)| &function.body[..]),
+            );
+        }
+        names.iter().any(|command| is_effective(command))
     }
 
     /// Records a call of a command of LMGC90, or follows one of a function of the script. `inside`: its arguments.
     fn record_call(&mut self, name: &str, line: usize, inside: &[Lexeme]) {
         if PURE.contains(&name) && !self.functions.contains_key(name) {
             return;
+        }
+        if RUNNERS.contains(&name) {
+            self.walk.refused.insert((line, name.to_string(), "runs code that is not read"));
+        }
+        let root = name.split('.').next().unwrap_or_default();
+        if self.classes.get(root).is_some_and(|class| self.has_effect(&class.body)) {
+            self.walk.refused.insert((line, name.to_string(), "is a class with commands of LMGC90, which is not read"));
         }
         let (mut positional, mut keywords) = (Vec::new(), Vec::new());
         for part in split_at(inside, ",") {
@@ -776,6 +891,10 @@ impl<'a> ScriptWalker<'a> {
         mut keywords: Vec<(String, Evaluation)>,
     ) {
         self.called.insert(name.to_string());
+        if self.decorated.contains(name) && self.has_effect(&function.body) {
+            let found = "is a function with a decorator: how often it is called is not known";
+            self.walk.refused.insert((function.line(), name.to_string(), found));
+        }
         if self.redefined.contains(name) {
             self.walk.refused.insert((function.line(), name.to_string(), "is a function with more than one meaning"));
         }
@@ -783,11 +902,8 @@ impl<'a> ScriptWalker<'a> {
             return;
         }
         let outer = self.variables.clone();
-        let open = function.tokens.iter().position(|lexeme| lexeme.token.is("(")).unwrap_or(0);
-        let close = after_bracket(&function.tokens, open);
-        let parameters = split_at(&function.tokens[open + 1..(close - 1).max(open + 1)], ",");
         let mut positional = positional.into_iter();
-        for parameter in parameters.into_iter().filter(|parameter| !parameter[..].is_empty()) {
+        for parameter in parameters(function) {
             let name = parameter[0].token.name();
             let given = keywords.iter().position(|(keyword, _)| keyword == name).map(|k| keywords.swap_remove(k).1);
             let default = split_at(parameter, "=").get(1).map(|value| evaluate(value, &outer));
@@ -918,13 +1034,57 @@ fn added_to(tokens: &[Lexeme], name: &str) -> Option<(f64, Vec<Lexeme>)> {
     Some((sign(&value[end].token)?, added.to_vec())).filter(|_| one_term)
 }
 
-/// Line of the first `break` that ends the loop with this body.
-fn break_line(body: &[ScriptStatement]) -> Option<usize> {
+/// Keyword and line of the first `break` or `return` that ends the loop with this body.
+fn break_line(body: &[ScriptStatement]) -> Option<(&'static str, usize)> {
     body.iter().find_map(|statement| match statement.keyword() {
-        "break" => Some(statement.line()),
-        "for" | "while" | "async" | "def" | "class" => None,
+        "break" => Some(("break", statement.line())),
+        "return" => Some(("return", statement.line())),
+        "def" | "class" => None,
+        // A `break` in it ends the inner loop alone.
+        "for" | "while" | "async" => break_line(&statement.body).filter(|(word, _)| *word == "return"),
         _ => break_line(&statement.body),
     })
+}
+
+/// Parameters of a function, with their values.
+fn parameters(function: &ScriptStatement) -> Vec<&[Lexeme]> {
+    let open = function.tokens.iter().position(|lexeme| lexeme.token.is("(")).unwrap_or(0);
+    let close = after_bracket(&function.tokens, open);
+    let parameters = split_at(&function.tokens[open + 1..(close - 1).max(open + 1)], ",");
+    parameters.into_iter().filter(|parameter| !parameter.is_empty()).collect()
+}
+
+/// Whether a command has an effect on a run.
+fn is_effective(command: &str) -> bool {
+    find_command(command)
+        .is_some_and(|command| matches!(command.meaning, CommandMeaning::Sets(_) | CommandMeaning::Rejected))
+}
+
+/// Whether parts of an expression are evaluated or not by the values of others, outside of brackets.
+fn depends_on_values(tokens: &[Lexeme]) -> bool {
+    let mut at = 0;
+    while at < tokens.len() {
+        let token = &tokens[at].token;
+        if ["if", "and", "or"].contains(&token.name()) {
+            return true;
+        }
+        at = if ["(", "[", "{"].iter().any(|open| token.is(open)) { after_bracket(tokens, at) } else { at + 1 };
+    }
+    false
+}
+
+/// Whether the name at `at` is an argument, and first in its bracket, of one of these functions.
+fn is_argument_of(tokens: &[Lexeme], at: usize, functions: &[&str]) -> bool {
+    at > 1 && tokens[at - 1].token.is("(") && functions.contains(&tokens[at - 2].token.name())
+}
+
+/// Names without prefix that a block calls.
+fn called_names(block: &[ScriptStatement], names: &mut BTreeSet<String>) {
+    for statement in block {
+        let calls = statement.tokens.windows(2).filter(|pair| pair[1].token.is("("));
+        names.extend(calls.map(|pair| pair[0].token.name().to_string()).filter(|name| !name.is_empty()));
+        called_names(&statement.body, names);
+    }
 }
 
 #[cfg(test)]
@@ -978,6 +1138,8 @@ mod tests {
         // A value that a loop changes is not that of its first iteration.
         let text = format!("{head}for k in range(n):\n  chipy.A(t)\n  t *= 0.5\n");
         assert_eq!(calls(&text)[0].2, Some(Err("t, which changes in the loop of line 3".into())));
+        let returned = "def main():\n  for k in range(n):\n    for l in range(2):\n      if stop(): return\n    chipy.A()\nmain()\n";
+        assert_eq!(end(returned), LoopEnd::Unknown("return in line 6".into()));
         let broken = "for k in range(n):\n  if stop(): break\n  chipy.A()\n";
         assert_eq!(end(broken), LoopEnd::Unknown("break in line 4".into()));
         let inner = "for k in range(n):\n  for l in range(2):\n    break\n  chipy.A()\n";
@@ -1004,6 +1166,63 @@ mod tests {
                 "5: the function never, which the script does not call, is not read; it calls C"
             ]
         );
+    }
+
+    #[test]
+    fn names_that_are_passed_on_and_code_that_is_run_are_refused() {
+        let head = "from pylmgc90 import chipy\ndef step(k=0):\n  chipy.IncrementStep()\n";
+        let refused = |text: &str| {
+            let found = walked(&format!("{head}{text}")).refused.into_iter().map(|(line, name, _)| (line, name));
+            found.collect::<Vec<_>>()
+        };
+        for text in [
+            "list(map(step, range(9)))\n",
+            "x = sorted(range(9), key=step)\n",
+            "t = Thread(target=step)\n",
+            "s = step\n",
+            "def again():\n  step()\nfilter(again, range(9))\n",
+            "def run(g=step): g()\n",
+            "class Run:\n  def go(): step()\nRun.go()\n",
+            "self.lm = chipy\n",
+            "chipy.IncrementStep.__call__()\n",
+        ] {
+            assert_eq!(refused(text).len(), 1, "{text}");
+        }
+        assert_eq!(refused("exec('step()')\n"), [(4, "exec".to_string())]);
+        assert_eq!(refused("getattr(chipy, 'IncrementStep')()\n"), [(4, "chipy".to_string())]);
+        assert_eq!(refused("{1: chipy.IncrementStep}[1]()\n"), [(4, "chipy.IncrementStep".to_string())]);
+        assert_eq!(refused("@twice\ndef run(): step()\nrun()\n"), [(5, "run".to_string())]);
+        assert_eq!(refused("class Run:\n  def go(self): step()\nRun().go()\n"), [(6, "Run".to_string())]);
+        for text in
+            ["s = chipy.IncrementStep\ns()\n", "lm = chipy\n", "print(chipy, hasattr(chipy, 'A'))\n", "f(step=3)\n"]
+        {
+            assert!(refused(text).is_empty(), "{text} {:?}", refused(text));
+        }
+    }
+
+    #[test]
+    fn calls_in_conditional_expressions_depend_on_them() {
+        let head = "from pylmgc90 import chipy\n";
+        for text in [
+            "chipy.A(1) if x else chipy.B(2)\n",
+            "x and chipy.A(1)\n",
+            "y = [x or chipy.A(1)]\n",
+            "if x: pass\nelif chipy.A(1): pass\n",
+        ] {
+            assert!(calls(&format!("{head}{text}")).iter().all(|call| call.3.is_some()), "{text}");
+        }
+        assert_eq!(calls(&format!("{head}chipy.A(1 if 2 > 1 else 3)\n"))[0].3, None);
+        // Names that no longer are those of functions or modules that are known.
+        for text in [
+            "int = round\nchipy.A(int(9.7))\n",
+            "def abs(x): return 3\nchipy.A(abs(1))\n",
+            "import my as np\nchipy.A(np.sqrt(4))\n",
+            "dt = 1\nfrom my import *\nchipy.A(dt)\n",
+            "dt = 1\nwith f() as dt: pass\nchipy.A(dt)\n",
+        ] {
+            let found = calls(&format!("{head}{text}")).pop().unwrap();
+            assert!(found.2.as_ref().unwrap().is_err(), "{text}: {found:?}");
+        }
     }
 
     #[test]
