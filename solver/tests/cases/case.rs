@@ -278,6 +278,21 @@ impl Case {
         Snapshot::read(&list.last().expect("a run writes its last state").1).unwrap()
     }
 
+    /// Texts of OUTBOX/DOF.OUT.1 and Vloc_Rloc.OUT.1.
+    pub fn first_text_states(&self) -> [String; 2] {
+        ["DOF.OUT.1", "Vloc_Rloc.OUT.1"]
+            .map(|name| std::fs::read_to_string(self.path().join("OUTBOX").join(name)).unwrap())
+    }
+
+    /// Runs so many steps from these texts of a state; returns the last state.
+    pub fn run_from_text(&self, [dof, contacts]: &[String; 2], steps: u64) -> Snapshot {
+        let datbox = self.path().join("DATBOX");
+        std::fs::write(datbox.join("DOF.INI"), dof).unwrap();
+        std::fs::write(datbox.join("Vloc_Rloc.INI"), contacts).unwrap();
+        assert_eq!(self.solve(&["--force", "--steps", &steps.to_string()]), 0);
+        self.last()
+    }
+
     /// A column of OUTBOX/steps.csv; empty fields are NaN.
     pub fn column(&self, name: &str) -> Vec<f64> {
         let text = std::fs::read_to_string(self.path().join("OUTBOX/steps.csv")).unwrap();
