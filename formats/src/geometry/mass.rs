@@ -241,6 +241,9 @@ fn polyhedron_fault(fault: &dyn std::error::Error) -> RecordFault {
     RecordFault::new(format!("contactor POLYR: {fault}"), "expected a closed surface")
 }
 
+/// Remedy for surfaces that cannot be split into convex pieces.
+pub const EXPECTED_CONVEX: &str = "expected a convex surface, such as its hull, or a body of several convex POLYR";
+
 /// Faces of the convex pieces of a POLYR, each with its mass properties, and the mass properties of the whole.
 fn convex_meshes(
     vertices: &[[f64; 3]],
@@ -254,7 +257,7 @@ fn convex_meshes(
     let surface = Surface::new(vertices, triangles).map_err(|fault| polyhedron_fault(&fault))?;
     let refuse = |why: String| {
         let found = format!("contactor POLYR: {reason}; it cannot be split into convex pieces: {why}");
-        RecordFault::new(found, "expected a convex surface, or a body of several convex POLYR")
+        RecordFault::new(found, EXPECTED_CONVEX)
     };
     let pieces = split_into_convex(&surface).map_err(refuse)?;
     let mesh = |piece: &ConvexPiece| ConvexMesh::from_contactor(&piece.vertices, &piece.triangles);

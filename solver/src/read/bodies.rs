@@ -8,6 +8,7 @@ use cd_formats::compute::Compute;
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::{DrivenKind, DrvDof, Evolution};
 use cd_formats::error::{Fault, Faults, RecordFault};
+use cd_formats::mass::EXPECTED_CONVEX;
 use cd_formats::names::count_text;
 use cd_formats::principal::AxesMatch;
 use cd_formats::snapshot::{MaterialName, are_walls};
@@ -39,11 +40,18 @@ pub fn scene_without_laws(
     let mut frames = Vec::new();
     let mut shapes = ShapeCounts::default();
     let mut axes_matches = Vec::new();
+    let mut unsplit = Vec::new();
     for (index, record) in records.0.iter().enumerate() {
         let made = body_from_record(record, bulk, &mut colours).unwrap_or_else(|RecordFault { found, expected }| {
             let of_material = found.starts_with("material ");
             let line = if of_material { Bodies::line_of_material(&file, record) } else { record.line };
-            faults.push(Fault::new(&file, Some(line), format!("body {}", index + 1), found, expected));
+            let is_unsplit = expected == EXPECTED_CONVEX;
+            let fault = Fault::new(&file, Some(line), format!("body {}", index + 1), found, expected);
+            if is_unsplit {
+                unsplit.push(fault)
+            } else {
+                faults.push(fault)
+            }
             placeholder_body()
         });
         bodies.push(made.body);
@@ -53,6 +61,7 @@ pub fn scene_without_laws(
         frames.push((made.shift, made.axes));
         axes_matches.push(made.axes_match);
     }
+    faults.0.extend(unsplit_fault(unsplit));
     let (drives, loads) = imposed_motion(datbox, driven, &mut bodies, faults);
     for part in parts.iter().filter(|part: &&BodyPart| !bodies[part.body.index()].driven) {
         let ContactorShape::Cylinder { hollow: true, .. } = part.geometry else { continue };
@@ -183,6 +192,27 @@ fn placeholder_body() -> PreparedBody {
     let (shift, axes, axes_match) = (Vec3::zeros(), Quat::identity(), AxesMatch::Same);
     PreparedBody { body, parts: Vec::new(), shift, axes, axes_match }
 }
+
+/// Fault of the first body whose surface cannot be split into convex pieces, with the lines of the others: their reasons may
+/// differ, but the remedy is the same.
+fn unsplit_fault(unsplit: Vec<Fault>) -> Option<Fault> {
+    let mut faults = unsplit.into_iter();
+    let mut first = faults.next()?;
+    let lines: Vec<String> = faults.filter_map(|fault| fault.line).map(|line| line.to_string()).collect();
+    if !lines.is_empty() {
+        let shown = lines[..lines.len().min(MAX_LISTED_LINES)].join(", ");
+        let more = if lines.len() > MAX_LISTED_LINES { ", ..." } else { "" };
+        let others = match lines.len() {
+            1 => "1 more body has such a surface: line".into(),
+            many => format!("{many} more bodies have such surfaces: lines"),
+        };
+        first.found += &format!("; {others} {shown}{more}");
+    }
+    Some(first)
+}
+
+/// Largest number of lines listed for a repeated fault.
+const MAX_LISTED_LINES: usize = 3;
 
 /// Contactors of BODIES.DAT that are not computed as they are.
 #[derive(Default)]

@@ -210,6 +210,35 @@ fn polyhedra_that_are_none() {
 }
 
 #[test]
+fn surfaces_with_dents_are_refused_in_one_line() {
+    // One side of a tetrahedron is pushed in by the digits of files alone, which no piece can have.
+    let corners =
+        |depth: f64| vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.333_333 - depth; 3]];
+    let triangles = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 4], [2, 3, 4], [3, 1, 4]];
+    for others in [1, 5] {
+        let mut case = sound();
+        let body = case.bodies[1].clone();
+        for k in 0..others {
+            case.sphere(1.0, [9.0 * (k + 1) as f64, 0.0, 0.0]);
+        }
+        for k in 1..=others + 1 {
+            let vertices = corners(1e-5 + 1e-7 * k as f64);
+            let shape = ShapeRecord::Polyhedron { vertices, triangles: triangles.clone() };
+            case.bodies[k] = body.clone();
+            case.bodies[k].contactors[0].shape = shape;
+        }
+        case.write();
+        let (code, text) = spawn(&case, &[]);
+        assert_eq!((code, text.lines().count()), (2, 1), "{text}");
+        let more = match others {
+            1 => "; 1 more body has such a surface: line ",
+            _ => "; 5 more bodies have such surfaces: lines ",
+        };
+        assert!(text.contains(more) && text.contains("BODIES.DAT:11: body 2: "), "{text}");
+    }
+}
+
+#[test]
 fn materials_and_masses() {
     let mut case = sound();
     case.bodies[1].material = "CHALK".into();
