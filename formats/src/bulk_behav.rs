@@ -69,6 +69,10 @@ impl BulkBehav {
                     }
                     materials.push(Material { name, density });
                 }
+                _ if is_material(begin) => {
+                    scan.set_object("file");
+                    scan.add_fault(begin.number, "a material that LMGC90 would skip", "expected $behav before it");
+                }
                 _ => scan.reject_unknown_keyword(begin, "expected $gravy or $behav"),
             }
         }
@@ -105,6 +109,11 @@ impl BulkBehav {
         }
         out
     }
+}
+
+/// Whether a line without a keyword is that of a material.
+fn is_material(line: TextLine) -> bool {
+    line.is_data() && !line.is_continuation() && line.columns(9, 38).trim() == "RIGID"
 }
 
 /// First columns of the components of gravity.

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::{Fault, Faults};
-use crate::law_table::{FileLimit, LawEntry, LawError, LawModel, law_entry};
+use crate::law_table::{FileLimit, LawEntry, LawError, LawModel, law_entry, refusal_reason};
 use crate::ron_text::known_names;
 use crate::scan::{AsciiText, LenientForm, LineScanner, TextLine, format_e14, format_long14, fortran_real, put_text};
 use crate::words::{CONTACTOR_TYPES, is_foreign_row};
@@ -85,7 +85,7 @@ const NO_LAW_PREFIX: &str = "! no law: ";
 impl TactBehav {
     /// Reads the file; reports all its faults at once.
     ///
-    /// Lines outside laws and rows are skipped, as in LMGC90, unless they look like a row that would be lost. A row that
+    /// Lines outside laws and rows are skipped, as in LMGC90, unless they look like a law or row that would be lost. A row that
     /// repeats an earlier one is dropped. The halo line (`+`) is not kept.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         Self::parse(path, &AsciiText::read_file(path)?)
@@ -132,6 +132,7 @@ impl TactBehav {
                     );
                     rows.push(None);
                 }
+                _ if begin.is_data() => skip_line(scan, begin),
                 _ => scan.reject_unknown_keyword(begin, "expected $behav or $seety"),
             }
         }
@@ -244,6 +245,7 @@ fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
     let mut law = LawRecord { line: first.number, nickname, kind, parameters: Vec::new() };
     let Some(&LawEntry { lines, .. }) = law_entry(&law.kind) else {
         // Refused where a contact needs it.
+        while scan.next_line_if(|line| line.is_data() && !names_law(line)).is_some() {}
         return Some(law);
     };
     let mut line = first;
@@ -276,6 +278,23 @@ fn read_law(scan: &mut LineScanner) -> Option<LawRecord> {
         scan.add_fault(more.number, found, format!("expected {}", lines.len()));
     }
     Some(law)
+}
+
+/// Whether a line has the name of a law in its columns.
+fn names_law(line: TextLine) -> bool {
+    let kind = line.columns(9, 38).split_ascii_whitespace().next().unwrap_or("");
+    !line.is_continuation() && (law_entry(kind).is_some() || refusal_reason(kind).is_some())
+}
+
+/// Skips a line outside of laws and rows, as LMGC90 does, unless it is a law that would be lost. Rows may have a line with a
+/// halo, `+` in column 1.
+fn skip_line(scan: &mut LineScanner, line: TextLine) {
+    if names_law(line) {
+        scan.set_object("file");
+        scan.add_fault(line.number, "a law that LMGC90 would skip", "expected $behav before it");
+    } else if !line.text().starts_with('+') {
+        scan.add_form(LenientForm::OutsideLine, line.number);
+    }
 }
 
 fn has_real(line: TextLine, first: usize) -> bool {
@@ -343,4 +362,27 @@ fn check_rows(scan: &mut LineScanner, rows: Vec<Option<VisibilityRow>>) -> Vec<V
         }
     }
     kept.into_iter().map(|(_, row)| row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_behind_a_law_is_skipped_but_no_law() {
+        let read = |text: &str| TactBehav::parse_with_notices(Path::new("T"), &AsciiText::new(text.as_bytes()));
+        let fields = |name: &str, kind: &str| format!(" {name}  {kind:<29}  fric= 3.0000000E-01\n");
+        let law = format!("$behav\n{}", fields("iqsc0", "IQS_CLB"));
+        let (tact, notices) = read(&format!("{law}iqsc is quasi-static\n    friction of wet sand\n")).unwrap();
+        assert_eq!(tact.laws.len(), 1);
+        assert_eq!(notices, ["T:3: 2 lines outside of the records are skipped"]);
+        for kind in ["IQS_CLB", "IQS_BW_CLB"] {
+            let refused = read(&format!("{law}{}", fields("iqsc1", kind))).unwrap_err().to_string();
+            assert_eq!(refused, "T:3: file: a law that LMGC90 would skip; expected $behav before it");
+            // Also behind one that is not computed, whose parameters are not read.
+            let other = format!("$behav\n{}{:40}alpha= 2.0\n", fields("xxx01", "NO_SUCH_LAW"), "");
+            let refused = read(&format!("{other}{}", fields("iqsc1", kind))).unwrap_err().to_string();
+            assert_eq!(refused, "T:4: file: a law that LMGC90 would skip; expected $behav before it");
+        }
+    }
 }

@@ -265,7 +265,8 @@ fn idle_rows_notes(tact: &TactBehav, contactors: &ContactorTable) -> Vec<String>
     let has_law = |row: &VisibilityRow| tact.laws.iter().any(|law| law.nickname == row.law);
     let of_imposed = |row: &VisibilityRow| contactors.is_of_imposed(row) && has_law(row);
     let imposed = note(&of_imposed, "bodies whose motion is all imposed: these do not meet");
-    missing.into_iter().chain(imposed).collect()
+    let half_points = note(&|row| contactors.is_of_one_point(row), "PT3Dx and another contactor: these do not meet");
+    missing.into_iter().chain(imposed).chain(half_points).collect()
 }
 
 /// Returns two bodies with contactors of these classes of which the motion of the first is not all imposed, if there are any.
@@ -497,10 +498,13 @@ pub fn initial_contacts(
     if of_another && !history.contacts.is_empty() {
         let found = format!("step {}, time {} s", history.step, history.time);
         let expected = format!("expected step {step}, time {time} s, those of DOF.INI");
-        faults.push(Fault::new(&file, None, "head", found, expected));
+        let text = AsciiText::read_file(&file).ok();
+        let line = text.and_then(|text| text.lines().find(|line| line.keyword() == "steps").map(|line| line.number));
+        faults.push(Fault::new(&file, line, "head", found, expected));
     }
     let mut contacts = Vec::new();
-    let (mut unseen, mut renumbered, mut unnumbered, mut of_points) = (0, 0, 0, 0);
+    // Lines of contacts that are left out or read otherwise.
+    let [mut unseen, mut renumbered, mut unnumbered, mut of_points] = [const { Vec::new() }; 4];
     let numbers = ContactorNumbers::from_contacts(records, history);
     for (number, record) in (0..).zip(&history.contacts) {
         let sides = [&record.candidate, &record.antagonist];
@@ -516,13 +520,13 @@ pub fn initial_contacts(
             continue;
         }
         if sides.iter().all(|side| side.contactor == POINT_NAME) {
-            of_points += 1;
+            of_points.push(record.line);
             continue;
         }
         let named = sides.map(|side| numbers.find(records, side));
         let bonds = record.status == "Mstck" || record.status.starts_with('C') || !record.internals.is_empty();
         if named.contains(&NamedContactor::Ambiguous) && !named.contains(&NamedContactor::OtherKind) && !bonds {
-            unnumbered += 1;
+            unnumbered.push(record.line);
             continue;
         }
         let rank = |k: usize| {
@@ -538,12 +542,14 @@ pub fn initial_contacts(
             faults.push(Fault::new(&file, Some(record.line), "contact", found, expected));
             continue;
         };
-        renumbered += usize::from(sides.iter().any(|side| !numbers.is_in_body(records, side)));
+        if sides.iter().any(|side| !numbers.is_in_body(records, side)) {
+            renumbered.push(record.line);
+        }
         let ranks = [rank_a, rank_b];
         let [(kind_a, class_a), (kind_b, class_b)] =
             [0, 1].map(|k| kind_and_class(scene, BodyId::new(sides[k].body), ranks[k]));
         let Some(see) = scene.visibility.interaction_rule(class_a, class_b) else {
-            unseen += 1;
+            unseen.push(record.line);
             continue;
         };
         let Some(status) = parse_status(&record.status) else {
@@ -601,29 +607,20 @@ pub fn initial_contacts(
         };
         contacts.push((solved, memory));
     }
-    if unseen > 0 {
-        let what = if unseen == 1 { "contact is" } else { "contacts are" };
-        scene.notes.push(format!("Vloc_Rloc.INI: {unseen} {what} left out: TACT_BEHAV.DAT has no row for the pair"));
-    }
-    let contacts_are = |count: usize| if count == 1 { "1 contact is".into() } else { format!("{count} contacts are") };
-    if of_points > 0 {
-        let are = contacts_are(of_points);
-        scene
-            .notes
-            .push(format!("Vloc_Rloc.INI: {are} of PT3Dx: the state of wires and rods is that of the positions"));
-    }
-    if unnumbered > 0 {
-        scene.notes.push(format!(
-            "Vloc_Rloc.INI: {} left out: the number of a contactor is none of its body's",
-            contacts_are(unnumbered)
-        ));
-    }
-    if renumbered > 0 {
-        let how = match numbers {
-            ContactorNumbers::OverAll(_) => "numbered over the contactors of all bodies",
-            ContactorNumbers::InBody => "assigned to the only contactor of the kind, whatever its number",
-        };
-        scene.notes.push(format!("Vloc_Rloc.INI: {} {how}", contacts_are(renumbered)));
+    let how = match numbers {
+        ContactorNumbers::OverAll(_) => "numbered over the contactors of all bodies",
+        ContactorNumbers::InBody => "assigned to the only contactor of the kind, whatever its number",
+    };
+    for (lines, reason) in [
+        (unseen, "left out: TACT_BEHAV.DAT has no row for the pair"),
+        (of_points, "of PT3Dx: the state of wires and rods is that of the positions"),
+        (unnumbered, "left out: the number of a contactor is none of its body's"),
+        (renumbered, how),
+    ] {
+        if let Some(first) = lines.first() {
+            let are = if lines.len() == 1 { "is" } else { "are" };
+            scene.notes.push(format!("Vloc_Rloc.INI:{first}: {} {are} {reason}", count_text(lines.len(), "contact")));
+        }
     }
     contacts.sort_by_key(|(solved, _)| solved.contact.key());
     let (contacts, mut memories): (Vec<SolvedContact>, Vec<LawMemory>) = contacts.into_iter().unzip();

@@ -5,7 +5,7 @@ use std::path::Path;
 use cd_formats::bodies::{Bodies, ShapeRecord as FileShape};
 use cd_formats::bulk_behav::BulkBehav;
 use cd_formats::compute::Compute;
-use cd_formats::dof::Dof;
+use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::drv_dof::{DrivenKind, DrvDof, Evolution};
 use cd_formats::error::{Fault, Faults, RecordFault};
 use cd_formats::mass::EXPECTED_CONVEX;
@@ -55,7 +55,7 @@ pub fn scene_without_laws(
             placeholder_body()
         });
         bodies.push(made.body);
-        shapes.add(index, &made.parts);
+        shapes.add((index, record.line), &made.parts);
         parts.extend(made.parts.into_iter().map(|part| BodyPart { body: BodyId::new(index), ..part }));
         part_starts.push(PartId::new(parts.len()));
         frames.push((made.shift, made.axes));
@@ -101,6 +101,10 @@ pub fn scene_without_laws(
         bodies.iter().enumerate().filter(|(_, body)| chosen(body)).map(|(i, _)| BodyId::new(i)).collect()
     };
     let free = indices(&|body| !body.driven);
+    let is_plane = |body: &RigidBody| matches!(body.shape, BodyShape::Plane { .. });
+    let kinds: Vec<(u8, bool)> = bodies.iter().map(|body| (body.imposed_components(), is_plane(body))).collect();
+    let walls = are_walls(&kinds);
+    let held_grains = indices(&RigidBody::is_driven_in_part).into_iter().filter(|i| !walls[i.index()]).collect();
     let spheres = indices(&RigidBody::is_sphere);
     let planes = indices(&is_plane);
     let mut oriented: Vec<bool> = bodies.iter().map(|body| !body.is_sphere() || options.orients_spheres()).collect();
@@ -110,10 +114,6 @@ pub fn scene_without_laws(
     let guided = indices(&|body| body.rotates_in_part() && !body.is_isotropic());
     let mut scene = Scene {
         drives,
-    let is_plane = |body: &RigidBody| matches!(body.shape, BodyShape::Plane { .. });
-    let kinds: Vec<(u8, bool)> = bodies.iter().map(|body| (body.imposed_components(), is_plane(body))).collect();
-    let walls = are_walls(&kinds);
-    let held_grains = indices(&RigidBody::is_driven_in_part).into_iter().filter(|i| !walls[i.index()]).collect();
         loads,
         laws: Vec::new(),
         visibility: VisibilityTable::default(),
@@ -127,6 +127,8 @@ pub fn scene_without_laws(
         reference: records.0.iter().zip(&frames).map(|(body, (shift, _))| Vec3::from(body.position) + shift).collect(),
         axes: frames.iter().map(|(_, axes)| *axes).collect(),
         free,
+        walls,
+        held_grains,
         spheres,
         planes,
         has_round_parts: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Sphere { .. })),
@@ -136,10 +138,8 @@ pub fn scene_without_laws(
         }),
         has_drums: parts.iter().any(|part| matches!(part.geometry, ContactorShape::Cylinder { hollow: true, .. })),
         parts,
-        walls,
-        held_grains,
         part_starts,
-        notes: shifted_centres_note(&bodies, &frames)
+        notes: shifted_centres_note(&bodies, &frames, records)
             .into_iter()
             .chain(axes_notes(dof, &axes_matches))
             .chain(shapes.note())
@@ -221,37 +221,42 @@ struct ShapeCounts {
     split: usize,
     pieces: usize,
     first_split: usize,
+    /// Line of the first body.
+    line: usize,
 }
 
 impl ShapeCounts {
-    fn add(&mut self, index: usize, parts: &[BodyPart]) {
+    fn add(&mut self, (index, line): (usize, usize), parts: &[BodyPart]) {
         for pieces in parts.chunk_by(|a, b| a.contactor == b.contactor).filter(|pieces| pieces.len() > 1) {
             self.split += 1;
-            self.first_split = if self.split == 1 { index + 1 } else { self.first_split };
+            if self.split == 1 {
+                (self.first_split, self.line) = (index + 1, line);
+            }
             self.pieces += pieces.len();
         }
     }
 
     fn note(&self) -> Option<String> {
-        let Self { split, pieces, first_split } = *self;
+        let Self { split, pieces, first_split, line } = *self;
         let are = if split == 1 { "is" } else { "are" };
         (split > 0).then(|| {
             format!(
-                "BODIES.DAT: {split} POLYR {are} not convex and split into {pieces} convex pieces (first: body {first_split})"
+                "BODIES.DAT:{line}: {split} POLYR {are} not convex and split into {pieces} convex pieces (first: body {first_split})"
             )
         })
     }
 }
 
 /// Note about centres of mass that differ from the file by more than its digits.
-fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)]) -> Option<String> {
+fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)], records: &Bodies) -> Option<String> {
     let moved = |(_, (body, (shift, _))): &(usize, (&RigidBody, &(Vec3, Quat)))| shift.norm() > 1e-6 * body.radius;
     let moved: Vec<(usize, f64)> =
         bodies.iter().zip(frames).enumerate().filter(moved).map(|(i, (_, (shift, _)))| (i + 1, shift.norm())).collect();
     let (body, most) = moved.iter().copied().reduce(|a, b| if b.1 > a.1 { b } else { a })?;
     let bodies = if moved.len() == 1 { "body was" } else { "bodies were" };
     Some(format!(
-        "BODIES.DAT: {} {bodies} shifted from coo1 to coo3 to the centre of mass of the shape, by up to {most:.3e} m (body {body})",
+        "BODIES.DAT:{}: {} {bodies} shifted from coo1 to coo3 to the centre of mass of the shape, by up to {most:.3e} m (body {body})",
+        records.0[body - 1].line,
         moved.len()
     ))
 }
@@ -260,12 +265,14 @@ fn shifted_centres_note(bodies: &[RigidBody], frames: &[(Vec3, Quat)]) -> Option
 fn axes_notes(dof: &Dof, matches: &[AxesMatch]) -> Vec<String> {
     let note = |wanted: AxesMatch, reason: &str| {
         let listed = dof.bodies.iter().filter(|row| matches.get(row.body) == Some(&wanted));
-        let numbers: Vec<String> = listed.map(|row| (row.body + 1).to_string()).collect();
-        let (first, bodies) = (numbers.first()?, if numbers.len() == 1 { "body" } else { "bodies" });
+        let listed: Vec<&BodyDof> = listed.collect();
+        let first = listed.first()?;
         Some(format!(
-            "DOF.INI: {} {bodies} without an inertia line in BODIES.DAT (first: {first}) {reason}: in a file of LMGC90 axes \
-             may have other signs; start from the BODIES.OUT next to it",
-            numbers.len()
+            "DOF.INI:{}: {} without an inertia line in BODIES.DAT (first: {}) {reason}: in a file of LMGC90 axes may have \
+             other signs; start from the BODIES.OUT next to it",
+            first.line,
+            count_text(listed.len(), "body"),
+            first.body + 1
         ))
     };
     let reasons = [
@@ -424,7 +431,7 @@ pub fn initial_motion(
     let mut q = scene.axes.clone();
     let mut v = vec![Vec3::zeros(); count];
     let mut w = vec![Vec3::zeros(); count];
-    let mut left_handed = 0;
+    let mut left_handed = Vec::new();
     for row in &dof.bodies {
         let mut refuse = |found: String, expected: &str| {
             faults.push(Fault::new(&file, Some(row.line), format!("body {}", row.body + 1), found, expected));
@@ -444,7 +451,7 @@ pub fn initial_motion(
                 continue;
             };
             (axes, spin) = mirror::reverse_axis(axes, axis, &spin);
-            left_handed += 1;
+            left_handed.push(row.line);
         }
         let axes = Matrix3::from_columns(&axes); // body -> world
         let defect = (axes.transpose() * axes - Matrix3::identity()).norm();
@@ -468,11 +475,11 @@ pub fn initial_motion(
         (v[i], w[i]) = drive.velocity_at(dof.time, &q[i], &v[i], &w[i]);
     }
     debug_assert_eq!(scene.bodies.len(), count);
-    if left_handed > 0 {
-        let bodies = count_text(left_handed, "body");
-        scene
-            .notes
-            .push(format!("DOF.INI: left-handed axes of {bodies}: one is reversed, which leaves the shape as it is"));
+    if let Some(line) = left_handed.first() {
+        let bodies = count_text(left_handed.len(), "body");
+        scene.notes.push(format!(
+            "DOF.INI:{line}: left-handed axes of {bodies}: one is reversed, which leaves the shape as it is"
+        ));
     }
     (x, q, v, w)
 }

@@ -74,6 +74,12 @@ impl ContactorTable {
         of_imposed(&row.candidate) && of_imposed(&row.antagonist)
     }
 
+    /// Whether both contactors of a row exist, and one alone is a point PT3Dx.
+    pub fn is_of_one_point(&self, row: &VisibilityRow) -> bool {
+        let points = [&row.candidate, &row.antagonist].map(|side| side.contactor == POINT_NAME);
+        points[0] != points[1] && self.has_both(row)
+    }
+
     /// Whether a row is for points PT3Dx that can meet.
     pub fn is_of_points(&self, row: &VisibilityRow) -> bool {
         row.candidate.contactor == POINT_NAME && self.can_meet(row)

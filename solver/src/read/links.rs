@@ -127,14 +127,20 @@ pub fn set_links(datbox: &Path, (records, tact): (&Bodies, &TactBehav), scene: &
     for body in scene.links.iter().flat_map(|link| link.bodies) {
         scene.oriented[body.index()] = true;
     }
-    let idle = || reach.iter().zip(&is_joined).filter(|(_, joined)| !**joined).map(|(reach, _)| reach);
-    scene.notes.extend(idle_points_note(idle().filter(|reach| reach.is_none()).count(), None));
-    let alert = idle().flatten().copied().reduce(f64::max);
-    scene.notes.extend(idle_points_note(idle().flatten().count(), alert));
+    let idle = |is_in_reach: bool| {
+        let unjoined = (0..points.len()).filter(|&k| !is_joined[k] && reach[k].is_some() == is_in_reach);
+        unjoined.map(|k| records.0[points[k].body.index()].line).collect::<Vec<_>>()
+    };
+    scene.notes.extend(idle_points_note(&idle(false), None));
+    let alert = reach.iter().zip(&is_joined).filter(|(_, joined)| !**joined).filter_map(|(reach, _)| *reach);
+    let alert = alert.reduce(f64::max);
+    scene.notes.extend(idle_points_note(&idle(true), alert));
 }
 
-/// Note about points that nothing joins; `alert`: largest alert distance (m) of the rows that could join them, if there are any.
-fn idle_points_note(points: usize, alert: Option<f64>) -> Option<String> {
+/// Note about points that nothing joins, from the lines of their bodies; `alert`: largest alert distance (m) of the rows that
+/// could join them, if there are any.
+fn idle_points_note(lines: &[usize], alert: Option<f64>) -> Option<String> {
+    let (first, points) = (lines.first()?, lines.len());
     let (carry, them) = if points == 1 { ("carries", "it") } else { ("carry", "them") };
     let reason = match alert {
         None => format!("no row of TACT_BEHAV.DAT joins {them} by wires or rods"),
@@ -142,7 +148,7 @@ fn idle_points_note(points: usize, alert: Option<f64>) -> Option<String> {
             "all points that a row of TACT_BEHAV.DAT could join with {them} are farther away than its alert, at most {alert} m"
         ),
     };
-    (points > 0).then(|| format!("BODIES.DAT: {points} PT3Dx {carry} nothing: {reason}"))
+    Some(format!("BODIES.DAT:{first}: {points} PT3Dx {carry} nothing: {reason}"))
 }
 
 /// Position of a point in the frame of its body, from its centre of mass, m.

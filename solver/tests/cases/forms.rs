@@ -94,8 +94,8 @@ fn forms_that_lmgc90_reads_give_its_force() {
             &["TACT_BEHAV.DAT:5: 1 law is not computed: mac01 (IQS_BW_CLB); no contact needs it"],
         ),
         ("wire-without-row", &[]),
-        ("contactor-number-over-all", &["Vloc_Rloc.INI: 1 contact is numbered over the contactors of all bodies"]),
-        ("point", &["BODIES.DAT: 1 PT3Dx carries nothing: no row of TACT_BEHAV.DAT joins it by wires or rods"]),
+        ("contactor-number-over-all", &["Vloc_Rloc.INI:2: 1 contact is numbered over the contactors of all bodies"]),
+        ("point", &["BODIES.DAT:11: 1 PT3Dx carries nothing: no row of TACT_BEHAV.DAT joins it by wires or rods"]),
     ] {
         println!("{variant}");
         weighs(runs(&folder(variant), notices), SPHERE_WEIGHT, 1);
@@ -159,7 +159,7 @@ fn patches_and_pieces_carry_the_weight_of_the_whole() {
     let patches = "BODIES.DAT:19: 1 POLYF is read as POLYR, with the patches joined at their common vertices";
     weighs(runs(&folder("patches"), &[patches]), 78.48, 4);
     // An L of two legs of 0.2 and 0.1, each 0.1 wide and high: 3 kg; its pieces have four corners each.
-    let split = "BODIES.DAT: 1 POLYR is not convex and split into 2 convex pieces (first: body 2)";
+    let split = "BODIES.DAT:11: 1 POLYR is not convex and split into 2 convex pieces (first: body 2)";
     let case = folder("not-convex");
     weighs(runs(&case, &[split]), 29.43, 8);
     // All contacts are those of contactor 1 of the file.
@@ -198,7 +198,7 @@ fn left_handed_axes_of_symmetric_shapes_are_accepted() {
         };
         format!("{text}{}{}", record(1), record(2))
     };
-    let notice = "DOF.INI: left-handed axes of 2 bodies: one is reversed, which leaves the shape as it is";
+    let notice = "DOF.INI:3: left-handed axes of 2 bodies: one is reversed, which leaves the shape as it is";
     let case = folder("base");
     edit(&case, "DOF.INI", left_handed);
     weighs(runs(&case, &[notice]), SPHERE_WEIGHT, 1);
@@ -254,6 +254,31 @@ fn rows_and_laws_that_no_contact_needs_do_not_stop_a_run() {
     edit(&case, "TACT_BEHAV.DAT", |text| text.replace("iqsc0  RBDY3", "mac01  RBDY3"));
     let (code, text) = messages(case.path());
     assert!(code == 2 && text.contains("TACT_BEHAV.DAT:5: law 'mac01': its kind"), "{text}");
+}
+
+#[test]
+fn rows_of_a_point_and_another_contactor_and_lines_behind_laws_are_reported() {
+    let case = folder("point");
+    edit(&case, "TACT_BEHAV.DAT", |text| {
+        let row = " RBDY3  PT3Dx  VERTx  iqsc0  RBDY3  PLANx  FLOOR       1.0000000E-02";
+        format!("{text}  some words\n$seety\n cdbdy  cdtac  cdcol  behav  anbdy  antac  ancol       alert\n{row}\n")
+    });
+    let lines = fs::read_to_string(file(&case, "TACT_BEHAV.DAT")).unwrap().lines().count();
+    let outside = format!("TACT_BEHAV.DAT:{}: 1 line outside of the records is skipped", lines - 3);
+    let row = format!("TACT_BEHAV.DAT:{lines}: 1 see row is for PT3Dx and another contactor: these do not meet");
+    let points = "BODIES.DAT:11: 1 PT3Dx carries nothing: no row of TACT_BEHAV.DAT joins it by wires or rods";
+    weighs(runs(&case, &[&outside, &row, points]), SPHERE_WEIGHT, 1);
+    // A second law or material under one keyword would be lost.
+    for (name, what) in [("TACT_BEHAV.DAT", "law"), ("BULK_BEHAV.DAT", "material")] {
+        let case = folder("base");
+        edit(&case, name, |text| {
+            let record = text.lines().skip_while(|line| !line.starts_with("$behav")).nth(1).unwrap();
+            text.replacen(record, &format!("{record}\n{}", record.replacen(&record[1..6], "other", 1)), 1)
+        });
+        let (code, text) = messages(case.path());
+        let expected = format!(": file: a {what} that LMGC90 would skip; expected $behav before it\n");
+        assert!(code == 2 && text.ends_with(&expected) && text.lines().count() == 1, "{text}");
+    }
 }
 
 #[test]
