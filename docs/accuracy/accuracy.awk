@@ -91,7 +91,7 @@ function statements(    k, s, file, name, x, low, high, cost, errors) {
         if (name == "standard") cost = ""
         else if (high < 1) cost = sprintf("%d to %d times slower than standard; ", 1 / high + 0.5, 1 / low + 0.5)
         else cost = sprintf("%.2g to %.2g times as fast as standard; ", low, high)
-        errors = sprintf("errors: nu %s, pressure %s, Z %s; in a heap, mostly by chance: nu %s, pressure %s, Z %s", \
+        errors = sprintf("errors: solid fraction %s, pressure %s, neighbours per grain %s; in a heap, mostly by chance: %s, %s, %s", \
             range(name, "nu"), range(name, "pressure"), range(name, "Z"), \
             by_chance(name, "nu"), by_chance(name, "pressure"), by_chance(name, "Z"))
         printf "%s%s", cost, name == "reference" ? "the others are compared with it" : errors \

@@ -37,6 +37,7 @@ pub struct Event {
 }
 
 impl Event {
+    /// Event that occurs once, at `time` (s).
     pub fn at_time(time: f64, action: EventAction) -> Event {
         Event { time, every: None, until: None, action }
     }
@@ -81,6 +82,7 @@ pub fn event_schedule(events: &[Event], end: f64) -> Vec<Event> {
     all.into_iter().map(|(_, event)| event).collect()
 }
 
+/// Change that an event makes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum EventAction {
@@ -166,7 +168,7 @@ pub enum NarrowPhase {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum FaceFriction {
-    /// As under a pressure that is uniform if its centre is the centroid of the face.
+    /// Points that resist spinning as the pressure under the face does, uniform for a central load.
     #[default]
     Uniform,
     /// At the corners, as in LMGC90.
@@ -196,10 +198,12 @@ pub enum ContactSolver {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum SweepPrecision {
-    /// Single precision for many contacts of spheres, if it reaches the tolerance.
+    /// Single precision for 256 contacts or more, if it reaches the tolerance.
     #[default]
     Auto,
+    /// Single precision.
     Single,
+    /// Double precision.
     Double,
 }
 
@@ -225,7 +229,7 @@ macro_rules! options {
 
         /// Options as flags; a given flag overrides the file.
         #[derive(Debug, Clone, Default, clap::Args)]
-        #[command(next_help_heading = "Options of COMPUTE.RON")]
+        #[command(next_help_heading = "Options of the run, in place of those in DATBOX/COMPUTE.RON")]
         pub struct ComputeFlags { $($(#[doc = $help])+ #[arg(long, allow_hyphen_values = true, $($arg)*)] pub $name: Option<$flag>,)+ }
 
         impl ComputeFlags {
@@ -284,7 +288,7 @@ options! {
     accuracy: Option<Accuracy> = None, Accuracy, [value_enum, value_name = "PRESET"];
     /// Adaptive steps: at most `max_multiple` times dt, as long as bodies move past their neighbours by at most `travel` and into each other by at most `penetration`, in radii: (max_multiple: 16, travel: 0.1, penetration: 1e-3). Default: set by accuracy.
     adaptive: Option<Adaptive> = None, Adaptive, [value_name = "RON"];
-    /// Relative tolerance of the contact solver, |F(r)|/|F(r_0)|; divided by n in steps of n times dt. Default: set by accuracy.
+    /// Relative tolerance of the contact solver: violation of the contact laws over that without contact impulses, |F(r)|/|F(r_0)|; divided by n in steps of n times dt. Default: set by accuracy.
     tol: Option<f64> = None, f64, [value_name = "X"];
     /// Largest mean penetration, over the mean radius, that unconverged solutions may leave. If it is p, larger than this, the tolerance is reduced to tol times (penetration_tol/p)². Default: set by accuracy.
     penetration_tol: Option<f64> = None, f64, [value_name = "X"];
@@ -302,9 +306,9 @@ options! {
     alert: Option<f64> = None, f64, [value_name = "M"];
     /// Search for the direction of contact of two polyhedra. accurate: proves that the direction is the best of all; fast: searches near the direction of the last step. Default: set by accuracy.
     narrow_phase: Option<NarrowPhase> = None, NarrowPhase, [value_enum, value_name = "METHOD"];
-    /// Points at which the friction of faces and edges of polyhedra acts about their normal. uniform: as under a uniform pressure; corners: at their corners, as in LMGC90, where a square resists spinning 1.85 times as much.
+    /// Points of faces and edges of polyhedra at which friction resists spinning. uniform: as under a uniform pressure; corners: at their corners, as in LMGC90, where a square resists spinning 1.85 times as much.
     face_friction: FaceFriction = FaceFriction::Uniform, FaceFriction, [value_enum, value_name = "POINTS"];
-    /// Period along x, m (periodic boundary); excludes self-gravity and fields. Positions are not wrapped.
+    /// Period along x, m (periodic boundary); cannot be combined with self-gravity or fields. Positions are not wrapped.
     xperiode: Option<f64> = None, f64, [value_name = "M"];
     /// Period along y, m.
     yperiode: Option<f64> = None, f64, [value_name = "M"];

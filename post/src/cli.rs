@@ -13,7 +13,7 @@ use clap::{CommandFactory, Parser};
 
 use crate::commands::series::process_case;
 use crate::commands::{accuracy_study, compare, report, state, study, track};
-use crate::options::{Measures, Options, SlopeReach, ThreadCount, parse_finite};
+use crate::options::{MeasurementFlags, SeriesOptions, SlopeReach, ThreadCount, parse_finite};
 
 /// Computes observables from the snapshots of a case, and writes plots and ParaView files.
 ///
@@ -26,7 +26,7 @@ struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
     #[command(flatten)]
-    options: Options,
+    options: SeriesOptions,
 }
 
 /// Name of `accuracy-study` in earlier versions.
@@ -44,7 +44,7 @@ enum Command {
         /// Step of the snapshot; default: the last
         #[arg(long, value_name = "STEP")]
         snapshot: Option<u64>,
-        /// Number of snapshots, up to that one, over which the layers of a bed are averaged
+        /// Number of snapshots, of which that is the last, over which the layers of a bed are averaged
         #[arg(long, value_name = "COUNT", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
         mean: u32,
         #[command(flatten)]
@@ -60,20 +60,20 @@ enum Command {
         #[arg(required = true, num_args = 1.., value_name = "DIR")]
         dirs: Vec<PathBuf>,
         /// Folder for NAME.svg and NAME.csv of each observable NAME
-        #[arg(short, long, default_value = "compare")]
+        #[arg(short, long, default_value = "compare", value_name = "DIR")]
         output: PathBuf,
         /// Names of the runs, in their order; default: those of their folders
-        #[arg(long, value_delimiter = ',')]
+        #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
         labels: Vec<String>,
         /// Table in POSTPRO of each case: series.csv, or one of `cd-post state`, such as state/profile.csv for the last
         /// state of each, or of `cd-post track`, such as track-1/track.csv
         #[arg(long, default_value = "series.csv", value_name = "FILE")]
         table: PathBuf,
         /// Columns of the table; default: those of the plots
-        #[arg(long, value_delimiter = ',')]
+        #[arg(long, value_delimiter = ',', value_name = "COLUMN,...")]
         columns: Vec<String>,
         /// Column on the horizontal axis; default: time, or the first column of the table
-        #[arg(long)]
+        #[arg(long, value_name = "COLUMN")]
         against: Option<String>,
     },
     /// Compares the means of many runs: one row for each run, dependence on the number of grains, fitted lines, cost.
@@ -84,46 +84,46 @@ enum Command {
         #[arg(required = true, num_args = 1.., value_name = "DIR")]
         dirs: Vec<PathBuf>,
         /// Folder for runs.csv, fits.csv and the figures
-        #[arg(short, long, default_value = "study")]
+        #[arg(short, long, default_value = "study", value_name = "DIR")]
         output: PathBuf,
         /// Groups that the figures distinguish, one name for each run; default: a single group
-        #[arg(long, value_delimiter = ',', conflicts_with = "by")]
+        #[arg(long, value_delimiter = ',', value_name = "NAME,...", conflicts_with = "by")]
         groups: Vec<String>,
         /// Parameters of the study whose values are the groups
-        #[arg(long, value_delimiter = ',', value_name = "PARAMETERS")]
+        #[arg(long, value_delimiter = ',', value_name = "PARAMETER,...")]
         by: Vec<String>,
         /// Table of `cd-pre study` with the parameters of the case folders
         #[arg(long, value_name = "study.csv")]
         parameters: Option<PathBuf>,
-        /// Start of the snapshots over which means are taken, s; default: the last snapshot only
+        /// Time from which on snapshots enter the means, s; default: the last snapshot only
         #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_finite)]
         from: Option<f64>,
-        /// End of these snapshots, s; default: the end of the run
+        /// Time up to which snapshots enter the means, s; default: the end of the run
         #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_finite)]
         until: Option<f64>,
     },
-    /// Error against run time: runs of one scene compared with the finest of them.
+    /// Plots error against run time, from runs of one scene that are compared with the most accurate of them.
     ///
     /// Reads POSTPRO/series.csv, TIMER.csv, ERRORS.csv and the snapshots of each case.
     #[command(alias = FORMER_ACCURACY_STUDY)]
     AccuracyStudy {
-        /// Case folders; errors are relative to the run with `accuracy: reference`, or to the last. Or folders that this
+        /// Case folders, which are compared with the one with `accuracy: reference`, else with the last; or folders that this
         /// command has written for several realisations of a scene
         #[arg(required = true, num_args = 2.., value_name = "DIR")]
         dirs: Vec<PathBuf>,
         /// Folder for accuracy.csv, orders.csv and accuracy.svg
-        #[arg(short, long, default_value = "accuracy-study")]
+        #[arg(short, long, default_value = "accuracy-study", value_name = "DIR")]
         output: PathBuf,
         /// Name of the option that each run varies, one for each run
-        #[arg(long, value_delimiter = ',')]
+        #[arg(long, value_delimiter = ',', value_name = "OPTION,...")]
         groups: Vec<String>,
         /// Value of that option, one number for each run; nan if it is not a number
-        #[arg(long, value_delimiter = ',')]
+        #[arg(long, value_delimiter = ',', value_name = "VALUE,...")]
         values: Vec<f64>,
-        /// Start of the snapshots over which means are taken, s; default: the last snapshot only
+        /// Time from which on snapshots enter the means, s; default: the last snapshot only
         #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_finite)]
         from: Option<f64>,
-        /// Time after which positions are compared at the first snapshot, s; default: the first snapshot after the start
+        /// Time, s: positions are compared at the first snapshot after it; default: the first snapshot after the start
         #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = parse_finite)]
         early: Option<f64>,
         /// Title of the figure
@@ -154,10 +154,49 @@ enum Command {
         #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
         every: u32,
         #[command(flatten)]
-        measures: Measures,
+        measures: MeasurementFlags,
         #[command(flatten)]
         threads: ThreadCount,
     },
+}
+
+impl Command {
+    /// Runs the command, prints what it has written, and returns its notes.
+    fn run(&self) -> Result<Vec<String>, Faults> {
+        let print_path = |(path, notes): (PathBuf, Vec<String>)| {
+            print_line(format_args!("cd-post: {}", path.display()));
+            notes
+        };
+        match self {
+            Command::State { dir, snapshot, mean, slope, threads: _ } => {
+                state::write(dir, *snapshot, *mean, slope.slope_reach).map(print_path)
+            }
+            Command::Track { dir, body, threads: _ } => track::write(dir, *body).map(print_path),
+            Command::Report { dir, every, measures, threads: _ } => {
+                report::write(dir, *every, measures).map(print_path)
+            }
+            Command::Compare { dirs, output, labels, table, columns, against } => {
+                let compared = compare::ComparisonOptions { table, columns, against: against.as_deref() };
+                let (count, notes) = compare::write(dirs, labels, &compared, output)?;
+                print_line(format_args!("cd-post: {} in {}", count_text(count, "figure"), output.display()));
+                Ok(notes)
+            }
+            Command::Study { dirs, output, groups, by, parameters, from, until } => {
+                let parameters = parameters.as_deref();
+                let selected = study::StudyOptions { groups, by, parameters, from: *from, until: *until };
+                let ([runs, figures], notes) = study::write(dirs, &selected, output)?;
+                let [runs, figures] = [count_text(runs, "run"), count_text(figures, "figure")];
+                print_line(format_args!("cd-post: {runs}, {figures} in {}", output.display()));
+                Ok(notes)
+            }
+            Command::AccuracyStudy { dirs, output, groups, values, from, early, title } => {
+                let selected = accuracy_study::AccuracyStudyOptions { groups, values, from: *from, early: *early };
+                let (table, notes) = accuracy_study::write(dirs, &selected, title, output)?;
+                print_line(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
+                Ok(notes)
+            }
+        }
+    }
 }
 
 impl Arguments {
@@ -265,53 +304,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> i32 {
             return 2;
         }
     };
-    let _alone = arguments.case_dir().and_then(lock_case);
-    let done = pool.install(|| match command {
-        None => process_case(options),
-        Some(Command::State { dir, snapshot, mean, slope, threads: _ }) => {
-            state::write(dir, *snapshot, *mean, slope.slope_reach).map(|(folder, notes)| {
-                print_line(format_args!("cd-post: {}", folder.display()));
-                notes
-            })
-        }
-        Some(Command::Compare { dirs, output, labels, table, columns, against }) => {
-            let compared = compare::ComparisonOptions { table, columns, against: against.as_deref() };
-            compare::write(dirs, labels, &compared, output).map(|(count, notes)| {
-                print_line(format_args!("cd-post: {} in {}", count_text(count, "figure"), output.display()));
-                notes
-            })
-        }
-        Some(Command::Study { dirs, output, groups, by, parameters, from, until }) => {
-            let parameters = parameters.as_deref();
-            let selected = study::StudyOptions { groups, by, parameters, from: *from, until: *until };
-            study::write(dirs, &selected, output).map(|([runs, figures], notes)| {
-                print_line(format_args!(
-                    "cd-post: {}, {} in {}",
-                    count_text(runs, "run"),
-                    count_text(figures, "figure"),
-                    output.display()
-                ));
-                notes
-            })
-        }
-        Some(Command::AccuracyStudy { dirs, output, groups, values, from, early, title }) => {
-            let selected = accuracy_study::AccuracyStudyOptions { groups, values, from: *from, early: *early };
-            accuracy_study::write(dirs, &selected, title, output).map(|(table, notes)| {
-                print_line(format_args!("cd-post: {} runs in {}\n{table}", dirs.len(), output.display()));
-                notes
-            })
-        }
-        Some(Command::Track { dir, body, threads: _ }) => track::write(dir, *body).map(|(folder, notes)| {
-            print_line(format_args!("cd-post: {}", folder.display()));
-            notes
-        }),
-        Some(Command::Report { dir, every, measures, threads: _ }) => {
-            report::write(dir, *every, measures).map(|(page, notes)| {
-                print_line(format_args!("cd-post: {}", page.display()));
-                notes
-            })
-        }
-    });
+    let _lock = arguments.case_dir().and_then(lock_case);
+    let done = pool.install(|| command.as_ref().map_or_else(|| process_case(options), Command::run));
     match done {
         Ok(notes) => {
             notes.iter().for_each(|note| print_error(format_args!("cd-post: {note}")));

@@ -50,21 +50,22 @@ pub struct SlopeReach {
     pub slope_reach: Option<f64>,
 }
 
-/// Where the observables of a series are measured.
+/// Region and scale at which the observables of a series are measured.
 #[derive(Debug, Clone, clap::Args)]
-pub struct Measures {
-    /// Region of Z, nu, pressure and stress: ball:RADIUS, box:X,Y,Z, cylinder:RADIUS,LENGTH or
-    /// cylinder:RADIUS,LENGTH,AXIS_X,AXIS_Y,AXIS_Z with its centre at @X,Y,Z, @com or @largest, or layer:FROM,TO above the floor (m); default: chosen by the scene
+pub struct MeasurementFlags {
+    /// Region in which coordination number Z, solid fraction nu, pressure and stress are measured: ball:RADIUS, box:X,Y,Z,
+    /// cylinder:RADIUS,LENGTH or cylinder:RADIUS,LENGTH,AXIS_X,AXIS_Y,AXIS_Z with its centre at @X,Y,Z, @com or @largest, or
+    /// layer:FROM,TO above the floor (m); default: chosen by the scene
     #[arg(long, value_name = "SHAPE")]
     pub region: Option<Probe>,
     #[command(flatten)]
     pub slope: SlopeReach,
 }
 
-impl Default for Measures {
+impl Default for MeasurementFlags {
     /// Returns the values of a command line without flags.
-    fn default() -> Measures {
-        Measures { region: None, slope: SlopeReach { slope_reach: None } }
+    fn default() -> MeasurementFlags {
+        MeasurementFlags { region: None, slope: SlopeReach { slope_reach: None } }
     }
 }
 
@@ -87,7 +88,7 @@ pub enum VtkFormat {
 
 /// Options of the measurement of a case and of its files.
 #[derive(Debug, Clone, clap::Args)]
-pub struct Options {
+pub struct SeriesOptions {
     /// Case folder
     #[arg(default_value = ".")]
     pub dir: PathBuf,
@@ -107,25 +108,26 @@ pub struct Options {
     #[arg(long)]
     pub direct_gravity: bool,
     #[command(flatten)]
-    pub measures: Measures,
+    pub measures: MeasurementFlags,
     #[command(flatten)]
     pub threads: ThreadCount,
 }
 
-impl Default for Options {
+impl Default for SeriesOptions {
     /// Returns the options of a command line without flags.
-    fn default() -> Options {
+    fn default() -> SeriesOptions {
         let dir = PathBuf::new();
         let (every, no_plots, no_vtk, direct_gravity) = (1, false, false, false);
-        let (vtk_format, measures, threads) = (VtkFormat::Vtp, Measures::default(), ThreadCount::default());
-        Options { dir, every, no_plots, no_vtk, vtk_format, direct_gravity, measures, threads }
+        let (vtk_format, measures, threads) = (VtkFormat::Vtp, MeasurementFlags::default(), ThreadCount::default());
+        SeriesOptions { dir, every, no_plots, no_vtk, vtk_format, direct_gravity, measures, threads }
     }
 }
 
-impl Options {
+impl SeriesOptions {
+    /// Options of the observables themselves.
     pub fn to_choices(&self) -> MeasurementOptions {
         let summation = if self.direct_gravity { PairSummation::Direct } else { PairSummation::Fast };
-        let Measures { region, slope } = self.measures.clone();
+        let MeasurementFlags { region, slope } = self.measures.clone();
         MeasurementOptions { summation, region, slope_reach: slope.slope_reach.unwrap_or(REACH) }
     }
 }

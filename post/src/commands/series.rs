@@ -13,7 +13,7 @@ use vtkio::model::PolyDataPiece;
 
 use crate::derive::Row;
 use crate::frame::Frame;
-use crate::options::{Options, VtkFormat};
+use crate::options::{SeriesOptions, VtkFormat};
 use crate::shapes::ShapeCache;
 use crate::snapshots::{is_evenly_chosen, progress_bar, select_snapshots};
 use crate::write;
@@ -24,7 +24,7 @@ use crate::write::vtkhdf::VtkhdfFile;
 /// Measures a case and writes the files selected by the options; returns messages for the user.
 ///
 /// The files that name others (`series.csv`, `*.pvd`) are written last: if a snapshot is rejected, the earlier ones remain.
-pub fn process_case(options: &Options) -> Result<Vec<String>, Faults> {
+pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
     let (rows, frames) =
         measure_series(options, |k, count, frame| is_evenly_chosen(k, count, PICTURE_COUNT).then_some(frame))?;
     let last = frames.last().expect("the last snapshot is taken");
@@ -77,7 +77,7 @@ pub fn outside_of_layers(rows: &[Row]) -> Option<String> {
 ///
 /// Snapshots are processed in batches of one for each thread, so that memory contains only these and the kept results.
 pub fn measure_series<T: Send>(
-    options: &Options,
+    options: &SeriesOptions,
     keep: impl Fn(usize, usize, Frame) -> Option<T> + Sync,
 ) -> Result<(Vec<Row>, Vec<T>), Faults> {
     let outbox = options.dir.join("OUTBOX");
@@ -136,7 +136,7 @@ const PICTURE_COUNT: usize = 4;
 type NamedPiece = (&'static str, PolyDataPiece);
 
 /// Writes the ParaView files of one frame, or returns their data if files contain several frames.
-fn display_pieces(options: &Options, frame: &Frame) -> Result<Vec<NamedPiece>, Faults> {
+fn display_pieces(options: &SeriesOptions, frame: &Frame) -> Result<Vec<NamedPiece>, Faults> {
     let kinds = display::FILE_KINDS.into_iter();
     let mut pieces = kinds.filter_map(|kind| Some((kind, display::display_piece(frame, kind)?)));
     match options.vtk_format {
@@ -171,7 +171,7 @@ fn append_pieces(
 }
 
 /// Writes the collections of `.vtp` files, and removes the files of an earlier run; returns messages for the user.
-fn finish_display(options: &Options, rows: &[Row], last: &Frame) -> Result<Option<String>, Faults> {
+fn finish_display(options: &SeriesOptions, rows: &[Row], last: &Frame) -> Result<Option<String>, Faults> {
     let display = options.dir.join("DISPLAY");
     let times: Vec<(u64, f64)> = rows.iter().map(|row| (row.step, row.time)).collect();
     let mut current = HashSet::new();
@@ -203,7 +203,7 @@ fn finish_display(options: &Options, rows: &[Row], last: &Frame) -> Result<Optio
 }
 
 /// Warning if the user's region contains no part of a grain.
-fn empty_region(options: &Options, rows: &[Row], last: &Frame) -> Option<String> {
+fn empty_region(options: &SeriesOptions, rows: &[Row], last: &Frame) -> Option<String> {
     options.measures.region.as_ref()?;
     let empty = rows.iter().filter(|row| row.n_grains > 0 && row.region != 0 && row.nu == 0.0).count();
     if empty == 0 {

@@ -15,7 +15,7 @@ use crate::derive::energy::self_gravity_constant;
 use crate::derive::region_kind::RegionKind;
 use crate::derive::{Row, free_surface, plane_fit};
 use crate::frame::Frame;
-use crate::options::{Measures, Options};
+use crate::options::{MeasurementFlags, SeriesOptions};
 use crate::tables::{TIMED_STAGES, read_columns};
 use crate::write;
 use crate::write::plots::PLOTS;
@@ -85,10 +85,16 @@ const PLOT_CAPTIONS: [(&str, &str); 6] = [
 
 /// Measures the case like cd-post without ParaView files, and writes `POSTPRO/report.html`; returns its path and notes for
 /// the user.
-pub fn write(dir: &Path, every: u32, measures: &Measures) -> Result<(PathBuf, Vec<String>), Faults> {
+pub fn write(dir: &Path, every: u32, measures: &MeasurementFlags) -> Result<(PathBuf, Vec<String>), Faults> {
     let measures = measures.clone();
-    let options =
-        Options { dir: dir.to_path_buf(), every, no_plots: true, no_vtk: true, measures, ..Options::default() };
+    let options = SeriesOptions {
+        dir: dir.to_path_buf(),
+        every,
+        no_plots: true,
+        no_vtk: true,
+        measures,
+        ..SeriesOptions::default()
+    };
     let (rows, kept) = measure_series(&options, |k, count, frame| {
         grains::PageState::from_frame(k, count, &frame).map(|state| (state, (k + 1 == count).then_some(frame)))
     })?;
