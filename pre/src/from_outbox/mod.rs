@@ -19,7 +19,7 @@ pub mod source;
 pub mod tables;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use cd_formats::atomic::{self, path_exists};
 use cd_formats::bodies::Bodies;
@@ -33,7 +33,7 @@ use cd_formats::origin::SceneOrigin;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
 use cd_formats::settings::apply_settings;
-use cd_formats::snapshot::{self, Ledger, START_FILE, Snapshot};
+use cd_formats::snapshot::{self, DRIVEN_ALL, Ledger, START_FILE, Snapshot};
 use cd_formats::vloc_rloc::VlocRloc;
 
 use crate::check::check_vector;
@@ -45,7 +45,7 @@ use crate::scene::{self, Material, Scene};
 use crate::summary::{group_lines, print_warnings};
 use crate::write;
 pub use changes::{BodyFilter, Changes, MotionRemoval, Selection, WallSelector};
-use source::{SourceCase, SourcePart};
+use source::{SourceCase, SourcePart, scene_path};
 use tables::BehaviourTables;
 
 /// File in DATBOX that records the origin of each body.
@@ -59,148 +59,214 @@ type File = (String, Vec<u8>);
 ///
 /// Errors: all faults of the file and of the cases that it names; nothing is written then.
 pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], dir: &Path) -> Result<String, Faults> {
-    let changes_file = changes;
-    let (file, text) = match changes_file {
+    let (file, text) = match changes {
         Some(file) => (file, atomic::read_text(file)?),
         None => (Path::new("changes"), "()".to_string()),
     };
-    let former_names = ron_file::former_name_warnings(file, &text, settings);
-    let parsed = |text: &str, settings: &[String]| -> Result<(Changes, String), Faults> {
-        let text = apply_settings(text, settings)?;
-        Ok((parse_with_settings(file, &text, settings, "changes")?, text))
-    };
-    // `--set` of options that the file does not have changes those of the first case.
-    let (of_run, others): (Vec<String>, Vec<String>) =
-        settings.iter().cloned().partition(|setting| setting.trim_start().starts_with("compute."));
-    let (mut changes, mut text) = parsed(&text, &others)?;
-    if changes.compute.is_some() {
-        (changes, text) = parsed(&text, &of_run)?;
-    }
-    if changes.bodies.is_empty() {
-        changes.bodies.push(Selection::default());
-    }
-    let mut report = FaultReport::with_settings(file, &text, settings);
-    report.warnings = former_names;
-    check_changes(&changes, &mut report);
+    let request = ChangeRequest::read(file, &text, settings)?;
+    let mut report = FaultReport::with_settings(file, &request.text, settings);
+    report.warnings = ron_file::former_name_warnings(file, &text, settings);
+    check_changes(&request.changes, &mut report);
     let folder = file.parent().unwrap_or(Path::new(""));
-    let cases: Vec<PathBuf> =
-        changes.bodies.iter().map(|t| t.case.as_ref().map_or(case.to_path_buf(), |c| folder.join(c))).collect();
-    let mut sources = Vec::new();
-    let events_go_on = changes.keep_time && changes.compute.is_none();
-    for (taken, case) in changes.bodies.iter().zip(&cases) {
-        if let Ok(true) = fs::canonicalize(case).and_then(|from| Ok(from == fs::canonicalize(dir)?)) {
-            let expected = "expected a folder other than those of the cases that are read";
-            report.faults.push(Fault::new(dir, None, "folder", "is the case itself", expected));
-        }
-        sources.extend(report.faults.gather_result(SourceCase::read(case, taken.snapshot)));
-    }
-    if !events_go_on {
-        sources.iter_mut().for_each(SourceCase::end_events);
-    }
-    sources.iter_mut().for_each(|source| source.set_densities(&changes.materials));
-    if !report.faults.0.is_empty() {
-        return Err(report.faults);
-    }
-    let mut parts = Vec::new();
-    for (k, (source, taken)) in sources.iter().zip(&changes.bodies).enumerate() {
-        match source.select_bodies(taken) {
-            Ok(part) => parts.push(part),
-            Err(fault) => report.fault_as(&format!("bodies.{k}"), fault.found, fault.expected),
-        }
-    }
-    if !report.faults.0.is_empty() {
-        return Err(report.faults);
-    }
-    let mut options = changes.compute.clone().unwrap_or_else(|| {
-        let known = &sources[0].options;
-        Compute { steps: None, end_time: known.end_time.filter(|_| events_go_on), ..known.clone() }
-    });
-    if let (None, false) = (&changes.compute, of_run.is_empty()) {
-        let (set, _) = parsed(&format!("(compute: {})", options.to_text()), &of_run)?;
-        options = set.compute.unwrap_or(options);
-        options.check_in(&mut report, "compute.");
-        if !report.faults.0.is_empty() {
-            return Err(report.faults);
-        }
-    }
-    for (k, taken) in changes.bodies.iter().enumerate() {
-        let turns = taken.remove_motion != MotionRemoval::RigidMotion || options.allows_rotation_about(&[1.0; 3]);
-        report.require(turns, &format!("bodies.{k}.remove_motion"), "RigidMotion", ROTATION_ABOUT_PERIOD);
-        report.require(
-            options.allows_rotation_about(&taken.spin),
-            &format!("bodies.{k}.spin"),
-            format!("{:?}", taken.spin),
-            ROTATION_ABOUT_PERIOD,
-        );
-    }
-    let new = NewBodies::from_changes(&changes, &parts, &options, folder, &mut report);
+    let sources = read_sources(&request, case, folder, dir, &mut report);
+    reject_faults(&mut report)?;
+    let parts = select_parts(&request.changes, &sources, &mut report);
+    reject_faults(&mut report)?;
+    let options = request.run_options(file, &sources[0].options, &mut report)?;
+    reject_faults(&mut report)?;
+    check_rotations(&request.changes, &options, &mut report);
+    let new = NewBodies::from_changes(&request.changes, &parts, &options, folder, &mut report);
     let records = body_records(&parts, &new);
-    overlaps::check_overlaps(&changes, &parts, &new.population, &records, &options, &mut report);
-    if changes.compute.is_some() || !of_run.is_empty() {
-        cd_formats::doubts::events(&options.events, "compute.", &mut report);
-    }
-    crate::doubts::report_doubts(&changes.materials, &changes.laws, &changes.grains, &changes.walls, &mut report);
-    let tables = BehaviourTables::from_parts(&changes, &parts, &new.population.grains, &records, &mut report);
-    let is_used = |name: &str| tables.tact.visibility.iter().any(|row| row.law == name);
-    crate::doubts::report_unused_laws(&changes.laws, is_used, &mut report);
-    if changes.compute.is_some() || !of_run.is_empty() {
-        tables.check_events(&options.events, &mut report);
-    }
-    tables.check_solver(options.solver, &mut report);
-    // Bits of the imposed components; 63 is all.
-    let in_part = |part: &SourcePart| part.state.bodies.body_driven.iter().any(|imposed| (1..63).contains(imposed));
-    let of_parts = (0..).zip(&parts).filter(|(_, part)| in_part(part)).map(|(k, _)| format!("bodies.{k}"));
-    let of_new = crate::check::driven_in_part(&changes.grains, &changes.walls);
-    crate::check::check_turning(&mut report, &options, of_parts.chain(of_new));
-    if !report.faults.0.is_empty() {
-        return Err(report.faults);
-    }
+    overlaps::check_overlaps(&request.changes, &parts, &new.population, &records, &options, &mut report);
+    let tables = behaviour_tables(&request, &parts, &new, &records, &options, &mut report);
+    reject_faults(&mut report)?;
 
     let datbox = dir.join("DATBOX");
     let driven = driven_components(&parts, &new);
     overlaps::check_drums(&parts, &new.population, &records, &tables.tact, &driven, &mut report);
-    let mut files = datbox_files(&changes, &parts, &new, &records, &tables, &driven, &options);
-    let mut owner: Vec<usize> = Vec::new();
-    parts.iter().enumerate().for_each(|(k, part)| owner.extend(std::iter::repeat_n(k, part.source_bodies.len())));
-    let name = |body: usize| match owner.get(body) {
-        Some(part) => format!("bodies.{part}"),
-        None => new.population.scene_path(body - owner.len()),
-    };
+    let mut files = datbox_files(&request.changes, &parts, &new, &records, &tables, &driven, &options);
+    let path_of = |body: usize| scene_path(&parts, &new.population, body);
     let bytes = files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice()));
-    reread::check_files(&datbox, bytes, &driven, &options, name, &mut report);
-    if !report.faults.0.is_empty() {
-        return Err(report.faults);
-    }
+    reread::check_files(&datbox, bytes, &driven, &options, path_of, &mut report);
+    reject_faults(&mut report)?;
     fs::create_dir_all(&datbox).map_err(|error| Fault::from_io(&datbox, "written", &error))?;
-    let mut origin = SceneOrigin::from_outbox(case, changes_file, settings, dir);
-    changes_file.into_iter().for_each(|file| origin.add(file, dir));
-    scene::models(&changes.grains).for_each(|model| origin.add(&folder.join(model), dir));
-    for part in &parts {
-        origin.add(&snapshot::snapshot_path(&part.source.case.join("OUTBOX"), part.source.snapshot.meta.step), dir);
+    let mut origin = SceneOrigin::from_outbox(case, changes, settings, dir);
+    changes.into_iter().for_each(|file| origin.add(file, dir));
+    scene::models(&request.changes.grains).for_each(|model| origin.add(&folder.join(model), dir));
+    for SourcePart { source: SourceCase { case, snapshot, .. }, .. } in &parts {
+        origin.add(&snapshot::snapshot_path(&case.join("OUTBOX"), snapshot.meta.step), dir);
     }
     for (_, bytes) in files.iter_mut().filter(|(name, _)| name == write::COMPUTE_FILE) {
         bytes.splice(..0, origin.lines().into_bytes());
     }
     atomic::write_all(files.iter().map(|(name, bytes)| (datbox.join(name), bytes.as_slice())))?;
     print_warnings(&report.warnings);
-    let mut summary = String::new();
-    for part in &parts {
-        let (step, time) = (part.source.snapshot.meta.step, part.source.snapshot.meta.time);
-        summary += &format!(
-            "{}: step {step}, t = {time} s, {} of {} bodies, {} contacts\n",
-            part.source.case.display(),
-            part.source_bodies.len(),
-            part.source.bodies.0.len(),
-            part.state.contacts.contact_body.len()
-        );
-    }
-    summary += &sources[0].run_notes(Some(&options).filter(|_| changes.compute.is_none()));
-    let taken: usize = parts.iter().map(|part| part.source_bodies.len()).sum();
-    summary += &digits::lost_digits(&records.0[..taken], &tables, &driven);
+    let mut summary: String = parts.iter().map(part_summary).collect();
+    summary += &sources[0].run_notes(Some(&options).filter(|_| request.changes.compute.is_none()));
+    let selected: usize = parts.iter().map(|part| part.source_bodies.len()).sum();
+    summary += &digits::lost_digits(&records.0[..selected], &tables, &driven);
     summary += &group_lines(&new.scene, &new.population);
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     summary += &format!("{}; wrote {}: {}\n", count_text(records.0.len(), "body"), datbox.display(), names.join(" "));
     Ok(summary)
+}
+
+/// Errors with the faults found so far, if there are any.
+fn reject_faults(report: &mut FaultReport) -> Result<(), Faults> {
+    std::mem::take(&mut report.faults).into_result(())
+}
+
+/// Changes and the settings of the command line.
+struct ChangeRequest {
+    changes: Changes,
+    /// Text of the file with the settings applied.
+    text: String,
+    /// Settings of options, which apply to those of the first case if the changes have no options.
+    option_settings: Vec<String>,
+}
+
+impl ChangeRequest {
+    /// Reads the text of `file`. Without `bodies` all bodies of the case are selected.
+    fn read(file: &Path, text: &str, settings: &[String]) -> Result<ChangeRequest, Faults> {
+        let (option_settings, others): (Vec<String>, Vec<String>) =
+            settings.iter().cloned().partition(|setting| setting.trim_start().starts_with("compute."));
+        let (mut changes, mut text) = parse_changes(file, text, &others)?;
+        if changes.compute.is_some() {
+            (changes, text) = parse_changes(file, &text, &option_settings)?;
+        }
+        if changes.bodies.is_empty() {
+            changes.bodies.push(Selection::default());
+        }
+        Ok(ChangeRequest { changes, text, option_settings })
+    }
+
+    /// Whether options differ from those of the first case.
+    fn sets_options(&self) -> bool {
+        self.changes.compute.is_some() || !self.option_settings.is_empty()
+    }
+
+    /// Whether the events of the first case that are still to come stay in the next run.
+    fn keeps_events(&self) -> bool {
+        self.changes.keep_time && self.changes.compute.is_none()
+    }
+
+    /// Options of the next run: those of the changes, or those of the first case with the settings.
+    fn run_options(&self, file: &Path, of_case: &Compute, report: &mut FaultReport) -> Result<Compute, Faults> {
+        if let Some(options) = &self.changes.compute {
+            return Ok(options.clone());
+        }
+        let end_time = of_case.end_time.filter(|_| self.keeps_events());
+        let options = Compute { steps: None, end_time, ..of_case.clone() };
+        if self.option_settings.is_empty() {
+            return Ok(options);
+        }
+        let (set, _) = parse_changes(file, &format!("(compute: {})", options.to_text()), &self.option_settings)?;
+        let options = set.compute.unwrap_or(options);
+        options.check_in(report, "compute.");
+        Ok(options)
+    }
+}
+
+/// Parses changes with settings applied; returns them with their text.
+fn parse_changes(file: &Path, text: &str, settings: &[String]) -> Result<(Changes, String), Faults> {
+    let text = apply_settings(text, settings)?;
+    Ok((parse_with_settings(file, &text, settings, "changes")?, text))
+}
+
+/// Reads the cases from which bodies are selected, with the densities of the changes. `folder`: that of the changes;
+/// `dir`: that of the next run.
+fn read_sources(
+    request: &ChangeRequest,
+    case: &Path,
+    folder: &Path,
+    dir: &Path,
+    report: &mut FaultReport,
+) -> Vec<SourceCase> {
+    let mut sources = Vec::new();
+    for selection in &request.changes.bodies {
+        let case = selection.case.as_ref().map_or(case.to_path_buf(), |case| folder.join(case));
+        if let Ok(true) = fs::canonicalize(&case).and_then(|from| Ok(from == fs::canonicalize(dir)?)) {
+            let expected = "expected a folder other than those of the cases that are read";
+            report.faults.push(Fault::new(dir, None, "folder", "is the case itself", expected));
+        }
+        sources.extend(report.faults.gather_result(SourceCase::read(&case, selection.snapshot)));
+    }
+    if !request.keeps_events() {
+        sources.iter_mut().for_each(SourceCase::end_events);
+    }
+    sources.iter_mut().for_each(|source| source.set_densities(&request.changes.materials));
+    sources
+}
+
+/// Selects and moves the bodies of each case.
+fn select_parts<'a>(changes: &Changes, sources: &'a [SourceCase], report: &mut FaultReport) -> Vec<SourcePart<'a>> {
+    let mut parts = Vec::new();
+    for (k, (source, selection)) in sources.iter().zip(&changes.bodies).enumerate() {
+        match source.select_bodies(selection) {
+            Ok(part) => parts.push(part),
+            Err(fault) => report.fault_as(&format!("bodies.{k}"), fault.found, fault.expected),
+        }
+    }
+    parts
+}
+
+/// Rejects rotations of whole parts that periods do not allow.
+fn check_rotations(changes: &Changes, options: &Compute, report: &mut FaultReport) {
+    for (k, selection) in changes.bodies.iter().enumerate() {
+        let turns = selection.remove_motion != MotionRemoval::RigidMotion || options.allows_rotation_about(&[1.0; 3]);
+        report.require(turns, &format!("bodies.{k}.remove_motion"), "RigidMotion", ROTATION_ABOUT_PERIOD);
+        report.require(
+            options.allows_rotation_about(&selection.spin),
+            &format!("bodies.{k}.spin"),
+            format!("{:?}", selection.spin),
+            ROTATION_ABOUT_PERIOD,
+        );
+    }
+}
+
+/// Merges the materials, laws and visibility of the cases and the changes; reports faults and doubts about them, and options
+/// that do not suit them.
+fn behaviour_tables(
+    request: &ChangeRequest,
+    parts: &[SourcePart],
+    new: &NewBodies,
+    records: &Bodies,
+    options: &Compute,
+    report: &mut FaultReport,
+) -> BehaviourTables {
+    let changes = &request.changes;
+    if request.sets_options() {
+        cd_formats::doubts::events(&options.events, "compute.", report);
+    }
+    crate::doubts::report_doubts(&changes.materials, &changes.laws, &changes.grains, &changes.walls, report);
+    let tables = BehaviourTables::from_parts(changes, parts, &new.population.grains, records, report);
+    let is_used = |name: &str| tables.tact.visibility.iter().any(|row| row.law == name);
+    crate::doubts::report_unused_laws(&changes.laws, is_used, report);
+    if request.sets_options() {
+        tables.check_events(&options.events, report);
+    }
+    tables.check_solver(options.solver, report);
+    let driven_in_part = |(_, part): &(usize, &SourcePart)| {
+        part.state.bodies.body_driven.iter().any(|imposed| (1..DRIVEN_ALL).contains(imposed))
+    };
+    let of_parts = (0..).zip(parts).filter(driven_in_part).map(|(k, _)| format!("bodies.{k}"));
+    let of_new = crate::check::driven_in_part(&changes.grains, &changes.walls);
+    crate::check::check_turning(report, options, of_parts.chain(of_new));
+    tables
+}
+
+/// Line of the summary about the bodies of a case.
+fn part_summary(part: &SourcePart) -> String {
+    let SourceCase { case, snapshot, bodies, .. } = part.source;
+    format!(
+        "{}: step {}, t = {} s, {} of {} bodies, {} contacts\n",
+        case.display(),
+        snapshot.meta.step,
+        snapshot.meta.time,
+        part.source_bodies.len(),
+        bodies.0.len(),
+        part.state.contacts.contact_body.len()
+    )
 }
 
 /// Reads the changes in `text` and checks all that needs no run. Faults name the file `source`, or the setting for values

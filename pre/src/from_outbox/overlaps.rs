@@ -12,7 +12,7 @@ use cd_formats::tact_behav::{TactBehav, VisibilitySide};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::changes::Changes;
-use super::source::{SourceCase, SourcePart, unit_quaternion};
+use super::source::{SourceCase, SourcePart, scene_path, unit_quaternion};
 use crate::grain::Population;
 use crate::placement::cells::SphereGrid;
 use crate::population::{check_extent, nearest_images};
@@ -158,141 +158,180 @@ pub fn check_overlaps(
     options: &Compute,
     report: &mut FaultReport,
 ) {
-    let mut owner = Vec::new();
-    let mut solids: Vec<Box<dyn Fn() -> PosedBody + '_>> = Vec::new();
-    let mut centres = Vec::new();
-    for (k, part) in parts.iter().enumerate() {
-        owner.extend(std::iter::repeat_n(k, part.source_bodies.len()));
-        for (row, body) in part.records.iter().enumerate() {
-            let bodies = &part.state.bodies;
-            let (x, q) = (Vec3::from(bodies.body_x[row]), unit_quaternion(bodies.body_q[row]));
-            let shift = part.source.shifts[part.source_bodies[row].index()];
-            centres.push(x);
-            solids.push(Box::new(move || PosedBody::from_body(body, &shift, &x, &q)));
-        }
-    }
-    let old = owner.len();
-    owner.resize(records.0.len(), parts.len());
-    for grain in &new.grains {
-        centres.push(grain.position);
-        solids.push(Box::new(|| match grain.polyhedron {
-            Some(_) => PosedBody { pieces: grain.convex_pieces(), ..PosedBody::default() },
-            None => PosedBody { balls: vec![(grain.position, grain.radius)], ..PosedBody::default() },
-        }));
-    }
-    for wall in &new.walls {
-        centres.push(wall.centre);
-        solids.push(Box::new(|| PosedBody::from_wall(wall)));
-    }
-    let made: Vec<OnceCell<PosedBody>> = (0..records.0.len()).map(|_| OnceCell::new()).collect();
-    let solid = |k: usize| made[k].get_or_init(|| solids[k]());
-
-    let reach = |(body, centre): (&Body, &Vec3)| {
-        let shift = centre - Vec3::from(body.position);
-        let from_centre = |point: &[f64; 3]| (Vec3::from(*point) - shift).norm();
-        let reach = |contactor: &Contactor| match &contactor.shape {
-            ShapeRecord::Sphere { radius } => *radius,
-            ShapeRecord::OffsetSphere { radius, offset } => from_centre(offset) + radius,
-            ShapeRecord::Polyhedron { vertices, .. } => vertices.iter().map(from_centre).fold(0.0, f64::max),
-            _ => body.equivalent_radius,
-        };
-        let is_wall = |shape: &ShapeRecord| matches!(shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. });
-        body.contactors.iter().filter(|contactor| !is_wall(&contactor.shape)).map(reach).reduce(f64::max)
-    };
-    let of_each = records.0.iter().zip(&centres).map(reach).enumerate();
-    let mut balls: Vec<(usize, f64)> = of_each.filter_map(|(k, radius)| Some((k, radius?))).collect();
+    let bodies = PlacedBodies::new(parts, new, records);
+    let mut balls: Vec<(usize, f64)> = (0..records.0.len()).filter_map(|k| Some((k, bodies.reach(k)?))).collect();
     balls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     for (k, (part, taken)) in parts.iter().zip(&changes.bodies).enumerate() {
         let known = &part.source.options;
         if taken.rotate.angle != 0.0 || (known.xperiode, known.yperiode) != (options.xperiode, options.yperiode) {
-            let own = balls.iter().filter(|(body, _)| owner[*body] == k).map(|&(body, radius)| (centres[body], radius));
-            check_extent(options, own, report);
+            let own = balls.iter().filter(|(body, _)| bodies.owner[*body] == k);
+            check_extent(options, own.map(|&(body, radius)| (bodies.centres[body], radius)), report);
         }
     }
-
-    // Overlap, m, and the two bodies.
-    let mut found: Vec<(f64, usize, usize)> = Vec::new();
-    let mut meet = |a: usize, b: usize, shift: &Vec3, radius: f64| {
-        if owner[a] != owner[b] {
-            let overlap = solid(a).overlap_with(solid(b), shift, TOUCHING_TOLERANCE * radius);
-            if overlap > TOUCHING_TOLERANCE * radius {
-                found.push((overlap, a.min(b), a.max(b)));
-            }
-        }
-    };
-    let with_walls = (0..records.0.len()).filter(|&k| {
-        records.0[k]
-            .contactors
-            .iter()
-            .any(|c| matches!(c.shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. }))
-    });
-    for wall in with_walls {
-        for &(k, radius) in balls.iter().filter(|(k, _)| owner[*k] != owner[wall]) {
-            for shift in nearest_images(options, &(centres[k] - centres[wall])) {
-                let centre = centres[k] - shift;
-                let near = |wall: &PosedWall| {
-                    walls::ball_overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), radius) > 0.0
-                };
-                if solid(wall).walls.iter().any(near) {
-                    meet(wall, k, &shift, radius);
-                }
-            }
-        }
-    }
-    let mut cells = SphereGrid::new(balls.first().map_or(1.0, |ball| ball.1));
-    for &(k, radius) in &balls {
-        // Position in the cell about the origin: neighbours lie in that cell or in an adjacent one.
-        let own = nearest_images(options, &centres[k])[0];
-        let here = centres[k] - own;
-        for shift in nearest_images(options, &Vec3::zeros()) {
-            cells.for_each_overlap(&(here + shift), radius, |number, _| {
-                let other = balls[number].0;
-                let between = nearest_images(options, &centres[other])[0] - own + shift;
-                meet(k, other, &between, radius);
-            });
-        }
-        cells.add(here, radius);
-    }
+    let mut found = bodies.overlaps(&balls, options);
     if found.is_empty() {
         return;
     }
     // Within one part the deepest overlap of its run counts; between two parts, the deeper one.
     let left: Vec<f64> =
         parts.iter().map(|part| remaining_overlap(part.source, &part.source.options)).chain([0.0]).collect();
-    let of_pair = |a: usize, b: usize| left[owner[a]].max(left[owner[b]]);
-    found.retain(|&(overlap, a, b)| overlap > (1.0 + ALLOWED_EXCESS) * of_pair(a, b));
-    found.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
-    found.dedup_by_key(|(_, a, b)| (*a, *b));
-    if let Some(&(overlap, a, b)) = found.first() {
-        let name = match b.checked_sub(old) {
-            None => format!("bodies.{}", owner[b]),
-            Some(body) => new.scene_path(body),
-        };
-        let origin = |k: usize| match k.checked_sub(old) {
-            None => {
-                let first = owner.partition_point(|&part| part < owner[k]);
-                format!(
-                    "{} of {}",
-                    parts[owner[k]].source_bodies[k - first].index() + 1,
-                    parts[owner[k]].source.case.display()
-                )
-            }
-            Some(body) => match body.checked_sub(new.grains.len()) {
-                None => format!("grain {} of the changes", body + 1),
-                Some(wall) => format!("wall {} of the changes", new.walls[wall].wall + 1),
-            },
-        };
+    let of_pair = |pair: [usize; 2]| pair.map(|body| left[bodies.owner[body]]).into_iter().fold(0.0, f64::max);
+    found.retain(|overlap| overlap.depth > (1.0 + ALLOWED_EXCESS) * of_pair(overlap.bodies));
+    found.sort_by(|a, b| b.depth.total_cmp(&a.depth).then(a.bodies.cmp(&b.bodies)));
+    found.dedup_by_key(|overlap| overlap.bodies);
+    if let Some(&BodyOverlap { bodies: [a, b], depth }) = found.first() {
         let count = if found.len() == 1 { String::new() } else { format!(", the deepest of {}", found.len()) };
-        let found =
-            format!("bodies {} ({}) and {} ({}) overlap by {overlap:.3e} m{count}", a + 1, origin(a), b + 1, origin(b));
-        let expected = match of_pair(a, b) {
+        let [of_a, of_b] = [a, b].map(|body| bodies.origin_text(body));
+        let found = format!("bodies {} ({of_a}) and {} ({of_b}) overlap by {depth:.3e} m{count}", a + 1, b + 1);
+        let expected = match of_pair([a, b]) {
             0.0 => "bodies of different origin that touch at most".into(),
             left => format!(
                 "bodies of different origin that touch, or overlap by at most the {left:.3e} m that the run had left"
             ),
         };
-        report.add_fault(&name, found, expected);
+        report.add_fault(&scene_path(parts, new, b), found, expected);
     }
+}
+
+/// Overlap of two bodies of the new DATBOX.
+struct BodyOverlap {
+    /// Numbers from 0, ascending.
+    bodies: [usize; 2],
+    /// m
+    depth: f64,
+}
+
+/// Bodies of the new DATBOX at their positions: those of the parts, then the new grains and walls.
+struct PlacedBodies<'a> {
+    parts: &'a [SourcePart<'a>],
+    new: &'a Population,
+    records: &'a Bodies,
+    /// Number of the part of each body; the number of parts for new bodies.
+    owner: Vec<usize>,
+    /// Centres of mass, m.
+    centres: Vec<Vec3>,
+    /// Shapes of the bodies that have been compared.
+    shapes: Vec<OnceCell<PosedBody>>,
+}
+
+impl<'a> PlacedBodies<'a> {
+    fn new(parts: &'a [SourcePart<'a>], new: &'a Population, records: &'a Bodies) -> Self {
+        let (mut owner, mut centres) = (Vec::new(), Vec::new());
+        for (k, part) in parts.iter().enumerate() {
+            owner.extend(std::iter::repeat_n(k, part.source_bodies.len()));
+            centres.extend(part.state.bodies.body_x.iter().map(|x| Vec3::from(*x)));
+        }
+        owner.resize(records.0.len(), parts.len());
+        centres.extend(new.grains.iter().map(|grain| grain.position));
+        centres.extend(new.walls.iter().map(|wall| wall.centre));
+        let shapes = (0..records.0.len()).map(|_| OnceCell::new()).collect();
+        PlacedBodies { parts, new, records, owner, centres, shapes }
+    }
+
+    /// Number of bodies that are from runs.
+    fn source_count(&self) -> usize {
+        self.owner.partition_point(|&part| part < self.parts.len())
+    }
+
+    /// Part of a body that is from a run, and its row there.
+    fn row_in_part(&self, body: usize) -> (&SourcePart<'a>, usize) {
+        let first = self.owner.partition_point(|&part| part < self.owner[body]);
+        (&self.parts[self.owner[body]], body - first)
+    }
+
+    /// Shape of a body at its position.
+    fn shape(&self, body: usize) -> &PosedBody {
+        self.shapes[body].get_or_init(|| match body.checked_sub(self.source_count()) {
+            None => {
+                let (part, row) = self.row_in_part(body);
+                let shift = part.source.shifts[part.source_bodies[row].index()];
+                let q = unit_quaternion(part.state.bodies.body_q[row]);
+                PosedBody::from_body(&part.records[row], &shift, &self.centres[body], &q)
+            }
+            Some(number) => match self.new.grains.get(number) {
+                Some(grain) if grain.polyhedron.is_some() => {
+                    PosedBody { pieces: grain.convex_pieces(), ..PosedBody::default() }
+                }
+                Some(grain) => PosedBody { balls: vec![(grain.position, grain.radius)], ..PosedBody::default() },
+                None => PosedBody::from_wall(&self.new.walls[number - self.new.grains.len()]),
+            },
+        })
+    }
+
+    /// Radius about its centre that contains the contactors of a body other than plates and cylinders, m; `None` if there is
+    /// no other.
+    fn reach(&self, body: usize) -> Option<f64> {
+        let record = &self.records.0[body];
+        let shift = self.centres[body] - Vec3::from(record.position);
+        let from_centre = |point: &[f64; 3]| (Vec3::from(*point) - shift).norm();
+        let reach = |contactor: &Contactor| match &contactor.shape {
+            ShapeRecord::Sphere { radius } => *radius,
+            ShapeRecord::OffsetSphere { radius, offset } => from_centre(offset) + radius,
+            ShapeRecord::Polyhedron { vertices, .. } => vertices.iter().map(from_centre).fold(0.0, f64::max),
+            _ => record.equivalent_radius,
+        };
+        record.contactors.iter().filter(|contactor| !is_plate_or_cylinder(contactor)).map(reach).reduce(f64::max)
+    }
+
+    /// Overlaps of bodies of different parts beyond rounding, those of periodic images included. `balls`: bodies with their
+    /// [`Self::reach`], the largest first.
+    fn overlaps(&self, balls: &[(usize, f64)], options: &Compute) -> Vec<BodyOverlap> {
+        let mut found = Vec::new();
+        let mut compare = |a: usize, b: usize, shift: &Vec3, radius: f64| {
+            if self.owner[a] != self.owner[b] {
+                let depth = self.shape(a).overlap_with(self.shape(b), shift, TOUCHING_TOLERANCE * radius);
+                if depth > TOUCHING_TOLERANCE * radius {
+                    found.push(BodyOverlap { bodies: [a.min(b), a.max(b)], depth });
+                }
+            }
+        };
+        let has_walls = |body: &usize| self.records.0[*body].contactors.iter().any(is_plate_or_cylinder);
+        for wall in (0..self.records.0.len()).filter(has_walls) {
+            for &(k, radius) in balls.iter().filter(|(k, _)| self.owner[*k] != self.owner[wall]) {
+                for shift in nearest_images(options, &(self.centres[k] - self.centres[wall])) {
+                    let centre = self.centres[k] - shift;
+                    let near = |wall: &PosedWall| {
+                        walls::ball_overlap(&wall.shape, &(wall.axes * (centre - wall.centre)), radius) > 0.0
+                    };
+                    if self.shape(wall).walls.iter().any(near) {
+                        compare(wall, k, &shift, radius);
+                    }
+                }
+            }
+        }
+        let mut cells = SphereGrid::new(balls.first().map_or(1.0, |ball| ball.1));
+        for &(k, radius) in balls {
+            // Position in the cell about the origin: neighbours lie in that cell or in an adjacent one.
+            let own = nearest_images(options, &self.centres[k])[0];
+            let here = self.centres[k] - own;
+            for shift in nearest_images(options, &Vec3::zeros()) {
+                cells.for_each_overlap(&(here + shift), radius, |number, _| {
+                    let other = balls[number].0;
+                    let between = nearest_images(options, &self.centres[other])[0] - own + shift;
+                    compare(k, other, &between, radius);
+                });
+            }
+            cells.add(here, radius);
+        }
+        found
+    }
+
+    /// Origin of a body in words.
+    fn origin_text(&self, body: usize) -> String {
+        let Some(number) = body.checked_sub(self.source_count()) else {
+            let (part, row) = self.row_in_part(body);
+            return format!("{} of {}", part.source_bodies[row].index() + 1, part.source.case.display());
+        };
+        match number.checked_sub(self.new.grains.len()) {
+            None => format!("grain {} of the changes", number + 1),
+            Some(wall) => format!("wall {} of the changes", self.new.walls[wall].wall + 1),
+        }
+    }
+}
+
+/// Whether a contactor is a plate or a cylinder, whose extent is not that of a ball about its body's centre.
+fn is_plate_or_cylinder(contactor: &Contactor) -> bool {
+    matches!(contactor.shape, ShapeRecord::Plane { .. } | ShapeRecord::Cylinder { .. })
 }
 
 /// Checks hollow cylinders, which push inwards only: reports the first body that touches each and is outside of it.

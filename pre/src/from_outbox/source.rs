@@ -23,6 +23,7 @@ use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
 use super::changes::{BodyFilter, MotionRemoval, Selection, WallSelector};
 use super::options::{past_events, run_options};
+use crate::grain::Population;
 use crate::rotation::rotation_matrix;
 use crate::scene::Material;
 
@@ -31,6 +32,7 @@ type Vec3 = Vector3<f64>;
 /// Largest gap of touching bodies without contact force, over the smaller radius.
 const TOUCHING_GAP: f64 = 1e-3;
 
+/// DATBOX of a case and one of its snapshots.
 #[derive(Debug, Clone)]
 pub struct SourceCase {
     pub case: PathBuf,
@@ -54,6 +56,18 @@ pub struct SourcePart<'a> {
     pub records: Vec<Body>,
     /// State of these bodies; contacts hold rows of this part.
     pub state: Snapshot,
+}
+
+/// Path of the value of the changes that a body of the new DATBOX comes from.
+pub fn scene_path(parts: &[SourcePart], new: &Population, body: usize) -> String {
+    let mut first = 0;
+    for (k, part) in parts.iter().enumerate() {
+        first += part.source_bodies.len();
+        if body < first {
+            return format!("bodies.{k}");
+        }
+    }
+    new.scene_path(body - first)
 }
 
 /// Orientation of a snapshot's row.
