@@ -22,7 +22,7 @@ const MAX_SPLIT_COMPARISONS: u64 = 40_000_000;
 const MAX_TRIED_PLANES: usize = 24;
 /// Number of comparisons beyond which fewer planes are tried for a cut: those of 500 faces in as many planes.
 const MAX_CUT_COMPARISONS: usize = MAX_TRIED_PLANES * 500 * 500;
-/// Depth of dents over the size of a surface up to which they are attributed to the digits of its coordinates, and not split.
+/// Depth of dents over the size of a surface up to which they are attributed to the rounding of its coordinates, and not split.
 const MIN_REFLEX_DEPTH: f64 = 1e-4;
 /// Largest difference of the volume of all pieces from that of the whole, over the latter: flatness of files, per face.
 const VOLUME_TOLERANCE: f64 = 1e-5;
@@ -56,24 +56,24 @@ pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, String> 
         tolerance: FLATNESS_OF_FILES * size,
         comparisons: std::cell::Cell::new(0),
     };
-    let mut faces: Vec<Polygon> =
-        surface.triangles().iter().map(|t| Polygon::new(t.map(|v| vertices[v as usize]).into())).collect();
+    let mut faces: Vec<FacePolygon> =
+        surface.triangles().iter().map(|t| FacePolygon::new(t.map(|v| vertices[v as usize]).into())).collect();
     let firsts = splitter.join_planes(&mut faces)?;
     splitter.count_comparisons(firsts.len() * faces.len())?;
-    let depth = |face: &Polygon| faces.iter().map(|other| other.height_over(face)).fold(0.0, f64::max);
+    let depth = |face: &FacePolygon| faces.iter().map(|other| other.height_over(face)).fold(0.0, f64::max);
     let deepest = firsts.iter().map(|&first| depth(&faces[first])).fold(0.0, f64::max);
     if deepest <= MIN_REFLEX_DEPTH * size {
-        return Err("its dents are no deeper than its digits".into());
+        return Err("its dents are no deeper than the rounding of its coordinates".into());
     }
     let mut cells = UncutCells::default();
-    splitter.split_cell(Cell::cube(2.0 * size), faces, &mut cells)?;
+    splitter.split_cell(ConvexCell::cube(2.0 * size), faces, &mut cells)?;
     let pieces: Vec<ConvexPiece> =
         cells.inside.iter().filter_map(|cell| splitter.convex_piece(cell, &centre)).collect();
     let sum: f64 =
         pieces.iter().map(|piece| Surface::new(&piece.vertices, &piece.triangles).map_or(0.0, |s| s.volume())).sum();
     let volume = surface.volume();
     if (sum - volume).abs() > VOLUME_TOLERANCE * volume {
-        return Err(format!("its faces cut each other: its pieces have {sum} m^3 of {volume} m^3"));
+        return Err(format!("its faces intersect: the volume of its pieces is {sum} m^3, not {volume} m^3"));
     }
     Ok(pieces)
 }
@@ -96,6 +96,7 @@ struct HalfSpace {
 }
 
 impl HalfSpace {
+    /// Signed distance of a point in front of the plane, m.
     fn height(&self, point: &Vec3) -> f64 {
         self.normal.dot(point) - self.offset
     }
@@ -103,7 +104,7 @@ impl HalfSpace {
 
 /// Convex part of a face, counter-clockwise seen from outside of the solid.
 #[derive(Debug, Clone)]
-struct Polygon {
+struct FacePolygon {
     corners: Vec<Vec3>,
     plane: HalfSpace,
     /// Number of the plane, which faces of the whole that are coplanar share.
@@ -112,21 +113,22 @@ struct Polygon {
     doubled_area: f64,
 }
 
-impl Polygon {
-    fn new(corners: Vec<Vec3>) -> Polygon {
+impl FacePolygon {
+    /// Face with these corners, m, which are not in a line.
+    fn new(corners: Vec<Vec3>) -> FacePolygon {
         let area = doubled_area(&corners);
         let normal = area / area.norm();
         let plane = HalfSpace { normal, offset: normal.dot(&corners[0]) };
-        Polygon { plane, plane_number: 0, doubled_area: area.norm(), corners }
+        FacePolygon { plane, plane_number: 0, doubled_area: area.norm(), corners }
     }
 
     /// Largest height of its corners over the plane of another, m.
-    fn height_over(&self, other: &Polygon) -> f64 {
+    fn height_over(&self, other: &FacePolygon) -> f64 {
         self.corners.iter().map(|corner| other.plane.height(corner)).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// Parts behind and in front of a plane, as far as they are wider than the tolerance.
-    fn split(&self, plane: &HalfSpace, tolerance: f64) -> [Option<Polygon>; 2] {
+    fn split(&self, plane: &HalfSpace, tolerance: f64) -> [Option<FacePolygon>; 2] {
         [1.0, -1.0].map(|side| {
             let heights: Vec<f64> = self.corners.iter().map(|corner| side * plane.height(corner)).collect();
             if heights.iter().all(|height| *height >= -tolerance) {
@@ -146,7 +148,7 @@ impl Polygon {
                 }
             }
             let area = doubled_area(&kept).norm();
-            (area > 0.0).then_some(Polygon { corners: kept, doubled_area: area, ..*self })
+            (area > 0.0).then_some(FacePolygon { corners: kept, doubled_area: area, ..*self })
         })
     }
 }
@@ -158,21 +160,21 @@ fn doubled_area(corners: &[Vec3]) -> Vec3 {
 
 /// Convex polyhedron; corners of its faces are counter-clockwise seen from outside.
 #[derive(Debug, Clone)]
-struct Cell {
+struct ConvexCell {
     vertices: Vec<Vec3>,
     faces: Vec<Vec<usize>>,
 }
 
-impl Cell {
+impl ConvexCell {
     /// Cube about the origin with this half side.
-    fn cube(half: f64) -> Cell {
+    fn cube(half: f64) -> ConvexCell {
         let vertices = (0..8).map(|k| Vec3::from_fn(|i, _| if k >> i & 1 == 1 { half } else { -half })).collect();
         let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        Cell { vertices, faces: faces.map(Vec::from).into() }
+        ConvexCell { vertices, faces: faces.map(Vec::from).into() }
     }
 
     /// Part behind a plane; vertices up to `tolerance` in front of it stay. `None` if nothing is behind it.
-    fn clip(mut self, plane: &HalfSpace, tolerance: f64) -> Option<Cell> {
+    fn clip(mut self, plane: &HalfSpace, tolerance: f64) -> Option<ConvexCell> {
         let mut heights: Vec<f64> = self.vertices.iter().map(|vertex| plane.height(vertex)).collect();
         let used = |heights: &[f64], chosen: fn(f64, f64) -> bool| {
             self.faces.iter().flatten().any(|&v| chosen(heights[v], tolerance))
@@ -241,8 +243,18 @@ impl Cell {
 /// Cells that need no cut: those that the solid fills in part or wholly, and the number of those outside of it.
 #[derive(Default)]
 struct UncutCells {
-    inside: Vec<Cell>,
+    inside: Vec<ConvexCell>,
     outside: usize,
+}
+
+/// Plane of some faces.
+struct PlaneCounts<'f> {
+    /// First of the faces in the plane.
+    first: &'f FacePolygon,
+    /// Number of faces in the plane.
+    inside: usize,
+    /// Number of faces in front of the plane.
+    in_front: usize,
 }
 
 /// Solid whose cells are cut.
@@ -258,7 +270,7 @@ struct SolidSplitter<'a> {
 
 impl SolidSplitter<'_> {
     /// Numbers the planes of the faces; coplanar faces get the plane of the first of them. Returns the first faces.
-    fn join_planes(&self, faces: &mut [Polygon]) -> Result<Vec<usize>, String> {
+    fn join_planes(&self, faces: &mut [FacePolygon]) -> Result<Vec<usize>, String> {
         let mut firsts: Vec<usize> = Vec::new();
         for k in 0..faces.len() {
             self.count_comparisons(firsts.len())?;
@@ -274,7 +286,7 @@ impl SolidSplitter<'_> {
     }
 
     /// Whether a face lies in the plane of another and faces the same side.
-    fn is_in_plane(&self, face: &Polygon, other: &Polygon) -> bool {
+    fn is_in_plane(&self, face: &FacePolygon, other: &FacePolygon) -> bool {
         other.plane.normal.dot(&face.plane.normal) > 0.5
             && face.corners.iter().all(|corner| other.plane.height(corner).abs() <= self.tolerance)
     }
@@ -285,16 +297,16 @@ impl SolidSplitter<'_> {
         if self.comparisons.get() <= MAX_SPLIT_COMPARISONS {
             return Ok(());
         }
-        Err(format!("its {} triangles have too many dents", self.triangles.len()))
+        Err(format!("its {} triangles have more dents than can be examined", self.triangles.len()))
     }
 
     /// Adds the convex parts of the solid in a cell. `faces`: parts of its surface inside of the cell.
-    fn split_cell(&self, cell: Cell, faces: Vec<Polygon>, cells: &mut UncutCells) -> Result<(), String> {
+    fn split_cell(&self, cell: ConvexCell, faces: Vec<FacePolygon>, cells: &mut UncutCells) -> Result<(), String> {
         let Some(cut) = self.best_cut(&faces)? else {
             if faces.is_empty() && !self.contains(&cell.middle()) {
                 cells.outside += 1;
             } else {
-                let mut planes: Vec<&Polygon> = faces.iter().collect();
+                let mut planes: Vec<&FacePolygon> = faces.iter().collect();
                 planes.sort_by(|a, b| b.doubled_area.total_cmp(&a.doubled_area));
                 cells.inside.extend(planes.iter().try_fold(cell, |cell, face| cell.clip(&face.plane, self.tolerance)));
             }
@@ -314,7 +326,7 @@ impl SolidSplitter<'_> {
     }
 
     /// Faces behind and in front of a plane. Those in the plane bound a half of the cell, as the plane does.
-    fn split_faces(&self, faces: &[Polygon], cut: &HalfSpace) -> [Vec<Polygon>; 2] {
+    fn split_faces(&self, faces: &[FacePolygon], cut: &HalfSpace) -> [Vec<FacePolygon>; 2] {
         let (mut behind, mut front) = (Vec::new(), Vec::new());
         for face in faces {
             let [back, ahead] = face.split(cut, self.tolerance);
@@ -324,38 +336,38 @@ impl SolidSplitter<'_> {
         [behind, front]
     }
 
-    /// Faces of each plane: the first of them, their number, and the number of faces in front of them.
-    fn planes_with_front<'f>(&self, faces: &'f [Polygon]) -> Result<Vec<(&'f Polygon, usize, usize)>, String> {
-        let mut planes: BTreeMap<usize, (&Polygon, usize)> = BTreeMap::new();
+    /// Planes of faces, with the number of faces in each and in front of it.
+    fn plane_counts<'f>(&self, faces: &'f [FacePolygon]) -> Result<Vec<PlaneCounts<'f>>, String> {
+        let mut planes: BTreeMap<usize, (&FacePolygon, usize)> = BTreeMap::new();
         for face in faces {
             planes.entry(face.plane_number).or_insert((face, 0)).1 += 1;
         }
-        let in_front = |(first, count): (&'f Polygon, usize)| {
+        let counts = |(first, inside): (&'f FacePolygon, usize)| {
             self.count_comparisons(faces.len())?;
-            let is_in_front = |other: &&Polygon| other.height_over(first) > self.tolerance;
-            Ok((first, count, faces.iter().filter(is_in_front).count()))
+            let is_in_front = |other: &&FacePolygon| other.height_over(first) > self.tolerance;
+            Ok(PlaneCounts { first, inside, in_front: faces.iter().filter(is_in_front).count() })
         };
-        planes.into_values().map(in_front).collect()
+        planes.into_values().map(counts).collect()
     }
 
     /// Number of pairs of a face and one in front of it.
-    fn reflex_pairs(&self, faces: &[Polygon]) -> Result<usize, String> {
-        Ok(self.planes_with_front(faces)?.into_iter().map(|(_, count, front)| count * front).sum())
+    fn reflex_pairs(&self, faces: &[FacePolygon]) -> Result<usize, String> {
+        Ok(self.plane_counts(faces)?.into_iter().map(|plane| plane.inside * plane.in_front).sum())
     }
 
     /// Plane of a face with others in front of it that leaves the fewest such pairs, then the fewest faces; `None` if
     /// there is none.
-    fn best_cut(&self, faces: &[Polygon]) -> Result<Option<HalfSpace>, String> {
-        let mut tried: Vec<(usize, &Polygon)> = Vec::new();
-        let planes = self.planes_with_front(faces)?;
+    fn best_cut(&self, faces: &[FacePolygon]) -> Result<Option<HalfSpace>, String> {
+        let mut tried: Vec<(usize, &FacePolygon)> = Vec::new();
+        let planes = self.plane_counts(faces)?;
         let most = MAX_CUT_COMPARISONS / (planes.len() * faces.len()).max(1);
-        for (face, _, front) in planes {
-            let is_known = |(_, known): &(usize, &Polygon)| {
+        for PlaneCounts { first: face, in_front, .. } in planes {
+            let is_known = |(_, known): &(usize, &FacePolygon)| {
                 known.plane.normal.dot(&face.plane.normal).abs() > 0.5
                     && face.corners.iter().all(|corner| known.plane.height(corner).abs() <= self.tolerance)
             };
-            if front > 0 && !tried.iter().any(is_known) {
-                tried.push((front, face));
+            if in_front > 0 && !tried.iter().any(is_known) {
+                tried.push((in_front, face));
             }
         }
         tried.sort_by_key(|(pairs, _)| std::cmp::Reverse(*pairs));
@@ -388,7 +400,7 @@ impl SolidSplitter<'_> {
 
     /// Surface of a cell in the frame of the file, `centre` away. Vertices closer than the tolerance become one, if
     /// possible that of the whole. `None` for a cell that is flat.
-    fn convex_piece(&self, cell: &Cell, centre: &Vec3) -> Option<ConvexPiece> {
+    fn convex_piece(&self, cell: &ConvexCell, centre: &Vec3) -> Option<ConvexPiece> {
         let is_near = |a: &Vec3, b: &Vec3| (a - b).amax() <= 4.0 * self.tolerance;
         let mut kept: Vec<Vec3> = Vec::new();
         let mut number = vec![u32::MAX; cell.vertices.len()];
@@ -495,14 +507,14 @@ mod tests {
     }
 
     #[test]
-    fn a_dent_no_deeper_than_the_digits_is_not_split() {
+    fn a_dent_no_deeper_than_rounding_is_not_split() {
         let dented = |depth: f64| {
             let third = 1.0 / 3.0 - depth;
             let vertices = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [third; 3]];
             let triangles = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 4], [2, 3, 4], [3, 1, 4]];
             split_into_convex(&Surface::new(&vertices, &triangles).unwrap())
         };
-        assert_eq!(dented(1e-5), Err("its dents are no deeper than its digits".into()));
+        assert_eq!(dented(1e-5), Err("its dents are no deeper than the rounding of its coordinates".into()));
         let pieces = dented(0.1).unwrap();
         // Three tetrahedra would do; cuts along planes of faces make at most one more each.
         assert!((3..=6).contains(&pieces.len()), "{}", pieces.len());

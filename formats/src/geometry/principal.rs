@@ -118,10 +118,13 @@ struct Reflection {
     v: f64,
 }
 
-/// Symmetric tridiagonal matrix, and the product of the rotations that were applied to it.
+/// Symmetric tridiagonal matrix, and the product of the rotations that were applied to it; letters as in LAPACK.
 struct Tridiagonal {
+    /// Diagonal.
     d: [f64; 3],
+    /// Entries next to the diagonal.
     e: [f64; 2],
+    /// Product of the rotations.
     z: Matrix3<f64>,
 }
 
@@ -132,6 +135,8 @@ const UNIT: f64 = f64::EPSILON / 2.0;
 const MAX_STEPS: usize = 90;
 
 impl Tridiagonal {
+    /// Reduces a symmetric matrix, of which the lower triangle is used; returns the reflection, unless the matrix is
+    /// tridiagonal already.
     fn reduce(a: &Matrix3<f64>) -> (Option<Reflection>, Tridiagonal) {
         let (alpha, x) = (a[(1, 0)], a[(2, 0)]);
         let (a11, a21, a22) = (a[(1, 1)], a[(2, 1)], a[(2, 2)]);
@@ -171,6 +176,7 @@ impl Tridiagonal {
         }
     }
 
+    /// Whether the entry `e` next to the diagonal is negligible between the rows `near` and `far`.
     fn splits_between(&self, near: usize, far: usize, e: f64) -> bool {
         e * e <= UNIT * UNIT * self.d[near].abs() * self.d[far].abs() + f64::MIN_POSITIVE
     }
@@ -300,6 +306,7 @@ impl Tridiagonal {
         (self.d[k], self.d[k + 1], self.e[k]) = (first, second, 0.0);
     }
 
+    /// Applies a rotation to columns j and j + 1 of the product.
     fn rotate_columns(&mut self, j: usize, c: f64, s: f64) {
         for mut row in self.z.row_iter_mut() {
             let (a, b) = (row[j], row[j + 1]);
@@ -308,6 +315,7 @@ impl Tridiagonal {
     }
 }
 
+/// √(x² + y²).
 fn length(x: f64, y: f64) -> f64 {
     Vector3::new(x, y, 0.0).norm()
 }

@@ -3,7 +3,7 @@
 /// Reasons, and the names of the laws in TACT_BEHAV.DAT to which each applies.
 const REFUSED_LAWS: &[(&str, &[&str])] = &[
     (
-        "LMGC90 has it for bodies that deform, and these programs for none",
+        "it is a law of deformable bodies, and all bodies of these programs are rigid",
         &[
             "ABP_CZM",
             "ER_MAC_CZM",

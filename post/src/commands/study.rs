@@ -257,7 +257,7 @@ pub fn write(paths: &[PathBuf], options: &StudyOptions, output: &Path) -> Result
             order.push(&run.group);
         }
     }
-    let (figures, fits) = study_figures(&runs, &order);
+    let StudyPlots { figures, fits, .. } = StudyPlots::new(&runs, &order);
     atomic::write(&output.join("runs.csv"), table_text(&runs, &study.column_names()).as_bytes())?;
     atomic::write(&output.join("fits.csv"), fits.as_bytes())?;
     for (name, figure) in &figures {
@@ -367,123 +367,138 @@ fn table_text(runs: &[StudyRun], parameters: &[String]) -> String {
     text
 }
 
-/// Figures by name, and the table of the lines in them.
-fn study_figures(runs: &[StudyRun], groups: &[&str]) -> (Vec<(String, Figure)>, String) {
-    let mut fits = String::from("figure,group,law,slope,intercept,r2\n");
-    let mut note = |figure: &str, group: &str, law: &str, line: FittedLine| {
-        let numbers = csv_text(&[], [vec![line.slope, line.intercept, line.r2]]);
-        fits += &format!("{figure},{},{law},{}", name_field(group), numbers.trim_start());
-    };
-    let mut figures = Vec::new();
-    let of = |group: &str, x: &dyn Fn(&StudyRun) -> f64, y: &dyn Fn(&StudyRun) -> f64| -> Vec<(f64, f64)> {
-        runs.iter().filter(|run| run.group == group).map(|run| (x(run), y(run))).collect()
-    };
-    let dots = |name: &str, points: Vec<(f64, f64)>| Curve { name: name.into(), points, marks: CurveMarks::Dots };
-    let fit = |name: &str, points: Vec<(f64, f64)>| Curve { name: name.into(), points, marks: CurveMarks::Fit };
-    let ends = |line: FittedLine, points: &[(f64, f64)], from: f64| -> Vec<(f64, f64)> {
-        let most = points.iter().map(|p| p.0).fold(from, f64::max);
-        [from, most].map(|x| (x, line.intercept + line.slope * x)).to_vec()
-    };
+/// Figures of a study, and the table of the lines that are fitted in them.
+struct StudyPlots<'a> {
+    runs: &'a [StudyRun],
+    groups: &'a [&'a str],
+    /// Figures by name.
+    figures: Vec<(String, Figure)>,
+    /// Text of fits.csv.
+    fits: String,
+}
 
-    // The effect of a surface on the whole scales with the number of grains to the power -1/3.
-    let surface = |run: &StudyRun| run.value_of("n_grains").powf(-1.0 / 3.0);
-    for (name, title, quantity) in [
-        ("Z", "Neighbours per grain, at the end", "Z"),
-        ("nu", "Solid fraction, at the end", "ν"),
-        ("nu_sphere", "Solid fraction of the ball around all grains, at the end", "ν"),
-    ] {
-        let mut curves = Vec::new();
-        for group in groups {
-            let points = of(group, &surface, &|run| run.value_of(name));
-            curves.push(dots(group, points.clone()));
-            if let Some(line) = FittedLine::least_squares(&points) {
-                note(name, group, &format!("{name} = intercept + slope N^(-1/3)"), line);
-                curves.push(fit(
-                    &format!(
-                        "{} {} {} N^(-1/3)",
-                        three_digits(line.intercept),
-                        if line.slope < 0.0 { "−" } else { "+" },
-                        three_digits(line.slope.abs())
-                    ),
-                    ends(line, &points, 0.0),
-                ));
+impl<'a> StudyPlots<'a> {
+    fn new(runs: &'a [StudyRun], groups: &'a [&'a str]) -> Self {
+        let fits = String::from("figure,group,law,slope,intercept,r2\n");
+        let mut plots = StudyPlots { runs, groups, figures: Vec::new(), fits };
+        plots.add_surface_effects();
+        plots.add_pressure();
+        plots.add_costs();
+        plots.add_sweeps();
+        plots
+    }
+
+    /// Neighbours and solid fractions over N^(-1/3), with which the effect of a surface on the whole scales.
+    fn add_surface_effects(&mut self) {
+        let surface = |run: &StudyRun| run.value_of("n_grains").powf(-1.0 / 3.0);
+        for (name, title, quantity) in [
+            ("Z", "Neighbours per grain, at the end", "Z"),
+            ("nu", "Solid fraction, at the end", "ν"),
+            ("nu_sphere", "Solid fraction of the ball around all grains, at the end", "ν"),
+        ] {
+            let mut curves = Vec::new();
+            for group in self.groups {
+                let points = self.points(group, surface, |run| run.value_of(name));
+                curves.push(marked_curve(group, points.clone(), CurveMarks::Dots));
+                let Some(line) = FittedLine::least_squares(&points) else { continue };
+                self.add_fit(name, group, &format!("{name} = intercept + slope N^(-1/3)"), line);
+                let sign = if line.slope < 0.0 { "−" } else { "+" };
+                let [intercept, slope] = [line.intercept, line.slope.abs()].map(three_digits);
+                let most = points.iter().map(|p| p.0).fold(0.0, f64::max);
+                let ends = [0.0, most].map(|x| (x, line.intercept + line.slope * x)).to_vec();
+                curves.push(marked_curve(&format!("{intercept} {sign} {slope} N^(-1/3)"), ends, CurveMarks::Fit));
             }
+            let axes = [FigureAxis::linear("N^(-1/3)", "1"), FigureAxis::linear(quantity, "1")];
+            self.add_figure(name.into(), title.into(), axes, curves);
         }
-        figures.push((
-            name.into(),
-            Figure {
-                title: title.into(),
-                x: FigureAxis::linear("N^(-1/3)", "1"),
-                y: FigureAxis::linear(quantity, "1"),
-                curves,
-            },
-        ));
     }
 
-    let ideal = |run: &StudyRun| run.value_of("pressure_homogeneous");
-    let mut curves: Vec<Curve> =
-        groups.iter().map(|group| dots(group, of(group, &ideal, &|run| run.value_of("pressure_sphere")))).collect();
-    let all: Vec<(f64, f64)> = runs
-        .iter()
-        .map(|run| (ideal(run), run.value_of("pressure_sphere")))
-        .filter(|p| p.0 > 0.0 && p.1 > 0.0)
-        .collect();
-    let logarithms: Vec<(f64, f64)> = all.iter().map(|p| (p.0.ln(), p.1.ln())).collect();
-    if let Some(line) = FittedLine::least_squares(&logarithms) {
-        note("pressure", "all", "ln(pressure_sphere) = intercept + slope ln(pressure_homogeneous)", line);
-    }
-    let (low, high) = all.iter().fold((f64::INFINITY, 0f64), |(low, high), p| (low.min(p.0), high.max(p.0)));
-    if low < high {
-        let points = vec![(low, low), (high, high)];
-        curves.push(Curve { name: "equal".into(), points, marks: CurveMarks::Expected });
-    }
-    figures.push((
-        "pressure".into(),
-        Figure {
-            title: "Mean pressure in the ball around all grains, at the end".into(),
-            x: FigureAxis::logarithmic("3 G M² / (20 π R⁴)", "Pa"),
-            y: FigureAxis::logarithmic("pressure", "Pa"),
+    /// Mean pressure over that of a homogeneous ball of the same mass and radius.
+    fn add_pressure(&mut self) {
+        let ideal = |run: &StudyRun| run.value_of("pressure_homogeneous");
+        let found = |run: &StudyRun| run.value_of("pressure_sphere");
+        let dots = |group: &&str| marked_curve(group, self.points(group, ideal, found), CurveMarks::Dots);
+        let mut curves: Vec<Curve> = self.groups.iter().map(dots).collect();
+        let all = positive_points(self.runs.iter().map(|run| (ideal(run), found(run))));
+        if let Some(line) = FittedLine::least_squares(&logarithms(&all)) {
+            self.add_fit("pressure", "all", "ln(pressure_sphere) = intercept + slope ln(pressure_homogeneous)", line);
+        }
+        let (low, high) = all.iter().fold((f64::INFINITY, 0f64), |(low, high), p| (low.min(p.0), high.max(p.0)));
+        if low < high {
+            curves.push(marked_curve("equal", vec![(low, low), (high, high)], CurveMarks::Expected));
+        }
+        let axes = [FigureAxis::logarithmic("3 G M² / (20 π R⁴)", "Pa"), FigureAxis::logarithmic("pressure", "Pa")];
+        self.add_figure(
+            "pressure".into(),
+            "Mean pressure in the ball around all grains, at the end".into(),
+            axes,
             curves,
-        },
-    ));
-
-    let number = |run: &StudyRun| run.value_of("n_grains");
-    for (k, group) in groups.iter().enumerate() {
-        let name = if groups.len() == 1 { "cost".to_string() } else { format!("cost-{}", k + 1) };
-        let mut curves = Vec::new();
-        for (stage, _) in STEP_STAGES {
-            let points = of(group, &number, &|run| run.value_of(&format!("seconds_{stage}")));
-            let points: Vec<(f64, f64)> = points.into_iter().filter(|p| p.0 > 0.0 && p.1 > 0.0).collect();
-            let logarithms: Vec<(f64, f64)> = points.iter().map(|p| (p.0.ln(), p.1.ln())).collect();
-            curves.push(dots(stage, points.clone()));
-            let line = FittedLine::least_squares(&logarithms);
-            let power = line.map_or(String::new(), |line| format!(", N^{}", three_digits(line.slope)));
-            if let Some(line) = line {
-                note(&name, group, &format!("ln(seconds_{stage}) = intercept + slope ln(N)"), line);
-                let ends = points.iter().map(|p| p.0).map(|n| (n, (line.intercept + line.slope * n.ln()).exp()));
-                curves.push(fit(&format!("{stage}{power}"), ends.collect()));
-            }
-        }
-        let title = format!("Seconds per step by stage: {group}");
-        figures.push((
-            name,
-            Figure {
-                title,
-                x: FigureAxis::logarithmic("N", "1"),
-                y: FigureAxis::logarithmic("time per step", "s"),
-                curves,
-            },
-        ));
+        );
     }
-    let sweeps = |group: &&str| {
-        let mut points = of(group, &number, &|run| run.value_of("sweeps"));
-        points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Curve::line(group, points)
-    };
-    let curves = groups.iter().map(sweeps).collect();
-    let (x, y) = (FigureAxis::logarithmic("N", "1"), FigureAxis::logarithmic("sweeps per step", "1"));
-    figures.push(("sweeps".into(), Figure { title: "Sweeps of the contact solver per step".into(), x, y, curves }));
-    (figures, fits)
+
+    /// Time per step of each stage over the number of grains, in a figure for each group.
+    fn add_costs(&mut self) {
+        for (k, group) in self.groups.iter().enumerate() {
+            let name = if self.groups.len() == 1 { "cost".to_string() } else { format!("cost-{}", k + 1) };
+            let mut curves = Vec::new();
+            for (stage, _) in STEP_STAGES {
+                let seconds = |run: &StudyRun| run.value_of(&format!("seconds_{stage}"));
+                let points = positive_points(self.points(group, grain_count, seconds).into_iter());
+                curves.push(marked_curve(stage, points.clone(), CurveMarks::Dots));
+                let Some(line) = FittedLine::least_squares(&logarithms(&points)) else { continue };
+                self.add_fit(&name, group, &format!("ln(seconds_{stage}) = intercept + slope ln(N)"), line);
+                let fitted = points.iter().map(|&(n, _)| (n, (line.intercept + line.slope * n.ln()).exp())).collect();
+                let text = format!("{stage}, N^{}", three_digits(line.slope));
+                curves.push(marked_curve(&text, fitted, CurveMarks::Fit));
+            }
+            let axes = [FigureAxis::logarithmic("N", "1"), FigureAxis::logarithmic("time per step", "s")];
+            self.add_figure(name, format!("Seconds per step by stage: {group}"), axes, curves);
+        }
+    }
+
+    /// Sweeps of the contact solver over the number of grains.
+    fn add_sweeps(&mut self) {
+        let sweeps = |group: &&str| {
+            let mut points = self.points(group, grain_count, |run| run.value_of("sweeps"));
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            Curve::line(group, points)
+        };
+        let curves = self.groups.iter().map(sweeps).collect();
+        let axes = [FigureAxis::logarithmic("N", "1"), FigureAxis::logarithmic("sweeps per step", "1")];
+        self.add_figure("sweeps".into(), "Sweeps of the contact solver per step".into(), axes, curves);
+    }
+
+    /// Two values of each run of a group.
+    fn points(&self, group: &str, x: impl Fn(&StudyRun) -> f64, y: impl Fn(&StudyRun) -> f64) -> Vec<(f64, f64)> {
+        self.runs.iter().filter(|run| run.group == group).map(|run| (x(run), y(run))).collect()
+    }
+
+    /// Adds a row to the table of fitted lines; `law`: equation of the line.
+    fn add_fit(&mut self, figure: &str, group: &str, law: &str, line: FittedLine) {
+        let numbers = csv_text(&[], [vec![line.slope, line.intercept, line.r2]]);
+        self.fits += &format!("{figure},{},{law},{}", name_field(group), numbers.trim_start());
+    }
+
+    fn add_figure(&mut self, name: String, title: String, [x, y]: [FigureAxis; 2], curves: Vec<Curve>) {
+        self.figures.push((name, Figure { title, x, y, curves }));
+    }
+}
+
+fn grain_count(run: &StudyRun) -> f64 {
+    run.value_of("n_grains")
+}
+
+fn marked_curve(name: &str, points: Vec<(f64, f64)>, marks: CurveMarks) -> Curve {
+    Curve { name: name.into(), points, marks }
+}
+
+/// Points that a figure with logarithmic axes can show.
+fn positive_points(points: impl Iterator<Item = (f64, f64)>) -> Vec<(f64, f64)> {
+    points.filter(|p| p.0 > 0.0 && p.1 > 0.0).collect()
+}
+
+fn logarithms(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    points.iter().map(|p| (p.0.ln(), p.1.ln())).collect()
 }
 
 /// Formats a value with three significant digits.
@@ -552,7 +567,7 @@ mod tests {
     fn the_laws_that_runs_follow_are_found() {
         let runs: Vec<StudyRun> =
             ["a", "b, c"].into_iter().flat_map(|g| [250.0, 1000.0, 4000.0].map(|n| run(g, n))).collect();
-        let (figures, fits) = study_figures(&runs, &["a", "b, c"]);
+        let StudyPlots { figures, fits, .. } = StudyPlots::new(&runs, &["a", "b, c"]);
         let names: Vec<&str> = figures.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(names, ["Z", "nu", "nu_sphere", "pressure", "cost-1", "cost-2", "sweeps"]);
         let slope = |start: &str| -> f64 {
@@ -572,7 +587,7 @@ mod tests {
         }
         // A line runs from the fewest grains to the most, independent of the order of the runs.
         let backwards: Vec<StudyRun> = [4000.0, 250.0, 1000.0].map(|n| run("a", n)).into();
-        let (sorted, _) = self::study_figures(&backwards, &["a"]);
+        let sorted = StudyPlots::new(&backwards, &["a"]).figures;
         let line = &sorted.last().unwrap().1.curves[0];
         assert!(line.points.is_sorted_by(|a, b| a.0 < b.0), "{line:?}");
         let svg = figures[0].1.to_svg();
