@@ -24,6 +24,7 @@ pub struct Fault {
 }
 
 impl Fault {
+    /// Fault of `object` in line `line` of a file, without a column.
     pub fn new(
         file: &Path,
         line: Option<usize>,
@@ -81,6 +82,7 @@ pub struct RecordFault {
 }
 
 impl RecordFault {
+    /// Fault of a record; `expected` is a whole phrase.
     pub fn new(found: impl Into<String>, expected: impl Into<String>) -> Self {
         RecordFault { found: found.into(), expected: expected.into() }
     }
@@ -113,6 +115,7 @@ fn printable_line(text: &str) -> String {
 pub struct Faults(pub Vec<Fault>);
 
 impl Faults {
+    /// Adds a fault.
     pub fn push(&mut self, fault: Fault) {
         self.0.push(fault);
     }

@@ -18,6 +18,7 @@ pub struct FaultReport<'a> {
 }
 
 impl<'a> FaultReport<'a> {
+    /// Empty report on a file with this text.
     pub fn new(file: &'a Path, text: &'a str) -> Self {
         FaultReport::with_settings(file, text, &[])
     }

@@ -30,6 +30,7 @@ pub struct ValueLocation {
 }
 
 impl<'a> ValueLocations<'a> {
+    /// Locations of all values of a text, as far as its syntax is right.
     pub fn from_text(text: &'a str) -> Self {
         let mut walk = LocationWalker::new(text);
         walk.skip_extensions();

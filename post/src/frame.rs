@@ -163,6 +163,7 @@ pub enum BodyIndex {
 }
 
 impl BodyIndex {
+    /// The grain, if this side is one.
     pub fn grain_id(self) -> Option<GrainId> {
         match self {
             BodyIndex::Grain(grain) => Some(grain),

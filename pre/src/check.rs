@@ -14,10 +14,12 @@ use crate::sizes::{MAX_BODIES, normal_share};
 /// Smallest number that DATBOX cannot hold: exponents in its files have two digits. Numbers below the inverse become 0.
 const LARGEST_NUMBER: f64 = 1e99;
 
+/// Whether DATBOX can hold a number.
 pub(crate) fn fits_files(x: f64) -> bool {
     x.abs() < LARGEST_NUMBER
 }
 
+/// Whether a number is positive in DATBOX.
 pub(crate) fn is_positive(x: f64) -> bool {
     x >= 1.0 / LARGEST_NUMBER && fits_files(x)
 }
@@ -130,6 +132,7 @@ pub(crate) fn check_names<'a>(report: &mut FaultReport, list: &str, names: impl 
     }
 }
 
+/// Rejects names of materials and colours that do not fit the files of LMGC90.
 pub(crate) fn check_name_length(report: &mut FaultReport, path: &str, name: &str) {
     let fits = (1..=5).contains(&name.len()) && name.bytes().all(|byte| byte.is_ascii_graphic());
     report.require(fits, path, format!("'{name}'"), "1 to 5 printable ASCII characters without blanks");
@@ -171,6 +174,7 @@ pub(crate) fn check_vector(report: &mut FaultReport, path: &str, vector: &[f64; 
     each(report, path, vector, fits_files, &format!("a finite number ({unit})"));
 }
 
+/// Rejects laws with parameters out of their limits, and laws that scenes cannot have.
 pub(crate) fn check_law(report: &mut FaultReport, path: &str, law: &LawModel) {
     if is_law_of_points(law.label()) {
         let expected = "another law: it acts between points PT3Dx, which scenes do not have";
@@ -184,6 +188,7 @@ pub(crate) fn check_law(report: &mut FaultReport, path: &str, law: &LawModel) {
     }
 }
 
+/// Checks a body of grains, but for names.
 pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains) {
     check_shape(report, path, grains);
     match &grains.sizes {
@@ -514,6 +519,7 @@ fn check_amount(report: &mut FaultReport, path: &str, grains: &Grains) {
     }
 }
 
+/// Rejects rotations without a finite axis and angle.
 pub(crate) fn check_rotation(report: &mut FaultReport, path: &str, rotation: &Rotation) {
     check_direction(report, path, "axis", &rotation.axis);
     check_value(report, path, "angle", rotation.angle, true, "a finite angle (rad)");
@@ -529,6 +535,7 @@ fn check_direction(report: &mut FaultReport, path: &str, name: &str, vector: &[f
     );
 }
 
+/// Checks a wall, but for names.
 pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall) {
     match wall {
         SceneWall::Cylinder { centre, axis, half_height, radius, velocity, force, spin, moment, .. } => {
@@ -602,6 +609,8 @@ fn check_velocity_or_force(
     }
 }
 
+/// Rejects functions of time with values (in `unit`) that files cannot hold, tables that do not rise in time, and ramps
+/// without effect.
 pub(crate) fn check_evolutions<'a>(
     report: &mut FaultReport,
     path: &str,
@@ -730,6 +739,7 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
 }
 
 impl SceneWall {
+    /// Name of the material.
     pub fn material(&self) -> &str {
         match self {
             SceneWall::Plate { material, .. }
@@ -738,6 +748,7 @@ impl SceneWall {
         }
     }
 
+    /// Name of the colour.
     pub fn colour(&self) -> &str {
         match self {
             SceneWall::Plate { colour, .. } | SceneWall::Box { colour, .. } | SceneWall::Cylinder { colour, .. } => {

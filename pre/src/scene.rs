@@ -490,6 +490,7 @@ impl GrainShape {
 }
 
 impl GrainPlacement {
+    /// Region that the grains fill, if the placement has one.
     pub fn envelope(&self) -> Option<&Envelope> {
         match self {
             GrainPlacement::JitteredLattice { envelope, .. }

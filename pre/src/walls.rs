@@ -30,6 +30,7 @@ pub struct WallBody {
 }
 
 impl WallBody {
+    /// Contactor in BODIES.DAT.
     pub fn contactor(&self) -> Contactor {
         Contactor { colour: self.colour.clone(), shape: self.shape.clone(), local_frame: None }
     }
@@ -223,6 +224,7 @@ fn axes_about(normal: &Vector3<f64>, first: Option<Vector3<f64>>) -> Matrix3<f64
 pub struct FunctionTables(Vec<Vec<[f64; 2]>>);
 
 impl FunctionTables {
+    /// Converts a function; a table that is not known yet is added to the tables.
     pub fn add_function(&mut self, evolution: &TimeFunction) -> FileFunction {
         match evolution {
             TimeFunction::Constant(value) => FileFunction::constant(*value),

@@ -80,6 +80,7 @@ fn new_contactor(colour: &str, shape: ShapeRecord) -> Contactor {
     Contactor { colour: colour.to_string(), shape, local_frame: None }
 }
 
+/// Contents of BULK_BEHAV.DAT.
 pub fn bulk_behav(scene: &Scene) -> BulkBehav {
     let material = |m: &crate::scene::Material| Material { name: m.name.clone(), density: m.density };
     BulkBehav { gravity: scene.gravity, materials: scene.materials.iter().map(material).collect() }
@@ -91,6 +92,7 @@ fn no_law_comments(scene: &Scene) -> String {
     meant.map(|contact| TactBehav::no_law_comment(&contact.between.0, &contact.between.1)).collect()
 }
 
+/// Contents of TACT_BEHAV.DAT.
 pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
     // LMGC90 has spheres before polyhedra, and walls last, in any order of the scene.
     const WALL_CONTACTORS: [&str; 3] = ["PLANx", "CYLND", "DNLYC"];

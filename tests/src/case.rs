@@ -62,6 +62,7 @@ impl Case {
         case
     }
 
+    /// Case in an empty temporary folder.
     pub fn empty() -> Case {
         Case(tempfile::tempdir().unwrap())
     }
@@ -73,14 +74,17 @@ impl Case {
         case
     }
 
+    /// Folder of the case.
     pub fn path(&self) -> &Path {
         self.0.path()
     }
 
+    /// Path of a file in DATBOX.
     pub fn datbox(&self, name: &str) -> PathBuf {
         self.path().join("DATBOX").join(name)
     }
 
+    /// Path of OUTBOX.
     pub fn outbox(&self) -> PathBuf {
         self.path().join("OUTBOX")
     }
@@ -107,10 +111,12 @@ impl Case {
         csv(&self.outbox().join("steps.csv")).unwrap()
     }
 
+    /// Reads the snapshot of a step.
     pub fn snapshot(&self, step: u64) -> Snapshot {
         Snapshot::read(&snapshot::snapshot_path(&self.outbox(), step)).unwrap()
     }
 
+    /// Reads the last snapshot.
     pub fn last_snapshot(&self) -> Snapshot {
         Snapshot::read(&snapshot::list_snapshots(&self.outbox()).unwrap().pop().expect("a snapshot").1).unwrap()
     }

@@ -28,6 +28,7 @@ pub enum Stage {
 impl Stage {
     pub const ALL: [Stage; 3] = [Stage::Pre, Stage::Solve, Stage::Post];
 
+    /// Name of its folder of expected files.
     pub fn name(self) -> &'static str {
         match self {
             Stage::Pre => "pre",
@@ -174,6 +175,7 @@ pub struct Change {
 }
 
 impl Change {
+    /// Whether the largest change is within the allowed one.
     pub fn is_allowed(&self) -> bool {
         self.largest <= self.allowed
     }

@@ -133,6 +133,7 @@ impl ConvexMesh {
         Ok(faces)
     }
 
+    /// Vertices, m, without faces yet; `circumradius`: largest distance of one from the origin, m.
     pub fn from_vertices(vertices: Vec<Vec3>, circumradius: f64) -> Self {
         ConvexMesh { vertices, planes: Vec::new(), edges: Vec::new(), loops: Vec::new(), starts: vec![0], circumradius }
     }

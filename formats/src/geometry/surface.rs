@@ -81,6 +81,7 @@ impl Surface {
         Ok(surface)
     }
 
+    /// Vertices, m.
     pub fn vertices(&self) -> &[[f64; 3]] {
         &self.vertices
     }

@@ -11,6 +11,7 @@ pub(crate) fn ron_options() -> ron::Options {
     ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME)
 }
 
+/// Parses a value. Errors: all mistakes of the text, with their positions.
 pub fn parse_ron<T: DeserializeOwned>(text: &str) -> Result<T, Vec<TextFault>> {
     // Only the library decides which texts are accepted.
     ron_options().from_str(text).map_err(|error| {

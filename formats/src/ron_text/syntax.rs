@@ -45,6 +45,7 @@ pub struct ValueNode {
 /// Largest number of characters of a value that a message shows.
 const MAX_SHOWN_CHARS: usize = 40;
 
+/// Value as messages show it: in one line, and cut off if it is long.
 pub fn display_text(text: &str) -> String {
     let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
     if line.chars().count() <= MAX_SHOWN_CHARS {
@@ -74,6 +75,7 @@ pub struct RonParser<'a> {
 }
 
 impl<'a> RonParser<'a> {
+    /// Parser at the start of a text.
     pub fn new(text: &'a str) -> Self {
         RonParser {
             text,
@@ -183,6 +185,7 @@ impl<'a> RonParser<'a> {
         self.at = self.text.len();
     }
 
+    /// Skips white space and comments.
     pub fn skip_blank(&mut self) {
         loop {
             let rest = self.remaining_text();

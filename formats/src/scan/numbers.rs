@@ -17,6 +17,7 @@ impl Display for NumberError {
 
 impl std::error::Error for NumberError {}
 
+/// Reason why no number can be in a field, if there is one.
 pub(super) fn number_fault(field: &str) -> Option<NumberError> {
     match field {
         "" => Some("blank"),

@@ -563,6 +563,7 @@ impl Snapshot {
         .expect("writing to memory")
     }
 
+    /// Writes the file, whole or not at all.
     pub fn write(&self, path: &Path) -> Result<(), Faults> {
         atomic::write(path, &self.to_bytes())
     }

@@ -100,6 +100,7 @@ impl<'a> GrainEnclosure<'a> {
         ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], [l, h]| [low.min(l), high.max(h)])
     }
 
+    /// Space that walls and periods enclose around the grains; `None` if it is open.
     pub fn into_region(self) -> Option<EnclosedRegion> {
         match self.up {
             Some(up) => self.into_region_under_gravity(&up),

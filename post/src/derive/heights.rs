@@ -4,6 +4,7 @@ use crate::derive::polytope::cut_polygon;
 use crate::frame::Grain;
 use crate::math::Vec3;
 
+/// Centre of mass, m; NaN without grains.
 pub fn centre_of_mass<'a>(grains: impl Iterator<Item = &'a Grain>) -> Vec3 {
     let (moment, mass) = grains.fold((Vec3::zeros(), 0.0), |(moment, mass), g| (moment + g.mass * g.x, mass + g.mass));
     moment / mass

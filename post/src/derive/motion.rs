@@ -11,6 +11,7 @@ use crate::math::{Mat3, Vec3};
 pub struct RotatingAxes(Vec<(Vec3, Vec3)>);
 
 impl RotatingAxes {
+    /// Axes of the fields of a run; none if no field rotates them.
     pub fn from_frame(frame: &Frame) -> RotatingAxes {
         let turning = |field: &ExternalField| match *field {
             ExternalField::RotatingFrame { rate, centre } => Some((rate.into(), centre.into())),
@@ -49,6 +50,7 @@ pub struct AggregateSums {
 const RELATIVE_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 impl AggregateSums {
+    /// Sums over some grains; means over none are NaN.
     pub fn from_grains(grains: &[Grain]) -> AggregateSums {
         let mass: f64 = grains.iter().map(|g| g.mass).sum();
         let x = grains.iter().map(|g| g.mass * g.x).sum::<Vec3>() / mass;

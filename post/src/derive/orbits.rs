@@ -51,6 +51,7 @@ impl Orbit {
         }
     }
 
+    /// Whether the orbit is an ellipse.
     pub fn is_bound(&self) -> bool {
         self.a > 0.0
     }

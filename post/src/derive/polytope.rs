@@ -11,6 +11,7 @@ pub struct ConvexPolytope {
 }
 
 impl ConvexPolytope {
+    /// Cube of the half side `open` (m) about `centre`, which counts as unbounded.
     pub fn cuboid(centre: Vec3, open: f64) -> ConvexPolytope {
         let face = |axis: usize, sign: f64| {
             let at = |u: f64, v: f64| {
@@ -64,6 +65,7 @@ impl ConvexPolytope {
         !self.faces.is_empty() && self.faces.iter().flatten().all(within)
     }
 
+    /// Volume, m³.
     pub fn volume(&self) -> f64 {
         let cone = |face: &Vec<Vec3>| (face[0] - self.centre).dot(&area_vector(face)) / 3.0;
         self.faces.iter().map(cone).sum()

@@ -129,6 +129,7 @@ fn even_points(count: usize) -> impl Iterator<Item = [f64; 3]> {
 }
 
 impl ProbeShape {
+    /// Number and name of the region in the tables.
     pub fn region_kind(&self) -> RegionKind {
         match self {
             ProbeShape::Ball { .. } => RegionKind::Ball,
@@ -162,6 +163,7 @@ impl ProbeShape {
         }
     }
 
+    /// Whether a point (m) is inside or on the border.
     pub fn contains(&self, x: &Vec3) -> bool {
         self.inner_distance(x) >= 0.0
     }

@@ -22,10 +22,12 @@ impl DirectionGrid {
     /// Cells of 5 degrees.
     pub const STANDARD: DirectionGrid = DirectionGrid { latitudes: 36, longitudes: 72 };
 
+    /// Number of cells.
     pub fn len(&self) -> usize {
         self.latitudes * self.longitudes
     }
 
+    /// Whether there are no cells.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -23,6 +23,7 @@ pub struct WallFace {
 }
 
 impl WallFace {
+    /// Whether a point (m) is on the side of the grains.
     pub fn is_before(&self, x: &Vec3) -> bool {
         x.dot(&self.normal) >= self.place
     }
@@ -93,6 +94,7 @@ pub struct CylinderBore {
 }
 
 impl CylinderBore {
+    /// Whether a point (m) is within the radius, at any height.
     pub fn contains_point(&self, x: &Vec3) -> bool {
         (x - self.x).cross(&self.axis).norm() <= self.radius
     }

@@ -278,6 +278,7 @@ pub fn pvd_collection(kind: &str, snapshots: &[(u64, f64)]) -> String {
     text + "</Collection>\n</VTKFile>\n"
 }
 
+/// Attribute with a number for each point or cell.
 pub(crate) fn scalar_attribute<T>(name: &str, values: Vec<T>) -> Attribute
 where
     IOBuffer: From<Vec<T>>,
@@ -293,6 +294,7 @@ where
     Attribute::DataArray(DataArray::scalars(name, count).with_data(IOBuffer::from(values)))
 }
 
+/// Attribute with a vector for each point or cell.
 pub(crate) fn vector_attribute(name: &str, values: impl Iterator<Item = Vec3>) -> Attribute {
     Attribute::DataArray(DataArray::vectors(name).with_data(IOBuffer::from(flat_components(values))))
 }
@@ -303,10 +305,12 @@ fn tensor_attribute(name: &str, values: &[Mat3]) -> Attribute {
     Attribute::DataArray(DataArray::tensors(name).with_data(IOBuffer::from(rows)))
 }
 
+/// Components of vectors one after the other.
 pub(crate) fn flat_components(vectors: impl Iterator<Item = Vec3>) -> Vec<f64> {
     vectors.flat_map(|v| [v.x, v.y, v.z]).collect()
 }
 
+/// Vertices of cells in VTK's form: all numbers, and the end of each cell among them.
 pub(crate) fn vertex_numbers<C: AsRef<[u64]>>(cells: impl Iterator<Item = C>) -> Option<VertexNumbers> {
     let (mut connectivity, mut offsets) = (Vec::new(), Vec::new());
     for cell in cells {

@@ -96,11 +96,13 @@ pub fn region_names(rows: &[Row]) -> String {
 }
 
 impl SeriesPlot {
+    /// Vertical axis, in the unit of the columns.
     pub fn y_axis(&self) -> FigureAxis {
         let (_, unit) = find_column(self.curves[0].0);
         FigureAxis { quantity: self.quantity.into(), unit: unit.into(), logarithmic: self.logarithmic }
     }
 
+    /// Figure of a series.
     pub fn to_figure(&self, rows: &[Row]) -> Figure {
         // Columns without values, such as those of a bed in a scene without one, are not in the legend.
         let has = |curve: &Curve| curve.name == self.curves[0].1 || curve.points.iter().any(|(_, y)| y.is_finite());

@@ -54,6 +54,7 @@ impl SurfaceRegion {
         self.scale.powi(3)
     }
 
+    /// Region enlarged by a factor about its centre.
     pub fn scaled_by(&self, factor: f64) -> SurfaceRegion {
         SurfaceRegion { scale: factor * self.scale, ..self.clone() }
     }

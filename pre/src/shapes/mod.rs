@@ -47,6 +47,7 @@ impl SampledGrain {
         self.polyhedron.as_ref().map_or_else(|| sphere_volume(self.radius), OrientedPolyhedron::volume)
     }
 
+    /// Grain with the shape of a polyhedron.
     pub fn from_polyhedron(polyhedron: OrientedPolyhedron) -> SampledGrain {
         let vertices = polyhedron.vertices();
         let reach = vertices.iter().flatten().map(|&v| Vector3::from(v).norm()).fold(0.0, f64::max);

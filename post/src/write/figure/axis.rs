@@ -16,10 +16,12 @@ pub struct FigureAxis {
 }
 
 impl FigureAxis {
+    /// Axis with equal intervals.
     pub fn linear(quantity: &str, unit: &str) -> FigureAxis {
         FigureAxis { quantity: quantity.into(), unit: unit.into(), logarithmic: false }
     }
 
+    /// Axis in powers of ten.
     pub fn logarithmic(quantity: &str, unit: &str) -> FigureAxis {
         FigureAxis { logarithmic: true, ..FigureAxis::linear(quantity, unit) }
     }
@@ -31,6 +33,7 @@ pub const MAX_AXIS_MARKS: usize = 7;
 /// Share of the largest value below which values on a logarithmic axis are round-off.
 const RELATIVE_ROUNDING: f64 = 1e-14;
 
+/// Factor from SI units to the unit of the axis that suits these values, and the name of that unit.
 pub fn axis_scaling(axis: &FigureAxis, values: impl Iterator<Item = f64>) -> (f64, String) {
     if axis.logarithmic { (1.0, axis.unit.clone()) } else { unit_prefix(largest_magnitude(values), &axis.unit) }
 }
@@ -130,6 +133,7 @@ impl AxisTicks {
         format_digits(middle, digits_needed(middle.abs(), decade)).parse().unwrap_or(0.0)
     }
 
+    /// Text at a mark; `offset` is subtracted from the values of a linear axis.
     pub fn tick_label(&self, value: f64, offset: f64) -> String {
         if self.logarithmic {
             return if is_few_decades(&self.range) { power_digits(value) } else { power_of_ten(value) };

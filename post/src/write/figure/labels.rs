@@ -22,10 +22,12 @@ pub struct PixelRect {
 }
 
 impl PixelRect {
+    /// Square of 2 `half` pixels about a point.
     pub fn centred_at((x, y): (i32, i32), half: i32) -> PixelRect {
         PixelRect { left: x - half, upper: y - half, right: x + half, lower: y + half }
     }
 
+    /// Whether the two share some area.
     pub fn intersects(&self, other: &PixelRect) -> bool {
         self.left < other.right && other.left < self.right && self.upper < other.lower && other.upper < self.lower
     }

@@ -40,6 +40,7 @@ pub enum CurveMarks {
 }
 
 impl Curve {
+    /// Curve through points.
     pub fn line(name: &str, points: Vec<(f64, f64)>) -> Curve {
         Curve { name: name.into(), points, marks: CurveMarks::Line }
     }

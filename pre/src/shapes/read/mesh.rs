@@ -22,6 +22,7 @@ pub struct ReadError {
 }
 
 impl ReadError {
+    /// Error in a line, 1-based, or in the file as a whole.
     pub fn new(line: impl Into<Option<usize>>, found: impl Into<String>, expected: impl Into<String>) -> Self {
         ReadError { line: line.into(), found: found.into(), expected: expected.into() }
     }

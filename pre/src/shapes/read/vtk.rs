@@ -12,6 +12,7 @@ pub enum NumberType {
 }
 
 impl NumberType {
+    /// Type by its name in VTK's files; `None` for an unknown name.
     pub fn from_name(name: &str) -> Option<NumberType> {
         Some(match name.to_ascii_lowercase().as_str() {
             "char" | "int8" => NumberType::Signed(1),
