@@ -149,6 +149,12 @@ struct MeetingAxis {
 
 /// Number of steps of the search between two rims: Newton's method needs less than ten.
 const MAX_RIM_STEPS: usize = 50;
+/// Number of times that a step between two rims is halved: down to 1e-9 rad, the angle below which a direction is taken as the
+/// normal of an end.
+const MAX_HALVINGS: i32 = 30;
+/// Angle between two axes, rad, up to which radial directions count as perpendicular to both: far above that of rounding, 1e-8,
+/// below which their cross product has no better direction, and far below one that moves a contact point.
+const MAX_PARALLEL_TILT: f64 = 1e-6;
 /// Sideways distance of the ends of two nearly parallel sides over the smaller radius up to which they touch along a line: the
 /// gap at these ends exceeds that of the middle by half its square of the radius.
 const MAX_SIDE_SKEW: f64 = 1e-2;
@@ -172,12 +178,13 @@ impl TwoCylinders<'_> {
         let towards = |m: Vec3| m * 1f64.copysign(m.dot(&d));
         attempt(towards(w), CylinderMeeting::EndOfB);
         attempt(towards(u), CylinderMeeting::EndOfA);
-        // Every radial direction is perpendicular to two parallel axes.
-        [self.a.radial(&d), self.b.radial(&d)]
-            .into_iter()
-            .filter(|m| *m != Vec3::zeros())
-            .for_each(|m| attempt(m, CylinderMeeting::Sides));
-        if let Some(m) = u.cross(&w).try_normalize(1e-9) {
+        let across = u.cross(&w);
+        if across.norm() < MAX_PARALLEL_TILT {
+            // Every radial direction is perpendicular to two parallel axes.
+            let radial = [self.a.radial(&d), self.b.radial(&d)];
+            radial.into_iter().filter(|m| *m != Vec3::zeros()).for_each(|m| attempt(m, CylinderMeeting::Sides));
+        }
+        if let Some(m) = across.try_normalize(1e-9) {
             attempt(towards(m), CylinderMeeting::Sides);
         }
         for m in rim_to_side(&self.a, &self.b, &d).into_iter().flatten() {
@@ -203,7 +210,13 @@ impl TwoCylinders<'_> {
         let between = d - u * (signs[0] * self.a.half_height) - w * (signs[1] * self.b.half_height);
         let discs = [(u, self.a.radius), (w, self.b.radius)];
         let value = |m: &Vec3| between.dot(m) - discs.iter().map(|(u, r)| r * u.cross(m).norm()).sum::<f64>();
+        // f has a corner at the normals of the ends, and the steps of the search would end in one that lies between it and the
+        // maximum. They rise, so they cannot if they begin above all corners.
         let mut m = between.try_normalize(0.0)?;
+        let corners = [u, -u, w, -w].map(|n| (value(&n), n)).into_iter().filter(|corner| corner.0 >= value(&m));
+        if let Some((at_corner, n)) = corners.max_by(|one, other| one.0.total_cmp(&other.0)) {
+            m = off_corner(&n, &between, &discs, |m| value(m) > at_corner)?;
+        }
         for _ in 0..MAX_RIM_STEPS {
             let (mut slope, mut bend, mut reach) = (between, -Mat3::identity() * value(&m), 1.0f64);
             for (u, r) in &discs {
@@ -227,7 +240,7 @@ impl TwoCylinders<'_> {
             step *= (reach / step.norm()).min(1.0);
             let before = value(&m);
             let mut next = (m + step).normalize();
-            for _ in 0..30 {
+            for _ in 0..MAX_HALVINGS {
                 if value(&next) >= before {
                     break;
                 }
@@ -402,6 +415,28 @@ fn rim_to_side(side: &PosedCylinder, rim: &PosedCylinder, d: &Vec3) -> [Option<V
     })
 }
 
+/// Direction next to the normal `n` of an end in which f = m·`between` - Σ R |m x u| is larger than along `n`; `None` if f is
+/// largest along `n` itself.
+///
+/// * `discs`: axes u and radii R (m) of the two rims.
+/// * `is_higher`: whether f along a direction exceeds f along `n`.
+fn off_corner(n: &Vec3, between: &Vec3, discs: &[(Vec3, f64); 2], is_higher: impl Fn(&Vec3) -> bool) -> Option<Vec3> {
+    // Rims about n lower f by their radius times the angle off n in all directions; the rest of f has a slope.
+    let (mut slope, mut radius) = (*between, 0.0);
+    for (u, r) in discs {
+        match (n - u * u.dot(n)).try_normalize(1e-9) {
+            Some(out) => slope -= out * *r,
+            None => radius += r,
+        }
+    }
+    let across = slope - n * n.dot(&slope);
+    let rise = across.norm();
+    if rise <= radius {
+        return None;
+    }
+    (1..MAX_HALVINGS).map(|k| (n + across * (0.5f64.powi(k) / rise)).normalize()).find(is_higher)
+}
+
 /// Area of the common part of two discs whose centres are `distance` apart, m².
 fn common_disc_area(distance: f64, r: f64, s: f64) -> f64 {
     if distance >= r + s {
@@ -447,8 +482,7 @@ mod tests {
             let m = found.normal;
             let s = separation(&a, sizes[0], &c, &b, sizes[1], &m);
             prop_assert!((m.norm() - 1.0).abs() < 1e-12 && (found.gap() - s).abs() < 1e-9, "{found:?} {s}");
-            // Beyond their size the direction between two rims may be off by some 1e-2 rad; contacts are listed much nearer.
-            if s <= 0.0 || s > 2.0 {
+            if s <= 0.0 {
                 return Ok(());
             }
             // Steps of all sizes from the direction that was found.
@@ -468,6 +502,20 @@ mod tests {
                 prop_assert!(of_a <= most && of_b <= most, "{point:?} {of_a} {of_b}");
             }
         }
+    }
+
+    #[test]
+    fn axes_in_one_plane() {
+        // Half height and radius 1 and 0.5, tilted by 45 degrees: its rim is nearest to the side at the height of this rim.
+        let tilted = Quat::from_scaled_axis(Vec3::y() * std::f64::consts::FRAC_PI_4);
+        let c = Vec3::new(2.0, 0.0, 0.25);
+        let rim = c + Vec3::new(-1.5, 0.0, -0.5) * std::f64::consts::FRAC_1_SQRT_2;
+        let found = cylinder_cylinder(&Quat::identity(), [2.0, 0.5], &c, &tilted, [1.0, 0.5], 1.0).unwrap();
+        let gap = rim.x - 0.5;
+        assert!((found.normal + Vec3::x()).norm() < 1e-15 && (found.gap() - gap).abs() < 1e-15, "{found:?}");
+        assert_eq!(found.points.len(), 1);
+        let middle = Vec3::new(0.5 + 0.5 * gap, 0.0, rim.z);
+        assert!((Vec3::from(found.points[0].position) - middle).norm() < 1e-15, "{found:?} {middle:?}");
     }
 
     #[test]
