@@ -1,7 +1,7 @@
 //! Case folders on a command line, and mistakes in them.
 
 use std::ffi::OsString;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use clap::{ArgMatches, Command, Parser};
@@ -66,6 +66,11 @@ pub fn no_case(path: &Path, part: CaseFolder, program: &str) -> Option<Fault> {
             return fault("file", "is a snapshot, not a case".into(), expected);
         }
         return fault("file", "is not a folder".into(), with);
+    }
+    // "scene.ron/" is no file, but means one.
+    let without_slash: PathBuf = path.components().collect();
+    if without_slash.is_file() {
+        return no_case(&without_slash, part, program);
     }
     if !path.exists() {
         return fault("folder", "there is no such folder".into(), with);

@@ -655,14 +655,15 @@ fn scene_colours(scene: &Scene) -> (Vec<&str>, Vec<&str>) {
 /// Expected value instead of a law between walls.
 pub(crate) const NO_WALL_LAW: &str = "no law: walls do not touch each other";
 
-/// Expected value instead of a law between bodies that are imposed in all their motion.
-pub(crate) const NO_IMPOSED_LAW: &str = "no law: bodies whose motion is all imposed do not meet";
+/// Expected value instead of a law between bodies that contacts cannot push.
+pub(crate) const NO_IMPOSED_LAW: &str =
+    "no law: bodies whose motion is all imposed (of spheres: their translation) do not meet";
 
-/// Whether all bodies of a colour are imposed in all their motion.
+/// Whether contacts can push no body of a colour.
 fn is_imposed(scene: &Scene, colour: &str) -> bool {
     let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
     let mut walls = scene.walls.iter().filter(|wall| wall.colour() == colour);
-    worn.all(Grains::is_imposed) && !walls.any(SceneWall::is_pushed)
+    !worn.any(Grains::can_be_pushed) && !walls.any(SceneWall::is_pushed)
 }
 
 fn check_contacts(scene: &Scene, report: &mut FaultReport) {
@@ -725,7 +726,6 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
         let beyond = plates.iter().filter(|plate| !spheres[..k].contains(plate));
         for b in spheres[k..].iter().chain(beyond) {
             let alone = a == b && alone(a) && !plates.contains(a);
-            // Bodies whose motion is all imposed do not meet.
             if !(known.contains(&sorted(a, b)) || alone || is_imposed(scene, a) && is_imposed(scene, b)) {
                 known.push(sorted(a, b));
                 report.add_fault(

@@ -30,6 +30,17 @@ pub fn report_doubts(
         }
     }
     for (k, grains) in grains.iter().enumerate() {
+        let all_none = |functions: &Option<[Option<TimeFunction>; 3]>| {
+            functions.as_ref().is_some_and(|functions| functions.iter().all(Option::is_none))
+        };
+        let imposes = grains.imposed_components().iter().any(Option::is_some);
+        if all_none(&grains.driven) && imposes && grains.driven_spin.is_none() {
+            let advice = "write driven_spin: (Constant(0.0), Constant(0.0), Constant(0.0)) alone, or leave driven out";
+            report.add_warning(&format!("grains.{k}.driven"), "imposes no translation, but holds the rotation", advice);
+        } else if !imposes && (all_none(&grains.driven) || all_none(&grains.driven_spin)) {
+            let name = if grains.driven.is_some() { "driven" } else { "driven_spin" };
+            report.add_warning(&format!("grains.{k}.{name}"), "imposes nothing", "give a function, or leave it out");
+        }
         for (name, functions) in [("driven", &grains.driven), ("driven_spin", &grains.driven_spin)] {
             for (axis, value) in functions.iter().flatten().enumerate() {
                 value.iter().for_each(|value| check_function(report, &format!("grains.{k}.{name}.{axis}"), value));

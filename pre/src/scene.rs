@@ -518,6 +518,14 @@ impl Grains {
         self.imposed_components().iter().all(Option::is_some)
     }
 
+    /// Whether normal forces can move the grains: some of their motion is not imposed, and of spheres some of the translation,
+    /// as normals pass through their centres.
+    pub fn can_be_pushed(&self) -> bool {
+        let components = self.imposed_components();
+        let relevant = if self.is_polyhedral() { &components[..] } else { &components[..3] };
+        relevant.iter().any(Option::is_none)
+    }
+
     /// Whether there is a single grain.
     pub fn is_single_body(&self) -> bool {
         self.number == Some(1)

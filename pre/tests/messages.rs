@@ -220,6 +220,17 @@ fn doubtful_values_are_asked_about_and_accepted() {
             "13:89: wall 1, spin 1: the function is 0 at all times; give values, or Constant(0.0)",
         ),
         (
+            "spin: (0.0, 0.0, 0.1)",
+            "driven: (None, None, None)",
+            "11:17: grains 1, driven: imposes no translation, but holds the rotation; \
+             write driven_spin: (Constant(0.0), Constant(0.0), Constant(0.0)) alone, or leave driven out",
+        ),
+        (
+            "spin: (0.0, 0.0, 0.1)",
+            "driven: (None, None, None), driven_spin: (None, None, None)",
+            "11:17: grains 1, driven: imposes nothing; give a function, or leave it out",
+        ),
+        (
             "(friction: 0.4))",
             "(friction: 0.4)), (name: \"iqsc1\", kind: IQS_CLB(friction: 0.5))",
             "4:66: law 2, name: no contact uses the law 'iqsc1'; name it in a row of contacts, or remove it",

@@ -24,7 +24,7 @@ use crate::scene::{BodyId, Scene};
 use crate::state::{Contact, DetectionCache, State};
 use crate::step::{MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes, deeper_overlap, next_problem, step};
 use crate::write::exchange::{ExchangeEnd, StepExchange};
-use crate::write::summary::{RunStatistics, summary_text};
+use crate::write::summary::{INERT_REASON, RunStatistics, summary_text};
 use crate::write::{ResultFiles, errors};
 
 /// Number of unconverged steps that are reported individually; the summary counts them all.
@@ -91,6 +91,7 @@ pub fn run_case(
 
     let progress = ProgressDisplay::new(state.step, last.max(state.step));
     statistics.warnings.extend(long_step_warning(scene, &state));
+    statistics.warnings.extend(single_step_warning(scene, &state).filter(|_| !resumed));
     statistics.warnings.extend(roundoff_warning(scene, &state));
     statistics.warnings.iter().for_each(|message| progress.warn(message));
     let mut cache = DetectionCache::default();
@@ -146,6 +147,12 @@ pub fn run_case(
             }
             statistics.overlap = deeper_overlap(statistics.overlap, overlap);
         }
+        if let Some(overlap) = report.inert_overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE) {
+            if statistics.inert_overlap.is_none() {
+                progress.warn(&format!("{}: {INERT_REASON}", overlap_text(&state, overlap)));
+            }
+            statistics.inert_overlap = deeper_overlap(statistics.inert_overlap, overlap);
+        }
         statistics.steps += 1;
         statistics.dt_count += state.step - first;
         statistics.longest = statistics.longest.max(report.h);
@@ -194,6 +201,7 @@ pub fn run_case(
     if statistics.steps > 0
         && let Some(overlap) =
             deepest_overlap(&current_contacts(scene, &state, &mut state.detection_cache.clone()), scene)
+        && statistics.inert_overlap.is_none_or(|inert| inert.bodies != overlap.bodies)
     {
         statistics.penetration_end = overlap.depth;
         if overlap.share > reported_share && statistics.overlap.is_none_or(|before| before.share <= reported_share) {
@@ -290,6 +298,17 @@ fn long_step_warning(scene: &Scene, state: &State) -> Option<String> {
     })
 }
 
+/// Warning about a run that is shorter than its step.
+fn single_step_warning(scene: &Scene, state: &State) -> Option<String> {
+    let (dt, end) = (scene.options.dt, scene.options.end_time.filter(|_| scene.options.steps.is_none())?);
+    // Up to the tolerance of the last step.
+    let left = end - state.time;
+    (left > 0.0 && (1.0 - 1e-3) * dt > left).then(|| {
+        let past = rounded_number(scene.end_time());
+        format!("dt = {dt} s is longer than the run to end_time = {end} s: it is one step, to t = {past} s; use a smaller dt")
+    })
+}
+
 /// Contacts of the present state; `cache`: cache that detection updates.
 fn current_contacts(scene: &Scene, state: &State, cache: &mut DetectionCache) -> Vec<Contact> {
     // Same lookahead as the first step, so that the cache is valid for it.
@@ -334,8 +353,13 @@ fn initial_overlap_warning(scene: &Scene, state: &State, cache: &mut DetectionCa
 
 /// Warning about deep overlaps made by steps.
 fn deeper_overlap_warning(state: &State, overlap: Overlap) -> String {
+    format!("{}; use a smaller dt or tol", overlap_text(state, overlap))
+}
+
+/// Text of an overlap with the step.
+fn overlap_text(state: &State, overlap: Overlap) -> String {
     let (step, time) = (state.step, rounded_number(state.time));
-    format!("step {step}, t = {time} s: {}; use a smaller dt or tol", overlap.message_text())
+    format!("step {step}, t = {time} s: {}", overlap.message_text())
 }
 
 /// Writes the state; returns the time that it took.

@@ -155,6 +155,13 @@ impl RigidBody {
         self.driven && self.free_components.contains(&true)
     }
 
+    /// Whether normal forces can move it: some of its motion is not imposed, and of a sphere some of its translation, as its
+    /// normals pass through its centre.
+    pub fn can_be_pushed(&self) -> bool {
+        let is_sphere = matches!(self.shape, BodyShape::Sphere { .. });
+        self.free_components[..3].contains(&true) || (self.can_rotate() && !is_sphere)
+    }
+
     /// 1 for each fixed axis along which the velocity of a body driven in part is imposed, else 0.
     pub fn locked_axes(&self) -> Vec3 {
         Vec3::from_fn(|k, _| if self.is_driven_in_part() && !self.free_components[k] { 1.0 } else { 0.0 })

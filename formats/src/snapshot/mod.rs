@@ -32,6 +32,8 @@ pub const SHAPE_PARTS: u8 = 2;
 
 /// [`BodyArrays::body_driven`] of a body with all six components of its velocity imposed: a wall.
 pub const DRIVEN_ALL: u8 = 0b11_1111;
+/// Components of the translation in [`BodyArrays::body_driven`].
+pub const DRIVEN_TRANSLATION: u8 = 0b00_0111;
 
 /// Components of the translation in [`BodyArrays::body_driven`].
 const TRANSLATION: u8 = 0b111;

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use cd_formats::bodies::{Bodies, Body};
+use cd_formats::bodies::{Bodies, Body, ShapeRecord};
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::compute::{ContactSolver, Event};
 use cd_formats::law_table::LawModel;
 use cd_formats::report::FaultReport;
-use cd_formats::snapshot::DRIVEN_ALL;
+use cd_formats::snapshot::{DRIVEN_ALL, DRIVEN_TRANSLATION};
 use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
 
 use super::changes::Changes;
@@ -288,17 +288,17 @@ fn rows_of_new_shapes(
 /// Colours of the bodies of one part, of new grains or of new walls.
 #[derive(Default)]
 struct GroupColours<'a> {
-    /// Colours of bodies that are not imposed in all their motion.
+    /// Colours of bodies that contacts can push.
     moving: BTreeSet<&'a str>,
     imposed: BTreeSet<&'a str>,
 }
 
 impl<'a> GroupColours<'a> {
-    fn insert(&mut self, colour: &'a str, is_imposed: bool) {
-        if is_imposed {
-            self.imposed.insert(colour)
-        } else {
+    fn insert(&mut self, colour: &'a str, can_be_pushed: bool) {
+        if can_be_pushed {
             self.moving.insert(colour)
+        } else {
+            self.imposed.insert(colour)
         };
     }
 
@@ -308,17 +308,22 @@ impl<'a> GroupColours<'a> {
         for part in parts {
             let mut group = GroupColours::default();
             for (body, driven) in part.records.iter().zip(&part.state.bodies.body_driven) {
-                body.contactors.iter().for_each(|contactor| group.insert(&contactor.colour, *driven == DRIVEN_ALL));
+                // Normals of a sphere pass through its centre and do not turn it.
+                let is_sphere =
+                    matches!(&body.contactors[..], [only] if matches!(only.shape, ShapeRecord::Sphere { .. }));
+                let held = if is_sphere { DRIVEN_TRANSLATION } else { DRIVEN_ALL };
+                let can_be_pushed = driven & held != held;
+                body.contactors.iter().for_each(|contactor| group.insert(&contactor.colour, can_be_pushed));
             }
             groups.push(group);
         }
         for grains in &changes.grains {
             let mut group = GroupColours::default();
-            group.insert(&grains.colour, grains.driven.as_ref().is_some_and(|axes| axes.iter().all(Option::is_some)));
+            group.insert(&grains.colour, grains.can_be_pushed());
             groups.push(group);
         }
         let mut of_walls = GroupColours::default();
-        changes.walls.iter().for_each(|wall| of_walls.insert(wall.colour(), !wall.is_pushed()));
+        changes.walls.iter().for_each(|wall| of_walls.insert(wall.colour(), wall.is_pushed()));
         groups.push(of_walls);
         groups
     }

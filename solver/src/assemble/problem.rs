@@ -212,6 +212,11 @@ impl ContactProblem {
         }
     }
 
+    /// Whether an impulse along the normal of row `k` can move one of its bodies at the contact point.
+    pub fn can_move_a_body(&self, k: usize, bodies: &[RigidBody]) -> bool {
+        self.block_data.as_ref().is_none_or(|full| full.can_move_a_body(k, &self.rows[k], bodies))
+    }
+
     /// Whether the friction of some row does not act at its contact point.
     pub fn has_friction_offsets(&self) -> bool {
         self.block_data.as_ref().is_some_and(|full| !full.friction_offsets.is_empty())

@@ -264,15 +264,16 @@ fn idle_rows_notes(tact: &TactBehav, contactors: &ContactorTable) -> Vec<String>
     // Rows without a law have a note of their own.
     let has_law = |row: &VisibilityRow| tact.laws.iter().any(|law| law.nickname == row.law);
     let of_imposed = |row: &VisibilityRow| contactors.is_of_imposed(row) && has_law(row);
-    let imposed = note(&of_imposed, "bodies whose motion is all imposed: these do not meet");
+    let imposed =
+        note(&of_imposed, "bodies whose motion is all imposed (of spheres: their translation): these do not meet");
     let half_points = note(&|row| contactors.is_of_one_point(row), "PT3Dx and another contactor: these do not meet");
     missing.into_iter().chain(imposed).chain(half_points).collect()
 }
 
-/// Returns two bodies with contactors of these classes of which the motion of the first is not all imposed, if there are any.
+/// Returns two bodies with contactors of these classes of which contacts can push the first, if there are any.
 fn moving_bodies_of(scene: &Scene, [a, b]: [usize; 2]) -> Option<[BodyId; 2]> {
     let of_class = |class: usize| scene.parts.iter().filter(move |part| usize::from(part.class) == class);
-    let is_pushed = |part: &&BodyPart| !scene.bodies[part.body.index()].is_imposed();
+    let is_pushed = |part: &&BodyPart| scene.bodies[part.body.index()].can_be_pushed();
     [[a, b], [b, a]].into_iter().find_map(|[first, second]| {
         let pushed = of_class(first).find(is_pushed)?.body;
         let other = of_class(second).find(|part| part.body != pushed)?.body;
@@ -318,7 +319,7 @@ fn unseen_contactors_note(scene: &Scene, meant: &[[String; 2]]) -> Option<String
         // Parts of one body do not touch each other.
         members.count += usize::from(members.last != Some(number));
         members.last = Some(number);
-        members.free |= !body.is_imposed();
+        members.free |= body.can_be_pushed();
     };
     if scene.is_general() {
         scene.parts.iter().for_each(|part| count(part.class, part.body, &scene.bodies[part.body.index()]));

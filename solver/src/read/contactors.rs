@@ -24,7 +24,7 @@ struct ContactorOwners {
     first: usize,
     /// Whether a second body has one.
     several: bool,
-    /// Whether a body that is not imposed in all its motion has one.
+    /// Whether a body that [can be pushed](crate::scene::RigidBody::can_be_pushed) has one.
     moves: bool,
 }
 
@@ -40,7 +40,7 @@ impl ContactorTable {
                 let key = (kind_name(contactor.shape.type_name()).to_string(), contactor.colour.clone());
                 let owners = table.entry(key).or_insert_with(|| ContactorOwners { first: index, ..Default::default() });
                 owners.several |= owners.first != index;
-                owners.moves |= !body.is_imposed();
+                owners.moves |= body.can_be_pushed();
             }
         }
         ContactorTable(table)
@@ -62,13 +62,13 @@ impl ContactorTable {
         points[0] == points[1] && self.has_bodies_that_meet(row)
     }
 
-    /// Whether two bodies have the contactors of a row and are not both imposed in all their motion.
+    /// Whether two bodies have the contactors of a row, of which contacts can push one.
     pub fn has_bodies_that_meet(&self, row: &VisibilityRow) -> bool {
         let (Some(a), Some(b)) = (self.owners(&row.candidate), self.owners(&row.antagonist)) else { return false };
         (a.moves || b.moves) && (a.first != b.first || a.several || b.several)
     }
 
-    /// Whether both contactors of a row exist and are on bodies that are imposed in all their motion.
+    /// Whether both contactors of a row exist and are on bodies that contacts cannot push.
     pub fn is_of_imposed(&self, row: &VisibilityRow) -> bool {
         let of_imposed = |side| self.owners(side).is_some_and(|owners| !owners.moves);
         of_imposed(&row.candidate) && of_imposed(&row.antagonist)

@@ -161,6 +161,9 @@ impl PostSolve<'_> {
             if depth > self.warning_depth && !law.is_regularised() {
                 given.overlap = deeper_overlap(given.overlap, Overlap::from_contact(self.scene, contact));
             }
+            if !row.acts && -gap > self.warning_depth && !system.can_move_a_body(k, &self.scene.bodies) {
+                given.inert_overlap = deeper_overlap(given.inert_overlap, Overlap::from_contact(self.scene, contact));
+            }
             if end.impulse != Vec3::zeros() {
                 given.contacts_active += 1;
                 if !law.is_regularised() {
@@ -274,6 +277,8 @@ pub struct ContactTotals {
     pub contacts_active: usize,
     /// Deepest of the overlaps that are worth a warning.
     pub overlap: Option<Overlap>,
+    /// Deepest of those of two bodies of which neither can move along the normal, so that their contact does not act.
+    pub inert_overlap: Option<Overlap>,
     /// Largest penetration of the listed contacts, m.
     pub penetration_largest: f64,
     pub penetration_sum: f64,
@@ -298,6 +303,10 @@ impl Add for ContactTotals {
         ContactTotals {
             contacts_active: self.contacts_active + other.contacts_active,
             overlap: other.overlap.map_or(self.overlap, |overlap| deeper_overlap(self.overlap, overlap)),
+            inert_overlap: match other.inert_overlap {
+                Some(overlap) => deeper_overlap(self.inert_overlap, overlap),
+                None => self.inert_overlap,
+            },
             penetration_largest: self.penetration_largest.max(other.penetration_largest),
             penetration_sum: self.penetration_sum + other.penetration_sum,
             penetration_added: self.penetration_added + other.penetration_added,

@@ -45,6 +45,8 @@ pub struct StepReport {
     pub worst: Option<WorstContact>,
     /// Deepest overlap in the contact configuration, if it is worth a warning.
     pub overlap: Option<Overlap>,
+    /// Deepest overlap of two bodies of which neither can move along the normal, if it is worth a warning.
+    pub inert_overlap: Option<Overlap>,
     /// Largest penetration in the contact configuration, and the sum of all over `contacts_active`, m.
     pub penetration_largest: f64,
     pub penetration_mean: f64,
@@ -169,6 +171,7 @@ pub fn update_ledger(
             .then(|| lmgc90_norms(system, &solution.impulses, &solution.solver_bodies)),
         worst: solution.worst.map(worst),
         overlap: contact_totals.overlap,
+        inert_overlap: contact_totals.inert_overlap,
         penetration_largest: contact_totals.penetration_largest,
         penetration_mean: contact_totals.penetration_sum / active,
         narrow_phase_error: None,

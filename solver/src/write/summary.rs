@@ -37,6 +37,8 @@ pub struct RunStatistics {
     pub given_up: u64,
     /// Deepest overlap of the run, its start and end included, if it is worth a warning.
     pub overlap: Option<Overlap>,
+    /// Deepest overlap of two bodies of which neither can move along the normal of their contact.
+    pub inert_overlap: Option<Overlap>,
     /// Deepest overlap of the last state, m.
     pub penetration_end: f64,
     pub warnings: Vec<String>,
@@ -46,6 +48,10 @@ pub struct RunStatistics {
     /// Estimates of all steps, including those before a resume.
     pub estimator: ErrorEstimator,
 }
+
+/// Reason for the overlap of two bodies whose contact does not act, with advice.
+pub const INERT_REASON: &str = "along the normal of their contact the motion of both is imposed, so that it does not act; free one of \
+     them along it, or remove the row between them";
 
 /// Returns the text of the summary.
 pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, sources: &[ErrorSource]) -> String {
@@ -115,6 +121,9 @@ pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, so
             "warning",
             format!("{}: more than {deep} %; volumes and stresses have errors of that order", overlap.message_text()),
         );
+    }
+    if let Some(overlap) = statistics.inert_overlap {
+        line("warning", format!("{}: {INERT_REASON}", overlap.message_text()));
     }
     if scene.walls.contains(&false) {
         line("energy drift", format!("{:.2e}", balance.energy));

@@ -247,7 +247,7 @@ fn rows_and_laws_that_no_contact_needs_do_not_stop_a_run() {
         "TACT_BEHAV.DAT:21: 1 see row for 2D or deformable bodies is skipped",
         "TACT_BEHAV.DAT:5: 1 law is not computed: mac01 (IQS_BW_CLB); no contact needs it",
         "TACT_BEHAV.DAT:15: 1 see row is for contactors or colours that no body has",
-        "TACT_BEHAV.DAT:24: 1 see row is for bodies whose motion is all imposed: these do not meet",
+        "TACT_BEHAV.DAT:24: 1 see row is for bodies whose motion is all imposed (of spheres: their translation): these do not meet",
     ];
     weighs(runs(&case, &notices), SPHERE_WEIGHT, 1);
     // With a contact it is needed.

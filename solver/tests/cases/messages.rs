@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use cd_formats::compute::{Adaptive, EventAction};
-use cd_formats::drv_dof::Evolution;
+use cd_formats::drv_dof::{DrivenComponent, DrivenKind, Evolution};
 use cd_formats::origin::SceneOrigin;
 use cd_formats::snapshot;
 use cd_formats::tact_behav::TactBehav;
@@ -60,6 +60,7 @@ fn what_is_no_case_says_what_to_run() {
         said("scene.ron"),
         "cd-solve: CASE/scene.ron: file: is a scene, not a case; run cd-pre CASE/scene.ron first, then cd-solve CASE\n"
     );
+    assert_eq!(said("scene.ron/"), said("scene.ron"));
     assert_eq!(said(""), "cd-solve: CASE/: folder: has a scene but no DATBOX; run cd-pre CASE/scene.ron first\n");
     fs::write(case.join("notes.txt"), "").unwrap();
     assert!(said("notes.txt").starts_with("cd-solve: CASE/notes.txt: file: is not a folder; expected the folder"));
@@ -68,6 +69,41 @@ fn what_is_no_case_says_what_to_run() {
     assert_eq!(said("DATBOX"), "cd-solve: CASE/DATBOX: folder: is a DATBOX; expected the folder that it is in\n");
     let (code, _, text) = ran(case, case, &["resume"]);
     assert_eq!((code, text.as_str()), (2, "cd-solve: resume: is not expected here; did you mean --resume?\n"));
+}
+
+#[test]
+fn a_run_shorter_than_its_step_is_one_step() {
+    let mut case = falling();
+    (case.options.steps, case.options.end_time, case.options.dt) = (None, Some(0.004), 0.01);
+    case.write();
+    let (code, text, warnings) = of(&case, &[]);
+    let warning =
+        "dt = 0.01 s is longer than the run to end_time = 0.004 s: it is one step, to t = 0.01 s; use a smaller dt";
+    assert!(code == 0 && text.contains("1 in this run, to step 1, t = 0.01 s"), "{text}");
+    assert!(warnings.contains(&format!("cd-solve: warning: {warning}\n")), "{warnings}");
+    // To the end of its only step.
+    let (_, _, warnings) = of(&case, &["--force", "--end-time", "0.01"]);
+    assert!(!warnings.contains("end_time"), "{warnings}");
+}
+
+/// A block that moves down at 1 m/s and is free along the floor alone.
+#[test]
+fn what_is_driven_through_a_wall_is_named() {
+    let mut case = falling();
+    let block = case.block([0.5; 3], [3.0, 0.0, 0.505], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    for component in 2..6 {
+        let evolution = Evolution::constant(if component == 2 { -1.0 } else { 0.0 });
+        case.driven.push(DrivenComponent { line: 0, body: block, component, kind: DrivenKind::Velocity, evolution });
+    }
+    case.dof[block].velocity[2] = -1.0;
+    (case.options.steps, case.options.dt) = (Some(20), 0.005);
+    case.law_of_all("IQS_CLB", &[0.3]);
+    case.write();
+    let (code, text, warnings) = of(&case, &[]);
+    let reason = "along the normal of their contact the motion of both is imposed, so that it does not act; free one of them \
+                  along it, or remove the row between them";
+    assert_eq!((code, warnings.matches(reason).count(), text.matches(reason).count()), (0, 1, 1), "{warnings} {text}");
+    assert!(!warnings.contains("smaller dt or tol"), "{warnings}");
 }
 
 #[test]
