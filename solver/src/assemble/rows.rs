@@ -426,20 +426,21 @@ impl AssemblyContext<'_> {
     /// `pushed`: change of its normal velocity by its own impulse in the last step, m/s.
     #[inline]
     fn gap_forecast(&self, contact: &Contact, law: &ContactLaw, reach: f64, pushed: f64) -> GapForecast {
-        if !law.acts_on_touch() || contact.gap <= 0.0 {
+        let damped_spring = law.is_damped_spring();
+        if !(law.acts_on_touch() || damped_spring) || contact.gap <= 0.0 {
             return GapForecast::Apart { depth: 0.0 };
         }
         let AssemblyContext { scene, state, q_c, free: free_velocities, is_sphere, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
         let u_n = contact.normal.dot(&relative_velocity(contact, &q_c.x, self.start_velocities())).abs();
         let pull = |i: usize| contact.normal.dot(&(free_velocities.v[i] - state.v[i])).abs();
-        if u_n < RESTING * pushed || u_n.max(contact.gap / reach) < pull(a).max(pull(b)) {
+        if !damped_spring && (u_n < RESTING * pushed || u_n.max(contact.gap / reach) < pull(a).max(pull(b))) {
             return GapForecast::Resting;
         }
         let u = relative_velocity(contact, &q_c.x, *free_velocities);
-        if contact.gap + reach * contact.normal.dot(&u) >= 0.0 {
-            let depth = MAX_STEP_OVERLAP
-                * scene.pair_size((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
+        let depth = MAX_STEP_OVERLAP
+            * scene.pair_size((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
+        if contact.gap + reach * contact.normal.dot(&u) >= if damped_spring { -depth } else { 0.0 } {
             return GapForecast::Apart { depth };
         }
         if is_sphere[a] && is_sphere[b] {

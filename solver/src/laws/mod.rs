@@ -76,7 +76,7 @@ pub enum UnilateralLaw {
     /// Newton's restitution with the coefficients e_n and e_t.
     Restitution { normal: f64, tangential: f64 },
     /// Spring of this stiffness (N/m) on the gap at the step's end, with a damper (N s/m); never pulls. With a `damper` it acts
-    /// only in a step that begins with an overlap.
+    /// only in a step that begins with an overlap, and without the damper if velocities would close the pair too deep.
     Spring { stiffness: f64, damper: Option<f64> },
     /// No relative velocity, whatever the impulse.
     Coupling,
@@ -186,7 +186,7 @@ pub struct LawInput {
     pub h: f64,
     /// Time to the next contact configuration, s.
     pub closing_time: f64,
-    /// Forecast of an open gap, for laws that act on touching contacts.
+    /// Forecast of an open gap, for laws that act on touching contacts and damped springs.
     pub gap_forecast: GapForecast,
     /// Normal relative velocity at the step's start, m/s, > 0 parting.
     pub u_n: f64,
@@ -209,11 +209,12 @@ pub enum GapForecast {
     Resting,
     /// Two spheres approach but miss each other.
     Passing,
-    /// The free velocities close it.
+    /// The free velocities close it; with a damped spring, deeper than [`MAX_STEP_OVERLAP`] allows.
     Due,
 }
 
-/// Overlap that other contacts may bring in a step to a pair that throws back, over the size of the pair.
+/// Overlap that other contacts may bring in a step to a pair that throws back, and velocities to a pair with a damped spring,
+/// over the size of the pair.
 pub const MAX_STEP_OVERLAP: f64 = 0.1;
 
 /// Terms that a law adds to the standard problem of one contact in one step.
@@ -230,6 +231,11 @@ pub struct LawShift {
     /// Whether the contact, if it can close, is solved from the first sweep; otherwise it is included if other contacts push
     /// it together.
     pub solved: bool,
+}
+
+/// Damper of a spring at a gap, N s/m: 0 while it is open.
+fn closed_damper(damper: Option<f64>, gap: f64) -> f64 {
+    damper.filter(|_| gap <= 0.0).unwrap_or(0.0)
 }
 
 impl ContactLaw {
@@ -309,9 +315,11 @@ impl ContactLaw {
             }
             UnilateralLaw::InelasticShock => ((gap / closing_time).max(0.0), 0.0),
             UnilateralLaw::Gap => (gap / closing_time, 0.0),
-            UnilateralLaw::Spring { damper: Some(_), .. } if gap > 0.0 => return None,
+            UnilateralLaw::Spring { damper: Some(_), .. } if gap > 0.0 && at.gap_forecast != GapForecast::Due => {
+                return None;
+            }
             UnilateralLaw::Spring { stiffness, damper } => {
-                let stiffened = stiffness * closing_time + damper.unwrap_or(0.0);
+                let stiffened = stiffness * closing_time + closed_damper(damper, gap);
                 (stiffness * gap / stiffened, 0.0)
             }
             UnilateralLaw::Coupling => (0.0, 0.0),
@@ -361,6 +369,12 @@ impl ContactLaw {
     /// Whether an approaching pair is thrown back: the velocity at the start alone closes it.
     pub fn throws_back(&self, at: &LawInput) -> bool {
         self.has_restitution() && at.gap_forecast == GapForecast::Due && at.gap < -at.closing_time * at.u_n
+    }
+
+    /// Whether the law is a spring with a damper, which acts on closed contacts, and as a spring alone on pairs that a step
+    /// would close deeper than [`MAX_STEP_OVERLAP`]: these might pass through each other.
+    pub fn is_damped_spring(&self) -> bool {
+        matches!(self.unilateral, UnilateralLaw::Spring { damper: Some(_), .. })
     }
 
     /// Whether dynamic friction differs from static friction.
@@ -441,9 +455,8 @@ impl ContactLaw {
     /// step of 1 ms, 10 /kg.
     pub fn regularisation(&self, gap: f64, h: f64, closing_time: f64) -> Option<LawRegularisation> {
         match self.unilateral {
-            UnilateralLaw::Spring { damper: Some(_), .. } if gap > 0.0 => None,
             UnilateralLaw::Spring { stiffness, damper } => {
-                let stiffened = stiffness * closing_time + damper.unwrap_or(0.0);
+                let stiffened = stiffness * closing_time + closed_damper(damper, gap);
                 Some(LawRegularisation::Compliance(1.0 / (h * stiffened)))
             }
             UnilateralLaw::Coupling => Some(LawRegularisation::Coupling),

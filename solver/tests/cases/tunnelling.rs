@@ -1,5 +1,7 @@
 //! No body passes through another, whatever its speed, the law, and the step in which they meet.
 
+use std::f64::consts::PI;
+
 use cd_formats::bodies::{Contactor, ShapeRecord};
 use cd_formats::compute::{Adaptive, EventAction};
 use cd_formats::drv_dof::Evolution;
@@ -191,6 +193,41 @@ fn nothing_passes_after_an_event() {
 #[test]
 fn nothing_passes_that_comes_from_afar() {
     all(When::MovingIn);
+}
+
+/// A spring takes the depth v √(m/k) to stop what strikes it: a stiff one lets nothing pass, with a damper or without.
+#[test]
+fn nothing_passes_a_stiff_spring() {
+    let mut faults = Vec::new();
+    for (kind, parameters) in
+        [("ELASTIC_REPELL_CLB", &[1e16, 0.3][..]), ("VISCO_ELASTIC_REPELL_CLB", &[1e16, 1e3, 0.3])]
+    {
+        for pair in [Pair::SphereOnThinPlate, Pair::CubeOnPlate, Pair::SphereOnSphere] {
+            for travel in TRAVELS {
+                for gap in [0.1 * R, 3.37 * travel * R] {
+                    let (mut case, striker, target) = above(pair, gap, true);
+                    case.law_of_all(kind, parameters);
+                    case.launch(striker, [0.0, 0.0, -travel * R / case.options.dt], [0.0; 3]);
+                    let apart = |state: &Snapshot| state.x(striker).z - state.x(target).z;
+                    let least = case.states(8, 1).iter().map(apart).fold(f64::INFINITY, f64::min);
+                    // Half of the overlap that a step may make, until the step's end.
+                    if least < touching(pair) - 0.2 * R {
+                        faults.push(format!("{kind} {pair:?} {travel} {gap}: {least}"));
+                    }
+                }
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{} faults\n{}", faults.len(), faults.join("\n"));
+    // One too soft for the thickness of the plate, 2 R: here 2 m and 0.7 m deep.
+    for (stiffness, passes) in [(1.0, true), (8.0, false)] {
+        let (mut case, striker, _) = above(Pair::SphereOnPlate, 0.1 * R, true);
+        case.law_of_all("ELASTIC_REPELL_CLB", &[stiffness * PI / 6.0, 0.0]);
+        case.options.dt = 4e-3;
+        case.launch(striker, [0.0, 0.0, -2.0], [0.0; 3]);
+        let end = case.run(1000);
+        assert_eq!(end.x(striker).z < 0.0, passes, "{:?}", end.x(striker));
+    }
 }
 
 /// A wall that moves into a ball at rest, from the first step or later, throws it off by its law.
