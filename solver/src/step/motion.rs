@@ -20,7 +20,7 @@ use crate::assemble::{ContactConstraint, ContactProblem, SolverBody, stored_prob
 use crate::laws::ContactLaw;
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::BodyId;
-use crate::solve::{ContactSolution, SolveRequest, StoppingCriteria, solve_contact_problem};
+use crate::solve::{ContactSolution, MOMENTUM_CYCLE, SolveRequest, StoppingCriteria, solve_contact_problem};
 use crate::state::Contact;
 
 /// Errors of its bodies by which a contact must move. A face at rest has at least one point whose error is its own velocity.
@@ -41,12 +41,19 @@ const MAX_ERROR_LOAD: f64 = 0.02;
 /// Largest number of tenfold refinements of a step for its bonds: to 1e-9 of the residual of the unsolved problem.
 const MAX_REFINEMENTS: usize = 6;
 
+/// Largest cost of the refinements of a step, in contacts times sweeps, unless a round of sweeps costs more. Bonds of some
+/// bodies on small areas are decided within it; of a hundred bonded cubes that come apart, a few bonds may need ten times as
+/// much, and are decided by what is known then.
+const MAX_REFINEMENT_COST: u64 = 1_000_000;
+
 /// Errors of velocity.
 pub struct VelocityErrors {
     /// Error by body, m/s; 0 for a body without contact impulses.
     errors: Vec<f64>,
     /// Error of the tangential velocity at each row over that of the velocity; empty if no face is bonded.
     leverages: Vec<f64>,
+    /// Rows of bonds whose velocity fell with the residual: it is an error, however large against the others. Sorted.
+    unsettled: Vec<usize>,
 }
 
 impl VelocityErrors {
@@ -68,7 +75,7 @@ impl VelocityErrors {
                 errors[body.index()] = errors[body.index()].max(error);
             }
         }
-        VelocityErrors { errors, leverages: tangential_leverages(system) }
+        VelocityErrors { errors, leverages: tangential_leverages(system), unsettled: Vec::new() }
     }
 
     /// Error of the tangential velocity at row `k`, m/s.
@@ -84,6 +91,9 @@ impl VelocityErrors {
 
     /// Whether the contact of row `k` opens, and whether it slides, at the velocity `u` = û.
     pub fn opens_or_slides(&self, k: usize, row: &ContactConstraint, u: &Vec3) -> (bool, bool) {
+        if self.unsettled.binary_search(&k).is_ok() {
+            return (false, false);
+        }
         let opening = row.normal.dot(u);
         let sliding = (u - row.normal * opening).norm();
         let (least, least_sliding) = (self.contact_error(row.bodies), self.tangential_error(k, row));
@@ -132,6 +142,20 @@ impl StepBonds<'_> {
         (0..system.rows.len()).into_par_iter().with_min_len(PAR_MIN_LEN).filter(is_rigid).collect()
     }
 
+    /// Those of the `rigid` rows that open or slide.
+    fn moving(
+        &self,
+        SolvedProblem { system, solution, .. }: &SolvedProblem,
+        errors: &VelocityErrors,
+        rigid: &[usize],
+    ) -> Vec<usize> {
+        let moves = |&k: &usize| {
+            let u = system.shifted_velocity(k, &solution.solver_bodies);
+            errors.opens_or_slides(k, &system.rows[k], &u) != (false, false)
+        };
+        rigid.iter().copied().filter(moves).collect()
+    }
+
     /// Whether the solution leaves open which bonds break, in this step or, by its errors, in the next. `rigid` and `broken`:
     /// rows with rigid bonds, and those of them that break.
     fn are_undecided(
@@ -162,8 +186,8 @@ fn has_active_bond(row: &ContactConstraint) -> bool {
 }
 
 /// Refines a converged solution tenfold as long as it is undecided which bonds break, and returns the velocity errors of the
-/// result; `None` if no law has irreversible losses. Bonds that break must do so in two solutions. The number of refinements
-/// depends only on the loads of the bonds.
+/// result; `None` if no law has irreversible losses. The velocity of bonds that break must stay in a refinement. The number
+/// of refinements depends only on the loads of the bonds.
 pub fn refine_until_decided(
     context: StepContext,
     laws: &[ContactLaw],
@@ -174,38 +198,58 @@ pub fn refine_until_decided(
         return None;
     }
     let bonds = StepBonds { context, laws };
-    let mut motion = VelocityErrors::new(&solved.system, &solved.solution);
+    let mut errors = VelocityErrors::new(&solved.system, &solved.solution);
     let rigid = bonds.rigid(&solved.system);
-    let mut broken_before = Vec::new();
-    for _ in 0..MAX_REFINEMENTS {
-        let SolvedProblem { system, solution, .. } = &*solved;
-        let moves = |&k: &usize| {
-            let u = system.shifted_velocity(k, &solution.solver_bodies);
-            motion.opens_or_slides(k, &system.rows[k], &u) != (false, false)
-        };
-        let broken: Vec<usize> = rigid.iter().copied().filter(moves).collect();
-        let is_decided = broken == broken_before && !bonds.are_undecided(solved, &motion, &rigid, &broken);
-        if !solution.converged || is_decided {
+    let mut moving = bonds.moving(solved, &errors, &rigid);
+    // Until there are two solutions, no bond is known to break.
+    let mut is_settled = moving.is_empty();
+    let mut sweeps_left = MOMENTUM_CYCLE.max(MAX_REFINEMENT_COST / (solved.system.rows.len() as u64).max(1));
+    for refinement in 0..MAX_REFINEMENTS {
+        let is_decided = is_settled && !bonds.are_undecided(solved, &errors, &rigid, &moving);
+        if !solved.solution.converged || is_decided || sweeps_left == 0 {
             break;
         }
-        broken_before = broken;
-        let residual = solution.residual;
-        refine(context, request, solved);
-        motion = VelocityErrors::new(&solved.system, &solved.solution);
-        if solved.solution.residual > 0.5 * residual {
+        let speed =
+            |solved: &SolvedProblem, k: usize| solved.system.shifted_velocity(k, &solved.solution.solver_bodies).norm();
+        let speeds: Vec<f64> = rigid.iter().map(|&k| speed(solved, k)).collect();
+        let ContactSolution { residual, sweeps, .. } = solved.solution;
+        refine(context, request, sweeps_left, solved);
+        sweeps_left = sweeps_left.saturating_sub(solved.solution.sweeps - sweeps);
+        errors = VelocityErrors::new(&solved.system, &solved.solution);
+        // An error falls like the residual, the velocity of a bond that breaks stays: the root of the ratio divides them.
+        let share = (solved.solution.residual / residual).sqrt();
+        let is_stuck = solved.solution.residual > 0.5 * residual;
+        let is_error = |k: &usize| {
+            if is_stuck {
+                // Nothing new is known of the bonds that moved before.
+                return refinement > 0 && moving.binary_search(k).is_err();
+            }
+            let before = rigid.binary_search(k).map_or(0.0, |at| speeds[at]);
+            speed(solved, *k) < share * before
+        };
+        (errors.unsettled, moving) = bonds.moving(solved, &errors, &rigid).into_iter().partition(is_error);
+        is_settled = errors.unsettled.is_empty();
+        if is_stuck {
             break;
         }
     }
-    Some(motion)
+    Some(errors)
 }
 
-/// Continues from a converged solution to a tenth of its residual. Sweeps need thousands where a body turns about a short
-/// arm, so the fallback continues from them as in any step that stalls.
-fn refine(context: StepContext, request: SolveRequest, SolvedProblem { system, solution, .. }: &mut SolvedProblem) {
+/// Continues from a converged solution to a tenth of its residual, with at most `max_sweeps`. Sweeps need thousands where a
+/// body turns about a short arm, so the fallback continues from them as in any step that stalls.
+fn refine(
+    context: StepContext,
+    request: SolveRequest,
+    max_sweeps: u64,
+    SolvedProblem { system, solution, .. }: &mut SolvedProblem,
+) {
     system.rows.iter_mut().zip(&solution.impulses).for_each(|(row, r)| row.warm_start = *r);
     system.rolling_constraints.iter_mut().zip(&solution.moments).for_each(|(roll, m)| roll.warm_start = *m);
     let target_residual = 0.1 * solution.residual.min(request.criteria.target_residual);
-    let criteria = StoppingCriteria { tol: target_residual, target_residual, min_sweeps: 0, ..request.criteria };
+    let max_sweeps = max_sweeps.min(request.criteria.max_sweeps);
+    let criteria =
+        StoppingCriteria { tol: target_residual, target_residual, min_sweeps: 0, max_sweeps, ..request.criteria };
     let stored = |problem: &ContactProblem| stored_problem(problem, context.contacts);
     let further = solve_contact_problem(system, SolveRequest { criteria, ..request }, stored);
     *solution = ContactSolution {

@@ -65,6 +65,7 @@ enum PatchLoad {
     Pull,
     Shear,
     Bend,
+    Twist,
 }
 
 /// Smallest number of bonds in some steps of a cube of edge 1 at the default `tol`. A patch of its upper face, a square of edge
@@ -74,17 +75,21 @@ fn patch_bonds(load: PatchLoad, size: f64, off: f64, ratio: f64, share: f64, ste
     let mut case = Case::new();
     let area = size * size;
     // Bent, two corners pull with all of their strength against the two others.
-    let (normal, force, moment) = match load {
-        PatchLoad::Pull => (FORCE / (area * share), [0.0, 0.0, -FORCE], 0.0),
-        PatchLoad::Shear => (ratio * FORCE / (area * share), [FORCE, 0.0, 0.0], 0.0),
-        PatchLoad::Bend => (FORCE / (0.5 * size * area * share), [0.0; 3], FORCE),
+    let bending = FORCE / (0.5 * size * area * share);
+    // All of a square shears about its middle: the integral of the radius is size³ (√2 + asinh 1)/6.
+    let twisting = ratio * FORCE / (size * area * (2f64.sqrt() + 1f64.asinh()) / 6.0 * share);
+    let (normal, force, [bend, twist]) = match load {
+        PatchLoad::Pull => (FORCE / (area * share), [0.0, 0.0, -FORCE], [0.0; 2]),
+        PatchLoad::Shear => (ratio * FORCE / (area * share), [FORCE, 0.0, 0.0], [0.0; 2]),
+        PatchLoad::Bend => (bending, [0.0; 3], [FORCE, 0.0]),
+        PatchLoad::Twist => (twisting, [0.0; 3], [0.0, FORCE]),
     };
     case.law_of_all("IQS_MOHR_DS_CLB", &[normal, normal / ratio, 0.2, 0.3]);
     case.plate([0.5 * size, 0.5 * size, 0.5], [off, 0.0, 1.0], AXES);
     let cube = case.block([0.5; 3], [0.0; 3], AXES);
     // The force acts at the middle of the patch.
-    let about_y = 0.5 * force[0] - off * force[2] + moment;
-    for (component, value) in [(0, force[0]), (2, force[2]), (4, about_y)] {
+    let about_y = 0.5 * force[0] - off * force[2] + bend;
+    for (component, value) in [(0, force[0]), (2, force[2]), (4, about_y), (5, twist)] {
         case.pull(cube, component, value);
     }
     (case.options.dt, case.options.tol) = (1e-3, None);
@@ -96,11 +101,39 @@ fn patch_bonds(load: PatchLoad, size: f64, off: f64, ratio: f64, share: f64, ste
 #[test]
 fn a_bond_on_a_small_area_holds_its_strength() {
     for (size, off, ratio) in [(0.01, 0.3, 1.0), (0.03, 0.0, 1e3), (0.03, 0.3, 1.0), (0.3, 0.3, 10.0)] {
-        for load in [PatchLoad::Pull, PatchLoad::Shear, PatchLoad::Bend] {
+        // The torsion of four points is that of the square to 5 %.
+        for (load, holds, breaks) in [
+            (PatchLoad::Pull, 0.95, 1.05),
+            (PatchLoad::Shear, 0.95, 1.05),
+            (PatchLoad::Bend, 0.95, 1.05),
+            (PatchLoad::Twist, 0.9, 1.11),
+        ] {
             let bonds = |share, steps| patch_bonds(load, size, off, ratio, share, steps);
             let what = format!("{load:?} on {size} m at {off} m, c_n/c_t {ratio}");
-            assert_eq!(bonds(0.95, 8), 4.0, "{what}");
-            assert!(bonds(1.05, 1) < 4.0, "{what}");
+            assert_eq!(bonds(holds, 8), 4.0, "{what}");
+            assert!(bonds(breaks, 1) < 4.0, "{what}");
+        }
+    }
+}
+
+/// A cube that hangs from the middle of its face, at the default `tol` and below it, for many steps.
+#[test]
+fn a_cube_hangs_from_a_small_area_as_long_as_the_bond_holds() {
+    for (a, b) in [(0.01, 0.01), (0.02, 0.02), (0.03, 0.03), (0.1, 1.0)] {
+        for (share, steps) in [(0.33, 60), (0.5, 60), (0.83, 60), (1.05, 1)] {
+            for tol in [None, Some(1e-4)] {
+                let mut case = Case::new();
+                let strength = 9.81 / (a * b * share);
+                case.law_of_all("IQS_MOHR_DS_CLB", &[strength, 10.0 * strength, 0.2, 0.3]);
+                case.gravity = [0.0, 0.0, -9.81];
+                case.plate([0.5 * a, 0.5 * b, 0.5], [0.0, 0.0, 1.0], AXES);
+                case.block([0.5; 3], [0.0; 3], AXES);
+                (case.options.dt, case.options.tol) = (1e-3, tol);
+                case.run(steps);
+                let bonds = case.column("bonds");
+                let holds = bonds.iter().all(|count| *count == 4.0);
+                assert_eq!(holds, share < 1.0, "{a} x {b} m, {share} of the strength, tol {tol:?}: {bonds:?}");
+            }
         }
     }
 }
