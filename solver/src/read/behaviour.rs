@@ -438,6 +438,7 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
     let of_gravity = !self_gravity;
     let of_fmm = of_gravity || scene.gravity_solver().method_for(scene.free.len()) == SummationMethod::Direct;
     let sweeps = matches!(scene.options.solver, ContactSolver::Auto | ContactSolver::Nlgs);
+    let in_double = scene.laws.iter().any(|law| law.rolling_friction().is_some() || law.is_regularised());
     let default = Compute::default();
     let set = [
         ("gravity", of_gravity && gravity != default.gravity, "self_gravity"),
@@ -456,8 +457,8 @@ pub fn ineffective_options(scene: &Scene) -> Vec<String> {
         ("face_friction", !scene.is_general() && scene.options.face_friction != default.face_friction, "polyhedra"),
         (
             "sweep_precision",
-            (!sweeps || scene.needs_blocks()) && scene.options.sweep_precision != default.sweep_precision,
-            "a scene of spheres only, and solver auto or nlgs",
+            (!sweeps || in_double) && scene.options.sweep_precision != default.sweep_precision,
+            "solver auto or nlgs, and laws without rolling friction, springs or interfaces",
         ),
         ("check_every", !sweeps && scene.options.check_every.is_some(), "solver auto or nlgs"),
     ];

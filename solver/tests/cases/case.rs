@@ -34,6 +34,9 @@ pub const BOX: [[u32; 3]; 12] = [
     [3, 7, 5],
 ];
 
+/// Fixed axes.
+pub const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
 /// Spheres and plates in a folder of their own. Angles and lengths that the files can hold exactly
 /// (eight digits) are kept exactly; positions are exact to round-off, see [`Case::add`].
 pub struct Case {

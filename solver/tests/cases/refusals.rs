@@ -5,10 +5,10 @@ use std::fs;
 use std::process::Command;
 
 use cd_formats::bodies::{Contactor, ShapeRecord};
-use cd_formats::compute::{Compute, Event, EventAction, ExternalField};
+use cd_formats::compute::{Compute, Event, EventAction, ExternalField, SweepPrecision};
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, Evolution};
 
-use crate::case::Case;
+use crate::case::{AXES, Case};
 
 /// A ball over a floor.
 fn sound() -> Case {
@@ -711,4 +711,21 @@ fn an_event_that_wets_contacts_has_an_effect() {
     case.write();
     let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
     assert!(!String::from_utf8(output.stdout).unwrap().contains("without effect"));
+}
+
+#[test]
+fn the_precision_of_sweeps_matters_to_polyhedra_and_not_to_springs() {
+    let has_no_effect = |law: &str, parameters: &[f64]| {
+        let mut case = Case::new();
+        case.law_of_all(law, parameters);
+        case.block([0.5; 3], [0.0; 3], AXES);
+        case.block([0.5; 3], [0.0, 0.0, 1.0], AXES);
+        case.options.sweep_precision = SweepPrecision::Double;
+        case.options.steps = Some(1);
+        case.write();
+        let output = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).unwrap().contains("sweep_precision: without effect; needs solver auto or nlgs")
+    };
+    assert!(!has_no_effect("IQS_CLB", &[0.3]) && has_no_effect("ELASTIC_REPELL_CLB", &[1e5, 0.3]));
 }
