@@ -58,17 +58,26 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
         [
             StepBound {
                 h: travel / speed,
-                reason: format!("{impact}, {speed:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius per step"),
+                reason: format!(
+                    "{impact}, {} m/s: {MAX_TRAVEL_RADII} of the smallest radius per step",
+                    short_number(speed)
+                ),
             },
             StepBound {
                 h: (MAX_FALL_RADII * scene.mean_radius / acceleration).sqrt(),
-                reason: format!("free fall at {acceleration:.3e} m/s²: {MAX_FALL_RADII} of the mean radius per step"),
+                reason: format!(
+                    "free fall at {} m/s²: {MAX_FALL_RADII} of the mean radius per step",
+                    short_number(acceleration)
+                ),
             },
         ]
     };
     let mut bounds = vec![StepBound {
         h: travel / fastest,
-        reason: format!("largest speed {fastest:.3e} m/s: {MAX_TRAVEL_RADII} of the smallest radius per step"),
+        reason: format!(
+            "largest speed {} m/s: {MAX_TRAVEL_RADII} of the smallest radius per step",
+            short_number(fastest)
+        ),
     }];
     if let Some((radius, surface)) = scene.surface_gravity() {
         let speed = (2.0 * surface * radius).sqrt();
@@ -77,7 +86,7 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     let period = shortest_orbit(scene, state);
     bounds.push(StepBound {
         h: period / STEPS_PER_ORBIT,
-        reason: format!("shortest orbital period {period:.3e} s: {STEPS_PER_ORBIT} steps per orbit"),
+        reason: format!("shortest orbital period {} s: {STEPS_PER_ORBIT} steps per orbit", short_number(period)),
     });
     let g = state.gravity.norm();
     if g > 0.0 {
@@ -85,12 +94,12 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
         let lowest = heights().fold(floor_height(scene, state) + smallest, f64::min);
         let height = heights().fold(f64::NEG_INFINITY, f64::max) - lowest;
         let speed = (2.0 * g * height).sqrt();
-        bounds.extend(fall_bounds(format!("impact speed of a fall through {height:.3e} m"), speed, g));
+        bounds.extend(fall_bounds(format!("impact speed of a fall through {} m", short_number(height)), speed, g));
     }
     let turn = fastest_turn(scene, state);
     bounds.push(StepBound {
         h: 1.0 / (STEPS_PER_RADIAN * turn),
-        reason: format!("fastest rotation {turn:.3e} rad/s: {STEPS_PER_RADIAN} steps per radian"),
+        reason: format!("fastest rotation {} rad/s: {STEPS_PER_RADIAN} steps per radian", short_number(turn)),
     });
     bounds.retain(|bound| bound.h.is_finite() && bound.h > 0.0);
     bounds.sort_by(|a, b| a.h.total_cmp(&b.h));
@@ -282,12 +291,15 @@ pub fn plan_text(scene: &Scene, state: &State) -> String {
         None => format!("{h} s; no bound: nothing moves and no force acts"),
     };
     lines.push(("dt", verdict));
-    if let Some(strictest) = bounds.first() {
-        let suited = |accuracy: Accuracy| format!("{accuracy} up to {:.3e} s", accuracy.step_factor() * strictest.h);
-        lines.push(("", Accuracy::ALL.map(suited).join(", ")));
-    }
-    lines.extend(Accuracy::ALL.map(|accuracy| ("", format!("{accuracy}: {}", accuracy.measured_cost_and_error()))));
-    lines.extend(bounds.iter().map(|bound| ("", format!("up to {:.3e} s: {}", bound.h, bound.reason))));
+    lines.extend(bounds.iter().map(|bound| ("", format!("up to {} s: {}", short_number(bound.h), bound.reason))));
+    let suited_dt = |accuracy: Accuracy| {
+        let dt = bounds.first().map(|strictest| short_number(accuracy.step_factor() * strictest.h));
+        dt.map_or(String::new(), |dt| format!("dt up to {dt} s; "))
+    };
+    lines.extend(Accuracy::ALL.map(|accuracy| {
+        let text = format!("{accuracy}: {}{}", suited_dt(accuracy), accuracy.measured_cost_and_error());
+        (if accuracy == Accuracy::Draft { "presets" } else { "" }, text)
+    }));
     lines.extend(roundoff_warning(scene, state).map(|message| ("warning", message)));
     lines
         .into_iter()

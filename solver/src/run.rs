@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::messages::{print_error, print_line};
-use cd_formats::names::rounded_number;
+use cd_formats::names::{rounded_number, short_number};
 use cd_formats::snapshot::RunParameters;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -292,8 +292,9 @@ fn long_step_warning(scene: &Scene, state: &State) -> Option<String> {
     let StepBound { reason, .. } = strictest;
     (h > recommended).then(|| {
         format!(
-            "dt = {h} s is {:.1} times the largest step for the preset draft, {recommended:.3e} s ({reason}); see --plan",
-            h / recommended
+            "dt = {h} s is {:.1} times the largest step for the preset draft, {} s ({reason}); see --plan",
+            h / recommended,
+            short_number(recommended)
         )
     })
 }

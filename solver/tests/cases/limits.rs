@@ -4,8 +4,9 @@ use std::process::Command;
 
 use cd_formats::compute::{Accuracy, ExternalField};
 use cd_formats::drv_dof::Evolution;
+use cd_formats::names::short_number;
 
-use crate::case::{Beyond, Case, Envelope, Figures, Vec3, equal, near, range, shown};
+use crate::case::{AXES, Beyond, Case, Envelope, Figures, Vec3, equal, near, range, shown};
 
 /// Spheres on a floor under 8 m/s², by radius and density from below.
 fn column(spheres: &[(f64, f64)]) -> Case {
@@ -281,8 +282,6 @@ fn said(case: &mut Case) -> [String; 2] {
     })
 }
 
-const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-
 /// A ball at rest before a plate of half lengths 3, 4 and 0 m or so.
 fn before_a_plate() -> (Case, usize, usize) {
     let mut case = Case::new();
@@ -299,13 +298,16 @@ fn a_step_too_long_for_what_moves_is_reported() {
         let [run, plan] = said(case);
         // Four times the bound suits a draft.
         assert!(
-            run.contains(&format!("is 2.5 times the largest step for the preset draft, {:.3e} s ({reason})", 4.0 * h)),
+            run.contains(&format!(
+                "is 2.5 times the largest step for the preset draft, {} s ({reason})",
+                short_number(4.0 * h)
+            )),
             "{run}"
         );
         assert!(plan.contains("is 10.0 times the strictest bound"), "{plan}");
-        assert!(plan.contains(&format!("up to {h:.3e} s: {reason}")), "{plan}");
+        assert!(plan.contains(&format!("up to {} s: {reason}", short_number(h))), "{plan}");
     };
-    let fast = "largest speed 1.000e5 m/s: 0.1 of the smallest radius per step";
+    let fast = "largest speed 1.00e5 m/s: 0.1 of the smallest radius per step";
     let (mut thrown, ball, _) = before_a_plate();
     thrown.launch(ball, [0.0, 0.0, -1e5], [0.0; 3]);
     printed(&mut thrown, 5e-7, fast);
@@ -339,7 +341,10 @@ fn a_step_too_long_for_what_moves_is_reported() {
     printed(
         &mut high,
         0.05 / fall,
-        &format!("impact speed of a fall through 9.950e1 m, {fall:.3e} m/s: 0.1 of the smallest radius per step"),
+        &format!(
+            "impact speed of a fall through 99.5 m, {} m/s: 0.1 of the smallest radius per step",
+            short_number(fall)
+        ),
     );
 
     let mut low = Case::new();
@@ -347,15 +352,19 @@ fn a_step_too_long_for_what_moves_is_reported() {
     low.sphere(0.5, [7e6, 0.0, 2.0]);
     low.options.fields = vec![ExternalField::PointMass { mass: 6e24, position: [0.0; 3] }];
     let period = std::f64::consts::TAU * (7e6f64.powi(3) / (6e24 * low.options.gravity_constant)).sqrt();
-    printed(&mut low, period / 100.0, &format!("shortest orbital period {period:.3e} s: 100 steps per orbit"));
+    printed(
+        &mut low,
+        period / 100.0,
+        &format!("shortest orbital period {} s: 100 steps per orbit", short_number(period)),
+    );
     low.options.fields =
         vec![ExternalField::RotatingFrame { rate: [0.0, 0.0, std::f64::consts::TAU], centre: [7e6, 0.0, 0.0] }];
-    printed(&mut low, 1e-2, "shortest orbital period 1.000e0 s: 100 steps per orbit");
+    printed(&mut low, 1e-2, "shortest orbital period 1.00 s: 100 steps per orbit");
 
     let mut spun = Case::new();
     let cube = spun.block([0.5; 3], [0.0; 3], AXES);
     spun.launch(cube, [0.0; 3], [1000.0, 0.0, 0.0]);
-    printed(&mut spun, 1e-4, "fastest rotation 1.000e3 rad/s: 10 steps per radian");
+    printed(&mut spun, 1e-4, "fastest rotation 1000 rad/s: 10 steps per radian");
 }
 
 #[test]
