@@ -66,7 +66,7 @@ impl<'a> AssemblyContext<'a> {
         let AssemblyContext { q_c, free, bounds, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| bounds[i.index()].nearby);
         let u = || velocity_at_arms(contact, arms, *free);
-        gap <= a.min(b) || gap <= q_c.longest_reach_time(self.scene) * -contact.normal.dot(&u())
+        gap <= a.min(b) || gap <= q_c.reach_time(self.scene) * -contact.normal.dot(&u())
     }
 
     /// Largest approach of the two bodies at the contact in the step, m, beyond the common motion, for any direction of
@@ -76,7 +76,7 @@ impl<'a> AssemblyContext<'a> {
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| &bounds[i.index()]);
         let plate =
             if self.on_plate(contact) { (self.plate_velocity(contact) - q_c.mean_velocity).norm() } else { 0.0 };
-        let reach = q_c.longest_reach_time(self.scene);
+        let reach = q_c.reach_time(self.scene);
         let mut travel = reach * (a.speed + plate.max(b.speed));
         if self.full {
             travel += reach * (a.angular_speed * at_a.norm() + b.angular_speed * at_b.norm());
@@ -90,13 +90,9 @@ impl<'a> AssemblyContext<'a> {
         self.free.v[b] + self.free.w[b].cross(&contact_arms(contact, &self.q_c.x)[1])
     }
 
-    /// Time between the step's end velocities and the next contact configuration for the two bodies of a contact, s.
-    pub(super) fn closing_time(&self, contact: &Contact) -> f64 {
-        if self.q_c.implicit.is_empty() {
-            return self.q_c.h;
-        }
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| self.q_c.reach_time(self.scene, i.index()));
-        a.max(b)
+    /// Time in which the step's end velocities act, up to the next contact configuration, s.
+    pub(super) fn closing_time(&self) -> f64 {
+        self.q_c.reach_time(self.scene)
     }
 
     /// Radius of the contact, m. A stress acts on the area shared by faces; spheres have their own radius, edges and vertices

@@ -234,12 +234,12 @@ impl AssemblyContext<'_> {
                     opening: gap.max(0.0),
                     sliding: memory.sliding - n * n.dot(&memory.sliding),
                     soundness: memory.soundness,
-                    shift: gap.max(0.0) / self.closing_time(contact),
+                    shift: gap.max(0.0) / self.closing_time(),
                 };
                 let holds = rows[k].acts && memory.soundness > 0.0 && interface.area > 0.0;
                 return holds.then_some(RegularisedRow::Interface { row, interface });
             }
-            let found = law.regularisation(gap, self.q_c.h, self.closing_time(contact)).filter(|_| rows[k].acts)?;
+            let found = law.regularisation(gap, self.q_c.h, self.closing_time()).filter(|_| rows[k].acts)?;
             Some(match found {
                 LawRegularisation::Compliance(compliance) => RegularisedRow::Spring { row, compliance },
                 LawRegularisation::Coupling => RegularisedRow::Coupled { row },
@@ -270,7 +270,7 @@ impl AssemblyContext<'_> {
         let bodies = [contact.candidate, contact.antagonist];
         let [a, b] = bodies.map(|i| i.index());
         let w_n = records[a].inverse_mass + records[b].inverse_mass;
-        let reach = self.closing_time(contact);
+        let reach = self.closing_time();
         let course = self.gap_forecast(contact, law, reach, previous.map_or(0.0, |old| w_n * old.impulse.x));
         // The load of a new contact is unknown, and a rebounding contact does not stay.
         let carried = previous.is_some_and(|old| old.impulse != Vec3::zeros()) && course != GapForecast::Due;
@@ -363,7 +363,7 @@ impl AssemblyContext<'_> {
     fn link_terms(&self, contact: &Contact, spring: &StrainSpring) -> (f64, f64) {
         let link = self.scene.find_link([contact.candidate, contact.antagonist], contact.ranks);
         let rest_length = link.map_or(contact.gap, |link| link.rest_length);
-        spring.shift_and_compliance(contact.gap, rest_length, self.q_c.h, self.closing_time(contact))
+        spring.shift_and_compliance(contact.gap, rest_length, self.q_c.h, self.closing_time())
     }
 
     /// Sets the velocities before the step, and the shift by restitution, at the points where friction acts.
@@ -377,7 +377,7 @@ impl AssemblyContext<'_> {
             if !law.acts_on_touch() {
                 return;
             }
-            let reach = self.closing_time(contact);
+            let reach = self.closing_time();
             let at = LawInput {
                 gap: contact.gap,
                 h: self.q_c.h,

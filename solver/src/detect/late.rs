@@ -34,7 +34,7 @@ pub fn late_contacts(
         let extent = extents.get(i).copied().unwrap_or(0.0);
         if extent > 0.0 { extent * (solved.w[i] - free.w[i]).norm() } else { 0.0 }
     };
-    let span = q_c.longest_reach_time(scene);
+    let span = q_c.reach_time(scene);
     let changed = |i: usize| span * ((solved.v[i] - free.v[i]).norm() + turned(i)) > margin;
     let searched: Vec<bool> = (0..scene.bodies.len()).into_par_iter().with_min_len(PAR_MIN_LEN).map(changed).collect();
     if !searched.contains(&true) {

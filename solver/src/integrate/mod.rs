@@ -38,27 +38,17 @@ pub struct ContactConfiguration {
     pub lookahead: f64,
     /// Whether the velocities of bodies have changed since the end of the last step.
     pub changed: bool,
-    /// Whether each body takes the step with θ = 1, x_c = x and x⁺ = x + h V⁺; empty if all have the scene's θ.
-    pub implicit: Vec<bool>,
+    /// Whether the step is taken with θ = 1, x_c = x and x⁺ = x + h V⁺, in place of the scene's θ.
+    pub implicit: bool,
     /// Bodies that contacts push but do not turn in this step.
     pub unturned: Vec<BodyId>,
 }
 
 impl ContactConfiguration {
-    /// Whether body `i` takes the step with θ = 1.
-    pub fn is_implicit(&self, i: usize) -> bool {
-        self.implicit.get(i).is_some_and(|implicit| *implicit)
-    }
-
-    /// Longest of [`Self::reach_time`], s.
-    pub fn longest_reach_time(&self, scene: &Scene) -> f64 {
-        if self.implicit.is_empty() { self.h } else { self.h * (2.0 - scene.options.theta) }
-    }
-
-    /// Time in which the step's end velocity takes body `i` from this contact configuration to the next if the next step
-    /// is as long, s: h, and (2-θ) h for bodies that take this step with θ = 1.
-    pub fn reach_time(&self, scene: &Scene, i: usize) -> f64 {
-        if self.is_implicit(i) { self.h * (2.0 - scene.options.theta) } else { self.h }
+    /// Time in which the step's end velocities take the bodies from this contact configuration to the next if the next step
+    /// is as long, s: h, and (2-θ) h if this step is taken with θ = 1.
+    pub fn reach_time(&self, scene: &Scene) -> f64 {
+        if self.implicit { self.h * (2.0 - scene.options.theta) } else { self.h }
     }
 }
 
@@ -105,34 +95,24 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
         h,
         lookahead: ahead,
         changed: false,
-        implicit: Vec::new(),
+        implicit: false,
         unturned: Vec::new(),
     }
 }
 
-/// Contact configuration as from [`predict_configuration`], with the bodies of `implicit` at their positions at the step's
-/// start.
-///
-/// `implicit`: whether each body takes the step with θ = 1; empty if none does.
-pub fn predict_with_implicit(
-    scene: &Scene,
-    state: &State,
-    step_multiple: u64,
-    implicit: Vec<bool>,
-) -> ContactConfiguration {
-    let mut q_c = predict_configuration(scene, state, step_multiple);
-    if implicit.is_empty() {
-        return q_c;
+/// Contact configuration of a step of `step_multiple` times `dt` that is taken with θ = 1: the configuration at its start.
+pub fn implicit_configuration(scene: &Scene, state: &State, step_multiple: u64) -> ContactConfiguration {
+    let q_c = predict_configuration(scene, state, step_multiple);
+    ContactConfiguration {
+        x: state.x.clone(),
+        q: state.q.clone(),
+        w: state.w.clone(),
+        angular_momentum: state.angular_momentum.clone(),
+        order: morton::morton_order(&state.x, &state.order),
+        lookahead: q_c.lookahead * (2.0 - scene.options.theta),
+        implicit: true,
+        ..q_c
     }
-    for i in (0..implicit.len()).filter(|&i| implicit[i]) {
-        (q_c.x[i], q_c.q[i], q_c.w[i]) = (state.x[i], state.q[i], state.w[i]);
-    }
-    for (k, _) in scene.turning.iter().enumerate().filter(|(_, i)| implicit[i.index()]) {
-        q_c.angular_momentum[k] = state.angular_momentum[k];
-    }
-    q_c.order = morton::morton_order(&q_c.x, &state.order);
-    q_c.lookahead *= 2.0 - scene.options.theta;
-    ContactConfiguration { implicit, ..q_c }
 }
 
 /// [`free_rotation`] in axes that rotate at `rate` (rad/s), in which orientation and `momentum` are given before and
@@ -159,14 +139,13 @@ fn turn_guided(body: &RigidBody, q: &Quat, w: &Vec3, h: f64) -> (Quat, Vec3) {
 /// impulses.
 pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguration, v: Vec<Vec3>, mut w: Vec<Vec3>) {
     let h = q_c.h;
-    let after = h * scene.options.theta;
+    let after = if q_c.implicit { h } else { h * scene.options.theta };
     let starts = StartsOfDriven::new(scene, state, q_c);
     let energy_before = held_rotational_energy(scene, &q_c.q, &w);
     let moved = |((x, x_c), v): ((&mut Vec3, &Vec3), &Vec3)| *x = x_c + v * after;
     state.x.par_iter_mut().zip(&q_c.x).zip(&v).with_min_len(PAR_MIN_LEN).for_each(moved);
     let turned = |(i, (q, oriented)): (usize, (&mut Quat, &bool))| {
         if *oriented {
-            let after = if q_c.is_implicit(i) { h } else { after };
             *q = rotate_by_vector(&q_c.q[i], &(w[i] * after));
         }
     };
@@ -177,7 +156,6 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
         // A body without impulses keeps its momentum to the last bit.
         let pushed = carried + angular_momentum(&q_c.q[i], inertia, &(w[i] - q_c.w[i]));
         let mut turned = pushed;
-        let after = if q_c.is_implicit(i) { h } else { after };
         let q = turn_in_axes(&q_c.q[i], &mut turned, inertia, &rate, after);
         let by_axes = (carried - *momentum) + (turned - pushed);
         *momentum = turned;
@@ -195,11 +173,7 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
     }
     for &body in &scene.guided {
         let i = body.index();
-        let after = if q_c.is_implicit(i) { h } else { after };
         (state.q[i], w[i]) = turn_guided(&scene.bodies[i], &q_c.q[i], &w[i], after);
-    }
-    for i in (0..q_c.implicit.len()).filter(|&i| q_c.implicit[i] && !scene.bodies[i].driven) {
-        state.x[i] = q_c.x[i] + v[i] * h;
     }
     starts.advance_state(scene, state, q_c, Velocities { v: &v, w: &w });
     // As these turn without impulses, their energy changes by the moments that impose their rotation.
@@ -217,7 +191,7 @@ pub fn held_rotational_energy(scene: &Scene, q: &[Quat], w: &[Vec3]) -> f64 {
     in_part.map(|i| scene.bodies[i].rotational_energy(&q[i], &w[i])).sum()
 }
 
-/// Driven bodies of a step that they take with θ = 1; their imposed motion is the same as in any step.
+/// Driven bodies of a step that is taken with θ = 1; their imposed motion is the same as in any step.
 struct StartsOfDriven(Vec<DrivenStart>);
 
 /// A driven body of such a step.
@@ -231,10 +205,11 @@ struct DrivenStart {
 }
 
 impl StartsOfDriven {
-    /// Positions and orientations that they would have in the contact configuration with the scene's θ.
+    /// Positions and orientations that they would have in the contact configuration with the scene's θ; none if the step
+    /// is taken with that.
     fn new(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Self {
         let before = q_c.h * (1.0 - scene.options.theta);
-        let driven = (0..q_c.implicit.len()).filter(|&i| q_c.implicit[i] && scene.bodies[i].driven);
+        let driven = (0..scene.bodies.len()).filter(|&i| q_c.implicit && scene.bodies[i].driven);
         let start = |i: usize| DrivenStart {
             body: i,
             x: state.x[i] + state.v[i] * before,

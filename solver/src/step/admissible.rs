@@ -84,7 +84,7 @@ fn rebound_passes(
     contacts: &[Contact],
     velocities: Velocities,
 ) -> bool {
-    let span = q_c.longest_reach_time(scene);
+    let span = q_c.reach_time(scene);
     let passes = |contact: &Contact| approach(q_c, span, contact, velocities) - contact.gap > scene.smallest_radius;
     state.laws.iter().any(ContactLaw::has_restitution) && contacts.iter().any(passes)
 }

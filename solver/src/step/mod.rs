@@ -79,10 +79,10 @@ fn begin_step(scene: &Scene, state: &mut State) -> (AppliedEvents, ContactConfig
     let events = assemble::apply_events(scene, state);
     let multiple = integrate::choose_step_multiple(scene, state, events.any_event);
     assemble::apply_torque_and_damping(scene, state, multiple);
-    let unbounded = unforeseen::velocities_are_unbounded(scene, state, &events);
-    let implicit = unforeseen::select_implicit_bodies(scene, state, multiple, unbounded);
-    let q_c = integrate::predict_with_implicit(scene, state, multiple, implicit);
-    (events, ContactConfiguration { changed: unbounded, ..q_c })
+    let changed = unforeseen::velocities_are_unbounded(scene, state, &events);
+    let is_implicit = unforeseen::needs_implicit_step(scene, state, multiple, changed);
+    let predict = if is_implicit { integrate::implicit_configuration } else { integrate::predict_configuration };
+    (events, ContactConfiguration { changed, ..predict(scene, state, multiple) })
 }
 
 /// Contacts that the fast narrow phase missed, in the steps in which this is checked.
@@ -103,7 +103,7 @@ fn sample_narrow_phase_error(
 ///
 /// `free`: velocities after the step if nothing touched.
 fn travel_tolerance(scene: &Scene, q_c: &ContactConfiguration, contacts: &[Contact], free: Velocities) -> f64 {
-    let span = q_c.longest_reach_time(scene);
+    let span = q_c.reach_time(scene);
     let allowed = MAX_TRAVEL_ERROR * scene.smallest_radius;
     // Without fast bodies no contact is evaluated.
     let speed = |((body, v), w): ((&RigidBody, &Vec3), &Vec3)| (v - q_c.mean_velocity).norm() + w.norm() * body.radius;

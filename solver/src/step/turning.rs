@@ -35,7 +35,7 @@ pub fn overturned_bodies(
     if !scene.is_general() {
         return Vec::new();
     }
-    let span = q_c.longest_reach_time(scene);
+    let span = q_c.reach_time(scene);
     let (mut turned, mut through) = (vec![false; scene.bodies.len()], BTreeSet::new());
     // The orientation of a sphere changes no gap.
     let can_turn = |body: &&BodyId| !scene.bodies[body.index()].is_sphere() && !q_c.unturned.contains(body);

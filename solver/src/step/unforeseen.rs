@@ -21,9 +21,12 @@ pub fn velocities_are_unbounded(scene: &Scene, state: &State, applied: &AppliedE
     state.step == scene.start.0 || applied.velocities_changed
 }
 
-/// Whether each body takes the next step, of `step_multiple` times `dt`, with θ = 1: all do if with x_c = x + (1-θ) h V some
-/// would close a gap before the contact configuration. Empty if no gap would close.
-pub fn select_implicit_bodies(scene: &Scene, state: &State, step_multiple: u64, unbounded: bool) -> Vec<bool> {
+/// Whether the next step, of `step_multiple` times `dt`, is taken with θ = 1: with x_c = x + (1-θ) h V some bodies would close
+/// a gap before the contact configuration.
+///
+/// All bodies take such a step, or none: between a body at x and one at x + (1-θ) h V, gaps would be wrong by (1-θ) h V, and
+/// bodies at rest relative to each other would be pushed apart. `unbounded`: see [`velocities_are_unbounded`].
+pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unbounded: bool) -> bool {
     let h = step_multiple as f64 * scene.options.dt;
     let max_growth = if scene.options.adaptive().is_on() { MAX_STEP_GROWTH as f64 } else { 1.0 };
     let longer = h > max_growth * state.h * (1.0 + SPEED_DIGITS);
@@ -32,7 +35,7 @@ pub fn select_implicit_bodies(scene: &Scene, state: &State, step_multiple: u64, 
     let pushed = state.torque != Vec3::zeros() && !scene.drives.is_empty() || state.quench > 0.0 && moving_walls();
     let time_before = (1.0 - scene.options.theta) * h;
     if time_before == 0.0 || !(unbounded || longer || pushed) {
-        return Vec::new();
+        return false;
     }
     let start = predict_configuration(scene, state, 0);
     let start = ContactConfiguration { lookahead: h + time_before, ..start };
@@ -51,9 +54,7 @@ pub fn select_implicit_bodies(scene: &Scene, state: &State, step_multiple: u64, 
         };
         -time_before * u - contact.gap.max(0.0) > CLOSING_ROUNDING * radius && !bounded()
     };
-    // All bodies or none: between a body at x and one at x + (1-θ) h V, gaps would be wrong by (1-θ) h V, and bodies at rest
-    // relative to each other would be pushed apart.
-    if contacts.iter().any(closes) { vec![true; scene.bodies.len()] } else { Vec::new() }
+    contacts.iter().any(closes)
 }
 
 /// Whether a contact between polyhedra, cylinders or plates that a file lists, without their features, bounds the approach
@@ -86,7 +87,7 @@ pub fn implicit_step_work(
     free: &FreeMotion,
     v: &[Vec3],
 ) -> f64 {
-    if q_c.implicit.is_empty() {
+    if !q_c.implicit {
         return 0.0;
     }
     let mut imposed = vec![Vec3::zeros(); scene.bodies.len()];
@@ -96,5 +97,5 @@ pub fn implicit_step_work(
         let impulse = impulse - scene.bodies[i].imposed_part(&impulse);
         -(1.0 - scene.options.theta) * impulse.dot(&(v[i] - state.v[i]))
     };
-    scene.free.iter().chain(&scene.held_grains).map(|&i| i.index()).filter(|&i| q_c.implicit[i]).map(work).sum()
+    scene.free.iter().chain(&scene.held_grains).map(|&i| i.index()).map(work).sum()
 }
