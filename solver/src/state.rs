@@ -246,13 +246,13 @@ pub struct GravityHistory {
     pub before: Arc<[Vec3]>,
 }
 
-/// Force and torque on a body in one step, world frame.
+/// Force and torque on a body in a step, world frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyLoad {
     pub body: BodyId,
-    /// At the centre of mass, N.
+    /// Force at the centre of mass, N.
     pub force: Vec3,
-    /// N m
+    /// Torque about the centre of mass, N m.
     pub torque: Vec3,
 }
 

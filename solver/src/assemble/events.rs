@@ -7,7 +7,7 @@ use crate::integrate::ContactConfiguration;
 use crate::math::Vec3;
 use crate::math::random::{point_in_ball, splitmix64};
 use crate::scene::{BodyId, EVENT_SLACK, Scene};
-use crate::state::{BondingMode, State};
+use crate::state::{BodyLoad, BondingMode, State};
 
 /// Effects of the events at a step's start.
 #[derive(Default)]
@@ -78,7 +78,7 @@ fn add_spin(scene: &Scene, state: &mut State, spin: Vec3) {
     change_motion(scene, state, |i, v, w| (v + spin.cross(&(x[i] - centre)), w + spin));
 }
 
-/// Forces and moments (N, N m) by body that give the free bodies random velocities in the step, minus the rigid motion that
+/// Loads that give the free bodies random velocities in the step, minus the rigid motion that
 /// has their momentum and angular momentum. In a periodic scene the angular momentum is not conserved and is not removed.
 ///
 /// They act in the contact configuration, as all forces do: a change of velocity before it would carry grains into their
@@ -87,7 +87,7 @@ pub(super) fn shake_loads(
     scene: &Scene,
     q_c: &ContactConfiguration,
     &ShakeEvent { speed, seed }: &ShakeEvent,
-) -> Vec<(BodyId, Vec3, Vec3)> {
+) -> Vec<BodyLoad> {
     // The mean square of the distance from the centre of a ball is 3/5 of its radius squared.
     let radius = speed * (5.0f64 / 3.0).sqrt();
     let added: Vec<Vec3> =
@@ -100,10 +100,11 @@ pub(super) fn shake_loads(
         let about = |&i: &BodyId| (x[i.index()] - centre).cross(&added[i.index()]) * scene.bodies[i.index()].mass;
         rigid_spin(scene, x, &q_c.q, scene.free.iter().map(about).sum())
     };
-    let of_body = |&i: &BodyId| {
-        let (body_id, i, body) = (i, i.index(), &scene.bodies[i.index()]);
+    let of_body = |&body: &BodyId| {
+        let (i, rigid) = (body.index(), &scene.bodies[body.index()]);
         let v = added[i] - shared - turn.cross(&(x[i] - centre));
-        (body_id, v * (body.mass / q_c.h), body.angular_momentum(&q_c.q[i], &turn) / -q_c.h)
+        let torque = rigid.angular_momentum(&q_c.q[i], &turn) / -q_c.h;
+        BodyLoad { body, force: v * (rigid.mass / q_c.h), torque }
     };
     scene.free.iter().map(of_body).collect()
 }
@@ -115,15 +116,15 @@ fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Vec3, Vec
         let body = &scene.bodies[i];
         let (v, w) = new(i, state.v[i], state.w[i]);
         let momentum = (v - state.v[i]) * body.mass;
-        let spin = body.angular_momentum(&state.q[i], &(w - state.w[i]));
-        state.ledger.outside_work += 0.5 * (momentum.dot(&(v + state.v[i])) + spin.dot(&(w + state.w[i])));
+        let own = body.angular_momentum(&state.q[i], &(w - state.w[i]));
+        state.ledger.outside_work += 0.5 * (momentum.dot(&(v + state.v[i])) + own.dot(&(w + state.w[i])));
         add_vector(&mut state.ledger.momentum_expected, &momentum);
-        add_vector(&mut state.ledger.angular_momentum_expected, &(state.x[i].cross(&momentum) + spin));
+        add_vector(&mut state.ledger.angular_momentum_expected, &(state.x[i].cross(&momentum) + own));
         (state.v[i], state.w[i]) = (v, w);
     }
-    for (&i, spin) in scene.turning.iter().zip(&mut state.angular_momentum) {
+    for (&i, angular_momentum) in scene.turning.iter().zip(&mut state.angular_momentum) {
         let i = i.index();
-        *spin = scene.bodies[i].angular_momentum(&state.q[i], &state.w[i]);
+        *angular_momentum = scene.bodies[i].angular_momentum(&state.q[i], &state.w[i]);
     }
 }
 

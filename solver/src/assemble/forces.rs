@@ -6,8 +6,8 @@ use super::events::{ShakeEvent, shake_loads};
 use super::self_gravity::{GravityReport, near_field, point_mass_energy, point_masses, self_gravity};
 use crate::integrate::ContactConfiguration;
 use crate::math::{Quat, Vec3, to_world};
-use crate::scene::{BodyId, Scene};
-use crate::state::{GravityHistory, State, Velocities};
+use crate::scene::Scene;
+use crate::state::{BodyLoad, GravityHistory, State, Velocities};
 
 /// Velocities at the step's end without contacts, and the contributions of the forces to the ledger.
 pub struct FreeMotion {
@@ -24,9 +24,9 @@ pub struct FreeMotion {
     pub impulse: Vec3,
     /// Angular impulse of these about the origin, N m s.
     pub angular_impulse: Vec3,
-    /// Forces and moments (N, N m) by body whose work depends on the displacement of the body: imposed ones and Coriolis
-    /// forces. Those on grains driven in part are without the imposed components.
-    pub loads: Vec<(BodyId, Vec3, Vec3)>,
+    /// Loads whose work depends on the displacement of the body: imposed ones and Coriolis forces. Those on grains driven in
+    /// part are without the imposed components.
+    pub loads: Vec<BodyLoad>,
     /// Work of the reactions that impose components of the velocities of grains driven in part, without those to contacts, J.
     pub reaction_work: f64,
 }
@@ -34,6 +34,14 @@ pub struct FreeMotion {
 impl FreeMotion {
     pub fn velocities(&self) -> Velocities<'_> {
         Velocities { v: &self.v, w: &self.w }
+    }
+
+    /// Adds the change of velocity by a load over the step.
+    fn apply_load(&mut self, scene: &Scene, q_c: &ContactConfiguration, load: &BodyLoad) {
+        let i = load.body.index();
+        let body = &scene.bodies[i];
+        self.v[i] += load.force * (q_c.h * body.inverse_mass());
+        self.w[i] += body.angular_velocity(&q_c.q[i], &(load.torque * q_c.h));
     }
 }
 
@@ -75,28 +83,21 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
         }
     }
     let shaking = shakes.iter().flat_map(|shake| shake_loads(scene, q_c, shake));
-    let of_loop = state.loads.iter().map(|load| (load.body, load.force, load.torque));
-    for (body_id, force, moment) in imposed_loads(scene, state, q_c).into_iter().chain(of_loop).chain(shaking) {
-        let i = body_id.index();
-        let body = &scene.bodies[i];
-        free.v[i] += force * (h * body.inverse_mass());
-        free.w[i] += body.angular_velocity(&q_c.q[i], &(moment * h));
-        if !body.driven {
+    for load in imposed_loads(scene, state, q_c).into_iter().chain(state.loads.iter().copied()).chain(shaking) {
+        free.apply_load(scene, q_c, &load);
+        let BodyLoad { body, force, torque } = load;
+        if !scene.bodies[body.index()].driven {
             free.impulse += force * h;
-            free.angular_impulse += (q_c.x[i].cross(&force) + moment) * h;
-            free.loads.push((body_id, force, moment));
-        } else if !scene.walls[i] {
-            let q = &q_c.q[i];
-            let applied = (force - body.imposed_part(&force), moment - body.imposed_rotation_part(q, &moment));
-            free.loads.push((body_id, applied.0, applied.1));
+            free.angular_impulse += (q_c.x[body.index()].cross(&force) + torque) * h;
+            free.loads.push(load);
+        } else if !scene.walls[body.index()] {
+            let (held, q) = (&scene.bodies[body.index()], &q_c.q[body.index()]);
+            let force = force - held.imposed_part(&force);
+            let torque = torque - held.imposed_rotation_part(q, &torque);
+            free.loads.push(BodyLoad { body, force, torque });
         }
     }
-    for (body_id, force, torque) in near.loads {
-        let i = body_id.index();
-        let body = &scene.bodies[i];
-        free.v[i] += force * (h * body.inverse_mass());
-        free.w[i] += body.angular_velocity(&q_c.q[i], &(torque * h));
-    }
+    near.loads.iter().for_each(|load| free.apply_load(scene, q_c, load));
     apply_coriolis(scene, state, q_c, &mut free);
     let end = scene.time_at(state.step + q_c.step_multiple);
     for drive in &scene.drives {
@@ -173,7 +174,7 @@ fn apply_coriolis(scene: &Scene, state: &State, q_c: &ContactConfiguration, free
         (free.v[i], free.w[i]) = (v, w);
         free.impulse += impulse;
         free.angular_impulse += q_c.x[i].cross(&impulse) + turn;
-        free.loads.push((body_id, impulse / h, turn / h));
+        free.loads.push(BodyLoad { body: body_id, force: impulse / h, torque: turn / h });
     }
 }
 
@@ -205,7 +206,7 @@ pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
 }
 
 /// Imposed forces and moments, weighted over the step as (1-theta) f(t) + theta f(t+h), world frame.
-fn imposed_loads(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Vec<(BodyId, Vec3, Vec3)> {
+fn imposed_loads(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Vec<BodyLoad> {
     let theta = scene.options.theta;
     scene
         .loads
@@ -215,10 +216,11 @@ fn imposed_loads(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> Ve
                 + theta * load.value.value_at(scene.time_at(state.step + q_c.step_multiple));
             let mut vector = Vec3::zeros();
             vector[load.component % 3] = value;
-            match load.component {
-                0..3 => (load.body, vector, Vec3::zeros()),
-                _ => (load.body, Vec3::zeros(), q_c.q[load.body.index()] * vector),
-            }
+            let (force, torque) = match load.component {
+                0..3 => (vector, Vec3::zeros()),
+                _ => (Vec3::zeros(), q_c.q[load.body.index()] * vector),
+            };
+            BodyLoad { body: load.body, force, torque }
         })
         .collect()
 }
@@ -228,7 +230,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn turned_solves_its_equation() {
+    fn rotation_equations_are_solved() {
         let (b, k) = (Vec3::new(1.0, -2.0, 3.0), Vec3::new(0.4, 0.1, -2.0));
         let u = solve_rotation_equation(&b, &k);
         assert!((u + k.cross(&u) - b).norm() < 1e-14);

@@ -11,7 +11,7 @@ use crate::gravity::{GravityField, GravitySolver, SummationMethod, balance_accel
 use crate::integrate::ContactConfiguration;
 use crate::math::{Mat3, Quat, Vec3};
 use crate::scene::{BodyId, Scene};
-use crate::state::{GravityHistory, State};
+use crate::state::{BodyLoad, GravityHistory, State};
 
 /// Accuracy of self-gravity.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -37,8 +37,8 @@ pub(super) struct SelfGravity {
 /// Contribution of the shapes of near bodies to self-gravity.
 #[derive(Default)]
 pub(super) struct NearField {
-    /// Forces and torques about the centre by free body, N, N m.
-    pub loads: Vec<(BodyId, Vec3, Vec3)>,
+    /// Load of each free body.
+    pub loads: Vec<BodyLoad>,
     /// Potential energy, J.
     pub energy: f64,
 }
@@ -163,7 +163,7 @@ pub(super) fn near_field(scene: &Scene, x: &[Vec3], q: &[Quat]) -> NearField {
     let rigids: Vec<BodyInertia> = scene.free.iter().map(rigid).collect();
     let (places, reaches): (Vec<Vec3>, Vec<f64>) =
         scene.free.iter().map(|&i| (x[i.index()], QUADRUPOLE_RANGE * scene.bodies[i.index()].radius)).unzip();
-    let none = |&i: &BodyId| (i, Vec3::zeros(), Vec3::zeros());
+    let none = |&body: &BodyId| BodyLoad { body, force: Vec3::zeros(), torque: Vec3::zeros() };
     let mut field = NearField { loads: scene.free.iter().map(none).collect(), energy: 0.0 };
     let round: Vec<bool> = scene.free.iter().map(|&i| scene.bodies[i.index()].is_isotropic()).collect();
     let mut add = |[i, j]: [usize; 2], reach: f64| {
@@ -174,8 +174,8 @@ pub(super) fn near_field(scene: &Scene, x: &[Vec3], q: &[Quat]) -> NearField {
         let found = quadrupole_correction(&r, [&rigids[i], &rigids[j]], reach, options.gravity_constant);
         field.energy += found.energy;
         for (k, force, torque) in [(i, -found.force, found.torques[0]), (j, found.force, found.torques[1])] {
-            field.loads[k].1 += force;
-            field.loads[k].2 += torque;
+            field.loads[k].force += force;
+            field.loads[k].torque += torque;
         }
     };
     if scene.gravity_solver().method_for(places.len()) == SummationMethod::Direct {

@@ -13,7 +13,7 @@ use crate::integrate::held_rotational_energy;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3};
 use crate::scene::{BodyId, Scene};
 use crate::solve::lmgc90_criteria::{Lmgc90Norms, lmgc90_norms};
-use crate::state::{ContactId, OutputInterval, SolvedContact, State, Velocities};
+use crate::state::{BodyLoad, ContactId, OutputInterval, SolvedContact, State, Velocities};
 
 /// Report of a step for the log.
 #[derive(Debug, Clone, PartialEq)]
@@ -116,10 +116,10 @@ pub fn update_ledger(
     ledger.contact_work += contact_totals.contact_work;
     ledger.friction_work += contact_totals.friction_work;
     ledger.outside_work += contact_totals.outside_work + implicit_work + free.reaction_work + predicted_work;
-    for (body, force, moment) in &free.loads {
+    for BodyLoad { body, force, torque } in &free.loads {
         let i = body.index();
         ledger.outside_work +=
-            0.5 * h * (force.dot(&(outcome.v[i] + state.v[i])) + moment.dot(&(outcome.w[i] + q_c.w[i])));
+            0.5 * h * (force.dot(&(outcome.v[i] + state.v[i])) + torque.dot(&(outcome.w[i] + q_c.w[i])));
     }
     for k in 0..3 {
         ledger.momentum_expected[k] += free.impulse[k] + contact_totals.momentum[k];
@@ -205,6 +205,7 @@ pub struct MotionTotals {
 }
 
 impl MotionTotals {
+    /// Sums over the free bodies with the orientations `q` and these velocities.
     pub fn from_bodies(scene: &Scene, q: &[Quat], Velocities { v, w }: Velocities) -> Self {
         let sum_of_chunk = |bodies: &[BodyId]| {
             bodies.iter().map(|&i| i.index()).fold(MotionTotals::default(), |sum, i| {

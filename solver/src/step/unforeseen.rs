@@ -91,7 +91,7 @@ pub fn implicit_step_work(
         return 0.0;
     }
     let mut imposed = vec![Vec3::zeros(); scene.bodies.len()];
-    free.loads.iter().for_each(|(i, force, _)| imposed[i.index()] += force * q_c.h);
+    free.loads.iter().for_each(|load| imposed[load.body.index()] += load.force * q_c.h);
     let work = |i: usize| {
         let impulse = (free.v[i] - state.v[i]) * scene.bodies[i].mass - imposed[i];
         let impulse = impulse - scene.bodies[i].imposed_part(&impulse);
