@@ -105,14 +105,17 @@ macro_rules! law_parameters {
                 match self { $(LawParameter::$parameter => $symbol,)+ }
             }
 
+            /// Physical quantity, which gives the unit.
             pub fn quantity(self) -> ParameterQuantity {
                 match self { $(LawParameter::$parameter => ParameterQuantity::$quantity,)+ }
             }
 
+            /// Values that a law in use can have.
             pub fn limit(self) -> ParameterLimit {
                 match self { $(LawParameter::$parameter => ParameterLimit::$limit,)+ }
             }
 
+            /// Values that the reader of TACT_BEHAV.DAT accepts.
             pub fn file_limit(self) -> FileLimit {
                 match self { $(LawParameter::$parameter => FileLimit::$file,)+ }
             }
@@ -327,9 +330,13 @@ pub fn is_law_of_points(label: &str) -> bool {
     law_parameters(label).any(|parameter| parameter == LawParameter::WireStiffness)
 }
 
-/// Laws with an interface, and positions of its state among the internal variables of a contact in Vloc_Rloc files, where
-/// LMGC90 has them: sliding along t and s, and soundness.
-pub const INTERFACE_KINDS: [&str; 4] = ["IQS_MAL_CZM", "IQS_EXPO_CZM", "IQS_TH_CZM", "IQS_MAC_CZM"];
+/// Whether a law has an elastic interface.
+pub fn has_interface(label: &str) -> bool {
+    law_parameters(label).any(|parameter| parameter == LawParameter::TangentialStiffness)
+}
+
+/// Positions of the state of an interface among the internal variables of a contact in Vloc_Rloc files, where LMGC90 has
+/// them: sliding along t and s, and soundness.
 pub const INTERFACE_SLIDING: [usize; 2] = [1, 3];
 pub const INTERFACE_SOUNDNESS: usize = 4;
 /// Number of these internal variables.

@@ -99,7 +99,7 @@ fn unknown_laws_and_values_out_of_range_are_reported() {
 #[test]
 fn internal_variables_are_those_of_laws_with_an_interface_or_a_reference_gap() {
     for (entry, model, _) in examples() {
-        assert_eq!(INTERFACE_KINDS.contains(&entry.label), model.interface().is_some(), "{}", entry.label);
+        assert_eq!(has_interface(entry.label), model.interface().is_some(), "{}", entry.label);
         let has_reference_gap = model.memory().contains(&ContactMemory::ReferenceGap);
         assert_eq!(reference_gap_position(entry.label).is_some(), has_reference_gap, "{}", entry.label);
     }

@@ -160,7 +160,7 @@ pub fn contact_problem(
         bodies: records,
         order: q_c.order.clone(),
     };
-    let rescues = state.laws.iter().any(|law| law.rescue.is_some());
+    let rescues = state.laws.iter().any(|law| law.rescue().is_some());
     if rescues {
         push_out_overlaps(state, q_c.h, contacts, &mut system);
     }
@@ -173,7 +173,7 @@ pub fn contact_problem(
 /// Sets the impulse with which laws push out deep overlaps, and starts the remaining impulse from what is left.
 fn push_out_overlaps(state: &State, h: f64, contacts: &[Contact], system: &mut ContactProblem) {
     for (k, contact) in contacts.iter().enumerate() {
-        let Some(rescue) = state.laws[contact.law as usize].rescue else { continue };
+        let Some(rescue) = state.laws[contact.law as usize].rescue() else { continue };
         let (push, w_n) = (rescue.velocity(contact.gap, h), system.delassus_diagonal(k).0);
         let row = &mut system.rows[k];
         if push > 0.0 && row.can_close && w_n > 0.0 {

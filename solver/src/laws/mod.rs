@@ -67,8 +67,8 @@ use crate::features::BARE;
 /// Condition along the normal under which a contact resists.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum UnilateralLaw {
-    /// An open gap may close within the step; an interpenetration is kept.
-    InelasticShock,
+    /// An open gap may close within the step; an interpenetration is kept, unless `rescue` pushes it out.
+    InelasticShock { rescue: Option<GapRescue> },
     /// The gap at the step's end is not negative: an interpenetration is pushed out within the step.
     Gap,
     /// The contact acts only once touching, and then without regard to the gap.
@@ -152,8 +152,6 @@ pub struct ContactLaw {
     pub rolling: Option<RollingFriction>,
     /// Whether gaps count from a reference gap.
     pub has_reference_gap: bool,
-    /// Push against deep overlaps.
-    pub rescue: Option<GapRescue>,
     /// Elastic interface with damage.
     pub interface: Option<LawInterface>,
 }
@@ -244,7 +242,6 @@ impl ContactLaw {
         let unilateral = match *model {
             LawModel::IqsClb { .. }
             | LawModel::IqsClbG0 { .. }
-            | LawModel::IqsClbRgr { .. }
             | LawModel::IqsMalCzm { .. }
             | LawModel::IqsExpoCzm { .. }
             | LawModel::IqsThCzm { .. }
@@ -254,7 +251,10 @@ impl ContactLaw {
             | LawModel::IqsWetDsClb { .. }
             | LawModel::IqsWetDsRollClb { .. }
             | LawModel::XqsWetDsClb { .. }
-            | LawModel::IqsMohrDsClb { .. } => UnilateralLaw::InelasticShock,
+            | LawModel::IqsMohrDsClb { .. } => UnilateralLaw::InelasticShock { rescue: None },
+            LawModel::IqsClbRgr { relaxation_steps: steps, relaxation_gap: gap, .. } => {
+                UnilateralLaw::InelasticShock { rescue: Some(GapRescue { steps, gap }) }
+            }
             LawModel::GapSgrClb { .. } | LawModel::GapSgrClbG0 { .. } => UnilateralLaw::Gap,
             LawModel::ElasticRepellClb { stiffness, .. } | LawModel::ElasticRepellClbG0 { stiffness, .. } => {
                 UnilateralLaw::Spring { stiffness, damper: None }
@@ -282,10 +282,6 @@ impl ContactLaw {
                 UnilateralLaw::Restitution { normal, tangential }
             }
         };
-        let rescue = match *model {
-            LawModel::IqsClbRgr { relaxation_steps: steps, relaxation_gap: gap, .. } => Some(GapRescue { steps, gap }),
-            _ => None,
-        };
         let cohesion = model.cohesion().map(|cohesion| match cohesion {
             LawCohesion::Liquid { force, range, remembers } => Cohesion::Wet { force, range, remembers },
             LawCohesion::Bond { normal, tangential } => Cohesion::Bond { normal, tangential, now: normal },
@@ -298,7 +294,6 @@ impl ContactLaw {
             friction_dynamic: dynamic_friction,
             rolling: model.rolling(),
             has_reference_gap: model.memory().contains(&ContactMemory::ReferenceGap),
-            rescue,
             interface: model.interface(),
         }
     }
@@ -310,10 +305,12 @@ impl ContactLaw {
         let mut solved = true;
         let (normal, tangential) = match self.unilateral {
             // Bonds are rigid: a redundant set of bonds cannot close gaps opened by errors.
-            UnilateralLaw::InelasticShock if at.bonded && matches!(self.cohesion, Some(Cohesion::Bond { .. })) => {
+            UnilateralLaw::InelasticShock { .. }
+                if at.bonded && matches!(self.cohesion, Some(Cohesion::Bond { .. })) =>
+            {
                 (0.0, 0.0)
             }
-            UnilateralLaw::InelasticShock => ((gap / closing_time).max(0.0), 0.0),
+            UnilateralLaw::InelasticShock { .. } => ((gap / closing_time).max(0.0), 0.0),
             UnilateralLaw::Gap => (gap / closing_time, 0.0),
             UnilateralLaw::Spring { damper: Some(_), .. } if gap > 0.0 && at.gap_forecast != GapForecast::Due => {
                 return None;
@@ -357,7 +354,7 @@ impl ContactLaw {
     fn attracts(&self, at: &LawInput) -> bool {
         match self.cohesion() {
             Some(Cohesion::Wet { range, remembers, .. }) => at.gap <= range && (at.bonded || !remembers),
-            _ => false,
+            None | Some(Cohesion::Bond { .. }) => false,
         }
     }
 
@@ -384,7 +381,19 @@ impl ContactLaw {
 
     /// Whether the law acts on touching contacts.
     pub fn acts_on_touch(&self) -> bool {
-        matches!(self.unilateral, UnilateralLaw::Velocity | UnilateralLaw::Restitution { .. })
+        match self.unilateral {
+            UnilateralLaw::Velocity | UnilateralLaw::Restitution { .. } => true,
+            UnilateralLaw::InelasticShock { .. }
+            | UnilateralLaw::Gap
+            | UnilateralLaw::Spring { .. }
+            | UnilateralLaw::Coupling
+            | UnilateralLaw::Link(_) => false,
+        }
+    }
+
+    /// Push against deep overlaps, if the law has one.
+    pub fn rescue(&self) -> Option<GapRescue> {
+        if let UnilateralLaw::InelasticShock { rescue } = self.unilateral { rescue } else { None }
     }
 
     /// Whether [`Self::contact_shift`] depends on the radius of the contact.
@@ -404,12 +413,19 @@ impl ContactLaw {
 
     /// Whether a contact may be bonded.
     pub fn can_bond(&self) -> bool {
-        matches!(self.cohesion(), Some(Cohesion::Bond { .. } | Cohesion::Wet { remembers: true, .. }))
+        match self.cohesion() {
+            Some(Cohesion::Wet { remembers, .. }) => remembers,
+            Some(Cohesion::Bond { .. }) => true,
+            None => false,
+        }
     }
 
     /// Whether bonds join their bodies rigidly: bodies joined by a liquid bridge or a bond without shear slide and roll.
     pub fn bonds_are_rigid(&self) -> bool {
-        matches!(self.cohesion(), Some(Cohesion::Bond { tangential, .. }) if tangential > 0.0)
+        match self.cohesion() {
+            Some(Cohesion::Bond { tangential, .. }) => tangential > 0.0,
+            None | Some(Cohesion::Wet { .. }) => false,
+        }
     }
 
     /// Whether contacts have a [`LawMemory`](crate::state::LawMemory).
@@ -429,8 +445,13 @@ impl ContactLaw {
 
     /// Whether the law adds to the row of a contact more than shifts.
     pub fn is_regularised(&self) -> bool {
-        let is_spring =
-            matches!(self.unilateral, UnilateralLaw::Spring { .. } | UnilateralLaw::Coupling | UnilateralLaw::Link(_));
+        let is_spring = match self.unilateral {
+            UnilateralLaw::Spring { .. } | UnilateralLaw::Coupling | UnilateralLaw::Link(_) => true,
+            UnilateralLaw::InelasticShock { .. }
+            | UnilateralLaw::Gap
+            | UnilateralLaw::Velocity
+            | UnilateralLaw::Restitution { .. } => false,
+        };
         is_spring || self.interface.is_some()
     }
 
@@ -472,17 +493,20 @@ impl ContactLaw {
     /// Gap of a bond made now, m; `None` if the law makes no bonds or the two bodies do not touch.
     pub fn bond_gap(&self, gap: f64, radius: f64) -> Option<f64> {
         match self.cohesion() {
-            Some(Cohesion::Wet { range, remembers: true, .. }) if gap <= range => Some(self.bonded_at(gap)),
-            Some(Cohesion::Bond { now, .. }) if now > 0.0 && gap <= MAX_TOUCHING_GAP * radius => {
-                Some(self.bonded_at(gap))
+            Some(Cohesion::Wet { range, remembers, .. }) => (remembers && gap <= range).then(|| self.bonded_at(gap)),
+            Some(Cohesion::Bond { now, .. }) => {
+                (now > 0.0 && gap <= MAX_TOUCHING_GAP * radius).then(|| self.bonded_at(gap))
             }
-            _ => None,
+            None => None,
         }
     }
 
     /// Gap that a bond made at `gap` keeps, m: a liquid bridge lets the two touch.
     pub fn bonded_at(&self, gap: f64) -> f64 {
-        if matches!(self.cohesion(), Some(Cohesion::Wet { .. })) { 0.0 } else { gap }
+        match self.cohesion() {
+            Some(Cohesion::Wet { .. }) => 0.0,
+            None | Some(Cohesion::Bond { .. }) => gap,
+        }
     }
 
     /// Whether a bond outlives a step in which the contact, with this gap at detection, has parted or slid.
@@ -509,14 +533,18 @@ impl ContactLaw {
 
     /// Whether moving contacts lose an active bond or static friction.
     pub fn has_irreversible_loss(&self) -> bool {
-        self.has_two_frictions() || matches!(self.cohesion(), Some(Cohesion::Bond { .. }))
+        let loses_bonds = match self.cohesion() {
+            Some(Cohesion::Bond { .. }) => true,
+            None | Some(Cohesion::Wet { .. }) => false,
+        };
+        self.has_two_frictions() || loses_bonds
     }
 
     /// Greatest speed at which a contact with force may close at the step's end, having parted with `u_n` at its start, m/s.
     pub fn max_closing_speed(&self, u_n: f64) -> f64 {
         match self.unilateral {
             UnilateralLaw::Restitution { normal, .. } => normal * u_n.max(0.0),
-            UnilateralLaw::InelasticShock
+            UnilateralLaw::InelasticShock { .. }
             | UnilateralLaw::Gap
             | UnilateralLaw::Velocity
             | UnilateralLaw::Spring { .. }
@@ -543,7 +571,11 @@ impl ContactLaw {
 
     /// Whether the cohesion is a stress, which acts on the area of a contact.
     pub fn has_stress(&self) -> bool {
-        matches!(self.cohesion(), Some(Cohesion::Bond { .. })) || self.interface.is_some()
+        let is_stress = match self.cohesion() {
+            Some(Cohesion::Bond { .. }) => true,
+            None | Some(Cohesion::Wet { .. }) => false,
+        };
+        is_stress || self.interface.is_some()
     }
 
     /// Gives friction, static and dynamic, a new value, if the law has friction.

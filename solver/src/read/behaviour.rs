@@ -8,7 +8,7 @@ use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, MAX_EVENTS
 use cd_formats::doubts::{self, density, law_parameter};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::law_table::{
-    INTERFACE_KINDS, INTERFACE_SLIDING, INTERFACE_SOUNDNESS, ParameterFault, is_law_of_points, law_parameters,
+    INTERFACE_SLIDING, INTERFACE_SOUNDNESS, ParameterFault, has_interface, is_law_of_points, law_parameters,
     reference_gap_position,
 };
 use cd_formats::names::count_text;
@@ -645,7 +645,7 @@ pub fn initial_contacts(
 /// Memory of a law of a kind, from the internal variables of a contact of Vloc_Rloc.INI, with its frame.
 fn law_memory(kind: &str, internals: &[f64], frame: &[Vec3; 3]) -> LawMemory {
     let value = |k: usize| internals.get(k).copied().unwrap_or(0.0);
-    if INTERFACE_KINDS.contains(&kind) {
+    if has_interface(kind) {
         // LMGC90's s is opposite.
         let sliding = frame[1] * value(INTERFACE_SLIDING[0]) - frame[2] * value(INTERFACE_SLIDING[1]);
         return LawMemory { soundness: value(INTERFACE_SOUNDNESS), sliding, ..LawMemory::default() };

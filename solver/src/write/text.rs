@@ -6,7 +6,7 @@ use cd_formats::atomic::{self, folder_entries};
 use cd_formats::dof::{BodyDof, Dof};
 use cd_formats::error::Faults;
 use cd_formats::law_table::{
-    INTERFACE_INTERNALS, INTERFACE_KINDS, INTERFACE_SLIDING, INTERFACE_SOUNDNESS, reference_gap_position,
+    INTERFACE_INTERNALS, INTERFACE_SLIDING, INTERFACE_SOUNDNESS, has_interface, reference_gap_position,
 };
 use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 
@@ -187,7 +187,7 @@ fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
 /// Internal variables of a contact with a law of a kind, in LMGC90's order; unused ones are 0.
 fn law_internals(kind: &str, memory: &LawMemory, contact: &Contact) -> Vec<f64> {
     let mut internals = Vec::new();
-    if INTERFACE_KINDS.contains(&kind) {
+    if has_interface(kind) {
         internals.resize(INTERFACE_INTERNALS, 0.0);
         internals[INTERFACE_SOUNDNESS] = memory.soundness;
         let frame = contact.frame();
