@@ -33,6 +33,7 @@ pub struct ProgressDisplay {
 }
 
 impl ProgressDisplay {
+    /// Display of a run from step `first` to step `last`.
     pub fn new(first: u64, last: u64) -> Self {
         // The bar hides itself if standard error is no terminal.
         let bar = ProgressBar::new(last).with_position(first);
@@ -60,6 +61,7 @@ impl ProgressDisplay {
         }
     }
 
+    /// Shows a completed step.
     pub fn show_step(&self, state: &State, report: &StepReport) {
         self.bar.set_position(state.step);
         if state.step.is_multiple_of(10) {
@@ -137,6 +139,7 @@ impl ProgressDisplay {
         self.bar.suspend(|| print_line(format_args!("{message}")));
     }
 
+    /// Removes the display.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }

@@ -155,16 +155,16 @@ pub fn run_case(
         }
         statistics.steps += 1;
         statistics.dt_count += state.step - first;
-        statistics.longest = statistics.longest.max(report.h);
+        statistics.longest_step = statistics.longest_step.max(report.h);
         statistics.sweeps += report.sweeps;
         statistics.gravity = report.gravity.sampled.or(statistics.gravity);
         statistics.narrow_phase_error = report.narrow_phase_error.or(statistics.narrow_phase_error);
         if scene.has_bonds() {
             statistics.bonds = statistics.bonds.max(state.bond_count());
         }
-        statistics.single += u64::from(report.single_precision);
-        statistics.taken_over += u64::from(report.fallback_used && report.converged);
-        statistics.given_up += u64::from(report.fallback_suppressed);
+        statistics.single_precision_steps += u64::from(report.single_precision);
+        statistics.fallback_steps += u64::from(report.fallback_used && report.converged);
+        statistics.steps_without_fallback += u64::from(report.fallback_suppressed);
         if !report.converged {
             statistics.unconverged += 1;
             if statistics.unconverged <= MAX_REPORTED_STEPS {
@@ -174,7 +174,7 @@ pub fn run_case(
         progress.show_step(&state, &report);
         results.add_postpro(scene, &mut state, &report, first).map_err(RunFailure::Unwritten)?;
         results.add_step(scene, &state, &report, &lap, &mut statistics.estimator).map_err(RunFailure::Unwritten)?;
-        statistics.clock.accumulate(&lap);
+        statistics.stage_times.accumulate(&lap);
         let stopped = stop.load(Ordering::Relaxed) && state.step < last;
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last || stopped {
             if state.step == last || stopped {
@@ -195,7 +195,7 @@ pub fn run_case(
     }
     let last_output = StageTimes { writing, ..StageTimes::default() };
     statistics.estimator.add_writing_time(&last_output);
-    statistics.clock.accumulate(&last_output);
+    statistics.stage_times.accumulate(&last_output);
     progress.finish();
     // No step has measured the overlaps that the last step made.
     if statistics.steps > 0
@@ -210,7 +210,7 @@ pub fn run_case(
         statistics.overlap = deeper_overlap(statistics.overlap, overlap);
     }
     statistics.overlap = statistics.overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE);
-    statistics.wall = start.elapsed();
+    statistics.wall_time = start.elapsed();
     let sources = statistics.estimator.error_sources(scene, &state);
     // Also if a run was killed before it wrote them.
     if statistics.steps > 0 || state.step > scene.start.0 && !errors::is_there(case) {

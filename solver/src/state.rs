@@ -256,7 +256,7 @@ pub struct BodyLoad {
     pub torque: Vec3,
 }
 
-/// Data that change during a run; a snapshot holds all of them except `loads`.
+/// Data that change during a run. A snapshot holds all of them except `loads` and caches that affect only time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     /// Number of the last step.
@@ -311,6 +311,7 @@ pub struct State {
 const DIAGNOSTIC_INTERVAL: u64 = 100;
 
 impl State {
+    /// Velocities of all bodies.
     pub fn velocities(&self) -> Velocities<'_> {
         Velocities { v: &self.v, w: &self.w }
     }
@@ -384,6 +385,7 @@ pub struct StateBackup {
 }
 
 impl StateBackup {
+    /// Copies of these parts, as far as events and options change them.
     pub fn new(scene: &Scene, state: &State) -> Self {
         let State { gravity, quench, torque, bonding, events_done, .. } = *state;
         let intervenes = events_done < scene.events.len() || quench > 0.0 || torque != Vec3::zeros();

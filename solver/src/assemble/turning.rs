@@ -106,11 +106,11 @@ impl AssemblyContext<'_> {
         // A drum that turns about its own axis keeps its surface.
         let turning = state.w[b] - axis * axis.dot(&state.w[b]);
         let u = state.v[a] + q_c.w[a].cross(&at_a) - state.v[b] - turning.cross(&at_b);
-        let way = q_c.h * u.dot(&axis.cross(&contact.normal));
-        if way.abs() > MAX_CURVED_SHARE * distance {
+        let travel = q_c.h * u.dot(&axis.cross(&contact.normal));
+        if travel.abs() > MAX_CURVED_SHARE * distance {
             return 0.0; // tangent planes ahead of the body bound its displacement
         }
-        let sagitta = distance - (distance * distance - way * way).max(0.0).sqrt();
+        let sagitta = distance - (distance * distance - travel * travel).max(0.0).sqrt();
         let turned = q_c.w[a].cross(&q_c.w[a].cross(&at_a)).dot(&contact.normal);
         (sagitta / q_c.h - 0.5 * q_c.h * turned).max(0.0)
     }

@@ -204,16 +204,19 @@ impl Polyhedron {
         [&all[..column], &all[column..2 * column], &all[2 * column..3 * column]]
     }
 
+    /// Planes of the faces.
     #[inline(always)]
     pub(super) fn face_planes(&self) -> &[PolyhedronPlane] {
         self.topology.section_rows(self.topology.planes)
     }
 
+    /// Edges, each once.
     #[inline(always)]
     pub(super) fn edges(&self) -> &[PolyhedronEdge] {
         self.topology.section_rows(self.topology.edges)
     }
 
+    /// Vertices of a face, counter-clockwise seen from outside.
     #[inline(always)]
     pub(super) fn face_corners(&self, face: usize) -> &[FeatureIndex] {
         let of_face = self.face_loop(face);
@@ -263,11 +266,13 @@ pub struct PosedPolyhedron<'a> {
 }
 
 impl PosedPolyhedron<'_> {
+    /// Position of vertex `k`, m.
     #[inline(always)]
     pub(super) fn vertex(&self, k: impl Into<u32>) -> Vec3 {
         self.world_vector(&self.shape.vertex(k.into() as usize))
     }
 
+    /// Outer unit normal of a face.
     #[inline(always)]
     pub(super) fn face_normal(&self, face: impl Into<u32>) -> Vec3 {
         self.world_vector(&self.shape.face_planes()[face.into() as usize].normal)

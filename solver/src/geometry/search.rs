@@ -733,6 +733,7 @@ pub(super) fn are_parallel(pair: &PolyhedronPair, ea: u32, eb: u32) -> bool {
     along_a.cross(&along_b).norm_squared() <= RIDGE_ANGLE * RIDGE_ANGLE * squares
 }
 
+/// Positions of the two vertices of an edge, m.
 #[inline(always)]
 pub(super) fn edge_ends(posed: &PosedPolyhedron, e: u32) -> [Vec3; 2] {
     // Not a closure: it would be compiled without the instruction set.

@@ -23,6 +23,7 @@ impl TreeCell {
         self.first as usize..(self.first + self.count) as usize
     }
 
+    /// Whether there are no cells below it.
     pub fn is_leaf(&self) -> bool {
         self.second == 0
     }

@@ -164,8 +164,8 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
     let turning = scene.turning.par_iter().zip(&mut state.angular_momentum).zip(&q_c.angular_momentum);
     let turned: Vec<_> = turning.with_min_len(MIN_TURNING_PER_TASK).map(turn).collect();
     let mut by_axes = Vec3::zeros();
-    for (&i, (q, spin, term)) in scene.turning.iter().zip(turned) {
-        (state.q[i.index()], w[i.index()]) = (q, spin);
+    for (&i, (q, angular_velocity, term)) in scene.turning.iter().zip(turned) {
+        (state.q[i.index()], w[i.index()]) = (q, angular_velocity);
         by_axes += term;
     }
     if rate != Vec3::zeros() {

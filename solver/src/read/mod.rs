@@ -32,7 +32,7 @@ use crate::features::BARE;
 use crate::math::Vec3;
 use crate::read::contactors::ContactorTable;
 use crate::read::lenient::FolderReader;
-use crate::scene::Scene;
+use crate::scene::{BodyId, Scene};
 use crate::state::{BondingMode, DetectionCache, OutputInterval, State};
 
 /// Name of the options file in DATBOX.
@@ -85,8 +85,8 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     bodies::check_within(&datbox, &bodies, &scene, &x, &q, &mut faults);
     let (contacts, memories) =
         behaviour::initial_contacts(&datbox, (&bodies, &history), &mut scene, (&x, &q), &mut faults);
-    let spin =
-        (scene.turning.iter().map(|&i| i.index())).map(|i| scene.bodies[i].angular_momentum(&q[i], &w[i])).collect();
+    let of_body = |i: &BodyId| scene.bodies[i.index()].angular_momentum(&q[i.index()], &w[i.index()]);
+    let angular_momentum = scene.turning.iter().map(of_body).collect();
     let mut state = State {
         step: dof.step,
         time: dof.time,
@@ -95,7 +95,7 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
         q,
         v,
         w,
-        angular_momentum: spin,
+        angular_momentum,
         order: Vec::new(),
         detection_cache: DetectionCache::default(),
         contacts,

@@ -251,8 +251,8 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
         (state.x[i], state.q[i]) = (started.x[row], started.q[row]);
         (state.v[i], state.w[i]) = (started.v[row], started.w[row]);
     }
-    for (&i, spin) in scene.turning.iter().zip(&mut state.angular_momentum) {
-        *spin = scene.bodies[i.index()].angular_momentum(&state.q[i.index()], &state.w[i.index()]);
+    for (&i, angular_momentum) in scene.turning.iter().zip(&mut state.angular_momentum) {
+        *angular_momentum = scene.bodies[i.index()].angular_momentum(&state.q[i.index()], &state.w[i.index()]);
     }
     // A body whose density has changed keeps its angular velocity.
     for (momentum, row) in started.angular_momentum.into_iter().zip(turning) {

@@ -16,6 +16,7 @@ pub struct ContactReactions {
 }
 
 impl ContactReactions {
+    /// No impulses and no moments.
     pub fn zeros(problem: &ContactProblem) -> Self {
         ContactReactions {
             impulses: vec![Vec3::zeros(); problem.rows.len()],

@@ -14,6 +14,7 @@ pub struct StageTimes {
 }
 
 impl StageTimes {
+    /// Adds the times of another step.
     pub fn accumulate(&mut self, lap: &StageTimes) {
         self.gravity += lap.gravity;
         self.detection += lap.detection;

@@ -93,8 +93,8 @@ fn sample_narrow_phase_error(
     free: Velocities,
     contacts: &[Contact],
 ) -> Option<NarrowPhaseError> {
-    let looks = scene.narrow_phase_is_fast() && state.is_diagnostic_step(q_c.step_multiple);
-    looks.then(|| detect::narrow_phase_error(scene, q_c, free, &state.detection_cache, contacts))
+    let is_checked = scene.narrow_phase_is_fast() && state.is_diagnostic_step(q_c.step_multiple);
+    is_checked.then(|| detect::narrow_phase_error(scene, q_c, free, &state.detection_cache, contacts))
 }
 
 /// Largest residual with which no pair passes another: velocities are wrong by at most the residual times the largest velocity
@@ -113,13 +113,17 @@ fn travel_tolerance(scene: &Scene, q_c: &ContactConfiguration, contacts: &[Conta
     }
     // Contacts that cannot close depend on the alert distance and must not change a result.
     let approaches = contacts.iter().map(|contact| (approach(q_c, span, contact, free), contact.gap));
-    allowed / approaches.filter(|(way, gap)| way > gap).map(|(way, _)| way).fold(0.0, f64::max)
+    let closing = approaches.filter(|(approach, gap)| approach > gap).map(|(approach, _)| approach);
+    allowed / closing.fold(0.0, f64::max)
 }
 
 /// Largest error of a displacement by unfinished solutions, over the smallest radius. The residual is a mean over contacts: a
 /// single one may err by several times as much.
 const MAX_TRAVEL_ERROR: f64 = 0.01;
 
+/// Requirements of the step for its solver.
+///
+/// The solution has converged at `tol`; a smaller residual is sought where errors are not corrected by later steps.
 fn solve_request(
     scene: &Scene,
     state: &State,
@@ -127,33 +131,30 @@ fn solve_request(
     contacts: &[Contact],
     free: Velocities,
 ) -> SolveRequest {
-    let (options, units) = (&scene.options, q_c.step_multiple);
+    let options = &scene.options;
     let tol = options.tol().min(travel_tolerance(scene, q_c, contacts, free));
     // Errors of a restitution impulse are not corrected by later steps.
-    let shock = if state.laws.iter().any(ContactLaw::has_restitution) { MIN_TOLERANCE_FACTOR } else { 1.0 };
+    let of_restitution = if state.laws.iter().any(ContactLaw::has_restitution) { MIN_TOLERANCE_FACTOR } else { 1.0 };
     // Errors in breaking bonds or starting to slide are not corrected either.
-    let lost = if state.laws.iter().any(ContactLaw::has_irreversible_loss) {
+    let of_losses = if state.laws.iter().any(ContactLaw::has_irreversible_loss) {
         LOSS_TOLERANCE_FACTOR.min(MAX_LOSS_RESIDUAL / tol)
     } else {
         1.0
     };
     // Velocity errors scale with the residual times the velocity change of the step, which grows with its length.
-    let long = 1.0 / units as f64;
-    let aim =
-        tol * shock.min(lost).min(tolerance_factor(options.penetration_tol(), state.ledger.penetration_left)).min(long);
-    let (check_every, precision) = (options.check_every, options.sweep_precision);
-    // One sweep for each `dt`; LMGC90's blocks have a set number of sweeps.
-    let least_sweeps = if check_every.is_some() { 0 } else { units };
-    let until = StoppingCriteria {
-        target_residual: aim,
-        min_sweeps: least_sweeps,
-        check_every,
-        precision,
+    let of_length = 1.0 / q_c.step_multiple as f64;
+    let of_penetration = penetration_tolerance_factor(options.penetration_tol(), state.ledger.penetration_left);
+    let criteria = StoppingCriteria {
+        target_residual: tol * of_restitution.min(of_losses).min(of_penetration).min(of_length),
+        // One sweep for each `dt`; LMGC90's blocks have a set number of sweeps.
+        min_sweeps: if options.check_every.is_some() { 0 } else { q_c.step_multiple },
+        check_every: options.check_every,
+        precision: options.sweep_precision,
         ..StoppingCriteria::new(tol, options.max_sweeps())
     };
     SolveRequest {
         solver: options.solver,
-        criteria: until,
+        criteria,
         width: SimdWidth::detect(),
         fallback_suppressed: state.step < state.fallback.due,
     }
@@ -168,11 +169,12 @@ const LOSS_TOLERANCE_FACTOR: f64 = 0.1;
 /// Largest residual with which irreversible losses are decided: a load of 0.9 or 1.1 of a limit is then on its side of it.
 const MAX_LOSS_RESIDUAL: f64 = 1e-3;
 
-/// Factor on `tol` for the residual sought, <= 1.
+/// Factor on `tol` for the residual sought, <= 1, where the penetration `left` by earlier solutions (over the mean radius)
+/// exceeds `penetration_tol`: with twice as much, 1/4.
 ///
 /// The approach velocity that a residual leaves becomes overlap, which laws keep. Where loaded grains move slowly for a long
 /// time it accumulates, and a smaller residual is needed.
-fn tolerance_factor(penetration_tol: f64, left: f64) -> f64 {
+fn penetration_tolerance_factor(penetration_tol: f64, left: f64) -> f64 {
     let factor = penetration_tol / left.max(penetration_tol);
     (factor * factor).max(MIN_TOLERANCE_FACTOR)
 }

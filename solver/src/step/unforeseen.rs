@@ -78,7 +78,7 @@ fn bounded_by_file(state: &State, start: &ContactConfiguration, contact: &Contac
     u >= nearest.velocity.x - digits - before * (turned(contact.candidate) + turned(contact.antagonist))
 }
 
-/// Work that the choice of θ = 1 adds for the bodies that take the step with it, compared with the scene's θ, J: their
+/// Work that the choice of θ = 1 adds in a step that is taken with it, compared with the scene's θ, J: the bodies'
 /// displacement is longer by (1-θ) h (V⁺ - V), on which the forces that have a potential work.
 pub fn implicit_step_work(
     scene: &Scene,

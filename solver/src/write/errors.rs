@@ -178,6 +178,7 @@ impl ErrorSource {
 }
 
 impl ErrorEstimator {
+    /// Estimator of a run with a snapshot every `output_every` steps.
     pub fn new(output_every: u64) -> Self {
         ErrorEstimator { output_every: output_every as f64, ..ErrorEstimator::default() }
     }

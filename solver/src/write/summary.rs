@@ -22,8 +22,10 @@ pub struct RunStatistics {
     /// Total length of the steps in units of `dt`.
     pub dt_count: u64,
     /// Longest step, s.
-    pub longest: f64,
+    pub longest_step: f64,
+    /// Number of sweeps over all steps.
     pub sweeps: u64,
+    /// Number of steps that did not converge.
     pub unconverged: u64,
     /// Last measured error of self-gravity.
     pub gravity: Option<SampledError>,
@@ -31,10 +33,12 @@ pub struct RunStatistics {
     pub narrow_phase_error: Option<NarrowPhaseError>,
     /// Largest number of bonds at a time.
     pub bonds: usize,
-    pub taken_over: u64,
+    /// Number of steps that a solver of stored problems has solved.
+    pub fallback_steps: u64,
     /// Number of steps that were swept in single precision.
-    pub single: u64,
-    pub given_up: u64,
+    pub single_precision_steps: u64,
+    /// Number of unconverged steps without fallback, because it had failed before.
+    pub steps_without_fallback: u64,
     /// Deepest overlap of the run, its start and end included, if it is worth a warning.
     pub overlap: Option<Overlap>,
     /// Deepest overlap of two bodies of which neither can move along the normal of their contact.
@@ -43,8 +47,10 @@ pub struct RunStatistics {
     pub penetration_end: f64,
     pub warnings: Vec<String>,
     pub threads: usize,
-    pub wall: Duration,
-    pub clock: StageTimes,
+    /// Duration of the run.
+    pub wall_time: Duration,
+    /// Time of all steps by stage.
+    pub stage_times: StageTimes,
     /// Estimates of all steps, including those before a resume.
     pub estimator: ErrorEstimator,
 }
@@ -70,14 +76,14 @@ pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, so
     let dt = scene.options.dt;
     if scene.options.adaptive().is_on() {
         let mean = (statistics.dt_count as f64 / statistics.steps.max(1) as f64) * dt;
-        line("step length", format!("min {dt:.3e} s, mean {mean:.3e} s, max {:.3e} s", statistics.longest));
+        line("step length", format!("min {dt:.3e} s, mean {mean:.3e} s, max {:.3e} s", statistics.longest_step));
     }
     line("contacts", format!("{} listed, {active} carry force", state.contacts.len()));
     if scene.has_bonds() {
         line("bonds", format!("{} at the end, largest number in this run {}", state.bond_count(), statistics.bonds));
     }
-    let single = if statistics.single > 0 {
-        format!(", in single precision in {} steps", statistics.single)
+    let single = if statistics.single_precision_steps > 0 {
+        format!(", in single precision in {} steps", statistics.single_precision_steps)
     } else {
         String::new()
     };
@@ -87,17 +93,17 @@ pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, so
         "unconverged steps",
         format!("{} in this run, {} in total{last}", statistics.unconverged, ledger.steps_unconverged),
     );
-    if statistics.taken_over > 0 {
+    if statistics.fallback_steps > 0 {
         let name = if scene.options.solver == ContactSolver::Auto { "fallback solver" } else { "stored solver" };
-        let steps = count_text(statistics.taken_over as usize, "step");
+        let steps = count_text(statistics.fallback_steps as usize, "step");
         line(name, format!("converged in {steps}"));
     }
-    if statistics.given_up > 0 {
+    if statistics.steps_without_fallback > 0 {
         line(
             "fallback skipped",
             format!(
                 "{} ended after one round of sweeps, because the fallback had failed before",
-                count_text(statistics.given_up as usize, "step")
+                count_text(statistics.steps_without_fallback as usize, "step")
             ),
         );
     }
@@ -147,7 +153,7 @@ pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, so
     let unknown = || "not known: components of the velocities of all bodies are imposed".into();
     line(error, if scene.free.is_empty() { unknown() } else { estimate });
     line(cost, of_stages);
-    let &StageTimes { gravity, detection, assembly, solve, integration, writing } = &statistics.clock;
+    let &StageTimes { gravity, detection, assembly, solve, integration, writing } = &statistics.stage_times;
     let stages = [
         ("gravity", gravity),
         ("detection", detection),
@@ -158,6 +164,6 @@ pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, so
     ];
     let stages: Vec<String> = stages.iter().map(|(name, time)| format!("{name} {:.2}", time.as_secs_f64())).collect();
     let threads = count_text(statistics.threads, "thread");
-    line("seconds", format!("{:.2} on {threads}: {}", statistics.wall.as_secs_f64(), stages.join(", ")));
+    line("seconds", format!("{:.2} on {threads}: {}", statistics.wall_time.as_secs_f64(), stages.join(", ")));
     text
 }

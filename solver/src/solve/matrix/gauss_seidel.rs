@@ -46,6 +46,7 @@ pub struct MatrixSweeper<'a> {
 }
 
 impl<'a> MatrixSweeper<'a> {
+    /// Sweeps of a problem, with the inverse of each own block.
     pub fn new(problem: &'a MatrixProblem) -> Self {
         let locals = problem.diagonal_blocks().zip(&problem.mu).map(|(w, &mu)| LocalSolver::new(w, mu)).collect();
         let diagonal = (0..problem.len())

@@ -94,6 +94,7 @@ impl MatrixProblem {
         self.q.len()
     }
 
+    /// Whether the problem has no contacts.
     pub fn is_empty(&self) -> bool {
         self.q.is_empty()
     }
