@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::geometry::CachedFeature;
 use crate::laws::ContactLaw;
-use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame};
+use crate::math::{PAR_MIN_LEN, Quat, Vec3, local_frame, sort_runs_by_key};
 use crate::scene::{BodyId, InteractionRule, PartId, Scene, SphereId};
 
 /// First feature of a contact of polyhedra that was read from a text file without features; the second is a running
@@ -217,24 +217,54 @@ pub struct ContactExchange {
 }
 
 impl OutputInterval {
-    /// Adds the sums of a step, which are ordered by bodies; two bodies may have several contacts.
-    pub fn add_exchanges<'a>(&mut self, step: impl Iterator<Item = &'a ContactExchange>) {
-        let (mut k, mut new) = (0, Vec::<ContactExchange>::new());
-        for exchange in step {
-            while self.exchanges.get(k).is_some_and(|known| known.bodies < exchange.bodies) {
-                k += 1;
-            }
-            let known = self.exchanges.get_mut(k).filter(|known| known.bodies == exchange.bodies);
-            match known.or(new.last_mut().filter(|last| last.bodies == exchange.bodies)) {
-                Some(known) => known.virial += exchange.virial,
-                None => new.push(*exchange),
-            }
-        }
-        if !new.is_empty() {
-            self.exchanges.append(&mut new);
-            self.exchanges.sort_by_key(|exchange| exchange.bodies);
+    /// Adds the sums of a step, which the lists of `step` have one after the other, ordered by bodies; two bodies may have
+    /// several contacts.
+    pub fn add_exchanges(&mut self, step: &[Vec<ContactExchange>]) {
+        let step: Vec<&[ContactExchange]> = step.iter().filter(|list| !list.is_empty()).map(Vec::as_slice).collect();
+        // Each task has the sums of some known pairs, and all of the step before those of the next task.
+        let mut ends: Vec<[BodyId; 2]> =
+            self.exchanges.chunks(PAIRS_PER_TASK).skip(1).map(|known| known[0].bodies).collect();
+        ends.push([BodyId(u32::MAX); 2]);
+        let add_to = |(task, known): (usize, &mut [ContactExchange])| {
+            let start = task.checked_sub(1).map(|before| ends[before]);
+            let first = start.map_or(0, |start| step.partition_point(|list| list[list.len() - 1].bodies < start));
+            let of_step = step[first..].iter().flat_map(|list| *list);
+            let of_step = of_step.skip_while(|exchange| start.is_some_and(|start| exchange.bodies < start));
+            add_to_pairs(known, of_step.take_while(|exchange| exchange.bodies < ends[task]))
+        };
+        let new: Vec<Vec<ContactExchange>> = if self.exchanges.is_empty() {
+            vec![add_to_pairs(&mut [], step.iter().flat_map(|list| *list))]
+        } else {
+            self.exchanges.par_chunks_mut(PAIRS_PER_TASK).enumerate().map(add_to).collect()
+        };
+        let known = self.exchanges.len();
+        new.into_iter().for_each(|mut new| self.exchanges.append(&mut new));
+        if self.exchanges.len() > known {
+            sort_runs_by_key(&mut self.exchanges, |exchange| exchange.bodies);
         }
     }
+}
+
+/// Pairs of bodies per task.
+const PAIRS_PER_TASK: usize = 1024;
+
+/// Adds the sums `step` to those of known pairs, both ordered by bodies; returns the sums of other pairs.
+fn add_to_pairs<'a>(
+    known: &mut [ContactExchange],
+    step: impl Iterator<Item = &'a ContactExchange>,
+) -> Vec<ContactExchange> {
+    let (mut k, mut new) = (0, Vec::<ContactExchange>::new());
+    for exchange in step {
+        while known.get(k).is_some_and(|known| known.bodies < exchange.bodies) {
+            k += 1;
+        }
+        let known = known.get_mut(k).filter(|known| known.bodies == exchange.bodies);
+        match known.or(new.last_mut().filter(|last| last.bodies == exchange.bodies)) {
+            Some(known) => known.virial += exchange.virial,
+            None => new.push(*exchange),
+        }
+    }
+    new
 }
 
 /// Last two evaluations of self-gravity, if it is not evaluated at every step; rows are free bodies.
@@ -420,10 +450,30 @@ mod tests {
             rows.iter().map(|&(bodies, virial)| ContactExchange { bodies: bodies.map(BodyId), virial }).collect()
         };
         let mut interval = OutputInterval::default();
-        interval.add_exchanges(of(&[([0, 2], 1.0), ([1, 2], 2.0), ([1, 2], 4.0)]).iter());
-        interval.add_exchanges(of(&[]).iter());
-        interval.add_exchanges(of(&[([0, 1], 8.0), ([1, 2], 16.0), ([3, 4], 32.0)]).iter());
+        interval.add_exchanges(&[of(&[([0, 2], 1.0), ([1, 2], 2.0)]), of(&[]), of(&[([1, 2], 4.0)])]);
+        interval.add_exchanges(&[of(&[])]);
+        interval.add_exchanges(&[of(&[([0, 1], 8.0)]), of(&[([1, 2], 16.0), ([3, 4], 32.0)])]);
         let expected = of(&[([0, 1], 8.0), ([0, 2], 1.0), ([1, 2], 22.0), ([3, 4], 32.0)]);
         assert_eq!(interval.exchanges, expected);
+    }
+
+    #[test]
+    fn tasks_add_to_the_pairs_of_an_interval_alike() {
+        // Pairs of bodies by number; two contacts a pair, in lists that end between them.
+        let exchange =
+            |pair: u32| ContactExchange { bodies: [BodyId(pair / 100), BodyId(pair)], virial: f64::from(pair) };
+        let step = |pairs: &[u32]| -> Vec<Vec<ContactExchange>> {
+            let all: Vec<ContactExchange> = pairs.iter().flat_map(|&pair| [exchange(pair); 2]).collect();
+            all.chunks(3).map(<[_]>::to_vec).collect()
+        };
+        let (even, thirds): (Vec<u32>, Vec<u32>) =
+            ((0..5000).map(|k| 2 * k).collect(), (0..5000).map(|k| 3 * k).collect());
+        let mut interval = OutputInterval::default();
+        interval.add_exchanges(&step(&even));
+        interval.add_exchanges(&step(&thirds));
+        let pairs = (0..15_000).filter(|k| k % 3 == 0 || k % 2 == 0 && *k < 10_000);
+        let count = |k: u32| 2.0 * f64::from(u32::from(k % 3 == 0) + u32::from(k % 2 == 0 && k < 10_000));
+        let expected = pairs.map(|k| ContactExchange { virial: count(k) * f64::from(k), ..exchange(k) });
+        assert_eq!(interval.exchanges, expected.collect::<Vec<_>>());
     }
 }

@@ -36,7 +36,7 @@ use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::problem::{BlockData, ContactConstraint, SolverBody};
-use crate::math::{Vec3, to_world};
+use crate::math::{PAR_MIN_LEN, Vec3, run_ranges, to_world};
 use crate::scene::{BodyId, BodyPart, ContactorShape, Scene};
 use crate::state::Contact;
 
@@ -65,8 +65,8 @@ const MAX_SPEED_DIFFERENCE: f64 = 1e-9;
 const MAX_COLLINEAR_AREA: f64 = 1e-9;
 /// Area of the contacts of a face over that of their hull, below which the contactors under it leave gaps.
 const MIN_FILLED_SHARE: f64 = 0.99;
-/// Pairs of bodies per task.
-const MIN_PAIRS_PER_TASK: usize = 64;
+/// Rows per task.
+const ROWS_PER_TASK: usize = 256;
 
 /// Input for the friction of faces.
 ///
@@ -93,43 +93,56 @@ struct FaceFrictionPoints {
 impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S> {
     /// Friction offset d of each row, world frame, m; empty if all are 0.
     pub fn friction_offsets(&self) -> Vec<Vec3> {
-        let faces = face_ranges(self.contacts, self.rows);
-        let of_face = |range: &Range<usize>| {
-            let of: SmallVec<[usize; 8]> = range.clone().collect();
-            self.friction_points(&of, false).unwrap_or_default().offsets
-        };
-        let found: Vec<SmallVec<[Vec3; 4]>> = faces.par_iter().with_min_len(MIN_PAIRS_PER_TASK).map(of_face).collect();
-        if found.iter().all(SmallVec::is_empty) {
+        let tasks = run_ranges(self.contacts, ROWS_PER_TASK, is_same_face);
+        let faces = tasks.par_iter().map(|task| self.face_ranges(task));
+        let faces: Vec<Vec<Range<usize>>> = faces.collect();
+        if faces.iter().all(Vec::is_empty) {
             return Vec::new();
         }
-        let mut offsets = vec![Vec3::zeros(); self.rows.len()];
-        for (range, found) in faces.into_iter().zip(found).filter(|(_, found)| !found.is_empty()) {
-            offsets[range].copy_from_slice(&found);
-        }
-        offsets
+        let rows = self.rows.par_iter().with_min_len(PAR_MIN_LEN);
+        let mut offsets: Vec<Vec3> = rows.map(|_| Vec3::zeros()).collect();
+        let mut left = &mut offsets[..];
+        let of_task = |task: &Range<usize>| (task.start, left.split_off_mut(..task.len()).unwrap_or_default());
+        let parts: Vec<(usize, &mut [Vec3])> = tasks.iter().map(of_task).collect();
+        let set_offsets = |((start, offsets), faces): ((usize, &mut [Vec3]), &Vec<Range<usize>>)| {
+            let mut has_offsets = false;
+            for face in faces {
+                let of: SmallVec<[usize; 8]> = face.clone().collect();
+                let found = self.friction_points(&of, false).unwrap_or_default().offsets;
+                if !found.is_empty() {
+                    offsets[face.start - start..face.end - start].copy_from_slice(&found);
+                    has_offsets = true;
+                }
+            }
+            has_offsets
+        };
+        let has_offsets = parts.into_par_iter().zip(&faces).map(set_offsets).reduce(|| false, |a, b| a || b);
+        if has_offsets { offsets } else { Vec::new() }
     }
-}
 
-/// Ranges of two or more rows of the same two contactors along one normal, of which two or more act with friction.
-fn face_ranges(contacts: &[Contact], rows: &[ContactConstraint]) -> Vec<Range<usize>> {
-    let (mut ranges, mut from) = (Vec::new(), 0);
-    for of_one in contacts.chunk_by(is_same_face) {
-        let range = from..from + of_one.len();
-        from = range.end;
-        let acting = || rows[range.clone()].iter().filter(|row| row.can_close && row.friction > 0.0).count();
-        if of_one.len() >= 2 && acting() >= 2 {
-            ranges.push(range);
+    /// Ranges of two or more of the rows `task` of the same two contactors along one normal, of which two or more act with
+    /// friction.
+    fn face_ranges(&self, task: &Range<usize>) -> Vec<Range<usize>> {
+        let (rows, mut ranges, mut from) = (self.rows, Vec::new(), task.start);
+        for of_one in self.contacts[task.clone()].chunk_by(is_same_face) {
+            let range = from..from + of_one.len();
+            from = range.end;
+            let acting = || rows[range.clone()].iter().filter(|row| row.can_close && row.friction > 0.0).count();
+            if of_one.len() >= 2 && acting() >= 2 {
+                ranges.push(range);
+            }
         }
+        ranges
     }
-    ranges
 }
 
 /// Whether a scene may have faces that lie on several contactors of one body or of fixed bodies.
 pub(super) fn has_joints(scene: &Scene) -> bool {
     let is_fixed = |part: &&BodyPart| scene.bodies[part.body.index()].is_imposed();
     let is_piece = |part: &BodyPart| part.rank > 0 && matches!(part.geometry, ContactorShape::Polyhedron(_));
+    let parts = scene.parts.par_iter().with_min_len(PAR_MIN_LEN);
     scene.options.face_friction == FaceFriction::Uniform
-        && (scene.parts.iter().any(is_piece) || scene.parts.iter().filter(is_fixed).nth(1).is_some())
+        && (parts.clone().any(is_piece) || parts.filter(is_fixed).count() > 1)
 }
 
 /// Faces over flush joints. The friction of a face that lies on several adjacent contactors, of one body or of bodies with

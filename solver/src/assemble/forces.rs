@@ -1,12 +1,13 @@
 //! External forces: uniform gravity, outer fields, imposed and Coriolis forces; and free velocities.
 
 use cd_formats::field::FieldModel;
+use rayon::prelude::*;
 
 use super::events::{ShakeEvent, shake_loads};
 use super::self_gravity::{GravityReport, near_field, point_mass_energy, point_masses, self_gravity};
 use crate::integrate::ContactConfiguration;
-use crate::math::{Quat, Vec3, to_world};
-use crate::scene::Scene;
+use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_world};
+use crate::scene::{BodyId, Scene};
 use crate::state::{BodyLoad, GravityHistory, State, Velocities};
 
 /// Velocities at the step's end without contacts, and the contributions of the forces to the ledger.
@@ -63,15 +64,21 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
         loads: Vec::new(),
         reaction_work: 0.0,
     };
-    for (k, &i) in scene.free.iter().enumerate() {
+    let of_body = |(k, &i): (usize, &BodyId)| {
         let i = i.index();
         let (mass, x) = (scene.bodies[i].mass, q_c.x[i]);
         let (push, potential) = external_field(&outside, state.gravity, &x);
-        free.v[i] += (push + pull.acceleration[k]) * h;
-        free.potential += mass * potential;
+        let attraction = pull.acceleration.get(k).copied().unwrap_or_default();
         let weight = push * (mass * h);
+        ((push + attraction) * h, mass * potential, weight, x.cross(&weight))
+    };
+    let pushes: Vec<_> = scene.free.par_iter().enumerate().with_min_len(PAR_MIN_LEN).map(of_body).collect();
+    // Sums in the order of the bodies.
+    for (i, (change, potential, weight, turn)) in scene.free.iter().zip(pushes) {
+        free.v[i.index()] += change;
+        free.potential += potential;
         free.impulse += weight;
-        free.angular_impulse += x.cross(&weight);
+        free.angular_impulse += turn;
     }
     free.potential += tidal_energy(scene, &outside, &q_c.q);
     for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i.index()].is_driven_in_part()) {

@@ -17,21 +17,16 @@ const CONTACTS_PER_TASK: usize = 1024;
 
 /// Index of the contact with the same key in the list of the last step, for each contact. Both lists are sorted by key.
 fn previous_by_key(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option<ContactId>> {
-    let of_some = |contacts: &[Contact]| {
-        let first = contacts[0].key();
-        let mut k = before.partition_point(|old| old.contact.key() < first);
-        contacts
-            .iter()
-            .map(move |contact| {
-                let key = contact.key();
-                while before.get(k).is_some_and(|old| old.contact.key() < key) {
-                    k += 1;
-                }
-                before.get(k).filter(|old| old.contact.key() == key).map(|_| ContactId::new(k))
-            })
-            .collect::<Vec<_>>()
+    // Each task searches the position of its first contact.
+    let of_contact = |position: &mut Option<usize>, contact: &Contact| {
+        let key = contact.key();
+        let k = position.get_or_insert_with(|| before.partition_point(|old| old.contact.key() < key));
+        while before.get(*k).is_some_and(|old| old.contact.key() < key) {
+            *k += 1;
+        }
+        before.get(*k).filter(|old| old.contact.key() == key).map(|_| ContactId::new(*k))
     };
-    contacts.par_chunks(CONTACTS_PER_TASK).map(of_some).collect::<Vec<_>>().concat()
+    contacts.par_iter().with_min_len(CONTACTS_PER_TASK).map_init(|| None, of_contact).collect()
 }
 
 /// Two contactors given by their bodies and ranks.
@@ -125,7 +120,8 @@ impl AssemblyContext<'_> {
     fn new_contacts(&self, contacts: &[Contact], found: &[Option<ContactId>], gone: &[bool]) -> Vec<usize> {
         let before = &self.state.contacts;
         let shares = |k: usize| self.has_shared_history(k) && self.has_features(&before[k].contact);
-        let concerned = (0..before.len()).filter(|&k| gone[k] || shares(k));
+        let all = (0..before.len()).into_par_iter().with_min_len(CONTACTS_PER_TASK);
+        let concerned = all.filter(|&k| gone[k] || shares(k));
         let concerned: Vec<ContactorPair> = concerned.map(|k| contactor_pair(&before[k].contact)).collect();
         if concerned.is_empty() {
             return Vec::new();
@@ -246,10 +242,10 @@ impl AssemblyContext<'_> {
         self.scene.visibility.interaction_rule(a, b).map(|rule| rule.alert)
     }
 
-    /// Bond of each contact's bodies, from the bonds of the last step.
+    /// Bond of each contact's bodies, from the bonds of the last step; empty if no law bonds.
     pub(super) fn bond_states(&self, contacts: &[Contact], history: &[Option<ContactId>]) -> Vec<BondState> {
         if !self.state.laws.iter().any(ContactLaw::can_bond) {
-            return vec![BondState::default(); contacts.len()];
+            return Vec::new();
         }
         let bond = |(contact, old): (&Contact, &Option<ContactId>)| {
             let law = &self.state.laws[contact.law as usize];

@@ -26,6 +26,9 @@ const SLIDING_VELOCITY_FACTOR: f64 = 3.0;
 /// Number of contacts ahead for which the data of their bodies are prefetched: these lie anywhere in memory.
 const PREFETCH_CONTACTS: usize = 8;
 
+/// Bodies per task.
+const BODIES_PER_TASK: usize = 256;
+
 /// Normal velocity, over that due to the impulse of the last step alone, up to which a contact rests: larger than the errors
 /// of solutions, smaller than the rebound with a restitution of 0.06.
 const RESTING: f64 = 0.05;
@@ -69,7 +72,7 @@ pub fn contact_problem(
         nearby: NEARBY_GAP * if body.driven { f64::INFINITY } else { body.radius },
     });
     let bounds = bounds.collect();
-    let is_sphere = scene.bodies.iter().map(RigidBody::is_sphere).collect();
+    let is_sphere = scene.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(RigidBody::is_sphere).collect();
     let setting = AssemblyContext {
         scene,
         state,
@@ -86,13 +89,13 @@ pub fn contact_problem(
     let before = |old: &Option<ContactId>| old.map(|k| &state.contacts[k.index()]);
     let holds = setting.bond_states(contacts, &history);
     let memories = setting.law_memories(contacts, &history);
-    let of_contact = |(k, (old, hold)): (usize, (&Option<ContactId>, &BondState))| {
+    let of_contact = |(k, old): (usize, &Option<ContactId>)| {
         setting.prefetch(contacts.get(k + PREFETCH_CONTACTS));
         let memory = memories.get(k).copied().unwrap_or_default();
-        setting.contact_constraint(&contacts[k], before(old), *hold, memory)
+        let hold = holds.get(k).copied().unwrap_or_default();
+        setting.contact_constraint(&contacts[k], before(old), hold, memory)
     };
-    let mut rows: Vec<ContactConstraint> =
-        history.par_iter().zip(&holds).enumerate().with_min_len(256).map(of_contact).collect();
+    let mut rows: Vec<ContactConstraint> = history.par_iter().enumerate().with_min_len(256).map(of_contact).collect();
     let mut rolls: Vec<RollingConstraint> = if state.laws.iter().any(|law| law.rolling_friction().is_some()) {
         let listed = (0..).zip(contacts).zip(&history).filter(|((k, _), _): &((usize, _), _)| rows[*k].acts);
         listed
@@ -486,11 +489,12 @@ fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
         if q_c.unturned.contains(&BodyId::new(i)) { Matrix3::zeros() } else { body.inverse_inertia_matrix(q) }
     };
     let held = || scene.bodies.iter().map(RigidBody::locked_axes).collect();
+    let bodies = scene.bodies.par_iter().zip(&q_c.q);
     let full = || BlockData {
         arms: Vec::new(),
         friction_offsets: Vec::new(),
         locked_axes: if scene.bodies.iter().any(RigidBody::is_driven_in_part) { held() } else { Vec::new() },
-        inverse_inertia: scene.bodies.iter().zip(&q_c.q).enumerate().map(inverse_inertia).collect(),
+        inverse_inertia: bodies.enumerate().with_min_len(BODIES_PER_TASK).map(inverse_inertia).collect(),
     };
     scene.needs_blocks().then(full)
 }

@@ -26,7 +26,7 @@ pub struct GravityReport {
 
 /// Self-gravity in a step.
 pub(super) struct SelfGravity {
-    /// Acceleration of each free body, m/s^2.
+    /// Acceleration of each free body, m/s^2; empty without self-gravity.
     pub acceleration: Vec<Vec3>,
     /// Potential energy, J.
     pub energy: f64,
@@ -57,11 +57,10 @@ const MAX_EXTRAPOLATION_RATIO: f64 = 2.0;
 /// pair by pair.
 const QUADRUPOLE_RANGE: f64 = 3.0;
 
-/// Self-gravity at each free body; zeros if the scene has none.
+/// Self-gravity at each free body; no accelerations if the scene has none.
 pub(super) fn self_gravity(scene: &Scene, state: &State, q_c: &ContactConfiguration) -> SelfGravity {
     if !scene.has_self_gravity() {
-        let acceleration = vec![Vec3::zeros(); scene.free.len()];
-        return SelfGravity { acceleration, energy: 0.0, report: GravityReport::default(), next: None };
+        return SelfGravity { acceleration: Vec::new(), energy: 0.0, report: GravityReport::default(), next: None };
     }
     let (positions, masses) = point_masses(scene, &q_c.x);
     let mut pull = if scene.gravity_refresh() == 1 {

@@ -14,7 +14,8 @@ use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::{BodyId, BodyShape, Scene};
 use crate::state::{Contact, Velocities};
 
-/// Contacts of pairs that are not in `listed` and that the velocities `solved` close in the step, ordered by key.
+/// Contacts of pairs that are not in `listed` and that the velocities `solved` close in the step; both lists are ordered by
+/// key.
 ///
 /// `free`, `solved`: velocities in the contact configuration without and with contacts. A pair is not late if contacts have
 /// changed the displacements of its bodies by less than the margin of the list. Most steps end with that test.
@@ -40,7 +41,7 @@ pub fn late_contacts(
     if !searched.contains(&true) {
         return Vec::new();
     }
-    let already_listed: HashSet<_> = listed.iter().map(contactor_pair).collect();
+    let is_listed = |contact: &Contact| listed.binary_search_by_key(&contactor_pair(contact), contactor_pair).is_ok();
     let bounds = TravelBounds { nearby: 0.0, ..TravelBounds::new(scene, q_c, solved, span) };
     if scene.is_general() {
         let mut found =
@@ -48,9 +49,7 @@ pub fn late_contacts(
         // All points of a pair are added if one of them closes.
         let closing: HashSet<_> =
             found.iter().filter(|contact| gap_closes(contact, q_c, solved, span)).map(contactor_pair).collect();
-        found.retain(|contact| {
-            closing.contains(&contactor_pair(contact)) && !already_listed.contains(&contactor_pair(contact))
-        });
+        found.retain(|contact| closing.contains(&contactor_pair(contact)) && !is_listed(contact));
         if found.is_empty() {
             return found;
         }
@@ -60,7 +59,7 @@ pub fn late_contacts(
         let mut all: Vec<Contact> = listed.iter().filter(is_surface).chain(&found).copied().collect();
         all.sort_unstable_by_key(Contact::key);
         let mut left = parts::without_inner_edges(scene, q_c, &bounds, all);
-        left.retain(|contact| !already_listed.contains(&contactor_pair(contact)));
+        left.retain(|contact| !is_listed(contact));
         return left;
     }
     let ball = |&i: &BodyId| {
@@ -102,7 +101,7 @@ pub fn late_contacts(
     pairs.extend(others);
     pairs.sort_unstable();
     let found = pairs.into_iter().map(|(pair, law)| sphere_contact(scene, q_c, pair, law));
-    found.filter(|contact| !already_listed.contains(&contactor_pair(contact))).collect()
+    found.filter(|contact| !is_listed(contact)).collect()
 }
 
 /// Bodies and ranks that identify the pair of contactors.

@@ -27,6 +27,7 @@ use rayon::prelude::*;
 use self::spheres::{sphere_contact, sphere_plate_pairs, sphere_sphere_pairs};
 use self::travel::TravelBounds;
 use crate::integrate::ContactConfiguration;
+use crate::math::sort_runs_by_key;
 use crate::scene::Scene;
 use crate::state::{Contact, DetectionCache, Velocities};
 
@@ -63,7 +64,7 @@ fn surface_contacts(
     let mut of_planes = joints::without_inner_rims(scene, q_c, &bounds, sphere_plate_pairs(scene, q_c, &bounds));
     if !of_planes.is_empty() {
         pairs.append(&mut of_planes);
-        pairs.sort(); // fast: merges sorted runs
+        sort_runs_by_key(&mut pairs, |pair| *pair);
     }
     pairs.par_iter().with_min_len(256).map(|&(pair, law)| sphere_contact(scene, q_c, pair, law)).collect()
 }

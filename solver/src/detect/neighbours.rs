@@ -38,7 +38,7 @@ pub struct BoundingBalls<'a, P> {
 impl<P: Fn(usize) -> Vec3 + Sync> BoundingBalls<'_, P> {
     /// Whether the travel included in the reaches makes many more pairs overlap than come near each other.
     fn are_crowded(&self) -> bool {
-        let mut both = self.reach.iter().zip(self.travel);
+        let both = self.reach.par_iter().zip(self.travel).with_min_len(PAR_MIN_LEN);
         // The sum below is larger only if one of its terms is.
         let least = 1.0 - CROWDING_LIMIT.cbrt().recip();
         if both.all(|(reach, travel)| *travel <= least * reach) {
@@ -98,7 +98,8 @@ impl NeighbourList {
             let displacement = if has_history { centres[k] - self.last[k] } else { return travel[k] };
             displacement.norm().min((displacement - common).norm())
         };
-        self.skin = (0..centres.len()).map(|k| MIN_SKIN * mean_radius + SKIN_STEPS * length(k)).collect();
+        let skin = |k: usize| MIN_SKIN * mean_radius + SKIN_STEPS * length(k);
+        self.skin = (0..centres.len()).into_par_iter().with_min_len(PAR_MIN_LEN).map(skin).collect();
         if self.skin.iter().sum::<f64>() > MAX_MEAN_SKIN * mean_radius * reach.len() as f64 {
             self.skin.fill(ROUNDING_SKIN * mean_radius);
         }

@@ -19,7 +19,7 @@ use crate::geometry::{
 };
 use crate::integrate::ContactConfiguration;
 use crate::math::simd::SimdWidth;
-use crate::math::{Vec3, group_by_key};
+use crate::math::{PAR_MIN_LEN, Vec3, group_by_key};
 use crate::scene::{BodyId, PartId, Scene};
 use crate::state::{Contact, DetectionCache, SeparatingAxis, VisiblePair};
 
@@ -35,16 +35,18 @@ impl DetectionCache {
             };
             self.last = contactors.iter().map(|contactor| (contactor.centre, contactor.axes)).collect();
         }
-        let last = self.last.iter_mut().zip(&mut self.accumulated_travel);
-        for ((now, part), ((x, q), travel)) in contactors.iter_mut().zip(&scene.parts).zip(last) {
+        let last = self.last.par_iter_mut().zip(&mut self.accumulated_travel);
+        let moved = contactors.par_iter_mut().zip(&scene.parts).zip(last).with_min_len(CONTACTORS_PER_TASK);
+        moved.for_each(|((now, part), ((x, q), travel))| {
             // Twice the sine of half an angle is less than four times that of a quarter.
             let turned = (now.axes.coords - q.coords).norm().min((now.axes.coords + q.coords).norm());
             *travel += (now.centre - *x).norm() + 2.0 * part.radius * turned;
             (*x, *q, now.accumulated_travel) = (now.centre, now.axes, *travel);
-        }
-        let centres: Vec<Vec3> = contactors.iter().map(|contactor| contactor.centre).collect();
-        let reach: Vec<f64> = contactors.iter().map(|contactor| contactor.reach).collect();
-        let travel: Vec<f64> = contactors.iter().map(|contactor| contactor.travel).collect();
+        });
+        let all = contactors.par_iter().with_min_len(CONTACTORS_PER_TASK);
+        let centres: Vec<Vec3> = all.clone().map(|contactor| contactor.centre).collect();
+        let reach: Vec<f64> = all.clone().map(|contactor| contactor.reach).collect();
+        let travel: Vec<f64> = all.map(|contactor| contactor.travel).collect();
         let path = |k: usize| contactors[k].path;
         let balls = BoundingBalls { centres: &centres, reach: &reach, path, travel: &travel };
         if !self.neighbours.rebuild_if_stale(&balls, scene.periods(), scene.mean_radius) {
@@ -168,6 +170,9 @@ struct PairChunk<'p> {
 
 /// Pairs per task.
 const PAIRS_PER_TASK: usize = 256;
+/// Smallest numbers of contactors and of contacts per task.
+const CONTACTORS_PER_TASK: usize = 256;
+const CONTACTS_PER_TASK: usize = 1024;
 
 /// Scratch memory for the narrow phase, reused from task to task.
 struct NarrowPhaseScratch<'a> {
@@ -268,36 +273,47 @@ impl ListedContacts {
         self.contacts.extend(pair.listed_contacts(manifold));
     }
 
-    /// Contacts of run `k`.
-    fn run_contacts(&self, k: usize) -> &[Contact] {
-        let end = self.runs.get(k + 1).map_or(self.contacts.len(), |(_, start)| *start);
-        &self.contacts[self.runs[k].1..end]
+    /// Candidate and contacts of each run.
+    fn runs(&self) -> impl Iterator<Item = (BodyId, &[Contact])> {
+        let ends = self.runs.iter().skip(1).map(|(_, start)| *start).chain([self.contacts.len()]);
+        self.runs.iter().zip(ends).map(|(&(candidate, start), end)| (candidate, &self.contacts[start..end]))
     }
 }
 
 /// All contacts, ordered by key.
 fn contacts_by_key(found: &[ListedContacts], bodies: usize, width: SimdWidth) -> Vec<Contact> {
-    let runs: Vec<(&ListedContacts, usize)> =
-        found.iter().flat_map(|listed| (0..listed.runs.len()).map(move |k| (listed, k))).collect();
-    let candidates: Vec<u32> = runs.iter().map(|(listed, k)| listed.runs[*k].0.0).collect();
+    let (candidates, runs): (Vec<u32>, Vec<&[Contact]>) =
+        found.iter().flat_map(ListedContacts::runs).map(|(candidate, run)| (candidate.0, run)).unzip();
     let (order, _) = group_by_key(&candidates, bodies);
-    let run = |k: u32| {
-        let (listed, k) = runs[k as usize];
-        listed.run_contacts(k)
+    let mut count = 0;
+    let end = |&k: &u32| {
+        count += runs[k as usize].len();
+        count
     };
-    let mut contacts = Vec::with_capacity(found.iter().map(|listed| listed.contacts.len()).sum());
-    for (at, &k) in order.iter().enumerate() {
-        if let Some(&later) = order.get(at + 1) {
-            width.prefetch(run(later));
+    let ends: Vec<usize> = order.iter().map(end).collect();
+    // Each task searches the run of its first contact.
+    let contact = |position: &mut Option<usize>, k: usize| {
+        let mut at = position.unwrap_or_else(|| ends.partition_point(|end| *end <= k));
+        while ends[at] <= k {
+            at += 1;
         }
-        contacts.extend_from_slice(run(k));
-    }
+        let run = runs[order[at] as usize];
+        if *position != Some(at)
+            && let Some(&later) = order.get(at + 1)
+        {
+            width.prefetch(runs[later as usize]);
+        }
+        *position = Some(at);
+        run[k + run.len() - ends[at]]
+    };
+    let all = (0..count).into_par_iter().with_min_len(CONTACTS_PER_TASK);
+    let mut contacts: Vec<Contact> = all.map_init(|| None, contact).collect();
     // The contacts of one candidate may come from several tasks or several parts.
-    for of_one in contacts.chunk_by_mut(|a, b| a.candidate == b.candidate) {
+    contacts.par_chunk_by_mut(|a, b| a.candidate == b.candidate).for_each(|of_one| {
         if !of_one.is_sorted_by_key(Contact::key) {
             of_one.sort_unstable_by_key(Contact::key);
         }
-    }
+    });
     contacts
 }
 
@@ -353,18 +369,20 @@ fn pairs_by_candidate(pairs: &[VisiblePair], scene: &Scene, bodies: &[u32]) -> V
     let mut ranks = vec![0; bodies.len()];
     bodies.iter().zip(0..).for_each(|(&body, rank)| ranks[body as usize] = rank);
     let rank_of_candidate = |(parts, _): &VisiblePair| ranks[scene.parts[parts[0].index()].body.index()];
-    let keys: Vec<u32> = pairs.iter().map(rank_of_candidate).collect();
-    let (order, starts) = group_by_key(&keys, bodies.len());
-    let mut grouped: Vec<VisiblePair> = order.iter().map(|&k| pairs[k as usize]).collect();
-    for of_one in starts.windows(2) {
-        grouped[of_one[0] as usize..of_one[1] as usize].sort_unstable_by_key(|(parts, _)| *parts);
-    }
+    let keys: Vec<u32> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(rank_of_candidate).collect();
+    let (order, _) = group_by_key(&keys, bodies.len());
+    let pair = |&k: &u32| pairs[k as usize];
+    let mut grouped: Vec<VisiblePair> = order.par_iter().with_min_len(PAR_MIN_LEN).map(pair).collect();
+    let candidate = |(parts, _): &VisiblePair| scene.parts[parts[0].index()].body;
+    let by_candidate = grouped.par_chunk_by_mut(|a, b| candidate(a) == candidate(b));
+    by_candidate.for_each(|of_one| of_one.sort_unstable_by_key(|(parts, _)| *parts));
     grouped
 }
 
 /// Indices of the pairs in the order of their parts. The pairs are ordered by candidate, and those of a candidate by parts.
 fn part_order(pairs: &[VisiblePair], parts: usize) -> Vec<u32> {
-    let first: Vec<u32> = pairs.iter().map(|(parts, _)| parts[0].0).collect();
+    let first = |(parts, _): &VisiblePair| parts[0].0;
+    let first: Vec<u32> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(first).collect();
     group_by_key(&first, parts).0
 }
 

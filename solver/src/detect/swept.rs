@@ -11,6 +11,8 @@ use crate::math::Vec3;
 
 /// Balls in a leaf of the tree.
 const MAX_LEAF_BALLS: usize = 8;
+/// Smallest number of balls whose part of the tree a task makes.
+const MIN_BALLS_PER_TASK: usize = 2048;
 /// Relative margin on a reach, and on the length of the step, for rounding.
 const ROUNDING_MARGIN: f64 = 1e-9;
 
@@ -50,7 +52,7 @@ struct BoxNode {
     /// Range of its balls in [`BoxTree::order`].
     first: u32,
     end: u32,
-    /// Index of the second child; the first follows its parent. 0 for a leaf.
+    /// Index of the second child minus its own; the first child follows its parent. 0 for a leaf.
     second: u32,
     /// Whether a ball of it is searched.
     searched: bool,
@@ -67,26 +69,27 @@ struct BoxTree<'a> {
 
 impl<'a> BoxTree<'a> {
     fn new(balls: &'a [SweptBall]) -> Self {
-        let mut tree = BoxTree { balls, order: (0..balls.len() as u32).collect(), nodes: Vec::new() };
-        tree.build_subtree(0, balls.len());
-        tree
+        let (mut order, mut nodes) = ((0..balls.len() as u32).collect::<Vec<u32>>(), Vec::new());
+        BoxTree::add_subtree(balls, &mut order, 0, &mut nodes);
+        BoxTree { balls, order, nodes }
     }
 
-    fn build_subtree(&mut self, first: usize, end: usize) {
+    /// Adds the nodes of the balls `order`, which are in the whole order from `first` on, and orders these.
+    fn add_subtree(balls: &[SweptBall], order: &mut [u32], first: usize, nodes: &mut Vec<BoxNode>) {
         const EMPTY_RANGE: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
         let mut node = BoxNode {
             balls: [EMPTY_RANGE; 3],
             paths: [EMPTY_RANGE; 3],
             first: first as u32,
-            end: end as u32,
+            end: (first + order.len()) as u32,
             second: 0,
             searched: false,
         };
         // Extent of the centres and displacements alone.
         let mut extent = [EMPTY_RANGE; 6];
         let widen = |range: &mut [f64; 2], low: f64, high: f64| *range = [range[0].min(low), range[1].max(high)];
-        for &i in &self.order[first..end] {
-            let ball = &self.balls[i as usize];
+        for &i in &*order {
+            let ball = &balls[i as usize];
             let reach = ball.reach * (1.0 + ROUNDING_MARGIN);
             for (k, extent) in extent[..3].iter_mut().enumerate() {
                 widen(&mut node.balls[k], ball.centre[k] - reach, ball.centre[k] + reach);
@@ -96,24 +99,36 @@ impl<'a> BoxTree<'a> {
             node.searched |= ball.searched;
         }
         extent[3..].copy_from_slice(&node.paths);
-        let own_index = self.nodes.len();
-        self.nodes.push(node);
-        if end - first <= MAX_LEAF_BALLS {
+        let own_index = nodes.len();
+        nodes.push(node);
+        if order.len() <= MAX_LEAF_BALLS {
             return;
         }
         let axis = (0..6).max_by(|a, b| (extent[*a][1] - extent[*a][0]).total_cmp(&(extent[*b][1] - extent[*b][0])));
         let axis = axis.unwrap_or(0);
-        let balls = self.balls;
         let coordinate = |i: &u32| {
             let ball = &balls[*i as usize];
             if axis < 3 { ball.centre[axis] } else { ball.path[axis - 3] }
         };
-        let half = (end - first) / 2;
+        let half = order.len() / 2;
         let by_coordinate = |a: &u32, b: &u32| coordinate(a).total_cmp(&coordinate(b)).then(a.cmp(b));
-        self.order[first..end].select_nth_unstable_by(half, by_coordinate);
-        self.build_subtree(first, first + half);
-        self.nodes[own_index].second = self.nodes.len() as u32;
-        self.build_subtree(first + half, end);
+        order.select_nth_unstable_by(half, by_coordinate);
+        let (one, two) = order.split_at_mut(half);
+        if one.len() < MIN_BALLS_PER_TASK {
+            BoxTree::add_subtree(balls, one, first, nodes);
+            nodes[own_index].second = (nodes.len() - own_index) as u32;
+            BoxTree::add_subtree(balls, two, first + half, nodes);
+            return;
+        }
+        let subtree = |order: &mut [u32], first: usize| {
+            let mut nodes = Vec::new();
+            BoxTree::add_subtree(balls, order, first, &mut nodes);
+            nodes
+        };
+        let (mut one, mut two) = rayon::join(|| subtree(one, first), || subtree(two, first + half));
+        nodes.append(&mut one);
+        nodes[own_index].second = (nodes.len() - own_index) as u32;
+        nodes.append(&mut two);
     }
 
     /// Adds the pairs of the leaf `a` with itself and with later leaves.
@@ -125,7 +140,7 @@ impl<'a> BoxTree<'a> {
                 continue;
             }
             if b.second != 0 {
-                stack.extend([b.second, k + 1]);
+                stack.extend([k + b.second, k + 1]);
                 continue;
             }
             for at in a.first..a.end {

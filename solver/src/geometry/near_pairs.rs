@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::math::{Vec3, group_by_key};
+use crate::math::{Vec3, concatenated, group_by_key};
 
 /// Half of a cell's neighbours, in columns of three along the last axis: together with the cell itself and the next,
 /// they give every pair of neighbouring cells once.
@@ -30,7 +30,8 @@ struct GridLevel {
 
 impl GridLevel {
     fn new(x: &[Vec3], reach: &[f64], members: &[u32]) -> Self {
-        let width = 2.0 * members.iter().map(|&i| reach[i as usize]).fold(0.0, f64::max);
+        let reaches = members.par_iter().with_min_len(SPHERES_PER_TASK).map(|&i| reach[i as usize]);
+        let width = 2.0 * reaches.reduce(|| 0.0, f64::max);
         // About eight cells per sphere: most cells are empty, and few contain spheres that are far apart.
         let bits = ((8 * members.len()).ilog2() / 3).clamp(2, 8);
         let mut level =
@@ -41,7 +42,8 @@ impl GridLevel {
             .map(|&i| level.cell_slot(level.cell_coordinates(&x[i as usize])))
             .collect();
         (level.order, level.starts) = group_by_key(&cells, 1 << (3 * bits));
-        level.order.iter_mut().for_each(|member| *member = members[*member as usize]);
+        let order = level.order.par_iter_mut().with_min_len(SPHERES_PER_TASK);
+        order.for_each(|member| *member = members[*member as usize]);
         let sphere = |i: &u32| [x[*i as usize].x, x[*i as usize].y, x[*i as usize].z, reach[*i as usize]];
         level.spheres = level.order.par_iter().with_min_len(SPHERES_PER_TASK).map(sphere).collect();
         level
@@ -124,7 +126,7 @@ pub fn near_pairs(x: &[Vec3], reach: &[f64]) -> Vec<[u32; 2]> {
         let chunks = level.order.len().div_ceil(SPHERES_PER_TASK);
         found.extend((0..chunks).into_par_iter().map(of_chunk).collect::<Vec<_>>());
     }
-    found.concat()
+    concatenated(found)
 }
 
 /// Whether two spheres of radius reach overlap.
@@ -136,16 +138,20 @@ fn are_near(a: &[f64; 4], b: &[f64; 4]) -> bool {
 /// Spheres per task.
 const SPHERES_PER_TASK: usize = 512;
 
+/// Last level: no finite number is 2^2100 times as large as another.
+const MAX_LEVEL: u32 = 2100;
+
 /// Levels of the grid that have spheres, from the finest.
 fn grid_levels(x: &[Vec3], reach: &[f64]) -> Vec<GridLevel> {
-    let Some(least) = reach.iter().copied().reduce(f64::min) else { return Vec::new() };
+    let reaches = reach.par_iter().with_min_len(SPHERES_PER_TASK);
+    let Some(least) = reaches.clone().copied().reduce_with(f64::min) else { return Vec::new() };
     // Cells grow by a factor of two; spheres of up to twice the least reach share the first level.
-    let mut by_rank: std::collections::BTreeMap<u32, Vec<u32>> = Default::default();
-    for (i, &r) in reach.iter().enumerate() {
-        let rank = if r < 2.0 * least { 0 } else { (r / least).log2() as u32 };
-        by_rank.entry(rank).or_default().push(i as u32);
-    }
-    by_rank.into_values().map(|members| GridLevel::new(x, reach, &members)).collect()
+    let rank = |&r: &f64| if r < 2.0 * least { 0 } else { ((r / least).log2() as u32).min(MAX_LEVEL) };
+    let ranks: Vec<u32> = reaches.map(rank).collect();
+    let count = ranks.iter().max().map_or(0, |most| *most as usize + 1);
+    let (members, starts) = group_by_key(&ranks, count);
+    let levels = starts.windows(2).map(|of_rank| &members[of_rank[0] as usize..of_rank[1] as usize]);
+    levels.filter(|members| !members.is_empty()).map(|members| GridLevel::new(x, reach, members)).collect()
 }
 
 #[cfg(test)]

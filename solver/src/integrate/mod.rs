@@ -61,10 +61,12 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
     let before = h * (1.0 - scene.options.theta);
     let x: Vec<Vec3> =
         state.x.par_iter().zip(&state.v).with_min_len(PAR_MIN_LEN).map(|(x, v)| x + v * before).collect();
-    let (mut q, mut w) = (state.q.clone(), state.w.clone());
-    for (i, _) in scene.oriented.iter().enumerate().filter(|(_, oriented)| **oriented) {
-        q[i] = rotate_by_vector(&q[i], &(state.w[i] * before));
-    }
+    let predicted = |((q, oriented), w): ((&Quat, &bool), &Vec3)| {
+        if *oriented { rotate_by_vector(q, &(w * before)) } else { *q }
+    };
+    let orientations = state.q.par_iter().zip(&scene.oriented).zip(&state.w);
+    let mut q: Vec<Quat> = orientations.with_min_len(PAR_MIN_LEN).map(predicted).collect();
+    let mut w = state.w.clone();
     let (rate, mut momenta) = (scene.frame_angular_velocity(), state.angular_momentum.clone());
     let predicted = |(&i, momentum): (&BodyId, &mut Vec3)| {
         let (i, inertia) = (i.index(), &scene.bodies[i.index()].inertia);

@@ -5,7 +5,10 @@ pub mod random;
 pub mod rotation;
 pub mod simd;
 
+use std::ops::Range;
+
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use rayon::prelude::*;
 
 pub type Vec3 = Vector3<f64>;
 pub type Mat3 = Matrix3<f64>;
@@ -73,6 +76,43 @@ pub fn rotate_by_vector(q: &Quat, angle: &Vec3) -> Quat {
 /// Smallest number of items per task, for loops of little work per item.
 pub const PAR_MIN_LEN: usize = 2048;
 
+/// Consecutive ranges of at least `length` items, the last of the rest, that part no two neighbours which are the same.
+///
+/// ```
+/// # use cd_solve::math::run_ranges;
+/// assert_eq!(run_ranges(&[1, 2, 2, 2, 3, 3, 4], 2, |a, b| a == b), [0..4, 4..6, 6..7]);
+/// ```
+pub fn run_ranges<T>(list: &[T], length: usize, are_same: impl Fn(&T, &T) -> bool) -> Vec<Range<usize>> {
+    let (mut ranges, mut start) = (Vec::with_capacity(list.len() / length + 1), 0);
+    while start < list.len() {
+        let mut end = list.len().min(start + length);
+        while end < list.len() && are_same(&list[end - 1], &list[end]) {
+            end += 1;
+        }
+        ranges.push(start..end);
+        start = end;
+    }
+    ranges
+}
+
+/// The items of all lists, one list after the other.
+pub fn concatenated<T: Copy + Default + Send + Sync>(lists: Vec<Vec<T>>) -> Vec<T> {
+    if rayon::current_num_threads() <= 2 {
+        return lists.concat();
+    }
+    let mut all = vec![T::default(); lists.iter().map(Vec::len).sum()];
+    let mut left = &mut all[..];
+    let parts: Vec<&mut [T]> = lists.iter().map(|list| left.split_off_mut(..list.len()).unwrap_or_default()).collect();
+    parts.into_par_iter().zip(lists).for_each(|(part, list)| part.copy_from_slice(&list));
+    all
+}
+
+/// Sorts a list that consists of a few sorted runs by a key that no two items share. Merging them in parallel copies more,
+/// and is faster from three threads on.
+pub fn sort_runs_by_key<T: Send, K: Ord>(list: &mut [T], key: impl Fn(&T) -> K + Sync) {
+    if rayon::current_num_threads() > 2 { list.par_sort_by_key(key) } else { list.sort_by_key(key) }
+}
+
 /// Indices 0.. of `keys` grouped by key (each below `groups`) and in order within a group, and the start of each group with
 /// the end of the last: a counting sort.
 ///
@@ -81,6 +121,14 @@ pub const PAR_MIN_LEN: usize = 2048;
 /// assert_eq!(group_by_key(&[2, 0, 2, 1], 3), (vec![1, 3, 0, 2], vec![0, 1, 2, 4]));
 /// ```
 pub fn group_by_key(keys: &[u32], groups: usize) -> (Vec<u32>, Vec<u32>) {
+    let tasks = rayon::current_num_threads().min(keys.len() / PAR_MIN_LEN);
+    if tasks >= MIN_GROUPING_TASKS { group_in_tasks(keys, groups, tasks) } else { group_in_one_task(keys, groups) }
+}
+
+/// Smallest number of tasks that together group keys faster than one: each key is read and written twice.
+const MIN_GROUPING_TASKS: usize = 4;
+
+fn group_in_one_task(keys: &[u32], groups: usize) -> (Vec<u32>, Vec<u32>) {
     let mut starts = vec![0; groups + 1];
     keys.iter().for_each(|&key| starts[key as usize + 1] += 1);
     for g in 0..groups {
@@ -92,6 +140,47 @@ pub fn group_by_key(keys: &[u32], groups: usize) -> (Vec<u32>, Vec<u32>) {
         order[next[key as usize] as usize] = index as u32;
         next[key as usize] += 1;
     }
+    (order, starts)
+}
+
+/// Groups keys in tasks, first over ranges of keys and then over ranges of groups; the result does not depend on the tasks.
+fn group_in_tasks(keys: &[u32], groups: usize, tasks: usize) -> (Vec<u32>, Vec<u32>) {
+    let range_bits = groups.div_ceil(tasks).next_power_of_two().trailing_zeros();
+    let ranges = groups.div_ceil(1 << range_bits);
+    let length = keys.len().div_ceil(tasks);
+    let by_range = |(task, keys): (usize, &[u32])| {
+        let mut by_range = vec![Vec::new(); ranges];
+        for (index, key) in ((task * length) as u32..).zip(keys) {
+            by_range[(key >> range_bits) as usize].push(index);
+        }
+        by_range
+    };
+    let indices: Vec<Vec<Vec<u32>>> = keys.par_chunks(length).enumerate().with_max_len(1).map(by_range).collect();
+    let indices_of = |range: usize| indices.iter().flat_map(move |by_range| &by_range[range]);
+
+    let (mut order, mut starts) = (vec![0; keys.len()], vec![0; groups + 1]);
+    let (mut order_left, mut first, mut parts) = (&mut order[..], 0, Vec::with_capacity(ranges));
+    for (range, ends) in starts[1..].chunks_mut(1 << range_bits).enumerate() {
+        let count = indices.iter().map(|by_range| by_range[range].len()).sum();
+        parts.push((range, first, order_left.split_off_mut(..count).unwrap_or_default(), ends));
+        first += count as u32;
+    }
+    parts.into_par_iter().with_max_len(1).for_each(|(range, first, order, ends)| {
+        let group = |index: u32| keys[index as usize] as usize - (range << range_bits);
+        indices_of(range).for_each(|&index| ends[group(index)] += 1);
+        let mut next = vec![0; ends.len()];
+        let mut sum = 0;
+        for (next, end) in next.iter_mut().zip(&mut *ends) {
+            *next = sum;
+            sum += *end;
+            *end = first + sum;
+        }
+        for &index in indices_of(range) {
+            let next = &mut next[group(index)];
+            order[*next as usize] = index;
+            *next += 1;
+        }
+    });
     (order, starts)
 }
 
@@ -111,6 +200,27 @@ mod tests {
             // Each entry is a handful of products of numbers up to 1.
             assert!((n.cross(&t) - s).norm() < 1e-15, "{n} {t} {s}");
             assert!((t.norm() - 1.0).abs() < 1e-15 && t.dot(&n).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn lists_are_concatenated_on_any_number_of_threads() {
+        let lists: Vec<Vec<u32>> = (0..20u32).map(|k| (0..k % 5).map(|j| 10 * k + j).collect()).collect();
+        for threads in [1, 4] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            assert_eq!(pool.install(|| concatenated(lists.clone())), lists.concat());
+        }
+    }
+
+    #[test]
+    fn any_number_of_tasks_groups_alike() {
+        let keys: Vec<u32> = (0..1000u32).map(|k| k * k % 97).collect();
+        for groups in [97, 100, 5000] {
+            let expected = group_in_one_task(&keys, groups);
+            assert_eq!(expected.1.len(), groups + 1);
+            for tasks in [1, 2, 3, 16, 200] {
+                assert_eq!(group_in_tasks(&keys, groups, tasks), expected, "{groups} {tasks}");
+            }
         }
     }
 

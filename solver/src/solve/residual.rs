@@ -8,9 +8,11 @@
 //!
 //! Source: V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), ch. 13.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
-use crate::assemble::{ContactProblem, RollingConstraint, SolverBody};
+use crate::assemble::{ContactConstraint, ContactProblem, RollingConstraint, SolverBody};
 use crate::math::simd::{F64Arithmetic, LaneOperation, Scalar, SimdWidth};
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::BodyId;
@@ -22,6 +24,9 @@ const ROUNDING_FLOOR: f64 = 1e-15;
 
 /// Contacts evaluated at once.
 const GROUP_LANES: usize = 8;
+
+/// Smallest number of bodies whose impulses a task adds.
+const BODIES_PER_RANGE: usize = 1024;
 
 /// Groups of eight contacts per task.
 const GROUPS_PER_TASK: usize = 128;
@@ -84,12 +89,12 @@ impl<'a> ResidualEvaluator<'a> {
             .collect();
         let has_levers = problem.block_data.as_ref().is_some_and(|full| !full.friction_offsets.is_empty());
         let levers = if has_levers {
-            rows.chunks(GROUP_LANES).map(|rows| group_levers(problem, rows)).collect()
+            rows.par_chunks(GROUP_LANES).with_min_len(GROUPS_PER_TASK).map(|rows| group_levers(problem, rows)).collect()
         } else {
             Vec::new()
         };
         let of_some = |rows: &[ContactId]| {
-            rows.iter().fold((0.0, 0.0), |(trace, speeds), &k| {
+            rows.iter().fold((0.0, 0.0, false), |(trace, speeds, attracts), &k| {
                 let row = &problem.rows[k.index()];
                 let at = |side: usize| {
                     let record = &problem.bodies[row.bodies[side].index()];
@@ -97,26 +102,26 @@ impl<'a> ResidualEvaluator<'a> {
                 };
                 let (w_n, w_t) = problem.delassus_diagonal(k.index());
                 let speed = at(0) + at(1) + row.shift.norm() + w_n * row.impulse_shift.abs();
-                (trace + w_n + 2.0 * w_t, speeds + speed * speed)
+                (trace + w_n + 2.0 * w_t, speeds + speed * speed, attracts || row.impulse_shift != 0.0)
             })
         };
-        let parts: Vec<(f64, f64)> = rows.par_chunks(GROUPS_PER_TASK * GROUP_LANES).map(of_some).collect();
-        let (trace, speeds) = parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
+        let parts: Vec<_> = rows.par_chunks(GROUPS_PER_TASK * GROUP_LANES).map(of_some).collect();
+        let (trace, speeds, attracts) =
+            parts.iter().fold((0.0, 0.0, false), |sum, part| (sum.0 + part.0, sum.1 + part.1, sum.2 || part.2));
         let rho = if rows.is_empty() { 0.0 } else { 3.0 * rows.len() as f64 / trace };
         let floor = ROUNDING_FLOOR * rho * speeds.sqrt();
         let mut evaluator = ResidualEvaluator { problem, width, rows, contacts, levers, rho, initial_norm: 0.0, floor };
-        let mut balance = vec![Vec3::zeros(); problem.rows.len()];
-        let attracting = rows.iter().filter(|&&k| problem.rows[k.index()].impulse_shift != 0.0);
-        let mut attracted = false;
-        for &k in attracting {
-            let row = &problem.rows[k.index()];
-            (balance[k.index()], attracted) = (row.normal * row.balancing_impulse(), true);
-        }
+        let balance = |row: &ContactConstraint| match row.impulse_shift {
+            0.0 => Vec3::zeros(),
+            _ => row.normal * row.balancing_impulse(),
+        };
         let free = |record: &SolverBody| body_motion(&record.v, &record.w);
-        let motions = if attracted {
-            evaluator.body_motions(&balance)
+        let (balance, motions): (Vec<Vec3>, _) = if attracts {
+            let balance: Vec<Vec3> = problem.rows.par_iter().with_min_len(PAR_MIN_LEN).map(balance).collect();
+            let motions = evaluator.body_motions(&balance);
+            (balance, motions)
         } else {
-            problem.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(free).collect()
+            (Vec::new(), problem.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(free).collect())
         };
         evaluator.initial_norm = evaluator.residual_norm(&balance, &[], &motions).0;
         evaluator
@@ -157,24 +162,33 @@ impl<'a> ResidualEvaluator<'a> {
 
     /// V_free + M⁻¹ H r̂, computed anew.
     pub fn body_motions(&self, impulses: &[Vec3]) -> Vec<BodyMotion> {
-        // Sums of the impulses on each body and of their moments about its centre; the division into parts depends only on
-        // the number of contacts.
-        let bodies = self.problem.bodies.len();
+        // Sums of the impulses on each body and of their moments about its centre, for each half of the contacts: the halves
+        // depend only on the number of contacts. More than two threads share the bodies of a half, which changes no sum: each
+        // reads all contacts of the half, so that this costs nothing where there are two threads or one.
+        let ranges = rayon::current_num_threads().div_ceil(2).min(self.problem.bodies.len() / BODIES_PER_RANGE).max(1);
+        let range_bits = self.problem.bodies.len().div_ceil(ranges).next_power_of_two().trailing_zeros();
+        let ranges = self.problem.bodies.len().div_ceil(1 << range_bits);
         let half = if self.contacts.len() < GROUPS_PER_TASK {
             self.contacts.len().max(1)
         } else {
             self.contacts.len().div_ceil(2)
         };
-        let of_part = |(part, (contacts, rows)): (usize, (&[ContactGroup], &[ContactId]))| {
-            let levers = self.levers.get(part * half..).unwrap_or_default();
+        let halves = self.contacts.len().div_ceil(half);
+        let of_part = |part: usize| {
+            let (from, range) = (part / ranges * half, part % ranges);
+            let levers = self.levers.get(from..).unwrap_or_default();
+            let contacts = &self.contacts[from..self.contacts.len().min(from + half)];
+            let (first, rows) = (range << range_bits, &self.rows[from * GROUP_LANES..]);
+            let bodies = first..self.problem.bodies.len().min(first + (1 << range_bits));
             body_impulse_sums(contacts, levers, rows, impulses, bodies)
         };
-        let parts = self.contacts.par_chunks(half).zip(self.rows.par_chunks(half * GROUP_LANES)).enumerate();
+        let parts = (0..halves * ranges).into_par_iter().with_max_len(1);
         let parts: Vec<Vec<[f64; 6]>> = parts.map(of_part).collect();
         let moved = |(body, record): (usize, &SolverBody)| {
             let mut sum = [0.0; 6];
-            for part in &parts {
-                (0..6).for_each(|k| sum[k] += part[body][k]);
+            let (range, index) = (body >> range_bits, body & ((1 << range_bits) - 1));
+            for half in parts.chunks_exact(ranges) {
+                (0..6).for_each(|k| sum[k] += half[range][index][k]);
             }
             let v = record.v + self.problem.velocity_change(BodyId(body as u32), &Vec3::new(sum[0], sum[1], sum[2]));
             let w = record.w
@@ -289,21 +303,22 @@ impl<'a> ResidualEvaluator<'a> {
     }
 }
 
-/// Sums of the impulses on each of `bodies` and of their moments about its centre.
+/// Sums of the impulses on each of `bodies` and of their moments about its centre, in the order of the contacts.
 fn body_impulse_sums(
     contacts: &[ContactGroup],
     levers: &[GroupLevers],
     rows: &[ContactId],
     impulses: &[Vec3],
-    bodies: usize,
+    bodies: Range<usize>,
 ) -> Vec<[f64; 6]> {
-    let mut sums = vec![[0.0; 6]; bodies];
+    let mut sums = vec![[0.0; 6]; bodies.len()];
     for (group, (columns, rows)) in contacts.iter().zip(rows.chunks(GROUP_LANES)).enumerate() {
         for (lane, &k) in rows.iter().enumerate() {
             let r = &impulses[k.index()];
             let about = levers.get(group).map(|[x, y, z]| x[lane] * r.x + y[lane] * r.y + z[lane] * r.z);
             for (side, sign) in [(0, 1.0), (1, -1.0)] {
-                let sum = &mut sums[columns.bodies[side][lane] as usize];
+                let body = columns.bodies[side][lane] as usize;
+                let Some(sum) = sums.get_mut(body.wrapping_sub(bodies.start)) else { continue };
                 let [x, y, z] = [0, 1, 2].map(|axis| columns.arms[side][axis][lane]);
                 let mut moment = [y * r.z - z * r.y, z * r.x - x * r.z, x * r.y - y * r.x];
                 if let Some(about) = about {
@@ -355,6 +370,7 @@ struct NaturalMap<'a> {
     rows: &'a [ContactId],
     contacts: &'a [ContactGroup],
     levers: &'a [GroupLevers],
+    /// Impulses by row of the system; missing ones are 0.
     impulses: &'a [Vec3],
     motions: &'a [BodyMotion],
     rho: f64,
@@ -370,7 +386,7 @@ impl LaneOperation for NaturalMap<'_> {
         for (group, (columns, (rows, sizes2))) in contacts.iter().zip(of_rows).enumerate() {
             let mut r = [[0.0; GROUP_LANES]; 3];
             for (lane, &k) in rows.iter().enumerate() {
-                let impulse = &impulses[k.index()];
+                let Some(impulse) = impulses.get(k.index()) else { continue };
                 (r[0][lane], r[1][lane], r[2][lane]) = (impulse.x, impulse.y, impulse.z);
             }
             for from in (0..GROUP_LANES).step_by(L::WIDTH) {
@@ -484,7 +500,6 @@ pub fn project_on_cone<L: F64Arithmetic>(l: L, z_n: L::V, z_t: L::V, mu: L::V) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assemble::ContactConstraint;
     use crate::math::simd::Scalar;
     use crate::solve::{StoppingCriteria, solve_nlgs};
     use proptest::prelude::*;

@@ -2,11 +2,12 @@
 
 use cd_formats::compute::ContactSolver;
 use cd_formats::snapshot::FallbackState;
+use rayon::prelude::*;
 
 use crate::activity;
 use crate::assemble::{ContactProblem, StoredProblem};
 use crate::math::simd::SimdWidth;
-use crate::math::{Vec3, to_local, to_world};
+use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::solve::cost_model::{COSTS, TOO_LARGE_REASON};
 use crate::solve::gauss_seidel::driver::{closing_inactive_rows, solve_nlgs};
 use crate::solve::gauss_seidel::momentum::MOMENTUM_CYCLE;
@@ -118,7 +119,7 @@ fn solve_from_warm_start(
 ) -> ContactSolution {
     let StoppingCriteria { tol, target_residual, max_sweeps, .. } = request.criteria;
     let max_sweeps = if request.skips_fallback() { max_sweeps.min(MOMENTUM_CYCLE) } else { max_sweeps };
-    let contacts = contact_problem.rows.iter().filter(|row| row.can_close).count();
+    let contacts = contact_problem.rows.par_iter().with_min_len(PAR_MIN_LEN).filter(|row| row.can_close).count();
     let swept =
         |max_sweeps| solve_nlgs(contact_problem, StoppingCriteria { max_sweeps, ..request.criteria }, request.width);
     let (solver, max_cost) = match request.solver {

@@ -1,9 +1,10 @@
 //! Types of the solve stage: impulses, solution and stopping criteria.
 
 use cd_formats::compute::SweepPrecision;
+use rayon::prelude::*;
 
-use crate::assemble::{ContactProblem, SolverBody};
-use crate::math::Vec3;
+use crate::assemble::{ContactConstraint, ContactProblem, RollingConstraint, SolverBody};
+use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::state::ContactId;
 
 /// Impulses and moments of the contacts, world frame, on the candidate.
@@ -24,16 +25,15 @@ impl ContactReactions {
         }
     }
 
-    /// Warm start of the rows `active`: no moment without a normal impulse.
-    pub(super) fn warm_start(problem: &ContactProblem, active: &[ContactId]) -> Self {
-        let mut reactions = ContactReactions::zeros(problem);
-        for &k in active {
-            reactions.impulses[k.index()] = problem.rows[k.index()].warm_start;
-        }
-        for (m, roll) in reactions.moments.iter_mut().zip(&problem.rolling_constraints) {
-            *m = if reactions.impulses[roll.row.index()] == Vec3::zeros() { Vec3::zeros() } else { roll.warm_start };
-        }
-        reactions
+    /// Warm start of the rows that can close: no moment without a normal impulse.
+    pub(super) fn warm_start(problem: &ContactProblem) -> Self {
+        let of_row = |row: &ContactConstraint| if row.can_close { row.warm_start } else { Vec3::zeros() };
+        let impulses: Vec<Vec3> = problem.rows.par_iter().with_min_len(PAR_MIN_LEN).map(of_row).collect();
+        let of_roll = |roll: &RollingConstraint| {
+            if impulses[roll.row.index()] == Vec3::zeros() { Vec3::zeros() } else { roll.warm_start }
+        };
+        let moments = problem.rolling_constraints.iter().map(of_roll).collect();
+        ContactReactions { impulses, moments }
     }
 }
 

@@ -108,7 +108,7 @@ pub fn update_ledger(
     if state.step.is_multiple_of(scene.options.output_every) {
         state.interval = OutputInterval { start: state.time, ..OutputInterval::default() };
     }
-    state.interval.add_exchanges(outcome.exchanges.iter().flatten());
+    state.interval.add_exchanges(&outcome.exchanges);
     let implicit_work = implicit_step_work(scene, state, q_c, free, &outcome.v);
     let predicted_work =
         held_rotational_energy(scene, &q_c.q, &q_c.w) - held_rotational_energy(scene, &state.q, &state.w);

@@ -15,6 +15,8 @@ pub use self::clock::StageTimes;
 pub use self::ends::{OVERLAP_WARNING_SHARE, Overlap, deeper_overlap};
 pub use self::ledger::{BalanceErrors, MotionTotals, StepReport, StepStart, WorstContact};
 
+use rayon::prelude::*;
+
 use self::admissible::{approach, solve_until_admissible};
 use self::clock::StageClock;
 use self::context::StepContext;
@@ -26,8 +28,8 @@ use crate::assemble::{self, AppliedEvents};
 use crate::detect::{self, NarrowPhaseError};
 use crate::integrate::{self, ContactConfiguration};
 use crate::laws::ContactLaw;
-use crate::math::Vec3;
 use crate::math::simd::SimdWidth;
+use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::{RigidBody, Scene};
 use crate::solve::{self, SolveRequest, StoppingCriteria};
 use crate::state::{BondingMode, Contact, State, StateBackup, Velocities};
@@ -107,14 +109,16 @@ fn travel_tolerance(scene: &Scene, q_c: &ContactConfiguration, contacts: &[Conta
     let allowed = MAX_TRAVEL_ERROR * scene.smallest_radius;
     // Without fast bodies no contact is evaluated.
     let speed = |((body, v), w): ((&RigidBody, &Vec3), &Vec3)| (v - q_c.mean_velocity).norm() + w.norm() * body.radius;
-    let fastest = scene.bodies.iter().zip(free.v).zip(free.w).map(speed).fold(0.0, f64::max);
+    let bodies = scene.bodies.par_iter().zip(free.v).zip(free.w).with_min_len(PAR_MIN_LEN);
+    let fastest = bodies.map(speed).reduce(|| 0.0, f64::max);
     if 2.0 * span * fastest * scene.options.tol() <= allowed {
         return f64::INFINITY;
     }
     // Contacts that cannot close depend on the alert distance and must not change a result.
-    let approaches = contacts.iter().map(|contact| (approach(q_c, span, contact, free), contact.gap));
+    let contacts = contacts.par_iter().with_min_len(PAR_MIN_LEN);
+    let approaches = contacts.map(|contact| (approach(q_c, span, contact, free), contact.gap));
     let closing = approaches.filter(|(approach, gap)| approach > gap).map(|(approach, _)| approach);
-    allowed / closing.fold(0.0, f64::max)
+    allowed / closing.reduce(|| 0.0, f64::max)
 }
 
 /// Largest error of a displacement by unfinished solutions, over the smallest radius. The residual is a mean over contacts: a

@@ -7,9 +7,11 @@
 
 use std::collections::BTreeSet;
 
+use rayon::prelude::*;
+
 use crate::assemble::contact_arms;
 use crate::integrate::ContactConfiguration;
-use crate::math::{Vec3, rotate_by_vector};
+use crate::math::{PAR_MIN_LEN, Vec3, rotate_by_vector};
 use crate::scene::{BodyId, BodyPart, Scene};
 use crate::state::{Contact, Velocities};
 
@@ -39,9 +41,14 @@ pub fn overturned_bodies(
     let (mut turned, mut through) = (vec![false; scene.bodies.len()], BTreeSet::new());
     // The orientation of a sphere changes no gap.
     let can_turn = |body: &&BodyId| !scene.bodies[body.index()].is_sphere() && !q_c.unturned.contains(body);
-    for &body in scene.free.iter().filter(can_turn) {
-        let turn = span * (solved.w[body.index()] - free.w[body.index()]).norm();
-        turned[body.index()] = turn > MIN_TURN;
+    let turn = |body: BodyId| (body, span * (solved.w[body.index()] - free.w[body.index()]).norm());
+    let bodies = scene.free.par_iter().with_min_len(PAR_MIN_LEN).filter(can_turn);
+    let found: Vec<(BodyId, f64)> = bodies.map(|body| turn(*body)).filter(|(_, turn)| *turn > MIN_TURN).collect();
+    if found.is_empty() {
+        return Vec::new();
+    }
+    for (body, turn) in found {
+        turned[body.index()] = true;
         if turn > MAX_TURN {
             through.insert(body);
         }

@@ -114,6 +114,44 @@ fn threads_change_nothing() {
     }
 }
 
+/// Spheres or blocks of their own gravity, pressed into each other at the start, that move at random and collapse on a
+/// floor. Most have several contacts, so that every list is long enough to be divided over 16 threads.
+fn collapse(side: i64, blocks: bool) -> Case {
+    let mut case = Case::new();
+    case.law_of_all("IQS_CLB", &[0.4]);
+    case.gravity = [0.1, 0.0, -4.0];
+    let (mut random, spacing) = (uniform(5), 0.75);
+    for (radius, x) in shaken_lattice(side, 6) {
+        let [x, y, z] = x.map(|x| spacing * x);
+        let (x, half) = ([x, y, z + 0.43 * side as f64], [radius, 0.8 * radius, 0.9 * radius]);
+        let axes = [[1.0, 0.0, 0.0], [0.0, 0.8, 0.6], [0.0, -0.6, 0.8]];
+        let body = if blocks { case.block(half, x, axes) } else { case.sphere(radius, x) };
+        case.launch(body, [0; 3].map(|_| 2.0 * random() - 1.0), [0; 3].map(|_| 4.0 * random() - 2.0));
+    }
+    case.floor();
+    let options = &mut case.options;
+    (options.self_gravity, options.gravity_constant) = (true, 0.01);
+    (options.dt, options.tol, options.max_sweeps) = (0.01, Some(1e-4), Some(20));
+    (options.steps, options.output_every) = (Some(3), 1);
+    case
+}
+
+#[test]
+fn threads_change_nothing_in_a_collapse_of_spheres() {
+    let one = files(&collapse(14, false), &[&["--threads", "1"]]);
+    for threads in ["2", "3", "8", "16"] {
+        same(&one, &files(&collapse(14, false), &[&["--threads", threads]]));
+    }
+}
+
+#[test]
+fn threads_change_nothing_in_a_collapse_of_blocks() {
+    let one = files(&collapse(11, true), &[&["--threads", "1"]]);
+    for threads in ["2", "3", "8", "16"] {
+        same(&one, &files(&collapse(11, true), &[&["--threads", threads]]));
+    }
+}
+
 #[test]
 fn a_resumed_run_is_the_unbroken_one() {
     let unbroken = files(&scene(4), &[&[]]);

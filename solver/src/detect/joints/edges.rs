@@ -13,12 +13,14 @@ use crate::detect::posed::{CandidatePair, PosedContactor, PosedShape};
 use crate::detect::travel::TravelBounds;
 use crate::geometry::{PosedPolyhedron, polyhedra_along, polyhedron_end_along};
 use crate::integrate::ContactConfiguration;
-use crate::math::{Vec3, group_by_key};
+use crate::math::{Vec3, group_by_key, run_ranges};
 use crate::scene::{BodyId, PartId, Scene};
 use crate::state::Contact;
 
 /// Contactors per task.
 const CONTACTORS_PER_TASK: usize = 256;
+/// Contacts per task.
+const CONTACTS_PER_TASK: usize = 1024;
 
 /// Removes the inner contacts from contacts that are ordered by key; returns their candidates and antagonists.
 pub fn remove_inner_edges(
@@ -108,10 +110,13 @@ impl<'a> InnerEdgeSearch<'a> {
         let attracts = scene.laws.iter().any(|law| law.cohesion().is_some());
         let runs = closing_runs(scene, contactors, contacts, attracts);
         let no_contactor = contactors.len() as u32;
+        let seen_by = |own: PartId, other: PartId| {
+            if covering_solid(&contactors[other.index()]).is_some() { own.0 } else { no_contactor }
+        };
         let seen_by: Vec<u32> = runs
-            .iter()
-            .flat_map(|ContactRun { parts: [a, b], .. }| [(a, b), (b, a)])
-            .map(|(own, other)| if covering_solid(&contactors[other.index()]).is_some() { own.0 } else { no_contactor })
+            .par_iter()
+            .with_min_len(CONTACTS_PER_TASK)
+            .flat_map_iter(|&ContactRun { parts: [a, b], .. }| [seen_by(a, b), seen_by(b, a)])
             .collect();
         let (views, starts) = group_by_key(&seen_by, contactors.len() + 1);
         InnerEdgeSearch { q_c, travel_bounds, contactors, contacts, runs, attracts, views, starts }
@@ -336,32 +341,41 @@ impl ContactRun {
 /// Runs of contacts without those that cannot close in the step whatever other contactors do. With laws that attract, all
 /// can act.
 fn closing_runs(scene: &Scene, contactors: &[PosedContactor], contacts: &[Contact], attracts: bool) -> Vec<ContactRun> {
-    let largest_travel = contactors.iter().map(|contactor| contactor.travel).fold(0.0, f64::max);
-    let mut runs = Vec::with_capacity(contacts.len() / 2);
-    let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
-    let mut start = 0;
-    for of_one in contacts.chunk_by(|a, b| pair(a) == pair(b)) {
-        let end = start + of_one.len() as u32;
+    let travel = contactors.par_iter().with_min_len(CONTACTORS_PER_TASK).map(|contactor| contactor.travel);
+    let largest_travel = travel.reduce(|| 0.0, f64::max);
+    let is_same_pair = |a: &Contact, b: &Contact| {
+        let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
+        pair(a) == pair(b)
+    };
+    let run = |start: u32, of_one: &[Contact]| {
         let first = &of_one[0];
         let part = |body: BodyId, rank: u16| PartId(scene.part_starts[body.index()].0 + u32::from(rank));
         let parts = [part(first.candidate, first.ranks.0), part(first.antagonist, first.ranks.1)];
         let [a, b] = parts.map(|part| &contactors[part.index()]);
         let gap = of_one.iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);
-        if attracts || gap <= a.travel.max(b.travel) + largest_travel + 2.0 * FLUSH_TOLERANCE * a.radius.max(b.radius) {
-            runs.push(ContactRun {
-                start,
-                end,
-                parts,
-                gap,
-                normal: first.normal,
-                point: first.point,
-                image: first.image,
-                half_gap: 0.5 * first.gap,
-                reach: [2.0 * b.radius, 2.0 * a.radius],
-                travel: [b.travel, a.travel],
-            });
-        }
-        start = end;
-    }
-    runs
+        let is_near =
+            || gap <= a.travel.max(b.travel) + largest_travel + 2.0 * FLUSH_TOLERANCE * a.radius.max(b.radius);
+        (attracts || is_near()).then(|| ContactRun {
+            start,
+            end: start + of_one.len() as u32,
+            parts,
+            gap,
+            normal: first.normal,
+            point: first.point,
+            image: first.image,
+            half_gap: 0.5 * first.gap,
+            reach: [2.0 * b.radius, 2.0 * a.radius],
+            travel: [b.travel, a.travel],
+        })
+    };
+    let of_task = |task: Range<usize>| {
+        let mut start = task.start as u32;
+        let runs = contacts[task].chunk_by(is_same_pair).filter_map(move |of_one| {
+            let first = start;
+            start += of_one.len() as u32;
+            run(first, of_one)
+        });
+        runs
+    };
+    run_ranges(contacts, CONTACTS_PER_TASK, is_same_pair).into_par_iter().flat_map_iter(of_task).collect()
 }

@@ -4,6 +4,7 @@
 //! the bodies that it needs from their blocks, sweeps, and copies them back.
 
 use std::mem;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rayon::prelude::*;
@@ -20,9 +21,13 @@ pub struct BlockedProblem<N, G, T> {
     joints: Vec<BlockJoints<N, G, T>>,
     /// End of each colour in `joints`.
     colours: Vec<usize>,
-    /// Group of each row of the system and its lane among all of the group; [`NO_INDEX`] for rows that are not swept.
-    slots: Vec<[u32; 2]>,
+    /// Group of each row of the system, in the upper half of the number, and its lane among all of the group; [`NO_SLOT`]
+    /// for rows that are not swept.
+    slots: Vec<AtomicU64>,
 }
+
+/// Slot of a row that is not swept.
+const NO_SLOT: u64 = u64::MAX;
 
 /// A group of constraints in batches.
 pub trait ConstraintGroup: Send + Sync {
@@ -77,14 +82,14 @@ impl<N: Copy + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, 
         colours: Vec<usize>,
         rows: usize,
     ) -> Self {
-        let mut problem = BlockedProblem { blocks, joints, colours, slots: Vec::new() };
-        let mut slots = vec![[NO_INDEX; 2]; rows];
-        for (group, of_group) in (0..).zip(problem.groups()) {
+        let slots = (0..rows).into_par_iter().with_min_len(PAR_MIN_LEN).map(|_| AtomicU64::new(NO_SLOT)).collect();
+        let problem = BlockedProblem { blocks, joints, colours, slots };
+        let groups: Vec<(u64, &G)> = (0..).zip(problem.groups()).collect();
+        groups.into_par_iter().with_max_len(1).for_each(|(group, of_group)| {
             for (lane, &row) in (0..).zip(of_group.rows().as_flattened()).filter(|(_, row)| **row != NO_INDEX) {
-                slots[row as usize] = [group, lane];
+                problem.slots[row as usize].store(group << u32::BITS | lane, Ordering::Relaxed);
             }
-        }
-        problem.slots = slots;
+        });
         problem
     }
 
@@ -129,10 +134,11 @@ impl<N: Copy + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, 
     ) {
         let groups: Vec<&G> = self.groups().collect();
         let groups: Vec<_> = groups.into_par_iter().with_max_len(1).map(of_group).collect();
-        let copy = |(impulse, &[group, lane]): (&mut Vec3, &[u32; 2])| {
-            if group != NO_INDEX {
-                let lane = lane as usize;
-                let batch: &[[f64; BATCH_LANES]; 3] = &groups[group as usize][lane / BATCH_LANES];
+        let copy = |(impulse, slot): (&mut Vec3, &AtomicU64)| {
+            let slot = slot.load(Ordering::Relaxed);
+            if slot != NO_SLOT {
+                let (group, lane) = ((slot >> u32::BITS) as usize, slot as u32 as usize);
+                let batch: &[[f64; BATCH_LANES]; 3] = &groups[group][lane / BATCH_LANES];
                 *impulse = Vec3::from(batch.map(|column| column[lane % BATCH_LANES]));
             }
         };

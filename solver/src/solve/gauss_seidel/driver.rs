@@ -8,7 +8,7 @@ use cd_formats::compute::SweepPrecision;
 use rayon::prelude::*;
 
 use crate::activity;
-use crate::assemble::{ContactProblem, SolverBody};
+use crate::assemble::{ContactConstraint, ContactProblem, SolverBody};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::solve::gauss_seidel::layout::pack_problem;
@@ -32,6 +32,8 @@ const MIN_F32_RESIDUAL: f64 = 1e-4;
 /// the best E, the sweeps return to the best result, in double precision and with a new momentum.
 const F32_REBASE_SWEEPS: u64 = 500;
 const F32_DIVERGENCE: f64 = 4.0;
+/// Rows per task.
+const ROWS_PER_TASK: usize = 1024;
 /// Largest ratio of masses for which squares of impulses are finite.
 const MAX_MASS_RATIO: f64 = 1e9;
 
@@ -43,7 +45,7 @@ pub fn solve_nlgs(contact_problem: &ContactProblem, criteria: StoppingCriteria, 
     let StoppingCriteria { tol, max_sweeps, .. } = criteria;
     let rows = (0..contact_problem.rows.len() as u32).into_par_iter().with_min_len(PAR_MIN_LEN).map(ContactId);
     let mut active: Vec<ContactId> = rows.filter(|k| contact_problem.rows[k.index()].can_close).collect();
-    let mut reactions = ContactReactions::warm_start(contact_problem, &active);
+    let mut reactions = ContactReactions::warm_start(contact_problem);
     let mut sweeps = 0;
     loop {
         let evaluator = ResidualEvaluator::new(contact_problem, &active, width);
@@ -116,7 +118,8 @@ fn iterate_sweeps(
     let frictional = contact_problem.has_friction(active);
     let mut momentum = SweepMomentum::new(frictional);
     let mut capped = false;
-    let mut trial = reactions.clone();
+    let impulses = reactions.impulses.par_iter().with_min_len(PAR_MIN_LEN).copied().collect();
+    let mut trial = ContactReactions { impulses, moments: reactions.moments.clone() };
     // Computing the residual costs several sweeps. The change made by a sweep falls as the residual does and shows when to
     // compute it. `scale` is the ratio of the two at the last check; the number of sweeps since then is limited in case the
     // ratio has changed.
@@ -180,8 +183,9 @@ fn sweeps_in_f32(contact_problem: &ContactProblem, active: &[ContactId], criteri
         SweepPrecision::Double => false,
     };
     is_requested && contact_problem.rolling_constraints.is_empty() && {
-        let of_rows = active.iter().map(|&k| contact_problem.delassus_diagonal(k.index()).0);
-        let (least, most) = of_rows.fold((f64::INFINITY, 0.0f64), |(least, most), w| (least.min(w), most.max(w)));
+        let range = |&k: &ContactId| [contact_problem.delassus_diagonal(k.index()).0; 2];
+        let ranges = active.par_iter().with_min_len(PAR_MIN_LEN).map(range);
+        let [least, most] = ranges.reduce(|| [f64::INFINITY, 0.0], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
         most <= least * MAX_MASS_RATIO
     }
 }
@@ -202,20 +206,23 @@ pub fn closing_inactive_rows(
     active: &[ContactId],
     solver_bodies: &[SolverBody],
 ) -> Vec<ContactId> {
-    let mut inside = active.iter().peekable();
-    let all = (0..contact_problem.rows.len()).map(ContactId::new);
-    let outside: Vec<ContactId> = all.filter(|k| inside.next_if_eq(&k).is_none()).collect();
     let closes = |k: &ContactId| {
         let row = &contact_problem.rows[k.index()];
         row.acts && contact_problem.shifted_normal_velocity(k.index(), solver_bodies) < 0.0
     };
-    outside.into_par_iter().with_min_len(1024).filter(closes).collect()
+    let of_some = |(task, rows): (usize, &[ContactConstraint])| {
+        let first = task * ROWS_PER_TASK;
+        let mut inside = active[active.partition_point(|k| k.index() < first)..].iter().peekable();
+        let all = (first..first + rows.len()).map(ContactId::new);
+        all.filter(move |k| inside.next_if_eq(&k).is_none() && closes(k))
+    };
+    contact_problem.rows.par_chunks(ROWS_PER_TASK).enumerate().flat_map_iter(of_some).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::assemble::{BlockData, ContactConstraint};
+    use crate::assemble::BlockData;
 
     #[test]
     fn single_precision_is_for_many_contacts() {

@@ -7,6 +7,7 @@
 
 use std::mem;
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
@@ -83,16 +84,21 @@ impl BodyPartition {
     pub fn new(problem: &ContactProblem, active: &[ContactId], min_bodies: usize) -> Self {
         let bodies_of = |&k: &ContactId| problem.rows[k.index()].bodies.map(|body| body.0);
         let mut pairs: Vec<[u32; 2]> = active.par_iter().with_min_len(PAR_MIN_LEN).map(bodies_of).collect();
-        let mut touched = vec![false; problem.bodies.len()];
-        pairs.as_flattened().iter().for_each(|&body| touched[body as usize] = true);
-        let moves = |body: &BodyId| touched[body.index()] && problem.bodies[body.index()].inverse_mass > 0.0;
+        let touched: Vec<AtomicBool> = problem.bodies.iter().map(|_| AtomicBool::new(false)).collect();
+        pairs.as_flattened().par_iter().with_min_len(PAR_MIN_LEN).for_each(|&body| {
+            touched[body as usize].store(true, Ordering::Relaxed);
+        });
+        let moves = |body: &BodyId| {
+            touched[body.index()].load(Ordering::Relaxed) && problem.bodies[body.index()].inverse_mass > 0.0
+        };
         let bodies: Vec<BodyId> =
             problem.order.par_iter().copied().map(BodyId).with_min_len(PAR_MIN_LEN).filter(moves).collect();
-        let mut ranks = vec![NO_INDEX; problem.bodies.len()];
-        for (rank, &body) in bodies.iter().enumerate() {
-            ranks[body.index()] = rank as u32;
-        }
-        pairs.par_iter_mut().with_min_len(PAR_MIN_LEN).for_each(|pair| *pair = pair.map(|body| ranks[body as usize]));
+        let ranks: Vec<AtomicU32> = problem.bodies.iter().map(|_| AtomicU32::new(NO_INDEX)).collect();
+        bodies.par_iter().enumerate().with_min_len(PAR_MIN_LEN).for_each(|(rank, body)| {
+            ranks[body.index()].store(rank as u32, Ordering::Relaxed);
+        });
+        let rank_of = |body: u32| ranks[body as usize].load(Ordering::Relaxed);
+        pairs.par_iter_mut().with_min_len(PAR_MIN_LEN).for_each(|pair| *pair = pair.map(rank_of));
 
         let blocks_of = |bodies_in_block: usize| bodies.len() / bodies_in_block;
         let count = blocks_of(min_bodies).min(SMALL_BLOCKS).max(blocks_of(min_bodies.saturating_mul(2)));
@@ -136,13 +142,16 @@ impl BodyPartition {
             |&[a, b]: &[u32; 2]| [a, b].map(|rank| block_of(if rank == NO_INDEX { a.min(b) } else { rank }));
         let blocks: Vec<[u32; 2]> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(blocks_of).collect();
         // Blocks by number modulo 64 that each rank reaches.
-        let mut reached = vec![0u64; if count > 1 { self.bodies.len() } else { 0 }];
-        for (pair, blocks) in pairs.iter().zip(&blocks).filter(|(_, [a, b])| a != b) {
-            for side in 0..2 {
-                reached[pair[side] as usize] |= 1 << (blocks[1 - side] % u64::BITS);
-            }
-        }
-        let is_large = |&rank: &u32| reached[rank as usize].count_ones() > MAX_REACHED_BLOCKS;
+        let ranks = 0..if count > 1 { self.bodies.len() } else { 0 };
+        let reached: Vec<AtomicU64> = ranks.map(|_| AtomicU64::new(0)).collect();
+        pairs.par_iter().zip(&blocks).with_min_len(PAR_MIN_LEN).filter(|(_, [a, b])| a != b).for_each(
+            |(pair, blocks)| {
+                for side in 0..2 {
+                    reached[pair[side] as usize].fetch_or(1 << (blocks[1 - side] % u64::BITS), Ordering::Relaxed);
+                }
+            },
+        );
+        let is_large = |&rank: &u32| reached[rank as usize].load(Ordering::Relaxed).count_ones() > MAX_REACHED_BLOCKS;
         // Constraints inside a block, then those of its joints with later blocks, then those swept last.
         let group = |(pair, &[a, b]): (&[u32; 2], &[u32; 2])| match a.min(b) {
             NO_INDEX => 2 * count as u32 + 1,
@@ -190,7 +199,7 @@ impl BodyPartition {
             ends.push(constraints.len());
         }
         SweepTasks {
-            inside: (0..count).map(|block| members(block).to_vec()).collect(),
+            inside: (0..count).into_par_iter().map(|block| members(block).to_vec()).collect(),
             joints: constraints.into_par_iter().map(|constraints| JointTask::new(constraints, pairs)).collect(),
             colours: ends,
         }

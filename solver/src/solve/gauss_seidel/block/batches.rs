@@ -3,12 +3,13 @@
 
 use std::array;
 use std::marker::PhantomData;
+use std::ops::Range;
 
 use rayon::prelude::*;
 
 use crate::assemble::{BlockData, ContactProblem, SolverBody};
-use crate::math::Vec3;
 use crate::math::simd::{F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
+use crate::math::{PAR_MIN_LEN, Vec3, run_ranges};
 use crate::scene::BodyId;
 use crate::solve::gauss_seidel::block::local::{BlockAxes, BodySide, block_axes, delassus_block, lever_block};
 use crate::solve::gauss_seidel::blocked::{BlockJoints, BlockedProblem, BodyBlock, ConstraintGroup};
@@ -272,16 +273,17 @@ fn group_into_pairs<'a>(
     partition: &BodyPartition,
 ) -> (Vec<PairConstraints<'a>>, Vec<[u32; 2]>) {
     let bodies = |k: &ContactId| problem.rows[k.index()].bodies;
-    let (mut pairs, mut ranks) = (Vec::new(), Vec::new());
-    let mut first = 0;
-    for rows in active.chunk_by(|a, b| bodies(a) == bodies(b)) {
-        for rows in rows.chunks(MAX_PAIR_CONTACTS) {
-            pairs.push(PairConstraints { bodies: bodies(&rows[0]), rows });
-            ranks.push(partition.pairs[first]);
-        }
-        first += rows.len();
-    }
-    (pairs, ranks)
+    let are_same = |a: &ContactId, b: &ContactId| bodies(a) == bodies(b);
+    let of_task = |task: Range<usize>| {
+        let mut first = task.start;
+        active[task].chunk_by(are_same).flat_map(move |rows| {
+            let ranks = partition.pairs[first];
+            first += rows.len();
+            let bodies = bodies(&rows[0]);
+            rows.chunks(MAX_PAIR_CONTACTS).map(move |rows| (PairConstraints { bodies, rows }, ranks))
+        })
+    };
+    run_ranges(active, PAR_MIN_LEN, are_same).into_par_iter().flat_map_iter(of_task).unzip()
 }
 
 impl<C: PairContacts> PairBatches<C> {

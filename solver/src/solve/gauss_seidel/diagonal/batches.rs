@@ -5,8 +5,8 @@ use bytemuck::Pod;
 use rayon::prelude::*;
 
 use crate::assemble::SolverBody;
-use crate::math::group_by_key;
 use crate::math::simd::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, LaneFloat, SimdWidth};
+use crate::math::{PAR_MIN_LEN, group_by_key};
 use crate::scene::BodyId;
 use crate::solve::gauss_seidel::blocked::{BlockJoints, BlockedProblem, BodyBlock, ConstraintGroup};
 use crate::solve::gauss_seidel::packed::{
@@ -136,7 +136,8 @@ impl<B: PackedBody> DiagonalProblem<B> {
         let units = SweepUnits::from_source::<B::T>(source);
         let partition = BodyPartition::new(source.problem, source.active, min_bodies);
         let order = spatial_order(&partition);
-        let pairs: Vec<[u32; 2]> = order.iter().map(|&row| partition.pairs[row as usize]).collect();
+        let pair = |&row: &u32| partition.pairs[row as usize];
+        let pairs: Vec<[u32; 2]> = order.par_iter().with_min_len(PAR_MIN_LEN).map(pair).collect();
         let SweepTasks { inside, joints, colours } = partition.sweep_tasks(&pairs);
         let pack = |constraints: &[u32], bodies: &GroupBodies| {
             let rows: Vec<u32> = constraints.iter().map(|&k| order[k as usize]).collect();
@@ -188,7 +189,8 @@ impl<T: LaneFloat> ConstraintGroup for GroupBatches<T> {
 
 /// Indices into the active rows, in the order of the first of their bodies, without rows of two bodies that do not move.
 fn spatial_order(BodyPartition { bodies, pairs, .. }: &BodyPartition) -> Vec<u32> {
-    let first: Vec<u32> = pairs.iter().map(|[a, b]| *a.min(b).min(&(bodies.len() as u32))).collect();
+    let first = |[a, b]: &[u32; 2]| *a.min(b).min(&(bodies.len() as u32));
+    let first: Vec<u32> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(first).collect();
     let (mut order, starts) = group_by_key(&first, bodies.len() + 1);
     order.truncate(starts[bodies.len()] as usize);
     order
