@@ -312,9 +312,15 @@ fn a_datbox_without_options_runs_from_flags_and_defaults() {
     // Tolerance and checks are those of LMGC90's examples, the others the defaults.
     let default = Compute::default();
     let p = case.last_snapshot().meta.parameters;
-    assert_eq!((p.theta, p.tol, p.max_sweeps), (default.theta, 1e-3, default.max_sweeps()));
+    assert_eq!((p.theta, p.tol, p.max_sweeps), (default.theta, 1e-3, 40_000));
     assert_eq!(p.check_every, Some(50));
-    let with_options = with_options.solved(&["--steps=20", "--output-every=10", "--tol=1e-3", "--check-every=50"]);
+    let with_options = with_options.solved(&[
+        "--steps=20",
+        "--output-every=10",
+        "--tol=1e-3",
+        "--check-every=50",
+        "--max-sweeps=40000",
+    ]);
     assert_same_results(&with_options, &case);
 }
 
