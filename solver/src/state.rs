@@ -54,6 +54,9 @@ pub struct Contact {
     pub law: u8,
 }
 
+/// Bodies, ranks and features that identify a contact.
+pub type ContactKey = (BodyId, BodyId, (u16, u16), (u32, u32));
+
 /// Two contactors that the visibility table lists, the candidate first, and their rule. `I`: type of their indices.
 pub type VisiblePair<I = PartId> = ([I; 2], InteractionRule);
 
@@ -150,7 +153,7 @@ impl Contact {
     }
 
     /// Key that identifies the contact in another step; contacts are sorted by it.
-    pub fn key(&self) -> (BodyId, BodyId, (u16, u16), (u32, u32)) {
+    pub fn key(&self) -> ContactKey {
         (self.candidate, self.antagonist, self.ranks, self.features)
     }
 }

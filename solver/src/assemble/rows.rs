@@ -5,15 +5,14 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::context::{AssemblyContext, MotionBounds};
+use super::diverted::{allowed_overlap, closes_deeper_along_normal, misses};
 use super::faces::{FaceRows, Joints, has_joints};
 use super::history::{BondState, warm_start};
 use super::interface_row::InterfaceRow;
 use super::kinematics::{contact_arms, relative_velocity, velocity_at_arms};
 use super::problem::{BlockData, ContactConstraint, ContactProblem, RegularisedRow, RollingConstraint, SolverBody};
 use crate::integrate::ContactConfiguration;
-use crate::laws::{
-    ContactLaw, GapForecast, LawInput, LawRegularisation, LawShift, MAX_STEP_OVERLAP, RollingFriction, StrainSpring,
-};
+use crate::laws::{ContactLaw, GapForecast, LawInput, LawRegularisation, LawShift, RollingFriction, StrainSpring};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
 use crate::scene::{BodyId, BodyShape, ContactorShape, NEARBY_GAP, RigidBody, Scene};
@@ -433,29 +432,23 @@ impl AssemblyContext<'_> {
         if !(law.acts_on_touch() || damped_spring) || contact.gap <= 0.0 {
             return GapForecast::Apart { depth: 0.0 };
         }
-        let AssemblyContext { scene, state, q_c, free: free_velocities, is_sphere, .. } = self;
+        let AssemblyContext { scene, state, q_c, free: free_velocities, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
         let u_n = contact.normal.dot(&relative_velocity(contact, &q_c.x, self.start_velocities())).abs();
         let pull = |i: usize| contact.normal.dot(&(free_velocities.v[i] - state.v[i])).abs();
         if !damped_spring && (u_n < RESTING * pushed || u_n.max(contact.gap / reach) < pull(a).max(pull(b))) {
             return GapForecast::Resting;
         }
-        let u = relative_velocity(contact, &q_c.x, *free_velocities);
-        let depth = MAX_STEP_OVERLAP
-            * scene.pair_size((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
-        if contact.gap + reach * contact.normal.dot(&u) >= if damped_spring { -depth } else { 0.0 } {
+        let depth = allowed_overlap(scene, contact, law);
+        if !q_c.diverted.is_empty() && q_c.diverted.contains(&contact.key()) {
+            return if damped_spring { GapForecast::Due } else { GapForecast::Apart { depth } };
+        }
+        let least = if damped_spring { depth } else { 0.0 };
+        if !closes_deeper_along_normal(scene, q_c, contact, *free_velocities, least) {
             return GapForecast::Apart { depth };
         }
-        if is_sphere[a] && is_sphere[b] {
-            // Smallest distance on the straight trajectory of the centres.
-            let radii = scene.bodies[a].radius + scene.bodies[b].radius;
-            let (from, along) = (contact.normal * (radii + contact.gap), free_velocities.v[a] - free_velocities.v[b]);
-            let time = (-from.dot(&along) / along.norm_squared()).min(reach);
-            if (from + along * time).norm() >= radii {
-                return GapForecast::Passing;
-            }
-        }
-        GapForecast::Due
+        let passes = misses(scene, q_c, contact, *free_velocities, 0.0);
+        if passes { GapForecast::Passing } else { GapForecast::Due }
     }
 
     /// Resistance to rolling and spinning at row `k`, if its law has one.

@@ -11,12 +11,14 @@ mod length;
 
 pub use length::{MAX_STEP_GROWTH, choose_step_multiple, fastest_turn, shortest_orbit};
 
+use std::collections::BTreeSet;
+
 use rayon::prelude::*;
 
 use crate::math::rotation::{angular_momentum, angular_velocity, free_rotation, guided_rotation};
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, morton, rotate_by_vector};
 use crate::scene::{BodyId, RigidBody, Scene};
-use crate::state::{State, Velocities};
+use crate::state::{ContactKey, State, Velocities};
 
 /// Configuration in which contacts are detected and forces evaluated.
 pub struct ContactConfiguration {
@@ -42,6 +44,8 @@ pub struct ContactConfiguration {
     pub implicit: bool,
     /// Bodies that contacts push but do not turn in this step.
     pub unturned: Vec<BodyId>,
+    /// Open contacts that other contacts close in this step although the free velocities do not.
+    pub diverted: BTreeSet<ContactKey>,
 }
 
 impl ContactConfiguration {
@@ -99,6 +103,7 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
         changed: false,
         implicit: false,
         unturned: Vec::new(),
+        diverted: BTreeSet::new(),
     }
 }
 

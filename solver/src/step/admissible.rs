@@ -20,10 +20,11 @@ use crate::state::{Contact, State, Velocities};
 /// Solves the contact problem of the step, and again after each of these changes, until none is needed:
 ///
 /// 1. `contacts` gains the pairs that were open and that the solution closes;
-/// 2. `q_c.unturned` gains the bodies that the solution turns through a surface;
-/// 3. the laws of `state` lose their restitution, once, if an unfinished solution takes a rebounding body through a surface.
+/// 2. `q_c.diverted` gains the open contacts that were left out as their bodies miss each other, and that the solution closes;
+/// 3. `q_c.unturned` gains the bodies that the solution turns through a surface;
+/// 4. the laws of `state` lose their restitution, once, if an unfinished solution takes a rebounding body through a surface.
 ///
-/// The first two are finite, since a pair or body enters once. Returns `None` if the program was requested to stop.
+/// The first three are finite, since a pair or body enters once. Returns `None` if the program was requested to stop.
 pub fn solve_until_admissible(
     scene: &Scene,
     state: &mut State,
@@ -52,6 +53,11 @@ pub fn solve_until_admissible(
         if !late.is_empty() {
             contacts.extend(late);
             contacts.sort_unstable_by_key(Contact::key);
+            continue;
+        }
+        let diverted = assemble::diverted_contacts(scene, state, q_c, contacts, free.velocities(), velocities);
+        if !diverted.is_empty() {
+            q_c.diverted.extend(diverted);
             continue;
         }
         let overturned = overturned_bodies(scene, q_c, contacts, free.velocities(), velocities);

@@ -9,7 +9,7 @@ use cd_formats::snapshot::Snapshot;
 
 use cd_solve::math::{Quat, Vec3};
 
-use crate::case::{BOX, Case, Figures, equal};
+use crate::case::{BOX, Case, Figures, equal, uniform};
 
 const X: [f64; 3] = [1.0, 0.0, 0.0];
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
@@ -228,6 +228,45 @@ fn nothing_passes_a_stiff_spring() {
         let end = case.run(1000);
         assert_eq!(end.x(striker).z < 0.0, passes, "{:?}", end.x(striker));
     }
+}
+
+/// Two balls that would pass each other are open to laws that act on touching contacts, until a ceiling stops one of them
+/// in the same step and the other runs into it.
+#[test]
+fn nothing_passes_what_a_wall_stops_on_its_way() {
+    let mut faults = Vec::new();
+    let mut random = uniform(7);
+    let laws: [(&str, &[f64]); 4] = [
+        ("VEL_SGR_CLB", &[0.3]),
+        ("RST_CLB", &[0.5, 0.0, 0.3]),
+        ("RST_CLB", &[1.0, 0.0, 0.0]),
+        ("VISCO_ELASTIC_REPELL_CLB", &[1e16, 1e3, 0.3]),
+    ];
+    for trial in 0..60 {
+        let travel = [0.3, 0.7, 1.0, 2.0][trial % 4] * R;
+        let mut draw = |scale: f64| [0; 3].map(|_| scale * (2.0 * random() - 1.0));
+        let (between, [va, vb]) = (draw(1.0), [draw(travel), draw(travel)]);
+        // Apart, the first below the ceiling and moving up.
+        let between =
+            between.map(|x| x * (2.05 + 0.5 * travel / R) * R / between.iter().map(|x| x * x).sum::<f64>().sqrt());
+        for (kind, parameters) in laws {
+            let mut case = Case::new();
+            case.law_of_all(kind, parameters);
+            case.options.dt = 0.01;
+            case.plate([40.0, 40.0, R], [0.0, 0.0, 2.2 * R], [X, Y, Z]);
+            let low = -between[2].abs();
+            let balls = [case.sphere(R, [0.0; 3]), case.sphere(R, [between[0], between[1], low])];
+            case.launch(balls[0], [va[0], va[1], va[2].abs() + 0.5 * travel].map(|v| v / 0.01), [0.0; 3]);
+            case.launch(balls[1], [vb[0], vb[1], vb[2].abs()].map(|v| v / 0.01), [0.0; 3]);
+            let apart = |state: &Snapshot| (state.x(balls[0]) - state.x(balls[1])).norm();
+            let least = case.states(4, 1).iter().map(apart).fold(f64::INFINITY, f64::min);
+            // The overlap that a step may make; springs without the damper keep all of it, others half until the step's end.
+            if least < 1.9 * R {
+                faults.push(format!("{kind} {parameters:?} {trial}: {least}"));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{} faults\n{}", faults.len(), faults.join("\n"));
 }
 
 /// A wall that moves into a ball at rest, from the first step or later, throws it off by its law.
