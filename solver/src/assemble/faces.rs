@@ -25,7 +25,8 @@
 //! parts, its outline is their convex hull, if the parts fill it ([`Joints`]). How its parts share the load is not
 //! determined. A face that is new, or spins faster than it slides and than friction can stop in the step, therefore starts
 //! from the load of a uniform pressure with the same sum and centre, and the sweeps find a solution near it; in a face that
-//! spins all q_i are at the distance τ from p̄.
+//! spins all q_i are at the distance τ from p̄. Where a corner reaches a joint, its contact is replaced by others: in the step
+//! in which a loaded contact of such a face is lost, p̄ is that of all contacts of the last step, carried with the candidate.
 //!
 //! Values of τ: 0.3826 a for a square of side a, 2/3 of the radius for a disc, a quarter of the length for an edge.
 
@@ -81,6 +82,18 @@ pub(super) struct FaceRows<'a, L, S> {
     pub sticks: S,
 }
 
+/// Load of a contact of the last step.
+pub(super) struct LastLoad {
+    pub bodies: [BodyId; 2],
+    pub normal: Vec3,
+    /// Point to which the candidate has carried the contact, m.
+    pub point: Vec3,
+    /// Normal impulse, N s.
+    pub load: f64,
+    /// Whether a contact of this step has the same features.
+    pub stays: bool,
+}
+
 /// Friction of one face.
 #[derive(Default)]
 struct FaceFrictionPoints {
@@ -108,7 +121,7 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
             let mut has_offsets = false;
             for face in faces {
                 let of: SmallVec<[usize; 8]> = face.clone().collect();
-                let found = self.friction_points(&of, false).unwrap_or_default().offsets;
+                let found = self.friction_points(&of, None).unwrap_or_default().offsets;
                 if !found.is_empty() {
                     offsets[face.start - start..face.end - start].copy_from_slice(&found);
                     has_offsets = true;
@@ -148,9 +161,12 @@ pub(super) fn has_joints(scene: &Scene) -> bool {
 /// Faces over flush joints. The friction of a face that lies on several adjacent contactors, of one body or of bodies with
 /// the same imposed motion, acts as that of one face, since the distribution of the load over the contactors is not
 /// determined. On separate bodies that move freely each part has its own friction.
-pub(super) struct Joints<'a, L, S> {
+///
+/// * `last_loads`: lists the loads of the last step; called if there are such faces.
+pub(super) struct Joints<'a, L, S, C> {
     pub faces: &'a FaceRows<'a, L, S>,
     pub scene: &'a Scene,
+    pub last_loads: C,
 }
 
 /// Friction offsets of [`BlockData`], including those of faces over joints, and the initial impulses (world frame, N s) of
@@ -171,14 +187,22 @@ struct Side {
 
 const FIXED: BodyId = BodyId(u32::MAX);
 
-impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> Joints<'_, L, S> {
+impl<L, S, C> Joints<'_, L, S, C>
+where
+    L: Fn(usize) -> f64 + Sync,
+    S: Fn(usize) -> bool + Sync,
+    C: Fn() -> Vec<LastLoad>,
+{
     /// Friction offsets of the rows, and the initial impulses of those in joined faces that are new or spin. The
     /// distribution of the load over a joined face is not determined: sweeps from a uniform pressure stay near it.
     pub fn joined_faces(&self) -> JoinedFaces {
         let FaceRows { rows, full, .. } = self.faces;
         let (mut offsets, mut warm_starts) = (full.friction_offsets.clone(), Vec::new());
-        for face in self.face_ranges() {
-            let Some(found) = self.faces.friction_points(&face, true) else { continue };
+        let faces = self.face_ranges();
+        let last_loads = if faces.is_empty() { Vec::new() } else { (self.last_loads)() };
+        for face in faces {
+            let last = self.loads_of_changed_face(&face, &last_loads);
+            let Some(found) = self.faces.friction_points(&face, Some(&last)) else { continue };
             if offsets.is_empty() && !found.offsets.is_empty() {
                 offsets = vec![Vec3::zeros(); rows.len()];
             }
@@ -197,6 +221,31 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> Joints<'_, L, S> {
             }
         }
         JoinedFaces { offsets, warm_starts }
+    }
+
+    /// Points and loads of the last step in the plane of a face of which a loaded contact is lost; empty if all remain.
+    fn loads_of_changed_face(&self, face: &[usize], last_loads: &[LastLoad]) -> Vec<(Vec3, f64)> {
+        let contacts = self.faces.contacts;
+        let Contact { candidate, antagonist, normal, point: origin, .. } = contacts[face[0]];
+        let (bodies, normal) = self.ordered_pair([candidate, antagonist], normal);
+        let reach = face.iter().map(|&k| (contacts[k].point - origin).norm()).fold(0.0, f64::max);
+        let is_in_face = |last: &&LastLoad| {
+            let (of, along) = self.ordered_pair(last.bodies, last.normal);
+            of == bodies
+                && normal.dot(&along) >= 1.0 - MAX_NORMAL_DEVIATION
+                && normal.dot(&(last.point - origin)).abs() <= MAX_HEIGHT_RATIO * reach
+        };
+        let of_face: Vec<&LastLoad> = last_loads.iter().filter(is_in_face).collect();
+        match of_face.iter().all(|last| last.stays) {
+            true => Vec::new(),
+            false => of_face.into_iter().map(|last| (last.point, last.load)).collect(),
+        }
+    }
+
+    /// The two bodies of a contact as in [`Side`], and its normal towards the first of these.
+    fn ordered_pair(&self, pair: [BodyId; 2], normal: Vec3) -> ([BodyId; 2], Vec3) {
+        let [a, b] = pair.map(|body| if self.scene.bodies[body.index()].is_imposed() { FIXED } else { body });
+        if a <= b { ([a, b], normal) } else { ([b, a], -normal) }
     }
 
     /// Normal impulse that stops the approach of the two bodies of a face, at the mean of its rows by these shares of the
@@ -253,8 +302,7 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> Joints<'_, L, S> {
             if alone || of_one.len() < 2 || !rows[range.clone()].iter().any(|row| row.can_close) {
                 continue;
             }
-            let [a, b] = pair.map(|body| if is_fixed(body) { FIXED } else { body });
-            let (bodies, normal) = if a <= b { ([a, b], normal) } else { ([b, a], -normal) };
+            let (bodies, normal) = self.ordered_pair(pair, normal);
             sides.push(Side { bodies, rows: range, normal });
         }
         sides
@@ -294,9 +342,11 @@ fn is_same_face(a: &Contact, b: &Contact) -> bool {
 }
 
 impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S> {
-    /// Friction of the face of the rows `of`. `joined`: whether the rows may belong to several adjacent contactors; the result
-    /// is then `None` if these leave gaps.
-    fn friction_points(&self, of: &[usize], joined: bool) -> Option<FaceFrictionPoints> {
+    /// Friction of the face of the rows `of`.
+    ///
+    /// * `joined`: given if the rows may belong to several adjacent contactors; the result is then `None` if these leave
+    ///   gaps. Points and loads of the last step, world frame, if its contacts are not those of this step, else empty.
+    fn friction_points(&self, of: &[usize], joined: Option<&[(Vec3, f64)]>) -> Option<FaceFrictionPoints> {
         let FaceRows { contacts, rows, full, .. } = self;
         // Other listed contacts depend on the alert distance and must not change a bit of the result.
         let acting: SmallVec<[usize; 8]> = of.iter().copied().filter(|&k| rows[k].can_close).collect();
@@ -304,14 +354,17 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
         let frame = contacts[first].frame();
         let [_, t, s] = frame;
         let origin = contacts[first].point;
-        let position = |k: usize| tangent_components(&(contacts[k].point - origin), &frame);
-        let points: SmallVec<[[f64; 2]; 8]> = acting.iter().map(|&k| position(k)).collect();
+        let position = |point: &Vec3| tangent_components(&(point - origin), &frame);
+        let points: SmallVec<[[f64; 2]; 8]> = acting.iter().map(|&k| position(&contacts[k].point)).collect();
         let size = points.iter().map(|p| vector_length(difference_of(*p, points[0]))).fold(0.0, f64::max);
         let mut loads: SmallVec<[f64; 8]> = acting.iter().map(|&k| (self.load)(k).max(0.0)).collect();
         let gap = |k: &usize| contacts[*k].gap;
         let area = of.iter().map(|&k| contacts[k].area).sum();
-        let outline =
-            if joined { FrictionFace::of_hull(&points, size, area)? } else { FrictionFace::new(&points, size, area) };
+        let outline = if joined.is_some() {
+            FrictionFace::of_hull(&points, size, area)?
+        } else {
+            FrictionFace::new(&points, size, area)
+        };
         let deepest = acting.iter().map(gap).fold(f64::INFINITY, f64::min);
         let mut pressed_to = deepest + FLUSH_GAP * size;
         let is_new = loads.iter().all(|load| *load == 0.0);
@@ -329,8 +382,14 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
             pressed_to = loaded.fold(pressed_to, f64::max);
         }
         let total: f64 = loads.iter().sum();
-        let centre =
-            points.iter().zip(&loads).fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w / total, c[1] + p[1] * w / total]);
+        // The rows do not know the loads of lost contacts, and those that inherit from one lie elsewhere. Attraction and
+        // bonds are loads of the rows only.
+        let known = |k: &usize| rows[*k].impulse_shift == 0.0 && rows[*k].bond.is_none();
+        let last = joined.filter(|last| !is_new && !last.is_empty() && acting.iter().all(known));
+        let (centre, carried) = match last {
+            Some(last) => centre_of_load(|| last.iter().map(|(point, load)| (position(point), *load))),
+            None => centre_of_load(|| points.iter().copied().zip(loads.iter().copied())),
+        };
         let pressed = outline.mean_distance(centre);
         let motion = match acting.iter().all(|k| (self.sticks)(*k)) {
             true => FaceMotion::default(),
@@ -350,9 +409,9 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
         };
         let across = motion.across_sliding();
         let mobility: f64 = rows[first].bodies.map(|body| self.records[body.index()].inverse_mass).iter().sum();
-        let stopped = if is_new { 0.0 } else { rows[first].friction * total * mobility };
+        let stopped = if is_new { 0.0 } else { rows[first].friction * carried * mobility };
         let spins = motion.spin > vector_length(motion.u).max(stopped);
-        let starts_uniform = joined
+        let starts_uniform = joined.is_some()
             && (is_new || spins)
             && outline.corners.len() > 2
             && acting.iter().all(|&k| rows[k].impulse_shift == 0.0 && gap(&k) <= deepest + FLUSH_GAP * size);
@@ -384,6 +443,12 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
         }
         Some(FaceFrictionPoints { offsets, start_shares: starts_uniform.then_some(loads) })
     }
+}
+
+/// Centre of loads at points, and their sum.
+fn centre_of_load<I: Iterator<Item = (TangentVector, f64)>>(loads: impl Fn() -> I) -> (TangentVector, f64) {
+    let total: f64 = loads().map(|(_, load)| load).sum();
+    (loads().fold([0.0; 2], |c, (p, w)| [c[0] + p[0] * w / total, c[1] + p[1] * w / total]), total)
 }
 
 /// Middle of the points on the same contactors as each point of a joined face.

@@ -6,6 +6,7 @@ use cd_formats::groups::DisjointSets;
 use rayon::prelude::*;
 
 use super::context::AssemblyContext;
+use super::faces::LastLoad;
 use super::kinematics::{contact_arms, velocity_at_arms};
 use crate::laws::{ContactLaw, LawShift, MAX_TOUCHING_GAP};
 use crate::math::{Quat, Vec3, rotate_by_vector};
@@ -175,10 +176,37 @@ impl AssemblyContext<'_> {
     /// Displacement from the position to which the candidate has carried a contact of the last step, to this one of the same
     /// contactors, m.
     fn displacement_from(&self, old: &Contact, contact: &Contact) -> f64 {
-        let (state, a) = (self.state, contact.candidate.index());
+        (contact.point - self.q_c.x[old.candidate.index()] - self.carried_arm(old)).norm()
+    }
+
+    /// Vector from the centre of the candidate to the point to which it has carried a contact of the last step, m.
+    fn carried_arm(&self, old: &Contact) -> Vec3 {
+        let (state, a) = (self.state, old.candidate.index());
         let centre = state.x[a] - state.v[a] * (self.scene.options.theta * state.h); // at the last contact configuration
         let turn = rotate_by_vector(&Quat::identity(), &(state.w[a] * self.configuration_interval()));
-        (contact.point - self.q_c.x[a] - turn * (old.point - centre)).norm()
+        turn * (old.point - centre)
+    }
+
+    /// Contacts of the last step that pushed, in their order. `history`: contact of the last step of each contact.
+    pub(super) fn last_loads(&self, contacts: &[Contact], history: &[Option<ContactId>]) -> Vec<LastLoad> {
+        let before = &self.state.contacts;
+        let mut stays = vec![false; before.len()];
+        for (contact, old) in contacts.iter().zip(history) {
+            if let Some(old) = old {
+                stays[old.index()] |= before[old.index()].contact.key() == contact.key();
+            }
+        }
+        let pushed = before.iter().zip(stays).filter(|(old, _)| old.impulse.x > 0.0);
+        let scale = self.q_c.h / self.state.h;
+        pushed
+            .map(|(old, stays)| LastLoad {
+                bodies: [old.contact.candidate, old.contact.antagonist],
+                normal: old.contact.normal,
+                point: self.q_c.x[old.contact.candidate.index()] + self.carried_arm(&old.contact),
+                load: old.impulse.x * scale,
+                stays,
+            })
+            .collect()
     }
 
     /// Time from the last contact configuration to this one, s.

@@ -121,7 +121,8 @@ pub fn contact_problem(
             FaceRows { contacts, rows: &rows, records: &records, full, load, sticks }.friction_offsets();
         if has_joints(scene) {
             let faces = FaceRows { contacts, rows: &rows, records: &records, full, load, sticks };
-            let joined = Joints { faces: &faces, scene }.joined_faces();
+            let last_loads = || setting.last_loads(contacts, &history);
+            let joined = Joints { faces: &faces, scene, last_loads }.joined_faces();
             full.friction_offsets = joined.offsets;
             joined.warm_starts.into_iter().for_each(|(k, r)| rows[k].warm_start = r);
         }

@@ -335,6 +335,30 @@ fn a_face_over_joints_of_plates_resists_spinning_as_one() {
     }
 }
 
+/// Where a corner of the face reaches a joint, its contacts are replaced.
+#[test]
+fn each_step_over_narrow_plates_has_the_torque_of_a_uniform_pressure() {
+    const MU: f64 = 0.5;
+    for (width, shift, steps) in [(0.1, 0.03, 40), (0.3, 0.0, 30)] {
+        let mut case = Case::new();
+        case.law_of_all("IQS_CLB", &[MU]);
+        case.gravity = [0.0, 0.0, -8.0];
+        for k in -8..=8 {
+            case.plate([0.5 * width, 3.0, 0.5], [f64::from(k) * width + shift, 0.0, -0.5], [X, Y, Z]);
+        }
+        let cube = case.block([0.5; 3], [0.0, 0.0, 0.5], [X, Y, Z]);
+        case.launch(cube, [0.0; 3], [0.0, 0.0, 4.0]);
+        case.options.dt = 1e-3;
+        case.options.tol = Some(1e-8);
+        let states = case.states(steps, 1);
+        for (k, two) in states.windows(2).enumerate() {
+            let torque = (two[0].w(cube).z - two[1].w(cube).z) * about_vertical(&two[1], cube) / case.options.dt;
+            let found = torque / (MU * two[1].mass(cube) * 8.0 * 0.382_598);
+            assert!((found - 1.0).abs() < 0.05, "plates of {width} m, step {}: {found}", k + 1);
+        }
+    }
+}
+
 #[test]
 fn a_face_over_joints_of_pieces_resists_spinning_as_one() {
     let below = |case: &mut Case| {
