@@ -12,7 +12,7 @@ use crate::geometry::Polyhedron;
 use crate::gravity::{GravitySolver, SummationMethod};
 use crate::laws::ContactLaw;
 use crate::math::rotation;
-use crate::math::{Mat3, Quat, Vec3};
+use crate::math::{Mat3, Quat, Twist, Vec3};
 
 /// Shape of a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -281,16 +281,16 @@ impl ImposedVelocity {
         self.velocity.iter().any(|component| *component != Some(Evolution::constant(0.0)))
     }
 
-    /// Velocity (m/s) and angular velocity (rad/s, world frame) at a time (s) of the body with the orientation `q`.
-    /// Components that are not imposed are those of `v` and `w`.
-    pub fn velocity_at(&self, time: f64, q: &Quat, v: &Vec3, w: &Vec3) -> (Vec3, Vec3) {
+    /// Motion (world frame) at a time (s) of the body with the orientation `q`. Components that are not imposed are those
+    /// of `pushed`.
+    pub fn motion_at(&self, time: f64, q: &Quat, pushed: &Twist) -> Twist {
         let imposed = |k: usize, pushed: f64| self.velocity[k].as_ref().map_or(pushed, |value| value.value_at(time));
-        let moved = Vec3::from_fn(|k, _| imposed(k, v[k]));
+        let v = Vec3::from_fn(|k, _| imposed(k, pushed.v[k]));
         if self.velocity[3..].iter().all(Option::is_none) {
-            return (moved, *w);
+            return Twist { v, w: pushed.w };
         }
-        let own = q.inverse_transform_vector(w);
-        (moved, q * Vec3::from_fn(|k, _| imposed(3 + k, own[k])))
+        let own = q.inverse_transform_vector(&pushed.w);
+        Twist { v, w: q * Vec3::from_fn(|k, _| imposed(3 + k, own[k])) }
     }
 }
 

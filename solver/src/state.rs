@@ -407,11 +407,28 @@ impl State {
     }
 }
 
+/// Backup of the motion of all bodies.
+struct MotionBackup {
+    v: Vec<Vec3>,
+    w: Vec<Vec3>,
+    angular_momentum: Vec<Vec3>,
+}
+
+/// Backup of the settings that events change.
+struct SettingsBackup {
+    gravity: Vec3,
+    quench: f64,
+    torque: Vec3,
+    laws: Vec<ContactLaw>,
+    bonding: BondingMode,
+    events_done: usize,
+}
+
 /// Backup of the parts of the state that a step changes before its contacts are solved.
 pub struct StateBackup {
-    /// Velocities, angular velocities and momenta, if events or options change them.
-    motion: Option<[Vec<Vec3>; 3]>,
-    settings: (Vec3, f64, Vec3, Vec<ContactLaw>, BondingMode, usize),
+    /// Motion, if events or options change it.
+    motion: Option<MotionBackup>,
+    settings: SettingsBackup,
     attraction: Option<GravityHistory>,
     ledger: Ledger,
     features: DetectionCache,
@@ -423,8 +440,12 @@ impl StateBackup {
         let State { gravity, quench, torque, bonding, events_done, .. } = *state;
         let intervenes = events_done < scene.events.len() || quench > 0.0 || torque != Vec3::zeros();
         StateBackup {
-            motion: intervenes.then(|| [state.v.clone(), state.w.clone(), state.angular_momentum.clone()]),
-            settings: (gravity, quench, torque, state.laws.clone(), bonding, events_done),
+            motion: intervenes.then(|| MotionBackup {
+                v: state.v.clone(),
+                w: state.w.clone(),
+                angular_momentum: state.angular_momentum.clone(),
+            }),
+            settings: SettingsBackup { gravity, quench, torque, laws: state.laws.clone(), bonding, events_done },
             attraction: state.attraction.clone(),
             ledger: state.ledger.clone(),
             features: state.detection_cache.features_only(),
@@ -434,9 +455,11 @@ impl StateBackup {
     /// Restores the state, except for data that only save time.
     pub fn restore_to(self, state: &mut State) {
         if let Some(motion) = self.motion {
-            [state.v, state.w, state.angular_momentum] = motion;
+            (state.v, state.w, state.angular_momentum) = (motion.v, motion.w, motion.angular_momentum);
         }
-        (state.gravity, state.quench, state.torque, state.laws, state.bonding, state.events_done) = self.settings;
+        let SettingsBackup { gravity, quench, torque, laws, bonding, events_done } = self.settings;
+        (state.gravity, state.quench, state.torque, state.laws) = (gravity, quench, torque, laws);
+        (state.bonding, state.events_done) = (bonding, events_done);
         (state.attraction, state.ledger) = (self.attraction, self.ledger);
         state.detection_cache =
             DetectionCache { restored_pairs: self.features.cached_pairs(), ..DetectionCache::default() };

@@ -4,8 +4,8 @@ use cd_formats::compute::EventAction;
 
 use super::rigid_motion::{centre_of_mass, rigid_spin};
 use crate::integrate::ContactConfiguration;
-use crate::math::Vec3;
 use crate::math::random::{point_in_ball, splitmix64};
+use crate::math::{Twist, Vec3};
 use crate::scene::{BodyId, EVENT_SLACK, Scene};
 use crate::state::{BodyLoad, BondingMode, State};
 
@@ -36,7 +36,9 @@ pub fn apply_events(scene: &Scene, state: &mut State) -> AppliedEvents {
         account_potential(scene, state, state.gravity - gravity);
         applied.velocities_changed |= matches!(event.action, EventAction::AddVelocity(_) | EventAction::AddSpin(_));
         match event.action {
-            EventAction::AddVelocity(velocity) => change_motion(scene, state, |_, v, w| (v + Vec3::from(velocity), w)),
+            EventAction::AddVelocity(velocity) => {
+                change_motion(scene, state, |_, old| Twist { v: old.v + Vec3::from(velocity), ..old });
+            }
             EventAction::AddSpin(spin) => {
                 add_spin(scene, state, Vec3::from(spin));
                 state.attraction = None; // the history of self-gravity is no longer valid
@@ -67,7 +69,7 @@ pub fn apply_torque_and_damping(scene: &Scene, state: &mut State, step_multiple:
     }
     if state.quench > 0.0 {
         let keep = (1.0 - state.quench).powi(step_multiple as i32);
-        change_motion(scene, state, |_, v, w| (v * keep, w * keep));
+        change_motion(scene, state, |_, old| Twist { v: old.v * keep, w: old.w * keep });
     }
 }
 
@@ -75,7 +77,7 @@ pub fn apply_torque_and_damping(scene: &Scene, state: &mut State, step_multiple:
 fn add_spin(scene: &Scene, state: &mut State, spin: Vec3) {
     let centre = centre_of_mass(scene, &state.x);
     let x = state.x.clone();
-    change_motion(scene, state, |i, v, w| (v + spin.cross(&(x[i] - centre)), w + spin));
+    change_motion(scene, state, |i, old| Twist { v: old.v + spin.cross(&(x[i] - centre)), w: old.w + spin });
 }
 
 /// Loads that give the free bodies random velocities in the step, minus the rigid motion that
@@ -110,11 +112,11 @@ pub(super) fn shake_loads(
 }
 
 /// Gives the free bodies new velocities and records the change of momentum and energy as external in the ledger.
-fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Vec3, Vec3) -> (Vec3, Vec3)) {
+fn change_motion(scene: &Scene, state: &mut State, new: impl Fn(usize, Twist) -> Twist) {
     for &i in &scene.free {
         let i = i.index();
         let body = &scene.bodies[i];
-        let (v, w) = new(i, state.v[i], state.w[i]);
+        let Twist { v, w } = new(i, Twist { v: state.v[i], w: state.w[i] });
         let momentum = (v - state.v[i]) * body.mass;
         let own = body.angular_momentum(&state.q[i], &(w - state.w[i]));
         state.ledger.outside_work += 0.5 * (momentum.dot(&(v + state.v[i])) + own.dot(&(w + state.w[i])));

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::events::{ShakeEvent, shake_loads};
 use super::self_gravity::{GravityReport, near_field, point_mass_energy, point_masses, self_gravity};
 use crate::integrate::ContactConfiguration;
-use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_world};
+use crate::math::{PAR_MIN_LEN, Quat, Twist, Vec3, to_world};
 use crate::scene::{BodyId, Scene};
 use crate::state::{BodyLoad, GravityHistory, State, Velocities};
 
@@ -109,7 +109,8 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
     let end = scene.time_at(state.step + q_c.step_multiple);
     for drive in &scene.drives {
         let i = drive.body.index();
-        (free.v[i], free.w[i]) = drive.velocity_at(end, &q_c.q[i], &free.v[i], &free.w[i]);
+        let Twist { v, w } = drive.motion_at(end, &q_c.q[i], &Twist { v: free.v[i], w: free.w[i] });
+        (free.v[i], free.w[i]) = (v, w);
     }
     free.reaction_work = scene.held_grains.iter().map(|i| reaction_work(scene, state, q_c, &free, i.index())).sum();
     free

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Matrix3x4};
 use rayon::prelude::*;
 
-use crate::math::Vec3;
+use crate::math::{Vec3, Wrench};
 
 /// Bodies per partial sum; the partial sums are added in a fixed order, independent of threads.
 const BODIES_PER_SUM: usize = 4096;
@@ -28,12 +28,13 @@ pub fn balance_accelerations(positions: &[Vec3], masses: &[f64], acceleration: &
     // The slightly larger inertia keeps the matrix invertible for bodies in a line; a second pass corrects its effect.
     let inverse = (inertia + Matrix3::identity() * (1e-13 * inertia.trace())).try_inverse().unwrap_or_default();
     let centre = origin + offset;
-    let motion = |force: Vec3, torque: Vec3| (force / mass, inverse * torque);
-    let square_of = |(push, spin): (Vec3, Vec3)| mass * push.norm_squared() + spin.dot(&(inertia * spin)).max(0.0);
-    let first = motion(force, torque - offset.cross(&force));
-    let [force, torque] = subtract_motion(&centre, first, positions, masses, acceleration);
-    let second = motion(force, torque);
-    subtract_motion(&centre, second, positions, masses, acceleration);
+    let caused_by = |load: Wrench| RigidAcceleration { linear: load.force / mass, angular: inverse * load.torque };
+    let square_of = |RigidAcceleration { linear, angular }: RigidAcceleration| {
+        mass * linear.norm_squared() + angular.dot(&(inertia * angular)).max(0.0)
+    };
+    let first = caused_by(Wrench { force, torque }.about(&offset));
+    let second = caused_by(subtract_rigid(&centre, first, positions, masses, acceleration));
+    subtract_rigid(&centre, second, positions, masses, acceleration);
     if square > 0.0 { ((square_of(first) + square_of(second)) / square).sqrt() } else { 0.0 }
 }
 
@@ -74,27 +75,36 @@ impl ForceSums {
     }
 }
 
-/// Subtracts the acceleration `push` of the centre and `spin` about it; returns the force and the torque about the centre
-/// of the rest.
-fn subtract_motion(
+/// Acceleration of a rigid body.
+#[derive(Clone, Copy)]
+struct RigidAcceleration {
+    /// Acceleration of the centre of mass, m/s².
+    linear: Vec3,
+    /// Angular acceleration, rad/s².
+    angular: Vec3,
+}
+
+/// Subtracts a rigid acceleration about `centre`; returns the force and the torque about the centre of the rest.
+fn subtract_rigid(
     centre: &Vec3,
-    (push, spin): (Vec3, Vec3),
+    RigidAcceleration { linear, angular }: RigidAcceleration,
     positions: &[Vec3],
     masses: &[f64],
     acceleration: &mut [Vec3],
-) -> [Vec3; 2] {
+) -> Wrench {
     let parts = positions.par_chunks(BODIES_PER_SUM).zip(masses.par_chunks(BODIES_PER_SUM));
     let parts = parts.zip(acceleration.par_chunks_mut(BODIES_PER_SUM)).map(|((x, m), a)| {
-        let mut sums = [Vec3::zeros(); 2];
+        let mut sum = Wrench::default();
         for ((x, m), a) in x.iter().zip(m).zip(a) {
             let r = x - centre;
-            *a -= push + spin.cross(&r);
+            *a -= linear + angular.cross(&r);
             let force = *a * *m;
-            sums[0] += force;
-            sums[1] += r.cross(&force);
+            sum.force += force;
+            sum.torque += r.cross(&force);
         }
-        sums
+        sum
     });
-    let parts: Vec<[Vec3; 2]> = parts.collect();
-    parts.iter().fold([Vec3::zeros(); 2], |a, b| [a[0] + b[0], a[1] + b[1]])
+    let parts: Vec<Wrench> = parts.collect();
+    let add = |a: Wrench, b: &Wrench| Wrench { force: a.force + b.force, torque: a.torque + b.torque };
+    parts.iter().fold(Wrench::default(), add)
 }

@@ -1,4 +1,4 @@
-//! Kernel: vectors, rotations, orthonormal frames, spatial order.
+//! Kernel: vectors, motions and loads of bodies, rotations, orthonormal frames, spatial order.
 
 pub mod morton;
 pub mod random;
@@ -13,6 +13,54 @@ use rayon::prelude::*;
 pub type Vec3 = Vector3<f64>;
 pub type Mat3 = Matrix3<f64>;
 pub type Quat = UnitQuaternion<f64>;
+
+/// Velocity (m/s) of a point of a body and its angular velocity (rad/s).
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Twist {
+    pub v: Vec3,
+    pub w: Vec3,
+}
+
+impl Twist {
+    /// Velocity of the body at the end of an `arm` (m) from the point, m/s.
+    pub fn velocity_at(&self, arm: &Vec3) -> Vec3 {
+        self.v + self.w.cross(arm)
+    }
+
+    /// Components of the velocity, then of the angular velocity.
+    pub fn components(&self) -> [f64; 6] {
+        six_components(&self.v, &self.w)
+    }
+}
+
+/// Force (N) on a body and its torque (N m) about a point, or impulse (N s) and angular impulse (N m s).
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Wrench {
+    pub force: Vec3,
+    pub torque: Vec3,
+}
+
+impl Wrench {
+    /// The same load about the point at the end of an `arm` (m) from this one.
+    ///
+    /// ```
+    /// # use cd_solve::math::{Vec3, Wrench};
+    /// let weight = Wrench { force: -Vec3::z(), torque: Vec3::zeros() };
+    /// assert_eq!(weight.about(&Vec3::x()).torque, -Vec3::y());
+    /// ```
+    pub fn about(&self, arm: &Vec3) -> Wrench {
+        Wrench { force: self.force, torque: self.torque - arm.cross(&self.force) }
+    }
+
+    /// Components of the force, then of the torque.
+    pub fn components(&self) -> [f64; 6] {
+        six_components(&self.force, &self.torque)
+    }
+}
+
+fn six_components(a: &Vec3, b: &Vec3) -> [f64; 6] {
+    [a.x, a.y, a.z, b.x, b.y, b.z]
+}
 
 /// Length of `v`. It equals that of nalgebra to the bit, which computes the root by an instruction that makes surrounding
 /// code of wide vectors wait for 150 cycles.

@@ -14,7 +14,7 @@ use cd_formats::principal::AxesMatch;
 use cd_formats::snapshot::{MaterialName, are_walls};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
-use crate::math::{Quat, Vec3};
+use crate::math::{Quat, Twist, Vec3};
 use crate::read::mirror;
 use crate::read::parts::{PreparedBody, body_from_record};
 use crate::scene::{
@@ -417,14 +417,26 @@ fn expected_number(datbox: &Path, body: usize, count: usize) -> String {
     }
 }
 
-/// Positions, orientations, velocities and angular velocities (world frame); imposed components are those of DRV_DOF.DAT.
+/// Motion of all bodies at the start of a run.
+pub struct InitialMotion {
+    /// Positions of the centres of mass, m.
+    pub x: Vec<Vec3>,
+    /// Orientations.
+    pub q: Vec<Quat>,
+    /// Velocities, m/s.
+    pub v: Vec<Vec3>,
+    /// Angular velocities, rad/s, world frame.
+    pub w: Vec<Vec3>,
+}
+
+/// Motion of the bodies by DOF.INI; imposed components are those of DRV_DOF.DAT.
 pub fn initial_motion(
     datbox: &Path,
     records: &Bodies,
     dof: &Dof,
     scene: &mut Scene,
     faults: &mut Faults,
-) -> (Vec<Vec3>, Vec<Quat>, Vec<Vec3>, Vec<Vec3>) {
+) -> InitialMotion {
     let file = datbox.join("DOF.INI");
     let count = records.0.len();
     let mut x = scene.reference.clone();
@@ -472,7 +484,8 @@ pub fn initial_motion(
     }
     for drive in &scene.drives {
         let i = drive.body.index();
-        (v[i], w[i]) = drive.velocity_at(dof.time, &q[i], &v[i], &w[i]);
+        let imposed = drive.motion_at(dof.time, &q[i], &Twist { v: v[i], w: w[i] });
+        (v[i], w[i]) = (imposed.v, imposed.w);
     }
     debug_assert_eq!(scene.bodies.len(), count);
     if let Some(line) = left_handed.first() {
@@ -481,5 +494,5 @@ pub fn initial_motion(
             "DOF.INI:{line}: left-handed axes of {bodies}: one is reversed, which leaves the shape as it is"
         ));
     }
-    (x, q, v, w)
+    InitialMotion { x, q, v, w }
 }

@@ -79,7 +79,8 @@ pub fn read_case(case: &Path, flags: &ComputeFlags) -> Result<(Scene, State), Fa
     let mut of_events = FaultReport::new(&source, &text);
     behaviour::check_events(&scene, &mut of_events);
     behaviour::check_text(&mut scene);
-    let (x, q, v, w) = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);
+    let motion = bodies::initial_motion(&datbox, &bodies, &dof, &mut scene, &mut faults);
+    let bodies::InitialMotion { x, q, v, w } = motion;
     scene.notes.extend(bodies::period_gap_notes(&scene, &q));
     bodies::check_level(&datbox, &bodies, &scene, &q, &mut faults);
     bodies::check_within(&datbox, &bodies, &scene, &x, &q, &mut faults);

@@ -21,7 +21,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use crate::assemble::ContactProblem;
-use crate::math::{Mat3, Vec3};
+use crate::math::{Mat3, Twist, Vec3, Wrench};
 use crate::solve::ContactSolution;
 
 /// Share of its strength below which shear is not judged where traction uses up the strength of a bond.
@@ -41,13 +41,6 @@ struct BondedPair {
     inverse_spread: Option<Mat3>,
     /// Traction that it carries, N s.
     strength: f64,
-}
-
-/// Velocity (m/s) and angular velocity (rad/s) of a body, or momentum and angular momentum of several.
-#[derive(Debug, Clone, Copy, Default)]
-struct Twist {
-    linear: Vec3,
-    angular: Vec3,
 }
 
 impl BondedPair {
@@ -83,25 +76,25 @@ impl BondedPair {
 
     /// Velocity of the candidate relative to the antagonist at the centre of the bonds.
     fn motion(&self, system: &ContactProblem, solution: &ContactSolution) -> Twist {
-        let (mut linear, mut turning) = (Vec3::zeros(), Vec3::zeros());
+        let (mut v, mut turning) = (Vec3::zeros(), Vec3::zeros());
         for &k in &self.rows {
             let u = system.shifted_velocity(k, &solution.solver_bodies);
-            linear += u / self.rows.len() as f64;
+            v += u / self.rows.len() as f64;
             turning += self.position(system, k).cross(&u);
         }
-        Twist { linear, angular: self.inverse_spread.map_or(Vec3::zeros(), |inverse| inverse * turning) }
+        Twist { v, w: self.inverse_spread.map_or(Vec3::zeros(), |inverse| inverse * turning) }
     }
 
-    /// Largest impulse with which a bond carries the momentum `load` about the centre of the bonds, over its limit.
-    fn load_share(&self, system: &ContactProblem, solution: &ContactSolution, load: Twist) -> f64 {
+    /// Largest impulse with which a bond carries the impulse `load` about the centre of the bonds, over its limit.
+    fn load_share(&self, system: &ContactProblem, solution: &ContactSolution, load: Wrench) -> f64 {
         let count = self.rows.len() as f64;
-        let turn = self.inverse_spread.map_or(Vec3::zeros(), |inverse| inverse * load.angular);
+        let turn = self.inverse_spread.map_or(Vec3::zeros(), |inverse| inverse * load.torque);
         // A face shares the traction among its corners in many ways.
         let pressure = |k: &usize| system.rows[*k].normal.dot(&solution.impulses[*k]);
         let pressure = self.rows.iter().map(pressure).sum::<f64>() / count;
         let share = |&k: &usize| {
             let row = &system.rows[k];
-            let impulse = load.linear / count + turn.cross(&self.position(system, k));
+            let impulse = load.force / count + turn.cross(&self.position(system, k));
             let along = row.normal.dot(&impulse);
             let strength = row.impulse_shift.abs();
             let shear = row.friction * pressure.max(MIN_SHEAR_SHARE * strength);
@@ -172,11 +165,11 @@ pub fn largest_error_load(
             }
             let sign = if side == 0 { 1.0 } else { -1.0 };
             let relative = pair.motion(system, solution);
-            let angular = from.motion.angular + relative.angular * sign;
+            let w = from.motion.w + relative.w * sign;
             let of_carrier = if from.body == ground { Vec3::zeros() } else { pair.arms[1 - side] };
             let arm = pair.arms[side];
-            let at_bonds = from.motion.linear + from.motion.angular.cross(&of_carrier) + relative.linear * sign;
-            let motion = Twist { linear: at_bonds - angular.cross(&arm), angular };
+            let at_bonds = from.motion.velocity_at(&of_carrier) + relative.v * sign;
+            let motion = Twist { v: at_bonds - w.cross(&arm), w };
             let position = from.position + of_carrier - arm;
             next.extend(pairs_of[body].iter().map(|&p| Reverse((p, tree.len()))));
             tree.push(Branch { body, carrier: Some((at, p)), position, motion });
@@ -194,17 +187,17 @@ fn subtract_rigid_motion(system: &ContactProblem, tree: &mut [Branch]) {
     let mass = |branch: &Branch| 1.0 / system.bodies[branch.body].inverse_mass;
     let total: f64 = tree.iter().map(mass).sum();
     let centre = tree.iter().map(|branch| branch.position * mass(branch)).sum::<Vec3>() / total;
-    let mean = tree.iter().map(|branch| branch.motion.linear * mass(branch)).sum::<Vec3>() / total;
+    let mean = tree.iter().map(|branch| branch.motion.v * mass(branch)).sum::<Vec3>() / total;
     let (mut inertia, mut angular_momentum) = (Mat3::zeros(), Vec3::zeros());
     for branch in tree.iter() {
         let (x, own) = (branch.position - centre, inertia_of(system, branch.body));
         inertia += own + (Mat3::identity() * x.norm_squared() - x * x.transpose()) * mass(branch);
-        angular_momentum += own * branch.motion.angular + x.cross(&branch.motion.linear) * mass(branch);
+        angular_momentum += own * branch.motion.w + x.cross(&branch.motion.v) * mass(branch);
     }
     let turning = inertia.try_inverse().map_or(Vec3::zeros(), |inverse| inverse * angular_momentum);
     for branch in tree {
-        branch.motion.linear -= mean + turning.cross(&(branch.position - centre));
-        branch.motion.angular -= turning;
+        branch.motion.v -= mean + turning.cross(&(branch.position - centre));
+        branch.motion.w -= turning;
     }
 }
 
@@ -216,21 +209,20 @@ fn tree_load(
     tree: &[Branch],
     on_walls: bool,
 ) -> f64 {
-    // Momentum and angular momentum about the root of each body and those that it carries.
-    let mut carried = vec![Twist::default(); tree.len()];
+    // Impulse that stops each body and those that it carries, about the root.
+    let mut carried = vec![Wrench::default(); tree.len()];
     let mut largest = 0.0f64;
     for at in (usize::from(on_walls)..tree.len()).rev() {
         let Branch { body, carrier, position, motion } = &tree[at];
-        let momentum = motion.linear / system.bodies[*body].inverse_mass;
-        carried[at].linear += momentum;
-        carried[at].angular += position.cross(&momentum) + inertia_of(system, *body) * motion.angular;
+        let momentum = motion.v / system.bodies[*body].inverse_mass;
+        carried[at].force += momentum;
+        carried[at].torque += position.cross(&momentum) + inertia_of(system, *body) * motion.w;
         let Some((below, p)) = *carrier else { continue };
-        let (pair, Twist { linear, angular }) = (&pairs[p], carried[at]);
+        let (pair, load) = (&pairs[p], carried[at]);
         let centre = position + pair.arms[usize::from(pair.nodes[1] == *body)];
-        let load = Twist { linear, angular: angular - centre.cross(&linear) };
-        largest = largest.max(pair.load_share(system, solution, load));
-        carried[below].linear += linear;
-        carried[below].angular += angular;
+        largest = largest.max(pair.load_share(system, solution, load.about(&centre)));
+        carried[below].force += load.force;
+        carried[below].torque += load.torque;
     }
     largest
 }

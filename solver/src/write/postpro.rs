@@ -8,7 +8,7 @@ use cd_formats::atomic;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::postpro::{PostproCommand, PostproKind};
 
-use crate::math::{Vec3, to_local, to_world};
+use crate::math::{Twist, Vec3, Wrench, to_local, to_world};
 use crate::scene::{BodyId, BodyShape, ContactorShape, Scene};
 use crate::state::{SolvedContact, State};
 use crate::step::{StepReport, StepStart};
@@ -96,9 +96,9 @@ impl PostproFiles {
                 }
                 PostproKind::DissipatedEnergy => vec![vec![sums.dissipated, dissipated]],
                 PostproKind::CoordinationNumber => figures.coordination().into_iter().map(|row| row.to_vec()).collect(),
-                PostproKind::BodyTracking(bodies) => bodies.iter().map(|&i| figures.track(i, false).to_vec()).collect(),
+                PostproKind::BodyTracking(bodies) => bodies.iter().map(|&i| figures.body_motion(i).to_vec()).collect(),
                 PostproKind::TorqueEvolution(bodies) => {
-                    bodies.iter().flat_map(|&i| figures.forces(i)).map(|row| row.to_vec()).collect()
+                    bodies.iter().flat_map(|&i| figures.forces(i)).map(|load| load.components().to_vec()).collect()
                 }
                 PostproKind::NewRigidSets(sets) => sets.iter().flat_map(|set| figures.set_rows(set)).collect(),
             };
@@ -191,31 +191,31 @@ struct StepFigures<'a> {
     report: &'a StepReport,
     start: &'a StepStart,
     /// Force (N, fixed axes) and moment (N m, axes of the body) of all contacts on each body.
-    reaction: Vec<[Vec3; 2]>,
+    reaction: Vec<Wrench>,
 }
 
 impl<'a> StepFigures<'a> {
     fn new(scene: &'a Scene, state: &'a State, report: &'a StepReport, start: &'a StepStart) -> Self {
-        let mut reaction = vec![[Vec3::zeros(); 2]; state.x.len()];
+        let mut reaction = vec![Wrench::default(); state.x.len()];
         for solved in &state.contacts {
             let frame = solved.contact.frame();
             let (force, couple) =
                 (to_world(&frame, &solved.impulse) / state.h, to_world(&frame, &solved.moment) / state.h);
             for (body, arm, sign) in start.arms(solved) {
-                let [sum, moment] = &mut reaction[body.index()];
-                *sum += force * sign;
-                *moment += (arm.cross(&force) + couple) * sign;
+                let sum = &mut reaction[body.index()];
+                sum.force += force * sign;
+                sum.torque += (arm.cross(&force) + couple) * sign;
             }
         }
-        for (i, [_, moment]) in reaction.iter_mut().enumerate() {
-            *moment = start.q[i].inverse_transform_vector(moment);
+        for (i, load) in reaction.iter_mut().enumerate() {
+            load.torque = start.q[i].inverse_transform_vector(&load.torque);
         }
         StepFigures { scene, state, report, start, reaction }
     }
 
     /// Velocity, m/s, and angular velocity in the axes of the body, rad/s.
-    fn velocity(&self, i: usize) -> [Vec3; 2] {
-        [self.state.v[i], self.state.q[i].inverse_transform_vector(&self.state.w[i])]
+    fn velocity(&self, i: usize) -> Twist {
+        Twist { v: self.state.v[i], w: self.state.q[i].inverse_transform_vector(&self.state.w[i]) }
     }
 
     /// Moments of inertia about the axes of the body, kg m².
@@ -225,7 +225,7 @@ impl<'a> StepFigures<'a> {
 
     /// Force and moment on a body other than by contacts: for a free body the rest of its change of momentum, for a driven
     /// one its weight and imposed loads; imposed and gyroscopic moments.
-    fn external_force(&self, i: usize) -> [Vec3; 2] {
+    fn external_force(&self, i: usize) -> Wrench {
         let (scene, state) = (self.scene, self.state);
         let body = &scene.bodies[i];
         let mut loads = [Vec3::zeros(); 2];
@@ -234,42 +234,48 @@ impl<'a> StepFigures<'a> {
             let value = (1.0 - theta) * load.value.value_at(before) + theta * load.value.value_at(state.time);
             loads[load.component / 3][load.component % 3] += value;
         }
-        let [mut force, mut moment] = loads;
+        let [mut force, mut torque] = loads;
         if body.driven {
             force += state.gravity * body.mass;
         } else {
-            force = (state.v[i] - self.start.v[i]) * (body.mass / state.h) - self.reaction[i][0];
+            force = (state.v[i] - self.start.v[i]) * (body.mass / state.h) - self.reaction[i].force;
         }
         let w = self.start.q[i].inverse_transform_vector(&self.start.w[i]);
-        moment -= w.cross(&self.inertia(i).component_mul(&w));
-        [force, moment]
+        torque -= w.cross(&self.inertia(i).component_mul(&w));
+        Wrench { force, torque }
     }
 
     /// Rows of contact force, other force, and rate of change of momentum.
-    fn forces(&self, i: usize) -> [[f64; 6]; 3] {
+    fn forces(&self, i: usize) -> [Wrench; 3] {
         let body = &self.scene.bodies[i];
-        let [_, spin] = self.velocity(i);
         let before = self.start.q[i].inverse_transform_vector(&self.start.w[i]);
-        let inertial = [
-            (self.state.v[i] - self.start.v[i]) * (body.mass / self.state.h),
-            self.inertia(i).component_mul(&(spin - before)) / self.state.h,
-        ];
-        [self.reaction[i], self.external_force(i), inertial].map(|[a, b]| six(&a, &b))
+        let inertial = Wrench {
+            force: (self.state.v[i] - self.start.v[i]) * (body.mass / self.state.h),
+            torque: self.inertia(i).component_mul(&(self.velocity(i).w - before)) / self.state.h,
+        };
+        [self.reaction[i], self.external_force(i), inertial]
     }
 
-    /// Position, displacement and velocity of a body; the position is that of its first contactor if `at_contactor`.
-    fn track(&self, i: usize, at_contactor: bool) -> [f64; 12] {
+    /// Position, displacement and velocity of a body.
+    fn body_motion(&self, i: usize) -> [f64; 12] {
+        self.motion_at(i, self.state.x[i])
+    }
+
+    /// Position of the first contactor of a body, and displacement and velocity of the body.
+    fn contactor_motion(&self, i: usize) -> [f64; 12] {
+        let part = self.scene.find_part(BodyId::new(i), 0);
+        self.motion_at(i, part.map_or(self.state.x[i], |part| self.state.x[i] + self.state.q[i] * part.offset))
+    }
+
+    /// Position `x`, moved into the period, with the displacement and velocity of a body.
+    fn motion_at(&self, i: usize, mut x: Vec3) -> [f64; 12] {
         let (scene, state) = (self.scene, self.state);
-        let mut x = state.x[i];
-        if at_contactor && let Some(part) = scene.find_part(BodyId::new(i), 0) {
-            x += state.q[i] * part.offset;
-        }
         for (axis, period) in [scene.options.xperiode, scene.options.yperiode].into_iter().enumerate() {
             x[axis] = period.map_or(x[axis], |period| x[axis].rem_euclid(period));
         }
-        let [v, spin] = self.velocity(i);
-        let [moved, velocity] = [six(&x, &(state.x[i] - scene.reference[i])), six(&v, &spin)];
-        std::array::from_fn(|k| if k < 6 { moved[k] } else { velocity[k - 6] })
+        let (displacement, velocity) = (state.x[i] - scene.reference[i], self.velocity(i));
+        let columns = [x, displacement, velocity.v, velocity.w];
+        std::array::from_fn(|k| columns[k / 3][k % 3])
     }
 
     /// Rows of a set: mean motion, and sums of forces.
@@ -277,9 +283,9 @@ impl<'a> StepFigures<'a> {
         let mut motion = vec![0.0; 12];
         let mut sums = [0; 3].map(|_| vec![0.0; 6]);
         for &i in bodies {
-            motion.iter_mut().zip(self.track(i, true)).for_each(|(sum, x)| *sum += x);
-            for (sum, row) in sums.iter_mut().zip(self.forces(i)) {
-                sum.iter_mut().zip(row).for_each(|(sum, x)| *sum += x);
+            motion.iter_mut().zip(self.contactor_motion(i)).for_each(|(sum, x)| *sum += x);
+            for (sum, load) in sums.iter_mut().zip(self.forces(i)) {
+                sum.iter_mut().zip(load.components()).for_each(|(sum, x)| *sum += x);
             }
         }
         motion.iter_mut().for_each(|x| *x /= bodies.len().max(1) as f64);
@@ -290,8 +296,8 @@ impl<'a> StepFigures<'a> {
     /// Kinetic energy of all bodies, J.
     fn kinetic_energy(&self) -> f64 {
         let of = |i: usize| {
-            let [v, spin] = self.velocity(i);
-            0.5 * (self.scene.bodies[i].mass * v.norm_squared() + spin.dot(&self.inertia(i).component_mul(&spin)))
+            let Twist { v, w } = self.velocity(i);
+            0.5 * (self.scene.bodies[i].mass * v.norm_squared() + w.dot(&self.inertia(i).component_mul(&w)))
         };
         (0..self.state.x.len()).map(of).sum()
     }
@@ -306,9 +312,9 @@ impl<'a> StepFigures<'a> {
     /// Work of all forces over the step at its end velocities, J.
     fn work_of_forces(&self) -> f64 {
         let of = |i: usize| {
-            let ([v, spin], [force, moment]) = (self.velocity(i), self.external_force(i));
-            let [reaction, couple] = self.reaction[i];
-            self.state.h * ((reaction + force).dot(&v) + (couple + moment).dot(&spin))
+            let (velocity, external, reaction) = (self.velocity(i), self.external_force(i), self.reaction[i]);
+            let power = (reaction.force + external.force).dot(&velocity.v);
+            self.state.h * (power + (reaction.torque + external.torque).dot(&velocity.w))
         };
         (0..self.state.x.len()).map(of).sum()
     }
@@ -394,10 +400,6 @@ impl<'a> StepFigures<'a> {
         let (sweeps, contacts) = (self.report.sweeps, self.report.contacts_listed);
         format!("{} {sweeps:8} {} {contacts:8}", es(self.state.time, 8), criteria.join(" "))
     }
-}
-
-fn six(a: &Vec3, b: &Vec3) -> [f64; 6] {
-    [a.x, a.y, a.z, b.x, b.y, b.z]
 }
 
 #[cfg(test)]

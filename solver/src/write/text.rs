@@ -12,7 +12,7 @@ use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 
 use super::text_inputs::INPUT_COPIES;
 use crate::laws::Cohesion;
-use crate::math::Vec3;
+use crate::math::{Twist, Vec3};
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, Scene};
 use crate::state::{Contact, ContactId, ContactStatus, LawMemory, SolvedContact, State};
 
@@ -87,13 +87,12 @@ fn dof_file(scene: &Scene, state: &State) -> Dof {
         .map(|i| {
             let q = &state.q[i];
             let displacement = state.x[i] - scene.reference[i];
-            let spin = q.inverse_transform_vector(&state.w[i]);
-            let six = |a: &Vec3, b: &Vec3| [a.x, a.y, a.z, b.x, b.y, b.z];
+            let velocity = Twist { v: state.v[i], w: q.inverse_transform_vector(&state.w[i]) };
             BodyDof {
                 line: 0,
                 body: i,
-                displacement: six(&displacement, &Vec3::zeros()),
-                velocity: six(&state.v[i], &spin),
+                displacement: [displacement.x, displacement.y, displacement.z, 0.0, 0.0, 0.0],
+                velocity: velocity.components(),
                 axes: [Vec3::x(), Vec3::y(), Vec3::z()].map(|axis| (q * axis).into()),
             }
         })
