@@ -20,14 +20,21 @@ const MAX_SILENCE: Duration = Duration::from_secs(30);
 /// Time after which the end of a step is reported, which is more informative.
 const REPORT_INTERVAL: Duration = Duration::from_secs(29);
 
+/// Position of a run between two lines of output.
+struct ProgressMark {
+    /// Time of the last line.
+    last_line: Instant,
+    /// Step in progress.
+    step: u64,
+}
+
 pub struct ProgressDisplay {
     bar: ProgressBar,
     first: u64,
     last: u64,
     start: Instant,
-    /// Time of the last line, and the step in progress.
-    heard: Arc<Mutex<(Instant, u64)>>,
-    watch: Option<(Sender<()>, JoinHandle<()>)>,
+    mark: Arc<Mutex<ProgressMark>>,
+    watcher: Option<(Sender<()>, JoinHandle<()>)>,
     /// Whether the replacement of the chosen solver by sweeps was reported.
     replacement_reported: Cell<bool>,
 }
@@ -41,23 +48,23 @@ impl ProgressDisplay {
             bar.set_style(style);
         }
         bar.reset_eta();
-        let heard = Arc::new(Mutex::new((Instant::now(), first)));
-        let watch = bar.is_hidden().then(|| spawn_watcher(Arc::clone(&heard), last));
+        let mark = Arc::new(Mutex::new(ProgressMark { last_line: Instant::now(), step: first }));
+        let watcher = bar.is_hidden().then(|| spawn_watcher(Arc::clone(&mark), last));
         ProgressDisplay {
             bar,
             first,
             last,
             start: Instant::now(),
-            heard,
-            watch,
+            mark,
+            watcher,
             replacement_reported: Cell::new(false),
         }
     }
 
     /// Reports that the step after `step` begins.
     pub fn begin_step(&self, step: u64) {
-        if let Ok(mut heard) = self.heard.lock() {
-            heard.1 = step;
+        if let Ok(mut mark) = self.mark.lock() {
+            mark.step = step;
         }
     }
 
@@ -84,13 +91,13 @@ impl ProgressDisplay {
 
     /// Whether nothing has been printed for long.
     pub fn is_silent(&self) -> bool {
-        self.heard.lock().is_ok_and(|heard| heard.0.elapsed() > REPORT_INTERVAL)
+        self.mark.lock().is_ok_and(|mark| mark.last_line.elapsed() > REPORT_INTERVAL)
     }
 
     /// Prints the state of the run.
     pub fn print_status(&self, state: &State, report: &StepReport) {
-        if let Ok(mut heard) = self.heard.lock() {
-            heard.0 = Instant::now();
+        if let Ok(mut mark) = self.mark.lock() {
+            mark.last_line = Instant::now();
         }
         if !self.bar.is_hidden() {
             return;
@@ -160,30 +167,30 @@ fn unconverged_reason(residual: f64, tol: f64, left_out: usize) -> String {
 
 impl Drop for ProgressDisplay {
     fn drop(&mut self) {
-        if let Some((end, watch)) = self.watch.take() {
+        if let Some((end, watcher)) = self.watcher.take() {
             drop(end);
-            let _ = watch.join();
+            let _ = watcher.join();
         }
     }
 }
 
 /// Starts a thread that prints a line if a step takes longer than the longest time between lines.
-fn spawn_watcher(heard: Arc<Mutex<(Instant, u64)>>, last: u64) -> (Sender<()>, JoinHandle<()>) {
+fn spawn_watcher(mark: Arc<Mutex<ProgressMark>>, last: u64) -> (Sender<()>, JoinHandle<()>) {
     let (end, ends) = channel();
     let look = move || {
         let mut wait = MAX_SILENCE;
         while ends.recv_timeout(wait) == Err(RecvTimeoutError::Timeout) {
-            let Ok(mut heard) = heard.lock() else { return };
-            let silent = heard.0.elapsed();
+            let Ok(mut mark) = mark.lock() else { return };
+            let silent = mark.last_line.elapsed();
             if silent >= MAX_SILENCE {
                 print_line(format_args!(
                     "after step {}/{last}: next step in progress, {}",
-                    heard.1,
+                    mark.step,
                     activity::current_activity()
                 ));
-                heard.0 = Instant::now();
+                mark.last_line = Instant::now();
             }
-            wait = MAX_SILENCE.saturating_sub(heard.0.elapsed()).max(Duration::from_millis(100));
+            wait = MAX_SILENCE.saturating_sub(mark.last_line.elapsed()).max(Duration::from_millis(100));
         }
     };
     (end, spawn(look))

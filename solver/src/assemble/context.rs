@@ -28,10 +28,11 @@ pub(super) struct AssemblyContext<'a> {
     pub bounds: Vec<MotionBounds>,
     /// Whether each body is a sphere; a packed array, as contacts read it in any order.
     pub is_sphere: Vec<bool>,
-    pub records: &'a [SolverBody],
+    pub solver_bodies: &'a [SolverBody],
     /// Whether velocities differ from those at the end of the last step.
     pub changed: bool,
-    pub full: bool,
+    /// Whether the rows have [`super::BlockData`].
+    pub has_blocks: bool,
     pub width: SimdWidth,
 }
 
@@ -78,7 +79,7 @@ impl<'a> AssemblyContext<'a> {
             if self.on_plate(contact) { (self.plate_velocity(contact) - q_c.mean_velocity).norm() } else { 0.0 };
         let reach = q_c.reach_time(self.scene);
         let mut travel = reach * (a.speed + plate.max(b.speed));
-        if self.full {
+        if self.has_blocks {
             travel += reach * (a.angular_speed * at_a.norm() + b.angular_speed * at_b.norm());
         }
         travel
@@ -125,7 +126,7 @@ impl<'a> AssemblyContext<'a> {
     #[inline]
     pub(super) fn sphere_radius(&self, body: BodyId, rank: u16) -> Option<f64> {
         if self.is_sphere[body.index()] {
-            return Some(self.records[body.index()].radius);
+            return Some(self.solver_bodies[body.index()].radius);
         }
         if !self.scene.has_round_parts {
             return None;
@@ -144,6 +145,6 @@ impl<'a> AssemblyContext<'a> {
 
     /// Whether the antagonist is a plate whose motion is in the row's shift.
     pub(super) fn on_plate(&self, contact: &Contact) -> bool {
-        !self.full && !self.is_sphere[contact.antagonist.index()]
+        !self.has_blocks && !self.is_sphere[contact.antagonist.index()]
     }
 }

@@ -1,7 +1,7 @@
 //! Contact problem of one step: one row per contact, one record per body.
 //!
 //! No Delassus matrix is stored: the sweeps keep the velocities V = V_free + M⁻¹ H r of the bodies,
-//! and a row reads and changes those of its two. A law's shift c is put into the records once, so
+//! and a row reads and changes those of its two. A law's shift c is put into the velocities of the bodies once, so
 //! that the solver works on r̂ = r - c n alone (see [`crate::laws`]).
 
 use nalgebra::Matrix3;
@@ -101,7 +101,7 @@ impl RegularisedRow {
 #[derive(Debug, Clone)]
 pub struct ContactProblem {
     pub rows: Vec<ContactConstraint>,
-    /// Additional data of the rows and records where not all bodies are spheres and plates.
+    /// Additional data of the rows and solver bodies where not all bodies are spheres and plates.
     pub block_data: Option<BlockData>,
     /// Rolling constraints in the order of the rows; empty in most scenes.
     pub rolling_constraints: Vec<RollingConstraint>,
@@ -116,7 +116,7 @@ pub struct ContactProblem {
 }
 
 /// Data of rows whose W is a full block: lever arms of any direction, anisotropic inertia. `arm` of the rows and
-/// `inverse_inertia` and `radius` of the records are then not used; `w_n` is W_nn and `w_t` the mean of W_tt and W_ss.
+/// `inverse_inertia` and `radius` of the solver bodies are then not used; `w_n` is W_nn and `w_t` the mean of W_tt and W_ss.
 #[derive(Debug, Clone)]
 pub struct BlockData {
     /// Vectors from the centres of candidate and antagonist to the contact point, by row, m.
@@ -140,19 +140,19 @@ impl ContactConstraint {
         (attraction - self.shift.dot(&self.normal) / self.w_n).clamp(0.0, attraction)
     }
 
-    /// û at the records' velocities, world frame, m/s.
-    pub fn shifted_velocity(&self, records: &[SolverBody]) -> Vec3 {
-        let [a, b] = self.bodies.map(|i| &records[i.index()]);
+    /// û at the velocities of `solver_bodies`, world frame, m/s.
+    pub fn shifted_velocity(&self, solver_bodies: &[SolverBody]) -> Vec3 {
+        let [a, b] = self.bodies.map(|i| &solver_bodies[i.index()]);
         a.v - b.v + self.normal.cross(&(a.w * a.radius + b.w * b.radius)) * self.arm + self.shift
     }
 
     /// Gives the two bodies the impulse `r` on the candidate and -r on the antagonist, N s.
-    pub fn apply_impulse(&self, records: &mut [SolverBody], r: &Vec3) {
+    pub fn apply_impulse(&self, solver_bodies: &mut [SolverBody], r: &Vec3) {
         let turn = r.cross(&self.normal) * self.arm; // moment over the radius, the same for both sides
-        let a = &mut records[self.bodies[0].index()];
+        let a = &mut solver_bodies[self.bodies[0].index()];
         a.v += r * a.inverse_mass;
         a.w += turn * (a.radius * a.inverse_inertia);
-        let b = &mut records[self.bodies[1].index()];
+        let b = &mut solver_bodies[self.bodies[1].index()];
         b.v -= r * b.inverse_mass;
         b.w += turn * (b.radius * b.inverse_inertia);
     }
@@ -180,7 +180,7 @@ impl ContactProblem {
     #[inline(always)]
     pub fn contact_arm(&self, k: usize, side: usize) -> Vec3 {
         match &self.block_data {
-            Some(full) => full.arms[k][side],
+            Some(block_data) => block_data.arms[k][side],
             None => {
                 let row = &self.rows[k];
                 row.normal * ([-row.arm, row.arm][side] * self.bodies[row.bodies[side].index()].radius)
@@ -191,13 +191,13 @@ impl ContactProblem {
     /// Change of the velocity of `body` by an impulse.
     pub fn velocity_change(&self, body: BodyId, impulse: &Vec3) -> Vec3 {
         let change = impulse * self.bodies[body.index()].inverse_mass;
-        self.block_data.as_ref().map_or(change, |full| change.component_mul(&full.free_axes(body.index())))
+        self.block_data.as_ref().map_or(change, |block_data| change.component_mul(&block_data.free_axes(body.index())))
     }
 
     /// Change of the angular velocity of `body` by an angular impulse, world frame.
     pub fn angular_velocity_change(&self, body: BodyId, angular_impulse: &Vec3) -> Vec3 {
         match &self.block_data {
-            Some(full) => full.inverse_inertia[body.index()] * angular_impulse,
+            Some(block_data) => block_data.inverse_inertia[body.index()] * angular_impulse,
             None => angular_impulse * self.bodies[body.index()].inverse_inertia,
         }
     }
@@ -207,25 +207,25 @@ impl ContactProblem {
     pub fn delassus_diagonal(&self, k: usize) -> (f64, f64) {
         let row = &self.rows[k];
         match &self.block_data {
-            Some(full) if row.w_n == 0.0 => full.delassus_diagonal(k, row, &self.bodies),
+            Some(block_data) if row.w_n == 0.0 => block_data.delassus_diagonal(k, row, &self.bodies),
             _ => (row.w_n, row.w_t),
         }
     }
 
     /// Whether an impulse along the normal of row `k` can move one of its bodies at the contact point.
     pub fn can_move_a_body(&self, k: usize, bodies: &[RigidBody]) -> bool {
-        self.block_data.as_ref().is_none_or(|full| full.can_move_a_body(k, &self.rows[k], bodies))
+        self.block_data.as_ref().is_none_or(|block_data| block_data.can_move_a_body(k, &self.rows[k], bodies))
     }
 
     /// Whether the friction of some row does not act at its contact point.
     pub fn has_friction_offsets(&self) -> bool {
-        self.block_data.as_ref().is_some_and(|full| !full.friction_offsets.is_empty())
+        self.block_data.as_ref().is_some_and(|block_data| !block_data.friction_offsets.is_empty())
     }
 
     /// n×d of row `k` with the friction offset d, m; 0 where friction acts at the contact point.
     #[inline]
     pub fn friction_lever(&self, k: usize) -> Vec3 {
-        self.block_data.as_ref().map_or(Vec3::zeros(), |full| full.friction_lever(k, &self.rows[k].normal))
+        self.block_data.as_ref().map_or(Vec3::zeros(), |block_data| block_data.friction_lever(k, &self.rows[k].normal))
     }
 
     /// Velocity at row `k` of a body on `side` that turns with `w`, world frame, m/s: along n at the contact point, in the
@@ -234,9 +234,9 @@ impl ContactProblem {
     pub fn turning_velocity(&self, k: usize, side: usize, w: &Vec3) -> Vec3 {
         let turning = w.cross(&self.contact_arm(k, side));
         match &self.block_data {
-            Some(full) if full.friction_offsets.get(k).is_some_and(|offset| *offset != Vec3::zeros()) => {
+            Some(block_data) if block_data.friction_offsets.get(k).is_some_and(|offset| *offset != Vec3::zeros()) => {
                 let normal = &self.rows[k].normal;
-                turning + full.friction_lever(k, normal) * normal.dot(w)
+                turning + block_data.friction_lever(k, normal) * normal.dot(w)
             }
             _ => turning,
         }
@@ -246,7 +246,7 @@ impl ContactProblem {
     /// the bodies, m.
     #[inline]
     pub fn arms_of(&self, k: usize, contact: &Contact, x: &[Vec3]) -> [Vec3; 2] {
-        self.block_data.as_ref().map_or_else(|| contact_arms(contact, x), |full| full.arms[k])
+        self.block_data.as_ref().map_or_else(|| contact_arms(contact, x), |block_data| block_data.arms[k])
     }
 
     /// Angular impulse about the centre of the body on `side` by an impulse `r` on it at row `k`, N m s; the transpose of
@@ -261,26 +261,26 @@ impl ContactProblem {
         self.rows[k].normal * self.friction_lever(k).dot(r)
     }
 
-    /// û of row `k` at the records' velocities, world frame, m/s.
-    pub fn shifted_velocity(&self, k: usize, records: &[SolverBody]) -> Vec3 {
+    /// û of row `k` at the velocities of `solver_bodies`, world frame, m/s.
+    pub fn shifted_velocity(&self, k: usize, solver_bodies: &[SolverBody]) -> Vec3 {
         let row = &self.rows[k];
         if self.block_data.is_none() {
-            return row.shifted_velocity(records);
+            return row.shifted_velocity(solver_bodies);
         }
         let at = |side: usize| {
-            let record = &records[row.bodies[side].index()];
-            record.v + self.turning_velocity(k, side, &record.w)
+            let solver_body = &solver_bodies[row.bodies[side].index()];
+            solver_body.v + self.turning_velocity(k, side, &solver_body.w)
         };
         at(0) - at(1) + row.shift
     }
 
     /// Normal component of [`Self::shifted_velocity`] up to rounding, m/s: friction offsets do not change it.
     #[inline]
-    pub fn shifted_normal_velocity(&self, k: usize, records: &[SolverBody]) -> f64 {
+    pub fn shifted_normal_velocity(&self, k: usize, solver_bodies: &[SolverBody]) -> f64 {
         let row = &self.rows[k];
-        let Some(full) = &self.block_data else { return row.normal.dot(&row.shifted_velocity(records)) };
-        let [a, b] = row.bodies.map(|body| &records[body.index()]);
-        let [at_a, at_b] = &full.arms[k];
+        let Some(block_data) = &self.block_data else { return row.normal.dot(&row.shifted_velocity(solver_bodies)) };
+        let [a, b] = row.bodies.map(|body| &solver_bodies[body.index()]);
+        let [at_a, at_b] = &block_data.arms[k];
         let u = a.v + a.w.cross(at_a) - (b.v + b.w.cross(at_b)) + row.shift;
         row.normal.dot(&u)
     }
@@ -296,9 +296,9 @@ impl ContactProblem {
                 self.velocity_change(body, &r),
                 self.angular_velocity_change(body, &self.angular_impulse(k, side, &r)),
             );
-            let record = &mut self.bodies[body.index()];
-            record.v += push;
-            record.w += turn;
+            let solver_body = &mut self.bodies[body.index()];
+            solver_body.v += push;
+            solver_body.w += turn;
         }
     }
 }
@@ -322,11 +322,16 @@ impl BlockData {
     }
 
     /// W_nn and the mean of W_tt and W_ss of row `k`, 1/kg.
-    pub(crate) fn delassus_diagonal(&self, k: usize, row: &ContactConstraint, records: &[SolverBody]) -> (f64, f64) {
+    pub(crate) fn delassus_diagonal(
+        &self,
+        k: usize,
+        row: &ContactConstraint,
+        solver_bodies: &[SolverBody],
+    ) -> (f64, f64) {
         let (mut w_n, mut trace) = (0.0, 0.0);
         let lever = self.friction_lever(k, &row.normal);
         for (body, arm) in row.bodies.into_iter().zip(&self.arms[k]) {
-            let (inverse_mass, j) = (records[body.index()].inverse_mass, &self.inverse_inertia[body.index()]);
+            let (inverse_mass, j) = (solver_bodies[body.index()].inverse_mass, &self.inverse_inertia[body.index()]);
             let turn = arm.cross(&row.normal);
             let held = self.locked_axes.get(body.index());
             let along = held.map_or(1.0, |held| 1.0 - held.dot(&row.normal.component_mul(&row.normal)));

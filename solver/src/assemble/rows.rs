@@ -40,8 +40,8 @@ pub fn contact_problem(
     contacts: &[Contact],
     free: Velocities,
 ) -> ContactProblem {
-    let mut full = block_data(scene, q_c);
-    let records: Vec<SolverBody> = scene
+    let mut block_data = block_data(scene, q_c);
+    let solver_bodies: Vec<SolverBody> = scene
         .bodies
         .par_iter()
         .zip(free.v.par_iter().zip(free.w))
@@ -55,7 +55,7 @@ pub fn contact_problem(
                 radius,
             },
             // A plate's motion at the contact point is in the row's shift.
-            _ if full.is_some() => {
+            _ if block_data.is_some() => {
                 SolverBody { v: *v, inverse_mass: body.inverse_mass(), w: *w, inverse_inertia: 0.0, radius: 0.0 }
             }
             BodyShape::Plane { .. } | BodyShape::Parts => {
@@ -72,43 +72,43 @@ pub fn contact_problem(
     });
     let bounds = bounds.collect();
     let is_sphere = scene.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(RigidBody::is_sphere).collect();
-    let setting = AssemblyContext {
+    let context = AssemblyContext {
         scene,
         state,
         q_c,
         free,
         bounds,
         is_sphere,
-        records: &records,
+        solver_bodies: &solver_bodies,
         changed: q_c.changed,
-        full: full.is_some(),
+        has_blocks: block_data.is_some(),
         width: SimdWidth::detect(),
     };
-    let history = setting.previous_contacts(contacts);
+    let history = context.previous_contacts(contacts);
     let before = |old: &Option<ContactId>| old.map(|k| &state.contacts[k.index()]);
-    let holds = setting.bond_states(contacts, &history);
-    let memories = setting.law_memories(contacts, &history);
+    let bond_states = context.bond_states(contacts, &history);
+    let memories = context.law_memories(contacts, &history);
     let of_contact = |(k, old): (usize, &Option<ContactId>)| {
-        setting.prefetch(contacts.get(k + PREFETCH_CONTACTS));
+        context.prefetch(contacts.get(k + PREFETCH_CONTACTS));
         let memory = memories.get(k).copied().unwrap_or_default();
-        let hold = holds.get(k).copied().unwrap_or_default();
-        setting.contact_constraint(&contacts[k], before(old), hold, memory)
+        let bond_state = bond_states.get(k).copied().unwrap_or_default();
+        context.contact_constraint(&contacts[k], before(old), bond_state, memory)
     };
     let mut rows: Vec<ContactConstraint> = history.par_iter().enumerate().with_min_len(256).map(of_contact).collect();
     let mut rolls: Vec<RollingConstraint> = if state.laws.iter().any(|law| law.rolling_friction().is_some()) {
         let listed = (0..).zip(contacts).zip(&history).filter(|((k, _), _): &((usize, _), _)| rows[*k].acts);
         listed
             .filter_map(|((k, contact), old)| {
-                setting.rolling_constraint(k, contact, old.map(|k| &state.contacts[k.index()]))
+                context.rolling_constraint(k, contact, old.map(|k| &state.contacts[k.index()]))
             })
             .collect()
     } else {
         Vec::new()
     };
-    if let Some(full) = &mut full {
-        full.arms = contacts.par_iter().with_min_len(256).map(|contact| contact_arms(contact, &q_c.x)).collect();
+    if let Some(block_data) = &mut block_data {
+        block_data.arms = contacts.par_iter().with_min_len(256).map(|contact| contact_arms(contact, &q_c.x)).collect();
     }
-    if let Some(full) = &mut full
+    if let Some(block_data) = &mut block_data
         && scene.options.face_friction == FaceFriction::Uniform
     {
         let load = |k: usize| match history[k] {
@@ -117,22 +117,23 @@ pub fn contact_problem(
         };
         let sticks =
             |k: usize| history[k].is_some_and(|old| state.contacts[old.index()].status == ContactStatus::Stick);
-        full.friction_offsets =
-            FaceRows { contacts, rows: &rows, records: &records, full, load, sticks }.friction_offsets();
+        block_data.friction_offsets =
+            FaceRows { contacts, rows: &rows, records: &solver_bodies, full: block_data, load, sticks }
+                .friction_offsets();
         if has_joints(scene) {
-            let faces = FaceRows { contacts, rows: &rows, records: &records, full, load, sticks };
-            let last_loads = || setting.last_loads(contacts, &history);
+            let faces = FaceRows { contacts, rows: &rows, records: &solver_bodies, full: block_data, load, sticks };
+            let last_loads = || context.last_loads(contacts, &history);
             let joined = Joints { faces: &faces, scene, last_loads }.joined_faces();
-            full.friction_offsets = joined.offsets;
+            block_data.friction_offsets = joined.offsets;
             joined.warm_starts.into_iter().for_each(|(k, r)| rows[k].warm_start = r);
         }
-        if !full.friction_offsets.is_empty() {
-            setting.shift_friction(full, contacts, &mut rows);
+        if !block_data.friction_offsets.is_empty() {
+            context.shift_friction(block_data, contacts, &mut rows);
         }
     }
-    if let Some(full) = &full {
+    if let Some(block_data) = &block_data {
         rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
-            if !full.can_move_a_body(k, row, &scene.bodies) {
+            if !block_data.can_move_a_body(k, row, &scene.bodies) {
                 *row = ContactConstraint {
                     acts: false,
                     can_close: false,
@@ -143,42 +144,42 @@ pub fn contact_problem(
                 };
             }
             (row.w_n, row.w_t) = if row.can_close || row.impulse_shift != 0.0 {
-                full.delassus_diagonal(k, row, &records)
+                block_data.delassus_diagonal(k, row, &solver_bodies)
             } else {
                 (0.0, 0.0)
             };
         });
         for roll in &mut rolls {
-            let [a, b] = rows[roll.row.index()].bodies.map(|body| full.inverse_inertia[body.index()]);
+            let [a, b] = rows[roll.row.index()].bodies.map(|body| block_data.inverse_inertia[body.index()]);
             roll.inverse_w = 1.0 / (a + b).symmetric_eigenvalues().max();
         }
     }
-    let regularised = setting.regularised_rows(contacts, &rows, &memories);
-    let mut system = ContactProblem {
+    let regularised = context.regularised_rows(contacts, &rows, &memories);
+    let mut contact_problem = ContactProblem {
         rows,
         rolling_constraints: rolls,
-        block_data: full,
+        block_data,
         regularised,
         memories,
-        bodies: records,
+        bodies: solver_bodies,
         order: q_c.order.clone(),
     };
     let rescues = state.laws.iter().any(|law| law.rescue().is_some());
     if rescues {
-        push_out_overlaps(state, q_c.h, contacts, &mut system);
+        push_out_overlaps(state, q_c.h, contacts, &mut contact_problem);
     }
     if rescues || state.laws.iter().any(|law| law.cohesion().is_some()) {
-        apply_cohesion(&mut system, &history);
+        apply_cohesion(&mut contact_problem, &history);
     }
-    system
+    contact_problem
 }
 
 /// Sets the impulse with which laws push out deep overlaps, and starts the remaining impulse from what is left.
-fn push_out_overlaps(state: &State, h: f64, contacts: &[Contact], system: &mut ContactProblem) {
+fn push_out_overlaps(state: &State, h: f64, contacts: &[Contact], contact_problem: &mut ContactProblem) {
     for (k, contact) in contacts.iter().enumerate() {
         let Some(rescue) = state.laws[contact.law as usize].rescue() else { continue };
-        let (push, w_n) = (rescue.velocity(contact.gap, h), system.delassus_diagonal(k).0);
-        let row = &mut system.rows[k];
+        let (push, w_n) = (rescue.velocity(contact.gap, h), contact_problem.delassus_diagonal(k).0);
+        let row = &mut contact_problem.rows[k];
         if push > 0.0 && row.can_close && w_n > 0.0 {
             row.impulse_shift = push / w_n;
             let normal = row.normal.dot(&row.warm_start);
@@ -188,13 +189,13 @@ fn push_out_overlaps(state: &State, h: f64, contacts: &[Contact], system: &mut C
 }
 
 /// Applies the attraction of the contacts, and starts contacts without a history from the impulse that balances it.
-fn apply_cohesion(system: &mut ContactProblem, history: &[Option<ContactId>]) {
+fn apply_cohesion(contact_problem: &mut ContactProblem, history: &[Option<ContactId>]) {
     for (k, old) in history.iter().enumerate() {
-        let ContactConstraint { impulse_shift, normal, .. } = system.rows[k];
+        let ContactConstraint { impulse_shift, normal, .. } = contact_problem.rows[k];
         if impulse_shift != 0.0 {
-            system.apply_impulse(k, &(normal * impulse_shift));
+            contact_problem.apply_impulse(k, &(normal * impulse_shift));
             if old.is_none() {
-                system.rows[k].warm_start = normal * system.rows[k].balancing_impulse();
+                contact_problem.rows[k].warm_start = normal * contact_problem.rows[k].balancing_impulse();
             }
         }
     }
@@ -203,11 +204,11 @@ fn apply_cohesion(system: &mut ContactProblem, history: &[Option<ContactId>]) {
 impl AssemblyContext<'_> {
     /// Prefetches the data of a contact's antagonist that [`Self::contact_constraint`] reads; candidates are read in order.
     fn prefetch(&self, contact: Option<&Contact>) {
-        let AssemblyContext { state, q_c, bounds, records, width, .. } = self;
+        let AssemblyContext { state, q_c, bounds, solver_bodies, width, .. } = self;
         let Some(b) = contact.map(|contact| contact.antagonist.index()) else { return };
         [&q_c.x[b], &q_c.w[b], &state.v[b], &state.w[b]].into_iter().for_each(|x| width.prefetch(x));
         width.prefetch(&bounds[b]);
-        width.prefetch(&records[b]);
+        width.prefetch(&solver_bodies[b]);
     }
 
     /// Regularisations of the rows that act, by the laws of their contacts.
@@ -256,10 +257,10 @@ impl AssemblyContext<'_> {
         &self,
         contact: &Contact,
         previous: Option<&SolvedContact>,
-        hold: BondState,
+        bond_state: BondState,
         memory: LawMemory,
     ) -> ContactConstraint {
-        let &AssemblyContext { scene, state, q_c, records, full, .. } = self;
+        let &AssemblyContext { scene, state, q_c, solver_bodies, has_blocks, .. } = self;
         let h = q_c.h;
         let frame = contact.frame();
         let n = frame[0];
@@ -272,25 +273,26 @@ impl AssemblyContext<'_> {
         let radius = if law.depends_on_radius() { self.contact_radius(contact) } else { 0.0 };
         let bodies = [contact.candidate, contact.antagonist];
         let [a, b] = bodies.map(|i| i.index());
-        let w_n = records[a].inverse_mass + records[b].inverse_mass;
-        let reach = self.closing_time();
-        let course = self.gap_forecast(contact, law, reach, previous.map_or(0.0, |old| w_n * old.impulse.x));
+        let w_n = solver_bodies[a].inverse_mass + solver_bodies[b].inverse_mass;
+        let closing_time = self.closing_time();
+        let gap_forecast =
+            self.gap_forecast(contact, law, closing_time, previous.map_or(0.0, |old| w_n * old.impulse.x));
         // The load of a new contact is unknown, and a rebounding contact does not stay.
-        let carried = previous.is_some_and(|old| old.impulse != Vec3::zeros()) && course != GapForecast::Due;
-        let stays = hold.bond.is_some() || hold.in_aggregate || carried;
-        let as_one = hold.bond.is_some() && law.bonds_are_rigid();
+        let carried = previous.is_some_and(|old| old.impulse != Vec3::zeros()) && gap_forecast != GapForecast::Due;
+        let stays = bond_state.bond.is_some() || bond_state.in_aggregate || carried;
+        let as_one = bond_state.bond.is_some() && law.bonds_are_rigid();
         let turning = if stays { self.arm_turning_velocity(contact, &arms, as_one) } else { Vec3::zeros() };
         // Sliding along a curved surface is no approach, and bonded bodies that turn do not part.
-        let curve = match hold {
+        let curve = match bond_state {
             BondState { bond: Some(_), .. } if law.bonds_are_rigid() => -turning.dot(&n),
             BondState { in_aggregate: true, .. } => (contact.gap.max(0.0) / h - turning.dot(&n)).min(0.0),
             BondState { .. } => self.curvature_velocity(contact),
         };
         let u_n = n.dot(&u_before) + curve;
-        let bonded = hold.bond.is_some();
+        let bonded = bond_state.bond.is_some();
         let slid_before = previous.is_some_and(|old| old.status == ContactStatus::Slide);
         let gap = contact.gap - memory.reference_gap;
-        let at = LawInput { gap, h, closing_time: reach, gap_forecast: course, u_n, radius, slid_before, bonded };
+        let at = LawInput { gap, h, closing_time, gap_forecast, u_n, radius, slid_before, bonded };
         // Bodies are held together within the alert distance, as in LMGC90.
         let is_coupled = law.is_coupled() && self.alert_distance(contact).is_some_and(|alert| contact.gap <= alert);
         let shift = law.contact_shift(&at).filter(|_| is_coupled || !law.is_coupled());
@@ -310,17 +312,17 @@ impl AssemblyContext<'_> {
         let on_plate = self.on_plate(contact);
         // The arms end in one point: it divides the distance in the ratio of the radii, and is the middle of the gap on flat
         // surfaces.
-        let radii = [records[a].radius, records[b].radius];
+        let radii = [solver_bodies[a].radius, solver_bodies[b].radius];
         let beyond = || match scene.find_part(contact.antagonist, contact.ranks.1).map(|part| &part.geometry) {
             Some(ContactorShape::Sphere { radius }) => *radius,
             _ if on_plate => radii[0],
             _ => radii[1],
         };
-        let arm = if full { 1.0 } else { 1.0 + contact.gap / (radii[0] + beyond()) };
+        let arm = if has_blocks { 1.0 } else { 1.0 + contact.gap / (radii[0] + beyond()) };
         let plate = if on_plate { self.plate_velocity(contact) } else { Vec3::zeros() };
         let w_t = w_n
-            + (arm * radii[0]).powi(2) * records[a].inverse_inertia
-            + (arm * radii[1]).powi(2) * records[b].inverse_inertia;
+            + (arm * radii[0]).powi(2) * solver_bodies[a].inverse_inertia
+            + (arm * radii[1]).powi(2) * solver_bodies[b].inverse_inertia;
         let u_tangent = u_before - n * n.dot(&u_before);
         ContactConstraint {
             bodies,
@@ -337,7 +339,7 @@ impl AssemblyContext<'_> {
                 || shift.solved && (shift.impulse != 0.0 || self.can_close_gap(contact, gap, &arms)),
             warm_start: previous.map_or(Vec3::zeros(), |old| warm_start(old, contact, &shift, h / state.h)),
             u_before: to_local(&frame, &u_before),
-            bond: hold.bond.filter(|_| acts),
+            bond: bond_state.bond.filter(|_| acts),
         }
     }
 
@@ -370,9 +372,9 @@ impl AssemblyContext<'_> {
     }
 
     /// Sets the velocities before the step, and the shift by restitution, at the points where friction acts.
-    fn shift_friction(&self, full: &BlockData, contacts: &[Contact], rows: &mut [ContactConstraint]) {
+    fn shift_friction(&self, block_data: &BlockData, contacts: &[Contact], rows: &mut [ContactConstraint]) {
         let of_row = |(k, row): (usize, &mut ContactConstraint)| {
-            let (contact, lever) = (&contacts[k], full.friction_lever(k, &row.normal));
+            let (contact, lever) = (&contacts[k], block_data.friction_lever(k, &row.normal));
             let [a, b] = row.bodies.map(|body| self.q_c.w[body.index()]);
             let change = lever * row.normal.dot(&(a - b));
             row.u_before += to_local(&contact.frame(), &change);
@@ -380,12 +382,12 @@ impl AssemblyContext<'_> {
             if !law.acts_on_touch() {
                 return;
             }
-            let reach = self.closing_time();
+            let closing_time = self.closing_time();
             let at = LawInput {
                 gap: contact.gap,
                 h: self.q_c.h,
-                closing_time: reach,
-                gap_forecast: self.gap_forecast(contact, law, reach, 0.0),
+                closing_time,
+                gap_forecast: self.gap_forecast(contact, law, closing_time, 0.0),
                 u_n: row.u_before.x,
                 radius: self.contact_radius(contact),
                 slid_before: false,
@@ -394,7 +396,7 @@ impl AssemblyContext<'_> {
             row.shift += change * law.contact_shift(&at).unwrap_or_default().tangential;
         };
         let rows = rows.par_iter_mut().enumerate().with_min_len(256);
-        rows.filter(|(k, _)| full.friction_offsets[*k] != Vec3::zeros()).for_each(of_row);
+        rows.filter(|(k, _)| block_data.friction_offsets[*k] != Vec3::zeros()).for_each(of_row);
     }
 
     /// Whether a contact slides at the step's start that carried nothing in the last step, or whose bodies have other
@@ -428,7 +430,7 @@ impl AssemblyContext<'_> {
     ///
     /// `pushed`: change of its normal velocity by its own impulse in the last step, m/s.
     #[inline]
-    fn gap_forecast(&self, contact: &Contact, law: &ContactLaw, reach: f64, pushed: f64) -> GapForecast {
+    fn gap_forecast(&self, contact: &Contact, law: &ContactLaw, closing_time: f64, pushed: f64) -> GapForecast {
         let damped_spring = law.is_damped_spring();
         if !(law.acts_on_touch() || damped_spring) || contact.gap <= 0.0 {
             return GapForecast::Apart { depth: 0.0 };
@@ -437,7 +439,7 @@ impl AssemblyContext<'_> {
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
         let u_n = contact.normal.dot(&relative_velocity(contact, &q_c.x, self.start_velocities())).abs();
         let pull = |i: usize| contact.normal.dot(&(free_velocities.v[i] - state.v[i])).abs();
-        if !damped_spring && (u_n < RESTING * pushed || u_n.max(contact.gap / reach) < pull(a).max(pull(b))) {
+        if !damped_spring && (u_n < RESTING * pushed || u_n.max(contact.gap / closing_time) < pull(a).max(pull(b))) {
             return GapForecast::Resting;
         }
         let depth = allowed_overlap(scene, contact, law);
@@ -470,7 +472,7 @@ impl AssemblyContext<'_> {
             radius: self.effective_radius(contact),
             rolling,
             spinning,
-            inverse_w: 1.0 / (self.records[a].inverse_inertia + self.records[b].inverse_inertia),
+            inverse_w: 1.0 / (self.solver_bodies[a].inverse_inertia + self.solver_bodies[b].inverse_inertia),
             shift: if self.on_plate(contact) { -self.free.w[b] } else { Vec3::zeros() },
             warm_start: previous.map_or(Vec3::zeros(), |old| to_world(&old.contact.frame(), &old.moment) * scale),
         })
@@ -484,11 +486,11 @@ fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
     };
     let held = || scene.bodies.iter().map(RigidBody::locked_axes).collect();
     let bodies = scene.bodies.par_iter().zip(&q_c.q);
-    let full = || BlockData {
+    let new_data = || BlockData {
         arms: Vec::new(),
         friction_offsets: Vec::new(),
         locked_axes: if scene.bodies.iter().any(RigidBody::is_driven_in_part) { held() } else { Vec::new() },
         inverse_inertia: bodies.enumerate().with_min_len(BODIES_PER_TASK).map(inverse_inertia).collect(),
     };
-    scene.needs_blocks().then(full)
+    scene.needs_blocks().then(new_data)
 }

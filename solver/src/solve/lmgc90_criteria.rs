@@ -170,13 +170,13 @@ mod tests {
         (sphere.bodies[0].radius, sphere.bodies[0].inverse_inertia) = (1.0, 5.0);
         (sphere.bodies[0].v, sphere.bodies[0].w) = (Vec3::new(0.5, -1.0, -6.0), Vec3::new(0.3, 0.2, 0.1));
         let inverse_inertia = vec![Matrix3::identity() * 5.0, Matrix3::zeros()];
-        let full = BlockData {
+        let block_data = BlockData {
             arms: vec![[-Vec3::z(), Vec3::zeros()]],
             friction_offsets: vec![],
             locked_axes: vec![],
             inverse_inertia,
         };
-        let other = ContactProblem { block_data: Some(full), ..sphere.clone() };
+        let other = ContactProblem { block_data: Some(block_data), ..sphere.clone() };
         let early = [Vec3::new(0.1, 0.2, 1.0)];
         let (a, b) = (lmgc90_norms(&sphere, &early, &sphere.bodies), lmgc90_norms(&other, &early, &other.bodies));
         for (a, b) in

@@ -78,14 +78,14 @@ impl InterfaceBlock {
 }
 
 impl SweptRow {
-    fn new(system: &ContactProblem, row: ContactId) -> Self {
-        let (k, constraint) = (row.index(), &system.rows[row.index()]);
+    fn new(contact_problem: &ContactProblem, row: ContactId) -> Self {
+        let (k, constraint) = (row.index(), &contact_problem.rows[row.index()]);
         let along = constraint.normal * constraint.normal.transpose();
-        let block = match &system.block_data {
-            Some(full) => full_matrix(delassus_block_of_row(system, full, k)),
+        let block = match &contact_problem.block_data {
+            Some(block_data) => full_matrix(delassus_block_of_row(contact_problem, block_data, k)),
             None => (Matrix3::identity() - along) * constraint.w_t + along * constraint.w_n,
         };
-        let kind = match system.regularised_row(k) {
+        let kind = match contact_problem.regularised_row(k) {
             None => RowKind::Contact { compliance: 0.0 },
             Some(RegularisedRow::Spring { compliance, .. }) => RowKind::Contact { compliance: *compliance },
             Some(RegularisedRow::Coupled { .. }) => RowKind::Coupled,
@@ -114,8 +114,8 @@ impl SweptRow {
     }
 
     /// r̂ that solves the row alone, where û without compliance is `u` with the impulse `r`.
-    fn solve(&self, system: &ContactProblem, u: &Vec3, r: &Vec3) -> Vec3 {
-        let row = &system.rows[self.row.index()];
+    fn solve(&self, contact_problem: &ContactProblem, u: &Vec3, r: &Vec3) -> Vec3 {
+        let row = &contact_problem.rows[self.row.index()];
         let (w, u) = (self.whole_block(&row.normal), self.whole_velocity(&row.normal, u, r));
         match self.kind {
             RowKind::Contact { .. } => solve_contact_block(symmetric_components(&w), row.normal, row.friction, &u, r),
@@ -138,8 +138,8 @@ impl SweptRow {
     }
 
     /// Natural map F of the row, N s.
-    fn natural_map(&self, system: &ContactProblem, u: &Vec3, r: &Vec3) -> Vec3 {
-        let row = &system.rows[self.row.index()];
+    fn natural_map(&self, contact_problem: &ContactProblem, u: &Vec3, r: &Vec3) -> Vec3 {
+        let row = &contact_problem.rows[self.row.index()];
         let n = row.normal;
         let (mut rho, u) = (3.0 / self.whole_block(&n).trace(), self.whole_velocity(&n, u, r));
         let mut r = *r;
@@ -174,11 +174,13 @@ fn link_impulse(r: f64, u: f64, rho: f64, is_wire: bool) -> f64 {
 }
 
 /// Norm of F over the swept rows, N s, and the row with the largest part.
-fn residual_norm(system: &ContactProblem, rows: &[SweptRow], impulses: &[Vec3]) -> (f64, Option<ContactId>) {
+fn residual_norm(contact_problem: &ContactProblem, rows: &[SweptRow], impulses: &[Vec3]) -> (f64, Option<ContactId>) {
     let (mut sum, mut largest, mut worst) = (0.0, 0.0, None);
     for swept in rows {
         let k = swept.row.index();
-        let size2 = swept.natural_map(system, &system.shifted_velocity(k, &system.bodies), &impulses[k]).norm_squared();
+        let size2 = swept
+            .natural_map(contact_problem, &contact_problem.shifted_velocity(k, &contact_problem.bodies), &impulses[k])
+            .norm_squared();
         sum += size2;
         if size2 > largest {
             (largest, worst) = (size2, Some(swept.row));
@@ -188,29 +190,31 @@ fn residual_norm(system: &ContactProblem, rows: &[SweptRow], impulses: &[Vec3]) 
 }
 
 /// Solves as [`solve_nlgs`](super::solve_nlgs) does a problem with regularised rows.
-pub fn solve_regularised(system: &ContactProblem, until: StoppingCriteria) -> ContactSolution {
-    let mut active: Vec<ContactId> =
-        (0..system.rows.len()).map(ContactId::new).filter(|k| system.rows[k.index()].can_close).collect();
-    let mut impulses = vec![Vec3::zeros(); system.rows.len()];
-    active.iter().for_each(|k| impulses[k.index()] = system.rows[k.index()].warm_start);
+pub fn solve_regularised(contact_problem: &ContactProblem, until: StoppingCriteria) -> ContactSolution {
+    let mut active: Vec<ContactId> = (0..contact_problem.rows.len())
+        .map(ContactId::new)
+        .filter(|k| contact_problem.rows[k.index()].can_close)
+        .collect();
+    let mut impulses = vec![Vec3::zeros(); contact_problem.rows.len()];
+    active.iter().for_each(|k| impulses[k.index()] = contact_problem.rows[k.index()].warm_start);
     let mut sweeps = 0;
     loop {
-        let rows: Vec<SweptRow> = active.iter().map(|&k| SweptRow::new(system, k)).collect();
+        let rows: Vec<SweptRow> = active.iter().map(|&k| SweptRow::new(contact_problem, k)).collect();
         // The problem with the impulses of a list applied to its bodies.
         let with_impulses = |impulses: &[Vec3]| {
-            let mut work = system.clone();
+            let mut work = contact_problem.clone();
             active.iter().for_each(|k| work.apply_impulse(k.index(), &impulses[k.index()]));
             work
         };
-        let mut balance = vec![Vec3::zeros(); system.rows.len()];
+        let mut balance = vec![Vec3::zeros(); contact_problem.rows.len()];
         for k in &active {
-            let row = &system.rows[k.index()];
+            let row = &contact_problem.rows[k.index()];
             balance[k.index()] = row.normal * row.balancing_impulse();
         }
         let speeds = |k: &ContactId| {
-            let row = &system.rows[k.index()];
-            let (w_n, w_t) = system.delassus_diagonal(k.index());
-            let of_bodies: f64 = row.bodies.iter().map(|i| system.bodies[i.index()].v.norm()).sum();
+            let row = &contact_problem.rows[k.index()];
+            let (w_n, w_t) = contact_problem.delassus_diagonal(k.index());
+            let of_bodies: f64 = row.bodies.iter().map(|i| contact_problem.bodies[i.index()].v.norm()).sum();
             (of_bodies + row.shift.norm() + w_n * row.impulse_shift.abs()) * 3.0 / (w_n + 2.0 * w_t)
         };
         let floor = ROUNDING_FLOOR * active.iter().map(|k| speeds(k).powi(2)).sum::<f64>().sqrt();
@@ -237,7 +241,7 @@ pub fn solve_regularised(system: &ContactProblem, until: StoppingCriteria) -> Co
             (residual, worst) = evaluate(&work, &impulses);
         }
         let solver_bodies: Vec<SolverBody> = work.bodies;
-        let missed = closing_inactive_rows(system, &active, &solver_bodies);
+        let missed = closing_inactive_rows(contact_problem, &active, &solver_bodies);
         if missed.is_empty() || sweeps >= until.max_sweeps || activity::is_stopped() {
             return ContactSolution {
                 impulses,

@@ -87,7 +87,7 @@ impl<'a> ResidualEvaluator<'a> {
             .with_min_len(GROUPS_PER_TASK)
             .map(|rows| contact_group(problem, rows))
             .collect();
-        let has_levers = problem.block_data.as_ref().is_some_and(|full| !full.friction_offsets.is_empty());
+        let has_levers = problem.block_data.as_ref().is_some_and(|block_data| !block_data.friction_offsets.is_empty());
         let levers = if has_levers {
             rows.par_chunks(GROUP_LANES).with_min_len(GROUPS_PER_TASK).map(|rows| group_levers(problem, rows)).collect()
         } else {

@@ -36,11 +36,11 @@ pub fn solve_until_admissible(
 ) -> Option<SolvedProblem> {
     let (mut sweeps, mut replaced_laws) = (0, None);
     loop {
-        let system = assemble::contact_problem(scene, state, q_c, contacts, free.velocities()); // M4  W, b
+        let contact_problem = assemble::contact_problem(scene, state, q_c, contacts, free.velocities()); // M4  W, b
         clock.add_lap(|times| &mut times.assembly);
         activity::begin_stage(StepStage::Solve, contacts.len());
-        let write_out = |system: &_| assemble::stored_problem(system, contacts);
-        let mut solution = solve::solve_contact_problem(&system, request, write_out); // M5  r
+        let write_out = |contact_problem: &_| assemble::stored_problem(contact_problem, contacts);
+        let mut solution = solve::solve_contact_problem(&contact_problem, request, write_out); // M5  r
         sweeps += solution.sweeps;
         clock.add_lap(|times| &mut times.solve);
         let (v, w) = solved_velocities(&solution, free);
@@ -72,7 +72,7 @@ pub fn solve_until_admissible(
             continue;
         }
         solution.sweeps = sweeps;
-        return Some(SolvedProblem { request, system, solution, replaced_laws });
+        return Some(SolvedProblem { request, contact_problem, solution, replaced_laws });
     }
 }
 

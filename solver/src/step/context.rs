@@ -20,7 +20,7 @@ pub struct StepContext<'a> {
 /// Contact problem of the step and its solution.
 pub struct SolvedProblem {
     pub request: SolveRequest,
-    pub system: ContactProblem,
+    pub contact_problem: ContactProblem,
     pub solution: ContactSolution,
     /// Laws of the state, if the step is solved without their restitution; they return at its end.
     pub replaced_laws: Option<Vec<ContactLaw>>,

@@ -24,15 +24,16 @@ use crate::state::{Contact, SolvedContact, State};
 
 /// Opening of a bond over its effective radius above which positions are corrected. A bond is made at a gap of up to
 /// [`MAX_TOUCHING_GAP`] and acts up to twice that gap. One step opens a corner by up to three times the error that
-/// [`super::motion`] accepts, which is this opening as well.
+/// [`super::velocity_errors`] accepts, which is this opening as well.
 pub const LARGEST_OPENING: f64 = 0.25 * MAX_TOUCHING_GAP;
 
 /// Sweeps of a correction: the four corners of a cube are then closed to a hundredth of their opening. The remaining opening
 /// of a long chain is corrected in the following steps.
 const SWEEPS: usize = 10;
 
-/// Moves the bodies of bonds that have opened too far. `state` is the state at the step's end, with the contacts of `system`.
-pub fn close_bonds(scene: &Scene, state: &mut State, system: &ContactProblem) {
+/// Moves the bodies of bonds that have opened too far. `state` is the state at the step's end, with the contacts of
+/// `contact_problem`.
+pub fn close_bonds(scene: &Scene, state: &mut State, contact_problem: &ContactProblem) {
     if !state.laws.iter().any(ContactLaw::has_stress) {
         return;
     }
@@ -58,7 +59,7 @@ pub fn close_bonds(scene: &Scene, state: &mut State, system: &ContactProblem) {
         |contact: &Contact| [contact.candidate, contact.antagonist].iter().any(|body| moves[body.index()]);
     let corrected = bonded.iter().zip(&contacts).filter(|(_, contact)| is_corrected(contact));
     let corrected: Vec<(usize, f64)> = corrected.map(|(bond, _)| *bond).collect();
-    let (shifts, turns) = corrections(system, &corrected, scene.bodies.len());
+    let (shifts, turns) = corrections(contact_problem, &corrected, scene.bodies.len());
     for (i, (shift, turn)) in shifts.into_iter().zip(turns).enumerate() {
         state.x[i] += shift;
         if scene.oriented[i] && turn != Vec3::zeros() {
@@ -73,20 +74,20 @@ pub fn close_bonds(scene: &Scene, state: &mut State, system: &ContactProblem) {
 }
 
 /// Displacements (m) and turns (rad) of all bodies that close the `openings` (m) of rows.
-fn corrections(system: &ContactProblem, openings: &[(usize, f64)], bodies: usize) -> (Vec<Vec3>, Vec<Vec3>) {
+fn corrections(contact_problem: &ContactProblem, openings: &[(usize, f64)], bodies: usize) -> (Vec<Vec3>, Vec<Vec3>) {
     let (mut shifts, mut turns) = (vec![Vec3::zeros(); bodies], vec![Vec3::zeros(); bodies]);
     for _ in 0..SWEEPS {
         for &(k, opening) in openings {
-            let row = &system.rows[k];
+            let row = &contact_problem.rows[k];
             let [a, b] = row.bodies;
-            let (w_n, _) = system.delassus_diagonal(k);
-            let arms = [system.contact_arm(k, 0), system.contact_arm(k, 1)];
+            let (w_n, _) = contact_problem.delassus_diagonal(k);
+            let arms = [contact_problem.contact_arm(k, 0), contact_problem.contact_arm(k, 1)];
             let moved = |body: BodyId, arm: &Vec3| shifts[body.index()] + turns[body.index()].cross(arm);
             let left = opening + row.normal.dot(&(moved(a, &arms[0]) - moved(b, &arms[1])));
             for ((body, arm), sign) in [a, b].into_iter().zip(&arms).zip([-1.0, 1.0]) {
                 let push = row.normal * (sign * left / w_n);
-                shifts[body.index()] += system.velocity_change(body, &push);
-                turns[body.index()] += system.angular_velocity_change(body, &arm.cross(&push));
+                shifts[body.index()] += contact_problem.velocity_change(body, &push);
+                turns[body.index()] += contact_problem.angular_velocity_change(body, &arm.cross(&push));
             }
         }
     }

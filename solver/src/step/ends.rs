@@ -5,7 +5,7 @@ use std::ops::Add;
 use rayon::prelude::*;
 
 use super::context::{SolvedProblem, StepContext};
-use super::motion::VelocityErrors;
+use super::velocity_errors::VelocityErrors;
 use crate::assemble::{ContactProblem, FreeMotion, RegularisedRow, SolverBody, velocity_at_arms};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
@@ -46,32 +46,32 @@ pub fn finish_contacts(
     context: StepContext,
     state: &mut State,
     solved: &SolvedProblem,
-    motion: Option<&VelocityErrors>,
+    velocity_errors: Option<&VelocityErrors>,
 ) -> StepOutcome {
     let StepContext { scene, q_c, free, contacts } = context;
-    let SolvedProblem { system, solution, .. } = solved;
+    let SolvedProblem { contact_problem, solution, .. } = solved;
     let (v, w) = solved_velocities(solution, free);
     let mut ends = std::mem::take(&mut state.contacts);
     ends.resize(contacts.len(), SolvedContact::default());
-    let deep = OVERLAP_WARNING_SHARE * scene.smallest_radius;
+    let warning_depth = OVERLAP_WARNING_SHARE * scene.smallest_radius;
     let velocities = Velocities { v: &v, w: &w };
-    let end = PostSolve { scene, state, q_c, system, solution, motion, velocities, warning_depth: deep };
+    let end = PostSolve { scene, state, q_c, contact_problem, solution, velocity_errors, velocities, warning_depth };
     // The division into parts depends only on the number of rows.
     let parts = ends.par_chunks_mut(ITEMS_PER_TASK).zip(contacts.par_chunks(ITEMS_PER_TASK)).enumerate();
     let parts: Vec<(ContactTotals, Vec<ContactExchange>)> =
         parts.map(|(part, (ends, contacts))| end.finish_chunk(part * ITEMS_PER_TASK, contacts, ends)).collect();
-    let given = parts.iter().fold(ContactTotals::default(), |sum, (given, _)| sum + *given);
+    let totals = parts.iter().fold(ContactTotals::default(), |sum, (totals, _)| sum + *totals);
     let exchanges = parts.into_iter().map(|(_, exchanges)| exchanges).collect();
-    StepOutcome { v, w, contacts: ends, totals: given, exchanges }
+    StepOutcome { v, w, contacts: ends, totals, exchanges }
 }
 
 /// Memories of the laws at the step's end: interfaces have opened and slid.
-pub fn end_memories(SolvedProblem { system, solution, .. }: &mut SolvedProblem) -> Vec<LawMemory> {
-    let mut memories = std::mem::take(&mut system.memories);
-    for regularised in &system.regularised {
+pub fn end_memories(SolvedProblem { contact_problem, solution, .. }: &mut SolvedProblem) -> Vec<LawMemory> {
+    let mut memories = std::mem::take(&mut contact_problem.memories);
+    for regularised in &contact_problem.regularised {
         if let RegularisedRow::Interface { row, interface } = regularised {
-            let (k, n) = (row.index(), system.rows[row.index()].normal);
-            let v = interface.velocity(&n, &system.shifted_velocity(k, &solution.solver_bodies));
+            let (k, n) = (row.index(), contact_problem.rows[row.index()].normal);
+            let v = interface.velocity(&n, &contact_problem.shifted_velocity(k, &solution.solver_bodies));
             memories[k].soundness = interface.end_soundness(&n, &v);
             memories[k].sliding = interface.displacement(&n, &v).1;
         }
@@ -84,10 +84,10 @@ struct PostSolve<'a> {
     scene: &'a Scene,
     state: &'a State,
     q_c: &'a ContactConfiguration,
-    system: &'a ContactProblem,
+    contact_problem: &'a ContactProblem,
     solution: &'a ContactSolution,
     /// Velocity errors, where contacts lose a bond or static friction once they move.
-    motion: Option<&'a VelocityErrors>,
+    velocity_errors: Option<&'a VelocityErrors>,
     /// Velocities at the step's end.
     velocities: Velocities<'a>,
     /// Smallest depth that is worth a warning for the smallest bodies, m. Below it a contact is not compared with its radii.
@@ -143,59 +143,59 @@ impl PostSolve<'_> {
         contacts: &[Contact],
         ends: &mut [SolvedContact],
     ) -> (ContactTotals, Vec<ContactExchange>) {
-        let PostSolve { q_c, system, solution, .. } = self;
-        let (mut given, mut exchanges) = (ContactTotals::default(), Vec::with_capacity(contacts.len()));
-        let roll = system.rolling_constraints.partition_point(|roll| roll.row.index() < first);
-        let mut rolls = system.rolling_constraints[roll..].iter().zip(&solution.moments[roll..]).peekable();
+        let PostSolve { q_c, contact_problem, solution, .. } = self;
+        let (mut totals, mut exchanges) = (ContactTotals::default(), Vec::with_capacity(contacts.len()));
+        let roll = contact_problem.rolling_constraints.partition_point(|roll| roll.row.index() < first);
+        let mut rolls = contact_problem.rolling_constraints[roll..].iter().zip(&solution.moments[roll..]).peekable();
         for ((k, contact), end) in (first..).zip(contacts).zip(ends) {
-            let (row, r) = (&system.rows[k], &solution.impulses[k]);
+            let (row, r) = (&contact_problem.rows[k], &solution.impulses[k]);
             let moment = rolls.next_if(|(roll, _)| roll.row.index() == k).map(|(_, m)| m);
             *end = self.finish_contact(k, contact, moment);
             // Penetration between two driven bodies is imposed, not an error of the contact.
-            let gap = contact.gap - system.law_memory(k).reference_gap;
+            let gap = contact.gap - contact_problem.law_memory(k).reference_gap;
             let depth = if row.acts { (-gap).max(0.0) } else { 0.0 };
-            given.penetration_largest = given.penetration_largest.max(depth);
-            given.penetration_sum += depth;
+            totals.penetration_largest = totals.penetration_largest.max(depth);
+            totals.penetration_sum += depth;
             let law = &self.state.laws[contact.law as usize];
             // Springs overlap by law.
             if depth > self.warning_depth && !law.is_regularised() {
-                given.overlap = deeper_overlap(given.overlap, Overlap::from_contact(self.scene, contact));
+                totals.overlap = deeper_overlap(totals.overlap, Overlap::from_contact(self.scene, contact));
             }
-            if !row.acts && -gap > self.warning_depth && !system.can_move_a_body(k, &self.scene.bodies) {
-                given.inert_overlap = deeper_overlap(given.inert_overlap, Overlap::from_contact(self.scene, contact));
+            if !row.acts && -gap > self.warning_depth && !contact_problem.can_move_a_body(k, &self.scene.bodies) {
+                totals.inert_overlap = deeper_overlap(totals.inert_overlap, Overlap::from_contact(self.scene, contact));
             }
             if end.impulse != Vec3::zeros() {
-                given.contacts_active += 1;
+                totals.contacts_active += 1;
                 if !law.is_regularised() {
                     let may_close = law.max_closing_speed(row.u_before.x);
-                    given.penetration_added += (-gap - q_c.h * (end.velocity.x + may_close) - depth).max(0.0);
+                    totals.penetration_added += (-gap - q_c.h * (end.velocity.x + may_close) - depth).max(0.0);
                 }
-                let virial = self.accumulate_totals(k, r, end, &mut given);
-                given.virial += virial;
+                let virial = self.accumulate_totals(k, r, end, &mut totals);
+                totals.virial += virial;
                 exchanges.push(ContactExchange { bodies: row.bodies, virial });
             } else if end.moment != Vec3::zeros() {
                 // A bond between two bodies presses them as much as it pulls: only the resistance to rolling remains.
-                self.accumulate_totals(k, r, end, &mut given);
+                self.accumulate_totals(k, r, end, &mut totals);
             }
         }
-        (given, exchanges)
+        (totals, exchanges)
     }
 
     /// Contact `k` at the step's end, with the moment (N m s, world frame) of its rolling resistance, if it has one.
     fn finish_contact(&self, k: usize, contact: &Contact, moment: Option<&Vec3>) -> SolvedContact {
-        let &PostSolve { state, q_c, system, solution, velocities, .. } = self;
-        let (row, r) = (&system.rows[k], &solution.impulses[k]);
+        let &PostSolve { state, q_c, contact_problem, solution, velocities, .. } = self;
+        let (row, r) = (&contact_problem.rows[k], &solution.impulses[k]);
         let frame = contact.frame();
         let local = to_local(&frame, r);
         let law = &state.laws[contact.law as usize];
-        let motion = self.motion.filter(|_| law.has_irreversible_loss());
-        let (opens, slides) = motion.map_or((false, false), |motion| {
-            motion.opens_or_slides(k, row, &system.shifted_velocity(k, &solution.solver_bodies))
+        let errors = self.velocity_errors.filter(|_| law.has_irreversible_loss());
+        let (opens, slides) = errors.map_or((false, false), |errors| {
+            errors.opens_or_slides(k, row, &contact_problem.shifted_velocity(k, &solution.solver_bodies))
         });
         // On the cone's side to rounding.
         let bound = row.friction * local.x * (1.0 - 1e-12);
-        let at_limit = if motion.is_some() && row.friction > 0.0 { slides } else { local.yz().norm() >= bound };
-        let holds = matches!(system.regularised_row(k), Some(RegularisedRow::Interface { .. }));
+        let at_limit = if errors.is_some() && row.friction > 0.0 { slides } else { local.yz().norm() >= bound };
+        let holds = matches!(contact_problem.regularised_row(k), Some(RegularisedRow::Interface { .. }));
         let status = match local.x > 0.0 {
             _ if law.is_coupled() || holds => ContactStatus::Stick,
             _ if law.strain_spring().is_some() && local.x != 0.0 => ContactStatus::Stick,
@@ -204,8 +204,8 @@ impl PostSolve<'_> {
             true => ContactStatus::Stick,
         };
         let bond = row.bond.filter(|_| law.keeps_bond(contact.gap, opens, slides));
-        let mut velocity = velocity_at_arms(contact, &system.arms_of(k, contact, &q_c.x), velocities);
-        let lever = system.friction_lever(k);
+        let mut velocity = velocity_at_arms(contact, &contact_problem.arms_of(k, contact, &q_c.x), velocities);
+        let lever = contact_problem.friction_lever(k);
         if lever != Vec3::zeros() {
             let [a, b] = row.bodies.map(|body| velocities.w[body.index()]);
             velocity += lever * row.normal.dot(&(a - b));
@@ -222,10 +222,10 @@ impl PostSolve<'_> {
 
     /// Adds the contribution of contact `k` with the impulse `r` of its row to the totals; returns its impulse times its
     /// branch, N m s.
-    fn accumulate_totals(&self, k: usize, r: &Vec3, contact: &SolvedContact, given: &mut ContactTotals) -> f64 {
-        let &PostSolve { scene, state, q_c, system, velocities: Velocities { v, w }, .. } = self;
+    fn accumulate_totals(&self, k: usize, r: &Vec3, contact: &SolvedContact, totals: &mut ContactTotals) -> f64 {
+        let &PostSolve { scene, state, q_c, contact_problem, velocities: Velocities { v, w }, .. } = self;
         let (bodies, walls) = (&scene.bodies, &scene.walls);
-        let row = &system.rows[k];
+        let row = &contact_problem.rows[k];
         let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
         if walls[contact.candidate.index()] && walls[contact.antagonist.index()] {
             return 0.0; // not counted in the ledger
@@ -233,20 +233,24 @@ impl PostSolve<'_> {
         let mean = 0.5 * (velocity + row.u_before);
         let (candidate, antagonist) = (contact.candidate.index(), contact.antagonist.index());
         let force = r + contact.normal * row.impulse_shift;
-        let arms = system.arms_of(k, contact, &q_c.x);
+        let arms = contact_problem.arms_of(k, contact, &q_c.x);
         let turned = |body: usize| w[body] + q_c.w[body];
         let rolls = *moment != Vec3::zeros();
         let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
         let turning_work = if rolls { 0.5 * moment.dot(&(turned(candidate) - turned(antagonist))) } else { 0.0 };
-        let moment = if system.has_friction_offsets() { moment + system.friction_couple(k, r) } else { moment };
+        let moment = if contact_problem.has_friction_offsets() {
+            moment + contact_problem.friction_couple(k, r)
+        } else {
+            moment
+        };
         // A wall's centre has no meaning for the stress of the grains: for a wall the branch ends at the contact point.
         let to_point = |body: usize, arm: Vec3| if walls[body] { Vec3::zeros() } else { arm };
         let branch = to_point(antagonist, arms[1]) - to_point(candidate, arms[0]);
-        given.contact_work += impulse.dot(&mean) + turning_work;
-        given.friction_work += impulse.y * mean.y + impulse.z * mean.z + turning_work;
+        totals.contact_work += impulse.dot(&mean) + turning_work;
+        totals.friction_work += impulse.y * mean.y + impulse.z * mean.z + turning_work;
         if !bodies[antagonist].driven {
             // The impulse on the antagonist acts at its own position, not at that of the image.
-            given.angular_momentum += contact.image.cross(&force);
+            totals.angular_momentum += contact.image.cross(&force);
         }
         let sides = [(candidate, antagonist, 1.0), (antagonist, candidate, -1.0)].into_iter().zip(arms);
         for ((body, other, sign), arm) in sides.filter(|((body, ..), _)| bodies[*body].driven) {
@@ -254,17 +258,17 @@ impl PostSolve<'_> {
             let force = force * -sign;
             if walls[body] {
                 let moved = (v[body] + state.v[body]) + turned(body).cross(&arm);
-                given.outside_work += 0.5 * (force.dot(&moved) - sign * moment.dot(&turned(body)));
+                totals.outside_work += 0.5 * (force.dot(&moved) - sign * moment.dot(&turned(body)));
             } else {
                 // The reactions of its imposed components balance these of the impulse on it.
                 let (held, couple) = (&bodies[body], arm.cross(&force) - moment * sign);
                 let couple = held.imposed_rotation_part(&q_c.q[body], &couple);
-                given.outside_work +=
+                totals.outside_work +=
                     0.5 * (held.imposed_part(&force).dot(&(v[body] + state.v[body])) + couple.dot(&turned(body)));
             }
             if !bodies[other].driven {
-                given.momentum += force;
-                given.angular_momentum += contact.point.cross(&force) - moment * sign;
+                totals.momentum += force;
+                totals.angular_momentum += contact.point.cross(&force) - moment * sign;
             }
         }
         force.dot(&branch)

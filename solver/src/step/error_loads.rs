@@ -45,19 +45,19 @@ struct BondedPair {
 
 impl BondedPair {
     /// Pair of the bonded `rows` of two bodies.
-    fn new(system: &ContactProblem, rows: Vec<usize>) -> BondedPair {
-        let ground = system.bodies.len();
+    fn new(contact_problem: &ContactProblem, rows: Vec<usize>) -> BondedPair {
+        let ground = contact_problem.bodies.len();
         let node = |side: usize| {
-            let body = system.rows[rows[0]].bodies[side].index();
-            if system.bodies[body].inverse_mass > 0.0 { body } else { ground }
+            let body = contact_problem.rows[rows[0]].bodies[side].index();
+            if contact_problem.bodies[body].inverse_mass > 0.0 { body } else { ground }
         };
         let nodes = [0, 1].map(node);
-        let mean = |side| rows.iter().map(|&k| system.contact_arm(k, side)).sum::<Vec3>() / rows.len() as f64;
-        let strength = rows.iter().map(|&k| system.rows[k].impulse_shift.abs()).sum();
+        let mean = |side| rows.iter().map(|&k| contact_problem.contact_arm(k, side)).sum::<Vec3>() / rows.len() as f64;
+        let strength = rows.iter().map(|&k| contact_problem.rows[k].impulse_shift.abs()).sum();
         let arms = [0, 1].map(mean);
         let mut pair = BondedPair { nodes, rows, arms, inverse_spread: None, strength };
         let of_bond = |k: &usize| {
-            let x = pair.position(system, *k);
+            let x = pair.position(contact_problem, *k);
             Mat3::identity() * x.norm_squared() - x * x.transpose()
         };
         let spread: Mat3 = pair.rows.iter().map(of_bond).sum();
@@ -68,33 +68,33 @@ impl BondedPair {
     }
 
     /// Position of bond `k` from the centre of the bonds, m.
-    fn position(&self, system: &ContactProblem, k: usize) -> Vec3 {
+    fn position(&self, contact_problem: &ContactProblem, k: usize) -> Vec3 {
         // A wall may have no arms.
-        let side = usize::from(self.nodes[0] == system.bodies.len());
-        system.contact_arm(k, side) - self.arms[side]
+        let side = usize::from(self.nodes[0] == contact_problem.bodies.len());
+        contact_problem.contact_arm(k, side) - self.arms[side]
     }
 
     /// Velocity of the candidate relative to the antagonist at the centre of the bonds.
-    fn motion(&self, system: &ContactProblem, solution: &ContactSolution) -> Twist {
+    fn motion(&self, contact_problem: &ContactProblem, solution: &ContactSolution) -> Twist {
         let (mut v, mut turning) = (Vec3::zeros(), Vec3::zeros());
         for &k in &self.rows {
-            let u = system.shifted_velocity(k, &solution.solver_bodies);
+            let u = contact_problem.shifted_velocity(k, &solution.solver_bodies);
             v += u / self.rows.len() as f64;
-            turning += self.position(system, k).cross(&u);
+            turning += self.position(contact_problem, k).cross(&u);
         }
         Twist { v, w: self.inverse_spread.map_or(Vec3::zeros(), |inverse| inverse * turning) }
     }
 
     /// Largest impulse with which a bond carries the impulse `load` about the centre of the bonds, over its limit.
-    fn load_share(&self, system: &ContactProblem, solution: &ContactSolution, load: Wrench) -> f64 {
+    fn load_share(&self, contact_problem: &ContactProblem, solution: &ContactSolution, load: Wrench) -> f64 {
         let count = self.rows.len() as f64;
         let turn = self.inverse_spread.map_or(Vec3::zeros(), |inverse| inverse * load.torque);
         // A face shares the traction among its corners in many ways.
-        let pressure = |k: &usize| system.rows[*k].normal.dot(&solution.impulses[*k]);
+        let pressure = |k: &usize| contact_problem.rows[*k].normal.dot(&solution.impulses[*k]);
         let pressure = self.rows.iter().map(pressure).sum::<f64>() / count;
         let share = |&k: &usize| {
-            let row = &system.rows[k];
-            let impulse = load.force / count + turn.cross(&self.position(system, k));
+            let row = &contact_problem.rows[k];
+            let impulse = load.force / count + turn.cross(&self.position(contact_problem, k));
             let along = row.normal.dot(&impulse);
             let strength = row.impulse_shift.abs();
             let shear = row.friction * pressure.max(MIN_SHEAR_SHARE * strength);
@@ -105,12 +105,12 @@ impl BondedPair {
 }
 
 /// Pairs of bodies with bonds in the `bonded` rows, the strongest first, without those of which a bond is `broken` (sorted).
-fn bonded_pairs(system: &ContactProblem, bonded: &[usize], broken: &[usize]) -> Vec<BondedPair> {
+fn bonded_pairs(contact_problem: &ContactProblem, bonded: &[usize], broken: &[usize]) -> Vec<BondedPair> {
     let of_pair = |rows: &[usize]| {
         let holds = rows.iter().all(|k| broken.binary_search(k).is_err());
-        holds.then(|| BondedPair::new(system, rows.to_vec()))
+        holds.then(|| BondedPair::new(contact_problem, rows.to_vec()))
     };
-    let same_bodies = |a: &usize, b: &usize| system.rows[*a].bodies == system.rows[*b].bodies;
+    let same_bodies = |a: &usize, b: &usize| contact_problem.rows[*a].bodies == contact_problem.rows[*b].bodies;
     let mut pairs: Vec<BondedPair> = bonded.chunk_by(same_bodies).filter_map(of_pair).collect();
     pairs.sort_by(|a, b| b.strength.total_cmp(&a.strength));
     pairs
@@ -130,16 +130,16 @@ struct Branch {
 /// Largest impulse by which the velocity errors load one of the `bonded` rows in the next step, over its strength. Those that
 /// are `broken` carry nothing; both are sorted.
 pub fn largest_error_load(
-    system: &ContactProblem,
+    contact_problem: &ContactProblem,
     solution: &ContactSolution,
     bonded: &[usize],
     broken: &[usize],
 ) -> f64 {
-    let pairs = bonded_pairs(system, bonded, broken);
+    let pairs = bonded_pairs(contact_problem, bonded, broken);
     if pairs.is_empty() {
         return 0.0;
     }
-    let ground = system.bodies.len();
+    let ground = contact_problem.bodies.len();
     let mut pairs_of = vec![Vec::new(); ground + 1];
     for (p, pair) in pairs.iter().enumerate() {
         pair.nodes.iter().for_each(|&node| pairs_of[node].push(p));
@@ -164,7 +164,7 @@ pub fn largest_error_load(
                 continue;
             }
             let sign = if side == 0 { 1.0 } else { -1.0 };
-            let relative = pair.motion(system, solution);
+            let relative = pair.motion(contact_problem, solution);
             let w = from.motion.w + relative.w * sign;
             let of_carrier = if from.body == ground { Vec3::zeros() } else { pair.arms[1 - side] };
             let arm = pair.arms[side];
@@ -175,22 +175,22 @@ pub fn largest_error_load(
             tree.push(Branch { body, carrier: Some((at, p)), position, motion });
         }
         if root != ground {
-            subtract_rigid_motion(system, &mut tree);
+            subtract_rigid_motion(contact_problem, &mut tree);
         }
-        largest = largest.max(tree_load(system, solution, &pairs, &tree, root == ground));
+        largest = largest.max(tree_load(contact_problem, solution, &pairs, &tree, root == ground));
     }
     largest
 }
 
 /// Makes the motions of a free cluster relative to the motion of a rigid body that has their momentum and angular momentum.
-fn subtract_rigid_motion(system: &ContactProblem, tree: &mut [Branch]) {
-    let mass = |branch: &Branch| 1.0 / system.bodies[branch.body].inverse_mass;
+fn subtract_rigid_motion(contact_problem: &ContactProblem, tree: &mut [Branch]) {
+    let mass = |branch: &Branch| 1.0 / contact_problem.bodies[branch.body].inverse_mass;
     let total: f64 = tree.iter().map(mass).sum();
     let centre = tree.iter().map(|branch| branch.position * mass(branch)).sum::<Vec3>() / total;
     let mean = tree.iter().map(|branch| branch.motion.v * mass(branch)).sum::<Vec3>() / total;
     let (mut inertia, mut angular_momentum) = (Mat3::zeros(), Vec3::zeros());
     for branch in tree.iter() {
-        let (x, own) = (branch.position - centre, inertia_of(system, branch.body));
+        let (x, own) = (branch.position - centre, inertia_of(contact_problem, branch.body));
         inertia += own + (Mat3::identity() * x.norm_squared() - x * x.transpose()) * mass(branch);
         angular_momentum += own * branch.motion.w + x.cross(&branch.motion.v) * mass(branch);
     }
@@ -203,7 +203,7 @@ fn subtract_rigid_motion(system: &ContactProblem, tree: &mut [Branch]) {
 
 /// Largest load share of the pairs of a tree. `on_walls`: whether the first node is that of the walls.
 fn tree_load(
-    system: &ContactProblem,
+    contact_problem: &ContactProblem,
     solution: &ContactSolution,
     pairs: &[BondedPair],
     tree: &[Branch],
@@ -214,13 +214,13 @@ fn tree_load(
     let mut largest = 0.0f64;
     for at in (usize::from(on_walls)..tree.len()).rev() {
         let Branch { body, carrier, position, motion } = &tree[at];
-        let momentum = motion.v / system.bodies[*body].inverse_mass;
+        let momentum = motion.v / contact_problem.bodies[*body].inverse_mass;
         carried[at].force += momentum;
-        carried[at].torque += position.cross(&momentum) + inertia_of(system, *body) * motion.w;
+        carried[at].torque += position.cross(&momentum) + inertia_of(contact_problem, *body) * motion.w;
         let Some((below, p)) = *carrier else { continue };
         let (pair, load) = (&pairs[p], carried[at]);
         let centre = position + pair.arms[usize::from(pair.nodes[1] == *body)];
-        largest = largest.max(pair.load_share(system, solution, load.about(&centre)));
+        largest = largest.max(pair.load_share(contact_problem, solution, load.about(&centre)));
         carried[below].force += load.force;
         carried[below].torque += load.torque;
     }
@@ -228,10 +228,10 @@ fn tree_load(
 }
 
 /// Inertia about the centre of mass, world frame, kg m²; 0 if some rotation is imposed.
-fn inertia_of(system: &ContactProblem, body: usize) -> Mat3 {
-    let inverse = match &system.block_data {
-        Some(full) => full.inverse_inertia[body],
-        None => Mat3::identity() * system.bodies[body].inverse_inertia,
+fn inertia_of(contact_problem: &ContactProblem, body: usize) -> Mat3 {
+    let inverse = match &contact_problem.block_data {
+        Some(block_data) => block_data.inverse_inertia[body],
+        None => Mat3::identity() * contact_problem.bodies[body].inverse_inertia,
     };
     inverse.try_inverse().unwrap_or_default()
 }

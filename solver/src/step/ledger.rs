@@ -100,7 +100,7 @@ pub struct WorstContact {
 pub fn update_ledger(
     StepContext { scene, q_c, free, .. }: StepContext,
     state: &mut State,
-    SolvedProblem { request, system, solution, .. }: &SolvedProblem,
+    SolvedProblem { request, contact_problem, solution, .. }: &SolvedProblem,
     outcome: &StepOutcome,
 ) -> StepReport {
     let h = q_c.h;
@@ -151,7 +151,7 @@ pub fn update_ledger(
         ledger.last_unconverged = Some(state.step + 1);
     }
     let worst = |row: ContactId| {
-        let (bodies, solved) = (system.rows[row.index()].bodies, &outcome.contacts[row.index()]);
+        let (bodies, solved) = (contact_problem.rows[row.index()].bodies, &outcome.contacts[row.index()]);
         WorstContact { bodies, point: solved.contact.point }
     };
     StepReport {
@@ -168,7 +168,7 @@ pub fn update_ledger(
         fallback_used: solution.fallback_used,
         replacement_reason: solution.replacement_reason,
         norms: (scene.options.lmgc90_norms || scene.has_solver_file())
-            .then(|| lmgc90_norms(system, &solution.impulses, &solution.solver_bodies)),
+            .then(|| lmgc90_norms(contact_problem, &solution.impulses, &solution.solver_bodies)),
         worst: solution.worst.map(worst),
         overlap: contact_totals.overlap,
         inert_overlap: contact_totals.inert_overlap,

@@ -7,9 +7,9 @@ mod drift;
 mod ends;
 mod error_loads;
 mod ledger;
-mod motion;
 mod turning;
 mod unforeseen;
+mod velocity_errors;
 
 pub use self::clock::StageTimes;
 pub use self::ends::{OVERLAP_WARNING_SHARE, Overlap, deeper_overlap};
@@ -22,7 +22,7 @@ use self::clock::StageClock;
 use self::context::StepContext;
 use self::ends::finish_contacts;
 use self::ledger::update_ledger;
-use self::motion::refine_until_decided;
+use self::velocity_errors::refine_until_decided;
 use crate::activity::{self, StepStage};
 use crate::assemble::{self, AppliedEvents};
 use crate::detect::{self, NarrowPhaseError};
@@ -69,7 +69,7 @@ pub fn step(scene: &Scene, state: &mut State, times: &mut StageTimes) -> Option<
     integrate::advance_state(scene, state, &q_c, outcome.v, outcome.w); // M6  V⁺, x⁺ = x_c + θ h V⁺
     (state.contacts, state.order) = (outcome.contacts, q_c.order);
     state.memories = ends::end_memories(&mut solved);
-    drift::close_bonds(scene, state, &solved.system);
+    drift::close_bonds(scene, state, &solved.contact_problem);
     state.bonding = BondingMode::No;
     clock.add_lap(|times| &mut times.integration);
     Some(report)
@@ -189,6 +189,6 @@ pub fn next_problem(scene: &Scene, state: &State) -> (u64, assemble::StoredProbl
     let (events, q_c) = begin_step(scene, &mut state);
     let free = assemble::free_velocity(scene, &state, &q_c, &events.shakes);
     let contacts = detect::listed_contacts(scene, &q_c, free.velocities(), &mut state.detection_cache);
-    let system = assemble::contact_problem(scene, &state, &q_c, &contacts, free.velocities());
-    (q_c.step_multiple, assemble::stored_problem(&system, &contacts))
+    let contact_problem = assemble::contact_problem(scene, &state, &q_c, &contacts, free.velocities());
+    (q_c.step_multiple, assemble::stored_problem(&contact_problem, &contacts))
 }

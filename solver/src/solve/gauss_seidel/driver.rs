@@ -250,8 +250,9 @@ mod tests {
         assert!(!sweeps_in_f32(&uneven, &all, single));
         uneven.rows[7].w_n = 0.0; // between two bodies whose motion is imposed
         assert!(!sweeps_in_f32(&uneven, &all, single));
-        let full = BlockData { arms: vec![], friction_offsets: vec![], locked_axes: vec![], inverse_inertia: vec![] };
-        let contact_problem = ContactProblem { block_data: Some(full), ..contact_problem };
+        let block_data =
+            BlockData { arms: vec![], friction_offsets: vec![], locked_axes: vec![], inverse_inertia: vec![] };
+        let contact_problem = ContactProblem { block_data: Some(block_data), ..contact_problem };
         assert!(sweeps_in_f32(&contact_problem, &all, auto) && !sweeps_in_f32(&contact_problem, &all[1..], auto));
     }
 }

@@ -77,7 +77,7 @@ fn occupied_lanes(rows: &LaneRows) -> impl Iterator<Item = (usize, usize)> + '_ 
 /// Input for packing the batches.
 pub struct BlockSource<'a> {
     start: PackSource<'a>,
-    full: &'a BlockData,
+    block_data: &'a BlockData,
     units: SweepUnits,
 }
 
@@ -91,12 +91,12 @@ pub struct UnpackContext<'a> {
 impl BlockSource<'_> {
     /// Lines of a body, see [`BlockProblem`].
     fn body_lines<T: LaneFloat>(&self, body: BodyId) -> (BodyNumbers<T>, BodyNumbers<T>) {
-        let BlockSource { start: PackSource { solver_bodies, .. }, full, units } = self;
+        let BlockSource { start: PackSource { solver_bodies, .. }, block_data, units } = self;
         let &SolverBody { v, inverse_mass, w, .. } = &solver_bodies[body.index()];
         let (v, w) = if T::IS_SINGLE { (Vec3::zeros(), Vec3::zeros()) } else { (v, w) };
-        let (pushed, mass) = (full.free_axes(body.index()), units.mass_unit());
+        let (pushed, mass) = (block_data.free_axes(body.index()), units.mass_unit());
         let line = [v.x, v.y, v.z, inverse_mass * mass, w.x, w.y, w.z, pushed.x];
-        let m = full.inverse_inertia[body.index()] * mass;
+        let m = block_data.inverse_inertia[body.index()] * mass;
         let inertia = [m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)], pushed.y, pushed.z];
         (line.map(T::from_f64), inertia.map(T::from_f64))
     }
@@ -203,10 +203,10 @@ struct PairConstraints<'a> {
 }
 
 impl<C: PairContacts> BlockProblem<C> {
-    /// Packs the rows of `source`, whose block data are `full`, in blocks of `min_bodies` bodies or more.
-    pub fn new(source: &PackSource, full: &BlockData, min_bodies: usize) -> Self {
+    /// Packs the rows of `source`, whose block data are `block_data`, in blocks of `min_bodies` bodies or more.
+    pub fn new(source: &PackSource, block_data: &BlockData, min_bodies: usize) -> Self {
         let units = SweepUnits::from_source::<C::T>(source);
-        let fill = BlockSource { start: *source, full, units };
+        let fill = BlockSource { start: *source, block_data, units };
         let partition = BodyPartition::new(source.problem, source.active, min_bodies);
         let (pairs, ranks) = group_into_pairs(source.problem, source.active, &partition);
         let SweepTasks { inside, joints, colours } = partition.sweep_tasks(&ranks);
@@ -312,7 +312,7 @@ impl<C: PairContacts> PairBatches<C> {
         for (colour, mut members) in by_colour.into_iter().enumerate() {
             members.sort_by_key(|(pair, _)| std::cmp::Reverse(pair.rows.len()));
             for chunk in members.chunks(if colour < MAX_COLOURS { BATCH_LANES } else { 1 }) {
-                batches.push_batch(from.full, chunk, unused as u32);
+                batches.push_batch(from.block_data, chunk, unused as u32);
             }
         }
         batches.pack_batches(from);
@@ -320,14 +320,15 @@ impl<C: PairContacts> PairBatches<C> {
     }
 
     /// Adds a batch of the pairs `members` with their lines: assigns rows to lanes.
-    fn push_batch(&mut self, full: &BlockData, members: &[(&PairConstraints, [u32; 2])], unused: u32) {
+    fn push_batch(&mut self, block_data: &BlockData, members: &[(&PairConstraints, [u32; 2])], unused: u32) {
         let first = self.rows.len();
         let mut bodies = members.iter().flat_map(|(pair, _)| pair.bodies);
-        let has_locked_axes = bodies.any(|body| full.has_locked_axes(body.index()));
+        let has_locked_axes = bodies.any(|body| block_data.has_locked_axes(body.index()));
         let most = members.iter().map(|(pair, _)| pair.rows.len()).max().unwrap_or(0);
         self.rows.resize(first + most, [NO_INDEX; BATCH_LANES]);
-        let has_lever =
-            |row: &ContactId| full.friction_offsets.get(row.index()).is_some_and(|offset| *offset != Vec3::zeros());
+        let has_lever = |row: &ContactId| {
+            block_data.friction_offsets.get(row.index()).is_some_and(|offset| *offset != Vec3::zeros())
+        };
         let levers = members.iter().any(|(pair, _)| pair.rows.iter().any(has_lever));
         let mut batch = BodyPairBatch {
             bodies: [[unused; BATCH_LANES]; 2],
@@ -379,7 +380,7 @@ impl<T: LaneFloat> PairContacts for FrictionalPoint<T> {
     fn friction_levers(&self, from: &BlockSource, rows: &LaneRows) -> LeverColumns<T> {
         let mut levers = [[T::ZERO; BATCH_LANES]; 2];
         for (lane, k) in occupied_lanes(rows) {
-            let lever = from.full.friction_lever(k, &from.start.problem.rows[k].normal);
+            let lever = from.block_data.friction_lever(k, &from.start.problem.rows[k].normal);
             for (axis, to) in self.axes[1..].iter().zip(&mut levers) {
                 to[lane] = T::from_f64((0..3).map(|k| axis[k][lane].to_f64() * lever[k]).sum());
             }
@@ -431,7 +432,7 @@ impl RowColumns {
         let unit = [1.0 / from.units.mass_unit(); BATCH_LANES];
         let side = BodySide { arm: [zero; 3], inverse_mass: [unit; 3], inverse_inertia: [zero; 6] };
         let normal = [zero, zero, one];
-        let levers = (!from.full.friction_offsets.is_empty()).then_some([zero; 3]);
+        let levers = (!from.block_data.friction_offsets.is_empty()).then_some([zero; 3]);
         let (u, r) = ([zero; 3], [zero; 3]);
         let mut seen = RowColumns { normal, sides: [side; 2], u, r, inverse_nn: zero, friction: zero, levers };
         let PackSource { problem, reactions, .. } = from.start;
@@ -439,12 +440,13 @@ impl RowColumns {
             let row = &problem.rows[k];
             set_lane(&mut seen.normal, lane, &row.normal);
             if let Some(levers) = &mut seen.levers {
-                set_lane(levers, lane, &from.full.friction_lever(k, &row.normal));
+                set_lane(levers, lane, &from.block_data.friction_lever(k, &row.normal));
             }
             set_lane(&mut seen.u, lane, &from.starting_velocity::<T>(k));
             set_lane(&mut seen.r, lane, &reactions.impulses[k]);
             for (side, to) in seen.sides.iter_mut().enumerate() {
-                let BodySide { arm, inverse_mass, inverse_inertia } = BodySide::from_row(problem, from.full, k, side);
+                let BodySide { arm, inverse_mass, inverse_inertia } =
+                    BodySide::from_row(problem, from.block_data, k, side);
                 (0..3).for_each(|k| (to.arm[k][lane], to.inverse_mass[k][lane]) = (arm[k], inverse_mass[k]));
                 (0..6).for_each(|k| to.inverse_inertia[k][lane] = inverse_inertia[k]);
             }
@@ -565,15 +567,15 @@ impl<T: LaneFloat> PairContacts for FrictionlessPoint<T> {
             weight: zero,
         };
         let mut values = NormalImpulses::default();
-        let BlockSource { start: PackSource { problem, reactions, .. }, full, units } = from;
+        let BlockSource { start: PackSource { problem, reactions, .. }, block_data, units } = from;
         for (lane, k) in occupied_lanes(rows) {
             let row = &problem.rows[k];
             let (n, mass) = (row.normal, units.mass_unit());
             set_lane(&mut point.normal, lane, &n);
             for side in 0..2 {
-                let arm = full.arms[k][side].cross(&n);
+                let arm = block_data.arms[k][side].cross(&n);
                 set_lane(&mut point.arms[side], lane, &arm);
-                let answer = full.inverse_inertia[row.bodies[side].index()] * arm * mass;
+                let answer = block_data.inverse_inertia[row.bodies[side].index()] * arm * mass;
                 set_lane(&mut point.answers[side], lane, &answer);
             }
             point.shift[lane] = T::from_f64(n.dot(&from.starting_velocity::<T>(k)) / units.velocity);

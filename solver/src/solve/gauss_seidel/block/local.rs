@@ -42,13 +42,13 @@ pub struct BodySide<V> {
 
 impl BodySide<f64> {
     /// Data of a body of row `k`, with `side` 0 for the candidate and 1 for the antagonist.
-    pub fn from_row(problem: &ContactProblem, full: &BlockData, k: usize, side: usize) -> Self {
+    pub fn from_row(problem: &ContactProblem, block_data: &BlockData, k: usize, side: usize) -> Self {
         let body = problem.rows[k].bodies[side].index();
-        let inverse_mass = full.free_axes(body) * problem.bodies[body].inverse_mass;
+        let inverse_mass = block_data.free_axes(body) * problem.bodies[body].inverse_mass;
         BodySide {
-            arm: full.arms[k][side].into(),
+            arm: block_data.arms[k][side].into(),
             inverse_mass: inverse_mass.into(),
-            inverse_inertia: symmetric_components(&full.inverse_inertia[body]),
+            inverse_inertia: symmetric_components(&block_data.inverse_inertia[body]),
         }
     }
 }
@@ -110,14 +110,14 @@ pub fn lever_block<L: Arithmetic>(l: L, sides: &[BodySide<L::V>; 2], n: [L::V; 3
 }
 
 /// Block W of row `k`.
-pub fn delassus_block_of_row(problem: &ContactProblem, full: &BlockData, k: usize) -> Symmetric<f64> {
-    let sides = [0, 1].map(|side| BodySide::from_row(problem, full, k, side));
+pub fn delassus_block_of_row(problem: &ContactProblem, block_data: &BlockData, k: usize) -> Symmetric<f64> {
+    let sides = [0, 1].map(|side| BodySide::from_row(problem, block_data, k, side));
     let n = problem.rows[k].normal;
     let w = delassus_block(Scalar, sides);
-    if full.friction_offsets.is_empty() {
+    if block_data.friction_offsets.is_empty() {
         return w;
     }
-    let of_lever = lever_block(Scalar, &sides, n.into(), full.friction_lever(k, &n).into());
+    let of_lever = lever_block(Scalar, &sides, n.into(), block_data.friction_lever(k, &n).into());
     [0, 1, 2, 3, 4, 5].map(|k| w[k] + of_lever[k])
 }
 

@@ -46,7 +46,7 @@ mod tests {
         pairs.sort_unstable();
         // Some bodies are not moved by impulses along one axis.
         let held = |k: u32| if k % 7 == 3 { Vec3::x() } else { Vec3::zeros() };
-        let mut full = BlockData {
+        let mut block_data = BlockData {
             arms: Vec::new(),
             friction_offsets: Vec::new(),
             locked_axes: (0..count).map(held).collect(),
@@ -57,7 +57,7 @@ mod tests {
         for (k, bodies) in pairs.into_iter().enumerate() {
             let k = k as u32;
             let arm = |side: f64| Vec3::new(noise(k, 31), noise(k, 32), side * 0.5 + 0.1 * noise(k, 33));
-            full.arms.push([arm(-1.0), arm(1.0)]);
+            block_data.arms.push([arm(-1.0), arm(1.0)]);
             let row = ContactConstraint {
                 bodies: bodies.map(BodyId),
                 normal: Vec3::new(0.6 * noise(k, 41), 0.6 * noise(k, 42), 1.0).normalize(),
@@ -71,7 +71,7 @@ mod tests {
             // Friction offsets as in faces, for two pairs in three.
             let offset =
                 Vec3::new(noise(k, 51), noise(k, 52), noise(k, 53)) * if bodies[0] % 3 == 0 { 0.0 } else { 0.4 };
-            full.friction_offsets.push(offset - row.normal * row.normal.dot(&offset));
+            block_data.friction_offsets.push(offset - row.normal * row.normal.dot(&offset));
             rows.push(row);
         }
         let mut contact_problem = ContactProblem {
@@ -79,13 +79,13 @@ mod tests {
             rolling_constraints: vec![],
             memories: vec![],
             regularised: vec![],
-            block_data: Some(full),
+            block_data: Some(block_data),
             bodies: solver_bodies,
             order: (0..count).collect(),
         };
         for k in 0..contact_problem.rows.len() {
-            let full = contact_problem.block_data.as_ref().unwrap();
-            let w = full_matrix(delassus_block_of_row(&contact_problem, full, k));
+            let block_data = contact_problem.block_data.as_ref().unwrap();
+            let w = full_matrix(delassus_block_of_row(&contact_problem, block_data, k));
             let row = &mut contact_problem.rows[k];
             row.w_n = row.normal.dot(&(w * row.normal));
             row.w_t = 0.5 * (w.trace() - row.w_n);
@@ -115,12 +115,12 @@ mod tests {
             let change = |i: usize| {
                 contact_problem.shifted_velocity(i, &contact_problem.bodies) - free.shifted_velocity(i, &free.bodies)
             };
-            let full = free.block_data.as_ref().unwrap();
-            let w = full_matrix(delassus_block_of_row(&free, full, k));
+            let block_data = free.block_data.as_ref().unwrap();
+            let w = full_matrix(delassus_block_of_row(&free, block_data, k));
             // Some roundings of numbers up to 10.
             assert!((change(k) - w * r).norm() < 1e-13, "{k}: {} {}", change(k), w * r);
             let (row, n) = (&free.rows[k], contact.normal);
-            let (w_n, w_t) = full.delassus_diagonal(k, row, &free.bodies);
+            let (w_n, w_t) = block_data.delassus_diagonal(k, row, &free.bodies);
             assert!((w_n - n.dot(&(w * n))).abs() < 1e-13 && (w_n + 2.0 * w_t - w.trace()).abs() < 1e-13, "{k}");
             for (i, _, w) in problem.blocks.iter().filter(|(_, j, _)| *j == k) {
                 let expected = to_local(&contacts[*i].frame(), &change(*i));

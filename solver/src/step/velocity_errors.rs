@@ -57,25 +57,25 @@ pub struct VelocityErrors {
 }
 
 impl VelocityErrors {
-    pub fn new(system: &ContactProblem, solution: &ContactSolution) -> Self {
+    pub fn new(contact_problem: &ContactProblem, solution: &ContactSolution) -> Self {
         let of_row = |(k, r): (usize, &Vec3)| {
             // The natural map of such rows is another one, and their contacts lose nothing.
-            if system.rows[k].can_close && system.regularised_row(k).is_none() {
-                velocity_error(system, solution, k, r)
+            if contact_problem.rows[k].can_close && contact_problem.regularised_row(k).is_none() {
+                velocity_error(contact_problem, solution, k, r)
             } else {
                 0.0
             }
         };
         let of_rows: Vec<f64> =
             solution.impulses.par_iter().enumerate().with_min_len(PAR_MIN_LEN).map(of_row).collect();
-        let mut errors = vec![0.0f64; system.bodies.len()];
-        for (row, error) in system.rows.iter().zip(of_rows) {
+        let mut errors = vec![0.0f64; contact_problem.bodies.len()];
+        for (row, error) in contact_problem.rows.iter().zip(of_rows) {
             // A body that does not move transmits no error.
-            for body in row.bodies.into_iter().filter(|&body| system.bodies[body.index()].inverse_mass > 0.0) {
+            for body in row.bodies.into_iter().filter(|&body| contact_problem.bodies[body.index()].inverse_mass > 0.0) {
                 errors[body.index()] = errors[body.index()].max(error);
             }
         }
-        VelocityErrors { errors, leverages: tangential_leverages(system), unsettled: Vec::new() }
+        VelocityErrors { errors, leverages: tangential_leverages(contact_problem), unsettled: Vec::new() }
     }
 
     /// Error of the tangential velocity at row `k`, m/s.
@@ -104,10 +104,18 @@ impl VelocityErrors {
     /// limit to within errors that are not small against its strength, and it does not move by more than these errors. It is
     /// also so if the errors open the bond in `h` by more than positions are corrected for, at the effective radius `radius`
     /// (m).
-    fn is_undecided(&self, system: &ContactProblem, solution: &ContactSolution, k: usize, h: f64, radius: f64) -> bool {
-        let row = &system.rows[k];
+    fn is_undecided(
+        &self,
+        contact_problem: &ContactProblem,
+        solution: &ContactSolution,
+        k: usize,
+        h: f64,
+        radius: f64,
+    ) -> bool {
+        let row = &contact_problem.rows[k];
         let error = self.contact_error(row.bodies);
-        let (opens, slides) = self.opens_or_slides(k, row, &system.shifted_velocity(k, &solution.solver_bodies));
+        let (opens, slides) =
+            self.opens_or_slides(k, row, &contact_problem.shifted_velocity(k, &solution.solver_bodies));
         if opens || slides {
             return false;
         }
@@ -134,24 +142,24 @@ struct StepBonds<'a> {
 
 impl StepBonds<'_> {
     /// Rows with a bond that is lost if it moves in any direction.
-    fn rigid(&self, system: &ContactProblem) -> Vec<usize> {
+    fn rigid(&self, contact_problem: &ContactProblem) -> Vec<usize> {
         let is_rigid = |&k: &usize| {
             let law = &self.laws[self.context.contacts[k].law as usize];
-            has_active_bond(&system.rows[k]) && law.has_stress() && law.bonds_are_rigid()
+            has_active_bond(&contact_problem.rows[k]) && law.has_stress() && law.bonds_are_rigid()
         };
-        (0..system.rows.len()).into_par_iter().with_min_len(PAR_MIN_LEN).filter(is_rigid).collect()
+        (0..contact_problem.rows.len()).into_par_iter().with_min_len(PAR_MIN_LEN).filter(is_rigid).collect()
     }
 
     /// Those of the `rigid` rows that open or slide.
     fn moving(
         &self,
-        SolvedProblem { system, solution, .. }: &SolvedProblem,
+        SolvedProblem { contact_problem, solution, .. }: &SolvedProblem,
         errors: &VelocityErrors,
         rigid: &[usize],
     ) -> Vec<usize> {
         let moves = |&k: &usize| {
-            let u = system.shifted_velocity(k, &solution.solver_bodies);
-            errors.opens_or_slides(k, &system.rows[k], &u) != (false, false)
+            let u = contact_problem.shifted_velocity(k, &solution.solver_bodies);
+            errors.opens_or_slides(k, &contact_problem.rows[k], &u) != (false, false)
         };
         rigid.iter().copied().filter(moves).collect()
     }
@@ -160,8 +168,8 @@ impl StepBonds<'_> {
     /// rows with rigid bonds, and those of them that break.
     fn are_undecided(
         &self,
-        SolvedProblem { system, solution, .. }: &SolvedProblem,
-        motion: &VelocityErrors,
+        SolvedProblem { contact_problem, solution, .. }: &SolvedProblem,
+        errors: &VelocityErrors,
         rigid: &[usize],
         broken: &[usize],
     ) -> bool {
@@ -171,12 +179,12 @@ impl StepBonds<'_> {
                 let (a, b) = contact.ranks;
                 scene.effective_radius((contact.candidate, a), (contact.antagonist, b))
             };
-            has_active_bond(&system.rows[k])
+            has_active_bond(&contact_problem.rows[k])
                 && self.laws[contact.law as usize].has_irreversible_loss()
-                && motion.is_undecided(system, solution, k, q_c.h, radius())
+                && errors.is_undecided(contact_problem, solution, k, q_c.h, radius())
         };
         contacts.par_iter().enumerate().with_min_len(PAR_MIN_LEN).any(is_undecided)
-            || largest_error_load(system, solution, rigid, broken) > MAX_ERROR_LOAD
+            || largest_error_load(contact_problem, solution, rigid, broken) > MAX_ERROR_LOAD
     }
 }
 
@@ -198,24 +206,25 @@ pub fn refine_until_decided(
         return None;
     }
     let bonds = StepBonds { context, laws };
-    let mut errors = VelocityErrors::new(&solved.system, &solved.solution);
-    let rigid = bonds.rigid(&solved.system);
+    let mut errors = VelocityErrors::new(&solved.contact_problem, &solved.solution);
+    let rigid = bonds.rigid(&solved.contact_problem);
     let mut moving = bonds.moving(solved, &errors, &rigid);
     // Until there are two solutions, no bond is known to break.
     let mut is_settled = moving.is_empty();
-    let mut sweeps_left = MOMENTUM_CYCLE.max(MAX_REFINEMENT_COST / (solved.system.rows.len() as u64).max(1));
+    let mut sweeps_left = MOMENTUM_CYCLE.max(MAX_REFINEMENT_COST / (solved.contact_problem.rows.len() as u64).max(1));
     for refinement in 0..MAX_REFINEMENTS {
         let is_decided = is_settled && !bonds.are_undecided(solved, &errors, &rigid, &moving);
         if !solved.solution.converged || is_decided || sweeps_left == 0 {
             break;
         }
-        let speed =
-            |solved: &SolvedProblem, k: usize| solved.system.shifted_velocity(k, &solved.solution.solver_bodies).norm();
+        let speed = |solved: &SolvedProblem, k: usize| {
+            solved.contact_problem.shifted_velocity(k, &solved.solution.solver_bodies).norm()
+        };
         let speeds: Vec<f64> = rigid.iter().map(|&k| speed(solved, k)).collect();
         let ContactSolution { residual, sweeps, .. } = solved.solution;
         refine(context, request, sweeps_left, solved);
         sweeps_left = sweeps_left.saturating_sub(solved.solution.sweeps - sweeps);
-        errors = VelocityErrors::new(&solved.system, &solved.solution);
+        errors = VelocityErrors::new(&solved.contact_problem, &solved.solution);
         // An error falls like the residual, the velocity of a bond that breaks stays: the root of the ratio divides them.
         let share = (solved.solution.residual / residual).sqrt();
         let is_stuck = solved.solution.residual > 0.5 * residual;
@@ -242,16 +251,16 @@ fn refine(
     context: StepContext,
     request: SolveRequest,
     max_sweeps: u64,
-    SolvedProblem { system, solution, .. }: &mut SolvedProblem,
+    SolvedProblem { contact_problem, solution, .. }: &mut SolvedProblem,
 ) {
-    system.rows.iter_mut().zip(&solution.impulses).for_each(|(row, r)| row.warm_start = *r);
-    system.rolling_constraints.iter_mut().zip(&solution.moments).for_each(|(roll, m)| roll.warm_start = *m);
+    contact_problem.rows.iter_mut().zip(&solution.impulses).for_each(|(row, r)| row.warm_start = *r);
+    contact_problem.rolling_constraints.iter_mut().zip(&solution.moments).for_each(|(roll, m)| roll.warm_start = *m);
     let target_residual = 0.1 * solution.residual.min(request.criteria.target_residual);
     let max_sweeps = max_sweeps.min(request.criteria.max_sweeps);
     let criteria =
         StoppingCriteria { tol: target_residual, target_residual, min_sweeps: 0, max_sweeps, ..request.criteria };
     let stored = |problem: &ContactProblem| stored_problem(problem, context.contacts);
-    let further = solve_contact_problem(system, SolveRequest { criteria, ..request }, stored);
+    let further = solve_contact_problem(contact_problem, SolveRequest { criteria, ..request }, stored);
     *solution = ContactSolution {
         sweeps: solution.sweeps + further.sweeps,
         converged: further.residual <= request.criteria.tol && further.left_out == 0,
@@ -267,21 +276,22 @@ fn refine(
 ///
 /// Errors of the normal velocity at the bonds of a face, at distances s from its centre, turn a body by as much over s. About
 /// its centre of mass, at a distance l, this is a tangential velocity of l/s times the error.
-fn tangential_leverages(system: &ContactProblem) -> Vec<f64> {
-    if system.block_data.is_none() || !system.rows.iter().any(has_active_bond) {
+fn tangential_leverages(contact_problem: &ContactProblem) -> Vec<f64> {
+    if contact_problem.block_data.is_none() || !contact_problem.rows.iter().any(has_active_bond) {
         return Vec::new();
     }
-    let mut leverages = vec![1.0; system.rows.len()];
+    let mut leverages = vec![1.0; contact_problem.rows.len()];
     let mut first = 0;
-    for rows in system.rows.chunk_by(|a, b| a.bodies == b.bodies) {
-        let bonded: Vec<usize> = (first..first + rows.len()).filter(|&k| has_active_bond(&system.rows[k])).collect();
+    for rows in contact_problem.rows.chunk_by(|a, b| a.bodies == b.bodies) {
+        let bonded: Vec<usize> =
+            (first..first + rows.len()).filter(|&k| has_active_bond(&contact_problem.rows[k])).collect();
         first += rows.len();
         if bonded.len() < 3 {
             continue;
         }
-        let moving = |side: &usize| system.bodies[rows[0].bodies[*side].index()].inverse_mass > 0.0;
+        let moving = |side: &usize| contact_problem.bodies[rows[0].bodies[*side].index()].inverse_mass > 0.0;
         for side in [0, 1].into_iter().filter(moving) {
-            let arms = bonded.iter().map(|&k| system.contact_arm(k, side));
+            let arms = bonded.iter().map(|&k| contact_problem.contact_arm(k, side));
             let centre = arms.clone().sum::<Vec3>() / bonded.len() as f64;
             let spread = arms.map(|arm| (arm - centre).norm_squared()).sum::<f64>() / bonded.len() as f64;
             let leverage = centre.norm() / spread.sqrt();
@@ -292,16 +302,17 @@ fn tangential_leverages(system: &ContactProblem) -> Vec<f64> {
 }
 
 /// |F|/ρ of row `k` with the impulse `r`, and the rounding part of its velocity, m/s.
-fn velocity_error(system: &ContactProblem, solution: &ContactSolution, k: usize, r: &Vec3) -> f64 {
-    let row = &system.rows[k];
+fn velocity_error(contact_problem: &ContactProblem, solution: &ContactSolution, k: usize, r: &Vec3) -> f64 {
+    let row = &contact_problem.rows[k];
     let rho = 3.0 / (row.w_n + 2.0 * row.w_t);
     let speed = |side: usize| {
         let SolverBody { v, w, .. } = &solution.solver_bodies[row.bodies[side].index()];
-        v.norm() + w.norm() * system.contact_arm(k, side).norm()
+        v.norm() + w.norm() * contact_problem.contact_arm(k, side).norm()
     };
     let rounding =
         ROUNDING_SHARE * (speed(0) + speed(1) + row.shift.norm() + (r.norm() + row.impulse_shift.abs()) / rho);
-    natural_map(&row.normal, row.friction, rho, &system.shifted_velocity(k, &solution.solver_bodies), r).norm() / rho
+    natural_map(&row.normal, row.friction, rho, &contact_problem.shifted_velocity(k, &solution.solver_bodies), r).norm()
+        / rho
         + rounding
 }
 
