@@ -41,123 +41,35 @@ pub fn contact_problem(
     free: Velocities,
 ) -> ContactProblem {
     let mut block_data = block_data(scene, q_c);
-    let solver_bodies: Vec<SolverBody> = scene
-        .bodies
-        .par_iter()
-        .zip(free.v.par_iter().zip(free.w))
-        .with_min_len(PAR_MIN_LEN)
-        .map(|(body, (v, w))| match body.shape {
-            BodyShape::Sphere { radius } => SolverBody {
-                v: *v,
-                inverse_mass: body.inverse_mass(),
-                w: *w,
-                inverse_inertia: body.inverse_inertia(),
-                radius,
-            },
-            // A plate's motion at the contact point is in the row's shift.
-            _ if block_data.is_some() => {
-                SolverBody { v: *v, inverse_mass: body.inverse_mass(), w: *w, inverse_inertia: 0.0, radius: 0.0 }
-            }
-            BodyShape::Plane { .. } | BodyShape::Parts => {
-                SolverBody { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 }
-            }
-        })
-        .collect();
-
-    let bounds = scene.bodies.par_iter().zip(free.v.par_iter().zip(free.w)).with_min_len(PAR_MIN_LEN);
-    let bounds = bounds.map(|(body, (v, w))| MotionBounds {
-        speed: (v - q_c.mean_velocity).norm(),
-        angular_speed: w.norm(),
-        nearby: NEARBY_GAP * if body.driven { f64::INFINITY } else { body.radius },
-    });
-    let bounds = bounds.collect();
-    let is_sphere = scene.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(RigidBody::is_sphere).collect();
+    let solver_bodies = solver_bodies(scene, free, block_data.is_some());
     let context = AssemblyContext {
         scene,
         state,
         q_c,
         free,
-        bounds,
-        is_sphere,
+        bounds: motion_bounds(scene, q_c, free),
+        is_sphere: scene.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(RigidBody::is_sphere).collect(),
         solver_bodies: &solver_bodies,
         changed: q_c.changed,
         has_blocks: block_data.is_some(),
         width: SimdWidth::detect(),
     };
     let history = context.previous_contacts(contacts);
-    let before = |old: &Option<ContactId>| old.map(|k| &state.contacts[k.index()]);
-    let bond_states = context.bond_states(contacts, &history);
     let memories = context.law_memories(contacts, &history);
-    let of_contact = |(k, old): (usize, &Option<ContactId>)| {
-        context.prefetch(contacts.get(k + PREFETCH_CONTACTS));
-        let memory = memories.get(k).copied().unwrap_or_default();
-        let bond_state = bond_states.get(k).copied().unwrap_or_default();
-        context.contact_constraint(&contacts[k], before(old), bond_state, memory)
-    };
-    let mut rows: Vec<ContactConstraint> = history.par_iter().enumerate().with_min_len(256).map(of_contact).collect();
-    let mut rolls: Vec<RollingConstraint> = if state.laws.iter().any(|law| law.rolling_friction().is_some()) {
-        let listed = (0..).zip(contacts).zip(&history).filter(|((k, _), _): &((usize, _), _)| rows[*k].acts);
-        listed
-            .filter_map(|((k, contact), old)| {
-                context.rolling_constraint(k, contact, old.map(|k| &state.contacts[k.index()]))
-            })
-            .collect()
-    } else {
-        Vec::new()
-    };
+    let mut rows = context.contact_constraints(contacts, &history, &memories);
+    let mut rolling_constraints = context.rolling_constraints(contacts, &history, &rows);
     if let Some(block_data) = &mut block_data {
         block_data.arms = contacts.par_iter().with_min_len(256).map(|contact| contact_arms(contact, &q_c.x)).collect();
-    }
-    if let Some(block_data) = &mut block_data
-        && scene.options.face_friction == FaceFriction::Uniform
-    {
-        let load = |k: usize| match history[k] {
-            Some(_) => rows[k].normal.dot(&rows[k].warm_start),
-            None => -rows[k].impulse_shift,
-        };
-        let sticks =
-            |k: usize| history[k].is_some_and(|old| state.contacts[old.index()].status == ContactStatus::Stick);
-        block_data.friction_offsets =
-            FaceRows { contacts, rows: &rows, records: &solver_bodies, full: block_data, load, sticks }
-                .friction_offsets();
-        if has_joints(scene) {
-            let faces = FaceRows { contacts, rows: &rows, records: &solver_bodies, full: block_data, load, sticks };
-            let last_loads = || context.last_loads(contacts, &history);
-            let joined = Joints { faces: &faces, scene, last_loads }.joined_faces();
-            block_data.friction_offsets = joined.offsets;
-            joined.warm_starts.into_iter().for_each(|(k, r)| rows[k].warm_start = r);
+        if scene.options.face_friction == FaceFriction::Uniform {
+            context.set_friction_points(block_data, contacts, &history, &mut rows);
         }
-        if !block_data.friction_offsets.is_empty() {
-            context.shift_friction(block_data, contacts, &mut rows);
-        }
-    }
-    if let Some(block_data) = &block_data {
-        rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
-            if !block_data.can_move_a_body(k, row, &scene.bodies) {
-                *row = ContactConstraint {
-                    acts: false,
-                    can_close: false,
-                    impulse_shift: 0.0,
-                    warm_start: Vec3::zeros(),
-                    bond: None,
-                    ..*row
-                };
-            }
-            (row.w_n, row.w_t) = if row.can_close || row.impulse_shift != 0.0 {
-                block_data.delassus_diagonal(k, row, &solver_bodies)
-            } else {
-                (0.0, 0.0)
-            };
-        });
-        for roll in &mut rolls {
-            let [a, b] = rows[roll.row.index()].bodies.map(|body| block_data.inverse_inertia[body.index()]);
-            roll.inverse_w = 1.0 / (a + b).symmetric_eigenvalues().max();
-        }
+        set_delassus_diagonals(scene, block_data, &solver_bodies, &mut rows);
+        set_rolling_inertia(block_data, &rows, &mut rolling_constraints);
     }
     let regularised = context.regularised_rows(contacts, &rows, &memories);
     let mut contact_problem = ContactProblem {
         rows,
-        rolling_constraints: rolls,
+        rolling_constraints,
         block_data,
         regularised,
         memories,
@@ -172,6 +84,77 @@ pub fn contact_problem(
         apply_cohesion(&mut contact_problem, &history);
     }
     contact_problem
+}
+
+/// Free velocities and inertia of all bodies, as the sweeps use them. `has_blocks`: whether the rows have [`BlockData`].
+fn solver_bodies(scene: &Scene, free: Velocities, has_blocks: bool) -> Vec<SolverBody> {
+    let of_body = |(body, (v, w)): (&RigidBody, (&Vec3, &Vec3))| match body.shape {
+        BodyShape::Sphere { radius } => SolverBody {
+            v: *v,
+            inverse_mass: body.inverse_mass(),
+            w: *w,
+            inverse_inertia: body.inverse_inertia(),
+            radius,
+        },
+        // A plate's motion at the contact point is in the row's shift.
+        _ if has_blocks => {
+            SolverBody { v: *v, inverse_mass: body.inverse_mass(), w: *w, inverse_inertia: 0.0, radius: 0.0 }
+        }
+        BodyShape::Plane { .. } | BodyShape::Parts => {
+            SolverBody { v: Vec3::zeros(), inverse_mass: 0.0, w: Vec3::zeros(), inverse_inertia: 0.0, radius: 0.0 }
+        }
+    };
+    let bodies = scene.bodies.par_iter().zip(free.v.par_iter().zip(free.w));
+    bodies.with_min_len(PAR_MIN_LEN).map(of_body).collect()
+}
+
+/// Bounds on the motion of all bodies in the step.
+fn motion_bounds(scene: &Scene, q_c: &ContactConfiguration, free: Velocities) -> Vec<MotionBounds> {
+    let of_body = |(body, (v, w)): (&RigidBody, (&Vec3, &Vec3))| MotionBounds {
+        speed: (v - q_c.mean_velocity).norm(),
+        angular_speed: w.norm(),
+        nearby: NEARBY_GAP * if body.driven { f64::INFINITY } else { body.radius },
+    };
+    let bodies = scene.bodies.par_iter().zip(free.v.par_iter().zip(free.w));
+    bodies.with_min_len(PAR_MIN_LEN).map(of_body).collect()
+}
+
+/// Sets W_nn and W_tt of rows that can close, and releases the rows that cannot move a body.
+fn set_delassus_diagonals(
+    scene: &Scene,
+    block_data: &BlockData,
+    solver_bodies: &[SolverBody],
+    rows: &mut [ContactConstraint],
+) {
+    rows.par_iter_mut().enumerate().with_min_len(256).for_each(|(k, row)| {
+        if !block_data.can_move_a_body(k, row, &scene.bodies) {
+            *row = ContactConstraint {
+                acts: false,
+                can_close: false,
+                impulse_shift: 0.0,
+                warm_start: Vec3::zeros(),
+                bond: None,
+                ..*row
+            };
+        }
+        (row.w_n, row.w_t) = if row.can_close || row.impulse_shift != 0.0 {
+            block_data.delassus_diagonal(k, row, solver_bodies)
+        } else {
+            (0.0, 0.0)
+        };
+    });
+}
+
+/// Sets the inertia against rolling of bodies whose inertia depends on the axis.
+fn set_rolling_inertia(
+    block_data: &BlockData,
+    rows: &[ContactConstraint],
+    rolling_constraints: &mut [RollingConstraint],
+) {
+    for roll in rolling_constraints {
+        let [a, b] = rows[roll.row.index()].bodies.map(|body| block_data.inverse_inertia[body.index()]);
+        roll.inverse_w = 1.0 / (a + b).symmetric_eigenvalues().max();
+    }
 }
 
 /// Sets the impulse with which laws push out deep overlaps, and starts the remaining impulse from what is left.
@@ -202,6 +185,71 @@ fn apply_cohesion(contact_problem: &mut ContactProblem, history: &[Option<Contac
 }
 
 impl AssemblyContext<'_> {
+    /// Rows of all contacts, with their `history` of the last step and the `memories` of their laws.
+    fn contact_constraints(
+        &self,
+        contacts: &[Contact],
+        history: &[Option<ContactId>],
+        memories: &[LawMemory],
+    ) -> Vec<ContactConstraint> {
+        let bond_states = self.bond_states(contacts, history);
+        let of_contact = |(k, old): (usize, &Option<ContactId>)| {
+            self.prefetch(contacts.get(k + PREFETCH_CONTACTS));
+            let memory = memories.get(k).copied().unwrap_or_default();
+            let bond_state = bond_states.get(k).copied().unwrap_or_default();
+            self.contact_constraint(&contacts[k], self.previous_end(*old), bond_state, memory)
+        };
+        history.par_iter().enumerate().with_min_len(256).map(of_contact).collect()
+    }
+
+    /// Rolling constraints of the rows that act.
+    fn rolling_constraints(
+        &self,
+        contacts: &[Contact],
+        history: &[Option<ContactId>],
+        rows: &[ContactConstraint],
+    ) -> Vec<RollingConstraint> {
+        if !self.state.laws.iter().any(|law| law.rolling_friction().is_some()) {
+            return Vec::new();
+        }
+        let acting = (0..rows.len()).filter(|&k| rows[k].acts);
+        acting.filter_map(|k| self.rolling_constraint(k, &contacts[k], self.previous_end(history[k]))).collect()
+    }
+
+    /// Contact at the end of the last step.
+    fn previous_end(&self, old: Option<ContactId>) -> Option<&SolvedContact> {
+        old.map(|k| &self.state.contacts[k.index()])
+    }
+
+    /// Sets the points at which the friction of faces acts, and the shifts of the rows there. The rows of new joined faces
+    /// start from a uniform pressure.
+    fn set_friction_points(
+        &self,
+        block_data: &mut BlockData,
+        contacts: &[Contact],
+        history: &[Option<ContactId>],
+        rows: &mut [ContactConstraint],
+    ) {
+        let records = self.solver_bodies;
+        let load = |k: usize| match history[k] {
+            Some(_) => rows[k].normal.dot(&rows[k].warm_start),
+            None => -rows[k].impulse_shift,
+        };
+        let sticks = |k: usize| self.previous_end(history[k]).is_some_and(|old| old.status == ContactStatus::Stick);
+        block_data.friction_offsets =
+            FaceRows { contacts, rows, records, full: block_data, load, sticks }.friction_offsets();
+        if has_joints(self.scene) {
+            let faces = FaceRows { contacts, rows, records, full: block_data, load, sticks };
+            let last_loads = || self.last_loads(contacts, history);
+            let joined = Joints { faces: &faces, scene: self.scene, last_loads }.joined_faces();
+            block_data.friction_offsets = joined.offsets;
+            joined.warm_starts.into_iter().for_each(|(k, r)| rows[k].warm_start = r);
+        }
+        if !block_data.friction_offsets.is_empty() {
+            self.shift_friction(block_data, contacts, rows);
+        }
+    }
+
     /// Prefetches the data of a contact's antagonist that [`Self::contact_constraint`] reads; candidates are read in order.
     fn prefetch(&self, contact: Option<&Contact>) {
         let AssemblyContext { state, q_c, bounds, solver_bodies, width, .. } = self;
