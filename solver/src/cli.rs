@@ -12,7 +12,7 @@ use cd_formats::settings::former_names_of_setting;
 use clap::{CommandFactory, Parser};
 
 use crate::read::driver::DriverSettings;
-use crate::run::{RunFailure, account_changed_forces, check_run, run_case};
+use crate::run::{RunFailure, RunMode, account_changed_forces, check_run, run_case};
 use crate::{plan, read, thread_pool, write};
 
 const PROGRAM: &str = "cd-solve";
@@ -162,7 +162,8 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     if arguments.force {
         write::remove_results(case)?;
     }
-    let advance = || run_case(case, &scene, state, resumed, arguments.dump_problem, arguments.step_loop);
+    let mode = RunMode { resumed, dump: arguments.dump_problem, step_loop: arguments.step_loop };
+    let advance = || run_case(case, &scene, state, mode);
     let large = scene.bodies.len() >= thread_pool::MIN_BODIES_TO_BUSY_WAIT;
     pool.install(|| if large { thread_pool::with_busy_waiting_workers(advance) } else { advance() })
 }

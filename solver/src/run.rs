@@ -22,7 +22,9 @@ use crate::plan::{StepBound, roundoff_warning, step_bounds};
 use crate::progress::ProgressDisplay;
 use crate::scene::{BodyId, Scene};
 use crate::state::{Contact, DetectionCache, State};
-use crate::step::{MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes, deeper_overlap, next_problem, step};
+use crate::step::{
+    MotionTotals, OVERLAP_WARNING_SHARE, Overlap, StageTimes, StepReport, deeper_overlap, next_problem, step,
+};
 use crate::write::exchange::{ExchangeEnd, StepExchange};
 use crate::write::summary::{INERT_REASON, RunStatistics, summary_text};
 use crate::write::{ResultFiles, errors};
@@ -61,16 +63,19 @@ impl From<Faults> for RunFailure {
     }
 }
 
-/// Advances the state to the last step and writes the results; returns the summary. `dump`: step whose contact problem is
-/// written, too. `step_loop`: forces of each step are exchanged on standard input and output.
-pub fn run_case(
-    case: &Path,
-    scene: &Scene,
-    mut state: State,
-    resumed: bool,
-    dump: Option<u64>,
-    step_loop: bool,
-) -> Result<String, RunFailure> {
+/// Start of a run, and its output and input besides the results.
+#[derive(Debug, Clone, Copy)]
+pub struct RunMode {
+    /// Whether the run continues from a snapshot.
+    pub resumed: bool,
+    /// Step whose contact problem is written, too.
+    pub dump: Option<u64>,
+    /// Whether forces of each step are exchanged on standard input and output.
+    pub step_loop: bool,
+}
+
+/// Advances the state to the last step and writes the results; returns the summary.
+pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> Result<String, RunFailure> {
     let start = Instant::now();
     let last = scene.last_step();
     let (mut results, estimator) = ResultFiles::open(case, scene, &state)?;
@@ -83,7 +88,7 @@ pub fn run_case(
     let stop = &*STOP_FLAG;
     // The time of an output is logged with the step after it.
     let mut writing = Duration::ZERO;
-    if !resumed {
+    if !mode.resumed {
         open_ledger(scene, &mut state);
         expect_finite(&state)?;
         writing = write_output(&mut results, scene, &state)?;
@@ -91,12 +96,12 @@ pub fn run_case(
 
     let progress = ProgressDisplay::new(state.step, last.max(state.step));
     statistics.warnings.extend(long_step_warning(scene, &state));
-    statistics.warnings.extend(single_step_warning(scene, &state).filter(|_| !resumed));
+    statistics.warnings.extend(single_step_warning(scene, &state).filter(|_| !mode.resumed));
     statistics.warnings.extend(roundoff_warning(scene, &state));
     statistics.warnings.iter().for_each(|message| progress.warn(message));
     let mut cache = DetectionCache::default();
     let (initial_overlap, message) = initial_overlap_warning(scene, &state, &mut cache).unzip();
-    message.filter(|_| !resumed).into_iter().for_each(|message| progress.warn(&message));
+    message.filter(|_| !mode.resumed).into_iter().for_each(|message| progress.warn(&message));
     // Overlaps deeper than this fraction of the smaller radius are attributed to the steps.
     let reported_share = initial_overlap.map_or(OVERLAP_WARNING_SHARE, |overlap: Overlap| {
         OVERLAP_WARNING_SHARE.max(DEEPER_OVERLAP_FACTOR * overlap.share)
@@ -107,7 +112,7 @@ pub fn run_case(
         state.detection_cache = cache;
     }
     let mut exchange = None;
-    if step_loop {
+    if mode.step_loop {
         let opened = StepExchange::open(std::io::stdin().lock(), std::io::stdout().lock(), state.x.len());
         exchange = Some(opened.map_err(|end| exchange_failure(end, &state, last, &progress))?);
     }
@@ -116,60 +121,26 @@ pub fn run_case(
             && let Err(end) = exchange.read_loads(scene, &mut state)
         {
             state.loads.clear();
-            results.finish_rows(&mut statistics.estimator).map_err(RunFailure::Unwritten)?;
-            write_output(&mut results, scene, &state).map_err(as_unwritten)?;
+            write_end(&mut results, &mut statistics, scene, &state)?;
             return Err(exchange_failure(end, &state, last, &progress));
         }
-        if let Some(number) =
-            dump.filter(|&number| state.step < number && number - state.step <= scene.options.adaptive().max_multiple)
-        {
-            let (step_multiple, problem) = next_problem(scene, &state);
-            if number <= state.step + step_multiple {
-                let number = state.step + step_multiple;
-                let path = crate::write::write_problem(case, number, problem).map_err(RunFailure::Unwritten)?;
-                print_line(format_args!("cd-solve: contact problem of step {number} in {}", path.display()));
-            }
+        if let Some(number) = mode.dump {
+            dump_problem(case, scene, &state, number)?;
         }
         let mut lap = StageTimes { writing: std::mem::take(&mut writing), ..StageTimes::default() };
         let first = state.step;
         progress.begin_step(state.step);
         let Some(report) = step(scene, &mut state, &mut lap) else {
-            results.finish_rows(&mut statistics.estimator).map_err(RunFailure::Unwritten)?;
-            write_output(&mut results, scene, &state).map_err(as_unwritten)?;
+            write_end(&mut results, &mut statistics, scene, &state)?;
             results.write_last(scene, &state).map_err(RunFailure::Unwritten)?;
             return Err(stopped_failure(&state, last, &progress));
         };
         expect_finite(&state).inspect_err(|_| progress.finish())?;
-        if let Some(overlap) = report.overlap {
-            if overlap.share > reported_share && statistics.overlap.is_none_or(|before| before.share <= reported_share)
-            {
-                progress.warn(&deeper_overlap_warning(&state, overlap));
-            }
-            statistics.overlap = deeper_overlap(statistics.overlap, overlap);
-        }
-        if let Some(overlap) = report.inert_overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE) {
-            if statistics.inert_overlap.is_none() {
-                progress.warn(&format!("{}: {INERT_REASON}", overlap_text(&state, overlap)));
-            }
-            statistics.inert_overlap = deeper_overlap(statistics.inert_overlap, overlap);
-        }
-        statistics.steps += 1;
-        statistics.dt_count += state.step - first;
-        statistics.longest_step = statistics.longest_step.max(report.h);
-        statistics.sweeps += report.sweeps;
-        statistics.gravity = report.gravity.sampled.or(statistics.gravity);
-        statistics.narrow_phase_error = report.narrow_phase_error.or(statistics.narrow_phase_error);
-        if scene.has_bonds() {
-            statistics.bonds = statistics.bonds.max(state.bond_count());
-        }
-        statistics.single_precision_steps += u64::from(report.single_precision);
-        statistics.fallback_steps += u64::from(report.fallback_used && report.converged);
-        statistics.steps_without_fallback += u64::from(report.fallback_suppressed);
-        if !report.converged {
-            statistics.unconverged += 1;
-            if statistics.unconverged <= MAX_REPORTED_STEPS {
-                progress.report_unconverged(&state, &report, &scene.options);
-            }
+        let warnings = overlap_warnings(&mut statistics, &state, &report, reported_share);
+        warnings.iter().for_each(|message| progress.warn(message));
+        statistics.add_step(scene, &state, &report, first);
+        if !report.converged && statistics.unconverged <= MAX_REPORTED_STEPS {
+            progress.report_unconverged(&state, &report, &scene.options);
         }
         progress.show_step(&state, &report);
         results.add_postpro(scene, &mut state, &report, first).map_err(RunFailure::Unwritten)?;
@@ -178,11 +149,10 @@ pub fn run_case(
         let stopped = stop.load(Ordering::Relaxed) && state.step < last;
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last || stopped {
             if state.step == last || stopped {
-                results.finish_rows(&mut statistics.estimator).map_err(RunFailure::Unwritten)?;
-            }
-            writing = write_output(&mut results, scene, &state).map_err(as_unwritten)?;
-            if state.step == last || stopped {
+                writing = write_end(&mut results, &mut statistics, scene, &state)?;
                 results.write_last(scene, &state).map_err(RunFailure::Unwritten)?;
+            } else {
+                writing = write_output(&mut results, scene, &state).map_err(as_unwritten)?;
             }
             progress.print_status(&state, &report);
         } else if progress.is_silent() {
@@ -197,17 +167,10 @@ pub fn run_case(
     statistics.estimator.add_writing_time(&last_output);
     statistics.stage_times.accumulate(&last_output);
     progress.finish();
-    // No step has measured the overlaps that the last step made.
     if statistics.steps > 0
-        && let Some(overlap) =
-            deepest_overlap(&current_contacts(scene, &state, &mut state.detection_cache.clone()), scene)
-        && statistics.inert_overlap.is_none_or(|inert| inert.bodies != overlap.bodies)
+        && let Some(message) = last_overlap_warning(&mut statistics, scene, &state, reported_share)
     {
-        statistics.penetration_end = overlap.depth;
-        if overlap.share > reported_share && statistics.overlap.is_none_or(|before| before.share <= reported_share) {
-            print_error(format_args!("cd-solve: warning: {}", deeper_overlap_warning(&state, overlap)));
-        }
-        statistics.overlap = deeper_overlap(statistics.overlap, overlap);
+        print_error(format_args!("cd-solve: warning: {message}"));
     }
     statistics.overlap = statistics.overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE);
     statistics.wall_time = start.elapsed();
@@ -217,6 +180,31 @@ pub fn run_case(
         errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;
     }
     Ok(summary_text(scene, &state, &statistics, &sources))
+}
+
+/// Writes the contact problem of the step `number`, if that is the next step or within it.
+fn dump_problem(case: &Path, scene: &Scene, state: &State, number: u64) -> Result<(), RunFailure> {
+    if state.step >= number || number - state.step > scene.options.adaptive().max_multiple {
+        return Ok(());
+    }
+    let (step_multiple, problem) = next_problem(scene, state);
+    let end = state.step + step_multiple;
+    if number <= end {
+        let path = crate::write::write_problem(case, end, problem).map_err(RunFailure::Unwritten)?;
+        print_line(format_args!("cd-solve: contact problem of step {end} in {}", path.display()));
+    }
+    Ok(())
+}
+
+/// Writes the remaining rows and the state at the end of a run; returns the time that the state took.
+fn write_end(
+    results: &mut ResultFiles,
+    statistics: &mut RunStatistics,
+    scene: &Scene,
+    state: &State,
+) -> Result<Duration, RunFailure> {
+    results.finish_rows(&mut statistics.estimator).map_err(RunFailure::Unwritten)?;
+    write_output(results, scene, state).map_err(as_unwritten)
 }
 
 /// Failure of a run that was requested to stop.
@@ -350,6 +338,48 @@ fn initial_overlap_warning(scene: &Scene, state: &State, cache: &mut DetectionCa
         deepest.message_text(),
     );
     Some((deepest, message))
+}
+
+/// Adds the overlaps of a step to the statistics; returns warnings about the first deep ones.
+fn overlap_warnings(
+    statistics: &mut RunStatistics,
+    state: &State,
+    report: &StepReport,
+    reported_share: f64,
+) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if let Some(overlap) = report.overlap {
+        warnings.extend(add_overlap(statistics, state, overlap, reported_share));
+    }
+    if let Some(overlap) = report.inert_overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE) {
+        if statistics.inert_overlap.is_none() {
+            warnings.push(format!("{}: {INERT_REASON}", overlap_text(state, overlap)));
+        }
+        statistics.inert_overlap = deeper_overlap(statistics.inert_overlap, overlap);
+    }
+    warnings
+}
+
+/// Adds the overlaps that the last step made, which no step has measured, to the statistics; returns a warning if they are
+/// the first deep ones.
+fn last_overlap_warning(
+    statistics: &mut RunStatistics,
+    scene: &Scene,
+    state: &State,
+    reported_share: f64,
+) -> Option<String> {
+    let contacts = current_contacts(scene, state, &mut state.detection_cache.clone());
+    let is_inert = |overlap: &Overlap| statistics.inert_overlap.is_some_and(|inert| inert.bodies == overlap.bodies);
+    let overlap = deepest_overlap(&contacts, scene).filter(|overlap| !is_inert(overlap))?;
+    statistics.penetration_end = overlap.depth;
+    add_overlap(statistics, state, overlap, reported_share)
+}
+
+/// Adds an overlap to the statistics; returns a warning if it is the first whose share exceeds `reported_share`.
+fn add_overlap(statistics: &mut RunStatistics, state: &State, overlap: Overlap, reported_share: f64) -> Option<String> {
+    let is_first = statistics.overlap.is_none_or(|before| before.share <= reported_share);
+    statistics.overlap = deeper_overlap(statistics.overlap, overlap);
+    (is_first && overlap.share > reported_share).then(|| deeper_overlap_warning(state, overlap))
 }
 
 /// Warning about deep overlaps made by steps.

@@ -11,7 +11,7 @@ use crate::gravity::sample::SampledError;
 use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::State;
-use crate::step::{BalanceErrors, OVERLAP_WARNING_SHARE, Overlap, StageTimes};
+use crate::step::{BalanceErrors, OVERLAP_WARNING_SHARE, Overlap, StageTimes, StepReport};
 
 use super::errors::{self, ErrorEstimator, ErrorSource};
 
@@ -53,6 +53,25 @@ pub struct RunStatistics {
     pub stage_times: StageTimes,
     /// Estimates of all steps, including those before a resume.
     pub estimator: ErrorEstimator,
+}
+
+impl RunStatistics {
+    /// Adds a step, which began after step `first` and ended in `state`.
+    pub fn add_step(&mut self, scene: &Scene, state: &State, report: &StepReport, first: u64) {
+        self.steps += 1;
+        self.dt_count += state.step - first;
+        self.longest_step = self.longest_step.max(report.h);
+        self.sweeps += report.sweeps;
+        self.unconverged += u64::from(!report.converged);
+        self.gravity = report.gravity.sampled.or(self.gravity);
+        self.narrow_phase_error = report.narrow_phase_error.or(self.narrow_phase_error);
+        if scene.has_bonds() {
+            self.bonds = self.bonds.max(state.bond_count());
+        }
+        self.single_precision_steps += u64::from(report.single_precision);
+        self.fallback_steps += u64::from(report.fallback_used && report.converged);
+        self.steps_without_fallback += u64::from(report.fallback_suppressed);
+    }
 }
 
 /// Reason for the overlap of two bodies whose contact does not act, with advice.
