@@ -75,17 +75,17 @@ pub fn set_laws_and_visibility(
     // Only laws used by some row of the table are needed.
     let mut number = vec![None; tact.laws.len()];
     let mut is_checked = vec![false; tact.laws.len()];
-    let mut idle = Vec::new();
-    for see in &tact.visibility {
-        let Some(k) = tact.laws.iter().position(|law| law.nickname == see.law) else { continue };
+    let mut uncomputed_laws = Vec::new();
+    for row in &tact.visibility {
+        let Some(k) = tact.laws.iter().position(|law| law.nickname == row.law) else { continue };
         if std::mem::replace(&mut is_checked[k], true) {
             continue;
         }
         let record = &tact.laws[k];
-        let is_needed = tact.visibility.iter().any(|row| row.law == see.law && contactors.can_meet(row));
+        let is_needed = tact.visibility.iter().any(|other| other.law == row.law && contactors.can_meet(other));
         let mut refuse = |found: String, expected: String| {
             if !is_needed {
-                idle.push(record);
+                uncomputed_laws.push(record);
                 return;
             }
             faults.push(Fault::new(&file, Some(record.line), format!("law '{}'", record.nickname), found, expected));
@@ -120,10 +120,10 @@ pub fn set_laws_and_visibility(
         }
     }
 
-    idle.extend(
+    uncomputed_laws.extend(
         (0..tact.laws.len()).filter(|&k| !is_checked[k] && tact.laws[k].model().is_err()).map(|k| &tact.laws[k]),
     );
-    scene.notes.extend(idle_laws_note(&idle));
+    scene.notes.extend(uncomputed_laws_note(&uncomputed_laws));
     faults.0.extend(tact.check_laws(&file, |row| contactors.can_meet(row)).0);
     scene.notes.extend(rows_without_law_note(tact, contactors));
     scene.notes.extend(idle_rows_notes(tact, contactors));
@@ -158,8 +158,8 @@ pub fn set_laws_and_visibility(
         let (Some(a), Some(b), Some(law)) = (class_of(&row.candidate), class_of(&row.antagonist), law) else {
             continue;
         };
-        let see = InteractionRule { law, alert: scene.options.alert.unwrap_or(row.alert) };
-        if let Some(known) = table[a * classes + b].filter(|known| *known != see) {
+        let rule = InteractionRule { law, alert: scene.options.alert.unwrap_or(row.alert) };
+        if let Some(known) = table[a * classes + b].filter(|known| *known != rule) {
             let found = format!("law '{}', alert {}", row.law, row.alert);
             let expected = format!(
                 "expected law '{}' and alert {}, as in the earlier row of this pair (SPHEb counts as SPHER)",
@@ -173,14 +173,14 @@ pub fn set_laws_and_visibility(
             let found = format!("body {}, which is not all driven, and body {}", moved.number(), other.number());
             faults.push(Fault::new(&file, Some(row.line), row.pair_name(), found, expected));
         }
-        table[a * classes + b] = Some(see);
-        table[b * classes + a] = Some(see);
+        table[a * classes + b] = Some(rule);
+        table[b * classes + a] = Some(rule);
     }
     let radius = |body: &RigidBody| if let BodyShape::Plane { .. } = body.shape { 0.0 } else { body.radius };
     let of_parts = scene.parts.iter().map(|part| scene.part_curvature(part)).filter(|curvature| *curvature > 0.0);
     let radii = scene.bodies.iter().map(radius).chain(of_parts.map(f64::recip));
     let largest = radii.fold(0.0, f64::max);
-    let range = |see: &InteractionRule| see.alert.max(scene.laws[see.law as usize].interaction_range(largest));
+    let range = |rule: &InteractionRule| rule.alert.max(scene.laws[rule.law as usize].interaction_range(largest));
     scene.listing_range = table.iter().flatten().map(range).fold(0.0, f64::max);
     scene.visibility = VisibilityTable { classes, table };
     check_periods(&file, tact, scene, faults);
@@ -203,17 +203,17 @@ fn uncomputed_pair(names: [&str; 2]) -> Option<&'static str> {
 }
 
 /// Note about laws that are not computed and that no contact needs.
-fn idle_laws_note(idle: &[&LawRecord]) -> Option<String> {
-    let mut idle: Vec<&&LawRecord> = idle.iter().collect();
-    idle.sort_by_key(|law| law.line);
-    idle.dedup_by_key(|law| law.line);
-    let names: Vec<String> = idle.iter().map(|law| format!("{} ({})", law.nickname, law.kind)).collect();
-    let law = idle.first()?;
-    let (are, uses) = if idle.len() == 1 { ("is", "it") } else { ("are", "them") };
+fn uncomputed_laws_note(laws: &[&LawRecord]) -> Option<String> {
+    let mut laws: Vec<&&LawRecord> = laws.iter().collect();
+    laws.sort_by_key(|law| law.line);
+    laws.dedup_by_key(|law| law.line);
+    let names: Vec<String> = laws.iter().map(|law| format!("{} ({})", law.nickname, law.kind)).collect();
+    let law = laws.first()?;
+    let (are, uses) = if laws.len() == 1 { ("is", "it") } else { ("are", "them") };
     Some(format!(
         "TACT_BEHAV.DAT:{}: {} {are} not computed: {}; no contact needs {uses}",
         law.line,
-        count_text(idle.len(), "law"),
+        count_text(laws.len(), "law"),
         names.join(", ")
     ))
 }
@@ -493,43 +493,124 @@ pub fn initial_contacts(
     faults: &mut Faults,
 ) -> (Vec<SolvedContact>, Vec<LawMemory>) {
     let file = datbox.join("Vloc_Rloc.INI");
+    check_head(&file, history, scene, faults);
+    let numbers = ContactorNumbers::from_contacts(records, history);
+    let reader = ContactReader { file: &file, scene, records, numbers: &numbers, positions, orientations };
+    let (mut contacts, mut left_out) = (Vec::new(), LeftOutContacts::default());
+    for (number, record) in (0..).zip(&history.contacts) {
+        let contact = reader.contact_of_record(number, record, &mut left_out);
+        contacts.extend(faults.gather_result(contact.map_err(Faults::from)).flatten());
+    }
+    scene.notes.extend(left_out.notes(&numbers));
+    contacts.sort_by_key(|(solved, _)| solved.contact.key());
+    let (contacts, mut memories): (Vec<SolvedContact>, Vec<LawMemory>) = contacts.into_iter().unzip();
+    if !scene.laws.iter().any(ContactLaw::has_law_memory) {
+        memories.clear();
+    }
+    check_duplicates(&file, history, &contacts, faults);
+    (contacts, memories)
+}
+
+/// Rejects contacts of another step or time than that of DOF.INI.
+fn check_head(file: &Path, history: &VlocRloc, scene: &Scene, faults: &mut Faults) {
     let h = scene.options.dt;
     let (step, time) = scene.start;
     // Same rule as LMGC90, except for a file without contacts; times have seven digits.
-    let of_another = history.step != step || (history.time - time).abs() > 1e-3 * h + 1e-6 * time.abs();
-    if of_another && !history.contacts.is_empty() {
+    let differs = history.step != step || (history.time - time).abs() > 1e-3 * h + 1e-6 * time.abs();
+    if differs && !history.contacts.is_empty() {
         let found = format!("step {}, time {} s", history.step, history.time);
         let expected = format!("expected step {step}, time {time} s, those of DOF.INI");
-        let text = AsciiText::read_file(&file).ok();
+        let text = AsciiText::read_file(file).ok();
         let line = text.and_then(|text| text.lines().find(|line| line.keyword() == "steps").map(|line| line.number));
-        faults.push(Fault::new(&file, line, "head", found, expected));
+        faults.push(Fault::new(file, line, "head", found, expected));
     }
-    let mut contacts = Vec::new();
-    // Lines of contacts that are left out or read otherwise.
-    let [mut unseen, mut renumbered, mut unnumbered, mut of_points] = [const { Vec::new() }; 4];
-    let numbers = ContactorNumbers::from_contacts(records, history);
-    for (number, record) in (0..).zip(&history.contacts) {
+}
+
+/// Rejects contacts that are listed twice.
+fn check_duplicates(file: &Path, history: &VlocRloc, contacts: &[SolvedContact], faults: &mut Faults) {
+    for pair in contacts.chunk_by(|a, b| a.contact.key() == b.contact.key()).filter(|same| same.len() > 1) {
+        let Contact { candidate, antagonist, .. } = pair[0].contact;
+        let found = format!("bodies {} and {} occur {} times", candidate.number(), antagonist.number(), pair.len());
+        let is_of_pair = |record: &&ContactRecord| {
+            let bodies = [record.candidate.body, record.antagonist.body];
+            bodies == [candidate.index(), antagonist.index()] || bodies == [antagonist.index(), candidate.index()]
+        };
+        let line = history.contacts.iter().filter(is_of_pair).nth(1).map(|record| record.line);
+        faults.push(Fault::new(file, line, "contact", found, "expected each contact once"));
+    }
+}
+
+/// Lines of the contacts of Vloc_Rloc.INI that are left out or read otherwise.
+#[derive(Default)]
+struct LeftOutContacts {
+    /// Contacts whose pair has no row in TACT_BEHAV.DAT.
+    unseen: Vec<usize>,
+    /// Contacts whose contactors have other numbers in their bodies.
+    renumbered: Vec<usize>,
+    /// Contacts with a number that no contactor of the body has.
+    unnumbered: Vec<usize>,
+    /// Contacts of the end points of wires and rods.
+    of_points: Vec<usize>,
+}
+
+impl LeftOutContacts {
+    /// Notes about these contacts, one for each reason.
+    fn notes(self, numbers: &ContactorNumbers) -> Vec<String> {
+        let how = match numbers {
+            ContactorNumbers::OverAll(_) => "numbered over the contactors of all bodies",
+            ContactorNumbers::InBody => "assigned to the only contactor of the kind, whatever its number",
+        };
+        let note = |(lines, reason): (Vec<usize>, &str)| {
+            let first = lines.first()?;
+            let are = if lines.len() == 1 { "is" } else { "are" };
+            Some(format!("Vloc_Rloc.INI:{first}: {} {are} {reason}", count_text(lines.len(), "contact")))
+        };
+        let reasons = [
+            (self.unseen, "left out: TACT_BEHAV.DAT has no row for the pair"),
+            (self.of_points, "of PT3Dx: the state of wires and rods is that of the positions"),
+            (self.unnumbered, "left out: the number of a contactor is none of its body's"),
+            (self.renumbered, how),
+        ];
+        reasons.into_iter().filter_map(note).collect()
+    }
+}
+
+/// Input for the contacts of Vloc_Rloc.INI.
+struct ContactReader<'a> {
+    file: &'a Path,
+    scene: &'a Scene,
+    records: &'a Bodies,
+    numbers: &'a ContactorNumbers,
+    positions: &'a [Vec3],
+    orientations: &'a [Quat],
+}
+
+impl ContactReader<'_> {
+    /// Contact of the record `number`, and the memory of its law; `None` if it is left out, which `left_out` records.
+    fn contact_of_record(
+        &self,
+        number: u32,
+        record: &ContactRecord,
+        left_out: &mut LeftOutContacts,
+    ) -> Result<Option<(SolvedContact, LawMemory)>, Fault> {
+        let &ContactReader { file, scene, records, numbers, positions, orientations } = self;
+        let h = scene.options.dt;
+        let fault =
+            |object: &str, found: &str, expected: &str| Fault::new(file, Some(record.line), object, found, expected);
         let sides = [&record.candidate, &record.antagonist];
         if let Some(side) = sides.iter().find(|side| side.body >= scene.bodies.len()) {
             let expected = format!("expected 1 to {}", scene.bodies.len());
-            faults.push(Fault::new(
-                &file,
-                Some(record.line),
-                format!("body {}", side.body + 1),
-                "does not exist",
-                expected,
-            ));
-            continue;
+            return Err(fault(&format!("body {}", side.body + 1), "does not exist", &expected));
         }
         if sides.iter().all(|side| side.contactor == POINT_NAME) {
-            of_points.push(record.line);
-            continue;
+            left_out.of_points.push(record.line);
+            return Ok(None);
         }
         let named = sides.map(|side| numbers.find(records, side));
         let bonds = record.status == "Mstck" || record.status.starts_with('C') || !record.internals.is_empty();
         if named.contains(&NamedContactor::Ambiguous) && !named.contains(&NamedContactor::OtherKind) && !bonds {
-            unnumbered.push(record.line);
-            continue;
+            left_out.unnumbered.push(record.line);
+            return Ok(None);
         }
         let rank = |k: usize| {
             let NamedContactor::Found(index) = named[k] else { return None };
@@ -541,33 +622,30 @@ pub fn initial_contacts(
             let name = |side: &ContactSide| format!("{} {} of body {}", side.contactor, side.rank + 1, side.body + 1);
             let found = format!("{} of {} and {}", record.kind, name(sides[0]), name(sides[1]));
             let expected = "expected numbers and kinds of the bodies' own contactors";
-            faults.push(Fault::new(&file, Some(record.line), "contact", found, expected));
-            continue;
+            return Err(fault("contact", &found, expected));
         };
         if sides.iter().any(|side| !numbers.is_in_body(records, side)) {
-            renumbered.push(record.line);
+            left_out.renumbered.push(record.line);
         }
         let ranks = [rank_a, rank_b];
         let [(kind_a, class_a), (kind_b, class_b)] =
             [0, 1].map(|k| kind_and_class(scene, BodyId::new(sides[k].body), ranks[k]));
-        let Some(see) = scene.visibility.interaction_rule(class_a, class_b) else {
-            unseen.push(record.line);
-            continue;
+        let Some(rule) = scene.visibility.interaction_rule(class_a, class_b) else {
+            left_out.unseen.push(record.line);
+            return Ok(None);
         };
         let Some(status) = parse_status(&record.status) else {
             let expected = "expected one of LMGC90's, such as stick, slide, noctc, Mstck or Wslid";
-            faults.push(Fault::new(&file, Some(record.line), "status", record.status.as_str(), expected));
-            continue;
+            return Err(fault("status", &record.status, expected));
         };
-        let bonded = match scene.laws[see.law as usize].cohesion {
+        let bonded = match scene.laws[rule.law as usize].cohesion {
             Some(Cohesion::Bond { .. }) => record.status == "Mstck",
             Some(Cohesion::Wet { remembers, .. }) => remembers && record.status.starts_with('W'),
             None => false,
         };
         let frame = record.frame.map(Vec3::from);
         let Some(normal) = frame[0].try_normalize(0.0) else {
-            faults.push(Fault::new(&file, Some(record.line), "contact", "a normal of length 0", "expected length 1"));
-            continue;
+            return Err(fault("contact", "a normal of length 0", "expected length 1"));
         };
         let candidacy = [0, 1].map(|k| scene.candidate_order(BodyId::new(sides[k].body), ranks[k]));
         let turned = candidacy[0] > candidacy[1];
@@ -587,7 +665,7 @@ pub fn initial_contacts(
         // LMGC90's tangents differ from ours.
         let ours = |v: [f64; 3]| to_local(&local_frame(normal), &(to_world(&frame, &v.into()) * sign));
         let memory =
-            law_memory(&scene.law_names[see.law as usize].kind, &record.internals, &record.frame.map(Vec3::from));
+            law_memory(&scene.law_names[rule.law as usize].kind, &record.internals, &record.frame.map(Vec3::from));
         let solved = SolvedContact {
             contact: Contact {
                 candidate: BodyId::new(candidate.body),
@@ -599,47 +677,16 @@ pub fn initial_contacts(
                 normal,
                 gap: record.gap,
                 area: 0.0,
-                law: see.law,
+                law: rule.law,
             },
             impulse: ours(record.force) * h,
             moment: Vec3::zeros(),
             velocity: ours(record.velocity),
             status,
-            bond: bonded.then(|| scene.laws[see.law as usize].bonded_at(record.gap)),
+            bond: bonded.then(|| scene.laws[rule.law as usize].bonded_at(record.gap)),
         };
-        contacts.push((solved, memory));
+        Ok(Some((solved, memory)))
     }
-    let how = match numbers {
-        ContactorNumbers::OverAll(_) => "numbered over the contactors of all bodies",
-        ContactorNumbers::InBody => "assigned to the only contactor of the kind, whatever its number",
-    };
-    for (lines, reason) in [
-        (unseen, "left out: TACT_BEHAV.DAT has no row for the pair"),
-        (of_points, "of PT3Dx: the state of wires and rods is that of the positions"),
-        (unnumbered, "left out: the number of a contactor is none of its body's"),
-        (renumbered, how),
-    ] {
-        if let Some(first) = lines.first() {
-            let are = if lines.len() == 1 { "is" } else { "are" };
-            scene.notes.push(format!("Vloc_Rloc.INI:{first}: {} {are} {reason}", count_text(lines.len(), "contact")));
-        }
-    }
-    contacts.sort_by_key(|(solved, _)| solved.contact.key());
-    let (contacts, mut memories): (Vec<SolvedContact>, Vec<LawMemory>) = contacts.into_iter().unzip();
-    if !scene.laws.iter().any(ContactLaw::has_law_memory) {
-        memories.clear();
-    }
-    for pair in contacts.chunk_by(|a, b| a.contact.key() == b.contact.key()).filter(|same| same.len() > 1) {
-        let Contact { candidate, antagonist, .. } = pair[0].contact;
-        let found = format!("bodies {} and {} occur {} times", candidate.number(), antagonist.number(), pair.len());
-        let is_of_pair = |record: &&ContactRecord| {
-            let bodies = [record.candidate.body, record.antagonist.body];
-            bodies == [candidate.index(), antagonist.index()] || bodies == [antagonist.index(), candidate.index()]
-        };
-        let line = history.contacts.iter().filter(is_of_pair).nth(1).map(|record| record.line);
-        faults.push(Fault::new(&file, line, "contact", found, "expected each contact once"));
-    }
-    (contacts, memories)
 }
 
 /// Memory of a law of a kind, from the internal variables of a contact of Vloc_Rloc.INI, with its frame.
