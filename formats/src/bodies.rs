@@ -7,9 +7,9 @@ use crate::error::Faults;
 use crate::foreign::foreign_bodies;
 use crate::geometry::faces::FLATNESS_OF_FILES;
 use crate::ron_text::known_names;
+use crate::scan::parts::{read_records, text_of_records};
 use crate::scan::{
     AsciiText, GRID_COLUMNS, LenientForm, LineScanner, TextLine, format_e14, format_long14, put_grid, put_text,
-    read_records, text_of_records,
 };
 use crate::words::CONTACTOR_TYPES;
 

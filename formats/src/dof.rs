@@ -5,9 +5,10 @@ use std::fmt::Write;
 use std::path::Path;
 
 use crate::error::{Fault, Faults};
+use crate::scan::parts::{read_records, text_of_records};
 use crate::scan::{
     AsciiText, DASHED_LINE, FRAME_TOLERANCE, LineScanner, TextLine, format_d14, format_integer, format_long14,
-    fortran_real, frame_defect, put_grid, put_steps, read_records, text_of_records,
+    fortran_real, frame_defect, put_grid, put_steps,
 };
 
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -19,7 +19,7 @@ mod columns;
 mod forms;
 mod lenient;
 mod numbers;
-mod parts;
+pub mod parts;
 
 use std::collections::BTreeSet;
 use std::fmt::Display;
@@ -31,7 +31,6 @@ pub use columns::{DASHED_LINE, GRID_COLUMNS, put_grid, put_steps, put_text};
 pub use forms::{LenientForm, LenientForms};
 pub use numbers::{NumberError, format_d14, format_e14, format_integer, format_long14, fortran_real, free_real};
 use numbers::{REAL_WIDTH, number_fault};
-pub use parts::{TextPart, read_records, text_of_records};
 
 /// Largest error of an axis or frame in the files against an orthonormal one; they have seven digits.
 pub const FRAME_TOLERANCE: f64 = 1e-4;
@@ -68,10 +67,25 @@ impl AsciiText {
         if text.is_ascii() { AsciiText(text) } else { AsciiText::new(text.as_bytes()) }
     }
 
+    /// The whole text as one part.
+    fn whole(&self) -> TextPart<'_> {
+        TextPart { text: &self.0, lines_before: 0, records_before: 0 }
+    }
+
     /// All lines with their numbers.
     pub fn lines(&self) -> impl Iterator<Item = TextLine<'_>> {
         self.whole().lines()
     }
+}
+
+/// Consecutive whole records of a text; the first part has the head of the file, too.
+#[derive(Debug, Clone, Copy)]
+struct TextPart<'a> {
+    text: &'a str,
+    /// Number of lines before it.
+    lines_before: usize,
+    /// Number of records before it.
+    records_before: usize,
 }
 
 impl<'a> TextPart<'a> {

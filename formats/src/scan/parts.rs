@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::{AsciiText, LenientForms, LineScanner};
+use super::{AsciiText, LenientForms, LineScanner, TextPart};
 use crate::error::Faults;
 
 /// Number of bytes from which a part of a text ends with its record: enough to hide the cost of a task.
@@ -12,22 +12,7 @@ const PART_SIZE: usize = 1 << 20;
 /// Number of records of one task of writing, for the same reason.
 const RECORDS_PER_TASK: usize = 1024;
 
-/// Consecutive whole records of a text; the first part has the head of the file, too.
-#[derive(Debug, Clone, Copy)]
-pub struct TextPart<'a> {
-    pub(super) text: &'a str,
-    /// Number of lines before it.
-    pub(super) lines_before: usize,
-    /// Number of records before it.
-    pub records_before: usize,
-}
-
 impl AsciiText {
-    /// The whole text as one part.
-    pub fn whole(&self) -> TextPart<'_> {
-        TextPart { text: &self.0, lines_before: 0, records_before: 0 }
-    }
-
     /// The text in parts, each of which but the first begins with a line `$keyword`.
     fn parts(&self, keyword: &str) -> Vec<TextPart<'_>> {
         let begin = format!("\n${keyword}");
