@@ -103,6 +103,12 @@ fn what_does_not_change_the_surface_is_read() {
             "ignored 1 line or point element",
         ),
         ("windows.obj", lines("bom.obj", "\r\n"), ""),
+        (
+            "dos.obj",
+            [std::fs::read(file("negative.obj")).unwrap(), b"\r\n\x1a".to_vec()].concat(),
+            "ignored 1 control character",
+        ),
+        ("newline.vtk", [b"\n".to_vec(), std::fs::read(file("binary.vtk")).unwrap()].concat(), ""),
         ("twice.obj", with("line-element.obj", "l 1 2", "f 1 3 4 2"), "dropped 2 duplicate triangles"),
         ("tabs.vtp", with("two-pieces.vtp", " 0.5", "\n\t0.5"), ""),
         ("xml.vtk", std::fs::read(file("two-pieces.vtp")).unwrap(), ""),
@@ -124,6 +130,7 @@ fn what_cannot_be_read_is_named() {
         bytes
     };
     let stl = std::fs::read(file("solid-binary.stl")).unwrap();
+    let few = [&stl[..80], &11_u32.to_le_bytes(), &stl[84..]].concat();
     let mut many = stl.clone();
     many[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
     let cases: Vec<(&str, Vec<u8>, &str)> = vec![
@@ -158,6 +165,7 @@ fn what_cannot_be_read_is_named() {
             stl[..300].to_vec(),
             "12 triangles announced, 4 found: 300 bytes; expected an STL file, text or binary, that is complete",
         ),
+        ("few.stl", few, "file: 11 triangles announced, 12 found: 684 bytes; expected an STL file with"),
         ("many.stl", many, "4294967295 triangles announced, 12 found"),
         ("text.stl", std::fs::read(file("negative.obj")).unwrap(), "text that does not begin with 'solid'"),
         (

@@ -38,7 +38,10 @@ struct NumberFormat {
 
 impl<'a> LegacyReader<'a> {
     fn read_piece(mut self, big_endian: bool) -> Result<PolyDataPiece, ReadError> {
-        let head = self.next_text_line();
+        let mut head = self.next_text_line();
+        while head.trim().is_empty() && self.at < self.bytes.len() {
+            head = self.next_text_line();
+        }
         let version = head.trim().to_ascii_lowercase();
         let Some(version) = version.strip_prefix("# vtk datafile version") else {
             return Err(ReadError::new(1, "no line '# vtk DataFile Version'", FILE_KIND));

@@ -36,6 +36,9 @@ const FREE_FORM_STATEMENTS: [&str; 16] = [
 pub fn read(text: &str) -> Result<PolygonMesh, Vec<ReadError>> {
     let mut mesh = PolygonMesh::default();
     let mut errors = Vec::new();
+    // DOS marks the end of a text by Ctrl-Z.
+    let end = text.trim_end_matches(|c: char| c.is_whitespace() || matches!(c, '\0' | '\u{1a}')).len();
+    let (text, marks) = (&text[..end], text[end..].matches(['\0', '\u{1a}']).count());
     let (mut weights, mut elements) = (0, 0);
     let mut lines_of_polygons = Vec::new();
     for (line, statement) in logical_lines(text) {
@@ -82,6 +85,7 @@ pub fn read(text: &str) -> Result<PolygonMesh, Vec<ReadError>> {
     if errors.is_empty() && mesh.polygons.is_empty() {
         errors.push(ReadError::new(None, "no polygons", "f lines"));
     }
+    mesh.add_note("ignored", marks, "control character", "");
     mesh.add_note("ignored", elements, "line or point element", "");
     mesh.add_note("ignored", weights, "weight or colour", " after coordinates");
     if errors.is_empty() { Ok(mesh) } else { Err(errors) }

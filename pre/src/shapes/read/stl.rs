@@ -55,6 +55,10 @@ pub fn read(bytes: &[u8]) -> Result<PolygonMesh, Vec<ReadError>> {
         let found = format!("{} triangles announced, {complete} found: {} bytes", count, bytes.len());
         return Err(ReadError::new(None, found, "an STL file, text or binary, that is complete").into());
     }
+    if count > 0 && complete > count && (bytes.len() - HEADER_BYTES).is_multiple_of(TRIANGLE_BYTES) {
+        let found = format!("{count} triangles announced, {complete} found: {} bytes", bytes.len());
+        return Err(ReadError::new(None, found, "an STL file with the number of its triangles").into());
+    }
     if count == 0 {
         return Err(ReadError::new(None, "no triangles", "a closed surface").into());
     }
