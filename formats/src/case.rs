@@ -169,8 +169,38 @@ fn misplaced(program: &Command, args: &[OsString]) -> Option<String> {
         (word.starts_with('-') || !Path::new(word).exists()).then_some(known)
     };
     let behind = words.iter().skip(if command.is_some() { 2 } else { 1 });
-    let (word, option) = behind.filter_map(|word| Some((word, dashless(word)?))).next()?;
-    Some(format!("{word}: is not expected here; did you mean --{option}?"))
+    if let Some((word, option)) = behind.filter_map(|word| Some((word, dashless(word)?))).next() {
+        return Some(format!("{word}: is not expected here; did you mean --{option}?"));
+    }
+    let folder = folder_without_option(command.unwrap_or(program), &words[usize::from(command.is_some())..])?;
+    Some(format!("{folder}: is not expected here; the folder is given by -o {folder}"))
+}
+
+/// The word beyond the arguments of a command that has an option `-o DIR`, which is not given.
+fn folder_without_option<'a>(command: &Command, words: &[&'a str]) -> Option<&'a str> {
+    let options: Vec<&clap::Arg> = command.get_arguments().filter(|option| !option.is_positional()).collect();
+    let is_folder = |option: &&&clap::Arg| {
+        let named = option.get_value_names().is_some_and(|names| names.iter().any(|name| name.as_str() == "DIR"));
+        option.get_short() == Some('o') && named
+    };
+    options.iter().find(is_folder)?;
+    let mut beyond = Vec::new();
+    let mut words = words.iter();
+    while let Some(&word) = words.next() {
+        if word.starts_with("-o") || word.starts_with("--output") {
+            return None;
+        }
+        let long = word.strip_prefix("--");
+        match options.iter().find(|option| long.is_some() && long == option.get_long()) {
+            Some(option) if option.get_action().takes_values() => drop(words.next()),
+            _ if word.starts_with('-') => {}
+            _ => beyond.push(word),
+        }
+    }
+    match beyond[command.get_positionals().count().min(beyond.len())..] {
+        [folder] => Some(folder),
+        _ => None,
+    }
 }
 
 #[cfg(test)]
@@ -225,5 +255,15 @@ mod tests {
         assert_eq!(said(". -resume"), "-resume: is not expected here; did you mean --resume?");
         assert_eq!(said("state . snapshot 3"), "snapshot: is not expected here; did you mean --snapshot?");
         assert_eq!(said(". other"), "");
+        let output = Arg::new("output").short('o').long("output").value_name("DIR");
+        let study = Command::new("study").args([Arg::new("study"), output.clone(), Arg::new("set").long("set")]);
+        let program = Command::new("cd-x").args([Arg::new("scene"), output]).subcommand(study);
+        let said = |line: &str| {
+            let args: Vec<OsString> = format!("cd-x {line}").split(' ').map(OsString::from).collect();
+            misplaced(&program, &args).unwrap_or_default()
+        };
+        let expected = "to: is not expected here; the folder is given by -o to";
+        assert_eq!(["a.ron to", "study a.ron --set x=1 to"].map(said), [expected; 2]);
+        assert_eq!(["a.ron to -o there", "a.ron to there", "a.ron"].map(said), [""; 3]);
     }
 }
