@@ -45,6 +45,18 @@ pub fn friction(value: f64) -> Option<String> {
     })
 }
 
+/// Question about an angle, rad, of more than a full turn.
+///
+/// ```
+/// use cd_formats::doubts::angle;
+/// assert!(angle(-45.0).unwrap().contains("-45.0 degrees are -0.785") && angle(6.2832).is_none());
+/// ```
+pub fn angle(value: f64) -> Option<String> {
+    // A full turn with four digits is longer than 2 pi.
+    (value.abs() > 1.001 * std::f64::consts::TAU)
+        .then(|| format!("did you mean degrees? {value:?} degrees are {:.3} rad", value.to_radians()))
+}
+
 /// Question about a parameter of a law, see [`friction`].
 pub fn law_parameter(parameter: LawParameter, value: f64) -> Option<String> {
     (parameter.quantity() == ParameterQuantity::Friction).then(|| friction(value)).flatten()

@@ -24,6 +24,19 @@ pub fn apply_settings(text: &str, settings: &[String]) -> Result<String, Faults>
     faults.into_result(text)
 }
 
+/// Rejects settings of a command line of which one would replace the whole value of an earlier one.
+pub fn check_paths_once(settings: &[String]) -> Result<(), Faults> {
+    let path_of = |setting: &String| path_keys(setting.split_once('=')?.0.trim());
+    let mut faults = Faults::default();
+    for (k, setting) in settings.iter().enumerate() {
+        let path = path_of(setting);
+        if let Some(other) = settings[..k].iter().find(|before| path.is_some() && path_of(before) == path) {
+            faults.push(setting_fault(setting, format!("sets the value of --set {other} again"), "expected it once"));
+        }
+    }
+    faults.into_result(())
+}
+
 /// Fault of a setting.
 pub fn setting_fault(setting: &str, found: impl Into<String>, expected: impl Into<String>) -> Fault {
     Fault::new(Path::new("options"), None, format!("set {setting}"), found, expected)
@@ -179,6 +192,13 @@ mod tests {
         }
         let both = apply_settings(text, &["new.x=1".into(), "new.y=2".into()]).unwrap();
         assert!(both.contains("new: (y: 2, x: 1)"), "{both}");
+    }
+
+    #[test]
+    fn a_path_is_set_once() {
+        let said = check_paths_once(&["a=2", "b.c=3", " a = 4"].map(String::from)).unwrap_err();
+        assert_eq!(said.to_string(), "options: set  a = 4: sets the value of --set a=2 again; expected it once");
+        assert!(check_paths_once(&["b=(c: 1)", "b.c=3", "no pair", "no pair"].map(String::from)).is_ok());
     }
 
     #[test]

@@ -1,7 +1,10 @@
 //! Checks of the values of a scene. All faults are reported at once, before any grain is placed.
 
+use std::cmp::Ordering;
+
 use cd_formats::compute::{Compute, ContactSolver, Event, EventAction, ExternalField, ROTATION_ABOUT_PERIOD};
 use cd_formats::law_table::{LawModel, is_law_of_points};
+use cd_formats::names::count_text;
 use cd_formats::report::FaultReport;
 use nalgebra::Vector3;
 
@@ -24,6 +27,22 @@ pub(crate) fn is_positive(x: f64) -> bool {
     x >= 1.0 / LARGEST_NUMBER && fits_files(x)
 }
 
+/// Expectation `expected` about a number, with the bound of DATBOX where only that is violated.
+fn expected_in_files(x: f64, expected: &str) -> String {
+    if x.is_finite() && !fits_files(x) {
+        format!("{expected}, below {LARGEST_NUMBER:e} in magnitude")
+    } else if x > 0.0 && x < 1.0 / LARGEST_NUMBER {
+        format!("{expected}, at least {:e}", 1.0 / LARGEST_NUMBER)
+    } else {
+        expected.to_string()
+    }
+}
+
+/// Reports the number `x` at `path` unless it is positive in DATBOX; `expected` is such as `a length > 0 m`.
+pub(crate) fn check_positive(report: &mut FaultReport, path: &str, x: f64, expected: &str) {
+    report.require(is_positive(x), path, format!("{x:?}"), &expected_in_files(x, expected));
+}
+
 /// Adds every fault of `scene` to `report`.
 pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
     check_vector(report, "gravity", &scene.gravity, "m/s^2");
@@ -31,7 +50,7 @@ pub fn check_scene(scene: &Scene, report: &mut FaultReport) {
     report.require(!scene.materials.is_empty(), "materials", "an empty list", "at least one");
     for (k, material) in scene.materials.iter().enumerate() {
         let path = format!("materials.{k}.density");
-        report.require(is_positive(material.density), &path, format!("{:?}", material.density), "a density > 0 kg/m^3");
+        check_positive(report, &path, material.density, "a density > 0 kg/m^3");
     }
     check_names(report, "laws", scene.laws.iter().map(|law| &law.name));
     report.require(!scene.laws.is_empty(), "laws", "an empty list", "at least one");
@@ -159,13 +178,14 @@ fn check_material_and_colour(scene: &Scene, report: &mut FaultReport, path: &str
 
 /// Checks the field `name` of the value at `path`.
 fn check_value(report: &mut FaultReport, path: &str, name: &str, x: f64, holds: bool, expected: &str) {
-    report.require(holds && fits_files(x), &format!("{path}.{name}"), format!("{x:?}"), expected);
+    let expected = if holds { expected_in_files(x, expected) } else { expected.to_string() };
+    report.require(holds && fits_files(x), &format!("{path}.{name}"), format!("{x:?}"), &expected);
 }
 
 /// Checks a condition on each number of a list or tuple at `path`.
 fn each(report: &mut FaultReport, path: &str, numbers: &[f64], holds: impl Fn(f64) -> bool, expected: &str) {
     for (k, x) in numbers.iter().enumerate() {
-        report.require(holds(*x), &format!("{path}.{k}"), format!("{x:?}"), expected);
+        report.require(holds(*x), &format!("{path}.{k}"), format!("{x:?}"), &expected_in_files(*x, expected));
     }
 }
 
@@ -211,7 +231,8 @@ pub(crate) fn check_grains(report: &mut FaultReport, path: &str, grains: &Grains
     check_rotation(report, &format!("{path}.orientation"), &grains.orientation);
     let thermal = grains.thermal_velocity;
     let thermal_path = format!("{path}.thermal_velocity");
-    report.require(thermal >= 0.0 && fits_files(thermal), &thermal_path, format!("{thermal:?}"), "a speed >= 0 m/s");
+    let expected = expected_in_files(thermal, "a speed >= 0 m/s");
+    report.require(thermal >= 0.0 && fits_files(thermal), &thermal_path, format!("{thermal:?}"), &expected);
     if let Some(driven) = &grains.driven {
         check_evolutions(report, &format!("{path}.driven"), driven.iter().map(Option::as_ref), "m/s");
         let at_rest = grains.velocity == [0.0; 3] && grains.spin == [0.0; 3] && thermal == 0.0;
@@ -256,7 +277,7 @@ fn check_shape(report: &mut FaultReport, path: &str, grains: &Grains) {
             let expected = format!("{} to {}", CORNER_RANGE.start(), CORNER_RANGE.end() / 2);
             let fits = (*CORNER_RANGE.start()..=CORNER_RANGE.end() / 2).contains(&sides);
             report.require(fits, &format!("{shape}.sides"), format!("{sides}"), &expected);
-            check_value(report, &shape, "slenderness", slenderness, is_positive(slenderness), "a number > 0");
+            check_positive(report, &format!("{shape}.slenderness"), slenderness, "a number > 0");
         }
         GrainShape::Vertices(vertices) => {
             for (k, vertex) in vertices.iter().enumerate() {
@@ -335,7 +356,8 @@ fn check_scale(report: &mut FaultReport, path: &str, scale: &ModelScale) {
         ModelScale::Radius(x) => ("Radius", x, "a radius > 0 m"),
         ModelScale::Length(x) => ("Length", x, "a length > 0 m"),
     };
-    report.require(is_positive(x), &format!("{path}.scale"), format!("{name} {x:?}"), expected);
+    let expected = expected_in_files(x, expected);
+    report.require(is_positive(x), &format!("{path}.scale"), format!("{name} {x:?}"), &expected);
 }
 
 fn check_sizes(report: &mut FaultReport, path: &str, sizes: &SizeDistribution) {
@@ -354,7 +376,7 @@ fn check_sizes(report: &mut FaultReport, path: &str, sizes: &SizeDistribution) {
         }
     };
     for (name, radius) in &radii {
-        check_value(report, path, name, *radius, is_positive(*radius), "a radius > 0 m");
+        check_positive(report, &format!("{path}.{name}"), *radius, "a radius > 0 m");
     }
     let (min, max) = sizes.radius_range();
     if min > max {
@@ -432,7 +454,7 @@ fn check_placement(report: &mut FaultReport, path: &str, placement: &GrainPlacem
     for (name, length) in of_one {
         length
             .into_iter()
-            .for_each(|length| check_value(report, &path, name, length, is_positive(length), "a length > 0 m"));
+            .for_each(|length| check_positive(report, &format!("{path}.{name}"), length, "a length > 0 m"));
     }
     if let Envelope::Model { scale: Some(scale), .. } = envelope {
         check_scale(report, &path, scale);
@@ -542,12 +564,7 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             check_vector(report, &format!("{path}.centre"), centre, "m");
             check_direction(report, path, "axis", axis);
             for (name, length) in [("half_height", half_height), ("radius", radius)] {
-                report.require(
-                    is_positive(*length),
-                    &format!("{path}.{name}"),
-                    format!("{length:?}"),
-                    "a length > 0 m",
-                );
+                check_positive(report, &format!("{path}.{name}"), *length, "a length > 0 m");
             }
             check_velocity_or_force(report, path, velocity, force);
             check_evolutions(report, &format!("{path}.spin"), [spin], "rad/s");
@@ -581,13 +598,7 @@ pub(crate) fn check_wall(report: &mut FaultReport, path: &str, wall: &SceneWall)
             check_vector(report, &format!("{path}.centre"), centre, "m");
             each(report, &format!("{path}.lengths"), lengths, is_positive, "a length > 0 m");
             check_rotation(report, &format!("{path}.orientation"), orientation);
-            let thickness = format!("{half_thickness:?}");
-            report.require(
-                is_positive(*half_thickness),
-                &format!("{path}.half_thickness"),
-                thickness,
-                "a length > 0 m",
-            );
+            check_positive(report, &format!("{path}.half_thickness"), *half_thickness, "a length > 0 m");
             check_evolutions(report, &format!("{path}.velocity"), velocity, "m/s");
         }
     }
@@ -630,14 +641,22 @@ pub(crate) fn check_evolutions<'a>(
                 vec![constant, amplitude, omega, phase, start, ramp_rate]
             }
             TimeFunction::Table(points) => {
-                let rising = points.len() >= 2 && points.windows(2).all(|pair| pair[0].0 < pair[1].0);
-                let found = format!("{} points", points.len());
-                report.require(rising, &path, found, "at least two points, their times rising (s)");
+                let found = count_text(points.len(), "point");
+                report.require(points.len() >= 2, &path, found, "at least two points, their times rising (s)");
+                let falls = |k: &usize| points[*k].0.partial_cmp(&points[k - 1].0) != Some(Ordering::Greater);
+                if let Some(k) = (1..points.len()).find(falls) {
+                    let found = format!("the time {:?} of point {} after {:?}", points[k].0, k + 1, points[k - 1].0);
+                    report.add_fault(&path, found, "times that rise from point to point (s)");
+                }
                 points.iter().flat_map(|&(t, v)| [t, v]).collect()
             }
         };
         let found = format!("{evolution:?}");
-        report.require(values.iter().all(|v| fits_files(*v)), &path, found, &format!("finite numbers ({unit})"));
+        let expected = values.iter().find(|v| !fits_files(**v)).map(|v| {
+            let finite = if values.iter().all(|v| v.is_finite()) { *v } else { f64::NAN };
+            expected_in_files(finite, &format!("finite numbers ({unit})"))
+        });
+        expected.into_iter().for_each(|expected| report.add_fault(&path, found.as_str(), expected));
     }
 }
 
@@ -653,17 +672,32 @@ fn scene_colours(scene: &Scene) -> (Vec<&str>, Vec<&str>) {
 }
 
 /// Expected value instead of a law between walls.
-pub(crate) const NO_WALL_LAW: &str = "no law: walls do not touch each other";
+pub(crate) const NO_WALL_LAW: &str = "no law: walls touch each other only if one has a force or moment, and one is a solid \
+                                      Cylinder, the other a Plate, Box or solid Cylinder";
 
 /// Expected value instead of a law between bodies that contacts cannot push.
 pub(crate) const NO_IMPOSED_LAW: &str =
     "no law: bodies whose motion is all imposed (of spheres: their translation) do not meet";
+
+/// Whether cd-solve computes contacts between walls with these contactors.
+pub(crate) fn is_computed_wall_pair(kinds: [&str; 2]) -> bool {
+    kinds.contains(&"CYLND") && kinds.iter().all(|kind| ["CYLND", "PLANx"].contains(kind))
+}
 
 /// Whether contacts can push no body of a colour.
 fn is_imposed(scene: &Scene, colour: &str) -> bool {
     let mut worn = scene.grains.iter().filter(|grains| grains.colour == colour);
     let mut walls = scene.walls.iter().filter(|wall| wall.colour() == colour);
     !worn.any(Grains::can_be_pushed) && !walls.any(SceneWall::is_pushed)
+}
+
+/// Whether some wall of the colour `a` can touch another one of the colour `b`.
+fn walls_meet(walls: &[SceneWall], a: &str, b: &str) -> bool {
+    let touch = |(j, one): (usize, &SceneWall)| {
+        let mut others = walls.iter().enumerate().filter(|(k, wall)| *k != j && wall.colour() == b);
+        one.colour() == a && others.any(|(_, other)| one.can_touch(other))
+    };
+    walls.iter().enumerate().any(touch)
 }
 
 fn check_contacts(scene: &Scene, report: &mut FaultReport) {
@@ -695,7 +729,7 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
             unknown(report, &path, format!("'{name}' is not defined"), name, &names, "a law");
         }
         let of_walls = |colour: &String| plates.contains(&&colour[..]) && !spheres.contains(&&colour[..]);
-        let walls = contact.law.is_some() && of_walls(a) && of_walls(b);
+        let walls = contact.law.is_some() && of_walls(a) && of_walls(b) && !walls_meet(&scene.walls, a, b);
         report.require(!walls, &path, format!("a law between the walls '{a}' and '{b}'"), NO_WALL_LAW);
         let exist = [a, b].iter().all(|colour| all.contains(&colour.as_str()));
         let imposed = exist && is_imposed(scene, a) && is_imposed(scene, b);
@@ -706,7 +740,7 @@ fn check_contacts(scene: &Scene, report: &mut FaultReport) {
         if let Some(alert) = contact.alert {
             let path = format!("{path}.alert");
             report.require(contact.law.is_some(), &path, "given without a law", "none, or a law");
-            report.require(is_positive(alert), &path, format!("{alert:?}"), "a distance > 0 m");
+            check_positive(report, &path, alert, "a distance > 0 m");
             if let Some((name, Some(law))) = law
                 && alert < law.kind.attraction_range()
             {
@@ -773,6 +807,13 @@ impl SceneWall {
             SceneWall::Box { .. } => false,
         };
         turns || self.has_force()
+    }
+
+    /// Whether contacts with another wall are computed: one of the two moves by forces, and one is a solid cylinder. Two
+    /// plates have none in LMGC90, and a hollow cylinder has contacts with grains alone.
+    pub fn can_touch(&self, other: &SceneWall) -> bool {
+        let kinds = [self.contactor(), other.contactor()];
+        (self.is_pushed() || other.is_pushed()) && is_computed_wall_pair(kinds)
     }
 
     /// Name of its contactor in the files.

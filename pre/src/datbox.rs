@@ -7,7 +7,7 @@ use cd_formats::error::{Fault, Faults};
 use cd_formats::origin::SceneOrigin;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
-use cd_formats::settings::apply_settings;
+use cd_formats::settings::{apply_settings, check_paths_once};
 
 use crate::grain::Population;
 use crate::parse::parse_with_settings;
@@ -21,12 +21,14 @@ use crate::{attraction, check, doubts, from_outbox, population, reread, write};
 /// Returns a summary for people. Errors: all faults of the scene (nothing is written then), or a file
 /// that cannot be written.
 pub fn write_datbox(source: &Path, settings: &[String], datbox: &Path) -> Result<String, Faults> {
+    check_paths_once(settings)?;
     let original = atomic::read_text(source)?;
     let text = apply_settings(&original, settings)?;
     let (scene, population) = read_scene(source, &text, settings)?;
     let mut report = FaultReport::with_settings(source, &text, settings);
     report.warnings = ron_file::former_name_warnings(source, &original, settings);
     doubts::report_doubts(&scene.materials, &scene.laws, &scene.grains, &scene.walls, &mut report);
+    doubts::report_plate_presses(&scene.walls, std::iter::empty(), &scene.contacts, &mut report);
     let is_used = |name: &str| scene.contacts.iter().any(|contact| contact.law.as_deref() == Some(name));
     // A scene has at least one law, also if no bodies touch each other.
     if scene.laws.len() > 1 {

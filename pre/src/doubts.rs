@@ -1,9 +1,9 @@
 //! Values of a scene that are allowed but probably mistakes: units, functions that are 0 at all times, unused laws.
 
-use cd_formats::doubts::{density, law_parameter};
+use cd_formats::doubts::{angle, density, law_parameter};
 use cd_formats::report::FaultReport;
 
-use crate::scene::{Grains, Law, Material, SceneWall, TimeFunction};
+use crate::scene::{ColourPairLaw, GrainOrientations, Grains, Law, Material, Rotation, SceneWall, TimeFunction};
 
 /// Reports the doubtful values of the parts of a scene.
 pub fn report_doubts(
@@ -47,7 +47,21 @@ pub fn report_doubts(
             }
         }
     }
+    for (k, grains) in grains.iter().enumerate() {
+        check_angle(report, &format!("grains.{k}.orientation"), &grains.orientation);
+        let path = format!("grains.{k}.grain_orientation");
+        match &grains.grain_orientation {
+            GrainOrientations::Random => {}
+            GrainOrientations::Same(turn) => check_angle(report, &path, turn),
+            GrainOrientations::List(turns) => {
+                (0..).zip(turns).for_each(|(n, turn): (usize, _)| check_angle(report, &format!("{path}.{n}"), turn));
+            }
+        }
+    }
     for (k, wall) in walls.iter().enumerate() {
+        if let SceneWall::Box { orientation, .. } = wall {
+            check_angle(report, &format!("walls.{k}.orientation"), orientation);
+        }
         type Functions<'a> = (&'a [TimeFunction], &'a [Option<TimeFunction>]);
         let ((velocity, force), (angular, moment)): (Functions, Functions) = match wall {
             SceneWall::Plate { velocity, force, spin, moment, .. } => ((velocity, &**force), (spin, &**moment)),
@@ -64,6 +78,41 @@ pub fn report_doubts(
         for (name, loads) in [("force", force), ("moment", moment)] {
             let given = loads.iter().enumerate().filter_map(|(axis, value)| Some((axis, value.as_ref()?)));
             given.for_each(|(axis, value)| check(name, axis, value));
+        }
+    }
+}
+
+/// Asks about an angle of more than a full turn.
+pub fn check_angle(report: &mut FaultReport, path: &str, rotation: &Rotation) {
+    if let Some(question) = angle(rotation.angle) {
+        report.add_warning(&format!("{path}.angle"), format!("{:?}", rotation.angle), &question);
+    }
+}
+
+/// Reports plates with a force in a scene with other plates, which they pass through, unless a row of `contacts` declares
+/// that the colours have no law. `more`: colours of plates other than `walls`.
+pub fn report_plate_presses<'a>(
+    walls: &'a [SceneWall],
+    more: impl Iterator<Item = &'a str>,
+    contacts: &[ColourPairLaw],
+    report: &mut FaultReport,
+) {
+    let plates: Vec<(usize, &SceneWall)> = (0..).zip(walls).filter(|(_, wall)| wall.contactor() == "PLANx").collect();
+    let more: Vec<&str> = more.collect();
+    for &(k, press) in plates.iter().filter(|(_, wall)| wall.has_force()) {
+        let is_meant = |colour: &str| {
+            let pairs = [(press.colour(), colour), (colour, press.colour())];
+            contacts.iter().any(|row| row.law.is_none() && pairs.contains(&(&row.between.0, &row.between.1)))
+        };
+        let others = plates.iter().filter(|(other, _)| *other != k).map(|(_, wall)| wall.colour());
+        if let Some(colour) = others.chain(more.iter().copied()).find(|colour| !is_meant(colour)) {
+            let advice = format!(
+                "two plates never touch each other: press with a solid Cylinder or a Box of grains that is driven in \
+                 part; if they cannot meet, write (between: (\"{}\", \"{colour}\"), law: None)",
+                press.colour()
+            );
+            let found = format!("a plate that moves by a force, and another plate of the colour '{colour}'");
+            report.add_warning(&format!("walls.{k}.force"), found, &advice);
         }
     }
 }

@@ -13,7 +13,7 @@ use cd_formats::names::count_text;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
 use cd_formats::ron_text::known_names;
-use cd_formats::settings::{apply_settings, former_names_of_setting, setting_fault, setting_of_path};
+use cd_formats::settings::{apply_settings, check_paths_once, former_names_of_setting, setting_fault, setting_of_path};
 use cd_formats::value_locations::ValueLocations;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -121,6 +121,7 @@ const FILE_VALUE_PATHS: [&str; 3] = ["grains.N.shape.file", "grains.N.placement.
 /// Files with the right content are not rewritten, except the rules. Errors: all faults of the study and of its cases;
 /// nothing is written then.
 pub fn write(file: &Path, settings: &[String], output: Option<&Path>) -> Result<String, Faults> {
+    check_paths_once(settings)?;
     let text = apply_settings(&atomic::read_text(file)?, settings)?;
     let study: Study = parse_with_settings(file, &text, settings, "study")?;
     let mut report = FaultReport::with_settings(file, &text, settings);

@@ -10,7 +10,7 @@ use cd_formats::vloc_rloc::VlocRloc;
 use nalgebra::Matrix3;
 
 use crate::grain::{Grain, Population};
-use crate::scene::{Law, Scene, TimeFunction};
+use crate::scene::{Law, Scene, SceneWall, TimeFunction};
 use crate::shapes::OrientedPolyhedron;
 use crate::sphere::sphere_volume;
 use crate::walls::{FunctionTables, WallBody};
@@ -96,6 +96,15 @@ fn no_law_comments(scene: &Scene) -> String {
 pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
     // LMGC90 has spheres before polyhedra, and walls last, in any order of the scene.
     const WALL_CONTACTORS: [&str; 3] = ["PLANx", "CYLND", "DNLYC"];
+    let walls_of = |colour: &str, kind: &str| {
+        let is_of = |wall: &SceneWall| wall.colour() == colour && wall.contactor() == kind;
+        (0..).zip(&scene.walls).filter(|(_, wall)| is_of(wall)).collect::<Vec<(usize, &SceneWall)>>()
+    };
+    let walls_meet = |a: [&str; 2], b: [&str; 2]| {
+        let others = walls_of(b[0], b[1]);
+        let meets = |(j, one): &(usize, &SceneWall)| others.iter().any(|(k, other)| j != k && one.can_touch(other));
+        walls_of(a[0], a[1]).iter().any(meets)
+    };
     let wearers = |colour: &str| -> Vec<&str> {
         let worn = |polyhedra: bool| {
             scene.grains.iter().any(|grains| grains.colour == colour && grains.is_polyhedral() == polyhedra)
@@ -124,6 +133,14 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
         for first in wearers(a) {
             for second in wearers(b) {
                 let walls = WALL_CONTACTORS.contains(&first) && WALL_CONTACTORS.contains(&second);
+                // LMGC90 has a cylinder before a plate.
+                if walls && walls_meet([a, first], [b, second]) {
+                    match (first, second) {
+                        ("PLANx", _) if a != b => row(side(second, b), side(first, a)),
+                        ("PLANx", _) => {}
+                        _ => row(side(first, a), side(second, b)),
+                    }
+                }
                 // Within one colour every pair of shapes appears once.
                 if !walls && rank(first) <= rank(second) {
                     row(side(first, a), side(second, b));

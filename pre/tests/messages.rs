@@ -192,6 +192,10 @@ fn settings_are_refused_by_their_own_text() {
     ] {
         assert_eq!(said(set), (2, format!("cd-pre: options: set {set}: {message}\n")));
     }
+    let twice = "cd-pre: options: set seed=2: sets the value of --set seed=1 again; expected it once\n";
+    assert_eq!(made(&GOOD, &["--set", "seed=1", "--set", "seed=2"]), (2, twice.into()));
+    let folder = "cd-pre: OUT: is not expected here; the folder is given by -o OUT\n";
+    assert_eq!(made(&GOOD, &["OUT"]), (2, folder.into()));
 }
 
 #[test]
@@ -229,6 +233,19 @@ fn doubtful_values_are_asked_about_and_accepted() {
             "spin: (0.0, 0.0, 0.1)",
             "driven: (None, None, None), driven_spin: (None, None, None)",
             "11:17: grains 1, driven: imposes nothing; give a function, or leave it out",
+        ),
+        (
+            "spin: (0.0, 0.0, 0.1)",
+            "spin: (0.0, 0.0, 0.1), orientation: (axis: (0, 0, 1), angle: 45)",
+            "11:70: grains 1, orientation, angle: 45.0; did you mean degrees? 45.0 degrees are 0.785 rad",
+        ),
+        (
+            "walls: [",
+            "walls: [Plate(material: \"ROCKx\", colour: \"WALLx\", centre: (0, 0, 20), half_lengths: (1, 1, 1), \
+             force: (None, None, Constant(-5))), ",
+            "13:107: wall 1, force: a plate that moves by a force, and another plate of the colour 'WALLx'; two plates \
+             never touch each other: press with a solid Cylinder or a Box of grains that is driven in part; if they cannot \
+             meet, write (between: (\"WALLx\", \"WALLx\"), law: None)",
         ),
         (
             "(friction: 0.4))",

@@ -61,6 +61,14 @@ fn materials_laws_and_colours() {
             "7:19: grains 1, material: 'ICExx' is not defined; expected ROCKx",
         ),
         ("-9.81", "inf", "2:25: gravity 3: inf; expected a finite number (m/s^2)"),
+        ("-9.81", "-1e200", "2:25: gravity 3: -1e200; expected a finite number (m/s^2), below 1e99 in magnitude"),
+        (
+            "-11.0),",
+            "-11.0), velocity: (Constant(1e99), Table([(0, 0)]), Table([(1, 0), (2, 1), (0, 1)])),",
+            "13:93: wall 1, velocity 1: Constant(1e99); expected finite numbers (m/s), below 1e99 in magnitude\n\
+             scene.ron:13:109: wall 1, velocity 2: 1 point; expected at least two points, their times rising (s)\n\
+             scene.ron:13:126: wall 1, velocity 3: the time 0.0 of point 3 after 2.0; expected times that rise from point to point (s)",
+        ),
         ("friction: 0.4", "friction: -0.4", "4:52: law 1, kind, friction: -0.4; expected a finite number >= 0"),
         (
             "IQS_CLB(friction: 0.4)",
@@ -92,9 +100,9 @@ fn materials_laws_and_colours() {
         (
             "\"WALLx\"), law: \"iqsc0\")",
             "\"WALLx\"), law: None), (between: (\"WALLx\", \"WALLx\"), law: \"iqsc0\")",
-            "5:103: contact 3: a law between the walls 'WALLx' and 'WALLx'; expected no law: walls do not touch each other",
+            "5:103: contact 3: a law between the walls 'WALLx' and 'WALLx'; expected no law: walls touch each other only if one has a force or moment, and one is a solid Cylinder, the other a Plate, Box or solid Cylinder",
         ),
-        ("2700.0", "1e-120", "3:42: material 1, density: 1e-120; expected a density > 0 kg/m^3"),
+        ("2700.0", "1e-120", "3:42: material 1, density: 1e-120; expected a density > 0 kg/m^3, at least 1e-99"),
     ]);
     // A law between bodies of which none can move; with one that can, it acts.
     let held = |axes: &str| {
@@ -121,6 +129,26 @@ fn materials_laws_and_colours() {
         faults(&scene),
         "scene.ron:5:67: contact 1, alert: 0.1 is less than the range 0.2 of law 'iqsc0'; expected at least the range (m), for beyond alert no law acts"
     );
+}
+
+#[test]
+fn a_cylinder_that_presses_touches_other_walls() {
+    let said = |cylinder: &str| {
+        let press = "radius: 1.0, half_height: 1.0, centre: (0, 0, 20), colour: \"PRESS\"";
+        let walls = format!("walls: [Cylinder(material: \"ROCKx\", {press}{cylinder}), ");
+        let rows = "law: \"iqsc0\"), (between: (\"PRESS\", \"WALLx\"), law: \"iqsc0\"), \
+                    (between: (\"BLUEx\", \"PRESS\"), law: \"iqsc0\"), ";
+        said_of(&[("walls: [", walls.as_str()), ("law: \"iqsc0\"), ", rows)])
+    };
+    assert_eq!(said(", force: (None, None, Constant(-5))"), "nothing");
+    assert_eq!(said(", moment: Constant(0)"), "nothing");
+    for idle in ["", ", hollow: true, force: (None, None, Constant(-5))"] {
+        assert!(
+            said(idle).contains("a law between the walls 'PRESS' and 'WALLx'; expected no law: "),
+            "{}",
+            said(idle)
+        );
+    }
 }
 
 #[test]
@@ -227,7 +255,7 @@ fn places_and_motion() {
         (
             "centre: (0.0, 0.0, -11.0)",
             "centre: (0, 0, -11), velocity: (Constant(0), Constant(0), Table([(1, 0), (0, 0)]))",
-            "13:113: wall 1, velocity 3: 2 points; expected at least two points, their times rising (s)",
+            "13:113: wall 1, velocity 3: the time 0.0 of point 2 after 1.0; expected times that rise from point to point (s)",
         ),
         ("dt: 1.0e-3", "dt: 0.0", "14:19: compute, dt: 0; expected a finite time step > 0 s"),
     ]);

@@ -6,7 +6,7 @@ use std::path::Path;
 use cd_formats::bodies::{Bodies, ShapeRecord};
 use cd_formats::compute::Compute;
 use cd_formats::snapshot::Snapshot;
-use cd_formats::tact_behav::TactBehav;
+use cd_formats::tact_behav::{TactBehav, VisibilityRow};
 use cd_tests::case::{Case, cloud, files, from_outbox, surfaces_of_an_l};
 
 /// Forty rocks in the thick of their collisions at step 150.
@@ -41,6 +41,50 @@ fn a_run_that_goes_on_in_another_folder_equals_the_unbroken_one() {
     let anew = next(&unbroken, "(bodies: [(snapshot: 150)])").solved(&["--steps", "150"]);
     assert_eq!(bits(&anew.snapshot(150)), bits(&unbroken.snapshot(300)));
     assert!(origin(&anew).iter().all(|(body, number)| body == number));
+}
+
+#[test]
+fn an_end_before_the_state_is_refused() {
+    let run = Case::of(&cloud(4, 0.1, 1, "dt: 8.0, steps: 2")).solved(&[]);
+    let made = |end: f64, keep: bool| {
+        let changes = format!("(keep_time: {keep}, compute: (dt: 8.0, end_time: {end}))");
+        from_outbox(run.path(), Case::empty().path(), &changes)
+    };
+    assert_eq!([made(8.0, true), made(8.0, false), made(16.0, true)], [2, 0, 0]);
+}
+
+/// A cylinder that moves by a force gets the law of its pairs with plates.
+#[test]
+fn a_new_press_touches_the_floor() {
+    let scene = r#"(
+        materials: [(name: "ROCKx", density: 2000.0)],
+        laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
+        contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0"), (between: ("BLUEx", "WALLx"), law: "iqsc0")],
+        grains: [(
+            material: "ROCKx",
+            colour: "BLUEx",
+            sizes: Single(0.1),
+            placement: List(positions: [(0.0, 0.0, 0.5)]),
+        )],
+        walls: [Plate(material: "ROCKx", colour: "WALLx", centre: (0.0, 0.0, 0.0), half_lengths: (1.0, 1.0, 0.1))],
+        compute: (dt: 1.0e-3, steps: 1),
+    )"#;
+    let run = Case::of(scene).solved(&[]);
+    let changes = |force: &str| {
+        format!(
+            r#"(
+                walls: [Cylinder(material: "ROCKx", colour: "PRESS", centre: (0.0, 0.0, 2.0), half_height: 0.1,
+                    radius: 0.1, {force})],
+                contacts: [(between: ("PRESS", "WALLx"), law: "iqsc0"), (between: ("PRESS", "BLUEx"), law: "iqsc0")],
+            )"#
+        )
+    };
+    let case = next(&run, &changes("force: (None, None, Constant(-5.0))"));
+    let tact = TactBehav::read(&case.datbox("TACT_BEHAV.DAT")).unwrap();
+    let kinds = |row: &VisibilityRow| [&row.candidate, &row.antagonist].map(|side| side.contactor.clone());
+    let of_press = tact.visibility.iter().filter(|row| row.candidate.colour == "PRESS").map(kinds);
+    assert_eq!(of_press.collect::<Vec<_>>(), [["CYLND", "PLANx"].map(String::from)]);
+    assert_eq!(from_outbox(run.path(), Case::empty().path(), &changes("")), 2);
 }
 
 #[test]

@@ -32,8 +32,8 @@ use cd_formats::names::count_text;
 use cd_formats::origin::SceneOrigin;
 use cd_formats::report::FaultReport;
 use cd_formats::ron_file;
-use cd_formats::settings::apply_settings;
-use cd_formats::snapshot::{self, DRIVEN_ALL, Ledger, START_FILE, Snapshot};
+use cd_formats::settings::{apply_settings, check_paths_once};
+use cd_formats::snapshot::{self, DRIVEN_ALL, Ledger, START_FILE, Snapshot, SnapshotMeta};
 use cd_formats::vloc_rloc::VlocRloc;
 
 use crate::check::check_vector;
@@ -59,6 +59,7 @@ type File = (String, Vec<u8>);
 ///
 /// Errors: all faults of the file and of the cases that it names; nothing is written then.
 pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], dir: &Path) -> Result<String, Faults> {
+    check_paths_once(settings)?;
     let (file, text) = match changes {
         Some(file) => (file, atomic::read_text(file)?),
         None => (Path::new("changes"), "()".to_string()),
@@ -75,6 +76,7 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     let options = request.run_options(file, &sources[0].options, &mut report)?;
     reject_faults(&mut report)?;
     check_rotations(&request.changes, &options, &mut report);
+    check_end(&request, &sources[0].snapshot.meta, &options, &mut report);
     let new = NewBodies::from_changes(&request.changes, &parts, &options, folder, &mut report);
     let records = body_records(&parts, &new);
     overlaps::check_overlaps(&request.changes, &parts, &new.population, &records, &options, &mut report);
@@ -224,6 +226,16 @@ fn check_rotations(changes: &Changes, options: &Compute, report: &mut FaultRepor
     }
 }
 
+/// Rejects an end before the time of the state from which the run continues, as cd-solve does.
+fn check_end(request: &ChangeRequest, state: &SnapshotMeta, options: &Compute, report: &mut FaultReport) {
+    let end = options.end_time.filter(|_| request.changes.keep_time && options.steps.is_none());
+    // A run passes its end by less than a step, with the tolerance of its last step.
+    if let Some(end) = end.filter(|end| state.time - end > (1.0 - 1e-3) * options.dt.max(state.h)) {
+        let found = format!("{end:?} s is before the state, which keep_time continues");
+        report.add_fault("compute.end_time", found, format!("at least {:?} s", state.time));
+    }
+}
+
 /// Merges the materials, laws and visibility of the cases and the changes; reports faults and doubts about them, and options
 /// that do not suit them.
 fn behaviour_tables(
@@ -239,6 +251,13 @@ fn behaviour_tables(
         cd_formats::doubts::events(&options.events, "compute.", report);
     }
     crate::doubts::report_doubts(&changes.materials, &changes.laws, &changes.grains, &changes.walls, report);
+    for (k, selection) in changes.bodies.iter().enumerate() {
+        crate::doubts::check_angle(report, &format!("bodies.{k}.rotate"), &selection.rotate);
+    }
+    let of_parts = records.0.iter().take(parts.iter().map(|part| part.records.len()).sum());
+    let plates = of_parts.flat_map(|body| &body.contactors).filter(|contactor| contactor.shape.type_name() == "PLANx");
+    let plates = plates.map(|plate| plate.colour.as_str());
+    crate::doubts::report_plate_presses(&changes.walls, plates, &changes.contacts, report);
     let tables = BehaviourTables::from_parts(changes, parts, &new.population.grains, records, report);
     let is_used = |name: &str| tables.tact.visibility.iter().any(|row| row.law == name);
     crate::doubts::report_unused_laws(&changes.laws, is_used, report);
@@ -309,9 +328,8 @@ fn check_changes(changes: &Changes, report: &mut FaultReport) {
     }
     crate::check::check_names(report, "materials", changes.materials.iter().map(|material| &material.name));
     for (k, material) in changes.materials.iter().enumerate() {
-        let found = format!("{:?}", material.density);
         let path = format!("materials.{k}.density");
-        report.require(crate::check::is_positive(material.density), &path, found, "a density > 0 kg/m^3");
+        crate::check::check_positive(report, &path, material.density, "a density > 0 kg/m^3");
     }
     crate::check::check_names(report, "laws", changes.laws.iter().map(|law| &law.name));
     for (k, law) in changes.laws.iter().enumerate() {

@@ -6,6 +6,7 @@ use cd_formats::bodies::{Bodies, Body, ShapeRecord};
 use cd_formats::bulk_behav::{BulkBehav, Material};
 use cd_formats::compute::{ContactSolver, Event};
 use cd_formats::law_table::LawModel;
+use cd_formats::names::known_names;
 use cd_formats::report::FaultReport;
 use cd_formats::snapshot::{DRIVEN_ALL, DRIVEN_TRANSLATION};
 use cd_formats::tact_behav::{LawRecord, TactBehav, VisibilityRow, VisibilitySide};
@@ -15,6 +16,7 @@ use super::source::SourcePart;
 use crate::check;
 use crate::grain::Grain;
 use crate::rounding::round_8_digits;
+use crate::scene;
 use crate::write::alert_of_radii;
 
 pub struct BehaviourTables {
@@ -86,6 +88,12 @@ fn merge_materials(changes: &Changes, parts: &[SourcePart], records: &Bodies, re
         check::unknown(report, &format!("{path}.material"), found, material, &names, "a material");
     }
     all.retain(|material| records.0.iter().any(|body| body.material == material.name));
+    let used: Vec<&str> = all.iter().map(|material| material.name.as_str()).collect();
+    let unused = |(_, new): &(usize, &scene::Material)| !used.contains(&new.name.as_str());
+    for (k, scene::Material { name, .. }) in (0..).zip(&changes.materials).filter(unused) {
+        let found = format!("no body has the material '{name}', and it is left out");
+        report.add_warning(&format!("materials.{k}.name"), found, &known_names(name, &used));
+    }
     BulkBehav { gravity: parts[0].source.bulk.gravity, materials: all }
 }
 
@@ -157,6 +165,26 @@ fn contact_pairs(worn: &ColouredContactors, (a, b): (&str, &str)) -> Vec<[Visibi
             let mut sides = [x.clone(), y];
             sides.sort_by_key(|side| shape_rank(&side.contactor));
             if !twice && shape_rank(&sides[0].contactor) < WALL_RANK {
+                all.push(sides);
+            }
+        }
+    }
+    all
+}
+
+/// Pairs like [`contact_pairs`] of walls, whose contacts are computed if one of them moves by forces.
+fn wall_pairs(worn: &ColouredContactors, (a, b): (&str, &str)) -> Vec<[VisibilitySide; 2]> {
+    let side = |&(colour, contactor): &(&str, &str)| VisibilitySide {
+        body: "RBDY3".into(),
+        contactor: contactor.into(),
+        colour: colour.into(),
+    };
+    let mut all: Vec<[VisibilitySide; 2]> = Vec::new();
+    for x in worn.iter().filter(|(colour, _)| *colour == a) {
+        for y in worn.iter().filter(|(colour, _)| *colour == b) {
+            // LMGC90 has a cylinder before a plate.
+            let sides = if x.1 == "PLANx" { [side(y), side(x)] } else { [side(x), side(y)] };
+            if check::is_computed_wall_pair([x.1, y.1]) && !all.contains(&sides) {
                 all.push(sides);
             }
         }
@@ -243,10 +271,13 @@ fn merge_visibility(
         let holds = check::is_positive(alert) && alert >= attraction_range(law);
         let expected = "a distance > 0 m, at least the range of the law";
         report.require(holds, &format!("{path}.alert"), format!("{alert:?}"), expected);
-        let met = contact_pairs(&all, named[k]);
+        let moves = |colour: &str| groups.iter().any(|group| group.moving.contains(colour));
+        let mut met = contact_pairs(&all, named[k]);
+        if moves(a) || moves(b) {
+            met.extend(wall_pairs(&all, named[k]));
+        }
         let walls = met.is_empty() && [a, b].iter().all(|colour| all.iter().any(|(known, _)| known == colour));
         report.require(!walls, &path, format!("a law between the walls '{a}' and '{b}'"), check::NO_WALL_LAW);
-        let moves = |colour: &str| groups.iter().any(|group| group.moving.contains(colour));
         let idle = !met.is_empty() && !moves(a) && !moves(b);
         report.require(!idle, &path, format!("a law between '{a}' and '{b}'"), check::NO_IMPOSED_LAW);
         rows.extend(met.into_iter().map(|sides| visibility_row(sides, name, alert)));
