@@ -351,9 +351,8 @@ fn inside_distance(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
     least
 }
 
-/// Tries the faces of `own` against the vertices of `other`; `sign` is -1 if `own` is B. Of equally good faces the one is taken
-/// whose normal is nearest to the direction between the centres, so that mirrored pairs have mirrored contacts. Returns
-/// whether `enough` is reached.
+/// Tries the faces of `own` against the vertices of `other`; `sign` is -1 if `own` is B. Returns whether `enough` is
+/// reached.
 #[inline(always)]
 fn search_faces<L: F64Arithmetic>(
     l: L,
@@ -402,18 +401,14 @@ fn search_faces<L: F64Arithmetic>(
                 v += 2;
             }
             let s = l.add(l.sub(along, l.load(&block[3][k..])), l.min(even, odd));
-            let mut mask = l.mask_greater(s, l.splat(best.s - tie));
+            let mut mask = l.mask_greater(s, l.splat(separation_to_beat(best, tie)));
             if mask != 0 {
                 let mut values = [0.0; 8];
                 l.store(&mut values, s);
                 while mask != 0 {
                     let lane = mask.trailing_zeros() as usize;
                     mask &= mask - 1;
-                    let is_tie_won = || {
-                        let gain = block[4][k + lane] - best.n.dot(&pair.centre_offset);
-                        gain > ALIGNMENT_MARGIN * vector_length(&pair.centre_offset)
-                    };
-                    if values[lane] > separation_to_beat(best, tie) || values[lane] > best.s - tie && is_tie_won() {
+                    if values[lane] > separation_to_beat(best, tie) {
                         let f = kept[from + k + lane];
                         let feature = if sign > 0.0 { SearchFeature::FaceOfA(f) } else { SearchFeature::FaceOfB(f) };
                         *best = SearchAxis { n: own.face_normal(f) * sign, s: values[lane], feature };
