@@ -184,6 +184,9 @@ fn folder_without_option<'a>(command: &Command, words: &[&'a str]) -> Option<&'a
         option.get_short() == Some('o') && named
     };
     options.iter().find(is_folder)?;
+    if command.get_positionals().any(|words| matches!(words.get_action(), clap::ArgAction::Append)) {
+        return None; // it takes any number
+    }
     let mut beyond = Vec::new();
     let mut words = words.iter();
     while let Some(&word) = words.next() {

@@ -76,14 +76,13 @@ fn what_crosses_many_radii_in_a_step_is_stopped_all_the_same() {
 }
 
 #[test]
-fn energy_never_grows_whatever_the_law() {
+fn energy_never_grows_with_restitution_or_friction() {
     let steps = [1e-3, 1e-2, 1e-1];
     let mut worst = 0f64;
     for (law, parameters) in [
         ("RST_CLB", &[0.0, 0.0, 0.0][..]),
         ("RST_CLB", &[1.0, 0.0, 0.0]),
         ("RST_CLB", &[0.0, 0.0, 1e3]),
-        ("RST_CLB", &[1.0, 0.0, 0.5]),
         ("RST_CLB", &[0.5, 0.5, 0.5]),
         ("IQS_CLB", &[0.0]),
         ("IQS_CLB", &[1e3]),
@@ -109,9 +108,12 @@ fn energy_never_grows_whatever_the_law() {
             }
         }
     }
-    let holds = "energy of spheres never grows, for steps of 1e-3 to 1e-1 s; by how much of it at most";
-    shown("restitution", &range(&[0.0, 1.0]), holds, worst);
-    shown("friction", &range(&[0.0, 1e3]), holds, worst);
+    // Newton's law with both may raise it, since its coefficient is that of the normal velocity alone (T.R. Kane, 1984).
+    let holds = |without: &str| {
+        format!("energy of spheres never grows without {without}, for steps of 1e-3 to 1e-1 s; by how much of it at most")
+    };
+    shown("restitution", &range(&[0.0, 1.0]), &holds("friction"), worst);
+    shown("friction", &range(&[0.0, 1e3]), &holds("restitution"), worst);
 }
 
 #[test]
