@@ -110,7 +110,9 @@ fn energy_never_grows_with_restitution_or_friction() {
     }
     // Newton's law with both may raise it, since its coefficient is that of the normal velocity alone (T.R. Kane, 1984).
     let holds = |without: &str| {
-        format!("energy of spheres never grows without {without}, for steps of 1e-3 to 1e-1 s; by how much of it at most")
+        format!(
+            "energy of spheres never grows without {without}, for steps of 1e-3 to 1e-1 s; by how much of it at most"
+        )
     };
     shown("restitution", &range(&[0.0, 1.0]), &holds("friction"), worst);
     shown("friction", &range(&[0.0, 1e3]), &holds("restitution"), worst);
