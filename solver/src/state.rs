@@ -498,7 +498,8 @@ mod tests {
         interval.add_exchanges(&step(&even));
         interval.add_exchanges(&step(&thirds));
         let pairs = (0..15_000).filter(|k| k % 3 == 0 || k % 2 == 0 && *k < 10_000);
-        let count = |k: u32| 2.0 * f64::from(u32::from(k % 3 == 0) + u32::from(k % 2 == 0 && k < 10_000));
+        let count =
+            |k: u32| 2.0 * f64::from(u32::from(k.is_multiple_of(3)) + u32::from(k.is_multiple_of(2) && k < 10_000));
         let expected = pairs.map(|k| ContactExchange { virial: count(k) * f64::from(k), ..exchange(k) });
         assert_eq!(interval.exchanges, expected.collect::<Vec<_>>());
     }

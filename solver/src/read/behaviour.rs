@@ -499,7 +499,7 @@ pub fn initial_contacts(
     let (mut contacts, mut left_out) = (Vec::new(), LeftOutContacts::default());
     for (number, record) in (0..).zip(&history.contacts) {
         let contact = reader.contact_of_record(number, record, &mut left_out);
-        contacts.extend(faults.gather_result(contact.map_err(Faults::from)).flatten());
+        contacts.extend(faults.gather_result(contact).flatten());
     }
     scene.notes.extend(left_out.notes(&numbers));
     contacts.sort_by_key(|(solved, _)| solved.contact.key());
@@ -592,11 +592,12 @@ impl ContactReader<'_> {
         number: u32,
         record: &ContactRecord,
         left_out: &mut LeftOutContacts,
-    ) -> Result<Option<(SolvedContact, LawMemory)>, Fault> {
+    ) -> Result<Option<(SolvedContact, LawMemory)>, Faults> {
         let &ContactReader { file, scene, records, numbers, positions, orientations } = self;
         let h = scene.options.dt;
-        let fault =
-            |object: &str, found: &str, expected: &str| Fault::new(file, Some(record.line), object, found, expected);
+        let fault = |object: &str, found: &str, expected: &str| {
+            Faults::from(Fault::new(file, Some(record.line), object, found, expected))
+        };
         let sides = [&record.candidate, &record.antagonist];
         if let Some(side) = sides.iter().find(|side| side.body >= scene.bodies.len()) {
             let expected = format!("expected 1 to {}", scene.bodies.len());

@@ -370,12 +370,11 @@ fn closing_runs(scene: &Scene, contactors: &[PosedContactor], contacts: &[Contac
     };
     let of_task = |task: Range<usize>| {
         let mut start = task.start as u32;
-        let runs = contacts[task].chunk_by(is_same_pair).filter_map(move |of_one| {
+        contacts[task].chunk_by(is_same_pair).filter_map(move |of_one| {
             let first = start;
             start += of_one.len() as u32;
             run(first, of_one)
-        });
-        runs
+        })
     };
     run_ranges(contacts, CONTACTS_PER_TASK, is_same_pair).into_par_iter().flat_map_iter(of_task).collect()
 }
