@@ -124,7 +124,7 @@ fn read_bodies(scan: &mut LineScanner, before: usize) -> Vec<BodyDof> {
 
 const ONCE: &str = "expected each body once";
 
-/// What is wrong with a body that has been on one of the `lines`, by body.
+/// Returns the fault of a body that is on one of the `lines`, by body, already, and adds its line to them.
 fn repetition(lines: &mut HashMap<usize, usize>, body: &BodyDof) -> Option<String> {
     lines.insert(body.body, body.line).map(|earlier| format!("the body is on line {earlier}, too"))
 }

@@ -61,7 +61,7 @@ impl Study {
         run.expect("bash and awk, which these tests need")
     }
 
-    /// What ran since the last call, a line each.
+    /// Returns the programs that ran since the last call with their arguments, a line each.
     fn ran(&self) -> Vec<String> {
         let ran = fs::read_to_string(self.path("ran")).unwrap_or_default();
         let _ = fs::remove_file(self.path("ran"));

@@ -532,7 +532,7 @@ mod tests {
             let frame = scene.frame();
             let surface = FreeSurface::from_frame(&frame, &find_fragments(&frame), REACH).unwrap();
             let [found, error] = [surface.slope, surface.slope_error].map(f64::to_degrees);
-            // Of sixteen such beds the root mean square of the deviation is 0.42 degrees, the largest 0.8.
+            // The deviation is 0.42 degrees over sixteen such beds (root mean square), at most 0.8.
             assert!((found - angle).abs() < 1.0 && error < 2.5, "{found} {error}");
         }
     }

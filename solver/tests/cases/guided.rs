@@ -5,22 +5,21 @@ use std::collections::BTreeMap;
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, Evolution};
 use cd_formats::snapshot::Snapshot;
 
-use crate::case::{Case, Figures, Vec3, equal, near};
+use crate::case::{AXES, Case, Figures, Vec3, equal, near};
 
-const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// Velocity along y, rotation about x and z: the others are those of a plane problem.
-const OUT_OF_PLANE: [usize; 3] = [1, 3, 5];
+pub const OUT_OF_PLANE: [usize; 3] = [1, 3, 5];
 const TRANSLATION: [usize; 3] = [0, 1, 2];
 const G: f64 = 8.0;
 
 /// Imposes one component of a body.
-fn impose(case: &mut Case, body: usize, component: usize, evolution: Evolution) {
+pub fn impose(case: &mut Case, body: usize, component: usize, evolution: Evolution) {
     case.dof[body].velocity[component] = evolution.value_at(0.0);
     case.driven.push(DrivenComponent { line: 0, body, component, kind: DrivenKind::Velocity, evolution });
 }
 
 /// Holds a body in these components.
-fn hold(case: &mut Case, body: usize, components: &[usize]) {
+pub fn hold(case: &mut Case, body: usize, components: &[usize]) {
     components.iter().for_each(|&component| impose(case, body, component, Evolution::constant(0.0)));
 }
 

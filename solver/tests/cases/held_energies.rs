@@ -1,22 +1,12 @@
 //! Energies and works of grains driven in part: the balance closes with the work of the reactions that impose components.
 
-use cd_formats::drv_dof::{DrivenComponent, DrivenKind, Evolution};
+use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
 
-use crate::case::{Case, Figures, Vec3, equal};
+use crate::case::{AXES, Case, Figures, Vec3, equal};
+use crate::guided::{OUT_OF_PLANE, hold, impose};
 
-const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-const OUT_OF_PLANE: [usize; 3] = [1, 3, 5];
 const G: f64 = 8.0;
-
-fn impose(case: &mut Case, body: usize, component: usize, evolution: Evolution) {
-    case.dof[body].velocity[component] = evolution.value_at(0.0);
-    case.driven.push(DrivenComponent { line: 0, body, component, kind: DrivenKind::Velocity, evolution });
-}
-
-fn hold(case: &mut Case, body: usize, components: &[usize]) {
-    components.iter().for_each(|&component| impose(case, body, component, Evolution::constant(0.0)));
-}
 
 fn scene(friction: f64) -> Case {
     let mut case = Case::new();
