@@ -13,7 +13,7 @@ use crate::detect::posed::{CandidatePair, PosedContactor, PosedShape};
 use crate::detect::travel::TravelBounds;
 use crate::geometry::{PosedPolyhedron, polyhedra_along, polyhedron_end_along};
 use crate::integrate::ContactConfiguration;
-use crate::math::{Vec3, group_by_key, run_ranges};
+use crate::math::{Vec3, concatenated, group_by_key, run_ranges};
 use crate::scene::{BodyId, PartId, Scene};
 use crate::state::Contact;
 
@@ -113,12 +113,9 @@ impl<'a> InnerEdgeSearch<'a> {
         let seen_by = |own: PartId, other: PartId| {
             if covering_solid(&contactors[other.index()]).is_some() { own.0 } else { no_contactor }
         };
-        let seen_by: Vec<u32> = runs
-            .par_iter()
-            .with_min_len(CONTACTS_PER_TASK)
-            .flat_map_iter(|&ContactRun { parts: [a, b], .. }| [seen_by(a, b), seen_by(b, a)])
-            .collect();
-        let (views, starts) = group_by_key(&seen_by, contactors.len() + 1);
+        let seen_by = |&ContactRun { parts: [a, b], .. }: &ContactRun| [seen_by(a, b), seen_by(b, a)];
+        let seen_by: Vec<[u32; 2]> = runs.par_iter().with_min_len(CONTACTS_PER_TASK).map(seen_by).collect();
+        let (views, starts) = group_by_key(seen_by.as_flattened(), contactors.len() + 1);
         InnerEdgeSearch { q_c, travel_bounds, contactors, contacts, runs, attracts, views, starts }
     }
 
@@ -172,17 +169,17 @@ impl<'a> InnerEdgeSearch<'a> {
         let a = &self.contactors[part];
         let views = &self.views[self.starts[part] as usize..self.starts[part + 1] as usize];
         let run = |view: RunView| &self.runs[view.run() as usize];
+        let other = |view: RunView| &self.contactors[run(view).parts[usize::from(!view.is_turned())].index()];
         // B cannot be nearer than C.
-        let travel = views.iter().map(|&view| run(RunView(view)).travel[view as usize % 2]).fold(0.0, f64::max);
+        let travel = views.iter().map(|&view| other(RunView(view)).travel).fold(0.0, f64::max);
         let reach = a.travel + travel + 2.0 * FLUSH_TOLERANCE * a.radius;
         let JointScratch { near, heights, .. } = scratch;
         near.clear();
         near.extend(views.iter().filter(|&&view| self.attracts || run(RunView(view)).gap <= reach));
         let height = |&view: &u32| {
             let view = RunView(view);
-            let (run, turned) = (run(view), view.is_turned());
-            let (normal, at, _) = run.seen_from(turned);
-            ContactHeight::new(normal, at - a.centre, run.reach[usize::from(turned)])
+            let (normal, at, _) = seen_from(&self.contacts[run(view).start as usize], view.is_turned());
+            ContactHeight::new(normal, at - a.centre, 2.0 * other(view).radius)
         };
         heights.clear();
         heights.extend(near.iter().map(height));
@@ -202,7 +199,7 @@ impl<'a> InnerEdgeSearch<'a> {
     fn surface_contact(&self, a: &PosedContactor, view: RunView) -> SurfaceContact {
         let (index, turned) = (view.run(), view.is_turned());
         let run = &self.runs[index as usize];
-        let (normal, at, image) = run.seen_from(turned);
+        let (normal, at, image) = seen_from(&self.contacts[run.start as usize], turned);
         let other = &self.contactors[run.parts[usize::from(!turned)].index()];
         SurfaceContact {
             index,
@@ -308,6 +305,7 @@ impl RewrittenList<'_> {
 }
 
 /// Consecutive contacts of the same two contactors.
+#[derive(Clone, Copy, Default)]
 struct ContactRun {
     start: u32,
     end: u32,
@@ -315,27 +313,15 @@ struct ContactRun {
     parts: [PartId; 2],
     /// Smallest gap, m.
     gap: f64,
-    /// Normal, point and image of the first contact, and half of its gap, m.
-    normal: Vec3,
-    point: Vec3,
-    image: Vec3,
-    half_gap: f64,
-    /// Diameters of the bounding balls of antagonist and candidate, and their largest displacements in the step, m.
-    reach: [f64; 2],
-    travel: [f64; 2],
 }
 
-impl ContactRun {
-    /// Normal towards the candidate, or the antagonist if `turned`, the point on the surface of the other contactor, and
-    /// the shift from the image of the contact that touches the former, m.
-    #[inline(always)]
-    fn seen_from(&self, turned: bool) -> (Vec3, Vec3, Vec3) {
-        if turned {
-            (-self.normal, self.point - self.image + self.normal * self.half_gap, -self.image)
-        } else {
-            (self.normal, self.point - self.normal * self.half_gap, self.image)
-        }
-    }
+/// Normal of a contact towards its candidate, or its antagonist if `turned`, the point on the surface of the other
+/// contactor, and the shift from the image of the contact that touches the former, m.
+#[inline(always)]
+fn seen_from(contact: &Contact, turned: bool) -> (Vec3, Vec3, Vec3) {
+    let Contact { normal, point, image, gap, .. } = contact;
+    let to_surface = normal * (0.5 * gap);
+    if turned { (-normal, point - image + to_surface, -image) } else { (*normal, point - to_surface, *image) }
 }
 
 /// Runs of contacts without those that cannot close in the step whatever other contactors do. With laws that attract, all
@@ -347,34 +333,23 @@ fn closing_runs(scene: &Scene, contactors: &[PosedContactor], contacts: &[Contac
         let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
         pair(a) == pair(b)
     };
-    let run = |start: u32, of_one: &[Contact]| {
-        let first = &of_one[0];
-        let part = |body: BodyId, rank: u16| PartId(scene.part_starts[body.index()].0 + u32::from(rank));
-        let parts = [part(first.candidate, first.ranks.0), part(first.antagonist, first.ranks.1)];
-        let [a, b] = parts.map(|part| &contactors[part.index()]);
-        let gap = of_one.iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);
-        let is_near =
-            || gap <= a.travel.max(b.travel) + largest_travel + 2.0 * FLUSH_TOLERANCE * a.radius.max(b.radius);
-        (attracts || is_near()).then(|| ContactRun {
-            start,
-            end: start + of_one.len() as u32,
-            parts,
-            gap,
-            normal: first.normal,
-            point: first.point,
-            image: first.image,
-            half_gap: 0.5 * first.gap,
-            reach: [2.0 * b.radius, 2.0 * a.radius],
-            travel: [b.travel, a.travel],
-        })
+    let can_close = |[a, b]: [&PosedContactor; 2], gap: f64| {
+        gap <= a.travel.max(b.travel) + largest_travel + 2.0 * FLUSH_TOLERANCE * a.radius.max(b.radius)
     };
     let of_task = |task: Range<usize>| {
-        let mut start = task.start as u32;
-        contacts[task].chunk_by(is_same_pair).filter_map(move |of_one| {
-            let first = start;
-            start += of_one.len() as u32;
-            run(first, of_one)
-        })
+        let (mut runs, mut start) = (Vec::new(), task.start);
+        for of_one in contacts[task].chunk_by(is_same_pair) {
+            let (first, end) = (&of_one[0], start + of_one.len());
+            let part = |body: BodyId, rank: u16| PartId(scene.part_starts[body.index()].0 + u32::from(rank));
+            let parts = [part(first.candidate, first.ranks.0), part(first.antagonist, first.ranks.1)];
+            let gap = of_one.iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);
+            if attracts || can_close(parts.map(|part| &contactors[part.index()]), gap) {
+                runs.push(ContactRun { start: start as u32, end: end as u32, parts, gap });
+            }
+            start = end;
+        }
+        runs
     };
-    run_ranges(contacts, CONTACTS_PER_TASK, is_same_pair).into_par_iter().flat_map_iter(of_task).collect()
+    let tasks = run_ranges(contacts, CONTACTS_PER_TASK, is_same_pair);
+    concatenated(tasks.into_par_iter().map(of_task).collect())
 }
