@@ -12,6 +12,7 @@ use cd_formats::names::{count_text, rounded_number};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::activity;
+use crate::scene::BodyId;
 use crate::state::State;
 use crate::step::{StepReport, WorstContact};
 
@@ -127,8 +128,9 @@ impl ProgressDisplay {
         let worst = report.worst.map_or(String::new(), contact_text);
         let solver = solver_text(options.solver, report.replacement_reason.is_some());
         let why = unconverged_reason(report.residual, report.tol, report.left_out);
+        let conflict = report.conflict.map_or(String::new(), conflict_text);
         let message = format!(
-            "cd-solve: step {}, t = {} s: {solver} stopped after {}, {why}{worst}; continuing",
+            "cd-solve: step {}, t = {} s: {solver} stopped after {}, {why}{worst}{conflict}; continuing",
             state.step,
             rounded_number(state.time),
             count_text(report.sweeps as usize, "sweep")
@@ -163,6 +165,16 @@ fn unconverged_reason(residual: f64, tol: f64, left_out: usize) -> String {
         (false, 0) => format!("residual {residual:.1e} > tol {tol:.1e}"),
         (false, _) => format!("residual {residual:.1e} > tol {tol:.1e}, without {contacts} that began to close late"),
     }
+}
+
+/// Cause of a step without a solution, with the bodies of a contact that imposed motion closes, and advice.
+fn conflict_text([a, b]: [BodyId; 2]) -> String {
+    format!(
+        "; imposed motion closes contacts of bodies {}-{}, and no free motion opens all of them: impose fewer components, or a \
+         motion away from the contact",
+        a.number(),
+        b.number()
+    )
 }
 
 impl Drop for ProgressDisplay {

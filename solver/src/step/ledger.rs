@@ -4,6 +4,7 @@ use std::ops::Add;
 
 use rayon::prelude::*;
 
+use super::conflict::conflicting_bodies;
 use super::context::{SolvedProblem, StepContext};
 use super::ends::{ITEMS_PER_TASK, Overlap, StepOutcome};
 use super::unforeseen::implicit_step_work;
@@ -43,6 +44,8 @@ pub struct StepReport {
     pub norms: Option<Lmgc90Norms>,
     /// The contact with the largest part in the residual.
     pub worst: Option<WorstContact>,
+    /// Bodies of a contact that imposed motion closes and no free motion opens, in a step that has not converged.
+    pub conflict: Option<[BodyId; 2]>,
     /// Deepest overlap in the contact configuration, if it is worth a warning.
     pub overlap: Option<Overlap>,
     /// Deepest overlap of two bodies of which neither can move along the normal, if it is worth a warning.
@@ -170,6 +173,11 @@ pub fn update_ledger(
         norms: (scene.options.lmgc90_norms || scene.has_solver_file())
             .then(|| lmgc90_norms(contact_problem, &solution.impulses, &solution.solver_bodies)),
         worst: solution.worst.map(worst),
+        conflict: if solution.converged {
+            None
+        } else {
+            conflicting_bodies(contact_problem, solution, request.criteria.tol)
+        },
         overlap: contact_totals.overlap,
         inert_overlap: contact_totals.inert_overlap,
         penetration_largest: contact_totals.penetration_largest,

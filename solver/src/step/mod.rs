@@ -2,6 +2,7 @@
 
 mod admissible;
 mod clock;
+mod conflict;
 mod context;
 mod drift;
 mod ends;

@@ -2,9 +2,11 @@
 
 use std::f64::consts::PI;
 
+use cd_formats::compute::ContactSolver;
 use cd_formats::drv_dof::{DrivenComponent, DrivenKind, Evolution};
 
 use crate::case::{Case, Figures, equal, near};
+use crate::solvers::message;
 
 const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
@@ -178,4 +180,51 @@ fn rows_between_a_press_and_other_walls_are_rejected() {
     case.press(press, 2, -5.0);
     case.write();
     assert_eq!(case.solve(&["--force"]), 2);
+}
+
+/// Steps without a solution: cubes that turn freely and whose imposed translation presses them flat into a floor, since
+/// turning opens one edge and closes the other, and free cubes between walls that close.
+#[test]
+fn a_step_without_a_solution_names_the_imposed_motion() {
+    let pressed = |case: &mut Case, z: f64| {
+        let cube = case.block([0.5; 3], [0.0, 0.0, z], AXES);
+        hold(case, cube, &[2, 3, 4, 5]);
+        let evolution = Evolution::constant(-0.1);
+        case.driven.push(DrivenComponent { line: 0, body: cube, component: 2, kind: DrivenKind::Velocity, evolution });
+        cube
+    };
+    for (solver, free) in [ContactSolver::Auto, ContactSolver::Nlgs].into_iter().flat_map(|s| [0, 1, 2].map(|f| (s, f)))
+    {
+        let mut case = on_floor("IQS_CLB", &[0.3]);
+        for k in 0..free {
+            case.block([0.5; 3], [0.0, 0.0, 0.5 + f64::from(k)], AXES);
+        }
+        pressed(&mut case, 0.5 + f64::from(free));
+        (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, Some(1e-6), Some(100));
+        let [_, warnings] = message(&case);
+        assert!(warnings.contains("imposed motion closes contacts of bodies "), "{solver} {free}: {warnings}");
+    }
+    // Free cubes between walls that close.
+    let mut case = case_of("IQS_CLB", &[0.3]);
+    for x in [-1.0, 0.0, 1.0] {
+        case.block([0.5; 3], [x, 0.0, 0.0], AXES);
+    }
+    for side in [-1.0, 1.0] {
+        let wall = case.plate([0.5, 2.0, 2.0], [2.0 * side, 0.0, 0.0], AXES);
+        case.drive_along(wall, 0, Evolution::constant(-0.1 * side));
+    }
+    (case.options.tol, case.options.max_sweeps) = (Some(1e-6), Some(100));
+    let [_, warnings] = message(&case);
+    assert!(warnings.contains("imposed motion closes contacts of bodies "), "{warnings}");
+    // With a corner below its centre the cube turns.
+    let mut case = case_of("IQS_CLB", &[0.0]);
+    case.floor();
+    let [s, t] = [0.5f64.sqrt(), 1.0 / 3f64.sqrt()];
+    let axes = [[s, -s, 0.0], [t * s, t * s, -2.0 * t * s], [t, t, t]];
+    let cube = case.block([0.5; 3], [0.0, 0.0, 0.84], axes);
+    hold(&mut case, cube, &[2, 3, 4, 5]);
+    let evolution = Evolution::constant(-0.1);
+    case.driven.push(DrivenComponent { line: 0, body: cube, component: 2, kind: DrivenKind::Velocity, evolution });
+    let [_, warnings] = message(&case);
+    assert!(!warnings.contains("continuing"), "{warnings}");
 }

@@ -177,8 +177,8 @@ fn convergence_is_checked_where_it_is_asked_for() {
     }
 }
 
-/// What a run from the beginning tells, and what it warns of.
-fn message(case: &Case) -> [String; 2] {
+/// Output and warnings of three steps from the beginning.
+pub fn message(case: &Case) -> [String; 2] {
     case.write();
     let program = env!("CARGO_BIN_EXE_cd-solve");
     let output = Command::new(program).arg(case.path()).args(["--force", "--steps", "3"]).output().unwrap();
