@@ -10,8 +10,9 @@ use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::{Contact, ContactKey, State, Velocities};
 
-/// Open contacts that have no part in the contact problem of a step, as the `free` velocities do not close them, and that
-/// the velocities `solved` close deeper than their law allows. The next problem has them ([`ContactConfiguration::diverted`]).
+/// Keys of the open contacts that have no part in the contact problem of a step, as the `free` velocities do not close them,
+/// and that the velocities `solved` close deeper than their law allows. The next problem has them
+/// ([`ContactConfiguration::diverted`]).
 pub fn diverted_contacts(
     scene: &Scene,
     state: &State,
@@ -29,65 +30,55 @@ pub fn diverted_contacts(
         if contact.gap <= 0.0 || !waits(law) || q_c.diverted.contains(&contact.key()) {
             return false;
         }
-        let depth = allowed_overlap(scene, contact, law);
-        let was_open = if law.is_damped_spring() {
-            !closes_deeper(scene, q_c, contact, free, depth)
+        let pair = OpenPair { scene, q_c, contact };
+        let depth = pair.allowed_overlap(law);
+        // Pairs that the problem omits: see `GapForecast`.
+        let was_omitted = if law.is_damped_spring() {
+            !pair.closes_deeper_along_normal(free, depth) || pair.misses(free, 0.0)
         } else {
-            closes_deeper_along_normal(scene, q_c, contact, free, 0.0) && misses(scene, q_c, contact, free, 0.0)
+            pair.closes_deeper_along_normal(free, 0.0) && pair.misses(free, 0.0)
         };
-        was_open && closes_deeper(scene, q_c, contact, solved, depth)
+        was_omitted && pair.closes_deeper_along_normal(solved, depth) && !pair.misses(solved, depth)
     };
     contacts.iter().filter(is_diverted).map(Contact::key).collect()
 }
 
-/// Overlap, m, to which other contacts may push an open pair in a step. A law that throws back or has a damper acts on
-/// contacts that are closed at the start of the next step, and must find one; others bring a pair to touch.
-pub(super) fn allowed_overlap(scene: &Scene, contact: &Contact, law: &ContactLaw) -> f64 {
-    if !law.has_restitution() && !law.is_damped_spring() {
-        return 0.0;
+/// Open contact whose bodies may close it by the next contact configuration.
+pub(super) struct OpenPair<'a> {
+    pub scene: &'a Scene,
+    pub q_c: &'a ContactConfiguration,
+    pub contact: &'a Contact,
+}
+
+impl OpenPair<'_> {
+    /// Overlap, m, to which other contacts may push the pair in a step. A law that throws back or has a damper acts on
+    /// contacts that are closed at the start of the next step, and must find one; others bring a pair to touch.
+    pub fn allowed_overlap(&self, law: &ContactLaw) -> f64 {
+        if !law.has_restitution() && !law.is_damped_spring() {
+            return 0.0;
+        }
+        let Contact { candidate, antagonist, ranks, .. } = *self.contact;
+        MAX_STEP_OVERLAP * self.scene.pair_size((candidate, ranks.0), (antagonist, ranks.1))
     }
-    MAX_STEP_OVERLAP * scene.pair_size((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1))
-}
 
-/// Whether these velocities bring a pair to an overlap of more than `depth` (m) by the next contact configuration.
-pub(super) fn closes_deeper(
-    scene: &Scene,
-    q_c: &ContactConfiguration,
-    contact: &Contact,
-    velocities: Velocities,
-    depth: f64,
-) -> bool {
-    closes_deeper_along_normal(scene, q_c, contact, velocities, depth)
-        && !misses(scene, q_c, contact, velocities, depth)
-}
-
-/// Whether these velocities close a contact by more than its gap and `depth` (m), whatever the motion across its normal.
-pub(super) fn closes_deeper_along_normal(
-    scene: &Scene,
-    q_c: &ContactConfiguration,
-    contact: &Contact,
-    velocities: Velocities,
-    depth: f64,
-) -> bool {
-    let u = relative_velocity(contact, &q_c.x, velocities);
-    contact.gap + q_c.reach_time(scene) * contact.normal.dot(&u) < -depth
-}
-
-/// Whether two spheres pass each other on the straight paths of their centres with an overlap of less than `depth` (m);
-/// false for other bodies.
-pub(super) fn misses(
-    scene: &Scene,
-    q_c: &ContactConfiguration,
-    contact: &Contact,
-    Velocities { v, .. }: Velocities,
-    depth: f64,
-) -> bool {
-    let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
-    if !(scene.bodies[a].is_sphere() && scene.bodies[b].is_sphere()) {
-        return false;
+    /// Whether these velocities close the contact by more than its gap and `depth` (m), whatever the motion across its normal.
+    pub fn closes_deeper_along_normal(&self, velocities: Velocities, depth: f64) -> bool {
+        let OpenPair { scene, q_c, contact } = self;
+        let u = relative_velocity(contact, &q_c.x, velocities);
+        contact.gap + q_c.reach_time(scene) * contact.normal.dot(&u) < -depth
     }
-    let radii = scene.bodies[a].radius + scene.bodies[b].radius;
-    let (from, along): (Vec3, Vec3) = (contact.normal * (radii + contact.gap), v[a] - v[b]);
-    let time = (-from.dot(&along) / along.norm_squared()).min(q_c.reach_time(scene));
-    (from + along * time).norm() >= radii - depth
+
+    /// Whether two spheres pass each other on the straight paths of their centres with an overlap of less than `depth` (m);
+    /// false for other bodies.
+    pub fn misses(&self, Velocities { v, .. }: Velocities, depth: f64) -> bool {
+        let OpenPair { scene, q_c, contact } = self;
+        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
+        if !(scene.bodies[a].is_sphere() && scene.bodies[b].is_sphere()) {
+            return false;
+        }
+        let radii = scene.bodies[a].radius + scene.bodies[b].radius;
+        let (from, along): (Vec3, Vec3) = (contact.normal * (radii + contact.gap), v[a] - v[b]);
+        let time = (-from.dot(&along) / along.norm_squared()).min(q_c.reach_time(scene));
+        (from + along * time).norm() >= radii - depth
+    }
 }

@@ -5,7 +5,7 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use super::context::{AssemblyContext, MotionBounds};
-use super::diverted::{allowed_overlap, closes_deeper_along_normal, misses};
+use super::diverted::OpenPair;
 use super::faces::{FaceRows, Joints, has_joints};
 use super::history::{BondState, warm_start};
 use super::interface_row::InterfaceRow;
@@ -490,16 +490,16 @@ impl AssemblyContext<'_> {
         if !damped_spring && (u_n < RESTING * pushed || u_n.max(contact.gap / closing_time) < pull(a).max(pull(b))) {
             return GapForecast::Resting;
         }
-        let depth = allowed_overlap(scene, contact, law);
+        let pair = OpenPair { scene, q_c, contact };
+        let depth = pair.allowed_overlap(law);
         if !q_c.diverted.is_empty() && q_c.diverted.contains(&contact.key()) {
             return if damped_spring { GapForecast::Due } else { GapForecast::Apart { depth } };
         }
         let least = if damped_spring { depth } else { 0.0 };
-        if !closes_deeper_along_normal(scene, q_c, contact, *free_velocities, least) {
+        if !pair.closes_deeper_along_normal(*free_velocities, least) {
             return GapForecast::Apart { depth };
         }
-        let passes = misses(scene, q_c, contact, *free_velocities, 0.0);
-        if passes { GapForecast::Passing } else { GapForecast::Due }
+        if pair.misses(*free_velocities, 0.0) { GapForecast::Passing } else { GapForecast::Due }
     }
 
     /// Resistance to rolling and spinning at row `k`, if its law has one.
