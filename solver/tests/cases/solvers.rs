@@ -55,7 +55,7 @@ fn difference(a: &Snapshot, b: &Snapshot) -> f64 {
 #[test]
 fn newtons_method_finds_what_auto_finds_where_sweeps_stall() {
     let run = |solver| {
-        let mut case = packed(solver, 0.25);
+        let mut case = packed(solver, 0.3);
         let end = case.run(3);
         (all_converged(&case), end)
     };

@@ -67,6 +67,11 @@ impl MatrixSolver {
     ];
 }
 
+/// Number of Newton steps after which the method starts again: as many as `auto` gives it from 0.
+const STEPS_BEFORE_RESTART: u64 = 400;
+/// Number of sweeps before it does: the smallest number that `auto` makes before its other solvers.
+const SWEEPS_BEFORE_RESTART: u64 = 100;
+
 /// Result of a solver: its best iterate.
 #[derive(Debug, Clone)]
 pub struct MatrixSolution {
@@ -96,7 +101,7 @@ pub fn solve(
         MatrixSolver::Auto => run_fallback_sequence(&mut run, warm),
         MatrixSolver::Nlgs => gauss_seidel::solve_nlgs(&mut run, 0, u64::MAX),
         MatrixSolver::NlgsAnderson => gauss_seidel::solve_nlgs(&mut run, gauss_seidel::ANDERSON_DEPTH, u64::MAX),
-        MatrixSolver::ProxNewton => newton::prox_newton(&mut run, &vec![[0.0; 3]; problem.len()], u64::MAX),
+        MatrixSolver::ProxNewton => run_newton_with_restarts(&mut run),
         MatrixSolver::Admm => admm::solve_admm(&mut run, u64::MAX),
         MatrixSolver::InteriorPoint => interior_point::interior_point(&mut run, u64::MAX),
     }
@@ -107,6 +112,21 @@ pub fn solve(
         sweeps: run.sweeps,
         cost: run.cost,
         converged,
+    }
+}
+
+/// Runs Newton's method from 0. Where it stagnates, accelerated sweeps from the best iterate leave the region in which it does,
+/// and it continues from there; each time with twice the budget.
+fn run_newton_with_restarts(run: &mut SolverRun) {
+    let mut start = vec![[0.0; 3]; run.problem.len()];
+    for round in 0.. {
+        let more = 2u64.saturating_pow(round);
+        newton::prox_newton(run, &start, more.saturating_mul(STEPS_BEFORE_RESTART));
+        if run.is_over() {
+            return;
+        }
+        gauss_seidel::solve_nlgs(run, gauss_seidel::ANDERSON_DEPTH, more.saturating_mul(SWEEPS_BEFORE_RESTART));
+        start.copy_from_slice(&run.best.0);
     }
 }
 
