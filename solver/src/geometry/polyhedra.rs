@@ -223,6 +223,8 @@ fn manifold_scalar(
 
 #[cfg(test)]
 pub(super) mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
     use crate::geometry::Polyhedron;
     use crate::math::Quat;
@@ -292,6 +294,25 @@ pub(super) mod tests {
             }
         }
         assert!((300..1300).contains(&contacts), "both apart and in contact: {contacts}");
+    }
+
+    /// Edges that lie on each other: two faces of either cuboid are equally good directions.
+    #[test]
+    fn the_order_of_faces_does_not_decide_between_equally_good_ones() {
+        let (a, b) = (Polyhedron::cuboid(&Vec3::new(0.5, 0.5, 0.5)), Polyhedron::cuboid(&Vec3::new(0.5, 0.5, 1.25)));
+        let turns = [Vec3::zeros(), Vec3::x(), Vec3::y(), Vec3::z()].map(|axis| Quat::from_scaled_axis(axis * PI));
+        for (turn_a, turn_b) in turns.iter().flat_map(|a| turns.iter().map(move |b| (a, b))) {
+            let (pa, pb) = (a.posed_by(turn_a), b.posed_by(turn_b));
+            for (x, z) in [(1.0, 1.75), (-1.0, 1.75), (1.0, -1.75), (-1.0, -1.75)] {
+                for noise in [0.0, 1e-12, -1e-12] {
+                    let (c, mut memory) = (Vec3::new(x + noise, 0.0, z), CachedFeature::default());
+                    let mut normal = |c: &Vec3| {
+                        polyhedron_polyhedron(&pa, &pb, c, 0.01, NarrowPhaseMode::Accurate, &mut memory).unwrap().normal
+                    };
+                    assert!((normal(&c) + Vec3::z() * z.signum()).norm() < 1e-12, "{x} {z} {noise}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -123,8 +123,11 @@ impl AxisSearch<'_> {
             (SearchFeature::FaceOfB(f), Some(v)) => add_face_witnesses(l, pair, [b, a], f, v, -1.0, &mut witnesses),
             _ => {}
         }
-        if search_faces(l, pair, [a, b], 1.0, &mut best, &mut witnesses, enough)
-            || search_faces(l, pair, [b, a], -1.0, &mut best, &mut witnesses, enough)
+        // Of equally good faces a known one is kept. Without one, the order of the faces must not decide: it is not mirrored
+        // in mirrored pairs.
+        let mut largest = (best.feature == SearchFeature::None).then_some(best.s);
+        if search_faces(l, pair, [a, b], 1.0, &mut best, &mut largest, &mut witnesses, enough)
+            || search_faces(l, pair, [b, a], -1.0, &mut best, &mut largest, &mut witnesses, enough)
         {
             return (best, None, false);
         }
@@ -353,6 +356,9 @@ fn inside_distance(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
 
 /// Tries the faces of `own` against the vertices of `other`; `sign` is -1 if `own` is B. Returns whether `enough` is
 /// reached.
+///
+/// `largest`: largest separation so far, if no face is known from before. Of the faces that have it up to the tie tolerance,
+/// the one whose normal is nearest to the direction between the centres is taken.
 #[inline(always)]
 fn search_faces<L: F64Arithmetic>(
     l: L,
@@ -360,12 +366,15 @@ fn search_faces<L: F64Arithmetic>(
     [own, other]: [&PosedPolyhedron; 2],
     sign: f64,
     best: &mut SearchAxis,
+    largest: &mut Option<f64>,
     witnesses: &mut WitnessPoints,
     enough: f64,
 ) -> bool {
-    let mut kept: SmallVec<[u32; 32]> = SmallVec::new();
-    collect_faces_in_cone(l, pair, own, sign, best, witnesses, &mut kept);
     let tie = pair.tie_tolerance();
+    let slack = pair.rounding_bound() + if largest.is_some() { tie } else { 0.0 };
+    let mut kept: SmallVec<[u32; 32]> = SmallVec::new();
+    collect_faces_in_cone(l, pair, own, sign, largest.unwrap_or(best.s) - slack, witnesses, &mut kept);
+    let least_gain = ALIGNMENT_MARGIN * vector_length(&pair.centre_offset);
     let [vx, vy, vz] = other.shape.vertex_columns();
     let count = other.shape.vertices().len();
     let c = pair.centre_offset * sign;
@@ -401,17 +410,22 @@ fn search_faces<L: F64Arithmetic>(
                 v += 2;
             }
             let s = l.add(l.sub(along, l.load(&block[3][k..])), l.min(even, odd));
-            let mut mask = l.mask_greater(s, l.splat(separation_to_beat(best, tie)));
+            // Neither threshold falls, so that the lanes do not depend on the vector width.
+            let mut mask = l.mask_greater(s, l.splat(largest.map_or(best.s + tie, |largest| largest - tie)));
             if mask != 0 {
                 let mut values = [0.0; 8];
                 l.store(&mut values, s);
                 while mask != 0 {
                     let lane = mask.trailing_zeros() as usize;
                     mask &= mask - 1;
-                    if values[lane] > separation_to_beat(best, tie) {
+                    let wins = values[lane] > separation_to_beat(best, tie)
+                        || largest.is_some_and(|largest| values[lane] > largest - tie)
+                            && block[4][k + lane] - best.n.dot(&pair.centre_offset) > least_gain;
+                    if wins {
                         let f = kept[from + k + lane];
                         let feature = if sign > 0.0 { SearchFeature::FaceOfA(f) } else { SearchFeature::FaceOfB(f) };
                         *best = SearchAxis { n: own.face_normal(f) * sign, s: values[lane], feature };
+                        *largest = largest.map(|largest| largest.max(best.s));
                         changed = true;
                         // Tested at once, so that the end does not depend on the vector width.
                         if best.s > enough {
@@ -433,14 +447,14 @@ fn search_faces<L: F64Arithmetic>(
     false
 }
 
-/// Indices of the faces that the bounds leave.
+/// Indices of the faces that the bounds leave, if their separation is to be `least` (m) or more.
 #[inline(always)]
 fn collect_faces_in_cone<L: F64Arithmetic>(
     l: L,
     pair: &PolyhedronPair,
     own: &PosedPolyhedron,
     sign: f64,
-    best: &SearchAxis,
+    least: f64,
     witnesses: &WitnessPoints,
     kept: &mut SmallVec<[u32; 32]>,
 ) {
@@ -450,7 +464,6 @@ fn collect_faces_in_cone<L: F64Arithmetic>(
     let witness = witnesses.to_local(own, sign);
     let pad = shape.normals.len() / 3;
     let (x, y, z) = (&shape.normals[..pad], &shape.normals[pad..2 * pad], &shape.normals[2 * pad..]);
-    let least = best.s - bound_slack(pair, best);
     let count = shape.face_planes().len();
     let mut k = 0;
     while k < count {
