@@ -57,6 +57,7 @@ pub struct VelocityErrors {
 }
 
 impl VelocityErrors {
+    /// Errors of a solution.
     pub fn new(contact_problem: &ContactProblem, solution: &ContactSolution) -> Self {
         let of_row = |(k, r): (usize, &Vec3)| {
             // The natural map of such rows is another one, and their contacts lose nothing.
@@ -142,7 +143,7 @@ struct StepBonds<'a> {
 
 impl StepBonds<'_> {
     /// Rows with a bond that is lost if it moves in any direction.
-    fn rigid(&self, contact_problem: &ContactProblem) -> Vec<usize> {
+    fn rigid_rows(&self, contact_problem: &ContactProblem) -> Vec<usize> {
         let is_rigid = |&k: &usize| {
             let law = &self.laws[self.context.contacts[k].law as usize];
             has_active_bond(&contact_problem.rows[k]) && law.has_stress() && law.bonds_are_rigid()
@@ -151,7 +152,7 @@ impl StepBonds<'_> {
     }
 
     /// Those of the `rigid` rows that open or slide.
-    fn moving(
+    fn moving_rows(
         &self,
         SolvedProblem { contact_problem, solution, .. }: &SolvedProblem,
         errors: &VelocityErrors,
@@ -207,8 +208,8 @@ pub fn refine_until_decided(
     }
     let bonds = StepBonds { context, laws };
     let mut errors = VelocityErrors::new(&solved.contact_problem, &solved.solution);
-    let rigid = bonds.rigid(&solved.contact_problem);
-    let mut moving = bonds.moving(solved, &errors, &rigid);
+    let rigid = bonds.rigid_rows(&solved.contact_problem);
+    let mut moving = bonds.moving_rows(solved, &errors, &rigid);
     // Until there are two solutions, no bond is known to break.
     let mut is_settled = moving.is_empty();
     let mut sweeps_left = MOMENTUM_CYCLE.max(MAX_REFINEMENT_COST / (solved.contact_problem.rows.len() as u64).max(1));
@@ -236,7 +237,7 @@ pub fn refine_until_decided(
             let before = rigid.binary_search(k).map_or(0.0, |at| speeds[at]);
             speed(solved, *k) < share * before
         };
-        (errors.unsettled, moving) = bonds.moving(solved, &errors, &rigid).into_iter().partition(is_error);
+        (errors.unsettled, moving) = bonds.moving_rows(solved, &errors, &rigid).into_iter().partition(is_error);
         is_settled = errors.unsettled.is_empty();
         if is_stuck {
             break;
