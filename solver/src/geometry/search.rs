@@ -109,7 +109,7 @@ impl AxisSearch<'_> {
             }
         }
         let mut witnesses = WitnessPoints { points: [Vec3::zeros(); MAX_WITNESSES], count: 0 };
-        let (mut best, met) = starting_axis(l, pair, start, &mut witnesses);
+        let (best, met) = starting_axis(l, pair, start, &mut witnesses);
         let from_direction = matches!(start, SearchStart::Direction(_)) && best.s > 0.0;
         if best.s > enough || from_direction {
             return (best, met, false);
@@ -125,14 +125,15 @@ impl AxisSearch<'_> {
         }
         // Of equally good faces a known one is kept. Without one, the order of the faces must not decide: it is not mirrored
         // in mirrored pairs.
-        let mut largest = (best.feature == SearchFeature::None).then_some(best.s);
-        if search_faces(l, pair, [a, b], 1.0, &mut best, &mut largest, &mut witnesses, enough)
-            || search_faces(l, pair, [b, a], -1.0, &mut best, &mut largest, &mut witnesses, enough)
+        let largest = (best.feature == SearchFeature::None).then_some(best.s);
+        let mut found = BestFace { axis: best, largest };
+        if search_faces(l, pair, [a, b], 1.0, &mut found, &mut witnesses, enough)
+            || search_faces(l, pair, [b, a], -1.0, &mut found, &mut witnesses, enough)
         {
-            return (best, None, false);
+            return (found.axis, None, false);
         }
-        search_edges(l, pair, &mut best, &witnesses, enough);
-        (best, None, false)
+        search_edges(l, pair, &mut found.axis, &witnesses, enough);
+        (found.axis, None, false)
     }
 }
 
@@ -354,19 +355,23 @@ fn inside_distance(shape: &Polyhedron, f: u32, point: &Vec3) -> f64 {
     least
 }
 
+/// Best axis of the faces tried so far.
+struct BestFace {
+    axis: SearchAxis,
+    /// Largest separation so far, m, if no face is known from before. Of the faces that have it up to the tie tolerance, the
+    /// one whose normal is nearest to the direction between the centres is taken.
+    largest: Option<f64>,
+}
+
 /// Tries the faces of `own` against the vertices of `other`; `sign` is -1 if `own` is B. Returns whether `enough` is
 /// reached.
-///
-/// `largest`: largest separation so far, if no face is known from before. Of the faces that have it up to the tie tolerance,
-/// the one whose normal is nearest to the direction between the centres is taken.
 #[inline(always)]
 fn search_faces<L: F64Arithmetic>(
     l: L,
     pair: &PolyhedronPair,
     [own, other]: [&PosedPolyhedron; 2],
     sign: f64,
-    best: &mut SearchAxis,
-    largest: &mut Option<f64>,
+    BestFace { axis: best, largest }: &mut BestFace,
     witnesses: &mut WitnessPoints,
     enough: f64,
 ) -> bool {
