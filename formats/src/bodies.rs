@@ -87,7 +87,7 @@ impl ShapeRecord {
     /// ```
     pub fn leaves_out(&self, [x, y, z]: [f64; 3]) -> bool {
         let ShapeRecord::Cylinder { half_height, radius, hollow: true } = self else { return false };
-        z.abs() > *half_height || x.hypot(y) > *radius
+        z.abs() > *half_height || libm::hypot(x, y) > *radius
     }
 }
 

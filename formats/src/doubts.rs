@@ -38,7 +38,7 @@ pub fn density(density: f64) -> Option<String> {
 pub fn friction(value: f64) -> Option<String> {
     (value > FRICTION).then(|| {
         if value < 90.0 {
-            format!("did you mean an angle? {value:?} degrees are {:.3}", value.to_radians().tan())
+            format!("did you mean an angle? {value:?} degrees are {:.3}", libm::tan(value.to_radians()))
         } else {
             "did you mean a coefficient? it is tangential over normal force".into()
         }

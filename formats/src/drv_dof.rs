@@ -107,7 +107,7 @@ impl Evolution {
     pub fn value_at(&self, t: f64) -> f64 {
         match self {
             &Evolution::Harmonic { constant, amplitude, omega, phase, ramp_start, ramp_rate } => {
-                (constant + amplitude * (omega * t + phase).cos()) * (ramp_start + ramp_rate * t).min(1.0)
+                (constant + amplitude * libm::cos(omega * t + phase)) * (ramp_start + ramp_rate * t).min(1.0)
             }
             Evolution::Table { points, .. } => match points.as_slice() {
                 [] => f64::NAN,

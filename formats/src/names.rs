@@ -42,7 +42,7 @@ pub fn rounded_number(x: f64) -> String {
 /// Number with three significant digits; with an exponent below 1e-3 and from 1e4 on.
 pub fn short_number(x: f64) -> String {
     match x.abs() {
-        size if (1e-3..1e4).contains(&size) => format!("{:.*}", (2.0 - size.log10().floor()).max(0.0) as usize, x),
+        size if (1e-3..1e4).contains(&size) => format!("{:.*}", (2.0 - libm::log10(size).floor()).max(0.0) as usize, x),
         0.0 => "0".into(),
         _ => format!("{x:.2e}"),
     }

@@ -95,7 +95,7 @@ pub fn ball_overlap(wall: &ShapeRecord, centre: &Vector3<f64>, radius: f64) -> f
             radius - outside.sup(&Vector2::zeros()).norm() - outside.max().min(0.0)
         }
         ShapeRecord::Cylinder { half_height, radius: wide, hollow: true }
-            if centre.norm() - radius < wide.hypot(half_height) =>
+            if centre.norm() - radius < libm::hypot(wide, half_height) =>
         {
             radius + distance_beyond(centre, half_height, wide)
         }

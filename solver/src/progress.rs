@@ -210,7 +210,7 @@ fn spawn_watcher(mark: Arc<Mutex<ProgressMark>>, last: u64) -> (Sender<()>, Join
 
 /// Formats a rate with at least three digits.
 fn rate_text(rate: f64) -> String {
-    let decimals = if rate < 100.0 { (2.0 - rate.max(1e-9).log10().floor()) as usize } else { 0 };
+    let decimals = if rate < 100.0 { (2.0 - libm::log10(rate.max(1e-9)).floor()) as usize } else { 0 };
     format!("{rate:.decimals$}")
 }
 

@@ -457,7 +457,7 @@ impl Scene {
     /// `None` without self-gravity.
     pub fn surface_gravity(&self) -> Option<(f64, f64)> {
         let free = || self.free.iter().map(|&i| &self.bodies[i.index()]);
-        let radius = free().map(|body| body.radius.powi(3)).sum::<f64>().cbrt();
+        let radius = libm::cbrt(free().map(|body| body.radius.powi(3)).sum());
         let strength = self.options.gravity_constant * free().map(|body| body.mass).sum::<f64>();
         self.has_self_gravity().then_some((radius, strength / (radius * radius)))
     }

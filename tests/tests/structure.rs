@@ -1,4 +1,4 @@
-//! Who may import whom, read from the sources.
+//! Who may import whom, and what no source may call, read from the sources.
 //!
 //! Between crates: `formats` stands below, the programs import it and never each other.
 //!
@@ -144,6 +144,28 @@ fn the_solver_keeps_its_table_of_imports() {
             if !allowed(who, &path) {
                 faults.push(format!("solver/src/{}: {who} imports {path}", inside.display()));
             }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// Functions of std that call the C library, whose last bits depend on system and processor. The crate libm has them in
+/// portable arithmetic.
+const FUNCTIONS_OF_THE_SYSTEM: [&str; 22] = [
+    "sin", "cos", "sin_cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "exp2", "exp_m1",
+    "ln", "ln_1p", "log", "log2", "log10", "powf", "cbrt", "hypot",
+];
+
+#[test]
+fn results_depend_on_no_function_of_the_system() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut faults = Vec::new();
+    for file in ["formats", "pre", "solver"].iter().flat_map(|krate| sources(&root.join(krate).join("src"))) {
+        let text = fs::read_to_string(&file).unwrap();
+        let code = text.split("#[cfg(test)]").next().unwrap();
+        for (line, code) in code.lines().enumerate().filter(|(_, line)| !line.trim_start().starts_with("//")) {
+            let called = FUNCTIONS_OF_THE_SYSTEM.iter().filter(|name| code.contains(&format!(".{name}(")));
+            faults.extend(called.map(|name| format!("{}:{}: {name}; expected that of libm", file.display(), line + 1)));
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));

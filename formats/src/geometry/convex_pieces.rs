@@ -226,7 +226,7 @@ impl ConvexCell {
         let second = normal.cross(&first);
         let angle = |v: usize| {
             let arm = self.vertices[v] - middle;
-            arm.dot(&second).atan2(arm.dot(&first))
+            libm::atan2(arm.dot(&second), arm.dot(&first))
         };
         rim.sort_by(|&a, &b| angle(a).total_cmp(&angle(b)).then(a.cmp(&b)));
     }
@@ -392,7 +392,7 @@ impl SolidSplitter<'_> {
                 let [a, b, c] = triangle.map(|v| self.vertices[v as usize] - point);
                 let [la, lb, lc] = [a.norm(), b.norm(), c.norm()];
                 let below = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
-                a.dot(&b.cross(&c)).atan2(below)
+                libm::atan2(a.dot(&b.cross(&c)), below)
             })
             .sum();
         half_angle > std::f64::consts::PI

@@ -98,7 +98,7 @@ impl CheckedBody {
                 (_, Some(faces)) => faces.circumradius,
                 (ShapeRecord::Sphere { radius } | ShapeRecord::OffsetSphere { radius, .. }, _) => *radius,
                 (ShapeRecord::Plane { half_lengths }, _) => Vector3::from(*half_lengths).norm(),
-                (ShapeRecord::Cylinder { half_height, radius, .. }, _) => radius.hypot(*half_height),
+                (ShapeRecord::Cylinder { half_height, radius, .. }, _) => libm::hypot(*radius, *half_height),
                 (ShapeRecord::Polyhedron { .. } | ShapeRecord::Point { .. }, _) => 0.0,
             };
             (Vector3::from(piece.mass.centre) - shift).norm() + radius
@@ -224,7 +224,7 @@ impl Body {
         let volume = if uses_declared_volume && declared != 0.0 { declared } else { own.volume };
         let radius = match single.map(|contactor| &contactor.shape) {
             Some(ShapeRecord::Sphere { radius }) => *radius,
-            _ => (volume * 0.75 / PI).cbrt(),
+            _ => libm::cbrt(volume * 0.75 / PI),
         };
         let inertia = inertia.map(|moment| density * moment);
         let equal_moments = inertia.iter().all(|moment| (moment - inertia[0]).abs() <= EQUAL_MOMENTS * inertia[0]);

@@ -68,7 +68,7 @@ impl ConvexPiece {
         [half_height, radius]: [f64; 2],
         allowed: f64,
     ) -> f64 {
-        let size = half_height.hypot(radius);
+        let size = libm::hypot(half_height, radius);
         let local = |v: Vector3<f64>| {
             let v = axes * (v - centre) / size;
             // Parry's cylinders are about the second axis.

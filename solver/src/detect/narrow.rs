@@ -83,7 +83,7 @@ pub fn sphere_cylinder(
     hollow: bool,
 ) -> [Option<ContactGeometry>; 2] {
     let local = orientation.inverse_transform_vector(&(centre - cylinder));
-    let rho = local.x.hypot(local.y);
+    let rho = libm::hypot(local.x, local.y);
     let outward = if rho > 0.0 { Vec3::new(local.x / rho, local.y / rho, 0.0) } else { Vec3::x() };
     let up = Vec3::z() * 1f64.copysign(local.z);
     let end = if local.z >= 0.0 { CYLINDER_END } else { CYLINDER_OTHER_END };
@@ -96,7 +96,7 @@ pub fn sphere_cylinder(
         return [found(-outward, -beside, CYLINDER_SIDE), found(-up, -beyond, end)];
     }
     let solid = if beside > 0.0 && beyond > 0.0 {
-        let distance = beside.hypot(beyond);
+        let distance = libm::hypot(beside, beyond);
         found((outward * beside + up * beyond) / distance, distance, CYLINDER_RIM)
     } else if beside >= beyond {
         found(outward, beside, CYLINDER_SIDE)

@@ -40,7 +40,7 @@ impl<P: Fn(usize) -> Vec3 + Sync> BoundingBalls<'_, P> {
     fn are_crowded(&self) -> bool {
         let both = self.reach.par_iter().zip(self.travel).with_min_len(PAR_MIN_LEN);
         // The sum below is larger only if one of its terms is.
-        let least = 1.0 - CROWDING_LIMIT.cbrt().recip();
+        let least = 1.0 - libm::cbrt(CROWDING_LIMIT).recip();
         if both.all(|(reach, travel)| *travel <= least * reach) {
             return false;
         }

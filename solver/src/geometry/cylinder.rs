@@ -132,7 +132,7 @@ struct CylinderSearchAxis {
 
 impl<'a> CylinderPair<'a> {
     fn new(a: &'a PosedPolyhedron<'a>, c: &'a Vec3, q: &'a Quat, [half_height, radius]: [f64; 2]) -> Self {
-        let size = radius.hypot(half_height);
+        let size = libm::hypot(radius, half_height);
         let circumradius_sum = a.shape.circumradius() + size;
         let smaller_circumradius = a.shape.circumradius().min(size);
         let local = |v: Vec3| q.inverse_transform_vector(&(v - c));
@@ -244,7 +244,7 @@ impl<'a> CylinderPair<'a> {
     fn rim_to_edge(&self, [from, to]: [u32; 2], known: f64) -> [Option<Vec3>; 2] {
         let [p, to] = [from, to].map(|v| self.vertices[v as usize]);
         let along = (to - p).normalize();
-        let level = along.x.hypot(along.y);
+        let level = libm::hypot(along.x, along.y);
         if level == 0.0 {
             return [None; 2];
         }
@@ -253,7 +253,7 @@ impl<'a> CylinderPair<'a> {
         let (a, k) = (u.dot(&p), along.z.abs());
         [1.0, -1.0].map(|side| {
             let b = side * w.dot(&p) - self.half_height * w.z.abs();
-            if a.hypot(b.max(0.0)) - self.radius * k <= known {
+            if libm::hypot(a, b.max(0.0)) - self.radius * k <= known {
                 return None;
             }
             let (x, y) = rim_maximum(a.abs(), b, self.radius, k)?;
@@ -299,7 +299,7 @@ impl<'a> CylinderPair<'a> {
         let next = |k: usize| if k + 1 == outline.len() { 0 } else { k + 1 };
         let on_end = |x: f64, y: f64| Vec3::new(x, y, height);
         for (k, [x, y, gap]) in outline.iter().enumerate() {
-            if x.hypot(*y) <= self.radius + tiny {
+            if libm::hypot(*x, *y) <= self.radius + tiny {
                 patch.corners.push(self.corner_at(
                     on_end(*x, *y),
                     m,
@@ -368,7 +368,7 @@ impl<'a> CylinderPair<'a> {
             && p.features.0 == q.features.0
         {
             let (x, y) = (p.flat[1] - q.flat[1], q.flat[0] - p.flat[0]);
-            let towards = doubled.signum() / x.hypot(y);
+            let towards = doubled.signum() / libm::hypot(x, y);
             // One fixed number, whether the face is tilted or not.
             patch.corners.extend(rim_corner(5, [x * towards, y * towards]));
         }
@@ -477,7 +477,7 @@ pub(super) fn rim_maximum(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> 
     // First and second derivative with respect to the angle.
     let derivatives = |t: f64| {
         let (x, y) = at(t);
-        let g = x.hypot(k * y);
+        let g = libm::hypot(x, k * y);
         let (share, curvature) =
             if g > 0.0 { (x / g, (x * x - y * y) / g + flat * (x * y / g).powi(2) / g) } else { (1.0, 0.0) };
         (b * x - a * y + r * flat * y * share, r * flat * curvature - a * x - b * y)
@@ -491,7 +491,7 @@ pub(super) fn rim_maximum(a: f64, b: f64, r: f64, k: f64) -> Option<(f64, f64)> 
         low = rising as f64 / BRACKET_SAMPLES as f64;
         high = (rising + 1..BRACKET_SAMPLES).find(|i| !rises(i)).map_or(1.0, |i| i as f64 / BRACKET_SAMPLES as f64);
     }
-    let mut t = if b > 0.0 { b / (a + a.hypot(b)) } else { low };
+    let mut t = if b > 0.0 { b / (a + libm::hypot(a, b)) } else { low };
     for _ in 0..100 {
         let (slope, bend) = derivatives(t);
         if slope > 0.0 {
@@ -515,7 +515,7 @@ const BRACKET_SAMPLES: usize = 32;
 /// Area of the common part of a convex polygon and a disc about the origin, m^2.
 fn area_in_disc(polygon: &[[f64; 3]], radius: f64) -> f64 {
     let cross = |p: [f64; 2], q: [f64; 2]| p[0] * q[1] - p[1] * q[0];
-    let sector = |p: [f64; 2], q: [f64; 2]| radius * radius * cross(p, q).atan2(p[0] * q[0] + p[1] * q[1]);
+    let sector = |p: [f64; 2], q: [f64; 2]| radius * radius * libm::atan2(cross(p, q), p[0] * q[0] + p[1] * q[1]);
     let mut doubled = 0.0;
     for (k, &[x, y, _]) in polygon.iter().enumerate() {
         let [u, v, _] = polygon[if k + 1 == polygon.len() { 0 } else { k + 1 }];

@@ -86,7 +86,7 @@ impl PosedCylinder<'_> {
 
     /// Radius of the bounding ball, m.
     fn size(&self) -> f64 {
-        self.radius.hypot(self.half_height)
+        libm::hypot(self.radius, self.half_height)
     }
 
     /// Largest m·x of its points x from the centre, m.
@@ -447,7 +447,7 @@ fn common_disc_area(distance: f64, r: f64, s: f64) -> f64 {
     }
     let segment = |own: f64, other: f64| {
         let cos = ((distance * distance + own * own - other * other) / (2.0 * distance * own)).clamp(-1.0, 1.0);
-        own * own * (cos.acos() - cos * (1.0 - cos * cos).sqrt())
+        own * own * (libm::acos(cos) - cos * (1.0 - cos * cos).sqrt())
     };
     segment(r, s) + segment(s, r)
 }

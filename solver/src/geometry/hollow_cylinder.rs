@@ -79,7 +79,7 @@ pub fn far_walls(
     }
     let local = q.inverse_transform_vector(&(at - c));
     let side = |k: u32| {
-        let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(TANGENT_PLANES)).sin_cos();
+        let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(k) / f64::from(TANGENT_PLANES));
         (Vec3::new(cos, sin, 0.0), cylinder_radius, FAR_WALL + 1 + k)
     };
     let farther_end = (Vec3::z() * -1f64.copysign(local.z), half_height, FAR_WALL);

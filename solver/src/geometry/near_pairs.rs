@@ -146,7 +146,7 @@ fn grid_levels(x: &[Vec3], reach: &[f64]) -> Vec<GridLevel> {
     let reaches = reach.par_iter().with_min_len(SPHERES_PER_TASK);
     let Some(least) = reaches.clone().copied().reduce_with(f64::min) else { return Vec::new() };
     // Cells grow by a factor of two; spheres of up to twice the least reach share the first level.
-    let rank = |&r: &f64| if r < 2.0 * least { 0 } else { ((r / least).log2() as u32).min(MAX_LEVEL) };
+    let rank = |&r: &f64| if r < 2.0 * least { 0 } else { (libm::log2(r / least) as u32).min(MAX_LEVEL) };
     let ranks: Vec<u32> = reaches.map(rank).collect();
     let count = ranks.iter().max().map_or(0, |most| *most as usize + 1);
     let (members, starts) = group_by_key(&ranks, count);

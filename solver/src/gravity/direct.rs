@@ -66,7 +66,7 @@ fn accelerations_at_width(
     // Masses are divided by a power of two near the largest mass, so that no product overflows or underflows; that rounds
     // nothing.
     let largest = masses.iter().fold(0.0, |a: f64, m| a.max(*m));
-    let unit = if largest > 0.0 { 2f64.powi(largest.log2().clamp(-1000.0, 1000.0) as i32) } else { 1.0 };
+    let unit = if largest > 0.0 { 2f64.powi(libm::log2(largest).clamp(-1000.0, 1000.0) as i32) } else { 1.0 };
     let masses: Vec<f64> = masses.iter().map(|m| m / unit).collect();
     let sources = SourceColumns::new(positions, &masses);
     let constant = constant * unit;

@@ -81,7 +81,7 @@ impl ExpansionSettings {
         let target = error.clamp(row.error, 10.0 * row.error);
         let bodies = bodies.max(1000) as f64;
         // The errors of many cells cancel in part, but more bodies interact with more cells.
-        let number_factor = (1e5 / bodies).powf(0.25) * (1.0 + row.few_bodies_gain * (1000.0 / bodies).powi(2));
+        let number_factor = libm::pow(1e5 / bodies, 0.25) * (1.0 + row.few_bodies_gain * (1000.0 / bodies).powi(2));
         ExpansionSettings {
             order: row.order,
             opening: MAX_OPENING,

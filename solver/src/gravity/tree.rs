@@ -39,7 +39,7 @@ pub struct MassTree {
 
 /// Smallest power of two that is not below a positive number; 1 for other numbers.
 fn power_of_two(x: f64) -> f64 {
-    if x.is_normal() { 2f64.powi(x.log2().ceil().clamp(-1000.0, 1000.0) as i32) } else { 1.0 }
+    if x.is_normal() { 2f64.powi(libm::log2(x).ceil().clamp(-1000.0, 1000.0) as i32) } else { 1.0 }
 }
 
 /// Splits `keys` at the first bit in which they differ, down to leaves.

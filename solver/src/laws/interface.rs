@@ -64,8 +64,8 @@ pub fn soundness(interface: &LawInterface, before: f64, u_n: f64, u_t: f64, h: f
             let stiffness = ((k_n * k_n + k_t * k_t * m) / (1.0 + m)).sqrt();
             let fall = stiffness * elastic / (whole - 0.5 * stiffness * elastic * elastic);
             match length {
-                _ if length > elastic - rest.ln() / fall => 0.0,
-                _ if length > elastic => elastic / length * (fall * (elastic - length)).exp(),
+                _ if length > elastic - libm::log(rest) / fall => 0.0,
+                _ if length > elastic => elastic / length * libm::exp(fall * (elastic - length)),
                 _ => 1.0,
             }
         }

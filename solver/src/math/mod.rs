@@ -112,7 +112,8 @@ pub fn rotate_by_vector(q: &Quat, angle: &Vec3) -> Quat {
         )
     } else {
         let a = a2.sqrt();
-        ((0.5 * a).cos(), (0.5 * a).sin() / a)
+        let (sin, cos) = libm::sincos(0.5 * a);
+        (cos, sin / a)
     };
     let v = angle * sinc;
     let turned = Quaternion::new(cos, v.x, v.y, v.z) * q.into_inner();

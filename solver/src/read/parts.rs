@@ -142,7 +142,7 @@ fn contactor_piece(contactors: &[Contactor], solid: SolidPiece, colours: &mut Ve
         }
         bodies::ShapeRecord::Cylinder { half_height, radius, hollow } => {
             let (half_height, radius, hollow) = (*half_height, *radius, *hollow);
-            (ContactorShape::Cylinder { half_height, radius, hollow }, centre, radius.hypot(half_height))
+            (ContactorShape::Cylinder { half_height, radius, hollow }, centre, libm::hypot(radius, half_height))
         }
         bodies::ShapeRecord::Polyhedron { .. } | bodies::ShapeRecord::Point { .. } => {
             unreachable!("a polyhedron has faces, and a point is no solid")

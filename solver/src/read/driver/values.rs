@@ -480,7 +480,7 @@ fn apply_operator(operator: &str, left: ScriptValue, right: ScriptValue) -> Eval
                 "/" => a / b,
                 "//" => (a / b).floor(),
                 "%" => a - b * (a / b).floor(),
-                _ => a.powf(b),
+                _ => libm::pow(a, b),
             };
             if value.is_finite() { Ok(ScriptValue::Real(value)) } else { unknown() }
         }

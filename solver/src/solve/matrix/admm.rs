@@ -46,7 +46,7 @@ pub fn solve_admm(run: &mut SolverRun, steps: u64) {
     let u = scaled.relative_velocities(&z);
     let mut v: Vec<LocalVector> = (0..n)
         .map(|i| {
-            let slip = scaled.mu[i] * u[i][1].hypot(u[i][2]);
+            let slip = scaled.mu[i] * libm::hypot(u[i][1], u[i][2]);
             std::array::from_fn(|k| z[i][k] - (u[i][k] + if k == 0 { slip } else { 0.0 }) / PENALTY)
         })
         .collect();
@@ -60,7 +60,7 @@ pub fn solve_admm(run: &mut SolverRun, steps: u64) {
         run.record_iterate(&scaled.impulses_out(&z));
         for i in 0..n {
             let y: LocalVector = std::array::from_fn(|k| v[i][k] - z[i][k]);
-            let slip = scaled.mu[i] * y[1].hypot(y[2]);
+            let slip = scaled.mu[i] * libm::hypot(y[1], y[2]);
             for k in 0..3 {
                 let bent = if k == 0 { slip } else { 0.0 };
                 right[i][k] = PENALTY * (z[i][k] - y[k] - bent) - scaled.q(i)[k];
@@ -79,7 +79,7 @@ pub fn solve_admm(run: &mut SolverRun, steps: u64) {
 fn project_to_cone(v: LocalVector, mu: f64) -> LocalVector {
     let slope = (1.0 + mu * mu).sqrt();
     let (cos, sin) = (1.0 / slope, mu / slope);
-    let t = v[1].hypot(v[2]);
+    let t = libm::hypot(v[1], v[2]);
     // Along the side of the cone in the plane of v and n.
     let along = v[0] * cos + t * sin;
     if v[0] >= 0.0 && t * cos <= v[0] * sin {

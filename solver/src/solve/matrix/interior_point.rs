@@ -80,7 +80,7 @@ fn newton_direction(
     let missed: Vec<LocalVector> = (0..count)
         .map(|i| {
             let u = apply_cone_scaling(sizes[i], u[i]);
-            let slip = y[i][1].hypot(y[i][2]);
+            let slip = libm::hypot(y[i][1], y[i][2]);
             [u[0] + slip - y[i][0], u[1] - y[i][1], u[2] - y[i][2]]
         })
         .collect();
@@ -90,7 +90,7 @@ fn newton_direction(
     // (S W S + N T^2) dx = -missed + N T g,   dy = T g - T^2 dx,   N = 1 - n y_T / |y_T|.
     let squares: Vec<MatrixBlock> = scalings.iter().map(NesterovToddScaling::squared_matrix).collect();
     let lean = |i: usize, v: LocalVector| -> LocalVector {
-        let slip = y[i][1].hypot(y[i][2]);
+        let slip = libm::hypot(y[i][1], y[i][2]);
         let along = if slip > 0.0 { (y[i][1] * v[1] + y[i][2] * v[2]) / slip } else { 0.0 };
         [v[0] - along, v[1], v[2]]
     };
@@ -154,7 +154,7 @@ fn max_step_share(v: &[LocalVector], d: &[LocalVector]) -> f64 {
         let [n, s, t] = v.map(|c| c / size);
         let middle = (n * d[0] - s * d[1] - t * d[2]) / size;
         let lean = (middle + d[0] / size) / (n + 1.0);
-        1.0 / ((d[1] / size - lean * s).hypot(d[2] / size - lean * t) - middle).max(0.0)
+        1.0 / (libm::hypot(d[1] / size - lean * s, d[2] / size - lean * t) - middle).max(0.0)
     };
     v.iter().zip(d).map(of_one).fold(f64::INFINITY, f64::min)
 }
@@ -165,7 +165,7 @@ fn dot_product(a: &LocalVector, b: &LocalVector) -> f64 {
 
 /// v_n^2 - |v_T|^2.
 fn cone_determinant(v: &LocalVector) -> f64 {
-    let t = v[1].hypot(v[2]);
+    let t = libm::hypot(v[1], v[2]);
     (v[0] - t) * (v[0] + t)
 }
 

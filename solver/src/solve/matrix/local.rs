@@ -47,7 +47,7 @@ impl LocalSolver {
         let s = [0, 1].map(|i| [0, 1].map(|j| w[i + 1][j + 1] - d[i] * w[0][j + 1]));
         let (mean, half) = (0.5 * (s[0][0] + s[1][1]), 0.5 * (s[0][0] - s[1][1]));
         let (even, k) = (0.5 * (s[0][1] + s[1][0]), 0.5 * (s[0][1] - s[1][0]));
-        let radius = half.hypot(even);
+        let radius = libm::hypot(half, even);
         let (a, b) = (mean + radius, mean - radius);
         let axis = first_axis(half, even);
         let rounding = SINGULAR_SHARE * (w[1][1] + w[2][2]);
@@ -115,18 +115,18 @@ impl LocalSolver {
 
     /// Impulse on the edge of the cone.
     fn sliding_impulse(&self, free: f64, p: [f64; 2]) -> LocalVector {
-        let size = p[0].hypot(p[1]);
+        let size = libm::hypot(p[0], p[1]);
         if size == 0.0 {
             return [free, 0.0, 0.0];
         }
         let mut low = self.low;
         // |r_T| <= |p|/(s + b) and r_n >= free - |c| |r_T|; doubled because of rounding.
-        let mut high = 2.0 * size * (1.0 / self.mu + self.c[0].hypot(self.c[1])) / free + low;
+        let mut high = 2.0 * size * (1.0 / self.mu + libm::hypot(self.c[0], self.c[1])) / free + low;
         let mut s = low;
         let mut t = self.tangential_impulse(p, s);
         let mut n = self.normal_impulse(free, t);
         for _ in 0..100 {
-            let length = t[0].hypot(t[1]);
+            let length = libm::hypot(t[0], t[1]);
             let psi = self.mu * n / length - 1.0;
             if psi.abs() <= 4.0 * f64::EPSILON {
                 break;
@@ -149,14 +149,14 @@ impl LocalSolver {
         }
         // On the edge of the cone, for any remaining psi.
         let n = n.max(0.0);
-        let edge = self.mu * n / t[0].hypot(t[1]);
+        let edge = self.mu * n / libm::hypot(t[0], t[1]);
         [n, t[0] * edge, t[1] * edge]
     }
 }
 
 /// Cosine and sine of half the angle of (x, y), or of 0.
 fn first_axis(x: f64, y: f64) -> [f64; 2] {
-    let size = x.hypot(y);
+    let size = libm::hypot(x, y);
     if size == 0.0 {
         return [1.0, 0.0];
     }

@@ -112,7 +112,7 @@ impl<'a> NewtonIterate<'a> {
         for (row, &i) in closed.iter().enumerate() {
             let [n, t1, t2] = self.tau[i];
             let mu = self.scaled.mu[i];
-            let size = t1.hypot(t2);
+            let size = libm::hypot(t1, t2);
             // Phi' = A u' + B r'
             let (mut to_u, mut to_r) = ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], [[0.0; 3]; 3]);
             if size > mu * n {

@@ -24,7 +24,7 @@ pub fn residual(problem: &MatrixProblem, r: &[LocalVector]) -> f64 {
             }
         }
         let mu = problem.mu[i];
-        let z = [r_i[0] - rho * (u[0] + mu * u[1].hypot(u[2])), r_i[1] - rho * u[1], r_i[2] - rho * u[2]];
+        let z = [r_i[0] - rho * (u[0] + mu * libm::hypot(u[1], u[2])), r_i[1] - rho * u[1], r_i[2] - rho * u[2]];
         let p = project_to_cone(z, mu);
         sum += (0..3).map(|k| (r_i[k] - p[k]) * (r_i[k] - p[k])).sum::<f64>();
     }
@@ -47,7 +47,7 @@ fn residual_scales(problem: &MatrixProblem) -> (f64, f64) {
 
 /// Nearest point of the cone { |t| <= mu n }.
 fn project_to_cone([n, t1, t2]: LocalVector, mu: f64) -> LocalVector {
-    let t = t1.hypot(t2);
+    let t = libm::hypot(t1, t2);
     if n >= 0.0 && t <= mu * n {
         return [n, t1, t2];
     }
