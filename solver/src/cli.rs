@@ -11,6 +11,7 @@ use cd_formats::messages::{print_error, print_line, reserve_stdout};
 use cd_formats::settings::former_names_of_setting;
 use clap::{CommandFactory, Parser};
 
+use crate::math::simd::SimdWidth;
 use crate::read::driver::DriverSettings;
 use crate::run::{RunFailure, RunMode, account_changed_forces, check_run, run_case};
 use crate::{plan, read, thread_pool, write};
@@ -43,6 +44,9 @@ struct CommandLine {
     /// Exchange states and forces of each step with another program on standard output and input, in binary; see docs/reference/running.md.
     #[arg(long, conflicts_with_all = ["plan", "dump_problem"])]
     step_loop: bool,
+    /// Compute with vectors of this width instead of the largest of the machine, for tests: no result depends on it.
+    #[arg(long, value_name = "NAME", hide = true)]
+    vector_width: Option<SimdWidth>,
     #[command(flatten)]
     flags: ComputeFlags,
 }
@@ -61,6 +65,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     };
     if arguments.step_loop {
         reserve_stdout();
+    }
+    if let Some(width) = arguments.vector_width {
+        width.set_for_process();
     }
     former_names_in_flags(&args).iter().for_each(print_warning);
     match solve_case(&arguments) {

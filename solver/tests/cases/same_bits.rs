@@ -8,6 +8,7 @@ use cd_formats::compute::{ComputeFlags, Event, EventAction};
 use cd_formats::dof::Dof;
 use cd_formats::drv_dof::Evolution;
 use cd_formats::snapshot::Snapshot;
+use cd_solve::math::simd::SimdWidth;
 
 use crate::case::{Case, Figures, Vec3, equal, near, shaken_lattice, uniform};
 
@@ -150,6 +151,50 @@ fn threads_change_nothing_in_a_collapse_of_blocks() {
     for threads in ["2", "3", "8", "16"] {
         same(&one, &files(&collapse(11, true), &[&["--threads", threads]]));
     }
+}
+
+/// Names of the vector widths of this machine, smallest first.
+fn vector_widths() -> Vec<&'static str> {
+    SimdWidth::all_widths().into_iter().map(SimdWidth::name).collect()
+}
+
+/// Files of a run of the program with vectors of this width.
+fn files_at_width(case: &Case, width: &str) -> BTreeMap<String, Vec<u8>> {
+    case.write();
+    let mut run = Command::new(env!("CARGO_BIN_EXE_cd-solve"));
+    let run = run.arg(case.path()).args(["--threads", "1", "--vector-width", width]).output().unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    outbox(&case.path())
+}
+
+#[track_caller]
+fn widths_change_nothing(scene: impl Fn() -> Case) {
+    let detected = files(&scene(), &[&["--threads", "1"]]);
+    for width in vector_widths() {
+        same(&detected, &files_at_width(&scene(), width));
+    }
+}
+
+#[test]
+fn widths_of_vectors_change_nothing_with_spheres() {
+    widths_change_nothing(|| scene(4));
+}
+
+#[test]
+fn widths_of_vectors_change_nothing_with_polyhedra() {
+    widths_change_nothing(|| collapse(6, true));
+}
+
+#[test]
+fn a_width_that_the_machine_lacks_is_rejected() {
+    let case = scene(2);
+    case.write();
+    let run = Command::new(env!("CARGO_BIN_EXE_cd-solve")).arg(case.path()).args(["--vector-width", "x"]).output();
+    let run = run.unwrap();
+    let message =
+        format!("'--vector-width <NAME>': expected a width of this machine: {}\n", vector_widths().join(", "));
+    assert_eq!(run.status.code(), Some(2));
+    assert!(String::from_utf8(run.stderr).unwrap().contains(&message));
 }
 
 #[test]

@@ -18,6 +18,8 @@ mod vectors;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+use std::sync::OnceLock;
+
 use pulp::NullaryFnOnce;
 
 pub use adapters::DoubleWidth;
@@ -74,9 +76,34 @@ pub enum SimdWidth {
     Eight(SimdLanes<pulp::x86::V4, f64>),
 }
 
+/// Width set by [`SimdWidth::set_for_process`].
+static PROCESS_WIDTH: OnceLock<SimdWidth> = OnceLock::new();
+
 impl SimdWidth {
-    /// The largest width of this machine.
+    /// Width for the kernels of this process: the largest of this machine unless [`Self::set_for_process`] has set another.
     pub fn detect() -> Self {
+        PROCESS_WIDTH.get().copied().unwrap_or_else(Self::largest)
+    }
+
+    /// Makes [`Self::detect`] return this width. To be called once, before the first kernel.
+    pub fn set_for_process(self) {
+        PROCESS_WIDTH.set(self).expect("called once");
+    }
+
+    /// Name of the instruction set.
+    pub fn name(self) -> &'static str {
+        match self {
+            SimdWidth::One(_) => "scalar",
+            #[cfg(target_arch = "aarch64")]
+            SimdWidth::Two(_) => "neon",
+            #[cfg(target_arch = "x86_64")]
+            SimdWidth::Four(_) => "avx2",
+            #[cfg(target_arch = "x86_64")]
+            SimdWidth::Eight(_) => "avx512",
+        }
+    }
+
+    fn largest() -> Self {
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = pulp::x86::V4::try_new() {
             return SimdWidth::Eight(SimdLanes::new(simd));
@@ -128,6 +155,26 @@ impl SimdWidth {
     #[inline(always)]
     pub fn prefetch<X: ?Sized>(self, x: &X) {
         self.dispatch(PrefetchMemory(x));
+    }
+}
+
+/// Name that is none of [`SimdWidth::all_widths`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct UnknownWidth;
+
+impl std::fmt::Display for UnknownWidth {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let names: Vec<&str> = SimdWidth::all_widths().into_iter().map(SimdWidth::name).collect();
+        write!(f, "expected a width of this machine: {}", names.join(", "))
+    }
+}
+
+impl std::error::Error for UnknownWidth {}
+
+impl std::str::FromStr for SimdWidth {
+    type Err = UnknownWidth;
+    fn from_str(name: &str) -> Result<Self, UnknownWidth> {
+        SimdWidth::all_widths().into_iter().find(|width| width.name() == name).ok_or(UnknownWidth)
     }
 }
 
