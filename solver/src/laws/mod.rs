@@ -215,6 +215,22 @@ pub enum GapForecast {
 /// over the size of the pair.
 pub const MAX_STEP_OVERLAP: f64 = 0.1;
 
+/// Motion of a contact by more than the errors of its velocity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ContactMotion {
+    /// Whether the surfaces part.
+    pub opens: bool,
+    /// Whether they move along each other.
+    pub slides: bool,
+}
+
+impl ContactMotion {
+    /// Whether it moves in any direction.
+    pub fn is_any(self) -> bool {
+        self.opens || self.slides
+    }
+}
+
 /// Terms that a law adds to the standard problem of one contact in one step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LawShift {
@@ -509,12 +525,14 @@ impl ContactLaw {
         }
     }
 
-    /// Whether a bond outlives a step in which the contact, with this gap at detection, has parted or slid.
-    pub fn keeps_bond(&self, gap: f64, parted: bool, slid: bool) -> bool {
+    /// Whether a bond outlives a step in which the contact, with this gap at detection (m), has moved so.
+    pub fn keeps_bond(&self, gap: f64, motion: ContactMotion) -> bool {
         match self.cohesion() {
             Some(Cohesion::Wet { range, .. }) => gap <= range,
             // Without resistance to shear a bond slides from the beginning.
-            Some(Cohesion::Bond { tangential, now, .. }) => now > 0.0 && !(parted || slid && tangential > 0.0),
+            Some(Cohesion::Bond { tangential, now, .. }) => {
+                now > 0.0 && !(motion.opens || motion.slides && tangential > 0.0)
+            }
             None => false,
         }
     }
@@ -692,16 +710,19 @@ mod tests {
             (mohr.bond_gap(0.002, 2.0), mohr.bond_gap(-0.1, 2.0), mohr.bond_gap(0.0021, 2.0)),
             (Some(0.002), Some(-0.1), None)
         );
-        assert!(mohr.keeps_bond(1.0, false, false));
-        assert!(!mohr.keeps_bond(0.0, true, false) && !mohr.keeps_bond(0.0, false, true));
-        assert!(new_law("IQS_MOHR_DS_CLB", &[10.0, 0.0, 0.2, 0.3]).keeps_bond(0.0, false, true));
+        let [opens, slides] =
+            [ContactMotion { opens: true, slides: false }, ContactMotion { opens: false, slides: true }];
+        assert!(mohr.keeps_bond(1.0, ContactMotion::default()));
+        assert!(!mohr.keeps_bond(0.0, opens) && !mohr.keeps_bond(0.0, slides));
+        assert!(new_law("IQS_MOHR_DS_CLB", &[10.0, 0.0, 0.2, 0.3]).keeps_bond(0.0, slides));
         assert_eq!(new_law("IQS_MOHR_DS_CLB", &[0.0, 0.0, 0.2, 0.3]).bond_gap(0.0, 2.0), None);
 
         let wet = new_law("xQS_WET_DS_CLB", &[10.0, 0.0, 0.02, 0.2, 0.3]);
         let bridged = LawShift { normal: 0.03125, impulse: -5.0, friction: 0.2, ..acting() };
         assert_eq!(wet.contact_shift(&bonded), Some(bridged));
         assert_eq!((wet.bond_gap(0.02, 2.0), wet.bond_gap(0.03, 2.0)), (Some(0.0), None));
-        assert!(wet.keeps_bond(0.02, true, true) && !wet.keeps_bond(0.03, false, false));
+        let moves = ContactMotion { opens: true, slides: true };
+        assert!(wet.keeps_bond(0.02, moves) && !wet.keeps_bond(0.03, ContactMotion::default()));
     }
 
     #[test]
@@ -715,7 +736,7 @@ mod tests {
         // No bond is left, and a new cohesion acts on contacts bonded later.
         assert!(mohr.set_cohesion(0.0));
         assert_eq!(mohr.contact_shift(&at), Some(LawShift { friction: 0.4, ..acting() }));
-        assert_eq!((mohr.bond_gap(0.0, 2.0), mohr.keeps_bond(0.0, false, false)), (None, false));
+        assert_eq!((mohr.bond_gap(0.0, 2.0), mohr.keeps_bond(0.0, ContactMotion::default())), (None, false));
         assert!(mohr.set_cohesion(20.0));
         assert_eq!((mohr.contact_shift(&at), mohr.bond_gap(0.0, 2.0)), (twice.contact_shift(&at), Some(0.0)));
         assert!(!new_law("IQS_CLB", &[0.3]).set_cohesion(1.0));

@@ -8,6 +8,7 @@ use super::context::{SolvedProblem, StepContext};
 use super::velocity_errors::VelocityErrors;
 use crate::assemble::{ContactProblem, FreeMotion, RegularisedRow, SolverBody, velocity_at_arms};
 use crate::integrate::ContactConfiguration;
+use crate::laws::ContactMotion;
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::{BodyId, Scene};
 use crate::solve::ContactSolution;
@@ -189,12 +190,12 @@ impl PostSolve<'_> {
         let local = to_local(&frame, r);
         let law = &state.laws[contact.law as usize];
         let errors = self.velocity_errors.filter(|_| law.has_irreversible_loss());
-        let (opens, slides) = errors.map_or((false, false), |errors| {
-            errors.opens_or_slides(k, row, &contact_problem.shifted_velocity(k, &solution.solver_bodies))
+        let motion = errors.map_or(ContactMotion::default(), |errors| {
+            errors.contact_motion(k, row, &contact_problem.shifted_velocity(k, &solution.solver_bodies))
         });
         // On the cone's side to rounding.
         let bound = row.friction * local.x * (1.0 - 1e-12);
-        let at_limit = if errors.is_some() && row.friction > 0.0 { slides } else { local.yz().norm() >= bound };
+        let at_limit = if errors.is_some() && row.friction > 0.0 { motion.slides } else { local.yz().norm() >= bound };
         let holds = matches!(contact_problem.regularised_row(k), Some(RegularisedRow::Interface { .. }));
         let status = match local.x > 0.0 {
             _ if law.is_coupled() || holds => ContactStatus::Stick,
@@ -203,7 +204,7 @@ impl PostSolve<'_> {
             true if at_limit => ContactStatus::Slide,
             true => ContactStatus::Stick,
         };
-        let bond = row.bond.filter(|_| law.keeps_bond(contact.gap, opens, slides));
+        let bond = row.bond.filter(|_| law.keeps_bond(contact.gap, motion));
         let mut velocity = velocity_at_arms(contact, &contact_problem.arms_of(k, contact, &q_c.x), velocities);
         let lever = contact_problem.friction_lever(k);
         if lever != Vec3::zeros() {

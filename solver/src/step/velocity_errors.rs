@@ -17,7 +17,7 @@ use super::context::{SolvedProblem, StepContext};
 use super::drift::LARGEST_OPENING;
 use super::error_loads::largest_error_load;
 use crate::assemble::{ContactConstraint, ContactProblem, SolverBody, stored_problem};
-use crate::laws::ContactLaw;
+use crate::laws::{ContactLaw, ContactMotion};
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::scene::BodyId;
 use crate::solve::{ContactSolution, MOMENTUM_CYCLE, SolveRequest, StoppingCriteria, solve_contact_problem};
@@ -90,15 +90,15 @@ impl VelocityErrors {
         a.max(b)
     }
 
-    /// Whether the contact of row `k` opens, and whether it slides, at the velocity `u` = û.
-    pub fn opens_or_slides(&self, k: usize, row: &ContactConstraint, u: &Vec3) -> (bool, bool) {
+    /// Motion of the contact of row `k` at the velocity `u` = û, none where the row is unsettled.
+    pub fn contact_motion(&self, k: usize, row: &ContactConstraint, u: &Vec3) -> ContactMotion {
         if self.unsettled.binary_search(&k).is_ok() {
-            return (false, false);
+            return ContactMotion::default();
         }
         let opening = row.normal.dot(u);
         let sliding = (u - row.normal * opening).norm();
         let (least, least_sliding) = (self.contact_error(row.bodies), self.tangential_error(k, row));
-        (opening > ERROR_MARGIN * least, sliding > ERROR_MARGIN * least_sliding)
+        ContactMotion { opens: opening > ERROR_MARGIN * least, slides: sliding > ERROR_MARGIN * least_sliding }
     }
 
     /// Whether the solution leaves open if the bond of row `k` with the impulse `r` breaks. This is so if the bond is at its
@@ -115,9 +115,7 @@ impl VelocityErrors {
     ) -> bool {
         let row = &contact_problem.rows[k];
         let error = self.contact_error(row.bodies);
-        let (opens, slides) =
-            self.opens_or_slides(k, row, &contact_problem.shifted_velocity(k, &solution.solver_bodies));
-        if opens || slides {
+        if self.contact_motion(k, row, &contact_problem.shifted_velocity(k, &solution.solver_bodies)).is_any() {
             return false;
         }
         let sliding_error = self.tangential_error(k, row);
@@ -160,7 +158,7 @@ impl StepBonds<'_> {
     ) -> Vec<usize> {
         let moves = |&k: &usize| {
             let u = contact_problem.shifted_velocity(k, &solution.solver_bodies);
-            errors.opens_or_slides(k, &contact_problem.rows[k], &u) != (false, false)
+            errors.contact_motion(k, &contact_problem.rows[k], &u).is_any()
         };
         rigid.iter().copied().filter(moves).collect()
     }
