@@ -72,8 +72,23 @@ pub fn set_laws_and_visibility(
     faults: &mut Faults,
 ) {
     let file = datbox.join("TACT_BEHAV.DAT");
+    let numbers = set_laws(&file, tact, contactors, scene, faults);
+    set_visibility(&file, tact, &numbers, scene, faults);
+    check_periods(&file, tact, scene, faults);
+    let text = std::fs::read_to_string(&file).unwrap_or_default();
+    scene.notes.extend(unseen_contactors_note(scene, &TactBehav::colour_pairs_without_law(&text)));
+}
+
+/// Sets the laws that rows of the table need; returns the number in the scene of each law of the file, if it has one.
+fn set_laws(
+    file: &Path,
+    tact: &TactBehav,
+    contactors: &ContactorTable,
+    scene: &mut Scene,
+    faults: &mut Faults,
+) -> Vec<Option<u8>> {
     // Only laws used by some row of the table are needed.
-    let mut number = vec![None; tact.laws.len()];
+    let mut numbers = vec![None; tact.laws.len()];
     let mut is_checked = vec![false; tact.laws.len()];
     let mut uncomputed_laws = Vec::new();
     for row in &tact.visibility {
@@ -88,7 +103,7 @@ pub fn set_laws_and_visibility(
                 uncomputed_laws.push(record);
                 return;
             }
-            faults.push(Fault::new(&file, Some(record.line), format!("law '{}'", record.nickname), found, expected));
+            faults.push(Fault::new(file, Some(record.line), format!("law '{}'", record.nickname), found, expected));
         };
         let model = match record.model() {
             Ok(model) => model,
@@ -110,7 +125,7 @@ pub fn set_laws_and_visibility(
         } else if scene.laws.len() > u8::MAX.into() {
             refuse("is the 257th law in use".into(), "expected at most 256 in use".into());
         } else {
-            number[k] = Some(scene.laws.len() as u8);
+            numbers[k] = Some(scene.laws.len() as u8);
             scene.laws.push(ContactLaw::new(&model));
             scene.law_names.push(LawName {
                 nickname: record.nickname.clone(),
@@ -124,19 +139,23 @@ pub fn set_laws_and_visibility(
         (0..tact.laws.len()).filter(|&k| !is_checked[k] && tact.laws[k].model().is_err()).map(|k| &tact.laws[k]),
     );
     scene.notes.extend(uncomputed_laws_note(&uncomputed_laws));
-    faults.0.extend(tact.check_laws(&file, |row| contactors.can_meet(row)).0);
+    faults.0.extend(tact.check_laws(file, |row| contactors.can_meet(row)).0);
     scene.notes.extend(rows_without_law_note(tact, contactors));
     scene.notes.extend(idle_rows_notes(tact, contactors));
-    check_laws_of_points(&file, tact, contactors, faults);
+    check_laws_of_points(file, tact, contactors, faults);
     let position = |wanted: fn(&ContactLaw) -> bool| scene.laws.iter().position(wanted);
     if let (Some(roll), Some(spring)) = (position(|law| law.rolling.is_some()), position(ContactLaw::is_regularised)) {
         let [roll, spring] = [roll, spring].map(|k| &scene.law_names[k]);
         let line = tact.laws.iter().find(|law| law.nickname == roll.nickname).map(|law| law.line);
         let found = format!("{} next to law '{}', {}", roll.kind, spring.nickname, spring.kind);
         let expected = "expected laws without rolling friction where a law has springs or couples bodies";
-        faults.push(Fault::new(&file, line, format!("law '{}'", roll.nickname), found, expected));
+        faults.push(Fault::new(file, line, format!("law '{}'", roll.nickname), found, expected));
     }
+    numbers
+}
 
+/// Sets the classes of contactors, the law of each pair of classes and the range of detection.
+fn set_visibility(file: &Path, tact: &TactBehav, numbers: &[Option<u8>], scene: &mut Scene, faults: &mut Faults) {
     let colours = scene.colours.len().max(1);
     let class = |kind: usize, colour: u16| (kind * colours + colour as usize) as u16;
     for body in &mut scene.bodies {
@@ -153,7 +172,7 @@ pub fn set_laws_and_visibility(
         Some(class(kind, colour as u16) as usize)
     };
     for row in &tact.visibility {
-        let law = tact.laws.iter().position(|law| law.nickname == row.law).and_then(|k| number[k]);
+        let law = tact.laws.iter().position(|law| law.nickname == row.law).and_then(|k| numbers[k]);
         // Rows with contactors or colours that no body has are ignored.
         let (Some(a), Some(b), Some(law)) = (class_of(&row.candidate), class_of(&row.antagonist), law) else {
             continue;
@@ -165,13 +184,13 @@ pub fn set_laws_and_visibility(
                 "expected law '{}' and alert {}, as in the earlier row of this pair (SPHEb counts as SPHER)",
                 scene.law_names[known.law as usize].nickname, known.alert
             );
-            faults.push(Fault::new(&file, Some(row.line), row.pair_name(), found, expected));
+            faults.push(Fault::new(file, Some(row.line), row.pair_name(), found, expected));
         }
         if let Some(expected) = uncomputed_pair([a, b].map(|class| CONTACTOR_NAMES[class / colours][0]))
             && let Some([moved, other]) = moving_bodies_of(scene, [a, b])
         {
             let found = format!("body {}, which is not all driven, and body {}", moved.number(), other.number());
-            faults.push(Fault::new(&file, Some(row.line), row.pair_name(), found, expected));
+            faults.push(Fault::new(file, Some(row.line), row.pair_name(), found, expected));
         }
         table[a * classes + b] = Some(rule);
         table[b * classes + a] = Some(rule);
@@ -183,9 +202,6 @@ pub fn set_laws_and_visibility(
     let range = |rule: &InteractionRule| rule.alert.max(scene.laws[rule.law as usize].interaction_range(largest));
     scene.listing_range = table.iter().flatten().map(range).fold(0.0, f64::max);
     scene.visibility = VisibilityTable { classes, table };
-    check_periods(&file, tact, scene, faults);
-    let text = std::fs::read_to_string(&file).unwrap_or_default();
-    scene.notes.extend(unseen_contactors_note(scene, &TactBehav::colour_pairs_without_law(&text)));
 }
 
 /// Expectation about a row of two contactors whose contacts are not computed; `None` if they are.

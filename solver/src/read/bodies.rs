@@ -63,30 +63,7 @@ pub fn scene_without_laws(
     }
     faults.0.extend(unsplit_fault(unsplit));
     let (drives, loads) = imposed_motion(datbox, driven, &mut bodies, faults);
-    for part in parts.iter().filter(|part: &&BodyPart| !bodies[part.body.index()].driven) {
-        let ContactorShape::Cylinder { hollow: true, .. } = part.geometry else { continue };
-        let expected = "expected vlocy lines in DRV_DOF.DAT that impose some or all of its motion: a hollow cylinder is a \
-                        wall, as its outside has no contacts";
-        let (line, object) = (Some(records.0[part.body.index()].line), format!("body {}", part.body.number()));
-        faults.push(Fault::new(&file, line, object, "a DNLYC that may move freely", expected));
-    }
-    for (index, record) in records.0.iter().enumerate().filter(|(index, _)| !bodies[*index].driven) {
-        // A larger body would be met by more than its nearest image.
-        let of_body = &parts[part_starts[index].index()..part_starts[index + 1].index()];
-        let extent = 2.0 * of_body.iter().map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max);
-        for period in
-            [options.xperiode, options.yperiode].into_iter().flatten().filter(|period| 2.0 * extent >= *period)
-        {
-            let found = format!("up to {extent} m long in a scene with the period {period} m");
-            faults.push(Fault::new(
-                &file,
-                Some(record.line),
-                format!("body {}", index + 1),
-                found,
-                "expected less than half of that",
-            ));
-        }
-    }
+    check_extents(&file, records, &bodies, (&parts, &part_starts), &options, faults);
     let needs_parts = |body: &RigidBody| match body.shape {
         BodyShape::Parts => true,
         BodyShape::Plane { .. } => !body.is_imposed(),
@@ -158,21 +135,61 @@ pub fn scene_without_laws(
     let radii: Vec<f64> = scene.moving_bodies().iter().map(|&i| scene.bodies[i.index()].radius).collect();
     scene.mean_radius = radii.iter().sum::<f64>() / radii.len().max(1) as f64;
     scene.smallest_radius = radii.iter().copied().fold(f64::INFINITY, f64::min);
+    check_free_motion(&datbox.join("DRV_DOF.DAT"), driven, &scene, faults);
+    scene
+}
+
+/// Rejects hollow cylinders that may move, and moving bodies that are too long for a period.
+fn check_extents(
+    file: &Path,
+    records: &Bodies,
+    bodies: &[RigidBody],
+    (parts, part_starts): (&[BodyPart], &[PartId]),
+    options: &Compute,
+    faults: &mut Faults,
+) {
+    for part in parts.iter().filter(|part| !bodies[part.body.index()].driven) {
+        let ContactorShape::Cylinder { hollow: true, .. } = part.geometry else { continue };
+        let expected = "expected vlocy lines in DRV_DOF.DAT that impose some or all of its motion: a hollow cylinder is a \
+                        wall, as its outside has no contacts";
+        let (line, object) = (Some(records.0[part.body.index()].line), format!("body {}", part.body.number()));
+        faults.push(Fault::new(file, line, object, "a DNLYC that may move freely", expected));
+    }
+    for (index, record) in records.0.iter().enumerate().filter(|(index, _)| !bodies[*index].driven) {
+        // A larger body would be met by more than its nearest image.
+        let of_body = &parts[part_starts[index].index()..part_starts[index + 1].index()];
+        let extent = 2.0 * of_body.iter().map(|part| part.offset.norm() + part.radius).fold(0.0, f64::max);
+        for period in
+            [options.xperiode, options.yperiode].into_iter().flatten().filter(|period| 2.0 * extent >= *period)
+        {
+            let found = format!("up to {extent} m long in a scene with the period {period} m");
+            faults.push(Fault::new(
+                file,
+                Some(record.line),
+                format!("body {}", index + 1),
+                found,
+                "expected less than half of that",
+            ));
+        }
+    }
+}
+
+/// Rejects bodies driven in part in a rotating frame, and scenes in which nothing is free to move.
+fn check_free_motion(file: &Path, driven: &DrvDof, scene: &Scene, faults: &mut Faults) {
     if scene.frame_angular_velocity() != Vec3::zeros() {
         for body in scene.drives.iter().map(|drive| drive.body).filter(|&i| scene.bodies[i.index()].is_driven_in_part())
         {
             let (object, found) = (format!("body {}", body.number()), "driven in part in a rotating frame");
             let expected = "expected all six components driven or none: Coriolis' force on such a body is not computed";
             let line = driven.0.iter().find(|row| row.body == body.index()).map(|row| row.line);
-            faults.push(Fault::new(&datbox.join("DRV_DOF.DAT"), line, object, found, expected));
+            faults.push(Fault::new(file, line, object, found, expected));
         }
     }
     if scene.moving_bodies().is_empty() {
         let (line, expected) =
             (driven.0.first().map(|row| row.line), "expected at least one whose motion is not all imposed");
-        faults.push(Fault::new(&datbox.join("DRV_DOF.DAT"), line, "bodies", "none is free to move", expected));
+        faults.push(Fault::new(file, line, "bodies", "none is free to move", expected));
     }
-    scene
 }
 
 /// Replaces a rejected body, so that the rest can be checked.

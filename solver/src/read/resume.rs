@@ -192,6 +192,47 @@ const MAX_AXES_ROTATION: f64 = 1e-5;
 /// edited. Velocities imposed by DRV_DOF.DAT are not compared.
 pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<(), Faults> {
     let snapshot = Snapshot::read(path)?;
+    check_start(path, &snapshot, scene, state)?;
+    let body: Vec<BodyId> = snapshot.bodies.body_id.iter().map(|&id| BodyId(id as u32 - 1)).collect();
+    let mut started = state.clone();
+    let inertia = snapshot.bodies.body_inertia.clone();
+    let (kept, turning) = match &snapshot.shapes {
+        Some(shapes) => (restored_pairs(scene, shapes, |row| body[row as usize]), shapes.turning.turning_body.clone()),
+        None => (Vec::new(), Vec::new()),
+    };
+    let names = snapshot.meta.laws.clone();
+    restore_state(snapshot, &mut started);
+    (state.step, state.time, state.h) = (started.step, started.time, started.h);
+    state.interval.start = started.time;
+    state.ledger.penetration_left = started.ledger.penetration_left;
+    for (row, &i) in body.iter().enumerate() {
+        let i = i.index();
+        (state.x[i], state.q[i]) = (started.x[row], started.q[row]);
+        (state.v[i], state.w[i]) = (started.v[row], started.w[row]);
+    }
+    for (&i, angular_momentum) in scene.turning.iter().zip(&mut state.angular_momentum) {
+        *angular_momentum = scene.bodies[i.index()].angular_momentum(&state.q[i.index()], &state.w[i.index()]);
+    }
+    // A body whose density has changed keeps its angular velocity.
+    for (momentum, row) in started.angular_momentum.into_iter().zip(turning) {
+        let (i, there) = (body[row as usize], inertia[row as usize]);
+        if let (Ok(index), true) = (scene.turning.binary_search(&i), scene.bodies[i.index()].inertia == there) {
+            state.angular_momentum[index] = momentum;
+        }
+    }
+    state.detection_cache = DetectionCache { restored_pairs: kept, ..DetectionCache::default() };
+    let memories = started.memories.into_iter().chain(std::iter::repeat(LawMemory::default()));
+    let contacts = contacts_of_start(scene, &names, &body, started.contacts.into_iter().zip(memories));
+    (state.contacts, state.memories) = contacts.into_iter().unzip();
+    if !scene.laws.iter().any(ContactLaw::has_law_memory) {
+        state.memories.clear();
+    }
+    state.bonding = BondingMode::No;
+    Ok(())
+}
+
+/// Checks that the bodies of START.npz are those of DATBOX, each once, with the motion of the text files.
+fn check_start(path: &Path, snapshot: &Snapshot, scene: &Scene, state: &State) -> Result<(), Faults> {
     let mut faults = Faults::default();
     let mut refuse = |object: String, found: String, expected: String| {
         faults.push(Fault::new(path, None, object, found, expected));
@@ -233,37 +274,18 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
             }
         }
     }
-    faults.into_result(())?;
-    let body: Vec<BodyId> = snapshot.bodies.body_id.iter().map(|&id| BodyId(id as u32 - 1)).collect();
-    let mut started = state.clone();
-    let inertia = snapshot.bodies.body_inertia.clone();
-    let (kept, turning) = match &snapshot.shapes {
-        Some(shapes) => (restored_pairs(scene, shapes, |row| body[row as usize]), shapes.turning.turning_body.clone()),
-        None => (Vec::new(), Vec::new()),
-    };
-    let names = snapshot.meta.laws.clone();
-    restore_state(snapshot, &mut started);
-    (state.step, state.time, state.h) = (started.step, started.time, started.h);
-    state.interval.start = started.time;
-    state.ledger.penetration_left = started.ledger.penetration_left;
-    for (row, &i) in body.iter().enumerate() {
-        let i = i.index();
-        (state.x[i], state.q[i]) = (started.x[row], started.q[row]);
-        (state.v[i], state.w[i]) = (started.v[row], started.w[row]);
-    }
-    for (&i, angular_momentum) in scene.turning.iter().zip(&mut state.angular_momentum) {
-        *angular_momentum = scene.bodies[i.index()].angular_momentum(&state.q[i.index()], &state.w[i.index()]);
-    }
-    // A body whose density has changed keeps its angular velocity.
-    for (momentum, row) in started.angular_momentum.into_iter().zip(turning) {
-        let (i, there) = (body[row as usize], inertia[row as usize]);
-        if let (Ok(index), true) = (scene.turning.binary_search(&i), scene.bodies[i.index()].inertia == there) {
-            state.angular_momentum[index] = momentum;
-        }
-    }
-    state.detection_cache = DetectionCache { restored_pairs: kept, ..DetectionCache::default() };
-    let memories = started.memories.into_iter().chain(std::iter::repeat(LawMemory::default()));
-    let mut contacts: Vec<(SolvedContact, LawMemory)> = started.contacts.into_iter().zip(memories).collect();
+    faults.into_result(())
+}
+
+/// The contacts of a snapshot and their memories in the order of a step, with the laws of `scene`, where their bodies see
+/// each other. `names`: laws of the snapshot; `body`: body of each of its rows.
+fn contacts_of_start(
+    scene: &Scene,
+    names: &[LawName],
+    body: &[BodyId],
+    contacts: impl Iterator<Item = (SolvedContact, LawMemory)>,
+) -> Vec<(SolvedContact, LawMemory)> {
+    let mut contacts: Vec<(SolvedContact, LawMemory)> = contacts.collect();
     for (solved, _) in &mut contacts {
         let contact = &mut solved.contact;
         (contact.candidate, contact.antagonist) = (body[contact.candidate.index()], body[contact.antagonist.index()]);
@@ -299,12 +321,7 @@ pub fn restore_start(path: &Path, scene: &Scene, state: &mut State) -> Result<()
         solved.moment = if law.rolling.is_some() { solved.moment } else { Vec3::zeros() };
     }
     contacts.sort_by_key(|(solved, _)| solved.contact.key());
-    (state.contacts, state.memories) = contacts.into_iter().unzip();
-    if !scene.laws.iter().any(ContactLaw::has_law_memory) {
-        state.memories.clear();
-    }
-    state.bonding = BondingMode::No;
-    Ok(())
+    contacts
 }
 
 /// Exchanges candidate and antagonist.
