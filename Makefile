@@ -12,11 +12,11 @@ MDBOOK := $(TARGET)/mdbook-$(MDBOOK_VERSION)/bin/mdbook
 MANUAL := $(TARGET)/manual
 EXTREMES := extremes envelope limits thousand_periods a_minute a_wall_stands
 
-.PHONY: help build demo paper accuracy-study trade extremes performance performance-page test python vtk browser golden dist lint fmt doc docs check clean
+.PHONY: help build demo paper accuracy-study trade extremes performance performance-page test python aarch64 vtk browser golden dist lint fmt doc docs check clean
 .DEFAULT_GOAL := help
 
 help: ## lists the targets
-	@awk -F ' ## ' '/^[a-z-]+:.* ## / { sub(/:.*/, "", $$1); printf "  make %-16s %s\n", $$1, $$2 }' Makefile
+	@awk -F ' ## ' '/^[a-z0-9-]+:.* ## / { sub(/:.*/, "", $$1); printf "  make %-16s %s\n", $$1, $$2 }' Makefile
 
 build: ## cd-pre, cd-solve and cd-post, in release mode, in target/release
 	$(CARGO) build --release --bins
@@ -96,6 +96,9 @@ python: ## installs the Python package in target/python-venv and runs its tests 
 	CARGO_PROFILE_RELEASE_STRIP=none $(TARGET)/python-venv/bin/pip install --quiet . mypy
 	$(TARGET)/python-venv/bin/python -m unittest discover --start-directory python/tests
 	$(TARGET)/python-venv/bin/mypy python/cd_toolchain python/tests
+
+aarch64: ## on Debian x86-64: compares results of Linux aarch64, under QEMU, with those of this machine; installs what it needs
+	.ci/aarch64
 
 vtk: ## reads the ParaView files of two small cases back with VTK
 	$(TESTED)

@@ -7,9 +7,9 @@
 //! expected/solve/OUTBOX/        expected/post/POSTPRO/series.csv  expected/post/DISPLAY/ (with DATBOX)
 //! ```
 //!
-//! Text of cd-pre is compared by its bytes. Numbers of cd-solve and cd-post are compared column by column: processors
-//! differ in the last bits (fused multiply-add, vectors of other lengths, the C library), and a solver that
-//! sweeps in another order ends elsewhere within its tolerance.
+//! Text of cd-pre is compared by its bytes. Numbers of cd-solve and cd-post are compared column by column: a solver that
+//! sweeps in another order ends elsewhere within its tolerance, and functions of the C library, which cd-post calls, differ
+//! in the last bits.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
