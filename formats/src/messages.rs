@@ -11,10 +11,26 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 /// Whether stdout is used for data, and lines of text go to stderr.
 static STDOUT_IS_DATA: AtomicBool = AtomicBool::new(false);
 
+/// Whether messages are dropped.
+static IS_SILENT: AtomicBool = AtomicBool::new(false);
+
+/// Drops all further messages of this process, which another process prints.
+pub fn silence() {
+    IS_SILENT.store(true, Ordering::Relaxed);
+}
+
+/// Whether messages are dropped, see [`silence`].
+pub fn is_silent() -> bool {
+    IS_SILENT.load(Ordering::Relaxed)
+}
+
 /// Prints a message and a line end on stdout. A closed output, as after `| head`, is not a fault: the program continues.
 pub fn print_line(message: impl Display) {
     if STDOUT_IS_DATA.load(Ordering::Relaxed) {
         return print_error(message);
+    }
+    if is_silent() {
+        return;
     }
     let _ = writeln!(std::io::stdout(), "{message}");
 }
@@ -26,6 +42,9 @@ pub fn reserve_stdout() {
 
 /// Prints a message about a problem on stderr. A closed stderr does not end a run.
 pub fn print_error(message: impl Display) {
+    if is_silent() {
+        return;
+    }
     let _ = writeln!(std::io::stderr(), "{message}");
 }
 
@@ -34,6 +53,7 @@ pub fn usage(program: &str, error: &clap::Error) -> i32 {
     match wrong_number(error) {
         Some(message) => print_error(format_args!("{program}: {message}")),
         // Help and version also arrive here; they go to stdout.
+        None if is_silent() => {}
         None => drop(error.print()),
     }
     error.exit_code()

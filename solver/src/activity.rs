@@ -14,6 +14,9 @@ pub enum StepStage {
 }
 
 static STOP_FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+/// Whether the processes of a run on several ranks stop together, and whether they have agreed to.
+static STOPS_BY_AGREEMENT: AtomicBool = AtomicBool::new(false);
+static STOP_AGREED: AtomicBool = AtomicBool::new(false);
 static CURRENT_STAGE: AtomicU8 = AtomicU8::new(0);
 static CURRENT_CONTACTS: AtomicU64 = AtomicU64::new(0);
 static CURRENT_SWEEPS: AtomicU64 = AtomicU64::new(0);
@@ -23,9 +26,25 @@ pub fn stop_flag() -> &'static Arc<AtomicBool> {
     STOP_FLAG.get_or_init(|| Arc::new(AtomicBool::new(false)))
 }
 
-/// Whether the program was requested to stop: long loops then end, and the step is abandoned.
+/// Whether the program was requested to stop: long loops then end, and the step is abandoned. On several ranks, whether all
+/// have agreed to stop, so that none of them waits for one that has ended its loop.
 pub fn is_stopped() -> bool {
+    if STOPS_BY_AGREEMENT.load(Ordering::Relaxed) { STOP_AGREED.load(Ordering::Relaxed) } else { is_stop_requested() }
+}
+
+/// Whether this process was requested to stop.
+pub fn is_stop_requested() -> bool {
     STOP_FLAG.get().is_some_and(|stop| stop.load(Ordering::Relaxed))
+}
+
+/// From now on [`is_stopped`] holds once the ranks have agreed to stop.
+pub fn stop_by_agreement() {
+    STOPS_BY_AGREEMENT.store(true, Ordering::Relaxed);
+}
+
+/// Stops all ranks: called on each of them between the same two exchanges, if any of them was requested to stop.
+pub fn agree_to_stop() {
+    STOP_AGREED.store(true, Ordering::Relaxed);
 }
 
 /// Reports the start of a stage, with the number of contacts if known.

@@ -7,14 +7,19 @@ use cd_formats::case::{CaseFolder, no_case, parse_arguments};
 use cd_formats::compute::{Adaptive, ComputeFlags, MAX_THREADS};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::former_names::FormerNameUse;
-use cd_formats::messages::{print_error, print_line, reserve_stdout};
+use cd_formats::messages::{print_error, print_line, reserve_stdout, silence};
 use cd_formats::settings::former_names_of_setting;
 use clap::{CommandFactory, Parser};
 
 use crate::math::simd::SimdWidth;
+use crate::ranks::launch::begin_session;
+use crate::ranks::{Alone, Ranks, set_current};
 use crate::read::driver::DriverSettings;
 use crate::run::{RunFailure, RunMode, account_changed_forces, check_run, run_case};
-use crate::{plan, read, thread_pool, write};
+use crate::scene::Scene;
+use crate::state::State;
+use crate::write::OutboxLock;
+use crate::{activity, agreement, plan, read, thread_pool, write};
 
 const PROGRAM: &str = "cd-solve";
 
@@ -59,7 +64,24 @@ pub fn command() -> clap::Command {
 /// Runs the program; returns its exit code: 0 done, 2 input rejected, 3 internal error, 4 stopped by the user.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     let args: Vec<OsString> = arguments.into_iter().collect();
-    let arguments: CommandLine = match parse_arguments(&args) {
+    match begin_session() {
+        Ok(session) => run_on_rank(session.ranks, &args),
+        Err(fault) => {
+            print_error(Faults::from(fault).format_report(PROGRAM).trim_end());
+            2
+        }
+    }
+}
+
+/// Runs the program as one of the ranks. Files and messages are those of rank 0.
+fn run_on_rank(ranks: &'static dyn Ranks, args: &[OsString]) -> i32 {
+    if ranks.size() > 1 {
+        activity::stop_by_agreement();
+    }
+    if ranks.rank() > 0 {
+        silence();
+    }
+    let arguments: CommandLine = match parse_arguments(args) {
         Ok(arguments) => arguments,
         Err(code) => return code,
     };
@@ -69,28 +91,28 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     if let Some(width) = arguments.vector_width {
         width.set_for_process();
     }
-    former_names_in_flags(&args).iter().for_each(print_warning);
-    match solve_case(&arguments) {
+    former_names_in_flags(args).iter().for_each(print_warning);
+    let prepared = agreement::agreed_case(ranks, prepare_case(&arguments, ranks), |case| (&case.scene, &case.state));
+    let is_agreed = prepared.is_err();
+    match prepared.and_then(|case| advance_case(&arguments, case, ranks)) {
         Ok(summary) => {
             let title = if arguments.plan { "plan" } else { "done" };
             print_line(format_args!("{PROGRAM}: {title}\n{}", summary.trim_end()));
             0
         }
-        Err(RunFailure::Files(faults)) => {
-            print_error(faults.format_report(PROGRAM).trim_end());
-            2
-        }
-        Err(RunFailure::Unwritten(faults)) => {
-            print_error(faults.format_report(PROGRAM).trim_end());
-            4
-        }
-        Err(RunFailure::Stopped(message)) => {
-            print_error(format_args!("{PROGRAM}: {message}"));
-            4
-        }
-        Err(RunFailure::Broken(message)) => {
-            print_error(format_args!("{PROGRAM}: internal: {message}"));
-            3
+        Err(failure) => {
+            let (message, code) = match &failure {
+                RunFailure::Files(faults) => (faults.format_report(PROGRAM), 2),
+                RunFailure::Unwritten(faults) => (faults.format_report(PROGRAM), 4),
+                RunFailure::Stopped(message) => (format!("{PROGRAM}: {message}"), 4),
+                RunFailure::Broken(message) => (format!("{PROGRAM}: internal: {message}"), 3),
+            };
+            print_error(message.trim_end());
+            // The other ranks know nothing of files.
+            if ranks.size() > 1 && !is_agreed && matches!(failure, RunFailure::Files(_) | RunFailure::Unwritten(_)) {
+                ranks.abort(code);
+            }
+            code
         }
     }
 }
@@ -114,10 +136,24 @@ fn former_names_in_flags(args: &[OsString]) -> Vec<String> {
     warnings.collect()
 }
 
-fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
+/// A case that was read, before anything is computed.
+struct PreparedCase {
+    scene: Scene,
+    state: State,
+    resumed: bool,
+    _lock: Option<OutboxLock>,
+}
+
+/// Reads a case and checks whether it can run. Each rank does so alone, as any of them may find faults. The lock is that of
+/// rank 0.
+fn prepare_case(arguments: &CommandLine, ranks: &'static dyn Ranks) -> Result<PreparedCase, RunFailure> {
     let case = &arguments.dir;
     if let Some(fault) = no_case(case, CaseFolder::Datbox, PROGRAM) {
         return Err(RunFailure::Files(fault.into()));
+    }
+    if arguments.step_loop && ranks.size() > 1 {
+        let (found, expected) = (format!("runs on {} ranks", ranks.size()), "expected one process, without mpirun");
+        return Err(RunFailure::Files(Fault::new("options".as_ref(), None, "step-loop", found, expected).into()));
     }
     let driver = match &arguments.lmgc90 {
         Some(script) => read::driver::read_driver(script, &arguments.flags)?,
@@ -125,7 +161,7 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     };
     let flags = arguments.flags.or(&driver.options);
     let reading_threads = flags.threads.filter(|&threads| threads <= MAX_THREADS).unwrap_or(0);
-    let (mut scene, mut state) = start_threads(reading_threads)?.install(|| read::read_case(case, &flags))?;
+    let (mut scene, mut state) = start_threads(reading_threads, &Alone)?.install(|| read::read_case(case, &flags))?;
     if arguments.step_loop && scene.options.adaptive().is_on() {
         scene.options.adaptive = Some(Adaptive { max_multiple: 1, ..scene.options.adaptive() });
         scene.notes.push("adaptive: steps are dt in a step loop, whose forces may change in each of them".into());
@@ -134,7 +170,7 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
         read::replace_gravity(gravity, &scene, &mut state);
     }
     scene.notes.splice(0..0, driver.notes);
-    let _lock = if arguments.plan { None } else { Some(write::lock_outbox(case)?) };
+    let lock = if arguments.plan || ranks.rank() > 0 { None } else { Some(write::lock_outbox(case)?) };
     scene.notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
     scene.warnings.iter().for_each(print_warning);
     let mut resumed = false;
@@ -161,12 +197,22 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     if let Some(step) = arguments.dump_problem {
         write::check_dump_step(&scene, &state, step)?;
     }
-    let pool = start_threads(scene.options.threads)?;
+    Ok(PreparedCase { scene, state, resumed, _lock: lock })
+}
+
+/// Runs a case, or plans its run; returns the summary.
+fn advance_case(
+    arguments: &CommandLine,
+    prepared: PreparedCase,
+    ranks: &'static dyn Ranks,
+) -> Result<String, RunFailure> {
+    let (case, PreparedCase { scene, state, resumed, _lock }) = (&arguments.dir, prepared);
+    let pool = start_threads(scene.options.threads, ranks)?;
     if arguments.plan {
         return Ok(pool.install(|| plan::plan_text(&scene, &state)));
     }
     // Nothing is rejected from here on.
-    if arguments.force {
+    if arguments.force && ranks.rank() == 0 {
         write::remove_results(case)?;
     }
     let mode = RunMode { resumed, dump: arguments.dump_problem, step_loop: arguments.step_loop };
@@ -175,9 +221,10 @@ fn solve_case(arguments: &CommandLine) -> Result<String, RunFailure> {
     pool.install(|| if large { thread_pool::with_busy_waiting_workers(advance) } else { advance() })
 }
 
-/// Starts so many threads, or as many as there are processors for 0.
-fn start_threads(threads: usize) -> Result<rayon::ThreadPool, RunFailure> {
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|_| {
+/// Starts so many threads, or as many as there are processors for 0, which belong to a rank.
+fn start_threads(threads: usize, ranks: &'static dyn Ranks) -> Result<rayon::ThreadPool, RunFailure> {
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(move |_| set_current(ranks));
+    builder.build().map_err(|_| {
         let found = format!("{threads} cannot be started");
         RunFailure::Files(Faults::from(Fault::new(
             "options".as_ref(),

@@ -29,6 +29,7 @@
 //! and `state` the data that change.
 
 mod activity;
+mod agreement;
 pub mod assemble;
 mod cli;
 pub mod detect;
@@ -40,6 +41,7 @@ pub mod laws;
 pub mod math;
 mod plan;
 mod progress;
+pub mod ranks;
 pub mod read;
 mod run;
 pub mod scene;

@@ -7,7 +7,7 @@ use std::thread::{JoinHandle, spawn};
 use std::time::{Duration, Instant};
 
 use cd_formats::compute::{Compute, ContactSolver};
-use cd_formats::messages::{print_error, print_line};
+use cd_formats::messages::{is_silent, print_error, print_line};
 use cd_formats::names::{count_text, rounded_number};
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -44,7 +44,7 @@ impl ProgressDisplay {
     /// Display of a run from step `first` to step `last`.
     pub fn new(first: u64, last: u64) -> Self {
         // The bar hides itself if standard error is no terminal.
-        let bar = ProgressBar::new(last).with_position(first);
+        let bar = if is_silent() { ProgressBar::hidden() } else { ProgressBar::new(last) }.with_position(first);
         if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} steps {per_sec} ETA {eta}  {msg}") {
             bar.set_style(style);
         }

@@ -1,7 +1,7 @@
 //! Loop over steps: output, stop conditions and messages.
 
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
@@ -13,13 +13,13 @@ use cd_formats::snapshot::RunParameters;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
-use crate::activity;
 use crate::assemble::potential_energy;
 use crate::detect;
 use crate::integrate::{ContactConfiguration, predict_configuration};
 use crate::math::Vec3;
 use crate::plan::{StepBound, roundoff_warning, step_bounds};
 use crate::progress::ProgressDisplay;
+use crate::ranks::{self, RankTraffic, Ranks};
 use crate::scene::{BodyId, Scene};
 use crate::state::{Contact, DetectionCache, State};
 use crate::step::{
@@ -27,7 +27,8 @@ use crate::step::{
 };
 use crate::write::exchange::{ExchangeEnd, StepExchange};
 use crate::write::summary::{INERT_REASON, RunStatistics, summary_text};
-use crate::write::{ResultFiles, errors};
+use crate::write::{ResultFiles, RunOutput, errors};
+use crate::{activity, agreement};
 
 /// Number of unconverged steps that are reported individually; the summary counts them all.
 const MAX_REPORTED_STEPS: u64 = 5;
@@ -78,14 +79,15 @@ pub struct RunMode {
 pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> Result<String, RunFailure> {
     let start = Instant::now();
     let last = scene.last_step();
-    let (mut results, estimator) = ResultFiles::open(case, scene, &state)?;
+    let ranks = ranks::current();
+    let (mut results, estimator) = RunOutput::open(ranks.rank() == 0, case, scene, &state)?;
     let mut statistics = RunStatistics {
         threads: rayon::current_num_threads(),
         bonds: state.bond_count(),
         estimator,
         ..RunStatistics::default()
     };
-    let stop = &*STOP_FLAG;
+    LazyLock::force(&STOP_FLAG);
     // The time of an output is logged with the step after it.
     let mut writing = Duration::ZERO;
     if !mode.resumed {
@@ -125,14 +127,14 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
             return Err(exchange_failure(end, &state, last, &progress));
         }
         if let Some(number) = mode.dump {
-            dump_problem(case, scene, &state, number)?;
+            dump_problem(ranks, case, scene, &state, number)?;
         }
         let mut lap = StageTimes { writing: std::mem::take(&mut writing), ..StageTimes::default() };
         let first = state.step;
         progress.begin_step(state.step);
         let Some(report) = step(scene, &mut state, &mut lap) else {
             write_end(&mut results, &mut statistics, scene, &state)?;
-            results.write_last(scene, &state).map_err(RunFailure::Unwritten)?;
+            results.write(|files| files.write_last(scene, &state)).map_err(RunFailure::Unwritten)?;
             return Err(stopped_failure(&state, last, &progress));
         };
         expect_finite(&state).inspect_err(|_| progress.finish())?;
@@ -143,20 +145,24 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
             progress.report_unconverged(&state, &report, &scene.options);
         }
         progress.show_step(&state, &report);
-        results.add_postpro(scene, &mut state, &report, first).map_err(RunFailure::Unwritten)?;
-        results.add_step(scene, &state, &report, &lap, &mut statistics.estimator).map_err(RunFailure::Unwritten)?;
+        results.write(|files| files.add_postpro(scene, &mut state, &report, first)).map_err(RunFailure::Unwritten)?;
+        let estimator = &mut statistics.estimator;
+        results
+            .write(|files| files.add_step(scene, &state, &report, &lap, estimator))
+            .map_err(RunFailure::Unwritten)?;
         statistics.stage_times.accumulate(&lap);
-        let stopped = stop.load(Ordering::Relaxed) && state.step < last;
+        agreement::agree_on_step(ranks, &state).map_err(RunFailure::Broken)?;
+        let stopped = activity::is_stopped() && state.step < last;
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last || stopped {
             if state.step == last || stopped {
                 writing = write_end(&mut results, &mut statistics, scene, &state)?;
-                results.write_last(scene, &state).map_err(RunFailure::Unwritten)?;
+                results.write(|files| files.write_last(scene, &state)).map_err(RunFailure::Unwritten)?;
             } else {
                 writing = write_output(&mut results, scene, &state).map_err(as_unwritten)?;
             }
             progress.print_status(&state, &report);
         } else if progress.is_silent() {
-            results.flush_to_file().map_err(RunFailure::Unwritten)?;
+            results.write(ResultFiles::flush_to_file).map_err(RunFailure::Unwritten)?;
             progress.print_status(&state, &report);
         }
         if stopped {
@@ -173,23 +179,31 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         print_error(format_args!("cd-solve: warning: {message}"));
     }
     statistics.overlap = statistics.overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE);
-    statistics.wall_time = start.elapsed();
-    let sources = statistics.estimator.error_sources(scene, &state);
-    // Also if a run was killed before it wrote them.
-    if statistics.steps > 0 || state.step > scene.start.0 && !errors::is_there(case) {
-        errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;
+    if ranks.size() > 1 {
+        statistics.traffic = RankTraffic::of_all(ranks);
     }
-    Ok(summary_text(scene, &state, &statistics, &sources))
+    if ranks.rank() > 0 {
+        return Ok(String::new());
+    }
+    statistics.wall_time = start.elapsed();
+    ranks::compute_alone(|| {
+        let sources = statistics.estimator.error_sources(scene, &state);
+        // Also if a run was killed before it wrote them.
+        if statistics.steps > 0 || state.step > scene.start.0 && !errors::is_there(case) {
+            errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;
+        }
+        Ok(summary_text(scene, &state, &statistics, &sources))
+    })
 }
 
 /// Writes the contact problem of the step `number`, if that is the next step or within it.
-fn dump_problem(case: &Path, scene: &Scene, state: &State, number: u64) -> Result<(), RunFailure> {
+fn dump_problem(ranks: &dyn Ranks, case: &Path, scene: &Scene, state: &State, number: u64) -> Result<(), RunFailure> {
     if state.step >= number || number - state.step > scene.options.adaptive().max_multiple {
         return Ok(());
     }
     let (step_multiple, problem) = next_problem(scene, state);
     let end = state.step + step_multiple;
-    if number <= end {
+    if number <= end && ranks.rank() == 0 {
         let path = crate::write::write_problem(case, end, problem).map_err(RunFailure::Unwritten)?;
         print_line(format_args!("cd-solve: contact problem of step {end} in {}", path.display()));
     }
@@ -198,12 +212,12 @@ fn dump_problem(case: &Path, scene: &Scene, state: &State, number: u64) -> Resul
 
 /// Writes the remaining rows and the state at the end of a run; returns the time that the state took.
 fn write_end(
-    results: &mut ResultFiles,
+    results: &mut RunOutput,
     statistics: &mut RunStatistics,
     scene: &Scene,
     state: &State,
 ) -> Result<Duration, RunFailure> {
-    results.finish_rows(&mut statistics.estimator).map_err(RunFailure::Unwritten)?;
+    results.write(|files| files.finish_rows(&mut statistics.estimator)).map_err(RunFailure::Unwritten)?;
     write_output(results, scene, state).map_err(as_unwritten)
 }
 
@@ -394,10 +408,10 @@ fn overlap_text(state: &State, overlap: Overlap) -> String {
 }
 
 /// Writes the state; returns the time that it took.
-fn write_output(results: &mut ResultFiles, scene: &Scene, state: &State) -> Result<Duration, RunFailure> {
+fn write_output(results: &mut RunOutput, scene: &Scene, state: &State) -> Result<Duration, RunFailure> {
     let start = Instant::now();
     check_finite(state.contacts_are_finite(), state, "a number of a contact")?;
-    results.write_state(scene, state)?;
+    results.write(|files| files.write_state(scene, state))?;
     Ok(start.elapsed())
 }
 

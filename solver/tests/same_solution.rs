@@ -1,4 +1,4 @@
-//! A contact problem has one solution to the last bit, on any number of threads and with vectors of any width.
+//! A contact problem has one solution to the last bit, on any number of threads and ranks and with vectors of any width.
 
 #[path = "../benches/packing.rs"]
 mod packing;
@@ -7,6 +7,7 @@ use cd_formats::compute::SweepPrecision;
 use cd_solve::assemble::{ContactProblem, SolverBody};
 use cd_solve::math::Vec3;
 use cd_solve::math::simd::SimdWidth;
+use cd_solve::ranks::threads::run_as_ranks;
 use cd_solve::solve::gauss_seidel::layout::pack_in_blocks;
 use cd_solve::solve::gauss_seidel::packed::PackSource;
 use cd_solve::solve::residual::ResidualEvaluator;
@@ -48,6 +49,29 @@ fn neither_threads_nor_vectors_change_a_solution() {
             for threads in [1, 2, 3, 8] {
                 assert!(solve(width, threads) == plain, "{width:?} on {threads} threads");
             }
+        }
+    }
+}
+
+/// Four blocks of spheres and eight of cuboids on up to five ranks. Sweeps in single precision begin anew where it ends, and
+/// moments are gathered in the same way as impulses.
+#[test]
+fn ranks_change_no_solution() {
+    let (spheres, cuboids) = (packing::packing(17, 0.4), packing::blocks(17, 0.4));
+    let resisting = packing::resisting(spheres.clone());
+    let (single, double) = (SweepPrecision::Single, SweepPrecision::Double);
+    let problems = [(&spheres, 20, double), (&spheres, 20, single), (&resisting, 20, double), (&cuboids, 6, single)];
+    for (system, sweeps, precision) in problems {
+        let solve = || {
+            let until = StoppingCriteria { precision, ..StoppingCriteria::new(1e-12, sweeps) };
+            let solution = solve_nlgs(system, until, SimdWidth::detect());
+            (solution.impulses, solution.moments, solution.solver_bodies, solution.residual, solution.sweeps)
+        };
+        let alone = solve();
+        assert!(alone.3 < 1.0 && alone.4 == sweeps, "{} {}", alone.3, alone.4);
+        for size in [2, 3, 5] {
+            let found = run_as_ranks(size, |_| solve());
+            assert!(found.iter().all(|found| *found == alone), "{size} ranks");
         }
     }
 }

@@ -14,7 +14,9 @@
 //! | stage: `integrate`, `detect`, `assemble`, `solve` | data, kernels, types of stages earlier in the step, types of options | functions of another stage, other formats |
 //! | stage: `read`, `write` | data, kernels, formats, types of `step` | functions of another stage |
 //! | `step` | stages, data, kernels | formats, `read`, `write` |
-//! | `run`, `plan`, `cli`, `thread_pool`, `progress` | all | |
+//! | `run`, `plan`, `cli`, `thread_pool`, `progress`, `agreement` | all | |
+//! | `ranks` | errors of formats | all else |
+//! | all | `crate::ranks`: the processes that compute the scene together | |
 //! | all | `crate::activity`: the current stage of the step, and whether it is abandoned | |
 //! | all | `crate::features::BARE`: models with which the program is built | |
 
@@ -27,7 +29,7 @@ const DATA: [&str; 2] = ["scene", "state"];
 /// In the order in which a step first enters them.
 const STAGES: [&str; 4] = ["integrate", "detect", "assemble", "solve"];
 const FILE_STAGES: [&str; 2] = ["read", "write"];
-const OUTSIDE: [&str; 6] = ["run", "plan", "cli", "thread_pool", "progress", "lib"];
+const OUTSIDE: [&str; 7] = ["run", "plan", "cli", "thread_pool", "progress", "agreement", "lib"];
 
 /// Types of formats that the data and the stages may name: options, events, functions of time and fields from outside are
 /// the same there as in the files; and disjoint sets.
@@ -57,8 +59,14 @@ fn allowed(who: &str, path: &str) -> bool {
     let (root, what) = (words.next().unwrap(), words.next().unwrap_or_default());
     let is = |list: &[&str]| list.contains(&what);
     let step_types = what == "step" && is_type(path);
-    if path == "crate::features::BARE" || path == "cd_formats::index_types" || path.starts_with("crate::activity") {
+    if path == "crate::features::BARE" || path == "cd_formats::index_types" {
         return true;
+    }
+    if ["crate::activity", "crate::ranks"].iter().any(|shared| path.starts_with(shared)) {
+        return true;
+    }
+    if who == "ranks" {
+        return path.starts_with("cd_formats::error::");
     }
     match root {
         "cd_formats" if OUTSIDE.contains(&who) || FILE_STAGES.contains(&who) => true,
@@ -283,6 +291,7 @@ fn the_table_refuses_what_it_should() {
         ("step", "cd_formats::compute::Compute"),
         ("step", "crate::write::ResultFiles"),
         ("write", "crate::read::read_case"),
+        ("ranks", "crate::solve::solve_nlgs"),
     ] {
         assert!(!allowed(who, path), "{who} imports {path}");
     }
@@ -295,6 +304,7 @@ fn the_table_refuses_what_it_should() {
         ("write", "crate::step::StepReport"),
         ("step", "crate::assemble::relative_velocity"),
         ("run", "crate::write::ResultFiles"),
+        ("solve", "crate::ranks::current"),
     ] {
         assert!(allowed(who, path), "{who} may import {path}");
     }

@@ -9,6 +9,8 @@
 //! Sources: L. Greengard and V. Rokhlin, J. Comput. Phys. 73 (1987) 325; M.S. Warren and J.K. Salmon, Comput. Phys.
 //! Commun. 87 (1995) 266; W. Dehnen, J. Comput. Phys. 179 (2002) 27 and Comput. Astrophys. Cosmol. 1 (2014) 1.
 
+use std::ops::Range;
+
 use pulp::NullaryFnOnce;
 
 use super::cell::{CellSummary, MAX_BODIES_PER_TASK, TreeCell};
@@ -24,6 +26,10 @@ use super::settings::{ExpansionSettings, PairPrecision};
 use super::tree::MassTree;
 use super::upward::load_part;
 use crate::math::simd::{F64Arithmetic, Scalar};
+use crate::ranks;
+
+/// Smallest number of bodies that are divided among ranks: a walk takes some microseconds a body, an exchange some 0.02 ms.
+const MIN_DIVIDED_BODIES: usize = 256;
 
 /// Number of expansion sources, or of cells to classify, per batch.
 const BATCH_CELLS: usize = 8;
@@ -103,25 +109,39 @@ struct AncestorPull {
 impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
     /// Pull on every body, in the tree's order and units; the potential is invalid unless it was requested.
     pub fn body_pulls(&self) -> Vec<BodyPull> {
+        ranks::divided_list(self.tree.index.len(), MIN_DIVIDED_BODIES, |range| self.pulls_of(range))
+    }
+
+    /// Pull on the bodies of a range in the tree's order.
+    fn pulls_of(&self, range: Range<usize>) -> Vec<BodyPull> {
         let mut out = vec![[0.0; 4]; self.tree.index.len()];
         let mut work = WalkScratch::default();
         work.open.extend(&[0]);
         let CellSummary { mass, radius, .. } = CellSummary::from_line(&self.tree.outlines[0]);
         let strength = if radius > 0.0 { mass / (2.0 * radius * radius) } else { 0.0 };
-        self.visit_subtree(0, &mut [0.0; _], AncestorPull { far: 0.0, strength, from: 0 }, &mut work, &mut out);
+        let above = AncestorPull { far: 0.0, strength, from: 0 };
+        self.visit_subtree(0, &range, &mut [0.0; _], above, &mut work, &mut out);
+        out.truncate(range.end);
+        out.drain(..range.start);
         out
     }
 
-    /// Evaluates the subtree of cell `a`, given the local expansion about its centre from its ancestors.
+    /// Evaluates the bodies `range` in the subtree of cell `a`, and others of their leaves, given the local expansion about its
+    /// centre from its ancestors.
     fn visit_subtree(
         &self,
         a: usize,
+        range: &Range<usize>,
         local: &mut NarrowRow<f64>,
         above: AncestorPull,
         work: &mut WalkScratch,
         out: &mut [BodyPull],
     ) {
         let cell = &self.tree.cells[a];
+        let bodies = cell.body_range();
+        if bodies.end <= range.start || range.end <= bodies.start {
+            return;
+        }
         let outline = &CellSummary::from_line(&self.tree.outlines[a]);
         let below = work.open.len();
         let above = self.lanes.run(ClassifySources { walk: self, a, outline, above, work });
@@ -144,12 +164,21 @@ impl<L: F64Arithmetic, const P: usize> TreeWalk<'_, L, P> {
             let mut other = WalkScratch::default();
             other.open.extend(&work.open[below..]);
             rayon::join(
-                || self.visit_subtree(halves[0], &mut one, above, work, out_one),
-                || self.visit_subtree(halves[1], &mut two, AncestorPull { from: 0, ..above }, &mut other, out_two),
+                || self.visit_subtree(halves[0], range, &mut one, above, work, out_one),
+                || {
+                    self.visit_subtree(
+                        halves[1],
+                        range,
+                        &mut two,
+                        AncestorPull { from: 0, ..above },
+                        &mut other,
+                        out_two,
+                    )
+                },
             );
         } else {
-            self.visit_subtree(halves[0], &mut one, above, work, out_one);
-            self.visit_subtree(halves[1], &mut two, above, work, out_two);
+            self.visit_subtree(halves[0], range, &mut one, above, work, out_one);
+            self.visit_subtree(halves[1], range, &mut two, above, work, out_two);
         }
         work.open.count = below;
     }

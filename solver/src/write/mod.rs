@@ -19,6 +19,7 @@ use cd_formats::atomic::{folder_entries, path_exists};
 use cd_formats::error::{Fault, Faults};
 use cd_formats::snapshot::list_snapshots;
 
+use crate::ranks;
 use crate::scene::Scene;
 use crate::state::State;
 use crate::step::{StageTimes, StepReport};
@@ -208,6 +209,25 @@ impl ResultFiles {
             text::write_text(&self.outbox, scene, state, self.number_offset)?;
         }
         snapshot::state_snapshot(scene, state).write(&cd_formats::snapshot::snapshot_path(&self.outbox, state.step))
+    }
+}
+
+/// Results of a run, which only one of its ranks writes.
+pub struct RunOutput(Option<ResultFiles>);
+
+impl RunOutput {
+    /// Opens the results, see [`ResultFiles::open`], if this rank writes them.
+    pub fn open(writes: bool, case: &Path, scene: &Scene, state: &State) -> Result<(Self, ErrorEstimator), Faults> {
+        if !writes {
+            return Ok((RunOutput(None), ErrorEstimator::new(scene.options.output_every)));
+        }
+        let (files, estimator) = ranks::compute_alone(|| ResultFiles::open(case, scene, state))?;
+        Ok((RunOutput(Some(files)), estimator))
+    }
+
+    /// Applies `write` to the files of the rank that has them.
+    pub fn write(&mut self, write: impl FnOnce(&mut ResultFiles) -> Result<(), Faults>) -> Result<(), Faults> {
+        self.0.as_mut().map_or(Ok(()), |files| ranks::compute_alone(|| write(files)))
     }
 }
 

@@ -9,6 +9,7 @@ use cd_formats::names::{count_text, rounded_number};
 use crate::detect::NarrowPhaseError;
 use crate::gravity::sample::SampledError;
 use crate::math::Vec3;
+use crate::ranks::RankTraffic;
 use crate::scene::Scene;
 use crate::state::State;
 use crate::step::{BalanceErrors, OVERLAP_WARNING_SHARE, Overlap, StageTimes, StepReport};
@@ -47,6 +48,8 @@ pub struct RunStatistics {
     pub penetration_end: f64,
     pub warnings: Vec<String>,
     pub threads: usize,
+    /// Traffic of each rank; empty if there is one.
+    pub traffic: Vec<RankTraffic>,
     /// Duration of the run.
     pub wall_time: Duration,
     /// Time of all steps by stage.
@@ -182,7 +185,26 @@ pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, so
         ("writing", writing),
     ];
     let stages: Vec<String> = stages.iter().map(|(name, time)| format!("{name} {:.2}", time.as_secs_f64())).collect();
+    if !statistics.traffic.is_empty() {
+        line("ranks", traffic_text(&statistics.traffic));
+    }
     let threads = count_text(statistics.threads, "thread");
     line("seconds", format!("{:.2} on {threads}: {}", statistics.wall_time.as_secs_f64(), stages.join(", ")));
     text
+}
+
+/// Number of ranks, of sweeps that they have divided, and the largest traffic of a rank in such a sweep.
+fn traffic_text(traffic: &[RankTraffic]) -> String {
+    let sweeps = traffic.iter().map(|of_rank| of_rank.divided_sweeps).max().unwrap_or(0);
+    if sweeps == 0 {
+        return format!("{}; no sweep was divided: the scene is one block", traffic.len());
+    }
+    let most = |count: fn(&RankTraffic) -> u64| traffic.iter().map(count).max().unwrap_or(0) as f64 / sweeps as f64;
+    format!(
+        "{}; {sweeps} sweeps divided; in one of these the busiest rank sends {:.1} messages with {:.2} kB, and gives {:.2} kB to all",
+        traffic.len(),
+        most(|of_rank| of_rank.messages),
+        1e-3 * most(|of_rank| of_rank.message_bytes),
+        1e-3 * most(|of_rank| of_rank.gathered_bytes),
+    )
 }

@@ -7,12 +7,14 @@ use std::mem;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use bytemuck::Pod;
 use rayon::prelude::*;
 
 use crate::math::simd::LaneFloat;
 use crate::math::{PAR_MIN_LEN, Vec3};
 use crate::solve::gauss_seidel::packed::{BATCH_LANES, LaneRows, NO_INDEX, SweepSums};
 use crate::solve::gauss_seidel::partition::BodyPartition;
+use crate::solve::gauss_seidel::shares::SweepShare;
 
 /// Packed bodies in blocks, with lines of type `N`, and groups of constraints of type `G`.
 pub struct BlockedProblem<N, G, T> {
@@ -24,6 +26,8 @@ pub struct BlockedProblem<N, G, T> {
     /// Group of each row of the system, in the upper half of the number, and its lane among all of the group; [`NO_SLOT`]
     /// for rows that are not swept.
     slots: Vec<AtomicU64>,
+    /// Tasks of this rank, if others sweep the rest.
+    pub share: Option<SweepShare>,
 }
 
 /// Slot of a row that is not swept.
@@ -74,16 +78,18 @@ pub trait SweepOperations<N, G, T>: Sync {
     fn sweep_group(&self, lines: &mut [N], group: &mut G) -> SweepSums<T>;
 }
 
-impl<N: Copy + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G, T> {
-    /// Blocks and joints, with the end of each colour of these, for a system of `rows` rows.
+impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G, T> {
+    /// Blocks and joints, with the end of each colour of these, for a system of `rows` rows. Tasks outside of `share` are
+    /// without constraints.
     pub fn new(
         blocks: Vec<BodyBlock<N, G, T>>,
         joints: Vec<BlockJoints<N, G, T>>,
         colours: Vec<usize>,
         rows: usize,
+        share: Option<SweepShare>,
     ) -> Self {
         let slots = (0..rows).into_par_iter().with_min_len(PAR_MIN_LEN).map(|_| AtomicU64::new(NO_SLOT)).collect();
-        let problem = BlockedProblem { blocks, joints, colours, slots };
+        let problem = BlockedProblem { blocks, joints, colours, slots, share };
         let groups: Vec<(u64, &G)> = (0..).zip(problem.groups()).collect();
         groups.into_par_iter().with_max_len(1).for_each(|(group, of_group)| {
             for (lane, &row) in (0..).zip(of_group.rows().as_flattened()).filter(|(_, row)| **row != NO_INDEX) {
@@ -95,15 +101,19 @@ impl<N: Copy + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, 
 
     /// Sweeps all constraints once. Sums are added block by block, then joint by joint.
     pub fn sweep_once(&mut self, operations: &impl SweepOperations<N, G, T>) -> SweepSums<T> {
-        let BlockedProblem { blocks, joints, colours, .. } = self;
-        blocks.par_iter_mut().with_max_len(1).for_each(|block| {
+        let BlockedProblem { blocks, joints, colours, share, .. } = self;
+        let own_blocks = share.as_ref().map_or(0..blocks.len(), SweepShare::own_blocks);
+        blocks[own_blocks].par_iter_mut().with_max_len(1).for_each(|block| {
             let lines = block.lines.get_mut().unwrap_or_else(PoisonError::into_inner);
             mem::swap(lines, &mut block.previous);
             operations.apply_momentum(lines, &block.previous);
             block.sums = operations.sweep_group(lines, &mut block.inside);
         });
         let mut first = 0;
-        for &end in &*colours {
+        for (colour, &end) in colours.iter().enumerate() {
+            if let Some(share) = share {
+                share.exchange_lines::<N, T>(colour, blocks);
+            }
             joints[first..end].par_iter_mut().with_max_len(1).for_each(|joint| {
                 let BlockJoints { border, lines, across, sums } = joint;
                 border.copy_lines(blocks, |lines_of_block, bodies, range| {
@@ -120,6 +130,11 @@ impl<N: Copy + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, 
             });
             first = end;
         }
+        if let Some(share) = share {
+            let mut of_blocks: Vec<_> = blocks.iter_mut().map(|block| &mut block.sums).collect();
+            let mut of_joints: Vec<_> = joints.iter_mut().map(|joint| &mut joint.sums).collect();
+            share.gather_sums(&mut of_blocks, &mut of_joints);
+        }
         let mut sums = SweepSums::default();
         blocks.iter().for_each(|block| sums.accumulate(&block.sums));
         joints.iter().for_each(|joint| sums.accumulate(&joint.sums));
@@ -132,6 +147,19 @@ impl<N: Copy + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, 
         impulses: &mut [Vec3],
         of_group: impl Fn(&G) -> Vec<[[f64; BATCH_LANES]; 3]> + Send + Sync,
     ) {
+        if let Some(share) = &self.share {
+            let groups: Vec<&G> = self.reported_groups(share).collect();
+            let of_group = |group: &&G| {
+                let of_batches = of_group(group);
+                let lanes = group.rows().iter().zip(&of_batches).flat_map(|(rows, batch)| {
+                    rows.iter().enumerate().map(|(lane, &row)| (row, batch.map(|column| column[lane])))
+                });
+                lanes.filter(|(row, _)| *row != NO_INDEX).collect::<Vec<_>>()
+            };
+            let own: Vec<(u32, [f64; 3])> = groups.par_iter().with_max_len(1).flat_map_iter(of_group).collect();
+            share.gather_vectors(&own, |row, impulse| impulses[row] = Vec3::from(impulse));
+            return;
+        }
         let groups: Vec<&G> = self.groups().collect();
         let groups: Vec<_> = groups.into_par_iter().with_max_len(1).map(of_group).collect();
         let copy = |(impulse, slot): (&mut Vec3, &AtomicU64)| {
@@ -145,10 +173,43 @@ impl<N: Copy + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, 
         impulses.par_iter_mut().zip(&self.slots).with_min_len(PAR_MIN_LEN).for_each(copy);
     }
 
+    /// Copies moments into `moments`; `of_group` returns those of a group with their indices.
+    pub fn read_back_moments<'a, I: Iterator<Item = (u32, [f64; 3])>>(
+        &'a self,
+        moments: &mut [Vec3],
+        of_group: impl Fn(&'a G) -> I,
+    ) {
+        if moments.is_empty() {
+            return;
+        }
+        let mut set = |index: usize, moment: [f64; 3]| moments[index] = Vec3::from(moment);
+        match &self.share {
+            Some(share) => {
+                let own: Vec<(u32, [f64; 3])> = self.reported_groups(share).flat_map(of_group).collect();
+                share.gather_vectors(&own, set);
+            }
+            None => self.groups().flat_map(of_group).for_each(|(index, moment)| set(index as usize, moment)),
+        }
+    }
+
+    /// Groups of constraints whose impulses this rank gives to the others.
+    pub fn reported_groups(&self, share: &SweepShare) -> impl Iterator<Item = &G> {
+        let inside = self.blocks[share.own_blocks()].iter().map(|block| &block.inside);
+        let joints: Vec<usize> = share.reported_joints(share.rank()).collect();
+        inside.chain(joints.into_iter().map(|joint| &self.joints[joint].across))
+    }
+
     /// All groups of constraints.
     pub fn groups(&self) -> impl Iterator<Item = &G> {
         let inside = self.blocks.iter().map(|block| &block.inside);
         inside.chain(self.joints.iter().map(|joint| &joint.across))
+    }
+}
+
+impl<N, G, T> AsMut<[N]> for BodyBlock<N, G, T> {
+    /// Lines of the bodies.
+    fn as_mut(&mut self) -> &mut [N] {
+        self.lines.get_mut().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -13,7 +13,22 @@ const MIN_BODIES_IN_BLOCK: usize = 512;
 /// Packs a problem for sweeps, in single precision if `single`.
 pub fn pack_problem(source: &PackSource, single: bool) -> Box<dyn PackedProblem> {
     let is_full = source.problem.block_data.is_some();
-    pack_in_blocks(source, single, if is_full { MIN_BODIES_IN_BLOCK } else { MIN_SPHERES_IN_BLOCK })
+    pack_in_blocks(source, single, smallest_block(if is_full { MIN_BODIES_IN_BLOCK } else { MIN_SPHERES_IN_BLOCK }))
+}
+
+/// Smallest number of bodies in a block, `usual` unless a test of the division among ranks has set another one: small scenes
+/// would be one block, which is not divided.
+fn smallest_block(usual: usize) -> usize {
+    #[cfg(feature = "mpi")]
+    {
+        use std::sync::LazyLock;
+        static SET_BY_TEST: LazyLock<Option<usize>> =
+            LazyLock::new(|| std::env::var("CD_TESTS_BLOCK").ok()?.parse().ok().filter(|&bodies| bodies > 0));
+        if let Some(bodies) = *SET_BY_TEST {
+            return bodies;
+        }
+    }
+    usual
 }
 
 /// Packs a problem in blocks of `min_bodies` bodies or more.

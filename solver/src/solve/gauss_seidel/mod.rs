@@ -6,6 +6,7 @@
 //! | `momentum` | momentum of the sweeps and its restarts |
 //! | [`layout`] | choice of the layout that a problem needs |
 //! | [`partition`] | division of bodies into blocks and of constraints into tasks and colours |
+//! | [`shares`] | division of a sweep among the ranks of a run |
 //! | [`blocked`] | blocks with their constraints, and the order of a sweep |
 //! | [`packed`] | interface, columns, units and sums of all layouts |
 //! | `vector` | vectors of three components in lanes |
@@ -22,4 +23,5 @@ pub(super) mod momentum;
 pub mod packed;
 pub mod partition;
 mod rolling;
+pub mod shares;
 mod vector;

@@ -58,11 +58,10 @@ impl<T: LaneFloat> RollingConstraintWide<T> {
         self.indices[lane] = index as u32;
     }
 
-    /// Copies the moments into `moments`, one per rolling constraint of the system.
-    pub fn read_back(&self, moments: &mut [Vec3]) {
-        for (lane, &index) in self.indices.iter().enumerate().filter(|(_, index)| **index != NO_INDEX) {
-            moments[index as usize] = Vec3::from(self.m.map(|m| m[lane].to_f64()));
-        }
+    /// Moments with the indices of their rolling constraints.
+    pub fn moments(&self) -> impl Iterator<Item = (u32, [f64; 3])> + '_ {
+        let occupied = self.indices.iter().enumerate().filter(|(_, index)| **index != NO_INDEX);
+        occupied.map(|(lane, &index)| (index, self.m.map(|m| m[lane].to_f64())))
     }
 
     /// Solves the moments of the `WIDTH` contacts from lane `from` on, each from y = m + beta (m - m_before); returns their changes.

@@ -21,6 +21,7 @@ use crate::solve::gauss_seidel::partition::{
     BodyPartition, GroupBodies, JointTask, MAX_COLOURS, SweepTasks, colour_pairs,
 };
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
+use crate::solve::gauss_seidel::shares::SweepShare;
 use crate::solve::gauss_seidel::vector::{dot_product, triple};
 use crate::solve::types::ContactReactions;
 use crate::state::ContactId;
@@ -209,7 +210,9 @@ impl<C: PairContacts> BlockProblem<C> {
         let fill = BlockSource { start: *source, block_data, units };
         let partition = BodyPartition::new(source.problem, source.active, min_bodies);
         let (pairs, ranks) = group_into_pairs(source.problem, source.active, &partition);
-        let SweepTasks { inside, joints, colours } = partition.sweep_tasks(&ranks);
+        let work = |pair: u32| pairs[pair as usize].rows.len() as u64;
+        let tasks = partition.sweep_tasks(&ranks);
+        let (SweepTasks { inside, joints, colours }, share) = SweepShare::divide(&partition, tasks, work);
         let blocks = inside.par_iter().enumerate().with_max_len(1).map(|(block, members)| {
             let bodies = GroupBodies::Block(partition.ranks(block));
             let mut lines: Vec<_> =
@@ -242,7 +245,7 @@ impl<C: PairContacts> BlockProblem<C> {
             BlockJoints::new(&partition, border, [C::T::ZERO; 8], PairGroup { inertia, batches })
         });
         let rows = source.problem.rows.len();
-        let bodies = BlockedProblem::new(blocks.collect(), joints.collect(), colours, rows);
+        let bodies = BlockedProblem::new(blocks.collect(), joints.collect(), colours, rows, share);
         BlockProblem { units, bodies }
     }
 
@@ -250,8 +253,8 @@ impl<C: PairContacts> BlockProblem<C> {
     pub fn read_back_reactions(&self, width: SimdWidth, problem: &ContactProblem, reactions: &mut ContactReactions) {
         let ContactReactions { impulses, moments } = reactions;
         let back = UnpackContext { problem, units: self.units, width };
-        let rolls = self.bodies.groups().flat_map(|group| &group.batches.rolls);
-        rolls.for_each(|rolls| rolls.read_back(moments));
+        self.bodies
+            .read_back_moments(moments, |group| group.batches.rolls.iter().flat_map(RollingConstraintWide::moments));
         self.bodies.read_back(impulses, |PairGroup { batches: PairBatches { points, impulses, rows, .. }, .. }| {
             let of_points = points.iter().zip(impulses).zip(rows);
             of_points.map(|((point, values), rows)| point.world_impulses(&back, rows, values)).collect()

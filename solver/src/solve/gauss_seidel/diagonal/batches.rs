@@ -16,6 +16,7 @@ use crate::solve::gauss_seidel::partition::{
     BodyPartition, GroupBodies, JointTask, MAX_COLOURS, SweepTasks, colour_pairs,
 };
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
+use crate::solve::gauss_seidel::shares::SweepShare;
 use crate::solve::types::ContactReactions;
 
 /// Constant data of sixteen contacts. Unused lanes have no normal and no friction, and stay at rest.
@@ -138,7 +139,8 @@ impl<B: PackedBody> DiagonalProblem<B> {
         let order = spatial_order(&partition);
         let pair = |&row: &u32| partition.pairs[row as usize];
         let pairs: Vec<[u32; 2]> = order.par_iter().with_min_len(PAR_MIN_LEN).map(pair).collect();
-        let SweepTasks { inside, joints, colours } = partition.sweep_tasks(&pairs);
+        let tasks = partition.sweep_tasks(&pairs);
+        let (SweepTasks { inside, joints, colours }, share) = SweepShare::divide(&partition, tasks, |_| 1);
         let pack = |constraints: &[u32], bodies: &GroupBodies| {
             let rows: Vec<u32> = constraints.iter().map(|&k| order[k as usize]).collect();
             pack_group::<B>(&rows, &partition.pairs, bodies, source, units)
@@ -154,7 +156,7 @@ impl<B: PackedBody> DiagonalProblem<B> {
             BlockJoints::new(&partition, ranks, B::PADDING, batches)
         });
         let rows = source.problem.rows.len();
-        let bodies = BlockedProblem::new(blocks.collect(), joints.collect(), colours, rows);
+        let bodies = BlockedProblem::new(blocks.collect(), joints.collect(), colours, rows, share);
         DiagonalProblem { units, bodies }
     }
 
@@ -162,8 +164,7 @@ impl<B: PackedBody> DiagonalProblem<B> {
     pub fn read_back_reactions(&self, width: SimdWidth, reactions: &mut ContactReactions) {
         let ContactReactions { impulses, moments } = reactions;
         let unit = self.units.impulse;
-        let rolls = self.bodies.groups().flat_map(|group| &group.rolls);
-        rolls.for_each(|rolls| rolls.read_back(moments));
+        self.bodies.read_back_moments(moments, |group| group.rolls.iter().flat_map(RollingConstraintWide::moments));
         self.bodies.read_back(impulses, |group| {
             let of_batch = |(batch, r): (usize, &BatchVectors<B::T>)| {
                 let mut r = r.0.map(|column| column.map(|r| r.to_f64() * unit));

@@ -1,0 +1,93 @@
+//! Agreement of the ranks of a run: on its input, on its state, and on its end.
+
+use std::fmt::Display;
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use cd_formats::error::{Fault, Faults};
+
+use crate::activity;
+use crate::ranks::{Ranks, gather_unequal};
+use crate::scene::Scene;
+use crate::state::State;
+
+/// Returns the case that this rank has read if all ranks have read the same.
+///
+/// Errors: the faults of this rank; on rank 0, which alone prints them, else those of the first rank that has some. Faults of
+/// rank 0 alone, such as a locked folder, end all ranks.
+pub fn agreed_case<T, E: Display + From<Faults>>(
+    ranks: &dyn Ranks,
+    read: Result<T, E>,
+    data: impl Fn(&T) -> (&Scene, &State),
+) -> Result<T, E> {
+    if ranks.size() == 1 {
+        return read;
+    }
+    let own = match &read {
+        Ok(case) => {
+            let (scene, state) = data(case);
+            [&[0][..], &input_digest(scene, state).to_le_bytes()].concat()
+        }
+        Err(failure) => [&[1], failure.to_string().as_bytes()].concat(),
+    };
+    let all = gather_unequal(ranks, &own);
+    let case = read?;
+    for (rank, bytes) in all.iter().enumerate() {
+        let object = format!("rank {rank}");
+        if bytes[0] != 0 {
+            let found = format!("has rejected it: {}", String::from_utf8_lossy(&bytes[1..]).trim_end());
+            let expected = "a folder that all ranks can read";
+            return Err(Faults::from(Fault::new("case".as_ref(), None, object, found, expected)).into());
+        }
+        if *bytes != all[0] {
+            let found = "has read other input than rank 0";
+            let expected = "one DATBOX and OUTBOX, in a folder that all ranks share";
+            return Err(Faults::from(Fault::new("case".as_ref(), None, object, found, expected)).into());
+        }
+    }
+    Ok(case)
+}
+
+/// Makes a request to stop, of which any rank may have been informed, that of all ranks; to be called after each step.
+///
+/// Errors: the ranks have different states, which must not happen.
+pub fn agree_on_step(ranks: &dyn Ranks, state: &State) -> Result<(), String> {
+    if ranks.size() == 1 {
+        return Ok(());
+    }
+    let mut own = state_digest(state).to_le_bytes().to_vec();
+    own.push(u8::from(activity::is_stop_requested()));
+    let all = ranks.gather(&own, &vec![own.len(); ranks.size()]);
+    let all: Vec<&[u8]> = all.chunks_exact(own.len()).collect();
+    if all.iter().any(|of_rank| of_rank.last() == Some(&1)) {
+        activity::agree_to_stop();
+    }
+    let differs = |of_rank: &&[u8]| of_rank[..8] != all[0][..8];
+    match all.iter().position(|of_rank| differs(&of_rank)) {
+        Some(rank) => Err(format!(
+            "step {}: rank {rank} has another state than rank 0; snapshots written before are valid",
+            state.step
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Digest of what a run starts from.
+fn input_digest(scene: &Scene, state: &State) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    state_digest(state).hash(&mut hasher);
+    format!("{:?} {:?} {:?}", scene.options, state.laws, state.ledger).hash(&mut hasher);
+    for body in &scene.bodies {
+        [body.mass, body.radius].map(f64::to_bits).hash(&mut hasher);
+    }
+    hasher.finish()
+}
+
+/// Digest of positions and velocities.
+fn state_digest(state: &State) -> u64 {
+    let vectors = [&state.x, &state.v, &state.w].into_iter().flatten().flat_map(|v| [v.x, v.y, v.z]);
+    let turns = state.q.iter().flat_map(|q| [q.w, q.i, q.j, q.k]);
+    // FNV-1a, on numbers in place of bytes.
+    let mix =
+        |digest: u64, number: f64| (digest ^ number.to_bits()).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(29);
+    vectors.chain(turns).fold(state.step ^ 0xcbf2_9ce4_8422_2325, mix)
+}

@@ -1,0 +1,64 @@
+//! Start as one of several processes, and its end.
+
+use cd_formats::error::Fault;
+
+use super::{Alone, Ranks};
+
+/// Variables in which launchers of MPI programs give the number of processes.
+const SIZE_VARIABLES: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MV2_COMM_WORLD_SIZE"];
+
+/// Variables that a process has if a launcher of MPI programs has started it.
+#[cfg(feature = "mpi")]
+const LAUNCH_VARIABLES: [&str; 6] =
+    ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMI_RANK", "PMIX_RANK", "MV2_COMM_WORLD_SIZE", "PALS_RANKID"];
+
+/// The ranks of a run, from its start to its end. If it is dropped by a panic, all ranks end.
+pub struct RankSession {
+    pub ranks: &'static dyn Ranks,
+    #[cfg(feature = "mpi")]
+    _universe: Option<mpi::environment::Universe>,
+}
+
+impl Drop for RankSession {
+    fn drop(&mut self) {
+        if self.ranks.size() > 1 && std::thread::panicking() {
+            self.ranks.abort(PANIC_CODE);
+        }
+    }
+}
+
+/// Exit code of a program that panics.
+const PANIC_CODE: i32 = 101;
+
+/// Joins the other processes of the launcher; a process that no launcher has started is alone.
+///
+/// Errors: this build is without MPI and one of several processes, or the MPI library lets one thread alone communicate.
+pub fn begin_session() -> Result<RankSession, Fault> {
+    #[cfg(feature = "mpi")]
+    if LAUNCH_VARIABLES.iter().any(|name| std::env::var_os(name).is_some())
+        && let Some((universe, threading)) = mpi::initialize_with_threading(mpi::Threading::Serialized)
+    {
+        if threading < mpi::Threading::Serialized {
+            let (found, expected) = ("no thread but the first may communicate", "a build with MPI_THREAD_SERIALIZED");
+            return Err(Fault::new("mpirun".as_ref(), None, "MPI library", found, expected));
+        }
+        let ranks = Box::leak(Box::new(super::mpi_ranks::MpiRanks::new()));
+        return Ok(RankSession { ranks, _universe: Some(universe) });
+    }
+    let is_several = |name: &&&str| std::env::var(name).is_ok_and(|size| size.parse().is_ok_and(|size: u64| size > 1));
+    if !cfg!(feature = "mpi")
+        && let Some(name) = SIZE_VARIABLES.iter().find(is_several)
+    {
+        let found =
+            format!("is one of {}, and this cd-solve is built without MPI", std::env::var(name).unwrap_or_default());
+        let expected = format!(
+            "expected a build by `cargo build --release -p cd-solve --features mpi`, or a start without mpirun; to run alone nevertheless, unset {name}"
+        );
+        return Err(Fault::new("mpirun".as_ref(), None, "process", found, expected));
+    }
+    Ok(RankSession {
+        ranks: &Alone,
+        #[cfg(feature = "mpi")]
+        _universe: None,
+    })
+}

@@ -1,0 +1,121 @@
+//! Ranks that are threads of one process: the same computations as with MPI, for tests on machines without it.
+
+use std::collections::VecDeque;
+use std::sync::{Barrier, Condvar, Mutex, PoisonError};
+use std::thread;
+
+use super::{RankMessage, Ranks, set_current};
+
+/// Mail from one rank to another.
+#[derive(Default)]
+struct Mailbox {
+    messages: Mutex<VecDeque<Vec<u8>>>,
+    arrived: Condvar,
+}
+
+/// Memory that the ranks share.
+struct SharedMail {
+    barrier: Barrier,
+    /// Bytes that each rank gives to all.
+    given: Vec<Mutex<Vec<u8>>>,
+    /// Mailboxes by sender and receiver.
+    mail: Vec<Vec<Mailbox>>,
+}
+
+/// A thread as a rank.
+pub struct ThreadRank {
+    rank: usize,
+    shared: &'static SharedMail,
+}
+
+impl ThreadRank {
+    /// Gives bytes to all ranks; returns those of all.
+    fn gather_all(&self, own: &[u8]) -> Vec<Vec<u8>> {
+        let lock = |bytes: &'static Mutex<Vec<u8>>| bytes.lock().unwrap_or_else(PoisonError::into_inner);
+        *lock(&self.shared.given[self.rank]) = own.to_vec();
+        self.shared.barrier.wait();
+        let all = self.shared.given.iter().map(|bytes| lock(bytes).clone()).collect();
+        self.shared.barrier.wait();
+        all
+    }
+}
+
+impl Ranks for ThreadRank {
+    fn rank(&self) -> usize {
+        self.rank
+    }
+
+    fn size(&self) -> usize {
+        self.shared.given.len()
+    }
+
+    fn exchange(&self, outgoing: &[RankMessage], incoming: &mut [RankMessage]) {
+        for RankMessage { rank, bytes } in outgoing {
+            let Mailbox { messages, arrived } = &self.shared.mail[self.rank][*rank];
+            messages.lock().unwrap_or_else(PoisonError::into_inner).push_back(bytes.clone());
+            arrived.notify_one();
+        }
+        for RankMessage { rank, bytes } in incoming {
+            let Mailbox { messages, arrived } = &self.shared.mail[*rank][self.rank];
+            let mut messages = messages.lock().unwrap_or_else(PoisonError::into_inner);
+            let message = loop {
+                match messages.pop_front() {
+                    Some(message) => break message,
+                    None => messages = arrived.wait(messages).unwrap_or_else(PoisonError::into_inner),
+                }
+            };
+            bytes.copy_from_slice(&message);
+        }
+    }
+
+    fn sum(&self, numbers: &mut [i64]) {
+        let all = self.gather_all(super::as_bytes(numbers));
+        numbers.fill(0);
+        for of_rank in all {
+            numbers.iter_mut().zip(super::from_bytes::<i64>(&of_rank)).for_each(|(sum, number)| *sum += number);
+        }
+    }
+
+    fn gather(&self, own: &[u8], lengths: &[usize]) -> Vec<u8> {
+        let all = self.gather_all(own);
+        assert!(all.iter().map(Vec::len).eq(lengths.iter().copied()));
+        all.concat()
+    }
+
+    fn broadcast(&self, bytes: &mut [u8]) {
+        bytes.copy_from_slice(&self.gather_all(bytes)[0]);
+    }
+
+    fn barrier(&self) {
+        self.shared.barrier.wait();
+    }
+
+    fn abort(&self, code: i32) -> ! {
+        std::process::exit(code)
+    }
+}
+
+/// Runs `work` on `size` ranks, each with a pool of one thread of its own; returns the results by rank.
+///
+/// # Panics
+///
+/// If the work of a rank panics, or a thread cannot be started. Meant for tests: the memory that the ranks share is not
+/// freed.
+pub fn run_as_ranks<T: Send>(size: usize, work: impl Fn(&'static dyn Ranks) -> T + Sync) -> Vec<T> {
+    let mailboxes = || (0..size).map(|_| Mailbox::default()).collect();
+    let shared: &'static SharedMail = Box::leak(Box::new(SharedMail {
+        barrier: Barrier::new(size),
+        given: (0..size).map(|_| Mutex::default()).collect(),
+        mail: (0..size).map(|_| mailboxes()).collect(),
+    }));
+    let work = &work;
+    let of_rank = |rank: usize| {
+        let ranks: &'static dyn Ranks = Box::leak(Box::new(ThreadRank { rank, shared }));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).start_handler(move |_| set_current(ranks)).build();
+        pool.expect("a thread").install(|| work(ranks))
+    };
+    thread::scope(|scope| {
+        let ranks: Vec<_> = (0..size).map(|rank| scope.spawn(move || of_rank(rank))).collect();
+        ranks.into_iter().map(|rank| rank.join().expect("a result of each rank")).collect()
+    })
+}

@@ -1,0 +1,303 @@
+//! Division of a sweep among the ranks of a run.
+//!
+//! A rank sweeps a run of blocks and all joint tasks with a body in one of them. A task with bodies of blocks of several ranks
+//! is swept by each of these, from the same numbers: before each colour the velocities of its bodies are sent by the ranks
+//! that sweep their blocks, so that no result travels back. The sums of a sweep are gathered and added in the order of one
+//! rank.
+//!
+//! In this file a *body* is its index along Morton's curve, which [`partition`](super::partition) calls rank.
+
+use std::ops::Range;
+
+use bytemuck::Pod;
+
+use crate::activity;
+use crate::math::simd::LaneFloat;
+use crate::ranks::{
+    self, RankMessage, Ranks, as_bytes, count_divided_sweep, exchange_counted, from_bytes, gather_counted,
+};
+use crate::solve::gauss_seidel::packed::{BATCH_LANES, SweepSums};
+use crate::solve::gauss_seidel::partition::{BodyPartition, JointTask, SweepTasks};
+
+/// Tasks of this rank, and the messages of a sweep.
+pub struct SweepShare {
+    ranks: &'static dyn Ranks,
+    /// Blocks of each rank.
+    blocks: Vec<Range<usize>>,
+    /// Participating ranks of each joint task, ascending.
+    participants: Vec<Vec<u32>>,
+    /// Messages before each colour.
+    colours: Vec<ColourMessages>,
+}
+
+/// Messages between this rank and others before a colour of joints.
+#[derive(Default)]
+struct ColourMessages {
+    outgoing: Vec<LineMessage>,
+    incoming: Vec<LineMessage>,
+    /// Buffers of both.
+    sent: Vec<RankMessage>,
+    received: Vec<RankMessage>,
+}
+
+/// Lines of bodies that a rank sends to another.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LineMessage {
+    /// The other rank.
+    pub rank: u32,
+    /// Blocks of the bodies, and their indices there.
+    pub lines: Vec<(u32, u32)>,
+}
+
+/// Numbers of a line of a body that change in a sweep: three of four.
+const CHANGING_NUMBERS: usize = 3;
+const NUMBERS_IN_QUARTET: usize = 4;
+
+impl SweepShare {
+    /// Divides tasks among the current ranks: returns them with the constraints of this rank alone, and the division, if there
+    /// are several ranks and blocks. `work`: relative cost of a constraint.
+    pub fn divide(
+        partition: &BodyPartition,
+        mut tasks: SweepTasks,
+        work: impl Fn(u32) -> u64,
+    ) -> (SweepTasks, Option<Self>) {
+        let ranks = ranks::current();
+        if ranks.size() == 1 || partition.block_count() == 1 {
+            return (tasks, None);
+        }
+        let share = SweepShare::new(ranks, partition, &tasks, work);
+        let own_blocks = share.own_blocks();
+        let inside = tasks.inside.iter_mut().enumerate().filter(|(block, _)| !own_blocks.contains(block));
+        inside.for_each(|(_, constraints)| constraints.clear());
+        let joints = tasks.joints.iter_mut().enumerate().filter(|(joint, _)| !share.sweeps_joint(*joint));
+        joints.for_each(|(_, task)| *task = JointTask { constraints: vec![], ranks: vec![] });
+        (tasks, Some(share))
+    }
+
+    fn new(
+        ranks: &'static dyn Ranks,
+        partition: &BodyPartition,
+        tasks: &SweepTasks,
+        work: impl Fn(u32) -> u64,
+    ) -> Self {
+        let blocks = cut_by_work(&block_work(partition, tasks, work), ranks.size());
+        let owners = block_owners(&blocks);
+        let participants = tasks.joints.iter().map(|task| participants(partition, task, &owners)).collect();
+        let mut share = SweepShare { ranks, blocks, participants, colours: Vec::new() };
+        let mut first = 0;
+        for &end in &tasks.colours {
+            let (own, mut messages) = (ranks.rank() as u32, ColourMessages::default());
+            let of_colour = tasks.joints[first..end].iter().zip(&share.participants[first..end]);
+            for (task, participants) in of_colour.filter(|(_, participants)| participants.contains(&own)) {
+                for &body in &task.ranks {
+                    let (block, index) = partition.position(body);
+                    let owner = owners[block as usize];
+                    if owner != own {
+                        add_line(&mut messages.incoming, owner, (block, index));
+                    }
+                    for &other in participants.iter().filter(|&&other| owner == own && other != own) {
+                        add_line(&mut messages.outgoing, other, (block, index));
+                    }
+                }
+            }
+            share.colours.push(messages);
+            first = end;
+        }
+        share
+    }
+
+    /// Blocks of this rank.
+    pub fn own_blocks(&self) -> Range<usize> {
+        self.blocks[self.ranks.rank()].clone()
+    }
+
+    /// Whether this rank sweeps a joint task.
+    pub fn sweeps_joint(&self, joint: usize) -> bool {
+        self.participants[joint].contains(&(self.ranks.rank() as u32))
+    }
+
+    /// Replaces the velocities of bodies of other ranks that the joints of a colour need in their `blocks`, lists of lines of
+    /// numbers `T`.
+    pub fn exchange_lines<N: Pod, T: Pod>(&mut self, colour: usize, blocks: &mut [impl AsMut<[N]>]) {
+        let ColourMessages { outgoing, incoming, sent, received } = &mut self.colours[colour];
+        if outgoing.is_empty() && incoming.is_empty() {
+            return;
+        }
+        let line_bytes = size_of::<N>() / NUMBERS_IN_QUARTET * CHANGING_NUMBERS;
+        if sent.len() + received.len() == 0 {
+            let buffer = |message: &LineMessage| RankMessage {
+                rank: message.rank as usize,
+                bytes: vec![0; message.lines.len() * line_bytes],
+            };
+            (*sent, *received) = (outgoing.iter().map(buffer).collect(), incoming.iter().map(buffer).collect());
+        }
+        let changing = NUMBERS_IN_QUARTET * size_of::<T>();
+        let kept = CHANGING_NUMBERS * size_of::<T>();
+        for (message, buffer) in outgoing.iter().zip(&mut *sent) {
+            for (&(block, index), to) in message.lines.iter().zip(buffer.bytes.chunks_exact_mut(line_bytes)) {
+                let line = bytemuck::bytes_of(&blocks[block as usize].as_mut()[index as usize]);
+                for (from, to) in line.chunks_exact(changing).zip(to.chunks_exact_mut(kept)) {
+                    to.copy_from_slice(&from[..kept]);
+                }
+            }
+        }
+        exchange_counted(self.ranks, sent, received);
+        for (message, buffer) in incoming.iter().zip(&*received) {
+            for (&(block, index), from) in message.lines.iter().zip(buffer.bytes.chunks_exact(line_bytes)) {
+                let line = bytemuck::bytes_of_mut(&mut blocks[block as usize].as_mut()[index as usize]);
+                for (from, to) in from.chunks_exact(kept).zip(line.chunks_exact_mut(changing)) {
+                    to[..kept].copy_from_slice(from);
+                }
+            }
+        }
+    }
+
+    /// Replaces the sums of the tasks that other ranks sweep, and stops all ranks if one of them was requested to stop.
+    /// `blocks` and `joints`: sums of all tasks, of which those of this rank are set.
+    pub fn gather_sums<T: LaneFloat>(&self, blocks: &mut [&mut SweepSums<T>], joints: &mut [&mut SweepSums<T>]) {
+        count_divided_sweep();
+        let own = self.ranks.rank();
+        let mut bytes = Vec::new();
+        let mut add = |sums: &SweepSums<T>| {
+            bytes.extend_from_slice(as_bytes(&sums.restart_product));
+            bytes.extend_from_slice(as_bytes(&sums.change2));
+        };
+        blocks[self.blocks[own].clone()].iter().for_each(|sums| add(sums));
+        self.reported_joints(own).for_each(|joint| add(joints[joint]));
+        bytes.push(u8::from(activity::is_stop_requested()));
+        let task_bytes = 2 * BATCH_LANES * size_of::<T>();
+        let tasks = |rank: usize| self.blocks[rank].len() + self.reported_joints(rank).count();
+        let lengths: Vec<usize> = (0..self.ranks.size()).map(|rank| tasks(rank) * task_bytes + 1).collect();
+        let all = gather_counted(self.ranks, &bytes, &lengths);
+        let mut rest = &all[..];
+        for rank in 0..self.ranks.size() {
+            let mut next = |sums: &mut SweepSums<T>| {
+                let (first, later) = rest.split_at(task_bytes);
+                let numbers: Vec<T> = from_bytes(first);
+                sums.restart_product.copy_from_slice(&numbers[..BATCH_LANES]);
+                sums.change2.copy_from_slice(&numbers[BATCH_LANES..]);
+                rest = later;
+            };
+            blocks[self.blocks[rank].clone()].iter_mut().for_each(|sums| next(sums));
+            self.reported_joints(rank).for_each(|joint| next(joints[joint]));
+            if rest[0] != 0 {
+                activity::agree_to_stop();
+            }
+            rest = &rest[1..];
+        }
+    }
+
+    /// Joint tasks whose sums and impulses a rank gives: it is the first that sweeps them.
+    pub fn reported_joints(&self, rank: usize) -> impl Iterator<Item = usize> + '_ {
+        let is_first = move |(_, participants): &(usize, &Vec<u32>)| participants.first() == Some(&(rank as u32));
+        self.participants.iter().enumerate().filter(is_first).map(|(joint, _)| joint)
+    }
+
+    /// Number of this rank.
+    pub fn rank(&self) -> usize {
+        self.ranks.rank()
+    }
+
+    /// Gathers vectors with their indices: `set` is called with all, in the order of the ranks.
+    pub fn gather_vectors(&self, own: &[(u32, [f64; 3])], mut set: impl FnMut(usize, [f64; 3])) {
+        let indices: Vec<u32> = own.iter().map(|(index, _)| *index).collect();
+        let vectors: Vec<[f64; 3]> = own.iter().map(|(_, vector)| *vector).collect();
+        let all = ranks::gather_unequal(self.ranks, &[as_bytes(&indices), as_bytes(&vectors)].concat());
+        for of_rank in all {
+            let (indices, vectors) = of_rank.split_at(of_rank.len() / 7);
+            let vectors: Vec<[f64; 3]> = from_bytes(vectors);
+            from_bytes::<u32>(indices).into_iter().zip(vectors).for_each(|(index, vector)| set(index as usize, vector));
+        }
+    }
+}
+
+/// Adds a line to the message of a rank.
+fn add_line(messages: &mut Vec<LineMessage>, rank: u32, line: (u32, u32)) {
+    match messages.iter_mut().find(|message| message.rank == rank) {
+        Some(message) => message.lines.push(line),
+        None => messages.push(LineMessage { rank, lines: vec![line] }),
+    }
+}
+
+/// Relative cost of a sweep by block: a constraint between blocks counts in both.
+pub fn block_work(partition: &BodyPartition, tasks: &SweepTasks, work: impl Fn(u32) -> u64) -> Vec<u64> {
+    let of_block = |constraints: &Vec<u32>| 2 * constraints.iter().map(|&k| work(k)).sum::<u64>();
+    let mut all: Vec<u64> = tasks.inside.iter().map(of_block).collect();
+    for task in &tasks.joints {
+        let of_task: u64 = task.constraints.iter().map(|&k| work(k)).sum();
+        // Bodies of a joint task have about the same number of constraints in it.
+        let of_body = 2 * of_task / task.ranks.len().max(1) as u64;
+        task.ranks.iter().for_each(|&body| all[partition.position(body).0 as usize] += of_body);
+    }
+    all
+}
+
+/// Cuts a list into at most `parts` runs whose largest sum of `work` is as small as possible; runs at the end may be empty.
+///
+/// ```
+/// # use cd_solve::solve::gauss_seidel::shares::cut_by_work;
+/// assert_eq!(cut_by_work(&[3, 1, 1, 4, 2], 3), [0..3, 3..4, 4..5]);
+/// assert_eq!(cut_by_work(&[1, 1], 3), [0..1, 1..2, 2..2]);
+/// ```
+pub fn cut_by_work(work: &[u64], parts: usize) -> Vec<Range<usize>> {
+    let runs = |capacity: u64| {
+        let (mut runs, mut first, mut sum) = (Vec::new(), 0, 0u64);
+        for (k, &of_item) in work.iter().enumerate() {
+            if k > first && sum + of_item > capacity {
+                runs.push(first..k);
+                (first, sum) = (k, 0);
+            }
+            sum += of_item;
+        }
+        runs.push(first..work.len());
+        runs
+    };
+    let (mut too_small, mut enough) = (0, work.iter().sum::<u64>());
+    while too_small + 1 < enough {
+        let middle = too_small + (enough - too_small) / 2;
+        let fits = runs(middle).len() <= parts && work.iter().all(|&of_item| of_item <= middle);
+        if fits {
+            enough = middle;
+        } else {
+            too_small = middle;
+        }
+    }
+    let mut cut = runs(enough);
+    cut.resize(parts, work.len()..work.len());
+    cut
+}
+
+/// Rank of each block.
+pub fn block_owners(blocks: &[Range<usize>]) -> Vec<u32> {
+    (0..).zip(blocks).flat_map(|(rank, blocks)| blocks.clone().map(move |_| rank)).collect()
+}
+
+/// Ranks that sweep a joint task, ascending.
+pub fn participants(partition: &BodyPartition, task: &JointTask, owners: &[u32]) -> Vec<u32> {
+    let mut all: Vec<u32> = task.ranks.iter().map(|&body| owners[partition.position(body).0 as usize]).collect();
+    // Bodies, and so their blocks and the ranks of these, ascend.
+    all.dedup();
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_have_the_smallest_largest_work() {
+        let work: Vec<u64> = (0..16).map(|k| 100 + (k * 37) % 50).collect();
+        for parts in [1, 2, 3, 5, 16, 20] {
+            let cut = cut_by_work(&work, parts);
+            let ends: Vec<usize> = cut.iter().map(|run| run.end).collect();
+            assert!(cut.len() == parts && cut[0].start == 0 && ends[parts - 1] == work.len());
+            assert!(cut.windows(2).all(|pair| pair[0].end == pair[1].start));
+            let of_run = |run: &Range<usize>| work[run.clone()].iter().sum::<u64>();
+            let largest = cut.iter().map(of_run).max().unwrap();
+            // No cut is better than the mean or than the largest block, and blocks are at most 149.
+            let mean = work.iter().sum::<u64>().div_ceil(parts as u64);
+            assert!(largest >= mean && largest <= mean + 149, "{largest} {mean}");
+        }
+        assert_eq!(cut_by_work(&[], 2), [0..0, 0..0]);
+    }
+}
