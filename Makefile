@@ -12,7 +12,7 @@ MDBOOK := $(TARGET)/mdbook-$(MDBOOK_VERSION)/bin/mdbook
 MANUAL := $(TARGET)/manual
 EXTREMES := extremes envelope limits thousand_periods a_minute a_wall_stands
 
-.PHONY: help build demo paper accuracy-study trade extremes performance performance-page test python aarch64 vtk browser golden dist lint fmt doc docs check clean
+.PHONY: help build demo paper accuracy-study trade extremes performance performance-page test ranks python aarch64 vtk browser golden dist lint fmt doc docs check clean
 .DEFAULT_GOAL := help
 
 help: ## lists the targets
@@ -89,6 +89,10 @@ test: ## all tests; with CD_REQUIRE_VTK=1, CD_REQUIRE_CHROMIUM=1 and CD_REQUIRE_
 	$(CARGO) test --workspace --no-fail-fast
 	$(MAKE) --no-print-directory vtk
 	$(MAKE) --no-print-directory browser
+
+# Apart from the programs of the other tests, which are built without MPI.
+ranks: ## runs small scenes on several processes of MPI; with CD_REQUIRE_MPI=1 a missing mpirun is an error
+	$(CARGO) test --package cd-solve --features mpi --target-dir $(TARGET)/ranks --test cases -- ranks
 
 # The programs are those of `make build`, with symbols; with CD_BIN those of another folder.
 python: ## installs the Python package in target/python-venv and runs its tests and mypy there

@@ -40,6 +40,9 @@ struct CommandLine {
     /// Estimate the cost of the run (models, memory, disk, time of a step, bounds on h) and write no files.
     #[arg(long, conflicts_with = "dump_problem")]
     plan: bool,
+    /// With --plan: divide the sweeps of the next step among so many processes, by count, and estimate their time.
+    #[arg(long, value_name = "RANKS", requires = "plan", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    ranks: Option<u32>,
     /// Write the contact problem of this step of the run to DIR/problem-STEP.fc3d.
     #[arg(long, value_name = "STEP")]
     dump_problem: Option<u64>,
@@ -207,10 +210,18 @@ fn advance_case(
     ranks: &'static dyn Ranks,
 ) -> Result<String, RunFailure> {
     let (case, PreparedCase { scene, state, resumed, _lock }) = (&arguments.dir, prepared);
-    let pool = start_threads(scene.options.threads, ranks)?;
     if arguments.plan {
-        return Ok(pool.install(|| plan::plan_text(&scene, &state)));
+        // Its trial ends after some time, which differs between ranks.
+        let planned = arguments.ranks.map(|ranks| ranks as usize);
+        let plan = || plan::plan_text(&scene, &state, planned);
+        let is_printed = ranks.rank() == 0;
+        return if is_printed {
+            Ok(start_threads(scene.options.threads, &Alone)?.install(plan))
+        } else {
+            Ok(String::new())
+        };
     }
+    let pool = start_threads(scene.options.threads, ranks)?;
     // Nothing is rejected from here on.
     if arguments.force && ranks.rank() == 0 {
         write::remove_results(case)?;

@@ -3,12 +3,15 @@
 #[path = "../benches/packing.rs"]
 mod packing;
 
+use std::sync::Mutex;
+
 use cd_formats::compute::SweepPrecision;
 use cd_solve::assemble::{ContactProblem, SolverBody};
 use cd_solve::math::Vec3;
 use cd_solve::math::simd::SimdWidth;
 use cd_solve::ranks::threads::run_as_ranks;
-use cd_solve::solve::gauss_seidel::layout::pack_in_blocks;
+use cd_solve::ranks::traffic;
+use cd_solve::solve::gauss_seidel::layout::{division_counts, pack_in_blocks, pack_problem};
 use cd_solve::solve::gauss_seidel::packed::PackSource;
 use cd_solve::solve::residual::ResidualEvaluator;
 use cd_solve::solve::{ContactReactions, ContactSolution, StoppingCriteria, solve_nlgs};
@@ -53,10 +56,14 @@ fn neither_threads_nor_vectors_change_a_solution() {
     }
 }
 
+/// Lock of the tests with ranks, whose traffic is counted for the whole process.
+static ONE_SET_OF_RANKS: Mutex<()> = Mutex::new(());
+
 /// Four blocks of spheres and eight of cuboids on up to five ranks. Sweeps in single precision begin anew where it ends, and
 /// moments are gathered in the same way as impulses.
 #[test]
 fn ranks_change_no_solution() {
+    let _alone = ONE_SET_OF_RANKS.lock();
     let (spheres, cuboids) = (packing::packing(17, 0.4), packing::blocks(17, 0.4));
     let resisting = packing::resisting(spheres.clone());
     let (single, double) = (SweepPrecision::Single, SweepPrecision::Double);
@@ -72,6 +79,38 @@ fn ranks_change_no_solution() {
         for size in [2, 3, 5] {
             let found = run_as_ranks(size, |_| solve());
             assert!(found.iter().all(|found| *found == alone), "{size} ranks");
+        }
+    }
+}
+
+/// Messages of ranks are those that a plan counts: at most one for each neighbour and colour, with few bodies twice.
+#[test]
+fn ranks_send_what_a_plan_counts() {
+    let _alone = ONE_SET_OF_RANKS.lock();
+    let width = SimdWidth::detect();
+    let sweep = |system: &ContactProblem, active: &[ContactId], single: bool| {
+        let reactions = ContactReactions::zeros(system);
+        let solver_bodies = &system.bodies;
+        let source = PackSource { problem: system, active, reactions: &reactions, solver_bodies, width };
+        pack_problem(&source, single).sweep_contacts(width, 0.0);
+    };
+    for (system, single) in [(packing::packing(17, 0.4), true), (packing::blocks(17, 0.4), false)] {
+        let active: Vec<ContactId> = (0..system.rows.len()).map(ContactId::new).collect();
+        for size in [2, 4, 8] {
+            let counts = division_counts(&system, &active, size);
+            // Of all ranks, as they share this process.
+            let before = traffic();
+            run_as_ranks(size, |_| sweep(&system, &active, single));
+            let after = traffic();
+            let (messages, lines): (u64, u64) = (counts.messages.iter().sum(), counts.lines.iter().sum());
+            let line_bytes = if single { 24 } else { 48 };
+            assert_eq!(after.messages - before.messages, messages, "{size}");
+            assert_eq!(after.message_bytes - before.message_bytes, lines * line_bytes, "{size}");
+            let ghosts: u64 = counts.ghosts.iter().sum();
+            println!("{size} ranks, {} blocks, {} colours: {counts:?}", counts.blocks, counts.colours);
+            assert!(counts.colours <= 18 && lines as f64 * 24.0 <= 1.3 * 28.0 * ghosts as f64, "{lines} {ghosts}");
+            let bound = |neighbours: &u64| neighbours * counts.colours as u64;
+            assert!(counts.messages.iter().zip(&counts.neighbours).all(|(sent, others)| *sent <= bound(others)));
         }
     }
 }

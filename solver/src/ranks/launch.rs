@@ -49,8 +49,10 @@ pub fn begin_session() -> Result<RankSession, Fault> {
     if !cfg!(feature = "mpi")
         && let Some(name) = SIZE_VARIABLES.iter().find(is_several)
     {
-        let found =
-            format!("is one of {}, and this cd-solve is built without MPI", std::env::var(name).unwrap_or_default());
+        let found = format!(
+            "is one of {} processes, and this cd-solve is built without MPI",
+            std::env::var(name).unwrap_or_default()
+        );
         let expected = format!(
             "expected a build by `cargo build --release -p cd-solve --features mpi`, or a start without mpirun; to run alone nevertheless, unset {name}"
         );

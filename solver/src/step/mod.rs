@@ -186,10 +186,16 @@ fn penetration_tolerance_factor(penetration_tol: f64, left: f64) -> f64 {
 
 /// Number of `dt` in the next step, and the contact problem of that step, written out.
 pub fn next_problem(scene: &Scene, state: &State) -> (u64, assemble::StoredProblem) {
+    let (step_multiple, contact_problem, contacts) = next_contact_problem(scene, state);
+    (step_multiple, assemble::stored_problem(&contact_problem, &contacts))
+}
+
+/// Number of `dt` in the next step, and the contact problem of that step with its contacts.
+pub fn next_contact_problem(scene: &Scene, state: &State) -> (u64, assemble::ContactProblem, Vec<Contact>) {
     let mut state = state.clone();
     let (events, q_c) = begin_step(scene, &mut state);
     let free = assemble::free_velocity(scene, &state, &q_c, &events.shakes);
     let contacts = detect::listed_contacts(scene, &q_c, free.velocities(), &mut state.detection_cache);
     let contact_problem = assemble::contact_problem(scene, &state, &q_c, &contacts, free.velocities());
-    (q_c.step_multiple, assemble::stored_problem(&contact_problem, &contacts))
+    (q_c.step_multiple, contact_problem, contacts)
 }

@@ -34,6 +34,8 @@ mod periodic;
 mod plates_and_cylinders;
 mod polyhedra;
 mod postpro;
+#[cfg(feature = "mpi")]
+mod ranks;
 mod refusals;
 mod rolling;
 mod rotation;

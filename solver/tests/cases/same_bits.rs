@@ -13,7 +13,7 @@ use cd_solve::math::simd::SimdWidth;
 use crate::case::{Case, Figures, Vec3, equal, near, shaken_lattice, uniform};
 
 /// Wet spheres of their own gravity in a shaken tub, with events before and after step 30.
-fn scene(side: i64) -> Case {
+pub fn scene(side: i64) -> Case {
     let mut case = Case::new();
     case.law_with("SPHER", "IQS_WET_DS_CLB", &[0.05, 0.0, 0.02, 0.3, 0.5]);
     case.law_with("PLANx", "RST_DS_CLB", &[0.6, 0.2, 0.3, 0.4]);
@@ -57,7 +57,7 @@ fn scene(side: i64) -> Case {
 }
 
 /// A slab of bonded spheres that falls on the floor and breaks, with events before and after step 30.
-fn slab() -> Case {
+pub fn slab() -> Case {
     let mut case = Case::new();
     case.law_with("SPHER", "IQS_MOHR_DS_CLB", &[300.0, 200.0, 0.3, 0.5]);
     case.law_with("PLANx", "xQS_WET_DS_CLB", &[0.5, 0.0, 0.02, 0.3, 0.5]);
@@ -77,7 +77,7 @@ fn slab() -> Case {
 }
 
 /// Name and bytes of all files of OUTBOX.
-fn outbox(case: &Path) -> BTreeMap<String, Vec<u8>> {
+pub fn outbox(case: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = std::fs::read_dir(case.join("OUTBOX")).unwrap().map(Result::unwrap);
     entries.map(|entry| (entry.file_name().into_string().unwrap(), std::fs::read(entry.path()).unwrap())).collect()
 }
@@ -117,7 +117,7 @@ fn threads_change_nothing() {
 
 /// Spheres or blocks of their own gravity, pressed into each other at the start, that move at random and collapse on a
 /// floor. Most have several contacts, so that every list is long enough to be divided over 16 threads.
-fn collapse(side: i64, blocks: bool) -> Case {
+pub fn collapse(side: i64, blocks: bool) -> Case {
     let mut case = Case::new();
     case.law_of_all("IQS_CLB", &[0.4]);
     case.gravity = [0.1, 0.0, -4.0];
@@ -451,7 +451,7 @@ fn the_texts_of_a_run_start_another() {
 }
 
 /// Thirty balls, or blocks, that fall into a tub and on each other.
-fn poured(blocks: bool, law: &str, parameters: &[f64]) -> Case {
+pub fn poured(blocks: bool, law: &str, parameters: &[f64]) -> Case {
     let mut case = Case::new();
     case.law_of_all(law, parameters);
     case.gravity = [0.15, 0.05, -4.0];

@@ -1,9 +1,14 @@
 //! Choice of the layout in which a contact problem is swept.
 
+use crate::assemble::ContactProblem;
 use crate::math::simd::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32};
+use crate::solve::gauss_seidel::block;
 use crate::solve::gauss_seidel::block::batches::{BlockProblem, FrictionalPoint, FrictionlessPoint};
-use crate::solve::gauss_seidel::diagonal::batches::DiagonalProblem;
+use crate::solve::gauss_seidel::diagonal::batches::{DiagonalProblem, contact_tasks};
 use crate::solve::gauss_seidel::packed::{PackSource, PackedProblem};
+use crate::solve::gauss_seidel::partition::BodyPartition;
+use crate::solve::gauss_seidel::shares::DivisionCounts;
+use crate::state::ContactId;
 
 /// Smallest number of bodies in a block: tasks with fewer would wait for each other more than they work.
 const MIN_SPHERES_IN_BLOCK: usize = 1024;
@@ -13,12 +18,12 @@ const MIN_BODIES_IN_BLOCK: usize = 512;
 /// Packs a problem for sweeps, in single precision if `single`.
 pub fn pack_problem(source: &PackSource, single: bool) -> Box<dyn PackedProblem> {
     let is_full = source.problem.block_data.is_some();
-    pack_in_blocks(source, single, smallest_block(if is_full { MIN_BODIES_IN_BLOCK } else { MIN_SPHERES_IN_BLOCK }))
+    pack_in_blocks(source, single, smallest_block(is_full))
 }
 
-/// Smallest number of bodies in a block, `usual` unless a test of the division among ranks has set another one: small scenes
-/// would be one block, which is not divided.
-fn smallest_block(usual: usize) -> usize {
+/// Smallest number of bodies in a block, of any shape if `is_full`. A test of the division among ranks may set another one:
+/// small scenes would be one block, which is not divided.
+fn smallest_block(is_full: bool) -> usize {
     #[cfg(feature = "mpi")]
     {
         use std::sync::LazyLock;
@@ -28,7 +33,18 @@ fn smallest_block(usual: usize) -> usize {
             return bodies;
         }
     }
-    usual
+    if is_full { MIN_BODIES_IN_BLOCK } else { MIN_SPHERES_IN_BLOCK }
+}
+
+/// Counts of the division of the sweeps of a problem among `ranks`; `active`: rows to sweep, sorted.
+pub fn division_counts(problem: &ContactProblem, active: &[ContactId], ranks: usize) -> DivisionCounts {
+    let min_bodies = smallest_block(problem.block_data.is_some());
+    let partition = BodyPartition::new(problem, active, min_bodies);
+    if problem.block_data.is_some() {
+        return block::batches::division_counts(problem, active, &partition, ranks);
+    }
+    let (_, tasks) = contact_tasks(&partition);
+    DivisionCounts::new(&partition, &tasks, |_| 1, ranks)
 }
 
 /// Packs a problem in blocks of `min_bodies` bodies or more.

@@ -7,6 +7,7 @@
 //!
 //! In this file a *body* is its index along Morton's curve, which [`partition`](super::partition) calls rank.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 use bytemuck::Pod;
@@ -278,6 +279,76 @@ pub fn participants(partition: &BodyPartition, task: &JointTask, owners: &[u32])
     // Bodies, and so their blocks and the ranks of these, ascend.
     all.dedup();
     all
+}
+
+/// Division of the tasks of a sweep among a number of ranks, by counts.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct DivisionCounts {
+    pub blocks: usize,
+    pub colours: usize,
+    /// Tasks, whose sums are gathered.
+    pub tasks: usize,
+    /// Work of a sweep on one rank, and of each rank: joints between ranks are swept by several.
+    pub whole_work: u64,
+    pub work: Vec<u64>,
+    /// Messages of each rank in a sweep, lines of bodies in them, and their receivers.
+    pub messages: Vec<u64>,
+    pub lines: Vec<u64>,
+    pub neighbours: Vec<u64>,
+    /// Bodies of other ranks with which each rank sweeps joints.
+    pub ghosts: Vec<u64>,
+    /// Bodies that are sent to others.
+    pub border_bodies: u64,
+}
+
+impl DivisionCounts {
+    /// Counts of the division of these tasks among `ranks`. `work`: relative cost of a constraint.
+    pub fn new(partition: &BodyPartition, tasks: &SweepTasks, work: impl Fn(u32) -> u64, ranks: usize) -> Self {
+        let blocks = cut_by_work(&block_work(partition, tasks, &work), ranks);
+        let owners = block_owners(&blocks);
+        let of_task = |constraints: &Vec<u32>| constraints.iter().map(|&k| work(k)).sum::<u64>();
+        let of_blocks = |blocks: &Range<usize>| tasks.inside[blocks.clone()].iter().map(of_task).sum();
+        let mut counts = DivisionCounts {
+            blocks: partition.block_count(),
+            colours: tasks.colours.len(),
+            tasks: tasks.inside.len() + tasks.joints.len(),
+            whole_work: tasks.inside.iter().chain(tasks.joints.iter().map(|task| &task.constraints)).map(of_task).sum(),
+            work: blocks.iter().map(of_blocks).collect(),
+            messages: vec![0; ranks],
+            lines: vec![0; ranks],
+            neighbours: vec![0; ranks],
+            ghosts: vec![0; ranks],
+            border_bodies: 0,
+        };
+        let (mut neighbours, mut ghosts, mut border) = (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
+        let mut first = 0;
+        for &end in &tasks.colours {
+            let mut pairs = BTreeSet::new();
+            for task in &tasks.joints[first..end] {
+                let participants = participants(partition, task, &owners);
+                participants.iter().for_each(|&rank| counts.work[rank as usize] += of_task(&task.constraints));
+                if participants.len() == 1 {
+                    continue;
+                }
+                for &body in &task.ranks {
+                    let owner = owners[partition.position(body).0 as usize];
+                    border.insert(body);
+                    for &other in participants.iter().filter(|&&other| other != owner) {
+                        counts.lines[owner as usize] += 1;
+                        pairs.insert((owner, other));
+                        ghosts.insert((other, body));
+                    }
+                }
+            }
+            pairs.iter().for_each(|(from, _)| counts.messages[*from as usize] += 1);
+            neighbours.extend(pairs);
+            first = end;
+        }
+        neighbours.iter().for_each(|(from, _)| counts.neighbours[*from as usize] += 1);
+        ghosts.iter().for_each(|(rank, _)| counts.ghosts[*rank as usize] += 1);
+        counts.border_bodies = border.len() as u64;
+        counts
+    }
 }
 
 #[cfg(test)]

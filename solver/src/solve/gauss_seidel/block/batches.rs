@@ -21,7 +21,7 @@ use crate::solve::gauss_seidel::partition::{
     BodyPartition, GroupBodies, JointTask, MAX_COLOURS, SweepTasks, colour_pairs,
 };
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
-use crate::solve::gauss_seidel::shares::SweepShare;
+use crate::solve::gauss_seidel::shares::{DivisionCounts, SweepShare};
 use crate::solve::gauss_seidel::vector::{dot_product, triple};
 use crate::solve::types::ContactReactions;
 use crate::state::ContactId;
@@ -266,6 +266,18 @@ impl<C: PairContacts> ConstraintGroup for PairGroup<C> {
     fn rows(&self) -> &[LaneRows] {
         &self.batches.rows
     }
+}
+
+/// Counts of the division of the sweeps of a problem among `ranks`.
+pub fn division_counts(
+    problem: &ContactProblem,
+    active: &[ContactId],
+    partition: &BodyPartition,
+    ranks: usize,
+) -> DivisionCounts {
+    let (pairs, bodies) = group_into_pairs(problem, active, partition);
+    let work = |pair: u32| pairs[pair as usize].rows.len() as u64;
+    DivisionCounts::new(partition, &partition.sweep_tasks(&bodies), work, ranks)
 }
 
 /// Groups consecutive rows of the same two bodies, at most [`MAX_PAIR_CONTACTS`] in a group, and returns the ranks of the

@@ -136,10 +136,7 @@ impl<B: PackedBody> DiagonalProblem<B> {
     pub fn new(source: &PackSource, min_bodies: usize) -> Self {
         let units = SweepUnits::from_source::<B::T>(source);
         let partition = BodyPartition::new(source.problem, source.active, min_bodies);
-        let order = spatial_order(&partition);
-        let pair = |&row: &u32| partition.pairs[row as usize];
-        let pairs: Vec<[u32; 2]> = order.par_iter().with_min_len(PAR_MIN_LEN).map(pair).collect();
-        let tasks = partition.sweep_tasks(&pairs);
+        let (order, tasks) = contact_tasks(&partition);
         let (SweepTasks { inside, joints, colours }, share) = SweepShare::divide(&partition, tasks, |_| 1);
         let pack = |constraints: &[u32], bodies: &GroupBodies| {
             let rows: Vec<u32> = constraints.iter().map(|&k| order[k as usize]).collect();
@@ -186,6 +183,15 @@ impl<T: LaneFloat> ConstraintGroup for GroupBatches<T> {
     fn rows(&self) -> &[LaneRows] {
         &self.rows
     }
+}
+
+/// Indices into the active rows in the order in which they are constraints, and tasks of these.
+pub fn contact_tasks(partition: &BodyPartition) -> (Vec<u32>, SweepTasks) {
+    let order = spatial_order(partition);
+    let pair = |&row: &u32| partition.pairs[row as usize];
+    let pairs: Vec<[u32; 2]> = order.par_iter().with_min_len(PAR_MIN_LEN).map(pair).collect();
+    let tasks = partition.sweep_tasks(&pairs);
+    (order, tasks)
 }
 
 /// Indices into the active rows, in the order of the first of their bodies, without rows of two bodies that do not move.

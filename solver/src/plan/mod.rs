@@ -2,6 +2,8 @@
 //!
 //! Nothing is written; a few steps are made with a copy of the state, and timed.
 
+mod division;
+
 use std::time::{Duration, Instant};
 
 use cd_formats::compute::Accuracy;
@@ -219,8 +221,8 @@ fn contact_size() -> usize {
     size_of::<Contact>() + 2 * size_of::<SolvedContact>() + row + 8 * size_of::<Vec3>()
 }
 
-/// Returns the plan as text.
-pub fn plan_text(scene: &Scene, state: &State) -> String {
+/// Returns the plan as text, with the division of the sweeps among `ranks` if requested.
+pub fn plan_text(scene: &Scene, state: &State, ranks: Option<usize>) -> String {
     let (h, bounds) = (scene.options.dt, step_bounds(scene, state));
     let mut lines: Vec<(&str, String)> = vec![("models", scene.model_names().join("; "))];
     lines.push(("inactive", unused_models(scene).join("; ")));
@@ -247,6 +249,9 @@ pub fn plan_text(scene: &Scene, state: &State) -> String {
             TrialRun::timing_text,
         ),
     ));
+    if let (Some(ranks), true) = (ranks, tried.is_some()) {
+        lines.extend(division::division_lines(scene, state, ranks));
+    }
     let option_text = |(name, value, is_set): (&str, String, bool)| {
         let value = if name == "gravity_refresh" { scene.gravity_refresh().to_string() } else { value };
         format!("{name} {value}{}", if is_set { " (set)" } else { "" })

@@ -1,0 +1,126 @@
+//! Division of the sweeps of the next step among ranks: counts, and the time of a sweep on two networks.
+
+use std::time::Instant;
+
+use cd_formats::names::{count_text, short_number};
+
+use crate::math::simd::SimdWidth;
+use crate::scene::Scene;
+use crate::solve::ContactReactions;
+use crate::solve::gauss_seidel::layout::{division_counts, pack_problem};
+use crate::solve::gauss_seidel::packed::{BATCH_LANES, PackSource};
+use crate::solve::gauss_seidel::shares::DivisionCounts;
+use crate::state::{ContactId, State};
+use crate::step::next_contact_problem;
+
+/// Number of timed sweeps; one more warms the caches.
+const TIMED_SWEEPS: u32 = 5;
+
+/// A network: name, latency of a message (s) and bandwidth of a process (bytes/s).
+const NETWORKS: [(&str, f64, f64); 2] = [("2 µs and 10 GB/s", 2e-6, 1e10), ("30 µs and 1 GB/s", 3e-5, 1e9)];
+
+/// Lines of a plan about the division of the next step among `ranks`.
+pub fn division_lines(scene: &Scene, state: &State, ranks: usize) -> Vec<(&'static str, String)> {
+    let (_, problem, _) = next_contact_problem(scene, state);
+    let rows = (0..problem.rows.len()).map(ContactId::new);
+    let active: Vec<ContactId> = rows.filter(|k| problem.rows[k.index()].can_close).collect();
+    if active.is_empty() {
+        return vec![("ranks", "no contact can close in the next step: nothing is swept".into())];
+    }
+    let counts = division_counts(&problem, &active, ranks);
+    let (mut reactions, width) = (ContactReactions::zeros(&problem), SimdWidth::detect());
+    let start = |row: &ContactId| problem.rows[row.index()].warm_start;
+    active.iter().for_each(|row| reactions.impulses[row.index()] = start(row));
+    let source =
+        PackSource { problem: &problem, active: &active, reactions: &reactions, solver_bodies: &problem.bodies, width };
+    let single = problem.rolling_constraints.is_empty();
+    let mut packed = pack_problem(&source, single);
+    packed.sweep_contacts(width, 0.0);
+    let start = Instant::now();
+    for _ in 0..TIMED_SWEEPS {
+        packed.sweep_contacts(width, 0.0);
+    }
+    let seconds = start.elapsed().as_secs_f64() / f64::from(TIMED_SWEEPS);
+
+    let moving = problem.bodies.iter().filter(|body| body.inverse_mass > 0.0).count();
+    let number_bytes = if single { size_of::<f32>() } else { size_of::<f64>() };
+    // Spheres without friction do not turn.
+    let turns = problem.block_data.is_some() || problem.has_friction(&active);
+    let line_bytes = number_bytes * if turns { 6 } else { 3 };
+    let (text, of_sums) = (counts_text(&counts, moving, line_bytes), 2 * BATCH_LANES * number_bytes * counts.tasks);
+    let times = NETWORKS.map(|(name, latency, bandwidth)| {
+        let found = sweep_seconds(&counts, seconds, [line_bytes, of_sums], latency, bandwidth);
+        format!("{} s with {name}", short_number(found))
+    });
+    let threads = count_text(rayon::current_num_threads(), "thread");
+    vec![
+        ("ranks", text),
+        (
+            "",
+            format!(
+                "a sweep of {} s on one process with {threads} takes about {}",
+                short_number(seconds),
+                times.join(", ")
+            ),
+        ),
+    ]
+}
+
+/// Counts as text; `moving`: number of moving bodies.
+fn counts_text(counts: &DivisionCounts, moving: usize, line_bytes: usize) -> String {
+    let DivisionCounts { blocks, colours, work, messages, lines, neighbours, ghosts, border_bodies, .. } = counts;
+    let most = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0);
+    let working = work.iter().filter(|&&work| work > 0).count();
+    format!(
+        "{} for {}, in {}; {} at borders, {:.1} %; the fullest rank has {:.2} of the mean work, at most {}, and sends {} in a sweep, {:.2} kB, to {}",
+        count_text(working, "rank"),
+        count_text(*blocks, "block"),
+        count_text(*colours, "colour"),
+        count_text(*border_bodies as usize, "body"),
+        100.0 * *border_bodies as f64 / moving.max(1) as f64,
+        most(work) as f64 * working as f64 / work.iter().sum::<u64>().max(1) as f64,
+        count_text(most(ghosts) as usize, "ghost"),
+        count_text(most(messages) as usize, "message"),
+        1e-3 * (most(lines) as usize * line_bytes) as f64,
+        count_text(most(neighbours) as usize, "neighbour"),
+    )
+}
+
+/// Time of a sweep, s: that of the fullest rank, its exchanges one after the other, and the gather of all sums.
+fn sweep_seconds(
+    counts: &DivisionCounts,
+    seconds: f64,
+    [line_bytes, sum_bytes]: [usize; 2],
+    latency: f64,
+    bandwidth: f64,
+) -> f64 {
+    let most = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0) as f64;
+    let working = counts.work.iter().filter(|&&work| work > 0).count() as f64;
+    if working <= 1.0 {
+        return seconds;
+    }
+    let own = seconds * most(&counts.work) / counts.whole_work.max(1) as f64;
+    let exchanges = most(&counts.messages) * latency + most(&counts.lines) * line_bytes as f64 / bandwidth;
+    own + exchanges + working.log2().ceil() * latency + sum_bytes as f64 / bandwidth
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sweep_is_its_work_and_its_messages() {
+        let counts = DivisionCounts {
+            whole_work: 100,
+            work: vec![60, 50],
+            messages: vec![3, 3],
+            lines: vec![10, 20],
+            ..DivisionCounts::default()
+        };
+        // 0.6 of 1 s, 3 messages and one step of the gather of 1 ms, 20 lines of 24 bytes and 40 bytes at 1 kB/s.
+        let found = sweep_seconds(&counts, 1.0, [24, 40], 1e-3, 1e3);
+        assert!((found - (0.6 + 4e-3 + 0.52)).abs() < 1e-12, "{found}");
+        let alone = DivisionCounts { whole_work: 7, work: vec![7, 0], ..DivisionCounts::default() };
+        assert_eq!(sweep_seconds(&alone, 2.0, [24, 40], 1.0, 1.0), 2.0);
+    }
+}
