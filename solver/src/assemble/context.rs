@@ -23,7 +23,9 @@ pub(super) struct AssemblyContext<'a> {
     pub scene: &'a Scene,
     pub state: &'a State,
     pub q_c: &'a ContactConfiguration,
-    /// Velocities after the step if nothing touched.
+    /// Velocities at the step's start, angular ones predicted by free rotation, and after the step if nothing touched. The
+    /// rotation of bodies that contacts push at their centres is left out.
+    pub start: Velocities<'a>,
     pub free: Velocities<'a>,
     pub bounds: Vec<MotionBounds>,
     /// Whether each body is a sphere; a packed array, as contacts read it in any order.
@@ -36,13 +38,7 @@ pub(super) struct AssemblyContext<'a> {
     pub width: SimdWidth,
 }
 
-impl<'a> AssemblyContext<'a> {
-    /// Velocities at the step's start, angular ones predicted by free rotation.
-    #[inline(always)]
-    pub fn start_velocities(&self) -> Velocities<'a> {
-        Velocities { v: &self.state.v, w: &self.q_c.w }
-    }
-
+impl AssemblyContext<'_> {
     /// Whether a contact can close within the step or is within the range of its law.
     pub(super) fn can_act(&self, contact: &Contact) -> bool {
         let law = &self.state.laws[contact.law as usize];

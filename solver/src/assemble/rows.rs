@@ -11,7 +11,7 @@ use super::history::{BondState, warm_start};
 use super::interface_row::InterfaceRow;
 use super::kinematics::{contact_arms, relative_velocity, velocity_at_arms};
 use super::problem::{BlockData, ContactConstraint, ContactProblem, RegularisedRow, RollingConstraint, SolverBody};
-use crate::integrate::ContactConfiguration;
+use crate::integrate::{ContactConfiguration, without_spins};
 use crate::laws::{ContactLaw, GapForecast, LawInput, LawRegularisation, LawShift, RollingFriction, StrainSpring};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
@@ -41,11 +41,14 @@ pub fn contact_problem(
     free: Velocities,
 ) -> ContactProblem {
     let mut block_data = block_data(scene, q_c);
+    let [start_w, free_w] = [&q_c.w, free.w].map(|w| without_spins(w, &q_c.translated));
+    let (start, free) = (Velocities { v: &state.v, w: &start_w }, Velocities { v: free.v, w: &free_w });
     let solver_bodies = solver_bodies(scene, free, block_data.is_some());
     let context = AssemblyContext {
         scene,
         state,
         q_c,
+        start,
         free,
         bounds: motion_bounds(scene, q_c, free),
         is_sphere: scene.bodies.par_iter().with_min_len(PAR_MIN_LEN).map(RigidBody::is_sphere).collect(),
@@ -313,7 +316,7 @@ impl AssemblyContext<'_> {
         let frame = contact.frame();
         let n = frame[0];
         let arms = contact_arms(contact, &q_c.x);
-        let u_before = velocity_at_arms(contact, &arms, self.start_velocities());
+        let u_before = velocity_at_arms(contact, &arms, self.start);
         let law = &state.laws[contact.law as usize];
         if let Some(spring) = law.strain_spring() {
             return self.link_constraint(contact, previous, spring, to_local(&frame, &u_before));
@@ -423,7 +426,7 @@ impl AssemblyContext<'_> {
     fn shift_friction(&self, block_data: &BlockData, contacts: &[Contact], rows: &mut [ContactConstraint]) {
         let of_row = |(k, row): (usize, &mut ContactConstraint)| {
             let (contact, lever) = (&contacts[k], block_data.friction_lever(k, &row.normal));
-            let [a, b] = row.bodies.map(|body| self.q_c.w[body.index()]);
+            let [a, b] = row.bodies.map(|body| self.start.w[body.index()]);
             let change = lever * row.normal.dot(&(a - b));
             row.u_before += to_local(&contact.frame(), &change);
             let law = &self.state.laws[contact.law as usize];
@@ -485,7 +488,7 @@ impl AssemblyContext<'_> {
         }
         let AssemblyContext { scene, state, q_c, free: free_velocities, .. } = self;
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
-        let u_n = contact.normal.dot(&relative_velocity(contact, &q_c.x, self.start_velocities())).abs();
+        let u_n = contact.normal.dot(&relative_velocity(contact, &q_c.x, self.start)).abs();
         let pull = |i: usize| contact.normal.dot(&(free_velocities.v[i] - state.v[i])).abs();
         if !damped_spring && (u_n < RESTING * pushed || u_n.max(contact.gap / closing_time) < pull(a).max(pull(b))) {
             return GapForecast::Resting;
@@ -510,10 +513,12 @@ impl AssemblyContext<'_> {
         previous: Option<&SolvedContact>,
     ) -> Option<RollingConstraint> {
         let RollingFriction { rolling, spinning } = self.state.laws[contact.law as usize].rolling_friction()?;
-        let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
-        if ![a, b].iter().any(|&i| self.scene.bodies[i].can_rotate()) {
-            return None; // both rotations are imposed
+        let bodies = [contact.candidate, contact.antagonist];
+        let turns = |body: &BodyId| self.scene.bodies[body.index()].can_rotate() && !self.q_c.translated.contains(body);
+        if !bodies.iter().any(turns) {
+            return None; // no moment changes the two rotations
         }
+        let [a, b] = bodies.map(|body| body.index());
         let scale = self.q_c.h / self.state.h;
         Some(RollingConstraint {
             row: ContactId::new(k),
@@ -530,7 +535,7 @@ impl AssemblyContext<'_> {
 /// Per-body part of [`BlockData`], if a scene needs it.
 fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
     let inverse_inertia = |(i, (body, q)): (usize, (&RigidBody, &Quat))| {
-        if q_c.unturned.contains(&BodyId::new(i)) { Matrix3::zeros() } else { body.inverse_inertia_matrix(q) }
+        if q_c.translated.contains(&BodyId::new(i)) { Matrix3::zeros() } else { body.inverse_inertia_matrix(q) }
     };
     let held = || scene.bodies.iter().map(RigidBody::locked_axes).collect();
     let bodies = scene.bodies.par_iter().zip(&q_c.q);

@@ -19,7 +19,8 @@ impl AssemblyContext<'_> {
         let bodies = [contact.candidate, contact.antagonist].map(|body| body.index());
         // Angular velocities at the step's start: bodies that turn as one have the same one then, while free rotation differs
         // from body to body.
-        let [mut a, mut b] = bodies.map(|i| self.state.w[i]);
+        let is_translated = |i: usize| self.q_c.translated.contains(&BodyId::new(i));
+        let [mut a, mut b] = bodies.map(|i| if is_translated(i) { Vec3::zeros() } else { self.state.w[i] });
         let own = [a, b];
         let radius = self.rolling_radius(contact);
         if as_one && radius == 0.0 {
@@ -35,7 +36,7 @@ impl AssemblyContext<'_> {
         }
         let (half, before) = (0.5 * self.q_c.h, (1.0 - self.scene.options.theta) * self.q_c.h);
         let at = |side: usize, w: &Vec3, arm: &Vec3| {
-            let change = self.q_c.w[bodies[side]] - own[side];
+            let change = self.start.w[bodies[side]] - own[side];
             let free = if before > 0.0 { change.cross(arm) * (half / before) } else { Vec3::zeros() };
             lever_velocity_change(w, arm, half) + free
         };

@@ -11,6 +11,7 @@ mod length;
 
 pub use length::{MAX_STEP_GROWTH, choose_step_multiple, fastest_turn, shortest_orbit};
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use rayon::prelude::*;
@@ -42,8 +43,10 @@ pub struct ContactConfiguration {
     pub changed: bool,
     /// Whether the step is taken with θ = 1, x_c = x and x⁺ = x + h V⁺, in place of the scene's θ.
     pub implicit: bool,
-    /// Bodies that contacts push but do not turn in this step.
-    pub unturned: Vec<BodyId>,
+    /// Bodies that keep their orientation from this contact configuration to the next.
+    pub unturned: BTreeSet<BodyId>,
+    /// Those of them that contacts push at their centres, as if these bodies had no rotation.
+    pub translated: BTreeSet<BodyId>,
     /// Open contacts that other contacts close in this step although the free velocities do not.
     pub diverted: BTreeSet<ContactKey>,
 }
@@ -54,6 +57,25 @@ impl ContactConfiguration {
     pub fn reach_time(&self, scene: &Scene) -> f64 {
         if self.implicit { self.h * (2.0 - scene.options.theta) } else { self.h }
     }
+
+    /// Time from this contact configuration to the step's end for the orientation of a body, s: h θ, h in a step that is taken
+    /// with θ = 1, and -(1-θ) h for a body that keeps its orientation to the next contact configuration, since the next step
+    /// begins with a rotation in the time (1-θ) h.
+    fn turning_time(&self, scene: &Scene, body: BodyId) -> f64 {
+        let theta = scene.options.theta;
+        match self.implicit {
+            _ if self.unturned.contains(&body) => -(1.0 - theta) * self.h,
+            true => self.h,
+            false => self.h * theta,
+        }
+    }
+}
+
+/// Angular velocities `w`, with 0 for `bodies`.
+pub fn without_spins<'a>(w: &'a [Vec3], bodies: &BTreeSet<BodyId>) -> Cow<'a, [Vec3]> {
+    let mut w = Cow::Borrowed(w);
+    bodies.iter().for_each(|body| w.to_mut()[body.index()] = Vec3::zeros());
+    w
 }
 
 /// Smallest number of freely rotating bodies per task; each takes half a microsecond.
@@ -102,7 +124,8 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
         lookahead: ahead,
         changed: false,
         implicit: false,
-        unturned: Vec::new(),
+        unturned: BTreeSet::new(),
+        translated: BTreeSet::new(),
         diverted: BTreeSet::new(),
     }
 }
@@ -153,17 +176,17 @@ pub fn advance_state(scene: &Scene, state: &mut State, q_c: &ContactConfiguratio
     state.x.par_iter_mut().zip(&q_c.x).zip(&v).with_min_len(PAR_MIN_LEN).for_each(moved);
     let turned = |(i, (q, oriented)): (usize, (&mut Quat, &bool))| {
         if *oriented {
-            *q = rotate_by_vector(&q_c.q[i], &(w[i] * after));
+            *q = rotate_by_vector(&q_c.q[i], &(w[i] * q_c.turning_time(scene, BodyId::new(i))));
         }
     };
     state.q.par_iter_mut().zip(&scene.oriented).with_min_len(PAR_MIN_LEN).enumerate().for_each(turned);
     let rate = scene.frame_angular_velocity();
-    let turn = |((&i, momentum), carried): ((&BodyId, &mut Vec3), &Vec3)| {
-        let (i, inertia) = (i.index(), &scene.bodies[i.index()].inertia);
+    let turn = |((&body, momentum), carried): ((&BodyId, &mut Vec3), &Vec3)| {
+        let (i, inertia) = (body.index(), &scene.bodies[body.index()].inertia);
         // A body without impulses keeps its momentum to the last bit.
         let pushed = carried + angular_momentum(&q_c.q[i], inertia, &(w[i] - q_c.w[i]));
         let mut turned = pushed;
-        let q = turn_in_axes(&q_c.q[i], &mut turned, inertia, &rate, after);
+        let q = turn_in_axes(&q_c.q[i], &mut turned, inertia, &rate, q_c.turning_time(scene, body));
         let by_axes = (carried - *momentum) + (turned - pushed);
         *momentum = turned;
         (q, angular_velocity(&q, inertia, &turned), by_axes)

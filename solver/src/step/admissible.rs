@@ -7,11 +7,11 @@
 use super::clock::StageClock;
 use super::context::SolvedProblem;
 use super::ends::solved_velocities;
-use super::turning::overturned_bodies;
+use super::turning::{overturned_bodies, pushed_bodies};
 use crate::activity::{self, StepStage};
 use crate::assemble::{self, FreeMotion};
 use crate::detect;
-use crate::integrate::ContactConfiguration;
+use crate::integrate::{ContactConfiguration, without_spins};
 use crate::laws::ContactLaw;
 use crate::scene::Scene;
 use crate::solve::{self, SolveRequest};
@@ -22,9 +22,10 @@ use crate::state::{Contact, State, Velocities};
 /// 1. `contacts` gains the pairs that were open and that the solution closes;
 /// 2. `q_c.diverted` gains the open contacts that were left out as their bodies miss each other, and that the solution closes;
 /// 3. `q_c.unturned` gains the bodies that the solution turns through a surface;
-/// 4. the laws of `state` lose their restitution, once, if an unfinished solution takes a rebounding body through a surface.
+/// 4. `q_c.translated` gains those of them that the solution moves into a surface without a rotation;
+/// 5. the laws of `state` lose their restitution, once, if an unfinished solution takes a rebounding body through a surface.
 ///
-/// The first three are finite, since a pair or body enters once. Returns `None` if the program was requested to stop.
+/// The first four are finite, since a pair or body enters once. Returns `None` if the program was requested to stop.
 pub fn solve_until_admissible(
     scene: &Scene,
     state: &mut State,
@@ -43,9 +44,11 @@ pub fn solve_until_admissible(
         let mut solution = solve::solve_contact_problem(&contact_problem, request, write_out); // M5  r
         sweeps += solution.sweeps;
         clock.add_lap(|times| &mut times.solve);
-        let (v, w) = solved_velocities(&solution, free);
-        let velocities = Velocities { v: &v, w: &w };
-        let late = detect::late_contacts(scene, q_c, free.velocities(), velocities, contacts);
+        let (v, w) = solved_velocities(&solution, free, q_c);
+        // Velocities that move the bodies.
+        let moving_w = without_spins(&w, &q_c.unturned);
+        let moving = Velocities { v: &v, w: &moving_w };
+        let late = detect::late_contacts(scene, q_c, free.velocities(), moving, contacts);
         clock.add_lap(|times| &mut times.detection);
         if activity::is_stopped() {
             return None;
@@ -55,18 +58,25 @@ pub fn solve_until_admissible(
             contacts.sort_unstable_by_key(Contact::key);
             continue;
         }
-        let diverted = assemble::diverted_contacts(scene, state, q_c, contacts, free.velocities(), velocities);
+        let free_w = without_spins(&free.w, &q_c.translated);
+        let of_problem = Velocities { v: &free.v, w: &free_w };
+        let diverted = assemble::diverted_contacts(scene, state, q_c, contacts, of_problem, moving);
         if !diverted.is_empty() {
             q_c.diverted.extend(diverted);
             continue;
         }
-        let overturned = overturned_bodies(scene, q_c, contacts, free.velocities(), velocities);
+        let overturned = overturned_bodies(scene, q_c, contacts, free.velocities(), moving);
         if !overturned.is_empty() {
             q_c.unturned.extend(overturned);
             continue;
         }
+        let pushed = pushed_bodies(scene, q_c, contacts, moving);
+        if !pushed.is_empty() {
+            q_c.translated.extend(pushed);
+            continue;
+        }
         let may_replace = !solution.converged && replaced_laws.is_none();
-        if may_replace && rebound_passes(scene, state, q_c, contacts, velocities) {
+        if may_replace && rebound_passes(scene, state, q_c, contacts, moving) {
             replaced_laws = Some(state.laws.clone());
             state.laws.iter_mut().for_each(ContactLaw::remove_restitution);
             continue;

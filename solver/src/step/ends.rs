@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::context::{SolvedProblem, StepContext};
 use super::velocity_errors::VelocityErrors;
 use crate::assemble::{ContactProblem, FreeMotion, RegularisedRow, SolverBody, velocity_at_arms};
-use crate::integrate::ContactConfiguration;
+use crate::integrate::{ContactConfiguration, without_spins};
 use crate::laws::ContactMotion;
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::{BodyId, Scene};
@@ -33,13 +33,20 @@ impl StepOutcome {
 }
 
 /// Velocities and angular velocities in the contact configuration with all impulses, m/s and rad/s.
-pub fn solved_velocities(solution: &ContactSolution, free: &FreeMotion) -> (Vec<Vec3>, Vec<Vec3>) {
+pub fn solved_velocities(
+    solution: &ContactSolution,
+    free: &FreeMotion,
+    q_c: &ContactConfiguration,
+) -> (Vec<Vec3>, Vec<Vec3>) {
     // Imposed velocities stay as they were.
     let motion = |((record, v), w): ((&SolverBody, &Vec3), &Vec3)| {
         if record.inverse_mass > 0.0 { (record.v, record.w) } else { (*v, *w) }
     };
     let bodies = solution.solver_bodies.par_iter().zip(&free.v).zip(&free.w);
-    bodies.with_min_len(PAR_MIN_LEN).map(motion).unzip()
+    let (v, mut w): (Vec<Vec3>, Vec<Vec3>) = bodies.with_min_len(PAR_MIN_LEN).map(motion).unzip();
+    // The contact problem has no rotation of these.
+    q_c.translated.iter().for_each(|body| w[body.index()] = free.w[body.index()]);
+    (v, w)
 }
 
 /// Computes the outcome of the step. Reuses the memory of the contacts of the last step.
@@ -51,18 +58,22 @@ pub fn finish_contacts(
 ) -> StepOutcome {
     let StepContext { scene, q_c, free, contacts } = context;
     let SolvedProblem { contact_problem, solution, .. } = solved;
-    let (v, w) = solved_velocities(solution, free);
+    let (v, w) = solved_velocities(solution, free, q_c);
     let mut ends = std::mem::take(&mut state.contacts);
     ends.resize(contacts.len(), SolvedContact::default());
     let warning_depth = OVERLAP_WARNING_SHARE * scene.smallest_radius;
     let velocities = Velocities { v: &v, w: &w };
-    let end = PostSolve { scene, state, q_c, contact_problem, solution, velocity_errors, velocities, warning_depth };
+    let pushed_w = without_spins(&w, &q_c.translated);
+    let pushed = Velocities { v: &v, w: &pushed_w };
+    let end =
+        PostSolve { scene, state, q_c, contact_problem, solution, velocity_errors, velocities, pushed, warning_depth };
     // The division into parts depends only on the number of rows.
     let parts = ends.par_chunks_mut(ITEMS_PER_TASK).zip(contacts.par_chunks(ITEMS_PER_TASK)).enumerate();
     let parts: Vec<(ContactTotals, Vec<ContactExchange>)> =
         parts.map(|(part, (ends, contacts))| end.finish_chunk(part * ITEMS_PER_TASK, contacts, ends)).collect();
     let totals = parts.iter().fold(ContactTotals::default(), |sum, (totals, _)| sum + *totals);
     let exchanges = parts.into_iter().map(|(_, exchanges)| exchanges).collect();
+    drop(pushed_w);
     StepOutcome { v, w, contacts: ends, totals, exchanges }
 }
 
@@ -91,6 +102,8 @@ struct PostSolve<'a> {
     velocity_errors: Option<&'a VelocityErrors>,
     /// Velocities at the step's end.
     velocities: Velocities<'a>,
+    /// The same without the rotation of bodies that contacts push at their centres: velocities on which impulses work.
+    pushed: Velocities<'a>,
     /// Smallest depth that is worth a warning for the smallest bodies, m. Below it a contact is not compared with its radii.
     warning_depth: f64,
 }
@@ -182,9 +195,22 @@ impl PostSolve<'_> {
         (totals, exchanges)
     }
 
+    /// Relative velocity at contact `k` where its impulse acts, in its frame, m/s.
+    fn contact_velocity(&self, k: usize, contact: &Contact, velocities: Velocities) -> Vec3 {
+        let &PostSolve { q_c, contact_problem, .. } = self;
+        let row = &contact_problem.rows[k];
+        let mut velocity = velocity_at_arms(contact, &contact_problem.arms_of(k, contact, &q_c.x), velocities);
+        let lever = contact_problem.friction_lever(k);
+        if lever != Vec3::zeros() {
+            let [a, b] = row.bodies.map(|body| velocities.w[body.index()]);
+            velocity += lever * row.normal.dot(&(a - b));
+        }
+        to_local(&contact.frame(), &velocity)
+    }
+
     /// Contact `k` at the step's end, with the moment (N m s, world frame) of its rolling resistance, if it has one.
     fn finish_contact(&self, k: usize, contact: &Contact, moment: Option<&Vec3>) -> SolvedContact {
-        let &PostSolve { state, q_c, contact_problem, solution, velocities, .. } = self;
+        let &PostSolve { state, contact_problem, solution, velocities, .. } = self;
         let (row, r) = (&contact_problem.rows[k], &solution.impulses[k]);
         let frame = contact.frame();
         let local = to_local(&frame, r);
@@ -205,17 +231,11 @@ impl PostSolve<'_> {
             true => ContactStatus::Stick,
         };
         let bond = row.bond.filter(|_| law.keeps_bond(contact.gap, motion));
-        let mut velocity = velocity_at_arms(contact, &contact_problem.arms_of(k, contact, &q_c.x), velocities);
-        let lever = contact_problem.friction_lever(k);
-        if lever != Vec3::zeros() {
-            let [a, b] = row.bodies.map(|body| velocities.w[body.index()]);
-            velocity += lever * row.normal.dot(&(a - b));
-        }
         SolvedContact {
             contact: *contact,
             impulse: Vec3::new(local.x + row.impulse_shift, local.y, local.z),
             moment: moment.map_or(Vec3::zeros(), |m| to_local(&frame, m)),
-            velocity: to_local(&frame, &velocity),
+            velocity: self.contact_velocity(k, contact, velocities),
             status,
             bond,
         }
@@ -228,6 +248,11 @@ impl PostSolve<'_> {
         let (bodies, walls) = (&scene.bodies, &scene.walls);
         let row = &contact_problem.rows[k];
         let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
+        let is_translated = |body: BodyId| q_c.translated.contains(&body);
+        let velocity = match row.bodies.into_iter().any(is_translated) {
+            true => self.contact_velocity(k, contact, self.pushed),
+            false => *velocity,
+        };
         if walls[contact.candidate.index()] && walls[contact.antagonist.index()] {
             return 0.0; // not counted in the ledger
         }
@@ -235,7 +260,8 @@ impl PostSolve<'_> {
         let (candidate, antagonist) = (contact.candidate.index(), contact.antagonist.index());
         let force = r + contact.normal * row.impulse_shift;
         let arms = contact_problem.arms_of(k, contact, &q_c.x);
-        let turned = |body: usize| w[body] + q_c.w[body];
+        let turned =
+            |body: usize| if is_translated(BodyId::new(body)) { Vec3::zeros() } else { w[body] + q_c.w[body] };
         let rolls = *moment != Vec3::zeros();
         let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
         let turning_work = if rolls { 0.5 * moment.dot(&(turned(candidate) - turned(antagonist))) } else { 0.0 };

@@ -2,13 +2,16 @@
 //!
 //! Contacts bound the velocities of the points that are listed, at the orientation of the contact configuration. A body that
 //! an impact turns by a large angle within the step brings other points to the surface, or beyond it. In such a step the
-//! impulses of contacts push the body without turning it: it is brought to touch, and turns in the steps after, which begin
-//! at the surface. Mechanical energy does not grow by this.
+//! body keeps its orientation, and turns in the steps after. Its angular velocity changes by the impulses as in any step. If
+//! its centre then still moves into a surface, contacts act at its centre, as if it had no rotation, and its angular velocity
+//! stays: it is brought to touch, or thrown back, as a body that only moves. Either way an impulse works on the velocities that
+//! it changes, and mechanical energy does not grow.
 
 use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
+use super::admissible::approach;
 use crate::assemble::contact_arms;
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3, rotate_by_vector};
@@ -22,6 +25,10 @@ const MIN_TURN: f64 = 0.1;
 /// Largest change of a body's rotation by the contacts of a step, rad: a body that turns by more between two steps may meet the
 /// surface in any orientation.
 const MAX_TURN: f64 = 1.0;
+
+/// Largest depth to which the centre of a body that keeps its orientation may take it into a surface in a step, over half the
+/// thickness of the thinner one: overlaps above a hundredth of the radius are worth a warning.
+const MAX_PUSHED_DEPTH: f64 = 0.01;
 
 /// Bodies that contacts turn in this step by more than [`MAX_TURN`], or until a contactor ends deeper behind a surface that it
 /// has met than half its own thickness or that of the other contactor. Deeper overlaps may be resolved to the wrong side.
@@ -62,12 +69,56 @@ pub fn overturned_bodies(
         depth_behind_surface(q_c, span, contact, (part, surface), turns, solved) > thickness
     };
     for contact in contacts {
-        let [a, b] = [(contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1)];
         let pushed_through =
-            [(a, b), (b, a)].into_iter().filter(|(own, other)| turned[own.0.index()] && passes(contact, *own, *other));
+            both_sides(contact).into_iter().filter(|(own, other)| turned[own.0.index()] && passes(contact, *own, *other));
         through.extend(pushed_through.map(|(own, _)| own.0));
     }
     through.into_iter().collect()
+}
+
+/// Bodies that keep their orientation in this step, not yet pushed at their centres, that take themselves or another body
+/// deeper than [`MAX_PUSHED_DEPTH`] behind a surface.
+///
+/// `moving`: velocities in the contact configuration with contacts, without rotation for bodies that keep their orientation.
+pub fn pushed_bodies(
+    scene: &Scene,
+    q_c: &ContactConfiguration,
+    contacts: &[Contact],
+    moving: Velocities,
+) -> BTreeSet<BodyId> {
+    let mut pushed = BTreeSet::new();
+    if q_c.unturned.len() == q_c.translated.len() {
+        return pushed;
+    }
+    let span = q_c.reach_time(scene);
+    let is_pushable = |body: &BodyId| q_c.unturned.contains(body) && !q_c.translated.contains(body);
+    for contact in contacts {
+        let bodies = [contact.candidate, contact.antagonist];
+        if !bodies.iter().any(is_pushable) || approach(q_c, span, contact, moving) <= 0.0 {
+            continue;
+        }
+        let deep = both_sides(contact).into_iter().any(|(own, other)| {
+            let [Some(part), Some(surface)] = [own, other].map(|(body, rank)| scene.find_part(body, rank)) else {
+                return false;
+            };
+            let thickness = part.geometry.inner_radius().min(surface.geometry.inner_radius());
+            let depth = depth_behind_surface(q_c, span, contact, (part, surface), false, moving);
+            depth > MAX_PUSHED_DEPTH * thickness
+        });
+        if deep {
+            pushed.extend(bodies.into_iter().filter(is_pushable));
+        }
+    }
+    pushed
+}
+
+/// Contactor of a body, by its rank.
+type ContactorKey = (BodyId, u16);
+
+/// The two contactors of a contact, each once as the first.
+fn both_sides(contact: &Contact) -> [(ContactorKey, ContactorKey); 2] {
+    let [a, b] = [(contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1)];
+    [(a, b), (b, a)]
 }
 
 /// Largest depth of a point of `part` behind the tangent plane of a contact with `surface`, m, after the time `span` (s) at
