@@ -62,7 +62,7 @@ pub fn agree_on_step(ranks: &dyn Ranks, state: &State) -> Result<(), String> {
         activity::agree_to_stop();
     }
     let differs = |of_rank: &&[u8]| of_rank[..8] != all[0][..8];
-    match all.iter().position(|of_rank| differs(&of_rank)) {
+    match all.iter().position(differs) {
         Some(rank) => Err(format!(
             "step {}: rank {rank} has another state than rank 0; snapshots written before are valid",
             state.step

@@ -69,8 +69,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     let args: Vec<OsString> = arguments.into_iter().collect();
     match begin_session() {
         Ok(session) => run_on_rank(session.ranks, &args),
-        Err(fault) => {
-            print_error(Faults::from(fault).format_report(PROGRAM).trim_end());
+        Err(faults) => {
+            print_error(faults.format_report(PROGRAM).trim_end());
             2
         }
     }

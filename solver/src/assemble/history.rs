@@ -302,8 +302,7 @@ impl AssemblyContext<'_> {
     fn can_bond(&self, contact: &Contact, law: &ContactLaw) -> bool {
         let AssemblyContext { scene, q_c, .. } = self;
         let arms = contact_arms(contact, &q_c.x);
-        let u = velocity_at_arms(contact, &arms, self.start)
-            - self.arm_turning_velocity(contact, &arms, false) * 0.5;
+        let u = velocity_at_arms(contact, &arms, self.start) - self.arm_turning_velocity(contact, &arms, false) * 0.5;
         let at_start = contact.gap - (1.0 - scene.options.theta) * q_c.h * contact.normal.dot(&u);
         law.bond_gap(contact.gap.min(at_start), self.effective_radius(contact)).is_some()
     }

@@ -1,6 +1,6 @@
 //! Start as one of several processes, and its end.
 
-use cd_formats::error::Fault;
+use cd_formats::error::{Fault, Faults};
 
 use super::{Alone, Ranks};
 
@@ -33,14 +33,14 @@ const PANIC_CODE: i32 = 101;
 /// Joins the other processes of the launcher; a process that no launcher has started is alone.
 ///
 /// Errors: this build is without MPI and one of several processes, or the MPI library lets one thread alone communicate.
-pub fn begin_session() -> Result<RankSession, Fault> {
+pub fn begin_session() -> Result<RankSession, Faults> {
     #[cfg(feature = "mpi")]
     if LAUNCH_VARIABLES.iter().any(|name| std::env::var_os(name).is_some())
         && let Some((universe, threading)) = mpi::initialize_with_threading(mpi::Threading::Serialized)
     {
         if threading < mpi::Threading::Serialized {
             let (found, expected) = ("no thread but the first may communicate", "a build with MPI_THREAD_SERIALIZED");
-            return Err(Fault::new("mpirun".as_ref(), None, "MPI library", found, expected));
+            return Err(Fault::new("mpirun".as_ref(), None, "MPI library", found, expected).into());
         }
         let ranks = Box::leak(Box::new(super::mpi_ranks::MpiRanks::new()));
         return Ok(RankSession { ranks, _universe: Some(universe) });
@@ -56,7 +56,7 @@ pub fn begin_session() -> Result<RankSession, Fault> {
         let expected = format!(
             "expected a build by `cargo build --release -p cd-solve --features mpi`, or a start without mpirun; to run alone nevertheless, unset {name}"
         );
-        return Err(Fault::new("mpirun".as_ref(), None, "process", found, expected));
+        return Err(Fault::new("mpirun".as_ref(), None, "process", found, expected).into());
     }
     Ok(RankSession {
         ranks: &Alone,

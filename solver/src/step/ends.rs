@@ -260,8 +260,7 @@ impl PostSolve<'_> {
         let (candidate, antagonist) = (contact.candidate.index(), contact.antagonist.index());
         let force = r + contact.normal * row.impulse_shift;
         let arms = contact_problem.arms_of(k, contact, &q_c.x);
-        let turned =
-            |body: usize| if is_translated(BodyId::new(body)) { Vec3::zeros() } else { w[body] + q_c.w[body] };
+        let turned = |body: usize| if is_translated(BodyId::new(body)) { Vec3::zeros() } else { w[body] + q_c.w[body] };
         let rolls = *moment != Vec3::zeros();
         let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
         let turning_work = if rolls { 0.5 * moment.dot(&(turned(candidate) - turned(antagonist))) } else { 0.0 };

@@ -69,8 +69,9 @@ pub fn overturned_bodies(
         depth_behind_surface(q_c, span, contact, (part, surface), turns, solved) > thickness
     };
     for contact in contacts {
-        let pushed_through =
-            both_sides(contact).into_iter().filter(|(own, other)| turned[own.0.index()] && passes(contact, *own, *other));
+        let pushed_through = both_sides(contact)
+            .into_iter()
+            .filter(|(own, other)| turned[own.0.index()] && passes(contact, *own, *other));
         through.extend(pushed_through.map(|(own, _)| own.0));
     }
     through.into_iter().collect()
