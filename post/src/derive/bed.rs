@@ -1,12 +1,13 @@
 //! A bed of grains between walls: its level, solid fraction and stress, for the whole bed and by layers.
 
 use crate::derive::coordination::neighbour_counts;
+use crate::derive::enclosure::GrainEnclosure;
 use crate::derive::fragments::Fragment;
 use crate::derive::heights::{centre_of_mass, height_range, volume_below};
 use crate::derive::polytope::cut_polygon;
 use crate::derive::stress::{grain_stresses, pressure};
-use crate::derive::walls::{CylinderBore, WallFace, bounding_bore, bounding_faces, supported_grains};
-use crate::frame::{BodyIndex, Frame, Grain, GrainId, PeriodicCell, SnapshotInterval};
+use crate::derive::walls::{CylinderBore, WallPlane, supported_grains};
+use crate::frame::{BodyIndex, Frame, Grain, GrainId, PeriodicCell, SnapshotInterval, WallId};
 use crate::math::{Mat3, Vec3};
 
 /// Tolerance of cosines near 0 or 1 within which a wall counts as upright or level: a few roundings of an orientation from
@@ -39,12 +40,12 @@ impl Bed {
     /// Returns the bed of a frame; `fragments`: the frame's groups of touching grains. None without uniform gravity, if no
     /// wall is touched with force, if a side is open, and if the sides are not upright.
     ///
-    /// The floor is the plate, face or end of a hollow cylinder that bears most of the weight. If none bears weight (a
-    /// floor of fixed spheres), the floor is level, at the lowest point of a grain. A wall bounds the bed by those of its
-    /// faces that have the centres of nearly all its grains before them, a hollow cylinder if it has nearly all of them
-    /// within; the other grains have left the bed. A grain without support at that instant belongs to the bed if it is
-    /// between these walls and its centre is no higher than the highest point of the other grains. In a flowing bed these
-    /// are a part of the grains.
+    /// Walls bound it as they do a region ([`GrainEnclosure`]): a heap that leaves half of the section free, or keeps away
+    /// from a side, is no bed. The floor is the plane of plates, faces or ends of hollow cylinders that bear most of the
+    /// weight. If none bears weight (a floor of fixed spheres), the floor is level, at the lowest point of a grain. Grains
+    /// beyond a wall have left the bed. A grain without support at that instant belongs to the bed if it is between these
+    /// walls and its centre is no higher than the highest point of the other grains. In a flowing bed these are a part of
+    /// the grains.
     pub fn from_frame(frame: &Frame, fragments: &[Fragment]) -> Option<Bed> {
         let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0)?;
         let mut grains = supported_grains(frame, fragments);
@@ -52,7 +53,7 @@ impl Bed {
             return None;
         }
         let members = || grains.iter().map(|&i| &frame.grains[i]);
-        let faces: Vec<WallFace> = frame.wall_ids().flat_map(|k| bounding_faces(frame, k, &grains)).collect();
+        let (planes, bores) = GrainEnclosure::around(frame, grains.clone()).into_bed_walls()?;
         let mut bears = vec![0.0; frame.walls.len()];
         for contact in frame.active_contacts() {
             for side in [contact.candidate, contact.antagonist] {
@@ -61,16 +62,21 @@ impl Bed {
                 }
             }
         }
-        let share = |face: &&WallFace| bears[face.wall.index()] * face.normal.dot(&against);
+        let share = |plane: &&WallPlane| {
+            let mut walls: Vec<WallId> = plane.faces.iter().map(|face| face.wall).collect();
+            walls.sort_unstable();
+            walls.dedup();
+            walls.iter().map(|wall| bears[wall.index()]).sum::<f64>() * plane.normal.dot(&against)
+        };
         // A lid may bear more than the floor, for an instant, but from above.
-        let below = |face: &&WallFace| face.normal.dot(&against) > 0.0 && share(face) > 0.0;
-        let floor = faces.iter().filter(below).max_by(|a, b| share(a).total_cmp(&share(b)));
+        let below = |plane: &&WallPlane| plane.normal.dot(&against) > 0.0 && share(plane) > 0.0;
+        let floor = planes.iter().filter(below).max_by(|a, b| share(a).total_cmp(&share(b)));
         let up = floor.map_or(if frame.cell().is_periodic() { Vec3::z() } else { against }, |floor| floor.normal);
         let lowest = || members().map(|g| height_range(g, &up)[0]).fold(f64::INFINITY, f64::min);
         let floor = floor.map_or_else(lowest, |floor| floor.place);
-        let bores: Vec<CylinderBore> = frame.wall_ids().filter_map(|k| bounding_bore(frame, k, &grains)).collect();
-        let area = section_area(&faces, &bores, &frame.cell(), &up, &centre_of_mass(members()), members())?;
-        let inside = |x: &Vec3| faces.iter().all(|f| f.is_before(x)) && bores.iter().all(|bore| bore.contains_point(x));
+        let area = section_area(&planes, &bores, &frame.cell(), &up, &centre_of_mass(members()), members())?;
+        let inside =
+            |x: &Vec3| planes.iter().all(|p| p.is_before(x)) && bores.iter().all(|bore| bore.contains_point(x));
         grains.retain(|&i| inside(&frame.grains[i].x));
         let top = floor + highest_point(frame, &grains, &up, floor);
         let among = |g: &Grain| (floor..=top).contains(&g.x.dot(&up)) && inside(&g.x);
@@ -285,16 +291,16 @@ const POLYGON_SIDES: usize = 720;
 /// Area of the section across `up` that the cell and the upright walls enclose, m^2; None if it is open, or a wall is
 /// oblique.
 fn section_area<'a>(
-    faces: &[WallFace],
+    planes: &[WallPlane],
     bores: &[CylinderBore],
     cell: &PeriodicCell,
     up: &Vec3,
     centre: &Vec3,
     grains: impl Iterator<Item = &'a Grain>,
 ) -> Option<f64> {
-    let level = |face: &&WallFace| face.normal.dot(up).abs() > 1.0 - UPRIGHT_TOLERANCE;
+    let level = |plane: &&WallPlane| plane.normal.dot(up).abs() > 1.0 - UPRIGHT_TOLERANCE;
     let sides: Vec<(Vec3, f64)> =
-        faces.iter().filter(|f| !level(f)).map(|f| (f.normal, f.place - f.normal.dot(centre))).collect();
+        planes.iter().filter(|p| !level(p)).map(|p| (p.normal, p.place - p.normal.dot(centre))).collect();
     let along_z = up.z.abs() > 1.0 - UPRIGHT_TOLERANCE;
     let leans = |bore: &CylinderBore| bore.axis.cross(up).norm() > UPRIGHT_TOLERANCE;
     let oblique = sides.iter().any(|(normal, _)| normal.dot(up).abs() > UPRIGHT_TOLERANCE) || bores.iter().any(leans);
@@ -582,38 +588,49 @@ mod tests {
             frame.walls.push(Wall { id: 99, x, v: None, rotation, shape });
             Bed::from_frame(&frame, &find_fragments(&frame)).map(|bed| bed.area)
         };
-        assert_close(hollow(2.0, Vec3::z()).unwrap(), 4.0 * std::f64::consts::PI);
-        // Grains are outside of one, and another lies on its side.
-        assert!(hollow(1.0, Vec3::z()).is_none() && hollow(9.0, Vec3::x()).is_none());
-        // A plate cuts off a half, on which no centre is.
+        // The corners of the six columns are 1.803 from the axis.
+        assert_close(hollow(1.9, Vec3::z()).unwrap(), 3.61 * std::f64::consts::PI);
+        // Grains are outside of one, another lies on its side, and they are a heap in a wide one.
+        assert!([(1.0, Vec3::z()), (9.0, Vec3::x()), (4.0, Vec3::z())].map(|(r, axis)| hollow(r, axis)) == [None; 3]);
+        // A plate cuts off a segment 1.2 from the axis, in which no centre is.
         let mut frame = columns(3, false, [true, false, false, false], UnitQuaternion::identity()).frame();
-        let hollow = Some(Hollow { radius: 4.0, half_height: 50.0 });
+        let square = 4.24f64;
+        let hollow = Some(Hollow { radius: square.sqrt(), half_height: 50.0 });
         let shape = WallShape::Polyhedron(SolidShape { hollow, ..Default::default() }.into());
-        frame.walls.push(Wall { id: 99, x: Vec3::x() * 3.0, v: None, rotation: UnitQuaternion::identity(), shape });
-        assert_close(Bed::from_frame(&frame, &find_fragments(&frame)).unwrap().area, 8.0 * std::f64::consts::PI);
+        let x = Vec3::new(1.8, 1.0, 0.0);
+        frame.walls.push(Wall { id: 99, x, v: None, rotation: UnitQuaternion::identity(), shape });
+        let area = Bed::from_frame(&frame, &find_fragments(&frame)).unwrap().area;
+        let segment = square * (1.2 / square.sqrt()).acos() - 1.2 * (square - 1.44).sqrt();
+        // A polygon of 720 sides instead of the circle.
+        assert!((area - std::f64::consts::PI * square + segment).abs() < 1e-4, "{area}");
     }
 
     #[test]
     fn the_lower_end_of_a_hollow_cylinder_is_a_floor() {
         let scene = columns(3, false, [false; 4], UnitQuaternion::identity());
         let mut frame = scene.frame();
-        let hollow = Some(Hollow { radius: 4.0, half_height: 5.0 });
+        let hollow = Some(Hollow { radius: 1.9, half_height: 5.0 });
         let shape = WallShape::Polyhedron(SolidShape { hollow, ..Default::default() }.into());
         let x = Vec3::new(1.5, 1.0, 5.0);
         // The shape replaces the plate.
         frame.walls[0] = Wall { x, rotation: UnitQuaternion::identity(), shape, ..frame.walls[0].clone() };
         let found = Bed::from_frame(&frame, &find_fragments(&frame)).unwrap();
         assert_eq!((found.up, found.floor), (Vec3::z(), 0.0));
-        assert_close(found.area, 16.0 * std::f64::consts::PI);
+        assert_close(found.area, 3.61 * std::f64::consts::PI);
         assert_close(found.height, 3.0);
     }
 
     #[test]
     fn an_oblique_wall_makes_no_bed() {
-        let mut scene = columns(3, false, [true; 4], UnitQuaternion::identity());
-        let wall = scene.plate([-40.0, 0.0, 0.0], [30.0, 30.0, 0.1]);
-        let (sin, cos) = 0.3f64.sin_cos();
-        scene.snapshot.bodies.body_q[wall] = [cos, 0.0, sin, 0.0];
+        let mut scene = columns(3, false, [true, false, true, true], UnitQuaternion::identity());
+        let (sin, cos) = 0.05f64.sin_cos();
+        // Through the foot of the open side, leaning outwards.
+        let wall = scene.plate([-0.1, 0.0, 0.0], [0.1, 30.0, 30.0]);
+        scene.snapshot.bodies.body_q[wall] = [cos, 0.0, -sin, 0.0];
         assert!(bed(&scene).is_none());
+        // Elsewhere it bounds nothing.
+        scene.snapshot.bodies.body_x[wall] = [-80.0, 0.0, 0.0];
+        scene.plate([-0.1, 1.0, 9.0], [0.1, 9.0, 9.0]);
+        assert_close(bed(&scene).unwrap().area, 6.0);
     }
 }

@@ -2,17 +2,25 @@
 
 use crate::derive::energy::self_gravity_constant;
 use crate::derive::fragments::Fragment;
-use crate::derive::free_surface::mean_plane;
+use crate::derive::free_surface::{SurfacePlane, mean_plane};
 use crate::derive::heights::{centre_of_mass, height_range};
 use crate::derive::polytope::ConvexPolytope;
 use crate::derive::probe::ProbeShape;
 use crate::derive::region_kind::RegionKind;
-use crate::derive::walls::{CylinderBore, WallFace, bounding_bore, bounding_faces, supported_grains};
+use crate::derive::walls::{CylinderBore, WallPlane, bounding_bore, bounding_planes, supported_grains};
 use crate::frame::{Frame, Grain, GrainId};
 use crate::math::Vec3;
 
 /// Number of sides of the polygon that approximates a hollow cylinder; it has the same area.
 const POLYGON_SIDES: usize = 360;
+
+/// Least share of a side of the space that faces of walls cover. Gaps between plates, an outlet and corners that plates do
+/// not reach leave more; posts and tiles that stand apart cover less.
+const MIN_COVERED_SHARE: f64 = 0.5;
+
+/// Least share of the section between the walls that grains under gravity cover, seen from above: a bed covers nearly all of
+/// it, one layer of spheres at least half, and a heap in the middle of a wide box less.
+const MIN_OCCUPIED_SHARE: f64 = 0.5;
 
 /// Region between walls and periods, with its grains.
 pub struct EnclosedRegion {
@@ -24,14 +32,17 @@ pub struct EnclosedRegion {
 }
 
 /// Walls and periods around grains.
+///
+/// A plane of wall faces bounds the space if nearly all grains are before it and faces cover half of the side of the space
+/// that lies in it. Under gravity the grains must fill the space from side to side.
 pub struct GrainEnclosure<'a> {
     frame: &'a Frame,
-    faces: Vec<WallFace>,
+    planes: Vec<WallPlane>,
     bores: Vec<CylinderBore>,
-    /// Space between the walls and periods.
-    space: ConvexPolytope,
     /// Grains by which walls and periods were chosen.
     core: Vec<GrainId>,
+    /// Centre of mass of these grains, m.
+    centre: Vec3,
     /// Direction against uniform gravity, in a periodic scene along z; None without gravity.
     up: Option<Vec3>,
     mean_diameter: f64,
@@ -56,23 +67,56 @@ impl<'a> GrainEnclosure<'a> {
         let largest = fragments.first().map_or(&[][..], |first| &first.grains);
         let core = [&held[..], if held.is_empty() { largest } else { &[] }].into_iter().find(|grains| half(grains));
         let core = core.map_or_else(|| frame.grain_ids().collect(), <[GrainId]>::to_vec);
+        Some(GrainEnclosure::around(frame, core))
+    }
+
+    /// Returns the walls and periods around some grains, at least one.
+    pub fn around(frame: &'a Frame, core: Vec<GrainId>) -> GrainEnclosure<'a> {
         let grains = || core.iter().map(|&i| &frame.grains[i]);
-        let faces: Vec<WallFace> = frame.wall_ids().flat_map(|k| bounding_faces(frame, k, &core)).collect();
-        let bores: Vec<CylinderBore> = frame.wall_ids().filter_map(|k| bounding_bore(frame, k, &core)).collect();
-        let centre = centre_of_mass(grains());
+        let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0);
+        GrainEnclosure {
+            frame,
+            planes: bounding_planes(frame, &core),
+            bores: frame.wall_ids().filter_map(|k| bounding_bore(frame, k, &core)).collect(),
+            centre: centre_of_mass(grains()),
+            up: against.map(|against| if frame.cell().is_periodic() { Vec3::z() } else { against }),
+            mean_diameter: 2.0 * grains().map(|g| g.radius).sum::<f64>() / core.len() as f64,
+            core,
+        }
+    }
+
+    fn is_inside(&self, x: &Vec3) -> bool {
+        self.planes.iter().all(|plane| plane.is_before(x)) && self.bores.iter().all(|bore| bore.contains_point(x))
+    }
+
+    /// Grains of the core with their centre inside.
+    fn inner_grains(&self) -> impl Iterator<Item = &'a Grain> {
+        self.core.iter().map(|&i| &self.frame.grains[i]).filter(|grain| self.is_inside(&grain.x))
+    }
+
+    /// Lowest and highest point of the grains along a direction, m.
+    fn height_range(&self, axis: &Vec3) -> [f64; 2] {
+        let ends = self.inner_grains().map(|grain| height_range(grain, axis));
+        ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], [l, h]| [low.min(l), high.max(h)])
+    }
+
+    /// Space between the periods, hollow cylinders and planes.
+    fn space(&self) -> ConvexPolytope {
         // The initial cuboid exceeds all walls by far, so that a side without a wall stays open.
-        let far = grains().map(|g| (g.x - centre).norm() + g.bounding_radius()).fold(0.0, f64::max);
-        let walls = faces.iter().map(|f| (f.place - f.normal.dot(&centre)).abs()).chain(bores.iter().map(|b| b.radius));
-        let open = 64.0 * walls.fold(far, f64::max);
-        let mut space = ConvexPolytope::cuboid(centre, open);
-        for (axis, period) in cell.0.iter().enumerate().filter_map(|(axis, period)| Some((axis, (*period)?))) {
+        let grains = self.core.iter().map(|&i| &self.frame.grains[i]);
+        let far = grains.map(|g| (g.x - self.centre).norm() + g.bounding_radius()).fold(0.0, f64::max);
+        let planes = self.planes.iter().map(|plane| (plane.place - plane.normal.dot(&self.centre)).abs());
+        let open = 64.0 * planes.chain(self.bores.iter().map(|bore| bore.radius)).fold(far, f64::max);
+        let mut space = ConvexPolytope::cuboid(self.centre, open);
+        let periods = self.frame.cell().0;
+        for (axis, period) in periods.iter().enumerate().filter_map(|(axis, period)| Some((axis, (*period)?))) {
             space.cut_below(&Vec3::ith(axis, 1.0), -0.5 * period);
             space.cut_below(&Vec3::ith(axis, -1.0), -0.5 * period);
         }
-        for face in &faces {
-            space.cut_below(&face.normal, face.place);
+        for plane in &self.planes {
+            space.cut_below(&plane.normal, plane.place);
         }
-        for bore in &bores {
+        for bore in &self.bores {
             let first = bore.axis.cross(&Vec3::ith(bore.axis.iamin(), 1.0)).normalize();
             let second = bore.axis.cross(&first);
             let turn = std::f64::consts::TAU / POLYGON_SIDES as f64;
@@ -83,21 +127,39 @@ impl<'a> GrainEnclosure<'a> {
                 space.cut_below(&inward, inward.dot(&bore.x) - apothem);
             }
         }
-        let against = (-Vec3::from(frame.meta.parameters.uniform_gravity)).try_normalize(0.0);
-        let up = against.map(|against| if cell.is_periodic() { Vec3::z() } else { against });
-        let mean_diameter = 2.0 * grains().map(|g| g.radius).sum::<f64>() / core.len() as f64;
-        Some(GrainEnclosure { frame, faces, bores, space, core, up, mean_diameter })
+        space
     }
 
-    fn is_inside(&self, x: &Vec3) -> bool {
-        self.faces.iter().all(|face| face.is_before(x)) && self.bores.iter().all(|bore| bore.contains_point(x))
-    }
-
-    /// Lowest and highest point of the grains along a direction, m.
-    fn height_range(&self, axis: &Vec3) -> [f64; 2] {
-        let inside = self.core.iter().map(|&i| &self.frame.grains[i]).filter(|grain| self.is_inside(&grain.x));
-        let ends = inside.map(|grain| height_range(grain, axis));
-        ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], [l, h]| [low.min(l), high.max(h)])
+    /// Space between walls and periods, with its open ends cut off by `cut`; None if it is still open.
+    ///
+    /// A plane bounds only where its faces are: while faces cover less than half of a side of the space, the plane with the
+    /// least share is removed. So rims of tiles, plates that hang elsewhere and posts bound nothing. `counts`: planes that
+    /// are checked.
+    fn covered_space<T>(
+        &mut self,
+        counts: impl Fn(&WallPlane) -> bool,
+        cut: impl Fn(&GrainEnclosure, &mut ConvexPolytope) -> T,
+    ) -> Option<(ConvexPolytope, T)> {
+        loop {
+            let mut space = self.space();
+            let cut = cut(self, &mut space);
+            if !space.is_closed() {
+                return None;
+            }
+            // A grain cannot leave through a gap of its radius.
+            let margin = 0.5 * self.mean_diameter;
+            let share = |plane: &WallPlane| match space.face_on(&plane.normal, plane.place) {
+                Some(side) if counts(plane) => plane.covered_share(side, margin),
+                _ => 1.0,
+            };
+            let shares: Vec<f64> = self.planes.iter().map(share).collect();
+            let least = shares.iter().copied().fold(1.0, f64::min);
+            if least >= MIN_COVERED_SHARE {
+                return Some((space, cut));
+            }
+            let mut shares = shares.into_iter();
+            self.planes.retain(|_| shares.next().is_some_and(|share| share > least));
+        }
     }
 
     /// Space that walls and periods enclose around the grains; `None` if it is open.
@@ -109,45 +171,77 @@ impl<'a> GrainEnclosure<'a> {
     }
 
     fn into_weightless_region(mut self) -> Option<EnclosedRegion> {
-        let repeats = self.frame.cell().is_periodic();
-        let mut kind = RegionKind::Walls;
-        let mut limits = [f64::NEG_INFINITY, f64::INFINITY];
-        if repeats && !self.space.is_closed() {
-            (kind, limits) = (RegionKind::Cell, self.height_range(&Vec3::z()));
-            let periods = self.frame.cell().0;
-            let open: Vec<usize> = (0..3).filter(|&axis| axis == 2 || periods[axis].is_none()).collect();
-            for axis in open {
-                let axis = Vec3::ith(axis, 1.0);
-                let [low, high] = self.height_range(&axis);
-                self.space.cut_below(&axis, low);
-                self.space.cut_below(&-axis, -high);
-            }
+        let (space, limits) = self.covered_space(
+            |_| true,
+            |enclosure, space| {
+                let periods = enclosure.frame.cell();
+                if !periods.is_periodic() || space.is_closed() {
+                    return None;
+                }
+                for axis in (0..3).filter(|&axis| axis == 2 || periods.0[axis].is_none()) {
+                    let axis = Vec3::ith(axis, 1.0);
+                    let [low, high] = enclosure.height_range(&axis);
+                    space.cut_below(&axis, low);
+                    space.cut_below(&-axis, -high);
+                }
+                Some(enclosure.height_range(&Vec3::z()))
+            },
+        )?;
+        let kind = if limits.is_some() { RegionKind::Cell } else { RegionKind::Walls };
+        let [low, high] = limits.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        let members = self.members_inside(|x| self.is_inside(x) && (low..=high).contains(&x.z));
+        Some(EnclosedRegion { kind, volume: space.volume(), members })
+    }
+
+    /// Space below the mean surface of grains under gravity, and this surface; None if it is open, and if the grains do not
+    /// fill it from side to side: a heap. `self` keeps the planes that bound it or lie beyond it.
+    fn bed_space(&mut self, up: &Vec3) -> Option<(ConvexPolytope, SurfacePlane, f64)> {
+        let (space, surface) = self.covered_space(
+            |_| true,
+            |enclosure, space| {
+                let grains: Vec<&Grain> = enclosure.inner_grains().collect();
+                let surface = mean_plane(&grains, &enclosure.frame.cell(), up)?;
+                let section = space.cut_below(&-surface.normal, -surface.normal.dot(&surface.point));
+                if !space.is_closed() {
+                    let [lowest, _] = enclosure.height_range(up);
+                    space.cut_below(up, lowest);
+                }
+                Some((surface, section))
+            },
+        )?;
+        let (surface, section) = surface?;
+        if !self.frame.cell().is_periodic() && !self.is_filled(&space, &surface, section * surface.normal.dot(up)) {
+            return None;
         }
-        let [low, high] = limits;
-        let within = |x: &Vec3| self.is_inside(x) && (low..=high).contains(&x.z);
-        let members = self.members_inside(within);
-        self.space.is_closed().then(|| EnclosedRegion { kind, volume: self.space.volume(), members })
+        Some((space, surface, section))
+    }
+
+    /// Whether a grain is within a mean diameter of each wall that bounds the space, and the grains cover half of the
+    /// section (m^2) as seen from above.
+    fn is_filled(&self, space: &ConvexPolytope, surface: &SurfacePlane, section: f64) -> bool {
+        let near_plane = |plane: &WallPlane| {
+            let gap = |grain: &Grain| height_range(grain, &plane.normal)[0] - plane.place;
+            self.inner_grains().any(|grain| gap(grain) <= self.mean_diameter)
+        };
+        let near_bore = |bore: &CylinderBore| {
+            let gap = |grain: &Grain| bore.radius - bore.offset_from_axis(&grain.x).norm() - grain.bounding_radius();
+            self.inner_grains().any(|grain| gap(grain) <= self.mean_diameter)
+        };
+        surface.area >= MIN_OCCUPIED_SHARE * section
+            && self.planes.iter().filter(|p| space.face_on(&p.normal, p.place).is_some()).all(near_plane)
+            && self.bores.iter().all(near_bore)
     }
 
     fn into_region_under_gravity(mut self, up: &Vec3) -> Option<EnclosedRegion> {
-        let grains = self.core.iter().map(|&i| &self.frame.grains[i]).filter(|grain| self.is_inside(&grain.x));
-        let grains: Vec<&Grain> = grains.collect();
-        let (point, normal) = mean_plane(&grains, &self.frame.cell(), up)?;
-        let whole = self.space.is_closed().then(|| self.space.volume());
-        let section = self.space.cut_below(&-normal, -normal.dot(&point));
-        if !self.space.is_closed() {
-            let [lowest, _] = self.height_range(up);
-            self.space.cut_below(up, lowest);
-        }
-        if !self.space.is_closed() {
-            return None;
-        }
-        let volume = self.space.volume();
-        if let Some(whole) = whole
-            && whole - volume <= section * self.mean_diameter
+        let (space, SurfacePlane { point, normal, .. }, section) = self.bed_space(up)?;
+        let volume = space.volume();
+        // A lid is checked as a side of the whole space; the sides above the grains need not reach up to it.
+        let whole = self.covered_space(|plane| plane.normal.dot(up) < 0.0, |_, _| ());
+        if let Some((whole, ())) = whole
+            && whole.volume() - volume <= section * self.mean_diameter
         {
             let members = self.members_inside(|x| self.is_inside(x));
-            return Some(EnclosedRegion { kind: RegionKind::Walls, volume: whole, members });
+            return Some(EnclosedRegion { kind: RegionKind::Walls, volume: whole.volume(), members });
         }
         let below = |x: &Vec3| (x - point).dot(&normal) <= 0.0;
         let core = |i: &GrainId| self.core.binary_search(i).is_ok();
@@ -159,6 +253,13 @@ impl<'a> GrainEnclosure<'a> {
         Some(EnclosedRegion { kind: RegionKind::Bed, volume, members })
     }
 
+    /// Returns the walls that bound a bed of these grains, without those beyond it; None if they do not enclose one.
+    pub fn into_bed_walls(mut self) -> Option<(Vec<WallPlane>, Vec<CylinderBore>)> {
+        let (space, ..) = self.bed_space(&self.up?)?;
+        self.planes.retain(|plane| space.face_on(&plane.normal, plane.place).is_some());
+        Some((self.planes, self.bores))
+    }
+
     fn members_inside(&self, inside: impl Fn(&Vec3) -> bool) -> Vec<GrainId> {
         self.frame.grain_ids().filter(|&i| inside(&self.frame.grains[i].x)).collect()
     }
@@ -167,11 +268,16 @@ impl<'a> GrainEnclosure<'a> {
     /// below, and its volume; None if a side is open.
     pub fn into_layer(mut self, from: f64, to: f64) -> Option<(ProbeShape, f64)> {
         let up = self.up.unwrap_or(Vec3::z());
-        let [lowest, _] = self.height_range(&up);
-        let floor = self.space.lowest_point(&up).unwrap_or(lowest);
-        self.space.cut_below(&up, floor + from);
-        self.space.cut_below(&-up, -(floor + to));
-        let layer = ProbeShape::Layer { up, from: floor + from, to: floor + to };
-        self.space.is_closed().then(|| (layer, self.space.volume()))
+        let (space, floor) = self.covered_space(
+            |_| true,
+            |enclosure, space| {
+                let [lowest, _] = enclosure.height_range(&up);
+                let floor = space.lowest_point(&up).unwrap_or(lowest);
+                space.cut_below(&up, floor + from);
+                space.cut_below(&-up, -(floor + to));
+                floor
+            },
+        )?;
+        Some((ProbeShape::Layer { up, from: floor + from, to: floor + to }, space.volume()))
     }
 }

@@ -4,8 +4,9 @@ use nalgebra::Matrix3;
 use rayon::prelude::*;
 
 use crate::derive::fragments::Fragment;
+use crate::derive::heights::height_range;
 use crate::derive::plane_fit::{FittedPlane, NoiseDensity, PlaneFit, without_noise};
-use crate::derive::walls::{CylinderBore, WallFace, bounding_bore, bounding_faces, supported_grains};
+use crate::derive::walls::{CylinderBore, WallPlane, bounding_bore, bounding_planes, supported_grains};
 use crate::frame::{Frame, Grain, GrainId, PeriodicCell};
 use crate::math::Vec3;
 
@@ -80,8 +81,7 @@ impl FreeSurface {
     /// Returns the surface of all groups that a wall touches with force; None without such groups or without uniform
     /// gravity.
     ///
-    /// The height of a column is the height of the highest sphere on its vertical; a polyhedron counts as the sphere of
-    /// equal volume. Columns under a wall that leans over the grains next to it have none: in a tilted box they stand on the
+    /// The height of a column is the height of the highest point of a grain on its vertical. Columns under a wall that leans over the grains next to it have none: in a tilted box they stand on the
     /// side of the bed along the wall, not on its free surface. Position and normal are those of the least-squares plane through the heights within `reach` mean radii
     /// ([`PlaneFit`]); both are NaN if less than half of the weight has a height. Verticals are against gravity. In a
     /// periodic scene verticals are along z, as a slope is modelled there by inclined gravity.
@@ -99,7 +99,7 @@ impl FreeSurface {
         let up = if frame.cell().is_periodic() { Vec3::z() } else { against };
         let grid = ColumnGrid::covering(&grains, &frame.cell(), up);
         let mut heights = grid.column_heights(&grains);
-        let lowest = grains.iter().map(|g| g.x.dot(&up) - g.radius).fold(f64::INFINITY, f64::min);
+        let lowest = grains.iter().map(|g| height_range(g, &up)[0]).fold(f64::INFINITY, f64::min);
         grid.remove_sides(&mut heights, lowest, &LeaningSide::of_walls(frame, &members, &up));
         let whole = grid.whole_plane(&heights)?;
         let fits: Vec<Option<FittedPlane>> =
@@ -176,26 +176,24 @@ impl FreeSurface {
 
 /// Inner side of a wall that bounds the grains, of which a part leans over them.
 enum LeaningSide {
-    Face(WallFace),
+    Plane(WallPlane),
     Bore(CylinderBore),
 }
 
 impl LeaningSide {
     /// Sides that lean over grains.
     fn of_walls(frame: &Frame, grains: &[GrainId], up: &Vec3) -> Vec<LeaningSide> {
-        let leans = |face: &WallFace| face.normal.dot(up) < 0.0;
-        let of_wall = |k| {
-            let faces = bounding_faces(frame, k, grains).into_iter().filter(leans).map(LeaningSide::Face);
-            faces.chain(bounding_bore(frame, k, grains).map(LeaningSide::Bore))
-        };
-        frame.wall_ids().flat_map(of_wall).collect()
+        let leans = |plane: &WallPlane| plane.normal.dot(up) < 0.0;
+        let planes = bounding_planes(frame, grains).into_iter().filter(leans).map(LeaningSide::Plane);
+        let bores = frame.wall_ids().filter_map(|k| bounding_bore(frame, k, grains));
+        planes.chain(bores.map(LeaningSide::Bore)).collect()
     }
 
     /// Distance of a point from the side, m, and the sine of the angle from the vertical by which the side there leans over
     /// the point; negative if it leans away.
     fn distance_and_lean(&self, x: &Vec3, up: &Vec3) -> (f64, f64) {
         match self {
-            LeaningSide::Face(face) => (x.dot(&face.normal) - face.place, -face.normal.dot(up)),
+            LeaningSide::Plane(plane) => (x.dot(&plane.normal) - plane.place, -plane.normal.dot(up)),
             LeaningSide::Bore(bore) => {
                 let outwards = bore.offset_from_axis(x);
                 let reach = outwards.norm();
@@ -218,17 +216,76 @@ impl MeanPlane {
     }
 }
 
-/// Least-squares plane through the heights of the columns over some grains: a point, and the normal of length 1; None
-/// without grains. The plane is level along a period.
-pub fn mean_plane(grains: &[&Grain], cell: &PeriodicCell, up: &Vec3) -> Option<(Vec3, Vec3)> {
+/// Mean plane of the surface of some grains.
+pub struct SurfacePlane {
+    /// Point of the plane, m.
+    pub point: Vec3,
+    /// Normal of length 1, upwards.
+    pub normal: Vec3,
+    /// Area of the columns that have a grain, seen from above, m^2.
+    pub area: f64,
+}
+
+/// Least-squares plane through the heights of the columns over some grains; None without grains. The plane is level along
+/// a period.
+pub fn mean_plane(grains: &[&Grain], cell: &PeriodicCell, up: &Vec3) -> Option<SurfacePlane> {
     if grains.is_empty() {
         return None;
     }
     let grid = ColumnGrid::covering(grains, cell, *up);
-    let whole = grid.whole_plane(&grid.column_heights(grains))?;
+    let heights = grid.column_heights(grains);
+    let whole = grid.whole_plane(&heights)?;
     let ([first, second], [x, y], [along, across]) = (grid.axes, whole.middle, whole.plane.gradient);
-    let point = first * x + second * y + up * whole.plane.height;
-    Some((point, (up - first * along - second * across).normalize()))
+    Some(SurfacePlane {
+        point: first * x + second * y + up * whole.plane.height,
+        normal: (up - first * along - second * across).normalize(),
+        area: heights.iter().filter(|height| height.is_finite()).count() as f64 * grid.widths[0] * grid.widths[1],
+    })
+}
+
+/// Face of a polyhedron that is seen from above.
+struct UpperFace {
+    /// Corners along the axes, from the centre of the grain, counter-clockwise, m.
+    corners: Vec<[f64; 2]>,
+    /// Height of the plane above the centre of the grain, m, and its gradient.
+    height: f64,
+    gradient: [f64; 2],
+    /// Height of the centre of the grain, m.
+    base: f64,
+    /// Rounding of a position, m.
+    rounding: f64,
+}
+
+impl UpperFace {
+    fn of_grain(grain: &Grain, axes: &[Vec3; 2], up: &Vec3) -> Vec<UpperFace> {
+        let Some(solid) = grain.solid.as_deref() else { return Vec::new() };
+        let corners: Vec<Vec3> = grain.vertices().map(|v| v - grain.x).collect();
+        let rounding = 1e-9 * grain.bounding_radius();
+        let face = |corner: &Vec<u32>| {
+            let at = |k: usize| corners[corner[k] as usize];
+            let normal: Vec3 = (2..corner.len()).map(|k| (at(k - 1) - at(0)).cross(&(at(k) - at(0)))).sum();
+            let rise = normal.dot(up);
+            // A face on edge is below the rim of its neighbours.
+            (rise > 1e-9 * normal.norm()).then(|| UpperFace {
+                corners: corner.iter().map(|&k| axes.map(|axis| corners[k as usize].dot(&axis))).collect(),
+                height: normal.dot(&at(0)) / rise,
+                gradient: axes.map(|axis| -normal.dot(&axis) / rise),
+                base: grain.x.dot(up),
+                rounding,
+            })
+        };
+        solid.faces.iter().filter_map(face).collect()
+    }
+
+    /// Height of the face on a vertical, m; None if it is beside the face.
+    fn height_at(&self, [x, y]: [f64; 2]) -> Option<f64> {
+        let sides = self.corners.iter().zip(self.corners.iter().cycle().skip(1));
+        let within = sides.into_iter().all(|([a, b], [c, d])| {
+            let (along, across) = (c - a, d - b);
+            along * (y - b) - across * (x - a) >= -self.rounding * along.hypot(across)
+        });
+        within.then(|| self.base + self.height + self.gradient[0] * x + self.gradient[1] * y)
+    }
 }
 
 /// Layout of the columns.
@@ -254,7 +311,7 @@ impl ColumnGrid {
             if let Some(period) = cell.0[k] {
                 return [-0.5 * period, 0.5 * period];
             }
-            let ends = grains.iter().map(|g| [g.x.dot(&axes[k]) - g.radius, g.x.dot(&axes[k]) + g.radius]);
+            let ends = grains.iter().map(|g| height_range(g, &axes[k]));
             ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], [l, h]| [low.min(l), high.max(h)])
         };
         let spans = [span(0), span(1)];
@@ -311,15 +368,27 @@ impl ColumnGrid {
         with_offsets.filter(move |(_, [x, y])| x * x + y * y < reach * reach)
     }
 
-    /// Height of the highest sphere on the vertical of each column, m; NaN without grains.
+    /// Height of the highest point of a grain on the vertical of each column, m; NaN without grains.
     fn column_heights(&self, grains: &[&Grain]) -> Vec<f64> {
         let mut heights = vec![f64::NAN; self.counts[0] * self.counts[1]];
+        let place = |x: &Vec3| self.axes.map(|axis| x.dot(&axis));
         for grain in grains {
-            let place = self.axes.map(|axis| grain.x.dot(&axis));
-            for (k, [x, y]) in self.columns_around(place, grain.radius) {
-                let height = grain.x.dot(&self.up) + (grain.radius.powi(2) - x * x - y * y).sqrt();
+            for (x, radius) in grain.balls() {
+                for (k, [u, v]) in self.columns_around(place(&x), radius) {
+                    let height = x.dot(&self.up) + (radius.powi(2) - u * u - v * v).sqrt();
+                    if let Some(k) = k {
+                        heights[k] = height.max(heights[k]);
+                    }
+                }
+            }
+            let faces = UpperFace::of_grain(grain, &self.axes, &self.up);
+            if faces.is_empty() {
+                continue;
+            }
+            for (k, at) in self.columns_around(place(&grain.x), grain.bounding_radius()) {
                 if let Some(k) = k {
-                    heights[k] = height.max(heights[k]);
+                    let highest = faces.iter().filter_map(|face| face.height_at(at)).fold(heights[k], f64::max);
+                    heights[k] = highest;
                 }
             }
         }

@@ -29,16 +29,28 @@ impl ConvexPolytope {
         ConvexPolytope { faces, centre, open }
     }
 
-    /// Cuts off the part with normal.x < place; returns the area of the cut, m^2.
+    /// Cuts off the part with normal.x < place; returns the area of the cut, m^2. A plane within rounding of a face changes
+    /// nothing, and returns the area of that face.
     pub fn cut_below(&mut self, normal: &Vec3, place: f64) -> f64 {
-        let value = |p: &Vec3| p.dot(normal) - place;
         let near = 1e-12 * self.open;
+        let value = |p: &Vec3| {
+            let value = p.dot(normal) - place;
+            if value.abs() <= near { 0.0 } else { value }
+        };
+        let values = || self.faces.iter().flatten().map(value);
+        if values().all(|value| value >= 0.0) {
+            return self.face_on(normal, place).map_or(0.0, |face| area_vector(face).norm());
+        }
+        if values().all(|value| value <= 0.0) {
+            self.faces.clear();
+            return 0.0;
+        }
         let mut rim: Vec<Vec3> = Vec::new();
         let mut faces = Vec::with_capacity(self.faces.len() + 1);
         for face in &self.faces {
             let left = cut_polygon(face, value, |p, q, share| p + (q - p) * share);
             if face.iter().any(|p| value(p) < 0.0) {
-                rim.extend(left.iter().filter(|p| value(p).abs() <= near));
+                rim.extend(left.iter().filter(|p| value(p) == 0.0));
             }
             if left.len() > 2 {
                 faces.push(left);
@@ -57,6 +69,17 @@ impl ConvexPolytope {
         let area = area_vector(&rim).norm();
         self.faces.push(rim);
         area
+    }
+
+    /// The face on a plane normal.x = place that bounds the polyhedron from below, if there is one.
+    pub fn face_on(&self, normal: &Vec3, place: f64) -> Option<&[Vec3]> {
+        // Ten times the rounding of corners that several cuts have made; a face narrower than that is an edge.
+        let near = 1e-11 * self.open;
+        let is_on = |face: &&Vec<Vec3>| {
+            let length = face.iter().map(|p| (p - face[0]).norm()).fold(0.0, f64::max);
+            face.iter().all(|p| (p.dot(normal) - place).abs() <= near) && -area_vector(face).dot(normal) > near * length
+        };
+        self.faces.iter().find(is_on).map(Vec::as_slice)
     }
 
     /// Whether the polyhedron is bounded: no part of it reaches the cube.

@@ -3,7 +3,7 @@
 //! | scene | region |
 //! |---|---|
 //! | grains that walls close in, without uniform gravity or up to a lid | between the walls |
-//! | grains under uniform gravity between side walls or periods | between the walls up to the bed's surface |
+//! | grains under uniform gravity that fill the space between side walls or periods | between the walls up to the bed's surface |
 //! | a scene that repeats without a bed | the cell, from the lowest to the highest point of the grains |
 //! | else | the convex hull of the largest remnant of touching grains |
 //!
@@ -47,13 +47,13 @@ struct Probed {
 impl Region {
     /// Returns the region that fits the scene; `fragments`: groups of touching grains.
     ///
-    /// Walls bound it by the faces of plates and convex polyhedra that have the centres of nearly all grains before them,
-    /// and by hollow cylinders around these. The grains considered are the groups that a wall touches with force if these
-    /// have half of the mass or of the grains, else all grains. Under uniform gravity the region ends at the mean plane of
-    /// their surface, unless a lid is less than a mean diameter above; without a plate below, it begins at their lowest
-    /// point. If walls and periods leave a side open, or if nothing touches them in a scene with self-gravity, the region
-    /// is the hull of the largest remnant (of those that a wall touches, if any). It is the hull of all grains if that group
-    /// has a single grain among others or less than a tenth of the mass and of the grains.
+    /// Walls bound it where their faces are, see [`GrainEnclosure`]. The grains considered are the groups that a wall touches
+    /// with force if these have half of the mass or of the grains, else all grains. Under uniform gravity the region ends at
+    /// the mean plane of their surface, unless a lid is less than a mean diameter above; without a plate below, it begins at
+    /// their lowest point. If walls and periods leave a side open, if the grains are a heap that does not fill the space
+    /// from side to side, or if nothing touches walls in a scene with self-gravity, the region is the hull of the largest
+    /// remnant (of those that a wall touches, if any). It is the hull of all grains if that group has a single grain among
+    /// others or less than a tenth of the mass and of the grains.
     pub fn from_frame(frame: &Frame, fragments: &[Fragment]) -> Region {
         if frame.grains.is_empty() {
             return Region { kind: RegionKind::None, volume: f64::NAN, members: Vec::new(), probe: None };
@@ -469,14 +469,18 @@ mod tests {
             let found = region(&frame);
             assert_eq!(found.kind, RegionKind::Walls);
             assert_close(found.volume, volume, 1e-12);
-            // If gravity acts across the axis, the drum contains a bed.
+            // If gravity acts across the axis, the wide drum contains a heap, and one whose wall passes through the lower
+            // edges of the lattice, with its axis in the upper face, a bed.
             if axis == 0 {
-                frame.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
+                frame.meta.parameters.uniform_gravity = [0.0, -1.0, 0.0];
+                assert_eq!(region(&frame).kind, RegionKind::LargestGroup);
+                let last = frame.walls.len() - 1;
+                (frame.walls[last].x, frame.walls[last].shape) = (Vec3::new(2.5, 4.0, 3.0), hollow(5.0, 50.0));
                 let bed = region(&frame);
-                // The grains reach up to 2 about the axis; of the disc of radius 8 what is below, or up to half a radius less.
-                let below = |s: f64| 64.0 * (s / 8.0).asin() + s * (64.0 - s * s).sqrt() + 32.0 * PI;
+                // Of the disc the lower half, or up to half a radius less.
+                let below = |s: f64| 25.0 * (s / 5.0).asin() + s * (25.0 - s * s).sqrt() + 12.5 * PI;
                 assert_eq!(bed.kind, RegionKind::Bed);
-                assert!((5.0 * below(1.5)..=5.0 * below(2.0) * 1.0001).contains(&bed.volume), "{}", bed.volume);
+                assert!((5.0 * below(-0.5)..=5.0 * below(0.0) * 1.0001).contains(&bed.volume), "{}", bed.volume);
             }
         }
     }
@@ -517,18 +521,22 @@ mod tests {
             let mut frame = scene.frame();
             let rotation = UnitQuaternion::rotation_between(&Vec3::z(), &Vec3::ith(axis, 1.0)).unwrap();
             let x = Vec3::new(2.5, 2.0, 3.0);
-            frame.walls.push(Wall { id: 99, x, v: None, rotation, shape: hollow(8.0, 5.0) });
+            // Through the corners of the lattice; ends at most half a diameter from it.
+            let square: f64 = (0..3).filter(|&k| k != axis).map(|k| (0.5 * COUNTS[k] as f64).powi(2)).sum();
+            let length = 1.0 + COUNTS[axis] as f64;
+            let half_height = if axis == 2 { 5.0 } else { 0.5 * length };
+            frame.walls.push(Wall { id: 99, x, v: None, rotation, shape: hollow(square.sqrt(), half_height) });
             gravity(&mut frame);
             let found = region(&frame);
             if axis == 2 {
                 assert_eq!(found.kind, RegionKind::Walls);
-                assert_close(found.volume, PI * 64.0 * 6.0, 1e-12);
+                assert_close(found.volume, PI * square * 6.0, 1e-12);
             } else {
-                assert_eq!(found.kind, RegionKind::Bed);
-                // Up to half a radius below the highest points.
-                let below = |s: f64| 64.0 * (s / 8.0).asin() + s * (64.0 - s * s).sqrt();
-                let between = |top: f64| 10.0 * (below(top) - below(-3.0));
-                assert!((between(2.5)..=between(3.0) * 1.0001).contains(&found.volume), "{}", found.volume);
+                // The roof of the drum is less than a diameter above the grains. 360 sides instead of a circle.
+                let below = |s: f64| square * (s / square.sqrt()).asin() + s * (square - s * s).sqrt();
+                let expected = length * (0.5 * PI * square - below(-3.0));
+                assert_eq!(found.kind, RegionKind::Walls);
+                assert_close(found.volume, expected, 1e-4);
             }
             let layer: Probe = "layer:0,1".parse().unwrap();
             assert_eq!(Region::from_probe(&frame, &find_fragments(&frame), &layer).kind, RegionKind::Layer);
@@ -735,5 +743,128 @@ mod tests {
         let found = row(&scene);
         assert_eq!(found.region, RegionKind::Bed.column_value());
         assert!((20.0 * 5.5..=20.0 * 6.0).contains(&found.region_volume), "{}", found.region_volume);
+    }
+
+    /// Plates of half thickness `r` around the lattice like [`plates`], each side in `tiles` by `tiles` equal plates that
+    /// cover the side of the lattice and no more, moved outwards by `away`.
+    fn tiled(scene: &mut Scene, r: f64, tiles: usize, sides: &[usize], away: f64) {
+        let size = COUNTS.map(|count| 2.0 * r * count as f64);
+        for &side in sides {
+            let (axis, sign) = (side / 2, if side % 2 == 1 { 1.0 } else { -1.0 });
+            let half = Vec3::from(size) * (0.5 / tiles as f64);
+            for (i, j) in (0..tiles).flat_map(|i| (0..tiles).map(move |j| (i, j))) {
+                let (second, third) = ((axis + 1) % 3, (axis + 2) % 3);
+                let (mut centre, mut lengths) = ([0.0; 3], half);
+                centre[axis] = 0.5 * size[axis] + sign * (0.5 * size[axis] + r + away);
+                centre[second] = half[second] * (2 * i + 1) as f64;
+                centre[third] = half[third] * (2 * j + 1) as f64;
+                lengths[axis] = r;
+                scene.plate(centre, lengths.into());
+            }
+        }
+    }
+
+    #[test]
+    fn a_side_in_many_plates_bounds_as_one_plate() {
+        let (r, p) = (0.5, [3.0, 4.0, 5.0]);
+        for gravity in [false, true] {
+            // Tiles, tiles given twice, and tiles within a wall of one plate behind them.
+            for (tiles, copies, behind) in [(1, 1, false), (2, 1, false), (3, 2, false), (3, 1, true)] {
+                let mut scene = Scene::default();
+                lattice(&mut scene, COUNTS, r, p);
+                let sides: &[usize] = if gravity { &[0, 1, 2, 3, 4] } else { &[0, 1, 2, 3, 4, 5] };
+                (0..copies).for_each(|_| tiled(&mut scene, r, tiles, sides, 0.0));
+                if behind {
+                    tiled(&mut scene, r, 1, sides, 3.0);
+                }
+                // What carries the lowest layer.
+                let floor = scene.plate([2.5, 2.0, -0.5], [2.5, 2.0, 0.5]);
+                scene.contact_at(0, floor, [0.5, 0.5, 0.0], Vec3::z());
+                if gravity {
+                    scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
+                }
+                let found = row(&scene);
+                let kind = if gravity { RegionKind::Bed } else { RegionKind::Walls };
+                assert_eq!(found.region, kind.column_value(), "{tiles} {copies} {behind}");
+                if gravity {
+                    assert!((20.0 * 5.5..=20.0 * 6.0).contains(&found.region_volume), "{}", found.region_volume);
+                    assert_close(found.bed_nu, PI / 6.0, 1e-12);
+                } else {
+                    assert_close(found.region_volume, 120.0, 1e-12);
+                    assert_close(found.nu, PI / 6.0, 1e-12);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn plates_that_leave_half_of_a_side_open_or_stand_elsewhere_bound_nothing() {
+        let (r, p) = (0.5, [3.0; 3]);
+        let hull = {
+            let mut scene = Scene::default();
+            lattice(&mut scene, COUNTS, r, p);
+            row(&scene)
+        };
+        for gravity in [false, true] {
+            // Tiles of a floor alone; posts; plates above the grains; a box in whose middle the grains are.
+            for case in 0..4 {
+                let mut scene = Scene::default();
+                lattice(&mut scene, COUNTS, r, p);
+                let lowest = scene.plate([2.5, 2.0, -0.5], [9.0, 9.0, 0.5]);
+                scene.contact_at(0, lowest, [0.5, 0.5, 0.0], Vec3::z());
+                let around = [[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]];
+                match case {
+                    0 => tiled(&mut scene, r, 3, &[4], 0.0),
+                    1 | 2 => around.iter().for_each(|[x, y]| {
+                        let z = if case == 1 { 1.0 } else { 30.0 };
+                        let half = [1.0 - 0.9 * x * x, 1.0 - 0.9 * y * y, 1.0];
+                        scene.plate([2.5 + 9.0 * x, 2.0 + 9.0 * y, z], half);
+                    }),
+                    _ if gravity => around.iter().for_each(|[x, y]| {
+                        let half = [20.0 - 19.9 * x * x, 20.0 - 19.9 * y * y, 20.0];
+                        scene.plate([2.5 + 20.0 * x, 2.0 + 20.0 * y, 20.0], half);
+                    }),
+                    // Without gravity a gas fills any box: plates on all sides, each smaller than half of a side.
+                    _ => (0..3).flat_map(|axis| [(axis, -1.0), (axis, 1.0)]).for_each(|(axis, sign)| {
+                        let (mut centre, mut half) = ([2.5, 2.0, 3.0], [3.0; 3]);
+                        centre[axis] += 12.0 * sign;
+                        half[axis] = 0.1;
+                        scene.plate(centre, half);
+                    }),
+                }
+                if gravity {
+                    scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
+                }
+                let found = row(&scene);
+                assert_eq!(found.region, RegionKind::LargestGroup.column_value(), "{gravity} {case}");
+                assert!(found.nu == hull.nu && found.bed_nu.is_nan(), "{gravity} {case}");
+            }
+        }
+    }
+
+    #[test]
+    fn polyhedra_that_fill_a_box_have_a_solid_fraction_of_one() {
+        for half in [[0.5, 0.5, 0.5], [0.25, 0.25, 2.0], [1.0, 1.0, 0.125]] {
+            let mut scene = Scene::default();
+            scene.snapshot.meta.parameters.uniform_gravity = [0.0, 0.0, -1.0];
+            let counts = [(4.0, half[0]), (4.0, half[1]), (2.0, half[2])]
+                .map(|(size, half): (f64, f64)| (size / (2.0 * half)).max(1.0) as usize);
+            let height = 2.0 * half[2] * counts[2] as f64;
+            let floor = scene.plate([2.0, 2.0, -0.5], [2.0, 2.0, 0.5]);
+            for (x, y) in [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)] {
+                let thin = |part: f64| if part == 0.0 { 3.0 } else { 0.5 };
+                scene.plate([2.0 + 2.5 * x, 2.0 + 2.5 * y, 3.0], [thin(x), thin(y), 3.0]);
+            }
+            for k in 0..counts.iter().product() {
+                let at = [k % counts[0], k / counts[0] % counts[1], k / counts[0] / counts[1]];
+                let x = [0, 1, 2].map(|axis| half[axis] * (2 * at[axis] + 1) as f64);
+                let body = scene.cuboid(x, half);
+                scene.contact_at(body, floor, [x[0], x[1], 0.0], Vec3::z());
+            }
+            let found = row(&scene);
+            assert_eq!(found.region, RegionKind::Bed.column_value());
+            assert_close(found.region_volume, 16.0 * height, 1e-12);
+            assert_close(found.nu, 1.0, 1e-12);
+        }
     }
 }

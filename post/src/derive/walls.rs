@@ -15,18 +15,92 @@ pub fn supported_grains(frame: &Frame, fragments: &[Fragment]) -> Vec<GrainId> {
     grains
 }
 
-/// Face of a wall: n.x >= place for the centres of nearly all grains.
+/// Face of a wall, finite.
+#[derive(Debug, Clone, PartialEq)]
 pub struct WallFace {
     pub wall: WallId,
-    pub normal: Vec3,
-    pub place: f64,
+    /// Corners of a convex polygon in turn, m.
+    corners: Vec<Vec3>,
 }
 
-impl WallFace {
+/// Plane of the faces of one or more walls that lie flush: n.x >= place for the centres of nearly all grains.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WallPlane {
+    pub normal: Vec3,
+    pub place: f64,
+    pub faces: Vec<WallFace>,
+}
+
+impl WallPlane {
     /// Whether a point (m) is on the side of the grains.
     pub fn is_before(&self, x: &Vec3) -> bool {
         x.dot(&self.normal) >= self.place
     }
+
+    /// Whether a point of the plane lies in one of the faces, or within `margin` (m) of it.
+    fn covers(&self, x: &Vec3, margin: f64) -> bool {
+        self.faces.iter().any(|face| {
+            let sides = face.corners.iter().zip(face.corners.iter().cycle().skip(1));
+            // Seen against the normal, corners are counter-clockwise; an edge has its outside on the right.
+            sides.into_iter().all(|(p, q)| {
+                let edge = q - p;
+                edge.cross(&self.normal).dot(&(x - p)) <= margin * edge.norm()
+            })
+        })
+    }
+
+    /// Share of a convex polygon in the plane that the faces cover, each with a margin (m) around it; flush faces that
+    /// overlap count once. Points of a lattice in the polygon are counted, so the error is some hundredths. 1 for a polygon
+    /// without such a point, a sliver.
+    pub fn covered_share(&self, polygon: &[Vec3], margin: f64) -> f64 {
+        let first = self.normal.cross(&Vec3::ith(self.normal.iamin(), 1.0)).normalize();
+        let axes = [first, self.normal.cross(&first)];
+        let [(from, to), (left, right)] = axes.map(|axis| {
+            let along = polygon.iter().map(|p| p.dot(&axis));
+            along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
+        });
+        // Corners that are one but for rounding make an edge of any direction.
+        let mut corners = counter_clockwise(polygon.to_vec(), &self.normal);
+        let rounding = 1e-9 * f64::max(to - from, right - left);
+        corners.dedup_by(|p, q| (*p - *q).norm() <= rounding);
+        let face = WallFace { wall: WallId::new(0), corners };
+        let outline = WallPlane { normal: self.normal, place: self.place, faces: vec![face] };
+        let (mut all, mut covered) = (0.0, 0.0);
+        for k in 0..COVER_POINTS * COVER_POINTS {
+            let [u, v] = [k % COVER_POINTS, k / COVER_POINTS].map(|i| (i as f64 + 0.5) / COVER_POINTS as f64);
+            let x =
+                axes[0] * (from + u * (to - from)) + axes[1] * (left + v * (right - left)) + self.normal * self.place;
+            if outline.covers(&x, 0.0) {
+                all += 1.0;
+                covered += f64::from(u8::from(self.covers(&x, margin)));
+            }
+        }
+        if all > 0.0 { covered / all } else { 1.0 }
+    }
+}
+
+/// Points along each side of the lattice of [`WallPlane::covered_share`].
+const COVER_POINTS: usize = 24;
+
+/// Largest sine of the angle between faces that lie flush: a few roundings of an orientation from a file.
+const FLUSH_ANGLE: f64 = 1e-6;
+
+/// Largest distance between faces that lie flush, in mean radii of the grains: positions in a file have eight digits, and a
+/// step of this height changes no mean noticeably.
+const FLUSH_STEP: f64 = 0.01;
+
+/// Returns the corners of a polygon in the order that is counter-clockwise if seen against `normal`.
+fn counter_clockwise(mut corners: Vec<Vec3>, normal: &Vec3) -> Vec<Vec3> {
+    if twice_area(&corners).dot(normal) < 0.0 {
+        corners.reverse();
+    }
+    corners
+}
+
+/// Twice the area of a polygon times its normal, m^2.
+fn twice_area(corners: &[Vec3]) -> Vec3 {
+    let from = |k: usize| corners[k] - corners[0];
+    (2..corners.len()).map(|k| from(k - 1).cross(&from(k))).sum()
 }
 
 /// Share of the grains that may be beyond a wall that bounds the others: a few grains that have left a box do not open it.
@@ -37,50 +111,105 @@ fn nearly_all(frame: &Frame, grains: &[GrainId], inside: impl Fn(&Vec3) -> bool)
     beyond as f64 <= MAX_ESCAPED_SHARE * grains.len() as f64
 }
 
-/// Faces of a wall that have the centres of nearly all `grains` before them. A plate has any such face. A convex polyhedron
-/// has, of the faces that cover half of the grains' section or more, the one that is farthest from the nearest of these
-/// centres. A hollow cylinder around these centres has both ends.
-pub fn bounding_faces(frame: &Frame, wall: WallId, grains: &[GrainId]) -> Vec<WallFace> {
+/// Planes of faces of walls that have the centres of nearly all `grains` before them, of plates, of convex polyhedra and of
+/// hollow cylinders around these centres, which have two ends.
+///
+/// Faces that lie flush make one plane, so it does not matter in how many parts a wall is given. Planes whose faces
+/// together are smaller than half of the grains' section are left out, as they cannot close a side. Whether a plane bounds
+/// a space depends on where its faces are, see [`WallPlane::covered_share`].
+pub fn bounding_planes(frame: &Frame, grains: &[GrainId]) -> Vec<WallPlane> {
+    let count = grains.len() as f64;
+    let centre = grains.iter().map(|&i| frame.grains[i].x).sum::<Vec3>() / count;
+    let mean_radius = grains.iter().map(|&i| frame.grains[i].radius).sum::<f64>() / count;
+    let mut faces: Vec<(Vec3, f64, WallFace)> = Vec::new();
+    for wall in frame.wall_ids() {
+        faces.extend(wall_faces(frame, wall, grains).into_iter().filter_map(|(normal, corners)| {
+            // Places are from the middle of the grains, whose distance from the origin may be large.
+            let place = corners.iter().map(|p| (p - centre).dot(&normal)).fold(f64::NEG_INFINITY, f64::max);
+            let corners = counter_clockwise(corners, &normal);
+            nearly_all(frame, grains, |x| (x - centre).dot(&normal) >= place).then_some((
+                normal,
+                place,
+                WallFace { wall, corners },
+            ))
+        }));
+    }
+    faces.sort_by(|a, b| a.0.x.total_cmp(&b.0.x));
+    let mut planes: Vec<WallPlane> = Vec::new();
+    for (normal, place, face) in faces {
+        let near = planes.iter_mut().rev().take_while(|plane| normal.x - plane.normal.x <= FLUSH_ANGLE);
+        let flush = |plane: &&mut WallPlane| {
+            (plane.normal - normal).norm() <= FLUSH_ANGLE && (plane.place - place).abs() <= FLUSH_STEP * mean_radius
+        };
+        match near.into_iter().find(flush) {
+            Some(plane) => {
+                plane.place = plane.place.max(place);
+                plane.faces.push(face);
+            }
+            None => planes.push(WallPlane { normal, place, faces: vec![face] }),
+        }
+    }
+    let section = GrainSection::new(frame, grains, &centre);
+    let area = |plane: &WallPlane| plane.faces.iter().map(|face| 0.5 * twice_area(&face.corners).norm()).sum::<f64>();
+    planes.retain(|plane| area(plane) >= 0.5 * section.area_across(&plane.normal));
+    planes.iter_mut().for_each(|plane| plane.place += plane.normal.dot(&centre));
+    planes.sort_by(|a, b| a.faces[0].wall.cmp(&b.faces[0].wall).then(a.place.total_cmp(&b.place)));
+    planes
+}
+
+/// Normals and corners of the faces of a wall that face outwards, or inwards at the ends of a hollow cylinder around nearly
+/// all centres of `grains`.
+fn wall_faces(frame: &Frame, wall: WallId, grains: &[GrainId]) -> Vec<(Vec3, Vec<Vec3>)> {
     let (x, rotation) = (frame.walls[wall].x, frame.walls[wall].rotation);
-    let before = |face: &WallFace| nearly_all(frame, grains, |x| face.is_before(x));
     match &frame.walls[wall].shape {
         WallShape::Plate(half) => {
             let face = |(axis, sign): (usize, f64)| {
-                let normal = rotation * Vec3::ith(axis, sign);
-                WallFace { wall, normal, place: normal.dot(&x) + half[axis] }
+                let corner = |[u, v]: [f64; 2]| {
+                    let mut corner = Vec3::zeros();
+                    let (second, third) = ((axis + 1) % 3, (axis + 2) % 3);
+                    (corner[axis], corner[second], corner[third]) =
+                        (sign * half[axis], u * half[second], v * half[third]);
+                    x + rotation * corner
+                };
+                let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(corner);
+                (rotation * Vec3::ith(axis, sign), corners.to_vec())
             };
-            (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]).map(face).filter(before).collect()
+            (0..3).flat_map(|axis| [(axis, 1.0), (axis, -1.0)]).map(face).collect()
         }
         WallShape::Polyhedron(solid) if solid.hollow.is_none() => {
             let reach = solid.bounding_radius();
-            let centre = grains.iter().map(|&i| frame.grains[i].x).sum::<Vec3>() / grains.len() as f64;
-            let offset = |i: &GrainId| frame.grains[*i].x - centre;
-            let spread = grains.iter().map(|i| offset(i) * offset(i).transpose()).sum::<Mat3>() / grains.len() as f64;
-            let covers = |corners: &[u32], normal: &Vec3| {
-                let at = |k: usize| solid.vertices[corners[k] as usize];
-                let twice = (2..corners.len()).map(|k| (at(k - 1) - at(0)).cross(&(at(k) - at(0))));
-                // The variances of an even section of sides a and b are a^2 / 12 and b^2 / 12; those of grains in a plane
-                // are zero.
-                let cofactor =
-                    spread.determinant() * spread.try_inverse().map_or(f64::NAN, |i| normal.dot(&(i * normal)));
-                0.5 * twice.sum::<Vec3>().norm() >= 0.5 * 12.0 * cofactor.max(0.0).sqrt()
-            };
             let face = |corners: &Vec<u32>| {
-                let [a, b, c] = [0, 1, 2].map(|k| solid.vertices[corners[k] as usize]);
-                let normal = (b - a).cross(&(c - b)).try_normalize(0.0)?;
+                let corners: Vec<Vec3> = corners.iter().map(|&k| solid.vertices[k as usize]).collect();
+                let normal = twice_area(&corners).try_normalize(0.0)?;
                 // Faces of a body that is not convex bound nothing.
-                let supports = solid.vertices.iter().all(|v| (v - a).dot(&normal) <= 1e-9 * reach);
-                let normal = supports.then(|| rotation * normal).filter(|normal| covers(corners, normal))?;
-                Some(WallFace { wall, normal, place: normal.dot(&(x + rotation * a)) })
+                let supports = solid.vertices.iter().all(|v| (v - corners[0]).dot(&normal) <= 1e-9 * reach);
+                let corners = corners.iter().map(|v| x + rotation * v).collect();
+                supports.then_some((rotation * normal, corners))
             };
-            let clearance = |face: &WallFace| {
-                let distances = grains.iter().map(|&i| frame.grains[i].x.dot(&face.normal) - face.place);
-                distances.filter(|d| *d >= 0.0).fold(f64::INFINITY, f64::min)
-            };
-            let faces = solid.faces.iter().filter_map(face).filter(before);
-            faces.max_by(|a, b| clearance(a).total_cmp(&clearance(b))).into_iter().collect()
+            solid.faces.iter().filter_map(face).collect()
         }
-        _ => bounding_bore(frame, wall, grains).map_or(Vec::new(), |bore| bore.ends(wall).into()),
+        _ => bounding_bore(frame, wall, grains).map_or(Vec::new(), |bore| bore.end_faces().into()),
+    }
+}
+
+/// Area of the section of some grains across a direction, as that of an even filling with the same variances.
+struct GrainSection(Mat3);
+
+impl GrainSection {
+    fn new(frame: &Frame, grains: &[GrainId], centre: &Vec3) -> GrainSection {
+        let own = |i: &GrainId| {
+            let (offset, radius) = (frame.grains[*i].x - centre, frame.grains[*i].radius);
+            // A ball of radius R has the variance R^2 / 5.
+            offset * offset.transpose() + Mat3::identity() * (0.2 * radius * radius)
+        };
+        GrainSection(grains.iter().map(own).sum::<Mat3>() / grains.len() as f64)
+    }
+
+    /// m^2. The variances of an even section of sides a and b are a^2 / 12 and b^2 / 12.
+    fn area_across(&self, normal: &Vec3) -> f64 {
+        let inverse = self.0.try_inverse();
+        let cofactor = self.0.determinant() * inverse.map_or(0.0, |inverse| normal.dot(&(inverse * normal)));
+        12.0 * cofactor.max(0.0).sqrt()
     }
 }
 
@@ -105,9 +234,20 @@ impl CylinderBore {
         offset - self.axis * offset.dot(&self.axis)
     }
 
-    /// Flat ends, seen from inside.
-    pub fn ends(&self, wall: WallId) -> [WallFace; 2] {
-        [self.axis, -self.axis].map(|normal| WallFace { wall, normal, place: normal.dot(&self.x) - self.half_height })
+    /// Normals of the flat ends seen from inside, and corners of squares around them: what lies beyond the radius is
+    /// outside anyway.
+    fn end_faces(&self) -> [(Vec3, Vec<Vec3>); 2] {
+        let first = self.axis.cross(&Vec3::ith(self.axis.iamin(), 1.0)).normalize() * self.radius;
+        let second = self.axis.cross(&first);
+        [self.axis, -self.axis].map(|normal| {
+            let middle = self.x - normal * self.half_height;
+            let corners = [-first - second, first - second, first + second, second - first];
+            (normal, corners.map(|corner| middle + corner).to_vec())
+        })
+    }
+
+    fn contains_between_ends(&self, x: &Vec3) -> bool {
+        self.contains_point(x) && (x - self.x).dot(&self.axis).abs() <= self.half_height
     }
 }
 
@@ -117,6 +257,5 @@ pub fn bounding_bore(frame: &Frame, wall: WallId, grains: &[GrainId]) -> Option<
     let hollow = solid.hollow?;
     let Wall { x, rotation, .. } = frame.walls[wall];
     let bore = CylinderBore { x, axis: rotation * Vec3::z(), radius: hollow.radius, half_height: hollow.half_height };
-    let ends = bore.ends(wall);
-    nearly_all(frame, grains, |x| bore.contains_point(x) && ends.iter().all(|end| end.is_before(x))).then_some(bore)
+    nearly_all(frame, grains, |x| bore.contains_between_ends(x)).then_some(bore)
 }

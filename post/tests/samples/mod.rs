@@ -16,7 +16,7 @@ type Vec3 = Vector3<f64>;
 pub struct Scene {
     pub snapshot: Snapshot,
     /// Row and half side of each cube.
-    pub cubes: Vec<(usize, f64)>,
+    pub cubes: Vec<(usize, [f64; 3])>,
 }
 
 impl Default for Scene {
@@ -49,10 +49,16 @@ impl Scene {
 
     /// Adds a cube at rest, its sides of length 2 `half` along the axes; returns its row.
     pub fn cube(&mut self, x: [f64; 3], half: f64) -> usize {
-        let volume = 8.0 * half.powi(3);
+        self.cuboid(x, [half; 3])
+    }
+
+    /// Adds a box at rest, its sides of lengths 2 `half` along the axes; returns its row.
+    pub fn cuboid(&mut self, x: [f64; 3], half: [f64; 3]) -> usize {
+        let volume = 8.0 * half.iter().product::<f64>();
         let radius = (0.75 * volume / PI).cbrt();
-        let row = self.body(x, SHAPE_PARTS, 0, volume, radius, [half * 3f64.sqrt(); 3]);
-        self.snapshot.bodies.body_inertia[row] = [volume * half * half / 1.5; 3];
+        let row = self.body(x, SHAPE_PARTS, 0, volume, radius, [Vec3::from(half).norm(); 3]);
+        let [a, b, c] = half.map(|length| volume * length * length / 3.0);
+        self.snapshot.bodies.body_inertia[row] = [b + c, a + c, a + b];
         self.cubes.push((row, half));
         row
     }
@@ -94,7 +100,8 @@ impl Scene {
             let cube = self.cubes.iter().find(|(cube, _)| *cube == row);
             let shape = match cube {
                 Some(&(_, half)) => {
-                    let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -half } else { half });
+                    let corner =
+                        |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 0 { -half[axis] } else { half[axis] });
                     let sides = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
                     let triangles = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
                     ShapeRecord::Polyhedron { vertices: (0..8).map(corner).collect(), triangles }
