@@ -1,11 +1,13 @@
 //! Contact numbers of grains.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
+use cd_formats::groups::DisjointSets;
 use cd_formats::snapshot::STATUS_NO_CONTACT;
 
 use crate::derive::fragments::TOUCHING_GAP;
 use crate::frame::{BodyIndex, Contact, Frame, GrainId, ImpulseExchange};
+use crate::math::Vec3;
 
 /// Means over some grains.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,23 +73,104 @@ impl TouchingPair {
     }
 }
 
-/// The pairs of bodies that touch with force, each once, in the order of their first contact.
+/// Largest angle, rad, and largest step, in radii of the grain, between walls that are one surface to the grain. Contacts on
+/// flush plates of a file with eight digits differ by less, the plates of a drum of a thousand sides by more.
+const FLUSH_ANGLE: f64 = 1e-3;
+const FLUSH_STEP: f64 = 0.01;
+
+/// Pairs of a grain and a wall whose contacts lie in the surface of the grain's contacts with another wall, each with the
+/// first such pair, which stands for all: walls that lie flush are one surface.
+fn flush_pairs(frame: &Frame) -> HashMap<[BodyIndex; 2], [BodyIndex; 2]> {
+    // Contacts of each grain with walls, with the normal towards the grain.
+    let mut with_walls: BTreeMap<GrainId, Vec<(&Contact, Vec3)>> = BTreeMap::new();
+    for contact in &frame.contacts {
+        let sign = match (contact.candidate, contact.antagonist) {
+            (BodyIndex::Grain(_), BodyIndex::Wall(_)) => 1.0,
+            (BodyIndex::Wall(_), BodyIndex::Grain(_)) => -1.0,
+            _ => continue,
+        };
+        if touches_with_force(contact) || contact.gap <= touching_distance(frame, contact) {
+            let grain = contact.sides().find_map(BodyIndex::grain_id);
+            grain.into_iter().for_each(|grain| {
+                with_walls.entry(grain).or_default().push((contact, sign * contact.normal));
+            });
+        }
+    }
+    let mut representative = HashMap::new();
+    for (grain, contacts) in with_walls {
+        let mut pairs: Vec<[BodyIndex; 2]> = contacts.iter().map(|(contact, _)| sorted_sides(contact)).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        if pairs.len() < 2 {
+            continue;
+        }
+        let number = |contact: &Contact| pairs.binary_search(&sorted_sides(contact)).unwrap_or_default();
+        let mut groups = DisjointSets::new(pairs.len());
+        for (k, (a, normal)) in contacts.iter().enumerate() {
+            for (b, other) in &contacts[..k] {
+                let step = (a.point - b.point).dot(normal).abs();
+                if (normal - other).norm() <= FLUSH_ANGLE && step <= FLUSH_STEP * frame.grains[grain].radius {
+                    groups.union(number(a), number(b));
+                }
+            }
+        }
+        let mut first: HashMap<usize, [BodyIndex; 2]> = HashMap::new();
+        for (k, pair) in pairs.iter().enumerate() {
+            let of_group = *first.entry(groups.find(k)).or_insert(*pair);
+            if of_group != *pair {
+                representative.extend([(*pair, of_group), (of_group, of_group)]);
+            }
+        }
+    }
+    representative
+}
+
+/// Number of points that points of contact on a flat surface constrain as: 1 in one position, 2 along a line, else 3. Points
+/// closer than `distance` (m) are one.
+fn independent_points(points: &[Vec3], distance: f64) -> u32 {
+    let from_first = || points.iter().map(|p| p - points[0]);
+    let Some(farthest) = from_first().max_by(|a, b| a.norm().total_cmp(&b.norm())) else { return 0 };
+    let length = farthest.norm();
+    if length <= distance {
+        return 1;
+    }
+    2 + u32::from(from_first().any(|offset| offset.cross(&farthest).norm() > distance * length))
+}
+
+/// The pairs of bodies that touch with force, each once, in the order of their first contact. Walls that lie flush under a
+/// grain are one pair with it, the pair of the first of them.
 pub fn touching_pairs(frame: &Frame) -> Vec<TouchingPair> {
+    let flush = flush_pairs(frame);
+    let sides_of = |contact: &Contact| {
+        let sides = sorted_sides(contact);
+        flush.get(&sides).copied().unwrap_or(sides)
+    };
     let mut indices: HashMap<[BodyIndex; 2], usize> = HashMap::new();
     let mut touches: Vec<TouchingPair> = Vec::new();
     for contact in touching_contacts(frame) {
-        let sides = sorted_sides(contact);
+        let sides = sides_of(contact);
         indices.entry(sides).or_insert_with(|| {
             touches.push(TouchingPair { sides, points: 0 });
             touches.len() - 1
         });
     }
+    // Points and touching distance of the pairs with several walls: at a joint, each wall has points of its own.
+    let mut on_flush: BTreeMap<usize, (Vec<Vec3>, f64)> = BTreeMap::new();
     for contact in &frame.contacts {
-        if let Some(&index) = indices.get(&sorted_sides(contact))
+        let sides = sides_of(contact);
+        if let Some(&index) = indices.get(&sides)
             && (touches_with_force(contact) || contact.gap <= touching_distance(frame, contact))
         {
             touches[index].points += 1;
+            if flush.contains_key(&sides) {
+                let (points, distance) = on_flush.entry(index).or_default();
+                points.push(contact.point);
+                *distance = touching_distance(frame, contact);
+            }
         }
+    }
+    for (index, (points, distance)) in on_flush {
+        touches[index].points = independent_points(&points, distance);
     }
     touches
 }
@@ -127,7 +210,8 @@ pub fn contact_counts(frame: &Frame) -> Vec<u32> {
 ///
 /// Neighbours are counted as in [`mean_coordination`]. Between moving grains, contacts carry force in some steps and none
 /// in others, so the number of neighbours in a single step falls with the step length; the number in an interval does not.
-/// A pair that pulled in the sum of these steps counts only if it touches in the snapshot. NaN without an interval.
+/// A pair that pulled in the sum of these steps counts only if it touches in the snapshot. Flush walls count once if the
+/// snapshot has the contacts with them. NaN without an interval.
 pub fn interval_coordination(frame: &Frame, members: &[GrainId]) -> f64 {
     let touching: HashSet<[BodyIndex; 2]> = touching_contacts(frame).map(sorted_sides).collect();
     let sorted = |exchange: &ImpulseExchange| {
@@ -136,7 +220,9 @@ pub fn interval_coordination(frame: &Frame, members: &[GrainId]) -> f64 {
     };
     let exchanges = frame.interval.exchanges.iter();
     let touched = exchanges.filter(|exchange| exchange.virial > 0.0 || touching.contains(&sorted(exchange)));
-    let pairs: HashSet<[BodyIndex; 2]> = touched.map(sorted).collect();
+    let flush = flush_pairs(frame);
+    let surface = |sides: [BodyIndex; 2]| flush.get(&sides).copied().unwrap_or(sides);
+    let pairs: HashSet<[BodyIndex; 2]> = touched.map(sorted).map(surface).collect();
     let member = |side: &&BodyIndex| side.grain_id().is_some_and(|grain| members.binary_search(&grain).is_ok());
     let ends = pairs.iter().flatten().filter(member).count() as f64;
     if frame.interval.length > 0.0 { ends / members.len() as f64 } else { f64::NAN }
@@ -316,6 +402,38 @@ mod tests {
         let floor = scene.plate([0.0, 0.0, -0.1], [5.0, 5.0, 0.1]);
         scene.contact_at(grain, floor, [0.0; 3], Vec3::new(0.0, 0.0, 7.0));
         assert_eq!(coordination(&scene.frame()).z, 1.0);
+    }
+
+    #[test]
+    fn walls_that_lie_flush_are_one_neighbour() {
+        // A ball on the joint of four tiles, on two of which it pushes; a cube on all four; the edge of a third over two.
+        let mut scene = Scene::default();
+        let (ball, cube, edge) =
+            (scene.grain([0.0, 0.0, 1.0], 1.0), scene.cube([0.0; 3], 1.0), scene.cube([0.0; 3], 1.0));
+        let tiles = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)]
+            .map(|(x, y)| (scene.plate([2.0 * x, 2.0 * y, -0.1], [2.0, 2.0, 0.1]), x, y));
+        let up = Vec3::z();
+        for (tile, x, y) in tiles {
+            for (u, v) in [(0.0, 0.0), (x, 0.0), (0.0, y), (x, y)] {
+                scene.contact_at(cube, tile, [u, v, 0.0], up);
+            }
+            if y > 0.0 {
+                scene.contact_at(ball, tile, [0.0, 0.0, 0.0], up);
+                [0.0, x].iter().for_each(|&u| scene.contact_at(edge, tile, [u, 0.5, 0.0], up));
+            }
+        }
+        // A side that is not flush, and a tile a tenth lower.
+        let side = scene.plate([0.0, -2.0, 1.0], [2.0, 1.0, 1.0]);
+        scene.contact_at(ball, side, [0.0, -1.0, 1.0], Vec3::y());
+        let lower = scene.plate([0.0, 0.0, -0.2], [2.0, 2.0, 0.1]);
+        scene.contact_at(ball, lower, [0.0, 0.0, -0.1], up);
+        let frame = scene.frame();
+        let mut found: Vec<(Vec<GrainId>, u32)> =
+            touching_pairs(&frame).iter().map(|touch| (touch.grains().collect(), touch.constraint_count())).collect();
+        found.sort();
+        let [ball, cube, edge] = [0, 1, 2].map(|k| vec![GrainId::new(k)]);
+        assert_eq!(found, [(ball.clone(), 1), (ball.clone(), 1), (ball, 1), (cube, 3), (edge, 2)]);
+        assert_eq!(neighbour_counts(&frame), [3, 1, 1]);
     }
 
     #[test]
