@@ -141,6 +141,30 @@ fn two_runs_are_mixed_by_their_shapes() {
     assert!(refused(&left, &ball(0.99)).contains("overlap by 1.000e-2 m"));
 }
 
+/// Held bricks in a floor plate: neither can move, so the plate can be put back; a free brick may not overlap it.
+#[test]
+fn a_floor_is_put_back_among_held_bricks() {
+    let bricks = |driven: &str| {
+        Case::of(&format!(
+            r#"(
+            materials: [(name: "ROCKx", density: 2700.0)],
+            laws: [(name: "iqsc0", kind: IQS_CLB(friction: 0.4))],
+            contacts: [(between: ("BLUEx", "BLUEx"), law: "iqsc0")],
+            grains: [(material: "ROCKx", colour: "BLUEx", shape: Box(lengths: (1, 1, 1)), {driven}
+                placement: List(positions: [(0, 0, 0)]), grain_orientation: Same((axis: (0, 0, 1), angle: 0))),
+                (material: "ROCKx", colour: "BLUEx", sizes: Single(0.5), placement: List(positions: [(0, 0, 9)]))],
+            compute: (dt: 1e-3, steps: 1),
+        )"#
+        ))
+        .solved(&["--threads", "1"])
+    };
+    let floor =
+        "(walls: [Plate(material: \"ROCKx\", colour: \"BLUEx\", centre: (0, 0, 0), half_lengths: (3, 3, 0.1))])";
+    let held = bricks("driven: (Constant(0), Constant(0), Constant(0)),");
+    assert_eq!(next(&held, floor).1, 3);
+    assert!(refused(&bricks(""), floor).contains("overlap by 6.000e-1 m"));
+}
+
 /// A hollow cylinder is closed and pushes inwards alone: grains outside of it are refused as in a scene, whoever comes later.
 #[test]
 fn grains_outside_of_a_hollow_cylinder_are_refused() {

@@ -79,12 +79,13 @@ pub fn write_datbox(case: &Path, changes: Option<&Path>, settings: &[String], di
     check_end(&request, &sources[0].snapshot.meta, &options, &mut report);
     let new = NewBodies::from_changes(&request.changes, &parts, &options, folder, &mut report);
     let records = body_records(&parts, &new);
-    overlaps::check_overlaps(&request.changes, &parts, &new.population, &records, &options, &mut report);
+    let driven = driven_components(&parts, &new);
+    let placed = overlaps::PlacedBodies::new(&parts, &new.population, &records, &driven);
+    placed.check_overlaps(&request.changes, &options, &mut report);
     let tables = behaviour_tables(&request, &parts, &new, &records, &options, &mut report);
     reject_faults(&mut report)?;
 
     let datbox = dir.join("DATBOX");
-    let driven = driven_components(&parts, &new);
     overlaps::check_drums(&parts, &new.population, &records, &tables.tact, &driven, &mut report);
     let mut files = datbox_files(&request.changes, &parts, &new, &records, &tables, &driven, &options);
     let path_of = |body: usize| scene_path(&parts, &new.population, body);

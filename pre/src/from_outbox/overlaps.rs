@@ -8,6 +8,7 @@ use cd_formats::convex_pieces::convex_surfaces;
 use cd_formats::drv_dof::{DrivenKind, DrvDof};
 use cd_formats::ids::BodyId;
 use cd_formats::report::FaultReport;
+use cd_formats::snapshot::DRIVEN_ALL;
 use cd_formats::tact_behav::{TactBehav, VisibilitySide};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -148,51 +149,6 @@ fn remaining_overlap(source: &SourceCase, options: &Compute) -> f64 {
     most
 }
 
-/// Checks bodies of different parts, and their periodic images. They may touch, and overlap no deeper than the runs left
-/// their bodies. Overlaps among the new bodies are checked elsewhere.
-pub fn check_overlaps(
-    changes: &Changes,
-    parts: &[SourcePart],
-    new: &Population,
-    records: &Bodies,
-    options: &Compute,
-    report: &mut FaultReport,
-) {
-    let bodies = PlacedBodies::new(parts, new, records);
-    let mut balls: Vec<(usize, f64)> = (0..records.0.len()).filter_map(|k| Some((k, bodies.reach(k)?))).collect();
-    balls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    for (k, (part, taken)) in parts.iter().zip(&changes.bodies).enumerate() {
-        let known = &part.source.options;
-        if taken.rotate.angle != 0.0 || (known.xperiode, known.yperiode) != (options.xperiode, options.yperiode) {
-            let own = balls.iter().filter(|(body, _)| bodies.owner[*body] == k);
-            check_extent(options, own.map(|&(body, radius)| (bodies.centres[body], radius)), report);
-        }
-    }
-    let mut found = bodies.overlaps(&balls, options);
-    if found.is_empty() {
-        return;
-    }
-    // Within one part the deepest overlap of its run counts; between two parts, the deeper one.
-    let left: Vec<f64> =
-        parts.iter().map(|part| remaining_overlap(part.source, &part.source.options)).chain([0.0]).collect();
-    let of_pair = |pair: [usize; 2]| pair.map(|body| left[bodies.owner[body]]).into_iter().fold(0.0, f64::max);
-    found.retain(|overlap| overlap.depth > (1.0 + ALLOWED_EXCESS) * of_pair(overlap.bodies));
-    found.sort_by(|a, b| b.depth.total_cmp(&a.depth).then(a.bodies.cmp(&b.bodies)));
-    found.dedup_by_key(|overlap| overlap.bodies);
-    if let Some(&BodyOverlap { bodies: [a, b], depth }) = found.first() {
-        let count = if found.len() == 1 { String::new() } else { format!(", the deepest of {}", found.len()) };
-        let [of_a, of_b] = [a, b].map(|body| bodies.origin_text(body));
-        let found = format!("bodies {} ({of_a}) and {} ({of_b}) overlap by {depth:.3e} m{count}", a + 1, b + 1);
-        let expected = match of_pair([a, b]) {
-            0.0 => "bodies of different origin that touch at most".into(),
-            left => format!(
-                "bodies of different origin that touch, or overlap by at most the {left:.3e} m that the run had left"
-            ),
-        };
-        report.add_fault(&scene_path(parts, new, b), found, expected);
-    }
-}
-
 /// Overlap of two bodies of the new DATBOX.
 struct BodyOverlap {
     /// Numbers from 0, ascending.
@@ -202,7 +158,7 @@ struct BodyOverlap {
 }
 
 /// Bodies of the new DATBOX at their positions: those of the parts, then the new grains and walls.
-struct PlacedBodies<'a> {
+pub struct PlacedBodies<'a> {
     parts: &'a [SourcePart<'a>],
     new: &'a Population,
     records: &'a Bodies,
@@ -210,12 +166,15 @@ struct PlacedBodies<'a> {
     owner: Vec<usize>,
     /// Centres of mass, m.
     centres: Vec<Vec3>,
+    /// Whether all components of a body's velocity are imposed: a wall, or a grain that is held.
+    is_held: Vec<bool>,
     /// Shapes of the bodies that have been compared.
     shapes: Vec<OnceCell<PosedBody>>,
 }
 
 impl<'a> PlacedBodies<'a> {
-    fn new(parts: &'a [SourcePart<'a>], new: &'a Population, records: &'a Bodies) -> Self {
+    /// Places the bodies `records` of the parts and the new ones; `driven`: their imposed components.
+    pub fn new(parts: &'a [SourcePart<'a>], new: &'a Population, records: &'a Bodies, driven: &DrvDof) -> Self {
         let (mut owner, mut centres) = (Vec::new(), Vec::new());
         for (k, part) in parts.iter().enumerate() {
             owner.extend(std::iter::repeat_n(k, part.source_bodies.len()));
@@ -224,8 +183,52 @@ impl<'a> PlacedBodies<'a> {
         owner.resize(records.0.len(), parts.len());
         centres.extend(new.grains.iter().map(|grain| grain.position));
         centres.extend(new.walls.iter().map(|wall| wall.centre));
+        let mut imposed = vec![0; records.0.len()];
+        for row in driven.0.iter().filter(|row| row.kind == DrivenKind::Velocity) {
+            imposed[row.body] |= 1 << row.component;
+        }
+        let is_held = imposed.iter().map(|&components: &u8| components == DRIVEN_ALL).collect();
         let shapes = (0..records.0.len()).map(|_| OnceCell::new()).collect();
-        PlacedBodies { parts, new, records, owner, centres, shapes }
+        PlacedBodies { parts, new, records, owner, centres, is_held, shapes }
+    }
+
+    /// Checks bodies of different parts, and their periodic images. They may touch, and overlap no deeper than the runs left
+    /// their bodies. Overlaps among the new bodies are checked elsewhere, and two bodies that are both held may overlap: they
+    /// exert no force on each other.
+    pub fn check_overlaps(&self, changes: &Changes, options: &Compute, report: &mut FaultReport) {
+        let reach = |k: usize| Some((k, self.reach(k)?));
+        let mut balls: Vec<(usize, f64)> = (0..self.records.0.len()).filter_map(reach).collect();
+        balls.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        for (k, (part, taken)) in self.parts.iter().zip(&changes.bodies).enumerate() {
+            let known = &part.source.options;
+            if taken.rotate.angle != 0.0 || (known.xperiode, known.yperiode) != (options.xperiode, options.yperiode) {
+                let own = balls.iter().filter(|(body, _)| self.owner[*body] == k);
+                check_extent(options, own.map(|&(body, radius)| (self.centres[body], radius)), report);
+            }
+        }
+        let mut found = self.overlaps(&balls, options);
+        if found.is_empty() {
+            return;
+        }
+        // Within one part the deepest overlap of its run counts; between two parts, the deeper one.
+        let left: Vec<f64> =
+            self.parts.iter().map(|part| remaining_overlap(part.source, &part.source.options)).chain([0.0]).collect();
+        let of_pair = |pair: [usize; 2]| pair.map(|body| left[self.owner[body]]).into_iter().fold(0.0, f64::max);
+        found.retain(|overlap| overlap.depth > (1.0 + ALLOWED_EXCESS) * of_pair(overlap.bodies));
+        found.sort_by(|a, b| b.depth.total_cmp(&a.depth).then(a.bodies.cmp(&b.bodies)));
+        found.dedup_by_key(|overlap| overlap.bodies);
+        if let Some(&BodyOverlap { bodies: [a, b], depth }) = found.first() {
+            let count = if found.len() == 1 { String::new() } else { format!(", the deepest of {}", found.len()) };
+            let [of_a, of_b] = [a, b].map(|body| self.origin_text(body));
+            let found = format!("bodies {} ({of_a}) and {} ({of_b}) overlap by {depth:.3e} m{count}", a + 1, b + 1);
+            let expected = match of_pair([a, b]) {
+                0.0 => "bodies of different origin that touch at most".into(),
+                left => format!(
+                    "bodies of different origin that touch, or overlap by at most the {left:.3e} m that the run had left"
+                ),
+            };
+            report.add_fault(&scene_path(self.parts, self.new, b), found, expected);
+        }
     }
 
     /// Number of bodies that are from runs.
@@ -278,7 +281,7 @@ impl<'a> PlacedBodies<'a> {
     fn overlaps(&self, balls: &[(usize, f64)], options: &Compute) -> Vec<BodyOverlap> {
         let mut found = Vec::new();
         let mut compare = |a: usize, b: usize, shift: &Vec3, radius: f64| {
-            if self.owner[a] != self.owner[b] {
+            if self.owner[a] != self.owner[b] && !(self.is_held[a] && self.is_held[b]) {
                 let depth = self.shape(a).overlap_with(self.shape(b), shift, TOUCHING_TOLERANCE * radius);
                 if depth > TOUCHING_TOLERANCE * radius {
                     found.push(BodyOverlap { bodies: [a.min(b), a.max(b)], depth });
