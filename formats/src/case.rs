@@ -4,6 +4,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use clap::error::{ContextKind, ContextValue};
 use clap::{ArgMatches, Command, Parser};
 
 use crate::atomic;
@@ -136,7 +137,7 @@ pub fn parse_arguments<T: Parser>(args: &[OsString]) -> Result<T, i32> {
     };
     let read = |matches: ArgMatches| T::from_arg_matches(&matches).map_err(|error| error.format(&mut program.clone()));
     program.clone().try_get_matches_from(args).and_then(read).map_err(|error| {
-        match misplaced(&program, args).filter(|_| error.use_stderr()) {
+        match misplaced(&program, args).or_else(|| surplus(&program, &error)).filter(|_| error.use_stderr()) {
             Some(mistake) => {
                 print_error(format_args!("{}: {mistake}", program.get_name()));
                 error.exit_code()
@@ -144,6 +145,15 @@ pub fn parse_arguments<T: Parser>(args: &[OsString]) -> Result<T, i32> {
             None => usage(program.get_name(), &error),
         }
     })
+}
+
+/// Message about a word after the only argument of a program with commands, which clap takes for a command.
+fn surplus(program: &Command, error: &clap::Error) -> Option<String> {
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else { return None };
+    let argument = program.get_positionals().next()?;
+    let name = argument.get_value_names().and_then(|names| names.first()).map_or("argument", |name| name.as_str());
+    let commands: Vec<&str> = program.get_subcommands().map(Command::get_name).filter(|name| *name != "help").collect();
+    Some(format!("{word}: is not expected here; expected one {name}, or before it a command: {}", commands.join(", ")))
 }
 
 /// Likely mistake in a command line that `program` has rejected: a command after its arguments, or an option without its
@@ -258,6 +268,11 @@ mod tests {
         assert_eq!(said(". -resume"), "-resume: is not expected here; did you mean --resume?");
         assert_eq!(said("state . snapshot 3"), "snapshot: is not expected here; did you mean --snapshot?");
         assert_eq!(said(". other"), "");
+        // A word too many.
+        let one = program.clone().arg(Arg::new("dir").value_name("DIR")).args_conflicts_with_subcommands(true);
+        let error = one.clone().try_get_matches_from(["cd-x", "a", "b"]).unwrap_err();
+        let expected = "b: is not expected here; expected one DIR, or before it a command: state";
+        assert_eq!(surplus(&one, &error).as_deref(), Some(expected));
         let output = Arg::new("output").short('o').long("output").value_name("DIR");
         let study = Command::new("study").args([Arg::new("study"), output.clone(), Arg::new("set").long("set")]);
         let program = Command::new("cd-x").args([Arg::new("scene"), output]).subcommand(study);

@@ -130,40 +130,52 @@ impl Faults {
         result.map_err(|faults| self.0.extend(faults.0)).ok()
     }
 
-    /// Message that a program prints: each distinct fault on its own line after the program's name. A fault repeated on
-    /// more than five lines of a file is printed once, with the next lines and their number.
+    /// Message that a program prints: each distinct fault on its own line after the program's name. A fault repeated at
+    /// more than five positions of a file is printed once, with the next lines, or lines and columns, and their number.
     pub fn format_report(&self, program: &str) -> String {
         let mut seen = HashSet::new();
         let faults: Vec<&Fault> = self.0.iter().filter(|fault| seen.insert(fault.to_string())).collect();
         // Faults of a file as a whole have no line and are not grouped.
         let alike = |fault: &Fault| {
             let sentence = [&fault.object, &fault.found, &fault.expected].map(|text| without_numbers(text));
-            fault.line.map(|line| ((fault.file.clone(), sentence), line))
+            fault.line.map(|line| ((fault.file.clone(), sentence), (line, fault.column)))
         };
-        let mut lines: HashMap<_, Vec<usize>> = HashMap::new();
-        for (sentence, line) in faults.iter().filter_map(|fault| alike(fault)) {
-            let known = lines.entry(sentence).or_default();
-            if !known.contains(&line) {
-                known.push(line);
+        let mut positions: HashMap<_, Vec<(usize, Option<usize>)>> = HashMap::new();
+        for (sentence, position) in faults.iter().filter_map(|fault| alike(fault)) {
+            let known = positions.entry(sentence).or_default();
+            if !known.contains(&position) {
+                known.push(position);
             }
         }
         let mut printed = HashSet::new();
         let mut text = String::new();
         for fault in faults {
             let group = alike(fault).map(|(sentence, _)| sentence);
-            let lines = group.as_ref().map_or(&[][..], |sentence| &lines[sentence]);
+            let positions = group.as_ref().map_or(&[][..], |sentence| &positions[sentence]);
             let mut more = String::new();
-            if lines.len() > MAX_ALIKE_FAULTS {
+            if positions.len() > MAX_ALIKE_FAULTS {
                 if !printed.insert(group) {
                     continue;
                 }
-                let next: Vec<String> = lines[1..=MAX_LISTED_LINES].iter().map(usize::to_string).collect();
-                more = format!("; the same in {} more lines: {}, ...", lines.len() - 1, next.join(", "));
+                more = format!("; the same {}", further_positions(positions));
             }
             text += &format!("{program}: {fault}{more}\n");
         }
         text
     }
+}
+
+/// Positions after the first in words: `in 49 more lines: 10, 15, 20, ...`, or with columns if lines have several.
+fn further_positions(positions: &[(usize, Option<usize>)]) -> String {
+    let lines: HashSet<usize> = positions.iter().map(|(line, _)| *line).collect();
+    let by_line = lines.len() == positions.len();
+    let text = |(line, column): &(usize, Option<usize>)| match column {
+        Some(column) if !by_line => format!("{line}:{column}"),
+        _ => line.to_string(),
+    };
+    let next: Vec<String> = positions[1..=MAX_LISTED_LINES].iter().map(text).collect();
+    let (word, kind) = if by_line { ("in", "lines") } else { ("at", "positions") };
+    format!("{word} {} more {kind}: {}, ...", positions.len() - 1, next.join(", "))
 }
 
 /// Largest number of faults of one kind that are printed line by line.
@@ -234,10 +246,12 @@ mod tests {
         // A few are printed one by one, and so are those of a file as a whole.
         assert_eq!(Faults(many(MAX_ALIKE_FAULTS)).format_report("cd-solve").lines().count(), MAX_ALIKE_FAULTS);
         assert_eq!(Faults(many(MAX_ALIKE_FAULTS)).format_report("cd-solve").lines().next(), Some(first));
-        // As are those of one line, at different columns.
+        // Those of one line are at different columns.
         let column = |(k, fault)| Fault { line: Some(1), column: Some(k), ..fault };
         let one_line: Vec<Fault> = (1..).zip(many(6)).map(column).collect();
-        assert_eq!(Faults(one_line).format_report("cd-solve").lines().count(), 6);
+        let first = "cd-solve: BODIES.DAT:1:1: body 1, contactor SPHER 1: radius is -1.5e-1; expected more than 0";
+        let more = "the same at 5 more positions: 1:2, 1:3, 1:4, ...";
+        assert_eq!(Faults(one_line).format_report("cd-solve"), format!("{first}; {more}\n"));
         let whole = many(9).into_iter().map(|fault| Fault { line: None, ..fault }).collect();
         assert_eq!(Faults(whole).format_report("cd-solve").lines().count(), 9);
     }

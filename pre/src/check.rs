@@ -153,16 +153,22 @@ pub(crate) fn check_names<'a>(report: &mut FaultReport, list: &str, names: impl 
 
 /// Rejects names of materials and colours that do not fit the files of LMGC90.
 pub(crate) fn check_name_length(report: &mut FaultReport, path: &str, name: &str) {
-    let fits = (1..=5).contains(&name.len()) && name.bytes().all(|byte| byte.is_ascii_graphic());
-    report.require(fits, path, format!("'{name}'"), "1 to 5 printable ASCII characters without blanks");
+    report.require(is_valid_name(name), path, format!("'{name}'"), "1 to 5 printable ASCII characters without blanks");
 }
 
-/// Reports a name that is not in `names`; `one` describes the expected name if `names` is empty.
+fn is_valid_name(name: &str) -> bool {
+    (1..=5).contains(&name.len()) && name.bytes().all(|byte| byte.is_ascii_graphic())
+}
+
+/// Reports a name that is not in `names`; `one` describes the expected name if none of them is valid.
 pub(crate) fn unknown(report: &mut FaultReport, path: &str, found: String, name: &str, names: &[&str], one: &str) {
+    let valid: Vec<&str> = names.iter().copied().filter(|name| is_valid_name(name)).collect();
     if names.is_empty() {
         report.add_fault(path, found, format!("{one}: none is defined"));
+    } else if valid.is_empty() {
+        report.add_fault(path, found, format!("{one}: none is defined under a valid name"));
     } else {
-        report.unknown(path, found, name, names);
+        report.unknown(path, found, name, &valid);
     }
 }
 

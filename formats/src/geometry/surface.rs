@@ -184,7 +184,8 @@ fn mean_vertex(vertices: &[[f64; 3]]) -> Vec3 {
 fn element_faults(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<String> {
     let mut faults = Vec::new();
     for (k, vertex) in vertices.iter().enumerate().filter(|(_, v)| v.iter().any(|x| !x.is_finite())) {
-        faults.push(format!("vertex {} is {vertex:?}; expected finite numbers", k + 1));
+        let [x, y, z] = vertex;
+        faults.push(format!("vertex {} is ({x}, {y}, {z}); expected finite numbers", k + 1));
     }
     let mut used = vec![false; vertices.len()];
     for (k, triangle) in triangles.iter().enumerate() {
@@ -457,7 +458,7 @@ mod tests {
         more.push([f64::NAN, 0.0, 0.0]);
         assert_eq!(
             faults(&more, &wrong),
-            "vertex 9 is [NaN, 0.0, 0.0]; expected finite numbers\n\
+            "vertex 9 is (NaN, 0, 0); expected finite numbers\n\
              triangle 4 names vertex 10; expected 1 to 9\n\
              triangle 5 of vertices 1, 2, 2 has no area; expected a triangle\n\
              vertex 9 is not used; expected a corner of triangles"
