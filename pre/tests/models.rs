@@ -217,7 +217,7 @@ fn every_fault_of_a_file_is_reported() {
         ("torn.vtk", "numbers announced"),
         ("torn.vtp", "expected a complete file"),
         ("ends.vtp", "cell 3 ends at corner 1200 of 24; expected polygonal data of VTK"),
-        ("appended.vtp", "file: array 'Points': it has no head; expected a complete file"),
+        ("appended.vtp", "file: array 'Points': it ends before the number of its bytes; expected a complete file"),
         ("empty.obj", "it is empty"),
         ("empty.stl", "expected"),
         ("empty.vtk", "expected polygonal data of VTK"),

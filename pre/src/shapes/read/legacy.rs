@@ -78,6 +78,8 @@ impl<'a> LegacyReader<'a> {
                 "FIELD" => self.skip_field(form)?,
                 // Values at points and cells come last.
                 "" | "POINT_DATA" | "CELL_DATA" => break,
+                // Some programs fill a file with zero bytes, as in STL.
+                other if other.bytes().all(|byte| byte == 0) => break,
                 other => {
                     return Err(self.error_here(format!("the word '{other}'"), "POINTS, POLYGONS or TRIANGLE_STRIPS"));
                 }

@@ -61,6 +61,9 @@ pub fn read_surface(path: &Path) -> Result<RepairedSurface, Faults> {
         faults
     };
     let mesh = read_mesh(&bytes, &ending).map_err(refused)?;
+    if let Some((found, expected)) = repair::point_fault(&mesh) {
+        return Err(Fault::new(path, None, "surface", found, expected).into());
+    }
     let (vertices, triangles, repairs) = repair::triangulate(mesh);
     match Surface::new(&vertices, &triangles) {
         Ok(surface) => {

@@ -65,6 +65,33 @@ pub fn triangulate(mesh: PolygonMesh) -> Triangulated {
     exact
 }
 
+/// Extents, m, whose fifth powers, the moments of inertia, are numbers of double precision.
+pub const EXTENTS: std::ops::RangeInclusive<f64> = 1e-60..=1e60;
+
+/// Fault of the points that polygons use: numbers that are not finite, or an extent without a volume in double precision.
+/// Such points have no triangles with an area, and further faults would not name the cause.
+pub fn point_fault(mesh: &PolygonMesh) -> Option<(String, String)> {
+    let mut used: Vec<usize> = mesh.polygons.iter().flatten().copied().collect();
+    used.sort_unstable();
+    used.dedup();
+    let points: Vec<[f64; 3]> = used.iter().map(|&k| mesh.points[k]).collect();
+    let unbounded: Vec<usize> = (0..used.len()).filter(|&k| points[k].iter().any(|x| !x.is_finite())).collect();
+    if let Some(&first) = unbounded.first() {
+        let [x, y, z] = points[first];
+        let more = if unbounded.len() > 1 { format!(", and {} more", unbounded.len() - 1) } else { String::new() };
+        return Some((format!("point {} is ({x}, {y}, {z}){more}", used[first] + 1), "expected finite numbers".into()));
+    }
+    let [_, extent] = coordinate_and_extent(&points);
+    if points.len() > 1 && extent == 0.0 {
+        return Some(("all points are at one position".into(), "expected a closed surface".into()));
+    }
+    let misfit = points.len() > 1 && !EXTENTS.contains(&extent);
+    misfit.then(|| {
+        let expected = format!("expected {:e} to {:e}; write the file in another unit", EXTENTS.start(), EXTENTS.end());
+        (format!("its extent is {extent:e}"), expected)
+    })
+}
+
 /// Largest coordinate, and longest side of the box along the axes.
 fn coordinate_and_extent(vertices: &[[f64; 3]]) -> [f64; 2] {
     let largest = vertices.iter().flatten().fold(0.0, |largest: f64, x| largest.max(x.abs()));
@@ -219,6 +246,19 @@ mod tests {
     fn made(mesh: PolygonMesh) -> (f64, String) {
         let (vertices, triangles, notes) = triangulate(mesh);
         (Surface::new(&vertices, &triangles).unwrap().volume(), notes.join(", "))
+    }
+
+    #[test]
+    fn points_that_no_surface_can_have_are_named() {
+        let fault = |points: [[f64; 3]; 3]| {
+            let mesh = PolygonMesh { points: points.to_vec(), polygons: vec![vec![0, 1, 2]], notes: Vec::new() };
+            point_fault(&mesh).map(|(found, _)| found)
+        };
+        let scaled = |size: f64| fault([[0.0; 3], [size, 0.0, 0.0], [0.0, size, 0.0]]);
+        assert_eq!([1e-60, 1.0, 1e60].map(scaled), [None, None, None]);
+        assert_eq!(scaled(1e-200).as_deref(), Some("its extent is 1e-200"));
+        assert_eq!(scaled(0.0).as_deref(), Some("all points are at one position"));
+        assert_eq!(fault([[f64::NAN, 0.0, 1.5]; 3]).as_deref(), Some("point 1 is (NaN, 0, 1.5), and 2 more"));
     }
 
     #[test]

@@ -189,7 +189,14 @@ impl<'a> VtpFile<'a> {
                 let number = |word| coordinate(word).map_err(|error| refuse(error.to_string(), FILE_KIND));
                 return tag.content.split_whitespace().map(number).collect();
             }
-            "binary" => self.decode_binary(&decode_base64(tag.content.as_bytes())),
+            "binary" => {
+                let is_stray = |c: &char| !(c.is_ascii_alphanumeric() || "+/=".contains(*c) || c.is_ascii_whitespace());
+                if let Some(stray) = tag.content.chars().find(is_stray) {
+                    let name = tag.attribute("Name").unwrap_or("Points");
+                    return Err(refuse(format!("array '{name}': the character '{stray}'"), "numbers in base64"));
+                }
+                self.decode_binary(&decode_base64(tag.content.as_bytes()))
+            }
             "appended" => {
                 let offset = tag.number_attribute("offset")?.unwrap_or(0);
                 let data = self.appended.get(offset..).unwrap_or_default();
@@ -245,7 +252,7 @@ enum ArrayDataError {
 impl std::fmt::Display for ArrayDataError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            ArrayDataError::NoHeader => f.write_str("it has no head"),
+            ArrayDataError::NoHeader => f.write_str("it ends before the number of its bytes"),
             ArrayDataError::ByteCount { announced, found } => write!(f, "{announced} bytes announced, {found} found"),
             ArrayDataError::ZlibBlock { block, count } => {
                 write!(f, "block {block} of {count} is not a complete zlib stream")
