@@ -34,9 +34,16 @@ pub fn count_text(count: usize, noun: &str) -> String {
     format!("{count} {plural}")
 }
 
-/// Number with at most ten significant digits, without the rounding errors of sums: `0.819` for 0.8190000000000001.
+/// Number with at most ten significant digits, without the rounding errors of sums: `0.819` for 0.8190000000000001; with an
+/// exponent below 1e-9 and from 1e16 on.
 pub fn rounded_number(x: f64) -> String {
-    format!("{x:.9e}").parse().map_or_else(|_| x.to_string(), |rounded: f64| rounded.to_string())
+    let rounded: f64 = format!("{x:.9e}").parse().unwrap_or(x);
+    let size = rounded.abs();
+    if size == 0.0 || !size.is_finite() || (1e-9..1e16).contains(&size) {
+        rounded.to_string()
+    } else {
+        format!("{rounded:e}")
+    }
 }
 
 /// Number with three significant digits; with an exponent below 1e-3 and from 1e4 on.
@@ -46,6 +53,11 @@ pub fn short_number(x: f64) -> String {
         0.0 => "0".into(),
         _ => format!("{x:.2e}"),
     }
+}
+
+/// Ratio with one decimal, and with an exponent from 1e6 on: `2.5`, `1.00e302`.
+pub fn ratio_text(ratio: f64) -> String {
+    if ratio < 1e6 { format!("{ratio:.1}") } else { short_number(ratio) }
 }
 
 /// Converts a path to words: `grains.0.sizes` is `grains 1, sizes`; `materials.2` is `material 3`.

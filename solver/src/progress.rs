@@ -129,8 +129,10 @@ impl ProgressDisplay {
         let solver = solver_text(options.solver, report.replacement_reason.is_some());
         let why = unconverged_reason(report.residual, report.tol, report.left_out);
         let conflict = report.conflict.map_or(String::new(), conflict_text);
+        let at_limit = report.residual > report.tol && report.sweeps >= options.max_sweeps();
+        let advice = if at_limit && conflict.is_empty() { "; raise max_sweeps or use a smaller dt" } else { "" };
         let message = format!(
-            "cd-solve: step {}, t = {} s: {solver} stopped after {}, {why}{worst}{conflict}; continuing",
+            "cd-solve: step {}, t = {} s: {solver} stopped after {}, {why}{worst}{conflict}; continuing{advice}",
             state.step,
             rounded_number(state.time),
             count_text(report.sweeps as usize, "sweep")
@@ -156,14 +158,20 @@ impl ProgressDisplay {
 
 /// Reason why a step has not converged: its residual, the contacts that its problem omits, or both.
 fn unconverged_reason(residual: f64, tol: f64, left_out: usize) -> String {
+    let is_reached = residual <= tol;
+    // Two numbers that differ are not shown as equal.
+    let [residual, tol] = (1..=16)
+        .map(|digits| [residual, tol].map(|x| format!("{x:.digits$e}")))
+        .find(|[a, b]| a != b || residual == tol)
+        .unwrap_or_else(|| [residual, tol].map(|x| x.to_string()));
     let contacts = if left_out == 1 { "1 contact".to_string() } else { format!("{left_out} contacts") };
-    match (residual <= tol, left_out) {
-        (true, 0) => format!("residual {residual:.1e}"),
+    match (is_reached, left_out) {
+        (true, 0) => format!("residual {residual}"),
         (true, _) => {
-            format!("as {contacts} began to close late and are not solved (residual {residual:.1e} <= tol {tol:.1e})")
+            format!("as {contacts} began to close late and are not solved (residual {residual} <= tol {tol})")
         }
-        (false, 0) => format!("residual {residual:.1e} > tol {tol:.1e}"),
-        (false, _) => format!("residual {residual:.1e} > tol {tol:.1e}, without {contacts} that began to close late"),
+        (false, 0) => format!("residual {residual} > tol {tol}"),
+        (false, _) => format!("residual {residual} > tol {tol}, without {contacts} that began to close late"),
     }
 }
 
@@ -234,6 +242,7 @@ mod tests {
     #[test]
     fn a_step_that_has_not_converged_says_why() {
         assert_eq!(unconverged_reason(3e-2, 2e-2, 0), "residual 3.0e-2 > tol 2.0e-2");
+        assert_eq!(unconverged_reason(1.004e-8, 1e-8, 0), "residual 1.004e-8 > tol 1.000e-8");
         let late = "as 2 contacts began to close late and are not solved (residual 3.5e-3 <= tol 2.0e-2)";
         assert_eq!(unconverged_reason(3.5e-3, 2e-2, 2), late);
         let both = "residual 3.0e-2 > tol 2.0e-2, without 1 contact that began to close late";

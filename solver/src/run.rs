@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use cd_formats::compute::Accuracy;
 use cd_formats::error::{Fault, Faults};
 use cd_formats::messages::{print_error, print_line};
-use cd_formats::names::{rounded_number, short_number};
+use cd_formats::names::{ratio_text, rounded_number, short_number};
 use cd_formats::snapshot::RunParameters;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -294,8 +294,9 @@ fn long_step_warning(scene: &Scene, state: &State) -> Option<String> {
     let StepBound { reason, .. } = strictest;
     (h > recommended).then(|| {
         format!(
-            "dt = {h} s is {:.1} times the largest step for the preset draft, {} s ({reason}); see --plan",
-            h / recommended,
+            "dt = {} s is {} times the largest step for the preset draft, {} s ({reason}); see --plan",
+            rounded_number(h),
+            ratio_text(h / recommended),
             short_number(recommended)
         )
     })
@@ -308,6 +309,7 @@ fn single_step_warning(scene: &Scene, state: &State) -> Option<String> {
     let left = end - state.time;
     (left > 0.0 && (1.0 - 1e-3) * dt > left).then(|| {
         let past = rounded_number(scene.end_time());
+        let [dt, end] = [dt, end].map(rounded_number);
         format!("dt = {dt} s is longer than the run to end_time = {end} s: it is one step, to t = {past} s; use a smaller dt")
     })
 }
@@ -363,9 +365,10 @@ fn overlap_warnings(
 ) -> Vec<String> {
     let mut warnings = Vec::new();
     if let Some(overlap) = report.overlap {
-        warnings.extend(add_overlap(statistics, state, overlap, reported_share));
+        let remedy = if report.converged { "use a smaller dt or tol" } else { UNCONVERGED_REMEDY };
+        warnings.extend(add_overlap(statistics, state, overlap, reported_share, remedy));
     }
-    if let Some(overlap) = report.inert_overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE) {
+    if let Some(overlap) = report.inert_overlap {
         if statistics.inert_overlap.is_none() {
             warnings.push(format!("{}: {INERT_REASON}", overlap_text(state, overlap)));
         }
@@ -386,19 +389,24 @@ fn last_overlap_warning(
     let is_inert = |overlap: &Overlap| statistics.inert_overlap.is_some_and(|inert| inert.bodies == overlap.bodies);
     let overlap = deepest_overlap(&contacts, scene).filter(|overlap| !is_inert(overlap))?;
     statistics.penetration_end = overlap.depth;
-    add_overlap(statistics, state, overlap, reported_share)
+    add_overlap(statistics, state, overlap, reported_share, "use a smaller dt or tol")
 }
 
-/// Adds an overlap to the statistics; returns a warning if it is the first whose share exceeds `reported_share`.
-fn add_overlap(statistics: &mut RunStatistics, state: &State, overlap: Overlap, reported_share: f64) -> Option<String> {
+/// Advice for overlaps at the end of a step that did not converge, whose `tol` was not reached.
+const UNCONVERGED_REMEDY: &str = "the step did not converge; raise max_sweeps or use a smaller dt";
+
+/// Adds an overlap to the statistics; returns a warning with this remedy if it is the first whose share exceeds
+/// `reported_share`.
+fn add_overlap(
+    statistics: &mut RunStatistics,
+    state: &State,
+    overlap: Overlap,
+    reported_share: f64,
+    remedy: &str,
+) -> Option<String> {
     let is_first = statistics.overlap.is_none_or(|before| before.share <= reported_share);
     statistics.overlap = deeper_overlap(statistics.overlap, overlap);
-    (is_first && overlap.share > reported_share).then(|| deeper_overlap_warning(state, overlap))
-}
-
-/// Warning about deep overlaps made by steps.
-fn deeper_overlap_warning(state: &State, overlap: Overlap) -> String {
-    format!("{}; use a smaller dt or tol", overlap_text(state, overlap))
+    (is_first && overlap.share > reported_share).then(|| format!("{}; {remedy}", overlap_text(state, overlap)))
 }
 
 /// Text of an overlap with the step.

@@ -7,7 +7,7 @@ mod division;
 use std::time::{Duration, Instant};
 
 use cd_formats::compute::Accuracy;
-use cd_formats::names::{count_text, rounded_number, short_number};
+use cd_formats::names::{count_text, ratio_text, rounded_number, short_number};
 
 use crate::integrate::{fastest_turn, shortest_orbit};
 use crate::math::Vec3;
@@ -285,15 +285,18 @@ pub fn plan_text(scene: &Scene, state: &State, ranks: Option<usize>) -> String {
         lines.push(("disk", disk_estimate(scene, left, tried)));
     }
     lines.push(("run", format!("{steps};{seconds} to t = {} s", rounded_number(scene.end_time()))));
+    let shown = rounded_number(h);
     let verdict = match bounds.first() {
-        Some(strictest) if h > strictest.h => format!("{h} s is {:.1} times the strictest bound", h / strictest.h),
+        Some(strictest) if h > strictest.h => {
+            format!("{shown} s is {} times the strictest bound", ratio_text(h / strictest.h))
+        }
         Some(_) if max_multiple > 1 => {
             format!(
-                "{h} s is within all bounds on a step; longer steps are limited by adaptive's travel and penetration"
+                "{shown} s is within all bounds on a step; longer steps are limited by adaptive's travel and penetration"
             )
         }
-        Some(_) => format!("{h} s is within all bounds on a step"),
-        None => format!("{h} s; no bound: nothing moves and no force acts"),
+        Some(_) => format!("{shown} s is within all bounds on a step"),
+        None => format!("{shown} s; no bound: nothing moves and no force acts"),
     };
     lines.push(("dt", verdict));
     lines.extend(bounds.iter().map(|bound| ("", format!("up to {} s: {}", short_number(bound.h), bound.reason))));

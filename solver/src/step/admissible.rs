@@ -22,7 +22,7 @@ use crate::state::{Contact, State, Velocities};
 /// 1. `contacts` gains the pairs that were open and that the solution closes;
 /// 2. `q_c.diverted` gains the open contacts that were left out as their bodies miss each other, and that the solution closes;
 /// 3. `q_c.unturned` gains the bodies that the solution turns through a surface;
-/// 4. `q_c.translated` gains those of them that the solution moves into a surface without a rotation;
+/// 4. `q_c.translated` gains those of them that the free velocities or the solution move into a surface without a rotation;
 /// 5. the laws of `state` lose their restitution, once, if an unfinished solution takes a rebounding body through a surface.
 ///
 /// The first four are finite, since a pair or body enters once. Returns `None` if the program was requested to stop.
@@ -68,6 +68,10 @@ pub fn solve_until_admissible(
         let overturned = overturned_bodies(scene, q_c, contacts, free.velocities(), moving);
         if !overturned.is_empty() {
             q_c.unturned.extend(overturned);
+            // Contacts that stop the motion of a centre do not turn its body; its own rotation is stopped by turning it.
+            let free_w = without_spins(&free.w, &q_c.unturned);
+            let free_moving = Velocities { v: &free.v, w: &free_w };
+            q_c.translated.extend(pushed_bodies(scene, q_c, contacts, free_moving));
             continue;
         }
         let pushed = pushed_bodies(scene, q_c, contacts, moving);

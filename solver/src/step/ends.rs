@@ -8,7 +8,7 @@ use super::context::{SolvedProblem, StepContext};
 use super::velocity_errors::VelocityErrors;
 use crate::assemble::{ContactProblem, FreeMotion, RegularisedRow, SolverBody, velocity_at_arms};
 use crate::integrate::{ContactConfiguration, without_spins};
-use crate::laws::ContactMotion;
+use crate::laws::{ContactMotion, MAX_TOUCHING_GAP};
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::{BodyId, Scene};
 use crate::solve::ContactSolution;
@@ -132,9 +132,17 @@ impl Overlap {
         Overlap { bodies, depth, share: depth / smaller }
     }
 
-    /// Text for messages, with bodies counted from 1.
+    /// Whether the overlap is deep enough for a warning.
+    pub fn is_deep(&self) -> bool {
+        self.share > OVERLAP_WARNING_SHARE
+    }
+
+    /// Text for messages, with bodies counted from 1. Bodies without a deep overlap touch.
     pub fn message_text(&self) -> String {
         let Overlap { bodies: [a, b], depth, share } = self;
+        if !self.is_deep() {
+            return format!("bodies {}-{} touch", a.number(), b.number());
+        }
         format!(
             "bodies {}-{} overlap by {depth:.3e} m, {:.1} % of the smaller radius",
             a.number(),
@@ -175,8 +183,17 @@ impl PostSolve<'_> {
             if depth > self.warning_depth && !law.is_regularised() {
                 totals.overlap = deeper_overlap(totals.overlap, Overlap::from_contact(self.scene, contact));
             }
-            if !row.acts && -gap > self.warning_depth && !contact_problem.can_move_a_body(k, &self.scene.bodies) {
-                totals.inert_overlap = deeper_overlap(totals.inert_overlap, Overlap::from_contact(self.scene, contact));
+            // A pair of which neither can move along the normal is worth a warning if it overlaps, or if a bond or a liquid
+            // would hold it at a touch.
+            let would_hold = || law.cohesion().is_some() && gap <= MAX_TOUCHING_GAP * self.touching_radius(contact);
+            if !row.acts
+                && (-gap > self.warning_depth || would_hold())
+                && !contact_problem.can_move_a_body(k, &self.scene.bodies)
+            {
+                let overlap = Overlap::from_contact(self.scene, contact);
+                if overlap.is_deep() || would_hold() {
+                    totals.inert_overlap = deeper_overlap(totals.inert_overlap, overlap);
+                }
             }
             if end.impulse != Vec3::zeros() {
                 totals.contacts_active += 1;
@@ -193,6 +210,13 @@ impl PostSolve<'_> {
             }
         }
         (totals, exchanges)
+    }
+
+    /// Smallest radius of the two bodies of a contact that are not walls, m.
+    fn touching_radius(&self, contact: &Contact) -> f64 {
+        let bodies = [contact.candidate, contact.antagonist].map(|body| body.index());
+        let radii = bodies.into_iter().filter(|&i| !self.scene.walls[i]).map(|i| self.scene.bodies[i].radius);
+        radii.fold(f64::INFINITY, f64::min)
     }
 
     /// Relative velocity at contact `k` where its impulse acts, in its frame, m/s.
@@ -307,7 +331,8 @@ pub struct ContactTotals {
     pub contacts_active: usize,
     /// Deepest of the overlaps that are worth a warning.
     pub overlap: Option<Overlap>,
-    /// Deepest of those of two bodies of which neither can move along the normal, so that their contact does not act.
+    /// Deepest of those of two bodies of which neither can move along the normal, so that their contact does not act, or a
+    /// touch that a bond or a liquid would hold.
     pub inert_overlap: Option<Overlap>,
     /// Largest penetration of the listed contacts, m.
     pub penetration_largest: f64,

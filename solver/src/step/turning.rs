@@ -2,10 +2,10 @@
 //!
 //! Contacts bound the velocities of the points that are listed, at the orientation of the contact configuration. A body that
 //! an impact turns by a large angle within the step brings other points to the surface, or beyond it. In such a step the
-//! body keeps its orientation, and turns in the steps after. Its angular velocity changes by the impulses as in any step. If
-//! its centre then still moves into a surface, contacts act at its centre, as if it had no rotation, and its angular velocity
-//! stays: it is brought to touch, or thrown back, as a body that only moves. Either way an impulse works on the velocities that
-//! it changes, and mechanical energy does not grow.
+//! body keeps its orientation, and turns in the steps after. If its centre moves into a surface, contacts act at its centre, as
+//! if it had no rotation, and its angular velocity stays: it is brought to touch, or thrown back, as a body that only moves.
+//! Otherwise its own rotation brings it to the surface, and impulses change its velocities as in any step. Either way an
+//! impulse works on the velocities that it changes, and mechanical energy does not grow.
 
 use std::collections::BTreeSet;
 
@@ -80,7 +80,7 @@ pub fn overturned_bodies(
 /// Bodies that keep their orientation in this step, not yet pushed at their centres, that take themselves or another body
 /// deeper than [`MAX_PUSHED_DEPTH`] behind a surface.
 ///
-/// `moving`: velocities in the contact configuration with contacts, without rotation for bodies that keep their orientation.
+/// `moving`: velocities in the contact configuration, without rotation for bodies that keep their orientation.
 pub fn pushed_bodies(
     scene: &Scene,
     q_c: &ContactConfiguration,

@@ -594,7 +594,12 @@ fn a_rebound_does_not_pass_the_opposite_wall() {
 #[test]
 fn a_flake_that_an_impact_turns_does_not_pass() {
     const SLAB: f64 = 0.01;
-    let laws: [(&str, &[f64]); 3] = [("IQS_CLB", &[0.5]), ("RST_CLB", &[0.5, 0.0, 0.5]), ("RST_CLB", &[1.0, 0.0, 0.0])];
+    let laws: [(&str, &[f64]); 4] = [
+        ("IQS_CLB", &[0.5]),
+        ("RST_CLB", &[0.5, 0.0, 0.5]),
+        ("RST_CLB", &[1.0, 0.0, 0.0]),
+        ("IQS_DS_ROLL_CLB", &[0.3, 0.3, 0.1, 0.1]),
+    ];
     for (half_thickness, half_width) in [(0.0025, 0.3), (0.005, 0.1), (0.05, 0.3)] {
         for (kind, parameters) in laws {
             for (k, speed) in [80.0, 200.0, 400.0, 1000.0].into_iter().cycle().take(12).enumerate() {
@@ -617,6 +622,71 @@ fn a_flake_that_an_impact_turns_does_not_pass() {
             }
         }
     }
+}
+
+/// A room of 4 m without gravity, with walls 1 m thick, in which bodies of one kind cross `travel` times 0.2 m in a step.
+fn closed_room(shape: [f64; 3], bodies: usize, travel: f64, (kind, parameters): (&str, &[f64])) -> (Case, f64) {
+    let mut case = Case::new();
+    case.law_of_all(kind, parameters);
+    case.options.dt = 0.01;
+    case.options.tol = Some(1e-8);
+    let speed = travel * 0.2 / case.options.dt;
+    for k in 0..bodies {
+        let side = |bit: usize| if bodies == 1 { 0.1 } else { ((k >> bit & 1) as f64 - 0.5) * 1.6 };
+        let x = [side(0), side(1), side(2)];
+        // Directions and rotations of no symmetry.
+        let turned = Quat::from_scaled_axis(Vec3::new(1.0, 2.0 + k as f64, 3.0));
+        let axes = [X, Y, Z].map(|axis| (turned * Vec3::from(axis)).into());
+        let v = turned * Vec3::new(0.8, 0.52, 0.3) * speed;
+        let body = if shape[1] == 0.0 { case.sphere(shape[0], x) } else { case.block(shape, x, axes) };
+        case.launch(body, v.into(), [20.0, 30.0, -10.0 * k as f64]);
+    }
+    for axis in 0..3 {
+        for side in [-2.5, 2.5] {
+            let axes = [[X, Y, Z], [Y, Z, X], [Z, X, Y]][(axis + 1) % 3];
+            let mut x = [0.0; 3];
+            x[axis] = side;
+            case.plate([4.0, 4.0, 0.5], x, axes);
+        }
+    }
+    (case, speed)
+}
+
+/// Without friction no law gives energy to a sphere, a cube, a brick or a splinter that crosses 0.1 to 3 of its radii in a
+/// step, alone or with others, and nothing leaves a closed room.
+#[test]
+fn restitution_gives_no_energy_at_radii_a_step() {
+    let laws: [(&str, &[f64]); 4] = [
+        ("RST_CLB", &[1.0, 0.0, 0.0]),
+        ("RST_CLB", &[0.8, 0.0, 0.0]),
+        ("RST_CLB", &[0.5, 0.0, 0.0]),
+        ("VEL_SGR_CLB", &[0.0]),
+    ];
+    let mut faults = Vec::new();
+    for law in laws {
+        for shape in [[0.2, 0.0, 0.0], [0.2; 3], [0.2, 0.1, 0.15], [0.4, 0.05, 0.05]] {
+            // A splinter meets several surfaces in a step, and those that only a rebound closes bring it to touch, without
+            // restitution: it gains 0.6 % here, 1.3 % in 2000 steps.
+            let gain = if shape[0] > 3.0 * shape[1] && shape[1] > 0.0 { 0.02 } else { 0.0 };
+            for (travel, bodies) in [(0.1, 1), (0.6, 1), (0.6, 8), (1.25, 1), (1.25, 8), (3.0, 1)] {
+                let (mut case, speed) = closed_room(shape, bodies, travel, law);
+                let steps = if bodies == 1 { (12.0 / travel).ceil() as u64 + 20 } else { 12 };
+                let states = case.states(steps, 1);
+                let name = format!("{law:?}, {bodies} of {shape:?}, {speed} m/s");
+                let energy: Vec<f64> = states.iter().map(Snapshot::kinetic).collect();
+                let most = energy.iter().copied().fold(0.0, f64::max);
+                // Impulses are solved to 1e-8 in each step.
+                if most > energy[0] * (1.0 + gain + 1e-8 * steps as f64) {
+                    faults.push(format!("{name}: {} times its energy", most / energy[0]));
+                }
+                let outside = |state: &Snapshot| (0..bodies).any(|body| state.x(body).amax() > 2.0);
+                if states.iter().any(outside) {
+                    faults.push(format!("{name}: leaves the room"));
+                }
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{} faults\n{}", faults.len(), faults.join("\n"));
 }
 
 /// Nothing leaves a drum that is crossed in less than a step, from its axis, along it and aslant, with rebounds that cross it
