@@ -1,6 +1,7 @@
 //! Command line: from arguments to a run to an exit code; no physics.
 
 use std::ffi::OsString;
+use std::io::Write;
 use std::path::PathBuf;
 
 use cd_formats::case::{CaseFolder, no_case, parse_arguments};
@@ -111,8 +112,11 @@ fn run_on_rank(ranks: &'static dyn Ranks, args: &[OsString]) -> i32 {
                 RunFailure::Broken(message) => (format!("{PROGRAM}: internal: {message}"), 3),
             };
             print_error(message.trim_end());
-            // The other ranks know nothing of files.
+            // The other ranks know nothing of a fault of this one.
             if ranks.size() > 1 && !is_agreed && matches!(failure, RunFailure::Files(_) | RunFailure::Unwritten(_)) {
+                if ranks.rank() > 0 {
+                    let _ = writeln!(std::io::stderr(), "{} (rank {})", message.trim_end(), ranks.rank());
+                }
                 ranks.abort(code);
             }
             code

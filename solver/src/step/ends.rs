@@ -212,11 +212,11 @@ impl PostSolve<'_> {
         (totals, exchanges)
     }
 
-    /// Smallest radius of the two bodies of a contact that are not walls, m.
+    /// Smallest radius of the two bodies of a contact that are not walls, m; 0 if both are.
     fn touching_radius(&self, contact: &Contact) -> f64 {
         let bodies = [contact.candidate, contact.antagonist].map(|body| body.index());
         let radii = bodies.into_iter().filter(|&i| !self.scene.walls[i]).map(|i| self.scene.bodies[i].radius);
-        radii.fold(f64::INFINITY, f64::min)
+        radii.reduce(f64::min).unwrap_or(0.0)
     }
 
     /// Relative velocity at contact `k` where its impulse acts, in its frame, m/s.

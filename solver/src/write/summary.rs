@@ -197,7 +197,7 @@ pub fn summary_text(scene: &Scene, state: &State, statistics: &RunStatistics, so
 fn traffic_text(traffic: &[RankTraffic]) -> String {
     let sweeps = traffic.iter().map(|of_rank| of_rank.divided_sweeps).max().unwrap_or(0);
     if sweeps == 0 {
-        return format!("{}; no sweep was divided: the scene is one block", traffic.len());
+        return format!("{}; no sweep was divided: the bodies in contact are one block", traffic.len());
     }
     let most = |count: fn(&RankTraffic) -> u64| traffic.iter().map(count).max().unwrap_or(0) as f64 / sweeps as f64;
     format!(

@@ -149,6 +149,24 @@ fn what_is_held_along_the_normal_does_not_push() {
     }
 }
 
+/// A bond between two bodies of which neither can move along the normal is reported at a touch, a law without cohesion only at
+/// an overlap.
+#[test]
+fn a_bond_that_cannot_act_is_reported() {
+    for (law, parameters, is_reported) in
+        [("IQS_MOHR_DS_CLB", &[32.0, 16.0, 0.125, 0.25][..], true), ("IQS_CLB", &[0.3], false)]
+    {
+        let mut case = case_of(law, parameters);
+        let held = case.sphere(0.5, [0.0; 3]);
+        case.drive(held, [0.0; 6].map(Evolution::constant));
+        let ball = case.sphere(0.5, [1.0, 0.0, 0.0]);
+        hold(&mut case, ball, &[2]);
+        let [summary, warnings] = message(&case);
+        let touch = "bodies 2-3 touch: along the normal of their contact the motion of both is imposed";
+        assert_eq!([&summary, &warnings].map(|text| text.contains(touch)), [is_reported; 2], "{law}: {warnings}");
+    }
+}
+
 /// Its weight is what the ball below carries besides its own.
 #[test]
 fn a_press_meets_held_and_guided_grains() {

@@ -177,7 +177,7 @@ fn convergence_is_checked_where_it_is_asked_for() {
     }
 }
 
-/// Output and warnings of three steps from the beginning.
+/// Output and warnings of a run from the beginning.
 pub fn message(case: &Case) -> [String; 2] {
     case.write();
     let program = env!("CARGO_BIN_EXE_cd-solve");
