@@ -511,7 +511,7 @@ mod tests {
             assert_eq!(region(&frame).kind, RegionKind::LargestGroup);
         }
         // A piston in it is where the space ends, and a bed within ends at its surface, for a lying one too.
-        for axis in 0..3 {
+        for (axis, count) in COUNTS.into_iter().enumerate() {
             let mut scene = Scene::default();
             lattice(&mut scene, COUNTS, r, p);
             plates(&mut scene, COUNTS, r, p, &[4]);
@@ -523,7 +523,7 @@ mod tests {
             let x = Vec3::new(2.5, 2.0, 3.0);
             // Through the corners of the lattice; ends at most half a diameter from it.
             let square: f64 = (0..3).filter(|&k| k != axis).map(|k| (0.5 * COUNTS[k] as f64).powi(2)).sum();
-            let length = 1.0 + COUNTS[axis] as f64;
+            let length = 1.0 + count as f64;
             let half_height = if axis == 2 { 5.0 } else { 0.5 * length };
             frame.walls.push(Wall { id: 99, x, v: None, rotation, shape: hollow(square.sqrt(), half_height) });
             gravity(&mut frame);
