@@ -12,6 +12,7 @@ use crate::scan::{
     AsciiText, GRID_COLUMNS, LineScanner, TextLine, format_d14, format_integer, put_grid, put_steps, put_text,
 };
 
+/// Contents of a file: the contacts at one instant.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct VlocRloc {
     pub step: u64,
@@ -20,8 +21,10 @@ pub struct VlocRloc {
     pub contacts: Vec<ContactRecord>,
 }
 
+/// Contact with its law, force and velocity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactRecord {
+    /// Line of `$icdan`, 1-based.
     pub line: usize,
     /// Kind of contact, `SPSPx`, `SPPLx` ...
     pub kind: String,
@@ -45,6 +48,7 @@ pub struct ContactRecord {
     pub internals: Vec<f64>,
 }
 
+/// Body and contactor on one side of a contact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactSide {
     /// Body number, 0-based (1-based in the file).

@@ -161,7 +161,7 @@ enum Command {
 }
 
 impl Command {
-    /// Runs the command, prints what it has written, and returns its notes.
+    /// Runs the command, prints the paths that it has written, and returns its notes.
     fn run(&self) -> Result<Vec<String>, Faults> {
         let print_path = |(path, notes): (PathBuf, Vec<String>)| {
             print_line(format_args!("cd-post: {}", path.display()));

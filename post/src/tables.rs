@@ -28,7 +28,7 @@ pub fn case_names(cases: &[PathBuf]) -> Vec<String> {
     whole.iter().map(name).collect()
 }
 
-/// Whether a time is equal to another or later; times are sums of steps.
+/// Whether a time (s) equals `from` (s) up to the rounding of sums of steps, or is later.
 pub fn is_at_or_after(time: f64, from: f64) -> bool {
     time >= from - 1e-6 * from.abs()
 }
@@ -68,7 +68,9 @@ pub fn blank_group_faults(groups: &[String]) -> Vec<Fault> {
     blank.map(|(k, _)| Fault::new(Path::new("options"), None, "groups", found(k), "expected a name")).collect()
 }
 
-/// Reads the columns of a table of numbers, which must include those `needed`; empty fields are NaN.
+/// Reads the columns of a table of numbers; empty fields are NaN.
+///
+/// Errors: one of the columns `needed` is missing, a name is repeated, or a field is not a finite number.
 pub fn read_columns(path: &Path, needed: &[&str]) -> Result<Columns, Faults> {
     parse_columns(path, &table_file_text(path)?, needed)
 }
@@ -81,7 +83,7 @@ pub fn read_log(path: &Path, needed: &[&str]) -> Result<Columns, Faults> {
 
 fn table_file_text(path: &Path) -> Result<String, Faults> {
     atomic::read_text(path).map_err(|mut faults| {
-        let expected = "expected a table of cd-solve or, series.csv, of cd-post";
+        let expected = "expected a table of cd-solve, or series.csv of cd-post";
         faults.0.iter_mut().for_each(|fault| fault.expected = expected.into());
         faults
     })
@@ -131,7 +133,7 @@ fn parse_columns(path: &Path, text: &str, needed: &[&str]) -> Result<Columns, Fa
 /// Columns and their former names, from before means were over a region.
 const FORMER_NAMES: [(&str, &str); 3] = [("nu_sphere", "nu"), ("pressure_sphere", "pressure"), ("Z_all", "Z")];
 
-/// Columns of TIMER.csv, s, without the writing.
+/// Columns of TIMER.csv with the times of the stages of a step, s, except writing.
 pub const TIMED_STAGES: [&str; 5] = ["gravity", "detection", "assembly", "solve", "integration"];
 
 /// Errors if the series of a case does not belong to its snapshots but to those of an earlier run; `end`: the last

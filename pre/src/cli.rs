@@ -27,7 +27,7 @@ struct Arguments {
     /// Folder in which DATBOX is written; default: that of the scene.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Replaces a value of the scene; PATH joins names of fields and positions in lists, counted from 1, by points, as in grains.1.number=2000. May be repeated.
+    /// Replaces a value of the scene; PATH joins names of fields and positions in lists, counted from 1, by dots, as in grains.1.number=2000. May be repeated.
     #[arg(long, value_name = "PATH=VALUE")]
     set: Vec<String>,
 }

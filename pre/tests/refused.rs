@@ -47,7 +47,7 @@ fn materials_laws_and_colours() {
         (
             "name: \"ROCKx\"",
             "name: \"GRANITE\"",
-            "3:24: material 1, name: 'GRANITE'; expected 1 to 5 printable ASCII characters without blanks\nscene.ron:7:19: grains 1, material: 'ROCKx' is not defined; expected GRANITE\nscene.ron:13:29: wall 1, material: 'ROCKx' is not defined; expected GRANITE",
+            "3:24: material 1, name: 'GRANITE'; expected 1 to 5 printable ASCII characters without blanks\nscene.ron:7:19: grains 1, material: 'ROCKx' is not defined; expected a material: none is defined under a valid name\nscene.ron:13:29: wall 1, material: 'ROCKx' is not defined; expected a material: none is defined under a valid name",
         ),
         ("2700.0", "NaN", "3:42: material 1, density: NaN; expected a density > 0 kg/m^3"),
         (

@@ -37,7 +37,7 @@ pub fn is_stop_requested() -> bool {
     STOP_FLAG.get().is_some_and(|stop| stop.load(Ordering::Relaxed))
 }
 
-/// From now on [`is_stopped`] holds once the ranks have agreed to stop.
+/// Makes [`is_stopped`] wait for the agreement of the ranks, from now on.
 pub fn stop_by_agreement() {
     STOPS_BY_AGREEMENT.store(true, Ordering::Relaxed);
 }

@@ -12,8 +12,9 @@ use crate::state::State;
 
 /// Returns the case that this rank has read if all ranks have read the same.
 ///
-/// Errors: the faults of this rank; on rank 0, which alone prints them, else those of the first rank that has some. Faults of
-/// rank 0 alone, such as a locked folder, end all ranks.
+/// Errors: the faults of this rank; if it has none, those of the first rank that has some, or a fault that names the
+/// first rank with other input than rank 0. Only rank 0 prints them. Faults of rank 0 alone, such as a locked folder,
+/// are faults of all ranks.
 pub fn agreed_case<T, E: Display + From<Faults>>(
     ranks: &dyn Ranks,
     read: Result<T, E>,
@@ -35,21 +36,22 @@ pub fn agreed_case<T, E: Display + From<Faults>>(
         let object = format!("rank {rank}");
         if bytes[0] != 0 {
             let found = format!("has rejected it: {}", String::from_utf8_lossy(&bytes[1..]).trim_end());
-            let expected = "a folder that all ranks can read";
+            let expected = "expected a folder that all ranks can read";
             return Err(Faults::from(Fault::new("case".as_ref(), None, object, found, expected)).into());
         }
         if *bytes != all[0] {
             let found = "has read other input than rank 0";
-            let expected = "one DATBOX and OUTBOX, in a folder that all ranks share";
+            let expected = "expected one DATBOX and OUTBOX, in a folder that all ranks share";
             return Err(Faults::from(Fault::new("case".as_ref(), None, object, found, expected)).into());
         }
     }
     Ok(case)
 }
 
-/// Makes a request to stop, of which any rank may have been informed, that of all ranks; to be called after each step.
+/// Compares the states of all ranks, and stops all if any of them was requested to stop. All ranks call it after each
+/// step.
 ///
-/// Errors: the ranks have different states, which must not happen.
+/// Errors: the ranks have different states, an internal error.
 pub fn agree_on_step(ranks: &dyn Ranks, state: &State) -> Result<(), String> {
     if ranks.size() == 1 {
         return Ok(());
@@ -71,7 +73,7 @@ pub fn agree_on_step(ranks: &dyn Ranks, state: &State) -> Result<(), String> {
     }
 }
 
-/// Digest of what a run starts from.
+/// Digest of the state, options, laws, ledger, masses and radii at the start of a run.
 fn input_digest(scene: &Scene, state: &State) -> u64 {
     let mut hasher = DefaultHasher::new();
     state_digest(state).hash(&mut hasher);
@@ -82,7 +84,7 @@ fn input_digest(scene: &Scene, state: &State) -> u64 {
     hasher.finish()
 }
 
-/// Digest of positions and velocities.
+/// Digest of the step, positions, orientations and velocities.
 fn state_digest(state: &State) -> u64 {
     let vectors = [&state.x, &state.v, &state.w].into_iter().flatten().flat_map(|v| [v.x, v.y, v.z]);
     let turns = state.q.iter().flat_map(|q| [q.w, q.i, q.j, q.k]);

@@ -41,7 +41,7 @@ struct CommandLine {
     /// Estimate the cost of the run (models, memory, disk, time of a step, bounds on h) and write no files.
     #[arg(long, conflicts_with = "dump_problem")]
     plan: bool,
-    /// With --plan: divide the sweeps of the next step among so many processes, by count, and estimate their time.
+    /// With --plan: divide the sweeps of the next step among this number of processes, and estimate their time.
     #[arg(long, value_name = "RANKS", requires = "plan", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     ranks: Option<u32>,
     /// Write the contact problem of this step of the run to DIR/problem-STEP.fc3d.
@@ -236,7 +236,7 @@ fn advance_case(
     pool.install(|| if large { thread_pool::with_busy_waiting_workers(advance) } else { advance() })
 }
 
-/// Starts so many threads, or as many as there are processors for 0, which belong to a rank.
+/// Starts `threads` threads that belong to a rank; for 0, one for each processor.
 fn start_threads(threads: usize, ranks: &'static dyn Ranks) -> Result<rayon::ThreadPool, RunFailure> {
     let builder = rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(move |_| set_current(ranks));
     builder.build().map_err(|_| {

@@ -95,7 +95,7 @@ const fn within(column: &'static str, relative: f64, scale: &'static str) -> Tol
 
 /// Not compared, only that it is there.
 const ANY: f64 = f64::INFINITY;
-/// The scale of what is a pure number.
+/// Scale of pure numbers.
 const ONE: &str = "1";
 
 /// Columns that are not named here are exact: numbers of contacts, which bodies touch, stick or slide, time, masses.
@@ -161,7 +161,7 @@ fn tolerance(stage: Stage, file: &str, column: &str) -> Tolerance {
     }
 }
 
-/// What a column of a file has become.
+/// Change of a column of a file.
 #[derive(Debug, Clone)]
 pub struct Change {
     pub file: String,

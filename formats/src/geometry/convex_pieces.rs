@@ -27,7 +27,7 @@ const MIN_REFLEX_DEPTH: f64 = 1e-4;
 /// Largest difference of the volume of all pieces from that of the whole, over the latter: flatness of files, per face.
 const VOLUME_TOLERANCE: f64 = 1e-5;
 
-/// Vertices and triangles of a piece, counter-clockwise seen from outside.
+/// Vertices (m) and triangles of a piece, counter-clockwise seen from outside.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConvexPiece {
     pub vertices: Vec<[f64; 3]>,
@@ -36,7 +36,7 @@ pub struct ConvexPiece {
 
 /// Convex pieces that together fill the inside of a surface, without overlaps.
 ///
-/// Errors: the reason why there are no such pieces, at most [`MAX_CONVEX_PIECES`].
+/// Errors: the reason why the surface cannot be split into at most [`MAX_CONVEX_PIECES`] such pieces.
 ///
 /// ```
 /// # use cd_formats::{convex_pieces::split_into_convex, surface::Surface};

@@ -39,9 +39,9 @@ const FINER_FLATNESS: [f64; 2] = [1e-8, 1e-10];
 /// Reason why a surface is not a convex polyhedron.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum MeshError {
-    /// It is no closed surface.
+    /// The surface is not closed.
     Surface(SurfaceFaults),
-    /// It is closed, but has no convex faces.
+    /// The triangles do not make a convex polyhedron, for this reason.
     NotConvex(String),
 }
 

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 use super::{AsciiText, LenientForms, LineScanner, TextPart};
 use crate::error::Faults;
 
-/// Number of bytes from which a part of a text ends with its record: enough to hide the cost of a task.
+/// Smallest size of a part of a text, bytes, which then ends with its record: enough to hide the cost of a task.
 const PART_SIZE: usize = 1 << 20;
-/// Number of records of one task of writing, for the same reason.
+/// Number of records of one task of writing: enough to hide its cost.
 const RECORDS_PER_TASK: usize = 1024;
 
 impl AsciiText {
@@ -43,11 +43,13 @@ impl AsciiText {
     }
 }
 
-/// Reads the records that begin with a line `$keyword`; returns what `read` makes of each part, in order, and the notices
+/// Reads the records that begin with a line `$keyword`; returns the values of `read` for each part, in order, and the notices
 /// about the form of the file.
 ///
 /// `read` gets a scanner at the start of a part and the number of records before it. A text with a fault is read again as
-/// one part, so that faults are what one scanner finds.
+/// one part, so that its faults are those of one scanner.
+///
+/// Errors: all faults of the text.
 pub fn read_records<T: Send>(
     path: &Path,
     text: &AsciiText,
@@ -76,7 +78,7 @@ pub fn read_records<T: Send>(
     scan.finish_with_notices(vec![value])
 }
 
-/// Text of records one behind the other; `write` appends that of the record with this position, counted from 0.
+/// Text of all records, one after the other; `write` appends that of a record, with its index.
 pub fn text_of_records<T: Sync>(records: &[T], write: impl Fn(&mut String, usize, &T) + Sync) -> String {
     let of_task = |(task, records): (usize, &[T])| {
         let mut out = String::new();

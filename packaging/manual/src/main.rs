@@ -87,7 +87,8 @@ mod tests {
                 let text = text_of(&files, &page);
                 // An entry is a line in bold, such as "\fB\-o\fR, \fB\-\-output\fR \fI<DIR>\fR".
                 let entries = text.lines().filter(|line| line.starts_with("\\fB\\-")).collect::<Vec<_>>();
-                for option in command.get_arguments().filter_map(|argument| argument.get_long()) {
+                let shown = command.get_arguments().filter(|argument| !argument.is_hide_set());
+                for option in shown.filter_map(|argument| argument.get_long()) {
                     let entry = format!("\\fB\\-\\-{}\\fR", option.replace('-', "\\-"));
                     assert!(entries.iter().any(|line| line.contains(&entry)), "{page}: no --{option}");
                     options += 1;

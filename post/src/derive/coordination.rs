@@ -78,8 +78,8 @@ impl TouchingPair {
 const FLUSH_ANGLE: f64 = 1e-3;
 const FLUSH_STEP: f64 = 0.01;
 
-/// Pairs of a grain and a wall whose contacts lie in the surface of the grain's contacts with another wall, each with the
-/// first such pair, which stands for all: walls that lie flush are one surface.
+/// Maps each pair of a grain and a wall that lies flush with another wall under this grain to the first such pair, so
+/// that flush walls count as one surface.
 fn flush_pairs(frame: &Frame) -> HashMap<[BodyIndex; 2], [BodyIndex; 2]> {
     // Contacts of each grain with walls, with the normal towards the grain.
     let mut with_walls: BTreeMap<GrainId, Vec<(&Contact, Vec3)>> = BTreeMap::new();
@@ -125,8 +125,8 @@ fn flush_pairs(frame: &Frame) -> HashMap<[BodyIndex; 2], [BodyIndex; 2]> {
     representative
 }
 
-/// Number of points that points of contact on a flat surface constrain as: 1 in one position, 2 along a line, else 3. Points
-/// closer than `distance` (m) are one.
+/// Number of independent ones of some points of contact on a flat surface: 1 in one position, 2 along a line, else 3.
+/// Points closer than `distance` (m) are one.
 fn independent_points(points: &[Vec3], distance: f64) -> u32 {
     let from_first = || points.iter().map(|p| p - points[0]);
     let Some(farthest) = from_first().max_by(|a, b| a.norm().total_cmp(&b.norm())) else { return 0 };

@@ -45,11 +45,13 @@ pub struct GrainEnclosure<'a> {
     centre: Vec3,
     /// Direction against uniform gravity, in a periodic scene along z; None without gravity.
     up: Option<Vec3>,
+    /// Mean diameter of the grains of the core, m.
     mean_diameter: f64,
 }
 
 impl<'a> GrainEnclosure<'a> {
-    /// Returns None without walls and periods, and if nothing touches walls while self-gravity binds the grains.
+    /// Returns the walls and periods around the grains of a frame; None without walls and periods, and if nothing
+    /// touches walls while self-gravity binds the grains.
     pub fn from_frame(frame: &'a Frame, fragments: &[Fragment]) -> Option<GrainEnclosure<'a>> {
         let cell = frame.cell();
         if frame.grains.is_empty() || frame.walls.is_empty() && !cell.is_periodic() {
@@ -130,7 +132,8 @@ impl<'a> GrainEnclosure<'a> {
         space
     }
 
-    /// Space between walls and periods, with its open ends cut off by `cut`; None if it is still open.
+    /// Returns the space between walls and periods, with its open ends cut off by `cut`, and the value of `cut`; None
+    /// if the space is still open.
     ///
     /// A plane bounds only where its faces are: while faces cover less than half of a side of the space, the plane with the
     /// least share is removed. So rims of tiles, plates that hang elsewhere and posts bound nothing. `counts`: planes that
@@ -193,8 +196,9 @@ impl<'a> GrainEnclosure<'a> {
         Some(EnclosedRegion { kind, volume: space.volume(), members })
     }
 
-    /// Space below the mean surface of grains under gravity, and this surface; None if it is open, and if the grains do not
-    /// fill it from side to side: a heap. `self` keeps the planes that bound it or lie beyond it.
+    /// Returns the space below the mean surface of grains under gravity, this surface, and the area of the section
+    /// along it, m^2; None if the space is open, or if the grains are a heap that does not fill it from side to side.
+    /// `self` keeps the planes that bound it or lie beyond it.
     fn bed_space(&mut self, up: &Vec3) -> Option<(ConvexPolytope, SurfacePlane, f64)> {
         let (space, surface) = self.covered_space(
             |_| true,

@@ -81,10 +81,11 @@ impl FreeSurface {
     /// Returns the surface of all groups that a wall touches with force; None without such groups or without uniform
     /// gravity.
     ///
-    /// The height of a column is the height of the highest point of a grain on its vertical. Columns under a wall that leans over the grains next to it have none: in a tilted box they stand on the
-    /// side of the bed along the wall, not on its free surface. Position and normal are those of the least-squares plane through the heights within `reach` mean radii
-    /// ([`PlaneFit`]); both are NaN if less than half of the weight has a height. Verticals are against gravity. In a
-    /// periodic scene verticals are along z, as a slope is modelled there by inclined gravity.
+    /// The height of a column is the height of the highest point of a grain on its vertical. Columns under a wall that
+    /// leans over the grains next to it have none: in a tilted box they stand on the side of the bed along the wall,
+    /// not on its free surface. Position and normal are those of the least-squares plane through the heights within
+    /// `reach` mean radii ([`PlaneFit`]); both are NaN if less than half of the weight has a height. Verticals are
+    /// against gravity. In a periodic scene verticals are along z, as a slope is modelled there by inclined gravity.
     ///
     /// The slope of the surface is the slope of one plane through all heights. If the gradients of the columns differ by
     /// more than 1.5 times noise and more than undulations of a level bed, as on a heap, it is the median of the columns'

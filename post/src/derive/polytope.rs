@@ -88,7 +88,7 @@ impl ConvexPolytope {
         !self.faces.is_empty() && self.faces.iter().flatten().all(within)
     }
 
-    /// Volume, m³.
+    /// Volume, m^3.
     pub fn volume(&self) -> f64 {
         let cone = |face: &Vec<Vec3>| (face[0] - self.centre).dot(&area_vector(face)) / 3.0;
         self.faces.iter().map(cone).sum()

@@ -106,6 +106,7 @@ fn twice_area(corners: &[Vec3]) -> Vec3 {
 /// Share of the grains that may be beyond a wall that bounds the others: a few grains that have left a box do not open it.
 const MAX_ESCAPED_SHARE: f64 = 0.02;
 
+/// Whether all grains but [`MAX_ESCAPED_SHARE`] of them have their centres inside.
 fn nearly_all(frame: &Frame, grains: &[GrainId], inside: impl Fn(&Vec3) -> bool) -> bool {
     let beyond = grains.iter().filter(|&&i| !inside(&frame.grains[i].x)).count();
     beyond as f64 <= MAX_ESCAPED_SHARE * grains.len() as f64
@@ -205,7 +206,8 @@ impl GrainSection {
         GrainSection(grains.iter().map(own).sum::<Mat3>() / grains.len() as f64)
     }
 
-    /// m^2. The variances of an even section of sides a and b are a^2 / 12 and b^2 / 12.
+    /// Area of the section across a direction of length 1, m^2. The variances of an even section of sides a and b are
+    /// a^2 / 12 and b^2 / 12.
     fn area_across(&self, normal: &Vec3) -> f64 {
         let inverse = self.0.try_inverse();
         let cofactor = self.0.determinant() * inverse.map_or(0.0, |inverse| normal.dot(&(inverse * normal)));
@@ -213,10 +215,13 @@ impl GrainSection {
     }
 }
 
-/// Hollow cylinder around nearly all centres; its ends are faces.
+/// Inside of a hollow cylinder around nearly all centres of grains; its ends are faces of walls.
 pub struct CylinderBore {
+    /// Centre, m.
     pub x: Vec3,
+    /// Direction of the axis, length 1.
     pub axis: Vec3,
+    /// Radius, m.
     pub radius: f64,
     /// Distance of both ends from x along the axis, m.
     half_height: f64,

@@ -53,7 +53,7 @@ pub struct Selection {
     pub rotate: Rotation,
     /// New centre of mass of the free bodies, m.
     pub centre: Option<[f64; 3]>,
-    /// Added to the free bodies, m/s.
+    /// Velocity that is added to the free bodies, m/s.
     pub velocity: [f64; 3],
     /// Rigid rotation about their centre of mass, added to the free bodies, rad/s, fixed axes.
     pub spin: [f64; 3],
@@ -84,7 +84,7 @@ pub enum WallSelector {
     Wall(usize),
     /// The body of this number, from 1, among all.
     Body(usize),
-    /// Those with a contactor of this colour.
+    /// Bodies with a contactor of this colour.
     Colour(String),
 }
 
@@ -92,7 +92,7 @@ pub enum WallSelector {
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub enum BodyFilter {
     All,
-    /// Those whose sphere of equal volume lies below this height along z, m.
+    /// Bodies whose sphere of equal volume lies below this height along z, m.
     Below(f64),
     /// The largest remnant: the heaviest group of touching bodies with at least a tenth of the members of the most numerous
     /// group.
@@ -105,7 +105,7 @@ pub enum MotionRemoval {
     Nothing,
     /// The velocity of their centre of mass.
     Translation,
-    /// That, and the rigid rotation with their angular momentum.
+    /// The velocity of their centre of mass, and the rigid rotation with their angular momentum.
     RigidMotion,
     /// All motion.
     All,

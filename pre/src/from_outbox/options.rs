@@ -10,8 +10,8 @@ pub fn past_events(events: &[Event], meta: &SnapshotMeta) -> Vec<Event> {
     all
 }
 
-/// Options of the run as far as the snapshot determines them, others as in the file; and the options that it leaves open,
-/// by name.
+/// Options of the run as far as the snapshot determines them, others as in the file; and for the options that it leaves
+/// open, name and reason. `is_first`: the snapshot is the first of the run; `has_start`: the case has START.npz.
 ///
 /// A value in force, set by an option or by `accuracy`, is recorded as an option only where the file would give another
 /// value.

@@ -1,5 +1,5 @@
-//! Pairs that a law leaves to themselves because their free velocities do not bring them together, and that other contacts
-//! divert into each other.
+//! Open contacts that the contact problem omits because the free velocities do not close them, and that the impulses of
+//! other contacts close.
 
 use std::collections::BTreeSet;
 
@@ -10,8 +10,8 @@ use crate::math::Vec3;
 use crate::scene::Scene;
 use crate::state::{Contact, ContactKey, State, Velocities};
 
-/// Keys of the open contacts that have no part in the contact problem of a step, as the `free` velocities do not close them,
-/// and that the velocities `solved` close deeper than their law allows. The next problem has them
+/// Keys of the open contacts that the contact problem of a step omits, since the `free` velocities do not close them,
+/// and that the velocities `solved` close deeper than their law allows. The problem that is solved next includes them
 /// ([`ContactConfiguration::diverted`]).
 pub fn diverted_contacts(
     scene: &Scene,

@@ -83,7 +83,7 @@ fn add_spin(scene: &Scene, state: &mut State, spin: Vec3) {
 /// Loads that give the free bodies random velocities in the step, minus the rigid motion that
 /// has their momentum and angular momentum. In a periodic scene the angular momentum is not conserved and is not removed.
 ///
-/// They act in the contact configuration, as all forces do: a change of velocity before it would carry grains into their
+/// The loads act in the contact configuration, as all forces do: a change of velocity before it would carry grains into their
 /// neighbours.
 pub(super) fn shake_loads(
     scene: &Scene,

@@ -246,7 +246,7 @@ impl AssemblyContext<'_> {
                 if law.interface.is_none() {
                     return memory;
                 }
-                // Carried with the normal; what the bodies turn about it is not seen.
+                // The sliding turns with the normal; rotation of the bodies about the normal is neglected.
                 let turn = Quat::rotation_between(&self.state.contacts[k.index()].contact.normal, &contact.normal);
                 LawMemory { sliding: turn.map_or(memory.sliding, |turn| turn * memory.sliding), ..memory }
             })

@@ -60,7 +60,7 @@ pub struct ContactConstraint {
 /// Resistance of a row's contact to rolling and spinning, see [`crate::laws::RollingFriction`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RollingConstraint {
-    /// Its row.
+    /// Row of the contact.
     pub row: ContactId,
     /// 1/(1/R_a + 1/R_b), m.
     pub radius: f64,

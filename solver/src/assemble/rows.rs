@@ -11,7 +11,7 @@ use super::history::{BondState, warm_start};
 use super::interface_row::InterfaceRow;
 use super::kinematics::{contact_arms, relative_velocity, velocity_at_arms};
 use super::problem::{BlockData, ContactConstraint, ContactProblem, RegularisedRow, RollingConstraint, SolverBody};
-use crate::integrate::{ContactConfiguration, without_spins};
+use crate::integrate::ContactConfiguration;
 use crate::laws::{ContactLaw, GapForecast, LawInput, LawRegularisation, LawShift, RollingFriction, StrainSpring};
 use crate::math::simd::SimdWidth;
 use crate::math::{PAR_MIN_LEN, Quat, Vec3, to_local, to_world};
@@ -41,7 +41,7 @@ pub fn contact_problem(
     free: Velocities,
 ) -> ContactProblem {
     let mut block_data = block_data(scene, q_c);
-    let [start_w, free_w] = [&q_c.w, free.w].map(|w| without_spins(w, &q_c.translated));
+    let [start_w, free_w] = [&q_c.w, free.w].map(|w| ContactConfiguration::without_spins(w, &q_c.translated));
     let (start, free) = (Velocities { v: &state.v, w: &start_w }, Velocities { v: free.v, w: &free_w });
     let solver_bodies = solver_bodies(scene, free, block_data.is_some());
     let context = AssemblyContext {
@@ -160,7 +160,8 @@ fn set_rolling_inertia(
     }
 }
 
-/// Sets the impulse with which laws push out deep overlaps, and starts the remaining impulse from what is left.
+/// Sets the impulse with which laws push out deep overlaps, and subtracts it from the warm start, which stays
+/// repulsive.
 fn push_out_overlaps(state: &State, h: f64, contacts: &[Contact], contact_problem: &mut ContactProblem) {
     for (k, contact) in contacts.iter().enumerate() {
         let Some(rescue) = state.laws[contact.law as usize].rescue() else { continue };

@@ -1,4 +1,4 @@
-//! Contacts of two bodies, and what is listed of them.
+//! Contacts of two bodies, and the gaps up to which they are listed.
 
 use smallvec::SmallVec;
 

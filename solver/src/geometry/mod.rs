@@ -7,7 +7,7 @@
 //! | file | what |
 //! |---|---|
 //! | `polyhedron` | shape: polygon faces, edges, neighbours; posed by its body's orientation |
-//! | `manifold` | a contact: normal, points, area; range of what is listed |
+//! | `manifold` | a contact: normal, points, area; gaps up to which it is listed |
 //! | `polyhedra` | contact of two polyhedra, one pair at a time or in batches |
 //! | `cache` | the feature of a pair that is kept for the next step |
 //! | `pair` | two posed polyhedra, an axis, the corners of their common part |

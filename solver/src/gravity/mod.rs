@@ -132,9 +132,9 @@ impl GravitySolver {
     ///
     /// `positions` are in m, `masses` in kg, one of each per body; `constant` is G, m³/(kg s²).
     ///
-    /// Bodies are sorted along Morton's curve starting from the order `about`, which is faster if that is close to
-    /// theirs, as [`morton::morton_order`](crate::math::morton::morton_order) of the step before is. It changes no
-    /// result, and may be empty.
+    /// Bodies are sorted along Morton's curve, starting from the order `about`. This is faster if `about` is close to
+    /// the sorted order, such as [`morton::morton_order`](crate::math::morton::morton_order) of the step before. It
+    /// changes no result, and may be empty.
     pub fn full_field(&self, positions: &[Vec3], masses: &[f64], constant: f64, about: &[u32]) -> GravityField {
         self.field_at_width(positions, masses, constant, FieldRequest { potential: true, about }, SimdWidth::detect())
     }

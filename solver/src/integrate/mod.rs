@@ -69,13 +69,13 @@ impl ContactConfiguration {
             false => self.h * theta,
         }
     }
-}
 
-/// Angular velocities `w`, with 0 for `bodies`.
-pub fn without_spins<'a>(w: &'a [Vec3], bodies: &BTreeSet<BodyId>) -> Cow<'a, [Vec3]> {
-    let mut w = Cow::Borrowed(w);
-    bodies.iter().for_each(|body| w.to_mut()[body.index()] = Vec3::zeros());
-    w
+    /// Angular velocities `w`, with 0 for `bodies`.
+    pub fn without_spins<'a>(w: &'a [Vec3], bodies: &BTreeSet<BodyId>) -> Cow<'a, [Vec3]> {
+        let mut w = Cow::Borrowed(w);
+        bodies.iter().for_each(|body| w.to_mut()[body.index()] = Vec3::zeros());
+        w
+    }
 }
 
 /// Smallest number of freely rotating bodies per task; each takes half a microsecond.

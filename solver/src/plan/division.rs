@@ -72,7 +72,7 @@ fn counts_text(counts: &DivisionCounts, moving: usize, line_bytes: usize) -> Str
     let most = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0);
     let working = work.iter().filter(|&&work| work > 0).count();
     format!(
-        "{} for {}, in {}; {} at borders, {:.1} %; the fullest rank has {:.2} of the mean work, at most {}, and sends {} in a sweep, {:.2} kB, to {}",
+        "{} for {}, in {}; {} at borders, {:.1} %; a rank has at most {:.2} of the mean work and {}, and sends at most {} in a sweep, {:.2} kB, to {}",
         count_text(working, "rank"),
         count_text(*blocks, "block"),
         count_text(*colours, "colour"),
@@ -86,7 +86,8 @@ fn counts_text(counts: &DivisionCounts, moving: usize, line_bytes: usize) -> Str
     )
 }
 
-/// Time of a sweep, s: that of the fullest rank, its exchanges one after the other, and the gather of all sums.
+/// Upper estimate of the time of a sweep, s: the largest work, messages and lines of a rank, one exchange after the
+/// other, and the gather of all sums. `seconds`: time on one process; `latency` in s, `bandwidth` in bytes/s.
 fn sweep_seconds(
     counts: &DivisionCounts,
     seconds: f64,
@@ -95,13 +96,13 @@ fn sweep_seconds(
     bandwidth: f64,
 ) -> f64 {
     let most = |counts: &[u64]| counts.iter().copied().max().unwrap_or(0) as f64;
-    let working = counts.work.iter().filter(|&&work| work > 0).count() as f64;
-    if working <= 1.0 {
+    let working = counts.work.iter().filter(|&&work| work > 0).count();
+    if working <= 1 {
         return seconds;
     }
     let own = seconds * most(&counts.work) / counts.whole_work.max(1) as f64;
     let exchanges = most(&counts.messages) * latency + most(&counts.lines) * line_bytes as f64 / bandwidth;
-    own + exchanges + working.log2().ceil() * latency + sum_bytes as f64 / bandwidth
+    own + exchanges + f64::from(working.next_power_of_two().trailing_zeros()) * latency + sum_bytes as f64 / bandwidth
 }
 
 #[cfg(test)]

@@ -108,8 +108,8 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
     bounds
 }
 
-/// Height along gravity of the lowest wall, m: of its upper side; for polyhedra and full cylinders of the middle;
-/// infinite without walls.
+/// Height of the lowest wall against gravity, m: that of its upper side, or of the centre of polyhedra and solid
+/// cylinders; infinite without walls.
 fn floor_height(scene: &Scene, state: &State) -> f64 {
     let up = -state.gravity.normalize();
     let top = |i: usize| {
@@ -196,11 +196,11 @@ pub fn unused_models(scene: &Scene) -> Vec<&'static str> {
     absent.into_iter().filter(|(is_absent, _)| *is_absent).map(|(_, model)| model).collect()
 }
 
-/// Number of times at which a plan tests whether imposed motion changes.
+/// Number of instants at which a plan tests whether imposed motion is constant.
 const MOTION_SAMPLES: u32 = 1000;
 
 /// Fraction of the time from `start` (s) to the end of the run in which no imposed velocity or force changes, so that
-/// steps may be longer than dt, to a thousandth.
+/// steps may be longer than dt; accurate to a thousandth.
 fn share_of_constant_motion(scene: &Scene, start: f64) -> f64 {
     let moment = |k: u32| start + (f64::from(k) + 0.5) / f64::from(MOTION_SAMPLES) * (scene.end_time() - start);
     let constant = (0..MOTION_SAMPLES).map(moment).filter(|time| scene.constant_until(*time) > *time).count();

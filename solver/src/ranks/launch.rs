@@ -12,7 +12,7 @@ const SIZE_VARIABLES: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MV2_COMM
 const LAUNCH_VARIABLES: [&str; 6] =
     ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMI_RANK", "PMIX_RANK", "MV2_COMM_WORLD_SIZE", "PALS_RANKID"];
 
-/// The ranks of a run, from its start to its end. If it is dropped by a panic, all ranks end.
+/// The ranks of a run, from its start to its end. If it is dropped during a panic, all ranks end.
 pub struct RankSession {
     pub ranks: &'static dyn Ranks,
     #[cfg(feature = "mpi")]
@@ -32,14 +32,15 @@ const PANIC_CODE: i32 = 101;
 
 /// Joins the other processes of the launcher; a process that no launcher has started is alone.
 ///
-/// Errors: this build is without MPI and one of several processes, or the MPI library lets one thread alone communicate.
+/// Errors: this build is without MPI and one of several processes, or the MPI library lets only the first thread communicate.
 pub fn begin_session() -> Result<RankSession, Faults> {
     #[cfg(feature = "mpi")]
     if LAUNCH_VARIABLES.iter().any(|name| std::env::var_os(name).is_some())
         && let Some((universe, threading)) = mpi::initialize_with_threading(mpi::Threading::Serialized)
     {
         if threading < mpi::Threading::Serialized {
-            let (found, expected) = ("no thread but the first may communicate", "a build with MPI_THREAD_SERIALIZED");
+            let found = "no thread but the first may communicate";
+            let expected = "expected a build of it with MPI_THREAD_SERIALIZED";
             return Err(Fault::new("mpirun".as_ref(), None, "MPI library", found, expected).into());
         }
         let ranks = Box::leak(Box::new(super::mpi_ranks::MpiRanks::new()));

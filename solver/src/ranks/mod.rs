@@ -1,10 +1,11 @@
 //! Processes (ranks) that compute one scene together.
 //!
 //! Every rank holds the whole scene and state and makes the same decisions; heavy lists are divided, and each rank gets the
-//! parts of the others. What is not divided is computed on each rank alike, since no result depends on a number of threads.
+//! parts of the others. All else is computed on every rank, with equal results, since these depend on no number of
+//! threads.
 //! Numbers are exchanged, never rounded or added anew, so that the bytes of a run do not depend on the number of ranks.
 //!
-//! As the pool of threads, the ranks of a computation are a property of the thread that makes it: [`current`]. One thread of
+//! Like the pool of threads, the ranks of a computation are a property of the thread that makes it: [`current`]. One thread of
 //! a process at a time communicates, the one that runs the solver.
 //!
 //! | module | contents |
@@ -105,7 +106,7 @@ pub fn set_current(ranks: &'static dyn Ranks) {
     CURRENT.set(ranks);
 }
 
-/// Calls `work` with this rank [`Alone`]: only some of the ranks call it.
+/// Calls `work` with this rank [`Alone`], and returns its result: for work that not all ranks do.
 pub fn compute_alone<T>(work: impl FnOnce() -> T) -> T {
     let ranks = CURRENT.replace(&Alone);
     let result = work();
@@ -123,7 +124,7 @@ pub fn part_range(count: usize, part: usize, parts: usize) -> Range<usize> {
     part * count / parts..(part + 1) * count / parts
 }
 
-/// Gathers bytes whose number only their rank knows: returns those of each rank.
+/// Gathers bytes whose number only their rank knows: returns those of each rank. Not counted in [`traffic`].
 pub fn gather_unequal(ranks: &dyn Ranks, own: &[u8]) -> Vec<Vec<u8>> {
     let lengths = ranks.gather(&(own.len() as u64).to_le_bytes(), &vec![8; ranks.size()]);
     let length = |bytes: &[u8]| bytes.try_into().map_or(0, u64::from_le_bytes) as usize;
@@ -138,8 +139,8 @@ pub fn gather_unequal(ranks: &dyn Ranks, own: &[u8]) -> Vec<Vec<u8>> {
     lengths.into_iter().map(&mut next).collect()
 }
 
-/// Computes a list of `count` items: each rank makes those of a range by `compute`, and all ranks get all. A list of fewer
-/// than `min_count` items, which take less time than their exchange, is made by every rank.
+/// Returns a list of `count` items, on all ranks: each rank computes those of a range by `compute`. A list of fewer
+/// than `min_count` items, which take less time than their exchange, is computed by every rank.
 pub fn divided_list<T: Pod>(count: usize, min_count: usize, compute: impl FnOnce(Range<usize>) -> Vec<T>) -> Vec<T> {
     let ranks = current();
     if ranks.size() == 1 || count < min_count {
@@ -181,13 +182,13 @@ static GATHERS: AtomicU64 = AtomicU64::new(0);
 static GATHERED_BYTES: AtomicU64 = AtomicU64::new(0);
 static DIVIDED_SWEEPS: AtomicU64 = AtomicU64::new(0);
 
-/// Traffic of this process since its start.
+/// Traffic of this process since its start, by the functions that count it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct RankTraffic {
     /// Messages to single ranks, and their bytes.
     pub messages: u64,
     pub message_bytes: u64,
-    /// Gathers, and the bytes that this rank gave.
+    /// Gathers of lists of known lengths, also those of self-gravity and residual, and the bytes that this rank gave.
     pub gathers: u64,
     pub gathered_bytes: u64,
     /// Sweeps that were divided among the ranks.

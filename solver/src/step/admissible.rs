@@ -1,4 +1,4 @@
-//! Contact problem of a step, solved until the step can take the solution.
+//! Contact problem of a step, changed and solved until its solution is admissible.
 //!
 //! A contact problem has the contacts that velocities without contacts could close, and assumes that bodies keep their
 //! orientation. Its solution may close other pairs, turn a body through a surface, or, if it is unfinished, throw a body
@@ -7,11 +7,11 @@
 use super::clock::StageClock;
 use super::context::SolvedProblem;
 use super::ends::solved_velocities;
-use super::turning::{overturned_bodies, pushed_bodies};
+use super::turning::{approach, overturned_bodies, pushed_bodies};
 use crate::activity::{self, StepStage};
 use crate::assemble::{self, FreeMotion};
 use crate::detect;
-use crate::integrate::{ContactConfiguration, without_spins};
+use crate::integrate::ContactConfiguration;
 use crate::laws::ContactLaw;
 use crate::scene::Scene;
 use crate::solve::{self, SolveRequest};
@@ -46,7 +46,7 @@ pub fn solve_until_admissible(
         clock.add_lap(|times| &mut times.solve);
         let (v, w) = solved_velocities(&solution, free, q_c);
         // Velocities that move the bodies.
-        let moving_w = without_spins(&w, &q_c.unturned);
+        let moving_w = ContactConfiguration::without_spins(&w, &q_c.unturned);
         let moving = Velocities { v: &v, w: &moving_w };
         let late = detect::late_contacts(scene, q_c, free.velocities(), moving, contacts);
         clock.add_lap(|times| &mut times.detection);
@@ -58,7 +58,7 @@ pub fn solve_until_admissible(
             contacts.sort_unstable_by_key(Contact::key);
             continue;
         }
-        let free_w = without_spins(&free.w, &q_c.translated);
+        let free_w = ContactConfiguration::without_spins(&free.w, &q_c.translated);
         let of_problem = Velocities { v: &free.v, w: &free_w };
         let diverted = assemble::diverted_contacts(scene, state, q_c, contacts, of_problem, moving);
         if !diverted.is_empty() {
@@ -69,7 +69,7 @@ pub fn solve_until_admissible(
         if !overturned.is_empty() {
             q_c.unturned.extend(overturned);
             // Contacts that stop the motion of a centre do not turn its body; its own rotation is stopped by turning it.
-            let free_w = without_spins(&free.w, &q_c.unturned);
+            let free_w = ContactConfiguration::without_spins(&free.w, &q_c.unturned);
             let free_moving = Velocities { v: &free.v, w: &free_w };
             q_c.translated.extend(pushed_bodies(scene, q_c, contacts, free_moving));
             continue;
@@ -88,11 +88,6 @@ pub fn solve_until_admissible(
         solution.sweeps = sweeps;
         return Some(SolvedProblem { request, contact_problem, solution, replaced_laws });
     }
-}
-
-/// Displacement in the time `span` (s) by which these velocities close a contact, m.
-pub fn approach(q_c: &ContactConfiguration, span: f64, contact: &Contact, velocities: Velocities) -> f64 {
-    -span * contact.normal.dot(&assemble::relative_velocity(contact, &q_c.x, velocities))
 }
 
 /// Whether bodies with restitution pass through a surface at these velocities of an unfinished solution: a contact closes

@@ -7,21 +7,24 @@ use crate::scene::BodyId;
 use crate::solve::ContactSolution;
 use crate::state::ContactId;
 
-/// Motion that would open the contacts of a conflict, over the motion that would open each of them alone, from which on they
-/// are reported. It grows by up to one in a sweep. A chain of n bodies that can yield has √n.
+/// Smallest ratio, at which a conflict is reported, of the motion that would open its contacts together to the motion
+/// that would open each of them alone. In a conflict it grows by up to one a sweep. For a chain of n bodies that can
+/// yield it is √n.
 const MIN_CONFLICT: f64 = 100.0;
 
-/// Largest number of sweeps in search of a conflict: four cubes in a row between walls have 400 to 1300 times as much by then.
+/// Largest number of sweeps in search of a conflict: for four cubes in a row between walls the ratio is 400 to 1300 by
+/// then.
 const MAX_CONFLICT_SWEEPS: usize = 1000;
-/// Number of sweeps between two evaluations, whose cost is then a hundredth of theirs.
+/// Number of sweeps between two evaluations of the ratio: an evaluation costs as much as a sweep, so 1 % is added.
 const SWEEPS_PER_CHECK: usize = 100;
 
 /// Largest number of rows in which a conflict is sought, nearest to the worst contact: fewer contacts in conflict prove as
 /// much, and the search takes less time than the sweeps of a step that does not converge.
 const MAX_CONFLICT_ROWS: usize = 1000;
 
-/// Returns the bodies of the contact with the largest part in a conflict next to the contact with the largest residual:
-/// contacts that no motion of bodies opens together, as components of it are imposed. `None` if none is found.
+/// Searches for a conflict near the contact with the largest residual: contacts that no motion of bodies opens
+/// together, since components of it are imposed. Returns the bodies of the contact with the largest part in it; `None`
+/// if none is found.
 ///
 /// With impulses r ≥ 0 along the normals, velocities V and the closing velocities u of the contacts, a motion V + d that opens
 /// all contacts has r·u + (H r)·d ≥ 0, so that its kinetic norm is |d| ≥ D = -r·u / √(r·W r). Each contact alone is opened by
@@ -36,7 +39,7 @@ pub fn conflicting_bodies(
     let mut problem = contact_problem.clone();
     let velocity = |problem: &ContactProblem, k: usize| problem.shifted_normal_velocity(k, &problem.bodies);
     let free: Vec<f64> = rows.iter().map(|&k| velocity(&problem, k)).collect();
-    // Below it, closing velocities are errors that a step may have.
+    // Closing velocities below `tol` times those of the free motion are errors that a converged step may have.
     let scale: f64 = rows.iter().zip(&free).map(|(&k, u)| u.min(0.0).powi(2) / problem.rows[k].w_n).sum();
     let least = tol * tol * scale;
     let mut impulses = vec![0.0; rows.len()];

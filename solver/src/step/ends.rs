@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::context::{SolvedProblem, StepContext};
 use super::velocity_errors::VelocityErrors;
 use crate::assemble::{ContactProblem, FreeMotion, RegularisedRow, SolverBody, velocity_at_arms};
-use crate::integrate::{ContactConfiguration, without_spins};
+use crate::integrate::ContactConfiguration;
 use crate::laws::{ContactMotion, MAX_TOUCHING_GAP};
 use crate::math::{PAR_MIN_LEN, Vec3, to_local, to_world};
 use crate::scene::{BodyId, Scene};
@@ -44,7 +44,7 @@ pub fn solved_velocities(
     };
     let bodies = solution.solver_bodies.par_iter().zip(&free.v).zip(&free.w);
     let (v, mut w): (Vec<Vec3>, Vec<Vec3>) = bodies.with_min_len(PAR_MIN_LEN).map(motion).unzip();
-    // The contact problem has no rotation of these.
+    // In the contact problem these bodies do not rotate.
     q_c.translated.iter().for_each(|body| w[body.index()] = free.w[body.index()]);
     (v, w)
 }
@@ -63,7 +63,7 @@ pub fn finish_contacts(
     ends.resize(contacts.len(), SolvedContact::default());
     let warning_depth = OVERLAP_WARNING_SHARE * scene.smallest_radius;
     let velocities = Velocities { v: &v, w: &w };
-    let pushed_w = without_spins(&w, &q_c.translated);
+    let pushed_w = ContactConfiguration::without_spins(&w, &q_c.translated);
     let pushed = Velocities { v: &v, w: &pushed_w };
     let end =
         PostSolve { scene, state, q_c, contact_problem, solution, velocity_errors, velocities, pushed, warning_depth };
@@ -122,6 +122,7 @@ pub struct Overlap {
 }
 
 impl Overlap {
+    /// Overlap of the bodies of a contact; its depth is negative if they are apart.
     pub fn from_contact(scene: &Scene, contact: &Contact) -> Overlap {
         let bodies = [contact.candidate, contact.antagonist];
         let radius = |body: &BodyId| {
@@ -243,7 +244,7 @@ impl PostSolve<'_> {
         let motion = errors.map_or(ContactMotion::default(), |errors| {
             errors.contact_motion(k, row, &contact_problem.shifted_velocity(k, &solution.solver_bodies))
         });
-        // On the cone's side to rounding.
+        // Largest tangential impulse, N s, less rounding: the impulse at the limit lies on the cone.
         let bound = row.friction * local.x * (1.0 - 1e-12);
         let at_limit = if errors.is_some() && row.friction > 0.0 { motion.slides } else { local.yz().norm() >= bound };
         let holds = matches!(contact_problem.regularised_row(k), Some(RegularisedRow::Interface { .. }));
@@ -329,25 +330,28 @@ impl PostSolve<'_> {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ContactTotals {
     pub contacts_active: usize,
-    /// Deepest of the overlaps that are worth a warning.
+    /// Deepest overlap that is worth a warning.
     pub overlap: Option<Overlap>,
-    /// Deepest of those of two bodies of which neither can move along the normal, so that their contact does not act, or a
-    /// touch that a bond or a liquid would hold.
+    /// Deepest overlap of two bodies neither of which can move along the normal, so that their contact does not act; or a
+    /// touch of such bodies that a bond or a liquid would hold.
     pub inert_overlap: Option<Overlap>,
     /// Largest penetration of the listed contacts, m.
     pub penetration_largest: f64,
+    /// Sum of the penetrations of the listed contacts, m.
     pub penetration_sum: f64,
-    /// Penetration that contacts with force gain until the step's end: 0 if the problem is solved exactly.
+    /// Penetration that contacts with force gain until the step's end, m: 0 if the problem is solved exactly.
     pub penetration_added: f64,
     /// Work of the contacts, J.
     pub contact_work: f64,
+    /// Part of `contact_work` by friction and rolling resistance, J.
     pub friction_work: f64,
     /// Sum of impulses times branches, N m s.
     pub virial: f64,
     /// Work of walls on grains and of the reactions of grains driven in part to contacts, J.
     pub outside_work: f64,
-    /// Impulse of driven bodies on free ones, and its moment about the origin.
+    /// Impulse of driven bodies on free ones, N s.
     pub momentum: Vec3,
+    /// Moment of this impulse about the origin, N m s.
     pub angular_momentum: Vec3,
 }
 

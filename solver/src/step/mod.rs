@@ -18,11 +18,12 @@ pub use self::ledger::{BalanceErrors, MotionTotals, StepReport, StepStart, Worst
 
 use rayon::prelude::*;
 
-use self::admissible::{approach, solve_until_admissible};
+use self::admissible::solve_until_admissible;
 use self::clock::StageClock;
 use self::context::StepContext;
 use self::ends::finish_contacts;
 use self::ledger::update_ledger;
+use self::turning::approach;
 use self::velocity_errors::refine_until_decided;
 use crate::activity::{self, StepStage};
 use crate::assemble::{self, AppliedEvents};

@@ -11,15 +11,19 @@ use std::collections::BTreeSet;
 
 use rayon::prelude::*;
 
-use super::admissible::approach;
-use crate::assemble::contact_arms;
+use crate::assemble::{contact_arms, relative_velocity};
 use crate::integrate::ContactConfiguration;
 use crate::math::{PAR_MIN_LEN, Vec3, rotate_by_vector};
 use crate::scene::{BodyId, BodyPart, Scene};
 use crate::state::{Contact, Velocities};
 
-/// Smallest change of a body's rotation by the contacts of a step that is examined, rad. Up to this angle the error of the
-/// displacements at constant velocities, half its square times the radius, is below a hundredth of the radius.
+/// Displacement in the time `span` (s) by which these velocities close a contact, m.
+pub fn approach(q_c: &ContactConfiguration, span: f64, contact: &Contact, velocities: Velocities) -> f64 {
+    -span * contact.normal.dot(&relative_velocity(contact, &q_c.x, velocities))
+}
+
+/// Change of a body's rotation by the contacts of a step from which on overlaps are examined, rad. Up to this angle the
+/// error of displacements at constant velocities, half its square times the radius, is below a hundredth of the radius.
 const MIN_TURN: f64 = 0.1;
 
 /// Largest change of a body's rotation by the contacts of a step, rad: a body that turns by more between two steps may meet the
@@ -30,8 +34,8 @@ const MAX_TURN: f64 = 1.0;
 /// thickness of the thinner one: overlaps above a hundredth of the radius are worth a warning.
 const MAX_PUSHED_DEPTH: f64 = 0.01;
 
-/// Bodies that contacts turn in this step by more than [`MAX_TURN`], or until a contactor ends deeper behind a surface that it
-/// has met than half its own thickness or that of the other contactor. Deeper overlaps may be resolved to the wrong side.
+/// Bodies that contacts turn in this step by more than [`MAX_TURN`], or so far that a contactor ends behind the surface
+/// of another, deeper than half the thickness of the thinner one. Deeper overlaps may be resolved to the wrong side.
 ///
 /// `free`, `solved`: velocities in the contact configuration without and with contacts.
 pub fn overturned_bodies(
@@ -116,7 +120,7 @@ pub fn pushed_bodies(
 /// Contactor of a body, by its rank.
 type ContactorKey = (BodyId, u16);
 
-/// The two contactors of a contact, each once as the first.
+/// The two contactors of a contact in both orders.
 fn both_sides(contact: &Contact) -> [(ContactorKey, ContactorKey); 2] {
     let [a, b] = [(contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1)];
     [(a, b), (b, a)]

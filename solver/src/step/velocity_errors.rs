@@ -23,7 +23,8 @@ use crate::scene::BodyId;
 use crate::solve::{ContactSolution, MOMENTUM_CYCLE, SolveRequest, StoppingCriteria, solve_contact_problem};
 use crate::state::Contact;
 
-/// Errors of its bodies by which a contact must move. A face at rest has at least one point whose error is its own velocity.
+/// Smallest velocity of a contact that counts as motion, over the velocity error of its bodies. A face at rest has at
+/// least one point whose error is its own velocity.
 /// A point far from it, as face corners are from each other, moves by up to three times that velocity as the face turns.
 const ERROR_MARGIN: f64 = 3.0;
 
@@ -46,7 +47,7 @@ const MAX_REFINEMENTS: usize = 6;
 /// much, and are decided by what is known then.
 const MAX_REFINEMENT_COST: u64 = 1_000_000;
 
-/// Errors of velocity.
+/// Velocity errors of the bodies and rows of a solution.
 pub struct VelocityErrors {
     /// Error by body, m/s; 0 for a body without contact impulses.
     errors: Vec<f64>,
@@ -101,10 +102,10 @@ impl VelocityErrors {
         ContactMotion { opens: opening > ERROR_MARGIN * least, slides: sliding > ERROR_MARGIN * least_sliding }
     }
 
-    /// Whether the solution leaves open if the bond of row `k` with the impulse `r` breaks. This is so if the bond is at its
-    /// limit to within errors that are not small against its strength, and it does not move by more than these errors. It is
-    /// also so if the errors open the bond in `h` by more than positions are corrected for, at the effective radius `radius`
-    /// (m).
+    /// Whether the solution leaves open whether the bond of row `k` breaks. This is so if the bond is at its limit to
+    /// within errors that are not small against its strength, and it does not move by more than these errors. It is
+    /// also so if the errors open the bond in the step `h` (s) by more than positions are corrected for, at the
+    /// effective radius `radius` (m).
     fn is_undecided(
         &self,
         contact_problem: &ContactProblem,
@@ -244,8 +245,8 @@ pub fn refine_until_decided(
     Some(errors)
 }
 
-/// Continues from a converged solution to a tenth of its residual, with at most `max_sweeps`. Sweeps need thousands where a
-/// body turns about a short arm, so the fallback continues from them as in any step that stalls.
+/// Continues from a converged solution to a tenth of its residual, with at most `max_sweeps`. Where a body turns about
+/// a short arm this would need thousands of sweeps, so the fallback continues from them, as in any step that stalls.
 fn refine(
     context: StepContext,
     request: SolveRequest,

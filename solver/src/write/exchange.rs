@@ -35,7 +35,7 @@ pub enum ExchangeEnd {
 }
 
 impl<R: Read, W: Write> StepExchange<R, W> {
-    /// Begins an exchange for so many bodies.
+    /// Begins an exchange for `bodies` bodies. Errors: standard output cannot be written.
     pub fn open(input: R, mut output: W, bodies: usize) -> Result<Self, ExchangeEnd> {
         let mut header = MAGIC.to_vec();
         header.extend((bodies as u64).to_le_bytes());

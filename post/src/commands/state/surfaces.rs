@@ -106,7 +106,7 @@ fn slope_shares() -> Vec<f64> {
     (1..=SLOPE_SHARE_COUNT).map(|k| k as f64 / SLOPE_SHARE_COUNT as f64).collect()
 }
 
-/// The slopes (rad) that [`slope_shares`] of a surface are below.
+/// Returns slopes.csv and slopes.svg; `below`: the slopes (rad) that [`slope_shares`] of the surface are below.
 fn slope_files(title: &str, below: &[f64]) -> Vec<StateFile> {
     let below: Vec<(f64, f64)> = slope_shares().into_iter().zip(below.iter().map(|slope| slope.to_degrees())).collect();
     let figure = Figure {
@@ -121,8 +121,8 @@ fn slope_files(title: &str, below: &[f64]) -> Vec<StateFile> {
     ]
 }
 
-/// Quadrilaterals between four neighbours of a grid of `columns` by `rows`, closed along the axes where `closes` is true.
-/// Slopes in degrees.
+/// Returns a .vtp file of the quadrilaterals between four neighbours of a grid of `columns` by `rows`, which is closed
+/// along the axes where `closes` is true. Positions and heights are in m, slopes in degrees.
 fn surface_vtp(
     [columns, rows]: [usize; 2],
     closes: [bool; 2],

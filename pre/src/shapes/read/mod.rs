@@ -28,7 +28,7 @@ use mesh::{PolygonMesh, ReadError, lines};
 /// Number of faults of one file that are printed one by one; a broken surface has thousands of the same kind.
 const MAX_PRINTED_FAULTS: usize = 5;
 
-/// A surface from a file, and what was changed to read it.
+/// A surface from a file, and the repairs that were needed to read it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RepairedSurface {
     pub surface: Surface,

@@ -80,7 +80,7 @@ struct DriverReader<'a> {
     given: Vec<&'static str>,
     settings: DriverSettings,
     faults: Faults,
-    /// Lines of the script with what is reported about them.
+    /// Lines of the script with the remarks on them.
     lines: Vec<(usize, String)>,
     /// Value and line of each option that was taken, by its name.
     taken: BTreeMap<&'static str, (String, usize)>,

@@ -4,7 +4,7 @@
 pub const BLOCK_KEYWORDS: [&str; 12] =
     ["if", "elif", "else", "for", "while", "def", "class", "try", "except", "finally", "with", "async"];
 
-/// Unit of a line.
+/// Token of a logical line.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ScriptToken {
     Name(String),
@@ -49,7 +49,7 @@ pub struct LogicalLine {
     /// Columns before the first token; a tab extends to the next multiple of 8. One more behind the first statement on the
     /// line of a block's header.
     pub indent: usize,
-    /// At least one.
+    /// Tokens of the line, at least one.
     pub tokens: Vec<Lexeme>,
 }
 
@@ -62,7 +62,7 @@ const LONG_OPERATORS: [&str; 23] = [
     "^=", "->", ":=", "<<", ">>",
 ];
 
-/// Splits a script into its logical lines.
+/// Splits a script into its logical lines. Errors: a bracket or string that is not closed.
 pub fn logical_lines(text: &str) -> Result<Vec<LogicalLine>, Unclosed> {
     let mut scanner = TokenScanner { rest: text, line: 1 };
     let (mut lines, mut tokens) = (Vec::new(), Vec::<Lexeme>::new());

@@ -48,7 +48,7 @@ pub struct ScriptCalls {
     pub remarks: Vec<(usize, String)>,
     /// Lines and names of imported modules that are not LMGC90's.
     pub imports: Vec<(usize, String)>,
-    /// Lines, names and findings of what changes values or functions in ways that are not followed.
+    /// Lines, names and findings of statements that change values or functions in ways that are not followed.
     pub refused: BTreeSet<(usize, String, &'static str)>,
 }
 
@@ -290,7 +290,7 @@ impl<'a> ScriptWalker<'a> {
                 "import" | "from" => self.import(&statement.tokens),
                 "continue" | "return" => {
                     self.find_calls(&statement.tokens[1..]);
-                    // The caller may change what is returned by another name.
+                    // The caller may change the returned value under another name.
                     self.release(&statement.tokens[1..]);
                     match self.condition {
                         Some(line) => self.skipped = self.skipped.or(Some(line)),
@@ -373,8 +373,8 @@ impl<'a> ScriptWalker<'a> {
         self.loops.pop();
     }
 
-    /// Follows the body of a loop for the lists and dictionaries that it changes; all else is as before. A first iteration
-    /// may read what it changes later.
+    /// Follows the body of a loop for the lists and dictionaries that it changes; all else is restored. The first
+    /// iteration may read values that the body changes later.
     fn find_changes(&mut self, statement: &'a ScriptStatement) {
         let (variables, imported) = (self.variables.clone(), self.imported.clone());
         let (calls, remarks) = (self.walk.calls.len(), self.walk.remarks.len());
@@ -656,7 +656,7 @@ impl<'a> ScriptWalker<'a> {
         }
     }
 
-    /// Refuses another meaning for a command of LMGC90.
+    /// Rejects an assignment of another value to a command of LMGC90.
     fn check_command(&mut self, target: &[Lexeme], value: &[Lexeme]) {
         let [first, ..] = target else { return };
         let (name, end) = dotted_name(target, 0);
@@ -770,8 +770,8 @@ impl<'a> ScriptWalker<'a> {
         self.condition = outer;
     }
 
-    /// Rejects functions with commands, commands and the module `chipy` that a statement uses as values: what calls them is not
-    /// followed.
+    /// Rejects functions with commands, commands and the module `chipy` that a statement uses as values: their calls by
+    /// other code are not followed.
     fn check_values(&mut self, tokens: &[Lexeme]) {
         // `step = chipy.IncrementStep` is another name.
         let parts = split_at(tokens, "=");
@@ -926,7 +926,7 @@ impl<'a> ScriptWalker<'a> {
         self.variables = outer;
     }
 
-    /// Remarks on functions with commands of LMGC90 that are not called in the script.
+    /// Adds remarks on functions with commands of LMGC90 that are not called in the script.
     fn report_uncalled(&mut self) {
         let uncalled = self.functions.iter().filter(|(name, _)| !self.called.contains(*name));
         let uncalled: Vec<_> = uncalled.map(|(name, &function)| (name.clone(), function)).collect();
@@ -963,12 +963,12 @@ impl<'a> ScriptWalker<'a> {
     }
 }
 
-/// Whether a name with points ends in a method that leaves lists and dictionaries as they are.
+/// Whether a name with dots ends in a method that leaves lists and dictionaries as they are.
 fn is_pure_method(name: &str) -> bool {
     name.rsplit_once('.').is_some_and(|(_, method)| PURE_METHODS.contains(&method))
 }
 
-/// Names with points in the targets of a loop or comprehension.
+/// Names with dots in the targets of a loop or comprehension.
 fn target_names(tokens: &[Lexeme]) -> Vec<String> {
     let starts = (0..tokens.len()).filter(|&at| at == 0 || !tokens[at - 1].token.is("."));
     starts.map(|at| dotted_name(tokens, at).0).filter(|name| !name.is_empty()).collect()
@@ -1014,7 +1014,7 @@ fn all_assigned_names(block: &[ScriptStatement], names: &mut Vec<String>) {
     }
 }
 
-/// Sign and expression of what a statement adds to a variable: `k += 1`, `k -= 1`, `k = k + 1`.
+/// Sign and expression that a statement adds to a variable: `k += 1`, `k -= 1`, `k = k + 1`.
 fn added_to(tokens: &[Lexeme], name: &str) -> Option<(f64, Vec<Lexeme>)> {
     let (target, end) = dotted_name(tokens, 0);
     let rest = tokens.get(end..).filter(|_| target == name)?;

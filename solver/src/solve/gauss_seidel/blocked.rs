@@ -16,7 +16,7 @@ use crate::solve::gauss_seidel::packed::{BATCH_LANES, LaneRows, NO_INDEX, SweepS
 use crate::solve::gauss_seidel::partition::BodyPartition;
 use crate::solve::gauss_seidel::shares::SweepShare;
 
-/// Packed bodies in blocks, with lines of type `N`, and groups of constraints of type `G`.
+/// Packed bodies in blocks, and groups of constraints of type `G`. A line, of type `N`, has the numbers of one body.
 pub struct BlockedProblem<N, G, T> {
     blocks: Vec<BodyBlock<N, G, T>>,
     /// Tasks of the joints, colour by colour.
@@ -44,7 +44,7 @@ pub struct BodyBlock<N, G, T> {
     /// Moving bodies, those that do not move, one for each constraint with them, and one for unused lanes. At most one task
     /// of a colour uses a block, so no task waits for the lock.
     lines: Mutex<Vec<N>>,
-    /// Lines of the sweep before.
+    /// Lines after the sweep before, from which momentum is computed.
     previous: Vec<N>,
     inside: G,
     /// Sums of the last sweep.
@@ -71,7 +71,8 @@ pub struct BlockBorder {
 
 /// Operations of a sweep on the lines of bodies and on a group of constraints.
 pub trait SweepOperations<N, G, T>: Sync {
-    /// Replaces lines of before the last sweep by those from which the next starts; `last` are those after it.
+    /// Replaces `lines`, those before the last sweep, by the lines from which the next sweep starts; `last`: those
+    /// after the last sweep.
     fn apply_momentum(&self, lines: &mut [N], last: &[N]);
 
     /// Sweeps a group of constraints of the bodies in `lines`.
@@ -192,7 +193,7 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
         }
     }
 
-    /// Groups of constraints whose impulses this rank gives to the others.
+    /// Groups of constraints whose impulses this rank reports to the others.
     pub fn reported_groups(&self, share: &SweepShare) -> impl Iterator<Item = &G> {
         let inside = self.blocks[share.own_blocks()].iter().map(|block| &block.inside);
         let joints: Vec<usize> = share.reported_joints(share.rank()).collect();

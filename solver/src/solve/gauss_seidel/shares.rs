@@ -50,13 +50,14 @@ pub struct LineMessage {
     pub lines: Vec<(u32, u32)>,
 }
 
-/// Numbers of a line of a body that change in a sweep: three of four.
+/// Numbers of a quartet that change in a sweep: the velocity or angular velocity.
 const CHANGING_NUMBERS: usize = 3;
+/// Numbers of a quartet: the line of a body has one or two, each of a velocity and a constant.
 const NUMBERS_IN_QUARTET: usize = 4;
 
 impl SweepShare {
-    /// Divides tasks among the current ranks: returns them with the constraints of this rank alone, and the division, if there
-    /// are several ranks and blocks. `work`: relative cost of a constraint.
+    /// Divides tasks among the current ranks: returns them with only the constraints of this rank, and the division;
+    /// `None` for one rank or one block, with all constraints. `work`: relative cost of a constraint.
     pub fn divide(
         partition: &BodyPartition,
         mut tasks: SweepTasks,
@@ -117,8 +118,8 @@ impl SweepShare {
         self.participants[joint].contains(&(self.ranks.rank() as u32))
     }
 
-    /// Replaces the velocities of bodies of other ranks that the joints of a colour need in their `blocks`, lists of lines of
-    /// numbers `T`.
+    /// Replaces, in `blocks`, the velocities of bodies of other ranks that the joints of a colour need. A block is a
+    /// list of lines, one a body, each of quartets of numbers `T`.
     pub fn exchange_lines<N: Pod, T: Pod>(&mut self, colour: usize, blocks: &mut [impl AsMut<[N]>]) {
         let ColourMessages { outgoing, incoming, sent, received } = &mut self.colours[colour];
         if outgoing.is_empty() && incoming.is_empty() {
@@ -188,7 +189,7 @@ impl SweepShare {
         }
     }
 
-    /// Joint tasks whose sums and impulses a rank gives: it is the first that sweeps them.
+    /// Joint tasks whose sums and impulses a rank reports to the others: those of which it is the first participant.
     pub fn reported_joints(&self, rank: usize) -> impl Iterator<Item = usize> + '_ {
         let is_first = move |(_, participants): &(usize, &Vec<u32>)| participants.first() == Some(&(rank as u32));
         self.participants.iter().enumerate().filter(is_first).map(|(joint, _)| joint)
@@ -199,12 +200,13 @@ impl SweepShare {
         self.ranks.rank()
     }
 
-    /// Gathers vectors with their indices: `set` is called with all, in the order of the ranks.
+    /// Gathers vectors with their indices from all ranks; calls `set` with each, in the order of the ranks.
     pub fn gather_vectors(&self, own: &[(u32, [f64; 3])], mut set: impl FnMut(usize, [f64; 3])) {
         let indices: Vec<u32> = own.iter().map(|(index, _)| *index).collect();
         let vectors: Vec<[f64; 3]> = own.iter().map(|(_, vector)| *vector).collect();
         let all = ranks::gather_unequal(self.ranks, &[as_bytes(&indices), as_bytes(&vectors)].concat());
         for of_rank in all {
+            // Of the 28 bytes of an item 4 are its index.
             let (indices, vectors) = of_rank.split_at(of_rank.len() / 7);
             let vectors: Vec<[f64; 3]> = from_bytes(vectors);
             from_bytes::<u32>(indices).into_iter().zip(vectors).for_each(|(index, vector)| set(index as usize, vector));
@@ -220,7 +222,7 @@ fn add_line(messages: &mut Vec<LineMessage>, rank: u32, line: (u32, u32)) {
     }
 }
 
-/// Relative cost of a sweep by block: a constraint between blocks counts in both.
+/// Relative cost of a sweep by block, in halves: a constraint between two blocks counts half in each.
 pub fn block_work(partition: &BodyPartition, tasks: &SweepTasks, work: impl Fn(u32) -> u64) -> Vec<u64> {
     let of_block = |constraints: &Vec<u32>| 2 * constraints.iter().map(|&k| work(k)).sum::<u64>();
     let mut all: Vec<u64> = tasks.inside.iter().map(of_block).collect();
@@ -286,18 +288,21 @@ pub fn participants(partition: &BodyPartition, task: &JointTask, owners: &[u32])
 pub struct DivisionCounts {
     pub blocks: usize,
     pub colours: usize,
-    /// Tasks, whose sums are gathered.
+    /// Number of tasks, whose sums are gathered.
     pub tasks: usize,
-    /// Work of a sweep on one rank, and of each rank: joints between ranks are swept by several.
+    /// Work of a sweep on one rank.
     pub whole_work: u64,
+    /// Work of each rank; the sum exceeds `whole_work`, since several ranks sweep the joints between them.
     pub work: Vec<u64>,
-    /// Messages of each rank in a sweep, lines of bodies in them, and their receivers.
+    /// Messages that each rank sends in a sweep.
     pub messages: Vec<u64>,
+    /// Lines of bodies in the messages of each rank.
     pub lines: Vec<u64>,
+    /// Ranks to which each rank sends messages.
     pub neighbours: Vec<u64>,
     /// Bodies of other ranks with which each rank sweeps joints.
     pub ghosts: Vec<u64>,
-    /// Bodies that are sent to others.
+    /// Number of bodies that are sent to other ranks.
     pub border_bodies: u64,
 }
 
