@@ -98,7 +98,7 @@ fn ranks_send_what_a_plan_counts() {
         let active: Vec<ContactId> = (0..system.rows.len()).map(ContactId::new).collect();
         for size in [2, 4, 8] {
             let counts = division_counts(&system, &active, size);
-            // Of all ranks, as they share this process.
+            // Traffic counts all ranks, as they share this process.
             let before = traffic();
             run_as_ranks(size, |_| sweep(&system, &active, single));
             let after = traffic();

@@ -477,7 +477,7 @@ mod tests {
                 let last = frame.walls.len() - 1;
                 (frame.walls[last].x, frame.walls[last].shape) = (Vec3::new(2.5, 4.0, 3.0), hollow(5.0, 50.0));
                 let bed = region(&frame);
-                // Of the disc the lower half, or up to half a radius less.
+                // The lower half of the disc, or its part up to half a radius less.
                 let below = |s: f64| 25.0 * (s / 5.0).asin() + s * (25.0 - s * s).sqrt() + 12.5 * PI;
                 assert_eq!(bed.kind, RegionKind::Bed);
                 assert!((5.0 * below(-0.5)..=5.0 * below(0.0) * 1.0001).contains(&bed.volume), "{}", bed.volume);
@@ -777,7 +777,7 @@ mod tests {
                 if behind {
                     tiled(&mut scene, r, 1, sides, 3.0);
                 }
-                // What carries the lowest layer.
+                // Bodies that carry the lowest layer.
                 let floor = scene.plate([2.5, 2.0, -0.5], [2.5, 2.0, 0.5]);
                 scene.contact_at(0, floor, [0.5, 0.5, 0.0], Vec3::z());
                 if gravity {

@@ -123,8 +123,8 @@ impl AxisSearch<'_> {
             (SearchFeature::FaceOfB(f), Some(v)) => add_face_witnesses(l, pair, [b, a], f, v, -1.0, &mut witnesses),
             _ => {}
         }
-        // Of equally good faces a known one is kept. Without one, the order of the faces must not decide: it is not mirrored
-        // in mirrored pairs.
+        // Search keeps a known face among equally good ones. Without one, the order of the faces must not decide: it is
+        // not mirrored in mirrored pairs.
         let largest = (best.feature == SearchFeature::None).then_some(best.s);
         let mut found = BestFace { axis: best, largest };
         if search_faces(l, pair, [a, b], 1.0, &mut found, &mut witnesses, enough)

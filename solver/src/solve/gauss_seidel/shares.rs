@@ -206,7 +206,7 @@ impl SweepShare {
         let vectors: Vec<[f64; 3]> = own.iter().map(|(_, vector)| *vector).collect();
         let all = ranks::gather_unequal(self.ranks, &[as_bytes(&indices), as_bytes(&vectors)].concat());
         for of_rank in all {
-            // Of the 28 bytes of an item 4 are its index.
+            // Indices take 4 of the 28 bytes of an item.
             let (indices, vectors) = of_rank.split_at(of_rank.len() / 7);
             let vectors: Vec<[f64; 3]> = from_bytes(vectors);
             from_bytes::<u32>(indices).into_iter().zip(vectors).for_each(|(index, vector)| set(index as usize, vector));
