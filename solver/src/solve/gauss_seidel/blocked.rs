@@ -1,6 +1,6 @@
 //! Bodies in blocks with the constraints inside and between them, and the order in which a sweep solves these.
 //!
-//! All blocks are swept in parallel, then the joints, colour by colour, those of a colour in parallel. A task of a joint copies
+//! All blocks are swept in parallel, then the borders, colour by colour, those of a colour in parallel. A border task copies
 //! the bodies that it needs from their blocks, sweeps, and copies them back.
 
 use std::mem;
@@ -19,9 +19,9 @@ use crate::solve::gauss_seidel::shares::SweepShare;
 /// Packed bodies in blocks, and groups of constraints of type `G`. A line, of type `N`, has the numbers of one body.
 pub struct BlockedProblem<N, G, T> {
     blocks: Vec<BodyBlock<N, G, T>>,
-    /// Tasks of the joints, colour by colour.
-    joints: Vec<BlockJoints<N, G, T>>,
-    /// End of each colour in `joints`.
+    /// Tasks of the borders, colour by colour.
+    borders: Vec<BlockBorders<N, G, T>>,
+    /// End of each colour in `borders`.
     colours: Vec<usize>,
     /// Group of each row of the system, in the upper half of the number, and its lane among all of the group; [`NO_SLOT`]
     /// for rows that are not swept.
@@ -52,17 +52,17 @@ pub struct BodyBlock<N, G, T> {
 }
 
 /// Constraints between blocks that one task sweeps.
-pub struct BlockJoints<N, G, T> {
-    border: BlockBorder,
-    /// Copies of the lines of the border, and one for unused lanes.
+pub struct BlockBorders<N, G, T> {
+    bodies: BorderBodies,
+    /// Copies of the lines of these bodies, and one for unused lanes.
     lines: Vec<N>,
     across: G,
     /// Sums of the last sweep.
     sums: SweepSums<T>,
 }
 
-/// Bodies of several blocks.
-pub struct BlockBorder {
+/// Bodies of several blocks with constraints between them.
+pub struct BorderBodies {
     /// Each block with the end of its bodies.
     blocks: Vec<(u32, usize)>,
     /// Indices of the bodies in their blocks.
@@ -80,17 +80,17 @@ pub trait SweepOperations<N, G, T>: Sync {
 }
 
 impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G, T> {
-    /// Blocks and joints, with the end of each colour of these, for a system of `rows` rows. Tasks outside of `share` are
+    /// Blocks and borders, with the end of each colour of these, for a system of `rows` rows. Tasks outside of `share` are
     /// without constraints.
     pub fn new(
         blocks: Vec<BodyBlock<N, G, T>>,
-        joints: Vec<BlockJoints<N, G, T>>,
+        borders: Vec<BlockBorders<N, G, T>>,
         colours: Vec<usize>,
         rows: usize,
         share: Option<SweepShare>,
     ) -> Self {
         let slots = (0..rows).into_par_iter().with_min_len(PAR_MIN_LEN).map(|_| AtomicU64::new(NO_SLOT)).collect();
-        let problem = BlockedProblem { blocks, joints, colours, slots, share };
+        let problem = BlockedProblem { blocks, borders, colours, slots, share };
         let groups: Vec<(u64, &G)> = (0..).zip(problem.groups()).collect();
         groups.into_par_iter().with_max_len(1).for_each(|(group, of_group)| {
             for (lane, &row) in (0..).zip(of_group.rows().as_flattened()).filter(|(_, row)| **row != NO_INDEX) {
@@ -100,9 +100,9 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
         problem
     }
 
-    /// Sweeps all constraints once. Sums are added block by block, then joint by joint.
+    /// Sweeps all constraints once. Sums are added block by block, then border by border.
     pub fn sweep_once(&mut self, operations: &impl SweepOperations<N, G, T>) -> SweepSums<T> {
-        let BlockedProblem { blocks, joints, colours, share, .. } = self;
+        let BlockedProblem { blocks, borders, colours, share, .. } = self;
         let own_blocks = share.as_ref().map_or(0..blocks.len(), SweepShare::own_blocks);
         blocks[own_blocks].par_iter_mut().with_max_len(1).for_each(|block| {
             let lines = block.lines.get_mut().unwrap_or_else(PoisonError::into_inner);
@@ -115,16 +115,16 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
             if let Some(share) = share {
                 share.exchange_lines::<N, T>(colour, blocks);
             }
-            joints[first..end].par_iter_mut().with_max_len(1).for_each(|joint| {
-                let BlockJoints { border, lines, across, sums } = joint;
-                border.copy_lines(blocks, |lines_of_block, bodies, range| {
-                    for (to, &body) in lines[range].iter_mut().zip(bodies) {
+            borders[first..end].par_iter_mut().with_max_len(1).for_each(|border| {
+                let BlockBorders { bodies, lines, across, sums } = border;
+                bodies.copy_lines(blocks, |lines_of_block, indices, range| {
+                    for (to, &body) in lines[range].iter_mut().zip(indices) {
                         *to = lines_of_block[body as usize];
                     }
                 });
                 *sums = operations.sweep_group(lines, across);
-                border.copy_lines(blocks, |lines_of_block, bodies, range| {
-                    for (from, &body) in lines[range].iter().zip(bodies) {
+                bodies.copy_lines(blocks, |lines_of_block, indices, range| {
+                    for (from, &body) in lines[range].iter().zip(indices) {
                         lines_of_block[body as usize] = *from;
                     }
                 });
@@ -133,16 +133,19 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
         }
         if let Some(share) = share {
             let mut of_blocks: Vec<_> = blocks.iter_mut().map(|block| &mut block.sums).collect();
-            let mut of_joints: Vec<_> = joints.iter_mut().map(|joint| &mut joint.sums).collect();
-            share.gather_sums(&mut of_blocks, &mut of_joints);
+            let mut of_borders: Vec<_> = borders.iter_mut().map(|border| &mut border.sums).collect();
+            share.gather_sums(&mut of_blocks, &mut of_borders);
         }
         let mut sums = SweepSums::default();
         blocks.iter().for_each(|block| sums.accumulate(&block.sums));
-        joints.iter().for_each(|joint| sums.accumulate(&joint.sums));
+        borders.iter().for_each(|border| sums.accumulate(&border.sums));
         sums
     }
 
     /// Copies the impulses of the swept rows into `impulses`; `of_group` returns those of the batches of a group, world frame.
+    ///
+    /// Without a division among ranks, the rows are set in parallel, each from its slot. With one, most groups are empty on
+    /// this rank, and each rank sends the impulses of the groups that it reports, with their rows, to all.
     pub fn read_back(
         &self,
         impulses: &mut [Vec3],
@@ -196,14 +199,14 @@ impl<N: Pod + Send + Sync, G: ConstraintGroup, T: LaneFloat> BlockedProblem<N, G
     /// Groups of constraints whose impulses this rank reports to the others.
     pub fn reported_groups(&self, share: &SweepShare) -> impl Iterator<Item = &G> {
         let inside = self.blocks[share.own_blocks()].iter().map(|block| &block.inside);
-        let joints: Vec<usize> = share.reported_joints(share.rank()).collect();
-        inside.chain(joints.into_iter().map(|joint| &self.joints[joint].across))
+        let borders: Vec<usize> = share.reported_borders(share.rank()).collect();
+        inside.chain(borders.into_iter().map(|border| &self.borders[border].across))
     }
 
     /// All groups of constraints.
     pub fn groups(&self) -> impl Iterator<Item = &G> {
         let inside = self.blocks.iter().map(|block| &block.inside);
-        inside.chain(self.joints.iter().map(|joint| &joint.across))
+        inside.chain(self.borders.iter().map(|border| &border.across))
     }
 }
 
@@ -221,29 +224,30 @@ impl<N: Clone, G, T: LaneFloat> BodyBlock<N, G, T> {
     }
 }
 
-impl<N: Clone, G, T: LaneFloat> BlockJoints<N, G, T> {
-    /// A task for the constraints `across` of the bodies `ranks`, ascending; `padding` is the line of unused lanes.
-    pub fn new(partition: &BodyPartition, ranks: &[u32], padding: N, across: G) -> Self {
-        let border = BlockBorder::new(partition, ranks);
-        BlockJoints { border, lines: vec![padding; ranks.len() + 1], across, sums: SweepSums::default() }
+impl<N: Clone, G, T: LaneFloat> BlockBorders<N, G, T> {
+    /// A task for the constraints `across` of the bodies with these curve indices, ascending; `padding` is the line of
+    /// unused lanes.
+    pub fn new(partition: &BodyPartition, curve_indices: &[u32], padding: N, across: G) -> Self {
+        let bodies = BorderBodies::new(partition, curve_indices);
+        BlockBorders { bodies, lines: vec![padding; curve_indices.len() + 1], across, sums: SweepSums::default() }
     }
 }
 
-impl BlockBorder {
-    fn new(partition: &BodyPartition, ranks: &[u32]) -> Self {
-        let (mut blocks, mut bodies) = (Vec::<(u32, usize)>::new(), Vec::with_capacity(ranks.len()));
-        for &rank in ranks {
-            let (block, body) = partition.position(rank);
+impl BorderBodies {
+    fn new(partition: &BodyPartition, curve_indices: &[u32]) -> Self {
+        let (mut blocks, mut bodies) = (Vec::<(u32, usize)>::new(), Vec::with_capacity(curve_indices.len()));
+        for &curve_index in curve_indices {
+            let (block, body) = partition.position(curve_index);
             bodies.push(body);
             match blocks.last_mut() {
                 Some((last, end)) if *last == block => *end = bodies.len(),
                 _ => blocks.push((block, bodies.len())),
             }
         }
-        BlockBorder { blocks, bodies }
+        BorderBodies { blocks, bodies }
     }
 
-    /// Calls `copy` with the lines of each block, the indices of its bodies, and their range in the border.
+    /// Calls `copy` with the lines of each block, the indices of its bodies, and their range among all of these.
     fn copy_lines<N, G, T>(
         &self,
         blocks: &[BodyBlock<N, G, T>],

@@ -16,7 +16,7 @@ pub const BATCH_LANES: usize = 16;
 /// Approximate number of bytes that stay in the L2 cache from one sweep to the next; larger problems are prefetched.
 pub const L2_BYTES: usize = 1 << 20;
 
-/// Index in place of a row, rank or line that does not exist.
+/// Index in place of a row, body or line that does not exist.
 pub const NO_INDEX: u32 = u32::MAX;
 
 /// Rows of the system in the lanes of a batch, or [`NO_INDEX`].

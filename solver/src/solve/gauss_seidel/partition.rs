@@ -1,9 +1,9 @@
 //! Division of a contact problem for parallel sweeps: bodies into blocks, constraints into tasks.
 //!
-//! A block is a run of bodies along Morton's curve. The constraints inside a block are one task; those of two blocks are a
-//! joint. Joints are coloured so that those of one colour share no block: a colour is swept in parallel, after the blocks and
-//! the colours before it. Constraints of a body that touches many blocks are swept last. All depends on the problem alone, so
-//! that no number of threads changes a result.
+//! A block is a run of bodies along Morton's curve. The constraints inside a block are one task; those between two blocks
+//! are their border. Borders are coloured so that those of one colour share no block: a colour is swept in parallel, after
+//! the blocks and the colours before it. Constraints of a body that touches many blocks are swept last. All depends on the
+//! problem alone, so that no number of threads changes a result.
 
 use std::mem;
 use std::ops::Range;
@@ -22,10 +22,10 @@ use crate::state::ContactId;
 pub const SMALL_BLOCKS: usize = 16;
 
 /// Largest number of blocks that the constraints of a body may reach from its own. Eight blocks meet at a corner. A body that
-/// reaches more, such as a plate, would give its block as many joints, which would be swept one after the other.
+/// reaches more, such as a plate, would give its block as many borders, which would be swept one after the other.
 const MAX_REACHED_BLOCKS: u32 = 8;
 
-/// Joints of a colour are put together until a task has this number of constraints: tasks with fewer would leave lanes of
+/// Borders of a colour are put together until a task has this number of constraints: tasks with fewer would leave lanes of
 /// their vectors empty and wait for each other more than they work.
 const MIN_TASK_CONSTRAINTS: usize = 64;
 
@@ -33,13 +33,13 @@ const MIN_TASK_CONSTRAINTS: usize = 64;
 /// two.
 #[derive(Debug)]
 pub struct BodyPartition {
-    /// Moving bodies; the index of a body here is its rank.
+    /// Moving bodies; the index of a body here is its curve index.
     pub bodies: Vec<BodyId>,
-    /// Ranks of the bodies of each row, [`NO_INDEX`] for a body that does not move.
+    /// Curve indices of the bodies of each row, [`NO_INDEX`] for a body that does not move.
     pub pairs: Vec<[u32; 2]>,
-    /// First rank of each block, and the number of ranks.
+    /// First curve index of each block, and the number of bodies.
     cuts: Vec<u32>,
-    /// Block of each rank.
+    /// Block of each curve index.
     blocks: Vec<u32>,
 }
 
@@ -49,31 +49,31 @@ pub struct SweepTasks {
     /// Indices of the constraints inside each block, ascending.
     pub inside: Vec<Vec<u32>>,
     /// Constraints between blocks, colour by colour.
-    pub joints: Vec<JointTask>,
-    /// End of each colour in `joints`. The tasks of a colour share no block.
+    pub borders: Vec<BorderTask>,
+    /// End of each colour in `borders`. The tasks of a colour share no block.
     pub colours: Vec<usize>,
 }
 
 /// Constraints between blocks that one task sweeps.
 #[derive(Debug, PartialEq)]
-pub struct JointTask {
-    /// Indices of the constraints, joint by joint.
+pub struct BorderTask {
+    /// Indices of the constraints, border by border.
     pub constraints: Vec<u32>,
-    /// Ranks of their bodies, ascending.
-    pub ranks: Vec<u32>,
+    /// Curve indices of their bodies, ascending.
+    pub curve_indices: Vec<u32>,
 }
 
 /// Moving bodies of a group of constraints, which index them.
 #[derive(Debug, Clone)]
 pub enum GroupBodies<'a> {
-    /// Ranks of a block.
+    /// Curve indices of a block.
     Block(Range<u32>),
-    /// Ranks of a [`JointTask`].
+    /// Curve indices of a [`BorderTask`].
     Border(&'a [u32]),
 }
 
 /// The constraints between two blocks.
-struct BlockJoint {
+struct BlockBorder {
     blocks: [u32; 2],
     constraints: Vec<u32>,
 }
@@ -93,12 +93,12 @@ impl BodyPartition {
         };
         let bodies: Vec<BodyId> =
             problem.order.par_iter().copied().map(BodyId).with_min_len(PAR_MIN_LEN).filter(moves).collect();
-        let ranks: Vec<AtomicU32> = problem.bodies.iter().map(|_| AtomicU32::new(NO_INDEX)).collect();
-        bodies.par_iter().enumerate().with_min_len(PAR_MIN_LEN).for_each(|(rank, body)| {
-            ranks[body.index()].store(rank as u32, Ordering::Relaxed);
+        let curve_indices: Vec<AtomicU32> = problem.bodies.iter().map(|_| AtomicU32::new(NO_INDEX)).collect();
+        bodies.par_iter().enumerate().with_min_len(PAR_MIN_LEN).for_each(|(curve_index, body)| {
+            curve_indices[body.index()].store(curve_index as u32, Ordering::Relaxed);
         });
-        let rank_of = |body: u32| ranks[body as usize].load(Ordering::Relaxed);
-        pairs.par_iter_mut().with_min_len(PAR_MIN_LEN).for_each(|pair| *pair = pair.map(rank_of));
+        let curve_index_of = |body: u32| curve_indices[body as usize].load(Ordering::Relaxed);
+        pairs.par_iter_mut().with_min_len(PAR_MIN_LEN).for_each(|pair| *pair = pair.map(curve_index_of));
 
         let blocks_of = |bodies_in_block: usize| bodies.len() / bodies_in_block;
         let count = blocks_of(min_bodies).min(SMALL_BLOCKS).max(blocks_of(min_bodies.saturating_mul(2)));
@@ -116,8 +116,8 @@ impl BodyPartition {
         self.cuts.len() - 1
     }
 
-    /// Ranks of the bodies in a block.
-    pub fn ranks(&self, block: usize) -> Range<u32> {
+    /// Curve indices of the bodies in a block.
+    pub fn curve_range(&self, block: usize) -> Range<u32> {
         self.cuts[block]..self.cuts[block + 1]
     }
 
@@ -126,24 +126,25 @@ impl BodyPartition {
         &self.bodies[self.cuts[block] as usize..self.cuts[block + 1] as usize]
     }
 
-    /// Block of a rank, and the index of the body in it.
-    pub fn position(&self, rank: u32) -> (u32, u32) {
-        let block = self.blocks[rank as usize];
-        (block, rank - self.cuts[block as usize])
+    /// Block of the body with this curve index, and its index in the block.
+    pub fn position(&self, curve_index: u32) -> (u32, u32) {
+        let block = self.blocks[curve_index as usize];
+        (block, curve_index - self.cuts[block as usize])
     }
 
-    /// Distributes constraints between these ranks over tasks. Constraints of two bodies that do not move are left out: they
-    /// have no solution to find.
+    /// Distributes constraints over tasks; `pairs`: curve indices of the bodies of each. Constraints of two bodies that do
+    /// not move are left out: they have no solution to find.
     pub fn sweep_tasks(&self, pairs: &[[u32; 2]]) -> SweepTasks {
         let count = self.block_count();
         // A body that does not move is in the block of the other.
-        let block_of = |rank: u32| self.blocks.get(rank as usize).map_or(NO_INDEX, |&block| block);
-        let blocks_of =
-            |&[a, b]: &[u32; 2]| [a, b].map(|rank| block_of(if rank == NO_INDEX { a.min(b) } else { rank }));
+        let block_of = |curve_index: u32| self.blocks.get(curve_index as usize).map_or(NO_INDEX, |&block| block);
+        let blocks_of = |&[a, b]: &[u32; 2]| {
+            [a, b].map(|curve_index| block_of(if curve_index == NO_INDEX { a.min(b) } else { curve_index }))
+        };
         let blocks: Vec<[u32; 2]> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(blocks_of).collect();
-        // Blocks by number modulo 64 that each rank reaches.
-        let ranks = 0..if count > 1 { self.bodies.len() } else { 0 };
-        let reached: Vec<AtomicU64> = ranks.map(|_| AtomicU64::new(0)).collect();
+        // Blocks by number modulo 64 that each body reaches.
+        let moving = 0..if count > 1 { self.bodies.len() } else { 0 };
+        let reached: Vec<AtomicU64> = moving.map(|_| AtomicU64::new(0)).collect();
         pairs.par_iter().zip(&blocks).with_min_len(PAR_MIN_LEN).filter(|(_, [a, b])| a != b).for_each(
             |(pair, blocks)| {
                 for side in 0..2 {
@@ -151,8 +152,10 @@ impl BodyPartition {
                 }
             },
         );
-        let is_large = |&rank: &u32| reached[rank as usize].load(Ordering::Relaxed).count_ones() > MAX_REACHED_BLOCKS;
-        // Constraints inside a block, then those of its joints with later blocks, then those swept last.
+        let is_large = |&curve_index: &u32| {
+            reached[curve_index as usize].load(Ordering::Relaxed).count_ones() > MAX_REACHED_BLOCKS
+        };
+        // Constraints inside a block, then those of its borders with later blocks, then those swept last.
         let group = |(pair, &[a, b]): (&[u32; 2], &[u32; 2])| match a.min(b) {
             NO_INDEX => 2 * count as u32 + 1,
             block if a == b => block,
@@ -162,31 +165,31 @@ impl BodyPartition {
         let groups: Vec<u32> = pairs.par_iter().zip(&blocks).with_min_len(PAR_MIN_LEN).map(group).collect();
         let (order, starts) = group_by_key(&groups, 2 * count + 2);
         let members = |group: usize| &order[starts[group] as usize..starts[group + 1] as usize];
-        let joints = (0..count).into_par_iter().with_max_len(1).flat_map_iter(|block| {
+        let borders = (0..count).into_par_iter().with_max_len(1).flat_map_iter(|block| {
             let mut later = members(count + block).to_vec();
             let key = |&k: &u32| blocks[k as usize].into_iter().max();
             later.sort_by_key(key);
-            let joint = |constraints: &[u32]| {
+            let border = |constraints: &[u32]| {
                 let [a, b] = blocks[constraints[0] as usize];
-                BlockJoint { blocks: [a.min(b), a.max(b)], constraints: constraints.to_vec() }
+                BlockBorder { blocks: [a.min(b), a.max(b)], constraints: constraints.to_vec() }
             };
-            later.chunk_by(|a, b| key(a) == key(b)).map(joint).collect::<Vec<_>>()
+            later.chunk_by(|a, b| key(a) == key(b)).map(border).collect::<Vec<_>>()
         });
-        let joints: Vec<BlockJoint> = joints.collect();
-        let (mut colours, mut last) = colour_joints(joints, count);
+        let borders: Vec<BlockBorder> = borders.collect();
+        let (mut colours, mut last) = colour_borders(borders, count);
         // A colour of one task is swept last with others of this kind: nothing is swept in parallel with it.
-        let is_small = |colour: &Vec<BlockJoint>| {
-            colour.iter().map(|joint| joint.constraints.len()).sum::<usize>() < 2 * MIN_TASK_CONSTRAINTS
+        let is_small = |colour: &Vec<BlockBorder>| {
+            colour.iter().map(|border| border.constraints.len()).sum::<usize>() < 2 * MIN_TASK_CONSTRAINTS
         };
         last.extend(colours.extract_if(.., |colour| is_small(colour)).flatten());
-        let last = last.into_iter().map(|joint| joint.constraints).chain([members(2 * count).to_vec()]);
+        let last = last.into_iter().map(|border| border.constraints).chain([members(2 * count).to_vec()]);
         let last = last.collect::<Vec<_>>().concat();
 
         let (mut constraints, mut ends) = (Vec::new(), Vec::new());
         for colour in colours {
             let mut task = Vec::new();
-            for joint in colour {
-                task.extend(joint.constraints);
+            for border in colour {
+                task.extend(border.constraints);
                 if task.len() >= MIN_TASK_CONSTRAINTS {
                     constraints.push(mem::take(&mut task));
                 }
@@ -200,9 +203,17 @@ impl BodyPartition {
         }
         SweepTasks {
             inside: (0..count).into_par_iter().map(|block| members(block).to_vec()).collect(),
-            joints: constraints.into_par_iter().map(|constraints| JointTask::new(constraints, pairs)).collect(),
+            borders: constraints.into_par_iter().map(|constraints| BorderTask::new(constraints, pairs)).collect(),
             colours: ends,
         }
+    }
+}
+
+impl SweepTasks {
+    /// Tasks of each colour, as a range of `borders`.
+    pub fn colour_ranges(&self) -> impl Iterator<Item = Range<usize>> {
+        let starts = [0].into_iter().chain(self.colours.iter().copied());
+        starts.zip(&self.colours).map(|(start, &end)| start..end)
     }
 }
 
@@ -210,50 +221,52 @@ impl GroupBodies<'_> {
     /// Number of bodies.
     pub fn count(&self) -> usize {
         match self {
-            GroupBodies::Block(ranks) => ranks.len(),
-            GroupBodies::Border(ranks) => ranks.len(),
+            GroupBodies::Block(curve_indices) => curve_indices.len(),
+            GroupBodies::Border(curve_indices) => curve_indices.len(),
         }
     }
 
-    /// Index of a rank that the group has; [`NO_INDEX`] for a body that does not move.
-    pub fn index_of(&self, rank: u32) -> u32 {
+    /// Index in the group of its body with this curve index; [`NO_INDEX`] for a body that does not move.
+    pub fn index_of(&self, curve_index: u32) -> u32 {
         match self {
-            _ if rank == NO_INDEX => NO_INDEX,
-            GroupBodies::Block(ranks) => rank - ranks.start,
-            GroupBodies::Border(ranks) => ranks.binary_search(&rank).map_or(NO_INDEX, |index| index as u32),
+            _ if curve_index == NO_INDEX => NO_INDEX,
+            GroupBodies::Block(curve_indices) => curve_index - curve_indices.start,
+            GroupBodies::Border(curve_indices) => {
+                curve_indices.binary_search(&curve_index).map_or(NO_INDEX, |index| index as u32)
+            }
         }
     }
 }
 
-impl JointTask {
+impl BorderTask {
     fn new(constraints: Vec<u32>, pairs: &[[u32; 2]]) -> Self {
-        let mut ranks: Vec<u32> = constraints.iter().flat_map(|&k| pairs[k as usize]).collect();
-        ranks.sort_unstable();
-        ranks.dedup();
-        JointTask { constraints, ranks }
+        let mut curve_indices: Vec<u32> = constraints.iter().flat_map(|&k| pairs[k as usize]).collect();
+        curve_indices.sort_unstable();
+        curve_indices.dedup();
+        BorderTask { constraints, curve_indices }
     }
 }
 
 /// Number of colours; pairs for which none is free are swept one at a time.
 pub const MAX_COLOURS: usize = 64;
 
-/// Colours joints, those with the most constraints first, by the first colour that no earlier joint of their blocks has, and
-/// returns them by colour, with those for which no colour is free.
-fn colour_joints(mut joints: Vec<BlockJoint>, blocks: usize) -> (Vec<Vec<BlockJoint>>, Vec<BlockJoint>) {
-    joints.sort_by_key(|joint| std::cmp::Reverse(joint.constraints.len()));
-    let colours = colour_pairs(joints.iter().map(|joint| joint.blocks), blocks);
-    let mut by_colour: Vec<Vec<BlockJoint>> = Vec::new();
+/// Colours borders, those with the most constraints first, by the first colour that no earlier border of their blocks has,
+/// and returns them by colour, with those for which no colour is free.
+fn colour_borders(mut borders: Vec<BlockBorder>, blocks: usize) -> (Vec<Vec<BlockBorder>>, Vec<BlockBorder>) {
+    borders.sort_by_key(|border| std::cmp::Reverse(border.constraints.len()));
+    let colours = colour_pairs(borders.iter().map(|border| border.blocks), blocks);
+    let mut by_colour: Vec<Vec<BlockBorder>> = Vec::new();
     let mut rest = Vec::new();
-    for (joint, colour) in joints.into_iter().zip(colours) {
+    for (border, colour) in borders.into_iter().zip(colours) {
         let colour = colour as usize;
         if colour == MAX_COLOURS {
-            rest.push(joint);
+            rest.push(border);
             continue;
         }
         if colour == by_colour.len() {
             by_colour.push(Vec::new());
         }
-        by_colour[colour].push(joint);
+        by_colour[colour].push(border);
     }
     (by_colour, rest)
 }
@@ -311,11 +324,11 @@ mod tests {
         let partition = BodyPartition::new(&problem, &[0, 1, 2].map(ContactId), 2);
         assert_eq!(partition.bodies, [6, 4, 2, 1, 0].map(BodyId));
         assert_eq!(partition.pairs, [[4, NO_INDEX], [3, 0], [2, 1]]);
-        assert_eq!([partition.ranks(0), partition.ranks(1)], [0..2, 2..5]);
-        assert_eq!([0, 2, 4].map(|rank| partition.position(rank)), [(0, 0), (1, 0), (1, 2)]);
+        assert_eq!([partition.curve_range(0), partition.curve_range(1)], [0..2, 2..5]);
+        assert_eq!([0, 2, 4].map(|curve_index| partition.position(curve_index)), [(0, 0), (1, 0), (1, 2)]);
         let tasks = partition.sweep_tasks(&partition.pairs);
-        let last = JointTask { constraints: vec![1, 2], ranks: vec![0, 1, 2, 3] };
-        assert_eq!(tasks, SweepTasks { inside: vec![vec![], vec![0]], joints: vec![last], colours: vec![1] });
+        let last = BorderTask { constraints: vec![1, 2], curve_indices: vec![0, 1, 2, 3] };
+        assert_eq!(tasks, SweepTasks { inside: vec![vec![], vec![0]], borders: vec![last], colours: vec![1] });
         assert_eq!(GroupBodies::Border(&[3, 5, 8]).index_of(8), 2);
         assert_eq!(GroupBodies::Block(3..9).index_of(8), 5);
     }
@@ -323,7 +336,7 @@ mod tests {
     /// A cube of 24³ bodies that touch their neighbours along the axes and diagonals of faces, a ground below and a plate on
     /// top, which is free; in 64 blocks of 216 bodies.
     #[test]
-    fn each_constraint_is_in_one_task_and_joints_of_a_colour_share_no_block() {
+    fn each_constraint_is_in_one_task_and_borders_of_a_colour_share_no_block() {
         const SIDE: u32 = 24;
         let at = |x: [u32; 3]| x[0] + SIDE * (x[1] + SIDE * x[2]);
         let (ground, plate) = (SIDE.pow(3), SIDE.pow(3) + 1);
@@ -348,37 +361,45 @@ mod tests {
         let problem = problem(crate::math::morton::morton_order(&positions, &[]), |k| k == ground, &pairs);
         let active: Vec<ContactId> = (0..pairs.len()).map(ContactId::new).collect();
         let partition = BodyPartition::new(&problem, &active, 108);
-        let ranks = &partition.pairs;
-        let SweepTasks { inside, joints, colours } = partition.sweep_tasks(ranks);
+        let curve_pairs = &partition.pairs;
+        let SweepTasks { inside, borders, colours } = partition.sweep_tasks(curve_pairs);
         assert_eq!((partition.block_count(), inside.len()), (64, 64));
 
-        let all = inside.iter().flatten().chain(joints.iter().flat_map(|task| &task.constraints));
+        let all = inside.iter().flatten().chain(borders.iter().flat_map(|task| &task.constraints));
         let mut all: Vec<u32> = all.copied().collect();
         all.sort_unstable();
         assert_eq!(all, (1..pairs.len() as u32).collect::<Vec<_>>());
 
-        let block_of = |rank: u32| partition.position(rank).0;
+        let block_of = |curve_index: u32| partition.position(curve_index).0;
         for (block, constraints) in inside.iter().enumerate() {
-            let moving = constraints.iter().flat_map(|&k| ranks[k as usize]).filter(|&rank| rank != NO_INDEX);
-            assert!(moving.map(block_of).all(|of_rank| of_rank == block as u32));
+            let moving = constraints
+                .iter()
+                .flat_map(|&k| curve_pairs[k as usize])
+                .filter(|&curve_index| curve_index != NO_INDEX);
+            assert!(moving.map(block_of).all(|of_body| of_body == block as u32));
         }
-        for task in &joints {
-            assert!(task.ranks.is_sorted_by(|a, b| a < b));
-            let members: HashSet<u32> = task.constraints.iter().flat_map(|&k| ranks[k as usize]).collect();
-            assert_eq!(members, task.ranks.iter().copied().collect());
+        for task in &borders {
+            assert!(task.curve_indices.is_sorted_by(|a, b| a < b));
+            let members: HashSet<u32> = task.constraints.iter().flat_map(|&k| curve_pairs[k as usize]).collect();
+            assert_eq!(members, task.curve_indices.iter().copied().collect());
         }
         let plate = partition.bodies.iter().position(|&body| body == BodyId(plate)).unwrap() as u32;
         let (mut first, mut widest) = (0, 0);
         for &end in &colours {
-            let of_task = |task: &JointTask| task.ranks.iter().map(|&rank| block_of(rank)).collect::<HashSet<u32>>();
-            let blocks: Vec<HashSet<u32>> = joints[first..end].iter().map(of_task).collect();
+            let of_task = |task: &BorderTask| {
+                task.curve_indices.iter().map(|&curve_index| block_of(curve_index)).collect::<HashSet<u32>>()
+            };
+            let blocks: Vec<HashSet<u32>> = borders[first..end].iter().map(of_task).collect();
             let distinct: HashSet<u32> = blocks.iter().flatten().copied().collect();
             assert_eq!(distinct.len(), blocks.iter().map(HashSet::len).sum::<usize>());
             // The plate touches sixteen blocks and is swept last.
-            assert!(first == joints.len() - 1 || joints[first..end].iter().all(|task| !task.ranks.contains(&plate)));
+            assert!(
+                first == borders.len() - 1
+                    || borders[first..end].iter().all(|task| !task.curve_indices.contains(&plate))
+            );
             (first, widest) = (end, widest.max(blocks.len()));
         }
-        assert_eq!(first, joints.len());
+        assert_eq!(first, borders.len());
         // Half of the blocks with the other half.
         assert!(widest >= 16 && colours.len() <= 18, "{widest} {}", colours.len());
     }

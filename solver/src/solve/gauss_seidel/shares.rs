@@ -1,11 +1,11 @@
 //! Division of a sweep among the ranks of a run.
 //!
-//! A rank sweeps a run of blocks and all joint tasks with a body in one of them. A task with bodies of blocks of several ranks
-//! is swept by each of these, from the same numbers: before each colour the velocities of its bodies are sent by the ranks
-//! that sweep their blocks, so that no result travels back. The sums of a sweep are gathered and added in the order of one
-//! rank.
+//! A rank sweeps a run of blocks and all border tasks with a body in one of them. A task with bodies of blocks of several
+//! ranks is swept by each of these, from the same numbers: before each colour the velocities of its bodies are sent by the
+//! ranks that sweep their blocks, so that no result travels back. The sums of a sweep are gathered and added in the order of
+//! one rank.
 //!
-//! In this file a *body* is its index along Morton's curve, which [`partition`](super::partition) calls rank.
+//! A *body* is given here by its curve index, see [`BodyPartition`].
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -18,20 +18,20 @@ use crate::ranks::{
     self, RankMessage, Ranks, as_bytes, count_divided_sweep, exchange_counted, from_bytes, gather_counted,
 };
 use crate::solve::gauss_seidel::packed::{BATCH_LANES, SweepSums};
-use crate::solve::gauss_seidel::partition::{BodyPartition, JointTask, SweepTasks};
+use crate::solve::gauss_seidel::partition::{BodyPartition, BorderTask, SweepTasks};
 
 /// Tasks of this rank, and the messages of a sweep.
 pub struct SweepShare {
     ranks: &'static dyn Ranks,
     /// Blocks of each rank.
     blocks: Vec<Range<usize>>,
-    /// Participating ranks of each joint task, ascending.
+    /// Participating ranks of each border task, ascending.
     participants: Vec<Vec<u32>>,
     /// Messages before each colour.
     colours: Vec<ColourMessages>,
 }
 
-/// Messages between this rank and others before a colour of joints.
+/// Messages between this rank and others before a colour of borders.
 #[derive(Default)]
 struct ColourMessages {
     outgoing: Vec<LineMessage>,
@@ -71,8 +71,8 @@ impl SweepShare {
         let own_blocks = share.own_blocks();
         let inside = tasks.inside.iter_mut().enumerate().filter(|(block, _)| !own_blocks.contains(block));
         inside.for_each(|(_, constraints)| constraints.clear());
-        let joints = tasks.joints.iter_mut().enumerate().filter(|(joint, _)| !share.sweeps_joint(*joint));
-        joints.for_each(|(_, task)| *task = JointTask { constraints: vec![], ranks: vec![] });
+        let borders = tasks.borders.iter_mut().enumerate().filter(|(border, _)| !share.sweeps_border(*border));
+        borders.for_each(|(_, task)| *task = BorderTask { constraints: vec![], curve_indices: vec![] });
         (tasks, Some(share))
     }
 
@@ -83,29 +83,22 @@ impl SweepShare {
         work: impl Fn(u32) -> u64,
     ) -> Self {
         let blocks = cut_by_work(&block_work(partition, tasks, work), ranks.size());
-        let owners = block_owners(&blocks);
-        let participants = tasks.joints.iter().map(|task| participants(partition, task, &owners)).collect();
-        let mut share = SweepShare { ranks, blocks, participants, colours: Vec::new() };
-        let mut first = 0;
-        for &end in &tasks.colours {
-            let (own, mut messages) = (ranks.rank() as u32, ColourMessages::default());
-            let of_colour = tasks.joints[first..end].iter().zip(&share.participants[first..end]);
-            for (task, participants) in of_colour.filter(|(_, participants)| participants.contains(&own)) {
-                for &body in &task.ranks {
-                    let (block, index) = partition.position(body);
-                    let owner = owners[block as usize];
-                    if owner != own {
-                        add_line(&mut messages.incoming, owner, (block, index));
-                    }
-                    for &other in participants.iter().filter(|&&other| owner == own && other != own) {
-                        add_line(&mut messages.outgoing, other, (block, index));
-                    }
+        let division = BorderDivision::new(partition, tasks, &blocks);
+        let own = ranks.rank() as u32;
+        let of_colour = |borders: Range<usize>| {
+            let mut messages = ColourMessages::default();
+            for SentBody { body, owner, receiver } in division.sent_bodies(borders) {
+                let line = partition.position(body);
+                if receiver == own {
+                    add_line(&mut messages.incoming, owner, line);
+                } else if owner == own {
+                    add_line(&mut messages.outgoing, receiver, line);
                 }
             }
-            share.colours.push(messages);
-            first = end;
-        }
-        share
+            messages
+        };
+        let colours = tasks.colour_ranges().map(of_colour).collect();
+        SweepShare { ranks, participants: division.participants, blocks, colours }
     }
 
     /// Blocks of this rank.
@@ -113,12 +106,12 @@ impl SweepShare {
         self.blocks[self.ranks.rank()].clone()
     }
 
-    /// Whether this rank sweeps a joint task.
-    pub fn sweeps_joint(&self, joint: usize) -> bool {
-        self.participants[joint].contains(&(self.ranks.rank() as u32))
+    /// Whether this rank sweeps a border task.
+    pub fn sweeps_border(&self, border: usize) -> bool {
+        self.participants[border].contains(&(self.ranks.rank() as u32))
     }
 
-    /// Replaces, in `blocks`, the velocities of bodies of other ranks that the joints of a colour need. A block is a
+    /// Replaces, in `blocks`, the velocities of bodies of other ranks that the borders of a colour need. A block is a
     /// list of lines, one a body, each of quartets of numbers `T`.
     pub fn exchange_lines<N: Pod, T: Pod>(&mut self, colour: usize, blocks: &mut [impl AsMut<[N]>]) {
         let ColourMessages { outgoing, incoming, sent, received } = &mut self.colours[colour];
@@ -155,8 +148,8 @@ impl SweepShare {
     }
 
     /// Replaces the sums of the tasks that other ranks sweep, and stops all ranks if one of them was requested to stop.
-    /// `blocks` and `joints`: sums of all tasks, of which those of this rank are set.
-    pub fn gather_sums<T: LaneFloat>(&self, blocks: &mut [&mut SweepSums<T>], joints: &mut [&mut SweepSums<T>]) {
+    /// `blocks` and `borders`: sums of all tasks, of which those of this rank are set.
+    pub fn gather_sums<T: LaneFloat>(&self, blocks: &mut [&mut SweepSums<T>], borders: &mut [&mut SweepSums<T>]) {
         count_divided_sweep();
         let own = self.ranks.rank();
         let mut bytes = Vec::new();
@@ -165,10 +158,10 @@ impl SweepShare {
             bytes.extend_from_slice(as_bytes(&sums.change2));
         };
         blocks[self.blocks[own].clone()].iter().for_each(|sums| add(sums));
-        self.reported_joints(own).for_each(|joint| add(joints[joint]));
+        self.reported_borders(own).for_each(|border| add(borders[border]));
         bytes.push(u8::from(activity::is_stop_requested()));
         let task_bytes = 2 * BATCH_LANES * size_of::<T>();
-        let tasks = |rank: usize| self.blocks[rank].len() + self.reported_joints(rank).count();
+        let tasks = |rank: usize| self.blocks[rank].len() + self.reported_borders(rank).count();
         let lengths: Vec<usize> = (0..self.ranks.size()).map(|rank| tasks(rank) * task_bytes + 1).collect();
         let all = gather_counted(self.ranks, &bytes, &lengths);
         let mut rest = &all[..];
@@ -181,7 +174,7 @@ impl SweepShare {
                 rest = later;
             };
             blocks[self.blocks[rank].clone()].iter_mut().for_each(|sums| next(sums));
-            self.reported_joints(rank).for_each(|joint| next(joints[joint]));
+            self.reported_borders(rank).for_each(|border| next(borders[border]));
             if rest[0] != 0 {
                 activity::agree_to_stop();
             }
@@ -189,10 +182,10 @@ impl SweepShare {
         }
     }
 
-    /// Joint tasks whose sums and impulses a rank reports to the others: those of which it is the first participant.
-    pub fn reported_joints(&self, rank: usize) -> impl Iterator<Item = usize> + '_ {
+    /// Border tasks whose sums and impulses a rank reports to the others: those of which it is the first participant.
+    pub fn reported_borders(&self, rank: usize) -> impl Iterator<Item = usize> + '_ {
         let is_first = move |(_, participants): &(usize, &Vec<u32>)| participants.first() == Some(&(rank as u32));
-        self.participants.iter().enumerate().filter(is_first).map(|(joint, _)| joint)
+        self.participants.iter().enumerate().filter(is_first).map(|(border, _)| border)
     }
 
     /// Number of this rank.
@@ -226,11 +219,11 @@ fn add_line(messages: &mut Vec<LineMessage>, rank: u32, line: (u32, u32)) {
 pub fn block_work(partition: &BodyPartition, tasks: &SweepTasks, work: impl Fn(u32) -> u64) -> Vec<u64> {
     let of_block = |constraints: &Vec<u32>| 2 * constraints.iter().map(|&k| work(k)).sum::<u64>();
     let mut all: Vec<u64> = tasks.inside.iter().map(of_block).collect();
-    for task in &tasks.joints {
+    for task in &tasks.borders {
         let of_task: u64 = task.constraints.iter().map(|&k| work(k)).sum();
-        // Bodies of a joint task have about the same number of constraints in it.
-        let of_body = 2 * of_task / task.ranks.len().max(1) as u64;
-        task.ranks.iter().for_each(|&body| all[partition.position(body).0 as usize] += of_body);
+        // Bodies of a border task have about the same number of constraints in it.
+        let of_body = 2 * of_task / task.curve_indices.len().max(1) as u64;
+        task.curve_indices.iter().for_each(|&body| all[partition.position(body).0 as usize] += of_body);
     }
     all
 }
@@ -270,17 +263,55 @@ pub fn cut_by_work(work: &[u64], parts: usize) -> Vec<Range<usize>> {
     cut
 }
 
-/// Rank of each block.
-pub fn block_owners(blocks: &[Range<usize>]) -> Vec<u32> {
-    (0..).zip(blocks).flat_map(|(rank, blocks)| blocks.clone().map(move |_| rank)).collect()
+/// Ranks that sweep each border task, and the bodies that they send each other.
+struct BorderDivision<'a> {
+    partition: &'a BodyPartition,
+    tasks: &'a [BorderTask],
+    /// Rank that sweeps each block.
+    owners: Vec<u32>,
+    /// Ranks that sweep each task, ascending: those that sweep the blocks of its bodies.
+    participants: Vec<Vec<u32>>,
 }
 
-/// Ranks that sweep a joint task, ascending.
-pub fn participants(partition: &BodyPartition, task: &JointTask, owners: &[u32]) -> Vec<u32> {
-    let mut all: Vec<u32> = task.ranks.iter().map(|&body| owners[partition.position(body).0 as usize]).collect();
-    // Bodies, and so their blocks and the ranks of these, ascend.
-    all.dedup();
-    all
+/// A body whose velocities one rank sends to another before a colour.
+struct SentBody {
+    body: u32,
+    /// Rank that sweeps the block of the body.
+    owner: u32,
+    receiver: u32,
+}
+
+impl<'a> BorderDivision<'a> {
+    /// Division if each rank sweeps one of the ranges `blocks`.
+    fn new(partition: &'a BodyPartition, tasks: &'a SweepTasks, blocks: &[Range<usize>]) -> Self {
+        let owners = (0..).zip(blocks).flat_map(|(rank, blocks)| blocks.clone().map(move |_| rank)).collect();
+        let mut division = BorderDivision { partition, tasks: &tasks.borders, owners, participants: Vec::new() };
+        let of_task = |task: &BorderTask| {
+            let mut ranks: Vec<u32> = task.curve_indices.iter().map(|&body| division.owner(body)).collect();
+            // Bodies, and so their blocks and the ranks of these, ascend.
+            ranks.dedup();
+            ranks
+        };
+        division.participants = tasks.borders.iter().map(of_task).collect();
+        division
+    }
+
+    /// Rank that sweeps the block of a body.
+    fn owner(&self, body: u32) -> u32 {
+        self.owners[self.partition.position(body).0 as usize]
+    }
+
+    /// Bodies that the ranks send each other before they sweep these tasks: those of each task, from the rank that sweeps
+    /// the block of the body to the other ranks that sweep the task.
+    fn sent_bodies(&self, tasks: Range<usize>) -> impl Iterator<Item = SentBody> {
+        let shared = tasks.filter(|&task| self.participants[task].len() > 1);
+        let bodies = shared.flat_map(|task| self.tasks[task].curve_indices.iter().map(move |&body| (task, body)));
+        bodies.flat_map(|(task, body)| {
+            let owner = self.owner(body);
+            let receivers = self.participants[task].iter().filter(move |&&rank| rank != owner);
+            receivers.map(move |&receiver| SentBody { body, owner, receiver })
+        })
+    }
 }
 
 /// Division of the tasks of a sweep among a number of ranks, by counts.
@@ -292,7 +323,7 @@ pub struct DivisionCounts {
     pub tasks: usize,
     /// Work of a sweep on one rank.
     pub whole_work: u64,
-    /// Work of each rank; the sum exceeds `whole_work`, since several ranks sweep the joints between them.
+    /// Work of each rank; the sum exceeds `whole_work`, since several ranks sweep the borders between them.
     pub work: Vec<u64>,
     /// Messages that each rank sends in a sweep.
     pub messages: Vec<u64>,
@@ -300,7 +331,7 @@ pub struct DivisionCounts {
     pub lines: Vec<u64>,
     /// Ranks to which each rank sends messages.
     pub neighbours: Vec<u64>,
-    /// Bodies of other ranks with which each rank sweeps joints.
+    /// Bodies of other ranks with which each rank sweeps borders.
     pub ghosts: Vec<u64>,
     /// Number of bodies that are sent to other ranks.
     pub border_bodies: u64,
@@ -310,14 +341,19 @@ impl DivisionCounts {
     /// Counts of the division of these tasks among `ranks`. `work`: relative cost of a constraint.
     pub fn new(partition: &BodyPartition, tasks: &SweepTasks, work: impl Fn(u32) -> u64, ranks: usize) -> Self {
         let blocks = cut_by_work(&block_work(partition, tasks, &work), ranks);
-        let owners = block_owners(&blocks);
+        let division = BorderDivision::new(partition, tasks, &blocks);
         let of_task = |constraints: &Vec<u32>| constraints.iter().map(|&k| work(k)).sum::<u64>();
         let of_blocks = |blocks: &Range<usize>| tasks.inside[blocks.clone()].iter().map(of_task).sum();
         let mut counts = DivisionCounts {
             blocks: partition.block_count(),
             colours: tasks.colours.len(),
-            tasks: tasks.inside.len() + tasks.joints.len(),
-            whole_work: tasks.inside.iter().chain(tasks.joints.iter().map(|task| &task.constraints)).map(of_task).sum(),
+            tasks: tasks.inside.len() + tasks.borders.len(),
+            whole_work: tasks
+                .inside
+                .iter()
+                .chain(tasks.borders.iter().map(|task| &task.constraints))
+                .map(of_task)
+                .sum(),
             work: blocks.iter().map(of_blocks).collect(),
             messages: vec![0; ranks],
             lines: vec![0; ranks],
@@ -325,33 +361,24 @@ impl DivisionCounts {
             ghosts: vec![0; ranks],
             border_bodies: 0,
         };
-        let (mut neighbours, mut ghosts, mut border) = (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
-        let mut first = 0;
-        for &end in &tasks.colours {
-            let mut pairs = BTreeSet::new();
-            for task in &tasks.joints[first..end] {
-                let participants = participants(partition, task, &owners);
-                participants.iter().for_each(|&rank| counts.work[rank as usize] += of_task(&task.constraints));
-                if participants.len() == 1 {
-                    continue;
-                }
-                for &body in &task.ranks {
-                    let owner = owners[partition.position(body).0 as usize];
-                    border.insert(body);
-                    for &other in participants.iter().filter(|&&other| other != owner) {
-                        counts.lines[owner as usize] += 1;
-                        pairs.insert((owner, other));
-                        ghosts.insert((other, body));
-                    }
-                }
-            }
-            pairs.iter().for_each(|(from, _)| counts.messages[*from as usize] += 1);
-            neighbours.extend(pairs);
-            first = end;
+        for (participants, task) in division.participants.iter().zip(&tasks.borders) {
+            participants.iter().for_each(|&rank| counts.work[rank as usize] += of_task(&task.constraints));
         }
-        neighbours.iter().for_each(|(from, _)| counts.neighbours[*from as usize] += 1);
+        let (mut neighbours, mut ghosts, mut sent) = (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
+        for borders in tasks.colour_ranges() {
+            let mut pairs = BTreeSet::new();
+            for SentBody { body, owner, receiver } in division.sent_bodies(borders) {
+                counts.lines[owner as usize] += 1;
+                pairs.insert((owner, receiver));
+                ghosts.insert((receiver, body));
+                sent.insert(body);
+            }
+            pairs.iter().for_each(|(owner, _)| counts.messages[*owner as usize] += 1);
+            neighbours.extend(pairs);
+        }
+        neighbours.iter().for_each(|(owner, _)| counts.neighbours[*owner as usize] += 1);
         ghosts.iter().for_each(|(rank, _)| counts.ghosts[*rank as usize] += 1);
-        counts.border_bodies = border.len() as u64;
+        counts.border_bodies = sent.len() as u64;
         counts
     }
 }

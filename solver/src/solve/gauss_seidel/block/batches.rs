@@ -12,13 +12,13 @@ use crate::math::simd::{F64Arithmetic, LaneFloat, LaneOperation, SimdWidth};
 use crate::math::{PAR_MIN_LEN, Vec3, run_ranges};
 use crate::scene::BodyId;
 use crate::solve::gauss_seidel::block::local::{BlockAxes, BodySide, block_axes, delassus_block, lever_block};
-use crate::solve::gauss_seidel::blocked::{BlockJoints, BlockedProblem, BodyBlock, ConstraintGroup};
+use crate::solve::gauss_seidel::blocked::{BlockBorders, BlockedProblem, BodyBlock, ConstraintGroup};
 use crate::solve::gauss_seidel::packed::{
     BATCH_LANES, FrictionCones, LaneRows, NO_INDEX, PackSource, SweepUnits, load_column, load_vector, set_lane,
     snap_to_cones,
 };
 use crate::solve::gauss_seidel::partition::{
-    BodyPartition, GroupBodies, JointTask, MAX_COLOURS, SweepTasks, colour_pairs,
+    BodyPartition, BorderTask, GroupBodies, MAX_COLOURS, SweepTasks, colour_pairs,
 };
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
 use crate::solve::gauss_seidel::shares::{DivisionCounts, SweepShare};
@@ -209,23 +209,23 @@ impl<C: PairContacts> BlockProblem<C> {
         let units = SweepUnits::from_source::<C::T>(source);
         let fill = BlockSource { start: *source, block_data, units };
         let partition = BodyPartition::new(source.problem, source.active, min_bodies);
-        let (pairs, ranks) = group_into_pairs(source.problem, source.active, &partition);
+        let (pairs, pair_bodies) = group_into_pairs(source.problem, source.active, &partition);
         let work = |pair: u32| pairs[pair as usize].rows.len() as u64;
-        let tasks = partition.sweep_tasks(&ranks);
-        let (SweepTasks { inside, joints, colours }, share) = SweepShare::divide(&partition, tasks, work);
+        let tasks = partition.sweep_tasks(&pair_bodies);
+        let (SweepTasks { inside, borders, colours }, share) = SweepShare::divide(&partition, tasks, work);
         let blocks = inside.par_iter().enumerate().with_max_len(1).map(|(block, members)| {
-            let bodies = GroupBodies::Block(partition.ranks(block));
+            let bodies = GroupBodies::Block(partition.curve_range(block));
             let mut lines: Vec<_> =
                 partition.bodies_of(block).iter().map(|&body| fill.body_lines::<C::T>(body)).collect();
             // A body that does not move has a line of its own in every pair.
             let mut line_of = |&k: &u32| {
-                let (pair, ranks) = (&pairs[k as usize], ranks[k as usize]);
+                let (pair, of_pair) = (&pairs[k as usize], pair_bodies[k as usize]);
                 [0, 1].map(|side| {
-                    if ranks[side] == NO_INDEX {
+                    if of_pair[side] == NO_INDEX {
                         lines.push(fill.body_lines::<C::T>(pair.bodies[side]));
                         lines.len() as u32 - 1
                     } else {
-                        bodies.index_of(ranks[side])
+                        bodies.index_of(of_pair[side])
                     }
                 })
             };
@@ -235,17 +235,20 @@ impl<C: PairContacts> BlockProblem<C> {
             let batches = PairBatches::new(&fill, &pairs, members, &indices, (bodies.count(), lines.len() - 1));
             BodyBlock::new(lines, PairGroup { inertia, batches })
         });
-        let joints = joints.par_iter().with_max_len(1).map(|JointTask { constraints, ranks: border }| {
-            let bodies = GroupBodies::Border(border);
-            let indices = constraints.iter().map(|&k| ranks[k as usize].map(|rank| bodies.index_of(rank)));
-            let lines = border.iter().map(|&rank| fill.body_lines::<C::T>(partition.bodies[rank as usize]).1);
+        let borders = borders.par_iter().with_max_len(1).map(|BorderTask { constraints, curve_indices }| {
+            let bodies = GroupBodies::Border(curve_indices);
+            let indices =
+                constraints.iter().map(|&k| pair_bodies[k as usize].map(|curve_index| bodies.index_of(curve_index)));
+            let lines = curve_indices
+                .iter()
+                .map(|&curve_index| fill.body_lines::<C::T>(partition.bodies[curve_index as usize]).1);
             let inertia = lines.chain([[C::T::ZERO; 8]]).collect();
             let indices: Vec<[u32; 2]> = indices.collect();
-            let batches = PairBatches::new(&fill, &pairs, constraints, &indices, (border.len(), border.len()));
-            BlockJoints::new(&partition, border, [C::T::ZERO; 8], PairGroup { inertia, batches })
+            let batches = PairBatches::new(&fill, &pairs, constraints, &indices, (bodies.count(), bodies.count()));
+            BlockBorders::new(&partition, curve_indices, [C::T::ZERO; 8], PairGroup { inertia, batches })
         });
         let rows = source.problem.rows.len();
-        let bodies = BlockedProblem::new(blocks.collect(), joints.collect(), colours, rows, share);
+        let bodies = BlockedProblem::new(blocks.collect(), borders.collect(), colours, rows, share);
         BlockProblem { units, bodies }
     }
 
@@ -280,8 +283,8 @@ pub fn division_counts(
     DivisionCounts::new(partition, &partition.sweep_tasks(&bodies), work, ranks)
 }
 
-/// Groups consecutive rows of the same two bodies, at most [`MAX_PAIR_CONTACTS`] in a group, and returns the ranks of the
-/// bodies of each.
+/// Groups consecutive rows of the same two bodies, at most [`MAX_PAIR_CONTACTS`] in a group, and returns the curve
+/// indices of the bodies of each.
 fn group_into_pairs<'a>(
     problem: &ContactProblem,
     active: &'a [ContactId],
@@ -292,10 +295,10 @@ fn group_into_pairs<'a>(
     let of_task = |task: Range<usize>| {
         let mut first = task.start;
         active[task].chunk_by(are_same).flat_map(move |rows| {
-            let ranks = partition.pairs[first];
+            let curve_indices = partition.pairs[first];
             first += rows.len();
             let bodies = bodies(&rows[0]);
-            rows.chunks(MAX_PAIR_CONTACTS).map(move |rows| (PairConstraints { bodies, rows }, ranks))
+            rows.chunks(MAX_PAIR_CONTACTS).map(move |rows| (PairConstraints { bodies, rows }, curve_indices))
         })
     };
     run_ranges(active, PAR_MIN_LEN, are_same).into_par_iter().flat_map_iter(of_task).unzip()

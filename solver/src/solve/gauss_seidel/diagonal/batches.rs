@@ -8,12 +8,12 @@ use crate::assemble::SolverBody;
 use crate::math::simd::{BodyHalfLine, BodyHalfLineF32, BodyLine, BodyLineF32, LaneFloat, SimdWidth};
 use crate::math::{PAR_MIN_LEN, group_by_key};
 use crate::scene::BodyId;
-use crate::solve::gauss_seidel::blocked::{BlockJoints, BlockedProblem, BodyBlock, ConstraintGroup};
+use crate::solve::gauss_seidel::blocked::{BlockBorders, BlockedProblem, BodyBlock, ConstraintGroup};
 use crate::solve::gauss_seidel::packed::{
     BATCH_LANES, FrictionCones, LaneRows, NO_INDEX, PackSource, SweepUnits, set_lane, snap_to_cones,
 };
 use crate::solve::gauss_seidel::partition::{
-    BodyPartition, GroupBodies, JointTask, MAX_COLOURS, SweepTasks, colour_pairs,
+    BodyPartition, BorderTask, GroupBodies, MAX_COLOURS, SweepTasks, colour_pairs,
 };
 use crate::solve::gauss_seidel::rolling::RollingConstraintWide;
 use crate::solve::gauss_seidel::shares::SweepShare;
@@ -137,23 +137,23 @@ impl<B: PackedBody> DiagonalProblem<B> {
         let units = SweepUnits::from_source::<B::T>(source);
         let partition = BodyPartition::new(source.problem, source.active, min_bodies);
         let (order, tasks) = contact_tasks(&partition);
-        let (SweepTasks { inside, joints, colours }, share) = SweepShare::divide(&partition, tasks, |_| 1);
+        let (SweepTasks { inside, borders, colours }, share) = SweepShare::divide(&partition, tasks, |_| 1);
         let pack = |constraints: &[u32], bodies: &GroupBodies| {
             let rows: Vec<u32> = constraints.iter().map(|&k| order[k as usize]).collect();
             pack_group::<B>(&rows, &partition.pairs, bodies, source, units)
         };
         let blocks = inside.par_iter().enumerate().with_max_len(1).map(|(block, constraints)| {
-            let (batches, fixed) = pack(constraints, &GroupBodies::Block(partition.ranks(block)));
+            let (batches, fixed) = pack(constraints, &GroupBodies::Block(partition.curve_range(block)));
             let of_body = |body: &BodyId| B::new(&source.solver_bodies[body.index()], &units);
             let moving = partition.bodies_of(block).iter().map(of_body);
             BodyBlock::new(moving.chain(fixed).chain([B::PADDING]).collect(), batches)
         });
-        let joints = joints.par_iter().with_max_len(1).map(|JointTask { constraints, ranks }| {
-            let (batches, _) = pack(constraints, &GroupBodies::Border(ranks));
-            BlockJoints::new(&partition, ranks, B::PADDING, batches)
+        let borders = borders.par_iter().with_max_len(1).map(|BorderTask { constraints, curve_indices }| {
+            let (batches, _) = pack(constraints, &GroupBodies::Border(curve_indices));
+            BlockBorders::new(&partition, curve_indices, B::PADDING, batches)
         });
         let rows = source.problem.rows.len();
-        let bodies = BlockedProblem::new(blocks.collect(), joints.collect(), colours, rows, share);
+        let bodies = BlockedProblem::new(blocks.collect(), borders.collect(), colours, rows, share);
         DiagonalProblem { units, bodies }
     }
 
@@ -212,7 +212,8 @@ fn pack_group<B: PackedBody>(
     from: &PackSource,
     units: SweepUnits,
 ) -> (GroupBatches<B::T>, Vec<B>) {
-    let local: Vec<[u32; 2]> = rows.iter().map(|&row| pairs[row as usize].map(|rank| bodies.index_of(rank))).collect();
+    let local: Vec<[u32; 2]> =
+        rows.iter().map(|&row| pairs[row as usize].map(|curve_index| bodies.index_of(curve_index))).collect();
     let moving = bodies.count() as u32;
     let fixed_count = local.as_flattened().iter().filter(|&&index| index == NO_INDEX).count() as u32;
     let (slots, colours) = batches_by_colour(&local, bodies.count());
