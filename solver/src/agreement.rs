@@ -6,7 +6,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use cd_formats::error::{Fault, Faults};
 
 use crate::activity;
-use crate::ranks::{Ranks, gather_unequal};
+use crate::ranks::{Communicator, all_gather_unsized};
 use crate::scene::Scene;
 use crate::state::State;
 
@@ -16,11 +16,11 @@ use crate::state::State;
 /// first rank with other input than rank 0. Only rank 0 prints them. Faults of rank 0 alone, such as a locked folder,
 /// are faults of all ranks.
 pub fn agreed_case<T, E: Display + From<Faults>>(
-    ranks: &dyn Ranks,
+    communicator: &dyn Communicator,
     read: Result<T, E>,
     data: impl Fn(&T) -> (&Scene, &State),
 ) -> Result<T, E> {
-    if ranks.size() == 1 {
+    if communicator.size() == 1 {
         return read;
     }
     let own = match &read {
@@ -30,7 +30,7 @@ pub fn agreed_case<T, E: Display + From<Faults>>(
         }
         Err(failure) => [&[1], failure.to_string().as_bytes()].concat(),
     };
-    let all = gather_unequal(ranks, &own);
+    let all = all_gather_unsized(communicator, &own);
     let case = read?;
     for (rank, bytes) in all.iter().enumerate() {
         let object = format!("rank {rank}");
@@ -52,13 +52,13 @@ pub fn agreed_case<T, E: Display + From<Faults>>(
 /// step.
 ///
 /// Errors: the ranks have different states, an internal error.
-pub fn agree_on_step(ranks: &dyn Ranks, state: &State) -> Result<(), String> {
-    if ranks.size() == 1 {
+pub fn agree_on_step(communicator: &dyn Communicator, state: &State) -> Result<(), String> {
+    if communicator.size() == 1 {
         return Ok(());
     }
     let mut own = state_digest(state).to_le_bytes().to_vec();
     own.push(u8::from(activity::is_stop_requested()));
-    let all = ranks.gather(&own, &vec![own.len(); ranks.size()]);
+    let all = communicator.all_gather(&own, &vec![own.len(); communicator.size()]);
     let all: Vec<&[u8]> = all.chunks_exact(own.len()).collect();
     if all.iter().any(|of_rank| of_rank.last() == Some(&1)) {
         activity::agree_to_stop();

@@ -14,7 +14,7 @@ use clap::{CommandFactory, Parser};
 
 use crate::math::simd::SimdWidth;
 use crate::ranks::launch::begin_session;
-use crate::ranks::{Alone, Ranks, set_current};
+use crate::ranks::{Communicator, SingleRank, set_communicator};
 use crate::read::driver::DriverSettings;
 use crate::run::{RunFailure, RunMode, account_changed_forces, check_run, run_case};
 use crate::scene::Scene;
@@ -69,7 +69,7 @@ pub fn command() -> clap::Command {
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
     let args: Vec<OsString> = arguments.into_iter().collect();
     match begin_session() {
-        Ok(session) => run_on_rank(session.ranks, &args),
+        Ok(session) => run_on_rank(session.communicator, &args),
         Err(faults) => {
             print_error(faults.format_report(PROGRAM).trim_end());
             2
@@ -78,11 +78,11 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> i32 {
 }
 
 /// Runs the program as one of the ranks. Files and messages are those of rank 0.
-fn run_on_rank(ranks: &'static dyn Ranks, args: &[OsString]) -> i32 {
-    if ranks.size() > 1 {
+fn run_on_rank(communicator: &'static dyn Communicator, args: &[OsString]) -> i32 {
+    if communicator.size() > 1 {
         activity::stop_by_agreement();
     }
-    if ranks.rank() > 0 {
+    if communicator.rank() > 0 {
         silence();
     }
     let arguments: CommandLine = match parse_arguments(args) {
@@ -96,9 +96,10 @@ fn run_on_rank(ranks: &'static dyn Ranks, args: &[OsString]) -> i32 {
         width.set_for_process();
     }
     former_names_in_flags(args).iter().for_each(print_warning);
-    let prepared = agreement::agreed_case(ranks, prepare_case(&arguments, ranks), |case| (&case.scene, &case.state));
+    let prepared =
+        agreement::agreed_case(communicator, prepare_case(&arguments, communicator), |case| (&case.scene, &case.state));
     let is_agreed = prepared.is_err();
-    match prepared.and_then(|case| advance_case(&arguments, case, ranks)) {
+    match prepared.and_then(|case| advance_case(&arguments, case, communicator)) {
         Ok(summary) => {
             let title = if arguments.plan { "plan" } else { "done" };
             print_line(format_args!("{PROGRAM}: {title}\n{}", summary.trim_end()));
@@ -113,11 +114,14 @@ fn run_on_rank(ranks: &'static dyn Ranks, args: &[OsString]) -> i32 {
             };
             print_error(message.trim_end());
             // The other ranks know nothing of a fault of this one.
-            if ranks.size() > 1 && !is_agreed && matches!(failure, RunFailure::Files(_) | RunFailure::Unwritten(_)) {
-                if ranks.rank() > 0 {
-                    let _ = writeln!(std::io::stderr(), "{} (rank {})", message.trim_end(), ranks.rank());
+            if communicator.size() > 1
+                && !is_agreed
+                && matches!(failure, RunFailure::Files(_) | RunFailure::Unwritten(_))
+            {
+                if communicator.rank() > 0 {
+                    let _ = writeln!(std::io::stderr(), "{} (rank {})", message.trim_end(), communicator.rank());
                 }
-                ranks.abort(code);
+                communicator.abort(code);
             }
             code
         }
@@ -153,13 +157,14 @@ struct PreparedCase {
 
 /// Reads a case and checks whether it can run. Each rank does so alone, as any of them may find faults. The lock is that of
 /// rank 0.
-fn prepare_case(arguments: &CommandLine, ranks: &'static dyn Ranks) -> Result<PreparedCase, RunFailure> {
+fn prepare_case(arguments: &CommandLine, communicator: &'static dyn Communicator) -> Result<PreparedCase, RunFailure> {
     let case = &arguments.dir;
     if let Some(fault) = no_case(case, CaseFolder::Datbox, PROGRAM) {
         return Err(RunFailure::Files(fault.into()));
     }
-    if arguments.step_loop && ranks.size() > 1 {
-        let (found, expected) = (format!("runs on {} ranks", ranks.size()), "expected one process, without mpirun");
+    if arguments.step_loop && communicator.size() > 1 {
+        let (found, expected) =
+            (format!("runs on {} ranks", communicator.size()), "expected one process, without mpirun");
         return Err(RunFailure::Files(Fault::new("options".as_ref(), None, "step-loop", found, expected).into()));
     }
     let driver = match &arguments.lmgc90 {
@@ -168,7 +173,8 @@ fn prepare_case(arguments: &CommandLine, ranks: &'static dyn Ranks) -> Result<Pr
     };
     let flags = arguments.flags.or(&driver.options);
     let reading_threads = flags.threads.filter(|&threads| threads <= MAX_THREADS).unwrap_or(0);
-    let (mut scene, mut state) = start_threads(reading_threads, &Alone)?.install(|| read::read_case(case, &flags))?;
+    let (mut scene, mut state) =
+        start_threads(reading_threads, &SingleRank)?.install(|| read::read_case(case, &flags))?;
     if arguments.step_loop && scene.options.adaptive().is_on() {
         scene.options.adaptive = Some(Adaptive { max_multiple: 1, ..scene.options.adaptive() });
         scene.notes.push("adaptive: steps are dt in a step loop, whose forces may change in each of them".into());
@@ -177,7 +183,7 @@ fn prepare_case(arguments: &CommandLine, ranks: &'static dyn Ranks) -> Result<Pr
         read::replace_gravity(gravity, &scene, &mut state);
     }
     scene.notes.splice(0..0, driver.notes);
-    let lock = if arguments.plan || ranks.rank() > 0 { None } else { Some(write::lock_outbox(case)?) };
+    let lock = if arguments.plan || communicator.rank() > 0 { None } else { Some(write::lock_outbox(case)?) };
     scene.notes.iter().for_each(|note| print_line(format_args!("{PROGRAM}: {note}")));
     scene.warnings.iter().for_each(print_warning);
     let mut resumed = false;
@@ -211,23 +217,23 @@ fn prepare_case(arguments: &CommandLine, ranks: &'static dyn Ranks) -> Result<Pr
 fn advance_case(
     arguments: &CommandLine,
     prepared: PreparedCase,
-    ranks: &'static dyn Ranks,
+    communicator: &'static dyn Communicator,
 ) -> Result<String, RunFailure> {
     let (case, PreparedCase { scene, state, resumed, _lock }) = (&arguments.dir, prepared);
     if arguments.plan {
         // Its trial ends after some time, which differs between ranks.
         let planned = arguments.ranks.map(|ranks| ranks as usize);
         let plan = || plan::plan_text(&scene, &state, planned);
-        let is_printed = ranks.rank() == 0;
+        let is_printed = communicator.rank() == 0;
         return if is_printed {
-            Ok(start_threads(scene.options.threads, &Alone)?.install(plan))
+            Ok(start_threads(scene.options.threads, &SingleRank)?.install(plan))
         } else {
             Ok(String::new())
         };
     }
-    let pool = start_threads(scene.options.threads, ranks)?;
+    let pool = start_threads(scene.options.threads, communicator)?;
     // Nothing is rejected from here on.
-    if arguments.force && ranks.rank() == 0 {
+    if arguments.force && communicator.rank() == 0 {
         write::remove_results(case)?;
     }
     let mode = RunMode { resumed, dump: arguments.dump_problem, step_loop: arguments.step_loop };
@@ -237,8 +243,9 @@ fn advance_case(
 }
 
 /// Starts `threads` threads that belong to a rank; for 0, one for each processor.
-fn start_threads(threads: usize, ranks: &'static dyn Ranks) -> Result<rayon::ThreadPool, RunFailure> {
-    let builder = rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(move |_| set_current(ranks));
+fn start_threads(threads: usize, communicator: &'static dyn Communicator) -> Result<rayon::ThreadPool, RunFailure> {
+    let builder =
+        rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(move |_| set_communicator(communicator));
     builder.build().map_err(|_| {
         let found = format!("{threads} cannot be started");
         RunFailure::Files(Faults::from(Fault::new(

@@ -19,7 +19,7 @@ use crate::integrate::{ContactConfiguration, predict_configuration};
 use crate::math::Vec3;
 use crate::plan::{StepBound, roundoff_warning, step_bounds};
 use crate::progress::ProgressDisplay;
-use crate::ranks::{self, RankTraffic, Ranks};
+use crate::ranks::{self, Communicator, RankTraffic};
 use crate::scene::{BodyId, Scene};
 use crate::state::{Contact, DetectionCache, State};
 use crate::step::{
@@ -79,8 +79,8 @@ pub struct RunMode {
 pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> Result<String, RunFailure> {
     let start = Instant::now();
     let last = scene.last_step();
-    let ranks = ranks::current();
-    let (mut results, estimator) = RunOutput::open(ranks.rank() == 0, case, scene, &state)?;
+    let communicator = ranks::communicator();
+    let (mut results, estimator) = RunOutput::open(communicator.rank() == 0, case, scene, &state)?;
     let mut statistics = RunStatistics {
         threads: rayon::current_num_threads(),
         bonds: state.bond_count(),
@@ -127,7 +127,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
             return Err(exchange_failure(end, &state, last, &progress));
         }
         if let Some(number) = mode.dump {
-            dump_problem(ranks, case, scene, &state, number)?;
+            dump_problem(communicator, case, scene, &state, number)?;
         }
         let mut lap = StageTimes { writing: std::mem::take(&mut writing), ..StageTimes::default() };
         let first = state.step;
@@ -151,7 +151,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
             .write(|files| files.add_step(scene, &state, &report, &lap, estimator))
             .map_err(RunFailure::Unwritten)?;
         statistics.stage_times.accumulate(&lap);
-        agreement::agree_on_step(ranks, &state).map_err(RunFailure::Broken)?;
+        agreement::agree_on_step(communicator, &state).map_err(RunFailure::Broken)?;
         let stopped = activity::is_stopped() && state.step < last;
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last || stopped {
             if state.step == last || stopped {
@@ -179,10 +179,10 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         print_error(format_args!("cd-solve: warning: {message}"));
     }
     statistics.overlap = statistics.overlap.filter(|overlap| overlap.share > OVERLAP_WARNING_SHARE);
-    if ranks.size() > 1 {
-        statistics.traffic = RankTraffic::of_all(ranks);
+    if communicator.size() > 1 {
+        statistics.traffic = RankTraffic::of_all(communicator);
     }
-    if ranks.rank() > 0 {
+    if communicator.rank() > 0 {
         return Ok(String::new());
     }
     statistics.wall_time = start.elapsed();
@@ -197,13 +197,19 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
 }
 
 /// Writes the contact problem of the step `number`, if that is the next step or within it.
-fn dump_problem(ranks: &dyn Ranks, case: &Path, scene: &Scene, state: &State, number: u64) -> Result<(), RunFailure> {
+fn dump_problem(
+    communicator: &dyn Communicator,
+    case: &Path,
+    scene: &Scene,
+    state: &State,
+    number: u64,
+) -> Result<(), RunFailure> {
     if state.step >= number || number - state.step > scene.options.adaptive().max_multiple {
         return Ok(());
     }
     let (step_multiple, problem) = next_problem(scene, state);
     let end = state.step + step_multiple;
-    if number <= end && ranks.rank() == 0 {
+    if number <= end && communicator.rank() == 0 {
         let path = crate::write::write_problem(case, end, problem).map_err(RunFailure::Unwritten)?;
         print_line(format_args!("cd-solve: contact problem of step {end} in {}", path.display()));
     }

@@ -304,7 +304,7 @@ fn the_table_refuses_what_it_should() {
         ("write", "crate::step::StepReport"),
         ("step", "crate::assemble::relative_velocity"),
         ("run", "crate::write::ResultFiles"),
-        ("solve", "crate::ranks::current"),
+        ("solve", "crate::ranks::communicator"),
     ] {
         assert!(allowed(who, path), "{who} may import {path}");
     }

@@ -2,7 +2,7 @@
 
 use cd_formats::error::{Fault, Faults};
 
-use super::{Alone, Ranks};
+use super::{Communicator, SingleRank};
 
 /// Variables in which launchers of MPI programs give the number of processes.
 const SIZE_VARIABLES: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MV2_COMM_WORLD_SIZE"];
@@ -12,17 +12,17 @@ const SIZE_VARIABLES: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MV2_COMM
 const LAUNCH_VARIABLES: [&str; 6] =
     ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMI_RANK", "PMIX_RANK", "MV2_COMM_WORLD_SIZE", "PALS_RANKID"];
 
-/// The ranks of a run, from its start to its end. If it is dropped during a panic, all ranks end.
+/// Communicator of a run, from its start to its end. If it is dropped during a panic, all ranks end.
 pub struct RankSession {
-    pub ranks: &'static dyn Ranks,
+    pub communicator: &'static dyn Communicator,
     #[cfg(feature = "mpi")]
     _universe: Option<mpi::environment::Universe>,
 }
 
 impl Drop for RankSession {
     fn drop(&mut self) {
-        if self.ranks.size() > 1 && std::thread::panicking() {
-            self.ranks.abort(PANIC_CODE);
+        if self.communicator.size() > 1 && std::thread::panicking() {
+            self.communicator.abort(PANIC_CODE);
         }
     }
 }
@@ -43,8 +43,8 @@ pub fn begin_session() -> Result<RankSession, Faults> {
             let expected = "expected a build of it with MPI_THREAD_SERIALIZED";
             return Err(Fault::new("mpirun".as_ref(), None, "MPI library", found, expected).into());
         }
-        let ranks = Box::leak(Box::new(super::mpi_ranks::MpiRanks::new()));
-        return Ok(RankSession { ranks, _universe: Some(universe) });
+        let communicator = Box::leak(Box::new(super::mpi_communicator::MpiCommunicator::new()));
+        return Ok(RankSession { communicator, _universe: Some(universe) });
     }
     let is_several = |name: &&&str| std::env::var(name).is_ok_and(|size| size.parse().is_ok_and(|size: u64| size > 1));
     if !cfg!(feature = "mpi")
@@ -60,7 +60,7 @@ pub fn begin_session() -> Result<RankSession, Faults> {
         return Err(Fault::new("mpirun".as_ref(), None, "process", found, expected).into());
     }
     Ok(RankSession {
-        ranks: &Alone,
+        communicator: &SingleRank,
         #[cfg(feature = "mpi")]
         _universe: None,
     })

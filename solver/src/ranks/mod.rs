@@ -2,21 +2,21 @@
 //!
 //! Every rank holds the whole scene and state and makes the same decisions; heavy lists are divided, and each rank gets the
 //! parts of the others. All else is computed on every rank, with equal results, since these depend on no number of
-//! threads.
-//! Numbers are exchanged, never rounded or added anew, so that the bytes of a run do not depend on the number of ranks.
+//! threads. Numbers are exchanged, never rounded or added anew, so that the bytes of a run do not depend on the number of
+//! ranks.
 //!
-//! Like the pool of threads, the ranks of a computation are a property of the thread that makes it: [`current`]. One thread of
-//! a process at a time communicates, the one that runs the solver.
+//! Like the pool of threads, the communicator of a computation is a property of the thread that makes it:
+//! [`communicator`]. One thread of a process at a time communicates, the one that runs the solver.
 //!
 //! | module | contents |
 //! |---|---|
 //! | `launch` | start as one of several processes, and its end |
-//! | `mpi_ranks` | ranks of MPI, in a build with the feature `mpi` |
+//! | `mpi_communicator` | ranks that are processes of MPI, in a build with the feature `mpi` |
 //! | [`threads`] | ranks that are threads of one process, for tests |
 
 pub(crate) mod launch;
 #[cfg(feature = "mpi")]
-mod mpi_ranks;
+mod mpi_communicator;
 pub mod threads;
 
 use std::cell::Cell;
@@ -33,8 +33,9 @@ pub struct RankMessage {
     pub bytes: Vec<u8>,
 }
 
-/// Communication between the ranks. All ranks call the same functions in the same order.
-pub trait Ranks: Sync {
+/// Communication between the ranks of a run, by the operations of MPI that have these names. All ranks call the same
+/// functions in the same order.
+pub trait Communicator: Sync {
     /// Number of this rank, from 0.
     fn rank(&self) -> usize;
 
@@ -42,29 +43,20 @@ pub trait Ranks: Sync {
     fn size(&self) -> usize;
 
     /// Sends `outgoing`, and fills `incoming`, whose lengths are those of the messages that the other ranks send.
-    fn exchange(&self, outgoing: &[RankMessage], incoming: &mut [RankMessage]);
+    fn send_receive(&self, outgoing: &[RankMessage], incoming: &mut [RankMessage]);
 
-    /// Replaces each number by its sum over all ranks.
-    fn sum(&self, numbers: &mut [i64]);
-
-    /// Returns the bytes of all ranks, one after the other; `lengths` has the number of bytes of each rank.
-    fn gather(&self, own: &[u8], lengths: &[usize]) -> Vec<u8>;
-
-    /// Replaces the bytes, of the same length on all ranks, by those of rank 0.
-    fn broadcast(&self, bytes: &mut [u8]);
-
-    /// Waits until all ranks have called it.
-    fn barrier(&self);
+    /// Returns the bytes of all ranks, one after the other, on every rank; `lengths` has the number of bytes of each rank.
+    fn all_gather(&self, own: &[u8], lengths: &[usize]) -> Vec<u8>;
 
     /// Ends all ranks with this exit code.
     fn abort(&self, code: i32) -> !;
 }
 
-/// The only rank.
+/// Communicator of one rank.
 #[derive(Debug, Clone, Copy)]
-pub struct Alone;
+pub struct SingleRank;
 
-impl Ranks for Alone {
+impl Communicator for SingleRank {
     fn rank(&self) -> usize {
         0
     }
@@ -73,19 +65,13 @@ impl Ranks for Alone {
         1
     }
 
-    fn exchange(&self, outgoing: &[RankMessage], incoming: &mut [RankMessage]) {
+    fn send_receive(&self, outgoing: &[RankMessage], incoming: &mut [RankMessage]) {
         debug_assert!(outgoing.is_empty() && incoming.is_empty());
     }
 
-    fn sum(&self, _: &mut [i64]) {}
-
-    fn gather(&self, own: &[u8], _: &[usize]) -> Vec<u8> {
+    fn all_gather(&self, own: &[u8], _: &[usize]) -> Vec<u8> {
         own.to_vec()
     }
-
-    fn broadcast(&self, _: &mut [u8]) {}
-
-    fn barrier(&self) {}
 
     fn abort(&self, code: i32) -> ! {
         std::process::exit(code)
@@ -93,24 +79,24 @@ impl Ranks for Alone {
 }
 
 thread_local! {
-    static CURRENT: Cell<&'static dyn Ranks> = const { Cell::new(&Alone) };
+    static COMMUNICATOR: Cell<&'static dyn Communicator> = const { Cell::new(&SingleRank) };
 }
 
-/// Ranks of the computation that this thread makes; [`Alone`] unless [`set_current`] has set others.
-pub fn current() -> &'static dyn Ranks {
-    CURRENT.get()
+/// Communicator of the computation that this thread makes; [`SingleRank`] unless [`set_communicator`] has set another.
+pub fn communicator() -> &'static dyn Communicator {
+    COMMUNICATOR.get()
 }
 
-/// Sets the ranks of the computations that this thread makes.
-pub fn set_current(ranks: &'static dyn Ranks) {
-    CURRENT.set(ranks);
+/// Sets the communicator of the computations that this thread makes.
+pub fn set_communicator(communicator: &'static dyn Communicator) {
+    COMMUNICATOR.set(communicator);
 }
 
-/// Calls `work` with this rank [`Alone`], and returns its result: for work that not all ranks do.
+/// Calls `work` with the communicator [`SingleRank`], and returns its result: for work that not all ranks do.
 pub fn compute_alone<T>(work: impl FnOnce() -> T) -> T {
-    let ranks = CURRENT.replace(&Alone);
+    let communicator = COMMUNICATOR.replace(&SingleRank);
     let result = work();
-    CURRENT.set(ranks);
+    COMMUNICATOR.set(communicator);
     result
 }
 
@@ -124,12 +110,12 @@ pub fn part_range(count: usize, part: usize, parts: usize) -> Range<usize> {
     part * count / parts..(part + 1) * count / parts
 }
 
-/// Gathers bytes whose number only their rank knows: returns those of each rank. Not counted in [`traffic`].
-pub fn gather_unequal(ranks: &dyn Ranks, own: &[u8]) -> Vec<Vec<u8>> {
-    let lengths = ranks.gather(&(own.len() as u64).to_le_bytes(), &vec![8; ranks.size()]);
+/// Returns the bytes of each rank, on every rank, of which only that rank knows the number. Not counted in [`traffic`].
+pub fn all_gather_unsized(communicator: &dyn Communicator, own: &[u8]) -> Vec<Vec<u8>> {
+    let lengths = communicator.all_gather(&(own.len() as u64).to_le_bytes(), &vec![8; communicator.size()]);
     let length = |bytes: &[u8]| bytes.try_into().map_or(0, u64::from_le_bytes) as usize;
     let lengths: Vec<usize> = lengths.chunks_exact(8).map(length).collect();
-    let all = ranks.gather(own, &lengths);
+    let all = communicator.all_gather(own, &lengths);
     let mut rest = &all[..];
     let mut next = |length: usize| {
         let (first, later) = rest.split_at(length);
@@ -142,28 +128,28 @@ pub fn gather_unequal(ranks: &dyn Ranks, own: &[u8]) -> Vec<Vec<u8>> {
 /// Returns a list of `count` items, on all ranks: each rank computes those of a range by `compute`. A list of fewer
 /// than `min_count` items, which take less time than their exchange, is computed by every rank.
 pub fn divided_list<T: Pod>(count: usize, min_count: usize, compute: impl FnOnce(Range<usize>) -> Vec<T>) -> Vec<T> {
-    let ranks = current();
-    if ranks.size() == 1 || count < min_count {
+    let communicator = communicator();
+    let (rank, size) = (communicator.rank(), communicator.size());
+    if size == 1 || count < min_count {
         return compute(0..count);
     }
-    let own = compute(part_range(count, ranks.rank(), ranks.size()));
-    let lengths: Vec<usize> =
-        (0..ranks.size()).map(|rank| size_of::<T>() * part_range(count, rank, ranks.size()).len()).collect();
-    from_bytes(&gather_counted(ranks, as_bytes(&own), &lengths))
+    let own = compute(part_range(count, rank, size));
+    let lengths: Vec<usize> = (0..size).map(|rank| size_of::<T>() * part_range(count, rank, size).len()).collect();
+    from_bytes(&all_gather_counted(communicator, as_bytes(&own), &lengths))
 }
 
-/// [`Ranks::gather`], counted in [`traffic`].
-pub fn gather_counted(ranks: &dyn Ranks, own: &[u8], lengths: &[usize]) -> Vec<u8> {
+/// [`Communicator::all_gather`], counted in [`traffic`].
+pub fn all_gather_counted(communicator: &dyn Communicator, own: &[u8], lengths: &[usize]) -> Vec<u8> {
     GATHERS.fetch_add(1, Ordering::Relaxed);
     GATHERED_BYTES.fetch_add(own.len() as u64, Ordering::Relaxed);
-    ranks.gather(own, lengths)
+    communicator.all_gather(own, lengths)
 }
 
-/// [`Ranks::exchange`], counted in [`traffic`].
-pub fn exchange_counted(ranks: &dyn Ranks, outgoing: &[RankMessage], incoming: &mut [RankMessage]) {
+/// [`Communicator::send_receive`], counted in [`traffic`].
+pub fn send_receive_counted(communicator: &dyn Communicator, outgoing: &[RankMessage], incoming: &mut [RankMessage]) {
     MESSAGES.fetch_add(outgoing.len() as u64, Ordering::Relaxed);
     MESSAGE_BYTES.fetch_add(outgoing.iter().map(|message| message.bytes.len() as u64).sum(), Ordering::Relaxed);
-    ranks.exchange(outgoing, incoming);
+    communicator.send_receive(outgoing, incoming);
 }
 
 /// Bytes of numbers.
@@ -197,10 +183,10 @@ pub struct RankTraffic {
 
 impl RankTraffic {
     /// Traffic of each rank since its start, on every rank.
-    pub fn of_all(ranks: &dyn Ranks) -> Vec<RankTraffic> {
+    pub fn of_all(communicator: &dyn Communicator) -> Vec<RankTraffic> {
         let RankTraffic { messages, message_bytes, gathers, gathered_bytes, divided_sweeps } = traffic();
         let own = [messages, message_bytes, gathers, gathered_bytes, divided_sweeps];
-        let all = ranks.gather(as_bytes(&own), &vec![size_of_val(&own); ranks.size()]);
+        let all = communicator.all_gather(as_bytes(&own), &vec![size_of_val(&own); communicator.size()]);
         let of_rank = |[messages, message_bytes, gathers, gathered_bytes, divided_sweeps]: [u64; 5]| RankTraffic {
             messages,
             message_bytes,
@@ -232,39 +218,29 @@ mod tests {
 
     #[test]
     fn a_rank_alone_has_all() {
-        let mut numbers = [3, -4];
-        Alone.sum(&mut numbers);
-        let mut bytes = [1, 2];
-        Alone.broadcast(&mut bytes);
-        Alone.barrier();
-        Alone.exchange(&[], &mut []);
-        assert_eq!((Alone.rank(), Alone.size(), numbers, bytes), (0, 1, [3, -4], [1, 2]));
-        assert_eq!(Alone.gather(&[5, 6], &[2]), [5, 6]);
-        assert_eq!(gather_unequal(&Alone, &[7]), [[7]]);
+        SingleRank.send_receive(&[], &mut []);
+        assert_eq!((SingleRank.rank(), SingleRank.size()), (0, 1));
+        assert_eq!(SingleRank.all_gather(&[5, 6], &[2]), [5, 6]);
+        assert_eq!(all_gather_unsized(&SingleRank, &[7]), [[7]]);
     }
 
     #[test]
-    fn ranks_exchange_sum_gather_and_broadcast() {
+    fn ranks_send_receive_and_gather() {
         for size in 1..=4 {
-            let found = run_as_ranks(size, |ranks| {
-                let rank = ranks.rank();
+            let found = run_as_ranks(size, |communicator| {
+                let rank = communicator.rank();
                 // To each other rank as many bytes as the number of the receiver.
                 let others = || (0..size).filter(|&other| other != rank);
                 let outgoing: Vec<RankMessage> =
                     others().map(|to| RankMessage { rank: to, bytes: vec![rank as u8; to] }).collect();
                 let mut incoming: Vec<RankMessage> =
                     others().map(|from| RankMessage { rank: from, bytes: vec![0; rank] }).collect();
-                ranks.exchange(&outgoing, &mut incoming);
+                communicator.send_receive(&outgoing, &mut incoming);
                 assert!(incoming.iter().all(|message| message.bytes == vec![message.rank as u8; rank]));
-                let mut numbers = [rank as i64, -1];
-                ranks.sum(&mut numbers);
-                let mut bytes = [rank as u8, 9 - rank as u8];
-                ranks.broadcast(&mut bytes);
-                ranks.barrier();
-                (numbers, bytes, gather_unequal(ranks, &vec![rank as u8; 2 * rank]))
+                all_gather_unsized(communicator, &vec![rank as u8; 2 * rank])
             });
-            let (n, all) = (size as i64, (0..size).map(|rank| vec![rank as u8; 2 * rank]).collect::<Vec<_>>());
-            assert!(found.iter().all(|found| *found == ([n * (n - 1) / 2, -n], [0, 9], all.clone())), "{found:?}");
+            let all: Vec<Vec<u8>> = (0..size).map(|rank| vec![rank as u8; 2 * rank]).collect();
+            assert!(found.iter().all(|found| *found == all), "{found:?}");
         }
     }
 
@@ -275,13 +251,13 @@ mod tests {
             let found = run_as_ranks(3, |_| divided_list(count, 6, squares));
             assert!(found.iter().all(|found| *found == squares(0..count)), "{count}");
         }
-        let parts = run_as_ranks(3, |ranks| {
+        let parts = run_as_ranks(3, |communicator| {
             let made = Cell::new(0);
             divided_list(12, 6, |range| {
                 made.set(range.len());
                 squares(range)
             });
-            (ranks.rank(), made.get())
+            (communicator.rank(), made.get())
         });
         assert_eq!(parts, [(0, 4), (1, 4), (2, 4)]);
     }

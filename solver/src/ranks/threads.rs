@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::{Barrier, Condvar, Mutex, PoisonError};
 use std::thread;
 
-use super::{RankMessage, Ranks, set_current};
+use super::{Communicator, RankMessage, set_communicator};
 
 /// Mail from one rank to another.
 #[derive(Default)]
@@ -22,25 +22,13 @@ struct SharedMail {
     mail: Vec<Vec<Mailbox>>,
 }
 
-/// A thread as a rank.
-pub struct ThreadRank {
+/// Communicator of a thread that is a rank.
+pub struct ThreadCommunicator {
     rank: usize,
     shared: &'static SharedMail,
 }
 
-impl ThreadRank {
-    /// Gives bytes to all ranks; returns those of all.
-    fn gather_all(&self, own: &[u8]) -> Vec<Vec<u8>> {
-        let lock = |bytes: &'static Mutex<Vec<u8>>| bytes.lock().unwrap_or_else(PoisonError::into_inner);
-        *lock(&self.shared.given[self.rank]) = own.to_vec();
-        self.shared.barrier.wait();
-        let all = self.shared.given.iter().map(|bytes| lock(bytes).clone()).collect();
-        self.shared.barrier.wait();
-        all
-    }
-}
-
-impl Ranks for ThreadRank {
+impl Communicator for ThreadCommunicator {
     fn rank(&self) -> usize {
         self.rank
     }
@@ -49,7 +37,7 @@ impl Ranks for ThreadRank {
         self.shared.given.len()
     }
 
-    fn exchange(&self, outgoing: &[RankMessage], incoming: &mut [RankMessage]) {
+    fn send_receive(&self, outgoing: &[RankMessage], incoming: &mut [RankMessage]) {
         for RankMessage { rank, bytes } in outgoing {
             let Mailbox { messages, arrived } = &self.shared.mail[self.rank][*rank];
             messages.lock().unwrap_or_else(PoisonError::into_inner).push_back(bytes.clone());
@@ -68,26 +56,14 @@ impl Ranks for ThreadRank {
         }
     }
 
-    fn sum(&self, numbers: &mut [i64]) {
-        let all = self.gather_all(super::as_bytes(numbers));
-        numbers.fill(0);
-        for of_rank in all {
-            numbers.iter_mut().zip(super::from_bytes::<i64>(&of_rank)).for_each(|(sum, number)| *sum += number);
-        }
-    }
-
-    fn gather(&self, own: &[u8], lengths: &[usize]) -> Vec<u8> {
-        let all = self.gather_all(own);
+    fn all_gather(&self, own: &[u8], lengths: &[usize]) -> Vec<u8> {
+        let lock = |bytes: &'static Mutex<Vec<u8>>| bytes.lock().unwrap_or_else(PoisonError::into_inner);
+        *lock(&self.shared.given[self.rank]) = own.to_vec();
+        self.shared.barrier.wait();
+        let all: Vec<Vec<u8>> = self.shared.given.iter().map(|bytes| lock(bytes).clone()).collect();
+        self.shared.barrier.wait();
         assert!(all.iter().map(Vec::len).eq(lengths.iter().copied()));
         all.concat()
-    }
-
-    fn broadcast(&self, bytes: &mut [u8]) {
-        bytes.copy_from_slice(&self.gather_all(bytes)[0]);
-    }
-
-    fn barrier(&self) {
-        self.shared.barrier.wait();
     }
 
     fn abort(&self, code: i32) -> ! {
@@ -101,7 +77,7 @@ impl Ranks for ThreadRank {
 ///
 /// If the work of a rank panics, or a thread cannot be started. Meant for tests: the memory that the ranks share is not
 /// freed.
-pub fn run_as_ranks<T: Send>(size: usize, work: impl Fn(&'static dyn Ranks) -> T + Sync) -> Vec<T> {
+pub fn run_as_ranks<T: Send>(size: usize, work: impl Fn(&'static dyn Communicator) -> T + Sync) -> Vec<T> {
     let mailboxes = || (0..size).map(|_| Mailbox::default()).collect();
     let shared: &'static SharedMail = Box::leak(Box::new(SharedMail {
         barrier: Barrier::new(size),
@@ -110,9 +86,12 @@ pub fn run_as_ranks<T: Send>(size: usize, work: impl Fn(&'static dyn Ranks) -> T
     }));
     let work = &work;
     let of_rank = |rank: usize| {
-        let ranks: &'static dyn Ranks = Box::leak(Box::new(ThreadRank { rank, shared }));
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).start_handler(move |_| set_current(ranks)).build();
-        pool.expect("a thread").install(|| work(ranks))
+        let communicator: &'static dyn Communicator = Box::leak(Box::new(ThreadCommunicator { rank, shared }));
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(1)
+            .start_handler(move |_| set_communicator(communicator))
+            .build();
+        pool.expect("a thread").install(|| work(communicator))
     };
     thread::scope(|scope| {
         let ranks: Vec<_> = (0..size).map(|rank| scope.spawn(move || of_rank(rank))).collect();

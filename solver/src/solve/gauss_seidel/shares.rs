@@ -15,14 +15,15 @@ use bytemuck::Pod;
 use crate::activity;
 use crate::math::simd::LaneFloat;
 use crate::ranks::{
-    self, RankMessage, Ranks, as_bytes, count_divided_sweep, exchange_counted, from_bytes, gather_counted,
+    self, Communicator, RankMessage, all_gather_counted, as_bytes, count_divided_sweep, from_bytes,
+    send_receive_counted,
 };
 use crate::solve::gauss_seidel::packed::{BATCH_LANES, SweepSums};
 use crate::solve::gauss_seidel::partition::{BodyPartition, BorderTask, SweepTasks};
 
 /// Tasks of this rank, and the messages of a sweep.
 pub struct SweepShare {
-    ranks: &'static dyn Ranks,
+    communicator: &'static dyn Communicator,
     /// Blocks of each rank.
     blocks: Vec<Range<usize>>,
     /// Participating ranks of each border task, ascending.
@@ -63,11 +64,11 @@ impl SweepShare {
         mut tasks: SweepTasks,
         work: impl Fn(u32) -> u64,
     ) -> (SweepTasks, Option<Self>) {
-        let ranks = ranks::current();
-        if ranks.size() == 1 || partition.block_count() == 1 {
+        let communicator = ranks::communicator();
+        if communicator.size() == 1 || partition.block_count() == 1 {
             return (tasks, None);
         }
-        let share = SweepShare::new(ranks, partition, &tasks, work);
+        let share = SweepShare::new(communicator, partition, &tasks, work);
         let own_blocks = share.own_blocks();
         let inside = tasks.inside.iter_mut().enumerate().filter(|(block, _)| !own_blocks.contains(block));
         inside.for_each(|(_, constraints)| constraints.clear());
@@ -77,14 +78,14 @@ impl SweepShare {
     }
 
     fn new(
-        ranks: &'static dyn Ranks,
+        communicator: &'static dyn Communicator,
         partition: &BodyPartition,
         tasks: &SweepTasks,
         work: impl Fn(u32) -> u64,
     ) -> Self {
-        let blocks = cut_by_work(&block_work(partition, tasks, work), ranks.size());
+        let blocks = cut_by_work(&block_work(partition, tasks, work), communicator.size());
         let division = BorderDivision::new(partition, tasks, &blocks);
-        let own = ranks.rank() as u32;
+        let own = communicator.rank() as u32;
         let of_colour = |borders: Range<usize>| {
             let mut messages = ColourMessages::default();
             for SentBody { body, owner, receiver } in division.sent_bodies(borders) {
@@ -98,17 +99,17 @@ impl SweepShare {
             messages
         };
         let colours = tasks.colour_ranges().map(of_colour).collect();
-        SweepShare { ranks, participants: division.participants, blocks, colours }
+        SweepShare { communicator, participants: division.participants, blocks, colours }
     }
 
     /// Blocks of this rank.
     pub fn own_blocks(&self) -> Range<usize> {
-        self.blocks[self.ranks.rank()].clone()
+        self.blocks[self.communicator.rank()].clone()
     }
 
     /// Whether this rank sweeps a border task.
     pub fn sweeps_border(&self, border: usize) -> bool {
-        self.participants[border].contains(&(self.ranks.rank() as u32))
+        self.participants[border].contains(&(self.communicator.rank() as u32))
     }
 
     /// Replaces, in `blocks`, the velocities of bodies of other ranks that the borders of a colour need. A block is a
@@ -136,7 +137,7 @@ impl SweepShare {
                 }
             }
         }
-        exchange_counted(self.ranks, sent, received);
+        send_receive_counted(self.communicator, sent, received);
         for (message, buffer) in incoming.iter().zip(&*received) {
             for (&(block, index), from) in message.lines.iter().zip(buffer.bytes.chunks_exact(line_bytes)) {
                 let line = bytemuck::bytes_of_mut(&mut blocks[block as usize].as_mut()[index as usize]);
@@ -151,7 +152,7 @@ impl SweepShare {
     /// `blocks` and `borders`: sums of all tasks, of which those of this rank are set.
     pub fn gather_sums<T: LaneFloat>(&self, blocks: &mut [&mut SweepSums<T>], borders: &mut [&mut SweepSums<T>]) {
         count_divided_sweep();
-        let own = self.ranks.rank();
+        let own = self.communicator.rank();
         let mut bytes = Vec::new();
         let mut add = |sums: &SweepSums<T>| {
             bytes.extend_from_slice(as_bytes(&sums.restart_product));
@@ -162,10 +163,10 @@ impl SweepShare {
         bytes.push(u8::from(activity::is_stop_requested()));
         let task_bytes = 2 * BATCH_LANES * size_of::<T>();
         let tasks = |rank: usize| self.blocks[rank].len() + self.reported_borders(rank).count();
-        let lengths: Vec<usize> = (0..self.ranks.size()).map(|rank| tasks(rank) * task_bytes + 1).collect();
-        let all = gather_counted(self.ranks, &bytes, &lengths);
+        let lengths: Vec<usize> = (0..self.communicator.size()).map(|rank| tasks(rank) * task_bytes + 1).collect();
+        let all = all_gather_counted(self.communicator, &bytes, &lengths);
         let mut rest = &all[..];
-        for rank in 0..self.ranks.size() {
+        for rank in 0..self.communicator.size() {
             let mut next = |sums: &mut SweepSums<T>| {
                 let (first, later) = rest.split_at(task_bytes);
                 let numbers: Vec<T> = from_bytes(first);
@@ -190,14 +191,14 @@ impl SweepShare {
 
     /// Number of this rank.
     pub fn rank(&self) -> usize {
-        self.ranks.rank()
+        self.communicator.rank()
     }
 
     /// Gathers vectors with their indices from all ranks; calls `set` with each, in the order of the ranks.
     pub fn gather_vectors(&self, own: &[(u32, [f64; 3])], mut set: impl FnMut(usize, [f64; 3])) {
         let indices: Vec<u32> = own.iter().map(|(index, _)| *index).collect();
         let vectors: Vec<[f64; 3]> = own.iter().map(|(_, vector)| *vector).collect();
-        let all = ranks::gather_unequal(self.ranks, &[as_bytes(&indices), as_bytes(&vectors)].concat());
+        let all = ranks::all_gather_unsized(self.communicator, &[as_bytes(&indices), as_bytes(&vectors)].concat());
         for of_rank in all {
             // Indices take 4 of the 28 bytes of an item.
             let (indices, vectors) = of_rank.split_at(of_rank.len() / 7);

@@ -1,30 +1,30 @@
-//! Ranks of MPI.
+//! Ranks that are processes of MPI.
 
-use mpi::collective::SystemOperation;
 use mpi::datatype::PartitionMut;
 use mpi::request;
 use mpi::topology::SimpleCommunicator;
-use mpi::traits::{Communicator, CommunicatorCollectives, Destination, Root, Source};
+use mpi::traits::{Communicator as _, CommunicatorCollectives, Destination, Root, Source};
 
-use super::{RankMessage, Ranks};
+use super::{Communicator, RankMessage};
 
 /// Largest number of bytes of a call: MPI counts in signed integers of 32 bits.
 const MAX_CALL_BYTES: usize = 1 << 30;
 
-/// All processes of an MPI program.
+/// Communicator of all processes of an MPI program, `MPI_COMM_WORLD`.
 #[derive(Debug)]
-pub struct MpiRanks {
+pub struct MpiCommunicator {
     rank: usize,
     size: usize,
 }
 
-impl MpiRanks {
-    /// Ranks of the world, once MPI is initialised.
+impl MpiCommunicator {
+    /// The communicator, once MPI is initialised.
     pub fn new() -> Self {
         let world = SimpleCommunicator::world();
-        MpiRanks { rank: world.rank() as usize, size: world.size() as usize }
+        MpiCommunicator { rank: world.rank() as usize, size: world.size() as usize }
     }
 
+    /// Replaces the bytes, of the same length on all ranks, by those of the rank `root`.
     fn broadcast_from(root: usize, bytes: &mut [u8]) {
         let world = SimpleCommunicator::world();
         let root = world.process_at_rank(root as i32);
@@ -32,7 +32,7 @@ impl MpiRanks {
     }
 }
 
-impl Ranks for MpiRanks {
+impl Communicator for MpiCommunicator {
     fn rank(&self) -> usize {
         self.rank
     }
@@ -41,7 +41,7 @@ impl Ranks for MpiRanks {
         self.size
     }
 
-    fn exchange(&self, outgoing: &[RankMessage], incoming: &mut [RankMessage]) {
+    fn send_receive(&self, outgoing: &[RankMessage], incoming: &mut [RankMessage]) {
         let world = SimpleCommunicator::world();
         request::multiple_scope(outgoing.len() + incoming.len(), |scope, requests| {
             for RankMessage { rank, bytes } in incoming {
@@ -58,12 +58,7 @@ impl Ranks for MpiRanks {
         });
     }
 
-    fn sum(&self, numbers: &mut [i64]) {
-        let own = numbers.to_vec();
-        SimpleCommunicator::world().all_reduce_into(&own[..], numbers, SystemOperation::sum());
-    }
-
-    fn gather(&self, own: &[u8], lengths: &[usize]) -> Vec<u8> {
+    fn all_gather(&self, own: &[u8], lengths: &[usize]) -> Vec<u8> {
         let mut all = vec![0u8; lengths.iter().sum()];
         let starts: Vec<usize> = lengths
             .iter()
@@ -84,14 +79,6 @@ impl Ranks for MpiRanks {
             }
         }
         all
-    }
-
-    fn broadcast(&self, bytes: &mut [u8]) {
-        Self::broadcast_from(0, bytes);
-    }
-
-    fn barrier(&self) {
-        SimpleCommunicator::world().barrier();
     }
 
     fn abort(&self, code: i32) -> ! {
