@@ -203,13 +203,13 @@ fn read_body(scan: &mut LineScanner, begin: usize, position: u64) -> Option<Body
     let body = scan.current_object().to_string();
     let mut contactors = Vec::new();
     let mut all_read = true;
-    for rank in 1.. {
+    for number in 1.. {
         scan.set_object(body.as_str());
         if scan.next_line_if(|line| line.keyword() == "$$$$$").is_some() {
             break;
         }
         let line = scan.expect_line("expected a contactor or $$$$$$", TextLine::is_data)?;
-        scan.set_object(format!("{body}, contactor {} {rank}", line.keyword().trim()));
+        scan.set_object(format!("{body}, contactor {} {number}", line.keyword().trim()));
         let contactor = read_contactor(scan, line);
         all_read &= contactor.is_some();
         contactors.extend(contactor);
@@ -424,8 +424,8 @@ fn write_body(out: &mut String, number: usize, body: &Body, real: fn(f64) -> Str
     put_grid(out, " NO6xx      1", &coordinates, &body.position, real);
     put_grid(out, "", &["coo4=", "coo5=", "coo6="], &[0.0; 3], real);
     out.push_str("$tacty\n");
-    for (rank, Contactor { colour, shape, local_frame }) in (1..).zip(&body.contactors) {
-        let head = format!(" {}  {rank:5}  color  {colour:<5}", shape.type_name());
+    for (number, Contactor { colour, shape, local_frame }) in (1..).zip(&body.contactors) {
+        let head = format!(" {}  {number:5}  color  {colour:<5}", shape.type_name());
         match shape {
             ShapeRecord::Sphere { radius } => put_grid(out, &head, &["byrd="], &[*radius], real),
             ShapeRecord::OffsetSphere { radius, offset } => {

@@ -55,8 +55,8 @@ pub struct ContactSide {
     pub body: usize,
     /// Contactor, `SPHER`, `PLANx` ...
     pub contactor: String,
-    /// Rank of the contactor in its body, 0-based (1-based in the file).
-    pub rank: usize,
+    /// Number of the contactor in its body, 0-based (1-based in the file).
+    pub number: usize,
 }
 
 /// Format in which LMGC90 writes a kind of contact.
@@ -169,33 +169,33 @@ struct PairColumns {
 
 struct SideColumns {
     body: usize,
-    number: (usize, usize),
+    body_number: (usize, usize),
     contactor: usize,
-    rank: (usize, usize),
+    contactor_number: (usize, usize),
 }
 
 const LONG_COLUMNS: PairColumns = PairColumns {
-    candidate: SideColumns { body: 2, number: (9, 13), contactor: 16, rank: (23, 27) },
+    candidate: SideColumns { body: 2, body_number: (9, 13), contactor: 16, contactor_number: (23, 27) },
     vertex: Some(30),
     law: 37,
-    antagonist: SideColumns { body: 44, number: (51, 55), contactor: 58, rank: (65, 69) },
+    antagonist: SideColumns { body: 44, body_number: (51, 55), contactor: 58, contactor_number: (65, 69) },
     status: 72,
 };
 
 const SHORT_COLUMNS: PairColumns = PairColumns {
-    candidate: SideColumns { body: 2, number: (9, 13), contactor: 16, rank: (23, 27) },
+    candidate: SideColumns { body: 2, body_number: (9, 13), contactor: 16, contactor_number: (23, 27) },
     vertex: None,
     law: 30,
-    antagonist: SideColumns { body: 37, number: (44, 48), contactor: 51, rank: (58, 62) },
+    antagonist: SideColumns { body: 37, body_number: (44, 48), contactor: 51, contactor_number: (58, 62) },
     status: 65,
 };
 
 /// Columns of SPSPx in a file with more than 99 999 of them.
 const WIDE_COLUMNS: PairColumns = PairColumns {
-    candidate: SideColumns { body: 2, number: (9, 15), contactor: 18, rank: (25, 31) },
+    candidate: SideColumns { body: 2, body_number: (9, 15), contactor: 18, contactor_number: (25, 31) },
     vertex: None,
     law: 41,
-    antagonist: SideColumns { body: 48, number: (55, 61), contactor: 64, rank: (71, 77) },
+    antagonist: SideColumns { body: 48, body_number: (55, 61), contactor: 64, contactor_number: (71, 77) },
     status: 80,
 };
 
@@ -291,8 +291,8 @@ impl VlocRloc {
             let most = contacts.iter().map(|c| c.candidate.body.max(c.antagonist.body) + 1).max().unwrap_or(0);
             let wide = kind.name == "SPSPx" && contacts.len().max(most) > MAX_FIVE_DIGITS;
             let pair = if wide { &WIDE_COLUMNS } else { kind.pair };
-            for (rank, &contact) in (1..).zip(&contacts) {
-                write_contact(&mut out, kind, pair, rank, contact.clone());
+            for (number, &contact) in (1..).zip(&contacts) {
+                write_contact(&mut out, kind, pair, number, contact.clone());
             }
         }
         out
@@ -365,10 +365,10 @@ fn read_contact(scan: &mut LineScanner) -> Option<ContactRecord> {
 
 fn read_side(scan: &mut LineScanner, line: TextLine, columns: &SideColumns, what: &str) -> Option<ContactSide> {
     let rigid = scan.expect_rigid_body(line, columns.body);
-    let body = scan.read_index(line, columns.number, &format!("{what}'s body"));
+    let body = scan.read_index(line, columns.body_number, &format!("{what}'s body"));
     let contactor = scan.read_name5(line, columns.contactor, &format!("{what}'s contactor"));
-    let rank = scan.read_index(line, columns.rank, &format!("{what}'s contactor number"));
-    Some(ContactSide { body: body.filter(|_| rigid)?, contactor, rank: rank? })
+    let number = scan.read_index(line, columns.contactor_number, &format!("{what}'s contactor number"));
+    Some(ContactSide { body: body.filter(|_| rigid)?, contactor, number: number? })
 }
 
 /// Reads the line of forces (`r`) or velocities (`v`), by position; a different label is a fault.
@@ -415,14 +415,14 @@ fn read_internals(scan: &mut LineScanner, line: TextLine) -> Vec<f64> {
     (1..).zip(firsts).map(|(k, first)| scan.read_real(line, first, format_args!("internal {k}"))).collect()
 }
 
-fn write_contact(out: &mut String, kind: &ContactKind, pair: &PairColumns, rank: usize, mut contact: ContactRecord) {
+fn write_contact(out: &mut String, kind: &ContactKind, pair: &PairColumns, number: usize, mut contact: ContactRecord) {
     kind.convert_s_axis(&mut contact);
-    let _ = writeln!(out, "$icdan  {:<5}  {}", kind.name, format_integer(rank, 7));
+    let _ = writeln!(out, "$icdan  {:<5}  {}", kind.name, format_integer(number, 7));
 
     let titles = [["cdbdy", "numbr", "cdtac", "numbr"], ["anbdy", "numbr", "antac", "numbr"]];
     put_pair(out, pair, titles.map(|side| side.map(String::from)), "CDVER", "behav", "sttus");
     let sides = [&contact.candidate, &contact.antagonist].map(|side| {
-        ["RBDY3".to_string(), (side.body + 1).to_string(), side.contactor.clone(), (side.rank + 1).to_string()]
+        ["RBDY3".to_string(), (side.body + 1).to_string(), side.contactor.clone(), (side.number + 1).to_string()]
     });
     let vertex = if kind.name.starts_with("PR") { "    0" } else { "" };
     put_pair(out, pair, sides, vertex, &contact.law, &contact.status);
@@ -448,13 +448,21 @@ fn write_contact(out: &mut String, kind: &ContactKind, pair: &PairColumns, rank:
     out.push_str(" \n");
 }
 
-/// Writes the line of a pair: type of body, its number, type of contactor, its rank, for candidate and antagonist.
+/// Writes the line of a pair: type of body, its number, type of contactor, its number, for candidate and antagonist.
 fn put_pair(out: &mut String, pair: &PairColumns, sides: [[String; 4]; 2], vertex: &str, law: &str, status: &str) {
-    let put_side = |out: &mut String, columns: &SideColumns, [body, number, contactor, rank]: [String; 4]| {
+    let put_side = |out: &mut String, columns: &SideColumns, [body, body_number, contactor, number]: [String; 4]| {
         put_text(out, columns.body, body);
-        put_text(out, columns.number.0, format_integer(number, columns.number.1 - columns.number.0 + 1));
+        put_text(
+            out,
+            columns.body_number.0,
+            format_integer(body_number, columns.body_number.1 - columns.body_number.0 + 1),
+        );
         put_text(out, columns.contactor, contactor);
-        put_text(out, columns.rank.0, format_integer(rank, columns.rank.1 - columns.rank.0 + 1));
+        put_text(
+            out,
+            columns.contactor_number.0,
+            format_integer(number, columns.contactor_number.1 - columns.contactor_number.0 + 1),
+        );
     };
     let [candidate, antagonist] = sides;
     put_side(out, &pair.candidate, candidate);

@@ -129,7 +129,8 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
             visibility.push(VisibilityRow { line: 0, candidate, law: law.clone(), antagonist, alert });
         };
         let (a, b) = (contact.between.0.as_str(), contact.between.1.as_str());
-        let rank = |contactor: &str| ["SPHER", "POLYR"].iter().position(|known| *known == contactor).unwrap_or(2);
+        let candidate_order =
+            |contactor: &str| ["SPHER", "POLYR"].iter().position(|known| *known == contactor).unwrap_or(2);
         for first in wearers(a) {
             for second in wearers(b) {
                 let walls = WALL_CONTACTORS.contains(&first) && WALL_CONTACTORS.contains(&second);
@@ -142,7 +143,7 @@ pub fn tact_behav(scene: &Scene, population: &Population) -> TactBehav {
                     }
                 }
                 // Within one colour every pair of shapes appears once.
-                if !walls && rank(first) <= rank(second) {
+                if !walls && candidate_order(first) <= candidate_order(second) {
                     row(side(first, a), side(second, b));
                 } else if !walls && a != b {
                     row(side(second, b), side(first, a));

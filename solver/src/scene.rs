@@ -85,8 +85,8 @@ cd_formats::index_types! {
 #[derive(Debug, Clone)]
 pub struct BodyPart {
     pub body: BodyId,
-    /// Index among the parts of its body, from 0.
-    pub rank: u16,
+    /// Number of the part: its index among those of its body.
+    pub number: u16,
     /// Index of its contactor in BODIES.DAT, from 0, of which it may be one of several convex pieces.
     pub contactor: u16,
     pub geometry: ContactorShape,
@@ -108,8 +108,8 @@ pub struct PointLink {
     pub bodies: [BodyId; 2],
     /// Points in the frames of the bodies, m.
     pub offsets: [Vec3; 2],
-    /// Ranks of the points, which follow those of the parts of their bodies.
-    pub ranks: (u16, u16),
+    /// Numbers of the points, which follow those of the parts of their bodies.
+    pub part_numbers: (u16, u16),
     /// Distance of the points in BODIES.DAT, m: the length without strain.
     pub rest_length: f64,
     /// Index into `Scene::laws`.
@@ -392,7 +392,7 @@ pub struct Scene {
     /// Index in `parts` of the first contactor of each body, and the length of `parts`; empty if there are no
     /// parts. Read by [`Self::parts_of`] and [`Self::part_index`].
     pub part_starts: Vec<PartId>,
-    /// Wires and rods, ordered by bodies and ranks; a scene that has some has `parts`.
+    /// Wires and rods, ordered by bodies and numbers of points; a scene that has some has `parts`.
     pub links: Vec<PointLink>,
     /// Commands of POSTPRO.DAT.
     pub postpro: Vec<PostproCommand>,
@@ -469,37 +469,40 @@ impl Scene {
         if self.free.is_empty() { in_part() } else { self.free.clone() }
     }
 
-    /// Effective radius R, 1/R = 1/R_a + 1/R_b, of two contactors, each a body and a rank, m.
+    /// Effective radius R, 1/R = 1/R_a + 1/R_b, of two contactors, each a body and the number of its part, m.
     pub fn effective_radius(&self, a: (BodyId, u16), b: (BodyId, u16)) -> f64 {
         let curvatures = [a, b].map(|contactor| self.contactor_curvature(contactor));
         radius_of_curvatures(curvatures, || {
-            let extent =
-                |(body, rank): (BodyId, u16)| self.find_part(body, rank).map_or(f64::INFINITY, |part| part.radius);
+            let extent = |(body, part_number): (BodyId, u16)| {
+                self.find_part(body, part_number).map_or(f64::INFINITY, |part| part.radius)
+            };
             extent(a).min(extent(b))
         })
     }
 
-    /// Size of a pair of contactors, each a body and a rank, m: the radius of the smaller free body, limited to the sum
-    /// of the inner radii, as a pair that overlaps by twice that sum may separate on the wrong side.
+    /// Size of a pair of contactors, each a body and the number of its part, m: the radius of the smaller free body, limited
+    /// to the sum of the inner radii, as a pair that overlaps by twice that sum may separate on the wrong side.
     pub fn pair_size(&self, a: (BodyId, u16), b: (BodyId, u16)) -> f64 {
         let free = [a, b].map(|(body, _)| &self.bodies[body.index()]).into_iter().filter(|body| !body.driven);
         free.map(|body| body.radius).fold(self.inner_radius(a) + self.inner_radius(b), f64::min)
     }
 
-    fn inner_radius(&self, (body, rank): (BodyId, u16)) -> f64 {
+    fn inner_radius(&self, (body, part_number): (BodyId, u16)) -> f64 {
         match self.bodies[body.index()].shape {
             BodyShape::Sphere { radius } => radius,
             BodyShape::Plane { half_lengths } => half_lengths.min(),
-            BodyShape::Parts => self.find_part(body, rank).map_or(f64::INFINITY, |part| part.geometry.inner_radius()),
+            BodyShape::Parts => {
+                self.find_part(body, part_number).map_or(f64::INFINITY, |part| part.geometry.inner_radius())
+            }
         }
     }
 
-    fn contactor_curvature(&self, (body, rank): (BodyId, u16)) -> f64 {
+    fn contactor_curvature(&self, (body, part_number): (BodyId, u16)) -> f64 {
         match self.bodies[body.index()].shape {
             BodyShape::Sphere { radius } => 1.0 / radius,
             BodyShape::Plane { .. } if self.bodies[body.index()].is_flat_wall() => 0.0,
             BodyShape::Plane { .. } => 1.0 / self.bodies[body.index()].radius,
-            BodyShape::Parts => self.find_part(body, rank).map_or(0.0, |part| self.part_curvature(part)),
+            BodyShape::Parts => self.find_part(body, part_number).map_or(0.0, |part| self.part_curvature(part)),
         }
     }
 
@@ -521,21 +524,22 @@ impl Scene {
         &self.parts[at(body.index())..at(body.index() + 1)]
     }
 
-    /// Index in `parts` of the contactor `rank` of a body, if it has that many.
-    pub fn part_index(&self, body: BodyId, rank: u16) -> Option<PartId> {
+    /// Index in `parts` of a part of a body, if it has that many.
+    pub fn part_index(&self, body: BodyId, part_number: u16) -> Option<PartId> {
         let starts = self.part_starts.get(body.index()..body.index() + 2)?;
-        let part = PartId(starts[0].0 + u32::from(rank));
+        let part = PartId(starts[0].0 + u32::from(part_number));
         (part < starts[1]).then_some(part)
     }
 
-    /// Contactor `rank` of a body, in scenes with bodies other than spheres and plates.
-    pub fn find_part(&self, body: BodyId, rank: u16) -> Option<&BodyPart> {
-        self.part_index(body, rank).map(|part| &self.parts[part.index()])
+    /// Part of a body with this number, in scenes with bodies other than spheres and plates.
+    pub fn find_part(&self, body: BodyId, part_number: u16) -> Option<&BodyPart> {
+        self.part_index(body, part_number).map(|part| &self.parts[part.index()])
     }
 
-    /// Wire or rod between two points, given by their bodies and ranks.
-    pub fn find_link(&self, bodies: [BodyId; 2], ranks: (u16, u16)) -> Option<&PointLink> {
-        let position = self.links.binary_search_by_key(&(bodies, ranks), |link| (link.bodies, link.ranks)).ok()?;
+    /// Wire or rod between two points, given by their bodies and numbers.
+    pub fn find_link(&self, bodies: [BodyId; 2], part_numbers: (u16, u16)) -> Option<&PointLink> {
+        let position =
+            self.links.binary_search_by_key(&(bodies, part_numbers), |link| (link.bodies, link.part_numbers)).ok()?;
         self.links.get(position)
     }
 
@@ -580,21 +584,22 @@ impl Scene {
 
     /// Sort key that determines the candidate of a contact, as in LMGC90: the lower of the two. Spheres come before
     /// polyhedra before cylinders before plates, then in general bodies that are not driven, then the lower number.
-    pub fn candidate_order(&self, body: BodyId, rank: u16) -> (u8, bool, BodyId, u16) {
-        let kind = match (self.find_part(body, rank).map(|part| &part.geometry), &self.bodies[body.index()].shape) {
-            (Some(ContactorShape::Sphere { .. }), _) | (None, BodyShape::Sphere { .. }) => 0,
-            (Some(ContactorShape::Polyhedron(_)), _) => 1,
-            (Some(ContactorShape::Cylinder { .. }), _) => 2,
-            (Some(ContactorShape::Plane { .. }) | None, _) => 3,
-        };
-        (kind, self.is_general() && self.bodies[body.index()].driven, body, rank)
+    pub fn candidate_order(&self, body: BodyId, part_number: u16) -> (u8, bool, BodyId, u16) {
+        let kind =
+            match (self.find_part(body, part_number).map(|part| &part.geometry), &self.bodies[body.index()].shape) {
+                (Some(ContactorShape::Sphere { .. }), _) | (None, BodyShape::Sphere { .. }) => 0,
+                (Some(ContactorShape::Polyhedron(_)), _) => 1,
+                (Some(ContactorShape::Cylinder { .. }), _) => 2,
+                (Some(ContactorShape::Plane { .. }) | None, _) => 3,
+            };
+        (kind, self.is_general() && self.bodies[body.index()].driven, body, part_number)
     }
 
-    /// Class of the contactor `rank` of a body, if it has that many.
-    pub fn contactor_class(&self, body: BodyId, rank: u16) -> Option<u16> {
+    /// Class of the part of a body with this number, if it has that many.
+    pub fn contactor_class(&self, body: BodyId, part_number: u16) -> Option<u16> {
         match self.bodies[body.index()].shape {
-            BodyShape::Parts => Some(self.find_part(body, rank)?.class),
-            _ => (rank == 0).then_some(self.bodies[body.index()].class),
+            BodyShape::Parts => Some(self.find_part(body, part_number)?.class),
+            _ => (part_number == 0).then_some(self.bodies[body.index()].class),
         }
     }
 

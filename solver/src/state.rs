@@ -35,8 +35,8 @@ pub struct Contact {
     /// Body indices; n points from the antagonist to the candidate.
     pub candidate: BodyId,
     pub antagonist: BodyId,
-    /// Ranks of the contactors of the two bodies.
-    pub ranks: (u16, u16),
+    /// Numbers of the parts of the two bodies that touch.
+    pub part_numbers: (u16, u16),
     /// Touching features; a contact with the same contactors and features in the next step is the same contact.
     pub features: (u32, u32),
     /// Contact point at the candidate, world frame, m.
@@ -54,7 +54,7 @@ pub struct Contact {
     pub law: u8,
 }
 
-/// Bodies, ranks and features that identify a contact.
+/// Bodies, numbers of their parts, and features that identify a contact.
 pub type ContactKey = (BodyId, BodyId, (u16, u16), (u32, u32));
 
 /// Two contactors that the visibility table lists, the candidate first, and their rule. `I`: type of their indices.
@@ -154,7 +154,7 @@ impl Contact {
 
     /// Key that identifies the contact in another step; contacts are sorted by it.
     pub fn key(&self) -> ContactKey {
-        (self.candidate, self.antagonist, self.ranks, self.features)
+        (self.candidate, self.antagonist, self.part_numbers, self.features)
     }
 }
 

@@ -180,9 +180,9 @@ fn rocks_and_clusters_go_on_bit_for_bit_and_keep_their_bonds() {
         assert_eq!((found.shapes, found.memory), (expected.shapes, expected.memory), "step {step}");
     }
     let start = unbroken.snapshot(40);
-    let ranks = start.shapes.as_ref().unwrap().contacts.contact_rank.iter();
+    let parts = start.shapes.as_ref().unwrap().contacts.contact_rank.iter();
     let bonded = start.memory.as_ref().unwrap().contact_bonded.iter();
-    assert!(ranks.zip(bonded).any(|(rank, bonded)| *rank != [0, 0] && *bonded == 1), "no bond of a second piece");
+    assert!(parts.zip(bonded).any(|(pair, bonded)| *pair != [0, 0] && *bonded == 1), "no bond of a second piece");
     assert!(unbroken.snapshot(120).contacts.contact_body.iter().any(|&[a, b]| a < 9 && b < 11), "no rock touches");
 
     // Turned, the L's hold each other as before; without the floor those are all bonds.

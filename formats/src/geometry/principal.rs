@@ -95,11 +95,11 @@ impl MassProperties {
 fn symmetric_eigen(matrix: &Matrix3<f64>) -> ([f64; 3], Matrix3<f64>) {
     let (reflected, mut t) = Tridiagonal::reduce(matrix);
     t.diagonalize();
-    for rank in 0..2 {
-        let least = (rank + 1..3).fold(rank, |least, k| if t.d[k] < t.d[least] { k } else { least });
-        if least != rank {
-            t.d.swap(rank, least);
-            t.z.swap_columns(rank, least);
+    for column in 0..2 {
+        let least = (column + 1..3).fold(column, |least, k| if t.d[k] < t.d[least] { k } else { least });
+        if least != column {
+            t.d.swap(column, least);
+            t.z.swap_columns(column, least);
         }
     }
     if let Some(Reflection { tau, v }) = reflected {

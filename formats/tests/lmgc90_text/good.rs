@@ -19,7 +19,7 @@ fn essence(text: &str, kind: &str) -> Vec<String> {
     let lines = text.lines().map(str::trim_end).filter(|line| !line.is_empty() && !line.starts_with(['!', '#']));
     lines
         .map(|line| match kind {
-            // Rank of the contact; candidate vertex and global rank of the antagonist are not kept.
+            // Number of the contact; candidate vertex and the antagonist's number over all bodies are not kept.
             "Vloc_Rloc" if line.starts_with("$icdan") => line[..13].to_string(),
             "Vloc_Rloc" if line.starts_with(" RBDY3") => {
                 format!("{}     {}", &line[..29], &line[34..line.len().min(76)]).trim_end().to_string()
@@ -164,8 +164,8 @@ fn contacts_of_all_layouts() {
     for contact in &state.contacts {
         let kind = &contact.kind;
         let far = if kind == "SPSPx" { 100_000 } else { 99_998 };
-        assert_eq!((contact.candidate.body, contact.candidate.rank), (1, 0), "{kind}");
-        assert_eq!((contact.antagonist.body, contact.antagonist.rank), (far, 11), "{kind}");
+        assert_eq!((contact.candidate.body, contact.candidate.number), (1, 0), "{kind}");
+        assert_eq!((contact.antagonist.body, contact.antagonist.number), (far, 11), "{kind}");
         assert_eq!(contact.law, "iqs00");
         // Written with the signs of LMGC90, read with ours: 1, 2, 3 along n, t, s and n x t = s.
         assert_eq!((contact.force, contact.velocity), ([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]), "{kind}");

@@ -209,7 +209,7 @@ fn contact() -> impl Strategy<Value = ContactRecord> {
     // SPSPx beyond 99 999 have a layout of their own.
     let side = |wide: bool| {
         let bodies = 0..if wide { 9_999_999_usize } else { 99_999 };
-        (bodies, name(), 0..99_999_usize).prop_map(|(body, contactor, rank)| ContactSide { body, contactor, rank })
+        (bodies, name(), 0..99_999_usize).prop_map(|(body, contactor, number)| ContactSide { body, contactor, number })
     };
     let kind =
         select(&CONTACTS[..]).prop_flat_map(move |kind| (Just(kind), side(kind == "SPSPx"), side(kind == "SPSPx")));
@@ -401,7 +401,7 @@ fn long_texts_hold_what_their_columns_hold() {
 #[test]
 #[should_panic(expected = "contacts of kind 'SPXXx' cannot be written")]
 fn a_contact_of_unknown_kind_is_not_lost_in_writing() {
-    let side = ContactSide { body: 0, contactor: "SPHER".into(), rank: 0 };
+    let side = ContactSide { body: 0, contactor: "SPHER".into(), number: 0 };
     let contact = ContactRecord {
         line: 0,
         kind: "SPXXx".into(),

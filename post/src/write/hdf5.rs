@@ -10,7 +10,7 @@ use cd_formats::error::Faults;
 /// Size of a chunk: one is buffered for each array, and a reader of a part of an array reads whole ones. HDF5 caches 1 MiB.
 const CHUNK_BYTES: usize = 1 << 18;
 
-/// Children of a node of a B-tree of chunks: twice the default rank of HDF5.
+/// Children of a node of a B-tree of chunks: twice HDF5's default number K of such a node.
 const MAX_CHILDREN: usize = 64;
 
 /// Address of an object that does not exist.

@@ -129,17 +129,17 @@ fn attraction_range(law: &LawRecord) -> f64 {
     law.model().map_or(0.0, |law| law.attraction_range())
 }
 
-/// Rank of a contactor that decides between candidate and antagonist, as in LMGC90: spheres, then polyhedra, then walls.
-fn shape_rank(contactor: &str) -> usize {
+/// Order in which contactors are candidates, as in LMGC90: spheres, then polyhedra, then walls.
+fn candidate_order(contactor: &str) -> usize {
     match contactor {
         "SPHER" | "SPHEb" => 0,
         "POLYR" => 1,
-        _ => WALL_RANK,
+        _ => WALL_ORDER,
     }
 }
 
-/// Rank of walls, which do not touch each other.
-const WALL_RANK: usize = 2;
+/// Order of walls, which do not touch each other.
+const WALL_ORDER: usize = 2;
 
 /// Pairs of colour and contactor in use.
 type ColouredContactors<'a> = BTreeSet<(&'a str, &'a str)>;
@@ -163,8 +163,8 @@ fn contact_pairs(worn: &ColouredContactors, (a, b): (&str, &str)) -> Vec<[Visibi
         for y in of(b) {
             let twice = a == b && x.contactor > y.contactor;
             let mut sides = [x.clone(), y];
-            sides.sort_by_key(|side| shape_rank(&side.contactor));
-            if !twice && shape_rank(&sides[0].contactor) < WALL_RANK {
+            sides.sort_by_key(|side| candidate_order(&side.contactor));
+            if !twice && candidate_order(&sides[0].contactor) < WALL_ORDER {
                 all.push(sides);
             }
         }

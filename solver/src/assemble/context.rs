@@ -107,27 +107,29 @@ impl AssemblyContext<'_> {
     /// Whether a cohesive stress of the law of a contact has an area to act on.
     #[inline]
     pub(super) fn carries_stress(&self, contact: &Contact) -> bool {
-        let Contact { candidate, antagonist, ranks, .. } = *contact;
+        let Contact { candidate, antagonist, part_numbers, .. } = *contact;
         contact.area > 0.0
             || !self.state.laws[contact.law as usize].has_stress()
-            || [(candidate, ranks.0), (antagonist, ranks.1)].into_iter().any(|(body, rank)| self.is_round(body, rank))
+            || [(candidate, part_numbers.0), (antagonist, part_numbers.1)]
+                .into_iter()
+                .any(|(body, part_number)| self.is_round(body, part_number))
     }
 
     /// Whether a contactor is a sphere.
-    fn is_round(&self, body: BodyId, rank: u16) -> bool {
-        self.sphere_radius(body, rank).is_some()
+    fn is_round(&self, body: BodyId, part_number: u16) -> bool {
+        self.sphere_radius(body, part_number).is_some()
     }
 
     /// Radius of a contactor that is a sphere, m.
     #[inline]
-    pub(super) fn sphere_radius(&self, body: BodyId, rank: u16) -> Option<f64> {
+    pub(super) fn sphere_radius(&self, body: BodyId, part_number: u16) -> Option<f64> {
         if self.is_sphere[body.index()] {
             return Some(self.solver_bodies[body.index()].radius);
         }
         if !self.scene.has_round_parts {
             return None;
         }
-        match self.scene.find_part(body, rank)?.geometry {
+        match self.scene.find_part(body, part_number)?.geometry {
             ContactorShape::Sphere { radius } => Some(radius),
             _ => None,
         }
@@ -135,7 +137,7 @@ impl AssemblyContext<'_> {
 
     /// Effective radius R of the two bodies, m, the scale of distances.
     pub(super) fn effective_radius(&self, contact: &Contact) -> f64 {
-        let (a, b) = contact.ranks;
+        let (a, b) = contact.part_numbers;
         self.scene.effective_radius((contact.candidate, a), (contact.antagonist, b))
     }
 

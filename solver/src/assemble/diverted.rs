@@ -57,8 +57,8 @@ impl OpenPair<'_> {
         if !law.has_restitution() && !law.is_damped_spring() {
             return 0.0;
         }
-        let Contact { candidate, antagonist, ranks, .. } = *self.contact;
-        MAX_STEP_OVERLAP * self.scene.pair_size((candidate, ranks.0), (antagonist, ranks.1))
+        let Contact { candidate, antagonist, part_numbers, .. } = *self.contact;
+        MAX_STEP_OVERLAP * self.scene.pair_size((candidate, part_numbers.0), (antagonist, part_numbers.1))
     }
 
     /// Whether these velocities close the contact by more than its gap and `depth` (m), whatever the motion across its normal.

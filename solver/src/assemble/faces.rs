@@ -152,7 +152,7 @@ impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S>
 /// Whether a scene may have faces that lie on several contactors of one body or of fixed bodies.
 pub(super) fn has_joints(scene: &Scene) -> bool {
     let is_fixed = |part: &&BodyPart| scene.bodies[part.body.index()].is_imposed();
-    let is_piece = |part: &BodyPart| part.rank > 0 && matches!(part.geometry, ContactorShape::Polyhedron(_));
+    let is_piece = |part: &BodyPart| part.number > 0 && matches!(part.geometry, ContactorShape::Polyhedron(_));
     let parts = scene.parts.par_iter().with_min_len(PAR_MIN_LEN);
     scene.options.face_friction == FaceFriction::Uniform
         && (parts.clone().any(is_piece) || parts.filter(is_fixed).count() > 1)
@@ -338,7 +338,7 @@ where
 
 /// Whether two contacts are of the same contactors along one normal.
 fn is_same_face(a: &Contact, b: &Contact) -> bool {
-    (a.antagonist, a.candidate, a.ranks) == (b.antagonist, b.candidate, b.ranks) && a.normal == b.normal
+    (a.antagonist, a.candidate, a.part_numbers) == (b.antagonist, b.candidate, b.part_numbers) && a.normal == b.normal
 }
 
 impl<L: Fn(usize) -> f64 + Sync, S: Fn(usize) -> bool + Sync> FaceRows<'_, L, S> {

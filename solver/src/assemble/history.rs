@@ -30,11 +30,11 @@ fn previous_by_key(before: &[SolvedContact], contacts: &[Contact]) -> Vec<Option
     contacts.par_iter().with_min_len(CONTACTS_PER_TASK).map_init(|| None, of_contact).collect()
 }
 
-/// Two contactors given by their bodies and ranks.
+/// Two contactors given by their bodies and numbers of parts.
 type ContactorPair = (BodyId, BodyId, (u16, u16));
 
 fn contactor_pair(contact: &Contact) -> ContactorPair {
-    (contact.candidate, contact.antagonist, contact.ranks)
+    (contact.candidate, contact.antagonist, contact.part_numbers)
 }
 
 /// Range of the contacts of two contactors in a list sorted by key.
@@ -264,9 +264,9 @@ impl AssemblyContext<'_> {
 
     /// Alert distance of the visibility table for a contact, m.
     pub(super) fn alert_distance(&self, contact: &Contact) -> Option<f64> {
-        let Contact { candidate, antagonist, ranks, .. } = *contact;
-        let a = self.scene.contactor_class(candidate, ranks.0)?;
-        let b = self.scene.contactor_class(antagonist, ranks.1)?;
+        let Contact { candidate, antagonist, part_numbers, .. } = *contact;
+        let a = self.scene.contactor_class(candidate, part_numbers.0)?;
+        let b = self.scene.contactor_class(antagonist, part_numbers.1)?;
         self.scene.visibility.interaction_rule(a, b).map(|rule| rule.alert)
     }
 

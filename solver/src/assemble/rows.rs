@@ -365,7 +365,7 @@ impl AssemblyContext<'_> {
         // The arms end in one point: it divides the distance in the ratio of the radii, and is the middle of the gap on flat
         // surfaces.
         let radii = [solver_bodies[a].radius, solver_bodies[b].radius];
-        let beyond = || match scene.find_part(contact.antagonist, contact.ranks.1).map(|part| &part.geometry) {
+        let beyond = || match scene.find_part(contact.antagonist, contact.part_numbers.1).map(|part| &part.geometry) {
             Some(ContactorShape::Sphere { radius }) => *radius,
             _ if on_plate => radii[0],
             _ => radii[1],
@@ -418,7 +418,7 @@ impl AssemblyContext<'_> {
 
     /// Normal shift, m/s, and compliance, 1/kg, of a wire or rod.
     fn link_terms(&self, contact: &Contact, spring: &StrainSpring) -> (f64, f64) {
-        let link = self.scene.find_link([contact.candidate, contact.antagonist], contact.ranks);
+        let link = self.scene.find_link([contact.candidate, contact.antagonist], contact.part_numbers);
         let rest_length = link.map_or(contact.gap, |link| link.rest_length);
         spring.shift_and_compliance(contact.gap, rest_length, self.q_c.h, self.closing_time())
     }

@@ -90,7 +90,7 @@ mod tests {
         let contact = |k: usize| Contact {
             candidate: BodyId(pairs[k][0]),
             antagonist: BodyId(pairs[k][1]),
-            ranks: (0, 0),
+            part_numbers: (0, 0),
             features: (0, 0),
             point: Vec3::zeros(),
             image: Vec3::zeros(),

@@ -56,14 +56,14 @@ impl AssemblyContext<'_> {
         if !scene.has_rollers {
             return None;
         }
-        let side = |body: BodyId, rank: u16| {
-            let part = scene.find_part(body, rank)?;
+        let side = |body: BodyId, part_number: u16| {
+            let part = scene.find_part(body, part_number)?;
             let ContactorShape::Cylinder { radius, hollow: false, .. } = part.geometry else { return None };
             let axis = q_c.q[body.index()] * part.axes * Vec3::z();
             (axis.dot(&contact.normal).abs() < MAX_SIDE_COSINE).then_some((axis, radius))
         };
-        let (axis, own) = side(contact.candidate, contact.ranks.0)?;
-        let of_antagonist = side(contact.antagonist, contact.ranks.1);
+        let (axis, own) = side(contact.candidate, contact.part_numbers.0)?;
+        let of_antagonist = side(contact.antagonist, contact.part_numbers.1);
         let parallel = of_antagonist.filter(|(other, _)| axis.cross(other).norm() < MAX_SIDE_COSINE);
         Some((axis, 1.0 / (1.0 / own + parallel.map_or(0.0, |(_, radius)| 1.0 / radius))))
     }
@@ -71,8 +71,8 @@ impl AssemblyContext<'_> {
     /// 1/(1/R_a + 1/R_b) of a sphere and the surface on which it rolls, m; 0 for corners and edges, which are fixed on their
     /// bodies.
     fn rolling_radius(&self, contact: &Contact) -> f64 {
-        let Some(own) = self.sphere_radius(contact.candidate, contact.ranks.0) else { return 0.0 };
-        let of_antagonist = self.sphere_radius(contact.antagonist, contact.ranks.1);
+        let Some(own) = self.sphere_radius(contact.candidate, contact.part_numbers.0) else { return 0.0 };
+        let of_antagonist = self.sphere_radius(contact.antagonist, contact.part_numbers.1);
         1.0 / (1.0 / own + of_antagonist.map_or(0.0, f64::recip))
     }
 
@@ -87,7 +87,7 @@ impl AssemblyContext<'_> {
             return 0.0;
         }
         let [a, b] = [contact.candidate, contact.antagonist].map(|i| i.index());
-        let Some(drum) = scene.find_part(contact.antagonist, contact.ranks.1) else { return 0.0 };
+        let Some(drum) = scene.find_part(contact.antagonist, contact.part_numbers.1) else { return 0.0 };
         let ContactorShape::Cylinder { hollow: true, .. } = drum.geometry else { return 0.0 };
         if contact.features.1 >= FAR_WALL {
             return 0.0; // a plane
@@ -97,7 +97,7 @@ impl AssemblyContext<'_> {
             return 0.0; // a flat end
         }
         // The centre of a sphere, the vertex of a polyhedron.
-        let in_front = match scene.find_part(contact.candidate, contact.ranks.0).map(|part| &part.geometry) {
+        let in_front = match scene.find_part(contact.candidate, contact.part_numbers.0).map(|part| &part.geometry) {
             Some(ContactorShape::Sphere { radius }) => radius + 0.5 * contact.gap,
             _ => 0.5 * contact.gap,
         };

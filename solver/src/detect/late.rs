@@ -54,8 +54,9 @@ pub fn late_contacts(
             return found;
         }
         // Inner contacts of flush joints can only be recognised together with the contacts that support the body.
-        let is_surface =
-            |contact: &&Contact| scene.find_link([contact.candidate, contact.antagonist], contact.ranks).is_none();
+        let is_surface = |contact: &&Contact| {
+            scene.find_link([contact.candidate, contact.antagonist], contact.part_numbers).is_none()
+        };
         let mut all: Vec<Contact> = listed.iter().filter(is_surface).chain(&found).copied().collect();
         all.sort_unstable_by_key(Contact::key);
         let mut left = parts::without_inner_edges(scene, q_c, &bounds, all);
@@ -104,9 +105,9 @@ pub fn late_contacts(
     found.filter(|contact| !is_listed(contact)).collect()
 }
 
-/// Bodies and ranks that identify the pair of contactors.
+/// Bodies and numbers of parts that identify the pair of contactors.
 fn contactor_pair(contact: &Contact) -> (BodyId, BodyId, (u16, u16)) {
-    (contact.candidate, contact.antagonist, contact.ranks)
+    (contact.candidate, contact.antagonist, contact.part_numbers)
 }
 
 /// Whether a contact's gap closes at these velocities within `span` (s).

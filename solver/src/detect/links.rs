@@ -9,13 +9,13 @@ use crate::state::Contact;
 /// forces act along the line, so that any point on it will do.
 pub fn link_contacts(scene: &Scene, q_c: &ContactConfiguration) -> impl Iterator<Item = Contact> {
     scene.links.iter().map(|link| {
-        let PointLink { bodies, offsets, ranks, law, .. } = *link;
+        let PointLink { bodies, offsets, part_numbers, law, .. } = *link;
         let [a, b] = [0, 1].map(|k| q_c.x[bodies[k].index()] + q_c.q[bodies[k].index()] * offsets[k]);
         let between = a - b;
         Contact {
             candidate: bodies[0],
             antagonist: bodies[1],
-            ranks,
+            part_numbers,
             features: (0, 0),
             point: (a + b) * 0.5,
             image: Vec3::zeros(),

@@ -95,7 +95,7 @@ pub fn narrow_phase_error(
         NarrowPhase::Accurate,
         &mut cache.clone(),
     );
-    let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
+    let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.part_numbers);
     let gaps = |contacts: &[Contact]| {
         let mut gaps = BTreeMap::new();
         for contact in contacts {

@@ -360,16 +360,16 @@ fn visible_parts(scene: &Scene, contactors: &[PosedContactor], pair: [u32; 2]) -
         return None;
     }
     let rule = scene.visibility.interaction_rule(a.class, b.class)?;
-    let first = scene.candidate_order(a.body, a.rank) <= scene.candidate_order(b.body, b.rank);
+    let first = scene.candidate_order(a.body, a.number) <= scene.candidate_order(b.body, b.number);
     Some((if first { [i, j] } else { [j, i] }, rule))
 }
 
 /// Pairs ordered by candidate, in the order of the bodies, then by antagonist.
 fn pairs_by_candidate(pairs: &[VisiblePair], scene: &Scene, bodies: &[u32]) -> Vec<VisiblePair> {
-    let mut ranks = vec![0; bodies.len()];
-    bodies.iter().zip(0..).for_each(|(&body, rank)| ranks[body as usize] = rank);
-    let rank_of_candidate = |(parts, _): &VisiblePair| ranks[scene.parts[parts[0].index()].body.index()];
-    let keys: Vec<u32> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(rank_of_candidate).collect();
+    let mut positions = vec![0; bodies.len()];
+    bodies.iter().zip(0..).for_each(|(&body, position)| positions[body as usize] = position);
+    let position_of_candidate = |(parts, _): &VisiblePair| positions[scene.parts[parts[0].index()].body.index()];
+    let keys: Vec<u32> = pairs.par_iter().with_min_len(PAR_MIN_LEN).map(position_of_candidate).collect();
     let (order, _) = group_by_key(&keys, bodies.len());
     let pair = |&k: &u32| pairs[k as usize];
     let mut grouped: Vec<VisiblePair> = order.par_iter().with_min_len(PAR_MIN_LEN).map(pair).collect();

@@ -39,7 +39,7 @@ pub struct PosedContactor<'a> {
     /// Whether all of its body's motion is imposed.
     pub imposed: bool,
     /// Index among the contactors of its body.
-    pub rank: u16,
+    pub number: u16,
     pub shape: PosedShape<'a>,
 }
 
@@ -87,7 +87,7 @@ fn posed_contactor<'a>(
         body: part.body,
         class: part.class,
         imposed: scene.bodies[i].is_imposed(),
-        rank: part.rank,
+        number: part.number,
         shape: match &part.geometry {
             ContactorShape::Sphere { radius } => PosedShape::Sphere { radius: *radius },
             ContactorShape::Polyhedron(shape) => PosedShape::Polyhedron(shape.posed_by(&axes)),
@@ -212,7 +212,7 @@ impl<'a> CandidatePair<'a> {
         manifold.points.iter().filter(move |point| point.gap <= max_gap).map(move |point| Contact {
             candidate: a.body,
             antagonist: b.body,
-            ranks: (a.rank, b.rank),
+            part_numbers: (a.number, b.number),
             features: point.features,
             point: a.centre + point.position,
             image: self.image,

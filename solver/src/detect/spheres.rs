@@ -141,7 +141,7 @@ pub fn sphere_contact(scene: &Scene, q_c: &ContactConfiguration, pair: [BodyId; 
     Contact {
         candidate,
         antagonist,
-        ranks: (0, 0),
+        part_numbers: (0, 0),
         features: (0, found.feature),
         point: found.point,
         image: scene.nearest_image_shift(&q_c.x[candidate.index()], &q_c.x[antagonist.index()]),

@@ -146,11 +146,11 @@ fn grid_levels(x: &[Vec3], reach: &[f64]) -> Vec<GridLevel> {
     let reaches = reach.par_iter().with_min_len(SPHERES_PER_TASK);
     let Some(least) = reaches.clone().copied().reduce_with(f64::min) else { return Vec::new() };
     // Cells grow by a factor of two; spheres of up to twice the least reach share the first level.
-    let rank = |&r: &f64| if r < 2.0 * least { 0 } else { (libm::log2(r / least) as u32).min(MAX_LEVEL) };
-    let ranks: Vec<u32> = reaches.map(rank).collect();
-    let count = ranks.iter().max().map_or(0, |most| *most as usize + 1);
-    let (members, starts) = group_by_key(&ranks, count);
-    let levels = starts.windows(2).map(|of_rank| &members[of_rank[0] as usize..of_rank[1] as usize]);
+    let level = |&r: &f64| if r < 2.0 * least { 0 } else { (libm::log2(r / least) as u32).min(MAX_LEVEL) };
+    let level_of_balls: Vec<u32> = reaches.map(level).collect();
+    let count = level_of_balls.iter().max().map_or(0, |most| *most as usize + 1);
+    let (members, starts) = group_by_key(&level_of_balls, count);
+    let levels = starts.windows(2).map(|ends| &members[ends[0] as usize..ends[1] as usize]);
     levels.filter(|members| !members.is_empty()).map(|members| GridLevel::new(x, reach, members)).collect()
 }
 

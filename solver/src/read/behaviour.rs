@@ -21,7 +21,7 @@ use cd_formats::vloc_rloc::{ContactRecord, ContactSide, VlocRloc};
 use crate::gravity::SummationMethod;
 use crate::laws::{Cohesion, ContactLaw};
 use crate::math::{Quat, Vec3, local_frame, to_local, to_world};
-use crate::read::contactors::{ContactorNumbers, ContactorTable, NamedContactor, POINT_NAME, rank_in_scene};
+use crate::read::contactors::{ContactorNumbers, ContactorTable, NamedContactor, POINT_NAME, part_number_in_scene};
 use crate::scene::{
     BodyId, BodyPart, BodyShape, ContactorShape, EVENT_SLACK, InteractionRule, RigidBody, Scene, VisibilityTable,
 };
@@ -40,13 +40,13 @@ fn contactor_kind(geometry: &ContactorShape) -> usize {
     }
 }
 
-/// Kind and class of a contactor by its body and rank.
-fn kind_and_class(scene: &Scene, body: BodyId, rank: u16) -> (usize, u16) {
+/// Kind and class of a contactor by its body and the number of its part.
+fn kind_and_class(scene: &Scene, body: BodyId, part_number: u16) -> (usize, u16) {
     match scene.bodies[body.index()].shape {
         BodyShape::Sphere { .. } => (0, scene.bodies[body.index()].class),
         BodyShape::Plane { .. } => (1, scene.bodies[body.index()].class),
         BodyShape::Parts => {
-            let part = &scene.parts_of(body)[usize::from(rank)];
+            let part = &scene.parts_of(body)[usize::from(part_number)];
             (contactor_kind(&part.geometry), part.class)
         }
     }
@@ -629,14 +629,14 @@ impl ContactReader<'_> {
             left_out.unnumbered.push(record.line);
             return Ok(None);
         }
-        let rank = |k: usize| {
+        let part_number = |k: usize| {
             let NamedContactor::Found(index) = named[k] else { return None };
             let body = sides[k].body;
             let point = orientations[body].inverse_transform_vector(&(Vec3::from(record.point) - positions[body]));
-            rank_in_scene(scene, BodyId::new(body), index, &point)
+            part_number_in_scene(scene, BodyId::new(body), index, &point)
         };
-        let [Some(rank_a), Some(rank_b)] = [0, 1].map(rank) else {
-            let name = |side: &ContactSide| format!("{} {} of body {}", side.contactor, side.rank + 1, side.body + 1);
+        let [Some(part_a), Some(part_b)] = [0, 1].map(part_number) else {
+            let name = |side: &ContactSide| format!("{} {} of body {}", side.contactor, side.number + 1, side.body + 1);
             let found = format!("{} of {} and {}", record.kind, name(sides[0]), name(sides[1]));
             let expected = "expected numbers and kinds of the bodies' own contactors";
             return Err(fault("contact", &found, expected));
@@ -644,9 +644,9 @@ impl ContactReader<'_> {
         if sides.iter().any(|side| !numbers.is_in_body(records, side)) {
             left_out.renumbered.push(record.line);
         }
-        let ranks = [rank_a, rank_b];
+        let part_numbers = [part_a, part_b];
         let [(kind_a, class_a), (kind_b, class_b)] =
-            [0, 1].map(|k| kind_and_class(scene, BodyId::new(sides[k].body), ranks[k]));
+            [0, 1].map(|k| kind_and_class(scene, BodyId::new(sides[k].body), part_numbers[k]));
         let Some(rule) = scene.visibility.interaction_rule(class_a, class_b) else {
             left_out.unseen.push(record.line);
             return Ok(None);
@@ -664,11 +664,11 @@ impl ContactReader<'_> {
         let Some(normal) = frame[0].try_normalize(0.0) else {
             return Err(fault("contact", "a normal of length 0", "expected length 1"));
         };
-        let candidacy = [0, 1].map(|k| scene.candidate_order(BodyId::new(sides[k].body), ranks[k]));
+        let candidacy = [0, 1].map(|k| scene.candidate_order(BodyId::new(sides[k].body), part_numbers[k]));
         let turned = candidacy[0] > candidacy[1];
         let (sign, [candidate, antagonist], kinds) =
             if turned { (-1.0, [sides[1], sides[0]], [kind_b, kind_a]) } else { (1.0, sides, [kind_a, kind_b]) };
-        let ranks = if turned { (rank_b, rank_a) } else { (rank_a, rank_b) };
+        let part_numbers = if turned { (part_b, part_a) } else { (part_a, part_b) };
         let normal = normal * sign;
         // A plate's face is identified by the normal, all other features by the position.
         let features = match kinds.map(|kind| CONTACTOR_NAMES[kind][0]) {
@@ -687,7 +687,7 @@ impl ContactReader<'_> {
             contact: Contact {
                 candidate: BodyId::new(candidate.body),
                 antagonist: BodyId::new(antagonist.body),
-                ranks,
+                part_numbers,
                 features,
                 point: Vec3::from(record.point),
                 image: Vec3::zeros(),

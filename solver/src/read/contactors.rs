@@ -126,8 +126,8 @@ impl ContactorNumbers {
     /// Index of the contactor with the number and the kind of a side.
     fn exact_index(&self, records: &Bodies, side: &ContactSide) -> Option<usize> {
         let index = match self {
-            ContactorNumbers::InBody => side.rank,
-            ContactorNumbers::OverAll(starts) => side.rank.checked_sub(starts[side.body])?,
+            ContactorNumbers::InBody => side.number,
+            ContactorNumbers::OverAll(starts) => side.number.checked_sub(starts[side.body])?,
         };
         let contactor = records.0[side.body].contactors.get(index)?;
         (kind_name(contactor.shape.type_name()) == kind_name(&side.contactor)).then_some(index)
@@ -155,15 +155,15 @@ impl ContactorNumbers {
     }
 }
 
-/// Rank in the scene of a contactor of BODIES.DAT; of its convex pieces that in which a point in the body's frame lies
-/// deepest. `None` for a point.
-pub fn rank_in_scene(scene: &Scene, body: BodyId, contactor: usize, point: &Vec3) -> Option<u16> {
+/// Number of the part that a contactor of BODIES.DAT is in the scene; of its convex pieces that in which a point in the
+/// body's frame lies deepest. `None` for a point.
+pub fn part_number_in_scene(scene: &Scene, body: BodyId, contactor: usize, point: &Vec3) -> Option<u16> {
     if scene.bodies[body.index()].shape != BodyShape::Parts {
         return (contactor == 0).then_some(0);
     }
     let pieces = scene.parts_of(body).iter().filter(|part| usize::from(part.contactor) == contactor);
     let nearest = pieces.min_by(|a, b| height_over(a, point).total_cmp(&height_over(b, point)));
-    nearest.map(|part| part.rank)
+    nearest.map(|part| part.number)
 }
 
 /// Largest height of a point in the body's frame over the faces of a polyhedron, m; 0 for other shapes.

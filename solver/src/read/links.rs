@@ -93,7 +93,7 @@ pub fn set_links(datbox: &Path, (records, tact): (&Bodies, &TactBehav), scene: &
                 let link = PointLink {
                     bodies: [a.body, b.body],
                     offsets: [a, b].map(|point| offset_in_body(scene, point)),
-                    ranks: (rank_of(scene, a), rank_of(scene, b)),
+                    part_numbers: (point_number(scene, a), point_number(scene, b)),
                     rest_length,
                     law: law as u8,
                 };
@@ -107,8 +107,11 @@ pub fn set_links(datbox: &Path, (records, tact): (&Bodies, &TactBehav), scene: &
         }
     }
     let file = datbox.join("TACT_BEHAV.DAT");
-    links.sort_by_key(|(link, _)| (link.bodies, link.ranks));
-    for two in links.chunk_by(|a, b| (a.0.bodies, a.0.ranks) == (b.0.bodies, b.0.ranks)).filter(|same| same.len() > 1) {
+    links.sort_by_key(|(link, _)| (link.bodies, link.part_numbers));
+    for two in links
+        .chunk_by(|a, b| (a.0.bodies, a.0.part_numbers) == (b.0.bodies, b.0.part_numbers))
+        .filter(|same| same.len() > 1)
+    {
         let [(first, earlier), (second, later)] = [&two[0], &two[1]];
         if (first.law, earlier.alert) != (second.law, later.alert) {
             let object = format!("PT3Dx {} and PT3Dx {}", later.candidate.colour, later.antagonist.colour);
@@ -118,7 +121,7 @@ pub fn set_links(datbox: &Path, (records, tact): (&Bodies, &TactBehav), scene: &
             break;
         }
     }
-    links.dedup_by_key(|(link, _)| (link.bodies, link.ranks));
+    links.dedup_by_key(|(link, _)| (link.bodies, link.part_numbers));
     if let (Some((_, row)), [Some(_), _] | [_, Some(_)]) = (links.first(), scene.periods()) {
         let expected = "expected neither xperiode nor yperiode: wires and rods do not reach over them";
         faults.push(Fault::new(&file, Some(row.line), "PT3Dx", "in a periodic scene", expected));
@@ -157,8 +160,8 @@ fn offset_in_body(scene: &Scene, point: &PointContactor) -> Vec3 {
     scene.axes[i].inverse_transform_vector(&(point.position - scene.reference[i]))
 }
 
-/// Rank of a point, behind all parts of its body.
-fn rank_of(scene: &Scene, point: &PointContactor) -> u16 {
+/// Number of a point, behind those of all parts of its body.
+fn point_number(scene: &Scene, point: &PointContactor) -> u16 {
     let parts = if scene.is_general() { scene.parts_of(point.body).len() } else { 0 };
     u16::try_from(parts + point.contactor).unwrap_or(u16::MAX)
 }

@@ -92,9 +92,9 @@ pub fn body_from_record(
         colour: pieces[0].colour,
         class: 0,
     };
-    let part = |(rank, piece): (usize, ContactorPiece)| BodyPart {
+    let part = |(number, piece): (usize, ContactorPiece)| BodyPart {
         body: BodyId(0),
-        rank: rank as u16,
+        number: number as u16,
         contactor: piece.contactor,
         geometry: piece.geometry,
         offset: axes.inverse_transform_vector(&piece.centre),

@@ -291,8 +291,8 @@ fn contacts_of_start(
         (contact.candidate, contact.antagonist) = (body[contact.candidate.index()], body[contact.antagonist.index()]);
     }
     let see = |contact: &Contact| {
-        let a = scene.contactor_class(contact.candidate, contact.ranks.0)?;
-        let b = scene.contactor_class(contact.antagonist, contact.ranks.1)?;
+        let a = scene.contactor_class(contact.candidate, contact.part_numbers.0)?;
+        let b = scene.contactor_class(contact.antagonist, contact.part_numbers.1)?;
         scene.visibility.interaction_rule(a, b)
     };
     contacts.retain_mut(|(solved, memory)| {
@@ -307,8 +307,9 @@ fn contacts_of_start(
     });
     // Bodies may have other numbers, or be combined with other shapes.
     for (number, (solved, _)) in (0..).zip(&mut contacts) {
-        let Contact { candidate, antagonist, ranks, .. } = solved.contact;
-        let sides = [scene.candidate_order(candidate, ranks.0), scene.candidate_order(antagonist, ranks.1)];
+        let Contact { candidate, antagonist, part_numbers, .. } = solved.contact;
+        let sides =
+            [scene.candidate_order(candidate, part_numbers.0), scene.candidate_order(antagonist, part_numbers.1)];
         if sides[0] > sides[1] {
             swap_sides(solved);
             // Two spheres touch at one point; other contacts are identified by their position.
@@ -329,7 +330,7 @@ fn swap_sides(solved: &mut SolvedContact) {
     let old = solved.contact.frame();
     let contact = &mut solved.contact;
     (contact.candidate, contact.antagonist) = (contact.antagonist, contact.candidate);
-    contact.ranks = (contact.ranks.1, contact.ranks.0);
+    contact.part_numbers = (contact.part_numbers.1, contact.part_numbers.0);
     contact.normal = -contact.normal;
     let new = contact.frame();
     for vector in [&mut solved.impulse, &mut solved.moment, &mut solved.velocity] {
@@ -349,7 +350,7 @@ fn restored_attraction(scene: &Scene, snapshot: &Snapshot) -> Option<GravityHist
 
 /// Cached data of pairs of contactors that this scene has; `body` returns the body of each row of the snapshot.
 fn restored_pairs(scene: &Scene, shapes: &ShapeArrays, body: impl Fn(u32) -> BodyId) -> Vec<CachedPair> {
-    let part = |row: u32, rank: u32| scene.part_index(body(row), rank.try_into().ok()?);
+    let part = |row: u32, part_number: u32| scene.part_index(body(row), part_number.try_into().ok()?);
     let rows = shapes.pairs.pair_body.iter().zip(&shapes.pairs.pair_rank).zip(&shapes.pairs.pair_memory);
     let mut pairs: Vec<CachedPair> = rows
         .filter_map(|((&[a, b], &[r, s]), &words)| {
@@ -364,7 +365,7 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
     let Snapshot { meta, bodies, contacts, memory, laws, shapes, interval, .. } = snapshot;
     let shapes = shapes.unwrap_or_default();
     let interval = interval.unwrap_or_default();
-    let ranks = |k: usize| {
+    let part_numbers = |k: usize| {
         let [a, b] = shapes.contacts.contact_rank.get(k).copied().unwrap_or_default();
         (a as u16, b as u16)
     };
@@ -393,7 +394,7 @@ fn restore_state(snapshot: Snapshot, state: &mut State) {
             contact: Contact {
                 candidate: BodyId(contacts.contact_body[k][0]),
                 antagonist: BodyId(contacts.contact_body[k][1]),
-                ranks: ranks(k),
+                part_numbers: part_numbers(k),
                 features: contacts.contact_feature[k].into(),
                 point: Vec3::from(contacts.contact_point[k]),
                 image: Vec3::zeros(),

@@ -65,7 +65,8 @@ pub fn overturned_bodies(
         }
     }
     let passes = |contact: &Contact, own: (BodyId, u16), other: (BodyId, u16)| {
-        let [Some(part), Some(surface)] = [own, other].map(|(body, rank)| scene.find_part(body, rank)) else {
+        let [Some(part), Some(surface)] = [own, other].map(|(body, part_number)| scene.find_part(body, part_number))
+        else {
             return false;
         };
         let thickness = part.geometry.inner_radius().min(surface.geometry.inner_radius());
@@ -103,7 +104,9 @@ pub fn pushed_bodies(
             continue;
         }
         let deep = both_sides(contact).into_iter().any(|(own, other)| {
-            let [Some(part), Some(surface)] = [own, other].map(|(body, rank)| scene.find_part(body, rank)) else {
+            let [Some(part), Some(surface)] =
+                [own, other].map(|(body, part_number)| scene.find_part(body, part_number))
+            else {
                 return false;
             };
             let thickness = part.geometry.inner_radius().min(surface.geometry.inner_radius());
@@ -117,12 +120,12 @@ pub fn pushed_bodies(
     pushed
 }
 
-/// Contactor of a body, by its rank.
+/// Contactor: a body, and the number of its part.
 type ContactorKey = (BodyId, u16);
 
 /// The two contactors of a contact in both orders.
 fn both_sides(contact: &Contact) -> [(ContactorKey, ContactorKey); 2] {
-    let [a, b] = [(contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1)];
+    let [a, b] = [(contact.candidate, contact.part_numbers.0), (contact.antagonist, contact.part_numbers.1)];
     [(a, b), (b, a)]
 }
 

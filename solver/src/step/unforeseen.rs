@@ -42,8 +42,10 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
     let contacts = detect::listed_contacts(scene, &start, state.velocities(), &mut state.detection_cache.clone());
     let closes = |contact: &Contact| {
         let u = contact.normal.dot(&relative_velocity(contact, &start.x, Velocities { v: &state.v, w: &start.w }));
-        let radius =
-            scene.effective_radius((contact.candidate, contact.ranks.0), (contact.antagonist, contact.ranks.1));
+        let radius = scene.effective_radius(
+            (contact.candidate, contact.part_numbers.0),
+            (contact.antagonist, contact.part_numbers.1),
+        );
         let find_old = || state.contacts.binary_search_by_key(&contact.key(), |old| old.contact.key());
         let bounded = || {
             !longer
@@ -63,7 +65,7 @@ pub fn needs_implicit_step(scene: &Scene, state: &State, step_multiple: u64, unb
 /// The file has velocities in the contact configuration of its last step, from which the bodies have turned by up to
 /// ω `before`, so that points at the distance r move by ω² r `before` faster.
 fn bounded_by_file(state: &State, start: &ContactConfiguration, contact: &Contact, u: f64, before: f64) -> bool {
-    let pair = |c: &Contact| (c.candidate, c.antagonist, c.ranks);
+    let pair = |c: &Contact| (c.candidate, c.antagonist, c.part_numbers);
     let first = state.contacts.partition_point(|old| pair(&old.contact) < pair(contact));
     let of_pair = state.contacts[first..].iter().take_while(|old| pair(&old.contact) == pair(contact));
     let of_file = of_pair.filter(|old| old.contact.features.0 == UNKNOWN_FEATURE);

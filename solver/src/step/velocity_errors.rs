@@ -176,7 +176,7 @@ impl StepBonds<'_> {
         let StepContext { scene, q_c, contacts, .. } = self.context;
         let is_undecided = |(k, contact): (usize, &Contact)| {
             let radius = || {
-                let (a, b) = contact.ranks;
+                let (a, b) = contact.part_numbers;
                 scene.effective_radius((contact.candidate, a), (contact.antagonist, b))
             };
             has_active_bond(&contact_problem.rows[k])

@@ -356,26 +356,26 @@ impl<'a> StepFigures<'a> {
     /// contactors count once; grains are spheres and polyhedra. None without grains.
     fn coordination(&self) -> Option<[f64; 4]> {
         let scene = self.scene;
-        let is_grain = |body: BodyId, rank: u16| match scene.bodies[body.index()].shape {
+        let is_grain = |body: BodyId, part_number: u16| match scene.bodies[body.index()].shape {
             BodyShape::Sphere { .. } => true,
             BodyShape::Plane { .. } => false,
             BodyShape::Parts => matches!(
-                scene.find_part(body, rank).map(|part| &part.geometry),
+                scene.find_part(body, part_number).map(|part| &part.geometry),
                 Some(ContactorShape::Sphere { .. } | ContactorShape::Polyhedron(_))
             ),
         };
         let contactors = |i: usize| if scene.is_general() { scene.parts_of(BodyId::new(i)).len() } else { 1 };
         let mut ends = std::collections::BTreeMap::<(BodyId, u16), [u32; 3]>::new();
         for i in 0..scene.bodies.len() {
-            let ranks = (0..contactors(i) as u16).filter(|&rank| is_grain(BodyId::new(i), rank));
-            ends.extend(ranks.map(|rank| ((BodyId::new(i), rank), [0; 3])));
+            let part_numbers = (0..contactors(i) as u16).filter(|&part_number| is_grain(BodyId::new(i), part_number));
+            ends.extend(part_numbers.map(|part_number| ((BodyId::new(i), part_number), [0; 3])));
         }
-        let pair = |a: &SolvedContact| (a.contact.candidate, a.contact.antagonist, a.contact.ranks);
+        let pair = |a: &SolvedContact| (a.contact.candidate, a.contact.antagonist, a.contact.part_numbers);
         for contacts in self.state.contacts.chunk_by(|a, b| pair(a) == pair(b)) {
-            let (candidate, antagonist, ranks) = pair(&contacts[0]);
+            let (candidate, antagonist, part_numbers) = pair(&contacts[0]);
             let any = |holds: fn(f64) -> bool| u32::from(contacts.iter().any(|solved| holds(solved.impulse.x)));
             let counts = [1, any(|r| r > 0.0), any(|r| r < 0.0)];
-            for end in [(candidate, ranks.0), (antagonist, ranks.1)] {
+            for end in [(candidate, part_numbers.0), (antagonist, part_numbers.1)] {
                 let Some(sums) = ends.get_mut(&end) else { continue };
                 sums.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
             }

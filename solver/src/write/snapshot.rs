@@ -136,14 +136,14 @@ fn shape_arrays(scene: &Scene, state: &State) -> ShapeArrays {
     shapes.turning.turning_body = scene.turning.iter().map(|body| body.0).collect();
     shapes.turning.turning_momentum = state.angular_momentum.iter().map(|&l| l.into()).collect();
     shapes.contacts.contact_rank =
-        state.contacts.iter().map(|c| [c.contact.ranks.0, c.contact.ranks.1].map(u32::from)).collect();
+        state.contacts.iter().map(|c| [c.contact.part_numbers.0, c.contact.part_numbers.1].map(u32::from)).collect();
     shapes.contacts.contact_area = state.contacts.iter().map(|c| c.contact.area).collect();
     let kept = state.detection_cache.cached_pairs();
     let of_pairs = |value: fn(&BodyPart) -> u32| -> Vec<[u32; 2]> {
         kept.iter().map(|pair| pair.parts.map(|part| value(&scene.parts[part.index()]))).collect()
     };
     shapes.pairs.pair_body = of_pairs(|part| part.body.0);
-    shapes.pairs.pair_rank = of_pairs(|part| part.rank.into());
+    shapes.pairs.pair_rank = of_pairs(|part| part.number.into());
     shapes.pairs.pair_memory = kept.iter().map(|pair| pair.memory.to_words()).collect();
     shapes
 }

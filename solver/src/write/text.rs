@@ -129,26 +129,26 @@ fn contact_kind(candidate: &str, antagonist: &str) -> &'static str {
 }
 
 fn contact_records(scene: &Scene, state: &State) -> VlocRloc {
-    let side = |body: BodyId, rank: u16| {
+    let side = |body: BodyId, part_number: u16| {
         let parts = if scene.is_general() { scene.parts_of(body).len() } else { 1 };
-        if let Some(point) = usize::from(rank).checked_sub(parts) {
-            return ContactSide { body: body.index(), contactor: "PT3Dx".into(), rank: point };
+        if let Some(point) = usize::from(part_number).checked_sub(parts) {
+            return ContactSide { body: body.index(), contactor: "PT3Dx".into(), number: point };
         }
-        let (contactor, rank) = match scene.bodies[body.index()].shape {
+        let (contactor, number) = match scene.bodies[body.index()].shape {
             BodyShape::Sphere { .. } => ("SPHER", 0),
             BodyShape::Plane { .. } => ("PLANx", 0),
             BodyShape::Parts => {
-                let part = &scene.parts[scene.part_index(body, rank).unwrap_or_default().index()];
+                let part = &scene.parts[scene.part_index(body, part_number).unwrap_or_default().index()];
                 (contactor_name(part), part.contactor)
             }
         };
-        ContactSide { body: body.index(), contactor: contactor.into(), rank: rank.into() }
+        ContactSide { body: body.index(), contactor: contactor.into(), number: number.into() }
     };
     let record = |(k, solved): (usize, &SolvedContact)| {
         let SolvedContact { contact, impulse, velocity, status, bond, .. } = solved;
-        let link = scene.find_link([contact.candidate, contact.antagonist], contact.ranks);
-        let candidate = side(contact.candidate, contact.ranks.0);
-        let antagonist = side(contact.antagonist, contact.ranks.1);
+        let link = scene.find_link([contact.candidate, contact.antagonist], contact.part_numbers);
+        let candidate = side(contact.candidate, contact.part_numbers.0);
+        let antagonist = side(contact.antagonist, contact.part_numbers.1);
         ContactRecord {
             line: 0,
             kind: contact_kind(&candidate.contactor, &antagonist.contactor).into(),

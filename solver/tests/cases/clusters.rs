@@ -36,8 +36,8 @@ fn an_l_of_two_cuboids() {
     inertia.sort_by(f64::total_cmp);
     // About y: 2 (1 + 4)/12 + 1 (1 + 1)/12 + 2 (1/9 + 1/36) + 1 (4/9 + 1/9) = 11/6.
     assert!(inertia.iter().any(|j| (j - 11.0 / 6.0).abs() < 1e-9), "{inertia:?}");
-    let ranks = state.shapes.unwrap().contacts.contact_rank;
-    assert!(ranks.contains(&[0, 0]) && ranks.contains(&[1, 0]));
+    let parts = state.shapes.unwrap().contacts.contact_rank;
+    assert!(parts.contains(&[0, 0]) && parts.contains(&[1, 0]));
 }
 
 /// A sphere rolls off the edge of a block that does not move, and stays on a wide one.

@@ -175,8 +175,8 @@ fn patches_and_pieces_carry_the_weight_of_the_whole() {
     let (code, text) = messages(next.path());
     assert!(code == 0 && text.contains(split), "{text}");
     let state = Snapshot::read(&snapshot_path(&next.path().join("OUTBOX"), 200)).unwrap();
-    let ranks: Vec<u32> = state.shapes.unwrap().contacts.contact_rank.iter().map(|rank| rank[0]).collect();
-    assert_eq!(ranks, [0, 0, 0, 0, 1, 1, 1, 1]);
+    let parts: Vec<u32> = state.shapes.unwrap().contacts.contact_rank.iter().map(|pair| pair[0]).collect();
+    assert_eq!(parts, [0, 0, 0, 0, 1, 1, 1, 1]);
 }
 
 #[test]

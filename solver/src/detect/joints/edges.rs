@@ -330,7 +330,7 @@ fn closing_runs(scene: &Scene, contactors: &[PosedContactor], contacts: &[Contac
     let travel = contactors.par_iter().with_min_len(CONTACTORS_PER_TASK).map(|contactor| contactor.travel);
     let largest_travel = travel.reduce(|| 0.0, f64::max);
     let is_same_pair = |a: &Contact, b: &Contact| {
-        let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.ranks);
+        let pair = |contact: &Contact| (contact.candidate, contact.antagonist, contact.part_numbers);
         pair(a) == pair(b)
     };
     let can_close = |[a, b]: [&PosedContactor; 2], gap: f64| {
@@ -340,8 +340,9 @@ fn closing_runs(scene: &Scene, contactors: &[PosedContactor], contacts: &[Contac
         let (mut runs, mut start) = (Vec::new(), task.start);
         for of_one in contacts[task].chunk_by(is_same_pair) {
             let (first, end) = (&of_one[0], start + of_one.len());
-            let part = |body: BodyId, rank: u16| PartId(scene.part_starts[body.index()].0 + u32::from(rank));
-            let parts = [part(first.candidate, first.ranks.0), part(first.antagonist, first.ranks.1)];
+            let part =
+                |body: BodyId, part_number: u16| PartId(scene.part_starts[body.index()].0 + u32::from(part_number));
+            let parts = [part(first.candidate, first.part_numbers.0), part(first.antagonist, first.part_numbers.1)];
             let gap = of_one.iter().map(|contact| contact.gap).fold(f64::INFINITY, f64::min);
             if attracts || can_close(parts.map(|part| &contactors[part.index()]), gap) {
                 runs.push(ContactRun { start: start as u32, end: end as u32, parts, gap });

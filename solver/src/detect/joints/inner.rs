@@ -246,8 +246,8 @@ impl JointScratch {
             let bounds: Vec<[f64; 2]> = (0..count).map(bounds).collect();
             let mut order: Vec<usize> = (0..count).collect();
             order.sort_by(|&a, &b| bounds[a][0].total_cmp(&bounds[b][0]));
-            for (rank, &i) in order.iter().enumerate() {
-                for &j in order[rank + 1..].iter().take_while(|&&j| bounds[j][0] <= bounds[i][1]) {
+            for (position, &i) in order.iter().enumerate() {
+                for &j in order[position + 1..].iter().take_while(|&&j| bounds[j][0] <= bounds[i][1]) {
                     try_pair(i, j);
                     try_pair(j, i);
                 }
