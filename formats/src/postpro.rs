@@ -36,16 +36,29 @@ pub enum PostproKind {
     NewRigidSets(Vec<Vec<usize>>),
 }
 
-/// Commands of LMGC90 that are computed.
-const COMPUTED_COMMANDS: [&str; 8] = [
-    "SOLVER INFORMATIONS",
-    "VIOLATION EVOLUTION",
-    "KINETIC ENERGY",
-    "DISSIPATED ENERGY",
-    "COORDINATION NUMBER",
-    "BODY TRACKING",
-    "TORQUE EVOLUTION",
-    "NEW RIGID SETS",
+/// Command of LMGC90 that is computed; [`PostproKind`] has its data.
+#[derive(Debug, Clone, Copy)]
+enum ComputedCommand {
+    SolverInformations,
+    ViolationEvolution,
+    KineticEnergy,
+    DissipatedEnergy,
+    CoordinationNumber,
+    BodyTracking,
+    TorqueEvolution,
+    NewRigidSets,
+}
+
+/// Names of the commands that are computed.
+const COMPUTED_COMMANDS: [(&str, ComputedCommand); 8] = [
+    ("SOLVER INFORMATIONS", ComputedCommand::SolverInformations),
+    ("VIOLATION EVOLUTION", ComputedCommand::ViolationEvolution),
+    ("KINETIC ENERGY", ComputedCommand::KineticEnergy),
+    ("DISSIPATED ENERGY", ComputedCommand::DissipatedEnergy),
+    ("COORDINATION NUMBER", ComputedCommand::CoordinationNumber),
+    ("BODY TRACKING", ComputedCommand::BodyTracking),
+    ("TORQUE EVOLUTION", ComputedCommand::TorqueEvolution),
+    ("NEW RIGID SETS", ComputedCommand::NewRigidSets),
 ];
 
 /// Commands of LMGC90 that are left out.
@@ -106,8 +119,8 @@ impl Postpro {
                 ended = true;
                 break;
             }
-            if COMPUTED_COMMANDS.contains(&name) {
-                let command = read_command(scan, line, name, bodies);
+            if let Some(command) = computed_command(name) {
+                let command = read_command(scan, line, command, bodies);
                 if command.is_none() {
                     skip_data(scan);
                 }
@@ -117,7 +130,10 @@ impl Postpro {
                     let (file, number) = (path.display(), line.number);
                     postpro.notices.push(format!("{file}:{number}: command '{name}' is not computed: it is left out"));
                 } else {
-                    let expected = format!("{}, or another of LMGC90", known_names(name, &COMPUTED_COMMANDS));
+                    let expected = format!(
+                        "{}, or another of LMGC90",
+                        known_names(name, &COMPUTED_COMMANDS.map(|(known, _)| known))
+                    );
                     scan.add_fault(line.number, "is not a command of LMGC90", expected);
                 }
                 skip_data(scan);
@@ -135,17 +151,27 @@ fn command_name(line: TextLine<'_>) -> &str {
     line.columns(NAME_COLUMNS.0, NAME_COLUMNS.1).trim_end()
 }
 
+/// Command of this name, if it is one that is computed.
+fn computed_command(name: &str) -> Option<ComputedCommand> {
+    COMPUTED_COMMANDS.into_iter().find(|(known, _)| *known == name).map(|(_, command)| command)
+}
+
 /// Skips the period and the data of a command.
 fn skip_data(scan: &mut LineScanner) {
     let ends = |line: TextLine| {
         let name = command_name(line);
-        name.starts_with("END") || COMPUTED_COMMANDS.contains(&name) || OMITTED_COMMANDS.contains(&name)
+        name.starts_with("END") || computed_command(name).is_some() || OMITTED_COMMANDS.contains(&name)
     };
     while scan.next_line_if(|line| !ends(line)).is_some() {}
 }
 
 /// Reads the lines after the name of a command; `None` after a fault.
-fn read_command(scan: &mut LineScanner, line: TextLine, name: &str, bodies: usize) -> Option<PostproCommand> {
+fn read_command(
+    scan: &mut LineScanner,
+    line: TextLine,
+    command: ComputedCommand,
+    bodies: usize,
+) -> Option<PostproCommand> {
     let step = scan.expect_line("expected STEP and a number of steps", |line| line.text().starts_with("STEP"))?;
     let Ok(period) = step.columns(5, 30).trim().parse() else {
         scan.add_fault(
@@ -155,15 +181,15 @@ fn read_command(scan: &mut LineScanner, line: TextLine, name: &str, bodies: usiz
         );
         return None;
     };
-    let kind = match name {
-        "SOLVER INFORMATIONS" => PostproKind::SolverInformations,
-        "VIOLATION EVOLUTION" => PostproKind::ViolationEvolution,
-        "KINETIC ENERGY" => PostproKind::KineticEnergy,
-        "DISSIPATED ENERGY" => PostproKind::DissipatedEnergy,
-        "COORDINATION NUMBER" => PostproKind::CoordinationNumber,
-        "BODY TRACKING" => PostproKind::BodyTracking(read_bodies(scan, bodies)?),
-        "TORQUE EVOLUTION" => PostproKind::TorqueEvolution(read_bodies(scan, bodies)?),
-        _ => {
+    let kind = match command {
+        ComputedCommand::SolverInformations => PostproKind::SolverInformations,
+        ComputedCommand::ViolationEvolution => PostproKind::ViolationEvolution,
+        ComputedCommand::KineticEnergy => PostproKind::KineticEnergy,
+        ComputedCommand::DissipatedEnergy => PostproKind::DissipatedEnergy,
+        ComputedCommand::CoordinationNumber => PostproKind::CoordinationNumber,
+        ComputedCommand::BodyTracking => PostproKind::BodyTracking(read_bodies(scan, bodies)?),
+        ComputedCommand::TorqueEvolution => PostproKind::TorqueEvolution(read_bodies(scan, bodies)?),
+        ComputedCommand::NewRigidSets => {
             let count = read_number(scan, "number of sets")?;
             PostproKind::NewRigidSets((0..count).map(|_| read_bodies(scan, bodies)).collect::<Option<_>>()?)
         }
