@@ -5,10 +5,11 @@
 //! faces. Planes are those of faces, so the pieces of an L, a U or a T are exact.
 
 use std::collections::BTreeMap;
+use std::fmt::{Display, Formatter};
 
 use nalgebra::Vector3;
 
-use super::faces::{ConvexMesh, FLATNESS_OF_FILES};
+use super::faces::{ConvexMesh, FLATNESS_OF_FILES, doubled_area};
 use super::surface::Surface;
 
 type Vec3 = Vector3<f64>;
@@ -34,9 +35,39 @@ pub struct ConvexPiece {
     pub triangles: Vec<[u32; 3]>,
 }
 
+/// Reason why a surface cannot be split into convex pieces.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SplitError {
+    /// Its dents are no deeper than the rounding of its coordinates.
+    ShallowDents,
+    /// The comparisons of its faces exceed the largest number.
+    ManyDents { triangles: usize },
+    /// The pieces exceed [`MAX_CONVEX_PIECES`].
+    ManyPieces,
+    /// Volume of its pieces and of the surface, m^3, which differ.
+    IntersectingFaces { pieces: f64, volume: f64 },
+}
+
+impl Display for SplitError {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        match self {
+            SplitError::ShallowDents => f.write_str("its dents are no deeper than the rounding of its coordinates"),
+            SplitError::ManyDents { triangles } => {
+                write!(f, "its {triangles} triangles have more dents than can be examined")
+            }
+            SplitError::ManyPieces => write!(f, "it has more than {MAX_CONVEX_PIECES} convex pieces"),
+            SplitError::IntersectingFaces { pieces, volume } => {
+                write!(f, "its faces intersect: the volume of its pieces is {pieces} m^3, not {volume} m^3")
+            }
+        }
+    }
+}
+
+impl std::error::Error for SplitError {}
+
 /// Convex pieces that together fill the inside of a surface, without overlaps.
 ///
-/// Errors: the reason why the surface cannot be split into at most [`MAX_CONVEX_PIECES`] such pieces.
+/// Errors: the surface cannot be split into at most [`MAX_CONVEX_PIECES`] such pieces.
 ///
 /// ```
 /// # use cd_formats::{convex_pieces::split_into_convex, surface::Surface};
@@ -46,7 +77,7 @@ pub struct ConvexPiece {
 /// let pieces = split_into_convex(&Surface::new(&corners, &triangles).unwrap()).unwrap();
 /// assert_eq!(pieces.len(), 2);
 /// ```
-pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, String> {
+pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, SplitError> {
     let centre = Vec3::from(surface.mass_properties().centre);
     let vertices: Vec<Vec3> = surface.vertices().iter().map(|&v| Vec3::from(v) - centre).collect();
     let size = vertices.iter().map(|v| v.norm()).fold(0.0, f64::max);
@@ -63,7 +94,7 @@ pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, String> 
     let depth = |face: &FacePolygon| faces.iter().map(|other| other.height_over(face)).fold(0.0, f64::max);
     let deepest = firsts.iter().map(|&first| depth(&faces[first])).fold(0.0, f64::max);
     if deepest <= MIN_REFLEX_DEPTH * size {
-        return Err("its dents are no deeper than the rounding of its coordinates".into());
+        return Err(SplitError::ShallowDents);
     }
     let mut cells = UncutCells::default();
     splitter.split_cell(ConvexCell::cube(2.0 * size), faces, &mut cells)?;
@@ -73,7 +104,7 @@ pub fn split_into_convex(surface: &Surface) -> Result<Vec<ConvexPiece>, String> 
         pieces.iter().map(|piece| Surface::new(&piece.vertices, &piece.triangles).map_or(0.0, |s| s.volume())).sum();
     let volume = surface.volume();
     if (sum - volume).abs() > VOLUME_TOLERANCE * volume {
-        return Err(format!("its faces intersect: the volume of its pieces is {sum} m^3, not {volume} m^3"));
+        return Err(SplitError::IntersectingFaces { pieces: sum, volume });
     }
     Ok(pieces)
 }
@@ -151,11 +182,6 @@ impl FacePolygon {
             (area > 0.0).then_some(FacePolygon { corners: kept, doubled_area: area, ..*self })
         })
     }
-}
-
-/// Twice the area of a plane polygon, along its normal.
-fn doubled_area(corners: &[Vec3]) -> Vec3 {
-    corners.windows(2).map(|pair| (pair[0] - corners[0]).cross(&(pair[1] - corners[0]))).sum()
 }
 
 /// Convex polyhedron; corners of its faces are counter-clockwise seen from outside.
@@ -270,7 +296,7 @@ struct SolidSplitter<'a> {
 
 impl SolidSplitter<'_> {
     /// Numbers the planes of the faces; coplanar faces get the plane of the first of them. Returns the first faces.
-    fn join_planes(&self, faces: &mut [FacePolygon]) -> Result<Vec<usize>, String> {
+    fn join_planes(&self, faces: &mut [FacePolygon]) -> Result<Vec<usize>, SplitError> {
         let mut firsts: Vec<usize> = Vec::new();
         for k in 0..faces.len() {
             self.count_comparisons(firsts.len())?;
@@ -292,16 +318,16 @@ impl SolidSplitter<'_> {
     }
 
     /// Counts comparisons; errors beyond the largest number.
-    fn count_comparisons(&self, count: usize) -> Result<(), String> {
+    fn count_comparisons(&self, count: usize) -> Result<(), SplitError> {
         self.comparisons.set(self.comparisons.get() + count as u64);
         if self.comparisons.get() <= MAX_SPLIT_COMPARISONS {
             return Ok(());
         }
-        Err(format!("its {} triangles have more dents than can be examined", self.triangles.len()))
+        Err(SplitError::ManyDents { triangles: self.triangles.len() })
     }
 
     /// Adds the convex parts of the solid in a cell. `faces`: parts of its surface inside of the cell.
-    fn split_cell(&self, cell: ConvexCell, faces: Vec<FacePolygon>, cells: &mut UncutCells) -> Result<(), String> {
+    fn split_cell(&self, cell: ConvexCell, faces: Vec<FacePolygon>, cells: &mut UncutCells) -> Result<(), SplitError> {
         let Some(cut) = self.best_cut(&faces)? else {
             if faces.is_empty() && !self.contains(&cell.middle()) {
                 cells.outside += 1;
@@ -311,7 +337,7 @@ impl SolidSplitter<'_> {
                 cells.inside.extend(planes.iter().try_fold(cell, |cell, face| cell.clip(&face.plane, self.tolerance)));
             }
             if cells.inside.len() > MAX_CONVEX_PIECES || cells.outside > 8 * MAX_CONVEX_PIECES {
-                return Err(format!("it has more than {MAX_CONVEX_PIECES} convex pieces"));
+                return Err(SplitError::ManyPieces);
             }
             return Ok(());
         };
@@ -337,7 +363,7 @@ impl SolidSplitter<'_> {
     }
 
     /// Planes of faces, with the number of faces in each and in front of it.
-    fn plane_counts<'f>(&self, faces: &'f [FacePolygon]) -> Result<Vec<PlaneCounts<'f>>, String> {
+    fn plane_counts<'f>(&self, faces: &'f [FacePolygon]) -> Result<Vec<PlaneCounts<'f>>, SplitError> {
         let mut planes: BTreeMap<usize, (&FacePolygon, usize)> = BTreeMap::new();
         for face in faces {
             planes.entry(face.plane_number).or_insert((face, 0)).1 += 1;
@@ -351,13 +377,13 @@ impl SolidSplitter<'_> {
     }
 
     /// Number of pairs of a face and one in front of it.
-    fn reflex_pairs(&self, faces: &[FacePolygon]) -> Result<usize, String> {
+    fn reflex_pairs(&self, faces: &[FacePolygon]) -> Result<usize, SplitError> {
         Ok(self.plane_counts(faces)?.into_iter().map(|plane| plane.inside * plane.in_front).sum())
     }
 
     /// Plane of a face with others in front of it that leaves the fewest such pairs, then the fewest faces; `None` if
     /// there is none.
-    fn best_cut(&self, faces: &[FacePolygon]) -> Result<Option<HalfSpace>, String> {
+    fn best_cut(&self, faces: &[FacePolygon]) -> Result<Option<HalfSpace>, SplitError> {
         let mut tried: Vec<(usize, &FacePolygon)> = Vec::new();
         let planes = self.plane_counts(faces)?;
         let most = MAX_CUT_COMPARISONS / (planes.len() * faces.len()).max(1);
@@ -514,7 +540,7 @@ mod tests {
             let triangles = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 4], [2, 3, 4], [3, 1, 4]];
             split_into_convex(&Surface::new(&vertices, &triangles).unwrap())
         };
-        assert_eq!(dented(1e-5), Err("its dents are no deeper than the rounding of its coordinates".into()));
+        assert_eq!(dented(1e-5), Err(SplitError::ShallowDents));
         let pieces = dented(0.1).unwrap();
         // Three tetrahedra would do; cuts along planes of faces make at most one more each.
         assert!((3..=6).contains(&pieces.len()), "{}", pieces.len());
@@ -542,6 +568,6 @@ mod tests {
         let rim: Vec<u32> = (0..profile.len() as u32).collect();
         let (vertices, triangles) = prism(&profile, &[&rim], &caps);
         let refused = split_into_convex(&Surface::new(&vertices, &triangles).unwrap()).unwrap_err();
-        assert_eq!(refused, format!("it has more than {MAX_CONVEX_PIECES} convex pieces"));
+        assert_eq!(refused, SplitError::ManyPieces);
     }
 }

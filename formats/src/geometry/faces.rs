@@ -36,6 +36,17 @@ pub const FLATNESS_OF_FILES: f64 = 1e-6;
 /// sides it merges.
 const FINER_FLATNESS: [f64; 2] = [1e-8, 1e-10];
 
+/// Twice the area of a plane polygon times its normal, by the right-hand rule, m².
+///
+/// ```
+/// # use {cd_formats::faces::doubled_area, nalgebra::Vector3};
+/// let square = [[0.0, 0.0, 1.0], [2.0, 0.0, 1.0], [2.0, 2.0, 1.0], [0.0, 2.0, 1.0]].map(Vector3::from);
+/// assert_eq!(doubled_area(&square), Vector3::new(0.0, 0.0, 8.0));
+/// ```
+pub fn doubled_area(corners: &[Vector3<f64>]) -> Vector3<f64> {
+    corners.windows(2).map(|pair| (pair[0] - corners[0]).cross(&(pair[1] - corners[0]))).sum()
+}
+
 /// Reason why a surface is not a convex polyhedron.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum MeshError {

@@ -259,7 +259,7 @@ fn convex_meshes(
         let found = format!("contactor POLYR: {reason}; it cannot be split into convex pieces: {why}");
         RecordFault::new(found, EXPECTED_CONVEX)
     };
-    let pieces = split_into_convex(&surface).map_err(refuse)?;
+    let pieces = split_into_convex(&surface).map_err(|error| refuse(error.to_string()))?;
     let mesh = |piece: &ConvexPiece| ConvexMesh::from_contactor(&piece.vertices, &piece.triangles);
     let meshes =
         pieces.iter().map(mesh).collect::<Result<_, _>>().map_err(|fault| refuse(format!("one is {fault}")))?;

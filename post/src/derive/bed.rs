@@ -73,7 +73,7 @@ impl Bed {
         let floor = planes.iter().filter(below).max_by(|a, b| share(a).total_cmp(&share(b)));
         let up = floor.map_or(if frame.cell().is_periodic() { Vec3::z() } else { against }, |floor| floor.normal);
         let lowest = || members().map(|g| height_range(g, &up)[0]).fold(f64::INFINITY, f64::min);
-        let floor = floor.map_or_else(lowest, |floor| floor.place);
+        let floor = floor.map_or_else(lowest, |floor| floor.offset);
         let area = section_area(&planes, &bores, &frame.cell(), &up, &centre_of_mass(members()), members())?;
         let inside =
             |x: &Vec3| planes.iter().all(|p| p.is_before(x)) && bores.iter().all(|bore| bore.contains_point(x));
@@ -300,7 +300,7 @@ fn section_area<'a>(
 ) -> Option<f64> {
     let level = |plane: &&WallPlane| plane.normal.dot(up).abs() > 1.0 - UPRIGHT_TOLERANCE;
     let sides: Vec<(Vec3, f64)> =
-        planes.iter().filter(|p| !level(p)).map(|p| (p.normal, p.place - p.normal.dot(centre))).collect();
+        planes.iter().filter(|p| !level(p)).map(|p| (p.normal, p.offset - p.normal.dot(centre))).collect();
     let along_z = up.z.abs() > 1.0 - UPRIGHT_TOLERANCE;
     let leans = |bore: &CylinderBore| bore.axis.cross(up).norm() > UPRIGHT_TOLERANCE;
     let oblique = sides.iter().any(|(normal, _)| normal.dot(up).abs() > UPRIGHT_TOLERANCE) || bores.iter().any(leans);
@@ -311,7 +311,7 @@ fn section_area<'a>(
     let axes = [first, if along_z { Vec3::y() } else { up.cross(&first) }];
     // The section of a full container is at most a few times the extent of the grains.
     let far = grains.map(|g| (g.x - centre).norm() + g.bounding_radius()).fold(0.0, f64::max);
-    let walls = sides.iter().map(|(_, place)| place.abs()).chain(bores.iter().map(|bore| bore.radius));
+    let walls = sides.iter().map(|(_, offset)| offset.abs()).chain(bores.iter().map(|bore| bore.radius));
     let open = 16.0 * walls.fold(far, f64::max);
     let mut polygon = match bores.iter().min_by(|a, b| a.radius.total_cmp(&b.radius)) {
         Some(bore) => {
@@ -326,8 +326,8 @@ fn section_area<'a>(
             [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| [x * half[0], y * half[1]]).to_vec()
         }
     };
-    for (normal, place) in sides {
-        let before = |p: &[f64; 2]| (axes[0] * p[0] + axes[1] * p[1]).dot(&normal) - place;
+    for (normal, offset) in sides {
+        let before = |p: &[f64; 2]| (axes[0] * p[0] + axes[1] * p[1]).dot(&normal) - offset;
         polygon = cut_polygon(&polygon, before, |p, q, share| [0, 1].map(|k| p[k] + share * (q[k] - p[k])));
     }
     let closed = |p: &[f64; 2]| (0..2).all(|k| cell.0[k].is_some() || p[k].abs() < open);

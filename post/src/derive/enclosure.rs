@@ -104,19 +104,19 @@ impl<'a> GrainEnclosure<'a> {
 
     /// Space between the periods, hollow cylinders and planes.
     fn space(&self) -> ConvexPolytope {
-        // The initial cuboid exceeds all walls by far, so that a side without a wall stays open.
+        // The initial cube exceeds all walls by far, so that a side without a wall stays open.
         let grains = self.core.iter().map(|&i| &self.frame.grains[i]);
         let far = grains.map(|g| (g.x - self.centre).norm() + g.bounding_radius()).fold(0.0, f64::max);
-        let planes = self.planes.iter().map(|plane| (plane.place - plane.normal.dot(&self.centre)).abs());
+        let planes = self.planes.iter().map(|plane| (plane.offset - plane.normal.dot(&self.centre)).abs());
         let open = 64.0 * planes.chain(self.bores.iter().map(|bore| bore.radius)).fold(far, f64::max);
-        let mut space = ConvexPolytope::cuboid(self.centre, open);
+        let mut space = ConvexPolytope::cube(self.centre, open);
         let periods = self.frame.cell().0;
         for (axis, period) in periods.iter().enumerate().filter_map(|(axis, period)| Some((axis, (*period)?))) {
             space.cut_below(&Vec3::ith(axis, 1.0), -0.5 * period);
             space.cut_below(&Vec3::ith(axis, -1.0), -0.5 * period);
         }
         for plane in &self.planes {
-            space.cut_below(&plane.normal, plane.place);
+            space.cut_below(&plane.normal, plane.offset);
         }
         for bore in &self.bores {
             let first = bore.axis.cross(&Vec3::ith(bore.axis.iamin(), 1.0)).normalize();
@@ -151,7 +151,7 @@ impl<'a> GrainEnclosure<'a> {
             }
             // A grain cannot leave through a gap of its radius.
             let margin = 0.5 * self.mean_diameter;
-            let share = |plane: &WallPlane| match space.face_on(&plane.normal, plane.place) {
+            let share = |plane: &WallPlane| match space.face_on(&plane.normal, plane.offset) {
                 Some(side) if counts(plane) => plane.covered_share(side, margin),
                 _ => 1.0,
             };
@@ -224,7 +224,7 @@ impl<'a> GrainEnclosure<'a> {
     /// section (m^2) as seen from above.
     fn is_filled(&self, space: &ConvexPolytope, surface: &SurfacePlane, section: f64) -> bool {
         let near_plane = |plane: &WallPlane| {
-            let gap = |grain: &Grain| height_range(grain, &plane.normal)[0] - plane.place;
+            let gap = |grain: &Grain| height_range(grain, &plane.normal)[0] - plane.offset;
             self.inner_grains().any(|grain| gap(grain) <= self.mean_diameter)
         };
         let near_bore = |bore: &CylinderBore| {
@@ -232,7 +232,7 @@ impl<'a> GrainEnclosure<'a> {
             self.inner_grains().any(|grain| gap(grain) <= self.mean_diameter)
         };
         surface.area >= MIN_OCCUPIED_SHARE * section
-            && self.planes.iter().filter(|p| space.face_on(&p.normal, p.place).is_some()).all(near_plane)
+            && self.planes.iter().filter(|p| space.face_on(&p.normal, p.offset).is_some()).all(near_plane)
             && self.bores.iter().all(near_bore)
     }
 
@@ -260,7 +260,7 @@ impl<'a> GrainEnclosure<'a> {
     /// Returns the walls that bound a bed of these grains, without those beyond it; None if they do not enclose one.
     pub fn into_bed_walls(mut self) -> Option<(Vec<WallPlane>, Vec<CylinderBore>)> {
         let (space, ..) = self.bed_space(&self.up?)?;
-        self.planes.retain(|plane| space.face_on(&plane.normal, plane.place).is_some());
+        self.planes.retain(|plane| space.face_on(&plane.normal, plane.offset).is_some());
         Some((self.planes, self.bores))
     }
 

@@ -194,7 +194,7 @@ impl LeaningSide {
     /// the point; negative if it leans away.
     fn distance_and_lean(&self, x: &Vec3, up: &Vec3) -> (f64, f64) {
         match self {
-            LeaningSide::Plane(plane) => (x.dot(&plane.normal) - plane.place, -plane.normal.dot(up)),
+            LeaningSide::Plane(plane) => (x.dot(&plane.normal) - plane.offset, -plane.normal.dot(up)),
             LeaningSide::Bore(bore) => {
                 let outwards = bore.offset_from_axis(x);
                 let reach = outwards.norm();
@@ -337,19 +337,19 @@ impl ColumnGrid {
 
     /// Position of the middle of a column along the axes, m.
     fn column_middle(&self, k: usize) -> [f64; 2] {
-        let place = [k % self.counts[0], k / self.counts[0]];
-        [0, 1].map(|axis| self.from[axis] + (place[axis] as f64 + 0.5) * self.widths[axis])
+        let cell = [k % self.counts[0], k / self.counts[0]];
+        [0, 1].map(|axis| self.from[axis] + (cell[axis] as f64 + 0.5) * self.widths[axis])
     }
 
     /// Columns whose middles are within `reach` of a position along the axes, each with its displacement from there; None
     /// for columns outside the grid.
-    fn columns_around(&self, place: [f64; 2], reach: f64) -> impl Iterator<Item = (Option<usize>, [f64; 2])> {
+    fn columns_around(&self, point: [f64; 2], reach: f64) -> impl Iterator<Item = (Option<usize>, [f64; 2])> {
         let ends = move |axis: usize| {
             let at = |x: f64| (x - self.from[axis]) / self.widths[axis] - 0.5;
-            let (first, last) = (at(place[axis] - reach).ceil() as isize, at(place[axis] + reach).floor() as isize);
+            let (first, last) = (at(point[axis] - reach).ceil() as isize, at(point[axis] + reach).floor() as isize);
             // Along a period each column is counted once.
             let all = self.counts[axis] as isize;
-            let once = (at(place[axis]) - 0.5 * all as f64).ceil() as isize;
+            let once = (at(point[axis]) - 0.5 * all as f64).ceil() as isize;
             if self.repeats[axis] && last - first >= all { once..=once + all - 1 } else { first..=last }
         };
         let index = |axis: usize, i: isize| {
@@ -360,7 +360,7 @@ impl ColumnGrid {
                 (0..count).contains(&i).then_some(i as usize)
             }
         };
-        let offset = move |axis: usize, i: isize| self.from[axis] + (i as f64 + 0.5) * self.widths[axis] - place[axis];
+        let offset = move |axis: usize, i: isize| self.from[axis] + (i as f64 + 0.5) * self.widths[axis] - point[axis];
         let pairs = ends(1).flat_map(move |j| ends(0).map(move |i| [i, j]));
         let with_offsets = pairs.map(move |[i, j]| {
             let number = index(0, i).zip(index(1, j)).map(|(i, j)| self.column_index([i, j]));
@@ -372,10 +372,10 @@ impl ColumnGrid {
     /// Height of the highest point of a grain on the vertical of each column, m; NaN without grains.
     fn column_heights(&self, grains: &[&Grain]) -> Vec<f64> {
         let mut heights = vec![f64::NAN; self.counts[0] * self.counts[1]];
-        let place = |x: &Vec3| self.axes.map(|axis| x.dot(&axis));
+        let on_plane = |x: &Vec3| self.axes.map(|axis| x.dot(&axis));
         for grain in grains {
             for (x, radius) in grain.balls() {
-                for (k, [u, v]) in self.columns_around(place(&x), radius) {
+                for (k, [u, v]) in self.columns_around(on_plane(&x), radius) {
                     let height = x.dot(&self.up) + (radius.powi(2) - u * u - v * v).sqrt();
                     if let Some(k) = k {
                         heights[k] = height.max(heights[k]);
@@ -386,7 +386,7 @@ impl ColumnGrid {
             if faces.is_empty() {
                 continue;
             }
-            for (k, at) in self.columns_around(place(&grain.x), grain.bounding_radius()) {
+            for (k, at) in self.columns_around(on_plane(&grain.x), grain.bounding_radius()) {
                 if let Some(k) = k {
                     let highest = faces.iter().filter_map(|face| face.height_at(at)).fold(heights[k], f64::max);
                     heights[k] = highest;

@@ -1,5 +1,7 @@
 //! Convex polygons and polyhedra that are cut by planes.
 
+use cd_formats::faces::doubled_area;
+
 use crate::math::Vec3;
 
 /// Convex polyhedron by its faces, within a cube that bounds it on open sides.
@@ -12,7 +14,7 @@ pub struct ConvexPolytope {
 
 impl ConvexPolytope {
     /// Cube of the half side `open` (m) about `centre`, which counts as unbounded.
-    pub fn cuboid(centre: Vec3, open: f64) -> ConvexPolytope {
+    pub fn cube(centre: Vec3, open: f64) -> ConvexPolytope {
         let face = |axis: usize, sign: f64| {
             let at = |u: f64, v: f64| {
                 let mut x = Vec3::zeros();
@@ -29,17 +31,17 @@ impl ConvexPolytope {
         ConvexPolytope { faces, centre, open }
     }
 
-    /// Cuts off the part with normal.x < place; returns the area of the cut, m^2. A plane within rounding of a face changes
+    /// Cuts off the part with normal.x < offset; returns the area of the cut, m^2. A plane within rounding of a face changes
     /// nothing, and returns the area of that face.
-    pub fn cut_below(&mut self, normal: &Vec3, place: f64) -> f64 {
+    pub fn cut_below(&mut self, normal: &Vec3, offset: f64) -> f64 {
         let near = 1e-12 * self.open;
         let value = |p: &Vec3| {
-            let value = p.dot(normal) - place;
+            let value = p.dot(normal) - offset;
             if value.abs() <= near { 0.0 } else { value }
         };
         let values = || self.faces.iter().flatten().map(value);
         if values().all(|value| value >= 0.0) {
-            return self.face_on(normal, place).map_or(0.0, |face| area_vector(face).norm());
+            return self.face_on(normal, offset).map_or(0.0, |face| area_normal(face).norm());
         }
         if values().all(|value| value <= 0.0) {
             self.faces.clear();
@@ -66,18 +68,19 @@ impl ConvexPolytope {
         let second = first.cross(normal);
         let angle = |p: &Vec3| (p - middle).dot(&second).atan2((p - middle).dot(&first));
         rim.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
-        let area = area_vector(&rim).norm();
+        let area = area_normal(&rim).norm();
         self.faces.push(rim);
         area
     }
 
-    /// The face on a plane normal.x = place that bounds the polyhedron from below, if there is one.
-    pub fn face_on(&self, normal: &Vec3, place: f64) -> Option<&[Vec3]> {
+    /// The face on a plane normal.x = offset that bounds the polyhedron from below, if there is one.
+    pub fn face_on(&self, normal: &Vec3, offset: f64) -> Option<&[Vec3]> {
         // Ten times the rounding of corners that several cuts have made; a face narrower than that is an edge.
         let near = 1e-11 * self.open;
         let is_on = |face: &&Vec<Vec3>| {
             let length = face.iter().map(|p| (p - face[0]).norm()).fold(0.0, f64::max);
-            face.iter().all(|p| (p.dot(normal) - place).abs() <= near) && -area_vector(face).dot(normal) > near * length
+            face.iter().all(|p| (p.dot(normal) - offset).abs() <= near)
+                && -area_normal(face).dot(normal) > near * length
         };
         self.faces.iter().find(is_on).map(Vec::as_slice)
     }
@@ -90,7 +93,7 @@ impl ConvexPolytope {
 
     /// Volume, m^3.
     pub fn volume(&self) -> f64 {
-        let cone = |face: &Vec<Vec3>| (face[0] - self.centre).dot(&area_vector(face)) / 3.0;
+        let cone = |face: &Vec<Vec3>| (face[0] - self.centre).dot(&area_normal(face)) / 3.0;
         self.faces.iter().map(cone).sum()
     }
 
@@ -102,9 +105,8 @@ impl ConvexPolytope {
 }
 
 /// Area times normal of a polygon, m^2.
-fn area_vector(polygon: &[Vec3]) -> Vec3 {
-    let from = |k: usize| polygon[k] - polygon[0];
-    0.5 * (2..polygon.len()).map(|k| from(k - 1).cross(&from(k))).sum::<Vec3>()
+fn area_normal(polygon: &[Vec3]) -> Vec3 {
+    0.5 * doubled_area(polygon)
 }
 
 /// Returns the part of a convex polygon where `value` is not negative; `between` gives the point at a share of an edge.

@@ -33,12 +33,12 @@ pub struct Region {
     /// Grains with their centre inside, rising.
     pub members: Vec<GrainId>,
     /// Region given by the user, if any.
-    probe: Option<Probed>,
+    probe: Option<PlacedProbe>,
 }
 
 /// Region given by the user, in one frame.
 #[derive(Debug, Clone, PartialEq)]
-struct Probed {
+struct PlacedProbe {
     shape: ProbeShape,
     /// Sums of whole periods that shift grains of the cell into the shape, m.
     shifts: Vec<Vec3>,
@@ -65,7 +65,7 @@ impl Region {
     }
 
     /// Returns the region given by the user. A layer without walls or periods around it, and a shape over more than
-    /// `MOST_IMAGES` cells, are [`RegionKind::None`].
+    /// `MAX_PROBE_IMAGES` cells, are [`RegionKind::None`].
     pub fn from_probe(frame: &Frame, fragments: &[Fragment], probe: &Probe) -> Region {
         let placed = match probe.placed_shape(frame, fragments) {
             Some(ProbeShape::Layer { from, to, .. }) => {
@@ -81,7 +81,7 @@ impl Region {
         };
         let inside = |x: &Vec3| shifts.iter().any(|shift| shape.contains(&(x + shift)));
         let members = frame.grain_ids().filter(|&i| inside(&frame.grains[i].x)).collect();
-        Region { kind: shape.region_kind(), volume, members, probe: Some(Probed { shape, shifts }) }
+        Region { kind: shape.region_kind(), volume, members, probe: Some(PlacedProbe { shape, shifts }) }
     }
 
     fn is_member(&self, grain: GrainId) -> bool {
@@ -221,10 +221,10 @@ impl Region {
 }
 
 /// Largest number of images of the cell in a probe.
-const MOST_IMAGES: f64 = 1e4;
+const MAX_PROBE_IMAGES: f64 = 1e4;
 
 /// Sums of whole periods that shift grains of the cell, or contacts of these, into a shape. Only zero without periods and
-/// for a layer, which contains the whole cell. None for more than `MOST_IMAGES`.
+/// for a layer, which contains the whole cell. None for more than `MAX_PROBE_IMAGES`.
 fn shifts(frame: &Frame, shape: &ProbeShape) -> Option<Vec<Vec3>> {
     let Some((centre, half)) = shape.bounds() else { return Some(vec![Vec3::zeros()]) };
     // Branches reach from a grain of the cell to the centre of a neighbour.
@@ -235,7 +235,7 @@ fn shifts(frame: &Frame, shape: &ProbeShape) -> Option<Vec<Vec3>> {
         [((centre[axis] - over) / period).ceil(), ((centre[axis] + over) / period).floor()]
     });
     let images: f64 = counts.iter().map(|[first, last]| last - first + 1.0).product();
-    if images > MOST_IMAGES {
+    if images > MAX_PROBE_IMAGES {
         return None;
     }
     let along = |axis: usize| {

@@ -1,5 +1,7 @@
 //! Walls that bound grains, and the grains that walls support.
 
+use cd_formats::faces::doubled_area;
+
 use crate::derive::fragments::Fragment;
 use crate::frame::{Frame, GrainId, Wall, WallId, WallShape};
 use crate::math::{Mat3, Vec3};
@@ -23,18 +25,18 @@ pub struct WallFace {
     corners: Vec<Vec3>,
 }
 
-/// Plane of the faces of one or more walls that lie flush: n.x >= place for the centres of nearly all grains.
+/// Plane of the faces of one or more walls that lie flush: n.x >= offset for the centres of nearly all grains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WallPlane {
     pub normal: Vec3,
-    pub place: f64,
+    pub offset: f64,
     pub faces: Vec<WallFace>,
 }
 
 impl WallPlane {
     /// Whether a point (m) is on the side of the grains.
     pub fn is_before(&self, x: &Vec3) -> bool {
-        x.dot(&self.normal) >= self.place
+        x.dot(&self.normal) >= self.offset
     }
 
     /// Whether a point of the plane lies in one of the faces, or within `margin` (m) of it.
@@ -64,12 +66,12 @@ impl WallPlane {
         let rounding = 1e-9 * f64::max(to - from, right - left);
         corners.dedup_by(|p, q| (*p - *q).norm() <= rounding);
         let face = WallFace { wall: WallId::new(0), corners };
-        let outline = WallPlane { normal: self.normal, place: self.place, faces: vec![face] };
+        let outline = WallPlane { normal: self.normal, offset: self.offset, faces: vec![face] };
         let (mut all, mut covered) = (0.0, 0.0);
         for k in 0..COVER_POINTS * COVER_POINTS {
             let [u, v] = [k % COVER_POINTS, k / COVER_POINTS].map(|i| (i as f64 + 0.5) / COVER_POINTS as f64);
             let x =
-                axes[0] * (from + u * (to - from)) + axes[1] * (left + v * (right - left)) + self.normal * self.place;
+                axes[0] * (from + u * (to - from)) + axes[1] * (left + v * (right - left)) + self.normal * self.offset;
             if outline.covers(&x, 0.0) {
                 all += 1.0;
                 covered += f64::from(u8::from(self.covers(&x, margin)));
@@ -91,16 +93,10 @@ const FLUSH_STEP: f64 = 0.01;
 
 /// Returns the corners of a polygon in the order that is counter-clockwise if seen against `normal`.
 fn counter_clockwise(mut corners: Vec<Vec3>, normal: &Vec3) -> Vec<Vec3> {
-    if twice_area(&corners).dot(normal) < 0.0 {
+    if doubled_area(&corners).dot(normal) < 0.0 {
         corners.reverse();
     }
     corners
-}
-
-/// Twice the area of a polygon times its normal, m^2.
-fn twice_area(corners: &[Vec3]) -> Vec3 {
-    let from = |k: usize| corners[k] - corners[0];
-    (2..corners.len()).map(|k| from(k - 1).cross(&from(k))).sum()
 }
 
 /// Share of the grains that may be beyond a wall that bounds the others: a few grains that have left a box do not open it.
@@ -126,35 +122,35 @@ pub fn bounding_planes(frame: &Frame, grains: &[GrainId]) -> Vec<WallPlane> {
     for wall in frame.wall_ids() {
         faces.extend(wall_faces(frame, wall, grains).into_iter().filter_map(|(normal, corners)| {
             // Places are from the middle of the grains, whose distance from the origin may be large.
-            let place = corners.iter().map(|p| (p - centre).dot(&normal)).fold(f64::NEG_INFINITY, f64::max);
+            let offset = corners.iter().map(|p| (p - centre).dot(&normal)).fold(f64::NEG_INFINITY, f64::max);
             let corners = counter_clockwise(corners, &normal);
-            nearly_all(frame, grains, |x| (x - centre).dot(&normal) >= place).then_some((
+            nearly_all(frame, grains, |x| (x - centre).dot(&normal) >= offset).then_some((
                 normal,
-                place,
+                offset,
                 WallFace { wall, corners },
             ))
         }));
     }
     faces.sort_by(|a, b| a.0.x.total_cmp(&b.0.x));
     let mut planes: Vec<WallPlane> = Vec::new();
-    for (normal, place, face) in faces {
+    for (normal, offset, face) in faces {
         let near = planes.iter_mut().rev().take_while(|plane| normal.x - plane.normal.x <= FLUSH_ANGLE);
         let flush = |plane: &&mut WallPlane| {
-            (plane.normal - normal).norm() <= FLUSH_ANGLE && (plane.place - place).abs() <= FLUSH_STEP * mean_radius
+            (plane.normal - normal).norm() <= FLUSH_ANGLE && (plane.offset - offset).abs() <= FLUSH_STEP * mean_radius
         };
         match near.into_iter().find(flush) {
             Some(plane) => {
-                plane.place = plane.place.max(place);
+                plane.offset = plane.offset.max(offset);
                 plane.faces.push(face);
             }
-            None => planes.push(WallPlane { normal, place, faces: vec![face] }),
+            None => planes.push(WallPlane { normal, offset, faces: vec![face] }),
         }
     }
     let section = GrainSection::new(frame, grains, &centre);
-    let area = |plane: &WallPlane| plane.faces.iter().map(|face| 0.5 * twice_area(&face.corners).norm()).sum::<f64>();
+    let area = |plane: &WallPlane| plane.faces.iter().map(|face| 0.5 * doubled_area(&face.corners).norm()).sum::<f64>();
     planes.retain(|plane| area(plane) >= 0.5 * section.area_across(&plane.normal));
-    planes.iter_mut().for_each(|plane| plane.place += plane.normal.dot(&centre));
-    planes.sort_by(|a, b| a.faces[0].wall.cmp(&b.faces[0].wall).then(a.place.total_cmp(&b.place)));
+    planes.iter_mut().for_each(|plane| plane.offset += plane.normal.dot(&centre));
+    planes.sort_by(|a, b| a.faces[0].wall.cmp(&b.faces[0].wall).then(a.offset.total_cmp(&b.offset)));
     planes
 }
 
@@ -181,7 +177,7 @@ fn wall_faces(frame: &Frame, wall: WallId, grains: &[GrainId]) -> Vec<(Vec3, Vec
             let reach = solid.bounding_radius();
             let face = |corners: &Vec<u32>| {
                 let corners: Vec<Vec3> = corners.iter().map(|&k| solid.vertices[k as usize]).collect();
-                let normal = twice_area(&corners).try_normalize(0.0)?;
+                let normal = doubled_area(&corners).try_normalize(0.0)?;
                 // Faces of a body that is not convex bound nothing.
                 let supports = solid.vertices.iter().all(|v| (v - corners[0]).dot(&normal) <= 1e-9 * reach);
                 let corners = corners.iter().map(|v| x + rotation * v).collect();
