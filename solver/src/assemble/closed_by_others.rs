@@ -12,8 +12,8 @@ use crate::state::{Contact, ContactKey, State, Velocities};
 
 /// Keys of the open contacts that the contact problem of a step omits, since the `free` velocities do not close them,
 /// and that the velocities `solved` close deeper than their law allows. The problem that is solved next includes them
-/// ([`ContactConfiguration::diverted`]).
-pub fn diverted_contacts(
+/// ([`ContactConfiguration::closed_by_others`]).
+pub fn contacts_closed_by_others(
     scene: &Scene,
     state: &State,
     q_c: &ContactConfiguration,
@@ -25,9 +25,9 @@ pub fn diverted_contacts(
     if !state.laws.iter().any(waits) {
         return BTreeSet::new();
     }
-    let is_diverted = |contact: &&Contact| {
+    let is_closed_by_others = |contact: &&Contact| {
         let law = &state.laws[contact.law as usize];
-        if contact.gap <= 0.0 || !waits(law) || q_c.diverted.contains(&contact.key()) {
+        if contact.gap <= 0.0 || !waits(law) || q_c.closed_by_others.contains(&contact.key()) {
             return false;
         }
         let pair = OpenPair { scene, q_c, contact };
@@ -40,7 +40,7 @@ pub fn diverted_contacts(
         };
         was_omitted && pair.closes_deeper_along_normal(solved, depth) && !pair.misses(solved, depth)
     };
-    contacts.iter().filter(is_diverted).map(Contact::key).collect()
+    contacts.iter().filter(is_closed_by_others).map(Contact::key).collect()
 }
 
 /// Open contact whose bodies may close it by the next contact configuration.

@@ -1,7 +1,7 @@
 //! Stage: forces to free velocities; contacts to the rows of the contact problem.
 
+mod closed_by_others;
 mod context;
-mod diverted;
 mod events;
 mod faces;
 mod forces;
@@ -15,7 +15,7 @@ mod self_gravity;
 mod stored;
 mod turning;
 
-pub use diverted::diverted_contacts;
+pub use closed_by_others::contacts_closed_by_others;
 pub use events::{AppliedEvents, apply_events, apply_torque_and_damping};
 pub use forces::{FreeMotion, free_velocity, potential_energy};
 pub use history::connected_bodies;

@@ -4,8 +4,8 @@ use cd_formats::compute::FaceFriction;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
+use super::closed_by_others::OpenPair;
 use super::context::{AssemblyContext, MotionBounds};
-use super::diverted::OpenPair;
 use super::faces::{FaceRows, Joints, has_joints};
 use super::history::{BondState, warm_start};
 use super::interface_row::InterfaceRow;
@@ -41,7 +41,7 @@ pub fn contact_problem(
     free: Velocities,
 ) -> ContactProblem {
     let mut block_data = block_data(scene, q_c);
-    let [start_w, free_w] = [&q_c.w, free.w].map(|w| ContactConfiguration::without_spins(w, &q_c.translated));
+    let [start_w, free_w] = [&q_c.w, free.w].map(|w| ContactConfiguration::without_spins(w, &q_c.pushed_at_centre));
     let (start, free) = (Velocities { v: &state.v, w: &start_w }, Velocities { v: free.v, w: &free_w });
     let solver_bodies = solver_bodies(scene, free, block_data.is_some());
     let context = AssemblyContext {
@@ -496,7 +496,7 @@ impl AssemblyContext<'_> {
         }
         let pair = OpenPair { scene, q_c, contact };
         let depth = pair.allowed_overlap(law);
-        if !q_c.diverted.is_empty() && q_c.diverted.contains(&contact.key()) {
+        if !q_c.closed_by_others.is_empty() && q_c.closed_by_others.contains(&contact.key()) {
             return if damped_spring { GapForecast::Due } else { GapForecast::Apart { depth } };
         }
         let least = if damped_spring { depth } else { 0.0 };
@@ -515,7 +515,8 @@ impl AssemblyContext<'_> {
     ) -> Option<RollingConstraint> {
         let RollingFriction { rolling, spinning } = self.state.laws[contact.law as usize].rolling_friction()?;
         let bodies = [contact.candidate, contact.antagonist];
-        let turns = |body: &BodyId| self.scene.bodies[body.index()].can_rotate() && !self.q_c.translated.contains(body);
+        let turns =
+            |body: &BodyId| self.scene.bodies[body.index()].can_rotate() && !self.q_c.pushed_at_centre.contains(body);
         if !bodies.iter().any(turns) {
             return None; // no moment changes the two rotations
         }
@@ -536,7 +537,7 @@ impl AssemblyContext<'_> {
 /// Per-body part of [`BlockData`], if a scene needs it.
 fn block_data(scene: &Scene, q_c: &ContactConfiguration) -> Option<BlockData> {
     let inverse_inertia = |(i, (body, q)): (usize, (&RigidBody, &Quat))| {
-        if q_c.translated.contains(&BodyId::new(i)) { Matrix3::zeros() } else { body.inverse_inertia_matrix(q) }
+        if q_c.pushed_at_centre.contains(&BodyId::new(i)) { Matrix3::zeros() } else { body.inverse_inertia_matrix(q) }
     };
     let held = || scene.bodies.iter().map(RigidBody::locked_axes).collect();
     let bodies = scene.bodies.par_iter().zip(&q_c.q);

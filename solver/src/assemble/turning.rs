@@ -19,8 +19,8 @@ impl AssemblyContext<'_> {
         let bodies = [contact.candidate, contact.antagonist].map(|body| body.index());
         // Angular velocities at the step's start: bodies that turn as one have the same one then, while free rotation differs
         // from body to body.
-        let is_translated = |i: usize| self.q_c.translated.contains(&BodyId::new(i));
-        let [mut a, mut b] = bodies.map(|i| if is_translated(i) { Vec3::zeros() } else { self.state.w[i] });
+        let is_pushed_at_centre = |i: usize| self.q_c.pushed_at_centre.contains(&BodyId::new(i));
+        let [mut a, mut b] = bodies.map(|i| if is_pushed_at_centre(i) { Vec3::zeros() } else { self.state.w[i] });
         let own = [a, b];
         let radius = self.rolling_radius(contact);
         if as_one && radius == 0.0 {

@@ -44,7 +44,7 @@ pub fn choose_step_multiple(scene: &Scene, state: &State, disturbed: bool) -> u6
     let most = (MAX_STEP_GROWTH as f64 * before).min(adaptive.max_multiple as f64);
     let of_contact = |contact: &SolvedContact| contact_time_limit(scene, state, contact);
     let contacts = state.contacts.par_iter().with_min_len(1024).map(of_contact).reduce(|| f64::INFINITY, f64::min);
-    let turn = adaptive.travel / fastest_turn(scene, state);
+    let turn = adaptive.travel / fastest_spin(scene, state);
     let orbit = shortest_orbit(scene, state) / STEPS_PER_ORBIT;
     let wanted = contacts.min(turn).min(orbit).min(constant) / dt;
     let wanted = (wanted.min(most) * (1.0 + 1e-12)).floor().max(1.0) as u64;
@@ -68,7 +68,7 @@ fn contact_time_limit(scene: &Scene, state: &State, solved: &SolvedContact) -> f
 
 /// Largest angular speed of a body that is not a sphere, rad/s; independent of its moments of inertia, as its contacts
 /// turn with it.
-pub fn fastest_turn(scene: &Scene, state: &State) -> f64 {
+pub fn fastest_spin(scene: &Scene, state: &State) -> f64 {
     let turns = scene.bodies.iter().zip(&state.w).filter(|(body, _)| !body.is_sphere());
     turns.map(|(_, w)| w.norm()).fold(0.0, f64::max)
 }

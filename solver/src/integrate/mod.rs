@@ -9,7 +9,7 @@
 
 mod length;
 
-pub use length::{MAX_STEP_GROWTH, choose_step_multiple, fastest_turn, shortest_orbit};
+pub use length::{MAX_STEP_GROWTH, choose_step_multiple, fastest_spin, shortest_orbit};
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -44,11 +44,11 @@ pub struct ContactConfiguration {
     /// Whether the step is taken with θ = 1, x_c = x and x⁺ = x + h V⁺, in place of the scene's θ.
     pub implicit: bool,
     /// Bodies that keep their orientation from this contact configuration to the next.
-    pub unturned: BTreeSet<BodyId>,
+    pub orientation_kept: BTreeSet<BodyId>,
     /// Those of them that contacts push at their centres, as if these bodies had no rotation.
-    pub translated: BTreeSet<BodyId>,
+    pub pushed_at_centre: BTreeSet<BodyId>,
     /// Open contacts that other contacts close in this step although the free velocities do not.
-    pub diverted: BTreeSet<ContactKey>,
+    pub closed_by_others: BTreeSet<ContactKey>,
 }
 
 impl ContactConfiguration {
@@ -64,7 +64,7 @@ impl ContactConfiguration {
     fn turning_time(&self, scene: &Scene, body: BodyId) -> f64 {
         let theta = scene.options.theta;
         match self.implicit {
-            _ if self.unturned.contains(&body) => -(1.0 - theta) * self.h,
+            _ if self.orientation_kept.contains(&body) => -(1.0 - theta) * self.h,
             true => self.h,
             false => self.h * theta,
         }
@@ -124,9 +124,9 @@ pub fn predict_configuration(scene: &Scene, state: &State, step_multiple: u64) -
         lookahead: ahead,
         changed: false,
         implicit: false,
-        unturned: BTreeSet::new(),
-        translated: BTreeSet::new(),
-        diverted: BTreeSet::new(),
+        orientation_kept: BTreeSet::new(),
+        pushed_at_centre: BTreeSet::new(),
+        closed_by_others: BTreeSet::new(),
     }
 }
 

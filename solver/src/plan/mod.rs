@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use cd_formats::compute::Accuracy;
 use cd_formats::names::{count_text, ratio_text, rounded_number, short_number};
 
-use crate::integrate::{fastest_turn, shortest_orbit};
+use crate::integrate::{fastest_spin, shortest_orbit};
 use crate::math::Vec3;
 use crate::scene::{BodyId, BodyPart, BodyShape, ContactorShape, ImposedVelocity, RigidBody, Scene};
 use crate::solve::gauss_seidel::diagonal::batches::ContactBatch;
@@ -98,7 +98,7 @@ pub fn step_bounds(scene: &Scene, state: &State) -> Vec<StepBound> {
         let speed = (2.0 * g * height).sqrt();
         bounds.extend(fall_bounds(format!("impact speed of a fall through {} m", short_number(height)), speed, g));
     }
-    let turn = fastest_turn(scene, state);
+    let turn = fastest_spin(scene, state);
     bounds.push(StepBound {
         h: 1.0 / (STEPS_PER_RADIAN * turn),
         reason: format!("fastest rotation {} rad/s: {STEPS_PER_RADIAN} steps per radian", short_number(turn)),
@@ -221,27 +221,22 @@ fn contact_size() -> usize {
     size_of::<Contact>() + 2 * size_of::<SolvedContact>() + row + 8 * size_of::<Vec3>()
 }
 
+/// A line of the plan: its title, empty if it continues the line before, and its text.
+type PlanLine = (&'static str, String);
+
 /// Returns the plan as text, with the division of the sweeps among `ranks` if requested.
 pub fn plan_text(scene: &Scene, state: &State, ranks: Option<usize>) -> String {
-    let (h, bounds) = (scene.options.dt, step_bounds(scene, state));
-    let mut lines: Vec<(&str, String)> = vec![("models", scene.model_names().join("; "))];
+    let bounds = step_bounds(scene, state);
+    let mut lines: Vec<PlanLine> = vec![("models", scene.model_names().join("; "))];
     lines.push(("inactive", unused_models(scene).join("; ")));
     // Steps that are far too long may take hours.
-    let sane = bounds.first().is_none_or(|strictest| h <= MAX_TRIAL_DT_FACTOR * strictest.h);
+    let sane = bounds.first().is_none_or(|strictest| scene.options.dt <= MAX_TRIAL_DT_FACTOR * strictest.h);
     let tried = if sane { trial_run(scene, state) } else { None };
     if let Some(TrialRun { report, .. }) = &tried {
         let (listed, active) = (report.contacts_listed, report.contacts_active);
         lines.push(("contacts", format!("{listed} listed, {active} carry force at present")));
     }
-    let until_now = peak_memory().map_or(String::new(), |held| format!("peak so far {:.1} MB; ", held as f64 / 1e6));
-    lines.push((
-        "memory",
-        format!(
-            "{until_now}about {:.1} kB for each further contact and {} bytes for each pair that touches between two snapshots",
-            contact_size() as f64 / 1e3,
-            size_of::<ContactExchange>()
-        ),
-    ));
+    lines.push(("memory", memory_estimate()));
     lines.push((
         "time",
         tried.as_ref().map_or(
@@ -252,17 +247,49 @@ pub fn plan_text(scene: &Scene, state: &State, ranks: Option<usize>) -> String {
     if let (Some(ranks), true) = (ranks, tried.is_some()) {
         lines.extend(division::division_lines(scene, state, ranks));
     }
+    lines.push(("accuracy", accuracy_text(scene)));
+    let constant = share_of_constant_motion(scene, state.time);
+    let max_multiple = if constant > 0.0 { scene.options.adaptive().max_multiple } else { 1 };
+    let left = scene.last_step().saturating_sub(state.step);
+    if let Some(tried) = &tried {
+        lines.push(("disk", disk_estimate(scene, left, tried)));
+    }
+    lines.push(("run", run_estimate(scene, left, (max_multiple, constant), tried.as_ref())));
+    lines.extend(step_lines(scene, &bounds, max_multiple));
+    lines.extend(preset_lines(&bounds));
+    lines.extend(roundoff_warning(scene, state).map(|message| ("warning", message)));
+    lines
+        .into_iter()
+        .filter(|(_, value)| !value.is_empty())
+        .map(|(name, value)| format!("  {name:<22} {value}\n"))
+        .collect()
+}
+
+/// Memory of the program until now, and of each further contact.
+fn memory_estimate() -> String {
+    let until_now = peak_memory().map_or(String::new(), |held| format!("peak so far {:.1} MB; ", held as f64 / 1e6));
+    format!(
+        "{until_now}about {:.1} kB for each further contact and {} bytes for each pair that touches between two snapshots",
+        contact_size() as f64 / 1e3,
+        size_of::<ContactExchange>()
+    )
+}
+
+/// Preset of the run, and the options that it sets.
+fn accuracy_text(scene: &Scene) -> String {
     let option_text = |(name, value, is_set): (&str, String, bool)| {
         let value = if name == "gravity_refresh" { scene.gravity_refresh().to_string() } else { value };
         format!("{name} {value}{}", if is_set { " (set)" } else { "" })
     };
     let options: Vec<String> = scene.options.accuracy_options().into_iter().map(option_text).collect();
     let preset = scene.options.accuracy.map_or("no preset".into(), |accuracy| accuracy.to_string());
-    lines.push(("accuracy", format!("{preset}: {}", options.join(", "))));
-    let left = scene.last_step().saturating_sub(state.step);
-    let constant = share_of_constant_motion(scene, state.time);
-    let max_multiple = if constant > 0.0 { scene.options.adaptive().max_multiple } else { 1 };
-    let steps = match (max_multiple, &tried) {
+    format!("{preset}: {}", options.join(", "))
+}
+
+/// Number of steps of the `left` `dt` of a run, and their time at the rate of the trial. `max_multiple`: largest number of
+/// `dt` in a step, in the share `constant` of the time in which imposed motion is constant.
+fn run_estimate(scene: &Scene, left: u64, (max_multiple, constant): (u64, f64), tried: Option<&TrialRun>) -> String {
+    let steps = match (max_multiple, tried) {
         (1, _) if scene.options.adaptive().is_on() => {
             format!("{} of one dt, because imposed motion changes at all times", count_text(left as usize, "step"))
         }
@@ -280,11 +307,13 @@ pub fn plan_text(scene: &Scene, state: &State, ranks: Option<usize>) -> String {
         let seconds = left as f64 * tried.seconds_per_step() / tried.mean_multiple();
         format!(" {} s at the rate of the trial;", short_number(seconds))
     };
-    let seconds = tried.as_ref().map_or(String::new(), seconds);
-    if let Some(tried) = &tried {
-        lines.push(("disk", disk_estimate(scene, left, tried)));
-    }
-    lines.push(("run", format!("{steps};{seconds} to t = {} s", rounded_number(scene.end_time()))));
+    let seconds = tried.map_or(String::new(), seconds);
+    format!("{steps};{seconds} to t = {} s", rounded_number(scene.end_time()))
+}
+
+/// `dt` against the strictest of the `bounds`, and all of these.
+fn step_lines(scene: &Scene, bounds: &[StepBound], max_multiple: u64) -> Vec<PlanLine> {
+    let h = scene.options.dt;
     let shown = rounded_number(h);
     let verdict = match bounds.first() {
         Some(strictest) if h > strictest.h => {
@@ -298,22 +327,20 @@ pub fn plan_text(scene: &Scene, state: &State, ranks: Option<usize>) -> String {
         Some(_) => format!("{shown} s is within all bounds on a step"),
         None => format!("{shown} s; no bound: nothing moves and no force acts"),
     };
-    lines.push(("dt", verdict));
-    lines.extend(bounds.iter().map(|bound| ("", format!("up to {} s: {}", short_number(bound.h), bound.reason))));
+    let of_bounds = bounds.iter().map(|bound| ("", format!("up to {} s: {}", short_number(bound.h), bound.reason)));
+    [("dt", verdict)].into_iter().chain(of_bounds).collect()
+}
+
+/// The presets, each with its `dt` by the strictest of the `bounds`, cost and errors.
+fn preset_lines(bounds: &[StepBound]) -> [PlanLine; Accuracy::ALL.len()] {
     let suited_dt = |accuracy: Accuracy| {
         let dt = bounds.first().map(|strictest| short_number(accuracy.step_factor() * strictest.h));
         dt.map_or(String::new(), |dt| format!("dt up to {dt} s; "))
     };
-    lines.extend(Accuracy::ALL.map(|accuracy| {
+    Accuracy::ALL.map(|accuracy| {
         let text = format!("{accuracy}: {}{}", suited_dt(accuracy), accuracy.measured_cost_and_error());
         (if accuracy == Accuracy::Draft { "presets" } else { "" }, text)
-    }));
-    lines.extend(roundoff_warning(scene, state).map(|message| ("warning", message)));
-    lines
-        .into_iter()
-        .filter(|(_, value)| !value.is_empty())
-        .map(|(name, value)| format!("  {name:<22} {value}\n"))
-        .collect()
+    })
 }
 
 /// Disk space of the files that a run of `left` `dt` still writes, if its steps are like those of the trial.

@@ -20,9 +20,9 @@ use crate::state::{Contact, State, Velocities};
 /// Solves the contact problem of the step, and again after each of these changes, until none is needed:
 ///
 /// 1. `contacts` gains the pairs that were open and that the solution closes;
-/// 2. `q_c.diverted` gains the open contacts that were left out as their bodies miss each other, and that the solution closes;
-/// 3. `q_c.unturned` gains the bodies that the solution turns through a surface;
-/// 4. `q_c.translated` gains those of them that the free velocities or the solution move into a surface without a rotation;
+/// 2. `q_c.closed_by_others` gains the open contacts that were left out as their bodies miss each other, and that the solution closes;
+/// 3. `q_c.orientation_kept` gains the bodies that the solution turns through a surface;
+/// 4. `q_c.pushed_at_centre` gains those of them that the free velocities or the solution move into a surface without a rotation;
 /// 5. the laws of `state` lose their restitution, once, if an unfinished solution takes a rebounding body through a surface.
 ///
 /// The first four are finite, since a pair or body enters once. Returns `None` if the program was requested to stop.
@@ -46,7 +46,7 @@ pub fn solve_until_admissible(
         clock.add_lap(|times| &mut times.solve);
         let (v, w) = solved_velocities(&solution, free, q_c);
         // Velocities that move the bodies.
-        let moving_w = ContactConfiguration::without_spins(&w, &q_c.unturned);
+        let moving_w = ContactConfiguration::without_spins(&w, &q_c.orientation_kept);
         let moving = Velocities { v: &v, w: &moving_w };
         let late = detect::late_contacts(scene, q_c, free.velocities(), moving, contacts);
         clock.add_lap(|times| &mut times.detection);
@@ -58,25 +58,25 @@ pub fn solve_until_admissible(
             contacts.sort_unstable_by_key(Contact::key);
             continue;
         }
-        let free_w = ContactConfiguration::without_spins(&free.w, &q_c.translated);
+        let free_w = ContactConfiguration::without_spins(&free.w, &q_c.pushed_at_centre);
         let of_problem = Velocities { v: &free.v, w: &free_w };
-        let diverted = assemble::diverted_contacts(scene, state, q_c, contacts, of_problem, moving);
-        if !diverted.is_empty() {
-            q_c.diverted.extend(diverted);
+        let closed_by_others = assemble::contacts_closed_by_others(scene, state, q_c, contacts, of_problem, moving);
+        if !closed_by_others.is_empty() {
+            q_c.closed_by_others.extend(closed_by_others);
             continue;
         }
         let overturned = overturned_bodies(scene, q_c, contacts, free.velocities(), moving);
         if !overturned.is_empty() {
-            q_c.unturned.extend(overturned);
+            q_c.orientation_kept.extend(overturned);
             // Contacts that stop the motion of a centre do not turn its body; its own rotation is stopped by turning it.
-            let free_w = ContactConfiguration::without_spins(&free.w, &q_c.unturned);
+            let free_w = ContactConfiguration::without_spins(&free.w, &q_c.orientation_kept);
             let free_moving = Velocities { v: &free.v, w: &free_w };
-            q_c.translated.extend(pushed_bodies(scene, q_c, contacts, free_moving));
+            q_c.pushed_at_centre.extend(pushed_bodies(scene, q_c, contacts, free_moving));
             continue;
         }
         let pushed = pushed_bodies(scene, q_c, contacts, moving);
         if !pushed.is_empty() {
-            q_c.translated.extend(pushed);
+            q_c.pushed_at_centre.extend(pushed);
             continue;
         }
         let may_replace = !solution.converged && replaced_laws.is_none();

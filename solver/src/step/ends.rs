@@ -45,7 +45,7 @@ pub fn solved_velocities(
     let bodies = solution.solver_bodies.par_iter().zip(&free.v).zip(&free.w);
     let (v, mut w): (Vec<Vec3>, Vec<Vec3>) = bodies.with_min_len(PAR_MIN_LEN).map(motion).unzip();
     // In the contact problem these bodies do not rotate.
-    q_c.translated.iter().for_each(|body| w[body.index()] = free.w[body.index()]);
+    q_c.pushed_at_centre.iter().for_each(|body| w[body.index()] = free.w[body.index()]);
     (v, w)
 }
 
@@ -63,7 +63,7 @@ pub fn finish_contacts(
     ends.resize(contacts.len(), SolvedContact::default());
     let warning_depth = OVERLAP_WARNING_SHARE * scene.smallest_radius;
     let velocities = Velocities { v: &v, w: &w };
-    let pushed_w = ContactConfiguration::without_spins(&w, &q_c.translated);
+    let pushed_w = ContactConfiguration::without_spins(&w, &q_c.pushed_at_centre);
     let pushed = Velocities { v: &v, w: &pushed_w };
     let end =
         PostSolve { scene, state, q_c, contact_problem, solution, velocity_errors, velocities, pushed, warning_depth };
@@ -273,8 +273,8 @@ impl PostSolve<'_> {
         let (bodies, walls) = (&scene.bodies, &scene.walls);
         let row = &contact_problem.rows[k];
         let SolvedContact { contact, impulse, moment, velocity, .. } = contact;
-        let is_translated = |body: BodyId| q_c.translated.contains(&body);
-        let velocity = match row.bodies.into_iter().any(is_translated) {
+        let is_pushed_at_centre = |body: BodyId| q_c.pushed_at_centre.contains(&body);
+        let velocity = match row.bodies.into_iter().any(is_pushed_at_centre) {
             true => self.contact_velocity(k, contact, self.pushed),
             false => *velocity,
         };
@@ -285,7 +285,8 @@ impl PostSolve<'_> {
         let (candidate, antagonist) = (contact.candidate.index(), contact.antagonist.index());
         let force = r + contact.normal * row.impulse_shift;
         let arms = contact_problem.arms_of(k, contact, &q_c.x);
-        let turned = |body: usize| if is_translated(BodyId::new(body)) { Vec3::zeros() } else { w[body] + q_c.w[body] };
+        let turned =
+            |body: usize| if is_pushed_at_centre(BodyId::new(body)) { Vec3::zeros() } else { w[body] + q_c.w[body] };
         let rolls = *moment != Vec3::zeros();
         let moment = if rolls { to_world(&contact.frame(), moment) } else { Vec3::zeros() };
         let turning_work = if rolls { 0.5 * moment.dot(&(turned(candidate) - turned(antagonist))) } else { 0.0 };

@@ -51,7 +51,7 @@ pub fn overturned_bodies(
     let span = q_c.reach_time(scene);
     let (mut turned, mut through) = (vec![false; scene.bodies.len()], BTreeSet::new());
     // The orientation of a sphere changes no gap.
-    let can_turn = |body: &&BodyId| !scene.bodies[body.index()].is_sphere() && !q_c.unturned.contains(body);
+    let can_turn = |body: &&BodyId| !scene.bodies[body.index()].is_sphere() && !q_c.orientation_kept.contains(body);
     let turn = |body: BodyId| (body, span * (solved.w[body.index()] - free.w[body.index()]).norm());
     let bodies = scene.free.par_iter().with_min_len(PAR_MIN_LEN).filter(can_turn);
     let found: Vec<(BodyId, f64)> = bodies.map(|body| turn(*body)).filter(|(_, turn)| *turn > MIN_TURN).collect();
@@ -64,19 +64,11 @@ pub fn overturned_bodies(
             through.insert(body);
         }
     }
-    let passes = |contact: &Contact, own: (BodyId, u16), other: (BodyId, u16)| {
-        let [Some(part), Some(surface)] = [own, other].map(|(body, part_number)| scene.find_part(body, part_number))
-        else {
-            return false;
-        };
-        let thickness = part.geometry.inner_radius().min(surface.geometry.inner_radius());
-        let turns = turned[surface.body.index()];
-        depth_behind_surface(q_c, span, contact, (part, surface), turns, solved) > thickness
-    };
+    let motion = StepMotion { scene, q_c, span, velocities: solved };
     for contact in contacts {
-        let pushed_through = both_sides(contact)
-            .into_iter()
-            .filter(|(own, other)| turned[own.0.index()] && passes(contact, *own, *other));
+        let pushed_through = both_sides(contact).into_iter().filter(|&(own, other)| {
+            turned[own.0.index()] && motion.is_deeper(contact, [own, other], turned[other.0.index()], 1.0)
+        });
         through.extend(pushed_through.map(|(own, _)| own.0));
     }
     through.into_iter().collect()
@@ -93,27 +85,19 @@ pub fn pushed_bodies(
     moving: Velocities,
 ) -> BTreeSet<BodyId> {
     let mut pushed = BTreeSet::new();
-    if q_c.unturned.len() == q_c.translated.len() {
+    if q_c.orientation_kept.len() == q_c.pushed_at_centre.len() {
         return pushed;
     }
     let span = q_c.reach_time(scene);
-    let is_pushable = |body: &BodyId| q_c.unturned.contains(body) && !q_c.translated.contains(body);
+    let motion = StepMotion { scene, q_c, span, velocities: moving };
+    let is_pushable = |body: &BodyId| q_c.orientation_kept.contains(body) && !q_c.pushed_at_centre.contains(body);
     for contact in contacts {
         let bodies = [contact.candidate, contact.antagonist];
         if !bodies.iter().any(is_pushable) || approach(q_c, span, contact, moving) <= 0.0 {
             continue;
         }
-        let deep = both_sides(contact).into_iter().any(|(own, other)| {
-            let [Some(part), Some(surface)] =
-                [own, other].map(|(body, part_number)| scene.find_part(body, part_number))
-            else {
-                return false;
-            };
-            let thickness = part.geometry.inner_radius().min(surface.geometry.inner_radius());
-            let depth = depth_behind_surface(q_c, span, contact, (part, surface), false, moving);
-            depth > MAX_PUSHED_DEPTH * thickness
-        });
-        if deep {
+        let is_deep = |(own, other)| motion.is_deeper(contact, [own, other], false, MAX_PUSHED_DEPTH);
+        if both_sides(contact).into_iter().any(is_deep) {
             pushed.extend(bodies.into_iter().filter(is_pushable));
         }
     }
@@ -129,27 +113,40 @@ fn both_sides(contact: &Contact) -> [(ContactorKey, ContactorKey); 2] {
     [(a, b), (b, a)]
 }
 
-/// Largest depth of a point of `part` behind the tangent plane of a contact with `surface`, m, after the time `span` (s) at
-/// these velocities, with the full rotation of its body. `turns`: whether contacts turn the other body as well; its surface
-/// then counts as not rotated, since its direction at the end is unknown.
-fn depth_behind_surface(
-    q_c: &ContactConfiguration,
+/// Displacement of the bodies from the contact configuration in the time `span` (s), at constant velocities.
+struct StepMotion<'a> {
+    scene: &'a Scene,
+    q_c: &'a ContactConfiguration,
     span: f64,
-    contact: &Contact,
-    (part, surface): (&BodyPart, &BodyPart),
-    turns: bool,
-    Velocities { v, w }: Velocities,
-) -> f64 {
-    let (i, k) = (part.body.index(), surface.body.index());
-    let [at_candidate, at_antagonist] = contact_arms(contact, &q_c.x);
-    // Arms to the point of the other surface, which lies on the antagonist at the gap from the contact point.
-    let (outward, own, other) = if part.body == contact.candidate {
-        (contact.normal, at_candidate - contact.normal * contact.gap, at_antagonist)
-    } else {
-        (-contact.normal, at_antagonist, at_candidate)
-    };
-    let q = rotate_by_vector(&q_c.q[i], &(w[i] * span));
-    let turning = if turns { Vec3::zeros() } else { w[k].cross(&other) };
-    let below = own + (v[k] + turning - v[i]) * span - q * part.offset;
-    outward.dot(&below) + part.geometry.support_height(&(q * part.axes), &-outward)
+    velocities: Velocities<'a>,
+}
+
+impl StepMotion<'_> {
+    /// Whether the contactor `own` ends behind the surface of `other` deeper than `share` of half the thickness of the
+    /// thinner one; false for bodies without parts. `turns`: see [`StepMotion::depth_behind_surface`].
+    fn is_deeper(&self, contact: &Contact, [own, other]: [ContactorKey; 2], turns: bool, share: f64) -> bool {
+        let find = |(body, part_number): ContactorKey| self.scene.find_part(body, part_number);
+        let (Some(part), Some(surface)) = (find(own), find(other)) else { return false };
+        let thickness = part.geometry.inner_radius().min(surface.geometry.inner_radius());
+        self.depth_behind_surface(contact, part, surface, turns) > share * thickness
+    }
+
+    /// Largest depth of a point of `part` behind the tangent plane of a contact with `surface`, m, after the full rotation of
+    /// its body. `turns`: whether contacts turn the other body as well; its surface then counts as not rotated, since its
+    /// direction at the end is unknown.
+    fn depth_behind_surface(&self, contact: &Contact, part: &BodyPart, surface: &BodyPart, turns: bool) -> f64 {
+        let &StepMotion { q_c, span, velocities: Velocities { v, w }, .. } = self;
+        let (i, k) = (part.body.index(), surface.body.index());
+        let [at_candidate, at_antagonist] = contact_arms(contact, &q_c.x);
+        // Arms to the point of the other surface, which lies on the antagonist at the gap from the contact point.
+        let (outward, own, other) = if part.body == contact.candidate {
+            (contact.normal, at_candidate - contact.normal * contact.gap, at_antagonist)
+        } else {
+            (-contact.normal, at_antagonist, at_candidate)
+        };
+        let q = rotate_by_vector(&q_c.q[i], &(w[i] * span));
+        let turning = if turns { Vec3::zeros() } else { w[k].cross(&other) };
+        let below = own + (v[k] + turning - v[i]) * span - q * part.offset;
+        outward.dot(&below) + part.geometry.support_height(&(q * part.axes), &-outward)
+    }
 }
