@@ -48,11 +48,28 @@ pub fn agreed_case<T, E: Display + From<Faults>>(
     Ok(case)
 }
 
+/// Difference between the states of two ranks after a step, an internal error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StateMismatch {
+    pub step: u64,
+    /// First rank whose state differs from that of rank 0.
+    pub rank: usize,
+}
+
+impl Display for StateMismatch {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let StateMismatch { step, rank } = self;
+        write!(f, "step {step}: rank {rank} has another state than rank 0; snapshots written before are valid")
+    }
+}
+
+impl std::error::Error for StateMismatch {}
+
 /// Compares the states of all ranks, and stops all if any of them was requested to stop. All ranks call it after each
 /// step.
 ///
-/// Errors: the ranks have different states, an internal error.
-pub fn agree_on_step(communicator: &dyn Communicator, state: &State) -> Result<(), String> {
+/// Errors: the ranks have different states.
+pub fn agree_on_step(communicator: &dyn Communicator, state: &State) -> Result<(), StateMismatch> {
     if communicator.size() == 1 {
         return Ok(());
     }
@@ -65,10 +82,7 @@ pub fn agree_on_step(communicator: &dyn Communicator, state: &State) -> Result<(
     }
     let differs = |of_rank: &&[u8]| of_rank[..8] != all[0][..8];
     match all.iter().position(differs) {
-        Some(rank) => Err(format!(
-            "step {}: rank {rank} has another state than rank 0; snapshots written before are valid",
-            state.step
-        )),
+        Some(rank) => Err(StateMismatch { step: state.step, rank }),
         None => Ok(()),
     }
 }

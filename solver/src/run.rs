@@ -42,7 +42,7 @@ pub enum RunFailure {
     Unwritten(Faults),
     /// The user has stopped the run, after the state was written.
     Stopped(String),
-    /// Internal error: the state is no longer finite.
+    /// Internal error: the state is no longer finite, or ranks have different states.
     Broken(String),
 }
 
@@ -151,7 +151,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
             .write(|files| files.add_step(scene, &state, &report, &lap, estimator))
             .map_err(RunFailure::Unwritten)?;
         statistics.stage_times.accumulate(&lap);
-        agreement::agree_on_step(communicator, &state).map_err(RunFailure::Broken)?;
+        agreement::agree_on_step(communicator, &state).map_err(|mismatch| RunFailure::Broken(mismatch.to_string()))?;
         let stopped = activity::is_stopped() && state.step < last;
         if state.step.is_multiple_of(scene.options.output_every) || state.step == last || stopped {
             if state.step == last || stopped {

@@ -10,7 +10,7 @@ use crate::math::morton::{self, MortonKey, POINTS_PER_TASK};
 use crate::math::simd::F64Arithmetic;
 
 /// Depth beyond which cells are leaves: positions differ there by less than the last digit of the cloud's size.
-const MAX_DEPTH: usize = 192;
+const MAX_TREE_DEPTH: usize = 192;
 
 /// Summary of a cell without mass and size, far from all others.
 const FAR_AWAY: CellSummary = CellSummary { centre: [64.0; 3], radius: 0.0, mass: 0.0, uneven: 0.0 };
@@ -54,7 +54,7 @@ fn divide_cell(
     let own_index = cells.len();
     cells.push(TreeCell { first: first as u32, count: keys.len() as u32, second: 0 });
     let ends = |keys: &[MortonKey]| (keys[0].key, keys[keys.len() - 1].key);
-    let small = keys.len() <= leaf || depth == MAX_DEPTH;
+    let small = keys.len() <= leaf || depth == MAX_TREE_DEPTH;
     if small || (keys[0].key == ends(keys).1 && !morton::sort_keys(keys, positions)) {
         return;
     }

@@ -123,8 +123,8 @@ pub type Evaluation = Result<ScriptValue, String>;
 /// Values of the variables, by their names; those of attributes as `self.dt`.
 pub type Variables = BTreeMap<String, Evaluation>;
 
-/// Deepest nesting of brackets and signs.
-const MAX_DEPTH: usize = 100;
+/// Deepest nesting of brackets and signs that is read: each level takes stack.
+const MAX_EXPRESSION_DEPTH: usize = 100;
 
 /// Value of an expression.
 pub fn evaluate(tokens: &[Lexeme], variables: &Variables) -> Evaluation {
@@ -305,10 +305,11 @@ impl ExpressionParser<'_> {
         Ok(base)
     }
 
-    /// Reads a part one level deeper; an error beyond [`MAX_DEPTH`].
+    /// Reads a part one level deeper; an error beyond [`MAX_EXPRESSION_DEPTH`].
     fn read_nested(&mut self, read: fn(&mut Self) -> Evaluation) -> Evaluation {
         self.depth += 1;
-        let value = if self.depth < MAX_DEPTH { read(self) } else { Err("an expression of many levels".into()) };
+        let value =
+            if self.depth < MAX_EXPRESSION_DEPTH { read(self) } else { Err("an expression of many levels".into()) };
         self.depth -= 1;
         value
     }

@@ -56,40 +56,42 @@ pub struct ScriptCalls {
 const TIME_COMMAND: &str = "TimeEvolution_GetTime";
 
 /// Functions of LMGC90's module `chipy.computation`, which make several calls of `chipy`.
-const COMPUTATION: [&str; 5] = ["initialize", "one_step", "finalize", "initialize_non_linear", "one_step_non_linear"];
+const COMPUTATION_FUNCTIONS: [&str; 5] =
+    ["initialize", "one_step", "finalize", "initialize_non_linear", "one_step_non_linear"];
 
-/// Largest number of iterations of a `while` loop that are counted, far above the steps of any run.
+/// Largest number of iterations of a `while` loop that are counted, far above the steps of any run: such a loop is counted
+/// one iteration at a time.
 const MAX_COUNTED_ITERATIONS: u64 = 100_000_000;
 
 /// Functions that leave lists and dictionaries as they are, and return neither of them.
-const PURE: [&str; 12] =
+const PURE_FUNCTIONS: [&str; 12] =
     ["len", "int", "float", "str", "bool", "print", "range", "sum", "abs", "repr", "isinstance", "type"];
 
 /// Methods that leave lists and dictionaries as they are.
 const PURE_METHODS: [&str; 7] = ["get", "keys", "values", "items", "index", "count", "copy"];
 
 /// Names by which a script changes variables and functions that its statements do not name.
-const INDIRECT: [&str; 7] = ["vars", "globals", "locals", "setattr", "delattr", "__setitem__", "__dict__"];
+const INDIRECT_NAMES: [&str; 7] = ["vars", "globals", "locals", "setattr", "delattr", "__setitem__", "__dict__"];
 
 /// Functions that run code which is not read.
-const RUNNERS: [&str; 4] = ["exec", "execfile", "runpy.run_path", "runpy.run_module"];
+const CODE_RUNNERS: [&str; 4] = ["exec", "execfile", "runpy.run_path", "runpy.run_module"];
 
 /// Functions that leave a module of LMGC90 that is passed to them as it is.
-const READERS: [&str; 7] = ["print", "hasattr", "help", "dir", "id", "type", "isinstance"];
+const MODULE_READERS: [&str; 7] = ["print", "hasattr", "help", "dir", "id", "type", "isinstance"];
 
 /// Modules whose functions and constants are known by their names.
 const KNOWN_MODULES: [&str; 5] = ["math", "numpy", "tqdm", "pylmgc90", "chipy"];
 
 /// Value of a name that is a function or class of the script.
-const DEFINITION: &str = "a function or class of the script";
+const DEFINITION_VALUE: &str = "a function or class of the script";
 
 /// Functions that end a script.
-const EXITS: [&str; 4] = ["exit", "quit", "sys.exit", "os._exit"];
+const EXIT_FUNCTIONS: [&str; 4] = ["exit", "quit", "sys.exit", "os._exit"];
 
-/// Deepest nesting of calls and blocks that is followed.
-const MAX_DEPTH: usize = 32;
+/// Deepest nesting of calls and blocks that is followed. Each level takes stack, and functions may call themselves.
+const MAX_NESTING: usize = 32;
 
-/// Number of statements that are followed; functions that call each other repeat them.
+/// Largest number of statements that are followed, since functions that call each other may repeat them without end.
 const MAX_STATEMENTS: usize = 20_000;
 
 /// Statement, with the block below it.
@@ -135,7 +137,7 @@ fn read_block(lines: &mut Lines, indent: usize, depth: usize) -> Vec<ScriptState
         let own = line.indent;
         let mut statement = split_header(line.tokens);
         let deeper = lines.peek().is_some_and(|next| next.indent > own);
-        if deeper && depth < MAX_DEPTH {
+        if deeper && depth < MAX_NESTING {
             statement.body.extend(read_block(lines, own + 1, depth + 1));
         }
         block.push(statement);
@@ -192,14 +194,14 @@ impl<'a> ScriptWalker<'a> {
     fn find_functions(&mut self, block: &'a [ScriptStatement]) {
         let mut has_decorator = false;
         for statement in block {
-            for lexeme in statement.tokens.iter().filter(|lexeme| INDIRECT.contains(&lexeme.token.name())) {
+            for lexeme in statement.tokens.iter().filter(|lexeme| INDIRECT_NAMES.contains(&lexeme.token.name())) {
                 let found = "changes or reads variables by other means than their names";
                 self.walk.refused.insert((lexeme.line, lexeme.token.name().to_string(), found));
             }
             let name = statement.tokens.get(1).map_or("", |lexeme| lexeme.token.name()).to_string();
             match statement.keyword() {
                 "def" => {
-                    self.variables.insert(name.clone(), Err(DEFINITION.into()));
+                    self.variables.insert(name.clone(), Err(DEFINITION_VALUE.into()));
                     if has_decorator {
                         self.decorated.insert(name.clone());
                     }
@@ -212,7 +214,7 @@ impl<'a> ScriptWalker<'a> {
                     self.globals.extend(statement.tokens[1..].iter().map(|lexeme| lexeme.token.name().to_string()));
                 }
                 "class" => {
-                    self.variables.insert(name.clone(), Err(DEFINITION.into()));
+                    self.variables.insert(name.clone(), Err(DEFINITION_VALUE.into()));
                     self.classes.insert(name, statement);
                 }
                 _ => self.find_functions(&statement.body),
@@ -228,7 +230,7 @@ impl<'a> ScriptWalker<'a> {
         let mut taken = Some(true);
         for statement in block {
             self.statements += 1;
-            if self.depth > MAX_DEPTH || self.statements >= MAX_STATEMENTS || self.ended || self.exited {
+            if self.depth > MAX_NESTING || self.statements >= MAX_STATEMENTS || self.ended || self.exited {
                 break;
             }
             let line = statement.line();
@@ -310,7 +312,7 @@ impl<'a> ScriptWalker<'a> {
     fn note_exit(&mut self, statement: &ScriptStatement) {
         let (name, end) = dotted_name(&statement.tokens, 0);
         let called = statement.tokens.get(end).is_some_and(|lexeme| lexeme.token.is("("));
-        if called && EXITS.contains(&name.as_str()) && self.condition.is_none() && self.loops.is_empty() {
+        if called && EXIT_FUNCTIONS.contains(&name.as_str()) && self.condition.is_none() && self.loops.is_empty() {
             self.walk.remarks.push((statement.line(), format!("{name}: the rest of the script is not read")));
             self.exited = true;
         }
@@ -502,7 +504,7 @@ impl<'a> ScriptWalker<'a> {
             ["computation"] => drop(self.computation.insert(alias.to_string())),
             ["computation", "*"] => {
                 let named = |name: &str| (name.to_string(), format!("computation.{name}"));
-                self.imported.extend(COMPUTATION.map(named));
+                self.imported.extend(COMPUTATION_FUNCTIONS.map(named));
             }
             [.., name] => {
                 let module = if parts[chipy + 1] == "computation" { "computation." } else { "" };
@@ -630,7 +632,7 @@ impl<'a> ScriptWalker<'a> {
                 continue;
             }
             // Functions of the script are followed.
-            if called && (PURE.contains(&whole.0.as_str()) || self.functions.contains_key(&whole.0)) {
+            if called && (PURE_FUNCTIONS.contains(&whole.0.as_str()) || self.functions.contains_key(&whole.0)) {
                 at = after_bracket(tokens, at);
                 continue;
             }
@@ -733,7 +735,7 @@ impl<'a> ScriptWalker<'a> {
         if depends_on_values(tokens) {
             self.condition = outer.or(Some(tokens[0].line));
         }
-        let mut at = if depth < MAX_DEPTH { 0 } else { tokens.len() };
+        let mut at = if depth < MAX_NESTING { 0 } else { tokens.len() };
         while at < tokens.len() {
             let of_object = at > 0 && tokens[at - 1].token.is(".");
             if tokens[at].token.name().is_empty() {
@@ -796,7 +798,7 @@ impl<'a> ScriptWalker<'a> {
                 "has commands of LMGC90 and is passed on: how often it is called is not known"
             } else if of_command(&name) {
                 "is a command of LMGC90 that is passed on: how often it is called is not known"
-            } else if self.modules.contains(&name) && !is_alias && !is_argument_of(tokens, start, &READERS) {
+            } else if self.modules.contains(&name) && !is_alias && !is_argument_of(tokens, start, &MODULE_READERS) {
                 "is LMGC90's module, which is passed on: what is called of it is not known"
             } else {
                 continue;
@@ -808,7 +810,7 @@ impl<'a> ScriptWalker<'a> {
     /// Function or class of the script that a name means, if it means one.
     fn definition(&self, name: &str) -> Option<&'a ScriptStatement> {
         let is_definition =
-            self.variables.get(name).is_some_and(|value| value.as_ref().is_err_and(|why| why == DEFINITION));
+            self.variables.get(name).is_some_and(|value| value.as_ref().is_err_and(|why| why == DEFINITION_VALUE));
         self.functions.get(name).or_else(|| self.classes.get(name)).copied().filter(|_| is_definition)
     }
 
@@ -831,10 +833,10 @@ impl<'a> ScriptWalker<'a> {
 
     /// Records a call of a command of LMGC90, or follows one of a function of the script. `inside`: its arguments.
     fn record_call(&mut self, name: &str, line: usize, inside: &[Lexeme]) {
-        if PURE.contains(&name) && !self.functions.contains_key(name) {
+        if PURE_FUNCTIONS.contains(&name) && !self.functions.contains_key(name) {
             return;
         }
-        if RUNNERS.contains(&name) {
+        if CODE_RUNNERS.contains(&name) {
             self.walk.refused.insert((line, name.to_string(), "runs code that is not read"));
         }
         let root = name.split('.').next().unwrap_or_default();
@@ -898,7 +900,7 @@ impl<'a> ScriptWalker<'a> {
         if self.redefined.contains(name) {
             self.walk.refused.insert((function.line(), name.to_string(), "is a function with more than one meaning"));
         }
-        if self.depth >= MAX_DEPTH {
+        if self.depth >= MAX_NESTING {
             return;
         }
         let outer = self.variables.clone();
