@@ -97,22 +97,7 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
     }
 
     let progress = ProgressDisplay::new(state.step, last.max(state.step));
-    statistics.warnings.extend(long_step_warning(scene, &state));
-    statistics.warnings.extend(single_step_warning(scene, &state).filter(|_| !mode.resumed));
-    statistics.warnings.extend(roundoff_warning(scene, &state));
-    statistics.warnings.iter().for_each(|message| progress.warn(message));
-    let mut cache = DetectionCache::default();
-    let (initial_overlap, message) = initial_overlap_warning(scene, &state, &mut cache).unzip();
-    message.filter(|_| !mode.resumed).into_iter().for_each(|message| progress.warn(&message));
-    // Overlaps deeper than this fraction of the smaller radius are attributed to the steps.
-    let reported_share = initial_overlap.map_or(OVERLAP_WARNING_SHARE, |overlap: Overlap| {
-        OVERLAP_WARNING_SHARE.max(DEEPER_OVERLAP_FACTOR * overlap.share)
-    });
-    statistics.overlap = initial_overlap;
-    // A resumed run has its cache, which decides between equal directions; at the start of a run the cache is empty.
-    if state.step == scene.start.0 && state.detection_cache == DetectionCache::default() {
-        state.detection_cache = cache;
-    }
+    let reported_share = warn_at_start(&mut statistics, scene, &mut state, mode.resumed, &progress);
     let mut exchange = None;
     if mode.step_loop {
         let opened = StepExchange::open(std::io::stdin().lock(), std::io::stdout().lock(), state.x.len());
@@ -186,13 +171,45 @@ pub fn run_case(case: &Path, scene: &Scene, mut state: State, mode: RunMode) -> 
         return Ok(String::new());
     }
     statistics.wall_time = start.elapsed();
+    summarise_run(case, scene, &state, &statistics)
+}
+
+/// Warns of the step, of rounding and of overlaps at the start of a run. Returns the overlap over the smaller radius from
+/// which on overlaps are attributed to the steps.
+fn warn_at_start(
+    statistics: &mut RunStatistics,
+    scene: &Scene,
+    state: &mut State,
+    resumed: bool,
+    progress: &ProgressDisplay,
+) -> f64 {
+    statistics.warnings.extend(long_step_warning(scene, state));
+    statistics.warnings.extend(single_step_warning(scene, state).filter(|_| !resumed));
+    statistics.warnings.extend(roundoff_warning(scene, state));
+    statistics.warnings.iter().for_each(|message| progress.warn(message));
+    let mut cache = DetectionCache::default();
+    let (initial_overlap, message) = initial_overlap_warning(scene, state, &mut cache).unzip();
+    message.filter(|_| !resumed).into_iter().for_each(|message| progress.warn(&message));
+    let reported_share = initial_overlap.map_or(OVERLAP_WARNING_SHARE, |overlap: Overlap| {
+        OVERLAP_WARNING_SHARE.max(DEEPER_OVERLAP_FACTOR * overlap.share)
+    });
+    statistics.overlap = initial_overlap;
+    // A resumed run has its cache, which decides between equal directions; at the start of a run the cache is empty.
+    if state.step == scene.start.0 && state.detection_cache == DetectionCache::default() {
+        state.detection_cache = cache;
+    }
+    reported_share
+}
+
+/// Writes the error sources of a run, and returns its summary.
+fn summarise_run(case: &Path, scene: &Scene, state: &State, statistics: &RunStatistics) -> Result<String, RunFailure> {
     ranks::compute_alone(|| {
-        let sources = statistics.estimator.error_sources(scene, &state);
+        let sources = statistics.estimator.error_sources(scene, state);
         // Also if a run was killed before it wrote them.
         if statistics.steps > 0 || state.step > scene.start.0 && !errors::is_there(case) {
             errors::write_errors(case, &sources).map_err(RunFailure::Unwritten)?;
         }
-        Ok(summary_text(scene, &state, &statistics, &sources))
+        Ok(summary_text(scene, state, statistics, &sources))
     })
 }
 

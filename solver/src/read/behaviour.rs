@@ -609,7 +609,7 @@ impl ContactReader<'_> {
         record: &ContactRecord,
         left_out: &mut LeftOutContacts,
     ) -> Result<Option<(SolvedContact, LawMemory)>, Faults> {
-        let &ContactReader { file, scene, records, numbers, positions, orientations } = self;
+        let &ContactReader { file, scene, orientations, .. } = self;
         let h = scene.options.dt;
         let fault = |object: &str, found: &str, expected: &str| {
             Faults::from(Fault::new(file, Some(record.line), object, found, expected))
@@ -623,28 +623,7 @@ impl ContactReader<'_> {
             left_out.of_points.push(record.line);
             return Ok(None);
         }
-        let named = sides.map(|side| numbers.find(records, side));
-        let bonds = record.status == "Mstck" || record.status.starts_with('C') || !record.internals.is_empty();
-        if named.contains(&NamedContactor::Ambiguous) && !named.contains(&NamedContactor::OtherKind) && !bonds {
-            left_out.unnumbered.push(record.line);
-            return Ok(None);
-        }
-        let part_number = |k: usize| {
-            let NamedContactor::Found(index) = named[k] else { return None };
-            let body = sides[k].body;
-            let point = orientations[body].inverse_transform_vector(&(Vec3::from(record.point) - positions[body]));
-            part_number_in_scene(scene, BodyId::new(body), index, &point)
-        };
-        let [Some(part_a), Some(part_b)] = [0, 1].map(part_number) else {
-            let name = |side: &ContactSide| format!("{} {} of body {}", side.contactor, side.number + 1, side.body + 1);
-            let found = format!("{} of {} and {}", record.kind, name(sides[0]), name(sides[1]));
-            let expected = "expected numbers and kinds of the bodies' own contactors";
-            return Err(fault("contact", &found, expected));
-        };
-        if sides.iter().any(|side| !numbers.is_in_body(records, side)) {
-            left_out.renumbered.push(record.line);
-        }
-        let part_numbers = [part_a, part_b];
+        let Some(part_numbers @ [part_a, part_b]) = self.parts_of_sides(record, left_out)? else { return Ok(None) };
         let [(kind_a, class_a), (kind_b, class_b)] =
             [0, 1].map(|k| kind_and_class(scene, BodyId::new(sides[k].body), part_numbers[k]));
         let Some(rule) = scene.visibility.interaction_rule(class_a, class_b) else {
@@ -703,6 +682,38 @@ impl ContactReader<'_> {
             bond: bonded.then(|| scene.laws[rule.law as usize].bonded_at(record.gap)),
         };
         Ok(Some((solved, memory)))
+    }
+
+    /// Numbers of the parts on the two sides of a record; `None` if it is left out, which `left_out` records.
+    fn parts_of_sides(
+        &self,
+        record: &ContactRecord,
+        left_out: &mut LeftOutContacts,
+    ) -> Result<Option<[u16; 2]>, Faults> {
+        let &ContactReader { file, scene, records, numbers, positions, orientations } = self;
+        let sides = [&record.candidate, &record.antagonist];
+        let named = sides.map(|side| numbers.find(records, side));
+        let bonds = record.status == "Mstck" || record.status.starts_with('C') || !record.internals.is_empty();
+        if named.contains(&NamedContactor::Ambiguous) && !named.contains(&NamedContactor::OtherKind) && !bonds {
+            left_out.unnumbered.push(record.line);
+            return Ok(None);
+        }
+        let part_number = |k: usize| {
+            let NamedContactor::Found(index) = named[k] else { return None };
+            let body = sides[k].body;
+            let point = orientations[body].inverse_transform_vector(&(Vec3::from(record.point) - positions[body]));
+            part_number_in_scene(scene, BodyId::new(body), index, &point)
+        };
+        let [Some(part_a), Some(part_b)] = [0, 1].map(part_number) else {
+            let name = |side: &ContactSide| format!("{} {} of body {}", side.contactor, side.number + 1, side.body + 1);
+            let found = format!("{} of {} and {}", record.kind, name(sides[0]), name(sides[1]));
+            let expected = "expected numbers and kinds of the bodies' own contactors";
+            return Err(Fault::new(file, Some(record.line), "contact", found, expected).into());
+        };
+        if sides.iter().any(|side| !numbers.is_in_body(records, side)) {
+            left_out.renumbered.push(record.line);
+        }
+        Ok(Some([part_a, part_b]))
     }
 }
 

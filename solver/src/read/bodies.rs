@@ -33,35 +33,8 @@ pub fn scene_without_laws(
     faults: &mut Faults,
 ) -> Scene {
     let file = datbox.join("BODIES.DAT");
-    let mut colours: Vec<String> = Vec::new();
-    let mut bodies = Vec::new();
-    let mut parts = Vec::new();
-    let mut part_starts = vec![PartId(0)];
-    let mut frames = Vec::new();
-    let mut shapes = ShapeCounts::default();
-    let mut axes_matches = Vec::new();
-    let mut unsplit = Vec::new();
-    for (index, record) in records.0.iter().enumerate() {
-        let made = body_from_record(record, bulk, &mut colours).unwrap_or_else(|RecordFault { found, expected }| {
-            let of_material = found.starts_with("material ");
-            let line = if of_material { Bodies::line_of_material(&file, record) } else { record.line };
-            let is_unsplit = expected == EXPECTED_CONVEX;
-            let fault = Fault::new(&file, Some(line), format!("body {}", index + 1), found, expected);
-            if is_unsplit {
-                unsplit.push(fault)
-            } else {
-                faults.push(fault)
-            }
-            placeholder_body()
-        });
-        bodies.push(made.body);
-        shapes.add((index, record.line), &made.parts);
-        parts.extend(made.parts.into_iter().map(|part| BodyPart { body: BodyId::new(index), ..part }));
-        part_starts.push(PartId::new(parts.len()));
-        frames.push((made.shift, made.axes));
-        axes_matches.push(made.axes_match);
-    }
-    faults.0.extend(unsplit_fault(unsplit));
+    let BodyTables { mut bodies, mut parts, mut part_starts, colours, frames, axes_matches, shapes } =
+        body_tables(&file, records, bulk, faults);
     let (drives, loads) = imposed_motion(datbox, driven, &mut bodies, faults);
     check_extents(&file, records, &bodies, (&parts, &part_starts), &options, faults);
     let needs_parts = |body: &RigidBody| match body.shape {
@@ -137,6 +110,53 @@ pub fn scene_without_laws(
     scene.smallest_radius = radii.iter().copied().fold(f64::INFINITY, f64::min);
     check_free_motion(&datbox.join("DRV_DOF.DAT"), driven, &scene, faults);
     scene
+}
+
+/// Bodies of BODIES.DAT with their parts.
+struct BodyTables {
+    bodies: Vec<RigidBody>,
+    parts: Vec<BodyPart>,
+    /// First part of each body, and the number of parts.
+    part_starts: Vec<PartId>,
+    colours: Vec<String>,
+    /// Shift of the centre (m) and axes of each body in the frame of the file.
+    frames: Vec<(Vec3, Quat)>,
+    axes_matches: Vec<AxesMatch>,
+    shapes: ShapeCounts,
+}
+
+/// Makes the bodies of the records; one that has a fault is replaced by a placeholder.
+fn body_tables(file: &Path, records: &Bodies, bulk: &BulkBehav, faults: &mut Faults) -> BodyTables {
+    let mut colours: Vec<String> = Vec::new();
+    let mut bodies = Vec::new();
+    let mut parts = Vec::new();
+    let mut part_starts = vec![PartId(0)];
+    let mut frames = Vec::new();
+    let mut shapes = ShapeCounts::default();
+    let mut axes_matches = Vec::new();
+    let mut unsplit = Vec::new();
+    for (index, record) in records.0.iter().enumerate() {
+        let made = body_from_record(record, bulk, &mut colours).unwrap_or_else(|RecordFault { found, expected }| {
+            let of_material = found.starts_with("material ");
+            let line = if of_material { Bodies::line_of_material(file, record) } else { record.line };
+            let is_unsplit = expected == EXPECTED_CONVEX;
+            let fault = Fault::new(file, Some(line), format!("body {}", index + 1), found, expected);
+            if is_unsplit {
+                unsplit.push(fault)
+            } else {
+                faults.push(fault)
+            }
+            placeholder_body()
+        });
+        bodies.push(made.body);
+        shapes.add((index, record.line), &made.parts);
+        parts.extend(made.parts.into_iter().map(|part| BodyPart { body: BodyId::new(index), ..part }));
+        part_starts.push(PartId::new(parts.len()));
+        frames.push((made.shift, made.axes));
+        axes_matches.push(made.axes_match);
+    }
+    faults.0.extend(unsplit_fault(unsplit));
+    BodyTables { bodies, parts, part_starts, colours, frames, axes_matches, shapes }
 }
 
 /// Rejects hollow cylinders that may move, and moving bodies that are too long for a period.
