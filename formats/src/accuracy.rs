@@ -25,6 +25,7 @@ const FINE: &str = include_str!("accuracy/fine.txt");
 const REFERENCE: &str = include_str!("accuracy/reference.txt");
 
 impl Accuracy {
+    /// All presets, from the fastest to the most accurate.
     pub const ALL: [Accuracy; 4] = [Accuracy::Draft, Accuracy::Standard, Accuracy::Fine, Accuracy::Reference];
 
     /// Cost and error of the preset as measured on the scenes of examples/accuracy-study.
@@ -63,6 +64,7 @@ impl Default for Adaptive {
 }
 
 impl Adaptive {
+    /// Largest `max_multiple` that is accepted.
     pub const MAX_STEP_MULTIPLE: u64 = 1_000_000;
 
     /// Whether steps may be longer than `dt`.

@@ -17,6 +17,7 @@ use crate::words::CONTACTOR_TYPES;
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Bodies(pub Vec<Body>);
 
+/// Rigid body, a record of BODIES.DAT.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Body {
     /// Line of `$bdyty`, 1-based; 0 for a body that is not from a file.
@@ -32,6 +33,7 @@ pub struct Body {
     pub contactors: Vec<Contactor>,
 }
 
+/// Contactor of a body: its shape and colour.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Contactor {
     pub colour: String,
@@ -40,6 +42,7 @@ pub struct Contactor {
     pub local_frame: Option<LocalFrame>,
 }
 
+/// Axes and offset (m) of a contactor in the frame of its body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LocalFrame {
     pub axes: [[f64; 3]; 3],

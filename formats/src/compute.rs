@@ -351,7 +351,9 @@ options! {
 /// List given on the command line.
 #[derive(Debug, Clone)]
 pub struct FlagList<T>(Vec<T>);
+/// Events of a run.
 pub type Events = FlagList<Event>;
+/// External fields of a run.
 pub type Fields = FlagList<ExternalField>;
 
 impl<T: serde::de::DeserializeOwned> std::str::FromStr for FlagList<T> {

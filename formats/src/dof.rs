@@ -11,6 +11,7 @@ use crate::scan::{
     fortran_real, frame_defect, put_grid, put_steps,
 };
 
+/// Content of the file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Dof {
     pub step: u64,
@@ -19,6 +20,7 @@ pub struct Dof {
     pub bodies: Vec<BodyDof>,
 }
 
+/// Displacement, velocity and axes of one body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BodyDof {
     pub line: usize,

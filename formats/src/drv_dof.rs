@@ -8,6 +8,7 @@ use crate::atomic::path_exists;
 use crate::error::Faults;
 use crate::scan::{AsciiText, LineScanner, TextLine, format_e14, format_integer, format_long14, free_real, put_text};
 
+/// Driven components, in the order of the file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DrvDof(pub Vec<DrivenComponent>);
 
@@ -23,6 +24,7 @@ pub struct DrivenComponent {
     pub evolution: Evolution,
 }
 
+/// Imposed quantity of a driven component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DrivenKind {
     /// `vlocy`: m/s or rad/s.

@@ -29,6 +29,7 @@ use std::str::FromStr;
 use crate::atomic::read_text;
 use crate::error::{Fault, Faults};
 
+/// Contact problem with Coulomb friction in the format of a `.fc3d` file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Fc3d {
     /// Comment lines without the leading `#`.

@@ -6,6 +6,7 @@ use crate::compute::ExternalField;
 
 type Vec3 = Vector3<f64>;
 
+/// External field, in the form in which it is evaluated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FieldModel {
     /// Attraction by a body at rest.

@@ -335,11 +335,12 @@ pub fn has_interface(label: &str) -> bool {
     law_parameters(label).any(|parameter| parameter == LawParameter::TangentialStiffness)
 }
 
-/// Positions of the state of an interface among the internal variables of a contact in Vloc_Rloc files, where LMGC90 has
-/// them: sliding along t and s, and soundness.
+/// Positions of the sliding of an interface along t and s among the internal variables of a contact in Vloc_Rloc files,
+/// where LMGC90 has them.
 pub const INTERFACE_SLIDING: [usize; 2] = [1, 3];
+/// Position of the soundness of an interface among these internal variables.
 pub const INTERFACE_SOUNDNESS: usize = 4;
-/// Number of these internal variables.
+/// Number of the internal variables of an interface.
 pub const INTERFACE_INTERNALS: usize = 7;
 
 /// Position of the reference gap among the internal variables of a contact in Vloc_Rloc files, where LMGC90 has it; `None` for

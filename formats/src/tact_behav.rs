@@ -9,6 +9,7 @@ use crate::ron_text::known_names;
 use crate::scan::{AsciiText, LenientForm, LineScanner, TextLine, format_e14, format_long14, fortran_real, put_text};
 use crate::words::{CONTACTOR_TYPES, is_foreign_row};
 
+/// Content of the file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TactBehav {
     pub laws: Vec<LawRecord>,

@@ -123,6 +123,7 @@ pub struct Wall {
     pub shape: WallShape,
 }
 
+/// Shape of a wall in the frame of its body.
 #[derive(Debug, Clone, PartialEq)]
 pub enum WallShape {
     /// Half lengths along the body's axes, m.

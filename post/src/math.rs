@@ -2,7 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+/// Vector.
 pub type Vec3 = Vector3<f64>;
+/// 3x3 matrix.
 pub type Mat3 = Matrix3<f64>;
 
 /// Straight line fitted by least squares.

@@ -125,7 +125,7 @@ impl Default for SeriesOptions {
 
 impl SeriesOptions {
     /// Options of the observables themselves.
-    pub fn to_choices(&self) -> MeasurementOptions {
+    pub fn measurement_options(&self) -> MeasurementOptions {
         let summation = if self.direct_gravity { PairSummation::Direct } else { PairSummation::Fast };
         let MeasurementFlags { region, slope } = self.measures.clone();
         MeasurementOptions { summation, region, slope_reach: slope.slope_reach.unwrap_or(REACH) }

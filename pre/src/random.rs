@@ -17,6 +17,7 @@ pub enum StreamPurpose {
     Shape = 3,
 }
 
+/// Stream of random numbers.
 pub struct RandomStream(ChaCha8Rng);
 
 impl RandomStream {

@@ -30,6 +30,7 @@ pub struct Scene {
     pub compute: Compute,
 }
 
+/// Material of grains and walls.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Material {

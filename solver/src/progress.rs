@@ -29,6 +29,7 @@ struct ProgressMark {
     step: u64,
 }
 
+/// Progress of a run on the terminal, and its messages.
 pub struct ProgressDisplay {
     bar: ProgressBar,
     first: u64,

@@ -158,6 +158,7 @@ impl Contact {
     }
 }
 
+/// Status of a contact after the solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ContactStatus {
     #[default]

@@ -18,6 +18,7 @@ use std::path::{Path, PathBuf};
 use crate::case::{copy, files, post, pre, solve};
 use crate::columns::{Columns, read};
 
+/// Program whose files are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
     Pre,
@@ -26,6 +27,7 @@ pub enum Stage {
 }
 
 impl Stage {
+    /// The programs in the order in which they run.
     pub const ALL: [Stage; 3] = [Stage::Pre, Stage::Solve, Stage::Post];
 
     /// Name of its folder of expected files.
@@ -100,7 +102,7 @@ const ONE: &str = "1";
 
 /// Columns that are not named here are exact: numbers of contacts, which bodies touch, stick or slide, time, masses.
 ///
-/// The scenes ask for a residual of 1e-10, make a few hundred steps and have few contacts at once. What the
+/// The scenes require a residual of 1e-10, make a few hundred steps and have few contacts at once. What the
 /// solver leaves, 1e-10 of the impulses, and round-off, 1e-16, grow by the collisions that follow.
 const SOLVE: &[Tolerance] = &[
     within("body_x", 1e-9, ""),

@@ -13,6 +13,7 @@ type Vec3 = Vector3<f64>;
 /// Index of a vertex, edge or face.
 pub type FeatureIndex = u16;
 
+/// Plane of a face.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct PolyhedronPlane {
@@ -22,6 +23,7 @@ pub struct PolyhedronPlane {
     pub offset: f64,
 }
 
+/// Edge between two faces.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct PolyhedronEdge {
@@ -329,7 +331,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn more_edges_than_have_numbers_are_refused() {
+    fn more_edges_than_have_numbers_are_rejected() {
         // A globe: its quadrangles between two circles of latitude are flat.
         let globe = |circles: u32, meridians: u32| {
             let turn = |k: u32, of: u32| std::f64::consts::TAU * f64::from(k) / f64::from(of);

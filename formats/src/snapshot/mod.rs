@@ -24,10 +24,11 @@ compile_error!("snapshots are written from memory as little-endian arrays");
 /// Version of the file format; a reader rejects a later one.
 pub const FORMAT_VERSION: u32 = 1;
 
-/// Values of [`BodyArrays::body_shape`].
+/// Value of [`BodyArrays::body_shape`] of a sphere.
 pub const SHAPE_SPHERE: u8 = 0;
+/// Value of [`BodyArrays::body_shape`] of a plate.
 pub const SHAPE_PLANE: u8 = 1;
-/// One or more polyhedra; BODIES.DAT has the vertices.
+/// Value of [`BodyArrays::body_shape`] of one or more polyhedra; BODIES.DAT has the vertices.
 pub const SHAPE_PARTS: u8 = 2;
 
 /// [`BodyArrays::body_driven`] of a body with all six components of its velocity imposed: a wall.
@@ -54,11 +55,14 @@ pub fn are_walls(bodies: &[(u8, bool)]) -> Vec<bool> {
     if walls.contains(&false) { walls } else { with_free_axes(2) }
 }
 
-/// Values of [`ContactArrays::contact_status`].
+/// Value of [`ContactArrays::contact_status`] of a contact that carries no force.
 pub const STATUS_NO_CONTACT: u8 = 0;
+/// Value of [`ContactArrays::contact_status`] of a contact that sticks.
 pub const STATUS_STICK: u8 = 1;
+/// Value of [`ContactArrays::contact_status`] of a contact that slides.
 pub const STATUS_SLIDE: u8 = 2;
 
+/// Content of a snapshot: the state of a run at the end of a step, and its parameters.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Snapshot {
     pub meta: SnapshotMeta,
@@ -174,6 +178,7 @@ impl PostproSums {
     }
 }
 
+/// Material of bodies.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MaterialName {
     pub name: String,
@@ -181,6 +186,7 @@ pub struct MaterialName {
     pub density: f64,
 }
 
+/// Contact law with its parameters in the order of TACT_BEHAV.DAT.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LawName {
     pub nickname: String,
@@ -208,12 +214,14 @@ mod adaptive_fields {
         penetration: f64,
     }
 
+    /// Writes the option with the names of fields that snapshots have.
     pub fn serialize<S: Serializer>(adaptive: &Option<Adaptive>, serializer: S) -> Result<S::Ok, S::Error> {
         let fields =
             |Adaptive { max_multiple: most, travel, penetration }| AdaptiveFields { most, travel, penetration };
         adaptive.map(fields).serialize(serializer)
     }
 
+    /// Reads the option with the names of fields that snapshots have.
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Adaptive>, D::Error> {
         let adaptive =
             |AdaptiveFields { most, travel, penetration }| Adaptive { max_multiple: most, travel, penetration };
@@ -756,7 +764,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_renamed_and_folders_that_cannot_be_read() {
+    fn rejects_what_is_renamed_and_folders_that_cannot_be_read() {
         let folder = tempfile::tempdir().unwrap();
         sample().write(&snapshot_path(folder.path(), 3)).unwrap();
         let refused = Snapshot::read(&snapshot_path(folder.path(), 3)).unwrap_err().to_string();
@@ -766,7 +774,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_damaged() {
+    fn rejects_what_is_damaged() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("snapshot-000000.npz");
         let bytes = sample().to_bytes();
@@ -782,7 +790,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_not_finite_row_by_row() {
+    fn rejects_what_is_not_finite_row_by_row() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("snapshot-000000.npz");
         let mut wrong = sample();
@@ -795,7 +803,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_indices_and_rows_that_do_not_fit() {
+    fn rejects_indices_and_rows_that_do_not_fit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("snapshot-000000.npz");
         let mut wrong = sample();

@@ -83,7 +83,7 @@ pub fn measure_series<T: Send>(
     let outbox = options.dir.join("OUTBOX");
     let selected = select_snapshots(&outbox, options.every)?;
     let bar = progress_bar(selected.len());
-    let choices = options.to_choices();
+    let choices = options.measurement_options();
     let mut rows = Vec::with_capacity(selected.len());
     let mut kept = Vec::new();
     let mut masses: Option<Vec<f64>> = None;

@@ -5,6 +5,7 @@ use nalgebra::DMatrix;
 use crate::frame::Grain;
 use crate::math::Vec3;
 
+/// Ball around grains, or one of the balls in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EnclosingBall {
     /// Centre, m.
@@ -38,9 +39,10 @@ const RELATIVE_ROUNDING: f64 = 1e-13;
 
 /// Returns the smallest ball that contains `balls`, to round-off, at any position.
 ///
-/// At most four of them, the basis, determine it. The search begins with one ball. Each iteration adds the ball that sticks out
-/// most and finds the smallest enclosing ball of these at most five by trying every subset of at most four (`tangent_ball`). The
-/// radius grows at each turn, so the search ends, in practice after some ten turns, each of which checks every ball once.
+/// At most four of them, the basis, determine it. The search begins with one ball. Each iteration adds the ball
+/// that sticks out most and finds the smallest enclosing ball of these at most five by trying every subset of at most four
+/// (`tangent_ball`). The radius grows in each iteration, so the search ends, in practice after some ten iterations, each of
+/// which checks every ball once.
 ///
 /// Source: Fischer & Gaertner (2003), "The smallest enclosing ball of balls: combinatorial
 /// structure and algorithms" (an LP-type problem of dimension 4; Welzl's recursion fails on balls).

@@ -17,6 +17,7 @@ pub enum RegionKind {
 }
 
 impl RegionKind {
+    /// All kinds, by their numbers.
     pub const ALL: [RegionKind; 10] = [
         RegionKind::None,
         RegionKind::LargestGroup,

@@ -19,6 +19,7 @@ pub struct SeriesPlot {
     pub curves: &'static [(&'static str, &'static str)],
 }
 
+/// Plots of the columns of `series.csv`.
 pub const PLOTS: [SeriesPlot; 6] = [
     SeriesPlot {
         file: "energy.svg",

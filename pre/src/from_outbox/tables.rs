@@ -19,6 +19,7 @@ use crate::rounding::round_8_digits;
 use crate::scene;
 use crate::write::alert_of_radii;
 
+/// Materials, laws and visibility table of the next run.
 pub struct BehaviourTables {
     pub bulk: BulkBehav,
     pub tact: TactBehav,

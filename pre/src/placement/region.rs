@@ -10,6 +10,7 @@ use crate::scene::{Envelope, ModelScale};
 use crate::shapes::model;
 use crate::sphere::sphere_volume;
 
+/// Region in which grains are placed.
 #[derive(Debug, Clone, PartialEq)]
 pub enum GrainRegion {
     /// Radius, m.

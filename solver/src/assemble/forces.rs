@@ -33,6 +33,7 @@ pub struct FreeMotion {
 }
 
 impl FreeMotion {
+    /// Velocities and angular velocities after the step without contact impulses.
     pub fn velocities(&self) -> Velocities<'_> {
         Velocities { v: &self.v, w: &self.w }
     }

@@ -1,4 +1,4 @@
-//! Contact problem of one step: one row per contact, one record per body.
+//! Contact problem of one step: one row a contact, one [`SolverBody`] a body.
 //!
 //! No Delassus matrix is stored: the sweeps keep the velocities V = V_free + M⁻¹ H r of the bodies,
 //! and a row reads and changes those of its two. A law's shift c is put into the velocities of the bodies once, so
@@ -31,7 +31,7 @@ pub struct SolverBody {
 /// in the tangent plane.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ContactConstraint {
-    /// Records of candidate and antagonist.
+    /// Candidate and antagonist.
     pub bodies: [BodyId; 2],
     pub normal: Vec3,
     /// Distance from each centre to the contact point, over the radius of its sphere.
@@ -88,6 +88,7 @@ pub enum RegularisedRow {
 }
 
 impl RegularisedRow {
+    /// Row that is regularised.
     pub fn row(&self) -> ContactId {
         match *self {
             RegularisedRow::Spring { row, .. }
@@ -98,6 +99,7 @@ impl RegularisedRow {
     }
 }
 
+/// Contact problem of a step: its rows, and the bodies that they move.
 #[derive(Debug, Clone)]
 pub struct ContactProblem {
     pub rows: Vec<ContactConstraint>,

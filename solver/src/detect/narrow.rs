@@ -1,10 +1,13 @@
 //! The gap, normal and point of one pair.
 
+use crate::geometry::{CYLINDER_END, CYLINDER_OTHER_END, CYLINDER_RIM, CYLINDER_SIDE};
 use crate::math::{Quat, Vec3};
 
-/// Faces of a plate, as features.
+/// Feature of a plate: the face along its third axis.
 pub const PLATE_UPPER_FACE: u32 = 0;
+/// Feature of a plate: the face against its third axis.
 pub const PLATE_LOWER_FACE: u32 = 1;
+/// Feature of a plate: its edges and sides.
 pub const PLATE_RIM: u32 = 2;
 
 /// Geometry of one point of contact.
@@ -64,12 +67,6 @@ pub fn sphere_plane(
     let gap = distance - radius;
     ContactGeometry { gap, normal, point: centre - normal * (radius + 0.5 * gap), feature }
 }
-
-/// Features of a cylinder: its round side, the end along its axis, the other end, the rims.
-pub const CYLINDER_SIDE: u32 = 0;
-pub const CYLINDER_END: u32 = 1;
-pub const CYLINDER_OTHER_END: u32 = 2;
-pub const CYLINDER_RIM: u32 = 3;
 
 /// Contacts of a sphere (candidate) with a cylinder of `[half height, radius]` (m) along its third axis. A solid cylinder has
 /// one contact at its nearest point, or at the nearest face for a centre inside it. A hollow cylinder is closed: its side

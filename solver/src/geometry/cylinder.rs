@@ -16,10 +16,13 @@ use super::search::{aligned_face, edge_ends, support_face};
 use crate::math::simd::Scalar;
 use crate::math::{Quat, Vec3};
 
-/// Features of a cylinder: its round side, the end along its axis, the other end, and from this number on the rims.
+/// Feature of a cylinder: its round side.
 pub const CYLINDER_SIDE: u32 = 0;
+/// Feature of a cylinder: the end along its axis.
 pub const CYLINDER_END: u32 = 1;
+/// Feature of a cylinder: the end against its axis.
 pub const CYLINDER_OTHER_END: u32 = 2;
+/// Feature of a cylinder: its rims, several of which differ by this number and those after it.
 pub const CYLINDER_RIM: u32 = 3;
 
 /// Contact of polyhedron A with a solid cylinder of `[half height, radius]` (m) at `c` = x_B - x_A (m) with the

@@ -40,7 +40,9 @@ mod sphere;
 mod triangles;
 
 pub use cache::CachedFeature;
-pub use cylinder::{polyhedron_cylinder, polyhedron_end_along};
+pub use cylinder::{
+    CYLINDER_END, CYLINDER_OTHER_END, CYLINDER_RIM, CYLINDER_SIDE, polyhedron_cylinder, polyhedron_end_along,
+};
 pub use cylinders::cylinder_cylinder;
 pub use flush::polyhedra_along;
 pub use hollow_cylinder::{FAR_WALL, far_walls, polyhedron_hollow_cylinder, vertices_at_far_walls};

@@ -54,6 +54,7 @@ struct FaceFeatures {
 }
 
 impl TriangleBatch {
+    /// A batch without pairs.
     pub fn new() -> Self {
         TriangleBatch {
             given: [[0.0; BATCH_PAIRS]; INPUT_ROWS],

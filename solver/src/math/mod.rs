@@ -10,8 +10,11 @@ use std::ops::Range;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
+/// Vector.
 pub type Vec3 = Vector3<f64>;
+/// 3x3 matrix.
 pub type Mat3 = Matrix3<f64>;
+/// Orientation or rotation.
 pub type Quat = UnitQuaternion<f64>;
 
 /// Velocity (m/s) of a point of a body and its angular velocity (rad/s).

@@ -36,6 +36,9 @@ struct ContactorPiece {
     colour: u16,
 }
 
+/// Converts a record of BODIES.DAT to a body with its parts; new colours are added to `colours`.
+///
+/// Errors: the material is not in BULK_BEHAV.DAT or has no density, or the contactors make no body that can be computed.
 pub fn body_from_record(
     record: &bodies::Body,
     bulk: &BulkBehav,

@@ -27,6 +27,7 @@ pub struct StepOutcome {
 }
 
 impl StepOutcome {
+    /// Velocities and angular velocities at the step's end, in the contact configuration.
     pub fn velocities(&self) -> Velocities<'_> {
         Velocities { v: &self.v, w: &self.w }
     }

@@ -25,6 +25,7 @@ pub struct Curve {
     pub marks: CurveMarks,
 }
 
+/// Marks with which a curve is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CurveMarks {
     /// A line, with dots if they are few.
@@ -46,6 +47,7 @@ impl Curve {
     }
 }
 
+/// Curves over two axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
     pub title: String,
@@ -410,7 +412,7 @@ mod tests {
     }
 
     #[test]
-    fn marks_tell_values_apart_that_differ_little() {
+    fn marks_distinguish_values_that_differ_little() {
         let of = |values: [f64; 2]| {
             let text = figure(values.iter().enumerate().map(|(k, y)| (k as f64, *y)).collect(), false).to_svg();
             (marks(&text, "text-anchor=\"end\""), text)

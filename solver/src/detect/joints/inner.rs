@@ -203,6 +203,7 @@ pub struct JointScratch {
 }
 
 impl JointScratch {
+    /// Scratch without items.
     pub const fn new() -> Self {
         JointScratch { near: Vec::new(), heights: Vec::new(), planes: Vec::new(), found: Vec::new() }
     }

@@ -1,4 +1,4 @@
-//! Vectors made of vectors.
+//! Vectors made of two narrower ones.
 
 use pulp::NullaryFnOnce;
 
@@ -116,6 +116,7 @@ impl<L: Arithmetic> Arithmetic for DoubleWidth<L> {
     }
 }
 
+/// Joins vectors of the left and of the right half.
 #[inline(always)]
 fn zip_halves<V: Copy, const N: usize>(left: [V; N], right: [V; N]) -> [[V; 2]; N] {
     let mut both = [[left[0], right[0]]; N];
@@ -127,6 +128,7 @@ fn zip_halves<V: Copy, const N: usize>(left: [V; N], right: [V; N]) -> [[V; 2]; 
     both
 }
 
+/// Divides vectors into those of the left and of the right half.
 #[inline(always)]
 fn unzip_halves<V: Copy, const N: usize>(both: [[V; 2]; N]) -> [[V; N]; 2] {
     let mut sides = [[both[0][0]; N], [both[0][1]; N]];

@@ -48,6 +48,7 @@ pub struct SimdLanes<S, T> {
 }
 
 impl<S, T> SimdLanes<S, T> {
+    /// Lanes of a width that the processor has, which `simd` proves.
     #[inline(always)]
     pub fn new(simd: S) -> Self {
         SimdLanes { simd, number: PhantomData }

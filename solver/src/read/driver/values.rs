@@ -217,7 +217,7 @@ impl ExpressionParser<'_> {
         Ok(ScriptValue::list(list))
     }
 
-    /// Value of `a if condition else b`, or of its first part is_single.
+    /// Value of `a if condition else b`, or of its first part alone.
     fn choice(&mut self) -> Evaluation {
         let first = self.disjunction();
         if !self.take("if") {
