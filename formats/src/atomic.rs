@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_that_are_not_utf_8_are_refused_with_the_line() {
+    fn texts_that_are_not_utf_8_are_rejected_with_the_line() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.ron");
         fs::write(&path, b"(\n// caf\xe9\n)").unwrap();

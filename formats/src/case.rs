@@ -129,7 +129,7 @@ pub fn set_version(version: &'static str) {
 
 /// Reads the command line of a program, its name first.
 ///
-/// Errors: the exit code of a command line that is not accepted, or asks for help or the version; the message is printed.
+/// Errors: the exit code of a command line that is not accepted, or requests help or the version; the message is printed.
 pub fn parse_arguments<T: Parser>(args: &[OsString]) -> Result<T, i32> {
     let program = match VERSION.get() {
         Some(version) => T::command().version(*version),

@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn snapshots_take_their_polyhedra_from_the_datbox_beside() {
+    fn snapshots_take_their_polyhedra_from_the_datbox_of_their_case() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("OUTBOX").join("snapshot-000000.npz");
         let mut ball = body(0.0, None);

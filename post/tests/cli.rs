@@ -221,7 +221,7 @@ fn parts_can_be_left_out() {
 }
 
 #[test]
-fn a_case_without_results_is_refused() {
+fn a_case_without_results_is_rejected() {
     let case = tempfile::tempdir().unwrap();
     let outbox = case.path().join("OUTBOX");
     let expected = "expected snapshot-*.npz, the results of cd-solve";
@@ -232,7 +232,7 @@ fn a_case_without_results_is_refused() {
 }
 
 #[test]
-fn a_damaged_snapshot_is_refused_and_the_series_stays_as_it_was() {
+fn a_damaged_snapshot_is_rejected_and_the_series_stays_as_it_was() {
     let case = case(&[0, 1, 2]);
     assert!(cd_post(&[], case.path()).status.success());
     let series = fs::read(case.path().join("POSTPRO/series.csv")).unwrap();
@@ -246,7 +246,7 @@ fn a_damaged_snapshot_is_refused_and_the_series_stays_as_it_was() {
 }
 
 #[test]
-fn a_snapshot_of_another_run_is_refused() {
+fn a_snapshot_of_another_run_is_rejected() {
     let case = case(&[0, 1]);
     let mut other = scene(2);
     other.snapshot.bodies.body_mass[1] *= 2.0;
@@ -272,7 +272,7 @@ fn a_lack_of_all_snapshots_is_reported_once() {
 }
 
 #[test]
-fn shapes_of_another_datbox_are_refused_once() {
+fn shapes_of_another_datbox_are_rejected_once() {
     let case = tempfile::tempdir().unwrap();
     let cubes = |half: f64, count: usize| {
         let mut scene = scene(0);
@@ -332,7 +332,7 @@ fn one_waits_for_another_in_the_same_case() {
 }
 
 #[test]
-fn a_broken_state_is_refused_row_by_row() {
+fn a_broken_state_is_rejected_row_by_row() {
     let case = case(&[0]);
     let mut broken = scene(0).snapshot;
     broken.bodies.body_mass[3] = -1.0;
@@ -365,7 +365,7 @@ fn a_case_without_grains_is_done_with_a_report() {
 }
 
 #[test]
-fn a_wrong_command_line_is_refused() {
+fn a_wrong_command_line_is_rejected() {
     for args in [
         vec!["--every", "0"],
         vec!["study", "case", "--from", "nan"],
@@ -728,7 +728,7 @@ fn runs_are_measured_by_the_finest() {
     let expected = "time: 2 from 0 to 1 s; expected one at the time of --from or later\n";
     assert_eq!(printed.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&printed.stderr).ends_with(expected), "{printed:?}");
-    // Of two realisations, here one twice, there are errors of both together, and what is asked of runs is refused.
+    // Of two realisations, here one twice, there are errors of both together, and what is asked of runs is rejected.
     let [once, both] = [output.path().to_path_buf(), output.path().join("both")];
     let of_both = |more: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_cd-post"));
@@ -1093,7 +1093,7 @@ fn a_folder_that_no_text_names_is_reported() {
 }
 
 #[test]
-fn a_file_that_may_not_grow_is_refused() {
+fn a_file_that_may_not_grow_is_rejected() {
     let case = case(&[0, 10, 20]);
     let limited = ["-c", "ulimit -f 4; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_cd-post")];
     let output = Command::new("sh").args(limited).arg(case.path()).output().unwrap();

@@ -314,7 +314,7 @@ fn values_are_set_from_the_command_line() {
 }
 
 #[test]
-fn a_refused_scene_leaves_nothing_behind() {
+fn a_rejected_scene_leaves_nothing_behind() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("scene.ron");
     let good = std::fs::read_to_string(example("accretion")).unwrap();
@@ -333,7 +333,7 @@ fn a_refused_scene_leaves_nothing_behind() {
 }
 
 #[test]
-fn missing_scene_and_unwritable_folder_are_refused() {
+fn missing_scene_and_unwritable_folder_are_rejected() {
     let output = cd_pre(&[Path::new("no-such.ron")]);
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).starts_with("cd-pre: no-such.ron: file: cannot be read: "));
@@ -346,7 +346,7 @@ fn missing_scene_and_unwritable_folder_are_refused() {
 /// Folders of DATBOX stay empty, and so no part stays either.
 #[cfg(unix)]
 #[test]
-fn a_file_that_may_not_grow_is_refused() {
+fn a_file_that_may_not_grow_is_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let limited = ["-c", "ulimit -f 20; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_cd-pre")];
     let output = Command::new("sh").args(limited).arg(example("accretion")).arg("-o").arg(folder.path()).output();

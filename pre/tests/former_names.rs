@@ -128,7 +128,7 @@ fn a_field_under_both_names_is_an_error() {
 }
 
 #[test]
-fn mistakes_beside_former_names_have_their_own_column() {
+fn mistakes_next_to_former_names_have_their_own_column() {
     let (code, said, _) = datbox(&FORMER_SCENE.replace("most: 4, vertices: 32", "most: 4, vertices: 3x"), &[]);
     assert_eq!(code, 2);
     assert!(said.starts_with("cd-pre: scene.ron:8:100: grains 1, shape, contact_shape, max_vertices: 3x"), "{said}");

@@ -179,7 +179,7 @@ fn no_text_of_the_library_reaches_the_user() {
 }
 
 #[test]
-fn settings_are_refused_by_their_own_text() {
+fn settings_are_rejected_by_their_own_text() {
     let said = |set: &str| made(&GOOD, &["--set", set]);
     for (set, message) in [
         ("grains.1.number=5.5", "5.5; expected an integer"),
@@ -271,14 +271,14 @@ fn doubtful_values_are_asked_about_and_accepted() {
 }
 
 #[test]
-fn events_before_the_start_are_refused() {
+fn events_before_the_start_are_rejected() {
     let event = "events: [(time: 1, action: Bond),\n (time: -1, action: AddSpin((0, 0, 1)))]";
     let message = "15:9: compute, event 2, time: -1.0 s is before the start of the run; expected at least 0.0 s";
     assert_eq!(said("self_gravity: true", event), format!("scene.ron:{message}"));
 }
 
 #[test]
-fn grains_larger_than_their_room_are_named() {
+fn grains_larger_than_their_region_are_named() {
     let cm = "Uniform(min: 80.0, max: 120.0)";
     let said = said("Uniform(min: 0.5, max: 1.0)", cm);
     assert!(said.starts_with("scene.ron:10:20: grains 1, placement: the smallest grain, of radius 8"), "{said}");

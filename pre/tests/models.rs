@@ -1,4 +1,4 @@
-//! Surfaces from files: as grains, as clusters of pieces, as rooms, as monoliths to break; and every way to be wrong.
+//! Surfaces from files: as grains, as clusters of pieces, as regions, as monoliths to break; and every way to be wrong.
 
 use std::path::{Path, PathBuf};
 
@@ -387,8 +387,8 @@ fn a_surface_that_is_not_convex_is_a_cluster_with_the_mass_of_the_surface() {
             && wrong.contains(": grains 1, shape: none.obj cannot be read"),
         "{wrong}"
     );
-    let beside: Vec<[f64; 3]> = cuboid(block).into_iter().map(|[x, y, z]| [x + 5.0, y, z]).collect();
-    std::fs::write(folder.path().join("beside.obj"), obj(&beside, &quads())).unwrap();
+    let shifted: Vec<[f64; 3]> = cuboid(block).into_iter().map(|[x, y, z]| [x + 5.0, y, z]).collect();
+    std::fs::write(folder.path().join("beside.obj"), obj(&shifted, &quads())).unwrap();
     let files = "Files([\"beam.obj\", \"beside.obj\"])";
     let wrong =
         datbox(folder.path(), &format!("shape: Model(file: \"angle.obj\", contact_shape: {files}), {STANDING}"));
@@ -397,7 +397,7 @@ fn a_surface_that_is_not_convex_is_a_cluster_with_the_mass_of_the_surface() {
 }
 
 #[test]
-fn there_are_never_more_pieces_than_asked_for_at_any_scale() {
+fn there_are_never_more_pieces_than_requested_at_any_scale() {
     let (v, f) = angle();
     let folder = folder(&[("angle.obj", obj(&v, &f).into_bytes())]);
     for factor in [1.0, 1.1, 3.0] {

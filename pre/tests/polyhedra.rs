@@ -146,7 +146,7 @@ fn given_vertices_are_moved_and_turned_with_a_message() {
 
 #[test]
 fn listed_polyhedra_have_their_orientations_and_may_touch_but_not_overlap() {
-    // Three cubes of side 2: one on the other, and one on its edge beside them, as near as it goes.
+    // Three cubes of side 2: one on the other, and one on its edge next to them, as near as possible.
     let beside = 1.0 + 2f64.sqrt();
     let stack = |x: f64, z: f64| {
         scene(&format!(

@@ -1,4 +1,4 @@
-//! Every kind of scene that is refused, with the whole of its message.
+//! Every kind of scene that is rejected, with the whole of its message.
 
 mod good;
 

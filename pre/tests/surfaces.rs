@@ -225,7 +225,7 @@ fn what_cannot_be_read_is_named() {
     }
 }
 
-/// Every file cut off anywhere, and with any byte changed, is read or refused: no panic, no endless loop.
+/// Every file cut off anywhere, and with any byte changed, is read or rejected: no panic, no endless loop.
 #[test]
 fn torn_and_damaged_files_end_in_words() {
     for entry in std::fs::read_dir(file("")).unwrap() {
@@ -253,7 +253,7 @@ fn torn_and_damaged_files_end_in_words() {
 
 /// Surfaces that are no body: the edges that are wrong are counted, not listed without end.
 #[test]
-fn surfaces_that_are_no_body_are_refused() {
+fn surfaces_that_are_no_body_are_rejected() {
     let cube = std::fs::read_to_string(file("line-element.obj")).unwrap().replace("l 1 2\n", "");
     let other = |shift: [f64; 3], first: usize| {
         let mut text = String::new();

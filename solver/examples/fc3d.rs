@@ -2,7 +2,7 @@
 //! `cargo run --release -p cd-solve --example fc3d -- FILE.fc3d [--tol 1e-8] [--solver NAME] [--max-time S] -o SOLUTION.txt`
 //!
 //! Prints one line `contacts sweeps seconds residual`; the seconds are those of solving. Exit codes as of
-//! cd-solve: 0 solved, 1 the tolerance was not reached, 2 input refused.
+//! cd-solve: 0 solved, 1 the tolerance was not reached, 2 input rejected.
 
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn limits_that_mean_nothing_are_refused() {
+    fn limits_that_mean_nothing_are_rejected() {
         let arguments = |limit: &str| Arguments::try_parse_from(["fc3d", "one.fc3d", "-o", "r.txt", limit]);
         let apart = Arguments::try_parse_from(["fc3d", "one.fc3d", "-o", "r.txt", "--tol", "-1"]);
         let together = ["--tol=nan", "--tol=-1", "--max-time=nan", "--max-time=-1", "--max-time=soon"].map(arguments);

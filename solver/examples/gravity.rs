@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_sense_is_refused_and_nothing_is_written() {
+    fn what_makes_no_sense_is_rejected_and_nothing_is_written() {
         let folder = tempfile::tempdir().unwrap();
         let (input, output) = (folder.path().join("in.csv"), folder.path().join("out.csv"));
         let refused = |table: &str, flag: &str| {

@@ -107,7 +107,7 @@ fn degenerate_problems_stay_finite() {
             let solution = solved(&dependent(q), solver, 2000);
             assert!(solution.converged, "{solver:?} {q:?}: {solution:?}");
         }
-        // No impulse can stop what has no W: refused by the residual, not by a NaN.
+        // No impulse can stop what has no W: rejected by the residual, not by a NaN.
         let fixed = MatrixProblem::new(vec![0.5; 2], vec![[-1.0, 0.1, 0.0]; 2], [(0, 0, ONE), (1, 1, zero)]).unwrap();
         let solution = solved(&fixed, solver, 500);
         assert!(!solution.converged && solution.residual.is_finite(), "{solver:?}: {solution:?}");
@@ -116,7 +116,7 @@ fn degenerate_problems_stay_finite() {
 }
 
 #[test]
-fn what_is_no_problem_is_refused() {
+fn what_is_no_problem_is_rejected() {
     let refused = |mu: f64, q: f64, at: usize, w: f64| {
         MatrixProblem::new(vec![mu], vec![[q, 0.0, 0.0]], [(0, at, ONE.map(|row| row.map(|x| x * w)))]).is_err()
     };

@@ -49,7 +49,7 @@ impl Case {
         Case::with(scene, Path::new("no such folder"))
     }
 
-    /// The same with the surfaces (`.obj`) of a folder beside the scene.
+    /// The same with the surfaces (`.obj`) of a folder next to the scene.
     pub fn with(scene: &str, folder: &Path) -> Case {
         let case = Case::empty();
         let surfaces = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());

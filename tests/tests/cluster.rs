@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 
 use tempfile::TempDir;
 
-/// `sbatch` that runs the tasks of the array at once, again as long as they ask for it, and notes its options.
+/// `sbatch` that runs the tasks of the array at once, again as long as they request it, and notes its options.
 const SBATCH: &str = r#"echo sbatch "$@" >> ran
 until [ -f "$1" ]; do
     case "$1" in --array=*) rows=${1#--array=} ;; esac
@@ -94,7 +94,7 @@ fn each_case_runs_once_and_after_the_case_that_it_starts_from() {
 }
 
 #[test]
-fn a_task_that_reaches_the_limit_of_time_goes_on() {
+fn a_task_that_reaches_the_limit_of_time_continues() {
     let study = Study::new();
     let once = "echo cd-solve \"$@\" >> ran\nmkdir -p $1/DATBOX && touch $1/DATBOX/COMPUTE.RON\n\
                 [ -e $1/stopped ] || { touch $1/stopped; exit 4; }";

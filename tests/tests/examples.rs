@@ -195,7 +195,7 @@ fn cases_of_a_study_are_made_again_when_they_changed() {
         &format!("STUDY := study.ron\nSTAGES := pre solve post\ninclude {}/rules.mk\n", examples().display()),
     );
     rules.write("study.ron", "");
-    // As cd-pre study: `b` goes on from `a`; what is there is left alone.
+    // As cd-pre study: `b` continues from `a`; what is there is left alone.
     rules.program(
         "cd-pre",
         "case $1 in\n\
@@ -232,7 +232,7 @@ fn cases_of_a_study_are_made_again_when_they_changed() {
 }
 
 #[test]
-fn what_was_interrupted_goes_on() {
+fn what_was_interrupted_continues() {
     let rules = Rules::new();
     rules.runs(&["pre"], "cd-pre");
     rules.runs(&["-j2", "resume"], "cd-solve --resume, cd-post");

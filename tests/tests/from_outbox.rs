@@ -31,7 +31,7 @@ fn bits(snapshot: &Snapshot) -> Vec<u64> {
 }
 
 #[test]
-fn a_run_that_goes_on_in_another_folder_equals_the_unbroken_one() {
+fn a_run_that_continues_in_another_folder_equals_the_unbroken_one() {
     let unbroken = collapse().solved(&[]);
     let case = next(&unbroken, "(bodies: [(snapshot: 150)], keep_time: true)").solved(&["--steps", "150"]);
     assert_eq!(bits(&case.snapshot(150)), bits(&unbroken.snapshot(150)));
@@ -44,7 +44,7 @@ fn a_run_that_goes_on_in_another_folder_equals_the_unbroken_one() {
 }
 
 #[test]
-fn an_end_before_the_state_is_refused() {
+fn an_end_before_the_state_is_rejected() {
     let run = Case::of(&cloud(4, 0.1, 1, "dt: 8.0, steps: 2")).solved(&[]);
     let made = |end: f64, keep: bool| {
         let changes = format!("(keep_time: {keep}, compute: (dt: 8.0, end_time: {end}))");
@@ -207,8 +207,8 @@ fn cubes_with_vertices_off_their_centres_stand_where_they_are() {
     let from = Case::of(&scene);
     put_off_centre(&from);
     // The balls about them have a radius of 0.87 m.
-    let twins = "(bodies: [(), (centre: (2.0, 0.0, 0.0))])";
-    let case = next(&from.solved(&[]), twins).solved(&["--steps", "1"]);
+    let copies = "(bodies: [(), (centre: (2.0, 0.0, 0.0))])";
+    let case = next(&from.solved(&[]), copies).solved(&["--steps", "1"]);
     let places = case.snapshot(0).bodies.body_x;
     assert!((places[0][0] - 0.125).abs() < 1e-12 && (places[1][0] - 2.0).abs() < 1e-12, "{places:?}");
 }
@@ -390,7 +390,7 @@ fn the_largest_remnant_is_kept_and_moved() {
 }
 
 #[test]
-fn a_twin_an_impactor_and_other_laws_come_together() {
+fn a_copy_an_impactor_and_other_laws_come_together() {
     let from = pair_and_one();
     let changes = r#"(
         bodies: [
@@ -654,7 +654,7 @@ fn options_that_are_set_leave_the_others() {
     assert!(wrong.unwrap_err().to_string().contains("set compute.dt=-1"));
 }
 
-/// What cd-pre tells of a case without changes, with other values as in `--set`, and the options that it writes.
+/// Messages of cd-pre about a case without changes, with other values as in `--set`, and the options that it writes.
 fn options_after(from: &Case, set: &[&str]) -> (String, Compute) {
     let case = Case::empty();
     let set: Vec<String> = set.iter().map(|setting| setting.to_string()).collect();
@@ -772,7 +772,7 @@ fn events_and_gravity_that_datbox_has_not_are_reported() {
 }
 
 #[test]
-fn files_that_were_edited_after_the_run_are_refused() {
+fn files_that_were_edited_after_the_run_are_rejected() {
     let from = pair_and_one();
     // Radius and avrd of body 1, the density, the friction.
     let edits = [
@@ -798,7 +798,7 @@ fn files_that_were_edited_after_the_run_are_refused() {
         assert!(line.contains(expected) && line.ends_with("OUTBOX/snapshot-000001.npz"), "{line}");
     }
     assert!(!case.path().join("DATBOX").exists());
-    // One by one, as cd-solve refuses to go on with them.
+    // One by one, as cd-solve rejects to go on with them.
     for k in 0..3 {
         edits.iter().zip(&kept).for_each(|((name, ..), text)| fs::write(from.datbox(name), text).unwrap());
         next(&from, "");
@@ -830,7 +830,7 @@ fn refused(from: &Path, changes: &str) {
 }
 
 #[test]
-fn what_cannot_be_is_refused_and_nothing_written() {
+fn what_cannot_be_is_rejected_and_nothing_written() {
     let from = pair_and_one();
     refused(Path::new("no/such/case"), "");
     refused(from.path(), "(bodies: [(snapshot: 77)])");
@@ -888,7 +888,7 @@ fn what_cannot_be_is_refused_and_nothing_written() {
 }
 
 #[test]
-fn a_start_that_does_not_belong_to_its_datbox_is_refused() {
+fn a_start_that_does_not_belong_to_its_datbox_is_rejected() {
     let from = pair_and_one();
     let case = next(&from, "");
     let start = case.datbox("START.npz");

@@ -13,7 +13,7 @@ const MAX_COLUMNS: usize = 120;
 /// Largest number of words in the cell of a table; more belong in a paragraph.
 const MAX_CELL_WORDS: usize = 40;
 
-/// Words by which a page would tell of its past.
+/// Words by which a page would report its past.
 const WORDS_OF_HISTORY: [&str; 5] = ["no longer", "formerly", "was changed", "in earlier versions", "it used to"];
 
 /// Pages of the manual with their paths within docs; the draft of an article has a form of its own.

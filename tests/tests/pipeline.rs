@@ -68,7 +68,7 @@ fn threads_never_change_a_byte() {
 }
 
 #[test]
-fn a_run_that_stops_and_goes_on_equals_the_unbroken_one() {
+fn a_run_that_stops_and_continues_equals_the_unbroken_one() {
     for case in [collapse(), Case::of(BUSY)] {
         let broken = case.twin();
         let unbroken = case.solved(&[]);
@@ -115,7 +115,7 @@ fn process(case: &Case, flag: &str) -> Command {
 }
 
 #[test]
-fn a_killed_run_goes_on_to_the_same_bytes() {
+fn a_killed_run_continues_to_the_same_bytes() {
     let case = Case::of(&cloud(40, 0.4, 1, "dt: 8.0, steps: 400, output_every: 7"));
     let killed = case.twin();
     let unbroken = case.solved(&[]);
@@ -228,7 +228,7 @@ fn a_run_that_began_before_its_datbox_does_not_go_on() {
 }
 
 #[test]
-fn a_plan_tells_and_writes_nothing() {
+fn a_plan_reports_and_writes_nothing() {
     let case = collapse();
     let before = files(case.path());
     let plan = process(&case, "--plan").output().unwrap();
@@ -256,7 +256,7 @@ fn deep_overlaps_at_the_start_are_reported() {
         String::from_utf8([output.stdout, output.stderr].concat()).unwrap()
     };
     assert!(!message(&case).contains("overlap"));
-    // The second 1 m beside the first.
+    // The second 1 m next to the first.
     let bodies = case.snapshot(0).bodies;
     let mut dof = Dof::read(&case.datbox("DOF.INI")).unwrap();
     for (k, beside) in [1.0, 0.0, 0.0].into_iter().enumerate() {
@@ -325,7 +325,7 @@ fn a_datbox_without_options_runs_from_flags_and_defaults() {
 }
 
 #[test]
-fn what_cannot_be_read_is_refused() {
+fn what_cannot_be_read_is_rejected() {
     let empty = Case::empty();
     assert_eq!(empty.solve(&[]), 2);
     assert_eq!(post(empty.path(), &[]), 2);
@@ -448,7 +448,7 @@ fn a_cluster_has_mass_and_inertia_of_its_surface() {
         compute: (dt: 0.01, steps: 1),
     )"#;
     let bodies = Case::with(scene, surfaces_of_an_l().path()).solved(&[]).last_snapshot().bodies;
-    // 3 m^3, where the pieces have 4. The L is three cubes of 1 m, two of them beside one at its corner: about y
+    // 3 m^3, where the pieces have 4. The L is three cubes of 1 m, two of them next to one at its corner: about y
     // 3 (1/6) + 2 (1/9 + 4/9) + (1/9 + 1/9) m^5. Twelve digits of the file.
     assert!((bodies.body_mass[0] - 3000.0).abs() < 1e-7, "{}", bodies.body_mass[0]);
     assert!((bodies.body_radius[0] - (0.75 * 3.0 / std::f64::consts::PI).cbrt()).abs() < 1e-11);

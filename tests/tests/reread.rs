@@ -56,7 +56,7 @@ fn needles_plates_and_skew_bodies_of_all_sizes() {
     }
 }
 
-/// The needle that cd-pre once wrote and cd-solve refused runs.
+/// The needle that cd-pre once wrote and cd-solve rejected runs.
 #[test]
 fn a_needle_a_million_times_longer_than_wide_runs() {
     let needle = "Vertices([(0, 0, 0), (1000000, 0, 0), (0, 1, 0), (0, 0, 1)])";
@@ -102,7 +102,7 @@ fn fragments_of_all_sizes() {
 
 /// What meets a drum from outside, a grain longer than half a period, a plate that leans along one.
 #[test]
-fn what_cd_solve_cannot_mean_is_refused_by_cd_pre() {
+fn what_cd_solve_cannot_mean_is_rejected_by_cd_pre() {
     let ball = |place: &str| format!("sizes: Single(1.0), placement: List(positions: [{place}])");
     let with = |place: &str, walls: &str, compute: &str| {
         scene("Sphere", &ball(place))

@@ -277,7 +277,7 @@ fn paths_are_found_in_groups_and_in_code() {
 }
 
 #[test]
-fn the_table_refuses_what_it_should() {
+fn the_table_rejects_what_it_should() {
     for (who, path) in [
         ("laws", "crate::state::Contact"),
         ("laws", "cd_formats::snapshot::LawName"),

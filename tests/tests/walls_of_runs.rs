@@ -32,7 +32,7 @@ fn next(from: &Case, changes: &str) -> (Case, usize) {
     (case, count)
 }
 
-/// The message with which a change is refused.
+/// The message with which a change is rejected.
 fn refused(from: &Case, changes: &str) -> String {
     let case = Case::empty();
     let file = case.path().join("changes.ron");
@@ -165,9 +165,9 @@ fn a_floor_is_put_back_among_held_bricks() {
     assert!(refused(&bricks(""), floor).contains("overlap by 6.000e-1 m"));
 }
 
-/// A hollow cylinder is closed and pushes inwards alone: grains outside of it are refused as in a scene, whoever comes later.
+/// A hollow cylinder is closed and pushes inwards alone: grains outside of it are rejected as in a scene, whoever comes later.
 #[test]
-fn grains_outside_of_a_hollow_cylinder_are_refused() {
+fn grains_outside_of_a_hollow_cylinder_are_rejected() {
     let run = filled("Sphere", "1e-2");
     let drum = |x: f64, colour: &str| {
         format!(

@@ -547,7 +547,7 @@ mod tests {
     }
 
     #[test]
-    fn more_pieces_than_allowed_are_refused() {
+    fn more_pieces_than_allowed_are_rejected() {
         // A comb: each tooth is a piece.
         let teeth = MAX_CONVEX_PIECES + 1;
         let mut corners = vec![[0.0, 0.0], [teeth as f64, 0.0]];

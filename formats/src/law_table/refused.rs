@@ -116,7 +116,7 @@ mod tests {
     use crate::law_table::LAW_TABLE;
 
     #[test]
-    fn a_law_is_computed_or_refused_with_a_reason() {
+    fn a_law_is_computed_or_rejected_with_a_reason() {
         let names: Vec<&str> = REFUSED_LAWS.iter().flat_map(|(_, names)| names.iter().copied()).collect();
         for (k, name) in names.iter().enumerate() {
             assert!(!names[..k].contains(name), "{name} twice");

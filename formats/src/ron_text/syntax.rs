@@ -55,7 +55,7 @@ pub fn display_text(text: &str) -> String {
     }
 }
 
-/// Nesting depth beyond which the library refuses a text.
+/// Nesting depth beyond which the library rejects a text.
 pub const MAX_DEPTH: usize = 128;
 
 /// Parser that continues after mistakes.

@@ -3,13 +3,13 @@
 use super::{LenientForm, LineScanner, NumberError, REAL_WIDTH, TextLine, fortran_real, free_real};
 use crate::words::is_data_word;
 
-/// Least number of `$` of an end of record.
-const END_OF_RECORD: usize = 5;
+/// Smallest number of `$` in a line that ends a record.
+const MIN_END_DOLLARS: usize = 5;
 
 /// Whether a line has a keyword or a word of data lines: it may belong to a record whose head is damaged.
 fn names_data(line: TextLine) -> bool {
     let text = line.text().trim();
-    let is_end = text.len() >= END_OF_RECORD && text.chars().all(|letter| letter == '$');
+    let is_end = text.len() >= MIN_END_DOLLARS && text.chars().all(|letter| letter == '$');
     (text.starts_with('$') && !is_end) || text.split_ascii_whitespace().any(is_data_word)
 }
 
@@ -54,10 +54,10 @@ impl<'a> LineScanner<'a> {
             return (0, f64::NAN);
         };
         let text = line.before_comment();
-        let label = text.find("time=").unwrap_or(TIME_LABEL);
+        let label = text.find("time=").unwrap_or(TIME_LABEL_START);
         let word = |from: usize, to: usize| text.get(from..to).unwrap_or("").trim();
         let (step, time) = (word("$steps".len(), label), word(label + "time=".len(), text.len()));
-        let is_shifted = label != TIME_LABEL;
+        let is_shifted = label != TIME_LABEL_START;
         let in_columns = line.columns(STEP_COLUMNS.0, STEP_COLUMNS.1).replace(' ', "");
         let step = match step.parse::<u64>() {
             // LMGC90 reads 0 from blank columns.
@@ -68,7 +68,7 @@ impl<'a> LineScanner<'a> {
             Ok(number) if is_shifted && in_columns.parse::<u64>().is_err() => number,
             _ => self.read_integer(line, STEP_COLUMNS, "step number").unwrap_or(0),
         };
-        let first = TIME_LABEL + "time=".len() + 1;
+        let first = TIME_LABEL_START + "time=".len() + 1;
         let time = match fortran_real(time) {
             Ok(value) if is_shifted => {
                 let theirs = lmgc90_real(line.columns(first, first + REAL_WIDTH - 1)).ok();
@@ -96,8 +96,8 @@ impl<'a> LineScanner<'a> {
 
 /// Columns of the number of the step.
 const STEP_COLUMNS: (usize, usize) = (9, 15);
-/// Number of columns before `time=`.
-const TIME_LABEL: usize = 29;
+/// Position of `time=` in its line, from 0.
+const TIME_LABEL_START: usize = 29;
 
 /// Real that Fortran's `D14.7` takes from these columns: blank columns are 0, and the last seven digits of a number without
 /// point are decimals.

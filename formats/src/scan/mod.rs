@@ -500,7 +500,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_across_the_edge_of_its_columns_is_refused() {
+    fn a_number_across_the_edge_of_its_columns_is_rejected() {
         let path = Path::new("f");
         let text = AsciiText::new(b"x-1.0000000E+00 -1.0000000E-100  12");
         let scan = &mut LineScanner::new(path, &text);

@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn reals_that_are_refused() {
+    fn reals_that_are_rejected() {
         for field in [
             "",
             "   ",

@@ -578,7 +578,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hollow_cylinder_closes_a_room() {
+    fn a_hollow_cylinder_encloses_a_region() {
         let hollow = |radius: f64, axis: Vec3| {
             let mut frame = columns(3, false, [false; 4], UnitQuaternion::identity()).frame();
             let hollow = Some(Hollow { radius, half_height: 50.0 });

@@ -278,7 +278,7 @@ impl UpperFace {
         solid.faces.iter().filter_map(face).collect()
     }
 
-    /// Height of the face on a vertical, m; None if it is beside the face.
+    /// Height of the face on a vertical, m; None if the vertical misses the face.
     fn height_at(&self, [x, y]: [f64; 2]) -> Option<f64> {
         let sides = self.corners.iter().zip(self.corners.iter().cycle().skip(1));
         let within = sides.into_iter().all(|([a, b], [c, d])| {

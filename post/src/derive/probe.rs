@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_probe_is_refused() {
+    fn what_is_no_probe_is_rejected() {
         for text in [
             "",
             "ball",

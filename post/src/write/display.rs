@@ -333,7 +333,7 @@ pub fn vtp_bytes(piece: PolyDataPiece) -> Vec<u8> {
     let mut bytes = Vec::new();
     vtk.write_xml(&mut bytes).expect("arrays of equal length, written to memory");
     if no_points {
-        // vtkio leaves attributes out that are 0, and VTK refuses a piece without this one.
+        // vtkio leaves attributes out that are 0, and VTK rejects a piece without this one.
         let place = bytes.windows(6).position(|word| word == b"<Piece").expect("a file has one piece") + 6;
         bytes.splice(place..place, *b" NumberOfPoints=\"0\"");
     }

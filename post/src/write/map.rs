@@ -164,7 +164,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_narrow_strip_has_room_for_title_and_numbers() {
+    fn a_narrow_strip_has_space_for_title_and_numbers() {
         for counts in [[160, 2], [2, 160]] {
             let sheet = MapSheet {
                 counts,

@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn a_few_grains_in_a_large_room_take_no_time() {
+    fn a_few_grains_in_a_large_region_take_no_time() {
         // A box around it would have 10^15 sites.
         for region in [GrainRegion::Ball(1e4), GrainRegion::Ellipsoid([1e4, 2e4, 5e3])] {
             assert_eq!(lattice_sites(&region, 4, 0.1, &mut random()).unwrap().0.len(), 4);
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn large_rooms_are_filled_as_the_lattice_allows() {
+    fn large_regions_are_filled_as_the_lattice_allows() {
         // The sites fill the ball that is smaller by d/2, a volume of d^3 / sqrt(2) each; the offsets
         // that were tried gain less than 2 % of d over the mean.
         let (_, d) = lattice_sites(&GrainRegion::Ball(10.0), 5000, 0.1, &mut random()).unwrap();

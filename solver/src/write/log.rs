@@ -348,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn goes_on_after_a_step_and_drops_what_is_later_or_torn() {
+    fn continues_after_a_step_and_drops_what_is_later_or_torn() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.csv");
         std::fs::write(&path, "step,a\n1,x\n2,1e0\n3,z\n4,").unwrap();

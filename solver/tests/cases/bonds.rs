@@ -326,7 +326,7 @@ fn a_bond_whose_cohesion_ends_is_gone() {
 }
 
 #[test]
-fn events_about_laws_that_are_not_there_are_refused() {
+fn events_about_laws_that_are_not_there_are_rejected() {
     for action in [
         EventAction::SetFriction("other".into(), 0.1),
         EventAction::SetCohesion("other".into(), 0.1),
@@ -498,7 +498,7 @@ fn bonded_wheels_of_a_gear_stay_where_they_are() {
     assert_eq!(bonded(&end), [1]);
 }
 
-/// A body at the start of the step beside one in the middle of it would be pushed by half of the common displacement.
+/// A body at the start of the step next to one in the middle of it would be pushed by half of the common displacement.
 #[test]
 fn events_move_an_aggregate_as_one() {
     let mut case = Case::new();

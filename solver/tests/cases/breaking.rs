@@ -16,7 +16,7 @@ const SHEAR: f64 = 32.0;
 enum Load {
     Shear,
     Tension,
-    /// Shear beside half of the normal cohesion, as pressure or as traction.
+    /// Shear together with half of the normal cohesion, as pressure or as traction.
     Pressed,
     Drawn,
 }

@@ -257,7 +257,7 @@ impl Case {
         self.attempt(steps).expect("cd-solve does it")
     }
 
-    /// The same; none if cd-solve refuses or gives up.
+    /// The same; none if cd-solve rejects or gives up.
     pub fn attempt(&mut self, steps: u64) -> Option<Snapshot> {
         self.options.steps = Some(steps);
         self.write();
@@ -311,7 +311,7 @@ pub fn solve(case: PathBuf, flags: &[&str]) -> i32 {
     cd_solve::run(words)
 }
 
-/// The figures of a state that tests ask for.
+/// Figures of a state for tests.
 pub trait Figures {
     fn x(&self, body: usize) -> Vec3;
     fn v(&self, body: usize) -> Vec3;

@@ -79,7 +79,7 @@ fn two_bodies_that_are_free_along_one_axis_lie_on_each_other() {
     }
 }
 
-/// A ball on a vertical rail beside the middle of another: along the normal it moves with the cosine of 60°, and stops where it is.
+/// A ball on a vertical rail next to the middle of another: along the normal it moves with the cosine of 60°, and stops where it is.
 #[test]
 fn a_rail_that_leans_on_a_ball_takes_what_its_axis_does_not() {
     let mut case = case_of("IQS_CLB", &[0.0]);

@@ -29,7 +29,7 @@ fn a_throw_is_a_parabola() {
 }
 
 #[test]
-fn a_spin_turns_a_sphere_where_that_is_asked_for() {
+fn a_spin_turns_a_sphere_where_that_is_requested() {
     let mut case = Case::new();
     let top = case.sphere(0.5, [0.0; 3]);
     case.launch(top, [0.0; 3], [0.0, 0.0, 2.0]);
@@ -94,7 +94,7 @@ fn estimates(found: f64, error: f64) {
 }
 
 #[test]
-fn a_run_in_flight_tells_the_error_of_its_step() {
+fn a_run_in_flight_reports_the_error_of_its_step() {
     let bodies = |dt: f64, speed: f64| {
         let mut case = Case::new();
         (case.options.self_gravity, case.options.gravity_constant, case.options.dt) = (true, 1.0, dt);

@@ -282,7 +282,7 @@ fn rows_of_a_point_and_another_contactor_and_lines_behind_laws_are_reported() {
 }
 
 #[test]
-fn folders_of_other_bodies_are_refused_in_one_line() {
+fn folders_of_other_bodies_are_rejected_in_one_line() {
     for (word, kind) in [("RBDY2", "2D"), ("MAILx", "deformable bodies")] {
         let case = folder("base");
         for name in ["BODIES.DAT", "DRV_DOF.DAT", "TACT_BEHAV.DAT"] {

@@ -304,7 +304,7 @@ fn many_bodies_are_evaluated_now_and_then_and_few_or_by_direct_always() {
 }
 
 #[test]
-fn a_run_tells_the_error_of_its_gravity() {
+fn a_run_reports_the_error_of_its_gravity() {
     let mut case = falling(10, 1, 1e-3);
     case.run(2);
     let sampled = case.column("gravity_sampled");

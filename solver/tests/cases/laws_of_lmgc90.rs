@@ -129,7 +129,7 @@ fn coupled_bodies_move_as_one_and_may_pull() {
 }
 
 #[test]
-fn springs_refuse_solvers_and_laws_that_do_not_know_them() {
+fn springs_reject_solvers_and_laws_that_do_not_know_them() {
     let mut case = ball("ELASTIC_REPELL_CLB", &[1024.0, 0.3], 0.0, 0.0, -8.0);
     case.options.solver = cd_formats::compute::ContactSolver::Admm;
     assert!(case.attempt(1).is_none());

@@ -141,7 +141,7 @@ fn tables_of_imposed_motion_are_copied() {
 /// without inertia line falling on it. DATBOX is its OUTBOX with the state of step 30. From the same files LMGC90 itself
 /// comes to within 1e-8 m of its unbroken run.
 #[test]
-fn lmgc90s_outbox_goes_on_here() {
+fn lmgc90s_outbox_continues_here() {
     for scene in ["roll-restart", "wedge-restart"] {
         let theirs = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/lmgc90").join(scene);
         let folder = tempfile::tempdir().unwrap();

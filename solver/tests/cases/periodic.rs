@@ -160,9 +160,9 @@ fn threads_and_resume_change_nothing() {
     }
 }
 
-/// What does not repeat, and what is too long to, is refused.
+/// What does not repeat, and what is too long to, is rejected.
 #[test]
-fn what_cannot_repeat_is_refused() {
+fn what_cannot_repeat_is_rejected() {
     let refused = |change: &dyn Fn(&mut Compute)| {
         let mut case = heap(true, [0.0; 2]);
         change(&mut case.options);

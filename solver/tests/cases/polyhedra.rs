@@ -210,7 +210,7 @@ fn the_same_bytes_by(narrow_phase: NarrowPhase) {
         assert!(name == other_name && a == b, "{name} {other_name}");
     }
     if narrow_phase == NarrowPhase::Fast {
-        // Looked at in steps 1 and 101; what a search goes on from is a step old, so that it misses less than a hundredth of a size.
+        // Checked in steps 1 and 101; a search begins from data of the step before, so that it misses less than a hundredth of a size.
         let [mean, largest] = ["narrow_error", "narrow_error_largest"].map(|name| case.column(name));
         for (k, (mean, largest)) in mean.iter().zip(&largest).enumerate() {
             assert_eq!(mean.is_finite(), k % 100 == 0, "step {}", k + 1);
@@ -359,7 +359,7 @@ fn far_from_the_origin_only_positions_are_rounded() {
     }
 }
 
-/// A run tells of bodies that overlap from its start: how many, which most, and by how much; and once of deep ones that
+/// A run warns of bodies that overlap from its start: how many, which most, and by how much; and once of deep ones that
 /// steps have made.
 #[test]
 fn deep_overlaps_are_reported() {

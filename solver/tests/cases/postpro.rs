@@ -26,7 +26,7 @@ fn close(found: &[f64], expected: &[f64], bound: f64) {
     assert!(near, "{found:?}, expected {expected:?}");
 }
 
-/// A ball of 4/3 π kg that falls beside one that rests on the floor.
+/// A ball of 4/3 π kg that falls next to one that rests on the floor.
 fn falling_and_resting() -> Case {
     let mut case = Case::new();
     case.gravity = [0.0, 0.0, -8.0];

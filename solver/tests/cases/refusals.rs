@@ -1,4 +1,4 @@
-//! Input that is refused: one line a fault in the form `file:line:column: object: found; expected`, exit code 2,
+//! Input that is rejected: one line a fault in the form `file:line:column: object: found; expected`, exit code 2,
 //! and nothing written.
 
 use std::fs;
@@ -88,7 +88,7 @@ fn what_stands_outside_a_hollow_cylinder() {
 }
 
 #[test]
-fn what_is_sound_is_not_refused() {
+fn what_is_sound_is_not_rejected() {
     let case = sound();
     case.write();
     assert_eq!(spawn(&case, &[]), (0, String::new()));
@@ -210,7 +210,7 @@ fn polyhedra_that_are_none() {
 }
 
 #[test]
-fn surfaces_with_dents_are_refused_in_one_line() {
+fn surfaces_with_dents_are_rejected_in_one_line() {
     // One side of a tetrahedron is pushed in by the digits of files alone, which no piece can have.
     let corners =
         |depth: f64| vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.333_333 - depth; 3]];
@@ -415,7 +415,7 @@ fn values_of_flags() {
     ] {
         assert_eq!(spawn(&case, &flags), (2, line.to_string()));
     }
-    // An unknown flag is refused by the reader of the command line in its own words.
+    // An unknown flag is rejected by the reader of the command line in its own words.
     for flags in [&["--bogus"][..], &["--events", "[(time: 1)]"], &["--resume", "--force"]] {
         let (code, text) = spawn(&case, flags);
         assert!(code == 2 && text.starts_with("error: "), "{flags:?}: {code} {text}");
@@ -433,7 +433,7 @@ fn steps_of_which_no_problem_can_be_written() {
     assert_eq!(spawn(&case, &[]).0, 0);
     let flags = ["--resume", "--dump-problem", "2"];
     refused(&case, &flags, &[&format!("options: dump_problem: 2; {}", made(2))]);
-    // Results of before stay where --force is refused.
+    // Results of before stay where --force is rejected.
     let flags = ["--force", "--dump-problem", "3"];
     refused(&case, &flags, &[&format!("options: dump_problem: 3; {}", made(0))]);
     assert!(case.path().join("OUTBOX/steps.csv").exists());
@@ -485,7 +485,7 @@ fn results_that_are_there() {
     let line = "CASE/OUTBOX: results: snapshot-000002.npz exists; \
                 use --resume to continue from it, --force to overwrite all results";
     refused(&case, &[], &[line]);
-    // A refused --force has removed nothing.
+    // A rejected --force has removed nothing.
     refused(&case, &["--force", "--dt", "0"], &["options: dt: 0; expected a finite time step > 0 s"]);
     assert_eq!(case.last(), before);
     let line = "options: steps: 1 is before step 2, from which the run continues; expected a later step";

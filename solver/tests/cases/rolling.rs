@@ -125,7 +125,7 @@ fn a_spinning_sphere_set_down_rolls_off_at_two_sevenths_of_its_rim() {
 }
 
 #[test]
-fn a_spin_about_the_normal_goes_on() {
+fn a_spin_about_the_normal_continues() {
     let mut case = on_slope(0.5, 0.5);
     case.gravity = [0.0, 0.0, -8.0];
     case.launch(1, [0.0; 3], [0.0, 0.0, 3.0]);

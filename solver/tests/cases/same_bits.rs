@@ -363,7 +363,7 @@ fn a_resumed_run_extrapolates_gravity_as_the_unbroken_one() {
 }
 
 #[test]
-fn a_killed_run_goes_on_from_its_last_snapshot() {
+fn a_killed_run_continues_from_its_last_snapshot() {
     let unbroken = files(&scene(4), &[&[]]);
     let case = scene(4);
     files(&case, &[&["--steps", "45"]]);
@@ -531,7 +531,7 @@ fn a_resumed_run_ends_where_the_unbroken_one_does() {
 }
 
 #[test]
-fn what_goes_on_from_a_snapshot_knows_how_far_it_has_sunk_in() {
+fn what_continues_from_a_snapshot_knows_how_far_it_has_sunk_in() {
     let heap = || {
         let mut case = Case::new();
         case.law("IQS_CLB", &[0.4]);
@@ -540,7 +540,7 @@ fn what_goes_on_from_a_snapshot_knows_how_far_it_has_sunk_in() {
             case.sphere(radius, [x, y, z + 1.7]);
         }
         case.tub(1.7);
-        // So loose that overlap adds up, and then asks for more.
+        // So loose that overlap adds up, and then needs more.
         (case.options.dt, case.options.tol) = (0.01, Some(0.1));
         case.options.penetration_tol = Some(1e-6);
         (case.options.steps, case.options.output_every, case.options.text) = (Some(200), 100, true);

@@ -1,4 +1,4 @@
-//! The option `solver`: all of them find the same, `auto` goes on where sweeps stall; and LMGC90's criteria.
+//! The option `solver`: all of them find the same, `auto` continues where sweeps stall; and LMGC90's criteria.
 
 use std::process::Command;
 
@@ -24,7 +24,7 @@ fn packed(solver: ContactSolver, friction: f64) -> Case {
         let ball = case.sphere(0.5, [i - 1.0 + half * v[0], j - 1.0 + half * v[1], l + 0.5 + half * v[2]]);
         case.launch(ball, v, [i, -j, 2.0 * l]);
     }
-    // A round of sweeps, and room for what comes after it, which counts too.
+    // A round of sweeps, and a margin for the sweeps after it, which count too.
     (case.options.solver, case.options.tol, case.options.max_sweeps) = (solver, Some(1e-8), Some(5000));
     case
 }
@@ -163,7 +163,7 @@ fn criteria_of_lmgc90_fall_with_the_residual() {
 }
 
 #[test]
-fn convergence_is_checked_where_it_is_asked_for() {
+fn convergence_is_checked_where_it_is_requested() {
     for law in ["IQS_CLB", "IQS_DS_ROLL_CLB"] {
         let mut case = packed(Nlgs, 0.3);
         if law == "IQS_DS_ROLL_CLB" {

@@ -160,7 +160,7 @@ fn two_spheres_lean_on_each_other_by_their_own_gravity() {
 }
 
 #[test]
-fn a_run_tells_what_its_errors_are() {
+fn a_run_reports_what_its_errors_are() {
     let message = |tol: f64| {
         let mut case = pyramid(0.5);
         case.options.tol = Some(tol);

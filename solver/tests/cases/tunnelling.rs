@@ -15,7 +15,7 @@ const X: [f64; 3] = [1.0, 0.0, 0.0];
 const Y: [f64; 3] = [0.0, 1.0, 0.0];
 const Z: [f64; 3] = [0.0, 0.0, 1.0];
 
-/// Every law, with forces and stresses that are nothing beside a blow, and its restitution.
+/// Every law, with forces and stresses that are small against a blow, and its restitution.
 const LAWS: [(&str, &[f64], f64); 13] = [
     ("IQS_CLB", &[0.3], 0.0),
     ("IQS_DS_CLB", &[0.2, 0.3], 0.0),
@@ -394,7 +394,7 @@ fn nothing_passes_bodies_of_pieces() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// A ball that goes a twentieth of its radius in a step, and in the steps of the run that goes on a thousand times as far.
+/// A ball that goes a twentieth of its radius in a step, and in the steps of the run that continues a thousand times as far.
 #[test]
 fn nothing_passes_when_a_resumed_run_has_longer_steps() {
     let mut faults = Vec::new();
@@ -624,8 +624,8 @@ fn a_flake_that_an_impact_turns_does_not_pass() {
     }
 }
 
-/// A room of 4 m without gravity, with walls 1 m thick, in which bodies of one kind cross `travel` times 0.2 m in a step.
-fn closed_room(shape: [f64; 3], bodies: usize, travel: f64, (kind, parameters): (&str, &[f64])) -> (Case, f64) {
+/// A chamber of 4 m without gravity, with walls 1 m thick, in which bodies of one kind cross `travel` times 0.2 m in a step.
+fn closed_chamber(shape: [f64; 3], bodies: usize, travel: f64, (kind, parameters): (&str, &[f64])) -> (Case, f64) {
     let mut case = Case::new();
     case.law_of_all(kind, parameters);
     case.options.dt = 0.01;
@@ -653,7 +653,7 @@ fn closed_room(shape: [f64; 3], bodies: usize, travel: f64, (kind, parameters): 
 }
 
 /// Without friction no law gives energy to a sphere, a cube, a brick or a splinter that crosses 0.1 to 3 of its radii in a
-/// step, alone or with others, and nothing leaves a closed room.
+/// step, alone or with others, and nothing leaves a closed chamber.
 #[test]
 fn restitution_gives_no_energy_at_radii_a_step() {
     let laws: [(&str, &[f64]); 4] = [
@@ -669,7 +669,7 @@ fn restitution_gives_no_energy_at_radii_a_step() {
             // restitution: it gains 0.6 % here, 1.3 % in 2000 steps.
             let gain = if shape[0] > 3.0 * shape[1] && shape[1] > 0.0 { 0.02 } else { 0.0 };
             for (travel, bodies) in [(0.1, 1), (0.6, 1), (0.6, 8), (1.25, 1), (1.25, 8), (3.0, 1)] {
-                let (mut case, speed) = closed_room(shape, bodies, travel, law);
+                let (mut case, speed) = closed_chamber(shape, bodies, travel, law);
                 let steps = if bodies == 1 { (12.0 / travel).ceil() as u64 + 20 } else { 12 };
                 let states = case.states(steps, 1);
                 let name = format!("{law:?}, {bodies} of {shape:?}, {speed} m/s");

@@ -124,7 +124,7 @@ fn a_joint_is_for_good_and_survives_a_resume_and_a_restart_from_text() {
 }
 
 #[test]
-fn joints_that_cannot_be_are_refused() {
+fn joints_that_cannot_be_are_rejected() {
     let mut case = pair("ELASTIC_ROD", &[512.0, 0.0], 0.0);
     case.options.xperiode = Some(16.0);
     assert!(case.attempt(1).is_none());

@@ -189,7 +189,7 @@ fn lines_on_the_round_side() {
 #[test]
 fn vertices_and_edges_at_the_rim() {
     let cube = cuboid(1.0, 1.0, 1.0);
-    // 3-4-5: the lower edge is 0.3 beside and 0.4 above the rim.
+    // 3-4-5: the lower edge is 0.3 outside of and 0.4 above the rim.
     let found = at(&cube, &Quat::identity(), Vec3::new(3.3, 0.2, 3.4), [2.0, 2.0], 1.0).unwrap();
     all_at(&found, 1, 0.5, 0.0);
     assert!((found.normal - Vec3::new(0.6, 0.0, 0.8)).norm() < ROUNDING);

@@ -85,7 +85,7 @@ impl Body {
         (0..self.vertices.len()).filter(|&k| n.dot(&self.vertices[k]) >= top - tiny).collect()
     }
 
-    /// The face seen along `n`: of the two beside the edge that falls least from the top, the one that looks more along
+    /// The face seen along `n`: of the two next to the edge that falls least from the top, the one that looks more along
     /// `n`. Several where that is not clear.
     fn facing(&self, n: &Vec3, level: &[usize]) -> Vec<usize> {
         let fall = |[v, w]: &[usize; 2]| {
@@ -158,7 +158,7 @@ impl Common {
 fn corners(p: &[[f64; 2]], q: &[[f64; 2]], small: f64) -> Vec<[f64; 2]> {
     let cross = |u: [f64; 2], v: [f64; 2]| u[0] * v[1] - u[1] * v[0];
     let from_to = |a: [f64; 2], b: [f64; 2]| [b[0] - a[0], b[1] - a[1]];
-    // Far above rounding, also beside a body a thousand times as large.
+    // Far above rounding, also next to a body a thousand times as large.
     let tiny = 1e-11 * small;
     let mut sides = Vec::new();
     for polygon in [p, q] {

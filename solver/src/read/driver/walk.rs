@@ -1171,7 +1171,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_are_passed_on_and_code_that_is_run_are_refused() {
+    fn names_that_are_passed_on_and_code_that_is_run_are_rejected() {
         let head = "from pylmgc90 import chipy\ndef step(k=0):\n  chipy.IncrementStep()\n";
         let refused = |text: &str| {
             let found = walked(&format!("{head}{text}")).refused.into_iter().map(|(line, name, _)| (line, name));
