@@ -52,7 +52,7 @@ pub fn doubled_area(corners: &[Vector3<f64>]) -> Vector3<f64> {
 /// Reason why a surface is not a convex polyhedron.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum MeshError {
-    /// The surface is not closed.
+    /// Faults of the surface.
     Surface(SurfaceFaults),
     /// The triangles do not make a convex polyhedron, for this reason.
     NotConvex(String),

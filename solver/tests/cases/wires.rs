@@ -1,4 +1,4 @@
-//! Wires and rods between points PT3Dx: one joint, in closed form.
+//! Wires and rods between points PT3Dx: one link, in closed form.
 
 use std::f64::consts::{PI, TAU};
 
@@ -46,7 +46,7 @@ fn swings([k, prestrain, eta]: [f64; 3], is_wire: bool, mut v: f64, h: f64, step
 }
 
 #[test]
-fn joints_follow_the_implicit_oscillator_at_any_stiffness() {
+fn links_follow_the_implicit_oscillator_at_any_stiffness() {
     for (kind, eta) in [("ELASTIC_ROD", 0.0), ("ELASTIC_WIRE", 0.0), ("VOIGT_ROD", 4.0), ("VOIGT_WIRE", 4.0)] {
         for k in [64.0, 4096.0, 1e9] {
             // A force of 0.64 N; its eight digits are exact.
@@ -80,7 +80,7 @@ fn a_rod_swings_with_its_frequency_and_a_slack_wire_flies() {
 }
 
 #[test]
-fn a_joint_off_the_centres_conserves_momentum() {
+fn a_link_off_the_centres_conserves_momentum() {
     let mut case = Case::new();
     case.law_between("PT3Dx", "PT3Dx", "ELASTIC_WIRE", &[1e4, -0.125]);
     case.tact.visibility[0].alert = 4.0;
@@ -99,7 +99,7 @@ fn a_joint_off_the_centres_conserves_momentum() {
 }
 
 #[test]
-fn a_joint_is_for_good_and_survives_a_resume_and_a_restart_from_text() {
+fn a_link_is_for_good_and_survives_a_resume_and_a_restart_from_text() {
     let scene = || {
         let mut case = pair("VOIGT_ROD", &[512.0, 0.0, 1.0], 0.25);
         case.options.text = true;
@@ -124,7 +124,7 @@ fn a_joint_is_for_good_and_survives_a_resume_and_a_restart_from_text() {
 }
 
 #[test]
-fn joints_that_cannot_be_are_rejected() {
+fn links_that_cannot_be_are_rejected() {
     let mut case = pair("ELASTIC_ROD", &[512.0, 0.0], 0.0);
     case.options.xperiode = Some(16.0);
     assert!(case.attempt(1).is_none());

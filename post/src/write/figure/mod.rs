@@ -130,13 +130,13 @@ impl Figure {
         (coloured > most).then(|| format!("{coloured} curves in one figure: only {most} styles can be distinguished"))
     }
 
-    fn draw(&self, root: &Area) -> DrawResult {
-        root.fill(&WHITE)?;
+    /// Points of the curves in the units of the axes, and these units. A point that the axis of x cannot show is left out.
+    fn scaled_curves(&self) -> (Vec<Vec<(f64, f64)>>, [String; 2]) {
         let (x_factor, x_unit) = axis_scaling(&self.x, self.curves.iter().flat_map(|c| c.points.iter().map(|p| p.0)));
         let (y_factor, y_unit) = axis_scaling(&self.y, self.curves.iter().flat_map(|c| c.points.iter().map(|p| p.1)));
         let x_least = smallest_shown(&self.x, self.curves.iter().flat_map(|c| c.points.iter().map(|p| p.0)));
         let y_least = smallest_shown(&self.y, self.curves.iter().flat_map(|c| c.points.iter().map(|p| p.1)));
-        let curves: Vec<Vec<(f64, f64)>> = self
+        let curves = self
             .curves
             .iter()
             .map(|curve| {
@@ -146,6 +146,12 @@ impl Figure {
                 curve.points.iter().map(scaled).filter(|(x, _)| !x.is_nan()).collect()
             })
             .collect();
+        (curves, [x_unit, y_unit])
+    }
+
+    fn draw(&self, root: &Area) -> DrawResult {
+        root.fill(&WHITE)?;
+        let (curves, [x_unit, y_unit]) = self.scaled_curves();
         let (left, right) = root.split_horizontally(root.dim_in_pixel().0 as i32 - self.legend_width());
         let all = || curves.iter().flatten();
         let ticks = |axis: &FigureAxis, values: &mut dyn Iterator<Item = f64>| AxisTicks {
@@ -160,20 +166,10 @@ impl Figure {
             .x_label_area_size(52)
             .y_label_area_size(82)
             .build_cartesian_2d(x_ticks.clone(), y_ticks.clone())?;
-        let label = |axis: &FigureAxis, unit: &str, offset: f64| {
-            let less = match offset {
-                0.0 => String::new(),
-                _ => format!(" {} {}", if offset < 0.0 { "+" } else { "−" }, format_digits(offset.abs(), 17)),
-            };
-            match unit {
-                "1" => axis.quantity.clone() + &less,
-                unit => format!("{}{less} ({unit})", axis.quantity),
-            }
-        };
         chart
             .configure_mesh()
-            .x_desc(label(&self.x, &x_unit, x_offset))
-            .y_desc(label(&self.y, &y_unit, y_offset))
+            .x_desc(axis_label(&self.x, &x_unit, x_offset))
+            .y_desc(axis_label(&self.y, &y_unit, y_offset))
             .axis_desc_style(font_style(18))
             .label_style(font_style(FONT_SIZE))
             .axis_style(INK)
@@ -340,6 +336,18 @@ fn draw_dot<'a, Coord: Clone + 'static>(
 
 fn font_style(size: i32) -> TextStyle<'static> {
     ("sans-serif", size).into_font().color(&INK)
+}
+
+/// Label of an axis with its unit, and the offset that its numbers leave out.
+fn axis_label(axis: &FigureAxis, unit: &str, offset: f64) -> String {
+    let less = match offset {
+        0.0 => String::new(),
+        _ => format!(" {} {}", if offset < 0.0 { "+" } else { "−" }, format_digits(offset.abs(), 17)),
+    };
+    match unit {
+        "1" => axis.quantity.clone() + &less,
+        unit => format!("{}{less} ({unit})", axis.quantity),
+    }
 }
 
 #[cfg(test)]

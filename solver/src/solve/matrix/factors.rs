@@ -156,13 +156,13 @@ fn elimination_fronts(count: usize, entries: &[BlockEntry]) -> Vec<FrontalMatrix
     pairs.iter().for_each(|[i, _]| starts[*i as usize + 1] += 1);
     (0..count).for_each(|i| starts[i + 1] += starts[i]);
     let neighbours: Vec<usize> = pairs.iter().map(|[_, j]| *j as usize).collect();
-    let (order, rank) = match amd::order(count, &starts, &neighbours, &amd::Control::default()) {
-        Ok((order, rank, _)) => (order, rank),
+    let (order, positions) = match amd::order(count, &starts, &neighbours, &amd::Control::default()) {
+        Ok((order, positions, _)) => (order, positions),
         Err(_) => ((0..count).collect(), (0..count).collect()),
     };
 
-    // By rank: the later contacts coupled by the elimination, the ranks of which it is the first of these, and the front;
-    // then the fronts with their zeros.
+    // By position in the order: the later contacts coupled by the elimination, the positions of which it is the first of these,
+    // and the front; then the fronts with their zeros.
     let mut later: Vec<Vec<u32>> = Vec::with_capacity(count);
     let mut children: Vec<Vec<u32>> = vec![Vec::new(); count];
     let mut seen = vec![usize::MAX; count];
@@ -171,7 +171,7 @@ fn elimination_fronts(count: usize, entries: &[BlockEntry]) -> Vec<FrontalMatrix
     for k in 0..count {
         seen[k] = k;
         let mut coupled = Vec::new();
-        let near = neighbours[starts[order[k]]..starts[order[k] + 1]].iter().map(|&j| rank[j] as u32);
+        let near = neighbours[starts[order[k]]..starts[order[k] + 1]].iter().map(|&j| positions[j] as u32);
         let from = children[k].iter().flat_map(|&child| later[child as usize].iter().copied());
         for j in near.filter(|&j| j as usize > k).chain(from) {
             if seen[j as usize] != k {
@@ -203,7 +203,7 @@ fn elimination_fronts(count: usize, entries: &[BlockEntry]) -> Vec<FrontalMatrix
         later.push(coupled);
     }
     fronts.sort_unstable_by_key(|(own, _)| own.last().copied());
-    let contacts = |ranks: &[u32]| ranks.iter().map(|&k| order[k as usize] as u32).collect();
+    let contacts = |positions: &[u32]| positions.iter().map(|&k| order[k as usize] as u32).collect();
     fronts
         .iter()
         .map(|(own, _)| FrontalMatrix {
