@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::accuracy::{Accuracy, Adaptive};
 use crate::error::Faults;
+use crate::orbit::OrbitSpec;
 use crate::report::FaultReport;
 pub use crate::ron_file::from_ron;
 use crate::ron_text;
@@ -115,28 +116,63 @@ pub enum EventAction {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum ExternalField {
-    /// Attraction by a mass (kg) at rest at a position (m).
-    PointMass { mass: f64, position: [f64; 3] },
+    /// Attraction by a mass (kg), at rest at a position (m) or on an orbit.
+    PointMass {
+        mass: f64,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        position: Option<[f64; 3]>,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        orbit: Option<OrbitSpec>,
+    },
     /// Attraction by a mass that is oblate about an axis: equatorial radius (m) and zonal harmonic J2.
-    Oblate { mass: f64, position: [f64; 3], radius: f64, j2: f64, axis: [f64; 3] },
+    Oblate {
+        mass: f64,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        position: Option<[f64; 3]>,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        orbit: Option<OrbitSpec>,
+        radius: f64,
+        j2: f64,
+        axis: [f64; 3],
+    },
     /// Frame that rotates (rad/s) about a point (m): centrifugal and Coriolis force.
     RotatingFrame { rate: [f64; 3], centre: [f64; 3] },
 }
 
 impl ExternalField {
-    /// Fault of the values of a field, if there is one.
-    fn invalid_value(&self) -> Option<&'static str> {
+    /// Fault of the values of a field for G = `constant` (m^3 kg^-1 s^-2), if there is one: expected values.
+    fn invalid_value(&self, constant: f64) -> Option<&'static str> {
         let finite = |vectors: &[&[f64; 3]]| vectors.iter().all(|v| v.iter().all(|x| x.is_finite()));
         let positive = |x: f64| x.is_finite() && x > 0.0;
-        let sound = match self {
-            ExternalField::PointMass { mass, position } => positive(*mass) && finite(&[position]),
-            ExternalField::Oblate { mass, position, radius, j2, axis } => {
-                let length = axis.iter().map(|x| x * x).sum::<f64>();
-                positive(*mass) && positive(*radius) && j2.is_finite() && finite(&[position]) && positive(length)
-            }
-            ExternalField::RotatingFrame { rate, centre } => finite(&[rate, centre]),
+        let values = "finite values, mass and radius > 0, an axis other than 0";
+        let motion = |mass: f64, position: &Option<[f64; 3]>, orbit: &Option<OrbitSpec>| match (position, orbit) {
+            (Some(position), None) => (!finite(&[position])).then_some(values),
+            (None, Some(orbit)) => orbit.invalid_value(constant * mass),
+            _ => Some("either position or orbit"),
         };
-        (!sound).then_some("finite values, mass and radius > 0, an axis other than 0")
+        match self {
+            ExternalField::PointMass { mass, position, orbit } => {
+                if positive(*mass) {
+                    motion(*mass, position, orbit)
+                } else {
+                    Some(values)
+                }
+            }
+            ExternalField::Oblate { mass, position, orbit, radius, j2, axis } => {
+                let length = axis.iter().map(|x| x * x).sum::<f64>();
+                let sound = positive(*mass) && positive(*radius) && j2.is_finite() && positive(length);
+                if sound { motion(*mass, position, orbit) } else { Some(values) }
+            }
+            ExternalField::RotatingFrame { rate, centre } => (!finite(&[rate, centre])).then_some(values),
+        }
+    }
+
+    /// Orbit of a mass that moves.
+    pub fn orbit(&self) -> Option<&OrbitSpec> {
+        match self {
+            ExternalField::PointMass { orbit, .. } | ExternalField::Oblate { orbit, .. } => orbit.as_ref(),
+            ExternalField::RotatingFrame { .. } => None,
+        }
     }
 }
 
@@ -486,12 +522,24 @@ impl Compute {
         expect(self.gravity_refresh() > 0, "gravity_refresh", format!("{}", self.gravity_refresh()), "at least 1");
         expect(positive(self.gravity_moved), "gravity_moved", format!("{}", self.gravity_moved), "a finite number > 0");
         for (k, field) in self.fields.iter().enumerate() {
-            let fault = field.invalid_value();
+            let fault = field.invalid_value(self.gravity_constant);
             expect(fault.is_none(), &format!("fields.{k}"), to_ron(field), fault.unwrap_or_default());
         }
         let turning = (0..).zip(&self.fields).filter(|(_, field)| matches!(field, ExternalField::RotatingFrame { .. }));
         for (k, field) in turning.skip(1) {
             expect(false, &format!("fields.{k}"), to_ron(field), "one RotatingFrame");
+        }
+        // The origin falls freely on its orbit: a mass at rest would attract it, and axes that rotate would move the orbit.
+        if self.fields.iter().any(|field| field.orbit().is_some()) {
+            let sound = |field: &ExternalField| field.invalid_value(self.gravity_constant).is_none();
+            for (k, field) in (0..).zip(&self.fields).filter(|(_, field)| field.orbit().is_none() && sound(field)) {
+                expect(
+                    false,
+                    &format!("fields.{k}"),
+                    to_ron(field),
+                    "only fields with an orbit beside one with an orbit",
+                );
+            }
         }
         expect((0.0..=1.0).contains(&self.quench), "quench", format!("{}", self.quench), "0 to 1");
         expect(self.output_every > 0, "output_every", format!("{}", self.output_every), "at least 1");

@@ -9,12 +9,15 @@ type Vec3 = Vector3<f64>;
 /// External field, in the form in which it is evaluated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FieldModel {
-    /// Attraction by a body at rest.
+    /// Attraction by a body at rest or, relative to freely falling axes, by a body on an orbit.
     Primary {
         /// G M, m^3/s^2
         strength: f64,
         /// Position of the centre, m.
         centre: Vec3,
+        /// Point that falls in the attraction of the primary, as of a point mass, and with which these axes fall, m; `None`
+        /// if the primary is at rest.
+        falling: Option<Vec3>,
         /// J2 R^2, m^2: zonal harmonic and equatorial radius squared; 0 for a sphere.
         oblateness: f64,
         /// Unit vector.
@@ -30,33 +33,71 @@ pub enum FieldModel {
 }
 
 impl FieldModel {
+    /// Models of the fields at a time (s) for the Newtonian constant `constant`, m^3 kg^-1 s^-2; see [`primary_motions`].
+    pub fn of_fields(fields: &[ExternalField], constant: f64, time: f64) -> Vec<Self> {
+        let mut falling = Vec3::zeros();
+        let mut primary = |motion: Option<(Vec3, Vec3)>, mass: f64, moves: bool, oblateness: f64, axis: [f64; 3]| {
+            let centre = motion.map_or(Vec3::zeros(), |(position, _)| position);
+            let falling = moves.then(|| std::mem::replace(&mut falling, centre));
+            FieldModel::Primary {
+                strength: constant * mass,
+                centre,
+                falling,
+                oblateness,
+                axis: Vec3::from(axis).normalize(),
+            }
+        };
+        let model = |(field, motion): (&ExternalField, Option<(Vec3, Vec3)>)| match field {
+            ExternalField::PointMass { mass, orbit, .. } => {
+                primary(motion, *mass, orbit.is_some(), 0.0, [0.0, 0.0, 1.0])
+            }
+            ExternalField::Oblate { mass, orbit, radius, j2, axis, .. } => {
+                primary(motion, *mass, orbit.is_some(), j2 * radius * radius, *axis)
+            }
+            ExternalField::RotatingFrame { rate, centre } => {
+                FieldModel::Turning { rate: (*rate).into(), centre: (*centre).into() }
+            }
+        };
+        fields.iter().zip(primary_motions(fields, constant, time)).map(model).collect()
+    }
+
     /// Acceleration of a body at rest in these axes, m/s^2, and its potential, J/kg. With r from the centre, s =
     /// r.axis/|r| and e = J2 R^2/|r|^2:
     ///
     /// ```text
     /// primary:      phi = -G M/|r| (1 - e (3 s^2 - 1)/2),   a = -G M/|r|^3 (r (1 + 3/2 e (1 - 5 s^2)) + 3 e s |r| axis)
+    /// on an orbit:  phi = 0,                                a + G M r_0/|r_0|^3, r_0 of the falling point
     /// turning axes: phi = -|W x r|^2/2,                     a = -W x (W x r)
     /// ```
     ///
-    /// The force is 0 at a primary's centre.
+    /// The force is 0 at a primary's centre. A moving primary does external work and has no potential.
     pub fn acceleration_and_potential(&self, x: &Vec3) -> (Vec3, f64) {
         match *self {
-            FieldModel::Primary { strength, centre, oblateness, axis } => {
+            FieldModel::Primary { strength, centre, falling, oblateness, axis } => {
                 let r = x - centre;
                 let distance = r.norm();
                 if distance == 0.0 {
                     return (Vec3::zeros(), 0.0);
                 }
                 let (s, e) = (r.dot(&axis) / distance, oblateness / (distance * distance));
-                let along = r * (1.0 + 1.5 * e * (1.0 - 5.0 * s * s)) + axis * (3.0 * e * s * distance);
+                let unit = -strength / (distance * distance * distance);
+                let flattening = r * (1.5 * e * (1.0 - 5.0 * s * s)) + axis * (3.0 * e * s * distance);
+                if let Some(falling) = falling {
+                    return (tide(strength, &(falling - centre), &(x - falling)) + flattening * unit, 0.0);
+                }
                 let potential = -strength / distance * (1.0 - 0.5 * e * (3.0 * s * s - 1.0));
-                (along * (-strength / (distance * distance * distance)), potential)
+                ((r + flattening) * unit, potential)
             }
             FieldModel::Turning { rate, centre } => {
                 let moving = rate.cross(&(x - centre));
                 (-rate.cross(&moving), -0.5 * moving.norm_squared())
             }
         }
+    }
+
+    /// Whether the field is that of a moving primary, whose work is external work.
+    pub fn is_moving(&self) -> bool {
+        matches!(self, FieldModel::Primary { falling: Some(_), .. })
     }
 
     /// Potential energy of a body beyond its mass times the potential at its centre, J. In rotating axes it is -W.(J
@@ -77,38 +118,55 @@ impl FieldModel {
     }
 }
 
-impl ExternalField {
-    /// Model of the field for the Newtonian constant `constant`, m^3 kg^-1 s^-2.
-    pub fn to_model(&self, constant: f64) -> FieldModel {
-        let primary = |mass: f64, position: [f64; 3], oblateness: f64, axis: [f64; 3]| FieldModel::Primary {
-            strength: constant * mass,
-            centre: position.into(),
-            oblateness,
-            axis: Vec3::from(axis).normalize(),
+/// Attraction at `r` + `d` less that at `r` from a mass with G M = `strength` (m^3/s^2), m/s^2, without cancellation. With q =
+/// (2 r.d + d^2)/r^2 and w = sqrt(1 + q):
+///
+/// ```text
+/// a = -G M/|r|^3 (d - (r + d) q (3 + 3 q + q^2)/(w^3 (1 + w^3)))
+/// ```
+///
+/// Source: Battin (1999), An Introduction to the Mathematics and Methods of Astrodynamics, section 8.4.
+fn tide(strength: f64, r: &Vec3, d: &Vec3) -> Vec3 {
+    let square = r.norm_squared();
+    let q = (2.0 * r.dot(d) + d.norm_squared()) / square;
+    let cube = (1.0 + q) * (1.0 + q).sqrt();
+    let change = q * (3.0 + 3.0 * q + q * q) / (cube * (1.0 + cube));
+    (d - (r + d) * change) * (-strength / (square * square.sqrt()))
+}
+
+/// Position (m) and velocity (m/s) of the primary of each field at a time (s) for the Newtonian constant `constant`, m^3
+/// kg^-1 s^-2; `None` of turning axes.
+///
+/// The first orbit is that of the origin about its mass, the next one that of this mass about the next mass, and so on: the
+/// axes fall freely with the origin.
+pub fn primary_motions(fields: &[ExternalField], constant: f64, time: f64) -> Vec<Option<(Vec3, Vec3)>> {
+    let mut falling = (Vec3::zeros(), Vec3::zeros());
+    let of_field = |field: &ExternalField| {
+        let (ExternalField::PointMass { mass, position, orbit } | ExternalField::Oblate { mass, position, orbit, .. }) =
+            field
+        else {
+            return None;
         };
-        match *self {
-            ExternalField::PointMass { mass, position } => primary(mass, position, 0.0, [0.0, 0.0, 1.0]),
-            ExternalField::Oblate { mass, position, radius, j2, axis } => {
-                primary(mass, position, j2 * radius * radius, axis)
-            }
-            ExternalField::RotatingFrame { rate, centre } => {
-                FieldModel::Turning { rate: rate.into(), centre: centre.into() }
-            }
-        }
-    }
+        let Some(orbit) = orbit else { return Some((position.unwrap_or_default().into(), Vec3::zeros())) };
+        let (r, v) = orbit.to_orbit(constant * mass).position_and_velocity(time);
+        falling = (falling.0 - r, falling.1 - v);
+        Some(falling)
+    };
+    fields.iter().map(of_field).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::orbit::OrbitSpec;
 
     #[test]
     fn acceleration_is_the_slope_of_the_potential() {
         let centre = Vec3::new(1.0, -2.0, 0.5);
         let axis = Vec3::new(1.0, 2.0, 2.0) / 3.0;
         let fields = [
-            FieldModel::Primary { strength: 7.0, centre, oblateness: 0.0, axis },
-            FieldModel::Primary { strength: 7.0, centre, oblateness: 0.3, axis },
+            FieldModel::Primary { strength: 7.0, centre, falling: None, oblateness: 0.0, axis },
+            FieldModel::Primary { strength: 7.0, centre, falling: None, oblateness: 0.3, axis },
             FieldModel::Turning { rate: Vec3::new(0.3, -0.1, 0.7), centre },
         ];
         let x = Vec3::new(3.0, 1.0, -1.0);
@@ -122,5 +180,61 @@ mod tests {
             // Central differences of numbers near 1: h^2 and 1e-16 / h.
             assert!((field.acceleration_and_potential(&x).0 + slope).norm() < 1e-9, "{field:?}");
         }
+    }
+
+    #[test]
+    fn a_tide_is_the_difference_of_two_attractions() {
+        let (centre, axis) = (Vec3::new(3.0, -4.0, 1.0), Vec3::z());
+        let primary = |falling, oblateness| FieldModel::Primary { strength: 7.0, centre, falling, oblateness, axis };
+        let point = Vec3::new(0.5, 0.2, -0.3);
+        for x in [Vec3::new(0.6, 0.1, -0.2), Vec3::new(-40.0, 2.0, 9.0), Vec3::new(3.1, -4.0, 1.0), point] {
+            let at = |field: FieldModel, x: &Vec3| field.acceleration_and_potential(x);
+            let expected = at(primary(None, 0.3), &x).0 - at(primary(None, 0.0), &point).0;
+            let (found, potential) = at(primary(Some(point), 0.3), &x);
+            assert!((found - expected).norm() < 1e-14 * (1.0 + expected.norm()), "{x}: {found} {expected}");
+            assert_eq!(potential, 0.0);
+        }
+        // 1 m from the point that falls at 1e8 m: G M d/r^3 (3 cos^2 - 1) keeps its digits.
+        let far = FieldModel::Primary {
+            strength: 4e14,
+            centre: Vec3::x() * 1e8,
+            falling: Some(Vec3::zeros()),
+            oblateness: 0.0,
+            axis,
+        };
+        let along = far.acceleration_and_potential(&Vec3::x()).0.x;
+        // To first order in d/r = 1e-8: 2 G M d/r^3 (1 + 3/2 d/r).
+        assert!((along / (2.0 * 4e14 / 1e24) - 1.0 - 1.5e-8).abs() < 1e-14, "{along:e}");
+    }
+
+    #[test]
+    fn masses_follow_each_other_on_their_orbits() {
+        let circle = |r: f64, periapsis_time: f64| {
+            Some(OrbitSpec::Elements {
+                periapsis: Some(r),
+                semi_major_axis: None,
+                eccentricity: Some(0.0),
+                v_infinity: None,
+                inclination: 0.0,
+                node: 0.0,
+                argument: 0.0,
+                periapsis_time,
+            })
+        };
+        let (planet, sun) = (1e3, 1e6);
+        let fields = [(planet, circle(2.0, 0.0)), (sun, circle(500.0, 0.0))]
+            .map(|(mass, orbit)| ExternalField::PointMass { mass, position: None, orbit });
+        let at = |time: f64| {
+            let centre = |field: &FieldModel| match field {
+                FieldModel::Primary { centre, .. } => *centre,
+                FieldModel::Turning { .. } => unreachable!("no axes turn"),
+            };
+            FieldModel::of_fields(&fields, 1.0, time).iter().map(centre).collect::<Vec<_>>()
+        };
+        // At 0 both are at their periapsis, on the x axis; after half a turn about the planet this one is on the other side.
+        assert!((at(0.0)[0] - Vec3::new(-2.0, 0.0, 0.0)).norm() < 1e-14);
+        assert!((at(0.0)[1] - Vec3::new(-502.0, 0.0, 0.0)).norm() < 1e-12);
+        let half_turn = std::f64::consts::PI * (8.0 / planet).sqrt();
+        assert!((at(half_turn)[0] - Vec3::new(2.0, 0.0, 0.0)).norm() < 1e-13);
     }
 }

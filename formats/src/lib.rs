@@ -90,6 +90,7 @@ pub mod ids;
 pub mod law_table;
 pub mod messages;
 pub mod names;
+pub mod orbit;
 pub mod origin;
 pub mod postpro;
 pub mod presets;

@@ -1,6 +1,6 @@
 //! Data: constants of a run.
 
-use cd_formats::compute::{Compute, Event, GravityMethod, NarrowPhase};
+use cd_formats::compute::{Compute, Event, ExternalField, GravityMethod, NarrowPhase};
 use cd_formats::drv_dof::Evolution;
 use cd_formats::field::FieldModel;
 pub use cd_formats::ids::BodyId;
@@ -625,14 +625,14 @@ impl Scene {
         if !self.has_self_gravity() || (exact && !set) { 1 } else { self.options.gravity_refresh() }
     }
 
-    /// External fields.
-    pub fn external_fields(&self) -> Vec<FieldModel> {
-        self.options.fields.iter().map(|field| field.to_model(self.options.gravity_constant)).collect()
+    /// External fields at a time, s.
+    pub fn external_fields(&self, time: f64) -> Vec<FieldModel> {
+        FieldModel::of_fields(&self.options.fields, self.options.gravity_constant, time)
     }
 
     /// Angular velocity of the frame of reference, rad/s.
     pub fn frame_angular_velocity(&self) -> Vec3 {
-        self.external_fields().iter().map(FieldModel::rotation_rate).sum()
+        self.external_fields(0.0).iter().map(FieldModel::rotation_rate).sum()
     }
 
     /// Names of the models that this scene uses, for the summary.
@@ -696,6 +696,14 @@ impl Scene {
                 models.push(if all { "quadrupoles" } else { "quadrupoles of near bodies" }.into());
             }
         }
+        models.extend(self.options.fields.iter().map(|field| {
+            let motion = if field.orbit().is_some() { "on an orbit" } else { "at rest" };
+            match field {
+                ExternalField::PointMass { mass, .. } => format!("point mass of {mass:e} kg {motion}"),
+                ExternalField::Oblate { mass, .. } => format!("oblate mass of {mass:e} kg {motion}"),
+                ExternalField::RotatingFrame { .. } => "rotating axes".into(),
+            }
+        }));
         if self.options.quench > 0.0 {
             models.push(format!("quench {}", self.options.quench));
         }

@@ -5,7 +5,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use cd_formats::atomic;
+use cd_formats::compute::ExternalField;
 use cd_formats::error::{Fault, Faults};
+use cd_formats::field::primary_motions;
 use cd_formats::messages::print_line;
 use cd_formats::names::count_text;
 use rayon::prelude::*;
@@ -19,6 +21,7 @@ use crate::snapshots::{is_evenly_chosen, progress_bar, select_snapshots};
 use crate::write;
 use crate::write::display;
 use crate::write::picture::PictureColouring;
+use crate::write::series::{Column, csv_with_counts};
 use crate::write::vtkhdf::VtkhdfFile;
 
 /// Measures a case and writes the files selected by the options; returns messages for the user.
@@ -36,6 +39,11 @@ pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
         options.dir.join("OUTBOX").display()
     ));
     print_line(format_args!("  series   {}", postpro.join("series.csv").display()));
+    if let Some(text) = primaries_text(&rows, last) {
+        let path = postpro.join("primaries.csv");
+        atomic::write(&path, text.as_bytes())?;
+        print_line(format_args!("  orbits   {}", path.display()));
+    }
     let regions = write::plots::region_names(&rows);
     if !regions.is_empty() {
         print_line(format_args!("  region   {regions}: Z, ν, pressure, stress"));
@@ -59,6 +67,34 @@ pub fn process_case(options: &SeriesOptions) -> Result<Vec<String>, Faults> {
         print_line(format_args!("  ParaView {}", options.dir.join("DISPLAY").join("view.py").display()));
     }
     Ok(notes)
+}
+
+/// Columns of primaries.csv.
+pub const PRIMARY_COLUMNS: [Column; 9] = [
+    ("time", "s", ""),
+    ("primary", "1", "position in the option `fields`, from 1"),
+    ("x", "m", "position of the primary in the axes of the snapshots"),
+    ("y", "m", ""),
+    ("z", "m", ""),
+    ("v_x", "m/s", "its velocity"),
+    ("v_y", "m/s", ""),
+    ("v_z", "m/s", ""),
+    ("distance", "m", "from the origin"),
+];
+
+/// Table of the motion of the primaries on orbits at the times of the rows; `None` if no field has an orbit.
+fn primaries_text(rows: &[Row], last: &Frame) -> Option<String> {
+    let parameters = &last.meta.parameters;
+    parameters.fields.iter().find_map(ExternalField::orbit)?;
+    let of_row = |row: &Row| {
+        let time = row.time;
+        let motions = primary_motions(&parameters.fields, parameters.gravity_constant, time);
+        (1..).zip(motions).filter_map(move |(k, motion)| {
+            let (x, v) = motion?;
+            Some([time, f64::from(k), x.x, x.y, x.z, v.x, v.y, v.z, x.norm()])
+        })
+    };
+    Some(csv_with_counts(&PRIMARY_COLUMNS.map(|column| column.0), &["primary"], rows.iter().flat_map(of_row)))
 }
 
 /// Note on snapshots in which the user's region has no volume.

@@ -453,7 +453,8 @@ mod tests {
         let (constant, distance, mass) = (1.0, 100.0, 3e4);
         let primary = |scene: &mut Scene| {
             let position = [distance, 0.0, 0.0];
-            scene.snapshot.meta.parameters.fields = vec![ExternalField::PointMass { mass, position }];
+            scene.snapshot.meta.parameters.fields =
+                vec![ExternalField::PointMass { mass, position: Some(position), orbit: None }];
         };
         let moon = |scene: &mut Scene| {
             let moon = scene.grain([distance, 0.0, 0.0], 0.9);

@@ -25,8 +25,8 @@ pub struct FreeMotion {
     pub impulse: Vec3,
     /// Angular impulse of these about the origin, N m s.
     pub angular_impulse: Vec3,
-    /// Loads whose work depends on the displacement of the body: imposed ones and Coriolis forces. Those on grains driven in
-    /// part are without the imposed components.
+    /// Loads whose work depends on the displacement of the body: imposed ones, Coriolis forces and the pull of moving
+    /// primaries. Imposed ones on grains driven in part are without the imposed components.
     pub loads: Vec<BodyLoad>,
     /// Work of the reactions that impose components of the velocities of grains driven in part, without those to contacts, J.
     pub reaction_work: f64,
@@ -53,7 +53,8 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
     let mut pull = self_gravity(scene, state, q_c);
     let near = near_field(scene, &q_c.x, &q_c.q);
     pull.energy += near.energy;
-    let outside = scene.external_fields();
+    let outside = scene.external_fields(state.time + (1.0 - scene.options.theta) * h);
+    let moving: Vec<FieldModel> = outside.iter().copied().filter(FieldModel::is_moving).collect();
     let mut free = FreeMotion {
         v: state.v.clone(),
         w: q_c.w.clone(),
@@ -90,6 +91,12 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
             free.potential += scene.bodies[i].mass * potential;
         }
     }
+    if !moving.is_empty() {
+        free.loads.extend(scene.free.iter().chain(&scene.held_grains).map(|&body| {
+            let (force, _) = external_field(&moving, Vec3::zeros(), &q_c.x[body.index()]);
+            BodyLoad { body, force: force * scene.bodies[body.index()].mass, torque: Vec3::zeros() }
+        }));
+    }
     let shaking = shakes.iter().flat_map(|shake| shake_loads(scene, q_c, shake));
     for load in imposed_loads(scene, state, q_c).into_iter().chain(state.loads.iter().copied()).chain(shaking) {
         free.apply_load(scene, q_c, &load);
@@ -123,7 +130,8 @@ pub fn free_velocity(scene: &Scene, state: &State, q_c: &ContactConfiguration, s
 fn reaction_work(scene: &Scene, state: &State, q_c: &ContactConfiguration, free: &FreeMotion, i: usize) -> f64 {
     let (body, theta) = (&scene.bodies[i], scene.options.theta);
     let (before, after) = (body.imposed_part(&state.v[i]), body.imposed_part(&free.v[i]));
-    let (push, _) = external_field(&scene.external_fields(), state.gravity, &q_c.x[i]);
+    let time = state.time + (1.0 - theta) * q_c.h;
+    let (push, _) = external_field(&scene.external_fields(time), state.gravity, &q_c.x[i]);
     let of_fields = push.dot(&(before * (1.0 - theta) + after * theta)) * q_c.h;
     let q = &q_c.q[i];
     let rotational = |w: &Vec3| body.rotational_energy(q, &body.imposed_rotation_part(q, w));
@@ -203,7 +211,7 @@ fn contact_velocity_changes(scene: &Scene, state: &State, h: f64) -> Vec<Vec3> {
 /// Potential energy of the grains at `x` in self-gravity, uniform gravity (zero at the origin) and outer fields, J.
 pub fn potential_energy(scene: &Scene, state: &State, x: &[Vec3]) -> f64 {
     let (positions, masses) = point_masses(scene, x);
-    let outside = scene.external_fields();
+    let outside = scene.external_fields(state.time);
     let at = |x: &Vec3, mass: f64| mass * external_field(&outside, state.gravity, x).1;
     let outer: f64 = positions.iter().zip(&masses).map(|(x, m)| at(x, *m)).sum();
     let held: f64 = scene.held_grains.iter().map(|i| at(&x[i.index()], scene.bodies[i.index()].mass)).sum();

@@ -84,7 +84,7 @@ pub fn shortest_orbit(scene: &Scene, state: &State) -> f64 {
         }
     };
     let own = scene.surface_gravity().map_or(f64::INFINITY, |(radius, surface)| TAU * (radius / surface).sqrt());
-    scene.external_fields().into_iter().map(about).fold(own, f64::min)
+    scene.external_fields(state.time).into_iter().map(about).fold(own, f64::min)
 }
 
 /// Units of `dt` up to the next snapshot, event or the end.

@@ -2,7 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use cd_formats::compute::{EventAction, ExternalField, GravityMethod};
+use cd_formats::compute::{Compute, EventAction, ExternalField, GravityMethod};
+use cd_formats::orbit::OrbitSpec;
 use cd_formats::snapshot::Snapshot;
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 
@@ -25,7 +26,7 @@ fn an_orbit_about_a_primary_closes_and_its_energy_is_booked() {
     // From the far end of an orbit of eccentricity 1/2: a = 2/3, v^2 = 2/1 - 1/a.
     let (x, v, period) = (Vec3::x(), Vec3::y() * 0.5f64.sqrt(), 2.0 * PI * (2.0f64 / 3.0).powf(1.5));
     let miss = |steps: u64| {
-        let field = ExternalField::PointMass { mass: 2.0, position: centre.into() };
+        let field = ExternalField::PointMass { mass: 2.0, position: Some(centre.into()), orbit: None };
         let states = about(field, centre, x, v, period / steps as f64).states(steps, steps);
         let (first, last) = (&states[0], &states[1]);
         let energy = |state: &Snapshot| state.kinetic() - state.mass(0) / (state.x(0) - centre).norm();
@@ -48,7 +49,8 @@ fn an_orbit_about_a_primary_closes_and_its_energy_is_booked() {
 fn an_oblate_primary_turns_the_node() {
     let (tilt, steps) = (PI / 4.0, 200);
     let (j2, radius) = (0.01f64, 0.3f64);
-    let field = ExternalField::Oblate { mass: 2.0, position: [0.0; 3], radius, j2, axis: [0.0, 0.0, 3.0] };
+    let field =
+        ExternalField::Oblate { mass: 2.0, position: Some([0.0; 3]), orbit: None, radius, j2, axis: [0.0, 0.0, 3.0] };
     let v = Vec3::new(0.0, tilt.cos(), tilt.sin());
     let orbits = 20;
     let steps_made = steps * orbits;
@@ -60,6 +62,137 @@ fn an_oblate_primary_turns_the_node() {
     equal(node, expected, 0.01 * expected.abs());
     // The field is even about its axis: that component of angular momentum stays.
     equal(plane.z, states[0].angular_momentum().z, 1e-12 * plane.norm());
+}
+
+/// Elements of an orbit in a tilted plane.
+fn tilted_orbit(periapsis: f64, eccentricity: f64, periapsis_time: f64) -> OrbitSpec {
+    OrbitSpec::Elements {
+        periapsis: Some(periapsis),
+        semi_major_axis: None,
+        eccentricity: Some(eccentricity),
+        v_infinity: None,
+        inclination: 0.4,
+        node: 1.0,
+        argument: -0.7,
+        periapsis_time,
+    }
+}
+
+/// In axes that fall on an orbit at 1e8 m, two specks at some 100 m move as the differences of the Kepler orbits.
+#[test]
+fn specks_beside_an_orbit_move_on_orbits_of_their_own() {
+    let (mass, constant) = (6e24, 6.67e-11);
+    let mu = mass * constant;
+    for eccentricity in [0.2, 1.0, 3.0] {
+        let orbit = tilted_orbit(1e8, eccentricity, 2e4);
+        let origin = orbit.to_orbit(mu);
+        let places = [Vec3::new(90.0, -40.0, 20.0), Vec3::zeros()];
+        let speeds = [Vec3::new(0.001, 0.002, -0.003), Vec3::zeros()];
+        let end = 4e4;
+        let run = |steps: u64| {
+            let mut case = Case::new();
+            case.options.gravity_constant = constant;
+            case.options.dt = end / steps as f64;
+            case.options.fields = vec![ExternalField::PointMass { mass, position: None, orbit: Some(orbit.clone()) }];
+            for (x, v) in places.into_iter().zip(speeds) {
+                let speck = case.sphere(0.01, x.into());
+                case.launch(speck, v.into(), [0.0; 3]);
+            }
+            case.run(steps)
+        };
+        let miss = |steps: u64| {
+            let after = run(steps);
+            // Work of the tide, and momentum with what it gave: to rounding.
+            equal(
+                after.meta.ledger.outside_work + after.meta.ledger.energy_start,
+                after.kinetic(),
+                1e-12 * after.kinetic(),
+            );
+            near(after.meta.ledger.momentum_expected, after.momentum(), 1e-12 * after.momentum_scale());
+            // The origin itself falls, to the last bit.
+            assert_eq!(after.x(1), Vec3::zeros());
+            let (at, speed) = origin.position_and_velocity(0.0);
+            let own =
+                OrbitSpec::State { position: (at + places[0]).into(), velocity: (speed + speeds[0]).into(), time: 0.0 };
+            let own = own.to_orbit(mu).position_and_velocity(end).0;
+            (after.x(0) - (own - origin.position_and_velocity(end).0)).norm()
+        };
+        let misses = [200, 400, 800].map(miss);
+        // Second order, down to the rounding of the orbits, 1e-15 of 1e8 m.
+        for pair in misses.windows(2) {
+            assert!((3.5..4.5).contains(&(pair[0] / pair[1])), "{eccentricity}: {misses:?}");
+        }
+        assert!(misses[2] < 0.01, "{eccentricity}: {misses:?}");
+    }
+}
+
+/// A satellite of a planet that is on an orbit about a star.
+#[test]
+fn a_chain_of_orbits_agrees_with_the_motion_in_axes_at_rest() {
+    let (planet, star, end, steps) = (1.0, 100.0, 6.0, 4000);
+    let about_star = tilted_orbit(40.0, 0.1, 1.0);
+    let about_planet = tilted_orbit(1.0, 0.3, 0.5);
+    let (r_planet, v_planet) = about_star.to_orbit(star).position_and_velocity(0.0);
+    let (r, v) = about_planet.to_orbit(planet).position_and_velocity(0.0);
+    let offset = Vec3::new(0.02, 0.01, -0.01);
+    let run = |fields: Vec<ExternalField>, x: Vec3, v: Vec3| {
+        let mut case = Case::new();
+        (case.options.gravity_constant, case.options.dt) = (1.0, end / steps as f64);
+        case.options.fields = fields;
+        let speck = case.sphere(0.001, x.into());
+        case.launch(speck, v.into(), [0.0; 3]);
+        case.run(steps).x(0)
+    };
+    let field =
+        |mass: f64, orbit: &OrbitSpec| ExternalField::PointMass { mass, position: None, orbit: Some(orbit.clone()) };
+    let chain = run(vec![field(planet, &about_planet), field(star, &about_star)], offset, Vec3::zeros());
+    // Newton's equations about the star at rest, with the planet on its orbit.
+    let pull = |x: Vec3, time: f64| {
+        let to_planet = about_star.to_orbit(star).position_and_velocity(time).0;
+        let attraction = |d: Vec3, mass: f64| -d * (mass / d.norm().powi(3));
+        attraction(x, star) + attraction(x - to_planet, planet)
+    };
+    let (mut x, mut u) = (r_planet + r + offset, v_planet + v);
+    let h = end / 40_000.0;
+    for k in 0..40_000 {
+        // Runge-Kutta of fourth order.
+        let t = f64::from(k) * h;
+        let (a1, u1) = (pull(x, t), u);
+        let (a2, u2) = (pull(x + u1 * (0.5 * h), t + 0.5 * h), u + a1 * (0.5 * h));
+        let (a3, u3) = (pull(x + u2 * (0.5 * h), t + 0.5 * h), u + a2 * (0.5 * h));
+        let (a4, u4) = (pull(x + u3 * h, t + h), u + a3 * h);
+        x += (u1 + u2 * 2.0 + u3 * 2.0 + u4) * (h / 6.0);
+        u += (a1 + a2 * 2.0 + a3 * 2.0 + a4) * (h / 6.0);
+    }
+    let origin = about_star.to_orbit(star).position_and_velocity(end).0
+        + about_planet.to_orbit(planet).position_and_velocity(end).0;
+    // Second order of the step: (2 pi 6/4000)^2 of a distance of 1.
+    assert!((chain - (x - origin)).norm() < 1e-4, "{chain} {}", x - origin);
+    // The star's tide and the offset together moved it far more than that.
+    assert!((chain - offset).norm() > 0.05, "{chain}");
+}
+
+#[test]
+fn orbits_beside_masses_at_rest_and_turning_axes_are_rejected() {
+    let orbiting = ExternalField::PointMass { mass: 1.0, position: None, orbit: Some(tilted_orbit(1.0, 0.5, 0.0)) };
+    let rest = ExternalField::PointMass { mass: 1.0, position: Some([5.0; 3]), orbit: None };
+    let turning = ExternalField::RotatingFrame { rate: [0.0, 0.0, 1.0], centre: [0.0; 3] };
+    let both =
+        ExternalField::PointMass { mass: 1.0, position: Some([5.0; 3]), orbit: Some(tilted_orbit(1.0, 0.5, 0.0)) };
+    let bare = ExternalField::PointMass { mass: 1.0, position: None, orbit: None };
+    let faults = |fields: Vec<ExternalField>| {
+        let options = Compute { fields, ..Compute::default() };
+        options.check(std::path::Path::new("options")).map_or_else(|faults| faults.to_string(), |()| String::new())
+    };
+    assert_eq!(faults(vec![orbiting.clone(), orbiting.clone()]), "");
+    for other in [rest, turning] {
+        let text = faults(vec![orbiting.clone(), other]);
+        assert!(text.contains("only fields with an orbit"), "{text}");
+    }
+    for field in [both, bare] {
+        let text = faults(vec![field]);
+        assert!(text.contains("either position or orbit"), "{text}");
+    }
 }
 
 #[test]
