@@ -86,8 +86,8 @@ const NO_LAW_PREFIX: &str = "! no law: ";
 impl TactBehav {
     /// Reads the file; reports all its faults at once.
     ///
-    /// Lines outside laws and rows are skipped, as in LMGC90, unless they look like a law or row that would be lost. A row that
-    /// repeats an earlier one is dropped. The halo line (`+`) is not kept.
+    /// Lines outside laws and rows are skipped, as in LMGC90, unless they look like a row, or like a law that a row names. A row
+    /// that repeats an earlier one is dropped. The halo line (`+`) is not kept.
     pub fn read(path: &Path) -> Result<Self, Faults> {
         Self::parse(path, &AsciiText::read_file(path)?)
     }
@@ -106,6 +106,7 @@ impl TactBehav {
         let scan = &mut LineScanner::new(path, text);
         let mut laws: Vec<LawRecord> = Vec::new();
         let mut rows = Vec::new();
+        let mut skipped = Vec::new();
         while let Some(begin) = scan.next_line() {
             match begin.keyword() {
                 "behav" => {
@@ -133,13 +134,25 @@ impl TactBehav {
                     );
                     rows.push(None);
                 }
-                _ if begin.is_data() => skip_line(scan, begin),
+                _ if begin.is_data() && names_law(begin) => skipped.push(begin),
+                // Rows may have a line with a halo.
+                _ if begin.is_data() && begin.text().starts_with('+') => {}
+                _ if begin.is_data() => scan.add_form(LenientForm::OutsideLine, begin.number),
                 _ => scan.reject_unknown_keyword(begin, "expected $behav or $seety"),
             }
         }
         if laws.is_empty() && rows.is_empty() && !text.lines().any(|line| line.text().starts_with(NO_LAWS)) {
             let expected = format!("expected a $behav for each law; a file without laws says so by a line '{NO_LAWS}'");
             scan.add_file_fault("no contact laws", expected);
+        }
+        // LMGC90 skips them too, and stops at rows that name them.
+        for line in skipped {
+            if rows.iter().flatten().any(|row| row.law == line.columns(2, 6).trim()) {
+                scan.set_object("file");
+                scan.add_fault(line.number, "a law that LMGC90 would skip", "expected $behav before it, from column 1");
+            } else {
+                scan.add_form(LenientForm::OutsideLine, line.number);
+            }
         }
         let visibility = check_rows(scan, rows);
         scan.finish_with_notices(TactBehav { laws, visibility })
@@ -287,17 +300,6 @@ fn names_law(line: TextLine) -> bool {
     !line.is_continuation() && (law_entry(kind).is_some() || refusal_reason(kind).is_some())
 }
 
-/// Skips a line outside of laws and rows, as LMGC90 does, unless it is a law that would be lost. Rows may have a line with a
-/// halo, `+` in column 1.
-fn skip_line(scan: &mut LineScanner, line: TextLine) {
-    if names_law(line) {
-        scan.set_object("file");
-        scan.add_fault(line.number, "a law that LMGC90 would skip", "expected $behav before it");
-    } else if !line.text().starts_with('+') {
-        scan.add_form(LenientForm::OutsideLine, line.number);
-    }
-}
-
 fn has_real(line: TextLine, first: usize) -> bool {
     line.before_comment().len() >= first && fortran_real(line.columns(first, first + 13)).is_ok()
 }
@@ -377,13 +379,20 @@ mod tests {
         let (tact, notices) = read(&format!("{law}iqsc is quasi-static\n    friction of wet sand\n")).unwrap();
         assert_eq!(tact.laws.len(), 1);
         assert_eq!(notices, ["T:3: 2 lines outside of the records are skipped"]);
+        let row =
+            format!("$seety\n{TABLE_TITLES}\n RBDY3  SPHER  BLUEx  iqsc1  RBDY3  SPHER  BLUEx       1.0000000E-02\n");
+        let other = format!("$behav\n{}{:40}alpha= 2.0\n", fields("xxx01", "NO_SUCH_LAW"), "");
         for kind in ["IQS_CLB", "IQS_BW_CLB"] {
-            let refused = read(&format!("{law}{}", fields("iqsc1", kind))).unwrap_err().to_string();
-            assert_eq!(refused, "T:3: file: a law that LMGC90 would skip; expected $behav before it");
+            let second = fields("iqsc1", kind);
             // Also behind one that is not computed, whose parameters are not read.
-            let other = format!("$behav\n{}{:40}alpha= 2.0\n", fields("xxx01", "NO_SUCH_LAW"), "");
-            let refused = read(&format!("{other}{}", fields("iqsc1", kind))).unwrap_err().to_string();
-            assert_eq!(refused, "T:4: file: a law that LMGC90 would skip; expected $behav before it");
+            for (before, line) in [(&law, 3), (&other, 4)] {
+                let (tact, notices) = read(&format!("{before}{second}")).unwrap();
+                assert_eq!(tact.laws.len(), 1);
+                assert_eq!(notices, [format!("T:{line}: 1 line outside of the records is skipped")]);
+                let refused = read(&format!("{before}{second}{row}")).unwrap_err().to_string();
+                let expected = "a law that LMGC90 would skip; expected $behav before it, from column 1";
+                assert_eq!(refused, format!("T:{line}: file: {expected}"));
+            }
         }
     }
 }
